@@ -69,6 +69,7 @@ ActuatorKind pin_kind() {
   kind.parameters.push_back(positive_parameter("max_acceleration", 400.0, "greatest acceleration, u/s²"));
   Parameter force = force_parameter(0.0, "load at which a rising pin stalls, mass·u/s²; unlimited if absent");
   force.default_value.clear();
+  force.maximum = 1e12;
   kind.parameters.push_back(force);
   kind.channels = [](const ActuatorSpec& s) -> std::vector<ActuatorChannel> {
     const auto& range = s.numbers("range");

@@ -145,7 +145,8 @@ void ActuatorArray::init_targets() {
     field_.surface_velocity_x = field_.surface_velocity_y = field_.surface_spin =
         std::vector<float>(field_.height.size(), 0.0F);
   if (std::ranges::any_of(models_, [](const Model& m) { return m.actuator->has_force_limit(); }))
-    field_.force_limit.assign(field_.height.size(), std::numeric_limits<float>::infinity());
+    field_.force_limit = field_.no_load_speed =
+        std::vector<float>(field_.height.size(), std::numeric_limits<float>::infinity());
   for (CommandRoute& route : routes_) {
     for (route.head = 0; route.head + 1 < route.delay_line.size(); ++route.head) apply_faults(route);
     deliver_commands(route);

@@ -32,9 +32,10 @@ struct Field {
   // the centre, rad/s: friction transfers both to objects. Empty unless an actuator has a surface velocity.
   std::vector<float> surface_velocity_x, surface_velocity_y, surface_spin;
   float max_height = 0.0F, max_speed = 0.0F;  // upper bounds of height, u, and |speed|, u/s
-  // Maximum upward force of the cell, mass·u/s²; infinity if unlimited. Under a greater load the cell yields:
-  // the physics lowers its `speed` to that of the load. Empty unless an actuator has a force limit.
-  std::vector<float> force_limit;
+  // Maximum upward force of the cell at rest, mass·u/s²; infinity if unlimited. It falls linearly with the speed at
+  // which the cell rises, to 0 at no_load_speed, u/s. Under a greater load the cell yields: the physics lowers its
+  // `speed` to that of the load. Empty unless an actuator has a force limit.
+  std::vector<float> force_limit, no_load_speed;
 
   // ---- loads on the cells, overwritten by the physics in every step
   std::vector<float> impulse;  // normal impulse on the cell, mass·u/s, ≥ 0

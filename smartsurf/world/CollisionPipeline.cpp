@@ -54,6 +54,7 @@ void match_nearest(std::span<Contact> current, std::span<const Contact> previous
     c.normal_impulse = o.normal_impulse;
     c.friction_impulse = o.friction_impulse - c.normal * c.normal.dot(o.friction_impulse);
     c.rolling_impulse = o.rolling_impulse;
+    c.max_cell_impulse = o.max_cell_impulse;
   }
 }
 

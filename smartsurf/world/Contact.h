@@ -23,8 +23,8 @@ struct Contact {
   std::int32_t feature_id = 0;     // field contacts: index of the cell, row-major
   Vec3 surface_velocity{0, 0, 0};  // of the static surface at the point, u/s
   float surface_spin = 0;          // of the static surface about the vertical, rad/s
-  // Upper bound of total_normal_impulse, mass·u/s: this contact's share of the cell's force limit.
-  float max_normal_impulse = std::numeric_limits<float>::infinity();
+  // The body's share of the cell's force limit, mass·u/s in a step: bounds the sum over its contacts on the cell.
+  float max_cell_impulse = std::numeric_limits<float>::infinity();
   // Impulses of the last substep, mass·u/s (rolling: mass·u²/s), which warm-start the next step, and the sum of
   // the normal impulses over the step, restitution included.
   float normal_impulse = 0.0F;

@@ -97,6 +97,7 @@ void LengthUnit::update_motion(const surface::Field& scene, surface::Field& worl
     convert(scene.surface_velocity_y, world.surface_velocity_y, to_world_f_);
     convert(scene.surface_spin, world.surface_spin, 1.0F);
     convert(scene.force_limit, world.force_limit, to_world_f_);
+    convert(scene.no_load_speed, world.no_load_speed, to_world_f_);
   };
   if (pool != nullptr)
     pool->parallel_for_rows(scene.rows, kCostPerCell_ns * scene.cells(), convert_rows);
@@ -105,7 +106,6 @@ void LengthUnit::update_motion(const surface::Field& scene, surface::Field& worl
 }
 
 void LengthUnit::return_lowered_speeds(const surface::Field& world, surface::Field& scene) const {
-  if (!scene.has_force_limit()) return;
   for (std::size_t i = 0; i < scene.speed.size(); ++i)
     if (world.speed[i] != scene.speed[i] * to_world_f_) scene.speed[i] = world.speed[i] * to_scene_f_;
 }

@@ -44,6 +44,7 @@ NativeEngine::Impl::Impl(const scene::SceneSpec& scene, surface::Field& cells,
       sleep(field, settings.dt_s, settings.gravity, scene.world.sleep),
       collision(field, settings.dt_s, ground_height(scene, unit)),
       solver(settings),
+      jam_relief(settings.dt_s),
       pool(thread_pool),
       field_hasher(thread_pool) {
   for (const scene::Material& material : scene.materials) materials.push_back(unit.to_world(material));

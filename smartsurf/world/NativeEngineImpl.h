@@ -13,6 +13,7 @@
 #include "smartsurf/world/Sleep.h"
 #include "smartsurf/world/StateHash.h"
 #include "smartsurf/world/field/CellForceLimits.h"
+#include "smartsurf/world/field/JamRelief.h"
 #include "smartsurf/world/solver/Solver.h"
 
 namespace smartsurf::world {
@@ -60,6 +61,8 @@ struct NativeEngine::Impl {
   CollisionPipeline collision;
   Solver solver;
   CellForceLimits force_limits;
+  JamRelief jam_relief;
+  bool lowered_speeds = false;  // in this step
   bool has_wrenches = false;  // since the last step
   struct Load {
     std::int32_t cell;  // −1: not a field contact, or no impulse

@@ -181,15 +181,19 @@ void NativeEngine::Impl::step_active_bodies(const Member& member) {
   collision.find_contacts(bodies, pair_contacts, static_contacts, member);
   if (member.is_caller()) cell_impulses.resize(static_contacts.contacts.size());
   if (field.has_force_limit())
-    member.single([this] { force_limits.distribute_limits(field, settings.dt_s, static_contacts); });
+    member.single([this] {
+      force_limits.distribute_limits(field, settings.dt_s, settings.substeps, static_contacts);
+    });
   solver.step(bodies,
               {collision.partition(), pair_contacts, static_contacts, collision.pair_ranges(),
-               collision.static_ranges(), collision.supports(), field.has_force_limit(), has_wrenches},
+               collision.static_ranges(), collision.supports(), force_limits.limits(), has_wrenches,
+               jam_relief.min_depth()},
               member);
   finalize_bodies(member);
 }
 
 void NativeEngine::Impl::step() {
+  lowered_speeds = field.has_force_limit();
   read_inputs();
   apply_timed_forces();
   wake_disturbed();
@@ -203,10 +207,12 @@ void NativeEngine::Impl::step() {
     team.run(active_bodies.size() >= kMinParallelBodies,
              [this](const Member& member) { step_active_bodies(member); });
     force_limits.yield_overloaded_cells(bodies, static_contacts, settings.dt_s, field);
+    for (const std::vector<DeepContact>& deep : solver.deep_contacts())
+      lowered_speeds |= jam_relief.stall_cells(deep, static_contacts, bodies.id.size(), field);
     sleep.update_sleeping_set(bodies, active_bodies, pair_contacts, static_contacts, collision.supports());
   }
   write_cell_impulses();
-  if (!unit.is_one()) unit.return_lowered_speeds(field_copy, scene_field);
+  if (!unit.is_one() && lowered_speeds) unit.return_lowered_speeds(field_copy, scene_field);
   if (has_wrenches) std::fill(bodies.wrench.begin(), bodies.wrench.end(), surface::Wrench{});
   has_wrenches = false;
 }

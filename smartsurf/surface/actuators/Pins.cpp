@@ -105,8 +105,8 @@ void Pins::plan_run(std::size_t run, const MotionProfile& profile, float dt_s, F
   }
 }
 
-// Motor characteristic: force = max_force·(1 − v/max_speed), full force at rest and none at maximum speed.
-// A pin that the load pushes back continues from its remaining speed. On the lower stop the frame carries the
+// Motor characteristic: force = max_force·(1 − v/max_speed), full force at rest and none at maximum speed. The speed
+// is that under the load of the coming step, which only the physics knows; it lowers the planned speed. A pin that the load pushes back continues from its remaining speed. On the lower stop the frame carries the
 // load; a pin that cannot leave the stop under its load waits kRetryDelay_s.
 float Pins::plan_under_load(std::size_t i, const MotionProfile& profile, float dt_s, Field& field) noexcept {
   const float speed = std::max(field.speed[i], std::min(planned_speed_[i], 0.0F));
@@ -117,9 +117,9 @@ float Pins::plan_under_load(std::size_t i, const MotionProfile& profile, float d
     retry_wait_[i] -= dt_s;
     if (on_stop) planned_speed_[i] = std::min(planned_speed_[i], 0.0F);
   }
-  const float force = *force_limit_ * std::clamp(1.0F - speed / max_speed_, 0.0F, 1.0F);
+  field.no_load_speed[i] = max_speed_;
   field.force_limit[i] =
-      on_stop && planned_speed_[i] <= 0.0F ? std::numeric_limits<float>::infinity() : force;
+      on_stop && planned_speed_[i] <= 0.0F ? std::numeric_limits<float>::infinity() : *force_limit_;
   return planned_speed_[i];
 }
 

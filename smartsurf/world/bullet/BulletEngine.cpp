@@ -193,8 +193,10 @@ void BulletEngine::Impl::select_cells(double step_s) {
   for (const CellPool::Column& column : cells.columns()) {
     limit_index.push_back(-1);
     if (!field.has_force_limit()) continue;
-    const auto limit = static_cast<double>(field.force_limit[static_cast<std::size_t>(column.cell)]);
-    if (!std::isfinite(limit)) continue;
+    const auto cell = static_cast<std::size_t>(column.cell);
+    if (!std::isfinite(field.force_limit[cell])) continue;
+    const float force_left = std::clamp(1.0F - field.speed[cell] / field.no_load_speed[cell], 0.0F, 1.0F);
+    const auto limit = static_cast<double>(field.force_limit[cell] * force_left);
     limit_index.back() = static_cast<int>(limits.size());
     limits.push_back(limit * substep_s);
   }

@@ -3,71 +3,136 @@
 #include <algorithm>
 #include <cmath>
 
+#include "smartsurf/world/solver/ContactKernels.h"
+
 namespace smartsurf::world {
 namespace {
 
 // A contact whose normal has a smaller vertical component lies on a cell's side and does not load the cell.
 constexpr float kMinNormalZ = 0.05F;
-// Typical penetration of a resting contact, u.
-constexpr float kRestingOverlap = 2e-3F;
-// A cell is saturated at this fraction of its force limit.
-constexpr float kSaturation = 0.99F;
-// Fraction of a cell's force limit that is shared evenly. The rest is shared in proportion to the last
-// impulses, so that unused shares move to the contacts that need them over a few steps.
-constexpr float kEvenFraction = 0.2F;
+// Penetration up to which a yielding cell moves on, u: the contact solver resists it with all that the cell can give.
+constexpr float kYieldingOverlap = 3e-3F;
+// A body uses up its share from this fraction on.
+constexpr float kUsedUp = 0.999F;
+// Fraction of a deeper penetration that a yielding cell resolves in a step.
+constexpr float kResolvedPerStep = 0.1F;
+constexpr float kMaxRetreatSpeed = 1.0F;  // u/s
+// Fraction of a cell's force limit that its bodies share evenly. The rest is shared by demand.
+constexpr float kEvenFraction = 0.02F;
 
 }  // namespace
 
 template <class List, class Each>
-void CellForceLimits::for_each_limited(const surface::Field& field, List& static_contacts, Each each) const {
-  for (const Manifold& m : static_contacts.manifolds)
-    for (int k = m.first; k < m.first + m.count; ++k) {
-      auto& c = static_contacts.contacts[static_cast<std::size_t>(k)];
-      if (c.other != kField || c.normal.z() < kMinNormalZ) continue;
-      const auto cell = static_cast<std::size_t>(c.feature_id);
-      if (std::isfinite(field.force_limit[cell])) each(c, m, cell);
-    }
+void CellForceLimits::for_each_limited(const surface::Field& field, List& static_contacts, const Manifold& m,
+                                       Each each) const {
+  for (int k = m.first; k < m.first + m.count; ++k) {
+    auto& c = static_contacts.contacts[static_cast<std::size_t>(k)];
+    if (c.other != kField || c.normal.z() < kMinNormalZ) continue;
+    if (std::isfinite(field.force_limit[static_cast<std::size_t>(c.feature_id)])) each(c, k);
+  }
 }
 
-void CellForceLimits::distribute_limits(const surface::Field& field, float dt_s,
+void CellForceLimits::collect_bodies_on_cells(const surface::Field& field, int substeps,
+                                              const ContactList& static_contacts) {
+  bodies_on_cells_.clear();
+  body_of_contact_.resize(static_contacts.contacts.size());
+  for (const Manifold& m : static_contacts.manifolds) {
+    const std::size_t first_body = bodies_on_cells_.size();
+    for_each_limited(field, static_contacts, m, [&](const Contact& c, int k) {
+      const auto cell = static_cast<std::size_t>(c.feature_id);
+      std::int32_t& first = first_contact_[cell];
+      if (first < 0) {
+        first = k;
+        body_of_contact_[static_cast<std::size_t>(k)] = static_cast<std::int32_t>(bodies_on_cells_.size());
+        bodies_on_cells_.push_back({cell, k});
+        ++body_count_[cell];
+      }
+      const std::int32_t body = body_of_contact_[static_cast<std::size_t>(first)];
+      body_of_contact_[static_cast<std::size_t>(k)] = body;
+      BodyOnCell& on_cell = bodies_on_cells_[static_cast<std::size_t>(body)];
+      on_cell.demand += c.normal_impulse * c.normal.z();
+      if (std::isfinite(c.max_cell_impulse)) on_cell.last_share = std::max(on_cell.last_share, c.max_cell_impulse);
+      ++on_cell.contact_count;
+      limits_[static_cast<std::size_t>(k)] = {field.no_load_speed[cell], field.speed[cell], first - k};
+    });
+    for (std::size_t b = first_body; b < bodies_on_cells_.size(); ++b) {
+      BodyOnCell& body = bodies_on_cells_[b];
+      first_contact_[body.cell] = -1;
+      if (body.last_share > 0.0F && body.demand * static_cast<float>(substeps) >= kUsedUp * body.last_share)
+        body.demand *= 2.0F;
+      load_[body.cell] += body.demand;
+    }
+  }
+  for (const Manifold& m : static_contacts.manifolds)
+    for_each_limited(field, static_contacts, m, [&](const Contact&, int k) {
+      const auto i = static_cast<std::size_t>(k);
+      limits_[i].point_count = bodies_on_cells_[static_cast<std::size_t>(body_of_contact_[i])].contact_count;
+    });
+}
+
+void CellForceLimits::distribute_limits(const surface::Field& field, float dt_s, int substeps,
                                         ContactList& static_contacts) {
+  limits_.clear();
   if (!field.has_force_limit()) return;
+  limits_.resize(static_contacts.contacts.size());
   load_.resize(field.height.size(), 0.0F);
-  contact_count_.resize(field.height.size(), 0);
-  for_each_limited(field, static_contacts, [&](const Contact& c, const Manifold&, std::size_t cell) {
-    load_[cell] += c.normal_impulse * c.normal.z();
-    ++contact_count_[cell];
-  });
-  for_each_limited(field, static_contacts, [&](Contact& c, const Manifold&, std::size_t cell) {
-    const float even_share = 1.0F / static_cast<float>(contact_count_[cell]);
-    const float used_share = load_[cell] > 0.0F ? c.normal_impulse * c.normal.z() / load_[cell] : even_share;
-    const float share = kEvenFraction * even_share + (1.0F - kEvenFraction) * used_share;
-    c.max_normal_impulse = field.force_limit[cell] * dt_s * share / c.normal.z();
-  });
-  for_each_limited(field, static_contacts, [&](const Contact&, const Manifold&, std::size_t cell) {
-    load_[cell] = 0.0F;
-    contact_count_[cell] = 0;
-  });
+  body_load_.resize(load_.size(), 0.0F);
+  body_count_.resize(load_.size(), 0);
+  first_contact_.resize(load_.size(), -1);
+  capacity_.resize(load_.size(), 0.0F);
+  collect_bodies_on_cells(field, substeps, static_contacts);
+  for (const Manifold& m : static_contacts.manifolds)
+    for_each_limited(field, static_contacts, m, [&](Contact& c, int k) {
+      const BodyOnCell& body =
+          bodies_on_cells_[static_cast<std::size_t>(body_of_contact_[static_cast<std::size_t>(k)])];
+      c.max_cell_impulse = field.force_limit[body.cell] * dt_s;
+      if (body_count_[body.cell] == 1) return;
+      const float even_share = 1.0F / static_cast<float>(body_count_[body.cell]);
+      const float by_demand = load_[body.cell] > 0.0F ? body.demand / load_[body.cell] : even_share;
+      c.max_cell_impulse *= kEvenFraction * even_share + (1.0F - kEvenFraction) * by_demand;
+    });
+  for (const BodyOnCell& body : bodies_on_cells_) {
+    load_[body.cell] = 0.0F;
+    body_count_[body.cell] = 0;
+  }
 }
 
 void CellForceLimits::yield_overloaded_cells(const BodyStore& bodies, const ContactList& static_contacts,
                                              float dt_s, surface::Field& field) {
   if (!field.has_force_limit()) return;
-  for_each_limited(field, static_contacts, [&](const Contact& c, const Manifold&, std::size_t cell) {
-    load_[cell] += c.total_normal_impulse * c.normal.z();
-  });
-  for_each_limited(field, static_contacts, [&](const Contact& c, const Manifold& m, std::size_t cell) {
-    if (c.total_normal_impulse <= 0.0F || load_[cell] < kSaturation * field.force_limit[cell] * dt_s) return;
-    const DeltaPose& shift = bodies.delta_pose[static_cast<std::size_t>(m.a)];
-    const Vec3 moved = Vec3(shift.translation) + Vec3(shift.rotation).cross(c.anchor);
-    // The top may move as far as the body's contact point did, but must also resolve an existing penetration.
-    const float remaining_separation =
-        c.separation < 0.0F ? std::min(0.0F, c.separation + kRestingOverlap) : c.separation;
-    const float speed_limit_distance = (remaining_separation + c.normal.dot(moved)) / c.normal.z();
-    field.speed[cell] = std::min(field.speed[cell], speed_limit_distance / dt_s);
-  });
-  for_each_limited(field, static_contacts,
-                   [&](const Contact&, const Manifold&, std::size_t cell) { load_[cell] = 0.0F; });
+  auto cell_of = [](const Contact& c) { return static_cast<std::size_t>(c.feature_id); };
+  auto capacity_of = [this](const BodyOnCell& body) {
+    return limits_[static_cast<std::size_t>(body.first_contact)].capacity;
+  };
+  auto impulse_on_cell = [](const Contact& c) { return c.total_normal_impulse * c.normal.z(); };
+  for (const Manifold& m : static_contacts.manifolds)
+    for_each_limited(field, static_contacts, m,
+                     [&](const Contact& c, int) { load_[cell_of(c)] += impulse_on_cell(c); });
+  for (const BodyOnCell& body : bodies_on_cells_) capacity_[body.cell] += capacity_of(body);
+  for (const Manifold& m : static_contacts.manifolds) {
+    for_each_limited(field, static_contacts, m,
+                     [&](const Contact& c, int) { body_load_[cell_of(c)] += impulse_on_cell(c); });
+    for_each_limited(field, static_contacts, m, [&](const Contact& c, int k) {
+      const std::size_t cell = cell_of(c);
+      const BodyOnCell& body =
+          bodies_on_cells_[static_cast<std::size_t>(body_of_contact_[static_cast<std::size_t>(k)])];
+      if (c.total_normal_impulse <= 0.0F) return;
+      const float room = c.separation + kYieldingOverlap;
+      // Out of a deep penetration the cell retreats under any load, and lifts the body from there.
+      if (room < -kYieldingOverlap)
+        field.speed[cell] = std::min(field.speed[cell], std::max(kResolvedPerStep * room / dt_s, -kMaxRetreatSpeed));
+      if (body_load_[cell] < BatchPointLimit::kYielding * capacity_of(body) ||
+          load_[cell] < BatchPointLimit::kYielding * capacity_[cell])
+        return;
+      const DeltaPose& shift = bodies.delta_pose[static_cast<std::size_t>(m.a)];
+      const Vec3 moved = Vec3(shift.translation) + Vec3(shift.rotation).cross(c.anchor);
+      const float motor_speed = field.no_load_speed[cell] * (1.0F - load_[cell] / (field.force_limit[cell] * dt_s));
+      field.speed[cell] = std::min(field.speed[cell], std::max(motor_speed, 0.0F));
+      field.speed[cell] = std::min(field.speed[cell], ((room < 0.0F ? kResolvedPerStep * room : room) + c.normal.dot(moved)) / (c.normal.z() * dt_s));
+    });
+    for_each_limited(field, static_contacts, m, [&](const Contact& c, int) { body_load_[cell_of(c)] = 0.0F; });
+  }
+  for (const BodyOnCell& body : bodies_on_cells_) load_[body.cell] = capacity_[body.cell] = 0.0F;
 }
 
 }  // namespace smartsurf::world

@@ -1,5 +1,6 @@
 #include "smartsurf/world/field/ColumnSat.h"
 
+#include <algorithm>
 #include <limits>
 #include <utility>
 
@@ -24,13 +25,14 @@ void ColumnSat::add(const Vec3& normal, float min_projection, float bias) {
 void ColumnSat::set(const ConvexProxy& proxy, const Vec3& low, const Vec3& high) {
   axes_.clear();
   separating_axis_ = 0;
+  round_proxy_.reset();
   add(Vec3::UnitZ(), low.z(), 0.0F);
   if (proxy.part.hull)
     add_hull(proxy);
   else if (proxy.part.shape.kind == ShapeKind::kBox)
     add_box(proxy);
   else
-    add_axisymmetric(proxy);
+    add_axisymmetric(proxy), round_proxy_.emplace(proxy);
   for (int i = 0; i < 2; ++i) {
     add(Vec3::Unit(i), low[i], 0.0F);
     add(-Vec3::Unit(i), -high[i], 0.0F);
@@ -46,7 +48,7 @@ void ColumnSat::add_box(const ConvexProxy& proxy) {
   };
   for (int i = 0; i < 3; ++i) add_both_ways(proxy.axes.col(i), 0.0F);
   for (int i = 0; i < 3; ++i)
-    for (int k = 0; k < 2; ++k) {
+    for (int k = 0; k < 3; ++k) {
       const Vec3 n = proxy.axes.col(i).cross(Vec3::Unit(k));
       if (const float length = n.norm(); length > 0.05F) add_both_ways(n / length, kEdgeBias);
     }
@@ -56,15 +58,15 @@ void ColumnSat::add_hull(const ConvexProxy& proxy) {
   const ConvexHullShape& hull = *proxy.part.hull;
   const auto& faces = hull.hull->faces;
   const Vec3 down = -proxy.axes.row(2).transpose();  // in the hull's axes
-  for (int k = 0; k < 2; ++k) face_normals_[k].resize(faces.size());
+  for (std::vector<float>& components : face_normals_) components.resize(faces.size());
   for (std::size_t f = 0; f < faces.size(); ++f) {
-    for (int k = 0; k < 2; ++k) face_normals_[k][f] = proxy.axes.row(k) * faces[f].normal;
+    for (int k = 0; k < 3; ++k) face_normals_[k][f] = proxy.axes.row(k) * faces[f].normal;
     if (faces[f].normal.dot(down) < kMinNormalZ) continue;
     const Vec3 n = proxy.axes * -faces[f].normal;
     add(n, n.dot(proxy.centre) - faces[f].offset, 0.0F);
   }
   for (const ConvexHullShape::Edge& e : hull.edges)
-    for (int k = 0; k < 2; ++k) {
+    for (int k = 0; k < 3; ++k) {
       // The arc between the two face normals on the Gauss map contains a normal perpendicular to the column's
       // edge only if their components along that edge differ in sign.
       const float left = face_normals_[k][e.left], right = face_normals_[k][e.right];
@@ -87,7 +89,7 @@ void ColumnSat::add_axisymmetric(const ConvexProxy& proxy) {
   const Vec3 along = proxy.axes.col(2);
   add_both_ways(along);
   add_both_ways(Vec3::UnitZ() - along * along.z());
-  for (int k = 0; k < 2; ++k) add_both_ways(along.cross(Vec3::Unit(k)));
+  for (int k = 0; k < 3; ++k) add_both_ways(along.cross(Vec3::Unit(k)));
 }
 
 void ColumnSat::AxisList::clear() {
@@ -105,25 +107,49 @@ inline float ColumnSat::AxisList::separation(std::size_t i, const Column& q) con
          ((x[i] > 0 ? q.east : q.west) * x[i] + (y[i] > 0 ? q.north : q.south) * y[i] + q.top * z[i]);
 }
 
-bool ColumnSat::find_best_axis(const Column& q, float margin, BestAxis& out) {
+// The horizontal axis from a vertical edge of the column to the centre of a round part. False if a side is closer.
+bool ColumnSat::find_radial_axis(const Column& q, BestAxis& out) const {
+  const Vec3& centre = round_proxy_->centre;
+  const Vec3 edge(std::clamp(centre.x(), q.west, q.east), std::clamp(centre.y(), q.south, q.north), q.top);
+  const Vec3 away(centre.x() - edge.x(), centre.y() - edge.y(), 0.0F);
+  if (away.x() == 0.0F || away.y() == 0.0F) return false;
+  out.normal = away.normalized();
+  out.separation = out.normal.dot(round_proxy_->support_with_radius(-out.normal) - edge);
+  return true;
+}
+
+bool ColumnSat::find_best_axis(const Column& q, float margin, bool beside, BestAxis& out) {
   // The axis that separated the last column often separates its neighbour too.
   if (axes_.separation(separating_axis_, q) > margin) return false;
   const std::size_t count = axes_.size();
   separation_.resize(count);
   for (std::size_t i = 0; i < count; ++i) separation_[i] = axes_.separation(i, q);
-  float max_biased_separation = -std::numeric_limits<float>::max();
+  float max_biased_separation = -std::numeric_limits<float>::max(), over_bridge = max_biased_separation;
   std::size_t chosen = 0;
   for (std::size_t i = 0; i < count; ++i) {
     if (separation_[i] > margin) {
       separating_axis_ = i;
       return false;
     }
-    if (separation_[i] - axes_.bias[i] <= max_biased_separation ||
-        q.leans_over_bridge(axes_.x[i], axes_.y[i], kLeanTolerance))
+    if (separation_[i] - axes_.bias[i] <= max_biased_separation) continue;
+    if (q.leans_over_bridge(axes_.x[i], axes_.y[i], kLeanTolerance)) {
+      over_bridge = std::max(over_bridge, separation_[i]);
       continue;
+    }
     max_biased_separation = separation_[i] - axes_.bias[i];
     chosen = i;
   }
+  BestAxis radial;
+  if (round_proxy_ && find_radial_axis(q, radial)) {
+    if (radial.separation > margin) return false;
+    if (radial.separation - kEdgeBias > max_biased_separation &&
+        !q.leans_over_bridge(radial.normal.x(), radial.normal.y(), kLeanTolerance)) {
+      out = radial;
+      return true;
+    }
+  }
+  // In a concave corner the neighbours hold the part; this column's outer sides are no way out.
+  if ((beside || axes_.z[chosen] < kLeanTolerance) && over_bridge > separation_[chosen] + kBridgeShortcut) return false;
   out = {Vec3(axes_.x[chosen], axes_.y[chosen], axes_.z[chosen]), separation_[chosen]};
   return true;
 }

@@ -5,6 +5,7 @@
 // part's projection on each axis is computed once for all columns.
 #pragma once
 
+#include <optional>
 #include <vector>
 
 #include "smartsurf/world/field/Columns.h"
@@ -22,8 +23,9 @@ class ColumnSat {
     float separation = 0.0F;  // lower bound of the separation, u
   };
   // The axis of greatest separation that does not lean over a bridge. False if some separation exceeds the
-  // margin. For axisymmetric parts the true separation may be greater.
-  bool find_best_axis(const Column&, float margin, BestAxis& out);
+  // margin, or if the way over a bridge is much shorter and the axis is a side's, or any, if the part
+  // stands `beside` the column. For axisymmetric parts the true separation may be greater.
+  bool find_best_axis(const Column&, float margin, bool beside, BestAxis& out);
 
  private:
   // One entry per axis.
@@ -40,10 +42,12 @@ class ColumnSat {
   void add_box(const ConvexProxy&);
   void add_hull(const ConvexProxy&);
   void add_axisymmetric(const ConvexProxy&);
+  bool find_radial_axis(const Column&, BestAxis& out) const;
 
   AxisList axes_;
+  std::optional<ConvexProxy> round_proxy_;  // of an axisymmetric part
   std::vector<float> separation_;       // along each axis
-  std::vector<float> face_normals_[2];  // x and y components of a hull's face normals
+  std::vector<float> face_normals_[3];  // x, y and z components of a hull's face normals
   std::size_t separating_axis_ = 0;     // the axis that separated the last column
 };
 

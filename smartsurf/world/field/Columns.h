@@ -3,12 +3,15 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 #include "smartsurf/surface/Field.h"
 #include "smartsurf/world/Vec.h"
 
 namespace smartsurf::world {
 
+// A way out over a bridged side that is shorter by this than all others: the neighbour there separates the two, u.
+inline constexpr float kBridgeShortcut = 0.05F;
 // Greatest height difference of level tops, u.
 inline constexpr float kLevelTolerance = 1e-3F;
 
@@ -104,21 +107,29 @@ class Columns {
 };
 
 // Signed distance to the column's surface and direction of escape, for a point inside the column's rectangle:
-// up, or out of an unbridged side, whichever is nearer. Positive above the top.
+// up, or out of an unbridged side, whichever is nearer. Positive above the top; infinite if the way out of a side is
+// much longer than over a bridged side, as in a concave corner. `beside`: the body stands beside the column, so that
+// this holds for the way up too.
 struct EscapeDirection {
   Vec3 normal;
   float distance;
 };
-inline EscapeDirection escape_direction(const Column& q, const Vec3& p) {
+inline EscapeDirection escape_direction(const Column& q, const Vec3& p, bool beside) {
   EscapeDirection best{{0, 0, 1}, p.z() - q.top};
   if (best.distance >= 0.0F) return best;
-  auto try_side = [&best](bool bridged, float depth, const Vec3& normal) {
-    if (!bridged && -depth > best.distance) best = {normal, -depth};
+  float over_bridge = -std::numeric_limits<float>::infinity();
+  auto try_side = [&](bool bridged, float depth, const Vec3& normal) {
+    if (bridged)
+      over_bridge = std::max(over_bridge, -depth);
+    else if (-depth > best.distance)
+      best = {normal, -depth};
   };
   try_side(q.bridged_west, p.x() - q.west, {-1, 0, 0});
   try_side(q.bridged_east, q.east - p.x(), {1, 0, 0});
   try_side(q.bridged_south, p.y() - q.south, {0, -1, 0});
   try_side(q.bridged_north, q.north - p.y(), {0, 1, 0});
+  if ((beside || best.normal.z() == 0.0F) && over_bridge > best.distance + kBridgeShortcut)
+    best.distance = std::numeric_limits<float>::infinity();
   return best;
 }
 

@@ -40,6 +40,8 @@ class PartOnField {
     set_bounds();
     cells_below_ =
         columns_.cells_covering(low_.x() - margin, high_.x() + margin, low_.y() - margin, high_.y() + margin);
+    centre_is_free_ =
+        columns_.max_height(columns_.cells_covering(centre.x(), centre.x(), centre.y(), centre.y())) < centre.z();
   }
 
   // Calls take(candidate) for the reduced manifold.
@@ -57,7 +59,8 @@ class PartOnField {
   }
 
   // Calls take(candidate) for a separate manifold on each supporting cell, because each cell has its own
-  // force limit. Cells inside a level patch get one averaged contact, other cells a reduced manifold.
+  // force limit. Cells inside a level patch, with more of the part on all four sides, get one averaged contact, other
+  // cells a reduced manifold.
   template <class Take>
   void search_each_cell(Take take) {
     if (!collide_points()) return;
@@ -70,7 +73,7 @@ class PartOnField {
         candidates_.for_each([&](const ManifoldCandidate& c) {
           if (c.tag == cell) here.add(c);
         });
-      if (p.column.all_bridged() && here.count() > 2)
+      if (p.column.all_bridged() && covers_surroundings(p.column, here))
         take(here.average());
       else
         here.reduce(take);
@@ -84,6 +87,19 @@ class PartOnField {
     for_each_plateau([&](const Plateau& p) {
       if (!p.column.all_bridged()) collide_plateau(p, sat, candidates_);
     });
+  }
+
+  // Whether the points are the four corners of the top, and the part reaches beyond it on all sides: other cells then
+  // resist its rotation.
+  bool covers_surroundings(const Column& q, const ManifoldReducer& points) const {
+    constexpr float kReach = 0.1F, kCornerTolerance = 1e-3F;  // u
+    bool covers = points.count() == 4 && low_.x() < q.west - kReach && high_.x() > q.east + kReach &&
+                  low_.y() < q.south - kReach && high_.y() > q.north + kReach;
+    points.for_each([&](const ManifoldCandidate& c) {
+      covers &= std::min(c.point.x() - q.west, q.east - c.point.x()) < kCornerTolerance &&
+                std::min(c.point.y() - q.south, q.north - c.point.y()) < kCornerTolerance;
+    });
+    return covers;
   }
 
   // Adds the contacts of the part's feature points. False if the part is above all cells.
@@ -121,6 +137,9 @@ class PartOnField {
     }
   }
 
+  // Whether the part's centre is lower than the column's top, but in the open.
+  bool is_beside(const Column& q) const { return centre_.z() < q.top && centre_is_free_; }
+
   // Adds a contact of a point of the part with each column that is below or around it.
   void collide_point(const Vec3& p) {
     const CellRange cells = columns_.cells_covering(p.x(), p.x(), p.y(), p.y());
@@ -129,7 +148,8 @@ class PartOnField {
         if (p.z() > columns_.top(r, c) + margin_) continue;
         const Column q = columns_.at(r, c);
         if (!q.contains(p.x(), p.y())) continue;
-        const EscapeDirection out = escape_direction(q, p);
+        const EscapeDirection out = escape_direction(q, p, is_beside(q));
+        if (std::isinf(out.distance)) continue;
         candidates_.add({p - out.normal * out.distance, out.normal, out.distance, columns_.index(r, c)});
       }
   }
@@ -172,7 +192,7 @@ class PartOnField {
 
   void collide_plateau(const Plateau& p, ColumnSat& sat, ManifoldReducer& out) {
     Escape axis;
-    if (!sat.find_best_axis(p.column, margin_, axis)) return;
+    if (!sat.find_best_axis(p.column, margin_, is_beside(p.column), axis)) return;
     ManifoldReducer found;
     // Neighbouring level tops often yield the same normal.
     if (facing_normal_ != axis.normal)
@@ -355,6 +375,7 @@ class PartOnField {
   const float margin_;
   Vec3 low_, high_;  // bounding box of the part, world axes
   CellRange cells_below_;
+  bool centre_is_free_;  // no cell reaches up to the part's centre
   Vec3 facing_normal_{0, 0, 0};  // contact normal for which facing_feature_ was computed
   SupportFeature facing_feature_;
   ManifoldReducer candidates_;

@@ -105,20 +105,81 @@ HWY_INLINE V relaxed_normal_impulse(const ContactLanes<kPair, kSpheres>& l, cons
                  zero());
 }
 
+// A sum over the points of the body on the cell, from the first of them.
+HWY_INLINE V load_of_cell(const PointRef& q, int lane, float (BatchPointLimit::*sum)[kLanes]) {
+  alignas(32) float values[kVectorWidth];
+  for (int i = 0; i < kVectorWidth; ++i) values[i] = (q.limit[q.limit->to_first[lane + i]].*sum)[lane + i];
+  return load(values, 0);
+}
+HWY_INLINE void store_of_cell(V value, const PointRef& q, int lane, float (BatchPointLimit::*sum)[kLanes]) {
+  alignas(32) float values[kVectorWidth];
+  store(value, values, 0);
+  for (int i = 0; i < kVectorWidth; ++i) (q.limit[q.limit->to_first[lane + i]].*sum)[lane + i] = values[i];
+}
+
+// The impulse that each cell can give in the substep, and its speed, at its first point: those of the motor at the speed
+// which the body has then, v + (impulse − load)·k for its present velocity v. Values at other points are not used.
+template <bool kPair, bool kSpheres>
+HWY_INLINE void update_cell_motion(const ContactLanes<kPair, kSpheres>& l, const PointRef& q) {
+  const int at = l.lane;
+  const V3 anchor = load3(q.limit->anchor, at);
+  const V speed = l.a.velocity.z + (l.a.angular_velocity.x * anchor.y - l.a.angular_velocity.y * anchor.x);
+  const V3 lever = {anchor.y, zero() - anchor.x, zero()};  // anchor × ẑ
+  V k;
+  if constexpr (kSpheres)
+    k = l.a.inverse_mass + l.a.inverse_inertia * dot(lever, lever);
+  else
+    k = l.a.inverse_mass + dot(lever, l.inertia_a * lever);
+  const V stall_impulse = load(q.limit->stall_impulse, at), no_load_speed = load(q.limit->no_load_speed, at);
+  const V droop = stall_impulse / no_load_speed;  // of the impulse per speed
+  const V old_load = load(q.limit->load, at);
+  const V impulse = (stall_impulse - droop * speed + droop * k * old_load) / (set(1.0F) + droop * k);
+  const V capacity = hn::Max(hn::Min(impulse, stall_impulse), zero());
+  store(capacity, q.limit->capacity, at);
+  store(hn::Min(speed + (capacity - old_load) * k, load(q.limit->planned_speed, at)), q.limit->speed, at);
+}
+
+// At the start of a substep: adds the lag of the last one, at the cell's first point. A cell yields to a load that takes
+// nearly all of its capacity.
+HWY_INLINE void update_cell_lag(const PointRef& q, int at, const SubstepParams& params) {
+  if (params.elapsed_s == 0.0F) return;
+  const auto yields =
+      hn::Ge(load(q.limit->load, at), load(q.limit->capacity, at) * set(BatchPointLimit::kYielding));
+  const V slower = load(q.limit->planned_speed, at) - load(q.limit->speed, at);
+  store(load(q.limit->lag, at) + hn::IfThenElseZero(yields, slower) * set(params.h_s), q.limit->lag, at);
+}
+
+// Bounds a normal impulse by what the cell's other points leave of its capacity.
+HWY_INLINE V bound_by_cell_force(const PointRef& q, int at, const V3& n, V impulse) {
+  const V others = load_of_cell(q, at, &BatchPointLimit::load) - load(q.point.normal_impulse, at) * n.z;
+  const V available = hn::Max(load_of_cell(q, at, &BatchPointLimit::capacity) - others, zero()) / n.z;
+  const auto is_limited = hn::Lt(load(q.limit->stall_impulse, at), set(BatchPointLimit::kUnlimited));
+  const V bounded = hn::IfThenElse(is_limited, hn::Min(impulse, available), impulse);
+  store_of_cell(others + bounded * n.z, q, at, &BatchPointLimit::load);
+  return bounded;
+}
+
+// At the end of a substep: adds the capacity of a cell to that of the step, at the cell's first point.
+HWY_INLINE void add_to_step_capacity(const PointRef& q, int at) {
+  store(load(q.limit->step_capacity, at) + load(q.limit->capacity, at), q.limit->step_capacity, at);
+}
+
 // Solves the normal constraint, then friction within the cone of the new normal impulse, then rolling friction.
 // Returns the normal impulse. For general shapes the normal impulse also changes the slip, which slip_per_impulse
 // accounts for, so that both impulses can be applied at once; for spheres the two are independent.
 template <bool kPair, bool kSpheres, class ComputeImpulse>
-HWY_INLINE V solve_point(ContactLanes<kPair, kSpheres>& l, const PointRef& q, const SubstepParams& params,
+HWY_INLINE V solve_point(ContactLanes<kPair, kSpheres>& l, const PointRef& q,
                          ComputeImpulse compute_impulse) {
   const int at = l.lane;
   const V3 n = load3(q.point.normal, at);
-  const V3 velocity = l.relative_velocity(q, n);
+  V3 velocity = l.relative_velocity(q, n);
+  if (!kPair && l.batch.has_impulse_limit) {
+    update_cell_motion(l, q);
+    velocity.z = velocity.z + load(q.limit->planned_speed, at) - load_of_cell(q, at, &BatchPointLimit::speed);
+  }
   const V speed = dot(n, velocity);
   V normal_impulse = compute_impulse(n, speed);
-  if (!kPair && l.batch.has_impulse_limit)
-    normal_impulse =
-        hn::Min(normal_impulse, load(q.detail.max_normal_impulse, at) * set(params.substep_fraction));
+  if (!kPair && l.batch.has_impulse_limit) normal_impulse = bound_by_cell_force(q, at, n, normal_impulse);
   const V impulse_change = normal_impulse - load(q.point.normal_impulse, at);
   store(normal_impulse, q.point.normal_impulse, at);
   V3 slip = velocity - n * speed;
@@ -144,7 +205,7 @@ HWY_INLINE void for_each_point(const ContactBatch* batches, int count, BatchPoin
     for (int lane = 0; lane < batches[i].lane_count; lane += kVectorWidth) {
       ContactLanes<kPair, kSpheres> l(batches[i], lane, rows);
       for (int k = batches[i].first_point; k < batches[i].first_point + batches[i].point_count; ++k)
-        work(l, PointRef{points.point[k], points.detail[k]});
+        work(l, point_ref(points, k));
       if (writes) l.store();
     }
 }
@@ -169,20 +230,25 @@ struct Kernels {
         L l(o[i], lane, rows);
         const DeltaPoseLanes<kPair, kSpheres> delta(o[i], lane, rows);
         for (int k = o[i].first_point; k < o[i].first_point + o[i].point_count; ++k) {
-          const PointRef q{p.point[k], p.detail[k]};
-          solve_point(l, q, params, [&](const V3& along, V speed) HWY_ATTR {
-            return soft_normal_impulse(l, q, speed, delta.separation(l, q, along, params), params);
+          const PointRef q = point_ref(p, k);
+          if (!kPair && o[i].has_impulse_limit) update_cell_lag(q, lane, params);
+          solve_point(l, q, [&](const V3& along, V speed) HWY_ATTR {
+            V separation = delta.separation(l, q, along, params);
+            if (!kPair && o[i].has_impulse_limit)
+              separation = separation + along.z * load_of_cell(q, lane, &BatchPointLimit::lag);
+            return soft_normal_impulse(l, q, speed, separation, params);
           });
         }
         l.store();
       }
   }
   static void relax(const ContactBatch* o, int n, BatchPoints p, const SolverBodies& rows,
-                    const SubstepParams& params) {
+                    const SubstepParams&) {
     for_each_point<kPair, kSpheres>(o, n, p, rows, true, [&](L& l, const PointRef& q) HWY_ATTR {
       const V impulse = solve_point(
-          l, q, params, [&](const V3&, V speed) HWY_ATTR { return relaxed_normal_impulse(l, q, speed); });
+          l, q, [&](const V3&, V speed) HWY_ATTR { return relaxed_normal_impulse(l, q, speed); });
       store(load(q.point.total_normal_impulse, l.lane) + impulse, q.point.total_normal_impulse, l.lane);
+      if (!kPair && l.batch.has_impulse_limit) add_to_step_capacity(q, l.lane);
     });
   }
   static void add_to(ContactKernelTable& t, ContactKind kind) {

@@ -4,6 +4,7 @@
 // Compiled for several instruction sets with run-time dispatch; all of them give bit-identical results.
 #pragma once
 
+#include <algorithm>
 #include <cstdint>
 
 namespace smartsurf::world {
@@ -58,12 +59,31 @@ struct alignas(64) BatchPointDetail {
   float anchor_a[3][kLanes], anchor_b[3][kLanes];
   float surface_velocity[3][kLanes], surface_spin[kLanes];
   float rolling_friction[kLanes], rolling_mass[kLanes], rolling_impulse[3][kLanes];
-  float max_normal_impulse[kLanes];   // per step; valid if ContactBatch::has_impulse_limit
   float slip_per_impulse[3][kLanes];  // slip velocity of a against b per unit normal impulse; not for spheres
+};
+// A point on a cell of limited force; valid if ContactBatch::has_impulse_limit. The points of one body on one cell
+// share its force: the first of them holds their sums.
+struct alignas(64) BatchPointLimit {
+  static constexpr float kUnlimited = 1e30F;
+  static constexpr float kYielding = 0.95F;  // a cell yields to a load of this fraction of its capacity
+  BatchPointLimit() { std::fill_n(stall_impulse, kLanes, kUnlimited), std::fill_n(no_load_speed, kLanes, 1.0F); }
+
+  float stall_impulse[kLanes];        // vertical impulse of the cell at rest, mass·u/s in a substep
+  float no_load_speed[kLanes];        // at which the cell rises without force, u/s
+  float planned_speed[kLanes] = {};   // of the cell by its motion profile, u/s
+  std::int32_t to_first[kLanes] = {};  // from this point to the first one of the cell, ≤ 0
+  // ---- of all points on the cell, at the first one
+  float anchor[3][kLanes] = {};      // mean of the points' anchors
+  float load[kLanes] = {};           // vertical impulse in the substep, mass·u/s
+  float capacity[kLanes] = {};       // upper bound of the load
+  float speed[kLanes] = {};          // of the cell under the load, u/s
+  float step_capacity[kLanes] = {};  // sum of the capacities in the step
+  float lag[kLanes] = {};            // by which the cell has stayed below its planned motion in the step, u
 };
 struct BatchPoints {
   BatchPoint* point;
   BatchPointDetail* detail;
+  BatchPointLimit* limit;
 };
 
 struct SubstepParams {

@@ -26,7 +26,12 @@ struct BodyLanes {
 struct PointRef {
   BatchPoint& point;
   BatchPointDetail& detail;
+  BatchPointLimit* limit;
 };
+
+HWY_INLINE PointRef point_ref(const BatchPoints& points, int k) {
+  return {points.point[k], points.detail[k], points.limit + k};
+}
 
 HWY_INLINE BodyLanes load_body_lanes(const BodyVelocity* rows, const std::int32_t* index) {
   BodyLanes s;

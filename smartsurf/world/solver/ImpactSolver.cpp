@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <tuple>
 
 namespace smartsurf::world {
@@ -86,6 +87,24 @@ const SurfaceMaterial& material_of_b(const ImpactSolver::Step& step, const Manif
 float restitution_of(const ImpactSolver::Step& step, const Manifold& m, const Contact& c) {
   return std::max(step.bodies.surface_material[static_cast<std::size_t>(m.a)].restitution,
                   material_of_b(step, m, c).restitution);
+}
+
+// What a cell of limited force has left for one of the body's contacts with it.
+float max_impulse_of(const ImpactSolver::Step& step, const Manifold& m, const Contact& c) {
+  constexpr float kUnlimited = std::numeric_limits<float>::infinity();
+  const std::vector<Contact>& contacts = step.static_contacts.contacts;
+  if (m.b >= 0 || step.cell_limits.empty() ||
+      !step.cell_limits[static_cast<std::size_t>(&c - contacts.data())].is_limited())
+    return kUnlimited;
+  float load = 0.0F;
+  int count = 0;
+  for (int k = m.first; k < m.first + m.count; ++k) {
+    const auto i = static_cast<std::size_t>(k);
+    if (!step.cell_limits[i].is_limited() || contacts[i].feature_id != c.feature_id) continue;
+    load += contacts[i].total_normal_impulse * contacts[i].normal.z();
+    ++count;
+  }
+  return std::max(0.0F, c.max_cell_impulse - load) / (static_cast<float>(count) * c.normal.z());
 }
 
 // Normal speeds of an impact within the step.
@@ -292,7 +311,7 @@ ImpactSolver::Point& ImpactSolver::add_point(const Step& step, const Manifold& m
   p.slip_mass = greatest > 0.0F ? 1.0F / greatest : 0.0F;
   p.friction = step.bodies.surface_material[static_cast<std::size_t>(m.a)].friction_root *
                material_of_b(step, m, c).friction_root;
-  p.max_impulse = c.max_normal_impulse - c.total_normal_impulse;
+  p.max_impulse = max_impulse_of(step, m, c);
   const Vec3 v = s.velocity(c);
   for (int i = 0; i < 3; ++i) p.velocity_before[i] = p.axis[i].dot(v);
   p.impulse = Vec3::Zero();

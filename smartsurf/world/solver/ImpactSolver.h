@@ -8,10 +8,12 @@
 #pragma once
 
 #include <cstdint>
+#include <span>
 #include <vector>
 
 #include "smartsurf/world/BodyStore.h"
 #include "smartsurf/world/Contact.h"
+#include "smartsurf/world/field/CellForceLimits.h"
 #include "smartsurf/world/parallel/SpatialPartition.h"
 
 namespace smartsurf::world {
@@ -35,6 +37,7 @@ class ImpactSolver {
     const BodyStore& bodies;  // as of the start of the step
     const SpatialPartition& partition;
     ContactList &pair_contacts, &static_contacts;
+    std::span<const CellImpulseLimit> cell_limits;  // one per static contact; empty without force limits
     SurfaceMaterial field_material;
     float dt_s;
     int substeps;

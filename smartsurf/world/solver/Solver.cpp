@@ -63,6 +63,7 @@ struct Solver::StepContext {
   bool any_restitution;
   bool all_spheres;
   BodyVelocity gravity_change;  // per substep
+  std::vector<DeepContact>& deep_contacts;  // of the member
 
   bool may_impact() const { return any_restitution || !all_spheres; }
   ContactList& contact_list(ContactKind kind) const {
@@ -78,7 +79,7 @@ void Solver::step(BodyStore& bodies, const Input& input, const Member& member) {
   member.single([&] {
     has_supports_ = std::any_of(input.supports.begin(), input.supports.end(),
                                 [](const SupportPatches& s) { return !s.patches.empty(); });
-    resize_buffers(input.partition, member.member_count);
+    resize_buffers(input.partition, member.member_count, !input.cell_limits.empty());
   });
   const float h_s = settings_.dt_s / static_cast<float>(settings_.substeps);
   const bool any_restitution = settings_.field_restitution > 0.0F ||
@@ -96,11 +97,13 @@ void Solver::step(BodyStore& bodies, const Input& input, const Member& member) {
       contact_kernels(),
       any_restitution,
       std::find(bodies.is_sphere.begin(), bodies.is_sphere.end(), 0) == bodies.is_sphere.end(),
-      gravity_velocity_change(settings_.gravity, h_s)};
+      gravity_velocity_change(settings_.gravity, h_s),
+      deep_contacts_[static_cast<std::size_t>(member.index)]};
+  context.deep_contacts.clear();
   run_stages(context, member);
 }
 
-void Solver::resize_buffers(const SpatialPartition& partition, int member_count) {
+void Solver::resize_buffers(const SpatialPartition& partition, int member_count, bool has_cell_limits) {
   const auto rows = static_cast<std::size_t>(partition.row_count());
   velocity_.resize(rows);
   delta_pose_.resize(rows);
@@ -110,8 +113,10 @@ void Solver::resize_buffers(const SpatialPartition& partition, int member_count)
   material_.resize(rows);
   point_.resize(static_cast<std::size_t>(graph_.point_count()));
   detail_.resize(point_.size());
+  if (has_cell_limits) limit_.resize(point_.size());
   shared_batches_.resize(partition.row_count(), member_count);
   impacts_.reset(member_count);
+  deep_contacts_.resize(static_cast<std::size_t>(member_count));
 }
 
 // Barrier protocol: every run_contact_stage() waits before a colour's shared batches and arrives after them, so that
@@ -183,7 +188,7 @@ void Solver::prepare_batch(StepContext& context, ContactKind kind, int index) {
       fill_all({.points = false, .surface = is_static, .details = o.has_rolling_friction});
     }
   }
-  if (is_static && context.input.has_force_limits) fill_impulse_limits(o, index, list);
+  if (is_static && !context.input.cell_limits.empty()) fill_impulse_limits(context, o, index, list);
   if (is_static && !all_spheres && has_supports_)
     for (int lane = 0; lane < o.lane_count; ++lane)
       static_manifold_[static_cast<std::size_t>(o.a[lane])] = {graph_.manifold(index, lane), o.first_point,
@@ -217,8 +222,11 @@ void Solver::find_impact_candidates(StepContext& context, ContactKind kind, int 
       const float speed = p.approach_speed[lane];
       const Contact& c = list.contacts[static_cast<std::size_t>(m.first + k)];
       constexpr float kLimitMargin = 4.0F;
-      const bool in_substeps = c.normal_impulse > 0.0F ||
-                               c.max_normal_impulse < -kLimitMargin * p.normal_mass[lane] * speed;
+      const bool is_limited = !StepContext::is_pair(kind) && !context.input.cell_limits.empty() &&
+                              context.input.cell_limits[static_cast<std::size_t>(m.first + k)].is_limited();
+      const bool in_substeps =
+          c.normal_impulse > 0.0F ||
+          (is_limited && c.max_cell_impulse < -kLimitMargin * p.normal_mass[lane] * speed);
       if (speed >= (in_substeps ? -ImpactSolver::kThreshold : 0.0F)) continue;
       const float restitution = std::max(
           material_[static_cast<std::size_t>(o.a[lane])].restitution, material_of_b(context, m, c).restitution);
@@ -231,7 +239,7 @@ void Solver::find_impact_candidates(StepContext& context, ContactKind kind, int 
 
 void Solver::solve_impacts(StepContext& context) {
   impacts_.solve({context.bodies, context.partition, context.input.pair_contacts, context.input.static_contacts,
-                  field_material_, settings_.dt_s, settings_.substeps, velocity_.data(), delta_pose_.data()});
+                  context.input.cell_limits, field_material_, settings_.dt_s, settings_.substeps, velocity_.data(), delta_pose_.data()});
 }
 
 const SurfaceMaterial& Solver::material_of_b(const StepContext& context, const Manifold& m,
@@ -307,17 +315,33 @@ void Solver::fill_lane(const StepContext& context, ContactBatch& o, int lane, co
   }
 }
 
-void Solver::fill_impulse_limits(ContactBatch& o, int index, const ContactList& list) {
-  constexpr float kUnlimited = 1e30F;
-  for (int k = o.first_point; k < o.first_point + o.point_count; ++k)
-    std::fill_n(detail_[static_cast<std::size_t>(k)].max_normal_impulse, kLanes, kUnlimited);
+void Solver::fill_impulse_limits(const StepContext& context, ContactBatch& o, int index,
+                                 const ContactList& list) {
+  auto limit_of = [&](const Manifold& m, int k) -> const CellImpulseLimit& {
+    return context.input.cell_limits[static_cast<std::size_t>(m.first + k)];
+  };
+  for (int lane = 0; lane < o.lane_count && !o.has_impulse_limit; ++lane) {
+    const Manifold& m = list.manifolds[static_cast<std::size_t>(graph_.manifold(index, lane))];
+    for (int k = 0; k < m.count; ++k) o.has_impulse_limit |= limit_of(m, k).is_limited();
+  }
+  if (!o.has_impulse_limit) return;
+  const auto first = static_cast<std::size_t>(o.first_point);
+  std::fill_n(&limit_[first], o.point_count, BatchPointLimit());
   for (int lane = 0; lane < o.lane_count; ++lane) {
     const Manifold& m = list.manifolds[static_cast<std::size_t>(graph_.manifold(index, lane))];
     for (int k = 0; k < m.count; ++k) {
-      const float limit = list.contacts[static_cast<std::size_t>(m.first + k)].max_normal_impulse;
-      if (std::isinf(limit)) continue;
-      detail_[static_cast<std::size_t>(o.first_point + k)].max_normal_impulse[lane] = limit;
-      o.has_impulse_limit = true;
+      const CellImpulseLimit& limit = limit_of(m, k);
+      if (!limit.is_limited()) continue;
+      const Contact& c = list.contacts[static_cast<std::size_t>(m.first + k)];
+      BatchPointLimit& p = limit_[first + static_cast<std::size_t>(k)];
+      p.stall_impulse[lane] = c.max_cell_impulse * context.static_params.substep_fraction;
+      p.no_load_speed[lane] = limit.no_load_speed;
+      p.planned_speed[lane] = limit.planned_speed;
+      p.to_first[lane] = limit.to_first;
+      BatchPointLimit& cell = limit_[first + static_cast<std::size_t>(k + limit.to_first)];
+      cell.load[lane] += c.normal_impulse * c.normal.z();
+      for (int axis = 0; axis < 3; ++axis)
+        cell.anchor[axis][lane] += c.anchor[axis] / static_cast<float>(limit.point_count);
     }
   }
 }
@@ -327,14 +351,26 @@ void Solver::store_impulses(StepContext& context, ContactKind kind, int index) {
   ContactList& list = context.contact_list(kind);
   for (int lane = 0; lane < o.lane_count; ++lane) {
     const Manifold& m = list.manifolds[static_cast<std::size_t>(graph_.manifold(index, lane))];
+    float depth = context.input.deep_contact;
     for (int k = 0; k < m.count; ++k) {
       Contact& c = list.contacts[static_cast<std::size_t>(m.first + k)];
       const BatchPoint& p = point_[static_cast<std::size_t>(o.first_point + k)];
+      depth = std::max(depth, -p.separation[lane]);
       c.normal_impulse = p.normal_impulse[lane];
       c.total_normal_impulse = p.total_normal_impulse[lane];
       c.friction_impulse = load(p.friction_impulse, lane);
       if (o.has_rolling_friction)
         c.rolling_impulse = load(detail_[static_cast<std::size_t>(o.first_point + k)].rolling_impulse, lane);
+    }
+    if (depth > context.input.deep_contact) {
+      context.deep_contacts.push_back({m.a, depth});
+      if (m.b >= 0) context.deep_contacts.push_back({m.b, depth});
+    }
+    if (!o.has_impulse_limit || StepContext::is_pair(kind)) continue;
+    for (int k = 0; k < m.count; ++k) {
+      CellImpulseLimit& limit = context.input.cell_limits[static_cast<std::size_t>(m.first + k)];
+      if (limit.to_first == 0)
+        limit.capacity = limit_[static_cast<std::size_t>(o.first_point + k)].step_capacity[lane];
     }
   }
 }

@@ -11,6 +11,8 @@
 
 #include "smartsurf/world/BodyStore.h"
 #include "smartsurf/world/Contact.h"
+#include "smartsurf/world/field/CellForceLimits.h"
+#include "smartsurf/world/field/JamRelief.h"
 #include "smartsurf/world/field/SupportPatch.h"
 #include "smartsurf/world/parallel/SharedBatches.h"
 #include "smartsurf/world/parallel/SpatialPartition.h"
@@ -39,19 +41,23 @@ class Solver {
     const SpatialPartition& partition;  // with rows assigned
     ContactList &pair_contacts, &static_contacts;
     const SlabRanges &pair_ranges, &static_ranges;
-    std::span<SupportPatches> supports;  // one list per slab
-    bool has_force_limits;  // whether any cell has a force limit
-    bool has_wrenches;      // whether any body has a nonzero wrench
+    std::span<SupportPatches> supports;       // one list per slab
+    std::span<CellImpulseLimit> cell_limits;  // one per static contact; empty without force limits
+    bool has_wrenches;                        // whether any body has a nonzero wrench
+    float deep_contact = 1e30F;               // depth from which deep_contacts() lists a contact, u
   };
   // Solves one step and writes the impulses to the contact lists. The new velocities and delta poses stay in the
   // solver's rows until store_body(). Called by all members of the team. Allocates while buffers grow.
   void step(BodyStore&, const Input&, const Member&);
+  // The bodies of contacts that were deep at the start of the step, as found by each member of the team. A body may occur
+  // repeatedly.
+  std::span<const std::vector<DeepContact>> deep_contacts() const { return deep_contacts_; }
   // Copies velocity and delta pose of a row to its body.
   void store_body(BodyStore&, const SpatialPartition&, int row) const;
 
  private:
   struct StepContext;
-  void resize_buffers(const SpatialPartition&, int member_count);
+  void resize_buffers(const SpatialPartition&, int member_count, bool has_cell_limits);
   void run_stages(StepContext&, const Member&);
   void prepare_batch(StepContext&, ContactKind, int batch);
   void set_batch_bodies(StepContext&, ContactBatch&, int index, ContactKind);
@@ -63,7 +69,7 @@ class Solver {
   };
   void fill_lane(const StepContext&, ContactBatch&, int lane, const Manifold&, const std::vector<Contact>&,
                  const FillMask&);
-  void fill_impulse_limits(ContactBatch&, int index, const ContactList&);
+  void fill_impulse_limits(const StepContext&, ContactBatch&, int index, const ContactList&);
   void find_impact_candidates(StepContext&, ContactKind, int batch, const Member&);
   void solve_impacts(StepContext&);
   const SurfaceMaterial& material_of_b(const StepContext&, const Manifold&, const Contact&) const;
@@ -83,7 +89,7 @@ class Solver {
   void prepare_supports(StepContext&);
   void store_supports(StepContext&);
 
-  BatchPoints batch_points() { return {point_.data(), detail_.data()}; }
+  BatchPoints batch_points() { return {point_.data(), detail_.data(), limit_.data()}; }
   SolverBodies solver_bodies() { return {velocity_.data(), delta_pose_.data(), inverse_inertia_.data()}; }
 
   StepSettings settings_;
@@ -93,6 +99,7 @@ class Solver {
   ImpactSolver impacts_;
   std::vector<BatchPoint> point_;
   std::vector<BatchPointDetail> detail_;
+  std::vector<BatchPointLimit> limit_;  // empty without force limits
   // Indexed by row of the partition, so that bodies close in space are close in memory.
   std::vector<BodyVelocity> velocity_;
   std::vector<DeltaPose> delta_pose_;
@@ -104,7 +111,8 @@ class Solver {
     std::int32_t manifold, batch_point, lane;
   };
   std::vector<StaticManifold> static_manifold_;
-  bool has_supports_ = false;                 // in this step
+  bool has_supports_ = false;                            // in this step
+  std::vector<std::vector<DeepContact>> deep_contacts_;  // one list per member
   std::vector<BodyVelocity> start_velocity_;  // after external forces, before the contacts of the substep
 };
 

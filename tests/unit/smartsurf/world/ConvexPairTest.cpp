@@ -119,7 +119,7 @@ TEST(ColumnSat, BoxAndItsHullAgree) {
       ColumnSat axes;
       const ConvexHullShape* piece = b.shape.hulls.empty() ? nullptr : &b.shape.hulls[0];
       axes.set(ConvexProxy({b.shape, piece}, b.centre, b.axes), b.centre - reach, b.centre + reach);
-      return axes.find_best_axis(column, 0.1F, out);
+      return axes.find_best_axis(column, 0.1F, false, out);
     };
     const bool box_near = find_axis(box, by_box), hull_near = find_axis(hull, by_hull);
     if (box_near != hull_near) {

@@ -62,7 +62,7 @@ struct StepFixture {
     find_contacts();
     solver.step(bodies,
                 {pipeline.partition(), pair_contacts, static_contacts, pipeline.pair_ranges(),
-                 pipeline.static_ranges(), pipeline.supports(), false, false},
+                 pipeline.static_ranges(), pipeline.supports(), {}, false},
                 member);
     for (int row = 0; row < bodies.size(); ++row) {
       solver.store_body(bodies, pipeline.partition(), row);
