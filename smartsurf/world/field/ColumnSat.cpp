@@ -25,6 +25,7 @@ void ColumnSat::add(const Vec3& normal, float min_projection, float bias) {
 void ColumnSat::set(const ConvexProxy& proxy, const Vec3& low, const Vec3& high) {
   axes_.clear();
   separating_axis_ = 0;
+  centre_ = proxy.centre;
   round_proxy_.reset();
   add(Vec3::UnitZ(), low.z(), 0.0F);
   if (proxy.part.hull)
@@ -149,8 +150,11 @@ bool ColumnSat::find_best_axis(const Column& q, float margin, bool beside, BestA
     }
   }
   // In a concave corner the neighbours hold the part; this column's outer sides are no way out.
-  if ((beside || axes_.z[chosen] < kLeanTolerance) && over_bridge > separation_[chosen] + kBridgeShortcut) return false;
   out = {Vec3(axes_.x[chosen], axes_.y[chosen], axes_.z[chosen]), separation_[chosen]};
+  const Vec3 from_column(centre_.x() - 0.5F * (q.west + q.east), centre_.y() - 0.5F * (q.south + q.north), 0.0F);
+  const bool is_side = out.normal.z() < kLeanTolerance;
+  if ((is_side ? out.normal.dot(from_column) < 0.0F : beside) && over_bridge > out.separation + kBridgeShortcut)
+    return false;
   return true;
 }
 

@@ -23,8 +23,8 @@ class ColumnSat {
     float separation = 0.0F;  // lower bound of the separation, u
   };
   // The axis of greatest separation that does not lean over a bridge. False if some separation exceeds the
-  // margin, or if the way over a bridge is much shorter and the axis is a side's, or any, if the part
-  // stands `beside` the column. For axisymmetric parts the true separation may be greater.
+  // margin, or if the way over a bridge is much shorter and the axis is that of a side that faces away from
+  // the part, or not a side's although the part stands `beside` the column. For axisymmetric parts the true separation may be greater.
   bool find_best_axis(const Column&, float margin, bool beside, BestAxis& out);
 
  private:
@@ -45,6 +45,7 @@ class ColumnSat {
   bool find_radial_axis(const Column&, BestAxis& out) const;
 
   AxisList axes_;
+  Vec3 centre_{0, 0, 0};                    // of the part
   std::optional<ConvexProxy> round_proxy_;  // of an axisymmetric part
   std::vector<float> separation_;       // along each axis
   std::vector<float> face_normals_[3];  // x, y and z components of a hull's face normals

@@ -148,7 +148,7 @@ class PartOnField {
         if (p.z() > columns_.top(r, c) + margin_) continue;
         const Column q = columns_.at(r, c);
         if (!q.contains(p.x(), p.y())) continue;
-        const EscapeDirection out = escape_direction(q, p, is_beside(q));
+        const EscapeDirection out = escape_direction(q, p, centre_, is_beside(q));
         if (std::isinf(out.distance)) continue;
         candidates_.add({p - out.normal * out.distance, out.normal, out.distance, columns_.index(r, c)});
       }

@@ -25,7 +25,7 @@ void collide_column(const Columns& columns, int row, int column, const Vec3& cen
     const float length = std::sqrt(distance_squared);
     reducer.add({offset / length, length - radius, row, column});
   } else {
-    const EscapeDirection out = escape_direction(q, centre, false);
+    const EscapeDirection out = escape_direction(q, centre, centre, false);
     if (!std::isinf(out.distance)) reducer.add({out.normal, out.distance - radius, row, column});
   }
 }
