@@ -58,6 +58,7 @@ struct SupportPatch {
   // From the centre of the loads to that of the normal impulses. Not 0 where the samples cannot balance the moment,
   // for example if the body overhangs them.
   double offset_x = 0.0, offset_y = 0.0;
+  double centre_of_force[2] = {};  // of these normal impulses, in the coordinates of `load`
   double response[6] = {}, inverse_response[6] = {};  // see SupportSolver
   double tangent_mass = 0.0;                          // of one sample
   double friction_sum[3] = {};                        // applied: force along x and y, torque about z

@@ -16,6 +16,8 @@ using Matrix3 = Eigen::Matrix3d;
 constexpr double kMomentCompliance = 1e-4;
 // Of the loads, relative to the force.
 constexpr double kLoadTolerance = 1e-4;
+// Friction uses the last loads in proportion while the centre of force has moved by less, relative to the patch's extent.
+constexpr double kCentreTolerance = 0.01;
 constexpr int kMaxLoadPasses = 12, kMaxFrictionPasses = 5, kMaxSoftFrictionPasses = 2;
 // Error of the velocity at which a friction solve is accurate enough, u/s.
 constexpr double kVelocityTolerance = 1e-5;
@@ -93,6 +95,7 @@ void distribute(const SupportSampleView& samples, SupportPatch& p, const Vector3
     p.force = 0.0;
     return;
   }
+  for (int i = 0; i < 2; ++i) p.centre_of_force[i] = target[i + 1] / force;
   if (p.count == 1) {
     p.load[0] = force / weight, p.load[1] = p.load[2] = 0.0;
     p.offset_x = target[1] / force * p.scale, p.offset_y = target[2] / force * p.scale;
@@ -333,11 +336,18 @@ void solve_support(SupportPatches& list, SupportPatch& p, BatchPoints points, bo
     moment_x += impulse * static_cast<double>(anchor[0][p.lane]);
     moment_y += impulse * static_cast<double>(anchor[1][p.lane]);
   }
-  const bool scales = is_soft && p.force > 0.0 && force > 0.0;
-  if (!scales) distribute(samples, p, scaled_wrench(p, force, moment_x, moment_y));
+  const Vector3 target = scaled_wrench(p, force, moment_x, moment_y);
+  double moved[2] = {};  // the centre of force since the loads were distributed
+  const bool keeps_loads = p.force > 0.0 && force > 0.0;
+  for (int i = 0; i < 2 && keeps_loads; ++i) moved[i] = target[i + 1] / force - p.centre_of_force[i];
+  if (!keeps_loads || (!is_soft && std::max(std::abs(moved[0]), std::abs(moved[1])) > kCentreTolerance)) {
+    distribute(samples, p, target);
+    moved[0] = moved[1] = 0.0;
+  }
   float cone[3] = {};
   if (p.force > 0.0) in_world_axes(p, p.load, static_cast<double>(p.friction) * (force / p.force), cone);
-  const float offset[2] = {static_cast<float>(p.offset_x), static_cast<float>(p.offset_y)};
+  const float offset[2] = {static_cast<float>(p.offset_x + moved[0] * p.scale),
+                           static_cast<float>(p.offset_y + moved[1] * p.scale)};
   const Vector3 old_impulse(p.friction_sum[0], p.friction_sum[1], p.friction_sum[2]);
   if (p.force == 0.0 && old_impulse.isZero(0.0)) return;
 
