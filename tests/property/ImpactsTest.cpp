@@ -258,7 +258,7 @@ TEST(Impact, HeapOfElasticBallsGainsNoEnergy) {
 
 TEST(Impact, BallInClosingWedgeIsNotThrown) {
   // Pins rise at w against a lid within the friction cones. A ball that bounces between both gains w per round and loses
-  // by e: it tends to w/(1 − e).
+  // by e: it tends to w/(1 − e). Without rebound it jams; the push-out then moves it at 4 u/s at most.
   for (const double dt_s : {1.0 / 60, 1.0 / 240})
     for (const double e : {0.0, 0.2, 0.5})
       for (const double tilt : {5.0, 15.0}) {
@@ -272,7 +272,7 @@ TEST(Impact, BallInClosingWedgeIsNotThrown) {
         fixture.cells().set_targets(0, std::vector<float>(32 * 32, 6.0F));
         double fastest = 0;
         fixture.run(2.0, [&] { fastest = std::max(fastest, fixture.world().state(id).velocity.norm()); });
-        EXPECT_LT(fastest, 1.05 * 1.5 / (1 - e)) << "e " << e << ", tilt " << tilt << ", 1/" << 1 / dt_s;
+        EXPECT_LT(fastest, e > 0 ? 1.05 * 1.5 / (1 - e) : 4.5) << "e " << e << ", tilt " << tilt << ", 1/" << 1 / dt_s;
       }
 }
 
