@@ -112,6 +112,7 @@ ROUTH = "Routh's impact with Coulomb friction (Stronge, Impact Mechanics, ch. 3)
 NEWTON = "Newton's impact law"
 NO_CELLS = "it has no such actuator"
 NO_PINS = "moving pins are not set up"
+NO_TOPS = "its cells leave no gaps"
 NO_LIMIT = "pins of limited force are not set up"
 # A cell's centre from the middle of a 5 × 5 box, in the mean.
 MEAN_R = sum(math.hypot(x, y) for x in range(-2, 3) for y in range(-2, 3)) / 25
@@ -144,9 +145,9 @@ def drive_case(name, title, vx, vy, **settings):
         "docs/actuators.md: the surface velocity; Coulomb friction", settings)
 
 
-def pattern_case(name, title, drive, brake):
+def pattern_case(name, title, drive, brake, tolerance=0.03):
     return Case(name, title, "pattern", 0.4, [
-        Quantity("gain", "acceleration", f"mu*g*({drive} - {brake})/49", 0.03, "u/s²", scale="mu*g/49")],
+        Quantity("gain", "acceleration", f"mu*g*({drive} - {brake})/49", tolerance, "u/s²", scale="mu*g/49")],
         f"{COMPLIANCE}; {COULOMB} of each cell against its own surface velocity",
         {"pattern": name.removeprefix("pattern_"), "mu": 0.5})
 
@@ -323,9 +324,9 @@ GROUPS = [
         plate_case("plate_slope", "… on a slope of 10°", slope=10.0),
         plate_case("plate_rider", "… with a box of its mass beside the middle", rider=25.0),
         plate_case("plate_20", "Box on 20 × 20 level cells", slow=True, n=20),
-        Case("disc", "Cylinder upright on 21 cells", "disc_loads", 2, [
+        Case("disc", "Cylinder upright on 21 cells, 12 of them in part", "disc_loads", 2, [
             relative("load", "sum of the loads", "mass*g", 0.001, "mass·u/s²"),
-            absolute("worst", "worst cell, of the mean load", "0", 0.01, "")], COMPLIANCE, {"mass": 21.0}),
+            absolute("worst", "worst cell, of the mean load", "0", 0.01, "")], COMPLIANCE, {"mass": 21.0}, mujoco=NO_TOPS),
         stack_case("stack", "Stack of ten boxes", 5),
         stack_case("stack_ratio", "Box of mass 100 on four of mass 1", 6, n=5, ratio=100.0),
         stack_case("tower", "Tower of thirty boxes", 6, drift=0.02, slow=True, n=30),
@@ -345,7 +346,7 @@ GROUPS = [
             "docs/actuators.md; the billiard ball seen from the tops", {"v": 2.0, "radius": 2.0}),
         pattern_case("pattern_inner", "Plate on 7 × 7 cells, the inner 25 drive", 25, 24),
         pattern_case("pattern_rim", "… the 24 cells of the rim drive", 0, 0),
-        pattern_case("pattern_half", "… 28 of 49 cells drive", 28, 21),
+        pattern_case("pattern_half", "… 28 of 49 cells drive", 28, 21, 0.21),
     ]),
     ("Fields of force", [
         Case("force_field", "Nine cells of a force field push a box", "field", 0.5, [

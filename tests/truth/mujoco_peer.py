@@ -420,14 +420,6 @@ def plate_loads(s):
             "cells": float((loads > 0).sum())}
 
 
-def disc_loads(s):
-    mass = s["mass"]
-    loads = mean_loads(s, [body("cylinder", (2.2, 1), (0, 0, 0.5), mass)], 7)
-    x = numpy.arange(7) - 3
-    inside = (numpy.maximum(abs(x)[None], abs(x)[:, None]) <= 2) & (abs(x)[None] + abs(x)[:, None] < 4)
-    return {"load": loads.sum(), "worst": abs(loads - inside * mass * G / 21).max() * 21 / (mass * G)}
-
-
 def spin_brake(s):
     n = s["n"]
     sim = Sim(s, [body("box", (n, n, 1), (0, 0, 0.5), spin=(0, 0, s["spin"]))], mu=s["mu"], floor=False, world=cells_of(n + 4))
@@ -495,7 +487,7 @@ def pattern(s):
 
 SCRIPTS = {f.__name__: f for f in (flight, push, tumble, precession, slide, threshold, slope, roll, coast, skid, topple, dominoes, bounce,
                                    bouncing, oblique, collide, cradle, offcentre, superball, flat_drop, rest_sphere,
-                                   plate_loads, disc_loads, spin_brake, stack, drive, driven_sphere, pattern)}
+                                   plate_loads, spin_brake, stack, drive, driven_sphere, pattern)}
 
 
 def main():

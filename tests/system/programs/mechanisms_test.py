@@ -37,7 +37,7 @@ class Mechanisms(ProgramTest):
         self.assertGreater(self.run_example("rotor", 3)[0], 3.0)
 
     def test_force_field_aligns_rod(self):
-        distance, turned = self.run_example("force_field", 6)
+        distance, turned = self.run_example("force_field", 9)
         self.assertLess(abs(distance), 0.5)
         self.assertLess(abs(turned), 0.1)
 
