@@ -12,14 +12,14 @@
 namespace apron::run {
 namespace {
 
-constexpr int kWidth = 1280, kHeight = 800, kFramesPerSecond = 30;
+constexpr int kViewWidth = 1280, kViewHeight = 800, kFramesPerSecond = 30;
 
 class OffscreenRecorder {
  public:
   explicit OffscreenRecorder(UiRunContext& context)
       : context_(context),
-        width_(even_size(context.run.options.geometry.width, kWidth)),
-        height_(even_size(context.run.options.geometry.height, kHeight)),
+        width_(even_size(context.run.options.geometry.width, kViewWidth)),
+        height_(even_size(context.run.options.geometry.height, kViewHeight)),
         offscreen_(width_, height_),
         pending_(context.run.options.screenshots) {
     for (const Screenshot& screenshot : pending_) {

@@ -6,6 +6,13 @@
 
 namespace smartsurf::script {
 
+// Replaces a function of the table on top of the stack by one whose upvalue is the original.
+inline void replace_function(lua_State* L, const char* name, lua_CFunction function) {
+  lua_getfield(L, -1, name);
+  lua_pushcclosure(L, function, 1);
+  lua_setfield(L, -2, name);
+}
+
 void bind_table_functions(lua_State* L);
 // Including the pattern functions.
 void bind_string_functions(lua_State* L);

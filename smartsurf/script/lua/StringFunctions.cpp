@@ -65,24 +65,18 @@ int pack(ScriptContext& context, lua_State* L) {
   return metered(context, L);
 }
 
-void replace(lua_State* L, const char* name, lua_CFunction function) {
-  lua_getfield(L, -1, name);
-  lua_pushcclosure(L, function, 1);
-  lua_setfield(L, -2, name);
-}
-
 }  // namespace
 
 void bind_string_functions(lua_State* L) {
   lua_getglobal(L, LUA_STRLIBNAME);
-  for (const char* const name : {"lower", "reverse", "upper"}) replace(L, name, guarded<metered>);
-  for (const char* const name : {"byte", "sub", "unpack"}) replace(L, name, guarded<metered_by_results>);
-  replace(L, "rep", guarded<rep>);
-  replace(L, "pack", guarded<pack>);
+  for (const char* const name : {"lower", "reverse", "upper"}) replace_function(L, name, guarded<metered>);
+  for (const char* const name : {"byte", "sub", "unpack"}) replace_function(L, name, guarded<metered_by_results>);
+  replace_function(L, "rep", guarded<rep>);
+  replace_function(L, "pack", guarded<pack>);
   lua_pop(L, 1);
   lua_getglobal(L, LUA_UTF8LIBNAME);
-  replace(L, "codepoint", guarded<metered_by_results>);
-  replace(L, "len", guarded<metered>);
+  replace_function(L, "codepoint", guarded<metered_by_results>);
+  replace_function(L, "len", guarded<metered>);
   lua_pop(L, 1);
   bind_pattern_functions(L);
 }

@@ -143,22 +143,16 @@ int sort(ScriptContext& context, lua_State* L) {
   return 0;
 }
 
-void replace(lua_State* L, const char* name, lua_CFunction function) {
-  lua_getfield(L, -1, name);
-  lua_pushcclosure(L, function, 1);
-  lua_setfield(L, -2, name);
-}
-
 }  // namespace
 
 void bind_table_functions(lua_State* L) {
   lua_getglobal(L, LUA_TABLIBNAME);
-  replace(L, "insert", guarded<insert>);
-  replace(L, "remove", guarded<remove>);
-  replace(L, "concat", guarded<concat>);
-  replace(L, "unpack", guarded<unpack>);
-  replace(L, "move", guarded<move>);
-  replace(L, "sort", guarded<sort>);
+  replace_function(L, "insert", guarded<insert>);
+  replace_function(L, "remove", guarded<remove>);
+  replace_function(L, "concat", guarded<concat>);
+  replace_function(L, "unpack", guarded<unpack>);
+  replace_function(L, "move", guarded<move>);
+  replace_function(L, "sort", guarded<sort>);
   lua_pop(L, 1);
 }
 

@@ -9,11 +9,6 @@
 namespace smartsurf::record {
 namespace {
 
-std::string content(const std::filesystem::path& path) {
-  std::ifstream file(path);
-  return {std::istreambuf_iterator<char>(file), {}};
-}
-
 TEST(CsvRecorder, WritesOneLinePerObjectAndFrame) {
   const OutputFolder out;
   SyntheticRun run;

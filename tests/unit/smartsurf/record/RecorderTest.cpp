@@ -369,11 +369,6 @@ TEST(RecorderErrors, SmallDiskIsAnErrorNotACrash) {
   }
 }
 
-std::string content(const std::filesystem::path& path) {
-  std::ifstream file(path, std::ios::binary);
-  return {std::istreambuf_iterator<char>(file), {}};
-}
-
 TEST(PendingFile, OlderRecordingSurvivesUntilFirstFlush) {
   const OutputFolder out;
   const SyntheticRun run;
