@@ -15,9 +15,10 @@
 
 namespace pin_scene {
 
-enum class Shapes { kSpheres, kHalfMixed };
+enum class Shapes { kSpheres, kHalfMixed, kBoxes };
 // kFalling: still pins, and objects spread over the whole table, in the air while they are measured.
-enum class Field { kWave, kStill, kFalling };
+// kHeap: still pins, and objects of half the size that fall into a heap while they are measured.
+enum class Field { kWave, kStill, kFalling, kHeap };
 
 struct Workload {
   int n = 64, objects = 100;
@@ -28,8 +29,11 @@ struct Workload {
   }
   std::string name() const {
     return std::to_string(n) + "x" + std::to_string(n) + " " + std::to_string(objects) +
-           (shapes == Shapes::kHalfMixed ? " mixed" : "") + (field == Field::kStill ? " still" : "") +
-           (field == Field::kFalling ? " falling" : "");
+           (shapes == Shapes::kHalfMixed ? " mixed" : shapes == Shapes::kBoxes ? " boxes" : "") +
+           (field == Field::kStill     ? " still"
+            : field == Field::kFalling ? " falling"
+            : field == Field::kHeap    ? " heap"
+                                       : "");
   }
 };
 
@@ -42,7 +46,7 @@ inline int layer_count(const Workload& w) {
 }
 // Number of steps until the objects, dropped in layers, have settled.
 inline int settling_steps(const Workload& w) {
-  if (w.field == Field::kFalling) return 0;
+  if (w.field == Field::kFalling || w.field == Field::kHeap) return 0;
   const double height = (layer_count(w) - 1) * kObjectSpacing * 0.55;
   const double settled_s = std::max(2.0, std::sqrt(2 * height / 10.0) + 1.5);
   return static_cast<int>((w.field == Field::kStill ? settled_s + 40 : settled_s) / kStepSeconds);
@@ -76,27 +80,28 @@ inline std::shared_ptr<const smartsurf::scene::Solid> shared_hull_solid(double r
 }
 
 // Spheres of radius 1.5 to 3 u in loose layers. In mixed workloads, every other object is a box, cylinder or
-// convex hull of similar size.
+// convex hull of similar size; in workloads of boxes, every object is a box.
 inline std::vector<smartsurf::scene::ObjectSpec> make_objects(const Workload& w) {
   using smartsurf::scene::ShapeKind;
   std::vector<smartsurf::scene::ObjectSpec> out;
   std::mt19937 random(12345);
   std::uniform_real_distribution<double> u(0, 1);
-  const int side = static_cast<int>((w.n - 2) / kObjectSpacing);
-  const double first = (w.n - 1) * 0.5 - (side - 1) * kObjectSpacing * 0.5;
+  const double scale = w.field == Field::kHeap ? 0.5 : 1.0, spacing = scale * kObjectSpacing;
+  const int side = static_cast<int>((w.n - 2) / spacing);
+  const double first = (w.n - 1) * 0.5 - (side - 1) * spacing * 0.5;
   const int spread_side = static_cast<int>(std::ceil(std::sqrt(w.objects)));
   const double spread_spacing = (w.n - 8.0) / spread_side;
   for (int i = 0; i < w.objects; ++i) {
     const int layer = i / (side * side), slot = i % (side * side);
     smartsurf::scene::ObjectSpec o;
-    o.radius = 1.5 + 1.5 * u(random);
-    const double x = first + (slot % side) * kObjectSpacing + 0.02 * (u(random) - 0.5);
-    const double y = first + (slot / side) * kObjectSpacing + 0.02 * (u(random) - 0.5);
-    o.position = {x, y, 5.1 + layer * kObjectSpacing};
+    o.radius = scale * (1.5 + 1.5 * u(random));
+    const double x = first + (slot % side) * spacing + 0.02 * (u(random) - 0.5);
+    const double y = first + (slot / side) * spacing + 0.02 * (u(random) - 0.5);
+    o.position = {x, y, 5.1 + layer * spacing};
     if (w.field == Field::kFalling)
       o.position = {4 + (i % spread_side + 0.9 * u(random)) * spread_spacing,
                     4 + (i / spread_side + 0.9 * u(random)) * spread_spacing, 25 + 20 * u(random)};
-    const int kind = w.shapes == Shapes::kHalfMixed ? i % 6 : 0;
+    const int kind = w.shapes == Shapes::kHalfMixed ? i % 6 : w.shapes == Shapes::kBoxes ? 1 : 0;
     if (kind == 1) {
       o.shape = ShapeKind::kBox;
       o.size = Eigen::Vector3d(1.2, 1.6, 1.0) * o.radius;

@@ -256,7 +256,7 @@ void run(const Workload& w, const Options& options) {
     report_json("ours", w, options, ours);
   } else {
     report("ours", w, ours);
-    if (w.shapes == Shapes::kHalfMixed) std::printf("  shapes in pins %.4f", ours.shape_penetration);
+    if (w.shapes != Shapes::kSpheres) std::printf("  shapes in pins %.4f", ours.shape_penetration);
     std::printf("  snapshot %.3f  pins %.3f ms  asleep %d  wall %.3f s\n", ours.snapshot_ms, ours.pins_ms,
                 ours.sleeping, ours.wall_s);
     std::fflush(stdout);
@@ -280,6 +280,7 @@ const std::vector<Workload>& workloads() {
       {128, 1000, kSpheres, kWave},      {128, 5000, kSpheres, kWave},
       {256, 10000, kSpheres, kWave},     {1024, 10000, kSpheres, kWave},
       {128, 1000, kHalfMixed, kWave},    {128, 5000, kHalfMixed, kWave},
+      {128, 3000, kBoxes, kWave},        {64, 2000, kBoxes, kHeap},
       {128, 5000, kSpheres, kStill},     {1024, 10000, kSpheres, kFalling},
       {2048, 40000, kSpheres, kFalling}, {4096, 100000, kSpheres, kFalling},
   };
