@@ -470,7 +470,7 @@ def driven_sphere(s):
 
 def pattern(s):
     drives = {"inner": lambda x, y: max(x, y) <= 2, "rim": lambda x, y: max(x, y) == 3}
-    inside = lambda r, c: r <= 6 if s["pattern"] == "half" else drives[s["pattern"]](abs(c - 6), abs(r - 6))
+    inside = lambda r, c: r % 2 == 1 if s["pattern"] == "half" else drives[s["pattern"]](abs(c - 6), abs(r - 6))
     sim = Sim(s, [body("box", (7, 7, 1), (0, 0, 0.5))], mu=s["mu"], floor=False,
               world=cells_of(13, lambda r, c: 5.0 if inside(r, c) else 0.0))
     states = {}

@@ -12,7 +12,7 @@ at(0, function()
       local drives
       if pattern == 'inner' then drives = math.max(x, y) <= 2
       elseif pattern == 'rim' then drives = math.max(x, y) == 3
-      else drives = r <= 7 end     -- four of the seven rows, the middle one among them
+      else drives = r % 2 == 0 end  -- rows 4, 6, 8 and 10 of the plate's seven: no couple turns it
       if drives then cells:target('spin_y', r, c, v / 0.4) end
     end
   end
