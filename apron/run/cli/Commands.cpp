@@ -79,12 +79,14 @@ vm::Status run_until_end(vm::Vm& vm, const Options& options, bool surface_waits,
   while (!options.ticks || ticks < *options.ticks) {
     const vm::Status status = monitor || watchdog.active() ? vm.run(kMonitorInterval) : vm.run();
     if (monitor) monitor->update();
-    if (status == vm::Status::kTick) watchdog.stepped();
-    watchdog.check();
-    if (status == vm::Status::kTick)
+    if (status == vm::Status::kTick) {
+      watchdog.stepped();
       ++ticks;
-    else if (status != vm::Status::kRunning)
-      return status;
+    } else if (status == vm::Status::kRunning) {
+      watchdog.check();
+    } else {
+      return status;  // the wait for a surface that closes is not the program's
+    }
   }
   return vm::Status::kEnded;
 }
