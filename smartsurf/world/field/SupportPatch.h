@@ -24,10 +24,10 @@ namespace smartsurf::world {
 struct SupportSamples {
   std::vector<std::int32_t> cell;  // ascending within a patch; −1: padding
   std::vector<float> x, y;         // centre of the area that the cell and the face share
-  std::vector<float>
-      arm;  // mean distance of that area's points from its centre: lever of the friction torque
+  // Mean distance of that area's points from its centre: the lever of the friction torque.
+  std::vector<float> arm;
   std::vector<float> velocity_x, velocity_y, spin;  // of the cell's surface there, u/s, rad/s
-  std::vector<float> weight;                        // stiffness: 1, less for a sliver
+  std::vector<float> weight;                        // stiffness: the covered part of the top
   std::vector<float> load;                          // normal impulse over the step, mass·u/s
   // Friction impulse of the last substep along x and y, and its torque about z divided by `arm`; two copies, of which
   // SupportPatch::current is valid.

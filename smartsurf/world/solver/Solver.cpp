@@ -1,11 +1,11 @@
 #include "smartsurf/world/solver/Solver.h"
 
-#include "smartsurf/world/solver/SupportSolver.h"
-
 #include <algorithm>
 #include <cmath>
 #include <cstring>
 #include <numbers>
+
+#include "smartsurf/world/solver/SupportSolver.h"
 
 namespace smartsurf::world {
 namespace {
@@ -475,7 +475,7 @@ void Solver::run_contact_stage(StepContext& context, const Member& member,
     member.arrive();
     run(shared_batches_.own(member, i));
   }
-  if (!has_supports_ || support_stage == SupportStage::kNone) return;
+  if (!has_supports_) return;
   member.wait();
   for_each_own_support(context, [&](SupportPatches& list, SupportPatch& p) {
     const auto row = static_cast<std::size_t>(p.row);

@@ -3,7 +3,8 @@
 //
 // Stages: prepare, warm start; per substep integrate velocities, solve with soft constraints, integrate positions,
 // relax (solve without bias, so that the push-out adds no velocity); storing of impulses and impacts at the end of the
-// step. Impulses carry over from substep to substep and from step to step.
+// step. The contact stages end with the support patches (SupportSolver.h). Impulses carry over from substep to substep
+// and from step to step.
 #pragma once
 
 #include <span>
@@ -80,7 +81,7 @@ class Solver {
   BodyVelocity external_velocity_change(const StepContext&, int row) const;
   void integrate_velocities(StepContext&, bool first);
   void integrate_positions(StepContext&);
-  enum class SupportStage { kNone, kWarmStart, kSolve, kRelax };
+  enum class SupportStage { kWarmStart, kSolve, kRelax };
   void run_contact_stage(StepContext&, const Member&, const ContactKernel (&)[kContactKindCount],
                          float elapsed_s, SupportStage);
   template <class Each>
