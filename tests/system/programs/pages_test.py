@@ -6,7 +6,7 @@ from programs import *
 PAGES = ["README.md", "shm-protocol/PROTOCOL.md"] + sorted(str(p.relative_to(ROOT)) for p in (ROOT / "docs").glob("*.md"))
 # Flags of third-party programs in commands on the pages.
 FOREIGN = {"--build", "--preset", "--target", "--install", "--prefix", "--component", "--cflags", "--libs", "--shm-size",
-           "--time", "--partition"}
+           "--time", "--partition", "--exclusive"}
 # Written by the commands of the pages.
 MADE = ("build/", "out/")
 
@@ -66,7 +66,8 @@ class Pages(ProgramTest):
                 known |= self.flags_of(str(BIN / program), command, "--help")
         for program in ("shm_dump", "fake_surface", "surface_bridge", "device_emulator"):
             known |= self.flags_of(str(BIN / program), "--help")
-        scripts = [p for p in (ROOT / "scripts").iterdir() if p.is_file()] + list((ROOT / "tests/bench").rglob("*.cpp"))
+        scripts = [p for p in (ROOT / "scripts").iterdir() if p.is_file()]
+        scripts += [*(ROOT / "scripts/cluster").iterdir(), *(ROOT / "tests/bench").rglob("*.cpp")]
         for script in scripts:
             known |= set(re.findall(r"--[a-z][a-z-]*", script.read_text()))
         for page in PAGES:

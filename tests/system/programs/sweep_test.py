@@ -1,8 +1,17 @@
-"""scripts/sweep: each grid point runs once, results form one table, interrupted sweeps resume."""
+"""scripts/sweep: each point runs once, results form tables, interrupted sweeps resume; smartsurf.run; cluster engines."""
+import concurrent.futures
 import csv
+import functools
+import multiprocessing
+import pickle
 import shutil
+import sys
 
 from programs import *
+
+sys.path.insert(0, str(ROOT / "python"))
+from smartsurf.run import RunError, run  # noqa: E402
+from smartsurf.sweep import quantile, samples, wilson  # noqa: E402
 
 SWEEP = str(ROOT / "scripts/sweep")
 
@@ -13,8 +22,86 @@ if weight < 0 then error('no such weight') end
 on_finish(function() metric('product', weight * 10) metric('chance', seed_digit) end)
 """
 
+# Like Slurm, sbatch reads the script from standard input and runs it once per array task.
+SBATCH = """#!/bin/sh
+script=$(mktemp) && cat >"$script"
+for word in "$@"; do case $word in --array=1-*) last=${word#--array=1-} last=${last%\\%*} ;; esac; done
+echo "$@" >sbatch.words
+for task in $(seq "$last"); do SLURM_ARRAY_TASK_ID=$task sh "$script"; done
+rm "$script"
+echo 4711
+"""
 
-@unittest.skipUnless(shutil.which("parallel"), "GNU parallel is not installed")
+
+class RunFunction(ProgramTest):
+    """smartsurf.run: statistics as a dict, errors as exceptions, all of it picklable."""
+
+    def setUp(self):
+        super().setUp()
+        self.run = functools.partial(run, self.write("table.lua", TABLE), smartsurf=SMARTSURF, until=0.1)
+
+    def test_returns_statistics_of_seed_and_options(self):
+        first, other = self.run(seed=3, set={"weight": 2.5}), self.run(seed=4)
+        self.assertEqual((first["seed"], first["ticks"], first["metrics"]["product"]), (3, 6, 25))
+        self.assertNotEqual(first["metrics"]["chance"], other["metrics"]["chance"])
+        packed = self.run(seed=3, worlds=2)["runs"]
+        self.assertEqual([r["metrics"]["chance"] for r in packed], [r["metrics"]["chance"] for r in (first, other)])
+
+    def test_runs_in_other_processes(self):
+        with concurrent.futures.ProcessPoolExecutor(1, multiprocessing.get_context("spawn")) as pool:
+            there = [pool.submit(self.run, seed=seed) for seed in (1, 2)]
+            self.assertEqual([t.result()["state_hash"] for t in there], [self.run(seed=s)["state_hash"] for s in (1, 2)])
+            with self.assertRaises(RunError) as caught:
+                pool.submit(self.run, set={"weight": -1}).result()
+        self.assertEqual(caught.exception.status, 2)
+
+    def test_errors_are_one_line_with_status(self):
+        with self.assertRaises(RunError) as caught:
+            self.run(set={"weigth": 1})
+        self.assertEqual(caught.exception.status, 2)
+        self.assertIn("did you mean 'weight'?", str(caught.exception))
+        again = pickle.loads(pickle.dumps(caught.exception))
+        self.assertEqual((str(again), again.status), (str(caught.exception), 2))
+        with self.assertRaises(FileNotFoundError):
+            self.run(smartsurf="no/such/smartsurf")
+
+    def test_timeout_ends_simulator_and_controller(self):
+        mark = self.folder / "pid"
+        with self.assertRaises(RunError) as caught:
+            self.run(until=None, controller=f"echo $$ >{mark}; exec sleep 1000", timeout=1)
+        self.assertEqual((caught.exception.status, str(caught.exception)), (124, "timed out after 1 s"))
+        pid = mark.read_text().strip()
+        self.wait_for(lambda: not pathlib.Path(f"/proc/{pid}").exists(), "the end of the controller")
+
+
+class SweepStatistics(unittest.TestCase):
+    def test_wilson_interval_matches_published_values(self):
+        # Newcombe 1998, table I: 81 of 263, 15 of 148, 0 of 20, 1 of 29.
+        for successes, runs, low, high in ((81, 263, 0.2553, 0.3662), (15, 148, 0.0624, 0.1605), (0, 20, 0, 0.1611),
+                                           (1, 29, 0.0061, 0.1718)):
+            interval = wilson(successes, runs)
+            self.assertAlmostEqual(interval[0], low, places=4)
+            self.assertAlmostEqual(interval[1], high, places=4)
+        self.assertEqual(wilson(0, 0), (0, 1))
+
+    def test_quantiles_interpolate(self):
+        self.assertEqual([quantile([4, 1, 3, 2], q) for q in (0, 0.25, 0.5, 1)], [1, 1.75, 2.5, 4])
+
+    def test_latin_hypercube_has_one_point_per_stratum(self):
+        points = samples([("x", ["-1:1.0"]), ("n", ["0:9"]), ("kind", ["a", "b"])], 10, "latin-hypercube", 7)
+        columns = list(zip(*[[value for _, value in point] for point in points]))
+        self.assertEqual(sorted(int((float(x) + 1) * 5) for x in columns[0]), list(range(10)))
+        self.assertEqual(sorted(columns[1]), [str(n) for n in range(10)])
+        self.assertEqual(sorted(columns[2]), ["a"] * 5 + ["b"] * 5)
+        self.assertNotEqual(points, samples([("x", ["-1:1.0"]), ("n", ["0:9"]), ("kind", ["a", "b"])], 10, "latin-hypercube", 8))
+
+    def test_random_search_covers_range_independently(self):
+        points = samples([("n", ["1:6"])], 600, "random", 1)
+        counts = [points.count((("n", str(face)),)) for face in range(1, 7)]
+        self.assertEqual(sum(counts), 600)
+        self.assertTrue(all(60 < count < 140 for count in counts), counts)
+
+
 class Sweep(ProgramTest):
     def sweep(self, *arguments):
         return self.run_program(SWEEP, self.experiment, "--smartsurf", SMARTSURF, "--until", "0.1", "-o", "out",
@@ -24,8 +111,8 @@ class Sweep(ProgramTest):
         super().setUp()
         self.experiment = self.write("table.lua", TABLE)
 
-    def results(self):
-        with open(self.folder / "out/results.csv", newline="") as file:
+    def results(self, name="results.csv"):
+        with open(self.folder / "out" / name, newline="") as file:
             return list(csv.DictReader(file))
 
     def test_every_point_has_a_row(self):
@@ -62,6 +149,85 @@ class Sweep(ProgramTest):
         self.assertIn("2 runs, 0 done before", out)
         self.assertEqual([float(r["product"]) for r in self.results()], [100, 200])
 
+    def test_summary_has_rates_medians_and_quantiles(self):
+        self.write("table.lua", TABLE.replace("metric('chance'", "metric('success', weight > 1 and seed_digit > 0.2 and 1 or 0) "
+                                                                "metric('chance'"))
+        self.assertEqual(self.sweep("--set", "weight=1,2", "--seeds", "1-5", "--quantiles", "0,0.9")[0], 0)
+        rows, (no, maybe) = self.results(), self.results("summary.csv")
+        self.assertEqual((no["weight"], no["runs"], no["failed"], no["success_rate"], no["success_low"]),
+                         ("1", "5", "0", "0.0", "0.0"))
+        won = sum(float(r["success"]) for r in rows if r["weight"] == "2")
+        self.assertTrue(0 < won < 5, "the seeds give both outcomes")
+        self.assertAlmostEqual(float(maybe["success_rate"]), won / 5)
+        self.assertAlmostEqual(float(maybe["success_high"]), wilson(int(won), 5)[1])
+        chances = sorted(float(r["chance"]) for r in rows if r["weight"] == "2")
+        self.assertEqual(float(maybe["chance.median"]), chances[2])
+        self.assertEqual(float(maybe["chance.q0"]), chances[0])
+        self.assertAlmostEqual(float(maybe["chance.q90"]), chances[3] + 0.6 * (chances[4] - chances[3]))
+
+    def test_packed_worlds_equal_single_runs(self):
+        self.assertEqual(self.sweep("--seeds", "1-3,7", "--worlds", "4", "--record")[0], 0)
+        packed = [(r["seed"], r["chance"], r["state_hash"]) for r in self.results()]
+        provenance = [json.loads((self.folder / f"out/runs/seed={s}/provenance.json").read_text()) for s in (1, 2, 3, 7)]
+        self.assertEqual([p["worlds"] for p in provenance], [3, 3, 3, 1])
+        for seed, _, state_hash in packed:
+            self.assertIn(state_hash, self.run_program(SMARTSURF, "info", f"out/runs/seed={seed}/recording.h5")[1])
+        self.assertEqual(self.sweep("--seeds", "1-3,7", "-o", "single")[0], 0)
+        with open(self.folder / "single/results.csv", newline="") as file:
+            self.assertEqual([(r["seed"], r["chance"], r["state_hash"]) for r in csv.DictReader(file)], packed)
+
+    def test_failing_world_of_a_pack_is_reported_alone(self):
+        self.write("table.lua", TABLE.replace("on_finish", "if seed_digit < 0.5 then error('bad luck') end\non_finish"))
+        status, _, err = self.sweep("--seeds", "2-6", "--worlds", "5")
+        self.assertEqual(status, 1)
+        self.assertIn("bad luck", err)
+        statuses = [r["exit_status"] for r in self.results()]
+        self.assertEqual(set(statuses), {"0", "2"})
+        for row in self.results():
+            self.assertEqual(row["exit_status"] == "0", row["chance"] != "")
+
+    def test_run_that_takes_too_long_is_ended(self):
+        self.write("table.lua", "surface { rows = 4, columns = 4, actuator = pin {} }\n"
+                                "option('weight', 1.0, 'a number') pace('realtime')")
+        status, _, err = self.sweep("--until", "1000", "--timeout", "0.5")
+        self.assertEqual(status, 1)
+        self.assertIn("seed=1: timed out after 0.5 s", err)
+        self.assertEqual(self.results()[0]["exit_status"], "124")
+
+    def test_retry_repeats_failures_only(self):
+        idle = self.write("idle.aps", "repeat(6)\nsurface.step\nendrepeat\n")
+        flaky = self.write("flaky.sh", f"""echo run >>{self.folder}/tries
+[ $(wc -l <{self.folder}/tries) -gt "$1" ] || exit 7
+exec {APRON} run {idle} --shm "$2"
+""")
+        self.assertEqual(self.sweep("--controller", f"sh {flaky} 2 {{shm}}", "--retry", "2")[0], 0)
+        self.assertEqual(json.loads((self.folder / "out/runs/seed=1/provenance.json").read_text())["attempts"], 3)
+        (self.folder / "tries").unlink()
+        self.assertEqual(self.sweep("--controller", f"sh {flaky} 9 {{shm}}", "--retry", "1")[0], 1)
+        self.assertEqual((self.folder / "tries").read_text(), "run\n" * 2)
+
+    def test_samples_are_drawn_once_per_seed_of_the_search(self):
+        words = ("--set", "weight=2:4.0", "--samples", "4", "--seeds", "1-2")
+        self.assertEqual(self.sweep(*words)[0], 0)
+        weights = [float(r["weight"]) for r in self.results()]
+        self.assertEqual(len(weights), 8)
+        self.assertEqual(sorted(int((w - 2) * 2) for w in weights), [0, 0, 1, 1, 2, 2, 3, 3])
+        self.assertIn("8 runs, 8 done before", self.sweep(*words)[1])
+        self.assertIn("8 runs, 0 done before", self.sweep(*words, "--search", "random")[1])
+
+    def test_jsonl_has_statistics_and_provenance(self):
+        self.assertEqual(self.sweep("--set", "weight=3", "--format", "csv,jsonl")[0], 0)
+        (line,) = (self.folder / "out/results.jsonl").read_text().splitlines()
+        one = json.loads(line)
+        self.assertEqual((one["options"], one["seed"], one["stats"]["metrics"]["product"]), ({"weight": "3"}, 1, 30))
+        self.assertEqual(one["provenance"]["host"], os.uname().nodename)
+        all = json.loads((self.folder / "out/provenance.json").read_text())
+        self.assertEqual(all["digest"], one["provenance"]["digest"])
+        self.assertIn("smartsurf ", all["version"])
+        (source,) = all["sources"].items()
+        digest = subprocess.run(["sha256sum", source[0]], capture_output=True, text=True).stdout.split()[0]
+        self.assertEqual(source, (str(pathlib.Path(self.experiment).resolve()), digest))
+
     def sbatch(self, text):
         """Installs the text as sbatch and returns an environment that finds it."""
         (self.folder / "bin").mkdir(exist_ok=True)
@@ -72,31 +238,51 @@ class Sweep(ProgramTest):
 
     def on_slurm(self, environment, *arguments):
         done = subprocess.run([SWEEP, self.experiment, "--smartsurf", SMARTSURF, "--until", "0.1", "-o", "out",
-                               "--slurm=--time=10", *arguments], cwd=self.folder, env=environment, capture_output=True,
+                               *arguments], cwd=self.folder, env=environment, capture_output=True,
                               text=True, timeout=60)
         return done.returncode, done.stdout, done.stderr
 
     def test_slurm_array_runs_each_point_once(self):
-        environment = self.sbatch("""#!/bin/sh
-# Like Slurm, reads the script from standard input and runs it once per array task.
-script=$(mktemp) && cat >"$script"
-for word in "$@"; do case $word in --array=1-*) last=${word#--array=1-} ;; esac; done
-for task in $(seq "$last"); do SLURM_ARRAY_TASK_ID=$task sh "$script"; done
-rm "$script"
-echo 4711
-""")
-        status, out, err = self.on_slurm(environment, "--set", "weight=1,2", "--seeds", "1-2")
+        environment = self.sbatch(SBATCH)
+        status, out, err = self.on_slurm(environment, "--slurm=--time=10", "--set", "weight=1,2", "--seeds", "1-2")
         self.assertEqual(status, 0, err)
         self.assertIn("job 4711: 4 runs", out)
-        status, out, err = self.on_slurm(environment, "--set", "weight=1,2", "--seeds", "1-2")
+        status, out, err = self.on_slurm(environment, "--slurm=--time=10", "--set", "weight=1,2", "--seeds", "1-2")
         self.assertEqual(status, 0, err)
         self.assertIn("4 runs, 4 done before", out)
         self.assertEqual([(r["weight"], r["seed"], float(r["product"])) for r in self.results()],
                          [("1", "1", 10), ("1", "2", 10), ("2", "1", 20), ("2", "2", 20)])
 
+    def test_slurm_accepts_every_spelling_of_its_options(self):
+        environment = self.sbatch(SBATCH)
+        for words, given in ((["--slurm=--time=10"], ["--time=10"]), (["--slurm", "--time=10"], ["--time=10"]),
+                             (["--slurm", "--time=10 --partition=short"], ["--time=10", "--partition=short"]),
+                             (["--slurm=-t 10"], ["-t", "10"]), (["--slurm", "-t 10"], ["-t", "10"]),
+                             (["--slurm", "--time=10", "--exclusive"], ["--time=10", "--exclusive"]),
+                             (["--slurm"], []), (["--slurm", ""], [])):
+            with self.subTest(words):
+                shutil.rmtree(self.folder / "out", ignore_errors=True)
+                status, _, err = self.on_slurm(environment, *words, "--seeds", "1")
+                self.assertEqual(status, 0, err)
+                submitted = (self.folder / "sbatch.words").read_text().split()
+                self.assertEqual(submitted[5:], given)
+
+    def test_slurm_chunks_and_throttle(self):
+        environment = self.sbatch(SBATCH)
+        words = ("--slurm=", "--seeds", "1-5", "--chunk", "2", "--throttle", "7")
+        status, out, err = self.on_slurm(environment, *words)
+        self.assertEqual(status, 0, err)
+        self.assertIn("5 runs in 3 array tasks", out)
+        self.assertIn("--array=1-3%7", (self.folder / "sbatch.words").read_text().split())
+        self.assertIn("5 runs, 5 done before", self.on_slurm(environment, *words)[1])
+        # More runs than an array may have tasks.
+        environment = self.sbatch("#!/bin/sh\necho \"$@\" >sbatch.words\n")
+        self.assertIn("2500 runs in 834 array tasks", self.on_slurm(environment, "--slurm=", "--seeds", "1-2500", "-o", "big")[1])
+        self.assertIn("--array=1-834", (self.folder / "sbatch.words").read_text().split())
+
     def test_slurm_errors_report_one_line(self):
         environment = self.sbatch("#!/bin/sh\necho 'sbatch: error: invalid partition specified: x' >&2\nexit 1\n")
-        status, _, err = self.on_slurm(environment)
+        status, _, err = self.on_slurm(environment, "--slurm=")
         self.assertEqual(status, 2)
         self.assertEqual(err, "sweep: --slurm: sbatch refuses the job: sbatch: error: invalid partition specified: x\n")
 
@@ -119,6 +305,12 @@ echo 4711
         for arguments, message in (
                 (("--seeds", "3-1"), "sweep: --seeds 3-1: must be like 1-10 or 1,2,5"),
                 (("--set", "weight"), "sweep: --set weight: must be NAME=VALUE or NAME=VALUE,VALUE,…"),
+                (("--set", "weight=1,2", "--set", "weight=3"), "sweep: --set weight=3: 'weight' is given twice"),
+                (("--samples", "3"), "sweep: --samples 3: needs the options to sample"),
+                (("--timeout", "-1"), "sweep: --timeout -1: must be a positive number of seconds"),
+                (("--quantiles", "5"), "sweep: --quantiles 5: must be like 0.05,0.95"),
+                (("--format", "xls"), "sweep: --format xls: must be of csv, jsonl and parquet"),
+                (("--search", "grid"), "sweep: argument --search: invalid choice: 'grid'"),
                 (("--jobs", "0"), "sweep: --jobs 0: must be a whole number from 1"),
                 (("--set", "weigth=1"), "did you mean 'weight'?"),
                 (("--x", "size"), "sweep: --x size: must be seed or one of the options of --set (none given)")):

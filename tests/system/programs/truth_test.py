@@ -100,8 +100,8 @@ class Truth(ProgramTest):
         self.assertAlmostEqual(overlap.sphere_depth(numpy.array([0, 0, 1.4]), 0.5, numpy.array([-1, -1, -1]), numpy.array([2, 2, 2])), 0.1)
 
     def test_tasks_on_both_engines(self):
-        if not shutil.which("parallel") or not has_bullet():
-            self.skipTest("needs GNU parallel and Bullet")
+        if not has_bullet():
+            self.skipTest("needs Bullet")
         words = [str(ROOT / "scripts/tasks/engines"), "--task", "magnets", "--seeds", "1", "--smartsurf", SMARTSURF, "-o", "out"]
         status, out, err = self.run_program(*words)
         self.assertEqual(status, 0, err)

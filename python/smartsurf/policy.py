@@ -1,0 +1,219 @@
+"""Policies that every cell executes alike, on its own values and those of its direct neighbours.
+
+`LocalPolicy` is a small convolutional network whose kernels are crosses: own cell, north, east, south, west. In NumPy it
+acts on the sensor arrays of an environment; `export_policy` writes it as an APRON program that passes `apron check
+--profile local` and gives the same commands to the bit.
+"""
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+TAPS = ("own", "north", "east", "south", "west")
+# Places of the taps in a 3×3 kernel, row 0 north.
+_CROSS = ((1, 1), (0, 1), (1, 2), (2, 1), (1, 0))
+
+
+class Action(NamedTuple):
+    """A command channel and the range of its values."""
+    channel: str
+    low: float
+    high: float
+
+
+def cross(kernel: np.ndarray) -> np.ndarray:
+    """(out, in, 3, 3) or (out, in, 1, 1), as torch.nn.Conv2d.weight → (out, in, 5), in the order of TAPS.
+
+    Raises ValueError if a corner is not 0: diagonal neighbours are not local."""
+    kernel = np.asarray(kernel, np.float32)
+    if kernel.ndim != 4 or kernel.shape[2:] not in ((1, 1), (3, 3)):
+        raise ValueError(f"kernels must have the shape (out, in, 3, 3) or (out, in, 1, 1), not {kernel.shape}")
+    weights = np.zeros((*kernel.shape[:2], 5), np.float32)
+    if kernel.shape[2] == 1:
+        weights[:, :, 0] = kernel[:, :, 0, 0]
+        return weights
+    if kernel[:, :, ::2, ::2].any():
+        raise ValueError("the corners of a kernel must be 0: a cell reads only its north, east, south and west neighbours")
+    for tap, (row, column) in enumerate(_CROSS):
+        weights[:, :, tap] = kernel[:, :, row, column]
+    return weights
+
+
+class LocalPolicy:
+    """A network of layers of cross-shaped kernels, with rectification (max(x, 0)) between them.
+
+    inputs: sensor channels by their APRON names ('proximity', 'colour.r'), or 'row' and 'column': the cell's position
+        relative to the centre of the array, in cells, southward and eastward.
+    actions: the command channels; the first outputs of the last layer, clamped to low … high.
+    layers: pairs of weights, shape (out, in, 5) in the order of TAPS, and biases, shape (out,); float32. The inputs of
+        the first layer are `inputs`, then the memory.
+    memory: number of further outputs of the last layer, clamped to −1 … 1, which are inputs of the next tick. They are 0
+        at first. With them information travels one cell per layer and tick.
+
+    Beyond the edge all values are 0. All arithmetic is float32, in this order: the bias, then for each input, for each
+    tap, plus input times weight, rounded after each operation; weights of 0 are skipped.
+    """
+
+    def __init__(self, inputs: Sequence[str], actions: Sequence[tuple[str, float, float]],
+                 layers: Sequence[tuple[np.ndarray, np.ndarray]], memory: int = 0):
+        self.inputs, self.actions, self.memory = tuple(inputs), tuple(Action(*a) for a in actions), memory
+        self.layers = [(np.array(w, np.float32), np.array(b, np.float32)) for w, b in layers]
+        width = len(self.inputs) + memory
+        for number, (weights, biases) in enumerate(self.layers):
+            if weights.ndim != 3 or weights.shape[1:] != (width, 5) or biases.shape != weights.shape[:1]:
+                raise ValueError(f"layer {number}: weights {weights.shape} and biases {biases.shape} must be (out, {width}, 5) "
+                                 "and (out,)")
+            if not (np.isfinite(weights).all() and np.isfinite(biases).all()):
+                raise ValueError(f"layer {number}: weights and biases must be finite")
+            width = len(biases)
+        if width != len(self.actions) + memory:
+            raise ValueError(f"the last layer has {width} outputs, not {len(self.actions)} actions and {memory} of memory")
+        self.reset()
+
+    @staticmethod
+    def parameters(inputs: int, actions: int, hidden: Sequence[int] = (), memory: int = 0) -> int:
+        """The number of weights and biases of a network of these sizes."""
+        sizes = [inputs + memory, *hidden, actions + memory]
+        return sum(n * (5 * m + 1) for m, n in zip(sizes, sizes[1:]))
+
+    @classmethod
+    def from_vector(cls, vector: np.ndarray, inputs: Sequence[str], actions: Sequence[tuple[str, float, float]],
+                    hidden: Sequence[int] = (), memory: int = 0) -> LocalPolicy:
+        """The network whose weights, then biases, layer by layer, are the vector's values."""
+        sizes, layers, at = [len(inputs) + memory, *hidden, len(actions) + memory], [], 0
+        if len(vector) != cls.parameters(len(inputs), len(actions), hidden, memory):
+            raise ValueError(f"{len(vector)} parameters; this network has "
+                             f"{cls.parameters(len(inputs), len(actions), hidden, memory)}")
+        for m, n in zip(sizes, sizes[1:]):
+            layers.append((np.reshape(vector[at:at + 5 * m * n], (n, m, 5)), vector[at + 5 * m * n:at + n * (5 * m + 1)]))
+            at += n * (5 * m + 1)
+        return cls(inputs, actions, layers, memory)
+
+    def reset(self) -> None:
+        """Forgets: the memory is 0 again."""
+        self._memory = [np.float32(0)] * self.memory
+
+    def __call__(self, observation: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
+        """One tick. observation: channel → array (…, rows, columns); 'colour.r' is also found as component 0, 1 or 2 of an
+        array 'colour' of shape (…, 3, rows, columns). Returns channel → float32 array (…, rows, columns)."""
+        sensed = {name: _plane(observation, name) for name in self.inputs if name not in ("row", "column")}
+        shape = next(iter(sensed.values())).shape if sensed else next(iter(observation.values())).shape
+        planes = [sensed[name] if name in sensed else _coordinate(name, shape) for name in self.inputs]
+        planes += [np.broadcast_to(m, shape) for m in self._memory]
+        with np.errstate(over="ignore", invalid="ignore"):
+            for number, (weights, biases) in enumerate(self.layers):
+                planes = _convolve(planes, weights, biases)
+                if number + 1 < len(self.layers):
+                    planes = [np.maximum(p, np.float32(0)) for p in planes]
+        self._memory = [_clamp(p, -1, 1) for p in planes[len(self.actions):]]
+        return {a.channel: _clamp(p, a.low, a.high) for a, p in zip(self.actions, planes)}
+
+
+def _plane(observation, name):
+    if name in observation:
+        return np.asarray(observation[name], np.float32)
+    channel, dot, component = name.rpartition(".")
+    if channel in observation and component in ("r", "g", "b"):
+        return np.asarray(observation[channel], np.float32)[..., "rgb".index(component), :, :]
+    raise KeyError(f"there is no sensor '{name}' in the observation; there are {', '.join(observation)}")
+
+
+def _coordinate(name, shape):
+    rows, columns = shape[-2:]
+    if name == "row":
+        return np.broadcast_to((np.arange(rows, dtype=np.float32) - np.float32((rows - 1) * 0.5))[:, None], shape)
+    return np.broadcast_to(np.arange(columns, dtype=np.float32) - np.float32((columns - 1) * 0.5), shape)
+
+
+def _neighbour(plane, tap):
+    """The value of that neighbour, 0 beyond the edge."""
+    if tap == 0:
+        return plane
+    row, column = (place - 1 for place in _CROSS[tap])
+    rows, columns = plane.shape[-2:]
+    padded = np.zeros((*plane.shape[:-2], rows + 2, columns + 2), np.float32)
+    padded[..., 1:-1, 1:-1] = plane
+    return padded[..., 1 + row:1 + row + rows, 1 + column:1 + column + columns]
+
+
+def _convolve(planes, weights, biases):
+    taps = [[_neighbour(plane, tap) for tap in range(5)] for plane in planes]
+    outputs = []
+    for kernel, bias in zip(weights, biases):
+        total = np.full(planes[0].shape, bias + np.float32(0), np.float32)
+        for neighbours, row in zip(taps, kernel):
+            for plane, weight in zip(neighbours, row):
+                if weight != 0:
+                    total = total + plane * weight
+        outputs.append(total)
+    return outputs
+
+
+def _clamp(plane, low, high):
+    return np.minimum(np.maximum(plane, np.float32(low)), np.float32(high))
+
+
+def export_policy(policy: LocalPolicy, path: str | os.PathLike, title: str = "A learned local policy.") -> None:
+    """Writes the policy as an APRON program, which commands the surface tick by tick like policy(observation).
+
+    The program passes `apron check --profile local`, works on arrays of any size, and gives the same float32 commands to
+    the bit. title: the program's first line, a comment."""
+    registers: list[str] = []
+    body: list[str] = []
+
+    def register(name):
+        registers.append(name)
+        return name
+
+    planes = []
+    for k, name in enumerate(policy.inputs):
+        plane = register(f"IN{k}")
+        if name in ("row", "column"):
+            cell, size = ("cell.row", "SURFACE_HEIGHT") if name == "row" else ("cell.col", "SURFACE_WIDTH")
+            body.append(f"{plane} = {cell} - ({size} - 1) * 0.5")
+        else:
+            body.append(f"{plane} = surface.sense('{name}')")
+        planes.append(plane)
+    memory = [register(f"MEMORY{k}") for k in range(policy.memory)]
+    planes += memory
+    for number, (weights, biases) in enumerate(policy.layers):
+        last = number + 1 == len(policy.layers)
+        body.append(f"// Layer {number + 1} of {len(policy.layers)}")
+        outputs = [register(f"{'OUT' if last else f'LAYER{number + 1}_'}{k}") for k in range(len(biases))]
+        for output, bias in zip(outputs, biases):
+            body.append(f"{output} = {_literal(bias + np.float32(0))}")
+        # Input by input, so that each neighbour is read once for all outputs.
+        for k, plane in enumerate(planes):
+            for tap, direction in enumerate(TAPS):
+                if not weights[:, k, tap].any():
+                    continue
+                source = plane
+                if tap:
+                    source = "NEAR"
+                    body.append(f"NEAR = {direction}({plane})")
+                for output, weight in zip(outputs, weights[:, k, tap]):
+                    if weight != 0:
+                        body.append(f"{output} = {output} + {source} * {_literal(weight)}")
+        if not last:
+            body += [f"{output} = max({output}, 0)" for output in outputs]
+        planes = outputs
+    for action, output in zip(policy.actions, planes):
+        body.append(f"surface.actuate('{action.channel}', min(max({output}, {_literal(action.low)}), {_literal(action.high)}))")
+    for name, output in zip(memory, planes[len(policy.actions):]):
+        body.append(f"{name} = min(max({output}, -1), 1)")
+    body.append("surface.step")
+    lines = [f"// {line}" for line in title.splitlines()]
+    lines += [f"!register({', '.join([*registers, 'NEAR'])})", "", "boundary('zero')"]
+    lines += [f"{name} = 0" for name in memory]
+    lines += ["while(1)", *(f"  {line}" for line in body), "endwhile"]
+    with open(path, "w") as file:
+        file.write("\n".join(lines) + "\n")
+
+
+def _literal(value: float) -> str:
+    """The float32 value, exactly."""
+    text = repr(float(np.float32(value)))
+    return text.removesuffix(".0")

@@ -1,0 +1,138 @@
+"""One run of the simulator as a function call.
+
+`run` starts the program `smartsurf`, waits for it and returns its statistics. The function, its arguments, results and
+errors can be pickled, so that Dask, Ray, joblib, concurrent.futures or a Slurm job can execute it elsewhere. It needs the
+standard library only.
+"""
+from __future__ import annotations
+
+import json
+import os
+import pathlib
+import shutil
+import subprocess
+import tempfile
+from collections.abc import Mapping
+from typing import Any
+
+TIMED_OUT = 124  # the exit status of timeout(1)
+_GRACE_S = 5.0   # between SIGTERM and SIGKILL
+
+_running: set[subprocess.Popen] = set()
+
+
+class RunError(RuntimeError):
+    """A run that failed. Its text is the simulator's one-line message.
+
+    status: the exit status: 1 failure, 2 invalid input, 3 lost controller, 124 timed out, -n ended by signal n.
+    """
+
+    def __init__(self, message: str, status: int):
+        super().__init__(message, status)
+        self.status = status
+
+    def __str__(self) -> str:
+        return self.args[0]
+
+
+def program(given: str | os.PathLike | None = None) -> str:
+    """The path of the program smartsurf: the given one, else $SMARTSURF, this checkout's build, or that of PATH.
+
+    Raises FileNotFoundError if there is none."""
+    built = pathlib.Path(__file__).resolve().parents[2] / "build/release/bin/smartsurf"
+    name = os.fspath(given) if given else os.environ.get("SMARTSURF") or (str(built) if built.exists() else "smartsurf")
+    path = shutil.which(name)
+    if not path:
+        raise FileNotFoundError(f"{name}: no such program (scripts/build makes it)")
+    return os.path.abspath(path)
+
+
+def _text(value: Any) -> str:
+    return str(value).lower() if isinstance(value, bool) else str(value)
+
+
+def command(experiment: str | os.PathLike, controller: str | None = None, seed: int | None = None,
+            set: Mapping[str, Any] | None = None, *, until: float | None = None, engine: str | None = None,
+            threads: int | None = None, worlds: int | None = None, record: str | os.PathLike | None = None,
+            smartsurf: str | os.PathLike | None = None) -> list[str]:
+    """The command line of a run; arguments as in `run`."""
+    words = [program(smartsurf), "run", os.fspath(experiment)]
+    words += ["--controller", os.fspath(controller)] if controller else ["--no-controller"]
+    for name, value in (("seed", seed), ("until", until), ("engine", engine), ("threads", threads), ("worlds", worlds),
+                        ("record", record)):
+        words += [] if value is None else [f"--{name}", _text(value)]
+    for name, value in (set or {}).items():
+        words += ["--set", f"{name}={_text(value)}"]
+    return words
+
+
+def execute(words: list[str], timeout: float | None = None) -> tuple[int, dict | None, str]:
+    """Runs the command → exit status, statistics (None if there are none), what it wrote to stdout and then stderr.
+
+    A run longer than timeout (wall-clock seconds) is ended; its status is 124."""
+    with tempfile.TemporaryDirectory(prefix="smartsurf-run-") as folder:
+        stats = pathlib.Path(folder, "stats.json")
+        with open(pathlib.Path(folder, "out"), "w+b") as out, open(pathlib.Path(folder, "err"), "w+b") as err:
+            process = subprocess.Popen([*words, "--stats", str(stats)], stdin=subprocess.DEVNULL, stdout=out, stderr=err)
+            _running.add(process)
+            try:
+                status = process.wait(timeout)
+            except subprocess.TimeoutExpired:
+                status = TIMED_OUT
+            finally:
+                _end(process)
+                _running.discard(process)
+            texts = []
+            for file in (out, err):
+                file.seek(0)
+                texts.append(file.read().decode(errors="replace"))
+        if status == TIMED_OUT:
+            texts.append(f"timed out after {timeout:g} s\n")
+        try:
+            return status, json.loads(stats.read_text()), "".join(texts)
+        except (OSError, ValueError):
+            return status, None, "".join(texts)
+
+
+def _end(process: subprocess.Popen) -> None:
+    if process.poll() is not None:
+        return
+    process.terminate()  # the simulator ends its controller
+    try:
+        process.wait(_GRACE_S)
+    except subprocess.TimeoutExpired:
+        process.kill()
+        process.wait()
+
+
+def end_all() -> None:
+    """Ends the simulators that other threads of this process wait for."""
+    for process in list(_running):
+        process.terminate()
+
+
+def run(experiment: str | os.PathLike, controller: str | None = None, seed: int | None = None,
+        set: Mapping[str, Any] | None = None, *, until: float | None = None, engine: str | None = None,
+        threads: int | None = None, worlds: int | None = None, record: str | os.PathLike | None = None,
+        timeout: float | None = None, smartsurf: str | os.PathLike | None = None) -> dict[str, Any]:
+    """Runs an experiment to its end and returns the statistics of `smartsurf run --stats`.
+
+    experiment: the Lua file.
+    controller: an APRON program, or a command in which {shm} is the surface's name; None: the script commands the cells.
+    seed: overrides the script's seed.
+    set: options of the script and their values.
+    until: simulated seconds; None: until the script or the controller ends the run.
+    engine: 'native' or 'bullet'; None: the script's.
+    threads: of the simulator; results do not depend on it.
+    worlds: this many copies with consecutive seeds in one process; the result's 'runs' lists their statistics.
+    record: an HDF5 or CSV file to record to.
+    timeout: wall-clock seconds after which the run is ended.
+    smartsurf: the program; None: as `program` finds it.
+
+    The script's metrics are in the result's 'metrics'. Raises RunError if the run fails, FileNotFoundError if there is no
+    program."""
+    status, stats, log = execute(command(experiment, controller, seed, set, until=until, engine=engine, threads=threads,
+                                         worlds=worlds, record=record, smartsurf=smartsurf), timeout)
+    if status != 0 or stats is None:
+        raise RunError((log.strip().splitlines() or [f"smartsurf ended with status {status}"])[-1], status)
+    return stats

@@ -1,0 +1,323 @@
+"""Sweeps: points of a search space, their execution into folders, and tables of their results.
+
+`scripts/sweep` is the command line. A task is a plain dict, so that an array job can read it from a file:
+
+    python3 -m smartsurf.sweep TASKS.jsonl INDEX CHUNK     executes the INDEX-th CHUNK of tasks, counted from 1
+"""
+from __future__ import annotations
+
+import csv
+import datetime
+import hashlib
+import itertools
+import json
+import math
+import pathlib
+import platform
+import random
+import re
+import shlex
+import statistics
+import sys
+import time
+from collections.abc import Iterable, Iterator, Sequence
+
+from .run import command, execute as execute_command
+
+Options = tuple[tuple[str, str], ...]
+
+
+# Points
+
+def grid(axes: Sequence[tuple[str, list[str]]]) -> list[Options]:
+    """All combinations of the values of each option."""
+    return [tuple(zip((name for name, _ in axes), values))
+            for values in itertools.product(*(values for _, values in axes))]
+
+
+def samples(axes: Sequence[tuple[str, list[str]]], count: int, method: str, seed: int) -> list[Options]:
+    """count points. method: 'random' draws independently; 'latin-hypercube' draws one point in each of count equal
+    strata of each option (McKay, Beckman, Conover 1979). A value 'LOW:HIGH' is a range: of integers, both included, if
+    both are written as integers; other values are drawn from their list with equal probability."""
+    source = random.Random(seed)
+    columns = []
+    for _, values in axes:
+        if method == "random":
+            columns.append([_at(values, source.random()) for _ in range(count)])
+        else:
+            strata = [(k + source.random()) / count for k in range(count)]
+            source.shuffle(strata)
+            columns.append([_at(values, share) for share in strata])
+    return [tuple(zip((name for name, _ in axes), point)) for point in zip(*columns)]
+
+
+def bounds(value: str) -> tuple[float, float] | None:
+    """'LOW:HIGH' → (LOW, HIGH); None for anything else."""
+    try:
+        low, high = map(float, value.split(":"))
+    except ValueError:
+        return None
+    return (low, high) if math.isfinite(low) and math.isfinite(high) and low <= high else None
+
+
+def _at(values: list[str], share: float) -> str:
+    """The value at share in [0, 1) of the option's distribution."""
+    limits = bounds(values[0]) if len(values) == 1 else None
+    if limits is None:
+        return values[min(int(share * len(values)), len(values) - 1)]
+    low, high = limits
+    if re.fullmatch(r"[+-]?\d+:[+-]?\d+", values[0]):
+        return str(min(int(low) + int(share * (int(high) - int(low) + 1)), int(high)))
+    return f"{low + share * (high - low):.9g}"
+
+
+# Provenance
+
+def sources(path: pathlib.Path, known: dict[pathlib.Path, bytes] | None = None) -> dict[pathlib.Path, bytes]:
+    """The file and, recursively, the files beside it that it names in quotes: what it requires, includes and loads."""
+    known = {} if known is None else known
+    if path in known or not path.is_file():
+        return known
+    known[path] = path.read_bytes()
+    if path.suffix not in (".lua", ".aps"):
+        return known
+    for word in re.findall(r"['\"]([^'\"\n]+)['\"]", known[path].decode(errors="replace")):
+        for name in (word, word.replace(".", "/") + ".lua", word + ".aps"):
+            if len(name) < 200:
+                sources(path.parent / name, known)
+    return known
+
+
+def provenance(version: str, experiment: str, controller: str | None, settings: Iterable[str]) -> dict:
+    """The version, the sources with their SHA-256, and the digest of all that results depend on besides options and
+    seed."""
+    files = sources(pathlib.Path(experiment).resolve())
+    for word in shlex.split(controller or ""):
+        sources(pathlib.Path(word).resolve(), files)
+    digest = hashlib.sha256()
+    for text in (version, controller or "", *settings):
+        digest.update(text.encode() + b"\0")
+    for path in sorted(files):
+        digest.update(path.name.encode() + b"\0" + files[path] + b"\0")
+    return {"version": version, "digest": digest.hexdigest()[:16],
+            "sources": {str(path): hashlib.sha256(text).hexdigest() for path, text in sorted(files.items())}}
+
+
+# Execution
+
+class Point:
+    """One point of the search space with one seed, and its folder."""
+
+    def __init__(self, out: pathlib.Path, options: Options, seed: int, digest: str):
+        self.options, self.seed, self.digest = options, seed, digest
+        name = ",".join([f"{k}={v}" for k, v in options] + [f"seed={seed}"])
+        self.folder = out / "runs" / name.replace("/", "_")
+
+    def status(self) -> int | None:
+        """The exit status; None: not run yet, or with other sources."""
+        try:
+            status, digest = (self.folder / "status").read_text().split()
+            return int(status) if digest == self.digest else None
+        except (OSError, ValueError):
+            return None
+
+    def read(self, name: str) -> dict:
+        """One of the folder's JSON files; empty if there is none."""
+        try:
+            return json.loads((self.folder / name).read_text())
+        except (OSError, ValueError):
+            return {}
+
+    def figures(self) -> dict:
+        """The statistics, nested names joined by dots, metrics by their own names; empty if not run."""
+        if self.status() is None:
+            return {}
+        flat = {}
+
+        def walk(prefix, value):
+            if isinstance(value, dict):
+                for key, inner in value.items():
+                    walk(f"{prefix}.{key}" if prefix else key, inner)
+            else:
+                flat[prefix] = value
+
+        walk("", self.read("stats.json"))
+        return {k.removeprefix("metrics."): v for k, v in flat.items() if k not in ("seed", "experiment")}
+
+    def message(self) -> str:
+        """The last line of the run's log."""
+        try:
+            return ((self.folder / "log").read_text().strip().splitlines() or ["no message"])[-1]
+        except OSError:
+            return "no message"
+
+
+def tasks(points: Sequence[Point], arguments: dict, worlds: int = 1, timeout: float | None = None, retry: int = 0,
+          record: bool = False) -> list[dict]:
+    """Packs points with equal options and consecutive seeds into tasks of up to `worlds` points."""
+    packs: list[list[Point]] = []
+    for point in points:
+        last = packs[-1] if packs else []
+        if last and len(last) < worlds and last[-1].options == point.options and last[-1].seed + 1 == point.seed:
+            last.append(point)
+        else:
+            packs.append([point])
+    return [{"arguments": {**arguments, "set": dict(pack[0].options)}, "seed": pack[0].seed, "digest": pack[0].digest,
+             "folders": [str(p.folder) for p in pack], "timeout": timeout, "retry": retry, "record": record}
+            for pack in packs]
+
+
+def execute(task: dict) -> None:
+    """Runs a task and writes each run's stats.json, log, provenance.json and, last, its status.
+
+    A pack is one process. If it fails, its runs are repeated one by one, so that each has its own status and log."""
+    folders = [pathlib.Path(folder) for folder in task["folders"]]
+    for folder in folders:
+        folder.mkdir(parents=True, exist_ok=True)
+        for name in ("status", "stats.json"):
+            (folder / name).unlink(missing_ok=True)
+    pack = {"worlds": len(folders)} if len(folders) > 1 else {}
+    record = {"record": str(folders[0] / "recording.h5")} if task["record"] else {}
+    words = command(**task["arguments"], seed=task["seed"], **pack, **record)
+    started, start = datetime.datetime.now(datetime.timezone.utc).isoformat(timespec="seconds"), time.monotonic()
+    for attempt in range(1, task["retry"] + 2):
+        status, stats, log = execute_command(words, task["timeout"])
+        if status in (0, 2):  # invalid input stays invalid
+            break
+    if pack and status != 0:
+        for k, folder in enumerate(folders):
+            execute({**task, "seed": task["seed"] + k, "folders": [str(folder)]})
+        return
+    for k, folder in enumerate(folders):
+        if pack and record:
+            (folders[0] / f"recording-{k}.h5").replace(folder / "recording.h5")
+        if stats is not None:
+            (folder / "stats.json").write_text(json.dumps(stats["runs"][k] if pack else stats, indent=2) + "\n")
+        (folder / "log").write_text(log)
+        (folder / "provenance.json").write_text(json.dumps({
+            "host": platform.node(), "platform": platform.platform(), "started": started,
+            "wall_s": round(time.monotonic() - start, 3), "attempts": attempt, "worlds": len(folders),
+            "digest": task["digest"], "command": shlex.join(words)}, indent=2) + "\n")
+        (folder / "status").write_text(f"{status} {task['digest']}\n")
+
+
+# Tables
+
+def wilson(successes: int, runs: int, confidence: float = 0.95) -> tuple[float, float]:
+    """Wilson's score interval of a success rate (Wilson 1927). (0, 1) without runs."""
+    if runs == 0:
+        return 0.0, 1.0
+    z = statistics.NormalDist().inv_cdf(0.5 + confidence / 2)
+    rate, scale = successes / runs, 1 + z * z / runs
+    middle = (rate + z * z / (2 * runs)) / scale
+    half = z / scale * math.sqrt(rate * (1 - rate) / runs + z * z / (4 * runs * runs))
+    return max(0.0, middle - half), min(1.0, middle + half)
+
+
+def quantile(values: Sequence[float], share: float) -> float:
+    """The quantile, interpolated linearly between order statistics (as NumPy's default)."""
+    ordered = sorted(values)
+    place = share * (len(ordered) - 1)
+    low = math.floor(place)
+    return ordered[low] + (ordered[math.ceil(place)] - ordered[low]) * (place - low)
+
+
+def rows(points: Iterable[Point]) -> list[dict]:
+    """One dict per point: options, seed, exit_status, figures. A metric with the name of an option is metrics.NAME."""
+    table = []
+    for p in points:
+        row = {**dict(p.options), "seed": p.seed, "exit_status": p.status()}
+        table.append({**row, **{f"metrics.{k}" if k in row else k: v for k, v in p.figures().items()}})
+    return table
+
+
+def summary(points: Sequence[Point], success: str, shares: Sequence[float]) -> list[dict]:
+    """One dict per combination of options: number of runs and of failed ones; rate and 95 % Wilson interval of the
+    completed runs whose figure `success` is 1; median and quantiles of each numeric figure over the completed runs."""
+    groups: dict[Options, list[Point]] = {}
+    for point in points:
+        groups.setdefault(point.options, []).append(point)
+    table = []
+    for options, members in groups.items():
+        done = [p.figures() for p in members if p.status() == 0]
+        row = {**dict(options), "runs": len(members), "failed": len(members) - len(done)}
+        outcomes = [f[success] for f in done if is_number(f.get(success))]
+        if outcomes:
+            won = sum(value == 1 for value in outcomes)
+            low, high = wilson(won, len(outcomes))
+            row |= {"success_rate": won / len(outcomes), "success_low": low, "success_high": high}
+        for name in dict.fromkeys(key for figures in done for key in figures):
+            values = [f[name] for f in done if is_number(f.get(name))]
+            if values:
+                row[f"{name}.median"] = statistics.median(values)
+                row |= {f"{name}.q{100 * share:g}": quantile(values, share) for share in shares}
+        table.append(row)
+    return table
+
+
+def is_number(value: object) -> bool:
+    return isinstance(value, (int, float)) and not isinstance(value, bool)
+
+
+def columns(table: Iterable[dict]) -> list[str]:
+    return list(dict.fromkeys(key for row in table for key in row))
+
+
+def write_csv(path: pathlib.Path, table: Sequence[dict]) -> None:
+    names = columns(table)
+    part = path.with_name(path.name + ".part")
+    with part.open("w", newline="") as file:
+        writer = csv.writer(file)
+        writer.writerow(names)
+        writer.writerows(["" if row.get(name) is None else row[name] for name in names] for row in table)
+    part.replace(path)
+
+
+def write_jsonl(path: pathlib.Path, points: Iterable[Point]) -> None:
+    """One object per point: options, seed, exit_status, stats, provenance."""
+    part = path.with_name(path.name + ".part")
+    with part.open("w") as file:
+        for p in points:
+            known = p.status() is not None
+            file.write(json.dumps({"options": dict(p.options), "seed": p.seed, "exit_status": p.status(),
+                                   "stats": p.read("stats.json") if known else {},
+                                   "provenance": p.read("provenance.json") if known else {}}) + "\n")
+    part.replace(path)
+
+
+def write_parquet(path: pathlib.Path, table: Sequence[dict], provenance: dict) -> None:
+    """The rows as typed columns, the provenance in the file's metadata. Needs pyarrow: raises ImportError without."""
+    import pyarrow
+    import pyarrow.parquet
+    arrays = {}
+    for name in columns(table):
+        values = [row.get(name) for row in table]
+        if all(isinstance(v, str) and _is_numeric(v) for v in values):  # an option
+            values = [float(v) for v in values]
+        elif any(isinstance(v, str) for v in values):
+            values = [None if v is None else str(v) for v in values]
+        elif any(isinstance(v, float) for v in values):
+            values = [None if v is None else float(v) for v in values]
+        arrays[name] = pyarrow.array(values)
+    metadata = {"smartsurf.provenance": json.dumps(provenance)}
+    part = path.with_name(path.name + ".part")
+    pyarrow.parquet.write_table(pyarrow.table(arrays).replace_schema_metadata(metadata), part)
+    part.replace(path)
+
+
+def _is_numeric(text: str) -> bool:
+    try:
+        float(text)
+        return True
+    except ValueError:
+        return False
+
+
+def read_tasks(path: pathlib.Path, index: int, chunk: int) -> Iterator[dict]:
+    with path.open() as file:
+        yield from map(json.loads, itertools.islice(file, (index - 1) * chunk, index * chunk))
+
+
+if __name__ == "__main__":
+    for one in read_tasks(pathlib.Path(sys.argv[1]), int(sys.argv[2]), int(sys.argv[3])):
+        execute(one)
