@@ -13,6 +13,7 @@
 #include "apron/vm/DecodedInstruction.h"
 #include "apron/vm/Executor.h"
 #include "apron/vm/Host.h"
+#include "apron/vm/InstructionSet.h"
 #include "apron/vm/MaskStack.h"
 #include "apron/vm/Plane.h"
 #include "apron/vm/PlaneStore.h"
@@ -28,7 +29,9 @@ struct VmOptions {
   std::size_t parallel_cells = std::size_t{1} << 15;
   // Polled between instructions, so that a signal handler can stop an endless loop; may be null.
   const std::atomic<bool>* stop = nullptr;
-  // Null selects the best instruction set of this CPU.
+  // The CPU must support it. Never changes a result.
+  InstructionSet isa = best_instruction_set();
+  // Null selects the kernels of `isa`; for tests.
   const KernelTable* kernels = nullptr;
   // Never changes a result.
   FusionOptions fusion{};

@@ -143,6 +143,7 @@ struct RunResult {
 RunResult run_headless(const Options& options, program::Program program, LocalHost& host) {
   vm::VmOptions vm_options;
   vm_options.threads = options.threads;
+  vm_options.isa = options.isa;
   vm_options.stop = &common::stop_flag();
   vm_options.enable_profiling = !options.profile.empty();
   // Only the monitor reads registers that the program itself no longer uses.

@@ -47,7 +47,7 @@ CLI::Validator seconds_validator() {
 // Options as typed by the user, before validation.
 struct RawOptions {
   Options options;
-  std::string size, profile;
+  std::string size, profile, isa;
   std::vector<std::string> sets;
   std::string geometry;
   std::vector<std::string> screenshots;
@@ -99,6 +99,30 @@ void add_execution_options(CLI::App& run, RawOptions& raw) {
                  "worker threads for large arrays; results do not depend on it [1]")
       ->type_name("N")
       ->check(whole_number_validator(1, 256));
+  run.add_option("--isa", raw.isa,
+                 "vector instructions: avx512, avx2, or portable, which is what other CPUs use; results do not "
+                 "depend on it [" +
+                     std::string(vm::instruction_set_name(vm::best_instruction_set())) + "]")
+      ->type_name("NAME");
+}
+
+// The second line of --version.
+std::string array_code_description() {
+  const vm::InstructionSet best = vm::best_instruction_set();
+  return best == vm::InstructionSet::kPortable
+             ? "array code: portable; machine code is generated for AVX-512 and AVX2, which this computer lacks"
+             : "array code: " + std::string(vm::instruction_set_name(best));
+}
+
+void parse_instruction_set(RawOptions& raw) {
+  if (raw.isa.empty()) return;
+  const std::optional<vm::InstructionSet> isa = vm::find_instruction_set(raw.isa);
+  if (!isa) throw CLI::ValidationError("--isa", "'" + raw.isa + "' is not avx512, avx2 or portable");
+  if (!vm::is_supported(*isa))
+    throw CLI::ValidationError(
+        "--isa", "this computer does not have " + raw.isa + "; its best is " +
+                     std::string(vm::instruction_set_name(vm::best_instruction_set())));
+  raw.options.isa = *isa;
 }
 
 void add_format_options(CLI::App& format, RawOptions& raw) {
@@ -225,6 +249,7 @@ void validate_ui_options(RawOptions& raw) {
 }
 
 void validate_run_options(RawOptions& raw) {
+  parse_instruction_set(raw);
   validate_ui_options(raw);
   if (!raw.options.cost_model.empty() && raw.options.profile.empty())
     throw CLI::ValidationError("--cost-model", "requires --profile FILE, which receives the estimate");
@@ -252,7 +277,7 @@ void require_known_subcommand(CLI::App& app, const std::string& name) {
 
 ParsedOptions parse_options(int argc, char** argv) {
   CLI::App app("APRON: runs array-processing programs, stand-alone or on a smart surface", "apron");
-  app.set_version_flag("--version", "apron " SMARTSURF_VERSION);
+  app.set_version_flag("--version", "apron " SMARTSURF_VERSION "\n" + array_code_description());
   app.require_subcommand(1);
   app.footer(kFooter);
   RawOptions raw;
@@ -287,8 +312,10 @@ ParsedOptions parse_options(int argc, char** argv) {
                              : repl.parsed()   ? Subcommand::kRepl
                              : import.parsed() ? Subcommand::kImport
                                                : Subcommand::kDisassemble;
-    if (repl.parsed())
+    if (repl.parsed()) {
+      parse_instruction_set(raw);
       for (const std::string& set : raw.sets) parse_parameter(raw, set);
+    }
     return {raw.options, std::nullopt};
   } catch (const CLI::Success& success) {
     return {raw.options, app.exit(success)};

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "apron/run/host/LocalHost.h"
+#include "apron/vm/InstructionSet.h"
 #include "common/process/ExitStatus.h"
 
 namespace apron::run {
@@ -37,6 +38,7 @@ struct Options {
   std::optional<std::uint64_t> ticks;
   Parameters parameters;
   unsigned threads = 1;
+  vm::InstructionSet isa = vm::best_instruction_set();
   bool reconnect = false;
   bool local_profile = false;
   std::vector<std::string> include_paths;

@@ -253,6 +253,7 @@ Repl::Outcome Repl::compile_and_run(const std::string& text, std::string& report
   }
   vm::VmOptions options;
   options.threads = options_.threads;
+  options.isa = options_.isa;
   options.stop = &common::stop_flag();
   vm::Vm vm(std::move(*result.program), options, host);
   const vm::Status status = vm.run();

@@ -12,6 +12,7 @@ namespace {
 vm::VmOptions vm_options(const Options& options) {
   vm::VmOptions result;
   result.threads = options.threads;
+  result.isa = options.isa;
   result.stop = &common::interrupt_flag();
   return result;
 }

@@ -32,9 +32,8 @@ FusedTrace::FusedTrace(const Trace& trace, ValueGraph graph, FusionPlan plan, co
       back_buffers_(environment.back_buffers),
       pads_stay_zero_(environment.pads_stay_zero) {
   for (const Stage& stage : plan_.stages) {
-    compiled_stages_.push_back(environment.enable_jit ? StageJit::compile(stage, common_vector_count(stage),
-                                                                          plan_.rows_per_iteration)
-                                                      : std::nullopt);
+    compiled_stages_.push_back(StageJit::compile(stage, environment.code_isa, common_vector_count(stage),
+                                                 plan_.rows_per_iteration));
     stage_interpreters_.emplace_back(stage, plan_.buffers, executor_.kernels());
   }
   allocate_workers();

@@ -23,7 +23,7 @@ class FusedTrace {
     RegisterFile& register_file;
     // Indexed by register: the second buffer of a double-buffered register, exchanged with the first.
     std::vector<Plane>& back_buffers;
-    bool enable_jit = true;
+    InstructionSet code_isa = InstructionSet::kPortable;  // of the generated code; kPortable generates none
     bool pads_stay_zero = false;  // the padding of every plane is zero and never written
   };
 

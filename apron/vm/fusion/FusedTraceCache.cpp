@@ -18,6 +18,7 @@ struct FusedTraceCache::Builder {
   const std::vector<DecodedInstruction>& decoded;
   RegisterFile& register_file;
   Executor& executor;
+  InstructionSet code_isa;
   const FusionOptions& options;
   unsigned threads;
   std::size_t parallel_cells;
@@ -62,7 +63,7 @@ struct FusedTraceCache::Builder {
     plan_options.block_rows = options.block_rows;
     plan_options.rows_per_iteration = options.rows_per_iteration;
     FusionPlan plan = make_fusion_plan(graph, trace.width, trace.height, plan_options);
-    FusedTrace::Environment environment{executor, register_file, cache.back_buffers_, options.enable_jit,
+    FusedTrace::Environment environment{executor, register_file, cache.back_buffers_, code_isa,
                                         flow.has_only_zero_boundaries() && trace.width % kLanes == 0};
     auto fused_trace = std::make_unique<FusedTrace>(trace, std::move(graph), std::move(plan), environment);
     memory_bytes += fused_trace->memory_bytes();
@@ -78,12 +79,13 @@ struct FusedTraceCache::Builder {
 
 FusedTraceCache::FusedTraceCache(const program::Program& program,
                                  const std::vector<DecodedInstruction>& decoded, RegisterFile& register_file,
-                                 Executor& executor, const FusionOptions& options, unsigned threads,
-                                 std::size_t parallel_cells) {
+                                 Executor& executor, InstructionSet isa, const FusionOptions& options,
+                                 unsigned threads, std::size_t parallel_cells) {
   if (!options.enabled) return;
   entries_.resize(program.code.size());
   back_buffers_.resize(register_file.registers.size());
-  Builder{*this, program, decoded, register_file, executor, options, threads, parallel_cells}
+  const InstructionSet code_isa = options.enable_jit ? isa : InstructionSet::kPortable;
+  Builder{*this, program, decoded, register_file, executor, code_isa, options, threads, parallel_cells}
       .compile_reachable_traces();
 }
 

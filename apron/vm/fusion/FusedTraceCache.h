@@ -15,7 +15,7 @@ struct FusionOptions {
   bool enabled = true;  // false executes one instruction at a time
   // False allows registers that the program does not read again to be out of date.
   bool preserve_named_registers = true;
-  bool enable_jit = true;
+  bool enable_jit = true;  // false interprets the stages
   std::uint32_t strip_columns = 0, block_rows = 0;  // tile size; 0 is automatic
   std::uint32_t rows_per_iteration = 0;             // of generated code; 0 is automatic
   unsigned slices = 0;                              // row ranges distributed over threads; 0 is automatic
@@ -27,8 +27,8 @@ class FusedTraceCache {
   // Follows all paths through the program and compiles their traces, within fixed limits. All arguments
   // except the options must outlive the cache. Allocates; find() does not.
   FusedTraceCache(const program::Program& program, const std::vector<DecodedInstruction>& decoded,
-                  RegisterFile& register_file, Executor& executor, const FusionOptions& options,
-                  unsigned threads, std::size_t parallel_cells);
+                  RegisterFile& register_file, Executor& executor, InstructionSet isa,
+                  const FusionOptions& options, unsigned threads, std::size_t parallel_cells);
 
   // The fused trace to run at this instruction under these masks, or null to execute the instruction itself.
   FusedTrace* find(std::uint32_t instruction, const MaskStack& masks) const noexcept {

@@ -10,7 +10,7 @@ using Xbyak::Operand;
 
 namespace {
 
-// Immediates of vrndscaleps: round to an integer, suppress exceptions.
+// Immediates of vrndscaleps and vroundps: round to an integer, suppress exceptions.
 constexpr std::uint8_t kRoundDown = 9, kRoundUp = 10;
 
 }  // namespace
@@ -27,17 +27,17 @@ void StageAssembler::emit_opcode(const MicroOp& op, RegisterAssignment& y) {
     case Opcode::kCopy:
       return emit_copy(op, y);
     case Opcode::kAdd:
-      return emit_binary(op, y, [&](const Zmm& to, const Zmm& a, const Operand& b) { vaddps(to, a, b); });
+      return emit_binary(op, y, [&](const Vector& to, const Vector& a, const Operand& b) { vaddps(to, a, b); });
     case Opcode::kSub:
-      return emit_binary(op, y, [&](const Zmm& to, const Zmm& a, const Operand& b) { vsubps(to, a, b); });
+      return emit_binary(op, y, [&](const Vector& to, const Vector& a, const Operand& b) { vsubps(to, a, b); });
     case Opcode::kMul:
-      return emit_binary(op, y, [&](const Zmm& to, const Zmm& a, const Operand& b) { vmulps(to, a, b); });
+      return emit_binary(op, y, [&](const Vector& to, const Vector& a, const Operand& b) { vmulps(to, a, b); });
     case Opcode::kDiv:
-      return emit_binary(op, y, [&](const Zmm& to, const Zmm& a, const Operand& b) { vdivps(to, a, b); });
+      return emit_binary(op, y, [&](const Vector& to, const Vector& a, const Operand& b) { vdivps(to, a, b); });
     case Opcode::kMin:
-      return emit_binary(op, y, [&](const Zmm& to, const Zmm& a, const Operand& b) { vminps(to, a, b); });
+      return emit_binary(op, y, [&](const Vector& to, const Vector& a, const Operand& b) { vminps(to, a, b); });
     case Opcode::kMax:
-      return emit_binary(op, y, [&](const Zmm& to, const Zmm& a, const Operand& b) { vmaxps(to, a, b); });
+      return emit_binary(op, y, [&](const Vector& to, const Vector& a, const Operand& b) { vmaxps(to, a, b); });
     default:
       if (op.op >= Opcode::kLt && op.op <= Opcode::kNe) return emit_compare(op, y);
       if (op.op >= Opcode::kAnd && op.op <= Opcode::kNot) return emit_logic(op, y);
@@ -52,8 +52,8 @@ void StageAssembler::emit_binary(const MicroOp& op, RegisterAssignment& y, const
   // Only the second operand may be in memory.
   if (commutes && second.kind != MicroOperand::Kind::kStream && first.kind == MicroOperand::Kind::kStream)
     std::swap(first, second);
-  const Zmm a = vector_operand(first);
-  const Zmm to = allocate_result(y);
+  const Vector a = vector_operand(first);
+  const Vector to = allocate_result(y);
   with_operand(second, [&](const Operand& b) { instruction(to, a, b); });
 }
 
@@ -75,45 +75,68 @@ void StageAssembler::emit_compare(const MicroOp& op, RegisterAssignment& y) {
 }
 
 void StageAssembler::emit_vcmp(const MicroOp& op, RegisterAssignment& y, Compare predicate) {
-  const Zmm a = vector_operand(op.operands[0]);
+  const Vector a = vector_operand(op.operands[0]);
   y.mask_register = allocate_mask();
-  with_operand(op.operands[1], [&](const Operand& b) { vcmpps(Opmask(y.mask_register), a, b, predicate); });
-}
-
-template <class Emit>
-void StageAssembler::emit_mask_logic(const MicroOp& op, RegisterAssignment& y, bool invert,
-                                     const Emit& instruction) {
-  const int a = mask_operand(op.operands[0]), b = mask_operand(op.operands[1]);
-  y.mask_register = allocate_mask();
-  instruction(Opmask(y.mask_register), Opmask(a), Opmask(b));
-  if (invert) knotw(Opmask(y.mask_register), Opmask(y.mask_register));
+  with_operand(op.operands[1],
+               [&](const Operand& b) { emit_mask_compare(y.mask_register, a, b, predicate); });
 }
 
 void StageAssembler::emit_logic(const MicroOp& op, RegisterAssignment& y) {
-  using Mask = const Opmask&;
-  const auto both = [&](Mask to, Mask a, Mask b) { kandw(to, a, b); };
-  const auto either = [&](Mask to, Mask a, Mask b) { korw(to, a, b); };
-  switch (op.op) {
-    case Opcode::kAnd:
-      return emit_mask_logic(op, y, false, both);
-    case Opcode::kOr:
-      return emit_mask_logic(op, y, false, either);
-    case Opcode::kXor:
-      return emit_mask_logic(op, y, false, [&](Mask to, Mask a, Mask b) { kxorw(to, a, b); });
-    case Opcode::kNand:
-      return emit_mask_logic(op, y, true, both);
-    case Opcode::kNor:
-      return emit_mask_logic(op, y, true, either);
-    default: {
-      const int a = mask_operand(op.operands[0]);
-      y.mask_register = allocate_mask();
-      knotw(Opmask(y.mask_register), Opmask(a));
-    }
+  const int a = mask_operand(op.operands[0]);
+  if (op.op == Opcode::kNot) {
+    y.mask_register = allocate_mask();
+    return emit_mask_not(y.mask_register, a);
   }
+  const int b = mask_operand(op.operands[1]);
+  y.mask_register = allocate_mask();
+  emit_mask_logic(op.op, y.mask_register, a, b);
+  if (op.op == Opcode::kNand || op.op == Opcode::kNor) emit_mask_not(y.mask_register, y.mask_register);
+}
+
+// ---- truth values: mask registers, or vectors whose lanes have all bits set or clear ----
+
+void StageAssembler::emit_mask_compare(int mask, const Vector& a, const Operand& b, Compare predicate) {
+  if (has_masks_)
+    vcmpps(Opmask(mask), a, b, predicate);
+  else
+    vcmpps(vector(mask), a, b, predicate);
+}
+
+void StageAssembler::emit_mask_as_number(const Vector& to, int mask) {
+  if (has_masks_)
+    vmovaps(to | Opmask(mask) | T_z, vector(constants_.at(kOneBits).vector_register));
+  else
+    vandps(to, vector(mask), ptr[rip + constant_pool_[kOneBits]]);
+}
+
+void StageAssembler::emit_mask_logic(Opcode op, int to, int a, int b) {
+  const bool conjunction = op == Opcode::kAnd || op == Opcode::kNand;
+  if (has_masks_) {
+    if (conjunction) return kandw(Opmask(to), Opmask(a), Opmask(b));
+    if (op == Opcode::kXor) return kxorw(Opmask(to), Opmask(a), Opmask(b));
+    return korw(Opmask(to), Opmask(a), Opmask(b));
+  }
+  if (conjunction) return vandps(vector(to), vector(a), vector(b));
+  if (op == Opcode::kXor) return vxorps(vector(to), vector(a), vector(b));
+  vorps(vector(to), vector(a), vector(b));
+}
+
+void StageAssembler::emit_mask_not(int to, int a) {
+  if (has_masks_)
+    knotw(Opmask(to), Opmask(a));
+  else
+    vxorps(vector(to), vector(a), ptr[rip + constant_pool_[kAllBits]]);
+}
+
+void StageAssembler::emit_round(const Vector& to, const Vector& a, std::uint8_t mode) {
+  if (has_masks_)
+    vrndscaleps(to, a, mode);
+  else
+    vroundps(to, a, mode);
 }
 
 void StageAssembler::emit_copy(const MicroOp& op, RegisterAssignment& y) {
-  const Zmm to = allocate_result(y);
+  const Vector to = allocate_result(y);
   with_operand(op.operands[0], [&](const Operand& a) {
     if (a.isMEM() && static_cast<const Address&>(a).isBroadcast())
       vbroadcastss(to, ptr[static_cast<const Address&>(a).getRegExp()]);
@@ -127,24 +150,24 @@ void StageAssembler::emit_compound(const MicroOp& op, RegisterAssignment& y) {
     case Opcode::kSelect:
       return emit_select(op, y);
     case Opcode::kMac: {
-      const Zmm a = vector_operand(op.operands[0]);
-      const Zmm to = allocate_result(y);
+      const Vector a = vector_operand(op.operands[0]);
+      const Vector to = allocate_result(y);
       with_operand(op.operands[1], [&](const Operand& b) { vmulps(to, a, b); });
       with_operand(op.operands[2], [&](const Operand& c) { vaddps(to, to, c); });
       return;
     }
     case Opcode::kClamp: {
-      const Zmm high = vector_operand(op.operands[2]), low = vector_operand(op.operands[1]);
-      const Zmm to = allocate_result(y);
+      const Vector high = vector_operand(op.operands[2]), low = vector_operand(op.operands[1]);
+      const Vector to = allocate_result(y);
       with_operand(op.operands[0], [&](const Operand& a) { vminps(to, high, a); });
       vmaxps(to, low, to);
       return;
     }
     case Opcode::kMod: {
-      const Zmm a = vector_operand(op.operands[0]), b = vector_operand(op.operands[1]);
-      const Zmm to = allocate_result(y);
+      const Vector a = vector_operand(op.operands[0]), b = vector_operand(op.operands[1]);
+      const Vector to = allocate_result(y);
       vdivps(to, a, b);
-      vrndscaleps(to, to, kRoundDown);
+      emit_round(to, to, kRoundDown);
       vmulps(to, b, to);
       vsubps(to, a, to);
       return;
@@ -154,28 +177,33 @@ void StageAssembler::emit_compound(const MicroOp& op, RegisterAssignment& y) {
   }
 }
 
-// Blends under a mask register; only the true branch may be a memory operand.
+// Only the true branch may be a memory operand.
 void StageAssembler::emit_select(const MicroOp& op, RegisterAssignment& y) {
-  const int k = mask_operand(op.operands[0]);
-  const Zmm no = vector_operand(op.operands[2]);
-  const Zmm to = allocate_result(y);
-  with_operand(op.operands[1], [&](const Operand& yes) { vblendmps(to | Opmask(k), no, yes); });
+  const int mask = mask_operand(op.operands[0]);
+  const Vector no = vector_operand(op.operands[2]);
+  const Vector to = allocate_result(y);
+  with_operand(op.operands[1], [&](const Operand& yes) {
+    if (has_masks_)
+      vblendmps(to | Opmask(mask), no, yes);
+    else
+      vblendvps(to, no, yes, vector(mask));
+  });
 }
 
 void StageAssembler::emit_unary(const MicroOp& op, RegisterAssignment& y) {
-  const Zmm a = vector_operand(op.operands[0]);
-  const Zmm to = allocate_result(y);
+  const Vector a = vector_operand(op.operands[0]);
+  const Vector to = allocate_result(y);
   switch (op.op) {
     case Opcode::kAbs:
-      return vpandd(to, a, constant_register(kMagnitudeMask));
+      return with_constant(kMagnitudeMask, [&](const Operand& magnitude) { vandps(to, a, magnitude); });
     case Opcode::kNeg:
-      return vpxord(to, a, constant_register(kSignMask));
+      return with_constant(kSignMask, [&](const Operand& sign) { vxorps(to, a, sign); });
     case Opcode::kSqrt:
       return vsqrtps(to, a);
     case Opcode::kFloor:
-      return vrndscaleps(to, a, kRoundDown);
+      return emit_round(to, a, kRoundDown);
     case Opcode::kCeil:
-      return vrndscaleps(to, a, kRoundUp);
+      return emit_round(to, a, kRoundUp);
     case Opcode::kSign:
       return emit_sign(to, a);
     default:
@@ -183,14 +211,14 @@ void StageAssembler::emit_unary(const MicroOp& op, RegisterAssignment& y) {
   }
 }
 
-void StageAssembler::emit_sign(const Zmm& to, const Zmm& a) {
-  const Opmask k(allocate_mask());
-  temporary_masks_.push_back(k.getIdx());
-  const Zmm below = allocate_temporary();
-  vcmpps(k, a, zero_register(), kGreater);
-  vmovaps(to | k | T_z, one_register());
-  vcmpps(k, a, zero_register(), kLess);
-  vmovaps(below | k | T_z, one_register());
+void StageAssembler::emit_sign(const Vector& to, const Vector& a) {
+  const Vector below = allocate_temporary();
+  const int mask = allocate_mask();
+  (has_masks_ ? temporary_masks_ : temporaries_).push_back(mask);
+  for (const auto& [result, predicate] : {std::pair{to, kGreater}, std::pair{below, kLess}}) {
+    with_constant(kZeroBits, [&](const Operand& zero) { emit_mask_compare(mask, a, zero, predicate); });
+    emit_mask_as_number(result, mask);
+  }
   vsubps(to, to, below);
 }
 

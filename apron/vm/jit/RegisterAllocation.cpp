@@ -6,36 +6,103 @@
 
 namespace apron::vm {
 
-StageAssembler::Zmm StageAssembler::allocate_vector() {
-  if (free_vectors_.empty()) evict_load();
+using Xbyak::Operand;
+
+StageAssembler::Vector StageAssembler::allocate_vector() {
+  if (free_vectors_.empty() && !evict_load() && !evict_duplicate_mask()) spill_temp();
   const int v = free_vectors_.back();
   free_vectors_.pop_back();
-  return Zmm(v);
+  return vector(v);
 }
 
 // Evicts a loaded vector, which can be loaded again. Starts with the last row streams, which later rows read.
-void StageAssembler::evict_load() {
+bool StageAssembler::evict_load() {
   for (auto load = loads_.rbegin(); load != loads_.rend(); ++load) {
     if (load->second.vector_register < 0 || is_pinned(load->second.vector_register)) continue;
     free_vectors_.push_back(load->second.vector_register);
     load->second.vector_register = -1;
-    return;
+    return true;
   }
-  throw CannotCompile{};
+  return false;
+}
+
+// Evicts a mask that follows from the number in another register. Of AVX2 only: others have mask registers.
+bool StageAssembler::evict_duplicate_mask() {
+  if (has_masks_) return false;
+  for (RegisterAssignment& temp : temps_) {
+    if (temp.vector_register < 0 || temp.mask_register < 0 || is_pinned(temp.mask_register)) continue;
+    free_vectors_.push_back(temp.mask_register);
+    temp.mask_register = -1;
+    return true;
+  }
+  return false;
+}
+
+// The operation that uses the value next, from the current one on; the largest number if none does.
+std::uint32_t StageAssembler::next_use(std::size_t temp) const {
+  const std::vector<std::uint32_t>& uses = temp_uses_[temp];
+  const auto next = std::lower_bound(uses.begin(), uses.end(), current_op_);
+  return next != uses.end() ? *next : UINT32_MAX;
+}
+
+// Moves the value that is used last to the stack. With several rows per iteration, fewer rows are better.
+void StageAssembler::spill_temp() {
+  if (rows_per_iteration_ > 1) throw CannotCompile{};
+  RegisterAssignment* farthest = nullptr;
+  std::uint32_t use = 0;
+  for (std::size_t i = 0; i < temps_.size(); ++i) {
+    RegisterAssignment& temp = temps_[i];
+    const int held = temp.vector_register >= 0 || has_masks_ ? temp.vector_register : temp.mask_register;
+    if (held < 0 || is_pinned(held) || (farthest != nullptr && next_use(i) <= use)) continue;
+    farthest = &temp;
+    use = next_use(i);
+  }
+  if (farthest == nullptr) throw CannotCompile{};
+  const bool as_mask = farthest->vector_register < 0;
+  int& held = as_mask ? farthest->mask_register : farthest->vector_register;
+  // A value is written once, so that an earlier copy is still valid.
+  if (farthest->spill_slot < 0) {
+    if (free_spill_slots_.empty()) throw CannotCompile{};
+    farthest->spill_slot = free_spill_slots_.back();
+    free_spill_slots_.pop_back();
+    farthest->spilled_mask = as_mask;
+    vmovups(spill_address(farthest->spill_slot), vector(held));
+  }
+  free_vectors_.push_back(held);
+  held = -1;
+}
+
+StageAssembler::Address StageAssembler::spill_address(int slot) const {
+  return ptr[rsp + (kSpillStackOffset + slot * vector_bytes_)];
+}
+
+// Loads a spilled value that no register holds.
+void StageAssembler::reload(RegisterAssignment& temp) {
+  const Vector to = allocate_vector();
+  vmovups(to, spill_address(temp.spill_slot));
+  (temp.spilled_mask ? temp.mask_register : temp.vector_register) = to.getIdx();
 }
 
 bool StageAssembler::is_pinned(int vector) const {
-  return std::find(pinned_vectors_.begin(), pinned_vectors_.end(), vector) != pinned_vectors_.end();
+  const auto holds = [&](const std::vector<int>& pinned) {
+    return std::find(pinned.begin(), pinned.end(), vector) != pinned.end();
+  };
+  return holds(pinned_vectors_) || (!has_masks_ && holds(pinned_masks_));
 }
 
 int StageAssembler::allocate_mask() {
+  if (!has_masks_) {
+    const int v = allocate_vector().getIdx();
+    pinned_masks_.push_back(v);
+    return v;
+  }
   if (free_masks_.empty()) {
     const auto holder = std::find_if(temps_.begin(), temps_.end(), [&](const RegisterAssignment& t) {
       return t.mask_register >= 0 &&
              std::find(pinned_masks_.begin(), pinned_masks_.end(), t.mask_register) == pinned_masks_.end();
     });
     if (holder == temps_.end()) throw CannotCompile{};
-    if (holder->vector_register < 0) materialize_mask(*holder);
+    if (holder->vector_register < 0 && holder->spill_slot < 0) materialize_mask(*holder);
     free_masks_.push_back(holder->mask_register);
     holder->mask_register = -1;
   }
@@ -46,8 +113,9 @@ int StageAssembler::allocate_mask() {
 
 // Converts a truth value in a mask register to 0 or 1 in a vector register.
 void StageAssembler::materialize_mask(RegisterAssignment& temp) {
-  const Zmm v = allocate_vector();
-  vmovaps(v | Opmask(temp.mask_register) | T_z, one_register());
+  pinned_masks_.push_back(temp.mask_register);
+  const Vector v = allocate_vector();
+  emit_mask_as_number(v, temp.mask_register);
   temp.vector_register = v.getIdx();
 }
 
@@ -61,24 +129,26 @@ int StageAssembler::load_vector(std::uint32_t row_stream, int cells) {
   const auto window = windows_.find(row_stream);
   if (window != windows_.end() && cells == 0) return window->second.centre;
   if (load.vector_register >= 0) return load.vector_register;
-  const Zmm to = allocate_vector();
+  const Vector to = allocate_vector();
   load.vector_register = to.getIdx();
   if (window == windows_.end()) {
     vmovups(to, address(row_stream, cells));
   } else {
     const SlidingWindow& r = window->second;
     const bool west = cells < 0;
-    valignd(to, Zmm(west ? r.centre : r.east), Zmm(west ? r.west : r.centre),
+    valignd(to, vector(west ? r.centre : r.east), vector(west ? r.west : r.centre),
             static_cast<std::uint8_t>(west ? static_cast<int>(kLanes) + cells : cells));
   }
   return load.vector_register;
 }
 
 // Puts the operand into a vector register and pins it.
-StageAssembler::Zmm StageAssembler::vector_operand(const MicroOperand& arg) {
+StageAssembler::Vector StageAssembler::vector_operand(const MicroOperand& arg) {
   int v = -1;
   if (arg.kind == MicroOperand::Kind::kTemp) {
     RegisterAssignment& temp = temps_[arg.index];
+    if (temp.vector_register < 0 && temp.spill_slot >= 0 && !(temp.spilled_mask && temp.mask_register >= 0))
+      reload(temp);
     if (temp.vector_register < 0) materialize_mask(temp);
     v = temp.vector_register;
   } else if (arg.kind == MicroOperand::Kind::kStream) {
@@ -86,18 +156,19 @@ StageAssembler::Zmm StageAssembler::vector_operand(const MicroOperand& arg) {
   } else {
     v = scalars_.at(arg.index).vector_register;
     if (v < 0) {
-      const Zmm to = allocate_vector();
+      const Vector to = allocate_vector();
       vbroadcastss(to, ptr[rsi + arg.index * sizeof(float)]);
       v = to.getIdx();
       temporaries_.push_back(v);
     }
   }
   pinned_vectors_.push_back(v);
-  return Zmm(v);
+  return vector(v);
 }
 
 bool StageAssembler::is_memory_operand(const MicroOperand& arg) const {
-  if (arg.kind == MicroOperand::Kind::kScalar) return scalars_.at(arg.index).vector_register < 0;
+  if (arg.kind == MicroOperand::Kind::kScalar)
+    return has_masks_ && scalars_.at(arg.index).vector_register < 0;
   if (arg.kind != MicroOperand::Kind::kStream) return false;
   const std::uint32_t from = row_stream(arg.index);
   const RegisterAssignment& load = loads_.at({from, arg.dx});
@@ -112,15 +183,24 @@ StageAssembler::Address StageAssembler::memory_operand(const MicroOperand& arg) 
 // Puts the operand's truth value (non-zero) into a mask register and pins it.
 int StageAssembler::mask_operand(const MicroOperand& arg) {
   RegisterAssignment* temp = arg.kind == MicroOperand::Kind::kTemp ? &temps_[arg.index] : nullptr;
+  if (temp != nullptr && temp->mask_register < 0 && temp->spilled_mask && temp->vector_register < 0)
+    reload(*temp);
   int k = temp != nullptr ? temp->mask_register : -1;
   if (k < 0) {
     k = allocate_mask();
     pinned_masks_.push_back(k);
-    with_operand(arg, [&](const auto& x) { vcmpps(Opmask(k), zero_register(), x, kNotEqual); });
+    if (has_masks_) {
+      with_operand(arg, [&](const Operand& x) {
+        vcmpps(Opmask(k), vector(constants_.at(kZeroBits).vector_register), x, kNotEqual);
+      });
+    } else {
+      const Vector x = vector_operand(arg);
+      emit_mask_compare(k, x, ptr[rip + constant_pool_[kZeroBits]], kNotEqual);
+    }
     if (temp != nullptr)
       temp->mask_register = k;
     else
-      temporary_masks_.push_back(k);
+      (has_masks_ ? temporary_masks_ : temporaries_).push_back(k);
   }
   pinned_masks_.push_back(k);
   return k;
@@ -131,8 +211,9 @@ void StageAssembler::release_use(const MicroOperand& arg) {
     RegisterAssignment& temp = temps_[arg.index];
     if (--temp.remaining_uses > 0) return;
     if (temp.vector_register >= 0) free_vectors_.push_back(temp.vector_register);
-    if (temp.mask_register >= 0) free_masks_.push_back(temp.mask_register);
-    temp.vector_register = temp.mask_register = -1;
+    if (temp.mask_register >= 0) release_mask(temp.mask_register);
+    if (temp.spill_slot >= 0) free_spill_slots_.push_back(temp.spill_slot);
+    temp = {};
   } else if (arg.kind == MicroOperand::Kind::kStream) {
     RegisterAssignment& load = loads_.at({row_stream(arg.index), arg.dx});
     if (--load.remaining_uses > 0 || load.vector_register < 0) return;
@@ -151,15 +232,15 @@ void StageAssembler::release_temporaries() {
   pinned_masks_.clear();
 }
 
-StageAssembler::Zmm StageAssembler::allocate_result(RegisterAssignment& y) {
-  const Zmm v = allocate_vector();
+StageAssembler::Vector StageAssembler::allocate_result(RegisterAssignment& y) {
+  const Vector v = allocate_vector();
   y.vector_register = v.getIdx();
   pinned_vectors_.push_back(y.vector_register);
   return v;
 }
 
-StageAssembler::Zmm StageAssembler::allocate_temporary() {
-  const Zmm v = allocate_vector();
+StageAssembler::Vector StageAssembler::allocate_temporary() {
+  const Vector v = allocate_vector();
   temporaries_.push_back(v.getIdx());
   pinned_vectors_.push_back(v.getIdx());
   return v;

@@ -12,18 +12,11 @@ using Xbyak::Reg64;
 namespace {
 
 constexpr std::size_t kInitialCodeBytes = 4096;
-constexpr int kVectorRegisters = 32;
-constexpr int kMaskRegisters = 8;            // k0 cannot be a predicate
-constexpr std::size_t kMaxWindows = 5;       // row streams with a sliding window
-constexpr int kMaxFixedVectors = 10;         // registers that hold scalars and constants throughout
-constexpr int kMaxFixedVectorsMultiRow = 6;  // the same, with several rows per iteration
-constexpr int kVectorBytes = 64;
+constexpr int kMaskRegisters = 8;       // k0 cannot be a predicate
+constexpr std::size_t kMaxWindows = 5;  // row streams with a sliding window
+constexpr int kMaxSpillSlots = 32;
 constexpr std::uint32_t kMaxUnrolledVectors = 8;
 constexpr std::uint32_t kMaxUnrolledBodies = 16;  // vectors times rows per iteration of the inner loop
-
-// Stack frame: the call's address, the bytes of a row and the remaining iterations are kept in memory to
-// leave the registers to row pointers.
-constexpr int kCallStackOffset = 0, kRowBytesStackOffset = 8, kIterationsStackOffset = 16, kStackBytes = 24;
 
 const std::array<Reg64, 6> kCalleeSaved{Xbyak::util::rbx, Xbyak::util::rbp, Xbyak::util::r12,
                                         Xbyak::util::r13, Xbyak::util::r14, Xbyak::util::r15};
@@ -36,18 +29,29 @@ const std::array<Reg64, kMaxRowStreams> kRowPointerRegisters{
 
 }  // namespace
 
-StageAssembler::StageAssembler(const Stage& stage, std::uint32_t rows, std::uint32_t vectors)
-    : CodeGenerator(kInitialCodeBytes, Xbyak::AutoGrow), stage_(stage), rows_per_iteration_(rows) {
+StageAssembler::StageAssembler(const Stage& stage, InstructionSet isa, std::uint32_t rows,
+                               std::uint32_t vectors)
+    : CodeGenerator(kInitialCodeBytes, Xbyak::AutoGrow),
+      stage_(stage),
+      has_masks_(isa == InstructionSet::kAvx512),
+      vector_bytes_(has_masks_ ? 64 : 32),
+      vector_registers_(has_masks_ ? 32 : 16),
+      rows_per_iteration_(rows) {
   find_row_streams();
   temps_.resize(stage_.ops.size());
-  for (const MicroOp& op : stage_.ops)
-    for (const MicroOperand& arg : op.operands)
+  temp_uses_.resize(stage_.ops.size());
+  for (std::uint32_t i = 0; i < stage_.ops.size(); ++i)
+    for (const MicroOperand& arg : stage_.ops[i].operands) {
       if (arg.kind == MicroOperand::Kind::kScalar) scalars_[arg.index];
+      if (arg.kind == MicroOperand::Kind::kTemp) temp_uses_[arg.index].push_back(i);
+    }
+  for (std::uint32_t i = 0; i < stage_.results.size(); ++i)
+    temp_uses_[stage_.results[i].op].push_back(static_cast<std::uint32_t>(stage_.ops.size()) + i);
   count_load_uses();
   allocate_fixed_registers();
   allocate_windows();
   if (row_streams_.size() + (needs_scalar_pointer_ ? 1 : 0) > kMaxRowStreams) throw CannotCompile{};
-  unroll_factor_ = unroll_factor(vectors);
+  unroll_factor_ = unroll_factor(vectors * static_cast<std::uint32_t>(64 / vector_bytes_));
   emit_prologue();
   emit_loops();
   emit_epilogue();
@@ -86,21 +90,29 @@ bool StageAssembler::needs_boolean_constants() const {
   });
 }
 
-// The highest vector registers hold the constants, then as many scalars as fit.
+// The highest vector registers hold the constants (of AVX-512), then as many scalars as fit.
 void StageAssembler::allocate_fixed_registers() {
-  const int max_registers = rows_per_iteration_ > 1 ? kMaxFixedVectorsMultiRow : kMaxFixedVectors;
-  int next = kVectorRegisters - 1;
+  const bool several_rows = rows_per_iteration_ > 1;
+  const int max_registers = has_masks_ ? (several_rows ? 6 : 10) : (several_rows ? 3 : 5);
+  int next = vector_registers_ - 1;
   const auto take = [&](RegisterAssignment& value) {
-    if (value.vector_register < 0 && next > kVectorRegisters - 1 - max_registers)
+    if (value.vector_register < 0 && next > vector_registers_ - 1 - max_registers)
       value.vector_register = next--;
   };
+  const auto take_constant = [&](std::uint32_t pattern) {
+    if (has_masks_)
+      take(constants_[pattern]);
+    else
+      constant_pool_[pattern];
+  };
   if (needs_boolean_constants()) {
-    take(constant_assignment(kZeroBits));
-    take(constant_assignment(kOneBits));
+    take_constant(kZeroBits);
+    take_constant(kOneBits);
+    if (!has_masks_) take_constant(kAllBits);
   }
   for (const MicroOp& op : stage_.ops) {
-    if (op.op == Opcode::kAbs) take(constant_assignment(kMagnitudeMask));
-    if (op.op == Opcode::kNeg) take(constant_assignment(kSignMask));
+    if (op.op == Opcode::kAbs) take_constant(kMagnitudeMask);
+    if (op.op == Opcode::kNeg) take_constant(kSignMask);
   }
   for (auto& [slot, value] : scalars_) {
     take(value);
@@ -108,12 +120,15 @@ void StageAssembler::allocate_fixed_registers() {
   }
   for (int v = 0; v <= next; ++v) free_vectors_.push_back(v);
   for (int k = 1; k < kMaskRegisters; ++k) free_masks_.push_back(k);
+  for (int slot = 0; slot < kMaxSpillSlots; ++slot) free_spill_slots_.push_back(slot);
 }
 
 // A row that is also read at west or east offsets gets a sliding window of three registers: one aligned load
 // per vector, and shifted vectors are assembled from the window. An unaligned load that straddles two cache
-// lines would cost two.
+// lines would cost two. With 16 registers there is no room for windows, and every other load of 32 bytes is
+// within a line.
 void StageAssembler::allocate_windows() {
+  if (!has_masks_) return;
   for (const auto& [key, load] : loads_) {
     if (key.second == 0 || windows_.count(key.first) > 0 || windows_.size() == kMaxWindows) continue;
     SlidingWindow& r = windows_[key.first];
@@ -130,7 +145,10 @@ const Reg64& StageAssembler::row_pointer(std::uint32_t row_stream) const {
 
 void StageAssembler::emit_prologue() {
   for (const Reg64& reg : kCalleeSaved) push(reg);
-  sub(rsp, kStackBytes);
+  mov(rax, rsp);
+  sub(rsp, kSpillStackOffset + kMaxSpillSlots * vector_bytes_);
+  and_(rsp, -64);
+  mov(ptr[rsp + kCallerStackOffset], rax);
   mov(ptr[rsp + kCallStackOffset], rdi);
   mov(rax, ptr[rdi + offsetof(StageCall, row_bytes)]);
   mov(ptr[rsp + kRowBytesStackOffset], rax);
@@ -138,11 +156,11 @@ void StageAssembler::emit_prologue() {
   mov(ptr[rsp + kIterationsStackOffset], rax);
   for (const auto& [pattern, value] : constants_) {
     mov(eax, pattern);
-    vpbroadcastd(Zmm(value.vector_register), eax);
+    vpbroadcastd(vector(value.vector_register), eax);
   }
   mov(rsi, ptr[rdi + offsetof(StageCall, scalar_slots)]);
   for (const auto& [slot, value] : scalars_)
-    if (value.vector_register >= 0) vbroadcastss(Zmm(value.vector_register), ptr[rsi + slot * sizeof(float)]);
+    if (value.vector_register >= 0) vbroadcastss(vector(value.vector_register), ptr[rsi + slot * sizeof(float)]);
   mov(rcx, rdi);  // rdi and rsi may become row pointers
   for (std::uint32_t i = 0; i < row_streams_.size(); ++i)
     mov(row_pointer(i), ptr[rcx + offsetof(StageCall, row_start) + i * sizeof(float*)]);
@@ -152,20 +170,20 @@ void StageAssembler::emit_loops() {
   Xbyak::Label row_loop, column_loop;
   L(row_loop);
   for (const auto& [line, r] : windows_) {
-    vmovups(Zmm(r.west), ptr[row_pointer(line) - kVectorBytes]);
-    vmovups(Zmm(r.centre), ptr[row_pointer(line)]);
+    vmovups(vector(r.west), ptr[row_pointer(line) - vector_bytes_]);
+    vmovups(vector(r.centre), ptr[row_pointer(line)]);
   }
   xor_(ecx, ecx);
   L(column_loop);
   const std::map<std::uint32_t, SlidingWindow> at_start = windows_;
   for (std::uint32_t i = 0; i < unroll_factor_; ++i) {
-    displacement_bytes_ = static_cast<int>(i) * kVectorBytes;
+    displacement_bytes_ = static_cast<int>(i) * vector_bytes_;
     if (i > 0) count_load_uses();
     emit_vector();
   }
   for (const auto& [line, r] : at_start) emit_window_restore(r, windows_.at(line));
   windows_ = at_start;
-  add(kColumnRegister, static_cast<int>(unroll_factor_) * kVectorBytes);
+  add(kColumnRegister, static_cast<int>(unroll_factor_) * vector_bytes_);
   cmp(kColumnRegister, ptr[rsp + kRowBytesStackOffset]);
   jb(column_loop, T_NEAR);
   mov(kColumnRegister, ptr[rsp + kCallStackOffset]);
@@ -178,7 +196,7 @@ void StageAssembler::emit_loops() {
 
 void StageAssembler::emit_vector() {
   for (const auto& [line, r] : windows_)
-    vmovups(Zmm(r.east), ptr[row_pointer(line) + kColumnRegister + (displacement_bytes_ + kVectorBytes)]);
+    vmovups(vector(r.east), ptr[row_pointer(line) + kColumnRegister + (displacement_bytes_ + vector_bytes_)]);
   for (std::uint32_t row = 0; row < rows_per_iteration_; ++row) emit_row(row);
   for (auto& [line, r] : windows_) r = {r.centre, r.east, r.west};
 }
@@ -186,16 +204,17 @@ void StageAssembler::emit_vector() {
 void StageAssembler::emit_row(std::uint32_t row) {
   current_row_ = row;
   count_temp_uses();
-  for (std::size_t i = 0; i < stage_.ops.size(); ++i) emit_operation(i);
+  for (current_op_ = 0; current_op_ < stage_.ops.size(); ++current_op_) emit_operation(current_op_);
   for (const Stage::Result& result : stage_.results) {
     const MicroOperand value{MicroOperand::Kind::kTemp, 0, result.op};
-    const Zmm v = vector_operand(value);
+    const Vector v = vector_operand(value);
     if (result.non_temporal)
       vmovntps(address(row_stream(result.stream), 0), v);
     else
       vmovups(address(row_stream(result.stream), 0), v);
     release_use(value);
-    pinned_vectors_.clear();
+    release_temporaries();
+    ++current_op_;
   }
 }
 
@@ -203,11 +222,11 @@ void StageAssembler::emit_row(std::uint32_t row) {
 void StageAssembler::emit_window_restore(const SlidingWindow& start, const SlidingWindow& current) {
   if (current.centre == start.centre) return;  // a multiple of three rotations
   if (current.west == start.centre) {          // one rotation: the centre is in the east register
-    vmovaps(Zmm(start.west), Zmm(current.west));
-    vmovaps(Zmm(start.centre), Zmm(current.centre));
+    vmovaps(vector(start.west), vector(current.west));
+    vmovaps(vector(start.centre), vector(current.centre));
   } else {  // two rotations: the centre is in the west register
-    vmovaps(Zmm(start.centre), Zmm(current.centre));
-    vmovaps(Zmm(start.west), Zmm(current.west));
+    vmovaps(vector(start.centre), vector(current.centre));
+    vmovaps(vector(start.west), vector(current.west));
   }
 }
 
@@ -225,10 +244,15 @@ void StageAssembler::emit_epilogue() {
       std::any_of(stage_.results.begin(), stage_.results.end(),
                   [](const Stage::Result& result) { return result.non_temporal; });
   if (has_non_temporal_stores) sfence();
-  add(rsp, kStackBytes);
+  mov(rsp, ptr[rsp + kCallerStackOffset]);
   for (auto r = kCalleeSaved.rbegin(); r != kCalleeSaved.rend(); ++r) pop(*r);
   vzeroupper();
   ret();
+  if (!constant_pool_.empty()) align(32);
+  for (auto& [pattern, label] : constant_pool_) {
+    L(label);
+    for (int i = 0; i < vector_bytes_; i += 4) dd(pattern);
+  }
 }
 
 }  // namespace apron::vm

@@ -1,6 +1,9 @@
-// AVX-512 code generation for one stage: a loop over vectors of 16 cells that computes one or more rows at
-// once, with all intermediate values in registers. Loads shared by two rows are done once. Include only where
-// Xbyak is available.
+// Code generation for one stage: a loop over vectors of 16 (AVX-512) or 8 (AVX2) cells that computes one or
+// more rows at once, with intermediate values in registers. Loads shared by two rows are done once. Include
+// only where Xbyak is available.
+//
+// AVX-512 has 32 vector registers, 8 mask registers and broadcast memory operands. AVX2 has 16 vector
+// registers, which also hold truth values (all bits of a lane set or clear); constants are memory operands.
 #pragma once
 
 #include <xbyak/xbyak.h>
@@ -10,18 +13,20 @@
 #include <map>
 #include <vector>
 
+#include "apron/vm/InstructionSet.h"
 #include "apron/vm/jit/StageJit.h"
 
 namespace apron::vm {
 
 class StageAssembler : private Xbyak::CodeGenerator {
  public:
-  // Thrown if the stage needs more registers than the CPU has, or contains an unsupported operation.
+  // Thrown if several rows need more registers than the CPU has, or one row more than can be spilled.
   struct CannotCompile {};
 
-  // Generates the code. `rows` is the number of rows per iteration; the number of vectors per row must be a
-  // multiple of `vectors`. The stage must outlive the assembler. Throws CannotCompile or Xbyak::Error.
-  StageAssembler(const Stage& stage, std::uint32_t rows, std::uint32_t vectors);
+  // Generates the code for kAvx512 or kAvx2. `rows` is the number of rows per iteration; the number of
+  // columns per row must be a multiple of `vectors` times kLanes. The stage must outlive the assembler.
+  // Throws CannotCompile or Xbyak::Error.
+  StageAssembler(const Stage& stage, InstructionSet isa, std::uint32_t rows, std::uint32_t vectors);
   StageAssembler(const StageAssembler&) = delete;
   StageAssembler& operator=(const StageAssembler&) = delete;
 
@@ -32,7 +37,7 @@ class StageAssembler : private Xbyak::CodeGenerator {
  private:
   using Address = Xbyak::Address;
   using Opmask = Xbyak::Opmask;
-  using Zmm = Xbyak::Zmm;
+  using Vector = Xbyak::Xmm;  // a ymm or zmm register: the encoder goes by the size that the object carries
 
   // Predicates of vcmpps. With a NaN, only kNotEqual (NEQ_UQ) is true.
   enum Compare : std::uint8_t {
@@ -44,10 +49,14 @@ class StageAssembler : private Xbyak::CodeGenerator {
     kGreaterEqual = 29
   };
 
-  // The registers that hold a value, or -1.
+  // Where a value is: the registers that hold it, and its slot on the stack; -1 for none. A truth value is in
+  // a mask register (of AVX2: a vector register that holds a mask), and in a vector register as 0 or 1 if it
+  // is needed as a number.
   struct RegisterAssignment {
     int vector_register = -1;
     int mask_register = -1;
+    int spill_slot = -1;
+    bool spilled_mask = false;  // the slot holds a mask
     std::size_t remaining_uses = 0;
   };
   // Vector registers of three adjacent vectors of a row.
@@ -76,23 +85,34 @@ class StageAssembler : private Xbyak::CodeGenerator {
   }
 
   // ---- registers and operands: RegisterAllocation.cpp ----
-  Zmm allocate_vector();
-  void evict_load();
+  Vector vector(int index) const { return has_masks_ ? Vector(Xbyak::Zmm(index)) : Vector(Xbyak::Ymm(index)); }
+  Vector allocate_vector();
+  bool evict_load();
+  bool evict_duplicate_mask();
+  void spill_temp();
+  std::uint32_t next_use(std::size_t temp) const;
+  Address spill_address(int slot) const;
+  void reload(RegisterAssignment& temp);
   bool is_pinned(int vector) const;
   int allocate_mask();
+  void release_mask(int mask) { (has_masks_ ? free_masks_ : free_vectors_).push_back(mask); }
   void materialize_mask(RegisterAssignment& temp);
   Address address(std::uint32_t row_stream, int cells) const;  // `cells` east of the current vector
   int load_vector(std::uint32_t row_stream, int cells);
-  Zmm vector_operand(const MicroOperand& arg);
+  Vector vector_operand(const MicroOperand& arg);
   int mask_operand(const MicroOperand& arg);
   void release_use(const MicroOperand& arg);
   void release_temporaries();
-  Zmm allocate_result(RegisterAssignment& y);
-  Zmm allocate_temporary();
-  RegisterAssignment& constant_assignment(std::uint32_t pattern) { return constants_[pattern]; }
-  Zmm constant_register(std::uint32_t pattern) const { return Zmm(constants_.at(pattern).vector_register); }
-  Zmm zero_register() const { return constant_register(kZeroBits); }
-  Zmm one_register() const { return constant_register(kOneBits); }
+  Vector allocate_result(RegisterAssignment& y);
+  Vector allocate_temporary();
+  // Calls emit() with a vector of the constant: a register or, of AVX2, a memory operand.
+  template <class Emit>
+  void with_constant(std::uint32_t pattern, const Emit& emit) {
+    if (has_masks_)
+      emit(vector(constants_.at(pattern).vector_register));
+    else
+      emit(ptr[rip + constant_pool_[pattern]]);
+  }
   bool is_memory_operand(const MicroOperand& arg) const;
   Address memory_operand(const MicroOperand& arg) const;
   // Calls emit() with the operand in a vector register, or with its memory operand if it has no further use.
@@ -113,29 +133,41 @@ class StageAssembler : private Xbyak::CodeGenerator {
   void emit_unary(const MicroOp& op, RegisterAssignment& y);
   void emit_copy(const MicroOp& op, RegisterAssignment& y);
   void emit_select(const MicroOp& op, RegisterAssignment& y);
-  void emit_sign(const Zmm& to, const Zmm& a);
+  void emit_sign(const Vector& to, const Vector& a);
   void emit_vcmp(const MicroOp& op, RegisterAssignment& y, Compare predicate);
   template <class Emit>
   void emit_binary(const MicroOp& op, RegisterAssignment& y, const Emit& instruction);
-  template <class Emit>
-  void emit_mask_logic(const MicroOp& op, RegisterAssignment& y, bool invert, const Emit& instruction);
+  void emit_mask_compare(int mask, const Vector& a, const Xbyak::Operand& b, Compare predicate);
+  void emit_mask_as_number(const Vector& to, int mask);
+  void emit_mask_logic(program::Opcode op, int to, int a, int b);
+  void emit_mask_not(int to, int a);
+  void emit_round(const Vector& to, const Vector& a, std::uint8_t mode);
 
   static constexpr std::uint32_t kZeroBits = 0, kOneBits = 0x3F800000U, kMagnitudeMask = 0x7FFFFFFFU,
-                                 kSignMask = 0x80000000U;
+                                 kSignMask = 0x80000000U, kAllBits = 0xFFFFFFFFU;
+  // Stack frame: the caller's stack pointer, the call's address, the bytes of a row and the remaining
+  // iterations are kept in memory to leave the registers to row pointers. Spilled values follow.
+  static constexpr int kCallerStackOffset = 0, kCallStackOffset = 8, kRowBytesStackOffset = 16,
+                       kIterationsStackOffset = 24, kSpillStackOffset = 64;
 
   const Stage& stage_;
+  const bool has_masks_;  // AVX-512
+  const int vector_bytes_, vector_registers_;
   const std::uint32_t rows_per_iteration_;
   std::vector<RowStream> row_streams_;
   std::vector<std::uint32_t> row_stream_of_;  // indexed [row of the iteration][stream]
   std::uint32_t unroll_factor_ = 1;           // vectors per iteration of the inner loop
   int displacement_bytes_ = 0;                // from the column register to the current vector
   std::uint32_t current_row_ = 0;
+  std::uint32_t current_op_ = 0;  // beyond the operations: the results
   std::vector<RegisterAssignment> temps_;
+  std::vector<std::vector<std::uint32_t>> temp_uses_;  // by temp: the operations that use it, ascending
   std::map<LoadKey, RegisterAssignment> loads_;
   std::map<std::uint32_t, SlidingWindow> windows_;                   // by row stream
   std::map<std::uint32_t, RegisterAssignment> scalars_, constants_;  // by scalar slot, by bit pattern
   bool needs_scalar_pointer_ = false;                                // inside the loop
-  std::vector<int> free_vectors_, free_masks_;
+  std::map<std::uint32_t, Xbyak::Label> constant_pool_;              // AVX2, by bit pattern
+  std::vector<int> free_vectors_, free_masks_, free_spill_slots_;
   std::vector<int> pinned_vectors_, pinned_masks_;  // in use by the current operation
   std::vector<int> temporaries_, temporary_masks_;  // released after the current operation
   void (*entry_point_)(const StageCall*) = nullptr;

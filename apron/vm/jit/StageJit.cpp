@@ -2,8 +2,6 @@
 
 #if defined(__x86_64__) && defined(APRON_HAVE_XBYAK)
 
-#include <xbyak/xbyak_util.h>
-
 #include <algorithm>
 #include <set>
 
@@ -13,14 +11,6 @@
 namespace apron::vm {
 namespace {
 
-bool cpu_supports_avx512() {
-  static const bool kFits = [] {
-    const Xbyak::util::Cpu cpu;
-    return cpu.has(Xbyak::util::Cpu::tAVX512F) && cpu.has(Xbyak::util::Cpu::tAVX512DQ);
-  }();
-  return kFits;
-}
-
 // Whether successive rows read the same memory, so that computing several per iteration saves loads.
 bool has_row_reuse(const Stage& stage) {
   std::set<std::uint32_t> stores;
@@ -28,10 +18,10 @@ bool has_row_reuse(const Stage& stage) {
                      [&](const RowStream& stream) { return !stores.insert(stream.buffer).second; });
 }
 
-std::optional<StageJit::CompiledLoop> assemble(const Stage& stage, std::uint32_t rows,
-                                               std::uint32_t vectors) {
+std::optional<StageJit::CompiledLoop> assemble(const Stage& stage, InstructionSet isa,
+                                               std::uint32_t rows, std::uint32_t vectors) {
   try {
-    const auto assembler = std::make_shared<StageAssembler>(stage, rows, vectors);
+    const auto assembler = std::make_shared<StageAssembler>(stage, isa, rows, vectors);
     return StageJit::CompiledLoop{rows, assembler->row_streams(), assembler->entry_point(), assembler};
   } catch (const StageAssembler::CannotCompile&) {
     return std::nullopt;
@@ -42,16 +32,16 @@ std::optional<StageJit::CompiledLoop> assemble(const Stage& stage, std::uint32_t
 
 }  // namespace
 
-std::optional<StageJit> StageJit::compile(const Stage& stage, std::uint32_t vectors,
+std::optional<StageJit> StageJit::compile(const Stage& stage, InstructionSet isa, std::uint32_t vectors,
                                           std::uint32_t max_rows_per_iteration) {
   const bool supported = std::all_of(stage.ops.begin(), stage.ops.end(),
                                      [](const MicroOp& op) { return is_fusible_opcode(op.op); });
-  if (!cpu_supports_avx512() || !supported) return std::nullopt;
+  if (isa == InstructionSet::kPortable || !supported) return std::nullopt;
   StageJit jit;
   for (std::uint32_t rows = has_row_reuse(stage) ? max_rows_per_iteration : 1; rows > 1 && jit.loops_.empty();
        rows /= 2)
-    if (auto code = assemble(stage, rows, vectors)) jit.loops_.push_back(std::move(*code));
-  auto single = assemble(stage, 1, vectors);
+    if (auto code = assemble(stage, isa, rows, vectors)) jit.loops_.push_back(std::move(*code));
+  auto single = assemble(stage, isa, 1, vectors);
   if (!single) return std::nullopt;
   jit.loops_.push_back(std::move(*single));
   return jit;
@@ -63,7 +53,9 @@ std::optional<StageJit> StageJit::compile(const Stage& stage, std::uint32_t vect
 
 namespace apron::vm {
 
-std::optional<StageJit> StageJit::compile(const Stage&, std::uint32_t, std::uint32_t) { return std::nullopt; }
+std::optional<StageJit> StageJit::compile(const Stage&, InstructionSet, std::uint32_t, std::uint32_t) {
+  return std::nullopt;
+}
 
 }  // namespace apron::vm
 

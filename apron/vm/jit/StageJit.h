@@ -1,5 +1,5 @@
-// Generated machine code of one stage of a plan, where the CPU has AVX-512; see fusion/StageInterpreter.h for
-// the others. Both give the same bits.
+// Generated machine code of one stage of a plan, for AVX-512 and AVX2; see fusion/StageInterpreter.h for other
+// CPUs. All give the same bits.
 #pragma once
 
 #include <cstdint>
@@ -7,6 +7,7 @@
 #include <optional>
 #include <vector>
 
+#include "apron/vm/InstructionSet.h"
 #include "apron/vm/fusion/FusionPlan.h"
 #include "apron/vm/fusion/StageCall.h"
 
@@ -22,10 +23,11 @@ class StageJit {
     std::shared_ptr<const void> code_memory;  // owns the code of `run`
   };
 
-  // Returns nullopt if the CPU, the build or the stage does not support code generation. The number of
-  // vectors (kLanes columns) per row must be a multiple of `vectors` in every call. `rows` is the maximum
-  // number of rows per iteration, at least 1.
-  static std::optional<StageJit> compile(const Stage& stage, std::uint32_t vectors, std::uint32_t rows);
+  // Returns nullopt if the instruction set, the build or the stage does not support code generation. The CPU
+  // must support `isa`. The number of columns per row must be a multiple of `vectors` times kLanes in every
+  // call. `rows` is the maximum number of rows per iteration, at least 1.
+  static std::optional<StageJit> compile(const Stage& stage, InstructionSet isa, std::uint32_t vectors,
+                                         std::uint32_t rows);
 
   // The loop with the most rows per iteration, at most `rows`. rows must be at least 1.
   const CompiledLoop& loop_for(std::int64_t rows) const noexcept {

@@ -212,9 +212,9 @@ namespace apron::vm {
 
 HWY_EXPORT(table);
 
-const KernelTable& kernel_table() { return *HWY_DYNAMIC_DISPATCH(table)(); }
+namespace {
 
-std::vector<NamedKernelTable> kernel_tables() {
+std::vector<NamedKernelTable> find_kernel_tables() {
   std::vector<NamedKernelTable> all;
   for (const std::int64_t target : hwy::SupportedAndGeneratedTargets()) {
     hwy::SetSupportedTargetsForTest(target);
@@ -224,6 +224,24 @@ std::vector<NamedKernelTable> kernel_tables() {
   hwy::SetSupportedTargetsForTest(0);
   hwy::GetChosenTarget().Update(hwy::SupportedTargets());
   return all;
+}
+
+InstructionSet instruction_set_of(std::string_view target) {
+  if (target.starts_with("AVX3")) return InstructionSet::kAvx512;  // AVX3, AVX3_DL, AVX3_ZEN4
+  return target == "AVX2" ? InstructionSet::kAvx2 : InstructionSet::kPortable;
+}
+
+}  // namespace
+
+const std::vector<NamedKernelTable>& kernel_tables() {
+  static const std::vector<NamedKernelTable> kTables = find_kernel_tables();
+  return kTables;
+}
+
+const KernelTable* kernel_table(InstructionSet isa) {
+  for (const NamedKernelTable& named : kernel_tables())
+    if (instruction_set_of(named.name) == isa) return named.table;
+  return nullptr;
 }
 
 }  // namespace apron::vm

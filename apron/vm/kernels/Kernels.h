@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "apron/program/Program.h"
+#include "apron/vm/InstructionSet.h"
 
 namespace apron::vm {
 
@@ -59,14 +60,14 @@ struct KernelTable {
   RowReduction reduction(Reduction r) const noexcept { return reductions[static_cast<std::size_t>(r)]; }
 };
 
-// The table for the best instruction set of this CPU.
-const KernelTable& kernel_table();
+// Null if this CPU does not support the instruction set.
+const KernelTable* kernel_table(InstructionSet isa);
 
 struct NamedKernelTable {
   std::string_view name;
   const KernelTable* table;
 };
-// The tables of all instruction sets that this CPU supports; for tests and benchmarks.
-std::vector<NamedKernelTable> kernel_tables();
+// The tables of all Highway targets that this CPU supports, best first.
+const std::vector<NamedKernelTable>& kernel_tables();
 
 }  // namespace apron::vm

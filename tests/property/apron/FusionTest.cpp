@@ -213,6 +213,14 @@ std::vector<FusionConfig> fusion_configs() {
   add("tiles", 1, 0, 0, false);
   add("tiles, strips of 32, rows of 2, two threads", 2, 32, 2, false);
   add("short traces", 1, 0, 4, true)->options.fusion.max_array_instructions = 7;
+  for (const InstructionSet isa : {InstructionSet::kPortable, InstructionSet::kAvx2, InstructionSet::kAvx512}) {
+    if (!is_supported(isa)) continue;
+    const std::string name(instruction_set_name(isa));
+    add(name, 1, 0, 0, true)->options.isa = isa;
+    FusionConfig* rows = add(name + ", two rows at once of 6, strips of 48, two threads", 2, 48, 6, true);
+    rows->options.isa = isa;
+    rows->options.fusion.rows_per_iteration = 2;
+  }
   for (const NamedKernelTable& target : kernel_tables()) {
     FusionConfig* way = add("tiles of " + std::string(target.name), 1, 16, 7, false);
     way->options.kernels = target.table;

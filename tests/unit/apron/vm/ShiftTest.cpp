@@ -89,15 +89,15 @@ TEST(Shift, RotationWrapsUnderAnyBoundaryRule) {
   std::mt19937 rng(4);
   for (const Size size : kSizes)
     for (const bool masked : {false, true})
-      check({Opcode::kRotate, size, -3, 2, BoundaryRule::kValue, masked}, {"best", &kernel_table()}, 1, rng);
+      check({Opcode::kRotate, size, -3, 2, BoundaryRule::kValue, masked}, kernel_tables().front(), 1, rng);
 }
 
 TEST(Shift, MultithreadedMatchesReference) {
   std::mt19937 rng(5);
   for (const Size size : kSizes)
     for (const int dy : {-3, 0, 4}) {
-      check({Opcode::kShift, size, 1, dy, BoundaryRule::kReflect, true}, {"best", &kernel_table()}, 3, rng);
-      check({Opcode::kShift, size, 1, dy, BoundaryRule::kZero, false}, {"best", &kernel_table()}, 2, rng);
+      check({Opcode::kShift, size, 1, dy, BoundaryRule::kReflect, true}, kernel_tables().front(), 3, rng);
+      check({Opcode::kShift, size, 1, dy, BoundaryRule::kZero, false}, kernel_tables().front(), 2, rng);
     }
 }
 

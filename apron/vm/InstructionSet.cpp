@@ -1,0 +1,33 @@
+#include "apron/vm/InstructionSet.h"
+
+#include <algorithm>
+#include <array>
+
+#include "apron/vm/kernels/Kernels.h"
+
+namespace apron::vm {
+namespace {
+
+constexpr std::array<std::string_view, 3> kNames{"portable", "avx2", "avx512"};
+
+}  // namespace
+
+std::string_view instruction_set_name(InstructionSet isa) noexcept {
+  return kNames[static_cast<std::size_t>(isa)];
+}
+
+std::optional<InstructionSet> find_instruction_set(std::string_view name) noexcept {
+  const auto found = std::find(kNames.begin(), kNames.end(), name);
+  if (found == kNames.end()) return std::nullopt;
+  return static_cast<InstructionSet>(found - kNames.begin());
+}
+
+bool is_supported(InstructionSet isa) { return kernel_table(isa) != nullptr; }
+
+InstructionSet best_instruction_set() {
+  for (const InstructionSet isa : {InstructionSet::kAvx512, InstructionSet::kAvx2})
+    if (is_supported(isa)) return isa;
+  return InstructionSet::kPortable;
+}
+
+}  // namespace apron::vm
