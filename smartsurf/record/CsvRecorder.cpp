@@ -48,7 +48,7 @@ void CsvRecorder::commit(Action action) {
 CsvRecorder::~CsvRecorder() {
   try {
     close({});
-  } catch (const std::runtime_error&) {  // a destructor cannot report errors
+  } catch (const std::exception&) {  // a destructor cannot report errors
   }
 }
 

@@ -3,12 +3,9 @@
 #include <shm_protocol/ControllerEndpoint.h>
 
 #include <algorithm>
-#include <cerrno>
 #include <chrono>
 #include <cstdio>
-#include <cstring>
 #include <filesystem>
-#include <fstream>
 #include <functional>
 #include <iostream>
 #include <new>
@@ -21,6 +18,7 @@
 #include "apron/run/host/SurfaceHost.h"
 #include "apron/run/ui/UiRun.h"
 #include "apron/vm/Vm.h"
+#include "common/files/AtomicFile.h"
 #include "common/process/StopSignals.h"
 
 namespace apron::run {
@@ -103,12 +101,10 @@ std::string unwritable_reason(const std::string& file) {
 
 bool write_profile(const program::Program& program, const std::vector<vm::InstructionProfile>& profile,
                    std::uint64_t ticks, const std::optional<CostModel>& model, const Options& options) {
-  errno = 0;
-  std::ofstream file(options.profile);
-  file << profile_json(program, profile, ticks, model) << std::flush;
-  if (!file)
-    print_error(common::kFailed, "error: cannot write '" + options.profile + "': " + std::strerror(errno));
-  return static_cast<bool>(file);
+  const std::error_code error =
+      common::replace_file(options.profile, profile_json(program, profile, ticks, model));
+  if (error) print_error(common::kFailed, "error: cannot write '" + options.profile + "': " + error.message());
+  return !error;
 }
 
 int exit_status(vm::Status status, const std::string& error, const Options& options) {

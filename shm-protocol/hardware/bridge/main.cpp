@@ -10,6 +10,7 @@
 #include <cstdio>
 #include <cstring>
 #include <ctime>
+#include <new>
 #include <stdexcept>
 
 #include "shm-protocol/hardware/bridge/Bridge.h"
@@ -183,5 +184,11 @@ int main(int argc, char** argv) {
   } catch (const shm_protocol::Error& e) {
     std::fprintf(stderr, "surface_bridge: error: %s\n", e.what());
     return e.code() == shm_protocol::ErrorCode::kSystem ? kFailed : kWrongInput;
+  } catch (const std::bad_alloc&) {
+    std::fputs("surface_bridge: error: there is not enough memory\n", stderr);
+    return kFailed;
+  } catch (const std::exception& e) {
+    std::fprintf(stderr, "surface_bridge: error: %s\n", e.what());
+    return kFailed;
   }
 }

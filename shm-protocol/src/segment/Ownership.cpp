@@ -1,5 +1,6 @@
 #include "Ownership.h"
 
+#include <dirent.h>
 #include <fcntl.h>
 #include <sys/file.h>
 #include <sys/stat.h>
@@ -10,7 +11,8 @@
 #include <chrono>
 #include <cstdlib>
 #include <cstring>
-#include <filesystem>
+#include <memory>
+#include <string_view>
 #include <thread>
 
 #include "Segment.h"
@@ -110,13 +112,18 @@ bool remove_if_orphan(const std::string& file) {
   return ::unlink(path.c_str()) == 0;
 }
 
+// Not a std::filesystem::directory_iterator, which ends the process if it gets no memory.
+std::vector<std::string> files_in_shm(const std::string& prefix) {
+  const std::unique_ptr<DIR, int (*)(DIR*)> folder(::opendir(kShmDirectory), ::closedir);
+  std::vector<std::string> files;
+  while (const dirent* entry = folder ? ::readdir(folder.get()) : nullptr)
+    if (std::string_view(entry->d_name).starts_with(prefix)) files.emplace_back(entry->d_name);
+  return files;
+}
+
 std::vector<SegmentInfo> list_segments() {
   std::vector<SegmentInfo> found;
-  std::error_code failure;
-  for (const auto& entry : std::filesystem::directory_iterator(kShmDirectory, failure)) {
-    const std::string file = entry.path().filename().string();
-    if (file.starts_with(kFilePrefix)) found.push_back(inspect_segment(file));
-  }
+  for (const std::string& file : files_in_shm(kFilePrefix)) found.push_back(inspect_segment(file));
   std::sort(found.begin(), found.end(), [](const auto& a, const auto& b) { return a.name < b.name; });
   return found;
 }

@@ -3,6 +3,7 @@
 
 #include <cstdint>
 #include <string>
+#include <vector>
 
 #include "ProcessIdentity.h"
 #include "shm_protocol/Segments.h"
@@ -11,6 +12,9 @@ namespace shm_protocol {
 
 // `file` is a name within /dev/shm that begins with "smartsurf.". Missing or unreadable: kForeign.
 SegmentInfo inspect_segment(const std::string& file);
+
+// The names of the files in /dev/shm that begin with `prefix`.
+std::vector<std::string> files_in_shm(const std::string& prefix);
 
 // Opens a file that anyone may have put there: neither a FIFO without a peer, a file lease nor a symbolic link
 // delays or redirects the call. Returns the descriptor, or -1 with errno.

@@ -10,7 +10,6 @@
 #include <boost/interprocess/mapped_region.hpp>
 #include <cerrno>
 #include <cstring>
-#include <filesystem>
 #include <utility>
 
 #include "Ownership.h"
@@ -36,11 +35,7 @@ std::string file_name(const std::string& name) { return kFilePrefix + name; }
 
 // Removes segments left by killed builders of this name; the file name identifies the builder's process.
 void remove_stale_builds(const std::string& name) {
-  std::error_code failure;
-  for (const auto& entry : std::filesystem::directory_iterator(kShmDirectory, failure)) {
-    const std::string file = entry.path().filename().string();
-    if (file.starts_with(file_name(name) + kBuildMarker)) remove_if_orphan(file);
-  }
+  for (const std::string& file : files_in_shm(file_name(name) + kBuildMarker)) remove_if_orphan(file);
 }
 
 // An open segment's file, in the form that bip::mapped_region maps.

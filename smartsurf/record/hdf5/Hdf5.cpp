@@ -1,7 +1,13 @@
 #include "smartsurf/record/hdf5/Hdf5.h"
 
+#include <cstdlib>
+#include <new>
+
 namespace smartsurf::record {
 namespace {
+
+// Upper bound of what the library allocates between two calls of require_memory(): metadata, chunks and filters.
+constexpr std::size_t kLibraryBytes = std::size_t{16} << 20;
 
 // H5E_WALK_UPWARD starts at the innermost error, which is the cause.
 herr_t store_innermost_error(unsigned depth, const H5E_error2_t* error, void* text) {
@@ -9,7 +15,9 @@ herr_t store_innermost_error(unsigned depth, const H5E_error2_t* error, void* te
   return 0;
 }
 
-[[noreturn]] void throw_hdf5_error(const std::string& what) {
+// Why the last call failed, as one line; empty if the library does not say. `quoted`: it is the system's own text.
+std::string take_reason(bool& quoted) {
+  quoted = false;
   std::string reason;
   H5Ewalk2(H5E_DEFAULT, H5E_WALK_UPWARD, store_innermost_error, &reason);
   H5Eclear2(H5E_DEFAULT);
@@ -19,10 +27,21 @@ herr_t store_innermost_error(unsigned depth, const H5E_error2_t* error, void* te
   static const std::string kQuote = "error message = '";
   if (const auto quote = reason.find(kQuote); quote != std::string::npos) {
     const auto begin = quote + kQuote.size();
-    throw Hdf5Error(reason.substr(begin, reason.find('\'', begin) - begin));
+    quoted = true;
+    return reason.substr(begin, reason.find('\'', begin) - begin);
   }
+  return reason;
+}
+
+[[noreturn]] void throw_hdf5_error(const std::string& what) {
+  bool quoted = false;
+  const std::string reason = take_reason(quoted);
+  if (quoted) throw Hdf5Error(reason);
   throw Hdf5Error(reason.empty() ? what : what + " (" + reason + ")");
 }
+
+thread_local bool close_failed = false;
+thread_local std::string close_failure;
 
 Handle scalar_space() { return Handle(H5Screate(H5S_SCALAR), H5Sclose, "dataspace"); }
 
@@ -36,7 +55,29 @@ void check(herr_t status, const std::string& what) {
   if (status < 0) throw_hdf5_error(what);
 }
 
+void Handle::note_failed_close() noexcept {
+  close_failed = true;
+  try {
+    bool quoted = false;
+    close_failure = take_reason(quoted);
+  } catch (const std::exception&) {  // the failure is known, its reason is not
+  }
+}
+
+void check_closed() {
+  if (!std::exchange(close_failed, false)) return;
+  const std::string reason = std::exchange(close_failure, {});
+  throw Hdf5Error(reason.empty() ? "an object cannot be closed" : reason);
+}
+
+void require_memory(std::size_t bytes) {
+  void* block = std::malloc(bytes + kLibraryBytes);
+  if (block == nullptr) throw std::bad_alloc();
+  std::free(block);
+}
+
 void initialise_library() {
+  require_memory(0);
   // First of all calls, or it has no effect. The library's own termination crashes if a file could not be
   // written: the recorders close their files themselves.
   static const bool once = [] {

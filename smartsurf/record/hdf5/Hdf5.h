@@ -4,6 +4,7 @@
 
 #include <hdf5.h>
 
+#include <cstddef>
 #include <stdexcept>
 #include <string>
 #include <utility>
@@ -28,18 +29,26 @@ class Handle {
     std::swap(closer_, other.closer_);
     return *this;
   }
+  // Closing may write buffered data; check_closed() reports a failure.
   ~Handle() {
-    if (id_ >= 0) closer_(id_);
+    if (id_ >= 0 && closer_(id_) < 0) note_failed_close();
   }
   operator hid_t() const { return id_; }
 
  private:
+  static void note_failed_close() noexcept;
+
   hid_t id_ = -1;
   Closer closer_ = nullptr;
 };
 
 // Throws "WHAT (the library's reason)" if status is negative.
 void check(herr_t status, const std::string& what);
+// Throws if a Handle of this thread could not be closed since the last call: its data are lost.
+void check_closed();
+// Throws std::bad_alloc unless `bytes` can be allocated beyond what the library takes for itself. HDF5 1.10 crashes or
+// ends the process where it gets no memory, so that it is entered only while there is some.
+void require_memory(std::size_t bytes);
 // Call before anything else. The library prints no errors (they are exceptions), runs nothing at exit and follows
 // no links to other files.
 void initialise_library();

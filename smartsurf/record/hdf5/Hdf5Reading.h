@@ -35,6 +35,7 @@ std::vector<Number> read_block(hid_t dataset, hid_t type, std::vector<hsize_t> s
   for (const hsize_t n : size) count *= n;
   std::vector<Number> values(count);
   if (count == 0) return values;
+  require_memory(0);
   const Handle file(H5Dget_space(dataset), H5Sclose, name);
   check(H5Sselect_hyperslab(file, H5S_SELECT_SET, start.data(), nullptr, size.data(), nullptr),
         "dataset " + name + " is too short");

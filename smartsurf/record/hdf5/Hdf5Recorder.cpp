@@ -97,6 +97,7 @@ struct Hdf5Recorder::OpenFile {
   // The ids with values in the buffered frames lie in [live_begin, live_end).
   scene::ObjectId live_begin = 0, live_end = 0;
 
+  OpenFile* next_abandoned = nullptr;  // see abandon_file()
   bool series_created = false;
   std::optional<FrameSeries> tick, time, hash, contacts, position, orientation, velocity, angular_velocity,
       height;
@@ -154,6 +155,7 @@ void Hdf5Recorder::OpenFile::create_series(const scene::Snapshot& first,
     for (const scene::ChannelData& channel : actuators) bytes += channel.values.size_bytes();
     bytes += sizeof(float) * static_cast<std::size_t>(surface.cell_count());
   }
+  require_memory(bytes);
   buffer_capacity = frames_that_fit(kMaxBufferBytes, bytes);
 
   const auto numbers = [&](const char* name, hid_t type, auto no_value) {
@@ -258,6 +260,7 @@ void Hdf5Recorder::OpenFile::for_each_series(Action action) {
 
 void Hdf5Recorder::OpenFile::append_inputs(std::span<const scene::ChannelData> actuators) {
   if (!inputs) {
+    require_memory(0);
     std::uint64_t values = 0;
     std::string names;
     for (const scene::ChannelData& channel : actuators) {
@@ -278,6 +281,7 @@ void Hdf5Recorder::OpenFile::append_inputs(std::span<const scene::ChannelData> a
 }
 
 void Hdf5Recorder::OpenFile::flush() {
+  check_closed();
   check(H5Fflush(file, H5F_SCOPE_LOCAL), "flush");
   hsize_t length = 0;
   check(H5Fget_filesize(file, &length), "length");
@@ -295,6 +299,7 @@ void Hdf5Recorder::OpenFile::write_buffered() {
   for (auto* changes : {&inputs, &heights, &motion})
     if (*changes) max_bytes += (*changes)->max_bytes();
   preallocator.preallocate(max_bytes);
+  require_memory(max_bytes);
   catalogue->append(pending_objects);
   pending_objects.clear();
   for (auto* changes : {&inputs, &heights, &motion})
@@ -302,6 +307,7 @@ void Hdf5Recorder::OpenFile::write_buffered() {
   if (buffered_frames > 0) {
     for_each_series(
         [&](FrameSeries& series) { series.write(written_frames, buffered_frames, live_begin, live_end); });
+    check_closed();
     check(H5Fflush(file, H5F_SCOPE_LOCAL), "flush");
     tick->write(written_frames, buffered_frames);
   }
@@ -322,10 +328,12 @@ std::mutex& library_mutex() {
 
 }  // namespace
 
-// Keeps the file open until the process ends.
+// Keeps the file open until the process ends, in a list that needs no memory.
 void Hdf5Recorder::abandon_file() noexcept {
-  static auto& abandoned = *new std::vector<std::unique_ptr<OpenFile>>;
-  if (open_file_) abandoned.push_back(std::move(open_file_));
+  static OpenFile* abandoned = nullptr;
+  if (!open_file_) return;
+  open_file_->next_abandoned = abandoned;
+  abandoned = open_file_.release();
 }
 
 template <class Action>
@@ -340,6 +348,9 @@ void Hdf5Recorder::with_open_file(Action action) {
     reason = error.what();
   } catch (const std::system_error& error) {
     reason = error.code().message();
+  } catch (const std::exception&) {
+    abandon_file();
+    throw;
   }
   abandon_file();
   throw std::runtime_error(name_ + ": cannot be written: " + reason);
@@ -355,6 +366,9 @@ Hdf5Recorder::Hdf5Recorder(const std::filesystem::path& path, std::unique_ptr<Pe
   } catch (const Hdf5Error& error) {
     abandon_file();
     throw scene::InputError(name_ + ": cannot be written: " + error.what());
+  } catch (const std::exception&) {
+    abandon_file();
+    throw;
   }
 }
 
@@ -364,7 +378,7 @@ Hdf5Recorder::~Hdf5Recorder() {
       content.write_buffered();
       if (content.written_frames > 0) pending_->commit();
     });
-  } catch (const std::runtime_error&) {  // a destructor cannot report errors
+  } catch (const std::exception&) {  // a destructor cannot report errors
   }
   const std::lock_guard lock(library_mutex());
   open_file_.reset();
@@ -399,6 +413,7 @@ void Hdf5Recorder::record_inputs(std::span<const scene::ChannelData> actuators) 
 void Hdf5Recorder::mark_user_interaction(std::uint64_t tick) {
   with_open_file([&](OpenFile& content) {
     if (std::exchange(content.interaction_marked, true)) return;
+    require_memory(0);
     content.preallocator.preallocate(kMetadataBytes);
     const Handle meta(H5Gopen2(content.file, "meta", H5P_DEFAULT), H5Gclose, "group meta");
     write_attribute(meta, "touched_by_hand", tick);
@@ -421,6 +436,7 @@ void Hdf5Recorder::close(const RunResult& result) {
     else
       pending_->commit_if_new();
     open_file_.reset();
+    check_closed();
   });
 }
 

@@ -64,19 +64,19 @@ int main(int argc, char** argv) noexcept {
     const int status = parse_and_run(argc, argv);
     if (status != common::kDone) return status;
     if (std::fflush(stdout) != 0)
-      fmt::print(stderr, "smartsurf: cannot write the output: {}\n", std::strerror(errno));
+      std::fprintf(stderr, "smartsurf: cannot write the output: %s\n", std::strerror(errno));
     else if (std::ferror(stdout) != 0)
-      fmt::print(stderr, "smartsurf: a part of the output could not be written\n");
+      common::print_error_line("smartsurf", "a part of the output could not be written");
     else
       return status;
     return common::kFailed;
   } catch (const script::Interrupted&) {
     return common::status_after_signals(common::kDone);
   } catch (const scene::InputError& error) {
-    fmt::print(stderr, "smartsurf: {}\n", common::printable(error.what()));
+    common::print_error_line("smartsurf", error.what());
     return common::kUserError;
   } catch (const std::exception& error) {
-    fmt::print(stderr, "smartsurf: {}\n", common::printable(common::failure_text(error)));
+    common::print_error_line("smartsurf", common::failure_text(error));
     return common::kFailed;
   }
 }

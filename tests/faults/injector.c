@@ -1,0 +1,348 @@
+/* Fails the n-th call of a kind of system function; preloaded into a program by scripts/check-faults.
+ *
+ *   FAULT_PROGRAM  the only program that faults are injected into; other processes that inherit the environment run as ever
+ *   FAULT_KIND     alloc open read write fsync mmap ftruncate rename thread process futex park; futex: a wait with a
+ *                  time limit, as the protocol's; park: without one, as std::atomic's
+ *   FAULT_AT       number of the call that fails, from 1, counted from the start of main()
+ *   FAULT_ERRNO    error number of the call; 0: read or write transfers half of the bytes
+ *   FAULT_ALWAYS   set: all later calls of the kind fail as well
+ *   FAULT_TRACE    file that receives the call stack of the fault
+ *   FAULT_CENSUS   file that receives, for each kind, the number of calls and the first call from each distinct stack,
+ *                  with the library that called; nothing fails
+ *
+ * Not seen: calls that the C library makes by itself (stdio, the stack of a thread, sleeps of its locks). A forked child
+ * inherits the count.
+ */
+#define _GNU_SOURCE
+#include <dirent.h>
+#include <dlfcn.h>
+#include <errno.h>
+#include <execinfo.h>
+#include <fcntl.h>
+#include <linux/futex.h>
+#include <pthread.h>
+#include <spawn.h>
+#include <stdarg.h>
+#include <stdatomic.h>
+#include <stdbool.h>
+#include <stdint.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/mman.h>
+#include <sys/socket.h>
+#include <sys/syscall.h>
+#include <sys/uio.h>
+#include <unistd.h>
+#include <unwind.h>
+
+enum Kind { kAlloc, kOpen, kRead, kWrite, kFsync, kMmap, kFtruncate, kRename, kThread, kProcess, kFutex, kPark, kKinds };
+static const char* const kNames[kKinds] = {"alloc",     "open",   "read",   "write",   "fsync", "mmap",
+                                           "ftruncate", "rename", "thread", "process", "futex", "park"};
+
+extern void* __libc_malloc(size_t);
+extern void* __libc_calloc(size_t, size_t);
+extern void* __libc_realloc(void*, size_t);
+extern void* __libc_memalign(size_t, size_t);
+
+static atomic_bool armed;
+static enum Kind kind = kKinds;
+static uint64_t fail_at;
+static int fault_errno;
+static bool always;
+static const char *trace, *census;
+static pid_t counted_process;
+static atomic_uint_fast64_t calls[kKinds];
+/* Set while the injector itself runs, whose calls do not count. */
+static __thread bool inside __attribute__((tls_model("initial-exec")));
+
+/* ---- census: the first call from each distinct stack ------------------------------------------------------------ */
+enum { kDepth = 32, kHashedFrames = 12, kSites = 1 << 17 };
+struct Site {
+  uint64_t hash, first;
+  uintptr_t caller;
+  enum Kind kind;
+};
+static struct Site sites[kSites];
+static pthread_mutex_t sites_mutex = PTHREAD_MUTEX_INITIALIZER;
+
+struct Stack {
+  uintptr_t frames[kDepth];
+  int depth;
+};
+
+static _Unwind_Reason_Code add_frame(struct _Unwind_Context* context, void* of) {
+  struct Stack* stack = of;
+  if (stack->depth == kDepth) return _URC_END_OF_STACK;
+  stack->frames[stack->depth++] = _Unwind_GetIP(context);
+  return _URC_NO_REASON;
+}
+
+/* Of the innermost frame that is neither the injector's nor the C or C++ library's. */
+static uintptr_t calling_frame(const struct Stack* stack) {
+  for (int i = 0; i < stack->depth; ++i) {
+    Dl_info info;
+    if (!dladdr((void*)stack->frames[i], &info) || !info.dli_fname) continue;
+    if (!strstr(info.dli_fname, "fault_injector") && !strstr(info.dli_fname, "/libc.so") &&
+        !strstr(info.dli_fname, "/libstdc++") && !strstr(info.dli_fname, "/ld-linux") && !strstr(info.dli_fname, "/libgcc_s"))
+      return stack->frames[i];
+  }
+  return stack->depth ? stack->frames[stack->depth - 1] : 0;
+}
+
+static void note_site(enum Kind of, uint64_t call) {
+  struct Stack stack = {.depth = 0};
+  _Unwind_Backtrace(add_frame, &stack);
+  uint64_t hash = 0xcbf29ce484222325u + of;
+  for (int i = 0; i < stack.depth && i < kHashedFrames; ++i) hash = (hash ^ stack.frames[i]) * 0x100000001b3u;
+  pthread_mutex_lock(&sites_mutex);
+  for (size_t i = hash % kSites, tries = 0; tries < kSites; i = (i + 1) % kSites, ++tries) {
+    if (sites[i].first == 0) {
+      sites[i] = (struct Site){hash, call, calling_frame(&stack), of};
+      break;
+    }
+    if (sites[i].hash == hash) break;
+  }
+  pthread_mutex_unlock(&sites_mutex);
+}
+
+static void write_census(void) {
+  FILE* file = fopen(census, "w");
+  if (!file) return;
+  for (int k = 0; k < kKinds; ++k) {
+    fprintf(file, "%s %llu", kNames[k], (unsigned long long)atomic_load(&calls[k]));
+    for (size_t i = 0; i < kSites; ++i) {
+      if (sites[i].first == 0 || (int)sites[i].kind != k) continue;
+      Dl_info info;
+      const char* library = dladdr((void*)sites[i].caller, &info) && info.dli_fname ? info.dli_fname : "?";
+      const char* slash = strrchr(library, '/');
+      fprintf(file, " %llu:%s", (unsigned long long)sites[i].first, slash ? slash + 1 : library);
+    }
+    fputc('\n', file);
+  }
+  fclose(file);
+}
+
+/* ---- the fault -------------------------------------------------------------------------------------------------- */
+static void write_trace(void) {
+  const int file = open(trace, O_WRONLY | O_CREAT | O_APPEND | O_CLOEXEC, 0666);
+  void* frames[kDepth];
+  if (file < 0) return;
+  backtrace_symbols_fd(frames, backtrace(frames, kDepth), file);
+  close(file);
+}
+
+/* Whether this call of the kind is to fail; errno is then set. */
+static bool fails(enum Kind of) {
+  if (!atomic_load_explicit(&armed, memory_order_relaxed) || inside || (!census && of != kind)) return false;
+  const uint64_t call = atomic_fetch_add(&calls[of], 1) + 1;
+  if (census) {
+    inside = true;
+    note_site(of, call);
+    inside = false;
+    return false;
+  }
+  if (always ? call < fail_at : call != fail_at) return false;
+  if (trace && call == fail_at) {
+    inside = true;
+    write_trace();
+    inside = false;
+  }
+  errno = fault_errno;
+  return true;
+}
+
+static int (*program_main)(int, char**, char**);
+
+static int counted_main(int argc, char** argv, char** environment) {
+  const char* program = getenv("FAULT_PROGRAM");
+  if (program && strcmp(program, program_invocation_short_name) == 0) {
+    const char* text = getenv("FAULT_KIND");
+    for (int k = 0; text && k < kKinds; ++k)
+      if (strcmp(text, kNames[k]) == 0) kind = (enum Kind)k;
+    if ((text = getenv("FAULT_AT"))) fail_at = strtoull(text, NULL, 10);
+    if ((text = getenv("FAULT_ERRNO"))) fault_errno = atoi(text);
+    always = getenv("FAULT_ALWAYS") != NULL;
+    trace = getenv("FAULT_TRACE");
+    census = getenv("FAULT_CENSUS");
+    void* warm_up[1];
+    backtrace(warm_up, 1); /* loads the unwinder, which allocates */
+    counted_process = getpid();
+    atomic_store(&armed, true);
+  }
+  return program_main(argc, argv, environment);
+}
+
+/* Destructors of the program and its other libraries have run by then. */
+__attribute__((destructor)) static void finish(void) {
+  if (!atomic_exchange(&armed, false) || getpid() != counted_process) return;
+  if (census) write_census();
+}
+
+#define REAL(name) ((__typeof__(&name))real(&next_##name, #name))
+#define NEXT(name) static void* next_##name
+static void* real(void** address, const char* name) {
+  if (!*address) *address = dlsym(RTLD_NEXT, name);
+  return *address;
+}
+
+typedef int StartMain(int (*)(int, char**, char**), int, char**, void (*)(void), void (*)(void), void (*)(void), void*);
+int __libc_start_main(int (*main)(int, char**, char**), int argc, char** argv, void (*init)(void), void (*fini)(void),
+                      void (*rtld_fini)(void), void* stack_end) {
+  program_main = main;
+  StartMain* start = (StartMain*)dlsym(RTLD_NEXT, "__libc_start_main");
+  return start(counted_main, argc, argv, init, fini, rtld_fini, stack_end);
+}
+
+/* ---- memory ----------------------------------------------------------------------------------------------------- */
+void* malloc(size_t size) { return fails(kAlloc) ? NULL : __libc_malloc(size); }
+void* calloc(size_t count, size_t size) { return fails(kAlloc) ? NULL : __libc_calloc(count, size); }
+void* realloc(void* old, size_t size) { return fails(kAlloc) ? NULL : __libc_realloc(old, size); }
+void* memalign(size_t alignment, size_t size) { return fails(kAlloc) ? NULL : __libc_memalign(alignment, size); }
+void* aligned_alloc(size_t alignment, size_t size) { return fails(kAlloc) ? NULL : __libc_memalign(alignment, size); }
+int posix_memalign(void** result, size_t alignment, size_t size) {
+  if (fails(kAlloc)) return ENOMEM;
+  void* memory = __libc_memalign(alignment, size);
+  if (!memory) return ENOMEM;
+  *result = memory;
+  return 0;
+}
+
+#define MMAP(name, offset_type)                                                                  \
+  NEXT(name);                                                                                    \
+  void* name(void* at, size_t length, int protection, int flags, int file, offset_type offset) { \
+    return fails(kMmap) ? MAP_FAILED : REAL(name)(at, length, protection, flags, file, offset);  \
+  }
+MMAP(mmap, off_t)
+MMAP(mmap64, off64_t)
+
+/* ---- files ------------------------------------------------------------------------------------------------------ */
+#define MODE(flags, last)                                \
+  mode_t mode = 0;                                       \
+  if ((flags) & (O_CREAT | __O_TMPFILE)) {               \
+    va_list list;                                        \
+    va_start(list, last);                                \
+    mode = va_arg(list, mode_t);                         \
+    va_end(list);                                        \
+  }
+#define OPEN(name)                                                   \
+  NEXT(name);                                                        \
+  int name(const char* path, int flags, ...) {                       \
+    MODE(flags, flags)                                               \
+    return fails(kOpen) ? -1 : REAL(name)(path, flags, mode);        \
+  }
+#define OPENAT(name)                                                     \
+  NEXT(name);                                                            \
+  int name(int folder, const char* path, int flags, ...) {               \
+    MODE(flags, flags)                                                   \
+    return fails(kOpen) ? -1 : REAL(name)(folder, path, flags, mode);    \
+  }
+OPEN(open)
+OPEN(open64)
+OPENAT(openat)
+OPENAT(openat64)
+
+#define FOPEN(name)                                               \
+  NEXT(name);                                                     \
+  FILE* name(const char* path, const char* mode) {                \
+    return fails(kOpen) ? NULL : REAL(name)(path, mode);          \
+  }
+FOPEN(fopen)
+FOPEN(fopen64)
+NEXT(opendir);
+DIR* opendir(const char* path) { return fails(kOpen) ? NULL : REAL(opendir)(path); }
+
+static bool is_short(size_t* bytes) {
+  if (fault_errno != 0) return false;
+  *bytes = (*bytes + 1) / 2;
+  return true;
+}
+#define TRANSFER(name, kind, byte_type)                                                \
+  NEXT(name);                                                                          \
+  ssize_t name(int file, byte_type* bytes, size_t count) {                             \
+    return fails(kind) && !is_short(&count) ? -1 : REAL(name)(file, bytes, count);     \
+  }
+TRANSFER(read, kRead, void)
+TRANSFER(write, kWrite, const void)
+#define TRANSFER_AT(name, kind, byte_type, offset_type)                                        \
+  NEXT(name);                                                                                  \
+  ssize_t name(int file, byte_type* bytes, size_t count, offset_type at) {                     \
+    return fails(kind) && !is_short(&count) ? -1 : REAL(name)(file, bytes, count, at);         \
+  }
+TRANSFER_AT(pread, kRead, void, off_t)
+TRANSFER_AT(pread64, kRead, void, off64_t)
+TRANSFER_AT(pwrite, kWrite, const void, off_t)
+TRANSFER_AT(pwrite64, kWrite, const void, off64_t)
+TRANSFER_AT(recv, kRead, void, int)
+TRANSFER_AT(send, kWrite, const void, int)
+NEXT(writev);
+ssize_t writev(int file, const struct iovec* parts, int count) {
+  if (!fails(kWrite)) return REAL(writev)(file, parts, count);
+  size_t half = count > 0 ? parts[0].iov_len : 0;
+  return is_short(&half) && half > 0 ? REAL(write)(file, parts[0].iov_base, half) : -1;
+}
+
+NEXT(fsync);
+int fsync(int file) { return fails(kFsync) ? -1 : REAL(fsync)(file); }
+NEXT(fdatasync);
+int fdatasync(int file) { return fails(kFsync) ? -1 : REAL(fdatasync)(file); }
+NEXT(msync);
+int msync(void* at, size_t length, int flags) { return fails(kFsync) ? -1 : REAL(msync)(at, length, flags); }
+
+#define TRUNCATE(name, offset_type) \
+  NEXT(name);                       \
+  int name(int file, offset_type length) { return fails(kFtruncate) ? -1 : REAL(name)(file, length); }
+TRUNCATE(ftruncate, off_t)
+TRUNCATE(ftruncate64, off64_t)
+#define FALLOCATE(name, offset_type)                                              \
+  NEXT(name);                                                                     \
+  int name(int file, int mode, offset_type from, offset_type length) {            \
+    return fails(kFtruncate) ? -1 : REAL(name)(file, mode, from, length);         \
+  }
+FALLOCATE(fallocate, off_t)
+FALLOCATE(fallocate64, off64_t)
+#define POSIX_FALLOCATE(name, offset_type)                                             \
+  NEXT(name);                                                                          \
+  int name(int file, offset_type from, offset_type length) {                           \
+    return fails(kFtruncate) ? fault_errno : REAL(name)(file, from, length);           \
+  }
+POSIX_FALLOCATE(posix_fallocate, off_t)
+POSIX_FALLOCATE(posix_fallocate64, off64_t)
+
+NEXT(rename);
+int rename(const char* from, const char* to) { return fails(kRename) ? -1 : REAL(rename)(from, to); }
+NEXT(renameat2);
+int renameat2(int from_folder, const char* from, int to_folder, const char* to, unsigned flags) {
+  return fails(kRename) ? -1 : REAL(renameat2)(from_folder, from, to_folder, to, flags);
+}
+
+/* ---- threads, processes, waits ---------------------------------------------------------------------------------- */
+NEXT(pthread_create);
+int pthread_create(pthread_t* thread, const pthread_attr_t* attributes, void* (*start)(void*), void* argument) {
+  return fails(kThread) ? fault_errno : REAL(pthread_create)(thread, attributes, start, argument);
+}
+NEXT(fork);
+pid_t fork(void) { return fails(kProcess) ? -1 : REAL(fork)(); }
+#define SPAWN(name)                                                                                     \
+  NEXT(name);                                                                                           \
+  int name(pid_t* child, const char* path, const posix_spawn_file_actions_t* actions,                   \
+           const posix_spawnattr_t* attributes, char* const arguments[], char* const environment[]) {   \
+    return fails(kProcess) ? fault_errno                                                                \
+                           : REAL(name)(child, path, actions, attributes, arguments, environment);      \
+  }
+SPAWN(posix_spawn)
+SPAWN(posix_spawnp)
+
+NEXT(syscall);
+long syscall(long number, ...) {
+  long a[6];
+  va_list list;
+  va_start(list, number);
+  for (int i = 0; i < 6; ++i) a[i] = va_arg(list, long);
+  va_end(list);
+  const int operation = (int)a[1] & FUTEX_CMD_MASK;
+  if (number == SYS_futex && (operation == FUTEX_WAIT || operation == FUTEX_WAIT_BITSET) &&
+      fails(a[3] == 0 ? kPark : kFutex))
+    return -1;
+  return REAL(syscall)(number, a[0], a[1], a[2], a[3], a[4], a[5]);
+}
