@@ -15,6 +15,7 @@ MODULES = {
     "common/files": set(),
     "common/process": set(),
     "common/text": set(),
+    "common/cli": {"common/text"},
     "common/gl": {"common/error"},
     "common/threads": {"common/error"},
     "common/image": {"common/error", "common/files"},
@@ -52,7 +53,7 @@ PRIVATE = [
     (r"^hwy/", {"apron/vm", "smartsurf/surface", "smartsurf/world"}),
     (r"^xbyak/", {"apron/vm"}),
     (r"^zlib", {"smartsurf/web"}),
-    (r"^CLI/", {"smartsurf/run", "apron/run"}),
+    (r"^CLI/", {"common/cli", "smartsurf/run", "apron/run"}),
 ]
 
 INCLUDE = re.compile(r'^\s*#\s*include\s*["<]([^">]+)[">]')

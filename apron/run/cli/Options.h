@@ -38,7 +38,7 @@ struct Options {
   Parameters parameters;
   unsigned threads = 1;
   bool reconnect = false;
-  bool local_profile = false;
+  bool local_check = false;  // check --local
   std::vector<std::string> include_paths;
   double wait_s = 5.0;
   std::string profile, cost_model;  // files; empty for none
