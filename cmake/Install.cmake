@@ -40,6 +40,13 @@ foreach(program apron shm_dump)
   install(FILES packaging/smartsurf.bash-completion
     DESTINATION ${CMAKE_INSTALL_DATADIR}/bash-completion/completions RENAME ${program})
 endforeach()
+foreach(program smartsurf apron shm_dump)  # fish reads the file named like the command
+  install(FILES packaging/smartsurf.fish-completion
+    DESTINATION ${CMAKE_INSTALL_DATADIR}/fish/vendor_completions.d RENAME ${program}.fish)
+endforeach()
+foreach(folder vendor-completions site-functions)  # searched by zsh under /usr (Debian) and /usr/local
+  install(FILES packaging/smartsurf.zsh-completion DESTINATION ${CMAKE_INSTALL_DATADIR}/zsh/${folder} RENAME _smartsurf)
+endforeach()
 install(FILES packaging/smartsurf.desktop packaging/apron.desktop DESTINATION ${CMAKE_INSTALL_DATADIR}/applications)
 
 set(CPACK_PACKAGE_NAME smartsurf)

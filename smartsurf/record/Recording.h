@@ -85,7 +85,10 @@ class Recording {
   std::unique_ptr<Contents> contents_;
 };
 
-// The output of `smartsurf info`: several lines, each ending with '\n'.
+// The output of `smartsurf info`: several lines, each ending with '\n'. Leaves out what does not apply, such
+// as the purity of objects that do not have exactly two labels.
 std::string describe_recording(const Recording& recording);
+// The output of `smartsurf info --datasets`: one line per dataset, its name and extents.
+std::string list_datasets(const Recording& recording);
 
 }  // namespace smartsurf::record

@@ -2,6 +2,7 @@
 #include <cstdio>
 #include <iomanip>
 #include <map>
+#include <set>
 #include <sstream>
 
 #include "common/text/Printable.h"
@@ -50,8 +51,16 @@ std::string options_text(const Recording& recording) {
 }
 
 std::string surface_text(const scene::SurfaceSpec& s) {
-  return concat(s.rows, " rows × ", s.columns, " columns, pitch ", s.pitch, " u, pin tops ", s.pin.top_x,
-                " × ", s.pin.top_y, " u, heights ", s.pin.min_height, " to ", s.pin.max_height, " u",
+  std::string models;
+  bool has_pins = false;
+  for (const scene::ActuatorSpec& actuator : s.effective_actuators()) {
+    models += ", " + actuator.model;
+    has_pins |= actuator.model == "pin";
+  }
+  return concat(s.rows, " rows × ", s.columns, " columns, pitch ", s.pitch, " u", models,
+                has_pins ? concat(", tops ", s.pin.top_x, " × ", s.pin.top_y, " u, heights ",
+                                  s.pin.min_height, " to ", s.pin.max_height, " u")
+                         : "",
                 s.border_height ? concat(", border ", *s.border_height, " u") : "");
 }
 
@@ -61,19 +70,39 @@ std::string physics_text(const Recording& recording) {
                 " s, ", recording.meta().mode, " mode");
 }
 
-// "40: 20 'large' (sphere, size 4 u), 20 'small' (sphere, size 2 u)"
+// A range of lengths: "radius 4 u", "widths 1 to 2 u".
+struct Extent {
+  double min = INFINITY, max = 0.0;
+  void add(double value) {
+    min = std::min(min, value);
+    max = std::max(max, value);
+  }
+  std::string text(const char* singular, const char* plural) const {
+    return min == max ? concat(singular, ' ', min, " u") : concat(plural, ' ', min, " to ", max, " u");
+  }
+};
+
+// Whether the object's footprint is a circle of its radius.
+bool has_radius(const scene::ObjectSpec& object) {
+  return object.shape != scene::ShapeKind::kBox && object.shape != scene::ShapeKind::kSolid;
+}
+
+// "40: 20 'large' (sphere, radius 4 u), 20 'small' (sphere, radius 2 u)". Objects without a radius have a
+// width, the mean of their horizontal edges.
 std::string objects_text(const std::vector<scene::ObjectSpec>& catalogue) {
   struct LabelGroup {
     std::map<std::string, bool> shapes;
-    double min_size = INFINITY, max_size = 0.0;
+    Extent radius, width;
+    bool has_radius = true;
     int count = 0;
   };
   std::map<std::string, LabelGroup> kinds;
   for (const scene::ObjectSpec& object : catalogue) {
     LabelGroup& kind = kinds[object.label];
     kind.shapes[shape_name(object.shape)] = true;
-    kind.min_size = std::min(kind.min_size, object_size(object));
-    kind.max_size = std::max(kind.max_size, object_size(object));
+    kind.radius.add(object.radius);
+    kind.width.add(2.0 * object_size(object));
+    kind.has_radius &= has_radius(object);
     ++kind.count;
   }
   std::string all = concat(catalogue.size());
@@ -82,8 +111,7 @@ std::string objects_text(const std::vector<scene::ObjectSpec>& catalogue) {
     all += label.empty() ? "unlabelled" : "'" + label + "'";
     all += " (";
     for (const auto& [shape, yes] : kind.shapes) all += shape + ", ";
-    all += kind.min_size == kind.max_size ? concat("size ", kind.min_size, " u)")
-                                          : concat("sizes ", kind.min_size, " to ", kind.max_size, " u)");
+    all += (kind.has_radius ? kind.radius.text("radius", "radii") : kind.width.text("width", "widths")) + ")";
   }
   return all;
 }
@@ -110,8 +138,15 @@ std::string state_text(const Recording& recording) {
   return hash_text(recording.state_hashes().back()) + " at the last frame";
 }
 
+std::size_t label_count(const Recording& recording) {
+  std::set<std::string> labels;
+  for (const scene::ObjectSpec& object : recording.spec().objects)
+    if (!object.fixed && !object.label.empty()) labels.insert(object.label);
+  return labels.size();
+}
+
 std::string purity_text(const Recording& recording) {
-  if (!recording.has_objects() || recording.frames() == 0) return "";
+  if (!recording.has_objects() || recording.frames() == 0 || label_count(recording) != 2) return "";
   try {
     const PuritySeries p = compute_purity(recording);
     return concat(p.values.front(), " at the start, ", p.values.back(), " at the end, ",
@@ -141,15 +176,19 @@ std::string describe_recording(const Recording& recording) {
   write_line(out, "seed", concat(recording.spec().world.seed));
   write_line(out, "physics", physics_text(recording));
   write_line(out, "surface", surface_text(recording.spec().surface));
-  write_line(out, "objects", objects_text(recording.spec().objects));
+  if (!recording.spec().objects.empty())
+    write_line(out, "objects", objects_text(recording.spec().objects));
   write_line(out, "frames", frames_text(recording));
   write_line(out, "outcome", outcome_text(recording));
   write_line(out, "state hash", state_text(recording));
   write_line(out, "purity", purity_text(recording));
-  out << "datasets\n";
+  return out.str();
+}
+
+std::string list_datasets(const Recording& recording) {
+  std::ostringstream out;
   for (const Recording::DatasetInfo& dataset : recording.datasets())
-    out << "  " << std::left << std::setw(34) << common::printable(dataset.name) << extents_text(dataset)
-        << '\n';
+    out << std::left << std::setw(36) << common::printable(dataset.name) << extents_text(dataset) << '\n';
   return out.str();
 }
 

@@ -15,6 +15,7 @@ MODULES = {
     "common/files": set(),
     "common/process": set(),
     "common/text": set(),
+    "common/cli": {"common/text"},
     "common/gl": {"common/error"},
     "common/threads": {"common/error"},
     "common/image": {"common/error", "common/files"},
@@ -56,7 +57,7 @@ PRIVATE = [
     (r"^xbyak/", {"apron/vm"}),
     (r"^zlib", {"smartsurf/web"}),
     (r"^pybind11/", {"smartsurf/python"}),
-    (r"^CLI/", {"smartsurf/run", "apron/run"}),
+    (r"^CLI/", {"common/cli", "smartsurf/run", "apron/run"}),
 ]
 
 INCLUDE = re.compile(r'^\s*#\s*include\s*["<]([^">]+)[">]')

@@ -280,7 +280,7 @@ int check_program(const Options& options) {
   if (program::uses_surface(*program) && !program::can_reach(*program, program::Opcode::kSurfaceStep))
     std::cerr << options.program << ": warning: the program uses the surface and never reaches surface.step, "
               << "for which the surface waits\n";
-  if (!options.local_profile) return common::kDone;
+  if (!options.local_check) return common::kDone;
   const std::vector<program::NonLocalInstruction> nonlocal = program::find_nonlocal_instructions(*program);
   for (const program::NonLocalInstruction& instruction : nonlocal) {
     const program::SourceLocation& source =

@@ -9,7 +9,7 @@
 #include <limits>
 
 #include "apron/program/Program.h"
-#include "common/text/Suggestion.h"
+#include "common/cli/ParseErrors.h"
 
 namespace apron::run {
 namespace {
@@ -263,16 +263,6 @@ void validate_run_options(RawOptions& raw) {
     raw.options.surface = environment_name;
 }
 
-// Runs before CLI11, whose message only says that a subcommand is required.
-void require_known_subcommand(CLI::App& app, const std::string& name) {
-  std::vector<std::string> known;
-  for (const CLI::App* subcommand : app.get_subcommands([](CLI::App*) { return true; }))
-    known.push_back(subcommand->get_name());
-  if (name.starts_with('-') || std::find(known.begin(), known.end(), name) != known.end()) return;
-  throw CLI::ValidationError("no command '" + name + "'" + common::did_you_mean(name, known) +
-                             "; known: " + CLI::detail::join(known, ", "));
-}
-
 }  // namespace
 
 ParsedOptions parse_options(int argc, char** argv) {
@@ -285,10 +275,9 @@ ParsedOptions parse_options(int argc, char** argv) {
   add_run_options(run, raw);
   CLI::App& check = *app.add_subcommand("check", "check a program for errors");
   add_common_options(check, raw);
-  check
-      .add_option("--profile", raw.profile,
-                  "local: report instructions that a purely local array cannot execute")
-      ->type_name("local");
+  check.add_flag("--local", raw.options.local_check,
+                 "also report instructions that a purely local array cannot execute");
+  check.add_option("--profile", raw.profile)->group("");  // alias of --local
   CLI::App& disassemble = *app.add_subcommand("disasm", "list a program's instructions");
   add_common_options(disassemble, raw);
   CLI::App& format = *app.add_subcommand("fmt", "format programs");
@@ -299,13 +288,12 @@ ParsedOptions parse_options(int argc, char** argv) {
   add_common_options(repl, raw, false);
   add_execution_options(repl, raw);
   try {
-    if (argc > 1) require_known_subcommand(app, argv[1]);
     app.parse(argc, argv);
     if (!raw.size.empty()) parse_size(raw);
     if (run.parsed()) validate_run_options(raw);
     if (check.parsed() && !raw.profile.empty() && raw.profile != "local")
       throw CLI::ValidationError("--profile", "'" + raw.profile + "' is unknown; known: local");
-    raw.options.local_profile = check.parsed() && !raw.profile.empty();
+    raw.options.local_check |= check.parsed() && !raw.profile.empty();
     raw.options.subcommand = run.parsed()      ? Subcommand::kRun
                              : check.parsed()  ? Subcommand::kCheck
                              : format.parsed() ? Subcommand::kFormat
@@ -320,7 +308,7 @@ ParsedOptions parse_options(int argc, char** argv) {
   } catch (const CLI::Success& success) {
     return {raw.options, app.exit(success)};
   } catch (const CLI::ParseError& error) {
-    std::cerr << "apron: error: " << error.what() << " (see apron --help)\n";
+    std::cerr << "apron: error: " << common::describe_parse_error(app, error, argc, argv) << '\n';
     return {raw.options, common::kUserError};
   }
 }

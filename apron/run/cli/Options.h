@@ -40,7 +40,7 @@ struct Options {
   unsigned threads = 1;
   vm::InstructionSet isa = vm::best_instruction_set();
   bool reconnect = false;
-  bool local_profile = false;
+  bool local_check = false;  // check --local
   std::vector<std::string> include_paths;
   double wait_s = 5.0;
   std::string profile, cost_model;  // files; empty for none

@@ -1,34 +1,21 @@
 #include "smartsurf/run/cli/CommandLine.h"
 
 #include <fmt/format.h>
-#include <fmt/ranges.h>
 
 #include <CLI/CLI.hpp>
-#include <algorithm>
 #include <cerrno>
 #include <cstdio>
 #include <cstring>
 #include <map>
 
+#include "common/cli/ParseErrors.h"
 #include "common/process/StopSignals.h"
 #include "common/text/Printable.h"
-#include "common/text/Suggestion.h"
 #include "smartsurf/run/Run.h"
 #include "smartsurf/run/cli/Subcommands.h"
 
 namespace smartsurf::run {
 namespace {
-
-void require_known_command(CLI::App& app, const std::string& name) {
-  std::vector<std::string> known;
-  for (const CLI::App* command : app.get_subcommands([](CLI::App*) { return true; }))
-    known.push_back(command->get_name());
-  if (std::ranges::find(known, name) != known.end()) return;
-  const std::string suggestion = common::nearest_name(name, known);
-  throw scene::InputError(fmt::format(
-      "no command '{}'{}; known: {}", name,
-      suggestion.empty() ? "" : fmt::format(" (did you mean '{}'?)", suggestion), fmt::join(known, ", ")));
-}
 
 int parse_and_run(int argc, char** argv) {
   CLI::App app{"Simulates a smart surface: a table of actuators and sensors that moves the objects on it.",
@@ -46,12 +33,11 @@ int parse_and_run(int argc, char** argv) {
                                                           {"export", add_export_command(app)},
                                                           {"check", add_check_command(app)},
                                                           {"clean", add_clean_command(app)}};
-  if (argc > 1 && argv[1][0] != '-') require_known_command(app, argv[1]);
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& e) {
     if (e.get_exit_code() == 0) return app.exit(e);
-    throw scene::InputError(fmt::format("{} (try smartsurf --help)", e.what()));
+    throw scene::InputError(common::describe_parse_error(app, e, argc, argv));
   }
   return handlers.at(app.get_subcommands().front()->get_name())();
 }

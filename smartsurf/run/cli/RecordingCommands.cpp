@@ -30,10 +30,17 @@ int clean_command(const std::string& prefix) {
 
 CommandHandler add_info_command(CLI::App& app) {
   CLI::App* info = app.add_subcommand("info", "Print a summary of a recording");
-  const auto file = std::make_shared<std::string>();
-  info->add_option("recording", *file, "The recording")->required()->type_name("FILE.h5");
-  return [file] {
-    fmt::print("{}", record::describe_recording(record::Recording::open(*file)));
+  struct Flags {
+    std::string file;
+    bool datasets = false;
+  };
+  const auto flags = std::make_shared<Flags>();
+  info->add_option("recording", flags->file, "The recording")->required()->type_name("FILE.h5");
+  info->add_flag("--datasets", flags->datasets, "List its datasets and their extents instead");
+  return [flags] {
+    const record::Recording recording = record::Recording::open(flags->file);
+    fmt::print("{}",
+               flags->datasets ? record::list_datasets(recording) : record::describe_recording(recording));
     return common::kDone;
   };
 }

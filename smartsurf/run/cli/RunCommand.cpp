@@ -211,7 +211,7 @@ int run_with_restarts(RunOptions options) {
 
 int run_command(CLI::App& app, const RunFlags& flags, const std::string& command_line) {
   if (flags.help) {
-    fmt::print("{}\n", app.help());
+    fmt::print("{}\n", app.get_parent()->help());  // with the program's name in the usage line
     if (!flags.experiment.empty())
       print_options(
           load_silently(flags.experiment, parse_assignments(flags.set), flags.seed, flags.engine).scene());

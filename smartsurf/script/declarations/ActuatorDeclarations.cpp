@@ -21,6 +21,11 @@ constexpr const char* kActuatorType = "actuator";
 int declare_actuator(ScriptContext& context, lua_State* L) {
   const scene::ActuatorKind& kind = *scene::find_actuator_kind(lua_tostring(L, lua_upvalueindex(1)));
   require_loading(context, kind.name);
+  if (lua_istable(L, 1) && lua_getfield(L, 1, "position") != LUA_TNIL)
+    throw ScriptError(kind.name + ": is an actuator, surface{actuator = " + kind.name +
+                      "{...}}, without a position; the objects are sphere, box, cylinder, capsule, cone, "
+                      "hull and mesh");
+  lua_settop(L, 1);
   const TableReader fields(L, 1, kind.name, parameter_names(kind.parameters));
   scene::ActuatorSpec spec = kind.default_spec();
   read_parameters(L, fields, kind.parameters, spec.values);

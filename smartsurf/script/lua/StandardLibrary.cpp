@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <array>
 #include <cstdio>
+#include <functional>
+#include <map>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -213,6 +215,51 @@ constexpr std::array<PlannedFeature, 1> kPlannedFeatures{{
     {"package", "library", "require() of a file beside the script"},
 }};
 
+// Names that users of other simulators and languages try, and what to write here.
+const char* known_equivalent(const std::string& name) {
+  static const std::map<std::string, const char*, std::less<>> kEquivalents = {
+      {"cube", "box{size = {x, y, z}}"},
+      {"cuboid", "box{size = {x, y, z}}"},
+      {"block", "box{size = {x, y, z}}"},
+      {"brick", "box{size = {x, y, z}}"},
+      {"wall", "box{size = {x, y, z}, fixed = true}"},
+      {"obstacle", "box{size = {x, y, z}, fixed = true}"},
+      {"circle", "sphere{radius = r} or cylinder{radius = r, height = h}"},
+      {"marble", "sphere{radius = r}"},
+      {"disc", "cylinder{radius = r, height = h}"},
+      {"disk", "cylinder{radius = r, height = h}"},
+      {"puck", "cylinder{radius = r, height = h}"},
+      {"coin", "cylinder{radius = r, height = h}"},
+      {"pill", "capsule{radius = r, height = h}"},
+      {"polyhedron", "hull{points = {{x, y, z}, ...}}"},
+      {"convex", "hull{points = {{x, y, z}, ...}}"},
+      {"model", "mesh{file = 'part.stl'}"},
+      {"floor", "world{ground = true}"},
+      {"ground", "world{ground = true}"},
+      {"plane", "world{ground = true}"},
+      {"gravity", "world{gravity = -9.81}"},
+      {"friction", "material{name = 'steel', friction = 0.5}"},
+      {"actuator", "surface{actuator = pin{}}"},
+      {"actuators", "surface{actuators = {pin{}, ball{}}}"},
+      {"sensor", "surface{sensors = {proximity{}}}"},
+      {"sensors", "surface{sensors = {proximity{}}}"},
+      {"grid", "surface{rows = 64, columns = 64}"},
+      {"wait", "at(seconds, function) or every(seconds, function)"},
+      {"sleep", "at(seconds, function) or every(seconds, function)"},
+      {"after", "at(seconds, function)"},
+      {"timer", "at(seconds, function) or every(seconds, function)"},
+      {"update", "on_tick(function(t, tick) ... end)"},
+      {"step", "on_tick(function(t, tick) ... end)"},
+      {"rand", "random(low, high)"},
+      {"parameter", "option('name', default, 'help')"},
+      {"param", "option('name', default, 'help')"},
+      {"exit", "stop('message')"},
+      {"import", "require 'file'"},
+      {"include", "require 'file'"}};
+  const auto found = kEquivalents.find(name);
+  return found == kEquivalents.end() ? nullptr : found->second;
+}
+
 std::vector<std::string> global_names(lua_State* L) {
   std::vector<std::string> names;
   for (lua_pushnil(L); lua_next(L, 1) != 0; lua_pop(L, 1))
@@ -229,6 +276,8 @@ int unknown_global(ScriptContext&, lua_State* L) {
       throw ScriptError(std::string(later.kind) + " '" + name +
                         "': not available in this version; available: " + std::string(later.alternative));
   if (name == "loadfile") throw_unavailable(name);
+  if (const char* const equivalent = known_equivalent(name))
+    throw ScriptError("unknown name '" + name + "'; write " + equivalent);
   throw ScriptError("unknown name '" + to_single_line(name.substr(0, 60)) + "'" +
                     did_you_mean(name, global_names(L)));
 }

@@ -66,7 +66,7 @@ class Modes(ProgramTest):
         self.assertLess(stats["actuator_frames_repeated"], 170, "the controller rarely answered")
 
     def test_the_program_is_purely_local(self):
-        status, out, err = self.run_program(APRON, "check", "--profile", "local", SORT_APS)
+        status, out, err = self.run_program(APRON, "check", "--local", SORT_APS)
         self.assertEqual(status, 0, err)
         self.assertIn("every instruction is local", out)
 

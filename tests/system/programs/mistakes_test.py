@@ -54,7 +54,12 @@ class Mistakes(ProgramTest):
         self.refused([SMARTSURF, "run"], "EXPERIMENT.lua")
         self.refused([SMARTSURF, "fly"], "fly")
         self.refused([SMARTSURF])
-        self.refused(run + ["--spede", "2"], "--spede")
+        self.refused(run + ["--spede", "2"], "--spede", "(see smartsurf run --help)")
+        self.refused([SMARTSURF, "run", path, "--untill", "5"], "unknown flag '--untill'; did you mean '--until'?")
+        self.refused(run + ["--verify"], "'--verify'; it is a flag of smartsurf replay")
+        self.refused([SMARTSURF, "--versoin"], "did you mean '--version'?")
+        self.refused([SMARTSURF, path], f"the command comes first: smartsurf run {path}")
+        self.refused([APRON, "run", SORT_APS, "--tick", "5"], "did you mean '--ticks'?", "(see apron run --help)")
         self.refused(run + ["--pace", "fast"], "--pace", "fast")
         self.refused(run + ["--pace", "-1"], "--pace", "-1")
         self.refused(run + ["--mode", "both"], "both")
@@ -183,9 +188,16 @@ class Mistakes(ProgramTest):
 
     def test_nonlocal_program_is_reported(self):
         path = self.write("global.aps", "!register(A)\nA = globalsum(A)\n")
-        status, out, err = self.run_program(APRON, "check", "--profile", "local", path)
-        self.assertEqual((status, err), (1, ""))
-        self.assertIn("global.aps:2: not local: globalsum", out)
+        for flags in (["--local"], ["--profile", "local"]):
+            status, out, err = self.run_program(APRON, "check", *flags, path)
+            self.assertEqual((status, err), (1, ""))
+            self.assertIn("global.aps:2: not local: globalsum", out)
+        self.refused([APRON, "check", "--profile", "global", path], "'global' is unknown; known: local")
+
+    def test_usage_lines_carry_the_program_name(self):
+        for command in ([SMARTSURF, "run"], [SMARTSURF, "info"], [APRON, "check"]):
+            out = self.run_program(*command, "--help")[1]
+            self.assertIn(f"Usage: {pathlib.Path(command[0]).name} {command[1]} ", out)
 
     def test_objects_thrown_by_huge_forces_leave_and_run_continues(self):
         path = self.write("fling.lua", """

@@ -1,5 +1,7 @@
 """An installation works without the checkout."""
+import pty
 import re
+import select
 import shutil
 
 from programs import *
@@ -79,6 +81,42 @@ class Packaging(ProgramTest):
             out = subprocess.run(["bash", "-c", ask.format(script, self.prefix / "bin", typed)], text=True,
                                  stdout=subprocess.PIPE, check=True).stdout
             self.assertEqual(out.strip(), expected)
+
+    @unittest.skipUnless(shutil.which("fish"), "fish is not installed")
+    def test_fish_completion_offers_commands_and_flags(self):
+        for typed, expected in (("smartsurf re", "replay"), ("smartsurf run --scr", "--screenshot"),
+                                ("smartsurf run --mode p", "passive"), ("apron di", "disasm"), ("shm_dump --fo", "--follow")):
+            script = self.prefix / "share/fish/vendor_completions.d" / (typed.split()[0] + ".fish")
+            out = subprocess.run(["fish", "--no-config", "-c", f"source {script}; complete -C '{typed}'"], text=True,
+                                 env={**os.environ, "PATH": f"{self.prefix}/bin:{os.environ['PATH']}"},
+                                 stdout=subprocess.PIPE, check=True).stdout
+            self.assertEqual([line.split("\t")[0] for line in out.splitlines()], [expected])
+
+    @unittest.skipUnless(shutil.which("zsh"), "zsh is not installed")
+    def test_zsh_completion_offers_commands_and_flags(self):
+        folder = self.prefix / "share/zsh/site-functions"
+        for typed, expected in (("smartsurf rep", b"replay"), ("smartsurf run --scr", b"--screenshot"),
+                                ("smartsurf run --mode p", b"passive"), ("apron di", b"disasm")):
+            child, terminal = pty.fork()
+            if child == 0:
+                os.environ.update(PATH=f"{self.prefix}/bin:{os.environ['PATH']}", TERM="dumb")
+                os.execvp("zsh", ["zsh", "-f", "-i"])
+            os.write(terminal, f"fpath=({folder} $fpath); autoload -Uz compinit; compinit -u -D; print RE''ADY\n".encode())
+            self.wait_for_output(terminal, b"READY")
+            os.write(terminal, typed.encode() + b"\t")
+            self.wait_for_output(terminal, expected)
+            os.close(terminal)
+            os.waitpid(child, 0)
+
+    def wait_for_output(self, terminal, expected):
+        shown = b""
+
+        def is_shown():
+            nonlocal shown
+            if select.select([terminal], [], [], 0.1)[0]:
+                shown += os.read(terminal, 4096)
+            return expected in shown
+        self.wait_for(is_shown, expected)
 
     def test_doctor_reports_healthy_machine_and_missing_program(self):
         status, out, err = self.installed("smartsurf-doctor")

@@ -29,7 +29,7 @@ class Tasks(ProgramTest):
 
     def test_every_program_is_local(self):
         for program in sorted(TASKS.glob("*.aps")):
-            status, out, err = self.run_program(APRON, "check", "--profile", "local", str(program))
+            status, out, err = self.run_program(APRON, "check", "--local", str(program))
             self.assertEqual((status, "every instruction is local" in out), (0, True), f"{program.name}: {err}")
 
     def test_each_task_has_a_figure(self):

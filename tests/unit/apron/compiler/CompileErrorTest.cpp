@@ -204,6 +204,8 @@ constexpr Wrong kWrong[] = {
      "main.aps:1:6: error: '=' gives a value to a name; to compare, write '=='"},
     {"x = 1|if(x > 0)|elseif(x > 2)|endif",
      "main.aps:3:1: error: there is no instruction or macro 'elseif'; write 'else', and an 'if' with its own 'endif' after it"},
+    {"!register(A)|A = erode(A)",
+     "main.aps:2:5: error: there is no instruction or macro 'erode'; it is a macro of the library: !include('morphology.aps')"},
     {"register(A)",
      "main.aps:1:1: error: there is no instruction or macro 'register'; directives begin with '!': !register(A)"},
     {"!register(A)|A += 1",

@@ -210,11 +210,14 @@ TEST(Recording, Describe) {
         "command     smartsurf run scripts/experiment.lua --seed 7\n", "experiment  scripts/experiment.lua\n",
         "program     sort.aps\n", "count = 3, speed = 0.5", "seed        18446744073709551601\n",
         "time-step mode", "4 rows × 6 columns, pitch 2 u", "border 5 u",
-        "objects     3: 1 unlabelled (box, size 0.75 u), 1 'large' (cylinder, size 4 u), 1 'small' (sphere, "
-        "size 2 u)",
+        "objects     3: 1 unlabelled (box, width 1.5 u), 1 'large' (cylinder, radius 4 u), 1 'small' (sphere, "
+        "radius 2 u)",
         "frames      100, ticks 0 to 99, 0 s to 1.65 s, every tick", "done after 100 ticks, 1.5 s simulated",
-        "000000000000001f at the end", "purity      ", "never sorted", "/objects/position", "100 × 3 × 3"})
+        "000000000000001f at the end", "purity      ", "never sorted"})
     EXPECT_NE(text.find(part), std::string::npos) << part << " is missing in\n" << text;
+  EXPECT_EQ(text.find("/objects/position"), std::string::npos) << text;
+  EXPECT_NE(list_datasets(Recording::open(out / "run.h5")).find("/objects/position                   100 × 3 × 3\n"),
+            std::string::npos);
 }
 
 // A solid of two hulls, a wedge and a box. Volume and inertia are arbitrary.
@@ -290,8 +293,9 @@ TEST(Recording, KeepsEveryShapeAndSharesSolids) {
     EXPECT_EQ(solid.hulls[i].faces[1].offset, right->hulls[i].faces[1].offset);
   }
   const std::string text = describe_recording(recording);
-  EXPECT_NE(text.find("4 'part' (solid, size 1.25 u)"), std::string::npos) << text;
-  EXPECT_NE(text.find("1 'hat' (cone, size 1.5 u), 1 'large'"), std::string::npos) << text;
+  EXPECT_NE(text.find("4 'part' (solid, width 2.5 u)"), std::string::npos) << text;
+  EXPECT_NE(text.find("1 'hat' (cone, radius 1.5 u), 1 'large'"), std::string::npos) << text;
+  EXPECT_EQ(text.find("purity"), std::string::npos) << "there are five labels:\n" << text;
 }
 
 TEST(Recording, RejectsInvalidSolids) {
