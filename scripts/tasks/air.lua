@@ -1,6 +1,7 @@
 -- A light sheet floats over 40×40 jets of air to a goal, without ever touching the table.
 local goal_x, goal_y = 26, 20
-surface { rows = 40, columns = 40, actuator = air_jet { lean = 0.35, max_flow = 60 } }
+surface { rows = 40, columns = 40, actuator = air_jet { lean = 0.35, max_flow = 60 },
+          sensors = { proximity { range = 8 } } }
 local sheet = box { size = {6, 6, 0.2}, mass = 1.2, colour = 'yellow',
                     position = { random(6, 20), random(6, 33), 2 } }
 
@@ -26,3 +27,9 @@ on_finish(function()
   if within then metric('time_s', within) end
   metric('least_gap_u', lowest)
 end)
+
+-- As a learning environment: docs/python.md.
+episode { seconds = 40 }
+reward(function() return -error_u() - (gap_u() < 0 and 10 or 0) end)
+success(function(t) return within and t > within + 1 and lowest > 0 end)
+info { sheet = sheet, error_u = error_u, gap_u = gap_u }

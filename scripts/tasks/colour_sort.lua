@@ -13,3 +13,4 @@ two_kinds.scatter(n, count, radius, function(kind, x, y)
            position = {x, y, 7} }
 end)
 two_kinds.measure(n, count)
+episode { seconds = 120 }

@@ -1,7 +1,8 @@
 -- Waves of an excitable medium drive the pins under three balls: how fast do they travel east?
 material { name = 'felt', friction = 0.6, rolling_friction = 0.05, restitution = 0 }
 surface { rows = 20, columns = 40, material = 'felt', border = { height = 6 },
-          actuator = pin { range = {0, 6}, max_speed = 12, max_acceleration = 200 } }
+          actuator = pin { range = {0, 6}, max_speed = 12, max_acceleration = 200 },
+          sensors = { proximity { range = 8 } } }
 for i = 1, 3 do
   sphere { radius = 1.5, material = 'felt', colour = 'green', label = 'ball',
            position = { random(5, 9), 5 * i - 0.5 + random(-0.5, 0.5), 3 } }
@@ -25,3 +26,13 @@ on_finish(function(t)
   metric('success', arrived == 3 and on_table == 3 and 1 or 0)
   metric('speed_u_s', sum / 3)
 end)
+
+-- As a learning environment: docs/python.md.
+episode { seconds = 30 }
+reward(function()
+  local sum = 0
+  for id = 0, 2 do sum = sum + object(id):velocity() end
+  return sum / 3
+end)
+success(function() return arrived == 3 end)
+info { ball_1 = 0, ball_2 = 1, ball_3 = 2 }

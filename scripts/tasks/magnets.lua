@@ -1,6 +1,7 @@
 -- Two discs of opposite polarity and one that is not magnetic on an 8×8 workbench of electromagnets, 2 u apart.
 surface { rows = 8, columns = 8, pitch = 2,
-          actuator = magnet { top = 1.6, strength = 150, depth = 1, law = 'pole' } }
+          actuator = magnet { top = 1.6, strength = 150, depth = 1, law = 'pole' },
+          sensors = { proximity { range = 4 }, colour { range = 4 } } }
 local function disc(label, pole, x, y)
   return cylinder { radius = 0.9, height = 0.6, pole = pole, label = label,
                     colour = ({ [1] = 'red', [0] = 'grey', [-1] = 'blue' })[pole],
@@ -26,3 +27,10 @@ on_finish(function()
   metric('pushed_away_u', pushed_by)
   metric('plain_moved_u', moved)
 end)
+
+-- As a learning environment: docs/python.md.
+episode { seconds = 6 }
+reward(function()
+  return math.min(far(pushed, goal_x, goal_y) - (pushed_from or 0), 4) - far(pulled, goal_x, goal_y)
+end)
+info { pulled = pulled, pushed = pushed, plain = plain }

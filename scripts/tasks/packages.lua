@@ -50,3 +50,15 @@ on_finish(function()
   metric('wrong_exit', missed)
   metric('collisions', collisions)
 end)
+
+-- As a learning environment: docs/python.md.
+local scored = 0
+episode { seconds = 40 }
+reward(function()
+  local before = scored
+  scored = #took - missed - collisions
+  return scored - before
+end)
+success(function() return #took == count end)
+info { delivered = function() return #took end, missed = function() return missed end,
+       collisions = function() return collisions end }

@@ -35,3 +35,14 @@ on_finish(function()
   metric('success', done_at and moved < 0.5 and 1 or 0)
   metric('bystander_moved_u', moved)
 end)
+
+-- As a learning environment: docs/python.md.
+episode { seconds = 60 }
+reward(function()
+  local sum = 0
+  for _, id in ipairs(travellers) do sum = sum + (arrived(id) and 1 or 0) end
+  return sum / #travellers
+end)
+success(function(t) return done_at and t > done_at + 2 end)
+info { red = travellers[1], blue = travellers[2], green_1 = travellers[3], green_2 = travellers[4],
+       bystander = bystander }

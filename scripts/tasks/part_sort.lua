@@ -12,3 +12,4 @@ two_kinds.scatter(n, count, 4, function(kind, x, y)
         position = { x, y, 0.6 }, orientation = { yaw = random(0, math.pi) } }
 end)
 two_kinds.measure(n, count)
+episode { seconds = 120 }

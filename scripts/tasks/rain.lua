@@ -3,7 +3,8 @@ local count = option('count', 2000, 'balls')
 local n, seconds = option('n', 64, 'rows and columns'), 10
 
 world { off_table = 'remove' }
-surface { rows = n, columns = n, actuator = pin { range = {0, 6}, max_speed = 6, max_acceleration = 60 } }
+surface { rows = n, columns = n, actuator = pin { range = {0, 6}, max_speed = 6, max_acceleration = 60 },
+          sensors = { proximity { range = 8 } } }
 
 local fallen, left, shed_at = 0, 0, nil
 on_tick(function(t)
@@ -22,3 +23,14 @@ on_finish(function()
   metric('shed', left / count)
   if shed_at then metric('time_to_95_s', shed_at) end
 end)
+
+-- As a learning environment: docs/python.md.
+local scored = 0
+episode { seconds = 40 }
+reward(function()
+  local before = scored
+  scored = left / count
+  return scored - before
+end)
+success(function() return shed_at ~= nil end)
+info { fallen = function() return fallen end, left = function() return left end }

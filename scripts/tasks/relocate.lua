@@ -5,7 +5,8 @@ local goal_x, goal_y = 11, 15 - 10
 
 material { name = 'felt', friction = 0.6, rolling_friction = 0.05, restitution = 0 }
 surface { rows = 16, columns = 16, material = 'felt', border = { height = 6 },
-          actuator = pin { range = {0, 6}, max_speed = 6, max_acceleration = 60 } }
+          actuator = pin { range = {0, 6}, max_speed = 6, max_acceleration = 60 },
+          sensors = { proximity { range = 8 } } }
 faults { actuator = { stuck = stuck, dead = dead } }
 sphere { radius = 1.5, position = { random(3, 12), random(3, 12), 8 }, colour = 'orange', material = 'felt' }
 
@@ -20,3 +21,9 @@ on_finish(function()
   metric('success', within and 1 or 0)
   if within then metric('time_s', within) end
 end)
+
+-- As a learning environment: docs/python.md.
+episode { seconds = 30 }
+reward(function() return -error_u() end)
+success(function(t) return within and t > within + 1 end)
+info { ball = 0, error_u = error_u }

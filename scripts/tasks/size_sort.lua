@@ -17,3 +17,4 @@ two_kinds.scatter(n, count, 4, function(kind, x, y)
            position = {x, y, large and 9 or 7} }
 end)
 two_kinds.measure(n, count)
+episode { seconds = 240 }

@@ -3,7 +3,8 @@ local leg = 20
 
 material { name = 'felt', friction = 0.6, rolling_friction = 0.05, restitution = 0 }
 surface { rows = 24, columns = 24, material = 'felt',
-          actuator = pin { range = {0, 6}, max_speed = 6, max_acceleration = 60 } }
+          actuator = pin { range = {0, 6}, max_speed = 6, max_acceleration = 60 },
+          sensors = { proximity { range = 8 } } }
 sphere { radius = 1.5, colour = 'cyan', material = 'felt',
          position = { 11.5 + random(-2, 2), 11.5 + random(-2, 2), 3 } }
 
@@ -33,3 +34,14 @@ on_finish(function()
   end
   metric('success', worst < 0.5 and 1 or 0)
 end)
+
+-- As a learning environment: docs/python.md.
+local function error_u(t)
+  local px, py = point(t)
+  local x, y = object(0):position()
+  return math.sqrt((x - 11.5 - px)^2 + (y - 11.5 - py)^2)
+end
+episode { seconds = 3 * leg }
+reward(function(t) return -error_u(t) end)
+info { ball = 0, error_u = error_u, target_x = function(t) return 11.5 + point(t) end,
+       target_y = function(t) return 11.5 + select(2, point(t)) end }

@@ -28,6 +28,9 @@ function two_kinds.measure(n, count)
     sorted_at = purity >= 0.95 and (sorted_at or t) or nil
     if sorted_at and t > sorted_at + 5 then stop() end
   end)
+  reward(function() return purity end)
+  success(function(t) return sorted_at and t > sorted_at + 5 end)
+  info { purity = function() return purity end }
   on_finish(function()
     metric('purity', purity)
     metric('success', sorted_at and 1 or 0)

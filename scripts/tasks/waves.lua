@@ -1,7 +1,8 @@
 -- Transport by a travelling wave in a vibrating skin: how fast a plate goes at a frequency.
 local frequency = option('frequency', 8.0, 'of the vibration, Hz')
 
-surface { rows = 12, columns = 40, actuator = tile { frequency = frequency, max_amplitude = 0.1, thickness = 2 } }
+surface { rows = 12, columns = 40, actuator = tile { frequency = frequency, max_amplitude = 0.1, thickness = 2 },
+          sensors = { proximity { range = 4 } } }
 box { size = {9, 6, 0.5}, position = { random(28, 32), random(5, 6), 0.4 }, colour = 'brown', label = 'plate' }
 
 -- The speed from the second second on, when the plate goes steadily.
@@ -14,3 +15,8 @@ on_finish(function(t)
   metric('speed_u_s', speed)
   metric('share_of_crest_speed', speed / drag)
 end)
+
+-- As a learning environment: docs/python.md.
+episode { seconds = 10 }
+reward(function() return -object(0):velocity() end)
+info { plate = 0 }

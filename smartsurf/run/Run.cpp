@@ -322,7 +322,7 @@ std::optional<double> Run::end_time_s() const {
 }
 
 void Run::apply_script_requests() {
-  const ScriptRequests requests = simulation_.take_requests();
+  const simulation::ScriptRequests requests = simulation_.take_requests();
   if (requests.pace_changed) pacer_.set_factor(requests.pace);
   if (requests.pause && display_->has_window()) requests_.paused = true;
   if (requests.stop || requests.quit) set_ending(common::kDone, "stopped by the script");

@@ -15,7 +15,7 @@
 #include "smartsurf/record/Recorder.h"
 #include "smartsurf/run/ControllerProcess.h"
 #include "smartsurf/run/Pacer.h"
-#include "smartsurf/run/Simulation.h"
+#include "smartsurf/simulation/Simulation.h"
 #include "smartsurf/run/SurfaceLink.h"
 #include "smartsurf/run/cli/RunOptions.h"
 #include "smartsurf/run/display/Display.h"
@@ -43,7 +43,7 @@ class Run {
   ~Run();
 
   // Calls the observer with the state before the first tick and after each tick.
-  void observe(std::function<void(const Simulation&)> observer) { observer_ = std::move(observer); }
+  void observe(std::function<void(const simulation::Simulation&)> observer) { observer_ = std::move(observer); }
 
   // The statistics of the run so far, as written by --stats.
   std::string stats_json() const { return to_json(summary(), phase_times_); }
@@ -92,7 +92,7 @@ class Run {
   RunOptions options_;
   const std::atomic<bool>& stop_requested_;
   script::Experiment experiment_;
-  Simulation simulation_;
+  simulation::Simulation simulation_;
   std::unique_ptr<SurfaceLink> link_;  // null with --no-controller
   std::unique_ptr<ControllerProcess> controller_process_;
   std::vector<std::unique_ptr<record::Recorder>> recorders_;
@@ -107,7 +107,7 @@ class Run {
   std::string notice_;
   bool keep_window_open_ = false;
   std::optional<Restart> restart_;
-  std::function<void(const Simulation&)> observer_;
+  std::function<void(const simulation::Simulation&)> observer_;
   PhaseTimes phase_times_;
   record::PurityMeter purity_meter_;
   std::optional<std::uint64_t> end_tick_;

@@ -2,7 +2,9 @@
 
 #include <algorithm>
 #include <cassert>
+#include <cmath>
 #include <filesystem>
+#include <limits>
 #include <system_error>
 
 #include "smartsurf/script/ScriptContext.h"
@@ -35,6 +37,7 @@ int register_bindings(ScriptContext& context, lua_State* L) {
   bind_options(L);
   bind_objects(L);
   bind_events(L);
+  bind_episodes(L);
   bind_object_handles(L);
   bind_cells(L);
   guard_globals(L);
@@ -101,9 +104,8 @@ struct Experiment::Impl {
     session.spec.world.gravity = rotate_gravity(session.spec.world.gravity, session.spec.surface.tilt_rad);
   }
 
-  // Calls a callback with (t, tick) or (object, t, tick). Returns false if the callback returned false, which
-  // unregisters it.
-  bool invoke(int callback, std::optional<scene::ObjectId> object = {}) {
+  // Calls a callback with (t, tick) or (object, t, tick) and leaves its result on the stack.
+  void push_result(int callback, std::optional<scene::ObjectId> object = {}) {
     lua_State* const L = interpreter.lua();
     const auto& [reference, location] = session.callbacks[static_cast<std::size_t>(callback)];
     const std::string registered_at = location;  // copied: the call may reallocate `callbacks`
@@ -113,9 +115,36 @@ struct Experiment::Impl {
     lua_pushinteger(L, static_cast<lua_Integer>(session.tick));
     interpreter.call(object ? 3 : 2, 1, {session.options.callback_budget, session.options.callback_time_s},
                      registered_at);
+  }
+
+  // Returns false if the callback returned false, which unregisters it.
+  bool invoke(int callback, std::optional<scene::ObjectId> object = {}) {
+    push_result(callback, object);
+    lua_State* const L = interpreter.lua();
     const bool keep_registered = !(lua_isboolean(L, -1) && lua_toboolean(L, -1) == 0);
     lua_pop(L, 1);
     return keep_registered;
+  }
+
+  // The number that a callback returns; NaN for nil if that is allowed.
+  double number_of(int callback, const std::string& subject, bool nil_is_nan) {
+    push_result(callback);
+    lua_State* const L = interpreter.lua();
+    const int type = lua_type(L, -1);
+    const double value = type == LUA_TBOOLEAN ? lua_toboolean(L, -1) : lua_tonumber(L, -1);
+    const bool is_nan = type == LUA_TNIL && nil_is_nan;
+    lua_pop(L, 1);
+    if (is_nan) return std::numeric_limits<double>::quiet_NaN();
+    if ((type == LUA_TNUMBER && std::isfinite(value)) || type == LUA_TBOOLEAN) return value;
+    throw scene::InputError(session.callbacks[static_cast<std::size_t>(callback)].location + ": " + subject +
+                            " returned " + (type == LUA_TNUMBER ? format_value(value) : lua_typename(L, type)) +
+                            ": must be a finite number");
+  }
+
+  void set_time(double t_s, std::uint64_t tick) {
+    assert(session.phase == Phase::kRunning);
+    session.time_s = t_s;
+    session.tick = tick;
   }
 
   void release_callback(int callback) {
@@ -189,6 +218,57 @@ void Experiment::start(SimulationInterface& simulation) {
   context.simulation = &simulation;
   for (const auto& request : context.deferred_requests) request(simulation);
   context.deferred_requests.clear();
+  if (context.on_reset.empty()) return;
+  context.random.emplace(context.spec.world.seed);
+  impl_->set_time(0.0, 0);
+  for (std::size_t i = 0; i < context.on_reset.size(); ++i) impl_->invoke(context.on_reset[i]);
+}
+
+bool Experiment::has_drawn() const { return impl_->session.random.has_value(); }
+bool Experiment::has_reset_hook() const { return !impl_->session.on_reset.empty(); }
+bool Experiment::has_reward() const { return impl_->session.reward.has_value(); }
+std::optional<double> Experiment::episode_s() const { return impl_->session.episode_s; }
+
+double Experiment::reward(double t_s, std::uint64_t tick) {
+  impl_->set_time(t_s, tick);
+  return impl_->session.reward ? impl_->number_of(*impl_->session.reward, "reward", false) : 0.0;
+}
+
+bool Experiment::success(double t_s, std::uint64_t tick) {
+  if (!impl_->session.success) return false;
+  impl_->set_time(t_s, tick);
+  lua_State* const L = impl_->interpreter.lua();
+  impl_->push_result(*impl_->session.success);
+  const bool succeeded = lua_toboolean(L, -1) != 0;
+  lua_pop(L, 1);
+  return succeeded;
+}
+
+std::vector<Experiment::InfoField> Experiment::info_fields() const {
+  std::vector<InfoField> fields;
+  for (const script::InfoField& field : impl_->session.info)
+    fields.push_back({field.name, field.object ? kObjectStateSize : 1});
+  return fields;
+}
+
+void Experiment::info(double t_s, std::uint64_t tick, std::span<double> values) {
+  impl_->set_time(t_s, tick);
+  std::size_t i = 0;
+  for (const script::InfoField& field : impl_->session.info) {
+    if (!field.object) {
+      values[i++] = impl_->number_of(field.callback, "info." + field.name, true);
+      continue;
+    }
+    const std::span<double> state = values.subspan(i, kObjectStateSize);
+    i += kObjectStateSize;
+    if (!impl_->session.simulation->is_alive(*field.object)) {
+      std::ranges::fill(state, std::numeric_limits<double>::quiet_NaN());
+      continue;
+    }
+    const ObjectState s = impl_->session.simulation->state(*field.object);
+    Eigen::Map<Eigen::Matrix<double, kObjectStateSize, 1>>(state.data())
+        << s.position, s.orientation.coeffs(), s.velocity, s.angular_velocity;
+  }
 }
 
 void Experiment::notify_departures(double t_s, std::uint64_t tick,

@@ -79,8 +79,14 @@ class Experiment {
   // The values that the script has passed to metric(name, value), by name, in order of first use.
   const std::vector<std::pair<std::string, double>>& metrics() const;
 
-  // Call once before the first tick. `simulation` must hold the objects of scene() and outlive all calls of
-  // notify_departures, tick and finish.
+  // Whether the script has drawn random numbers so far.
+  bool has_drawn() const;
+  // Whether start() runs on_reset.
+  bool has_reset_hook() const;
+
+  // Call once before the first tick: restarts the random numbers and runs on_reset, if the script has such a hook.
+  // `simulation` must hold the objects of scene() and outlive all calls of notify_departures, tick and finish.
+  // Throws as tick() does.
   void start(SimulationInterface& simulation);
   // Call before tick(): runs on_leave, in order, for each object that left the table in the previous tick.
   // Skips objects that are no longer alive. Throws as tick() does.
@@ -89,6 +95,25 @@ class Experiment {
   // first tick. Runs the callbacks of at and every that are due, in order of time and then registration, then
   // on_tick. Throws scene::InputError for an error in the script; after that only finish() may be called.
   void tick(double t_s, std::uint64_t tick);
+  // What the script declares of its episodes. Call these after tick and physics, with the time and tick of the new
+  // state. All throw as tick() does.
+  struct InfoField {
+    std::string name;
+    int size = 1;  // 1: a number; kObjectStateSize: the state of an object
+  };
+  // Position, orientation (x y z w), velocity, angular velocity.
+  static constexpr int kObjectStateSize = 13;
+  bool has_reward() const;
+  // The value of reward(); 0 without one.
+  double reward(double t_s, std::uint64_t tick);
+  // The value of success(); false without one.
+  bool success(double t_s, std::uint64_t tick);
+  std::vector<InfoField> info_fields() const;
+  // Writes the values of all info fields, in their order; NaN for nil and for removed objects.
+  void info(double t_s, std::uint64_t tick, std::span<double> values);
+  // episode.seconds; nullopt = unlimited.
+  std::optional<double> episode_s() const;
+
   // Call after the last tick: runs on_finish. Further calls do nothing.
   void finish();
 

@@ -1,5 +1,7 @@
 #include "smartsurf/script/ScriptContext.h"
 
+#include "smartsurf/script/lua/TableReader.h"
+
 namespace smartsurf::script {
 
 Random& ScriptContext::random_generator(lua_State* L) {
@@ -8,6 +10,23 @@ Random& ScriptContext::random_generator(lua_State* L) {
     random_first_use = interpreter->current_location(L);
   }
   return *random;
+}
+
+int store_callback(ScriptContext& context, lua_State* L, int index, const std::string& subject) {
+  constexpr std::size_t kMaxCallbacks = 1'000'000;
+  if (lua_type(L, index) != LUA_TFUNCTION) throw_invalid_value(L, index, subject, "a function");
+  if (context.callbacks.size() - context.free_callbacks.size() >= kMaxCallbacks)
+    throw ScriptError(subject + ": more than 1000000 callbacks");
+  lua_pushvalue(L, index);
+  const Callback callback{luaL_ref(L, LUA_REGISTRYINDEX), context.interpreter->current_location(L)};
+  if (context.free_callbacks.empty()) {
+    context.callbacks.push_back(callback);
+    return static_cast<int>(context.callbacks.size() - 1);
+  }
+  const int slot = context.free_callbacks.back();
+  context.free_callbacks.pop_back();
+  context.callbacks[static_cast<std::size_t>(slot)] = callback;
+  return slot;
 }
 
 void require_running(const ScriptContext& context, const std::string& subject) {

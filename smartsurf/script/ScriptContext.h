@@ -25,6 +25,13 @@ struct Callback {
   std::string location;       // "FILE:LINE" of the registration
 };
 
+// A value of info{}: the state of an object, or what a function returns.
+struct InfoField {
+  std::string name;
+  std::optional<scene::ObjectId> object;
+  int callback = -1;  // index into ScriptContext::callbacks, without an object
+};
+
 struct ScriptContext {
   explicit ScriptContext(LoadOptions o) : options(std::move(o)) {}
 
@@ -53,7 +60,10 @@ struct ScriptContext {
   EventQueue event_queue;
   std::vector<Callback> callbacks;                // indexed by TimedEvent::callback
   std::vector<int> free_callbacks;                // unused slots of `callbacks`
-  std::vector<int> on_tick, on_leave, on_finish;  // indices into `callbacks`
+  std::vector<int> on_tick, on_leave, on_finish, on_reset;  // indices into `callbacks`
+  std::optional<int> reward, success;                       // likewise
+  std::vector<InfoField> info;                              // by name, within one info{}
+  std::optional<double> episode_s;
   // Calls of pace and pause while loading; run by Experiment::start.
   std::vector<std::function<void(SimulationInterface&)>> deferred_requests;
 
@@ -79,6 +89,10 @@ using NamedActuators = std::vector<NamedActuator>;
 NamedActuators check_single_actuator(const ScriptContext&, lua_State* L, int index, const std::string& name);
 NamedActuators check_actuators(const ScriptContext&, lua_State* L, int index, const std::string& name);
 class TableReader;
+// Stores the function at `index`. Returns its index in ScriptContext::callbacks. Throws ScriptError, which begins
+// with `subject`, for any other value.
+int store_callback(ScriptContext&, lua_State* L, int index, const std::string& subject);
+
 // Reads the fields of surface{} that define the positions of the cells and the actuator in each. Requires
 // that rows, columns and pitch have been read.
 void read_layout(ScriptContext&, lua_State* L, const TableReader&, scene::SurfaceSpec&);
@@ -97,6 +111,7 @@ void bind_sensors(lua_State* L);         // one function per kind of sensor
 void bind_options(lua_State* L);         // option, random, math.random
 void bind_objects(lua_State* L);         // sphere, box, cylinder, capsule, cone, hull, mesh
 void bind_events(lua_State* L);          // at, every, on_*, time, metric, stop, quit, pause, pace
+void bind_episodes(lua_State* L);        // reward, success, info, episode, on_reset
 void bind_object_handles(lua_State* L);  // object, objects
 void bind_cells(lua_State* L);           // cells
 // The Lua standard library, reduced to what the sandbox allows. Must run first.

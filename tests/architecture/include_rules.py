@@ -28,8 +28,11 @@ MODULES = {
     "smartsurf/record": {"common", "smartsurf/scene"},
     "smartsurf/view": {"common", "smartsurf/scene"},
     "smartsurf/web": {"common", "smartsurf/scene", "smartsurf/record"},
+    "smartsurf/simulation": {"common", "smartsurf/scene", "smartsurf/mesh", "smartsurf/script", "smartsurf/surface",
+                             "smartsurf/world"},
+    "smartsurf/python": {"common", "smartsurf/scene", "smartsurf/simulation", "smartsurf/view"},
     "smartsurf/run": {"common", "smartsurf/scene", "smartsurf/mesh", "smartsurf/script", "smartsurf/surface",
-                      "smartsurf/world", "smartsurf/record", "smartsurf/view", "smartsurf/web", "shm-protocol"},
+                      "smartsurf/world", "smartsurf/simulation", "smartsurf/record", "smartsurf/view", "smartsurf/web", "shm-protocol"},
     "apron/program": {"common"},
     "apron/syntax": {"common"},
     "apron/compiler": {"common", "apron/syntax", "apron/program"},
@@ -52,6 +55,7 @@ PRIVATE = [
     (r"^hwy/", {"apron/vm", "smartsurf/surface", "smartsurf/world"}),
     (r"^xbyak/", {"apron/vm"}),
     (r"^zlib", {"smartsurf/web"}),
+    (r"^pybind11/", {"smartsurf/python"}),
     (r"^CLI/", {"smartsurf/run", "apron/run"}),
 ]
 

@@ -11,7 +11,7 @@
 #include "smartsurf/run/ControllerProcess.h"
 #include "smartsurf/run/OutputFile.h"
 #include "smartsurf/run/Run.h"
-#include "smartsurf/run/Simulation.h"
+#include "smartsurf/simulation/Simulation.h"
 #include "smartsurf/run/Worlds.h"
 #include "smartsurf/run/cli/FlagValues.h"
 #include "smartsurf/run/cli/Subcommands.h"
@@ -228,7 +228,7 @@ int check_command(const RunFlags& flags) {
       load_silently(flags.experiment, parse_assignments(flags.set), flags.seed, flags.engine);
   const std::string& file = flags.experiment;
   const auto& scene = experiment.scene();
-  validate_surface(scene);
+  simulation::validate_surface(scene);
   world::require_engine(scene);
   const auto count = [](std::size_t n, const char* what) {
     return fmt::format("{} {}{}", n, what, n == 1 ? "" : "s");

@@ -14,7 +14,7 @@ static_assert(std::size(kShapeNames) == scene::kShapeKindCount);
 
 const Eigen::Vector3f kAbsent = Eigen::Vector3f::Constant(std::numeric_limits<float>::quiet_NaN());
 
-void add_tick(EngineTrace& trace, const Simulation& simulation) {
+void add_tick(EngineTrace& trace, const simulation::Simulation& simulation) {
   const scene::Snapshot& snapshot = simulation.snapshot();
   const std::size_t tick = trace.time_s.size();
   trace.time_s.push_back(snapshot.time_s);
@@ -66,7 +66,7 @@ Verdict judge(const EngineTrace& first, const EngineTrace& second, scene::Object
 EngineTrace trace_run(const RunOptions& options, const std::atomic<bool>& stop) {
   EngineTrace trace;
   Run run(options, stop, Run::load(options));
-  run.observe([&trace](const Simulation& simulation) {
+  run.observe([&trace](const simulation::Simulation& simulation) {
     if (trace.time_s.empty()) {
       trace.engine = simulation.engine().name();
       trace.version = simulation.engine().version();

@@ -41,7 +41,7 @@ void Display::restart(const scene::SceneSpec& scene) {
   if (window_) window_->set_scene(scene_);
 }
 
-void Display::record_snapshot(const Simulation& simulation) {
+void Display::record_snapshot(const simulation::Simulation& simulation) {
   if (window_) history_.add(simulation.snapshot());
 }
 
@@ -67,13 +67,13 @@ view::Status Display::make_view_status(const DisplayStatus& display_status, bool
   return status;
 }
 
-bool Display::frame_due(const Simulation& simulation, std::chrono::steady_clock::time_point now) const {
+bool Display::frame_due(const simulation::Simulation& simulation, std::chrono::steady_clock::time_point now) const {
   const bool unchanged = simulation.snapshot().tick == last_drawn_tick_ && !window_->needs_redraw();
   return now >=
          (unchanged ? std::max(next_frame_time_, last_draw_time_ + kIdleFrameInterval) : next_frame_time_);
 }
 
-void Display::refresh(const Simulation& simulation, const DisplayStatus& display_status,
+void Display::refresh(const simulation::Simulation& simulation, const DisplayStatus& display_status,
                       DisplayRequests& requests) {
   if (!window_) return;
   const view::Status status = make_view_status(display_status, requests.paused);

@@ -8,7 +8,7 @@
 #include <string>
 #include <vector>
 
-#include "smartsurf/run/Simulation.h"
+#include "smartsurf/simulation/Simulation.h"
 #include "smartsurf/run/cli/RunOptions.h"
 #include "smartsurf/run/display/SnapshotHistory.h"
 #include "smartsurf/run/display/UserInteraction.h"
@@ -57,12 +57,12 @@ class Display {
   // Reuses the window for another run.
   void restart(const scene::SceneSpec&);
   // Adds the current snapshot to the history. Does nothing without a window.
-  void record_snapshot(const Simulation&);
+  void record_snapshot(const simulation::Simulation&);
   // Polls the user's input and draws a frame if one is due. Does nothing without a window.
-  void refresh(const Simulation&, const DisplayStatus&, DisplayRequests&);
+  void refresh(const simulation::Simulation&, const DisplayStatus&, DisplayRequests&);
 
  private:
-  bool frame_due(const Simulation&, std::chrono::steady_clock::time_point now) const;
+  bool frame_due(const simulation::Simulation&, std::chrono::steady_clock::time_point now) const;
   void apply_commands(const view::Commands&, DisplayRequests&);
   view::Status make_view_status(const DisplayStatus&, bool paused) const;
 

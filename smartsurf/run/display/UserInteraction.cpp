@@ -20,7 +20,7 @@ double object_mass(const scene::SceneSpec& scene, const scene::ObjectSpec& objec
 
 // Applies a critically damped spring between the grip and the target, and compensates gravity. The frequency
 // is limited so that a force that is constant over a control period stays stable.
-void apply_spring_force(const view::Pull& pull, Simulation& simulation) {
+void apply_spring_force(const view::Pull& pull, simulation::Simulation& simulation) {
   const scene::SceneSpec& scene = simulation.scene();
   const scene::ObjectState state = simulation.state(pull.object);
   const double max_omega = 0.5 / scene.world.control_period_s;
@@ -37,7 +37,7 @@ void apply_spring_force(const view::Pull& pull, Simulation& simulation) {
 
 }  // namespace
 
-bool UserInteraction::apply(InteractionRequests& requests, Simulation& simulation) {
+bool UserInteraction::apply(InteractionRequests& requests, simulation::Simulation& simulation) {
   bool interacted = apply_poke(requests.poke, simulation);
   if (requests.pull && simulation.is_alive(requests.pull->object)) {
     apply_spring_force(*requests.pull, simulation);
@@ -56,7 +56,7 @@ bool UserInteraction::apply(InteractionRequests& requests, Simulation& simulatio
 }
 
 UserInteraction::CellOverride UserInteraction::capture_targets(int row, int column,
-                                                               const Simulation& simulation) {
+                                                               const simulation::Simulation& simulation) {
   CellOverride cell{row, column, {}, {}};
   const int channels = static_cast<int>(simulation.actuators().size());
   for (int k = 0; k < channels; ++k)
@@ -66,13 +66,13 @@ UserInteraction::CellOverride UserInteraction::capture_targets(int row, int colu
 }
 
 void UserInteraction::write_targets(const CellOverride& cell, const std::vector<float>& targets,
-                                    Simulation& simulation) {
+                                    simulation::Simulation& simulation) {
   for (std::size_t k = 0; k < targets.size(); ++k)
     simulation.override_actuator_target(static_cast<int>(k), cell.row, cell.column, targets[k]);
 }
 
 // A stuck cell keeps its current height and targets; a dead cell moves to its safe values.
-void UserInteraction::apply_fault(const view::Fault& fault, Simulation& simulation) {
+void UserInteraction::apply_fault(const view::Fault& fault, simulation::Simulation& simulation) {
   CellOverride cell = capture_targets(fault.row, fault.column, simulation);
   std::erase_if(faulty_cells_, [&](const CellOverride& other) {
     const bool same = other.row == fault.row && other.column == fault.column;
@@ -94,7 +94,7 @@ void UserInteraction::apply_fault(const view::Fault& fault, Simulation& simulati
 }
 
 // Does nothing if the actuators have no height channel.
-bool UserInteraction::apply_poke(const std::optional<view::Poke>& poke, Simulation& simulation) {
+bool UserInteraction::apply_poke(const std::optional<view::Poke>& poke, simulation::Simulation& simulation) {
   const bool same =
       poke && poked_cell_ && poked_cell_->row == poke->row && poked_cell_->column == poke->column;
   if (poked_cell_ && !same) {

@@ -4,7 +4,7 @@
 #include <optional>
 #include <vector>
 
-#include "smartsurf/run/Simulation.h"
+#include "smartsurf/simulation/Simulation.h"
 #include "smartsurf/view/interaction/Tools.h"
 
 namespace smartsurf::run {
@@ -21,7 +21,7 @@ class UserInteraction {
  public:
   // Call after the targets of the tick are set and before the physics. Clears the dropped objects and faults.
   // Returns whether anything was applied; the run can then not be reproduced from its recording.
-  bool apply(InteractionRequests& requests, Simulation& simulation);
+  bool apply(InteractionRequests& requests, simulation::Simulation& simulation);
 
  private:
   // A cell with overridden targets, one per channel, and the targets to restore.
@@ -29,11 +29,11 @@ class UserInteraction {
     int row, column;
     std::vector<float> targets, original_targets;
   };
-  static CellOverride capture_targets(int row, int column, const Simulation& simulation);
+  static CellOverride capture_targets(int row, int column, const simulation::Simulation& simulation);
   static void write_targets(const CellOverride& cell, const std::vector<float>& targets,
-                            Simulation& simulation);
-  bool apply_poke(const std::optional<view::Poke>& poke, Simulation& simulation);
-  void apply_fault(const view::Fault& fault, Simulation& simulation);
+                            simulation::Simulation& simulation);
+  bool apply_poke(const std::optional<view::Poke>& poke, simulation::Simulation& simulation);
+  void apply_fault(const view::Fault& fault, simulation::Simulation& simulation);
 
   std::optional<CellOverride> poked_cell_;
   std::vector<CellOverride> faulty_cells_;

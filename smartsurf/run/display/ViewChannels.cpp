@@ -29,7 +29,7 @@ view::Channel actuator_channel(const scene::SurfaceSpec& surface, const std::str
   return {"command: " + name, "", {}, 0.0F, 0.0F};
 }
 
-void ViewChannels::init_channels(const Simulation& simulation) {
+void ViewChannels::init_channels(const simulation::Simulation& simulation) {
   const scene::SurfaceSpec& surface = simulation.scene().surface;
   channels_ = {height_channel(surface)};
   for (const scene::ChannelData& sensor : simulation.sensors())
@@ -38,7 +38,7 @@ void ViewChannels::init_channels(const Simulation& simulation) {
     channels_.push_back(actuator_channel(surface, std::string(actuator.name)));
 }
 
-std::span<const view::Channel> ViewChannels::update(const Simulation& simulation,
+std::span<const view::Channel> ViewChannels::update(const simulation::Simulation& simulation,
                                                     const scene::Snapshot& snapshot) {
   const auto sensors = simulation.sensors(), actuators = simulation.actuators();
   if (channels_.size() != 1 + sensors.size() + actuators.size()) init_channels(simulation);
@@ -52,7 +52,7 @@ std::span<const view::Channel> ViewChannels::update(const Simulation& simulation
   return channels_;
 }
 
-std::vector<view::ContactMark> contact_marks(const Simulation& simulation) {
+std::vector<view::ContactMark> contact_marks(const simulation::Simulation& simulation) {
   const auto dt_s = static_cast<float>(simulation.scene().world.dt_s);
   std::vector<view::ContactMark> marks;
   for (const world::ContactPoint& contact : simulation.contacts())

@@ -4,7 +4,7 @@
 #include <span>
 #include <vector>
 
-#include "smartsurf/run/Simulation.h"
+#include "smartsurf/simulation/Simulation.h"
 #include "smartsurf/view/model/FrameInput.h"
 
 namespace smartsurf::run {
@@ -13,16 +13,16 @@ class ViewChannels {
  public:
   // snapshot: the current one of the simulation, or an earlier one, for which only the heights have values.
   // The result is valid until the next call.
-  std::span<const view::Channel> update(const Simulation&, const scene::Snapshot& snapshot);
+  std::span<const view::Channel> update(const simulation::Simulation&, const scene::Snapshot& snapshot);
 
  private:
-  void init_channels(const Simulation&);
+  void init_channels(const simulation::Simulation&);
 
   std::vector<view::Channel> channels_;
 };
 
 // The load-bearing contacts, with the mean force of the last physics step, mass·u/s².
-std::vector<view::ContactMark> contact_marks(const Simulation&);
+std::vector<view::ContactMark> contact_marks(const simulation::Simulation&);
 
 // A channel's name, unit and range, without values.
 view::Channel height_channel(const scene::SurfaceSpec&);

@@ -9,7 +9,7 @@
 #include <filesystem>
 
 #include "smartsurf/mesh/SolidLibrary.h"
-#include "smartsurf/run/Simulation.h"
+#include "smartsurf/simulation/Simulation.h"
 #include "smartsurf/world/bullet/EngineFactory.h"
 
 namespace smartsurf::run {
@@ -59,7 +59,7 @@ void require_engine(const record::Recording& recording) {
   }
 }
 
-void require_same_physics(const record::Recording& recording, const Simulation& simulation) {
+void require_same_physics(const record::Recording& recording, const simulation::Simulation& simulation) {
   const std::string now = simulation.engine().version();
   for (const record::NamedText& version : recording.meta().versions)
     if (version.name == "physics" && version.value != now)
@@ -69,7 +69,7 @@ void require_same_physics(const record::Recording& recording, const Simulation& 
                                     version.value, now));
 }
 
-void require_matching_inputs(const record::Recording& recording, const Simulation& simulation) {
+void require_matching_inputs(const record::Recording& recording, const simulation::Simulation& simulation) {
   std::size_t values = 0;
   for (const scene::ChannelData& channel : simulation.actuators()) values += channel.values.size();
   if (recording.read_inputs(0).size() != values)
@@ -95,7 +95,7 @@ script::Experiment reload_experiment(const record::Recording& recording, const f
 }
 
 // Sets the targets of all channels from one recorded row, which concatenates them.
-void apply_inputs(Simulation& simulation, std::span<const float> inputs) {
+void apply_inputs(simulation::Simulation& simulation, std::span<const float> inputs) {
   int channel = 0;
   for (const scene::ChannelData& actuator : simulation.actuators()) {
     simulation.actuator_array().set_targets(channel++, inputs.first(actuator.values.size()));
@@ -103,7 +103,7 @@ void apply_inputs(Simulation& simulation, std::span<const float> inputs) {
   }
 }
 
-void run_tick(Simulation& simulation, std::optional<std::span<const float>> inputs) {
+void run_tick(simulation::Simulation& simulation, std::optional<std::span<const float>> inputs) {
   simulation.run_script();
   if (inputs) apply_inputs(simulation, *inputs);
   for (int i = simulation.scene().world.steps_per_tick(); i > 0; --i) {
@@ -170,7 +170,7 @@ std::optional<std::string> find_height_difference(const scene::Snapshot& recorde
 
 // Describes the first difference in a frame whose state hashes differ.
 std::string describe_difference(const record::Recording& recording, std::size_t frame,
-                                const Simulation& simulation) {
+                                const simulation::Simulation& simulation) {
   const scene::Snapshot recorded = recording.read_snapshot(frame), &replayed = simulation.snapshot();
   if (recording.has_objects())
     if (auto found = find_object_difference(recorded, replayed, simulation.catalogue())) return *found;
@@ -189,7 +189,7 @@ VerificationResult verify(const record::Recording& recording, int threads, bool 
   const TemporaryDirectory output_directory;
   script::Experiment experiment = reload_experiment(recording, output_directory.path(), stop);
   const bool scripted = recording.meta().driver == "script";
-  Simulation simulation(experiment, threads, scripted);
+  simulation::Simulation simulation(experiment, threads, scripted);
   require_same_physics(recording, simulation);
   if (!scripted) require_matching_inputs(recording, simulation);
   VerificationResult result;

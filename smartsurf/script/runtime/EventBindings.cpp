@@ -9,27 +9,10 @@
 namespace smartsurf::script {
 namespace {
 
-constexpr std::size_t kMaxCallbacks = 1'000'000;
+constexpr std::size_t kMaxDeferredRequests = 1'000'000;
 constexpr std::size_t kMaxMetrics = 1000;
 constexpr double kMinPeriod_s = 1e-4;
 constexpr double kMaxTime_s = 1e9;
-
-// Stores the function at `index`. Returns its index in ScriptContext::callbacks.
-int store_callback(ScriptContext& context, lua_State* L, int index, const std::string& subject) {
-  if (lua_type(L, index) != LUA_TFUNCTION) throw_invalid_value(L, index, subject, "a function");
-  if (context.callbacks.size() - context.free_callbacks.size() >= kMaxCallbacks)
-    throw ScriptError(subject + ": more than 1000000 callbacks");
-  lua_pushvalue(L, index);
-  const Callback callback{luaL_ref(L, LUA_REGISTRYINDEX), context.interpreter->current_location(L)};
-  if (context.free_callbacks.empty()) {
-    context.callbacks.push_back(callback);
-    return static_cast<int>(context.callbacks.size() - 1);
-  }
-  const int slot = context.free_callbacks.back();
-  context.free_callbacks.pop_back();
-  context.callbacks[static_cast<std::size_t>(slot)] = callback;
-  return slot;
-}
 
 int at(ScriptContext& context, lua_State* L) {
   const double time_s = check_number(L, 1, "at: seconds");
@@ -102,7 +85,7 @@ int quit(ScriptContext& context, lua_State*) {
 void run_or_defer(ScriptContext& context, std::function<void(SimulationInterface&)> request) {
   if (context.phase == Phase::kRunning)
     request(*context.simulation);
-  else if (context.deferred_requests.size() < kMaxCallbacks)
+  else if (context.deferred_requests.size() < kMaxDeferredRequests)
     context.deferred_requests.push_back(std::move(request));
 }
 

@@ -1,11 +1,11 @@
-#include "smartsurf/run/Simulation.h"
+#include "smartsurf/simulation/Simulation.h"
 
 #include <algorithm>
 #include <cassert>
 
 #include "smartsurf/world/bullet/EngineFactory.h"
 
-namespace smartsurf::run {
+namespace smartsurf::simulation {
 namespace {
 
 surface::FaultMap load_fault_map(const scene::SurfaceSpec& surface) {
@@ -44,9 +44,10 @@ Simulation::Simulation(script::Experiment& experiment, int threads, bool scripte
       departures_(experiment.scene().surface) {
   collect_channels();
   take_snapshot();
+  experiment_.start(*this);
+  if (experiment_.has_reset_hook()) take_snapshot();
   departures_.update(snapshot_, catalogue_);
   sense();
-  experiment_.start(*this);
 }
 
 void Simulation::collect_channels() {
@@ -177,4 +178,4 @@ void Simulation::set_real_time_factor(std::optional<double> factor) {
   requests_.pace = factor;
 }
 
-}  // namespace smartsurf::run
+}  // namespace smartsurf::simulation

@@ -1,8 +1,8 @@
-#include "smartsurf/run/DepartureTracker.h"
+#include "smartsurf/simulation/DepartureTracker.h"
 
 #include <gtest/gtest.h>
 
-namespace smartsurf::run {
+namespace smartsurf::simulation {
 namespace {
 
 // A surface that spans −0.5 to 7.5 u in x and −0.5 to 3.5 u in y.
@@ -67,4 +67,4 @@ TEST(DepartureTracker, HandlesAddedAndRemovedObjects) {
 }
 
 }  // namespace
-}  // namespace smartsurf::run
+}  // namespace smartsurf::simulation

@@ -1,4 +1,4 @@
-#include "smartsurf/run/Simulation.h"
+#include "smartsurf/simulation/Simulation.h"
 
 #include <gtest/gtest.h>
 #include <unistd.h>
@@ -21,7 +21,7 @@ class SimulationTest : public testing::Test {
     std::filesystem::remove(path);
     return experiment;
   }
-  static void tick(run::Simulation& s) {
+  static void tick(simulation::Simulation& s) {
     s.run_script();
     for (int i = 0; i < s.scene().world.steps_per_tick(); ++i) {
       s.plan_actuators();
@@ -47,7 +47,7 @@ at(0.1, function() other = box { size = {1, 1, 1}, position = {3, 3, 0.5}, label
 at(0.2, function() object(id):push { force = {100, 0, 0}, seconds = 0.5 } end)
 at(1.0, function() object(other):remove() end)
 )");
-  run::Simulation s(experiment, 1, true);
+  simulation::Simulation s(experiment, 1, true);
   EXPECT_EQ(s.snapshot().object_count(), 1u);
   for (int i = 0; i < 8; ++i) tick(s);
   EXPECT_EQ(s.snapshot().object_count(), 2u);
@@ -63,13 +63,13 @@ at(1.0, function() object(other):remove() end)
 TEST_F(SimulationTest, ScriptSetsTargetsOnlyWithoutController) {
   const std::string script = kTable + "on_tick(function() cells:target('height', 1, 16, 3.5) end)\n";
   auto experiment = load(script);
-  run::Simulation free(experiment, 1, true);
+  simulation::Simulation free(experiment, 1, true);
   for (int i = 0; i < 60; ++i) tick(free);
   EXPECT_EQ(free.snapshot().height[15], 3.5F);
   EXPECT_EQ(free.snapshot().height[0], 0.0F);
 
   auto again = load(script);
-  run::Simulation driven(again, 1, false);
+  simulation::Simulation driven(again, 1, false);
   EXPECT_THROW(tick(driven), scene::InputError);
 }
 
@@ -83,7 +83,7 @@ at(0.0, function()
   stop()
 end)
 )");
-  run::Simulation s(experiment, 1, true);
+  simulation::Simulation s(experiment, 1, true);
   tick(s);
   EXPECT_TRUE(s.take_requests().stop);
   EXPECT_FALSE(s.take_requests().stop);
@@ -97,7 +97,7 @@ on_tick(function(t, tick) cells:target('height', 1 + tick % 16, 1 + (tick * 7) %
   std::uint64_t hash[2];
   for (const int threads : {1, 2}) {
     auto experiment = load(script);
-    run::Simulation s(experiment, threads, true);
+    simulation::Simulation s(experiment, threads, true);
     for (int i = 0; i < 240; ++i) tick(s);
     hash[threads - 1] = s.snapshot().state_hash;
   }
@@ -114,7 +114,7 @@ local stays = sphere { radius = 0.5, position = {2, 2, 0.5} }
 on_leave(function(id) gone[#gone + 1] = id; assert(object(id):position() > 7.5) end)
 at(0.5, function() assert(#gone == 1 and gone[1] == rolls and object(stays):alive()) end)
 )");
-    run::Simulation s(experiment, 1, true);
+    simulation::Simulation s(experiment, 1, true);
     for (int i = 0; i < 36; ++i) tick(s);
     EXPECT_EQ(s.snapshot().object_count(), remove ? 1U : 2U);
     EXPECT_EQ(s.departures().total_departures(), 1U);

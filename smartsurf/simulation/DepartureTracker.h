@@ -10,7 +10,7 @@
 #include "smartsurf/scene/Snapshot.h"
 #include "smartsurf/scene/TableFootprint.h"
 
-namespace smartsurf::run {
+namespace smartsurf::simulation {
 
 class DepartureTracker {
  public:
@@ -37,4 +37,4 @@ class DepartureTracker {
   std::size_t off_table_count_ = 0;
 };
 
-}  // namespace smartsurf::run
+}  // namespace smartsurf::simulation

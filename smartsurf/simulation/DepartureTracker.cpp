@@ -1,6 +1,6 @@
-#include "smartsurf/run/DepartureTracker.h"
+#include "smartsurf/simulation/DepartureTracker.h"
 
-namespace smartsurf::run {
+namespace smartsurf::simulation {
 
 DepartureTracker::DepartureTracker(const scene::SurfaceSpec& surface)
     : footprint_(surface), min_height_(surface.pin.min_height) {}
@@ -24,4 +24,4 @@ void DepartureTracker::update(const scene::Snapshot& snapshot,
   total_departures_ += departed_.size();
 }
 
-}  // namespace smartsurf::run
+}  // namespace smartsurf::simulation

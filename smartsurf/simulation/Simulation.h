@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "common/threads/ThreadPool.h"
-#include "smartsurf/run/DepartureTracker.h"
+#include "smartsurf/simulation/DepartureTracker.h"
 #include "smartsurf/scene/ChannelData.h"
 #include "smartsurf/scene/Snapshot.h"
 #include "smartsurf/script/Experiment.h"
@@ -17,7 +17,7 @@
 #include "smartsurf/surface/SensorArray.h"
 #include "smartsurf/world/World.h"
 
-namespace smartsurf::run {
+namespace smartsurf::simulation {
 
 // Requests of the script to the run, which reads and clears them after each tick.
 struct ScriptRequests {
@@ -113,4 +113,4 @@ class Simulation final : public script::SimulationInterface {
   ScriptRequests requests_;
 };
 
-}  // namespace smartsurf::run
+}  // namespace smartsurf::simulation

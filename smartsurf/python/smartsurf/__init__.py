@@ -1,0 +1,46 @@
+"""SmartSurf in this process: simulations of actuator tables as NumPy arrays, and environments for learning.
+
+    import smartsurf
+    simulation = smartsurf.Simulation("plate.lua", seed=3)
+    simulation.step({"height": 1.0})
+    simulation.sensors["proximity"]            # rows × columns, row 0 north, column 0 west
+
+`Simulation` is one experiment. `Env` and `VectorEnv` are Gymnasium environments of one and of many worlds, and
+`parallel_env` is a PettingZoo environment whose agents are blocks of cells; they need those packages. Importing this
+package registers its tasks with Gymnasium, if that is installed: gymnasium.make("smartsurf/Relocate-v0").
+"""
+from ._core import Error, __version__
+from ._simulation import Channel, Simulation
+from ._tasks import TASKS, task_file
+
+__all__ = ["Channel", "Env", "Error", "Simulation", "TASKS", "VectorEnv", "__version__", "parallel_env", "task_file"]
+
+_NEEDS = {"Env": ("gymnasium", "._env"), "VectorEnv": ("gymnasium", "._vector"),
+          "parallel_env": ("pettingzoo", "._parallel")}
+
+
+def __getattr__(name):
+    # Gymnasium and PettingZoo are imported by those who use them.
+    if name not in _NEEDS:
+        raise AttributeError(f"module 'smartsurf' has no attribute '{name}'")
+    package, module = _NEEDS[name]
+    import importlib
+    try:
+        importlib.import_module(package)
+    except ModuleNotFoundError as error:
+        raise ImportError(f"smartsurf.{name} needs {package}: pip install {package}") from error
+    return getattr(importlib.import_module(module, __name__), name)
+
+
+def _register():
+    try:
+        import gymnasium
+    except ImportError:
+        return
+    for task in TASKS:
+        if task.id not in gymnasium.registry:
+            gymnasium.register(task.id, entry_point="smartsurf._env:make", vector_entry_point="smartsurf._vector:make",
+                               kwargs={"task": task.id})
+
+
+_register()

@@ -1,0 +1,195 @@
+"""One experiment in this process."""
+import dataclasses
+import os
+
+import numpy as np
+
+from . import _core
+
+
+@dataclasses.dataclass(frozen=True)
+class Channel:
+    """An array of the surface that is exchanged in each tick: components × rows × columns."""
+    name: str
+    unit: str
+    minimum: float
+    maximum: float
+    components: int = 1
+    safe: float = 0.0  # actuators: the target before the first command
+
+
+def overrides(options):
+    """The value of `set`, a dict, as the list of strings that the core takes."""
+    def text(value):
+        return str(value).lower() if isinstance(value, (bool, np.bool_)) else str(value)
+    return [(str(name), text(value)) for name, value in (options or {}).items()]
+
+
+def channels(description):
+    """The sensor and the actuator channels of an experiment."""
+    sensors = tuple(Channel(name, unit, low, high, components)
+                    for name, components, low, high, unit in description["sensors"])
+    actuators = tuple(Channel(name, unit, low, high, 1, safe)
+                      for name, low, high, safe, unit in description["actuators"])
+    return sensors, actuators
+
+
+def views(planes, of):
+    """The planes of each channel by name: rows × columns, or components × rows × columns. Views, not copies."""
+    out, first = {}, 0
+    for channel in of:
+        out[channel.name] = planes[first] if channel.components == 1 else planes[first:first + channel.components]
+        first += channel.components
+    return out
+
+
+class Simulation:
+    """One experiment, advanced tick by tick. A tick is one control period of the surface.
+
+    experiment: path of the Lua script. seed: of its random numbers; default: the script's. set: values of its
+    options, a dict. threads: of the physics. engine: "native" or "bullet".
+
+    Arrays have rows × columns, row 0 north, column 0 west, or components × rows × columns. They are float32 views of
+    memory that the simulation overwrites in each step: copy what must last. Equal experiment, seed, options and
+    actions give equal bits, for any number of threads. A simulation is used by one thread at a time.
+
+    Errors of the experiment raise smartsurf.Error, a ValueError with one line that names file and line.
+    """
+
+    def __init__(self, experiment, seed=None, set=None, threads=1, engine=None):
+        if threads < 1:
+            raise ValueError(f"threads = {threads}: must be at least 1")
+        self._core = _core.Simulation(os.fspath(experiment), engine or "", overrides(set), _seed(seed), int(threads))
+        self._process, self._threads = os.getpid(), threads
+        self.experiment = os.fspath(experiment)
+        self._description = self._core.describe()
+        self.rows, self.columns = self._description["rows"], self._description["columns"]
+        self.pitch = self._description["pitch"]    # distance of neighbouring cells, u
+        self.period = self._description["period"]  # of a tick, s
+        self.sensor_channels, self.actuator_channels = channels(self._description)
+        self._sensors = views(self._core.observation, self.sensor_channels)
+        for array in self._sensors.values():
+            array.flags.writeable = False
+        self._targets = self._core.targets
+        self._actuators = views(self._targets, self.actuator_channels)
+
+    # ---- the state after the latest tick
+
+    @property
+    def sensors(self):
+        """The readings by channel name: read-only views, each in its channel's unit."""
+        return self._sensors
+
+    @property
+    def actuators(self):
+        """The actuator targets by channel name, in the channel's unit: writable views that the next step() sends."""
+        return self._actuators
+
+    @property
+    def objects(self):
+        """The live objects as arrays by name, ascending by id: `id` (objects), `position` (objects × 3, u),
+        `orientation` (objects × 4, unit quaternions x y z w), `velocity` (objects × 3, u/s) and `angular_velocity`
+        (objects × 3, rad/s). An array follows the simulation until objects appear or vanish: then fetch it anew."""
+        return self._core.objects
+
+    def label(self, id):
+        """The label of an object."""
+        return self._core.label(id)
+
+    @property
+    def metrics(self):
+        """The values that the script has reported by metric(), by name. finish() adds those of on_finish."""
+        return self._core.metrics
+
+    @property
+    def info(self):
+        """The values of the script's info{}, by name: a float, or the 13 numbers of an object's state (position,
+        orientation x y z w, velocity, angular velocity)."""
+        fields = self._description["info"]
+        values, out = np.array(self._core.info(sum(size for _, size in fields))), {}
+        for name, size in fields:
+            out[name], values = (float(values[0]) if size == 1 else values[:size]), values[size:]
+        return out
+
+    @property
+    def state_hash(self):
+        """A 64-bit hash of all poses, velocities, pin heights and pin speeds; as in recordings."""
+        return self._core.state_hash
+
+    tick = property(lambda self: self._core.tick, doc="The number of ticks since the start of the episode.")
+    time = property(lambda self: self._core.time, doc="The simulated time since then, s.")
+    seed = property(lambda self: self._core.seed, doc="The seed of the episode.")
+    engine = property(lambda self: self._description["engine"], doc='The physics engine, "native" or "bullet".')
+    options = property(lambda self: dict(self._description["options"]), doc="The script's options, as text.")
+
+    # ---- running
+
+    def step(self, actions=None):
+        """Advances by one tick and returns (reward, terminated, truncated) of the script's reward(), success() and
+        episode{}.
+
+        actions: a dict of actuator channels, or the array alone where there is one channel; each rows × columns, or
+        one number for all cells. Channels that are not named keep their targets. Values are clamped to the channel's
+        range; NaN becomes its safe value.
+        """
+        self._check_process()
+        if actions is not None:
+            self._take(actions)
+        for i, channel in enumerate(self.actuator_channels):
+            self._core.set_targets(i, self._targets[i])
+        reward, terminated, truncated, self._success = self._core.step()
+        return reward, terminated, truncated
+
+    def _take(self, actions):
+        if not isinstance(actions, dict):
+            if len(self.actuator_channels) != 1:
+                raise ValueError("actions: the surface has the channels "
+                                 f"{', '.join(c.name for c in self.actuator_channels)}: give a dict")
+            actions = {self.actuator_channels[0].name: actions}
+        for name, values in actions.items():
+            if name not in self._actuators:
+                raise ValueError(f"actions: no actuator channel '{name}'; known: "
+                                 f"{', '.join(c.name for c in self.actuator_channels)}")
+            try:
+                self._actuators[name][...] = values
+            except (TypeError, ValueError):
+                raise ValueError(f"actions['{name}'] has shape {np.shape(values)}: must be a number or an array of "
+                                 f"shape {(self.rows, self.columns)}") from None
+
+    def reset(self, seed=None):
+        """Starts the next episode and returns its seed; without one, a seed is drawn at random.
+
+        The state is that of a new simulation with this seed; arrays stay valid.
+        """
+        self._check_process()
+        self._core.reset(_seed(seed) if seed is not None else draw_seed())
+        self._targets[...] = self._core.targets
+        return self.seed
+
+    def finish(self):
+        """Ends the episode: runs the script's on_finish, once, and returns the metrics."""
+        self._core.finish()
+        return self.metrics
+
+    def render(self, width=640, height=400, camera="iso"):
+        """A picture of the current state: height × width × 3, uint8, row 0 at the top. camera: "iso", "top", "side".
+        Raises smartsurf.Error in a build without the view, RuntimeError where OpenGL is missing."""
+        return self._core.render(width, height, camera)
+
+    def _check_process(self):
+        if self._threads > 1 and self._process != os.getpid():
+            raise RuntimeError("this simulation's threads belong to the process that created it: create it after the "
+                               "fork, or with threads=1")
+
+
+def _seed(seed):
+    if seed is None:
+        return None
+    if not isinstance(seed, (int, np.integer)) or not 0 <= seed < 2**63:
+        raise ValueError(f"seed = {seed!r}: must be a whole number from 0 to 2**63 - 1")
+    return int(seed)
+
+
+def draw_seed(random=None):
+    """A new seed, of 31 bits, from a NumPy generator or the operating system."""
+    return int(random.integers(2**31)) if random is not None else int.from_bytes(os.urandom(4), "little") >> 1

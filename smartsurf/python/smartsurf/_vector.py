@@ -1,0 +1,138 @@
+"""Many worlds as one Gymnasium vector environment."""
+import os
+
+import gymnasium
+import numpy as np
+from gymnasium.vector import AutoresetMode
+
+from . import _core
+from ._env import box
+from ._simulation import _seed, channels, draw_seed, overrides
+from ._tasks import task_file
+
+_AUTORESET = {AutoresetMode.NEXT_STEP: 0, AutoresetMode.SAME_STEP: 1, AutoresetMode.DISABLED: 2}
+
+
+class VectorEnv(gymnasium.vector.VectorEnv):
+    """`num_envs` worlds of one experiment in this process, computed by `threads` threads.
+
+    Observations have shape (num_envs, planes, rows, columns), actions (num_envs, channels, rows, columns), both
+    float32, in the channels' units; row 0 is north, column 0 west. World i computes the same as an `Env` with its
+    seeds. reset(seed=s) gives the worlds the seeds s, s + 1, …; later episodes have seeds derived from these, so that
+    a seed determines all that follows.
+
+    threads: default: one per core. copy: whether step() and reset() return copies; without, they return the same
+    array each time, which the next call overwrites. autoreset_mode: as Gymnasium's; NEXT_STEP by default.
+    `info` has arrays over the worlds: `seed`, `success` and the values of info{}, and for the worlds whose episode has
+    ended `metrics`, with SAME_STEP also `final_obs`.
+    """
+    metadata = {"render_modes": ["rgb_array"], "render_fps": 60}
+
+    def __init__(self, experiment, num_envs=1, threads=None, set=None, engine=None, seed=None, copy=True,
+                 autoreset_mode=AutoresetMode.NEXT_STEP, render_mode=None, render_size=(640, 400), camera="iso"):
+        if num_envs < 1:
+            raise ValueError(f"num_envs = {num_envs}: must be at least 1")
+        if threads is not None and threads < 1:
+            raise ValueError(f"threads = {threads}: must be at least 1")
+        if render_mode not in (None, *self.metadata["render_modes"]):
+            raise ValueError(f"render_mode = {render_mode!r}: must be None or 'rgb_array'")
+        autoreset_mode = AutoresetMode(autoreset_mode)
+        threads = threads or len(os.sched_getaffinity(0))
+        self.num_envs = num_envs
+        self._batch = _core.Batch(os.fspath(experiment), engine or "", overrides(set), self._seeds(seed), threads,
+                                  _AUTORESET[autoreset_mode])
+        d = self._batch.describe()
+        self.rows, self.columns, self.pitch, self.period = d["rows"], d["columns"], d["pitch"], d["period"]
+        self.sensor_channels, self.actuator_channels = channels(d)
+        self.single_observation_space = box(self.sensor_channels, self.rows, self.columns)
+        self.single_action_space = box(self.actuator_channels, self.rows, self.columns)
+        batched = gymnasium.vector.utils.batch_space
+        self.observation_space = batched(self.single_observation_space, num_envs)
+        self.action_space = batched(self.single_action_space, num_envs)
+        self.metadata = {**self.metadata, "autoreset_mode": autoreset_mode, "render_fps": round(1 / self.period)}
+        self.render_mode, self._render_size, self._camera = render_mode, render_size, camera
+        self._copy, self._same_step = copy, autoreset_mode == AutoresetMode.SAME_STEP
+        self._observations = np.zeros(self.observation_space.shape, np.float32)
+        self._final = np.zeros_like(self._observations if self._same_step else self._observations[:0])
+        self._rewards = np.zeros(num_envs)
+        self._terminated, self._truncated, self._success = np.zeros((3, num_envs), np.bool_)
+        self._info = np.zeros((num_envs, self._batch.info_size))
+        self._seeds_now = np.zeros(num_envs, np.uint64)
+        self._batch.bind(self._observations, self._final, self._rewards, self._terminated.view(np.uint8),
+                         self._truncated.view(np.uint8), self._success.view(np.uint8), self._info, self._seeds_now)
+        self._fields, first = {}, 0
+        for name, size in d["info"]:
+            self._fields[name] = self._info[:, first] if size == 1 else self._info[:, first:first + size]
+            first += size
+        self._fresh = True
+
+    def _seeds(self, seed):
+        if seed is None:
+            return [draw_seed(self.np_random) for _ in range(self.num_envs)]
+        if isinstance(seed, (int, np.integer)):
+            return [_seed(seed) + i for i in range(self.num_envs)]
+        if len(seed) != self.num_envs:
+            raise ValueError(f"seed has {len(seed)} values: must have one per world, {self.num_envs}")
+        return [draw_seed(self.np_random) if s is None else _seed(s) for s in seed]
+
+    def reset(self, *, seed=None, options=None):
+        if seed is None or isinstance(seed, (int, np.integer)):
+            super().reset(seed=seed if seed is None else int(seed))
+        mask = np.ones(self.num_envs, np.bool_)
+        if options and "reset_mask" in options:
+            mask = np.asarray(options["reset_mask"])
+            if mask.shape != (self.num_envs,) or mask.dtype != np.bool_ or not mask.any():
+                raise ValueError("options['reset_mask'] must be an array of bool, one per world, with one True")
+        self._batch.reset(self._seeds(seed), mask.astype(np.uint8).tolist())
+        self._success[mask] = False
+        return self._observed(), self._infos()
+
+    def step(self, actions):
+        actions = np.ascontiguousarray(actions, np.float32)
+        if actions.shape != self.action_space.shape:
+            raise ValueError(f"the actions have shape {actions.shape}: must be {self.action_space.shape}")
+        self._batch.step(actions)
+        infos = self._infos()
+        ended = self._terminated | self._truncated
+        if ended.any():
+            self._add_final(infos, ended)
+        return self._observed(), self._rewards.copy(), self._terminated.copy(), self._truncated.copy(), infos
+
+    def _observed(self):
+        return self._observations.copy() if self._copy else self._observations
+
+    def _infos(self):
+        every = np.ones(self.num_envs, np.bool_)
+        infos = {"seed": self._seeds_now.copy(), "_seed": every, "success": self._success.copy(), "_success": every}
+        for name, values in self._fields.items():
+            infos[name], infos["_" + name] = values.copy(), every
+        return infos
+
+    def _add_final(self, infos, ended):
+        metrics = np.full(self.num_envs, None, object)
+        for i in np.flatnonzero(ended):
+            metrics[i] = self._batch.final_metrics(int(i))
+        infos["metrics"], infos["_metrics"] = metrics, ended
+        if self._same_step:
+            final = np.full(self.num_envs, None, object)
+            for i in np.flatnonzero(ended):
+                final[i] = self._final[i].copy()
+            infos["final_obs"], infos["_final_obs"] = final, ended
+            infos["final_info"] = {name: infos[name] for name in ("success", *self._fields, "metrics")}
+            infos["_final_info"] = ended
+
+    def state_hash(self, world):
+        """The state hash of one world, as Simulation.state_hash."""
+        return self._batch.state_hash(world)
+
+    def render(self):
+        """A list with a picture of each world (rgb_array), or None."""
+        if self.render_mode is None:
+            return None
+        return [self._batch.render(i, *self._render_size, self._camera) for i in range(self.num_envs)]
+
+
+def make(task, num_envs=1, **arguments):
+    """The vector entry point of the tasks' Gymnasium ids."""
+    arguments.pop("max_episode_steps", None)
+    return VectorEnv(task_file(task), num_envs, **arguments)

@@ -1,0 +1,82 @@
+// Episodes of a learning environment: reward, success, info, episode and on_reset.
+#include <algorithm>
+#include <string>
+
+#include "smartsurf/script/ScriptContext.h"
+#include "smartsurf/script/lua/TableReader.h"
+
+namespace smartsurf::script {
+namespace {
+
+constexpr std::size_t kMaxInfoFields = 1000;
+
+int reward(ScriptContext& context, lua_State* L) {
+  declare_once(context, L, "reward");
+  context.reward = store_callback(context, L, 1, "reward: function");
+  return 0;
+}
+
+int success(ScriptContext& context, lua_State* L) {
+  declare_once(context, L, "success");
+  context.success = store_callback(context, L, 1, "success: function");
+  return 0;
+}
+
+int on_reset(ScriptContext& context, lua_State* L) {
+  require_loading(context, "on_reset");
+  context.on_reset.push_back(store_callback(context, L, 1, "on_reset: function"));
+  return 0;
+}
+
+// info{ ball = id, error_u = function() … end }: the id of a declared object, or a function that returns a number.
+int info(ScriptContext& context, lua_State* L) {
+  require_loading(context, "info");
+  luaL_checktype(L, 1, LUA_TTABLE);
+  lua_settop(L, 1);
+  const std::size_t first = context.info.size();
+  for (lua_pushnil(L); lua_next(L, 1) != 0; lua_pop(L, 1)) {
+    if (lua_type(L, -2) != LUA_TSTRING)
+      throw ScriptError("info: " + format_value(L, -2) + ": a field needs a name");
+    const std::string name = lua_tostring(L, -2), subject = "info." + name;
+    if (std::ranges::find(context.info, name, &InfoField::name) != context.info.end())
+      throw ScriptError(subject + ": already declared");
+    if (context.info.size() >= kMaxInfoFields) throw ScriptError("info: more than 1000 fields");
+    InfoField field{.name = name, .object = {}, .callback = -1};
+    if (lua_type(L, -1) == LUA_TFUNCTION)
+      field.callback = store_callback(context, L, -1, subject);
+    else if (lua_isinteger(L, -1) != 0)
+      field.object = static_cast<scene::ObjectId>(check_integer(
+          L, -1, subject, 0, static_cast<std::int64_t>(context.spec.objects.size()) - 1));
+    else
+      throw_invalid_value(L, -1, subject, "the id of an object or a function");
+    context.info.push_back(std::move(field));
+  }
+  // Lua's order of a table's fields differs from run to run.
+  std::ranges::sort(context.info.begin() + static_cast<std::ptrdiff_t>(first), context.info.end(), {},
+                    &InfoField::name);
+  return 0;
+}
+
+int episode(ScriptContext& context, lua_State* L) {
+  declare_once(context, L, "episode");
+  const TableReader fields(L, 1, "episode", {"seconds"});
+  fields.require("seconds");
+  double seconds = 0.0;
+  fields.read("seconds", seconds);
+  if (seconds <= 0.0 || seconds > 1e9)
+    throw ScriptError("episode.seconds = " + format_value(seconds) + ": must be in (0, 1e9]");
+  context.episode_s = seconds;
+  return 0;
+}
+
+}  // namespace
+
+void bind_episodes(lua_State* L) {
+  lua_register(L, "reward", guarded<reward>);
+  lua_register(L, "success", guarded<success>);
+  lua_register(L, "info", guarded<info>);
+  lua_register(L, "episode", guarded<episode>);
+  lua_register(L, "on_reset", guarded<on_reset>);
+}
+
+}  // namespace smartsurf::script

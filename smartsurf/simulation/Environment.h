@@ -1,0 +1,77 @@
+// An experiment in this process, stepped by its caller: one episode after the other, each from a seed.
+//
+// Actuator targets go in, sensor readings, reward and ends of the episode come out, as for a learning environment.
+// Independent of clocks, windows and shared memory. One thread at a time; different environments are independent.
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <optional>
+#include <span>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "smartsurf/simulation/Simulation.h"
+
+namespace smartsurf::simulation {
+
+struct EnvironmentOptions {
+  std::string experiment;                                      // path of the script
+  std::vector<std::pair<std::string, std::string>> overrides;  // --set name=value
+  std::optional<std::uint64_t> seed;                           // of the first episode; nullopt: the script's
+  std::optional<std::string> engine;
+  int threads = 1;
+};
+
+// What one step has led to.
+struct StepResult {
+  double reward = 0.0;
+  bool terminated = false;  // success(), stop() or quit() of the script
+  bool truncated = false;   // episode.seconds are over
+  bool success = false;
+};
+
+class Environment {
+ public:
+  // Loads the experiment and starts its first episode. Throws scene::InputError, one line, for an error in the
+  // experiment or the options; as do the calls below that run the script.
+  explicit Environment(EnvironmentOptions);
+  ~Environment();
+
+  const scene::SceneSpec& scene() const { return experiment_->scene(); }
+  const script::Experiment& experiment() const { return *experiment_; }
+  const Simulation& simulation() const { return *simulation_; }
+  std::uint64_t seed() const { return scene().world.seed; }
+
+  // Starts the next episode with that seed. The result is that of a new environment with the seed. Keeps no state
+  // of the previous episode.
+  void reset(std::uint64_t seed);
+
+  // Sets the targets of one actuator channel: rows × columns, row-major, row 0 north. Clamps as ActuatorArray does.
+  void set_targets(int channel, std::span<const float> targets) noexcept;
+  // Advances by one control period. Throws scene::InputError also for a state that is not finite; only reset()
+  // may follow.
+  StepResult step();
+  // Runs on_finish, whose metrics are final; once per episode.
+  void finish() { experiment_->finish(); }
+
+  // The values of info{}, one after the other, see script::Experiment::info_fields().
+  void info(std::span<double> values);
+  const std::vector<std::pair<std::string, double>>& metrics() const { return experiment_->metrics(); }
+
+  // The readings of all sensor channels, one after the other, each components × rows × columns.
+  std::size_t observation_size() const;
+  void observe(std::span<float> values) const;
+
+ private:
+  void load(std::optional<std::uint64_t> seed);
+
+  EnvironmentOptions options_;
+  std::shared_ptr<scene::SolidFactory> solids_;
+  std::optional<script::Experiment> experiment_;
+  std::optional<Simulation> simulation_;  // refers to experiment_
+  std::optional<std::uint64_t> end_tick_;
+};
+
+}  // namespace smartsurf::simulation

@@ -1,0 +1,146 @@
+#include "smartsurf/simulation/EnvironmentBatch.h"
+
+#include <unistd.h>
+
+#include <algorithm>
+#include <exception>
+
+#include "smartsurf/script/Random.h"
+
+namespace smartsurf::simulation {
+namespace {
+
+constexpr std::size_t kChunksPerThread = 8;  // evens out worlds of different cost
+
+// The seed of the episode that follows one with that seed. 31 bits: it is easily typed, and exact in any language.
+std::uint64_t next_seed(std::uint64_t seed) { return script::Random(seed).next() >> 33; }
+
+}  // namespace
+
+EnvironmentBatch::EnvironmentBatch(EnvironmentOptions options, std::span<const std::uint64_t> seeds,
+                                   int threads, Autoreset autoreset)
+    : options_(std::move(options)),
+      autoreset_(autoreset),
+      threads_(threads),
+      pool_(std::make_unique<common::ThreadPool>(threads)),
+      process_(getpid()),
+      worlds_(seeds.size()) {
+  options_.threads = 1;
+  for_each_world([&](std::size_t i) {
+    EnvironmentOptions own = options_;
+    own.seed = seeds[i];
+    worlds_[i].environment = std::make_unique<Environment>(std::move(own));
+  });
+  const Environment& first = *worlds_.front().environment;
+  observation_size_ = first.observation_size();
+  for (const auto& field : first.experiment().info_fields()) info_size_ += static_cast<std::size_t>(field.size);
+  cells_ = static_cast<std::size_t>(first.scene().surface.cell_count());
+  action_size_ = first.simulation().actuators().size() * cells_;
+  for (const World& world : worlds_) {
+    std::size_t info_size = 0;
+    for (const auto& field : world.environment->experiment().info_fields())
+      info_size += static_cast<std::size_t>(field.size);
+    if (world.environment->observation_size() != observation_size_ || info_size != info_size_ ||
+        world.environment->simulation().actuators().size() * cells_ != action_size_)
+      throw scene::InputError(options_.experiment +
+                              ": the surface, its sensors or info{} depend on the seed: the worlds of a batch "
+                              "must have the same channels");
+  }
+}
+
+EnvironmentBatch::~EnvironmentBatch() {
+  // The threads of the process that created the pool do not exist in its child and cannot be joined.
+  if (process_ != getpid()) pool_.release();
+}
+
+template <class Work>
+void EnvironmentBatch::for_each_world(const Work& work) {
+  if (process_ != getpid()) {
+    pool_.release();
+    pool_ = std::make_unique<common::ThreadPool>(threads_);
+    process_ = getpid();
+  }
+  const std::size_t count = worlds_.size();
+  const std::size_t chunks = std::min(count, static_cast<std::size_t>(threads_) * kChunksPerThread);
+  const auto run_chunk = [&](std::uint32_t chunk, unsigned) noexcept {
+    for (std::size_t i = count * chunk / chunks; i < count * (chunk + 1) / chunks; ++i) {
+      try {
+        work(i);
+      } catch (const std::exception& error) {
+        worlds_[i].error = error.what();
+      }
+    }
+  };
+  if (threads_ == 1)
+    for (std::uint32_t chunk = 0; chunk < chunks; ++chunk) run_chunk(chunk, 0);
+  else
+    pool_->parallel_for(static_cast<std::uint32_t>(chunks), run_chunk);
+  std::string message;
+  for (std::size_t i = 0; i < count; ++i) {
+    if (worlds_[i].error.empty()) continue;
+    if (message.empty()) message = "world " + std::to_string(i) + ": " + worlds_[i].error;
+    worlds_[i].error.clear();
+  }
+  if (!message.empty()) throw scene::InputError(message);
+}
+
+void EnvironmentBatch::write_state(std::size_t i, const BatchArrays& a) {
+  const World& world = worlds_[i];
+  if (!a.observations.empty())
+    world.environment->observe(a.observations.subspan(i * observation_size_, observation_size_));
+  if (!a.seeds.empty()) a.seeds[i] = world.environment->seed();
+}
+
+void EnvironmentBatch::reset(std::span<const std::uint64_t> seeds, std::span<const std::uint8_t> mask,
+                             const BatchArrays& a) {
+  for_each_world([&](std::size_t i) {
+    if (mask[i] == 0) return;
+    World& world = worlds_[i];
+    world.environment->reset(seeds[i]);
+    world.episode_over = false;
+    write_state(i, a);
+    if (info_size_ > 0 && !a.info.empty())
+      world.environment->info(a.info.subspan(i * info_size_, info_size_));
+  });
+}
+
+void EnvironmentBatch::step(const BatchArrays& a) {
+  for_each_world([&](std::size_t i) { step_world(i, a); });
+}
+
+void EnvironmentBatch::step_world(std::size_t i, const BatchArrays& a) {
+  World& world = worlds_[i];
+  Environment& environment = *world.environment;
+  StepResult result;
+  const auto write_info = [&] {
+    if (info_size_ > 0 && !a.info.empty()) environment.info(a.info.subspan(i * info_size_, info_size_));
+  };
+  if (world.episode_over && autoreset_ == Autoreset::kNextStep) {
+    environment.reset(next_seed(environment.seed()));
+    world.episode_over = false;
+    write_info();
+  } else {
+    const std::span<const float> actions = a.actions.subspan(i * action_size_, action_size_);
+    for (std::size_t c = 0; c * cells_ < action_size_; ++c)
+      environment.set_targets(static_cast<int>(c), actions.subspan(c * cells_, cells_));
+    result = environment.step();
+    write_info();
+    world.episode_over = result.terminated || result.truncated;
+    if (world.episode_over) {
+      environment.finish();
+      world.final_metrics = environment.metrics();
+      if (autoreset_ == Autoreset::kSameStep) {
+        environment.observe(a.final_observations.subspan(i * observation_size_, observation_size_));
+        environment.reset(next_seed(environment.seed()));
+        world.episode_over = false;
+      }
+    }
+  }
+  if (!a.rewards.empty()) a.rewards[i] = result.reward;
+  if (!a.terminated.empty()) a.terminated[i] = result.terminated ? 1 : 0;
+  if (!a.truncated.empty()) a.truncated[i] = result.truncated ? 1 : 0;
+  if (!a.success.empty()) a.success[i] = result.success ? 1 : 0;
+  write_state(i, a);
+}
+
+}  // namespace smartsurf::simulation

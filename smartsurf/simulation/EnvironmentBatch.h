@@ -1,0 +1,83 @@
+// Many environments of one experiment, stepped together on a thread pool into contiguous arrays.
+//
+// World i computes the same as an Environment of its own with the same seeds, for any number of threads. One
+// thread at a time. After fork() the child may go on: it gets a pool of its own.
+#pragma once
+
+#include <sys/types.h>
+
+#include <cstdint>
+#include <memory>
+#include <span>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "common/threads/ThreadPool.h"
+#include "smartsurf/simulation/Environment.h"
+
+namespace smartsurf::simulation {
+
+// What a step does with a world whose episode has ended (Gymnasium's AutoresetMode).
+enum class Autoreset {
+  kNextStep,  // the next step resets it, ignores its actions, and yields the first observation and reward 0
+  kSameStep,  // the same step resets it; the last observation goes to final_observations
+  kDisabled,  // nothing; the caller resets it
+};
+
+// The caller's arrays, world by world. An empty span is not written.
+struct BatchArrays {
+  std::span<const float> actions;       // worlds × actuator channels × rows × columns
+  std::span<float> observations;        // worlds × observation_size()
+  std::span<float> final_observations;  // likewise; kSameStep: written where an episode has ended
+  std::span<double> rewards;
+  std::span<std::uint8_t> terminated, truncated, success;
+  std::span<double> info;         // worlds × info_size(); of the episode that has ended, where one has
+  std::span<std::uint64_t> seeds;  // of the episode to which the observation belongs
+};
+
+class EnvironmentBatch {
+ public:
+  // One world per seed. `options.seed` and `options.threads` are ignored: a world computes on one thread. Throws
+  // as Environment does, the message preceded by the world's number if worlds differ.
+  EnvironmentBatch(EnvironmentOptions options, std::span<const std::uint64_t> seeds, int threads,
+                   Autoreset autoreset);
+  ~EnvironmentBatch();
+
+  int world_count() const { return static_cast<int>(worlds_.size()); }
+  const Environment& world(int index) const { return *worlds_[static_cast<std::size_t>(index)].environment; }
+  std::size_t observation_size() const { return observation_size_; }
+  std::size_t info_size() const { return info_size_; }
+
+  // Starts new episodes in the worlds whose mask is not 0, with the given seeds.
+  void reset(std::span<const std::uint64_t> seeds, std::span<const std::uint8_t> mask, const BatchArrays&);
+  // Advances every world by one control period. After an exception only reset() of all worlds may follow.
+  void step(const BatchArrays&);
+
+  // The metrics of the last episode that ended in the world.
+  const std::vector<std::pair<std::string, double>>& final_metrics(int index) const {
+    return worlds_[static_cast<std::size_t>(index)].final_metrics;
+  }
+
+ private:
+  struct World {
+    std::unique_ptr<Environment> environment;
+    std::vector<std::pair<std::string, double>> final_metrics;
+    bool episode_over = false;
+    std::string error;
+  };
+  template <class Work>
+  void for_each_world(const Work&);
+  void step_world(std::size_t, const BatchArrays&);
+  void write_state(std::size_t, const BatchArrays&);
+
+  EnvironmentOptions options_;
+  Autoreset autoreset_;
+  int threads_;
+  std::unique_ptr<common::ThreadPool> pool_;
+  pid_t process_;  // that has the pool's threads
+  std::vector<World> worlds_;
+  std::size_t observation_size_ = 0, info_size_ = 0, action_size_ = 0, cells_ = 0;
+};
+
+}  // namespace smartsurf::simulation
