@@ -9,16 +9,20 @@ local ball = sphere { radius = radius, position = { random(2, 5), random(2, 5), 
 sphere { radius = 0.7, position = { lamp_x, lamp_y, 12 }, colour = '#0000ff', fixed = true }
 
 -- The error is the mean distance of the last second, the score minus that of the whole run.
+local function distance()
+  local x, y = object(ball):position()
+  return math.sqrt((x - lamp_x)^2 + (y - lamp_y)^2)
+end
 local sum, last, ticks = 0, {}, 0
 on_tick(function()
-  local x, y = object(ball):position()
-  local distance = math.sqrt((x - lamp_x)^2 + (y - lamp_y)^2)
-  sum, ticks = sum + distance, ticks + 1
-  last[ticks % 60 + 1] = distance
+  sum, ticks = sum + distance(), ticks + 1
+  last[ticks % 60 + 1] = distance()
 end)
+episode { seconds = 10 }
+reward(function() return -distance() end)
 on_finish(function()
   local error = 0
-  for _, distance in ipairs(last) do error = error + distance / #last end
+  for _, d in ipairs(last) do error = error + d / #last end
   metric('error_u', error)
   metric('success', error < near and 1 or 0)
   metric('score', -sum / ticks)

@@ -14,11 +14,14 @@ local function pose()
   return math.sqrt((x - 7.5)^2 + (y - 7.5)^2), math.min(yaw, math.pi - yaw)
 end
 
-local sum, ticks = 0, 0
-on_tick(function()
+local function cost()
   local distance, angle = pose()
-  sum, ticks = sum + distance + 3 * angle, ticks + 1
-end)
+  return distance + 3 * angle
+end
+local sum, ticks = 0, 0
+on_tick(function() sum, ticks = sum + cost(), ticks + 1 end)
+episode { seconds = 10 }
+reward(function() return -cost() end)
 on_finish(function()
   local distance, angle = pose()
   metric('error_u', distance)

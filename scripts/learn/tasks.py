@@ -8,7 +8,9 @@ import tempfile
 import numpy as np
 
 HERE = pathlib.Path(__file__).resolve().parent
-sys.path.insert(0, str(HERE.parent.parent / "python"))
+# An installed package first, then this checkout's build; cem and table need only the sources.
+sys.path += [str(HERE.parent.parent / folder) for folder in ("build/release/python", "smartsurf/python")
+             if (HERE.parent.parent / folder / "smartsurf").is_dir()]
 from smartsurf.policy import LocalPolicy, export_policy  # noqa: E402
 from smartsurf.run import run  # noqa: E402
 
