@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """Relocation with broken pins, many seeds, on a Dask cluster.
 
-  PYTHONPATH=python python3 scripts/cluster/dask_sweep.py [--scheduler ADDRESS] [--seeds N]
+  PYTHONPATH=smartsurf/python python3 scripts/cluster/dask_sweep.py [--scheduler ADDRESS] [--seeds N]
 
 Without --scheduler a local cluster of one worker per core starts. Workers need the checkout at the same path; dask-jobqueue
 starts them on Slurm, PBS, SGE, LSF or HTCondor.

@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """Searches the options of an experiment for the least value of a metric, with Optuna.
 
-  PYTHONPATH=python python3 scripts/cluster/optuna_search.py [--trials N] [--storage URL]
+  PYTHONPATH=smartsurf/python python3 scripts/cluster/optuna_search.py [--trials N] [--storage URL]
 
 Several processes or nodes that are started with the same --storage (for example sqlite:///study.db, or a server's URL)
 share one study. The example finds the pins' speed and stroke with which a wave carries a ball fastest.

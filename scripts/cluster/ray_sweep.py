@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """Relocation with broken pins, many seeds, on a Ray cluster.
 
-  PYTHONPATH=python python3 scripts/cluster/ray_sweep.py [--address ADDRESS] [--seeds N]
+  PYTHONPATH=smartsurf/python python3 scripts/cluster/ray_sweep.py [--address ADDRESS] [--seeds N]
 
 Without --address Ray starts on this machine. Other nodes need the checkout at the same path.
 """

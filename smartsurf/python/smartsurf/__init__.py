@@ -8,23 +8,33 @@
 `Simulation` is one experiment. `Env` and `VectorEnv` are Gymnasium environments of one and of many worlds, and
 `parallel_env` is a PettingZoo environment whose agents are blocks of cells; they need those packages. Importing this
 package registers its tasks with Gymnasium, if that is installed: gymnasium.make("smartsurf/Relocate-v0").
-"""
-from ._core import Error, __version__
-from ._simulation import Channel, Simulation
-from ._tasks import TASKS, task_file
 
-__all__ = ["Channel", "Env", "Error", "Simulation", "TASKS", "VectorEnv", "__version__", "parallel_env", "task_file"]
+`run` is one run of the program smartsurf, with a controller, as a function. `LocalPolicy` is a network that every cell
+executes alike, and `export_policy` writes it as an APRON program.
+"""
+import importlib
+
+from ._tasks import TASKS, task_file
+from .run import RunError, run
+
+__all__ = ["Channel", "Env", "Error", "LocalPolicy", "RunError", "Simulation", "TASKS", "VectorEnv", "__version__",
+           "export_policy", "parallel_env", "run", "task_file"]
+
+# Imported at their first use: runs and sweeps need neither the compiled part nor NumPy.
+_MODULES = {"Channel": "._simulation", "Error": "._core", "LocalPolicy": ".policy", "Simulation": "._simulation",
+            "__version__": "._core", "export_policy": ".policy"}
 
 _NEEDS = {"Env": ("gymnasium", "._env"), "VectorEnv": ("gymnasium", "._vector"),
           "parallel_env": ("pettingzoo", "._parallel")}
 
 
 def __getattr__(name):
+    if name in _MODULES:
+        return getattr(importlib.import_module(_MODULES[name], __name__), name)
     # Gymnasium and PettingZoo are imported by those who use them.
     if name not in _NEEDS:
         raise AttributeError(f"module 'smartsurf' has no attribute '{name}'")
     package, module = _NEEDS[name]
-    import importlib
     try:
         importlib.import_module(package)
     except ModuleNotFoundError as error:

@@ -17,7 +17,7 @@ def needs(package):
 class Cluster(ProgramTest):
     def on_cluster(self, program, *arguments):
         done = subprocess.run([VENV / "bin" / program, *arguments], cwd=self.folder, capture_output=True, text=True, timeout=PATIENCE,
-                              env={**os.environ, "PYTHONPATH": str(ROOT / "python"), "SMARTSURF": SMARTSURF, "HOME": str(self.folder),
+                              env={**os.environ, "PYTHONPATH": str(ROOT / "smartsurf/python"), "SMARTSURF": SMARTSURF, "HOME": str(self.folder),
                                    "PYTHONDONTWRITEBYTECODE": "1", "RAY_USAGE_STATS_ENABLED": "0"})
         self.assertEqual(done.returncode, 0, done.stdout + done.stderr)
         return done.stdout
@@ -82,7 +82,7 @@ class Cluster(ProgramTest):
             if name != "files":
                 done = subprocess.run(["sh", "-n"], input=text, capture_output=True, text=True)
                 self.assertEqual(done.returncode, 0, f"%{name}: {done.stderr}")
-        for path in re.findall(r"(?:/opt/smartsurf/|\s)((?:scripts|python|shm-protocol)(?:/[\w/.-]*\w)?)(?!\w)", recipe):
+        for path in re.findall(r"(?:/opt/smartsurf/|\s)((?:scripts|smartsurf|shm-protocol)(?:/[\w/.-]*\w)?)(?!\w)", recipe):
             self.assertTrue((ROOT / path).exists(), path)
         if not shutil.which("apptainer"):
             self.skipTest("apptainer is not installed: the recipe is read, not built")

@@ -3,7 +3,7 @@ import sys
 
 from programs import *
 
-sys.path.insert(0, str(ROOT / "python"))
+sys.path.insert(0, str(ROOT / "smartsurf/python"))
 try:
     import h5py
     import numpy as np

@@ -9,7 +9,7 @@ import sys
 
 from programs import *
 
-sys.path.insert(0, str(ROOT / "python"))
+sys.path.insert(0, str(ROOT / "smartsurf/python"))
 from smartsurf.run import RunError, run  # noqa: E402
 from smartsurf.sweep import quantile, samples, wilson  # noqa: E402
 

@@ -207,7 +207,6 @@ def export_policy(policy: LocalPolicy, path: str | os.PathLike, title: str = "A 
     body.append("surface.step")
     lines = [f"// {line}" for line in title.splitlines()]
     lines += [f"!register({', '.join([*registers, 'NEAR'])})", "", "boundary('zero')"]
-    lines += [f"{name} = 0" for name in memory]
     lines += ["while(1)", *(f"  {line}" for line in body), "endwhile"]
     with open(path, "w") as file:
         file.write("\n".join(lines) + "\n")

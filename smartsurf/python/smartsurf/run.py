@@ -36,11 +36,12 @@ class RunError(RuntimeError):
 
 
 def program(given: str | os.PathLike | None = None) -> str:
-    """The path of the program smartsurf: the given one, else $SMARTSURF, this checkout's build, or that of PATH.
+    """The path of the program smartsurf: the given one, else $SMARTSURF, that of this build or checkout, or that of PATH.
 
     Raises FileNotFoundError if there is none."""
-    built = pathlib.Path(__file__).resolve().parents[2] / "build/release/bin/smartsurf"
-    name = os.fspath(given) if given else os.environ.get("SMARTSURF") or (str(built) if built.exists() else "smartsurf")
+    folders = pathlib.Path(__file__).resolve().parents
+    built = [str(path) for path in (folders[2] / "bin/smartsurf", folders[3] / "build/release/bin/smartsurf") if path.is_file()]
+    name = os.fspath(given) if given else os.environ.get("SMARTSURF") or (built or ["smartsurf"])[0]
     path = shutil.which(name)
     if not path:
         raise FileNotFoundError(f"{name}: no such program (scripts/build makes it)")
