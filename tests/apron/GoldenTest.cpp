@@ -1,4 +1,5 @@
-// Runs one APRON script and compares its output with the comments in the script:
+// Runs one APRON script with each instruction set of this CPU, and compares its output with the comments in the
+// script:
 //
 //   // args: --size 8x4        additional arguments for `apron run`
 //   // expect: text            the next line of standard output; every line must be expected
@@ -80,28 +81,42 @@ int run(std::vector<std::string> arguments, const fs::path& directory) {
 
 }  // namespace
 
-int main(int argc, char** argv) {
-  if (argc < 3) return 2;
-  const fs::path script = fs::absolute(argv[2]);
-  const Expectation expectation = read_expectation(script);
+namespace {
+
+// Returns whether the script does what it expects with `isa`.
+bool check(const std::string& isa, std::vector<std::string> arguments, const Expectation& expectation) {
   std::string name = (fs::temp_directory_path() / "apron_golden_XXXXXX").string();
-  if (mkdtemp(name.data()) == nullptr) return 2;
+  if (mkdtemp(name.data()) == nullptr) return false;
   const fs::path directory = name;
-  std::vector<std::string> arguments = {fs::absolute(argv[1]).string(), "run", script.string()};
-  arguments.insert(arguments.end(), argv + 3, argv + argc);
-  arguments.insert(arguments.end(), expectation.arguments.begin(), expectation.arguments.end());
+  arguments.insert(arguments.end(), {"--isa", isa});
   const int status = run(arguments, directory);
   const std::string output = read_text(directory / "stdout"), error = read_text(directory / "stderr");
   fs::remove_all(directory);
+  if (error.find("this computer does not have " + isa) != std::string::npos) return true;
 
   bool good = status == expectation.exit_status && output == expectation.output &&
               error.empty() == expectation.errors.empty();
   for (const std::string& part : expectation.errors) good = good && error.find(part) != std::string::npos;
-  if (good) return 0;
-  std::cout << "exit status " << status << ", expected " << expectation.exit_status << "\n---- output\n"
+  if (good) return true;
+  std::cout << isa << ": exit status " << status << ", expected " << expectation.exit_status
+            << "\n---- output\n"
             << output << "---- expected\n"
             << expectation.output << "---- standard error\n"
             << error;
   for (const std::string& part : expectation.errors) std::cout << "---- expected there: " << part << '\n';
-  return 1;
+  return false;
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  if (argc < 3) return 2;
+  const fs::path script = fs::absolute(argv[2]);
+  const Expectation expectation = read_expectation(script);
+  std::vector<std::string> arguments = {fs::absolute(argv[1]).string(), "run", script.string()};
+  arguments.insert(arguments.end(), argv + 3, argv + argc);
+  arguments.insert(arguments.end(), expectation.arguments.begin(), expectation.arguments.end());
+  bool good = true;
+  for (const char* isa : {"portable", "avx2", "avx512"}) good = check(isa, arguments, expectation) && good;
+  return good ? 0 : 1;
 }

@@ -106,7 +106,7 @@ void StageAssembler::emit_mask_as_number(const Vector& to, int mask) {
   if (has_masks_)
     vmovaps(to | Opmask(mask) | T_z, vector(constants_.at(kOneBits).vector_register));
   else
-    vandps(to, vector(mask), ptr[rip + constant_pool_[kOneBits]]);
+    with_constant(kOneBits, [&](const Operand& one) { vandps(to, vector(mask), one); });
 }
 
 void StageAssembler::emit_mask_logic(Opcode op, int to, int a, int b) {
@@ -125,7 +125,7 @@ void StageAssembler::emit_mask_not(int to, int a) {
   if (has_masks_)
     knotw(Opmask(to), Opmask(a));
   else
-    vxorps(vector(to), vector(a), ptr[rip + constant_pool_[kAllBits]]);
+    with_constant(kAllBits, [&](const Operand& all) { vxorps(vector(to), vector(a), all); });
 }
 
 void StageAssembler::emit_round(const Vector& to, const Vector& a, std::uint8_t mode) {

@@ -195,7 +195,7 @@ int StageAssembler::mask_operand(const MicroOperand& arg) {
       });
     } else {
       const Vector x = vector_operand(arg);
-      emit_mask_compare(k, x, ptr[rip + constant_pool_[kZeroBits]], kNotEqual);
+      with_constant(kZeroBits, [&](const Operand& zero) { emit_mask_compare(k, x, zero, kNotEqual); });
     }
     if (temp != nullptr)
       temp->mask_register = k;

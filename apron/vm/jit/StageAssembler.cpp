@@ -90,7 +90,8 @@ bool StageAssembler::needs_boolean_constants() const {
   });
 }
 
-// The highest vector registers hold the constants (of AVX-512), then as many scalars as fit.
+// The highest vector registers hold the constants, then as many scalars as fit. Constants of AVX2 that do not
+// fit are memory operands.
 void StageAssembler::allocate_fixed_registers() {
   const bool several_rows = rows_per_iteration_ > 1;
   const int max_registers = has_masks_ ? (several_rows ? 6 : 10) : (several_rows ? 3 : 5);
@@ -100,15 +101,13 @@ void StageAssembler::allocate_fixed_registers() {
       value.vector_register = next--;
   };
   const auto take_constant = [&](std::uint32_t pattern) {
-    if (has_masks_)
-      take(constants_[pattern]);
-    else
-      constant_pool_[pattern];
+    take(constants_[pattern]);
+    if (constants_[pattern].vector_register < 0) constant_pool_[pattern];
   };
   if (needs_boolean_constants()) {
-    take_constant(kZeroBits);
     take_constant(kOneBits);
-    if (!has_masks_) take_constant(kAllBits);
+    take_constant(kZeroBits);
+    if (!has_masks_) constant_pool_[kAllBits];
   }
   for (const MicroOp& op : stage_.ops) {
     if (op.op == Opcode::kAbs) take_constant(kMagnitudeMask);
@@ -155,8 +154,11 @@ void StageAssembler::emit_prologue() {
   mov(rax, ptr[rdi + offsetof(StageCall, iterations)]);
   mov(ptr[rsp + kIterationsStackOffset], rax);
   for (const auto& [pattern, value] : constants_) {
+    if (value.vector_register < 0) continue;
+    const Vector to = vector(value.vector_register);
     mov(eax, pattern);
-    vpbroadcastd(vector(value.vector_register), eax);
+    vmovd(Xbyak::Xmm(to.getIdx()), eax);
+    vbroadcastss(to, Xbyak::Xmm(to.getIdx()));
   }
   mov(rsi, ptr[rdi + offsetof(StageCall, scalar_slots)]);
   for (const auto& [slot, value] : scalars_)

@@ -105,13 +105,14 @@ class StageAssembler : private Xbyak::CodeGenerator {
   void release_temporaries();
   Vector allocate_result(RegisterAssignment& y);
   Vector allocate_temporary();
-  // Calls emit() with a vector of the constant: a register or, of AVX2, a memory operand.
+  // Calls emit() with a vector of the constant, a register or a memory operand.
   template <class Emit>
   void with_constant(std::uint32_t pattern, const Emit& emit) {
-    if (has_masks_)
-      emit(vector(constants_.at(pattern).vector_register));
+    const auto found = constants_.find(pattern);
+    if (found != constants_.end() && found->second.vector_register >= 0)
+      emit(vector(found->second.vector_register));
     else
-      emit(ptr[rip + constant_pool_[pattern]]);
+      emit(ptr[rip + constant_pool_.at(pattern)]);
   }
   bool is_memory_operand(const MicroOperand& arg) const;
   Address memory_operand(const MicroOperand& arg) const;

@@ -183,6 +183,103 @@ void reduce(const float* a, std::ptrdiff_t pitch, std::uint32_t rows, std::uint3
   for (std::uint32_t r = 0; r < rows; ++r, a += pitch) to[r] = reduce_row<Op>(a, columns);
 }
 
+// ---- stencils ----
+
+// Loads the cells from `from` on that exist; `count` of them do.
+HWY_INLINE V load_cells(const float* from, std::size_t count) {
+  const D d;
+  if (count >= hn::Lanes(d)) return hn::LoadU(d, from);
+  HWY_ALIGN float cells[kLanes] = {};
+  for (std::size_t i = 0; i < count; ++i) cells[i] = from[i];
+  return hn::Load(d, cells);
+}
+
+HWY_INLINE void store_cells(const StencilOutput& to, std::size_t x, V value) {
+  const D d;
+  const std::size_t count = to.columns - x;
+  if (count >= hn::Lanes(d)) {
+    if (to.mask != nullptr)
+      value = hn::IfThenElse(truth(hn::LoadU(d, to.mask + x)), value, hn::LoadU(d, to.y + x));
+    return hn::StoreU(value, d, to.y + x);
+  }
+  HWY_ALIGN float cells[kLanes];
+  hn::Store(value, d, cells);
+  for (std::size_t i = 0; i < count; ++i)
+    if (to.mask == nullptr || to.mask[x + i] != 0.0F) to.y[x + i] = cells[i];
+}
+
+// Four vectors of sums at once hide the latency of the additions. They read whole vectors, so that they need
+// `kVectors` vectors of columns.
+template <std::size_t kVectors>
+HWY_INLINE void correlate_block(const FilterView& filter, const StencilRows& rows, const StencilOutput& to,
+                                bool accumulate, std::size_t x) {
+  const D d;
+  V sum[4] = {zero(), zero(), zero(), zero()};
+  for (std::size_t k = 0; accumulate && k < kVectors; ++k)
+    sum[k] = hn::LoadU(d, to.y + x + k * hn::Lanes(d));
+  const float* element = filter.coefficients;
+  for (std::uint32_t j = 0; j < filter.height; ++j) {
+    const float* from = rows.row[j] + rows.step[j] * static_cast<std::ptrdiff_t>(x);
+    for (std::uint32_t i = 0; i < filter.width; ++i, ++element) {
+      if (*element == 0.0F) continue;
+      const V e = hn::Set(d, *element);
+      for (std::size_t k = 0; k < kVectors; ++k)
+        sum[k] = hn::Add(sum[k], hn::Mul(e, hn::LoadU(d, from + i + k * hn::Lanes(d))));
+    }
+  }
+  for (std::size_t k = 0; k < kVectors; ++k) store_cells(to, x + k * hn::Lanes(d), sum[k]);
+}
+
+void correlate(const FilterView& filter, const StencilRows& rows, const StencilOutput& to,
+               bool accumulate) noexcept {
+  const std::size_t lanes = hn::Lanes(D());
+  std::size_t x = 0;
+  for (; x + 4 * lanes <= to.columns; x += 4 * lanes) correlate_block<4>(filter, rows, to, accumulate, x);
+  for (; x + lanes <= to.columns; x += lanes) correlate_block<1>(filter, rows, to, accumulate, x);
+  if (x == to.columns) return;
+  V sum = accumulate ? load_cells(to.y + x, to.columns - x) : zero();
+  const float* element = filter.coefficients;
+  for (std::uint32_t j = 0; j < filter.height; ++j) {
+    const float* from = rows.row[j] + rows.step[j] * static_cast<std::ptrdiff_t>(x);
+    for (std::uint32_t i = 0; i < filter.width; ++i, ++element)
+      if (*element != 0.0F)
+        sum = hn::Add(sum, hn::Mul(hn::Set(D(), *element), load_cells(from + i, to.columns - x)));
+  }
+  store_cells(to, x, sum);
+}
+
+// The order of operations is that of opcodes.def. load(j, i) loads the cells of row j, column i of the three.
+template <class Op, bool kEight, class Load>
+HWY_INLINE V join_neighbours(const Load& load) {
+  const V sides = Op::apply(load(1, 0), load(1, 2), zero());
+  if constexpr (!kEight) return Op::apply(sides, Op::apply(load(0, 1), load(2, 1), zero()), zero());
+  const V north = Op::apply(Op::apply(load(0, 0), load(0, 2), zero()), load(0, 1), zero());
+  const V south = Op::apply(Op::apply(load(2, 0), load(2, 2), zero()), load(2, 1), zero());
+  return Op::apply(sides, Op::apply(north, south, zero()), zero());
+}
+
+template <class Op, bool kEight>
+void near(const StencilRows& rows, const StencilOutput& to) noexcept {
+  const D d;
+  std::size_t x = 0;
+  const auto from = [&](std::size_t j, std::size_t i) {
+    return rows.row[j] + rows.step[j] * static_cast<std::ptrdiff_t>(x) + i;
+  };
+  const auto whole = [&](std::size_t j, std::size_t i) { return hn::LoadU(d, from(j, i)); };
+  const auto part = [&](std::size_t j, std::size_t i) { return load_cells(from(j, i), to.columns - x); };
+  for (; x + hn::Lanes(d) <= to.columns; x += hn::Lanes(d))
+    store_cells(to, x, join_neighbours<Op, kEight>(whole));
+  if (x < to.columns) store_cells(to, x, join_neighbours<Op, kEight>(part));
+}
+
+template <class... Ops>
+StencilKernels make_stencil_kernels() {
+  StencilKernels kernels;
+  kernels.correlate = correlate;
+  kernels.near = {{{near<Ops, false>, near<Ops, true>}...}};
+  return kernels;
+}
+
 template <class... Ops>
 void fill_all(KernelTable& table) {
   (fill<Ops>(table), ...);
@@ -193,6 +290,7 @@ KernelTable make_table() {
   fill_all<Copy, Add, Sub, Mul, Div, Mod, Min, Max, Abs, Neg, Sign, Clamp, Mac, Select>(table);
   fill_all<Lt, Le, Gt, Ge, Eq, Ne, And, Or, Xor, Nand, Nor, Not, Sqrt, Floor, Ceil, Round>(table);
   table.reductions = {reduce<SumOp>, reduce<MinOp>, reduce<MaxOp>, reduce<CountOp>};
+  table.stencils = make_stencil_kernels<Add, Min, Max, Or, And>();
   add_scalar_kernels(table);
   return table;
 }

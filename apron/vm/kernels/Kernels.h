@@ -12,6 +12,7 @@
 
 #include "apron/program/Program.h"
 #include "apron/vm/InstructionSet.h"
+#include "apron/vm/kernels/StencilKernels.h"
 
 namespace apron::vm {
 
@@ -53,6 +54,7 @@ struct KernelTable {
   // Indexed [opcode][bit k set: operand k is a scalar][masked]; null if the opcode is not element-wise.
   std::array<std::array<std::array<Kernel, 2>, 8>, kOpcodeCount> elementwise{};
   std::array<RowReduction, kReductionCount> reductions{};
+  StencilKernels stencils{};
 
   Kernel kernel(program::Opcode op, unsigned scalars, bool masked) const noexcept {
     return elementwise[static_cast<std::size_t>(op)][scalars][masked ? 1 : 0];

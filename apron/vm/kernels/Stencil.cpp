@@ -1,139 +1,122 @@
 #include "apron/vm/kernels/Stencil.h"
 
+#include <algorithm>
+#include <array>
+
 namespace apron::vm {
 namespace {
 
 using program::BoundaryRule;
 using program::Opcode;
 
-// A plane extended beyond its edges by a boundary condition.
-struct BoundaryView {
-  ConstPlane plane;
-  BoundaryRule rule;
-  float fill;
+constexpr std::int64_t kOutside = -1;
+constexpr std::size_t kMaxExtent = program::kMaxFilterExtent;
 
-  float operator()(std::int64_t x, std::int64_t y) const noexcept {
-    const std::int64_t column = resolve_boundary_index(x, plane.width, rule);
-    const std::int64_t row = resolve_boundary_index(y, plane.height, rule);
-    return column < 0 || row < 0 ? fill : plane.row(static_cast<std::uint32_t>(row))[column];
+// A stencil of width x height cells over a plane extended by a boundary condition. Rows and columns that lie
+// inside are read where they are; the columns at the west and east edge are copied together first.
+class StencilPass {
+ public:
+  StencilPass(std::uint32_t width, std::uint32_t height, Plane y, ConstPlane a, BoundaryCondition boundary,
+              const float* mask)
+      : width_(width),
+        height_(height),
+        west_((static_cast<std::int64_t>(width) - 1) / 2),
+        north_((static_cast<std::int64_t>(height) - 1) / 2),
+        y_(y),
+        a_(a),
+        boundary_(boundary),
+        mask_(mask) {
+    constant_row_.fill(boundary.rule == BoundaryRule::kValue ? boundary.value : 0.0F);
   }
-};
 
-BoundaryView make_boundary_view(ConstPlane a, BoundaryCondition boundary) {
-  return {a, boundary.rule, boundary.rule == BoundaryRule::kValue ? boundary.value : 0.0F};
-}
-
-struct Sum {
-  static float join(float a, float b) noexcept { return a + b; }
-};
-struct Min {
-  static float join(float a, float b) noexcept { return a < b ? a : b; }
-};
-struct Max {
-  static float join(float a, float b) noexcept { return a > b ? a : b; }
-};
-struct Any {
-  static float join(float a, float b) noexcept { return a != 0.0F || b != 0.0F ? 1.0F : 0.0F; }
-};
-struct All {
-  static float join(float a, float b) noexcept { return a != 0.0F && b != 0.0F ? 1.0F : 0.0F; }
-};
-
-// Reduces the neighbours of (x, y) in the order that opcodes.def specifies. cell(x, y) reads a cell: directly
-// inside the array, through a BoundaryView at its edge.
-template <class Op, bool kEight, class Cell>
-float join(const Cell& cell, std::int64_t x, std::int64_t y) noexcept {
-  const auto sides = [&](std::int64_t row) { return Op::join(cell(x - 1, row), cell(x + 1, row)); };
-  if (!kEight) return Op::join(sides(y), Op::join(cell(x, y - 1), cell(x, y + 1)));
-  const auto whole = [&](std::int64_t row) { return Op::join(sides(row), cell(x, row)); };
-  return Op::join(sides(y), Op::join(whole(y - 1), whole(y + 1)));
-}
-
-template <class Op, bool kEight>
-void reduce_neighbour_rows(const BoundaryView& extended, Plane y, const float* mask, std::int64_t first,
-                           std::int64_t last) noexcept {
-  const std::int64_t width = y.width, height = y.height;
-  const auto inner = [&](std::int64_t column, std::int64_t row) {
-    return extended.plane.data[row * extended.plane.pitch + column];
-  };
-  for (std::int64_t row = first; row < last; ++row) {
-    float* to = y.data + row * y.pitch;
-    const float* on = mask != nullptr ? mask + row * y.pitch : nullptr;
-    const auto put = [&](std::int64_t column, float value) {
-      if (on == nullptr || on[column] != 0.0F) to[column] = value;
-    };
-    const bool at_edge = row == 0 || row == height - 1 || width < 3;
-    const std::int64_t inside = at_edge ? 0 : width - 2;
-    if (inside > 0) {
-      put(0, join<Op, kEight>(extended, 0, row));
-      if (on == nullptr) {
-        for (std::int64_t x = 1; x <= inside; ++x) to[x] = join<Op, kEight>(inner, x, row);
-      } else {
-        for (std::int64_t x = 1; x <= inside; ++x) put(x, join<Op, kEight>(inner, x, row));
-      }
-      put(width - 1, join<Op, kEight>(extended, width - 1, row));
-    } else {
-      for (std::int64_t x = 0; x < width; ++x) put(x, join<Op, kEight>(extended, x, row));
+  // Calls inner(rows, output) for the columns whose stencil lies inside the plane, and edge(begin, output) for
+  // those at the west and east edge, of which `begin` is the first.
+  template <class Inner, class Edge>
+  void run_row(std::int64_t row, const Inner& inner, const Edge& edge) {
+    const std::int64_t columns = y_.width;
+    const std::int64_t first = std::min(west_, columns);
+    const std::int64_t last = std::max(first, columns - (width_ - 1 - west_));
+    for (std::uint32_t j = 0; j < height_; ++j) {
+      const std::int64_t from = resolve_boundary_index(row + j - north_, y_.height, boundary_.rule);
+      row_[j] = from == kOutside ? constant_row_.data() : a_.data + from * a_.pitch;
+      step_[j] = from == kOutside ? 0 : 1;
     }
+    for (const auto& [begin, end] : {std::pair{std::int64_t{0}, first}, std::pair{last, columns}})
+      if (begin < end) edge(begin, output(row, begin, end));
+    if (first < last) inner(StencilRows{row_.data(), step_.data()}, output(row, first, last));
   }
-}
 
-template <class Op>
-void reduce_neighbours_with(Executor& executor, bool eight_connected, Plane y, const BoundaryView& extended,
-                            const float* mask) noexcept {
-  executor.parallel_for_rows(y.height, y.width, [&](std::uint32_t first, std::uint32_t last) {
-    if (eight_connected)
-      reduce_neighbour_rows<Op, true>(extended, y, mask, first, last);
-    else
-      reduce_neighbour_rows<Op, false>(extended, y, mask, first, last);
-  });
-}
+  // For edge(): row j of the stencil for the columns [begin, begin + columns), valid until the next call.
+  const float* edge_row(std::uint32_t j, std::int64_t begin, std::uint32_t columns) {
+    if (step_[j] == 0) return constant_row_.data();
+    for (std::int64_t i = 0; i < static_cast<std::int64_t>(columns) + width_ - 1; ++i) {
+      const std::int64_t from = resolve_boundary_index(begin - west_ + i, y_.width, boundary_.rule);
+      edge_row_[static_cast<std::size_t>(i)] = from == kOutside ? constant_row_[0] : row_[j][from];
+    }
+    return edge_row_.data();
+  }
+  const std::ptrdiff_t& step(std::uint32_t j) const { return step_[j]; }
 
-template <class Cell>
-float correlate_cell(const FilterView& filter, const Cell& cell, std::int64_t x, std::int64_t y) noexcept {
-  float sum = 0.0F;
-  const float* element = filter.coefficients;
-  const std::int64_t west = x - (filter.width - 1) / 2, north = y - (filter.height - 1) / 2;
-  for (std::int64_t j = 0; j < filter.height; ++j)
-    for (std::int64_t i = 0; i < filter.width; ++i, ++element)
-      if (*element != 0.0F) sum = sum + *element * cell(west + i, north + j);
-  return sum;
-}
+ private:
+  StencilOutput output(std::int64_t row, std::int64_t begin, std::int64_t end) const {
+    const std::ptrdiff_t at = row * y_.pitch + begin;
+    return {y_.data + at, mask_ != nullptr ? mask_ + at : nullptr, static_cast<std::uint32_t>(end - begin)};
+  }
+
+  const std::int64_t width_;
+  const std::uint32_t height_;
+  const std::int64_t west_, north_;
+  const Plane y_;
+  const ConstPlane a_;
+  const BoundaryCondition boundary_;
+  const float* const mask_;
+  std::array<float, kStencilBlockCells + kMaxExtent> constant_row_;
+  std::array<float, 2 * kMaxExtent> edge_row_;
+  std::array<const float*, kMaxExtent> row_;
+  std::array<std::ptrdiff_t, kMaxExtent> step_;
+};
 
 }  // namespace
 
 void reduce_neighbours(Executor& executor, Opcode op, bool eight_connected, Plane y, ConstPlane a,
                        BoundaryCondition boundary, const float* mask) noexcept {
-  const BoundaryView extended = make_boundary_view(a, boundary);
-  switch (op) {
-    case Opcode::kNearSum:
-      return reduce_neighbours_with<Sum>(executor, eight_connected, y, extended, mask);
-    case Opcode::kNearMin:
-      return reduce_neighbours_with<Min>(executor, eight_connected, y, extended, mask);
-    case Opcode::kNearMax:
-      return reduce_neighbours_with<Max>(executor, eight_connected, y, extended, mask);
-    case Opcode::kNearAny:
-      return reduce_neighbours_with<Any>(executor, eight_connected, y, extended, mask);
-    default:
-      return reduce_neighbours_with<All>(executor, eight_connected, y, extended, mask);
-  }
+  const std::size_t index = static_cast<std::size_t>(op) - static_cast<std::size_t>(Opcode::kNearSum);
+  const auto reduce = executor.kernels().stencils.near[index][eight_connected ? 1 : 0];
+  executor.parallel_for_rows(y.height, y.width, [&](std::uint32_t first, std::uint32_t last) {
+    StencilPass pass(3, 3, y, a, boundary, mask);
+    const auto edge = [&](std::int64_t begin, const StencilOutput& to) {
+      // At most two columns: of a plane of two, or of each edge one.
+      std::array<std::array<float, 4>, 3> cells;
+      constexpr std::array<std::ptrdiff_t, 3> kSteps{1, 1, 1};
+      for (std::uint32_t j = 0; j < 3; ++j)
+        std::copy_n(pass.edge_row(j, begin, to.columns), to.columns + 2, cells[j].begin());
+      const std::array<const float*, 3> rows{cells[0].data(), cells[1].data(), cells[2].data()};
+      reduce({rows.data(), kSteps.data()}, to);
+    };
+    for (std::uint32_t row = first; row < last; ++row) pass.run_row(row, reduce, edge);
+  });
 }
 
 void apply_filter(Executor& executor, const FilterView& filter, Plane y, ConstPlane a,
                   BoundaryCondition boundary, const float* mask) noexcept {
-  const BoundaryView extended = make_boundary_view(a, boundary);
-  const auto inner = [&](std::int64_t column, std::int64_t row) { return a.data[row * a.pitch + column]; };
-  const std::int64_t west = (filter.width - 1) / 2, north = (filter.height - 1) / 2;
-  const std::int64_t east = filter.width - 1 - west, south = filter.height - 1 - north;
+  const auto correlate = executor.kernels().stencils.correlate;
   executor.parallel_for_rows(y.height, y.width, [&](std::uint32_t first, std::uint32_t last) {
-    for (std::int64_t row = first; row < last; ++row)
-      for (std::int64_t x = 0; x < y.width; ++x) {
-        const std::ptrdiff_t at = row * y.pitch + x;
-        if (mask != nullptr && !(mask[at] != 0.0F)) continue;
-        const bool inside = x >= west && x + east < y.width && row >= north && row + south < y.height;
-        y.data[at] =
-            inside ? correlate_cell(filter, inner, x, row) : correlate_cell(filter, extended, x, row);
+    StencilPass pass(filter.width, filter.height, y, a, boundary, mask);
+    const auto inner = [&](const StencilRows& rows, const StencilOutput& to) {
+      correlate(filter, rows, to, false);
+    };
+    // Row by row of the filter, because the cells of its rows are copied together one after another.
+    const auto edge = [&](std::int64_t begin, const StencilOutput& to) {
+      std::array<float, kMaxExtent> sums;
+      for (std::uint32_t j = 0; j < filter.height; ++j) {
+        const float* row = pass.edge_row(j, begin, to.columns);
+        correlate({filter.width, 1, filter.coefficients + std::size_t{j} * filter.width},
+                  {&row, &pass.step(j)}, {sums.data(), nullptr, to.columns}, j > 0);
       }
+      for (std::uint32_t x = 0; x < to.columns; ++x)
+        if (to.mask == nullptr || to.mask[x] != 0.0F) to.y[x] = sums[x];
+    };
+    for (std::uint32_t row = first; row < last; ++row) pass.run_row(row, inner, edge);
   });
 }
 

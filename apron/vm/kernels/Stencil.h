@@ -7,6 +7,7 @@
 #include "apron/vm/Executor.h"
 #include "apron/vm/Plane.h"
 #include "apron/vm/kernels/Shift.h"
+#include "apron/vm/kernels/StencilKernels.h"
 
 namespace apron::vm {
 
@@ -15,12 +16,6 @@ namespace apron::vm {
 // written. Does not allocate.
 void reduce_neighbours(Executor& executor, program::Opcode op, bool eight_connected, Plane y, ConstPlane a,
                        BoundaryCondition boundary, const float* mask) noexcept;
-
-// Non-owning view of a filter: width x height coefficients, row-major.
-struct FilterView {
-  std::uint32_t width = 0, height = 0;
-  const float* coefficients = nullptr;
-};
 
 // Correlates a with the filter. Preconditions as for reduce_neighbours(). Does not allocate.
 void apply_filter(Executor& executor, const FilterView& filter, Plane y, ConstPlane a,

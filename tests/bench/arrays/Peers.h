@@ -8,6 +8,8 @@
 #include <optional>
 #include <string>
 
+#include "apron/vm/InstructionSet.h"
+
 namespace arrays {
 
 // rows x columns floats, zero at first. Rows are 64-byte aligned; one zero row lies above and below the
@@ -44,12 +46,12 @@ struct Job {
   std::function<double()> checksum;  // over all results of the first run
 };
 
-// Each returns nullopt if the peer is not available or does not implement the workload. `n` is the side of
-// the array. Only make_apron_job() uses more than one thread.
-std::optional<Job> make_apron_job(int workload, int n, unsigned threads);
+// Each returns nullopt if the peer is not available, does not implement the workload, or needs instructions that
+// this CPU lacks. `n` is the side of the array. Only make_apron_job() uses more than one thread.
+std::optional<Job> make_apron_job(int workload, int n, unsigned threads, apron::vm::InstructionSet isa);
 std::optional<Job> make_unfused_job(int workload, int n);
 std::optional<Job> make_hand_fused_job(int workload, int n);
 std::optional<Job> make_eigen_job(int workload, int n);
-std::optional<Job> make_halide_job(int workload, int n);
+std::optional<Job> make_halide_job(int workload, int n, apron::vm::InstructionSet isa);
 
 }  // namespace arrays

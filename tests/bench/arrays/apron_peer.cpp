@@ -53,7 +53,8 @@ double checksum(const Plane& plane) {
 
 }  // namespace
 
-std::optional<Job> make_apron_job(int workload, int n, unsigned threads) {
+std::optional<Job> make_apron_job(int workload, int n, unsigned threads, apron::vm::InstructionSet isa) {
+  if (!apron::vm::is_supported(isa)) return std::nullopt;
   apron::syntax::DiskReader reader;
   apron::compiler::CompileOptions compile;
   compile.file = std::string(ARRAYS_SOURCE_DIR "/w") + std::to_string(workload) + ".aps";
@@ -63,6 +64,7 @@ std::optional<Job> make_apron_job(int workload, int n, unsigned threads) {
     throw std::runtime_error(apron::syntax::format_diagnostics(result.diagnostics, result.sources));
   apron::vm::VmOptions options;
   options.threads = threads;
+  options.isa = isa;
   options.fusion.preserve_named_registers = false;
   auto machine = std::make_shared<ApronRun>(std::move(*result.program), options);
   for (int i = 0; i < inputs(workload); ++i) {

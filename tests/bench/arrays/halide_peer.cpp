@@ -19,7 +19,7 @@ using Halide::Var;
 // Schedule: one thread, tiles of 1024 or 512 columns and 64 rows, every stage computed per tile. The fastest
 // of the schedules tried.
 struct Pipeline {
-  Pipeline(int workload, int size) : n(size), w(workload) {
+  Pipeline(int workload, int size, Halide::Target wanted) : n(size), w(workload), target(wanted) {
     for (int i = 0; i < inputs(w); ++i) {
       const Image image = input(w, n, i);
       in.emplace_back(n, n);
@@ -113,12 +113,11 @@ struct Pipeline {
     out = result;
     out.bound(x, 0, n).bound(y, 0, n);
     if (w <= 2) {
-      out.vectorize(x, 16);
+      out.vectorize(x, kVector);
     } else {
-      out.tile(x, y, xo, yo, xi, yi, std::min(n, w >= 5 ? 512 : 1024), std::min(n, 64)).vectorize(xi, 16);
-      for (Func& f : stages) f.compute_at(out, xo).vectorize(f.args()[0], 16, Halide::TailStrategy::RoundUp);
+      out.tile(x, y, xo, yo, xi, yi, std::min(n, w >= 5 ? 512 : 1024), std::min(n, 64)).vectorize(xi, kVector);
+      for (Func& f : stages) f.compute_at(out, xo).vectorize(f.args()[0], kVector, Halide::TailStrategy::RoundUp);
     }
-    target = Halide::get_jit_target_from_environment();
     out.compile_jit(target);
     std::vector<Buffer<>> buffers;
     for (int i = 0; i < (w == 2 ? 4 : 1); ++i) buffers.push_back(Buffer<float>(n, n));
@@ -137,19 +136,26 @@ struct Pipeline {
     return sum;
   }
 
+  static constexpr int kVector = 16;  // of AVX2 two registers, which is faster than one
   int n, w;
   Var x, y, xo, yo, xi, yi;
   std::vector<Buffer<float>> in;
   std::vector<Func> stages;
   Func out;
-  Halide::Target target;
+  const Halide::Target target;
   std::unique_ptr<Halide::Realization> results;
 };
 
 }  // namespace
 
-std::optional<Job> make_halide_job(int workload, int n) {
-  auto p = std::make_shared<Pipeline>(workload, n);
+std::optional<Job> make_halide_job(int workload, int n, apron::vm::InstructionSet isa) {
+  using Halide::Target;
+  Target target = Halide::get_jit_target_from_environment();
+  for (const Target::Feature feature :
+       {Target::AVX512, Target::AVX512_KNL, Target::AVX512_Skylake, Target::AVX512_Cannonlake,
+        Target::AVX512_SapphireRapids})
+    if (isa == apron::vm::InstructionSet::kAvx2) target = target.without_feature(feature);
+  auto p = std::make_shared<Pipeline>(workload, n, target);
   return Job{[p] { p->out.realize(*p->results, p->target); }, [p] { return p->checksum(); }};
 }
 
@@ -161,7 +167,7 @@ std::optional<Job> make_halide_job(int workload, int n) {
 
 namespace arrays {
 
-std::optional<Job> make_halide_job(int, int) { return std::nullopt; }
+std::optional<Job> make_halide_job(int, int, apron::vm::InstructionSet) { return std::nullopt; }
 
 }  // namespace arrays
 

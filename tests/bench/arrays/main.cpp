@@ -1,10 +1,12 @@
 // Compares all peers on the array workloads, interleaved, and checks that their checksums agree.
 //   bench_arrays [WORKLOADS [SIZES [REPETITIONS [WITHOUT]]]], for example: bench_arrays 2,6 64,1024 9 eigen
 // Prints the minimum and median time of one run over the whole array, in microseconds; with --json, one JSON
-// object per line.
+// object per line. With --cpu-time it measures the calling thread's processor time, for a machine with other
+// work to do.
+#include <time.h>
+
 #include <algorithm>
 #include <charconv>
-#include <chrono>
 #include <cmath>
 #include <cstdio>
 #include <functional>
@@ -18,7 +20,12 @@
 namespace {
 
 using arrays::Job;
-using Clock = std::chrono::steady_clock;
+
+double now_us(clockid_t clock) {
+  timespec now{};
+  clock_gettime(clock, &now);
+  return static_cast<double>(now.tv_sec) * 1e6 + static_cast<double>(now.tv_nsec) * 1e-3;
+}
 
 struct Measurement {
   std::string peer;
@@ -32,25 +39,24 @@ struct Contender {
   long runs_per_sample = 1;
   std::vector<double> times_us{};
 
-  double time_run_us() const {
+  double time_run_us(clockid_t clock) const {
     job.run();  // warm-up: evicts the other peers' arrays from the caches
-    const auto start = Clock::now();
+    const double start = now_us(clock);
     for (long i = 0; i < runs_per_sample; ++i) job.run();
-    return std::chrono::duration<double, std::micro>(Clock::now() - start).count() /
-           static_cast<double>(runs_per_sample);
+    return (now_us(clock) - start) / static_cast<double>(runs_per_sample);
   }
 };
 
 // Interleaves the peers, so that load from other processes affects all of them alike.
-std::vector<Measurement> measure(std::vector<Contender>& runners, int repetitions) {
+std::vector<Measurement> measure(std::vector<Contender>& runners, int repetitions, clockid_t clock) {
   for (Contender& r : runners) {
     r.job.run();
     r.checksum = r.job.checksum();
-    r.runs_per_sample = std::max(1L, static_cast<long>(3000.0 / std::max(r.time_run_us(), 1e-3)));
-    r.time_run_us();
+    r.runs_per_sample = std::max(1L, static_cast<long>(3000.0 / std::max(r.time_run_us(clock), 1e-3)));
+    r.time_run_us(clock);
   }
   for (int i = 0; i < repetitions; ++i)
-    for (Contender& r : runners) r.times_us.push_back(r.time_run_us());
+    for (Contender& r : runners) r.times_us.push_back(r.time_run_us(clock));
   std::vector<Measurement> all;
   for (Contender& r : runners) {
     std::sort(r.times_us.begin(), r.times_us.end());
@@ -86,24 +92,31 @@ void print_json(int workload, int n, const Measurement& f, bool same) {
 }
 
 // Returns whether the checksums agree, with a tolerance: a fused multiply-add in a peer may change last bits.
-bool compare(int workload, int n, int repetitions, const std::string& without, bool json) {
+bool compare(int workload, int n, int repetitions, const std::string& without, bool json, clockid_t clock) {
   std::vector<Contender> runners;
   std::string missing;
   const auto add = [&](const char* peer, const auto& make, auto... more) {
-    const bool wanted = without.find(peer) == std::string::npos;
+    const std::vector<std::string> names = CLI::detail::split(without, ',');
+    const bool wanted = std::find(names.begin(), names.end(), peer) == names.end();
     std::optional<Job> job = wanted ? make(workload, n, more...) : std::nullopt;
     if (job)
       runners.push_back({peer, std::move(*job)});
     else
       missing += std::string(" ") + peer;
   };
-  add("apron", arrays::make_apron_job, 1U);
-  add("apron, 2 threads", arrays::make_apron_job, 2U);
+  using apron::vm::InstructionSet;
+  const InstructionSet best = apron::vm::best_instruction_set();
+  add("apron", arrays::make_apron_job, 1U, best);
+  add("apron, 2 threads", arrays::make_apron_job, 2U, best);
   add("hand-fused", arrays::make_hand_fused_job);
-  add("halide", arrays::make_halide_job);
+  add("halide", arrays::make_halide_job, best);
+  if (best == InstructionSet::kAvx512) {
+    add("apron avx2", arrays::make_apron_job, 1U, InstructionSet::kAvx2);
+    add("halide avx2", arrays::make_halide_job, InstructionSet::kAvx2);
+  }
   add("eigen", arrays::make_eigen_job);
   add("unfused", arrays::make_unfused_job);
-  std::vector<Measurement> all = measure(runners, repetitions);
+  std::vector<Measurement> all = measure(runners, repetitions, clock);
   const bool wanted = without.find("numpy") == std::string::npos;
   if (const auto f = wanted ? run_numpy(workload, n) : std::nullopt)
     all.push_back(*f);
@@ -127,7 +140,7 @@ struct Options {
   std::vector<int> workloads{1, 2, 3, 4, 5, 6}, sizes{64, 256, 1024, 4096};
   int repetitions = 9;
   std::string without;
-  bool json = false;
+  bool json = false, cpu_time = false;
 };
 
 // Parses one comma-separated argument such as 64,1024. A CLI11 list option would also consume the arguments
@@ -155,6 +168,7 @@ Options read_options(int argc, char** argv) {
   app.add_option("repetitions", o.repetitions, "repetitions of each measurement")->check(CLI::Range(1, 1000));
   app.add_option("without", o.without, "peers to leave out, such as eigen,numpy");
   app.add_flag("--json", o.json, "print one JSON object per line");
+  app.add_flag("--cpu-time", o.cpu_time, "measure the calling thread's processor time, not wall time");
   bench::parse_or_exit(app, argc, argv);
   return o;
 }
@@ -163,9 +177,10 @@ Options read_options(int argc, char** argv) {
 
 int main(int argc, char** argv) {
   const Options o = read_options(argc, argv);
+  const clockid_t clock = o.cpu_time ? CLOCK_THREAD_CPUTIME_ID : CLOCK_MONOTONIC;
   bool equal = true;
   if (!o.json) std::printf("           peer                min us   median us\n");
   for (const int n : o.sizes)
-    for (const int w : o.workloads) equal = compare(w, n, o.repetitions, o.without, o.json) && equal;
+    for (const int w : o.workloads) equal = compare(w, n, o.repetitions, o.without, o.json, clock) && equal;
   return equal ? 0 : 1;
 }

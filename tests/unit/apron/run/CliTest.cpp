@@ -109,7 +109,15 @@ TEST_F(Cli, HelpAndVersionSucceed) {
   EXPECT_NE(run({"run", "--help"}).out.find("--shm"), std::string::npos);
   const ProcessResult version = run({"--version"});
   EXPECT_EQ(version.status, 0);
-  EXPECT_EQ(version.out, "apron " SMARTSURF_VERSION "\n");
+  EXPECT_EQ(version.out.find("apron " SMARTSURF_VERSION "\narray code: "), 0U) << version.out;
+}
+
+TEST_F(Cli, InstructionSetIsChecked) {
+  const std::string script = file("one.aps", "println(1)\n");
+  EXPECT_EQ(run({"run", script, "--isa", "portable"}).out, "1\n");
+  const ProcessResult wrong = run({"run", script, "--isa", "avx3"});
+  EXPECT_EQ(wrong.status, 2);
+  EXPECT_NE(wrong.err.find("'avx3' is not avx512, avx2 or portable"), std::string::npos) << wrong.err;
 }
 
 TEST_F(Cli, WarnsOfProgramsThatNeverStep) {
