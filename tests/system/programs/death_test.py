@@ -67,7 +67,7 @@ class Death(ProgramTest):
                       "the simulator's message")
         self.wait_for(lambda: "the surface has waited 2 s for surface.step" in log.read_text(), "the controller's message")
         surface.terminate()
-        surface.wait(PATIENCE)
+        surface.wait(120)
 
     def test_ctrl_c_removes_segment(self):
         for victim in (0, 1):
