@@ -31,6 +31,7 @@ enum class BuiltinForm : std::uint8_t {
   kFileOpen,
   kParameterGet,
   kTimerRead,
+  kKey,
   kPropagate,
   kFilterDo,
   kFilterGauss,
@@ -59,7 +60,7 @@ enum class BuiltinForm : std::uint8_t {
   kShow,
   kTile,
   kTimer,
-  kTimerWait,
+  kScalarStatement,  // an instruction with one scalar
   kSetPalette,
   kSetScale,
   kPixelSet,

@@ -93,6 +93,8 @@ Value Lowering::lower_call(const Builtin& builtin, const Expression& call, const
       return emit_to_register(builtin.op, {builder_.text_operand(name), builder_.operand(number)},
                               destination);
     }
+    case BuiltinForm::kKey:
+      return lower_key(arguments, destination);
     case BuiltinForm::kTimerRead:
       return emit_to_scalar(builtin.op, {timer_operand(arguments)}, destination);
     default:

@@ -177,6 +177,7 @@ bool Lowering::is_scalar(const Expression& expression) const {
     case BuiltinForm::kSurfaceHas:
     case BuiltinForm::kParameterGet:
     case BuiltinForm::kTimerRead:
+    case BuiltinForm::kKey:
     case BuiltinForm::kRegisterWidth:
     case BuiltinForm::kRegisterHeight:
     case BuiltinForm::kRegisterId:

@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "apron/compiler/Lowering.h"
+#include "apron/program/Keys.h"
 #include "common/text/Suggestion.h"
 
 namespace apron::compiler {
@@ -29,8 +30,9 @@ bool Lowering::lower_host_statement(const Builtin& builtin, const Expression& ca
                      builder_.text_operand(string_literal(arguments[1], "a file name"))});
       return true;
     case BuiltinForm::kSurfaceActuate: {
-      const std::string& channel = string_literal(arguments[0], "a channel's name");
-      const Value frame = lower(arguments[1]);
+      const std::size_t name = arguments[1].kind == ExpressionKind::kString ? 1 : 0;  // either order
+      const std::string& channel = string_literal(arguments[name], "a channel's name");
+      const Value frame = lower(arguments[1 - name]);
       builder_.emit(builtin.op, {}, {builder_.text_operand(channel), builder_.operand(frame)});
       return true;
     }
@@ -49,8 +51,9 @@ bool Lowering::lower_host_statement(const Builtin& builtin, const Expression& ca
     case BuiltinForm::kTimer:
       builder_.emit(builtin.op, {}, {timer_operand(arguments)});
       return true;
-    case BuiltinForm::kTimerWait:
-      builder_.emit(builtin.op, {}, {builder_.operand(lower_scalar(arguments[0], "'timer.wait'"))});
+    case BuiltinForm::kScalarStatement:
+      builder_.emit(builtin.op, {},
+                    {builder_.operand(lower_scalar(arguments[0], fmt::format("'{}'", call.text)))});
       return true;
     default:
       return false;
@@ -153,6 +156,22 @@ void Lowering::lower_tile(const Expressions& arguments) {
   if (arguments.size() == 2) builder_.release(lower_scalar(arguments[1], "'sim.tile'"));
   builder_.emit(Opcode::kTile, {}, {builder_.operand(columns)});
   builder_.release(columns);
+}
+
+// io.key: the oldest press that was not read. io.key('left') and io.key(code): whether that key is down.
+Value Lowering::lower_key(const Expressions& arguments, ResultDestination* destination) {
+  if (arguments.empty()) return emit_to_scalar(Opcode::kKeyPressed, {}, destination);
+  const Expression& key = arguments[0];
+  Value code;
+  if (key.kind == ExpressionKind::kString) {
+    const std::optional<int> known = program::key_code(key.text);
+    if (!known) throw CompileError{key.location, program::unknown_key_message(key.text)};
+    code = Value::from_constant(static_cast<float>(*known));
+  } else {
+    code = lower_scalar(key, "'io.key'");
+  }
+  builder_.release(code);
+  return emit_to_scalar(Opcode::kKeyDown, {builder_.operand(code)}, destination);
 }
 
 // timer.start and timer.start('name'): there is one unnamed timer.

@@ -305,13 +305,17 @@ void Lowering::lower_call_statement(const Expression& call) {
         call.location,
         fmt::format("the value of '{0}' goes nowhere: write y = {0}(…) or {0}(y, …)", call.text)};
   }
-  const Expression& target = call.children.front();
+  Expressions arguments = call.children;
+  // surface.sense('name', D) is surface.sense(D, 'name').
+  if (builtin->form == BuiltinForm::kSurfaceSense && arguments[0].kind == ExpressionKind::kString)
+    std::swap(arguments[0], arguments[1]);
+  const Expression target = arguments.front();
+  arguments.erase(arguments.begin());
   if (target.kind != ExpressionKind::kName && target.kind != ExpressionKind::kElement) {
     throw CompileError{
         target.location,
         fmt::format("'{}' writes its first argument: expected a register or a scalar", call.text)};
   }
-  Expressions arguments(call.children.begin() + 1, call.children.end());
   if (accumulates) arguments.push_back(target);
   is_register_statement_ = find_shape(target, shape_hint_);
   for (std::size_t i = 0; i < arguments.size() && !is_register_statement_; ++i)

@@ -219,6 +219,7 @@ class Lowering {
   void lower_label(const Expressions&);
   void check_names(const Expressions&);
   void lower_tile(const Expressions&);
+  Value lower_key(const Expressions&, ResultDestination*);
   program::Operand timer_operand(const Expressions&);
 
   Shape surface_;

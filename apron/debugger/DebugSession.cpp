@@ -66,13 +66,14 @@ void DebugSession::step(StepUnit unit, InstructionGroups groups) {
   enter_state(ExecutionState::kStepping);
 }
 
-void DebugSession::walk(std::chrono::milliseconds period, InstructionGroups groups) {
-  step(StepUnit::kLine, std::move(groups));
+void DebugSession::walk(StepUnit unit, std::chrono::milliseconds period, InstructionGroups groups) {
+  step(unit, std::move(groups));
   walk_period_ = period;
   if (state_ == ExecutionState::kStepping) state_ = ExecutionState::kWalking;
 }
 
 void DebugSession::reset() {
+  host_.restart();
   create_vm();
   if (state_ == ExecutionState::kFinished || state_ == ExecutionState::kStepping)
     enter_state(ExecutionState::kPaused);
@@ -106,8 +107,7 @@ void DebugSession::advance() {
   if (!active()) return;
   const std::uint64_t previous_ticks = ticks();
   vm::Status status = vm::Status::kRunning;
-  if (state_ == ExecutionState::kRunning ||
-      (state_ == ExecutionState::kStepping && step_unit_ == StepUnit::kTick))
+  if (state_ == ExecutionState::kRunning || step_unit_ == StepUnit::kTick)
     status = debugger_->run(breakpoints_);
   else if (step_unit_ == StepUnit::kInstruction)
     status = debugger_->step_instruction();

@@ -33,8 +33,8 @@ class DebugSession {
   void run();
   void pause();
   void step(StepUnit unit, InstructionGroups groups = {});
-  // Steps by line; the driver of advance() waits `period` between lines (see walk_period()).
-  void walk(std::chrono::milliseconds period, InstructionGroups groups);
+  // Steps by line or tick; the driver of advance() waits `period` in between (see walk_period()).
+  void walk(StepUnit unit, std::chrono::milliseconds period, InstructionGroups groups = {});
   // Restarts the program and keeps breakpoints. A running or walking session keeps running; otherwise pauses.
   void reset();
   // Like reset() with another program. Clears the breakpoints; a walking session pauses.

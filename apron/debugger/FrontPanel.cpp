@@ -109,6 +109,35 @@ void FrontPanel::set_parameter(std::string_view name, float value) {
   parameters_.insert_or_assign(std::string(name), value);
 }
 
+int FrontPanel::take_key() {
+  const std::lock_guard lock(mutex_);
+  if (unread_keys_.empty()) return 0;
+  const int code = unread_keys_.front();
+  unread_keys_.pop_front();
+  return code;
+}
+
+bool FrontPanel::key_down(int code) const {
+  const std::lock_guard lock(mutex_);
+  return keys_down_.contains(code);
+}
+
+void FrontPanel::press_key(int code) {
+  const std::lock_guard lock(mutex_);
+  keys_down_.insert(code);
+  if (unread_keys_.size() < kMaxUnreadKeys) unread_keys_.push_back(code);
+}
+
+void FrontPanel::release_key(int code) {
+  const std::lock_guard lock(mutex_);
+  keys_down_.erase(code);
+}
+
+void FrontPanel::release_all_keys() {
+  const std::lock_guard lock(mutex_);
+  keys_down_.clear();
+}
+
 bool FrontPanel::copy_if_changed(std::uint64_t& revision, State& state) const {
   const std::lock_guard lock(mutex_);
   if (revision == revision_) return false;
@@ -124,6 +153,7 @@ void FrontPanel::clear_program() {
   state_.last_shown.clear();
   state_.tiles.clear();
   state_.tiled = false;
+  unread_keys_.clear();
   ++revision_;
 }
 

@@ -7,6 +7,7 @@
 #include <map>
 #include <mutex>
 #include <optional>
+#include <set>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -27,7 +28,7 @@ struct Appearance {
 
 class FrontPanel {
  public:
-  static constexpr std::size_t kMaxLines = 2000;
+  static constexpr std::size_t kMaxLines = 2000, kMaxUnreadKeys = 64;
 
   struct State {
     // The latest kMaxLines lines, oldest first; the last one may be incomplete.
@@ -50,9 +51,16 @@ class FrontPanel {
   void set_palette(std::string_view reg, std::string_view name);
   void set_scale(std::string_view reg, float low, float high);
   std::optional<float> parameter(std::string_view name) const;
+  // The oldest press that was not taken yet, as a code of program/Keys.h; 0: none.
+  int take_key();
+  bool key_down(int code) const;
 
   // Called by the user interface.
   void set_parameter(std::string_view name, float value);
+  // A key went down or up. Presses beyond kMaxUnreadKeys are dropped until the program reads some.
+  void press_key(int code);
+  void release_key(int code);
+  void release_all_keys();
   // Appends a console line that starts with "- ".
   void note(std::string_view text);
   // If the state has changed since `revision`, copies it, updates `revision` and returns true.
@@ -69,6 +77,8 @@ class FrontPanel {
   std::uint64_t revision_ = 1;
   State state_;
   std::map<std::string, float, std::less<>> parameters_;
+  std::deque<int> unread_keys_;
+  std::set<int> keys_down_;
 };
 
 }  // namespace apron::debugger

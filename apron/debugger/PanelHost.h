@@ -12,6 +12,7 @@ class PanelHost final : public vm::Host {
  public:
   PanelHost(vm::Host& inner, FrontPanel& panel) : inner_(inner), panel_(panel) {}
 
+  void restart() override { inner_.restart(); }
   std::string message() const override { return inner_.message(); }
   void print(std::string_view text) override {
     inner_.print(text);
@@ -21,6 +22,11 @@ class PanelHost final : public vm::Host {
     const std::optional<float> set = panel_.parameter(name);
     return set ? set : inner_.parameter(name);
   }
+  int take_key() override {
+    const int code = panel_.take_key();
+    return code != 0 ? code : inner_.take_key();
+  }
+  bool key_down(int code) override { return panel_.key_down(code) || inner_.key_down(code); }
   vm::HostStatus open_array(std::string_view file, vm::Plane to) override {
     return inner_.open_array(file, to);
   }
@@ -63,6 +69,7 @@ class PanelHost final : public vm::Host {
     return inner_.actuate(channel, value);
   }
   vm::HostStatus step() override { return inner_.step(); }
+  void set_free_run(bool free_run) override { inner_.set_free_run(free_run); }
   std::optional<double> time_s() const override { return inner_.time_s(); }
   std::optional<double> dt_s() const override { return inner_.dt_s(); }
   std::optional<double> tick() const override { return inner_.tick(); }

@@ -52,6 +52,9 @@ void ViewModel::show_program(program::Program program, const std::vector<debugge
     if (styles_[r].set_by_user) styles.emplace_back(program_.registers[r].name, styles_[r]);
   program_ = std::move(program);
   program_id_ = program_id;
+  reads_keys_ = std::any_of(program_.code.begin(), program_.code.end(), [](const program::Instruction& in) {
+    return in.op == program::Opcode::kKeyPressed || in.op == program::Opcode::kKeyDown;
+  });
   listing_ = debugger::Listing(program_, texts);
   snapshot_ = {};
   styles_.assign(program_.registers.size(), {});
@@ -228,10 +231,14 @@ void ViewModel::step(debugger::StepUnit unit) {
 }
 void ViewModel::walk() {
   follow_current_line = true;
-  const std::chrono::milliseconds period(1000 / std::max(lines_per_s, 1));
+  const std::chrono::milliseconds period(1000 / std::max(steps_per_s, 1));
+  const debugger::StepUnit unit = walk_by_tick ? debugger::StepUnit::kTick : debugger::StepUnit::kLine;
   commands_.emplace_back(
-      [period, rows = listing_.groups()](debugger::DebugSession& s) { s.walk(period, rows); });
+      [unit, period, rows = listing_.groups()](debugger::DebugSession& s) { s.walk(unit, period, rows); });
 }
+void ViewModel::press_key(int code) { panel_.press_key(code); }
+void ViewModel::release_key(int code) { panel_.release_key(code); }
+void ViewModel::release_all_keys() { panel_.release_all_keys(); }
 void ViewModel::reset() {
   commands_.emplace_back([panel = &panel_](debugger::DebugSession& s) {
     panel->clear_program();

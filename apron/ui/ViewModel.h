@@ -102,6 +102,11 @@ class ViewModel {
   void step(debugger::StepUnit unit);
   void walk();
   void reset();
+  // Whether keys belong to the running program, because it reads them; codes are those of program/Keys.h.
+  bool takes_keys() const { return reads_keys_ && running(); }
+  void press_key(int code);
+  void release_key(int code);
+  void release_all_keys();
   void probe_cell(const debugger::Cell& cell);
   void set_profiling(bool on);
   void set_parameter(const program::Parameter& parameter, float value);
@@ -128,7 +133,8 @@ class ViewModel {
        reload_requested = false;
   bool follow_current_line = true;  // scroll the listing to the current line
   bool speed_shown = true;          // measure and show ticks per second
-  int lines_per_s = 4;              // walking speed
+  int steps_per_s = 4;              // walking speed
+  bool walk_by_tick = false;        // else by line
   std::string notice;               // one line shown in red, such as an error in a reloaded program
   std::vector<std::size_t> visible_thumbnails;  // registers whose thumbnails are scrolled into view
 
@@ -144,6 +150,7 @@ class ViewModel {
   debugger::Listing listing_;
   debugger::DebugSnapshot snapshot_;
   debugger::Statistics statistics_;
+  bool reads_keys_ = false;
   debugger::FrontPanel::State panel_state_;
   std::uint64_t panel_revision_ = 0;
   std::optional<std::size_t> selected_;

@@ -31,6 +31,9 @@ class Host {
  public:
   virtual ~Host() = default;
 
+  // The program restarts from its first instruction: frames count from 0, media are closed.
+  virtual void restart() {}
+
   // One line describing the last refused or failed call, without a source location.
   virtual std::string message() const { return {}; }
 
@@ -38,6 +41,10 @@ class Host {
 
   // The value that the user set for a slider or switch, if any.
   virtual std::optional<float> parameter(std::string_view /*name*/) { return std::nullopt; }
+
+  // The code of the oldest key press that was not read yet; 0: none. Codes are those of program/Keys.h.
+  virtual int take_key() { return 0; }
+  virtual bool key_down(int /*code*/) { return false; }
 
   virtual HostStatus open_array(std::string_view file, Plane to) = 0;
   virtual HostStatus save_array(std::string_view file, ConstPlane from) = 0;
@@ -84,10 +91,12 @@ class Host {
   // Stages a frame of an actuator channel: one value per cell, or one value for all cells.
   virtual HostStatus actuate(std::string_view channel, ConstPlane from) = 0;
   virtual HostStatus actuate(std::string_view channel, float value) = 0;
-  // Publishes the staged frames, then waits for the next sensor frame.
+  // Publishes the staged frames, then waits for the next sensor frame. Without a surface: starts the next frame.
   virtual HostStatus step() = 0;
+  // Whether step() of a surface that does not wait for the program returns without a new frame.
+  virtual void set_free_run(bool /*free_run*/) {}
 
-  // Of the latest sensor frame; nullopt without a surface.
+  // Of the latest frame; nullopt in a host without frames.
   virtual std::optional<double> time_s() const = 0;
   virtual std::optional<double> dt_s() const = 0;
   virtual std::optional<double> tick() const = 0;

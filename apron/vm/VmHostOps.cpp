@@ -48,6 +48,15 @@ Status Vm::execute_host_op(const DecodedInstruction& decoded) {
     case Opcode::kParameter:
       *decoded.destination_variable = host_.parameter(decoded.text).value_or(decoded.default_value);
       return Status::kRunning;
+    case Opcode::kKeyPressed:
+      *decoded.destination_variable = host_.take_key();
+      return Status::kRunning;
+    case Opcode::kKeyDown: {
+      const double code = *decoded.scalars[0];
+      const bool valid = code >= 1.0 && code < 1024.0;
+      *decoded.destination_variable = valid && host_.key_down(static_cast<int>(code)) ? 1.0 : 0.0;
+      return Status::kRunning;
+    }
     case Opcode::kArrayOpen:
     case Opcode::kImageOpen:
     case Opcode::kImageOpenCount:
@@ -128,6 +137,9 @@ Status Vm::execute_host_op(const DecodedInstruction& decoded) {
       const HostStatus status = host_.step();
       return status == HostStatus::kOk ? Status::kTick : to_status(status);
     }
+    case Opcode::kSurfaceFreeRun:
+      host_.set_free_run(*decoded.scalars[0] != 0.0);
+      return Status::kRunning;
     case Opcode::kSurfaceTime:
       return set_surface_value(decoded, host_.time_s());
     case Opcode::kSurfaceDt:

@@ -20,6 +20,7 @@ using Clock = std::chrono::steady_clock;
 using shm_protocol::Status;
 
 constexpr auto kWindowWait = 8ms;      // longest wait between two polls of the window
+constexpr auto kControllerPatience = 2s;  // for an answer, before a message
 constexpr auto kHeadlessWait = 100ms;  // longest wait between two checks of the controller, without a window
 
 script::LoadOptions make_load_options(const RunOptions& options) {
@@ -197,6 +198,7 @@ bool Run::advance_physics() {
 }
 
 bool Run::receive_targets() {
+  const Clock::time_point asked = Clock::now();
   while (true) {
     const auto timeout = display_->has_window() ? kWindowWait : kHeadlessWait;
     const Status status =
@@ -224,6 +226,12 @@ bool Run::receive_targets() {
     if (stop_requested_) set_ending(common::kDone, "stopped by the user");
     if (requests_.quit) set_ending(common::kDone, "stopped by the user");
     if (ending_) return false;
+    if (!announced_silence_ && Clock::now() - asked > kControllerPatience && link_->endpoint().has_controller() &&
+        link_->endpoint().controller_state() == shm_protocol::State::kRunning) {
+      announced_silence_ = true;
+      progress_.print_message(fmt::format("the controller (process {}) has not answered tick {} for 2 s",
+                                          link_->endpoint().controller_pid(), simulation_.snapshot().tick));
+    }
   }
 }
 

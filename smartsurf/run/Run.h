@@ -115,6 +115,7 @@ class Run {
   std::chrono::steady_clock::time_point start_time_{};
   double wall_s_ = 0.0;
   bool announced_waiting_ = false;
+  bool announced_silence_ = false;  // of a controller that does not answer
   bool had_controller_ = false;
 };
 

@@ -44,47 +44,22 @@ std::string unknown_parameter_message(const Options& options, const program::Pro
   return {};
 }
 
-// Instructions between two updates of the monitor or looks at the clock; larger than any fused segment.
+// Instructions between two updates of the monitor; larger than any fused segment.
 constexpr std::uint64_t kMonitorInterval = 8192;
 
-// Warns once when a surface has waited that long for surface.step.
-class StepWatchdog {
- public:
-  explicit StepWatchdog(bool active) : active_(active) {}
-
-  bool active() const noexcept { return active_; }
-  void stepped() { last_step_ = Clock::now(); }
-  void check() {
-    if (!active_ || Clock::now() - last_step_ < kPatience) return;
-    active_ = false;
-    std::cerr << "apron: warning: the surface has waited 2 s for surface.step\n";
-  }
-
- private:
-  using Clock = std::chrono::steady_clock;
-  static constexpr std::chrono::seconds kPatience{2};
-  bool active_;
-  Clock::time_point last_step_ = Clock::now();
-};
-
-vm::Status run_until_end(vm::Vm& vm, const Options& options, bool surface_waits, std::uint64_t& ticks) {
+vm::Status run_until_end(vm::Vm& vm, const Options& options, std::uint64_t& ticks) {
   std::optional<TerminalMonitor> monitor;
   if (!options.watch.empty()) {
     monitor.emplace(vm, options.watch);
     monitor->update();  // prepare the screen before the program prints
   }
-  StepWatchdog watchdog(surface_waits);
   while (!options.ticks || ticks < *options.ticks) {
-    const vm::Status status = monitor || watchdog.active() ? vm.run(kMonitorInterval) : vm.run();
+    const vm::Status status = monitor ? vm.run(kMonitorInterval) : vm.run();
     if (monitor) monitor->update();
-    if (status == vm::Status::kTick) {
-      watchdog.stepped();
+    if (status == vm::Status::kTick)
       ++ticks;
-    } else if (status == vm::Status::kRunning) {
-      watchdog.check();
-    } else {
-      return status;  // the wait for a surface that closes is not the program's
-    }
+    else if (status != vm::Status::kRunning)
+      return status;
   }
   return vm::Status::kEnded;
 }
@@ -146,7 +121,7 @@ RunResult run_headless(const Options& options, program::Program program, LocalHo
   vm_options.fusion.preserve_named_registers = !options.watch.empty();
   vm::Vm vm(std::move(program), vm_options, host);
   RunResult result;
-  result.status = run_until_end(vm, options, host.surface_waits(), result.ticks);
+  result.status = run_until_end(vm, options, result.ticks);
   result.error = vm.error();
   result.profile = vm.profile();
   return result;
@@ -203,7 +178,8 @@ const std::atomic<bool>& wait_stop_flag(const Options& options) {
 
 HostEnvironment host_environment(const Options& options) {
   const bool has_clock = options.timers || options.window;
-  return {options.cameras, has_clock ? Timers::Clock(wall_clock_s) : Timers::Clock()};
+  return {options.cameras, has_clock ? Timers::Clock(wall_clock_s) : Timers::Clock(), options.frame_rate,
+          options.keys};
 }
 
 int run_local(const Options& options) {

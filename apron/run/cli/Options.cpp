@@ -47,8 +47,8 @@ CLI::Validator seconds_validator() {
 // Options as typed by the user, before validation.
 struct RawOptions {
   Options options;
-  std::string size, profile, isa;
-  std::vector<std::string> sets;
+  std::string size, profile, isa, pace, frames_per_s;
+  std::vector<std::string> sets, keys;
   std::string geometry;
   std::vector<std::string> screenshots;
 };
@@ -75,6 +75,38 @@ void parse_parameter(RawOptions& raw, const std::string& text) {
   raw.options.parameters[text.substr(0, equals)] = value;
 }
 
+double parse_positive(const std::string& option, const std::string& text, double max_value,
+                      const std::string& expected) {
+  double value = 0;
+  if (parse_number(text, value) && value > 0.0 && value <= max_value) return value;
+  throw CLI::ValidationError(option, "'" + text + "' is not " + expected);
+}
+
+void parse_frame_rate(RawOptions& raw) {
+  FrameRate& rate = raw.options.frame_rate;
+  if (!raw.options.surface.empty()) {
+    if (!raw.pace.empty() || !raw.frames_per_s.empty())
+      throw CLI::ValidationError(raw.pace.empty() ? "--fps" : "--pace",
+                                 "cannot be combined with --shm: the surface sets the pace");
+    return;
+  }
+  if (!raw.frames_per_s.empty())
+    rate.per_s = parse_positive("--fps", raw.frames_per_s, 1e6, "a number of frames per second, such as 30");
+  if (raw.pace.empty() ? raw.options.window : raw.pace == "realtime")
+    rate.pace = 1.0;
+  else if (!raw.pace.empty() && raw.pace != "max")
+    rate.pace = parse_positive("--pace", raw.pace, 1e6, "max, realtime or a positive number, such as 0.5");
+}
+
+void parse_keys(RawOptions& raw) {
+  for (const std::string& text : raw.keys) {
+    std::string error;
+    const std::optional<KeyPress> press = parse_key_press(text, error);
+    if (!press) throw CLI::ValidationError("--keys", error);
+    raw.options.keys.push_back(*press);
+  }
+}
+
 void add_common_options(CLI::App& command, RawOptions& raw, bool takes_program = true) {
   if (takes_program)
     command.add_option("program", raw.options.program, "APRON program")->type_name("FILE")->required();
@@ -91,9 +123,9 @@ void add_execution_options(CLI::App& run, RawOptions& raw) {
       ->type_name("NAME=VALUE")
       ->allow_extra_args(false);
   run.add_option("--camera", raw.options.cameras,
-                 "device [/dev/video0] or video file that webcam.open(0) opens; repeat the option for "
-                 "webcam.open(1) and so on")
-      ->type_name("DEVICE|FILE.y4m")
+                 "device [/dev/video0], video, picture or folder of pictures that webcam.open(0) opens; repeat the "
+                 "option for webcam.open(1) and so on")
+      ->type_name("DEVICE|FILE.y4m|PICTURE|FOLDER")
       ->allow_extra_args(false);
   run.add_option("--threads", raw.options.threads,
                  "worker threads for large arrays; results do not depend on it [1]")
@@ -136,9 +168,17 @@ void add_run_options(CLI::App& run, RawOptions& raw) {
   add_common_options(run, raw);
   run.add_option("--shm", raw.options.surface, "connect to the surface with this name and use its size")
       ->type_name("NAME");
-  run.add_option("--ticks", raw.options.ticks, "stop after N executions of surface.step")
+  run.add_option("--ticks", raw.options.ticks, "stop after N executions of surface.step or sim.frame")
       ->type_name("N")
       ->check(whole_number_validator(1, std::numeric_limits<std::uint64_t>::max()));
+  run.add_option("--pace", raw.pace,
+                 "without a surface: max, realtime, or program seconds per second [max; realtime with --window]")
+      ->type_name("PACE");
+  run.add_option("--fps", raw.frames_per_s, "without a surface: frames per second of the program's time [30]")
+      ->type_name("N");
+  run.add_option("--keys", raw.keys, "key that is down during these frames, for io.key; may be repeated")
+      ->type_name("KEY@FIRST[-LAST]")
+      ->allow_extra_args(false);
   add_execution_options(run, raw);
   run.add_flag("--timers", raw.options.timers,
                "timers measure wall time, as with --window; by default they read 0");
@@ -158,7 +198,7 @@ void add_run_options(CLI::App& run, RawOptions& raw) {
                  "save a picture of the window after that tick, or at the end")
       ->type_name("FILE.png[@TICK]")
       ->allow_extra_args(false);
-  run.add_option("--video", raw.options.video, "record a video of the window, 30 frames per simulated second")
+  run.add_option("--video", raw.options.video, "record a video of the window, 30 frames per second of the surface's or program's time")
       ->type_name("FILE.mp4");
   run.add_option("--watch", raw.options.watch,
                  "draw this register while the program runs; if stdout is not a terminal, once at the end")
@@ -243,9 +283,6 @@ void validate_ui_options(RawOptions& raw) {
   if (!options.uses_ui() && (!raw.geometry.empty() || !options.show.empty()))
     throw CLI::ValidationError(raw.geometry.empty() ? "--show" : "--geometry",
                                "requires --window, --screenshot or --video");
-  if (!options.video.empty() && options.surface.empty())
-    throw CLI::ValidationError("--video",
-                               "requires --shm NAME: without a surface there is no simulated time");
 }
 
 void validate_run_options(RawOptions& raw) {
@@ -261,6 +298,8 @@ void validate_run_options(RawOptions& raw) {
   const char* environment_name = std::getenv("SMARTSURF_SHM");
   if (raw.options.surface.empty() && raw.size.empty() && environment_name != nullptr)
     raw.options.surface = environment_name;
+  parse_frame_rate(raw);
+  parse_keys(raw);
 }
 
 }  // namespace

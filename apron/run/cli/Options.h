@@ -52,6 +52,8 @@ struct Options {
   std::vector<std::string> files;  // the inputs of fmt
   std::string watch;               // a register to show in the terminal; empty for none
 
+  FrameRate frame_rate;              // without a surface
+  std::vector<KeyPress> keys;        // --keys
   std::vector<std::string> cameras;  // replace /dev/video0, /dev/video1, …
   bool timers = false;               // timers measure wall time even without a window
 

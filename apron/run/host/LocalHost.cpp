@@ -18,7 +18,16 @@ LocalHost::LocalHost(Parameters parameters, const std::atomic<bool>& stop, HostE
     : parameters_(std::move(parameters)),
       stop_(stop),
       cameras_(std::move(environment.cameras)),
-      timers_(std::move(environment.clock_s)) {}
+      timers_(std::move(environment.clock_s)),
+      frames_(environment.frame_rate),
+      keys_(std::move(environment.keys)) {}
+
+void LocalHost::restart() {
+  clip_.reset();
+  camera_.reset();
+  frames_.restart();
+  keys_.restart();
+}
 
 void LocalHost::print(std::string_view text) { std::fwrite(text.data(), 1, text.size(), stdout); }
 
@@ -108,6 +117,9 @@ HostStatus LocalHost::actuate(std::string_view, vm::ConstPlane) {
 HostStatus LocalHost::actuate(std::string_view, float) {
   return report_status(HostStatus::kRefused, kNoSurface);
 }
-HostStatus LocalHost::step() { return report_status(HostStatus::kRefused, kNoSurface); }
+HostStatus LocalHost::step() {
+  flush_output();
+  return frames_.advance(stop_);
+}
 
 }  // namespace apron::run

@@ -1,5 +1,5 @@
 // The VM's host without a surface: console on stdout, media files relative to the current directory, cameras,
-// parameters from the command line.
+// frames, parameters and keys from the command line.
 #pragma once
 
 #include <atomic>
@@ -7,6 +7,8 @@
 #include <memory>
 #include <string>
 
+#include "apron/run/host/FrameClock.h"
+#include "apron/run/host/KeyScript.h"
 #include "apron/run/host/PluginModules.h"
 #include "apron/run/host/Timers.h"
 #include "apron/run/media/Camera.h"
@@ -17,10 +19,12 @@ namespace apron::run {
 
 using Parameters = std::map<std::string, float, std::less<>>;
 
-// The cameras and the clock that a program sees.
+// The cameras, clocks and keys that a program sees.
 struct HostEnvironment {
   std::vector<std::string> cameras;  // replace /dev/video0, /dev/video1, …; see run::open_camera()
   Timers::Clock clock_s;             // empty: timers read 0
+  FrameRate frame_rate = {};         // without a surface
+  std::vector<KeyPress> keys = {};   // scripted
 };
 
 class LocalHost : public vm::Host {
@@ -28,9 +32,13 @@ class LocalHost : public vm::Host {
   // stop interrupts every wait and must outlive this.
   LocalHost(Parameters parameters, const std::atomic<bool>& stop, HostEnvironment environment = {});
 
+  void restart() override;
   std::string message() const override;
   void print(std::string_view text) override;
   std::optional<float> parameter(std::string_view name) override;
+
+  int take_key() override { return keys_.take(current_frame()); }
+  bool key_down(int code) override { return keys_.is_down(code, current_frame()); }
 
   vm::HostStatus open_array(std::string_view file, vm::Plane to) override;
   vm::HostStatus save_array(std::string_view file, vm::ConstPlane from) override;
@@ -57,18 +65,19 @@ class LocalHost : public vm::Host {
                              std::span<const vm::PluginArgument> arguments, vm::Plane to,
                              float* value) override;
 
-  // All refused, because there is no surface.
+  // Refused, because there is no surface.
   vm::HostStatus sense(std::string_view channel, vm::Plane to) override;
   vm::HostStatus actuate(std::string_view channel, vm::ConstPlane from) override;
   vm::HostStatus actuate(std::string_view channel, float value) override;
+  // Starts the next frame, when it is due.
   vm::HostStatus step() override;
-  std::optional<double> time_s() const override { return std::nullopt; }
-  std::optional<double> dt_s() const override { return std::nullopt; }
-  std::optional<double> tick() const override { return std::nullopt; }
+  std::optional<double> time_s() const override { return frames_.time_s(); }
+  std::optional<double> dt_s() const override { return frames_.period_s(); }
+  std::optional<double> tick() const override { return static_cast<double>(frames_.frame()); }
   bool has(std::string_view) const override { return false; }
 
-  // Whether a surface stands still until the program's next surface.step.
-  virtual bool surface_waits() const { return false; }
+  // Whether a surface has waited for the program's next surface.step long enough for a warning.
+  virtual bool surface_overdue() const { return false; }
 
  protected:
   // Stores the message for message() and returns the status.
@@ -77,6 +86,7 @@ class LocalHost : public vm::Host {
   const std::atomic<bool>& stop() const { return stop_; }
 
  private:
+  std::uint64_t current_frame() const { return static_cast<std::uint64_t>(tick().value_or(0.0)); }
   template <class Media>
   vm::HostStatus guard_media_errors(const Media& operation);
 
@@ -87,6 +97,8 @@ class LocalHost : public vm::Host {
   std::vector<std::string> cameras_;
   std::unique_ptr<Camera> camera_;
   Timers timers_;
+  FrameClock frames_;
+  KeyScript keys_;
   PluginModules modules_;
 };
 

@@ -61,15 +61,18 @@ SurfaceHost::SurfaceHost(shm_protocol::ControllerEndpoint& surface, const std::a
                          Parameters parameters, HostEnvironment environment)
     : LocalHost(std::move(parameters), stop, std::move(environment)),
       surface_(surface),
-      is_complete_(surface.description().channels.size()) {}
+      is_complete_(surface.description().channels.size()) {
+  if (surface.description().mode == Mode::kTimeStep) watchdog_.emplace();
+}
 
 HostStatus SurfaceHost::await_first_frame() {
   surface_.set_state(shm_protocol::State::kRunning);
-  return to_host_status(surface_.await_sensors({.stop = &stop()}));
+  return await_frame();
 }
 
 void SurfaceHost::publish_paused(bool paused) noexcept {
   surface_.set_state(paused ? shm_protocol::State::kPaused : shm_protocol::State::kRunning);
+  if (watchdog_) paused ? watchdog_->disarm() : watchdog_->arm();
 }
 
 Status SurfaceHost::publish() {
@@ -85,8 +88,13 @@ Status SurfaceHost::publish() {
 }
 
 HostStatus SurfaceHost::await_frame() {
-  const Status status = surface_.await_sensors({.stop = &stop()});
+  if (watchdog_) watchdog_->disarm();
+  Status status = surface_.await_sensors({.stop = &stop()});
+  // A passive surface overwrote the frame while it was copied, and has published a newer one.
+  while (status == Status::kTorn && surface_.description().mode == Mode::kPassive)
+    status = surface_.await_sensors({.stop = &stop()});
   answered_ = status == Status::kInterrupted;
+  if (watchdog_ && status == Status::kOk) watchdog_->arm();
   return to_host_status(status);
 }
 
@@ -97,9 +105,7 @@ HostStatus SurfaceHost::step() {
     // kTorn: the surface no longer waits for the answer to this frame, and another frame will follow.
     if (published != Status::kOk && published != Status::kTorn) return to_host_status(published);
   }
-  if (surface_.description().mode == Mode::kTimeStep) {
-    return await_frame();
-  }
+  if (surface_.description().mode == Mode::kTimeStep || !free_run_) return await_frame();
   const Status latest = surface_.latest_sensors();
   if (latest != Status::kRepeated && latest != Status::kTorn) return to_host_status(latest);
   std::this_thread::yield();  // no new frame: let the surface run if it shares this core

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <atomic>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -9,6 +10,7 @@
 #include <shm_protocol/ControllerEndpoint.h>
 
 #include "apron/run/host/LocalHost.h"
+#include "apron/run/host/StepWatchdog.h"
 
 namespace apron::run {
 
@@ -30,12 +32,15 @@ class SurfaceHost final : public LocalHost {
   vm::HostStatus actuate(std::string_view channel, vm::ConstPlane from) override;
   vm::HostStatus actuate(std::string_view channel, float value) override;
   // Time-step mode: publishes the answer to the current sensor frame and waits for the next one; after
-  // kInterrupted the next call resumes the wait. Passive mode: publishes and takes the latest frame, which
-  // may be the current one.
+  // kInterrupted the next call resumes the wait. Passive mode: the same, or, running free, publishes and takes
+  // the latest frame, which may be the current one.
   vm::HostStatus step() override;
-  bool surface_waits() const override {
-    return surface_.description().mode == shm_protocol::Mode::kTimeStep;
+  void set_free_run(bool free_run) override { free_run_ = free_run; }
+  void restart() override {
+    LocalHost::restart();
+    free_run_ = false;
   }
+  bool surface_overdue() const override { return watchdog_ && watchdog_->has_warned(); }
   // Sets the controller's published state to paused or running. The surface waits in either state.
   void publish_paused(bool paused) noexcept;
 
@@ -67,8 +72,10 @@ class SurfaceHost final : public LocalHost {
   vm::HostStatus to_host_status(shm_protocol::Status status);
 
   shm_protocol::ControllerEndpoint& surface_;
+  std::optional<StepWatchdog> watchdog_;  // of a surface that waits for the program
   std::vector<bool> is_complete_;  // per channel: every component of its next actuator frame has its value
   bool has_published_ = false;     // at least one frame
+  bool free_run_ = false;
   bool answered_ = false;          // the current frame is answered; waiting for the next was interrupted
 };
 

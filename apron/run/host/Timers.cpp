@@ -32,13 +32,17 @@ double Timers::read_s(std::string_view name) const {
 vm::HostStatus Timers::wait(double seconds, const std::atomic<bool>& stop) {
   if (!clock_s_) return vm::HostStatus::kOk;
   if (!wait_deadline_) wait_deadline_ = now() + seconds;
+  const vm::HostStatus status = wait_until(clock_s_, *wait_deadline_, stop);
+  if (status == vm::HostStatus::kOk) wait_deadline_.reset();
+  return status;
+}
+
+vm::HostStatus wait_until(const Timers::Clock& clock_s, double deadline_s, const std::atomic<bool>& stop) {
   // The comparison is false for NaN, so that waiting for NaN seconds returns at once.
-  while (*wait_deadline_ > now()) {
+  for (double now_s = clock_s(); deadline_s > now_s; now_s = clock_s()) {
     if (stop.load(std::memory_order_relaxed)) return vm::HostStatus::kInterrupted;
-    std::this_thread::sleep_for(
-        std::chrono::duration<double>(std::min(kPollInterval_s, *wait_deadline_ - now())));
+    std::this_thread::sleep_for(std::chrono::duration<double>(std::min(kPollInterval_s, deadline_s - now_s)));
   }
-  wait_deadline_.reset();
   return vm::HostStatus::kOk;
 }
 

@@ -41,6 +41,9 @@ class Timers {
   std::optional<double> wait_deadline_;
 };
 
+// Waits until clock_s() reaches deadline_s. Returns kInterrupted if stop is raised before.
+vm::HostStatus wait_until(const Timers::Clock& clock_s, double deadline_s, const std::atomic<bool>& stop);
+
 // The system's steady clock, in seconds.
 double wall_clock_s();
 

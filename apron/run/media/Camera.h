@@ -1,4 +1,4 @@
-// The source of `webcam.*` images: a camera or a video file.
+// The source of `webcam.*` images: a camera, a video file or pictures.
 #pragma once
 
 #include <atomic>
@@ -18,8 +18,8 @@ class Camera {
   virtual void read(const vm::Plane& to, const std::atomic<bool>& stop) = 0;
 };
 
-// Opens a Video4Linux device such as /dev/video0, or a .y4m file, of which each read() takes the next frame.
-// Throws MediaError.
+// Opens a Video4Linux device such as /dev/video0; a .y4m file; a picture; or a folder, whose pictures follow each
+// other by name. Of files, each read() takes the next frame, and after the last the first. Throws MediaError.
 std::unique_ptr<Camera> open_camera(const std::string& path);
 
 }  // namespace apron::run

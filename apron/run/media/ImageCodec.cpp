@@ -32,17 +32,17 @@ struct PngImage : png_image {
 
 }  // namespace
 
-GreyPixels decode_png(const std::string& path, std::string_view bytes, const vm::Plane& shape) {
+DecodedImage decode_png(const std::string& path, std::string_view bytes, const vm::Plane* shape) {
   PngImage image;
   if (png_image_begin_read_from_memory(&image, bytes.data(), bytes.size()) == 0)
     throw_refused(path, std::string("is not a complete PNG picture: ") + image.message);
-  require_shape(path, image.width, image.height, shape);
+  require_size(path, image.width, image.height, shape);
   image.format = PNG_FORMAT_GRAY;
-  std::vector<std::uint8_t> pixels(shape.cell_count());
+  std::vector<std::uint8_t> pixels(std::size_t{image.width} * image.height);
   const png_color black{0, 0, 0};  // background of transparent pixels
   if (png_image_finish_read(&image, &black, pixels.data(), 0, nullptr) == 0)
     throw_refused(path, std::string("is not a complete PNG picture: ") + image.message);
-  return {pixels.begin(), pixels.end()};
+  return {image.width, image.height, {pixels.begin(), pixels.end()}};
 }
 
 std::string encode_png(const std::string& path, const std::vector<std::uint8_t>& pixels, std::uint32_t width,
@@ -106,23 +106,23 @@ class PgmReader {
 
 }  // namespace
 
-GreyPixels decode_pgm(const std::string& path, std::string_view bytes, const vm::Plane& shape) {
+DecodedImage decode_pgm(const std::string& path, std::string_view bytes, const vm::Plane* shape) {
   PgmReader reader(path, bytes);
   const bool plain = bytes.starts_with("P2");
   if (!plain && !bytes.starts_with("P5")) reader.throw_invalid();
   const std::uint32_t width = reader.read_number(), height = reader.read_number(),
                       max_value = reader.read_number();
-  require_shape(path, width, height, shape);
+  require_size(path, width, height, shape);
   if (max_value == 0 || max_value > 65535) reader.throw_invalid();
   if (!plain) (void)reader.read_raw(1);  // the single whitespace before the pixels
-  GreyPixels pixels(shape.cell_count());
-  for (float& pixel : pixels) {
+  DecodedImage image{width, height, std::vector<float>(std::size_t{width} * height)};
+  for (float& pixel : image.pixels) {
     const std::uint32_t value = plain ? reader.read_number() : reader.read_raw(max_value > 255 ? 2 : 1);
     if (value > max_value) reader.throw_invalid();
     pixel = max_value == 255 ? static_cast<float>(value)
                              : static_cast<float>(value) * 255.0F / static_cast<float>(max_value);
   }
-  return pixels;
+  return image;
 }
 
 std::string encode_pgm(const std::string&, const std::vector<std::uint8_t>& pixels, std::uint32_t width,

@@ -12,27 +12,30 @@
 
 namespace apron::run {
 
-using GreyPixels = std::vector<float>;  // 0 to 255, row-major from the top
+struct DecodedImage {
+  std::uint32_t width = 0, height = 0;  // pixels
+  std::vector<float> pixels;            // 0 to 255, row-major from the top
+};
 
 // Both functions throw MediaError; path is for messages only.
 struct ImageCodec {
   std::string_view extension;
-  // Checks the image's size against the shape before it decodes pixels.
-  GreyPixels (*decode)(const std::string& path, std::string_view bytes, const vm::Plane& shape);
+  // Checks the image's size before it decodes pixels: that of the shape, or any if it is null.
+  DecodedImage (*decode)(const std::string& path, std::string_view bytes, const vm::Plane* shape);
   std::string (*encode)(const std::string& path, const std::vector<std::uint8_t>& pixels, std::uint32_t width,
                         std::uint32_t height);
 };
 
 std::span<const ImageCodec> image_codecs();
 
-GreyPixels decode_png(const std::string& path, std::string_view bytes, const vm::Plane& shape);
+DecodedImage decode_png(const std::string& path, std::string_view bytes, const vm::Plane* shape);
 std::string encode_png(const std::string& path, const std::vector<std::uint8_t>& pixels, std::uint32_t width,
                        std::uint32_t height);
-GreyPixels decode_pgm(const std::string& path, std::string_view bytes, const vm::Plane& shape);
+DecodedImage decode_pgm(const std::string& path, std::string_view bytes, const vm::Plane* shape);
 std::string encode_pgm(const std::string& path, const std::vector<std::uint8_t>& pixels, std::uint32_t width,
                        std::uint32_t height);
 // JPEG and BMP.
-GreyPixels decode_stb(const std::string& path, std::string_view bytes, const vm::Plane& shape);
+DecodedImage decode_stb(const std::string& path, std::string_view bytes, const vm::Plane* shape);
 std::string encode_jpeg(const std::string& path, const std::vector<std::uint8_t>& pixels, std::uint32_t width,
                         std::uint32_t height);
 // Decodes one frame of Motion JPEG, which may omit the standard Huffman tables. False if it is incomplete.

@@ -5,6 +5,7 @@
 #include <cstring>
 #include <filesystem>
 
+#include "apron/program/Program.h"
 #include "apron/run/media/MediaError.h"
 #include "common/files/AtomicFile.h"
 #include "common/files/ReadFile.h"
@@ -17,6 +18,13 @@ namespace {
 }
 
 }  // namespace
+
+void require_size(const std::string& path, std::uint64_t width, std::uint64_t height, const vm::Plane* plane) {
+  if (plane != nullptr) return require_shape(path, width, height, *plane);
+  if (width == 0 || height == 0 || width > program::kMaxCells / height)
+    throw_refused(path, "is " + std::to_string(width) + "x" + std::to_string(height) + ", not of 1 to " +
+                            std::to_string(program::kMaxCells) + " pixels");
+}
 
 void throw_refused(const std::string& path, const std::string& reason) {
   throw MediaError(vm::HostStatus::kRefused, "'" + path + "' " + reason);

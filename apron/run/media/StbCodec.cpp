@@ -64,18 +64,19 @@ std::string require_encoded(const std::string& path, int written, std::string by
 
 }  // namespace
 
-GreyPixels decode_stb(const std::string& path, std::string_view bytes, const vm::Plane& shape) {
+DecodedImage decode_stb(const std::string& path, std::string_view bytes, const vm::Plane* shape) {
   const auto* data = reinterpret_cast<const stbi_uc*>(bytes.data());
   const int size = static_cast<int>(std::min<std::size_t>(bytes.size(), 1U << 30));
   int width = 0, height = 0, channels = 0;
   if (stbi_info_from_memory(data, size, &width, &height, &channels) == 0)
     throw_refused(path, std::string("is not a JPEG or BMP picture: ") + stbi_failure_reason());
-  require_shape(path, static_cast<std::uint64_t>(width), static_cast<std::uint64_t>(height), shape);
+  const auto columns = static_cast<std::uint32_t>(width), rows = static_cast<std::uint32_t>(height);
+  require_size(path, columns, rows, shape);
   const std::unique_ptr<stbi_uc, void (*)(void*)> pixels(
       stbi_load_from_memory(data, size, &width, &height, &channels, 1), stbi_image_free);
   if (!pixels)
     throw_refused(path, std::string("is not a complete JPEG or BMP picture: ") + stbi_failure_reason());
-  return {pixels.get(), pixels.get() + shape.cell_count()};
+  return {columns, rows, {pixels.get(), pixels.get() + std::size_t{columns} * rows}};
 }
 
 bool decode_mjpeg_frame(std::span<const std::uint8_t> bytes, GreyFrame& frame) {

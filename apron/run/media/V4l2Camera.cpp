@@ -9,7 +9,6 @@
 
 #include "apron/run/media/MediaError.h"
 #include "apron/run/media/MediaFile.h"
-#include "apron/run/media/Y4mReader.h"
 
 namespace apron::run {
 namespace {
@@ -27,24 +26,7 @@ v4l2_buffer make_buffer_request(std::uint32_t index = 0) {
   return buffer;
 }
 
-// Plays a video file as a camera.
-class VideoFileCamera final : public Camera {
- public:
-  explicit VideoFileCamera(const std::string& path) : reader_(path) {}
-  void read(const vm::Plane& to, const std::atomic<bool>&) override {
-    resample_center_crop(reader_.next_frame(), to);
-  }
-
- private:
-  Y4mReader reader_;
-};
-
 }  // namespace
-
-std::unique_ptr<Camera> open_camera(const std::string& path) {
-  if (extension(path) == "y4m") return std::make_unique<VideoFileCamera>(path);
-  return std::make_unique<V4l2Camera>(path, open_v4l2_device(path));
-}
 
 V4l2Camera::V4l2Camera(std::string name, std::unique_ptr<V4l2Device> device)
     : name_(std::move(name)), device_(std::move(device)) {

@@ -84,8 +84,12 @@ class WindowLoop {
         model_.update(std::move(snapshot));
         snapshot_requested_ = false;
       }
+      if (context_.run.host.surface_overdue() && !overdue_noticed_) {
+        model_.notice = "The surface has waited 2 s for surface.step.";
+        overdue_noticed_ = true;
+      }
       if (!window_.render_frame(model_)) return;
-      std::fflush(stdout);  // a program without a surface never flushes its output
+      std::fflush(stdout);  // a program without frames never flushes its output
       if (model_.take_reload_request() || file_monitor_.poll_changed()) reload();
       for (ui::ViewModel::SessionCommand& command : model_.take_commands())
         session_thread_.post(std::move(command));
@@ -144,7 +148,7 @@ class WindowLoop {
   ui::Window window_;
   debugger::SessionThread session_thread_;
   std::uint64_t program_id_ = 1;
-  bool snapshot_requested_ = false, was_idle_ = false;
+  bool snapshot_requested_ = false, was_idle_ = false, overdue_noticed_ = false;
 };
 
 }  // namespace

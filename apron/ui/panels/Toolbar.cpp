@@ -2,6 +2,7 @@
 #include <cctype>
 #include <cstdio>
 
+#include "apron/program/Keys.h"
 #include "apron/ui/panels/Panels.h"
 
 namespace apron::ui {
@@ -64,17 +65,20 @@ void draw_toolbar(DrawContext& context) {
   if (ImGui::Button(running ? "\u25a0  Stop" : "\u25b6  Run", {button_width, 0.0F})) model.toggle_running();
   ImGui::EndDisabled();
   ImGui::PopStyleColor();
-  show_tooltip("Run, or stop at the end of the tick (Space)");
+  show_tooltip("Run, or stop at the end of the tick (Space, F5)");
   same_line_gap(context);
   using debugger::StepUnit;
   const bool paused = !finished && !running;
   if (toolbar_button("Tick", "To the next surface.step (\u2192)", paused)) model.step(StepUnit::kTick);
   if (toolbar_button("Line", "To the next visible line (\u2193)", paused)) model.step(StepUnit::kLine);
   if (toolbar_button("Instruction", "One VM instruction (I)", paused)) model.step(StepUnit::kInstruction);
-  if (toolbar_button("Walk", "Line by line, slowly (W)", paused)) model.walk();
-  ImGui::SetNextItemWidth(context.to_pixels(84));
-  ImGui::SliderInt("##pace", &model.lines_per_s, 1, 30, "%d lines/s");
+  if (toolbar_button("Walk", "Line by line or tick by tick, slowly (W)", paused)) model.walk();
+  ImGui::SetNextItemWidth(context.to_pixels(44));
+  ImGui::SliderInt("##pace", &model.steps_per_s, 1, 30, "%d");
   show_tooltip("Walking speed");
+  ImGui::SameLine(0.0F, context.to_pixels(2));
+  if (ImGui::Button(model.walk_by_tick ? "ticks/s" : "lines/s")) model.walk_by_tick = !model.walk_by_tick;
+  show_tooltip("Walk by line or by tick");
   same_line_gap(context);
   if (toolbar_button("Reset", "Restart the program (R)")) model.reset();
   if (toolbar_button("Reload", "Reload the program; automatic when the file is saved"))
@@ -88,9 +92,45 @@ void draw_toolbar(DrawContext& context) {
   draw_messages(context);
 }
 
+namespace {
+
+// GLFW's code of a key, and ours.
+struct KeyMapping {
+  int native, code;
+};
+
+const std::vector<KeyMapping>& key_mappings() {
+  static const std::vector<KeyMapping> mappings = [] {
+    std::vector<KeyMapping> keys = {{ImGui::GetKeyIndex(ImGuiKey_LeftArrow), program::kLeftKey},
+                                    {ImGui::GetKeyIndex(ImGuiKey_UpArrow), program::kUpKey},
+                                    {ImGui::GetKeyIndex(ImGuiKey_RightArrow), program::kRightKey},
+                                    {ImGui::GetKeyIndex(ImGuiKey_DownArrow), program::kDownKey},
+                                    {ImGui::GetKeyIndex(ImGuiKey_Enter), '\r'},
+                                    {ImGui::GetKeyIndex(ImGuiKey_Tab), '\t'},
+                                    {ImGui::GetKeyIndex(ImGuiKey_Escape), 27},
+                                    {ImGui::GetKeyIndex(ImGuiKey_Backspace), 8}};
+    for (int key = ' '; key <= '`'; ++key) keys.push_back({key, std::tolower(key)});  // GLFW uses ASCII here
+    return keys;
+  }();
+  return mappings;
+}
+
+void pass_keys_to_program(ViewModel& model) {
+  for (const KeyMapping& key : key_mappings()) {
+    if (ImGui::IsKeyPressed(key.native, false)) model.press_key(key.code);
+    if (ImGui::IsKeyReleased(key.native)) model.release_key(key.code);
+  }
+}
+
+}  // namespace
+
 void handle_keys(ViewModel& model) {
   ImGuiIO& io = ImGui::GetIO();
+  constexpr int kF5 = 294;  // GLFW's code
+  if (ImGui::IsKeyPressed(kF5, false) && !model.finished()) model.toggle_running();
+  if (io.WantTextInput || !model.takes_keys()) model.release_all_keys();
   if (io.WantTextInput) return;
+  if (model.takes_keys()) return pass_keys_to_program(model);
   const auto pressed = [](ImGuiKey key, bool repeat) {
     return ImGui::IsKeyPressed(ImGui::GetKeyIndex(key), repeat);
   };
@@ -109,9 +149,10 @@ void handle_keys(ViewModel& model) {
 }
 
 void draw_help(DrawContext& context) {
-  static constexpr const char* kHelp[][2] = {{"Space", "run, or stop at the end of the tick"},
+  static constexpr const char* kHelp[][2] = {{"Space   F5", "run, or stop at the end of the tick"},
                                              {"\u2192   \u2193   I", "one tick, one line, one instruction"},
-                                             {"W", "walk, line by line"},
+                                             {"W", "walk, line by line or tick by tick"},
+                                             {"Other keys", "io.key, while a program that reads it runs"},
                                              {"R", "reset"},
                                              {"Click a small register", "show it large"},
                                              {"Wheel, drag on the large one", "zoom, pan; double click: fit"},

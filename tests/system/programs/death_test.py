@@ -1,5 +1,6 @@
 """Either program is stopped or killed at an arbitrary time: no hang, no unusable segment, a one-line message."""
 import random
+import re
 
 from programs import *
 
@@ -53,6 +54,20 @@ class Death(ProgramTest):
         status, _, err = self.finish(surface, 20)
         self.assertEqual(status, 3, err)
         self.assertIn("signal 9", err)
+
+    def test_silent_controller_is_reported_by_both_programs(self):
+        program = self.folder / "silent.aps"
+        program.write_text("!register(D)\n#again\nD = surface.sense('proximity')\njump(#again)\n")
+        log = self.folder / "log"
+        with log.open("w") as err:
+            surface = subprocess.Popen([SMARTSURF, "run", SORT_LUA, "--shm", self.shm, "--controller", str(program),
+                                        "--until", "600"], stdout=err, stderr=err)
+        self.children.append(surface)
+        self.wait_for(lambda: re.search(r"the controller \(process \d+\) has not answered tick 0 for 2 s", log.read_text()),
+                      "the simulator's message")
+        self.wait_for(lambda: "the surface has waited 2 s for surface.step" in log.read_text(), "the controller's message")
+        surface.terminate()
+        surface.wait(120)
 
     def test_ctrl_c_removes_segment(self):
         for victim in (0, 1):

@@ -218,7 +218,7 @@ TEST_F(DebugSessionTest, ResetAndReplaceRestart) {
 
 TEST_F(DebugSessionTest, WalksLineByLine) {
   start(kCounting);
-  session->walk(std::chrono::milliseconds(5), listing.groups());
+  session->walk(StepUnit::kLine, std::chrono::milliseconds(5), listing.groups());
   EXPECT_EQ(session->walk_period(), std::chrono::milliseconds(5));
   std::vector<std::uint32_t> lines;
   for (int i = 0; i < 4; ++i) {

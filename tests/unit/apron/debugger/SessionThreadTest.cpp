@@ -79,7 +79,7 @@ TEST_F(SessionThreadTest, DestructorInterruptsEndlessProgram) {
 
 TEST_F(SessionThreadTest, WalksOnTimer) {
   start(kCounting);
-  post([](DebugSession& s) { s.walk(1ms, InstructionGroups{}); });
+  post([](DebugSession& s) { s.walk(StepUnit::kLine, 1ms); });
   wait_for([](const DebugSnapshot& l) { return l.mode == ExecutionState::kWalking && l.ticks >= 1; });
 }
 

@@ -291,5 +291,30 @@ TEST(Camera, OpensDeviceOrVideo) {
   std::filesystem::remove(file + ".y4m");
 }
 
+TEST(Camera, ShowsPicturesOfAFolderInTurn) {
+  namespace fs = std::filesystem;
+  const fs::path folder = fs::path(testing::TempDir()) / ("pictures_" + std::to_string(getpid()));
+  fs::create_directories(folder);
+  EXPECT_NE(open_error(folder.string()).find("has no picture"), std::string::npos);
+  std::ofstream(folder / "b.pgm") << "P2 2 2 255  10 20 30 40";
+  std::ofstream(folder / "a.pgm") << "P2 1 1 100  50";  // 127.5, rounded
+  std::ofstream(folder / "notes.txt") << "text";
+  float cell = 0;
+  const auto read_next = [&cell](Camera& camera) {
+    camera.read({&cell, 1, 1, 1}, std::atomic<bool>{false});
+    return cell;
+  };
+  const auto camera = open_camera(folder.string());
+  EXPECT_EQ(read_next(*camera), 128.0F);
+  EXPECT_EQ(read_next(*camera), 25.0F);
+  EXPECT_EQ(read_next(*camera), 128.0F);
+  const auto still = open_camera((folder / "b.pgm").string());
+  EXPECT_EQ(read_next(*still), 25.0F);
+  EXPECT_EQ(read_next(*still), 25.0F);
+  std::ofstream(folder / "a.pgm") << "P5 99999 99999 255 ";
+  EXPECT_THROW(read_next(*open_camera((folder / "a.pgm").string())), MediaError);
+  fs::remove_all(folder);
+}
+
 }  // namespace
 }  // namespace apron::run

@@ -98,9 +98,9 @@ class Cli : public testing::Test {
 constexpr const char* kLoop =
     "!register(D)\n"
     "#again\n"
-    "D = surface.sense('proximity')\n"
+    "surface.sense('proximity', D)\n"
     "D = D * 2 + 1\n"
-    "surface.actuate('height', D)\n"
+    "surface.actuate(D, 'height')\n"
     "surface.step\n"
     "jump(#again)\n";
 
@@ -183,7 +183,10 @@ TEST_F(Cli, InvalidCommandLineExitsWithStatus2) {
       {"run", good, "--screenshot", "a.png@soon"},
       {"run", good, "--screenshot", "a.png", "--geometry", "80x25"},
       {"run", good, "--screenshot", "a.png", "--window"},
-      {"run", good, "--video", "a.mp4"},           // without a surface
+      {"run", good, "--pace", "fast"},
+      {"run", good, "--fps", "0"},
+      {"run", good, "--keys", "left"},
+      {"run", good, "--shm", "s", "--pace", "1"},
       {"run", good, "--cost-model", "cost.json"},  // without --profile
       {"run", good, "--profile", "/dev/null", "--cost-model", path("none.json")},
       {"fmt"},

@@ -228,7 +228,9 @@ TEST_F(MediaTest, HostReportsErrorsWithoutThrowing) {
   EXPECT_EQ(host.message(), "there is no surface: run with --shm NAME");
   EXPECT_EQ(host.parameter("speed"), 2.0F);
   EXPECT_FALSE(host.parameter("gain"));
-  EXPECT_FALSE(host.tick());
+  EXPECT_EQ(host.tick(), 0.0);
+  EXPECT_EQ(host.step(), HostStatus::kOk);
+  EXPECT_EQ(host.tick(), 1.0);
 }
 
 }  // namespace

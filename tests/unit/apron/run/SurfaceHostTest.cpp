@@ -122,9 +122,28 @@ TEST_F(SurfaceHostTest, RunsInLockStep) {
   physics.join();
 }
 
-TEST_F(SurfaceHostTest, PassiveStepsDoNotWait) {
+TEST_F(SurfaceHostTest, PassiveStepsWaitForAFrame) {
   Connection c(Mode::kPassive);
   c.begin(8);
+  publish(c.surface, 9);
+  publish(c.surface, 10);
+  ASSERT_EQ(c.host.step(), HostStatus::kOk);
+  EXPECT_EQ(c.host.tick(), 10.0);
+  c.stop = true;
+  ASSERT_EQ(c.host.actuate("height", 2.5F), HostStatus::kOk);
+  EXPECT_EQ(c.host.step(), HostStatus::kInterrupted);  // there is no frame
+  ASSERT_EQ(c.surface.latest_actuators(), Status::kOk);
+  EXPECT_EQ(c.surface.actuator(kHeight)[0], 2.5F);  // published before the wait
+  c.stop = false;
+  publish(c.surface, 11);
+  EXPECT_EQ(c.host.step(), HostStatus::kOk);
+  EXPECT_EQ(c.host.tick(), 11.0);
+}
+
+TEST_F(SurfaceHostTest, PassiveStepsThatRunFreeDoNotWait) {
+  Connection c(Mode::kPassive);
+  c.begin(8);
+  c.host.set_free_run(true);
   ASSERT_EQ(c.host.actuate("height", 2.5F), HostStatus::kOk);
   ASSERT_EQ(c.host.step(), HostStatus::kOk);  // no new frame
   EXPECT_EQ(c.host.tick(), 8.0);
@@ -140,6 +159,7 @@ TEST_F(SurfaceHostTest, PassiveStepsDoNotWait) {
 TEST_F(SurfaceHostTest, UnwrittenComponentsKeepTheLastFrame) {
   Connection c(Mode::kPassive);
   c.begin(0);
+  c.host.set_free_run(true);
   constexpr std::size_t kCells = kRows * kColumns;
   const auto step_and_expect = [&](float drive_x, float drive_y, float height) {
     ASSERT_EQ(c.host.step(), HostStatus::kOk);
@@ -167,6 +187,7 @@ TEST_F(SurfaceHostTest, IntegerChannelsClampAndReplaceNaN) {
   const float values[] = {NAN, INFINITY, -5, 2.6F, 1e20F}, want[] = {7, 255, 0, 3, 255};
   std::copy(values, values + 5, p.row(0));
   ASSERT_EQ(c.host.actuate("mode", p), HostStatus::kOk);
+  publish(c.surface, 1);
   ASSERT_EQ(c.host.step(), HostStatus::kOk);
   ASSERT_EQ(c.surface.latest_actuators(), Status::kOk);
   for (std::size_t i = 0; i < 5; ++i) EXPECT_EQ(c.surface.actuator<std::uint8_t>(kMode)[i], want[i]) << i;
