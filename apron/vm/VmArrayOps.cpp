@@ -114,8 +114,7 @@ Status Vm::fill_random(const DecodedInstruction& decoded) {
         for (std::uint32_t row = first; row < last; ++row) {
           float* to = decoded.destination->row(row);
           const float* on = mask != nullptr ? mask + (to - decoded.destination->data) : nullptr;
-          for (std::uint32_t x = 0; x < decoded.destination->width; ++x)
-            if (on == nullptr || on[x] != 0.0F) to[x] = draw(decoded.op, x, row, a, b);
+          draw.fill_row(executor_.kernels(), decoded.op, row, a, b, to, on, decoded.destination->width);
         }
       });
   return Status::kRunning;

@@ -39,8 +39,7 @@ bool overwrites_every_cell(const Instruction& in, bool has_masks) {
 FlowAnalysis::FlowAnalysis(const program::Program& program, bool preserve_named_registers)
     : program_(program),
       branch_targets_(program.code.size(), false),
-      boundary_(program.code.size()),
-      filter_modified_(program.filters.size(), false) {
+      boundary_(program.code.size()) {
   find_branch_targets();
   // A return has an edge to every return site. Above the limit the analysis is skipped and assumes nothing.
   const auto returns =
@@ -61,7 +60,6 @@ void FlowAnalysis::find_branch_targets() {
     }
     const std::string_view name = program::opcode_info(in.op).mnemonic;
     has_masks_ = has_masks_ || name.substr(0, 5) == "mask.";
-    if (in.op == Opcode::kFilterSet) filter_modified_[in.operands[0].index] = true;
     if (in.op == Opcode::kBoundary && program_.literals[in.operands[0].index] != 0.0F)
       has_only_zero_boundaries_ = false;
   }

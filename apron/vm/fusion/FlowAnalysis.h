@@ -25,8 +25,6 @@ class FlowAnalysis {
   // True if no instruction of the program sets a boundary rule other than zero.
   bool has_only_zero_boundaries() const { return has_only_zero_boundaries_; }
   bool has_masks() const { return has_masks_; }
-  // True if no instruction modifies the filter's coefficients.
-  bool is_constant_filter(std::uint32_t filter) const { return !filter_modified_[filter]; }
 
   // Calls visit(next) for every instruction that may follow `at`. A return may go to any return site.
   template <class Go>
@@ -56,7 +54,6 @@ class FlowAnalysis {
   std::vector<std::uint64_t> live_bits_;
   bool has_only_zero_boundaries_ = true;
   bool has_masks_ = false;
-  std::vector<bool> filter_modified_;
 };
 
 }  // namespace apron::vm

@@ -17,6 +17,13 @@ constexpr std::int64_t kLaneCount = kLanes;
 std::int64_t round_down_to_lanes(std::int64_t n) { return n / kLaneCount * kLaneCount; }
 std::int64_t round_up_to_lanes(std::int64_t n) { return (n + kLaneCount - 1) / kLaneCount * kLaneCount; }
 
+// row mod rows, not negative.
+std::int64_t modulo(std::int64_t row, std::int64_t rows) {
+  if (row >= 0 && row < rows) return row;
+  const std::int64_t rest = row % rows;
+  return rest < 0 ? rest + rows : rest;
+}
+
 }  // namespace
 
 FusedTrace::FusedTrace(const Trace& trace, ValueGraph graph, FusionPlan plan, const Environment& environment)
@@ -201,6 +208,9 @@ void FusedTrace::pad_row(float* row, std::uint32_t pad_columns, bool west, bool 
     } else if (plan_.boundary.rule == BoundaryRule::kReflect) {
       if (west) w = row[k];
       if (east) e = row[width - 1 - k];
+    } else if (plan_.boundary.rule == BoundaryRule::kWrap) {
+      w = row[width - k];
+      e = row[k - 1];
     }
     if (west) row[-k] = w;
     if (east) row[width - 1 + k] = e;
@@ -210,7 +220,7 @@ void FusedTrace::pad_row(float* row, std::uint32_t pad_columns, bool west, bool 
 float* FusedTrace::cell_address(const BufferView& view, const Strip& strip, std::int64_t row,
                                 std::int64_t column) const noexcept {
   if (view.ring_rows == 0) return view.data + row * view.pitch + column;
-  return view.data + row % view.ring_rows * view.pitch + (column - strip.ring_origin);
+  return view.data + modulo(row, view.ring_rows) * view.pitch + (column - strip.ring_origin);
 }
 
 void FusedTrace::pad_rings(const Worker& worker, const Strip& strip) const noexcept {
@@ -225,21 +235,27 @@ void FusedTrace::pad_rings(const Worker& worker, const Strip& strip) const noexc
 void FusedTrace::run_slice(unsigned slice, const Worker& worker) noexcept {
   const auto height = static_cast<std::int64_t>(plan_.height);
   const std::int64_t top = height * slice / plan_.slices, bottom = height * (slice + 1) / plan_.slices;
-  std::int64_t halo = 0, end = 0;
+  const bool wraps = plan_.boundary.rule == BoundaryRule::kWrap;
+  const auto first_row = [&](const Stage& stage) {
+    return wraps ? top - stage.halo_y : std::max<std::int64_t>(0, top - stage.halo_y);
+  };
+  const auto last_row = [&](const Stage& stage) {
+    return wraps ? bottom + stage.halo_y : std::min(height, bottom + stage.halo_y);
+  };
+  std::int64_t begin = top, end = 0;
   for (const Stage& stage : plan_.stages) {
-    halo = std::max<std::int64_t>(halo, stage.halo_y);
-    end = std::max(end, std::min<std::int64_t>(height, bottom + stage.halo_y) + stage.skew);
+    begin = std::min(begin, first_row(stage));
+    end = std::max(end, last_row(stage) + stage.skew);
   }
   for (std::int64_t column = 0; column < plan_.width; column += plan_.strip_columns) {
     const Strip strip{column, std::min<std::int64_t>(column + plan_.strip_columns, plan_.width),
                       std::max<std::int64_t>(0, column - plan_.ring_halo)};
     if (has_constant_boundary() && plan_.strip_columns != plan_.width) pad_rings(worker, strip);
-    for (std::int64_t row = std::max<std::int64_t>(0, top - halo); row < end; row += plan_.block_rows)
+    for (std::int64_t row = begin; row < end; row += plan_.block_rows)
       for (std::size_t s = 0; s < plan_.stages.size(); ++s) {
         const Stage& stage = plan_.stages[s];
-        const std::int64_t first = std::max({std::int64_t{0}, top - stage.halo_y, row - stage.skew});
-        const std::int64_t last =
-            std::min({height, bottom + stage.halo_y, row - stage.skew + std::int64_t{plan_.block_rows}});
+        const std::int64_t first = std::max(first_row(stage), row - stage.skew);
+        const std::int64_t last = std::min(last_row(stage), row - stage.skew + std::int64_t{plan_.block_rows});
         if (first < last) run_stage(s, worker, strip, first, last);
       }
   }
@@ -293,6 +309,11 @@ std::int64_t FusedTrace::locate_row(const RowStream& stream, const Worker& worke
   const auto height = static_cast<std::int64_t>(plan_.height);
   const BufferView& view = worker.views[stream.buffer];
   pitch = view.pitch;
+  if (plan_.boundary.rule == BoundaryRule::kWrap) {
+    const std::int64_t rows = view.ring_rows > 0 ? view.ring_rows : height, at = modulo(row, rows);
+    first = view.data + at * view.pitch + column;
+    return rows - at;
+  }
   if (row >= 0 && row < height) {
     if (view.ring_rows == 0) {
       first = view.data + row * view.pitch + column;

@@ -1,7 +1,9 @@
 // A compiled trace: executes as one pass over the array instead of one pass per instruction.
 #pragma once
 
+#include <algorithm>
 #include <cstdint>
+#include <cstring>
 #include <memory>
 #include <optional>
 #include <vector>
@@ -34,6 +36,17 @@ class FusedTrace {
   // the mask in force, for a trace that reads it.
   void run(const ConstPlane& mask) noexcept;
 
+  // The trace is valid only while the filter, which must outlive it, has these coefficients. Allocates.
+  void require_filter(const program::Filter& filter, const std::vector<float>& coefficients) {
+    required_filters_.push_back({&filter, coefficients});
+  }
+  bool filters_match() const noexcept {
+    return std::all_of(required_filters_.begin(), required_filters_.end(), [](const RequiredFilter& r) {
+      return std::memcmp(r.filter->coefficients.data(), r.coefficients.data(),
+                         r.coefficients.size() * sizeof(float)) == 0;
+    });
+  }
+
   // The instruction at which execution continues.
   std::uint32_t exit() const noexcept { return exit_; }
   std::uint64_t instruction_count() const noexcept { return instruction_count_; }
@@ -47,6 +60,10 @@ class FusedTrace {
   std::size_t memory_bytes() const noexcept;
 
  private:
+  struct RequiredFilter {
+    const program::Filter* filter;
+    std::vector<float> coefficients;
+  };
   struct BufferView {       // a row buffer as seen by one worker
     float* data = nullptr;  // row 0, column 0 of the array; for a ring, of the strip
     std::ptrdiff_t pitch = 0;
@@ -92,6 +109,7 @@ class FusedTrace {
   std::uint32_t exit_;
   std::uint64_t instruction_count_;
   std::size_t mask_depth_, call_depth_;
+  std::vector<RequiredFilter> required_filters_;
   ValueGraph graph_;
   std::vector<float> stage_scalars_;  // the slots as 32-bit floats, for the array pass
   FusionPlan plan_;

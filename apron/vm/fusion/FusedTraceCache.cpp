@@ -23,6 +23,7 @@ struct FusedTraceCache::Builder {
   unsigned threads;
   std::size_t parallel_cells;
   FlowAnalysis flow{program, options.preserve_named_registers};
+  FilterPrediction filters{program, decoded, register_file};
   std::size_t node_count = 0, traced_instructions = 0, memory_bytes = 0;
 
   void compile_reachable_traces() {
@@ -41,7 +42,7 @@ struct FusedTraceCache::Builder {
       bool traced = false;
       for (const bool masked : {false, true}) {
         if (masked && !flow.has_masks()) continue;
-        const Trace trace = build_trace(program, decoded, flow, at, masked, {options.max_array_instructions});
+        const Trace trace = build_trace(program, decoded, flow, filters, at, masked, {options.max_array_instructions});
         traced_instructions += trace.instructions.size() + 1;
         if (trace.instructions.empty()) continue;
         traced = true;
@@ -53,7 +54,7 @@ struct FusedTraceCache::Builder {
   }
 
   void compile(const Trace& trace, bool masked) {
-    ValueGraph graph = build_value_graph(program, decoded, flow, trace, masked);
+    ValueGraph graph = build_value_graph(program, decoded, flow, filters, trace, masked);
     node_count += graph.nodes.size() + 1;
     FusionPlanOptions plan_options;
     const bool large = std::size_t{trace.width} * trace.height >= parallel_cells;
@@ -66,6 +67,11 @@ struct FusedTraceCache::Builder {
     FusedTrace::Environment environment{executor, register_file, cache.back_buffers_, code_isa,
                                         flow.has_only_zero_boundaries() && trace.width % kLanes == 0};
     auto fused_trace = std::make_unique<FusedTrace>(trace, std::move(graph), std::move(plan), environment);
+    for (const std::uint32_t at : trace.instructions)
+      if (decoded[at].op == program::Opcode::kFilterDo) {
+        const std::uint32_t index = decoded[at].table_index;
+        fused_trace->require_filter(program.filters[index], filters.find(index)->coefficients);
+      }
     memory_bytes += fused_trace->memory_bytes();
     for (const std::uint32_t reg : fused_trace->double_buffered_registers()) {
       Plane& back_buffer = cache.back_buffers_[reg];

@@ -34,11 +34,14 @@ class FusedTraceCache {
   FusedTrace* find(std::uint32_t instruction, const MaskStack& masks) const noexcept {
     if (entries_.empty()) return nullptr;
     const Entry& entry = entries_[instruction];
-    if (masks.active() == MaskStack::Active::kAll) return entry.unmasked;
-    if (entry.masked == nullptr || masks.active() == MaskStack::Active::kNone) return nullptr;
+    FusedTrace* trace = masks.active() == MaskStack::Active::kAll    ? entry.unmasked
+                        : masks.active() == MaskStack::Active::kNone ? nullptr
+                                                                     : entry.masked;
+    if (trace == nullptr || !trace->filters_match()) return nullptr;
     const ConstPlane& mask = masks.mask();
-    return mask.width == entry.masked->width() && mask.height == entry.masked->height() ? entry.masked
-                                                                                        : nullptr;
+    const bool fits = trace == entry.unmasked ||
+                      (mask.width == trace->width() && mask.height == trace->height());
+    return fits ? trace : nullptr;
   }
 
  private:

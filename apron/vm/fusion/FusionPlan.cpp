@@ -64,6 +64,8 @@ class FusionPlanner {
                        [&](const ValueUse& use) { return stage_of_[use.node] != stage_of_[node]; });
   }
 
+  bool wraps() const { return graph_.boundary.rule == BoundaryRule::kWrap; }
+
   std::uint32_t rows_ahead(int dy) const {
     if (graph_.boundary.rule == BoundaryRule::kReflect) dy = std::abs(dy);
     return dy > 0 ? static_cast<std::uint32_t>(dy) : 0;
@@ -154,7 +156,8 @@ class FusionPlanner {
   }
 
   std::uint32_t ring_rows(const RingAllocation& ring, std::uint32_t block_rows) const {
-    return std::min(block_rows + ring.last_use_skew - ring.first_skew, plan_.height);
+    const std::uint32_t rows = block_rows + ring.last_use_skew - ring.first_skew;
+    return wraps() ? rows : std::min(rows, plan_.height);
   }
 
   bool is_copied(std::uint32_t node) const {
@@ -196,13 +199,13 @@ class FusionPlanner {
         rows += ring_rows(ring, plan_.block_rows);
       // Take the widest strip whose rings fit the cache.
       for (const std::uint32_t columns : {whole, 2048U, 1024U, 512U, 256U}) {
-        if (columns > whole) continue;
+        if (columns > whole || (wraps() && columns != whole)) continue;
         plan_.strip_columns = columns;
         const std::uint32_t halo = columns < whole ? plan_.ring_halo : 0;
         if (rows * (columns + 2 * halo + kLanes) <= kRingCacheFloats) break;
       }
     }
-    if (options_.strip_columns > 0)
+    if (options_.strip_columns > 0 && !wraps())
       plan_.strip_columns = std::min(round_up(options_.strip_columns, kLanes), whole);
     // Short rows stay in the first-level cache, where sharing loads between rows does not pay.
     plan_.rows_per_iteration = plan_.strip_columns < 256 ? 1 : 4;
@@ -222,7 +225,8 @@ class FusionPlanner {
 
   // Whether the stage also computes halo cells that belong to neighbouring strips or slices.
   bool recomputes_overlap(const Stage& stage) const {
-    return (plan_.strip_columns < plan_.width && stage.halo_x > 0) || (plan_.slices > 1 && stage.halo_y > 0);
+    return (plan_.strip_columns < plan_.width && stage.halo_x > 0) ||
+           ((plan_.slices > 1 || wraps()) && stage.halo_y > 0);
   }
 
   static RowBuffer::Kind buffer_kind(ValueNode::Kind kind) {

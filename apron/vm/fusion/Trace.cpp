@@ -21,11 +21,13 @@ constexpr std::size_t kMaxFilterCoefficients = 25;  // non-zero ones
 class TraceBuilder {
  public:
   TraceBuilder(const program::Program& program, const std::vector<DecodedInstruction>& decoded,
-               const FlowAnalysis& flow, std::uint32_t entry, bool masked, const TraceLimits& limits)
+               const FlowAnalysis& flow, const FilterPrediction& filters, std::uint32_t entry, bool masked,
+               const TraceLimits& limits)
       : program_(program),
         decoded_(decoded),
         limits_(limits),
         flow_(flow),
+        filters_(filters),
         boundary_(flow.boundary_at(entry)),
         entered_masked_(masked) {
     trace_.entry = trace_.exit = entry;
@@ -116,9 +118,7 @@ class TraceBuilder {
   }
 
   bool can_fuse_shift(const DecodedInstruction& decoded) const {
-    if (decoded.op != Opcode::kShift || decoded.has_variable_offset || !boundary_ ||
-        boundary_->rule == BoundaryRule::kWrap)
-      return false;
+    if (decoded.op != Opcode::kShift || decoded.has_variable_offset || !boundary_) return false;
     const auto short_way = [](std::int64_t d, std::uint32_t n) {
       return d >= -kMaxFusedShift && d <= kMaxFusedShift && (d < 0 ? -d : d) < static_cast<std::int64_t>(n);
     };
@@ -131,9 +131,7 @@ class TraceBuilder {
   // applied to them.
   bool can_fuse_neighbours(const DecodedInstruction& decoded) const {
     if (decoded.op < Opcode::kNearSum || decoded.op > Opcode::kNearAll) return false;
-    if (!boundary_ || boundary_->rule == BoundaryRule::kWrap || decoded.destination->width < 2 ||
-        decoded.destination->height < 2)
-      return false;
+    if (!boundary_ || decoded.destination->width < 2 || decoded.destination->height < 2) return false;
     const bool rows = *decoded.scalars[1] == 8.0 && boundary_->rule == BoundaryRule::kValue;
     return !rows || decoded.op == Opcode::kNearMin || decoded.op == Opcode::kNearMax;
   }
@@ -144,16 +142,17 @@ class TraceBuilder {
            (decoded.op == Opcode::kCellY && decoded.destination->cell_count() <= kMaxIndexPlaneCells);
   }
 
-  // Only small filters with constant coefficients are fused.
+  // Only small filters are fused.
   bool can_fuse_filter(const DecodedInstruction& decoded) const {
-    const program::Filter& f = program_.filters[decoded.table_index];
-    const auto elements = f.coefficients.size() - static_cast<std::size_t>(std::count(
-                                                      f.coefficients.begin(), f.coefficients.end(), 0.0F));
-    const bool small = f.width <= kMaxFusedShift && f.height <= kMaxFusedShift &&
-                       elements <= kMaxFilterCoefficients && f.width / 2 < decoded.destination->width &&
-                       f.height / 2 < decoded.destination->height;
-    return small && flow_.is_constant_filter(decoded.table_index) && boundary_ &&
-           boundary_->rule != BoundaryRule::kWrap;
+    const program::Filter* f = filters_.find(decoded.table_index);
+    if (f == nullptr || !boundary_) return false;
+    const auto elements = f->coefficients.size() - static_cast<std::size_t>(std::count(
+                                                       f->coefficients.begin(), f->coefficients.end(), 0.0F));
+    const auto short_way = [](std::uint32_t extent, std::uint32_t n) {
+      return extent / 2 <= kMaxFusedShift && extent / 2 < n;
+    };
+    return elements <= kMaxFilterCoefficients && short_way(f->width, decoded.destination->width) &&
+           short_way(f->height, decoded.destination->height);
   }
 
   bool track_mask(const DecodedInstruction& decoded) {
@@ -242,6 +241,7 @@ class TraceBuilder {
   const std::vector<DecodedInstruction>& decoded_;
   const TraceLimits& limits_;
   const FlowAnalysis& flow_;
+  const FilterPrediction& filters_;
   std::optional<BoundaryCondition> boundary_;
   bool entered_masked_;
   bool has_base_mask_ = false;
@@ -256,8 +256,9 @@ class TraceBuilder {
 }  // namespace
 
 Trace build_trace(const program::Program& program, const std::vector<DecodedInstruction>& decoded,
-                  const FlowAnalysis& flow, std::uint32_t entry, bool masked, const TraceLimits& limits) {
-  return TraceBuilder(program, decoded, flow, entry, masked, limits).build();
+                  const FlowAnalysis& flow, const FilterPrediction& filters, std::uint32_t entry, bool masked,
+                  const TraceLimits& limits) {
+  return TraceBuilder(program, decoded, flow, filters, entry, masked, limits).build();
 }
 
 }  // namespace apron::vm

@@ -7,6 +7,7 @@
 
 #include "apron/program/Program.h"
 #include "apron/vm/DecodedInstruction.h"
+#include "apron/vm/fusion/FilterPrediction.h"
 #include "apron/vm/fusion/FlowAnalysis.h"
 
 namespace apron::vm {
@@ -27,9 +28,10 @@ struct TraceLimits {
 
 // Builds the longest fusible trace from `entry`, within the limits: all arrays have one shape, and masks and
 // calls opened in the trace are closed at its exit. `masked` means that a mask is in force at entry. The
-// trace is empty if nothing can be fused.
+// trace is empty if nothing can be fused. It is valid while its filters hold their predicted coefficients.
 Trace build_trace(const program::Program& program, const std::vector<DecodedInstruction>& decoded,
-                  const FlowAnalysis& flow, std::uint32_t entry, bool masked, const TraceLimits& limits);
+                  const FlowAnalysis& flow, const FilterPrediction& filters, std::uint32_t entry, bool masked,
+                  const TraceLimits& limits);
 
 // Longer shifts are not fused.
 inline constexpr int kMaxFusedShift = 8;

@@ -18,8 +18,8 @@ using program::OperandKind;
 class ValueGraphBuilder {
  public:
   ValueGraphBuilder(const program::Program& program, const std::vector<DecodedInstruction>& decoded,
-                    const FlowAnalysis& flow, const Trace& trace, bool masked)
-      : program_(program), decoded_(decoded), flow_(flow), trace_(trace) {
+                    const FlowAnalysis& flow, const FilterPrediction& filters, const Trace& trace, bool masked)
+      : program_(program), decoded_(decoded), flow_(flow), filters_(filters), trace_(trace) {
     if (const auto& boundary = flow.boundary_at(trace.entry)) graph_.boundary = *boundary;
     if (masked) entry_mask_ = value_ref(add_node(ValueNode{ValueNode::Kind::kMask}));
   }
@@ -233,7 +233,7 @@ class ValueGraphBuilder {
       case DispatchKind::kArrayOp:
         if (decoded.op == Opcode::kFilterDo)
           write_register(
-              in, lower_filter(read_register(in.operands[0].index), program_.filters[decoded.table_index]));
+              in, lower_filter(read_register(in.operands[0].index), *filters_.find(decoded.table_index)));
         else
           write_register(in, lower_neighbours(decoded.op, read_register(in.operands[0].index),
                                               *decoded.scalars[1] == 8.0));
@@ -281,6 +281,7 @@ class ValueGraphBuilder {
   const program::Program& program_;
   const std::vector<DecodedInstruction>& decoded_;
   const FlowAnalysis& flow_;
+  const FilterPrediction& filters_;
   const Trace& trace_;
   MaybeValue entry_mask_, base_mask_;
   std::vector<MaybeValue> mask_levels_;
@@ -297,8 +298,9 @@ class ValueGraphBuilder {
 }  // namespace
 
 ValueGraph build_value_graph(const program::Program& program, const std::vector<DecodedInstruction>& decoded,
-                             const FlowAnalysis& flow, const Trace& trace, bool masked) {
-  return ValueGraphBuilder(program, decoded, flow, trace, masked).build();
+                             const FlowAnalysis& flow, const FilterPrediction& filters, const Trace& trace,
+                             bool masked) {
+  return ValueGraphBuilder(program, decoded, flow, filters, trace, masked).build();
 }
 
 }  // namespace apron::vm

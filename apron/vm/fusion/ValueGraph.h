@@ -71,6 +71,7 @@ struct ValueGraph {
 
 // Lowers a trace to values. `masked` means that a mask is in force at entry. Allocates.
 ValueGraph build_value_graph(const program::Program& program, const std::vector<DecodedInstruction>& decoded,
-                             const FlowAnalysis& flow, const Trace& trace, bool masked);
+                             const FlowAnalysis& flow, const FilterPrediction& filters, const Trace& trace,
+                             bool masked);
 
 }  // namespace apron::vm

@@ -9,6 +9,7 @@
 #include <hwy/highway.h>
 
 #include "apron/vm/PlaneStore.h"
+#include "apron/vm/kernels/Random.h"
 #include "apron/vm/kernels/ScalarKernels.h"
 
 HWY_BEFORE_NAMESPACE();
@@ -280,6 +281,62 @@ StencilKernels make_stencil_kernels() {
   return kernels;
 }
 
+// ---- random numbers ----
+
+#if HWY_TARGET == HWY_SCALAR
+
+void random_words(std::uint32_t seed, std::uint64_t draw_index, std::uint32_t column, std::uint32_t row,
+                  std::size_t count, std::uint32_t* first, std::uint32_t* second) noexcept {
+  for (std::size_t x = 0; x < count; ++x) {
+    const RandomWords words =
+        philox({column + static_cast<std::uint32_t>(x), row, static_cast<std::uint32_t>(draw_index),
+                static_cast<std::uint32_t>(draw_index >> 32U)},
+               {seed, 0});
+    first[x] = words[0];
+    second[x] = words[1];
+  }
+}
+
+#else
+
+using DU = hn::RebindToUnsigned<D>;
+using VU = hn::Vec<DU>;
+
+// The low and high half of a * b.
+HWY_INLINE void multiply_wide(VU a, VU b, VU& low, VU& high) {
+  const hn::Repartition<std::uint64_t, DU> wide;
+  const auto odd_lanes = [&](VU v) { return hn::BitCast(DU(), hn::ShiftRight<32>(hn::BitCast(wide, v))); };
+  const auto even = hn::MulEven(a, b), odd = hn::MulEven(odd_lanes(a), b);
+  low = hn::OddEven(hn::BitCast(DU(), hn::ShiftLeft<32>(odd)), hn::BitCast(DU(), even));
+  high = hn::OddEven(hn::BitCast(DU(), odd), hn::BitCast(DU(), hn::ShiftRight<32>(even)));
+}
+
+void random_words(std::uint32_t seed, std::uint64_t draw_index, std::uint32_t column, std::uint32_t row,
+                  std::size_t count, std::uint32_t* first, std::uint32_t* second) noexcept {
+  const DU d;
+  for (std::size_t x = 0; x < count; x += hn::Lanes(d)) {
+    VU c0 = hn::Iota(d, column + static_cast<std::uint32_t>(x)), c1 = hn::Set(d, row),
+       c2 = hn::Set(d, static_cast<std::uint32_t>(draw_index)),
+       c3 = hn::Set(d, static_cast<std::uint32_t>(draw_index >> 32U));
+    std::uint32_t k0 = seed, k1 = 0;
+    for (int round = 0; round < kPhiloxRounds; ++round) {
+      VU a_low, a_high, b_low, b_high;
+      multiply_wide(c0, hn::Set(d, kPhiloxMultipliers[0]), a_low, a_high);
+      multiply_wide(c2, hn::Set(d, kPhiloxMultipliers[1]), b_low, b_high);
+      c0 = hn::Xor(hn::Xor(b_high, c1), hn::Set(d, k0));
+      c2 = hn::Xor(hn::Xor(a_high, c3), hn::Set(d, k1));
+      c1 = b_low;
+      c3 = a_low;
+      k0 += kPhiloxKeySteps[0];
+      k1 += kPhiloxKeySteps[1];
+    }
+    hn::StoreU(c0, d, first + x);
+    hn::StoreU(c1, d, second + x);
+  }
+}
+
+#endif
+
 template <class... Ops>
 void fill_all(KernelTable& table) {
   (fill<Ops>(table), ...);
@@ -291,6 +348,7 @@ KernelTable make_table() {
   fill_all<Lt, Le, Gt, Ge, Eq, Ne, And, Or, Xor, Nand, Nor, Not, Sqrt, Floor, Ceil, Round>(table);
   table.reductions = {reduce<SumOp>, reduce<MinOp>, reduce<MaxOp>, reduce<CountOp>};
   table.stencils = make_stencil_kernels<Add, Min, Max, Or, And>();
+  table.random_words = random_words;
   add_scalar_kernels(table);
   return table;
 }

@@ -50,11 +50,18 @@ inline constexpr std::size_t kOpcodeCount = 0
 #include "apron/program/opcodes.def"
     ;
 
+// The first two Philox words of the cells [column, column + count) of a row, count being a multiple of kLanes;
+// see Random.h.
+using RandomWordsKernel = void (*)(std::uint32_t seed, std::uint64_t draw_index, std::uint32_t column,
+                                   std::uint32_t row, std::size_t count, std::uint32_t* first,
+                                   std::uint32_t* second) noexcept;
+
 struct KernelTable {
   // Indexed [opcode][bit k set: operand k is a scalar][masked]; null if the opcode is not element-wise.
   std::array<std::array<std::array<Kernel, 2>, 8>, kOpcodeCount> elementwise{};
   std::array<RowReduction, kReductionCount> reductions{};
   StencilKernels stencils{};
+  RandomWordsKernel random_words = nullptr;
 
   Kernel kernel(program::Opcode op, unsigned scalars, bool masked) const noexcept {
     return elementwise[static_cast<std::size_t>(op)][scalars][masked ? 1 : 0];

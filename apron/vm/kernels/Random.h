@@ -8,9 +8,14 @@
 
 namespace apron::vm {
 
+struct KernelTable;
+
 using RandomWords = std::array<std::uint32_t, 4>;
 
 // Philox4x32 with 10 rounds: J. Salmon et al., "Parallel random numbers: as easy as 1, 2, 3", SC 2011.
+inline constexpr int kPhiloxRounds = 10;
+inline constexpr std::array<std::uint32_t, 2> kPhiloxMultipliers{0xD2511F53, 0xCD9E8D57},
+    kPhiloxKeySteps{0x9E3779B9, 0xBB67AE85};
 RandomWords philox(RandomWords counter, std::array<std::uint32_t, 2> key) noexcept;
 
 // The random numbers of one instruction.
@@ -22,6 +27,11 @@ struct RandomStream {
   // opcodes.def.
   float operator()(program::Opcode op, std::uint32_t column, std::uint32_t row, float a,
                    float b) const noexcept;
+
+  // The same values for the cells of a row, with the kernels of the table. mask is null, or only its non-zero
+  // cells are written.
+  void fill_row(const KernelTable& kernels, program::Opcode op, std::uint32_t row, float a, float b, float* to,
+                const float* mask, std::uint32_t columns) const noexcept;
 };
 
 }  // namespace apron::vm

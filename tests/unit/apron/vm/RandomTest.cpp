@@ -46,6 +46,23 @@ TEST(Random, IndependentOfThreadsAndArraySize) {
   }
 }
 
+TEST(Random, RowsEqualSingleDraws) {
+  const RandomStream draw{0x3f800000, (std::uint64_t{5} << 32U) + 9};
+  std::mt19937 rng(1);
+  for (const NamedKernelTable& target : kernel_tables())
+    for (const Opcode op : {Opcode::kRandomFloat, Opcode::kRandomGauss, Opcode::kRandomInt}) {
+      const Cells mask = random_mask(700, rng), before = random_cells(700, rng);
+      Cells all = before, some = before;
+      draw.fill_row(*target.table, op, 13, -2.5F, 7, all.data(), nullptr, 700);
+      draw.fill_row(*target.table, op, 13, -2.5F, 7, some.data(), mask.data(), 699);
+      for (std::uint32_t x = 0; x < 700; ++x) {
+        const float want = draw(op, x, 13, -2.5F, 7);
+        ASSERT_TRUE(bits_equal(all[x], want)) << target.name << " column " << x;
+        ASSERT_TRUE(bits_equal(some[x], mask[x] != 0.0F && x < 699 ? want : before[x])) << target.name;
+      }
+    }
+}
+
 TEST(Random, DrawMatchesSpecification) {
   const RandomStream draw{7, (std::uint64_t{5} << 32U) + 9};
   const RandomWords words = philox({11, 13, 9, 5}, {7, 0});
