@@ -11,6 +11,7 @@
 #include <map>
 
 #include "common/process/StopSignals.h"
+#include "common/process/Termination.h"
 #include "common/text/Printable.h"
 #include "common/text/Suggestion.h"
 #include "smartsurf/run/Run.h"
@@ -60,6 +61,7 @@ int parse_and_run(int argc, char** argv) {
 
 int main(int argc, char** argv) noexcept {
   common::report_file_size_errors();
+  common::report_exhausted_memory("smartsurf");
   try {
     const int status = parse_and_run(argc, argv);
     if (status != common::kDone) return status;
