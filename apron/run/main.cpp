@@ -7,6 +7,7 @@
 #include "common/error/UserError.h"
 #include "common/process/ExitStatus.h"
 #include "common/process/StopSignals.h"
+#include "common/process/Termination.h"
 
 namespace apron::run {
 namespace {
@@ -50,6 +51,7 @@ int status_after_output(int status) noexcept {
 int main(int argc, char** argv) {
   using namespace apron::run;
   common::report_file_size_errors();
+  common::report_exhausted_memory("apron");
   try {
     return status_after_output(run_subcommand(argc, argv));
   } catch (const common::UserError& error) {

@@ -10,6 +10,7 @@
 #include <csignal>
 #include <cstdio>
 #include <cstdlib>
+#include <exception>
 #include <stdexcept>
 #include <thread>
 
@@ -273,6 +274,11 @@ int exit_status_of(const Error& e) {
 }  // namespace
 
 int main(int argc, char** argv) {
+  // The JSON library's destructor allocates; where it cannot, the process would end by SIGABRT.
+  std::set_terminate([] {
+    std::fputs("shm_dump: there is not enough memory\n", stderr);
+    std::_Exit(kFailed);
+  });
   struct sigaction action {};
   action.sa_handler = [](int) { stop = true; };
   ::sigaction(SIGINT, &action, nullptr);

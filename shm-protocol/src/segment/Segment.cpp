@@ -65,7 +65,8 @@ class SegmentFile {
 
 struct Segment::Impl {
   std::string name;            // final name
-  std::string temporary_file;  // private name, until renamed into place
+  std::string path;                // of the final name
+  std::string temporary_path;      // of the private name, until renamed into place
   SegmentFile file;
   bip::mapped_region region;
   pid_t builder = 0;
@@ -80,23 +81,25 @@ Segment::Segment(Segment&&) noexcept = default;
 Segment& Segment::operator=(Segment&&) noexcept = default;
 
 Segment::~Segment() {
-  if (impl_ && !impl_->temporary_file.empty() && impl_->builder == ::getpid())
-    ::unlink((std::string(kShmDirectory) + "/" + impl_->temporary_file).c_str());
+  if (impl_ && !impl_->temporary_path.empty() && impl_->builder == ::getpid())
+    ::unlink(impl_->temporary_path.c_str());
 }
 
 Segment Segment::create(const std::string& name, std::size_t bytes, ProcessIdentity owner) {
   remove_stale_builds(name);
   auto impl = std::make_unique<Impl>();
   impl->name = name;
+  impl->path = path_of(name);
   impl->builder = ::getpid();
   static std::atomic<unsigned> build_count{0};  // two threads may build under one name; one will be refused
   const std::string file =
       file_name(name) + kBuildMarker + std::to_string(owner) + "." + std::to_string(build_count++);
   const std::string path = std::string(kShmDirectory) + "/" + file;
+  impl->temporary_path.reserve(path.size());
   const int descriptor = ::open(path.c_str(), O_RDWR | O_CREAT | O_EXCL | O_CLOEXEC | O_NOFOLLOW, 0600);
   if (descriptor < 0) system_error("cannot create " + path_of(name), errno);
   impl->file = SegmentFile(descriptor, bip::read_write);
-  impl->temporary_file = file;
+  impl->temporary_path = path;
   Segment segment(std::move(impl));
   // Reserve the memory now, so that a full /dev/shm is an error here and not a SIGBUS during a run.
   if (const int failure = ::posix_fallocate(segment.impl_->descriptor(), 0, static_cast<off_t>(bytes)))
@@ -111,12 +114,12 @@ Segment Segment::create(const std::string& name, std::size_t bytes, ProcessIdent
 }
 
 void Segment::rename_into_place() {
-  const std::string from = std::string(kShmDirectory) + "/" + impl_->temporary_file;
-  const std::string to = path_of(impl_->name);
+  const std::string& from = impl_->temporary_path;
+  const std::string& to = impl_->path;
   for (int attempt = 0; attempt < 100; ++attempt) {
     reclaim_or_throw(impl_->name);
     if (::renameat2(AT_FDCWD, from.c_str(), AT_FDCWD, to.c_str(), RENAME_NOREPLACE) == 0) {
-      impl_->temporary_file.clear();
+      impl_->temporary_path.clear();
       return;
     }
     if (errno != EEXIST) break;
@@ -129,7 +132,7 @@ void Segment::remove() noexcept {
   struct stat mine {
   }, there{};
   const int descriptor = impl_->descriptor();
-  const std::string path = path_of(impl_->name);
+  const std::string& path = impl_->path;
   // A cleaner holds it for microseconds, and removes nothing while this process lives.
   lock_within_bound(descriptor);
   if (::fstat(descriptor, &mine) == 0 && ::lstat(path.c_str(), &there) == 0 && mine.st_ino == there.st_ino)
@@ -142,6 +145,7 @@ std::optional<Segment> Segment::open(const std::string& name, Access access) {
   const std::string path = path_of(name);
   auto impl = std::make_unique<Impl>();
   impl->name = name;
+  impl->path = path;
   const int descriptor = open_untrusted(path, access == Access::kReadOnly ? O_RDONLY : O_RDWR);
   if (descriptor < 0 && errno == ENOENT) return std::nullopt;
   if (descriptor < 0 && (errno == ENXIO || errno == ELOOP || errno == EISDIR)) throw_foreign(path);

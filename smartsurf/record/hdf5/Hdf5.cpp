@@ -1,6 +1,7 @@
 #include "smartsurf/record/hdf5/Hdf5.h"
 
 #include <cstdlib>
+#include <exception>
 #include <new>
 
 namespace smartsurf::record {
@@ -40,6 +41,12 @@ std::string take_reason(bool& quoted) {
   throw Hdf5Error(reason.empty() ? what : what + " (" + reason + ")");
 }
 
+bool has_memory(std::size_t bytes) noexcept {
+  void* block = std::malloc(bytes + kLibraryBytes);
+  std::free(block);
+  return block != nullptr;
+}
+
 thread_local bool close_failed = false;
 thread_local std::string close_failure;
 
@@ -55,7 +62,8 @@ void check(herr_t status, const std::string& what) {
   if (status < 0) throw_hdf5_error(what);
 }
 
-void Handle::note_failed_close() noexcept {
+void Handle::close() noexcept {
+  if ((std::uncaught_exceptions() > 0 && !has_memory(0)) || closer_(id_) >= 0) return;
   close_failed = true;
   try {
     bool quoted = false;
@@ -71,9 +79,7 @@ void check_closed() {
 }
 
 void require_memory(std::size_t bytes) {
-  void* block = std::malloc(bytes + kLibraryBytes);
-  if (block == nullptr) throw std::bad_alloc();
-  std::free(block);
+  if (!has_memory(bytes)) throw std::bad_alloc();
 }
 
 void initialise_library() {

@@ -29,14 +29,14 @@ class Handle {
     std::swap(closer_, other.closer_);
     return *this;
   }
-  // Closing may write buffered data; check_closed() reports a failure.
+  // Closing may write buffered data; check_closed() reports a failure. Stays open where an error leaves no memory.
   ~Handle() {
-    if (id_ >= 0 && closer_(id_) < 0) note_failed_close();
+    if (id_ >= 0) close();
   }
   operator hid_t() const { return id_; }
 
  private:
-  static void note_failed_close() noexcept;
+  void close() noexcept;
 
   hid_t id_ = -1;
   Closer closer_ = nullptr;

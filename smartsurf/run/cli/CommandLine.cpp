@@ -10,6 +10,7 @@
 
 #include "common/cli/ParseErrors.h"
 #include "common/process/StopSignals.h"
+#include "common/process/Termination.h"
 #include "common/text/Printable.h"
 #include "smartsurf/run/Run.h"
 #include "smartsurf/run/cli/Subcommands.h"
@@ -46,6 +47,7 @@ int parse_and_run(int argc, char** argv) {
 
 int main(int argc, char** argv) noexcept {
   common::report_file_size_errors();
+  common::report_exhausted_memory("smartsurf");
   try {
     const int status = parse_and_run(argc, argv);
     if (status != common::kDone) return status;
