@@ -7,6 +7,7 @@
 #include <utility>
 #include <vector>
 
+#include "apron/run/cli/SavedRegisters.h"
 #include "apron/run/host/LocalHost.h"
 #include "common/process/ExitStatus.h"
 
@@ -47,6 +48,7 @@ struct Options {
   std::string show;  // a register
   std::vector<Screenshot> screenshots;
   std::string video;               // a file; empty for none
+  std::vector<SavedRegister> saved;
   std::vector<std::string> files;  // the inputs of fmt
   std::string watch;               // a register to show in the terminal; empty for none
 
