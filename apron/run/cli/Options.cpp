@@ -124,6 +124,8 @@ void add_common_options(CLI::App& command, RawOptions& raw, bool takes_program =
                   "search this directory for included files before the installed library")
       ->type_name("DIR")
       ->allow_extra_args(false);
+  command.add_flag("--original", raw.options.original,
+                   "the program is one of APRON 2.9: include original.aps before its first line");
   command.add_option("--size", raw.size, "array size without a surface [64x64]")->type_name("WxH");
 }
 

@@ -40,6 +40,7 @@ struct Options {
   unsigned threads = 1;
   bool reconnect = false;
   bool local_profile = false;
+  bool original = false;  // --original
   std::vector<std::string> include_paths;
   double wait_s = 5.0;
   std::string profile, cost_model;  // files; empty for none
