@@ -21,6 +21,7 @@ syntax::PreprocessorOptions preprocessor_options(const CompileOptions& options) 
   result.height = options.height;
   result.include_paths = options.include_paths;
   result.library_path = options.library_path;
+  result.prelude = options.prelude;
   result.is_builtin = [](std::string_view name) { return find_builtin(name) != nullptr; };
   result.check_palette = palette_error;
   return result;
@@ -54,7 +55,8 @@ std::optional<program::Program> compile_program(const CompileOptions& options, s
   std::vector<std::string> names = preprocessor.macros().names();
   const std::vector<std::string> defines = preprocessor.define_names();
   names.insert(names.end(), defines.begin(), defines.end());
-  Lowering lowering({options.width, options.height}, sources, diagnostics, std::move(names));
+  Lowering lowering({options.width, options.height}, sources, diagnostics, std::move(names),
+                    preprocessor.is_original());
   lowering.lower_program(statements);
   program::Program program = lowering.finish();
   if (diagnostics.empty()) check_definite_assignment(program, lowering, diagnostics);
@@ -70,6 +72,7 @@ CompileResult compile(const CompileOptions& options, syntax::FileReader& reader)
   syntax::Diagnostics diagnostics;
   result.program = compile_program(options, reader, result.sources, diagnostics);
   result.diagnostics = diagnostics.take();
+  result.warnings = diagnostics.take_warnings();
   return result;
 }
 

@@ -18,11 +18,12 @@ struct CompileOptions {
   std::uint32_t width = 0, height = 0;     // of the surface, in cells: the default shape of registers
   std::vector<std::string> include_paths;  // for !include, after the including file's directory
   std::string library_path;                // the installed library, searched last; "" for none
+  std::string prelude;                     // a file included before the first line; "" for none
 };
 
 struct CompileResult {
-  std::optional<program::Program> program;  // only without diagnostics
-  std::vector<syntax::Diagnostic> diagnostics;
+  std::optional<program::Program> program;  // only without errors
+  std::vector<syntax::Diagnostic> diagnostics, warnings;
   syntax::SourceManager sources;  // for syntax::format(diagnostics, sources)
 };
 

@@ -108,6 +108,7 @@ void Lowering::lower_colour_mapping(const Builtin& builtin, const Expressions& a
   if (builtin.form == BuiltinForm::kSetPalette) {
     const std::string& name = string_literal(arguments.back(), "a palette");
     const std::string error = palette_error(name);
+    if (!error.empty() && original_) return diagnostics_.warning(arguments.back().location, error);
     if (!error.empty()) throw CompileError{arguments.back().location, error};
     builder_.emit(Opcode::kSetPalette, {}, {builder_.operand(target), builder_.text_operand(name)});
     if (arguments.size() == 2) return;

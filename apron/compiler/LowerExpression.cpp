@@ -37,6 +37,7 @@ Value Lowering::lower(const Expression& expression, ResultDestination* destinati
     }
     case ExpressionKind::kCall: {
       const Builtin* builtin = find_builtin(expression.text);
+      if (builtin == nullptr && ignores(expression)) return Value::from_constant(0.0F);
       if (builtin == nullptr) fail_unknown_call(expression);
       return lower_call(*builtin, expression, expression.children, destination);
     }
@@ -67,6 +68,7 @@ Value Lowering::lower_name(const Expression& name, ResultDestination* destinatio
       throw CompileError{name.location,
                          fmt::format("'{}' is an instruction and needs its arguments", name.text)};
     }
+    if (ignores(name)) return Value::from_constant(0.0F);
     if (is_macro_name(name.text)) {
       throw CompileError{name.location,
                          fmt::format("'{}' is read before it is written", display_name(name.text))};

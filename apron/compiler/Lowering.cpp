@@ -2,6 +2,8 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
+#include <iterator>
 #include <utility>
 
 #include "common/text/Suggestion.h"
@@ -12,11 +14,12 @@ using syntax::ExpressionKind;
 using syntax::StatementKind;
 
 Lowering::Lowering(Shape surface, const syntax::SourceManager& sources, syntax::Diagnostics& diagnostics,
-                   std::vector<std::string> other_names)
+                   std::vector<std::string> other_names, bool original)
     : surface_(surface),
       sources_(sources),
       diagnostics_(diagnostics),
       other_names_(std::move(other_names)),
+      original_(original),
       shape_hint_(surface) {}
 
 void Lowering::lower_program(const std::vector<Statement>& program) {
@@ -82,6 +85,15 @@ void Lowering::lower_statement(const Statement& statement) {
 }
 
 void Lowering::dispatch_statement(const Statement& statement) {
+  if (!texts_.empty() && mentions_text(statement.value)) {
+    Statement resolved = statement;
+    resolve_texts(resolved.value);
+    return lower_resolved(resolved);
+  }
+  lower_resolved(statement);
+}
+
+void Lowering::lower_resolved(const Statement& statement) {
   switch (statement.kind) {
     case StatementKind::kAssign:
       return lower_assignment(statement.target, statement.value);
@@ -173,7 +185,39 @@ void Lowering::lower_declaration(const syntax::Declaration& declaration) {
                 {operand, builder_.literal_operand(0.0F), builder_.literal_operand(declaration.scale)});
 }
 
+// ---- texts: names that stand for a text from their assignment on -------------------------------------------
+
+bool Lowering::mentions_text(const Expression& expression) const {
+  return (expression.kind == ExpressionKind::kName && texts_.contains(expression.text)) ||
+         std::any_of(expression.children.begin(), expression.children.end(),
+                     [&](const Expression& child) { return mentions_text(child); });
+}
+
+void Lowering::resolve_texts(Expression& expression) const {
+  if (const auto text = texts_.find(expression.text);
+      expression.kind == ExpressionKind::kName && text != texts_.end()) {
+    expression.kind = ExpressionKind::kString;
+    expression.text = text->second;
+  }
+  for (Expression& child : expression.children) resolve_texts(child);
+}
+
+void Lowering::define_text(const Expression& target, const Expression& text) {
+  if (symbols_.find(target.text) != nullptr)
+    throw CompileError{text.location,
+                       fmt::format("'{}' holds numbers, and no text", display_name(target.text))};
+  const auto [known, is_new] = texts_.emplace(target.text, text.text);
+  if (!is_new && known->second != text.text)
+    throw CompileError{text.location, fmt::format("'{}' is the text '{}' already: texts do not change",
+                                                  display_name(target.text), known->second)};
+}
+
 void Lowering::lower_assignment(const Expression& target, const Expression& value) {
+  if (value.kind == ExpressionKind::kString && target.kind == ExpressionKind::kName)
+    return define_text(target, value);
+  if (target.kind == ExpressionKind::kName && texts_.contains(target.text))
+    throw CompileError{target.location, fmt::format("'{}' is the text '{}', and holds no number",
+                                                    display_name(target.text), texts_[target.text])};
   is_register_statement_ = find_shape(target, shape_hint_) || find_shape(value, shape_hint_);
   ResultDestination destination{&target, false};
   const Value result = lower(value, &destination);
@@ -211,6 +255,17 @@ void Lowering::leave_macro(std::uint32_t expansion) {
   for (const Value& value : scope->second.values) builder_.release(value);
   for (const std::string& name : scope->second.names) symbols_.remove(name);
   scopes_.erase(scope);
+}
+
+// Whether the call is one of the original's windows and simulators, which we do not have; warns of it once.
+bool Lowering::ignores(const Expression& call) {
+  static constexpr std::string_view kPrefixes[] = {"apron.", "host.", "sim.", "gui."};
+  const bool foreign = original_ && std::any_of(std::begin(kPrefixes), std::end(kPrefixes), [&](auto prefix) {
+                         return call.text.starts_with(prefix);
+                       });
+  if (foreign && ignored_.insert(call.text).second)
+    diagnostics_.warning(call.location, fmt::format("'{}' is not implemented, and ignored", call.text));
+  return foreign;
 }
 
 void Lowering::fail_unknown_call(const Expression& call) const {
@@ -282,6 +337,7 @@ void Lowering::fail_argument_count(const Builtin& builtin, const Expression& cal
 
 void Lowering::lower_call_statement(const Expression& call) {
   const Builtin* builtin = find_builtin(call.text);
+  if (builtin == nullptr && ignores(call)) return;
   if (builtin == nullptr) {
     if (call.kind == ExpressionKind::kName && symbols_.find(call.text) != nullptr) {
       throw CompileError{call.location, fmt::format("'{}' alone does nothing; expected '=' after it",

@@ -28,9 +28,10 @@ struct ScalarRead {
 
 class Lowering {
  public:
-  // `other_names` are those of macros and defines, for suggestions.
+  // `other_names` are those of macros and defines, for suggestions. `original`: calls of the original's windows
+  // and simulators that nothing defines, and palettes that do not exist, are warnings.
   Lowering(Shape surface, const syntax::SourceManager&, syntax::Diagnostics&,
-           std::vector<std::string> other_names);
+           std::vector<std::string> other_names, bool original = false);
 
   void lower_program(const std::vector<syntax::Statement>&);
   program::Program finish();
@@ -88,6 +89,11 @@ class Lowering {
   void collect_call_writes(const Expression& call);
   void lower_statement(const Statement&);
   void dispatch_statement(const Statement&);
+  void lower_resolved(const Statement&);
+  bool mentions_text(const Expression&) const;
+  void resolve_texts(Expression&) const;
+  void define_text(const Expression& target, const Expression& text);
+  bool ignores(const Expression& call);
   void lower_declaration(const syntax::Declaration&);
   void lower_assignment(const Expression& target, const Expression& value);
   void store_result(ResultDestination&, const Value&, Location);
@@ -226,6 +232,9 @@ class Lowering {
   const syntax::SourceManager& sources_;
   syntax::Diagnostics& diagnostics_;
   std::vector<std::string> other_names_;
+  bool original_ = false;
+  std::set<std::string> ignored_;             // calls that a warning named
+  std::map<std::string, std::string> texts_;  // by the name that stands for them
   ProgramBuilder builder_;
   SymbolTable symbols_;
   std::set<std::string> written_names_;  // every name that some statement writes

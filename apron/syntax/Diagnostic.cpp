@@ -60,6 +60,12 @@ std::vector<std::string> expansion_chain(const Location& start, const SourceMana
   return chain;
 }
 
+void sort_by_location(std::vector<Diagnostic>& diagnostics) {
+  std::stable_sort(diagnostics.begin(), diagnostics.end(), [](const Diagnostic& a, const Diagnostic& b) {
+    return sort_key(a.location) < sort_key(b.location);
+  });
+}
+
 }  // namespace
 
 void Diagnostics::error(Location location, std::string message, std::vector<Note> notes) {
@@ -68,26 +74,34 @@ void Diagnostics::error(Location location, std::string message, std::vector<Note
   for (const Diagnostic& existing : diagnostics_) {
     if (sort_key(existing.location) == sort_key(location) && existing.message == message) return;
   }
-  diagnostics_.push_back({location, std::move(message), std::move(notes)});
+  diagnostics_.push_back({location, std::move(message), std::move(notes), false});
   full_ = diagnostics_.size() >= kMaxErrors;
 }
 
+void Diagnostics::warning(Location location, std::string message) {
+  if (warnings_.size() < kMaxErrors) warnings_.push_back({location, std::move(message), {}, true});
+}
+
 std::vector<Diagnostic> Diagnostics::take() {
-  std::stable_sort(diagnostics_.begin(), diagnostics_.end(), [](const Diagnostic& a, const Diagnostic& b) {
-    return sort_key(a.location) < sort_key(b.location);
-  });
+  sort_by_location(diagnostics_);
   full_ = false;
   return std::exchange(diagnostics_, {});
 }
 
+std::vector<Diagnostic> Diagnostics::take_warnings() {
+  sort_by_location(warnings_);
+  return std::exchange(warnings_, {});
+}
+
 std::string format_diagnostics(const Diagnostic& diagnostic, const SourceManager& sources) {
   const Location& location = diagnostic.location;
+  const char* severity = diagnostic.is_warning ? "warning" : "error";
   if (location.line == 0) {
     const std::string file =
         location.file < sources.file_count() ? sources.file(location.file).name + ": " : "";
-    return fmt::format("{}error: {}\n", file, diagnostic.message);
+    return fmt::format("{}{}: {}\n", file, severity, diagnostic.message);
   }
-  std::string text = fmt::format("{}: error: {}\n", sources.format_location(location), diagnostic.message);
+  std::string text = fmt::format("{}: {}: {}\n", sources.format_location(location), severity, diagnostic.message);
   const std::string line = printable(sources.line_text(location.file, location.line));
   text += "    " + line + '\n';
   if (location.column <= line.size() + 1) text += "    " + caret_indent(line, location.column) + "^\n";
@@ -108,7 +122,8 @@ std::string format_diagnostics(const Diagnostic& diagnostic, const SourceManager
 std::string format_diagnostics(const std::vector<Diagnostic>& diagnostics, const SourceManager& sources) {
   std::string text;
   for (const Diagnostic& diagnostic : diagnostics) text += format_diagnostics(diagnostic, sources);
-  if (diagnostics.size() >= kMaxErrors) text += fmt::format("error: stopped after {} errors\n", kMaxErrors);
+  if (diagnostics.size() >= kMaxErrors && !diagnostics.back().is_warning)
+    text += fmt::format("error: stopped after {} errors\n", kMaxErrors);
   return text;
 }
 

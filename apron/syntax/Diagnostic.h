@@ -17,7 +17,8 @@ struct Note {
 struct Diagnostic {
   Location location;
   std::string message;
-  std::vector<Note> notes;  // "declared here" and the like; include and macro chains come from the location
+  std::vector<Note> notes = {};  // "declared here" and the like; include and macro chains come from the location
+  bool is_warning = false;
 };
 
 inline constexpr std::size_t kMaxErrors = 20;
@@ -28,18 +29,21 @@ class Diagnostics {
  public:
   // The same text at the same place, as from a macro expanded twice, is kept once; nothing beyond kMaxErrors.
   void error(Location location, std::string message, std::vector<Note> notes = {});
+  // Does not refuse the program. At most kMaxErrors are kept.
+  void warning(Location location, std::string message);
   bool full() const noexcept { return full_; }
-  bool empty() const noexcept { return diagnostics_.empty(); }
-  // Sorted by location: files in inclusion order, then line and column.
+  bool empty() const noexcept { return diagnostics_.empty(); }  // of errors
+  // Both sorted by location: files in inclusion order, then line and column.
   std::vector<Diagnostic> take();
+  std::vector<Diagnostic> take_warnings();
 
  private:
-  std::vector<Diagnostic> diagnostics_;
+  std::vector<Diagnostic> diagnostics_, warnings_;
   std::size_t report_count_ = 0;
   bool full_ = false;
 };
 
-// "file:line:col: error: text", the source line, a line with a caret below the column, then one line per
+// "file:line:col: error: text", or "warning", the source line, a line with a caret below the column, then one line per
 // note, macro expansion and include that leads to it.
 std::string format_diagnostics(const Diagnostic&, const SourceManager&);
 std::string format_diagnostics(const std::vector<Diagnostic>&, const SourceManager&);

@@ -18,7 +18,7 @@ const std::vector<std::string> kDirectives = {"!include", "!define",    "!if",  
                                               "!endif",   "!macro_def", "!macro_begin", "!macro_end",
                                               "!object",  "!create",    "!operator",    "!default_palette",
                                               "!module",  "!max_addr",  "!register",    "!machine_register",
-                                              "!error",   "!sim_core"};
+                                              "!error",   "!sim_core",  "!compatibility"};
 
 constexpr std::string_view kOperators[] = {"=",  "+",  "-",  "*",  "/",   "%",  "<",   "<=",   ">",  ">=",
                                            "==", "!=", "&&", "||", "and", "or", "xor", "nand", "nor"};
@@ -131,6 +131,7 @@ bool Preprocessor::handle_directive(Line& line, PreprocessedItem& item) {
   if (directive.text == "max_addr") return handle_max_addr(line.tokens), false;
   if (directive.text == "default_palette") return handle_default_palette(line.tokens), false;
   if (directive.text == "module") return handle_module(line.tokens), false;
+  if (directive.text == "compatibility") return handle_compatibility(line.tokens), false;
   if (directive.text == "sim_core")
     return false;  // of the original: selects its simulator, of which we have one
   if (directive.text == "macro_begin" || directive.text == "macro_end") {
@@ -147,7 +148,10 @@ void Preprocessor::handle_include(const Tokens& tokens) {
   Arguments list;
   std::string name;
   if (!parse_arguments(tokens, 1, 1, list) || !parse_string_argument(list[0], name, "a file name")) return;
-  const Location location = tokens.front().location;
+  include_file(name, tokens.front().location, list[0].front().location);
+}
+
+void Preprocessor::include_file(const std::string& name, Location location, Location argument) {
   const std::filesystem::path including_file = sources_.file(location.file).name;
   std::vector<std::string> candidates{normalize_path((including_file.parent_path() / name).string())};
   for (const std::string& directory : options_.include_paths) {
@@ -162,8 +166,7 @@ void Preprocessor::handle_include(const Tokens& tokens) {
   }
   std::string searched;
   for (const std::string& path : candidates) searched += (searched.empty() ? "" : ", ") + path;
-  diagnostics_.error(list[0].front().location,
-                     fmt::format("there is no file '{}' (looked for {})", name, searched));
+  diagnostics_.error(argument, fmt::format("there is no file '{}' (looked for {})", name, searched));
 }
 
 void Preprocessor::push_file(const std::string& path, std::string text, Location from) {
@@ -418,9 +421,21 @@ void Preprocessor::handle_default_palette(const Tokens& tokens) {
     return;
   }
   const std::string palette_error = options_.check_palette ? options_.check_palette(name) : "";
-  if (!palette_error.empty()) return diagnostics_.error(list[1].front().location, palette_error);
+  if (!palette_error.empty())
+    return original_ ? diagnostics_.warning(list[1].front().location, palette_error)
+                     : diagnostics_.error(list[1].front().location, palette_error);
   palette_ = name;
   scale_ = static_cast<float>(scale->number);
+}
+
+void Preprocessor::handle_compatibility(const Tokens& tokens) {
+  Arguments list;
+  std::string name;
+  if (!parse_arguments(tokens, 1, 1, list) || !parse_string_argument(list[0], name, "a dialect's name")) return;
+  if (name != "original")
+    return diagnostics_.error(list[0].front().location,
+                              fmt::format("there is no dialect '{}'; there is 'original'", name));
+  original_ = true;
 }
 
 void Preprocessor::handle_module(const Tokens& tokens) {

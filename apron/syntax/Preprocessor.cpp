@@ -46,6 +46,7 @@ Preprocessor::Preprocessor(PreprocessorOptions options, FileReader& reader, Sour
   std::optional<std::string> text = reader_.read(options_.file);
   if (text) {
     push_file(options_.file, std::move(*text), {});
+    if (!options_.prelude.empty()) include_file(options_.prelude, {}, {});
   } else {
     sources_.add_file(options_.file, "", {});
     diagnostics_.error({}, "the file does not exist or cannot be read");

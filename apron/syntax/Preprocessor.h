@@ -32,6 +32,7 @@ struct PreprocessorOptions {
   std::uint32_t width = 0, height = 0;     // SURFACE_WIDTH, SURFACE_HEIGHT, in cells
   std::vector<std::string> include_paths;  // searched after the including file's directory
   std::string library_path;                // searched last; "" for none
+  std::string prelude;                     // included before the first line; "" for none
   // Whether there is an instruction of that name: a macro of the same name calls it in its body.
   std::function<bool(std::string_view)> is_builtin;
   // "" if the palette exists, otherwise the error message.
@@ -86,6 +87,8 @@ class Preprocessor {
   // Name of the last `!module`, "" before the first. In a macro's body: of the macro's definition.
   const std::string& module() const noexcept { return module_; }
   std::size_t max_addr() const noexcept { return max_addr_; }
+  // Whether `!compatibility('original')` was read.
+  bool is_original() const noexcept { return original_; }
   // Every define, for suggestions.
   std::vector<std::string> define_names() const;
 
@@ -140,6 +143,8 @@ class Preprocessor {
   void handle_max_addr(const Tokens&);
   void handle_default_palette(const Tokens&);
   void handle_module(const Tokens&);
+  void handle_compatibility(const Tokens&);
+  void include_file(const std::string& name, Location directive, Location argument);
 
   PreprocessorOptions options_;
   FileReader& reader_;
@@ -151,6 +156,7 @@ class Preprocessor {
   std::map<std::string, std::string> operators_;
   MacroTable macros_;
   std::string module_;
+  bool original_ = false;
   std::string palette_;
   float scale_ = 0.0F;
   std::size_t include_count_ = 0;

@@ -107,6 +107,7 @@ int exit_status(vm::Status status, const std::string& error, const Options& opti
 struct RunResult {
   vm::Status status = vm::Status::kEnded;
   std::string error;
+  std::string save_error;
   std::uint64_t ticks = 0;
   std::vector<vm::InstructionProfile> profile;
 };
@@ -117,13 +118,14 @@ RunResult run_headless(const Options& options, program::Program program, LocalHo
   vm_options.isa = options.isa;
   vm_options.stop = &common::stop_flag();
   vm_options.enable_profiling = !options.profile.empty();
-  // Only the monitor reads registers that the program itself no longer uses.
-  vm_options.fusion.preserve_named_registers = !options.watch.empty();
+  // Only --watch and --save read registers that the program itself no longer uses.
+  vm_options.fusion.preserve_named_registers = !options.watch.empty() || !options.saved.empty();
   vm::Vm vm(std::move(program), vm_options, host);
   RunResult result;
   result.status = run_until_end(vm, options, result.ticks);
   result.error = vm.error();
   result.profile = vm.profile();
+  result.save_error = save_registers(options.saved, vm, host);
   return result;
 }
 
@@ -145,6 +147,8 @@ int compile_and_run(const Options& options, std::uint32_t width, std::uint32_t h
           options.watch.empty() ? "" : TerminalMonitor::unknown_register_message(program, options.watch);
       !message.empty())
     return print_error(common::kUserError, "error: " + message);
+  if (const std::string reason = unsavable_reason(options.saved, program); !reason.empty())
+    return print_error(common::kUserError, "error: " + reason);
   std::optional<CostModel> model;
   if (std::string error; !options.cost_model.empty()) {
     model = read_cost_model(find_library_file(options.cost_model), error);
@@ -161,11 +165,14 @@ int compile_and_run(const Options& options, std::uint32_t width, std::uint32_t h
     if (options.uses_ui()) {
       UiRunResult ui_result = run_with_ui({options, *compiled, width, height, host, on_pause});
       if (!ui_result.ui_error.empty()) return print_error(common::kUserError, "error: " + ui_result.ui_error);
-      ran = {ui_result.status, std::move(ui_result.error), ui_result.ticks, std::move(ui_result.profile)};
+      ran = {ui_result.status, std::move(ui_result.error), std::move(ui_result.save_error), ui_result.ticks,
+             std::move(ui_result.profile)};
     } else {
       ran = run_headless(options, program, host);
     }
     const int exit = exit_status(ran.status, ran.error, options);
+    if (!ran.save_error.empty())
+      return std::max<int>(exit, print_error(common::kFailed, "error: " + ran.save_error));
     const bool written =
         options.profile.empty() || write_profile(program, ran.profile, ran.ticks, model, options);
     return written ? exit : std::max<int>(exit, common::kFailed);

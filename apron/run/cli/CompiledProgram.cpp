@@ -28,6 +28,7 @@ compiler::CompileOptions compile_options(const Options& options, std::uint32_t w
   result.height = height;
   result.include_paths = options.include_paths;
   result.library_path = library_path();
+  if (options.original) result.prelude = "original.aps";
   return result;
 }
 
@@ -35,8 +36,9 @@ std::optional<CompiledProgram> compile_with_sources(const Options& options, std:
                                                     std::uint32_t height, std::string& errors) {
   syntax::DiskReader reader;
   compiler::CompileResult result = compiler::compile(compile_options(options, width, height), reader);
+  errors = syntax::format_diagnostics(result.warnings, result.sources);
   if (!result.program) {
-    errors = syntax::format_diagnostics(result.diagnostics, result.sources);
+    errors += syntax::format_diagnostics(result.diagnostics, result.sources);
     return std::nullopt;
   }
   CompiledProgram compiled{std::move(*result.program), {}};

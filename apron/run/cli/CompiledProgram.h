@@ -19,7 +19,7 @@ struct CompiledProgram {
   program::Program program;
   std::vector<debugger::SourceText> sources;  // the main file first
 };
-// On failure returns nullopt and sets errors to the diagnostics as text.
+// Sets errors to the diagnostics as text: the warnings and, if it returns nullopt, the errors.
 std::optional<CompiledProgram> compile_with_sources(const Options& options, std::uint32_t width,
                                                     std::uint32_t height, std::string& errors);
 

@@ -48,7 +48,7 @@ CLI::Validator seconds_validator() {
 struct RawOptions {
   Options options;
   std::string size, profile, isa, pace, frames_per_s;
-  std::vector<std::string> sets, keys;
+  std::vector<std::string> sets, keys, saves;
   std::string geometry;
   std::vector<std::string> screenshots;
 };
@@ -98,6 +98,15 @@ void parse_frame_rate(RawOptions& raw) {
     rate.pace = parse_positive("--pace", raw.pace, 1e6, "max, realtime or a positive number, such as 0.5");
 }
 
+void parse_saves(RawOptions& raw) {
+  for (const std::string& text : raw.saves) {
+    const std::size_t equals = text.find('=');
+    if (equals == std::string::npos || equals == 0 || equals + 1 == text.size())
+      throw CLI::ValidationError("--save", "'" + text + "' is not REGISTER=FILE, such as A=a.npy");
+    raw.options.saved.push_back({text.substr(0, equals), text.substr(equals + 1)});
+  }
+}
+
 void parse_keys(RawOptions& raw) {
   for (const std::string& text : raw.keys) {
     std::string error;
@@ -115,6 +124,8 @@ void add_common_options(CLI::App& command, RawOptions& raw, bool takes_program =
                   "search this directory for included files before the installed library")
       ->type_name("DIR")
       ->allow_extra_args(false);
+  command.add_flag("--original", raw.options.original,
+                   "the program is one of APRON 2.9: include original.aps before its first line");
   command.add_option("--size", raw.size, "array size without a surface [64x64]")->type_name("WxH");
 }
 
@@ -200,6 +211,9 @@ void add_run_options(CLI::App& run, RawOptions& raw) {
       ->allow_extra_args(false);
   run.add_option("--video", raw.options.video, "record a video of the window, 30 frames per second of the surface's or program's time")
       ->type_name("FILE.mp4");
+  run.add_option("--save", raw.saves, "write this register to a .npy, .csv or picture file at the end")
+      ->type_name("REGISTER=FILE")
+      ->allow_extra_args(false);
   run.add_option("--watch", raw.options.watch,
                  "draw this register while the program runs; if stdout is not a terminal, once at the end")
       ->type_name("REGISTER")
@@ -300,6 +314,7 @@ void validate_run_options(RawOptions& raw) {
     raw.options.surface = environment_name;
   parse_frame_rate(raw);
   parse_keys(raw);
+  parse_saves(raw);
 }
 
 }  // namespace

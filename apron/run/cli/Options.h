@@ -7,6 +7,7 @@
 #include <utility>
 #include <vector>
 
+#include "apron/run/cli/SavedRegisters.h"
 #include "apron/run/host/LocalHost.h"
 #include "apron/vm/InstructionSet.h"
 #include "common/process/ExitStatus.h"
@@ -41,6 +42,7 @@ struct Options {
   vm::InstructionSet isa = vm::best_instruction_set();
   bool reconnect = false;
   bool local_check = false;  // check --local
+  bool original = false;     // --original
   std::vector<std::string> include_paths;
   double wait_s = 5.0;
   std::string profile, cost_model;  // files; empty for none
@@ -49,6 +51,7 @@ struct Options {
   std::string show;  // a register
   std::vector<Screenshot> screenshots;
   std::string video;               // a file; empty for none
+  std::vector<SavedRegister> saved;
   std::vector<std::string> files;  // the inputs of fmt
   std::string watch;               // a register to show in the terminal; empty for none
 

@@ -25,6 +25,7 @@ struct UiRunResult {
   vm::Status status = vm::Status::kEnded;
   std::string error;        // of the program
   std::string ui_error;     // one line, such as a file that cannot be written or no OpenGL; empty for none
+  std::string save_error;   // of --save
   std::uint64_t ticks = 0;  // completed surface.step
   std::vector<vm::InstructionProfile> profile;
 };

@@ -183,6 +183,9 @@ TEST_F(Cli, InvalidCommandLineExitsWithStatus2) {
       {"run", good, "--screenshot", "a.png@soon"},
       {"run", good, "--screenshot", "a.png", "--geometry", "80x25"},
       {"run", good, "--screenshot", "a.png", "--window"},
+      {"run", good, "--save", "A"},
+      {"run", good, "--save", "A=a.npy"},  // no such register
+      {"run", file("r.aps", "!register(A)\n"), "--save", "A=a.txt"},
       {"run", good, "--pace", "fast"},
       {"run", good, "--fps", "0"},
       {"run", good, "--keys", "left"},
