@@ -18,6 +18,7 @@
 #include "apron/run/cli/CompiledProgram.h"
 #include "apron/run/cli/ProfileReport.h"
 #include "apron/run/cli/TerminalMonitor.h"
+#include "apron/run/host/StepWatchdog.h"
 #include "apron/run/host/SurfaceHost.h"
 #include "apron/run/ui/UiRun.h"
 #include "apron/vm/Vm.h"
@@ -49,26 +50,6 @@ std::string unknown_parameter_message(const Options& options, const program::Pro
 // Instructions between two updates of the monitor or looks at the clock; larger than any fused segment.
 constexpr std::uint64_t kMonitorInterval = 8192;
 
-// Warns once when a surface has waited that long for surface.step.
-class StepWatchdog {
- public:
-  explicit StepWatchdog(bool active) : active_(active) {}
-
-  bool active() const noexcept { return active_; }
-  void stepped() { last_step_ = Clock::now(); }
-  void check() {
-    if (!active_ || Clock::now() - last_step_ < kPatience) return;
-    active_ = false;
-    std::cerr << "apron: warning: the surface has waited 2 s for surface.step\n";
-  }
-
- private:
-  using Clock = std::chrono::steady_clock;
-  static constexpr std::chrono::seconds kPatience{2};
-  bool active_;
-  Clock::time_point last_step_ = Clock::now();
-};
-
 vm::Status run_until_end(vm::Vm& vm, const Options& options, bool surface_waits, std::uint64_t& ticks) {
   std::optional<TerminalMonitor> monitor;
   if (!options.watch.empty()) {
@@ -83,7 +64,7 @@ vm::Status run_until_end(vm::Vm& vm, const Options& options, bool surface_waits,
       watchdog.stepped();
       ++ticks;
     } else if (status == vm::Status::kRunning) {
-      watchdog.check();
+      if (watchdog.overdue()) std::cerr << "apron: warning: " << StepWatchdog::kMessage << '\n';
     } else {
       return status;  // the wait for a surface that closes is not the program's
     }
@@ -155,7 +136,11 @@ RunResult run_headless(const Options& options, program::Program program, LocalHo
   return result;
 }
 
-using PauseCallback = std::function<void(bool)>;
+// What the user interface tells the surface.
+struct UiCallbacks {
+  std::function<void(bool)> on_pause;
+  std::function<void()> on_finish;
+};
 
 // Compiles for the array's size, checks the options against the program and runs it. with_host() creates the
 // host and passes it to its argument; it returns the exit status.
@@ -181,13 +166,13 @@ int compile_and_run(const Options& options, std::uint32_t width, std::uint32_t h
       return common::kUserError;
     }
   }
-  return with_host([&](LocalHost& host, const PauseCallback& on_pause) {
+  return with_host([&](LocalHost& host, const UiCallbacks& callbacks) {
     if (const std::string error = host.load_modules(program.modules, module_search_paths(options));
         !error.empty())
       return print_error(common::kUserError, "error: " + error);
     RunResult ran;
     if (options.uses_ui()) {
-      UiRunResult ui_result = run_with_ui({options, *compiled, width, height, host, on_pause});
+      UiRunResult ui_result = run_with_ui({options, *compiled, width, height, host, callbacks.on_pause, callbacks.on_finish});
       if (!ui_result.ui_error.empty()) return print_error(common::kUserError, "error: " + ui_result.ui_error);
       ran = {ui_result.status, std::move(ui_result.error), ui_result.ticks, std::move(ui_result.profile)};
     } else {
@@ -226,7 +211,7 @@ int run_surface_session(const Options& options, std::chrono::nanoseconds timeout
     SurfaceHost host(surface, wait_stop_flag(options), options.parameters, host_environment(options));
     switch (host.await_first_frame()) {
       case vm::HostStatus::kOk:
-        return go(host, [&host](bool paused) { host.publish_paused(paused); });
+        return go(host, {[&host](bool paused) { host.publish_paused(paused); }, [&host] { host.detach(); }});
       case vm::HostStatus::kClosed:
         return static_cast<int>(common::kDone);
       case vm::HostStatus::kInterrupted:

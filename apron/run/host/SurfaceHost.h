@@ -38,6 +38,9 @@ class SurfaceHost final : public LocalHost {
   }
   // Sets the controller's published state to paused or running. The surface waits in either state.
   void publish_paused(bool paused) noexcept;
+  // Leaves the surface for another controller. Sensors keep their last values; actuate() and step() return
+  // kClosed.
+  void detach() noexcept;
 
   std::optional<double> time_s() const override;
   std::optional<double> dt_s() const override;
@@ -69,6 +72,7 @@ class SurfaceHost final : public LocalHost {
   shm_protocol::ControllerEndpoint& surface_;
   std::vector<bool> is_complete_;  // per channel: every component of its next actuator frame has its value
   bool has_published_ = false;     // at least one frame
+  bool detached_ = false;
   bool answered_ = false;          // the current frame is answered; waiting for the next was interrupted
 };
 

@@ -7,6 +7,7 @@
 #include <map>
 
 #include "apron/debugger/SessionThread.h"
+#include "apron/run/host/StepWatchdog.h"
 #include "apron/ui/window/Window.h"
 #include "common/process/StopSignals.h"
 
@@ -73,7 +74,8 @@ class WindowLoop {
         model_(context.model),
         file_monitor_(context.run.compiled.sources),
         window_(title(context.run.options), window_placement(context.run.options.geometry)),
-        session_thread_(context.session, common::interrupt_flag()) {
+        session_thread_(context.session, common::interrupt_flag()),
+        watchdog_(context.run.host.surface_waits()) {
     if (!context.run.options.hold) model_.run();
   }
 
@@ -83,6 +85,10 @@ class WindowLoop {
       if (debugger::DebugSnapshot snapshot; session_thread_.poll_snapshot(snapshot)) {
         model_.update(std::move(snapshot));
         snapshot_requested_ = false;
+        if (model_.finished() && !was_finished_ && context_.run.on_finish)
+          session_thread_.post([this](debugger::DebugSession&) { context_.run.on_finish(); });
+        was_finished_ = model_.finished();
+        watch_steps();
       }
       if (!window_.render_frame(model_)) return;
       std::fflush(stdout);  // a program without a surface never flushes its output
@@ -110,6 +116,15 @@ class WindowLoop {
         model_.running() || !was_idle_ ? std::max(kFrame_s, 3.0 * draw_time_s) : kIdleFrame_s;
     was_idle_ = !model_.running();
     window_.wait_events(std::max(0.001, frame_time_s - draw_time_s));
+  }
+
+  void watch_steps() {
+    const std::uint64_t ticks = model_.snapshot().ticks;
+    if (ticks != last_ticks_ || !model_.running()) watchdog_.stepped();
+    last_ticks_ = ticks;
+    if (!watchdog_.overdue()) return;
+    model_.notice = StepWatchdog::kMessage;
+    std::fprintf(stderr, "apron: warning: %s\n", StepWatchdog::kMessage);
   }
 
   void reload() {
@@ -143,8 +158,9 @@ class WindowLoop {
   SourceFileMonitor file_monitor_;
   ui::Window window_;
   debugger::SessionThread session_thread_;
-  std::uint64_t program_id_ = 1;
-  bool snapshot_requested_ = false, was_idle_ = false;
+  StepWatchdog watchdog_;
+  std::uint64_t program_id_ = 1, last_ticks_ = 0;
+  bool snapshot_requested_ = false, was_idle_ = false, was_finished_ = false;
 };
 
 }  // namespace
