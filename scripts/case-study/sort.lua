@@ -71,7 +71,7 @@ if hold > 0 then
     if purity() < 0.95 then since = nil else since = since or t end
     if since and t - since >= hold + 0.1 then
       print(string.format('sorted at %.1f s', since))
-      stop()
+      stop(string.format('sorted: %.0f %% after %.1f s', 100 * purity(), since), true)
     end
   end)
 end

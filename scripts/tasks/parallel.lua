@@ -26,7 +26,7 @@ on_tick(function(t)
   local count = 0
   for _, id in ipairs(travellers) do count = count + (arrived(id) and 1 or 0) end
   done_at = count == #travellers and (done_at or t) or nil
-  if done_at and t > done_at + 2 then stop() end
+  if done_at and t > done_at + 2 then stop(string.format('done after %.1f s', done_at), true) end
 end)
 on_finish(function()
   local x, y = object(bystander):position()

@@ -26,7 +26,7 @@ function two_kinds.measure(n, count)
     end
     purity = right / (2 * count)
     sorted_at = purity >= 0.95 and (sorted_at or t) or nil
-    if sorted_at and t > sorted_at + 5 then stop() end
+    if sorted_at and t > sorted_at + 5 then stop(string.format('sorted after %.1f s', sorted_at), true) end
   end)
   reward(function() return purity end)
   success(function(t) return sorted_at and t > sorted_at + 5 end)

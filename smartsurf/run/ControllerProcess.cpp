@@ -66,6 +66,18 @@ std::vector<std::string> make_command(const std::string& controller, const std::
   _exit(2);
 }
 
+std::string likely_program(const fs::path& experiment) {
+  const fs::path same_name = fs::path(experiment).replace_extension(".aps");
+  std::error_code error;
+  if (fs::is_regular_file(same_name, error)) return same_name.string();
+  std::vector<std::string> programs;
+  const fs::path folder = experiment.has_parent_path() ? experiment.parent_path() : fs::path(".");
+  for (const fs::directory_entry& entry : fs::directory_iterator(folder, error))
+    if (entry.path().extension() == ".aps")
+      programs.push_back((experiment.parent_path() / entry.path().filename()).string());
+  return programs.size() == 1 ? programs.front() : "PROGRAM.aps";
+}
+
 }  // namespace
 
 bool is_apron_program(const std::string& controller) {
@@ -102,8 +114,9 @@ std::optional<int> ControllerProcess::wait_for_exit(std::chrono::milliseconds ti
   return status_;
 }
 
-std::string attach_command(const std::string& shm_name) {
-  return fmt::format("{} run PROGRAM.aps --shm {}", apron_executable(), shm_name);
+std::string attach_command(const std::string& experiment, const std::string& shm_name, bool with_window) {
+  return fmt::format("{} run {} --shm {}{}", apron_executable(), likely_program(experiment), shm_name,
+                     with_window ? " --window" : "");
 }
 
 }  // namespace smartsurf::run

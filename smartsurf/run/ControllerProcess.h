@@ -38,7 +38,8 @@ class ControllerProcess {
 // Returns whether --controller names an APRON program, which can have a window.
 bool is_apron_program(const std::string& controller);
 
-// The shell command that attaches a controller to a waiting surface, shown to the user.
-std::string attach_command(const std::string& shm_name);
+// The shell command that attaches a controller to a waiting surface, shown to the user. It names the APRON
+// program beside the experiment that has its name, else the only one there, else PROGRAM.aps.
+std::string attach_command(const std::string& experiment, const std::string& shm_name, bool with_window);
 
 }  // namespace smartsurf::run

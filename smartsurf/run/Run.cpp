@@ -1,6 +1,7 @@
 #include "smartsurf/run/Run.h"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 #include <unistd.h>
 
 #include <cmath>
@@ -20,7 +21,6 @@ using Clock = std::chrono::steady_clock;
 using shm_protocol::Status;
 
 constexpr auto kWindowWait = 8ms;      // longest wait between two polls of the window
-constexpr auto kControllerPatience = 2s;  // for an answer, before a message
 constexpr auto kHeadlessWait = 100ms;  // longest wait between two checks of the controller, without a window
 
 script::LoadOptions make_load_options(const RunOptions& options) {
@@ -126,10 +126,13 @@ int Run::execute() {
   } catch (const scene::InputError& error) {
     set_ending(common::kUserError, error.what());
     finish();
+    keep_window_open();
     throw;
   }
   finish();
+  print_summary();
   keep_window_open();
+  controller_process_.reset();
   return ending_->exit_status;
 }
 
@@ -142,7 +145,7 @@ void Run::start() {
     link_->endpoint().set_state(shm_protocol::State::kRunning);
     if (options_.mode == RunMode::kPassive && !controller_process_)
       progress_.print_message(
-          fmt::format("running; a controller may attach with: {}", attach_command(link_->name())));
+          fmt::format("running; a controller may attach with: {}", command_to_attach()));
     else if (!link_->endpoint().has_controller() && !wait_for_controller())
       return;
     if (!publish()) return;
@@ -198,7 +201,8 @@ bool Run::advance_physics() {
 }
 
 bool Run::receive_targets() {
-  const Clock::time_point asked = Clock::now();
+  silent_since_ = Clock::now();
+  silence_.clear();
   while (true) {
     const auto timeout = display_->has_window() ? kWindowWait : kHeadlessWait;
     const Status status =
@@ -211,6 +215,8 @@ bool Run::receive_targets() {
       case Status::kRepeated:
         return true;
       case Status::kTimeout:
+        check_silence();
+        break;
       case Status::kTorn:
         break;
       case Status::kNoController:
@@ -226,12 +232,6 @@ bool Run::receive_targets() {
     if (stop_requested_) set_ending(common::kDone, "stopped by the user");
     if (requests_.quit) set_ending(common::kDone, "stopped by the user");
     if (ending_) return false;
-    if (!announced_silence_ && Clock::now() - asked > kControllerPatience && link_->endpoint().has_controller() &&
-        link_->endpoint().controller_state() == shm_protocol::State::kRunning) {
-      announced_silence_ = true;
-      progress_.print_message(fmt::format("the controller (process {}) has not answered tick {} for 2 s",
-                                          link_->endpoint().controller_pid(), simulation_.snapshot().tick));
-    }
   }
 }
 
@@ -245,6 +245,11 @@ bool Run::continue_without_controller(Status status) {
 // Ends the run when the controller that it started exits. Returns false if the run started none.
 bool Run::handle_controller_exit() {
   if (!controller_process_) return false;
+  // The program has ended; its window stays open.
+  if (controller_has_window() && !controller_process_->exit_status()) {
+    set_ending(common::kDone, "the controller exited");
+    return true;
+  }
   const auto status = controller_process_->wait_for_exit(2000ms);
   if (stop_requested_) {  // a signal to the process group ends both
     set_ending(common::kDone, "stopped by the user");
@@ -262,6 +267,26 @@ bool Run::handle_controller_exit() {
   return true;
 }
 
+std::string Run::command_to_attach() const {
+  return attach_command(options_.experiment, link_->name(), display_->has_window());
+}
+
+// Names a controller that is alive and does not answer, with the likely cause.
+void Run::check_silence() {
+  constexpr auto kPatience = 2s;
+  if (options_.mode == RunMode::kPassive || requests_.paused || controller_is_paused()) {
+    silent_since_ = Clock::now();
+    silence_.clear();
+  }
+  if (!silence_.empty() || Clock::now() - silent_since_ < kPatience) return;
+  const bool starting = link_->endpoint().controller_state() == shm_protocol::State::kLoading;
+  silence_ = fmt::format("the controller (process {}) has not answered tick {} for 2 s: {}",
+                         link_->endpoint().controller_pid(), simulation_.snapshot().tick,
+                         starting ? "it is still starting"
+                                  : "does its program reach surface.step, or publish, in every turn of its loop?");
+  progress_.print_message(silence_);
+}
+
 // Waits for a controller to attach, the first or a successor. Returns false if the run ends meanwhile.
 bool Run::wait_for_controller() {
   if (had_controller_) {
@@ -271,7 +296,7 @@ bool Run::wait_for_controller() {
   }
   if (!controller_process_ && !announced_waiting_) {
     progress_.print_message(
-        fmt::format("waiting for a controller; attach one with: {}", attach_command(link_->name())));
+        fmt::format("waiting for a controller; attach one with: {}", command_to_attach()));
     announced_waiting_ = true;
   }
   while (true) {
@@ -333,8 +358,11 @@ void Run::apply_script_requests() {
   const simulation::ScriptRequests requests = simulation_.take_requests();
   if (requests.pace_changed) pacer_.set_factor(requests.pace);
   if (requests.pause && display_->has_window()) requests_.paused = true;
-  if (requests.stop || requests.quit) set_ending(common::kDone, "stopped by the script");
-  keep_window_open_ = requests.stop && !requests.quit;
+  quit_by_script_ = requests.quit;
+  if (!requests.stop && !requests.quit) return;
+  const std::string& message = requests.stop_message;
+  set_ending(common::kDone, "stopped by the script" + (message.empty() ? "" : ": " + message), message,
+             requests.success);
 }
 
 bool Run::wait_until_due() {
@@ -360,8 +388,8 @@ bool Run::wait_until_due() {
   }
 }
 
-void Run::set_ending(int exit_status, std::string outcome) {
-  if (!ending_) ending_ = Ending{exit_status, std::move(outcome)};
+void Run::set_ending(int exit_status, std::string outcome, std::string title, std::optional<bool> success) {
+  if (!ending_) ending_ = Ending{exit_status, std::move(outcome), std::move(title), success};
 }
 
 void Run::finish() {
@@ -372,9 +400,11 @@ void Run::finish() {
   for (const auto& recorder : recorders_)
     recorder->close({ending_->outcome, snapshot.tick, snapshot.time_s, snapshot.state_hash});
   if (!options_.stats_file.empty()) write_stats();
-  // Closing the surface lets the controller exit by itself before it is terminated.
+  // Closing the surface lets the controller exit by itself before it is terminated, unless it has a window,
+  // which stays open as long as this run's.
   link_.reset();
-  if (controller_process_) controller_process_->wait_for_exit(2000ms);
+  if (!controller_process_ || controller_has_window()) return;
+  controller_process_->wait_for_exit(2000ms);
   controller_process_.reset();
 }
 
@@ -404,6 +434,24 @@ RunSummary Run::summary() const {
     s.actuator_values_clamped = link_->endpoint().counters().clamped;
   }
   return s;
+}
+
+std::vector<std::string> Run::written_files() const {
+  std::vector<std::string> files = options_.recording_files;
+  for (const Screenshot& screenshot : options_.screenshots) files.push_back(screenshot.file);
+  for (const std::string& file : {options_.video_file, options_.stats_file})
+    if (!file.empty()) files.push_back(file);
+  return files;
+}
+
+// A failure was reported when it happened and stays the last line.
+void Run::print_summary() {
+  if (!options_.summary || ending_->exit_status != common::kDone) return;
+  const RunSummary s = summary();
+  const std::vector<std::string> files = written_files();
+  progress_.print_message(fmt::format("{}: {:.2f} s simulated in {:.1f} s ({:.3g}x real time){}{}",
+                                      ending_->outcome, s.simulated_s, s.wall_s, s.real_time_factor(),
+                                      files.empty() ? "" : "; wrote ", fmt::join(files, ", ")));
 }
 
 void Run::write_stats() const { replace_output_file("--stats", options_.stats_file, stats_json()); }

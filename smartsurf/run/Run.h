@@ -61,6 +61,8 @@ class Run {
   struct Ending {
     int exit_status = common::kDone;
     std::string outcome;
+    std::string title;            // the outcome in the words of the script, or ""
+    std::optional<bool> success;  // as the script says
   };
 
   void open_recordings();
@@ -69,6 +71,8 @@ class Run {
   bool receive_targets();
   bool wait_for_controller();
   bool handle_controller_exit();
+  void check_silence();
+  std::string command_to_attach() const;
   bool continue_without_controller(shm_protocol::Status);
   bool advance_physics();
   bool publish();
@@ -76,13 +80,19 @@ class Run {
   void apply_script_requests();
   void apply_user_interaction();
   void prepare_restart();
-  void keep_window_open();  // after the script's stop(), until the user closes the window
+  void keep_window_open();  // shows the result until the user closes the window
+  bool controller_has_window() const;
+  view::Banner result_banner() const;
+  std::vector<std::string> written_files() const;
+  void print_summary();
   void handle_display_loss();
   bool wait_until_due();  // draws and sleeps until the next tick is due; false: the run is over
   void refresh_display();
   view::FrameInput frame_input();
   std::optional<double> end_time_s() const;
-  void set_ending(int exit_status, std::string outcome);
+  // The first ending counts.
+  void set_ending(int exit_status, std::string outcome, std::string title = "",
+                  std::optional<bool> success = std::nullopt);
   void finish();
   void write_stats() const;
   RunSummary summary() const;
@@ -105,7 +115,9 @@ class Run {
   UserInteraction interaction_;
   std::optional<std::uint64_t> first_interaction_tick_;  // the tick after which the user intervened
   std::string notice_;
-  bool keep_window_open_ = false;
+  std::chrono::steady_clock::time_point silent_since_{};  // when the controller should have answered
+  std::string silence_;  // what was reported about it, or ""
+  bool quit_by_script_ = false;
   std::optional<Restart> restart_;
   std::function<void(const simulation::Simulation&)> observer_;
   PhaseTimes phase_times_;
@@ -115,7 +127,6 @@ class Run {
   std::chrono::steady_clock::time_point start_time_{};
   double wall_s_ = 0.0;
   bool announced_waiting_ = false;
-  bool announced_silence_ = false;  // of a controller that does not answer
   bool had_controller_ = false;
 };
 

@@ -80,6 +80,7 @@ void write_stats(const std::string& file, const std::vector<Outcome>& outcomes, 
 RunOptions world_options(const RunOptions& shared, int index, std::uint64_t first_seed) {
   RunOptions options = shared;
   options.world_index = index;
+  options.summary = false;
   options.seed = first_seed + static_cast<std::uint64_t>(index);
   const std::string base = !shared.shm.empty()         ? shared.shm
                            : shared.controller.empty() ? "surface"

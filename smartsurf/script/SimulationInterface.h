@@ -52,7 +52,9 @@ class SimulationInterface {
   virtual float sense(const std::string& channel, int row, int column, int component) const = 0;
   virtual float read_ground_truth(const std::string& channel, int row, int column, int component) const = 0;
 
-  virtual void stop() = 0;   // ends the run after the current tick; a window stays open
+  // Ends the run after the current tick; a window stays open and shows the message, one line or "".
+  // success: whether the run reached its aim, if the script says so.
+  virtual void stop(std::string message, std::optional<bool> success) = 0;
   virtual void quit() = 0;   // ends the run after the current tick and closes the window
   virtual void pause() = 0;  // may be rejected in headless mode, where nothing can resume the run
   // Simulated seconds per wall second; nullopt = as fast as possible.

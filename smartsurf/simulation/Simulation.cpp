@@ -101,6 +101,12 @@ void Simulation::sense() { sensor_array_.sense(snapshot_, catalogue_, pool_); }
 
 ScriptRequests Simulation::take_requests() noexcept { return std::exchange(requests_, {}); }
 
+void Simulation::stop(std::string message, std::optional<bool> success) {
+  requests_.stop = true;
+  requests_.stop_message = std::move(message);
+  requests_.success = success;
+}
+
 scene::ObjectId Simulation::spawn(const scene::ObjectSpec& spec) {
   const scene::ObjectId id = world_.add(spec);
   catalogue_.push_back(spec);

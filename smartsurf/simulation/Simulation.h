@@ -22,6 +22,8 @@ namespace smartsurf::simulation {
 // Requests of the script to the run, which reads and clears them after each tick.
 struct ScriptRequests {
   bool stop = false, quit = false, pause = false;
+  std::string stop_message;  // one line, or ""
+  std::optional<bool> success;
   bool pace_changed = false;
   std::optional<double> pace;  // nullopt: as fast as possible
 };
@@ -86,7 +88,7 @@ class Simulation final : public script::SimulationInterface {
   void set_targets(const std::string& channel, std::span<const float> values) override;
   float sense(const std::string& channel, int row, int column, int component) const override;
   float read_ground_truth(const std::string& channel, int row, int column, int component) const override;
-  void stop() override { requests_.stop = true; }
+  void stop(std::string message, std::optional<bool> success) override;
   void quit() override { requests_.quit = true; }
   void pause() override { requests_.pause = true; }
   void set_real_time_factor(std::optional<double> factor) override;

@@ -129,7 +129,11 @@ RunResult run_headless(const Options& options, program::Program program, LocalHo
   return result;
 }
 
-using PauseCallback = std::function<void(bool)>;
+// What the user interface tells the surface.
+struct UiCallbacks {
+  std::function<void(bool)> on_pause;
+  std::function<void()> on_finish;
+};
 
 // Compiles for the array's size, checks the options against the program and runs it. with_host() creates the
 // host and passes it to its argument; it returns the exit status.
@@ -157,13 +161,13 @@ int compile_and_run(const Options& options, std::uint32_t width, std::uint32_t h
       return common::kUserError;
     }
   }
-  return with_host([&](LocalHost& host, const PauseCallback& on_pause) {
+  return with_host([&](LocalHost& host, const UiCallbacks& callbacks) {
     if (const std::string error = host.load_modules(program.modules, module_search_paths(options));
         !error.empty())
       return print_error(common::kUserError, "error: " + error);
     RunResult ran;
     if (options.uses_ui()) {
-      UiRunResult ui_result = run_with_ui({options, *compiled, width, height, host, on_pause});
+      UiRunResult ui_result = run_with_ui({options, *compiled, width, height, host, callbacks.on_pause, callbacks.on_finish});
       if (!ui_result.ui_error.empty()) return print_error(common::kUserError, "error: " + ui_result.ui_error);
       ran = {ui_result.status, std::move(ui_result.error), std::move(ui_result.save_error), ui_result.ticks,
              std::move(ui_result.profile)};
@@ -206,7 +210,7 @@ int run_surface_session(const Options& options, std::chrono::nanoseconds timeout
     SurfaceHost host(surface, wait_stop_flag(options), options.parameters, host_environment(options));
     switch (host.await_first_frame()) {
       case vm::HostStatus::kOk:
-        return go(host, [&host](bool paused) { host.publish_paused(paused); });
+        return go(host, {[&host](bool paused) { host.publish_paused(paused); }, [&host] { host.detach(); }});
       case vm::HostStatus::kClosed:
         return static_cast<int>(common::kDone);
       case vm::HostStatus::kInterrupted:

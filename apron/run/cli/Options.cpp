@@ -202,7 +202,8 @@ void add_run_options(CLI::App& run, RawOptions& raw) {
   run.add_flag("--hold", raw.options.hold, "with --window: start paused before the first line");
   run.add_option(
          "--geometry", raw.geometry,
-         "size of the window or picture, and position of the window ('beside': next to the simulator)")
+         "size of the window or picture, and position of the window ('beside', the default with --shm: next to "
+         "the simulator's)")
       ->type_name("WxH[+X+Y]");
   run.add_option("--show", raw.options.show, "register to enlarge at the start")->type_name("REGISTER");
   run.add_option("--screenshot", raw.screenshots,
@@ -241,7 +242,10 @@ void add_import_options(CLI::App& import, RawOptions& raw) {
 
 void parse_geometry(RawOptions& raw) {
   WindowGeometry& geometry = raw.options.geometry;
-  if (raw.geometry.empty()) return;
+  if (raw.geometry.empty()) {
+    geometry.beside_simulator = raw.options.window && !raw.options.surface.empty();
+    return;
+  }
   if (raw.geometry == "beside") {
     geometry.beside_simulator = true;
     return;

@@ -71,8 +71,15 @@ HostStatus SurfaceHost::await_first_frame() {
 }
 
 void SurfaceHost::publish_paused(bool paused) noexcept {
+  if (detached_) return;
   surface_.set_state(paused ? shm_protocol::State::kPaused : shm_protocol::State::kRunning);
   if (watchdog_) paused ? watchdog_->disarm() : watchdog_->arm();
+}
+
+void SurfaceHost::detach() noexcept {
+  detached_ = true;
+  if (watchdog_) watchdog_->disarm();
+  surface_.detach();
 }
 
 Status SurfaceHost::publish() {
@@ -100,6 +107,7 @@ HostStatus SurfaceHost::await_frame() {
 
 HostStatus SurfaceHost::step() {
   flush_output();
+  if (detached_) return HostStatus::kClosed;
   if (!answered_) {
     const Status published = publish();
     // kTorn: the surface no longer waits for the answer to this frame, and another frame will follow.
@@ -227,6 +235,7 @@ void SurfaceHost::continue_frame(int channel) {
 
 template <class Write>
 HostStatus SurfaceHost::write_plane(std::string_view name, const vm::ConstPlane* shape, Write write) {
+  if (detached_) return HostStatus::kClosed;
   ChannelComponent target;
   HostStatus status = resolve_channel(Direction::kActuator, name, target);
   if (status == HostStatus::kOk && shape != nullptr) status = check_shape(name, *shape);

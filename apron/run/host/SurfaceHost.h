@@ -43,6 +43,9 @@ class SurfaceHost final : public LocalHost {
   bool surface_overdue() const override { return watchdog_ && watchdog_->has_warned(); }
   // Sets the controller's published state to paused or running. The surface waits in either state.
   void publish_paused(bool paused) noexcept;
+  // Leaves the surface for another controller. Sensors keep their last values; actuate() and step() return
+  // kClosed.
+  void detach() noexcept;
 
   std::optional<double> time_s() const override;
   std::optional<double> dt_s() const override;
@@ -76,6 +79,7 @@ class SurfaceHost final : public LocalHost {
   std::vector<bool> is_complete_;  // per channel: every component of its next actuator frame has its value
   bool has_published_ = false;     // at least one frame
   bool free_run_ = false;
+  bool detached_ = false;
   bool answered_ = false;          // the current frame is answered; waiting for the next was interrupted
 };
 

@@ -19,6 +19,7 @@ struct UiRun {
   std::uint32_t width = 0, height = 0;  // default size of registers
   LocalHost& host;                      // its waits must poll common::interrupt_flag()
   std::function<void(bool)> on_pause;   // see debugger::DebugSession
+  std::function<void()> on_finish;      // in a window: the program has ended, and the window stays open
 };
 
 struct UiRunResult {

@@ -83,6 +83,9 @@ class WindowLoop {
       if (debugger::DebugSnapshot snapshot; session_thread_.poll_snapshot(snapshot)) {
         model_.update(std::move(snapshot));
         snapshot_requested_ = false;
+        if (model_.finished() && !was_finished_ && context_.run.on_finish)
+          session_thread_.post([this](debugger::DebugSession&) { context_.run.on_finish(); });
+        was_finished_ = model_.finished();
       }
       if (context_.run.host.surface_overdue() && !overdue_noticed_) {
         model_.notice = "The surface has waited 2 s for surface.step.";
@@ -148,7 +151,7 @@ class WindowLoop {
   ui::Window window_;
   debugger::SessionThread session_thread_;
   std::uint64_t program_id_ = 1;
-  bool snapshot_requested_ = false, was_idle_ = false, overdue_noticed_ = false;
+  bool snapshot_requested_ = false, was_idle_ = false, was_finished_ = false, overdue_noticed_ = false;
 };
 
 }  // namespace

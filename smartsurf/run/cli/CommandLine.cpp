@@ -33,7 +33,8 @@ int parse_and_run(int argc, char** argv) {
                                                           {"plot", add_plot_command(app)},
                                                           {"export", add_export_command(app)},
                                                           {"check", add_check_command(app)},
-                                                          {"clean", add_clean_command(app)}};
+                                                          {"clean", add_clean_command(app)},
+                                                          {"new", add_new_command(app)}};
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& e) {

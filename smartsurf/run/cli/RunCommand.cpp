@@ -23,7 +23,7 @@ namespace {
 // The flags of `run` as given on the command line, before validation.
 struct RunFlags {
   std::string experiment, mode = "time-step", pace, controller, shm, stats, video;
-  bool window = false, headless = false, paused = false, no_controller = false, unsafe = false, help = false;
+  bool window = false, headless = false, paused = false, close = false, no_controller = false, unsafe = false, help = false;
   std::vector<std::string> set, controller_set, record, screenshot;
   RenderFlags render;
   std::optional<std::uint64_t> seed, ticks;
@@ -65,6 +65,7 @@ void add_run_flags(CLI::App& app, RunFlags& flags) {
   app.add_flag("--window", flags.window,
                "Open a window, and that of an APRON program beside it; the default pace is then real time");
   app.add_flag("--paused", flags.paused, "Start paused; needs --window");
+  app.add_flag("--close", flags.close, "Close the window at the end of the run; needs --window");
   app.add_option("--mode", flags.mode,
                  "time-step: physics waits for the controller; passive: it follows the clock")
       ->check(CLI::IsMember({"time-step", "passive"}))
@@ -142,6 +143,8 @@ RunOptions make_run_options(const RunFlags& flags, const std::string& command_li
   reject_both(flags.window && flags.headless, "--window and --headless");
   if (flags.paused && !flags.window)
     throw scene::InputError("--paused: needs --window, where the run can be resumed");
+  if (flags.close && !flags.window)
+    throw scene::InputError("--close: needs --window, which otherwise stays open at the end of the run");
   reject_both(flags.no_controller && !flags.controller.empty(), "--controller and --no-controller");
   if (!flags.controller_set.empty() && !is_apron_program(flags.controller))
     throw scene::InputError(
@@ -159,6 +162,8 @@ RunOptions make_run_options(const RunFlags& flags, const std::string& command_li
   options.command_line = command_line;
   options.window = flags.window;
   options.paused = flags.paused;
+  options.close = flags.close;
+  options.summary = true;
   options.mode = flags.mode == "passive" ? RunMode::kPassive : RunMode::kTimeStep;
   options.pace = parse_pace(flags);
   options.ticks = flags.ticks;

@@ -22,5 +22,6 @@ CommandHandler add_plot_command(CLI::App& app);
 CommandHandler add_export_command(CLI::App& app);
 CommandHandler add_check_command(CLI::App& app);
 CommandHandler add_clean_command(CLI::App& app);
+CommandHandler add_new_command(CLI::App& app);
 
 }  // namespace smartsurf::run

@@ -25,7 +25,8 @@ Display::Display(const RunOptions& options, const scene::SceneSpec& scene) : sce
   view::OffscreenView::require_available();
   if (!view::Window::display_available())
     throw scene::InputError("--window: there is no display here; run without it, or set DISPLAY");
-  const bool beside_controller_window = is_apron_program(options.controller);
+  const bool beside_controller_window =
+      !options.no_controller && (options.controller.empty() || is_apron_program(options.controller));
   window_ = std::make_unique<view::Window>(
       scene_, "smartsurf: " + options.experiment, 1280, 720,
       beside_controller_window ? view::WindowPlacement::kLeft : view::WindowPlacement::kDefault);
@@ -58,6 +59,7 @@ view::Status Display::make_view_status(const DisplayStatus& display_status, bool
   status.accepts_interaction = status.accepts_faults = !history_index_ && !display_status.run_ended;
   status.can_reset = display_status.can_restart;
   status.notice = display_status.notice;
+  status.banner = display_status.banner;
   if (history_.size() == 0) return status;
   const std::size_t last = history_.size() - 1;
   status.timeline = view::Timeline{history_.size(), history_index_.value_or(last), history_.at(0).time_s,

@@ -44,6 +44,7 @@ struct DisplayStatus {
   std::optional<double> purity;
   bool can_restart = false;
   std::string notice;
+  std::optional<view::Banner> banner;
   bool run_ended = false;  // no more interaction
 };
 

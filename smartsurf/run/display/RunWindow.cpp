@@ -1,8 +1,11 @@
 // The part of Run that deals with its window: status, user interaction, restart.
 #include <fmt/format.h>
 
+#include <algorithm>
+#include <cctype>
 #include <chrono>
 #include <cmath>
+#include <ranges>
 #include <thread>
 
 #include "smartsurf/run/Run.h"
@@ -24,7 +27,14 @@ void Run::refresh_display() {
   status.notice = notice_;
   if (notice_.empty() && !ending_ && controller_is_paused())
     status.notice = "the controller is paused; the run waits for it";
+  if (status.notice.empty()) status.notice = silence_;
   status.run_ended = ending_.has_value();
+  if (!ending_ && announced_waiting_ && !had_controller_ && link_ && !link_->endpoint().has_controller())
+    status.banner = view::Banner{view::Banner::Tone::kNeutral,
+                                 "Waiting for a controller",
+                                 {"Run this in another terminal:"},
+                                 command_to_attach()};
+  if (ending_ && !restart_) status.banner = result_banner();
   display_->refresh(simulation_, status, requests_);
   if (requests_.display_lost) handle_display_loss();
   if (std::exchange(requests_.restart, false) && !restart_) prepare_restart();
@@ -70,9 +80,35 @@ void Run::prepare_restart() {
   }
 }
 
+bool Run::controller_has_window() const {
+  return controller_process_ && options_.window && is_apron_program(options_.controller);
+}
+
+view::Banner Run::result_banner() const {
+  const RunSummary s = summary();
+  const auto metric = [&](const std::string& name) {
+    return std::ranges::find(s.metrics, name, &std::pair<std::string, double>::first);
+  };
+  std::optional<bool> success = ending_->success;
+  if (!success && metric("success") != s.metrics.end()) success = metric("success")->second > 0.0;
+  if (ending_->exit_status != common::kDone) success = false;
+  view::Banner banner;
+  if (success) banner.tone = *success ? view::Banner::Tone::kSuccess : view::Banner::Tone::kFailure;
+  banner.title = ending_->title.empty() ? ending_->outcome : ending_->title;
+  banner.title.front() =
+      static_cast<char>(std::toupper(static_cast<unsigned char>(banner.title.front())));
+  banner.lines.push_back(fmt::format("{:.2f} s simulated in {:.1f} s ({:.3g}x real time)", s.simulated_s,
+                                     s.wall_s, s.real_time_factor()));
+  constexpr std::size_t kMaxMetrics = 8;
+  for (const auto& [name, value] : s.metrics | std::views::take(kMaxMetrics))
+    banner.lines.push_back(fmt::format("{}: {:.6g}", name, value));
+  for (const std::string& file : written_files()) banner.lines.push_back("wrote " + file);
+  banner.lines.push_back("The timeline below looks back.  Q closes the window.");
+  return banner;
+}
+
 void Run::keep_window_open() {
-  if (!keep_window_open_) return;
-  notice_ = ending_->outcome;
+  if (options_.close || quit_by_script_ || restart_) return;
   while (display_->has_window() && !requests_.quit && !restart_ && !stop_requested_) {
     requests_.paused = true;
     refresh_display();

@@ -69,9 +69,22 @@ int metric(ScriptContext& context, lua_State* L) {
   return 0;
 }
 
-int stop(ScriptContext& context, lua_State*) {
+// stop(), stop(message) or stop(message, success)
+int stop(ScriptContext& context, lua_State* L) {
+  constexpr std::size_t kMaxMessageLength = 200;
   require_running(context, "stop");
-  context.simulation->stop();
+  std::string message;
+  if (!lua_isnoneornil(L, 1)) {
+    message = check_string(L, 1, "stop: message");
+    if (message.size() > kMaxMessageLength || to_single_line(message) != message)
+      throw_invalid_value(L, 1, "stop: message", "at most 200 characters in one line");
+  }
+  std::optional<bool> success;
+  if (!lua_isnoneornil(L, 2)) {
+    if (!lua_isboolean(L, 2)) throw_invalid_value(L, 2, "stop: success", "true or false");
+    success = lua_toboolean(L, 2) != 0;
+  }
+  context.simulation->stop(std::move(message), success);
   return 0;
 }
 

@@ -5,6 +5,7 @@
 #include <cstddef>
 #include <optional>
 #include <string>
+#include <vector>
 
 #include "smartsurf/scene/SceneSpec.h"
 #include "smartsurf/view/interaction/Overlay.h"
@@ -23,6 +24,15 @@ struct Timeline {
   bool is_recording = false;          // false: a running simulation, whose last frame is the current state
 };
 
+// A message in the middle of the window: how the run ended, or what it waits for.
+struct Banner {
+  enum class Tone { kNeutral, kSuccess, kFailure };
+  Tone tone = Tone::kNeutral;
+  std::string title;
+  std::vector<std::string> lines;
+  std::string command;  // a shell command to copy, or ""
+};
+
 // The simulator's state for the status panel, besides the snapshot.
 struct Status {
   std::string mode;        // "time-step" or "passive"
@@ -34,6 +44,7 @@ struct Status {
   std::optional<double> purity;  // [0, 1]; only if the experiment defines it
   std::optional<Timeline> timeline;
   std::string notice;                // one line, shown while not empty
+  std::optional<Banner> banner;
   bool has_contacts = false;         // FrameInput::contacts is filled on request
   bool accepts_interaction = false;  // the simulation accepts pulls, pokes and new objects
   bool accepts_faults = false;       // and faults

@@ -171,6 +171,42 @@ void draw_paused_badge(float scale) {
   ImGui::End();
 }
 
+ImVec4 tone_colour(Banner::Tone tone) {
+  switch (tone) {
+    case Banner::Tone::kSuccess:
+      return {0.05f, 0.45f, 0.20f, 1.0f};
+    case Banner::Tone::kFailure:
+      return {0.72f, 0.12f, 0.10f, 1.0f};
+    case Banner::Tone::kNeutral:
+      break;
+  }
+  return ImGui::GetStyle().Colors[ImGuiCol_Text];
+}
+
+// Draws the banner in the middle of the upper edge, where it leaves the table visible.
+void draw_banner(const Banner& banner, float scale) {
+  const float width = std::min(620.0f * scale, 0.6f * ImGui::GetIO().DisplaySize.x);
+  ImGui::SetNextWindowPos({ImGui::GetIO().DisplaySize.x / 2.0f, 12.0f * scale}, ImGuiCond_Always,
+                          {0.5f, 0.0f});
+  ImGui::SetNextWindowBgAlpha(0.95f);
+  ImGui::PushStyleVar(ImGuiStyleVar_WindowBorderSize, 2.0f * scale);
+  ImGui::PushStyleColor(ImGuiCol_Border, tone_colour(banner.tone));
+  ImGui::Begin("banner", nullptr, kPanelFlags);
+  ImGui::PushTextWrapPos(width);
+  ImGui::PushStyleColor(ImGuiCol_Text, tone_colour(banner.tone));
+  ImGui::TextUnformatted(banner.title.c_str());
+  ImGui::PopStyleColor();
+  for (const std::string& line : banner.lines) ImGui::TextUnformatted(line.c_str());
+  if (!banner.command.empty()) {
+    ImGui::TextColored({0.05f, 0.25f, 0.55f, 1.0f}, "%s", banner.command.c_str());
+    if (ImGui::Button("Copy")) ImGui::SetClipboardText(banner.command.c_str());
+  }
+  ImGui::PopTextWrapPos();
+  ImGui::End();
+  ImGui::PopStyleColor();
+  ImGui::PopStyleVar();
+}
+
 }  // namespace
 
 void draw_hud(const FrameInput& input, const Status& status, const std::optional<ColourScale>& colour_scale,
@@ -184,8 +220,9 @@ void draw_hud(const FrameInput& input, const Status& status, const std::optional
       bottom = top - 8.0f * scale;
       state.insets.bottom = std::min(0.4, 1.0 - static_cast<double>(top / ImGui::GetIO().DisplaySize.y));
     }
-    if (status.paused) draw_paused_badge(scale);
+    if (status.paused && !status.banner) draw_paused_badge(scale);
   }
+  if (status.banner) draw_banner(*status.banner, scale);
   if (colour_scale) draw_legend(*colour_scale, bottom, scale);
 }
 

@@ -15,7 +15,7 @@ def steps(page):
     (program, arguments) for indented lines that run our programs or a Python program with our client. A trailing
     backslash joins lines; a trailing & is kept as an argument."""
     text = re.sub(r"\\\n\s*", "", (ROOT / page).read_text())
-    for match in re.finditer(r"^`([\w-]+\.(?:lua|aps|py))`:\n\n```\w*\n(.*?)^```$|"
+    for match in re.finditer(r"^`((?:out/)?[\w-]+\.(?:lua|aps|py))`:\n\n```\w*\n(.*?)^```$|"
                              r"^    (?:build/release/bin/(" + "|".join(PROGRAMS) + r")|PYTHONPATH=(?:shm-protocol|smartsurf)/python (python3)) ([^#\n]*)",
                              text, re.DOTALL | re.MULTILINE):
         file, content, program, python, arguments = match.groups()
@@ -39,6 +39,7 @@ class Docs(ProgramTest):
             for name in ("scripts", "shm-protocol", "smartsurf"):
                 (folder / name).symlink_to(ROOT / name)
             (folder / "build").mkdir()
+            (folder / "out").mkdir()
             (folder / "build/release").symlink_to(BIN.parent)
             waiting, behind = None, []
             for program, arguments in steps(page):

@@ -147,7 +147,7 @@ print(here.tolist(), table.description.positions.shape)
         with unittest.mock.patch.dict(os.environ, client):
             status, out, err = self.run_program(SMARTSURF, "run", surface, "--controller",
                                                 f"{sys.executable} {controller} {{shm}}", "--headless", "--ticks", "3")
-        self.assertEqual((status, err), (0, ""))
+        self.assertEqual(status, 0, err)
         self.assertIn("[[1.0, 0.0, 1.0], [1.0, 1.0, 0.0]] (2, 3, 3)", out)
 
     def test_sensor_name_occupancy_is_reserved(self):

@@ -60,6 +60,7 @@ class Mistakes(ProgramTest):
         self.refused([SMARTSURF, "--versoin"], "did you mean '--version'?")
         self.refused([SMARTSURF, path], f"the command comes first: smartsurf run {path}")
         self.refused([APRON, "run", SORT_APS, "--tick", "5"], "did you mean '--ticks'?", "(see apron run --help)")
+        self.refused(run + ["--close"], "--close", "needs --window")
         self.refused(run + ["--pace", "fast"], "--pace", "fast")
         self.refused(run + ["--pace", "-1"], "--pace", "-1")
         self.refused(run + ["--mode", "both"], "both")
@@ -194,6 +195,25 @@ class Mistakes(ProgramTest):
             self.assertIn("global.aps:2: not local: globalsum", out)
         self.refused([APRON, "check", "--profile", "global", path], "'global' is unknown; known: local")
 
+    def test_new_writes_a_pair_that_runs_and_overwrites_nothing(self):
+        status, out, err = self.run_program(SMARTSURF, "new", "mine")
+        self.assertEqual((status, err), (0, ""))
+        self.assertIn("smartsurf run mine.lua --controller mine.aps", out)
+        status, _, err = self.run_program(SMARTSURF, "run", "mine.lua", "--controller", "mine.aps", "--until", "6", "--stats", "s.json")
+        self.assertEqual(status, 0, err)
+        self.assertGreater(json.loads((self.folder / "s.json").read_text())["metrics"]["mean_x"], 19)  # at the east wall
+        self.assertEqual(self.run_program(APRON, "check", "--local", "mine.aps")[0], 0)
+        self.refused([SMARTSURF, "new", "mine"], "mine.lua exists")
+        self.refused([SMARTSURF, "new", "none/mine"], "no folder none")
+
+    def test_waiting_names_the_program_beside_the_experiment(self):
+        self.run_program(SMARTSURF, "new", "mine")
+        surface = self.start(SMARTSURF, "run", "mine.lua", "--shm", self.shm, "--ticks", "2")
+        command = surface.stderr.readline().strip().partition("attach one with: ")[2]
+        self.assertTrue(command.endswith(f"/apron run mine.aps --shm {self.shm}"), command)
+        self.assertEqual(self.run_program(*command.split())[0], 0)
+        self.assertEqual(self.finish(surface)[0], 0)
+
     def test_usage_lines_carry_the_program_name(self):
         for command in ([SMARTSURF, "run"], [SMARTSURF, "info"], [APRON, "check"]):
             out = self.run_program(*command, "--help")[1]
@@ -215,7 +235,7 @@ end)
 on_leave(function(id) left = left + 1 end)
 on_finish(function() metric('left', left) end)""")
         status, _, err = self.run_program(SMARTSURF, "run", path, "--no-controller", "--until", "1", "--stats", "fling.json")
-        self.assertEqual((status, err), (0, ""))
+        self.assertEqual(status, 0, err)
         self.assertGreaterEqual(json.loads((self.folder / "fling.json").read_text())["metrics"]["left"], 12)
 
     def test_controller_error_gives_status_2(self):

@@ -101,11 +101,37 @@ class ApronWindow(ProgramTest):
         self.assertEqual(out, "")
 
     def test_both_windows_open_and_end_with_the_run(self):
-        child = self.start(SMARTSURF, "run", SORT_LUA, "--controller", SORT_APS, "--window", "--pace", "max",
+        child = self.start(SMARTSURF, "run", SORT_LUA, "--controller", SORT_APS, "--window", "--close", "--pace", "max",
                            "--ticks", "40", "--shm", self.shm)
         status, _, err = self.finish(child)
         self.assertEqual(status, 0, err)
+        self.assertRegex(err, r"^smartsurf: done: 0\.67 s simulated in .* s \(.*x real time\)$")
         self.assertFalse(self.segment().exists())
+
+    def test_windows_stay_when_the_program_ends(self):
+        # The program takes two ticks; its window then holds its registers, and the surface is free.
+        program = self.write("two.aps", "!register(A)\nA = 1\nsurface.step\nsurface.step\n")
+        child = self.start(SMARTSURF, "run", SORT_LUA, "--controller", program, "--window", "--stats", "stats.json")
+        self.wait_for((self.folder / "stats.json").exists, "the run ends")
+        self.assertEqual(json.loads((self.folder / "stats.json").read_text())["outcome"], "the controller exited")
+        self.wait_for(lambda: not list(pathlib.Path("/dev/shm").glob(f"smartsurf.run-{child.pid}*")), "no segment")
+        apron = subprocess.run(["pgrep", "-P", str(child.pid), "apron"], capture_output=True, text=True).stdout.split()
+        self.assertEqual((child.poll(), len(apron)), (None, 1))
+        child.send_signal(signal.SIGTERM)
+        status, _, err = self.finish(child)
+        self.assertEqual(status, 143)
+        self.assertRegex(err, r"the controller exited: 0\.0\d s simulated in .*; wrote stats\.json\n")
+        self.assertFalse(pathlib.Path(f"/proc/{apron[0]}").exists())
+
+    def test_controller_that_does_not_step_is_named_by_both_programs(self):
+        child = self.start(SMARTSURF, "run", SORT_LUA, "--controller", self.write("a.aps", ENDLESS), "--window")
+        said = ""
+        while not ("has not answered tick 0" in said and "has waited 2 s" in said):
+            line = child.stderr.readline()
+            self.assertTrue(line, said)
+            said += line
+        child.send_signal(signal.SIGTERM)
+        self.finish(child)
 
     def test_missing_display_reports_one_line(self):
         os.environ["DISPLAY"] = ":987"

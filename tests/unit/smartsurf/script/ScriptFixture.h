@@ -74,7 +74,10 @@ class FakeSimulation : public SimulationInterface {
   float read_ground_truth(const std::string& channel, int row, int column, int component) const override {
     return -sense(channel, row, column, component);
   }
-  void stop() override { note() << "stop"; }
+  void stop(std::string message, std::optional<bool> success) override {
+    note() << "stop" << (message.empty() ? "" : " ") << message
+           << (success ? *success ? " success" : " failure" : "");
+  }
   void quit() override { note() << "quit"; }
   void pause() override {
     if (broken) throw std::runtime_error("simulated failure");

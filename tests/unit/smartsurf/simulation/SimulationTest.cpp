@@ -80,12 +80,15 @@ at(0.0, function()
   assert(math.abs(cells:sense('proximity', 5, 4)) < 1e-6)
   assert(cells:sense('proximity_hit', 5, 4) == 1)
   assert(cells:sense('proximity', 1, 1) == 8)
-  stop()
+  stop('seen', false)
 end)
 )");
   simulation::Simulation s(experiment, 1, true);
   tick(s);
-  EXPECT_TRUE(s.take_requests().stop);
+  const run::ScriptRequests requests = s.take_requests();
+  EXPECT_TRUE(requests.stop);
+  EXPECT_EQ(requests.stop_message, "seen");
+  EXPECT_EQ(requests.success, false);
   EXPECT_FALSE(s.take_requests().stop);
 }
 
