@@ -307,19 +307,27 @@ void CollisionPipeline::collide_static(const BodyStore& bodies, std::size_t i, S
   out.manifolds.push_back({static_cast<std::int32_t>(i), kField, first, count});
   match_contacts(out, out.manifolds.back(), previous_contacts_.static_contacts(),
                  previous_contacts_.find_static(i, results.member), 0.15F * bodies.bounding_radius[i]);
-  if (field_contacts > 1 && !bodies.is_sphere[i] && !field_.has_force_limit())
-    find_support(bodies, i, margin,
-                 std::span(out.contacts).subspan(static_cast<std::size_t>(first), field_contacts), results);
+  if (field_contacts > 1 && !bodies.is_sphere[i])
+    find_support(bodies, i, margin, field_contacts, results);
 }
 
-// Finds the body's support patch, and hands its load and friction over from its contacts with the field.
-void CollisionPipeline::find_support(const BodyStore& bodies, std::size_t i, float margin,
-                                     std::span<Contact> contacts, SlabResults& results) const {
+// Finds the support patch of the body of the last manifold, and hands its load and friction over from the manifold's first
+// `field_contacts`, those with the field.
+void CollisionPipeline::find_support(const BodyStore& bodies, std::size_t i, float margin, std::size_t field_contacts,
+                                     SlabResults& results) const {
   SupportPatches& supports = *results.supports;
+  Manifold& manifold = results.static_contacts.manifolds.back();
+  std::vector<Contact>& list = results.static_contacts.contacts;
+  const auto contacts = std::span(list).subspan(static_cast<std::size_t>(manifold.first), field_contacts);
   if (!add_support_patch(field_, free_layout_field_.get(), *bodies.shape[i], static_cast<std::int32_t>(i),
                          bodies.position[i], bodies.axes[i], margin, contacts, supports))
     return;
   SupportPatch& patch = supports.patches.back();
+  if (patch.has_shares)
+    remove_points_without_share(supports, [&](std::int32_t k) {
+      list.erase(list.begin() + manifold.first + k);
+      --manifold.count;
+    });
   for (int k = patch.first_point; k < patch.first_point + patch.point_count; ++k) {
     const auto point = static_cast<std::size_t>(supports.points[static_cast<std::size_t>(k)]);
     contacts[point].other = kSupportedField;

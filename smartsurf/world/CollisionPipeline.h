@@ -107,7 +107,7 @@ class CollisionPipeline {
                        int body_count);
   void find_large_neighbours(const BodyStore&);
   void swap_supports(int bodies);
-  void find_support(const BodyStore&, std::size_t body, float margin, std::span<Contact> contacts,
+  void find_support(const BodyStore&, std::size_t body, float margin, std::size_t field_contacts,
                     SlabResults& results) const;
   void collide_slab(const BodyStore&, int slab, SlabResults& results);
   void collide_body_run(const BodyStore&, const SpatialPartition::BodyRun&, SlabResults& results) const;

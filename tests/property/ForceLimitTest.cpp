@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <tuple>
 
 #include "tests/property/PhysicsFixture.h"
 
@@ -131,6 +132,78 @@ TEST(ForceLimit, UnevenLoadStallsOnlyOverloadedPins) {
   EXPECT_LT(f.height[static_cast<std::size_t>(f.index(row, 21))], 0.1F) << "the heavy end does not";
   EXPECT_LT(fixture.position(load).z(), 1.7F);
   EXPECT_GT(fixture.position(plank).z(), 0.7F);
+}
+
+// Loads of the columns of cells, linear in x and within the limit, that bear `total` with the moment `moment` about the
+// middle: least squares.
+std::array<double, 5> bounded_loads(double total, double moment, double limit) {
+  std::array<double, 5> load{};
+  auto sum = [&](double a, double b) {
+    std::array<double, 2> sums{};
+    for (int c = 0; c < 5; ++c) {
+      load[static_cast<std::size_t>(c)] = std::clamp(a + b * (c - 2), 0.0, limit);
+      sums[0] += load[static_cast<std::size_t>(c)], sums[1] += load[static_cast<std::size_t>(c)] * (c - 2);
+    }
+    return sums;
+  };
+  auto bisect = [](double low, double high, auto is_below) {
+    for (int i = 0; i < 80; ++i) (is_below(0.5 * (low + high)) ? low : high) = 0.5 * (low + high);
+    return low;
+  };
+  double a = 0.0;
+  const double b = bisect(0.0, 2 * limit, [&](double slope) {
+    a = bisect(-10 * limit, 10 * limit, [&](double level) { return sum(level, slope)[0] < total; });
+    return sum(a, slope)[1] < moment;
+  });
+  sum(a, b);
+  return load;
+}
+
+TEST(ForceLimit, LoadsAreTheLeastSquaresWithinTheLimits) {
+  // A force at `lever` east of the middle of a box on 5 × 5 raised pins: no pin, one column, two columns give all.
+  constexpr double kWeight = 25 * kGravity;
+  for (const auto& [force, lever, full] : {std::tuple{0.0, 0.0, 0}, {300.0, 1.0, 0}, {400.0, 1.0, 1}, {400.0, 1.3, 2}}) {
+    PhysicsFixture fixture;
+    use_force_limited_pins(fixture);
+    const auto id = fixture.add(with_weight(box({5, 5, 1}, {15, 15, 0.5}), kWeight));
+    raise_all(fixture, 1.0F);
+    fixture.run(2.0);
+    for (int i = 1; i <= 10; ++i) {
+      fixture.world().apply_force(id, {0, 0, -0.1 * i * force}, Eigen::Vector3d(15 + lever, 15, 2), 0.05);
+      fixture.run(0.05);
+    }
+    fixture.world().apply_force(id, {0, 0, -force}, Eigen::Vector3d(15 + lever, 15, 2), 10.0);
+    fixture.run(0.5);
+    const auto expected = bounded_loads((kWeight + force) / 5, force * lever / 5, kMaxForce);
+    EXPECT_EQ(std::count_if(expected.begin(), expected.end(), [](double n) { return n > 0.999 * kMaxForce; }), full);
+    const auto& field = fixture.cells().field();
+    for (int r = 0; r < 32; ++r)
+      for (int c = 0; c < 32; ++c) {
+        const bool is_covered = std::abs(c - 15) <= 2 && std::abs(31 - r - 15) <= 2;
+        const double load = static_cast<double>(field.impulse[static_cast<std::size_t>(field.index(r, c))]) * 240;
+        EXPECT_NEAR(load, is_covered ? expected[static_cast<std::size_t>(c - 13)] : 0.0, 0.01 * kMaxForce)
+            << force << " at " << lever << ", " << c << ' ' << 31 - r;
+      }
+    EXPECT_NEAR(fixture.position(id).z(), 1.5, 0.003);
+  }
+}
+
+TEST(ForceLimit, PinsOfAllLimitsRubAlike) {
+  // Each pin rubs with its own load: a spinning box slows as on pins without a limit, near their limit too.
+  std::array<float, 3> spin;
+  const double limits[] = {0.0, 1e5, 1.2 * kGravity};
+  for (std::size_t i = 0; i < spin.size(); ++i) {
+    PhysicsFixture fixture;
+    fixture.cell_force_limit = limits[i];
+    auto object = box({5, 5, 1}, {15, 15, 0.5});
+    object.angular_velocity = {0, 0, 10};
+    const auto id = fixture.add(object);
+    fixture.run(2.0);
+    spin[i] = fixture.angular_velocity(id).z();
+  }
+  EXPECT_NEAR(spin[0], 10 - 2.0 * 2.25, 0.15);
+  EXPECT_NEAR(spin[1], spin[0], 0.05);
+  EXPECT_NEAR(spin[2], spin[0], 0.05);
 }
 
 TEST(ForceLimit, RaisedPinsSinkUnderOverload) {

@@ -19,7 +19,13 @@ PhysicsFixture::PhysicsFixture() {
 }
 
 surface::ActuatorArray& PhysicsFixture::cells() {
-  if (!cells_) cells_ = std::make_unique<surface::ActuatorArray>(scene.surface);
+  if (cells_) return *cells_;
+  cells_ = std::make_unique<surface::ActuatorArray>(scene.surface);
+  if (cell_force_limit > 0.0) {
+    surface::Field& field = cells_->field();
+    field.force_limit.assign(field.height.size(), static_cast<float>(cell_force_limit));
+    field.no_load_speed.assign(field.height.size(), static_cast<float>(scene.surface.pin.max_speed));
+  }
   return *cells_;
 }
 

@@ -1,7 +1,7 @@
 // Test fixture: a world on a small surface, for experiments with closed-form results.
 //
-// Lengths in u, times in s; z is up. The surface and the world are created on first use; change `scene` and
-// `threads` before that.
+// Lengths in u, times in s; z is up. The surface and the world are created on first use; change `scene`,
+// `threads` and `cell_force_limit` before that.
 #pragma once
 
 #include <functional>
@@ -27,6 +27,7 @@ class PhysicsFixture {
   const smartsurf::scene::Snapshot& snapshot();
 
   int threads = 1;  // of the world's pool
+  double cell_force_limit = 0.0;  // of every cell, mass·u/s²; 0: none
 
   smartsurf::surface::ActuatorArray& cells();
   smartsurf::world::World& world();

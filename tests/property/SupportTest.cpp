@@ -1,4 +1,5 @@
-// A flat object loads all the cells that it covers, and each cell rubs with its own load.
+// A flat object loads all the cells that it covers, and each cell rubs with its own load, whether or not the cells have
+// a force limit that they do not reach.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -13,6 +14,12 @@ using namespace smartsurf;
 namespace {
 
 constexpr double kGravity = 9.81, kFriction = 0.5;
+
+// The parameter is the force limit of the cells, 0 for none.
+class Support : public testing::TestWithParam<double> {};
+struct SupportFixture : PhysicsFixture {
+  SupportFixture() { cell_force_limit = Support::GetParam(); }
+};
 
 double load_on(PhysicsFixture& fixture, int row, int column) {
   const auto& field = fixture.cells().field();
@@ -55,7 +62,7 @@ void drive(PhysicsFixture& fixture, Speed speed) {
 // Acceleration of a 7×7 plate at (15, 15) on cells of which some drive at 5 u/s, u/s².
 template <class Driven>
 double plate_acceleration(Driven driven) {
-  PhysicsFixture fixture;
+  SupportFixture fixture;
   const auto id = fixture.add(box({7, 7, 1}, {15, 15, 0.5}));
   fixture.run(0.2);
   drive(fixture, [&](int x, int y) {
@@ -69,8 +76,8 @@ double plate_acceleration(Driven driven) {
 
 }  // namespace
 
-TEST(Support, BoxLoadsAllItsCellsEqually) {
-  PhysicsFixture fixture;
+TEST_P(Support, BoxLoadsAllItsCellsEqually) {
+  SupportFixture fixture;
   fixture.add(box({5, 5, 1}, {15, 15, 0.5}));
   fixture.run(0.3);
   expect_equal_loads(fixture, 25, 25 * kGravity);
@@ -80,9 +87,9 @@ TEST(Support, BoxLoadsAllItsCellsEqually) {
   expect_equal_loads(fixture, 25, 25 * kGravity);
 }
 
-TEST(Support, SmallBoxesLoadTheirCellsEqually) {
+TEST_P(Support, SmallBoxesLoadTheirCellsEqually) {
   for (const auto& [size_x, size_y] : {std::pair{2.0, 2.0}, {2.0, 1.0}, {5.0, 1.0}, {1.0, 3.0}, {2.0, 4.0}}) {
-    PhysicsFixture fixture;
+    SupportFixture fixture;
     const double x = 15 + 0.5 * (size_x - 1), y = 15 + 0.5 * (size_y - 1);
     fixture.add(box({size_x, size_y, 1}, {x, y, 0.5}));
     fixture.run(0.3);
@@ -90,11 +97,11 @@ TEST(Support, SmallBoxesLoadTheirCellsEqually) {
   }
 }
 
-TEST(Support, LargePlatesLoadAllTheirCells) {
+TEST_P(Support, LargePlatesLoadAllTheirCells) {
   // On a plateau of its own size every cell at its edge, and on every second cell each cell, has contact points of its
   // own: many more than a manifold's candidates.
   for (const auto& [size, every] : {std::pair{16, 1}, {20, 1}, {16, 2}, {20, 2}}) {
-    PhysicsFixture fixture;
+    SupportFixture fixture;
     for (int r = 0; r < 32; ++r)
       for (int c = 0; c < 32; ++c)
         if (c >= 4 && c < 4 + size && 31 - r >= 4 && 31 - r < 4 + size && (c + 31 - r) % every == 0)
@@ -111,9 +118,9 @@ TEST(Support, LargePlatesLoadAllTheirCells) {
   }
 }
 
-TEST(Support, LoadsAreLinearUnderAnOffCentreWeight) {
+TEST_P(Support, LoadsAreLinearUnderAnOffCentreWeight) {
   // A force F at x = 1 on a 5×5 box: N = (W + F)/25 + F·x/Σx², with Σx² = 50.
-  PhysicsFixture fixture;
+  SupportFixture fixture;
   const auto id = fixture.add(box({5, 5, 1}, {15, 15, 0.5}));
   const double weight = 25 * kGravity, force = 50;
   fixture.world().apply_force(id, {0, 0, -force}, Eigen::Vector3d(16, 15, 1), 10.0);
@@ -125,10 +132,10 @@ TEST(Support, LoadsAreLinearUnderAnOffCentreWeight) {
     }
 }
 
-TEST(Support, UnloadedCellsBearNothing) {
+TEST_P(Support, UnloadedCellsBearNothing) {
   // Near the edge the load is a wedge: N = max(0, a + b·x) on columns −2 … 2, with its centre at x = 1.5:
   // the last three columns bear N·(1/12, 4/12, 7/12), since (0·1 + 1·4 + 2·7)/12 = 1.5.
-  PhysicsFixture fixture;
+  SupportFixture fixture;
   const auto id = fixture.add(box({5, 5, 1}, {15, 15, 0.5}));
   const double weight = 25 * kGravity, force = 3 * weight;
   fixture.world().apply_force(id, {0, 0, -force}, Eigen::Vector3d(17, 15, 1), 10.0);
@@ -141,8 +148,8 @@ TEST(Support, UnloadedCellsBearNothing) {
     }
 }
 
-TEST(Support, TippingBoxLoadsTheCellsAtItsEdge) {
-  PhysicsFixture fixture;
+TEST_P(Support, TippingBoxLoadsTheCellsAtItsEdge) {
+  SupportFixture fixture;
   const auto id = fixture.add(box({5, 5, 1}, {15, 15, 0.5}));
   // The centre of the load lies beyond the outermost cells' centres, the box is about to tip.
   const double weight = 25 * kGravity, force = 20 * weight;
@@ -154,9 +161,9 @@ TEST(Support, TippingBoxLoadsTheCellsAtItsEdge) {
   }
 }
 
-TEST(Support, LowerCellsBearNothing) {
+TEST_P(Support, LowerCellsBearNothing) {
   // Every second cell is 0.05 u lower: 13 of 25 bear.
-  PhysicsFixture fixture;
+  SupportFixture fixture;
   for (int r = 0; r < 32; ++r)
     for (int c = 0; c < 32; ++c) fixture.cells().set_target(0, r, c, (31 - r + c) % 2 == 0 ? 1.0F : 0.95F);
   fixture.run(1.0);
@@ -166,11 +173,11 @@ TEST(Support, LowerCellsBearNothing) {
   expect_equal_loads(fixture, 13, 25 * kGravity);
 }
 
-TEST(Support, CylindersHullsAndSolidsLoadAllTheirCells) {
+TEST_P(Support, CylindersHullsAndSolidsLoadAllTheirCells) {
   const Eigen::AngleAxisd lying(M_PI / 2, Eigen::Vector3d::UnitY());
   {
     // On its side along x: six cells in a line.
-    PhysicsFixture fixture;
+    SupportFixture fixture;
     auto object = cylinder(0.9, 6, {15.5, 15, 0.9});
     object.orientation = lying;
     fixture.add(object);
@@ -178,7 +185,7 @@ TEST(Support, CylindersHullsAndSolidsLoadAllTheirCells) {
     expect_equal_loads(fixture, 6, M_PI * 0.81 * 6 * kGravity);
   }
   {
-    PhysicsFixture fixture;
+    SupportFixture fixture;
     auto object = capsule(0.9, 6.8, {15, 15, 0.9});  // a straight part of 5
     object.orientation = lying;
     fixture.add(object);
@@ -187,7 +194,7 @@ TEST(Support, CylindersHullsAndSolidsLoadAllTheirCells) {
   }
   {
     // On its flat: the 9 cells that it covers fully bear alike, the others by the area that they share with the disc.
-    PhysicsFixture fixture;
+    SupportFixture fixture;
     const double radius = 2.25;
     fixture.add(cylinder(radius, 1, {15, 15, 0.5}));
     fixture.run(0.3);
@@ -208,14 +215,14 @@ TEST(Support, CylindersHullsAndSolidsLoadAllTheirCells) {
         EXPECT_NEAR(load_on(fixture, 31 - 13 - r, 13 + c), pressure * shared[r][c], 0.02 * pressure * 0.64);
   }
   {
-    PhysicsFixture fixture;
+    SupportFixture fixture;
     fixture.add(cube({15, 15, 2.5}, 5.0F));
     fixture.run(0.3);
     expect_equal_loads(fixture, 25, 125 * kGravity);
   }
   {
     // Two legs, each over two cells.
-    PhysicsFixture fixture;
+    SupportFixture fixture;
     auto object = cube({15, 15, 1});
     auto solid = std::make_shared<scene::Solid>(*object.solid);
     solid->hulls.push_back(solid->hulls[0]);
@@ -240,9 +247,9 @@ TEST(Support, CylindersHullsAndSolidsLoadAllTheirCells) {
   }
 }
 
-TEST(Support, FreeLayoutsShareTheLoadToo) {
+TEST_P(Support, FreeLayoutsShareTheLoadToo) {
   // Cells turned by 30° about their centres, which a box turned alike covers.
-  PhysicsFixture fixture;
+  SupportFixture fixture;
   auto& field = fixture.cells().field();
   const auto angle = static_cast<float>(M_PI / 6);
   for (int i = 0; i < field.cells(); ++i) {
@@ -259,8 +266,8 @@ TEST(Support, FreeLayoutsShareTheLoadToo) {
   EXPECT_NEAR((fixture.position(id) - Eigen::Vector3f(15, 15, 0.5F)).norm(), 0, 2e-3);
 }
 
-TEST(Support, ContactsListEachLoadedCell) {
-  PhysicsFixture fixture;
+TEST_P(Support, ContactsListEachLoadedCell) {
+  SupportFixture fixture;
   const auto id = fixture.add(box({5, 5, 1}, {15, 15, 0.5}));
   for (const double duration_s : {0.3, 1.0}) {  // awake, asleep
     fixture.run(duration_s);
@@ -275,9 +282,9 @@ TEST(Support, ContactsListEachLoadedCell) {
   }
 }
 
-TEST(Support, PressureOnASlopeIsTheNormalPartOfTheWeight) {
+TEST_P(Support, PressureOnASlopeIsTheNormalPartOfTheWeight) {
   for (const double angle : {0.1, 0.3, 0.45}) {
-    PhysicsFixture fixture;
+    SupportFixture fixture;
     fixture.scene.world.gravity = {kGravity * std::sin(angle), 0, -kGravity * std::cos(angle)};
     const auto id = fixture.add(box({5, 5, 1}, {15, 15, 0.5}));
     fixture.run(1.5);
@@ -292,9 +299,9 @@ TEST(Support, PressureOnASlopeIsTheNormalPartOfTheWeight) {
   }
 }
 
-TEST(Support, SpinningBoxSlowsByTheFrictionOfEachCell) {
+TEST_P(Support, SpinningBoxSlowsByTheFrictionOfEachCell) {
   // Σ µ·N·r / I; over a turn the cells' mean distance is that of a uniform pressure, 0.3826 of the edge.
-  PhysicsFixture fixture;
+  SupportFixture fixture;
   auto object = box({5, 5, 1}, {15, 15, 0.5});
   object.angular_velocity = {0, 0, 10};
   const auto id = fixture.add(object);
@@ -304,12 +311,12 @@ TEST(Support, SpinningBoxSlowsByTheFrictionOfEachCell) {
               0.03 * expected);
 }
 
-TEST(Support, SpinningBoxSlidesInACurve) {
+TEST_P(Support, SpinningBoxSlidesInACurve) {
   // Sliding moves the centre of the load forward by µ times the height of the centre of mass. The front then rubs more
   // than the rear, which deflects a spinning box. The reference integrates a linear pressure over the face.
   const Eigen::Vector2d size(3, 2);
   const double height = 0.8, mass = size.prod() * height, inertia = mass * size.squaredNorm() / 12;
-  PhysicsFixture fixture;
+  SupportFixture fixture;
   fixture.scene.surface.pin.top_x = fixture.scene.surface.pin.top_y = 1.0;
   auto object = box({size.x(), size.y(), height}, {10, 10, height / 2});
   object.velocity = {3.5, 2, 0};
@@ -355,7 +362,7 @@ TEST(Support, SpinningBoxSlidesInACurve) {
       << ours.transpose() << " | " << at.transpose();
 }
 
-TEST(Support, PlateFollowsTheMajorityOfItsCells) {
+TEST_P(Support, PlateFollowsTheMajorityOfItsCells) {
   const double full = kFriction * kGravity / 49;
   // 25 inner cells drive, 24 hold; the rim drives, 25 hold; 28 of 49 drive.
   EXPECT_NEAR(plate_acceleration([](int x, int y) { return std::max(std::abs(x), std::abs(y)) <= 2; }), full,
@@ -365,8 +372,8 @@ TEST(Support, PlateFollowsTheMajorityOfItsCells) {
   EXPECT_NEAR(plate_acceleration([](int, int y) { return y % 2 != 0; }), 7 * full, 0.03 * 7 * full);
 }
 
-TEST(Support, PlateUnderASymmetricDriveMovesUniformly) {
-  PhysicsFixture fixture;
+TEST_P(Support, PlateUnderASymmetricDriveMovesUniformly) {
+  SupportFixture fixture;
   const auto id = fixture.add(box({7, 7, 1}, {8, 15, 0.5}));
   drive(fixture, [](int, int) { return 2.0; });
   fixture.run(3.0);
@@ -377,9 +384,9 @@ TEST(Support, PlateUnderASymmetricDriveMovesUniformly) {
   EXPECT_NEAR(fixture.angular_velocity(id).norm(), 0, 2e-3);
 }
 
-TEST(Support, SlidingPlateStopsWhereCoulombSays) {
+TEST_P(Support, SlidingPlateStopsWhereCoulombSays) {
   for (const double course : {0.0, 0.6}) {
-    PhysicsFixture fixture;
+    SupportFixture fixture;
     auto object = box({5, 5, 1}, {8, 8, 0.5});
     object.velocity = 6 * Eigen::Vector3d(std::cos(course), std::sin(course), 0);
     const auto id = fixture.add(object);
@@ -389,9 +396,9 @@ TEST(Support, SlidingPlateStopsWhereCoulombSays) {
   }
 }
 
-TEST(Support, SlopesSlideFromTheAngleOfFriction) {
+TEST_P(Support, SlopesSlideFromTheAngleOfFriction) {
   for (const double offset : {-0.1, 0.1}) {
-    PhysicsFixture fixture;
+    SupportFixture fixture;
     const double angle = std::atan(kFriction) + offset * M_PI / 180;
     fixture.scene.world.gravity = {kGravity * std::sin(angle), 0, -kGravity * std::cos(angle)};
     const auto id = fixture.add(box({5, 5, 1}, {8, 15, 0.5}));
@@ -405,9 +412,9 @@ TEST(Support, SlopesSlideFromTheAngleOfFriction) {
   }
 }
 
-TEST(Support, TurningCellsTurnAPlate) {
+TEST_P(Support, TurningCellsTurnAPlate) {
   // Every cell turns: it drags the plate about its own centre, and the neighbours' torques add up.
-  PhysicsFixture fixture;
+  SupportFixture fixture;
   auto& field = fixture.cells().field();
   field.surface_velocity_x.assign(field.height.size(), 0.0F);
   field.surface_velocity_y = field.surface_velocity_x;
@@ -418,10 +425,10 @@ TEST(Support, TurningCellsTurnAPlate) {
   EXPECT_NEAR((fixture.position(id) - Eigen::Vector3f(15, 15, 0.5F)).norm(), 0, 5e-3);
 }
 
-TEST(Support, SameBitsForAnyNumberOfThreads) {
+TEST_P(Support, SameBitsForAnyNumberOfThreads) {
   std::uint64_t hashes[2];
   for (const int threads : {1, 3}) {
-    PhysicsFixture fixture;
+    SupportFixture fixture;
     fixture.threads = threads;
     drive(fixture, [](int x, int y) { return ((x / 5) + (y / 7)) % 2 ? 3.0 : -2.0; });
     for (int i = 0; i < 600; ++i) {
@@ -435,3 +442,5 @@ TEST(Support, SameBitsForAnyNumberOfThreads) {
   }
   EXPECT_EQ(hashes[0], hashes[1]);
 }
+
+INSTANTIATE_TEST_SUITE_P(CellsWithAndWithoutForceLimit, Support, testing::Values(0.0, 1e5));

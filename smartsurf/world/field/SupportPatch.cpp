@@ -381,6 +381,70 @@ void merge_cells(SupportSamples& s, std::size_t first) {
   s.cell.resize(to);
 }
 
+// Finds the shares of a patch's points. A sample moves to where its points can balance its load; one without points gets
+// the weight 0. False if no sample has points.
+bool add_shares(const SupportPatch& patch, std::span<const Contact> contacts, SupportPatches& out) {
+  struct Points {
+    int count = 0;
+    float x = 0, y = 0;              // mean
+    float xx = 0, xy = 0, yy = 0;    // second moments about the mean
+    float offset_x = 0, offset_y = 0, least_share = 1.0F;  // of the sample from the mean
+  };
+  thread_local std::vector<Points> of_sample;
+  of_sample.assign(static_cast<std::size_t>(patch.count), {});
+  SupportSamples& s = out.samples;
+  const auto first = static_cast<std::size_t>(patch.first), first_point = static_cast<std::size_t>(patch.first_point);
+  const auto cells = std::span(s.cell).subspan(first, static_cast<std::size_t>(patch.count));
+  out.shares.resize(out.points.size());
+  // Calls each(share, points of its sample, contact) for the points that have a sample.
+  auto for_each_share = [&](auto each) {
+    for (std::size_t k = first_point; k < out.points.size(); ++k)
+      if (PointShare& share = out.shares[k]; share.sample >= 0)
+        each(share, of_sample[static_cast<std::size_t>(share.sample)],
+             contacts[static_cast<std::size_t>(out.points[k])].anchor);
+  };
+  for (std::size_t k = first_point; k < out.points.size(); ++k) {
+    const std::int32_t cell = contacts[static_cast<std::size_t>(out.points[k])].feature_id;
+    const auto found = std::lower_bound(cells.begin(), cells.end(), cell);
+    out.shares[k] = {};
+    if (found != cells.end() && *found == cell) out.shares[k].sample = static_cast<std::int32_t>(found - cells.begin());
+  }
+  for_each_share([](PointShare&, Points& p, const Vec3& at) { ++p.count, p.x += at.x(), p.y += at.y(); });
+  bool any = false;
+  for (std::size_t i = 0; i < of_sample.size(); ++i) {
+    Points& p = of_sample[i];
+    if (p.count == 0) {
+      s.weight[first + i] = 0.0F;
+      continue;
+    }
+    any = true;
+    p.x /= static_cast<float>(p.count), p.y /= static_cast<float>(p.count);
+    p.offset_x = s.x[first + i] - p.x, p.offset_y = s.y[first + i] - p.y;
+    s.x[first + i] = p.x, s.y[first + i] = p.y;
+  }
+  for_each_share([](PointShare&, Points& p, const Vec3& at) {
+    const float x = at.x() - p.x, y = at.y() - p.y;
+    p.xx += x * x, p.xy += x * y, p.yy += y * y;
+  });
+  for_each_share([](PointShare& share, Points& p, const Vec3& at) {
+    constexpr float kNoMoment = 1e-6F;  // u²
+    const float x = at.x() - p.x, y = at.y() - p.y, xx = p.xx + kNoMoment, yy = p.yy + kNoMoment,
+                determinant = xx * yy - p.xy * p.xy;
+    share.share_x = (yy * x - p.xy * y) / determinant;
+    share.share_y = (xx * y - p.xy * x) / determinant;
+    share.share = 1.0F / static_cast<float>(p.count);
+    p.least_share = std::min(p.least_share, share.share + share.share_x * p.offset_x + share.share_y * p.offset_y);
+  });
+  for_each_share([&](PointShare& share, const Points& p, const Vec3& at) {
+    if (p.least_share < 0.0F) return;
+    const float by_offset = share.share_x * p.offset_x + share.share_y * p.offset_y;
+    const std::size_t i = first + static_cast<std::size_t>(share.sample);
+    share.share += by_offset;
+    s.x[i] += by_offset * at.x(), s.y[i] += by_offset * at.y();
+  });
+  return any;
+}
+
 bool may_be_flat(const Shape& s, const Mat3& axes) {
   if (s.kind == ShapeKind::kBox) return axes.row(2).cwiseAbs().maxCoeff() > kUpright;
   if (!s.is_axisymmetric()) return true;
@@ -390,8 +454,9 @@ bool may_be_flat(const Shape& s, const Mat3& axes) {
 
 }  // namespace
 
-void SupportSamples::resize(std::size_t n) {
+void SupportSamples::resize(std::size_t n, bool has_limits) {
   cell.resize(n, -1);
+  limit.resize(has_limits ? n : 0, kUnlimitedLoad);
   for (std::vector<float>* values : {&x, &y, &arm, &velocity_x, &velocity_y, &spin, &weight, &load})
     values->resize(n, 0.0F);
   for (auto& copy : friction)
@@ -401,7 +466,8 @@ void SupportSamples::resize(std::size_t n) {
 void SupportPatches::clear() {
   patches.clear();
   points.clear();
-  samples.resize(0);
+  shares.clear();
+  samples.resize(0, false);
 }
 
 bool add_support_patch(const surface::Field& field, const FreeLayoutField* free_layout, const Shape& shape,
@@ -412,6 +478,7 @@ bool add_support_patch(const surface::Field& field, const FreeLayoutField* free_
   const BearingContacts bearing = bearing_contacts(field, contacts, margin);
   SupportPatch patch;
   patch.body = body;
+  patch.has_shares = field.has_force_limit();
   patch.first = static_cast<std::int32_t>(out.samples.size());
   patch.first_point = static_cast<std::int32_t>(out.points.size());
   int footprints = 0;
@@ -426,8 +493,12 @@ bool add_support_patch(const surface::Field& field, const FreeLayoutField* free_
       const Contact& c = contacts[k];
       const auto index = static_cast<std::int32_t>(k);
       if (!is_upright(c) || !f.has_near(centre + c.anchor)) continue;
+      // A lower cell has points of its own.
+      if (patch.has_shares && !bearing.bears(c.separation, field.height[static_cast<std::size_t>(c.feature_id)]))
+        continue;
       touches = true;
-      if (std::find(out.points.begin() + patch.first_point, out.points.end(), index) == out.points.end())
+      if (footprints == 0 ||
+          std::find(out.points.begin() + patch.first_point, out.points.end(), index) == out.points.end())
         out.points.push_back(index);
     }
     if (!touches) return;
@@ -441,16 +512,17 @@ bool add_support_patch(const surface::Field& field, const FreeLayoutField* free_
   if (footprints > 1) merge_cells(out.samples, first);
   patch.count = static_cast<std::int32_t>(out.samples.cell.size()) - patch.first;
   patch.point_count = static_cast<std::int32_t>(out.points.size()) - patch.first_point;
-  if (patch.count < 1 || patch.point_count < 2) {
-    out.samples.resize(first);
+  if (patch.count < 1 || patch.point_count < 2 || (patch.has_shares && !add_shares(patch, contacts, out))) {
+    out.samples.resize(first, patch.has_shares);
     out.points.resize(static_cast<std::size_t>(patch.first_point));
+    out.shares.resize(patch.has_shares ? out.points.size() : 0);
     return false;
   }
   for (std::size_t i = first; i < out.samples.cell.size(); ++i)
     patch.moves |= out.samples.velocity_x[i] != 0.0F || out.samples.velocity_y[i] != 0.0F ||
                    out.samples.spin[i] != 0.0F ||
                    field.speed[static_cast<std::size_t>(out.samples.cell[i])] != 0.0F;
-  out.samples.resize((out.samples.cell.size() + kLanes - 1) / kLanes * kLanes);
+  out.samples.resize((out.samples.cell.size() + kLanes - 1) / kLanes * kLanes, patch.has_shares);
   out.patches.push_back(patch);
   return true;
 }

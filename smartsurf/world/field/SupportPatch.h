@@ -5,6 +5,9 @@
 // the area that the cell shares with the face. The load of sample i is N_i = max(0, a + b·x_i + c·y_i), with the force
 // and the moment of the normal impulses at the patch's points (least squares among non-negative loads). Each sample
 // rubs with its own load; the points have no friction of their own.
+//
+// If cells have force limits, each cell has contact points of its own, N_i is at most what the cell can give, and the
+// points take over these loads.
 #pragma once
 
 #include <array>
@@ -29,12 +32,22 @@ struct SupportSamples {
   std::vector<float> velocity_x, velocity_y, spin;  // of the cell's surface there, u/s, rad/s
   std::vector<float> weight;                        // stiffness: the covered part of the top
   std::vector<float> load;                          // normal impulse over the step, mass·u/s
+  // Greatest load of the cell in the substep, mass·u/s; infinite: kUnlimitedLoad. Empty without force limits.
+  std::vector<float> limit;
   // Friction impulse of the last substep along x and y, and its torque about z divided by `arm`; two copies, of which
   // SupportPatch::current is valid.
   std::array<std::array<std::vector<float>, 3>, 2> friction;
 
   std::size_t size() const { return cell.size(); }
-  void resize(std::size_t);
+  void resize(std::size_t, bool has_limits);
+};
+inline constexpr float kUnlimitedLoad = 1e30F;
+
+// How a patch's point takes part in the load of its cell: by share + share_x·x + share_y·y, if the load acts at (x, y)
+// from the cell's sample, u.
+struct PointShare {
+  std::int32_t sample = -1;  // from the patch's first one; −1: the cell bears nothing
+  float share = 0.0F, share_x = 0.0F, share_y = 0.0F;
 };
 
 struct SupportPatch {
@@ -44,10 +57,13 @@ struct SupportPatch {
   float z = 0.0F;                                 // of the samples, from the centre of mass
   bool moves = false;                             // whether any of its cells moves or has a surface velocity
   bool has_friction = false;                      // whether the friction impulses of the last step were found
+  bool has_shares = false;                        // whether its points are in SupportPatches::shares
   int current = 0;                                // the valid copy of SupportSamples::friction
 
   // ---- of the solver
   std::int32_t row = 0, batch_point = 0, lane = 0;
+  bool has_impulse_limit = false;                      // of its contact batch
+  bool is_lightly_loaded = true;                       // no cell had a load near its limit in the last step
   float friction = 0.0F;                               // coefficient
   double total_weight = 0.0;                           // of the samples
   double centre_x = 0.0, centre_y = 0.0, scale = 1.0;  // weighted mean and extent of the samples
@@ -67,6 +83,7 @@ struct SupportPatch {
 struct SupportPatches {
   std::vector<SupportPatch> patches;
   std::vector<std::int32_t> points;  // contacts of the patches, as indices in their body's manifold
+  std::vector<PointShare> shares;    // one per point; empty without force limits
   SupportSamples samples;
   void clear();
 };
@@ -76,6 +93,27 @@ struct SupportPatches {
 bool add_support_patch(const surface::Field&, const FreeLayoutField* free_layout, const Shape&,
                        std::int32_t body, const Vec3& centre, const Mat3& axes, float margin,
                        std::span<const Contact> contacts, SupportPatches& out);
+
+// Of the last patch: removes the points on cells that the face does not cover, but only touches at its rim. Such cells
+// bear nothing. Calls remove(k) for each, k: of the contact in the list without those removed before.
+template <class Remove>
+void remove_points_without_share(SupportPatches& list, Remove remove) {
+  SupportPatch& patch = list.patches.back();
+  for (auto i = static_cast<std::size_t>(patch.first_point); i < list.points.size();) {
+    if (list.shares[i].sample >= 0) {
+      ++i;
+      continue;
+    }
+    const std::int32_t contact = list.points[i];
+    remove(contact);
+    const auto at = static_cast<std::ptrdiff_t>(i);
+    list.points.erase(list.points.begin() + at);
+    list.shares.erase(list.shares.begin() + at);
+    for (auto k = static_cast<std::size_t>(patch.first_point); k < list.points.size(); ++k)
+      if (list.points[k] > contact) --list.points[k];
+    --patch.point_count;
+  }
+}
 
 // Takes over the friction impulses of the same cells from a patch of the previous step.
 void match_support_patch(const SupportPatches& previous, const SupportPatch& from, SupportPatches& current,

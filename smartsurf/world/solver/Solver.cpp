@@ -191,8 +191,8 @@ void Solver::prepare_batch(StepContext& context, ContactKind kind, int index) {
   if (is_static && !context.input.cell_limits.empty()) fill_impulse_limits(context, o, index, list);
   if (is_static && !all_spheres && has_supports_)
     for (int lane = 0; lane < o.lane_count; ++lane)
-      static_manifold_[static_cast<std::size_t>(o.a[lane])] = {graph_.manifold(index, lane), o.first_point,
-                                                               lane};
+      static_manifold_[static_cast<std::size_t>(o.a[lane])] = {graph_.manifold(index, lane), o.first_point, lane,
+                                                               o.has_impulse_limit};
   context.kernels.prepare[kind](&o, 1, batch_points(), context.solver_bodies, context.pair_params);
 }
 
@@ -489,7 +489,9 @@ void Solver::run_contact_stage(StepContext& context, const Member& member,
     solve_points();
     solve_support(list, p, batch_points(), is_soft, velocity_[row], inverse_inertia_[row]);
     // Friction tilts the body: again, because the normal constraints must hold at the end of the step.
-    if (!is_soft) solve_points();
+    if (is_soft) return;
+    solve_points();
+    share_loads(list, p, batch_points());
   });
   member.arrive();
 }
@@ -518,9 +520,10 @@ void Solver::prepare_supports(StepContext& context) {
     const auto row = static_cast<std::size_t>(p.row);
     p.batch_point = static_manifold_[row].batch_point;
     p.lane = static_manifold_[row].lane;
+    p.has_impulse_limit = static_manifold_[row].has_impulse_limit;
     prepare_support(list, p, velocity_[row], inverse_inertia_[row],
                     material_[row].friction_root * field_material_.friction_root,
-                    contacts_of_row(context, p.row));
+                    context.static_params.substep_fraction, contacts_of_row(context, p.row));
   });
 }
 

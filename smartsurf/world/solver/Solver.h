@@ -110,6 +110,7 @@ class Solver {
   // are support patches.
   struct StaticManifold {
     std::int32_t manifold, batch_point, lane;
+    bool has_impulse_limit;  // of its batch
   };
   std::vector<StaticManifold> static_manifold_;
   bool has_supports_ = false;                            // in this step

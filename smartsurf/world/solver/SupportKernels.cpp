@@ -47,10 +47,17 @@ HWY_INLINE V load_at(const SupportSampleView& s, const float (&load_of)[3], int 
   return load(s.weight, i) * hn::Max(value, zero());
 }
 
-void sum_loads(const SupportSampleView& s, const float (&load_of)[3], LoadSums& out) {
+template <bool kLimited>
+void sum_loads_of(const SupportSampleView& s, const float (&load_of)[3], LoadSums& out) {
   const auto sums = sum_lanes<9>(s.count, [&](int i, V(&sum)[9]) HWY_ATTR {
-    const V x = load(s.x, i), y = load(s.y, i), n = load_at(s, load_of, i);
-    const V w = hn::IfThenElseZero(hn::Gt(n, zero()), load(s.weight, i)), wx = w * x, wy = w * y;
+    const V x = load(s.x, i), y = load(s.y, i);
+    V n = load_at(s, load_of, i), w = hn::IfThenElseZero(hn::Gt(n, zero()), load(s.weight, i));
+    if constexpr (kLimited) {
+      const V limit = load(s.limit, i);
+      w = hn::IfThenElseZero(hn::Lt(n, limit), w);
+      n = hn::Min(n, limit);
+    }
+    const V wx = w * x, wy = w * y;
     sum[0] = sum[0] + n;
     sum[1] = sum[1] + n * x;
     sum[2] = sum[2] + n * y;
@@ -65,12 +72,20 @@ void sum_loads(const SupportSampleView& s, const float (&load_of)[3], LoadSums& 
   for (int k = 0; k < 6; ++k) out.stiffness[k] = sums.total(3 + k);
 }
 
-void store_loads(const SupportSampleView& s, const float (&load_of)[3]) {
-  for (int i = 0; i < s.count; i += kVectorWidth) store(load_at(s, load_of, i), s.load, i);
+void sum_loads(const SupportSampleView& s, const float (&load_of)[3], LoadSums& out) {
+  s.limit ? sum_loads_of<true>(s, load_of, out) : sum_loads_of<false>(s, load_of, out);
 }
 
-void solve_friction(const SupportSampleView& s, const float (&cone)[3], const float (&offset)[2],
-                    const float (&velocity)[3], float tangent_mass, FrictionSums& out) {
+void store_loads(const SupportSampleView& s, const float (&load_of)[3]) {
+  for (int i = 0; i < s.count; i += kVectorWidth) {
+    const V n = load_at(s, load_of, i);
+    store(s.limit ? hn::Min(n, load(s.limit, i)) : n, s.load, i);
+  }
+}
+
+template <bool kLimited>
+void solve_friction_of(const SupportSampleView& s, const float (&cone)[3], const float (&offset)[2],
+                       const float (&velocity)[3], float tangent_mass, FrictionSums& out) {
   const V t = set(tangent_mass), vx = set(velocity[0]), vy = set(velocity[1]), w = set(velocity[2]);
   const V offset_x = set(offset[0]), offset_y = set(offset[1]);
   const auto sums = sum_lanes<7>(s.count, [&](int i, V(&sum)[7]) HWY_ATTR {
@@ -82,7 +97,8 @@ void solve_friction(const SupportSampleView& s, const float (&cone)[3], const fl
          load(s.friction[1], i) - t * ((vy + w * x) - surface_y),
          load(s.friction[2], i) - t * (arm * (w - spin))};
     const V length = hn::Max(hn::Sqrt(dot(f, f)), set(1e-30F));
-    const V scale = hn::Min(set(1.0F), load_at(s, cone, i) / length);
+    const V radius = kLimited ? set(cone[0]) * load(s.load, i) : load_at(s, cone, i);
+    const V scale = hn::Min(set(1.0F), radius / length);
     f = f * scale;
     store(f.x, s.new_friction[0], i);
     store(f.y, s.new_friction[1], i);
@@ -97,6 +113,12 @@ void solve_friction(const SupportSampleView& s, const float (&cone)[3], const fl
   });
   for (int k = 0; k < 3; ++k) out.impulse[k] = sums.total(k);
   for (int k = 0; k < 4; ++k) out.stiffness[k] = sums.total(3 + k);
+}
+
+void solve_friction(const SupportSampleView& s, const float (&cone)[3], const float (&offset)[2],
+                    const float (&velocity)[3], float tangent_mass, FrictionSums& out) {
+  s.limit ? solve_friction_of<true>(s, cone, offset, velocity, tangent_mass, out)
+          : solve_friction_of<false>(s, cone, offset, velocity, tangent_mass, out);
 }
 
 void sum_friction(const SupportSampleView& s, double (&impulse)[3]) {

@@ -11,11 +11,12 @@ struct SupportSampleView {
   const float* friction[3];  // of the last solve
   float* new_friction[3];
   float* load;
+  const float* limit;  // null: unlimited
   int count;
 };
 
-// Loads N_i = weight · max(0, load[0] + load[1]·x + load[2]·y): Σ N_i·(1, x, y), and over the samples with N_i > 0
-// Σ weight·(1, x, y, x², xy, y²).
+// Loads N_i = min(limit, weight · max(0, load[0] + load[1]·x + load[2]·y)): Σ N_i·(1, x, y), and over the
+// samples with 0 < N_i < limit Σ weight·(1, x, y, x², xy, y²).
 struct LoadSums {
   double load[3], stiffness[6];
 };
@@ -30,7 +31,7 @@ struct SupportKernelTable {
   void (*sum_loads)(const SupportSampleView&, const float (&load)[3], LoadSums&);
   void (*store_loads)(const SupportSampleView&, const float (&load)[3]);
   // new_friction = (friction − tangent_mass · slip), scaled into the cone of the loads times the coefficient of
-  // friction, `cone`. `velocity`: of the body's underside below the centre of mass along x and y, and about z.
+  // friction, `cone`; with limits, of the stored loads times cone[0]. `velocity`: of the body's underside below the centre of mass along x and y, and about z.
   // `offset`: from the samples to where their friction acts.
   void (*solve_friction)(const SupportSampleView&, const float (&cone)[3], const float (&offset)[2],
                          const float (&velocity)[3], float tangent_mass, FrictionSums&);

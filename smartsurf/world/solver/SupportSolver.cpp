@@ -18,7 +18,7 @@ constexpr double kMomentCompliance = 1e-4;
 constexpr double kLoadTolerance = 1e-4;
 // Friction uses the last loads in proportion while the centre of force has moved by less, relative to the patch's extent.
 constexpr double kCentreTolerance = 0.01;
-constexpr int kMaxLoadPasses = 12, kMaxFrictionPasses = 5, kMaxSoftFrictionPasses = 2;
+constexpr int kMaxLoadPasses = 12, kMaxLimitedLoadPasses = 40, kMaxFrictionPasses = 5, kMaxSoftFrictionPasses = 2;
 // Error of the velocity at which a friction solve is accurate enough, u/s.
 constexpr double kVelocityTolerance = 1e-5;
 // Tangent mass of all samples together, as a multiple of the body's.
@@ -36,6 +36,7 @@ SupportSampleView view(SupportSamples& s, const SupportPatch& p) {
     v.new_friction[i] = &s.friction[1 - current][i][first];
   }
   v.load = &s.load[first];
+  v.limit = p.has_shares ? &s.limit[first] : nullptr;
   v.count = (p.count + kLanes - 1) / kLanes * kLanes;
   return v;
 }
@@ -87,8 +88,9 @@ ScaledSums scaled(const SupportPatch& p, const LoadSums& s) {
   return out;
 }
 
-// Finds the loads with the given force and moments, Σ N·(1, u, v): Newton's method with step halving on the dual of
-// the least-squares problem, which is convex and piecewise quadratic.
+// Finds the loads with the given force and moments, Σ N·(1, u, v): Newton's method with a line search on the dual of the
+// least-squares problem, which is convex and piecewise quadratic. With limits, loads that are not in equilibrium may
+// remain.
 void distribute(const SupportSampleView& samples, SupportPatch& p, const Vector3& target) {
   const double force = target[0], weight = p.total_weight;
   if (!(force > 0.0)) {
@@ -103,6 +105,7 @@ void distribute(const SupportSampleView& samples, SupportPatch& p, const Vector3
     return;
   }
   const Vector3 uniform(force / weight, 0.0, 0.0);
+  const bool is_limited = samples.limit != nullptr;
   const Vector3 compliance(0.0, kMomentCompliance * weight, kMomentCompliance * weight);
   auto newton_step = [&](const Vector3& residual, Matrix3 stiffness) {
     stiffness.diagonal() += compliance + Vector3::Constant(1e-9 * weight);
@@ -117,42 +120,37 @@ void distribute(const SupportSampleView& samples, SupportPatch& p, const Vector3
     load += newton_step(sums + compliance.cwiseProduct(load) - target, symmetric(p.load_stiffness));
   }
   Vector3 best = load, step = Vector3::Zero();
-  double best_objective = std::numeric_limits<double>::max(), total = 0.0, fraction = 1.0;
-  for (int pass = 0; pass < kMaxLoadPasses; ++pass) {
+  double total = 0.0, fraction = 1.0, descent = 0.0;  // descent: −derivative along `step` at `best`
+  for (int pass = 0; pass < (is_limited ? kMaxLimitedLoadPasses : kMaxLoadPasses); ++pass) {
     float in_world[3];
     const double coefficients[3] = {load[0], load[1], load[2]};
     in_world_axes(p, coefficients, 1.0, in_world);
     LoadSums raw;
     support_kernels().sum_loads(samples, in_world, raw);
-    if (!(raw.load[0] > 0.0)) {  // no sample bears: only a warm start can be that far off
-      if (pass > 0) {
-        fraction *= 0.5;
-        load = best + fraction * step;
-      } else {
-        load = uniform;
-      }
+    if (pass == 0 && !(raw.load[0] > 0.0)) {  // no sample bears: only a warm start can be that far off
+      load = uniform;
       continue;
     }
     const ScaledSums sums = scaled(p, raw);
-    const Vector3 moments = compliance.cwiseProduct(load);
-    const double objective = 0.5 * load.dot(sums.load + moments) - target.dot(load);
-    if (objective > best_objective + 1e-9 * std::abs(best_objective)) {
-      fraction *= 0.5;
+    const Vector3 residual = sums.load + compliance.cwiseProduct(load) - target;
+    const double ascent = residual.dot(step);
+    if (ascent > 0.5 * descent) {  // too far
+      fraction *= std::max(0.1, descent / (descent + ascent));
       load = best + fraction * step;
       continue;
     }
-    best = load, best_objective = objective, total = raw.load[0];
+    best = load, total = raw.load[0];
     for (int i = 0; i < 3; ++i) p.load_sums[i] = sums.load[i];
     store(sums.stiffness, p.load_stiffness);
-    p.offset_x = (target[1] / force - sums.load[1] / total) * p.scale;
-    p.offset_y = (target[2] / force - sums.load[2] / total) * p.scale;
-    const Vector3 residual = sums.load + moments - target;
+    const double inverse_total = total > 0.0 ? 1.0 / total : 0.0;
+    p.offset_x = (target[1] / force - sums.load[1] * inverse_total) * p.scale;
+    p.offset_y = (target[2] / force - sums.load[2] * inverse_total) * p.scale;
     if (residual.cwiseAbs().maxCoeff() <= kLoadTolerance * force) break;
     step = newton_step(residual, sums.stiffness);
-    fraction = 1.0;
+    fraction = 1.0, descent = -residual.dot(step);
     load = best + step;
   }
-  if (total > 0.0) {
+  if (total > 0.0 && !is_limited) {
     best *= force / total;
     for (double& sum : p.load_sums) sum *= force / total;
   }
@@ -193,16 +191,113 @@ std::span<const std::int32_t> points_of(const SupportPatches& list, const Suppor
       .subspan(static_cast<std::size_t>(p.first_point), static_cast<std::size_t>(p.point_count));
 }
 
+// The force and moments of the normal impulses at a patch's points.
+Vector3 wrench_of_points(const SupportPatches& list, const SupportPatch& p, BatchPoints points) {
+  double force = 0.0, moment_x = 0.0, moment_y = 0.0;
+  for (const std::int32_t i : points_of(list, p)) {
+    const auto k = static_cast<std::size_t>(p.batch_point + i);
+    const double impulse = points.point[k].normal_impulse[p.lane];
+    const float(&anchor)[3][kLanes] = points.detail[k].anchor_a;
+    force += impulse;
+    moment_x += impulse * static_cast<double>(anchor[0][p.lane]);
+    moment_y += impulse * static_cast<double>(anchor[1][p.lane]);
+  }
+  return scaled_wrench(p, force, moment_x, moment_y);
+}
+
+// Calls each(point, limit of the first point on its cell or null, share) for the points of a patch with shares.
+template <class Each>
+void for_each_share(const SupportPatches& list, const SupportPatch& p, BatchPoints points, Each each) {
+  for (auto i = static_cast<std::size_t>(p.first_point); i < static_cast<std::size_t>(p.first_point + p.point_count);
+       ++i) {
+    const auto k = static_cast<std::size_t>(p.batch_point + list.points[i]);
+    BatchPointLimit* limit = nullptr;
+    if (p.has_impulse_limit && points.limit[k].stall_impulse[p.lane] < BatchPointLimit::kUnlimited)
+      limit = &points.limit[k] + points.limit[k].to_first[p.lane];
+    each(k, limit, list.shares[i]);
+  }
+}
+
+// Distributes the normal impulses of a patch's points over its samples, within what their cells can give. The points of
+// each cell take over its load if `is_final`. The contact solver's own loads remain if the new ones are not in equilibrium
+// with them, which happens where a body tips over its last cell.
+void distribute_within_limits(SupportPatches& list, SupportPatch& p, BatchPoints points, const Vector3& target,
+                              bool is_final) {
+  constexpr float kTolerance = 1e-3F;  // of the wrench, relative to the force
+  const SupportSampleView samples = view(list.samples, p);
+  const auto first = static_cast<std::size_t>(p.first);
+  const int lane = p.lane;
+  for_each_share(list, p, points, [&](std::size_t k, const BatchPointLimit* limit, const PointShare& share) {
+    float& most = list.samples.limit[first + static_cast<std::size_t>(share.sample)];
+    most = limit ? limit->capacity[lane] : kUnlimitedLoad;
+    if (points.point[k].normal_mass[lane] == 0.0F) most = 0.0F;  // an impact, at the end of the step
+  });
+  distribute(samples, p, target);
+  if (p.force == 0.0) return;
+  float load[3];
+  in_world_axes(p, p.load, 1.0, load);
+  support_kernels().store_loads(samples, load);
+  const auto offset_x = static_cast<float>(p.offset_x), offset_y = static_cast<float>(p.offset_y);
+  auto impulse_of = [&](const PointShare& s) {
+    return samples.load[s.sample] * std::max(0.0F, s.share + s.share_x * offset_x + s.share_y * offset_y);
+  };
+  double error[3] = {};
+  for_each_share(list, p, points, [&](std::size_t k, BatchPointLimit*, const PointShare& share) {
+    const float change = impulse_of(share) - points.point[k].normal_impulse[lane];
+    const float(&anchor)[3][kLanes] = points.detail[k].anchor_a;
+    error[0] += static_cast<double>(change);
+    error[1] += static_cast<double>(change * anchor[0][lane]), error[2] += static_cast<double>(change * anchor[1][lane]);
+  });
+  const double tolerance = static_cast<double>(kTolerance) * p.force;
+  const bool is_balanced = std::abs(error[0]) <= tolerance && std::abs(error[1]) <= tolerance * p.scale &&
+                           std::abs(error[2]) <= tolerance * p.scale;
+  if (!is_balanced) {
+    std::fill_n(samples.load, p.count, 0.0F);
+    p.offset_x = p.offset_y = 0.0;
+  }
+  for_each_share(list, p, points, [&](std::size_t k, BatchPointLimit* limit, const PointShare& share) {
+    BatchPoint& point = points.point[k];
+    const float old_impulse = point.normal_impulse[lane];
+    if (!is_balanced) {
+      samples.load[share.sample] += old_impulse;
+      return;
+    }
+    if (!is_final) return;
+    const float impulse = impulse_of(share);
+    point.normal_impulse[lane] = impulse;
+    point.total_normal_impulse[lane] += impulse - old_impulse;
+    if (limit) limit->load[lane] += impulse - old_impulse;
+  });
+}
+
+// Whether no cell had a load near its limit in the last step.
+bool is_lightly_loaded(SupportPatches& list, const SupportPatch& p, float substep_fraction,
+                       std::span<const Contact> contacts) {
+  constexpr float kLight = 0.7F;  // of the limit
+  float* const load = &list.samples.load[static_cast<std::size_t>(p.first)];
+  std::fill_n(load, p.count, 0.0F);
+  bool is_light = true;
+  for (int i = 0; i < p.point_count; ++i) {
+    const auto k = static_cast<std::size_t>(p.first_point + i);
+    const Contact& c = contacts[static_cast<std::size_t>(list.points[k])];
+    float& sum = load[list.shares[k].sample];
+    sum += c.normal_impulse;
+    is_light &= sum <= kLight * substep_fraction * c.max_cell_impulse;
+  }
+  return is_light;
+}
+
 }  // namespace
 
 void prepare_support(SupportPatches& list, SupportPatch& p, const BodyVelocity& m, const InverseInertia& w,
-                     float friction, std::span<const Contact> contacts) {
+                     float friction, float substep_fraction, std::span<const Contact> contacts) {
   SupportSamples& s = list.samples;
   const SupportSampleView samples = view(s, p);
   const float ones[3] = {1.0F, 0.0F, 0.0F};
   LoadSums sums;
   support_kernels().sum_loads(samples, ones, sums);
   p.friction = friction;
+  if (p.has_shares) p.is_lightly_loaded = is_lightly_loaded(list, p, substep_fraction, contacts);
   p.total_weight = sums.stiffness[0];
   p.centre_x = sums.stiffness[1] / p.total_weight;
   p.centre_y = sums.stiffness[2] / p.total_weight;
@@ -244,81 +339,103 @@ void warm_start_support(const SupportPatch& p, BodyVelocity& m, const InverseIne
 void solve_support_points(const SupportPatches& list, const SupportPatch& p, BatchPoints points,
                           const SubstepParams& params, bool is_soft, BodyVelocity& m, const DeltaPose& delta,
                           const InverseInertia& w) {
-  constexpr int kMaxPoints = 8;
   // Compliance of each point, relative to the body's: shares the load where the points are redundant.
   constexpr double kCompliance = 1e-3;
+  // A cell whose load comes near to what it can give may slow down under it: that is left to the sweeps.
+  constexpr float kExhausted = 0.9F;
+  bool any_exhausted = p.has_shares && !p.is_lightly_loaded;
   struct Point {
     std::size_t index;
-    double x, y, compliance, impulse_change;
+    Vector3 at;  // 1, x, y
+    double stiffness, error, impulse, impulse_change;  // error: of the speed, u/s
+    BatchPointLimit* limit;
+    bool lifts;
   };
-  Point bearing[kMaxPoints];
-  int count = 0;
+  thread_local std::vector<Point> bearing;
+  bearing.clear();
+  const int lane = p.lane;
   const double inverse_mass = m.inverse_mass, xx = w.xx, xy = w.xy, yy = w.yy;
-  for (const std::int32_t i : points_of(list, p)) {
-    const auto k = static_cast<std::size_t>(p.batch_point + i);
+  auto add = [&](std::size_t k, BatchPointLimit* limit) {
     const BatchPoint& point = points.point[k];
-    const float impulse = point.normal_impulse[p.lane];
-    if (!(impulse > 0.0F)) continue;
-    if (count == kMaxPoints) return;
+    const float impulse = point.normal_impulse[lane];
+    if (!(impulse > 0.0F && point.normal_mass[lane] > 0.0F)) return;
     const BatchPointDetail& d = points.detail[k];
-    const float x = d.anchor_a[0][p.lane], y = d.anchor_a[1][p.lane], rise = d.surface_velocity[2][p.lane];
-    const float speed = m.velocity[2] + (m.angular_velocity[0] * y - m.angular_velocity[1] * x) - rise;
+    const float x = d.anchor_a[0][lane], y = d.anchor_a[1][lane], rise = d.surface_velocity[2][lane];
+    float speed = m.velocity[2] + (m.angular_velocity[0] * y - m.angular_velocity[1] * x) - rise, lag = 0.0F;
+    if (limit) {
+      any_exhausted |= limit->load[lane] > kExhausted * limit->capacity[lane];
+      speed += points.limit[k].planned_speed[lane] - limit->speed[lane];
+      lag = limit->lag[lane];
+    }
     double compliance = kCompliance * inverse_mass;
-    float target_speed = point.relax_target_speed[p.lane];
+    float target_speed = point.relax_target_speed[lane];
     if (is_soft) {
       // As soft_normal_impulse() in ContactKernels.cpp.
-      const float separation = point.separation[p.lane] + delta.translation[2] +
-                               (delta.rotation[0] * y - delta.rotation[1] * x) - rise * params.elapsed_s;
+      const float separation = point.separation[lane] + delta.translation[2] +
+                               (delta.rotation[0] * y - delta.rotation[1] * x) - rise * params.elapsed_s + lag;
       if (separation > 0.0F) {
         target_speed = -separation * params.inverse_h;
       } else {
         target_speed =
             -std::max(std::min(separation + kSlop, 0.0F) * params.bias_rate, -params.max_bias_velocity);
         compliance = static_cast<double>(params.impulse_scale / params.mass_scale) /
-                     static_cast<double>(point.normal_mass[p.lane]);
+                     static_cast<double>(point.normal_mass[lane]);
         target_speed -= static_cast<float>(compliance) * impulse;
       }
     }
-    bearing[count++] = {k, static_cast<double>(x), static_cast<double>(y), compliance,
-                        static_cast<double>(target_speed - speed)};
-  }
-  if (count < 2) return;
+    bearing.push_back({k, {1.0, static_cast<double>(x), static_cast<double>(y)}, 1.0 / compliance,
+                       static_cast<double>(target_speed - speed), static_cast<double>(impulse), 0.0, limit, false});
+  };
+  if (p.has_shares)
+    for_each_share(list, p, points, [&](std::size_t k, BatchPointLimit* limit, const PointShare&) { add(k, limit); });
+  else
+    for (const std::int32_t i : points_of(list, p)) add(static_cast<std::size_t>(p.batch_point + i), nullptr);
+  if (bearing.size() < 2 || any_exhausted) return;
   constexpr double kSolved = 1e-7;  // u/s
-  if (std::all_of(bearing, bearing + count,
-                  [](const Point& b) { return std::abs(b.impulse_change) <= kSolved; }))
-    return;
-  // Decomposition of the points' inverse effective mass, L·D·Lᵀ, and solution in place. The diagonal has 1/D.
-  double factor[kMaxPoints][kMaxPoints], scaled_row[kMaxPoints];  // of the row: L·D
-  for (int i = 0; i < count; ++i)
-    for (int j = 0; j <= i; ++j) {
-      const Point &a = bearing[i], &b = bearing[j];
-      double sum = inverse_mass + a.y * (xx * b.y - xy * b.x) - a.x * (xy * b.y - yy * b.x);
-      if (i == j) sum += a.compliance;
-      for (int k = 0; k < j; ++k) sum -= scaled_row[k] * factor[j][k];
-      scaled_row[j] = sum;
-      factor[i][j] = i == j ? 1.0 / sum : sum * factor[j][j];
+  if (std::all_of(bearing.begin(), bearing.end(), [](const Point& b) { return std::abs(b.error) <= kSolved; })) return;
+  const double determinant = xx * yy - xy * xy;
+  if (!(determinant > 0.0) || !(inverse_mass > 0.0)) return;
+  // The change of velocity v + b·x + c·y at the points and their impulses, with compliances as springs in series with
+  // the rigid body: (body's inertia + Σ stiffness) · (v, b, c) = Σ stiffness · error. Points that would pull lose their
+  // impulse.
+  Matrix3 inertia;
+  inertia << 1.0 / inverse_mass, 0.0, 0.0, 0.0, xx / determinant, xy / determinant, 0.0, xy / determinant,
+      yy / determinant;
+  constexpr int kMaxPasses = 6;
+  for (int pass = 0, changed = 1; changed > 0; ++pass) {
+    if (pass == kMaxPasses) return;
+    Matrix3 sum = inertia;
+    Vector3 errors = Vector3::Zero();
+    for (const Point& b : bearing) {
+      if (b.lifts) {
+        errors -= b.impulse * b.at;
+        continue;
+      }
+      sum += b.stiffness * b.at * b.at.transpose();
+      errors += b.stiffness * b.error * b.at;
     }
-  for (int i = 0; i < count; ++i) {
-    for (int k = 0; k < i; ++k) bearing[i].impulse_change -= factor[i][k] * bearing[k].impulse_change;
+    const Vector3 change = solve(sum, errors);
+    changed = 0;
+    for (Point& b : bearing) {
+      b.impulse_change = b.stiffness * (b.error - b.at.dot(change));
+      const bool lifts = b.impulse + b.impulse_change <= 0.0;
+      if (lifts) b.impulse_change = -b.impulse;
+      changed += lifts != b.lifts;
+      b.lifts = lifts;
+    }
+    if (changed > 0 && !p.has_shares) return;
   }
-  for (int i = count - 1; i >= 0; --i) {
-    bearing[i].impulse_change *= factor[i][i];
-    for (int k = i + 1; k < count; ++k) bearing[i].impulse_change -= factor[k][i] * bearing[k].impulse_change;
-  }
-  for (int i = 0; i < count; ++i) {
-    const double old_impulse = points.point[bearing[i].index].normal_impulse[p.lane];
-    if (!(old_impulse + bearing[i].impulse_change > 0.0)) return;
-  }
-  double force = 0.0, torque_x = 0.0, torque_y = 0.0;
-  for (int i = 0; i < count; ++i) {
-    const Point& b = bearing[i];
+  Vector3 wrench = Vector3::Zero();
+  for (const Point& b : bearing) {
     BatchPoint& point = points.point[b.index];
-    point.normal_impulse[p.lane] += static_cast<float>(b.impulse_change);
-    if (!is_soft) point.total_normal_impulse[p.lane] += static_cast<float>(b.impulse_change);
-    force += b.impulse_change, torque_x += b.y * b.impulse_change, torque_y -= b.x * b.impulse_change;
+    const auto impulse_change = static_cast<float>(b.impulse_change);
+    point.normal_impulse[lane] += impulse_change;
+    if (!is_soft) point.total_normal_impulse[lane] += impulse_change;
+    if (b.limit) b.limit->load[lane] += impulse_change;
+    wrench += b.impulse_change * b.at;
   }
-  const auto tx = static_cast<float>(torque_x), ty = static_cast<float>(torque_y);
-  m.velocity[2] += static_cast<float>(force) * m.inverse_mass;
+  const auto tx = static_cast<float>(wrench[2]), ty = static_cast<float>(-wrench[1]);
+  m.velocity[2] += static_cast<float>(wrench[0]) * m.inverse_mass;
   m.angular_velocity[0] += w.xx * tx + w.xy * ty;
   m.angular_velocity[1] += w.xy * tx + w.yy * ty;
   m.angular_velocity[2] += w.xz * tx + w.yz * ty;
@@ -327,25 +444,22 @@ void solve_support_points(const SupportPatches& list, const SupportPatch& p, Bat
 void solve_support(SupportPatches& list, SupportPatch& p, BatchPoints points, bool is_soft, BodyVelocity& m,
                    const InverseInertia& w) {
   const SupportSampleView samples = view(list.samples, p);
-  double force = 0.0, moment_x = 0.0, moment_y = 0.0;
-  for (const std::int32_t i : points_of(list, p)) {
-    const auto k = static_cast<std::size_t>(p.batch_point + i);
-    const double impulse = points.point[k].normal_impulse[p.lane];
-    const float(&anchor)[3][kLanes] = points.detail[k].anchor_a;
-    force += impulse;
-    moment_x += impulse * static_cast<double>(anchor[0][p.lane]);
-    moment_y += impulse * static_cast<double>(anchor[1][p.lane]);
-  }
-  const Vector3 target = scaled_wrench(p, force, moment_x, moment_y);
+  const Vector3 target = wrench_of_points(list, p, points);
+  const double force = target[0];
   double moved[2] = {};  // the centre of force since the loads were distributed
   const bool keeps_loads = p.force > 0.0 && force > 0.0;
   for (int i = 0; i < 2 && keeps_loads; ++i) moved[i] = target[i + 1] / force - p.centre_of_force[i];
-  if (!keeps_loads || (!is_soft && std::max(std::abs(moved[0]), std::abs(moved[1])) > kCentreTolerance)) {
-    distribute(samples, p, target);
+  const bool has_moved = std::max(std::abs(moved[0]), std::abs(moved[1])) > kCentreTolerance;
+  if (!keeps_loads || (!is_soft && has_moved && !p.has_shares)) {
+    p.has_shares ? distribute_within_limits(list, p, points, target, false) : distribute(samples, p, target);
     moved[0] = moved[1] = 0.0;
   }
   float cone[3] = {};
-  if (p.force > 0.0) in_world_axes(p, p.load, static_cast<double>(p.friction) * (force / p.force), cone);
+  const double friction = static_cast<double>(p.friction) * (p.force > 0.0 ? force / p.force : 0.0);
+  if (p.has_shares)
+    cone[0] = static_cast<float>(friction);
+  else if (p.force > 0.0)
+    in_world_axes(p, p.load, friction, cone);
   const float offset[2] = {static_cast<float>(p.offset_x + moved[0] * p.scale),
                            static_cast<float>(p.offset_y + moved[1] * p.scale)};
   const Vector3 old_impulse(p.friction_sum[0], p.friction_sum[1], p.friction_sum[2]);
@@ -380,6 +494,10 @@ void solve_support(SupportPatches& list, SupportPatch& p, BatchPoints points, bo
   apply_friction(p, impulse - old_impulse, m, w);
 }
 
+void share_loads(SupportPatches& list, SupportPatch& p, BatchPoints points) {
+  if (p.has_shares) distribute_within_limits(list, p, points, wrench_of_points(list, p, points), true);
+}
+
 void store_support(SupportPatches& list, SupportPatch& p, std::span<Contact> contacts) {
   const SupportSampleView samples = view(list.samples, p);
   double force = 0.0, moment_x = 0.0, moment_y = 0.0, x = 0.0, y = 0.0, squares = 0.0;
@@ -389,10 +507,18 @@ void store_support(SupportPatches& list, SupportPatch& p, std::span<Contact> con
     force += impulse, moment_x += impulse * at_x, moment_y += impulse * at_y;
     x += at_x, y += at_y, squares += at_x * at_x + at_y * at_y;
   }
-  distribute(samples, p, scaled_wrench(p, force, moment_x, moment_y));
-  float load[3] = {};
-  if (p.force > 0.0) in_world_axes(p, p.load, 1.0, load);
-  support_kernels().store_loads(samples, load);
+  if (p.has_shares) {
+    std::fill_n(samples.load, p.count, 0.0F);
+    for (int i = 0; i < p.point_count; ++i) {
+      const auto k = static_cast<std::size_t>(p.first_point + i);
+      samples.load[list.shares[k].sample] += contacts[static_cast<std::size_t>(list.points[k])].total_normal_impulse;
+    }
+  } else {
+    distribute(samples, p, scaled_wrench(p, force, moment_x, moment_y));
+    float load[3] = {};
+    if (p.force > 0.0) in_world_axes(p, p.load, 1.0, load);
+    support_kernels().store_loads(samples, load);
+  }
   const double count = p.point_count;
   x /= count, y /= count;
   const PlanarField field(Vector3(p.friction_sum[0], p.friction_sum[1], p.friction_sum[2]), count, x, y,

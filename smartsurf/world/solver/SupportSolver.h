@@ -16,9 +16,10 @@
 
 namespace smartsurf::world {
 
-// Sets the derived members of a patch, of a body with this velocity row. `contacts`: of the body's manifold.
+// Sets the derived members of a patch, of a body with this velocity row. `contacts`: of the body's manifold;
+// `substep_fraction`: as in SubstepParams.
 void prepare_support(SupportPatches&, SupportPatch&, const BodyVelocity&, const InverseInertia&,
-                     float friction, std::span<const Contact> contacts);
+                     float friction, float substep_fraction, std::span<const Contact> contacts);
 // Applies the friction impulses of the last step.
 void warm_start_support(const SupportPatch&, BodyVelocity&, const InverseInertia&);
 // After a sweep over the contacts: solves the normal impulses at all points that bear at once, with the soft constraints
@@ -30,6 +31,8 @@ void solve_support_points(const SupportPatches&, const SupportPatch&, BatchPoint
 // provisional: they are distributed as those of the last relax stage.
 void solve_support(SupportPatches&, SupportPatch&, BatchPoints, bool is_soft, BodyVelocity&,
                    const InverseInertia&);
+// At the end of the relax stage, with force limits: the points of each cell take over its load.
+void share_loads(SupportPatches&, SupportPatch&, BatchPoints);
 // At the end of the step: stores the loads over the step, and shares the friction impulse among the contacts, where it
 // warm-starts the next step if the patch is gone by then.
 void store_support(SupportPatches&, SupportPatch&, std::span<Contact> contacts);
