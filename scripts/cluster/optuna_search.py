@@ -4,7 +4,7 @@
   PYTHONPATH=smartsurf/python python3 scripts/cluster/optuna_search.py [--trials N] [--storage URL]
 
 Several processes or nodes that are started with the same --storage (for example sqlite:///study.db, or a server's URL)
-share one study. The example finds the pins' speed and stroke with which a wave carries a ball fastest.
+share one study. The example finds the shape of the wave that carries a ball fastest.
 """
 import argparse
 import pathlib

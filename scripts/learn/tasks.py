@@ -23,15 +23,16 @@ NORTH_SOUTH = [[0], [1, 3], [2], [4]]
 class Task:
     """An experiment, its hand-written controller, and the network that learns it.
 
-    The experiment's metric `success` is 1 or 0; `score(metrics)` is what learning maximizes. start: the network's outputs
-    at first, and the standard deviation of the search."""
+    The experiment's metric `success` is 1 or 0; `score(metrics)` is what learning maximizes. start and deviation: the
+    network's outputs at first, and the standard deviation of the search. search: its generations, candidates per generation
+    and runs per candidate. shapes: of the commands of scripts/learn/ppo."""
 
     def __init__(self, name, title, experiment, controller, until, inputs, actions, ties, *, hidden=(), memory=0, options=None,
-                 start=0.0, deviation=1.0, score=lambda metrics: metrics["score"]):
+                 start=0.0, deviation=1.0, search=(20, 24, 6), shapes=("offset", "south", "east"), score=lambda metrics: metrics["score"]):
         self.name, self.title, self.until, self.score = name, title, until, score
         self.experiment, self.controller, self.options = HERE.parent / experiment, HERE.parent / controller, options or {}
         self.inputs, self.actions, self.ties, self.hidden, self.memory = inputs, actions, ties, hidden, memory
-        self.start, self.deviation = start, deviation
+        self.start, self.deviation, self.search, self.shapes = start, deviation, search, shapes
 
     def sizes(self):
         return [len(self.inputs) + self.memory, *self.hidden, len(self.actions) + self.memory]
@@ -72,6 +73,11 @@ class Task:
             return np.array(list(pool.map(score, range(len(vectors)))))
 
 
+def approach(metrics):
+    """Small distances during the run, and in its last second."""
+    return metrics["score"] - metrics["error_u"]
+
+
 def sorting(metrics):
     """Purity, and less time to get there."""
     return metrics["purity"] - metrics.get("time_to_95_s", 30.0) / 30.0
@@ -79,7 +85,8 @@ def sorting(metrics):
 
 TASKS = {task.name: task for task in (
     Task("ball", "a ball to any target, 8×8 pins", "learn/ball.lua", "learn/ball.aps", 10, ("colour.r", "colour.b"),
-         (("height", 0, 5),), ISOTROPIC, memory=2, start=2.5),
+         (("height", 0, 5),), ISOTROPIC, memory=1, start=2.5, deviation=0.5, search=(24, 32, 8), shapes=("bowl", "south", "east"),
+         score=approach),
     Task("box", "a box to a pose, 16×16 rolling balls", "learn/box.lua", "learn/box.aps", 10, ("row", "column", "proximity_hit"),
          (("spin_x", -20, 20), ("spin_y", -20, 20)), OWN),
     Task("sort", "two kinds sorted by colour, 24×24 pins", "tasks/colour_sort.lua", "tasks/colour_sort.aps", 30,

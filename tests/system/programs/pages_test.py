@@ -67,7 +67,9 @@ class Pages(ProgramTest):
         for program in ("shm_dump", "fake_surface", "surface_bridge", "device_emulator"):
             known |= self.flags_of(str(BIN / program), "--help")
         scripts = [p for p in (ROOT / "scripts").iterdir() if p.is_file()]
-        scripts += [*(ROOT / "scripts/cluster").iterdir(), *(ROOT / "tests/bench").rglob("*.cpp")]
+        for folder in ("scripts/cluster", "scripts/learn"):
+            scripts += [p for p in (ROOT / folder).iterdir() if p.is_file()]
+        scripts += (ROOT / "tests/bench").rglob("*.cpp")
         for script in scripts:
             known |= set(re.findall(r"--[a-z][a-z-]*", script.read_text()))
         for page in PAGES:

@@ -55,6 +55,13 @@ class RunFunction(ProgramTest):
                 pool.submit(self.run, set={"weight": -1}).result()
         self.assertEqual(caught.exception.status, 2)
 
+    def test_package_exports_the_function(self):
+        # The module has the same name: importing it must not hide the function.
+        import smartsurf
+        import smartsurf.run
+        self.assertIs(smartsurf.run, run)
+        self.assertIs(smartsurf.RunError, RunError)
+
     def test_errors_are_one_line_with_status(self):
         with self.assertRaises(RunError) as caught:
             self.run(set={"weigth": 1})
