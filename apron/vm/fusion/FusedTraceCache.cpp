@@ -47,10 +47,18 @@ struct FusedTraceCache::Builder {
         if (trace.instructions.empty()) continue;
         traced = true;
         enqueue(trace.exit);
-        if (trace.array_instructions >= 2) compile(trace, masked);
+        if (is_worth_compiling(trace)) compile(trace, masked);
       }
       if (!traced) flow.for_each_successor(at, enqueue);
     }
+  }
+
+  // A single instruction on the own cell gains nothing, a stencil does.
+  bool is_worth_compiling(const Trace& trace) const {
+    return trace.array_instructions >= 2 ||
+           std::any_of(trace.instructions.begin(), trace.instructions.end(), [&](std::uint32_t at) {
+             return decoded[at].dispatch == DispatchKind::kArrayOp;
+           });
   }
 
   void compile(const Trace& trace, bool masked) {

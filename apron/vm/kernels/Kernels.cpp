@@ -209,44 +209,57 @@ HWY_INLINE void store_cells(const StencilOutput& to, std::size_t x, V value) {
     if (to.mask == nullptr || to.mask[x + i] != 0.0F) to.y[x + i] = cells[i];
 }
 
-// Four vectors of sums at once hide the latency of the additions. They read whole vectors, so that they need
-// `kVectors` vectors of columns.
-template <std::size_t kVectors>
-HWY_INLINE void correlate_block(const FilterView& filter, const StencilRows& rows, const StencilOutput& to,
-                                bool accumulate, std::size_t x) {
+// Four vectors of sums at once hide the latency of the additions.
+HWY_INLINE void correlate_four_vectors(const FilterView& filter, const StencilRows& rows,
+                                       const StencilOutput& to, bool accumulate, std::size_t x) {
   const D d;
-  V sum[4] = {zero(), zero(), zero(), zero()};
-  for (std::size_t k = 0; accumulate && k < kVectors; ++k)
-    sum[k] = hn::LoadU(d, to.y + x + k * hn::Lanes(d));
+  const std::size_t lanes = hn::Lanes(d);
+  V sum0 = zero(), sum1 = zero(), sum2 = zero(), sum3 = zero();
+  if (accumulate) {
+    sum0 = hn::LoadU(d, to.y + x);
+    sum1 = hn::LoadU(d, to.y + x + lanes);
+    sum2 = hn::LoadU(d, to.y + x + 2 * lanes);
+    sum3 = hn::LoadU(d, to.y + x + 3 * lanes);
+  }
   const float* element = filter.coefficients;
   for (std::uint32_t j = 0; j < filter.height; ++j) {
     const float* from = rows.row[j] + rows.step[j] * static_cast<std::ptrdiff_t>(x);
-    for (std::uint32_t i = 0; i < filter.width; ++i, ++element) {
+    for (const float* const end = element + filter.width; element != end; ++element, ++from) {
       if (*element == 0.0F) continue;
       const V e = hn::Set(d, *element);
-      for (std::size_t k = 0; k < kVectors; ++k)
-        sum[k] = hn::Add(sum[k], hn::Mul(e, hn::LoadU(d, from + i + k * hn::Lanes(d))));
+      sum0 = hn::Add(sum0, hn::Mul(e, hn::LoadU(d, from)));
+      sum1 = hn::Add(sum1, hn::Mul(e, hn::LoadU(d, from + lanes)));
+      sum2 = hn::Add(sum2, hn::Mul(e, hn::LoadU(d, from + 2 * lanes)));
+      sum3 = hn::Add(sum3, hn::Mul(e, hn::LoadU(d, from + 3 * lanes)));
     }
   }
-  for (std::size_t k = 0; k < kVectors; ++k) store_cells(to, x + k * hn::Lanes(d), sum[k]);
+  store_cells(to, x, sum0);
+  store_cells(to, x + lanes, sum1);
+  store_cells(to, x + 2 * lanes, sum2);
+  store_cells(to, x + 3 * lanes, sum3);
+}
+
+HWY_INLINE void correlate_vector(const FilterView& filter, const StencilRows& rows, const StencilOutput& to,
+                                 bool accumulate, std::size_t x) {
+  const std::size_t cells = to.columns - x;
+  V sum = accumulate ? load_cells(to.y + x, cells) : zero();
+  const float* element = filter.coefficients;
+  for (std::uint32_t j = 0; j < filter.height; ++j) {
+    const float* from = rows.row[j] + rows.step[j] * static_cast<std::ptrdiff_t>(x);
+    for (std::uint32_t i = 0; i < filter.width; ++i, ++element)
+      if (*element != 0.0F)
+        sum = hn::Add(sum, hn::Mul(hn::Set(D(), *element), load_cells(from + i, cells)));
+  }
+  store_cells(to, x, sum);
 }
 
 void correlate(const FilterView& filter, const StencilRows& rows, const StencilOutput& to,
                bool accumulate) noexcept {
   const std::size_t lanes = hn::Lanes(D());
   std::size_t x = 0;
-  for (; x + 4 * lanes <= to.columns; x += 4 * lanes) correlate_block<4>(filter, rows, to, accumulate, x);
-  for (; x + lanes <= to.columns; x += lanes) correlate_block<1>(filter, rows, to, accumulate, x);
-  if (x == to.columns) return;
-  V sum = accumulate ? load_cells(to.y + x, to.columns - x) : zero();
-  const float* element = filter.coefficients;
-  for (std::uint32_t j = 0; j < filter.height; ++j) {
-    const float* from = rows.row[j] + rows.step[j] * static_cast<std::ptrdiff_t>(x);
-    for (std::uint32_t i = 0; i < filter.width; ++i, ++element)
-      if (*element != 0.0F)
-        sum = hn::Add(sum, hn::Mul(hn::Set(D(), *element), load_cells(from + i, to.columns - x)));
-  }
-  store_cells(to, x, sum);
+  for (; x + 4 * lanes <= to.columns; x += 4 * lanes)
+    correlate_four_vectors(filter, rows, to, accumulate, x);
+  for (; x < to.columns; x += lanes) correlate_vector(filter, rows, to, accumulate, x);
 }
 
 // The order of operations is that of opcodes.def. load(j, i) loads the cells of row j, column i of the three.
@@ -283,17 +296,19 @@ StencilKernels make_stencil_kernels() {
 
 // ---- random numbers ----
 
+// Calls store(x, first, second) with the first two words of the cells from `column + x` on.
 #if HWY_TARGET == HWY_SCALAR
 
-void random_words(std::uint32_t seed, std::uint64_t draw_index, std::uint32_t column, std::uint32_t row,
-                  std::size_t count, std::uint32_t* first, std::uint32_t* second) noexcept {
-  for (std::size_t x = 0; x < count; ++x) {
+using VU = hn::Vec<hn::RebindToUnsigned<D>>;
+
+template <class Store>
+HWY_INLINE void draw_words(const RandomCells& cells, const Store& store) {
+  for (std::uint32_t x = 0; x < cells.count; ++x) {
     const RandomWords words =
-        philox({column + static_cast<std::uint32_t>(x), row, static_cast<std::uint32_t>(draw_index),
-                static_cast<std::uint32_t>(draw_index >> 32U)},
-               {seed, 0});
-    first[x] = words[0];
-    second[x] = words[1];
+        philox({cells.column + x, cells.row, static_cast<std::uint32_t>(cells.draw_index),
+                static_cast<std::uint32_t>(cells.draw_index >> 32U)},
+               {cells.seed, 0});
+    store(x, hn::Set(hn::RebindToUnsigned<D>(), words[0]), hn::Set(hn::RebindToUnsigned<D>(), words[1]));
   }
 }
 
@@ -301,41 +316,72 @@ void random_words(std::uint32_t seed, std::uint64_t draw_index, std::uint32_t co
 
 using DU = hn::RebindToUnsigned<D>;
 using VU = hn::Vec<DU>;
+using DWide = hn::Repartition<std::uint64_t, DU>;
+using VWide = hn::Vec<DWide>;
 
-// The low and high half of a * b.
-HWY_INLINE void multiply_wide(VU a, VU b, VU& low, VU& high) {
-  const hn::Repartition<std::uint64_t, DU> wide;
-  const auto odd_lanes = [&](VU v) { return hn::BitCast(DU(), hn::ShiftRight<32>(hn::BitCast(wide, v))); };
-  const auto even = hn::MulEven(a, b), odd = hn::MulEven(odd_lanes(a), b);
-  low = hn::OddEven(hn::BitCast(DU(), hn::ShiftLeft<32>(odd)), hn::BitCast(DU(), even));
-  high = hn::OddEven(hn::BitCast(DU(), odd), hn::BitCast(DU(), hn::ShiftRight<32>(even)));
+HWY_INLINE VWide multiply_low_halves(VWide a, std::uint32_t b) {
+  return hn::MulEven(hn::BitCast(DU(), a), hn::Set(DU(), b));
 }
 
-void random_words(std::uint32_t seed, std::uint64_t draw_index, std::uint32_t column, std::uint32_t row,
-                  std::size_t count, std::uint32_t* first, std::uint32_t* second) noexcept {
-  const DU d;
-  for (std::size_t x = 0; x < count; x += hn::Lanes(d)) {
-    VU c0 = hn::Iota(d, column + static_cast<std::uint32_t>(x)), c1 = hn::Set(d, row),
-       c2 = hn::Set(d, static_cast<std::uint32_t>(draw_index)),
-       c3 = hn::Set(d, static_cast<std::uint32_t>(draw_index >> 32U));
-    std::uint32_t k0 = seed, k1 = 0;
+// Philox with a counter in the low half of each lane. The high halves are arbitrary: the multiplication
+// ignores them.
+struct PhiloxState {
+  VWide c0, c1, c2, c3;
+
+  HWY_INLINE void advance(std::uint32_t k0, std::uint32_t k1) {
+    const DWide d;
+    const VWide a = multiply_low_halves(c0, kPhiloxMultipliers[0]);
+    const VWide b = multiply_low_halves(c2, kPhiloxMultipliers[1]);
+    c0 = hn::Xor(hn::Xor(hn::ShiftRight<32>(b), c1), hn::Set(d, k0));
+    c1 = b;
+    c2 = hn::Xor(hn::Xor(hn::ShiftRight<32>(a), c3), hn::Set(d, k1));
+    c3 = a;
+  }
+};
+
+// The low halves of even and odd cells, side by side.
+HWY_INLINE VU interleave(VWide even, VWide odd) {
+  return hn::OddEven(hn::BitCast(DU(), hn::ShiftLeft<32>(odd)), hn::BitCast(DU(), even));
+}
+
+template <class Store>
+HWY_INLINE void draw_words(const RandomCells& cells, const Store& store) {
+  const DWide d;
+  for (std::uint32_t x = 0; x < cells.count; x += static_cast<std::uint32_t>(hn::Lanes(DU()))) {
+    const VWide columns = hn::Add(hn::ShiftLeft<1>(hn::Iota(d, 0)), hn::Set(d, cells.column + x));
+    PhiloxState even{columns, hn::Set(d, cells.row), hn::Set(d, cells.draw_index & 0xFFFFFFFFU),
+                     hn::Set(d, cells.draw_index >> 32U)};
+    PhiloxState odd = even;
+    odd.c0 = hn::Add(columns, hn::Set(d, 1));
+    std::uint32_t k0 = cells.seed, k1 = 0;
     for (int round = 0; round < kPhiloxRounds; ++round) {
-      VU a_low, a_high, b_low, b_high;
-      multiply_wide(c0, hn::Set(d, kPhiloxMultipliers[0]), a_low, a_high);
-      multiply_wide(c2, hn::Set(d, kPhiloxMultipliers[1]), b_low, b_high);
-      c0 = hn::Xor(hn::Xor(b_high, c1), hn::Set(d, k0));
-      c2 = hn::Xor(hn::Xor(a_high, c3), hn::Set(d, k1));
-      c1 = b_low;
-      c3 = a_low;
+      even.advance(k0, k1);
+      odd.advance(k0, k1);
       k0 += kPhiloxKeySteps[0];
       k1 += kPhiloxKeySteps[1];
     }
-    hn::StoreU(c0, d, first + x);
-    hn::StoreU(c1, d, second + x);
+    store(x, interleave(even.c0, odd.c0), interleave(even.c1, odd.c1));
   }
 }
 
 #endif
+
+void random_words(const RandomCells& cells, std::uint32_t* first, std::uint32_t* second) noexcept {
+  const hn::RebindToUnsigned<D> d;
+  draw_words(cells, [&](std::uint32_t x, VU word0, VU word1) {
+    hn::StoreU(word0, d, first + x);
+    hn::StoreU(word1, d, second + x);
+  });
+}
+
+void random_uniform(const RandomCells& cells, float a, float b, float* to) noexcept {
+  const D d;
+  const V low = hn::Set(d, a), range = hn::Set(d, b - a), unit = hn::Set(d, 0x1p-24F);
+  draw_words(cells, [&](std::uint32_t x, VU word0, VU) {
+    const V u = hn::Mul(hn::ConvertTo(d, hn::BitCast(hn::RebindToSigned<D>(), hn::ShiftRight<8>(word0))), unit);
+    hn::StoreU(hn::Add(low, hn::Mul(range, u)), d, to + x);
+  });
+}
 
 template <class... Ops>
 void fill_all(KernelTable& table) {
@@ -349,6 +395,7 @@ KernelTable make_table() {
   table.reductions = {reduce<SumOp>, reduce<MinOp>, reduce<MaxOp>, reduce<CountOp>};
   table.stencils = make_stencil_kernels<Add, Min, Max, Or, And>();
   table.random_words = random_words;
+  table.random_uniform = random_uniform;
   add_scalar_kernels(table);
   return table;
 }

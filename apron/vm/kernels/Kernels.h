@@ -50,11 +50,17 @@ inline constexpr std::size_t kOpcodeCount = 0
 #include "apron/program/opcodes.def"
     ;
 
-// The first two Philox words of the cells [column, column + count) of a row, count being a multiple of kLanes;
-// see Random.h.
-using RandomWordsKernel = void (*)(std::uint32_t seed, std::uint64_t draw_index, std::uint32_t column,
-                                   std::uint32_t row, std::size_t count, std::uint32_t* first,
+// The cells [column, column + count) of a row, count being a multiple of kLanes, and a draw; see Random.h.
+struct RandomCells {
+  std::uint32_t seed = 0;
+  std::uint64_t draw_index = 0;
+  std::uint32_t row = 0, column = 0, count = 0;
+};
+// The first two Philox words of each cell.
+using RandomWordsKernel = void (*)(const RandomCells& cells, std::uint32_t* first,
                                    std::uint32_t* second) noexcept;
+// The cells' values of random.float.rand from a to b.
+using RandomUniformKernel = void (*)(const RandomCells& cells, float a, float b, float* to) noexcept;
 
 struct KernelTable {
   // Indexed [opcode][bit k set: operand k is a scalar][masked]; null if the opcode is not element-wise.
@@ -62,6 +68,7 @@ struct KernelTable {
   std::array<RowReduction, kReductionCount> reductions{};
   StencilKernels stencils{};
   RandomWordsKernel random_words = nullptr;
+  RandomUniformKernel random_uniform = nullptr;
 
   Kernel kernel(program::Opcode op, unsigned scalars, bool masked) const noexcept {
     return elementwise[static_cast<std::size_t>(op)][scalars][masked ? 1 : 0];

@@ -62,14 +62,15 @@ void RandomStream::fill_row(const KernelTable& kernels, program::Opcode op, std:
   constexpr std::uint32_t kBatch = 256;  // a multiple of kLanes
   std::array<std::uint32_t, kBatch> first, second;
   std::array<float, kBatch> values;
-  for (std::uint32_t x = 0; x < columns; x += kBatch) {
-    kernels.random_words(seed, draw_index, x, row, kBatch, first.data(), second.data());
+  RandomCells cells{seed, draw_index, row, 0, kBatch};
+  for (std::uint32_t& x = cells.column; x < columns; x += kBatch) {
     const std::uint32_t count = std::min(kBatch, columns - x);
-    // One loop for each operation, so that the compiler can vectorise them.
-    if (op == program::Opcode::kRandomFloat)
-      for (std::uint32_t i = 0; i < count; ++i) values[i] = a + (b - a) * to_unit_interval(first[i]);
-    else
+    if (op == program::Opcode::kRandomFloat) {
+      kernels.random_uniform(cells, a, b, values.data());
+    } else {
+      kernels.random_words(cells, first.data(), second.data());
       for (std::uint32_t i = 0; i < count; ++i) values[i] = to_value(op, first[i], second[i], a, b);
+    }
     if (mask == nullptr)
       std::copy_n(values.begin(), count, to + x);
     else

@@ -49,6 +49,8 @@ struct Job {
 // Each returns nullopt if the peer is not available, does not implement the workload, or needs instructions that
 // this CPU lacks. `n` is the side of the array. Only make_apron_job() uses more than one thread.
 std::optional<Job> make_apron_job(int workload, int n, unsigned threads, apron::vm::InstructionSet isa);
+// The program filters/NAME.aps, from register A to register B; nullopt without the instruction set.
+std::optional<Job> make_filter_job(const std::string& name, int n, apron::vm::InstructionSet isa);
 std::optional<Job> make_unfused_job(int workload, int n);
 std::optional<Job> make_hand_fused_job(int workload, int n);
 std::optional<Job> make_eigen_job(int workload, int n);

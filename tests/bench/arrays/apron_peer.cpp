@@ -53,11 +53,14 @@ double checksum(const Plane& plane) {
 
 }  // namespace
 
-std::optional<Job> make_apron_job(int workload, int n, unsigned threads, apron::vm::InstructionSet isa) {
-  if (!apron::vm::is_supported(isa)) return std::nullopt;
+namespace {
+
+std::shared_ptr<ApronRun> compile(const std::string& file, int n, unsigned threads,
+                                  apron::vm::InstructionSet isa) {
   apron::syntax::DiskReader reader;
   apron::compiler::CompileOptions compile;
-  compile.file = std::string(ARRAYS_SOURCE_DIR "/w") + std::to_string(workload) + ".aps";
+  compile.file = ARRAYS_SOURCE_DIR "/" + file;
+  compile.include_paths = {ARRAYS_LIBRARY_DIR};
   compile.width = compile.height = static_cast<std::uint32_t>(n);
   apron::compiler::CompileResult result = apron::compiler::compile(compile, reader);
   if (!result.program)
@@ -66,12 +69,21 @@ std::optional<Job> make_apron_job(int workload, int n, unsigned threads, apron::
   options.threads = threads;
   options.isa = isa;
   options.fusion.preserve_named_registers = false;
-  auto machine = std::make_shared<ApronRun>(std::move(*result.program), options);
-  for (int i = 0; i < inputs(workload); ++i) {
-    const Image image = input(workload, n, i);
-    const Plane plane = machine->plane(i == 0 ? "A" : workload == 1 ? "C" : "B");
-    for (int r = 0; r < n; ++r) std::copy_n(image.row(r), n, plane.row(static_cast<std::uint32_t>(r)));
-  }
+  return std::make_shared<ApronRun>(std::move(*result.program), options);
+}
+
+void set_plane(const Plane& plane, const Image& image) {
+  for (int r = 0; r < image.n(); ++r)
+    std::copy_n(image.row(r), image.n(), plane.row(static_cast<std::uint32_t>(r)));
+}
+
+}  // namespace
+
+std::optional<Job> make_apron_job(int workload, int n, unsigned threads, apron::vm::InstructionSet isa) {
+  if (!apron::vm::is_supported(isa)) return std::nullopt;
+  const auto machine = compile("w" + std::to_string(workload) + ".aps", n, threads, isa);
+  for (int i = 0; i < inputs(workload); ++i)
+    set_plane(machine->plane(i == 0 ? "A" : workload == 1 ? "C" : "B"), input(workload, n, i));
   return Job{[machine] { machine->vm.run(); },
              [machine, workload] {
                if (workload != 2) return checksum(machine->plane("B"));
@@ -79,6 +91,13 @@ std::optional<Job> make_apron_job(int workload, int n, unsigned threads, apron::
                for (const char* name : {"A", "B", "C", "D"}) sum += checksum(machine->plane(name));
                return sum;
              }};
+}
+
+std::optional<Job> make_filter_job(const std::string& name, int n, apron::vm::InstructionSet isa) {
+  if (!apron::vm::is_supported(isa)) return std::nullopt;
+  const auto machine = compile("filters/" + name + ".aps", n, 1, isa);
+  set_plane(machine->plane("A"), input(name.starts_with("life") ? 4 : 1, n, 0));
+  return Job{[machine] { machine->vm.run(); }, [machine] { return checksum(machine->plane("B")); }};
 }
 
 }  // namespace arrays
