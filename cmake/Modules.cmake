@@ -19,6 +19,10 @@ target_compile_definitions(project_options INTERFACE SMARTSURF_VERSION="${PROJEC
 # the rest of its module.
 if(SMARTSURF_SANITIZE)
   target_compile_definitions(project_options INTERFACE "HWY_DISABLED_TARGETS=(HWY_SSSE3|HWY_SSE4|HWY_AVX3)")
+elseif(CMAKE_SYSTEM_PROCESSOR MATCHES "aarch64|arm64")
+  # Vectors are members of structures, which SVE's vectors without a size cannot be: NEON alone.
+  target_compile_definitions(project_options INTERFACE
+    "HWY_DISABLED_TARGETS=(HWY_SVE|HWY_SVE2|HWY_SVE_256|HWY_SVE2_128)")
 else()
   target_compile_definitions(project_options INTERFACE HWY_DISABLED_TARGETS=HWY_SSSE3)
 endif()

@@ -2,6 +2,7 @@
 
 #include <unistd.h>
 
+#include <cstddef>
 #include <cstdlib>
 #include <exception>
 #include <new>
@@ -12,6 +13,8 @@
 namespace common {
 namespace {
 
+constexpr std::size_t kExceptionBytes = 4096;
+
 const char* program_name = "";
 
 [[noreturn]] void on_terminate() {
@@ -21,6 +24,11 @@ const char* program_name = "";
     print_error_line(program_name, failure_text(error));
     ::_exit(kFailed);
   } catch (...) {
+  }
+  // Without memory not even an exception can be thrown.
+  if (!std::current_exception() && std::malloc(kExceptionBytes) == nullptr) {
+    print_error_line(program_name, failure_text(std::bad_alloc()));
+    ::_exit(kFailed);
   }
   std::abort();
 }

@@ -11,6 +11,7 @@
 #include <cstdio>
 #include <cstdlib>
 #include <exception>
+#include <new>
 #include <stdexcept>
 #include <thread>
 
@@ -276,6 +277,13 @@ int exit_status_of(const Error& e) {
 int main(int argc, char** argv) {
   // The JSON library's destructor allocates; where it cannot, the process would end by SIGABRT.
   std::set_terminate([] {
+    try {
+      if (std::current_exception()) throw;
+      if (std::malloc(4096) != nullptr) std::abort();
+    } catch (const std::bad_alloc&) {
+    } catch (...) {
+      std::abort();
+    }
     std::fputs("shm_dump: there is not enough memory\n", stderr);
     std::_Exit(kFailed);
   });

@@ -184,6 +184,13 @@ bool Run::advance_physics() {
     phase_times_.lap(Phase::kActuate);
     simulation_.step_physics();
     phase_times_.lap(Phase::kPhysics);
+    if (simulation_.is_overloaded()) {
+      set_ending(common::kFailed,
+                 fmt::format("failed at tick {}: too many of the {} objects overlap: place them apart",
+                             simulation_.snapshot().tick + 1, simulation_.catalogue().size()));
+      progress_.print_message(ending_->outcome);
+      return false;
+    }
     simulation_.commit_actuators();
     phase_times_.lap(Phase::kActuate);
   }

@@ -60,6 +60,7 @@ class Simulation final : public script::SimulationInterface {
   void finish_tick();  // increments the tick and takes the snapshot
   void sense();        // computes the sensor frames of that snapshot
 
+  bool is_overloaded() const { return world_.is_overloaded(); }
   std::optional<scene::ObjectId> first_non_finite() const { return world_.first_non_finite(); }
 
   // The state after the last tick.

@@ -109,11 +109,13 @@ std::span<const std::int32_t> CollisionPipeline::own_bodies(const Member& member
 void CollisionPipeline::begin_detection(ContactList& pair_contacts, ContactList& static_contacts,
                                         int member_count, int body_count) {
   previous_contacts_.swap_lists(pair_contacts, static_contacts, member_count);
+  max_pairs_ = kMaxPairsPerBody * static_cast<std::size_t>(body_count);
   const auto slabs = static_cast<std::size_t>(partition_.slab_count());
   if (slab_results_.size() < slabs) slab_results_.resize(slabs);
   pair_output_.resize(partition_.body_runs().size());
   static_output_.resize(partition_.body_runs().size());
   for (std::size_t s = 0; s < slab_results_.size(); ++s) {
+    slab_results_[s].overloaded = false;
     slab_results_[s].pair_contacts.clear();
     slab_results_[s].static_contacts.clear();
     pair_cache_.swap_in(static_cast<int>(s), slab_results_[s].cached_pairs);
@@ -143,7 +145,7 @@ void CollisionPipeline::swap_supports(int bodies) {
     }
 }
 
-void CollisionPipeline::find_contacts(const BodyStore& bodies, ContactList& pair_contacts,
+bool CollisionPipeline::find_contacts(const BodyStore& bodies, ContactList& pair_contacts,
                                       ContactList& static_contacts, const Member& member) {
   member.single([&] { begin_detection(pair_contacts, static_contacts, member.member_count, bodies.size()); });
   previous_contacts_.build_index(bodies.id.size(), pair_ranges_, static_ranges_, member);
@@ -162,15 +164,23 @@ void CollisionPipeline::find_contacts(const BodyStore& bodies, ContactList& pair
     collide_slab(bodies, s, results);
   }
   member.single([&] {
+    overloaded_ = std::ranges::any_of(slab_results_, &SlabResults::overloaded);
+    if (overloaded_) {
+      pair_contacts.clear();
+      static_contacts.clear();
+      return;
+    }
     assign_output_offsets(pair_output_, pair_contacts, pair_ranges_);
     assign_output_offsets(static_output_, static_contacts, static_ranges_);
     update_slab_weights();
   });
+  if (overloaded_) return false;
   for (int s = own_slabs.begin; s < own_slabs.end; ++s) {
     const SlabResults& results = slab_results_[static_cast<std::size_t>(s)];
     merge_slab(s, pair_output_, results.pair_contacts, pair_contacts, pair_ranges_);
     merge_slab(s, static_output_, results.static_contacts, static_contacts, static_ranges_);
   }
+  return true;
 }
 
 void CollisionPipeline::update_slab_weights() {
@@ -372,6 +382,10 @@ void CollisionPipeline::collide_pair(const BodyStore& bodies, std::size_t i, std
   const std::size_t a = std::min(i, j), b = std::max(i, j);
   const bool has_sphere = bodies.is_sphere[a] || bodies.is_sphere[b];
   ContactList& pair_contacts = results.pair_contacts;
+  if (pair_contacts.manifolds.size() >= max_pairs_) {
+    results.overloaded = true;
+    return;
+  }
   const auto first = static_cast<std::int32_t>(pair_contacts.contacts.size());
   if (has_sphere) {
     collide_bodies(bodies, a, b, kMinSpeculativeMargin, dt_s_, nullptr, pair_contacts.contacts);

@@ -46,8 +46,9 @@ class CollisionPipeline {
 
   // Replaces the contacts of the previous step in the lists by those of this step, for all active bodies, and
   // copies the impulses of matching contacts. The order of the contacts depends on the bodies only. Called by
-  // all members, which must pass a barrier before they read the lists.
-  void find_contacts(const BodyStore&, ContactList& pair_contacts, ContactList& static_contacts,
+  // all members, which must pass a barrier before they read the lists. Returns false, and empty lists, if more pairs
+  // touch than solids can (kMaxPairsPerBody): they would take time and memory without bound.
+  bool find_contacts(const BodyStore&, ContactList& pair_contacts, ContactList& static_contacts,
                      const Member&);
 
   // The partition of the last update_broadphase(), and the range of each slab's manifolds in the lists of the
@@ -82,12 +83,16 @@ class CollisionPipeline {
   }
 
  private:
+  // Of equal spheres each touches at most twelve others, and of unequal ones the smaller of two has few larger
+  // neighbours: six pairs a body, and some more within the margin.
+  static constexpr std::size_t kMaxPairsPerBody = 64;
   struct LargeNeighbour {
     std::int32_t body, large;
   };
   // Contacts found in one slab.
   struct SlabResults {
     int member = 0;  // the member that processes the slab
+    bool overloaded = false;
     SupportPatches* supports = nullptr;
     ContactList pair_contacts, static_contacts;
     PairManifoldCache::ChunkCache cached_pairs;
@@ -134,6 +139,8 @@ class CollisionPipeline {
   PreviousContacts previous_contacts_;
   std::vector<SlabResults> slab_results_;                   // one per slab
   std::vector<SupportPatches> supports_, previous_supports_;  // one per slab
+  std::size_t max_pairs_ = 0;  // in one slab, in this step
+  bool overloaded_ = false;
   std::size_t support_slabs_ = 0;                             // number of lists of this step in supports_
   struct SupportReference {
     std::int32_t slab, patch;  // slab < 0: none

@@ -72,6 +72,10 @@ class Engine {
   // Leaves tick and time to the caller.
   virtual void snapshot(scene::Snapshot&) const = 0;
 
+  // Whether the last step did not take place, because more objects overlap than solids can: memory and time for their
+  // contacts would have no bound.
+  virtual bool is_overloaded() const { return false; }
+
   // The first object whose state is not finite, if any.
   virtual std::optional<scene::ObjectId> first_non_finite() const = 0;
 };

@@ -205,6 +205,8 @@ void NativeEngine::snapshot(scene::Snapshot& out) const {
       sleep.pair_contacts().contacts.size() + sleep.static_contacts().contacts.size());
 }
 
+bool NativeEngine::is_overloaded() const { return impl_->overloaded; }
+
 std::optional<scene::ObjectId> NativeEngine::first_non_finite() const {
   const BodyStore& b = impl_->bodies;
   for (std::size_t i = 0; i < b.id.size(); ++i)

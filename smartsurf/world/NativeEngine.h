@@ -33,6 +33,7 @@ class NativeEngine final : public Engine {
   std::vector<ContactPoint> contacts() const override;
   int sleeping_count() const override;
   void snapshot(scene::Snapshot&) const override;
+  bool is_overloaded() const override;
   std::optional<scene::ObjectId> first_non_finite() const override;
 
  private:

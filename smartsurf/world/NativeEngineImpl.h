@@ -63,6 +63,7 @@ struct NativeEngine::Impl {
   CellForceLimits force_limits;
   JamRelief jam_relief;
   bool lowered_speeds = false;  // in this step
+  bool overloaded = false;      // see Engine::is_overloaded()
   bool has_wrenches = false;  // since the last step
   struct Load {
     std::int32_t cell;  // −1: not a field contact, or no impulse

@@ -178,7 +178,9 @@ void NativeEngine::Impl::step_active_bodies(const Member& member) {
     wake_hit_sleepers();
     sleep.restore_contacts(bodies, pair_contacts, static_contacts);
   });
-  collision.find_contacts(bodies, pair_contacts, static_contacts, member);
+  const bool found = collision.find_contacts(bodies, pair_contacts, static_contacts, member);
+  if (member.is_caller()) overloaded = !found;
+  if (!found) return;
   if (member.is_caller()) cell_impulses.resize(static_contacts.contacts.size());
   if (field.has_force_limit())
     member.single([this] {
@@ -206,6 +208,7 @@ void NativeEngine::Impl::step() {
   } else {
     team.run(active_bodies.size() >= kMinParallelBodies,
              [this](const Member& member) { step_active_bodies(member); });
+    if (overloaded) return;
     force_limits.yield_overloaded_cells(bodies, static_contacts, settings.dt_s, field);
     for (const std::vector<DeepContact>& deep : solver.deep_contacts())
       lowered_speeds |= jam_relief.stall_cells(deep, static_contacts, bodies.id.size(), field);

@@ -36,6 +36,7 @@ class World {
   std::vector<ContactPoint> contacts() const { return engine_->contacts(); }
   int sleeping_count() const { return engine_->sleeping_count(); }
   void snapshot(scene::Snapshot& out) const { engine_->snapshot(out); }
+  bool is_overloaded() const { return engine_->is_overloaded(); }
   std::optional<scene::ObjectId> first_non_finite() const { return engine_->first_non_finite(); }
 
  private:

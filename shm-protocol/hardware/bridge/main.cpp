@@ -9,7 +9,9 @@
 #include <cstdint>
 #include <cstdio>
 #include <cstring>
+#include <cstdlib>
 #include <ctime>
+#include <exception>
 #include <new>
 #include <stdexcept>
 
@@ -173,6 +175,18 @@ int serve(const BridgeOptions& options) {
 }  // namespace
 
 int main(int argc, char** argv) {
+  // Without memory not even an exception can be thrown.
+  std::set_terminate([] {
+    try {
+      if (std::current_exception()) throw;
+      if (std::malloc(4096) != nullptr) std::abort();
+    } catch (const std::bad_alloc&) {
+    } catch (...) {
+      std::abort();
+    }
+    std::fputs("surface_bridge: error: there is not enough memory\n", stderr);
+    std::_Exit(kFailed);
+  });
   try {
     const auto options = parse(argc, argv);
     if (!options) return std::fflush(stdout) == 0 ? kDone : kFailed;

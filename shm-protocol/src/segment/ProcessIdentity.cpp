@@ -32,8 +32,9 @@ const char* field(const char* text, int n) {
 }
 
 std::optional<ProcStat> read_stat(std::uint32_t pid) {
-  char path[32];
-  std::snprintf(path, sizeof path, "/proc/%u/stat", pid);
+  // The same as /proc/PID/stat, which qemu-user invents for its own process.
+  char path[48];
+  std::snprintf(path, sizeof path, "/proc/%u/task/%u/stat", pid, pid);
   const int file = ::open(path, O_RDONLY | O_CLOEXEC);
   if (file < 0) return std::nullopt;
   char text[1024];

@@ -186,6 +186,18 @@ class Extremes(ReliabilityTest):
             self.assertEqual(status, 0, (options, err))
 
 
+    def test_objects_at_one_point_end_the_run_before_they_take_the_memory(self):
+        scene = self.write("point.lua", """
+            surface { rows = 8, columns = 8, actuator = pin {} }
+            for i = 1, 4000 do sphere { radius = 0.5, position = { 4, 4, 5 } } end
+            """)
+        status, err = self.run_limited([SMARTSURF, "run", scene, "--no-controller", "--until", "1"],
+                                       lambda: resource.setrlimit(resource.RLIMIT_AS, (1 << 30, 1 << 30)), patience=60)
+        self.assertEqual(status, 1, err)
+        self.assertIn("4000 objects overlap", err)
+        self.assert_one_line(err)
+
+
 class Reproducible(ReliabilityTest):
     def test_text_of_values_does_not_differ_between_runs(self):
         path = self.write("address.lua", "surface { rows = 4, columns = 4, actuator = pin {} }\n"
