@@ -33,6 +33,13 @@ class Mechanisms(ProgramTest):
             self.assertGreater(x, 11.0)
         self.assertGreater(places[-1], 16.0)  # straight to the lane, then north
 
+    def test_parts_are_recognised_by_their_outline_and_parted(self):
+        places = self.run_example("recognise", 10)
+        for disc in places[0:4:2]:
+            self.assertGreater(disc, 40.0)
+        for triangle in places[4:8:2]:
+            self.assertLess(triangle, 10.0)
+
     def test_rotors_move_object(self):
         self.assertGreater(self.run_example("rotor", 3)[0], 3.0)
 
