@@ -82,6 +82,9 @@ class CollisionPipeline {
     for (SlabResults& f : slab_results_) f.cached_pairs = {}, f.cached_field = {};
   }
 
+  // Contacts and manifolds are state: they warm-start the next step. `bodies`: the number of bodies of the state.
+  void archive(common::StateArchive&, int bodies);
+
  private:
   // Of equal spheres each touches at most twelve others, and of unequal ones the smaller of two has few larger
   // neighbours: six pairs a body, and some more within the margin.

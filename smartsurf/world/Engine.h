@@ -11,6 +11,7 @@
 #include <string>
 #include <vector>
 
+#include "common/state/StateArchive.h"
 #include "smartsurf/scene/ObjectState.h"
 #include "smartsurf/scene/Snapshot.h"
 #include "smartsurf/surface/Field.h"
@@ -75,6 +76,13 @@ class Engine {
   // Whether the last step did not take place, because more objects overlap than solids can: memory and time for their
   // contacts would have no bound.
   virtual bool is_overloaded() const { return false; }
+
+  // Saves or restores all state on which the coming steps depend, but for the field. `catalogue`: every object ever
+  // created, index = id; the engine has those of the first `declared` in common with the one that was saved. Restored,
+  // an engine continues with the same bits, for any number of threads. Throws common::UserError if the engine cannot do
+  // this.
+  virtual void archive(common::StateArchive&, std::span<const scene::ObjectSpec> catalogue,
+                       std::size_t declared) = 0;
 
   // The first object whose state is not finite, if any.
   virtual std::optional<scene::ObjectId> first_non_finite() const = 0;

@@ -34,6 +34,8 @@ class NativeEngine final : public Engine {
   int sleeping_count() const override;
   void snapshot(scene::Snapshot&) const override;
   bool is_overloaded() const override;
+  void archive(common::StateArchive&, std::span<const scene::ObjectSpec> catalogue,
+               std::size_t declared) override;
   std::optional<scene::ObjectId> first_non_finite() const override;
 
  private:

@@ -40,6 +40,9 @@ struct SupportSamples {
 
   std::size_t size() const { return cell.size(); }
   void resize(std::size_t, bool has_limits);
+  void archive(common::StateArchive& a) {
+    a(cell, x, y, arm, velocity_x, velocity_y, spin, weight, load, limit, friction);
+  }
 };
 inline constexpr float kUnlimitedLoad = 1e30F;
 
@@ -86,6 +89,7 @@ struct SupportPatches {
   std::vector<PointShare> shares;    // one per point; empty without force limits
   SupportSamples samples;
   void clear();
+  void archive(common::StateArchive& a) { a(patches, points, shares, samples); }
 };
 
 // Adds the patch of a body if its flat underside lies on at least two cells. `free_layout`: null for a rectangular
