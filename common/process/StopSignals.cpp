@@ -6,6 +6,8 @@
 #include <cstdint>
 #include <ctime>
 
+#include "common/process/ParentWatch.h"
+
 namespace common {
 namespace {
 
@@ -50,6 +52,7 @@ const std::atomic<bool>& catch_stop_signals() {
   if (sigaction(SIGHUP, nullptr, &before) == 0 && before.sa_handler != SIG_IGN)
     sigaction(SIGHUP, &action, nullptr);
   std::signal(SIGPIPE, SIG_IGN);
+  watch_parent();
   return stop;
 }
 

@@ -161,6 +161,11 @@ class Simulation {
     refresh();
   }
   void finish() { environment_.finish(); }
+  py::bytes save() { return environment_.save(); }
+  void restore(const py::bytes& state) {
+    environment_.restore(std::string_view(state));
+    refresh();
+  }
   std::vector<double> info(std::size_t size) {
     std::vector<double> values(size);
     environment_.info(values);
@@ -299,6 +304,8 @@ PYBIND11_MODULE(_core, m) {
       .def("step", &Simulation::step)
       .def("reset", &Simulation::reset)
       .def("finish", &Simulation::finish)
+      .def("save", &Simulation::save)
+      .def("restore", &Simulation::restore)
       .def("info", &Simulation::info)
       .def("render", &Simulation::render);
 

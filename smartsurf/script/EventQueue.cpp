@@ -23,6 +23,14 @@ void EventQueue::merge_pending() {
   pending_.clear();
 }
 
+void EventQueue::archive(common::StateArchive& a) {
+  merge_pending();
+  std::vector<TimedEvent> events;
+  for (auto queue = queue_; a.saves() && !queue.empty(); queue.pop()) events.push_back(queue.top());
+  a(events, next_sequence_);
+  if (!a.saves()) queue_ = std::priority_queue(FiresLater(), std::move(events));
+}
+
 void EventQueue::run_due(double horizon_s, const std::function<bool(const TimedEvent&)>& invoke) {
   merge_pending();
   while (!queue_.empty() && queue_.top().due_s <= horizon_s) {

@@ -10,6 +10,8 @@
 #include <queue>
 #include <vector>
 
+#include "common/state/StateArchive.h"
+
 namespace smartsurf::script {
 
 struct TimedEvent {
@@ -30,6 +32,9 @@ class EventQueue {
   // Calls `invoke` for each event due at or before horizon_s, in order. A periodic event is rescheduled while
   // `invoke` returns true. Events scheduled from inside `invoke` wait for the next call of run_due.
   void run_due(double horizon_s, const std::function<bool(const TimedEvent&)>& invoke);
+
+  // The events carry over, with their order.
+  void archive(common::StateArchive&);
 
   std::size_t size() const { return queue_.size() + pending_.size(); }
 

@@ -51,6 +51,24 @@ int run_script(ScriptContext& context, lua_State* L) {
   return 0;
 }
 
+int number_library(ScriptContext& context, lua_State* L) {
+  context.state.number_library(L);
+  return 0;
+}
+
+int number_script(ScriptContext& context, lua_State* L) {
+  context.state.number_script(context, L);
+  return 0;
+}
+
+int archive_script(ScriptContext& context, lua_State* L) {
+  if (context.archive->saves())
+    context.state.save(context, L, *context.archive);
+  else
+    context.state.restore(context, L, *context.archive);
+  return 0;
+}
+
 // The table stays aligned with the world axes. Its tilt is modelled by the inverse rotation of gravity.
 Eigen::Vector3d rotate_gravity(const Eigen::Vector3d& gravity, const Eigen::Vector2d& tilt_rad) {
   if (tilt_rad.isZero(0.0)) return gravity;
@@ -98,10 +116,29 @@ struct Experiment::Impl {
     const Budget budget{session.options.load_budget, session.options.load_time_s};
     lua_pushcfunction(L, guarded<register_bindings>);
     interpreter.call(0, 0, budget, session.spec.file);
+    if (session.options.savable) call_unlimited(guarded<number_library>);
     lua_pushcfunction(L, guarded<run_script>);
     interpreter.call(0, 0, budget, session.spec.file);
     validate_declarations(session);
     session.spec.world.gravity = rotate_gravity(session.spec.world.gravity, session.spec.surface.tilt_rad);
+    if (!session.options.savable) return;
+    call_unlimited(guarded<number_script>);
+    common::StateArchive state(loaded_state);
+    archive(state);
+  }
+
+  void call_unlimited(lua_CFunction function) {
+    lua_pushcfunction(interpreter.lua(), function);
+    interpreter.call(0, 0, {session.options.load_budget, session.options.load_time_s}, session.spec.file);
+  }
+
+  void archive(common::StateArchive& a) {
+    assert(session.options.savable);
+    a(session.time_s, session.tick, session.random, session.random_first_use, session.event_queue,
+      session.on_tick, session.on_leave, session.metrics, finished);
+    session.archive = &a;
+    call_unlimited(guarded<archive_script>);
+    session.archive = nullptr;
   }
 
   // Calls a callback with (t, tick) or (object, t, tick) and leaves its result on the stack.
@@ -168,6 +205,7 @@ struct Experiment::Impl {
   ScriptContext session;
   Interpreter interpreter;  // destroyed before `session`, which its bound functions use
   bool finished = false;
+  std::string loaded_state;
 };
 
 Experiment::Experiment(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) {}
@@ -217,11 +255,23 @@ void Experiment::start(SimulationInterface& simulation) {
   context.phase = Phase::kRunning;
   context.simulation = &simulation;
   for (const auto& request : context.deferred_requests) request(simulation);
-  context.deferred_requests.clear();
   if (context.on_reset.empty()) return;
   context.random.emplace(context.spec.world.seed);
   impl_->set_time(0.0, 0);
   for (std::size_t i = 0; i < context.on_reset.size(); ++i) impl_->invoke(context.on_reset[i]);
+}
+
+void Experiment::save(common::StateArchive& a) { impl_->archive(a); }
+void Experiment::restore(common::StateArchive& a) { impl_->archive(a); }
+std::uint64_t Experiment::state_fingerprint() const { return impl_->session.state.fingerprint(); }
+
+void Experiment::restart(std::uint64_t seed) {
+  ScriptContext& context = impl_->session;
+  context.phase = Phase::kLoading;
+  context.simulation = nullptr;
+  context.spec.world.seed = seed;
+  common::StateArchive state{std::string_view(impl_->loaded_state)};
+  impl_->archive(state);
 }
 
 bool Experiment::has_drawn() const { return impl_->session.random.has_value(); }

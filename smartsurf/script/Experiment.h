@@ -19,6 +19,7 @@
 #include <utility>
 #include <vector>
 
+#include "common/state/StateArchive.h"
 #include "smartsurf/scene/SceneSpec.h"
 #include "smartsurf/scene/SolidFactory.h"
 #include "smartsurf/script/SimulationInterface.h"
@@ -36,6 +37,8 @@ struct LoadOptions {
   std::optional<std::string> source;
   // Builds the solids of mesh{} and hull{}; null = both are errors.
   std::shared_ptr<scene::SolidFactory> solid_factory;
+  // Makes save(), restore() and restart() available.
+  bool savable = false;
   // --unsafe: the full Lua standard library, including native modules.
   bool unsafe = false;
   // Where the script may write files; empty = nowhere.
@@ -113,6 +116,17 @@ class Experiment {
   void info(double t_s, std::uint64_t tick, std::span<double> values);
   // episode.seconds; nullopt = unlimited.
   std::optional<double> episode_s() const;
+
+  // The state of the script between two ticks: its variables, events, random numbers and metrics. save() throws
+  // scene::InputError for what cannot be saved: functions, coroutines and files that the running script has created.
+  // restore(): in an experiment loaded from the same script with the same options and seed, that runs; throws
+  // scene::InputError if the state is not such a one, and the experiment is then good for restart() only.
+  void save(common::StateArchive&);
+  void restore(common::StateArchive&);
+  // Identifies the script's functions: a state fits experiments of equal value.
+  std::uint64_t state_fingerprint() const;
+  // Back to the state after loading, with another seed. Call start() next. Requires !has_drawn() after loading.
+  void restart(std::uint64_t seed);
 
   // Call after the last tick: runs on_finish. Further calls do nothing.
   void finish();

@@ -14,6 +14,7 @@
 #include "smartsurf/script/Experiment.h"
 #include "smartsurf/script/Random.h"
 #include "smartsurf/script/lua/Interpreter.h"
+#include "smartsurf/script/lua/ScriptState.h"
 
 namespace smartsurf::script {
 
@@ -68,6 +69,9 @@ struct ScriptContext {
   std::vector<std::function<void(SimulationInterface&)>> deferred_requests;
 
   std::vector<std::pair<std::string, double>> metrics;  // in order of first use
+
+  ScriptState state;
+  common::StateArchive* archive = nullptr;  // while the state is saved or restored
 
   std::vector<float> target_scratch;  // for cells:targets
 

@@ -7,6 +7,7 @@
 #include <span>
 #include <vector>
 
+#include "common/state/StateArchive.h"
 #include "smartsurf/scene/Snapshot.h"
 #include "smartsurf/scene/TableFootprint.h"
 
@@ -25,6 +26,10 @@ class DepartureTracker {
   std::uint64_t total_departures() const noexcept { return total_departures_; }
   // Number of objects of the last snapshot, including fixed ones, that are not over the table.
   std::size_t off_table_count() const noexcept { return off_table_count_; }
+
+  void archive(common::StateArchive& a) {
+    a(was_on_table_, departed_, total_departures_, off_table_count_);
+  }
 
  private:
   bool is_on_table(const std::array<float, 3>& position) const noexcept;

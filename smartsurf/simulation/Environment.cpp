@@ -1,12 +1,33 @@
 #include "smartsurf/simulation/Environment.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
+#include <cstring>
 #include <iterator>
 
 #include "smartsurf/mesh/SolidLibrary.h"
+#include "smartsurf/world/StateHash.h"
 
 namespace smartsurf::simulation {
+namespace {
+
+struct Header {
+  std::array<char, 8> magic{'s', 'm', 'a', 'r', 't', 's', 'r', '1'};
+  std::uint64_t fingerprint = 0, seed = 0;
+  std::uint64_t hash = 0;  // of all that follows
+};
+
+std::uint64_t hash_of(std::string_view text) {
+  world::StateHash hash;
+  std::vector<float> words((text.size() + sizeof(float) - 1) / sizeof(float));
+  if (!text.empty()) std::memcpy(words.data(), text.data(), text.size());
+  hash.add(words);
+  hash.add(static_cast<std::uint32_t>(text.size()));
+  return hash.value();
+}
+
+}  // namespace
 
 Environment::Environment(EnvironmentOptions options)
     : options_(std::move(options)), solids_(std::make_shared<mesh::SolidLibrary>()) {
@@ -21,16 +42,61 @@ void Environment::load(std::optional<std::uint64_t> seed) {
   load_options.seed = seed;
   load_options.engine = options_.engine;
   load_options.solid_factory = solids_;
+  load_options.savable = true;
   script::Experiment experiment = script::Experiment::load(options_.experiment, std::move(load_options));
   simulation_.reset();
   experiment_.emplace(std::move(experiment));
+  draws_while_loading_ = experiment_->has_drawn();
+  start_simulation();
+}
+
+void Environment::start_simulation() {
   simulation_.emplace(*experiment_, options_.threads, /*scripted_actuators=*/true);
   end_tick_.reset();
   if (const auto seconds = experiment_->episode_s())
     end_tick_ = static_cast<std::uint64_t>(std::ceil(*seconds / scene().world.control_period_s - 1e-9));
 }
 
-void Environment::reset(std::uint64_t seed) { load(seed); }
+void Environment::reset(std::uint64_t seed) {
+  if (draws_while_loading_) return load(seed);
+  simulation_.reset();
+  experiment_->restart(seed);
+  start_simulation();
+}
+
+// Differs for everything that makes a saved state useless: another program, script or option.
+std::uint64_t Environment::fingerprint() const {
+  std::string text = simulation_->engine().version() + '\0' + scene().source;
+  for (const scene::OptionSpec& option : scene().options) text += '\0' + option.name + '=' + option.value;
+  return hash_of(text) ^ experiment_->state_fingerprint();
+}
+
+std::string Environment::save() {
+  std::string payload;
+  common::StateArchive archive(payload);
+  experiment_->save(archive);
+  simulation_->archive(archive);
+  Header header{.fingerprint = fingerprint(), .seed = seed(), .hash = hash_of(payload)};
+  std::string bytes(reinterpret_cast<const char*>(&header), sizeof header);
+  return bytes += payload;
+}
+
+void Environment::restore(std::string_view bytes) {
+  Header header;
+  common::StateArchive start(bytes.substr(0, std::min(bytes.size(), sizeof header)));
+  const std::string prefix = scene().file + ": restore: ";
+  if (bytes.size() < sizeof header || (start(header), header.magic != Header().magic))
+    throw scene::InputError(prefix + "these bytes are not a saved state");
+  if (header.fingerprint != fingerprint())
+    throw scene::InputError(prefix + "the state is of another experiment, option, engine or version");
+  const std::string_view payload = bytes.substr(sizeof header);
+  if (header.hash != hash_of(payload)) throw scene::InputError(prefix + "the state is damaged");
+  // What the seed determines besides the state: faults, and what the script draws while it loads.
+  if (header.seed != seed()) reset(header.seed);
+  common::StateArchive archive(payload);
+  experiment_->restore(archive);
+  simulation_->archive(archive);
+}
 
 void Environment::set_targets(int channel, std::span<const float> targets) noexcept {
   simulation_->actuator_array().set_targets(channel, targets);

@@ -9,6 +9,7 @@
 #include <optional>
 #include <span>
 #include <string>
+#include <string_view>
 #include <utility>
 #include <vector>
 
@@ -44,9 +45,16 @@ class Environment {
   const Simulation& simulation() const { return *simulation_; }
   std::uint64_t seed() const { return scene().world.seed; }
 
-  // Starts the next episode with that seed. The result is that of a new environment with the seed. Keeps no state
-  // of the previous episode.
+  // Starts the next episode with that seed. The result is that of a new environment with the seed. The script runs
+  // again only if it draws random numbers while it loads; otherwise its variables return to their values after loading.
   void reset(std::uint64_t seed);
+
+  // The whole state between two steps, as bytes. Restored, in any environment of the same experiment, options and
+  // version, for any number of threads, the simulation continues with the same bits. Both throw scene::InputError:
+  // save() for what cannot be saved, restore() for bytes that are damaged or of another experiment, which change
+  // nothing.
+  std::string save();
+  void restore(std::string_view);
 
   // Sets the targets of one actuator channel: rows × columns, row-major, row 0 north. Clamps as ActuatorArray does.
   void set_targets(int channel, std::span<const float> targets) noexcept;
@@ -66,11 +74,14 @@ class Environment {
 
  private:
   void load(std::optional<std::uint64_t> seed);
+  void start_simulation();
+  std::uint64_t fingerprint() const;
 
   EnvironmentOptions options_;
   std::shared_ptr<scene::SolidFactory> solids_;
   std::optional<script::Experiment> experiment_;
   std::optional<Simulation> simulation_;  // refers to experiment_
+  bool draws_while_loading_ = false;
   std::optional<std::uint64_t> end_tick_;
 };
 

@@ -99,6 +99,44 @@ void Simulation::finish_tick() {
 
 void Simulation::sense() { sensor_array_.sense(snapshot_, catalogue_, pool_); }
 
+// An object that was created during the run. Its solid must be that of a declared object.
+void Simulation::archive_object(common::StateArchive& a, scene::ObjectSpec& o) {
+  a(o.shape, o.radius, o.height, o.size, o.position, o.orientation, o.velocity, o.angular_velocity, o.mass,
+    o.fixed, o.material, o.colour, o.label, o.magnetic_pole, o.magnetic_moment);
+  const std::span declared(scene().objects);
+  std::uint64_t twin = 0;  // declared object with the same solid, plus one; 0: no solid
+  if (o.solid && a.saves()) {
+    const auto it = std::ranges::find(declared, o.solid, &scene::ObjectSpec::solid);
+    if (it == declared.end())
+      throw common::UserError(
+          "an object was created from a mesh or hull during the run: declare one of its kind while the script loads");
+    twin = static_cast<std::uint64_t>(it - declared.begin()) + 1;
+  }
+  a(twin);
+  if (a.saves()) return;
+  if (twin > declared.size()) throw common::UserError("the saved state is damaged");
+  o.solid = twin == 0 ? nullptr : declared[twin - 1].solid;
+}
+
+void Simulation::archive(common::StateArchive& a) {
+  const std::size_t declared = scene().objects.size();
+  const auto count = a.value(static_cast<std::uint64_t>(catalogue_.size()));
+  if (count < declared || count > UINT32_MAX) throw common::UserError("the saved state is damaged");
+  catalogue_.resize(count);
+  for (std::size_t id = declared; id < count; ++id) archive_object(a, catalogue_[id]);
+  actuator_array_.archive(a);
+  world_.archive(a, catalogue_, declared);
+  departures_.archive(a);
+  a(snapshot_.tick, snapshot_.time_s);
+  const std::uint64_t hash = a.value(snapshot_.state_hash);
+  if (!a.saves()) {
+    take_snapshot();
+    if (snapshot_.state_hash != hash) throw common::UserError("the saved state is damaged");
+    requests_ = {};
+  }
+  sensor_array_.archive(a, snapshot_, catalogue_, pool_);
+}
+
 ScriptRequests Simulation::take_requests() noexcept { return std::exchange(requests_, {}); }
 
 scene::ObjectId Simulation::spawn(const scene::ObjectSpec& spec) {

@@ -7,6 +7,7 @@
 #include <span>
 #include <vector>
 
+#include "common/state/StateArchive.h"
 #include "common/threads/ThreadPool.h"
 #include "smartsurf/simulation/DepartureTracker.h"
 #include "smartsurf/scene/ChannelData.h"
@@ -72,6 +73,10 @@ class Simulation final : public script::SimulationInterface {
   std::span<const scene::ChannelData> actuators() const noexcept { return actuators_; }
   ScriptRequests take_requests() noexcept;
 
+  // Saves or restores the state between two ticks, but for the experiment's: into a simulation of the same experiment
+  // and seed. Throws common::UserError for what cannot be saved, and for a damaged state.
+  void archive(common::StateArchive&);
+
   // script::SimulationInterface
   scene::ObjectId spawn(const scene::ObjectSpec&) override;
   void remove(scene::ObjectId) override;
@@ -95,6 +100,7 @@ class Simulation final : public script::SimulationInterface {
   void require_scripted_actuators() const;
   void collect_channels();
   void take_snapshot();
+  void archive_object(common::StateArchive&, scene::ObjectSpec&);
   int find_actuator_channel(const std::string& name) const;
   int find_sensor_channel(const std::string& name) const;
   std::size_t plane_index(int row, int column, int component) const;

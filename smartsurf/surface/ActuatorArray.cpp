@@ -246,6 +246,13 @@ void ActuatorArray::commit(double dt_s) noexcept {
   for (Model& model : models_) model.actuator->commit(dt_s, field_);
 }
 
+void ActuatorArray::archive(common::StateArchive& a) {
+  field_.archive_motion(a);
+  for (ChannelCommands& commands : commands_) a(commands.values, commands.dirty);
+  for (CommandRoute& route : routes_) a(route.delay_line, route.head, route.delayed);
+  for (Model& model : models_) model.actuator->archive(a);
+}
+
 bool ActuatorArray::exerts_forces() const noexcept {
   return std::ranges::any_of(models_, [](const Model& m) { return m.actuator->exerts_forces(); });
 }

@@ -55,6 +55,10 @@ class ActuatorArray {
   // Moves the cells by those velocities.
   void commit(double dt_s) noexcept;
 
+  // Saves or restores field, commands and models, of an array with the same surface, fault map and seed. Throws
+  // common::UserError if a model cannot be saved.
+  void archive(common::StateArchive&);
+
   bool exerts_forces() const noexcept;
   // Adds the forces of the coming step to the wrenches, one per body. catalogue[id] describes object `id`.
   void add_forces(double dt_s, const BodyView&, std::span<const scene::ObjectSpec> catalogue,

@@ -11,6 +11,8 @@
 #include <limits>
 #include <vector>
 
+#include "common/state/StateArchive.h"
+
 namespace smartsurf::surface {
 
 // Height of a missing cell: nothing collides with it.
@@ -39,6 +41,12 @@ struct Field {
 
   // ---- loads on the cells, overwritten by the physics in every step
   std::vector<float> impulse;  // normal impulse on the cell, mass·u/s, ≥ 0
+
+  // Everything but the geometry.
+  void archive_motion(common::StateArchive& a) {
+    a(height, speed, surface_velocity_x, surface_velocity_y, surface_spin, max_height, max_speed, force_limit,
+      no_load_speed, impulse);
+  }
 
   int cells() const { return rows * columns; }
   int index(int row, int column) const { return row * columns + column; }

@@ -50,6 +50,21 @@ void SensorArray::sense(const scene::Snapshot& snapshot, std::span<const scene::
   ++tick_;
 }
 
+void SensorArray::archive(common::StateArchive& a, const scene::Snapshot& snapshot,
+                          std::span<const scene::ObjectSpec> catalogue, common::ThreadPool& pool) {
+  a(tick_);
+  if (!a.saves() && !sensors_.empty()) {
+    std::ranges::fill(impulse_, 0.0F);
+    bodies_.update(snapshot, catalogue, pool);
+  }
+  const SensorInput input{snapshot, catalogue, bodies_, impulse_, period_s_};
+  for (SensorInstance& f : sensors_) {
+    if (!a.saves()) f.sensor->sense(input, pool);
+    f.sensor->archive(a);
+    if (f.error_model.is_active()) f.error_model.archive(a);
+  }
+}
+
 std::span<const float> SensorArray::truth(int channel) const noexcept {
   const ChannelRef& ref = channel_refs_[static_cast<std::size_t>(channel)];
   return sensors_[ref.sensor].truth[static_cast<std::size_t>(ref.channel)];

@@ -38,6 +38,10 @@ class SensorArray {
   std::span<const float> readings(int channel) const noexcept;
   std::span<const float> truth(int channel) const noexcept;
 
+  // Saves or restores the state of sensors with the same scene and fault map. `snapshot`: the one sensed last.
+  void archive(common::StateArchive&, const scene::Snapshot& snapshot,
+               std::span<const scene::ObjectSpec> catalogue, common::ThreadPool&);
+
  private:
   struct SensorInstance {
     std::unique_ptr<Sensor> sensor;

@@ -8,6 +8,7 @@
 #include <span>
 #include <vector>
 
+#include "common/state/StateArchive.h"
 #include "smartsurf/scene/ObjectState.h"
 #include "smartsurf/scene/Snapshot.h"
 #include "smartsurf/surface/actuators/BodyForces.h"
@@ -71,6 +72,13 @@ struct BodyStore {
   bool is_active(std::size_t i) const { return !is_static(i) && !asleep[i]; }
   Vec3 velocity(std::size_t i) const { return Vec3(body_velocity[i].velocity); }
   Vec3 angular_velocity(std::size_t i) const { return Vec3(body_velocity[i].angular_velocity); }
+
+  // All arrays but the shapes.
+  void archive(common::StateArchive& a) {
+    a(id, position, orientation, body_velocity, mass, bounding_radius, is_sphere, is_axisymmetric, width,
+      surface_material, inertia, rotation_state, wrench, asleep, sleep_timer_s, rest_motion, axes, delta_pose,
+      world_inverse_inertia);
+  }
 
   // The id must exceed all ids in the store.
   void add(scene::ObjectId, const scene::ObjectSpec&, const scene::Material&);

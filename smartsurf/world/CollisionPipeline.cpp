@@ -173,6 +173,26 @@ void CollisionPipeline::find_contacts(const BodyStore& bodies, ContactList& pair
   }
 }
 
+void CollisionPipeline::archive(common::StateArchive& a, int bodies) {
+  const auto slabs = a.value(static_cast<std::uint64_t>(slab_results_.size()));
+  if (slab_results_.size() < slabs) slab_results_.resize(slabs);
+  for (std::size_t s = 0; s < slab_results_.size(); ++s) {
+    SlabResults& results = slab_results_[s];
+    if (s < slabs)
+      results.cached_pairs.archive(a), results.cached_field.archive(a);
+    else
+      results.cached_pairs = {}, results.cached_field = {};
+  }
+  support_slabs_ = a.value(static_cast<std::uint64_t>(support_slabs_));
+  if (supports_.size() < support_slabs_) supports_.resize(support_slabs_);
+  for (std::size_t s = 0; s < support_slabs_; ++s) supports_[s].archive(a);
+  if (a.saves()) return;
+  large_radius_ = -1.0F;
+  body_indices_.resize(static_cast<std::size_t>(bodies));
+  std::iota(body_indices_.begin(), body_indices_.end(), 0);
+  previous_contacts_.forget_slabs();
+}
+
 void CollisionPipeline::update_slab_weights() {
   contacts_per_slab_.clear();
   for (int s = 0; s < partition_.slab_count(); ++s) {

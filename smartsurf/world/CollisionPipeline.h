@@ -81,6 +81,9 @@ class CollisionPipeline {
     for (SlabResults& f : slab_results_) f.cached_pairs = {}, f.cached_field = {};
   }
 
+  // Contacts and manifolds are state: they warm-start the next step. `bodies`: the number of bodies of the state.
+  void archive(common::StateArchive&, int bodies);
+
  private:
   struct LargeNeighbour {
     std::int32_t body, large;

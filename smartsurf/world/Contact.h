@@ -5,6 +5,7 @@
 #include <limits>
 #include <vector>
 
+#include "common/state/StateArchive.h"
 #include "smartsurf/world/Vec.h"
 
 namespace smartsurf::world {
@@ -46,6 +47,7 @@ struct ContactList {
     manifolds.clear();
     contacts.clear();
   }
+  void archive(common::StateArchive& a) { a(manifolds, contacts); }
 };
 
 // Prepares the list for the removal of `body`: erases its manifolds and decrements all body indices above it.

@@ -11,6 +11,7 @@
 #include <string>
 #include <vector>
 
+#include "common/state/StateArchive.h"
 #include "smartsurf/scene/ObjectState.h"
 #include "smartsurf/scene/Snapshot.h"
 #include "smartsurf/surface/Field.h"
@@ -71,6 +72,13 @@ class Engine {
   // Copies object states, field heights, the contact count and the state hash; reuses the vectors' memory.
   // Leaves tick and time to the caller.
   virtual void snapshot(scene::Snapshot&) const = 0;
+
+  // Saves or restores all state on which the coming steps depend, but for the field. `catalogue`: every object ever
+  // created, index = id; the engine has those of the first `declared` in common with the one that was saved. Restored,
+  // an engine continues with the same bits, for any number of threads. Throws common::UserError if the engine cannot do
+  // this.
+  virtual void archive(common::StateArchive&, std::span<const scene::ObjectSpec> catalogue,
+                       std::size_t declared) = 0;
 
   // The first object whose state is not finite, if any.
   virtual std::optional<scene::ObjectId> first_non_finite() const = 0;

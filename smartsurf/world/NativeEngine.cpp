@@ -205,6 +205,32 @@ void NativeEngine::snapshot(scene::Snapshot& out) const {
       sleep.pair_contacts().contacts.size() + sleep.static_contacts().contacts.size());
 }
 
+void NativeEngine::archive(common::StateArchive& a, std::span<const scene::ObjectSpec> catalogue,
+                           std::size_t declared) {
+  Impl& s = *impl_;
+  std::vector<scene::ObjectId> previous_id = s.bodies.id;
+  a(s.next_id, s.bodies, s.timed_forces, s.pair_contacts, s.static_contacts, s.sleep);
+  s.collision.archive(a, s.bodies.size());
+  a(s.loaded_cells, s.sleeper_cells, s.sleeper_impulse, s.sleeper_impulse_version, s.has_wrenches,
+    s.field_moved);
+  if (!s.unit.is_one()) s.field_copy.archive_motion(a);
+  if (a.saves()) return;
+  s.field_changed = true;
+  if (s.bodies.id == previous_id && (previous_id.empty() || previous_id.back() < declared)) return;
+  std::vector<std::unique_ptr<const Shape>> previous_shape = std::move(s.bodies.shape);
+  s.bodies.shape.clear();
+  for (const scene::ObjectId id : s.bodies.id) {
+    const auto known = std::ranges::lower_bound(previous_id, id);
+    if (id < declared && known != previous_id.end() && *known == id) {
+      s.bodies.shape.push_back(std::move(previous_shape[static_cast<std::size_t>(known - previous_id.begin())]));
+      continue;
+    }
+    const scene::ObjectSpec& spec = catalogue[id];
+    const scene::Material& material = s.scene_materials[static_cast<std::size_t>(spec.material)];
+    s.bodies.shape.push_back(std::make_unique<const Shape>(make_shape(s.unit.to_world(spec, material))));
+  }
+}
+
 std::optional<scene::ObjectId> NativeEngine::first_non_finite() const {
   const BodyStore& b = impl_->bodies;
   for (std::size_t i = 0; i < b.id.size(); ++i)

@@ -33,6 +33,8 @@ class NativeEngine final : public Engine {
   std::vector<ContactPoint> contacts() const override;
   int sleeping_count() const override;
   void snapshot(scene::Snapshot&) const override;
+  void archive(common::StateArchive&, std::span<const scene::ObjectSpec> catalogue,
+               std::size_t declared) override;
   std::optional<scene::ObjectId> first_non_finite() const override;
 
  private:

@@ -26,6 +26,10 @@ class PreviousContacts {
     index_[static_cast<std::size_t>(member.index)].slabs = slabs;
   }
 
+  // Call when the lists to be taken over next are not those of the previous step: the slabs no longer tell who found
+  // which manifold.
+  void forget_slabs() { index_.clear(); }
+
   const ContactList& pair_contacts() const { return pair_contacts_; }
   const ContactList& static_contacts() const { return static_contacts_; }
   // Index of the manifold of a pair (a < b), or of a body's static contacts, in its list; −1 if there was none.

@@ -68,6 +68,11 @@ class Sleep {
                            std::span<const SupportPatches> = {});
   void on_body_removed(std::int32_t body);
 
+  void archive(common::StateArchive& a) {
+    a(sleeping_count_, change_count_, any_woken_, pair_contacts_, static_contacts_, support_loads_,
+      cells_near_sleeper_);
+  }
+
   // Whether the body is fast enough that a hit must wake the whole island.
   static bool is_fast(const BodyStore&, std::size_t body);
 

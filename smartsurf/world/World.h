@@ -36,6 +36,9 @@ class World {
   std::vector<ContactPoint> contacts() const { return engine_->contacts(); }
   int sleeping_count() const { return engine_->sleeping_count(); }
   void snapshot(scene::Snapshot& out) const { engine_->snapshot(out); }
+  void archive(common::StateArchive& a, std::span<const scene::ObjectSpec> catalogue, std::size_t declared) {
+    engine_->archive(a, catalogue, declared);
+  }
   std::optional<scene::ObjectId> first_non_finite() const { return engine_->first_non_finite(); }
 
  private:

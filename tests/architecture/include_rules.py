@@ -12,6 +12,7 @@ MODULES = {
     "common/error": set(),
     "common/color": set(),
     "common/csv": set(),
+    "common/state": {"common/error"},
     "common/files": set(),
     "common/process": set(),
     "common/text": set(),

@@ -4,6 +4,7 @@ import os
 import subprocess
 import tempfile
 import uuid
+import weakref
 
 import numpy as np
 
@@ -66,6 +67,19 @@ def _space(channels, description):
     return Dict({c.name: box(c) for c in channels})
 
 
+def _end(process, says, owner):
+    """Ends the simulator. A copy of the environment in a forked child does nothing."""
+    if os.getpid() != owner:
+        return
+    process.terminate()
+    try:
+        process.wait(5)
+    except subprocess.TimeoutExpired:
+        process.kill()
+        process.wait()
+    says.close()
+
+
 class SurfaceEnv(_Base):
     """One controller of one surface.
 
@@ -104,7 +118,10 @@ class SurfaceEnv(_Base):
             command = self._command + ["--shm", name] + ([] if seed is None else ["--seed", str(seed)])
             self._says = tempfile.TemporaryFile()
             try:
-                self._process = subprocess.Popen(command, stdin=subprocess.DEVNULL, stderr=self._says)
+                # The simulator ends with this process, even if it is killed.
+                self._process = subprocess.Popen(command, stdin=subprocess.DEVNULL, stderr=self._says,
+                                                 env={**os.environ, "SMARTSURF_PARENT": str(os.getpid())})
+                self._finalizer = weakref.finalize(self, _end, self._process, self._says, os.getpid())
             except OSError as e:
                 self._says.close()
                 raise RuntimeError(f"cannot start {command[0]} ({e.strerror}): put it on PATH, or name it with "
@@ -145,14 +162,8 @@ class SurfaceEnv(_Base):
             self.controller.close()
             self.controller = None
         if self._process is not None:
-            self._process.terminate()
-            try:
-                self._process.wait(5)
-            except subprocess.TimeoutExpired:
-                self._process.kill()
-                self._process.wait()
+            self._finalizer()
             self._process = None
-            self._says.close()
 
     def reset(self, *, seed=None, options=None):
         """→ observation, info. With an experiment the simulator restarts, with this seed if given."""

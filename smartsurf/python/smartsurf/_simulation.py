@@ -166,6 +166,19 @@ class Simulation:
         self._targets[...] = self._core.targets
         return self.seed
 
+    def save(self):
+        """The whole state as bytes: bodies, contacts, actuators, sensors, and the script's variables and random numbers.
+        Raises Error for what cannot be saved: see docs/python.md."""
+        return self._core.save()
+
+    def restore(self, state):
+        """Continues from a saved state, with the same bits: in this simulation or in another one of the same
+        experiment and options. Restore only what you trust. Raises Error, and changes nothing, for bytes that are
+        damaged or of another experiment."""
+        self._check_process()
+        self._core.restore(state)
+        self._targets[...] = self._core.targets
+
     def finish(self):
         """Ends the episode: runs the script's on_finish, once, and returns the metrics."""
         self._core.finish()

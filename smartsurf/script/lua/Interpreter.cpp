@@ -156,6 +156,8 @@ void Interpreter::check_time(lua_State* L) {
   const std::int64_t now_ns = coarse_time_ns();
   if (now_ns - last_time_check_ns_ < kTimeCheckInterval_ns) return;
   last_time_check_ns_ = now_ns;
+  // The clock of the thread is a system call, which short calls do without.
+  if (started_s_ < 0.0) started_s_ = thread_time_s();
   const double used_s = thread_time_s() - started_s_;
   const std::atomic<bool>* const stop = context_.options.stop;
   const bool stopped = stop != nullptr && stop->load(std::memory_order_relaxed);
@@ -229,7 +231,7 @@ void Interpreter::call(int arguments, int results, const Budget& budget,
   budget_exceeded_ = false;
   excess_ = Excess::kInstructions;
   time_limit_s_ = budget.seconds;
-  started_s_ = thread_time_s();
+  started_s_ = -1.0;
   last_time_check_ns_ = coarse_time_ns();
   error_location_.clear();
   interval_ = std::min(string_interval_,

@@ -109,7 +109,8 @@ class Interpreter {
   std::size_t memory_limit_, memory_used_ = 0;
   std::uint64_t instruction_budget_ = 0, instructions_used_ = 0;
   bool budget_exceeded_ = false;
-  double time_limit_s_ = 0.0, started_s_ = 0.0;  // of the running call, in processor time
+  // Of the running call, in processor time; started_s_ is that of the first check, −1 before.
+  double time_limit_s_ = 0.0, started_s_ = -1.0;
   std::int64_t last_time_check_ns_ = 0;
   enum class Excess { kInstructions, kTime, kStop } excess_ = Excess::kInstructions;
   static constexpr int kHookInterval = 1000;  // with short strings and an ample budget

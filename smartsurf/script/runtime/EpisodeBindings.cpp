@@ -1,6 +1,7 @@
 // Episodes of a learning environment: reward, success, info, episode and on_reset.
 #include <algorithm>
 #include <string>
+#include <vector>
 
 #include "smartsurf/script/ScriptContext.h"
 #include "smartsurf/script/lua/TableReader.h"
@@ -33,14 +34,20 @@ int info(ScriptContext& context, lua_State* L) {
   require_loading(context, "info");
   luaL_checktype(L, 1, LUA_TTABLE);
   lua_settop(L, 1);
-  const std::size_t first = context.info.size();
+  // By name: Lua's order of a table's fields differs from run to run.
+  std::vector<std::string> names;
   for (lua_pushnil(L); lua_next(L, 1) != 0; lua_pop(L, 1)) {
     if (lua_type(L, -2) != LUA_TSTRING)
       throw ScriptError("info: " + format_value(L, -2) + ": a field needs a name");
-    const std::string name = lua_tostring(L, -2), subject = "info." + name;
+    names.emplace_back(lua_tostring(L, -2));
+  }
+  std::ranges::sort(names);
+  for (const std::string& name : names) {
+    const std::string subject = "info." + name;
     if (std::ranges::find(context.info, name, &InfoField::name) != context.info.end())
       throw ScriptError(subject + ": already declared");
     if (context.info.size() >= kMaxInfoFields) throw ScriptError("info: more than 1000 fields");
+    lua_getfield(L, 1, name.c_str());
     InfoField field{.name = name, .object = {}, .callback = -1};
     if (lua_type(L, -1) == LUA_TFUNCTION)
       field.callback = store_callback(context, L, -1, subject);
@@ -50,10 +57,8 @@ int info(ScriptContext& context, lua_State* L) {
     else
       throw_invalid_value(L, -1, subject, "the id of an object or a function");
     context.info.push_back(std::move(field));
+    lua_pop(L, 1);
   }
-  // Lua's order of a table's fields differs from run to run.
-  std::ranges::sort(context.info.begin() + static_cast<std::ptrdiff_t>(first), context.info.end(), {},
-                    &InfoField::name);
   return 0;
 }
 

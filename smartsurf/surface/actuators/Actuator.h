@@ -10,6 +10,7 @@
 #include <span>
 #include <vector>
 
+#include "common/state/StateArchive.h"
 #include "common/threads/ThreadPool.h"
 #include "smartsurf/scene/SceneSpec.h"
 #include "smartsurf/surface/Field.h"
@@ -62,6 +63,12 @@ class Actuator {
   // Adds the forces of the coming step to the wrenches, one per body. catalogue[id] describes object `id`.
   virtual void add_forces(double /*dt_s*/, const Field&, const BodyView&,
                           std::span<const scene::ObjectSpec> /*catalogue*/, std::span<Wrench>) noexcept {}
+
+  // Saves or restores the state of the model beyond the field. A model without this cannot be saved: it throws
+  // common::UserError.
+  virtual void archive(common::StateArchive&) {
+    throw common::UserError("an actuator of this surface cannot be saved: its model has no archive()");
+  }
 
   // Writes the state of the model's cells for drawing. rows × columns; see scene::ActuatorState.
   virtual void write_cell_motion(std::span<scene::ActuatorState>) const noexcept {}

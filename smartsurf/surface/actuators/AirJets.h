@@ -25,6 +25,8 @@ class AirJets final : public Actuator {
                   std::span<Wrench>) noexcept override;
   void write_cell_motion(std::span<scene::ActuatorState>) const noexcept override;
 
+  void archive(common::StateArchive& a) override { a(flow_, direction_); }
+
  private:
   Eigen::Vector3f jet_direction(int cell, const Field&) const noexcept;  // unit vector, world frame
 

@@ -22,6 +22,8 @@ class ForceFields final : public Actuator {
                   std::span<Wrench>) noexcept override;
   void write_cell_motion(std::span<scene::ActuatorState>) const noexcept override;
 
+  void archive(common::StateArchive& a) override { a(force_[0], force_[1], force_[2]); }
+
  private:
   enum class Falloff { kLinear, kFlat, kGaussian };
   float falloff_weight(float gap) const noexcept;

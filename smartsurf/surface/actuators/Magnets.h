@@ -25,6 +25,8 @@ class Magnets final : public Actuator {
                   std::span<Wrench>) noexcept override;
   void write_cell_motion(std::span<scene::ActuatorState>) const noexcept override;
 
+  void archive(common::StateArchive& a) override { a(current_); }
+
  private:
   void add_coil_wrench(float current, const Eigen::Vector3f& from_coil, float pole,
                        const Eigen::Vector3f& moment, Wrench&) const noexcept;

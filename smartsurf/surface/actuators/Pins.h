@@ -22,6 +22,10 @@ class Pins final : public Actuator {
   void commit(double dt_s, Field&) noexcept override;
   bool has_force_limit() const noexcept override { return force_limit_.has_value(); }
 
+  void archive(common::StateArchive& a) override {
+    a(target_, planned_speed_, retry_wait_, moving_, run_max_height_, run_max_speed_);
+  }
+
  private:
   // Call work(run) for every run, or every moving run, on the pool if that pays. cost_ns: per pin.
   template <class Work>

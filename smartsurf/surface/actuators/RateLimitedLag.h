@@ -30,6 +30,8 @@ class RateLimitedLag {
   // Whether the run's values changed in the last step().
   bool changed(std::size_t run) const noexcept { return changed_[run] != 0; }
 
+  void archive(common::StateArchive& a) { a(value_, target_, moving_, changed_); }
+
  private:
   void step_run(std::size_t run, float lag_fraction, float max_change) noexcept;
 

@@ -20,6 +20,8 @@ class Rollers final : public Actuator {
   bool has_surface_velocity() const noexcept override { return true; }
   void write_cell_motion(std::span<scene::ActuatorState>) const noexcept override;
 
+  void archive(common::StateArchive& a) override { a(spin_[0], spin_[1], angle_[0], angle_[1], spinning_); }
+
  private:
   void update_surface_velocity(const CellRun&, Field&) noexcept;
   bool advance_angles(const CellRun&, float dt_s) noexcept;  // returns whether any cell spins

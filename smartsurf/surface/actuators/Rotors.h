@@ -23,6 +23,8 @@ class Rotors final : public Actuator {
   bool has_surface_velocity() const noexcept override { return true; }
   void write_cell_motion(std::span<scene::ActuatorState>) const noexcept override;
 
+  void archive(common::StateArchive& a) override { a(command_, angle_, rate_, next_height_, active_); }
+
  private:
   void plan_rates(double dt_s) noexcept;
   void plan_cell(int cell, float dt_s, Field&) noexcept;

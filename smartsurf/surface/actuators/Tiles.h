@@ -24,6 +24,10 @@ class Tiles final : public Actuator {
   bool has_surface_velocity() const noexcept override { return true; }
   void write_cell_motion(std::span<scene::ActuatorState>) const noexcept override;
 
+  void archive(common::StateArchive& a) override {
+    a(time_s_, phase_, amplitude_, excitation_, next_height_, active_steps_);
+  }
+
  private:
   bool is_vibrating(std::size_t run) const noexcept;
   void update_excitation(double time_s) noexcept;

@@ -22,6 +22,7 @@ class PressureSensor final : public Sensor {
   }
   // mass·u/s², clamped to the sensor's range.
   std::span<const float> values(int /*channel*/) const noexcept override { return force_; }
+  void archive(common::StateArchive& a) override { a(force_); }
   bool needs_impulses() const noexcept override { return true; }
 
  private:

@@ -8,6 +8,7 @@
 #include <memory>
 #include <span>
 
+#include "common/state/StateArchive.h"
 #include "common/threads/ThreadPool.h"
 #include "smartsurf/scene/Snapshot.h"
 #include "smartsurf/surface/raycast/RayCaster.h"
@@ -39,6 +40,10 @@ class Sensor {
   // The values of a channel after the last sense(): components × rows × columns, one plane per component,
   // row-major, row 0 north, within the channel's range. The span stays valid for the sensor's lifetime.
   virtual std::span<const float> values(int channel) const noexcept = 0;
+
+  // Saves or restores the state that does not follow from the latest snapshot. Called after a sense() with that
+  // snapshot and without impulses.
+  virtual void archive(common::StateArchive&) {}
 
   // Whether sense() reads SensorInput::impulse.
   virtual bool needs_impulses() const noexcept { return false; }

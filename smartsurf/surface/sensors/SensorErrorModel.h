@@ -13,6 +13,7 @@
 #include <span>
 #include <vector>
 
+#include "common/state/StateArchive.h"
 #include "common/threads/ThreadPool.h"
 #include "smartsurf/scene/SceneSpec.h"
 #include "smartsurf/surface/FaultMap.h"
@@ -35,6 +36,10 @@ class SensorErrorModel {
   // The readings after the last apply(): components × rows × columns, as in `truth`.
   std::span<const float> values(int channel) const noexcept {
     return channels_[static_cast<std::size_t>(channel)].readings;
+  }
+
+  void archive(common::StateArchive& a) {
+    for (ChannelState& c : channels_) a(c.drift, c.delay_line, c.readings);
   }
 
  private:

@@ -40,6 +40,10 @@ class FieldManifoldCache {
     std::vector<CachedManifold> manifolds;
     std::vector<CachedPoint> points;
     std::vector<float> heights;
+    void archive(common::StateArchive& a) {
+      a(manifolds, points, heights);
+      for (CachedManifold& m : manifolds) m.points = nullptr, m.heights = nullptr;
+    }
   };
 
   // The field must be rectangular, without force limits.

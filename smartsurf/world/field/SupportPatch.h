@@ -35,6 +35,9 @@ struct SupportSamples {
 
   std::size_t size() const { return cell.size(); }
   void resize(std::size_t);
+  void archive(common::StateArchive& a) {
+    a(cell, x, y, arm, velocity_x, velocity_y, spin, weight, load, friction);
+  }
 };
 
 struct SupportPatch {
@@ -69,6 +72,7 @@ struct SupportPatches {
   std::vector<std::int32_t> points;  // contacts of the patches, as indices in their body's manifold
   SupportSamples samples;
   void clear();
+  void archive(common::StateArchive& a) { a(patches, points, samples); }
 };
 
 // Adds the patch of a body if its flat underside lies on at least two cells. `free_layout`: null for a rectangular

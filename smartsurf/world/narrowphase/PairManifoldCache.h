@@ -35,6 +35,10 @@ class PairManifoldCache {
     std::vector<CachedManifold> manifolds;
     std::vector<CachedPoint> points;
     std::vector<SimplexCache> simplices;
+    void archive(common::StateArchive& a) {
+      a(manifolds, points, simplices);
+      for (CachedManifold& m : manifolds) m.points = nullptr, m.simplex_cache = nullptr, m.next = nullptr;
+    }
   };
 
   // Takes over a chunk's manifolds of the previous step and empties the list. Call build_index() after all

@@ -17,8 +17,13 @@ struct Member {
 
   // Whether this is the thread that called Team::run.
   bool is_caller() const { return index + 1 == member_count; }
-  void arrive() const { barrier.arrive(index); }
-  void wait() const { barrier.wait(index); }
+  // A single member meets nobody, and saves the fences.
+  void arrive() const {
+    if (member_count > 1) barrier.arrive(index);
+  }
+  void wait() const {
+    if (member_count > 1) barrier.wait(index);
+  }
   void arrive_and_wait() const { arrive(), wait(); }
   // Runs work() on the caller of Team::run only, with a barrier before and after.
   template <class Work>

@@ -1,0 +1,85 @@
+"""A world whose agents are its cells, or blocks of cells, as a PettingZoo parallel environment."""
+import gymnasium
+import numpy as np
+import pettingzoo
+from numpy.lib.stride_tricks import sliding_window_view
+
+from ._env import box
+from ._simulation import Simulation, draw_seed
+
+
+class ParallelEnv(pettingzoo.ParallelEnv):
+    """Each block of `block` × `block` cells is an agent, named "block_ROW_COLUMN" by its place among the blocks.
+
+    An agent observes the sensors of its block and of `radius` cells around it, float32 of planes × side × side with
+    side = block + 2·radius, zero beyond the table; it acts on its block: channels × block × block. All agents receive
+    the script's reward, and their episode ends together. Arrays are in the channels' units; row 0 is north.
+    """
+    metadata = {"name": "smartsurf", "render_modes": ["rgb_array"], "is_parallelizable": True}
+
+    def __init__(self, experiment, block=1, radius=1, set=None, threads=1, engine=None, render_mode=None):
+        self.simulation = s = Simulation(experiment, set=set, threads=threads, engine=engine)
+        if block < 1 or s.rows % block or s.columns % block:
+            raise ValueError(f"block = {block}: must divide {s.rows} rows and {s.columns} columns")
+        if radius < 0:
+            raise ValueError(f"radius = {radius}: must be at least 0")
+        self.render_mode = render_mode
+        self._block, self._radius = block, radius
+        self._places = [(r, c) for r in range(s.rows // block) for c in range(s.columns // block)]
+        self.possible_agents = [f"block_{r}_{c}" for r, c in self._places]
+        self.agents = []
+        side = block + 2 * radius
+        # Beyond the table an agent sees 0, which a channel's range may exclude.
+        seen = box(s.sensor_channels, side, side)
+        self._observation_space = gymnasium.spaces.Box(np.minimum(seen.low, 0), np.maximum(seen.high, 0))
+        self._action_space = box(s.actuator_channels, block, block)
+        planes = s._core.observation.shape[0]
+        self._padded = np.zeros((planes, s.rows + 2 * radius, s.columns + 2 * radius), np.float32)
+        self._windows = sliding_window_view(self._padded, (side, side), (1, 2))[:, ::block, ::block]
+        self._random = np.random.default_rng()
+
+    def observation_space(self, agent):
+        return self._observation_space
+
+    def action_space(self, agent):
+        return self._action_space
+
+    def reset(self, seed=None, options=None):
+        if seed is not None:
+            self._random = np.random.default_rng(seed)
+        self.simulation.reset(draw_seed(self._random) if seed is None else seed)
+        self.agents = list(self.possible_agents)
+        return self._observations(), self._each({"seed": self.simulation.seed, "success": False,
+                                                 **self.simulation.info})
+
+    def step(self, actions):
+        s, b = self.simulation, self._block
+        for agent, (r, c) in zip(self.possible_agents, self._places):
+            if agent in actions:
+                s._targets[:, r * b:(r + 1) * b, c * b:(c + 1) * b] = actions[agent]
+        reward, terminated, truncated = s.step()
+        info = {"seed": s.seed, "success": bool(s._success), **s.info}
+        if terminated or truncated:
+            info["metrics"] = s.finish()
+        result = (self._observations(), self._each(reward), self._each(terminated), self._each(truncated),
+                  self._each(info))
+        if terminated or truncated:
+            self.agents = []
+        return result
+
+    def _observations(self):
+        k, s = self._radius, self.simulation
+        self._padded[:, k:k + s.rows, k:k + s.columns] = s._core.observation
+        windows = self._windows.copy()
+        return {agent: windows[:, r, c] for agent, (r, c) in zip(self.possible_agents, self._places)}
+
+    def _each(self, value):
+        return {agent: value for agent in self.possible_agents}
+
+    def render(self):
+        return self.simulation.render() if self.render_mode == "rgb_array" else None
+
+
+def parallel_env(experiment, **arguments):
+    """A ParallelEnv; the arguments are its."""
+    return ParallelEnv(experiment, **arguments)

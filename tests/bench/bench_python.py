@@ -1,0 +1,209 @@
+#!/usr/bin/env python3
+"""Environment steps a second: VectorEnv beside MuJoCo's batched rollout and single environments in processes of their own.
+
+  bench_python.py [--json] [--seconds S] [--cases 8x8:1,…] [--who WHO,…] [--threads N]
+
+n×n pins follow a wave under k spheres, and every pin senses upwards. A step is a control period of 1/60 s: four physics
+steps, or one for MuJoCo where its row says so. MuJoCo has a mocap box and a rangefinder for each pin. The processor time that a step takes
+outside the compiled part is Python's share. Needs the package smartsurf, Gymnasium, and for peers mujoco and shm_protocol.
+"""
+import argparse
+import gc
+import json
+import os
+import pathlib
+import sys
+import tempfile
+import time
+
+import numpy as np
+import smartsurf
+
+CASES = [f"{n}x{n}:{k}" for n in (8, 16, 64) for k in (1, 10, 40)]
+WORLDS = (1, 64, 1024)
+RANGE, RADIUS, PHASES = 4.0, 0.8, 4
+MOST_CELLS = 1024 * 4096 + 1
+
+
+def experiment(n, k):
+    return f"""surface {{ rows = {n}, columns = {n}, border = {{ height = 6 }}, sensors = {{ proximity {{ range = {RANGE} }} }},
+  actuator = pin {{ range = {{0, 4}}, max_speed = 20, max_acceleration = 400 }} }}
+for i = 0, {k - 1} do
+  sphere {{ radius = {RADIUS}, position = {{ 2 + 1.7 * i % {n - 4}, 2 + 1.7 * (1.7 * i // {n - 4}) % {n - 4}, 3 + 0.4 * i }} }}
+end
+reward(function() local x = object(0):position() return x end)
+"""
+
+
+def wave(n):
+    """Targets of the pins, phases × n × n."""
+    row, column = np.mgrid[0:n, 0:n]
+    phase = np.arange(PHASES)[:, None, None]
+    return (1 + 0.5 * np.sin(2 * np.pi * (column / 8 - phase / PHASES))).astype(np.float32)
+
+
+def steps_a_second(step, per_call, seconds):
+    """The best of three spells, after a warm-up that lets the spheres land; per second of wall time and of processor time."""
+    start, calls = time.perf_counter(), 0
+    while calls < 60 and time.perf_counter() - start < 3 * seconds:
+        step(calls)
+        calls += 1
+    best = best_cpu = 0.0
+    for _ in range(3):
+        start, cpu, calls = time.perf_counter(), time.process_time(), 0
+        while calls == 0 or time.perf_counter() - start < seconds:
+            step(calls)
+            calls += 1
+        best = max(best, calls * per_call / (time.perf_counter() - start))
+        best_cpu = max(best_cpu, calls * per_call / max(time.process_time() - cpu, 1e-9))
+    return best, best_cpu
+
+
+class Timed:
+    """The compiled part of a VectorEnv, with the time that it takes."""
+
+    def __init__(self, batch):
+        self.batch, self.spent = batch, 0.0
+
+    def __getattr__(self, name):
+        return getattr(self.batch, name)
+
+    def step(self, actions):
+        start = time.perf_counter()
+        self.batch.step(actions)
+        self.spent += time.perf_counter() - start
+
+
+def measure_vector(file, n, worlds, how):
+    before = resident_mib()
+    envs = smartsurf.VectorEnv(file, worlds, how.threads, copy=False)
+    envs.reset(seed=1)
+    actions = [np.ascontiguousarray(np.broadcast_to(heights, envs.action_space.shape)) for heights in wave(n)]
+    envs._batch = Timed(envs._batch)
+    start = time.perf_counter()
+    rate, cpu = steps_a_second(lambda i: envs.step(actions[i % PHASES]), worlds, how.seconds)
+    share = 1 - envs._batch.spent / (time.perf_counter() - start)
+    return {"steps_per_s": rate, "steps_per_cpu_s": cpu, "python_share": share,
+            "mib": resident_mib() - before - sum(a.nbytes for a in actions) / 2**20}
+
+
+def resident_mib():
+    pages = int(pathlib.Path("/proc/self/statm").read_text().split()[1])
+    return pages * os.sysconf("SC_PAGE_SIZE") / 2**20
+
+
+def measure_states(file, n):
+    """Microseconds of processor time to save, to restore and to reset a world in motion; the least of several."""
+    simulation, targets = smartsurf.Simulation(file, seed=1), wave(n)
+    for tick in range(60):
+        simulation.step(targets[tick % PHASES])
+    state = simulation.save()
+
+    def least(call, calls=20):
+        spells = []
+        for _ in range(9):
+            start = time.process_time()
+            for i in range(calls):
+                call(i)
+            spells.append((time.process_time() - start) / calls)
+        return 1e6 * min(spells)
+
+    return {"save_us": least(lambda i: simulation.save()), "restore_us": least(lambda i: simulation.restore(state)),
+            "reset_us": least(simulation.reset), "bytes": len(state)}
+
+
+def measure_surface_env(file, n, how):
+    from shm_protocol import SurfaceEnv
+    targets = wave(n)
+    with SurfaceEnv(file, smartsurf=how.smartsurf) as env:
+        env.reset(seed=1)
+        rate, _ = steps_a_second(lambda i: env.step(targets[i % PHASES]), 1, how.seconds)
+    return {"steps_per_s": rate}
+
+
+def mjcf(n, k, timestep):
+    pins = "".join(
+        f"<body mocap='true' pos='{c} {n - 1 - r} 0'><geom type='box' size='.4 .4 1' contype='2' conaffinity='1'/>"
+        f"<site name='s{r}_{c}' pos='0 0 1.001' zaxis='0 0 1'/></body>" for r in range(n) for c in range(n))
+    walls = "".join(f"<geom type='plane' size='99 99 1' pos='{x} {y} 0' zaxis='{-dx} {-dy} 0' contype='2' conaffinity='1'/>"
+                    for x, y, dx, dy in ((0.5, 0, -1, 0), (n - 1.5, 0, 1, 0), (0, 0.5, 0, -1), (0, n - 1.5, 0, 1)))
+    balls = "".join(f"<body pos='{2 + 1.7 * i % (n - 4)} {2 + 1.7 * (1.7 * i // (n - 4)) % (n - 4)} {4 + .4 * i}'><freejoint/>"
+                    f"<geom type='sphere' size='{RADIUS}' density='1'/></body>" for i in range(k))
+    sensors = "".join(f"<rangefinder site='s{r}_{c}' cutoff='{RANGE}'/>" for r in range(n) for c in range(n))
+    return (f"<mujoco><option timestep='{timestep}' integrator='implicitfast'/><size memory='256M'/><worldbody>{pins}{walls}"
+            f"{balls}</worldbody><sensor>{sensors}</sensor></mujoco>")
+
+
+def measure_mujoco(n, k, substeps, how):
+    import mujoco
+    from mujoco import rollout
+    model = mujoco.MjModel.from_xml_string(mjcf(n, k, 1 / 60 / substeps))
+    worlds, periods = 2 * how.threads, 8 if n < 64 else 2
+    steps = periods * substeps
+    data = [mujoco.MjData(model) for _ in range(how.threads)]
+    spec = mujoco.mjtState.mjSTATE_MOCAP_POS
+    control = np.tile(model.body_pos[model.body_mocapid >= 0].reshape(1, 1, -1), (worlds, steps, 1))
+    heights = wave(n).reshape(PHASES, -1)
+    for i in range(steps):
+        control[:, i, 2::3] = heights[i // substeps % PHASES] - 1
+    full = mujoco.mjtState.mjSTATE_FULLPHYSICS
+    state = np.zeros((worlds, mujoco.mj_stateSize(model, full)))
+    for i in range(worlds):
+        mujoco.mj_getState(model, data[0], state[i], full)
+    with rollout.Rollout(nthread=how.threads) as roll:
+        def step(_):
+            nonlocal state
+            states, sensors = roll.rollout(model, data, state, control, control_spec=int(spec), nstep=steps)
+            state = np.ascontiguousarray(states[:, -1])
+        rate, cpu = steps_a_second(step, worlds * periods, how.seconds)
+    return {"steps_per_s": rate, "steps_per_cpu_s": cpu, "version": mujoco.__version__}
+
+
+def measurements(how):
+    with tempfile.TemporaryDirectory() as folder:
+        for case in how.cases:
+            size, k = case.split(":")
+            n, k = int(size.split("x")[0]), int(k)
+            file = str(pathlib.Path(folder) / "wave.lua")
+            pathlib.Path(file).write_text(experiment(n, k))
+            name = f"{size} {k}"
+            for worlds in WORLDS:
+                if "vector" in how.who and worlds * n * n < MOST_CELLS:
+                    yield {"who": f"VectorEnv, {worlds}", "case": name, **measure_vector(file, n, worlds, how)}
+                    gc.collect()
+            if "vector" in how.who:
+                yield {"who": "Simulation", "case": name, **measure_states(file, n)}
+            if "surface" in how.who:
+                yield {"who": "SurfaceEnv", "case": name, **measure_surface_env(file, n, how)}
+            if "mujoco" in how.who:
+                for who, substeps in (("MuJoCo rollout", 4), ("MuJoCo, 1 step", 1)):
+                    yield {"who": who, "case": name, **measure_mujoco(n, k, substeps, how)}
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--json", action="store_true", help="one JSON object a line")
+    parser.add_argument("--seconds", type=float, default=0.7, help="of one spell")
+    parser.add_argument("--cases", type=lambda text: text.split(","), default=CASES)
+    parser.add_argument("--who", type=lambda text: text.split(","), default=["vector", "surface", "mujoco"])
+    parser.add_argument("--threads", type=int, default=2)
+    parser.add_argument("--smartsurf", default="smartsurf", help="the program, for single environments")
+    how = parser.parse_args()
+    for package, who in (("mujoco", "mujoco"), ("shm_protocol", "surface")):
+        try:
+            __import__(package)
+        except (ImportError, OSError) as error:
+            if who in how.who:
+                print(f"bench_python: {package} is left out: {error}", file=sys.stderr)
+                how.who.remove(who)
+    for line in measurements(how):
+        print(json.dumps(line) if how.json else
+              f"{line['case']:10} {line['who']:16} save {line['save_us']:.0f} µs, restore {line['restore_us']:.0f} µs, reset "
+              f"{line['reset_us']:.0f} µs, {line['bytes']} bytes" if "save_us" in line else
+              f"{line['case']:10} {line['who']:16} {line['steps_per_s']:12.0f} steps/s"
+              + (f", {line['steps_per_cpu_s']:.0f} per CPU second" if "steps_per_cpu_s" in line else "")
+              + (f", Python {100 * line['python_share']:.0f} %, {line['mib']:.0f} MiB" if "mib" in line else ""), flush=True)
+
+
+if __name__ == "__main__":
+    main()

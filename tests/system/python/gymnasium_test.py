@@ -1,0 +1,200 @@
+"""Gymnasium and PettingZoo environments: their own checks, and what this package promises besides."""
+import os
+import sys
+import unittest
+import warnings
+
+try:
+    import gymnasium
+    import numpy as np
+    import pettingzoo  # noqa: F401
+    import smartsurf
+    from gymnasium.vector import AutoresetMode
+except ImportError as error:
+    print(f"skipped: {error}; scripts/setup --python installs it where a package index can be reached")
+    sys.exit(77)
+from experiments import CROWD, NOISY, ExperimentTest
+
+
+def sampled(space, seed):
+    space.seed(seed)
+    return space.sample()
+
+
+class Environments(ExperimentTest):
+    def test_gymnasium_accepts_every_task(self):
+        from gymnasium.utils.env_checker import check_env
+        for task in smartsurf.TASKS:
+            with self.subTest(task=task.id), warnings.catch_warnings():
+                warnings.simplefilter("ignore")
+                env = gymnasium.make(task.id)
+                check_env(env.unwrapped, skip_render_check=True)
+                self.assertTrue(env.unwrapped._info(False).keys() >= {"seed", "success"})
+                self.assertTrue(env.unwrapped.simulation._description["has_reward"])
+                self.assertIsNotNone(env.unwrapped.simulation._description["episode_seconds"])
+                self.assertGreater(env.observation_space.shape[0], 0)
+
+    def test_seedless_resets_differ_and_tell_their_seed(self):
+        env = smartsurf.Env(self.script(CROWD))
+        env.reset(seed=1)
+        seeds, observations = set(), []
+        for _ in range(4):
+            observation, info = env.reset()
+            seeds.add(info["seed"])
+            observations.append(observation.tobytes())
+        self.assertEqual((len(seeds), len(set(observations))), (4, 4))
+        again, _ = env.reset(seed=info["seed"])
+        self.assertEqual(again.tobytes(), observations[-1])
+
+    def test_an_episode_ends_with_metrics(self):
+        env, over = smartsurf.Env(self.script(CROWD)), False
+        env.reset(seed=1)
+        while not over:
+            observation, reward, terminated, truncated, info = env.step(sampled(env.action_space, 1))
+            over = terminated or truncated
+        self.assertEqual(info["metrics"].keys(), {"best", "count"})
+        self.assertTrue(np.isnan(info["none"]))
+        self.assertEqual(info["best"], info["metrics"]["best"])
+
+    @unittest.skipIf(os.environ.get("SMARTSURF_VIEW") != "ON", "built without the view")
+    def test_render(self):
+        env = smartsurf.Env(self.script(CROWD), render_mode="rgb_array", render_size=(96, 64))
+        env.reset(seed=1)
+        self.assertEqual(env.render().shape, (64, 96, 3))
+
+
+class VectorEnvironments(ExperimentTest):
+    def run_vector(self, path, num_envs, threads, ticks, mode=AutoresetMode.NEXT_STEP):
+        envs = smartsurf.VectorEnv(path, num_envs, threads, autoreset_mode=mode)
+        trace = [envs.reset(seed=5)[0].tobytes()]
+        for tick in range(ticks):
+            o, r, terminated, truncated, infos = envs.step(sampled(envs.action_space, tick // 5))
+            trace.append((o.tobytes(), r.tolist(), terminated.tolist(), truncated.tolist(), infos["seed"].tolist()))
+        return trace
+
+    def test_worlds_equal_single_environments(self):
+        for text in (CROWD, NOISY):
+            path, n = self.script(text), 3
+            envs = smartsurf.VectorEnv(path, n, 2)
+            observations, infos = envs.reset(seed=5)
+            singles = [smartsurf.Env(path) for _ in range(n)]
+            for i, env in enumerate(singles):
+                np.testing.assert_array_equal(env.reset(seed=5 + i)[0], observations[i])
+            self.assertEqual(infos["seed"].tolist(), [5, 6, 7])
+            over = [False] * n
+            resets = 0
+            for tick in range(300):
+                actions = sampled(envs.action_space, tick // 5)
+                observations, rewards, terminated, truncated, infos = envs.step(actions)
+                for i, env in enumerate(singles):
+                    if over[i]:
+                        o, r, te, tr = env.reset(seed=int(infos["seed"][i]))[0], 0.0, False, False
+                        resets += 1
+                    else:
+                        o, r, te, tr, info = env.step(actions[i])
+                        if te or tr:
+                            self.assertEqual(infos["metrics"][i], info["metrics"])
+                    np.testing.assert_array_equal(o, observations[i])
+                    self.assertEqual((r, te, tr), (rewards[i], terminated[i], truncated[i]))
+                    over[i] = te or tr
+            self.assertTrue(resets > 0 or text is NOISY)
+
+    def test_threads_do_not_change_the_bits(self):
+        for text in (CROWD, NOISY):
+            path = self.script(text)
+            traces = [self.run_vector(path, 9, threads, 60) for threads in (1, 2, 4)]
+            self.assertEqual(traces[0], traces[1])
+            self.assertEqual(traces[0], traces[2])
+
+    def test_same_step_autoreset_has_the_last_observation(self):
+        path = self.script(CROWD)
+        same = smartsurf.VectorEnv(path, 2, 1, autoreset_mode=AutoresetMode.SAME_STEP)
+        following = smartsurf.VectorEnv(path, 2, 1)
+        same.reset(seed=5)
+        following.reset(seed=5)
+        ends = 0
+        for tick in range(260):
+            actions = sampled(same.action_space, tick // 5)
+            o, r, terminated, truncated, infos = same.step(actions)
+            o2, r2, te2, tr2, infos2 = following.step(actions)
+            for i in np.flatnonzero(terminated | truncated):
+                ends += 1
+                np.testing.assert_array_equal(infos["final_obs"][i], o2[i])
+                self.assertEqual(infos["metrics"][i], infos2["metrics"][i])
+                np.testing.assert_array_equal(o[i], smartsurf.Env(path).reset(seed=int(infos["seed"][i]))[0])
+            if ends:
+                break
+        self.assertGreater(ends, 0)
+
+    def test_disabled_autoreset_with_a_mask(self):
+        envs = smartsurf.VectorEnv(self.script(CROWD), 3, 1, autoreset_mode=AutoresetMode.DISABLED)
+        first, _ = envs.reset(seed=1)
+        envs.step(sampled(envs.action_space, 1))
+        mask = np.array([False, True, False])
+        observations, infos = envs.reset(seed=1, options={"reset_mask": mask})
+        np.testing.assert_array_equal(observations[1], first[1])
+        self.assertFalse(np.array_equal(observations[0], first[0]))
+
+    def test_gymnasiums_wrappers_and_make_vec(self):
+        envs = gymnasium.make_vec("smartsurf/Relocate-v0", num_envs=3)
+        self.assertIsInstance(envs.unwrapped, smartsurf.VectorEnv)
+        envs = gymnasium.wrappers.vector.RecordEpisodeStatistics(envs)
+        o, _ = envs.reset(seed=1)
+        self.assertIn(o, envs.observation_space)
+        o, r, te, tr, infos = envs.step(envs.action_space.sample())
+        self.assertEqual((o.shape, r.shape, te.dtype, tr.dtype), (envs.observation_space.shape, (3,), np.bool_, np.bool_))
+        plain = gymnasium.make_vec("smartsurf/Relocate-v0", num_envs=3, vectorization_mode="sync")
+        o2, _ = plain.reset(seed=1)
+        np.testing.assert_array_equal(o2, envs.reset(seed=1)[0])
+
+    def test_a_forked_child_goes_on(self):
+        envs = smartsurf.VectorEnv(self.script(CROWD), 8, 2)
+        envs.reset(seed=1)
+        envs.step(sampled(envs.action_space, 1))
+        reading, writing = os.pipe()
+        pid = os.fork()
+        if pid == 0:
+            envs.step(sampled(envs.action_space, 2))
+            os.write(writing, b"%d" % envs.state_hash(7))
+            os._exit(0)
+        self.assertEqual(os.waitstatus_to_exitcode(os.waitpid(pid, 0)[1]), 0)
+        envs.step(sampled(envs.action_space, 2))
+        self.assertEqual(int(os.read(reading, 100)), envs.state_hash(7))
+        os.close(reading), os.close(writing)
+
+    def test_errors_name_the_world(self):
+        path = self.script(CROWD.replace("on_tick(function(t)", "on_tick(function(t) assert(t < 0.1, 'late')"))
+        envs = smartsurf.VectorEnv(path, 3, 2)
+        envs.reset(seed=1)
+        with self.assertRaisesRegex(smartsurf.Error, "world 0: .*experiment.lua:.*late"):
+            for _ in range(10):
+                envs.step(sampled(envs.action_space, 1))
+        envs.reset(seed=1)
+        envs.step(sampled(envs.action_space, 1))
+        with self.assertRaisesRegex(ValueError, "the actions have shape"):
+            envs.step(np.zeros((3, 16, 16)))
+        for arguments, message in (({"num_envs": 0}, "num_envs = 0"), ({"threads": 0}, "threads = 0")):
+            with self.assertRaisesRegex(ValueError, message):
+                smartsurf.VectorEnv(path, **arguments)
+
+
+class Agents(ExperimentTest):
+    def test_pettingzoo_accepts_it(self):
+        from pettingzoo.test import parallel_api_test, parallel_seed_test
+        path = self.script(CROWD.replace(", none = function() return nil end", ""))  # NaN differs from itself
+        parallel_api_test(smartsurf.parallel_env(path, block=4), num_cycles=300)
+        parallel_seed_test(lambda: smartsurf.parallel_env(path, block=8), num_cycles=20)
+
+    def test_agents_see_and_drive_their_block(self):
+        env = smartsurf.parallel_env(self.script(CROWD), block=4, radius=2)
+        observations, _ = env.reset(seed=1)
+        whole = np.pad(env.simulation._core.observation, ((0, 0), (2, 2), (2, 2)))
+        np.testing.assert_array_equal(observations["block_1_2"], whole[:, 4:12, 8:16])
+        env.step({"block_1_2": np.full((1, 4, 4), 3, np.float32)})
+        expected = np.zeros((16, 16), np.float32)
+        expected[4:8, 8:12] = 3
+        np.testing.assert_array_equal(env.simulation.actuators["height"][1:-1, 1:-1], expected[1:-1, 1:-1])
+
+
+if __name__ == "__main__":
+    unittest.main()

@@ -1,0 +1,374 @@
+"""The package without Gymnasium: simulations, saved states, errors, processes."""
+import gc
+import multiprocessing
+import os
+import pathlib
+import pickle
+import signal
+import subprocess
+import sys
+import textwrap
+import time
+import unittest
+
+try:
+    import numpy as np
+except ImportError:
+    print("skipped: NumPy is not installed")
+    sys.exit(77)
+import smartsurf
+from experiments import ACTUATORS, CROWD, NOISY, ROOT, TASK_OF_EACH_ACTUATOR, ExperimentTest
+
+
+def drive(simulation, ticks, seed=0):
+    """Random targets that change every fifth tick; returns hash, rewards and readings of each tick."""
+    random, trace = np.random.default_rng(seed), []
+    for tick in range(ticks):
+        if tick % 5 == 0:
+            actions = {c.name: random.uniform(c.minimum, c.maximum, (simulation.rows, simulation.columns))
+                       for c in simulation.actuator_channels}
+        reward = simulation.step(actions)[0]
+        trace.append((simulation.state_hash, reward, *(a.tobytes() for a in simulation.sensors.values())))
+    return trace
+
+
+class Simulations(ExperimentTest):
+    def test_arrays_are_views_that_follow_the_simulation(self):
+        s = smartsurf.Simulation(self.script(CROWD), seed=1)
+        proximity, position = s.sensors["proximity"], s.objects["position"]
+        self.assertEqual((proximity.shape, proximity.dtype), ((16, 16), np.float32))
+        self.assertEqual(s.sensors["colour"].shape, (3, 16, 16))
+        self.assertEqual((position.shape, s.objects["orientation"].shape), ((10, 3), (10, 4)))
+        before, height = proximity.copy(), position[0, 2]
+        for _ in range(60):
+            s.step(1.0)
+        self.assertIs(proximity, s.sensors["proximity"])
+        self.assertTrue((proximity != before).any())
+        self.assertLess(position[0, 2], height)
+        np.testing.assert_allclose(s.info["first"][:3], position[0], rtol=1e-6)
+        with self.assertRaises(ValueError):
+            proximity[0, 0] = 1
+        del s
+        gc.collect()
+        self.assertEqual(proximity.shape, (16, 16))  # an array outlives its simulation
+        self.assertTrue(np.isfinite(proximity.sum() + position.sum()))
+
+    def test_gravity_and_axis_order(self):
+        s = smartsurf.Simulation(self.script(
+            "surface { rows = 6, columns = 9, actuator = pin { range = {0, 4} }, sensors = { proximity { range = 4 } } }\n"
+            "sphere { radius = 0.6, position = {7, 4, 30}, velocity = {0, 0, 2} }\n"
+            "sphere { radius = 0.6, position = {7, 4, 1} }"))
+        row, column = np.argwhere(s.sensors["proximity_hit"] > 0).mean(axis=0)
+        self.assertEqual((row, column), (6 - 1 - 4, 7))  # row 0 is north
+        for _ in range(30):
+            s.step()
+        # Free fall for half a second.
+        self.assertAlmostEqual(float(s.objects["position"][0, 2]), 30 + 2 * 0.5 - 0.5 * 9.81 * 0.25, delta=0.02)
+        self.assertAlmostEqual(float(s.objects["velocity"][0, 2]), 2 - 9.81 * 0.5, delta=1e-3)
+
+    def test_a_reset_equals_a_new_simulation(self):
+        for text in (CROWD, NOISY):
+            path = self.script(text)
+            used = smartsurf.Simulation(path, seed=5)
+            drive(used, 90)
+            for seed in (9, 5):
+                self.assertEqual(used.reset(seed), seed)
+                fresh = smartsurf.Simulation(path, seed=seed)
+                self.assertEqual(drive(used, 60, seed), drive(fresh, 60, seed))
+                self.assertEqual(used.finish(), fresh.finish())
+
+    def test_a_reset_without_a_seed_draws_a_new_one(self):
+        s = smartsurf.Simulation(self.script(CROWD))
+        seeds = {s.reset() for _ in range(8)}
+        self.assertEqual(len(seeds), 8)
+        self.assertIn(s.seed, seeds)
+
+    def test_threads_do_not_change_the_bits(self):
+        traces = [drive(smartsurf.Simulation(self.script(NOISY), seed=3, threads=n), 60) for n in (1, 3)]
+        self.assertEqual(*traces)
+
+    def test_episode_ends_by_length_success_and_stop(self):
+        base = "surface { rows = 4, columns = 4, actuator = pin {} }\nlocal b = sphere { radius = 1, position = {1, 1, 9} }\n"
+        for end, expected in (("episode { seconds = 0.1 }", (6, False, True)),
+                              ("success(function(t, tick) return tick == 3 end)", (3, True, False)),
+                              ("at(0.05, function() stop() end)", (4, True, False))):
+            s, ticks, over = smartsurf.Simulation(self.script(base + end)), 0, False
+            while not over:
+                reward, terminated, truncated = s.step()
+                ticks, over = ticks + 1, terminated or truncated
+            self.assertEqual((ticks, terminated, truncated), expected, end)
+
+    @unittest.skipIf(os.environ.get("SMARTSURF_VIEW") != "ON", "built without the view")
+    def test_render(self):
+        s = smartsurf.Simulation(self.script(CROWD), seed=1)
+        picture = s.render(160, 120)
+        self.assertEqual((picture.shape, picture.dtype), ((120, 160, 3), np.uint8))
+        self.assertGreater(len(np.unique(picture.reshape(-1, 3), axis=0)), 20)
+        self.assertFalse(np.array_equal(picture, s.render(160, 120, "top")))
+
+    @unittest.skipIf(os.environ.get("SMARTSURF_VIEW") == "ON", "built with the view")
+    def test_render_without_the_view(self):
+        with self.assertRaisesRegex(smartsurf.Error, "without the view"):
+            smartsurf.Simulation(self.script(CROWD)).render()
+
+
+class SavedStates(ExperimentTest):
+    def check_replay(self, path, warm_up, ticks, **arguments):
+        s = smartsurf.Simulation(path, seed=11, **arguments)
+        drive(s, warm_up)
+        state, readings = s.save(), {n: a.copy() for n, a in s.sensors.items()}
+        expected = drive(s, ticks, 1)
+        metrics = s.finish()
+        s.restore(state)
+        self.assertEqual(s.tick, warm_up)
+        for name, array in readings.items():
+            np.testing.assert_array_equal(array, s.sensors[name])
+        self.assertEqual(drive(s, ticks, 1), expected)
+        self.assertEqual(s.finish(), metrics)
+        # In another simulation, after another history with another seed, and with other threads.
+        other = smartsurf.Simulation(path, seed=12, **{**arguments, "threads": 2})
+        drive(other, 17)
+        other.restore(pickle.loads(pickle.dumps(state)))
+        self.assertEqual(other.seed, 11)
+        self.assertEqual(drive(other, ticks, 1), expected)
+        self.assertEqual(other.finish(), metrics)
+
+    def test_a_replay_has_the_same_bits(self):
+        for text in (CROWD, NOISY):
+            for warm_up in (0, 40, 200):
+                with self.subTest(warm_up=warm_up):
+                    self.check_replay(self.script(text), warm_up, 80)
+
+    def test_sleeping_bodies(self):
+        path = self.script(CROWD)
+        s = smartsurf.Simulation(path, seed=2)
+        for _ in range(400):
+            s.step(0.0)
+        state = s.save()
+        expected = drive(s, 60)
+        s.reset(2)
+        s.restore(state)
+        self.assertEqual(drive(s, 60), expected)
+
+    def test_every_actuator(self):
+        for name, actuator in ACTUATORS.items():
+            with self.subTest(actuator=name):
+                self.check_replay(self.script(TASK_OF_EACH_ACTUATOR % actuator, name + ".lua"), 30, 40)
+
+    def test_tasks_can_be_saved(self):
+        for task in smartsurf.TASKS:
+            with self.subTest(task=task.id):
+                s = smartsurf.Simulation(smartsurf.task_file(task.id), seed=1)
+                drive(s, 5)
+                state = s.save()
+                expected = drive(s, 5, 1)
+                s.restore(state)
+                self.assertEqual(drive(s, 5, 1), expected)
+
+    def test_tables_keep_identity_cycles_and_metatables(self):
+        path = self.script(CROWD.split("on_reset")[0] + """
+            local Counter = {}; Counter.__index = Counter
+            function Counter:add(n) self.sum = self.sum + n return self.sum end
+            shared = setmetatable({ sum = 0 }, Counter)
+            local alias, loop, keys = shared, {}, {}
+            loop.me = loop
+            at(0.05, function() keys[object(0)] = 'zero' loop.later = { alias } loop.handle = next(keys) end)
+            on_tick(function() shared:add(1) assert(loop.me == loop) end)
+            reward(function(t)
+              assert(not loop.later or (loop.later[1] == shared and keys[loop.handle] == 'zero'))
+              return alias.sum + (math.type(alias.sum) == 'integer' and 0.5 or 0)
+            end)""")
+        s = smartsurf.Simulation(path)
+        for _ in range(10):
+            s.step()
+        state = s.save()
+        self.assertEqual(s.step()[0], 11.5)
+        self.assertEqual(s.step()[0], 12.5)
+        s.restore(state)
+        self.assertEqual(s.step()[0], 11.5)
+
+    def test_what_cannot_be_saved_is_refused(self):
+        base = CROWD.split("on_reset")[0]
+        for late, message in (
+                ("at(0.03, function()\n at(9, function() end) end)", r"a function \(.*experiment.lua:\d+\), created while"),
+                ("on_tick(function() x = coroutine.create(print) end) x = 1", "a coroutine"),
+                ("at(0.03, function() hull { points = {{0,0,0},{1,0,0},{0,1,0},{0,0,1}}, position = {5,5,9} } end)",
+                 "created from a mesh or hull during the run")):
+            s = smartsurf.Simulation(self.script(base + late))
+            for _ in range(5):
+                s.step()
+            before = s.state_hash
+            with self.assertRaisesRegex(smartsurf.Error, message):
+                s.save()
+            s.step()  # it goes on
+            s.reset(1)
+            self.assertNotEqual(s.state_hash, before)
+
+    def test_wrong_bytes_change_nothing(self):
+        path = self.script(CROWD)
+        s = smartsurf.Simulation(path, seed=1)
+        drive(s, 20)
+        state, before = s.save(), s.state_hash
+        damaged = bytearray(state)
+        damaged[len(state) // 2] ^= 1
+        other = smartsurf.Simulation(self.script(NOISY, "other.lua"), seed=1).save()
+        for wrong, message in ((b"", "not a saved state"), (b"x" * 1000, "not a saved state"),
+                               (bytes(damaged), "damaged"), (state[:-10], "damaged"), (other, "another experiment")):
+            with self.assertRaisesRegex(smartsurf.Error, message):
+                s.restore(wrong)
+            self.assertEqual(s.state_hash, before)
+        trace = drive(s, 20)
+        s.restore(state)
+        self.assertEqual(drive(s, 20), trace)
+
+    def test_bullet_says_that_it_cannot(self):
+        try:
+            s = smartsurf.Simulation(self.script(CROWD), engine="bullet")
+        except smartsurf.Error as error:
+            self.skipTest(str(error))
+        with self.assertRaisesRegex(smartsurf.Error, "engine 'bullet' cannot be saved"):
+            s.save()
+
+
+class Errors(ExperimentTest):
+    def test_one_line_each(self):
+        path = self.script(CROWD)
+        for arguments, message in (
+                ({"experiment": "nowhere.lua"}, "nowhere.lua: the experiment does not exist"),
+                ({"experiment": self.script("surface { rows = 'x' }", "a.lua")}, r"a.lua:1: surface.rows = 'x'"),
+                ({"experiment": path, "set": {"n": 3}}, "no option 'n'"),
+                ({"experiment": path, "engine": "warp"}, "warp"),
+                ({"experiment": path, "seed": -1}, "seed = -1: must be"),
+                ({"experiment": path, "seed": 1.5}, "seed = 1.5: must be"),
+                ({"experiment": path, "threads": 0}, "threads = 0: must be")):
+            with self.assertRaisesRegex(ValueError, message) as raised:
+                smartsurf.Simulation(**arguments)
+            self.assertNotIn("\n", str(raised.exception))
+        s = smartsurf.Simulation(path)
+        for actions, message in (({"hight": 1}, "no actuator channel 'hight'; known: height"),
+                                 (np.zeros(3), r"actions\['height'\] has shape \(3,\): must be"),
+                                 ({"height": "up"}, "must be a number or an array")):
+            with self.assertRaisesRegex(ValueError, message):
+                s.step(actions)
+
+    def test_errors_of_the_running_script(self):
+        base = "surface { rows = 4, columns = 4, actuator = pin {} }\n"
+        for line, message in (("on_tick(function() error('no') end)", "experiment.lua:2: no"),
+                              ("reward(function() return 'much' end)", "experiment.lua:2: reward returned string"),
+                              ("reward(function() return 0/0 end)", "reward returned nan"),
+                              ("on_tick(function() while true do end end)", "endless loop")):
+            s = smartsurf.Simulation(self.script(base + line))
+            with self.assertRaisesRegex(smartsurf.Error, message):
+                s.step()
+            s.reset(1)
+        for line, message in (("info { x = 'y' }", "info.x = 'y': must be"), ("info { x = 0 }", "info.x = 0: must be"),
+                              ("episode { seconds = 0 }", r"episode.seconds = 0: must be"),
+                              ("reward(3)", "reward: function = 3: must be a function"),
+                              ("reward(print) reward(print)", "reward: already declared"),
+                              ("on_reset(function() error('early') end)", "early")):
+            with self.assertRaisesRegex(smartsurf.Error, message):
+                smartsurf.Simulation(self.script(base + line))
+
+
+def fork_hash(path, results):
+    s = smartsurf.Simulation(path, seed=4)
+    drive(s, 20)
+    results.put(s.state_hash)
+
+
+def alive(pid):
+    try:
+        return pathlib.Path(f"/proc/{pid}/stat").read_text().split(")")[1].split()[0] != "Z"
+    except FileNotFoundError:
+        return False
+
+
+class Processes(ExperimentTest):
+    def test_fork_and_spawn(self):
+        path = self.script(CROWD)
+        expected = smartsurf.Simulation(path, seed=4)
+        drive(expected, 20)
+        for method in ("fork", "spawn"):
+            context = multiprocessing.get_context(method)
+            results = context.Queue()
+            workers = [context.Process(target=fork_hash, args=(path, results)) for _ in range(2)]
+            for worker in workers:
+                worker.start()
+            self.assertEqual([results.get(timeout=60) for _ in workers], [expected.state_hash] * 2, method)
+            for worker in workers:
+                worker.join(20)
+                self.assertEqual(worker.exitcode, 0)
+
+    def test_a_forked_simulation(self):
+        for threads in (1, 2):
+            s = smartsurf.Simulation(self.script(CROWD), seed=1, threads=threads)
+            pid = os.fork()
+            if pid == 0:
+                try:
+                    s.step()
+                    os._exit(0)
+                except RuntimeError:
+                    os._exit(7)
+            self.assertEqual(os.waitstatus_to_exitcode(os.waitpid(pid, 0)[1]), 0 if threads == 1 else 7)
+
+    def test_killed_python_leaves_no_simulator_and_no_segment(self):
+        """The learner is killed while it holds a SurfaceEnv, whose simulator would otherwise wait for ever."""
+        path = self.script(CROWD)
+        program = textwrap.dedent(f"""
+            import threading, time
+            from shm_protocol import SurfaceEnv
+            made = []
+            # A thread that ends must not end the simulator that it has started.
+            maker = threading.Thread(target=lambda: made.append(
+                SurfaceEnv({path!r}, smartsurf={os.environ['SMARTSURF']!r})))
+            maker.start(); maker.join()
+            env = made[0]
+            env.reset(seed=1)
+            print(env._process.pid, env.controller.description.name, flush=True)
+            time.sleep(1.5)
+            env.step(1.0)
+            print("stepped", flush=True)
+            time.sleep(100)
+        """)
+        learner = subprocess.Popen([sys.executable, "-c", program], stdout=subprocess.PIPE, text=True)
+        try:
+            pid, name = learner.stdout.readline().split()
+            self.assertTrue(alive(pid))
+            self.assertEqual(learner.stdout.readline().strip(), "stepped")
+            segments = [p for p in pathlib.Path("/dev/shm").iterdir() if name in p.name]
+            self.assertTrue(segments)
+        finally:
+            learner.send_signal(signal.SIGKILL)
+            learner.wait()
+            learner.stdout.close()
+        deadline = time.monotonic() + 20  # the promise is two seconds; a busy machine may need more
+        while (alive(pid) or any(p.exists() for p in segments)) and time.monotonic() < deadline:
+            time.sleep(0.05)
+        self.assertFalse(alive(pid))
+        self.assertEqual([p.name for p in segments if p.exists()], [])
+
+    def test_a_collected_environment_leaves_no_simulator(self):
+        from shm_protocol import SurfaceEnv
+        env = SurfaceEnv(self.script(CROWD), smartsurf=os.environ["SMARTSURF"])
+        pid = env._process.pid
+        del env
+        gc.collect()
+        self.assertFalse(alive(pid))
+
+    def test_environments_open_no_files_and_no_threads(self):
+        def resources():
+            return len(os.listdir("/proc/self/fd")), len(os.listdir("/proc/self/task"))
+        path = self.script(CROWD)
+        smartsurf.Simulation(path)
+        gc.collect()
+        before, segments = resources(), set(os.listdir("/dev/shm"))
+        simulations = [smartsurf.Simulation(path, threads=2) for _ in range(3)]
+        self.assertEqual(resources(), (before[0], before[1] + 3))
+        del simulations
+        gc.collect()
+        self.assertEqual(resources(), before)
+        self.assertEqual([n for n in set(os.listdir("/dev/shm")) - segments if str(os.getpid()) in n], [])
+
+
+if __name__ == "__main__":
+    unittest.main()

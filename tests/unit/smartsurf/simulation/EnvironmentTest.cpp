@@ -1,0 +1,156 @@
+#include "smartsurf/simulation/Environment.h"
+
+#include <gtest/gtest.h>
+#include <unistd.h>
+
+#include <filesystem>
+#include <fstream>
+
+#include "smartsurf/simulation/EnvironmentBatch.h"
+
+namespace smartsurf::simulation {
+namespace {
+
+// Objects of all shapes that roll, pile up and sleep; variables, timers and random numbers of the script.
+constexpr const char* kCrowd = R"(
+surface { rows = 12, columns = 12, border = { height = 6 }, actuator = pin { range = {0, 4}, max_speed = 8 },
+          sensors = { proximity { range = 6 }, pressure {} } }
+local ids, state = {}, { draws = 0 }
+for i = 1, 6 do
+  local p = { 1 + 1.5 * i, 1 + 1.4 * i, 4 + i }
+  ids[i] = i % 3 == 0 and sphere { radius = 0.9, position = p } or i % 3 == 1 and box { size = {1.6, 1.2, 1}, position = p }
+           or cylinder { radius = 0.7, height = 1.4, position = p }
+end
+on_reset(function()
+  for i, id in ipairs(ids) do object(id):teleport { position = {random(3, 8), random(3, 8), 5 + 1.5 * i} } end
+end)
+every(0.1, function()
+  state.draws = state.draws + random()
+  state[#state + 1] = sphere { radius = 0.4, position = {random(3, 8), random(3, 8), 9} }
+  if #state > 3 then object(table.remove(state, 1)):remove() end
+end)
+reward(function() return state.draws + #state end)
+)";
+// Draws while it loads; faults and sensor errors depend on the seed; a unit of length that is not the pitch.
+constexpr const char* kNoisy = R"(
+surface { rows = 8, columns = 8, pitch = 2, actuator = pin { range = {0, 4}, latency = 2 },
+          sensors = { proximity { range = 6, noise = 0.05, drift = 0.1, latency = 2 } } }
+faults { actuator = { stuck = 0.05, latency = 1 } }
+for i = 1, 3 do box { size = {2, 2, 2}, position = {random(2, 12), random(2, 12), 4 + 2 * i} } end
+reward(function() return random() end)
+)";
+
+class EnvironmentTest : public testing::TestWithParam<const char*> {
+ protected:
+  EnvironmentTest()
+      : path_(std::filesystem::temp_directory_path() / ("environment_test_" + std::to_string(getpid()) + ".lua")) {
+    std::ofstream(path_) << GetParam();
+  }
+  ~EnvironmentTest() override { std::filesystem::remove(path_); }
+
+  EnvironmentOptions options(std::uint64_t seed, int threads = 1) const {
+    EnvironmentOptions options;
+    options.experiment = path_.string();
+    options.seed = seed;
+    options.threads = threads;
+    return options;
+  }
+  // Targets that change every fifth tick.
+  static std::vector<float> targets(std::size_t cells, std::uint64_t tick) {
+    std::vector<float> out(cells);
+    for (std::size_t i = 0; i < cells; ++i)
+      out[i] = static_cast<float>((i * 7 + tick / 5 * 13) % 17) / 8.0F;
+    return out;
+  }
+  struct Tick {
+    std::uint64_t hash;
+    double reward;
+    std::vector<float> observation;
+    bool operator==(const Tick&) const = default;
+  };
+  static std::vector<Tick> drive(Environment& e, int ticks) {
+    std::vector<Tick> trace;
+    for (int i = 0; i < ticks; ++i) {
+      e.set_targets(0, targets(static_cast<std::size_t>(e.scene().surface.cell_count()),
+                               e.simulation().snapshot().tick));
+      const double reward = e.step().reward;
+      trace.push_back({e.simulation().snapshot().state_hash, reward, std::vector<float>(e.observation_size())});
+      e.observe(trace.back().observation);
+    }
+    return trace;
+  }
+
+  std::filesystem::path path_;
+};
+
+TEST_P(EnvironmentTest, ResetEqualsNewEnvironment) {
+  Environment used(options(5));
+  drive(used, 40);
+  for (const std::uint64_t seed : {9U, 5U}) {
+    used.reset(seed);
+    Environment fresh(options(seed));
+    EXPECT_EQ(drive(used, 50), drive(fresh, 50)) << "seed " << seed;
+  }
+}
+
+TEST_P(EnvironmentTest, RestoredStateContinuesWithSameBits) {
+  for (const int warm_up : {0, 30, 120}) {
+    Environment first(options(5));
+    drive(first, warm_up);
+    const std::string state = first.save();
+    const std::vector<Tick> expected = drive(first, 50);
+    first.restore(state);
+    EXPECT_EQ(drive(first, 50), expected) << "after " << warm_up;
+    Environment second(options(6, 2));
+    drive(second, 23);
+    second.restore(state);
+    EXPECT_EQ(drive(second, 50), expected) << "in another environment, after " << warm_up;
+  }
+}
+
+TEST_P(EnvironmentTest, DamagedStateChangesNothing) {
+  Environment environment(options(5));
+  drive(environment, 20);
+  std::string state = environment.save();
+  state[state.size() / 2] ^= 1;
+  EXPECT_THROW(environment.restore(state), scene::InputError);
+  EXPECT_THROW(environment.restore(std::string_view(state).substr(0, 10)), scene::InputError);
+  Environment twin(options(5));
+  drive(twin, 20);
+  EXPECT_EQ(drive(environment, 20), drive(twin, 20));
+}
+
+TEST_P(EnvironmentTest, BatchEqualsSingleEnvironments) {
+  const std::vector<std::uint64_t> seeds{3, 4, 5, 6, 7};
+  for (const int threads : {1, 3}) {
+    EnvironmentBatch batch(options(0), seeds, threads, Autoreset::kNextStep);
+    std::vector<std::unique_ptr<Environment>> single;
+    for (const std::uint64_t seed : seeds) single.push_back(std::make_unique<Environment>(options(seed)));
+    const auto cells = static_cast<std::size_t>(single[0]->scene().surface.cell_count());
+    std::vector<float> actions, observations(seeds.size() * batch.observation_size());
+    std::vector<double> rewards(seeds.size());
+    for (std::uint64_t tick = 0; tick < 30; ++tick) {
+      actions.clear();
+      for (std::size_t i = 0; i < seeds.size(); ++i)
+        std::ranges::copy(targets(cells, tick), std::back_inserter(actions));
+      BatchArrays arrays;
+      arrays.actions = actions;
+      arrays.observations = observations;
+      arrays.rewards = rewards;
+      batch.step(arrays);
+      for (std::size_t i = 0; i < seeds.size(); ++i) {
+        const Tick expected = drive(*single[i], 1).front();
+        EXPECT_EQ(batch.world(static_cast<int>(i)).simulation().snapshot().state_hash, expected.hash);
+        EXPECT_EQ(rewards[i], expected.reward);
+        EXPECT_TRUE(std::ranges::equal(
+            std::span(observations).subspan(i * batch.observation_size(), batch.observation_size()),
+            expected.observation));
+      }
+    }
+  }
+}
+
+INSTANTIATE_TEST_SUITE_P(Experiments, EnvironmentTest, testing::Values(kCrowd, kNoisy));
+
+}  // namespace
+}  // namespace smartsurf::simulation
