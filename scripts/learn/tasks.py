@@ -25,14 +25,15 @@ class Task:
 
     The experiment's metric `success` is 1 or 0; `score(metrics)` is what learning maximizes. start and deviation: the
     network's outputs at first, and the standard deviation of the search. search: its generations, candidates per generation
-    and runs per candidate. shapes: of the commands of scripts/learn/ppo."""
+    and runs per candidate. shapes and decisions: of the commands of scripts/learn/ppo, and how many it trains with."""
 
     def __init__(self, name, title, experiment, controller, until, inputs, actions, ties, *, hidden=(), memory=0, options=None,
-                 start=0.0, deviation=1.0, search=(20, 24, 6), shapes=("offset", "south", "east"), score=lambda metrics: metrics["score"]):
+                 start=0.0, deviation=1.0, search=(20, 24, 6), shapes=("offset", "south", "east"),
+                 decisions=60_000, score=lambda metrics: metrics["score"]):
         self.name, self.title, self.until, self.score = name, title, until, score
         self.experiment, self.controller, self.options = HERE.parent / experiment, HERE.parent / controller, options or {}
         self.inputs, self.actions, self.ties, self.hidden, self.memory = inputs, actions, ties, hidden, memory
-        self.start, self.deviation, self.search, self.shapes = start, deviation, search, shapes
+        self.start, self.deviation, self.search, self.shapes, self.decisions = start, deviation, search, shapes, decisions
 
     def sizes(self):
         return [len(self.inputs) + self.memory, *self.hidden, len(self.actions) + self.memory]
@@ -86,6 +87,7 @@ def sorting(metrics):
 TASKS = {task.name: task for task in (
     Task("ball", "a ball to any target, 8×8 pins", "learn/ball.lua", "learn/ball.aps", 10, ("colour.r", "colour.b"),
          (("height", 0, 5),), ISOTROPIC, memory=1, start=2.5, deviation=0.5, search=(24, 32, 8), shapes=("bowl", "south", "east"),
+         decisions=100_000,
          score=approach),
     Task("box", "a box to a pose, 16×16 rolling balls", "learn/box.lua", "learn/box.aps", 10, ("row", "column", "proximity_hit"),
          (("spin_x", -20, 20), ("spin_y", -20, 20)), OWN),
