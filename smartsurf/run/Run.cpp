@@ -19,7 +19,7 @@ using namespace std::chrono_literals;
 using Clock = std::chrono::steady_clock;
 using shm_protocol::Status;
 
-constexpr auto kWindowWait = 8ms;      // longest wait between two polls of the window
+constexpr auto kWindowWait = 8ms;         // longest wait between two polls of the window
 constexpr auto kControllerPatience = 2s;  // for an answer, before a message
 constexpr auto kHeadlessWait = 100ms;  // longest wait between two checks of the controller, without a window
 
@@ -226,7 +226,8 @@ bool Run::receive_targets() {
     if (stop_requested_) set_ending(common::kDone, "stopped by the user");
     if (requests_.quit) set_ending(common::kDone, "stopped by the user");
     if (ending_) return false;
-    if (!announced_silence_ && Clock::now() - asked > kControllerPatience && link_->endpoint().has_controller() &&
+    if (!announced_silence_ && Clock::now() - asked > kControllerPatience &&
+        link_->endpoint().has_controller() &&
         link_->endpoint().controller_state() == shm_protocol::State::kRunning) {
       announced_silence_ = true;
       progress_.print_message(fmt::format("the controller (process {}) has not answered tick {} for 2 s",

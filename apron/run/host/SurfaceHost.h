@@ -76,7 +76,7 @@ class SurfaceHost final : public LocalHost {
   std::vector<bool> is_complete_;  // per channel: every component of its next actuator frame has its value
   bool has_published_ = false;     // at least one frame
   bool free_run_ = false;
-  bool answered_ = false;          // the current frame is answered; waiting for the next was interrupted
+  bool answered_ = false;  // the current frame is answered; waiting for the next was interrupted
 };
 
 }  // namespace apron::run
