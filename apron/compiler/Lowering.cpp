@@ -260,9 +260,8 @@ void Lowering::leave_macro(std::uint32_t expansion) {
 // Whether the call is one of the original's windows and simulators, which we do not have; warns of it once.
 bool Lowering::ignores(const Expression& call) {
   static constexpr std::string_view kPrefixes[] = {"apron.", "host.", "sim.", "gui."};
-  const bool foreign = original_ && std::any_of(std::begin(kPrefixes), std::end(kPrefixes), [&](auto prefix) {
-                         return call.text.starts_with(prefix);
-                       });
+  const bool foreign = original_ && std::any_of(std::begin(kPrefixes), std::end(kPrefixes),
+                                                [&](auto prefix) { return call.text.starts_with(prefix); });
   if (foreign && ignored_.insert(call.text).second)
     diagnostics_.warning(call.location, fmt::format("'{}' is not implemented, and ignored", call.text));
   return foreign;

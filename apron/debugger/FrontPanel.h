@@ -12,8 +12,8 @@
 #include <string_view>
 #include <vector>
 
-#include "common/color/Palette.h"
 #include "apron/debugger/ColorMap.h"
+#include "common/color/Palette.h"
 
 namespace apron::debugger {
 

@@ -101,7 +101,8 @@ std::string format_diagnostics(const Diagnostic& diagnostic, const SourceManager
         location.file < sources.file_count() ? sources.file(location.file).name + ": " : "";
     return fmt::format("{}{}: {}\n", file, severity, diagnostic.message);
   }
-  std::string text = fmt::format("{}: {}: {}\n", sources.format_location(location), severity, diagnostic.message);
+  std::string text =
+      fmt::format("{}: {}: {}\n", sources.format_location(location), severity, diagnostic.message);
   const std::string line = printable(sources.line_text(location.file, location.line));
   text += "    " + line + '\n';
   if (location.column <= line.size() + 1) text += "    " + caret_indent(line, location.column) + "^\n";

@@ -17,7 +17,8 @@ struct Note {
 struct Diagnostic {
   Location location;
   std::string message;
-  std::vector<Note> notes = {};  // "declared here" and the like; include and macro chains come from the location
+  std::vector<Note> notes =
+      {};  // "declared here" and the like; include and macro chains come from the location
   bool is_warning = false;
 };
 

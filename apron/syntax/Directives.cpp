@@ -14,10 +14,10 @@
 namespace apron::syntax {
 namespace {
 
-const std::vector<std::string> kDirectives = {"!include", "!define",    "!if",          "!else",
-                                              "!endif",   "!macro_def", "!macro_begin", "!macro_end",
-                                              "!object",  "!create",    "!operator",    "!default_palette",
-                                              "!module",  "!max_addr",  "!register",    "!machine_register",
+const std::vector<std::string> kDirectives = {"!include", "!define",    "!if",           "!else",
+                                              "!endif",   "!macro_def", "!macro_begin",  "!macro_end",
+                                              "!object",  "!create",    "!operator",     "!default_palette",
+                                              "!module",  "!max_addr",  "!register",     "!machine_register",
                                               "!error",   "!sim_core",  "!compatibility"};
 
 constexpr std::string_view kOperators[] = {"=",  "+",  "-",  "*",  "/",   "%",  "<",   "<=",   ">",  ">=",
@@ -431,7 +431,8 @@ void Preprocessor::handle_default_palette(const Tokens& tokens) {
 void Preprocessor::handle_compatibility(const Tokens& tokens) {
   Arguments list;
   std::string name;
-  if (!parse_arguments(tokens, 1, 1, list) || !parse_string_argument(list[0], name, "a dialect's name")) return;
+  if (!parse_arguments(tokens, 1, 1, list) || !parse_string_argument(list[0], name, "a dialect's name"))
+    return;
   if (name != "original")
     return diagnostics_.error(list[0].front().location,
                               fmt::format("there is no dialect '{}'; there is 'original'", name));

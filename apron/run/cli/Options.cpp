@@ -133,9 +133,10 @@ void add_execution_options(CLI::App& run, RawOptions& raw) {
   run.add_option("--set", raw.sets, "value of a slider or switch")
       ->type_name("NAME=VALUE")
       ->allow_extra_args(false);
-  run.add_option("--camera", raw.options.cameras,
-                 "device [/dev/video0], video, picture or folder of pictures that webcam.open(0) opens; repeat the "
-                 "option for webcam.open(1) and so on")
+  run.add_option(
+         "--camera", raw.options.cameras,
+         "device [/dev/video0], video, picture or folder of pictures that webcam.open(0) opens; repeat the "
+         "option for webcam.open(1) and so on")
       ->type_name("DEVICE|FILE.y4m|PICTURE|FOLDER")
       ->allow_extra_args(false);
   run.add_option("--threads", raw.options.threads,
@@ -182,8 +183,9 @@ void add_run_options(CLI::App& run, RawOptions& raw) {
   run.add_option("--ticks", raw.options.ticks, "stop after N executions of surface.step or sim.frame")
       ->type_name("N")
       ->check(whole_number_validator(1, std::numeric_limits<std::uint64_t>::max()));
-  run.add_option("--pace", raw.pace,
-                 "without a surface: max, realtime, or program seconds per second [max; realtime with --window]")
+  run.add_option(
+         "--pace", raw.pace,
+         "without a surface: max, realtime, or program seconds per second [max; realtime with --window]")
       ->type_name("PACE");
   run.add_option("--fps", raw.frames_per_s, "without a surface: frames per second of the program's time [30]")
       ->type_name("N");
@@ -210,7 +212,8 @@ void add_run_options(CLI::App& run, RawOptions& raw) {
                  "save a picture of the window after that tick, or at the end")
       ->type_name("FILE.png[@TICK]")
       ->allow_extra_args(false);
-  run.add_option("--video", raw.options.video, "record a video of the window, 30 frames per second of the surface's or program's time")
+  run.add_option("--video", raw.options.video,
+                 "record a video of the window, 30 frames per second of the surface's or program's time")
       ->type_name("FILE.mp4");
   run.add_option("--save", raw.saves, "write this register to a .npy, .csv or picture file at the end")
       ->type_name("REGISTER=FILE")

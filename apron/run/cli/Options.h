@@ -50,7 +50,7 @@ struct Options {
   WindowGeometry geometry;
   std::string show;  // a register
   std::vector<Screenshot> screenshots;
-  std::string video;               // a file; empty for none
+  std::string video;  // a file; empty for none
   std::vector<SavedRegister> saved;
   std::vector<std::string> files;  // the inputs of fmt
   std::string watch;               // a register to show in the terminal; empty for none

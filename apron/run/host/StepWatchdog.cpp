@@ -1,7 +1,7 @@
 #include "apron/run/host/StepWatchdog.h"
 
-#include <csignal>
 #include <chrono>
+#include <csignal>
 #include <cstdio>
 
 namespace apron::run {

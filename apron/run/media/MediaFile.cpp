@@ -19,7 +19,8 @@ namespace {
 
 }  // namespace
 
-void require_size(const std::string& path, std::uint64_t width, std::uint64_t height, const vm::Plane* plane) {
+void require_size(const std::string& path, std::uint64_t width, std::uint64_t height,
+                  const vm::Plane* plane) {
   if (plane != nullptr) return require_shape(path, width, height, *plane);
   if (width == 0 || height == 0 || width > program::kMaxCells / height)
     throw_refused(path, "is " + std::to_string(width) + "x" + std::to_string(height) + ", not of 1 to " +

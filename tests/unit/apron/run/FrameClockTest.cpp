@@ -67,7 +67,8 @@ TEST(KeyScript, HoldsKeysAndQueuesPresses) {
   EXPECT_EQ(keys.take(6), '@');
   EXPECT_EQ(keys.take(6), 258);
   EXPECT_EQ(keys.take(6), 0);
-  for (const char* wrong : {"", "a", "a@", "@3", "a@x", "a@3-2", "a@-2", "a@1-2-3", "ctrl@4", "a@99999999999999999999"})
+  for (const char* wrong :
+       {"", "a", "a@", "@3", "a@x", "a@3-2", "a@-2", "a@1-2-3", "ctrl@4", "a@99999999999999999999"})
     EXPECT_FALSE(parse_key_press(wrong, error)) << wrong;
   EXPECT_EQ(error.find('\n'), std::string::npos);
 }

@@ -1,0 +1,438 @@
+#include "apron/run/import/KernelSourceReader.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cstdlib>
+#include <utility>
+
+namespace apron::run {
+
+using Kind = KernelTokenKind;
+
+namespace {
+
+bool is_type_word(const KernelToken& token) {
+  static const std::set<std::string> kWords = {
+      "int",     "float",  "double",   "bool",    "char",     "unsigned", "signed",    "long",
+      "short",   "const",  "static",   "auto",    "void",     "volatile", "constexpr", "inline",
+      "uint8_t", "int8_t", "uint16_t", "int16_t", "uint32_t", "int32_t",  "size_t"};
+  return token.kind == Kind::kName && kWords.contains(token.text);
+}
+
+bool mentions(const KernelTokenList& tokens, const std::string& name) {
+  return std::any_of(tokens.begin(), tokens.end(),
+                     [&](const KernelToken& token) { return token.is_name(name); });
+}
+
+}  // namespace
+
+ImportedKernels KernelSourceReader::translate(KernelTokenList tokens) {
+  tokens_ = std::move(tokens);
+  collect_functions();
+  translate_file();
+  return finish();
+}
+
+void KernelSourceReader::skip_statement() {
+  while (!at_end()) {
+    if (peek().is("(") || peek().is("[") || peek().is("{")) {
+      const bool is_block = peek().is("{");
+      position_ = behind_bracket(position_);
+      if (is_block && !peek().is(";") && !peek().is(")") && !peek().is(",")) return;
+    } else if (peek().is("}")) {
+      return;
+    } else if (consume(";")) {
+      return;
+    } else {
+      ++position_;
+    }
+  }
+}
+
+std::optional<KernelSourceReader::Function> KernelSourceReader::function_at(std::size_t first) const {
+  std::size_t i = first;
+  while (tokens_[i].kind == Kind::kName || tokens_[i].is("*") || tokens_[i].is("&") || tokens_[i].is("::"))
+    ++i;
+  if (i == first || i < first + 2 || !tokens_[i].is("(") || tokens_[i - 1].kind != Kind::kName)
+    return std::nullopt;
+  const std::size_t close = behind_bracket(i);
+  std::size_t body = close;
+  while (tokens_[body].is_name("const") || tokens_[body].is_name("noexcept") ||
+         tokens_[body].kind == Kind::kComment)
+    ++body;
+  if (!tokens_[body].is("{")) return std::nullopt;
+  Function function{tokens_[i - 1].text, {}, body, behind_bracket(body)};
+  std::string last;
+  bool is_default = false;
+  for (std::size_t k = i + 1; k < close; ++k) {
+    if (tokens_[k].is(",") || k + 1 == close) {
+      if (!last.empty() && last != "void") function.parameters.push_back(last);
+      last.clear();
+      is_default = false;
+    } else if (tokens_[k].is("=")) {
+      is_default = true;
+    } else if (tokens_[k].kind == Kind::kName && !is_default) {
+      last = tokens_[k].text;
+    }
+  }
+  return function;
+}
+
+std::optional<KernelSourceReader::Function> KernelSourceReader::kernel_object_at(std::size_t i) const {
+  if (!tokens_[i].is_name("scamp5_kernel") || i + 4 >= tokens_.size()) return std::nullopt;
+  if (tokens_[i + 1].kind != Kind::kName || !(tokens_[i + 2].is("(") || tokens_[i + 2].is("{")))
+    return std::nullopt;
+  if (!tokens_[i + 3].is("[")) return std::nullopt;
+  std::size_t body = behind_bracket(i + 3);
+  if (tokens_[body].is("(")) body = behind_bracket(body);
+  if (!tokens_[body].is("{")) return std::nullopt;
+  return Function{tokens_[i + 1].text, {}, body, behind_bracket(i + 2)};
+}
+
+bool KernelSourceReader::uses_instructions(const Function& function) const {
+  for (std::size_t i = function.body; i + 1 < function.end; ++i) {
+    if (tokens_[i].is_name("scamp5_kernel_begin")) return true;
+    if (tokens_[i].kind == Kind::kName && tokens_[i + 1].is("(") &&
+        (vocabulary_.statements.contains(tokens_[i].text) || vocabulary_.values.contains(tokens_[i].text) ||
+         functions_.contains(tokens_[i].text)))
+      return true;
+  }
+  return false;
+}
+
+void KernelSourceReader::collect_functions() {
+  for (bool found = true; found;) {  // until the functions that call functions are found, too
+    found = false;
+    for (std::size_t i = 0; i + 1 < tokens_.size(); ++i) {
+      if (const auto kernel = kernel_object_at(i)) {
+        found = functions_[kernel->name].insert(0).second || found;
+        i = kernel->end - 1;
+        continue;
+      }
+      if (tokens_[i].kind != Kind::kName) continue;
+      const auto function = function_at(i);
+      if (!function) continue;
+      if (function->name != "main" && uses_instructions(*function))
+        found = functions_[function->name].insert(function->parameters.size()).second || found;
+      i = function->end - 1;
+    }
+  }
+}
+
+void KernelSourceReader::translate_function(const Function& function, bool is_kernel) {
+  const auto known = functions_.find(function.name);
+  const bool is_main = function.name == "main";
+  const std::size_t line = tokens_[function.body].line;
+  if (!is_main && known == functions_.end()) {
+    note(line, fmt::format("the function '{}' has no instruction of the chip", function.name));
+    position_ = function.end;
+    return;
+  }
+  has_main_ = has_main_ || is_main;
+  const bool exists = vocabulary_.statements.contains(function.name) &&
+                      vocabulary_.statements.at(function.name).contains(function.parameters.size());
+  if (exists) {
+    note(line, fmt::format("scamp5.aps has an instruction '{}' of {} arguments, which is used instead",
+                           function.name, function.parameters.size()));
+    position_ = function.end;
+    return;
+  }
+  ProgramLines body;
+  position_ = function.body;
+  parameters_ = {function.parameters.begin(), function.parameters.end()};
+  in_kernel_ = is_kernel;
+  in_macro_ = !is_main;
+  translate_statement(is_main ? main_ : body, 0);
+  in_kernel_ = in_macro_ = false;
+  parameters_.clear();
+  position_ = function.end;
+  if (is_main) return;
+  uncalled_.push_back({function.name, function.parameters.size()});
+  add_macro(function.name, function.parameters, body, line);
+}
+
+void KernelSourceReader::add_macro(const std::string& name, const std::vector<std::string>& parameters,
+                                   const ProgramLines& body, std::size_t line) {
+  macros_.push_back(fmt::format("// {}, line {}", name, line));
+  macros_.emplace_back("!macro_def");
+  std::string pattern = name;
+  for (std::size_t i = 0; i < parameters.size(); ++i) pattern += (i == 0 ? "($" : ", $") + parameters[i];
+  macros_.push_back(pattern + (parameters.empty() ? "" : ")"));
+  macros_.emplace_back("!macro_begin");
+  macros_.insert(macros_.end(), body.begin(), body.end());
+  if (body.empty()) macros_.emplace_back("nop");
+  macros_.emplace_back("!macro_end");
+  macros_.emplace_back("");
+}
+
+void KernelSourceReader::translate_file() {
+  while (!at_end()) {
+    if (peek().kind == Kind::kDirective) {
+      translate_directive();
+    } else if (peek().kind == Kind::kComment || peek().is(";") || peek().is("}")) {
+      ++position_;
+    } else if (peek().is_name("using") || peek().is_name("typedef") || peek().is_name("template")) {
+      skip_statement();
+    } else if (peek().is_name("namespace") || peek().is_name("extern")) {
+      while (!at_end() && !peek().is("{") && !peek().is(";")) ++position_;
+      ++position_;
+    } else if (peek().is_name("class") || peek().is_name("struct") || peek().is_name("enum")) {
+      note(peek().line, fmt::format("the {} '{}' is left out", peek().text, peek(1).text));
+      skip_statement();
+    } else if (const auto kernel = kernel_object_at(position_)) {
+      translate_function(*kernel, true);
+      consume(";");
+    } else if (const auto function = function_at(position_)) {
+      translate_function(*function, false);
+    } else {
+      translate_statement(main_, 0);
+    }
+  }
+}
+
+void KernelSourceReader::translate_directive() {
+  const KernelToken directive = tokens_[position_++];
+  if (!directive.text.starts_with("define ")) return;
+  const std::string definition = directive.text.substr(7);
+  const KernelTokenList words = scan_kernel_source(definition, directive.line);
+  if (words.size() < 2 || words[0].kind != Kind::kName) return;
+  const std::string& name = words[0].text;
+  if (!definition.substr(definition.find(name) + name.size()).starts_with('(')) {
+    KernelTokenList value(words.begin() + 1, words.end() - 1);
+    if (value.empty()) return;
+    try {
+      defines_.push_back(fmt::format("!define({}, {})", name, expression(value)));
+      known_names_.insert(name);
+    } catch (const Untranslatable& error) {
+      note(directive.line, fmt::format("#define {}: {}", name, error.reason));
+    }
+    return;
+  }
+  const bool has_instructions = std::any_of(words.begin(), words.end(), [&](const KernelToken& word) {
+    return word.kind == Kind::kName && word.text != name &&
+           (vocabulary_.statements.contains(word.text) || functions_.contains(word.text));
+  });
+  if (!has_instructions)
+    return note(directive.line, fmt::format("the macro '{}' has no instruction of the chip", name));
+  KernelTokenList saved_tokens = std::exchange(tokens_, words);
+  const std::size_t saved_position = std::exchange(position_, 1);
+  std::vector<std::string> parameters;
+  for (const KernelTokenList& parameter : parse_arguments()) parameters.push_back(plain_text(parameter));
+  const auto existing = vocabulary_.statements.find(name);
+  const bool is_known =
+      existing != vocabulary_.statements.end() && existing->second.contains(parameters.size());
+  if (!is_known) {
+    ProgramLines body;
+    parameters_ = {parameters.begin(), parameters.end()};
+    in_kernel_ = in_macro_ = true;
+    consume("(");  // of ({ … })
+    while (!at_end()) {
+      if (peek().is(")")) ++position_;
+      if (!at_end()) translate_statement(body, 0);
+    }
+    in_kernel_ = in_macro_ = false;
+    parameters_.clear();
+    functions_[name].insert(parameters.size());
+    add_macro(name, parameters, body, directive.line);
+  }
+  tokens_ = std::move(saved_tokens);
+  position_ = saved_position;
+}
+
+void KernelSourceReader::translate_statement(ProgramLines& out, int depth) {
+  const std::size_t line = peek().line;
+  const std::size_t start = position_;
+  try {
+    dispatch_statement(out, depth);
+  } catch (const Untranslatable& error) {
+    const bool is_block = tokens_[start].is_name("for") || tokens_[start].is_name("while") ||
+                          tokens_[start].is_name("if") || tokens_[start].is_name("switch") ||
+                          tokens_[start].is_name("do");
+    note(line, error.reason);
+    if (in_kernel_ || is_block)
+      emit(out, depth, fmt::format("// not translated (line {}): {}", line, error.reason));
+    position_ = start;
+    if (is_block) position_ = behind_bracket(position_ + (tokens_[start].is_name("do") ? 0 : 1));
+    skip_statement();
+    if (position_ == start) ++position_;
+  }
+}
+
+void KernelSourceReader::dispatch_statement(ProgramLines& out, int depth) {
+  const KernelToken& first = peek();
+  if (first.kind == Kind::kComment) return emit_comment(out, depth);
+  if (first.kind == Kind::kDirective) return translate_directive();
+  if (consume(";")) return;
+  if (consume("{")) {
+    while (!at_end() && !peek().is("}")) translate_statement(out, depth);
+    ++position_;
+    return;
+  }
+  if (first.is_name("for")) return translate_for(out, depth);
+  if (first.is_name("while")) return translate_while(out, depth);
+  if (first.is_name("if")) return translate_if(out, depth);
+  if (first.is_name("do") || first.is_name("switch") || first.is_name("case"))
+    throw Untranslatable{fmt::format("'{}' has no counterpart", first.text)};
+  if ((first.is_name("break") || first.is_name("continue")) && peek(1).is(";")) {
+    emit(out, depth, first.text);
+    position_ += 2;
+    return;
+  }
+  if (first.is_name("return")) {
+    skip_statement();
+    return;
+  }
+  if (first.is_name("using")) return skip_statement();
+  if (is_type_word(first)) return translate_declaration(out, depth);
+  if (first.kind != Kind::kName) throw Untranslatable{fmt::format("'{}' begins no statement", first.text)};
+  while (peek(1).is("::")) position_ += 2;
+  if (peek(1).is("(")) return translate_call(out, depth);
+  translate_assignment(out, depth);
+}
+
+std::size_t KernelSourceReader::statement_end(std::size_t first) const {
+  std::size_t i = first;
+  while (i + 1 < tokens_.size() && !tokens_[i].is(";") && !tokens_[i].is("}"))
+    i = tokens_[i].is("(") || tokens_[i].is("[") || tokens_[i].is("{") ? behind_bracket(i) : i + 1;
+  return i;
+}
+
+void KernelSourceReader::translate_declaration(ProgramLines& out, int depth) {
+  while (is_type_word(peek()) || peek().is("*") || peek().is("&")) ++position_;
+  if (peek().kind != Kind::kName) throw Untranslatable{"a declaration without a name"};
+  if (peek(1).is("(")) return skip_statement();  // a prototype
+  if (peek(1).is(";")) {
+    known_names_.insert(peek().text);
+    emit(out, depth, fmt::format("{} = 0", peek().text));
+    position_ += 2;
+    return;
+  }
+  translate_assignment(out, depth);
+}
+
+void KernelSourceReader::translate_assignment(ProgramLines& out, int depth) {
+  const std::string name = peek().text;
+  const KernelToken op = peek(1);
+  const std::size_t end = statement_end(position_);
+  const std::string target = parameters_.contains(name) ? "$" + name : name;
+  if ((op.is("++") || op.is("--")) && position_ + 2 == end) {
+    emit(out, depth, fmt::format("{0} = {0} {1} 1", target, op.text.substr(1)));
+  } else if (op.is("=") || op.is("+=") || op.is("-=") || op.is("*=")) {
+    const std::string value = expression(tokens_between(position_ + 2, end));
+    const bool is_compound = op.text.size() == 2;
+    emit(out, depth,
+         is_compound ? fmt::format("{0} = {0} {1} ({2})", target, op.text.substr(0, 1), value)
+                     : fmt::format("{} = {}", target, value));
+  } else {
+    throw Untranslatable{fmt::format("'{} {} …' is code of the controller", name, op.text)};
+  }
+  known_names_.insert(name);
+  position_ = end;
+  consume(";");
+}
+
+void KernelSourceReader::translate_body(ProgramLines& out, int depth) {
+  translate_statement(out, depth + 1);
+  while (peek().kind == Kind::kComment && peek(1).is_name("else")) ++position_;
+}
+
+void KernelSourceReader::translate_for(ProgramLines& out, int depth) {
+  const std::size_t close = behind_bracket(position_ + 1);
+  std::vector<KernelTokenList> parts(1);
+  for (const KernelToken& token : tokens_between(position_ + 2, close - 1)) {
+    if (token.is(";")) {
+      parts.emplace_back();
+    } else if (!is_type_word(token)) {
+      parts.back().push_back(token);
+    }
+  }
+  if (parts.size() != 3) throw Untranslatable{"this 'for' is not for(i = a; i < b; i++)"};
+  if (parts[0].empty() && parts[1].empty() && parts[2].empty()) {
+    position_ = close;
+    return translate_frames(out, depth);
+  }
+  const KernelTokenList& init = parts[0];
+  const KernelTokenList& test = parts[1];
+  const KernelTokenList& step = parts[2];
+  const bool valid = init.size() >= 3 && init[0].kind == Kind::kName && init[1].is("=") && test.size() >= 3 &&
+                     test[0].is_name(init[0].text) && step.size() >= 2 && mentions(step, init[0].text);
+  const std::string& variable = valid ? init[0].text : "";
+  std::string stride;
+  if (valid && step.size() == 2) stride = plain_text(step).find("++") != std::string::npos ? "1" : "-1";
+  if (valid && step.size() >= 3 && step[1].is("+=")) stride = expression({step.begin() + 2, step.end()});
+  if (valid && step.size() >= 3 && step[1].is("-="))
+    stride = "-" + expression({step.begin() + 2, step.end()});
+  const bool upward = !stride.empty() && stride[0] != '-';
+  const KernelToken op = valid ? test[1] : KernelToken{};
+  const bool fits = upward ? op.is("<") || op.is("<=") || op.is("!=") : op.is(">") || op.is(">=");
+  if (!valid || stride.empty() || !fits) throw Untranslatable{"this 'for' is not for(i = a; i < b; i++)"};
+  const KernelTokenList from(init.begin() + 2, init.end());
+  const KernelTokenList to(test.begin() + 2, test.end());
+  const std::string first = expression(from);
+  std::string last = expression(to);
+  const bool exclusive = op.is("<") || op.is(">") || op.is("!=");
+  if (exclusive && is_number(to)) {
+    last = std::to_string(std::strtol(last.c_str(), nullptr, 0) + (upward ? -1 : 1));
+  } else if (exclusive) {
+    last += upward ? " - 1" : " + 1";
+  }
+  position_ = close;
+  known_names_.insert(variable);
+  const std::size_t body_end = peek().is("{") ? behind_bracket(position_) : statement_end(position_);
+  const bool is_plain =
+      stride == "1" && first == "0" && !mentions(tokens_between(position_, body_end), variable);
+  if (is_plain) {
+    emit(out, depth, fmt::format("repeat({})", expression(to) + (exclusive ? "" : " + 1")));
+  } else {
+    emit(out, depth,
+         stride == "1" ? fmt::format("for({}, {}, {})", variable, first, last)
+                       : fmt::format("for({}, {}, {}, {})", variable, first, last, stride));
+  }
+  translate_body(out, depth);
+  emit(out, depth, is_plain ? "endrepeat" : "endfor");
+}
+
+void KernelSourceReader::translate_frames(ProgramLines& out, int depth) {
+  uses_frames_ = true;
+  emit(out, depth, "repeat(FRAMES)");
+  if (!options_.picture.empty())
+    emit(out, depth + 1, fmt::format("PIX = io.image.open('{}')", options_.picture));
+  translate_body(out, depth);
+  emit(out, depth, "endrepeat");
+}
+
+void KernelSourceReader::translate_while(ProgramLines& out, int depth) {
+  ++position_;
+  const std::size_t open = position_;
+  const std::size_t close = behind_bracket(open);
+  const KernelTokenList condition = tokens_between(open + 1, close - 1);
+  const bool endless = condition.size() == 1 && (condition[0].is_name("true") || condition[0].text == "1");
+  if (endless) {
+    position_ = close;
+    return translate_frames(out, depth);
+  }
+  const std::string text = expression(condition);
+  position_ = close;
+  emit(out, depth, fmt::format("while({})", text));
+  translate_body(out, depth);
+  emit(out, depth, "endwhile");
+}
+
+void KernelSourceReader::translate_if(ProgramLines& out, int depth) {
+  ++position_;
+  const std::size_t open = position_;
+  const std::size_t close = behind_bracket(open);
+  const std::string text = expression(tokens_between(open + 1, close - 1));
+  position_ = close;
+  emit(out, depth, fmt::format("if({})", text));
+  translate_body(out, depth);
+  if (peek().is_name("else")) {
+    ++position_;
+    emit(out, depth, "else");
+    translate_body(out, depth);
+  }
+  emit(out, depth, "endif");
+}
+
+}  // namespace apron::run
