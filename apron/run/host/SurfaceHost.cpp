@@ -97,6 +97,13 @@ HostStatus SurfaceHost::await_frame() {
 }
 
 HostStatus SurfaceHost::step() {
+  in_step_ = true;
+  const HostStatus status = publish_and_await();
+  in_step_ = false;
+  return status;
+}
+
+HostStatus SurfaceHost::publish_and_await() {
   flush_output();
   if (detached_) return HostStatus::kClosed;
   if (!answered_) {

@@ -34,7 +34,7 @@ class SurfaceHost final : public LocalHost {
   // may be the current one.
   vm::HostStatus step() override;
   bool surface_waits() const override {
-    return surface_.description().mode == shm_protocol::Mode::kTimeStep;
+    return surface_.description().mode == shm_protocol::Mode::kTimeStep && !in_step_ && !detached_;
   }
   // Sets the controller's published state to paused or running. The surface waits in either state.
   void publish_paused(bool paused) noexcept;
@@ -55,6 +55,7 @@ class SurfaceHost final : public LocalHost {
   };
 
   shm_protocol::Status publish();
+  vm::HostStatus publish_and_await();
   vm::HostStatus await_frame();
   vm::HostStatus resolve_channel(shm_protocol::Direction direction, std::string_view name,
                                  ChannelComponent& target);
@@ -72,7 +73,7 @@ class SurfaceHost final : public LocalHost {
   shm_protocol::ControllerEndpoint& surface_;
   std::vector<bool> is_complete_;  // per channel: every component of its next actuator frame has its value
   bool has_published_ = false;     // at least one frame
-  bool detached_ = false;
+  std::atomic<bool> in_step_{false}, detached_{false};  // read by the user interface's thread
   bool answered_ = false;          // the current frame is answered; waiting for the next was interrupted
 };
 

@@ -120,7 +120,7 @@ class WindowLoop {
 
   void watch_steps() {
     const std::uint64_t ticks = model_.snapshot().ticks;
-    if (ticks != last_ticks_ || !model_.running()) watchdog_.stepped();
+    if (ticks != last_ticks_ || !model_.running() || !context_.run.host.surface_waits()) watchdog_.stepped();
     last_ticks_ = ticks;
     if (!watchdog_.overdue()) return;
     model_.notice = StepWatchdog::kMessage;

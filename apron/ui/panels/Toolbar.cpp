@@ -90,6 +90,7 @@ void draw_toolbar(DrawContext& context) {
 
 void handle_keys(ViewModel& model) {
   ImGuiIO& io = ImGui::GetIO();
+  if (io.KeyCtrl && ImGui::IsKeyPressed('F', false)) model.focus_search = true;
   if (io.WantTextInput) return;
   const auto pressed = [](ImGuiKey key, bool repeat) {
     return ImGui::IsKeyPressed(ImGui::GetKeyIndex(key), repeat);
@@ -113,6 +114,7 @@ void draw_help(DrawContext& context) {
                                              {"\u2192   \u2193   I", "one tick, one line, one instruction"},
                                              {"W", "walk, line by line"},
                                              {"R", "reset"},
+                                             {"Ctrl-F", "find in the program, or go to a line"},
                                              {"Click a small register", "show it large"},
                                              {"Wheel, drag on the large one", "zoom, pan; double click: fit"},
                                              {"Click on the large one", "probe that cell"},
