@@ -1,5 +1,7 @@
 #include "apron/ui/ViewModel.h"
 
+#include <charconv>
+#include <cctype>
 #include <algorithm>
 #include <cmath>
 #include <filesystem>
@@ -116,6 +118,21 @@ debugger::SnapshotRequest ViewModel::snapshot_request() const {
 std::size_t ViewModel::current_row() const {
   const debugger::InstructionGroups& rows = listing_.groups();
   return snapshot_.instruction < rows.size() ? rows[snapshot_.instruction] : 0;
+}
+
+std::optional<std::size_t> ViewModel::find_row(std::string_view query, std::size_t from) const {
+  const std::vector<debugger::Listing::Row>& rows = listing_.rows();
+  std::uint32_t line = 0;
+  const auto [end, error] = std::from_chars(query.data(), query.data() + query.size(), line);
+  const bool is_line = error == std::errc{} && end == query.data() + query.size();
+  const auto same = [](unsigned char a, unsigned char b) { return std::tolower(a) == std::tolower(b); };
+  const auto matches = [&](const debugger::Listing::Row& row) {
+    if (is_line) return row.depth == 0 && row.line == line;
+    return std::search(row.text.begin(), row.text.end(), query.begin(), query.end(), same) != row.text.end();
+  };
+  for (std::size_t i = 0; i < rows.size() && !query.empty(); ++i)
+    if (const std::size_t row = (from + i) % rows.size(); matches(rows[row])) return row;
+  return std::nullopt;
 }
 
 bool ViewModel::running() const {

@@ -1,6 +1,7 @@
 // The state of the window and the user's requests, independent of drawing.
 #pragma once
 
+#include <array>
 #include <chrono>
 #include <cstdint>
 #include <functional>
@@ -69,6 +70,9 @@ class ViewModel {
   debugger::Listing& listing() { return listing_; }
   // The listing's row of the next instruction.
   std::size_t current_row() const;
+  // The first row at or after `from`, then from the top, that contains the text in any case, or, if the query is
+  // a number, shows that line of the main file. Only rows that no fold hides.
+  std::optional<std::size_t> find_row(std::string_view query, std::size_t from) const;
   // "Running", "Paused at main.aps:12", …
   std::string state_text() const;
   bool running() const;
@@ -135,6 +139,9 @@ class ViewModel {
   bool speed_shown = true;          // measure and show ticks per second
   int steps_per_s = 4;              // walking speed
   bool walk_by_tick = false;        // else by line
+  std::array<char, 64> search_text{};  // of the search in the listing, zero-terminated
+  std::optional<std::size_t> found_row;
+  bool focus_search = false, scroll_to_found = false;
   std::string notice;               // one line shown in red, such as an error in a reloaded program
   std::vector<std::size_t> visible_thumbnails;  // registers whose thumbnails are scrolled into view
 

@@ -54,6 +54,9 @@ renderer.shadowMap.type = THREE.PCFSoftShadowMap;
 const world = new THREE.Scene();
 world.background = new THREE.Color(0xe4e7ec);
 
+const state = { frame: 0, playing: true, now: scene.time[0], shown: -1, view: 'iso', dark: false, selected: null };
+window.player = state;   // for tests
+
 // ---- Cells: pose and index of the mechanism (−1 = empty)
 const places = Array.from({ length: scene.rows * scene.columns }, (_, cell) => {
   const row = Math.floor(cell / scene.columns), column = cell % scene.columns;
@@ -76,19 +79,33 @@ camera.up.set(0, 0, 1);
 const controls = new OrbitControls(camera, renderer.domElement);
 controls.maxPolarAngle = Math.PI / 2;
 
-function frameTable() {
-  const aspect = window.innerWidth / window.innerHeight;
-  // From an elevation of 40°, fit the table's width horizontally, its depth and the border's height
-  // vertically.
-  const tangent = Math.tan(camera.fov * Math.PI / 360), walls = (scene.border ?? scene.high) - base;
-  const across = 1.12 * wide / (2 * tangent * aspect), upward = 1.35 * (0.643 * high + walls) / (2 * tangent);
-  const distance = Math.max(across, upward) + 0.383 * high;
-  controls.target.copy(middle);
-  camera.position.copy(middle).add(new THREE.Vector3(0, -0.766, 0.643).multiplyScalar(distance));
-  controls.update();
-}
+// From the target to the eye.
+const kViews = { top: [0, -0.001, 1], iso: [0, -0.766, 0.643], side: [0, -0.995, 0.1] };
 
-world.add(new THREE.HemisphereLight(0xdfe8f5, 0x8a8478, 1.6));
+// Fits the table into the picture above the bar.
+function frameTable(view) {
+  const free = 1 - barHeight() / window.innerHeight, tangent = Math.tan(camera.fov * Math.PI / 360);
+  const away = new THREE.Vector3(...kViews[view]).normalize(), right = new THREE.Vector3(1, 0, 0);
+  const up = new THREE.Vector3().crossVectors(away, right), centre = middle.clone();
+  const top = scene.border ?? scene.high;
+  centre.z = (top + base) / 2;
+  let distance = 0;
+  for (const x of [-wide / 2, wide / 2])
+    for (const y of [-high / 2, high / 2])
+      for (const z of [base - centre.z, top - centre.z]) {
+        const corner = new THREE.Vector3(x, y, z), near = corner.dot(away);
+        distance = Math.max(distance, near + 1.06 * Math.abs(corner.dot(right)) / (tangent * camera.aspect),
+          near + 1.06 * Math.abs(corner.dot(up)) / (tangent * free));
+      }
+  controls.target.copy(centre);
+  camera.position.copy(centre).addScaledVector(away, distance);
+  controls.update();
+  state.view = view;
+}
+function barHeight() { return window.innerHeight - byId('bar').getBoundingClientRect().top; }
+
+const sky = new THREE.HemisphereLight(0xdfe8f5, 0x8a8478, 1.6);
+world.add(sky);
 const sun = new THREE.DirectionalLight(0xfff4e2, 2.2);
 sun.position.copy(middle).add(new THREE.Vector3(-0.52, -0.3, 0.8).multiplyScalar(size * 1.5));
 sun.target.position.copy(middle);
@@ -102,6 +119,22 @@ const ground = new THREE.Mesh(new THREE.PlaneGeometry(size * 12, size * 12), new
 ground.position.copy(middle).setZ(scene.low - scene.length - 0.02 * size);
 ground.receiveShadow = true;
 world.add(ground);
+const spacing = 10 * scene.pitch, lines = 2 * Math.ceil(size * 6 / spacing);
+const grid = new THREE.GridHelper(lines * spacing, lines, 0x7d8794, 0x7d8794);
+grid.material.transparent = true;
+grid.material.opacity = 0.25;
+grid.rotation.x = Math.PI / 2;
+grid.position.copy(ground.position).setZ(ground.position.z + 0.002 * size);
+world.add(grid);
+
+const darkness = window.matchMedia('(prefers-color-scheme: dark)');
+function setColours() {
+  const dark = darkness.matches;
+  state.dark = dark;
+  world.background = new THREE.Color(dark ? 0x12161b : 0xe4e7ec);
+  ground.material.color.set(dark ? 0x1b2027 : 0xd9dce2);
+  sky.intensity = dark ? 1.2 : 1.6;
+}
 
 // ---- Pins: columns down to the table
 const cells = scene.rows * scene.columns, base = scene.low - scene.length;
@@ -172,9 +205,22 @@ scene.objects.forEach((object, id) => {
   if (!kinds.has(key)) kinds.set(key, []);
   kinds.get(key).push(id);
 });
+// A band around each sphere shows how it rolls.
+function bandTexture() {
+  const picture = document.createElement('canvas').getContext('2d');
+  picture.canvas.width = 4;
+  picture.canvas.height = 64;
+  picture.fillStyle = '#fff';
+  picture.fillRect(0, 0, 4, 64);
+  picture.fillStyle = '#8a8a8a';
+  picture.fillRect(0, 30, 4, 4);
+  return new THREE.CanvasTexture(picture.canvas);
+}
+const band = bandTexture();
 const meshes = [...kinds.values()].map((ids) => {
+  const map = scene.objects[ids[0]].shape === 'sphere' ? band : null;
   const mesh = new THREE.InstancedMesh(geometryOf(scene.objects[ids[0]]),
-    new THREE.MeshStandardMaterial({ roughness: 0.45, metalness: 0 }), ids.length);
+    new THREE.MeshStandardMaterial({ roughness: 0.45, metalness: 0, map }), ids.length);
   ids.forEach((id, i) => mesh.setColorAt(i, new THREE.Color().setRGB(...scene.objects[id].colour, THREE.SRGBColorSpace)));
   mesh.castShadow = mesh.receiveShadow = true;
   mesh.frustumCulled = false;
@@ -202,6 +248,69 @@ function setObjects(frame) {
   }
 }
 
+// ---- Inspection: a click selects an object or a cell
+const caster = new THREE.Raycaster();
+function select(x, y) {
+  caster.setFromCamera(new THREE.Vector2(2 * x / window.innerWidth - 1, 1 - 2 * y / window.innerHeight), camera);
+  for (const { mesh } of meshes) mesh.boundingSphere = null;   // the instances have moved
+  pins.boundingSphere = null;
+  const hit = caster.intersectObjects([pins, ...meshes.map(({ mesh }) => mesh)], false)[0];
+  state.selected = null;
+  if (hit && hit.object === pins) state.selected = { cell: hit.instanceId };
+  else if (hit) state.selected = { object: meshes.find(({ mesh }) => mesh === hit.object).ids[hit.instanceId] };
+  byId('inspect').hidden = !state.selected;
+  state.shown = -1;
+}
+
+// The speed of an object over a frame, u/s; NaN where it does not exist.
+function speedOf(frame, id) {
+  const from = Math.max(frame - 1, 0), to = Math.max(frame, 1), p = series.position;
+  if (!p || to > last || p.missing(from, 3 * id) || p.missing(to, 3 * id)) return NaN;
+  return Math.hypot(...[0, 1, 2].map((k) => p.value(to, 3 * id + k) - p.value(from, 3 * id + k))) / (scene.time[to] - scene.time[from]);
+}
+
+// What the panel shows of the selection: its title, named values, and the quantity that is plotted.
+function describe(frame) {
+  if (state.selected.object !== undefined) {
+    const id = state.selected.object, object = scene.objects[id], exists = poseOf(frame, id);
+    const at = exists ? [centre.x, centre.y, centre.z].map((v) => v.toFixed(2)).join(', ') : 'not in the scene';
+    return { title: `Object ${id}${object.label ? `: ${object.label}` : ''}`,
+      values: [['shape', object.shape], ['position', at], ['speed', exists ? `${speedOf(frame, id).toFixed(2)} u/s` : '–']],
+      plotted: 'speed, u/s', of: (f) => speedOf(f, id) };
+  }
+  const cell = state.selected.cell, row = Math.floor(cell / scene.columns);
+  const channels = Object.values(series).filter((s) => s.values === cells);
+  const shown = channels.find((s) => s.name === byId('cells').value) ?? channels[0];
+  return { title: `Cell, row ${row}, column ${cell % scene.columns}`,
+    values: channels.map((s) => [s.name.replace('/', ': '), s.missing(frame, cell) ? '–' : s.value(frame, cell).toPrecision(4) / 1]),
+    plotted: shown ? shown.name.replace('/', ': ') : '', of: (f) => shown ? shown.value(f, cell) : NaN };
+}
+
+function showSelection(frame) {
+  if (!state.selected) return;
+  const panel = byId('inspect'), text = describe(frame);
+  panel.querySelector('h2').textContent = text.title;
+  panel.querySelector('span').textContent = text.plotted;
+  panel.querySelector('dl').replaceChildren(...text.values.flatMap(([name, value]) => {
+    const term = document.createElement('dt'), detail = document.createElement('dd');
+    term.textContent = name;
+    detail.textContent = value;
+    return [term, detail];
+  }));
+  const plot = byId('plot').getContext('2d'), { width, height } = plot.canvas;
+  const points = scene.time.map((time, f) => text.of(f)), known = points.filter(Number.isFinite);
+  const low = known.reduce((a, b) => Math.min(a, b), Infinity), span = known.reduce((a, b) => Math.max(a, b), -Infinity) - low || 1;
+  const x = (f) => f / Math.max(last, 1) * width, y = (value) => height - 6 - (value - low) / span * (height - 12);
+  plot.clearRect(0, 0, width, height);
+  plot.lineWidth = 2;
+  plot.strokeStyle = state.dark ? '#6cb6ff' : '#0b63b5';
+  plot.beginPath();
+  points.forEach((value, f) => { if (Number.isFinite(value)) plot.lineTo(x(f), y(value)); });
+  plot.stroke();
+  plot.strokeStyle = '#d55e00';
+  plot.strokeRect(x(frame), 0, 0, height);
+}
+
 // ---- Labels on a 2-D overlay
 const paper = byId('labels').getContext('2d');
 function drawLabels(frame) {
@@ -226,8 +335,6 @@ function drawLabels(frame) {
 }
 
 // ---- Playback
-const state = { frame: 0, playing: true, now: scene.time[0], shown: -1 };
-window.player = state;   // for tests
 const last = scene.time.length - 1;
 
 function frameAt(time) {
@@ -272,8 +379,18 @@ byId('play').addEventListener('click', () => setPlaying(!state.playing));
 byId('back').addEventListener('click', () => { setPlaying(false); seek(state.frame - 1); });
 byId('forward').addEventListener('click', () => { setPlaying(false); seek(state.frame + 1); });
 byId('cells').addEventListener('change', showLegend);
+for (const view of Object.keys(kViews)) byId(`view-${view}`).addEventListener('click', () => frameTable(view));
+byId('grid').addEventListener('change', () => { grid.visible = byId('grid').checked; });
+let pressed = null;
+renderer.domElement.addEventListener('pointerdown', (event) => { pressed = [event.clientX, event.clientY]; });
+renderer.domElement.addEventListener('pointerup', (event) => {
+  const moved = pressed ? Math.hypot(event.clientX - pressed[0], event.clientY - pressed[1]) : Infinity;
+  if (event.button === 0 && moved < 4) select(event.clientX, event.clientY);
+});
 window.addEventListener('keydown', (event) => {
   if (['SELECT', 'BUTTON', 'INPUT'].includes(event.target.tagName)) return;
+  const views = { 1: 'top', 2: 'iso', 3: 'side' };
+  if (views[event.key]) return frameTable(views[event.key]);
   const actions = { ' ': () => setPlaying(!state.playing), ArrowLeft: () => byId('back').click(), ArrowRight: () => byId('forward').click() };
   if (!actions[event.key]) return;
   event.preventDefault();
@@ -282,13 +399,17 @@ window.addEventListener('keydown', (event) => {
 function resize() {
   renderer.setSize(window.innerWidth, window.innerHeight, false);
   camera.aspect = window.innerWidth / window.innerHeight;
+  // The bar hides the lower edge, so the middle of the picture moves up.
+  camera.setViewOffset(window.innerWidth, window.innerHeight, 0, barHeight() / 2, window.innerWidth, window.innerHeight);
   camera.updateProjectionMatrix();
   paper.canvas.width = window.innerWidth * window.devicePixelRatio;
   paper.canvas.height = window.innerHeight * window.devicePixelRatio;
 }
 window.addEventListener('resize', resize);
 resize();
-frameTable();
+frameTable('iso');
+setColours();
+darkness.addEventListener('change', setColours);
 
 let before = performance.now();
 renderer.setAnimationLoop((now) => {
@@ -305,6 +426,7 @@ renderer.setAnimationLoop((now) => {
     setObjects(state.frame);
     byId('slider').value = state.frame;
     byId('clock').textContent = `${scene.time[state.frame].toFixed(2)} of ${scene.time[last].toFixed(2)} s`;
+    showSelection(state.frame);
     state.shown = state.frame;
   }
   controls.update();

@@ -79,7 +79,7 @@ class SurfaceHost final : public LocalHost {
   std::vector<bool> is_complete_;  // per channel: every component of its next actuator frame has its value
   bool has_published_ = false;     // at least one frame
   bool free_run_ = false;
-  bool detached_ = false;
+  std::atomic<bool> detached_{false};  // read by the user interface's thread
   bool answered_ = false;          // the current frame is answered; waiting for the next was interrupted
 };
 

@@ -3,6 +3,7 @@
 #include <cmath>
 #include <cstdio>
 #include <string>
+#include <utility>
 
 #include "apron/ui/panels/Panels.h"
 
@@ -90,6 +91,8 @@ void draw_row(DrawContext& context, std::size_t number, float height, const Colu
   if (number == model.current_row() && model.snapshot().mode != debugger::ExecutionState::kRunning)
     list.AddRectFilled({at.x + columns.number, at.y}, {right, at.y + height}, theme::kCurrent,
                        context.to_pixels(3));
+  if (model.found_row == number)
+    list.AddRect({at.x + columns.number, at.y}, {right, at.y + height}, theme::kAccent, context.to_pixels(3));
   draw_gutter(context, list, at, height, number, columns);
   const float indent = columns.indent * static_cast<float>(row.depth);
   if (row.fold != Listing::Fold::kNone) {
@@ -116,6 +119,9 @@ void draw_row(DrawContext& context, std::size_t number, float height, const Colu
 }
 
 void scroll_to_current(ViewModel& model, float height) {
+  if (std::exchange(model.scroll_to_found, false) && model.found_row)
+    ImGui::SetScrollY(
+        std::max(0.0F, static_cast<float>(*model.found_row) * height - ImGui::GetWindowHeight() * 0.4F));
   if (!model.follow_current_line || model.snapshot().mode == debugger::ExecutionState::kRunning) return;
   const float at = static_cast<float>(model.current_row()) * height;
   const float view_height = ImGui::GetWindowHeight(), top = ImGui::GetScrollY();
@@ -123,10 +129,27 @@ void scroll_to_current(ViewModel& model, float height) {
     ImGui::SetScrollY(std::max(0.0F, at - view_height * 0.4F));
 }
 
+// Finds while the user types; Enter goes to the next occurrence.
+void draw_search(DrawContext& context) {
+  ViewModel& model = context.model;
+  ImGui::SetNextItemWidth(context.to_pixels(150));
+  if (std::exchange(model.focus_search, false)) ImGui::SetKeyboardFocusHere();
+  const bool next = ImGui::InputTextWithHint("##search", "Find, or line number", model.search_text.data(),
+                                             model.search_text.size(), ImGuiInputTextFlags_EnterReturnsTrue);
+  if (ImGui::IsItemHovered()) ImGui::SetTooltip("Ctrl-F; Enter: next");
+  if (!next && !ImGui::IsItemEdited()) return;
+  if (next) ImGui::SetKeyboardFocusHere(-1);
+  model.found_row = model.find_row(model.search_text.data(), next && model.found_row ? *model.found_row + 1 : 0);
+  model.scroll_to_found = model.found_row.has_value();
+  if (model.found_row) model.follow_current_line = false;
+}
+
 void draw_header(DrawContext& context) {
   ViewModel& model = context.model;
   ImGui::AlignTextToFramePadding();
   ImGui::TextUnformatted(is_wide_layout(context) ? "Program" : "");
+  ImGui::SameLine();
+  draw_search(context);
   const float box = ImGui::GetFrameHeight() + ImGui::CalcTextSize("Profile").x + context.to_pixels(10);
   ImGui::SameLine(std::max(ImGui::GetCursorPosX(), ImGui::GetWindowContentRegionMax().x - box));
   if (ImGui::Checkbox("Profile", &model.profile_shown)) model.set_profiling(model.profile_shown);

@@ -128,6 +128,7 @@ void handle_keys(ViewModel& model) {
   ImGuiIO& io = ImGui::GetIO();
   constexpr int kF5 = 294;  // GLFW's code
   if (ImGui::IsKeyPressed(kF5, false) && !model.finished()) model.toggle_running();
+  if (io.KeyCtrl && ImGui::IsKeyPressed('F', false) && !model.takes_keys()) model.focus_search = true;
   if (io.WantTextInput || !model.takes_keys()) model.release_all_keys();
   if (io.WantTextInput) return;
   if (model.takes_keys()) return pass_keys_to_program(model);
@@ -154,6 +155,7 @@ void draw_help(DrawContext& context) {
                                              {"W", "walk, line by line or tick by tick"},
                                              {"Other keys", "io.key, while a program that reads it runs"},
                                              {"R", "reset"},
+                                             {"Ctrl-F", "find in the program, or go to a line"},
                                              {"Click a small register", "show it large"},
                                              {"Wheel, drag on the large one", "zoom, pan; double click: fit"},
                                              {"Click on the large one", "probe that cell"},

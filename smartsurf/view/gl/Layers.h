@@ -41,6 +41,7 @@ class PinLayer {
 
   std::array<float, 4> pin_size_;
   float ground_z_, max_side_depth_, level_tolerance_;
+  bool sealed_;  // the outermost ring closes its gaps; not in free layouts
   std::span<const PinInstance> pins_;
   VertexArray vertex_array_;
   Buffer index_buffer_, pin_buffer_, visible_index_buffer_;
@@ -118,7 +119,8 @@ class LineLayer {
  public:
   LineLayer();
   void upload(std::span<const Line> lines);
-  // width: in pixels of the viewport.
+  // Draws each line with a halo of contrasting brightness, and faintly where it is hidden. width: in pixels of
+  // the viewport.
   void draw(float width, int viewport_width, int viewport_height) const;
 
  private:

@@ -36,10 +36,20 @@ void LineLayer::draw(float width, int viewport_width, int viewport_height) const
   glEnable(GL_BLEND);
   glBlendFunc(GL_SRC_ALPHA, GL_ONE_MINUS_SRC_ALPHA);
   glUseProgram(program_.id());
-  glUniform3f(glGetUniformLocation(program_.id(), "picture"), static_cast<float>(viewport_width),
-              static_cast<float>(viewport_height), width);
+  const auto draw_pass = [&](float pass_width, float is_halo, float opacity) {
+    glUniform3f(glGetUniformLocation(program_.id(), "picture"), static_cast<float>(viewport_width),
+                static_cast<float>(viewport_height), pass_width);
+    glUniform2f(glGetUniformLocation(program_.id(), "style"), is_halo, opacity);
+    glDrawArraysInstanced(GL_TRIANGLE_STRIP, 0, 4, line_count_);
+  };
   glBindVertexArray(vertex_array_.id());
-  glDrawArraysInstanced(GL_TRIANGLE_STRIP, 0, 4, line_count_);
+  glDepthMask(GL_FALSE);
+  glDepthFunc(GL_GREATER);
+  draw_pass(width, 0.0f, 0.3f);
+  glDepthFunc(GL_LESS);
+  draw_pass(2.0f * width, 1.0f, 0.7f);
+  draw_pass(width, 0.0f, 1.0f);
+  glDepthMask(GL_TRUE);
   glDisable(GL_BLEND);
 }
 

@@ -167,15 +167,23 @@ void ObjectLayer::draw_static_boxes(RenderPass pass, GLsizei static_boxes) const
 void ObjectLayer::draw_wireframes(float line_width, GLsizei static_boxes) const {
   std::array<GLfloat, 2> widths{1.0f, 1.0f};
   glGetFloatv(GL_ALIASED_LINE_WIDTH_RANGE, widths.data());
-  glLineWidth(std::min(line_width, widths[1]));
-  for_each_batch([&](const ShapeBatch& batch) {
-    const GLsizei first = &batch == &batches_[static_cast<std::size_t>(ShapeKind::kBox)] ? static_boxes : 0;
-    if (batch.instance_count <= first) return;
-    glUseProgram(batch.programs->wireframe.id());
-    glBindVertexArray(batch.wireframe_vertex_array.id());
-    bind_instance_attributes(batch.instance_buffer.id(), first);
-    glDrawArraysInstanced(GL_LINES, 0, batch.wireframe_vertex_count, batch.instance_count - first);
-  });
+  const auto draw_pass = [&](float width, float is_halo) {
+    glLineWidth(std::min(width, widths[1]));
+    for_each_batch([&](const ShapeBatch& batch) {
+      const GLsizei first = &batch == &batches_[static_cast<std::size_t>(ShapeKind::kBox)] ? static_boxes : 0;
+      if (batch.instance_count <= first) return;
+      const GLuint program = batch.programs->wireframe.id();
+      glUseProgram(program);
+      glUniform1f(glGetUniformLocation(program, "is_halo"), is_halo);
+      glBindVertexArray(batch.wireframe_vertex_array.id());
+      bind_instance_attributes(batch.instance_buffer.id(), first);
+      glDrawArraysInstanced(GL_LINES, 0, batch.wireframe_vertex_count, batch.instance_count - first);
+    });
+  };
+  glDepthMask(GL_FALSE);
+  draw_pass(2.5f * line_width, 1.0f);
+  glDepthMask(GL_TRUE);
+  draw_pass(line_width, 0.0f);
   glLineWidth(1.0f);
 }
 

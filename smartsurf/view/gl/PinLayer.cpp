@@ -49,6 +49,7 @@ PinLayer::PinLayer(const scene::SurfaceSpec& s, RenderPass colour_pass)
       ground_z_(static_cast<float>(ground_height(s))),
       max_side_depth_(max_side_depth(s, colour_pass)),
       level_tolerance_(static_cast<float>(kLevelTolerance * s.pitch)),
+      sealed_(s.cell_poses.empty()),
       vertex_array_(make_vertex_array()),
       index_buffer_(make_buffer()),
       pin_buffer_(make_buffer()),
@@ -113,6 +114,7 @@ void PinLayer::draw(const ShaderProgram& shader, GLuint triangles, GLsizei indic
   glUniform1f(glGetUniformLocation(program, "base"), ground_z_);
   glUniform1f(glGetUniformLocation(program, "sunk"), max_side_depth_);
   glUniform1f(glGetUniformLocation(program, "level"), level_tolerance_);
+  glUniform1f(glGetUniformLocation(program, "sealed"), sealed_ ? 1.0f : 0.0f);
   glUniform1i(glGetUniformLocation(program, "pins"), kPinTextureUnit);
   glActiveTexture(GL_TEXTURE0 + kPinTextureUnit);
   glBindTexture(GL_TEXTURE_BUFFER, pin_texture_.id());

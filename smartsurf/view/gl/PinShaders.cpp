@@ -10,10 +10,13 @@ uniform float base;     // z of the ground
 uniform float sunk;     // depth below the neighbour's top to which a side is drawn
 flat out vec2 levels;   // z where the pin ends and its shaft begins; z of the top beside this side
 #ifdef CLOSED
-uniform float level;    // the gap to a neighbour is closed if its top is at most this much lower
 out vec2 across;        // offset from the face's middle, 1 at the pin's edge; the gap lies beyond 1
 flat out vec2 gap;      // brightness of the gap across x and across y
+flat out vec4 closed;   // 1 where the gap to the west, east, south, north is closed, else 0
 #endif
+uniform float sealed;   // 1: the sides of the outermost ring close the gaps beside them; 0: a free layout
+uniform float level;    // a gap beside a neighbour counts as closed if its top is at most this much lower
+out float beyond;       // along a side of the outermost ring, 1 at the pin's edge; the gap lies beyond 1
 #ifdef FAST
 out vec4 shade;         // screen colour before the darkening towards the foot; w: z
 #else
@@ -43,13 +46,29 @@ void main() {
                                 : (s.y < 0.0 ? neighbour.z : neighbour.w);
   float foot = colour.a > 0.5 ? base : max(base, min(beside, height) - sunk);
   vec2 half_top = pin.xy;
-#ifdef CLOSED
+  // The background must not show through the gaps of the outermost ring: its sides extend to the middle of the
+  // gaps beside level or higher pins.
+  beyond = 0.0;
+#ifndef CLOSED
+  if (sealed > 0.5 && colour.a > 0.5 && corner.w > 0.5) {
+    vec2 tallest = vec2(at.x < 0.0 ? neighbour.x : neighbour.y, at.y < 0.0 ? neighbour.z : neighbour.w);
+    vec2 widened = half_top + (0.5 * pin.w - pin.xy) * step(height - level, tallest);
+    if (corner.w < 1.5) {
+      half_top.y = widened.y;
+      beyond = at.y * half_top.y / pin.y;
+    } else {
+      half_top.x = widened.x;
+      beyond = at.x * half_top.x / pin.x;
+    }
+  }
+#else
   // Towards level or higher neighbours a face extends to the middle of the gap, which is painted on it.
   vec2 tall = vec2(at.x < 0.0 ? neighbour.x : neighbour.y, at.y < 0.0 ? neighbour.z : neighbour.w);
   half_top += (0.5 * pin.w - pin.xy) * step(height - level, tall);
   if (corner.w > 0.5 && corner.w < 1.5) half_top.x = pin.x;
   if (corner.w > 1.5) half_top.y = pin.y;
   across = at * half_top / pin.xy;
+  closed = step(vec4(height - level), neighbour);
   if (corner.w > 0.5 && corner.w < 1.5) across.x = 0.0;
   if (corner.w > 1.5) across.y = 0.0;
   // The wall behind a gap is visible down to where the line of sight meets it.
@@ -84,12 +103,14 @@ flat in vec3 normal;
 flat in vec3 albedo;
 flat in vec2 levels;
 in float sky;
+in float beyond;
 uniform vec4 pin;
 uniform float base;
 out vec4 pixel;
 void main() {
   float open = sky;
   vec3 c = albedo;
+  if (abs(beyond) > 1.0) c *= 0.15;
   if (normal.z < 0.5) {
     open *= gap_sky((levels.y - world.z) / pin.w);
     if (world.z < levels.x) c *= 0.55;   // the shaft below the pin
@@ -103,18 +124,31 @@ void main() {
 constexpr const char* kPinFragmentFast = R"(
 in vec4 shade;
 flat in vec2 levels;
+in float beyond;
 #ifdef CLOSED
 in vec2 across;
 flat in vec2 gap;
+flat in vec4 closed;
 #endif
 uniform vec4 pin;
 out vec4 pixel;
+#ifdef CLOSED
+// The share of a pixel that lies in a gap. Narrow gaps would otherwise turn into a moire pattern.
+vec2 gap_share(vec2 at, vec2 wide) {
+  vec2 period = 0.5 * pin.w / pin.xy, half_gap = period - 1.0, from = period - abs(at);
+  vec2 inside = min(from + 0.5 * wide, half_gap) - max(from - 0.5 * wide, -half_gap);
+  return mix(clamp(inside / wide, 0.0, 1.0), half_gap / period, smoothstep(0.5 * period, 1.5 * period, wide));
+}
+#endif
 void main() {
   float open = gap_sky((levels.y - shade.w) / pin.w) * (shade.w < levels.x ? 0.55 : 1.0);
   pixel = vec4(shade.rgb * sqrt(open), 1.0);
 #ifdef CLOSED
-  if (abs(across.x) > 1.0) pixel.rgb *= gap.x;
-  if (abs(across.y) > 1.0) pixel.rgb *= gap.y;
+  vec2 shares = gap_share(across, max(fwidth(across), 1e-4));
+  shares *= vec2(across.x < 0.0 ? closed.x : closed.y, across.y < 0.0 ? closed.z : closed.w);
+  pixel.rgb *= mix(1.0, gap.x, shares.x) * mix(1.0, gap.y, shares.y);
+#else
+  if (abs(beyond) > 1.0) pixel.rgb *= 0.4;
 #endif
 }
 )";

@@ -136,7 +136,11 @@ void Renderer::State::upload(const scene::Snapshot& snapshot, const std::vector<
   // Front to back, so that the depth test rejects hidden fragments before they are shaded.
   const bool north_first = camera.forward().y() < 0.0, east_first = camera.forward().x() < 0.0;
   const std::span<const float> recess = actuators.upload(snapshot);
-  pins.upload(shading.update(snapshot, catalogue, options, north_first, east_first, recess));
+  constexpr double kFacing = 0.3;  // of the component of the viewing direction that faces a wall
+  const Eigen::Vector3d forward = camera.forward();
+  const NearWalls near_walls{forward.x() > kFacing, forward.x() < -kFacing, forward.y() > kFacing,
+                             forward.y() < -kFacing};
+  pins.upload(shading.update(snapshot, catalogue, options, north_first, east_first, recess, near_walls));
   objects.clear_instances();
   add_static_boxes(options);
   // The shadow map covers the table and the objects near it. A far object would cost all others resolution.

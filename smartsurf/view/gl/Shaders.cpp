@@ -36,7 +36,13 @@ void main() {
 }
 )";
 
+// The colour of the halo that sets off a line from any background.
+constexpr const char* kHalo = R"(
+vec3 halo(vec3 screen) { return vec3(dot(screen, vec3(0.30, 0.59, 0.11)) > 0.45 ? 0.05 : 1.0); }
+)";
+
 constexpr const char* kWireframeVertex = R"(
+uniform float is_halo;   // 1: the halo of the wires
 layout(location = 0) in vec3 corner;
 out vec4 paint;
 void main() {
@@ -44,7 +50,8 @@ void main() {
   vec3 out_of_surface = normalize(rotate(orientation, corner));
   // Lines on the far side are fainter, which shows the shape.
   float near = dot(out_of_surface, normalize(eye.xyz - world)) > 0.0 ? 1.0 : 0.35;
-  paint = vec4(pow(colour.rgb, vec3(1.0 / 2.2)) * 0.85, near);
+  vec3 screen = pow(colour.rgb, vec3(1.0 / 2.2)) * 0.85;
+  paint = is_halo > 0.5 ? vec4(halo(screen), 0.75 * near * near) : vec4(screen, near);
   gl_Position = clip_from_world * vec4(world, 1.0);
 }
 )";
@@ -149,7 +156,7 @@ ShaderSources mesh_shaders(RenderPass pass, bool capsule) {
 }
 
 ShaderSources wireframe_shaders(bool capsule) {
-  return {shader_preamble(RenderPass::kColour) + shape_define(capsule) + kObjectAttributes + kWireframeVertex,
+  return {shader_preamble(RenderPass::kColour) + shape_define(capsule) + kObjectAttributes + kHalo + kWireframeVertex,
           "#version 330 core\nin vec4 paint;\nout vec4 pixel;\nvoid main() { pixel = paint; }\n"};
 }
 
@@ -161,11 +168,12 @@ ShaderSources two_colour_mesh_shaders(RenderPass pass) {
 }
 
 ShaderSources line_shaders() {
-  return {shader_preamble(RenderPass::kColour) + R"(
+  return {shader_preamble(RenderPass::kColour) + kHalo + R"(
 layout(location = 0) in vec3 from;
 layout(location = 1) in vec3 to;
 layout(location = 2) in vec4 colour;
 uniform vec3 picture;    // viewport size and line width, pixels
+uniform vec2 style;      // 1: the halo; opacity
 out vec4 paint;
 const float kNear = 1e-3;
 void main() {
@@ -179,7 +187,8 @@ void main() {
   float side = (gl_VertexID & 1) == 0 ? -1.0 : 1.0;
   end.xy += vec2(-along.y, along.x) * side * picture.z / picture.xy * end.w;
   end.z -= 2e-4 * end.w;   // against z-fighting with the surface the line lies on
-  paint = colour;
+  paint = vec4(style.x > 0.5 ? halo(colour.rgb) : colour.rgb, colour.a * style.y);
+  if (style.x > 0.5) end.z += 1e-4 * end.w;   // behind its line
   gl_Position = end;
 }
 )",

@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "smartsurf/view/model/Meshes.h"
+
 namespace smartsurf::view {
 namespace {
 
@@ -33,6 +35,42 @@ void add_wire_box(std::vector<Line>& lines, const Eigen::Vector3d& centre, const
         from[(axis + 2) % 3] = to[(axis + 2) % 3] = b * half[(axis + 2) % 3];
         lines.push_back({to_float3(centre + turn * from), to_float3(centre + turn * to), colour});
       }
+}
+
+std::vector<float> shape_wireframe(const scene::ObjectSpec& object) {
+  switch (object.shape) {
+    case scene::ShapeKind::kSphere:
+      return sphere_wireframe();
+    case scene::ShapeKind::kBox:
+      return box_wireframe();
+    case scene::ShapeKind::kCylinder:
+      return cylinder_wireframe();
+    case scene::ShapeKind::kCapsule:
+      return capsule_wireframe();
+    case scene::ShapeKind::kCone:
+      return cone_wireframe();
+    case scene::ShapeKind::kSolid:
+      return object.solid ? solid_wireframe(*object.solid) : std::vector<float>();
+  }
+  return {};
+}
+
+// The edges of the object's own shape, slightly enlarged.
+void add_outline(std::vector<Line>& lines, const Eigen::Vector3d& centre, const Eigen::Quaterniond& turn,
+                 const scene::ObjectSpec& object, const Rgba8& colour) {
+  constexpr double kEnlarged = 1.03;
+  const Eigen::Vector3d half = object.half_extents();
+  const std::vector<float> points = shape_wireframe(object);
+  const auto placed = [&](std::size_t i) {
+    const Eigen::Vector3d corner(points[i], points[i + 1], points[i + 2]);
+    Eigen::Vector3d local = corner.cwiseProduct(half);
+    if (object.shape == scene::ShapeKind::kSolid) local = corner;
+    if (object.shape == scene::ShapeKind::kCapsule)
+      local = corner * half.x() + Eigen::Vector3d(0.0, 0.0, std::copysign(half.z() - half.x(), corner.z()));
+    return to_float3(centre + turn * (kEnlarged * local));
+  };
+  for (std::size_t i = 0; i + 6 <= points.size(); i += 6)
+    lines.push_back({placed(i), placed(i + 3), colour});
 }
 
 }  // namespace
@@ -123,8 +161,8 @@ void Overlay::add_selection(const FrameInput& input, const Tools& tools) {
     if (!i) return;
     const auto& p = snapshot.position[*i];
     const auto& q = snapshot.orientation[*i];
-    add_wire_box(lines_, {p[0], p[1], p[2]}, Eigen::Quaterniond(q[3], q[0], q[1], q[2]),
-                 1.04 * input.catalogue[item->object].half_extents(), kSelectionColour);
+    add_outline(lines_, {p[0], p[1], p[2]}, Eigen::Quaterniond(q[3], q[0], q[1], q[2]),
+                input.catalogue[item->object], kSelectionColour);
     return;
   }
   const Eigen::Vector2d at = surface_.centre(item->row, item->column);

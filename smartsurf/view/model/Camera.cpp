@@ -66,9 +66,10 @@ Camera Camera::fit_to_surface(const scene::SurfaceSpec& surface, CameraPreset pr
   const double k_x = k_y * aspect;
   const double k_below = k_y * (1.0 - 2.0 * insets.bottom);
   FrustumFit x{k_x, k_x}, y{k_below, k_y}, y_unobstructed{k_below, k_y * (1.0 - 2.0 * insets.top)};
+  FrustumFit x_unobstructed{k_x * (1.0 - 2.0 * insets.left), k_x};
   const auto include = [&](const Eigen::Vector3d& point) {
     const double depth = -point.dot(camera.forward());
-    x.add(point.dot(camera.right()), depth);
+    for (FrustumFit* fit : {&x, &x_unobstructed}) fit->add(point.dot(camera.right()), depth);
     for (FrustumFit* fit : {&y, &y_unobstructed}) fit->add(point.dot(camera.up()), depth);
   };
   for (const Eigen::Vector3d& corner : corners(box)) include(corner);
@@ -79,10 +80,22 @@ Camera Camera::fit_to_surface(const scene::SurfaceSpec& surface, CameraPreset pr
   const Axes axes = make_axes(surface);
   include(axes.origin);
   for (int i = 0; i < 3; ++i) include(axes.origin + axes.length * Eigen::Vector3d::Unit(i));
-  const double eye_depth = std::max(x.distance(), y.distance());
+  double eye_depth = std::max(x.distance(), y.distance());
   const double target_depth = -box.center().dot(camera.forward());
+  double offset_x = x.offset(eye_depth);
+  if (insets.left > 0.0) {
+    constexpr double kMaxShrinking = 1.25;
+    const double beside = std::max(x_unobstructed.distance(), y.distance());
+    const double below = std::max(x.distance(), y_unobstructed.distance());
+    const bool is_beside = beside <= below;
+    if (std::min(beside, below) - target_depth <= kMaxShrinking * (eye_depth - target_depth))
+      eye_depth = std::min(beside, below);
+    offset_x = is_beside ? std::max(x_unobstructed.offset(eye_depth), x.min_offset(eye_depth))
+                         : x.offset(eye_depth);
+    if (is_beside) y_unobstructed = y;
+  }
   camera.distance_ = camera.reference_distance_ = eye_depth - target_depth;
-  camera.target_ = camera.right() * x.offset(eye_depth) +
+  camera.target_ = camera.right() * offset_x +
                    camera.up() * std::min(y_unobstructed.offset(eye_depth), y.max_offset(eye_depth)) -
                    camera.forward() * target_depth;
   return camera;

@@ -10,6 +10,7 @@ namespace {
 
 constexpr float kOcclusionRange = 1.6f;    // an object darkens pins within this many radii
 constexpr float kObjectOcclusion = 0.8f;   // strength of occlusion by objects
+constexpr double kLoweredWall = 0.3;       // drawn share of the height of a wall that faces the camera
 constexpr float kCornerOcclusion = 0.62f;  // strength of occlusion by neighbouring pins
 
 // sRGB: lowest pins, highest pins, the border.
@@ -32,6 +33,9 @@ double ground_height(const scene::SurfaceSpec& surface) {
 PinShading::PinShading(const scene::SurfaceSpec& surface)
     : surface_(surface),
       base_(static_cast<float>(ground_height(surface))),
+      wall_height_(static_cast<float>(
+          surface.pin.min_height +
+          kLoweredWall * (surface.border_height.value_or(surface.pin.max_height) - surface.pin.min_height))),
       colour_tables_(make_colour_tables()),
       sky_visibility_(surface.cell_count()),
       pins_(surface.cell_count()) {}
@@ -129,7 +133,7 @@ PinShading::Rgba8 PinShading::pin_colour(const scene::Snapshot& snapshot, const 
 std::span<const PinInstance> PinShading::update(const scene::Snapshot& snapshot,
                                                 const std::vector<scene::ObjectSpec>& catalogue,
                                                 const DrawOptions& options, bool north_first, bool east_first,
-                                                std::span<const float> recess) {
+                                                std::span<const float> recess, const NearWalls& near_walls) {
   for (int row = 0; row < surface_.rows; ++row)
     for (int column = 0; column < surface_.columns; ++column)
       sky_visibility_[surface_.index(row, column)] = sky_visibility(snapshot, row, column);
@@ -141,7 +145,11 @@ std::span<const PinInstance> PinShading::update(const scene::Snapshot& snapshot,
     const bool inside = row >= 0 && column >= 0 && row < surface_.rows && column < surface_.columns;
     const float lower =
         recess.empty() || !inside ? 0.0f : recess[static_cast<std::size_t>(surface_.index(row, column))];
-    return height_at(snapshot, row, column) - lower;
+    const float height = height_at(snapshot, row, column) - lower;
+    const bool lowered = inside && surface_.border_height &&
+                         ((near_walls.west && column == 0) || (near_walls.south && row == surface_.rows - 1) ||
+                          (near_walls.east && column == surface_.columns - 1) || (near_walls.north && row == 0));
+    return lowered ? std::min(height, wall_height_) : height;
   };
   std::size_t next = 0;
   for (int r = 0; r < surface_.rows; ++r)

@@ -27,6 +27,11 @@ struct PinInstance {
   std::uint32_t unused = 0;
 };
 
+// The sides of the border that face the camera, and would hide what lies behind them.
+struct NearWalls {
+  bool west = false, east = false, south = false, north = false;
+};
+
 class PinShading {
  public:
   explicit PinShading(const scene::SurfaceSpec& surface);
@@ -36,11 +41,11 @@ class PinShading {
   // call.
   //
   // catalogue: every object ever created, index = object id. recess: how far below its top each cell is
-  // drawn, u; rows × columns, row-major, or empty for 0.
+  // drawn, u; rows × columns, row-major, or empty for 0. near_walls are drawn lower than they are.
   std::span<const PinInstance> update(const scene::Snapshot& snapshot,
                                       const std::vector<scene::ObjectSpec>& catalogue,
                                       const DrawOptions& options, bool north_first, bool east_first,
-                                      std::span<const float> recess = {});
+                                      std::span<const float> recess = {}, const NearWalls& near_walls = {});
 
   // Mean height, u, of the pins on a circle of `radius` around (x, y). Points beside the table count as the
   // ground.
@@ -63,7 +68,8 @@ class PinShading {
   Rgba8 pin_colour(const scene::Snapshot& snapshot, const DrawOptions& options, int row, int column) const;
 
   scene::SurfaceSpec surface_;
-  float base_;  // z of the ground, u
+  float base_;         // z of the ground, u
+  float wall_height_;  // drawn z of a wall that faces the camera, u
   ColourTables colour_tables_;
   std::vector<CornerValues> sky_visibility_;  // rows × columns, row-major, row 0 north
   std::vector<PinInstance> pins_;

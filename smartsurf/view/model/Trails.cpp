@@ -43,8 +43,7 @@ void Trails::append_lines(const std::vector<scene::ObjectSpec>& catalogue, std::
       const double age = (now_s_ - trail[i].time_s) / std::max(length_s_, 1e-9);
       lines.push_back({trail[i - 1].position,
                        trail[i].position,
-                       {to_byte(0.85F * c.r), to_byte(0.85F * c.g), to_byte(0.85F * c.b),
-                        to_byte(static_cast<float>(1.0 - age))}});
+                       {to_byte(c.r), to_byte(c.g), to_byte(c.b), to_byte(static_cast<float>(1.0 - age))}});
     }
   }
 }

@@ -16,7 +16,7 @@ namespace {
 
 // From Debian's fonts-dejavu-core. Without it, ImGui's built-in bitmap font is used.
 constexpr const char* kFontFile = "/usr/share/fonts/truetype/dejavu/DejaVuSans.ttf";
-constexpr float kFontSize_px = 14.0f;
+constexpr float kFontSize_px = 14.0f, kTitleSize_px = 20.0f;
 constexpr ImGuiWindowFlags kPanelFlags =
     ImGuiWindowFlags_NoDecoration | ImGuiWindowFlags_AlwaysAutoResize | ImGuiWindowFlags_NoSavedSettings |
     ImGuiWindowFlags_NoFocusOnAppearing | ImGuiWindowFlags_NoNav | ImGuiWindowFlags_NoMove;
@@ -114,6 +114,7 @@ void setup_imgui_style(float scale) {
   io.IniFilename = nullptr;
   if (std::filesystem::exists(kFontFile)) {
     io.Fonts->AddFontFromFileTTF(kFontFile, kFontSize_px * scale);
+    io.Fonts->AddFontFromFileTTF(kFontFile, kTitleSize_px * scale);
   } else {
     io.Fonts->AddFontDefault();
     io.FontGlobalScale = scale;
@@ -155,10 +156,12 @@ void draw_run_panel(const FrameInput& input, const Status& status, HudState& sta
   ImGui::TextColored(kDimTextColour, "F1: help   Tab: hide panels");
   ImGui::PopItemWidth();
   // Set once, from the panel's initial size, so that the scene does not move when a section is opened.
-  if (state.insets.top == 0.0 && !ImGui::IsWindowAppearing())
-    state.insets.top =
-        std::min(0.4, static_cast<double>((ImGui::GetWindowPos().y + ImGui::GetWindowSize().y) /
-                                          ImGui::GetIO().DisplaySize.y));
+  if (state.insets.top == 0.0 && !ImGui::IsWindowAppearing()) {
+    const ImVec2 position = ImGui::GetWindowPos(), extent = ImGui::GetWindowSize();
+    const ImVec2 display = ImGui::GetIO().DisplaySize;
+    state.insets.top = std::min(0.4, static_cast<double>((position.y + extent.y) / display.y));
+    state.insets.left = std::min(0.4, static_cast<double>((position.x + extent.x) / display.x));
+  }
   ImGui::End();
 }
 
@@ -183,18 +186,21 @@ ImVec4 tone_colour(Banner::Tone tone) {
   return ImGui::GetStyle().Colors[ImGuiCol_Text];
 }
 
-// Draws the banner in the middle of the upper edge, where it leaves the table visible.
-void draw_banner(const Banner& banner, float scale) {
-  const float width = std::min(620.0f * scale, 0.6f * ImGui::GetIO().DisplaySize.x);
-  ImGui::SetNextWindowPos({ImGui::GetIO().DisplaySize.x / 2.0f, 12.0f * scale}, ImGuiCond_Always,
-                          {0.5f, 0.0f});
+// Draws the banner at the upper edge, in the middle of the space beside the run panel. left: the panel's right
+// edge, pixels.
+void draw_banner(const Banner& banner, float left, float scale) {
+  const float space = ImGui::GetIO().DisplaySize.x - left;
+  const float width = std::min(620.0f * scale, space - 48.0f * scale);
+  ImGui::SetNextWindowPos({left + space / 2.0f, 12.0f * scale}, ImGuiCond_Always, {0.5f, 0.0f});
   ImGui::SetNextWindowBgAlpha(0.95f);
   ImGui::PushStyleVar(ImGuiStyleVar_WindowBorderSize, 2.0f * scale);
   ImGui::PushStyleColor(ImGuiCol_Border, tone_colour(banner.tone));
   ImGui::Begin("banner", nullptr, kPanelFlags);
   ImGui::PushTextWrapPos(width);
   ImGui::PushStyleColor(ImGuiCol_Text, tone_colour(banner.tone));
+  ImGui::PushFont(ImGui::GetIO().Fonts->Fonts.back());  // of setup_imgui_style()
   ImGui::TextUnformatted(banner.title.c_str());
+  ImGui::PopFont();
   ImGui::PopStyleColor();
   for (const std::string& line : banner.lines) ImGui::TextUnformatted(line.c_str());
   if (!banner.command.empty()) {
@@ -222,7 +228,10 @@ void draw_hud(const FrameInput& input, const Status& status, const std::optional
     }
     if (status.paused && !status.banner) draw_paused_badge(scale);
   }
-  if (status.banner) draw_banner(*status.banner, scale);
+  if (status.banner) {
+    const double panel = controls.panels_shown() ? state.insets.left : 0.0;
+    draw_banner(*status.banner, static_cast<float>(panel) * ImGui::GetIO().DisplaySize.x, scale);
+  }
   if (colour_scale) draw_legend(*colour_scale, bottom, scale);
 }
 

@@ -136,6 +136,23 @@ class Export(ProgramTest):
             if folder := os.environ.get("SMARTSURF_KEEP"):
                 for name, bytes_ in (("plain", plain), ("heat", heat), ("turned", browser.screenshot())):
                     pathlib.Path(folder, f"{name}.png").write_bytes(bytes_)
+            browser.click("#view-top")
+            self.assertEqual(browser.value("player.view"), "top")
+            time.sleep(0.3)
+            middle = browser.value("[innerWidth / 2 - 60, innerHeight / 2 - 60]")
+            for kind in ("mousePressed", "mouseReleased"):
+                browser.call("Input.dispatchMouseEvent", type=kind, x=middle[0], y=middle[1], button="left", clickCount=1)
+            self.wait_for(lambda: browser.value("document.querySelector('#inspect h2').textContent"), "the selection is shown")
+            self.assertRegex(browser.value("document.querySelector('#inspect h2').textContent"), r"^(Cell, row \d+|Object \d+)")
+            self.wait_for(lambda: browser.value("document.querySelectorAll('#inspect dd').length") >= 1, "values are shown")
+            self.assertFalse(browser.value("document.getElementById('inspect').hidden"))
+            light = browser.screenshot()
+            browser.call("Emulation.setEmulatedMedia", features=[{"name": "prefers-color-scheme", "value": "dark"}])
+            self.wait_for(lambda: browser.value("player.dark"), "the colours follow the system")
+            if folder := os.environ.get("SMARTSURF_KEEP"):
+                time.sleep(0.3)
+                for name, bytes_ in (("light", light), ("dark", browser.screenshot())):
+                    pathlib.Path(folder, f"{name}.png").write_bytes(bytes_)
             self.assertEqual(browser.errors, [])
         finally:
             browser.close()

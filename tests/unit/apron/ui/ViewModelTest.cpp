@@ -68,6 +68,19 @@ TEST(ViewModel, ReadsSelectedRegister) {
   EXPECT_EQ(fixture.model.value_range(fixture.model.register_style(0), {}).low, 2.0F);
 }
 
+TEST(ViewModel, FindsTextAndLineNumbersInListing) {
+  UiFixture fixture("!register(A)\nA = 1\nB2 = 7\nA = A + B2\n");
+  const ViewModel& model = fixture.model;
+  EXPECT_EQ(model.find_row("b2", 0), 2U);
+  EXPECT_EQ(model.find_row("b2", 3), 3U);
+  EXPECT_EQ(model.find_row("b2", 4), 2U) << "continues from the top";
+  EXPECT_EQ(model.find_row("4", 0), 3U) << "line 4";
+  EXPECT_EQ(model.find_row("A = 1", 0), 1U);
+  EXPECT_FALSE(model.find_row("C", 0));
+  EXPECT_FALSE(model.find_row("99", 0));
+  EXPECT_FALSE(model.find_row("", 0));
+}
+
 TEST(ViewModel, BreakpointsByLineTickAndCondition) {
   UiFixture fixture(debugger::test::kCounting);
   fixture.model.toggle_breakpoint(1);  // has no instructions

@@ -76,6 +76,24 @@ TEST(Camera, ShiftsTableBelowTopInsetIfSpaceAllows) {
   EXPECT_DOUBLE_EQ(plain.distance(), moved.distance());
 }
 
+// The corner panel covers no corner of the table, in any preset, and the rest of the picture is filled.
+TEST(Camera, FramesTableBesideOrBelowCornerPanel) {
+  const scene::SurfaceSpec s = make_surface(64, 64);
+  for (CameraPreset preset : kPresets) {
+    const ViewInsets panel{.bottom = 0.08, .top = 0.4, .left = 0.2};
+    const Camera camera = Camera::fit_to_surface(s, preset, 16.0 / 9.0, panel);
+    const Eigen::AlignedBox3d box = Camera::surface_bounding_box(s);
+    for (int i = 0; i < 8; ++i) {
+      const Eigen::Vector3d corner = box.corner(static_cast<Eigen::AlignedBox3d::CornerType>(i));
+      const Eigen::Vector3d at = camera.project(corner, 1600, 900);
+      EXPECT_FALSE(at.x() < 320 && at.y() < 360) << static_cast<int>(preset) << ": " << at.transpose();
+      EXPECT_TRUE(at.x() > 0 && at.x() < 1600 && at.y() > 0 && at.y() < 900 * 0.92) << at.transpose();
+    }
+    EXPECT_LT(camera.distance(),
+              1.26 * Camera::fit_to_surface(s, preset, 16.0 / 9.0, {.bottom = 0.08}).distance());
+  }
+}
+
 TEST(Camera, IsoViewsFromSouthAtFortyDegrees) {
   const Camera camera = Camera::fit_to_surface(make_surface(64, 64), CameraPreset::kIso, 16.0 / 9.0);
   EXPECT_NEAR(camera.elevation() * 180.0 / std::numbers::pi, 40.0, 0.2);

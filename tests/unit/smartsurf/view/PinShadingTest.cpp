@@ -80,6 +80,19 @@ TEST(PinShading, DrawingOrderStartsAtRequestedCorner) {
   EXPECT_FLOAT_EQ(shading.update(scene.snapshot, {}, {}, true, true)[0].height, 3.0f / 4.0f);    // north-east
 }
 
+TEST(PinShading, WallThatFacesTheCameraIsDrawnLower) {
+  TestScene scene(3, 3);
+  scene.spec.surface.border_height = 6.0;
+  for (float& height : scene.snapshot.height) height = 6.0f;
+  scene.snapshot.height[4] = 4.0f;
+  PinShading shading(scene.spec.surface);
+  const auto pins = shading.update(scene.snapshot, {}, {}, true, false, {}, {.south = true});
+  EXPECT_FLOAT_EQ(pins[1].height, 6.0f);  // the northern wall
+  EXPECT_FLOAT_EQ(pins[4].height, 4.0f);
+  EXPECT_FLOAT_EQ(pins[4].neighbour[2], pins[7].height);
+  EXPECT_LT(pins[7].height, 4.0f);
+}
+
 TEST(PinShading, ChannelColoursPinsButNotBorder) {
   TestScene scene(3, 3);
   scene.spec.surface.border_height = 6.0;

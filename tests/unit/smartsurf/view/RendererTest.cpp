@@ -72,6 +72,27 @@ TEST_F(RendererTest, DrawCallsDoNotDependOnObjectCount) {
   EXPECT_EQ(few, 2 * 6 + 2);
 }
 
+// Seen along the gaps between the columns, the wall at the back shows no background through its own gaps.
+TEST_F(RendererTest, BackWallHasNoSlits) {
+  TestScene scene(24, 24);
+  scene.spec.surface.border_height = 6.0;
+  for (int row = 0; row < 24; ++row)
+    for (int column = 0; column < 24; ++column)
+      scene.snapshot.height[scene.spec.surface.index(row, column)] =
+          scene.spec.surface.is_border(row, column) ? 6.0f : 4.0f;
+  const Camera camera =
+      Camera::fit_to_surface(scene.spec.surface, CameraPreset::kIso, static_cast<double>(kWidth) / kHeight);
+  for (const RenderQuality& quality : {RenderQuality::fine(), RenderQuality::video()}) {
+    const common::Image image = render(scene, quality);
+    for (double x = 1.5; x < 21.5; x += 0.05) {
+      const Eigen::Vector3d at = camera.project({x, 22.6, 5.3}, kWidth, kHeight);
+      const std::size_t pixel =
+          3 * (static_cast<std::size_t>(at.y()) * kWidth + static_cast<std::size_t>(at.x()));
+      EXPECT_LT(image.rgb[pixel], 150) << "x = " << x;
+    }
+  }
+}
+
 TEST_F(RendererTest, FastQualityResemblesFullQuality) {
   const TestScene scene = make_crowd(24, 40);
   const common::Image cheap = render(scene, RenderQuality::fast()),
