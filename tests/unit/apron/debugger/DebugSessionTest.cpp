@@ -1,4 +1,5 @@
 #include "apron/debugger/DebugSession.h"
+#include "apron/debugger/FrontPanel.h"
 
 #include <gtest/gtest.h>
 
@@ -229,6 +230,34 @@ TEST_F(DebugSessionTest, WalksLineByLine) {
   EXPECT_EQ(session->state(), ExecutionState::kWalking);
   session->pause();
   EXPECT_EQ(session->state(), ExecutionState::kPaused);
+}
+
+TEST_F(DebugSessionTest, WalksTickByTick) {
+  start(kCounting);
+  session->walk(StepUnit::kTick, std::chrono::milliseconds(5));
+  for (std::uint64_t tick = 1; tick <= 3; ++tick) {
+    session->advance();
+    EXPECT_EQ(session->ticks(), tick);
+    EXPECT_EQ(session->state(), ExecutionState::kWalking);
+  }
+}
+
+TEST(FrontPanel, HoldsKeysAndQueuesPresses) {
+  FrontPanel panel;
+  panel.press_key('a');
+  panel.press_key('b');
+  panel.release_key('a');
+  EXPECT_FALSE(panel.key_down('a'));
+  EXPECT_TRUE(panel.key_down('b'));
+  EXPECT_EQ(panel.take_key(), 'a');
+  EXPECT_EQ(panel.take_key(), 'b');
+  EXPECT_EQ(panel.take_key(), 0);
+  for (std::size_t i = 0; i < 2 * FrontPanel::kMaxUnreadKeys; ++i) panel.press_key('c');
+  std::size_t unread = 0;
+  while (panel.take_key() != 0) ++unread;
+  EXPECT_EQ(unread, FrontPanel::kMaxUnreadKeys);
+  panel.release_all_keys();
+  EXPECT_FALSE(panel.key_down('b'));
 }
 
 TEST_F(DebugSessionTest, InterruptedStepResumes) {
