@@ -121,7 +121,8 @@ TEST_F(Cli, InstructionSetIsChecked) {
 }
 
 TEST_F(Cli, WarnsOfProgramsThatNeverStep) {
-  const std::string never = file("never.aps", "!register(D)\n#again\nD = surface.sense('proximity')\njump(#again)\n");
+  const std::string never =
+      file("never.aps", "!register(D)\n#again\nD = surface.sense('proximity')\njump(#again)\n");
   const ProcessResult checked = run({"check", never});
   EXPECT_EQ(checked.status, 0);
   EXPECT_NE(checked.err.find("never reaches surface.step"), std::string::npos) << checked.err;
