@@ -19,8 +19,8 @@ Vm::Vm(program::Program program, VmOptions options, Host& host)
     : program_(std::move(program)),
       stop_(options.stop),
       host_(host),
-      executor_(options.kernels != nullptr ? *options.kernels : *kernel_table(options.isa), std::max(options.threads, 1U),
-                options.parallel_cells),
+      executor_(options.kernels != nullptr ? *options.kernels : *kernel_table(options.isa),
+                std::max(options.threads, 1U), options.parallel_cells),
       masks_(executor_) {
   std::uint32_t rows = 0;
   for (const program::Register& r : program_.registers) {
@@ -51,9 +51,9 @@ Vm::Vm(program::Program program, VmOptions options, Host& host)
     options.fusion.enabled = false;
     set_profiling(true);
   }
-  fused_traces_ =
-      std::make_unique<FusedTraceCache>(program_, decoded_, register_file_, executor_, options.isa,
-                                        options.fusion, std::max(options.threads, 1U), options.parallel_cells);
+  fused_traces_ = std::make_unique<FusedTraceCache>(program_, decoded_, register_file_, executor_,
+                                                    options.isa, options.fusion,
+                                                    std::max(options.threads, 1U), options.parallel_cells);
 }
 
 Plane Vm::scratch_plane(const Plane& like) {

@@ -1,5 +1,5 @@
-// Runs one APRON script with each instruction set of this CPU, and compares its output with the comments in the
-// script:
+// Runs one APRON script with each instruction set of this CPU, and compares its output with the comments in
+// the script:
 //
 //   // args: --size 8x4        additional arguments for `apron run`
 //   // expect: text            the next line of standard output; every line must be expected

@@ -143,19 +143,20 @@ void add_execution_options(CLI::App& run, RawOptions& raw) {
                  "worker threads for large arrays; results do not depend on it [1]")
       ->type_name("N")
       ->check(whole_number_validator(1, 256));
-  run.add_option("--isa", raw.isa,
-                 "vector instructions: avx512, avx2, or portable, which is what other CPUs use; results do not "
-                 "depend on it [" +
-                     std::string(vm::instruction_set_name(vm::best_instruction_set())) + "]")
+  run.add_option(
+         "--isa", raw.isa,
+         "vector instructions: avx512, avx2, or portable, which is what other CPUs use; results do not "
+         "depend on it [" +
+             std::string(vm::instruction_set_name(vm::best_instruction_set())) + "]")
       ->type_name("NAME");
 }
 
 // The second line of --version.
 std::string array_code_description() {
   const vm::InstructionSet best = vm::best_instruction_set();
-  return best == vm::InstructionSet::kPortable
-             ? "array code: portable; machine code is generated for AVX-512 and AVX2, which this computer lacks"
-             : "array code: " + std::string(vm::instruction_set_name(best));
+  return best == vm::InstructionSet::kPortable ? "array code: portable; machine code is generated for "
+                                                 "AVX-512 and AVX2, which this computer lacks"
+                                               : "array code: " + std::string(vm::instruction_set_name(best));
 }
 
 void parse_instruction_set(RawOptions& raw) {
@@ -163,9 +164,9 @@ void parse_instruction_set(RawOptions& raw) {
   const std::optional<vm::InstructionSet> isa = vm::find_instruction_set(raw.isa);
   if (!isa) throw CLI::ValidationError("--isa", "'" + raw.isa + "' is not avx512, avx2 or portable");
   if (!vm::is_supported(*isa))
-    throw CLI::ValidationError(
-        "--isa", "this computer does not have " + raw.isa + "; its best is " +
-                     std::string(vm::instruction_set_name(vm::best_instruction_set())));
+    throw CLI::ValidationError("--isa",
+                               "this computer does not have " + raw.isa + "; its best is " +
+                                   std::string(vm::instruction_set_name(vm::best_instruction_set())));
   raw.options.isa = *isa;
 }
 

@@ -31,7 +31,8 @@ class ScalarInterpreter {
   using Scalar = std::optional<double>;  // nullopt if unknown
 
   Scalar value(const DecodedInstruction& decoded, std::size_t k) const {
-    return decoded.scalars[k] == nullptr ? Scalar(0.0) : scalars_[static_cast<std::size_t>(decoded.scalars[k] - base_)];
+    return decoded.scalars[k] == nullptr ? Scalar(0.0)
+                                         : scalars_[static_cast<std::size_t>(decoded.scalars[k] - base_)];
   }
   void assign(const double* variable, Scalar to) {
     if (variable != nullptr) scalars_[static_cast<std::size_t>(variable - base_)] = to;
@@ -105,9 +106,9 @@ FilterPrediction::FilterPrediction(const program::Program& program,
                                    const std::vector<DecodedInstruction>& decoded,
                                    const RegisterFile& register_file)
     : filters_(program.filters), known_(program.filters.size(), true) {
-  const bool modified = std::any_of(decoded.begin(), decoded.end(), [](const DecodedInstruction& instruction) {
-    return instruction.op == Opcode::kFilterSet;
-  });
+  const bool modified =
+      std::any_of(decoded.begin(), decoded.end(),
+                  [](const DecodedInstruction& instruction) { return instruction.op == Opcode::kFilterSet; });
   if (modified) ScalarInterpreter(decoded, register_file, filters_, known_).run();
 }
 

@@ -1,4 +1,5 @@
-// The coefficients that filters probably hold when they run, so that they can be fused before the program starts.
+// The coefficients that filters probably hold when they run, so that they can be fused before the program
+// starts.
 #pragma once
 
 #include <cstdint>
@@ -10,8 +11,8 @@
 
 namespace apron::vm {
 
-// Executes the program's scalar code from its beginning, without arrays and host: to the second surface.step, a
-// branch on an unknown value, or a limit. Initialisation and one turn of the main loop have run by then.
+// Executes the program's scalar code from its beginning, without arrays and host: to the second surface.step,
+// a branch on an unknown value, or a limit. Initialisation and one turn of the main loop have run by then.
 class FilterPrediction {
  public:
   // The program must be verified, and `decoded` refer to its operands in `register_file`. Allocates.

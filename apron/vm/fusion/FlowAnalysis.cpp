@@ -37,9 +37,7 @@ bool overwrites_every_cell(const Instruction& in, bool has_masks) {
 }  // namespace
 
 FlowAnalysis::FlowAnalysis(const program::Program& program, bool preserve_named_registers)
-    : program_(program),
-      branch_targets_(program.code.size(), false),
-      boundary_(program.code.size()) {
+    : program_(program), branch_targets_(program.code.size(), false), boundary_(program.code.size()) {
   find_branch_targets();
   // A return has an edge to every return site. Above the limit the analysis is skipped and assumes nothing.
   const auto returns =

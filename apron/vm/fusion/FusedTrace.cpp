@@ -39,8 +39,8 @@ FusedTrace::FusedTrace(const Trace& trace, ValueGraph graph, FusionPlan plan, co
       back_buffers_(environment.back_buffers),
       pads_stay_zero_(environment.pads_stay_zero) {
   for (const Stage& stage : plan_.stages) {
-    compiled_stages_.push_back(StageJit::compile(stage, environment.code_isa, common_vector_count(stage),
-                                                 plan_.rows_per_iteration));
+    compiled_stages_.push_back(
+        StageJit::compile(stage, environment.code_isa, common_vector_count(stage), plan_.rows_per_iteration));
     stage_interpreters_.emplace_back(stage, plan_.buffers, executor_.kernels());
   }
   allocate_workers();
@@ -255,7 +255,8 @@ void FusedTrace::run_slice(unsigned slice, const Worker& worker) noexcept {
       for (std::size_t s = 0; s < plan_.stages.size(); ++s) {
         const Stage& stage = plan_.stages[s];
         const std::int64_t first = std::max(first_row(stage), row - stage.skew);
-        const std::int64_t last = std::min(last_row(stage), row - stage.skew + std::int64_t{plan_.block_rows});
+        const std::int64_t last =
+            std::min(last_row(stage), row - stage.skew + std::int64_t{plan_.block_rows});
         if (first < last) run_stage(s, worker, strip, first, last);
       }
   }

@@ -42,7 +42,8 @@ struct FusedTraceCache::Builder {
       bool traced = false;
       for (const bool masked : {false, true}) {
         if (masked && !flow.has_masks()) continue;
-        const Trace trace = build_trace(program, decoded, flow, filters, at, masked, {options.max_array_instructions});
+        const Trace trace =
+            build_trace(program, decoded, flow, filters, at, masked, {options.max_array_instructions});
         traced_instructions += trace.instructions.size() + 1;
         if (trace.instructions.empty()) continue;
         traced = true;
@@ -56,9 +57,8 @@ struct FusedTraceCache::Builder {
   // A single instruction on the own cell gains nothing, a stencil does.
   bool is_worth_compiling(const Trace& trace) const {
     return trace.array_instructions >= 2 ||
-           std::any_of(trace.instructions.begin(), trace.instructions.end(), [&](std::uint32_t at) {
-             return decoded[at].dispatch == DispatchKind::kArrayOp;
-           });
+           std::any_of(trace.instructions.begin(), trace.instructions.end(),
+                       [&](std::uint32_t at) { return decoded[at].dispatch == DispatchKind::kArrayOp; });
   }
 
   void compile(const Trace& trace, bool masked) {

@@ -15,7 +15,7 @@ struct FusionOptions {
   bool enabled = true;  // false executes one instruction at a time
   // False allows registers that the program does not read again to be out of date.
   bool preserve_named_registers = true;
-  bool enable_jit = true;  // false interprets the stages
+  bool enable_jit = true;                           // false interprets the stages
   std::uint32_t strip_columns = 0, block_rows = 0;  // tile size; 0 is automatic
   std::uint32_t rows_per_iteration = 0;             // of generated code; 0 is automatic
   unsigned slices = 0;                              // row ranges distributed over threads; 0 is automatic
@@ -39,8 +39,8 @@ class FusedTraceCache {
                                                                      : entry.masked;
     if (trace == nullptr || !trace->filters_match()) return nullptr;
     const ConstPlane& mask = masks.mask();
-    const bool fits = trace == entry.unmasked ||
-                      (mask.width == trace->width() && mask.height == trace->height());
+    const bool fits =
+        trace == entry.unmasked || (mask.width == trace->width() && mask.height == trace->height());
     return fits ? trace : nullptr;
   }
 

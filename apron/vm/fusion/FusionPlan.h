@@ -77,8 +77,8 @@ struct FusionPlanOptions {
 };
 
 // The array is divided into slices of rows, which threads take; each slice into strips of columns; each strip
-// into blocks of rows, for each of which all stages run in order. Under the boundary rule wrap, a slice's halo
-// continues beyond the north and south edge with the rows of the opposite side, and there is one strip.
+// into blocks of rows, for each of which all stages run in order. Under the boundary rule wrap, a slice's
+// halo continues beyond the north and south edge with the rows of the opposite side, and there is one strip.
 struct FusionPlan {
   std::uint32_t width = 0, height = 0;
   BoundaryCondition boundary{};

@@ -11,7 +11,7 @@ namespace {
 using program::Opcode;
 using NodeGroup = StagePartition::NodeGroup;
 
-constexpr std::size_t kMaxStageOps = 48;
+constexpr std::size_t kMaxStageOps = 64;
 constexpr std::size_t kMaxLiveValues = 18;  // live at once in a stage
 
 class StagePartitioner {

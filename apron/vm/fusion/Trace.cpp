@@ -16,7 +16,7 @@ using program::Operand;
 using program::OperandKind;
 
 constexpr std::size_t kMaxIndexPlaneCells = std::size_t{1} << 22;
-constexpr std::size_t kMaxFilterCoefficients = 25;  // non-zero ones
+constexpr std::size_t kMaxFilterCoefficients = 64;  // non-zero ones
 
 class TraceBuilder {
  public:

@@ -18,7 +18,8 @@ using program::OperandKind;
 class ValueGraphBuilder {
  public:
   ValueGraphBuilder(const program::Program& program, const std::vector<DecodedInstruction>& decoded,
-                    const FlowAnalysis& flow, const FilterPrediction& filters, const Trace& trace, bool masked)
+                    const FlowAnalysis& flow, const FilterPrediction& filters, const Trace& trace,
+                    bool masked)
       : program_(program), decoded_(decoded), flow_(flow), filters_(filters), trace_(trace) {
     if (const auto& boundary = flow.boundary_at(trace.entry)) graph_.boundary = *boundary;
     if (masked) entry_mask_ = value_ref(add_node(ValueNode{ValueNode::Kind::kMask}));

@@ -27,17 +27,23 @@ void StageAssembler::emit_opcode(const MicroOp& op, RegisterAssignment& y) {
     case Opcode::kCopy:
       return emit_copy(op, y);
     case Opcode::kAdd:
-      return emit_binary(op, y, [&](const Vector& to, const Vector& a, const Operand& b) { vaddps(to, a, b); });
+      return emit_binary(op, y,
+                         [&](const Vector& to, const Vector& a, const Operand& b) { vaddps(to, a, b); });
     case Opcode::kSub:
-      return emit_binary(op, y, [&](const Vector& to, const Vector& a, const Operand& b) { vsubps(to, a, b); });
+      return emit_binary(op, y,
+                         [&](const Vector& to, const Vector& a, const Operand& b) { vsubps(to, a, b); });
     case Opcode::kMul:
-      return emit_binary(op, y, [&](const Vector& to, const Vector& a, const Operand& b) { vmulps(to, a, b); });
+      return emit_binary(op, y,
+                         [&](const Vector& to, const Vector& a, const Operand& b) { vmulps(to, a, b); });
     case Opcode::kDiv:
-      return emit_binary(op, y, [&](const Vector& to, const Vector& a, const Operand& b) { vdivps(to, a, b); });
+      return emit_binary(op, y,
+                         [&](const Vector& to, const Vector& a, const Operand& b) { vdivps(to, a, b); });
     case Opcode::kMin:
-      return emit_binary(op, y, [&](const Vector& to, const Vector& a, const Operand& b) { vminps(to, a, b); });
+      return emit_binary(op, y,
+                         [&](const Vector& to, const Vector& a, const Operand& b) { vminps(to, a, b); });
     case Opcode::kMax:
-      return emit_binary(op, y, [&](const Vector& to, const Vector& a, const Operand& b) { vmaxps(to, a, b); });
+      return emit_binary(op, y,
+                         [&](const Vector& to, const Vector& a, const Operand& b) { vmaxps(to, a, b); });
     default:
       if (op.op >= Opcode::kLt && op.op <= Opcode::kNe) return emit_compare(op, y);
       if (op.op >= Opcode::kAnd && op.op <= Opcode::kNot) return emit_logic(op, y);

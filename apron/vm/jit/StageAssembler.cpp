@@ -162,7 +162,8 @@ void StageAssembler::emit_prologue() {
   }
   mov(rsi, ptr[rdi + offsetof(StageCall, scalar_slots)]);
   for (const auto& [slot, value] : scalars_)
-    if (value.vector_register >= 0) vbroadcastss(vector(value.vector_register), ptr[rsi + slot * sizeof(float)]);
+    if (value.vector_register >= 0)
+      vbroadcastss(vector(value.vector_register), ptr[rsi + slot * sizeof(float)]);
   mov(rcx, rdi);  // rdi and rsi may become row pointers
   for (std::uint32_t i = 0; i < row_streams_.size(); ++i)
     mov(row_pointer(i), ptr[rcx + offsetof(StageCall, row_start) + i * sizeof(float*)]);

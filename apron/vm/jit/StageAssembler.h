@@ -85,7 +85,9 @@ class StageAssembler : private Xbyak::CodeGenerator {
   }
 
   // ---- registers and operands: RegisterAllocation.cpp ----
-  Vector vector(int index) const { return has_masks_ ? Vector(Xbyak::Zmm(index)) : Vector(Xbyak::Ymm(index)); }
+  Vector vector(int index) const {
+    return has_masks_ ? Vector(Xbyak::Zmm(index)) : Vector(Xbyak::Ymm(index));
+  }
   Vector allocate_vector();
   bool evict_load();
   bool evict_duplicate_mask();

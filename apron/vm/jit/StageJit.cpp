@@ -18,8 +18,8 @@ bool has_row_reuse(const Stage& stage) {
                      [&](const RowStream& stream) { return !stores.insert(stream.buffer).second; });
 }
 
-std::optional<StageJit::CompiledLoop> assemble(const Stage& stage, InstructionSet isa,
-                                               std::uint32_t rows, std::uint32_t vectors) {
+std::optional<StageJit::CompiledLoop> assemble(const Stage& stage, InstructionSet isa, std::uint32_t rows,
+                                               std::uint32_t vectors) {
   try {
     const auto assembler = std::make_shared<StageAssembler>(stage, isa, rows, vectors);
     return StageJit::CompiledLoop{rows, assembler->row_streams(), assembler->entry_point(), assembler};

@@ -1,5 +1,5 @@
-// Generated machine code of one stage of a plan, for AVX-512 and AVX2; see fusion/StageInterpreter.h for other
-// CPUs. All give the same bits.
+// Generated machine code of one stage of a plan, for AVX-512 and AVX2; see fusion/StageInterpreter.h for
+// other CPUs. All give the same bits.
 #pragma once
 
 #include <cstdint>

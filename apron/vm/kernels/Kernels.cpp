@@ -247,8 +247,7 @@ HWY_INLINE void correlate_vector(const FilterView& filter, const StencilRows& ro
   for (std::uint32_t j = 0; j < filter.height; ++j) {
     const float* from = rows.row[j] + rows.step[j] * static_cast<std::ptrdiff_t>(x);
     for (std::uint32_t i = 0; i < filter.width; ++i, ++element)
-      if (*element != 0.0F)
-        sum = hn::Add(sum, hn::Mul(hn::Set(D(), *element), load_cells(from + i, cells)));
+      if (*element != 0.0F) sum = hn::Add(sum, hn::Mul(hn::Set(D(), *element), load_cells(from + i, cells)));
   }
   store_cells(to, x, sum);
 }
@@ -257,8 +256,7 @@ void correlate(const FilterView& filter, const StencilRows& rows, const StencilO
                bool accumulate) noexcept {
   const std::size_t lanes = hn::Lanes(D());
   std::size_t x = 0;
-  for (; x + 4 * lanes <= to.columns; x += 4 * lanes)
-    correlate_four_vectors(filter, rows, to, accumulate, x);
+  for (; x + 4 * lanes <= to.columns; x += 4 * lanes) correlate_four_vectors(filter, rows, to, accumulate, x);
   for (; x < to.columns; x += lanes) correlate_vector(filter, rows, to, accumulate, x);
 }
 
@@ -328,13 +326,13 @@ HWY_INLINE VWide multiply_low_halves(VWide a, std::uint32_t b) {
 struct PhiloxState {
   VWide c0, c1, c2, c3;
 
-  HWY_INLINE void advance(std::uint32_t k0, std::uint32_t k1) {
+  HWY_INLINE void advance(const std::array<std::uint64_t, 2>& key) {
     const DWide d;
     const VWide a = multiply_low_halves(c0, kPhiloxMultipliers[0]);
     const VWide b = multiply_low_halves(c2, kPhiloxMultipliers[1]);
-    c0 = hn::Xor(hn::Xor(hn::ShiftRight<32>(b), c1), hn::Set(d, k0));
+    c0 = hn::Xor(hn::ShiftRight<32>(b), hn::Xor(c1, hn::Set(d, key[0])));
     c1 = b;
-    c2 = hn::Xor(hn::Xor(hn::ShiftRight<32>(a), c3), hn::Set(d, k1));
+    c2 = hn::Xor(hn::ShiftRight<32>(a), hn::Xor(c3, hn::Set(d, key[1])));
     c3 = a;
   }
 };
@@ -347,18 +345,20 @@ HWY_INLINE VU interleave(VWide even, VWide odd) {
 template <class Store>
 HWY_INLINE void draw_words(const RandomCells& cells, const Store& store) {
   const DWide d;
+  std::array<std::array<std::uint64_t, 2>, kPhiloxRounds> keys{{{cells.seed, 0}}};
+  for (std::size_t round = 1; round < keys.size(); ++round)
+    for (std::size_t k = 0; k < 2; ++k)
+      keys[round][k] = (keys[round - 1][k] + kPhiloxKeySteps[k]) & 0xFFFFFFFFU;
   for (std::uint32_t x = 0; x < cells.count; x += static_cast<std::uint32_t>(hn::Lanes(DU()))) {
     const VWide columns = hn::Add(hn::ShiftLeft<1>(hn::Iota(d, 0)), hn::Set(d, cells.column + x));
     PhiloxState even{columns, hn::Set(d, cells.row), hn::Set(d, cells.draw_index & 0xFFFFFFFFU),
                      hn::Set(d, cells.draw_index >> 32U)};
     PhiloxState odd = even;
     odd.c0 = hn::Add(columns, hn::Set(d, 1));
-    std::uint32_t k0 = cells.seed, k1 = 0;
-    for (int round = 0; round < kPhiloxRounds; ++round) {
-      even.advance(k0, k1);
-      odd.advance(k0, k1);
-      k0 += kPhiloxKeySteps[0];
-      k1 += kPhiloxKeySteps[1];
+#pragma GCC unroll 10
+    for (const std::array<std::uint64_t, 2>& key : keys) {
+      even.advance(key);
+      odd.advance(key);
     }
     store(x, interleave(even.c0, odd.c0), interleave(even.c1, odd.c1));
   }
@@ -378,7 +378,8 @@ void random_uniform(const RandomCells& cells, float a, float b, float* to) noexc
   const D d;
   const V low = hn::Set(d, a), range = hn::Set(d, b - a), unit = hn::Set(d, 0x1p-24F);
   draw_words(cells, [&](std::uint32_t x, VU word0, VU) {
-    const V u = hn::Mul(hn::ConvertTo(d, hn::BitCast(hn::RebindToSigned<D>(), hn::ShiftRight<8>(word0))), unit);
+    const V u =
+        hn::Mul(hn::ConvertTo(d, hn::BitCast(hn::RebindToSigned<D>(), hn::ShiftRight<8>(word0))), unit);
     hn::StoreU(hn::Add(low, hn::Mul(range, u)), d, to + x);
   });
 }

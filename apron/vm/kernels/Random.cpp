@@ -57,8 +57,8 @@ float RandomStream::operator()(program::Opcode op, std::uint32_t column, std::ui
   return to_value(op, words[0], words[1], a, b);
 }
 
-void RandomStream::fill_row(const KernelTable& kernels, program::Opcode op, std::uint32_t row, float a, float b,
-                            float* to, const float* mask, std::uint32_t columns) const noexcept {
+void RandomStream::fill_row(const KernelTable& kernels, program::Opcode op, std::uint32_t row, float a,
+                            float b, float* to, const float* mask, std::uint32_t columns) const noexcept {
   constexpr std::uint32_t kBatch = 256;  // a multiple of kLanes
   std::array<std::uint32_t, kBatch> first, second;
   std::array<float, kBatch> values;

@@ -30,8 +30,8 @@ struct RandomStream {
 
   // The same values for the cells of a row, with the kernels of the table. mask is null, or only its non-zero
   // cells are written.
-  void fill_row(const KernelTable& kernels, program::Opcode op, std::uint32_t row, float a, float b, float* to,
-                const float* mask, std::uint32_t columns) const noexcept;
+  void fill_row(const KernelTable& kernels, program::Opcode op, std::uint32_t row, float a, float b,
+                float* to, const float* mask, std::uint32_t columns) const noexcept;
 };
 
 }  // namespace apron::vm

@@ -29,8 +29,8 @@ class StencilPass {
     constant_row_.fill(boundary.rule == BoundaryRule::kValue ? boundary.value : 0.0F);
   }
 
-  // Calls inner(rows, output) for the columns whose stencil lies inside the plane, and edge(begin, output) for
-  // those at the west and east edge, of which `begin` is the first.
+  // Calls inner(rows, output) for the columns whose stencil lies inside the plane, and edge(begin, output)
+  // for those at the west and east edge, of which `begin` is the first.
   template <class Inner, class Edge>
   void run_row(std::int64_t row, const Inner& inner, const Edge& edge) {
     const std::int64_t columns = y_.width;

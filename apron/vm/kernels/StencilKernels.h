@@ -23,7 +23,8 @@ struct StencilRows {
   const std::ptrdiff_t* step = nullptr;  // 0 or 1
 };
 
-// Where the results go: `columns` cells, of any alignment. mask is null, or only its non-zero cells are written.
+// Where the results go: `columns` cells, of any alignment. mask is null, or only its non-zero cells are
+// written.
 struct StencilOutput {
   float* y = nullptr;
   const float* mask = nullptr;
@@ -35,8 +36,7 @@ struct StencilKernels {
   void (*correlate)(const FilterView& filter, const StencilRows& rows, const StencilOutput& to,
                     bool accumulate) noexcept = nullptr;
   // near.sum to near.all with 4 [0] and 8 [1] neighbours, on three rows of three cells.
-  std::array<std::array<void (*)(const StencilRows& rows, const StencilOutput& to) noexcept, 2>, 5>
-      near{};
+  std::array<std::array<void (*)(const StencilRows& rows, const StencilOutput& to) noexcept, 2>, 5> near{};
 };
 
 }  // namespace apron::vm

@@ -46,8 +46,8 @@ struct Job {
   std::function<double()> checksum;  // over all results of the first run
 };
 
-// Each returns nullopt if the peer is not available, does not implement the workload, or needs instructions that
-// this CPU lacks. `n` is the side of the array. Only make_apron_job() uses more than one thread.
+// Each returns nullopt if the peer is not available, does not implement the workload, or needs instructions
+// that this CPU lacks. `n` is the side of the array. Only make_apron_job() uses more than one thread.
 std::optional<Job> make_apron_job(int workload, int n, unsigned threads, apron::vm::InstructionSet isa);
 // The program filters/NAME.aps, from register A to register B; nullopt without the instruction set.
 std::optional<Job> make_filter_job(const std::string& name, int n, apron::vm::InstructionSet isa);

@@ -50,13 +50,15 @@ int main(int argc, char** argv) {
   bool json = false;
   CLI::App app("Compares filters and random planes with OpenCV", "bench_filters");
   app.add_option("size", n, "edge length [1024]")->check(CLI::Range(16, 8192));
-  app.add_option("repetitions", repetitions, "repetitions of each measurement [15]")->check(CLI::Range(1, 1000));
+  app.add_option("repetitions", repetitions, "repetitions of each measurement [15]")
+      ->check(CLI::Range(1, 1000));
   app.add_flag("--json", json, "print one JSON object per line");
   bench::parse_or_exit(app, argc, argv);
   for (const std::string workload : {"filter3", "filter5", "filter7", "filter11", "gauss", "sobel", "uniform",
                                      "normal", "near", "shifts", "life", "life-wrap"}) {
     const auto opencv = opencv_us(workload, n, repetitions);
-    for (const InstructionSet isa : {InstructionSet::kAvx512, InstructionSet::kAvx2, InstructionSet::kPortable}) {
+    for (const InstructionSet isa :
+         {InstructionSet::kAvx512, InstructionSet::kAvx2, InstructionSet::kPortable}) {
       const std::optional<arrays::Job> job = arrays::make_filter_job(workload, n, isa);
       if (!job) continue;
       const double us = least_us(*job, repetitions);

@@ -115,8 +115,10 @@ struct Pipeline {
     if (w <= 2) {
       out.vectorize(x, kVector);
     } else {
-      out.tile(x, y, xo, yo, xi, yi, std::min(n, w >= 5 ? 512 : 1024), std::min(n, 64)).vectorize(xi, kVector);
-      for (Func& f : stages) f.compute_at(out, xo).vectorize(f.args()[0], kVector, Halide::TailStrategy::RoundUp);
+      out.tile(x, y, xo, yo, xi, yi, std::min(n, w >= 5 ? 512 : 1024), std::min(n, 64))
+          .vectorize(xi, kVector);
+      for (Func& f : stages)
+        f.compute_at(out, xo).vectorize(f.args()[0], kVector, Halide::TailStrategy::RoundUp);
     }
     out.compile_jit(target);
     std::vector<Buffer<>> buffers;
@@ -151,9 +153,8 @@ struct Pipeline {
 std::optional<Job> make_halide_job(int workload, int n, apron::vm::InstructionSet isa) {
   using Halide::Target;
   Target target = Halide::get_jit_target_from_environment();
-  for (const Target::Feature feature :
-       {Target::AVX512, Target::AVX512_KNL, Target::AVX512_Skylake, Target::AVX512_Cannonlake,
-        Target::AVX512_SapphireRapids})
+  for (const Target::Feature feature : {Target::AVX512, Target::AVX512_KNL, Target::AVX512_Skylake,
+                                        Target::AVX512_Cannonlake, Target::AVX512_SapphireRapids})
     if (isa == apron::vm::InstructionSet::kAvx2) target = target.without_feature(feature);
   auto p = std::make_shared<Pipeline>(workload, n, target);
   return Job{[p] { p->out.realize(*p->results, p->target); }, [p] { return p->checksum(); }};

@@ -213,7 +213,8 @@ std::vector<FusionConfig> fusion_configs() {
   add("tiles", 1, 0, 0, false);
   add("tiles, strips of 32, rows of 2, two threads", 2, 32, 2, false);
   add("short traces", 1, 0, 4, true)->options.fusion.max_array_instructions = 7;
-  for (const InstructionSet isa : {InstructionSet::kPortable, InstructionSet::kAvx2, InstructionSet::kAvx512}) {
+  for (const InstructionSet isa :
+       {InstructionSet::kPortable, InstructionSet::kAvx2, InstructionSet::kAvx512}) {
     if (!is_supported(isa)) continue;
     const std::string name(instruction_set_name(isa));
     add(name, 1, 0, 0, true)->options.isa = isa;

@@ -1,5 +1,5 @@
-// Filters and neighbourhoods equal cell-by-cell sums in the order that opcodes.def declares, with every kernel
-// table, boundary rule, mask and shape.
+// Filters and neighbourhoods equal cell-by-cell sums in the order that opcodes.def declares, with every
+// kernel table, boundary rule, mask and shape.
 #include "apron/vm/kernels/Stencil.h"
 
 #include <gtest/gtest.h>
@@ -100,7 +100,9 @@ TEST_P(Stencil, FiltersMatchTheirDefinition) {
         Executor executor(*target.table, 2, 64);
         apply_filter(executor, filter, c.y, c.a, boundary, masked ? c.mask.data : nullptr);
         expect(c, masked, std::string(target.name) + " " + std::to_string(filter.width),
-               [&](std::int64_t x, std::int64_t y) { return correlated({c.a, boundary}, filter, x, y); });
+               [&](std::int64_t x, std::int64_t y) {
+                 return correlated({c.a, boundary}, filter, x, y);
+               });
         if (HasFatalFailure()) return;
       }
   }
@@ -118,8 +120,9 @@ TEST_P(Stencil, NeighboursMatchTheirDefinition) {
           Case c = make_case(size, masked, rng);
           Executor executor(*target.table, 2, 64);
           reduce_neighbours(executor, op, eight, c.y, c.a, boundary, masked ? c.mask.data : nullptr);
-          expect(c, masked, std::string(target.name),
-                 [&](std::int64_t x, std::int64_t y) { return reduced({c.a, boundary}, op, eight, x, y); });
+          expect(c, masked, std::string(target.name), [&](std::int64_t x, std::int64_t y) {
+            return reduced({c.a, boundary}, op, eight, x, y);
+          });
           if (HasFatalFailure()) return;
         }
 }
