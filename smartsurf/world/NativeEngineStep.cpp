@@ -197,6 +197,7 @@ void NativeEngine::Impl::step_active_bodies(const Member& member) {
 void NativeEngine::Impl::step() {
   lowered_speeds = field.has_force_limit();
   read_inputs();
+  lowered_speeds |= jam_relief.hold_cells(field);
   apply_timed_forces();
   wake_disturbed();
   collect_active_bodies();
@@ -211,7 +212,7 @@ void NativeEngine::Impl::step() {
     if (overloaded) return;
     force_limits.yield_overloaded_cells(bodies, static_contacts, settings.dt_s, field);
     for (const std::vector<DeepContact>& deep : solver.deep_contacts())
-      lowered_speeds |= jam_relief.stall_cells(deep, static_contacts, bodies.id.size(), field);
+      lowered_speeds |= jam_relief.stall_cells(deep, static_contacts, bodies, field);
     sleep.update_sleeping_set(bodies, active_bodies, pair_contacts, static_contacts, collision.supports());
   }
   write_cell_impulses();

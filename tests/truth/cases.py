@@ -137,6 +137,14 @@ def plate_case(name, title, tolerance=0.01, slow=False, **settings):
         absolute("cells", "cells that bear", "n**2", 0.5, "")], COMPLIANCE, settings, slow=slow)
 
 
+def limited_case(name, title, full, **settings):
+    return Case(name, title, "limited_loads", 4.5, [
+        relative("load", "sum of the loads", "25*g + force", 0.002, "mass·u/s²"),
+        absolute("worst", "worst cell, of the limit", "0", 0.01, ""),
+        absolute("full", "pins that give all", str(full), 0.5, "")], f"{COMPLIANCE} within the limits",
+        {"force": 300.0, "lever": 1.0, "limit": 40.0, **settings}, mujoco=NO_LIMIT)
+
+
 def drive_case(name, title, vx, vy, **settings):
     settings = {"a": 0.0, "b": 5.0, "radius": 0.4, "mu": 0.5, **settings}
     return Case(name, title, "drive", 1.5, [
@@ -389,6 +397,8 @@ GROUPS = [
         Case("motor_holds", "Raised pins under 0.9 of what they bear", "motor", 5.5, [
             absolute("rise", "sinks by", "0", 0.02, "u")], "docs/actuators.md", {"share": 0.9, "raised": True},
             mujoco=NO_LIMIT),
+        limited_case("limited", "Box on 5 × 5 pins of force 40, a force beside its middle", 0),
+        limited_case("limited_column", "… with one column that gives all", 5, force=400.0),
         hold_case("hold", "Ball of mass 10 on pins of force 1000"),
         hold_case("hold_between", "… in the middle of four pins", x=7.5),
         hold_case("hold_heavy", "… at g = 981, force 10⁵", g=981.0, force=1e5),
