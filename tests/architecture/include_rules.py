@@ -13,7 +13,7 @@ MODULES = {
     "common/color": set(),
     "common/csv": set(),
     "common/files": set(),
-    "common/process": set(),
+    "common/process": {"common/text"},
     "common/text": set(),
     "common/gl": {"common/error"},
     "common/threads": {"common/error"},
