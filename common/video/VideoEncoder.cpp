@@ -93,12 +93,14 @@ int VideoEncoder::close_and_wait() {
   return status;
 }
 
-VideoEncoder::~VideoEncoder() {
+void VideoEncoder::abandon() {
   if (child_ < 0) return;
   close_and_wait();
   std::error_code ignored;
   fs::remove(part_, ignored);
 }
+
+VideoEncoder::~VideoEncoder() { abandon(); }
 
 void VideoEncoder::add(const Image& image) {
   assert(image.width == width_ && image.height == height_);
@@ -106,13 +108,17 @@ void VideoEncoder::add(const Image& image) {
   for (std::size_t left = image.rgb.size(); left > 0;) {
     const ssize_t n = ::send(socket_, bytes, left, MSG_NOSIGNAL);
     if (n < 0 && errno == EINTR) continue;
-    if (n <= 0) throw UserError(file_.string() + ": ffmpeg stopped taking pictures");
+    if (n <= 0) {
+      abandon();
+      throw UserError(file_.string() + ": ffmpeg stopped taking pictures");
+    }
     bytes += n;
     left -= static_cast<std::size_t>(n);
   }
 }
 
 void VideoEncoder::finish() {
+  if (child_ < 0) return;  // add() has failed
   std::error_code error;
   const bool encoded = close_and_wait() == 0;
   if (encoded) fs::rename(part_, file_, error);

@@ -19,12 +19,13 @@ class VideoEncoder {
   VideoEncoder(const VideoEncoder&) = delete;
   VideoEncoder& operator=(const VideoEncoder&) = delete;
 
-  // Both throw UserError when ffmpeg fails.
+  // Both throw UserError when ffmpeg fails. A failure of add() discards the video; finish() then does nothing.
   void add(const Image& image);
   void finish();
 
  private:
   void start(int frames_per_second);
+  void abandon();
   int close_and_wait();
 
   std::filesystem::path file_, part_;
