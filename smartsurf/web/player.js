@@ -254,6 +254,7 @@ function setObjects(frame) {
 // ---- Inspection: a click selects an object or a cell
 const caster = new THREE.Raycaster();
 function select(x, y) {
+  camera.updateMatrixWorld();   // the camera may have moved since the last frame
   caster.setFromCamera(new THREE.Vector2(2 * x / window.innerWidth - 1, 1 - 2 * y / window.innerHeight), camera);
   for (const { mesh } of meshes) mesh.boundingSphere = null;   // the instances have moved
   pins.boundingSphere = null;
