@@ -134,6 +134,7 @@ function setColours() {
   world.background = new THREE.Color(dark ? 0x12161b : 0xe4e7ec);
   ground.material.color.set(dark ? 0x1b2027 : 0xd9dce2);
   sky.intensity = dark ? 1.2 : 1.6;
+  state.shown = -1;   // the plot is drawn anew
 }
 
 // ---- Pins: columns down to the table
@@ -159,7 +160,9 @@ function setPins(frame, channel) {
     if (height !== shownHeight[cell]) {
       shownHeight[cell] = height;
       const place = places[cell];
-      matrix.makeRotationZ(place.angle).scale(scale.set(scene.top[0], scene.top[1], Math.max(height - base, 0.01)));
+      // The border is a closed wall, so that the ground does not show through its gaps.
+      const top = isBorder(cell) && !scene.place ? [scene.pitch, scene.pitch] : scene.top;
+      matrix.makeRotationZ(place.angle).scale(scale.set(top[0], top[1], Math.max(height - base, 0.01)));
       matrix.setPosition(place.x, place.y, height);
       pins.setMatrixAt(cell, place.mechanism < 0 ? nowhere : matrix);
       pins.instanceMatrix.needsUpdate = true;
@@ -251,6 +254,7 @@ function setObjects(frame) {
 // ---- Inspection: a click selects an object or a cell
 const caster = new THREE.Raycaster();
 function select(x, y) {
+  camera.updateMatrixWorld();   // the camera may have moved since the last frame
   caster.setFromCamera(new THREE.Vector2(2 * x / window.innerWidth - 1, 1 - 2 * y / window.innerHeight), camera);
   for (const { mesh } of meshes) mesh.boundingSphere = null;   // the instances have moved
   pins.boundingSphere = null;
@@ -258,8 +262,18 @@ function select(x, y) {
   state.selected = null;
   if (hit && hit.object === pins) state.selected = { cell: hit.instanceId };
   else if (hit) state.selected = { object: meshes.find(({ mesh }) => mesh === hit.object).ids[hit.instanceId] };
+  else state.selected = cellBeside(caster.ray);
   byId('inspect').hidden = !state.selected;
   state.shown = -1;
+}
+
+// The cell beside the gap through which a ray passes; null if it passes beside the table.
+function cellBeside(ray) {
+  const at = ray.intersectPlane(new THREE.Plane(new THREE.Vector3(0, 0, 1), -(scene.low + scene.high) / 2), new THREE.Vector3());
+  if (!at) return null;
+  const away = (place) => Math.hypot(place.x - at.x, place.y - at.y);
+  const nearest = there.reduce((best, place) => away(place) < away(best) ? place : best);
+  return away(nearest) < scene.pitch ? { cell: places.indexOf(nearest) } : null;
 }
 
 // The speed of an object over a frame, u/s; NaN where it does not exist.
