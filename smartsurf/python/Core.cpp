@@ -232,6 +232,10 @@ class Batch {
     py::gil_scoped_release release;
     batch_->reset(seeds, mask, arrays_);
   }
+  py::bytes save(int index) { return batch_->save(check(index)); }
+  void restore(int index, const py::bytes& state) {
+    batch_->restore(check(index), std::string_view(state), arrays_);
+  }
   py::dict final_metrics(int index) const { return to_dict(batch_->final_metrics(check(index))); }
   py::array_t<std::uint8_t> render(int index, int width, int height, const std::string& camera) {
     return to_array(python::render(world(index), view_, width, height, camera));
@@ -322,6 +326,8 @@ PYBIND11_MODULE(_core, m) {
       .def("bind", &Batch::bind)
       .def("step", &Batch::step)
       .def("reset", &Batch::reset)
+      .def("save", &Batch::save)
+      .def("restore", &Batch::restore)
       .def("final_metrics", &Batch::final_metrics)
       .def("metrics", [](const Batch& b, int index) { return to_dict(b.world(index).metrics()); })
       .def("state_hash",

@@ -104,6 +104,13 @@ void EnvironmentBatch::reset(std::span<const std::uint64_t> seeds, std::span<con
   });
 }
 
+void EnvironmentBatch::restore(int index, std::string_view state, const BatchArrays& a) {
+  const auto i = static_cast<std::size_t>(index);
+  worlds_[i].environment->restore(state);
+  worlds_[i].episode_over = false;
+  write_state(i, a);
+}
+
 void EnvironmentBatch::step(const BatchArrays& a) {
   for_each_world([&](std::size_t i) { step_world(i, a); });
 }

@@ -10,6 +10,7 @@
 #include <memory>
 #include <span>
 #include <string>
+#include <string_view>
 #include <utility>
 #include <vector>
 
@@ -53,6 +54,10 @@ class EnvironmentBatch {
   void reset(std::span<const std::uint64_t> seeds, std::span<const std::uint8_t> mask, const BatchArrays&);
   // Advances every world by one control period. After an exception only reset() of all worlds may follow.
   void step(const BatchArrays&);
+
+  // As Environment's; restore() also writes the world's observation.
+  std::string save(int index) { return worlds_[static_cast<std::size_t>(index)].environment->save(); }
+  void restore(int index, std::string_view state, const BatchArrays&);
 
   // The metrics of the last episode that ended in the world.
   const std::vector<std::pair<std::string, double>>& final_metrics(int index) const {
