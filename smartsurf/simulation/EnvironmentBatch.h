@@ -33,7 +33,7 @@ struct BatchArrays {
   std::span<float> final_observations;  // likewise; kSameStep: written where an episode has ended
   std::span<double> rewards;
   std::span<std::uint8_t> terminated, truncated, success;
-  std::span<double> info;         // worlds × info_size(); of the episode that has ended, where one has
+  std::span<double> info;          // worlds × info_size(); of the episode that has ended, where one has
   std::span<std::uint64_t> seeds;  // of the episode to which the observation belongs
 };
 
