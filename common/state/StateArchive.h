@@ -54,22 +54,20 @@ class StateArchive {
 
  private:
   template <class T>
-  static constexpr bool has_archive = requires(T& t, StateArchive& a) { t.archive(a); };
+  static constexpr bool has_archive = requires(T& t, StateArchive& a) {
+    t.archive(a);
+  };
   // Copied bit by bit. Excludes pointers; a struct that contains one needs archive().
   template <class T>
   static constexpr bool is_flat =
       !has_archive<T> && std::is_trivially_destructible_v<T> && !std::is_pointer_v<T>;
 
   template <class T>
-    requires is_flat<T>
-  void process(T& v) {
-    bytes(static_cast<void*>(&v), sizeof v);
-  }
+  requires is_flat<T>
+  void process(T& v) { bytes(static_cast<void*>(&v), sizeof v); }
   template <class T>
-    requires has_archive<T>
-  void process(T& v) {
-    v.archive(*this);
-  }
+  requires has_archive<T>
+  void process(T& v) { v.archive(*this); }
   void process(std::string& v) { resize(v), bytes(v.data(), v.size()); }
   template <class T>
   void process(std::vector<T>& v) {
@@ -80,13 +78,11 @@ class StateArchive {
       for (T& element : v) process(element);
   }
   template <class T, std::size_t n>
-    requires(!is_flat<std::array<T, n>>)
-  void process(std::array<T, n>& v) {
+  requires(!is_flat<std::array<T, n>>) void process(std::array<T, n>& v) {
     for (T& element : v) process(element);
   }
   template <class A, class B>
-    requires(!is_flat<std::pair<A, B>>)
-  void process(std::pair<A, B>& v) {
+  requires(!is_flat<std::pair<A, B>>) void process(std::pair<A, B>& v) {
     process(v.first), process(v.second);
   }
   template <class List>

@@ -50,11 +50,11 @@ py::dict describe(const Environment& environment) {
   py::list sensors, actuators, info, positions;
   for (const scene::SensorSpec& sensor : scene.surface.sensors)
     for (const scene::SensorChannel& channel : scene::find_sensor_kind(sensor.model)->channels(sensor))
-      sensors.append(py::make_tuple(channel.name, channel.components, channel.minimum, channel.maximum,
-                                    channel.unit));
+      sensors.append(
+          py::make_tuple(channel.name, channel.components, channel.minimum, channel.maximum, channel.unit));
   for (const scene::ActuatorChannel& channel : scene.surface.actuator_channels())
-    actuators.append(py::make_tuple(channel.name, channel.minimum, channel.maximum, channel.safe_value,
-                                    channel.unit));
+    actuators.append(
+        py::make_tuple(channel.name, channel.minimum, channel.maximum, channel.safe_value, channel.unit));
   for (const auto& field : environment.experiment().info_fields())
     info.append(py::make_tuple(field.name, field.size));
   py::dict options;
@@ -72,11 +72,12 @@ py::dict describe(const Environment& environment) {
 common::Image render(const Environment& environment, std::unique_ptr<view::OffscreenView>& view, int width,
                      int height, const std::string& camera) {
   view::OffscreenView::require_available();
-  const auto preset = camera == "iso"    ? view::CameraPreset::kIso
-                      : camera == "top"  ? view::CameraPreset::kTop
-                      : camera == "side" ? view::CameraPreset::kSide
-                                         : throw common::UserError("render: camera = '" + camera +
-                                                                   "': must be 'iso', 'top' or 'side'");
+  const auto preset =
+      camera == "iso"   ? view::CameraPreset::kIso
+      : camera == "top" ? view::CameraPreset::kTop
+      : camera == "side"
+          ? view::CameraPreset::kSide
+          : throw common::UserError("render: camera = '" + camera + "': must be 'iso', 'top' or 'side'");
   const scene::SceneSpec& scene = environment.scene();
   if (!view) view = std::make_unique<view::OffscreenView>(scene, view::Detail::kVideo);
   const auto fitted =
@@ -131,9 +132,9 @@ class Simulation {
  public:
   explicit Simulation(EnvironmentOptions options) : environment_(std::move(options)) {
     const scene::SurfaceSpec& surface = environment_.scene().surface;
-    observation_ = Array<float>(
-        {static_cast<py::ssize_t>(environment_.observation_size()) / surface.cell_count(),
-         static_cast<py::ssize_t>(surface.rows), static_cast<py::ssize_t>(surface.columns)});
+    observation_ =
+        Array<float>({static_cast<py::ssize_t>(environment_.observation_size()) / surface.cell_count(),
+                      static_cast<py::ssize_t>(surface.rows), static_cast<py::ssize_t>(surface.columns)});
     refresh();
   }
 
@@ -201,7 +202,8 @@ class Simulation {
 class Batch {
  public:
   Batch(EnvironmentOptions options, const std::vector<std::uint64_t>& seeds, int threads, int autoreset)
-      : batch_(make_batch(std::move(options), seeds, threads, static_cast<simulation::Autoreset>(autoreset))) {}
+      : batch_(
+            make_batch(std::move(options), seeds, threads, static_cast<simulation::Autoreset>(autoreset))) {}
 
   const EnvironmentBatch& batch() const { return *batch_; }
   const Environment& world(int index) const { return batch_->world(check(index)); }
@@ -231,6 +233,10 @@ class Batch {
   void reset(const std::vector<std::uint64_t>& seeds, const std::vector<std::uint8_t>& mask) {
     py::gil_scoped_release release;
     batch_->reset(seeds, mask, arrays_);
+  }
+  py::bytes save(int index) { return batch_->save(check(index)); }
+  void restore(int index, const py::bytes& state) {
+    batch_->restore(check(index), std::string_view(state), arrays_);
   }
   py::dict final_metrics(int index) const { return to_dict(batch_->final_metrics(check(index))); }
   py::array_t<std::uint8_t> render(int index, int width, int height, const std::string& camera) {
@@ -290,7 +296,8 @@ PYBIND11_MODULE(_core, m) {
       .def_property_readonly("observation", &Simulation::observation)
       .def_property_readonly("objects", &Simulation::objects)
       .def_property_readonly("targets", &Simulation::targets)
-      .def_property_readonly("metrics", [](const Simulation& s) { return to_dict(s.environment().metrics()); })
+      .def_property_readonly("metrics",
+                             [](const Simulation& s) { return to_dict(s.environment().metrics()); })
       .def_property_readonly("tick",
                              [](const Simulation& s) { return s.environment().simulation().snapshot().tick; })
       .def_property_readonly(
@@ -299,7 +306,8 @@ PYBIND11_MODULE(_core, m) {
           "state_hash",
           [](const Simulation& s) { return s.environment().simulation().snapshot().state_hash; })
       .def_property_readonly("seed", [](const Simulation& s) { return s.environment().seed(); })
-      .def("label", [](const Simulation& s, std::uint32_t id) { return s.environment().simulation().label(id); })
+      .def("label",
+           [](const Simulation& s, std::uint32_t id) { return s.environment().simulation().label(id); })
       .def("set_targets", &Simulation::set_targets)
       .def("step", &Simulation::step)
       .def("reset", &Simulation::reset)
@@ -313,8 +321,8 @@ PYBIND11_MODULE(_core, m) {
       .def(py::init([](std::string experiment, std::string engine, Overrides overrides,
                        const std::vector<std::uint64_t>& seeds, int threads, int autoreset) {
         return std::make_unique<Batch>(
-            make_options(std::move(experiment), std::move(engine), std::move(overrides), std::nullopt, 1), seeds,
-            threads, autoreset);
+            make_options(std::move(experiment), std::move(engine), std::move(overrides), std::nullopt, 1),
+            seeds, threads, autoreset);
       }))
       .def("describe", [](const Batch& b) { return describe(b.world(0)); })
       .def_property_readonly("observation_size", [](const Batch& b) { return b.batch().observation_size(); })
@@ -322,6 +330,8 @@ PYBIND11_MODULE(_core, m) {
       .def("bind", &Batch::bind)
       .def("step", &Batch::step)
       .def("reset", &Batch::reset)
+      .def("save", &Batch::save)
+      .def("restore", &Batch::restore)
       .def("final_metrics", &Batch::final_metrics)
       .def("metrics", [](const Batch& b, int index) { return to_dict(b.world(index).metrics()); })
       .def("state_hash",

@@ -15,13 +15,13 @@
 #include "smartsurf/record/Recorder.h"
 #include "smartsurf/run/ControllerProcess.h"
 #include "smartsurf/run/Pacer.h"
-#include "smartsurf/simulation/Simulation.h"
 #include "smartsurf/run/SurfaceLink.h"
 #include "smartsurf/run/cli/RunOptions.h"
 #include "smartsurf/run/display/Display.h"
 #include "smartsurf/run/output/MediaWriter.h"
 #include "smartsurf/run/output/Progress.h"
 #include "smartsurf/run/output/Stats.h"
+#include "smartsurf/simulation/Simulation.h"
 
 namespace smartsurf::run {
 
@@ -43,7 +43,9 @@ class Run {
   ~Run();
 
   // Calls the observer with the state before the first tick and after each tick.
-  void observe(std::function<void(const simulation::Simulation&)> observer) { observer_ = std::move(observer); }
+  void observe(std::function<void(const simulation::Simulation&)> observer) {
+    observer_ = std::move(observer);
+  }
 
   // The statistics of the run so far, as written by --stats.
   std::string stats_json() const { return to_json(summary(), phase_times_); }

@@ -173,9 +173,9 @@ struct Experiment::Impl {
     lua_pop(L, 1);
     if (is_nan) return std::numeric_limits<double>::quiet_NaN();
     if ((type == LUA_TNUMBER && std::isfinite(value)) || type == LUA_TBOOLEAN) return value;
-    throw scene::InputError(session.callbacks[static_cast<std::size_t>(callback)].location + ": " + subject +
-                            " returned " + (type == LUA_TNUMBER ? format_value(value) : lua_typename(L, type)) +
-                            ": must be a finite number");
+    throw scene::InputError(
+        session.callbacks[static_cast<std::size_t>(callback)].location + ": " + subject + " returned " +
+        (type == LUA_TNUMBER ? format_value(value) : lua_typename(L, type)) + ": must be a finite number");
   }
 
   void set_time(double t_s, std::uint64_t tick) {
@@ -316,8 +316,8 @@ void Experiment::info(double t_s, std::uint64_t tick, std::span<double> values) 
       continue;
     }
     const ObjectState s = impl_->session.simulation->state(*field.object);
-    Eigen::Map<Eigen::Matrix<double, kObjectStateSize, 1>>(state.data())
-        << s.position, s.orientation.coeffs(), s.velocity, s.angular_velocity;
+    Eigen::Map<Eigen::Matrix<double, kObjectStateSize, 1>>(state.data()) << s.position,
+        s.orientation.coeffs(), s.velocity, s.angular_velocity;
   }
 }
 

@@ -59,8 +59,8 @@ struct ScriptContext {
   std::string random_first_use;  // "FILE:LINE"
 
   EventQueue event_queue;
-  std::vector<Callback> callbacks;                // indexed by TimedEvent::callback
-  std::vector<int> free_callbacks;                // unused slots of `callbacks`
+  std::vector<Callback> callbacks;                          // indexed by TimedEvent::callback
+  std::vector<int> free_callbacks;                          // unused slots of `callbacks`
   std::vector<int> on_tick, on_leave, on_finish, on_reset;  // indices into `callbacks`
   std::optional<int> reward, success;                       // likewise
   std::vector<InfoField> info;                              // by name, within one info{}

@@ -27,9 +27,7 @@ class DepartureTracker {
   // Number of objects of the last snapshot, including fixed ones, that are not over the table.
   std::size_t off_table_count() const noexcept { return off_table_count_; }
 
-  void archive(common::StateArchive& a) {
-    a(was_on_table_, departed_, total_departures_, off_table_count_);
-  }
+  void archive(common::StateArchive& a) { a(was_on_table_, departed_, total_departures_, off_table_count_); }
 
  private:
   bool is_on_table(const std::array<float, 3>& position) const noexcept;

@@ -51,6 +51,7 @@ void Environment::load(std::optional<std::uint64_t> seed) {
 }
 
 void Environment::start_simulation() {
+  failed_ = false;
   simulation_.emplace(*experiment_, options_.threads, /*scripted_actuators=*/true);
   end_tick_.reset();
   if (const auto seconds = experiment_->episode_s())
@@ -66,16 +67,17 @@ void Environment::reset(std::uint64_t seed) {
 
 // Differs for everything that makes a saved state useless: another program, script or option.
 std::uint64_t Environment::fingerprint() const {
-  std::string text = simulation_->engine().version() + '\0' + scene().source;
+  std::string text = simulation().engine().version() + '\0' + scene().source;
   for (const scene::OptionSpec& option : scene().options) text += '\0' + option.name + '=' + option.value;
   return hash_of(text) ^ experiment_->state_fingerprint();
 }
 
 std::string Environment::save() {
+  Simulation& s = running();
   std::string payload;
   common::StateArchive archive(payload);
   experiment_->save(archive);
-  simulation_->archive(archive);
+  s.archive(archive);
   Header header{.fingerprint = fingerprint(), .seed = seed(), .hash = hash_of(payload)};
   std::string bytes(reinterpret_cast<const char*>(&header), sizeof header);
   return bytes += payload;
@@ -93,17 +95,36 @@ void Environment::restore(std::string_view bytes) {
   if (header.hash != hash_of(payload)) throw scene::InputError(prefix + "the state is damaged");
   // What the seed determines besides the state: faults, and what the script draws while it loads.
   if (header.seed != seed()) reset(header.seed);
+  failed_ = true;  // until everything is restored
   common::StateArchive archive(payload);
   experiment_->restore(archive);
   simulation_->archive(archive);
+  failed_ = false;
 }
 
-void Environment::set_targets(int channel, std::span<const float> targets) noexcept {
-  simulation_->actuator_array().set_targets(channel, targets);
+const Simulation& Environment::simulation() const {
+  if (!simulation_) throw scene::InputError(scene().file + ": the episode could not start: reset it");
+  return *simulation_;
 }
 
-StepResult Environment::step() {
-  Simulation& s = *simulation_;
+Simulation& Environment::running() {
+  if (failed_) throw scene::InputError(scene().file + ": the episode has failed: reset it");
+  if (!simulation_) throw scene::InputError(scene().file + ": the episode could not start: reset it");
+  return *simulation_;
+}
+
+void Environment::set_targets(int channel, std::span<const float> targets) {
+  running().actuator_array().set_targets(channel, targets);
+}
+
+void Environment::finish() {
+  running();
+  experiment_->finish();
+}
+
+void Environment::advance() {
+  Simulation& s = running();
+  failed_ = true;  // until the end of the tick
   s.run_script();
   for (int i = 0; i < s.scene().world.steps_per_tick(); ++i) {
     s.plan_actuators();
@@ -115,6 +136,12 @@ StepResult Environment::step() {
     throw scene::InputError(scene().file + ": tick " + std::to_string(s.snapshot().tick) + ": object " +
                             std::to_string(*object) + " has a position or velocity that is not finite");
   s.sense();
+  failed_ = false;
+}
+
+StepResult Environment::step() {
+  advance();
+  Simulation& s = running();
   const double time_s = s.snapshot().time_s;
   const std::uint64_t tick = s.snapshot().tick;
   StepResult result;
@@ -127,18 +154,19 @@ StepResult Environment::step() {
 }
 
 void Environment::info(std::span<double> values) {
-  experiment_->info(simulation_->snapshot().time_s, simulation_->snapshot().tick, values);
+  const scene::Snapshot& snapshot = running().snapshot();
+  experiment_->info(snapshot.time_s, snapshot.tick, values);
 }
 
 std::size_t Environment::observation_size() const {
   std::size_t size = 0;
-  for (const scene::ChannelData& channel : simulation_->sensors()) size += channel.values.size();
+  for (const scene::ChannelData& channel : simulation().sensors()) size += channel.values.size();
   return size;
 }
 
 void Environment::observe(std::span<float> values) const {
   auto out = values.begin();
-  for (const scene::ChannelData& channel : simulation_->sensors())
+  for (const scene::ChannelData& channel : simulation().sensors())
     out = std::ranges::copy(channel.values, out).out;
 }
 

@@ -42,7 +42,8 @@ class Environment {
 
   const scene::SceneSpec& scene() const { return experiment_->scene(); }
   const script::Experiment& experiment() const { return *experiment_; }
-  const Simulation& simulation() const { return *simulation_; }
+  // Throws scene::InputError if the episode could not start.
+  const Simulation& simulation() const;
   std::uint64_t seed() const { return scene().world.seed; }
 
   // Starts the next episode with that seed. The result is that of a new environment with the seed. The script runs
@@ -57,12 +58,12 @@ class Environment {
   void restore(std::string_view);
 
   // Sets the targets of one actuator channel: rows × columns, row-major, row 0 north. Clamps as ActuatorArray does.
-  void set_targets(int channel, std::span<const float> targets) noexcept;
-  // Advances by one control period. Throws scene::InputError also for a state that is not finite; only reset()
-  // may follow.
+  void set_targets(int channel, std::span<const float> targets);
+  // Advances by one control period. Throws scene::InputError also for a state that is not finite. After an exception
+  // it throws until reset() or restore().
   StepResult step();
   // Runs on_finish, whose metrics are final; once per episode.
-  void finish() { experiment_->finish(); }
+  void finish();
 
   // The values of info{}, one after the other, see script::Experiment::info_fields().
   void info(std::span<double> values);
@@ -75,6 +76,8 @@ class Environment {
  private:
   void load(std::optional<std::uint64_t> seed);
   void start_simulation();
+  Simulation& running();
+  void advance();
   std::uint64_t fingerprint() const;
 
   EnvironmentOptions options_;
@@ -82,6 +85,7 @@ class Environment {
   std::optional<script::Experiment> experiment_;
   std::optional<Simulation> simulation_;  // refers to experiment_
   bool draws_while_loading_ = false;
+  bool failed_ = false;  // in this episode
   std::optional<std::uint64_t> end_tick_;
 };
 

@@ -33,7 +33,8 @@ EnvironmentBatch::EnvironmentBatch(EnvironmentOptions options, std::span<const s
   });
   const Environment& first = *worlds_.front().environment;
   observation_size_ = first.observation_size();
-  for (const auto& field : first.experiment().info_fields()) info_size_ += static_cast<std::size_t>(field.size);
+  for (const auto& field : first.experiment().info_fields())
+    info_size_ += static_cast<std::size_t>(field.size);
   cells_ = static_cast<std::size_t>(first.scene().surface.cell_count());
   action_size_ = first.simulation().actuators().size() * cells_;
   for (const World& world : worlds_) {
@@ -42,9 +43,10 @@ EnvironmentBatch::EnvironmentBatch(EnvironmentOptions options, std::span<const s
       info_size += static_cast<std::size_t>(field.size);
     if (world.environment->observation_size() != observation_size_ || info_size != info_size_ ||
         world.environment->simulation().actuators().size() * cells_ != action_size_)
-      throw scene::InputError(options_.experiment +
-                              ": the surface, its sensors or info{} depend on the seed: the worlds of a batch "
-                              "must have the same channels");
+      throw scene::InputError(
+          options_.experiment +
+          ": the surface, its sensors or info{} depend on the seed: the worlds of a batch "
+          "must have the same channels");
   }
 }
 
@@ -102,6 +104,13 @@ void EnvironmentBatch::reset(std::span<const std::uint64_t> seeds, std::span<con
     if (info_size_ > 0 && !a.info.empty())
       world.environment->info(a.info.subspan(i * info_size_, info_size_));
   });
+}
+
+void EnvironmentBatch::restore(int index, std::string_view state, const BatchArrays& a) {
+  const auto i = static_cast<std::size_t>(index);
+  worlds_[i].environment->restore(state);
+  worlds_[i].episode_over = false;
+  write_state(i, a);
 }
 
 void EnvironmentBatch::step(const BatchArrays& a) {

@@ -10,6 +10,7 @@
 #include <memory>
 #include <span>
 #include <string>
+#include <string_view>
 #include <utility>
 #include <vector>
 
@@ -32,7 +33,7 @@ struct BatchArrays {
   std::span<float> final_observations;  // likewise; kSameStep: written where an episode has ended
   std::span<double> rewards;
   std::span<std::uint8_t> terminated, truncated, success;
-  std::span<double> info;         // worlds × info_size(); of the episode that has ended, where one has
+  std::span<double> info;          // worlds × info_size(); of the episode that has ended, where one has
   std::span<std::uint64_t> seeds;  // of the episode to which the observation belongs
 };
 
@@ -53,6 +54,10 @@ class EnvironmentBatch {
   void reset(std::span<const std::uint64_t> seeds, std::span<const std::uint8_t> mask, const BatchArrays&);
   // Advances every world by one control period. After an exception only reset() of all worlds may follow.
   void step(const BatchArrays&);
+
+  // As Environment's; restore() also writes the world's observation.
+  std::string save(int index) { return worlds_[static_cast<std::size_t>(index)].environment->save(); }
+  void restore(int index, std::string_view state, const BatchArrays&);
 
   // The metrics of the last episode that ended in the world.
   const std::vector<std::pair<std::string, double>>& final_metrics(int index) const {

@@ -109,7 +109,8 @@ void Simulation::archive_object(common::StateArchive& a, scene::ObjectSpec& o) {
     const auto it = std::ranges::find(declared, o.solid, &scene::ObjectSpec::solid);
     if (it == declared.end())
       throw common::UserError(
-          "an object was created from a mesh or hull during the run: declare one of its kind while the script loads");
+          "an object was created from a mesh or hull during the run: declare one of its kind while the "
+          "script loads");
     twin = static_cast<std::uint64_t>(it - declared.begin()) + 1;
   }
   a(twin);

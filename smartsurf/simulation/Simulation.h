@@ -9,11 +9,11 @@
 
 #include "common/state/StateArchive.h"
 #include "common/threads/ThreadPool.h"
-#include "smartsurf/simulation/DepartureTracker.h"
 #include "smartsurf/scene/ChannelData.h"
 #include "smartsurf/scene/Snapshot.h"
 #include "smartsurf/script/Experiment.h"
 #include "smartsurf/script/SimulationInterface.h"
+#include "smartsurf/simulation/DepartureTracker.h"
 #include "smartsurf/surface/ActuatorArray.h"
 #include "smartsurf/surface/SensorArray.h"
 #include "smartsurf/world/World.h"

@@ -224,7 +224,8 @@ void NativeEngine::archive(common::StateArchive& a, std::span<const scene::Objec
   for (const scene::ObjectId id : s.bodies.id) {
     const auto known = std::ranges::lower_bound(previous_id, id);
     if (id < declared && known != previous_id.end() && *known == id) {
-      s.bodies.shape.push_back(std::move(previous_shape[static_cast<std::size_t>(known - previous_id.begin())]));
+      s.bodies.shape.push_back(
+          std::move(previous_shape[static_cast<std::size_t>(known - previous_id.begin())]));
       continue;
     }
     const scene::ObjectSpec& spec = catalogue[id];

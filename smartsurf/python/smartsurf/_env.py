@@ -1,4 +1,8 @@
 """One world as a Gymnasium environment."""
+from __future__ import annotations
+
+import os
+
 import gymnasium
 import numpy as np
 
@@ -25,8 +29,9 @@ class Env(gymnasium.Env):
     """
     metadata = {"render_modes": ["rgb_array", "human"], "render_fps": 60}
 
-    def __init__(self, experiment, set=None, threads=1, engine=None, render_mode=None, render_size=(640, 400),
-                 camera="iso"):
+    def __init__(self, experiment: str | os.PathLike, set: dict | None = None, threads: int = 1,
+                 engine: str | None = None, render_mode: str | None = None, render_size: tuple[int, int] = (640, 400),
+                 camera: str = "iso"):
         if render_mode not in (None, *self.metadata["render_modes"]):
             raise ValueError(f"render_mode = {render_mode!r}: must be None, 'rgb_array' or 'human'")
         self.simulation = Simulation(experiment, set=set, threads=threads, engine=engine)
@@ -36,13 +41,13 @@ class Env(gymnasium.Env):
         self.metadata = {**self.metadata, "render_fps": round(1 / s.period)}
         self.render_mode, self._render_size, self._camera, self._window = render_mode, render_size, camera, None
 
-    def reset(self, *, seed=None, options=None):
+    def reset(self, *, seed: int | None = None, options: dict | None = None) -> tuple[np.ndarray, dict]:
         super().reset(seed=seed)
         self.simulation.reset(draw_seed(self.np_random) if seed is None else seed)
         self._show()
         return self._observation(), self._info(False)
 
-    def step(self, action):
+    def step(self, action: np.ndarray) -> tuple[np.ndarray, float, bool, bool, dict]:
         s = self.simulation
         action = np.asarray(action, np.float32)
         if action.shape != s._targets.shape:
@@ -61,7 +66,7 @@ class Env(gymnasium.Env):
     def _info(self, success):
         return {"seed": self.simulation.seed, "success": bool(success), **self.simulation.info}
 
-    def render(self):
+    def render(self) -> np.ndarray | None:
         if self.render_mode == "rgb_array":
             return self.simulation.render(*self._render_size, self._camera)
         return None

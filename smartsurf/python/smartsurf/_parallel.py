@@ -1,4 +1,8 @@
 """A world whose agents are its cells, or blocks of cells, as a PettingZoo parallel environment."""
+from __future__ import annotations
+
+import os
+
 import gymnasium
 import numpy as np
 import pettingzoo
@@ -17,7 +21,8 @@ class ParallelEnv(pettingzoo.ParallelEnv):
     """
     metadata = {"name": "smartsurf", "render_modes": ["rgb_array"], "is_parallelizable": True}
 
-    def __init__(self, experiment, block=1, radius=1, set=None, threads=1, engine=None, render_mode=None):
+    def __init__(self, experiment: str | os.PathLike, block: int = 1, radius: int = 1, set: dict | None = None,
+                 threads: int = 1, engine: str | None = None, render_mode: str | None = None):
         self.simulation = s = Simulation(experiment, set=set, threads=threads, engine=engine)
         if block < 1 or s.rows % block or s.columns % block:
             raise ValueError(f"block = {block}: must divide {s.rows} rows and {s.columns} columns")
@@ -38,13 +43,13 @@ class ParallelEnv(pettingzoo.ParallelEnv):
         self._windows = sliding_window_view(self._padded, (side, side), (1, 2))[:, ::block, ::block]
         self._random = np.random.default_rng()
 
-    def observation_space(self, agent):
+    def observation_space(self, agent: str) -> gymnasium.spaces.Box:
         return self._observation_space
 
-    def action_space(self, agent):
+    def action_space(self, agent: str) -> gymnasium.spaces.Box:
         return self._action_space
 
-    def reset(self, seed=None, options=None):
+    def reset(self, seed: int | None = None, options: dict | None = None) -> tuple[dict, dict]:
         if seed is not None:
             self._random = np.random.default_rng(seed)
         self.simulation.reset(draw_seed(self._random) if seed is None else seed)
@@ -52,7 +57,7 @@ class ParallelEnv(pettingzoo.ParallelEnv):
         return self._observations(), self._each({"seed": self.simulation.seed, "success": False,
                                                  **self.simulation.info})
 
-    def step(self, actions):
+    def step(self, actions: dict[str, np.ndarray]) -> tuple[dict, dict, dict, dict, dict]:
         s, b = self.simulation, self._block
         for agent, (r, c) in zip(self.possible_agents, self._places):
             if agent in actions:
@@ -80,6 +85,6 @@ class ParallelEnv(pettingzoo.ParallelEnv):
         return self.simulation.render() if self.render_mode == "rgb_array" else None
 
 
-def parallel_env(experiment, **arguments):
+def parallel_env(experiment: str | os.PathLike, **arguments) -> ParallelEnv:
     """A ParallelEnv; the arguments are its."""
     return ParallelEnv(experiment, **arguments)

@@ -1,4 +1,6 @@
 """One experiment in this process."""
+from __future__ import annotations
+
 import dataclasses
 import os
 
@@ -56,7 +58,8 @@ class Simulation:
     Errors of the experiment raise smartsurf.Error, a ValueError with one line that names file and line.
     """
 
-    def __init__(self, experiment, seed=None, set=None, threads=1, engine=None):
+    def __init__(self, experiment: str | os.PathLike, seed: int | None = None, set: dict | None = None,
+                 threads: int = 1, engine: str | None = None):
         if threads < 1:
             raise ValueError(f"threads = {threads}: must be at least 1")
         self._core = _core.Simulation(os.fspath(experiment), engine or "", overrides(set), _seed(seed), int(threads))
@@ -76,33 +79,33 @@ class Simulation:
     # ---- the state after the latest tick
 
     @property
-    def sensors(self):
+    def sensors(self) -> dict[str, np.ndarray]:
         """The readings by channel name: read-only views, each in its channel's unit."""
         return self._sensors
 
     @property
-    def actuators(self):
+    def actuators(self) -> dict[str, np.ndarray]:
         """The actuator targets by channel name, in the channel's unit: writable views that the next step() sends."""
         return self._actuators
 
     @property
-    def objects(self):
+    def objects(self) -> dict[str, np.ndarray]:
         """The live objects as arrays by name, ascending by id: `id` (objects), `position` (objects × 3, u),
         `orientation` (objects × 4, unit quaternions x y z w), `velocity` (objects × 3, u/s) and `angular_velocity`
         (objects × 3, rad/s). An array follows the simulation until objects appear or vanish: then fetch it anew."""
         return self._core.objects
 
-    def label(self, id):
+    def label(self, id: int) -> str:
         """The label of an object."""
         return self._core.label(id)
 
     @property
-    def metrics(self):
+    def metrics(self) -> dict[str, float]:
         """The values that the script has reported by metric(), by name. finish() adds those of on_finish."""
         return self._core.metrics
 
     @property
-    def info(self):
+    def info(self) -> dict[str, float | np.ndarray]:
         """The values of the script's info{}, by name: a float, or the 13 numbers of an object's state (position,
         orientation x y z w, velocity, angular velocity)."""
         fields = self._description["info"]
@@ -112,7 +115,7 @@ class Simulation:
         return out
 
     @property
-    def state_hash(self):
+    def state_hash(self) -> int:
         """A 64-bit hash of all poses, velocities, pin heights and pin speeds; as in recordings."""
         return self._core.state_hash
 
@@ -124,7 +127,7 @@ class Simulation:
 
     # ---- running
 
-    def step(self, actions=None):
+    def step(self, actions: dict | np.ndarray | float | None = None) -> tuple[float, bool, bool]:
         """Advances by one tick and returns (reward, terminated, truncated) of the script's reward(), success() and
         episode{}.
 
@@ -156,7 +159,7 @@ class Simulation:
                 raise ValueError(f"actions['{name}'] has shape {np.shape(values)}: must be a number or an array of "
                                  f"shape {(self.rows, self.columns)}") from None
 
-    def reset(self, seed=None):
+    def reset(self, seed: int | None = None) -> int:
         """Starts the next episode and returns its seed; without one, a seed is drawn at random.
 
         The state is that of a new simulation with this seed; arrays stay valid.
@@ -166,12 +169,12 @@ class Simulation:
         self._targets[...] = self._core.targets
         return self.seed
 
-    def save(self):
+    def save(self) -> bytes:
         """The whole state as bytes: bodies, contacts, actuators, sensors, and the script's variables and random numbers.
         Raises Error for what cannot be saved: see docs/python.md."""
         return self._core.save()
 
-    def restore(self, state):
+    def restore(self, state: bytes) -> None:
         """Continues from a saved state, with the same bits: in this simulation or in another one of the same
         experiment and options. Restore only what you trust. Raises Error, and changes nothing, for bytes that are
         damaged or of another experiment."""
@@ -179,12 +182,12 @@ class Simulation:
         self._core.restore(state)
         self._targets[...] = self._core.targets
 
-    def finish(self):
+    def finish(self) -> dict[str, float]:
         """Ends the episode: runs the script's on_finish, once, and returns the metrics."""
         self._core.finish()
         return self.metrics
 
-    def render(self, width=640, height=400, camera="iso"):
+    def render(self, width: int = 640, height: int = 400, camera: str = "iso") -> np.ndarray:
         """A picture of the current state: height × width × 3, uint8, row 0 at the top. camera: "iso", "top", "side".
         Raises smartsurf.Error in a build without the view, RuntimeError where OpenGL is missing."""
         return self._core.render(width, height, camera)

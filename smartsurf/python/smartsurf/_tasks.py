@@ -17,7 +17,7 @@ TASKS = tuple(Task(f"smartsurf/{name}-v0", script) for name, script in (
     ("Rain", "rain.lua"), ("Waves", "waves.lua")))
 
 
-def task_file(id):
+def task_file(id: str) -> str:
     """The path of a task's script, by its id."""
     for task in TASKS:
         if task.id == id:

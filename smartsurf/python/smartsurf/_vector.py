@@ -1,4 +1,6 @@
 """Many worlds as one Gymnasium vector environment."""
+from __future__ import annotations
+
 import os
 
 import gymnasium
@@ -28,8 +30,10 @@ class VectorEnv(gymnasium.vector.VectorEnv):
     """
     metadata = {"render_modes": ["rgb_array"], "render_fps": 60}
 
-    def __init__(self, experiment, num_envs=1, threads=None, set=None, engine=None, seed=None, copy=True,
-                 autoreset_mode=AutoresetMode.NEXT_STEP, render_mode=None, render_size=(640, 400), camera="iso"):
+    def __init__(self, experiment: str | os.PathLike, num_envs: int = 1, threads: int | None = None,
+                 set: dict | None = None, engine: str | None = None, seed: int | None = None, copy: bool = True,
+                 autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP, render_mode: str | None = None,
+                 render_size: tuple[int, int] = (640, 400), camera: str = "iso"):
         if num_envs < 1:
             raise ValueError(f"num_envs = {num_envs}: must be at least 1")
         if threads is not None and threads < 1:
@@ -75,7 +79,8 @@ class VectorEnv(gymnasium.vector.VectorEnv):
             raise ValueError(f"seed has {len(seed)} values: must have one per world, {self.num_envs}")
         return [draw_seed(self.np_random) if s is None else _seed(s) for s in seed]
 
-    def reset(self, *, seed=None, options=None):
+    def reset(self, *, seed: int | list[int | None] | None = None,
+              options: dict | None = None) -> tuple[np.ndarray, dict]:
         if seed is None or isinstance(seed, (int, np.integer)):
             super().reset(seed=seed if seed is None else int(seed))
         mask = np.ones(self.num_envs, np.bool_)
@@ -87,7 +92,7 @@ class VectorEnv(gymnasium.vector.VectorEnv):
         self._success[mask] = False
         return self._observed(), self._infos()
 
-    def step(self, actions):
+    def step(self, actions: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, dict]:
         actions = np.ascontiguousarray(actions, np.float32)
         if actions.shape != self.action_space.shape:
             raise ValueError(f"the actions have shape {actions.shape}: must be {self.action_space.shape}")
@@ -121,11 +126,21 @@ class VectorEnv(gymnasium.vector.VectorEnv):
             infos["final_info"] = {name: infos[name] for name in ("success", *self._fields, "metrics")}
             infos["_final_info"] = ended
 
-    def state_hash(self, world):
+    def save(self, world: int) -> bytes:
+        """The state of one world, as Simulation.save()."""
+        return self._batch.save(world)
+
+    def restore(self, world: int, state: bytes) -> np.ndarray:
+        """Continues one world from a state, that of any world or Simulation of the same experiment and options. Returns
+        its observation."""
+        self._batch.restore(world, state)
+        return self._observations[world].copy() if self._copy else self._observations[world]
+
+    def state_hash(self, world: int) -> int:
         """The state hash of one world, as Simulation.state_hash."""
         return self._batch.state_hash(world)
 
-    def render(self):
+    def render(self) -> list[np.ndarray] | None:
         """A list with a picture of each world (rgb_array), or None."""
         if self.render_mode is None:
             return None

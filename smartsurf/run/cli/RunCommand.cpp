@@ -11,10 +11,10 @@
 #include "smartsurf/run/ControllerProcess.h"
 #include "smartsurf/run/OutputFile.h"
 #include "smartsurf/run/Run.h"
-#include "smartsurf/simulation/Simulation.h"
 #include "smartsurf/run/Worlds.h"
 #include "smartsurf/run/cli/FlagValues.h"
 #include "smartsurf/run/cli/Subcommands.h"
+#include "smartsurf/simulation/Simulation.h"
 #include "smartsurf/world/bullet/EngineFactory.h"
 
 namespace smartsurf::run {

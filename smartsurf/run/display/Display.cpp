@@ -69,7 +69,8 @@ view::Status Display::make_view_status(const DisplayStatus& display_status, bool
   return status;
 }
 
-bool Display::frame_due(const simulation::Simulation& simulation, std::chrono::steady_clock::time_point now) const {
+bool Display::frame_due(const simulation::Simulation& simulation,
+                        std::chrono::steady_clock::time_point now) const {
   const bool unchanged = simulation.snapshot().tick == last_drawn_tick_ && !window_->needs_redraw();
   return now >=
          (unchanged ? std::max(next_frame_time_, last_draw_time_ + kIdleFrameInterval) : next_frame_time_);

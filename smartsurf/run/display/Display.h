@@ -8,11 +8,11 @@
 #include <string>
 #include <vector>
 
-#include "smartsurf/simulation/Simulation.h"
 #include "smartsurf/run/cli/RunOptions.h"
 #include "smartsurf/run/display/SnapshotHistory.h"
 #include "smartsurf/run/display/UserInteraction.h"
 #include "smartsurf/run/display/ViewChannels.h"
+#include "smartsurf/simulation/Simulation.h"
 #include "smartsurf/view/interaction/Controls.h"
 
 namespace smartsurf::view {

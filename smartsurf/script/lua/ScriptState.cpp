@@ -141,7 +141,8 @@ std::uint64_t describe(lua_State* L) {
   return hash;
 }
 
-std::int64_t number_all(ScriptContext* context, lua_State* L, std::int64_t count, std::uint64_t& fingerprint) {
+std::int64_t number_all(ScriptContext* context, lua_State* L, std::int64_t count,
+                        std::uint64_t& fingerprint) {
   luaL_getsubtable(L, LUA_REGISTRYINDEX, kObjects);
   luaL_getsubtable(L, LUA_REGISTRYINDEX, kNumbers);
   const int objects = lua_gettop(L) - 1;
@@ -164,10 +165,12 @@ std::int64_t number_all(ScriptContext* context, lua_State* L, std::int64_t count
     lua_Debug ar;
     lua_pushvalue(L, -1);
     lua_getinfo(L, ">S", &ar);
-    if (ar.linedefined > 0) where = " (" + std::string(ar.short_src) + ":" + std::to_string(ar.linedefined) + ")";
+    if (ar.linedefined > 0)
+      where = " (" + std::string(ar.short_src) + ":" + std::to_string(ar.linedefined) + ")";
   }
-  throw ScriptError("save: the script holds " + std::string(what) + where +
-                    ", created while the simulation ran, which cannot be saved: create it while the script loads");
+  throw ScriptError(
+      "save: the script holds " + std::string(what) + where +
+      ", created while the simulation ran, which cannot be saved: create it while the script loads");
 }
 
 // One pass of saving: values refer to objects by number, new tables follow the known objects.
@@ -436,9 +439,7 @@ class Reader {
 
 }  // namespace
 
-void ScriptState::number_library(lua_State* L) {
-  library_count_ = number_all(nullptr, L, 0, fingerprint_);
-}
+void ScriptState::number_library(lua_State* L) { library_count_ = number_all(nullptr, L, 0, fingerprint_); }
 
 void ScriptState::number_script(ScriptContext& context, lua_State* L) {
   known_count_ = number_all(&context, L, library_count_, fingerprint_);

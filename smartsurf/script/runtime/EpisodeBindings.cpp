@@ -52,8 +52,8 @@ int info(ScriptContext& context, lua_State* L) {
     if (lua_type(L, -1) == LUA_TFUNCTION)
       field.callback = store_callback(context, L, -1, subject);
     else if (lua_isinteger(L, -1) != 0)
-      field.object = static_cast<scene::ObjectId>(check_integer(
-          L, -1, subject, 0, static_cast<std::int64_t>(context.spec.objects.size()) - 1));
+      field.object = static_cast<scene::ObjectId>(
+          check_integer(L, -1, subject, 0, static_cast<std::int64_t>(context.spec.objects.size()) - 1));
     else
       throw_invalid_value(L, -1, subject, "the id of an object or a function");
     context.info.push_back(std::move(field));

@@ -31,6 +31,18 @@ class Bench(ProgramTest):
             self.assertIn("(bench-physics.svg)", text)
             self.assertIn("</svg>", (self.folder / "out/bench-physics.svg").read_text())
 
+    def test_report_of_environments(self):
+        def line(who, rate, **more):
+            return {"who": who, "case": "8x8 1", "steps_per_s": rate, **more}
+        self.measured("python", [line("VectorEnv, 1", 20000, python_share=0.3, mib=1),
+                                 line("VectorEnv, 1024", 300000, python_share=0.02, mib=97),
+                                 {"who": "Simulation", "case": "8x8 1", "save_us": 9, "restore_us": 10, "reset_us": 40},
+                                 line("MuJoCo rollout", 5000)])
+        text = self.report()
+        self.assertIn("| VectorEnv, 1024 | 300000 |", text)
+        self.assertIn("Python takes at most 2.0 %. 1024 worlds occupy 97 MiB (8x8 1).", text)
+        self.assertIn("| reset | 40 |", text)
+
     def test_report_flags_different_results(self):
         def line(who, us, agrees):
             return {"benchmark": "arrays", "case": "W2 64", "who": who, "least_us": us, "median_us": us, "checksum_agrees": agrees}

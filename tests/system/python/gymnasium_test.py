@@ -147,6 +147,21 @@ class VectorEnvironments(ExperimentTest):
         o2, _ = plain.reset(seed=1)
         np.testing.assert_array_equal(o2, envs.reset(seed=1)[0])
 
+    def test_a_state_of_one_world_continues_in_the_others(self):
+        envs = smartsurf.VectorEnv(self.script(CROWD), 3, 2)
+        envs.reset(seed=1)
+        for tick in range(20):
+            envs.step(sampled(envs.action_space, tick))
+        state = envs.save(1)
+        for world in range(3):
+            observation = envs.restore(world, state)
+        np.testing.assert_array_equal(observation, envs._observations[1])
+        action = np.broadcast_to(sampled(envs.single_action_space, 1), envs.action_space.shape)
+        for _ in range(20):
+            observations, rewards, *_, infos = envs.step(action)
+        self.assertEqual(len({envs.state_hash(i) for i in range(3)}), 1)
+        self.assertEqual((infos["seed"].tolist(), len(set(rewards))), ([2, 2, 2], 1))
+
     def test_a_forked_child_goes_on(self):
         envs = smartsurf.VectorEnv(self.script(CROWD), 8, 2)
         envs.reset(seed=1)

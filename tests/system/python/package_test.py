@@ -251,6 +251,23 @@ class Errors(ExperimentTest):
             with self.assertRaisesRegex(ValueError, message):
                 s.step(actions)
 
+    def test_an_episode_that_cannot_start(self):
+        s = smartsurf.Simulation(self.script("surface { rows = 4, columns = 4, actuator = pin {} }\n"
+                                             "on_reset(function() assert(random() > 0.5, 'bad luck') end)"), seed=1)
+        lucky, seed, objects = s.state_hash, 1, s.objects
+        for seed in range(2, 40):
+            try:
+                s.reset(seed)
+            except smartsurf.Error as error:
+                self.assertIn("bad luck", str(error))
+                break
+        for call in (s.step, s.save, s.finish, lambda: s.objects, lambda: s.state_hash, lambda: s.info):
+            with self.assertRaisesRegex(smartsurf.Error, "reset it"):
+                call()
+        s.reset(1)
+        self.assertEqual(s.state_hash, lucky)
+        s.step()
+
     def test_errors_of_the_running_script(self):
         base = "surface { rows = 4, columns = 4, actuator = pin {} }\n"
         for line, message in (("on_tick(function() error('no') end)", "experiment.lua:2: no"),
@@ -260,6 +277,11 @@ class Errors(ExperimentTest):
             s = smartsurf.Simulation(self.script(base + line))
             with self.assertRaisesRegex(smartsurf.Error, message):
                 s.step()
+            if line.startswith("on_tick"):  # the tick is incomplete
+                with self.assertRaisesRegex(smartsurf.Error, "the episode has failed: reset it"):
+                    s.step()
+                with self.assertRaisesRegex(smartsurf.Error, "the episode has failed: reset it"):
+                    s.save()
             s.reset(1)
         for line, message in (("info { x = 'y' }", "info.x = 'y': must be"), ("info { x = 0 }", "info.x = 0: must be"),
                               ("episode { seconds = 0 }", r"episode.seconds = 0: must be"),

@@ -30,7 +30,7 @@ struct UserInteractionTest : testing::Test {
     return interacted;
   }
   script::Experiment script;
-  Simulation simulation;
+  simulation::Simulation simulation;
   UserInteraction interaction;
   InteractionRequests requests;
 };

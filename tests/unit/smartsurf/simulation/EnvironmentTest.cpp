@@ -43,7 +43,8 @@ reward(function() return random() end)
 class EnvironmentTest : public testing::TestWithParam<const char*> {
  protected:
   EnvironmentTest()
-      : path_(std::filesystem::temp_directory_path() / ("environment_test_" + std::to_string(getpid()) + ".lua")) {
+      : path_(std::filesystem::temp_directory_path() /
+              ("environment_test_" + std::to_string(getpid()) + ".lua")) {
     std::ofstream(path_) << GetParam();
   }
   ~EnvironmentTest() override { std::filesystem::remove(path_); }
@@ -58,8 +59,7 @@ class EnvironmentTest : public testing::TestWithParam<const char*> {
   // Targets that change every fifth tick.
   static std::vector<float> targets(std::size_t cells, std::uint64_t tick) {
     std::vector<float> out(cells);
-    for (std::size_t i = 0; i < cells; ++i)
-      out[i] = static_cast<float>((i * 7 + tick / 5 * 13) % 17) / 8.0F;
+    for (std::size_t i = 0; i < cells; ++i) out[i] = static_cast<float>((i * 7 + tick / 5 * 13) % 17) / 8.0F;
     return out;
   }
   struct Tick {
@@ -74,7 +74,8 @@ class EnvironmentTest : public testing::TestWithParam<const char*> {
       e.set_targets(0, targets(static_cast<std::size_t>(e.scene().surface.cell_count()),
                                e.simulation().snapshot().tick));
       const double reward = e.step().reward;
-      trace.push_back({e.simulation().snapshot().state_hash, reward, std::vector<float>(e.observation_size())});
+      trace.push_back(
+          {e.simulation().snapshot().state_hash, reward, std::vector<float>(e.observation_size())});
       e.observe(trace.back().observation);
     }
     return trace;
