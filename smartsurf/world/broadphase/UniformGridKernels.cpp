@@ -37,6 +37,8 @@ int find_overlaps_for_target(const BoundingSpheres& s, int self, std::span<const
   return static_cast<int>(count);
 }
 
+auto* find_overlaps_kernel() { return &find_overlaps_for_target; }
+
 }  // namespace
 }  // namespace HWY_NAMESPACE
 }  // namespace smartsurf::world
@@ -45,11 +47,12 @@ HWY_AFTER_NAMESPACE();
 #if HWY_ONCE
 namespace smartsurf::world {
 
-HWY_EXPORT(find_overlaps_for_target);
+HWY_EXPORT(find_overlaps_kernel);
 
 int find_overlaps(const BoundingSpheres& spheres, int self, std::span<const IndexRange> runs,
                   std::int32_t* found) {
-  return HWY_DYNAMIC_DISPATCH(find_overlaps_for_target)(spheres, self, runs, found);
+  static const auto kKernel = HWY_DYNAMIC_DISPATCH(find_overlaps_kernel)();
+  return kKernel(spheres, self, runs, found);
 }
 
 }  // namespace smartsurf::world

@@ -85,6 +85,9 @@ class ConstraintGraph {
   int manifold(int batch, int lane) const {
     return sorted_manifolds_[static_cast<std::size_t>(batch_start_[static_cast<std::size_t>(batch)] + lane)];
   }
+  int lane_count(int batch) const {
+    return batch_start_[static_cast<std::size_t>(batch) + 1] - batch_start_[static_cast<std::size_t>(batch)];
+  }
   int point_count() const { return first_point_.back(); }
 
  private:

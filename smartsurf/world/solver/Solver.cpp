@@ -127,6 +127,7 @@ void Solver::run_stages(StepContext& context, const Member& member) {
   member.arrive_and_wait();
   for (const BatchRange& run : graph_.own_batches(member))
     for (int i = run.first; i < run.first + run.count; ++i) {
+      prefetch_contacts(context, run.kind, i + 1);
       prepare_batch(context, run.kind, i);
       if (context.may_impact()) find_impact_candidates(context, run.kind, i, member);
     }
@@ -152,7 +153,10 @@ void Solver::run_stages(StepContext& context, const Member& member) {
   }
   if (has_supports_) member.wait();  // support patches change impulses in batches of other members
   for (const BatchRange& run : graph_.own_batches(member))
-    for (int i = run.first; i < run.first + run.count; ++i) store_impulses(context, run.kind, i);
+    for (int i = run.first; i < run.first + run.count; ++i) {
+      prefetch_contacts(context, run.kind, i + 1);
+      store_impulses(context, run.kind, i);
+    }
   if (context.may_impact())
     member.single([&] { solve_impacts(context); });
   else
@@ -161,6 +165,21 @@ void Solver::run_stages(StepContext& context, const Member& member) {
 }
 
 // ---- contacts to SIMD batches and back
+
+// Batches are in the order of colours, so their contacts lie anywhere in the list.
+void Solver::prefetch_contacts(StepContext& context, ContactKind kind, int index) const {
+  constexpr std::size_t kLine = 64;
+  if (index >= graph_.batch_count()) return;
+  const ContactList& list = context.contact_list(kind);
+  for (int lane = 0; lane < graph_.lane_count(index); ++lane) {
+    const auto manifold = static_cast<std::size_t>(graph_.manifold(index, lane));
+    if (manifold >= list.manifolds.size()) return;  // a batch of another kind
+    const Manifold& m = list.manifolds[manifold];
+    const auto* const begin = reinterpret_cast<const char*>(list.contacts.data() + m.first);
+    for (std::size_t at = 0; at < static_cast<std::size_t>(m.count) * sizeof(Contact); at += kLine)
+      __builtin_prefetch(begin + at, 1);
+  }
+}
 
 void Solver::prepare_batch(StepContext& context, ContactKind kind, int index) {
   ContactBatch& o = graph_.reset_batch(index);

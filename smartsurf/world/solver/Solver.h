@@ -61,6 +61,7 @@ class Solver {
   void resize_buffers(const SpatialPartition&, int member_count, bool has_cell_limits);
   void run_stages(StepContext&, const Member&);
   void prepare_batch(StepContext&, ContactKind, int batch);
+  void prefetch_contacts(StepContext&, ContactKind, int batch) const;
   void set_batch_bodies(StepContext&, ContactBatch&, int index, ContactKind);
   void clear_points(const ContactBatch&);
   void clear_details(const ContactBatch&, bool all);
