@@ -85,7 +85,6 @@ void CollisionPipeline::update_broadphase(const BodyStore& bodies, const Member&
     compute_large_radius(bodies);
     query_radius_.resize(bodies.bounding_radius.size());
     speculative_margin_.resize(bodies.bounding_radius.size());
-    half_extents_.resize(bodies.bounding_radius.size());
   });
   const auto own = own_bodies(member);
   compute_query_radii(bodies, own);
@@ -236,7 +235,6 @@ void CollisionPipeline::compute_query_radii(const BodyStore& bodies, std::span<c
       if (!bodies.is_sphere[i]) travel += bodies.angular_velocity(i).norm() * bodies.bounding_radius[i];
     }
     speculative_margin_[i] = std::max(kMinSpeculativeMargin, travel * dt_s_);
-    if (!bodies.is_sphere[i]) half_extents_[i] = bodies.axes[i].cwiseAbs() * bodies.shape[i]->half_extents;
     // Static bodies count as large: other bodies query them, and they do not query others.
     query_radius_[i] = bodies.is_static(i) ? 1e30F
                                            : bodies.bounding_radius[i] +
@@ -403,10 +401,6 @@ void CollisionPipeline::collide_pair(const BodyStore& bodies, std::size_t i, std
   if (!bodies.is_active(i) && !bodies.is_active(j)) return;
   const std::size_t a = std::min(i, j), b = std::max(i, j);
   const bool has_sphere = bodies.is_sphere[a] || bodies.is_sphere[b];
-  if (!has_sphere) {
-    const Vec3 gap = (bodies.position[a] - bodies.position[b]).cwiseAbs() - half_extents_[a] - half_extents_[b];
-    if (gap.maxCoeff() > speculative_margin_[a] + speculative_margin_[b]) return;
-  }
   ContactList& pair_contacts = results.pair_contacts;
   if (pair_contacts.manifolds.size() >= max_pairs_) {
     results.overloaded = true;

@@ -69,10 +69,11 @@ int metric(ScriptContext& context, lua_State* L) {
   return 0;
 }
 
-// stop(), stop(message) or stop(message, success)
+// stop(), stop(message) or stop(message, success). As a callback, at(5, stop), it is called with the time and the tick.
 int stop(ScriptContext& context, lua_State* L) {
   constexpr std::size_t kMaxMessageLength = 200;
   require_running(context, "stop");
+  if (lua_type(L, 1) == LUA_TNUMBER) lua_settop(L, 0);
   std::string message;
   if (!lua_isnoneornil(L, 1)) {
     message = check_string(L, 1, "stop: message");

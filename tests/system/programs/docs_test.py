@@ -54,7 +54,7 @@ class Docs(ProgramTest):
                     continue
                 total += 1
                 if "--window" in arguments:
-                    arguments[arguments.index("--window")] = "--headless"
+                    arguments[arguments.index("--window")] = "--headless" if program == "smartsurf" else "--threads=1"
                 executable = sys.executable if program == "python3" else str(BIN / program)
                 child = subprocess.Popen([executable, *(a for a in arguments if a != "&")], cwd=folder, text=True, env=PYTHON_CLIENT,
                                          stdout=subprocess.PIPE, stderr=subprocess.PIPE)

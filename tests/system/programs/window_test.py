@@ -43,7 +43,7 @@ class ApronPictures(ProgramTest):
     def test_invalid_flags_report_one_line_and_leave_no_file(self):
         program = self.write("a.aps", "!register(A)\nA = 1\n")
         for flags, word in ((["--screenshot", "a.jpg"], ".png"), (["--screenshot", "a.png@x"], "TICK"),
-                            (["--screenshot", "no/such/a.png"], "no folder"), (["--video", "a.mp4"], "--shm"),
+                            (["--screenshot", "no/such/a.png"], "no folder"), (["--video", "no/such/a.mp4"], "no folder"),
                             (["--hold"], "--window"), (["--show", "A"], "--window"),
                             (["--screenshot", "a.png", "--show", "B"], "no register 'B'"),
                             (["--screenshot", "a.png", "--geometry", "7"], "1280x800"),

@@ -85,7 +85,7 @@ end)
 )");
   simulation::Simulation s(experiment, 1, true);
   tick(s);
-  const run::ScriptRequests requests = s.take_requests();
+  const simulation::ScriptRequests requests = s.take_requests();
   EXPECT_TRUE(requests.stop);
   EXPECT_EQ(requests.stop_message, "seen");
   EXPECT_EQ(requests.success, false);
