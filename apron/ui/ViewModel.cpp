@@ -1,8 +1,8 @@
 #include "apron/ui/ViewModel.h"
 
-#include <charconv>
-#include <cctype>
 #include <algorithm>
+#include <cctype>
+#include <charconv>
 #include <cmath>
 #include <filesystem>
 

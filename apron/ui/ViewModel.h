@@ -135,14 +135,14 @@ class ViewModel {
   debugger::Cell probed_cell;
   bool probe_shown = false, profile_shown = false, temporaries_shown = false, help_shown = false,
        reload_requested = false;
-  bool follow_current_line = true;  // scroll the listing to the current line
-  bool speed_shown = true;          // measure and show ticks per second
-  int steps_per_s = 4;              // walking speed
-  bool walk_by_tick = false;        // else by line
+  bool follow_current_line = true;     // scroll the listing to the current line
+  bool speed_shown = true;             // measure and show ticks per second
+  int steps_per_s = 4;                 // walking speed
+  bool walk_by_tick = false;           // else by line
   std::array<char, 64> search_text{};  // of the search in the listing, zero-terminated
   std::optional<std::size_t> found_row;
   bool focus_search = false, scroll_to_found = false;
-  std::string notice;               // one line shown in red, such as an error in a reloaded program
+  std::string notice;  // one line shown in red, such as an error in a reloaded program
   std::vector<std::size_t> visible_thumbnails;  // registers whose thumbnails are scrolled into view
 
  private:

@@ -58,7 +58,7 @@ class Recording {
   std::span<const float> read_inputs(std::size_t tick) const;
 
   bool has_heights() const;
-  bool has_motion() const;   // false if all actuators are pins
+  bool has_motion() const;              // false if all actuators are pins
   bool has_angular_velocities() const;  // false for recordings of older versions, which lack the dataset
   bool has_objects() const;  // false if the experiment did not record objects; there are then no poses
   // Frames [first, first + count) × objects × 3, u; NaN where the object did not exist.

@@ -176,8 +176,7 @@ std::string describe_recording(const Recording& recording) {
   write_line(out, "seed", concat(recording.spec().world.seed));
   write_line(out, "physics", physics_text(recording));
   write_line(out, "surface", surface_text(recording.spec().surface));
-  if (!recording.spec().objects.empty())
-    write_line(out, "objects", objects_text(recording.spec().objects));
+  if (!recording.spec().objects.empty()) write_line(out, "objects", objects_text(recording.spec().objects));
   write_line(out, "frames", frames_text(recording));
   write_line(out, "outcome", outcome_text(recording));
   write_line(out, "state hash", state_text(recording));

@@ -144,8 +144,7 @@ void Run::start() {
   if (link_) {
     link_->endpoint().set_state(shm_protocol::State::kRunning);
     if (options_.mode == RunMode::kPassive && !controller_process_)
-      progress_.print_message(
-          fmt::format("running; a controller may attach with: {}", command_to_attach()));
+      progress_.print_message(fmt::format("running; a controller may attach with: {}", command_to_attach()));
     else if (!link_->endpoint().has_controller() && !wait_for_controller())
       return;
     if (!publish()) return;
@@ -287,10 +286,11 @@ void Run::check_silence() {
   }
   if (!silence_.empty() || Clock::now() - silent_since_ < kPatience) return;
   const bool starting = link_->endpoint().controller_state() == shm_protocol::State::kLoading;
-  silence_ = fmt::format("the controller (process {}) has not answered tick {} for 2 s: {}",
-                         link_->endpoint().controller_pid(), simulation_.snapshot().tick,
-                         starting ? "it is still starting"
-                                  : "does its program reach surface.step, or publish, in every turn of its loop?");
+  silence_ =
+      fmt::format("the controller (process {}) has not answered tick {} for 2 s: {}",
+                  link_->endpoint().controller_pid(), simulation_.snapshot().tick,
+                  starting ? "it is still starting"
+                           : "does its program reach surface.step, or publish, in every turn of its loop?");
   progress_.print_message(silence_);
 }
 

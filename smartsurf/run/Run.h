@@ -118,7 +118,7 @@ class Run {
   std::optional<std::uint64_t> first_interaction_tick_;  // the tick after which the user intervened
   std::string notice_;
   std::chrono::steady_clock::time_point silent_since_{};  // when the controller should have answered
-  std::string silence_;  // what was reported about it, or ""
+  std::string silence_;                                   // what was reported about it, or ""
   bool quit_by_script_ = false;
   std::optional<Restart> restart_;
   std::function<void(const simulation::Simulation&)> observer_;

@@ -1,5 +1,5 @@
-#include "common/threads/ThreadPool.h"
 #include "smartsurf/surface/SensorArray.h"
+#include "common/threads/ThreadPool.h"
 
 #include <algorithm>
 

@@ -337,14 +337,13 @@ void CollisionPipeline::collide_static(const BodyStore& bodies, std::size_t i, S
   out.manifolds.push_back({static_cast<std::int32_t>(i), kField, first, count});
   match_contacts(out, out.manifolds.back(), previous_contacts_.static_contacts(),
                  previous_contacts_.find_static(i, results.member), 0.15F * bodies.bounding_radius[i]);
-  if (field_contacts > 1 && !bodies.is_sphere[i])
-    find_support(bodies, i, margin, field_contacts, results);
+  if (field_contacts > 1 && !bodies.is_sphere[i]) find_support(bodies, i, margin, field_contacts, results);
 }
 
 // Finds the support patch of the body of the last manifold, and hands its load and friction over from the manifold's first
 // `field_contacts`, those with the field.
-void CollisionPipeline::find_support(const BodyStore& bodies, std::size_t i, float margin, std::size_t field_contacts,
-                                     SlabResults& results) const {
+void CollisionPipeline::find_support(const BodyStore& bodies, std::size_t i, float margin,
+                                     std::size_t field_contacts, SlabResults& results) const {
   SupportPatches& supports = *results.supports;
   Manifold& manifold = results.static_contacts.manifolds.back();
   std::vector<Contact>& list = results.static_contacts.contacts;

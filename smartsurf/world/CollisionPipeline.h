@@ -140,11 +140,11 @@ class CollisionPipeline {
   std::vector<LargeNeighbour> large_neighbours_;
   std::vector<std::int32_t> first_large_neighbour_;  // indexed by body: first entry in large_neighbours_
   PreviousContacts previous_contacts_;
-  std::vector<SlabResults> slab_results_;                   // one per slab
+  std::vector<SlabResults> slab_results_;                     // one per slab
   std::vector<SupportPatches> supports_, previous_supports_;  // one per slab
-  std::size_t max_pairs_ = 0;  // in one slab, in this step
+  std::size_t max_pairs_ = 0;                                 // in one slab, in this step
   bool overloaded_ = false;
-  std::size_t support_slabs_ = 0;                             // number of lists of this step in supports_
+  std::size_t support_slabs_ = 0;  // number of lists of this step in supports_
   struct SupportReference {
     std::int32_t slab, patch;  // slab < 0: none
   };

@@ -17,10 +17,10 @@ inline constexpr std::int32_t kField = -1, kGround = -2, kRemovedBody = -3, kSup
 
 // One contact point.
 struct Contact {
-  Vec3 normal;              // unit, towards body a
-  Vec3 anchor;              // from a's centre of mass to the point, world axes, u
-  float separation = 0.0F;  // along the normal, u; negative when penetrating
-  std::int32_t other = 0;   // static contacts: see above, or the index of a static body; pairs: unused
+  Vec3 normal;                     // unit, towards body a
+  Vec3 anchor;                     // from a's centre of mass to the point, world axes, u
+  float separation = 0.0F;         // along the normal, u; negative when penetrating
+  std::int32_t other = 0;          // static contacts: see above, or the index of a static body; pairs: unused
   std::int32_t feature_id = 0;     // field contacts: index of the cell, row-major
   Vec3 surface_velocity{0, 0, 0};  // of the static surface at the point, u/s
   float surface_spin = 0;          // of the static surface about the vertical, rad/s

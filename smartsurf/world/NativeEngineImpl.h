@@ -64,7 +64,7 @@ struct NativeEngine::Impl {
   JamRelief jam_relief;
   bool lowered_speeds = false;  // in this step
   bool overloaded = false;      // see Engine::is_overloaded()
-  bool has_wrenches = false;  // since the last step
+  bool has_wrenches = false;    // since the last step
   struct Load {
     std::int32_t cell;  // −1: not a field contact, or no impulse
     float impulse;

@@ -183,9 +183,8 @@ void NativeEngine::Impl::step_active_bodies(const Member& member) {
   if (!found) return;
   if (member.is_caller()) cell_impulses.resize(static_contacts.contacts.size());
   if (field.has_force_limit())
-    member.single([this] {
-      force_limits.distribute_limits(field, settings.dt_s, settings.substeps, static_contacts);
-    });
+    member.single(
+        [this] { force_limits.distribute_limits(field, settings.dt_s, settings.substeps, static_contacts); });
   solver.step(bodies,
               {collision.partition(), pair_contacts, static_contacts, collision.pair_ranges(),
                collision.static_ranges(), collision.supports(), force_limits.limits(), has_wrenches,

@@ -162,7 +162,8 @@ std::array<double, 5> bounded_loads(double total, double moment, double limit) {
 TEST(ForceLimit, LoadsAreTheLeastSquaresWithinTheLimits) {
   // A force at `lever` east of the middle of a box on 5 × 5 raised pins: no pin, one column, two columns give all.
   constexpr double kWeight = 25 * kGravity;
-  for (const auto& [force, lever, full] : {std::tuple{0.0, 0.0, 0}, {300.0, 1.0, 0}, {400.0, 1.0, 1}, {400.0, 1.3, 2}}) {
+  for (const auto& [force, lever, full] :
+       {std::tuple{0.0, 0.0, 0}, {300.0, 1.0, 0}, {400.0, 1.0, 1}, {400.0, 1.3, 2}}) {
     PhysicsFixture fixture;
     use_force_limited_pins(fixture);
     const auto id = fixture.add(with_weight(box({5, 5, 1}, {15, 15, 0.5}), kWeight));
@@ -175,12 +176,14 @@ TEST(ForceLimit, LoadsAreTheLeastSquaresWithinTheLimits) {
     fixture.world().apply_force(id, {0, 0, -force}, Eigen::Vector3d(15 + lever, 15, 2), 10.0);
     fixture.run(0.5);
     const auto expected = bounded_loads((kWeight + force) / 5, force * lever / 5, kMaxForce);
-    EXPECT_EQ(std::count_if(expected.begin(), expected.end(), [](double n) { return n > 0.999 * kMaxForce; }), full);
+    EXPECT_EQ(std::count_if(expected.begin(), expected.end(), [](double n) { return n > 0.999 * kMaxForce; }),
+              full);
     const auto& field = fixture.cells().field();
     for (int r = 0; r < 32; ++r)
       for (int c = 0; c < 32; ++c) {
         const bool is_covered = std::abs(c - 15) <= 2 && std::abs(31 - r - 15) <= 2;
-        const double load = static_cast<double>(field.impulse[static_cast<std::size_t>(field.index(r, c))]) * 240;
+        const double load =
+            static_cast<double>(field.impulse[static_cast<std::size_t>(field.index(r, c))]) * 240;
         EXPECT_NEAR(load, is_covered ? expected[static_cast<std::size_t>(c - 13)] : 0.0, 0.01 * kMaxForce)
             << force << " at " << lever << ", " << c << ' ' << 31 - r;
       }

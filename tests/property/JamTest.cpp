@@ -68,20 +68,29 @@ class Jam {
   // Nothing is commanded any more: the jam must not go deeper.
   void rest(double seconds) { run(seconds); }
 
-  double deepest = 0.0, last = 0.0;          // in cells, u: ever, and at the end
-  double overlap_deepest = 0.0;  // of two objects, u
+  double deepest = 0.0, last = 0.0;  // in cells, u: ever, and at the end
+  double overlap_deepest = 0.0;      // of two objects, u
 
  private:
   double uniform(double from, double to) { return std::uniform_real_distribution<double>(from, to)(random_); }
 
   void add(JamShape shape, int i) {
-    const Eigen::Vector3d at(3.0 + 3.6 * (i % 4) + uniform(-0.3, 0.3), 3.0 + 3.6 * (i / 4) + uniform(-0.3, 0.3), 1.9);
+    const Eigen::Vector3d at(3.0 + 3.6 * (i % 4) + uniform(-0.3, 0.3),
+                             3.0 + 3.6 * (i / 4) + uniform(-0.3, 0.3), 1.9);
     scene::ObjectSpec o;
     switch (shape) {
-      case JamShape::kSphere: o = sphere(uniform(0.9, 1.4), at); break;
-      case JamShape::kBox: o = box({uniform(1.5, 2.6), uniform(1.5, 2.6), uniform(1.2, 2.4)}, at); break;
-      case JamShape::kCylinder: o = cylinder(uniform(0.8, 1.3), uniform(1.2, 2.4), at); break;
-      case JamShape::kCapsule: o = capsule(uniform(0.6, 0.9), uniform(2.0, 2.8), at); break;
+      case JamShape::kSphere:
+        o = sphere(uniform(0.9, 1.4), at);
+        break;
+      case JamShape::kBox:
+        o = box({uniform(1.5, 2.6), uniform(1.5, 2.6), uniform(1.2, 2.4)}, at);
+        break;
+      case JamShape::kCylinder:
+        o = cylinder(uniform(0.8, 1.3), uniform(1.2, 2.4), at);
+        break;
+      case JamShape::kCapsule:
+        o = capsule(uniform(0.6, 0.9), uniform(2.0, 2.8), at);
+        break;
       case JamShape::kHull: {
         std::normal_distribution<double> normal;
         std::vector<Eigen::Vector3d> corners(12);
@@ -142,10 +151,11 @@ void expect_shallow_jams(JamShape shape, double dt_s, int seeds) {
     const double before = jam.last;
     jam.rest(1.0);
     if (std::getenv("JAM_REPORT"))
-      std::printf("%-9s seed %2d  1/%.0f s  in cells %.4f  end %.4f  overlap %.4f\n", name_of(shape), seed, 1 / dt_s,
-                  jam.deepest, jam.last, jam.overlap_deepest);
+      std::printf("%-9s seed %2d  1/%.0f s  in cells %.4f  end %.4f  overlap %.4f\n", name_of(shape), seed,
+                  1 / dt_s, jam.deepest, jam.last, jam.overlap_deepest);
     EXPECT_LE(jam.deepest, bound) << name_of(shape) << ", seed " << seed;
-    EXPECT_LE(jam.last, std::max(before, 0.5 * bound)) << name_of(shape) << ", seed " << seed << ": still sinking";
+    EXPECT_LE(jam.last, std::max(before, 0.5 * bound))
+        << name_of(shape) << ", seed " << seed << ": still sinking";
   }
 }
 

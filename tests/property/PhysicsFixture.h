@@ -26,7 +26,7 @@ class PhysicsFixture {
   // The current state; valid until the next call of this or of an accessor below.
   const smartsurf::scene::Snapshot& snapshot();
 
-  int threads = 1;  // of the world's pool
+  int threads = 1;                // of the world's pool
   double cell_force_limit = 0.0;  // of every cell, mass·u/s²; 0: none
 
   smartsurf::surface::ActuatorArray& cells();

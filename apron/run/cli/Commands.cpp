@@ -78,7 +78,8 @@ bool write_profile(const program::Program& program, const std::vector<vm::Instru
                    std::uint64_t ticks, const std::optional<CostModel>& model, const Options& options) {
   const std::error_code error =
       common::replace_file(options.profile, profile_json(program, profile, ticks, model));
-  if (error) print_error(common::kFailed, "error: cannot write '" + options.profile + "': " + error.message());
+  if (error)
+    print_error(common::kFailed, "error: cannot write '" + options.profile + "': " + error.message());
   return !error;
 }
 
@@ -167,7 +168,8 @@ int compile_and_run(const Options& options, std::uint32_t width, std::uint32_t h
       return print_error(common::kUserError, "error: " + error);
     RunResult ran;
     if (options.uses_ui()) {
-      UiRunResult ui_result = run_with_ui({options, *compiled, width, height, host, callbacks.on_pause, callbacks.on_finish});
+      UiRunResult ui_result =
+          run_with_ui({options, *compiled, width, height, host, callbacks.on_pause, callbacks.on_finish});
       if (!ui_result.ui_error.empty()) return print_error(common::kUserError, "error: " + ui_result.ui_error);
       ran = {ui_result.status, std::move(ui_result.error), std::move(ui_result.save_error), ui_result.ticks,
              std::move(ui_result.profile)};

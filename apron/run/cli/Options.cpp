@@ -203,10 +203,10 @@ void add_run_options(CLI::App& run, RawOptions& raw) {
       ->check(seconds_validator());
   run.add_flag("--window", raw.options.window, "open a window with registers, program and controls");
   run.add_flag("--hold", raw.options.hold, "with --window: start paused before the first line");
-  run.add_option(
-         "--geometry", raw.geometry,
-         "size of the window or picture, and position of the window ('beside', the default with --shm: next to "
-         "the simulator's)")
+  run.add_option("--geometry", raw.geometry,
+                 "size of the window or picture, and position of the window ('beside', the default with "
+                 "--shm: next to "
+                 "the simulator's)")
       ->type_name("WxH[+X+Y]");
   run.add_option("--show", raw.options.show, "register to enlarge at the start")->type_name("REGISTER");
   run.add_option("--screenshot", raw.screenshots,

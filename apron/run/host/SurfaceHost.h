@@ -80,7 +80,7 @@ class SurfaceHost final : public LocalHost {
   bool has_published_ = false;     // at least one frame
   bool free_run_ = false;
   std::atomic<bool> detached_{false};  // read by the user interface's thread
-  bool answered_ = false;          // the current frame is answered; waiting for the next was interrupted
+  bool answered_ = false;              // the current frame is answered; waiting for the next was interrupted
 };
 
 }  // namespace apron::run

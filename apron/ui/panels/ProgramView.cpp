@@ -139,7 +139,8 @@ void draw_search(DrawContext& context) {
   if (ImGui::IsItemHovered()) ImGui::SetTooltip("Ctrl-F; Enter: next");
   if (!next && !ImGui::IsItemEdited()) return;
   if (next) ImGui::SetKeyboardFocusHere(-1);
-  model.found_row = model.find_row(model.search_text.data(), next && model.found_row ? *model.found_row + 1 : 0);
+  model.found_row =
+      model.find_row(model.search_text.data(), next && model.found_row ? *model.found_row + 1 : 0);
   model.scroll_to_found = model.found_row.has_value();
   if (model.found_row) model.follow_current_line = false;
 }

@@ -65,8 +65,8 @@ class SegmentFile {
 
 struct Segment::Impl {
   std::string name;            // final name
-  std::string path;                // of the final name
-  std::string temporary_path;      // of the private name, until renamed into place
+  std::string path;            // of the final name
+  std::string temporary_path;  // of the private name, until renamed into place
   SegmentFile file;
   bip::mapped_region region;
   pid_t builder = 0;

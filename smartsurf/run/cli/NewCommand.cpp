@@ -15,7 +15,8 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr const char* kExperiment = R"(-- A table of pins, each with a sensor that measures the distance to the object above it.
+constexpr const char* kExperiment =
+    R"(-- A table of pins, each with a sensor that measures the distance to the object above it.
 -- docs/experiments.md describes every field.
 local count = option('count', 4, 'number of balls')
 
@@ -56,9 +57,10 @@ int new_command(const std::string& name) {
   }
   replace_output_file("new", experiment.string(), kExperiment);
   replace_output_file("new", program.string(), kProgram);
-  fmt::print("wrote {0} and {1}; run them with\n"
-             "  smartsurf run {0} --controller {1} --until 10 --window\n",
-             experiment.string(), program.string());
+  fmt::print(
+      "wrote {0} and {1}; run them with\n"
+      "  smartsurf run {0} --controller {1} --until 10 --window\n",
+      experiment.string(), program.string());
   return common::kDone;
 }
 

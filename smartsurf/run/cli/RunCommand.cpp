@@ -23,7 +23,8 @@ namespace {
 // The flags of `run` as given on the command line, before validation.
 struct RunFlags {
   std::string experiment, mode = "time-step", pace, controller, shm, stats, video;
-  bool window = false, headless = false, paused = false, close = false, no_controller = false, unsafe = false, help = false;
+  bool window = false, headless = false, paused = false, close = false, no_controller = false, unsafe = false,
+       help = false;
   std::vector<std::string> set, controller_set, record, screenshot;
   RenderFlags render;
   std::optional<std::uint64_t> seed, ticks;

@@ -22,9 +22,9 @@ struct RunOptions {
   std::string experiment;
   std::string command_line;  // as typed; stored in recordings
   bool window = false;
-  bool paused = false;  // start paused; needs a window
+  bool paused = false;   // start paused; needs a window
   bool summary = false;  // print one line at the end: outcome, speed, files
-  bool close = false;   // close the window at the end instead of showing the result
+  bool close = false;    // close the window at the end instead of showing the result
   RunMode mode = RunMode::kTimeStep;
   // Simulated seconds per wall second; nullopt: as fast as possible.
   std::optional<double> pace;

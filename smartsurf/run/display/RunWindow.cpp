@@ -95,8 +95,7 @@ view::Banner Run::result_banner() const {
   view::Banner banner;
   if (success) banner.tone = *success ? view::Banner::Tone::kSuccess : view::Banner::Tone::kFailure;
   banner.title = ending_->title.empty() ? ending_->outcome : ending_->title;
-  banner.title.front() =
-      static_cast<char>(std::toupper(static_cast<unsigned char>(banner.title.front())));
+  banner.title.front() = static_cast<char>(std::toupper(static_cast<unsigned char>(banner.title.front())));
   banner.lines.push_back(fmt::format("{:.2f} s simulated in {:.1f} s ({:.3g}x real time)", s.simulated_s,
                                      s.wall_s, s.real_time_factor()));
   constexpr std::size_t kMaxMetrics = 8;

@@ -156,7 +156,8 @@ ShaderSources mesh_shaders(RenderPass pass, bool capsule) {
 }
 
 ShaderSources wireframe_shaders(bool capsule) {
-  return {shader_preamble(RenderPass::kColour) + shape_define(capsule) + kObjectAttributes + kHalo + kWireframeVertex,
+  return {shader_preamble(RenderPass::kColour) + shape_define(capsule) + kObjectAttributes + kHalo +
+              kWireframeVertex,
           "#version 330 core\nin vec4 paint;\nout vec4 pixel;\nvoid main() { pixel = paint; }\n"};
 }
 

@@ -43,7 +43,7 @@ struct Status {
   double physics_ms = 0.0;       // wall-clock time of one tick's physics
   std::optional<double> purity;  // [0, 1]; only if the experiment defines it
   std::optional<Timeline> timeline;
-  std::string notice;                // one line, shown while not empty
+  std::string notice;  // one line, shown while not empty
   std::optional<Banner> banner;
   bool has_contacts = false;         // FrameInput::contacts is filled on request
   bool accepts_interaction = false;  // the simulation accepts pulls, pokes and new objects

@@ -69,8 +69,7 @@ void add_outline(std::vector<Line>& lines, const Eigen::Vector3d& centre, const 
       local = corner * half.x() + Eigen::Vector3d(0.0, 0.0, std::copysign(half.z() - half.x(), corner.z()));
     return to_float3(centre + turn * (kEnlarged * local));
   };
-  for (std::size_t i = 0; i + 6 <= points.size(); i += 6)
-    lines.push_back({placed(i), placed(i + 3), colour});
+  for (std::size_t i = 0; i + 6 <= points.size(); i += 6) lines.push_back({placed(i), placed(i + 3), colour});
 }
 
 }  // namespace

@@ -90,8 +90,8 @@ Camera Camera::fit_to_surface(const scene::SurfaceSpec& surface, CameraPreset pr
     const bool is_beside = beside <= below;
     if (std::min(beside, below) - target_depth <= kMaxShrinking * (eye_depth - target_depth))
       eye_depth = std::min(beside, below);
-    offset_x = is_beside ? std::max(x_unobstructed.offset(eye_depth), x.min_offset(eye_depth))
-                         : x.offset(eye_depth);
+    offset_x =
+        is_beside ? std::max(x_unobstructed.offset(eye_depth), x.min_offset(eye_depth)) : x.offset(eye_depth);
     if (is_beside) y_unobstructed = y;
   }
   camera.distance_ = camera.reference_distance_ = eye_depth - target_depth;

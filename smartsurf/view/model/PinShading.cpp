@@ -146,9 +146,10 @@ std::span<const PinInstance> PinShading::update(const scene::Snapshot& snapshot,
     const float lower =
         recess.empty() || !inside ? 0.0f : recess[static_cast<std::size_t>(surface_.index(row, column))];
     const float height = height_at(snapshot, row, column) - lower;
-    const bool lowered = inside && surface_.border_height &&
-                         ((near_walls.west && column == 0) || (near_walls.south && row == surface_.rows - 1) ||
-                          (near_walls.east && column == surface_.columns - 1) || (near_walls.north && row == 0));
+    const bool lowered =
+        inside && surface_.border_height &&
+        ((near_walls.west && column == 0) || (near_walls.south && row == surface_.rows - 1) ||
+         (near_walls.east && column == surface_.columns - 1) || (near_walls.north && row == 0));
     return lowered ? std::min(height, wall_height_) : height;
   };
   std::size_t next = 0;

@@ -51,7 +51,8 @@ void CellForceLimits::collect_bodies_on_cells(const surface::Field& field, int s
       body_of_contact_[static_cast<std::size_t>(k)] = body;
       BodyOnCell& on_cell = bodies_on_cells_[static_cast<std::size_t>(body)];
       on_cell.demand += c.normal_impulse * c.normal.z();
-      if (std::isfinite(c.max_cell_impulse)) on_cell.last_share = std::max(on_cell.last_share, c.max_cell_impulse);
+      if (std::isfinite(c.max_cell_impulse))
+        on_cell.last_share = std::max(on_cell.last_share, c.max_cell_impulse);
       ++on_cell.contact_count;
       limits_[static_cast<std::size_t>(k)] = {field.no_load_speed[cell], field.speed[cell], first - k};
     });
@@ -120,17 +121,22 @@ void CellForceLimits::yield_overloaded_cells(const BodyStore& bodies, const Cont
       const float room = c.separation + kYieldingOverlap;
       // Out of a deep penetration the cell retreats under any load, and lifts the body from there.
       if (room < -kYieldingOverlap)
-        field.speed[cell] = std::min(field.speed[cell], std::max(kResolvedPerStep * room / dt_s, -kMaxRetreatSpeed));
+        field.speed[cell] =
+            std::min(field.speed[cell], std::max(kResolvedPerStep * room / dt_s, -kMaxRetreatSpeed));
       if (body_load_[cell] < BatchPointLimit::kYielding * capacity_of(body) ||
           load_[cell] < BatchPointLimit::kYielding * capacity_[cell])
         return;
       const DeltaPose& shift = bodies.delta_pose[static_cast<std::size_t>(m.a)];
       const Vec3 moved = Vec3(shift.translation) + Vec3(shift.rotation).cross(c.anchor);
-      const float motor_speed = field.no_load_speed[cell] * (1.0F - load_[cell] / (field.force_limit[cell] * dt_s));
+      const float motor_speed =
+          field.no_load_speed[cell] * (1.0F - load_[cell] / (field.force_limit[cell] * dt_s));
       field.speed[cell] = std::min(field.speed[cell], std::max(motor_speed, 0.0F));
-      field.speed[cell] = std::min(field.speed[cell], ((room < 0.0F ? kResolvedPerStep * room : room) + c.normal.dot(moved)) / (c.normal.z() * dt_s));
+      field.speed[cell] =
+          std::min(field.speed[cell], ((room < 0.0F ? kResolvedPerStep * room : room) + c.normal.dot(moved)) /
+                                          (c.normal.z() * dt_s));
     });
-    for_each_limited(field, static_contacts, m, [&](const Contact& c, int) { body_load_[cell_of(c)] = 0.0F; });
+    for_each_limited(field, static_contacts, m,
+                     [&](const Contact& c, int) { body_load_[cell_of(c)] = 0.0F; });
   }
   for (const BodyOnCell& body : bodies_on_cells_) load_[body.cell] = capacity_[body.cell] = 0.0F;
 }

@@ -37,13 +37,13 @@ class JamRelief {
  private:
   struct StalledCell {
     std::int32_t cell;
-    float speed;    // upper bound, lower bound if it descends, u/s
+    float speed;  // upper bound, lower bound if it descends, u/s
     bool descends;
   };
   float min_depth_;
   std::vector<StalledCell> stalled_, held_;  // in this step, and in the last one
   std::vector<float> planned_speed_;         // by cell, of held cells; otherwise 0, u/s
-  std::vector<float> depth_;  // by body; zero between calls
+  std::vector<float> depth_;                 // by body; zero between calls
 };
 
 }  // namespace smartsurf::world

@@ -386,14 +386,15 @@ void merge_cells(SupportSamples& s, std::size_t first) {
 bool add_shares(const SupportPatch& patch, std::span<const Contact> contacts, SupportPatches& out) {
   struct Points {
     int count = 0;
-    float x = 0, y = 0;              // mean
-    float xx = 0, xy = 0, yy = 0;    // second moments about the mean
+    float x = 0, y = 0;                                    // mean
+    float xx = 0, xy = 0, yy = 0;                          // second moments about the mean
     float offset_x = 0, offset_y = 0, least_share = 1.0F;  // of the sample from the mean
   };
   thread_local std::vector<Points> of_sample;
   of_sample.assign(static_cast<std::size_t>(patch.count), {});
   SupportSamples& s = out.samples;
-  const auto first = static_cast<std::size_t>(patch.first), first_point = static_cast<std::size_t>(patch.first_point);
+  const auto first = static_cast<std::size_t>(patch.first),
+             first_point = static_cast<std::size_t>(patch.first_point);
   const auto cells = std::span(s.cell).subspan(first, static_cast<std::size_t>(patch.count));
   out.shares.resize(out.points.size());
   // Calls each(share, points of its sample, contact) for the points that have a sample.
@@ -407,7 +408,8 @@ bool add_shares(const SupportPatch& patch, std::span<const Contact> contacts, Su
     const std::int32_t cell = contacts[static_cast<std::size_t>(out.points[k])].feature_id;
     const auto found = std::lower_bound(cells.begin(), cells.end(), cell);
     out.shares[k] = {};
-    if (found != cells.end() && *found == cell) out.shares[k].sample = static_cast<std::int32_t>(found - cells.begin());
+    if (found != cells.end() && *found == cell)
+      out.shares[k].sample = static_cast<std::int32_t>(found - cells.begin());
   }
   for_each_share([](PointShare&, Points& p, const Vec3& at) { ++p.count, p.x += at.x(), p.y += at.y(); });
   bool any = false;
@@ -433,7 +435,8 @@ bool add_shares(const SupportPatch& patch, std::span<const Contact> contacts, Su
     share.share_x = (yy * x - p.xy * y) / determinant;
     share.share_y = (xx * y - p.xy * x) / determinant;
     share.share = 1.0F / static_cast<float>(p.count);
-    p.least_share = std::min(p.least_share, share.share + share.share_x * p.offset_x + share.share_y * p.offset_y);
+    p.least_share =
+        std::min(p.least_share, share.share + share.share_x * p.offset_x + share.share_y * p.offset_y);
   });
   for_each_share([&](PointShare& share, const Points& p, const Vec3& at) {
     if (p.least_share < 0.0F) return;
@@ -494,7 +497,8 @@ bool add_support_patch(const surface::Field& field, const FreeLayoutField* free_
       const auto index = static_cast<std::int32_t>(k);
       if (!is_upright(c) || !f.has_near(centre + c.anchor)) continue;
       // A lower cell has points of its own.
-      if (patch.has_shares && !bearing.bears(c.separation, field.height[static_cast<std::size_t>(c.feature_id)]))
+      if (patch.has_shares &&
+          !bearing.bears(c.separation, field.height[static_cast<std::size_t>(c.feature_id)]))
         continue;
       touches = true;
       if (footprints == 0 ||

@@ -13,9 +13,9 @@ namespace {
 // Contact softness: frequency (Hz, at most a quarter of the substep frequency) and damping ratio of the spring that
 // resolves penetration.
 constexpr float kPairContactHertz = 60.0F, kStaticContactHertz = 120.0F, kDampingRatio = 5.0F;
-constexpr float kMaxBiasVelocity = 4.0F;       // of the push-out from penetration, u/s
-constexpr float kUnusedSeparation = 1e6F;      // of unused lanes: never in contact
-constexpr float kMaxSpeed = 1e7F;              // per axis, u/s or rad/s; ten times what scripts may set
+constexpr float kMaxBiasVelocity = 4.0F;   // of the push-out from penetration, u/s
+constexpr float kUnusedSeparation = 1e6F;  // of unused lanes: never in contact
+constexpr float kMaxSpeed = 1e7F;          // per axis, u/s or rad/s; ten times what scripts may set
 
 SubstepParams make_substep_params(float h_s, float hertz, int substeps) {
   const float omega = 2.0F * std::numbers::pi_v<float> * std::min(hertz, 0.25F / h_s);
@@ -62,7 +62,7 @@ struct Solver::StepContext {
   const ContactKernelTable& kernels;
   bool any_restitution;
   bool all_spheres;
-  BodyVelocity gravity_change;  // per substep
+  BodyVelocity gravity_change;              // per substep
   std::vector<DeepContact>& deep_contacts;  // of the member
 
   bool may_impact() const { return any_restitution || !all_spheres; }
@@ -210,8 +210,8 @@ void Solver::prepare_batch(StepContext& context, ContactKind kind, int index) {
   if (is_static && !context.input.cell_limits.empty()) fill_impulse_limits(context, o, index, list);
   if (is_static && !all_spheres && has_supports_)
     for (int lane = 0; lane < o.lane_count; ++lane)
-      static_manifold_[static_cast<std::size_t>(o.a[lane])] = {graph_.manifold(index, lane), o.first_point, lane,
-                                                               o.has_impulse_limit};
+      static_manifold_[static_cast<std::size_t>(o.a[lane])] = {graph_.manifold(index, lane), o.first_point,
+                                                               lane, o.has_impulse_limit};
   context.kernels.prepare[kind](&o, 1, batch_points(), context.solver_bodies, context.pair_params);
 }
 
@@ -223,10 +223,12 @@ void Solver::find_impact_candidates(StepContext& context, ContactKind kind, int 
   float least_speed[kLanes] = {};
   for (int k = o.first_point; k < o.first_point + o.point_count; ++k)
     for (int lane = 0; lane < kLanes; ++lane)
-      least_speed[lane] = std::min(least_speed[lane], point_[static_cast<std::size_t>(k)].approach_speed[lane]);
+      least_speed[lane] =
+          std::min(least_speed[lane], point_[static_cast<std::size_t>(k)].approach_speed[lane]);
   const ContactList& list = context.contact_list(kind);
   const bool has_faces = kind == kGeneralPair || kind == kGeneralStatic;
-  const float threshold = context.any_restitution ? ImpactSolver::kThreshold : ImpactSolver::kPlasticThreshold;
+  const float threshold =
+      context.any_restitution ? ImpactSolver::kThreshold : ImpactSolver::kPlasticThreshold;
   for (int lane = 0; lane < o.lane_count; ++lane) {
     if (least_speed[lane] >= -threshold) continue;
     const int manifold = graph_.manifold(index, lane);
@@ -247,8 +249,8 @@ void Solver::find_impact_candidates(StepContext& context, ContactKind kind, int 
           c.normal_impulse > 0.0F ||
           (is_limited && c.max_cell_impulse < -kLimitMargin * p.normal_mass[lane] * speed);
       if (speed >= (in_substeps ? -ImpactSolver::kThreshold : 0.0F)) continue;
-      const float restitution = std::max(
-          material_[static_cast<std::size_t>(o.a[lane])].restitution, material_of_b(context, m, c).restitution);
+      const float restitution = std::max(material_[static_cast<std::size_t>(o.a[lane])].restitution,
+                                         material_of_b(context, m, c).restitution);
       if (restitution == 0.0F && (in_substeps || !lands_flat)) continue;
       impacts_.add(member.index, {StepContext::is_pair(kind), in_substeps, manifold, m.first + k, speed});
       if (!in_substeps) p.normal_mass[lane] = p.tangent_mass[lane] = 0.0F;
@@ -257,8 +259,9 @@ void Solver::find_impact_candidates(StepContext& context, ContactKind kind, int 
 }
 
 void Solver::solve_impacts(StepContext& context) {
-  impacts_.solve({context.bodies, context.partition, context.input.pair_contacts, context.input.static_contacts,
-                  context.input.cell_limits, field_material_, settings_.dt_s, settings_.substeps, velocity_.data(), delta_pose_.data()});
+  impacts_.solve({context.bodies, context.partition, context.input.pair_contacts,
+                  context.input.static_contacts, context.input.cell_limits, field_material_, settings_.dt_s,
+                  settings_.substeps, velocity_.data(), delta_pose_.data()});
 }
 
 const SurfaceMaterial& Solver::material_of_b(const StepContext& context, const Manifold& m,

@@ -18,7 +18,8 @@ constexpr double kMomentCompliance = 1e-4;
 constexpr double kLoadTolerance = 1e-4;
 // Friction uses the last loads in proportion while the centre of force has moved by less, relative to the patch's extent.
 constexpr double kCentreTolerance = 0.01;
-constexpr int kMaxLoadPasses = 12, kMaxLimitedLoadPasses = 40, kMaxFrictionPasses = 5, kMaxSoftFrictionPasses = 2;
+constexpr int kMaxLoadPasses = 12, kMaxLimitedLoadPasses = 40, kMaxFrictionPasses = 5,
+              kMaxSoftFrictionPasses = 2;
 // Error of the velocity at which a friction solve is accurate enough, u/s.
 constexpr double kVelocityTolerance = 1e-5;
 // Tangent mass of all samples together, as a multiple of the body's.
@@ -208,8 +209,8 @@ Vector3 wrench_of_points(const SupportPatches& list, const SupportPatch& p, Batc
 // Calls each(point, limit of the first point on its cell or null, share) for the points of a patch with shares.
 template <class Each>
 void for_each_share(const SupportPatches& list, const SupportPatch& p, BatchPoints points, Each each) {
-  for (auto i = static_cast<std::size_t>(p.first_point); i < static_cast<std::size_t>(p.first_point + p.point_count);
-       ++i) {
+  for (auto i = static_cast<std::size_t>(p.first_point);
+       i < static_cast<std::size_t>(p.first_point + p.point_count); ++i) {
     const auto k = static_cast<std::size_t>(p.batch_point + list.points[i]);
     BatchPointLimit* limit = nullptr;
     if (p.has_impulse_limit && points.limit[k].stall_impulse[p.lane] < BatchPointLimit::kUnlimited)
@@ -221,8 +222,8 @@ void for_each_share(const SupportPatches& list, const SupportPatch& p, BatchPoin
 // Distributes the normal impulses of a patch's points over its samples, within what their cells can give. The points of
 // each cell take over its load if `is_final`. The contact solver's own loads remain if the new ones are not in equilibrium
 // with them, which happens where a body tips over its last cell.
-void distribute_within_limits(SupportPatches& list, SupportPatch& p, BatchPoints points, const Vector3& target,
-                              bool is_final) {
+void distribute_within_limits(SupportPatches& list, SupportPatch& p, BatchPoints points,
+                              const Vector3& target, bool is_final) {
   constexpr float kTolerance = 1e-3F;  // of the wrench, relative to the force
   const SupportSampleView samples = view(list.samples, p);
   const auto first = static_cast<std::size_t>(p.first);
@@ -246,7 +247,8 @@ void distribute_within_limits(SupportPatches& list, SupportPatch& p, BatchPoints
     const float change = impulse_of(share) - points.point[k].normal_impulse[lane];
     const float(&anchor)[3][kLanes] = points.detail[k].anchor_a;
     error[0] += static_cast<double>(change);
-    error[1] += static_cast<double>(change * anchor[0][lane]), error[2] += static_cast<double>(change * anchor[1][lane]);
+    error[1] += static_cast<double>(change * anchor[0][lane]),
+        error[2] += static_cast<double>(change * anchor[1][lane]);
   });
   const double tolerance = static_cast<double>(kTolerance) * p.force;
   const bool is_balanced = std::abs(error[0]) <= tolerance && std::abs(error[1]) <= tolerance * p.scale &&
@@ -346,7 +348,7 @@ void solve_support_points(const SupportPatches& list, const SupportPatch& p, Bat
   bool any_exhausted = p.has_shares && !p.is_lightly_loaded;
   struct Point {
     std::size_t index;
-    Vector3 at;  // 1, x, y
+    Vector3 at;                                        // 1, x, y
     double stiffness, error, impulse, impulse_change;  // error: of the speed, u/s
     BatchPointLimit* limit;
     bool lifts;
@@ -372,7 +374,8 @@ void solve_support_points(const SupportPatches& list, const SupportPatch& p, Bat
     if (is_soft) {
       // As soft_normal_impulse() in ContactKernels.cpp.
       const float separation = point.separation[lane] + delta.translation[2] +
-                               (delta.rotation[0] * y - delta.rotation[1] * x) - rise * params.elapsed_s + lag;
+                               (delta.rotation[0] * y - delta.rotation[1] * x) - rise * params.elapsed_s +
+                               lag;
       if (separation > 0.0F) {
         target_speed = -separation * params.inverse_h;
       } else {
@@ -383,16 +386,25 @@ void solve_support_points(const SupportPatches& list, const SupportPatch& p, Bat
         target_speed -= static_cast<float>(compliance) * impulse;
       }
     }
-    bearing.push_back({k, {1.0, static_cast<double>(x), static_cast<double>(y)}, 1.0 / compliance,
-                       static_cast<double>(target_speed - speed), static_cast<double>(impulse), 0.0, limit, false});
+    bearing.push_back({k,
+                       {1.0, static_cast<double>(x), static_cast<double>(y)},
+                       1.0 / compliance,
+                       static_cast<double>(target_speed - speed),
+                       static_cast<double>(impulse),
+                       0.0,
+                       limit,
+                       false});
   };
   if (p.has_shares)
-    for_each_share(list, p, points, [&](std::size_t k, BatchPointLimit* limit, const PointShare&) { add(k, limit); });
+    for_each_share(list, p, points,
+                   [&](std::size_t k, BatchPointLimit* limit, const PointShare&) { add(k, limit); });
   else
     for (const std::int32_t i : points_of(list, p)) add(static_cast<std::size_t>(p.batch_point + i), nullptr);
   if (bearing.size() < 2 || any_exhausted) return;
   constexpr double kSolved = 1e-7;  // u/s
-  if (std::all_of(bearing.begin(), bearing.end(), [](const Point& b) { return std::abs(b.error) <= kSolved; })) return;
+  if (std::all_of(bearing.begin(), bearing.end(),
+                  [](const Point& b) { return std::abs(b.error) <= kSolved; }))
+    return;
   const double determinant = xx * yy - xy * xy;
   if (!(determinant > 0.0) || !(inverse_mass > 0.0)) return;
   // The change of velocity v + b·x + c·y at the points and their impulses, with compliances as springs in series with
@@ -511,7 +523,8 @@ void store_support(SupportPatches& list, SupportPatch& p, std::span<Contact> con
     std::fill_n(samples.load, p.count, 0.0F);
     for (int i = 0; i < p.point_count; ++i) {
       const auto k = static_cast<std::size_t>(p.first_point + i);
-      samples.load[list.shares[k].sample] += contacts[static_cast<std::size_t>(list.points[k])].total_normal_impulse;
+      samples.load[list.shares[k].sample] +=
+          contacts[static_cast<std::size_t>(list.points[k])].total_normal_impulse;
     }
   } else {
     distribute(samples, p, scaled_wrench(p, force, moment_x, moment_y));

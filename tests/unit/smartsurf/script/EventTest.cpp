@@ -182,8 +182,11 @@ TEST_F(EventTest, TargetsAcceptsFlatListOrRows) {
 }
 
 TEST_F(EventTest, RunControl) {
-  run("pace('max') pause() at(0, function() pace(2) pace('realtime') pause() stop() stop('sorted', true) quit() end)", 0);
-  EXPECT_EQ(simulation->log, (Log{"pace max", "pause", "pace 2", "pace 1", "pause", "stop", "stop sorted success", "quit"}));
+  run("pace('max') pause() at(0, function() pace(2) pace('realtime') pause() stop() stop('sorted', true) "
+      "quit() end)",
+      0);
+  EXPECT_EQ(simulation->log,
+            (Log{"pace max", "pause", "pace 2", "pace 1", "pause", "stop", "stop sorted success", "quit"}));
 }
 
 }  // namespace

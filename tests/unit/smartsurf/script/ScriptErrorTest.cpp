@@ -136,9 +136,10 @@ INSTANTIATE_TEST_SUITE_P(
     testing::Values(
         Mistake{"\nspere{radius = 1}", "t.lua:2: unknown name 'spere' (did you mean 'sphere'?)"},
         Mistake{"\ncube{size = 1}", "t.lua:2: unknown name 'cube'; write box{size = {x, y, z}}"},
-        Mistake{"ball{radius = 1, position = {0, 0, 0}}",
-                "t.lua:1: ball: is an actuator, surface{actuator = ball{...}}, without a position; the objects "
-                "are sphere, box, cylinder, capsule, cone, hull and mesh"},
+        Mistake{
+            "ball{radius = 1, position = {0, 0, 0}}",
+            "t.lua:1: ball: is an actuator, surface{actuator = ball{...}}, without a position; the objects "
+            "are sphere, box, cylinder, capsule, cone, hull and mesh"},
         Mistake{"local r = 2\nsphere{radius = rr, position = {0, 0, 0}}", "t.lua:2: unknown name 'rr'"},
         Mistake{"sphere{radius = 1,\n\nposition = }", "t.lua:3: unexpected symbol near '}'"},
         Mistake{"for i = 1, 3 do", "t.lua:1: 'end' expected near <eof>"},
