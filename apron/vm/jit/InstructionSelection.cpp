@@ -6,7 +6,6 @@
 namespace apron::vm {
 
 using program::Opcode;
-using Xbyak::Operand;
 
 namespace {
 

@@ -6,8 +6,6 @@
 
 namespace apron::vm {
 
-using Xbyak::Operand;
-
 StageAssembler::Vector StageAssembler::allocate_vector() {
   if (free_vectors_.empty() && !evict_load() && !evict_duplicate_mask()) spill_temp();
   const int v = free_vectors_.back();

@@ -36,6 +36,7 @@ class StageAssembler : private Xbyak::CodeGenerator {
 
  private:
   using Address = Xbyak::Address;
+  using Operand = Xbyak::Operand;
   using Opmask = Xbyak::Opmask;
   using Vector = Xbyak::Xmm;  // a ymm or zmm register: the encoder goes by the size that the object carries
 
@@ -140,7 +141,7 @@ class StageAssembler : private Xbyak::CodeGenerator {
   void emit_vcmp(const MicroOp& op, RegisterAssignment& y, Compare predicate);
   template <class Emit>
   void emit_binary(const MicroOp& op, RegisterAssignment& y, const Emit& instruction);
-  void emit_mask_compare(int mask, const Vector& a, const Xbyak::Operand& b, Compare predicate);
+  void emit_mask_compare(int mask, const Vector& a, const Operand& b, Compare predicate);
   void emit_mask_as_number(const Vector& to, int mask);
   void emit_mask_logic(program::Opcode op, int to, int a, int b);
   void emit_mask_not(int to, int a);

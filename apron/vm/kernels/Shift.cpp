@@ -10,8 +10,6 @@ namespace {
 using program::BoundaryRule;
 using program::Opcode;
 
-constexpr std::int64_t kOutside = -1;
-
 struct PlaneShifter {
   const KernelTable& kernels;
   Plane y;

@@ -9,7 +9,6 @@ namespace {
 using program::BoundaryRule;
 using program::Opcode;
 
-constexpr std::int64_t kOutside = -1;
 constexpr std::size_t kMaxExtent = program::kMaxFilterExtent;
 
 // A stencil of width x height cells over a plane extended by a boundary condition. Rows and columns that lie
