@@ -58,13 +58,6 @@ std::string segment_name(const RunOptions& options) {
   return options.controller.empty() ? "surface" : fmt::format("run-{}", getpid());
 }
 
-std::string describe_object(const scene::ObjectSpec& object) {
-  return fmt::format("extents {:.4g} x {:.4g} x {:.4g} u, {}", 2.0 * object.half_extents().x(),
-                     2.0 * object.half_extents().y(), 2.0 * object.half_extents().z(),
-                     object.mass ? fmt::format("mass {:.4g}", *object.mass)
-                                 : fmt::format("volume {:.4g} u³", object.volume()));
-}
-
 std::unique_ptr<Display> reuse_or_open_display(const RunOptions& options, const scene::SceneSpec& scene,
                                                std::unique_ptr<Display> previous) {
   if (!previous) return std::make_unique<Display>(options, scene);
@@ -181,25 +174,14 @@ bool Run::advance_physics() {
   for (int i = 0; i < steps; ++i) {
     simulation_.plan_actuators();
     phase_times_.lap(Phase::kActuate);
-    simulation_.step_physics();
+    const bool stepped = simulation_.step_physics();
     phase_times_.lap(Phase::kPhysics);
-    if (simulation_.is_overloaded()) {
-      set_ending(common::kFailed,
-                 fmt::format("failed at tick {}: too many of the {} objects overlap: place them apart",
-                             simulation_.snapshot().tick + 1, simulation_.catalogue().size()));
-      progress_.print_message(ending_->outcome);
-      return false;
-    }
+    if (!stepped) break;
     simulation_.commit_actuators();
     phase_times_.lap(Phase::kActuate);
   }
-  if (const auto object = simulation_.first_non_finite()) {
-    set_ending(
-        common::kFailed,
-        fmt::format("failed at tick {}: object {} has a position or velocity that is not finite: its size, "
-                    "mass or speed differs too much from its neighbours' for a step of {} s ({})",
-                    simulation_.snapshot().tick + 1, *object, simulation_.scene().world.dt_s,
-                    describe_object(simulation_.catalogue()[*object])));
+  if (std::optional<std::string> failure = simulation_.failure()) {
+    set_ending(common::kFailed, std::move(*failure));
     progress_.print_message(ending_->outcome);
     return false;
   }

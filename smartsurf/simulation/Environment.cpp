@@ -128,13 +128,11 @@ void Environment::advance() {
   s.run_script();
   for (int i = 0; i < s.scene().world.steps_per_tick(); ++i) {
     s.plan_actuators();
-    s.step_physics();
+    if (!s.step_physics()) break;
     s.commit_actuators();
   }
+  if (const auto failure = s.failure()) throw scene::InputError(scene().file + ": " + *failure);
   s.finish_tick();
-  if (const auto object = s.first_non_finite())
-    throw scene::InputError(scene().file + ": tick " + std::to_string(s.snapshot().tick) + ": object " +
-                            std::to_string(*object) + " has a position or velocity that is not finite");
   s.sense();
   failed_ = false;
 }

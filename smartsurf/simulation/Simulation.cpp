@@ -1,5 +1,7 @@
 #include "smartsurf/simulation/Simulation.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cassert>
 
@@ -7,6 +9,13 @@
 
 namespace smartsurf::simulation {
 namespace {
+
+std::string describe_object(const scene::ObjectSpec& object) {
+  return fmt::format("extents {:.4g} x {:.4g} x {:.4g} u, {}", 2.0 * object.half_extents().x(),
+                     2.0 * object.half_extents().y(), 2.0 * object.half_extents().z(),
+                     object.mass ? fmt::format("mass {:.4g}", *object.mass)
+                                 : fmt::format("volume {:.4g} u³", object.volume()));
+}
 
 surface::FaultMap load_fault_map(const scene::SurfaceSpec& surface) {
   if (!surface.faults.fault_map) return {};
@@ -74,11 +83,12 @@ void Simulation::plan_actuators() noexcept {
   actuator_array_.plan(scene().world.dt_s);
 }
 
-void Simulation::step_physics() {
+bool Simulation::step_physics() {
   if (actuator_array_.exerts_forces())
     actuator_array_.add_forces(scene().world.dt_s, world_.bodies(), catalogue_, world_.wrenches());
   world_.step();
   sensor_array_.accumulate_impulses(actuator_array_.field().impulse);
+  return !world_.is_overloaded();
 }
 
 void Simulation::commit_actuators() noexcept { actuator_array_.commit(scene().world.dt_s); }
@@ -136,6 +146,18 @@ void Simulation::archive(common::StateArchive& a) {
     requests_ = {};
   }
   sensor_array_.archive(a, snapshot_, catalogue_, pool_);
+}
+
+std::optional<std::string> Simulation::failure() const {
+  if (world_.is_overloaded())
+    return fmt::format("failed at tick {}: too many of the {} objects overlap: place them apart",
+                       snapshot_.tick + 1, catalogue_.size());
+  if (const auto object = world_.first_non_finite())
+    return fmt::format(
+        "failed at tick {}: object {} has a position or velocity that is not finite: its size, "
+        "mass or speed differs too much from its neighbours' for a step of {} s ({})",
+        snapshot_.tick + 1, *object, scene().world.dt_s, describe_object(catalogue_[*object]));
+  return std::nullopt;
 }
 
 ScriptRequests Simulation::take_requests() noexcept { return std::exchange(requests_, {}); }

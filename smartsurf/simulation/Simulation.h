@@ -5,6 +5,7 @@
 #include <memory>
 #include <optional>
 #include <span>
+#include <string>
 #include <vector>
 
 #include "common/state/StateArchive.h"
@@ -56,13 +57,13 @@ class Simulation final : public script::SimulationInterface {
     return actuator_array_.targets(channel)[static_cast<std::size_t>(scene().surface.index(row, column))];
   }
   void plan_actuators() noexcept;  // these three once per physics step
-  void step_physics();
+  bool step_physics();             // false: failure() says why the step did not take place
   void commit_actuators() noexcept;
   void finish_tick();  // increments the tick and takes the snapshot
   void sense();        // computes the sensor frames of that snapshot
 
-  bool is_overloaded() const { return world_.is_overloaded(); }
-  std::optional<scene::ObjectId> first_non_finite() const { return world_.first_non_finite(); }
+  // After a step of physics: why the run cannot continue, in one line, or nullopt.
+  std::optional<std::string> failure() const;
 
   // The state after the last tick.
 

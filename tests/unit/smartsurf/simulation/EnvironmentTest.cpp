@@ -151,6 +151,29 @@ TEST_P(EnvironmentTest, BatchEqualsSingleEnvironments) {
   }
 }
 
+constexpr const char* kPile = R"(
+surface { rows = 8, columns = 8, actuator = pin {} }
+for _ = 1, 300 do sphere { radius = 0.5, position = {4, 4, 4} } end
+)";
+using OverloadedEnvironmentTest = EnvironmentTest;
+
+TEST_P(OverloadedEnvironmentTest, FailsAndSaysWhy) {
+  Environment environment(options(1));
+  for (int attempt = 0; attempt < 2; ++attempt) {
+    try {
+      environment.step();
+      FAIL() << "300 spheres at one point";
+    } catch (const scene::InputError& error) {
+      const std::string message = error.what();
+      EXPECT_NE(
+          message.find(attempt == 0 ? "failed at tick 1: too many of the 300 objects overlap" : "reset it"),
+          std::string::npos)
+          << message;
+    }
+  }
+}
+INSTANTIATE_TEST_SUITE_P(Pile, OverloadedEnvironmentTest, testing::Values(kPile));
+
 INSTANTIATE_TEST_SUITE_P(Experiments, EnvironmentTest, testing::Values(kCrowd, kNoisy));
 
 }  // namespace
