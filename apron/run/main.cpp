@@ -51,14 +51,12 @@ int status_after_output(int status) noexcept {
 int main(int argc, char** argv) {
   using namespace apron::run;
   common::report_file_size_errors();
-  common::report_exhausted_memory("apron");
+  const common::Termination termination("apron");
   try {
     return status_after_output(run_subcommand(argc, argv));
   } catch (const common::UserError& error) {
     return print_failure(common::kUserError, error.what());
-  } catch (const std::bad_alloc&) {
-    return print_failure(common::kFailed, "there is not enough memory");
   } catch (const std::exception& error) {
-    return print_failure(common::kFailed, error.what());
+    return print_failure(common::kFailed, common::failure_text(error));
   }
 }

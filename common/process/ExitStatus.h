@@ -16,8 +16,7 @@ enum ExitStatus {
 // what(), except for std::bad_alloc, whose own text names no cause.
 inline const char* failure_text(const std::exception& failure) noexcept {
   const bool out_of_memory = dynamic_cast<const std::bad_alloc*>(&failure) != nullptr;
-  return out_of_memory ? "there is not enough memory for this run: take fewer cells or objects"
-                       : failure.what();
+  return out_of_memory ? "there is not enough memory" : failure.what();
 }
 
 }  // namespace common

@@ -2,11 +2,16 @@
 
 #include <unistd.h>
 
+#include <array>
+#include <atomic>
+#include <cerrno>
+#include <csignal>
 #include <cstddef>
 #include <cstdlib>
 #include <exception>
 #include <new>
 
+#include "common/files/UnfinishedFile.h"
 #include "common/process/ExitStatus.h"
 #include "common/text/Printable.h"
 
@@ -14,30 +19,68 @@ namespace common {
 namespace {
 
 constexpr std::size_t kExceptionBytes = 4096;
+constexpr std::array kCrashes{SIGSEGV, SIGBUS, SIGABRT};
 
 const char* program_name = "";
+std::atomic<bool> in_main{false};
+std::array<struct sigaction, kCrashes.size()> earlier_actions;
+
+[[noreturn]] void end_process(const char* reason) noexcept {
+  print_error_line(program_name, reason);
+  remove_unfinished_files();
+  ::_exit(kFailed);
+}
+
+[[noreturn]] void end_without_memory() noexcept { end_process(failure_text(std::bad_alloc())); }
 
 [[noreturn]] void on_terminate() {
   try {
     if (const std::exception_ptr current = std::current_exception()) std::rethrow_exception(current);
-  } catch (const std::bad_alloc& error) {
-    print_error_line(program_name, failure_text(error));
-    ::_exit(kFailed);
+  } catch (const std::bad_alloc&) {
+    end_without_memory();
   } catch (...) {
+    errno = 0;
+    std::abort();
   }
   // Without memory not even an exception can be thrown.
-  if (!std::current_exception() && std::malloc(kExceptionBytes) == nullptr) {
-    print_error_line(program_name, failure_text(std::bad_alloc()));
-    ::_exit(kFailed);
-  }
+  if (std::malloc(kExceptionBytes) == nullptr) end_without_memory();
+  errno = 0;
   std::abort();
+}
+
+extern "C" void on_crash(int signal, siginfo_t* cause, void*) {
+  if (errno == ENOMEM) end_without_memory();
+  for (std::size_t i = 0; i < kCrashes.size(); ++i)
+    if (kCrashes[i] == signal) ::sigaction(signal, &earlier_actions[i], nullptr);
+  if (cause->si_code <= 0) ::raise(signal);  // sent, not caused by an instruction, which would cause it again
+}
+
+extern "C" void on_exit_in_main() {
+  if (!in_main.load()) return;
+  if (errno == ENOMEM) end_without_memory();
+  end_process("a library has ended the process");
 }
 
 }  // namespace
 
-void report_exhausted_memory(const char* program) noexcept {
+Termination::Termination(const char* program) noexcept {
   program_name = program;
   std::set_terminate(on_terminate);
+  // HDF5 may recurse without end. A sanitizer has brought a stack of its own.
+  static std::array<std::byte, std::size_t{1} << 16> handler_stack;
+  stack_t stack{};
+  if (::sigaltstack(nullptr, &stack) == 0 && (stack.ss_flags & SS_DISABLE) != 0) {
+    stack = {.ss_sp = handler_stack.data(), .ss_flags = 0, .ss_size = handler_stack.size()};
+    ::sigaltstack(&stack, nullptr);
+  }
+  struct sigaction action {};
+  action.sa_sigaction = on_crash;
+  action.sa_flags = SA_SIGINFO | SA_ONSTACK;
+  for (std::size_t i = 0; i < kCrashes.size(); ++i) ::sigaction(kCrashes[i], &action, &earlier_actions[i]);
+  in_main.store(true);
+  std::atexit(on_exit_in_main);
 }
+
+Termination::~Termination() { in_main.store(false); }
 
 }  // namespace common

@@ -1,7 +1,9 @@
 #include "common/text/Printable.h"
 
+#include <unistd.h>
+
 #include <array>
-#include <cstdio>
+#include <cstddef>
 
 namespace common {
 namespace {
@@ -20,6 +22,15 @@ void for_each_printable(std::string_view text, Put put) {
   }
 }
 
+void write_to_standard_error(const char* text, std::size_t bytes) noexcept {
+  while (bytes != 0) {
+    const ssize_t written = ::write(STDERR_FILENO, text, bytes);
+    if (written <= 0) return;
+    text += written;
+    bytes -= static_cast<std::size_t>(written);
+  }
+}
+
 }  // namespace
 
 std::string printable(std::string_view text) {
@@ -30,12 +41,12 @@ std::string printable(std::string_view text) {
 }
 
 void print_error_line(const char* program, std::string_view text) noexcept {
-  std::array<char, 512> block;  // standard error has no buffer of its own
+  std::array<char, 512> block;
   std::size_t used = 0;
   const auto put = [&](char c) {
     block[used++] = c;
     if (used < block.size()) return;
-    std::fwrite(block.data(), 1, used, stderr);
+    write_to_standard_error(block.data(), used);
     used = 0;
   };
   for (const char* c = program; *c != '\0'; ++c) put(*c);
@@ -43,7 +54,7 @@ void print_error_line(const char* program, std::string_view text) noexcept {
   put(' ');
   for_each_printable(text, put);
   put('\n');
-  std::fwrite(block.data(), 1, used, stderr);
+  write_to_standard_error(block.data(), used);
 }
 
 }  // namespace common

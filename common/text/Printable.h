@@ -10,8 +10,8 @@ namespace common {
 // escape sequence in a file's attribute must not reach the terminal.
 std::string printable(std::string_view text);
 
-// Prints "PROGRAM: TEXT" to standard error as one line, made printable. Allocates nothing, so that it can also report
-// that there is no memory.
+// Prints "PROGRAM: TEXT" to standard error as one line, made printable. Allocates nothing and is
+// async-signal-safe, so that it can also report that there is no memory.
 void print_error_line(const char* program, std::string_view text) noexcept;
 
 }  // namespace common

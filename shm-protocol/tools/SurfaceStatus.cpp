@@ -34,11 +34,4 @@ ValueStatistics value_statistics(const std::vector<double>& numbers) {
   return s;
 }
 
-std::string printable(const std::string& text) {
-  std::string out = text;
-  for (char& c : out)
-    if (static_cast<unsigned char>(c) < 0x20 || c == 0x7F) c = '?';
-  return out;
-}
-
 }  // namespace shm_protocol::dump

@@ -35,8 +35,4 @@ struct ValueStatistics {
 };
 ValueStatistics value_statistics(const std::vector<double>&);
 
-// Replaces control characters of text from an untrusted header by '?', so that no escape sequence reaches the
-// terminal.
-std::string printable(const std::string&);
-
 }  // namespace shm_protocol::dump

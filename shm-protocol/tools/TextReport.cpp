@@ -5,6 +5,7 @@
 
 #include "HeatMap.h"
 #include "Report.h"
+#include "common/text/Printable.h"
 
 namespace shm_protocol::dump {
 namespace {
@@ -48,9 +49,10 @@ std::string counter_line(const char* who, const Counters& c, const std::optional
 }
 
 std::string channel_line(const ChannelSpec& c, const ObserverEndpoint& observer, int number, bool has_frame) {
-  std::string out = line("%-15s %-9s%-4s ", printable(c.name).c_str(), text(c.direction), text(c.dtype));
+  std::string out =
+      line("%-15s %-9s%-4s ", common::printable(c.name).c_str(), text(c.direction), text(c.dtype));
   out += padded(shape_text(c, observer.description()), 14);
-  out += padded(range_text(c) + (c.unit.empty() ? "" : " " + printable(c.unit)), 15) + " ";
+  out += padded(range_text(c) + (c.unit.empty() ? "" : " " + common::printable(c.unit)), 15) + " ";
   if (!has_frame) return out + "-\n";
   const ValueStatistics s = value_statistics(values(observer, number));
   out += line("%.4g … %.4g", s.minimum, s.maximum);
@@ -101,17 +103,17 @@ std::string array_text(const ChannelSpec& c, const ObserverEndpoint& observer, i
                        const Format& format) {
   const Description& d = observer.description();
   const FrameInfo& frame = observer.info(c.direction);
-  if (frame.frame == 0) return "\n" + printable(c.name) + ": no frame yet\n";
+  if (frame.frame == 0) return "\n" + common::printable(c.name) + ": no frame yet\n";
   const std::vector<double> numbers = values(observer, number);
   std::string out;
   for (std::uint32_t component = 0; component < c.components; ++component) {
     const Plane plane{numbers.data() + component * d.cells(), d.rows, d.columns};
     const Scale scale = scale_of(c, numbers);
-    out += "\n" + printable(c.name);
+    out += "\n" + common::printable(c.name);
     if (c.components > 1) out += line("[%u]", component);
     out += line(", tick %llu", static_cast<unsigned long long>(frame.tick));
     if (format.arrays == ArrayDisplay::kMap) out += "   " + legend(scale, format.colour);
-    if (!c.unit.empty()) out += " " + printable(c.unit);
+    if (!c.unit.empty()) out += " " + common::printable(c.unit);
     out += "\n";
     out += format.arrays == ArrayDisplay::kMap ? heat_map(plane, scale, format.width, format.colour)
                                                : numbers_text(plane, format);
@@ -140,7 +142,7 @@ std::string size_text(std::uint64_t bytes) {
 std::string text_report(const SurfaceStatus& status, const ObserverEndpoint& observer, const Format& format) {
   const Description& d = *status.description;
   const double period_s = static_cast<double>(d.period_ns) * 1e-9;
-  std::string out = printable(d.name) + "\n";
+  std::string out = common::printable(d.name) + "\n";
   out += line("%u x %u cells, pitch %g%s, %s, period %.6g ms (%.4g Hz), protocol %u.%u\n", d.rows, d.columns,
               d.pitch, d.positions.empty() ? "" : " and positions", text(d.mode), period_s * 1e3,
               1.0 / period_s, d.version_major, d.version_minor);
@@ -178,8 +180,9 @@ std::string text_list(const std::vector<SegmentInfo>& segments) {
     const auto pid = [](std::uint32_t p) { return p ? std::to_string(p) : std::string("-"); };
     const std::string version =
         s.version_major ? line("%u.%u", s.version_major, s.version_minor) : std::string("-");
-    out += line("%-31s %-10s%9s %9s %9s  %s\n", printable(s.name).c_str(), is, pid(s.surface_pid).c_str(),
-                pid(s.controller_pid).c_str(), size_text(s.bytes).c_str(), version.c_str());
+    out += line("%-31s %-10s%9s %9s %9s  %s\n", common::printable(s.name).c_str(), is,
+                pid(s.surface_pid).c_str(), pid(s.controller_pid).c_str(), size_text(s.bytes).c_str(),
+                version.c_str());
   }
   return out;
 }

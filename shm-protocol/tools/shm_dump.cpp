@@ -11,19 +11,20 @@
 #include <cstdio>
 #include <cstdlib>
 #include <exception>
-#include <new>
+#include <optional>
 #include <stdexcept>
 #include <thread>
 
 #include "Report.h"
+#include "common/process/ExitStatus.h"
+#include "common/process/Termination.h"
+#include "common/text/Printable.h"
 
 namespace {
 
 using namespace shm_protocol;
 using namespace std::chrono_literals;
 using dump::SurfaceStatus;
-
-enum Exit { kDone = 0, kFailed = 1, kUserError = 2, kPeerLost = 3 };
 
 constexpr const char* kHelp = R"(shm_dump - look at the shared memory between a surface and its controller
 
@@ -77,7 +78,8 @@ double parse_number(const char* option, const char* text, double minimum) {
   return value;
 }
 
-Options parse(int argc, char** argv) {
+// Returns nothing if --help or --version was requested and printed.
+std::optional<Options> parse(int argc, char** argv) {
   enum { kList = 1000, kClean, kColour };
   static const option kLong[] = {
       {"list", no_argument, nullptr, kList},        {"clean", optional_argument, nullptr, kClean},
@@ -128,10 +130,10 @@ Options parse(int argc, char** argv) {
         break;
       case 'h':
         std::fputs(kHelp, stdout);
-        std::exit(kDone);
+        return std::nullopt;
       case 'V':
         std::puts("shm_dump " SMARTSURF_VERSION);
-        std::exit(kDone);
+        return std::nullopt;
       default:
         throw UserError(std::string(argv[optind - 1]) +
                         ": not an option, or it lacks its value; see shm_dump --help");
@@ -162,8 +164,8 @@ void check_channels(const Options& o, const Description& d) {
   for (const std::string& wanted : o.format.channels)
     if (d.channel(Direction::kSensor, wanted) < 0 && d.channel(Direction::kActuator, wanted) < 0) {
       std::string have;
-      for (const ChannelSpec& c : d.channels) have += (have.empty() ? "" : ", ") + dump::printable(c.name);
-      throw UserError("--channel " + wanted + ": surface " + dump::printable(d.name) + " has " + have);
+      for (const ChannelSpec& c : d.channels) have += (have.empty() ? "" : ", ") + common::printable(c.name);
+      throw UserError("--channel " + wanted + ": surface " + common::printable(d.name) + " has " + have);
     }
 }
 
@@ -234,75 +236,65 @@ int show(Options& o) {
                    .c_str(),
                stdout);
     if (o.follow && !o.json && !repaint) std::fputs("\n", stdout);
-    if (std::fflush(stdout) != 0) return kFailed;
+    if (std::fflush(stdout) != 0) return common::kFailed;
     if (ended != Status::kOk) {
       std::fprintf(stderr, "shm_dump: %s: %s\n", o.name.c_str(), text(ended));
-      return ended == Status::kSurfaceDead ? kPeerLost : kDone;
+      return ended == Status::kSurfaceDead ? common::kPeerLost : common::kDone;
     }
-    if (!o.follow || stop || (o.count && samples >= o.count)) return kDone;
+    if (!o.follow || stop || (o.count && samples >= o.count)) return common::kDone;
   }
 }
 
 int list(const Options& o) {
   const auto segments = list_segments();
   std::fputs((o.json ? dump::json_list(segments) : dump::text_list(segments)).c_str(), stdout);
-  return kDone;
+  return common::kDone;
 }
 
 int clean(const Options& o) {
   const auto removed = remove_orphans(o.clean_prefix);
   if (o.json) {
     std::fputs(dump::json_list(removed).c_str(), stdout);
-    return kDone;
+    return common::kDone;
   }
   for (const SegmentInfo& s : removed)
-    std::printf("removed %s: process %u is gone\n", dump::printable(s.name).c_str(), s.surface_pid);
+    std::printf("removed %s: process %u is gone\n", common::printable(s.name).c_str(), s.surface_pid);
   if (removed.empty()) std::puts("nothing to remove");
-  return kDone;
+  return common::kDone;
 }
 
 int exit_status_of(const Error& e) {
   switch (e.code()) {
     case ErrorCode::kNotFound:
-      return kPeerLost;
+      return common::kPeerLost;
     case ErrorCode::kBadConfig:
-      return kUserError;
+      return common::kUserError;
     default:
-      return kFailed;
+      return common::kFailed;
   }
 }
 
 }  // namespace
 
 int main(int argc, char** argv) {
-  // The JSON library's destructor allocates; where it cannot, the process would end by SIGABRT.
-  std::set_terminate([] {
-    try {
-      if (std::current_exception()) throw;
-      if (std::malloc(4096) != nullptr) std::abort();
-    } catch (const std::bad_alloc&) {
-    } catch (...) {
-      std::abort();
-    }
-    std::fputs("shm_dump: there is not enough memory\n", stderr);
-    std::_Exit(kFailed);
-  });
+  const common::Termination termination("shm_dump");
   struct sigaction action {};
   action.sa_handler = [](int) { stop = true; };
   ::sigaction(SIGINT, &action, nullptr);
   ::sigaction(SIGTERM, &action, nullptr);
   try {
-    Options o = parse(argc, argv);
-    fit_to_terminal(o);
-    return o.list ? list(o) : o.clean ? clean(o) : show(o);
+    std::optional<Options> o = parse(argc, argv);
+    if (!o) return common::kDone;
+    fit_to_terminal(*o);
+    return o->list ? list(*o) : o->clean ? clean(*o) : show(*o);
   } catch (const UserError& e) {
     std::fprintf(stderr, "shm_dump: %s\n", e.what());
-    return kUserError;
+    return common::kUserError;
   } catch (const Error& e) {
     std::fprintf(stderr, "shm_dump: %s\n", e.what());
     return exit_status_of(e);
   } catch (const std::exception& e) {
-    std::fprintf(stderr, "shm_dump: %s\n", e.what());
-    return kFailed;
+    std::fprintf(stderr, "shm_dump: %s\n", common::failure_text(e));
+    return common::kFailed;
   }
 }

@@ -32,11 +32,13 @@ void PendingFile::own() {
   if (committed_) return;
   fs::remove(path_);
   owned_ = true;
+  unfinished_.emplace(path_);
 }
 
 void PendingFile::commit() {
   if (committed_) return;
   fs::rename(path_, final_);
+  unfinished_.reset();
   committed_ = true;
 }
 

@@ -3,6 +3,9 @@
 #pragma once
 
 #include <filesystem>
+#include <optional>
+
+#include "common/files/UnfinishedFile.h"
 
 namespace smartsurf::record {
 
@@ -29,6 +32,7 @@ class PendingFile {
  private:
   std::filesystem::path final_, path_;
   bool owned_ = false, committed_ = false;
+  std::optional<common::UnfinishedFile> unfinished_;  // while owned and not committed
 };
 
 }  // namespace smartsurf::record

@@ -61,6 +61,7 @@ shm_protocol::SurfaceEndpoint create_endpoint(const shm_protocol::SurfaceConfig&
 SurfaceLink::SurfaceLink(const std::string& name, RunMode mode, const scene::SceneSpec& scene)
     : name_(name),
       mode_(mode),
+      segment_("/dev/shm/smartsurf." + name),
       endpoint_(create_endpoint(make_surface_config(name, mode, scene))),
       occupancy_(scene::occupancy_mask(scene.surface)),
       // make_surface_config() lists the sensors first, then the occupancy, then the actuators.

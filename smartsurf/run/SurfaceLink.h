@@ -9,6 +9,7 @@
 #include <string>
 #include <vector>
 
+#include "common/files/UnfinishedFile.h"
 #include "smartsurf/run/cli/RunOptions.h"
 #include "smartsurf/scene/ChannelData.h"
 #include "smartsurf/scene/SceneSpec.h"
@@ -42,6 +43,7 @@ class SurfaceLink {
 
   std::string name_;
   RunMode mode_;
+  common::UnfinishedFile segment_;
   shm_protocol::SurfaceEndpoint endpoint_;
   std::vector<float> occupancy_;  // empty if no cell is empty
   int first_actuator_channel_;

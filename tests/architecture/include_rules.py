@@ -14,7 +14,7 @@ MODULES = {
     "common/csv": set(),
     "common/state": {"common/error"},
     "common/files": set(),
-    "common/process": {"common/text"},
+    "common/process": {"common/files", "common/text"},
     "common/text": set(),
     "common/cli": {"common/text"},
     "common/gl": {"common/error"},
@@ -22,6 +22,8 @@ MODULES = {
     "common/image": {"common/error", "common/files"},
     "common/video": {"common/error", "common/image"},
     "shm-protocol": set(),
+    "shm-protocol/tools": {"common", "shm-protocol"},
+    "shm-protocol/hardware/bridge": {"common", "shm-protocol"},
     "smartsurf/scene": {"common"},
     "smartsurf/mesh": {"common", "smartsurf/scene"},
     "smartsurf/script": {"common", "smartsurf/scene"},
@@ -65,8 +67,8 @@ INCLUDE = re.compile(r'^\s*#\s*include\s*["<]([^">]+)[">]')
 
 
 def module_of(path):
-    parts = path.parts
-    return "shm-protocol" if parts[0] == "shm-protocol" else "/".join(parts[:2])
+    folders = ["/".join(path.parts[:n]) for n in (3, 2, 1)]
+    return next((folder for folder in folders if folder in MODULES), "/".join(path.parts[:2]))
 
 
 def module_of_include(name):

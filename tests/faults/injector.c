@@ -8,8 +8,9 @@
  *   FAULT_ALWAYS   set: all later calls of the kind fail as well
  *   FAULT_TRACE    file that receives the call stack of the fault
  *   FAULT_EXCEPT   a kind that the census leaves out
- *   FAULT_CENSUS   file that receives, for each kind, the number of calls and the first call from each distinct stack,
- *                  with the library that called; nothing fails
+ *   FAULT_CENSUS   file that receives, for each kind, the number of calls and each call as NUMBER:LIBRARY, with the library that
+ *                  called, and a star if it is the first from its stack; nothing fails
+ *   FAULT_SERVER   set: the process waits before main() for the runs that it is asked for, each in a child (serve())
  *
  * Not seen: calls that the C library makes by itself (stdio, the stack of a thread, sleeps of its locks). A forked child
  * inherits the count.
@@ -31,9 +32,11 @@
 #include <stdlib.h>
 #include <string.h>
 #include <sys/mman.h>
+#include <sys/resource.h>
 #include <sys/socket.h>
 #include <sys/syscall.h>
 #include <sys/uio.h>
+#include <sys/wait.h>
 #include <unistd.h>
 #include <unwind.h>
 
@@ -57,14 +60,17 @@ static atomic_uint_fast64_t calls[kKinds];
 /* Set while the injector itself runs, whose calls do not count. */
 static __thread bool inside __attribute__((tls_model("initial-exec")));
 
-/* ---- census: the first call from each distinct stack ------------------------------------------------------------ */
-enum { kDepth = 32, kHashedFrames = 12, kSites = 1 << 17 };
+/* ---- census: the calls and their stacks ------------------------------------------------------------------------- */
+enum { kDepth = 32, kHashedFrames = 12, kSites = 1 << 17, kListed = 1 << 22 };
 struct Site {
   uint64_t hash, first;
   uintptr_t caller;
   enum Kind kind;
 };
 static struct Site sites[kSites];
+static uint32_t listed[kListed]; /* sites of all calls, in the order of the calls of all kinds */
+static uint64_t numbers[kListed]; /* of those calls among the calls of their kind */
+static size_t listed_calls;
 static pthread_mutex_t sites_mutex = PTHREAD_MUTEX_INITIALIZER;
 
 struct Stack {
@@ -98,11 +104,13 @@ static void note_site(enum Kind of, uint64_t call) {
   for (int i = 0; i < stack.depth && i < kHashedFrames; ++i) hash = (hash ^ stack.frames[i]) * 0x100000001b3u;
   pthread_mutex_lock(&sites_mutex);
   for (size_t i = hash % kSites, tries = 0; tries < kSites; i = (i + 1) % kSites, ++tries) {
-    if (sites[i].first == 0) {
-      sites[i] = (struct Site){hash, call, calling_frame(&stack), of};
-      break;
+    if (sites[i].first == 0) sites[i] = (struct Site){hash, call, calling_frame(&stack), of};
+    if (sites[i].hash != hash) continue;
+    if (listed_calls < kListed) {
+      numbers[listed_calls] = call;
+      listed[listed_calls++] = (uint32_t)i;
     }
-    if (sites[i].hash == hash) break;
+    break;
   }
   pthread_mutex_unlock(&sites_mutex);
 }
@@ -112,12 +120,14 @@ static void write_census(void) {
   if (!file) return;
   for (int k = 0; k < kKinds; ++k) {
     fprintf(file, "%s %llu", kNames[k], (unsigned long long)atomic_load(&calls[k]));
-    for (size_t i = 0; i < kSites; ++i) {
-      if (sites[i].first == 0 || (int)sites[i].kind != k) continue;
+    for (size_t i = 0; i < listed_calls; ++i) {
+      const struct Site* site = &sites[listed[i]];
+      if ((int)site->kind != k) continue;
       Dl_info info;
-      const char* library = dladdr((void*)sites[i].caller, &info) && info.dli_fname ? info.dli_fname : "?";
+      const char* library = dladdr((void*)site->caller, &info) && info.dli_fname ? info.dli_fname : "?";
       const char* slash = strrchr(library, '/');
-      fprintf(file, " %llu:%s", (unsigned long long)sites[i].first, slash ? slash + 1 : library);
+      fprintf(file, " %llu:%s%s", (unsigned long long)numbers[i], slash ? slash + 1 : library,
+              site->first == numbers[i] ? "*" : "");
     }
     fputc('\n', file);
   }
@@ -154,9 +164,54 @@ static bool fails(enum Kind of) {
   return true;
 }
 
+/* ---- runs ------------------------------------------------------------------------------------------------------- */
+
+/* A request is a line of fields that tabs separate: a folder to run in, files for standard output and standard error, a limit of
+ * the address space in kB or 0, environment variables NAME=VALUE, "--", the arguments of the program. The answers to each, on
+ * standard output: the number of the child process, which leads a session of its own, and, when it has ended, its status as
+ * wait() returns it. Loading the program and its libraries, half of a short run's time, is done once. Returns in the child. */
+static void serve(int* argc, char*** argv) {
+  static char request[1 << 14], *arguments[256];
+  unsetenv("FAULT_SERVER");
+  while (fgets(request, sizeof request, stdin)) {
+    const pid_t child = fork();
+    if (child == 0) break;
+    printf("%d\n", (int)child);
+    fflush(stdout);
+    int status = 0;
+    waitpid(child, &status, 0);
+    printf("%d\n", status);
+    fflush(stdout);
+  }
+  if (feof(stdin) || ferror(stdin)) _exit(0);
+  setsid();
+  request[strcspn(request, "\n")] = 0;
+  const char* folder = strtok(request, "\t");
+  const char* streams[3] = {"/dev/null", strtok(NULL, "\t"), strtok(NULL, "\t")};
+  for (int i = 0; i < 3; ++i) {
+    const int file = open(streams[i], i == 0 ? O_RDONLY : O_WRONLY | O_CREAT | O_TRUNC, 0666);
+    if (file < 0 || dup2(file, i) < 0) _exit(99);
+    close(file);
+  }
+  if (chdir(folder) != 0) _exit(99);
+  const rlim_t limit = strtoull(strtok(NULL, "\t"), NULL, 10) << 10;
+  for (char* field; (field = strtok(NULL, "\t")) && strcmp(field, "--") != 0;) putenv(field);
+  arguments[0] = (*argv)[0];
+  for (*argc = 1; *argc < 255 && (arguments[*argc] = strtok(NULL, "\t")); ++*argc) {
+  }
+  *argv = arguments;
+  if (limit != 0 && setrlimit(RLIMIT_AS, &(struct rlimit){limit, limit}) != 0) _exit(99);
+}
+
 static int (*program_main)(int, char**, char**);
 
 static int counted_main(int argc, char** argv, char** environment) {
+  void* warm_up[1];
+  backtrace(warm_up, 1); /* loads the unwinder, which allocates */
+  if (getenv("FAULT_SERVER")) {
+    serve(&argc, &argv);
+    environment = environ;
+  }
   const char* program = getenv("FAULT_PROGRAM");
   if (program && strcmp(program, program_invocation_short_name) == 0) {
     const char* text = getenv("FAULT_KIND");
@@ -169,8 +224,6 @@ static int counted_main(int argc, char** argv, char** environment) {
     always = getenv("FAULT_ALWAYS") != NULL;
     trace = getenv("FAULT_TRACE");
     census = getenv("FAULT_CENSUS");
-    void* warm_up[1];
-    backtrace(warm_up, 1); /* loads the unwinder, which allocates */
     counted_process = getpid();
     atomic_store(&armed, true);
   }

@@ -34,7 +34,7 @@ std::string seconds(milliseconds t) {
 
 }  // namespace
 
-Bridge::Bridge(BridgeOptions options, const std::atomic<bool>& stop, Log log)
+Bridge::Bridge(BridgeOptions options, const std::atomic<bool>& stop, EventLog::Print log)
     : options_(std::move(options)), stop_(stop), log_(std::move(log)) {}
 
 Outcome Bridge::run() {
@@ -60,7 +60,7 @@ std::optional<Outcome> Bridge::connect() {
   while (!link_.described()) {
     if (stop_.load()) return Outcome::kStopped;
     if (Clock::now() - start > options_.connect_timeout) {
-      log_("error: the device does not come: " + reason);
+      log_.add("error: the device does not come: " + reason);
       return Outcome::kDeviceLost;
     }
     if (!port_ && !(port_ = Port::open(options_.port, reason))) {
@@ -71,7 +71,7 @@ std::optional<Outcome> Bridge::connect() {
     send_handshake();
     poll_line(kIdlePoll);
     if (!fault_.empty()) {
-      log_("error: " + fault_);
+      log_.add("error: " + fault_);
       return Outcome::kFailed;
     }
   }
@@ -85,7 +85,7 @@ std::optional<Outcome> Bridge::reconnect() {
   while (!port_ || !link_.described()) {
     if (stop_.load()) return Outcome::kStopped;
     if (options_.reconnect_timeout && Clock::now() - start > *options_.reconnect_timeout) {
-      log_("error: the device is gone");
+      log_.add("error: the device is gone");
       return Outcome::kDeviceLost;
     }
     if (!port_ && !(port_ = Port::open(options_.port, reason))) {
@@ -95,12 +95,12 @@ std::optional<Outcome> Bridge::reconnect() {
     send_handshake();
     poll_line(kIdlePoll);
     if (!fault_.empty()) {
-      log_("error: " + fault_);
+      log_.add("error: " + fault_);
       return Outcome::kFailed;
     }
   }
   ++counters_.reconnections;
-  log_("the device is back");
+  log_.add("the device is back");
   last_handshake_ = {};
   send_handshake();
   return std::nullopt;
@@ -114,7 +114,7 @@ void Bridge::on_line_lost(const std::string& reason) {
   frame_ready_ = false;
   if (!surface_) return;
   enter_silence();
-  log_(reason + "; the session waits for the device");
+  log_.add(reason + "; the session waits for the device");
 }
 
 // Answers to frames from before a silence are stale.
@@ -145,9 +145,9 @@ void Bridge::create_surface() {
                                static_cast<double>(c.safe)});
   surface_.emplace(shm_protocol::SurfaceEndpoint::create(config));
   actuators_.assign(link_.actuator_elements(), 0.0F);
-  log_("device '" + device_->name + "', " + std::to_string(device_->rows) + " rows of " +
-       std::to_string(device_->columns) + " cells, every " + std::to_string(device_->period_us) +
-       " us; controllers attach to '" + options_.surface + "'");
+  log_.add("device '" + device_->name + "', " + std::to_string(device_->rows) + " rows of " +
+           std::to_string(device_->columns) + " cells, every " + std::to_string(device_->period_us) +
+           " us; controllers attach to '" + options_.surface + "'");
 }
 
 // ---- line
@@ -193,7 +193,7 @@ void Bridge::on_event(DeviceLink::Event event) {
       fault_ = link_.message();
       return;
     case DeviceLink::Event::kFault:
-      return log_("the device reports: " + link_.message());
+      return log_.add("the device reports: " + link_.message());
     case DeviceLink::Event::kFrame:
       return on_frame();
   }
@@ -208,7 +208,7 @@ void Bridge::on_description() {
   } else if (link_.description().boot != boot_id_) {
     boot_id_ = link_.description().boot;
     seen_frame_ = false;  // its ticks restart
-    if (surface_) log_("the device was restarted");
+    if (surface_) log_.add("the device was restarted");
   }
 }
 
@@ -244,7 +244,7 @@ std::optional<Outcome> Bridge::serve_once() {
   const bool passive = options_.mode == Mode::kPassive;
   poll_line(awaiting_answer_ ? milliseconds(0) : passive ? kAnswerPoll : kIdlePoll);
   if (!fault_.empty()) {
-    log_("error: " + fault_);
+    log_.add("error: " + fault_);
     return Outcome::kFailed;
   }
   if (frame_ready_ && !awaiting_answer_) publish();
@@ -279,7 +279,7 @@ void Bridge::on_frame() {
   tick_ += seen_frame_ || counters_.frames != 0 ? step : 0;
   device_tick_ = frame.tick;
   seen_frame_ = true;
-  if (silent_) log_("the device speaks again");
+  if (silent_) log_.add("the device speaks again");
   silent_ = false;
   if (frame_ready_ || awaiting_answer_) {
     ++counters_.skipped;
@@ -324,8 +324,8 @@ void Bridge::poll_answer() {
       return;
     case Status::kControllerDead:
     case Status::kControllerClosed:
-      log_(std::string(shm_protocol::text(answer)) +
-           (options_.hold_last_frame ? "; its last frame stands" : "; safe values stand"));
+      log_.add(std::string(shm_protocol::text(answer)) +
+               (options_.hold_last_frame ? "; its last frame stands" : "; safe values stand"));
       break;
     case Status::kOk:
       if (may_send(published_tick_)) ++counters_.answers;
@@ -340,8 +340,8 @@ void Bridge::poll_answer() {
 void Bridge::poll_latest() {
   const Status newest = surface_->latest_actuators();
   if (newest == Status::kControllerDead || newest == Status::kControllerClosed) {
-    log_(std::string(shm_protocol::text(newest)) +
-         (options_.hold_last_frame ? "; its last frame stands" : "; safe values stand"));
+    log_.add(std::string(shm_protocol::text(newest)) +
+             (options_.hold_last_frame ? "; its last frame stands" : "; safe values stand"));
   } else if (newest != Status::kOk) {
     return;
   }
@@ -383,8 +383,8 @@ void Bridge::check_silence() {
   if (!silent_) {
     enter_silence();
     ++counters_.silences;
-    log_("the device has been silent for " + seconds(options_.silence_timeout) +
-         "; it is sent the safe frame");
+    log_.add("the device has been silent for " + seconds(options_.silence_timeout) +
+             "; it is sent the safe frame");
   }
   send_handshake();
 }

@@ -1,7 +1,7 @@
 // The surface role for a physical device: forwards sensor frames to the controller and actuator frames to the
 // device, paced by the device's clock.
 //
-// Single-threaded. Events are logged line by line.
+// Single-threaded. Events are logged line by line, recurring ones at most once a second.
 #pragma once
 
 #include <shm_protocol/SurfaceEndpoint.h>
@@ -9,12 +9,12 @@
 #include <atomic>
 #include <chrono>
 #include <cstdint>
-#include <functional>
 #include <optional>
 #include <string>
 #include <vector>
 
 #include "shm-protocol/hardware/bridge/DeviceLink.h"
+#include "shm-protocol/hardware/bridge/EventLog.h"
 #include "shm-protocol/hardware/bridge/Port.h"
 
 namespace hardware {
@@ -55,9 +55,8 @@ enum class Outcome { kDone, kStopped, kDeviceLost, kFailed };
 class Bridge {
  public:
   using Clock = std::chrono::steady_clock;
-  using Log = std::function<void(const std::string&)>;
 
-  Bridge(BridgeOptions, const std::atomic<bool>& stop, Log);
+  Bridge(BridgeOptions, const std::atomic<bool>& stop, EventLog::Print);
 
   // Connects, creates the surface and serves until all ticks are published (kDone), the stop flag is raised
   // (kStopped), the device does not appear or return in time (kDeviceLost), or it is unusable (kFailed). The
@@ -93,7 +92,7 @@ class Bridge {
 
   BridgeOptions options_;
   const std::atomic<bool>& stop_;
-  Log log_;
+  EventLog log_;
   std::optional<Port> port_;
   DeviceLink link_;
   std::optional<DeviceDescription> device_;  // as first described

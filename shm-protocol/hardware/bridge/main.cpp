@@ -3,18 +3,16 @@
 #include <shm_protocol/Error.h>
 #include <unistd.h>
 
-#include <atomic>
 #include <charconv>
-#include <csignal>
 #include <cstdint>
 #include <cstdio>
-#include <cstdlib>
 #include <cstring>
-#include <ctime>
 #include <exception>
-#include <new>
 #include <stdexcept>
 
+#include "common/process/ExitStatus.h"
+#include "common/process/StopSignals.h"
+#include "common/process/Termination.h"
 #include "shm-protocol/hardware/bridge/Bridge.h"
 
 namespace {
@@ -22,8 +20,6 @@ namespace {
 using hardware::Bridge;
 using hardware::BridgeOptions;
 using std::chrono::milliseconds;
-
-enum ExitStatus { kDone = 0, kFailed = 1, kWrongInput = 2, kDeviceLost = 3, kSignalled = 128 };
 
 constexpr const char* kUsage =
     "usage: surface_bridge DEVICE [flags]\n"
@@ -42,37 +38,6 @@ constexpr const char* kUsage =
     "Exit status: 0 done; 1 failed; 2 wrong input; 3 the device did not come, or not come back; 128 + n "
     "after\n"
     "signal n.\n";
-
-std::atomic<bool> stop{false};
-std::atomic<int> signal_number{0};
-
-// A supervisor signals the process and its group: signals within half a second are one request. A later one
-// ends the process at once.
-void on_signal(int number) {
-  static std::atomic<std::int64_t> first_ns{0};
-  struct timespec time {};
-  ::clock_gettime(CLOCK_MONOTONIC, &time);
-  const std::int64_t now_ns = std::int64_t{time.tv_sec} * 1'000'000'000 + time.tv_nsec;
-  std::int64_t expected = 0;
-  if (!first_ns.compare_exchange_strong(expected, now_ns)) {
-    if (now_ns - expected >= 500'000'000) ::_exit(kSignalled + number);
-    return;
-  }
-  signal_number.store(number);
-  stop.store(true);
-}
-
-void catch_signals() {
-  struct sigaction action {};
-  action.sa_handler = on_signal;
-  sigaction(SIGINT, &action, nullptr);
-  sigaction(SIGTERM, &action, nullptr);
-  // nohup ignores SIGHUP so that the bridge survives its terminal; leave it ignored.
-  struct sigaction before {};
-  if (sigaction(SIGHUP, nullptr, &before) == 0 && before.sa_handler != SIG_IGN)
-    sigaction(SIGHUP, &action, nullptr);
-  std::signal(SIGPIPE, SIG_IGN);
-}
 
 template <class Number>
 Number parse(const char* flag, const char* text, Number least, Number most, const char* what) {
@@ -154,55 +119,40 @@ void print(const hardware::BridgeCounters& c) {
 }
 
 int serve(const BridgeOptions& options) {
-  Bridge bridge(options, stop,
+  Bridge bridge(options, common::catch_stop_signals(),
                 [](const std::string& line) { std::fprintf(stderr, "surface_bridge: %s\n", line.c_str()); });
   const hardware::Outcome end = bridge.run();
   print(bridge.counters());
-  if (std::fflush(stdout) != 0) return kFailed;
+  if (std::fflush(stdout) != 0) return common::kFailed;
   switch (end) {
     case hardware::Outcome::kDone:
-      return kDone;
+      return common::kDone;
     case hardware::Outcome::kStopped:
-      return kSignalled + signal_number.load();
+      return common::status_after_signals(common::kDone);
     case hardware::Outcome::kDeviceLost:
-      return kDeviceLost;
+      return common::kPeerLost;
     case hardware::Outcome::kFailed:
       break;
   }
-  return kFailed;
+  return common::kFailed;
 }
 
 }  // namespace
 
 int main(int argc, char** argv) {
-  // Without memory not even an exception can be thrown.
-  std::set_terminate([] {
-    try {
-      if (std::current_exception()) throw;
-      if (std::malloc(4096) != nullptr) std::abort();
-    } catch (const std::bad_alloc&) {
-    } catch (...) {
-      std::abort();
-    }
-    std::fputs("surface_bridge: error: there is not enough memory\n", stderr);
-    std::_Exit(kFailed);
-  });
+  const common::Termination termination("surface_bridge");
   try {
     const auto options = parse(argc, argv);
-    if (!options) return std::fflush(stdout) == 0 ? kDone : kFailed;
-    catch_signals();
+    if (!options) return std::fflush(stdout) == 0 ? common::kDone : common::kFailed;
     return serve(*options);
   } catch (const std::invalid_argument& e) {
     std::fprintf(stderr, "surface_bridge: error: %s\n", e.what());
-    return kWrongInput;
+    return common::kUserError;
   } catch (const shm_protocol::Error& e) {
     std::fprintf(stderr, "surface_bridge: error: %s\n", e.what());
-    return e.code() == shm_protocol::ErrorCode::kSystem ? kFailed : kWrongInput;
-  } catch (const std::bad_alloc&) {
-    std::fputs("surface_bridge: error: there is not enough memory\n", stderr);
-    return kFailed;
+    return e.code() == shm_protocol::ErrorCode::kSystem ? common::kFailed : common::kUserError;
   } catch (const std::exception& e) {
-    std::fprintf(stderr, "surface_bridge: error: %s\n", e.what());
-    return kFailed;
+    std::fprintf(stderr, "surface_bridge: error: %s\n", common::failure_text(e));
+    return common::kFailed;
   }
 }

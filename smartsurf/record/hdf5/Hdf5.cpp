@@ -1,5 +1,6 @@
 #include "smartsurf/record/hdf5/Hdf5.h"
 
+#include <cstdio>
 #include <cstdlib>
 #include <exception>
 #include <new>
@@ -47,6 +48,26 @@ bool has_memory(std::size_t bytes) noexcept {
   return block != nullptr;
 }
 
+// The library prints its errors to `stderr` until it is initialised and can be told not to. The descriptor stays: a line about
+// memory that ends the process there (Termination.h) is written to it.
+class SilentStandardError {
+ public:
+  SilentStandardError() : nowhere_(std::fopen("/dev/null", "we")) {
+    if (nowhere_ != nullptr) saved_ = std::exchange(stderr, nowhere_);
+  }
+  ~SilentStandardError() {
+    if (nowhere_ == nullptr) return;
+    stderr = saved_;
+    std::fclose(nowhere_);
+  }
+  SilentStandardError(const SilentStandardError&) = delete;
+  SilentStandardError& operator=(const SilentStandardError&) = delete;
+
+ private:
+  std::FILE* nowhere_;
+  std::FILE* saved_ = nullptr;
+};
+
 thread_local bool close_failed = false;
 thread_local std::string close_failure;
 
@@ -87,13 +108,15 @@ void initialise_library() {
   // First of all calls, or it has no effect. The library's own termination crashes if a file could not be
   // written: the recorders close their files themselves.
   static const bool once = [] {
+    const SilentStandardError silent;
     H5dont_atexit();
     // Links to other files: a recording has none, and a hostile one must not make the program open them.
-    H5Lunregister(H5L_TYPE_EXTERNAL);
+    const bool ready =
+        H5Lunregister(H5L_TYPE_EXTERNAL) >= 0 && H5Eset_auto2(H5E_DEFAULT, nullptr, nullptr) >= 0;
+    if (!ready) throw std::bad_alloc();  // nothing else fails there
     return true;
   }();
   (void)once;
-  H5Eset_auto2(H5E_DEFAULT, nullptr, nullptr);
 }
 
 Handle string_type() {

@@ -48,7 +48,7 @@ int parse_and_run(int argc, char** argv) {
 
 int main(int argc, char** argv) noexcept {
   common::report_file_size_errors();
-  common::report_exhausted_memory("smartsurf");
+  const common::Termination termination("smartsurf");
   try {
     const int status = parse_and_run(argc, argv);
     if (status != common::kDone) return status;

@@ -1,0 +1,46 @@
+#include "common/files/UnfinishedFile.h"
+
+#include <unistd.h>
+
+#include <array>
+#include <atomic>
+#include <string>
+
+namespace common {
+namespace {
+
+// A signal handler may neither lock nor allocate.
+struct Slot {
+  std::atomic<pid_t> owner{0};
+  std::array<char, 1024> path{};
+};
+constexpr pid_t kFree = 0, kBeingWritten = -1;
+constinit std::array<Slot, 16> slots;
+
+}  // namespace
+
+UnfinishedFile::UnfinishedFile(const std::filesystem::path& path) noexcept {
+  const std::string& text = path.native();
+  if (text.size() >= slots[0].path.size()) return;
+  for (std::size_t i = 0; i < slots.size(); ++i) {
+    pid_t expected = kFree;
+    if (!slots[i].owner.compare_exchange_strong(expected, kBeingWritten)) continue;
+    text.copy(slots[i].path.data(), text.size());
+    slots[i].path[text.size()] = '\0';
+    slots[i].owner.store(::getpid());
+    slot_ = static_cast<int>(i);
+    return;
+  }
+}
+
+UnfinishedFile::~UnfinishedFile() {
+  if (slot_ >= 0) slots[static_cast<std::size_t>(slot_)].owner.store(kFree);
+}
+
+void remove_unfinished_files() noexcept {
+  const pid_t self = ::getpid();
+  for (const Slot& slot : slots)
+    if (slot.owner.load() == self) ::unlink(slot.path.data());
+}
+
+}  // namespace common

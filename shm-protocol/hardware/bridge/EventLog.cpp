@@ -1,0 +1,42 @@
+#include "shm-protocol/hardware/bridge/EventLog.h"
+
+#include <algorithm>
+#include <utility>
+
+namespace hardware {
+namespace {
+
+constexpr std::chrono::seconds kInterval{1};
+
+}  // namespace
+
+EventLog::EventLog(Print print) : print_(std::move(print)) {}
+
+EventLog::~EventLog() {
+  for (Line& line : recent_)
+    if (line.repetitions != 0) print(line);
+}
+
+void EventLog::add(const std::string& text, Clock::time_point now) {
+  auto* const known = std::ranges::find(recent_, text, &Line::text);
+  if (known == recent_.end()) {
+    Line& line = recent_[oldest_];
+    oldest_ = (oldest_ + 1) % recent_.size();
+    if (line.repetitions != 0) print(line);
+    line = {.text = text, .printed = now, .repetitions = 0};
+    print_(text);
+    return;
+  }
+  ++known->repetitions;
+  if (now - known->printed < kInterval) return;
+  known->printed = now;
+  print(*known);
+}
+
+// With more than one repetition, their number.
+void EventLog::print(Line& line) {
+  const std::uint64_t times = std::exchange(line.repetitions, 0);
+  print_(times == 1 ? line.text : line.text + " (" + std::to_string(times) + " times more)");
+}
+
+}  // namespace hardware

@@ -1,0 +1,40 @@
+// The bridge's log of events: a line that keeps recurring is printed at most once a second.
+#pragma once
+
+#include <array>
+#include <chrono>
+#include <cstddef>
+#include <cstdint>
+#include <functional>
+#include <string>
+
+namespace hardware {
+
+// A lasting fault of the line or the device repeats the same few lines. Each is printed at once; its repetitions within a
+// second are counted, and the next one printed says how many: "… (57 times more)".
+class EventLog {
+ public:
+  using Clock = std::chrono::steady_clock;
+  using Print = std::function<void(const std::string& line)>;
+
+  explicit EventLog(Print);
+  ~EventLog();  // prints the lines still counted
+  EventLog(const EventLog&) = delete;
+  EventLog& operator=(const EventLog&) = delete;
+
+  void add(const std::string& text, Clock::time_point now = Clock::now());
+
+ private:
+  struct Line {
+    std::string text;
+    Clock::time_point printed;
+    std::uint64_t repetitions = 0;  // since then
+  };
+  void print(Line&);
+
+  Print print_;
+  std::array<Line, 8> recent_;  // the newest texts: more than one fault repeats
+  std::size_t oldest_ = 0;
+};
+
+}  // namespace hardware
