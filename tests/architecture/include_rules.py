@@ -53,7 +53,7 @@ PRIVATE = [
     (r"^(bt[A-Z]|Bullet|LinearMath/)", {"smartsurf/world"}),
     (r"^(GLFW|GL/|imgui)", {"smartsurf/view", "apron/ui"}),
     (r"^(epoxy|EGL)", {"common/gl", "smartsurf/view", "apron/ui"}),
-    (r"^(hdf5|H5)", {"smartsurf/record"}),
+    (r"^(hdf5|H5|fontconfig/)", {"smartsurf/record"}),
     (r"^(assimp|libqhull)", {"smartsurf/mesh"}),
     (r"^boost/", {"shm-protocol"}),
     (r"^hwy/", {"apron/vm", "smartsurf/surface", "smartsurf/world"}),

@@ -1,6 +1,7 @@
 #include "smartsurf/record/plot/Plot.h"
 
 #include <cairo-svg.h>
+#include <fontconfig/fontconfig.h>
 #include <unistd.h>
 
 #include <cerrno>
@@ -8,6 +9,7 @@
 #include <cstring>
 #include <fstream>
 #include <memory>
+#include <new>
 #include <stdexcept>
 #include <utility>
 
@@ -102,6 +104,8 @@ void require_picture_name(const fs::path& path) {
 }
 
 void write_figure(const Figure& figure, const fs::path& path) {
+  // By itself, cairo has fontconfig try for ever to read its configuration where there is no memory.
+  if (!FcInit()) throw std::bad_alloc();
   if (const std::error_code error =
           common::replace_file(path, path.extension() == ".svg" ? render_svg(figure) : render_png(figure)))
     throw scene::InputError(path.string() + ": cannot be written: " + error.message());
