@@ -103,9 +103,19 @@ void require_picture_name(const fs::path& path) {
                             "': the name must end in .svg or .png");
 }
 
+// Cairo and FcInit() have fontconfig try for ever to load its configuration where there is no memory.
+void load_fonts() {
+  static const bool once = [] {
+    FcConfig* const configuration = FcInitLoadConfigAndFonts();
+    if (configuration == nullptr || !FcConfigSetCurrent(configuration)) throw std::bad_alloc();
+    FcConfigDestroy(configuration);  // the current one holds a reference of its own
+    return true;
+  }();
+  (void)once;
+}
+
 void write_figure(const Figure& figure, const fs::path& path) {
-  // By itself, cairo has fontconfig try for ever to read its configuration where there is no memory.
-  if (!FcInit()) throw std::bad_alloc();
+  load_fonts();
   if (const std::error_code error =
           common::replace_file(path, path.extension() == ".svg" ? render_svg(figure) : render_png(figure)))
     throw scene::InputError(path.string() + ": cannot be written: " + error.message());
