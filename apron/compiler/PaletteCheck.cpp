@@ -14,7 +14,7 @@ std::string palette_error(std::string_view name) {
   if (common::find_palette(name)) return {};
   std::vector<std::string> known = common::palette_names();
   std::string hint = common::did_you_mean(name, known);
-  known.resize(common::kPaletteCount);
+  known.resize(common::palette_count());
   if (hint.empty()) hint = fmt::format("; there are {}", fmt::join(known, ", "));
   return fmt::format("there is no palette '{}'{}", name, hint);
 }

@@ -22,6 +22,14 @@ struct SourceText {
   std::uint32_t included_at_line = 0;      // 1-based line of the including text
 };
 
+// A compiler's message about a place in a source text.
+struct SourceDiagnostic {
+  std::string file;                    // as SourceText::name
+  std::uint32_t line = 0, column = 0;  // 1-based, the column in characters; line 0: unknown
+  std::string message;
+  bool is_warning = false;
+};
+
 class Listing {
  public:
   enum class Fold : std::uint8_t { kNone, kClosed, kOpen };

@@ -24,7 +24,7 @@ std::vector<Neighbourhood> read_neighbourhoods(const vm::Vm& vm, const Cell& cel
 // The values of one cell at the end of each tick, for the latest kMaxRecords ticks.
 class Probe {
  public:
-  static constexpr std::size_t kMaxRecords = 128;
+  static constexpr std::size_t kMaxRecords = 512;
 
   struct Record {
     std::uint64_t tick = 0;

@@ -3,6 +3,7 @@
 #include <iostream>
 
 #include "apron/run/cli/Commands.h"
+#include "apron/run/cli/CompiledProgram.h"
 #include "apron/run/cli/Repl.h"
 #include "common/error/UserError.h"
 #include "common/process/ExitStatus.h"
@@ -17,16 +18,20 @@ int run_subcommand(int argc, char** argv) {
   if (parsed.exit_status) return *parsed.exit_status;
   switch (parsed.options.subcommand) {
     case Subcommand::kRun:
+      load_palettes(parsed.options);
       return run_program(parsed.options);
     case Subcommand::kCheck:
+      load_palettes(parsed.options);
       return check_program(parsed.options);
     case Subcommand::kDisassemble:
+      load_palettes(parsed.options);
       return disassemble_program(parsed.options);
     case Subcommand::kFormat:
       return format_programs(parsed.options);
     case Subcommand::kImport:
       return import_program(parsed.options);
     case Subcommand::kRepl:
+      load_palettes(parsed.options);
       return run_repl(parsed.options);
   }
   return common::kFailed;

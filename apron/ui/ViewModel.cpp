@@ -66,6 +66,9 @@ void ViewModel::show_program(program::Program program, const std::vector<debugge
   if (!selected_) viewport = {};
   if (const auto all = listed_registers(); !selected_ && !all.empty()) selected_ = all.front();
   visible_thumbnails.clear();
+  locked_tiles_.clear();
+  enlarged_history.reset();
+  editor.set_sources(texts);
   if (!breakpoints_.empty()) send_breakpoints();
 }
 
@@ -213,6 +216,17 @@ std::vector<std::size_t> ViewModel::tiled_registers() const {
 
 bool ViewModel::tiled() const {
   return tiled_by_user_.value_or(panel_state_.tiled) && !panel_state_.tiles.empty();
+}
+
+const ViewModel::LockedTile* ViewModel::locked_tile(std::size_t reg) const {
+  const auto found = locked_tiles_.find(reg);
+  return found == locked_tiles_.end() ? nullptr : &found->second;
+}
+
+void ViewModel::toggle_tile_lock(std::size_t reg) {
+  if (locked_tiles_.erase(reg) > 0) return;
+  for (const debugger::SampledRegister& sample : snapshot_.tiles)
+    if (sample.reg == reg) locked_tiles_[reg] = {sample, snapshot_.ticks};
 }
 
 RegisterStyle ViewModel::register_style(std::size_t reg) const { return styles_[reg]; }

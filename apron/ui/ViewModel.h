@@ -5,6 +5,7 @@
 #include <chrono>
 #include <cstdint>
 #include <functional>
+#include <map>
 #include <optional>
 #include <string>
 #include <utility>
@@ -16,6 +17,8 @@
 #include "apron/debugger/FrontPanel.h"
 #include "apron/debugger/Listing.h"
 #include "apron/debugger/Statistics.h"
+#include "apron/ui/PaneLayout.h"
+#include "apron/ui/ProgramEditor.h"
 #include "common/color/Palette.h"
 
 namespace apron::ui {
@@ -98,6 +101,15 @@ class ViewModel {
   bool tiled() const;
   void set_tiled(bool on) { tiled_by_user_ = on; }
   int tile_columns() const { return panel_state_.tile_columns; }  // 0: automatic
+  // A locked tile keeps the register's cells of one tick.
+  struct LockedTile {
+    debugger::SampledRegister sample;
+    std::uint64_t tick = 0;
+  };
+  // nullptr if the tile is not locked.
+  const LockedTile* locked_tile(std::size_t reg) const;
+  // Locks the tile with what it shows, or unlocks it. A tile that shows nothing yet stays unlocked.
+  void toggle_tile_lock(std::size_t reg);
 
   // ---- user actions ----
   void run();
@@ -131,8 +143,11 @@ class ViewModel {
   bool take_reload_request() { return std::exchange(reload_requested, false); }
 
   // ---- window state ----
+  PaneLayout layout;
+  ProgramEditor editor;
   Viewport viewport;
   debugger::Cell probed_cell;
+  std::optional<std::size_t> enlarged_history;  // of a register, at the size of the panel
   bool probe_shown = false, profile_shown = false, temporaries_shown = false, help_shown = false,
        reload_requested = false;
   bool follow_current_line = true;     // scroll the listing to the current line
@@ -163,7 +178,8 @@ class ViewModel {
   std::optional<std::size_t> selected_;
   bool selected_by_user_ = false;
   std::optional<bool> tiled_by_user_;
-  std::vector<RegisterStyle> styles_;  // indexed by register
+  std::map<std::size_t, LockedTile> locked_tiles_;  // keyed by register
+  std::vector<RegisterStyle> styles_;               // indexed by register
   std::vector<debugger::Breakpoint> breakpoints_;
   std::vector<SessionCommand> commands_;
   bool profiling_ = false;

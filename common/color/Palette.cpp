@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cctype>
+#include <utility>
 
 namespace common {
 namespace {
@@ -87,30 +88,68 @@ Rgb interpolate(const std::array<Rgb, N>& stops, float t) {
   return color;
 }
 
-bool equals_ignoring_case(std::string_view text, std::string_view lower) {
-  return std::equal(text.begin(), text.end(), lower.begin(), lower.end(),
-                    [](char x, char y) { return std::tolower(static_cast<unsigned char>(x)) == y; });
+// Not changed once threads run.
+std::vector<CustomPalette>& custom_palettes() {
+  static std::vector<CustomPalette> palettes;
+  return palettes;
+}
+
+const CustomPalette* custom_palette(Palette palette) {
+  const auto index = static_cast<std::size_t>(palette);
+  return index < kPaletteCount ? nullptr : &custom_palettes()[index - kPaletteCount];
+}
+
+Rgb interpolate(const std::vector<CustomPalette::Stop>& stops, float t) {
+  const auto above = std::find_if(stops.begin(), stops.end(),
+                                  [&](const CustomPalette::Stop& stop) { return stop.position > t; });
+  if (above == stops.begin()) return stops.front().color;
+  if (above == stops.end()) return stops.back().color;
+  const CustomPalette::Stop &low = *(above - 1), &high = *above;
+  const float fraction = (t - low.position) / (high.position - low.position);
+  Rgb color;
+  for (std::size_t c = 0; c < 3; ++c) color[c] = low.color[c] + fraction * (high.color[c] - low.color[c]);
+  return color;
+}
+
+bool equals_ignoring_case(std::string_view one, std::string_view other) {
+  const auto lower = [](char c) { return std::tolower(static_cast<unsigned char>(c)); };
+  return std::equal(one.begin(), one.end(), other.begin(), other.end(),
+                    [&](char x, char y) { return lower(x) == lower(y); });
 }
 
 }  // namespace
 
-std::string_view palette_name(Palette palette) noexcept { return kNames[static_cast<std::size_t>(palette)].name; }
+void add_palettes(std::vector<CustomPalette> palettes) {
+  for (CustomPalette& palette : palettes) custom_palettes().push_back(std::move(palette));
+}
+
+std::size_t palette_count() noexcept { return kPaletteCount + custom_palettes().size(); }
+
+std::string_view palette_name(Palette palette) noexcept {
+  if (const CustomPalette* custom = custom_palette(palette)) return custom->name;
+  return kNames[static_cast<std::size_t>(palette)].name;
+}
 
 std::optional<Palette> find_palette(std::string_view name) noexcept {
   const auto found = std::find_if(kNames.begin(), kNames.end(), [&](const NamedPalette& candidate) {
     return equals_ignoring_case(name, candidate.name);
   });
-  return found == kNames.end() ? std::nullopt : std::optional(found->palette);
+  if (found != kNames.end()) return found->palette;
+  for (std::size_t i = kPaletteCount; i < palette_count(); ++i)
+    if (equals_ignoring_case(name, palette_name(static_cast<Palette>(i)))) return static_cast<Palette>(i);
+  return std::nullopt;
 }
 
 std::vector<std::string> palette_names() {
   std::vector<std::string> names;
-  for (const NamedPalette& named : kNames) names.emplace_back(named.name);
+  for (std::size_t i = 0; i < palette_count(); ++i) names.emplace_back(palette_name(static_cast<Palette>(i)));
+  for (std::size_t i = kPaletteCount; i < kNames.size(); ++i) names.emplace_back(kNames[i].name);
   return names;
 }
 
 Rgb palette_color(Palette palette, float t) noexcept {
   const float x = std::clamp(t, 0.0F, 1.0F);
+  if (const CustomPalette* custom = custom_palette(palette)) return interpolate(custom->stops, x);
   switch (palette) {
     case Palette::kGrey:
     case Palette::kRaw:

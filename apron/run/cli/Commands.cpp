@@ -141,9 +141,9 @@ struct UiCallbacks {
 template <class WithHost>
 int compile_and_run(const Options& options, std::uint32_t width, std::uint32_t height,
                     const WithHost& with_host) {
-  std::string diagnostics;
-  const std::optional<CompiledProgram> compiled = compile_with_sources(options, width, height, diagnostics);
-  std::cerr << diagnostics;
+  CompilerMessages messages;
+  const std::optional<CompiledProgram> compiled = compile_with_sources(options, width, height, messages);
+  std::cerr << messages.text;
   if (!compiled) return common::kUserError;
   const program::Program& program = compiled->program;
   if (const std::string message = unknown_parameter_message(options, program); !message.empty())

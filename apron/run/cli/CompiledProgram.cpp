@@ -6,6 +6,9 @@
 #include "apron/compiler/Compiler.h"
 #include "apron/syntax/Diagnostic.h"
 #include "apron/syntax/FileReader.h"
+#include "common/color/PaletteFile.h"
+#include "common/error/UserError.h"
+#include "common/files/ReadFile.h"
 
 namespace apron::run {
 namespace {
@@ -17,6 +20,16 @@ std::string library_path() {
   const std::filesystem::path installed = self.parent_path().parent_path() / "share" / "smartsurf" / "apron";
   if (!error && std::filesystem::is_directory(installed, error)) return installed.string();
   return APRON_SOURCE_LIBRARY;
+}
+
+void append_messages(const std::vector<syntax::Diagnostic>& diagnostics, const syntax::SourceManager& sources,
+                     CompilerMessages& messages) {
+  messages.text += syntax::format_diagnostics(diagnostics, sources);
+  for (const syntax::Diagnostic& diagnostic : diagnostics) {
+    const syntax::Location& at = diagnostic.location;
+    const std::string file = at.file < sources.file_count() ? sources.file(at.file).name : "";
+    messages.entries.push_back({file, at.line, at.column, diagnostic.message, diagnostic.is_warning});
+  }
 }
 
 }  // namespace
@@ -32,13 +45,27 @@ compiler::CompileOptions compile_options(const Options& options, std::uint32_t w
   return result;
 }
 
+void load_palettes(const Options& options) {
+  std::filesystem::path path = options.palettes;
+  if (path.empty()) {
+    std::error_code error;
+    path = std::filesystem::path(options.program).parent_path() / "palettes.txt";
+    if (options.program.empty() || !std::filesystem::exists(path, error)) return;
+  }
+  std::string text;
+  if (const std::error_code error = common::read_file(path, common::kMaxTextBytes, text))
+    throw common::UserError(path.string() + ": cannot be read: " + error.message());
+  common::add_palettes(common::parse_palettes(text, path.string()));
+}
+
 std::optional<CompiledProgram> compile_with_sources(const Options& options, std::uint32_t width,
-                                                    std::uint32_t height, std::string& errors) {
+                                                    std::uint32_t height, CompilerMessages& messages) {
   syntax::DiskReader reader;
   compiler::CompileResult result = compiler::compile(compile_options(options, width, height), reader);
-  errors = syntax::format_diagnostics(result.warnings, result.sources);
+  messages = {};
+  append_messages(result.warnings, result.sources, messages);
   if (!result.program) {
-    errors += syntax::format_diagnostics(result.diagnostics, result.sources);
+    append_messages(result.diagnostics, result.sources, messages);
     return std::nullopt;
   }
   CompiledProgram compiled{std::move(*result.program), {}};
@@ -53,9 +80,9 @@ std::optional<CompiledProgram> compile_with_sources(const Options& options, std:
 
 std::optional<program::Program> compile_or_report(const Options& options, std::uint32_t width,
                                                   std::uint32_t height) {
-  std::string errors;
-  std::optional<CompiledProgram> compiled = compile_with_sources(options, width, height, errors);
-  std::cerr << errors;
+  CompilerMessages messages;
+  std::optional<CompiledProgram> compiled = compile_with_sources(options, width, height, messages);
+  std::cerr << messages.text;
   if (!compiled) return std::nullopt;
   return std::move(compiled->program);
 }

@@ -19,9 +19,18 @@ struct CompiledProgram {
   program::Program program;
   std::vector<debugger::SourceText> sources;  // the main file first
 };
-// Sets errors to the diagnostics as text: the warnings and, if it returns nullopt, the errors.
+// The compiler's messages: the warnings and, if there is no program, the errors.
+struct CompilerMessages {
+  std::string text;                                 // as for a terminal
+  std::vector<debugger::SourceDiagnostic> entries;  // in the order of the text
+};
+// Replaces `messages`.
 std::optional<CompiledProgram> compile_with_sources(const Options& options, std::uint32_t width,
-                                                    std::uint32_t height, std::string& errors);
+                                                    std::uint32_t height, CompilerMessages& messages);
+
+// Adds the custom palettes of --palettes, or of palettes.txt beside the program. Call it once, before compiling.
+// Throws common::UserError.
+void load_palettes(const Options& options);
 
 // Like compile_with_sources(); prints errors to stderr.
 std::optional<program::Program> compile_or_report(const Options& options, std::uint32_t width,

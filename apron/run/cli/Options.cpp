@@ -126,6 +126,10 @@ void add_common_options(CLI::App& command, RawOptions& raw, bool takes_program =
       ->allow_extra_args(false);
   command.add_flag("--original", raw.options.original,
                    "the program is one of APRON 2.9: include original.aps before its first line");
+  command
+      .add_option("--palettes", raw.options.palettes,
+                  "file of custom palettes [palettes.txt beside the program, if there is one]")
+      ->type_name("FILE");
   command.add_option("--size", raw.size, "array size without a surface [64x64]")->type_name("WxH");
 }
 
@@ -203,6 +207,7 @@ void add_run_options(CLI::App& run, RawOptions& raw) {
       ->check(seconds_validator());
   run.add_flag("--window", raw.options.window, "open a window with registers, program and controls");
   run.add_flag("--hold", raw.options.hold, "with --window: start paused before the first line");
+  run.add_flag("--reset-layout", raw.options.reset_layout, "with --window: forget the sizes of its panes");
   run.add_option("--geometry", raw.geometry,
                  "size of the window or picture, and position of the window ('beside', the default with "
                  "--shm: next to "
@@ -302,6 +307,8 @@ void validate_ui_options(RawOptions& raw) {
   if (options.window && options.reconnect)
     throw CLI::ValidationError("--window", "cannot be combined with --reconnect");
   if (options.hold && !options.window) throw CLI::ValidationError("--hold", "requires --window");
+  if (options.reset_layout && !options.window)
+    throw CLI::ValidationError("--reset-layout", "requires --window");
   if (!options.uses_ui() && (!raw.geometry.empty() || !options.show.empty()))
     throw CLI::ValidationError(raw.geometry.empty() ? "--show" : "--geometry",
                                "requires --window, --screenshot or --video");

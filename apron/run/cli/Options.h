@@ -44,9 +44,10 @@ struct Options {
   bool local_check = false;  // check --local
   bool original = false;     // --original
   std::vector<std::string> include_paths;
+  std::string palettes;  // a file; empty for palettes.txt beside the program, if there is one
   double wait_s = 5.0;
   std::string profile, cost_model;  // files; empty for none
-  bool window = false, hold = false;
+  bool window = false, hold = false, reset_layout = false;
   WindowGeometry geometry;
   std::string show;  // a register
   std::vector<Screenshot> screenshots;

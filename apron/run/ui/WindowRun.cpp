@@ -7,7 +7,10 @@
 #include <map>
 
 #include "apron/debugger/SessionThread.h"
+#include "apron/run/ui/LayoutFile.h"
 #include "apron/ui/window/Window.h"
+#include "common/files/AtomicFile.h"
+#include "common/files/ReadFile.h"
 #include "common/process/StopSignals.h"
 
 namespace apron::run {
@@ -26,6 +29,10 @@ class SourceFileMonitor {
   void reset(const std::vector<debugger::SourceText>& sources) {
     times_.clear();
     for (const debugger::SourceText& source : sources) times_[source.name] = modification_time(source.name);
+  }
+  // Takes the files as they are now.
+  void update() {
+    for (auto& [name, time] : times_) time = modification_time(name);
   }
   // Whether a file has changed since the last call or reset(). Checks the disk at most twice per second.
   bool poll_changed() {
@@ -74,8 +81,14 @@ class WindowLoop {
         file_monitor_(context.run.compiled.sources),
         window_(title(context.run.options), window_placement(context.run.options.geometry)),
         session_thread_(context.session, common::interrupt_flag()) {
+    model_.layout = saved_layout_ = load_layout(context.run.options.reset_layout);
     if (!context.run.options.hold) model_.run();
   }
+  ~WindowLoop() {
+    if (model_.layout != saved_layout_) save_layout(model_.layout);
+  }
+  WindowLoop(const WindowLoop&) = delete;
+  WindowLoop& operator=(const WindowLoop&) = delete;
 
   void run() {
     while (!common::stop_flag()) {
@@ -93,6 +106,7 @@ class WindowLoop {
       }
       if (!window_.render_frame(model_)) return;
       std::fflush(stdout);  // a program without frames never flushes its output
+      if (const auto request = model_.editor.take_save_request()) save_source(*request);
       if (model_.take_reload_request() || file_monitor_.poll_changed()) reload();
       for (ui::ViewModel::SessionCommand& command : model_.take_commands())
         session_thread_.post(std::move(command));
@@ -119,14 +133,39 @@ class WindowLoop {
     window_.wait_events(std::max(0.001, frame_time_s - draw_time_s));
   }
 
+  // Writes an edited file and reloads the program.
+  void save_source(const ui::ProgramEditor::SaveRequest& request) {
+    std::string text_on_disk;
+    const bool readable = !common::read_file(request.name, common::kMaxTextBytes, text_on_disk);
+    if (readable && text_on_disk != request.old_text) {
+      model_.notice = request.name + " has changed on the disk. Save again to replace it, or revert.";
+      model_.editor.mark_conflict(request, std::move(text_on_disk));
+      return;
+    }
+    std::error_code ignored;
+    const fs::perms mode = fs::status(request.name, ignored).permissions();
+    if (const std::error_code error = common::replace_file(request.name, request.text)) {
+      model_.notice = request.name + ": cannot be written: " + error.message();
+      return;
+    }
+    if (readable) fs::permissions(request.name, mode, ignored);
+    model_.editor.mark_saved(request);
+    file_monitor_.update();
+    reload();
+  }
+
   void reload() {
     const UiRun& run = context_.run;
-    std::string errors;
+    CompilerMessages messages;
     std::optional<CompiledProgram> compiled =
-        compile_with_sources(run.options, run.width, run.height, errors);
+        compile_with_sources(run.options, run.width, run.height, messages);
+    model_.editor.diagnostics = std::move(messages.entries);
     if (!compiled) {
-      model_.notice = "Not reloaded: " + errors.substr(0, errors.find('\n'));
-      context_.panel.note("not reloaded:\n" + errors);
+      model_.notice = "Not reloaded: " + messages.text.substr(0, messages.text.find('\n'));
+      context_.panel.note("not reloaded:\n" + messages.text);
+      for (const ui::ProgramEditor::File& file : model_.editor.files())
+        if (std::string text; !common::read_file(file.name, common::kMaxTextBytes, text))
+          model_.editor.set_text_on_disk(file.name, text);
       return;
     }
     file_monitor_.reset(compiled->sources);
@@ -147,6 +186,7 @@ class WindowLoop {
 
   UiRunContext& context_;
   ui::ViewModel& model_;
+  ui::PaneLayout saved_layout_;
   SourceFileMonitor file_monitor_;
   ui::Window window_;
   debugger::SessionThread session_thread_;

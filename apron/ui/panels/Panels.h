@@ -33,6 +33,8 @@ void draw_register_list(DrawContext& context);
 void draw_register_view(DrawContext& context);
 void draw_tiles(DrawContext& context);
 void draw_program(DrawContext& context);
+// In the place of draw_program(), while ProgramEditor::shown. Requires ProgramEditor::current().
+void draw_editor(DrawContext& context);
 void draw_values_panel(DrawContext& context);
 void draw_console_panel(DrawContext& context);
 void draw_probe_panel(DrawContext& context);

@@ -145,10 +145,20 @@ void draw_search(DrawContext& context) {
   if (model.found_row) model.follow_current_line = false;
 }
 
+void open_editor(ViewModel& model) {
+  const std::size_t row = model.found_row.value_or(model.current_row());
+  const std::vector<Listing::Row>& rows = model.listing().rows();
+  if (row < rows.size() && (model.found_row || !model.running()))
+    model.editor.open(rows[row].file, rows[row].line);
+  else
+    model.editor.shown = true;
+}
+
 void draw_header(DrawContext& context) {
   ViewModel& model = context.model;
-  ImGui::AlignTextToFramePadding();
-  ImGui::TextUnformatted(is_wide_layout(context) ? "Program" : "");
+  if (ImGui::Button("Edit")) open_editor(model);
+  if (ImGui::IsItemHovered())
+    ImGui::SetTooltip("Edit the program at the line that was found or comes next (Ctrl-E)");
   ImGui::SameLine();
   draw_search(context);
   const float box = ImGui::GetFrameHeight() + ImGui::CalcTextSize("Profile").x + context.to_pixels(10);
@@ -183,6 +193,7 @@ float text_width(const Listing& listing, const ColumnLayout& columns) {
 
 void draw_program(DrawContext& context) {
   ViewModel& model = context.model;
+  if (model.editor.shown && model.editor.current() != nullptr) return draw_editor(context);
   draw_header(context);
   ImGui::PushFont(context.gui.code());
   const ColumnLayout columns = column_layout(context);

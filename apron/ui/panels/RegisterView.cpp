@@ -39,7 +39,7 @@ void draw_style_controls(DrawContext& context, std::size_t reg) {
   ImGui::SetNextItemWidth(context.to_pixels(104));
   if (ImGui::BeginCombo("##palette", std::string(common::palette_name(style.palette)).c_str(),
                         ImGuiComboFlags_HeightLarge)) {
-    for (std::size_t i = 0; i < common::kPaletteCount; ++i) {
+    for (std::size_t i = 0; i < common::palette_count(); ++i) {
       const auto palette = static_cast<common::Palette>(i);
       if (!ImGui::Selectable(std::string(common::palette_name(palette)).c_str(), palette == style.palette))
         continue;

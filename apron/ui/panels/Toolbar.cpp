@@ -129,6 +129,8 @@ void handle_keys(ViewModel& model) {
   constexpr int kF5 = 294;  // GLFW's code
   if (ImGui::IsKeyPressed(kF5, false) && !model.finished()) model.toggle_running();
   if (io.KeyCtrl && ImGui::IsKeyPressed('F', false) && !model.takes_keys()) model.focus_search = true;
+  if (io.KeyCtrl && ImGui::IsKeyPressed('E', false) && !model.takes_keys())
+    model.editor.shown = !model.editor.shown;
   if (io.WantTextInput || !model.takes_keys()) model.release_all_keys();
   if (io.WantTextInput) return;
   if (model.takes_keys()) return pass_keys_to_program(model);
@@ -156,6 +158,8 @@ void draw_help(DrawContext& context) {
                                              {"Other keys", "io.key, while a program that reads it runs"},
                                              {"R", "reset"},
                                              {"Ctrl-F", "find in the program, or go to a line"},
+                                             {"Ctrl-E   Ctrl-S", "edit the program, save and restart it"},
+                                             {"Drag between two panes", "resize; double click: default"},
                                              {"Click a small register", "show it large"},
                                              {"Wheel, drag on the large one", "zoom, pan; double click: fit"},
                                              {"Click on the large one", "probe that cell"},

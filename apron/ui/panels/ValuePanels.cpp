@@ -68,31 +68,86 @@ std::string format_neighbourhood(const debugger::Neighbourhood& neighbourhood) {
   return text;
 }
 
-// Plots the probed cell's value over the latest ticks, oldest at the left.
-void draw_history(const DrawContext& context, const ViewModel& model, std::size_t reg, ImVec2 size) {
-  const auto& history = model.snapshot().history;
+// The probed cell's values of a register, oldest first, with their ticks.
+struct History {
+  std::vector<std::uint64_t> ticks;
+  std::vector<float> values;
+  debugger::ValueRange range;
+};
+
+History history_of(const ViewModel& model, std::size_t reg) {
+  History history;
+  for (const debugger::Probe::Record& record : model.snapshot().history) {
+    history.ticks.push_back(record.tick);
+    history.values.push_back(reg < record.values.size() ? record.values[reg] : std::nanf(""));
+  }
+  history.range = debugger::automatic_range(history.values);
+  return history;
+}
+
+// Plots the values from left to right over the whole width; a tooltip reads the one at the mouse.
+void draw_curve(const DrawContext& context, const History& history, ImVec2 size) {
   const ImVec2 corner = ImGui::GetCursorScreenPos();
   ImDrawList& list = *ImGui::GetWindowDrawList();
   list.AddRectFilled(corner, {corner.x + size.x, corner.y + size.y}, theme::kBackdrop);
-  std::vector<float> values;
-  for (const auto& record : history)
-    values.push_back(reg < record.values.size() ? record.values[reg] : std::nanf(""));
-  const debugger::ValueRange range = debugger::automatic_range(values);
+  const std::size_t count = history.values.size();
+  const float step = size.x / static_cast<float>(std::max<std::size_t>(count, 32));
+  const debugger::ValueRange& range = history.range;
   std::vector<ImVec2> points;
-  for (std::size_t i = 0; i < values.size(); ++i) {
-    if (!std::isfinite(values[i])) continue;
-    const float t = (values[i] - range.low) / (range.high - range.low);
-    points.push_back({corner.x + size.x * (static_cast<float>(i) + 0.5F) / debugger::Probe::kMaxRecords,
-                      corner.y + size.y - 2.0F - t * (size.y - 4.0F)});
+  const auto flush = [&] {
+    list.AddPolyline(points.data(), static_cast<int>(points.size()), theme::kAccent, 0,
+                     context.to_pixels(1.5F));
+    points.clear();
+  };
+  for (std::size_t i = 0; i < count; ++i) {
+    if (!std::isfinite(history.values[i])) {
+      flush();
+      continue;
+    }
+    const float t = (history.values[i] - range.low) / (range.high - range.low);
+    points.push_back({corner.x + step * (static_cast<float>(i) + 0.5F),
+                      corner.y + size.y - 2.0F - std::clamp(t, 0.0F, 1.0F) * (size.y - 4.0F)});
   }
-  list.AddPolyline(points.data(), static_cast<int>(points.size()), theme::kAccent, 0,
-                   context.to_pixels(1.5F));
-  ImGui::Dummy(size);
-  if (ImGui::IsItemHovered() && !history.empty())
-    ImGui::SetTooltip("ticks %llu to %llu, values %s to %s",
-                      static_cast<unsigned long long>(history.front().tick),
-                      static_cast<unsigned long long>(history.back().tick), format_short(range.low).c_str(),
-                      format_short(range.high).c_str());
+  flush();
+  ImGui::InvisibleButton("curve", {std::max(size.x, 1.0F), std::max(size.y, 1.0F)});
+  if (!ImGui::IsItemHovered() || count == 0) return;
+  const auto at = std::min(
+      static_cast<std::size_t>(std::max(0.0F, ImGui::GetIO().MousePos.x - corner.x) / step), count - 1);
+  const float x = corner.x + step * (static_cast<float>(at) + 0.5F);
+  list.AddLine({x, corner.y}, {x, corner.y + size.y}, theme::kFaint);
+  ImGui::SetTooltip("tick %llu: %s", static_cast<unsigned long long>(history.ticks[at]),
+                    format_short(history.values[at]).c_str());
+}
+
+// One register's history at the size of the panel, with its axes.
+void draw_enlarged_history(DrawContext& context, std::size_t reg) {
+  ViewModel& model = context.model;
+  const bool back = ImGui::Button("All registers");
+  ImGui::SameLine();
+  ImGui::Text("%s, column %u, row %u", model.program().registers[reg].name.c_str(), model.probed_cell.x,
+              model.probed_cell.y);
+  const History history = history_of(model, reg);
+  const std::string high = format_short(history.range.high), low = format_short(history.range.low);
+  const float line = ImGui::GetTextLineHeight();
+  const float margin = std::max(ImGui::CalcTextSize(high.c_str()).x, ImGui::CalcTextSize(low.c_str()).x) +
+                       context.to_pixels(6);
+  const ImVec2 corner = ImGui::GetCursorScreenPos(), available = ImGui::GetContentRegionAvail();
+  const ImVec2 size{std::max(available.x - margin, 1.0F),
+                    std::max(available.y - line - context.to_pixels(3), line)};
+  ImDrawList& list = *ImGui::GetWindowDrawList();
+  list.AddText(corner, theme::kFaint, high.c_str());
+  list.AddText({corner.x, corner.y + size.y - line}, theme::kFaint, low.c_str());
+  ImGui::SetCursorScreenPos({corner.x + margin, corner.y});
+  draw_curve(context, history, size);
+  if (!history.ticks.empty()) {
+    const std::string first = "tick " + std::to_string(history.ticks.front()),
+                      last = std::to_string(history.ticks.back());
+    const float y = corner.y + size.y + context.to_pixels(2);
+    list.AddText({corner.x + margin, y}, theme::kFaint, first.c_str());
+    list.AddText({corner.x + margin + size.x - ImGui::CalcTextSize(last.c_str()).x, y}, theme::kFaint,
+                 last.c_str());
+  }
+  if (back) model.enlarged_history.reset();
 }
 
 std::string describe_breakpoint(const debugger::Breakpoint& breakpoint) {
@@ -108,22 +163,36 @@ std::string describe_breakpoint(const debugger::Breakpoint& breakpoint) {
   return {};
 }
 
+// Continues the line if an item of the width still fits.
+void same_line_if_fits(float width) {
+  const float right = ImGui::GetItemRectMax().x + ImGui::GetStyle().ItemSpacing.x + width;
+  if (right <= ImGui::GetWindowPos().x + ImGui::GetWindowContentRegionMax().x) ImGui::SameLine();
+}
+
+float button_width(const char* label) {
+  return ImGui::CalcTextSize(label).x + 2.0F * ImGui::GetStyle().FramePadding.x;
+}
+
 void draw_breakpoint_editor(DrawContext& context) {
   ViewModel& model = context.model;
   static char condition[256] = "", error[512] = "";
   static int tick = 100;
-  ImGui::SetNextItemWidth(std::min(context.to_pixels(230), ImGui::GetContentRegionAvail().x * 0.45F));
+  const float width = ImGui::GetContentRegionAvail().x, gap = ImGui::GetStyle().ItemSpacing.x;
+  const float stop_when = button_width("Stop when"), stop_at = button_width("Stop at tick");
+  ImGui::SetNextItemWidth(
+      std::clamp(width - stop_when - gap, context.to_pixels(120), context.to_pixels(360)));
   const bool typed = ImGui::InputTextWithHint("##condition", "globalsum(D) > 0", condition, sizeof condition,
                                               ImGuiInputTextFlags_EnterReturnsTrue);
-  ImGui::SameLine();
+  same_line_if_fits(stop_when);
   if ((ImGui::Button("Stop when") || typed) && condition[0] != '\0') {
     std::snprintf(error, sizeof error, "%s", model.add_condition_breakpoint(condition).c_str());
     if (error[0] == '\0') condition[0] = '\0';
   }
-  ImGui::SameLine(0.0F, context.to_pixels(16));
-  ImGui::SetNextItemWidth(context.to_pixels(80));
+  const float tick_width = context.to_pixels(80);
+  same_line_if_fits(tick_width + gap + stop_at);
+  ImGui::SetNextItemWidth(tick_width);
   ImGui::InputInt("##tick", &tick, 0);
-  ImGui::SameLine();
+  same_line_if_fits(stop_at);
   if (ImGui::Button("Stop at tick") && tick > 0) model.add_tick_breakpoint(static_cast<std::uint64_t>(tick));
   if (error[0] != '\0') {
     ImGui::PushStyleColor(ImGuiCol_Text, theme::kStop);
@@ -165,18 +234,25 @@ void draw_console_panel(DrawContext& context) {
 }
 
 void draw_probe_panel(DrawContext& context) {
-  const ViewModel& model = context.model;
-  ImGui::Text("Column %u, row %u", model.probed_cell.x, model.probed_cell.y);
-  ImGui::SameLine();
-  ImGui::TextColored(faint_color(), "with its neighbours, and over the latest %zu ticks",
-                     debugger::Probe::kMaxRecords);
+  ViewModel& model = context.model;
+  if (model.enlarged_history) return draw_enlarged_history(context, *model.enlarged_history);
+  ImGui::PushStyleColor(ImGuiCol_Text, theme::kFaint);
+  ImGui::TextWrapped(
+      "Column %u, row %u, its neighbours, and the latest %zu ticks (click a curve to enlarge it)",
+      model.probed_cell.x, model.probed_cell.y, debugger::Probe::kMaxRecords);
+  ImGui::PopStyleColor();
   constexpr ImGuiTableFlags kFlags = ImGuiTableFlags_RowBg | ImGuiTableFlags_ScrollY |
-                                     ImGuiTableFlags_BordersInnerH | ImGuiTableFlags_SizingFixedFit;
-  if (!ImGui::BeginTable("cell", 4, kFlags)) return;
+                                     ImGuiTableFlags_Resizable | ImGuiTableFlags_BordersInnerH |
+                                     ImGuiTableFlags_SizingFixedFit;
+  // The curve has at least a third of the width; the neighbours give way.
+  const float width = ImGui::GetContentRegionAvail().x;
+  const bool with_neighbours = width >= context.to_pixels(520);
+  if (!ImGui::BeginTable("cell", with_neighbours ? 4 : 3, kFlags)) return;
   ImGui::TableSetupScrollFreeze(0, 1);
-  ImGui::TableSetupColumn("Register", ImGuiTableColumnFlags_WidthFixed, context.to_pixels(110));
+  ImGui::TableSetupColumn("Register", ImGuiTableColumnFlags_WidthFixed, context.to_pixels(100));
   ImGui::TableSetupColumn("Value", ImGuiTableColumnFlags_WidthFixed, context.to_pixels(70));
-  ImGui::TableSetupColumn("Neighbours", ImGuiTableColumnFlags_WidthFixed, context.to_pixels(210));
+  if (with_neighbours)
+    ImGui::TableSetupColumn("Neighbours", ImGuiTableColumnFlags_WidthFixed, context.to_pixels(210));
   ImGui::TableSetupColumn("History", ImGuiTableColumnFlags_WidthStretch);
   ImGui::TableHeadersRow();
   for (const std::size_t reg : model.listed_registers()) {
@@ -187,13 +263,18 @@ void draw_probe_panel(DrawContext& context) {
     ImGui::TextUnformatted(model.program().registers[reg].name.c_str());
     ImGui::TableNextColumn();
     ImGui::TextUnformatted(std::isnan(neighbourhood[4]) ? "\u00b7" : format_short(neighbourhood[4]).c_str());
-    ImGui::TableNextColumn();
     ImGui::PushFont(context.gui.code());
-    ImGui::TextUnformatted(format_neighbourhood(neighbourhood).c_str());
     const float height = 3.0F * ImGui::GetTextLineHeight();
+    if (with_neighbours) {
+      ImGui::TableNextColumn();
+      ImGui::TextUnformatted(format_neighbourhood(neighbourhood).c_str());
+    }
     ImGui::PopFont();
     ImGui::TableNextColumn();
-    draw_history(context, model, reg, {ImGui::GetContentRegionAvail().x, height});
+    ImGui::PushID(static_cast<int>(reg));
+    draw_curve(context, history_of(model, reg), {ImGui::GetContentRegionAvail().x, height});
+    if (ImGui::IsItemClicked()) model.enlarged_history = reg;
+    ImGui::PopID();
   }
   ImGui::EndTable();
 }
@@ -206,7 +287,9 @@ void draw_breakpoint_panel(DrawContext& context) {
     ImGui::PushID(static_cast<int>(i));
     const bool removed = ImGui::SmallButton("\u00d7");
     ImGui::SameLine();
-    const bool toggled = ImGui::Checkbox(describe_breakpoint(model.breakpoints()[i]).c_str(), &on);
+    const bool toggled = ImGui::Checkbox("##on", &on);
+    ImGui::SameLine();
+    ImGui::TextWrapped("%s", describe_breakpoint(model.breakpoints()[i]).c_str());
     ImGui::PopID();
     if (toggled) model.set_breakpoint_enabled(i, on);
     if (removed) {
@@ -214,10 +297,10 @@ void draw_breakpoint_panel(DrawContext& context) {
       break;
     }
   }
-  if (model.breakpoints().empty())
-    ImGui::TextColored(
-        faint_color(),
-        "Click left of a line's number to stop there; a condition stops when it becomes true.");
+  if (!model.breakpoints().empty()) return;
+  ImGui::PushStyleColor(ImGuiCol_Text, theme::kFaint);
+  ImGui::TextWrapped("Click left of a line's number to stop there; a condition stops when it becomes true.");
+  ImGui::PopStyleColor();
 }
 
 }  // namespace apron::ui

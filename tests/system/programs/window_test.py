@@ -40,11 +40,25 @@ class ApronPictures(ProgramTest):
         self.assertEqual((status, err), (0, ""))
         self.assertTrue((self.folder / "a.png").read_bytes().startswith(PNG))
 
+    def test_palettes_beside_the_program_have_names_and_errors(self):
+        program = self.write("a.aps", "!register(A)\nreg.setPalette(A, 'mine')\n")
+        status, _, err = self.run_program(APRON, "check", program)
+        self.assertEqual(status, 2)
+        self.assertIn("there is no palette 'mine'", err)
+        self.write("palettes.txt", "// two\nmine #000000 #ff8000\n")
+        self.assertEqual(self.run_program(APRON, "check", program)[::2], (0, ""))
+        self.write("palettes.txt", "mine #000000 orange\n")
+        status, _, err = self.run_program(APRON, "run", program)
+        self.assertEqual((status, err.count("\n")), (2, 1))
+        self.assertIn("palettes.txt:1: 'orange' is not a colour", err)
+        status, _, err = self.run_program(APRON, "run", program, "--palettes", "no/such")
+        self.assertEqual((status, err.count("\n")), (2, 1))
+
     def test_invalid_flags_report_one_line_and_leave_no_file(self):
         program = self.write("a.aps", "!register(A)\nA = 1\n")
         for flags, word in ((["--screenshot", "a.jpg"], ".png"), (["--screenshot", "a.png@x"], "TICK"),
                             (["--screenshot", "no/such/a.png"], "no folder"), (["--video", "no/such/a.mp4"], "no folder"),
-                            (["--hold"], "--window"), (["--show", "A"], "--window"),
+                            (["--hold"], "--window"), (["--reset-layout"], "--window"), (["--show", "A"], "--window"),
                             (["--screenshot", "a.png", "--show", "B"], "no register 'B'"),
                             (["--screenshot", "a.png", "--geometry", "7"], "1280x800"),
                             (["--window", "--screenshot", "a.png"], "display")):
@@ -99,6 +113,23 @@ class ApronWindow(ProgramTest):
         status, out, _ = self.finish(child, 30)
         self.assertNotEqual(status, 0)
         self.assertEqual(out, "")
+
+    def test_layout_is_forgotten_on_request_and_never_in_the_current_folder(self):
+        program, config = self.write("a.aps", ENDLESS), self.folder / "config"
+        layout = config / "smartsurf" / "apron-window.layout"
+        layout.parent.mkdir(parents=True)
+        layout.write_text("wide.program 500\n")
+        os.environ["XDG_CONFIG_HOME"] = str(config)
+        try:
+            for flags, kept in (([], True), (["--reset-layout"], False)):
+                child = self.start(APRON, "run", program, "--window", "--size", "4x4", *flags)
+                self.assertEqual(self.read_line(child), "one")
+                child.send_signal(signal.SIGTERM)
+                self.assertEqual(self.finish(child)[0], 143)
+                self.assertEqual(layout.exists(), kept)
+        finally:
+            os.environ.pop("XDG_CONFIG_HOME")
+        self.assertEqual(sorted(p.name for p in self.folder.iterdir()), ["a.aps", "config"])
 
     def test_both_windows_open_and_end_with_the_run(self):
         child = self.start(SMARTSURF, "run", SORT_LUA, "--controller", SORT_APS, "--window", "--close", "--pace", "max",

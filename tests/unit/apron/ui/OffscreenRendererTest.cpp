@@ -184,6 +184,58 @@ TEST_F(OffscreenRendererTest, MouseZoomsAndProbesCell) {
   EXPECT_EQ(screen.take_gl_error(), 0U);
 }
 
+// Dragging the gap between register list and large register; a double click restores the default.
+TEST_F(OffscreenRendererTest, DraggedGapResizesPanes) {
+  UiFixture fixture(kCorner);
+  OffscreenRenderer screen(kWidth, kHeight);
+  const common::Image before = screen.render_settled(fixture.model);
+  const float gap = 304.0F, y = 400.0F;
+  for (const auto& [x, down] : {std::pair{gap, false},
+                                {gap, true},
+                                {gap + 40.0F, true},
+                                {gap + 100.0F, true},
+                                {gap + 100.0F, false}}) {
+    screen.set_mouse(x, y, down);
+    screen.render(fixture.model);
+  }
+  EXPECT_NEAR(fixture.model.layout.wide.registers, 392.0F, 6.0F);
+  EXPECT_NE(screen.render_settled(fixture.model).rgb, before.rgb);
+  for (const bool down : {true, false, true, false}) {
+    screen.set_mouse(gap + 100.0F, y, down);
+    screen.render(fixture.model);
+  }
+  EXPECT_EQ(fixture.model.layout, PaneLayout());
+}
+
+// Panes of any remembered size leave room for the others.
+TEST_F(OffscreenRendererTest, RemembersNoSizeThatDoesNotFit) {
+  UiFixture fixture(kCorner);
+  const PaneSizes huge{9000.0F, 9000.0F, 9000.0F, 9000.0F}, tiny{1.0F, 1.0F, 1.0F, 1.0F};
+  for (const PaneSizes& sizes : {huge, tiny}) {
+    fixture.model.layout = {sizes, sizes};
+    for (const int width : {640, kWidth}) {
+      OffscreenRenderer screen(width, 480);
+      const common::Image first = screen.render_settled(fixture.model);
+      EXPECT_EQ(screen.render(fixture.model).rgb, first.rgb) << width;
+      EXPECT_EQ(screen.take_gl_error(), 0U);
+    }
+  }
+}
+
+// The editor shows the text in place of the listing and marks the lines of errors in red.
+TEST_F(OffscreenRendererTest, EditorMarksLinesOfErrors) {
+  UiFixture fixture(kCorner);
+  OffscreenRenderer screen(kWidth, kHeight);
+  fixture.model.editor.shown = true;
+  const auto marked = [&] {
+    return find_color(screen.render_settled(fixture.model), 242, 213, 214, 800).pixels;
+  };
+  EXPECT_EQ(marked(), 0);
+  fixture.model.editor.diagnostics = {{fixture.model.editor.current()->name, 2, 1, "no such palette", false}};
+  EXPECT_GT(marked(), 2000);
+  EXPECT_EQ(screen.take_gl_error(), 0U);
+}
+
 TEST_F(OffscreenRendererTest, UploadsOnlyVisibleAndChangedTextures) {
   std::string many = "!register(A)\n";
   for (int i = 0; i < 60; ++i) many += "!register(R" + std::to_string(i) + ")\n";

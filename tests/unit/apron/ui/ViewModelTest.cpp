@@ -176,5 +176,62 @@ TEST(ViewModel, TilesShownRegistersUntilUserSelects) {
   EXPECT_TRUE(fixture.model.tiled());
 }
 
+TEST(ViewModel, LockedTileKeepsTheCellsOfItsTick) {
+  UiFixture fixture(
+      "!register(A)\nsim.display(A, 'a')\nsim.tile\nwhile(1)\nA = A + 1\nsurface.step\nendwhile\n");
+  ViewModel& model = fixture.model;
+  model.run();
+  fixture.process_commands(3);
+  fixture.process_commands(0);  // now with the tiles
+  const std::size_t reg = *model.find_register("A");
+  EXPECT_EQ(model.locked_tile(reg), nullptr);
+  model.toggle_tile_lock(reg);
+  fixture.process_commands(2);
+  ASSERT_NE(model.locked_tile(reg), nullptr);
+  EXPECT_EQ(model.locked_tile(reg)->tick, 3U);
+  EXPECT_EQ(model.locked_tile(reg)->sample.cells.front(), 3.0F);
+  EXPECT_EQ(model.snapshot().tiles.at(0).cells.front(), 5.0F);
+  model.toggle_tile_lock(reg);
+  EXPECT_EQ(model.locked_tile(reg), nullptr);
+}
+
+TEST(PaneLayout, RoundTripsAndIgnoresWhatItDoesNotKnow) {
+  PaneLayout layout;
+  layout.wide.program = 420.0F;
+  layout.narrow.values = 180.0F;
+  EXPECT_EQ(format_layout(layout), "wide.program 420\nnarrow.values 180\n");
+  EXPECT_EQ(parse_layout(format_layout(layout)), layout);
+  EXPECT_EQ(parse_layout("wide.program -3\nwide.other 7\nwide.bottom nan\nnarrow.values 1e9\n\n?"),
+            PaneLayout());
+}
+
+TEST(ProgramEditor, KeepsUnsavedChangesAndFollowsTheDisk) {
+  ProgramEditor editor;
+  editor.set_sources(
+      {{"main.aps", "one\n", {}, 0}, {"part.aps", "two\n", 0, 1}, {"part.aps", "two\n", 0, 2}});
+  ASSERT_EQ(editor.files().size(), 2U) << "a file included twice is one file";
+  editor.open("part.aps", 3, 2);
+  EXPECT_TRUE(editor.shown);
+  EXPECT_EQ(editor.take_position()->line, 3U);
+  EXPECT_FALSE(editor.take_position());
+  editor.current()->text = "mine\n";
+  editor.set_sources({{"main.aps", "ONE\n", {}, 0}, {"part.aps", "TWO\n", 0, 1}});
+  EXPECT_EQ(editor.current()->name, "part.aps");
+  EXPECT_EQ(editor.current()->text, "mine\n") << "unsaved";
+  EXPECT_EQ(editor.files().front().text, "ONE\n");
+  EXPECT_EQ(editor.files().front().revision, 1U);
+  editor.request_save();
+  const auto request = editor.take_save_request();
+  ASSERT_TRUE(request);
+  EXPECT_EQ(request->old_text, "TWO\n");
+  editor.mark_conflict(*request, "three\n");
+  editor.request_save();
+  EXPECT_EQ(editor.take_save_request()->old_text, "three\n") << "the second request replaces it";
+  editor.revert();
+  EXPECT_EQ(editor.current()->text, "three\n");
+  editor.set_text_on_disk("part.aps", "four\n");
+  EXPECT_EQ(editor.current()->text, "four\n");
+}
+
 }  // namespace
 }  // namespace apron::ui::test
