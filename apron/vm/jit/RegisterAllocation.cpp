@@ -134,8 +134,13 @@ int StageAssembler::load_vector(std::uint32_t row_stream, int cells) {
   } else {
     const SlidingWindow& r = window->second;
     const bool west = cells < 0;
-    valignd(to, vector(west ? r.centre : r.east), vector(west ? r.west : r.centre),
-            static_cast<std::uint8_t>(west ? static_cast<int>(kLanes) + cells : cells));
+    const Vector high = vector(west ? r.centre : r.east), low = vector(west ? r.west : r.centre);
+    const int step = window_step_bytes_ / static_cast<int>(sizeof(float));
+    const auto from_low = static_cast<std::uint8_t>(west ? step + cells : cells);
+    if (has_masks_)
+      valignd(to, high, low, from_low);
+    else  // in each half of 16 bytes
+      vpalignr(to, high, low, static_cast<std::uint8_t>(from_low * sizeof(float)));
   }
   return load.vector_register;
 }

@@ -60,7 +60,7 @@ class StageAssembler : private Xbyak::CodeGenerator {
     bool spilled_mask = false;  // the slot holds a mask
     std::size_t remaining_uses = 0;
   };
-  // Vector registers of three adjacent vectors of a row.
+  // Vector registers of a row's vector and those window_step_bytes_ west and east of it.
   struct SlidingWindow {
     int west = -1, centre = -1, east = -1;
   };
@@ -156,7 +156,7 @@ class StageAssembler : private Xbyak::CodeGenerator {
 
   const Stage& stage_;
   const bool has_masks_;  // AVX-512
-  const int vector_bytes_, vector_registers_;
+  const int vector_bytes_, vector_registers_, window_step_bytes_;
   const std::uint32_t rows_per_iteration_;
   std::vector<RowStream> row_streams_;
   std::vector<std::uint32_t> row_stream_of_;  // indexed [row of the iteration][stream]
