@@ -12,8 +12,8 @@ using Xbyak::Reg64;
 namespace {
 
 constexpr std::size_t kInitialCodeBytes = 4096;
-constexpr int kMaskRegisters = 8;       // k0 cannot be a predicate
-constexpr std::size_t kMaxWindows = 5;  // row streams with a sliding window
+constexpr int kMaskRegisters = 8;        // k0 cannot be a predicate
+constexpr std::size_t kMaxWindows = 5;   // row streams with a sliding window
 constexpr int kMaxHalfVectorOffset = 4;  // columns that a window of AVX2 covers west and east
 constexpr int kMaxSpillSlots = 32;
 constexpr std::uint32_t kMaxUnrolledVectors = 8;
