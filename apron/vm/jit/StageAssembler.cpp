@@ -15,6 +15,7 @@ constexpr std::size_t kInitialCodeBytes = 4096;
 constexpr int kMaskRegisters = 8;        // k0 cannot be a predicate
 constexpr std::size_t kMaxWindows = 5;   // row streams with a sliding window
 constexpr int kMaxHalfVectorOffset = 4;  // columns that a window of AVX2 covers west and east
+constexpr int kMinScalarsForPairs = 4;
 constexpr int kMaxSpillSlots = 32;
 constexpr std::uint32_t kMaxUnrolledVectors = 8;
 constexpr std::uint32_t kMaxUnrolledBodies = 16;  // vectors times rows per iteration of the inner loop
@@ -54,6 +55,7 @@ StageAssembler::StageAssembler(const Stage& stage, InstructionSet isa, std::uint
   allocate_windows();
   if (row_streams_.size() + (needs_scalar_pointer_ ? 1 : 0) > kMaxRowStreams) throw CannotCompile{};
   unroll_factor_ = unroll_factor(vectors * static_cast<std::uint32_t>(64 / vector_bytes_));
+  emit_vectors_in_pairs_if_useful();
   emit_prologue();
   emit_loops();
   emit_epilogue();
@@ -75,14 +77,28 @@ void StageAssembler::count_load_uses() {
   for (current_row_ = 0; current_row_ < rows_per_iteration_; ++current_row_)
     for (const MicroOp& op : stage_.ops)
       for (const MicroOperand& arg : op.operands)
-        if (arg.kind == MicroOperand::Kind::kStream) ++loads_[{row_stream(arg.index), arg.dx}].remaining_uses;
+        if (arg.kind == MicroOperand::Kind::kStream)
+          for (current_vector_ = 0; current_vector_ < vectors_together_; ++current_vector_)
+            ++loads_[{row_stream(arg.index), column_of(arg)}].remaining_uses;
+  current_vector_ = 0;
 }
 
 void StageAssembler::count_temp_uses() {
-  for (const MicroOp& op : stage_.ops)
-    for (const MicroOperand& arg : op.operands)
-      if (arg.kind == MicroOperand::Kind::kTemp) ++temps_[arg.index].remaining_uses;
-  for (const Stage::Result& result : stage_.results) ++temps_[result.op].remaining_uses;
+  for (std::size_t i = 0; i < temps_.size(); ++i)
+    temps_[i].remaining_uses = temp_uses_[i % stage_.ops.size()].size();
+}
+
+// A filter on AVX2 has more coefficients than registers: each that is loaded serves two vectors. Rows share no
+// loads then, because no registers are left to hold them.
+void StageAssembler::emit_vectors_in_pairs_if_useful() {
+  const auto unheld = std::count_if(scalars_.begin(), scalars_.end(),
+                                    [](const auto& s) { return s.second.vector_register < 0; });
+  if (has_masks_ || unheld < kMinScalarsForPairs || !windows_.empty() || unroll_factor_ % 2 != 0) return;
+  if (rows_per_iteration_ > 1) throw CannotCompile{};
+  vectors_together_ = 2;
+  temps_.resize(2 * stage_.ops.size());
+  loads_.clear();
+  count_load_uses();
 }
 
 bool StageAssembler::needs_boolean_constants() const {
@@ -188,10 +204,10 @@ void StageAssembler::emit_loops() {
   xor_(ecx, ecx);
   L(column_loop);
   const std::map<std::uint32_t, SlidingWindow> at_start = windows_;
-  for (std::uint32_t i = 0; i < unroll_factor_; ++i) {
+  for (std::uint32_t i = 0; i < unroll_factor_; i += vectors_together_) {
     displacement_bytes_ = static_cast<int>(i) * vector_bytes_;
     if (i > 0) count_load_uses();
-    emit_vector();
+    emit_vectors();
   }
   for (const auto& [line, r] : at_start) emit_window_restore(r, windows_.at(line));
   windows_ = at_start;
@@ -206,7 +222,7 @@ void StageAssembler::emit_loops() {
   jnz(row_loop, T_NEAR);
 }
 
-void StageAssembler::emit_vector() {
+void StageAssembler::emit_vectors() {
   for (const auto& [line, r] : windows_) {
     const auto at = row_pointer(line) + kColumnRegister + displacement_bytes_;
     if (!has_masks_) vmovups(vector(r.centre), ptr[at]);
@@ -220,16 +236,25 @@ void StageAssembler::emit_vector() {
 void StageAssembler::emit_row(std::uint32_t row) {
   current_row_ = row;
   count_temp_uses();
-  for (current_op_ = 0; current_op_ < stage_.ops.size(); ++current_op_) emit_operation(current_op_);
+  const auto for_each_vector = [&](const auto& emit) {
+    for (current_vector_ = 0; current_vector_ < vectors_together_; ++current_vector_) emit();
+    current_vector_ = 0;
+    release_loaded_scalars();
+  };
+  for (current_op_ = 0; current_op_ < stage_.ops.size(); ++current_op_)
+    for_each_vector([&] { emit_operation(current_op_); });
   for (const Stage::Result& result : stage_.results) {
     const MicroOperand value{MicroOperand::Kind::kTemp, 0, result.op};
-    const Vector v = vector_operand(value);
-    if (result.non_temporal)
-      vmovntps(address(row_stream(result.stream), 0), v);
-    else
-      vmovups(address(row_stream(result.stream), 0), v);
-    release_use(value);
-    release_temporaries();
+    for_each_vector([&] {
+      const Vector v = vector_operand(value);
+      const Address to = address(row_stream(result.stream), column_of({}));
+      if (result.non_temporal)
+        vmovntps(to, v);
+      else
+        vmovups(to, v);
+      release_use(value);
+      release_temporaries();
+    });
     ++current_op_;
   }
 }
