@@ -102,7 +102,7 @@ Status Vm::fill_random(const DecodedInstruction& decoded) {
   ++random_stream_.draw_index;  // independent of the mask
   const auto a = static_cast<float>(*decoded.scalars[0]), b = static_cast<float>(*decoded.scalars[1]);
   if (decoded.destination_variable != nullptr) {
-    *decoded.destination_variable = draw(decoded.op, 0, 0, a, b);
+    *decoded.destination_variable = draw.draw_one(executor_.kernels(), decoded.op, 0, 0, a, b);
     return Status::kRunning;
   }
   const float* mask = nullptr;

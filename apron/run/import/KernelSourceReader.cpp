@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cstdlib>
+#include <tuple>
 #include <utility>
 
 namespace apron::run {
@@ -90,15 +91,33 @@ std::optional<KernelSourceReader::Function> KernelSourceReader::kernel_object_at
   return Function{tokens_[i + 1].text, {}, body, behind_bracket(i + 2)};
 }
 
-bool KernelSourceReader::uses_instructions(const Function& function) const {
-  for (std::size_t i = function.body; i + 1 < function.end; ++i) {
-    if (tokens_[i].is_name("scamp5_kernel_begin")) return true;
-    if (tokens_[i].kind == Kind::kName && tokens_[i + 1].is("(") &&
-        (vocabulary_.statements.contains(tokens_[i].text) || vocabulary_.values.contains(tokens_[i].text) ||
-         functions_.contains(tokens_[i].text)))
+bool KernelSourceReader::has_instruction(const KernelTokenList& tokens, std::size_t first,
+                                         std::size_t last) const {
+  for (std::size_t i = first; i + 1 < last; ++i) {
+    const std::string& name = tokens[i].text;
+    if (tokens[i].is_name("scamp5_kernel_begin")) return true;
+    if (tokens[i].kind == Kind::kName && tokens[i + 1].is("(") &&
+        (vocabulary_.statements.contains(name) || vocabulary_.values.contains(name) ||
+         functions_.contains(name)))
       return true;
   }
   return false;
+}
+
+std::optional<KernelSourceReader::FunctionMacro> KernelSourceReader::function_macro(
+    const KernelToken& directive) const {
+  if (!directive.text.starts_with("define ")) return std::nullopt;
+  FunctionMacro macro{{}, {}, scan_kernel_source(directive.text.substr(7), directive.line), 0};
+  const KernelTokenList& words = macro.words;
+  if (words.size() < 3 || words[0].kind != Kind::kName || !words[1].is("(")) return std::nullopt;
+  macro.name = words[0].text;
+  // With a blank before it, the bracket belongs to the value.
+  if (!directive.text.substr(directive.text.find(macro.name) + macro.name.size()).starts_with('('))
+    return std::nullopt;
+  for (macro.body = 2; macro.body < words.size() && !words[macro.body].is(")"); ++macro.body)
+    if (words[macro.body].kind == Kind::kName) macro.parameters.push_back(words[macro.body].text);
+  macro.body = std::min(macro.body + 1, words.size() - 1);
+  return macro;
 }
 
 void KernelSourceReader::collect_functions() {
@@ -110,10 +129,15 @@ void KernelSourceReader::collect_functions() {
         i = kernel->end - 1;
         continue;
       }
+      if (tokens_[i].kind == Kind::kDirective) {
+        const auto macro = function_macro(tokens_[i]);
+        if (macro && has_instruction(macro->words, macro->body, macro->words.size()))
+          found = functions_[macro->name].insert(macro->parameters.size()).second || found;
+      }
       if (tokens_[i].kind != Kind::kName) continue;
       const auto function = function_at(i);
       if (!function) continue;
-      if (function->name != "main" && uses_instructions(*function))
+      if (function->name != "main" && has_instruction(tokens_, function->body, function->end))
         found = functions_[function->name].insert(function->parameters.size()).second || found;
       i = function->end - 1;
     }
@@ -194,48 +218,37 @@ void KernelSourceReader::translate_file() {
 void KernelSourceReader::translate_directive() {
   const KernelToken directive = tokens_[position_++];
   if (!directive.text.starts_with("define ")) return;
-  const std::string definition = directive.text.substr(7);
-  const KernelTokenList words = scan_kernel_source(definition, directive.line);
-  if (words.size() < 2 || words[0].kind != Kind::kName) return;
+  if (const auto macro = function_macro(directive)) return translate_function_macro(*macro, directive.line);
+  const KernelTokenList words = scan_kernel_source(directive.text.substr(7), directive.line);
+  if (words.size() < 3 || words[0].kind != Kind::kName) return;
   const std::string& name = words[0].text;
-  if (!definition.substr(definition.find(name) + name.size()).starts_with('(')) {
-    KernelTokenList value(words.begin() + 1, words.end() - 1);
-    if (value.empty()) return;
-    try {
-      defines_.push_back(fmt::format("!define({}, {})", name, expression(value)));
-      known_names_.insert(name);
-    } catch (const Untranslatable& error) {
-      note(directive.line, fmt::format("#define {}: {}", name, error.reason));
-    }
-    return;
+  try {
+    defines_.push_back(
+        fmt::format("!define({}, {})", name, expression({words.begin() + 1, words.end() - 1})));
+    known_names_.insert(name);
+  } catch (const Untranslatable& error) {
+    note(directive.line, fmt::format("#define {}: {}", name, error.reason));
   }
-  const bool has_instructions = std::any_of(words.begin(), words.end(), [&](const KernelToken& word) {
-    return word.kind == Kind::kName && word.text != name &&
-           (vocabulary_.statements.contains(word.text) || functions_.contains(word.text));
-  });
-  if (!has_instructions)
-    return note(directive.line, fmt::format("the macro '{}' has no instruction of the chip", name));
-  KernelTokenList saved_tokens = std::exchange(tokens_, words);
-  const std::size_t saved_position = std::exchange(position_, 1);
-  std::vector<std::string> parameters;
-  for (const KernelTokenList& parameter : parse_arguments()) parameters.push_back(plain_text(parameter));
-  const auto existing = vocabulary_.statements.find(name);
-  const bool is_known =
-      existing != vocabulary_.statements.end() && existing->second.contains(parameters.size());
-  if (!is_known) {
-    ProgramLines body;
-    parameters_ = {parameters.begin(), parameters.end()};
-    in_kernel_ = in_macro_ = true;
-    consume("(");  // of ({ … })
-    while (!at_end()) {
-      if (peek().is(")")) ++position_;
-      if (!at_end()) translate_statement(body, 0);
-    }
-    in_kernel_ = in_macro_ = false;
-    parameters_.clear();
-    functions_[name].insert(parameters.size());
-    add_macro(name, parameters, body, directive.line);
+}
+
+void KernelSourceReader::translate_function_macro(const FunctionMacro& macro, std::size_t line) {
+  if (!functions_.contains(macro.name))
+    return note(line, fmt::format("the macro '{}' has no instruction of the chip", macro.name));
+  const auto existing = vocabulary_.statements.find(macro.name);
+  if (existing != vocabulary_.statements.end() && existing->second.contains(macro.parameters.size())) return;
+  KernelTokenList saved_tokens = std::exchange(tokens_, macro.words);
+  const std::size_t saved_position = std::exchange(position_, macro.body);
+  ProgramLines body;
+  parameters_ = {macro.parameters.begin(), macro.parameters.end()};
+  in_kernel_ = in_macro_ = true;
+  consume("(");  // of ({ … })
+  while (!at_end()) {
+    if (peek().is(")")) ++position_;
+    if (!at_end()) translate_statement(body, 0);
   }
+  in_kernel_ = in_macro_ = false;
+  parameters_.clear();
+  add_macro(macro.name, macro.parameters, body, line);
   tokens_ = std::move(saved_tokens);
   position_ = saved_position;
 }
@@ -339,58 +352,68 @@ void KernelSourceReader::translate_body(ProgramLines& out, int depth) {
 
 void KernelSourceReader::translate_for(ProgramLines& out, int depth) {
   const std::size_t close = behind_bracket(position_ + 1);
+  const bool is_endless = close == position_ + 5 && peek(2).is(";") && peek(3).is(";");
+  if (is_endless) {
+    position_ = close;
+    return translate_frames(out, depth);
+  }
+  const CountedLoop loop = counted_loop(tokens_between(position_ + 2, close - 1));
+  position_ = close;
+  known_names_.insert(loop.variable);
+  const std::size_t body_end = peek().is("{") ? behind_bracket(position_) : statement_end(position_);
+  const bool is_plain =
+      !loop.repetitions.empty() && !mentions(tokens_between(position_, body_end), loop.variable);
+  if (is_plain) {
+    emit(out, depth, fmt::format("repeat({})", loop.repetitions));
+  } else {
+    const std::string stride = loop.stride == "1" ? "" : ", " + loop.stride;
+    emit(out, depth, fmt::format("for({}, {}, {}{})", loop.variable, loop.first, loop.last, stride));
+  }
+  translate_body(out, depth);
+  emit(out, depth, is_plain ? "endrepeat" : "endfor");
+}
+
+KernelSourceReader::CountedLoop KernelSourceReader::counted_loop(const KernelTokenList& header) {
+  const Untranslatable other{"this 'for' is not for(i = a; i < b; i++)"};
   std::vector<KernelTokenList> parts(1);
-  for (const KernelToken& token : tokens_between(position_ + 2, close - 1)) {
+  for (const KernelToken& token : header) {
     if (token.is(";")) {
       parts.emplace_back();
     } else if (!is_type_word(token)) {
       parts.back().push_back(token);
     }
   }
-  if (parts.size() != 3) throw Untranslatable{"this 'for' is not for(i = a; i < b; i++)"};
-  if (parts[0].empty() && parts[1].empty() && parts[2].empty()) {
-    position_ = close;
-    return translate_frames(out, depth);
-  }
-  const KernelTokenList& init = parts[0];
-  const KernelTokenList& test = parts[1];
-  const KernelTokenList& step = parts[2];
-  const bool valid = init.size() >= 3 && init[0].kind == Kind::kName && init[1].is("=") && test.size() >= 3 &&
-                     test[0].is_name(init[0].text) && step.size() >= 2 && mentions(step, init[0].text);
-  const std::string& variable = valid ? init[0].text : "";
-  std::string stride;
-  if (valid && step.size() == 2) stride = plain_text(step).find("++") != std::string::npos ? "1" : "-1";
-  if (valid && step.size() >= 3 && step[1].is("+=")) stride = expression({step.begin() + 2, step.end()});
-  if (valid && step.size() >= 3 && step[1].is("-="))
-    stride = "-" + expression({step.begin() + 2, step.end()});
-  const bool upward = !stride.empty() && stride[0] != '-';
-  const KernelToken op = valid ? test[1] : KernelToken{};
+  if (parts.size() != 3) throw other;
+  const auto& [init, test, step] = std::tie(parts[0], parts[1], parts[2]);
+  if (init.size() < 3 || init[0].kind != Kind::kName || !init[1].is("=")) throw other;
+  CountedLoop loop;
+  loop.variable = init[0].text;
+  if (test.size() < 3 || !test[0].is_name(loop.variable) || step.size() < 2 || !mentions(step, loop.variable))
+    throw other;
+  if (step.size() == 2)
+    loop.stride = plain_text(step).find("++") != std::string::npos ? "1" : "-1";
+  else if (step[1].is("+=") || step[1].is("-="))
+    loop.stride = (step[1].is("-=") ? "-" : "") + expression({step.begin() + 2, step.end()});
+  else
+    throw other;
+  const bool upward = loop.stride[0] != '-';
+  const KernelToken& op = test[1];
   const bool fits = upward ? op.is("<") || op.is("<=") || op.is("!=") : op.is(">") || op.is(">=");
-  if (!valid || stride.empty() || !fits) throw Untranslatable{"this 'for' is not for(i = a; i < b; i++)"};
-  const KernelTokenList from(init.begin() + 2, init.end());
-  const KernelTokenList to(test.begin() + 2, test.end());
-  const std::string first = expression(from);
-  std::string last = expression(to);
+  if (!fits) throw other;
+  loop.first = expression({init.begin() + 2, init.end()});
+  const KernelTokenList bound(test.begin() + 2, test.end());
+  const std::string end = expression(bound);
   const bool exclusive = op.is("<") || op.is(">") || op.is("!=");
-  if (exclusive && is_number(to)) {
-    last = std::to_string(std::strtol(last.c_str(), nullptr, 0) + (upward ? -1 : 1));
-  } else if (exclusive) {
-    last += upward ? " - 1" : " + 1";
-  }
-  position_ = close;
-  known_names_.insert(variable);
-  const std::size_t body_end = peek().is("{") ? behind_bracket(position_) : statement_end(position_);
-  const bool is_plain =
-      stride == "1" && first == "0" && !mentions(tokens_between(position_, body_end), variable);
-  if (is_plain) {
-    emit(out, depth, fmt::format("repeat({})", expression(to) + (exclusive ? "" : " + 1")));
-  } else {
-    emit(out, depth,
-         stride == "1" ? fmt::format("for({}, {}, {})", variable, first, last)
-                       : fmt::format("for({}, {}, {}, {})", variable, first, last, stride));
-  }
-  translate_body(out, depth);
-  emit(out, depth, is_plain ? "endrepeat" : "endfor");
+  if (!exclusive)
+    loop.last = end;
+  else if (is_number(bound))
+    loop.last = std::to_string(std::strtol(end.c_str(), nullptr, 0) + (upward ? -1 : 1));
+  else
+    loop.last = end + (upward ? " - 1" : " + 1");
+  // A variable that is declared outside may be read by a function.
+  if (is_type_word(header.front()) && loop.stride == "1" && loop.first == "0")
+    loop.repetitions = end + (exclusive ? "" : " + 1");
+  return loop;
 }
 
 void KernelSourceReader::translate_frames(ProgramLines& out, int depth) {

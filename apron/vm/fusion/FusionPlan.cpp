@@ -122,6 +122,7 @@ class FusionPlanner {
     if (stage_of_[old] >= writer || is_copied(old)) return false;
     return std::all_of(users_[old].begin(), users_[old].end(), [&](const ValueUse& use) {
       if (stage_of_[use.node] == writer) return use.dx == 0 && use.dy == 0;
+      if (stage_of_[use.node] < writer && is_single_block_) return true;
       return stage_of_[use.node] < writer &&
              skew >= plan_.stages[stage_of_[use.node]].skew + static_cast<std::uint32_t>(std::abs(use.dy));
     });
@@ -186,6 +187,17 @@ class FusionPlanner {
     plan_.slices = std::clamp(options_.slices > 0 ? options_.slices : wanted, 1U, plan_.height);
   }
 
+  // One block of all rows that the stages compute, with their skews: each stage is one call.
+  void run_stages_one_by_one() {
+    std::uint32_t halo = 0, skew = 0;
+    for (const Stage& stage : plan_.stages) {
+      halo = std::max(halo, stage.halo_y);
+      skew = std::max(skew, stage.skew);
+    }
+    plan_.block_rows = plan_.height + 2 * halo + skew;
+    is_single_block_ = true;
+  }
+
   void choose_tiles() {
     const std::uint32_t whole = plan_.width;
     choose_slices();
@@ -193,6 +205,7 @@ class FusionPlanner {
     plan_.block_rows = plan_.height;
     if (plan_.stages.size() > 1) {
       plan_.block_rows = std::clamp(8192U / std::min(whole, 1024U), 4U, 64U);
+      if (options_.block_rows == 0 && plan_.height <= plan_.block_rows) run_stages_one_by_one();
       std::vector<std::uint32_t> ring_of;
       std::size_t rows = 0;
       for (const RingAllocation& ring : allocate_rings(inter_stage_values(), ring_of))
@@ -207,9 +220,7 @@ class FusionPlanner {
     }
     if (options_.strip_columns > 0 && !wraps())
       plan_.strip_columns = std::min(round_up(options_.strip_columns, kLanes), whole);
-    // Short rows stay in the first-level cache, where sharing loads between rows does not pay.
-    plan_.rows_per_iteration = plan_.strip_columns < 256 ? 1 : 4;
-    if (options_.rows_per_iteration > 0) plan_.rows_per_iteration = options_.rows_per_iteration;
+    plan_.rows_per_iteration = options_.rows_per_iteration > 0 ? options_.rows_per_iteration : 4;
     if (options_.block_rows > 0) plan_.block_rows = std::min(options_.block_rows, plan_.height);
     if (plan_.strip_columns >= whole) {
       plan_.strip_columns = whole;
@@ -383,6 +394,7 @@ class FusionPlanner {
   std::vector<std::vector<std::uint32_t>> result_buffers_;       // indexed by value: buffers that receive it
   std::vector<std::pair<std::uint32_t, std::uint32_t>> copies_;  // value, buffer
   std::uint32_t max_row_offset_ = 0;                             // largest |dy| of any operand
+  bool is_single_block_ = false;                                 // each stage ends before the next one begins
   FusionPlan plan_;
 };
 

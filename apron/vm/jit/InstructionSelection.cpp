@@ -16,7 +16,7 @@ constexpr std::uint8_t kRoundDown = 9, kRoundUp = 10;
 
 void StageAssembler::emit_operation(std::size_t index) {
   const MicroOp& op = stage_.ops[index];
-  emit_opcode(op, temps_[index]);
+  emit_opcode(op, temp_of(index));
   for (const MicroOperand& arg : op.operands) release_use(arg);
   release_temporaries();
 }

@@ -38,7 +38,7 @@ bool StageAssembler::evict_duplicate_mask() {
 
 // The operation that uses the value next, from the current one on; the largest number if none does.
 std::uint32_t StageAssembler::next_use(std::size_t temp) const {
-  const std::vector<std::uint32_t>& uses = temp_uses_[temp];
+  const std::vector<std::uint32_t>& uses = temp_uses_[temp % stage_.ops.size()];
   const auto next = std::lower_bound(uses.begin(), uses.end(), current_op_);
   return next != uses.end() ? *next : UINT32_MAX;
 }
@@ -134,8 +134,13 @@ int StageAssembler::load_vector(std::uint32_t row_stream, int cells) {
   } else {
     const SlidingWindow& r = window->second;
     const bool west = cells < 0;
-    valignd(to, vector(west ? r.centre : r.east), vector(west ? r.west : r.centre),
-            static_cast<std::uint8_t>(west ? static_cast<int>(kLanes) + cells : cells));
+    const Vector high = vector(west ? r.centre : r.east), low = vector(west ? r.west : r.centre);
+    const int step = window_step_bytes_ / static_cast<int>(sizeof(float));
+    const auto from_low = static_cast<std::uint8_t>(west ? step + cells : cells);
+    if (has_masks_)
+      valignd(to, high, low, from_low);
+    else  // in each half of 16 bytes
+      vpalignr(to, high, low, static_cast<std::uint8_t>(from_low * sizeof(float)));
   }
   return load.vector_register;
 }
@@ -144,21 +149,22 @@ int StageAssembler::load_vector(std::uint32_t row_stream, int cells) {
 StageAssembler::Vector StageAssembler::vector_operand(const MicroOperand& arg) {
   int v = -1;
   if (arg.kind == MicroOperand::Kind::kTemp) {
-    RegisterAssignment& temp = temps_[arg.index];
+    RegisterAssignment& temp = temp_of(arg.index);
     if (temp.vector_register < 0 && temp.spill_slot >= 0 && !(temp.spilled_mask && temp.mask_register >= 0))
       reload(temp);
     if (temp.vector_register < 0) materialize_mask(temp);
     v = temp.vector_register;
   } else if (arg.kind == MicroOperand::Kind::kStream) {
-    v = load_vector(row_stream(arg.index), arg.dx);
+    v = load_vector(row_stream(arg.index), column_of(arg));
   } else {
-    v = scalars_.at(arg.index).vector_register;
-    if (v < 0) {
+    RegisterAssignment& scalar = scalars_.at(arg.index);
+    if (scalar.vector_register < 0) {
       const Vector to = allocate_vector();
       vbroadcastss(to, ptr[rsi + arg.index * sizeof(float)]);
-      v = to.getIdx();
-      temporaries_.push_back(v);
+      scalar.vector_register = to.getIdx();
+      loaded_scalars_.push_back(arg.index);
     }
+    v = scalar.vector_register;
   }
   pinned_vectors_.push_back(v);
   return vector(v);
@@ -169,18 +175,18 @@ bool StageAssembler::is_memory_operand(const MicroOperand& arg) const {
     return has_masks_ && scalars_.at(arg.index).vector_register < 0;
   if (arg.kind != MicroOperand::Kind::kStream) return false;
   const std::uint32_t from = row_stream(arg.index);
-  const RegisterAssignment& load = loads_.at({from, arg.dx});
+  const RegisterAssignment& load = loads_.at({from, column_of(arg)});
   return load.vector_register < 0 && load.remaining_uses == 1 && windows_.count(from) == 0;
 }
 
 StageAssembler::Address StageAssembler::memory_operand(const MicroOperand& arg) const {
   if (arg.kind == MicroOperand::Kind::kScalar) return ptr_b[rsi + arg.index * sizeof(float)];
-  return address(row_stream(arg.index), arg.dx);
+  return address(row_stream(arg.index), column_of(arg));
 }
 
 // Puts the operand's truth value (non-zero) into a mask register and pins it.
 int StageAssembler::mask_operand(const MicroOperand& arg) {
-  RegisterAssignment* temp = arg.kind == MicroOperand::Kind::kTemp ? &temps_[arg.index] : nullptr;
+  RegisterAssignment* temp = arg.kind == MicroOperand::Kind::kTemp ? &temp_of(arg.index) : nullptr;
   if (temp != nullptr && temp->mask_register < 0 && temp->spilled_mask && temp->vector_register < 0)
     reload(*temp);
   int k = temp != nullptr ? temp->mask_register : -1;
@@ -206,14 +212,14 @@ int StageAssembler::mask_operand(const MicroOperand& arg) {
 
 void StageAssembler::release_use(const MicroOperand& arg) {
   if (arg.kind == MicroOperand::Kind::kTemp) {
-    RegisterAssignment& temp = temps_[arg.index];
+    RegisterAssignment& temp = temp_of(arg.index);
     if (--temp.remaining_uses > 0) return;
     if (temp.vector_register >= 0) free_vectors_.push_back(temp.vector_register);
     if (temp.mask_register >= 0) release_mask(temp.mask_register);
     if (temp.spill_slot >= 0) free_spill_slots_.push_back(temp.spill_slot);
     temp = {};
   } else if (arg.kind == MicroOperand::Kind::kStream) {
-    RegisterAssignment& load = loads_.at({row_stream(arg.index), arg.dx});
+    RegisterAssignment& load = loads_.at({row_stream(arg.index), column_of(arg)});
     if (--load.remaining_uses > 0 || load.vector_register < 0) return;
     free_vectors_.push_back(load.vector_register);
     load.vector_register = -1;
@@ -228,6 +234,15 @@ void StageAssembler::release_temporaries() {
   temporary_masks_.clear();
   pinned_vectors_.clear();
   pinned_masks_.clear();
+}
+
+// Releases the registers of scalars that only the current operation needed, of all its vectors.
+void StageAssembler::release_loaded_scalars() {
+  for (const std::uint32_t slot : loaded_scalars_) {
+    free_vectors_.push_back(scalars_.at(slot).vector_register);
+    scalars_.at(slot).vector_register = -1;
+  }
+  loaded_scalars_.clear();
 }
 
 StageAssembler::Vector StageAssembler::allocate_result(RegisterAssignment& y) {

@@ -12,8 +12,10 @@ using Xbyak::Reg64;
 namespace {
 
 constexpr std::size_t kInitialCodeBytes = 4096;
-constexpr int kMaskRegisters = 8;       // k0 cannot be a predicate
-constexpr std::size_t kMaxWindows = 5;  // row streams with a sliding window
+constexpr int kMaskRegisters = 8;        // k0 cannot be a predicate
+constexpr std::size_t kMaxWindows = 5;   // row streams with a sliding window
+constexpr int kMaxHalfVectorOffset = 4;  // columns that a window of AVX2 covers west and east
+constexpr int kMinScalarsForPairs = 4;
 constexpr int kMaxSpillSlots = 32;
 constexpr std::uint32_t kMaxUnrolledVectors = 8;
 constexpr std::uint32_t kMaxUnrolledBodies = 16;  // vectors times rows per iteration of the inner loop
@@ -36,6 +38,7 @@ StageAssembler::StageAssembler(const Stage& stage, InstructionSet isa, std::uint
       has_masks_(isa == InstructionSet::kAvx512),
       vector_bytes_(has_masks_ ? 64 : 32),
       vector_registers_(has_masks_ ? 32 : 16),
+      window_step_bytes_(has_masks_ ? 64 : 16),
       rows_per_iteration_(rows) {
   find_row_streams();
   temps_.resize(stage_.ops.size());
@@ -52,6 +55,7 @@ StageAssembler::StageAssembler(const Stage& stage, InstructionSet isa, std::uint
   allocate_windows();
   if (row_streams_.size() + (needs_scalar_pointer_ ? 1 : 0) > kMaxRowStreams) throw CannotCompile{};
   unroll_factor_ = unroll_factor(vectors * static_cast<std::uint32_t>(64 / vector_bytes_));
+  emit_vectors_in_pairs_if_useful();
   emit_prologue();
   emit_loops();
   emit_epilogue();
@@ -73,14 +77,28 @@ void StageAssembler::count_load_uses() {
   for (current_row_ = 0; current_row_ < rows_per_iteration_; ++current_row_)
     for (const MicroOp& op : stage_.ops)
       for (const MicroOperand& arg : op.operands)
-        if (arg.kind == MicroOperand::Kind::kStream) ++loads_[{row_stream(arg.index), arg.dx}].remaining_uses;
+        if (arg.kind == MicroOperand::Kind::kStream)
+          for (current_vector_ = 0; current_vector_ < vectors_together_; ++current_vector_)
+            ++loads_[{row_stream(arg.index), column_of(arg)}].remaining_uses;
+  current_vector_ = 0;
 }
 
 void StageAssembler::count_temp_uses() {
-  for (const MicroOp& op : stage_.ops)
-    for (const MicroOperand& arg : op.operands)
-      if (arg.kind == MicroOperand::Kind::kTemp) ++temps_[arg.index].remaining_uses;
-  for (const Stage::Result& result : stage_.results) ++temps_[result.op].remaining_uses;
+  for (std::size_t i = 0; i < temps_.size(); ++i)
+    temps_[i].remaining_uses = temp_uses_[i % stage_.ops.size()].size();
+}
+
+// A filter on AVX2 has more coefficients than registers: each that is loaded serves two vectors. Rows share no
+// loads then, because no registers are left to hold them.
+void StageAssembler::emit_vectors_in_pairs_if_useful() {
+  const auto unheld = std::count_if(scalars_.begin(), scalars_.end(),
+                                    [](const auto& s) { return s.second.vector_register < 0; });
+  if (has_masks_ || unheld < kMinScalarsForPairs || !windows_.empty() || unroll_factor_ % 2 != 0) return;
+  if (rows_per_iteration_ > 1) throw CannotCompile{};
+  vectors_together_ = 2;
+  temps_.resize(2 * stage_.ops.size());
+  loads_.clear();
+  count_load_uses();
 }
 
 bool StageAssembler::needs_boolean_constants() const {
@@ -90,8 +108,8 @@ bool StageAssembler::needs_boolean_constants() const {
   });
 }
 
-// The highest vector registers hold the constants, then as many scalars as fit. Constants of AVX2 that do not
-// fit are memory operands.
+// The highest vector registers hold constants and as many scalars as fit. Other constants are memory operands;
+// 1 and the masks of abs and neg always fit.
 void StageAssembler::allocate_fixed_registers() {
   const bool several_rows = rows_per_iteration_ > 1;
   const int max_registers = has_masks_ ? (several_rows ? 6 : 10) : (several_rows ? 3 : 5);
@@ -104,10 +122,10 @@ void StageAssembler::allocate_fixed_registers() {
     take(constants_[pattern]);
     if (constants_[pattern].vector_register < 0) constant_pool_[pattern];
   };
-  if (needs_boolean_constants()) {
+  const bool boolean = needs_boolean_constants();
+  if (boolean) {
     take_constant(kOneBits);
-    take_constant(kZeroBits);
-    if (!has_masks_) constant_pool_[kAllBits];
+    if (has_masks_) take_constant(kZeroBits);
   }
   for (const MicroOp& op : stage_.ops) {
     if (op.op == Opcode::kAbs) take_constant(kMagnitudeMask);
@@ -117,20 +135,27 @@ void StageAssembler::allocate_fixed_registers() {
     take(value);
     needs_scalar_pointer_ = needs_scalar_pointer_ || value.vector_register < 0;
   }
+  if (boolean && !has_masks_) {
+    take_constant(kZeroBits);
+    constant_pool_[kAllBits];
+  }
   for (int v = 0; v <= next; ++v) free_vectors_.push_back(v);
   for (int k = 1; k < kMaskRegisters; ++k) free_masks_.push_back(k);
   for (int slot = 0; slot < kMaxSpillSlots; ++slot) free_spill_slots_.push_back(slot);
 }
 
-// A row that is also read at west or east offsets gets a sliding window of three registers: one aligned load
-// per vector, and shifted vectors are assembled from the window. An unaligned load that straddles two cache
-// lines would cost two. With 16 registers there is no room for windows, and every other load of 32 bytes is
-// within a line.
+// A row that is also read at west or east offsets gets a sliding window of three registers, from which shifted
+// vectors are assembled: an unaligned load that straddles two cache lines would cost two. With AVX-512 the
+// window is three adjacent vectors, one aligned load each. With AVX2 it is the vector and those 16 bytes west
+// and east of it, two loads; there is room for one.
 void StageAssembler::allocate_windows() {
-  if (!has_masks_) return;
-  for (const auto& [key, load] : loads_) {
-    if (key.second == 0 || windows_.count(key.first) > 0 || windows_.size() == kMaxWindows) continue;
-    SlidingWindow& r = windows_[key.first];
+  std::map<std::uint32_t, int> widest;  // offset by row stream
+  for (const auto& [key, load] : loads_)
+    if (key.second != 0) widest[key.first] = std::max(widest[key.first], std::abs(key.second));
+  if (!has_masks_ && (widest.size() != 1 || widest.begin()->second > kMaxHalfVectorOffset)) return;
+  for (const auto& [stream, offset] : widest) {
+    if (windows_.size() == kMaxWindows) break;
+    SlidingWindow& r = windows_[stream];
     for (int* v : {&r.west, &r.centre, &r.east}) {
       *v = free_vectors_.front();
       free_vectors_.erase(free_vectors_.begin());
@@ -173,16 +198,16 @@ void StageAssembler::emit_loops() {
   Xbyak::Label row_loop, column_loop;
   L(row_loop);
   for (const auto& [line, r] : windows_) {
-    vmovups(vector(r.west), ptr[row_pointer(line) - vector_bytes_]);
-    vmovups(vector(r.centre), ptr[row_pointer(line)]);
+    vmovups(vector(r.west), ptr[row_pointer(line) - window_step_bytes_]);
+    if (has_masks_) vmovups(vector(r.centre), ptr[row_pointer(line)]);
   }
   xor_(ecx, ecx);
   L(column_loop);
   const std::map<std::uint32_t, SlidingWindow> at_start = windows_;
-  for (std::uint32_t i = 0; i < unroll_factor_; ++i) {
+  for (std::uint32_t i = 0; i < unroll_factor_; i += vectors_together_) {
     displacement_bytes_ = static_cast<int>(i) * vector_bytes_;
     if (i > 0) count_load_uses();
-    emit_vector();
+    emit_vectors();
   }
   for (const auto& [line, r] : at_start) emit_window_restore(r, windows_.at(line));
   windows_ = at_start;
@@ -197,32 +222,50 @@ void StageAssembler::emit_loops() {
   jnz(row_loop, T_NEAR);
 }
 
-void StageAssembler::emit_vector() {
-  for (const auto& [line, r] : windows_)
-    vmovups(vector(r.east), ptr[row_pointer(line) + kColumnRegister + (displacement_bytes_ + vector_bytes_)]);
+void StageAssembler::emit_vectors() {
+  for (const auto& [line, r] : windows_) {
+    const auto at = row_pointer(line) + kColumnRegister + displacement_bytes_;
+    if (!has_masks_) vmovups(vector(r.centre), ptr[at]);
+    vmovups(vector(r.east), ptr[at + window_step_bytes_]);
+  }
   for (std::uint32_t row = 0; row < rows_per_iteration_; ++row) emit_row(row);
-  for (auto& [line, r] : windows_) r = {r.centre, r.east, r.west};
+  for (auto& [line, r] : windows_)
+    r = has_masks_ ? SlidingWindow{r.centre, r.east, r.west} : SlidingWindow{r.east, r.centre, r.west};
 }
 
 void StageAssembler::emit_row(std::uint32_t row) {
   current_row_ = row;
   count_temp_uses();
-  for (current_op_ = 0; current_op_ < stage_.ops.size(); ++current_op_) emit_operation(current_op_);
+  const auto for_each_vector = [&](const auto& emit) {
+    for (current_vector_ = 0; current_vector_ < vectors_together_; ++current_vector_) emit();
+    current_vector_ = 0;
+    release_loaded_scalars();
+  };
+  for (current_op_ = 0; current_op_ < stage_.ops.size(); ++current_op_)
+    for_each_vector([&] { emit_operation(current_op_); });
   for (const Stage::Result& result : stage_.results) {
     const MicroOperand value{MicroOperand::Kind::kTemp, 0, result.op};
-    const Vector v = vector_operand(value);
-    if (result.non_temporal)
-      vmovntps(address(row_stream(result.stream), 0), v);
-    else
-      vmovups(address(row_stream(result.stream), 0), v);
-    release_use(value);
-    release_temporaries();
+    for_each_vector([&] {
+      const Vector v = vector_operand(value);
+      const Address to = address(row_stream(result.stream), column_of({}));
+      if (result.non_temporal)
+        vmovntps(to, v);
+      else
+        vmovups(to, v);
+      release_use(value);
+      release_temporaries();
+    });
     ++current_op_;
   }
 }
 
-// Moves the west and centre vectors back to the registers of the loop start, after rotations of the window.
+// Moves the vectors that the next iteration needs back to the registers of the loop start, after rotations of
+// the window.
 void StageAssembler::emit_window_restore(const SlidingWindow& start, const SlidingWindow& current) {
+  if (!has_masks_) {
+    if (current.west != start.west) vmovaps(vector(start.west), vector(current.west));
+    return;
+  }
   if (current.centre == start.centre) return;  // a multiple of three rotations
   if (current.west == start.centre) {          // one rotation: the centre is in the east register
     vmovaps(vector(start.west), vector(current.west));

@@ -60,11 +60,11 @@ class StageAssembler : private Xbyak::CodeGenerator {
     bool spilled_mask = false;  // the slot holds a mask
     std::size_t remaining_uses = 0;
   };
-  // Vector registers of three adjacent vectors of a row.
+  // Vector registers of a row's vector and those window_step_bytes_ west and east of it.
   struct SlidingWindow {
     int west = -1, centre = -1, east = -1;
   };
-  using LoadKey = std::pair<std::uint32_t, int>;  // row stream, dx
+  using LoadKey = std::pair<std::uint32_t, int>;  // row stream, column_of()
 
   // ---- the loops: StageAssembler.cpp ----
   void find_row_streams();
@@ -74,7 +74,8 @@ class StageAssembler : private Xbyak::CodeGenerator {
   void allocate_windows();
   void emit_prologue();
   void emit_loops();
-  void emit_vector();
+  void emit_vectors_in_pairs_if_useful();
+  void emit_vectors();
   void emit_row(std::uint32_t row);
   void emit_window_restore(const SlidingWindow& start, const SlidingWindow& current);
   void emit_epilogue();
@@ -106,6 +107,13 @@ class StageAssembler : private Xbyak::CodeGenerator {
   int mask_operand(const MicroOperand& arg);
   void release_use(const MicroOperand& arg);
   void release_temporaries();
+  void release_loaded_scalars();
+  RegisterAssignment& temp_of(std::uint32_t op) { return temps_[current_vector_ * stage_.ops.size() + op]; }
+  // Cells east of the first vector that are emitted together.
+  int column_of(const MicroOperand& stream) const {
+    return stream.dx + static_cast<int>(current_vector_) * lanes();
+  }
+  int lanes() const { return vector_bytes_ / static_cast<int>(sizeof(float)); }
   Vector allocate_result(RegisterAssignment& y);
   Vector allocate_temporary();
   // Calls emit() with a vector of the constant, a register or a memory operand.
@@ -156,16 +164,17 @@ class StageAssembler : private Xbyak::CodeGenerator {
 
   const Stage& stage_;
   const bool has_masks_;  // AVX-512
-  const int vector_bytes_, vector_registers_;
+  const int vector_bytes_, vector_registers_, window_step_bytes_;
   const std::uint32_t rows_per_iteration_;
   std::vector<RowStream> row_streams_;
-  std::vector<std::uint32_t> row_stream_of_;  // indexed [row of the iteration][stream]
-  std::uint32_t unroll_factor_ = 1;           // vectors per iteration of the inner loop
-  int displacement_bytes_ = 0;                // from the column register to the current vector
-  std::uint32_t current_row_ = 0;
-  std::uint32_t current_op_ = 0;  // beyond the operations: the results
-  std::vector<RegisterAssignment> temps_;
-  std::vector<std::vector<std::uint32_t>> temp_uses_;  // by temp: the operations that use it, ascending
+  std::vector<std::uint32_t> row_stream_of_;            // indexed [row of the iteration][stream]
+  std::uint32_t unroll_factor_ = 1;                     // vectors per iteration of the inner loop
+  std::uint32_t vectors_together_ = 1;                  // for which each operation is emitted at once, 1 or 2
+  int displacement_bytes_ = 0;                          // from the column register to the current vector
+  std::uint32_t current_row_ = 0, current_vector_ = 0;  // of those that are emitted together
+  std::uint32_t current_op_ = 0;                        // beyond the operations: the results
+  std::vector<RegisterAssignment> temps_;               // see temp_of()
+  std::vector<std::vector<std::uint32_t>> temp_uses_;   // by operation: those that use its value, ascending
   std::map<LoadKey, RegisterAssignment> loads_;
   std::map<std::uint32_t, SlidingWindow> windows_;                   // by row stream
   std::map<std::uint32_t, RegisterAssignment> scalars_, constants_;  // by scalar slot, by bit pattern
@@ -174,6 +183,7 @@ class StageAssembler : private Xbyak::CodeGenerator {
   std::vector<int> free_vectors_, free_masks_, free_spill_slots_;
   std::vector<int> pinned_vectors_, pinned_masks_;  // in use by the current operation
   std::vector<int> temporaries_, temporary_masks_;  // released after the current operation
+  std::vector<std::uint32_t> loaded_scalars_;       // likewise, of all vectors
   void (*entry_point_)(const StageCall*) = nullptr;
 };
 

@@ -1,6 +1,7 @@
 // Compiled once per instruction set: foreach_target.h re-includes this file for each.
 #include "apron/vm/kernels/Kernels.h"
 
+#include <algorithm>
 #include <limits>
 
 #undef HWY_TARGET_INCLUDE
@@ -366,22 +367,89 @@ HWY_INLINE void draw_words(const RandomCells& cells, const Store& store) {
 
 #endif
 
-void random_words(const RandomCells& cells, std::uint32_t* first, std::uint32_t* second) noexcept {
-  const hn::RebindToUnsigned<D> d;
-  draw_words(cells, [&](std::uint32_t x, VU word0, VU word1) {
-    hn::StoreU(word0, d, first + x);
-    hn::StoreU(word1, d, second + x);
-  });
+void random_words(const RandomCells& cells, std::uint32_t* to) noexcept {
+  draw_words(cells,
+             [&](std::uint32_t x, VU word0, VU) { hn::StoreU(word0, hn::RebindToUnsigned<D>(), to + x); });
+}
+
+// Uniform in [0, 1), from the upper 24 bits.
+HWY_INLINE V to_unit_interval(VU word) {
+  return hn::Mul(hn::ConvertTo(D(), hn::BitCast(hn::RebindToSigned<D>(), hn::ShiftRight<8>(word))),
+                 hn::Set(D(), 0x1p-24F));
+}
+
+// c[0] + x (c[1] + x (c[2] + ...))
+template <std::size_t kCount>
+HWY_INLINE V polynomial(const std::array<float, kCount>& c, V x) {
+  V sum = hn::Set(D(), c[kCount - 1]);
+  for (std::size_t i = kCount - 1; i-- > 0;) sum = hn::Add(hn::Mul(sum, x), hn::Set(D(), c[i]));
+  return sum;
+}
+
+// -2 ln(n / 2^24) for n from 1 to 2^24, with a relative error below 1e-7. The polynomial is that of logf in
+// S. Moshier's Cephes, times -2.
+HWY_INLINE V minus_two_log(VU n) {
+  constexpr std::array<float, 9> kSeries{-6.6666666348e-1F, 4.9999987986e-1F,  -4.0001429530e-1F,
+                                         3.3336115330e-1F,  -2.8498645574e-1F, 2.4840281692e-1F,
+                                         -2.3353997480e-1F, 2.3029220620e-1F,  -1.4075367258e-1F};
+  // n / 2^24 = m 2^e with m in [sqrt(1/2), sqrt(2))
+  const hn::RebindToSigned<D> di;
+  const auto sqrt_half = hn::Set(di, 0x3F3504F3);
+  const auto bits =
+      hn::Sub(hn::BitCast(di, hn::ConvertTo(D(), hn::BitCast(di, n))), hn::Set(di, 0x3F3504F3 + (24 << 23)));
+  const V e = hn::ConvertTo(D(), hn::ShiftRight<23>(bits));
+  const V m = hn::BitCast(D(), hn::Add(hn::And(bits, hn::Set(di, 0x7FFFFF)), sqrt_half));
+  const V x = hn::Sub(m, one()), z = hn::Mul(x, x);
+  // ln 2 in two parts, the smaller one added first
+  const V small =
+      hn::Add(hn::Mul(hn::Mul(x, z), polynomial(kSeries, x)), hn::Mul(e, hn::Set(D(), 4.2438888e-4F)));
+  return hn::Add(hn::Sub(hn::Add(small, z), hn::Add(x, x)), hn::Mul(e, hn::Set(D(), -1.38671875F)));
+}
+
+// The cosine of t turns, t in [0, 1) and a multiple of 2^-24, with an error below 2e-7.
+HWY_INLINE V cos_turns(V t) {
+  // Chebyshev interpolation of sin(2 pi r) / r over r^2
+  constexpr std::array<float, 5> kSeries{6.2831854820F, -41.3416824341F, 81.6024780273F, -76.5811691284F,
+                                         39.7598266602F};
+  // cos(2 pi t) = sin(2 pi r) with r in [-1/4, 1/4], without rounding
+  const V r = hn::Sub(hn::Abs(hn::Sub(t, hn::Set(D(), 0.5F))), hn::Set(D(), 0.25F));
+  return hn::Mul(r, polynomial(kSeries, hn::Mul(r, r)));
 }
 
 void random_uniform(const RandomCells& cells, float a, float b, float* to) noexcept {
   const D d;
-  const V low = hn::Set(d, a), range = hn::Set(d, b - a), unit = hn::Set(d, 0x1p-24F);
+  const V low = hn::Set(d, a), range = hn::Set(d, b - a);
   draw_words(cells, [&](std::uint32_t x, VU word0, VU) {
-    const V u =
-        hn::Mul(hn::ConvertTo(d, hn::BitCast(hn::RebindToSigned<D>(), hn::ShiftRight<8>(word0))), unit);
-    hn::StoreU(hn::Add(low, hn::Mul(range, u)), d, to + x);
+    hn::StoreU(hn::Add(low, hn::Mul(range, to_unit_interval(word0))), d, to + x);
   });
+}
+
+// Box and Muller's transform of 1 - u and v, the upper 24 bits of the two words / 2^24.
+HWY_INLINE V box_muller(VU word0, VU word1) {
+  const VU n = hn::Sub(hn::Set(hn::RebindToUnsigned<D>(), 1U << 24U), hn::ShiftRight<8>(word0));
+  return hn::Mul(hn::Sqrt(minus_two_log(n)), cos_turns(to_unit_interval(word1)));
+}
+
+// In two passes, whose iterations are short enough for the CPU to overlap several.
+void random_normal(const RandomCells& cells, float mean, float sd, float* to) noexcept {
+  constexpr std::uint32_t kPass = 256;
+  HWY_ALIGN std::array<std::uint32_t, kPass> first, second;
+  const D d;
+  const hn::RebindToUnsigned<D> du;
+  const auto lanes = static_cast<std::uint32_t>(hn::Lanes(d));
+  for (std::uint32_t begin = 0; begin < cells.count; begin += kPass) {
+    RandomCells pass = cells;
+    pass.column += begin;
+    pass.count = std::min(kPass, cells.count - begin);
+    draw_words(pass, [&](std::uint32_t x, VU word0, VU word1) {
+      hn::Store(word0, du, &first[x]);
+      hn::Store(word1, du, &second[x]);
+    });
+    for (std::uint32_t x = 0; x < pass.count; x += lanes) {
+      const V normal = box_muller(hn::Load(du, &first[x]), hn::Load(du, &second[x]));
+      hn::StoreU(hn::Add(hn::Set(d, mean), hn::Mul(hn::Set(d, sd), normal)), d, to + begin + x);
+    }
+  }
 }
 
 template <class... Ops>
@@ -397,6 +465,7 @@ KernelTable make_table() {
   table.stencils = make_stencil_kernels<Add, Min, Max, Or, And>();
   table.random_words = random_words;
   table.random_uniform = random_uniform;
+  table.random_normal = random_normal;
   add_scalar_kernels(table);
   return table;
 }

@@ -1,7 +1,7 @@
 // Table of the VM's SIMD inner loops, indexed by element-wise opcode, mix of register and scalar operands,
 // and masking. Each kernel is written once and compiled for every instruction set. Results are bit-identical
-// on all of them (except NaN payloads): no fused multiply-add, no approximations, and transcendental
-// functions call libm cell by cell.
+// on all of them (except NaN payloads): no fused multiply-add, no approximations; math.sin and its like call
+// libm cell by cell.
 #pragma once
 
 #include <array>
@@ -56,11 +56,10 @@ struct RandomCells {
   std::uint64_t draw_index = 0;
   std::uint32_t row = 0, column = 0, count = 0;
 };
-// The first two Philox words of each cell.
-using RandomWordsKernel = void (*)(const RandomCells& cells, std::uint32_t* first,
-                                   std::uint32_t* second) noexcept;
-// The cells' values of random.float.rand from a to b.
-using RandomUniformKernel = void (*)(const RandomCells& cells, float a, float b, float* to) noexcept;
+// The first Philox word of each cell.
+using RandomWordsKernel = void (*)(const RandomCells& cells, std::uint32_t* to) noexcept;
+// The cells' values of random.float.rand or random.float.gauss with operands a and b.
+using RandomFloatKernel = void (*)(const RandomCells& cells, float a, float b, float* to) noexcept;
 
 struct KernelTable {
   // Indexed [opcode][bit k set: operand k is a scalar][masked]; null if the opcode is not element-wise.
@@ -68,7 +67,7 @@ struct KernelTable {
   std::array<RowReduction, kReductionCount> reductions{};
   StencilKernels stencils{};
   RandomWordsKernel random_words = nullptr;
-  RandomUniformKernel random_uniform = nullptr;
+  RandomFloatKernel random_uniform = nullptr, random_normal = nullptr;
 
   Kernel kernel(program::Opcode op, unsigned scalars, bool masked) const noexcept {
     return elementwise[static_cast<std::size_t>(op)][scalars][masked ? 1 : 0];

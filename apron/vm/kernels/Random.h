@@ -18,18 +18,17 @@ inline constexpr std::array<std::uint32_t, 2> kPhiloxMultipliers{0xD2511F53, 0xC
     kPhiloxKeySteps{0x9E3779B9, 0xBB67AE85};
 RandomWords philox(RandomWords counter, std::array<std::uint32_t, 2> key) noexcept;
 
-// The random numbers of one instruction.
+// The random numbers of one instruction. All kernel tables give the same bits.
 struct RandomStream {
   std::uint32_t seed = 0;        // bit pattern of the float seed
   std::uint64_t draw_index = 0;  // random instructions executed since the seed was set
 
   // The value of op (kRandomFloat, kRandomGauss or kRandomInt) with operands a and b, as specified in
   // opcodes.def.
-  float operator()(program::Opcode op, std::uint32_t column, std::uint32_t row, float a,
-                   float b) const noexcept;
+  float draw_one(const KernelTable& kernels, program::Opcode op, std::uint32_t column, std::uint32_t row,
+                 float a, float b) const noexcept;
 
-  // The same values for the cells of a row, with the kernels of the table. mask is null, or only its non-zero
-  // cells are written.
+  // The same values for the cells of a row. mask is null, or only its non-zero cells are written.
   void fill_row(const KernelTable& kernels, program::Opcode op, std::uint32_t row, float a, float b,
                 float* to, const float* mask, std::uint32_t columns) const noexcept;
 };

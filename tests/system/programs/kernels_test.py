@@ -24,6 +24,11 @@ def neighbour(a, *directions):
     return a
 
 
+def write_error(value):
+    """The standard deviation of a write of that value over the cells: noise, offset and gain, as docs/scamp5.md says."""
+    return np.sqrt(0.3**2 + 0.3**2 + (0.005 * value)**2)
+
+
 def sobel(image):
     rows = saturate(saturate(saturate(neighbour(image, "north") + neighbour(image, "south")) + image) + image)
     return saturate(abs(saturate(neighbour(rows, "east") - neighbour(rows, "west"))))
@@ -49,8 +54,8 @@ EAST = [("east",), ("east", "south"), ("east", "south"), ("south",), ("south",),
 WEST = [("west",), ("west", "north"), ("west", "north"), ("north",), ("north",), ("north", "east"), ("north", "east"), ("east",)]
 
 
-def fast16(image, threshold=20):
-    """Nine contiguous cells of the circle, as the definition says."""
+def fast16(image, threshold=20, run=9):
+    """Contiguous cells of the circle, as the definition says."""
     corner = np.zeros(image.shape, bool)
     circle = [neighbour(image, "north", "north", "north")]
     for step in EAST + WEST[:-1]:
@@ -58,7 +63,7 @@ def fast16(image, threshold=20):
     for sign in (1, -1):
         beyond = [saturate(sign * (cell - image)) > threshold for cell in circle]
         for first in range(16):
-            corner |= np.logical_and.reduce([beyond[(first + k) % 16] for k in range(9)])
+            corner |= np.logical_and.reduce([beyond[(first + k) % 16] for k in range(run)])
     return corner
 
 
@@ -93,6 +98,118 @@ def ternary(image, weights):
     layer = np.maximum(layer, 0)
     layer = np.maximum(layer, neighbour(layer, "east"))
     return np.maximum(layer, neighbour(layer, "south"))
+
+
+# Kernels in the style of the chip's tutorials. A run of cells is counted in steps of 12, which noise does not hide.
+SOBEL_CPP = """\
+#include <scamp5.hpp>
+using namespace SCAMP5_PE;
+
+// Slope of the columns.
+int main() {
+  vs_init();
+  while (1) {
+    vs_frame_loop_control();
+    scamp5_kernel_begin();
+      get_image(C);
+      movx(A, C, north);
+      movx(B, C, south);
+      add(A, A, B);
+      add(A, A, C);
+      add(A, A, C);
+      movx(B, A, east);
+      movx(A, A, west);
+      sub(B, B, A);
+      abs(D, B);
+    scamp5_kernel_end();
+    scamp5_output_image(D, display_1);
+  }
+}
+"""
+FAST_CPP = """\
+#include <scamp5.hpp>
+using namespace SCAMP5_PE;
+
+int threshold = 20;
+int dark = 0;
+
+void compare() {
+  if (dark == 0) {
+    scamp5_kernel_begin();
+      sub(D, B, A);
+    scamp5_kernel_end();
+  } else {
+    scamp5_kernel_begin();
+      sub(D, A, B);
+    scamp5_kernel_end();
+  }
+  scamp5_kernel_begin();
+    sub(D, D, F);
+    where(D);
+      MOV(R5, FLAG);
+    all();
+    NOT(R6, R5);
+    WHERE(R6);
+      res(C);
+    WHERE(R5);
+      add(C, C, E);
+    all();
+  scamp5_kernel_end();
+  scamp5_in(D, -102);  // 8.5 units: nine in a row
+  scamp5_kernel_begin();
+    add(D, D, C);
+    where(D);
+      MOV(R7, FLAG);
+    all();
+    OR(R8, R8, R7);
+  scamp5_kernel_end();
+}
+
+#define STEP(dir) { scamp5_kernel_begin(); movx(B, B, dir); scamp5_kernel_end(); compare(); }
+#define DIAGONAL(dir, other) { scamp5_kernel_begin(); mov2x(B, B, dir, other); scamp5_kernel_end(); compare(); }
+
+void eastern_half() {
+  STEP(east);
+  for (int i = 0; i < 2; i++) DIAGONAL(east, south);
+  for (int i = 0; i < 2; i++) STEP(south);
+  for (int i = 0; i < 2; i++) DIAGONAL(south, west);
+  STEP(west);
+}
+
+void western_half() {
+  STEP(west);
+  for (int i = 0; i < 2; i++) DIAGONAL(west, north);
+  for (int i = 0; i < 2; i++) STEP(north);
+  for (int i = 0; i < 2; i++) DIAGONAL(north, east);
+  STEP(east);
+}
+
+int main() {
+  vs_init();
+  vs_gui_add_slider("threshold", 0, 127, 20, &threshold);
+  while (1) {
+    vs_frame_loop_control();
+    scamp5_get_image(A, B, 1);
+    scamp5_in(E, 12);
+    scamp5_in(F, threshold);
+    scamp5_kernel_begin();
+      CLR(R8);
+    scamp5_kernel_end();
+    for (dark = 0; dark < 2; dark++) {
+      scamp5_kernel_begin();
+        res(C);
+        mov2x(B, A, north, north);
+        movx(B, B, north);
+      scamp5_kernel_end();
+      compare();
+      eastern_half();
+      western_half();
+      eastern_half();
+    }
+    scamp5_output_image(R8, display);
+  }
+}
+"""
 
 
 class Kernels(ProgramTest):
@@ -205,6 +322,61 @@ class Kernels(ProgramTest):
             index[sharpness > best] = k
             best = np.maximum(best, sharpness)
         self.assert_equals(self.kernel("depth-from-focus", images, "Result")[1], index)
+
+    def imported(self, source, image, register, *directives):
+        """The register after `apron import` of the kernel has run on the image, and what was left out."""
+        kernel, program = self.write("kernel.cpp", source), self.folder / "imported.aps"
+        picture, file = self.frames(image) / "000.pgm", self.folder / "imported.npy"
+        status, _, left_out = self.finish(self.start(APRON, "import", kernel, "--picture", str(picture), "--output", str(program)))
+        self.assertEqual(status, 0, left_out)
+        head = "!include('scamp5.aps')\n"
+        program.write_text(program.read_text().replace(head, head + "".join(line + "\n" for line in directives)))
+        status, _, err = self.finish(self.start(APRON, "run", str(program), "--size", f"{SIZE}x{SIZE}", "--save",
+                                                f"{register}={file}"))
+        self.assertEqual((status, err), (0, ""))
+        return np.load(file), left_out
+
+    def test_imported_sobel(self):
+        for image in (self.noise(), self.scene()):
+            got, left_out = self.imported(SOBEL_CPP, image, "D")
+            self.assert_equals(got, sobel(image))
+            self.assertEqual(re.findall(r"'(\w+)' runs on", left_out), ["vs_init", "vs_frame_loop_control"])
+
+    def test_imported_sobel_with_errors(self):
+        """Each write adds its error, times its weight in the result: the standard deviation is that of their sum."""
+        image = self.scene() // 4
+        got, _ = self.imported(SOBEL_CPP, image, "D", "scamp5.errors(on)")
+        ideal = sobel(image)
+        # The image enters with Sobel's weights, a row's sum on both sides, and each of the last four writes once.
+        weights = np.sqrt(12 + 5 * 2 + 4)
+        error = got - ideal
+        self.assertGreater(error.std(), 0.5 * write_error(0) * weights)
+        self.assertLess(error.std(), write_error(4 * abs(image).max()) * weights + 0.004 * 8 * ideal.max())
+
+    def test_imported_fast(self):
+        found, inner = 0, slice(6, SIZE - 6)  # where the walk along the circle never leaves the array
+        for image in (self.noise(), self.scene()):
+            got, _ = self.imported(FAST_CPP, image, "R8")
+            wanted = fast16(image)[inner, inner]
+            self.assert_equals(got[inner, inner], wanted)
+            found += wanted.sum()
+        self.assertGreater(found, 10)
+
+    def test_imported_fast_with_errors(self):
+        """Only corners whose contrast is within the error of a walk of 24 moves, or whose run is within that of nine steps, may
+        change."""
+        image = self.noise(-2, 2) - 40
+        for x, y in ((7, 8), (18, 9), (12, 20)):
+            image[y:y + 6, x:x + 7] += 80
+        inner, moves, largest = slice(6, SIZE - 6), 24, abs(image).max()
+        got = self.imported(FAST_CPP, image, "R8", "scamp5.errors(on)")[0][inner, inner] != 0
+        margin = 0.004 * moves * largest + 4 * write_error(largest) * np.sqrt(moves)
+        runs = 4 * write_error(12) * 9 / 12  # the step's own error counts nine times
+        surest, possible = (fast16(image, 20 + sign * margin, 9 + sign * round(runs))[inner, inner] for sign in (1, -1))
+        self.assertTrue((got >= surest).all())
+        self.assertTrue((got <= possible).all())
+        self.assertGreater(surest.sum(), 8)
+        self.assertLess(possible.mean(), 0.5)
 
     def test_errors_stay_near_the_ideal_result(self):
         """With the chip's errors the Gaussian is off by little, and not by nothing."""

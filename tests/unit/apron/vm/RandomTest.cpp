@@ -1,7 +1,12 @@
-// Random numbers: known answers of Philox, and independence of threads, masks and array size.
+// Random numbers: known answers of Philox, distributions, and independence of threads, masks, array size and
+// instruction set.
 #include "apron/vm/kernels/Random.h"
 
 #include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
 
 #include "tests/unit/apron/vm/TestProgram.h"
 
@@ -34,6 +39,8 @@ Cells random_numbers(Size size, unsigned threads, Opcode op) {
   return cells;
 }
 
+const KernelTable& best_kernels() { return *kernel_tables().front().table; }
+
 TEST(Random, IndependentOfThreadsAndArraySize) {
   for (const Opcode op : {Opcode::kRandomFloat, Opcode::kRandomGauss, Opcode::kRandomInt}) {
     const Cells one = random_numbers({40, 30}, 1, op), three = random_numbers({40, 30}, 3, op),
@@ -56,7 +63,7 @@ TEST(Random, RowsEqualSingleDraws) {
       draw.fill_row(*target.table, op, 13, -2.5F, 7, all.data(), nullptr, 700);
       draw.fill_row(*target.table, op, 13, -2.5F, 7, some.data(), mask.data(), 699);
       for (std::uint32_t x = 0; x < 700; ++x) {
-        const float want = draw(op, x, 13, -2.5F, 7);
+        const float want = draw.draw_one(best_kernels(), op, x, 13, -2.5F, 7);
         ASSERT_TRUE(bits_equal(all[x], want)) << target.name << " column " << x;
         ASSERT_TRUE(bits_equal(some[x], mask[x] != 0.0F && x < 699 ? want : before[x])) << target.name;
       }
@@ -65,12 +72,69 @@ TEST(Random, RowsEqualSingleDraws) {
 
 TEST(Random, DrawMatchesSpecification) {
   const RandomStream draw{7, (std::uint64_t{5} << 32U) + 9};
+  const auto one = [&](Opcode op, float a, float b) {
+    return draw.draw_one(best_kernels(), op, 11, 13, a, b);
+  };
   const RandomWords words = philox({11, 13, 9, 5}, {7, 0});
   const float u = static_cast<float>(words[0] >> 8U) / 16777216.0F;
-  EXPECT_EQ(draw(Opcode::kRandomFloat, 11, 13, 2, 6), 2.0F + 4.0F * u);
-  EXPECT_GE(draw(Opcode::kRandomInt, 11, 13, 1.5F, 3.5F), 2.0F);
-  EXPECT_LE(draw(Opcode::kRandomInt, 11, 13, 1.5F, 3.5F), 3.0F);
-  EXPECT_EQ(draw(Opcode::kRandomInt, 11, 13, 4, 4), 4.0F);
+  EXPECT_EQ(one(Opcode::kRandomFloat, 2, 6), 2.0F + 4.0F * u);
+  EXPECT_GE(one(Opcode::kRandomInt, 1.5F, 3.5F), 2.0F);
+  EXPECT_LE(one(Opcode::kRandomInt, 1.5F, 3.5F), 3.0F);
+  EXPECT_EQ(one(Opcode::kRandomInt, 4, 4), 4.0F);
+}
+
+constexpr std::uint32_t kNormals = 1U << 18U;
+
+Cells standard_normals(const KernelTable& kernels, std::uint32_t row) {
+  Cells normals(kNormals);
+  RandomStream{42, 3}.fill_row(kernels, Opcode::kRandomGauss, row, 0, 1, normals.data(), nullptr, kNormals);
+  return normals;
+}
+
+TEST(Random, NormalIsBoxMullerOfTheFirstTwoWords) {
+  const Cells normals = standard_normals(best_kernels(), 5);
+  double error = 0;
+  for (std::uint32_t x = 0; x < kNormals; ++x) {
+    const RandomWords words = philox({x, 5, 3, 0}, {42, 0});
+    const double u0 = (words[0] >> 8U) * 0x1p-24, u1 = (words[1] >> 8U) * 0x1p-24;
+    error = std::max(error, std::fabs(normals[x] - std::sqrt(-2 * std::log(1 - u0)) *
+                                                       std::cos(2 * std::numbers::pi * u1)));
+  }
+  EXPECT_LT(error, 1e-6);  // the documented bound
+}
+
+TEST(Random, NormalBitsDoNotDependOnTheInstructionSet) {
+  const Cells best = standard_normals(best_kernels(), 6);
+  for (const NamedKernelTable& target : kernel_tables()) {
+    const Cells other = standard_normals(*target.table, 6);
+    for (std::uint32_t x = 0; x < kNormals; ++x) ASSERT_TRUE(bits_equal(best[x], other[x])) << target.name;
+  }
+}
+
+// Four standard errors of moments and tail counts, and the Kolmogorov-Smirnov statistic at its 1 % level.
+TEST(Random, NormalHasTheNormalDistribution) {
+  Cells normals = standard_normals(best_kernels(), 7);
+  const double n = kNormals;
+  std::array<double, 5> moment{};
+  for (const double x : normals)
+    for (int k = 1; k <= 4; ++k) moment[static_cast<std::size_t>(k)] += std::pow(x, k) / n;
+  EXPECT_NEAR(moment[1], 0, 4 * std::sqrt(1 / n));
+  EXPECT_NEAR(moment[2], 1, 4 * std::sqrt(2 / n));
+  EXPECT_NEAR(moment[3], 0, 4 * std::sqrt(15 / n));
+  EXPECT_NEAR(moment[4], 3, 4 * std::sqrt(96 / n));
+  for (const float limit : {1.0F, 2.0F, 3.0F, 4.0F}) {
+    const double beyond = n * std::erfc(limit / std::numbers::sqrt2);
+    const auto found =
+        std::count_if(normals.begin(), normals.end(), [&](float x) { return std::fabs(x) > limit; });
+    EXPECT_NEAR(static_cast<double>(found), beyond, 4 * std::sqrt(beyond)) << limit;
+  }
+  std::sort(normals.begin(), normals.end());
+  double distance = 0;
+  for (std::size_t i = 0; i < normals.size(); ++i) {
+    const double below = 0.5 * std::erfc(-normals[i] / std::numbers::sqrt2), rank = static_cast<double>(i);
+    distance = std::max({distance, below - rank / n, (rank + 1) / n - below});
+  }
+  EXPECT_LT(distance * std::sqrt(n), 1.63);
 }
 
 }  // namespace
