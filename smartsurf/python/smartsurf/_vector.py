@@ -23,8 +23,8 @@ class VectorEnv(gymnasium.vector.VectorEnv):
     seeds. reset(seed=s) gives the worlds the seeds s, s + 1, …; later episodes have seeds derived from these, so that
     a seed determines all that follows.
 
-    threads: default: one per core. copy: whether step() and reset() return copies; without, they return the same
-    array each time, which the next call overwrites. autoreset_mode: as Gymnasium's; NEXT_STEP by default.
+    threads: default: one per core. copy: whether step() and reset() return copies; without, all arrays that they return,
+    those of `info` included, are the same ones each time, which the next call overwrites. autoreset_mode: as Gymnasium's; NEXT_STEP by default.
     `info` has arrays over the worlds: `seed`, `success` and the values of info{}, and for the worlds whose episode has
     ended `metrics`, with SAME_STEP also `final_obs`.
     """
@@ -64,11 +64,15 @@ class VectorEnv(gymnasium.vector.VectorEnv):
         self._seeds_now = np.zeros(num_envs, np.uint64)
         self._batch.bind(self._observations, self._final, self._rewards, self._terminated.view(np.uint8),
                          self._truncated.view(np.uint8), self._success.view(np.uint8), self._info, self._seeds_now)
-        self._fields, first = {}, 0
+        self._fields, first = {"seed": self._seeds_now, "success": self._success}, 0
         for name, size in d["info"]:
             self._fields[name] = self._info[:, first] if size == 1 else self._info[:, first:first + size]
             first += size
-        self._fresh = True
+        every = np.ones(num_envs, np.bool_)
+        every.flags.writeable = False
+        # A step copies this dict, and the arrays if it is to return copies.
+        self._every_info = {key: value for name, values in self._fields.items()
+                            for key, value in ((name, values), ("_" + name, every))}
 
     def _seeds(self, seed):
         if seed is None:
@@ -93,24 +97,27 @@ class VectorEnv(gymnasium.vector.VectorEnv):
         return self._observed(), self._infos()
 
     def step(self, actions: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, dict]:
-        actions = np.ascontiguousarray(actions, np.float32)
-        if actions.shape != self.action_space.shape:
-            raise ValueError(f"the actions have shape {actions.shape}: must be {self.action_space.shape}")
-        self._batch.step(actions)
+        ended = self._batch.step(actions)
+        if ended is None:  # not an array of the right type and shape
+            actions = np.ascontiguousarray(actions, np.float32)
+            if actions.shape != self.action_space.shape:
+                raise ValueError(f"the actions have shape {actions.shape}: must be {self.action_space.shape}")
+            ended = self._batch.step(actions)
         infos = self._infos()
-        ended = self._terminated | self._truncated
-        if ended.any():
-            self._add_final(infos, ended)
-        return self._observed(), self._rewards.copy(), self._terminated.copy(), self._truncated.copy(), infos
+        if ended:
+            self._add_final(infos, self._terminated | self._truncated)
+        if not self._copy:
+            return self._observations, self._rewards, self._terminated, self._truncated, infos
+        return (self._observations.copy(), self._rewards.copy(), self._terminated.copy(), self._truncated.copy(), infos)
 
     def _observed(self):
         return self._observations.copy() if self._copy else self._observations
 
     def _infos(self):
-        every = np.ones(self.num_envs, np.bool_)
-        infos = {"seed": self._seeds_now.copy(), "_seed": every, "success": self._success.copy(), "_success": every}
-        for name, values in self._fields.items():
-            infos[name], infos["_" + name] = values.copy(), every
+        infos = self._every_info.copy()
+        if self._copy:
+            for name, values in self._fields.items():
+                infos[name] = values.copy()
         return infos
 
     def _add_final(self, infos, ended):
@@ -123,7 +130,7 @@ class VectorEnv(gymnasium.vector.VectorEnv):
             for i in np.flatnonzero(ended):
                 final[i] = self._final[i].copy()
             infos["final_obs"], infos["_final_obs"] = final, ended
-            infos["final_info"] = {name: infos[name] for name in ("success", *self._fields, "metrics")}
+            infos["final_info"] = {name: infos[name] for name in (*self._fields, "metrics")}
             infos["_final_info"] = ended
 
     def save(self, world: int) -> bytes:

@@ -140,7 +140,8 @@ def _neighbour(plane, tap):
 
 
 def _convolve(planes, weights, biases):
-    taps = [[_neighbour(plane, tap) for tap in range(5)] for plane in planes]
+    used = weights.any(axis=0)
+    taps = [[_neighbour(plane, tap) if used[k, tap] else None for tap in range(5)] for k, plane in enumerate(planes)]
     outputs = []
     for kernel, bias in zip(weights, biases):
         total = np.full(planes[0].shape, bias + np.float32(0), np.float32)
