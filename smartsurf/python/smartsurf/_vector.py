@@ -9,7 +9,8 @@ from gymnasium.vector import AutoresetMode
 
 from . import _core
 from ._env import box
-from ._simulation import _seed, channels, draw_seed, overrides
+from ._simulation import (Closed, _seed, channels, draw_seed, engine_name, not_picklable, overrides, state_bytes,
+                          whole)
 from ._tasks import task_file
 
 _AUTORESET = {AutoresetMode.NEXT_STEP: 0, AutoresetMode.SAME_STEP: 1, AutoresetMode.DISABLED: 2}
@@ -34,16 +35,13 @@ class VectorEnv(gymnasium.vector.VectorEnv):
                  set: dict | None = None, engine: str | None = None, seed: int | None = None, copy: bool = True,
                  autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP, render_mode: str | None = None,
                  render_size: tuple[int, int] = (640, 400), camera: str = "iso"):
-        if num_envs < 1:
-            raise ValueError(f"num_envs = {num_envs}: must be at least 1")
-        if threads is not None and threads < 1:
-            raise ValueError(f"threads = {threads}: must be at least 1")
+        num_envs = whole("num_envs", num_envs, 1)
+        threads = len(os.sched_getaffinity(0)) if threads is None else whole("threads", threads, 1)
         if render_mode not in (None, *self.metadata["render_modes"]):
             raise ValueError(f"render_mode = {render_mode!r}: must be None or 'rgb_array'")
         autoreset_mode = AutoresetMode(autoreset_mode)
-        threads = threads or len(os.sched_getaffinity(0))
         self.num_envs = num_envs
-        self._batch = _core.Batch(os.fspath(experiment), engine or "", overrides(set), self._seeds(seed), threads,
+        self._batch = _core.Batch(os.fspath(experiment), engine_name(engine), overrides(set), self._seeds(seed), threads,
                                   _AUTORESET[autoreset_mode])
         d = self._batch.describe()
         self.rows, self.columns, self.pitch, self.period = d["rows"], d["columns"], d["pitch"], d["period"]
@@ -79,6 +77,8 @@ class VectorEnv(gymnasium.vector.VectorEnv):
             return [draw_seed(self.np_random) for _ in range(self.num_envs)]
         if isinstance(seed, (int, np.integer)):
             return [_seed(seed) + i for i in range(self.num_envs)]
+        if not isinstance(seed, (list, tuple, np.ndarray)):
+            raise ValueError(f"seed = {seed!r}: must be a whole number from 0, or one per world")
         if len(seed) != self.num_envs:
             raise ValueError(f"seed has {len(seed)} values: must have one per world, {self.num_envs}")
         return [draw_seed(self.np_random) if s is None else _seed(s) for s in seed]
@@ -135,23 +135,28 @@ class VectorEnv(gymnasium.vector.VectorEnv):
 
     def save(self, world: int) -> bytes:
         """The state of one world, as Simulation.save()."""
-        return self._batch.save(world)
+        return self._batch.save(whole("world", world, 0))
 
     def restore(self, world: int, state: bytes) -> np.ndarray:
         """Continues one world from a state, that of any world or Simulation of the same experiment and options. Returns
         its observation."""
-        self._batch.restore(world, state)
+        self._batch.restore(whole("world", world, 0), state_bytes(state))
         return self._observations[world].copy() if self._copy else self._observations[world]
 
     def state_hash(self, world: int) -> int:
         """The state hash of one world, as Simulation.state_hash."""
-        return self._batch.state_hash(world)
+        return self._batch.state_hash(whole("world", world, 0))
 
     def render(self) -> list[np.ndarray] | None:
         """A list with a picture of each world (rgb_array), or None."""
         if self.render_mode is None:
             return None
         return [self._batch.render(i, *self._render_size, self._camera) for i in range(self.num_envs)]
+
+    def close_extras(self, **arguments):
+        self._batch = Closed()
+
+    __reduce_ex__ = not_picklable
 
 
 def make(task, num_envs=1, **arguments):
