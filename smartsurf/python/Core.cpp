@@ -4,6 +4,8 @@
 #include <pybind11/pybind11.h>
 #include <pybind11/stl.h>
 
+#include <algorithm>
+#include <array>
 #include <memory>
 #include <optional>
 #include <string>
@@ -203,7 +205,11 @@ class Batch {
  public:
   Batch(EnvironmentOptions options, const std::vector<std::uint64_t>& seeds, int threads, int autoreset)
       : batch_(
-            make_batch(std::move(options), seeds, threads, static_cast<simulation::Autoreset>(autoreset))) {}
+            make_batch(std::move(options), seeds, threads, static_cast<simulation::Autoreset>(autoreset))) {
+    const Environment& first = batch_->world(0);
+    action_shape_ = {batch_->world_count(), static_cast<py::ssize_t>(first.simulation().actuators().size()),
+                     first.scene().surface.rows, first.scene().surface.columns};
+  }
 
   const EnvironmentBatch& batch() const { return *batch_; }
   const Environment& world(int index) const { return batch_->world(check(index)); }
@@ -224,11 +230,23 @@ class Batch {
                writable(info_),
                writable(seeds_)};
   }
-  void step(const Array<float>& actions) {
+  // Whether an episode has ended; None, without a step, if the actions are not a float32 array of worlds × channels ×
+  // rows × columns.
+  py::object step(const py::object& given) {
+    if (!py::isinstance<Array<float>>(given)) return py::none();
+    const auto actions = py::reinterpret_borrow<Array<float>>(given);
+    if (actions.ndim() != 4 || !std::equal(action_shape_.begin(), action_shape_.end(), actions.shape()))
+      return py::none();
     simulation::BatchArrays arrays = arrays_;
     arrays.actions = readable(actions);
-    py::gil_scoped_release release;
-    batch_->step(arrays);
+    {
+      py::gil_scoped_release release;
+      batch_->step(arrays);
+    }
+    const auto any = [](const Array<std::uint8_t>& flags) {
+      return std::ranges::find(readable(flags), 1) != readable(flags).end();
+    };
+    return py::bool_(any(terminated_) || any(truncated_));
   }
   void reset(const std::vector<std::uint64_t>& seeds, const std::vector<std::uint8_t>& mask) {
     py::gil_scoped_release release;
@@ -258,6 +276,7 @@ class Batch {
   }
 
   std::unique_ptr<EnvironmentBatch> batch_;
+  std::array<py::ssize_t, 4> action_shape_{};
   simulation::BatchArrays arrays_;
   Array<float> observations_, final_observations_;
   Array<double> rewards_, info_;

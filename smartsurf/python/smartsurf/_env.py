@@ -6,7 +6,7 @@ import os
 import gymnasium
 import numpy as np
 
-from ._simulation import Simulation, draw_seed
+from ._simulation import Closed, Simulation, draw_seed
 from ._tasks import task_file
 
 
@@ -82,6 +82,7 @@ class Env(gymnasium.Env):
         if self._window is not None:
             self._window.close()
             self._window = None
+        self.simulation = Closed()
 
 
 class _Window:

@@ -9,7 +9,7 @@ import pettingzoo
 from numpy.lib.stride_tricks import sliding_window_view
 
 from ._env import box
-from ._simulation import Simulation, draw_seed
+from ._simulation import Closed, Simulation, draw_seed, whole
 
 
 class ParallelEnv(pettingzoo.ParallelEnv):
@@ -24,10 +24,9 @@ class ParallelEnv(pettingzoo.ParallelEnv):
     def __init__(self, experiment: str | os.PathLike, block: int = 1, radius: int = 1, set: dict | None = None,
                  threads: int = 1, engine: str | None = None, render_mode: str | None = None):
         self.simulation = s = Simulation(experiment, set=set, threads=threads, engine=engine)
-        if block < 1 or s.rows % block or s.columns % block:
+        block, radius = whole("block", block, 1), whole("radius", radius, 0)
+        if s.rows % block or s.columns % block:
             raise ValueError(f"block = {block}: must divide {s.rows} rows and {s.columns} columns")
-        if radius < 0:
-            raise ValueError(f"radius = {radius}: must be at least 0")
         self.render_mode = render_mode
         self._block, self._radius = block, radius
         self._places = [(r, c) for r in range(s.rows // block) for c in range(s.columns // block)]
@@ -61,7 +60,11 @@ class ParallelEnv(pettingzoo.ParallelEnv):
         s, b = self.simulation, self._block
         for agent, (r, c) in zip(self.possible_agents, self._places):
             if agent in actions:
-                s._targets[:, r * b:(r + 1) * b, c * b:(c + 1) * b] = actions[agent]
+                try:
+                    s._targets[:, r * b:(r + 1) * b, c * b:(c + 1) * b] = actions[agent]
+                except (TypeError, ValueError):
+                    raise ValueError(f"the action of {agent} has shape {np.shape(actions[agent])}: must be "
+                                     f"{self._action_space.shape}") from None
         reward, terminated, truncated = s.step()
         info = {"seed": s.seed, "success": bool(s._success), **s.info}
         if terminated or truncated:
@@ -80,6 +83,9 @@ class ParallelEnv(pettingzoo.ParallelEnv):
 
     def _each(self, value):
         return {agent: value for agent in self.possible_agents}
+
+    def close(self):
+        self.simulation = Closed()
 
     def render(self):
         return self.simulation.render() if self.render_mode == "rgb_array" else None

@@ -3,6 +3,7 @@ from __future__ import annotations
 
 import dataclasses
 import os
+from collections.abc import Mapping
 
 import numpy as np
 
@@ -20,8 +21,42 @@ class Channel:
     safe: float = 0.0  # actuators: the target before the first command
 
 
+class Closed:
+    """Stands for the core of an environment that was closed."""
+
+    def __getattr__(self, name):
+        raise ValueError("the environment is closed: make a new one")
+
+
+def whole(name, value, least):
+    """The int, or ValueError."""
+    if isinstance(value, (int, np.integer)) and not isinstance(value, bool) and least <= value < 2**31:
+        return int(value)
+    raise ValueError(f"{name} = {value!r}: must be a whole number, at least {least}")
+
+
+def engine_name(engine):
+    if engine is not None and not isinstance(engine, str):
+        raise ValueError(f"engine = {engine!r}: must be 'native' or 'bullet'")
+    return engine or ""
+
+
+def state_bytes(state):
+    if not isinstance(state, (bytes, bytearray, memoryview)):
+        raise ValueError(f"restore: a {type(state).__name__} is not a saved state: give the bytes of save()")
+    return bytes(state)
+
+
+def not_picklable(self, protocol=None):
+    raise TypeError(f"a {type(self).__name__} cannot be pickled: send what save() returns, and restore it in one that the "
+                    "other process makes")
+
+
 def overrides(options):
     """The value of `set`, a dict, as the list of strings that the core takes."""
+    if options is not None and not isinstance(options, Mapping):
+        raise ValueError(f"set = {options!r}: must be a dict of options and their values")
+
     def text(value):
         return str(value).lower() if isinstance(value, (bool, np.bool_)) else str(value)
     return [(str(name), text(value)) for name, value in (options or {}).items()]
@@ -60,9 +95,8 @@ class Simulation:
 
     def __init__(self, experiment: str | os.PathLike, seed: int | None = None, set: dict | None = None,
                  threads: int = 1, engine: str | None = None):
-        if threads < 1:
-            raise ValueError(f"threads = {threads}: must be at least 1")
-        self._core = _core.Simulation(os.fspath(experiment), engine or "", overrides(set), _seed(seed), int(threads))
+        threads = whole("threads", threads, 1)
+        self._core = _core.Simulation(os.fspath(experiment), engine_name(engine), overrides(set), _seed(seed), threads)
         self._process, self._threads = os.getpid(), threads
         self.experiment = os.fspath(experiment)
         self._description = self._core.describe()
@@ -156,7 +190,11 @@ class Simulation:
             try:
                 self._actuators[name][...] = values
             except (TypeError, ValueError):
-                raise ValueError(f"actions['{name}'] has shape {np.shape(values)}: must be a number or an array of "
+                try:
+                    what = f"shape {np.shape(values)}"
+                except ValueError:
+                    what = "rows of different lengths"
+                raise ValueError(f"actions['{name}'] has {what}: must be a number or an array of "
                                  f"shape {(self.rows, self.columns)}") from None
 
     def reset(self, seed: int | None = None) -> int:
@@ -179,7 +217,7 @@ class Simulation:
         experiment and options. Restore only what you trust. Raises Error, and changes nothing, for bytes that are
         damaged or of another experiment."""
         self._check_process()
-        self._core.restore(state)
+        self._core.restore(state_bytes(state))
         self._targets[...] = self._core.targets
 
     def finish(self) -> dict[str, float]:
@@ -190,7 +228,9 @@ class Simulation:
     def render(self, width: int = 640, height: int = 400, camera: str = "iso") -> np.ndarray:
         """A picture of the current state: height × width × 3, uint8, row 0 at the top. camera: "iso", "top", "side".
         Raises smartsurf.Error in a build without the view, RuntimeError where OpenGL is missing."""
-        return self._core.render(width, height, camera)
+        return self._core.render(whole("width", width, 1), whole("height", height, 1), str(camera))
+
+    __reduce_ex__ = not_picklable
 
     def _check_process(self):
         if self._threads > 1 and self._process != os.getpid():
@@ -201,7 +241,7 @@ class Simulation:
 def _seed(seed):
     if seed is None:
         return None
-    if not isinstance(seed, (int, np.integer)) or not 0 <= seed < 2**63:
+    if not isinstance(seed, (int, np.integer)) or isinstance(seed, bool) or not 0 <= seed < 2**63:
         raise ValueError(f"seed = {seed!r}: must be a whole number from 0 to 2**63 - 1")
     return int(seed)
 

@@ -9,7 +9,8 @@ from gymnasium.vector import AutoresetMode
 
 from . import _core
 from ._env import box
-from ._simulation import _seed, channels, draw_seed, overrides
+from ._simulation import (Closed, _seed, channels, draw_seed, engine_name, not_picklable, overrides, state_bytes,
+                          whole)
 from ._tasks import task_file
 
 _AUTORESET = {AutoresetMode.NEXT_STEP: 0, AutoresetMode.SAME_STEP: 1, AutoresetMode.DISABLED: 2}
@@ -23,8 +24,8 @@ class VectorEnv(gymnasium.vector.VectorEnv):
     seeds. reset(seed=s) gives the worlds the seeds s, s + 1, …; later episodes have seeds derived from these, so that
     a seed determines all that follows.
 
-    threads: default: one per core. copy: whether step() and reset() return copies; without, they return the same
-    array each time, which the next call overwrites. autoreset_mode: as Gymnasium's; NEXT_STEP by default.
+    threads: default: one per core. copy: whether step() and reset() return copies; without, all arrays that they return,
+    those of `info` included, are the same ones each time, which the next call overwrites. autoreset_mode: as Gymnasium's; NEXT_STEP by default.
     `info` has arrays over the worlds: `seed`, `success` and the values of info{}, and for the worlds whose episode has
     ended `metrics`, with SAME_STEP also `final_obs`.
     """
@@ -34,16 +35,13 @@ class VectorEnv(gymnasium.vector.VectorEnv):
                  set: dict | None = None, engine: str | None = None, seed: int | None = None, copy: bool = True,
                  autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP, render_mode: str | None = None,
                  render_size: tuple[int, int] = (640, 400), camera: str = "iso"):
-        if num_envs < 1:
-            raise ValueError(f"num_envs = {num_envs}: must be at least 1")
-        if threads is not None and threads < 1:
-            raise ValueError(f"threads = {threads}: must be at least 1")
+        num_envs = whole("num_envs", num_envs, 1)
+        threads = len(os.sched_getaffinity(0)) if threads is None else whole("threads", threads, 1)
         if render_mode not in (None, *self.metadata["render_modes"]):
             raise ValueError(f"render_mode = {render_mode!r}: must be None or 'rgb_array'")
         autoreset_mode = AutoresetMode(autoreset_mode)
-        threads = threads or len(os.sched_getaffinity(0))
         self.num_envs = num_envs
-        self._batch = _core.Batch(os.fspath(experiment), engine or "", overrides(set), self._seeds(seed), threads,
+        self._batch = _core.Batch(os.fspath(experiment), engine_name(engine), overrides(set), self._seeds(seed), threads,
                                   _AUTORESET[autoreset_mode])
         d = self._batch.describe()
         self.rows, self.columns, self.pitch, self.period = d["rows"], d["columns"], d["pitch"], d["period"]
@@ -64,17 +62,23 @@ class VectorEnv(gymnasium.vector.VectorEnv):
         self._seeds_now = np.zeros(num_envs, np.uint64)
         self._batch.bind(self._observations, self._final, self._rewards, self._terminated.view(np.uint8),
                          self._truncated.view(np.uint8), self._success.view(np.uint8), self._info, self._seeds_now)
-        self._fields, first = {}, 0
+        self._fields, first = {"seed": self._seeds_now, "success": self._success}, 0
         for name, size in d["info"]:
             self._fields[name] = self._info[:, first] if size == 1 else self._info[:, first:first + size]
             first += size
-        self._fresh = True
+        every = np.ones(num_envs, np.bool_)
+        every.flags.writeable = False
+        # A step copies this dict, and the arrays if it is to return copies.
+        self._every_info = {key: value for name, values in self._fields.items()
+                            for key, value in ((name, values), ("_" + name, every))}
 
     def _seeds(self, seed):
         if seed is None:
             return [draw_seed(self.np_random) for _ in range(self.num_envs)]
         if isinstance(seed, (int, np.integer)):
             return [_seed(seed) + i for i in range(self.num_envs)]
+        if not isinstance(seed, (list, tuple, np.ndarray)):
+            raise ValueError(f"seed = {seed!r}: must be a whole number from 0, or one per world")
         if len(seed) != self.num_envs:
             raise ValueError(f"seed has {len(seed)} values: must have one per world, {self.num_envs}")
         return [draw_seed(self.np_random) if s is None else _seed(s) for s in seed]
@@ -93,24 +97,27 @@ class VectorEnv(gymnasium.vector.VectorEnv):
         return self._observed(), self._infos()
 
     def step(self, actions: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, dict]:
-        actions = np.ascontiguousarray(actions, np.float32)
-        if actions.shape != self.action_space.shape:
-            raise ValueError(f"the actions have shape {actions.shape}: must be {self.action_space.shape}")
-        self._batch.step(actions)
+        ended = self._batch.step(actions)
+        if ended is None:  # not an array of the right type and shape
+            actions = np.ascontiguousarray(actions, np.float32)
+            if actions.shape != self.action_space.shape:
+                raise ValueError(f"the actions have shape {actions.shape}: must be {self.action_space.shape}")
+            ended = self._batch.step(actions)
         infos = self._infos()
-        ended = self._terminated | self._truncated
-        if ended.any():
-            self._add_final(infos, ended)
-        return self._observed(), self._rewards.copy(), self._terminated.copy(), self._truncated.copy(), infos
+        if ended:
+            self._add_final(infos, self._terminated | self._truncated)
+        if not self._copy:
+            return self._observations, self._rewards, self._terminated, self._truncated, infos
+        return (self._observations.copy(), self._rewards.copy(), self._terminated.copy(), self._truncated.copy(), infos)
 
     def _observed(self):
         return self._observations.copy() if self._copy else self._observations
 
     def _infos(self):
-        every = np.ones(self.num_envs, np.bool_)
-        infos = {"seed": self._seeds_now.copy(), "_seed": every, "success": self._success.copy(), "_success": every}
-        for name, values in self._fields.items():
-            infos[name], infos["_" + name] = values.copy(), every
+        infos = self._every_info.copy()
+        if self._copy:
+            for name, values in self._fields.items():
+                infos[name] = values.copy()
         return infos
 
     def _add_final(self, infos, ended):
@@ -123,28 +130,33 @@ class VectorEnv(gymnasium.vector.VectorEnv):
             for i in np.flatnonzero(ended):
                 final[i] = self._final[i].copy()
             infos["final_obs"], infos["_final_obs"] = final, ended
-            infos["final_info"] = {name: infos[name] for name in ("success", *self._fields, "metrics")}
+            infos["final_info"] = {name: infos[name] for name in (*self._fields, "metrics")}
             infos["_final_info"] = ended
 
     def save(self, world: int) -> bytes:
         """The state of one world, as Simulation.save()."""
-        return self._batch.save(world)
+        return self._batch.save(whole("world", world, 0))
 
     def restore(self, world: int, state: bytes) -> np.ndarray:
         """Continues one world from a state, that of any world or Simulation of the same experiment and options. Returns
         its observation."""
-        self._batch.restore(world, state)
+        self._batch.restore(whole("world", world, 0), state_bytes(state))
         return self._observations[world].copy() if self._copy else self._observations[world]
 
     def state_hash(self, world: int) -> int:
         """The state hash of one world, as Simulation.state_hash."""
-        return self._batch.state_hash(world)
+        return self._batch.state_hash(whole("world", world, 0))
 
     def render(self) -> list[np.ndarray] | None:
         """A list with a picture of each world (rgb_array), or None."""
         if self.render_mode is None:
             return None
         return [self._batch.render(i, *self._render_size, self._camera) for i in range(self.num_envs)]
+
+    def close_extras(self, **arguments):
+        self._batch = Closed()
+
+    __reduce_ex__ = not_picklable
 
 
 def make(task, num_envs=1, **arguments):

@@ -7,6 +7,7 @@ acts on the sensor arrays of an environment; `export_policy` writes it as an APR
 from __future__ import annotations
 
 import os
+import re
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
@@ -61,6 +62,14 @@ class LocalPolicy:
                  layers: Sequence[tuple[np.ndarray, np.ndarray]], memory: int = 0):
         self.inputs, self.actions, self.memory = tuple(inputs), tuple(Action(*a) for a in actions), memory
         self.layers = [(np.array(w, np.float32), np.array(b, np.float32)) for w, b in layers]
+        for name in (*self.inputs, *(action.channel for action in self.actions)):
+            if not re.fullmatch(r"\w+(\.\w+)?", name):
+                raise ValueError(f"'{name}' is not the name of a channel")
+        for channel, low, high in self.actions:
+            if not (np.isfinite((low, high)).all() and low <= high):
+                raise ValueError(f"action '{channel}': the range {low} … {high} must be finite and ascending")
+        if not isinstance(memory, (int, np.integer)) or memory < 0:
+            raise ValueError(f"memory = {memory!r}: must be a whole number, at least 0")
         width = len(self.inputs) + memory
         for number, (weights, biases) in enumerate(self.layers):
             if weights.ndim != 3 or weights.shape[1:] != (width, 5) or biases.shape != weights.shape[:1]:
@@ -114,7 +123,10 @@ class LocalPolicy:
 
 def _plane(observation, name):
     if name in observation:
-        return np.asarray(observation[name], np.float32)
+        plane = np.asarray(observation[name], np.float32)
+        if plane.ndim < 2:
+            raise ValueError(f"'{name}' has shape {plane.shape}: must be (…, rows, columns)")
+        return plane
     channel, dot, component = name.rpartition(".")
     if channel in observation and component in ("r", "g", "b"):
         return np.asarray(observation[channel], np.float32)[..., "rgb".index(component), :, :]
@@ -140,7 +152,8 @@ def _neighbour(plane, tap):
 
 
 def _convolve(planes, weights, biases):
-    taps = [[_neighbour(plane, tap) for tap in range(5)] for plane in planes]
+    used = weights.any(axis=0)
+    taps = [[_neighbour(plane, tap) if used[k, tap] else None for tap in range(5)] for k, plane in enumerate(planes)]
     outputs = []
     for kernel, bias in zip(weights, biases):
         total = np.full(planes[0].shape, bias + np.float32(0), np.float32)

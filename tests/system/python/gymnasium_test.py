@@ -1,5 +1,6 @@
 """Gymnasium and PettingZoo environments: their own checks, and what this package promises besides."""
 import os
+import pickle
 import sys
 import unittest
 import warnings
@@ -188,9 +189,54 @@ class VectorEnvironments(ExperimentTest):
         envs.step(sampled(envs.action_space, 1))
         with self.assertRaisesRegex(ValueError, "the actions have shape"):
             envs.step(np.zeros((3, 16, 16)))
-        for arguments, message in (({"num_envs": 0}, "num_envs = 0"), ({"threads": 0}, "threads = 0")):
+        for arguments, message in (({"num_envs": 0}, "num_envs = 0"), ({"num_envs": 1.5}, "num_envs = 1.5"),
+                                   ({"threads": 0}, "threads = 0"), ({"set": "n=1"}, "set = 'n=1'")):
             with self.assertRaisesRegex(ValueError, message):
                 smartsurf.VectorEnv(path, **arguments)
+        for call, message in ((lambda: envs.reset(seed=1.5), "seed = 1.5: must be"), (lambda: envs.save("0"), "world = '0'"),
+                              (lambda: envs.restore(0, None), "a NoneType is not a saved state")):
+            with self.assertRaisesRegex(ValueError, message):
+                call()
+        with self.assertRaisesRegex(TypeError, "a VectorEnv cannot be pickled"):
+            pickle.dumps(envs)
+
+    def test_actions_of_other_types_are_converted(self):
+        path, traces = self.script(CROWD), []
+        for convert in (np.asarray, np.ndarray.tolist, np.asfortranarray, lambda a: a.astype(np.float64)):
+            envs = smartsurf.VectorEnv(path, 2, 1)
+            envs.reset(seed=1)
+            for tick in range(10):
+                envs.step(convert(sampled(envs.action_space, tick)))
+            traces.append([envs.state_hash(i) for i in range(2)])
+        self.assertEqual(traces, [traces[0]] * 4)
+
+    def test_without_copies_the_arrays_are_the_same_ones(self):
+        path = self.script(CROWD)
+        live, copies = (smartsurf.VectorEnv(path, 2, 1, copy=copy) for copy in (False, True))
+        live.reset(seed=1), copies.reset(seed=1)
+        first = live.step(sampled(live.action_space, 0))
+        copies.step(sampled(live.action_space, 0))
+        for tick in range(1, 300):
+            action = sampled(live.action_space, tick // 5)
+            one, other = live.step(action), copies.step(action)
+            for a, b in zip(one[:4], other[:4]):
+                np.testing.assert_array_equal(a, b)
+            self.assertEqual(one[4].keys(), other[4].keys())
+            for name in ("seed", "success", "first", "best"):
+                np.testing.assert_array_equal(one[4][name], other[4][name])
+        self.assertIs(one[0], first[0])
+        self.assertIs(one[1], first[1])
+        self.assertIs(one[4]["best"], first[4]["best"])
+        self.assertIsNot(other[1], copies.step(action)[1])
+
+    def test_a_closed_environment_says_so(self):
+        path = self.script(CROWD)
+        for env in (smartsurf.Env(path), smartsurf.VectorEnv(path, 2, 1), smartsurf.parallel_env(path, block=8)):
+            env.reset(seed=1)
+            env.close()
+            env.close()
+            with self.assertRaisesRegex(ValueError, "the environment is closed"):
+                env.reset(seed=1)
 
 
 class Agents(ExperimentTest):

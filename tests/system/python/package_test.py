@@ -240,6 +240,11 @@ class Errors(ExperimentTest):
                 ({"experiment": path, "engine": "warp"}, "warp"),
                 ({"experiment": path, "seed": -1}, "seed = -1: must be"),
                 ({"experiment": path, "seed": 1.5}, "seed = 1.5: must be"),
+                ({"experiment": path, "seed": True}, "seed = True: must be"),
+                ({"experiment": path, "set": ["n"]}, r"set = \['n'\]: must be a dict"),
+                ({"experiment": path, "engine": 3}, "engine = 3: must be"),
+                ({"experiment": path, "threads": 2**40}, "threads = 1099511627776: must be"),
+                ({"experiment": path, "threads": "2"}, "threads = '2': must be"),
                 ({"experiment": path, "threads": 0}, "threads = 0: must be")):
             with self.assertRaisesRegex(ValueError, message) as raised:
                 smartsurf.Simulation(**arguments)
@@ -247,9 +252,31 @@ class Errors(ExperimentTest):
         s = smartsurf.Simulation(path)
         for actions, message in (({"hight": 1}, "no actuator channel 'hight'; known: height"),
                                  (np.zeros(3), r"actions\['height'\] has shape \(3,\): must be"),
+                                 ([[1], [1, 2]], "has rows of different lengths: must be"),
                                  ({"height": "up"}, "must be a number or an array")):
             with self.assertRaisesRegex(ValueError, message):
                 s.step(actions)
+        for call, message in ((lambda: s.restore("state"), "a str is not a saved state"),
+                              (lambda: s.render(0, 100), "width = 0: must be"),
+                              (lambda: s.render(100.5, 100), "width = 100.5: must be")):
+            with self.assertRaisesRegex(ValueError, message) as raised:
+                call()
+            self.assertNotIn("\n", str(raised.exception))
+        with self.assertRaisesRegex(TypeError, "a Simulation cannot be pickled: send what save"):
+            pickle.dumps(s)
+
+    def test_policies_name_what_is_wrong(self):
+        layers = [(np.zeros((1, 1, 5)), [0])]
+        for inputs, actions, memory, message in (
+                (["x') y"], [("height", 0, 4)], 0, "not the name of a channel"),
+                (["proximity"], [("height", 4, 0)], 0, "the range 4 … 0 must be finite and ascending"),
+                (["proximity"], [("height", 0, np.nan)], 0, "must be finite"),
+                (["proximity"], [("height", 0, 4)], -1, "memory = -1: must be"),
+                (["proximity", "row"], [("height", 0, 4)], 0, r"must be \(out, 2, 5\)")):
+            with self.assertRaisesRegex(ValueError, message):
+                smartsurf.LocalPolicy(inputs, actions, layers, memory)
+        with self.assertRaisesRegex(ValueError, r"'proximity' has shape \(4,\)"):
+            smartsurf.LocalPolicy(["proximity"], [("height", 0, 4)], layers)({"proximity": np.zeros(4)})
 
     def test_an_episode_that_cannot_start(self):
         s = smartsurf.Simulation(self.script("surface { rows = 4, columns = 4, actuator = pin {} }\n"
