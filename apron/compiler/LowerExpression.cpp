@@ -329,8 +329,19 @@ Value Lowering::create_macro_local(const Expression& target, bool is_register, S
   return fresh.value;
 }
 
-// The macro's result is a new register of zeros if an argument is a register; otherwise its first write
-// determines it.
+// Whether the body does nothing but compute the result as a scalar from a register.
+bool Lowering::is_reduction(const syntax::MacroExpansion& expansion) const {
+  Shape shape;
+  return !expansion.body.empty() && find_shape(expansion.body.front().value, shape) &&
+         std::all_of(expansion.body.begin(), expansion.body.end(), [&](const Statement& statement) {
+           if (statement.kind == syntax::StatementKind::kMacroEnd) return true;
+           return statement.kind == syntax::StatementKind::kAssign &&
+                  statement.target.text == expansion.result_name && is_scalar(statement.value);
+         });
+}
+
+// The macro's result is a new register of zeros if an argument is a register that it does not reduce; otherwise
+// its first write determines it.
 Value Lowering::lower_expansion(const Expression& expression) {
   const syntax::MacroExpansion& expansion = *expression.expansion;
   const std::size_t blocks = blocks_.size();
@@ -346,7 +357,7 @@ Value Lowering::lower_expansion(const Expression& expression) {
     shape = builder_.shape(symbol->value);
     found = true;
   }
-  if (found) {
+  if (found && !is_reduction(expansion)) {
     Expression result_expression;
     result_expression.kind = ExpressionKind::kName;
     result_expression.location = expression.location;

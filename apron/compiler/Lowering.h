@@ -113,6 +113,7 @@ class Lowering {
   Value lower_binary(const Expression&, ResultDestination*);
   bool has_calls(const Expression&) const;
   bool is_scalar(const Expression&) const;
+  bool is_reduction(const syntax::MacroExpansion&) const;
   Value lower_short_circuit(program::Opcode, const Expression&);
   Value lower_unary(const Expression&, ResultDestination*);
   Value emit_elementwise(program::Opcode, const std::vector<Value>&, Location, ResultDestination*);

@@ -44,6 +44,12 @@ std::string unknown_parameter_message(const Options& options, const program::Pro
   return {};
 }
 
+bool is_endless_without_frames(const program::Program& program) {
+  using program::Opcode;
+  return !program::can_reach(program, Opcode::kSurfaceStep) && !program::can_reach(program, Opcode::kEnd) &&
+         !program::can_reach(program, Opcode::kReturn);
+}
+
 // Instructions between two updates of the monitor; larger than any fused segment.
 constexpr std::uint64_t kMonitorInterval = 8192;
 
@@ -154,6 +160,10 @@ int compile_and_run(const Options& options, std::uint32_t width, std::uint32_t h
     return print_error(common::kUserError, "error: " + message);
   if (const std::string reason = unsavable_reason(options.saved, program); !reason.empty())
     return print_error(common::kUserError, "error: " + reason);
+  if (options.ticks && is_endless_without_frames(program))
+    return print_error(common::kUserError,
+                       "error: --ticks " + std::to_string(*options.ticks) + ": " + options.program +
+                           " repeats forever without a frame: surface.step or sim.frame ends a tick");
   std::optional<CostModel> model;
   if (std::string error; !options.cost_model.empty()) {
     model = read_cost_model(find_library_file(options.cost_model), error);

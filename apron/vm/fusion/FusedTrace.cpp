@@ -143,7 +143,7 @@ std::uint32_t FusedTrace::common_vector_count(const Stage& stage) const noexcept
 void FusedTrace::fill_margins(const Worker& worker) noexcept {
   const float value = plan_.boundary.rule == BoundaryRule::kValue ? plan_.boundary.value : 0.0F;
   for (const BufferView& view : worker.views)
-    for (std::int64_t k = 1; k <= view.margin_rows; ++k)
+    for (std::int64_t k = 1; k <= -view.first_row; ++k)
       for (const std::int64_t row : {-k, static_cast<std::int64_t>(plan_.height) - 1 + k})
         std::fill_n(view.data + row * view.pitch - kLaneCount, view.pitch + kLaneCount, value);
 }
@@ -159,32 +159,41 @@ void FusedTrace::evaluate_scalars() noexcept {
 }
 
 void FusedTrace::bind_buffers(Worker& worker, const ConstPlane& mask) const noexcept {
+  const std::int64_t height = plan_.height;
   for (std::size_t i = 0; i < plan_.buffers.size(); ++i) {
     const RowBuffer& buffer = plan_.buffers[i];
     BufferView& view = worker.views[i];
     switch (buffer.kind) {
       case RowBuffer::Kind::kRegister:
       case RowBuffer::Kind::kInPlace:
-        view = {register_file_.registers[buffer.reg].data, register_file_.registers[buffer.reg].pitch, 0, 0};
+        view = {register_file_.registers[buffer.reg].data, register_file_.registers[buffer.reg].pitch, 0, 0,
+                height};
         break;
       case RowBuffer::Kind::kDoubleBuffered:
         if (!back_buffers_.empty())
-          view = {back_buffers_[buffer.reg].data, back_buffers_[buffer.reg].pitch, 0, 0};
+          view = {back_buffers_[buffer.reg].data, back_buffers_[buffer.reg].pitch, 0, 0, height};
         break;
       case RowBuffer::Kind::kMask:
         // Never written: no result goes to a mask.
-        view = {const_cast<float*>(mask.data), mask.pitch, 0, 0};
+        view = {const_cast<float*>(mask.data), mask.pitch, 0, 0, height};
         break;
       case RowBuffer::Kind::kColumnIndex:
-        view = {column_index_plane_.data, 0, 0, 0};
+        view = {column_index_plane_.data, 0, 0, 0, height};
         break;
       case RowBuffer::Kind::kRowIndex:
-        view = {row_index_plane_.data, row_index_plane_.pitch, 0, 0};
+        view = {row_index_plane_.data, row_index_plane_.pitch, 0, 0, height};
         break;
-      case RowBuffer::Kind::kRing:
+      case RowBuffer::Kind::kRing: {
         view = {worker.rings + buffer.offset + kLanes, static_cast<std::ptrdiff_t>(plan_.ring_pitch),
-                buffer.ring_rows, buffer.margin_rows};
+                buffer.ring_rows, 0, 0};
+        const bool holds_array =
+            buffer.ring_rows == plan_.height && plan_.boundary.rule != BoundaryRule::kWrap;
+        if (holds_array) {
+          view.first_row = -std::int64_t{buffer.margin_rows};
+          view.end_row = height + buffer.margin_rows;
+        }
         break;
+      }
     }
   }
 }
@@ -293,17 +302,24 @@ std::int64_t FusedTrace::bind_row_streams(const std::vector<RowStream>& row_stre
                                           std::int64_t column, StageCall& call) const noexcept {
   std::int64_t iterations = std::numeric_limits<std::int64_t>::max();
   for (std::size_t s = 0; s < row_streams.size(); ++s) {
-    std::ptrdiff_t pitch = 0;
-    const std::int64_t rows_available =
-        locate_row(row_streams[s], worker, strip, row + row_streams[s].dy, column, call.row_start[s], pitch);
+    const BufferView& view = worker.views[row_streams[s].buffer];
+    const std::int64_t at = row + row_streams[s].dy;
+    std::ptrdiff_t pitch = view.pitch;
+    std::int64_t rows_available = 0;
+    if (at >= view.first_row && at < view.end_row) {
+      call.row_start[s] = view.data + at * pitch + column - (view.ring_rows > 0 ? strip.ring_origin : 0);
+      rows_available = view.end_row - at;
+    } else {
+      rows_available = locate_row(row_streams[s], worker, strip, at, column, call.row_start[s], pitch);
+    }
     iterations = std::min(iterations, (rows_available - 1) / rows + 1);
     call.row_step_bytes[s] = pitch * rows * static_cast<std::ptrdiff_t>(sizeof(float));
   }
   return iterations;
 }
 
-// Sets the address of the row's cell at `column` and its pitch. Returns the number of rows from there on that
-// are addressed by that pitch.
+// Sets the address of the row's cell at `column` and its pitch, for a row that is not among those at a fixed
+// distance. Returns the number of rows from there on that are addressed by that pitch.
 std::int64_t FusedTrace::locate_row(const RowStream& stream, const Worker& worker, const Strip& strip,
                                     std::int64_t row, std::int64_t column, float*& first,
                                     std::ptrdiff_t& pitch) const noexcept {
@@ -316,20 +332,10 @@ std::int64_t FusedTrace::locate_row(const RowStream& stream, const Worker& worke
     return rows - at;
   }
   if (row >= 0 && row < height) {
-    if (view.ring_rows == 0) {
-      first = view.data + row * view.pitch + column;
-      return height - row;
-    }
     const auto at = static_cast<std::uint32_t>(row);
     const std::uint32_t ring_row = at < view.ring_rows ? at : at % view.ring_rows;
     first = view.data + static_cast<std::ptrdiff_t>(ring_row) * view.pitch + (column - strip.ring_origin);
-    // A ring with margin rows holds every row of the array.
-    return view.margin_rows > 0 ? height + view.margin_rows - row
-                                : std::min<std::int64_t>(height - row, view.ring_rows - ring_row);
-  }
-  if (row >= -view.margin_rows && row < height + view.margin_rows) {
-    first = view.data + row * view.pitch + (column - strip.ring_origin);
-    return height + view.margin_rows - row;
+    return std::min<std::int64_t>(height - row, view.ring_rows - ring_row);
   }
   switch (plan_.boundary.rule) {
     case BoundaryRule::kReplicate:

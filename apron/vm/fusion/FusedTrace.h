@@ -67,8 +67,9 @@ class FusedTrace {
   struct BufferView {       // a row buffer as seen by one worker
     float* data = nullptr;  // row 0, column 0 of the array; for a ring, of the strip
     std::ptrdiff_t pitch = 0;
-    std::uint32_t ring_rows = 0;   // 0 unless a ring
-    std::int64_t margin_rows = 0;  // rows stored beyond the north and south edge
+    std::uint32_t ring_rows = 0;  // 0 unless a ring
+    // The rows [first_row, end_row) are stored one after the other, with the margins beyond the edges.
+    std::int64_t first_row = 0, end_row = 0;
   };
   struct Worker {
     float* rings = nullptr;

@@ -51,6 +51,18 @@ class Bench(ProgramTest):
         self.assertIn("**Results differ: numpy on W2 64.**", text)
         self.assertIn("| numpy | 4.5 × |", text)
 
+    def test_report_of_instruction_sets_and_filters(self):
+        def line(who, us):
+            return {"benchmark": "arrays", "case": "W1 64", "who": who, "least_us": us, "median_us": us, "checksum_agrees": True}
+        def filtered(case, who, us, **opencv):
+            return {"benchmark": "filters", "case": case, "who": who, "least_us": us, **opencv}
+        self.measured("arrays", [line("apron", 2), line("apron avx2", 4), line("halide avx2", 6),
+                                 filtered("sobel", "apron avx2", 30, opencv_us=20), filtered("near", "apron avx2", 7)])
+        text = self.report()
+        self.assertIn("over ours for AVX2:\n\n|  | W1 |\n| --- | --- |\n| halide avx2 | 1.5 × |", text)
+        self.assertIn("| opencv | 20 | – |", text)
+        self.assertIn("| apron avx2 / opencv | 1.5 | – |", text)
+
     def test_invalid_arguments_report_one_line(self):
         for arguments, fact in ((["--only", "warp"], "warp"), (["--only", "none"], "nothing was measured yet")):
             status, _, err = self.run_program(BENCH, *arguments, "-o", "out")
