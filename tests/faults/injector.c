@@ -61,7 +61,7 @@ static atomic_uint_fast64_t calls[kKinds];
 static __thread bool inside __attribute__((tls_model("initial-exec")));
 
 /* ---- census: the calls and their stacks ------------------------------------------------------------------------- */
-enum { kDepth = 32, kHashedFrames = 12, kSites = 1 << 17, kListed = 1 << 22 };
+enum { kDepth = 32, kHashedFrames = 8, kSites = 1 << 17, kListed = 1 << 22 };
 struct Site {
   uint64_t hash, first;
   uintptr_t caller;
