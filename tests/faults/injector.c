@@ -310,10 +310,11 @@ static bool is_short(size_t* bytes) {
   *bytes = (*bytes + 1) / 2;
   return true;
 }
-#define TRANSFER(name, kind, byte_type)                                                \
-  NEXT(name);                                                                          \
-  ssize_t name(int file, byte_type* bytes, size_t count) {                             \
-    return fails(kind) && !is_short(&count) ? -1 : REAL(name)(file, bytes, count);     \
+/* A program whose last line cannot be written has nowhere to say so. */
+#define TRANSFER(name, kind, byte_type)                                                                       \
+  NEXT(name);                                                                                                 \
+  ssize_t name(int file, byte_type* bytes, size_t count) {                                                    \
+    return file != STDERR_FILENO && fails(kind) && !is_short(&count) ? -1 : REAL(name)(file, bytes, count);   \
   }
 TRANSFER(read, kRead, void)
 TRANSFER(write, kWrite, const void)
