@@ -330,6 +330,30 @@ function showSelection(frame) {
   }));
 }
 
+// A frame around the selected object or above the selected cell.
+const marker = new THREE.LineSegments(new THREE.EdgesGeometry(new THREE.BoxGeometry(2, 2, 2)),
+  new THREE.LineBasicMaterial({ color: 0xff5a00, depthTest: false, transparent: true }));
+marker.renderOrder = 1;
+world.add(marker);
+state.marker = marker;
+function setMarker(frame) {
+  marker.visible = state.selected !== null;
+  if (!marker.visible) return;
+  const { object: id, cell } = state.selected;
+  if (cell !== undefined) {
+    const place = places[cell], half = scene.pitch / 2;
+    marker.position.set(place.x, place.y, shownHeight[cell]);
+    marker.quaternion.setFromAxisAngle(camera.up, place.angle);
+    marker.scale.set(half, half, 0.05 * scene.pitch);
+    return;
+  }
+  marker.visible = poseOf(frame, id);
+  marker.position.copy(centre);
+  if (scene.objects[id].shape === 'sphere') marker.quaternion.identity();
+  else marker.quaternion.copy(turn);
+  marker.scale.set(...scene.objects[id].half).multiplyScalar(1.03);
+}
+
 // ---- Plots beside the scene, over the whole recording; a drag in one moves the time
 const plots = [];
 function addPlot(name, of) {
@@ -532,6 +556,7 @@ renderer.setAnimationLoop((now) => {
     setObjects(state.frame);
     byId('slider').value = state.frame;
     byId('clock').textContent = `${scene.time[state.frame].toFixed(2)} of ${scene.time[last].toFixed(2)} s`;
+    setMarker(state.frame);
     showSelection(state.frame);
     if (!byId('plots').hidden) for (const plot of plots) drawPlot(plot, state.frame);
     state.shown = state.frame;

@@ -146,6 +146,7 @@ class Export(ProgramTest):
             self.assertRegex(browser.value("document.querySelector('#inspect h2').textContent"), r"^(Cell, row \d+|Object \d+)")
             self.wait_for(lambda: browser.value("document.querySelectorAll('#inspect dd').length") >= 1, "values are shown")
             self.assertFalse(browser.value("document.getElementById('inspect').hidden"))
+            self.assertTrue(browser.value("player.marker.visible"))
             light = browser.screenshot()
             browser.call("Emulation.setEmulatedMedia", features=[{"name": "prefers-color-scheme", "value": "dark"}])
             self.wait_for(lambda: browser.value("player.dark"), "the colours follow the system")
