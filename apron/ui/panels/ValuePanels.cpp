@@ -2,6 +2,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
+#include <limits>
 #include <string>
 
 #include "apron/ui/panels/Panels.h"
@@ -75,13 +76,25 @@ struct History {
   debugger::ValueRange range;
 };
 
+// The smallest and largest finite value; a range around a constant.
+debugger::ValueRange finite_range(const std::vector<float>& values) {
+  debugger::ValueRange range{std::numeric_limits<float>::max(), std::numeric_limits<float>::lowest()};
+  for (const float value : values) {
+    if (!std::isfinite(value)) continue;
+    range = {std::min(range.low, value), std::max(range.high, value)};
+  }
+  if (range.low > range.high) return {0.0F, 1.0F};
+  if (range.low == range.high) return {range.low - 1.0F, range.high + 1.0F};
+  return range;
+}
+
 History history_of(const ViewModel& model, std::size_t reg) {
   History history;
   for (const debugger::Probe::Record& record : model.snapshot().history) {
     history.ticks.push_back(record.tick);
     history.values.push_back(reg < record.values.size() ? record.values[reg] : std::nanf(""));
   }
-  history.range = debugger::automatic_range(history.values);
+  history.range = finite_range(history.values);
   return history;
 }
 
