@@ -249,17 +249,17 @@ void draw_console_panel(DrawContext& context) {
 void draw_probe_panel(DrawContext& context) {
   ViewModel& model = context.model;
   if (model.enlarged_history) return draw_enlarged_history(context, *model.enlarged_history);
-  ImGui::PushStyleColor(ImGuiCol_Text, theme::kFaint);
-  ImGui::TextWrapped(
-      "Column %u, row %u, its neighbours, and the latest %zu ticks (click a curve to enlarge it)",
-      model.probed_cell.x, model.probed_cell.y, debugger::Probe::kMaxRecords);
-  ImGui::PopStyleColor();
   constexpr ImGuiTableFlags kFlags = ImGuiTableFlags_RowBg | ImGuiTableFlags_ScrollY |
                                      ImGuiTableFlags_Resizable | ImGuiTableFlags_BordersInnerH |
                                      ImGuiTableFlags_SizingFixedFit;
   // The curve has at least a third of the width; the neighbours give way.
   const float width = ImGui::GetContentRegionAvail().x;
   const bool with_neighbours = width >= context.to_pixels(520);
+  ImGui::PushStyleColor(ImGuiCol_Text, theme::kFaint);
+  ImGui::TextWrapped("Column %u, row %u%s, and the latest %zu ticks (click a curve to enlarge it)",
+                     model.probed_cell.x, model.probed_cell.y, with_neighbours ? ", its neighbours" : "",
+                     debugger::Probe::kMaxRecords);
+  ImGui::PopStyleColor();
   if (!ImGui::BeginTable("cell", with_neighbours ? 4 : 3, kFlags)) return;
   ImGui::TableSetupScrollFreeze(0, 1);
   ImGui::TableSetupColumn("Register", ImGuiTableColumnFlags_WidthFixed, context.to_pixels(100));
