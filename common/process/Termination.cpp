@@ -42,8 +42,8 @@ std::array<struct sigaction, kCrashes.size()> earlier_actions;
     errno = 0;
     std::abort();
   }
-  // Without memory not even an exception can be thrown.
-  if (std::malloc(kExceptionBytes) == nullptr) end_without_memory();
+  // Where an exception cannot be told: it has left a destructor, or there was no memory to throw it.
+  if (errno == ENOMEM || std::malloc(kExceptionBytes) == nullptr) end_without_memory();
   errno = 0;
   std::abort();
 }

@@ -9,8 +9,10 @@
 #include <limits>
 #include <nlohmann/json.hpp>
 #include <numbers>
+#include <set>
 
 #include "common/files/AtomicFile.h"
+#include "smartsurf/record/Purity.h"
 #include "smartsurf/web/Assets.h"
 #include "smartsurf/web/SeriesEncoder.h"
 
@@ -144,6 +146,30 @@ json actuators_json(const scene::SurfaceSpec& surface) {
   return actuators;
 }
 
+// Quantities of the whole run, one value per frame; null where undefined.
+json plots_json(const Recording& recording, const std::vector<std::size_t>& frames) {
+  json plots = json::array();
+  const auto add = [&](const char* name, auto value_of) {
+    json values = json::array();
+    for (const std::size_t frame : frames) {
+      const double value = value_of(frame);
+      values.push_back(std::isfinite(value) ? json(value) : json());
+    }
+    plots.push_back({{"name", name}, {"values", std::move(values)}});
+  };
+  if (!recording.has_objects() || recording.spec().objects.empty()) return plots;
+  std::set<std::string> labels;
+  for (const scene::ObjectSpec& object : recording.spec().objects) labels.insert(object.label);
+  labels.erase("");
+  if (labels.size() == 2) {
+    const record::PuritySeries purity = record::compute_purity(recording);
+    add("purity", [&](std::size_t frame) { return purity.values[frame]; });
+  }
+  add("contact points",
+      [&](std::size_t frame) { return static_cast<double>(recording.contact_counts()[frame]); });
+  return plots;
+}
+
 json scene_json(const Recording& recording, const std::vector<std::size_t>& frames) {
   const scene::SurfaceSpec& s = recording.spec().surface;
   json time = json::array();
@@ -162,7 +188,8 @@ json scene_json(const Recording& recording, const std::vector<std::size_t>& fram
           {"cell", s.actuator_of_cell.empty() ? json() : json(s.actuator_of_cell)},
           {"mechanisms", actuators_json(s)},
           {"time", std::move(time)},
-          {"objects", objects_json(recording)}};
+          {"objects", objects_json(recording)},
+          {"plots", plots_json(recording, frames)}};
 }
 
 void append_series(std::vector<std::uint8_t>& stream, const SeriesEncoder& encoder) {

@@ -82,9 +82,9 @@ controls.maxPolarAngle = Math.PI / 2;
 // From the target to the eye.
 const kViews = { top: [0, -0.001, 1], iso: [0, -0.766, 0.643], side: [0, -0.995, 0.1] };
 
-// Fits the table into the picture above the bar.
+// Fits the table into the picture.
 function frameTable(view) {
-  const free = 1 - barHeight() / window.innerHeight, tangent = Math.tan(camera.fov * Math.PI / 360);
+  const tangent = Math.tan(camera.fov * Math.PI / 360);
   const away = new THREE.Vector3(...kViews[view]).normalize(), right = new THREE.Vector3(1, 0, 0);
   const up = new THREE.Vector3().crossVectors(away, right), centre = middle.clone();
   const top = scene.border ?? scene.high;
@@ -95,14 +95,13 @@ function frameTable(view) {
       for (const z of [base - centre.z, top - centre.z]) {
         const corner = new THREE.Vector3(x, y, z), near = corner.dot(away);
         distance = Math.max(distance, near + 1.06 * Math.abs(corner.dot(right)) / (tangent * camera.aspect),
-          near + 1.06 * Math.abs(corner.dot(up)) / (tangent * free));
+          near + 1.06 * Math.abs(corner.dot(up)) / tangent);
       }
   controls.target.copy(centre);
   camera.position.copy(centre).addScaledVector(away, distance);
   controls.update();
   state.view = view;
 }
-function barHeight() { return window.innerHeight - byId('bar').getBoundingClientRect().top; }
 
 const sky = new THREE.HemisphereLight(0xdfe8f5, 0x8a8478, 1.6);
 world.add(sky);
@@ -119,11 +118,21 @@ const ground = new THREE.Mesh(new THREE.PlaneGeometry(size * 12, size * 12), new
 ground.position.copy(middle).setZ(scene.low - scene.length - 0.02 * size);
 ground.receiveShadow = true;
 world.add(ground);
-const spacing = 10 * scene.pitch, lines = 2 * Math.ceil(size * 6 / spacing);
-const grid = new THREE.GridHelper(lines * spacing, lines, 0x7d8794, 0x7d8794);
-grid.material.transparent = true;
-grid.material.opacity = 0.25;
-grid.rotation.x = Math.PI / 2;
+// Lines 10 cells apart. A texture, because its mipmaps fade with the distance.
+function gridTexture() {
+  const picture = document.createElement('canvas').getContext('2d');
+  picture.canvas.width = picture.canvas.height = 256;
+  picture.fillStyle = '#fff';
+  picture.fillRect(0, 126, 256, 4);
+  picture.fillRect(126, 0, 4, 256);
+  const texture = new THREE.CanvasTexture(picture.canvas);
+  texture.wrapS = texture.wrapT = THREE.RepeatWrapping;
+  texture.anisotropy = renderer.capabilities.getMaxAnisotropy();
+  texture.repeat.setScalar(size * 12 / (10 * scene.pitch));
+  return texture;
+}
+const grid = new THREE.Mesh(ground.geometry,
+  new THREE.MeshBasicMaterial({ map: gridTexture(), color: 0x7d8794, transparent: true, opacity: 0.55, depthWrite: false }));
 grid.position.copy(ground.position).setZ(ground.position.z + 0.002 * size);
 world.add(grid);
 
@@ -161,7 +170,7 @@ function setPins(frame, channel) {
       shownHeight[cell] = height;
       const place = places[cell];
       // The border is a closed wall, so that the ground does not show through its gaps.
-      const top = isBorder(cell) && !scene.place ? [scene.pitch, scene.pitch] : scene.top;
+      const top = isBorder(cell) && !scene.place ? [1.01 * scene.pitch, 1.01 * scene.pitch] : scene.top;
       matrix.makeRotationZ(place.angle).scale(scale.set(top[0], top[1], Math.max(height - base, 0.01)));
       matrix.setPosition(place.x, place.y, height);
       pins.setMatrixAt(cell, place.mechanism < 0 ? nowhere : matrix);
@@ -208,20 +217,23 @@ scene.objects.forEach((object, id) => {
   if (!kinds.has(key)) kinds.set(key, []);
   kinds.get(key).push(id);
 });
-// A band around each sphere shows how it rolls.
-function bandTexture() {
+// Stripes on round shapes show how they roll about any axis: one around the middle and one through both ends.
+function stripeTexture() {
   const picture = document.createElement('canvas').getContext('2d');
-  picture.canvas.width = 4;
-  picture.canvas.height = 64;
+  picture.canvas.width = 256;
+  picture.canvas.height = 128;
   picture.fillStyle = '#fff';
-  picture.fillRect(0, 0, 4, 64);
-  picture.fillStyle = '#8a8a8a';
-  picture.fillRect(0, 30, 4, 4);
-  return new THREE.CanvasTexture(picture.canvas);
+  picture.fillRect(0, 0, 256, 128);
+  picture.fillStyle = '#7a7a7a';
+  picture.fillRect(0, 60, 256, 8);
+  for (const x of [0, 124, 252]) picture.fillRect(x, 0, x === 124 ? 8 : 4, 128);
+  const texture = new THREE.CanvasTexture(picture.canvas);
+  texture.anisotropy = renderer.capabilities.getMaxAnisotropy();
+  return texture;
 }
-const band = bandTexture();
+const stripes = stripeTexture(), kStriped = ['sphere', 'cylinder', 'capsule', 'cone'];
 const meshes = [...kinds.values()].map((ids) => {
-  const map = scene.objects[ids[0]].shape === 'sphere' ? band : null;
+  const map = kStriped.includes(scene.objects[ids[0]].shape) ? stripes : null;
   const mesh = new THREE.InstancedMesh(geometryOf(scene.objects[ids[0]]),
     new THREE.MeshStandardMaterial({ roughness: 0.45, metalness: 0, map }), ids.length);
   ids.forEach((id, i) => mesh.setColorAt(i, new THREE.Color().setRGB(...scene.objects[id].colour, THREE.SRGBColorSpace)));
@@ -255,7 +267,8 @@ function setObjects(frame) {
 const caster = new THREE.Raycaster();
 function select(x, y) {
   camera.updateMatrixWorld();   // the camera may have moved since the last frame
-  caster.setFromCamera(new THREE.Vector2(2 * x / window.innerWidth - 1, 1 - 2 * y / window.innerHeight), camera);
+  const area = byId('view').getBoundingClientRect();
+  caster.setFromCamera(new THREE.Vector2(2 * (x - area.left) / area.width - 1, 1 - 2 * (y - area.top) / area.height), camera);
   for (const { mesh } of meshes) mesh.boundingSphere = null;   // the instances have moved
   pins.boundingSphere = null;
   const hit = caster.intersectObjects([pins, ...meshes.map(({ mesh }) => mesh)], false)[0];
@@ -264,6 +277,7 @@ function select(x, y) {
   else if (hit) state.selected = { object: meshes.find(({ mesh }) => mesh === hit.object).ids[hit.instanceId] };
   else state.selected = cellBeside(caster.ray);
   byId('inspect').hidden = !state.selected;
+  if (state.selected) byId('quantity').replaceChildren(...quantities().map(({ name }, i) => new Option(name, i)));
   state.shown = -1;
 }
 
@@ -283,46 +297,124 @@ function speedOf(frame, id) {
   return Math.hypot(...[0, 1, 2].map((k) => p.value(to, 3 * id + k) - p.value(from, 3 * id + k))) / (scene.time[to] - scene.time[from]);
 }
 
-// What the panel shows of the selection: its title, named values, and the quantity that is plotted.
-function describe(frame) {
-  if (state.selected.object !== undefined) {
-    const id = state.selected.object, object = scene.objects[id], exists = poseOf(frame, id);
-    const at = exists ? [centre.x, centre.y, centre.z].map((v) => v.toFixed(2)).join(', ') : 'not in the scene';
-    return { title: `Object ${id}${object.label ? `: ${object.label}` : ''}`,
-      values: [['shape', object.shape], ['position', at], ['speed', exists ? `${speedOf(frame, id).toFixed(2)} u/s` : '–']],
-      plotted: 'speed, u/s', of: (f) => speedOf(f, id) };
-  }
-  const cell = state.selected.cell, row = Math.floor(cell / scene.columns);
-  const channels = Object.values(series).filter((s) => s.values === cells);
-  const shown = channels.find((s) => s.name === byId('cells').value) ?? channels[0];
-  return { title: `Cell, row ${row}, column ${cell % scene.columns}`,
-    values: channels.map((s) => [s.name.replace('/', ': '), s.missing(frame, cell) ? '–' : s.value(frame, cell).toPrecision(4) / 1]),
-    plotted: shown ? shown.name.replace('/', ': ') : '', of: (f) => shown ? shown.value(f, cell) : NaN };
+function objectName(id) {
+  const label = scene.objects[id].label;
+  return label ? `Object ${id}: ${label}` : `Object ${id}`;
+}
+const cellName = (cell) => `Cell, row ${Math.floor(cell / scene.columns)}, column ${cell % scene.columns}`;
+const channelTitle = (name) => name.replace('/', ': ');
+
+// What can be plotted of the selection: a name, and the value at a frame.
+function quantities() {
+  const { object: id, cell } = state.selected, p = series.position;
+  if (cell !== undefined)
+    return Object.values(series).filter((s) => s.values === cells).map((s) =>
+      ({ name: channelTitle(s.name), of: (f) => s.missing(f, cell) ? NaN : s.value(f, cell) }));
+  const along = (k) => (f) => !p || p.missing(f, 3 * id) ? NaN : p.value(f, 3 * id + k);
+  return [{ name: 'speed, u/s', of: (f) => speedOf(f, id) },
+    ...['x', 'y', 'z'].map((axis, k) => ({ name: `${axis}, u`, of: along(k) }))];
 }
 
 function showSelection(frame) {
   if (!state.selected) return;
-  const panel = byId('inspect'), text = describe(frame);
-  panel.querySelector('h2').textContent = text.title;
-  panel.querySelector('span').textContent = text.plotted;
-  panel.querySelector('dl').replaceChildren(...text.values.flatMap(([name, value]) => {
+  const panel = byId('inspect'), { object: id, cell } = state.selected;
+  const number = (value) => Number.isFinite(value) ? String(Number(value.toPrecision(4))) : '–';
+  const values = quantities().map(({ name, of }) => [name, number(of(frame))]);
+  panel.querySelector('h2').textContent = cell !== undefined ? cellName(cell) : objectName(id);
+  if (cell === undefined) values.unshift(['shape', scene.objects[id].shape]);
+  panel.querySelector('dl').replaceChildren(...values.flatMap(([name, value]) => {
     const term = document.createElement('dt'), detail = document.createElement('dd');
     term.textContent = name;
     detail.textContent = value;
     return [term, detail];
   }));
-  const plot = byId('plot').getContext('2d'), { width, height } = plot.canvas;
-  const points = scene.time.map((time, f) => text.of(f)), known = points.filter(Number.isFinite);
-  const low = known.reduce((a, b) => Math.min(a, b), Infinity), span = known.reduce((a, b) => Math.max(a, b), -Infinity) - low || 1;
-  const x = (f) => f / Math.max(last, 1) * width, y = (value) => height - 6 - (value - low) / span * (height - 12);
+}
+
+// A frame around the selected object or above the selected cell.
+const marker = new THREE.LineSegments(new THREE.EdgesGeometry(new THREE.BoxGeometry(2, 2, 2)),
+  new THREE.LineBasicMaterial({ color: 0xff5a00, depthTest: false, transparent: true }));
+marker.renderOrder = 1;
+world.add(marker);
+state.marker = marker;
+function setMarker(frame) {
+  marker.visible = state.selected !== null;
+  if (!marker.visible) return;
+  const { object: id, cell } = state.selected;
+  if (cell !== undefined) {
+    const place = places[cell], half = scene.pitch / 2;
+    marker.position.set(place.x, place.y, shownHeight[cell]);
+    marker.quaternion.setFromAxisAngle(camera.up, place.angle);
+    marker.scale.set(half, half, 0.05 * scene.pitch);
+    return;
+  }
+  marker.visible = poseOf(frame, id);
+  marker.position.copy(centre);
+  if (scene.objects[id].shape === 'sphere') marker.quaternion.identity();
+  else marker.quaternion.copy(turn);
+  marker.scale.set(...scene.objects[id].half).multiplyScalar(1.03);
+}
+
+// ---- Plots beside the scene, over the whole recording; a drag in one moves the time
+const plots = [];
+function addPlot(name, of) {
+  if (plots.some((plot) => plot.name === name)) return;
+  const values = scene.time.map((_, f) => of(f)), known = values.filter(Number.isFinite);
+  const low = known.reduce((a, b) => Math.min(a, b), Infinity), high = known.reduce((a, b) => Math.max(a, b), -Infinity);
+  const figure = document.createElement('figure'), caption = document.createElement('figcaption');
+  const title = document.createElement('span'), remove = document.createElement('button');
+  title.textContent = name;
+  remove.textContent = '×';
+  remove.title = `remove ${name}`;
+  caption.append(title, remove);
+  const canvas = document.createElement('canvas');
+  figure.append(caption, canvas);
+  byId('plots').append(figure);
+  const plot = { name, values, low: known.length ? low : 0, high: known.length ? high : 1, canvas };
+  plots.push(plot);
+  remove.addEventListener('click', () => {
+    plots.splice(plots.indexOf(plot), 1);
+    figure.remove();
+  });
+  const seekTo = (event) => {
+    const box = canvas.getBoundingClientRect(), share = Math.min(Math.max((event.clientX - box.left) / box.width, 0), 1);
+    setPlaying(false);
+    seek(frameAt(scene.time[0] + share * (scene.time[last] - scene.time[0])));
+  };
+  canvas.addEventListener('pointerdown', (event) => { canvas.setPointerCapture(event.pointerId); seekTo(event); });
+  canvas.addEventListener('pointermove', (event) => { if (event.buttons) seekTo(event); });
+  state.shown = -1;
+}
+
+function drawPlot({ canvas, values, low, high }, frame) {
+  const ratio = window.devicePixelRatio, width = canvas.clientWidth * ratio, height = canvas.clientHeight * ratio;
+  if (canvas.width !== width || canvas.height !== height) Object.assign(canvas, { width, height });
+  const plot = canvas.getContext('2d'), style = getComputedStyle(document.documentElement), line = 12 * ratio;
+  const duration = scene.time[last] - scene.time[0] || 1, foot = height - line - 2 * ratio;
+  const x = (f) => (scene.time[f] - scene.time[0]) / duration * (width - 2 * ratio) + ratio;
+  const y = (value) => foot - 3 * ratio - (value - low) / (high - low || 1) * (foot - 6 * ratio);
   plot.clearRect(0, 0, width, height);
-  plot.lineWidth = 2;
+  plot.fillStyle = state.dark ? '#ffffff0d' : '#0000000a';
+  plot.fillRect(0, 0, width, foot);
+  plot.lineWidth = 1.5 * ratio;
   plot.strokeStyle = state.dark ? '#6cb6ff' : '#0b63b5';
   plot.beginPath();
-  points.forEach((value, f) => { if (Number.isFinite(value)) plot.lineTo(x(f), y(value)); });
+  let drawing = false;
+  values.forEach((value, f) => {
+    if (!Number.isFinite(value)) { drawing = false; return; }
+    if (drawing) plot.lineTo(x(f), y(value)); else plot.moveTo(x(f), y(value));
+    drawing = true;
+  });
   plot.stroke();
   plot.strokeStyle = '#d55e00';
-  plot.strokeRect(x(frame), 0, 0, height);
+  plot.strokeRect(x(frame), 0, 0, foot);
+  plot.font = `${11 * ratio}px system-ui, "DejaVu Sans", sans-serif`;
+  plot.fillStyle = style.getPropertyValue('--dim');
+  const number = (value) => String(Number(value.toPrecision(3)));
+  plot.textAlign = 'left';
+  plot.fillText(`${number(low)} to ${number(high)}`, 2 * ratio, height - 2 * ratio);
+  plot.fillStyle = '#d55e00';
+  plot.textAlign = 'right';
+  plot.fillText(Number.isFinite(values[frame]) ? number(values[frame]) : '–', width - 2 * ratio, height - 2 * ratio);
 }
 
 // ---- Labels on a 2-D overlay
@@ -370,7 +462,7 @@ function seek(frame) {
 }
 
 const channelNames = scene.series.map((s) => s.name).filter((name) => !['position', 'orientation', 'motion'].includes(name));
-byId('cells').append(new Option('plain', ''), ...channelNames.map((name) => new Option(name.replace('/', ': '), name)));
+byId('cells').append(new Option('plain', ''), ...channelNames.map((name) => new Option(channelTitle(name), name)));
 function showLegend() {
   const channel = series[byId('cells').value];
   byId('legend').hidden = !channel;
@@ -395,6 +487,20 @@ byId('forward').addEventListener('click', () => { setPlaying(false); seek(state.
 byId('cells').addEventListener('change', showLegend);
 for (const view of Object.keys(kViews)) byId(`view-${view}`).addEventListener('click', () => frameTable(view));
 byId('grid').addEventListener('change', () => { grid.visible = byId('grid').checked; });
+byId('add-plot').addEventListener('click', () => {
+  const { object: id, cell } = state.selected, { name, of } = quantities()[byId('quantity').value];
+  addPlot(`${cell !== undefined ? cellName(cell) : objectName(id)}, ${name}`, of);
+  showPlots(true);
+});
+byId('show-plots').addEventListener('change', () => showPlots(byId('show-plots').checked));
+function showPlots(shown) {
+  byId('show-plots').checked = shown;
+  byId('plots').hidden = !shown;
+  state.shown = -1;
+}
+byId('menu').addEventListener('click', () => {
+  byId('menu').setAttribute('aria-expanded', byId('more').classList.toggle('open'));
+});
 let pressed = null;
 renderer.domElement.addEventListener('pointerdown', (event) => { pressed = [event.clientX, event.clientY]; });
 renderer.domElement.addEventListener('pointerup', (event) => {
@@ -410,18 +516,28 @@ window.addEventListener('keydown', (event) => {
   event.preventDefault();
   actions[event.key]();
 });
+// The framing follows the area until the user moves the camera.
 function resize() {
-  renderer.setSize(window.innerWidth, window.innerHeight, false);
-  camera.aspect = window.innerWidth / window.innerHeight;
-  // The bar hides the lower edge, so the middle of the picture moves up.
-  camera.setViewOffset(window.innerWidth, window.innerHeight, 0, barHeight() / 2, window.innerWidth, window.innerHeight);
+  const { clientWidth: width, clientHeight: height } = byId('scene-area');
+  if (width === 0 || height === 0) return;
+  renderer.setSize(width, height, false);
+  camera.aspect = width / height;
   camera.updateProjectionMatrix();
-  paper.canvas.width = window.innerWidth * window.devicePixelRatio;
-  paper.canvas.height = window.innerHeight * window.devicePixelRatio;
+  paper.canvas.width = width * window.devicePixelRatio;
+  paper.canvas.height = height * window.devicePixelRatio;
+  if (state.view) frameTable(state.view);
+  state.shown = -1;
 }
-window.addEventListener('resize', resize);
+controls.addEventListener('start', () => { state.view = null; });
+for (const { name, values } of scene.plots) addPlot(name, (f) => values[f] ?? NaN);
+if (series.position && scene.objects.length > 0)
+  addPlot('mean speed, u/s', (f) => {
+    const speeds = scene.objects.map((_, id) => speedOf(f, id)).filter(Number.isFinite);
+    return speeds.reduce((a, b) => a + b, 0) / speeds.length;
+  });
+showPlots(plots.length > 0 && window.innerWidth >= 900);
+new ResizeObserver(resize).observe(byId('scene-area'));
 resize();
-frameTable('iso');
 setColours();
 darkness.addEventListener('change', setColours);
 
@@ -440,7 +556,9 @@ renderer.setAnimationLoop((now) => {
     setObjects(state.frame);
     byId('slider').value = state.frame;
     byId('clock').textContent = `${scene.time[state.frame].toFixed(2)} of ${scene.time[last].toFixed(2)} s`;
+    setMarker(state.frame);
     showSelection(state.frame);
+    if (!byId('plots').hidden) for (const plot of plots) drawPlot(plot, state.frame);
     state.shown = state.frame;
   }
   controls.update();

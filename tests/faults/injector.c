@@ -7,7 +7,6 @@
  *   FAULT_ERRNO    error number of the call; 0: read or write transfers half of the bytes
  *   FAULT_ALWAYS   set: all later calls of the kind fail as well
  *   FAULT_TRACE    file that receives the call stack of the fault
- *   FAULT_EXCEPT   a kind that the census leaves out
  *   FAULT_CENSUS   file that receives, for each kind, the number of calls and each call as NUMBER:LIBRARY, with the library that
  *                  called, and a star if it is the first from its stack; nothing fails
  *   FAULT_SERVER   set: the process waits before main() for the runs that it is asked for, each in a child (serve())
@@ -50,7 +49,7 @@ extern void* __libc_realloc(void*, size_t);
 extern void* __libc_memalign(size_t, size_t);
 
 static atomic_bool armed;
-static enum Kind kind = kKinds, except = kKinds;
+static enum Kind kind = kKinds;
 static uint64_t fail_at;
 static int fault_errno;
 static bool always;
@@ -61,7 +60,7 @@ static atomic_uint_fast64_t calls[kKinds];
 static __thread bool inside __attribute__((tls_model("initial-exec")));
 
 /* ---- census: the calls and their stacks ------------------------------------------------------------------------- */
-enum { kDepth = 32, kHashedFrames = 12, kSites = 1 << 17, kListed = 1 << 22 };
+enum { kDepth = 32, kHashedFrames = 8, kSites = 1 << 17, kListed = 1 << 22 };
 struct Site {
   uint64_t hash, first;
   uintptr_t caller;
@@ -145,8 +144,7 @@ static void write_trace(void) {
 
 /* Whether this call of the kind is to fail; errno is then set. */
 static bool fails(enum Kind of) {
-  if (!atomic_load_explicit(&armed, memory_order_relaxed) || inside || (census ? of == except : of != kind))
-    return false;
+  if (!atomic_load_explicit(&armed, memory_order_relaxed) || inside || (!census && of != kind)) return false;
   const uint64_t call = atomic_fetch_add(&calls[of], 1) + 1;
   if (census) {
     inside = true;
@@ -217,8 +215,6 @@ static int counted_main(int argc, char** argv, char** environment) {
     const char* text = getenv("FAULT_KIND");
     for (int k = 0; text && k < kKinds; ++k)
       if (strcmp(text, kNames[k]) == 0) kind = (enum Kind)k;
-    for (int k = 0; getenv("FAULT_EXCEPT") && k < kKinds; ++k)
-      if (strcmp(getenv("FAULT_EXCEPT"), kNames[k]) == 0) except = (enum Kind)k;
     if ((text = getenv("FAULT_AT"))) fail_at = strtoull(text, NULL, 10);
     if ((text = getenv("FAULT_ERRNO"))) fault_errno = atoi(text);
     always = getenv("FAULT_ALWAYS") != NULL;
@@ -314,10 +310,11 @@ static bool is_short(size_t* bytes) {
   *bytes = (*bytes + 1) / 2;
   return true;
 }
-#define TRANSFER(name, kind, byte_type)                                                \
-  NEXT(name);                                                                          \
-  ssize_t name(int file, byte_type* bytes, size_t count) {                             \
-    return fails(kind) && !is_short(&count) ? -1 : REAL(name)(file, bytes, count);     \
+/* A program whose last line cannot be written has nowhere to say so. */
+#define TRANSFER(name, kind, byte_type)                                                                       \
+  NEXT(name);                                                                                                 \
+  ssize_t name(int file, byte_type* bytes, size_t count) {                                                    \
+    return file != STDERR_FILENO && fails(kind) && !is_short(&count) ? -1 : REAL(name)(file, bytes, count);   \
   }
 TRANSFER(read, kRead, void)
 TRANSFER(write, kWrite, const void)

@@ -2,6 +2,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
+#include <limits>
 #include <string>
 
 #include "apron/ui/panels/Panels.h"
@@ -75,13 +76,25 @@ struct History {
   debugger::ValueRange range;
 };
 
+// The smallest and largest finite value; a range around a constant.
+debugger::ValueRange finite_range(const std::vector<float>& values) {
+  debugger::ValueRange range{std::numeric_limits<float>::max(), std::numeric_limits<float>::lowest()};
+  for (const float value : values) {
+    if (!std::isfinite(value)) continue;
+    range = {std::min(range.low, value), std::max(range.high, value)};
+  }
+  if (range.low > range.high) return {0.0F, 1.0F};
+  if (range.low == range.high) return {range.low - 1.0F, range.high + 1.0F};
+  return range;
+}
+
 History history_of(const ViewModel& model, std::size_t reg) {
   History history;
   for (const debugger::Probe::Record& record : model.snapshot().history) {
     history.ticks.push_back(record.tick);
     history.values.push_back(reg < record.values.size() ? record.values[reg] : std::nanf(""));
   }
-  history.range = debugger::automatic_range(history.values);
+  history.range = finite_range(history.values);
   return history;
 }
 
@@ -236,17 +249,17 @@ void draw_console_panel(DrawContext& context) {
 void draw_probe_panel(DrawContext& context) {
   ViewModel& model = context.model;
   if (model.enlarged_history) return draw_enlarged_history(context, *model.enlarged_history);
-  ImGui::PushStyleColor(ImGuiCol_Text, theme::kFaint);
-  ImGui::TextWrapped(
-      "Column %u, row %u, its neighbours, and the latest %zu ticks (click a curve to enlarge it)",
-      model.probed_cell.x, model.probed_cell.y, debugger::Probe::kMaxRecords);
-  ImGui::PopStyleColor();
   constexpr ImGuiTableFlags kFlags = ImGuiTableFlags_RowBg | ImGuiTableFlags_ScrollY |
                                      ImGuiTableFlags_Resizable | ImGuiTableFlags_BordersInnerH |
                                      ImGuiTableFlags_SizingFixedFit;
   // The curve has at least a third of the width; the neighbours give way.
   const float width = ImGui::GetContentRegionAvail().x;
   const bool with_neighbours = width >= context.to_pixels(520);
+  ImGui::PushStyleColor(ImGuiCol_Text, theme::kFaint);
+  ImGui::TextWrapped("Column %u, row %u%s, and the latest %zu ticks (click a curve to enlarge it)",
+                     model.probed_cell.x, model.probed_cell.y, with_neighbours ? ", its neighbours" : "",
+                     debugger::Probe::kMaxRecords);
+  ImGui::PopStyleColor();
   if (!ImGui::BeginTable("cell", with_neighbours ? 4 : 3, kFlags)) return;
   ImGui::TableSetupScrollFreeze(0, 1);
   ImGui::TableSetupColumn("Register", ImGuiTableColumnFlags_WidthFixed, context.to_pixels(100));

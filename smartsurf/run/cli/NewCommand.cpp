@@ -2,6 +2,7 @@
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
+#include <cerrno>
 #include <filesystem>
 #include <memory>
 
@@ -59,8 +60,8 @@ int new_command(const std::string& name) {
   replace_output_file("new", program.string(), kProgram);
   fmt::print(
       "wrote {0} and {1}; run them with\n"
-      "  smartsurf run {0} --controller {1} --until 10 --window\n",
-      experiment.string(), program.string());
+      "  {2} run {0} --controller {1} --until 10 --window\n",
+      experiment.string(), program.string(), program_invocation_name);  // as the user has called it
   return common::kDone;
 }
 

@@ -7,6 +7,7 @@
 #include <cstdint>
 #include <cstring>
 #include <filesystem>
+#include <new>
 
 #include "smartsurf/mesh/SolidLibrary.h"
 #include "smartsurf/simulation/Simulation.h"
@@ -25,8 +26,12 @@ class TemporaryDirectory {
       throw std::runtime_error("cannot create a folder in " + fs::temp_directory_path().string());
   }
   ~TemporaryDirectory() {
-    std::error_code ignored;
-    fs::remove_all(path_, ignored);
+    try {
+      std::error_code ignored;
+      fs::remove_all(path_, ignored);
+    } catch (const std::bad_alloc&) {  // it needs memory to look for files, of which there may be none
+      ::rmdir(path_.c_str());
+    }
   }
   TemporaryDirectory(const TemporaryDirectory&) = delete;
   TemporaryDirectory& operator=(const TemporaryDirectory&) = delete;

@@ -146,6 +146,7 @@ class Export(ProgramTest):
             self.assertRegex(browser.value("document.querySelector('#inspect h2').textContent"), r"^(Cell, row \d+|Object \d+)")
             self.wait_for(lambda: browser.value("document.querySelectorAll('#inspect dd').length") >= 1, "values are shown")
             self.assertFalse(browser.value("document.getElementById('inspect').hidden"))
+            self.assertTrue(browser.value("player.marker.visible"))
             light = browser.screenshot()
             browser.call("Emulation.setEmulatedMedia", features=[{"name": "prefers-color-scheme", "value": "dark"}])
             self.wait_for(lambda: browser.value("player.dark"), "the colours follow the system")
@@ -153,6 +154,61 @@ class Export(ProgramTest):
                 time.sleep(0.3)
                 for name, bytes_ in (("light", light), ("dark", browser.screenshot())):
                     pathlib.Path(folder, f"{name}.png").write_bytes(bytes_)
+            self.assertEqual(browser.errors, [])
+        finally:
+            browser.close()
+
+    def rectangle(self, browser, selector):
+        return browser.value(f"(r => [r.x, r.y, r.width, r.height])(document.querySelector('{selector}').getBoundingClientRect())")
+
+    @unittest.skipUnless(CHROMIUM, "chromium is not installed")
+    def test_plots_beside_the_scene_lead_through_time(self):
+        browser = Browser(self.folder, self.export())
+        try:
+            self.wait_for(lambda: browser.value("!!window.player && player.ready"), "the player is ready")
+            titles = "[...document.querySelectorAll('#plots figcaption span')].map(s => s.textContent)"
+            self.assertEqual(browser.value(titles), ["contact points", "mean speed, u/s"])
+            x, y, width, height = self.rectangle(browser, "#plots canvas")
+            scene = self.rectangle(browser, "#scene-area")
+            self.assertGreaterEqual(x, scene[0] + scene[2], "the plots hide the scene")
+            browser.drag((x + 0.2 * width, y + height / 2), (x + 0.5 * width, y + height / 2))
+            self.wait_for(lambda: browser.value("document.getElementById('clock').textContent").startswith("3.0"), "3 of 6 s")
+            browser.value("player.selected = null")
+            for kind in ("mousePressed", "mouseReleased"):
+                browser.call("Input.dispatchMouseEvent", type=kind, x=scene[2] / 2, y=scene[3] / 2, button="left", clickCount=1)
+            self.wait_for(lambda: browser.value("document.querySelectorAll('#quantity option').length") >= 1, "quantities")
+            browser.click("#add-plot")
+            self.assertEqual(len(browser.value(titles)), 3)
+            self.assertRegex(browser.value(titles)[2], r"^(Cell, row \d+|Object \d+).*, ")
+            browser.click("#plots figure:nth-child(1) button")
+            self.assertEqual(len(browser.value(titles)), 2)
+            self.assertEqual(browser.errors, [])
+        finally:
+            browser.close()
+
+    @unittest.skipUnless(CHROMIUM, "chromium is not installed")
+    def test_telephones_give_the_height_to_the_scene(self):
+        browser = Browser(self.folder, self.export())
+        try:
+            self.wait_for(lambda: browser.value("!!window.player && player.ready"), "the player is ready")
+            for width, height, share in ((844, 390, 0.88), (390, 844, 0.9)):
+                browser.call("Emulation.setDeviceMetricsOverride", width=width, height=height, deviceScaleFactor=2, mobile=True)
+                browser.value("document.getElementById('show-plots').checked && document.getElementById('show-plots').click()")
+                self.wait_for(lambda: self.rectangle(browser, "#view")[2:] == self.rectangle(browser, "#scene-area")[2:],
+                              "the picture fills its area")
+                self.wait_for(lambda: self.rectangle(browser, "#scene-area")[3] >= share * height, "the scene uses the height")
+                self.assertEqual(browser.value("document.documentElement.scrollWidth"), width)
+                self.assertFalse(self.rectangle(browser, "#more")[2], "the menu is closed")
+                browser.click("#menu")
+                x, y, menu_width, menu_height = self.rectangle(browser, "#more")
+                self.assertTrue(x >= 0 and y >= 0 and x + menu_width <= width and y + menu_height <= height)
+                browser.click("#view-side")
+                self.assertEqual(browser.value("player.view"), "side")
+                browser.click("#menu")
+                browser.value("document.getElementById('show-plots').click()")
+                plots, scene = self.rectangle(browser, "#plots"), self.rectangle(browser, "#scene-area")
+                beside = plots[0] >= scene[0] + scene[2] - 1
+                self.assertEqual(beside, width > height, "beside the scene, or upright below it")
             self.assertEqual(browser.errors, [])
         finally:
             browser.close()
