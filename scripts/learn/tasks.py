@@ -25,7 +25,8 @@ class Task:
 
     The experiment's metric `success` is 1 or 0; `score(metrics)` is what learning maximizes. start and deviation: the
     network's outputs at first, and the standard deviation of the search. search: its generations, candidates per generation
-    and runs per candidate. shapes and decisions: of the commands of scripts/learn/ppo, and how many it trains with."""
+    and runs per candidate. shapes: what a decision of scripts/learn/ppo sets, FUNNEL or the factors of shapes of the whole
+    surface. decisions: how many it trains with."""
 
     def __init__(self, name, title, experiment, controller, until, inputs, actions, ties, *, hidden=(), memory=0, options=None,
                  start=0.0, deviation=1.0, search=(20, 24, 6), shapes=("offset", "south", "east"),
@@ -129,12 +130,11 @@ def sorting(metrics):
 
 TASKS = {task.name: task for task in (
     Task("ball", "a ball to any target, 8×8 pins", "learn/ball.lua", "learn/ball.aps", 10, ("colour.r", "colour.b"),
-         (("height", 0, 5),), ISOTROPIC, memory=2, start=2.5, deviation=0.5, search=(30, 40, 8), shapes=FUNNEL,
-         decisions=100_000,
-         score=approach),
+         (("height", 0, 5),), ISOTROPIC, memory=2, start=2.5, deviation=0.5, search=(12, 32, 6), shapes=FUNNEL,
+         decisions=200_000, score=approach),
     Task("box", "a box to a pose, 16×16 rolling balls", "learn/box.lua", "learn/box.aps", 10, ("row", "column", "proximity_hit"),
          (("spin_x", -20, 20), ("spin_y", -20, 20)), OWN),
     Task("sort", "two kinds sorted by colour, 24×24 pins", "tasks/colour_sort.lua", "tasks/colour_sort.aps", 30,
          ("colour.r", "colour.b"), (("height", 0, 6),), NORTH_SOUTH, memory=1, options={"n": 24, "count": 3, "seconds": 30}, start=3.0,
-         deviation=2.0, score=sorting),
+         deviation=2.0, decisions=6_000_000, score=sorting),
 )}
