@@ -13,7 +13,26 @@ REACH = 3.2  # cells; those at most so far from the middle of a ball are its age
 NEIGHBOURS = ((0, 0), (-1, 0), (0, 1), (1, 0), (0, -1))  # rows and columns, in the order of smartsurf.policy.TAPS
 
 
-class Cells(VecEnv):
+class Batch(VecEnv):
+    """What stable-baselines3 asks of environments that one smartsurf.VectorEnv, `env`, computes."""
+
+    def close(self):
+        self.env.close()
+
+    def env_is_wrapped(self, wrapper_class, indices=None):
+        return [False] * self.num_envs
+
+    def get_attr(self, name, indices=None):
+        return [getattr(self, name, None)] * self.num_envs
+
+    def set_attr(self, name, value, indices=None):
+        raise NotImplementedError
+
+    def env_method(self, name, *arguments, indices=None, **keywords):
+        raise NotImplementedError
+
+
+class Cells(Batch):
     """The cells around each ball of each world. A cell sees the colours above itself and its four neighbours, and sets its
     own height from −1, the lowest, to 1. Its reward is the progress of its ball.
 
@@ -82,21 +101,6 @@ class Cells(VecEnv):
         each = [infos[k // agents] if k % agents == 0 else {} for k in range(self.num_envs)]
         self.fresh = ended
         return self.observe(planes, info), np.repeat(rewards.reshape(-1), len(self.places)).astype(np.float32), np.repeat(ended, agents), each
-
-    def close(self):
-        self.env.close()
-
-    def env_is_wrapped(self, wrapper_class, indices=None):
-        return [False] * self.num_envs
-
-    def get_attr(self, name, indices=None):
-        return [getattr(self, name, None)] * self.num_envs
-
-    def set_attr(self, name, value, indices=None):
-        raise NotImplementedError
-
-    def env_method(self, name, *arguments, indices=None, **keywords):
-        raise NotImplementedError
 
 
 class Idle(BaseCallback):

@@ -23,19 +23,20 @@ FUNNEL = ("row", "column", "slope")
 class Task:
     """An experiment, its hand-written controller, and the network that learns it.
 
-    The experiment's metric `success` is 1 or 0; `score(metrics)` is what learning maximizes. start and deviation: the
-    network's outputs at first, and the standard deviation of the search. search: its generations, candidates per generation
-    and runs per candidate. shapes: what a decision of scripts/learn/ppo sets, FUNNEL or the factors of shapes of the whole
+    The experiment's metric `success` is 1 or 0; `score(metrics)` is what learning maximizes. start: added to the biases of
+    the network's commands. initial and deviation: mean, by default 0, and standard deviation of the parameters at the start
+    of the search. search: its generations, candidates per generation and runs per candidate. shapes: what a decision of scripts/learn/ppo sets, FUNNEL or the factors of shapes of the whole
     surface. decisions: how many it trains with."""
 
     def __init__(self, name, title, experiment, controller, until, inputs, actions, ties, *, hidden=(), memory=0, options=None,
-                 start=0.0, deviation=1.0, search=(20, 24, 6), shapes=("offset", "south", "east"),
+                 start=0.0, initial=None, deviation=1.0, search=(20, 24, 6), shapes=("offset", "south", "east"),
                  decisions=60_000, score=lambda metrics: metrics["score"]):
         self.name, self.title, self.until, self.score = name, title, until, score
         self.experiment, self.controller, self.options = HERE.parent / experiment, HERE.parent / controller, options or {}
         self.envs = None  # of the last call of scores
         self.inputs, self.actions, self.ties, self.hidden, self.memory = inputs, actions, ties, hidden, memory
         self.start, self.deviation, self.search, self.shapes, self.decisions = start, deviation, search, shapes, decisions
+        self.initial = np.zeros(self.parameters()) if initial is None else np.array(initial)
 
     def sizes(self):
         return [len(self.inputs) + self.memory, *self.hidden, len(self.actions) + self.memory]
@@ -128,9 +129,17 @@ def sorting(metrics):
     return metrics["purity"] - metrics.get("time_to_95_s", 30.0) / 30.0
 
 
+# The ball's network at first: height, memory of the lamp, and memory of the way to it, each from the colours red and blue and
+# the memories (own, neighbours of each), then the biases. Below the ball the lamp is remembered: red makes up for the bias.
+# The way spreads from the lamp to neighbours, and the surface sinks with it.
+FUNNEL_NETWORK = [0, 0, 0, 0, 0, 0, -5.5, 0,
+                  6, 0, 12, 0, 3, 0, 0, 0,
+                  0, 0, 0, 0, 0.5, 0, 0, 0.22,
+                  2.5, -6, 0.5]
+
 TASKS = {task.name: task for task in (
     Task("ball", "a ball to any target, 8×8 pins", "learn/ball.lua", "learn/ball.aps", 10, ("colour.r", "colour.b"),
-         (("height", 0, 5),), ISOTROPIC, memory=2, start=2.5, deviation=0.5, search=(12, 32, 6), shapes=FUNNEL,
+         (("height", 0, 5),), ISOTROPIC, memory=2, start=2.5, initial=FUNNEL_NETWORK, deviation=0.05, search=(12, 32, 8), shapes=FUNNEL,
          decisions=200_000, score=approach),
     Task("box", "a box to a pose, 16×16 rolling balls", "learn/box.lua", "learn/box.aps", 10, ("row", "column", "proximity_hit"),
          (("spin_x", -20, 20), ("spin_y", -20, 20)), OWN),

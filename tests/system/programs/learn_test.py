@@ -17,19 +17,19 @@ except ImportError:
 
 
 # Least successes of 12 runs, well below the rates of docs/learning.md.
-LEAST = {"ball": 4, "box": 7, "sort": 9}
+LEAST = {"ball": 4, "box": 7, "sort": 9, "sort-ppo": 5}
 
 
 @unittest.skipUnless(TASKS, "NumPy is not installed")
 class Learn(ProgramTest):
     def test_learned_programs_are_local_and_succeed(self):
-        for task in TASKS.values():
-            program = LEARN / f"policies/{task.name}.aps"
+        for name, least in LEAST.items():
+            task, program = TASKS[name.split("-")[0]], LEARN / f"policies/{name}.aps"
             for path in (program, task.controller):
                 status, out, err = self.run_program(APRON, "check", "--profile", "local", str(path))
                 self.assertEqual(status, 0, out + err)
             won = sum(metrics["success"] for metrics in task.evaluate(program, range(20001, 20013), SMARTSURF))
-            self.assertGreaterEqual(won, LEAST[task.name], task.name)
+            self.assertGreaterEqual(won, least, name)
 
     @unittest.skipUnless(list(GYM.glob("lib/python3*/site-packages/gymnasium")), "no Gymnasium: scripts/setup --python")
     @unittest.skipUnless(COMPILED, "the Python package is not built")
@@ -80,6 +80,7 @@ cells = Cells(task, 2, 1)
 model = PPO("MlpPolicy", cells, n_steps=8, batch_size=444, n_epochs=1, seed=1, device="cpu",
             policy_kwargs={"net_arch": {"pi": [8], "vf": [8]}, "activation_fn": ReLU})
 model.learn(8 * cells.num_envs, callback=Idle())
+model.policy.action_net.weight.data *= 30  # untrained networks hardly act
 policy = local_policy(model, task)
 export_policy(policy, "cells.aps")
 planes = np.random.default_rng(1).random((3, 24, 24), np.float32)
@@ -87,12 +88,12 @@ padded = np.pad(planes[[0, 2]], ((0, 0), (1, 1), (1, 1)))
 seen = np.stack([padded[:, 1 + r:25 + r, 1 + c:25 + c] for r, c in NEIGHBOURS], axis=1).reshape(10, -1).T
 expected = 3 + 3 * np.clip(model.predict(seen, deterministic=True)[0], -1, 1)
 assert np.abs(policy({"colour": planes})["height"].reshape(-1, 1) - expected).max() < 1e-4
-assert expected.std() > 0.01
+assert expected.std() > 0.1
 # A ball that progresses is a reward for the cells around it, and for these alone.
 cells.reset()
 start = before = cells.progress(cells.positions(cells.env._fields))
 for _ in range(30):
-    cells.step_async(np.where(cells.places[None, :, 1] > 0, -1.0, 1.0).repeat(12, 0).reshape(-1, 1).astype(np.float32))
+    cells.step_async(np.clip(-cells.places[None, :, 1] / 3, -1, 1).repeat(12, 0).reshape(-1, 1).astype(np.float32))
     _, rewards, ended, _ = cells.step_wait()
     after = cells.progress(cells.positions(cells.env._fields))
     assert ended.any() or np.allclose(rewards.reshape(2, 6, -1), (after - before)[..., None], atol=1e-4)
