@@ -1,9 +1,7 @@
 """The learning tasks: experiments, networks, and their evaluation as APRON programs."""
-import concurrent.futures
 import os
 import pathlib
 import sys
-import tempfile
 
 import numpy as np
 
@@ -18,22 +16,27 @@ from smartsurf.run import run  # noqa: E402
 OWN = [[0]]
 ISOTROPIC = [[0], [1, 2, 3, 4]]
 NORTH_SOUTH = [[0], [1, 3], [2], [4]]
+# What a decision of scripts/learn/ppo sets: the place of a funnel's mouth and its slope.
+FUNNEL = ("row", "column", "slope")
 
 
 class Task:
     """An experiment, its hand-written controller, and the network that learns it.
 
-    The experiment's metric `success` is 1 or 0; `score(metrics)` is what learning maximizes. start and deviation: the
-    network's outputs at first, and the standard deviation of the search. search: its generations, candidates per generation
-    and runs per candidate. shapes and decisions: of the commands of scripts/learn/ppo, and how many it trains with."""
+    The experiment's metric `success` is 1 or 0; `score(metrics)` is what learning maximizes. start: added to the biases of
+    the network's commands. initial and deviation: mean, by default 0, and standard deviation of the parameters at the start
+    of the search. search: its generations, candidates per generation and runs per candidate. shapes: what a decision of scripts/learn/ppo sets, FUNNEL or the factors of shapes of the whole
+    surface. decisions: how many it trains with."""
 
     def __init__(self, name, title, experiment, controller, until, inputs, actions, ties, *, hidden=(), memory=0, options=None,
-                 start=0.0, deviation=1.0, search=(20, 24, 6), shapes=("offset", "south", "east"),
+                 start=0.0, initial=None, deviation=1.0, search=(20, 24, 6), shapes=("offset", "south", "east"),
                  decisions=60_000, score=lambda metrics: metrics["score"]):
         self.name, self.title, self.until, self.score = name, title, until, score
         self.experiment, self.controller, self.options = HERE.parent / experiment, HERE.parent / controller, options or {}
+        self.envs = None  # of the last call of scores
         self.inputs, self.actions, self.ties, self.hidden, self.memory = inputs, actions, ties, hidden, memory
         self.start, self.deviation, self.search, self.shapes, self.decisions = start, deviation, search, shapes, decisions
+        self.initial = np.zeros(self.parameters()) if initial is None else np.array(initial)
 
     def sizes(self):
         return [len(self.inputs) + self.memory, *self.hidden, len(self.actions) + self.memory]
@@ -64,14 +67,56 @@ class Task:
                     timeout=300, smartsurf=smartsurf)
         return [world["metrics"] for world in stats["runs"]]
 
-    def scores(self, vectors, seeds, smartsurf=None, jobs=2):
-        """The mean score of each vector's network over the same seeds."""
-        with tempfile.TemporaryDirectory(prefix="smartsurf-learn-") as folder, concurrent.futures.ThreadPoolExecutor(jobs) as pool:
-            def score(k):
-                program = pathlib.Path(folder, f"{k}.aps")
-                export_policy(self.policy(vectors[k]), program)
-                return np.mean([self.score(metrics) for metrics in self.evaluate(program, seeds, smartsurf)])
-            return np.array(list(pool.map(score, range(len(vectors)))))
+    def scores(self, vectors, seeds, threads=2):
+        """The score of each vector's network: the mean over the seeds, all of them at once, in this process."""
+        worlds = len(vectors) * len(seeds)
+        if self.envs is None or self.envs.num_envs != worlds:
+            from smartsurf import VectorEnv  # needs the compiled package and Gymnasium, unlike the rest
+            self.envs = VectorEnv(self.experiment, worlds, threads, set=self.options, copy=False, autoreset_mode="Disabled")
+        population, metrics = Population([self.policy(vector) for vector in vectors], self.envs), [None] * worlds
+        observations, _ = self.envs.reset(seed=[seed for _ in vectors for seed in seeds])
+        while None in metrics:
+            observations, _, _, _, infos = self.envs.step(population.commands(observations))
+            for world in np.flatnonzero(infos.get("_metrics", ())):
+                metrics[world] = metrics[world] or infos["metrics"][world]
+        return np.reshape([self.score(m) for m in metrics], (len(vectors), -1)).mean(axis=1)
+
+
+class Population:
+    """Many networks of equal sizes, each in the same number of worlds of a VectorEnv. Its matrix products round otherwise
+    than LocalPolicy does, which suits a search; what is found is exported and tested as a program."""
+
+    def __init__(self, policies, envs):
+        first, rows, columns = policies[0], envs.rows, envs.columns
+        names = [name for channel in envs.sensor_channels for name in
+                 ([channel.name] if channel.components == 1 else [f"{channel.name}.{c}" for c in "rgb"])]
+        self.names, self.inputs, self.actions = names, first.inputs, first.actions
+        self.shape = (len(policies), envs.num_envs // len(policies), rows, columns)
+        # (population, inputs × taps, outputs) and (population, 1, outputs) of each layer.
+        self.layers = [(np.stack([p.layers[k][0].reshape(len(p.layers[k][1]), -1).T for p in policies]),
+                        np.stack([p.layers[k][1] for p in policies])[:, None]) for k in range(len(first.layers))]
+        places = np.mgrid[0:rows, 0:columns] - (np.array([rows, columns])[:, None, None] - 1) / 2
+        self.places = {name: np.broadcast_to(plane.astype(np.float32), self.shape) for name, plane in zip(("row", "column"), places)}
+        self.memory = np.zeros((first.memory, *self.shape), np.float32)
+
+    def commands(self, observations):
+        """One tick of all networks: worlds × planes × rows × columns → worlds × channels × rows × columns."""
+        planes = [self.places[name] if name in self.places else observations[:, self.names.index(name)].reshape(self.shape)
+                  for name in self.inputs]
+        planes = np.concatenate([np.reshape(planes, (-1, *self.shape)), self.memory])
+        for number, (weights, biases) in enumerate(self.layers):
+            taps = [planes]
+            for axis, step in ((3, 1), (4, -1), (3, -1), (4, 1)):  # north, east, south, west: of planes × population × seeds × …
+                shifted = np.roll(planes, step, axis)
+                np.moveaxis(shifted, axis, 0)[0 if step == 1 else -1] = 0
+                taps.append(shifted)
+            seen = np.moveaxis(np.stack(taps, axis=1).reshape(-1, self.shape[0], np.prod(self.shape[1:])), 0, 2)
+            planes = np.moveaxis(seen @ weights + biases, 2, 0).reshape(-1, *self.shape)
+            if number + 1 < len(self.layers):
+                planes = np.maximum(planes, 0)
+        self.memory = np.clip(planes[len(self.actions):], -1, 1)
+        heights = [np.clip(plane, low, high).reshape(-1, *self.shape[2:]) for plane, (_, low, high) in zip(planes, self.actions)]
+        return np.stack(heights, axis=1).astype(np.float32)
 
 
 def approach(metrics):
@@ -84,14 +129,21 @@ def sorting(metrics):
     return metrics["purity"] - metrics.get("time_to_95_s", 30.0) / 30.0
 
 
+# The ball's network at first: height, memory of the lamp, and memory of the way to it, each from the colours red and blue and
+# the memories (own, neighbours of each), then the biases. Below the ball the lamp is remembered: red makes up for the bias.
+# The way spreads from the lamp to neighbours, and the surface sinks with it.
+FUNNEL_NETWORK = [0, 0, 0, 0, 0, 0, -5.5, 0,
+                  6, 0, 12, 0, 3, 0, 0, 0,
+                  0, 0, 0, 0, 0.5, 0, 0, 0.22,
+                  2.5, -6, 0.5]
+
 TASKS = {task.name: task for task in (
     Task("ball", "a ball to any target, 8×8 pins", "learn/ball.lua", "learn/ball.aps", 10, ("colour.r", "colour.b"),
-         (("height", 0, 5),), ISOTROPIC, memory=1, start=2.5, deviation=0.5, search=(24, 32, 8), shapes=("bowl", "south", "east"),
-         decisions=100_000,
-         score=approach),
+         (("height", 0, 5),), ISOTROPIC, memory=2, start=2.5, initial=FUNNEL_NETWORK, deviation=0.05, search=(12, 32, 8), shapes=FUNNEL,
+         decisions=200_000, score=approach),
     Task("box", "a box to a pose, 16×16 rolling balls", "learn/box.lua", "learn/box.aps", 10, ("row", "column", "proximity_hit"),
          (("spin_x", -20, 20), ("spin_y", -20, 20)), OWN),
     Task("sort", "two kinds sorted by colour, 24×24 pins", "tasks/colour_sort.lua", "tasks/colour_sort.aps", 30,
-         ("colour.r", "colour.b"), (("height", 0, 6),), NORTH_SOUTH, memory=1, options={"n": 24, "count": 3}, start=3.0,
-         deviation=2.0, score=sorting),
+         ("colour.r", "colour.b"), (("height", 0, 6),), NORTH_SOUTH, memory=1, options={"n": 24, "count": 3, "seconds": 30}, start=3.0,
+         deviation=2.0, decisions=6_000_000, score=sorting),
 )}

@@ -8,9 +8,15 @@ surface { rows = n, columns = n, material = 'plastic', border = { height = 6 },
           actuator = pin { range = {0, 6}, max_speed = 6, max_acceleration = 60 },
           sensors = { proximity { range = 8 }, colour { range = 8 } } }
 
+local states = {}
 two_kinds.scatter(n, count, radius, function(kind, x, y)
-  sphere { radius = radius, material = 'plastic', colour = kind == 'east' and 'red' or 'blue', label = kind,
-           position = {x, y, 7} }
+  local id = sphere { radius = radius, material = 'plastic', colour = kind == 'east' and 'red' or 'blue', label = kind,
+                      position = {x, y, 7} }
+  for i = 1, count do
+    local name = kind .. '_' .. i  -- east_1, west_1, …
+    if not states[name] then states[name] = id break end
+  end
 end)
 two_kinds.measure(n, count)
-episode { seconds = 120 }
+info(states)
+episode { seconds = option('seconds', 120, 'length of an episode') }

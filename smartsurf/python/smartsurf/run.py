@@ -74,7 +74,8 @@ def execute(words: list[str], timeout: float | None = None) -> tuple[int, dict |
     with tempfile.TemporaryDirectory(prefix="smartsurf-run-") as folder:
         stats = pathlib.Path(folder, "stats.json")
         with open(pathlib.Path(folder, "out"), "w+b") as out, open(pathlib.Path(folder, "err"), "w+b") as err:
-            process = subprocess.Popen([*words, "--stats", str(stats)], stdin=subprocess.DEVNULL, stdout=out, stderr=err)
+            process = subprocess.Popen([*words, "--stats", str(stats)], stdin=subprocess.DEVNULL, stdout=out, stderr=err,
+                                       env={**os.environ, "SMARTSURF_PARENT": str(os.getpid())})
             _running.add(process)
             try:
                 status = process.wait(timeout)

@@ -1,7 +1,12 @@
 """scripts/cluster: the examples run on Dask, Ray, Optuna and Snakemake of build/cluster, and agree with scripts/sweep."""
 import csv
+import getpass
+import pathlib
+import platform
 import re
 import shutil
+import socket
+import time
 
 from programs import *
 
@@ -86,6 +91,77 @@ class Cluster(ProgramTest):
             self.assertTrue((ROOT / path).exists(), path)
         if not shutil.which("apptainer"):
             self.skipTest("apptainer is not installed: the recipe is read, not built")
+
+
+# One node on the loopback interface, without the daemon for authentication.
+SLURM_CONF = """
+ClusterName=test
+SlurmctldHost={host}(127.0.0.1)
+SlurmctldPort={ports[0]}
+SlurmdPort={ports[1]}
+SlurmUser={user}
+SlurmdUser={user}
+AuthType=auth/none
+CredType=cred/none
+PluginDir={plugins}
+StateSaveLocation={folder}/state
+SlurmdSpoolDir={folder}/spool
+SlurmctldPidFile={folder}/slurmctld.pid
+SlurmdPidFile={folder}/slurmd.pid
+ProctrackType=proctrack/pgid
+TaskPlugin=task/none
+SelectType=select/cons_tres
+SelectTypeParameters=CR_Core
+ReturnToService=2
+NodeName={host} NodeAddr=127.0.0.1 CPUs={cores} State=UNKNOWN
+PartitionName=all Nodes=ALL Default=YES State=UP
+"""
+SLURMCTLD, SLURMD = (shutil.which(name, path=os.environ["PATH"] + ":/usr/sbin") for name in ("slurmctld", "slurmd"))
+
+
+@unittest.skipUnless(SLURMCTLD and SLURMD, "Slurm is not installed: apt-get install slurm-wlm")
+class Slurm(ProgramTest):
+    """scripts/sweep on the real scheduler."""
+
+    def setUp(self):
+        super().setUp()
+        host = platform.node().split(".")[0]
+        sockets = [socket.create_server(("127.0.0.1", 0)) for _ in range(2)]
+        ports = [s.getsockname()[1] for s in sockets]
+        for s in sockets:
+            s.close()
+        plugins = next(pathlib.Path(SLURMCTLD).parents[1].glob("lib/*/slurm-wlm"))
+        for name in ("state", "spool"):
+            (self.folder / name).mkdir()
+        conf = self.write("slurm.conf", SLURM_CONF.format(host=host, ports=ports, user=getpass.getuser(), plugins=plugins,
+                                                          folder=self.folder, cores=os.cpu_count()))
+        self.environment = {**os.environ, "SLURM_CONF": str(self.folder / conf)}
+        stepd = ["-d", shutil.which("slurmstepd", path=str(pathlib.Path(SLURMD).parent))]
+        for command in ([SLURMCTLD, "-D"], [SLURMD, "-D", "-N", host, *stepd]):
+            daemon = subprocess.Popen(command, env=self.environment, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+            self.addCleanup(daemon.wait)
+            self.addCleanup(daemon.terminate)
+
+    def until(self, command, expected):
+        deadline = time.monotonic() + PATIENCE
+        while (out := subprocess.run(command, env=self.environment, capture_output=True, text=True).stdout.strip()) != expected:
+            self.assertLess(time.monotonic(), deadline, f"{command}: '{out}' instead of '{expected}'")
+            time.sleep(0.3)
+
+    def test_an_array_job_is_a_sweep(self):
+        self.until(["sinfo", "-h", "-o", "%t"], "idle")
+        sweep = [ROOT / "scripts/sweep", ROOT / "scripts/tasks/relocate.lua", "--controller", ROOT / "scripts/tasks/relocate.aps",
+                 "--seeds", "1-4", "--until", "3", "--smartsurf", SMARTSURF, "-o", "sweep"]
+        submitted = subprocess.run([*sweep, "--slurm=--time=5", "--chunk", "2", "--throttle", "1"], env=self.environment,
+                                   cwd=self.folder, capture_output=True, text=True)
+        self.assertEqual(submitted.returncode, 0, submitted.stderr)
+        self.assertIn("4 runs in 2 array tasks", submitted.stdout)
+        self.until(["squeue", "-h"], "")
+        gathered = subprocess.run(sweep, env={**os.environ, "PATH": "/usr/bin:/bin"}, cwd=self.folder, capture_output=True, text=True)
+        self.assertEqual(gathered.returncode, 0, gathered.stderr)
+        self.assertIn("4 runs, 4 done before", gathered.stdout)
+        with open(self.folder / "sweep/results.csv", newline="") as file:
+            self.assertEqual([(row["seed"], row["exit_status"]) for row in csv.DictReader(file)], [(f"{k}", "0") for k in range(1, 5)])
 
 
 if __name__ == "__main__":

@@ -332,6 +332,23 @@ def alive(pid):
         return False
 
 
+def children(pid):
+    try:
+        return [int(p) for p in pathlib.Path(f"/proc/{pid}/task/{pid}/children").read_text().split()]
+    except FileNotFoundError:
+        return []
+
+
+def eventually(condition, patience_s=20):
+    """The first true value of condition(). The promise is two seconds; a busy machine may need more."""
+    deadline = time.monotonic() + patience_s
+    while time.monotonic() < deadline:
+        if value := condition():
+            return value
+        time.sleep(0.02)
+    raise AssertionError(f"not within {patience_s} s")
+
+
 class Processes(ExperimentTest):
     def test_fork_and_spawn(self):
         path = self.script(CROWD)
@@ -395,6 +412,26 @@ class Processes(ExperimentTest):
             time.sleep(0.05)
         self.assertFalse(alive(pid))
         self.assertEqual([p.name for p in segments if p.exists()], [])
+
+    def test_killed_python_leaves_neither_the_simulator_nor_the_controller_of_a_run(self):
+        path, controller = self.script(CROWD), self.script("while(1)\n  surface.step\nendwhile\n", "idle.aps")
+        program = f"from smartsurf.run import run\nrun({path!r}, {controller!r}, until=1e9)"
+        for victim in ("python", "simulator"):
+            with self.subTest(killed=victim):
+                learner = subprocess.Popen([sys.executable, "-c", program], stderr=subprocess.DEVNULL)
+                try:
+                    simulator = eventually(lambda: children(learner.pid))[0]
+                    apron = eventually(lambda: children(simulator))[0]
+                    segments = eventually(lambda: [p for p in pathlib.Path("/dev/shm").iterdir() if str(simulator) in p.name])
+                    os.kill(learner.pid if victim == "python" else simulator, signal.SIGKILL)
+                    killed = time.monotonic()
+                    eventually(lambda: not alive(simulator) and not alive(apron))
+                    print(f"{victim} killed: both ended after {time.monotonic() - killed:.2f} s", flush=True)
+                    if victim == "python":
+                        self.assertEqual([p.name for p in segments if p.exists()], [])
+                finally:
+                    learner.kill()
+                    learner.wait()
 
     def test_a_collected_environment_leaves_no_simulator(self):
         from shm_protocol import SurfaceEnv
