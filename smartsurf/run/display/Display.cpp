@@ -19,6 +19,8 @@ constexpr auto kIdleFrameInterval = 100ms;  // if neither the simulation nor the
 // A run that reaches this share of its requested pace can spare time for drawing.
 constexpr double kOnTimeFraction = 0.97;
 
+std::string window_title(const scene::SceneSpec& scene) { return "smartsurf: " + scene.file; }
+
 }  // namespace
 
 Display::Display(const RunOptions& options, const simulation::Simulation& simulation)
@@ -35,7 +37,7 @@ Display::Display(const RunOptions& options, const simulation::Simulation& simula
   const bool beside_controller_window =
       !options.no_controller && (options.controller.empty() || is_apron_program(options.controller));
   window_ = std::make_unique<view::Window>(
-      scene_, "smartsurf: " + options.experiment, 1280, 720,
+      scene_, window_title(scene_), 1280, 720,
       beside_controller_window ? view::WindowPlacement::kLeft : view::WindowPlacement::kDefault);
   window_->apply(settings);
 }
@@ -48,7 +50,7 @@ void Display::restart(const scene::SceneSpec& scene) {
   marks_.clear();
   history_index_.reset();
   channels_ = {};
-  if (window_) window_->set_scene(scene_);
+  if (window_) window_->set_scene(scene_, window_title(scene_));
 }
 
 void Display::record_tick(const simulation::Simulation& simulation, std::span<const RunValue> values) {

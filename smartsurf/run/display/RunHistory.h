@@ -28,7 +28,7 @@ class RunHistory final : public view::History {
   };
 
   // columns: of the surface. max_bytes: limit of all frames together; at least two are kept.
-  explicit RunHistory(int columns, std::size_t max_bytes = std::size_t{192} << 20)
+  explicit RunHistory(int columns, std::size_t max_bytes = std::size_t{384} << 20)
       : columns_(columns), max_bytes_(max_bytes) {}
 
   // Copies the state of one tick, replacing the oldest one once the limit is reached; allocates until then. channels:

@@ -104,7 +104,8 @@ void Run::prepare_restart(RunOptions options) {
   try {
     script::Experiment experiment = load(options);
     restart_.emplace(Restart{std::move(options), std::move(experiment), nullptr});
-    set_ending(common::kDone, "restarted by the user");
+    set_ending(common::kDone, options_.experiment == restart_->options.experiment ? "restarted by the user"
+                                                                                  : "replaced by the user");
   } catch (const scene::InputError& error) {
     notice_ = error.what();
   }

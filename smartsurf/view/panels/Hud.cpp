@@ -18,6 +18,7 @@ namespace {
 // From Debian's fonts-dejavu-core. Without it, ImGui's built-in bitmap font is used.
 constexpr const char* kFontFile = "/usr/share/fonts/truetype/dejavu/DejaVuSans.ttf";
 constexpr float kFontSize_px = 14.0f, kTitleSize_px = 20.0f;
+constexpr float kPanelWidth = 270.0f;  // of the contents of the run panel, pixels, unscaled
 constexpr ImGuiWindowFlags kPanelFlags =
     ImGuiWindowFlags_NoDecoration | ImGuiWindowFlags_AlwaysAutoResize | ImGuiWindowFlags_NoSavedSettings |
     ImGuiWindowFlags_NoFocusOnAppearing | ImGuiWindowFlags_NoNav | ImGuiWindowFlags_NoMove;
@@ -213,6 +214,8 @@ void setup_imgui_style(float scale) {
   style.WindowPadding = {12.0f, 10.0f};
   style.CellPadding = {6.0f, 1.5f};
   style.WindowBorderSize = 0.0f;
+  style.FrameBorderSize = 1.0f;
+  style.Colors[ImGuiCol_Border] = {0.70f, 0.74f, 0.79f, 1.0f};
   style.Colors[ImGuiCol_Text] = {0.10f, 0.12f, 0.15f, 1.0f};
   style.Colors[ImGuiCol_WindowBg] = {0.97f, 0.98f, 0.99f, 1.0f};
   style.Colors[ImGuiCol_FrameBg] = {0.87f, 0.90f, 0.93f, 1.0f};
@@ -234,14 +237,16 @@ void draw_run_panel(const FrameInput& input, const Status& status, const scene::
   }
   ImGui::Spacing();
   draw_transport_controls(status, controls);
-  draw_toggles(status, controls, 270.0f * scale);
+  draw_toggles(status, controls, kPanelWidth * scale);
   draw_visibility_section(input, status, controls);
   draw_tools_section(status, controls);
   draw_options_section(status, state.option_edits, controls);
   draw_entities_section(input, surface, state, controls);
+  ImGui::PushTextWrapPos(kPanelWidth * scale);
   if (!status.notice.empty()) ImGui::TextColored(kWarningColour, "%s", status.notice.c_str());
   if (state.recording_video) ImGui::TextColored(kWarningColour, "recording video; V: stop");
   if (!state.message.empty()) ImGui::TextUnformatted(state.message.c_str());
+  ImGui::PopTextWrapPos();
   ImGui::TextColored(kDimTextColour, "F1: help   Tab: hide panels");
   ImGui::PopItemWidth();
   // Set once, from the panel's initial size, so that the scene does not move when a section is opened.

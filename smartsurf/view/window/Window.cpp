@@ -392,7 +392,10 @@ void Window::add_pointer_event(const PointerEvent& event) {
   state_->needs_redraw = true;
   state_->pointer_events.push_back(event);
 }
-void Window::set_scene(const scene::SceneSpec& spec) { state_->set_scene(spec); }
+void Window::set_scene(const scene::SceneSpec& spec, const std::string& title) {
+  state_->set_scene(spec);
+  glfwSetWindowTitle(state_->glfw.window(), title.c_str());
+}
 void Window::apply(const ViewSettings& settings) {
   state_->controls.apply(settings);
   state_->hud.plotted.set(settings.plots);

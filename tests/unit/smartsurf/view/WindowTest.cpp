@@ -219,7 +219,7 @@ TEST_F(WindowTest, SetSceneSwitchesSurface) {
   large.add_sphere(5.0, 5.0, 6.0, 2.0, {0.86f, 0.12f, 0.10f});
   Window window(small.spec, "test", 400, 300);
   window.render_frame({small.snapshot, small.spec.objects}, {});
-  window.set_scene(large.spec);
+  window.set_scene(large.spec, "large");
   const common::Image image = window.capture_frame({large.snapshot, large.spec.objects}, {});
   EXPECT_EQ(image.width, 400);
 }
