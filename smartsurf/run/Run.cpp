@@ -58,10 +58,11 @@ std::string segment_name(const RunOptions& options) {
   return options.controller.empty() ? "surface" : fmt::format("run-{}", getpid());
 }
 
-std::unique_ptr<Display> reuse_or_open_display(const RunOptions& options, const scene::SceneSpec& scene,
+std::unique_ptr<Display> reuse_or_open_display(const RunOptions& options,
+                                               const simulation::Simulation& simulation,
                                                std::unique_ptr<Display> previous) {
-  if (!previous) return std::make_unique<Display>(options, scene);
-  previous->restart(scene);
+  if (!previous) return std::make_unique<Display>(options, simulation);
+  previous->restart(simulation.scene());
   return previous;
 }
 
@@ -77,7 +78,7 @@ Run::Run(const RunOptions& options, const std::atomic<bool>& stop_requested, scr
       stop_requested_(stop_requested),
       experiment_(std::move(experiment)),
       simulation_(experiment_, options.threads, options.no_controller),
-      display_(reuse_or_open_display(options, experiment_.scene(), std::move(display))),
+      display_(reuse_or_open_display(options, simulation_, std::move(display))),
       media_(options.screenshots, options.video_file, options.render, experiment_.scene()),
       progress_(options.world_index ? fmt::format("world {}", *options.world_index) : ""),
       pacer_(options.pace),
@@ -225,8 +226,10 @@ bool Run::receive_targets() {
 
 // Passive mode: physics does not wait; the actuators keep their last targets.
 bool Run::continue_without_controller(Status status) {
-  if (status != Status::kNoController)
+  if (status != Status::kNoController) {
     progress_.print_message(fmt::format("{}; the actuators keep their last targets", text(status)));
+    mark_controller_lost();
+  }
   return !controller_process_ || !handle_controller_exit();
 }
 
@@ -251,7 +254,10 @@ bool Run::handle_controller_exit() {
     set_ending(*status == common::kUserError || *status == common::kPeerLost ? *status : common::kFailed,
                fmt::format("the controller ended with exit status {}", *status));
   }
-  if (ending_->exit_status != common::kDone) progress_.print_message(ending_->outcome);
+  if (ending_->exit_status != common::kDone) {
+    progress_.print_message(ending_->outcome);
+    mark_controller_lost();
+  }
   return true;
 }
 
@@ -280,6 +286,7 @@ void Run::check_silence() {
 bool Run::wait_for_controller() {
   if (had_controller_) {
     progress_.print_message("the controller is gone; the simulation is on hold");
+    mark_controller_lost();
     announced_waiting_ = false;
     had_controller_ = false;
   }
@@ -327,15 +334,14 @@ void Run::record_tick() {
   phase_times_.lap(Phase::kRecord);
   if (observer_) observer_(simulation_);
   purity_meter_.add(snapshot, simulation_.catalogue());
-  display_->record_snapshot(simulation_);
+  if (display_->has_window()) mark_events();
   media_.write_due(frame_input());
   phase_times_.lap(Phase::kRender);
   if (end_tick_ && snapshot.tick >= *end_tick_) set_ending(common::kDone, "done");
 }
 
 view::FrameInput Run::frame_input() {
-  return {simulation_.snapshot(), simulation_.catalogue(),
-          channels_.update(simulation_, simulation_.snapshot())};
+  return {simulation_.snapshot(), simulation_.catalogue(), channels_.update(simulation_)};
 }
 
 std::optional<double> Run::end_time_s() const {

@@ -27,7 +27,7 @@ namespace smartsurf::run {
 
 class Run {
  public:
-  // What a run that the user restarts passes to the next run.
+  // What a run that the user restarts, or replaces by another experiment, passes to the next run.
   struct Restart {
     RunOptions options;
     script::Experiment experiment;
@@ -57,6 +57,8 @@ class Run {
   const std::vector<std::pair<std::string, double>>& metrics() const { return experiment_.metrics(); }
   // After execute(): the next run if the user asked for a restart.
   std::optional<Restart> take_restart();
+  // After execute(): the recording that the user opened instead, or "".
+  const std::string& recording_to_open() const { return recording_to_open_; }
 
  private:
   // Why the run ends. The outcome is one line for the recording and the statistics.
@@ -82,6 +84,10 @@ class Run {
   void apply_script_requests();
   void apply_user_interaction();
   void prepare_restart();
+  void prepare_restart(RunOptions);
+  void open_file(const std::string& file);
+  void mark_events();  // of this tick, and adds it to the window's history
+  void mark_controller_lost();
   void keep_window_open();  // shows the result until the user closes the window
   bool controller_has_window() const;
   view::Banner result_banner() const;
@@ -121,6 +127,10 @@ class Run {
   std::string silence_;                                   // what was reported about it, or ""
   bool quit_by_script_ = false;
   std::optional<Restart> restart_;
+  std::string recording_to_open_;
+  bool interacted_ = false;     // in the latest tick
+  bool marked_sorted_ = false;  // on the timeline
+  std::vector<RunValue> run_values_;
   std::function<void(const simulation::Simulation&)> observer_;
   PhaseTimes phase_times_;
   record::PurityMeter purity_meter_;

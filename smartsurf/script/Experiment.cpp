@@ -205,6 +205,7 @@ struct Experiment::Impl {
   ScriptContext session;
   Interpreter interpreter;  // destroyed before `session`, which its bound functions use
   bool finished = false;
+  std::vector<std::string> events;  // of the latest tick
   std::string loaded_state;
 };
 
@@ -242,6 +243,8 @@ const scene::SceneSpec& Experiment::scene() const { return impl_->session.spec; 
 const std::vector<std::pair<std::string, double>>& Experiment::metrics() const {
   return impl_->session.metrics;
 }
+
+const std::vector<std::string>& Experiment::events() const { return impl_->events; }
 
 bool Experiment::has_callbacks() const {
   const ScriptContext& context = impl_->session;
@@ -337,7 +340,10 @@ void Experiment::tick(double t_s, std::uint64_t tick) {
   context.time_s = t_s;
   context.tick = tick;
   const double horizon_s = t_s + kDueTolerance * context.spec.world.control_period_s;
+  impl_->events.clear();
   context.event_queue.run_due(horizon_s, [this](const TimedEvent& event) {
+    if (event.period_s == 0.0)
+      impl_->events.push_back(impl_->session.callbacks[static_cast<std::size_t>(event.callback)].location);
     const bool keep_registered = impl_->invoke(event.callback) && event.period_s > 0.0;
     if (!keep_registered) impl_->release_callback(event.callback);
     return keep_registered;

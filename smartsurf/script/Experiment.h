@@ -82,6 +82,9 @@ class Experiment {
   // The values that the script has passed to metric(name, value), by name, in order of first use.
   const std::vector<std::pair<std::string, double>>& metrics() const;
 
+  // The callbacks of at() that the latest tick() ran, as "FILE:LINE" of their registration. Valid until the next tick().
+  const std::vector<std::string>& events() const;
+
   // Whether the script has drawn random numbers so far.
   bool has_drawn() const;
   // Whether start() runs on_reset.

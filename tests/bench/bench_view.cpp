@@ -222,7 +222,7 @@ void measure_window(const Options& options) {
   view::Window window(s.spec, "bench_view", options.width, options.height);
   view::Status status;
   status.paused = options.paused;
-  status.timeline = view::Timeline{1000, 999, 0.0, 16.6, false};
+  status.timeline = view::Timeline{1000, 999, 0.0, 16.6, false, {}};
   StageTimes times{"a frame, shown", {}, {}};
   for (int frame = -40; frame < options.frames; ++frame) {  // warm-up: the window adapts its resolution
     animate(s, options, frame);

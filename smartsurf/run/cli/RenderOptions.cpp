@@ -26,21 +26,36 @@ common::PixelSize parse_pixel_size(const std::string& text) {
   return *size;
 }
 
+view::CameraView parse_camera(const std::string& text) {
+  const std::size_t preset = index_of(kCameras, text);
+  if (preset < kCameras.size()) return {static_cast<view::CameraPreset>(preset), {}};
+  const std::optional<view::CameraPose> pose = view::parse_camera_pose(text);
+  if (!pose)
+    throw scene::InputError(
+        "--camera " + text +
+        ": must be top, iso, side, or X,Y,Z:X,Y,Z, a position and the lower point that it looks at");
+  return {view::CameraPreset::kIso, pose};
+}
+
 }  // namespace
 
 void add_render_flags(CLI::App& app, RenderFlags& flags) {
-  app.add_option("--camera", flags.camera, "Camera of pictures and videos: top, iso or side")
-      ->check(CLI::IsMember(kCameras))
-      ->type_name("VIEW");
-  app.add_flag("--wires", flags.wireframe, "Draw objects as wireframes in pictures and videos");
-  app.add_option("--cells", flags.cells, "Colour the cells by this channel in pictures and videos")
-      ->type_name("CHANNEL");
+  app.add_option("--camera", flags.camera, "Camera: top, iso, side, or its position and what it looks at")
+      ->type_name("VIEW|X,Y,Z:X,Y,Z");
+  app.add_flag("--wires", flags.wireframe, "Draw objects as wireframes");
+  app.add_option("--cells", flags.cells, "Colour the cells by this channel")->type_name("CHANNEL");
   app.add_option("--palette", flags.palette, "Palette of --cells")
       ->check(CLI::IsMember(kPalettes))
       ->type_name("NAME");
-  app.add_option("--trails", flags.trails_s, "Draw trails of the last SECONDS in pictures and videos")
+  app.add_option("--trails", flags.trails_s, "Draw trails of the last SECONDS")
       ->check(CLI::Range(0.0, 1e6))
       ->type_name("SECONDS");
+  app.add_option(
+         "--plot", flags.plots,
+         "Plot a signal in the window: speed:ID (also x, y, z, spin), CHANNEL:ROW,COLUMN, purity, contacts, "
+         "objects or metric:NAME")
+      ->type_name("SIGNAL")
+      ->allow_extra_args(false);
   app.add_option("--picture-size", flags.size,
                  "Size of pictures (default: 1600x1000) and videos (default: 1280x720) in pixels")
       ->type_name("WxH");
@@ -48,12 +63,22 @@ void add_render_flags(CLI::App& app, RenderFlags& flags) {
 
 RenderOptions parse_render_options(const RenderFlags& flags) {
   RenderOptions options;
-  options.camera = static_cast<view::CameraPreset>(index_of(kCameras, flags.camera));
-  options.wireframe = flags.wireframe;
-  options.overlay.channel = flags.cells;
-  options.overlay.palette = view::kPalettes[index_of(kPalettes, flags.palette)];
-  options.overlay.trails = flags.trails_s > 0.0;
-  options.overlay.trail_length_s = flags.trails_s;
+  options.view.camera = parse_camera(flags.camera);
+  if (flags.wireframe) options.view.fill_mode = view::FillMode::kWireframe;
+  view::OverlaySettings& overlay = options.view.overlay;
+  overlay.channel = flags.cells;
+  overlay.palette = view::kPalettes[index_of(kPalettes, flags.palette)];
+  overlay.trails = flags.trails_s > 0.0;
+  if (overlay.trails) overlay.trail_length_s = flags.trails_s;
+  for (const std::string& text : flags.plots) {
+    const std::optional<view::Signal> signal = view::parse_signal(text);
+    if (!signal)
+      throw scene::InputError(
+          "--plot " + text +
+          ": must be speed:ID (also x, y, z, spin), CHANNEL:ROW,COLUMN, purity, contacts, objects "
+          "or metric:NAME");
+    options.view.plots.push_back(*signal);
+  }
   if (!flags.size.empty()) options.pixel_size = parse_pixel_size(flags.size);
   return options;
 }

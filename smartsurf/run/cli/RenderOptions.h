@@ -1,13 +1,14 @@
-// How pictures and videos show the scene: --camera, --wires, --cells, --palette, --trails and --picture-size.
+// How pictures, videos and the window show the scene: --camera, --wires, --cells, --palette, --trails, --plot and
+// --picture-size.
 #pragma once
 
 #include <memory>
 #include <optional>
 #include <string>
+#include <vector>
 
 #include "common/image/PixelSize.h"
-#include "smartsurf/view/interaction/Overlay.h"
-#include "smartsurf/view/model/Camera.h"
+#include "smartsurf/view/interaction/Controls.h"
 
 namespace CLI {
 class App;
@@ -16,9 +17,7 @@ class App;
 namespace smartsurf::run {
 
 struct RenderOptions {
-  view::CameraPreset camera = view::CameraPreset::kIso;
-  bool wireframe = false;
-  view::OverlaySettings overlay;
+  view::ViewSettings view;
   std::optional<common::PixelSize> pixel_size;  // default: pictures 1600 × 1000, videos 1280 × 720
 };
 
@@ -27,10 +26,11 @@ struct RenderFlags {
   std::string camera = "iso", cells, palette = "viridis", size;
   bool wireframe = false;
   double trails_s = 0.0;
+  std::vector<std::string> plots;
 };
 
 void add_render_flags(CLI::App& app, RenderFlags& flags);
-// Throws scene::InputError if the size is invalid.
+// Throws scene::InputError if the camera, a signal or the size is invalid.
 RenderOptions parse_render_options(const RenderFlags& flags);
 
 }  // namespace smartsurf::run

@@ -8,6 +8,7 @@
 #include "common/process/StopSignals.h"
 #include "smartsurf/run/cli/FlagValues.h"
 #include "smartsurf/run/cli/Subcommands.h"
+#include "smartsurf/run/cli/WindowSession.h"
 #include "smartsurf/run/output/Progress.h"
 #include "smartsurf/run/replay/Replay.h"
 #include "smartsurf/run/replay/Verify.h"
@@ -53,13 +54,14 @@ int replay_command(const ReplayFlags& flags) {
   std::vector<Screenshot> screenshots;
   for (const auto& text : flags.screenshot) screenshots.push_back(parse_screenshot(text));
   const double pace = flags.pace.empty() ? 1.0 : parse_positive_number("--pace", flags.pace);
+  if (!flags.render.plots.empty() && (flags.verify || writes_media))
+    throw scene::InputError("--plot: needs the window; smartsurf plot draws the signals of a recording");
+  const RenderOptions render = parse_render_options(flags.render);
+  if (!flags.verify && !writes_media)
+    return common::status_after_signals(replay_session(flags.file, pace, render));
   const record::Recording recording = record::Recording::open(flags.file);
   if (flags.verify) return verify_recording(recording, flags);
-  const auto& stop = common::catch_stop_signals();
-  if (writes_media)
-    replay_to_media(recording, screenshots, flags.video, parse_render_options(flags.render), stop);
-  else
-    replay_in_window(recording, pace, stop);
+  replay_to_media(recording, screenshots, flags.video, render, common::catch_stop_signals());
   return common::status_after_signals(common::kDone);
 }
 

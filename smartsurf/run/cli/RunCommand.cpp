@@ -14,6 +14,7 @@
 #include "smartsurf/run/Worlds.h"
 #include "smartsurf/run/cli/FlagValues.h"
 #include "smartsurf/run/cli/Subcommands.h"
+#include "smartsurf/run/cli/WindowSession.h"
 #include "smartsurf/simulation/Simulation.h"
 #include "smartsurf/world/bullet/EngineFactory.h"
 
@@ -144,6 +145,8 @@ RunOptions make_run_options(const RunFlags& flags, const std::string& command_li
   reject_both(flags.window && flags.headless, "--window and --headless");
   if (flags.paused && !flags.window)
     throw scene::InputError("--paused: needs --window, where the run can be resumed");
+  if (!flags.render.plots.empty() && !flags.window)
+    throw scene::InputError("--plot: needs --window; smartsurf plot draws the signals of a recording");
   if (flags.close && !flags.window)
     throw scene::InputError("--close: needs --window, which otherwise stays open at the end of the run");
   reject_both(flags.no_controller && !flags.controller.empty(), "--controller and --no-controller");
@@ -199,22 +202,6 @@ void print_options(const scene::SceneSpec& scene) {
     fmt::print("  {:<28}{}\n", fmt::format("{} = {}", o.name, o.value), o.help);
 }
 
-// Runs the experiment, and again for as long as the user restarts it in the window.
-int run_with_restarts(RunOptions options) {
-  const auto& stop = common::catch_stop_signals();
-  script::Experiment experiment = Run::load(options);
-  std::unique_ptr<Display> display;
-  while (true) {
-    Run run(options, stop, std::move(experiment), std::move(display));
-    const int status = run.execute();
-    std::optional<Run::Restart> next = run.take_restart();
-    if (!next) return status;
-    options = std::move(next->options);
-    experiment = std::move(next->experiment);
-    display = std::move(next->display);
-  }
-}
-
 int run_command(CLI::App& app, const RunFlags& flags, const std::string& command_line) {
   if (flags.help) {
     fmt::print("{}\n", app.get_parent()->help());  // with the program's name in the usage line
@@ -226,7 +213,7 @@ int run_command(CLI::App& app, const RunFlags& flags, const std::string& command
   const RunOptions options = make_run_options(flags, command_line);
   return common::status_after_signals(flags.worlds > 0
                                           ? run_worlds(options, flags.worlds, common::catch_stop_signals())
-                                          : run_with_restarts(options));
+                                          : run_session(options));
 }
 
 int check_command(const RunFlags& flags) {

@@ -5,6 +5,7 @@
 #include <algorithm>
 
 #include "smartsurf/run/ControllerProcess.h"
+#include "smartsurf/run/output/PlotFile.h"
 #include "smartsurf/view/output/OffscreenView.h"
 #include "smartsurf/view/window/Window.h"
 
@@ -18,32 +19,51 @@ constexpr auto kIdleFrameInterval = 100ms;  // if neither the simulation nor the
 // A run that reaches this share of its requested pace can spare time for drawing.
 constexpr double kOnTimeFraction = 0.97;
 
+std::string window_title(const scene::SceneSpec& scene) { return "smartsurf: " + scene.file; }
+
 }  // namespace
 
-Display::Display(const RunOptions& options, const scene::SceneSpec& scene) : scene_(scene) {
+Display::Display(const RunOptions& options, const simulation::Simulation& simulation)
+    : scene_(simulation.scene()), history_(scene_.surface.columns) {
   if (!options.window) return;
+  const view::ViewSettings& settings = options.render.view;
+  const std::span<const view::Channel> channels = channels_.update(simulation);
+  if (!settings.overlay.channel.empty()) require_channel("--cells", settings.overlay.channel, channels);
+  for (const view::Signal& signal : settings.plots)
+    require_signal("--plot", signal, scene_.surface, channels);
   view::OffscreenView::require_available();
   if (!view::Window::display_available())
     throw scene::InputError("--window: there is no display here; run without it, or set DISPLAY");
   const bool beside_controller_window =
       !options.no_controller && (options.controller.empty() || is_apron_program(options.controller));
   window_ = std::make_unique<view::Window>(
-      scene_, "smartsurf: " + options.experiment, 1280, 720,
+      scene_, window_title(scene_), 1280, 720,
       beside_controller_window ? view::WindowPlacement::kLeft : view::WindowPlacement::kDefault);
+  window_->apply(settings);
 }
 
 Display::~Display() = default;
 
 void Display::restart(const scene::SceneSpec& scene) {
   scene_ = scene;
-  history_.clear();
+  history_ = RunHistory(scene_.surface.columns);
+  marks_.clear();
   history_index_.reset();
   channels_ = {};
-  if (window_) window_->set_scene(scene_);
+  if (window_) window_->set_scene(scene_, window_title(scene_));
 }
 
-void Display::record_snapshot(const simulation::Simulation& simulation) {
-  if (window_) history_.add(simulation.snapshot());
+void Display::record_tick(const simulation::Simulation& simulation, std::span<const RunValue> values) {
+  if (!window_) return;
+  history_.add(simulation.snapshot(), channels_.update(simulation), values);
+}
+
+// Marks that are older than the history are dropped.
+void Display::mark(view::EventMark mark) {
+  if (!window_) return;
+  const double begin_s = history_.size() > 0 ? history_.at(0).snapshot.time_s : 0.0;
+  std::erase_if(marks_, [&](const view::EventMark& old) { return old.time_s < begin_s; });
+  marks_.insert(std::ranges::upper_bound(marks_, mark.time_s, {}, &view::EventMark::time_s), std::move(mark));
 }
 
 view::Status Display::make_view_status(const DisplayStatus& display_status, bool paused) const {
@@ -62,10 +82,14 @@ view::Status Display::make_view_status(const DisplayStatus& display_status, bool
   status.banner = display_status.banner;
   if (history_.size() == 0) return status;
   const std::size_t last = history_.size() - 1;
-  status.timeline = view::Timeline{history_.size(), history_index_.value_or(last), history_.at(0).time_s,
-                                   history_.at(last).time_s, false};
+  status.timeline = view::Timeline{history_.size(),
+                                   history_index_.value_or(last),
+                                   history_.at(0).snapshot.time_s,
+                                   history_.at(last).snapshot.time_s,
+                                   false,
+                                   marks_};
   if (history_index_)
-    status.notice = fmt::format("history; the run is at {:.2f} s", history_.at(last).time_s);
+    status.notice = fmt::format("history; the run is at {:.2f} s", history_.at(last).snapshot.time_s);
   return status;
 }
 
@@ -85,14 +109,17 @@ void Display::refresh(const simulation::Simulation& simulation, const DisplaySta
   if (!frame_due(simulation, draw_start)) {
     commands = window_->poll(status);
   } else {
-    const scene::Snapshot& shown = history_index_ ? history_.at(*history_index_) : simulation.snapshot();
+    const RunHistory::Frame* const past = history_index_ ? &history_.at(*history_index_) : nullptr;
+    const scene::Snapshot& shown = past ? past->snapshot : simulation.snapshot();
     // Contact forces are known only for the present.
     if (!history_index_ && window_->wants_contacts())
       contacts_ = contact_marks(simulation);
     else
       contacts_.clear();
     commands = window_->render_frame(
-        {shown, simulation.catalogue(), channels_.update(simulation, shown), contacts_}, status);
+        {shown, simulation.catalogue(), past ? channels_.show(history_, *past) : channels_.update(simulation),
+         contacts_, &history_},
+        status);
     const auto draw_end = std::chrono::steady_clock::now();
     last_draw_time_ = draw_end;
     last_drawn_tick_ = simulation.snapshot().tick;
@@ -120,6 +147,9 @@ void Display::apply_commands(const view::Commands& commands, DisplayRequests& re
     requests.paused = !requests.paused;
     history_index_.reset();
   }
+  if (commands.seek_time_s && history_.size() > 0)
+    show_history_frame(
+        static_cast<std::ptrdiff_t>(history_.frame_at(*commands.seek_time_s) - history_.begin()));
   if (commands.seek) show_history_frame(static_cast<std::ptrdiff_t>(*commands.seek));
   if (commands.steps < 0 || (commands.steps > 0 && history_index_))
     show_history_frame(static_cast<std::ptrdiff_t>(history_index_.value_or(last)) + commands.steps);
@@ -140,6 +170,9 @@ void Display::apply_commands(const view::Commands& commands, DisplayRequests& re
     requests.restart = true;
     requests.changed_options = commands.options;
   }
+  if (!commands.open_file.empty()) requests.open_file = commands.open_file;
+  if (commands.plot_export && !commands.display_lost)
+    window_->show_message(write_plot_file(*commands.plot_export, scene_.file));
   if (!commands.display_lost) return;
   requests.display_lost = true;
   window_.reset();

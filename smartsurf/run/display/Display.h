@@ -5,11 +5,12 @@
 #include <cstdint>
 #include <memory>
 #include <optional>
+#include <span>
 #include <string>
 #include <vector>
 
 #include "smartsurf/run/cli/RunOptions.h"
-#include "smartsurf/run/display/SnapshotHistory.h"
+#include "smartsurf/run/display/RunHistory.h"
 #include "smartsurf/run/display/UserInteraction.h"
 #include "smartsurf/run/display/ViewChannels.h"
 #include "smartsurf/simulation/Simulation.h"
@@ -32,6 +33,7 @@ struct DisplayRequests {
   bool quit = false;
   bool pace_changed = false;
   std::optional<double> pace;  // nullopt: as fast as possible
+  std::string open_file;       // an experiment or recording to open instead, or ""
 };
 
 // What the window shows besides the scene.
@@ -50,15 +52,19 @@ struct DisplayStatus {
 
 class Display {
  public:
-  // Opens the window if the options ask for one. Throws scene::InputError if there is no display.
-  Display(const RunOptions&, const scene::SceneSpec&);
+  // Opens the window if the options ask for one. Throws scene::InputError if there is no display, or the surface lacks
+  // what --cells or --plot name.
+  Display(const RunOptions&, const simulation::Simulation&);
   ~Display();
 
   bool has_window() const { return window_ != nullptr; }
   // Reuses the window for another run.
   void restart(const scene::SceneSpec&);
-  // Adds the current snapshot to the history. Does nothing without a window.
-  void record_snapshot(const simulation::Simulation&);
+  // Adds the state of the current tick to the history. values: purity and metrics, in an order that stays. Does nothing
+  // without a window.
+  void record_tick(const simulation::Simulation&, std::span<const RunValue> values);
+  // Marks an event on the timeline. Does nothing without a window.
+  void mark(view::EventMark mark);
   // Polls the user's input and draws a frame if one is due. Does nothing without a window.
   void refresh(const simulation::Simulation&, const DisplayStatus&, DisplayRequests&);
 
@@ -69,7 +75,8 @@ class Display {
 
   scene::SceneSpec scene_;
   std::unique_ptr<view::Window> window_;
-  SnapshotHistory history_;
+  RunHistory history_;
+  std::vector<view::EventMark> marks_;        // in order of time
   std::optional<std::size_t> history_index_;  // the snapshot shown; nullopt: the present
   ViewChannels channels_;
   std::vector<view::ContactMark> contacts_;

@@ -7,7 +7,9 @@
 #include <cmath>
 #include <ranges>
 #include <thread>
+#include <utility>
 
+#include "smartsurf/record/Recording.h"
 #include "smartsurf/run/Run.h"
 
 namespace smartsurf::run {
@@ -38,6 +40,8 @@ void Run::refresh_display() {
   display_->refresh(simulation_, status, requests_);
   if (requests_.display_lost) handle_display_loss();
   if (std::exchange(requests_.restart, false) && !restart_) prepare_restart();
+  if (const std::string file = std::exchange(requests_.open_file, ""); !file.empty() && !restart_)
+    open_file(file);
   if (std::exchange(requests_.pace_changed, false)) pacer_.set_factor(requests_.pace);
   if (link_ && was_paused != requests_.paused)
     link_->endpoint().set_state(requests_.paused ? shm_protocol::State::kPaused
@@ -59,24 +63,68 @@ bool Run::controller_is_paused() {
 }
 
 void Run::apply_user_interaction() {
-  if (!interaction_.apply(requests_.interaction, simulation_) || first_interaction_tick_) return;
+  const bool interacted_before =
+      std::exchange(interacted_, interaction_.apply(requests_.interaction, simulation_));
+  if (interacted_ && !interacted_before)
+    display_->mark({view::EventMark::Kind::kTouched, simulation_.snapshot().time_s, "the user intervened"});
+  if (!interacted_ || first_interaction_tick_) return;
   first_interaction_tick_ = simulation_.snapshot().tick;
   notice_ = fmt::format("user intervened at {:.2f} s", simulation_.snapshot().time_s);
   for (const auto& recorder : recorders_) recorder->mark_user_interaction(*first_interaction_tick_);
 }
 
-// Loads the new experiment before the old run ends, so that invalid options leave the run unchanged.
+void Run::mark_events() {
+  const double time_s = simulation_.snapshot().time_s;
+  for (const std::string& location : experiment_.events())
+    display_->mark({view::EventMark::Kind::kScript, time_s, "at() of " + location});
+  if (const auto sorted_at_s = purity_meter_.sorted_at(); sorted_at_s && !std::exchange(marked_sorted_, true))
+    display_->mark({view::EventMark::Kind::kSorted, *sorted_at_s, "sorted"});
+  run_values_ = {{view::Signal::Kind::kRun, "purity", purity_meter_.value()}};
+  for (const auto& [name, value] : experiment_.metrics())
+    run_values_.push_back({view::Signal::Kind::kMetric, name, value});
+  display_->record_tick(simulation_, run_values_);
+}
+
+void Run::mark_controller_lost() {
+  display_->mark(
+      {view::EventMark::Kind::kControllerLost, simulation_.snapshot().time_s, "the controller was lost"});
+}
+
 void Run::prepare_restart() {
   RunOptions options = options_;
   for (const auto& [name, value] : std::exchange(requests_.changed_options, {}))
     options.overrides.emplace_back(name, value);
   options.paused = requests_.paused && !ending_;
   options.pace = pacer_.factor();
+  prepare_restart(std::move(options));
+}
+
+// Loads the new experiment before the old run ends, so that an invalid one leaves the run unchanged.
+void Run::prepare_restart(RunOptions options) {
   try {
-    restart_.emplace(Restart{options, load(options), nullptr});
-    set_ending(common::kDone, "restarted by the user");
+    script::Experiment experiment = load(options);
+    restart_.emplace(Restart{std::move(options), std::move(experiment), nullptr});
+    set_ending(common::kDone, options_.experiment == restart_->options.experiment ? "restarted by the user"
+                                                                                  : "replaced by the user");
   } catch (const scene::InputError& error) {
     notice_ = error.what();
+  }
+}
+
+// An experiment starts with the APRON program beside it that has its name, else without a controller.
+void Run::open_file(const std::string& file) {
+  if (!recorders_.empty() || !media_.only_final_left()) {
+    notice_ = "a run that is recorded cannot be replaced: " + file;
+  } else if (file.ends_with(".h5")) {
+    try {
+      record::Recording::open(file);
+      recording_to_open_ = file;
+      requests_.quit = true;
+    } catch (const scene::InputError& error) {
+      notice_ = error.what();
+    }
+  } else {
+    prepare_restart(options_for_opened(file, options_));
   }
 }
 

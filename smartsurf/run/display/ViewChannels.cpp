@@ -1,5 +1,10 @@
 #include "smartsurf/run/display/ViewChannels.h"
 
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include "common/text/Suggestion.h"
+
 namespace smartsurf::run {
 
 view::Channel height_channel(const scene::SurfaceSpec& surface) {
@@ -29,27 +34,61 @@ view::Channel actuator_channel(const scene::SurfaceSpec& surface, const std::str
   return {"command: " + name, "", {}, 0.0F, 0.0F};
 }
 
+std::string component_name(const std::string& name, int component, int components) {
+  return components == 1 ? name : name + "[" + std::to_string(component) + "]";
+}
+
 void ViewChannels::init_channels(const simulation::Simulation& simulation) {
   const scene::SurfaceSpec& surface = simulation.scene().surface;
   channels_ = {height_channel(surface)};
-  for (const scene::ChannelData& sensor : simulation.sensors())
-    channels_.push_back(sensor_channel(surface, std::string(sensor.name)));
-  for (const scene::ChannelData& actuator : simulation.actuators())
-    channels_.push_back(actuator_channel(surface, std::string(actuator.name)));
+  const auto add = [&](const scene::ChannelData& data, auto describe) {
+    for (int i = 0; i < data.components; ++i) {
+      channels_.push_back(describe(surface, std::string(data.name)));
+      channels_.back().name = component_name(channels_.back().name, i, data.components);
+    }
+  };
+  for (const scene::ChannelData& sensor : simulation.sensors()) add(sensor, sensor_channel);
+  for (const scene::ChannelData& actuator : simulation.actuators()) add(actuator, actuator_channel);
 }
 
-std::span<const view::Channel> ViewChannels::update(const simulation::Simulation& simulation,
-                                                    const scene::Snapshot& snapshot) {
-  const auto sensors = simulation.sensors(), actuators = simulation.actuators();
-  if (channels_.size() != 1 + sensors.size() + actuators.size()) init_channels(simulation);
-  const bool is_current = &snapshot == &simulation.snapshot();
-  channels_[0].values = snapshot.height;
-  for (std::size_t i = 0; i < sensors.size() + actuators.size(); ++i) {
-    const scene::ChannelData& channel = i < sensors.size() ? sensors[i] : actuators[i - sensors.size()];
-    channels_[1 + i].values =
-        is_current && channel.components == 1 ? channel.values : std::span<const float>{};
-  }
+std::span<const view::Channel> ViewChannels::update(const simulation::Simulation& simulation) {
+  if (channels_.empty()) init_channels(simulation);
+  channels_[0].values = simulation.snapshot().height;
+  std::size_t next = 1;
+  for (const auto& group : {simulation.sensors(), simulation.actuators()})
+    for (const scene::ChannelData& data : group) {
+      const std::size_t cells = data.values.size() / static_cast<std::size_t>(data.components);
+      for (int i = 0; i < data.components; ++i)
+        channels_[next++].values = data.values.subspan(static_cast<std::size_t>(i) * cells, cells);
+    }
   return channels_;
+}
+
+std::span<const view::Channel> ViewChannels::show(const RunHistory& history, const RunHistory::Frame& frame) {
+  for (std::size_t i = 0; i < channels_.size(); ++i) channels_[i].values = history.channel(frame, i);
+  return channels_;
+}
+
+void require_channel(const std::string& flag, const std::string& name,
+                     std::span<const view::Channel> channels) {
+  std::vector<std::string> known;
+  for (const view::Channel& channel : channels) {
+    if (channel.name == name) return;
+    known.push_back(channel.name);
+  }
+  const std::string suggestion = common::nearest_name(name, known);
+  throw scene::InputError(fmt::format(
+      "{} {}: no such channel{}; known: {}", flag, name,
+      suggestion.empty() ? "" : fmt::format(" (did you mean '{}'?)", suggestion), fmt::join(known, ", ")));
+}
+
+void require_signal(const std::string& flag, const view::Signal& signal, const scene::SurfaceSpec& surface,
+                    std::span<const view::Channel> channels) {
+  if (signal.kind != view::Signal::Kind::kCell) return;
+  require_channel(flag, signal.quantity, channels);
+  if (signal.row >= surface.rows || signal.column >= surface.columns)
+    throw scene::InputError(fmt::format("{} {}: the surface has rows 0 to {} and columns 0 to {}", flag,
+                                        to_string(signal), surface.rows - 1, surface.columns - 1));
 }
 
 std::vector<view::ContactMark> contact_marks(const simulation::Simulation& simulation) {

@@ -2,8 +2,10 @@
 #pragma once
 
 #include <span>
+#include <string>
 #include <vector>
 
+#include "smartsurf/run/display/RunHistory.h"
 #include "smartsurf/simulation/Simulation.h"
 #include "smartsurf/view/model/FrameInput.h"
 
@@ -11,9 +13,11 @@ namespace smartsurf::run {
 
 class ViewChannels {
  public:
-  // snapshot: the current one of the simulation, or an earlier one, for which only the heights have values.
-  // The result is valid until the next call.
-  std::span<const view::Channel> update(const simulation::Simulation&, const scene::Snapshot& snapshot);
+  // The values of the present. A channel with several components is one channel NAME[0], NAME[1], … for each. The
+  // result is valid until the next call.
+  std::span<const view::Channel> update(const simulation::Simulation&);
+  // The values of an earlier tick.
+  std::span<const view::Channel> show(const RunHistory&, const RunHistory::Frame&);
 
  private:
   void init_channels(const simulation::Simulation&);
@@ -21,8 +25,17 @@ class ViewChannels {
   std::vector<view::Channel> channels_;
 };
 
+// Both throw scene::InputError, which begins with the flag, for what the surface does not have.
+void require_channel(const std::string& flag, const std::string& name,
+                     std::span<const view::Channel> channels);
+void require_signal(const std::string& flag, const view::Signal& signal, const scene::SurfaceSpec& surface,
+                    std::span<const view::Channel> channels);
+
 // The load-bearing contacts, with the mean force of the last physics step, mass·u/s².
 std::vector<view::ContactMark> contact_marks(const simulation::Simulation&);
+
+// NAME[component], or NAME if there is only one.
+std::string component_name(const std::string& name, int component, int components);
 
 // A channel's name, unit and range, without values.
 view::Channel height_channel(const scene::SurfaceSpec&);

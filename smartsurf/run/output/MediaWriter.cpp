@@ -1,13 +1,12 @@
 #include "smartsurf/run/output/MediaWriter.h"
 
 #include <fmt/format.h>
-#include <fmt/ranges.h>
 
 #include <utility>
 
 #include "common/image/Png.h"
-#include "common/text/Suggestion.h"
 #include "common/video/VideoEncoder.h"
+#include "smartsurf/run/display/ViewChannels.h"
 #include "smartsurf/view/output/OffscreenView.h"
 
 namespace smartsurf::run {
@@ -25,19 +24,6 @@ common::PixelSize video_size(const RenderOptions& render_options) {
   return size;
 }
 
-// Throws if there is no such channel. A channel without values is accepted.
-void require_channel(const view::FrameInput& frame, const std::string& name) {
-  std::vector<std::string> known;
-  for (const view::Channel& channel : frame.channels) {
-    if (channel.name == name) return;
-    known.push_back(channel.name);
-  }
-  const std::string suggestion = common::nearest_name(name, known);
-  throw scene::InputError(fmt::format(
-      "--cells {}: no such channel{}; known: {}", name,
-      suggestion.empty() ? "" : fmt::format(" (did you mean '{}'?)", suggestion), fmt::join(known, ", ")));
-}
-
 }  // namespace
 
 MediaWriter::MediaWriter(std::vector<Screenshot> screenshots, const std::string& video_file,
@@ -47,7 +33,7 @@ MediaWriter::MediaWriter(std::vector<Screenshot> screenshots, const std::string&
       overlay_(scene.surface),
       pending_screenshots_(std::move(screenshots)) {
   if (!pending_screenshots_.empty() || !video_file.empty()) view::OffscreenView::require_available();
-  overlay_.settings = render_options.overlay;
+  overlay_.settings = render_options.view.overlay;
   if (video_file.empty()) return;
   const common::PixelSize size = video_size(render_options);
   video_writer_ =
@@ -77,13 +63,14 @@ void MediaWriter::finish(const view::FrameInput& frame) {
 
 common::Image MediaWriter::render(view::OffscreenView& view, const view::FrameInput& frame,
                                   const common::PixelSize& size) {
-  if (!render_options_.overlay.channel.empty()) require_channel(frame, render_options_.overlay.channel);
+  const view::ViewSettings& settings = render_options_.view;
+  if (!settings.overlay.channel.empty()) require_channel("--cells", settings.overlay.channel, frame.channels);
   view::DrawOptions options;
-  if (render_options_.wireframe) options.fill_mode = view::FillMode::kWireframe;
+  options.fill_mode = settings.fill_mode;
   overlay_.apply(frame, nullptr, options);
   if (overlay_.colour_scale()) options.legend = &*overlay_.colour_scale();
-  const view::Camera camera = view::Camera::fit_to_surface(scene_.surface, render_options_.camera,
-                                                           static_cast<double>(size.width) / size.height);
+  const view::Camera camera =
+      view::Camera::from_view(scene_.surface, settings.camera, static_cast<double>(size.width) / size.height);
   return view.render(frame.snapshot, frame.catalogue, camera, options, size.width, size.height);
 }
 

@@ -19,6 +19,8 @@ void Player::apply(const view::Commands& commands) {
   }
   if (commands.pace) pace_ = *commands.pace;
   if (commands.seek) seek(static_cast<std::ptrdiff_t>(*commands.seek));
+  if (commands.seek_time_s)
+    seek(std::ranges::lower_bound(frame_times_, *commands.seek_time_s) - frame_times_.begin());
   if (commands.steps == 0) return;
   paused_ = true;
   seek(static_cast<std::ptrdiff_t>(frame()) + commands.steps);

@@ -3,14 +3,16 @@
 #include <fmt/format.h>
 
 #include <chrono>
-#include <optional>
-#include <span>
+#include <memory>
 #include <thread>
 
+#include "smartsurf/run/Run.h"
 #include "smartsurf/run/display/ViewChannels.h"
 #include "smartsurf/run/output/MediaWriter.h"
+#include "smartsurf/run/output/PlotFile.h"
 #include "smartsurf/run/output/Progress.h"
 #include "smartsurf/run/replay/Player.h"
+#include "smartsurf/run/replay/RecordedFrames.h"
 #include "smartsurf/view/output/OffscreenView.h"
 #include "smartsurf/view/window/Window.h"
 
@@ -25,67 +27,33 @@ void require_poses(const record::Recording& recording) {
     throw scene::InputError(recording.path().string() + ": holds nothing to show");
 }
 
-// Loads the frames of a recording for the view, one at a time.
-class RecordedFrameLoader {
- public:
-  explicit RecordedFrameLoader(const record::Recording& recording) : recording_(recording) {
-    const scene::SurfaceSpec& surface = recording.spec().surface;
-    channels_ = {height_channel(surface)};
-    add_channels("sensors", sensor_channel);
-    add_channels("actuators", actuator_channel);
-  }
-  // Valid until the next call.
-  view::FrameInput frame_input(std::size_t frame) {
-    if (loaded_frame_ != frame) load(frame);
-    return {snapshot_, recording_.spec().objects, channels_};
-  }
-
- private:
-  void add_channels(const char* group,
-                    view::Channel (*describe)(const scene::SurfaceSpec&, const std::string&)) {
-    for (const std::string& name : recording_.channel_names(group)) {
-      channels_.push_back(describe(recording_.spec().surface, name));
-      sources_.push_back({group, name});
-    }
-  }
-  // A recording without heights is shown with all pins down; channels of several components are not shown.
-  void load(std::size_t frame) {
-    loaded_frame_ = frame;
-    snapshot_ = recording_.read_snapshot(frame);
-    const scene::SurfaceSpec& surface = recording_.spec().surface;
-    const auto cells = static_cast<std::size_t>(surface.cell_count());
-    if (snapshot_.height.empty()) snapshot_.height.assign(cells, static_cast<float>(surface.pin.min_height));
-    channels_[0].values = snapshot_.height;
-    values_.resize(sources_.size());
-    for (std::size_t i = 0; i < sources_.size(); ++i) {
-      values_[i] = recording_.read_channel(sources_[i].group, sources_[i].name, frame);
-      channels_[1 + i].values = values_[i].size() == cells ? values_[i] : std::span<const float>{};
-    }
-  }
-
-  struct Source {
-    std::string group, name;
-  };
-  const record::Recording& recording_;
-  std::optional<std::size_t> loaded_frame_;
-  scene::Snapshot snapshot_;
-  std::vector<view::Channel> channels_;
-  std::vector<Source> sources_;  // of channels_[1 …]
-  std::vector<std::vector<float>> values_;
-};
-
-view::Status make_view_status(const record::Recording& recording, const Player& player) {
+view::Status make_view_status(const record::Recording& recording, const RecordedFrames& frames,
+                              const Player& player) {
   view::Status status;
   status.mode = "recording";
   status.paused = player.paused();
   status.requested_pace = player.pace();
-  status.timeline = view::Timeline{recording.frames(), player.frame(), recording.times().front(),
-                                   recording.times().back(), true};
+  status.can_reset = true;
+  status.timeline = view::Timeline{recording.frames(),       player.frame(), recording.times().front(),
+                                   recording.times().back(), true,           frames.marks()};
   if (!recording.has_heights())
     status.notice = "no pin heights were recorded";
   else if (const auto tick = recording.first_interaction_tick())
     status.notice = fmt::format("user intervened after tick {}", *tick);
   return status;
+}
+
+// "" if the file can be opened.
+std::string reason_not_to_open(const std::string& file) {
+  try {
+    if (file.ends_with(".h5"))
+      require_poses(record::Recording::open(file));
+    else
+      Run::load(options_for_opened(file, {}));
+    return "";
+  } catch (const scene::InputError& error) {
+    return error.what();
+  }
 }
 
 }  // namespace
@@ -100,37 +68,53 @@ bool replay_to_media(const record::Recording& recording, const std::vector<Scree
                                           *screenshot.time_s, recording.times().back()));
   MediaWriter media(screenshots, video_file, render_options, recording.spec());
   Progress progress;
-  RecordedFrameLoader loader(recording);
+  RecordedFrames frames(recording);
   for (std::size_t frame = 0; frame < recording.frames() && !media.only_final_left(); ++frame) {
     if (stop) return false;
-    media.write_due(loader.frame_input(frame));
+    media.write_due(frames.frame_input(frame));
     progress.update(recording.times()[frame], recording.times().back());
   }
-  media.finish(loader.frame_input(recording.frames() - 1));
+  media.finish(frames.frame_input(recording.frames() - 1));
   progress.finish(recording.times().back());
   return true;
 }
 
-void replay_in_window(const record::Recording& recording, double pace, const std::atomic<bool>& stop) {
+std::string replay_in_window(const record::Recording& recording, double pace,
+                             const view::ViewSettings& settings, const std::atomic<bool>& stop) {
   require_poses(recording);
   view::OffscreenView::require_available();
+  RecordedFrames frames(recording);
+  if (!settings.overlay.channel.empty())
+    require_channel("--cells", settings.overlay.channel, frames.channels());
+  for (const view::Signal& signal : settings.plots)
+    require_signal("--plot", signal, recording.spec().surface, frames.channels());
   if (!view::Window::display_available())
     throw scene::InputError(
         "--window: there is no display here; use --video or --screenshot, or set DISPLAY");
   view::Window window(recording.spec(), "smartsurf: " + recording.path().filename().string());
+  window.apply(settings);
   Player player(recording.times(), pace);
-  RecordedFrameLoader loader(recording);
   auto last_time = Clock::now();
   while (!stop) {
     const view::Commands commands =
-        window.render_frame(loader.frame_input(player.frame()), make_view_status(recording, player));
-    if (commands.quit || commands.display_lost) return;
+        window.render_frame(frames.frame_input(player.frame()), make_view_status(recording, frames, player));
+    if (commands.quit || commands.display_lost) return "";
+    if (commands.reset) return recording.path().string();
+    if (!commands.open_file.empty()) {
+      if (const std::string refusal = reason_not_to_open(commands.open_file); refusal.empty())
+        return commands.open_file;
+      else
+        window.show_message(refusal);
+    }
+    if (commands.plot_export)
+      window.show_message(write_plot_file(*commands.plot_export, recording.path().string()));
     player.apply(commands);
     const auto now = Clock::now();
     player.advance(std::chrono::duration<double>(now - last_time).count());
     last_time = now;
     std::this_thread::sleep_for(5ms);
   }
+  return "";
 }
 
 }  // namespace smartsurf::run

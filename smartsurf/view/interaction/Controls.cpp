@@ -12,9 +12,7 @@ constexpr double kClickTolerance_px = 4.0;  // a press that moves farther is a d
 
 }  // namespace
 
-Controls::Controls(const scene::SurfaceSpec& surface) : surface_(surface), tools_(surface) {
-  apply_preset(CameraPreset::kIso);
-}
+Controls::Controls(const scene::SurfaceSpec& surface) : surface_(surface), tools_(surface) { apply_view({}); }
 
 void Controls::set_surface(const scene::SurfaceSpec& surface) {
   const bool same_size =
@@ -22,7 +20,7 @@ void Controls::set_surface(const scene::SurfaceSpec& surface) {
   surface_ = surface;
   tools_ = Tools(surface);
   followed_.reset();
-  if (!same_size) apply_preset(preset_);
+  if (!same_size) apply_view({view_.preset, {}});
 }
 
 // The tolerance of 1e-9 absorbs rounding errors of log2 at exact powers of two.
@@ -71,11 +69,11 @@ void Controls::perform(UiAction action, const Status& status) {
 void Controls::perform_view_action(UiAction action) {
   switch (action) {
     case UiAction::kTop:
-      return apply_preset(CameraPreset::kTop);
+      return apply_view({CameraPreset::kTop, {}});
     case UiAction::kIso:
-      return apply_preset(CameraPreset::kIso);
+      return apply_view({CameraPreset::kIso, {}});
     case UiAction::kSide:
-      return apply_preset(CameraPreset::kSide);
+      return apply_view({CameraPreset::kSide, {}});
     case UiAction::kScreenshot:
       screenshot_requested_ = true;
       break;
@@ -112,6 +110,10 @@ void Controls::toggle_display_option(UiAction action) {
       return toggle(panels_);
     case UiAction::kLabels:
       return toggle(labels_);
+    case UiAction::kEntities:
+      return toggle(entities_);
+    case UiAction::kPlots:
+      return toggle(plots_);
     case UiAction::kTrails:
       return toggle(overlay_.trails);
     case UiAction::kContactForces:
@@ -204,14 +206,61 @@ void Controls::resize(double aspect, const ViewInsets& insets) {
   if (aspect == aspect_ && insets == insets_) return;
   aspect_ = aspect;
   insets_ = insets;
-  if (!camera_moved_) apply_preset(preset_);
+  if (!camera_moved_) apply_view(view_);
 }
 
-void Controls::apply_preset(CameraPreset preset) {
-  preset_ = preset;
+void Controls::apply_view(const CameraView& view) {
+  view_ = view;
   followed_.reset();
-  camera_ = Camera::fit_to_surface(surface_, preset, aspect_, insets_);
+  camera_ = Camera::from_view(surface_, view, aspect_, insets_);
   camera_moved_ = false;
+}
+
+void Controls::apply(const ViewSettings& settings) {
+  fill_mode_ = settings.fill_mode;
+  overlay_ = settings.overlay;
+  plots_ = !settings.plots.empty();
+  apply_view(settings.camera);
+}
+
+bool Controls::paste_camera(std::string_view text) {
+  const std::optional<CameraPose> pose = parse_camera_pose(text);
+  if (!pose) return false;
+  followed_.reset();
+  camera_moved_ = true;
+  camera_.set_pose(*pose);
+  return true;
+}
+
+bool Controls::is_on(UiAction action) const {
+  switch (action) {
+    case UiAction::kWireframe:
+      return fill_mode_ == FillMode::kWireframe;
+    case UiAction::kGrid:
+      return grid_;
+    case UiAction::kLabels:
+      return labels_;
+    case UiAction::kEntities:
+      return entities_;
+    case UiAction::kPlots:
+      return plots_;
+    case UiAction::kTrails:
+      return overlay_.trails;
+    case UiAction::kContactForces:
+      return overlay_.contact_forces;
+    case UiAction::kSensorRays:
+      return overlay_.sensor_rays;
+    case UiAction::kNextChannel:
+      return !overlay_.channel.empty();
+    case UiAction::kFollow:
+      return followed_.has_value();
+    case UiAction::kPanels:
+      return panels_;
+    case UiAction::kHelp:
+      return help_;
+    default:
+      return false;
+  }
 }
 
 Commands Controls::take_commands() {

@@ -4,6 +4,7 @@
 
 #include <cstddef>
 #include <optional>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -13,8 +14,22 @@
 #include "smartsurf/view/model/Camera.h"
 #include "smartsurf/view/model/DrawOptions.h"
 #include "smartsurf/view/model/OptionEdit.h"
+#include "smartsurf/view/model/PlotData.h"
 
 namespace smartsurf::view {
+
+// What happened in a run, marked on the timeline.
+struct EventMark {
+  enum class Kind {
+    kScript,          // a callback of at() ran
+    kSorted,          // the surface became sorted
+    kTouched,         // the user intervened
+    kControllerLost,  // the controller exited, detached or died
+  };
+  Kind kind = Kind::kScript;
+  double time_s = 0.0;
+  std::string text;
+};
 
 // The frames that the user can seek to: those of a recording, or the recent states of a running simulation.
 struct Timeline {
@@ -22,6 +37,7 @@ struct Timeline {
   std::size_t current_frame = 0;      // the frame on display, < frame_count
   double begin_s = 0.0, end_s = 0.0;  // simulated time of the first and the last frame
   bool is_recording = false;          // false: a running simulation, whose last frame is the current state
+  std::span<const EventMark> marks;   // in order of time
 };
 
 // A message in the middle of the window: how the run ended, or what it waits for.
@@ -51,12 +67,21 @@ struct Status {
   bool can_reset = false;            // the simulation can be restarted
 };
 
+// What a window shows at first.
+struct ViewSettings {
+  CameraView camera;
+  FillMode fill_mode = FillMode::kSolid;
+  OverlaySettings overlay;
+  std::vector<Signal> plots;
+};
+
 // The user's requests since the last frame.
 struct Commands {
   bool toggle_pause = false;
-  int steps = 0;                    // single ticks while paused; negative: back along the timeline
-  std::optional<std::size_t> seek;  // frame of the timeline to show
-  std::optional<double> pace;       // new pace, as Status::requested_pace
+  int steps = 0;                      // single ticks while paused; negative: back along the timeline
+  std::optional<std::size_t> seek;    // frame of the timeline to show
+  std::optional<double> seek_time_s;  // likewise: the first frame at or after this simulated time
+  std::optional<double> pace;         // new pace, as Status::requested_pace
   bool quit = false;
   bool display_lost = false;    // the window is gone; no further calls are allowed
   std::string screenshot_path;  // path of the screenshot just written, or ""
@@ -67,6 +92,8 @@ struct Commands {
   std::optional<Fault> fault;
   bool reset = false;               // restart the run with these options
   std::vector<NamedValue> options;  // changed options
+  std::string open_file;            // an experiment or recording to open instead, or ""
+  std::optional<PlotExport> plot_export;
 };
 
 // One pointer event. x, y: image pixels, y down.
@@ -92,6 +119,8 @@ enum class UiAction {
   kWireframe,
   kGrid,
   kLabels,
+  kEntities,
+  kPlots,
   kTrails,
   kContactForces,
   kSensorRays,
@@ -128,7 +157,13 @@ class Controls {
   // moved since its preset was applied, the preset is applied again.
   void resize(double aspect, const ViewInsets& insets = {});
 
+  void apply(const ViewSettings& settings);
   void seek(std::size_t frame) { commands_.seek = frame; }
+  void seek_time(double time_s) { commands_.seek_time_s = time_s; }
+  void open_file(const std::string& file) { commands_.open_file = file; }
+  void export_plot(PlotExport plot) { commands_.plot_export = std::move(plot); }
+  // Moves the camera as parse_camera_pose() reads the text; false if it cannot be read.
+  bool paste_camera(std::string_view text);
   void reset(std::vector<NamedValue> options);
   void follow(std::optional<scene::ObjectId> object) { followed_ = object; }
   const std::optional<scene::ObjectId>& followed() const { return followed_; }
@@ -146,6 +181,10 @@ class Controls {
   bool grid_shown() const { return grid_; }
   bool panels_shown() const { return panels_; }
   bool labels_shown() const { return labels_; }
+  bool entities_shown() const { return entities_; }
+  bool plots_shown() const { return plots_; }
+  // Whether the action is a switch, and on.
+  bool is_on(UiAction action) const;
   Tools& tools() { return tools_; }
   const Tools& tools() const { return tools_; }
   OverlaySettings& overlay() { return overlay_; }
@@ -158,7 +197,7 @@ class Controls {
   static double slower_pace(double pace);
 
  private:
-  void apply_preset(CameraPreset preset);
+  void apply_view(const CameraView& view);
   void perform_view_action(UiAction action);
   void toggle_display_option(UiAction action);
   void select_next_channel();
@@ -166,11 +205,11 @@ class Controls {
 
   scene::SurfaceSpec surface_;
   Camera camera_;
-  CameraPreset preset_ = CameraPreset::kIso;
+  CameraView view_;
   double aspect_ = 16.0 / 9.0;
   ViewInsets insets_;
   bool camera_moved_ = false, help_ = false, grid_ = true, screenshot_requested_ = false;
-  bool video_requested_ = false, panels_ = true, labels_ = false;
+  bool video_requested_ = false, panels_ = true, labels_ = false, entities_ = false, plots_ = false;
   FillMode fill_mode_ = FillMode::kSolid;
   Commands commands_;
   Tools tools_;

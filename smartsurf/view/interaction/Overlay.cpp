@@ -4,13 +4,12 @@
 #include <cmath>
 
 #include "smartsurf/view/model/Meshes.h"
+#include "smartsurf/view/model/PlotData.h"
 
 namespace smartsurf::view {
 namespace {
 
 using Rgba8 = std::array<std::uint8_t, 4>;
-constexpr Rgba8 kContactColour{200, 30, 20, 255}, kSensorRayColour{20, 140, 60, 150},
-    kSelectionColour{255, 190, 0, 255}, kSpringColour{230, 40, 160, 255};
 
 std::array<float, 3> to_float3(const Eigen::Vector3d& v) {
   return {static_cast<float>(v.x()), static_cast<float>(v.y()), static_cast<float>(v.z())};
@@ -84,7 +83,10 @@ void Overlay::apply(const FrameInput& input, const Tools* tools, DrawOptions& op
   } else {
     trails_.clear();
   }
-  if (settings.contact_forces) add_contact_forces(input);
+  if (settings.contact_forces)
+    add_contact_forces(input);
+  else
+    force_scale_.reset();
   if (settings.sensor_rays) add_sensor_rays(input);
   if (tools) add_selection(input, *tools);
   options.lines = lines_;
@@ -115,12 +117,13 @@ void Overlay::apply_cell_colours(const FrameInput& input, DrawOptions& options) 
   colour_scale_ = scale;
 }
 
-// The longest arrow is three pitches long.
 void Overlay::add_contact_forces(const FrameInput& input) {
   float max_force = 0.0F;
   for (const ContactMark& contact : input.contacts) max_force = std::max(max_force, contact.force.norm());
-  if (!(max_force > 0.0F)) return;
-  const float scale = 3.0F * static_cast<float>(surface_.pitch) / max_force;
+  if (!(max_force > 0.0F)) return force_scale_.reset();
+  if (!force_scale_ || max_force > force_scale_->force || max_force < 0.2 * force_scale_->force)
+    force_scale_ = {round_up(double{max_force}), 3.0 * surface_.pitch};
+  const auto scale = static_cast<float>(force_scale_->length / force_scale_->force);
   for (const ContactMark& contact : input.contacts) {
     const Eigen::Vector3f tip = contact.point + scale * contact.force;
     lines_.push_back({{contact.point.x(), contact.point.y(), contact.point.z()},

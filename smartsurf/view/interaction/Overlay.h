@@ -1,6 +1,8 @@
 // The user's display settings, and the overlay lines and cell colours derived from them. No OpenGL.
 #pragma once
 
+#include <array>
+#include <cstdint>
 #include <optional>
 #include <string>
 #include <vector>
@@ -12,6 +14,10 @@
 
 namespace smartsurf::view {
 
+// Colours of the lines, sRGB and alpha.
+inline constexpr std::array<std::uint8_t, 4> kContactColour{200, 30, 20, 255},
+    kSensorRayColour{20, 140, 60, 150}, kSelectionColour{255, 190, 0, 255}, kSpringColour{230, 40, 160, 255};
+
 struct OverlaySettings {
   std::string channel;  // the channel that colours the cells; "": none
   Palette palette = Palette::kViridis;
@@ -22,6 +28,12 @@ struct OverlaySettings {
   double trail_length_s = 3.0;  // simulated time
   bool contact_forces = false;
   bool sensor_rays = false;
+};
+
+// The scale of the arrows of contact forces.
+struct ForceScale {
+  double force = 1.0;   // mass·u/s², a round number
+  double length = 3.0;  // u: the arrow of that force
 };
 
 class Overlay {
@@ -37,6 +49,8 @@ class Overlay {
   void apply(const FrameInput& input, const Tools* tools, DrawOptions& options);
   // Empty if no channel is shown or it has no values.
   const std::optional<ColourScale>& colour_scale() const { return colour_scale_; }
+  // Empty if no contact force is shown. Changes only when the largest force leaves a fifth to the whole of it.
+  const std::optional<ForceScale>& force_scale() const { return force_scale_; }
 
  private:
   void apply_cell_colours(const FrameInput& input, DrawOptions& options);
@@ -48,6 +62,7 @@ class Overlay {
   Trails trails_;
   std::vector<Line> lines_;
   std::optional<ColourScale> colour_scale_;
+  std::optional<ForceScale> force_scale_;
 };
 
 }  // namespace smartsurf::view

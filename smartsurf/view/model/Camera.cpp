@@ -2,7 +2,9 @@
 
 #include <algorithm>
 #include <array>
+#include <charconv>
 #include <cmath>
+#include <cstdio>
 #include <limits>
 #include <numbers>
 
@@ -44,7 +46,36 @@ struct FrustumFit {
   double offset(double d) const { return 0.5 * (min_offset(d) + max_offset(d)); }
 };
 
+// "X,Y,Z" with finite numbers.
+std::optional<Eigen::Vector3d> parse_point(std::string_view text) {
+  Eigen::Vector3d point;
+  const char* at = text.data();
+  const char* const end = at + text.size();
+  for (int axis = 0; axis < 3; ++axis) {
+    if (axis > 0 && (at == end || *at++ != ',')) return std::nullopt;
+    const auto [rest, error] = std::from_chars(at, end, point[axis]);
+    if (error != std::errc{} || !std::isfinite(point[axis])) return std::nullopt;
+    at = rest;
+  }
+  return at == end ? std::optional(point) : std::nullopt;
+}
+
 }  // namespace
+
+std::string to_string(const CameraPose& pose) {
+  char text[160];
+  const Eigen::Vector3d &p = pose.position, &t = pose.target;
+  std::snprintf(text, sizeof text, "%.2f,%.2f,%.2f:%.2f,%.2f,%.2f", p.x(), p.y(), p.z(), t.x(), t.y(), t.z());
+  return text;
+}
+
+std::optional<CameraPose> parse_camera_pose(std::string_view text) {
+  const std::size_t colon = text.find(':');
+  if (colon == text.npos) return std::nullopt;
+  const auto position = parse_point(text.substr(0, colon)), target = parse_point(text.substr(colon + 1));
+  if (!position || !target || !(position->z() > target->z())) return std::nullopt;
+  return CameraPose{*position, *target};
+}
 
 Eigen::AlignedBox3d Camera::surface_bounding_box(const scene::SurfaceSpec& s) {
   const double top = std::max(s.pin.max_height, s.border_height.value_or(s.pin.max_height));
@@ -99,6 +130,23 @@ Camera Camera::fit_to_surface(const scene::SurfaceSpec& surface, CameraPreset pr
                    camera.up() * std::min(y_unobstructed.offset(eye_depth), y.max_offset(eye_depth)) -
                    camera.forward() * target_depth;
   return camera;
+}
+
+Camera Camera::from_view(const scene::SurfaceSpec& surface, const CameraView& view, double aspect,
+                         const ViewInsets& insets) {
+  Camera camera = fit_to_surface(surface, view.preset, aspect, insets);
+  if (view.pose) camera.set_pose(*view.pose);
+  return camera;
+}
+
+// Straight down, the azimuth stays.
+void Camera::set_pose(const CameraPose& pose) {
+  const Eigen::Vector3d offset = pose.position - pose.target;
+  const double across = offset.head<2>().norm();
+  if (across > 1e-9 * offset.norm()) azimuth_ = std::atan2(offset.x(), -offset.y());
+  elevation_ = std::clamp(std::atan2(offset.z(), across), kMinElevation, kMaxElevation);
+  distance_ = std::clamp(offset.norm(), reference_distance_ / 200.0, reference_distance_ * 5.0);
+  target_ = pose.target;
 }
 
 void Camera::orbit(double dx, double dy) {

@@ -1,15 +1,32 @@
 // A perspective orbit camera, defined by target, azimuth, elevation and distance.
 //
-// World axes: x east, y north, z up; lengths in u. No OpenGL. No function allocates or fails.
+// World axes: x east, y north, z up; lengths in u. No OpenGL. Functions of Camera neither allocate nor fail.
 #pragma once
 
 #include <Eigen/Geometry>
+#include <optional>
+#include <string>
+#include <string_view>
 
 #include "smartsurf/scene/SceneSpec.h"
 
 namespace smartsurf::view {
 
 enum class CameraPreset { kTop, kIso, kSide };
+
+// Where a camera is and the point in the middle of its image, u. Its text has the form "X,Y,Z:X,Y,Z".
+struct CameraPose {
+  Eigen::Vector3d position, target;
+};
+std::string to_string(const CameraPose& pose);
+// Empty if the text does not have that form, or the position is not above the target.
+std::optional<CameraPose> parse_camera_pose(std::string_view text);
+
+// A camera that is yet to be fitted to a surface and an image.
+struct CameraView {
+  CameraPreset preset = CameraPreset::kIso;
+  std::optional<CameraPose> pose;  // instead of the preset
+};
 
 // direction is a unit vector.
 struct Ray {
@@ -37,6 +54,10 @@ class Camera {
   static Camera fit_to_surface(const scene::SurfaceSpec& surface, CameraPreset preset, double aspect,
                                const ViewInsets& insets = {});
 
+  // The view's pose, if it has one, with the zoom limits of the preset; else fit_to_surface().
+  static Camera from_view(const scene::SurfaceSpec& surface, const CameraView& view, double aspect,
+                          const ViewInsets& insets = {});
+
   // Bounding box of the table over the full travel of its pins, u.
   static Eigen::AlignedBox3d surface_bounding_box(const scene::SurfaceSpec& surface);
 
@@ -50,6 +71,10 @@ class Camera {
 
   Eigen::Vector3d eye() const;
   Eigen::Vector3d target() const { return target_; }
+  CameraPose pose() const { return {eye(), target_}; }
+  // Moves the camera; a direction outside kMinElevation … kMaxElevation and a distance outside the zoom limits are
+  // clamped.
+  void set_pose(const CameraPose& pose);
   Eigen::Vector3d forward() const;  // unit vector from the eye to the target
   Eigen::Vector3d right() const;
   Eigen::Vector3d up() const;

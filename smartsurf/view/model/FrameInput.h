@@ -25,11 +25,14 @@ struct ContactMark {
   Eigen::Vector3f force;  // mass·u/s², on the object, averaged over the physics step
 };
 
+class History;  // model/Signal.h
+
 struct FrameInput {
   const scene::Snapshot& snapshot;
   const std::vector<scene::ObjectSpec>& catalogue;  // every object ever created, index = object id
   std::span<const Channel> channels = {};           // the same set in every frame of a run
   std::span<const ContactMark> contacts = {};
+  const History* history = nullptr;  // the stored frames, for plots and trails; null: none
 };
 
 }  // namespace smartsurf::view

@@ -40,6 +40,8 @@ bool Window::needs_redraw() const { throw_not_built(); }
 bool Window::wants_contacts() const { throw_not_built(); }
 void Window::perform(UiAction) { throw_not_built(); }
 void Window::add_pointer_event(const PointerEvent&) { throw_not_built(); }
-void Window::set_scene(const scene::SceneSpec&) { throw_not_built(); }
+void Window::apply(const ViewSettings&) { throw_not_built(); }
+void Window::show_message(const std::string&) { throw_not_built(); }
+void Window::set_scene(const scene::SceneSpec&, const std::string&) { throw_not_built(); }
 
 }  // namespace smartsurf::view

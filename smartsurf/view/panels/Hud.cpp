@@ -4,6 +4,7 @@
 #include <imgui_internal.h>
 
 #include <algorithm>
+#include <cmath>
 #include <cstdio>
 #include <filesystem>
 #include <string>
@@ -17,6 +18,7 @@ namespace {
 // From Debian's fonts-dejavu-core. Without it, ImGui's built-in bitmap font is used.
 constexpr const char* kFontFile = "/usr/share/fonts/truetype/dejavu/DejaVuSans.ttf";
 constexpr float kFontSize_px = 14.0f, kTitleSize_px = 20.0f;
+constexpr float kPanelWidth = 270.0f;  // of the contents of the run panel, pixels, unscaled
 constexpr ImGuiWindowFlags kPanelFlags =
     ImGuiWindowFlags_NoDecoration | ImGuiWindowFlags_AlwaysAutoResize | ImGuiWindowFlags_NoSavedSettings |
     ImGuiWindowFlags_NoFocusOnAppearing | ImGuiWindowFlags_NoNav | ImGuiWindowFlags_NoMove;
@@ -75,6 +77,90 @@ void draw_transport_controls(const Status& status, Controls& controls) {
   action_button("Reset", UiAction::kReset, status, controls, "restart: Backspace");
 }
 
+ImU32 mark_colour(EventMark::Kind kind) {
+  switch (kind) {
+    case EventMark::Kind::kSorted:
+      return IM_COL32(15, 125, 55, 255);
+    case EventMark::Kind::kTouched:
+      return IM_COL32(205, 95, 0, 255);
+    case EventMark::Kind::kControllerLost:
+      return IM_COL32(195, 25, 25, 255);
+    case EventMark::Kind::kScript:
+      break;
+  }
+  return IM_COL32(40, 95, 190, 255);
+}
+
+// Draws the marks under the slider from `low` to `high`; a click on one seeks to it.
+void draw_event_marks(const Timeline& timeline, const ImVec2& low, const ImVec2& high, Controls& controls,
+                      float scale) {
+  const double span_s = timeline.end_s - timeline.begin_s;
+  if (timeline.marks.empty() || span_s <= 0.0) return;
+  const float size = 5.0f * scale, grab = ImGui::GetStyle().GrabMinSize / 2.0f;
+  const ImVec2 mouse = ImGui::GetIO().MousePos;
+  const EventMark* hovered = nullptr;
+  float nearest = 1.5f * size;
+  float drawn_at = -1e9f;
+  EventMark::Kind drawn_kind{};
+  for (const EventMark& mark : timeline.marks) {
+    if (mark.time_s < timeline.begin_s || mark.time_s > timeline.end_s) continue;
+    const float x =
+        low.x + grab +
+        static_cast<float>((mark.time_s - timeline.begin_s) / span_s) * (high.x - low.x - 2.0f * grab);
+    const bool in_reach = mouse.y > high.y && mouse.y < high.y + 2.5f * size;
+    if (in_reach && std::abs(mouse.x - x) < nearest) {
+      nearest = std::abs(mouse.x - x);
+      hovered = &mark;
+    }
+    if (mark.kind == drawn_kind && x - drawn_at < 1.0f) continue;
+    drawn_at = x;
+    drawn_kind = mark.kind;
+    ImGui::GetWindowDrawList()->AddTriangleFilled({x, high.y + 1.0f}, {x - size, high.y + 2.0f * size},
+                                                  {x + size, high.y + 2.0f * size}, mark_colour(mark.kind));
+  }
+  ImGui::SetCursorPosY(ImGui::GetCursorPosY() - ImGui::GetStyle().ItemSpacing.y);
+  ImGui::Dummy({1.0f, 2.0f * size});
+  if (!hovered) return;
+  ImGui::SetTooltip("%.2f s: %s", hovered->time_s, hovered->text.c_str());
+  if (ImGui::IsMouseClicked(ImGuiMouseButton_Left)) controls.seek_time(hovered->time_s);
+}
+
+// The keys that switch something, highlighted while it is on.
+void draw_toggles(const Status& status, Controls& controls, float width) {
+  struct Toggle {
+    const char* label;
+    UiAction action;
+    const char* tooltip;
+  };
+  static constexpr Toggle kToggles[] = {{"W", UiAction::kWireframe, "W: wireframe objects"},
+                                        {"G", UiAction::kGrid, "G: grid on the ground"},
+                                        {"T", UiAction::kTrails, "T: trails"},
+                                        {"F", UiAction::kContactForces, "F: contact forces"},
+                                        {"S", UiAction::kSensorRays, "S: sensor rays"},
+                                        {"L", UiAction::kLabels, "L: labels"},
+                                        {"H", UiAction::kNextChannel, "H: the next channel as a heat map"},
+                                        {"O", UiAction::kFollow, "O: follow the selected object"},
+                                        {"E", UiAction::kEntities, "E: list of channels and objects"},
+                                        {"D", UiAction::kPlots, "D: plots of data over time"}};
+  const float gap = 3.0f;
+  const float button = (width - gap * (IM_ARRAYSIZE(kToggles) - 1)) / IM_ARRAYSIZE(kToggles);
+  ImGui::PushStyleVar(ImGuiStyleVar_ItemSpacing, {gap, ImGui::GetStyle().ItemSpacing.y});
+  ImGui::PushStyleVar(ImGuiStyleVar_FramePadding, {0.0f, ImGui::GetStyle().FramePadding.y});
+  for (const Toggle& toggle : kToggles) {
+    const bool on = controls.is_on(toggle.action);
+    if (on) {
+      ImGui::PushStyleColor(ImGuiCol_Button, {0.16f, 0.42f, 0.72f, 1.0f});
+      ImGui::PushStyleColor(ImGuiCol_Text, {1.0f, 1.0f, 1.0f, 1.0f});
+    }
+    const bool pressed = ImGui::Button(toggle.label, {button, 0.0f});
+    if (on) ImGui::PopStyleColor(2);
+    if (pressed) controls.perform(toggle.action, status);
+    if (ImGui::IsItemHovered()) ImGui::SetTooltip("%s (%s)", toggle.tooltip, on ? "on" : "off");
+    if (&toggle != &kToggles[IM_ARRAYSIZE(kToggles) - 1]) ImGui::SameLine();
+  }
+  ImGui::PopStyleVar(2);
+}
+
 // Draws the timeline with its playback controls along the bottom. Returns the y of its upper edge.
 float draw_timeline(const Timeline& timeline, const Status& status, Controls& controls, float scale) {
   const ImVec2 size = ImGui::GetIO().DisplaySize;
@@ -100,8 +186,10 @@ float draw_timeline(const Timeline& timeline, const Status& status, Controls& co
   if (ImGui::SliderInt("##frame", &frame, 0, static_cast<int>(timeline.frame_count) - 1, "frame %d",
                        ImGuiSliderFlags_AlwaysClamp))
     controls.seek(static_cast<std::size_t>(frame));
+  const ImVec2 slider_low = ImGui::GetItemRectMin(), slider_high = ImGui::GetItemRectMax();
   ImGui::SameLine();
   ImGui::TextUnformatted(end_label);
+  draw_event_marks(timeline, slider_low, slider_high, controls, scale);
   const float top = ImGui::GetWindowPos().y;
   ImGui::End();
   return top;
@@ -126,6 +214,8 @@ void setup_imgui_style(float scale) {
   style.WindowPadding = {12.0f, 10.0f};
   style.CellPadding = {6.0f, 1.5f};
   style.WindowBorderSize = 0.0f;
+  style.FrameBorderSize = 1.0f;
+  style.Colors[ImGuiCol_Border] = {0.70f, 0.74f, 0.79f, 1.0f};
   style.Colors[ImGuiCol_Text] = {0.10f, 0.12f, 0.15f, 1.0f};
   style.Colors[ImGuiCol_WindowBg] = {0.97f, 0.98f, 0.99f, 1.0f};
   style.Colors[ImGuiCol_FrameBg] = {0.87f, 0.90f, 0.93f, 1.0f};
@@ -135,8 +225,8 @@ void setup_imgui_style(float scale) {
 
 namespace {
 
-void draw_run_panel(const FrameInput& input, const Status& status, HudState& state, Controls& controls,
-                    float scale) {
+void draw_run_panel(const FrameInput& input, const Status& status, const scene::SurfaceSpec& surface,
+                    HudState& state, Controls& controls, float scale) {
   ImGui::SetNextWindowPos({12.0f * scale, 12.0f * scale});
   ImGui::SetNextWindowBgAlpha(0.86f);
   ImGui::Begin("run", nullptr, kPanelFlags);
@@ -147,12 +237,16 @@ void draw_run_panel(const FrameInput& input, const Status& status, HudState& sta
   }
   ImGui::Spacing();
   draw_transport_controls(status, controls);
+  draw_toggles(status, controls, kPanelWidth * scale);
   draw_visibility_section(input, status, controls);
   draw_tools_section(status, controls);
   draw_options_section(status, state.option_edits, controls);
+  draw_entities_section(input, surface, state, controls);
+  ImGui::PushTextWrapPos(kPanelWidth * scale);
   if (!status.notice.empty()) ImGui::TextColored(kWarningColour, "%s", status.notice.c_str());
   if (state.recording_video) ImGui::TextColored(kWarningColour, "recording video; V: stop");
   if (!state.message.empty()) ImGui::TextUnformatted(state.message.c_str());
+  ImGui::PopTextWrapPos();
   ImGui::TextColored(kDimTextColour, "F1: help   Tab: hide panels");
   ImGui::PopItemWidth();
   // Set once, from the panel's initial size, so that the scene does not move when a section is opened.
@@ -215,24 +309,30 @@ void draw_banner(const Banner& banner, float left, float scale) {
 
 }  // namespace
 
-void draw_hud(const FrameInput& input, const Status& status, const std::optional<ColourScale>& colour_scale,
-              HudState& state, Controls& controls, float scale) {
-  float bottom = ImGui::GetIO().DisplaySize.y - 12.0f * scale;
+void draw_hud(const FrameInput& input, const Status& status, const scene::SurfaceSpec& surface,
+              const Overlay& overlay, HudState& state, Controls& controls, float scale) {
+  const ImVec2 display = ImGui::GetIO().DisplaySize;
+  float bottom = display.y - 12.0f * scale;
   if (controls.panels_shown()) {
-    draw_run_panel(input, status, state, controls, scale);
-    draw_inspector_panel(input, state.plot_history, controls, scale);
-    if (status.timeline) {
-      const float top = draw_timeline(*status.timeline, status, controls, scale);
-      bottom = top - 8.0f * scale;
-      state.insets.bottom = std::min(0.4, 1.0 - static_cast<double>(top / ImGui::GetIO().DisplaySize.y));
-    }
+    draw_run_panel(input, status, surface, state, controls, scale);
+    if (status.timeline) bottom = draw_timeline(*status.timeline, status, controls, scale) - 8.0f * scale;
+    if (controls.plots_shown())
+      bottom = draw_plots_panel(input, status, state, controls, bottom, scale) - 8.0f * scale;
+    if (status.timeline || controls.plots_shown())
+      state.insets.bottom = std::min(0.4, 1.0 - static_cast<double>(bottom / display.y));
+    draw_inspector_panel(input, status, surface, state, controls, bottom, scale);
     if (status.paused && !status.banner) draw_paused_badge(scale);
   }
   if (status.banner) {
     const double panel = controls.panels_shown() ? state.insets.left : 0.0;
-    draw_banner(*status.banner, static_cast<float>(panel) * ImGui::GetIO().DisplaySize.x, scale);
+    draw_banner(*status.banner, static_cast<float>(panel) * display.x, scale);
   }
-  if (colour_scale) draw_legend(*colour_scale, bottom, scale);
+  float right = display.x - 12.0f * scale;
+  if (overlay.colour_scale()) {
+    draw_legend(*overlay.colour_scale(), bottom, scale);
+    right -= 272.0f * scale;
+  }
+  draw_line_legend(overlay.settings, overlay.force_scale(), right, bottom, scale);
 }
 
 void draw_help_overlay(float scale) {
@@ -250,6 +350,8 @@ void draw_help_overlay(float scale) {
                                              {"H", "colour the cells by the next channel"},
                                              {"T   F   S   L", "trails, contact forces, sensor rays, labels"},
                                              {"O", "follow the picked object"},
+                                             {"E   D", "list of channels and objects, plots"},
+                                             {"Ctrl + C   Ctrl + V", "copy, paste the camera"},
                                              {"P   V", "save a screenshot, record a video"},
                                              {"Tab   F1", "panels, this help"},
                                              {"Esc", "cancel the tool or selection, stop following"},

@@ -9,7 +9,6 @@
 namespace smartsurf::view {
 namespace {
 
-constexpr const char* kShapeNames[] = {"sphere", "box", "cylinder", "capsule", "cone", "solid"};
 constexpr float kNameWidth = 9.0f;  // width of the name column, in font heights
 const ImVec4 kDimTextColour(0.36f, 0.40f, 0.46f, 1.0f);
 
@@ -22,8 +21,7 @@ void draw_vector_row(const char* name, const char* unit, const std::array<float,
 void draw_object_rows(const FrameInput& input, scene::ObjectId id, Controls& controls) {
   const scene::ObjectSpec& object = input.catalogue[id];
   ImGui::Text("Object %u%s%s", id, object.label.empty() ? "" : ": ", object.label.c_str());
-  ImGui::TextColored(kDimTextColour, "%s%s", kShapeNames[static_cast<int>(object.shape)],
-                     object.fixed ? ", fixed" : "");
+  ImGui::TextColored(kDimTextColour, "%s%s", shape_name(object.shape), object.fixed ? ", fixed" : "");
   const auto i = find_object_index(input.snapshot, id);
   if (!i) {
     ImGui::TextUnformatted("not in the scene at this time");
@@ -38,43 +36,61 @@ void draw_object_rows(const FrameInput& input, scene::ObjectId id, Controls& con
     controls.follow(following ? std::optional(id) : std::nullopt);
 }
 
-void draw_series_plot(const PlotHistory::Series& series, float width) {
-  if (series.values.empty()) return;
-  float low = INFINITY, high = -INFINITY;
-  for (const float value : series.values) {
-    if (!std::isfinite(value)) continue;
-    low = std::min(low, value);
-    high = std::max(high, value);
-  }
-  char latest[64];
-  if (std::isfinite(series.latest()))
-    std::snprintf(latest, sizeof latest, "%.3g %s", static_cast<double>(series.latest()),
-                  series.unit.c_str());
-  else
-    std::snprintf(latest, sizeof latest, "no value");
-  ImGui::TextColored(kDimTextColour, "%s", series.name.c_str());
+// The signal's value in the frame on display; NaN if it has none.
+double current_value(const FrameInput& input, const Signal& signal, const scene::SurfaceSpec& surface) {
+  if (signal.kind == Signal::Kind::kObject) return object_value(signal, input.snapshot);
+  const auto channel = std::ranges::find(input.channels, signal.quantity, &Channel::name);
+  if (channel == input.channels.end() || channel->values.empty()) return NAN;
+  return channel->values[static_cast<std::size_t>(surface.index(signal.row, signal.column))];
+}
+
+// The current value, a switch that adds the signal to the plots, and a small chart of what is stored.
+std::optional<double> draw_signal(const FrameInput& input, std::size_t index, HudState& state,
+                                  Controls& controls, double value, float width) {
+  const PlotData::Series& series = state.inspected.series()[index];
+  const std::string unit = unit_of(series.signal, input.channels);
+  ImGui::PushID(static_cast<int>(index));
+  ImGui::AlignTextToFramePadding();
+  ImGui::TextColored(kDimTextColour, "%s", series.signal.quantity.c_str());
   ImGui::SameLine(kNameWidth * ImGui::GetFontSize());
-  ImGui::TextUnformatted(latest);
-  if (!(low <= high) || series.values.size() < 2) return;  // nothing to plot; the number is enough
-  const float margin = std::max(0.05f * (high - low), 0.01f);
-  ImGui::PushID(series.name.c_str());
-  ImGui::PlotLines("##trace", series.values.data(), static_cast<int>(series.values.size()), 0, nullptr,
-                   low - margin, high + margin, {width, 2.6f * ImGui::GetFontSize()});
-  if (ImGui::IsItemHovered()) ImGui::SetTooltip("%.3g to %.3g %s", low, high, series.unit.c_str());
+  if (std::isfinite(value))
+    ImGui::Text("%.4g %s", value, unit.c_str());
+  else
+    ImGui::TextUnformatted("no value");
+  const float box =
+      ImGui::CalcTextSize("plot").x + ImGui::GetFrameHeight() + ImGui::GetStyle().ItemInnerSpacing.x;
+  ImGui::SameLine(std::max(width - box, kNameWidth * ImGui::GetFontSize() + 90.0f));
+  bool plotted = state.plotted.contains(series.signal);
+  if (ImGui::Checkbox("plot", &plotted)) {
+    if (plotted)
+      state.plotted.add(series.signal);
+    else
+      state.plotted.remove(series.signal);
+    if (!controls.plots_shown()) controls.perform(UiAction::kPlots, {});
+  }
+  std::optional<double> clicked_s;
+  const std::vector<double>& times = state.inspected.times();
+  if (times.size() > 1 && series.values.size() == times.size())
+    clicked_s = draw_chart(state.inspected,
+                           {"chart", {index}, "", times.front(), times.back(), input.snapshot.time_s}, width,
+                           4.6f * ImGui::GetFontSize());
   ImGui::PopID();
+  return clicked_s;
 }
 
 }  // namespace
 
-void draw_inspector_panel(const FrameInput& input, const PlotHistory& history, Controls& controls,
-                          float scale) {
+void draw_inspector_panel(const FrameInput& input, const Status& status, const scene::SurfaceSpec& surface,
+                          HudState& state, Controls& controls, float bottom, float scale) {
   const auto& item = controls.tools().selected();
   if (!item) return;
-  ImGui::SetNextWindowPos({ImGui::GetIO().DisplaySize.x - 12.0f * scale, 12.0f * scale}, ImGuiCond_Always,
-                          {1.0f, 0.0f});
+  const float right = ImGui::GetIO().DisplaySize.x - 12.0f * scale, top = 12.0f * scale,
+              width = 300.0f * scale;
+  ImGui::SetNextWindowPos({right, top}, ImGuiCond_Always, {1.0f, 0.0f});
+  ImGui::SetNextWindowSizeConstraints({0.0f, 0.0f}, {1e6f, std::max(bottom - top, 100.0f * scale)});
   ImGui::SetNextWindowBgAlpha(0.88f);
   ImGui::Begin("inspect", nullptr,
-               ImGuiWindowFlags_NoDecoration | ImGuiWindowFlags_AlwaysAutoResize |
+               ImGuiWindowFlags_NoTitleBar | ImGuiWindowFlags_NoResize | ImGuiWindowFlags_AlwaysAutoResize |
                    ImGuiWindowFlags_NoSavedSettings | ImGuiWindowFlags_NoFocusOnAppearing |
                    ImGuiWindowFlags_NoNav | ImGuiWindowFlags_NoMove);
   if (item->kind == SceneItem::Kind::kObject)
@@ -82,8 +98,17 @@ void draw_inspector_panel(const FrameInput& input, const PlotHistory& history, C
   else
     ImGui::Text("Cell: row %d, column %d", item->row, item->column);
   ImGui::Dummy({0.0f, 2.0f * scale});
-  for (const PlotHistory::Series& series : history.series()) draw_series_plot(series, 280.0f * scale);
-  ImGui::TextColored(kDimTextColour, "last %.1f s      Esc: close", history.span_s());
+  for (std::size_t i = 0; i < state.inspected.series().size(); ++i) {
+    const Signal& signal = state.inspected.series()[i].signal;
+    const auto clicked_s =
+        draw_signal(input, i, state, controls, current_value(input, signal, surface), width);
+    if (clicked_s && status.timeline) controls.seek_time(*clicked_s);
+  }
+  const std::vector<double>& times = state.inspected.times();
+  if (times.size() > 1)
+    ImGui::TextColored(kDimTextColour, "%.1f s stored      Esc: close", times.back() - times.front());
+  else
+    ImGui::TextColored(kDimTextColour, "Esc: close");
   ImGui::End();
 }
 

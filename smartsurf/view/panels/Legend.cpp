@@ -37,4 +37,31 @@ void draw_legend(const ColourScale& colour_scale, float bottom, float scale) {
   ImGui::End();
 }
 
+void draw_line_legend(const OverlaySettings& overlay, const std::optional<ForceScale>& forces, float right,
+                      float bottom, float scale) {
+  if (!overlay.trails && !overlay.sensor_rays && !forces) return;
+  ImGui::SetNextWindowPos({right, bottom}, ImGuiCond_Always, {1.0f, 1.0f});
+  ImGui::SetNextWindowBgAlpha(0.88f);
+  ImGui::Begin("lines", nullptr,
+               ImGuiWindowFlags_NoDecoration | ImGuiWindowFlags_AlwaysAutoResize |
+                   ImGuiWindowFlags_NoSavedSettings | ImGuiWindowFlags_NoInputs | ImGuiWindowFlags_NoNav |
+                   ImGuiWindowFlags_NoFocusOnAppearing);
+  const auto row = [&](ImU32 colour, const char* format, auto... values) {
+    const ImVec2 at = ImGui::GetCursorScreenPos();
+    const float y = at.y + 0.5f * ImGui::GetTextLineHeight(), length = 28.0f * scale;
+    ImGui::GetWindowDrawList()->AddLine({at.x, y}, {at.x + length, y}, colour, 3.0f * scale);
+    ImGui::Dummy({length, 1.0f});
+    ImGui::SameLine();
+    ImGui::Text(format, values...);
+  };
+  const auto packed = [](const std::array<std::uint8_t, 4>& c) { return IM_COL32(c[0], c[1], c[2], 255); };
+  if (forces)
+    row(packed(kContactColour), "contact force: %g mass·u/s² is %g u long", forces->force, forces->length);
+  if (overlay.sensor_rays) row(packed(kSensorRayColour), "sensor ray, to what it detects");
+  if (overlay.trails)
+    row(IM_COL32(110, 116, 124, 255), "trail of the last %.1f s, in the object's colour",
+        overlay.trail_length_s);
+  ImGui::End();
+}
+
 }  // namespace smartsurf::view

@@ -5,7 +5,8 @@
 #include <vector>
 
 #include "smartsurf/view/interaction/Controls.h"
-#include "smartsurf/view/model/PlotHistory.h"
+#include "smartsurf/view/model/PlotData.h"
+#include "smartsurf/view/panels/Hud.h"
 
 namespace smartsurf::view {
 
@@ -15,10 +16,35 @@ void draw_tools_section(const Status& status, Controls& controls);
 // The section's button requests a reset, which applies the changed options.
 void draw_options_section(const Status& status, std::vector<OptionEdit>& edits, Controls& controls);
 
-// The state and the recent history of the selected item, at the right.
-void draw_inspector_panel(const FrameInput& input, const PlotHistory& history, Controls& controls,
-                          float scale);
+// The list of channels and objects with its search; a click selects.
+void draw_entities_section(const FrameInput& input, const scene::SurfaceSpec& surface, HudState& state,
+                           Controls& controls);
+
+// The state and the stored history of the selected item, at the right. bottom: lowest y it may reach, pixels.
+void draw_inspector_panel(const FrameInput& input, const Status& status, const scene::SurfaceSpec& surface,
+                          HudState& state, Controls& controls, float bottom, float scale);
+// The chosen signals over time, one chart per unit, in a strip above `bottom`. A click on a chart seeks. Returns the y
+// of the strip's upper edge.
+float draw_plots_panel(const FrameInput& input, const Status& status, HudState& state, Controls& controls,
+                       float bottom, float scale);
+
+// One chart of a PlotData.
+struct Chart {
+  const char* id;
+  std::vector<std::size_t> series;  // indices
+  std::string unit;
+  double from_s, to_s;
+  double now_s;  // a vertical line marks it
+};
+inline constexpr std::size_t kCurveColours = 7;
+unsigned curve_colour(std::size_t index);  // an ImU32
+// Returns the time that the user has clicked.
+std::optional<double> draw_chart(const PlotData& data, const Chart& chart, float width, float height);
+
 // The colour scale at the right; bottom: y of its lower edge, pixels.
 void draw_legend(const ColourScale& colour_scale, float bottom, float scale);
+// What the lines in the scene mean, left of the colour scale.
+void draw_line_legend(const OverlaySettings& overlay, const std::optional<ForceScale>& forces, float right,
+                      float bottom, float scale);
 
 }  // namespace smartsurf::view

@@ -17,7 +17,8 @@ constexpr CharacterBinding kCharacterBindings[] = {
     {'w', UiAction::kWireframe},     {'g', UiAction::kGrid},       {'t', UiAction::kTrails},
     {'f', UiAction::kContactForces}, {'s', UiAction::kSensorRays}, {'h', UiAction::kNextChannel},
     {'l', UiAction::kLabels},        {'o', UiAction::kFollow},     {'p', UiAction::kScreenshot},
-    {'v', UiAction::kVideo},         {'q', UiAction::kQuit}};
+    {'v', UiAction::kVideo},         {'e', UiAction::kEntities},   {'d', UiAction::kPlots},
+    {'q', UiAction::kQuit}};
 
 struct KeyCodeBinding {
   int code;

@@ -66,7 +66,10 @@ struct Window::State {
   void draw_scene(const FrameInput& input);
   void handle_pointer(const FrameInput& input);
   DrawOptions make_draw_options(const FrameInput& input, bool show_selection);
+  void update_plots(const FrameInput& input);
   void draw_panels(const FrameInput& input);
+  void copy_camera();
+  void paste_camera();
   std::string output_file_name(const FrameInput& input, const char* extension) const;
   void save_screenshot(const FrameInput& input, Commands& commands);
   void record_video_frame(const FrameInput& input);
@@ -103,9 +106,17 @@ GLFWwindow* Window::State::install_callbacks() {
     return *static_cast<State*>(glfwGetWindowUserPointer(w));
   };
   glfwSetWindowRefreshCallback(window, [](GLFWwindow* w) { state_of(w).needs_redraw = true; });
-  glfwSetKeyCallback(window, [](GLFWwindow* w, int code, int, int action, int) {
+  glfwSetDropCallback(window, [](GLFWwindow* w, int count, const char** files) {
+    state_of(w).needs_redraw = true;
+    if (count > 0) state_of(w).controls.open_file(files[0]);
+  });
+  glfwSetKeyCallback(window, [](GLFWwindow* w, int code, int, int action, int mods) {
     state_of(w).needs_redraw = true;
     if (ImGui::GetIO().WantTextInput) return;
+    if (action == GLFW_PRESS && (mods & GLFW_MOD_CONTROL) != 0 && code == GLFW_KEY_C)
+      state_of(w).copy_camera();
+    if (action == GLFW_PRESS && (mods & GLFW_MOD_CONTROL) != 0 && code == GLFW_KEY_V)
+      state_of(w).paste_camera();
     if (const auto key = action_for_key_code(code, action == GLFW_REPEAT); key && action != GLFW_RELEASE)
       state_of(w).controls.perform(*key, state_of(w).status);
   });
@@ -151,7 +162,9 @@ void Window::State::set_scene(const scene::SceneSpec& s) {
   controls.set_surface(s.surface);
   overlay = Overlay(s.surface);
   hud.option_edits = make_option_edits(s.options);
-  hud.plot_history = {};
+  hud.inspected.invalidate();
+  hud.plotted.invalidate();
+  hud.entities = {};
   still_renderer.reset();
   renderer = std::make_unique<Renderer>(s, quality);
 }
@@ -179,7 +192,7 @@ bool Window::State::render_frame(const FrameInput& input, const Status& new_stat
   handle_pointer(input);
   controls.update_camera(input.snapshot);
   controls.set_channels(input.channels);
-  if (controls.tools().selected()) hud.plot_history.add(*controls.tools().selected(), spec.surface, input);
+  update_plots(input);
   draw_scene(input);
   record_video_frame(input);
   draw_panels(input);
@@ -234,6 +247,27 @@ DrawOptions Window::State::make_draw_options(const FrameInput& input, bool show_
   return options;
 }
 
+void Window::State::update_plots(const FrameInput& input) {
+  const auto& item = controls.tools().selected();
+  hud.inspected.set(item ? signals_of(*item, input.channels) : std::vector<Signal>());
+  hud.plot_file = output_file_name(input, "-plot");
+  if (!input.history) return;
+  if (item) hud.inspected.update(*input.history);
+  if (!hud.plotted.empty()) hud.plotted.update(*input.history);
+}
+
+// The clipboard holds the value of --camera.
+void Window::State::copy_camera() {
+  const std::string pose = to_string(controls.camera().pose());
+  glfwSetClipboardString(glfw.window(), pose.c_str());
+  hud.message = "copied: --camera " + pose;
+}
+
+void Window::State::paste_camera() {
+  const char* const text = glfwGetClipboardString(glfw.window());
+  if (!controls.paste_camera(text ? text : "")) hud.message = "the clipboard holds no camera, X,Y,Z:X,Y,Z";
+}
+
 void Window::State::draw_panels(const FrameInput& input) {
   ImGui_ImplOpenGL3_NewFrame();
   ImGui_ImplGlfw_NewFrame();
@@ -242,7 +276,7 @@ void Window::State::draw_panels(const FrameInput& input) {
   const ImVec2 size = ImGui::GetIO().DisplaySize;
   draw_axis_labels(spec.surface, controls.camera(), size.x, size.y);
   if (controls.labels_shown()) draw_object_labels(input, controls.camera(), size.x, size.y);
-  draw_hud(input, status, overlay.colour_scale(), hud, controls, ui_scale);
+  draw_hud(input, status, spec.surface, overlay, hud, controls, ui_scale);
   if (controls.help_shown()) draw_help_overlay(ui_scale);
   ImGui::Render();
   ImGui_ImplOpenGL3_RenderDrawData(ImGui::GetDrawData());
@@ -358,6 +392,14 @@ void Window::add_pointer_event(const PointerEvent& event) {
   state_->needs_redraw = true;
   state_->pointer_events.push_back(event);
 }
-void Window::set_scene(const scene::SceneSpec& spec) { state_->set_scene(spec); }
+void Window::set_scene(const scene::SceneSpec& spec, const std::string& title) {
+  state_->set_scene(spec);
+  glfwSetWindowTitle(state_->glfw.window(), title.c_str());
+}
+void Window::apply(const ViewSettings& settings) {
+  state_->controls.apply(settings);
+  state_->hud.plotted.set(settings.plots);
+}
+void Window::show_message(const std::string& message) { state_->hud.message = message; }
 
 }  // namespace smartsurf::view

@@ -30,9 +30,14 @@ class Window {
          WindowPlacement placement = WindowPlacement::kDefault);
   ~Window();
 
+  // Sets the camera, the overlays and the plotted signals.
+  void apply(const ViewSettings& settings);
+  // Shows one line in the panel, for example the path of a file that was written.
+  void show_message(const std::string& message);
+
   // Switches to another scene, for example when a run is restarted. Display settings stay, and so does the
   // camera if the surface has the same size.
-  void set_scene(const scene::SceneSpec& spec);
+  void set_scene(const scene::SceneSpec& spec, const std::string& title);
 
   // Handles input, then draws and shows one frame (none while the window is minimised). A screenshot or video
   // that the user requests is written to the current directory as NAME-TICK.png or .mp4, where NAME is the

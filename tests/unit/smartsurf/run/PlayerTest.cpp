@@ -60,6 +60,17 @@ TEST(Player, ContinuesAfterSeek) {
   EXPECT_EQ(player.frame(), 4u);
 }
 
+TEST(Player, SeeksTheFirstFrameAtOrAfterATime) {
+  Player player(kTime, 1.0);
+  view::Commands commands;
+  commands.seek_time_s = kTime[2] - 1e-6;
+  player.apply(commands);
+  EXPECT_EQ(player.frame(), 2u);
+  commands.seek_time_s = 1e9;
+  player.apply(commands);
+  EXPECT_EQ(player.frame(), 4u);
+}
+
 TEST(Player, ZeroPaceShowsEveryFrame) {
   Player player(kTime, 0.0);
   for (std::size_t frame = 1; frame < 5; ++frame) {

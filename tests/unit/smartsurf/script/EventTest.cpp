@@ -55,6 +55,17 @@ TEST_F(EventTest, AtRunsAtFirstTickNotBeforeItsTime) {
   EXPECT_EQ(printed, "zero\t0\nhalf\t0.5\t30\nlater\t31\n");
 }
 
+TEST_F(EventTest, ReportsCallbacksOfAtForOneTick) {
+  run("at(0.5, function() end)\nevery(0.5, function() end)\non_tick(function() end)\nat(0.5, function() end)",
+      29);
+  EXPECT_TRUE(experiment->events().empty());
+  run_ticks(*experiment, 30, 30);
+  ASSERT_EQ(experiment->events().size(), 2u);  // at(), not every() or on_tick()
+  EXPECT_TRUE(experiment->events()[1].ends_with(":5")) << experiment->events()[1];
+  run_ticks(*experiment, 31, 31);
+  EXPECT_TRUE(experiment->events().empty());
+}
+
 TEST_F(EventTest, MetricKeepsLastValue) {
   run("metric('tries', 1) on_tick(function(t, n) metric('error', 1 / (n + 1)) end) "
       "on_finish(function() metric('tries', 3) end)",

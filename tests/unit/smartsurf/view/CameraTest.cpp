@@ -164,5 +164,29 @@ TEST(Camera, ZoomsByConstantFactorWithinLimits) {
   EXPECT_NEAR(camera.distance(), d0 * 5.0, 1e-9);
 }
 
+TEST(CameraPose, TextReadsBackAndPlacesTheCamera) {
+  Camera camera = Camera::fit_to_surface(make_surface(64, 64), CameraPreset::kIso, 1.5);
+  camera.orbit(210.0, 40.0);
+  camera.pan(30.0, -20.0, 600.0);
+  camera.zoom(3.0);
+  const auto pose = parse_camera_pose(to_string(camera.pose()));
+  ASSERT_TRUE(pose);
+  Camera other = Camera::fit_to_surface(make_surface(64, 64), CameraPreset::kTop, 1.5);
+  other.set_pose(*pose);
+  EXPECT_LT((other.eye() - camera.eye()).norm(), 0.02);
+  EXPECT_LT((other.target() - camera.target()).norm(), 0.02);
+  EXPECT_LT((other.forward() - camera.forward()).norm(), 1e-3);
+  const Camera viewed = Camera::from_view(make_surface(64, 64), {CameraPreset::kSide, pose}, 1.5);
+  EXPECT_LT((viewed.eye() - camera.eye()).norm(), 0.02);
+}
+
+TEST(CameraPose, RefusesOtherText) {
+  for (const char* text : {"", "iso", "1,2,3", "1,2,3:", "1,2:3,4,5", "1,2,3:4,5", "1,2,3:4,5,6,7",
+                           "1,2,x:0,0,0", "1,2,nan:0,0,0", "1,2,3:0,0,3", "1,2,3:0,0,9", " 1,2,3:0,0,0"})
+    EXPECT_FALSE(parse_camera_pose(text)) << text;
+  EXPECT_TRUE(parse_camera_pose("1,2,3:0,0,0"));
+  EXPECT_TRUE(parse_camera_pose("-1.5,2e1,3:0,0,-1"));
+}
+
 }  // namespace
 }  // namespace smartsurf::view

@@ -81,5 +81,34 @@ TEST(Controls, OrbitPanAndScrollMoveCamera) {
   EXPECT_LT(controls.camera().distance(), start.distance());
 }
 
+TEST(ControlsSettings, SwitchesReportTheirState) {
+  Controls controls(scene::SurfaceSpec{});
+  for (const UiAction action :
+       {UiAction::kWireframe, UiAction::kGrid, UiAction::kLabels, UiAction::kTrails, UiAction::kContactForces,
+        UiAction::kSensorRays, UiAction::kEntities, UiAction::kPlots, UiAction::kPanels, UiAction::kHelp}) {
+    const bool before = controls.is_on(action);
+    controls.perform(action, {});
+    EXPECT_NE(controls.is_on(action), before) << static_cast<int>(action);
+  }
+  EXPECT_FALSE(controls.is_on(UiAction::kQuit));
+}
+
+TEST(ControlsSettings, ApplyAndPastePlaceTheCamera) {
+  Controls controls(scene::SurfaceSpec{});
+  ViewSettings settings;
+  settings.camera.pose = CameraPose{{10.0, -20.0, 30.0}, {1.0, 2.0, 3.0}};
+  settings.overlay.trails = true;
+  settings.plots = {*parse_signal("speed:0")};
+  controls.apply(settings);
+  EXPECT_LT((controls.camera().eye() - settings.camera.pose->position).norm(), 1e-9);
+  EXPECT_TRUE(controls.is_on(UiAction::kTrails));
+  EXPECT_TRUE(controls.plots_shown());
+  controls.resize(0.7);  // another window size does not move a given camera
+  EXPECT_LT((controls.camera().target() - settings.camera.pose->target).norm(), 1e-9);
+  EXPECT_FALSE(controls.paste_camera("somewhere"));
+  EXPECT_TRUE(controls.paste_camera("5,5,40:5,5,0"));
+  EXPECT_LT((controls.camera().target() - Eigen::Vector3d(5.0, 5.0, 0.0)).norm(), 1e-9);
+}
+
 }  // namespace
 }  // namespace smartsurf::view

@@ -3,7 +3,6 @@
 #include <gtest/gtest.h>
 
 #include "smartsurf/view/model/OptionEdit.h"
-#include "smartsurf/view/model/PlotHistory.h"
 #include "tests/unit/smartsurf/view/TestScene.h"
 
 namespace smartsurf::view {
@@ -99,26 +98,49 @@ TEST_F(OverlayTest, TrailsGrowAgeAndRestart) {
   EXPECT_TRUE(apply().lines.empty()) << "the trails survived a restart";
 }
 
-TEST(PlotHistory, KeepsOneSamplePerTickOfSelectedItem) {
-  TestScene scene(4, 4);
-  scene.add_sphere(1.0, 1.0, 6.0, 1.0, {});
-  PlotHistory watch;
-  const SceneItem sphere{SceneItem::Kind::kObject, 0, 0, 0}, cell{SceneItem::Kind::kCell, 0, 1, 2};
-  for (int i = 0; i < 5; ++i) {
-    scene.snapshot.time_s = i;
-    scene.snapshot.position[0][2] = static_cast<float>(i);
-    scene.snapshot.velocity[0] = {3.0f, 4.0f, 0.0f};
-    for (int again = 0; again < 2; ++again)
-      watch.add(sphere, scene.spec.surface, {scene.snapshot, scene.spec.objects});
+TEST_F(OverlayTest, ForceScaleIsRoundAndStaysWhileForcesVary) {
+  overlay.settings.contact_forces = true;
+  const auto scale_of = [&](float force) {
+    contacts = {{{1.0f, 1.0f, 5.0f}, {0.0f, 0.0f, force}}};
+    apply();
+    return overlay.force_scale();
+  };
+  ASSERT_TRUE(scale_of(3.2f));
+  EXPECT_DOUBLE_EQ(overlay.force_scale()->force, 5.0);
+  EXPECT_DOUBLE_EQ(overlay.force_scale()->length, 3.0 * scene.spec.surface.pitch);
+  EXPECT_DOUBLE_EQ(scale_of(1.1f)->force, 5.0);
+  EXPECT_DOUBLE_EQ(scale_of(0.9f)->force, 1.0);
+  EXPECT_DOUBLE_EQ(scale_of(70.0f)->force, 100.0);
+  contacts.clear();
+  apply();
+  EXPECT_FALSE(overlay.force_scale());
+}
+
+TEST_F(OverlayTest, TrailsFillFromHistory) {
+  StoredFrames history;
+  scene.spec.objects[0].radius = 0.9;  // hides the last four segments
+  for (int i = 0; i < 50; ++i) {
+    scene.snapshot.time_s = 0.1 * i;
+    scene.snapshot.position[0] = {0.2f * static_cast<float>(i), 1.0f, 6.0f};
+    history.frames.push_back(scene.snapshot);
   }
-  ASSERT_EQ(watch.series().size(), 3u);
-  EXPECT_EQ(watch.series()[0].values, (std::vector<float>{0, 1, 2, 3, 4}));
-  EXPECT_FLOAT_EQ(watch.series()[1].latest(), 5.0f);
-  EXPECT_DOUBLE_EQ(watch.span_s(), 4.0);
-  scene.snapshot.height[6] = 2.5f;
-  watch.add(cell, scene.spec.surface, {scene.snapshot, scene.spec.objects});
-  ASSERT_EQ(watch.series().size(), 1u);
-  EXPECT_EQ(watch.series()[0].values, (std::vector<float>{2.5f}));
+  scene.snapshot = history.frames[40];
+  overlay.settings.trails = true;
+  overlay.settings.trail_length_s = 1.0;
+  const auto shown = [&](const History* stored) {
+    DrawOptions options;
+    overlay.apply({scene.snapshot, scene.spec.objects, channels, contacts, stored}, nullptr, options);
+    return options.lines;
+  };
+  EXPECT_EQ(shown(nullptr).size(), 0u);
+  overlay = Overlay(scene.spec.surface);
+  overlay.settings.trails = true;
+  overlay.settings.trail_length_s = 1.0;
+  ASSERT_EQ(shown(&history).size(), 6u);
+  EXPECT_FLOAT_EQ(shown(&history).front().from[0], 6.0f);
+  scene.snapshot = history.frames[20];  // back in time
+  ASSERT_EQ(shown(&history).size(), 6u);
+  EXPECT_FLOAT_EQ(shown(&history).back().to[0], 3.2f);
 }
 
 TEST(OptionEdit, DerivesKindAndRangeFromValue) {

@@ -3,6 +3,7 @@
 
 #include "smartsurf/scene/SceneSpec.h"
 #include "smartsurf/scene/Snapshot.h"
+#include "smartsurf/view/model/Signal.h"
 
 namespace smartsurf::view {
 
@@ -35,6 +36,25 @@ struct TestScene {
     sphere.colour = colour;
     add(sphere);
   }
+};
+
+// A history of given snapshots. Its metric "frame" is the number of the frame.
+struct StoredFrames final : History {
+  std::vector<scene::Snapshot> frames;
+  std::uint64_t first = 0;  // number of frames.front()
+
+  std::uint64_t begin() const override { return first; }
+  std::uint64_t end() const override { return first + frames.size(); }
+  double time_s(std::uint64_t frame) const override { return snapshot(frame).time_s; }
+  const scene::Snapshot& snapshot(std::uint64_t frame) const override {
+    return frames[static_cast<std::size_t>(frame - first)];
+  }
+  void read(const Signal& signal, std::uint64_t from, std::span<double> values) const override {
+    for (std::size_t i = 0; i < values.size(); ++i)
+      values[i] = signal.kind == Signal::Kind::kObject ? object_value(signal, snapshot(from + i))
+                                                       : static_cast<double>(from + i);
+  }
+  std::vector<Signal> run_signals() const override { return {{Signal::Kind::kMetric, "frame", 0, 0, 0}}; }
 };
 
 }  // namespace smartsurf::view

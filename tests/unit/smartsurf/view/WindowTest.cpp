@@ -104,7 +104,7 @@ TEST_F(WindowTest, MemoryStaysConstantOverManyFrames) {
   for (int i = 0; i < 20; ++i) scene.add_sphere(0.5 * i, 3.0, 6.0, 0.5, {0.2f, 0.6f, 0.9f});
   Window window(scene.spec, "test", 320, 240);
   Status status;
-  status.timeline = Timeline{10, 3, 0.0, 1.0, true};
+  status.timeline = Timeline{10, 3, 0.0, 1.0, true, {}};
   window.perform(UiAction::kTrails);
   window.perform(UiAction::kWireframe);
   const auto frames = [&](int count) {
@@ -148,6 +148,57 @@ TEST_F(WindowTest, ClickSelectsAndControlDragPulls) {
   EXPECT_FALSE(window.render_frame({scene.snapshot, scene.spec.objects}, status).pull);
 }
 
+TEST_F(WindowTest, ShowsPlotsOfTheStoredHistoryListAndEventMarks) {
+  TestScene scene(16, 16);
+  scene.add_sphere(7.5, 7.5, 6.0, 2.0, {0.86f, 0.12f, 0.10f});
+  StoredFrames history;
+  for (int i = 0; i < 200; ++i) {
+    scene.snapshot.time_s = 0.1 * i;
+    scene.snapshot.position[0][0] = static_cast<float>(i % 16);
+    history.frames.push_back(scene.snapshot);
+  }
+  Window window(scene.spec, "test", 800, 600);
+  Status status;
+  status.timeline = Timeline{200, 199, 0.0, 19.9, false, {}};
+  const FrameInput input{scene.snapshot, scene.spec.objects, {}, {}, &history};
+  const auto shown = [&] {
+    common::Image image;
+    for (int i = 0; i < 4; ++i) image = window.capture_frame(input, status);
+    return image;
+  };
+  // Pixels of the first curve's colour in the lower half.
+  const auto curve_pixels = [](const common::Image& image) {
+    int count = 0;
+    for (int y = image.height / 2; y < image.height; ++y)
+      for (int x = 0; x < image.width; ++x) {
+        const std::uint8_t* p = image.pixel(x, y);
+        count += p[0] < 40 && std::abs(p[1] - 115) < 25 && std::abs(p[2] - 179) < 25 ? 1 : 0;
+      }
+    return count;
+  };
+  const common::Image plain = shown();
+  EXPECT_LT(curve_pixels(plain), 20);
+  ViewSettings settings;
+  settings.plots = {*parse_signal("x:0")};
+  window.apply(settings);
+  EXPECT_GT(curve_pixels(shown()), 1000) << "no curve";
+  window.apply({});
+  const common::Image before_list = shown();
+  window.perform(UiAction::kEntities);
+  EXPECT_GT(different_pixels(before_list, shown()), 5000) << "no list";
+  window.perform(UiAction::kEntities);
+  const EventMark marks[] = {{EventMark::Kind::kSorted, 10.0, "sorted"}};
+  status.timeline->marks = marks;
+  const common::Image marked = shown();
+  int green = 0;
+  for (int y = marked.height / 2; y < marked.height; ++y)
+    for (int x = 0; x < marked.width; ++x) {
+      const std::uint8_t* p = marked.pixel(x, y);
+      green += p[0] < 40 && std::abs(p[1] - 125) < 15 && p[2] < 80 ? 1 : 0;
+    }
+  EXPECT_GT(green, 25) << "no event mark";
+}
+
 TEST_F(WindowTest, NeedsRedrawAfterInput) {
   TestScene scene(4, 4);
   Window window(scene.spec, "test", 320, 240);
@@ -168,7 +219,7 @@ TEST_F(WindowTest, SetSceneSwitchesSurface) {
   large.add_sphere(5.0, 5.0, 6.0, 2.0, {0.86f, 0.12f, 0.10f});
   Window window(small.spec, "test", 400, 300);
   window.render_frame({small.snapshot, small.spec.objects}, {});
-  window.set_scene(large.spec);
+  window.set_scene(large.spec, "large");
   const common::Image image = window.capture_frame({large.snapshot, large.spec.objects}, {});
   EXPECT_EQ(image.width, 400);
 }

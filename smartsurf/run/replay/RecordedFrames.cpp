@@ -1,0 +1,135 @@
+#include "smartsurf/run/replay/RecordedFrames.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "smartsurf/record/Purity.h"
+#include "smartsurf/record/plot/TimeSeries.h"
+#include "smartsurf/run/display/ViewChannels.h"
+
+namespace smartsurf::run {
+
+RecordedFrames::RecordedFrames(const record::Recording& recording) : recording_(recording) {
+  const scene::SurfaceSpec& surface = recording.spec().surface;
+  channels_ = {height_channel(surface)};
+  add_channels("sensors", sensor_channel);
+  add_channels("actuators", actuator_channel);
+  try {
+    const record::PuritySeries purity = record::compute_purity(recording);
+    purity_ = purity.values;
+    if (purity.sorted_at) marks_.push_back({view::EventMark::Kind::kSorted, *purity.sorted_at, "sorted"});
+  } catch (const scene::InputError&) {
+    // Its objects do not form two classes.
+  }
+  if (const auto tick = recording.first_interaction_tick()) {
+    const double time_s = static_cast<double>(*tick) * recording.spec().world.control_period_s;
+    marks_.push_back({view::EventMark::Kind::kTouched, time_s, "the user intervened"});
+  }
+  std::ranges::sort(marks_, {}, &view::EventMark::time_s);
+}
+
+// A channel with several components is one for each.
+void RecordedFrames::add_channels(const char* group,
+                                  view::Channel (*describe)(const scene::SurfaceSpec&, const std::string&)) {
+  const auto cells = static_cast<std::size_t>(recording_.spec().surface.cell_count());
+  for (const std::string& name : recording_.channel_names(group)) {
+    const std::size_t numbers =
+        recording_.frames() > 0 ? recording_.read_channel(group, name, 0).size() : cells;
+    const int components = std::max(1, static_cast<int>(numbers / std::max<std::size_t>(cells, 1)));
+    for (int i = 0; i < components; ++i) {
+      channels_.push_back(describe(recording_.spec().surface, name));
+      channels_.back().name = component_name(channels_.back().name, i, components);
+      sources_.push_back({group, name, i});
+    }
+  }
+}
+
+view::FrameInput RecordedFrames::frame_input(std::size_t frame) {
+  if (loaded_frame_ != frame) load(frame);
+  return {snapshot_, recording_.spec().objects, channels_, {}, this};
+}
+
+// A recording without heights is shown with all pins down.
+void RecordedFrames::load(std::size_t frame) {
+  loaded_frame_ = frame;
+  snapshot_ = recording_.read_snapshot(frame);
+  const scene::SurfaceSpec& surface = recording_.spec().surface;
+  const auto cells = static_cast<std::size_t>(surface.cell_count());
+  if (snapshot_.height.empty()) snapshot_.height.assign(cells, static_cast<float>(surface.pin.min_height));
+  channels_[0].values = snapshot_.height;
+  values_.resize(sources_.size());
+  std::vector<float> numbers;  // rows × columns × components
+  for (std::size_t i = 0; i < sources_.size(); ++i) {
+    const Source& source = sources_[i];
+    if (source.component == 0) numbers = recording_.read_channel(source.group, source.name, frame);
+    const std::size_t components = std::max<std::size_t>(1, numbers.size() / std::max<std::size_t>(cells, 1));
+    values_[i].resize(cells);
+    for (std::size_t cell = 0; cell < cells && (cell + 1) * components <= numbers.size(); ++cell)
+      values_[i][cell] = numbers[cell * components + static_cast<std::size_t>(source.component)];
+    channels_[1 + i].values = values_[i];
+  }
+}
+
+const scene::Snapshot& RecordedFrames::snapshot(std::uint64_t frame) const {
+  past_snapshot_ = recording_.read_snapshot(static_cast<std::size_t>(frame));
+  return past_snapshot_;
+}
+
+// Of a channel with several components a recording has the history of the first.
+std::vector<double> RecordedFrames::read_all(const view::Signal& signal) const {
+  const auto widened = [](const std::vector<float>& values) {
+    return std::vector<double>(values.begin(), values.end());
+  };
+  switch (signal.kind) {
+    case view::Signal::Kind::kObject:
+      return record::time_series(recording_, signal.quantity, {std::to_string(signal.object)})
+          .curves[0]
+          .values;
+    case view::Signal::Kind::kCell: {
+      const auto index = static_cast<std::size_t>(
+          std::ranges::find(channels_, signal.quantity, &view::Channel::name) - channels_.begin());
+      if (index == 0)
+        return record::time_series(recording_, "height",
+                                   {std::to_string(signal.row) + "," + std::to_string(signal.column)})
+            .curves[0]
+            .values;
+      if (index == channels_.size()) return {};
+      const Source& source = sources_[index - 1];
+      if (source.component > 0) return {};
+      return widened(recording_.read_cell_history(source.group, source.name, signal.row, signal.column));
+    }
+    case view::Signal::Kind::kRun:
+      if (signal.quantity == "purity") return purity_;
+      return record::time_series(recording_, signal.quantity, {}).curves[0].values;
+    case view::Signal::Kind::kMetric:
+      break;  // recordings hold only the final metrics
+  }
+  return {};
+}
+
+void RecordedFrames::read(const view::Signal& signal, std::uint64_t first, std::span<double> values) const {
+  auto known = signals_.find(to_string(signal));
+  if (known == signals_.end()) {
+    std::vector<double> all;
+    try {
+      all = read_all(signal);
+    } catch (const scene::InputError&) {
+      // The recording lacks it.
+    }
+    all.resize(recording_.frames(), std::numeric_limits<double>::quiet_NaN());
+    known = signals_.emplace(to_string(signal), std::move(all)).first;
+  }
+  std::ranges::copy_n(known->second.begin() + static_cast<std::ptrdiff_t>(first), std::ssize(values),
+                      values.begin());
+}
+
+std::vector<view::Signal> RecordedFrames::run_signals() const {
+  std::vector<view::Signal> signals;
+  for (const char* quantity : view::kRunQuantities)
+    if (!purity_.empty() || std::string_view(quantity) != "purity")
+      signals.push_back({view::Signal::Kind::kRun, quantity, 0, 0, 0});
+  return signals;
+}
+
+}  // namespace smartsurf::run

@@ -1,0 +1,302 @@
+#include <imgui.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+
+#include "smartsurf/view/panels/Panels.h"
+
+namespace smartsurf::view {
+namespace {
+
+constexpr float kStripHeight = 190.0f;  // pixels, unscaled
+constexpr ImU32 kAxisColour = IM_COL32(150, 158, 168, 255), kGridColour = IM_COL32(205, 211, 218, 255),
+                kTextColour = IM_COL32(70, 78, 90, 255), kNowColour = IM_COL32(40, 44, 52, 200);
+
+std::string format_tick(double value) {
+  char text[32];
+  std::snprintf(text, sizeof text, "%.6g", std::abs(value) < 1e-12 ? 0.0 : value);
+  return text;
+}
+
+struct Range {
+  double low = INFINITY, high = -INFINITY;
+  void include(double value) {
+    low = std::min(low, value);
+    high = std::max(high, value);
+  }
+  // With a margin; a range without extent becomes one.
+  void widen() {
+    if (!(low <= high)) *this = {0.0, 1.0};
+    const double margin = high > low ? 0.06 * (high - low) : std::max(0.05 * std::abs(high), 0.5);
+    low -= margin;
+    high += margin;
+  }
+};
+
+// Maps times and values to pixels.
+struct ChartArea {
+  ImVec2 low, high;  // upper left and lower right corner
+  double from_s, to_s;
+  Range values;
+  float x(double time_s) const {
+    return low.x + static_cast<float>((time_s - from_s) / std::max(to_s - from_s, 1e-12)) * (high.x - low.x);
+  }
+  float y(double value) const {
+    return high.y - static_cast<float>((value - values.low) / (values.high - values.low)) * (high.y - low.y);
+  }
+};
+
+// The distance of the lines of the grid: about `rows`, two at least.
+double value_step(const Range& values, double rows) {
+  double step = round_up((values.high - values.low) / rows);
+  while (std::floor(values.high / step) - std::ceil(values.low / step) < 1.0) step = round_up(0.3 * step);
+  return step;
+}
+
+void draw_axes(const ChartArea& area, const std::string& unit, ImDrawList& list) {
+  const float font = ImGui::GetFontSize();
+  list.AddRectFilled(area.low, area.high, IM_COL32(255, 255, 255, 235));
+  const double rows = std::max(1.0f, std::floor((area.high.y - area.low.y) / (1.7f * font)));
+  const double step = value_step(area.values, rows);
+  for (double v = std::ceil(area.values.low / step) * step; v <= area.values.high; v += step) {
+    const std::string text = format_tick(v);
+    const float y = area.y(v), width = ImGui::CalcTextSize(text.c_str()).x;
+    list.AddLine({area.low.x, y}, {area.high.x, y}, kGridColour);
+    list.AddText({area.low.x - width - 5.0f, y - 0.5f * font}, kTextColour, text.c_str());
+  }
+  const double columns = std::max(1.0f, std::floor((area.high.x - area.low.x) / (5.0f * font)));
+  const double step_s = round_up((area.to_s - area.from_s) / columns);
+  for (double t = std::ceil(area.from_s / step_s) * step_s; t <= area.to_s; t += step_s) {
+    const std::string text = format_tick(t) + " s";
+    const float x = area.x(t), width = ImGui::CalcTextSize(text.c_str()).x;
+    list.AddLine({x, area.low.y}, {x, area.high.y}, kGridColour);
+    if (x + 0.5f * width < area.high.x + font)
+      list.AddText({x - 0.5f * width, area.high.y + 2.0f}, kTextColour, text.c_str());
+  }
+  list.AddRect(area.low, area.high, kAxisColour);
+  if (!unit.empty())
+    list.AddText({area.low.x + 5.0f, area.low.y + 2.0f}, kTextColour, ("[" + unit + "]").c_str());
+}
+
+void draw_curve(const std::vector<CurvePoint>& points, const ChartArea& area, ImU32 colour, float width,
+                ImDrawList& list) {
+  static std::vector<ImVec2> piece;  // reused
+  const auto finish_piece = [&] {
+    if (piece.size() == 1) list.AddCircleFilled(piece[0], width, colour);
+    if (piece.size() > 1) list.AddPolyline(piece.data(), static_cast<int>(piece.size()), colour, 0, width);
+    piece.clear();
+  };
+  for (const CurvePoint& point : points) {
+    if (std::isnan(point.value))
+      finish_piece();
+    else
+      piece.push_back({area.x(point.time_s), area.y(point.value)});
+  }
+  finish_piece();
+}
+
+// A signal that was added in this frame has no values yet.
+bool is_filled(const PlotData& data, std::size_t series) {
+  return data.series()[series].values.size() == data.times().size();
+}
+
+std::size_t sample_at(const std::vector<double>& times, double time_s) {
+  const auto next = std::ranges::lower_bound(times, time_s);
+  if (next == times.end()) return times.size() - 1;
+  const auto i = static_cast<std::size_t>(next - times.begin());
+  return i > 0 && time_s - times[i - 1] < times[i] - time_s ? i - 1 : i;
+}
+
+void draw_readout(const PlotData& data, const Chart& chart, const ChartArea& area, double time_s,
+                  ImDrawList& list) {
+  const std::size_t sample = sample_at(data.times(), time_s);
+  const float x = area.x(data.times()[sample]);
+  list.AddLine({x, area.low.y}, {x, area.high.y}, kNowColour);
+  ImGui::BeginTooltip();
+  ImGui::Text("%.3f s", data.times()[sample]);
+  for (const std::size_t i : chart.series) {
+    const PlotData::Series& series = data.series()[i];
+    ImGui::TextColored(ImGui::ColorConvertU32ToFloat4(curve_colour(i)), "%s",
+                       to_string(series.signal).c_str());
+    ImGui::SameLine();
+    if (std::isnan(series.values[sample]))
+      ImGui::TextUnformatted("no value");
+    else
+      ImGui::Text("%.5g %s", series.values[sample], chart.unit.c_str());
+  }
+  ImGui::EndTooltip();
+}
+
+PlotExport make_export(const HudState& state, const FrameInput& input, const char* extension) {
+  PlotExport plot{state.plot_file + extension, state.plotted.times(), {}};
+  for (const PlotData::Series& series : state.plotted.series())
+    if (series.values.size() == plot.times.size())
+      plot.series.push_back(
+          {to_string(series.signal), unit_of(series.signal, input.channels), series.values});
+  return plot;
+}
+
+// Lists the run's own quantities and those of the selected item.
+void draw_signal_menu(const FrameInput& input, HudState& state, Controls& controls) {
+  ImGui::SetNextItemWidth(9.0f * ImGui::GetFontSize());
+  if (!ImGui::BeginCombo("##add", "add a signal ...", ImGuiComboFlags_HeightLarge)) return;
+  const auto entry = [&](const Signal& signal) {
+    const bool shown = state.plotted.contains(signal);
+    if (!ImGui::Selectable(to_string(signal).c_str(), shown, ImGuiSelectableFlags_DontClosePopups)) return;
+    if (shown)
+      state.plotted.remove(signal);
+    else
+      state.plotted.add(signal);
+  };
+  if (const auto& item = controls.tools().selected()) {
+    for (const Signal& signal : signals_of(*item, input.channels)) entry(signal);
+    ImGui::Separator();
+  }
+  if (input.history)
+    for (const Signal& signal : input.history->run_signals()) entry(signal);
+  ImGui::Separator();
+  ImGui::TextDisabled("select an object or a cell for its signals");
+  ImGui::EndCombo();
+}
+
+void draw_span_menu(HudState& state) {
+  static constexpr double kSpans_s[] = {0.0, 60.0, 20.0, 5.0, 1.0};
+  static constexpr const char* kNames[] = {"all", "60 s", "20 s", "5 s", "1 s"};
+  const auto now = std::ranges::find(kSpans_s, state.plot_span_s) - std::begin(kSpans_s);
+  int index = static_cast<int>(std::min<std::ptrdiff_t>(now, IM_ARRAYSIZE(kSpans_s) - 1));
+  ImGui::SetNextItemWidth(5.0f * ImGui::GetFontSize());
+  if (ImGui::Combo("##span", &index, kNames, IM_ARRAYSIZE(kNames))) state.plot_span_s = kSpans_s[index];
+  if (ImGui::IsItemHovered()) ImGui::SetTooltip("the time that the plots show");
+}
+
+// The plotted signals with their colours; a click on one removes it.
+void draw_signal_names(HudState& state) {
+  std::optional<Signal> removed;
+  for (std::size_t i = 0; i < state.plotted.series().size(); ++i) {
+    const Signal& signal = state.plotted.series()[i].signal;
+    const std::string name = to_string(signal);
+    const float width = ImGui::CalcTextSize(name.c_str()).x + 2.0f * ImGui::GetStyle().FramePadding.x;
+    ImGui::SameLine();
+    if (width > ImGui::GetContentRegionAvail().x) {
+      ImGui::TextUnformatted("...");
+      break;
+    }
+    ImGui::PushID(static_cast<int>(i));
+    ImGui::PushStyleColor(ImGuiCol_Text, ImGui::ColorConvertU32ToFloat4(curve_colour(i)));
+    if (ImGui::SmallButton(name.c_str())) removed = signal;
+    ImGui::PopStyleColor();
+    if (ImGui::IsItemHovered()) ImGui::SetTooltip("click: remove");
+    ImGui::PopID();
+  }
+  if (removed) state.plotted.remove(*removed);
+}
+
+void draw_toolbar(const FrameInput& input, HudState& state, Controls& controls) {
+  draw_signal_menu(input, state, controls);
+  ImGui::SameLine();
+  draw_span_menu(state);
+  for (const char* const extension : {".csv", ".png"}) {
+    ImGui::SameLine();
+    if (ImGui::Button(extension[1] == 'c' ? "CSV" : "PNG") && !state.plotted.empty())
+      controls.export_plot(make_export(state, input, extension));
+    if (ImGui::IsItemHovered()) ImGui::SetTooltip("write %s%s", state.plot_file.c_str(), extension);
+  }
+  draw_signal_names(state);
+}
+
+std::vector<Chart> charts_by_unit(const FrameInput& input, const HudState& state) {
+  std::vector<Chart> charts;
+  const std::vector<double>& times = state.plotted.times();
+  const double end_s = times.back();
+  const double from_s =
+      state.plot_span_s > 0.0 ? std::max(times.front(), end_s - state.plot_span_s) : times.front();
+  for (std::size_t i = 0; i < state.plotted.series().size(); ++i) {
+    std::string unit = unit_of(state.plotted.series()[i].signal, input.channels);
+    auto chart = std::ranges::find(charts, unit, &Chart::unit);
+    if (chart == charts.end())
+      chart = charts.insert(charts.end(), {"chart", {}, unit, from_s, end_s, input.snapshot.time_s});
+    chart->series.push_back(i);
+  }
+  return charts;
+}
+
+}  // namespace
+
+// For colour-blind readers (Okabe and Ito), and a grey.
+unsigned curve_colour(std::size_t index) {
+  static constexpr ImU32 kColours[kCurveColours] = {IM_COL32(0, 115, 179, 255),  IM_COL32(214, 94, 0, 255),
+                                                    IM_COL32(0, 158, 115, 255),  IM_COL32(204, 120, 166, 255),
+                                                    IM_COL32(87, 181, 232, 255), IM_COL32(230, 158, 0, 255),
+                                                    IM_COL32(90, 90, 90, 255)};
+  return kColours[index % kCurveColours];
+}
+
+std::optional<double> draw_chart(const PlotData& data, const Chart& chart, float width, float height) {
+  const float font = ImGui::GetFontSize();
+  const ImVec2 corner = ImGui::GetCursorScreenPos();
+  ImGui::InvisibleButton(chart.id, {width, height});
+  if (data.times().empty()) return std::nullopt;
+  ChartArea area{{corner.x + 3.6f * font, corner.y + 0.3f * font},
+                 {corner.x + width - 0.6f * font, corner.y + height - 1.4f * font},
+                 chart.from_s,
+                 chart.to_s,
+                 {}};
+  std::vector<std::vector<CurvePoint>> curves;
+  for (const std::size_t i : chart.series) {
+    if (!is_filled(data, i)) return std::nullopt;
+    curves.push_back(reduce_curve(data.times(), data.series()[i].values, chart.from_s, chart.to_s,
+                                  static_cast<int>(area.high.x - area.low.x)));
+    for (const CurvePoint& point : curves.back())
+      if (std::isfinite(point.value)) area.values.include(point.value);
+  }
+  area.values.widen();
+  ImDrawList& list = *ImGui::GetWindowDrawList();
+  draw_axes(area, chart.unit, list);
+  list.PushClipRect(area.low, area.high, true);
+  for (std::size_t i = 0; i < curves.size(); ++i)
+    draw_curve(curves[i], area, curve_colour(chart.series[i]), font / 8.0f, list);
+  if (chart.now_s < chart.to_s)
+    list.AddLine({area.x(chart.now_s), area.low.y}, {area.x(chart.now_s), area.high.y}, kNowColour, 2.0f);
+  list.PopClipRect();
+  const bool active = ImGui::IsItemActive();
+  if (!ImGui::IsItemHovered() && !active) return std::nullopt;
+  const double share =
+      std::clamp<double>((ImGui::GetIO().MousePos.x - area.low.x) / (area.high.x - area.low.x), 0.0, 1.0);
+  const double time_s = chart.from_s + share * (chart.to_s - chart.from_s);
+  draw_readout(data, chart, area, time_s, list);
+  return active ? std::optional(time_s) : std::nullopt;
+}
+
+float draw_plots_panel(const FrameInput& input, const Status& status, HudState& state, Controls& controls,
+                       float bottom, float scale) {
+  const float width = ImGui::GetIO().DisplaySize.x - 24.0f * scale, height = kStripHeight * scale;
+  ImGui::SetNextWindowPos({12.0f * scale, bottom - height});
+  ImGui::SetNextWindowSize({width, height});
+  ImGui::SetNextWindowBgAlpha(0.92f);
+  ImGui::Begin("plots", nullptr,
+               ImGuiWindowFlags_NoDecoration | ImGuiWindowFlags_NoSavedSettings |
+                   ImGuiWindowFlags_NoFocusOnAppearing | ImGuiWindowFlags_NoNav | ImGuiWindowFlags_NoMove);
+  draw_toolbar(input, state, controls);
+  if (state.plotted.empty() || state.plotted.times().empty()) {
+    ImGui::TextDisabled(
+        "Choose a signal, or click an object or a cell and then 'plot' beside one of its quantities.");
+  } else {
+    const std::vector<Chart> charts = charts_by_unit(input, state);
+    const float gap = ImGui::GetStyle().ItemSpacing.x;
+    const ImVec2 space = ImGui::GetContentRegionAvail();
+    const auto count = static_cast<float>(charts.size());
+    for (std::size_t i = 0; i < charts.size(); ++i) {
+      if (i > 0) ImGui::SameLine();
+      ImGui::PushID(static_cast<int>(i));
+      const auto clicked_s =
+          draw_chart(state.plotted, charts[i], (space.x - gap * (count - 1.0f)) / count, space.y);
+      if (clicked_s && status.timeline) controls.seek_time(*clicked_s);
+      ImGui::PopID();
+    }
+  }
+  ImGui::End();
+  return bottom - height;
+}
+
+}  // namespace smartsurf::view
