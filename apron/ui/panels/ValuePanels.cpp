@@ -182,7 +182,7 @@ void same_line_if_fits(float width) {
   if (right <= ImGui::GetWindowPos().x + ImGui::GetWindowContentRegionMax().x) ImGui::SameLine();
 }
 
-float button_width(const char* label) {
+float padded_width(const char* label) {
   return ImGui::CalcTextSize(label).x + 2.0F * ImGui::GetStyle().FramePadding.x;
 }
 
@@ -191,7 +191,7 @@ void draw_breakpoint_editor(DrawContext& context) {
   static char condition[256] = "", error[512] = "";
   static int tick = 100;
   const float width = ImGui::GetContentRegionAvail().x, gap = ImGui::GetStyle().ItemSpacing.x;
-  const float stop_when = button_width("Stop when"), stop_at = button_width("Stop at tick");
+  const float stop_when = padded_width("Stop when"), stop_at = padded_width("Stop at tick");
   ImGui::SetNextItemWidth(
       std::clamp(width - stop_when - gap, context.to_pixels(120), context.to_pixels(360)));
   const bool typed = ImGui::InputTextWithHint("##condition", "globalsum(D) > 0", condition, sizeof condition,

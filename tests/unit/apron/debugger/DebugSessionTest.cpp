@@ -312,13 +312,13 @@ TEST_F(DebugSessionTest, ProbeRecordsCellAndNeighbourhood) {
   EXPECT_EQ(l.history[1].tick, 2U);
   EXPECT_EQ(l.history[1].values[0], 100.0F);
   session->probe_cell({1, 0});
-  const std::uint64_t last = 3 + Probe::kMaxRecords + 50;
-  advance(last - 3);
+  constexpr int kMore = static_cast<int>(Probe::kMaxRecords) + 72;
+  advance(kMore);
   const DebugSnapshot later = capture(request);
   ASSERT_EQ(later.history.size(), Probe::kMaxRecords);
-  EXPECT_EQ(later.history.back().tick, last);
-  EXPECT_EQ(later.history.back().values[0], static_cast<float>(last));
-  EXPECT_EQ(later.history.front().values[0], static_cast<float>(last - Probe::kMaxRecords + 1));
+  EXPECT_EQ(later.history.back().tick, kMore + 3U);
+  EXPECT_EQ(later.history.back().values[0], kMore + 3.0F);
+  EXPECT_EQ(later.history.front().values[0], 3.0F + 72.0F + 1.0F);
 }
 
 TEST_F(DebugSessionTest, ProfilesOnlyWhileEnabled) {
