@@ -1,10 +1,13 @@
-// The pose and velocity of an object, and a partial update of them.
+// The identity, pose and velocity of an object, and a partial update of the latter two.
 #pragma once
 
 #include <Eigen/Geometry>
+#include <cstdint>
 #include <optional>
 
 namespace smartsurf::scene {
+
+using ObjectId = std::uint32_t;  // starts at 0, in order of creation; not reused after removal
 
 struct ObjectState {
   Eigen::Vector3d position{0.0, 0.0, 0.0};  // centre of mass, u

@@ -26,6 +26,8 @@ bool is_size(double v) { return v >= kMinSize && v <= kMaxMagnitude; }
 bool is_coordinate(double v) { return std::abs(v) <= kMaxMagnitude; }
 constexpr const char* kSizeRule = "in [0.001, 1000000]";
 constexpr const char* kCoordinateRule = "in [-1000000, 1000000]";
+constexpr double kMaxEffort = 1e12;
+constexpr const char* kEffortRule = "in [0, 1e+12]";
 
 std::string validate_vector(const std::string& field, const Eigen::Vector3d& v) {
   for (int i = 0; i < 3; ++i)
@@ -274,6 +276,43 @@ std::string validate(const ObjectSpec& o) {
     return "orientation: must be a rotation";
   if (o.mass && !(*o.mass >= kMinMass && *o.mass <= 1e12))
     return range_error("mass", *o.mass, "in [1e-09, 1e+12]");
+  if (o.friction && !(*o.friction >= 0.0 && *o.friction <= kMaxMagnitude))
+    return range_error("friction", *o.friction, "in [0, 1000000]");
+  return "";
+}
+
+std::string validate(const JointSpec& j) {
+  if (j.b && *j.b == j.a) return "b = " + std::to_string(j.a) + ": must be another object than a";
+  if (auto p = validate_vector("anchor", j.anchor); !p.empty()) return p;
+  if (auto p = validate_vector("axis", j.axis); !p.empty()) return p;
+  if (j.axis.norm() < 1e-6) return "axis: must not be zero";
+  const char* const kind = kJointKindNames[static_cast<std::size_t>(j.kind)];
+  for (const auto& [field, present] :
+       {std::pair{"limits", j.limits.has_value()}, std::pair{"friction", j.friction != 0.0},
+        std::pair{"spring", j.spring.has_value()}, std::pair{"motor", j.motor.has_value()}})
+    if (present && !j.has_coordinate())
+      return std::string(field) + ": a " + kind + " joint has none; only hinge and slider do";
+  if (j.limits) {
+    if (!is_coordinate(j.limits->lower)) return range_error("limits[1]", j.limits->lower, kCoordinateRule);
+    if (!is_coordinate(j.limits->upper)) return range_error("limits[2]", j.limits->upper, kCoordinateRule);
+    if (j.limits->upper < j.limits->lower)
+      return range_error("limits[2]", j.limits->upper,
+                         "not below limits[1] = " + format_number(j.limits->lower));
+  }
+  auto is_effort = [](double v) { return v >= 0.0 && v <= kMaxEffort; };
+  if (!is_effort(j.friction)) return range_error("friction", j.friction, kEffortRule);
+  if (j.spring) {
+    if (!is_effort(j.spring->stiffness))
+      return range_error("spring.stiffness", j.spring->stiffness, kEffortRule);
+    if (!is_effort(j.spring->damping)) return range_error("spring.damping", j.spring->damping, kEffortRule);
+    if (!is_coordinate(j.spring->rest)) return range_error("spring.rest", j.spring->rest, kCoordinateRule);
+  }
+  if (j.motor) {
+    if (!is_coordinate(j.motor->speed)) return range_error("motor.speed", j.motor->speed, kCoordinateRule);
+    if (!is_effort(j.motor->max_effort))
+      return range_error(j.kind == JointKind::kHinge ? "motor.max_torque" : "motor.max_force",
+                         j.motor->max_effort, kEffortRule);
+  }
   return "";
 }
 

@@ -16,6 +16,7 @@
 
 #include "common/error/UserError.h"
 #include "smartsurf/scene/ActuatorSpec.h"
+#include "smartsurf/scene/JointSpec.h"
 #include "smartsurf/scene/SensorSpec.h"
 #include "smartsurf/scene/Solid.h"
 
@@ -75,9 +76,10 @@ struct ObjectSpec {
   Eigen::Quaterniond orientation{1.0, 0.0, 0.0, 0.0};
   Eigen::Vector3d velocity{0.0, 0.0, 0.0};
   Eigen::Vector3d angular_velocity{0.0, 0.0, 0.0};
-  std::optional<double> mass;  // overrides the material's density
-  bool fixed = false;          // static body
-  int material = 0;            // index into SceneSpec::materials
+  std::optional<double> mass;      // overrides the material's density
+  std::optional<double> friction;  // overrides the material's
+  bool fixed = false;              // static body
+  int material = 0;                // index into SceneSpec::materials
   Colour colour;
   std::string label;
   // Magnetic charge and dipole moment at the centre of mass, body frame, in the units of a magnet's
@@ -191,6 +193,7 @@ struct SceneSpec {
   std::vector<Material> materials{Material{}};  // [0] is "default"
   SurfaceSpec surface;
   std::vector<ObjectSpec> objects;  // object id = index
+  std::vector<JointSpec> joints;    // joint id = index
   RecordSpec record;
   std::vector<OptionSpec> options;
 };

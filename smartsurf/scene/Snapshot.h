@@ -6,11 +6,10 @@
 #include <cstdint>
 #include <vector>
 
+#include "smartsurf/scene/ObjectState.h"
 #include "smartsurf/scene/SceneSpec.h"
 
 namespace smartsurf::scene {
-
-using ObjectId = std::uint32_t;  // starts at 0, in order of creation; not reused after removal
 
 // The state of a cell's mechanism, for drawing. By model ("relative" = divided by the model's maximum):
 //   ball         a, b: rotation about x and about y, rad

@@ -35,6 +35,7 @@ class SimulationInterface {
   virtual bool is_alive(scene::ObjectId) const = 0;
   virtual ObjectState state(scene::ObjectId) const = 0;
   virtual std::string label(scene::ObjectId) const = 0;
+  virtual bool is_fixed(scene::ObjectId) const = 0;
   // The ids of all live objects in ascending order, restricted to `label` if given.
   virtual std::vector<scene::ObjectId> find_objects(const std::optional<std::string>& label) const = 0;
 
@@ -43,6 +44,15 @@ class SimulationInterface {
   virtual void apply_force(scene::ObjectId, const Eigen::Vector3d& force,
                            const std::optional<Eigen::Vector3d>& point, double seconds) = 0;
   virtual void set_state(scene::ObjectId, const ObjectStateUpdate&) = 0;
+
+  // Joints, as of world/Engine.h. All but has_joint() require that the joint exists.
+  virtual scene::JointId add_joint(const scene::JointSpec&) = 0;
+  virtual bool has_joint(scene::JointId) const = 0;
+  virtual scene::JointKind joint_kind(scene::JointId) const = 0;
+  virtual void remove_joint(scene::JointId) = 0;
+  virtual void set_motor(scene::JointId, const scene::JointMotor&) = 0;
+  virtual void set_spring(scene::JointId, const scene::JointSpring&) = 0;
+  virtual scene::JointState joint_state(scene::JointId) const = 0;
 
   // Sets the target of an actuator channel for one cell (zero-based, row 0 is north, column 0 is west) or for
   // all cells (rows × columns, row-major).

@@ -50,6 +50,7 @@ Simulation::Simulation(script::Experiment& experiment, int threads, bool scripte
       sensor_array_(experiment.scene(), actuator_array_.field(), load_fault_map(experiment.scene().surface)),
       world_(experiment.scene(), world::make_engine(experiment.scene(), actuator_array_.field(), &pool_)),
       catalogue_(experiment.scene().objects),
+      joints_(experiment.scene().joints),
       departures_(experiment.scene().surface) {
   collect_channels();
   take_snapshot();
@@ -112,7 +113,7 @@ void Simulation::sense() { sensor_array_.sense(snapshot_, catalogue_, pool_); }
 // An object that was created during the run. Its solid must be that of a declared object.
 void Simulation::archive_object(common::StateArchive& a, scene::ObjectSpec& o) {
   a(o.shape, o.radius, o.height, o.size, o.position, o.orientation, o.velocity, o.angular_velocity, o.mass,
-    o.fixed, o.material, o.colour, o.label, o.magnetic_pole, o.magnetic_moment);
+    o.friction, o.fixed, o.material, o.colour, o.label, o.magnetic_pole, o.magnetic_moment);
   const std::span declared(scene().objects);
   std::uint64_t twin = 0;  // declared object with the same solid, plus one; 0: no solid
   if (o.solid && a.saves()) {
@@ -135,6 +136,7 @@ void Simulation::archive(common::StateArchive& a) {
   if (count < declared || count > UINT32_MAX) throw common::UserError("the saved state is damaged");
   catalogue_.resize(count);
   for (std::size_t id = declared; id < count; ++id) archive_object(a, catalogue_[id]);
+  a(joints_);
   actuator_array_.archive(a);
   world_.archive(a, catalogue_, declared);
   departures_.archive(a);
@@ -173,6 +175,11 @@ scene::ObjectId Simulation::spawn(const scene::ObjectSpec& spec) {
   catalogue_.push_back(spec);
   assert(id + 1 == catalogue_.size());
   return id;
+}
+
+scene::JointId Simulation::add_joint(const scene::JointSpec& spec) {
+  joints_.push_back(spec);
+  return world_.add_joint(spec);
 }
 
 void Simulation::remove(scene::ObjectId id) { world_.remove(id); }

@@ -91,6 +91,16 @@ class Simulation final : public script::SimulationInterface {
   void apply_force(scene::ObjectId, const Eigen::Vector3d& force, const std::optional<Eigen::Vector3d>& point,
                    double seconds) override;
   void set_state(scene::ObjectId, const script::ObjectStateUpdate&) override;
+  bool is_fixed(scene::ObjectId id) const override { return catalogue_[id].fixed; }
+  scene::JointId add_joint(const scene::JointSpec&) override;
+  bool has_joint(scene::JointId id) const override { return world_.has_joint(id); }
+  scene::JointKind joint_kind(scene::JointId id) const override { return joints_[id].kind; }
+  void remove_joint(scene::JointId id) override { world_.remove_joint(id); }
+  void set_motor(scene::JointId id, const scene::JointMotor& motor) override { world_.set_motor(id, motor); }
+  void set_spring(scene::JointId id, const scene::JointSpring& spring) override {
+    world_.set_spring(id, spring);
+  }
+  scene::JointState joint_state(scene::JointId id) const override { return world_.joint_state(id); }
   void set_target(const std::string& channel, int row, int column, float value) override;
   void set_targets(const std::string& channel, std::span<const float> values) override;
   float sense(const std::string& channel, int row, int column, int component) const override;
@@ -116,6 +126,7 @@ class Simulation final : public script::SimulationInterface {
   surface::SensorArray sensor_array_;
   world::World world_;
   std::vector<scene::ObjectSpec> catalogue_;
+  std::vector<scene::JointSpec> joints_;  // every joint ever created, index = id
   DepartureTracker departures_;
   scene::Snapshot snapshot_;
   bool tick_started_ = false;  // actuator_array_.begin_tick() was called for the current tick

@@ -7,6 +7,7 @@
 #include <array>
 #include <cmath>
 #include <iterator>
+#include <utility>
 
 #include "smartsurf/world/solver/RotationKernels.h"
 
@@ -53,7 +54,7 @@ void BodyStore::add(scene::ObjectId new_id, const scene::ObjectSpec& spec, const
   is_axisymmetric.push_back(shape.back()->is_axisymmetric());
   width.push_back(shape.back()->width);
   surface_material.push_back(
-      {bounding_radius.back(), std::sqrt(static_cast<float>(material.friction)),
+      {bounding_radius.back(), std::sqrt(static_cast<float>(spec.friction.value_or(material.friction))),
        shape.back()->has_rolling_friction ? std::sqrt(static_cast<float>(material.rolling_friction)) : 0.0F,
        static_cast<float>(material.restitution)});
   const bool is_dynamic = mass.back() > 0.0F;
@@ -63,6 +64,7 @@ void BodyStore::add(scene::ObjectId new_id, const scene::ObjectSpec& spec, const
   asleep.push_back(0);
   sleep_timer_s.push_back(0.0F);
   rest_motion.emplace_back();
+  is_jointed.push_back(0);
   BodyVelocity m;
   m.inverse_mass = is_dynamic ? 1.0F / mass.back() : 0.0F;
   m.inverse_inertia = is_dynamic && is_sphere.back() ? inverse_inertia_of_sphere(id.size() - 1) : 0.0F;
@@ -81,8 +83,26 @@ void BodyStore::erase(std::size_t i) {
   erase_at(bounding_radius, i), erase_at(is_sphere, i), erase_at(is_axisymmetric, i), erase_at(width, i),
       erase_at(surface_material, i);
   erase_at(inertia, i), erase_at(rotation_state, i), erase_at(wrench, i), erase_at(asleep, i),
-      erase_at(sleep_timer_s, i), erase_at(rest_motion, i);
+      erase_at(sleep_timer_s, i), erase_at(rest_motion, i), erase_at(is_jointed, i);
   erase_at(axes, i), erase_at(delta_pose, i), erase_at(world_inverse_inertia, i);
+}
+
+void BodyStore::set_links(std::vector<BodyLink> new_links) {
+  links = std::move(new_links);
+  is_jointed.assign(id.size(), 0);
+  excluded_pairs_.clear();
+  for (const BodyLink& link : links) {
+    for (const std::int32_t body : {link.a, link.b})
+      if (body >= 0) is_jointed[static_cast<std::size_t>(body)] = 1;
+    if (link.b >= 0 && !link.collide)
+      excluded_pairs_.push_back({std::min(link.a, link.b), std::max(link.a, link.b)});
+  }
+  std::ranges::sort(excluded_pairs_);
+}
+
+bool BodyStore::is_excluded(std::size_t i, std::size_t j) const {
+  return std::ranges::binary_search(excluded_pairs_, BodyPair{static_cast<std::int32_t>(std::min(i, j)),
+                                                              static_cast<std::int32_t>(std::max(i, j))});
 }
 
 int BodyStore::find(scene::ObjectId wanted) const {

@@ -4,6 +4,7 @@
 // concurrently for different bodies; only add() and erase() allocate.
 #pragma once
 
+#include <array>
 #include <memory>
 #include <span>
 #include <vector>
@@ -42,6 +43,12 @@ struct RestMotion {
   Vec3 velocity{0, 0, 0}, angular_velocity{0, 0, 0};  // u/s, rad/s
 };
 
+// Two bodies that a joint connects.
+struct BodyLink {
+  std::int32_t a, b;  // b = −1: the table
+  bool collide;       // whether they touch each other besides
+};
+
 struct BodyStore {
   std::vector<scene::ObjectId> id;
   std::vector<Vec3> position;  // of the centre of mass, u
@@ -60,6 +67,10 @@ struct BodyStore {
   std::vector<char> asleep;
   std::vector<float> sleep_timer_s;     // time since the body last moved or accelerated noticeably
   std::vector<RestMotion> rest_motion;  // since the sleep timer started
+  std::vector<char> is_jointed;         // whether any link has the body
+
+  // Of the joints, in their order; JointSolver keeps them.
+  std::vector<BodyLink> links;
 
   // ---- derived in each step
   // Rotation matrix; unused for spheres. Axes of an axisymmetric shape do not follow its spin about its own z.
@@ -70,14 +81,20 @@ struct BodyStore {
   int size() const { return static_cast<int>(id.size()); }
   bool is_static(std::size_t i) const { return mass[i] == 0.0F; }
   bool is_active(std::size_t i) const { return !is_static(i) && !asleep[i]; }
+  // Whether contacts between two bodies count: links may exclude them.
+  bool may_touch(std::size_t i, std::size_t j) const {
+    return !is_jointed[i] || !is_jointed[j] || !is_excluded(i, j);
+  }
+  // Replaces the links.
+  void set_links(std::vector<BodyLink>);
   Vec3 velocity(std::size_t i) const { return Vec3(body_velocity[i].velocity); }
   Vec3 angular_velocity(std::size_t i) const { return Vec3(body_velocity[i].angular_velocity); }
 
   // All arrays but the shapes.
   void archive(common::StateArchive& a) {
     a(id, position, orientation, body_velocity, mass, bounding_radius, is_sphere, is_axisymmetric, width,
-      surface_material, inertia, rotation_state, wrench, asleep, sleep_timer_s, rest_motion, axes, delta_pose,
-      world_inverse_inertia);
+      surface_material, inertia, rotation_state, wrench, asleep, sleep_timer_s, rest_motion, is_jointed,
+      links, excluded_pairs_, axes, delta_pose, world_inverse_inertia);
   }
 
   // The id must exceed all ids in the store.
@@ -109,7 +126,11 @@ struct BodyStore {
   void integrate_poses(std::span<const Rotating>);
 
  private:
+  using BodyPair = std::array<std::int32_t, 2>;  // ascending
+  bool is_excluded(std::size_t i, std::size_t j) const;
   void integrate_rotations(std::span<const Rotating>);
+
+  std::vector<BodyPair> excluded_pairs_;  // ascending
 };
 
 // Quaternion of a rotation vector (axis times angle, rad).

@@ -387,6 +387,7 @@ bool CollisionPipeline::field_may_overlap(const Vec3& low, const Vec3& high) con
 
 void CollisionPipeline::collide_static_body(const BodyStore& bodies, std::size_t i, std::size_t static_body,
                                             SlabResults& results) const {
+  if (!bodies.may_touch(i, static_body)) return;
   ContactList& out = results.static_contacts;
   const std::size_t first = out.contacts.size();
   collide_bodies(bodies, i, static_body, speculative_margin_[i], dt_s_,
@@ -398,6 +399,7 @@ void CollisionPipeline::collide_static_body(const BodyStore& bodies, std::size_t
 void CollisionPipeline::collide_pair(const BodyStore& bodies, std::size_t i, std::size_t j,
                                      SlabResults& results) const {
   if (!bodies.is_active(i) && !bodies.is_active(j)) return;
+  if (!bodies.may_touch(i, j)) return;
   const std::size_t a = std::min(i, j), b = std::max(i, j);
   const bool has_sphere = bodies.is_sphere[a] || bodies.is_sphere[b];
   ContactList& pair_contacts = results.pair_contacts;

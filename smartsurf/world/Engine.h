@@ -54,6 +54,16 @@ class Engine {
   // The object must be alive.
   virtual scene::ObjectState state(scene::ObjectId) const = 0;
 
+  // Adds a joint between live objects and returns its id: 0, 1, …, never reused. It goes when either object does. Wakes
+  // the objects, as the functions below do.
+  virtual scene::JointId add_joint(const scene::JointSpec&) = 0;
+  virtual bool has_joint(scene::JointId) const = 0;
+  // The joint must exist; for the second and third, have a coordinate.
+  virtual void remove_joint(scene::JointId) = 0;
+  virtual void set_motor(scene::JointId, const scene::JointMotor&) = 0;
+  virtual void set_spring(scene::JointId, const scene::JointSpring&) = 0;
+  virtual scene::JointState joint_state(scene::JointId) const = 0;
+
   // The live objects, for actuators. Valid until the next step or until objects are added, removed or placed.
   virtual surface::BodyView bodies() const = 0;
   // External force and torque on each body during the next step, in the order of bodies(); reset to zero after

@@ -59,6 +59,27 @@ scene::Material LengthUnit::to_world(scene::Material material) const {
   return material;
 }
 
+scene::JointSpec LengthUnit::to_world(scene::JointSpec j) const {
+  // Of the coordinate, and of the effort per coordinate.
+  const bool is_slider = j.kind == scene::JointKind::kSlider;
+  const double coordinate = is_slider ? to_world_ : 1.0, rate = is_slider ? 1.0 : to_world_ * to_world_;
+  const double effort = rate * coordinate;
+  j.anchor *= to_world_;
+  if (j.limits) j.limits->lower *= coordinate, j.limits->upper *= coordinate;
+  j.friction *= effort;
+  if (j.spring) j.spring->stiffness *= rate, j.spring->damping *= rate, j.spring->rest *= coordinate;
+  if (j.motor) j.motor->speed *= coordinate, j.motor->max_effort *= effort;
+  return j;
+}
+
+scene::JointState LengthUnit::to_scene(scene::JointKind kind, scene::JointState s) const {
+  const bool is_slider = kind == scene::JointKind::kSlider;
+  if (is_slider) s.coordinate *= to_scene_, s.speed *= to_scene_;
+  s.effort *= is_slider ? to_scene_ : to_scene_ * to_scene_;
+  s.force *= to_scene_;
+  return s;
+}
+
 surface::Wrench LengthUnit::to_world(const surface::Wrench& w) const {
   return {w.force * to_world_f_, w.torque * (to_world_f_ * to_world_f_)};
 }

@@ -40,6 +40,8 @@ class LengthUnit {
   scene::ObjectSpec to_world(const scene::ObjectSpec&, const scene::Material&);
   scene::ObjectStateUpdate to_world(scene::ObjectStateUpdate) const;
   scene::Material to_world(scene::Material) const;
+  scene::JointSpec to_world(scene::JointSpec) const;
+  scene::JointState to_scene(scene::JointKind, scene::JointState) const;
   surface::Wrench to_world(const surface::Wrench&) const;
 
   // A copy of the field in world units.

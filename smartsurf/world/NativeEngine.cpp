@@ -78,6 +78,7 @@ bool NativeEngine::remove(scene::ObjectId id) {
   impl_->sleep.on_body_removed(index);
   impl_->collision.on_body_removed(index);
   impl_->collision.on_bodies_changed(impl_->bodies.size());
+  impl_->joints.on_body_removed(index, impl_->bodies);
   std::erase_if(impl_->timed_forces, [id](const TimedForce& p) { return p.id == id; });
   return true;
 }
@@ -112,6 +113,42 @@ scene::ObjectState NativeEngine::state(scene::ObjectId id) const {
   const auto i = static_cast<std::size_t>(b.find(id));
   return {unit.to_scene(Eigen::Vector3d(b.position[i].cast<double>())), b.orientation[i].cast<double>(),
           unit.to_scene(Eigen::Vector3d(b.velocity(i).cast<double>())), b.angular_velocity(i).cast<double>()};
+}
+
+void NativeEngine::Impl::wake_joint(scene::JointId id) {
+  for (const std::int32_t body : joints.bodies_of(id))
+    if (body >= 0 && !bodies.is_static(static_cast<std::size_t>(body)))
+      sleep.wake(bodies, static_cast<std::size_t>(body));
+}
+
+scene::JointId NativeEngine::add_joint(const scene::JointSpec& spec) {
+  const scene::JointId id = impl_->joints.add(impl_->unit.to_world(spec), impl_->bodies);
+  impl_->wake_joint(id);
+  return id;
+}
+
+bool NativeEngine::has_joint(scene::JointId id) const { return impl_->joints.contains(id); }
+
+void NativeEngine::remove_joint(scene::JointId id) {
+  impl_->wake_joint(id);
+  impl_->joints.remove(id, impl_->bodies);
+}
+
+void NativeEngine::set_motor(scene::JointId id, const scene::JointMotor& motor) {
+  impl_->wake_joint(id);
+  const scene::JointSpec spec{.kind = impl_->joints.kind_of(id), .motor = motor};
+  impl_->joints.set_motor(id, *impl_->unit.to_world(spec).motor);
+}
+
+void NativeEngine::set_spring(scene::JointId id, const scene::JointSpring& spring) {
+  impl_->wake_joint(id);
+  const scene::JointSpec spec{.kind = impl_->joints.kind_of(id), .spring = spring};
+  impl_->joints.set_spring(id, *impl_->unit.to_world(spec).spring);
+}
+
+scene::JointState NativeEngine::joint_state(scene::JointId id) const {
+  return impl_->unit.to_scene(impl_->joints.kind_of(id),
+                              impl_->joints.state(id, impl_->bodies, impl_->settings.dt_s));
 }
 
 surface::BodyView NativeEngine::bodies() const {
@@ -211,7 +248,7 @@ void NativeEngine::archive(common::StateArchive& a, std::span<const scene::Objec
                            std::size_t declared) {
   Impl& s = *impl_;
   std::vector<scene::ObjectId> previous_id = s.bodies.id;
-  a(s.next_id, s.bodies, s.timed_forces, s.pair_contacts, s.static_contacts, s.sleep);
+  a(s.next_id, s.bodies, s.joints, s.timed_forces, s.pair_contacts, s.static_contacts, s.sleep);
   s.collision.archive(a, s.bodies.size());
   a(s.loaded_cells, s.sleeper_cells, s.sleeper_impulse, s.sleeper_impulse_version, s.has_wrenches,
     s.field_moved);

@@ -27,6 +27,12 @@ class NativeEngine final : public Engine {
   bool apply_force(scene::ObjectId, const Eigen::Vector3d& force, const std::optional<Eigen::Vector3d>& point,
                    double duration_s) override;
   scene::ObjectState state(scene::ObjectId) const override;
+  scene::JointId add_joint(const scene::JointSpec&) override;
+  bool has_joint(scene::JointId) const override;
+  void remove_joint(scene::JointId) override;
+  void set_motor(scene::JointId, const scene::JointMotor&) override;
+  void set_spring(scene::JointId, const scene::JointSpring&) override;
+  scene::JointState joint_state(scene::JointId) const override;
   surface::BodyView bodies() const override;
   std::span<surface::Wrench> wrenches() override;
   void step() override;

@@ -31,6 +31,7 @@ struct NativeEngine::Impl {
 
   // One time step, see Engine::step().
   void step();
+  void wake_joint(scene::JointId);
   void read_inputs();
   void apply_timed_forces();
   void collect_active_bodies();
@@ -60,6 +61,7 @@ struct NativeEngine::Impl {
   Sleep sleep;
   CollisionPipeline collision;
   Solver solver;
+  JointSolver joints;
   CellForceLimits force_limits;
   JamRelief jam_relief;
   bool lowered_speeds = false;  // in this step

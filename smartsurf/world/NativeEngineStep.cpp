@@ -61,9 +61,9 @@ void NativeEngine::Impl::finalize_bodies(const Member& member) {
         bodies.integrate_pose(i);
         sleep.update_sleep_timer(bodies, i);
       } else {
-        // A clipped body must end in the pose in which it was found to touch.
+        // A clipped body must end in the pose in which it was found to touch, one with joints in that where they hold.
         const bool is_clipped = clip_to_time_of_impact(collision, bodies, i);
-        rotating[count++] = {i, is_clipped ? 0.0F : settings.dt_s};
+        rotating[count++] = {i, is_clipped || bodies.is_jointed[i] ? 0.0F : settings.dt_s};
         if (count == rotating.size()) flush_rotations();
       }
     }
@@ -187,7 +187,7 @@ void NativeEngine::Impl::step_active_bodies(const Member& member) {
         [this] { force_limits.distribute_limits(field, settings.dt_s, settings.substeps, static_contacts); });
   solver.step(bodies,
               {collision.partition(), pair_contacts, static_contacts, collision.pair_ranges(),
-               collision.static_ranges(), collision.supports(), force_limits.limits(), has_wrenches,
+               collision.static_ranges(), collision.supports(), force_limits.limits(), has_wrenches, joints,
                jam_relief.min_depth()},
               member);
   finalize_bodies(member);

@@ -7,7 +7,9 @@ namespace smartsurf::world {
 namespace {
 
 constexpr float kMaxSleepSpeed = 0.06F;  // upper bound of the speed of any point of a resting body, u/s
-constexpr float kTimeToSleep_s = 0.5F;   // a body must rest this long before it falls asleep
+// The same for bodies with joints: a pendulum in its lowest point hardly accelerates.
+constexpr float kMaxJointedSleepSpeed = 0.003F;
+constexpr float kTimeToSleep_s = 0.5F;  // a body must rest this long before it falls asleep
 // Upper bound of the mean acceleration of any point of a resting body over that time, u/s².
 constexpr float kMaxSleepAcceleration = 0.01F;
 constexpr float kWakeIslandSpeed = 0.6F;  // a faster body wakes the whole island that it hits, u/s
@@ -79,6 +81,13 @@ void Sleep::wake_island(BodyStore& b, std::size_t body) {
       wake(b, b.asleep[i] ? i : j);
       changed = true;
     }
+    for (const BodyLink& link : b.links) {
+      if (link.b < 0) continue;
+      const auto i = static_cast<std::size_t>(link.a), j = static_cast<std::size_t>(link.b);
+      if (b.asleep[i] == b.asleep[j] || b.is_static(i) || b.is_static(j)) continue;
+      wake(b, b.asleep[i] ? i : j);
+      changed = true;
+    }
   }
 }
 
@@ -97,6 +106,9 @@ void Sleep::wake_with_neighbours(BodyStore& b, std::size_t body, const ContactLi
       for (int k = m.first; k < m.first + m.count; ++k)
         if (list->contacts[static_cast<std::size_t>(k)].other == index)
           wake(b, static_cast<std::size_t>(m.a));
+  for (const BodyLink& link : b.links)
+    if (link.b >= 0 && (link.a == index || link.b == index))
+      wake(b, static_cast<std::size_t>(link.a == index ? link.b : link.a));
 }
 
 void Sleep::wake_forced(BodyStore& b) {
@@ -163,7 +175,8 @@ bool Sleep::touches_moving_cell(const Contact& c) const {
 }
 
 void Sleep::update_sleep_timer(BodyStore& b, std::size_t i) const {
-  const bool is_still = max_point_speed(b, i) < kMaxSleepSpeed && b.wrench[i].is_zero();
+  const float max_speed = b.is_jointed[i] ? kMaxJointedSleepSpeed : kMaxSleepSpeed;
+  const bool is_still = max_point_speed(b, i) < max_speed && b.wrench[i].is_zero();
   float& timer_s = b.sleep_timer_s[i];
   if (!is_still) {
     timer_s = 0.0F;
@@ -207,17 +220,26 @@ void Sleep::update_sleeping_set(BodyStore& b, const std::vector<std::int32_t>& a
   has_active_neighbour_.assign(b.asleep.size(), 0);
   std::vector<char>& is_supported = is_supported_;
   is_supported.assign(b.asleep.size(), gravity_.isZero(0.0F));
-  // A body that touches a moving body stays awake, or is woken.
-  for (const Manifold& m : pair_contacts.manifolds) {
-    const auto i = static_cast<std::size_t>(m.a), j = static_cast<std::size_t>(m.b);
-    is_supported[i] = is_supported[j] = 1;
+  // A body that touches a moving body, or has a joint with one, stays awake, or is woken.
+  auto keep_together = [&](std::size_t i, std::size_t j) {
     for (const auto& [one, other] : {std::pair{i, j}, std::pair{j, i}}) {
-      if (b.asleep[one] || b.sleep_timer_s[one] > 0.0F) continue;
+      if (!b.is_active(one) || b.sleep_timer_s[one] > 0.0F) continue;
       has_active_neighbour_[other] = 1;
       if (b.asleep[other]) wake(b, other);
     }
+  };
+  for (const Manifold& m : pair_contacts.manifolds) {
+    const auto i = static_cast<std::size_t>(m.a), j = static_cast<std::size_t>(m.b);
+    is_supported[i] = is_supported[j] = 1;
+    keep_together(i, j);
   }
   for (const Manifold& m : static_contacts.manifolds) is_supported[static_cast<std::size_t>(m.a)] = 1;
+  for (const BodyLink& link : b.links) {
+    is_supported[static_cast<std::size_t>(link.a)] = 1;
+    if (link.b < 0) continue;
+    is_supported[static_cast<std::size_t>(link.b)] = 1;
+    keep_together(static_cast<std::size_t>(link.a), static_cast<std::size_t>(link.b));
+  }
   const int count_before = sleeping_count_;
   for (const std::int32_t k : active_bodies) {
     const auto i = static_cast<std::size_t>(k);

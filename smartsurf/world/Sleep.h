@@ -1,10 +1,10 @@
 // Puts resting bodies to sleep and wakes them again.
 //
-// A body falls asleep when it and every body it touches have been nearly still for kTimeToSleep_s on cells that
-// do not move, and its velocity has hardly changed meanwhile: a body that starts to slide or roll is slow too. A
-// sleeping body has zero inverse mass in the solver and is not simulated; its contacts are kept
-// with their impulses. It wakes when a cell under or beside it moves, when a wrench acts on it, or when a
-// neighbour moves or is removed; an imminent hit by a fast body wakes the whole island.
+// A body falls asleep when it and every body that it touches or has a joint with have been nearly still for
+// kTimeToSleep_s on cells that do not move, and its velocity has hardly changed meanwhile: a body that starts to slide
+// or roll is slow too. A sleeping body has zero inverse mass in the solver and is not simulated; its contacts are kept
+// with their impulses. It wakes when a cell under or beside it moves, when a wrench acts on it, or when a neighbour
+// moves or is removed; an imminent hit by a fast body wakes the whole island.
 //
 // Not thread-safe except where a function says so.
 #pragma once
@@ -43,10 +43,10 @@ class Sleep {
 
   // ---- before a step; `pair_contacts` and `static_contacts` are those of the previous step
   void wake(BodyStore&, std::size_t body);
-  // Also wakes every sleeping body connected to it by contacts.
+  // Also wakes every sleeping body connected to it by contacts and joints.
   void wake_island(BodyStore&, std::size_t body);
-  // Also wakes the bodies in contact with it; for a static body, all bodies. Call before a body is placed or
-  // removed, and after it is added.
+  // Also wakes the bodies that have a contact or joint with it; for a static body, all bodies. Call before a body is
+  // placed or removed, and after it is added.
   void wake_with_neighbours(BodyStore&, std::size_t body, const ContactList& pair_contacts,
                             const ContactList& static_contacts);
   // Wakes bodies with a nonzero wrench.

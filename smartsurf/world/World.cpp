@@ -8,6 +8,7 @@ namespace smartsurf::world {
 
 World::World(const scene::SceneSpec& scene, std::unique_ptr<Engine> engine) : engine_(std::move(engine)) {
   for (const auto& object : scene.objects) add(object);
+  for (const auto& joint : scene.joints) add_joint(joint);
 }
 
 World::World(const scene::SceneSpec& scene, surface::Field& field, common::ThreadPool* pool)

@@ -11,7 +11,7 @@ namespace smartsurf::world {
 
 class World {
  public:
-  // Adds the objects of the scene with ids 0, 1, …. The engine's field must outlive the world.
+  // Adds the objects of the scene with ids 0, 1, …, and its joints likewise. The engine's field must outlive the world.
   World(const scene::SceneSpec&, std::unique_ptr<Engine>);
   // The same with the own engine, whatever the scene's `engine`. `pool` must outlive the world; without it,
   // everything runs on the caller.
@@ -30,6 +30,12 @@ class World {
     return engine_->apply_force(id, force, point, duration_s);
   }
   scene::ObjectState state(scene::ObjectId id) const { return engine_->state(id); }
+  scene::JointId add_joint(const scene::JointSpec& spec) { return engine_->add_joint(spec); }
+  bool has_joint(scene::JointId id) const { return engine_->has_joint(id); }
+  void remove_joint(scene::JointId id) { engine_->remove_joint(id); }
+  void set_motor(scene::JointId id, const scene::JointMotor& motor) { engine_->set_motor(id, motor); }
+  void set_spring(scene::JointId id, const scene::JointSpring& spring) { engine_->set_spring(id, spring); }
+  scene::JointState joint_state(scene::JointId id) const { return engine_->joint_state(id); }
   surface::BodyView bodies() const { return engine_->bodies(); }
   std::span<surface::Wrench> wrenches() { return engine_->wrenches(); }
   void step() { engine_->step(); }

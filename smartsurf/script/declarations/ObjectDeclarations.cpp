@@ -26,9 +26,10 @@ struct ShapeBinding {
   void (*read)(ScriptContext&, lua_State*, const TableReader&, scene::ObjectSpec&);
 };
 
-constexpr std::array<std::string_view, 11> kCommonFields{
-    "position", "orientation", "velocity", "angular_velocity", "mass", "fixed", "material", "colour",
-    "label",    "pole",        "moment"};
+constexpr std::array<std::string_view, 12> kCommonFields{
+    "position", "orientation", "velocity", "angular_velocity",
+    "mass",     "friction",    "fixed",    "material",
+    "colour",   "label",       "pole",     "moment"};
 
 std::vector<std::string_view> field_names(const ShapeBinding& shape) {
   std::vector<std::string_view> all;
@@ -46,6 +47,7 @@ void read_common(const ScriptContext& context, lua_State* L, const TableReader& 
   fields.read("velocity", object.velocity);
   fields.read("angular_velocity", object.angular_velocity);
   fields.read("mass", object.mass);
+  fields.read("friction", object.friction);
   fields.read("fixed", object.fixed);
   fields.read("colour", object.colour);
   fields.read("pole", object.magnetic_pole);

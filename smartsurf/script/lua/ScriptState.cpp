@@ -1,8 +1,10 @@
 #include "smartsurf/script/lua/ScriptState.h"
 
 #include <algorithm>
+#include <iterator>
 #include <string>
 #include <string_view>
+#include <type_traits>
 #include <vector>
 
 #include "smartsurf/script/ScriptContext.h"
@@ -14,7 +16,9 @@ namespace {
 constexpr const char* kObjects = "smartsurf.objects";
 constexpr const char* kNumbers = "smartsurf.numbers";
 constexpr const char* kModules = "smartsurf.modules";  // of require, see SandboxFiles.cpp
-constexpr const char* kHandleType = "object";          // see ObjectHandles.cpp
+// Of handles, which hold an id; see ObjectHandles.cpp and JointBindings.cpp.
+constexpr const char* kHandleTypes[] = {"object", "joint"};
+static_assert(std::is_same_v<scene::ObjectId, scene::JointId>);
 
 enum class Tag : std::uint8_t { kNil, kFalse, kTrue, kInteger, kNumber, kString, kReference, kHandle };
 
@@ -212,10 +216,7 @@ class Writer {
         break;
       }
       case LUA_TUSERDATA:
-        if (const auto* id = static_cast<const scene::ObjectId*>(luaL_testudata(L_, -1, kHandleType))) {
-          tag(Tag::kHandle), out_.value(handle_number()), out_.value(*id);
-          break;
-        }
+        if (write_handle()) break;
         [[fallthrough]];
       default:
         tag(Tag::kReference), out_.value(number());
@@ -244,7 +245,18 @@ class Writer {
  private:
   void tag(Tag t) { out_.value(t); }
 
-  // The number of the object handle on top. Handles can be keys of tables, so their identity matters.
+  // Returns false if the value on top is no handle.
+  bool write_handle() {
+    for (std::uint8_t type = 0; type < std::size(kHandleTypes); ++type) {
+      const auto* id = static_cast<const scene::ObjectId*>(luaL_testudata(L_, -1, kHandleTypes[type]));
+      if (id == nullptr) continue;
+      tag(Tag::kHandle), out_.value(handle_number()), out_.value(type), out_.value(*id);
+      return true;
+    }
+    return false;
+  }
+
+  // The number of the handle on top. Handles can be keys of tables, so their identity matters.
   std::int64_t handle_number() {
     lua_pushvalue(L_, -1);
     lua_rawget(L_, objects_ + 2);
@@ -395,12 +407,14 @@ class Reader {
 
   void push_handle() {
     const auto number = in_.value(std::int64_t{0});
+    const auto type = in_.value(std::uint8_t{0});
+    if (type >= std::size(kHandleTypes)) throw common::UserError("the saved state is damaged");
     const auto id = in_.value(scene::ObjectId{0});
     lua_rawgeti(L_, objects_ + 1, number - known_count_);
     if (!lua_isnil(L_, -1)) return;
     lua_pop(L_, 1);
     new (lua_newuserdatauv(L_, sizeof id, 0)) scene::ObjectId(id);
-    luaL_setmetatable(L_, kHandleType);
+    luaL_setmetatable(L_, kHandleTypes[type]);
     lua_pushvalue(L_, -1);
     lua_rawseti(L_, objects_ + 1, number - known_count_);
   }

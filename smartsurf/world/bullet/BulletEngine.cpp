@@ -10,6 +10,7 @@
 #include <string>
 #include <utility>
 
+#include "smartsurf/world/bullet/BulletJoint.h"
 #include "smartsurf/world/bullet/BulletShape.h"
 #include "smartsurf/world/bullet/CellPool.h"
 #include "smartsurf/world/bullet/ConeFrictionSolver.h"
@@ -118,7 +119,8 @@ struct BulletEngine::Impl {
   btStaticPlaneShape ground_shape{btVector3(0, 0, 1), 0.0};
   std::unique_ptr<btRigidBody> ground;
   CellPool cells;
-  std::vector<Body> bodies;  // one per id
+  std::vector<Body> bodies;                          // one per id
+  std::vector<std::unique_ptr<BulletJoint>> joints;  // ascending by id
   std::vector<CellPool::Box> boxes;
   std::vector<ContactDetail> details;
   std::size_t next_detail = 0;
@@ -169,6 +171,7 @@ BulletEngine::Impl::Impl(const scene::SceneSpec& scene, surface::Field& f,
 }
 
 BulletEngine::Impl::~Impl() {
+  joints.clear();
   for (const Body& body : bodies) world.removeRigidBody(body.rigid.get());
   if (ground) world.removeRigidBody(ground.get());
 }
@@ -417,6 +420,7 @@ scene::ObjectId BulletEngine::add(const scene::ObjectSpec& spec) {
   const scene::Material& material = materials_[static_cast<std::size_t>(spec.material)];
   const double mass = spec.fixed ? 0.0 : spec.mass.value_or(material.density * spec.volume());
   Body body{gathers_points(spec.shape), make_bullet_shape(spec, mass), nullptr, parameters_of(material)};
+  if (spec.friction) body.surface.friction = *spec.friction;
   if (!resists_rolling(spec.shape)) body.surface.rolling_friction = 0.0;
   btRigidBody::btRigidBodyConstructionInfo info(mass, nullptr, body.shape.shape, body.shape.inertia);
   info.m_startWorldTransform =
@@ -447,7 +451,9 @@ bool BulletEngine::alive(scene::ObjectId id) const { return find(id) >= 0; }
 bool BulletEngine::remove(scene::ObjectId id) {
   const int index = find(id);
   if (index < 0) return false;
-  impl_->world.removeRigidBody(impl_->bodies[static_cast<std::size_t>(index)].rigid.get());
+  btRigidBody& rigid = *impl_->bodies[static_cast<std::size_t>(index)].rigid;
+  std::erase_if(impl_->joints, [&rigid](const auto& joint) { return joint->connects(rigid); });
+  impl_->world.removeRigidBody(&rigid);
   auto erase = [index](auto& all) { all.erase(all.begin() + index); };
   erase(impl_->bodies), erase(ids_), erase(positions_), erase(orientations_), erase(velocities_);
   erase(angular_velocities_), erase(masses_), erase(wrenches_);
@@ -500,6 +506,37 @@ scene::ObjectState BulletEngine::state(scene::ObjectId id) const {
           angular_velocities_[i].cast<double>()};
 }
 
+BulletJoint* BulletEngine::find_joint(scene::JointId id) const {
+  const auto it =
+      std::ranges::lower_bound(impl_->joints, id, {}, [](const auto& joint) { return joint->id(); });
+  return it != impl_->joints.end() && (*it)->id() == id ? it->get() : nullptr;
+}
+
+scene::JointId BulletEngine::add_joint(const scene::JointSpec& spec) {
+  auto body_of = [this](scene::ObjectId id) {
+    return impl_->bodies[static_cast<std::size_t>(find(id))].rigid.get();
+  };
+  impl_->joints.push_back(std::make_unique<BulletJoint>(next_joint_id_, spec, impl_->world, *body_of(spec.a),
+                                                        spec.b ? body_of(*spec.b) : nullptr));
+  return next_joint_id_++;
+}
+
+bool BulletEngine::has_joint(scene::JointId id) const { return find_joint(id) != nullptr; }
+
+void BulletEngine::remove_joint(scene::JointId id) {
+  std::erase_if(impl_->joints, [id](const auto& joint) { return joint->id() == id; });
+}
+
+void BulletEngine::set_motor(scene::JointId id, const scene::JointMotor& motor) {
+  find_joint(id)->set_motor(motor);
+}
+
+void BulletEngine::set_spring(scene::JointId id, const scene::JointSpring& spring) {
+  find_joint(id)->set_spring(spring);
+}
+
+scene::JointState BulletEngine::joint_state(scene::JointId id) const { return find_joint(id)->state(dt_s_); }
+
 surface::BodyView BulletEngine::bodies() const {
   return {ids_, positions_, orientations_, velocities_, angular_velocities_, masses_};
 }
@@ -522,6 +559,7 @@ void BulletEngine::step() {
   s.loaded_cells.clear();
   contacts_.clear();
   s.select_cells(dt_s_);
+  for (const auto& joint : s.joints) joint->begin_step();
   for (int k = 0; k < s.substeps; ++k) {
     s.world.clearForces();
     for (std::size_t i = 0; i < ids_.size(); ++i) {
@@ -534,6 +572,7 @@ void BulletEngine::step() {
     s.read_contacts(contacts_);
     contact_count_ = contacts_.size() - earlier;
     s.advance_columns();
+    for (const auto& joint : s.joints) joint->end_substep(s.substep_s);
   }
   s.world.clearForces();
   if (field_.has_force_limit())

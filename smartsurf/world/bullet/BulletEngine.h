@@ -15,6 +15,8 @@
 
 namespace smartsurf::world {
 
+class BulletJoint;
+
 class BulletEngine final : public Engine {
  public:
   // Without objects. `field` and `pool` must outlive the engine.
@@ -30,6 +32,12 @@ class BulletEngine final : public Engine {
   bool apply_force(scene::ObjectId, const Eigen::Vector3d& force, const std::optional<Eigen::Vector3d>& point,
                    double duration_s) override;
   scene::ObjectState state(scene::ObjectId) const override;
+  scene::JointId add_joint(const scene::JointSpec&) override;
+  bool has_joint(scene::JointId) const override;
+  void remove_joint(scene::JointId) override;
+  void set_motor(scene::JointId, const scene::JointMotor&) override;
+  void set_spring(scene::JointId, const scene::JointSpring&) override;
+  scene::JointState joint_state(scene::JointId) const override;
   surface::BodyView bodies() const override;
   std::span<surface::Wrench> wrenches() override { return wrenches_; }
   void step() override;
@@ -46,6 +54,7 @@ class BulletEngine final : public Engine {
   struct Impl;
   // Index of the object, or −1.
   int find(scene::ObjectId) const;
+  BulletJoint* find_joint(scene::JointId) const;  // null: none
   void read_body(std::size_t index);
   void apply_timed_forces();
 
@@ -53,6 +62,7 @@ class BulletEngine final : public Engine {
   surface::Field& field_;
   double dt_s_;
   scene::ObjectId next_id_ = 0;
+  scene::JointId next_joint_id_ = 0;
   struct TimedForce {
     scene::ObjectId id;
     Eigen::Vector3d force, local_point;  // local_point: from the centre of mass, body axes, u

@@ -118,10 +118,17 @@ void ConeFrictionSolver::solve_rolling(std::size_t row_index, const btSolverCons
   b.internalGetDeltaAngularVelocity() -= inverse_b * change;
 }
 
-btScalar ConeFrictionSolver::solveSingleIteration(int, btCollisionObject**, int, btPersistentManifold**, int,
-                                                  btTypedConstraint**, int, const btContactSolverInfo&,
-                                                  btIDebugDraw*) {
+btScalar ConeFrictionSolver::solveSingleIteration(int iteration, btCollisionObject**, int,
+                                                  btPersistentManifold**, int, btTypedConstraint**, int,
+                                                  const btContactSolverInfo&, btIDebugDraw*) {
   btScalar residual = 0.0;
+  for (int i = 0; i < m_tmpSolverNonContactConstraintPool.size(); ++i) {
+    const btSolverConstraint& row = m_tmpSolverNonContactConstraintPool[i];
+    if (iteration >= row.m_overrideNumSolverIterations) continue;
+    residual = std::max(residual, std::abs(m_resolveSingleConstraintRowGeneric(
+                                      m_tmpSolverBodyPool[row.m_solverBodyIdA],
+                                      m_tmpSolverBodyPool[row.m_solverBodyIdB], row)));
+  }
   for (int i = 0; i < m_tmpSolverContactConstraintPool.size(); ++i) {
     const btSolverConstraint& row = m_tmpSolverContactConstraintPool[i];
     residual = std::max(residual, std::abs(solve_normal(row)));

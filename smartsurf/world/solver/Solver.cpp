@@ -136,6 +136,10 @@ void Solver::run_stages(StepContext& context, const Member& member) {
   if (has_supports_) prepare_supports(context);
   integrate_velocities(context, true);
   member.arrive();
+  JointSolver& joints = context.input.joints;
+  const JointSolver::Substep substep{context.pair_params.h_s, settings_.gravity};
+  run_joint_stage(context, member,
+                  [&] { joints.begin_step(context.bodies, context.partition, joint_rows()); });
   const ContactKernelTable& k = context.kernels;
   run_contact_stage(context, member, k.warm_start, 0.0F, SupportStage::kWarmStart);
   const float h_s = context.pair_params.h_s;
@@ -145,10 +149,12 @@ void Solver::run_stages(StepContext& context, const Member& member) {
       integrate_velocities(context, false);
       member.arrive();
     }
+    run_joint_stage(context, member, [&] { joints.solve(context.bodies, joint_rows(), substep); });
     run_contact_stage(context, member, k.solve, static_cast<float>(s) * h_s, SupportStage::kSolve);
     member.wait();
     integrate_positions(context);
     member.arrive();
+    run_joint_stage(context, member, [&] { joints.relax(joint_rows(), substep); });
     run_contact_stage(context, member, k.relax, 0.0F, SupportStage::kRelax);
   }
   if (has_supports_) member.wait();  // support patches change impulses in batches of other members
@@ -515,6 +521,15 @@ void Solver::run_contact_stage(StepContext& context, const Member& member,
     solve_points();
     share_loads(list, p, batch_points());
   });
+  member.arrive();
+}
+
+// Joints are solved by the caller alone.
+template <class Stage>
+void Solver::run_joint_stage(const StepContext& context, const Member& member, Stage stage) {
+  if (context.input.joints.empty()) return;
+  member.wait();
+  if (member.is_caller()) stage();
   member.arrive();
 }
 

@@ -3,7 +3,8 @@
 //
 // Stages: prepare, warm start; per substep integrate velocities, solve with soft constraints, integrate positions,
 // relax (solve without bias, so that the push-out adds no velocity); storing of impulses and impacts at the end of the
-// step. The contact stages end with the support patches (SupportSolver.h). Impulses carry over from substep to substep
+// step. Joints (JointSolver.h) are solved and relaxed before the contacts. The contact stages end with the support
+// patches (SupportSolver.h). Impulses carry over from substep to substep
 // and from step to step.
 #pragma once
 
@@ -20,6 +21,7 @@
 #include "smartsurf/world/parallel/Team.h"
 #include "smartsurf/world/solver/ConstraintGraph.h"
 #include "smartsurf/world/solver/ImpactSolver.h"
+#include "smartsurf/world/solver/JointSolver.h"
 
 namespace smartsurf::world {
 
@@ -45,7 +47,8 @@ class Solver {
     std::span<SupportPatches> supports;       // one list per slab
     std::span<CellImpulseLimit> cell_limits;  // one per static contact; empty without force limits
     bool has_wrenches;                        // whether any body has a nonzero wrench
-    float deep_contact = 1e30F;               // depth from which deep_contacts() lists a contact, u
+    JointSolver& joints;
+    float deep_contact = 1e30F;  // depth from which deep_contacts() lists a contact, u
   };
   // Solves one step and writes the impulses to the contact lists. The new velocities and delta poses stay in the
   // solver's rows until store_body(). Called by all members of the team. Allocates while buffers grow.
@@ -87,6 +90,9 @@ class Solver {
                          float elapsed_s, SupportStage);
   template <class Each>
   void for_each_own_support(const StepContext&, Each each) const;
+  template <class Stage>
+  void run_joint_stage(const StepContext&, const Member&, Stage stage);
+  JointSolver::Rows joint_rows() { return {velocity_.data(), start_velocity_.data(), delta_pose_.data()}; }
   std::span<Contact> contacts_of_row(StepContext&, int row) const;
   void prepare_supports(StepContext&);
   void store_supports(StepContext&);

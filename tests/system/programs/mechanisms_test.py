@@ -61,6 +61,17 @@ class Mechanisms(ProgramTest):
         self.assertLess(abs(held), 0.2)
         self.assertGreater(let_go, 1)
 
+    def test_joints_hold_a_panel_of_widgets(self):
+        example = str(ROOT / "scripts/examples/joints.lua")
+        status, out, err = self.run_program(SMARTSURF, "run", example, "--no-controller", "--headless", "--until", "4")
+        self.assertEqual(status, 0, err)
+        slider, rest, knob, back, bell = [float(number) for number in re.findall(r"-?\d+\.\d+", out)]
+        self.assertGreater(slider, 1.0)
+        self.assertEqual(slider, rest)
+        self.assertGreater(knob, 20)
+        self.assertLess(abs(back), 3)
+        self.assertGreater(bell, 0.5)
+
     def test_finger_with_magnet_feels_button(self):
         over, beside = self.run_example("finger", 6.5)
         self.assertGreater(over, 3 * beside)

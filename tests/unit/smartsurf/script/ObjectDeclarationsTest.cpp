@@ -68,7 +68,7 @@ TEST_F(ObjectsTest, CapsulesAndCones) {
             "t.lua:1: cone: the field 'height' is missing");
   EXPECT_EQ(error_of("cone{radius = 2, size = 2}"),
             "t.lua:1: cone: unknown field 'size'; known: radius, height, position, orientation, velocity, "
-            "angular_velocity, mass, fixed, material, colour, label, pole, moment");
+            "angular_velocity, mass, friction, fixed, material, colour, label, pole, moment");
 }
 
 TEST_F(ObjectsTest, MeshRequestsFileBesideScript) {

@@ -20,6 +20,7 @@ class FakeSimulation : public SimulationInterface {
  public:
   explicit FakeSimulation(const scene::SceneSpec& spec) {
     for (const auto& object : spec.objects) spawn(object);
+    joints_ = spec.joints;
     log.clear();
   }
 
@@ -57,6 +58,24 @@ class FakeSimulation : public SimulationInterface {
     if (p.velocity) o.velocity = *p.velocity;
     if (p.angular_velocity) o.angular_velocity = *p.angular_velocity;
     note() << "place " << id;
+  }
+  bool is_fixed(scene::ObjectId id) const override { return objects_.at(id).fixed; }
+  scene::JointId add_joint(const scene::JointSpec& spec) override {
+    joints_.push_back(spec);
+    note() << "joint " << spec.a << " " << (spec.b ? std::to_string(*spec.b) : "table");
+    return static_cast<scene::JointId>(joints_.size() - 1);
+  }
+  bool has_joint(scene::JointId id) const override { return id < joints_.size(); }
+  scene::JointKind joint_kind(scene::JointId id) const override { return joints_[id].kind; }
+  void remove_joint(scene::JointId id) override { note() << "remove joint " << id; }
+  void set_motor(scene::JointId id, const scene::JointMotor& m) override {
+    note() << "motor " << id << " " << m.speed << " " << m.max_effort;
+  }
+  void set_spring(scene::JointId id, const scene::JointSpring& s) override {
+    note() << "spring " << id << " " << s.stiffness << " " << s.damping << " " << s.rest;
+  }
+  scene::JointState joint_state(scene::JointId) const override {
+    return {.coordinate = 1.5, .speed = 2.5, .effort = 3.5, .force = {4, 5, 6}};
   }
   void set_target(const std::string& channel, int row, int column, float value) override {
     if (controller_attached)
@@ -104,6 +123,7 @@ class FakeSimulation : public SimulationInterface {
   Note note() { return Note(log); }
 
   std::map<scene::ObjectId, scene::ObjectSpec> objects_;
+  std::vector<scene::JointSpec> joints_;
   unsigned next_id_ = 0;
 };
 

@@ -39,6 +39,21 @@ faults { actuator = { stuck = 0.05, latency = 1 } }
 for i = 1, 3 do box { size = {2, 2, 2}, position = {random(2, 12), random(2, 12), 4 + 2 * i} } end
 reward(function() return random() end)
 )";
+// Joints that are driven, created and removed, and handles to them in variables.
+constexpr const char* kJoints = R"(
+surface { rows = 10, columns = 10, actuator = pin { range = {0, 3} }, sensors = { proximity { range = 6 } } }
+local arm = box { size = {3, 0.6, 0.4}, position = {4, 4, 4} }
+local bob = sphere { radius = 0.5, position = {6, 4, 4} }
+local crank = joint { kind = 'hinge', a = arm, anchor = {3, 4, 4}, axis = {0.2, 1, 0}, friction = 0.1, limits = {-2, 2} }
+local string, shaft = joint { kind = 'ball', a = bob, b = arm, anchor = {5.5, 4, 4} }
+every(0.2, function(t)
+  shaft = shaft or joint(crank)
+  shaft:motor { speed = random(-3, 3), max_torque = 20 }
+  if joint(string):alive() then joint(string):remove() end
+  string = joint { kind = 'slider', a = bob, anchor = {object(bob):position()}, axis = {0, 0, 1}, spring = { stiffness = 30 } }
+end)
+reward(function() return shaft and shaft:coordinate() + shaft:effort() or 0 end)
+)";
 
 class EnvironmentTest : public testing::TestWithParam<const char*> {
  protected:
@@ -174,7 +189,7 @@ TEST_P(OverloadedEnvironmentTest, FailsAndSaysWhy) {
 }
 INSTANTIATE_TEST_SUITE_P(Pile, OverloadedEnvironmentTest, testing::Values(kPile));
 
-INSTANTIATE_TEST_SUITE_P(Experiments, EnvironmentTest, testing::Values(kCrowd, kNoisy));
+INSTANTIATE_TEST_SUITE_P(Experiments, EnvironmentTest, testing::Values(kCrowd, kNoisy, kJoints));
 
 }  // namespace
 }  // namespace smartsurf::simulation

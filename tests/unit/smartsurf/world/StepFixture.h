@@ -61,8 +61,15 @@ struct StepFixture {
   void step() {
     find_contacts();
     solver.step(bodies,
-                {pipeline.partition(), pair_contacts, static_contacts, pipeline.pair_ranges(),
-                 pipeline.static_ranges(), pipeline.supports(), {}, false},
+                {pipeline.partition(),
+                 pair_contacts,
+                 static_contacts,
+                 pipeline.pair_ranges(),
+                 pipeline.static_ranges(),
+                 pipeline.supports(),
+                 {},
+                 false,
+                 joints},
                 member);
     for (int row = 0; row < bodies.size(); ++row) {
       solver.store_body(bodies, pipeline.partition(), row);
@@ -88,6 +95,7 @@ struct StepFixture {
   scene::Material material;
   StepSettings settings;
   BodyStore bodies;
+  JointSolver joints;
   CollisionPipeline pipeline;
   Solver solver;
   ContactList pair_contacts, static_contacts;

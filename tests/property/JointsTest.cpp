@@ -1,0 +1,525 @@
+// Joints against closed forms, over the step: pendulums, slopes, springs, motors, limits, momentum.
+#include <gtest/gtest.h>
+
+#include <Eigen/Geometry>
+#include <cmath>
+#include <string>
+#include <vector>
+
+#include "tests/property/PhysicsFixture.h"
+
+using namespace physics_fixture;
+using Eigen::Vector3d;
+using smartsurf::scene::JointId;
+using smartsurf::scene::JointKind;
+using smartsurf::scene::JointSpec;
+using smartsurf::scene::ObjectId;
+
+namespace {
+
+constexpr double kG = 9.81;
+
+// Complete elliptic integral of the first kind of the modulus k, by the arithmetic-geometric mean.
+double elliptic_k(double k) {
+  double a = 1.0, b = std::sqrt(1.0 - k * k);
+  while (std::abs(a - b) > 1e-15) {
+    const double mean = 0.5 * (a + b);
+    b = std::sqrt(a * b);
+    a = mean;
+  }
+  return M_PI / (2.0 * a);
+}
+
+// Far above the table.
+struct JointFixture : PhysicsFixture {
+  explicit JointFixture(double dt) { scene.world.dt_s = dt; }
+
+  JointId join(JointKind kind, ObjectId a, std::optional<ObjectId> b, const Vector3d& anchor,
+               const Vector3d& axis = Vector3d::UnitY()) {
+    return join({.kind = kind, .a = a, .b = b, .anchor = anchor, .axis = axis});
+  }
+  JointId join(const JointSpec& spec) { return world().add_joint(spec); }
+  double coordinate(JointId id) { return world().joint_state(id).coordinate; }
+  double speed(JointId id) { return world().joint_state(id).speed; }
+  double effort(JointId id) { return world().joint_state(id).effort; }
+
+  // Mean time between upward passages of a joint's coordinate through `level`.
+  double period(JointId id, double level, double seconds) {
+    double t = 0, before = coordinate(id), first = -1, last = -1;
+    int count = -1;
+    run(seconds, [&] {
+      t += scene.world.dt_s;
+      const double now = coordinate(id);
+      if (before < level && now >= level) {
+        last = t - scene.world.dt_s * (now - level) / (now - before);
+        if (first < 0) first = last;
+        ++count;
+      }
+      before = now;
+    });
+    return count > 0 ? (last - first) / count : 0.0;
+  }
+};
+
+// A rod that hangs from a hinge along y at its upper end, turned by `angle` from the vertical.
+struct PendulumFixture : JointFixture {
+  static constexpr double kLength = 2.0, kWidth = 0.3;
+  const Vector3d pivot{15, 15, 50};
+  JointId hinge;
+
+  PendulumFixture(double dt, double angle, JointKind kind = JointKind::kHinge) : JointFixture(dt) {
+    const Eigen::Quaterniond turned(Eigen::AngleAxisd(angle, Vector3d::UnitY()));
+    auto rod = box({kWidth, kWidth, kLength}, pivot + turned * Vector3d(0, 0, -0.5 * kLength));
+    rod.orientation = turned;
+    hinge = join(kind, add(rod), std::nullopt, pivot);
+  }
+  static double mass() { return kWidth * kWidth * kLength; }
+  // About the pivot.
+  static double moment() {
+    return mass() * ((kWidth * kWidth + kLength * kLength) / 12.0 + 0.25 * kLength * kLength);
+  }
+  static double torque() { return mass() * kG * 0.5 * kLength; }
+  static double period_at(double amplitude) {
+    return 4.0 * std::sqrt(moment() / torque()) * elliptic_k(std::sin(0.5 * amplitude));
+  }
+};
+
+class Joints : public testing::TestWithParam<double> {};
+INSTANTIATE_TEST_SUITE_P(Steps, Joints, testing::Values(1.0 / 60, 1.0 / 120, 1.0 / 240, 1.0 / 960));
+
+bool on_bullet() { return std::getenv("PHYSICS_ENGINE") != nullptr; }
+
+}  // namespace
+
+// A joint's coordinate counts from where it was created.
+TEST_P(Joints, PendulumHasThePeriodOfItsAmplitude) {
+  for (const double amplitude : {0.05, 0.5 * M_PI, 0.9 * M_PI}) {
+    PendulumFixture fixture(GetParam(), amplitude);
+    const double expected = PendulumFixture::period_at(amplitude);
+    double least = 0;
+    const double period = fixture.period(fixture.hinge, -amplitude, 5.6 * expected);
+    fixture.run(1.2 * expected, [&] { least = std::min(least, fixture.coordinate(fixture.hinge)); });
+    EXPECT_NEAR(period / expected, 1.0, 1e-3) << "amplitude " << amplitude;
+    EXPECT_NEAR(least, -2.0 * amplitude, 2e-3 * amplitude + 2e-4) << "amplitude " << amplitude;
+  }
+}
+
+TEST_P(Joints, PivotHoldsTheRod) {
+  PendulumFixture fixture(GetParam(), 0.5 * M_PI);
+  double error = 0, out_of_plane = 0;
+  fixture.run(10.0, [&] {
+    const auto& s = fixture.snapshot();
+    const auto& q = s.orientation[0];
+    const Vector3d up =
+        Eigen::Quaterniond(q[3], q[0], q[1], q[2]) * Vector3d(0, 0, 0.5 * PendulumFixture::kLength);
+    error =
+        std::max(error, (Eigen::Vector3f(s.position[0].data()).cast<double>() + up - fixture.pivot).norm());
+    out_of_plane = std::max(out_of_plane, std::abs(up.y()));
+  });
+  EXPECT_LT(error, 1e-4);
+  EXPECT_LT(out_of_plane, 1e-4);
+}
+
+// The tension in the lowest point is the weight and the centripetal force.
+TEST_P(Joints, ForceIsThatOfTheClosedForm) {
+  PendulumFixture fixture(GetParam(), 0.5 * M_PI);
+  double greatest = 0;
+  fixture.run(2.0,
+              [&] { greatest = std::max(greatest, fixture.world().joint_state(fixture.hinge).force.z()); });
+  const double m = PendulumFixture::mass(), l = 0.5 * PendulumFixture::kLength;
+  const double expected = m * kG + m * l * 2.0 * PendulumFixture::torque() / PendulumFixture::moment();
+  EXPECT_NEAR(greatest / expected, 1.0, 0.01);
+}
+
+// Released on a circle with the speed that keeps it there.
+TEST_P(Joints, ConicalPendulumStaysOnItsCircle) {
+  JointFixture fixture(GetParam());
+  const double length = 2.0, angle = 0.5, radius = length * std::sin(angle);
+  const double rate = std::sqrt(kG / (length * std::cos(angle)));
+  // A ball that turns with the line: small, so that its own inertia hardly counts.
+  auto bob = sphere(0.05, Vector3d(15 + radius, 15, 50 - length * std::cos(angle)));
+  bob.velocity = {0, rate * radius, 0};
+  bob.angular_velocity = {0, 0, rate};
+  const ObjectId id = fixture.add(bob);
+  fixture.join(JointKind::kBall, id, std::nullopt, {15, 15, 50});
+  double least = 1e9, greatest = 0, turned = 0, before = 0;
+  fixture.run(10.0, [&] {
+    const Vector3d at = fixture.position(id).cast<double>() - Vector3d(15, 15, 50);
+    least = std::min(least, at.head<2>().norm()), greatest = std::max(greatest, at.head<2>().norm());
+    const double azimuth = std::atan2(at.y(), at.x());
+    turned += std::remainder(azimuth - before, 2.0 * M_PI);
+    before = azimuth;
+  });
+  EXPECT_NEAR(least / radius, 1.0, 2e-3);
+  EXPECT_NEAR(greatest / radius, 1.0, 2e-3);
+  EXPECT_NEAR(turned / (10.0 * rate), 1.0, 1e-3);
+}
+
+TEST_P(Joints, SliderOnASlopeAccelerates) {
+  const double angle = 0.4, m = 2.0;
+  for (const double friction : {0.0, 0.25, 2.0}) {  // relative to the pull
+    JointFixture fixture(GetParam());
+    const double pull = m * kG * std::sin(angle);
+    auto block = box({1, 1, 1}, {15, 15, 50});
+    block.mass = m;
+    const JointId slider = fixture.join({.kind = JointKind::kSlider,
+                                         .a = fixture.add(block),
+                                         .anchor = {15, 15, 50},
+                                         .axis = {std::cos(angle), 0, -std::sin(angle)},
+                                         .friction = friction * pull});
+    fixture.run(1.0);
+    const double acceleration = std::max(0.0, 1.0 - friction) * pull / m;
+    EXPECT_NEAR(fixture.speed(slider), acceleration, 1e-3) << "friction " << friction;
+    EXPECT_NEAR(fixture.coordinate(slider), 0.5 * acceleration, 0.5 * acceleration * GetParam() + 1e-3);
+    EXPECT_NEAR(fixture.effort(slider), -std::min(1.0, friction) * pull, 1e-3 * pull);
+  }
+}
+
+TEST_P(Joints, SpringHasItsPeriod) {
+  for (const double omega : {2.0, 12.0}) {
+    JointFixture fixture(GetParam());
+    fixture.scene.world.gravity = Vector3d::Zero();
+    auto block = box({1, 1, 1}, {15, 15, 50});
+    block.mass = 3.0;
+    block.velocity = {1, 0, 0};
+    const JointId slider = fixture.join({.kind = JointKind::kSlider,
+                                         .a = fixture.add(block),
+                                         .anchor = {15, 15, 50},
+                                         .axis = {1, 0, 0},
+                                         .spring = {{.stiffness = 3.0 * omega * omega}}});
+    double greatest = 0;
+    const double expected = 2.0 * M_PI / omega, period = fixture.period(slider, 0.0, 6.3 * expected);
+    fixture.run(1.2 * expected, [&] { greatest = std::max(greatest, fixture.coordinate(slider)); });
+    EXPECT_NEAR(period / expected, 1.0, 1e-3) << "omega " << omega;
+    const double coarse = omega * GetParam();  // what sampling may miss of the peak
+    EXPECT_NEAR(greatest * omega, 1.0, 2e-3 + 0.13 * coarse * coarse) << "omega " << omega;
+  }
+}
+
+// x = e^(−δt)·sin(ω't)/ω' after a blow of speed 1.
+TEST_P(Joints, DampedTorsionSpringDecays) {
+  JointFixture fixture(GetParam());
+  fixture.scene.world.gravity = Vector3d::Zero();
+  auto disc = cylinder(1, 0.5, {15, 15, 50});
+  const double moment = 0.5 * M_PI * 0.5, omega = 6.0, decay = 0.8;
+  disc.angular_velocity = {0, 0, 1};
+  const JointId hinge =
+      fixture.join({.kind = JointKind::kHinge,
+                    .a = fixture.add(disc),
+                    .anchor = {15, 15, 50},
+                    .axis = {0, 0, 1},
+                    .spring = {{.stiffness = moment * omega * omega, .damping = 2.0 * moment * decay}}});
+  const double damped = std::sqrt(omega * omega - decay * decay);
+  double error = 0, t = 0;
+  fixture.run(3.0, [&] {
+    t += GetParam();
+    error = std::max(
+        error, std::abs(fixture.coordinate(hinge) - std::exp(-decay * t) * std::sin(damped * t) / damped));
+  });
+  EXPECT_LT(error * omega, 1e-3 + 0.6 * GetParam());
+}
+
+TEST_P(Joints, SpringBearsTheWeight) {
+  for (const double stiffness : {40.0, 4000.0}) {
+    JointFixture fixture(GetParam());
+    fixture.scene.world.sleep = false;
+    auto block = box({1, 1, 1}, {15, 15, 50});
+    block.mass = 2.0;
+    const JointId slider = fixture.join({.kind = JointKind::kSlider,
+                                         .a = fixture.add(block),
+                                         .anchor = {15, 15, 50},
+                                         .axis = {0, 0, 1},
+                                         .spring = {{.stiffness = stiffness, .damping = 20.0, .rest = 0.5}}});
+    fixture.run(6.0);
+    EXPECT_NEAR(fixture.coordinate(slider), 0.5 - 2.0 * kG / stiffness, 2e-4 + 1e-3 * 2.0 * kG / stiffness);
+    EXPECT_NEAR(fixture.effort(slider), 2.0 * kG, 0.02);
+  }
+}
+
+TEST_P(Joints, MotorTurnsWithItsTorqueUpToItsSpeed) {
+  JointFixture fixture(GetParam());
+  const double moment = 0.5 * M_PI * 0.5, torque = 3.0, target = 5.0;
+  const JointId hinge = fixture.join({.kind = JointKind::kHinge,
+                                      .a = fixture.add(cylinder(1, 0.5, {15, 15, 50})),
+                                      .anchor = {15, 15, 50},
+                                      .axis = {0, 0, 1},
+                                      .friction = 1.0,
+                                      .motor = {{.speed = target, .max_effort = torque}}});
+  const double acceleration = (torque - 1.0) / moment;
+  fixture.run(1.0);
+  EXPECT_NEAR(fixture.speed(hinge), acceleration, 2e-3 * acceleration);
+  fixture.run(2.0);
+  EXPECT_NEAR(fixture.speed(hinge), target, 1e-3);
+  EXPECT_NEAR(fixture.angular_velocity(0).z(), target, 1e-3);
+  EXPECT_NEAR(fixture.effort(hinge), 0.0, 1e-2);  // motor against friction
+  fixture.world().set_motor(hinge, {.speed = -2.0, .max_effort = 1e3});
+  fixture.run(0.1);
+  EXPECT_NEAR(fixture.speed(hinge), -2.0, 1e-3);
+}
+
+// A motor of speed 0 holds the pendulum up to its torque.
+TEST_P(Joints, MotorHoldsAgainstGravity) {
+  PendulumFixture strong(GetParam(), 1.0), weak(GetParam(), 1.0);
+  const double needed = PendulumFixture::torque() * std::sin(1.0);
+  strong.world().set_motor(strong.hinge, {.speed = 0.0, .max_effort = 1.05 * needed});
+  weak.world().set_motor(weak.hinge, {.speed = 0.0, .max_effort = 0.9 * needed});
+  strong.run(2.0), weak.run(0.2);
+  EXPECT_NEAR(strong.coordinate(strong.hinge), 0.0, 1e-3);
+  EXPECT_NEAR(strong.effort(strong.hinge) / needed, 1.0, 1e-3);
+  EXPECT_NEAR(weak.speed(weak.hinge), -0.2 * 0.1 * needed / PendulumFixture::moment(),
+              0.01 * needed / PendulumFixture::moment());
+  EXPECT_NEAR(weak.effort(weak.hinge) / needed, 0.9, 1e-3);
+}
+
+TEST_P(Joints, LimitsStopWithoutRebound) {
+  PendulumFixture fixture(GetParam(), 0.5 * M_PI);
+  const JointId first = fixture.hinge;
+  fixture.world().remove_joint(first);
+  const JointId hinge = fixture.join({.kind = JointKind::kHinge,
+                                      .a = 0,
+                                      .anchor = fixture.pivot,
+                                      .axis = {0, 1, 0},
+                                      .limits = {{.lower = -1.0, .upper = 2.0}}});
+  EXPECT_FALSE(fixture.world().has_joint(first));
+  EXPECT_EQ(hinge, first + 1);
+  double least = 0;
+  fixture.run(2.0, [&] { least = std::min(least, fixture.coordinate(hinge)); });
+  EXPECT_GT(least, -1.0 - 1e-3);
+  EXPECT_NEAR(fixture.coordinate(hinge), -1.0, 1e-3);
+  EXPECT_NEAR(fixture.speed(hinge), 0.0, 1e-3);
+  EXPECT_NEAR(fixture.effort(hinge) / (PendulumFixture::torque() * std::sin(0.5 * M_PI - 1.0)), 1.0, 2e-3);
+}
+
+// Two boxes that float and tumble with a joint between them.
+TEST_P(Joints, KeepMomentum) {
+  for (const JointKind kind : {JointKind::kHinge, JointKind::kSlider, JointKind::kBall, JointKind::kFixed}) {
+    JointFixture fixture(GetParam());
+    fixture.scene.world.gravity = Vector3d::Zero();
+    const Vector3d size(1, 2, 0.5), other_size(0.6, 0.6, 1.5);
+    auto a = box(size, {15, 15, 50}), b = box(other_size, {15, 17, 50});
+    a.velocity = {0.3, 0, 0}, a.angular_velocity = {1, 2, 0.5}, b.angular_velocity = {0, -1, 1};
+    fixture.add(a), fixture.add(b);
+    JointSpec spec{.kind = kind, .a = 0, .b = 1, .anchor = {15, 16, 50}, .axis = {1, 1, 0}};
+    if (spec.has_coordinate()) spec.limits = {{.lower = -1.0, .upper = 1.0}}, spec.friction = 0.01;
+    fixture.join(spec);
+    auto momenta = [&]() -> std::pair<Vector3d, Vector3d> {
+      Vector3d linear(0, 0, 0), angular(0, 0, 0);
+      for (ObjectId i = 0; i < 2; ++i) {
+        const Vector3d s = (i == 0 ? size : other_size), s2 = s.cwiseAbs2();
+        const double m = s.prod();
+        const Vector3d moments = m / 12.0 * Vector3d(s2.y() + s2.z(), s2.x() + s2.z(), s2.x() + s2.y());
+        const auto state = fixture.world().state(i);
+        const Vector3d spin = state.orientation.conjugate() * state.angular_velocity;
+        linear += m * state.velocity;
+        angular += (state.position - Vector3d(15, 15, 50)).cross(m * state.velocity) +
+                   state.orientation * Vector3d(moments.cwiseProduct(spin));
+      }
+      return {linear, angular};
+    };
+    const auto [linear, angular] = momenta();
+    fixture.run(10.0);
+    const auto [linear_after, angular_after] = momenta();
+    const double scale = angular.norm();
+    EXPECT_LT((linear_after - linear).norm(), 1e-4 * scale) << static_cast<int>(kind);
+    EXPECT_LT((angular_after - angular).norm(), 2e-3 * scale) << static_cast<int>(kind);
+  }
+}
+
+// A dumbbell of two boxes rotates as one body: about its middle, without energy going anywhere.
+TEST_P(Joints, FixedJointMakesOneBody) {
+  JointFixture fixture(GetParam());
+  fixture.scene.world.gravity = Vector3d::Zero();
+  auto a = box({1, 1, 1}, {14, 15, 50}), b = box({1, 1, 1}, {16, 15, 50});
+  const double rate = 3.0;
+  a.velocity = {0, -rate, 0}, b.velocity = {0, rate, 0};
+  a.angular_velocity = b.angular_velocity = {0, 0, rate};
+  fixture.add(a), fixture.add(b);
+  fixture.join(JointKind::kFixed, 0, 1, {15, 15, 50});
+  fixture.run(10.0);
+  EXPECT_NEAR((fixture.position(0) - fixture.position(1)).norm(), 2.0, 1e-3);
+  EXPECT_NEAR(fixture.angular_velocity(0).z(), rate, 2e-3 * rate);
+  const Eigen::Vector3f apart = fixture.position(1) - fixture.position(0);
+  EXPECT_NEAR(std::remainder(std::atan2(apart.y(), apart.x()) - 10.0 * rate, 2.0 * M_PI), 0.0,
+              2e-3 * 10.0 * rate);
+}
+
+// A hinge whose axis is not principal for the body: what it takes to keep the axis must not slow the rotation down.
+TEST_P(Joints, SkewAxisKeepsTheEnergy) {
+  JointFixture fixture(GetParam());
+  fixture.scene.world.gravity = Vector3d::Zero();
+  const Vector3d axis = Vector3d(1, 0, 1).normalized();
+  auto plate = box({2, 2, 0.2}, {15, 15, 50});
+  plate.angular_velocity = 4.0 * axis;
+  const JointId hinge = fixture.join(JointKind::kHinge, fixture.add(plate), std::nullopt, {15, 15, 50}, axis);
+  double error = 0;
+  fixture.run(10.0, [&] { error = std::max(error, std::abs(fixture.speed(hinge) / 4.0 - 1.0)); });
+  EXPECT_LT(error, 2e-3);
+  EXPECT_NEAR(fixture.coordinate(hinge), 40.0, 0.08);
+}
+
+TEST_P(Joints, ChainHangsWithItsWeight) {
+  constexpr int kLinks = 8;
+  JointFixture fixture(GetParam());
+  std::vector<JointId> joints;
+  for (int i = 0; i < kLinks; ++i) {
+    const double top = 50.0 - i;
+    const ObjectId link = fixture.add(capsule(0.2, 1.0, {15, 15, top - 0.5}));
+    joints.push_back(
+        fixture.join(JointKind::kBall, link, i == 0 ? std::nullopt : std::optional(link - 1), {15, 15, top}));
+  }
+  fixture.run(3.0);
+  const double link_weight = kG * (M_PI * 0.04 * 0.6 + 4.0 / 3.0 * M_PI * 0.008);
+  for (int i = 0; i < kLinks; ++i)
+    EXPECT_NEAR(fixture.world().joint_state(joints[static_cast<std::size_t>(i)]).force.z() / link_weight,
+                kLinks - i, 0.01 * (kLinks - i));
+  EXPECT_NEAR(fixture.position(kLinks - 1).z(), 50.0 - kLinks + 0.5, 2e-3);
+}
+
+// On top of a joint: contacts load it, and the surface bears what it does not.
+TEST_P(Joints, FlapOnAHingeBearsABall) {
+  JointFixture fixture(GetParam());
+  fixture.scene.materials[0].rolling_friction = 0.05;
+  const ObjectId flap = fixture.add(box({4, 2, 0.2}, {15, 15, 3}));
+  const JointId hinge = fixture.join({.kind = JointKind::kHinge,
+                                      .a = flap,
+                                      .anchor = {13, 15, 3},
+                                      .axis = {0, 1, 0},
+                                      .limits = {{.lower = -0.1, .upper = 0.0}}});
+  auto ball = sphere(0.5, {16, 15, 3.62});
+  ball.mass = 2.0;
+  const ObjectId rider = fixture.add(ball);
+  fixture.run(2.0);
+  const double expected = kG * (4 * 2 * 0.2 * 2.0 + 2.0 * (fixture.position(rider).x() - 13.0));
+  EXPECT_NEAR(-fixture.effort(hinge) / expected, 1.0, 0.02);
+  EXPECT_NEAR(fixture.coordinate(hinge), 0.0, 2e-3);
+}
+
+// Bodies of a joint do not touch each other unless it says so.
+TEST_P(Joints, ConnectedBodiesMayOverlap) {
+  for (const bool collide : {false, true}) {
+    JointFixture fixture(GetParam());
+    fixture.scene.world.gravity = Vector3d::Zero();
+    fixture.add(box({1, 1, 1}, {15, 15, 50})), fixture.add(box({1, 1, 1}, {15.5, 15, 50}));
+    fixture.join({.kind = JointKind::kSlider,
+                  .a = 0,
+                  .b = 1,
+                  .anchor = {15, 15, 50},
+                  .axis = {1, 0, 0},
+                  .collide = collide});
+    fixture.run(1.0);
+    EXPECT_EQ((fixture.position(1) - fixture.position(0)).norm() > 0.9, collide);
+  }
+}
+
+// With a pitch of 1/10, everything in the scene is ten times as small.
+TEST_P(Joints, ScaleWithThePitch) {
+  std::vector<smartsurf::scene::JointState> states;
+  for (const double unit : {1.0, 0.1}) {
+    JointFixture fixture(GetParam());
+    fixture.scene.surface.pitch = unit;
+    fixture.scene.surface.pin.top_x = fixture.scene.surface.pin.top_y = 0.8 * unit;
+    fixture.scene.world.gravity = {0, 0, -kG * unit};
+    auto rod = box(Vector3d(0.3, 0.3, 2) * unit, Vector3d(15, 15, 49) * unit);
+    rod.mass = 1.0;
+    rod.velocity = Vector3d(1.5, 0, 0) * unit, rod.angular_velocity = {0, -1.5, 0};
+    const ObjectId id = fixture.add(rod);
+    const JointId hinge = fixture.join({.kind = JointKind::kHinge,
+                                        .a = id,
+                                        .anchor = Vector3d(15, 15, 50) * unit,
+                                        .axis = {0, 1, 0},
+                                        .limits = {{-2, 2}},
+                                        .friction = 0.2 * unit * unit,
+                                        .spring = {{5.0 * unit * unit, 0.1 * unit * unit, 0.1}}});
+    auto block = box(Vector3d(1, 1, 1) * unit, Vector3d(20, 15, 50) * unit);
+    block.mass = 1.0;
+    const JointId slider = fixture.join({.kind = JointKind::kSlider,
+                                         .a = fixture.add(block),
+                                         .anchor = Vector3d(20, 15, 50) * unit,
+                                         .axis = {0, 0, 1},
+                                         .limits = {{-1.0 * unit, 1.0 * unit}},
+                                         .friction = 0.5 * unit,
+                                         .spring = {{30.0, 0.5, 0.3 * unit}},
+                                         .motor = {{0.2 * unit, 1.0 * unit}}});
+    fixture.run(1.0);
+    auto h = fixture.world().joint_state(hinge), s = fixture.world().joint_state(slider);
+    h.effort /= unit * unit, h.force /= unit;
+    s.coordinate /= unit, s.speed /= unit, s.effort /= unit, s.force /= unit;
+    states.push_back(h), states.push_back(s);
+  }
+  for (std::size_t i = 0; i < 2; ++i) {
+    const auto &large = states[i], &small = states[i + 2];
+    EXPECT_NEAR(small.coordinate, large.coordinate, 2e-4);
+    EXPECT_NEAR(small.speed, large.speed, 2e-3);
+    EXPECT_NEAR(small.effort, large.effort, 5e-3);
+    EXPECT_LT((small.force - large.force).norm(), 0.02);
+  }
+}
+
+TEST(JointLife, GoesWithItsObject) {
+  JointFixture fixture(1.0 / 240);
+  for (int i = 0; i < 3; ++i) fixture.add(box({0.5, 0.5, 0.5}, {15.0 + i, 15, 50}));
+  const JointId first = fixture.join(JointKind::kBall, 0, 1, {15.5, 15, 50});
+  const JointId second = fixture.join(JointKind::kBall, 2, std::nullopt, {17, 15, 51});
+  fixture.run(0.1);
+  fixture.world().remove(0);
+  EXPECT_FALSE(fixture.world().has_joint(first));
+  EXPECT_TRUE(fixture.world().has_joint(second));
+  fixture.run(0.5);
+  EXPECT_NEAR(fixture.world().state(2).position.z(), 50.0, 1e-3);
+  EXPECT_NEAR(fixture.world().state(1).position.z(), 50.0 - 0.5 * kG * 0.36, 0.05);
+}
+
+TEST(JointSleep, RestsAndWakes) {
+  if (on_bullet()) GTEST_SKIP() << "nothing sleeps on Bullet";
+  JointFixture fixture(1.0 / 240);
+  const ObjectId upper = fixture.add(capsule(0.2, 1.0, {15, 15, 49.5}));
+  const ObjectId lower = fixture.add(capsule(0.2, 1.0, {15, 15, 48.5}));
+  fixture.join(
+      {.kind = JointKind::kHinge, .a = upper, .anchor = {15, 15, 50}, .axis = {0, 1, 0}, .friction = 0.05});
+  const JointId hinge = fixture.join({.kind = JointKind::kHinge,
+                                      .a = lower,
+                                      .b = upper,
+                                      .anchor = {15, 15, 49},
+                                      .axis = {0, 1, 0},
+                                      .friction = 0.05});
+  fixture.run(2.0);
+  EXPECT_EQ(fixture.world().sleeping_count(), 2);
+  fixture.world().set_motor(hinge, {.speed = 1.0, .max_effort = 0.2});
+  EXPECT_EQ(fixture.world().sleeping_count(), 0);
+  fixture.run(0.2);
+  EXPECT_GT(fixture.coordinate(hinge), 1e-3);
+  fixture.world().set_motor(hinge, {.speed = 0.0, .max_effort = 10.0});
+  fixture.run(10.0);
+  EXPECT_EQ(fixture.world().sleeping_count(), 2);
+  fixture.world().apply_force(lower, {0.5, 0, 0}, std::nullopt, 0.1);
+  fixture.run(0.3);
+  EXPECT_EQ(fixture.world().sleeping_count(), 0);
+}
+
+// The pendulum at its turning point is slow, but does not rest.
+TEST(JointSleep, SlowPendulumStaysAwake) {
+  PendulumFixture fixture(1.0 / 240, 0.01);
+  fixture.run(20.0);
+  EXPECT_EQ(fixture.world().sleeping_count(), 0);
+}
+
+TEST(JointThreads, GiveTheSameBits) {
+  if (on_bullet()) GTEST_SKIP() << "Bullet runs on one thread";
+  std::vector<std::uint64_t> hashes;
+  for (const int threads : {1, 2, 3}) {
+    JointFixture fixture(1.0 / 120);
+    fixture.threads = threads;
+    fixture.scene.surface.rows = fixture.scene.surface.columns = 64;
+    // Pairs of boxes on hinges, which fall on the table and on each other.
+    for (int i = 0; i < 400; ++i) {
+      const Vector3d at(2.0 + 3.0 * (i % 20), 2.0 + 3.0 * (i / 20 % 20), 1.0 + 0.02 * (i % 7));
+      const ObjectId a = fixture.add(box({0.8, 0.8, 0.8}, at)),
+                     b = fixture.add(sphere(0.4, at + Vector3d(1, 0, 0)));
+      fixture.join(i % 2 == 0 ? JointKind::kHinge : JointKind::kBall, a, b, at + Vector3d(0.5, 0, 0));
+    }
+    fixture.run(0.5);
+    hashes.push_back(fixture.snapshot().state_hash);
+  }
+  EXPECT_EQ(hashes[0], hashes[1]);
+  EXPECT_EQ(hashes[0], hashes[2]);
+}
