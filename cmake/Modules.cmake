@@ -55,9 +55,10 @@ endfunction()
 
 # add_module_test(<name> SOURCES … LIBS …): one GoogleTest program, registered with ctest under the label
 # "unit": case by case, or as a whole under AddressSanitizer. OPTIMISED: its own code compares millions of values,
-# or is one side of a race; that of the others does little, and is compiled in the least time.
+# or is one side of a race; that of the others does little, and is compiled in the least time. LONG: a filter of the cases
+# that simulate for seconds; AddressSanitizer leaves them out, since shorter ones run the same code.
 function(add_module_test name)
-  cmake_parse_arguments(T "OPTIMISED" "LABEL;TIMEOUT" "SOURCES;LIBS" ${ARGN})
+  cmake_parse_arguments(T "OPTIMISED" "LABEL;LONG;TIMEOUT" "SOURCES;LIBS" ${ARGN})
   if(NOT T_LABEL)
     set(T_LABEL unit)
   endif()
@@ -81,7 +82,7 @@ function(add_module_test name)
   endif()
   if(SMARTSURF_SANITIZE MATCHES "address")
     # Such a process takes longer to start and to look for leaks than most cases take.
-    add_test(NAME ${name} COMMAND ${name})
+    add_test(NAME ${name} COMMAND ${name} "--gtest_filter=-${T_LONG}")
     list(LENGTH T_SOURCES files)
     set_tests_properties(${name} PROPERTIES LABELS ${T_LABEL} TIMEOUT 900 COST ${files})
   else()

@@ -196,6 +196,26 @@ TEST_P(Joints, SpringHasItsPeriod) {
   }
 }
 
+// The trapezoidal rule keeps the energy of a spring that turns many times faster than the steps, at any stiffness.
+TEST_P(Joints, StiffSpringKeepsItsEnergy) {
+  const double omega = 4.0 / GetParam();
+  JointFixture fixture(GetParam());
+  fixture.scene.world.gravity = Vector3d::Zero();
+  fixture.scene.world.sleep = false;
+  auto block = box({1, 1, 1}, {0, 0, 50});
+  block.velocity = {4, 0, 0};
+  const JointId slider = fixture.join({.kind = JointKind::kSlider,
+                                       .a = fixture.add(block),
+                                       .anchor = {0, 0, 50},
+                                       .axis = {1, 0, 0},
+                                       .spring = {{.stiffness = omega * omega}}});
+  for (int step = 0; step < 200; ++step) {
+    fixture.run(GetParam());
+    const double v = fixture.speed(slider), x = fixture.coordinate(slider) * omega;
+    ASSERT_NEAR(v * v + x * x, 16.0, 0.8) << "step " << step;
+  }
+}
+
 // x = e^(−δt)·sin(ω't)/ω' after a blow of speed 1.
 TEST_P(Joints, DampedTorsionSpringDecays) {
   JointFixture fixture(GetParam());
