@@ -187,9 +187,14 @@ TEST_P(OverloadedEnvironmentTest, FailsAndSaysWhy) {
     }
   }
 }
-INSTANTIATE_TEST_SUITE_P(Pile, OverloadedEnvironmentTest, testing::Values(kPile));
+INSTANTIATE_TEST_SUITE_P(Pile, OverloadedEnvironmentTest, testing::Values(kPile),
+                         [](const auto&) { return "Pile"; });
 
-INSTANTIATE_TEST_SUITE_P(Experiments, EnvironmentTest, testing::Values(kCrowd, kNoisy, kJoints));
+INSTANTIATE_TEST_SUITE_P(Experiments, EnvironmentTest, testing::Values(kCrowd, kNoisy, kJoints),
+                         [](const auto& parameter) {
+                           constexpr const char* kNames[] = {"Crowd", "Noisy", "Joints"};
+                           return kNames[parameter.index];
+                         });
 
 }  // namespace
 }  // namespace smartsurf::simulation
