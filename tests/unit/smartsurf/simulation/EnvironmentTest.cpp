@@ -11,8 +11,13 @@
 namespace smartsurf::simulation {
 namespace {
 
+struct Script {
+  const char *name, *text;
+  friend void PrintTo(const Script& script, std::ostream* out) { *out << script.name; }
+};
+
 // Objects of all shapes that roll, pile up and sleep; variables, timers and random numbers of the script.
-constexpr const char* kCrowd = R"(
+constexpr Script kCrowd{"Crowd", R"(
 surface { rows = 12, columns = 12, border = { height = 6 }, actuator = pin { range = {0, 4}, max_speed = 8 },
           sensors = { proximity { range = 6 }, pressure {} } }
 local ids, state = {}, { draws = 0 }
@@ -30,17 +35,17 @@ every(0.1, function()
   if #state > 3 then object(table.remove(state, 1)):remove() end
 end)
 reward(function() return state.draws + #state end)
-)";
+)"};
 // Draws while it loads; faults and sensor errors depend on the seed; a unit of length that is not the pitch.
-constexpr const char* kNoisy = R"(
+constexpr Script kNoisy{"Noisy", R"(
 surface { rows = 8, columns = 8, pitch = 2, actuator = pin { range = {0, 4}, latency = 2 },
           sensors = { proximity { range = 6, noise = 0.05, drift = 0.1, latency = 2 } } }
 faults { actuator = { stuck = 0.05, latency = 1 } }
 for i = 1, 3 do box { size = {2, 2, 2}, position = {random(2, 12), random(2, 12), 4 + 2 * i} } end
 reward(function() return random() end)
-)";
+)"};
 // Joints that are driven, created and removed, and handles to them in variables.
-constexpr const char* kJoints = R"(
+constexpr Script kJoints{"Joints", R"(
 surface { rows = 10, columns = 10, actuator = pin { range = {0, 3} }, sensors = { proximity { range = 6 } } }
 local arm = box { size = {3, 0.6, 0.4}, position = {4, 4, 4} }
 local bob = sphere { radius = 0.5, position = {6, 4, 4} }
@@ -53,14 +58,14 @@ every(0.2, function(t)
   string = joint { kind = 'slider', a = bob, anchor = {object(bob):position()}, axis = {0, 0, 1}, spring = { stiffness = 30 } }
 end)
 reward(function() return shaft and shaft:coordinate() + shaft:effort() or 0 end)
-)";
+)"};
 
-class EnvironmentTest : public testing::TestWithParam<const char*> {
+class EnvironmentTest : public testing::TestWithParam<Script> {
  protected:
   EnvironmentTest()
       : path_(std::filesystem::temp_directory_path() /
               ("environment_test_" + std::to_string(getpid()) + ".lua")) {
-    std::ofstream(path_) << GetParam();
+    std::ofstream(path_) << GetParam().text;
   }
   ~EnvironmentTest() override { std::filesystem::remove(path_); }
 
@@ -166,10 +171,10 @@ TEST_P(EnvironmentTest, BatchEqualsSingleEnvironments) {
   }
 }
 
-constexpr const char* kPile = R"(
+constexpr Script kPile{"Pile", R"(
 surface { rows = 8, columns = 8, actuator = pin {} }
 for _ = 1, 300 do sphere { radius = 0.5, position = {4, 4, 4} } end
-)";
+)"};
 using OverloadedEnvironmentTest = EnvironmentTest;
 
 TEST_P(OverloadedEnvironmentTest, FailsAndSaysWhy) {
@@ -187,14 +192,9 @@ TEST_P(OverloadedEnvironmentTest, FailsAndSaysWhy) {
     }
   }
 }
-INSTANTIATE_TEST_SUITE_P(Pile, OverloadedEnvironmentTest, testing::Values(kPile),
-                         [](const auto&) { return "Pile"; });
+INSTANTIATE_TEST_SUITE_P(Pile, OverloadedEnvironmentTest, testing::Values(kPile));
 
-INSTANTIATE_TEST_SUITE_P(Experiments, EnvironmentTest, testing::Values(kCrowd, kNoisy, kJoints),
-                         [](const auto& parameter) {
-                           constexpr const char* kNames[] = {"Crowd", "Noisy", "Joints"};
-                           return kNames[parameter.index];
-                         });
+INSTANTIATE_TEST_SUITE_P(Experiments, EnvironmentTest, testing::Values(kCrowd, kNoisy, kJoints));
 
 }  // namespace
 }  // namespace smartsurf::simulation
