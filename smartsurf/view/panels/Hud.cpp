@@ -254,7 +254,7 @@ void draw_run_panel(const FrameInput& input, const Status& status, const scene::
     const ImVec2 position = ImGui::GetWindowPos(), extent = ImGui::GetWindowSize();
     const ImVec2 display = ImGui::GetIO().DisplaySize;
     state.insets.top = std::min(0.4, static_cast<double>((position.y + extent.y) / display.y));
-    state.insets.left = std::min(0.4, static_cast<double>((position.x + extent.x) / display.x));
+    state.insets.left = std::min(0.6, static_cast<double>((position.x + extent.x) / display.x));
   }
   ImGui::End();
 }
