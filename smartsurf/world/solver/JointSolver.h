@@ -7,8 +7,8 @@
 //
 // In each substep solve() finds the impulses, along the constraints at its start, with which they hold at its end, on
 // the curved path of the bodies; relax() removes the velocity across the constraints at its end. This is RATTLE
-// (H. C. Andersen, 1983): of second order, without drift of the energy. Springs are integrated by the trapezoidal rule,
-// which keeps their energy and is stable at any stiffness. Within a step, bodies with joints rotate substep by substep.
+// (H. C. Andersen, 1983): of second order, without drift of the energy. Springs are integrated by the trapezoidal rule:
+// their energy neither grows nor decays, at any stiffness. Within a step, bodies with joints rotate substep by substep.
 #pragma once
 
 #include <array>

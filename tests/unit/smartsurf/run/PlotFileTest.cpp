@@ -6,6 +6,9 @@
 #include <fstream>
 #include <sstream>
 
+// Fontconfig, which Cairo uses to find fonts, never frees its tables.
+extern "C" const char* __lsan_default_suppressions() { return "leak:libfontconfig"; }
+
 namespace smartsurf::run {
 namespace {
 
