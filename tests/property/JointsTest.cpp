@@ -196,24 +196,31 @@ TEST_P(Joints, SpringHasItsPeriod) {
   }
 }
 
-// A spring whose period is about that of the steps: its energy varies within a period, and neither grows nor decays.
+// A body of mass 1 on a slider with a spring of angular frequency `omega`, after a blow.
+struct OscillatorFixture : JointFixture {
+  JointId slider;
+  OscillatorFixture(double dt, double omega) : JointFixture(dt) {
+    scene.world.gravity = Vector3d::Zero();
+    scene.world.sleep = false;
+    auto block = box({1, 1, 1}, {0, 0, 50});
+    block.velocity = {4, 0, 0};
+    slider = join({.kind = JointKind::kSlider,
+                   .a = add(block),
+                   .anchor = {0, 0, 50},
+                   .axis = {1, 0, 0},
+                   .spring = {{.stiffness = omega * omega}}});
+  }
+};
+
+// Where the period is about that of the steps, the energy varies within a period, and neither grows nor decays.
 TEST_P(Joints, StiffSpringKeepsItsAmplitude) {
   const double omega = 4.0 / GetParam();
-  JointFixture fixture(GetParam());
-  fixture.scene.world.gravity = Vector3d::Zero();
-  fixture.scene.world.sleep = false;
-  auto block = box({1, 1, 1}, {0, 0, 50});
-  block.velocity = {4, 0, 0};
-  const JointId slider = fixture.join({.kind = JointKind::kSlider,
-                                       .a = fixture.add(block),
-                                       .anchor = {0, 0, 50},
-                                       .axis = {1, 0, 0},
-                                       .spring = {{.stiffness = omega * omega}}});
+  OscillatorFixture fixture(GetParam(), omega);
   const auto greatest = [&](int steps) {
     double x = 0.0;
     for (int step = 0; step < steps; ++step) {
       fixture.run(GetParam());
-      x = std::max(x, std::abs(fixture.coordinate(slider)) * omega);
+      x = std::max(x, std::abs(fixture.coordinate(fixture.slider)) * omega);
     }
     return x;
   };
@@ -226,20 +233,10 @@ TEST_P(Joints, StiffSpringKeepsItsAmplitude) {
 
 // tan(ω'h/2) = ωh/2 for the frequency ω' at substeps of h.
 TEST_P(Joints, SpringHasThePeriodOfTheTrapezoidalRule) {
-  const double omega = 1.5 / GetParam();
-  JointFixture fixture(GetParam());
-  fixture.scene.world.gravity = Vector3d::Zero();
-  fixture.scene.world.sleep = false;
-  auto block = box({1, 1, 1}, {0, 0, 50});
-  block.velocity = {4, 0, 0};
-  const JointId slider = fixture.join({.kind = JointKind::kSlider,
-                                       .a = fixture.add(block),
-                                       .anchor = {0, 0, 50},
-                                       .axis = {1, 0, 0},
-                                       .spring = {{.stiffness = omega * omega}}});
+  OscillatorFixture fixture(GetParam(), 1.5 / GetParam());
   const double substeps = 5.0;  // of the default 10 iterations
   const double expected = M_PI * GetParam() / (substeps * std::atan(0.75 / substeps));
-  EXPECT_NEAR(fixture.period(slider, 0.0, 400 * GetParam()) / expected, 1.0, 1e-3);
+  EXPECT_NEAR(fixture.period(fixture.slider, 0.0, 400 * GetParam()) / expected, 1.0, 1e-3);
 }
 
 // x = e^(−δt)·sin(ω't)/ω' after a blow of speed 1.
