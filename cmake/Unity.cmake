@@ -1,22 +1,23 @@
 # Joined sources: a target's files are compiled eight at a time, so that headers and templates are compiled once for
-# eight. It saves a third of the compile time of the sanitizer builds, which use it. The others compile each file
-# alone, which shows that it is complete.
+# eight. It saves a third of the compile time. All presets but debug and coverage use it; debug, and with it scripts/lint,
+# compiles each file alone, which shows that it is complete.
 option(SMARTSURF_UNITY "Compile the files of a target together" OFF)
 if(SMARTSURF_UNITY)
   target_compile_options(project_options INTERFACE
     $<$<COMPILE_LANGUAGE:CXX>:-Wno-subobject-linkage>)  # takes a joined file's anonymous namespace for a header's
 endif()
 
-# Targets whose vector kernels include themselves once per instruction set, or whose files share names.
-set(unity_separate_targets smartsurf_world smartsurf_surface smartsurf_bullet smartsurf_world_test
-  smartsurf_world_threads_test smartsurf_surface_test physics_property_test sensor_property_test)
-# Files whose anonymous namespace has a name that another file of the target has as well.
+# Files whose anonymous namespace has a name that another file of the target has as well, and vector kernels, which
+# include themselves once per instruction set.
 set(unity_separate_files
   apron/syntax/Formatter.cpp
   apron/vm/kernels/Kernels.cpp
   smartsurf/mesh/MeshFile.cpp
   smartsurf/record/plot/PurityPlot.cpp smartsurf/record/plot/TimeSpentPlot.cpp smartsurf/record/plot/TrajectoryPlot.cpp
   smartsurf/scene/SensorSpec.cpp
+  smartsurf/surface/actuators/PinKernels.cpp smartsurf/surface/raycast/RayKernels.cpp
+  smartsurf/world/StateHash.cpp smartsurf/world/broadphase/UniformGridKernels.cpp smartsurf/world/solver/ContactKernels.cpp
+  smartsurf/world/solver/RotationKernels.cpp smartsurf/world/solver/SupportKernels.cpp
   smartsurf/script/declarations/SensorDeclarations.cpp smartsurf/script/runtime/ObjectHandles.cpp
   smartsurf/view/interaction/Overlay.cpp smartsurf/view/model/Trails.cpp smartsurf/view/panels/InspectorPanel.cpp
   tests/system/shm-protocol/SoakTest.cpp
@@ -27,7 +28,7 @@ set(unity_separate_files
 
 # join_sources(<target>): joins the target's files, if SMARTSURF_UNITY is on.
 function(join_sources target)
-  if(NOT SMARTSURF_UNITY OR target IN_LIST unity_separate_targets)
+  if(NOT SMARTSURF_UNITY)
     return()
   endif()
   set_target_properties(${target} PROPERTIES UNITY_BUILD ON UNITY_BUILD_BATCH_SIZE 8)

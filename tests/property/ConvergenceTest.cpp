@@ -9,8 +9,6 @@ using namespace physics_fixture;
 
 namespace {
 
-constexpr double kGravity = 9.81;
-
 // Mean of |error(dt_s, i)| over eight variants i, because the phase of an event within its step is arbitrary.
 double mean_error(double dt_s, const std::function<double(double, int)>& error) {
   double sum = 0;

@@ -34,10 +34,6 @@ void use_pins(PhysicsFixture& fixture, const Motor& motor, double gravity) {
   derive_pin_spec(fixture.scene.surface);
 }
 
-void raise_all(PhysicsFixture& fixture, float height) {
-  fixture.cells().set_targets(0, std::vector<float>(fixture.cells().field().height.size(), height));
-}
-
 // The cells under a load on 1 or 3 × 3 cells.
 void raise_cells(PhysicsFixture& fixture, int count) {
   const int reach = count == 1 ? 0 : 1;
@@ -95,7 +91,8 @@ TEST(ForceHold, RaisedPinsHoldWhatTheyCanBear) {
     o.position.z() = kTarget + load.rest_height;
     const auto id = fixture.add(o);
     fixture.run(1.0);
-    EXPECT_NEAR(fixture.position(id).z(), kTarget + load.rest_height, 0.005) << describe(load, gravity, motor);
+    EXPECT_NEAR(fixture.position(id).z(), kTarget + load.rest_height, 0.005)
+        << describe(load, gravity, motor);
     EXPECT_NEAR(fixture.velocity(id).norm(), 0.0, 0.02) << describe(load, gravity, motor);
   });
 }
@@ -127,7 +124,8 @@ TEST(ForceHold, PinsLiftWhatTheyCanBear) {
           << describe(load, gravity, motor);
     } else {
       fixture.run(rise_s);
-      EXPECT_NEAR(fixture.position(id).z(), kTarget + load.rest_height, 0.01) << describe(load, gravity, motor);
+      EXPECT_NEAR(fixture.position(id).z(), kTarget + load.rest_height, 0.01)
+          << describe(load, gravity, motor);
     }
   });
 }
@@ -175,6 +173,7 @@ TEST(ForceHold, SunkenObjectIsPushedOut) {
       o.position.z() = kTarget + load.rest_height - 0.1;
       const auto id = fixture.add(o);
       fixture.run(1.5);
-      EXPECT_NEAR(fixture.position(id).z(), kTarget + load.rest_height, 0.005) << load.name << ", force " << force;
+      EXPECT_NEAR(fixture.position(id).z(), kTarget + load.rest_height, 0.005)
+          << load.name << ", force " << force;
     }
 }

@@ -14,7 +14,7 @@ using namespace smartsurf;
 
 namespace {
 
-constexpr double kGravity = 9.81, kMaxForce = 40;
+constexpr double kMaxForce = 40;
 constexpr float kRaisedHeight = 2.0F;  // commanded height of the pins, u
 
 void use_force_limited_pins(PhysicsFixture& fixture) {
@@ -24,10 +24,6 @@ void use_force_limited_pins(PhysicsFixture& fixture) {
     spec.values[name] = value;
   fixture.scene.surface.actuators = {spec};
   derive_pin_spec(fixture.scene.surface);
-}
-
-void raise_all(PhysicsFixture& fixture, float height) {
-  fixture.cells().set_targets(0, std::vector<float>(fixture.cells().field().height.size(), height));
 }
 
 scene::ObjectSpec with_weight(scene::ObjectSpec o, double weight) {

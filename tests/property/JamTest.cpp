@@ -20,7 +20,7 @@ using namespace smartsurf;
 
 namespace {
 
-constexpr int kSize = 18;  // cells along an edge of the table, border included
+constexpr int kJamSide = 18;  // cells along an edge of the table, border included
 constexpr double kBorder = 6.0;
 
 enum class JamShape { kSphere, kBox, kCylinder, kCapsule, kHull };
@@ -41,7 +41,7 @@ class Jam {
   Jam(JamShape shape, unsigned seed, double dt_s) : random_(seed) {
     scene::SceneSpec& s = fixture_.scene;
     s.world.dt_s = dt_s;
-    s.surface.rows = s.surface.columns = kSize;
+    s.surface.rows = s.surface.columns = kJamSide;
     s.surface.border_height = kBorder;
     s.surface.pin.max_height = kBorder;
     s.surface.pin.max_speed = 4.0;
@@ -55,7 +55,7 @@ class Jam {
     run(kSettle_s);
     const int sweep_steps = 40;
     for (int k = 0; k <= sweep_steps; ++k) {
-      set_wall(2.0 * kSize - (2.0 * kSize - 9.0) * k / sweep_steps);
+      set_wall(2.0 * kJamSide - (2.0 * kJamSide - 9.0) * k / sweep_steps);
       run(kSweep_s / sweep_steps);
     }
     for (double t = 0.0; t < kShake_s; t += kShakePeriod_s) {
@@ -111,11 +111,11 @@ class Jam {
   }
 
   void set_wall(double limit) {
-    targets_.assign(kSize * kSize, 0.0F);
-    for (int row = 0; row < kSize; ++row)
-      for (int column = 0; column < kSize; ++column)
-        if (column + (kSize - 1 - row) > limit)
-          targets_[static_cast<std::size_t>(row * kSize + column)] = 4.5F;
+    targets_.assign(kJamSide * kJamSide, 0.0F);
+    for (int row = 0; row < kJamSide; ++row)
+      for (int column = 0; column < kJamSide; ++column)
+        if (column + (kJamSide - 1 - row) > limit)
+          targets_[static_cast<std::size_t>(row * kJamSide + column)] = 4.5F;
     fixture_.cells().set_targets(0, targets_);
   }
 

@@ -68,6 +68,10 @@ Eigen::Vector3f PhysicsFixture::angular_velocity(scene::ObjectId id) {
   return Eigen::Vector3f(snapshot().angular_velocity[id].data());
 }
 
+void raise_all(PhysicsFixture& fixture, float height) {
+  fixture.cells().set_targets(0, std::vector<float>(fixture.cells().field().height.size(), height));
+}
+
 scene::ObjectSpec sphere(double radius, const Eigen::Vector3d& position) {
   scene::ObjectSpec o;
   o.radius = radius;

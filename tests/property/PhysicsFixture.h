@@ -14,6 +14,8 @@
 
 namespace physics_fixture {
 
+inline constexpr double kGravity = 9.81;  // the scene's by default, u/s²
+
 class PhysicsFixture {
  public:
   // A level 32 × 32 surface at height 0 without a border. The environment's PHYSICS_ENGINE names the engine.
@@ -43,6 +45,9 @@ class PhysicsFixture {
   std::unique_ptr<smartsurf::world::World> world_;
   smartsurf::scene::Snapshot snapshot_;
 };
+
+// Commands all pins to the height, u.
+void raise_all(PhysicsFixture&, float height);
 
 smartsurf::scene::ObjectSpec sphere(double radius, const Eigen::Vector3d& position);
 smartsurf::scene::ObjectSpec box(const Eigen::Vector3d& size, const Eigen::Vector3d& position);

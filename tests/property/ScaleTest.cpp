@@ -15,7 +15,6 @@ using namespace smartsurf;
 namespace {
 
 constexpr int kCells = 32;
-constexpr double kGravity = 9.81;
 
 scene::ObjectSpec scaled(scene::ObjectSpec o, double unit) {
   if (o.shape == scene::ShapeKind::kSolid) {

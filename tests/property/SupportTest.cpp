@@ -13,7 +13,7 @@ using namespace smartsurf;
 
 namespace {
 
-constexpr double kGravity = 9.81, kFriction = 0.5;
+constexpr double kFriction = 0.5;
 
 // The parameter is the force limit of the cells, 0 for none.
 class Support : public testing::TestWithParam<double> {};

@@ -9,14 +9,13 @@ namespace smartsurf::world {
 namespace {
 
 // A contact whose normal has a smaller vertical component lies on a cell's side and does not load the cell.
-constexpr float kMinNormalZ = 0.05F;
+constexpr float kMinLoadNormalZ = 0.05F;
 // Penetration up to which a yielding cell moves on, u: the contact solver resists it with all that the cell can give.
 constexpr float kYieldingOverlap = 3e-3F;
 // A body uses up its share from this fraction on.
 constexpr float kUsedUp = 0.999F;
 // Fraction of a deeper penetration that a yielding cell resolves in a step.
 constexpr float kResolvedPerStep = 0.1F;
-constexpr float kMaxRetreatSpeed = 1.0F;  // u/s
 // Fraction of a cell's force limit that its bodies share evenly. The rest is shared by demand.
 constexpr float kEvenFraction = 0.02F;
 
@@ -27,7 +26,7 @@ void CellForceLimits::for_each_limited(const surface::Field& field, List& static
                                        Each each) const {
   for (int k = m.first; k < m.first + m.count; ++k) {
     auto& c = static_contacts.contacts[static_cast<std::size_t>(k)];
-    if ((c.other != kField && c.other != kSupportedField) || c.normal.z() < kMinNormalZ) continue;
+    if ((c.other != kField && c.other != kSupportedField) || c.normal.z() < kMinLoadNormalZ) continue;
     if (std::isfinite(field.force_limit[static_cast<std::size_t>(c.feature_id)])) each(c, k);
   }
 }

@@ -13,6 +13,9 @@
 
 namespace smartsurf::world {
 
+// The greatest speed at which a cell gives way to a contact, u/s.
+inline constexpr float kMaxRetreatSpeed = 1.0F;
+
 // The cell under a static contact, for the solver.
 struct CellImpulseLimit {
   float no_load_speed = 0.0F, planned_speed = 0.0F;  // of the cell, u/s
@@ -56,10 +59,11 @@ class CellForceLimits {
   void collect_bodies_on_cells(const surface::Field&, int substeps, const ContactList& static_contacts);
 
   std::vector<CellImpulseLimit> limits_;
-  std::vector<BodyOnCell> bodies_on_cells_;   // in the order of the manifolds
+  std::vector<BodyOnCell> bodies_on_cells_;    // in the order of the manifolds
   std::vector<std::int32_t> body_of_contact_;  // index in bodies_on_cells_
   // Indexed by cell; zero between calls, first_contact_ −1.
-  std::vector<float> load_, body_load_, capacity_;  // vertical impulse, of all bodies, of one, and its bound, mass·u/s
+  std::vector<float> load_, body_load_,
+      capacity_;  // vertical impulse, of all bodies, of one, and its bound, mass·u/s
   std::vector<std::int32_t> body_count_, first_contact_;
 };
 

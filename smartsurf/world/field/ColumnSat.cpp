@@ -10,16 +10,14 @@ namespace {
 using scene::ShapeKind;
 
 // A column has no bottom face, so normals do not point down. The tolerance admits rounding.
-constexpr float kMinNormalZ = -0.01F;
+constexpr float kMinAxisZ = -0.01F;
 // Edge axes must win by this much, so that the choice does not alternate with a face axis, u.
 constexpr float kEdgeBias = 2e-3F;
-// A normal that leans less than this over a bridged side does so by rounding only.
-constexpr float kLeanTolerance = 0.05F;
 
 }  // namespace
 
 void ColumnSat::add(const Vec3& normal, float min_projection, float bias) {
-  if (normal.z() >= kMinNormalZ) axes_.add(normal, min_projection, bias);
+  if (normal.z() >= kMinAxisZ) axes_.add(normal, min_projection, bias);
 }
 
 void ColumnSat::set(const ConvexProxy& proxy, const Vec3& low, const Vec3& high) {
@@ -62,7 +60,7 @@ void ColumnSat::add_hull(const ConvexProxy& proxy) {
   for (std::vector<float>& components : face_normals_) components.resize(faces.size());
   for (std::size_t f = 0; f < faces.size(); ++f) {
     for (int k = 0; k < 3; ++k) face_normals_[k][f] = proxy.axes.row(k) * faces[f].normal;
-    if (faces[f].normal.dot(down) < kMinNormalZ) continue;
+    if (faces[f].normal.dot(down) < kMinAxisZ) continue;
     const Vec3 n = proxy.axes * -faces[f].normal;
     add(n, n.dot(proxy.centre) - faces[f].offset, 0.0F);
   }
@@ -74,7 +72,7 @@ void ColumnSat::add_hull(const ConvexProxy& proxy) {
       if (left * right >= 0.0F) continue;
       const Vec3 outward = faces[e.left].normal * std::abs(right) + faces[e.right].normal * std::abs(left);
       const float length = outward.norm();
-      if (length < 1e-6F || outward.dot(down) < kMinNormalZ * length) continue;
+      if (length < 1e-6F || outward.dot(down) < kMinAxisZ * length) continue;
       const Vec3 n = proxy.axes * (outward / -length);
       add(n, n.dot(proxy.centre) - outward.dot(hull.hull->vertices[e.corner]) / length, kEdgeBias);
     }
@@ -85,7 +83,7 @@ void ColumnSat::add_axisymmetric(const ConvexProxy& proxy) {
     const float length = along.norm();
     if (length < 0.05F) return;
     for (const Vec3& n : {Vec3(along / length), Vec3(along / -length)})
-      if (n.z() >= kMinNormalZ) add(n, n.dot(proxy.support_with_radius(-n)), 0.0F);
+      if (n.z() >= kMinAxisZ) add(n, n.dot(proxy.support_with_radius(-n)), 0.0F);
   };
   const Vec3 along = proxy.axes.col(2);
   add_both_ways(along);
@@ -151,9 +149,11 @@ bool ColumnSat::find_best_axis(const Column& q, float margin, bool beside, BestA
   }
   // In a concave corner the neighbours hold the part; this column's outer sides are no way out.
   out = {Vec3(axes_.x[chosen], axes_.y[chosen], axes_.z[chosen]), separation_[chosen]};
-  const Vec3 from_column(centre_.x() - 0.5F * (q.west + q.east), centre_.y() - 0.5F * (q.south + q.north), 0.0F);
+  const Vec3 from_column(centre_.x() - 0.5F * (q.west + q.east), centre_.y() - 0.5F * (q.south + q.north),
+                         0.0F);
   const bool is_side = out.normal.z() < kLeanTolerance;
-  if ((is_side ? out.normal.dot(from_column) < 0.0F : beside) && over_bridge > out.separation + kBridgeShortcut)
+  if ((is_side ? out.normal.dot(from_column) < 0.0F : beside) &&
+      over_bridge > out.separation + kBridgeShortcut)
     return false;
   return true;
 }

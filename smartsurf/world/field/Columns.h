@@ -12,6 +12,8 @@ namespace smartsurf::world {
 
 // A way out over a bridged side that is shorter by this than all others: the neighbour there separates the two, u.
 inline constexpr float kBridgeShortcut = 0.05F;
+// A normal that leans less than this over a bridged side does so by rounding only.
+inline constexpr float kLeanTolerance = 0.05F;
 // Greatest height difference of level tops, u.
 inline constexpr float kLevelTolerance = 1e-3F;
 
@@ -23,7 +25,7 @@ struct Column {
 
   bool contains(float x, float y) const { return x >= west && x <= east && y >= south && y <= north; }
   bool all_bridged() const { return bridged_west && bridged_east && bridged_south && bridged_north; }
-  // Whether the normal leans over a bridged side: the contact then belongs to the neighbour.
+  // Whether the normal leans over a bridged side by more than the tolerance: the contact then belongs to the neighbour.
   bool leans_over_bridge(float nx, float ny, float tolerance) const {
     return (nx > tolerance && bridged_east) || (nx < -tolerance && bridged_west) ||
            (ny > tolerance && bridged_north) || (ny < -tolerance && bridged_south);

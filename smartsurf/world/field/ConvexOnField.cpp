@@ -16,8 +16,6 @@ namespace {
 
 using scene::ShapeKind;
 
-// A normal that leans less than this over a bridged side does so by rounding only.
-constexpr float kLeanTolerance = 0.05F;
 // A run of level cells of one grid column, merged into one Column.
 struct Plateau {
   Column column;
@@ -40,8 +38,8 @@ class PartOnField {
     set_bounds();
     cells_below_ =
         columns_.cells_covering(low_.x() - margin, high_.x() + margin, low_.y() - margin, high_.y() + margin);
-    centre_is_free_ =
-        columns_.max_height(columns_.cells_covering(centre.x(), centre.x(), centre.y(), centre.y())) < centre.z();
+    centre_is_free_ = columns_.max_height(columns_.cells_covering(centre.x(), centre.x(), centre.y(),
+                                                                  centre.y())) < centre.z();
   }
 
   // Calls take(candidate) for the reduced manifold.
@@ -375,7 +373,7 @@ class PartOnField {
   const float margin_;
   Vec3 low_, high_;  // bounding box of the part, world axes
   CellRange cells_below_;
-  bool centre_is_free_;  // no cell reaches up to the part's centre
+  bool centre_is_free_;          // no cell reaches up to the part's centre
   Vec3 facing_normal_{0, 0, 0};  // contact normal for which facing_feature_ was computed
   SupportFeature facing_feature_;
   ManifoldReducer candidates_;

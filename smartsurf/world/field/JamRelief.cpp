@@ -2,13 +2,15 @@
 
 #include <algorithm>
 
+#include "smartsurf/world/field/CellForceLimits.h"
+
 namespace smartsurf::world {
 namespace {
 
 // Deep contacts: what hard contacts may reach, u, and what cells may do at this speed in a step, u/s.
 constexpr float kHardDepth = 4e-3F, kDepthPerStep = 1.0F;
-// A cell retreats out of a contact deeper than that of the stall within this time, at most at this speed, u/s.
-constexpr float kRetreatTime_s = 0.05F, kMaxRetreatSpeed = 1.0F;
+// A cell retreats out of a contact deeper than that of the stall within this time, at most at kMaxRetreatSpeed.
+constexpr float kRetreatTime_s = 0.05F;
 
 // A contact whose normal has a smaller vertical component lies on a cell's side.
 constexpr float kMaxSideNormalZ = 0.1F;

@@ -9,7 +9,7 @@ using namespace smartsurf;
 
 namespace {
 
-constexpr double kDt = 1.0 / 240;
+constexpr double kFaultStep = 1.0 / 240;
 
 scene::SurfaceSpec pins(int rows, int columns) {
   scene::SurfaceSpec s;
@@ -31,8 +31,8 @@ std::vector<float> heights(const scene::SurfaceSpec& s, float target, std::uint6
   cells.set_targets(0, std::vector<float>(static_cast<std::size_t>(s.cell_count()), target));
   for (int i = 0; i < 60; ++i) {
     cells.begin_tick();
-    cells.plan(kDt);
-    cells.commit(kDt);
+    cells.plan(kFaultStep);
+    cells.commit(kFaultStep);
   }
   return cells.field().height;
 }
@@ -104,8 +104,8 @@ TEST(ActuatorFaults, LatencyDelaysEveryCell) {
     cells.set_target(0, 0, 0, 3);
     cells.begin_tick();
     for (int i = 0; i < 4; ++i) {
-      cells.plan(kDt);
-      cells.commit(kDt);
+      cells.plan(kFaultStep);
+      cells.commit(kFaultStep);
     }
     seen.push_back(cells.field().height[0]);
   }

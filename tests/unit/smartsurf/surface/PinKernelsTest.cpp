@@ -16,7 +16,7 @@ using namespace smartsurf::surface;
 
 namespace {
 
-constexpr float kDt = 1.0F / 240, kTop = 3.0F;
+constexpr float kPinStep = 1.0F / 240, kTop = 3.0F;
 constexpr std::size_t kMaxPins = 67;  // covers every vector width and remainder
 
 // Pins at rest or moving, on, near and far from their targets; some exceed the speed limit.
@@ -58,7 +58,7 @@ void for_every_target(const std::function<void()>& test) {
 
 struct Limits {
   float speed, acceleration;
-  MotionProfile profile() const { return {speed, acceleration, kDt}; }
+  MotionProfile profile() const { return {speed, acceleration, kPinStep}; }
 };
 const Limits kLimits[] = {{4.0F, 60.0F}, {6.0F, 1e4F}, {1e9F, 3.0F}, {0.5F, 0.01F}};
 
@@ -90,11 +90,11 @@ TEST(PinKernels, AdvancePinsMatchesScalarLaw) {
   for_every_target([] {
     for (std::size_t n = 1; n <= kMaxPins; ++n) {
       Pins p(n, static_cast<unsigned>(n));
-      for (std::size_t i = 0; i < n; i += 3) p.speed[i] = (p.target[i] - p.height[i]) / kDt;
+      for (std::size_t i = 0; i < n; i += 3) p.speed[i] = (p.target[i] - p.height[i]) / kPinStep;
       std::vector<float> expected = p.height;
       for (std::size_t i = 0; i < n; ++i)
-        expected[i] = MotionProfile::advance(p.height[i], p.speed[i], p.target[i], kDt);
-      const float highest = advance_pins(n, p.target.data(), p.speed.data(), kDt, p.height.data());
+        expected[i] = MotionProfile::advance(p.height[i], p.speed[i], p.target[i], kPinStep);
+      const float highest = advance_pins(n, p.target.data(), p.speed.data(), kPinStep, p.height.data());
       ASSERT_TRUE(same_bits(p.height, expected)) << n;
       ASSERT_EQ(highest, *std::ranges::max_element(expected)) << n;
     }

@@ -16,14 +16,14 @@ using scene::ShapeKind;
 
 namespace {
 
-constexpr int kSide = 9;
+constexpr int kConvexSide = 9;
 
 // Low cells, and one in the middle with its top at 0.
 surface::Field make_single_column_field() {
   surface::Field field;
-  field.rows = field.columns = kSide;
-  field.height.assign(kSide * kSide, -3.0F);
-  field.speed.assign(kSide * kSide, 0.0F);
+  field.rows = field.columns = kConvexSide;
+  field.height.assign(kConvexSide * kConvexSide, -3.0F);
+  field.speed.assign(kConvexSide * kConvexSide, 0.0F);
   field.height[static_cast<std::size_t>(field.index(4, 4))] = 0.0F;
   field.max_height = 0.0F;
   return field;
@@ -73,7 +73,8 @@ TEST(ConvexOnField, CylinderAlongEdgeTouchesAtBothEnds) {
   o.height = 2.0;
   const Shape shape = make_shape(o);
   surface::Field field = make_single_column_field();
-  for (int row = 0; row < kSide; ++row) field.height[static_cast<std::size_t>(field.index(row, 4))] = 0.0F;
+  for (int row = 0; row < kConvexSide; ++row)
+    field.height[static_cast<std::size_t>(field.index(row, 4))] = 0.0F;
   // Beside the ridge's eastern edge, almost parallel to it.
   const float beside = 0.5F, above = std::sqrt(1.2F * 1.2F - beside * beside) - 0.003F;
   const Vec3 centre(4.0F + field.half_top_x + beside, 4.1F, above);

@@ -38,12 +38,6 @@ PlacedBody body(scene::ShapeKind kind, std::mt19937& random, const Vec3& centre)
   return {o, centre, random_rotation(random)};
 }
 
-float min_separation(const std::vector<Contact>& contacts) {
-  float min_value = 1e9F;
-  for (const Contact& c : contacts) min_value = std::min(min_value, c.separation);
-  return min_value;
-}
-
 }  // namespace
 
 TEST(ConvexPair, CachedNormalDoesNotChangeResult) {

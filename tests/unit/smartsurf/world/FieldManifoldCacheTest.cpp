@@ -6,6 +6,7 @@
 #include <cmath>
 
 #include "smartsurf/world/field/ConvexOnField.h"
+#include "tests/unit/smartsurf/world/PlacedBody.h"
 
 using namespace smartsurf;
 using namespace smartsurf::world;
@@ -13,14 +14,8 @@ using scene::ShapeKind;
 
 namespace {
 
-constexpr float kMargin = 0.03F;
-constexpr int kSide = 9;
-
-float min_separation(const std::vector<Contact>& contacts) {
-  float min_value = 1.0F;
-  for (const Contact& c : contacts) min_value = std::min(min_value, c.separation);
-  return min_value;
-}
+constexpr float kCacheMargin = 0.03F;
+constexpr int kCacheSide = 9;
 
 // A body above the middle of a field of 9 × 9 cells.
 struct FieldCacheFixture {
@@ -31,8 +26,8 @@ struct FieldCacheFixture {
   std::vector<Contact> contacts;
 
   explicit FieldCacheFixture(ShapeKind kind, double height) : cache(field) {
-    field.rows = field.columns = kSide;
-    for (auto* v : {&field.height, &field.speed}) v->assign(kSide * kSide, 0.0F);
+    field.rows = field.columns = kCacheSide;
+    for (auto* v : {&field.height, &field.speed}) v->assign(kCacheSide * kCacheSide, 0.0F);
     field.max_height = 2.0F;
     scene::ObjectSpec o;
     o.shape = kind;
@@ -46,7 +41,7 @@ struct FieldCacheFixture {
   template <class Slope>
   void set_heights(Slope slope) {
     for (int i = 0; i < field.cells(); ++i)
-      field.height[static_cast<std::size_t>(i)] = slope(static_cast<float>(i % kSide));
+      field.height[static_cast<std::size_t>(i)] = slope(static_cast<float>(i % kCacheSide));
   }
   void raise(float by) {
     for (float& h : field.height) h += by;
@@ -58,12 +53,12 @@ struct FieldCacheFixture {
     cache.swap_in(0, chunk_cache);
     cache.build_index(bodies.size());
     contacts.clear();
-    cache.collide(bodies, 0, kMargin, chunk_cache, contacts);
+    cache.collide(bodies, 0, kCacheMargin, chunk_cache, contacts);
   }
   // The contacts without the cache.
   std::vector<Contact> recompute() const {
     std::vector<Contact> out;
-    collide_shape_with_field(field, *bodies.shape[0], bodies.position[0], bodies.axes[0], kMargin, out);
+    collide_shape_with_field(field, *bodies.shape[0], bodies.position[0], bodies.axes[0], kCacheMargin, out);
     return out;
   }
   // Lowers the body until its minimum separation is at most `separation`.
@@ -137,8 +132,8 @@ TEST(FieldManifoldCache, PointsFollowMovingCells) {
 // Only four of many equally deep points are kept. A cell under a dropped point may then rise above them.
 TEST(FieldManifoldCache, ReselectsPointsWhenCellsMove) {
   FieldCacheFixture b(ShapeKind::kBox, 1.0);
-  for (int i = 0; i < kSide * kSide; ++i)
-    b.field.height[static_cast<std::size_t>(i)] = -0.002F * static_cast<float>(i % 3 + i / kSide % 2);
+  for (int i = 0; i < kCacheSide * kCacheSide; ++i)
+    b.field.height[static_cast<std::size_t>(i)] = -0.002F * static_cast<float>(i % 3 + i / kCacheSide % 2);
   for (int row = 3; row <= 5; ++row)
     for (int column = 3; column <= 5; ++column) {
       b.step();
@@ -169,7 +164,7 @@ TEST(FieldManifoldCache, DetectsApproachingBodyInTime) {
     b.step();
     const float truth = min_separation(b.recompute());
     if (truth < -0.02F) break;
-    if (truth < kMargin - 2e-3F) {
+    if (truth < kCacheMargin - 2e-3F) {
       ASSERT_FALSE(b.contacts.empty()) << i;
       EXPECT_NEAR(min_separation(b.contacts), truth, 2e-3F) << i;
       ++near;

@@ -8,6 +8,7 @@
 
 #include "smartsurf/world/field/ConvexOnField.h"
 #include "smartsurf/world/field/SphereOnField.h"
+#include "tests/unit/smartsurf/world/PlacedBody.h"
 #include "tests/unit/smartsurf/world/StepFixture.h"
 
 using namespace smartsurf;
@@ -15,11 +16,11 @@ using namespace smartsurf::world;
 
 namespace {
 
-constexpr int kSide = 12;
-constexpr float kMargin = 0.05F;
+constexpr int kLayoutSide = 12;
+constexpr float kLayoutMargin = 0.05F;
 
 surface::Field make_random_field(std::mt19937& random, bool level) {
-  surface::Field field = make_flat_field(kSide);
+  surface::Field field = make_flat_field(kLayoutSide);
   std::uniform_real_distribution<float> height(-1.0F, 1.0F);
   if (!level)
     for (float& h : field.height) h = height(random);
@@ -29,18 +30,13 @@ surface::Field make_random_field(std::mt19937& random, bool level) {
 
 surface::Field with_positions(surface::Field field) {
   for (int i = 0; i < field.cells(); ++i) {
-    const Eigen::Vector2f centre(static_cast<float>(i % kSide), static_cast<float>(kSide - 1 - i / kSide));
+    const Eigen::Vector2f centre(static_cast<float>(i % kLayoutSide),
+                                 static_cast<float>(kLayoutSide - 1 - i / kLayoutSide));
     field.x.push_back(centre.x());
     field.y.push_back(centre.y());
     field.angle.push_back(0.0F);
   }
   return field;
-}
-
-float min_separation(const std::vector<Contact>& contacts) {
-  float separation = std::numeric_limits<float>::infinity();
-  for (const Contact& c : contacts) separation = std::min(separation, c.separation);
-  return separation;
 }
 
 class FreeLayout : public testing::TestWithParam<bool> {};
@@ -57,8 +53,8 @@ TEST_P(FreeLayout, SphereContactsMatchGrid) {
   for (int i = 0; i < 300; ++i) {
     const Vec3 centre(horizontal(random), horizontal(random), vertical(random));
     std::vector<Contact> expected, found;
-    collide_sphere_with_field(grid, centre, 1.3F, kMargin, expected);
-    field.collide(sphere, centre, Mat3::Identity(), kMargin, found);
+    collide_sphere_with_field(grid, centre, 1.3F, kLayoutMargin, expected);
+    field.collide(sphere, centre, Mat3::Identity(), kLayoutMargin, found);
     ASSERT_EQ(found.empty(), expected.empty()) << i;
     if (expected.empty()) continue;
     ++touching;
@@ -80,8 +76,8 @@ TEST_P(FreeLayout, BoxPenetrationMatchesGrid) {
   for (int i = 0; i < 200; ++i) {
     const Vec3 centre(horizontal(random), horizontal(random), top + vertical(random));
     std::vector<Contact> expected, found;
-    collide_shape_with_field(grid, box, centre, Mat3::Identity(), kMargin, expected);
-    field.collide(box, centre, Mat3::Identity(), kMargin, found);
+    collide_shape_with_field(grid, box, centre, Mat3::Identity(), kLayoutMargin, expected);
+    field.collide(box, centre, Mat3::Identity(), kLayoutMargin, found);
     ASSERT_EQ(found.empty(), expected.empty()) << i;
     if (expected.empty()) continue;
     ASSERT_NEAR(min_separation(found), min_separation(expected), 1e-4F) << i;

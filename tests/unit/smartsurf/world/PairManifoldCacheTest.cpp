@@ -5,6 +5,7 @@
 #include <algorithm>
 
 #include "smartsurf/world/narrowphase/ConvexPair.h"
+#include "tests/unit/smartsurf/world/PlacedBody.h"
 
 using namespace smartsurf;
 using namespace smartsurf::world;
@@ -12,7 +13,7 @@ using scene::ShapeKind;
 
 namespace {
 
-constexpr float kMargin = 0.02F;
+constexpr float kPairMargin = 0.02F;
 const scene::Material kMaterial;
 
 scene::ObjectSpec object(ShapeKind kind, const Eigen::Vector3d& at) {
@@ -35,7 +36,7 @@ struct PairCacheFixture {
     bodies.add(0, object(kind_a, {0, 0, 0}), kMaterial);
     bodies.add(1, object(kind_b, b_at), kMaterial);
   }
-  void step(float margin = kMargin) {
+  void step(float margin = kPairMargin) {
     cache.swap_in(0, chunk_cache);
     cache.build_index(bodies.size());
     contacts.clear();
@@ -45,7 +46,7 @@ struct PairCacheFixture {
   std::vector<Contact> recompute() const {
     std::vector<Contact> out;
     collide_convex({*bodies.shape[0], bodies.position[0], bodies.axes[0]},
-                   {*bodies.shape[1], bodies.position[1], bodies.axes[1]}, kMargin, nullptr, out);
+                   {*bodies.shape[1], bodies.position[1], bodies.axes[1]}, kPairMargin, nullptr, out);
     return out;
   }
   void rotate(std::size_t body, const Vec3& by) {
@@ -53,12 +54,6 @@ struct PairCacheFixture {
     bodies.update_axes(body);
   }
 };
-
-float min_separation(const std::vector<Contact>& contacts) {
-  float min_value = 1e9F;
-  for (const Contact& c : contacts) min_value = std::min(min_value, c.separation);
-  return min_value;
-}
 
 }  // namespace
 
@@ -100,7 +95,7 @@ TEST(PairManifoldCache, SeparationFollowsRollingAfterFastApproach) {
     p.rotate(1, Vec3(0.01F, 0, 0));
     p.step();
     const float truth = min_separation(p.recompute());
-    if (truth > kMargin || truth < -0.02F) continue;
+    if (truth > kPairMargin || truth < -0.02F) continue;
     ASSERT_FALSE(p.contacts.empty()) << i;
     EXPECT_NEAR(min_separation(p.contacts), truth, 1e-3F) << i;
   }
@@ -112,7 +107,7 @@ TEST(PairManifoldCache, DetectsApproachingBodyInTime) {
     p.step();
     const auto expected = p.recompute();
     if (min_separation(expected) < -0.02F) break;
-    if (min_separation(expected) < kMargin - 1e-3F) {
+    if (min_separation(expected) < kPairMargin - 1e-3F) {
       ASSERT_FALSE(p.contacts.empty()) << i;
       EXPECT_NEAR(min_separation(p.contacts), min_separation(expected), 1e-3F) << i;
     }

@@ -1,7 +1,10 @@
 // Test fixture: a shape with a pose, for narrow-phase tests.
 #pragma once
 
+#include <algorithm>
+#include <limits>
 #include <random>
+#include <vector>
 
 #include "smartsurf/scene/SceneSpec.h"
 #include "smartsurf/world/narrowphase/ConvexPair.h"
@@ -17,6 +20,13 @@ struct PlacedBody {
       : shape(make_shape(of)), centre(at), axes(rotation.normalized().toRotationMatrix()) {}
   PlacedShape placed() const { return {shape, centre, axes}; }
 };
+
+// The deepest contact's; infinite without contacts.
+inline float min_separation(const std::vector<Contact>& contacts) {
+  float separation = std::numeric_limits<float>::infinity();
+  for (const Contact& c : contacts) separation = std::min(separation, c.separation);
+  return separation;
+}
 
 // Not normalized.
 inline Quat random_rotation(std::mt19937& random) {

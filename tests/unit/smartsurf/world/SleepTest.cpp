@@ -11,7 +11,7 @@ namespace {
 
 constexpr float kDt = StepFixture::kDt;
 
-void add_manifold(ContactList& list, int a, int b) {
+void add_contact_of(ContactList& list, int a, int b) {
   Contact c;
   c.other = b < 0 ? b : 0;
   list.manifolds.push_back({a, b, static_cast<std::int32_t>(list.contacts.size()), 1});
@@ -32,8 +32,8 @@ struct Row {
       scene::ObjectStateUpdate update;
       update.position = Eigen::Vector3d(2.0 * i + 2, 16, 1);
       bodies.apply_placement(static_cast<std::size_t>(i), update);
-      if (i > 0) add_manifold(pairs, i - 1, i);
-      add_manifold(statics, i, kField);
+      if (i > 0) add_contact_of(pairs, i - 1, i);
+      add_contact_of(statics, i, kField);
       active.push_back(i);
     }
   }
