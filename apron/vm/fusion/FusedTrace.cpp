@@ -28,6 +28,24 @@ std::int64_t modulo(std::int64_t row, std::int64_t rows) {
   return rest < 0 ? rest + rows : rest;
 }
 
+// Whether a stage reads its own cells only, with few operations, and so waits for memory.
+bool is_bandwidth_bound(const Stage& stage) {
+  return stage.ops.size() <= 2 * stage.streams.size() &&
+         std::all_of(stage.streams.begin(), stage.streams.end(),
+                     [](const RowStream& s) { return s.dy == 0; }) &&
+         std::all_of(stage.ops.begin(), stage.ops.end(), [](const MicroOp& op) {
+           return std::all_of(op.operands.begin(), op.operands.end(),
+                              [](const MicroOperand& a) { return a.dx == 0; });
+         });
+}
+
+// CPUs that halve vectors of 512 bits move more bytes in vectors of 256; others move as many.
+InstructionSet isa_for(const FusionPlan& plan, InstructionSet isa) {
+  const bool narrow =
+      isa == InstructionSet::kAvx512 && plan.stages.size() == 1 && is_bandwidth_bound(plan.stages[0]);
+  return narrow ? InstructionSet::kAvx2 : isa;
+}
+
 }  // namespace
 
 FusedTrace::FusedTrace(const Trace& trace, ValueGraph graph, FusionPlan plan, const Environment& environment)
@@ -43,8 +61,8 @@ FusedTrace::FusedTrace(const Trace& trace, ValueGraph graph, FusionPlan plan, co
       back_buffers_(environment.back_buffers),
       pads_stay_zero_(environment.pads_stay_zero) {
   for (const Stage& stage : plan_.stages) {
-    compiled_stages_.push_back(
-        StageJit::compile(stage, environment.code_isa, common_vector_count(stage), plan_.rows_per_iteration));
+    compiled_stages_.push_back(StageJit::compile(stage, isa_for(plan_, environment.code_isa),
+                                                 common_vector_count(stage), plan_.rows_per_iteration));
     stage_interpreters_.emplace_back(stage, plan_.buffers, executor_.kernels());
   }
   allocate_workers();

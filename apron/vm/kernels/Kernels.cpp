@@ -556,9 +556,19 @@ const std::vector<NamedKernelTable>& kernel_tables() {
 }
 
 const KernelTable* kernel_table(InstructionSet isa) {
-  for (const NamedKernelTable& named : kernel_tables())
-    if (instruction_set_of(named.name) == isa) return named.table;
-  return nullptr;
+  const auto find = [](InstructionSet wanted) -> const KernelTable* {
+    for (const NamedKernelTable& named : kernel_tables())
+      if (instruction_set_of(named.name) == wanted) return named.table;
+    return nullptr;
+  };
+  if (isa != InstructionSet::kAvx512 || find(isa) == nullptr) return find(isa);
+  // A single element-wise operation waits for memory: see is_bandwidth_bound() in fusion/FusedTrace.cpp.
+  static const KernelTable kTable = [&] {
+    KernelTable table = *find(InstructionSet::kAvx512);
+    if (const KernelTable* narrow = find(InstructionSet::kAvx2)) table.elementwise = narrow->elementwise;
+    return table;
+  }();
+  return &kTable;
 }
 
 }  // namespace apron::vm
