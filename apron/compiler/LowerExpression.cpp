@@ -498,13 +498,18 @@ std::string Lowering::machine_hint(std::initializer_list<std::string_view> mnemo
   return hint;
 }
 
+// The file of the machine whose register this is, or nullptr if the current line may compute with it.
+const std::uint32_t* Lowering::foreign_machine(const Value& value) const {
+  const auto found = value.is_register() ? machine_registers_.find(value.index) : machine_registers_.end();
+  return found == machine_registers_.end() || !is_foreign(found->second) ? nullptr : &found->second;
+}
+
 // The macros of a machine model its instructions' masks and errors, which an operator of the language would
-// skip. Copies to other registers and whole-array values are host reads.
+// skip. Copies to registers that are not the machine's and whole-array values are host reads.
 void Lowering::check_machine_read(Opcode op, const std::vector<Value>& values, Location location) const {
-  if (machine_registers_.empty()) return;
   for (const Value& value : values) {
-    const auto found = value.is_register() ? machine_registers_.find(value.index) : machine_registers_.end();
-    if (found == machine_registers_.end() || !is_foreign(found->second)) continue;
+    const std::uint32_t* machine = foreign_machine(value);
+    if (machine == nullptr) continue;
     const Symbol* symbol = symbols_.find_register(value.index);
     const std::string_view mnemonic = program::opcode_info(op).mnemonic;
     const bool is_condition = (op >= Opcode::kLt && op <= Opcode::kNot) || op == Opcode::kSelect;
@@ -515,8 +520,18 @@ void Lowering::check_machine_read(Opcode op, const std::vector<Value>& values, L
     throw CompileError{location, fmt::format("'{}' is a register of {}, with which only its instructions "
                                              "compute{}; a copy in a register of your own is free of this",
                                              symbol == nullptr ? "this" : symbol->name,
-                                             file_name(sources_.file(found->second)), hint)};
+                                             file_name(sources_.file(*machine)), hint)};
   }
+}
+
+void Lowering::check_machine_copy(const Value& target, const Value& value, Location location) const {
+  const std::uint32_t* machine = foreign_machine(value);
+  const Symbol* symbol = target.is_register() ? symbols_.find_register(target.index) : nullptr;
+  if (machine == nullptr || symbol == nullptr || symbol->location.file != *machine) return;
+  throw CompileError{location, fmt::format("'{}' is a register of {} too: only instructions pass values "
+                                           "between its registers{}",
+                                           symbol->name, file_name(sources_.file(*machine)),
+                                           machine_hint({"where", "MOV"}))};
 }
 
 }  // namespace apron::compiler

@@ -228,6 +228,7 @@ void Lowering::store_result(ResultDestination& destination, const Value& value, 
   check_shapes({value}, location);
   const Value target = resolve_destination(destination, value.is_register(), builder_.shape(value));
   if (value.is_register()) check_shapes({target, value}, location);
+  check_machine_copy(target, value, location);
   if (builder_.retarget_last(value, target)) return;
   builder_.emit(program::Opcode::kCopy, builder_.operand(target), {builder_.operand(value)});
 }

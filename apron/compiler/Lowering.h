@@ -136,6 +136,8 @@ class Lowering {
   bool may_be_masked() const;
   bool is_foreign(std::uint32_t machine_file) const;
   std::string machine_hint(std::initializer_list<std::string_view> mnemonics) const;
+  const std::uint32_t* foreign_machine(const Value&) const;
+  void check_machine_copy(const Value& target, const Value& value, Location) const;
   void check_machine_read(program::Opcode, const std::vector<Value>&, Location) const;
 
   // LowerCall.cpp

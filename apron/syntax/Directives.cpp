@@ -14,11 +14,11 @@
 namespace apron::syntax {
 namespace {
 
-const std::vector<std::string> kDirectives = {"!include", "!define",    "!if",           "!else",
-                                              "!endif",   "!macro_def", "!macro_begin",  "!macro_end",
-                                              "!object",  "!create",    "!operator",     "!default_palette",
-                                              "!module",  "!max_addr",  "!register",     "!machine_register",
-                                              "!error",   "!sim_core",  "!compatibility"};
+const std::vector<std::string> kDirectives = {
+    "!include",          "!define",          "!if",        "!else",          "!endif",
+    "!macro_def",        "!macro_begin",     "!macro_end", "!object",        "!create",
+    "!operator",         "!default_palette", "!module",    "!max_addr",      "!register",
+    "!machine_register", "!error",           "!sim_core",  "!compatibility", "!operand_kind"};
 
 constexpr std::string_view kOperators[] = {"=",  "+",  "-",  "*",  "/",   "%",  "<",   "<=",   ">",  ">=",
                                            "==", "!=", "&&", "||", "and", "or", "xor", "nand", "nor"};
@@ -124,6 +124,7 @@ bool Preprocessor::handle_directive(Line& line, PreprocessedItem& item) {
   if (directive.text == "register" || directive.text == "machine_register")
     return handle_register(line.tokens), false;
   if (directive.text == "error") return handle_error(line.tokens), false;
+  if (directive.text == "operand_kind") return handle_operand_kind(line.tokens), false;
   if (!expand_defines(line.tokens)) return false;
   if (directive.text == "create") return handle_create(line.tokens, item);
   if (directive.text == "object") return handle_object(line.tokens, item);
@@ -226,6 +227,12 @@ void Preprocessor::handle_macro_def(const Tokens& tokens) {
     diagnostics_.error(signature_tokens.empty() ? macro.location : signature_tokens.front().location,
                        "expected a macro's pattern: name($a, $b) or $y = name($a, $b)");
   }
+  for (const MacroParameter& parameter : macro.parameters) {
+    if (parameter.kind.empty() || operand_kinds_.contains(parameter.kind)) continue;
+    diagnostics_.error(macro.location, fmt::format("there is no operand kind '{0}': !operand_kind({0}, 'a "
+                                                   "description', A, B) defines one",
+                                                   parameter.kind));
+  }
   if (!parse_macro_body(macro, macro.location) || !signature_valid) return;
   const Macro copy = macro;
   const MacroTable::Handle previous = macros_.add(std::move(macro));
@@ -242,6 +249,10 @@ bool Preprocessor::parse_macro_signature(const Tokens& tokens, Macro& macro) {
     name = tokens[index++].text;
     return true;
   };
+  const auto parse_kind = [&] {
+    const bool is_kind = index < tokens.size() && tokens[index].kind == TokenKind::kName;
+    return is_kind ? tokens[index++].text : "";
+  };
   const auto consume = [&](std::string_view text) {
     return index < tokens.size() && tokens[index].is(text) && ++index > 0;
   };
@@ -253,12 +264,14 @@ bool Preprocessor::parse_macro_signature(const Tokens& tokens, Macro& macro) {
   if (!consume("(")) return false;
   if (consume(")")) return index == tokens.size();
   do {
-    std::string name;
-    if (!parse_parameter(name)) return false;
-    const bool is_duplicate = name == macro.result_parameter ||
-                              std::count(macro.parameters.begin(), macro.parameters.end(), name) > 0;
+    MacroParameter parameter;
+    parameter.kind = parse_kind();
+    if (!parse_parameter(parameter.name)) return false;
+    const bool is_duplicate = parameter.name == macro.result_parameter ||
+                              std::any_of(macro.parameters.begin(), macro.parameters.end(),
+                                          [&](const MacroParameter& p) { return p.name == parameter.name; });
     if (is_duplicate) return false;
-    macro.parameters.push_back(std::move(name));
+    macro.parameters.push_back(std::move(parameter));
   } while (consume(","));
   return consume(")") && index == tokens.size();
 }
@@ -313,6 +326,46 @@ void Preprocessor::handle_register(const Tokens& tokens) {
     pending_declarations_.back().name = token.text;
     pending_declarations_.back().is_machine_register = tokens.front().text == "machine_register";
   }
+}
+
+void Preprocessor::handle_operand_kind(const Tokens& tokens) {
+  Arguments list;
+  OperandKind kind;
+  if (!parse_arguments(tokens, 2, SIZE_MAX, list) ||
+      !parse_string_argument(list[1], kind.description, "a description of the kind"))
+    return;
+  list.erase(list.begin() + 1);
+  for (const Tokens& argument : list) {
+    if (argument.size() != 1 || argument.front().kind != TokenKind::kName)
+      return diagnostics_.error(argument.front().location,
+                                "expected a name: !operand_kind(kind, 'a description', A, B)");
+    if (&argument != &list.front()) kind.names.insert(argument.front().text);
+  }
+  const Token& name = list.front().front();
+  if (!operand_kinds_.emplace(name.text, std::move(kind)).second)
+    diagnostics_.error(name.location, fmt::format("the operand kind '{}' is defined already", name.text));
+}
+
+const OperandKind* Preprocessor::find_operand_kind(const std::string& operand) const {
+  const auto found = std::find_if(operand_kinds_.begin(), operand_kinds_.end(),
+                                  [&](const auto& kind) { return kind.second.names.contains(operand); });
+  return found == operand_kinds_.end() ? nullptr : &found->second;
+}
+
+std::string Preprocessor::check_operand(const std::string& kind_name, const Tokens& operand) const {
+  const auto found = operand_kinds_.find(kind_name);
+  if (found == operand_kinds_.end()) return {};  // reported at the pattern
+  const OperandKind& kind = found->second;
+  const bool is_name = operand.size() == 1 && operand.front().kind == TokenKind::kName;
+  const OperandKind* actual = is_name ? find_operand_kind(operand.front().text) : nullptr;
+  if (kind.names.empty() ? actual == nullptr : is_name && kind.names.contains(operand.front().text))
+    return {};
+  std::string text;
+  for (const Token& token : operand) text += spelling(token);
+  return fmt::format("must be {}, not '{}'{}", kind.description, display_name(text),
+                     actual != nullptr ? fmt::format(", {}", actual->description)
+                     : is_name         ? common::did_you_mean(text, {kind.names.begin(), kind.names.end()})
+                                       : "");
 }
 
 // Inside a macro the error is reported at the call, with the chain of expansions.

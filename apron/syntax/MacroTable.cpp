@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <utility>
 
 namespace apron::syntax {
@@ -21,6 +22,17 @@ MacroTable::Handle MacroTable::find(const std::string& name, std::size_t argumen
 bool MacroTable::contains(const std::string& name) const {
   const auto next = macros_.lower_bound({name, 0, false});
   return next != macros_.end() && std::get<0>(next->first) == name;
+}
+
+bool MacroTable::has_operand_kinds(const std::string& name) const {
+  for (auto it = macros_.lower_bound({name, 0, false}); it != macros_.end() && std::get<0>(it->first) == name;
+       ++it) {
+    const std::vector<MacroParameter>& parameters = it->second->parameters;
+    if (std::any_of(parameters.begin(), parameters.end(),
+                    [](const MacroParameter& parameter) { return !parameter.kind.empty(); }))
+      return true;
+  }
+  return false;
 }
 
 std::vector<std::string> MacroTable::signatures(const std::string& name) const {
@@ -45,7 +57,7 @@ std::string signature(const Macro& macro) {
                          ? macro.name
                          : fmt::format("${} = {}", macro.result_parameter, macro.name);
   for (std::size_t i = 0; i < macro.parameters.size(); ++i)
-    text += (i == 0 ? "($" : ", $") + macro.parameters[i];
+    text += (i == 0 ? "($" : ", $") + macro.parameters[i].name;
   return macro.parameters.empty() ? text : text + ')';
 }
 

@@ -12,10 +12,16 @@
 
 namespace apron::syntax {
 
+struct MacroParameter {
+  std::string name;
+  std::string kind;  // of the operands that it takes, of an `!operand_kind`; "" for any argument
+  bool operator==(const MacroParameter&) const = default;
+};
+
 struct Macro {
   std::string name;
   std::string result_parameter;  // its parameter, "" for a macro without a result
-  std::vector<std::string> parameters;
+  std::vector<MacroParameter> parameters;
   std::vector<Line> body;
   Location location;
 };
@@ -28,6 +34,8 @@ class MacroTable {
   Handle add(Macro);
   Handle find(const std::string& name, std::size_t arguments, bool has_result) const;
   bool contains(const std::string& name) const;
+  // Whether an overload states the kinds of its operands.
+  bool has_operand_kinds(const std::string& name) const;
   // "f($a, $b)" or "$r = f($a)", one for each overload.
   std::vector<std::string> signatures(const std::string& name) const;
   std::vector<std::string> names() const;

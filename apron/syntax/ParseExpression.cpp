@@ -208,6 +208,7 @@ Expression Parser::parse_call(const Token& name) {
     const std::vector<Tokens> argument_tokens = split_arguments(cursor_ + 1, close);
     const MacroTable::Handle macro = preprocessor_.find_macro(name.text, argument_tokens.size(), true);
     if (macro != nullptr) {
+      check_operands(name, *macro, argument_tokens);
       std::vector<MacroArgument> arguments = parse_macro_arguments(name, argument_tokens);
       cursor_ = close + 1;
       return expand_macro(macro, name, std::move(arguments));
@@ -313,7 +314,7 @@ std::vector<Tokens> Parser::bind_arguments(MacroExpansion& expansion, const Macr
   for (std::size_t i = 0; i < arguments.size(); ++i) {
     MacroArgument& argument = arguments[i];
     if (argument.value) {
-      std::string unique = fmt::format("${}:{}", macro.parameters[i], expansion.id);
+      std::string unique = fmt::format("${}:{}", macro.parameters[i].name, expansion.id);
       replacements.push_back({{TokenKind::kName, argument.value->location, unique, 0.0F}});
       expansion.bindings.push_back({std::move(unique), std::move(*argument.value)});
       continue;
@@ -367,6 +368,19 @@ Expression Parser::expand_macro(const MacroTable::Handle& macro, const Token& ca
                       fmt::format("this expression is nested more than {} deep", kMaxExpressionDepth)};
   }
   return expression;
+}
+
+// Refuses an operand that is not of the kind that the macro's pattern states.
+void Parser::check_operands(const Token& call, const Macro& macro,
+                            const std::vector<Tokens>& operands) const {
+  for (std::size_t i = 0; i < operands.size(); ++i) {
+    const std::string& kind = macro.parameters[i].kind;
+    if (kind.empty() || operands[i].empty()) continue;
+    const std::string mistake = preprocessor_.check_operand(kind, operands[i]);
+    if (mistake.empty()) continue;
+    throw SyntaxError{operands[i].front().location,
+                      fmt::format("operand {} of '{}' {}", i + 1, call.text, mistake)};
+  }
 }
 
 void Parser::fail_no_overload(const Token& call, std::size_t arguments, bool result) const {

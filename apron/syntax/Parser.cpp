@@ -93,6 +93,9 @@ Statement Parser::make_invalid(const Line& line) const {
   statement.location = line.location;
   statement.target.text = line.tokens.front().text;
   statement.assigns = find_equals(line.tokens.begin(), line.tokens.end()) != line.tokens.end();
+  // The instruction where(A) of a machine opens no block.
+  if (!statement.assigns && preprocessor_.macros().has_operand_kinds(statement.target.text))
+    statement.target.text.clear();
   return statement;
 }
 
@@ -192,12 +195,15 @@ std::optional<Statement> Parser::parse_macro_statement(Cursor first, Cursor last
   const MacroTable::Handle macro =
       preprocessor_.find_macro(first->text, argument_tokens.size(), !result.empty());
   if (macro == nullptr) {
+    const MacroTable& macros = preprocessor_.macros();
     const bool is_macro =
-        preprocessor_.macros().contains(first->text) && !preprocessor_.is_builtin(first->text);
+        macros.contains(first->text) &&
+        (!preprocessor_.is_builtin(first->text) || (result.empty() && macros.has_operand_kinds(first->text)));
     if (is_macro && (has_parentheses || result.empty()))
       fail_no_overload(*first, argument_tokens.size(), !result.empty());
     return std::nullopt;
   }
+  check_operands(*first, *macro, argument_tokens);
   std::vector<MacroArgument> arguments = parse_macro_arguments(*first, argument_tokens);
   auto expansion = std::make_shared<MacroExpansion>();
   expansion->macro = macro->name;

@@ -58,6 +58,7 @@ class Parser {
   std::vector<MacroArgument> parse_macro_arguments(const Token& call, const std::vector<Tokens>&);
   std::vector<Tokens> bind_arguments(MacroExpansion&, const Macro&, std::vector<MacroArgument>,
                                      Location location);
+  void check_operands(const Token& call, const Macro&, const std::vector<Tokens>& operands) const;
   [[noreturn]] void fail_no_overload(const Token& call, std::size_t arguments, bool result) const;
   Cursor find_closing_bracket(Cursor open) const;
 

@@ -147,7 +147,7 @@ bool Preprocessor::enter_macro(const MacroTable::Handle& macro, std::uint32_t ex
   frame.macro = macro;
   frame.expansion = expansion;
   for (std::size_t i = 0; i < arguments.size(); ++i)
-    frame.parameters[macro->parameters[i]] = std::move(arguments[i]);
+    frame.parameters[macro->parameters[i].name] = std::move(arguments[i]);
   if (!macro->result_parameter.empty()) frame.parameters[macro->result_parameter] = std::move(result);
   frames_.push_back(std::move(frame));
   return true;

@@ -54,6 +54,12 @@ struct Declaration {
   float scale = 0.0F;
 };
 
+// What a macro's pattern requires of an operand: `!operand_kind(name, 'description', names…)`.
+struct OperandKind {
+  std::string description;      // "an analogue register (A to F)"
+  std::set<std::string> names;  // the operands of that kind; empty: all that are names of no other kind
+};
+
 struct PreprocessedItem {
   enum class Kind : std::uint8_t { kLine, kDeclaration, kMacroEnd, kEndOfInput };
   Kind kind = Kind::kEndOfInput;
@@ -82,6 +88,8 @@ class Preprocessor {
   bool enter_macro(const MacroTable::Handle&, std::uint32_t expansion, Tokens result,
                    std::vector<Tokens> arguments);
 
+  // Why the tokens are no operand of the kind, "must be …, not …", or "" if they are.
+  std::string check_operand(const std::string& kind, const Tokens& operand) const;
   // "" unless `!operator` rebound it.
   std::string operator_target(const std::string& symbol) const;
   // Name of the last `!module`, "" before the first. In a macro's body: of the macro's definition.
@@ -132,6 +140,8 @@ class Preprocessor {
   void handle_define(const Tokens&);
   void handle_macro_def(const Tokens&);
   bool parse_macro_signature(const Tokens&, Macro&);
+  void handle_operand_kind(const Tokens&);
+  const OperandKind* find_operand_kind(const std::string& operand) const;
   bool parse_macro_body(Macro&, Location location);
   Declaration make_declaration(Declaration::Kind, Location) const;
   void handle_register(const Tokens&);
@@ -154,6 +164,7 @@ class Preprocessor {
   std::vector<Declaration> pending_declarations_;  // of a `!register`, returned one by one from the back
   std::map<std::string, Tokens> defines_;
   std::map<std::string, std::string> operators_;
+  std::map<std::string, OperandKind> operand_kinds_;
   MacroTable macros_;
   std::string module_;
   bool original_ = false;

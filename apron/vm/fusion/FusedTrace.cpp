@@ -14,6 +14,10 @@ namespace {
 
 constexpr std::int64_t kLaneCount = kLanes;
 
+// Arrays in which the time to bind a stage's rows matters, and the number of calls that are kept for them.
+constexpr std::uint32_t kMaxScheduledRows = 64;
+constexpr std::size_t kMaxScheduledCalls = 128, kCallsPerStageAndBlock = 4;
+
 std::int64_t round_down_to_lanes(std::int64_t n) { return n / kLaneCount * kLaneCount; }
 std::int64_t round_up_to_lanes(std::int64_t n) { return (n + kLaneCount - 1) / kLaneCount * kLaneCount; }
 
@@ -22,6 +26,24 @@ std::int64_t modulo(std::int64_t row, std::int64_t rows) {
   if (row >= 0 && row < rows) return row;
   const std::int64_t rest = row % rows;
   return rest < 0 ? rest + rows : rest;
+}
+
+// Whether a stage reads its own cells only, with few operations, and so waits for memory.
+bool is_bandwidth_bound(const Stage& stage) {
+  return stage.ops.size() <= 2 * stage.streams.size() &&
+         std::all_of(stage.streams.begin(), stage.streams.end(),
+                     [](const RowStream& s) { return s.dy == 0; }) &&
+         std::all_of(stage.ops.begin(), stage.ops.end(), [](const MicroOp& op) {
+           return std::all_of(op.operands.begin(), op.operands.end(),
+                              [](const MicroOperand& a) { return a.dx == 0; });
+         });
+}
+
+// CPUs that halve vectors of 512 bits move more bytes in vectors of 256; others move as many.
+InstructionSet isa_for(const FusionPlan& plan, InstructionSet isa) {
+  const bool narrow =
+      isa == InstructionSet::kAvx512 && plan.stages.size() == 1 && is_bandwidth_bound(plan.stages[0]);
+  return narrow ? InstructionSet::kAvx2 : isa;
 }
 
 }  // namespace
@@ -39,11 +61,52 @@ FusedTrace::FusedTrace(const Trace& trace, ValueGraph graph, FusionPlan plan, co
       back_buffers_(environment.back_buffers),
       pads_stay_zero_(environment.pads_stay_zero) {
   for (const Stage& stage : plan_.stages) {
-    compiled_stages_.push_back(
-        StageJit::compile(stage, environment.code_isa, common_vector_count(stage), plan_.rows_per_iteration));
+    compiled_stages_.push_back(StageJit::compile(stage, isa_for(plan_, environment.code_isa),
+                                                 common_vector_count(stage), plan_.rows_per_iteration));
     stage_interpreters_.emplace_back(stage, plan_.buffers, executor_.kernels());
   }
   allocate_workers();
+  allocate_schedules();
+}
+
+// If every call is generated code, and nothing happens between the calls.
+void FusedTrace::allocate_schedules() {
+  const auto is_call_alone = [&](std::size_t s) {
+    const Stage& stage = plan_.stages[s];
+    return compiled_stages_[s] &&
+           std::none_of(stage.results.begin(), stage.results.end(),
+                        [&](const auto& result) { return needs_padding(result, stage); });
+  };
+  const std::size_t blocks = plan_.height / plan_.block_rows + 2;
+  const std::size_t calls = blocks * plan_.stages.size() * kCallsPerStageAndBlock;
+  if (plan_.height > kMaxScheduledRows || plan_.slices > 1 || plan_.strip_columns != plan_.width) return;
+  for (std::size_t s = 0; s < plan_.stages.size(); ++s)
+    if (!is_call_alone(s)) return;
+  for (Schedule& schedule : schedules_) {
+    schedule.addresses.resize(plan_.buffers.size());
+    schedule.calls.reserve(std::min(calls, kMaxScheduledCalls));
+  }
+}
+
+// The schedule for the worker's buffers; nullptr if there is none, or it would have too many calls.
+const FusedTrace::Schedule* FusedTrace::find_schedule(const Worker& worker) noexcept {
+  if (schedules_.front().calls.capacity() == 0) return nullptr;
+  for (const Schedule& schedule : schedules_)
+    if (!schedule.calls.empty() &&
+        std::equal(schedule.addresses.begin(), schedule.addresses.end(), worker.views.begin(),
+                   [](const float* address, const BufferView& view) { return address == view.data; }))
+      return &schedule;
+  Schedule& schedule = schedules_[oldest_schedule_];
+  oldest_schedule_ = 1 - oldest_schedule_;
+  std::transform(worker.views.begin(), worker.views.end(), schedule.addresses.begin(),
+                 [](const BufferView& view) { return view.data; });
+  schedule.calls.clear();
+  recorded_schedule_ = &schedule;
+  run_slice(0, worker);
+  recorded_schedule_ = nullptr;
+  if (schedule.calls.size() < schedule.calls.capacity()) return &schedule;
+  for (Schedule& full : schedules_) full = {};
+  return nullptr;
 }
 
 void FusedTrace::allocate_workers() {
@@ -109,7 +172,9 @@ void FusedTrace::run(const ConstPlane& mask) noexcept {
   evaluate_scalars();
   for (Worker& worker : workers_) bind_buffers(worker, mask);
   if (!pads_stay_zero_) pad_inputs();
-  if (workers_.size() == 1) {
+  if (const Schedule* schedule = find_schedule(workers_[0])) {
+    for (const BoundCall& bound : schedule->calls) bound.run(&bound.call);
+  } else if (workers_.size() == 1) {
     for (unsigned slice = 0; slice < plan_.slices; ++slice) run_slice(slice, workers_[0]);
   } else {
     executor_.parallel_for(
@@ -286,11 +351,16 @@ void FusedTrace::run_stage(std::size_t index, const Worker& worker, const Strip&
     const std::vector<RowStream>& row_streams = loop != nullptr ? loop->row_streams : stage.streams;
     call.iterations = std::min((last - first) / rows,
                                bind_row_streams(row_streams, rows, worker, strip, first, west, call));
-    if (loop != nullptr)
+    if (recorded_schedule_ != nullptr) {
+      if (recorded_schedule_->calls.size() < recorded_schedule_->calls.capacity())
+        recorded_schedule_->calls.push_back({loop->run, call});
+    } else if (loop != nullptr) {
       loop->run(&call);
-    else
+    } else {
       stage_interpreters_[index].run(call, worker.scratch);
-    pad_results(stage, worker, strip, first, first + call.iterations * rows, west, east);
+    }
+    if (recorded_schedule_ == nullptr)
+      pad_results(stage, worker, strip, first, first + call.iterations * rows, west, east);
     first += call.iterations * rows;
   }
 }
@@ -353,17 +423,22 @@ std::int64_t FusedTrace::locate_row(const RowStream& stream, const Worker& worke
   return row < 0 ? -row : std::numeric_limits<std::int64_t>::max();
 }
 
+// Whether the padding of a result's rows must be written with them.
+bool FusedTrace::needs_padding(const Stage::Result& result, const Stage& stage) const noexcept {
+  const RowBuffer& buffer = plan_.buffers[stage.streams[result.stream].buffer];
+  if (buffer.pad_columns == 0) return false;
+  return buffer.kind == RowBuffer::Kind::kRing ? !has_constant_boundary() : !pads_stay_zero_;
+}
+
 // Updates the padding of the rows [first, last) that a stage has just written.
 void FusedTrace::pad_results(const Stage& stage, const Worker& worker, const Strip& strip, std::int64_t first,
                              std::int64_t last, std::int64_t west, std::int64_t east) const noexcept {
   for (const Stage::Result& result : stage.results) {
+    if (!needs_padding(result, stage)) continue;
     const std::uint32_t buffer = stage.streams[result.stream].buffer;
-    const std::uint32_t pad_columns = plan_.buffers[buffer].pad_columns;
-    if (pad_columns == 0) continue;
-    const bool ring = plan_.buffers[buffer].kind == RowBuffer::Kind::kRing;
-    if (ring ? has_constant_boundary() : pads_stay_zero_) continue;
     for (std::int64_t row = first; row < last; ++row)
-      pad_row(cell_address(worker.views[buffer], strip, row, 0), pad_columns, west == 0, east == plan_.width);
+      pad_row(cell_address(worker.views[buffer], strip, row, 0), plan_.buffers[buffer].pad_columns, west == 0,
+              east == plan_.width);
   }
 }
 

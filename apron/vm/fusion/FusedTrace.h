@@ -2,6 +2,7 @@
 #pragma once
 
 #include <algorithm>
+#include <array>
 #include <cstdint>
 #include <cstring>
 #include <memory>
@@ -81,7 +82,20 @@ class FusedTrace {
     std::int64_t ring_origin = 0;      // array column stored at column 0 of a ring
   };
 
+  struct BoundCall {
+    void (*run)(const StageCall*) = nullptr;
+    StageCall call;
+  };
+  // The calls of a pass over the array while the buffers have these addresses.
+  struct Schedule {
+    std::vector<float*> addresses;
+    std::vector<BoundCall> calls;
+  };
+
   void allocate_workers();
+  void allocate_schedules();
+  const Schedule* find_schedule(const Worker& worker) noexcept;
+  bool needs_padding(const Stage::Result& result, const Stage& stage) const noexcept;
   std::uint32_t common_vector_count(const Stage& stage) const noexcept;
   void stage_columns(const Stage& stage, const Strip& strip, std::int64_t& west,
                      std::int64_t& east) const noexcept;
@@ -122,7 +136,12 @@ class FusedTrace {
   std::vector<StageInterpreter> stage_interpreters_;
   PlaneStore plane_store_;
   std::vector<Worker> workers_;
-  float* boundary_row_ = nullptr;  // a row filled with the constant boundary value
+  // Of a small array: registers alternate between two buffers, so that two schedules suffice. Without capacity
+  // otherwise.
+  std::array<Schedule, 2> schedules_;
+  std::size_t oldest_schedule_ = 0;
+  Schedule* recorded_schedule_ = nullptr;  // takes the calls instead of their execution
+  float* boundary_row_ = nullptr;          // a row filled with the constant boundary value
   // One row that holds the column indices; a plane that holds each cell's row index.
   Plane column_index_plane_, row_index_plane_;
   std::size_t worker_floats_ = 0, index_plane_floats_ = 0;

@@ -18,6 +18,8 @@ using NodeGroup = StagePartition::NodeGroup;
 constexpr std::size_t kRingCacheFloats = 800 * 1024 / sizeof(float);
 // A slice has at least kMinSliceRows rows, and at least kMinRowsPerHaloRow for each row of its halo.
 constexpr std::uint32_t kMinSliceRows = 128, kMinRowsPerHaloRow = 48, kMaxSlicesPerThread = 4;
+constexpr std::uint32_t kRowsPerIteration = 4;
+constexpr std::uint32_t kBandRows = 24, kMaxBandHalo = 4;
 constexpr std::uint32_t kNoBuffer = UINT32_MAX;
 
 std::uint32_t round_up(std::uint32_t n, std::uint32_t unit) { return (n + unit - 1) / unit * unit; }
@@ -42,7 +44,7 @@ class FusionPlanner {
   }
 
   FusionPlan plan() {
-    compute_skews();
+    compute_skews(1);
     compute_halos();
     choose_tiles();
     assign_buffers();
@@ -71,16 +73,17 @@ class FusionPlanner {
     return dy > 0 ? static_cast<std::uint32_t>(dy) : 0;
   }
 
-  // Delays each stage until the rows that it reads ahead of its own have been computed. Groups are in
-  // topological order.
-  void compute_skews() {
+  // Delays each stage until the rows that it reads ahead of its own have been computed, by multiples of `unit`
+  // rows. Groups are in topological order.
+  void compute_skews(std::uint32_t unit) {
     plan_.stages.resize(groups_.size());
     for (std::uint32_t s = 0; s < groups_.size(); ++s) {
       Stage& stage = plan_.stages[s];
       for (const std::uint32_t node : groups_[s])
         for_each_value(node, [&](const ValueRef& arg) {
           if (is_computed(arg.index) && stage_of_[arg.index] != s)
-            stage.skew = std::max(stage.skew, plan_.stages[stage_of_[arg.index]].skew + rows_ahead(arg.dy));
+            stage.skew = std::max(
+                stage.skew, plan_.stages[stage_of_[arg.index]].skew + round_up(rows_ahead(arg.dy), unit));
         });
     }
   }
@@ -157,6 +160,7 @@ class FusionPlanner {
   }
 
   std::uint32_t ring_rows(const RingAllocation& ring, std::uint32_t block_rows) const {
+    if (has_whole_rings_) return plan_.height;
     const std::uint32_t rows = block_rows + ring.last_use_skew - ring.first_skew;
     return wraps() ? rows : std::min(rows, plan_.height);
   }
@@ -187,7 +191,9 @@ class FusionPlanner {
     plan_.slices = std::clamp(options_.slices > 0 ? options_.slices : wanted, 1U, plan_.height);
   }
 
-  // One block of all rows that the stages compute, with their skews: each stage is one call.
+  // One block of all rows that the stages compute, with their skews: each stage is one call. Where rings are not
+  // shared, blocks of kBandRows instead, so that a stage finds the previous one's rows in the cache: each stage is
+  // one call for each block, of whole iterations, because the rings hold all rows.
   void run_stages_one_by_one() {
     std::uint32_t halo = 0, skew = 0;
     for (const Stage& stage : plan_.stages) {
@@ -196,6 +202,14 @@ class FusionPlanner {
     }
     plan_.block_rows = plan_.height + 2 * halo + skew;
     is_single_block_ = true;
+    const std::vector<std::uint32_t> values = inter_stage_values();
+    std::vector<std::uint32_t> ring_of;
+    const bool shares_rings = allocate_rings(values, ring_of).size() < values.size();
+    if (shares_rings || wraps() || halo > kMaxBandHalo) return;
+    is_single_block_ = false;
+    has_whole_rings_ = true;
+    plan_.block_rows = kBandRows;
+    compute_skews(kRowsPerIteration);
   }
 
   void choose_tiles() {
@@ -220,7 +234,8 @@ class FusionPlanner {
     }
     if (options_.strip_columns > 0 && !wraps())
       plan_.strip_columns = std::min(round_up(options_.strip_columns, kLanes), whole);
-    plan_.rows_per_iteration = options_.rows_per_iteration > 0 ? options_.rows_per_iteration : 4;
+    plan_.rows_per_iteration =
+        options_.rows_per_iteration > 0 ? options_.rows_per_iteration : kRowsPerIteration;
     if (options_.block_rows > 0) plan_.block_rows = std::min(options_.block_rows, plan_.height);
     if (plan_.strip_columns >= whole) {
       plan_.strip_columns = whole;
@@ -395,6 +410,7 @@ class FusionPlanner {
   std::vector<std::pair<std::uint32_t, std::uint32_t>> copies_;  // value, buffer
   std::uint32_t max_row_offset_ = 0;                             // largest |dy| of any operand
   bool is_single_block_ = false;                                 // each stage ends before the next one begins
+  bool has_whole_rings_ = false;  // of all rows, although there are several blocks
   FusionPlan plan_;
 };
 

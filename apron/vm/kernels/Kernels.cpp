@@ -327,13 +327,12 @@ HWY_INLINE VWide multiply_low_halves(VWide a, std::uint32_t b) {
 struct PhiloxState {
   VWide c0, c1, c2, c3;
 
-  HWY_INLINE void advance(const std::array<std::uint64_t, 2>& key) {
-    const DWide d;
+  HWY_INLINE void advance(VWide key0, VWide key1) {
     const VWide a = multiply_low_halves(c0, kPhiloxMultipliers[0]);
     const VWide b = multiply_low_halves(c2, kPhiloxMultipliers[1]);
-    c0 = hn::Xor(hn::ShiftRight<32>(b), hn::Xor(c1, hn::Set(d, key[0])));
+    c0 = hn::Xor(hn::ShiftRight<32>(b), hn::Xor(c1, key0));
     c1 = b;
-    c2 = hn::Xor(hn::ShiftRight<32>(a), hn::Xor(c3, hn::Set(d, key[1])));
+    c2 = hn::Xor(hn::ShiftRight<32>(a), hn::Xor(c3, key1));
     c3 = a;
   }
 };
@@ -343,24 +342,69 @@ HWY_INLINE VU interleave(VWide even, VWide odd) {
   return hn::OddEven(hn::BitCast(DU(), hn::ShiftLeft<32>(odd)), hn::BitCast(DU(), even));
 }
 
+// What the cells of a row have in common: the keys of the rounds from the third on, one vector each, and the words of
+// the first two, in which only the first word of the counter, the column, differs.
+class PhiloxRow {
+ public:
+  explicit PhiloxRow(const RandomCells& cells) {
+    std::array<std::uint32_t, 2> key{cells.seed, 0};
+    const auto next_key = [&] {
+      const std::array<std::uint32_t, 2> current = key;
+      for (std::size_t k = 0; k < 2; ++k) key[k] += kPhiloxKeySteps[k];
+      return current;
+    };
+    const auto first = next_key(), second = next_key();
+    const std::uint64_t b = std::uint64_t{kPhiloxMultipliers[1]} * (cells.draw_index & 0xFFFFFFFFU);
+    const std::uint32_t c0 = static_cast<std::uint32_t>(b >> 32U) ^ cells.row ^ first[0];
+    const std::uint64_t a = std::uint64_t{kPhiloxMultipliers[0]} * c0;
+    first2_ = hn::Set(d_, (cells.draw_index >> 32U) ^ first[1]);
+    second0_ = hn::Set(d_, b ^ second[0]);
+    second2_ = hn::Set(d_, (a >> 32U) ^ second[1]);
+    second3_ = hn::Set(d_, a);
+    for (std::size_t round = 0; round < kRounds; ++round) {
+      const auto current = next_key();
+      for (std::size_t k = 0; k < 2; ++k) hn::Store(hn::Set(d_, current[k]), d_, key_address(round, k));
+    }
+  }
+
+  // The states of the columns 0, 2, … and 1, 3, … after `column`.
+  HWY_INLINE std::array<PhiloxState, 2> draw(std::uint32_t column) const {
+    const VWide columns = hn::Add(hn::ShiftLeft<1>(hn::Iota(d_, 0)), hn::Set(d_, column));
+    PhiloxState even = after_two_rounds(columns), odd = after_two_rounds(hn::Add(columns, hn::Set(d_, 1)));
+#pragma GCC unroll 8
+    for (std::size_t round = 0; round < kRounds; ++round) {
+      const VWide key0 = hn::Load(d_, key_address(round, 0)), key1 = hn::Load(d_, key_address(round, 1));
+      even.advance(key0, key1);
+      odd.advance(key0, key1);
+    }
+    return {even, odd};
+  }
+
+ private:
+  static constexpr std::size_t kRounds = kPhiloxRounds - 2;
+  HWY_INLINE PhiloxState after_two_rounds(VWide columns) const {
+    const VWide a = multiply_low_halves(columns, kPhiloxMultipliers[0]);
+    const VWide b = multiply_low_halves(hn::Xor(hn::ShiftRight<32>(a), first2_), kPhiloxMultipliers[1]);
+    return {hn::Xor(hn::ShiftRight<32>(b), second0_), b, hn::Xor(a, second2_), second3_};
+  }
+
+  std::uint64_t* key_address(std::size_t round, std::size_t k) {
+    return keys_.data() + (2 * round + k) * hn::Lanes(d_);
+  }
+  const std::uint64_t* key_address(std::size_t round, std::size_t k) const {
+    return keys_.data() + (2 * round + k) * hn::Lanes(d_);
+  }
+
+  DWide d_;
+  HWY_ALIGN std::array<std::uint64_t, 2 * kRounds * kLanes / 2> keys_;
+  VWide first2_, second0_, second2_, second3_;
+};
+
 template <class Store>
 HWY_INLINE void draw_words(const RandomCells& cells, const Store& store) {
-  const DWide d;
-  std::array<std::array<std::uint64_t, 2>, kPhiloxRounds> keys{{{cells.seed, 0}}};
-  for (std::size_t round = 1; round < keys.size(); ++round)
-    for (std::size_t k = 0; k < 2; ++k)
-      keys[round][k] = (keys[round - 1][k] + kPhiloxKeySteps[k]) & 0xFFFFFFFFU;
+  const PhiloxRow row(cells);
   for (std::uint32_t x = 0; x < cells.count; x += static_cast<std::uint32_t>(hn::Lanes(DU()))) {
-    const VWide columns = hn::Add(hn::ShiftLeft<1>(hn::Iota(d, 0)), hn::Set(d, cells.column + x));
-    PhiloxState even{columns, hn::Set(d, cells.row), hn::Set(d, cells.draw_index & 0xFFFFFFFFU),
-                     hn::Set(d, cells.draw_index >> 32U)};
-    PhiloxState odd = even;
-    odd.c0 = hn::Add(columns, hn::Set(d, 1));
-#pragma GCC unroll 10
-    for (const std::array<std::uint64_t, 2>& key : keys) {
-      even.advance(key);
-      odd.advance(key);
-    }
+    const auto [even, odd] = row.draw(cells.column + x);
     store(x, interleave(even.c0, odd.c0), interleave(even.c1, odd.c1));
   }
 }
@@ -512,9 +556,19 @@ const std::vector<NamedKernelTable>& kernel_tables() {
 }
 
 const KernelTable* kernel_table(InstructionSet isa) {
-  for (const NamedKernelTable& named : kernel_tables())
-    if (instruction_set_of(named.name) == isa) return named.table;
-  return nullptr;
+  const auto find = [](InstructionSet wanted) -> const KernelTable* {
+    for (const NamedKernelTable& named : kernel_tables())
+      if (instruction_set_of(named.name) == wanted) return named.table;
+    return nullptr;
+  };
+  if (isa != InstructionSet::kAvx512 || find(isa) == nullptr) return find(isa);
+  // A single element-wise operation waits for memory: see is_bandwidth_bound() in fusion/FusedTrace.cpp.
+  static const KernelTable kTable = [&] {
+    KernelTable table = *find(InstructionSet::kAvx512);
+    if (const KernelTable* narrow = find(InstructionSet::kAvx2)) table.elementwise = narrow->elementwise;
+    return table;
+  }();
+  return &kTable;
 }
 
 }  // namespace apron::vm

@@ -56,7 +56,10 @@ void RandomStream::fill_row(const KernelTable& kernels, program::Opcode op, std:
   for (std::uint32_t x = 0; x < columns; x += kBatch) {
     const std::uint32_t count = std::min(kBatch, columns - x);
     const std::uint32_t whole_vectors = (count + kLanes - 1) / kLanes * kLanes;
-    draw_values(kernels, op, {seed, draw_index, row, x, whole_vectors}, a, b, values.data());
+    const bool in_place = mask == nullptr && count == whole_vectors;
+    draw_values(kernels, op, {seed, draw_index, row, x, whole_vectors}, a, b,
+                in_place ? to + x : values.data());
+    if (in_place) continue;
     if (mask == nullptr)
       std::copy_n(values.begin(), count, to + x);
     else

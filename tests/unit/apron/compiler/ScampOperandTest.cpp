@@ -1,0 +1,190 @@
+// Every instruction of scamp5.aps takes operands of the chip's kinds, and refuses each other kind and one operand more
+// in one line that names it.
+#include <gtest/gtest.h>
+
+#include <fstream>
+#include <map>
+#include <sstream>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "tests/unit/apron/compiler/CompileText.h"
+
+namespace apron::compiler {
+namespace {
+
+// a: analogue register, d: digital register, v: direction, n: number, s: analogue register or direction.
+struct Instruction {
+  const char* mnemonic;
+  std::vector<std::string> operands;  // of each overload
+};
+
+const std::vector<Instruction> kInstructions = {{"mov", {"aa", "aav"}},
+                                                {"res", {"a", "aa"}},
+                                                {"add", {"aaa", "aaas"}},
+                                                {"sub", {"aaa", "aava"}},
+                                                {"neg", {"aa"}},
+                                                {"abs", {"aa"}},
+                                                {"div", {"aa", "aaa", "aaaa"}},
+                                                {"divq", {"aa"}},
+                                                {"diva", {"aaa"}},
+                                                {"div2", {"aa"}},
+                                                {"sneg", {"aa"}},
+                                                {"addneg", {"aaa"}},
+                                                {"movx", {"aav"}},
+                                                {"mov2x", {"aavv"}},
+                                                {"addx", {"aaav"}},
+                                                {"add2x", {"aaavv"}},
+                                                {"subx", {"aava"}},
+                                                {"sub2x", {"aavva"}},
+                                                {"north", {"aa"}},
+                                                {"bus", {"a", "aa", "aaa", "aaaa", "aaaaa"}},
+                                                {"bus2", {"aa", "aaa", "aaaa"}},
+                                                {"bus3", {"aaaa"}},
+                                                {"get_image", {"a", "aa"}},
+                                                {"scamp5_get_image", {"aan"}},
+                                                {"where", {"a", "aa", "aaa"}},
+                                                {"WHERE", {"d", "dd", "ddd"}},
+                                                {"all", {""}},
+                                                {"ALL", {""}},
+                                                {"MOV", {"dd"}},
+                                                {"NOT", {"d", "dd"}},
+                                                {"OR", {"dd", "ddd", "dddd", "ddddd"}},
+                                                {"NOR", {"dd", "ddd", "dddd", "ddddd"}},
+                                                {"AND", {"ddd"}},
+                                                {"NAND", {"ddd"}},
+                                                {"XOR", {"ddd"}},
+                                                {"MUX", {"dddd"}},
+                                                {"SET", {"d", "dd", "ddd", "dddd"}},
+                                                {"CLR", {"d", "dd", "ddd", "dddd"}},
+                                                {"PROP0", {""}},
+                                                {"PROP1", {""}},
+                                                {"DNEWS0", {"dd"}},
+                                                {"DNEWS1", {"dd"}},
+                                                {"REFRESH", {"d"}},
+                                                {"scamp5_in", {"an", "ana"}},
+                                                {"in", {"an"}},
+                                                {"newsblur", {"aan"}},
+                                                {"scamp5_load_pattern", {"dnnnn"}},
+                                                {"scamp5_select_pattern", {"nnnn"}},
+                                                {"scamp5_load_point", {"dnn"}},
+                                                {"scamp5_load_rect", {"dnnnn"}},
+                                                {"scamp5_flood", {"ddn", "ddnn"}},
+                                                {"scamp5_shift", {"ann"}},
+                                                {"n = scamp5_global_or", {"d"}},
+                                                {"n = scamp5_global_count", {"d"}},
+                                                {"n = scamp5_global_sum_fast", {"a"}},
+                                                {"n = scamp5_global_sum_16", {"a"}},
+                                                {"n = scamp5_global_sum_64", {"a"}},
+                                                {"n = scamp5_read_areg", {"ann"}},
+                                                {"Own = scamp5.readout", {"a"}}};
+
+const std::map<char, std::string> kExample = {{'a', "B"}, {'d', "S1"}, {'v', "east"}, {'n', "3"}, {'s', "C"}};
+const std::map<char, std::string> kDescription = {
+    {'a', "an analogue register (A to F, NEWS)"},
+    {'d', "a digital register (R0 to R12, S0 to S6, FLAG)"},
+    {'v', "a direction (north, east, south, west)"},
+    {'n', "a number"},
+    {'s', "an analogue register (A to F, NEWS) or a direction"}};
+
+std::string call(const std::string& mnemonic, const std::vector<std::string>& operands) {
+  std::string text;
+  for (const std::string& operand : operands) text += (text.empty() ? "" : ", ") + operand;
+  return mnemonic + (operands.empty() ? "" : '(' + text + ')') + '\n';
+}
+
+std::vector<std::string> examples(const std::string& kinds) {
+  std::vector<std::string> operands;
+  for (const char kind : kinds) operands.push_back(kExample.at(kind));
+  return operands;
+}
+
+CompileResult compile_kernel(const std::string& text) {
+  static const std::map<std::string, std::string> library = [] {
+    std::map<std::string, std::string> files;
+    for (const std::string name : {"scamp5.aps", "pix_source.aps"}) {
+      std::ostringstream content;
+      content << std::ifstream(std::string(APRON_SCRIPTS) + '/' + name).rdbuf();
+      files["lib/" + name] = content.str();
+    }
+    return files;
+  }();
+  return compile_text("!include('scamp5.aps')\n!register(Own)\n" + text, library);
+}
+
+TEST(ScampOperands, EveryKindButTheRightOneIsRefused) {
+  for (const Instruction& instruction : kInstructions) {
+    const std::string name = instruction.mnemonic;
+    const std::string bare = name.substr(name.rfind(' ') + 1);
+    for (const std::string& kinds : instruction.operands) {
+      const CompileResult right = compile_kernel(call(name, examples(kinds)));
+      EXPECT_TRUE(right.program) << name << ' ' << kinds << '\n' << errors(right);
+      std::string program;
+      std::vector<std::string> expected;
+      for (std::size_t i = 0; i < kinds.size(); ++i) {
+        for (const auto& [kind, example] : kExample) {
+          const bool fits = kind == kinds[i] || (kinds[i] == 's' && (kind == 'a' || kind == 'v')) ||
+                            (kinds[i] == 'a' && kind == 's');
+          if (fits) continue;
+          std::vector<std::string> operands = examples(kinds);
+          operands[i] = example;
+          program += call(name, operands);
+          expected.push_back("operand " + std::to_string(i + 1) + " of '" + bare + "' must be " +
+                             kDescription.at(kinds[i]) + ", not '" + (example == "S1" ? "R6" : example) +
+                             "'");
+        }
+      }
+      const CompileResult wrong = compile_kernel(program);
+      ASSERT_EQ(wrong.diagnostics.size(), expected.size()) << program << errors(wrong);
+      for (std::size_t i = 0; i < expected.size(); ++i) {
+        EXPECT_TRUE(wrong.diagnostics[i].message.starts_with(expected[i])) << wrong.diagnostics[i].message;
+        EXPECT_EQ(wrong.diagnostics[i].location.line, 3 + i);
+      }
+    }
+    std::vector<std::string> too_many = examples(instruction.operands.back());
+    too_many.resize(too_many.size() + 3, "B");
+    const CompileResult wrong = compile_kernel(call(name, too_many));
+    ASSERT_EQ(wrong.diagnostics.size(), 1) << name << errors(wrong);
+    EXPECT_TRUE(wrong.diagnostics[0].message.starts_with("no macro '" + bare + "' takes ")) << errors(wrong);
+  }
+}
+
+TEST(ScampOperands, MessagesNameTheOtherKindOrTheNearestName) {
+  const auto message = [](const std::string& line) { return first_line(errors(compile_kernel(line))); };
+  EXPECT_EQ(
+      message("add(A, B, R5)"),
+      "main.aps:3:11: error: operand 3 of 'add' must be an analogue register (A to F, NEWS), not 'R5', a "
+      "digital register (R0 to R12, S0 to S6, FLAG)");
+  EXPECT_EQ(
+      message("mov(A, b)"),
+      "main.aps:3:8: error: operand 2 of 'mov' must be an analogue register (A to F, NEWS), not 'b'; did "
+      "you mean 'B'?");
+  EXPECT_EQ(
+      message("add(A, B, C, D, E)"),
+      "main.aps:3:1: error: no macro 'add' takes 5 arguments without a result; there is add($y, $a, $b) "
+      "and add($y, $a, $b, $c)");
+  EXPECT_EQ(message("DNEWS(R5, R6, up, 0)"),
+            "main.aps:3:15: error: operand 3 of 'DNEWS' must be a direction (north, east, south, west) or "
+            "alldir, not 'up'");
+  EXPECT_EQ(
+      message("scamp5_scan_events(R5, A)"),
+      "main.aps:3:24: error: operand 2 of 'scamp5_scan_events' must be a register of your own, not 'A', an "
+      "analogue register (A to F, NEWS)");
+}
+
+// Only instructions pass values between the machine's registers, a copy in a register of one's own is a host's read.
+TEST(ScampOperands, AssignmentsBetweenRegistersOfTheChipAreRefused) {
+  for (const std::string name : {"R5", "FLAG", "PIX"}) {
+    EXPECT_EQ(
+        first_line(errors(compile_kernel(name + " = A"))),
+        "main.aps:3:" + std::to_string(name.size() + 4) + ": error: '" + name +
+            "' is a register of scamp5.aps too: only instructions pass values between its registers; write "
+            "where(…) or MOV(…)");
+  }
+  EXPECT_TRUE(compile_kernel("Own = A").program);
+  EXPECT_TRUE(compile_kernel("R5 = cell.x < 3").program);
+}
+
+}  // namespace
+}  // namespace apron::compiler
