@@ -81,6 +81,7 @@ void match_contacts(ContactList& list, const Manifold& current, const ContactLis
 
 void CollisionPipeline::update_broadphase(const BodyStore& bodies, const Member& member) {
   member.single([&] {
+    grid_ = &UniformGrid::of_this_thread();
     if (large_radius_ >= 0.0F) return;
     compute_large_radius(bodies);
     query_radius_.resize(bodies.bounding_radius.size());
@@ -88,9 +89,9 @@ void CollisionPipeline::update_broadphase(const BodyStore& bodies, const Member&
   });
   const auto own = own_bodies(member);
   compute_query_radii(bodies, own);
-  grid_.build({bodies.position, query_radius_, large_radius_}, own, member);
+  grid_->build({bodies.position, query_radius_, large_radius_}, own, member);
   member.single([&] {
-    partition_.build(grid_);
+    partition_.build(*grid_);
     // With the same number of slabs, the previous contact counts are a good estimate of the work.
     if (contacts_per_slab_.size() == static_cast<std::size_t>(partition_.slab_count()))
       partition_.set_contact_counts(contacts_per_slab_);
@@ -154,7 +155,7 @@ bool CollisionPipeline::find_contacts(const BodyStore& bodies, ContactList& pair
     pair_cache_.build_index(bodies.size());
   }
   if (member.is_caller()) field_cache_.build_index(bodies.size());
-  partition_.assign_rows(bodies, grid_, member);
+  partition_.assign_rows(bodies, *grid_, member);
   member.arrive_and_wait();
   const IndexRange own_slabs = partition_.share(member);
   previous_contacts_.set_own_slabs(own_slabs, member);
@@ -243,12 +244,15 @@ void CollisionPipeline::compute_query_radii(const BodyStore& bodies, std::span<c
 }
 
 void CollisionPipeline::find_large_neighbours(const BodyStore& bodies) {
+  const bool is_index_clear = large_neighbours_.empty() &&
+                              first_large_neighbour_.size() == static_cast<std::size_t>(bodies.size()) + 1;
+  if (grid_->large_bodies().empty() && is_index_clear) return;
   large_neighbours_.clear();
-  for (const std::int32_t l : grid_.large_bodies()) {
+  for (const std::int32_t l : grid_->large_bodies()) {
     const auto i = static_cast<std::size_t>(l);
     const Vec3 half =
         bodies.axes[i].cwiseAbs() * bodies.shape[i]->half_extents + Vec3::Constant(speculative_margin_[i]);
-    grid_.for_each_in_box(bodies.position[i] - half, bodies.position[i] + half, [&](std::int32_t body) {
+    grid_->for_each_in_box(bodies.position[i] - half, bodies.position[i] + half, [&](std::int32_t body) {
       large_neighbours_.push_back({body, l});
     });
   }
@@ -283,20 +287,20 @@ void CollisionPipeline::collide_slab(const BodyStore& bodies, int slab, SlabResu
 void CollisionPipeline::collide_body_run(const BodyStore& bodies, const SpatialPartition::BodyRun& run,
                                          SlabResults& results) const {
   for (int k = run.begin; k < run.end; ++k) {
-    const auto i = static_cast<std::size_t>(grid_.body(k));
+    const auto i = static_cast<std::size_t>(grid_->body(k));
     if (bodies.is_active(i)) collide_static(bodies, i, results);
     for (int n = first_large_neighbour_[i]; n < first_large_neighbour_[i + 1]; ++n) {
       const auto large = static_cast<std::size_t>(large_neighbours_[static_cast<std::size_t>(n)].large);
       if (!bodies.is_static(large)) collide_pair(bodies, i, large, results);
     }
   }
-  grid_.for_each_pair(run.begin, run.end, [&](std::int32_t i, std::int32_t j) {
+  grid_->for_each_pair(run.begin, run.end, [&](std::int32_t i, std::int32_t j) {
     collide_pair(bodies, static_cast<std::size_t>(i), static_cast<std::size_t>(j), results);
   });
 }
 
 void CollisionPipeline::collide_large_bodies(const BodyStore& bodies, SlabResults& results) const {
-  const auto large = grid_.large_bodies();
+  const auto large = grid_->large_bodies();
   for (std::size_t k = 0; k < large.size(); ++k) {
     const auto i = static_cast<std::size_t>(large[k]);
     if (bodies.is_static(i)) continue;
@@ -328,7 +332,7 @@ void CollisionPipeline::collide_static(const BodyStore& bodies, std::size_t i, S
       if (bodies.is_static(large)) collide_static_body(bodies, i, large, results);
     }
   } else {
-    for (const std::int32_t large : grid_.large_bodies())
+    for (const std::int32_t large : grid_->large_bodies())
       if (bodies.is_static(static_cast<std::size_t>(large)))
         collide_static_body(bodies, i, static_cast<std::size_t>(large), results);
   }

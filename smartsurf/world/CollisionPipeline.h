@@ -133,7 +133,7 @@ class CollisionPipeline {
   std::unique_ptr<FreeLayoutField> free_layout_field_;  // null for a rectangular layout
   float dt_s_, ground_height_;
   float large_radius_ = -1.0F;  // bodies with a larger query radius stay outside the grid's cells; < 0: stale
-  UniformGrid grid_;
+  UniformGrid* grid_ = nullptr;  // of the thread that steps, from update_broadphase() to the end of the step
   SpatialPartition partition_;
   std::vector<float> query_radius_, speculative_margin_;
   std::vector<std::int32_t> body_indices_;  // 0, 1, …, bodies − 1
@@ -165,8 +165,8 @@ void CollisionPipeline::for_each_nearby(const BodyStore& bodies, std::size_t bod
     if ((bodies.position[body] - bodies.position[j]).squaredNorm() < radius_sum * radius_sum) found(j);
   };
   const Vec3 half = Vec3::Constant(query_radius_[body]);
-  grid_.for_each_in_box(bodies.position[body] - half, bodies.position[body] + half, test);
-  for (const std::int32_t large : grid_.large_bodies()) test(large);
+  grid_->for_each_in_box(bodies.position[body] - half, bodies.position[body] + half, test);
+  for (const std::int32_t large : grid_->large_bodies()) test(large);
 }
 
 }  // namespace smartsurf::world

@@ -43,7 +43,6 @@ NativeEngine::Impl::Impl(const scene::SceneSpec& scene, surface::Field& cells,
       team(thread_pool),
       sleep(field, settings.dt_s, settings.gravity, scene.world.sleep),
       collision(field, settings.dt_s, ground_height(scene, unit)),
-      solver(settings),
       jam_relief(settings.dt_s),
       pool(thread_pool),
       field_hasher(thread_pool) {

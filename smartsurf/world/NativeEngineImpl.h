@@ -60,7 +60,7 @@ struct NativeEngine::Impl {
   ContactList pair_contacts, static_contacts;
   Sleep sleep;
   CollisionPipeline collision;
-  Solver solver;
+  Solver* solver = nullptr;  // of the thread that steps, during the step
   JointSolver joints;
   CellForceLimits force_limits;
   JamRelief jam_relief;

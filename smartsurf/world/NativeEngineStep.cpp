@@ -56,7 +56,7 @@ void NativeEngine::Impl::finalize_bodies(const Member& member) {
         bodies.prefetch(ahead);
         bodies.prefetch_rotation(ahead);
       }
-      solver.store_body(bodies, partition, row);
+      solver->store_body(bodies, partition, row);
       if (bodies.is_sphere[i]) {
         bodies.integrate_pose(i);
         sleep.update_sleep_timer(bodies, i);
@@ -185,15 +185,16 @@ void NativeEngine::Impl::step_active_bodies(const Member& member) {
   if (field.has_force_limit())
     member.single(
         [this] { force_limits.distribute_limits(field, settings.dt_s, settings.substeps, static_contacts); });
-  solver.step(bodies,
-              {collision.partition(), pair_contacts, static_contacts, collision.pair_ranges(),
-               collision.static_ranges(), collision.supports(), force_limits.limits(), has_wrenches, joints,
-               jam_relief.min_depth()},
-              member);
+  solver->step(bodies,
+               {collision.partition(), pair_contacts, static_contacts, collision.pair_ranges(),
+                collision.static_ranges(), collision.supports(), force_limits.limits(), has_wrenches, joints,
+                jam_relief.min_depth()},
+               member);
   finalize_bodies(member);
 }
 
 void NativeEngine::Impl::step() {
+  solver = &Solver::of_this_thread(settings);
   lowered_speeds = field.has_force_limit();
   read_inputs();
   lowered_speeds |= jam_relief.hold_cells(field);
@@ -210,7 +211,7 @@ void NativeEngine::Impl::step() {
              [this](const Member& member) { step_active_bodies(member); });
     if (overloaded) return;
     force_limits.yield_overloaded_cells(bodies, static_contacts, settings.dt_s, field);
-    for (const std::vector<DeepContact>& deep : solver.deep_contacts())
+    for (const std::vector<DeepContact>& deep : solver->deep_contacts())
       lowered_speeds |= jam_relief.stall_cells(deep, static_contacts, bodies, field);
     sleep.update_sleeping_set(bodies, active_bodies, pair_contacts, static_contacts, collision.supports());
   }

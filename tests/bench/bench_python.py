@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """Environment steps a second: VectorEnv beside MuJoCo's batched rollout and single environments in processes of their own.
 
-  bench_python.py [--json] [--seconds S] [--cases 8x8:1,…] [--who WHO,…] [--threads N]
+  bench_python.py [--json] [--seconds S] [--cases 8x8:1,…] [--who WHO,…] [--threads N,…]
 
 n×n pins follow a wave under k spheres, and every pin senses upwards. A step is a control period of 1/60 s: four physics
 steps, or one for MuJoCo where its row says so. MuJoCo has a mocap box and a rangefinder for each pin. The processor time that a step takes
@@ -26,7 +26,7 @@ MOST_CELLS = 1024 * 4096 + 1
 
 
 def experiment(n, k):
-    return f"""surface {{ rows = {n}, columns = {n}, border = {{ height = 6 }}, sensors = {{ proximity {{ range = {RANGE} }} }},
+    return f"""surface {{ rows = {n}, columns = {n}, border = {{ height = 12 }}, sensors = {{ proximity {{ range = {RANGE} }} }},
   actuator = pin {{ range = {{0, 4}}, max_speed = 20, max_acceleration = 400 }} }}
 for i = 0, {k - 1} do
   sphere {{ radius = {RADIUS}, position = {{ 2 + 1.7 * i % {n - 4}, 2 + 1.7 * (1.7 * i // {n - 4}) % {n - 4}, 3 + 0.4 * i }} }}
@@ -71,9 +71,9 @@ def python_share(envs, actions, calls):
     return max(0.0, 1 - least[1] / least[0])
 
 
-def measure_vector(file, n, worlds, how):
+def measure_vector(file, n, worlds, threads, how):
     before = resident_mib()
-    envs = smartsurf.VectorEnv(file, worlds, how.threads, copy=False)
+    envs = smartsurf.VectorEnv(file, worlds, threads, copy=False)
     envs.reset(seed=1)
     actions = [np.ascontiguousarray(np.broadcast_to(heights, envs.action_space.shape)) for heights in wave(n)]
     rate, cpu = steps_a_second(lambda i: envs.step(actions[i % PHASES]), worlds, how.seconds)
@@ -131,13 +131,13 @@ def mjcf(n, k, timestep):
             f"{balls}</worldbody><sensor>{sensors}</sensor></mujoco>")
 
 
-def measure_mujoco(n, k, substeps, how):
+def measure_mujoco(n, k, substeps, threads, how):
     import mujoco
     from mujoco import rollout
     model = mujoco.MjModel.from_xml_string(mjcf(n, k, 1 / 60 / substeps))
-    worlds, periods = 2 * how.threads, 8 if n < 64 else 2
+    worlds, periods = 2 * threads, 8 if n < 64 else 2
     steps = periods * substeps
-    data = [mujoco.MjData(model) for _ in range(how.threads)]
+    data = [mujoco.MjData(model) for _ in range(threads)]
     spec = mujoco.mjtState.mjSTATE_MOCAP_POS
     control = np.tile(model.body_pos[model.body_mocapid >= 0].reshape(1, 1, -1), (worlds, steps, 1))
     heights = wave(n).reshape(PHASES, -1)
@@ -147,7 +147,7 @@ def measure_mujoco(n, k, substeps, how):
     state = np.zeros((worlds, mujoco.mj_stateSize(model, full)))
     for i in range(worlds):
         mujoco.mj_getState(model, data[0], state[i], full)
-    with rollout.Rollout(nthread=how.threads) as roll:
+    with rollout.Rollout(nthread=threads) as roll:
         def step(_):
             nonlocal state
             states, sensors = roll.rollout(model, data, state, control, control_spec=int(spec), nstep=steps)
@@ -164,17 +164,19 @@ def measurements(how):
             file = str(pathlib.Path(folder) / "wave.lua")
             pathlib.Path(file).write_text(experiment(n, k))
             name = f"{size} {k}"
-            for worlds in WORLDS:
-                if "vector" in how.who and worlds * n * n < MOST_CELLS:
-                    yield {"who": f"VectorEnv, {worlds}", "case": name, **measure_vector(file, n, worlds, how)}
-                    gc.collect()
+            for threads in how.threads:
+                on_threads = f", {threads} thread{'s' * (threads > 1)}" if len(how.threads) > 1 else ""
+                for worlds in WORLDS:
+                    if "vector" in how.who and worlds * n * n < MOST_CELLS:
+                        yield {"who": f"VectorEnv, {worlds}{on_threads}", "case": name,
+                               **measure_vector(file, n, worlds, threads, how)}
+                        gc.collect()
+                for who, substeps in (("MuJoCo rollout", 4), ("MuJoCo, 1 step", 1)) if "mujoco" in how.who else ():
+                    yield {"who": who + on_threads, "case": name, **measure_mujoco(n, k, substeps, threads, how)}
             if "vector" in how.who:
                 yield {"who": "Simulation", "case": name, **measure_states(file, n)}
             if "surface" in how.who:
                 yield {"who": "SurfaceEnv", "case": name, **measure_surface_env(file, n, how)}
-            if "mujoco" in how.who:
-                for who, substeps in (("MuJoCo rollout", 4), ("MuJoCo, 1 step", 1)):
-                    yield {"who": who, "case": name, **measure_mujoco(n, k, substeps, how)}
 
 
 def main():
@@ -183,7 +185,8 @@ def main():
     parser.add_argument("--seconds", type=float, default=0.7, help="of one spell")
     parser.add_argument("--cases", type=lambda text: text.split(","), default=CASES)
     parser.add_argument("--who", type=lambda text: text.split(","), default=["vector", "surface", "mujoco"])
-    parser.add_argument("--threads", type=int, default=2)
+    parser.add_argument("--threads", type=lambda text: [int(n) for n in text.split(",")], default=[2],
+                        help="of VectorEnv and of MuJoCo; several give a row each")
     parser.add_argument("--smartsurf", default="smartsurf", help="the program, for single environments")
     how = parser.parse_args()
     for package, who in (("mujoco", "mujoco"), ("shm_protocol", "surface")):

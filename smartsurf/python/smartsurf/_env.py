@@ -6,7 +6,7 @@ import os
 import gymnasium
 import numpy as np
 
-from ._simulation import Closed, Simulation, draw_seed
+from ._simulation import Closed, Simulation, draw_seed, real_array
 from ._tasks import task_file
 
 
@@ -49,7 +49,7 @@ class Env(gymnasium.Env):
 
     def step(self, action: np.ndarray) -> tuple[np.ndarray, float, bool, bool, dict]:
         s = self.simulation
-        action = np.asarray(action, np.float32)
+        action = real_array("the action", action)
         if action.shape != s._targets.shape:
             raise ValueError(f"the action has shape {action.shape}: must be {s._targets.shape}")
         s._targets[...] = action

@@ -2,6 +2,7 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Mapping
 
 import gymnasium
 import numpy as np
@@ -9,7 +10,7 @@ import pettingzoo
 from numpy.lib.stride_tricks import sliding_window_view
 
 from ._env import box
-from ._simulation import Closed, Simulation, draw_seed, whole
+from ._simulation import Closed, Simulation, draw_seed, real_array, whole
 
 
 class ParallelEnv(pettingzoo.ParallelEnv):
@@ -29,8 +30,8 @@ class ParallelEnv(pettingzoo.ParallelEnv):
             raise ValueError(f"block = {block}: must divide {s.rows} rows and {s.columns} columns")
         self.render_mode = render_mode
         self._block, self._radius = block, radius
-        self._places = [(r, c) for r in range(s.rows // block) for c in range(s.columns // block)]
-        self.possible_agents = [f"block_{r}_{c}" for r, c in self._places]
+        self._places = {f"block_{r}_{c}": (r, c) for r in range(s.rows // block) for c in range(s.columns // block)}
+        self.possible_agents = list(self._places)
         self.agents = []
         side = block + 2 * radius
         # Beyond the table an agent sees 0, which a channel's range may exclude.
@@ -58,13 +59,19 @@ class ParallelEnv(pettingzoo.ParallelEnv):
 
     def step(self, actions: dict[str, np.ndarray]) -> tuple[dict, dict, dict, dict, dict]:
         s, b = self.simulation, self._block
-        for agent, (r, c) in zip(self.possible_agents, self._places):
-            if agent in actions:
-                try:
-                    s._targets[:, r * b:(r + 1) * b, c * b:(c + 1) * b] = actions[agent]
-                except (TypeError, ValueError):
-                    raise ValueError(f"the action of {agent} has shape {np.shape(actions[agent])}: must be "
-                                     f"{self._action_space.shape}") from None
+        if not isinstance(actions, Mapping):
+            raise ValueError(f"actions: a {type(actions).__name__}: must be a dict of agents and their actions")
+        for agent, action in actions.items():
+            if agent not in self._places:
+                raise KeyError(f"actions: no agent {agent!r}; there are {self.possible_agents[0]} to "
+                               f"{self.possible_agents[-1]}")
+            r, c = self._places[agent]
+            action = real_array(f"the action of {agent}", action)
+            try:
+                s._targets[:, r * b:(r + 1) * b, c * b:(c + 1) * b] = action
+            except ValueError:
+                raise ValueError(f"the action of {agent} has shape {action.shape}: must be "
+                                 f"{self._action_space.shape}") from None
         reward, terminated, truncated = s.step()
         info = {"seed": s.seed, "success": bool(s._success), **s.info}
         if terminated or truncated:
@@ -79,7 +86,7 @@ class ParallelEnv(pettingzoo.ParallelEnv):
         k, s = self._radius, self.simulation
         self._padded[:, k:k + s.rows, k:k + s.columns] = s._core.observation
         windows = self._windows.copy()
-        return {agent: windows[:, r, c] for agent, (r, c) in zip(self.possible_agents, self._places)}
+        return {agent: windows[:, r, c] for agent, (r, c) in self._places.items()}
 
     def _each(self, value):
         return {agent: value for agent in self.possible_agents}

@@ -35,6 +35,17 @@ def whole(name, value, least):
     raise ValueError(f"{name} = {value!r}: must be a whole number, at least {least}")
 
 
+def real_array(name, values):
+    """The values as an array of real numbers, or ValueError."""
+    try:
+        array = np.asarray(values)
+    except ValueError:
+        raise ValueError(f"{name} has rows of different lengths: must be an array") from None
+    if array.dtype.kind not in "biuf":
+        raise ValueError(f"{name} has values of type {array.dtype}: must be real numbers")
+    return array
+
+
 def engine_name(engine):
     if engine is not None and not isinstance(engine, str):
         raise ValueError(f"engine = {engine!r}: must be 'native' or 'bullet'")
@@ -187,15 +198,12 @@ class Simulation:
             if name not in self._actuators:
                 raise ValueError(f"actions: no actuator channel '{name}'; known: "
                                  f"{', '.join(c.name for c in self.actuator_channels)}")
+            values = real_array(f"actions['{name}']", values)
             try:
                 self._actuators[name][...] = values
-            except (TypeError, ValueError):
-                try:
-                    what = f"shape {np.shape(values)}"
-                except ValueError:
-                    what = "rows of different lengths"
-                raise ValueError(f"actions['{name}'] has {what}: must be a number or an array of "
-                                 f"shape {(self.rows, self.columns)}") from None
+            except ValueError:
+                raise ValueError(f"actions['{name}'] has shape {values.shape}: must be a number or an array of shape "
+                                 f"{(self.rows, self.columns)}") from None
 
     def reset(self, seed: int | None = None) -> int:
         """Starts the next episode and returns its seed; without one, a seed is drawn at random.

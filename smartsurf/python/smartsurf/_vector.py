@@ -9,8 +9,8 @@ from gymnasium.vector import AutoresetMode
 
 from . import _core
 from ._env import box
-from ._simulation import (Closed, _seed, channels, draw_seed, engine_name, not_picklable, overrides, state_bytes,
-                          whole)
+from ._simulation import (Closed, _seed, channels, draw_seed, engine_name, not_picklable, overrides, real_array,
+                          state_bytes, whole)
 from ._tasks import task_file
 
 _AUTORESET = {AutoresetMode.NEXT_STEP: 0, AutoresetMode.SAME_STEP: 1, AutoresetMode.DISABLED: 2}
@@ -99,10 +99,10 @@ class VectorEnv(gymnasium.vector.VectorEnv):
     def step(self, actions: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, dict]:
         ended = self._batch.step(actions)
         if ended is None:  # not an array of the right type and shape
-            actions = np.ascontiguousarray(actions, np.float32)
+            actions = real_array("the array of actions", actions)
             if actions.shape != self.action_space.shape:
                 raise ValueError(f"the actions have shape {actions.shape}: must be {self.action_space.shape}")
-            ended = self._batch.step(actions)
+            ended = self._batch.step(np.ascontiguousarray(actions, np.float32))
         infos = self._infos()
         if ended:
             self._add_final(infos, self._terminated | self._truncated)

@@ -1,8 +1,8 @@
 """Policies that every cell executes alike, on its own values and those of its direct neighbours.
 
 `LocalPolicy` is a small convolutional network whose kernels are crosses: own cell, north, east, south, west. In NumPy it
-acts on the sensor arrays of an environment; `export_policy` writes it as an APRON program that passes `apron check
---profile local` and gives the same commands to the bit.
+acts on the sensor arrays of an environment; `export_policy` writes it as an APRON program that passes `apron check --local`
+and gives the same commands to the bit.
 """
 from __future__ import annotations
 
@@ -172,7 +172,7 @@ def _clamp(plane, low, high):
 def export_policy(policy: LocalPolicy, path: str | os.PathLike, title: str = "A learned local policy.") -> None:
     """Writes the policy as an APRON program, which commands the surface tick by tick like policy(observation).
 
-    The program passes `apron check --profile local`, works on arrays of any size, and gives the same float32 commands to
+    The program passes `apron check --local`, works on arrays of any size, and gives the same float32 commands to
     the bit. title: the program's first line, a comment."""
     registers: list[str] = []
     body: list[str] = []

@@ -18,35 +18,25 @@ namespace hn = hwy::HWY_NAMESPACE;
 
 constexpr std::size_t kMaxLanes = 16;
 
-// Calls step(d, i, done) for vectors of pins starting at i that together cover [0, n). The last vector may
-// overlap pins already processed, marked in `done`, which must keep their values. Fewer pins than lanes are
-// processed one by one.
-template <class Step>
-HWY_INLINE void for_each_vector(std::size_t n, Step step) {
+// Calls work(d) with the widest vectors that n pins fill.
+template <class Work>
+HWY_INLINE auto with_vectors_for(std::size_t n, Work work) {
   const hn::CappedTag<float, kMaxLanes> wide_tag;
-  const std::size_t lanes = hn::Lanes(wide_tag);
-  std::size_t i = 0;
-  for (; i + lanes <= n; i += lanes) step(wide_tag, i, hn::FirstN(wide_tag, 0));
-  if (i < n && n >= lanes) {
-    step(wide_tag, n - lanes, hn::FirstN(wide_tag, lanes - (n - i)));
-    return;
-  }
-  const hn::CappedTag<float, 1> scalar_tag;
-  for (; i < n; ++i) step(scalar_tag, i, hn::FirstN(scalar_tag, 0));
+  if (n >= hn::Lanes(wide_tag)) return work(wide_tag);
+  const hn::CappedTag<float, 4> narrow_tag;
+  if (n >= hn::Lanes(narrow_tag)) return work(narrow_tag);
+  return work(hn::CappedTag<float, 1>());
 }
 
-class LaneMax {
- public:
-  explicit LaneMax(float initial) { std::fill_n(lane_, kMaxLanes, initial); }
-  template <class D>
-  HWY_INLINE void add(D d, hn::Vec<D> v) {
-    hn::Store(hn::Max(hn::Load(d, lane_), v), d, lane_);
-  }
-  float reduce() const { return *std::max_element(lane_, lane_ + kMaxLanes); }
-
- private:
-  alignas(64) float lane_[kMaxLanes];
-};
+// Calls step(i, done) for vectors of pins starting at i that together cover [0, n), n ≥ Lanes(d) or 0. The last vector
+// may overlap pins already processed, marked in `done`, which must keep their values.
+template <class D, class Step>
+HWY_INLINE void for_each_vector(D d, std::size_t n, Step step) {
+  const std::size_t lanes = hn::Lanes(d);
+  std::size_t i = 0;
+  for (; i + lanes <= n; i += lanes) step(i, hn::FirstN(d, 0));
+  if (i < n) step(n - lanes, hn::FirstN(d, lanes - (n - i)));
+}
 
 // MotionProfile::operator(), vectorised. Must stay bit-identical to it.
 template <class D, class V = hn::Vec<D>>
@@ -68,61 +58,69 @@ HWY_INLINE V profile_speed(D d, const MotionProfile::Constants& c, V distance, V
 }
 
 std::size_t clamp_commands_for_target(std::size_t n, float low, float high, float safe, float* commands) {
-  std::size_t kept = 0;
-  for_each_vector(n, [&](auto d, std::size_t i, auto done) {
-    const auto command = hn::LoadU(d, commands + i), minimum = hn::Set(d, low), maximum = hn::Set(d, high);
-    const auto at_least_minimum = hn::IfThenElse(hn::Lt(command, minimum), minimum, command);
-    const auto within = hn::IfThenElse(hn::Gt(at_least_minimum, maximum), maximum, at_least_minimum);
-    const auto result = hn::IfThenElse(hn::Eq(command, command), within, hn::Set(d, safe));
-    kept += hn::CountTrue(d, hn::AndNot(done, hn::Eq(result, command)));
-    hn::StoreU(result, d, commands + i);
+  return with_vectors_for(n, [=](auto d) HWY_ATTR {
+    std::size_t kept = 0;
+    for_each_vector(d, n, [&](std::size_t i, auto done) HWY_ATTR {
+      const auto command = hn::LoadU(d, commands + i), minimum = hn::Set(d, low), maximum = hn::Set(d, high);
+      const auto at_least_minimum = hn::IfThenElse(hn::Lt(command, minimum), minimum, command);
+      const auto within = hn::IfThenElse(hn::Gt(at_least_minimum, maximum), maximum, at_least_minimum);
+      const auto result = hn::IfThenElse(hn::Eq(command, command), within, hn::Set(d, safe));
+      kept += hn::CountTrue(d, hn::AndNot(done, hn::Eq(result, command)));
+      hn::StoreU(result, d, commands + i);
+    });
+    return n - kept;
   });
-  return n - kept;
 }
 
 bool update_targets_for_target(std::size_t n, const float* base, const float* commands, float* target) {
-  bool changed = false;
-  for_each_vector(n, [&](auto d, std::size_t i, auto) {
-    const auto next_target = hn::Add(hn::LoadU(d, base + i), hn::LoadU(d, commands + i));
-    changed |= !hn::AllTrue(d, hn::Eq(next_target, hn::LoadU(d, target + i)));
-    hn::StoreU(next_target, d, target + i);
+  return with_vectors_for(n, [=](auto d) HWY_ATTR {
+    bool changed = false;
+    for_each_vector(d, n, [&](std::size_t i, auto) HWY_ATTR {
+      const auto next_target = hn::Add(hn::LoadU(d, base + i), hn::LoadU(d, commands + i));
+      changed |= !hn::AllTrue(d, hn::Eq(next_target, hn::LoadU(d, target + i)));
+      hn::StoreU(next_target, d, target + i);
+    });
+    return changed;
   });
-  return changed;
 }
 
 PinMotion plan_speeds_for_target(std::size_t n, const float* target, const float* height,
                                  const MotionProfile& profile, float* speeds) {
-  PinMotion motion;
-  LaneMax max_speed(0.0F);
-  const MotionProfile::Constants& c = profile.constants();
-  for_each_vector(n, [&](auto d, std::size_t i, auto done) {
-    const auto distance = hn::Sub(hn::LoadU(d, target + i), hn::LoadU(d, height + i));
-    const auto before = hn::LoadU(d, speeds + i);
-    const auto speed =
-        hn::IfThenElse(done, before, profile_speed(d, c, distance, before, hn::Set(d, c.max_speed)));
-    hn::StoreU(speed, d, speeds + i);
-    const auto rest = hn::And(hn::Eq(distance, hn::Zero(d)), hn::Eq(speed, hn::Zero(d)));
-    motion.moving |= !hn::AllTrue(d, rest);
-    max_speed.add(d, hn::Abs(speed));
+  const MotionProfile::Constants c = profile.constants();
+  return with_vectors_for(n, [=](auto d) HWY_ATTR {
+    PinMotion motion;
+    auto max_speed = hn::Zero(d);
+    for_each_vector(d, n, [&](std::size_t i, auto done) HWY_ATTR {
+      const auto distance = hn::Sub(hn::LoadU(d, target + i), hn::LoadU(d, height + i));
+      const auto before = hn::LoadU(d, speeds + i);
+      const auto speed =
+          hn::IfThenElse(done, before, profile_speed(d, c, distance, before, hn::Set(d, c.max_speed)));
+      hn::StoreU(speed, d, speeds + i);
+      const auto rest = hn::And(hn::Eq(distance, hn::Zero(d)), hn::Eq(speed, hn::Zero(d)));
+      motion.moving |= !hn::AllTrue(d, rest);
+      max_speed = hn::Max(max_speed, hn::Abs(speed));
+    });
+    motion.max_speed = hn::GetLane(hn::MaxOfLanes(d, max_speed));
+    return motion;
   });
-  motion.max_speed = max_speed.reduce();
-  return motion;
 }
 
 float advance_pins_for_target(std::size_t n, const float* target, const float* speed, float dt_s,
                               float* heights) {
-  LaneMax max_height(-std::numeric_limits<float>::infinity());
-  for_each_vector(n, [&](auto d, std::size_t i, auto done) {
-    const auto goal = hn::LoadU(d, target + i);
-    const auto before = hn::LoadU(d, heights + i);
-    const auto next = hn::Add(before, hn::Mul(hn::LoadU(d, speed + i), hn::Set(d, dt_s)));
-    const auto scale = hn::Max(hn::Abs(next), hn::Set(d, 1.0F));
-    const auto arrived = hn::Le(hn::Abs(hn::Sub(goal, next)), hn::Mul(hn::Set(d, 1e-6F), scale));
-    const auto height = hn::IfThenElse(done, before, hn::IfThenElse(arrived, goal, next));
-    hn::StoreU(height, d, heights + i);
-    max_height.add(d, height);
+  return with_vectors_for(n, [=](auto d) HWY_ATTR {
+    auto max_height = hn::Set(d, -std::numeric_limits<float>::infinity());
+    for_each_vector(d, n, [&](std::size_t i, auto done) HWY_ATTR {
+      const auto goal = hn::LoadU(d, target + i);
+      const auto before = hn::LoadU(d, heights + i);
+      const auto next = hn::Add(before, hn::Mul(hn::LoadU(d, speed + i), hn::Set(d, dt_s)));
+      const auto scale = hn::Max(hn::Abs(next), hn::Set(d, 1.0F));
+      const auto arrived = hn::Le(hn::Abs(hn::Sub(goal, next)), hn::Mul(hn::Set(d, 1e-6F), scale));
+      const auto height = hn::IfThenElse(done, before, hn::IfThenElse(arrived, goal, next));
+      hn::StoreU(height, d, heights + i);
+      max_height = hn::Max(max_height, height);
+    });
+    return hn::GetLane(hn::MaxOfLanes(d, max_height));
   });
-  return max_height.reduce();
 }
 
 }  // namespace

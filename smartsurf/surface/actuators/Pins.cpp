@@ -4,6 +4,7 @@
 #include <cmath>
 #include <limits>
 #include <numeric>
+#include <ranges>
 
 #include "common/threads/ThreadPool.h"
 #include "smartsurf/surface/actuators/PinKernels.h"
@@ -15,66 +16,89 @@ namespace {
 constexpr float kRetryDelay_s = 0.1F;
 constexpr float kStopTolerance = 1e-4F;  // u
 
+// Short runs are moved together with the cells between them, up to this many: a call for each would take longer.
+constexpr std::size_t kMaxGroupCells = 64;
+
 // Approximate cost per pin of set_targets(), plan() and commit().
 constexpr double kSetTargetCost_ns = 0.4, kPlanCost_ns = 1.0, kCommitCost_ns = 0.5;
 
-std::size_t run_length(const CellRun& run) { return static_cast<std::size_t>(run.end - run.begin); }
-std::size_t run_begin(const CellRun& run) { return static_cast<std::size_t>(run.begin); }
+std::size_t length_of(const CellRun& run) { return static_cast<std::size_t>(run.end - run.begin); }
+std::size_t begin_of(const CellRun& run) { return static_cast<std::size_t>(run.begin); }
 
 }  // namespace
 
 Pins::Pins(const ActuatorContext& context)
     : runs_(context.runs),
       pool_(context.pool),
-      pin_count_(
-          std::transform_reduce(runs_.begin(), runs_.end(), std::size_t{0}, std::plus<>(), run_length)),
+      pin_count_(std::transform_reduce(runs_.begin(), runs_.end(), std::size_t{0}, std::plus<>(), length_of)),
       max_speed_(static_cast<float>(context.spec.number("max_speed"))),
       max_acceleration_(static_cast<float>(context.spec.number("max_acceleration"))),
       min_height_(static_cast<float>(context.spec.numbers("range")[0])),
       base_(context.field.height),
-      target_(context.field.height),
-      moving_(runs_.size(), 0),
-      run_max_height_(runs_.size(), 0.0F),
-      run_max_speed_(runs_.size(), 0.0F) {
+      target_(context.field.height) {
   if (context.spec.has("max_force")) {
     force_limit_ = static_cast<float>(context.spec.number("max_force"));
     planned_speed_.resize(target_.size(), 0.0F);
     retry_wait_ = planned_speed_;
   }
+  group_runs(context);
+  moving_.resize(groups_.size(), 0);
+  group_max_height_.resize(groups_.size(), 0.0F);
+  group_max_speed_.resize(groups_.size(), 0.0F);
 }
 
-template <class Work>
-void Pins::for_each_run(double cost_ns, const Work& work) const {
-  const auto band = [&work](int begin, int end) {
-    for (auto r = static_cast<std::size_t>(begin); r < static_cast<std::size_t>(end); ++r) work(r);
+// A fixed cell is on its target, its own height, and stays there. Cells of other models and places without a cell have
+// none.
+void Pins::group_runs(const ActuatorContext& context) {
+  const bool has_other_models = !context.surface.actuator_of_cell.empty();
+  const auto is_fixed = [&context](std::size_t i) { return std::isfinite(context.field.height[i]); };
+  const auto may_join = [&](const CellRun& group, const CellRun& next) {
+    if (force_limit_ || has_other_models || length_of({group.begin, next.end}) > kMaxGroupCells) return false;
+    const auto between = std::views::iota(static_cast<std::size_t>(group.end), begin_of(next));
+    return std::ranges::all_of(between, is_fixed);
   };
-  const int runs = static_cast<int>(runs_.size());
-  if (pool_ == nullptr) return band(0, runs);
-  pool_->parallel_for_rows(runs, cost_ns * static_cast<double>(pin_count_), band);
+  for (std::size_t r = 0; r < runs_.size(); ++r) {
+    if (groups_.empty() || !may_join(groups_.back().cells, runs_[r])) groups_.push_back({runs_[r], r, r});
+    groups_.back().cells.end = runs_[r].end;
+    groups_.back().end_run = r + 1;
+  }
 }
 
 template <class Work>
-void Pins::for_each_moving_run(double cost_ns, const Work& work) const {
+void Pins::for_each_group(double cost_ns, const Work& work) const {
+  const auto band = [&work](int begin, int end) {
+    for (auto g = static_cast<std::size_t>(begin); g < static_cast<std::size_t>(end); ++g) work(g);
+  };
+  const int groups = static_cast<int>(groups_.size());
+  if (pool_ == nullptr) return band(0, groups);
+  pool_->parallel_for_rows(groups, cost_ns * static_cast<double>(pin_count_), band);
+}
+
+template <class Work>
+void Pins::for_each_moving_group(double cost_ns, const Work& work) const {
   const auto moving = static_cast<double>(std::ranges::count(moving_, 1));
   if (moving == 0.0) return;
-  for_each_run(cost_ns * moving / static_cast<double>(runs_.size()), [this, &work](std::size_t r) {
-    if (moving_[r] != 0) work(r);
+  for_each_group(cost_ns * moving / static_cast<double>(groups_.size()), [this, &work](std::size_t g) {
+    if (moving_[g] != 0) work(g);
   });
 }
 
 void Pins::set_targets(int, std::span<const float> targets) noexcept {
-  for_each_run(kSetTargetCost_ns, [this, targets](std::size_t r) {
-    const std::size_t i = run_begin(runs_[r]);
-    if (update_targets(run_length(runs_[r]), &base_[i], &targets[i], &target_[i])) moving_[r] = 1;
+  for_each_group(kSetTargetCost_ns, [this, targets](std::size_t g) {
+    for (std::size_t r = groups_[g].first_run; r < groups_[g].end_run; ++r) {
+      const std::size_t i = begin_of(runs_[r]);
+      if (update_targets(length_of(runs_[r]), &base_[i], &targets[i], &target_[i])) moving_[g] = 1;
+    }
   });
 }
 
 void Pins::snap_to_targets(Field& field) noexcept {
-  for (std::size_t r = 0; r < runs_.size(); ++r) {
-    const std::span<const float> targets(&target_[run_begin(runs_[r])], run_length(runs_[r]));
-    std::ranges::copy(targets, &field.height[run_begin(runs_[r])]);
-    run_max_height_[r] = std::ranges::max(targets);
-    moving_[r] = 0;
+  for (std::size_t g = 0; g < groups_.size(); ++g) {
+    const CellRun& cells = groups_[g].cells;
+    const std::span<const float> targets(&target_[begin_of(cells)], length_of(cells));
+    std::ranges::copy(targets, &field.height[begin_of(cells)]);
+    group_max_height_[g] = std::ranges::max(targets);
+    moving_[g] = 0;
   }
 }
 
@@ -83,25 +107,25 @@ void Pins::plan(double dt_s, Field& field) noexcept {
   // The load may push any pin with a force limit, so all of them are planned in every step.
   if (force_limit_) std::ranges::fill(moving_, std::uint8_t{1});
   const MotionProfile profile(max_speed_, max_acceleration_, dt);
-  for_each_moving_run(kPlanCost_ns, [&](std::size_t r) { plan_run(r, profile, dt, field); });
-  for (std::size_t r = 0; r < runs_.size(); ++r) {
-    field.max_height = std::max(field.max_height, run_max_height_[r]);
-    field.max_speed = std::max(field.max_speed, run_max_speed_[r]);
+  for_each_moving_group(kPlanCost_ns, [&](std::size_t g) { plan_group(g, profile, dt, field); });
+  for (std::size_t g = 0; g < groups_.size(); ++g) {
+    field.max_height = std::max(field.max_height, group_max_height_[g]);
+    field.max_speed = std::max(field.max_speed, group_max_speed_[g]);
   }
 }
 
-void Pins::plan_run(std::size_t run, const MotionProfile& profile, float dt_s, Field& field) noexcept {
-  const std::size_t i = run_begin(runs_[run]), n = run_length(runs_[run]);
+void Pins::plan_group(std::size_t group, const MotionProfile& profile, float dt_s, Field& field) noexcept {
+  const std::size_t i = begin_of(groups_[group].cells), n = length_of(groups_[group].cells);
   if (!force_limit_) {
     const PinMotion motion = plan_speeds(n, &target_[i], &field.height[i], profile, &field.speed[i]);
-    moving_[run] = motion.moving;
-    run_max_speed_[run] = motion.max_speed;
+    moving_[group] = motion.moving;
+    group_max_speed_[group] = motion.max_speed;
     return;
   }
-  run_max_speed_[run] = 0.0F;
+  group_max_speed_[group] = 0.0F;
   for (std::size_t k = i; k < i + n; ++k) {
     field.speed[k] = plan_under_load(k, profile, dt_s, field);
-    run_max_speed_[run] = std::max(run_max_speed_[run], std::abs(field.speed[k]));
+    group_max_speed_[group] = std::max(group_max_speed_[group], std::abs(field.speed[k]));
   }
 }
 
@@ -124,14 +148,14 @@ float Pins::plan_under_load(std::size_t i, const MotionProfile& profile, float d
 }
 
 void Pins::commit(double dt_s, Field& field) noexcept {
-  for_each_moving_run(kCommitCost_ns, [&](std::size_t r) {
-    const std::size_t i = run_begin(runs_[r]);
-    run_max_height_[r] = advance_pins(run_length(runs_[r]), &target_[i], &field.speed[i],
-                                      static_cast<float>(dt_s), &field.height[i]);
+  for_each_moving_group(kCommitCost_ns, [&](std::size_t g) {
+    const std::size_t i = begin_of(groups_[g].cells), n = length_of(groups_[g].cells);
+    float& max_height = group_max_height_[g];
+    max_height = advance_pins(n, &target_[i], &field.speed[i], static_cast<float>(dt_s), &field.height[i]);
     if (!force_limit_) return;
-    for (std::size_t k = i; k < i + run_length(runs_[r]); ++k) {
+    for (std::size_t k = i; k < i + n; ++k) {
       field.height[k] = std::max(field.height[k], lower_stop(k));
-      run_max_height_[r] = std::max(run_max_height_[r], field.height[k]);
+      max_height = std::max(max_height, field.height[k]);
     }
   });
 }

@@ -23,20 +23,27 @@ class Pins final : public Actuator {
   bool has_force_limit() const noexcept override { return force_limit_.has_value(); }
 
   void archive(common::StateArchive& a) override {
-    a(target_, planned_speed_, retry_wait_, moving_, run_max_height_, run_max_speed_);
+    a(target_, planned_speed_, retry_wait_, moving_, group_max_height_, group_max_speed_);
   }
 
  private:
-  // Call work(run) for every run, or every moving run, on the pool if that pays. cost_ns: per pin.
+  // Pins that move together: those of runs_[first_run] to runs_[end_run - 1], and the fixed cells between them.
+  struct Group {
+    CellRun cells;
+    std::size_t first_run, end_run;
+  };
+  void group_runs(const ActuatorContext&);
+  // Call work(group) for every group, or every moving group, on the pool if that pays. cost_ns: per pin.
   template <class Work>
-  void for_each_run(double cost_ns, const Work& work) const;
+  void for_each_group(double cost_ns, const Work& work) const;
   template <class Work>
-  void for_each_moving_run(double cost_ns, const Work& work) const;
-  void plan_run(std::size_t run, const MotionProfile&, float dt_s, Field&) noexcept;
+  void for_each_moving_group(double cost_ns, const Work& work) const;
+  void plan_group(std::size_t group, const MotionProfile&, float dt_s, Field&) noexcept;
   float plan_under_load(std::size_t cell, const MotionProfile&, float dt_s, Field&) noexcept;
   float lower_stop(std::size_t cell) const { return base_[cell] + min_height_; }
 
   std::vector<CellRun> runs_;
+  std::vector<Group> groups_;
   common::ThreadPool* pool_;
   std::size_t pin_count_;
   float max_speed_, max_acceleration_;
@@ -46,9 +53,9 @@ class Pins final : public Actuator {
   // rows × columns; empty without a force limit. Planned speed before loads, u/s; remaining wait on the lower
   // stop, s.
   std::vector<float> planned_speed_, retry_wait_;
-  // One per run, so that runs at rest on their targets cost nothing.
+  // One per group, so that groups at rest on their targets cost nothing.
   std::vector<std::uint8_t> moving_;
-  std::vector<float> run_max_height_, run_max_speed_;  // maximum height and |speed| of the run
+  std::vector<float> group_max_height_, group_max_speed_;  // maximum height and |speed| of the group
 };
 
 }  // namespace smartsurf::surface

@@ -75,15 +75,24 @@ void RayBodies::update_cluster(const scene::Snapshot& snapshot, std::size_t clus
   clusters_[cluster] = cluster_bounds;
 }
 
-// Counting sort into strips.
+// Sorts into strips: a few objects by insertion, many by counting. Both are stable.
 void RayBodies::sort_north_to_south(const scene::Snapshot& snapshot) noexcept {
-  std::array<std::uint32_t, kBuckets + 1> next{};
   for (std::size_t k = 0; k < bucket_.size(); ++k) {
     const float fraction = (north_ - snapshot.position[k][1]) * inverse_length_;
     const float clamped = fraction > 0.0F ? std::min(fraction, 1.0F) : 0.0F;  // 0 for a NaN
     bucket_[k] = static_cast<std::uint32_t>(clamped * static_cast<float>(kBuckets - 1));
-    ++next[bucket_[k] + 1];
   }
+  constexpr std::size_t kFew = 16;
+  if (bucket_.size() <= kFew) {
+    for (std::size_t k = 0; k < bucket_.size(); ++k) {
+      std::size_t at = k;
+      for (; at > 0 && bucket_[order_[at - 1]] > bucket_[k]; --at) order_[at] = order_[at - 1];
+      order_[at] = static_cast<std::uint32_t>(k);
+    }
+    return;
+  }
+  std::array<std::uint32_t, kBuckets + 1> next{};
+  for (const std::uint32_t bucket : bucket_) ++next[bucket + 1];
   std::partial_sum(next.begin(), next.end(), next.begin());
   for (std::size_t k = 0; k < bucket_.size(); ++k) order_[next[bucket_[k]]++] = static_cast<std::uint32_t>(k);
 }

@@ -15,6 +15,11 @@ constexpr double kMaxCellsPerAxis = 1 << 21;
 
 }  // namespace
 
+UniformGrid& UniformGrid::of_this_thread() {
+  thread_local UniformGrid grid;
+  return grid;
+}
+
 void UniformGrid::build(const Input& in, std::span<const std::int32_t> own, const Member& member) {
   member.single([&] {
     member_state_.resize(static_cast<std::size_t>(member.member_count));
@@ -100,7 +105,7 @@ void UniformGrid::resize_cells(std::size_t bodies) {
   const float max_cells = static_cast<float>(kMinCells + kCellsPerBody * static_cast<int>(small));
   float cells[3];
   for (int k = 0; k < 3; ++k)
-    cells[k] = small == 0 ? 1.0F : std::floor((high[k] - low[k]) * inverse_size_) + 1.0F;
+    cells[k] = small <= 1 ? 1.0F : std::floor((high[k] - low[k]) * inverse_size_) + 1.0F;
   is_dense_ = cells[0] * cells[1] * cells[2] <= max_cells;
   for (int k = 0; k < 3; ++k) {
     if (is_dense_) {

@@ -28,6 +28,9 @@ class UniformGrid {
     std::span<const float> radius;
     float large_radius;
   };
+  // The calling thread's grid. A grid keeps nothing from step to step, so the worlds that a thread steps in turn share its
+  // memory, which stays in the cache.
+  static UniformGrid& of_this_thread();
   // Called by all members of the team; the `own` lists together contain every body once. Fastest if the
   // bodies of a member lie close together. A single member must list them in ascending order. Members must
   // pass a barrier before they query the grid.

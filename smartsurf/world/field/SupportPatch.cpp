@@ -470,7 +470,7 @@ void SupportPatches::clear() {
   patches.clear();
   points.clear();
   shares.clear();
-  samples.resize(0, false);
+  if (!samples.cell.empty()) samples.resize(0, false);
 }
 
 bool add_support_patch(const surface::Field& field, const FreeLayoutField* free_layout, const Shape& shape,

@@ -96,6 +96,7 @@ void rebuild(const BodyStore& bodies, std::size_t a, std::size_t b, float margin
 void PairManifoldCache::swap_in(int chunk, ChunkCache& chunk_cache) {
   const auto i = static_cast<std::size_t>(chunk);
   if (i >= previous_.size()) previous_.resize(i + 1);
+  if (previous_[i].manifolds.empty() && chunk_cache.manifolds.empty()) return;
   std::swap(previous_[i], chunk_cache);
   chunk_cache.manifolds.clear();
   chunk_cache.points.clear();

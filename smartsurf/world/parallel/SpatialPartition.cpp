@@ -11,6 +11,11 @@ constexpr int kMinLines = 24;                           // cut along y if there 
 }  // namespace
 
 void SpatialPartition::build(const UniformGrid& grid) {
+  // A single slab of the grid's bodies depends on their number only.
+  const auto large_count = static_cast<int>(grid.large_bodies().size());
+  if (grid.sorted_count() < 2 * kMinBodiesPerSlab && slab_count() == 2 &&
+      rows_of(0).end == grid.sorted_count() && row_count() == grid.sorted_count() + large_count)
+    return;
   // Lines along x are contiguous in memory, so cut between them unless there are too few.
   const int axis = grid.cell_count(1) >= std::min(kMinLines, grid.cell_count(0)) ? 1 : 0;
   find_slab_edges(grid, axis);

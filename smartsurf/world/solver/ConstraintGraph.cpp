@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <bit>
+#include <utility>
 
 namespace smartsurf::world {
 
@@ -65,13 +66,17 @@ void ConstraintGraph::count_keys(const BodyStore& bodies, const ContactList& lis
 
 void ConstraintGraph::compute_key_offsets(int member_count) {
   std::int32_t offset = 0;
-  for (std::size_t key = 0; key < key_count(); ++key) {
-    first_of_key_[key] = offset;
-    for (int m = 0; m < member_count; ++m) {
-      std::int32_t& member_offset = key_offsets_[static_cast<std::size_t>(m)][key];
-      const std::int32_t count = member_offset;
-      member_offset = offset;
-      offset += count;
+  const std::size_t keys = key_count();
+  if (member_count == 1) {
+    KeyOffsets& offsets = key_offsets_.front();
+    for (std::size_t key = 0; key < keys; ++key) {
+      first_of_key_[key] = offset;
+      offset += std::exchange(offsets[key], offset);
+    }
+  } else {
+    for (std::size_t key = 0; key < keys; ++key) {
+      first_of_key_[key] = offset;
+      for (KeyOffsets& offsets : key_offsets_) offset += std::exchange(offsets[key], offset);
     }
   }
   first_of_key_[key_count()] = offset;
@@ -158,6 +163,7 @@ void ConstraintGraph::collect_own_batches(const Member& member) {
 void ConstraintGraph::append_own_batches(const BatchRange& run, const Member& member) {
   if (run.count == 0) return;
   MemberBatchRanges& own = member_batches_[static_cast<std::size_t>(member.index)];
+  if (member.member_count == 1) return own.append(run);
   const int begin = batch_start_[static_cast<std::size_t>(run.first)];
   const auto end = first_of_key_.begin() + static_cast<std::ptrdiff_t>(key_count()) + 1;
   const auto group = static_cast<std::size_t>(std::upper_bound(first_of_key_.begin(), end, begin) -

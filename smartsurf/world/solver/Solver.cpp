@@ -5,6 +5,7 @@
 #include <cstring>
 #include <numbers>
 
+#include "smartsurf/world/narrowphase/Simd4.h"
 #include "smartsurf/world/solver/SupportSolver.h"
 
 namespace smartsurf::world {
@@ -39,7 +40,24 @@ void store(float (*to)[kLanes], int lane, const Vec3& from) {
 Vec3 load(const float (*from)[kLanes], int lane) { return {from[0][lane], from[1][lane], from[2][lane]}; }
 
 // Keeps a body finite under a huge force: it leaves the scene without affecting other bodies.
-float clamp_speed(float speed) { return std::min(std::max(speed, -kMaxSpeed), kMaxSpeed); }
+Float4 clamp_speed(const Float4& speed) {
+  const Float4 low = broadcast4(-kMaxSpeed), high = broadcast4(kMaxSpeed);
+  const Float4 at_least_low = speed < low ? low : speed;
+  return high < at_least_low ? high : at_least_low;
+}
+
+// The linear and the angular part of a row, each with a fourth value that integration leaves as it is.
+constexpr std::size_t kHalves = 2;
+constexpr Int4 kLinearOrAngular = {-1, -1, -1, 0};
+template <class Row>
+Float4 load_half(const Row& row, std::size_t half) {
+  static_assert(sizeof(Row) == kHalves * sizeof(Float4));
+  return load4(reinterpret_cast<const float*>(&row) + half * kSimd4Width);
+}
+template <class Row>
+void store_half(const Float4& value, Row& row, std::size_t half) {
+  std::memcpy(reinterpret_cast<float*>(&row) + half * kSimd4Width, &value, sizeof(value));
+}
 
 // Velocity change by gravity in a substep. The angular part is −0, which is neutral in floating-point addition.
 BodyVelocity gravity_velocity_change(const Vec3& gravity, float h_s) {
@@ -71,6 +89,12 @@ struct Solver::StepContext {
   }
   static bool is_pair(ContactKind kind) { return kind == kSpherePair || kind == kGeneralPair; }
 };
+
+Solver& Solver::of_this_thread(const StepSettings& settings) {
+  thread_local Solver solver(settings);
+  solver.configure(settings);
+  return solver;
+}
 
 void Solver::step(BodyStore& bodies, const Input& input, const Member& member) {
   const IndexRange own_slabs = input.partition.share(member);
@@ -279,12 +303,13 @@ const SurfaceMaterial& Solver::material_of_b(const StepContext& context, const M
 // Unused lanes refer to the bodies of the first lane, so that loads stay valid; they are never stored.
 void Solver::set_batch_bodies(StepContext& context, ContactBatch& o, int index, ContactKind kind) {
   const ContactList& list = context.contact_list(kind);
-  for (int lane = 0; lane < kLanes; ++lane) {
-    const int i = graph_.manifold(index, lane < o.lane_count ? lane : 0);
-    const Manifold& m = list.manifolds[static_cast<std::size_t>(i)];
+  for (int lane = 0; lane < o.lane_count; ++lane) {
+    const Manifold& m = list.manifolds[static_cast<std::size_t>(graph_.manifold(index, lane))];
     o.a[lane] = context.partition.row(m.a);
     o.b[lane] = m.b >= 0 ? context.partition.row(m.b) : o.a[lane];
   }
+  std::fill(o.a + o.lane_count, o.a + kLanes, o.a[0]);
+  std::fill(o.b + o.lane_count, o.b + kLanes, o.b[0]);
 }
 
 void Solver::clear_points(const ContactBatch& o) {
@@ -451,30 +476,32 @@ BodyVelocity Solver::external_velocity_change(const StepContext& context, int ro
 // accumulated impulses equals repeating the velocity change that contacts caused in the last substep.
 void Solver::integrate_velocities(StepContext& context, bool first) {
   for_each_active_row(context, [&](int row) {
-    const BodyVelocity change =
-        context.input.has_wrenches ? external_velocity_change(context, row) : context.gravity_change;
     BodyVelocity& m = velocity_[static_cast<std::size_t>(row)];
     BodyVelocity& start = start_velocity_[static_cast<std::size_t>(row)];
-    auto apply_change = [first](float& speed, float& start_speed, float external_change) {
-      const float contact_change = speed - start_speed;
-      start_speed = clamp_speed(speed + external_change);
-      speed = first ? start_speed : start_speed + contact_change;
+    const auto apply_change = [&m, &start, first](const BodyVelocity& change) {
+      for (std::size_t half = 0; half < kHalves; ++half) {
+        const Float4 speed = load_half(m, half), contact_change = speed - load_half(start, half);
+        const Float4 start_speed = clamp_speed(speed + load_half(change, half));
+        const Float4 next = first ? start_speed : start_speed + contact_change;
+        store_half(start_speed, start, half);
+        store_half(kLinearOrAngular ? next : speed, m, half);
+      }
     };
-    for (int i = 0; i < 3; ++i) apply_change(m.velocity[i], start.velocity[i], change.velocity[i]);
-    for (int i = 0; i < 3; ++i)
-      apply_change(m.angular_velocity[i], start.angular_velocity[i], change.angular_velocity[i]);
+    if (context.input.has_wrenches)
+      apply_change(external_velocity_change(context, row));
+    else
+      apply_change(context.gravity_change);
   });
 }
 
 void Solver::integrate_positions(StepContext& context) {
   const float h_s = context.pair_params.h_s;
+  const Float4 step_s = {h_s, h_s, h_s, 0.0F};
   for_each_active_row(context, [&](int row) {
     const BodyVelocity& m = velocity_[static_cast<std::size_t>(row)];
-    DeltaPose& s = delta_pose_[static_cast<std::size_t>(row)];
-    for (int axis = 0; axis < 3; ++axis) {
-      s.translation[axis] += h_s * m.velocity[axis];
-      s.rotation[axis] += h_s * m.angular_velocity[axis];
-    }
+    DeltaPose& pose = delta_pose_[static_cast<std::size_t>(row)];
+    for (std::size_t half = 0; half < kHalves; ++half)
+      store_half(load_half(pose, half) + step_s * load_half(m, half), pose, half);
   });
 }
 
@@ -489,16 +516,20 @@ void Solver::store_body(BodyStore& bodies, const SpatialPartition& partition, in
 void Solver::run_contact_stage(StepContext& context, const Member& member,
                                const ContactKernel (&kernel)[kContactKindCount], float elapsed_s,
                                SupportStage support_stage) {
-  SubstepParams pair_params = context.pair_params, static_params = context.static_params;
+  SubstepParams &pair_params = context.pair_params, &static_params = context.static_params;
   pair_params.elapsed_s = static_params.elapsed_s = elapsed_s;
   const std::size_t colours = graph_.colours().size();
   for (std::size_t i = 0; i <= colours; ++i) {
+    member.wait();
+    if (graph_.batch_count() == 0) {
+      member.arrive();
+      continue;
+    }
     auto run = [&](std::span<const BatchRange> ranges) {
       for (const BatchRange& batches : ranges)
         kernel[batches.kind](graph_.batches_from(batches.first), batches.count, batch_points(),
                              context.solver_bodies, i < colours ? pair_params : static_params);
     };
-    member.wait();
     run(shared_batches_.shared(member, i));
     member.arrive();
     run(shared_batches_.own(member, i));

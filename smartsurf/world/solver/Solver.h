@@ -35,10 +35,10 @@ struct StepSettings {
 
 class Solver {
  public:
-  explicit Solver(const StepSettings& settings)
-      : settings_(settings),
-        field_material_{0.0F, settings.field_friction_root, settings.field_rolling_friction_root,
-                        settings.field_restitution} {}
+  explicit Solver(const StepSettings& settings) { configure(settings); }
+  // The calling thread's solver, with these settings. A solver keeps nothing from step to step, so the worlds that a thread
+  // steps in turn share its buffers, which stay in the cache.
+  static Solver& of_this_thread(const StepSettings&);
 
   struct Input {
     const SpatialPartition& partition;  // with rows assigned
@@ -61,6 +61,11 @@ class Solver {
 
  private:
   struct StepContext;
+  void configure(const StepSettings& settings) {
+    settings_ = settings;
+    field_material_ = {0.0F, settings.field_friction_root, settings.field_rolling_friction_root,
+                       settings.field_restitution};
+  }
   void resize_buffers(const SpatialPartition&, int member_count, bool has_cell_limits);
   void run_stages(StepContext&, const Member&);
   void prepare_batch(StepContext&, ContactKind, int batch);

@@ -210,6 +210,25 @@ class VectorEnvironments(ExperimentTest):
             traces.append([envs.state_hash(i) for i in range(2)])
         self.assertEqual(traces, [traces[0]] * 4)
 
+    def test_actions_that_are_no_real_numbers_are_refused(self):
+        path = self.script(CROWD)
+        envs, env, agents = smartsurf.VectorEnv(path, 2, 1), smartsurf.Env(path), smartsurf.parallel_env(path, block=8)
+        for one in (envs, env, agents):
+            one.reset(seed=1)
+        before = env.simulation.actuators["height"].copy()
+        for bad, what in ((1j, "complex"), (b"1", "S1"), (None, "object"), ("1", "U1")):
+            def filled(shape):
+                return np.full(shape, bad)
+            for call in (lambda: envs.step(filled(envs.action_space.shape)), lambda: env.step(filled(env.action_space.shape)),
+                         lambda: agents.step({"block_0_1": filled((1, 8, 8))}), lambda: env.simulation.step(filled((16, 16)))):
+                with self.assertRaisesRegex(ValueError, f"^[^\n]* has values of type [<|]?{what}[^\n]*: must be real numbers$"):
+                    call()
+        with self.assertRaisesRegex(ValueError, r"^the action has shape \(16, 16\): must be \(1, 16, 16\)$"):
+            env.step(np.zeros((16, 16)))
+        with self.assertRaisesRegex(ValueError, "^the array of actions has rows of different lengths: must be an array$"):
+            envs.step([[1, 2], [3]])
+        np.testing.assert_array_equal(env.simulation.actuators["height"], before)
+
     def test_without_copies_the_arrays_are_the_same_ones(self):
         path = self.script(CROWD)
         live, copies = (smartsurf.VectorEnv(path, 2, 1, copy=copy) for copy in (False, True))
@@ -251,6 +270,12 @@ class Agents(ExperimentTest):
         observations, _ = env.reset(seed=1)
         whole = np.pad(env.simulation._core.observation, ((0, 0), (2, 2), (2, 2)))
         np.testing.assert_array_equal(observations["block_1_2"], whole[:, 4:12, 8:16])
+        with self.assertRaisesRegex(KeyError, "no agent 'block_4_0'; there are block_0_0 to block_3_3"):
+            env.step({"block_4_0": np.zeros((1, 4, 4))})
+        with self.assertRaisesRegex(ValueError, "^the action of block_0_0 has shape"):
+            env.step({"block_0_0": np.zeros((2, 3))})
+        with self.assertRaisesRegex(ValueError, "^actions: a list: must be a dict of agents"):
+            env.step([1])
         env.step({"block_1_2": np.full((1, 4, 4), 3, np.float32)})
         expected = np.zeros((16, 16), np.float32)
         expected[4:8, 8:12] = 3

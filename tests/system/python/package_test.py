@@ -253,7 +253,7 @@ class Errors(ExperimentTest):
         for actions, message in (({"hight": 1}, "no actuator channel 'hight'; known: height"),
                                  (np.zeros(3), r"actions\['height'\] has shape \(3,\): must be"),
                                  ([[1], [1, 2]], "has rows of different lengths: must be"),
-                                 ({"height": "up"}, "must be a number or an array")):
+                                 ({"height": "up"}, "has values of type <U2: must be real numbers")):
             with self.assertRaisesRegex(ValueError, message):
                 s.step(actions)
         for call, message in ((lambda: s.restore("state"), "a str is not a saved state"),
