@@ -62,7 +62,8 @@ void CsvRecorder::close(const RunResult&) {
 
 void CsvRecorder::write_frame(const scene::Snapshot& snapshot,
                               const std::vector<scene::ObjectSpec>& catalogue,
-                              std::span<const scene::ChannelData>, std::span<const scene::ChannelData>) {
+                              std::span<const scene::ChannelData>, std::span<const scene::ChannelData>,
+                              std::span<const NamedNumber>) {
   if (fd_ < 0) return;
   has_frames_ = true;
   for (std::size_t i = 0; i < snapshot.object_count(); ++i) {

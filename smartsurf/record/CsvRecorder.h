@@ -19,8 +19,8 @@ class CsvRecorder final : public Recorder {
 
  private:
   void write_frame(const scene::Snapshot& snapshot, const std::vector<scene::ObjectSpec>& catalogue,
-                   std::span<const scene::ChannelData> sensors,
-                   std::span<const scene::ChannelData> actuators) override;
+                   std::span<const scene::ChannelData> sensors, std::span<const scene::ChannelData> actuators,
+                   std::span<const NamedNumber> metrics) override;
   void flush_lines();
   template <class Action>
   void commit(Action action);

@@ -6,7 +6,7 @@
 // name.
 // Buffering: frames are written about 64 at a time or once a second, so most ticks only copy memory. A killed
 // process leaves a readable file that ends with the last write.
-// Allocation: record_frame() allocates in its first call and when objects are added.
+// Allocation: record_frame() allocates in its first call and when objects or metrics are added.
 // Threads: a recorder is used by one thread at a time. Recorders serialise their calls into HDF5, which
 // Debian builds without locks; nothing else in the process may call HDF5 concurrently.
 #pragma once
@@ -17,6 +17,7 @@
 #include <span>
 #include <string>
 #include <string_view>
+#include <utility>
 #include <vector>
 
 #include "smartsurf/scene/ChannelData.h"
@@ -28,6 +29,8 @@ namespace smartsurf::record {
 struct NamedText {
   std::string name, value;
 };
+
+using NamedNumber = std::pair<std::string, double>;
 
 // What a recording stores about a run besides its SceneSpec.
 struct RunMetadata {
@@ -68,10 +71,12 @@ class Recorder {
 
   // Call at every tick; keeps the first frame and then every `spec.record.tick_interval`-th.
   // catalogue: every object ever created, index = id; it only grows.
+  // metrics: the script's, in an order that stays; new ones follow the earlier ones.
   void record_frame(const scene::Snapshot& snapshot, const std::vector<scene::ObjectSpec>& catalogue,
                     std::span<const scene::ChannelData> sensors = {},
-                    std::span<const scene::ChannelData> actuators = {}) {
-    if (frame_calls_++ % tick_interval_ == 0) write_frame(snapshot, catalogue, sensors, actuators);
+                    std::span<const scene::ChannelData> actuators = {},
+                    std::span<const NamedNumber> metrics = {}) {
+    if (frame_calls_++ % tick_interval_ == 0) write_frame(snapshot, catalogue, sensors, actuators, metrics);
   }
   virtual void close(const RunResult& result) = 0;
 
@@ -82,7 +87,8 @@ class Recorder {
  private:
   virtual void write_frame(const scene::Snapshot& snapshot, const std::vector<scene::ObjectSpec>& catalogue,
                            std::span<const scene::ChannelData> sensors,
-                           std::span<const scene::ChannelData> actuators) = 0;
+                           std::span<const scene::ChannelData> actuators,
+                           std::span<const NamedNumber> metrics) = 0;
 
   std::uint64_t tick_interval_, frame_calls_ = 0;
 };

@@ -344,6 +344,39 @@ std::vector<float> Recording::read_channel(const std::string& group, const std::
       [&] { return contents_->read_channel_frame(group + "/" + name, frame); });
 }
 
+Recording::ChannelInfo Recording::channel_info(const std::string& group, const std::string& name) const {
+  return contents_->translate_errors([&] {
+    const Handle dataset = open_dataset(contents_->file, group + "/" + name);
+    ChannelInfo info;
+    if (has_attribute(dataset, "unit")) info.unit = read_text_attribute(dataset, "unit");
+    if (!has_attribute(dataset, "minimum") || !has_attribute(dataset, "maximum")) return info;
+    read_attribute(dataset, "minimum", H5T_NATIVE_DOUBLE, &info.minimum);
+    read_attribute(dataset, "maximum", H5T_NATIVE_DOUBLE, &info.maximum);
+    return info;
+  });
+}
+
+std::vector<std::string> Recording::metric_names() const {
+  constexpr std::string_view kGroup = "/metrics/";
+  std::vector<std::string> names;
+  for (const DatasetInfo& dataset : datasets())
+    if (dataset.name.starts_with(kGroup) && dataset.extents.size() == 1)
+      names.push_back(dataset.name.substr(kGroup.size()));
+  return names;
+}
+
+// Of a metric that began after the last flush of a killed run no value is stored.
+std::vector<double> Recording::read_metric(const std::string& name) const {
+  return contents_->translate_errors([&] {
+    const std::string path = "metrics/" + name;
+    const hsize_t stored = extents(open_dataset(contents_->file, path, 1))[0];
+    std::vector<double> values =
+        read_column<double>(contents_->file, path, H5T_NATIVE_DOUBLE, std::min<hsize_t>(stored, frames()));
+    values.resize(frames(), std::numeric_limits<double>::quiet_NaN());
+    return values;
+  });
+}
+
 std::vector<float> Recording::read_cell_history(const std::string& group, const std::string& name, int row,
                                                 int column) const {
   return contents_->translate_errors([&] {

@@ -22,6 +22,10 @@ namespace smartsurf::record {
 
 class Recording {
  public:
+  struct ChannelInfo {
+    std::string unit;                     // "": dimensionless, or unknown
+    double minimum = 0.0, maximum = 0.0;  // of the values; equal: unknown
+  };
   struct DatasetInfo {
     std::string name;                    // "/objects/position"
     std::vector<std::uint64_t> extents;  // as stored; may exceed frames() if the run was killed
@@ -75,9 +79,14 @@ class Recording {
   std::vector<std::string> channel_names(const std::string& group) const;  // "sensors" or "actuators"
   // One frame of a channel, rows × columns × components, row-major.
   std::vector<float> read_channel(const std::string& group, const std::string& name, std::size_t frame) const;
+  // Unknown in recordings of older versions.
+  ChannelInfo channel_info(const std::string& group, const std::string& name) const;
   // The channel's first component at one cell, one value per frame.
   std::vector<float> read_cell_history(const std::string& group, const std::string& name, int row,
                                        int column) const;
+  std::vector<std::string> metric_names() const;
+  // One value per frame; NaN before the script first set it.
+  std::vector<double> read_metric(const std::string& name) const;
 
  private:
   struct Contents;

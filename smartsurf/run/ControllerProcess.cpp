@@ -10,6 +10,7 @@
 #include <cstdlib>
 #include <cstring>
 #include <filesystem>
+#include <sstream>
 #include <system_error>
 #include <thread>
 #include <vector>
@@ -28,6 +29,21 @@ std::string apron_executable() {
   const fs::path executable = fs::read_symlink("/proc/self/exe", error);
   const fs::path sibling = executable.parent_path() / "apron";
   return !error && access(sibling.c_str(), X_OK) == 0 ? sibling.string() : "apron";
+}
+
+// As a user would type it: by its name if PATH leads to it, relative to the current folder if it lies below.
+std::string typed_name(const fs::path& executable) {
+  std::error_code error;
+  const char* const path = std::getenv("PATH");
+  std::istringstream folders(path ? path : "");
+  for (std::string folder; std::getline(folders, folder, ':');) {
+    const fs::path found = fs::path(folder) / executable.filename();
+    if (access(found.c_str(), X_OK) != 0) continue;
+    if (fs::equivalent(found, executable, error)) return executable.filename().string();
+    break;
+  }
+  const fs::path relative = fs::proximate(executable, error);
+  return error || relative.empty() || *relative.begin() == ".." ? executable.string() : relative.string();
 }
 
 std::vector<std::string> make_command(const std::string& controller, const std::string& shm_name,
@@ -115,8 +131,8 @@ std::optional<int> ControllerProcess::wait_for_exit(std::chrono::milliseconds ti
 }
 
 std::string attach_command(const std::string& experiment, const std::string& shm_name, bool with_window) {
-  return fmt::format("{} run {} --shm {}{}", apron_executable(), likely_program(experiment), shm_name,
-                     with_window ? " --window" : "");
+  return fmt::format("{} run {} --shm {}{}", typed_name(apron_executable()), likely_program(experiment),
+                     shm_name, with_window ? " --window" : "");
 }
 
 }  // namespace smartsurf::run

@@ -329,7 +329,8 @@ void Run::record_tick() {
     recorder->record_frame(
         snapshot, simulation_.catalogue(),
         record_spec.sensors ? simulation_.sensors() : std::span<const scene::ChannelData>{},
-        record_spec.actuators ? simulation_.actuators() : std::span<const scene::ChannelData>{});
+        record_spec.actuators ? simulation_.actuators() : std::span<const scene::ChannelData>{},
+        experiment_.metrics());
   }
   phase_times_.lap(Phase::kRecord);
   if (observer_) observer_(simulation_);

@@ -105,6 +105,7 @@ class Run {
   void write_stats() const;
   RunSummary summary() const;
   std::string describe_controller();
+  bool can_restart() const;
   bool controller_is_paused();
 
   RunOptions options_;

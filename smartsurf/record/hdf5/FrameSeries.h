@@ -35,6 +35,7 @@ class FrameSeries {
   std::span<Number> row(std::size_t buffer_index) {
     return {reinterpret_cast<Number*>(buffer_.data() + buffer_index * row_bytes()), row_elements_};
   }
+  hid_t dataset() const { return dataset_; }
   // Upper bound of the bytes that writing a full buffer adds to the file.
   std::uint64_t max_bytes() const;
   // Extends the row's first axis; buffered rows keep their values and are padded with the fill value.

@@ -75,15 +75,20 @@ struct Hdf5Recorder::OpenFile {
   void for_each_series(Action action);  // all except tick
   void create_series(const scene::Snapshot& first, std::span<const scene::ChannelData> sensors,
                      std::span<const scene::ChannelData> actuators);
+  // specs: the descriptions of the channels, by name.
+  template <class ChannelSpec>
   void create_channels(const char* group, std::span<const scene::ChannelData> channels,
-                       std::vector<FrameSeries>& series);
+                       const std::vector<ChannelSpec>& specs, std::vector<FrameSeries>& series);
   FrameSeries make_grid_series(hid_t parent, std::string_view name, int rows, int columns, int components);
   FrameSeries make_pose_series(const char* name, hsize_t width);
   void add_objects(const std::vector<scene::ObjectSpec>& all);
   void buffer_objects(const scene::Snapshot& snapshot);
   void buffer_channels(std::span<const scene::ChannelData> channels, std::vector<FrameSeries>& series);
   void buffer_frame(const scene::Snapshot& snapshot, std::span<const scene::ChannelData> sensors,
-                    std::span<const scene::ChannelData> actuators);
+                    std::span<const scene::ChannelData> actuators, std::span<const NamedNumber> metrics);
+  void buffer_metrics(std::span<const NamedNumber> metrics);
+  FrameSeries make_number_series(hid_t parent, const std::string& name, hid_t type,
+                                 std::vector<std::byte> no_value);
   void append_inputs(std::span<const scene::ChannelData> actuators);
   void write_buffered();
 
@@ -102,6 +107,8 @@ struct Hdf5Recorder::OpenFile {
   std::optional<FrameSeries> tick, time, hash, contacts, position, orientation, velocity, angular_velocity,
       height;
   std::vector<FrameSeries> sensor_series, actuator_series;
+  Handle metrics_group;
+  std::vector<std::optional<FrameSeries>> metric_series;  // empty: its name cannot be that of a dataset
   std::optional<DeltaWriter> inputs, heights, motion;
   std::vector<float> flat_motion;
   bool interaction_marked = false;
@@ -133,7 +140,15 @@ FrameSeries Hdf5Recorder::OpenFile::make_pose_series(const char* name, hsize_t w
           buffer_capacity};
 }
 
+FrameSeries Hdf5Recorder::OpenFile::make_number_series(hid_t parent, const std::string& name, hid_t type,
+                                                       std::vector<std::byte> no_value) {
+  return {
+      parent, name, {.type = type, .chunk_frames = 1024, .fill_value = std::move(no_value)}, buffer_capacity};
+}
+
+template <class ChannelSpec>
 void Hdf5Recorder::OpenFile::create_channels(const char* group, std::span<const scene::ChannelData> channels,
+                                             const std::vector<ChannelSpec>& specs,
                                              std::vector<FrameSeries>& series) {
   const Handle parent = create_group(file, group);
   for (const scene::ChannelData& channel : channels) {
@@ -142,6 +157,11 @@ void Hdf5Recorder::OpenFile::create_channels(const char* group, std::span<const 
                               "' cannot be recorded: its name must not be empty or contain '/'");
     series.push_back(
         make_grid_series(parent, channel.name, channel.rows, channel.columns, channel.components));
+    const auto spec = std::ranges::find(specs, channel.name, &ChannelSpec::name);
+    if (spec == specs.end()) continue;
+    write_attribute(series.back().dataset(), "unit", spec->unit);
+    write_attribute(series.back().dataset(), "minimum", spec->minimum);
+    write_attribute(series.back().dataset(), "maximum", spec->maximum);
   }
 }
 
@@ -159,9 +179,7 @@ void Hdf5Recorder::OpenFile::create_series(const scene::Snapshot& first,
   buffer_capacity = frames_that_fit(kMaxBufferBytes, bytes);
 
   const auto numbers = [&](const char* name, hid_t type, auto no_value) {
-    return FrameSeries(file, name,
-                       {.type = type, .chunk_frames = 1024, .fill_value = FrameSeries::to_bytes(no_value)},
-                       buffer_capacity);
+    return make_number_series(file, name, type, FrameSeries::to_bytes(no_value));
   };
   constexpr auto kNoTick = std::numeric_limits<std::uint64_t>::max();
   tick.emplace(numbers("tick", H5T_NATIVE_UINT64, kNoTick));
@@ -178,9 +196,10 @@ void Hdf5Recorder::OpenFile::create_series(const scene::Snapshot& first,
   if (!first.actuator_state.empty())
     motion.emplace(surface_group, "motion",
                    kValuesPerActuatorState * static_cast<std::size_t>(surface.cell_count()));
-  if (record.sensors) create_channels("sensors", sensors, sensor_series);
+  if (record.sensors)
+    create_channels("sensors", sensors, scene::collect_channels(surface.sensors), sensor_series);
   if (record.actuators) {
-    create_channels("actuators", actuators, actuator_series);
+    create_channels("actuators", actuators, surface.actuator_channels(), actuator_series);
     height.emplace(make_grid_series(surface_group, "height", surface.rows, surface.columns, 1));
   }
   series_created = true;
@@ -224,13 +243,29 @@ void Hdf5Recorder::OpenFile::buffer_channels(std::span<const scene::ChannelData>
   }
 }
 
+// Of a metric that is new, the frames so far have no value.
+void Hdf5Recorder::OpenFile::buffer_metrics(std::span<const NamedNumber> metrics) {
+  for (std::size_t i = metric_series.size(); i < metrics.size(); ++i) {
+    auto& series = metric_series.emplace_back();
+    if (!is_valid_channel_name(metrics[i].first)) continue;
+    require_memory(0);
+    if (metrics_group < 0) metrics_group = create_group(file, "metrics");
+    series = make_number_series(metrics_group, metrics[i].first, H5T_NATIVE_DOUBLE,
+                                FrameSeries::to_bytes(std::numeric_limits<double>::quiet_NaN()));
+  }
+  for (std::size_t i = 0; i < metrics.size(); ++i)
+    if (metric_series[i]) metric_series[i]->row<double>(buffered_frames)[0] = metrics[i].second;
+}
+
 void Hdf5Recorder::OpenFile::buffer_frame(const scene::Snapshot& snapshot,
                                           std::span<const scene::ChannelData> sensors,
-                                          std::span<const scene::ChannelData> actuators) {
+                                          std::span<const scene::ChannelData> actuators,
+                                          std::span<const NamedNumber> metrics) {
   tick->row<std::uint64_t>(buffered_frames)[0] = snapshot.tick;
   time->row<double>(buffered_frames)[0] = snapshot.time_s;
   hash->row<std::uint64_t>(buffered_frames)[0] = snapshot.state_hash;
   contacts->row<std::uint32_t>(buffered_frames)[0] = snapshot.contact_count;
+  buffer_metrics(metrics);
   if (record.objects) buffer_objects(snapshot);
   if (record.sensors) buffer_channels(sensors, sensor_series);
   if (record.actuators) {
@@ -255,6 +290,8 @@ void Hdf5Recorder::OpenFile::for_each_series(Action action) {
     if (*series) action(**series);
   for (FrameSeries& series : sensor_series) action(series);
   for (FrameSeries& series : actuator_series) action(series);
+  for (auto& series : metric_series)
+    if (series) action(*series);
   for (auto* series : {&contacts, &hash, &time}) action(**series);
 }
 
@@ -387,11 +424,12 @@ Hdf5Recorder::~Hdf5Recorder() {
 void Hdf5Recorder::write_frame(const scene::Snapshot& snapshot,
                                const std::vector<scene::ObjectSpec>& catalogue,
                                std::span<const scene::ChannelData> sensors,
-                               std::span<const scene::ChannelData> actuators) {
+                               std::span<const scene::ChannelData> actuators,
+                               std::span<const NamedNumber> metrics) {
   with_open_file([&](OpenFile& content) {
     if (catalogue.size() > content.object_count) content.add_objects(catalogue);
     if (!content.series_created) content.create_series(snapshot, sensors, actuators);
-    content.buffer_frame(snapshot, sensors, actuators);
+    content.buffer_frame(snapshot, sensors, actuators, metrics);
     // Counts from frame 0, so that writes end at chunk boundaries again after an early write.
     if ((content.written_frames + content.buffered_frames) % content.buffer_capacity == 0 ||
         content.heights->buffered_changes() > kMaxBufferedChanges ||

@@ -32,8 +32,8 @@ class Hdf5Recorder final : public Recorder {
   struct OpenFile;  // the file and its datasets
 
   void write_frame(const scene::Snapshot& snapshot, const std::vector<scene::ObjectSpec>& catalogue,
-                   std::span<const scene::ChannelData> sensors,
-                   std::span<const scene::ChannelData> actuators) override;
+                   std::span<const scene::ChannelData> sensors, std::span<const scene::ChannelData> actuators,
+                   std::span<const NamedNumber> metrics) override;
   // Calls action(*open_file_) under the library's lock; does nothing once closed or failed.
   template <class Action>
   void with_open_file(Action action);

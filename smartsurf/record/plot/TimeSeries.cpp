@@ -19,6 +19,12 @@ constexpr double kMissing = std::numeric_limits<double>::quiet_NaN();
   throw scene::InputError("--what " + what + ": " + reason);
 }
 
+std::string join(const std::vector<std::string>& names) {
+  std::string list;
+  for (const std::string& name : names) list += (list.empty() ? "" : ", ") + name;
+  return list;
+}
+
 std::optional<std::size_t> parse_index(const std::string& text) {
   std::size_t value = 0;
   const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
@@ -91,7 +97,8 @@ TimeSeries height_series(const Recording& recording, const std::string& kind, co
 TimeSeries channel_series(const Recording& recording, const std::string& group, const std::string& name,
                           const Arguments& cells) {
   require_cells(name, cells);
-  TimeSeries result{"Channel " + name, name, {}};
+  const std::string unit = recording.channel_info(group, name).unit;
+  TimeSeries result{"Channel " + name, unit.empty() ? name : name + " [" + unit + "]", {}};
   for (const std::string& text : cells) {
     const Cell cell = parse_cell(recording, name, text);
     const std::vector<float> values = recording.read_cell_history(group, name, cell.row, cell.column);
@@ -184,6 +191,20 @@ TimeSeries contact_count_series(const Recording& recording, const std::string& k
           {{"contacts", {recording.contact_counts().begin(), recording.contact_counts().end()}}}};
 }
 
+TimeSeries metric_series(const Recording& recording, const std::string& kind, const Arguments& names) {
+  const std::vector<std::string> known = recording.metric_names();
+  if (names.empty()) throw_plot_error(kind, "needs a name: metric:NAME");
+  TimeSeries result{"Metrics of the script", names.size() == 1 ? names[0] : "value", {}};
+  for (const std::string& name : names) {
+    if (std::ranges::find(known, name) == known.end())
+      throw_plot_error(kind + ":" + name, known.empty() ? recording.path().string() + " holds no metrics"
+                                                        : "no such metric; known: " + join(known) +
+                                                              common::did_you_mean(name, known));
+    result.curves.push_back({name, recording.read_metric(name)});
+  }
+  return result;
+}
+
 struct SeriesDefinition {
   const char* name;
   const char* usage;
@@ -197,6 +218,7 @@ constexpr SeriesDefinition kSeriesDefinitions[] = {{"speed", "speed[:ID…]", sp
                                                    {"z", "z[:ID…]", coordinate_series},
                                                    {"objects", "objects", object_count_series},
                                                    {"contacts", "contacts", contact_count_series},
+                                                   {"metric", "metric:NAME…", metric_series},
                                                    {"height", "height:ROW,COLUMN…", height_series}};
 
 }  // namespace
@@ -218,9 +240,7 @@ TimeSeries time_series(const Recording& recording, const std::string& kind, cons
       if (kind == name) return channel_series(recording, group, name, arguments);
       if (std::ranges::find(known, name) == known.end()) known.push_back(name);
     }
-  std::string list;
-  for (const std::string& name : known) list += (list.empty() ? "" : ", ") + name;
-  throw_plot_error(kind, "unknown kind of plot; known: " + list + common::did_you_mean(kind, known));
+  throw_plot_error(kind, "unknown kind of plot; known: " + join(known) + common::did_you_mean(kind, known));
 }
 
 }  // namespace smartsurf::record

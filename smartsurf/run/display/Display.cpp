@@ -71,6 +71,7 @@ view::Status Display::make_view_status(const DisplayStatus& display_status, bool
   status.mode = display_status.mode == RunMode::kTimeStep ? "time-step" : "passive";
   status.controller = display_status.controller;
   status.paused = paused;
+  status.run_ended = display_status.run_ended;
   status.requested_pace = display_status.requested_pace.value_or(0.0);
   status.actual_pace = display_status.real_time_factor;
   status.physics_ms = display_status.physics_ms;

@@ -47,7 +47,7 @@ struct DisplayStatus {
   bool can_restart = false;
   std::string notice;
   std::optional<view::Banner> banner;
-  bool run_ended = false;  // no more interaction
+  bool run_ended = false;
 };
 
 class Display {

@@ -25,7 +25,7 @@ void Run::refresh_display() {
   status.physics_ms = phase_times_.last_ms(Phase::kPhysics);
   if (std::isfinite(purity_meter_.value())) status.purity = purity_meter_.value();
   const bool was_paused = requests_.paused;
-  status.can_restart = recorders_.empty() && media_.only_final_left();
+  status.can_restart = can_restart();
   status.notice = notice_;
   if (notice_.empty() && !ending_ && controller_is_paused())
     status.notice = "the controller is paused; the run waits for it";
@@ -56,6 +56,9 @@ std::string Run::describe_controller() {
   return fmt::format("process {}, {}", link_->endpoint().controller_pid(),
                      text(link_->endpoint().controller_state()));
 }
+
+// Files that a run writes hold one run.
+bool Run::can_restart() const { return recorders_.empty() && media_.only_final_left(); }
 
 bool Run::controller_is_paused() {
   return link_ && link_->endpoint().has_controller() &&
@@ -113,7 +116,7 @@ void Run::prepare_restart(RunOptions options) {
 
 // An experiment starts with the APRON program beside it that has its name, else without a controller.
 void Run::open_file(const std::string& file) {
-  if (!recorders_.empty() || !media_.only_final_left()) {
+  if (!can_restart()) {
     notice_ = "a run that is recorded cannot be replaced: " + file;
   } else if (file.ends_with(".h5")) {
     try {
@@ -150,7 +153,9 @@ view::Banner Run::result_banner() const {
   for (const auto& [name, value] : s.metrics | std::views::take(kMaxMetrics))
     banner.lines.push_back(fmt::format("{}: {:.6g}", name, value));
   for (const std::string& file : written_files()) banner.lines.push_back("wrote " + file);
-  banner.lines.push_back("The timeline below looks back.  Q closes the window.");
+  banner.lines.push_back(can_restart()
+                             ? "The timeline looks back.  Backspace runs it again, Q closes the window."
+                             : "The timeline looks back.  Q closes the window.");
   return banner;
 }
 

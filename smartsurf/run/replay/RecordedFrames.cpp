@@ -13,8 +13,8 @@ namespace smartsurf::run {
 RecordedFrames::RecordedFrames(const record::Recording& recording) : recording_(recording) {
   const scene::SurfaceSpec& surface = recording.spec().surface;
   channels_ = {height_channel(surface)};
-  add_channels("sensors", sensor_channel);
-  add_channels("actuators", actuator_channel);
+  add_channels("sensors", "");
+  add_channels("actuators", "command: ");
   try {
     const record::PuritySeries purity = record::compute_purity(recording);
     purity_ = purity.values;
@@ -30,16 +30,19 @@ RecordedFrames::RecordedFrames(const record::Recording& recording) : recording_(
 }
 
 // A channel with several components is one for each.
-void RecordedFrames::add_channels(const char* group,
-                                  view::Channel (*describe)(const scene::SurfaceSpec&, const std::string&)) {
+void RecordedFrames::add_channels(const char* group, const std::string& prefix) {
   const auto cells = static_cast<std::size_t>(recording_.spec().surface.cell_count());
   for (const std::string& name : recording_.channel_names(group)) {
     const std::size_t numbers =
         recording_.frames() > 0 ? recording_.read_channel(group, name, 0).size() : cells;
     const int components = std::max(1, static_cast<int>(numbers / std::max<std::size_t>(cells, 1)));
+    const record::Recording::ChannelInfo info = recording_.channel_info(group, name);
     for (int i = 0; i < components; ++i) {
-      channels_.push_back(describe(recording_.spec().surface, name));
-      channels_.back().name = component_name(channels_.back().name, i, components);
+      channels_.push_back({component_name(prefix + name, i, components),
+                           info.unit,
+                           {},
+                           static_cast<float>(info.minimum),
+                           static_cast<float>(info.maximum)});
       sources_.push_back({group, name, i});
     }
   }
@@ -103,7 +106,7 @@ std::vector<double> RecordedFrames::read_all(const view::Signal& signal) const {
       if (signal.quantity == "purity") return purity_;
       return record::time_series(recording_, signal.quantity, {}).curves[0].values;
     case view::Signal::Kind::kMetric:
-      break;  // recordings hold only the final metrics
+      return recording_.read_metric(signal.quantity);
   }
   return {};
 }
@@ -129,6 +132,8 @@ std::vector<view::Signal> RecordedFrames::run_signals() const {
   for (const char* quantity : view::kRunQuantities)
     if (!purity_.empty() || std::string_view(quantity) != "purity")
       signals.push_back({view::Signal::Kind::kRun, quantity, 0, 0, 0});
+  for (const std::string& name : recording_.metric_names())
+    signals.push_back({view::Signal::Kind::kMetric, name, 0, 0, 0});
   return signals;
 }
 

@@ -38,8 +38,8 @@ class RecordedFrames final : public view::History {
     std::string group, name;
     int component;
   };
-  void add_channels(const char* group,
-                    view::Channel (*describe)(const scene::SurfaceSpec&, const std::string&));
+  // prefix: of the names of the channels.
+  void add_channels(const char* group, const std::string& prefix);
   void load(std::size_t frame);
   std::vector<double> read_all(const view::Signal& signal) const;
 

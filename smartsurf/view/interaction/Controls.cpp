@@ -38,7 +38,7 @@ void Controls::perform(UiAction action, const Status& status) {
   const double pace = commands_.pace.value_or(status.requested_pace);
   switch (action) {
     case UiAction::kPause:
-      commands_.toggle_pause = !commands_.toggle_pause;
+      if (!status.run_ended) commands_.toggle_pause = !commands_.toggle_pause;
       break;
     case UiAction::kStep:
       ++commands_.steps;

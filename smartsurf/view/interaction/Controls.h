@@ -54,6 +54,7 @@ struct Status {
   std::string mode;        // "time-step" or "passive"
   std::string controller;  // name, process id and state of the controlling program, or ""
   bool paused = false;
+  bool run_ended = false;        // nothing follows but a restart; the past can be viewed
   double requested_pace = 1.0;   // simulated seconds per wall-clock second; 0: as fast as possible
   double actual_pace = 0.0;      // measured, same unit
   double physics_ms = 0.0;       // wall-clock time of one tick's physics

@@ -96,11 +96,14 @@ Camera Camera::fit_to_surface(const scene::SurfaceSpec& surface, CameraPreset pr
   const double k_y = std::tan(camera.field_of_view_ / 2.0) / kFramingMargin;
   const double k_x = k_y * aspect;
   const double k_below = k_y * (1.0 - 2.0 * insets.bottom);
-  FrustumFit x{k_x, k_x}, y{k_below, k_y}, y_unobstructed{k_below, k_y * (1.0 - 2.0 * insets.top)};
-  FrustumFit x_unobstructed{k_x * (1.0 - 2.0 * insets.left), k_x};
+  FrustumFit y{k_below, k_y}, y_unobstructed{k_below, k_y * (1.0 - 2.0 * insets.top)};
+  const double k_left = k_x * (1.0 - 2.0 * insets.left), k_right = k_x * (1.0 - 2.0 * insets.right);
+  FrustumFit x[2][2] = {{{k_x, k_x}, {k_x, k_right}},
+                        {{k_left, k_x}, {k_left, k_right}}};  // beside neither … both
   const auto include = [&](const Eigen::Vector3d& point) {
     const double depth = -point.dot(camera.forward());
-    for (FrustumFit* fit : {&x, &x_unobstructed}) fit->add(point.dot(camera.right()), depth);
+    for (FrustumFit* fit : {&x[0][0], &x[0][1], &x[1][0], &x[1][1]})
+      fit->add(point.dot(camera.right()), depth);
     for (FrustumFit* fit : {&y, &y_unobstructed}) fit->add(point.dot(camera.up()), depth);
   };
   for (const Eigen::Vector3d& corner : corners(box)) include(corner);
@@ -111,19 +114,22 @@ Camera Camera::fit_to_surface(const scene::SurfaceSpec& surface, CameraPreset pr
   const Axes axes = make_axes(surface);
   include(axes.origin);
   for (int i = 0; i < 3; ++i) include(axes.origin + axes.length * Eigen::Vector3d::Unit(i));
-  double eye_depth = std::max(x.distance(), y.distance());
+  double eye_depth = std::max(x[0][0].distance(), y.distance());
   const double target_depth = -box.center().dot(camera.forward());
-  double offset_x = x.offset(eye_depth);
-  if (insets.left > 0.0) {
-    constexpr double kMaxShrinking = 1.25;
-    const double beside = std::max(x_unobstructed.distance(), y.distance());
-    const double below = std::max(x.distance(), y_unobstructed.distance());
+  double offset_x = x[0][0].offset(eye_depth);
+  for (const bool beside_right : {true, false}) {
+    if ((beside_right ? insets.right : insets.left) <= 0.0) continue;
+    const double max_distance = (beside_right ? 2.0 : 1.25) * (eye_depth - target_depth);
+    const double beside = std::max(x[1][beside_right].distance(), y.distance());
+    const double below = std::max(x[0][beside_right].distance(), y_unobstructed.distance());
+    const bool fits = std::min(beside, below) - target_depth <= max_distance;
+    if (beside_right && !fits) continue;
+    if (fits) eye_depth = std::min(beside, below);
     const bool is_beside = beside <= below;
-    if (std::min(beside, below) - target_depth <= kMaxShrinking * (eye_depth - target_depth))
-      eye_depth = std::min(beside, below);
-    offset_x =
-        is_beside ? std::max(x_unobstructed.offset(eye_depth), x.min_offset(eye_depth)) : x.offset(eye_depth);
+    offset_x = std::min(std::max(x[is_beside][beside_right].offset(eye_depth), x[0][0].min_offset(eye_depth)),
+                        x[0][0].max_offset(eye_depth));
     if (is_beside) y_unobstructed = y;
+    break;
   }
   camera.distance_ = camera.reference_distance_ = eye_depth - target_depth;
   camera.target_ = camera.right() * offset_x +

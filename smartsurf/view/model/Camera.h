@@ -33,13 +33,14 @@ struct Ray {
   Eigen::Vector3d origin, direction;
 };
 
-// Fractions of the image covered by panels: a bar along its lower edge, and a panel in its upper left corner.
-// Each at most 0.4.
+// Fractions of the image covered by panels: a bar along its lower edge, a panel in its upper left corner, and one along
+// its right edge. Each at most 0.4.
 struct ViewInsets {
   double bottom = 0.0;  // of the height; kept free
   double top = 0.0;     // of the height; without `left`, kept free only as far as the table need not shrink
   // Of the width. The table is framed beside or below the corner panel if it shrinks by at most a quarter.
   double left = 0.0;
+  double right = 0.0;  // of the width; kept free if the table shrinks by at most a half
   bool operator==(const ViewInsets&) const = default;
 };
 

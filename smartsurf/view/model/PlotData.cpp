@@ -58,6 +58,20 @@ void PlotData::update(const History& history) {
   end_ = history.end();
 }
 
+std::vector<Signal> signals_to_add(const SceneItem& item, std::span<const Channel> channels,
+                                   const PlotData& plotted) {
+  const bool is_object = item.kind == SceneItem::Kind::kObject;
+  std::vector<Signal> suitable, usual;
+  for (Signal& signal : signals_of(item, channels)) {
+    const auto shows_quantity = [&](const PlotData::Series& series) {
+      return series.signal.kind == signal.kind && series.signal.quantity == signal.quantity;
+    };
+    if (usual.empty() && (!is_object || signal.quantity == "speed")) usual.push_back(signal);
+    if (std::ranges::any_of(plotted.series(), shows_quantity)) suitable.push_back(std::move(signal));
+  }
+  return suitable.empty() ? usual : suitable;
+}
+
 std::string to_csv(const PlotExport& plot) {
   std::string text = "time_s";
   for (const PlotExport::Series& series : plot.series) {

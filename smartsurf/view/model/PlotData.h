@@ -38,6 +38,11 @@ class PlotData {
   std::uint64_t begin_ = 0, end_ = 0;  // the frames that times_ holds
 };
 
+// The signals of an item that suit the plots: the quantities that they show of other objects or cells; without any, an
+// object's speed or a cell's first channel.
+std::vector<Signal> signals_to_add(const SceneItem& item, std::span<const Channel> channels,
+                                   const PlotData& plotted);
+
 // A finished plot, to be written to a file.
 struct PlotExport {
   std::string file;  // .csv or .png

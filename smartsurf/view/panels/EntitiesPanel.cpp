@@ -19,6 +19,16 @@ void select(const Entity& entity, bool selected, Controls& controls) {
     controls.tools().select(selected ? std::nullopt : std::optional(entity.item));
 }
 
+// What the plots show when the entity is dragged onto them. A channel needs a cell.
+std::vector<Signal> dragged_signals(const Entity& entity, const FrameInput& input, const HudState& state,
+                                    const Controls& controls) {
+  if (entity.kind != Entity::Kind::kChannel)
+    return signals_to_add(entity.item, input.channels, state.plotted);
+  const auto& item = controls.tools().selected();
+  if (!item || item->kind != SceneItem::Kind::kCell) return {};
+  return {{Signal::Kind::kCell, entity.channel, 0, item->row, item->column}};
+}
+
 }  // namespace
 
 void draw_entities_section(const FrameInput& input, const scene::SurfaceSpec& surface, HudState& state,
@@ -54,6 +64,7 @@ void draw_entities_section(const FrameInput& input, const scene::SurfaceSpec& su
         ImGui::SameLine();
       }
       if (ImGui::Selectable(entity.name.c_str(), selected)) select(entity, selected, controls);
+      make_draggable(dragged_signals(entity, input, state, controls));
       ImGui::PopID();
     }
   clipper.End();

@@ -62,7 +62,23 @@ void action_button(const char* label, UiAction action, const Status& status, Con
   if (ImGui::IsItemHovered()) ImGui::SetTooltip("%s", tooltip);
 }
 
+// A disabled button has a tooltip, too, which says why.
+void disabled_button(const char* label, const char* reason) {
+  ImGui::BeginDisabled();
+  ImGui::Button(label);
+  ImGui::EndDisabled();
+  if (ImGui::IsItemHovered(ImGuiHoveredFlags_AllowWhenDisabled)) ImGui::SetTooltip("%s", reason);
+}
+
 void draw_transport_controls(const Status& status, Controls& controls) {
+  if (status.run_ended) {
+    if (status.can_reset)
+      action_button("Run again", UiAction::kReset, status, controls, "from the start: Backspace");
+    else
+      disabled_button("Run again",
+                      "a run that writes a recording, a video or pictures cannot run again here");
+    return;
+  }
   action_button(status.paused ? "Run" : "Pause", UiAction::kPause, status, controls, "Space");
   ImGui::SameLine();
   action_button("Step", UiAction::kStep, status, controls, "Right arrow");
@@ -169,7 +185,10 @@ float draw_timeline(const Timeline& timeline, const Status& status, Controls& co
   ImGui::SetNextWindowSize({width, 0.0f});
   ImGui::SetNextWindowBgAlpha(0.82f);
   ImGui::Begin("timeline", nullptr, kPanelFlags);
-  if (ImGui::Button(status.paused ? "Play" : "Pause")) controls.perform(UiAction::kPause, status);
+  if (status.run_ended)
+    disabled_button("Play", "the run has ended; drag the slider or use the arrows to look back");
+  else if (ImGui::Button(status.paused ? "Play" : "Pause"))
+    controls.perform(UiAction::kPause, status);
   ImGui::SameLine();
   if (ImGui::ArrowButton("back", ImGuiDir_Left)) controls.perform(UiAction::kStepBack, status);
   ImGui::SameLine();
@@ -225,8 +244,9 @@ void setup_imgui_style(float scale) {
 
 namespace {
 
-void draw_run_panel(const FrameInput& input, const Status& status, const scene::SurfaceSpec& surface,
-                    HudState& state, Controls& controls, float scale) {
+// Returns the lower right corner of the panel, pixels.
+ImVec2 draw_run_panel(const FrameInput& input, const Status& status, const scene::SurfaceSpec& surface,
+                      HudState& state, Controls& controls, float scale) {
   ImGui::SetNextWindowPos({12.0f * scale, 12.0f * scale});
   ImGui::SetNextWindowBgAlpha(0.86f);
   ImGui::Begin("run", nullptr, kPanelFlags);
@@ -249,14 +269,15 @@ void draw_run_panel(const FrameInput& input, const Status& status, const scene::
   ImGui::PopTextWrapPos();
   ImGui::TextColored(kDimTextColour, "F1: help   Tab: hide panels");
   ImGui::PopItemWidth();
+  const ImVec2 position = ImGui::GetWindowPos(), extent = ImGui::GetWindowSize();
   // Set once, from the panel's initial size, so that the scene does not move when a section is opened.
   if (state.insets.top == 0.0 && !ImGui::IsWindowAppearing()) {
-    const ImVec2 position = ImGui::GetWindowPos(), extent = ImGui::GetWindowSize();
     const ImVec2 display = ImGui::GetIO().DisplaySize;
     state.insets.top = std::min(0.4, static_cast<double>((position.y + extent.y) / display.y));
     state.insets.left = std::min(0.6, static_cast<double>((position.x + extent.x) / display.x));
   }
   ImGui::End();
+  return {position.x + extent.x, position.y + extent.y};
 }
 
 void draw_paused_badge(float scale) {
@@ -280,12 +301,14 @@ ImVec4 tone_colour(Banner::Tone tone) {
   return ImGui::GetStyle().Colors[ImGuiCol_Text];
 }
 
-// Draws the banner at the upper edge, in the middle of the space beside the run panel. left: the panel's right
-// edge, pixels.
-void draw_banner(const Banner& banner, float left, float scale) {
-  const float space = ImGui::GetIO().DisplaySize.x - left;
+// Draws the banner in the middle of the space beside the run panel, or below it where that is narrow. panel: its lower
+// right corner; right: where the space ends; pixels.
+void draw_banner(const Banner& banner, const ImVec2& panel, float right, float scale) {
+  const bool beside = right - panel.x >= 420.0f * scale;
+  const float left = beside ? panel.x : 0.0f, top = beside ? 0.0f : panel.y;
+  const float space = (beside ? right : ImGui::GetIO().DisplaySize.x) - left;
   const float width = std::min(620.0f * scale, space - 48.0f * scale);
-  ImGui::SetNextWindowPos({left + space / 2.0f, 12.0f * scale}, ImGuiCond_Always, {0.5f, 0.0f});
+  ImGui::SetNextWindowPos({left + space / 2.0f, top + 12.0f * scale}, ImGuiCond_Always, {0.5f, 0.0f});
   ImGui::SetNextWindowBgAlpha(0.95f);
   ImGui::PushStyleVar(ImGuiStyleVar_WindowBorderSize, 2.0f * scale);
   ImGui::PushStyleColor(ImGuiCol_Border, tone_colour(banner.tone));
@@ -312,21 +335,22 @@ void draw_banner(const Banner& banner, float left, float scale) {
 void draw_hud(const FrameInput& input, const Status& status, const scene::SurfaceSpec& surface,
               const Overlay& overlay, HudState& state, Controls& controls, float scale) {
   const ImVec2 display = ImGui::GetIO().DisplaySize;
-  float bottom = display.y - 12.0f * scale;
+  float bottom = display.y - 12.0f * scale, inspector = display.x;
+  ImVec2 panel(0.0f, 0.0f);
+  state.insets.right = 0.0;
   if (controls.panels_shown()) {
-    draw_run_panel(input, status, surface, state, controls, scale);
+    panel = draw_run_panel(input, status, surface, state, controls, scale);
     if (status.timeline) bottom = draw_timeline(*status.timeline, status, controls, scale) - 8.0f * scale;
+    if (ImGui::GetDragDropPayload() && !controls.plots_shown()) controls.perform(UiAction::kPlots, status);
     if (controls.plots_shown())
       bottom = draw_plots_panel(input, status, state, controls, bottom, scale) - 8.0f * scale;
     if (status.timeline || controls.plots_shown())
       state.insets.bottom = std::min(0.4, 1.0 - static_cast<double>(bottom / display.y));
-    draw_inspector_panel(input, status, surface, state, controls, bottom, scale);
+    inspector = draw_inspector_panel(input, status, surface, state, controls, bottom, scale);
+    state.insets.right = std::min(0.4, 1.0 - static_cast<double>(inspector / display.x));
     if (status.paused && !status.banner) draw_paused_badge(scale);
   }
-  if (status.banner) {
-    const double panel = controls.panels_shown() ? state.insets.left : 0.0;
-    draw_banner(*status.banner, static_cast<float>(panel) * display.x, scale);
-  }
+  if (status.banner) draw_banner(*status.banner, panel, inspector, scale);
   float right = display.x - 12.0f * scale;
   if (overlay.colour_scale()) {
     draw_legend(*overlay.colour_scale(), bottom, scale);

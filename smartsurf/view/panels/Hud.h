@@ -20,7 +20,7 @@ struct HudState {
   double render_ms = 0.0, interval_ms = 0.0;  // smoothed time to draw a frame and between frames
   std::string message;                        // path of the last screenshot or video, or the error
   bool recording_video = false;
-  ViewInsets insets;  // of the timeline, the plots and the run panel's initial size
+  ViewInsets insets;  // of the timeline, the plots, the inspector and the run panel's initial size
   std::vector<OptionEdit> option_edits;
   PlotData inspected;        // all signals of the selected item
   PlotData plotted;          // those that the user has chosen

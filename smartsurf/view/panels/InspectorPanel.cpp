@@ -52,6 +52,7 @@ std::optional<double> draw_signal(const FrameInput& input, std::size_t index, Hu
   ImGui::PushID(static_cast<int>(index));
   ImGui::AlignTextToFramePadding();
   ImGui::TextColored(kDimTextColour, "%s", series.signal.quantity.c_str());
+  make_draggable({series.signal});
   ImGui::SameLine(kNameWidth * ImGui::GetFontSize());
   if (std::isfinite(value))
     ImGui::Text("%.4g %s", value, unit.c_str());
@@ -80,10 +81,10 @@ std::optional<double> draw_signal(const FrameInput& input, std::size_t index, Hu
 
 }  // namespace
 
-void draw_inspector_panel(const FrameInput& input, const Status& status, const scene::SurfaceSpec& surface,
-                          HudState& state, Controls& controls, float bottom, float scale) {
+float draw_inspector_panel(const FrameInput& input, const Status& status, const scene::SurfaceSpec& surface,
+                           HudState& state, Controls& controls, float bottom, float scale) {
   const auto& item = controls.tools().selected();
-  if (!item) return;
+  if (!item) return ImGui::GetIO().DisplaySize.x;
   const float right = ImGui::GetIO().DisplaySize.x - 12.0f * scale, top = 12.0f * scale,
               width = 300.0f * scale;
   ImGui::SetNextWindowPos({right, top}, ImGuiCond_Always, {1.0f, 0.0f});
@@ -110,6 +111,7 @@ void draw_inspector_panel(const FrameInput& input, const Status& status, const s
   else
     ImGui::TextColored(kDimTextColour, "Esc: close");
   ImGui::End();
+  return right - width - 2.0f * ImGui::GetStyle().WindowPadding.x;
 }
 
 }  // namespace smartsurf::view

@@ -1,8 +1,10 @@
 #include <imgui.h>
+#include <imgui_internal.h>
 
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
+#include <sstream>
 
 #include "smartsurf/view/panels/Panels.h"
 
@@ -221,7 +223,31 @@ std::vector<Chart> charts_by_unit(const FrameInput& input, const HudState& state
   return charts;
 }
 
+constexpr const char* kPayload = "signals";  // their texts, one a line
+
+// All of the window is a target.
+void accept_dragged_signals(PlotData& plotted) {
+  const ImGuiWindow* const window = ImGui::GetCurrentWindow();
+  if (!ImGui::BeginDragDropTargetCustom(window->Rect(), window->ID)) return;
+  if (const ImGuiPayload* const payload = ImGui::AcceptDragDropPayload(kPayload)) {
+    std::istringstream lines(
+        std::string(static_cast<const char*>(payload->Data), static_cast<std::size_t>(payload->DataSize)));
+    for (std::string line; std::getline(lines, line);)
+      if (const auto signal = parse_signal(line)) plotted.add(*signal);
+  }
+  ImGui::EndDragDropTarget();
+}
+
 }  // namespace
+
+void make_draggable(const std::vector<Signal>& signals) {
+  if (signals.empty() || !ImGui::BeginDragDropSource(ImGuiDragDropFlags_SourceAllowNullID)) return;
+  std::string text;
+  for (const Signal& signal : signals) text += to_string(signal) + "\n";
+  ImGui::SetDragDropPayload(kPayload, text.data(), text.size());
+  ImGui::TextUnformatted(text.data(), text.data() + text.size() - 1);
+  ImGui::EndDragDropSource();
+}
 
 // For colour-blind readers (Okabe and Ito), and a grey.
 unsigned curve_colour(std::size_t index) {
@@ -280,7 +306,9 @@ float draw_plots_panel(const FrameInput& input, const Status& status, HudState& 
   draw_toolbar(input, state, controls);
   if (state.plotted.empty() || state.plotted.times().empty()) {
     ImGui::TextDisabled(
-        "Choose a signal, or click an object or a cell and then 'plot' beside one of its quantities.");
+        "Choose a signal, drag an object from the list (E) here, or click an object or a cell and then "
+        "'plot' beside one "
+        "of its quantities.");
   } else {
     const std::vector<Chart> charts = charts_by_unit(input, state);
     const float gap = ImGui::GetStyle().ItemSpacing.x;
@@ -295,6 +323,7 @@ float draw_plots_panel(const FrameInput& input, const Status& status, HudState& 
       ImGui::PopID();
     }
   }
+  accept_dragged_signals(state.plotted);
   ImGui::End();
   return bottom - height;
 }

@@ -214,13 +214,15 @@ TEST(Plot, RejectsInvalidRequests) {
   };
   EXPECT_EQ(error_of("trajectory", out / "a.png"),
             "--what trajectory: unknown kind of plot; known: trajectories, purity, time-spent, speed, "
-            "spin, x, y, z, objects, contacts, height; did you mean 'trajectories'?");
+            "spin, x, y, z, objects, contacts, metric, height; did you mean 'trajectories'?");
   EXPECT_EQ(error_of("height", out / "a.png"), "--what height: needs a cell: height:ROW,COLUMN");
   EXPECT_EQ(error_of("height:3", out / "a.png"), "--what height:3: must be height:ROW,COLUMN");
   EXPECT_EQ(error_of("height:3,32", out / "a.png"),
             "--what height:3,32: the surface has rows 0 to 31 and columns 0 to 31");
   EXPECT_EQ(error_of("speed:2", out / "a.png"), "--what speed:2: the objects are 0 to 1");
   EXPECT_EQ(error_of("contacts:1", out / "a.png"), "--what contacts:1: takes nothing after 'contacts'");
+  EXPECT_EQ(error_of("metric:lift", out / "a.png"),
+            "--what metric:lift: " + recording.path().string() + " holds no metrics");
   EXPECT_EQ(error_of("purity:1", out / "a.png"), "--what purity:1: purity takes nothing after 'purity'");
   EXPECT_EQ(error_of("time-spent:smal", out / "a.png"),
             "--what time-spent:smal: no object has this label; did you mean 'small'?");

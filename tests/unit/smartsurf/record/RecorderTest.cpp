@@ -204,6 +204,53 @@ TEST(Recorder, WritesRequestedChannels) {
   EXPECT_THROW(recording.read_channel("sensors", "proximity", 100), InputError);
 }
 
+TEST(Recorder, KeepsUnitsAndRangesOfChannels) {
+  const OutputFolder out;
+  SyntheticRun run;
+  run.spec.record.sensors = run.spec.record.actuators = true;
+  scene::SensorSpec proximity = scene::find_sensor_kind("proximity")->default_spec();
+  proximity.values["range"] = {7.5};
+  run.spec.surface.sensors = {proximity};
+  const auto recorder = Recorder::open(out / "run.h5", run.meta, run.spec);
+  const Channels values(0);
+  const scene::ChannelData actuators[] = {{"height", 4, 6, 1, values.proximity}};
+  recorder->record_frame(run.snapshot_at(0, {0}), run.spec.objects, values.sensors(), actuators);
+  recorder->close({});
+  const Recording recording = Recording::open(out / "run.h5");
+  EXPECT_EQ(recording.channel_info("sensors", "proximity").unit, "u");
+  EXPECT_EQ(recording.channel_info("sensors", "proximity").maximum, 7.5);
+  EXPECT_EQ(recording.channel_info("sensors", "colour").unit, "") << "not a channel of the surface's sensors";
+  EXPECT_EQ(recording.channel_info("actuators", "height").unit, "u");
+  EXPECT_EQ(recording.channel_info("actuators", "height").maximum, run.spec.surface.pin.max_height);
+}
+
+TEST(Recorder, KeepsMetricsFromTheirFirstValueOn) {
+  const OutputFolder out;
+  const SyntheticRun run;
+  const auto recorder = Recorder::open(out / "run.h5", run.meta, run.spec);
+  std::vector<NamedNumber> metrics;
+  for (std::uint64_t t = 0; t < 150; ++t) {
+    if (t == 10) metrics.emplace_back("lift", 0.0);
+    if (t == 70) metrics.emplace_back("a/b", 0.0);  // no name of a dataset
+    if (t == 100) metrics.emplace_back("score", -1.0);
+    if (t >= 10) metrics[0].second = 0.5 * static_cast<double>(t);
+    recorder->record_frame(run.snapshot_at(t, {0}), run.spec.objects, {}, {}, metrics);
+  }
+  recorder->close({});
+  const Recording recording = Recording::open(out / "run.h5");
+  EXPECT_EQ(recording.metric_names(), (std::vector<std::string>{"lift", "score"}));
+  const std::vector<double> lift = recording.read_metric("lift"), score = recording.read_metric("score");
+  ASSERT_EQ(lift.size(), 150u);
+  ASSERT_EQ(score.size(), 150u);
+  EXPECT_TRUE(std::isnan(lift[9]));
+  EXPECT_EQ(lift[10], 5.0);
+  EXPECT_EQ(lift[64], 32.0);
+  EXPECT_EQ(lift[149], 74.5);
+  EXPECT_TRUE(std::isnan(score[99]));
+  EXPECT_EQ(score[100], -1.0);
+  EXPECT_THROW(recording.read_metric("none"), InputError);
+}
+
 TEST(Recorder, OmitsUnrequestedData) {
   const OutputFolder out;
   SyntheticRun run;

@@ -94,6 +94,24 @@ TEST(Camera, FramesTableBesideOrBelowCornerPanel) {
   }
 }
 
+// Neither panel covers a corner of the table, in any preset.
+TEST(Camera, FramesTableBesideRightPanel) {
+  const scene::SurfaceSpec s = make_surface(64, 64);
+  const Eigen::AlignedBox3d box = Camera::surface_bounding_box(s);
+  for (CameraPreset preset : kPresets) {
+    const ViewInsets panels{.bottom = 0.08, .top = 0.4, .left = 0.2, .right = 0.25};
+    const Camera camera = Camera::fit_to_surface(s, preset, 16.0 / 9.0, panels);
+    for (int i = 0; i < 8; ++i) {
+      const Eigen::Vector3d at =
+          camera.project(box.corner(static_cast<Eigen::AlignedBox3d::CornerType>(i)), 1600, 900);
+      EXPECT_FALSE(at.x() < 320 && at.y() < 360) << static_cast<int>(preset) << ": " << at.transpose();
+      EXPECT_TRUE(at.x() > 0 && at.x() < 1200) << static_cast<int>(preset) << ": " << at.transpose();
+    }
+    EXPECT_LT(camera.distance(),
+              2.01 * Camera::fit_to_surface(s, preset, 16.0 / 9.0, {.bottom = 0.08}).distance());
+  }
+}
+
 TEST(Camera, IsoViewsFromSouthAtFortyDegrees) {
   const Camera camera = Camera::fit_to_surface(make_surface(64, 64), CameraPreset::kIso, 16.0 / 9.0);
   EXPECT_NEAR(camera.elevation() * 180.0 / std::numbers::pi, 40.0, 0.2);

@@ -42,6 +42,22 @@ TEST(Signal, ListsAllOfAnItemWithUnits) {
   EXPECT_EQ(unit_of(cell[0], channels), "u");
 }
 
+TEST(Signal, DraggedItemBringsWhatIsPlottedOfItsLike) {
+  const Channel channels[] = {{"height", "u", {}}, {"proximity", "u", {}}};
+  const SceneItem ball{SceneItem::Kind::kObject, 5, 0, 0}, cell{SceneItem::Kind::kCell, 0, 1, 2};
+  const auto texts = [&](const SceneItem& item, const PlotData& plotted) {
+    std::vector<std::string> all;
+    for (const Signal& signal : signals_to_add(item, channels, plotted)) all.push_back(to_string(signal));
+    return all;
+  };
+  PlotData plotted;
+  EXPECT_EQ(texts(ball, plotted), std::vector<std::string>{"speed:5"});
+  EXPECT_EQ(texts(cell, plotted), std::vector<std::string>{"height:1,2"});
+  plotted.set({*parse_signal("z:1"), *parse_signal("x:2"), *parse_signal("proximity:7,7")});
+  EXPECT_EQ(texts(ball, plotted), (std::vector<std::string>{"x:5", "z:5"}));
+  EXPECT_EQ(texts(cell, plotted), std::vector<std::string>{"proximity:1,2"});
+}
+
 struct PlotDataTest : testing::Test {
   PlotDataTest() : scene(4, 4) { scene.add_sphere(1.0, 1.0, 6.0, 1.0, {}); }
   // One more frame, in which the sphere is at x = the frame's number and moves at 5 u/s.
