@@ -165,7 +165,17 @@ void write_attribute(hid_t object, const char* name, std::uint64_t value) {
   write_attribute(object, name, H5T_NATIVE_UINT64, &value);
 }
 
-bool has_attribute(hid_t object, const char* name) { return H5Aexists(object, name) > 0; }
+bool has_link(hid_t parent, const char* name) {
+  const htri_t exists = H5Lexists(parent, name, H5P_DEFAULT);
+  check(exists, std::string(name) + " cannot be looked up");
+  return exists > 0;
+}
+
+bool has_attribute(hid_t object, const char* name) {
+  const htri_t exists = H5Aexists(object, name);
+  check(exists, std::string("attribute ") + name + " cannot be looked up");
+  return exists > 0;
+}
 
 std::string read_text_attribute(hid_t object, const char* name) {
   const std::string what = std::string("attribute ") + name;

@@ -65,6 +65,8 @@ void write_attribute(hid_t object, const char* name, hid_t type, const void* val
 void write_attribute(hid_t object, const char* name, double value);
 void write_attribute(hid_t object, const char* name, std::uint64_t value);
 
+// Both throw where the file cannot tell. Each part of a path `name` but the last must exist.
+bool has_link(hid_t parent, const char* name);
 bool has_attribute(hid_t object, const char* name);
 std::string read_text_attribute(hid_t object, const char* name);
 // Reads `count` numbers, converted to `type`; throws if the attribute holds more or fewer.

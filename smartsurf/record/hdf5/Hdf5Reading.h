@@ -13,7 +13,6 @@ namespace smartsurf::record {
 
 // Opens a file that another process may still be writing.
 Handle open_for_reading(const std::filesystem::path& path);
-inline bool has_link(hid_t parent, const char* name) { return H5Lexists(parent, name, H5P_DEFAULT) > 0; }
 Handle open_group(hid_t parent, const char* name);
 // A dataset that is stored in another file is refused.
 Handle open_dataset(hid_t parent, const std::string& name);

@@ -201,13 +201,12 @@ std::uint64_t SolidWriter::max_bytes(std::span<const scene::ObjectSpec> objects)
 
 std::vector<std::shared_ptr<const scene::Solid>> read_solids(hid_t file) {
   std::vector<std::shared_ptr<const scene::Solid>> solids;
-  if (H5Lexists(file, "solids", H5P_DEFAULT) <= 0) return solids;
+  if (!has_link(file, "solids")) return solids;
   const Handle solids_group(H5Gopen2(file, "solids", H5P_DEFAULT), H5Gclose, "has no group solids");
-  for (std::string name = "0"; H5Lexists(solids_group, name.c_str(), H5P_DEFAULT) > 0;
-       name = std::to_string(solids.size())) {
+  for (std::string name = "0"; has_link(solids_group, name.c_str()); name = std::to_string(solids.size())) {
     const Handle group(H5Gopen2(solids_group, name.c_str(), H5P_DEFAULT), H5Gclose,
                        "solids/" + name + " is not a group");
-    if (H5Lexists(group, kLastDataset, H5P_DEFAULT) <= 0) break;  // incomplete: the run was killed
+    if (!has_link(group, kLastDataset)) break;  // incomplete: the run was killed
     solids.push_back(std::make_shared<const scene::Solid>(read_solid(group)));
   }
   return solids;

@@ -185,6 +185,12 @@ class Extremes(ReliabilityTest):
                                               *(flag for option in options for flag in ("--set", option)))
             self.assertEqual(status, 0, (options, err))
 
+    def test_spinning_needles_stay_finite(self):
+        for needle in ("box { size = { 0.001, 0.003, 1e4 }, position = { 4, 4, 5003 }, angular_velocity = { 1, -100, 0 } }",
+                       "cylinder { radius = 0.001, height = 1e4, position = { 4, 4, 5003 }, angular_velocity = { 1, 100, -100 } }"):
+            scene = self.write("needle.lua", "surface { rows = 8, columns = 8, actuator = pin {} }\n" + needle)
+            status, _, err = self.run_program(SMARTSURF, "run", scene, "--no-controller", "--until", "1")
+            self.assertEqual(status, 0, (needle, err))
 
     def test_objects_at_one_point_end_the_run_before_they_take_the_memory(self):
         scene = self.write("point.lua", """

@@ -43,7 +43,7 @@ TEST(ChunkedTransfer, ChunksAssembleTheCompleteFrame) {
   auto surface = SurfaceEndpoint::create(config);
   const std::size_t cells = surface.description().cells();
   constexpr std::uint64_t kTicks = 200;
-  std::thread other([&] {
+  std::jthread other([&] {
     auto controller = ControllerEndpoint::attach(config.name);
     for (std::uint64_t tick = 0; tick < kTicks; ++tick) {
       ASSERT_EQ(controller.await_sensors({.timeout = 60s}), Status::kOk);
@@ -94,7 +94,7 @@ TEST_P(ChunksBothWays, AnswersChunksBeforeFrameIsComplete) {
   auto surface = SurfaceEndpoint::create(config);
   const std::size_t cells = surface.description().cells();
   constexpr std::uint64_t kTicks = 100;
-  std::thread other([&] {
+  std::jthread other([&] {
     auto controller = ControllerEndpoint::attach(config.name);
     std::vector<float> out(cells);
     for (std::uint64_t tick = 0; tick < kTicks; ++tick) {

@@ -4,7 +4,6 @@
 #include <shm_protocol/ObserverEndpoint.h>
 
 #include <algorithm>
-#include <atomic>
 #include <fstream>
 #include <thread>
 
@@ -148,8 +147,7 @@ TEST(Threads, ObserverSeesCompleteFramesOnly) {
   config.channels[kDistance].maximum = 1e9;
   config.channels[kHeight].maximum = 1e9;
   auto surface = SurfaceEndpoint::create(config);
-  std::atomic<bool> over{false};
-  std::thread controller([&] {
+  std::jthread controller([&] {
     auto mine = ControllerEndpoint::attach(config.name);
     while (mine.await_sensors({.timeout = 60s}) == Status::kOk) {
       std::ranges::copy(mine.sensor(kDistance), mine.actuator(kHeight).begin());
@@ -157,27 +155,28 @@ TEST(Threads, ObserverSeesCompleteFramesOnly) {
     }
   });
   std::uint64_t frames = 0, mixed = 0;
-  std::thread watcher([&] {
-    auto observer = ObserverEndpoint::attach(config.name);
-    while (!over) {
-      for (const auto& [d, channel] :
-           {std::pair{Direction::kSensor, kDistance}, {Direction::kActuator, kHeight}}) {
-        if (observer.latest(d) != Status::kOk) continue;
-        ++frames;
-        const auto in = observer.array(channel);
-        if (std::ranges::count(in, static_cast<float>(observer.info(d).tick)) != std::ranges::ssize(in))
-          ++mixed;
-      }
-    }
-  });
+  // Attached here: on a busy machine the thread may begin when the surface is closing.
+  std::jthread watcher(
+      [&, observer = ObserverEndpoint::attach(config.name)](const std::stop_token& over) mutable {
+        do {
+          for (const auto& [d, channel] :
+               {std::pair{Direction::kSensor, kDistance}, {Direction::kActuator, kHeight}}) {
+            if (observer.latest(d) != Status::kOk) continue;
+            ++frames;
+            const auto in = observer.array(channel);
+            if (std::ranges::count(in, static_cast<float>(observer.info(d).tick)) != std::ranges::ssize(in))
+              ++mixed;
+          }
+        } while (!over.stop_requested());
+      });
   ASSERT_EQ(surface.await_controller({.timeout = 60s}), Status::kOk);
   for (std::uint64_t tick = 0; tick < 3000; ++tick) {
     std::ranges::fill(surface.sensor(kDistance), static_cast<float>(tick));
     ASSERT_EQ(surface.publish(tick, 0.0), Status::kOk);
     ASSERT_EQ(surface.await_actuators(tick, {.timeout = 60s}), Status::kOk);
   }
-  over = true;
   surface.set_state(State::kClosing);
+  watcher.request_stop();
   watcher.join();
   controller.join();
   EXPECT_EQ(mixed, 0u);

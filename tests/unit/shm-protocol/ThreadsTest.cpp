@@ -35,7 +35,7 @@ TEST(Threads, LockstepWithEveryValueChecked) {
   const auto config = small_surface(unique_name("threads"));
   auto surface = SurfaceEndpoint::create(config);
   std::uint64_t answered = 0;
-  std::thread other([&] {
+  std::jthread other([&] {
     auto controller = ControllerEndpoint::attach(config.name);
     while (controller.await_sensors(kPatient) == Status::kOk) {
       const auto in = controller.sensor(kDistance);
@@ -63,13 +63,12 @@ TEST(Threads, PassiveFramesAreNeverMixed) {
   auto config = small_surface(unique_name("mixed"), Mode::kPassive);
   config.rows = config.columns = 48;
   auto surface = SurfaceEndpoint::create(config);
-  std::atomic<bool> enough{false};
   std::atomic<int> attached{0};
   std::atomic<std::uint64_t> frames{0}, mixed{0};
-  std::thread other([&] {
+  std::jthread other([&](const std::stop_token& enough) {
     auto controller = ControllerEndpoint::attach(config.name);
     attached = 1;
-    while (!enough) {
+    while (!enough.stop_requested()) {
       const Status s = controller.latest_sensors();
       if (s != Status::kOk) continue;
       ++frames;
@@ -91,7 +90,7 @@ TEST(Threads, PassiveFramesAreNeverMixed) {
     const auto in = surface.actuator(kHeight);
     ASSERT_EQ(std::ranges::count(in, in[0]), std::ranges::ssize(in));
   }
-  enough = true;
+  other.request_stop();
   other.join();
   EXPECT_EQ(mixed, 0u);
 }
@@ -103,10 +102,9 @@ TEST(Threads, RejectsFrameOverwrittenDuringCopy) {
   config.channels[kDistance].maximum = 1e9;
   auto surface = SurfaceEndpoint::create(config);
   auto controller = ControllerEndpoint::attach(config.name);
-  std::atomic<bool> enough{false};
-  std::thread other([&] {
+  std::jthread other([&](const std::stop_token& enough) {
     auto deadline = std::chrono::steady_clock::now();
-    for (std::uint64_t tick = 0; !enough; ++tick) {
+    for (std::uint64_t tick = 0; !enough.stop_requested(); ++tick) {
       auto out = surface.sensor(kDistance);
       out.front() = out.back() = static_cast<float>(tick % 1'000'000);
       if (surface.publish(tick, 0.0) != Status::kOk) break;
@@ -123,7 +121,7 @@ TEST(Threads, RejectsFrameOverwrittenDuringCopy) {
     const auto expected = static_cast<float>(controller.sensor_info().tick % 1'000'000);
     if (in.front() != expected || in.back() != expected) ++mixed;
   }
-  enough = true;
+  other.request_stop();
   other.join();
   EXPECT_EQ(mixed, 0u);
 }

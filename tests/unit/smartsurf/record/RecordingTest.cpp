@@ -187,6 +187,17 @@ TEST(Recording, FollowsNothingToOtherFiles) {
   expect_error(out / "storage.h5", "dataset contacts is stored in another file");
 }
 
+// A part that cannot be looked up is not taken for one that was not recorded.
+TEST(Recording, FailedLookupIsAnError) {
+  const OutputFolder out;
+  write_run(out / "run.h5");
+  const hid_t file = H5Fopen((out / "run.h5").c_str(), H5F_ACC_RDWR, H5P_DEFAULT);
+  ASSERT_GE(H5Ldelete(file, "objects", H5P_DEFAULT), 0);
+  ASSERT_GE(H5Lcreate_hard(file, "tick", file, "objects", H5P_DEFAULT, H5P_DEFAULT), 0);
+  H5Fclose(file);
+  expect_error(out / "run.h5", "objects/position cannot be looked up");
+}
+
 TEST(Recording, DescriptionHasNoControlCharacters) {
   const OutputFolder out;
   SyntheticRun run;
