@@ -21,7 +21,8 @@ class KernelSourceReader final : KernelTranslation {
   struct Function {
     std::string name;
     std::vector<std::string> parameters;
-    std::size_t body = 0, end = 0;  // positions of its '{' and behind its '}'
+    std::size_t body = 0, end = 0;          // positions of its '{' and behind its '}'
+    std::vector<KernelTokenList> defaults;  // of the last parameters
   };
   // A function-like macro of the preprocessor.
   struct FunctionMacro {

@@ -136,6 +136,21 @@ TEST(KernelImport, SlidersDirectionsAndOutput) {
   EXPECT_EQ(notes(imported), "8 host: 'other' has no value in the kernels; it is 0\n");
 }
 
+TEST(KernelImport, DefaultArgumentsAndFirstValuesOfSliders) {
+  const ImportedKernels imported = import_text(
+      "void step(AREG y, int n = 3, int m = -1){ scamp5_in(y, n); scamp5_in(y, m); }\n"
+      "int main(){\n  int level = 20;\n  vs_gui_add_slider(\"level\", 0, 127, level, &level);\n"
+      "  step(A);\n  step(B, 5);\n  step(C, 5, level);\n  uint8_t box[4];\n  scamp5_in(A, box[1]);\n}\n");
+  EXPECT_EQ(
+      body(imported),
+      "sim.slider.add('level', 0, 127, 20)\n\n// step, line 1\n!macro_def\nstep($y, $n, $m)\n!macro_begin\n"
+      "scamp5_in($y, $n)\nscamp5_in($y, $m)\n!macro_end\n\nlevel = 20\nlevel = sim.slider.get('level')\n"
+      "step(A, 3, -1)\nstep(B, 5, -1)\nstep(C, 5, level)\n");
+  EXPECT_EQ(
+      notes(imported),
+      "8 host: 'box [ …' is code of the controller\n9 host: the array 'box' belongs to the controller\n");
+}
+
 TEST(KernelImport, NamesWhatItCannotTranslate) {
   const ImportedKernels imported = import_text(
       "scamp5_kernel_begin();\nmovx(A, B);\nmovy(A, B, north);\nadd(A, B, table[3]);\nint k = p->x;\n"
