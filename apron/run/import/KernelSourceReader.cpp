@@ -308,7 +308,8 @@ void KernelSourceReader::dispatch_statement(ProgramLines& out, int depth) {
   if (first.kind != Kind::kName) throw Untranslatable{fmt::format("'{}' begins no statement", first.text)};
   while (peek(1).is("::")) position_ += 2;
   if (peek(1).is("(")) return translate_call(out, depth);
-  translate_assignment(out, depth);
+  translate_assignment(out, depth, statement_end(position_));
+  consume(";");
 }
 
 std::size_t KernelSourceReader::statement_end(std::size_t first) const {
@@ -322,21 +323,35 @@ void KernelSourceReader::translate_declaration(ProgramLines& out, int depth) {
   while (is_type_word(peek()) || peek().is("*") || peek().is("&")) ++position_;
   if (peek().kind != Kind::kName) throw Untranslatable{"a declaration without a name"};
   if (peek(1).is("(")) return skip_statement();  // a prototype
-  if (peek(1).is("[")) arrays_.insert(peek().text);
-  if (peek(1).is(";")) {
-    known_names_.insert(peek().text);
-    constants_.emplace(peek().text, "0");
-    emit(out, depth, fmt::format("{} = 0", peek().text));
-    position_ += 2;
-    return;
-  }
-  translate_assignment(out, depth);
+  const std::size_t end = statement_end(position_);
+  do {
+    while (peek().is("*") || peek().is("&")) ++position_;
+    if (peek().kind != Kind::kName) throw Untranslatable{"a declaration without a name"};
+    if (peek(1).is("[")) arrays_.insert(peek().text);
+    const std::size_t declarator_end = argument_end(position_, end);
+    if (position_ + 1 < declarator_end) {
+      translate_assignment(out, depth, declarator_end);
+    } else {
+      known_names_.insert(peek().text);
+      constants_.emplace(peek().text, "0");
+      emit(out, depth, fmt::format("{} = 0", peek().text));
+      position_ = declarator_end;
+    }
+  } while (consume(","));
+  consume(";");
 }
 
-void KernelSourceReader::translate_assignment(ProgramLines& out, int depth) {
+// The next ',' outside brackets, at most end.
+std::size_t KernelSourceReader::argument_end(std::size_t first, std::size_t end) const {
+  std::size_t i = first;
+  while (i < end && !tokens_[i].is(","))
+    i = tokens_[i].is("(") || tokens_[i].is("[") || tokens_[i].is("{") ? behind_bracket(i) : i + 1;
+  return std::min(i, end);
+}
+
+void KernelSourceReader::translate_assignment(ProgramLines& out, int depth, std::size_t end) {
   const std::string name = peek().text;
   const KernelToken op = peek(1);
-  const std::size_t end = statement_end(position_);
   const std::string target = parameters_.contains(name) ? "$" + name : name;
   if ((op.is("++") || op.is("--")) && position_ + 2 == end) {
     emit(out, depth, fmt::format("{0} = {0} {1} 1", target, op.text.substr(1)));
@@ -353,7 +368,6 @@ void KernelSourceReader::translate_assignment(ProgramLines& out, int depth) {
   }
   known_names_.insert(name);
   position_ = end;
-  consume(";");
 }
 
 void KernelSourceReader::translate_body(ProgramLines& out, int depth) {

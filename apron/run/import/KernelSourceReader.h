@@ -58,7 +58,8 @@ class KernelSourceReader final : KernelTranslation {
   void dispatch_statement(ProgramLines& out, int depth);
   std::size_t statement_end(std::size_t first) const;
   void translate_declaration(ProgramLines& out, int depth);
-  void translate_assignment(ProgramLines& out, int depth);
+  void translate_assignment(ProgramLines& out, int depth, std::size_t end);
+  std::size_t argument_end(std::size_t first, std::size_t end) const;
   void translate_body(ProgramLines& out, int depth);
   void translate_for(ProgramLines& out, int depth);
   // Throws Untranslatable for a loop of another form.
