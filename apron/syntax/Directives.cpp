@@ -347,9 +347,11 @@ void Preprocessor::handle_operand_kind(const Tokens& tokens) {
 }
 
 const OperandKind* Preprocessor::find_operand_kind(const std::string& operand) const {
-  const auto found = std::find_if(operand_kinds_.begin(), operand_kinds_.end(),
-                                  [&](const auto& kind) { return kind.second.names.contains(operand); });
-  return found == operand_kinds_.end() ? nullptr : &found->second;
+  const OperandKind* narrowest = nullptr;
+  for (const auto& [name, kind] : operand_kinds_)
+    if (kind.names.contains(operand) && (narrowest == nullptr || kind.names.size() < narrowest->names.size()))
+      narrowest = &kind;
+  return narrowest;
 }
 
 std::string Preprocessor::check_operand(const std::string& kind_name, const Tokens& operand) const {

@@ -190,7 +190,7 @@ Status Vm::execute_shift(const DecodedInstruction& decoded) {
     const double dx = *decoded.scalars[1], dy = *decoded.scalars[2];
     if (dx != std::trunc(dx) || dy != std::trunc(dy))
       return fail(Status::kFailed, "the distance of a shift is a whole number, not " +
-                                       std::string(format_number(dx != std::trunc(dx) ? dx : dy)));
+                                       std::string(format_number(std::fabs(dx != std::trunc(dx) ? dx : dy))));
     offset = {to_offset(dx), to_offset(dy)};
   }
   const BoundaryCondition wrap{program::BoundaryRule::kWrap, 0.0F};

@@ -1,5 +1,6 @@
 #include "apron/run/cli/CompiledProgram.h"
 
+#include <algorithm>
 #include <filesystem>
 #include <iostream>
 
@@ -32,6 +33,12 @@ void append_messages(const std::vector<syntax::Diagnostic>& diagnostics, const s
   }
 }
 
+bool has_frames(const program::Program& program) {
+  return std::any_of(program.code.begin(), program.code.end(), [](const program::Instruction& instruction) {
+    return instruction.op == program::Opcode::kSurfaceStep;
+  });
+}
+
 }  // namespace
 
 compiler::CompileOptions compile_options(const Options& options, std::uint32_t width, std::uint32_t height) {
@@ -61,7 +68,12 @@ void load_palettes(const Options& options) {
 std::optional<CompiledProgram> compile_with_sources(const Options& options, std::uint32_t width,
                                                     std::uint32_t height, CompilerMessages& messages) {
   syntax::DiskReader reader;
-  compiler::CompileResult result = compiler::compile(compile_options(options, width, height), reader);
+  compiler::CompileOptions compiler_options = compile_options(options, width, height);
+  compiler::CompileResult result = compiler::compile(compiler_options, reader);
+  if (options.original && result.program && !has_frames(*result.program)) {
+    compiler_options.prelude = "original-frames.aps";
+    result = compiler::compile(compiler_options, reader);
+  }
   messages = {};
   append_messages(result.warnings, result.sources, messages);
   if (!result.program) {

@@ -63,7 +63,7 @@ std::optional<KernelSourceReader::Function> KernelSourceReader::function_at(std:
          tokens_[body].kind == Kind::kComment)
     ++body;
   if (!tokens_[body].is("{")) return std::nullopt;
-  Function function{tokens_[i - 1].text, {}, body, behind_bracket(body)};
+  Function function{tokens_[i - 1].text, {}, body, behind_bracket(body), {}};
   std::string last;
   bool is_default = false;
   for (std::size_t k = i + 1; k < close; ++k) {
@@ -73,7 +73,10 @@ std::optional<KernelSourceReader::Function> KernelSourceReader::function_at(std:
       is_default = false;
     } else if (tokens_[k].is("=")) {
       is_default = true;
-    } else if (tokens_[k].kind == Kind::kName && !is_default) {
+      function.defaults.emplace_back();
+    } else if (is_default) {
+      function.defaults.back().push_back(tokens_[k]);
+    } else if (tokens_[k].kind == Kind::kName) {
       last = tokens_[k].text;
     }
   }
@@ -88,7 +91,7 @@ std::optional<KernelSourceReader::Function> KernelSourceReader::kernel_object_at
   std::size_t body = behind_bracket(i + 3);
   if (tokens_[body].is("(")) body = behind_bracket(body);
   if (!tokens_[body].is("{")) return std::nullopt;
-  return Function{tokens_[i + 1].text, {}, body, behind_bracket(i + 2)};
+  return Function{tokens_[i + 1].text, {}, body, behind_bracket(i + 2), {}};
 }
 
 bool KernelSourceReader::has_instruction(const KernelTokenList& tokens, std::size_t first,
@@ -137,8 +140,11 @@ void KernelSourceReader::collect_functions() {
       if (tokens_[i].kind != Kind::kName) continue;
       const auto function = function_at(i);
       if (!function) continue;
-      if (function->name != "main" && has_instruction(tokens_, function->body, function->end))
-        found = functions_[function->name].insert(function->parameters.size()).second || found;
+      if (function->name != "main" && has_instruction(tokens_, function->body, function->end)) {
+        for (std::size_t left_out = 0; left_out <= function->defaults.size(); ++left_out)
+          found = functions_[function->name].insert(function->parameters.size() - left_out).second || found;
+        defaults_[function->name] = function->defaults;
+      }
       i = function->end - 1;
     }
   }
@@ -226,6 +232,7 @@ void KernelSourceReader::translate_directive() {
     defines_.push_back(
         fmt::format("!define({}, {})", name, expression({words.begin() + 1, words.end() - 1})));
     known_names_.insert(name);
+    constants_.emplace(name, name);
   } catch (const Untranslatable& error) {
     note(directive.line, fmt::format("#define {}: {}", name, error.reason));
   }
@@ -301,7 +308,8 @@ void KernelSourceReader::dispatch_statement(ProgramLines& out, int depth) {
   if (first.kind != Kind::kName) throw Untranslatable{fmt::format("'{}' begins no statement", first.text)};
   while (peek(1).is("::")) position_ += 2;
   if (peek(1).is("(")) return translate_call(out, depth);
-  translate_assignment(out, depth);
+  translate_assignment(out, depth, statement_end(position_));
+  consume(";");
 }
 
 std::size_t KernelSourceReader::statement_end(std::size_t first) const {
@@ -315,24 +323,42 @@ void KernelSourceReader::translate_declaration(ProgramLines& out, int depth) {
   while (is_type_word(peek()) || peek().is("*") || peek().is("&")) ++position_;
   if (peek().kind != Kind::kName) throw Untranslatable{"a declaration without a name"};
   if (peek(1).is("(")) return skip_statement();  // a prototype
-  if (peek(1).is(";")) {
-    known_names_.insert(peek().text);
-    emit(out, depth, fmt::format("{} = 0", peek().text));
-    position_ += 2;
-    return;
-  }
-  translate_assignment(out, depth);
+  const std::size_t end = statement_end(position_);
+  do {
+    while (peek().is("*") || peek().is("&")) ++position_;
+    if (peek().kind != Kind::kName) throw Untranslatable{"a declaration without a name"};
+    if (peek(1).is("[")) arrays_.insert(peek().text);
+    const std::size_t declarator_end = argument_end(position_, end);
+    if (position_ + 1 < declarator_end) {
+      translate_assignment(out, depth, declarator_end);
+    } else {
+      known_names_.insert(peek().text);
+      constants_.emplace(peek().text, "0");
+      emit(out, depth, fmt::format("{} = 0", peek().text));
+      position_ = declarator_end;
+    }
+  } while (consume(","));
+  consume(";");
 }
 
-void KernelSourceReader::translate_assignment(ProgramLines& out, int depth) {
+// The next ',' outside brackets, at most end.
+std::size_t KernelSourceReader::argument_end(std::size_t first, std::size_t end) const {
+  std::size_t i = first;
+  while (i < end && !tokens_[i].is(","))
+    i = tokens_[i].is("(") || tokens_[i].is("[") || tokens_[i].is("{") ? behind_bracket(i) : i + 1;
+  return std::min(i, end);
+}
+
+void KernelSourceReader::translate_assignment(ProgramLines& out, int depth, std::size_t end) {
   const std::string name = peek().text;
   const KernelToken op = peek(1);
-  const std::size_t end = statement_end(position_);
   const std::string target = parameters_.contains(name) ? "$" + name : name;
   if ((op.is("++") || op.is("--")) && position_ + 2 == end) {
     emit(out, depth, fmt::format("{0} = {0} {1} 1", target, op.text.substr(1)));
   } else if (op.is("=") || op.is("+=") || op.is("-=") || op.is("*=")) {
-    const std::string value = expression(tokens_between(position_ + 2, end));
+    const KernelTokenList words = tokens_between(position_ + 2, end);
+    const std::string value = expression(words);
+    if (is_number(words)) constants_.emplace(name, value);
     const bool is_compound = op.text.size() == 2;
     emit(out, depth,
          is_compound ? fmt::format("{0} = {0} {1} ({2})", target, op.text.substr(0, 1), value)
@@ -342,7 +368,6 @@ void KernelSourceReader::translate_assignment(ProgramLines& out, int depth) {
   }
   known_names_.insert(name);
   position_ = end;
-  consume(";");
 }
 
 void KernelSourceReader::translate_body(ProgramLines& out, int depth) {

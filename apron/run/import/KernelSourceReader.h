@@ -21,7 +21,8 @@ class KernelSourceReader final : KernelTranslation {
   struct Function {
     std::string name;
     std::vector<std::string> parameters;
-    std::size_t body = 0, end = 0;  // positions of its '{' and behind its '}'
+    std::size_t body = 0, end = 0;          // positions of its '{' and behind its '}'
+    std::vector<KernelTokenList> defaults;  // of the last parameters
   };
   // A function-like macro of the preprocessor.
   struct FunctionMacro {
@@ -57,7 +58,8 @@ class KernelSourceReader final : KernelTranslation {
   void dispatch_statement(ProgramLines& out, int depth);
   std::size_t statement_end(std::size_t first) const;
   void translate_declaration(ProgramLines& out, int depth);
-  void translate_assignment(ProgramLines& out, int depth);
+  void translate_assignment(ProgramLines& out, int depth, std::size_t end);
+  std::size_t argument_end(std::size_t first, std::size_t end) const;
   void translate_body(ProgramLines& out, int depth);
   void translate_for(ProgramLines& out, int depth);
   // Throws Untranslatable for a loop of another form.

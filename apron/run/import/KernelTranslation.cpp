@@ -88,6 +88,8 @@ std::string KernelTranslation::operand(const KernelToken& token, std::size_t lin
   if (token.text == "true") return "1";
   if (token.text == "false") return "0";
   if (parameters_.contains(token.text)) return "$" + token.text;
+  if (arrays_.contains(token.text))
+    throw Untranslatable{fmt::format("the array '{}' belongs to the controller", token.text)};
   const bool is_known = vocabulary_.names.contains(token.text) || known_names_.contains(token.text);
   if (!is_known && unset_.insert(token.text).second) {
     note(line == 0 ? token.line : line, fmt::format("'{}' has no value in the kernels; it is 0", token.text));
@@ -169,11 +171,17 @@ std::string KernelTranslation::call_text(const std::string& name,
     throw Untranslatable{
         fmt::format("'{}' takes {} arguments, not {}", name, counts(found->second), arguments.size())};
   std::string text;
-  for (const KernelTokenList& argument : arguments)
+  const auto append = [&](const KernelTokenList& argument) {
     text += (text.empty() ? "(" : ", ") + expression(argument, line);
+  };
+  for (const KernelTokenList& argument : arguments) append(argument);
+  if (const auto defaults = defaults_.find(name); is_function && defaults != defaults_.end()) {
+    const std::size_t given = arguments.size() + defaults->second.size() - *function->second.rbegin();
+    for (std::size_t i = given; i < defaults->second.size(); ++i) append(defaults->second[i]);
+  }
   if (is_function) called_.insert(name);
   if (!is_function) ++instructions_;
-  return name + text + (arguments.empty() ? "" : ")");
+  return name + text + (text.empty() ? "" : ")");
 }
 
 void KernelTranslation::emit_comment(ProgramLines& out, int depth) {
@@ -214,10 +222,10 @@ bool KernelTranslation::translate_control(const std::string& name,
   const std::string& variable = arguments.back()[1].text;
   std::string values;
   for (std::size_t i = 1; i + 1 < count; ++i) {
-    if (is_slider && !is_number(arguments[i]) && !known_names_.contains(plain_text(arguments[i])))
-      return false;
+    const auto constant = constants_.find(plain_text(arguments[i]));
+    if (is_slider && !is_number(arguments[i]) && constant == constants_.end()) return false;
     values += ", " + (is_number(arguments[i]) ? plain_text(arguments[i])
-                      : is_slider             ? plain_text(arguments[i])
+                      : is_slider             ? constant->second
                                               : "0");
   }
   controls_.push_back(fmt::format("sim.{}.add('{}'{})", is_slider ? "slider" : "switch", variable, values));

@@ -65,8 +65,11 @@ class KernelTranslation {
   KernelTokenList tokens_;
   std::size_t position_ = 0;
   std::map<std::string, std::set<std::size_t>>
-      functions_;                     // that become macros, with their numbers of parameters
-  std::set<std::string> parameters_;  // of the current function
+      functions_;  // that become macros, with their numbers of parameters
+  std::map<std::string, std::vector<KernelTokenList>> defaults_;  // of the last parameters of a function
+  std::set<std::string> parameters_;                              // of the current function
+  std::set<std::string> arrays_;                                  // of the controller
+  std::map<std::string, std::string> constants_;                  // the numbers that names had at first
   std::set<std::string> known_names_, called_;
   std::vector<std::pair<std::string, std::size_t>> uncalled_;
   ProgramLines defines_, macros_, main_;

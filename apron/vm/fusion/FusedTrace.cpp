@@ -158,7 +158,9 @@ std::vector<std::uint32_t> FusedTrace::double_buffered_registers() const {
 }
 
 std::size_t FusedTrace::memory_bytes() const noexcept {
-  return (worker_floats_ * plan_.threads + index_plane_floats_) * sizeof(float);
+  std::size_t bytes = (worker_floats_ * plan_.threads + index_plane_floats_) * sizeof(float);
+  for (const Schedule& schedule : schedules_) bytes += schedule.calls.capacity() * sizeof(BoundCall);
+  return bytes;
 }
 
 // Whether the padding of the rings is constant. Stages write whole vectors, so the width must be a multiple

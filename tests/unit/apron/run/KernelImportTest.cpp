@@ -102,16 +102,17 @@ TEST(KernelImport, KernelsWithoutMainRunInTheOrderOfTheText) {
 
 TEST(KernelImport, LoopsConditionsAndScalars) {
   const ImportedKernels imported = import_text(
-      "int main(){\n  int n = 4, unused;\n  int steps = 0b101;\n  for(int i = 0; i < 3; i++) { res(A); }\n"
+      "int main(){\n  int n = 4, m, k = n * (2 + m);\n  int steps = 0b101;\n  for(int i = 0; i < 3; i++) { "
+      "res(A); }\n"
       "  for(int i = 1; i <= steps; i += 2) scamp5_in(A, i * 2 - 1);\n"
       "  for(int i = 8; i > 0; --i) scamp5_in(B, -i);\n"
       "  if(steps > 3 && steps != 7) { all(); } else steps += 1;\n  while(steps < 9) steps++;\n}\n");
-  EXPECT_EQ(
-      body(imported),
-      "\nsteps = 5\nrepeat(3)\n  res(A)\nendrepeat\nfor(i, 1, steps, 2)\n  scamp5_in(A, i * 2 - 1)\nendfor\n"
-      "for(i, 8, 1, -1)\n  scamp5_in(B, -i)\nendfor\nif(steps > 3 && steps != 7)\n  all\nelse\n"
-      "  steps = steps + (1)\nendif\nwhile(steps < 9)\n  steps = steps + 1\nendwhile\n");
-  EXPECT_EQ(notes(imported), "2 host: ',' in an expression has no counterpart\n");
+  EXPECT_EQ(body(imported),
+            "\nn = 4\nm = 0\nk = n * (2 + m)\nsteps = 5\nrepeat(3)\n  res(A)\nendrepeat\nfor(i, 1, steps, "
+            "2)\n  scamp5_in(A, i * 2 - 1)\nendfor\n"
+            "for(i, 8, 1, -1)\n  scamp5_in(B, -i)\nendfor\nif(steps > 3 && steps != 7)\n  all\nelse\n"
+            "  steps = steps + (1)\nendif\nwhile(steps < 9)\n  steps = steps + 1\nendwhile\n");
+  EXPECT_EQ(notes(imported), "");
 }
 
 TEST(KernelImport, ExclusiveBoundsBecomeInclusive) {
@@ -134,6 +135,21 @@ TEST(KernelImport, SlidersDirectionsAndOutput) {
             "level = sim.slider.get('level')\nscamp5_in(E, level)\nCLR(RS, RW, RN, RE)\nSET(RS, RE)\n"
             "DNEWS1(S1, S0)\nsim.show(S1)\nscamp5_in(F, other)\n");
   EXPECT_EQ(notes(imported), "8 host: 'other' has no value in the kernels; it is 0\n");
+}
+
+TEST(KernelImport, DefaultArgumentsAndFirstValuesOfSliders) {
+  const ImportedKernels imported = import_text(
+      "void step(AREG y, int n = 3, int m = -1){ scamp5_in(y, n); scamp5_in(y, m); }\n"
+      "int main(){\n  int level = 20;\n  vs_gui_add_slider(\"level\", 0, 127, level, &level);\n"
+      "  step(A);\n  step(B, 5);\n  step(C, 5, level);\n  uint8_t box[4];\n  scamp5_in(A, box[1]);\n}\n");
+  EXPECT_EQ(
+      body(imported),
+      "sim.slider.add('level', 0, 127, 20)\n\n// step, line 1\n!macro_def\nstep($y, $n, $m)\n!macro_begin\n"
+      "scamp5_in($y, $n)\nscamp5_in($y, $m)\n!macro_end\n\nlevel = 20\nlevel = sim.slider.get('level')\n"
+      "step(A, 3, -1)\nstep(B, 5, -1)\nstep(C, 5, level)\n");
+  EXPECT_EQ(
+      notes(imported),
+      "8 host: 'box [ …' is code of the controller\n9 host: the array 'box' belongs to the controller\n");
 }
 
 TEST(KernelImport, NamesWhatItCannotTranslate) {
