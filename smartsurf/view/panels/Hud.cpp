@@ -248,8 +248,11 @@ namespace {
 ImVec2 draw_run_panel(const FrameInput& input, const Status& status, const scene::SurfaceSpec& surface,
                       HudState& state, Controls& controls, float scale) {
   ImGui::SetNextWindowPos({12.0f * scale, 12.0f * scale});
+  if (state.free_bottom > 0.0f)
+    ImGui::SetNextWindowSizeConstraints({0.0f, 0.0f},
+                                        {1e6f, std::max(state.free_bottom - 12.0f * scale, 100.0f * scale)});
   ImGui::SetNextWindowBgAlpha(0.86f);
-  ImGui::Begin("run", nullptr, kPanelFlags);
+  ImGui::Begin("run", nullptr, kPanelFlags & ~ImGuiWindowFlags_NoScrollbar);
   ImGui::PushItemWidth(150.0f * scale);
   if (ImGui::BeginTable("state", 2, ImGuiTableFlags_SizingFixedFit)) {
     draw_state_rows(input.snapshot, status, state);
@@ -280,9 +283,9 @@ ImVec2 draw_run_panel(const FrameInput& input, const Status& status, const scene
   return {position.x + extent.x, position.y + extent.y};
 }
 
-void draw_paused_badge(float scale) {
-  ImGui::SetNextWindowPos({ImGui::GetIO().DisplaySize.x / 2.0f, 12.0f * scale}, ImGuiCond_Always,
-                          {0.5f, 0.0f});
+// In the middle between two panels. left, right: their edges, pixels.
+void draw_paused_badge(float left, float right, float scale) {
+  ImGui::SetNextWindowPos({(left + right) / 2.0f, 12.0f * scale}, ImGuiCond_Always, {0.5f, 0.0f});
   ImGui::SetNextWindowBgAlpha(0.82f);
   ImGui::Begin("paused", nullptr, kPanelFlags | ImGuiWindowFlags_NoInputs);
   ImGui::TextUnformatted("Paused");
@@ -348,8 +351,9 @@ void draw_hud(const FrameInput& input, const Status& status, const scene::Surfac
       state.insets.bottom = std::min(0.4, 1.0 - static_cast<double>(bottom / display.y));
     inspector = draw_inspector_panel(input, status, surface, state, controls, bottom, scale);
     state.insets.right = std::min(0.4, 1.0 - static_cast<double>(inspector / display.x));
-    if (status.paused && !status.banner) draw_paused_badge(scale);
+    if (status.paused && !status.banner) draw_paused_badge(panel.x, inspector, scale);
   }
+  state.free_bottom = bottom;
   if (status.banner) draw_banner(*status.banner, panel, inspector, scale);
   float right = display.x - 12.0f * scale;
   if (overlay.colour_scale()) {

@@ -21,6 +21,8 @@ struct HudState {
   std::string message;                        // path of the last screenshot or video, or the error
   bool recording_video = false;
   ViewInsets insets;  // of the timeline, the plots, the inspector and the run panel's initial size
+  float free_bottom =
+      0.0f;  // the upper edge of the timeline and the plots in the last frame, pixels; 0: unknown
   std::vector<OptionEdit> option_edits;
   PlotData inspected;        // all signals of the selected item
   PlotData plotted;          // those that the user has chosen

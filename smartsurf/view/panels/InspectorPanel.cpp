@@ -50,14 +50,16 @@ std::optional<double> draw_signal(const FrameInput& input, std::size_t index, Hu
   const PlotData::Series& series = state.inspected.series()[index];
   const std::string unit = unit_of(series.signal, input.channels);
   ImGui::PushID(static_cast<int>(index));
+  ImGui::BeginGroup();
   ImGui::AlignTextToFramePadding();
   ImGui::TextColored(kDimTextColour, "%s", series.signal.quantity.c_str());
-  make_draggable({series.signal});
   ImGui::SameLine(kNameWidth * ImGui::GetFontSize());
   if (std::isfinite(value))
     ImGui::Text("%.4g %s", value, unit.c_str());
   else
     ImGui::TextUnformatted("no value");
+  ImGui::EndGroup();
+  make_draggable({series.signal});
   const float box =
       ImGui::CalcTextSize("plot").x + ImGui::GetFrameHeight() + ImGui::GetStyle().ItemInnerSpacing.x;
   ImGui::SameLine(std::max(width - box, kNameWidth * ImGui::GetFontSize() + 90.0f));
