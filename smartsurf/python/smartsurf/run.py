@@ -11,7 +11,7 @@ import os
 import pathlib
 import shutil
 import subprocess
-import sys
+import sysconfig
 import tempfile
 from collections.abc import Mapping
 from typing import Any
@@ -43,7 +43,7 @@ def program(given: str | os.PathLike | None = None) -> str:
     Raises FileNotFoundError if there is none."""
     folders = pathlib.Path(__file__).resolve().parents
     candidates = (folders[2] / "bin/smartsurf", folders[3] / "build/release/bin/smartsurf",
-                  pathlib.Path(sys.executable).parent / "smartsurf")
+                  pathlib.Path(sysconfig.get_path("scripts")) / "smartsurf")
     built = [str(path) for path in candidates if path.is_file()]
     name = os.fspath(given) if given else os.environ.get("SMARTSURF") or (built or ["smartsurf"])[0]
     path = shutil.which(name)
