@@ -5,6 +5,10 @@ include(GNUInstallDirs)
 # The one program here that links the shared library finds it beside itself, wherever the tree is put.
 set_target_properties(fake_surface PROPERTIES INSTALL_RPATH "$ORIGIN/../${CMAKE_INSTALL_LIBDIR}")
 install(TARGETS smartsurf apron surface_bridge fake_surface device_emulator)
+if(SKBUILD)  # the wheel of the Python package, whose smartsurf.run() starts them
+  install(TARGETS smartsurf apron RUNTIME DESTINATION ${SKBUILD_SCRIPTS_DIR} COMPONENT python)
+  install(DIRECTORY scripts/apron DESTINATION ${SKBUILD_DATA_DIR}/share/smartsurf COMPONENT python)
+endif()
 install(PROGRAMS scripts/doctor DESTINATION ${CMAKE_INSTALL_BINDIR} RENAME smartsurf-doctor)
 
 # Where an installed apron looks for its library: ../share/smartsurf/apron (apron/run/cli/CompiledProgram.cpp).

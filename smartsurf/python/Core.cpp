@@ -6,8 +6,10 @@
 
 #include <algorithm>
 #include <array>
+#include <atomic>
 #include <memory>
 #include <optional>
+#include <stdexcept>
 #include <string>
 #include <utility>
 #include <vector>
@@ -92,6 +94,21 @@ py::array_t<std::uint8_t> to_array(const common::Image& image) {
   return py::array_t<std::uint8_t>({image.height, image.width, 3}, image.rgb.data());
 }
 
+// Held during a call: other Python threads run while worlds compute, and may not use the same ones meanwhile.
+class Exclusive {
+ public:
+  explicit Exclusive(std::atomic_flag& in_use) : in_use_(in_use) {
+    if (in_use_.test_and_set())
+      throw std::runtime_error("another thread is using this environment: call it from one thread at a time");
+  }
+  ~Exclusive() { in_use_.clear(); }
+  Exclusive(const Exclusive&) = delete;
+  Exclusive& operator=(const Exclusive&) = delete;
+
+ private:
+  std::atomic_flag& in_use_;
+};
+
 // Views of the object states of the latest tick. An array that the caller holds stays valid: it follows the
 // simulation while the number of objects does not change.
 class ObjectArrays {
@@ -145,9 +162,11 @@ class Simulation {
   py::dict objects() { return objects_.get(environment_.simulation().snapshot()); }
 
   void set_targets(int channel, const Array<float>& values) {
+    const Exclusive use(in_use_);
     environment_.set_targets(channel, readable(values));
   }
   py::tuple step() {
+    const Exclusive use(in_use_);
     simulation::StepResult result;
     {
       py::gil_scoped_release release;
@@ -157,24 +176,34 @@ class Simulation {
     return py::make_tuple(result.reward, result.terminated, result.truncated, result.success);
   }
   void reset(std::uint64_t seed) {
+    const Exclusive use(in_use_);
     {
       py::gil_scoped_release release;
       environment_.reset(seed);
     }
     refresh();
   }
-  void finish() { environment_.finish(); }
-  py::bytes save() { return environment_.save(); }
+  void finish() {
+    const Exclusive use(in_use_);
+    environment_.finish();
+  }
+  py::bytes save() {
+    const Exclusive use(in_use_);
+    return environment_.save();
+  }
   void restore(const py::bytes& state) {
+    const Exclusive use(in_use_);
     environment_.restore(std::string_view(state));
     refresh();
   }
   std::vector<double> info(std::size_t size) {
+    const Exclusive use(in_use_);
     std::vector<double> values(size);
     environment_.info(values);
     return values;
   }
   py::array_t<std::uint8_t> render(int width, int height, const std::string& camera) {
+    const Exclusive use(in_use_);
     return to_array(python::render(environment_, view_, width, height, camera));
   }
   // The actuator targets in effect: channels × rows × columns, a copy.
@@ -194,6 +223,7 @@ class Simulation {
     objects_.update(environment_.simulation().snapshot());
   }
 
+  std::atomic_flag in_use_;
   Environment environment_;
   Array<float> observation_;  // of the latest tick: planes × rows × columns
   ObjectArrays objects_;
@@ -233,6 +263,7 @@ class Batch {
   // Whether an episode has ended; None, without a step, if the actions are not a float32 array of worlds × channels ×
   // rows × columns.
   py::object step(const py::object& given) {
+    const Exclusive use(in_use_);
     if (!py::isinstance<Array<float>>(given)) return py::none();
     const auto actions = py::reinterpret_borrow<Array<float>>(given);
     if (actions.ndim() != 4 || !std::equal(action_shape_.begin(), action_shape_.end(), actions.shape()))
@@ -249,15 +280,21 @@ class Batch {
     return py::bool_(any(terminated_) || any(truncated_));
   }
   void reset(const std::vector<std::uint64_t>& seeds, const std::vector<std::uint8_t>& mask) {
+    const Exclusive use(in_use_);
     py::gil_scoped_release release;
     batch_->reset(seeds, mask, arrays_);
   }
-  py::bytes save(int index) { return batch_->save(check(index)); }
+  py::bytes save(int index) {
+    const Exclusive use(in_use_);
+    return batch_->save(check(index));
+  }
   void restore(int index, const py::bytes& state) {
+    const Exclusive use(in_use_);
     batch_->restore(check(index), std::string_view(state), arrays_);
   }
   py::dict final_metrics(int index) const { return to_dict(batch_->final_metrics(check(index))); }
   py::array_t<std::uint8_t> render(int index, int width, int height, const std::string& camera) {
+    const Exclusive use(in_use_);
     return to_array(python::render(world(index), view_, width, height, camera));
   }
 
@@ -275,6 +312,7 @@ class Batch {
     return index;
   }
 
+  std::atomic_flag in_use_;
   std::unique_ptr<EnvironmentBatch> batch_;
   std::array<py::ssize_t, 4> action_shape_{};
   simulation::BatchArrays arrays_;

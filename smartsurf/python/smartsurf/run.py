@@ -11,6 +11,7 @@ import os
 import pathlib
 import shutil
 import subprocess
+import sysconfig
 import tempfile
 from collections.abc import Mapping
 from typing import Any
@@ -36,11 +37,14 @@ class RunError(RuntimeError):
 
 
 def program(given: str | os.PathLike | None = None) -> str:
-    """The path of the program smartsurf: the given one, else $SMARTSURF, that of this build or checkout, or that of PATH.
+    """The path of the program smartsurf: the given one, else $SMARTSURF, that of this build or checkout, that which pip
+    installed beside Python, or that of PATH.
 
     Raises FileNotFoundError if there is none."""
     folders = pathlib.Path(__file__).resolve().parents
-    built = [str(path) for path in (folders[2] / "bin/smartsurf", folders[3] / "build/release/bin/smartsurf") if path.is_file()]
+    candidates = (folders[2] / "bin/smartsurf", folders[3] / "build/release/bin/smartsurf",
+                  pathlib.Path(sysconfig.get_path("scripts")) / "smartsurf")
+    built = [str(path) for path in candidates if path.is_file()]
     name = os.fspath(given) if given else os.environ.get("SMARTSURF") or (built or ["smartsurf"])[0]
     path = shutil.which(name)
     if not path:

@@ -2,6 +2,7 @@
 import os
 import pickle
 import sys
+import threading
 import unittest
 import warnings
 
@@ -247,6 +248,26 @@ class VectorEnvironments(ExperimentTest):
         self.assertIs(one[1], first[1])
         self.assertIs(one[4]["best"], first[4]["best"])
         self.assertIsNot(other[1], copies.step(action)[1])
+
+    def test_two_threads_at_once_are_refused(self):
+        envs = smartsurf.VectorEnv(self.script(CROWD), 8, 1, copy=False)
+        envs.reset(seed=1)
+        actions, refused, running = sampled(envs.action_space, 0), [], True
+
+        def step():
+            while running and not refused:
+                try:
+                    envs.step(actions)
+                except RuntimeError as error:
+                    refused.append(str(error))
+        others = [threading.Thread(target=step) for _ in range(2)]
+        for thread in others:
+            thread.start()
+        for thread in others:
+            thread.join(timeout=60)
+        running = False
+        self.assertEqual(set(refused), {"another thread is using this environment: call it from one thread at a time"})
+        envs.step(actions)
 
     def test_a_closed_environment_says_so(self):
         path = self.script(CROWD)
