@@ -2,6 +2,17 @@
 find_package(PkgConfig REQUIRED)
 find_package(Threads REQUIRED)
 find_package(Eigen3 REQUIRED NO_MODULE)
+# Eigen's results on aarch64 are those on x86-64: without fused products, which its intrinsics use where the macro stands and
+# -ffp-contract does not govern, and without the packets of two floats, which sum a vector of three in another order. The
+# headers that the product includes are followed by EigenPackets.h.
+if(CMAKE_SYSTEM_PROCESSOR MATCHES "aarch64|arm64")
+  foreach(header Cholesky Core Eigenvalues Geometry LU)
+    file(CONFIGURE OUTPUT ${CMAKE_BINARY_DIR}/eigen/Eigen/${header}
+      CONTENT "#include_next <Eigen/${header}>\n#include \"${PROJECT_SOURCE_DIR}/cmake/EigenPackets.h\"\n")
+  endforeach()
+  target_include_directories(Eigen3::Eigen BEFORE INTERFACE ${CMAKE_BINARY_DIR}/eigen)
+  target_compile_options(Eigen3::Eigen INTERFACE -U__ARM_FEATURE_FMA)
+endif()
 find_package(Boost REQUIRED)                      # Interprocess, header only
 find_package(fmt REQUIRED)
 find_package(nlohmann_json REQUIRED)

@@ -1,4 +1,4 @@
-// SIGINT, SIGTERM and SIGHUP as flags that long-running work polls.
+// SIGINT, SIGTERM, SIGHUP and SIGXCPU as flags that long-running work polls.
 #pragma once
 
 #include <atomic>
@@ -8,7 +8,8 @@ namespace common {
 // Installs the handlers and returns stop_flag(). The first signal raises both flags. Signals within the next
 // half second belong to the same request, because a supervisor signals the process and its group; a later one
 // ends the process at once with status 128 + signal, for work that does not poll. An ignored SIGHUP (nohup)
-// stays ignored. The end of the process that SMARTSURF_PARENT names is a signal too (ParentWatch.h). SIGPIPE is ignored from here on: a closed pipe is a write error, not the end of the process.
+// stays ignored. The end of the process that SMARTSURF_PARENT names is a signal too (ParentWatch.h). SIGPIPE is
+// ignored from here on: a closed pipe is a write error, not the end of the process.
 const std::atomic<bool>& catch_stop_signals();
 
 // Makes a write beyond the limit of the file size (ulimit -f) an error instead of the end of the process.

@@ -64,21 +64,19 @@ std::vector<std::string> make_command(const std::string& controller, const std::
   return {"/bin/sh", "-c", command};
 }
 
-[[noreturn]] void exec_command(const std::vector<std::string>& command, const std::string& shm_name) {
+// Becomes the command. An exception would unwind the simulator's stack in its child, and remove its files there.
+[[noreturn]] void exec_command(const std::vector<char*>& arguments, const std::string& shm_name) noexcept {
   // Set in the child only, because several worlds share the parent's environment.
   setenv("SMARTSURF_SHM", shm_name.c_str(), 1);
   // Ends the controller even if the simulator is killed by SIGKILL.
   prctl(PR_SET_PDEATHSIG, SIGTERM);
   for (const int ignored : {SIGPIPE, SIGXFSZ}) signal(ignored, SIG_DFL);
-  std::vector<char*> arguments;
-  for (const auto& argument : command) arguments.push_back(const_cast<char*>(argument.c_str()));
-  arguments.push_back(nullptr);
   execvp(arguments[0], arguments.data());
   if (errno == ENOENT)
     fmt::print(stderr, "smartsurf: cannot start {}: it is neither beside smartsurf nor on PATH\n",
-               command[0]);
+               arguments[0]);
   else
-    fmt::print(stderr, "smartsurf: cannot start {}: {}\n", command[0], std::strerror(errno));
+    fmt::print(stderr, "smartsurf: cannot start {}: {}\n", arguments[0], std::strerror(errno));
   _exit(2);
 }
 
@@ -103,9 +101,12 @@ bool is_apron_program(const std::string& controller) {
 ControllerProcess::ControllerProcess(const std::string& controller, const std::string& shm_name,
                                      bool with_window, const std::vector<std::string>& overrides) {
   const std::vector<std::string> command = make_command(controller, shm_name, with_window, overrides);
+  std::vector<char*> arguments;
+  for (const std::string& argument : command) arguments.push_back(const_cast<char*>(argument.c_str()));
+  arguments.push_back(nullptr);
   pid_ = fork();
   if (pid_ < 0) throw std::system_error(errno, std::generic_category(), "cannot start the controller");
-  if (pid_ == 0) exec_command(command, shm_name);
+  if (pid_ == 0) exec_command(arguments, shm_name);
 }
 
 ControllerProcess::~ControllerProcess() {

@@ -59,6 +59,15 @@ TEST(StopSignals, SignalsOfOneRequestCountOnce) {
             0);
 }
 
+// ulimit -S -t
+TEST(StopSignals, LimitOfProcessorTimeIsARequest) {
+  EXPECT_EQ(status_of_child([] {
+              std::raise(SIGXCPU);
+              if (stop_signal() != SIGXCPU || !stop_flag()) ::_exit(1);
+            }),
+            0);
+}
+
 TEST(StopSignals, ClearedSignalStartsNewRequest) {
   EXPECT_EQ(status_of_child([] {
               std::raise(SIGINT);
