@@ -14,7 +14,9 @@
 
 // Fontconfig, which Cairo uses to find fonts, never frees its tables; the HDF5 library leaks memory on a
 // damaged file.
-extern "C" const char* __lsan_default_suppressions() { return "leak:libfontconfig\nleak:libhdf5"; }
+extern "C" [[gnu::visibility("default")]] const char* __lsan_default_suppressions() {
+  return "leak:libfontconfig\nleak:libhdf5";
+}
 
 namespace smartsurf::record {
 namespace {

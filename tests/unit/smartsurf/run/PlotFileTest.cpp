@@ -7,7 +7,9 @@
 #include <sstream>
 
 // Fontconfig, which Cairo uses to find fonts, never frees its tables.
-extern "C" const char* __lsan_default_suppressions() { return "leak:libfontconfig"; }
+extern "C" [[gnu::visibility("default")]] const char* __lsan_default_suppressions() {
+  return "leak:libfontconfig";
+}
 
 namespace smartsurf::run {
 namespace {
