@@ -35,6 +35,12 @@ def whole(name, value, least):
     raise ValueError(f"{name} = {value!r}: must be a whole number, at least {least}")
 
 
+def thread_count(threads):
+    if isinstance(threads, (int, np.integer)) and threads > 1024:
+        raise ValueError(f"threads = {threads!r}: must be at most 1024")
+    return whole("threads", threads, 1)
+
+
 def real_array(name, values):
     """The values as an array of real numbers, or ValueError."""
     try:
@@ -106,7 +112,7 @@ class Simulation:
 
     def __init__(self, experiment: str | os.PathLike, seed: int | None = None, set: dict | None = None,
                  threads: int = 1, engine: str | None = None):
-        threads = whole("threads", threads, 1)
+        threads = thread_count(threads)
         self._core = _core.Simulation(os.fspath(experiment), engine_name(engine), overrides(set), _seed(seed), threads)
         self._process, self._threads = os.getpid(), threads
         self.experiment = os.fspath(experiment)

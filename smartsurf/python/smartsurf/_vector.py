@@ -10,7 +10,7 @@ from gymnasium.vector import AutoresetMode
 from . import _core
 from ._env import box
 from ._simulation import (Closed, _seed, channels, draw_seed, engine_name, not_picklable, overrides, real_array,
-                          state_bytes, whole)
+                          state_bytes, thread_count, whole)
 from ._tasks import task_file
 
 _AUTORESET = {AutoresetMode.NEXT_STEP: 0, AutoresetMode.SAME_STEP: 1, AutoresetMode.DISABLED: 2}
@@ -36,7 +36,7 @@ class VectorEnv(gymnasium.vector.VectorEnv):
                  autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP, render_mode: str | None = None,
                  render_size: tuple[int, int] = (640, 400), camera: str = "iso"):
         num_envs = whole("num_envs", num_envs, 1)
-        threads = len(os.sched_getaffinity(0)) if threads is None else whole("threads", threads, 1)
+        threads = len(os.sched_getaffinity(0)) if threads is None else thread_count(threads)
         if render_mode not in (None, *self.metadata["render_modes"]):
             raise ValueError(f"render_mode = {render_mode!r}: must be None or 'rgb_array'")
         autoreset_mode = AutoresetMode(autoreset_mode)

@@ -4,7 +4,6 @@
 #include <cmath>
 #include <limits>
 #include <numeric>
-#include <ranges>
 
 #include "common/threads/ThreadPool.h"
 #include "smartsurf/surface/actuators/PinKernels.h"
@@ -47,15 +46,12 @@ Pins::Pins(const ActuatorContext& context)
   group_max_speed_.resize(groups_.size(), 0.0F);
 }
 
-// A fixed cell is on its target, its own height, and stays there. Cells of other models and places without a cell have
-// none.
+// Between the runs of a single model lies a fixed border, whose cells are on their target, their own height, and stay there.
+// Otherwise there may be cells of other models, or none.
 void Pins::group_runs(const ActuatorContext& context) {
-  const bool has_other_models = !context.surface.actuator_of_cell.empty();
-  const auto is_fixed = [&context](std::size_t i) { return std::isfinite(context.field.height[i]); };
-  const auto may_join = [&](const CellRun& group, const CellRun& next) {
-    if (force_limit_ || has_other_models || length_of({group.begin, next.end}) > kMaxGroupCells) return false;
-    const auto between = std::views::iota(static_cast<std::size_t>(group.end), begin_of(next));
-    return std::ranges::all_of(between, is_fixed);
+  const bool joins = context.surface.actuator_of_cell.empty() && !force_limit_;
+  const auto may_join = [joins](const CellRun& group, const CellRun& next) {
+    return joins && length_of({group.begin, next.end}) <= kMaxGroupCells;
   };
   for (std::size_t r = 0; r < runs_.size(); ++r) {
     if (groups_.empty() || !may_join(groups_.back().cells, runs_[r])) groups_.push_back({runs_[r], r, r});

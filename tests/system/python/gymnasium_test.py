@@ -198,6 +198,9 @@ class VectorEnvironments(ExperimentTest):
                               (lambda: envs.restore(0, None), "a NoneType is not a saved state")):
             with self.assertRaisesRegex(ValueError, message):
                 call()
+        for threads, message in ((0, "threads = 0: must be"), (10**9, "threads = 1000000000: must be at most 1024")):
+            with self.assertRaisesRegex(ValueError, message):
+                smartsurf.VectorEnv(path, 1, threads)
         with self.assertRaisesRegex(TypeError, "a VectorEnv cannot be pickled"):
             pickle.dumps(envs)
 

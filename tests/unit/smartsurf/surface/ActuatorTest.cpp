@@ -6,6 +6,7 @@
 
 #include "common/threads/ThreadPool.h"
 #include "smartsurf/surface/ActuatorArray.h"
+#include "smartsurf/surface/actuators/MotionProfile.h"
 
 using namespace smartsurf;
 
@@ -98,6 +99,40 @@ TEST(Pin, BitIdenticalForAnyThreadCount) {
     EXPECT_GT(alone.back(), 0.0F) << "still moving";
     EXPECT_EQ(wave_of_pins(drive, 2), alone);
     EXPECT_EQ(wave_of_pins(drive, 3), alone);
+  }
+}
+
+// Short rows of pins move together, with the fixed cells or the other models' cells between them.
+TEST(Pins, ShortRowsFollowTheMotionProfile) {
+  constexpr int kRows = 11, kColumns = 7;
+  for (const bool has_two_models : {false, true}) {
+    scene::SurfaceSpec s = surface_of({actuator("pin", {{"max_speed", {2.0}}, {"max_acceleration", {30.0}}}),
+                                       actuator("pin", {{"max_speed", {1.0}}, {"max_acceleration", {9.0}}})},
+                                      kRows, kColumns);
+    s.border_height = 3.0;
+    for (int i = 0; has_two_models && i < kRows * kColumns; ++i)
+      s.actuator_of_cell.push_back(static_cast<std::int8_t>(i % 2));
+    if (!has_two_models) s.actuators.pop_back();
+    Cells cells(s);
+    std::vector<float> targets(kRows * kColumns), height(targets.size(), 0.0F), speed(height);
+    for (std::size_t i = 0; i < targets.size(); ++i) targets[i] = 0.1F * static_cast<float>(i % 19);
+    cells.array.set_targets(0, targets);
+    const surface::MotionProfile profiles[] = {{2.0F, 30.0F, static_cast<float>(kDt)},
+                                               {1.0F, 9.0F, static_cast<float>(kDt)}};
+    for (int step = 0; step < 100; ++step) {
+      cells.run(kDt);
+      for (std::size_t i = 0; i < targets.size(); ++i) {
+        const int row = static_cast<int>(i) / kColumns, column = static_cast<int>(i) % kColumns;
+        if (s.is_border(row, column)) {
+          height[i] = 3.0F;
+          continue;
+        }
+        speed[i] = profiles[has_two_models ? i % 2 : 0](targets[i] - height[i], speed[i]);
+        height[i] = surface::MotionProfile::advance(height[i], speed[i], targets[i], static_cast<float>(kDt));
+      }
+      ASSERT_EQ(cells.field().height, height) << "step " << step;
+    }
+    EXPECT_EQ(cells.field().speed, speed);
   }
 }
 
