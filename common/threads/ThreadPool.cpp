@@ -56,7 +56,8 @@ void ThreadPool::wait_while(const std::atomic<std::uint32_t>& word, std::uint32_
 // by jobs alone, each time by more of them; one that did not, by fewer.
 void ThreadPool::judge_job(std::int64_t wall_ns, std::int64_t cpu_ns) noexcept {
   constexpr std::int64_t kMinWait_ns = 200'000;  // more than waking the threads takes
-  if (wall_ns - cpu_ns > kMinWait_ns && 3 * wall_ns > 5 * cpu_ns) {
+  waited_ = wall_ns - cpu_ns > kMinWait_ns && 3 * wall_ns > 5 * cpu_ns;
+  if (waited_) {
     jobs_alone_ = next_jobs_alone_;
     next_jobs_alone_ = std::min(4 * next_jobs_alone_, kMaxJobsAlone);
   } else {

@@ -42,9 +42,15 @@ class ThreadPool {
   // programs keep the cores busy, and the caller alone is faster. The methods below that may run on the caller
   // alone ask themselves. Changes no result.
   bool has_cores() noexcept {
-    if (jobs_alone_ == 0) return true;
-    --jobs_alone_;
-    return false;
+    if (!waited_) return true;
+    if (jobs_alone_ > 0) {
+      --jobs_alone_;
+      return false;
+    }
+    const int next_jobs_alone = next_jobs_alone_;
+    fork_join([](int) {});  // waits for a core once; a step would wait at each of its barriers
+    if (!waited_) next_jobs_alone_ = next_jobs_alone;  // which the job itself is to judge
+    return !waited_;
   }
 
   // Fork/join: work(thread) once on every thread, all at the same time, so that they may wait for each other.
@@ -114,7 +120,8 @@ class ThreadPool {
   void wait_while(const std::atomic<std::uint32_t>& word, std::uint32_t old) const noexcept;
 
   double min_cost_ns_;
-  int jobs_alone_ = 0;  // that the caller does alone before it shares one again
+  bool waited_ = false;  // the last shared job, for a thread without a core
+  int jobs_alone_ = 0;   // that the caller does alone before it tries again
   int next_jobs_alone_ = kMinJobsAlone;
   int spins_;  // before a waiting thread sleeps; 0 where the threads outnumber the cores
   std::vector<std::thread> workers_;
