@@ -13,7 +13,8 @@ namespace {
 
 constexpr float kStripHeight = 190.0f;  // pixels, unscaled
 constexpr ImU32 kAxisColour = IM_COL32(150, 158, 168, 255), kGridColour = IM_COL32(205, 211, 218, 255),
-                kTextColour = IM_COL32(70, 78, 90, 255), kNowColour = IM_COL32(40, 44, 52, 200);
+                kTextColour = IM_COL32(70, 78, 90, 255), kNowColour = IM_COL32(40, 44, 52, 200),
+                kPaperColour = IM_COL32(255, 255, 255, 235);
 
 std::string format_tick(double value) {
   char text[32];
@@ -56,9 +57,9 @@ double value_step(const Range& values, double rows) {
   return step;
 }
 
-void draw_axes(const ChartArea& area, const std::string& unit, ImDrawList& list) {
+void draw_axes(const ChartArea& area, ImDrawList& list) {
   const float font = ImGui::GetFontSize();
-  list.AddRectFilled(area.low, area.high, IM_COL32(255, 255, 255, 235));
+  list.AddRectFilled(area.low, area.high, kPaperColour);
   const double rows = std::max(1.0f, std::floor((area.high.y - area.low.y) / (1.7f * font)));
   const double step = value_step(area.values, rows);
   for (double v = std::ceil(area.values.low / step) * step; v <= area.values.high; v += step) {
@@ -77,8 +78,15 @@ void draw_axes(const ChartArea& area, const std::string& unit, ImDrawList& list)
       list.AddText({x - 0.5f * width, area.high.y + 2.0f}, kTextColour, text.c_str());
   }
   list.AddRect(area.low, area.high, kAxisColour);
-  if (!unit.empty())
-    list.AddText({area.low.x + 5.0f, area.low.y + 2.0f}, kTextColour, ("[" + unit + "]").c_str());
+}
+
+// Above the curves.
+void draw_unit(const ChartArea& area, const std::string& unit, ImDrawList& list) {
+  if (unit.empty()) return;
+  const std::string text = "[" + unit + "]";
+  const ImVec2 at(area.low.x + 5.0f, area.low.y + 2.0f), size = ImGui::CalcTextSize(text.c_str());
+  list.AddRectFilled({at.x - 3.0f, at.y}, {at.x + size.x + 3.0f, at.y + size.y}, kPaperColour, 3.0f);
+  list.AddText(at, kTextColour, text.c_str());
 }
 
 void draw_curve(const std::vector<CurvePoint>& points, const ChartArea& area, ImU32 colour, float width,
@@ -278,13 +286,14 @@ std::optional<double> draw_chart(const PlotData& data, const Chart& chart, float
   }
   area.values.widen();
   ImDrawList& list = *ImGui::GetWindowDrawList();
-  draw_axes(area, chart.unit, list);
+  draw_axes(area, list);
   list.PushClipRect(area.low, area.high, true);
   for (std::size_t i = 0; i < curves.size(); ++i)
     draw_curve(curves[i], area, curve_colour(chart.series[i]), font / 8.0f, list);
   if (chart.now_s < chart.to_s)
     list.AddLine({area.x(chart.now_s), area.low.y}, {area.x(chart.now_s), area.high.y}, kNowColour, 2.0f);
   list.PopClipRect();
+  draw_unit(area, chart.unit, list);
   const bool active = ImGui::IsItemActive();
   if (!ImGui::IsItemHovered() && !active) return std::nullopt;
   const double share =

@@ -23,6 +23,18 @@ TEST(Controls, TakeCommandsClearsCommands) {
   EXPECT_FALSE(again.quit);
 }
 
+TEST(Controls, EndedRunIsOnlyLookedBackAtOrRestarted) {
+  Controls controls{scene::SurfaceSpec{}};
+  Status status;
+  status.run_ended = status.can_reset = true;
+  for (const UiAction action : {UiAction::kPause, UiAction::kStepBack, UiAction::kReset})
+    controls.perform(action, status);
+  const Commands commands = controls.take_commands();
+  EXPECT_FALSE(commands.toggle_pause);
+  EXPECT_EQ(commands.steps, -1);
+  EXPECT_TRUE(commands.reset);
+}
+
 TEST(Controls, TwoPausesInOneFrameCancelOut) {
   Controls controls{scene::SurfaceSpec{}};
   controls.perform(UiAction::kPause, {});
