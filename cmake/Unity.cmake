@@ -4,7 +4,8 @@
 option(SMARTSURF_UNITY "Compile the files of a target together" OFF)
 if(SMARTSURF_UNITY)
   target_compile_options(project_options INTERFACE
-    $<$<COMPILE_LANGUAGE:CXX>:-Wno-subobject-linkage>)  # takes a joined file's anonymous namespace for a header's
+    $<$<COMPILE_LANGUAGE:CXX>:-Wno-subobject-linkage>  # takes a joined file's anonymous namespace for a header's
+    $<$<CXX_COMPILER_ID:GNU>:-Wno-stringop-overflow>)  # GCC 12: false overruns of moved std::strings
 endif()
 
 # Files whose anonymous namespace has a name that another file of the target has as well, and vector kernels, which
