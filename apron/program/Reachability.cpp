@@ -1,32 +1,75 @@
 #include "apron/program/Reachability.h"
 
 #include <algorithm>
+#include <utility>
+#include <vector>
 
 namespace apron::program {
 
-bool can_reach(const Program& program, Opcode wanted) {
-  std::vector<bool> seen(program.code.size(), false);
-  std::vector<std::size_t> work{0};
+namespace {
+
+// The instructions that may be executed after this one. Behind a call, its routine is assumed to return.
+std::vector<std::size_t> successors(const Program& program, std::size_t index) {
+  const Instruction& instruction = program.code[index];
+  std::vector<std::size_t> next;
+  for (const Operand& operand : instruction.operands)
+    if (operand.kind == OperandKind::kLabel) next.push_back(operand.index);
+  const bool continues =
+      instruction.op != Opcode::kJump && instruction.op != Opcode::kReturn && instruction.op != Opcode::kEnd;
+  if (continues && index + 1 < program.code.size()) next.push_back(index + 1);
+  return next;
+}
+
+// Which instructions a walk along the edges from these ones meets.
+template <typename Edges>
+std::vector<bool> walk(std::size_t size, std::vector<std::size_t> work, const Edges& edges) {
+  std::vector<bool> seen(size, false);
   while (!work.empty()) {
     const std::size_t index = work.back();
     work.pop_back();
-    if (index >= seen.size() || seen[index]) continue;
+    if (seen[index]) continue;
     seen[index] = true;
-    const Instruction& instruction = program.code[index];
-    if (instruction.op == wanted) return true;
-    for (const Operand& operand : instruction.operands)
-      if (operand.kind == OperandKind::kLabel) work.push_back(operand.index);
-    const bool continues =
-        instruction.op != Opcode::kJump && instruction.op != Opcode::kReturn && instruction.op != Opcode::kEnd;
-    if (continues) work.push_back(index + 1);  // behind a call: its routine is assumed to return
+    for (const std::size_t next : edges(index)) work.push_back(next);
   }
+  return seen;
+}
+
+std::vector<bool> find_reachable(const Program& program) {
+  return walk(program.code.size(), {0}, [&](std::size_t index) { return successors(program, index); });
+}
+
+}  // namespace
+
+bool can_reach(const Program& program, Opcode wanted) {
+  const std::vector<bool> reachable = find_reachable(program);
+  for (std::size_t index = 0; index < reachable.size(); ++index)
+    if (reachable[index] && program.code[index].op == wanted) return true;
   return false;
 }
 
 bool uses_surface(const Program& program) {
   return std::any_of(program.code.begin(), program.code.end(), [](const Instruction& instruction) {
-    return instruction.op == Opcode::kSurfaceSense || instruction.op == Opcode::kSurfaceActuate;
+    return instruction.op == Opcode::kSurfaceSense || instruction.op == Opcode::kSurfaceActuate ||
+           instruction.op == Opcode::kSurfaceStep;
   });
+}
+
+std::optional<std::size_t> find_loop_without_step(const Program& program) {
+  const std::size_t size = program.code.size();
+  std::vector<std::vector<std::size_t>> predecessors(size);
+  std::vector<std::size_t> goals;
+  for (std::size_t index = 0; index < size; ++index) {
+    const Opcode op = program.code[index].op;
+    if (op == Opcode::kSurfaceStep || op == Opcode::kEnd || op == Opcode::kReturn) goals.push_back(index);
+    for (const std::size_t next : successors(program, index)) predecessors[next].push_back(index);
+  }
+  const std::vector<bool> proceeds =
+      walk(size, std::move(goals),
+           [&](std::size_t index) -> const std::vector<std::size_t>& { return predecessors[index]; });
+  const std::vector<bool> reachable = find_reachable(program);
+  for (std::size_t index = 0; index < size; ++index)
+    if (reachable[index] && !proceeds[index]) return index;
+  return std::nullopt;
 }
 
 }  // namespace apron::program

@@ -69,7 +69,7 @@ void VideoEncoder::start(int frames_per_second) {
   if (child_ == 0) {
     ::dup2(ends[0], STDIN_FILENO);
     std::signal(SIGXFSZ, SIG_DFL);
-    std::signal(SIGINT, SIG_IGN);  // Ctrl-C is for the program; ffmpeg ends with its input
+    ::setpgid(0, 0);  // Ctrl-C is for the program, ffmpeg would catch it; it ends with its input
     ::execvp(arguments[0], arguments.data());
     ::_exit(127);
   }

@@ -276,9 +276,17 @@ int run_program(const Options& options) {
 int check_program(const Options& options) {
   const std::optional<program::Program> program = compile_or_report(options, options.width, options.height);
   if (!program) return common::kUserError;
-  if (program::uses_surface(*program) && !program::can_reach(*program, program::Opcode::kSurfaceStep))
-    std::cerr << options.program << ": warning: the program uses the surface and never reaches surface.step, "
-              << "for which the surface waits\n";
+  if (program::uses_surface(*program)) {
+    if (!program::can_reach(*program, program::Opcode::kSurfaceStep)) {
+      std::cerr << options.program
+                << ": warning: the program uses the surface and never reaches surface.step, "
+                << "for which the surface waits\n";
+    } else if (const std::optional<std::size_t> loop = program::find_loop_without_step(*program)) {
+      const program::SourceLocation& source = program->source_locations[program->code[*loop].source_location];
+      std::cerr << program->files[source.file] << ':' << source.line << ": warning: from here the program "
+                << "repeats forever without surface.step, for which the surface waits\n";
+    }
+  }
   if (!options.local_check) return common::kDone;
   const std::vector<program::NonLocalInstruction> nonlocal = program::find_nonlocal_instructions(*program);
   for (const program::NonLocalInstruction& instruction : nonlocal) {

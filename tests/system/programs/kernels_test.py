@@ -111,7 +111,7 @@ int main() {
   while (1) {
     vs_frame_loop_control();
     scamp5_kernel_begin();
-      get_image(C);
+      get_image(C, D);
       movx(A, C, north);
       movx(B, C, south);
       add(A, A, B);

@@ -46,6 +46,19 @@ TEST(VideoEncoder, RenamesFinishedVideo) {
   EXPECT_EQ(folder.entries(), 1);
 }
 
+// ffmpeg ends at Ctrl-C, whatever it inherits, and the terminal sends it to the whole process group.
+TEST(VideoEncoder, HasAProcessGroupOfItsOwn) {
+  const FakeFfmpeg ffmpeg("cut -d' ' -f5 /proc/$$/stat > \"$last\"; echo $$ >> \"$last\"; cat > /dev/null");
+  const TemporaryFolder folder;
+  VideoEncoder video(folder.path() / "a.mp4", 4, 2, 30);
+  video.add(grey(4, 2));
+  video.finish();
+  int group = 0, process = 0;
+  std::ifstream(folder.path() / "a.mp4") >> group >> process;
+  EXPECT_GT(process, 0);
+  EXPECT_EQ(group, process);
+}
+
 TEST(VideoEncoder, FailureLeavesNoPartialFile) {
   const FakeFfmpeg ffmpeg("cat > \"$last\"; exit 1");
   const TemporaryFolder folder;

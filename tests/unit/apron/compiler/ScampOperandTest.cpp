@@ -44,7 +44,9 @@ const std::vector<Instruction> kInstructions = {{"mov", {"ax", "axv"}},
                                                 {"bus2", {"aa", "aax", "aaxx"}},
                                                 {"bus3", {"aaax"}},
                                                 {"get_image", {"a", "aa"}},
-                                                {"scamp5_get_image", {"aan"}},
+                                                {"scamp5_get_image", {"aa", "aan"}},
+                                                {"respix", {"", "a"}},
+                                                {"getpix", {"ax", "aax"}},
                                                 {"where", {"x", "xx", "xxx"}},
                                                 {"WHERE", {"d", "dd", "ddd"}},
                                                 {"all", {""}},
@@ -68,7 +70,10 @@ const std::vector<Instruction> kInstructions = {{"mov", {"ax", "axv"}},
                                                 {"in", {"an"}},
                                                 {"newsblur", {"ax", "axn"}},
                                                 {"newsblurh", {"ax", "axn"}},
-                                                {"scamp5_diffuse", {"an", "annn"}},
+                                                {"gauss", {"ax", "axn"}},
+                                                {"gaussh", {"ax", "axn"}},
+                                                {"gaussv", {"ax", "axn"}},
+                                                {"scamp5_diffuse", {"an", "ann", "annn", "annna"}},
                                                 {"scamp5_load_in", {"n", "an", "ana"}},
                                                 {"CLR_IF", {"dd"}},
                                                 {"scamp5_load_pattern", {"dnnnn"}},
@@ -78,7 +83,8 @@ const std::vector<Instruction> kInstructions = {{"mov", {"ax", "axv"}},
                                                 {"scamp5_flood", {"ddn", "ddnn"}},
                                                 {"scamp5_shift", {"rnn", "rnnn"}},
                                                 {"n = scamp5_global_or", {"d", "dnnnn"}},
-                                                {"n = scamp5_global_count", {"d", "da"}},
+                                                {"n = scamp5_global_count", {"d", "da", "dan"}},
+                                                {"n = scamp5_global_sum_sparse", {"x", "xnnnn"}},
                                                 {"n = scamp5_global_sum_fast", {"x"}},
                                                 {"n = scamp5_global_sum_16", {"x"}},
                                                 {"n = scamp5_global_sum_64", {"x"}},
@@ -89,12 +95,12 @@ const std::map<char, std::string> kExample = {
     {'a', "B"}, {'x', "IN"}, {'d', "S1"}, {'v', "east"}, {'n', "3"}};
 const std::map<char, std::string> kDescription = {
     {'a', "an analogue register (A to F, NEWS)"},
-    {'x', "an analogue register (A to F, NEWS, IN)"},
+    {'x', "an analogue register (A to F, NEWS, IN, XN, XE, XS, XW)"},
     {'d', "a digital register (R0 to R12, S0 to S6, FLAG)"},
     {'r', "an analogue register (A to F, NEWS) or a digital one (R0 to R12, S0 to S6, FLAG)"},
     {'v', "a direction (north, east, south, west)"},
     {'n', "a number"},
-    {'s', "an analogue register (A to F, NEWS, IN) or a direction"}};
+    {'s', "an analogue register (A to F, NEWS, IN, XN, XE, XS, XW) or a direction"}};
 // The kinds of example that an operand of a kind may be.
 const std::map<char, std::string> kFits = {{'a', "a"}, {'x', "ax"}, {'d', "d"},  {'r', "ad"},
                                            {'v', "v"}, {'n', "n"},  {'s', "axv"}};
@@ -161,14 +167,14 @@ TEST(ScampOperands, EveryKindButTheRightOneIsRefused) {
 
 TEST(ScampOperands, MessagesNameTheOtherKindOrTheNearestName) {
   const auto message = [](const std::string& line) { return first_line(errors(compile_kernel(line))); };
-  EXPECT_EQ(
-      message("add(A, B, R5)"),
-      "main.aps:3:11: error: operand 3 of 'add' must be an analogue register (A to F, NEWS, IN), not 'R5', a "
-      "digital register (R0 to R12, S0 to S6, FLAG)");
-  EXPECT_EQ(
-      message("mov(A, b)"),
-      "main.aps:3:8: error: operand 2 of 'mov' must be an analogue register (A to F, NEWS, IN), not 'b'; did "
-      "you mean 'B'?");
+  EXPECT_EQ(message("add(A, B, R5)"),
+            "main.aps:3:11: error: operand 3 of 'add' must be an analogue register (A to F, NEWS, IN, XN, "
+            "XE, XS, XW), not 'R5', a "
+            "digital register (R0 to R12, S0 to S6, FLAG)");
+  EXPECT_EQ(message("mov(A, b)"),
+            "main.aps:3:8: error: operand 2 of 'mov' must be an analogue register (A to F, NEWS, IN, XN, XE, "
+            "XS, XW), not 'b'; did "
+            "you mean 'B'?");
   EXPECT_EQ(
       message("add(A, B, C, D, E)"),
       "main.aps:3:1: error: no macro 'add' takes 5 arguments without a result; there is add($y, $a, $b) "

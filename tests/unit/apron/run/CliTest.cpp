@@ -126,6 +126,14 @@ TEST_F(Cli, WarnsOfProgramsThatNeverStep) {
   const ProcessResult checked = run({"check", never});
   EXPECT_EQ(checked.status, 0);
   EXPECT_NE(checked.err.find("never reaches surface.step"), std::string::npos) << checked.err;
+  const std::string unreached =
+      file("unreached.aps", "n = 0\nwhile(1)\n  n = n + 1\nendwhile\nsurface.step\n");
+  EXPECT_NE(run({"check", unreached}).err.find("never reaches surface.step"), std::string::npos);
+  const std::string stuck = file("stuck.aps", "surface.step\nn = 0\n#again\nn = n + 1\njump(#again)\n");
+  EXPECT_EQ(run({"check", stuck}).err,
+            stuck +
+                ":2: warning: from here the program repeats forever without surface.step, for which the "
+                "surface waits\n");
   EXPECT_EQ(run({"check", file("loop.aps", kLoop)}).err, "");
   EXPECT_EQ(run({"check", file("plain.aps", "println(1)\n")}).err, "");
   SurfaceEndpoint waiting = surface(Mode::kTimeStep);

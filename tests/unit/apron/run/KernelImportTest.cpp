@@ -46,7 +46,7 @@ int main(){
   vs_init();
   while(1){
     scamp5_kernel_begin();
-      get_image(C);
+      get_image(C, D);
       movx(A,C,north); movx(B,C,south);
       add(A,A,B);
       add(A,A,C); add(A,A,C);
@@ -61,10 +61,11 @@ int main(){
 
 TEST(KernelImport, TranslatesKernelsOfTheTutorials) {
   const ImportedKernels imported = import_text(kSobel);
-  EXPECT_EQ(body(imported),
-            "!define(FRAMES, 1)\n\nrepeat(FRAMES)\n  get_image(C)\n  movx(A, C, north)\n  movx(B, C, south)\n"
-            "  add(A, A, B)\n  add(A, A, C)\n  add(A, A, C)\n  movx(B, A, east)\n  movx(A, A, west)\n"
-            "  sub(B, B, A)\n  abs(D, B)\nendrepeat\n");
+  EXPECT_EQ(
+      body(imported),
+      "!define(FRAMES, 1)\n\nrepeat(FRAMES)\n  get_image(C, D)\n  movx(A, C, north)\n  movx(B, C, south)\n"
+      "  add(A, A, B)\n  add(A, A, C)\n  add(A, A, C)\n  movx(B, A, east)\n  movx(A, A, west)\n"
+      "  sub(B, B, A)\n  abs(D, B)\nendrepeat\n");
   EXPECT_EQ(notes(imported), "5 host: 'vs_init' runs on the controller or host\n");
   EXPECT_EQ(imported.instructions, 10U);
   EXPECT_NE(import_text(kSobel, "p.png").program.find("repeat(FRAMES)\n  PIX = io.image.open('p.png')\n"),
