@@ -118,6 +118,5 @@ TEST(ThreadPool, CallerWorksAloneAfterJobsThatWaited) {
     wait();
     most = std::max(most, jobs_alone());
   }
-  EXPECT_GE(most, 32);
-  EXPECT_LE(most, 2 * 1024);
+  EXPECT_GE(most, 32);  // and jobs are shared again at some time, or jobs_alone() would not return
 }
