@@ -8,11 +8,10 @@ if(SMARTSURF_UNITY)
     $<$<CXX_COMPILER_ID:GNU>:-Wno-stringop-overflow>)  # GCC 12: false overruns of moved std::strings
 endif()
 
-# Files whose anonymous namespace has a name that another file of the target has as well; vector kernels, which include
-# themselves once per instruction set; and FusedTrace.cpp, whose portable path is 1.5 times as slow when joined.
+# Files whose anonymous namespace has a name that another file of the target has as well, and vector kernels, which
+# include themselves once per instruction set.
 set(unity_separate_files
   apron/syntax/Formatter.cpp
-  apron/vm/fusion/FusedTrace.cpp
   apron/vm/kernels/Kernels.cpp
   smartsurf/mesh/MeshFile.cpp
   smartsurf/record/plot/PurityPlot.cpp smartsurf/record/plot/TimeSpentPlot.cpp smartsurf/record/plot/TrajectoryPlot.cpp
