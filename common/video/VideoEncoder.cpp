@@ -69,7 +69,8 @@ void VideoEncoder::start(int frames_per_second) {
   if (child_ == 0) {
     ::dup2(ends[0], STDIN_FILENO);
     std::signal(SIGXFSZ, SIG_DFL);
-    ::setpgid(0, 0);  // Ctrl-C is for the program, ffmpeg would catch it; it ends with its input
+    // A process group without the terminal's Ctrl-C, which ffmpeg would catch: it ends with its input.
+    ::setpgid(0, 0);
     ::execvp(arguments[0], arguments.data());
     ::_exit(127);
   }

@@ -1,10 +1,10 @@
 #include "apron/run/cli/CompiledProgram.h"
 
-#include <algorithm>
 #include <filesystem>
 #include <iostream>
 
 #include "apron/compiler/Compiler.h"
+#include "apron/program/Reachability.h"
 #include "apron/syntax/Diagnostic.h"
 #include "apron/syntax/FileReader.h"
 #include "common/color/PaletteFile.h"
@@ -31,12 +31,6 @@ void append_messages(const std::vector<syntax::Diagnostic>& diagnostics, const s
     const std::string file = at.file < sources.file_count() ? sources.file(at.file).name : "";
     messages.entries.push_back({file, at.line, at.column, diagnostic.message, diagnostic.is_warning});
   }
-}
-
-bool has_frames(const program::Program& program) {
-  return std::any_of(program.code.begin(), program.code.end(), [](const program::Instruction& instruction) {
-    return instruction.op == program::Opcode::kSurfaceStep;
-  });
 }
 
 }  // namespace
@@ -70,7 +64,8 @@ std::optional<CompiledProgram> compile_with_sources(const Options& options, std:
   syntax::DiskReader reader;
   compiler::CompileOptions compiler_options = compile_options(options, width, height);
   compiler::CompileResult result = compiler::compile(compiler_options, reader);
-  if (options.original && result.program && !has_frames(*result.program)) {
+  if (options.original && result.program &&
+      !program::can_reach(*result.program, program::Opcode::kSurfaceStep)) {
     compiler_options.prelude = "original-frames.aps";
     result = compiler::compile(compiler_options, reader);
   }
