@@ -8,7 +8,8 @@
  *   FAULT_ALWAYS   set: all later calls of the kind fail as well
  *   FAULT_TRACE    file that receives the call stack of the fault
  *   FAULT_CENSUS   file that receives, for each kind, the number of calls and each call as NUMBER:LIBRARY, with the library that
- *                  called, and a star if it is the first from its stack; nothing fails
+ *                  called, and a star if it is the first from its stack; nothing fails. With FAULT_KIND, which may then
+ *                  be a list, of these kinds only
  *   FAULT_SERVER   set: the process waits before main() for the runs that it is asked for, each in a child (serve())
  *
  * Not seen: calls that the C library makes by itself (stdio, the stack of a thread, sleeps of its locks). A forked child
@@ -54,6 +55,7 @@ static uint64_t fail_at;
 static int fault_errno;
 static bool always;
 static const char *trace, *census;
+static bool counted[kKinds]; /* by the census */
 static pid_t counted_process;
 static atomic_uint_fast64_t calls[kKinds];
 /* Set while the injector itself runs, whose calls do not count. */
@@ -144,7 +146,8 @@ static void write_trace(void) {
 
 /* Whether this call of the kind is to fail; errno is then set. */
 static bool fails(enum Kind of) {
-  if (!atomic_load_explicit(&armed, memory_order_relaxed) || inside || (!census && of != kind)) return false;
+  if (!atomic_load_explicit(&armed, memory_order_relaxed) || inside || (census ? !counted[of] : of != kind))
+    return false;
   const uint64_t call = atomic_fetch_add(&calls[of], 1) + 1;
   if (census) {
     inside = true;
@@ -213,8 +216,10 @@ static int counted_main(int argc, char** argv, char** environment) {
   const char* program = getenv("FAULT_PROGRAM");
   if (program && strcmp(program, program_invocation_short_name) == 0) {
     const char* text = getenv("FAULT_KIND");
-    for (int k = 0; text && k < kKinds; ++k)
-      if (strcmp(text, kNames[k]) == 0) kind = (enum Kind)k;
+    for (int k = 0; k < kKinds; ++k) {
+      counted[k] = !text || strstr(text, kNames[k]);
+      if (text && strcmp(text, kNames[k]) == 0) kind = (enum Kind)k;
+    }
     if ((text = getenv("FAULT_AT"))) fail_at = strtoull(text, NULL, 10);
     if ((text = getenv("FAULT_ERRNO"))) fault_errno = atoi(text);
     always = getenv("FAULT_ALWAYS") != NULL;

@@ -113,7 +113,7 @@ TEST(Recording, IgnoresImplausibleExtents) {
 
 // Each damaged file is opened in a forked child first, and AddressSanitizer makes fork() slow.
 #ifdef __SANITIZE_ADDRESS__
-constexpr int kDamages = 100;
+constexpr int kDamages = 45;
 #else
 constexpr int kDamages = 300;
 #endif
