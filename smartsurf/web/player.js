@@ -151,8 +151,9 @@ function setColours() {
 
 // ---- Pins: columns down to the table
 const cells = scene.rows * scene.columns, base = scene.low - scene.length;
+// The offset in depth grows with the slope of a face: without it sides that are seen edge-on show through what is in front.
 const pins = new THREE.InstancedMesh(new THREE.BoxGeometry(1, 1, 1).translate(0, 0, -0.5),
-  new THREE.MeshLambertMaterial(), cells);
+  new THREE.MeshLambertMaterial({ polygonOffset: true, polygonOffsetFactor: 2 }), cells);
 pins.castShadow = pins.receiveShadow = true;
 pins.frustumCulled = false;
 world.add(pins);
