@@ -390,6 +390,7 @@ void Run::set_ending(int exit_status, std::string outcome, std::string title, st
 
 void Run::finish() {
   wall_s_ = std::chrono::duration<double>(Clock::now() - start_time_).count();
+  frames_drawn_ = display_->frames_drawn();
   progress_.finish(simulation_.snapshot().time_s);
   const scene::Snapshot& snapshot = simulation_.snapshot();
   media_.finish(frame_input());
@@ -416,6 +417,7 @@ RunSummary Run::summary() const {
   s.physics_steps = snapshot.tick * static_cast<std::uint64_t>(world.steps_per_tick());
   s.simulated_s = snapshot.time_s;
   s.wall_s = wall_s_;
+  s.frames_drawn = frames_drawn_;
   s.objects = snapshot.object_count();
   s.contacts = snapshot.contact_count;
   s.metrics = experiment_.metrics();

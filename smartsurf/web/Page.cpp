@@ -40,9 +40,9 @@ std::vector<std::size_t> select_frames(const Recording& recording, double frames
   return selected;
 }
 
-// A channel with one value per cell, and its group in the recording.
+// A channel with one value per cell, its group in the recording and its unit ("": none).
 struct CellChannel {
-  std::string name, group;
+  std::string name, group, unit;
   SeriesLayout layout;
 };
 
@@ -68,11 +68,11 @@ std::vector<CellChannel> collect_cell_channels(const Recording& recording,
   if (recording.has_heights()) {
     const double top =
         std::max(surface.pin.max_height, surface.border_height.value_or(surface.pin.max_height));
-    channels.push_back({"height", "", {surface.pin.min_height, top, 1, cell_count}});
+    channels.push_back({"height", "", "u", {surface.pin.min_height, top, 1, cell_count}});
   }
   for (const char* group : {"sensors", "actuators"})
     for (const std::string& name : recording.channel_names(group)) {
-      CellChannel channel{name, group, {0.0, 1.0, 1, cell_count}};
+      CellChannel channel{name, group, recording.channel_info(group, name).unit, {0.0, 1.0, 1, cell_count}};
       if (recording.read_channel(group, name, frames.front()).size() != cell_count)
         continue;  // skip channels with several components
       std::tie(channel.layout.low, channel.layout.high) = value_range(recording, channel, frames);
@@ -96,8 +96,9 @@ SeriesLayout position_layout(const Recording& recording, const std::vector<std::
   return layout;
 }
 
-json series_json(const std::string& name, const SeriesLayout& layout) {
+json series_json(const std::string& name, const SeriesLayout& layout, const std::string& unit = "") {
   return {{"name", name},
+          {"unit", unit},
           {"low", layout.low},
           {"high", layout.high},
           {"bytes", layout.bytes_per_value},
@@ -226,8 +227,8 @@ void encode_cell_channels(const Recording& recording, const std::vector<std::siz
         encoder.add(recording.read_heights(frame));
       else
         encoder.add(recording.read_channel(channel.group, channel.name, frame));
-    series.push_back(
-        series_json(channel.group.empty() ? "height" : channel.group + "/" + channel.name, encoder.layout()));
+    series.push_back(series_json(channel.group.empty() ? "height" : channel.group + "/" + channel.name,
+                                 encoder.layout(), channel.unit));
     append_series(stream, encoder);
   }
 }

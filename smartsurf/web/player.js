@@ -47,7 +47,7 @@ const kLow = new THREE.Color(0x5c6b80), kHigh = new THREE.Color(0xdbdee0), kBord
 const kNoValue = new THREE.Color(0x808080);
 
 // ---- Renderer
-const renderer = new THREE.WebGLRenderer({ canvas: byId('view'), antialias: true, preserveDrawingBuffer: true });
+const renderer = new THREE.WebGLRenderer({ canvas: byId('view'), antialias: true, stencil: true, preserveDrawingBuffer: true });
 renderer.setPixelRatio(window.devicePixelRatio);
 renderer.shadowMap.enabled = true;
 renderer.shadowMap.type = THREE.PCFSoftShadowMap;
@@ -58,15 +58,18 @@ const state = { frame: 0, playing: true, now: scene.time[0], shown: -1, view: 'i
 window.player = state;   // for tests
 
 // ---- Cells: pose and index of the mechanism (−1 = empty)
+const isBorder = (cell) => {
+  const row = Math.floor(cell / scene.columns), column = cell % scene.columns;
+  return scene.border !== null && (row === 0 || column === 0 || row === scene.rows - 1 || column === scene.columns - 1);
+};
 const places = Array.from({ length: scene.rows * scene.columns }, (_, cell) => {
   const row = Math.floor(cell / scene.columns), column = cell % scene.columns;
-  const border = scene.border !== null && (row === 0 || column === 0 || row === scene.rows - 1 || column === scene.columns - 1);
   const mechanism = scene.cell ? scene.cell[cell] : 0, kMechanisms = scene.mechanisms.length;
   return {
     x: scene.place ? scene.place[3 * cell] : column * scene.pitch,
     y: scene.place ? scene.place[3 * cell + 1] : (scene.rows - 1 - row) * scene.pitch,
     angle: scene.place ? scene.place[3 * cell + 2] : 0,
-    mechanism: border && mechanism >= 0 ? kMechanisms : mechanism,
+    mechanism: isBorder(cell) && mechanism >= 0 ? kMechanisms : mechanism,
   };
 });
 const there = places.filter((place) => place.mechanism >= 0);
@@ -148,16 +151,47 @@ function setColours() {
 
 // ---- Pins: columns down to the table
 const cells = scene.rows * scene.columns, base = scene.low - scene.length;
+// The offset in depth grows with the slope of a face: without it sides that are seen edge-on show through what is in front.
 const pins = new THREE.InstancedMesh(new THREE.BoxGeometry(1, 1, 1).translate(0, 0, -0.5),
-  new THREE.MeshLambertMaterial(), cells);
+  new THREE.MeshLambertMaterial({ polygonOffset: true, polygonOffsetFactor: 2 }), cells);
 pins.castShadow = pins.receiveShadow = true;
 pins.frustumCulled = false;
 world.add(pins);
 const matrix = new THREE.Matrix4(), scale = new THREE.Vector3();
-const isBorder = (cell) => {
-  const row = Math.floor(cell / scene.columns), column = cell % scene.columns;
-  return scene.border !== null && (row === 0 || column === 0 || row === scene.rows - 1 || column === scene.columns - 1);
-};
+// The border of a rectangular grid is four closed walls, and the gaps between its pins end at a dark floor, so that the
+// ground does not show through. Other layouts, and tables with empty cells, have neither.
+const walls = [], kFullGrid = !scene.place && there.length === cells;
+function addWall(x, y, width, depth, outwards) {
+  const wall = new THREE.Mesh(pins.geometry, new THREE.MeshLambertMaterial({ color: kBorder }));
+  wall.position.set(x, y, 0);
+  wall.scale.set(width, depth, 1);
+  wall.castShadow = wall.receiveShadow = true;
+  world.add(wall);
+  walls.push({ wall, outwards: new THREE.Vector3(...outwards, 0) });
+}
+if (kFullGrid && scene.border !== null) {
+  const east = (scene.columns - 1) * scene.pitch, north = (scene.rows - 1) * scene.pitch;
+  for (const sign of [-1, 1]) {
+    addWall(middle.x, sign < 0 ? 0 : north, wide, scene.pitch, [0, sign]);
+    addWall(sign < 0 ? 0 : east, middle.y, scene.pitch, high - 2 * scene.pitch, [sign, 0]);
+  }
+}
+if (kFullGrid) {
+  const floor = new THREE.Mesh(new THREE.PlaneGeometry(wide, high), new THREE.MeshBasicMaterial({ color: 0x33383f }));
+  floor.position.copy(middle).setZ(base + 0.001 * size);
+  world.add(floor);
+}
+
+// Walls that face the camera are drawn lower than they are, because they would hide what happens behind them.
+function setWalls() {
+  const forward = camera.getWorldDirection(new THREE.Vector3());
+  for (const { wall, outwards } of walls) {
+    const top = outwards.dot(forward) < -0.3 ? scene.low + 0.3 * (scene.border - scene.low) : scene.border;
+    wall.position.z = top;
+    wall.scale.z = Math.max(top - base, 0.01);
+  }
+}
+
 const shownHeight = new Float32Array(cells).fill(NaN);
 const mechanisms = makeMechanisms(scene, series, world, (cell) => places[cell]);
 const nowhere = new THREE.Matrix4().makeScale(0, 0, 0);
@@ -168,12 +202,10 @@ function setPins(frame, channel) {
     const height = (heights ? heights.value(frame, cell) : scene.low) - mechanisms.recess[cell];
     if (height !== shownHeight[cell]) {
       shownHeight[cell] = height;
-      const place = places[cell];
-      // The border is a closed wall, so that the ground does not show through its gaps.
-      const top = isBorder(cell) && !scene.place ? [1.01 * scene.pitch, 1.01 * scene.pitch] : scene.top;
-      matrix.makeRotationZ(place.angle).scale(scale.set(top[0], top[1], Math.max(height - base, 0.01)));
+      const place = places[cell], hidden = place.mechanism < 0 || (walls.length > 0 && isBorder(cell));
+      matrix.makeRotationZ(place.angle).scale(scale.set(scene.top[0], scene.top[1], Math.max(height - base, 0.01)));
       matrix.setPosition(place.x, place.y, height);
-      pins.setMatrixAt(cell, place.mechanism < 0 ? nowhere : matrix);
+      pins.setMatrixAt(cell, hidden ? nowhere : matrix);
       pins.instanceMatrix.needsUpdate = true;
     }
     pins.setColorAt(cell, colourOf(frame, cell, height, channel));
@@ -271,9 +303,10 @@ function select(x, y) {
   caster.setFromCamera(new THREE.Vector2(2 * (x - area.left) / area.width - 1, 1 - 2 * (y - area.top) / area.height), camera);
   for (const { mesh } of meshes) mesh.boundingSphere = null;   // the instances have moved
   pins.boundingSphere = null;
-  const hit = caster.intersectObjects([pins, ...meshes.map(({ mesh }) => mesh)], false)[0];
+  const hit = caster.intersectObjects([pins, ...walls.map(({ wall }) => wall), ...meshes.map(({ mesh }) => mesh)], false)[0];
   state.selected = null;
   if (hit && hit.object === pins) state.selected = { cell: hit.instanceId };
+  else if (hit && walls.some(({ wall }) => wall === hit.object)) state.selected = cellNear(hit.point);
   else if (hit) state.selected = { object: meshes.find(({ mesh }) => mesh === hit.object).ids[hit.instanceId] };
   else state.selected = cellBeside(caster.ray);
   byId('inspect').hidden = !state.selected;
@@ -284,7 +317,11 @@ function select(x, y) {
 // The cell beside the gap through which a ray passes; null if it passes beside the table.
 function cellBeside(ray) {
   const at = ray.intersectPlane(new THREE.Plane(new THREE.Vector3(0, 0, 1), -(scene.low + scene.high) / 2), new THREE.Vector3());
-  if (!at) return null;
+  return at && cellNear(at);
+}
+
+// The cell over which a point lies; null if it lies beside the table.
+function cellNear(at) {
   const away = (place) => Math.hypot(place.x - at.x, place.y - at.y);
   const nearest = there.reduce((best, place) => away(place) < away(best) ? place : best);
   return away(nearest) < scene.pitch ? { cell: places.indexOf(nearest) } : null;
@@ -302,14 +339,14 @@ function objectName(id) {
   return label ? `Object ${id}: ${label}` : `Object ${id}`;
 }
 const cellName = (cell) => `Cell, row ${Math.floor(cell / scene.columns)}, column ${cell % scene.columns}`;
-const channelTitle = (name) => name.replace('/', ': ');
+const channelTitle = ({ name, unit }) => name.replace('/', ': ') + (unit ? `, ${unit}` : '');
 
 // What can be plotted of the selection: a name, and the value at a frame.
 function quantities() {
   const { object: id, cell } = state.selected, p = series.position;
   if (cell !== undefined)
     return Object.values(series).filter((s) => s.values === cells).map((s) =>
-      ({ name: channelTitle(s.name), of: (f) => s.missing(f, cell) ? NaN : s.value(f, cell) }));
+      ({ name: channelTitle(s), of: (f) => s.missing(f, cell) ? NaN : s.value(f, cell) }));
   const along = (k) => (f) => !p || p.missing(f, 3 * id) ? NaN : p.value(f, 3 * id + k);
   return [{ name: 'speed, u/s', of: (f) => speedOf(f, id) },
     ...['x', 'y', 'z'].map((axis, k) => ({ name: `${axis}, u`, of: along(k) }))];
@@ -330,28 +367,40 @@ function showSelection(frame) {
   }));
 }
 
-// A frame around the selected object or above the selected cell.
-const marker = new THREE.LineSegments(new THREE.EdgesGeometry(new THREE.BoxGeometry(2, 2, 2)),
-  new THREE.LineBasicMaterial({ color: 0xff5a00, depthTest: false, transparent: true }));
-marker.renderOrder = 1;
+// The outline of the selected object, or of the top of the selected cell, is visible through what hides it. The stencil
+// buffer keeps it outside the shape: the shape fills it, then each larger copy draws where nothing has been drawn.
+const outline = ['mask', 'rim', 'halo'].map((part, i) => {
+  const mesh = new THREE.Mesh(pins.geometry, new THREE.MeshBasicMaterial({
+    color: part === 'rim' ? 0xffd23f : 0x1b2027, colorWrite: part !== 'mask', transparent: true, depthTest: false, depthWrite: false,
+    stencilWrite: true, stencilFunc: part === 'mask' ? THREE.AlwaysStencilFunc : THREE.EqualStencilFunc,
+    stencilZPass: THREE.IncrementStencilOp }));
+  mesh.renderOrder = 1 + i;
+  mesh.frustumCulled = false;
+  return { mesh, pixels: [0, 3, 4.5][i] };
+});
+const marker = new THREE.Group().add(...outline.map(({ mesh }) => mesh)), cellTop = new THREE.BoxGeometry(2, 2, 2);
 world.add(marker);
 state.marker = marker;
 function setMarker(frame) {
-  marker.visible = state.selected !== null;
+  marker.visible = state.selected !== null && (state.selected.cell !== undefined || poseOf(frame, state.selected.object));
   if (!marker.visible) return;
-  const { object: id, cell } = state.selected;
-  if (cell !== undefined) {
-    const place = places[cell], half = scene.pitch / 2;
+  const { object: id, cell } = state.selected, object = scene.objects[id];
+  const geometry = object ? meshes.find(({ ids }) => ids.includes(id)).mesh.geometry : cellTop;
+  const half = object ? object.half : [scene.top[0] / 2, scene.top[1] / 2, 0.05 * scene.pitch];
+  const size = object ? scaleOf(object) : half;
+  if (object) {
+    marker.position.copy(centre);
+    marker.quaternion.copy(turn);
+  } else {
+    const place = places[cell];
     marker.position.set(place.x, place.y, shownHeight[cell]);
     marker.quaternion.setFromAxisAngle(camera.up, place.angle);
-    marker.scale.set(half, half, 0.05 * scene.pitch);
-    return;
   }
-  marker.visible = poseOf(frame, id);
-  marker.position.copy(centre);
-  if (scene.objects[id].shape === 'sphere') marker.quaternion.identity();
-  else marker.quaternion.copy(turn);
-  marker.scale.set(...scene.objects[id].half).multiplyScalar(1.03);
+  const pixel = 2 * Math.tan(camera.fov * Math.PI / 360) * camera.position.distanceTo(marker.position) / byId('view').clientHeight;
+  for (const { mesh, pixels } of outline) {
+    mesh.geometry = geometry;
+    mesh.scale.set(...size.map((s, k) => s * (1 + pixels * pixel / half[k])));
+  }
 }
 
 // ---- Plots beside the scene, over the whole recording; a drag in one moves the time
@@ -461,8 +510,8 @@ function seek(frame) {
   state.now = scene.time[state.frame];
 }
 
-const channelNames = scene.series.map((s) => s.name).filter((name) => !['position', 'orientation', 'motion'].includes(name));
-byId('cells').append(new Option('plain', ''), ...channelNames.map((name) => new Option(channelTitle(name), name)));
+const channels = scene.series.filter(({ name }) => !['position', 'orientation', 'motion'].includes(name));
+byId('cells').append(new Option('plain', ''), ...channels.map((channel) => new Option(channelTitle(channel), channel.name)));
 function showLegend() {
   const channel = series[byId('cells').value];
   byId('legend').hidden = !channel;
@@ -556,12 +605,13 @@ renderer.setAnimationLoop((now) => {
     setObjects(state.frame);
     byId('slider').value = state.frame;
     byId('clock').textContent = `${scene.time[state.frame].toFixed(2)} of ${scene.time[last].toFixed(2)} s`;
-    setMarker(state.frame);
     showSelection(state.frame);
     if (!byId('plots').hidden) for (const plot of plots) drawPlot(plot, state.frame);
     state.shown = state.frame;
   }
   controls.update();
+  setWalls();
+  setMarker(state.frame);   // its width depends on the camera
   renderer.render(world, camera);
   drawLabels(state.frame);
 });

@@ -1,14 +1,14 @@
 // Benchmarks the stages of a frame of the simulator's view, rendered off-screen.
 //
 //   bench_view [--cells 64] [--objects 500] [--size 1280x720] [--frames 60] [--pins sorting|wave]
-//              [--quality fast|card|video|fine] [--mixed] [--picture FILE.png] [--window|--held]
+//              [--quality fast|card|video|fine] [--mixed] [--picture FILE.png] [--window|--held] [--json]
 //
 // Prints wall-clock time and CPU time of all threads in milliseconds, and the number of draw calls.
 // glFinish() ends each stage, so their sum slightly exceeds the time of a frame. The stage "values" runs on
 // the CPU: heights, shades and poses.
 //
 // --window measures a real window instead, including panels, timeline and buffer swap, at its adaptive
-// resolution during a run; --held: at that of a paused run.
+// resolution during a run; --held: at that of a paused run. --json prints these as one JSON object.
 #include <epoxy/gl.h>
 
 #include <algorithm>
@@ -38,7 +38,7 @@ namespace {
 struct Options {
   int cells = 64, objects = 500, width = 1280, height = 720, frames = 60;
   std::string pins = "sorting", quality = "fast", png_file;
-  bool mixed = false, window = false, paused = false;
+  bool mixed = false, window = false, paused = false, json = false;
 };
 
 using Clock = std::chrono::steady_clock;
@@ -217,6 +217,14 @@ void measure_renderer(const Options& options) {
                       view::read_framebuffer(target.framebuffer.id(), options.width, options.height));
 }
 
+void print_window_times(const Options& options, const StageTimes& times) {
+  std::printf("%d x %d cells, %d objects, a window of %d x %d, %s, %s\n", options.cells, options.cells,
+              options.objects, options.width, options.height, options.pins.c_str(),
+              options.paused ? "held" : "running");
+  print_heading();
+  times.print();
+}
+
 void measure_window(const Options& options) {
   BenchScene s = make_scene(options);
   view::Window window(s.spec, "bench_view", options.width, options.height);
@@ -234,11 +242,14 @@ void measure_window(const Options& options) {
     times.wall_ms.push_back(clock_ms);
     times.cpu_ms.push_back(busy_ms);
   }
-  std::printf("%d x %d cells, %d objects, a window of %d x %d, %s, %s\n", options.cells, options.cells,
-              options.objects, options.width, options.height, options.pins.c_str(),
-              options.paused ? "held" : "running");
-  print_heading();
-  times.print();
+  if (options.json)
+    std::printf(
+        "{\"benchmark\": \"view\", \"case\": \"%dx%d %d\", \"state\": \"%s\", \"median_ms\": %.3f, "
+        "\"cpu_ms\": %.3f}\n",
+        options.cells, options.cells, options.objects, options.paused ? "held" : "running",
+        median(times.wall_ms), mean(times.cpu_ms));
+  else
+    print_window_times(options, times);
   if (!options.png_file.empty())
     common::write_png(options.png_file, window.capture_frame({s.snapshot, s.spec.objects}, status));
 }
@@ -259,6 +270,7 @@ Options read_options(int argc, char** argv) {
   app.add_option("--quality", o.quality)->check(CLI::IsMember({"fast", "card", "video", "fine"}));
   app.add_option("--picture", o.png_file, "save the last frame to this PNG file");
   app.add_flag("--mixed", o.mixed, "objects of all shapes");
+  app.add_flag("--json", o.json, "print the times of a window as a JSON object");
   app.add_flag("--window", o.window, "measure frames of a window");
   app.add_flag_function(
       "--held", [&o](std::int64_t) { o.window = o.paused = true; }, "the same, with a paused simulation");

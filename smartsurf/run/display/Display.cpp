@@ -50,6 +50,7 @@ void Display::restart(const scene::SceneSpec& scene) {
   marks_.clear();
   history_index_.reset();
   channels_ = {};
+  frames_drawn_ = 0;
   if (window_) window_->set_scene(scene_, window_title(scene_));
 }
 
@@ -124,6 +125,7 @@ void Display::refresh(const simulation::Simulation& simulation, const DisplaySta
     const auto draw_end = std::chrono::steady_clock::now();
     last_draw_time_ = draw_end;
     last_drawn_tick_ = simulation.snapshot().tick;
+    ++frames_drawn_;
     // A run behind schedule gets at least half as much time as the last frame took to draw.
     const bool behind_schedule = !requests.paused && (!display_status.requested_pace ||
                                                       display_status.real_time_factor <

@@ -58,6 +58,7 @@ class Display {
   ~Display();
 
   bool has_window() const { return window_ != nullptr; }
+  std::uint64_t frames_drawn() const { return frames_drawn_; }  // of this run
   // Reuses the window for another run.
   void restart(const scene::SceneSpec&);
   // Adds the state of the current tick to the history. values: purity and metrics, in an order that stays. Does nothing
@@ -81,7 +82,7 @@ class Display {
   ViewChannels channels_;
   std::vector<view::ContactMark> contacts_;
   std::chrono::steady_clock::time_point next_frame_time_{}, last_draw_time_{};
-  std::uint64_t last_drawn_tick_ = 0;
+  std::uint64_t last_drawn_tick_ = 0, frames_drawn_ = 0;
 };
 
 }  // namespace smartsurf::run

@@ -61,6 +61,7 @@ std::string to_json(const RunSummary& run, const PhaseTimes& times) {
                     {"simulated_s", run.simulated_s},
                     {"wall_s", run.wall_s},
                     {"real_time_factor", run.real_time_factor()},
+                    {"frames_drawn", run.frames_drawn},
                     {"ms_per_tick", phases},
                     {"objects", run.objects},
                     {"off_surface", run.off_surface},

@@ -64,6 +64,7 @@ struct RunSummary {
   std::vector<std::pair<std::string, double>> metrics;  // from the script's metric()
   std::size_t off_surface = 0;                          // objects not over the surface at the end
   std::uint64_t left_table = 0;                         // total departures
+  std::uint64_t frames_drawn = 0;                       // in the window
 
   double real_time_factor() const { return wall_s > 0.0 ? simulated_s / wall_s : 0.0; }
 };

@@ -46,7 +46,10 @@ void table_row(const char* name, const char* format, Values... values) {
 void draw_state_rows(const scene::Snapshot& snapshot, const Status& status, const HudState& state) {
   table_row("time", "%.2f s", snapshot.time_s);
   table_row("tick", "%llu", static_cast<unsigned long long>(snapshot.tick));
-  table_row("speed", "%.2f×  of  %s", status.actual_pace, format_pace(status.requested_pace).c_str());
+  if (status.paused)
+    table_row("speed", "%s", status.run_ended ? "the run has ended" : "paused");
+  else
+    table_row("speed", "%.2f×  of  %s", status.actual_pace, format_pace(status.requested_pace).c_str());
   if (!status.mode.empty()) table_row("mode", "%s", status.mode.c_str());
   if (!status.controller.empty()) table_row("controller", "%s", status.controller.c_str());
   table_row("objects", "%zu", snapshot.object_count());
@@ -304,14 +307,17 @@ ImVec4 tone_colour(Banner::Tone tone) {
   return ImGui::GetStyle().Colors[ImGuiCol_Text];
 }
 
-// Draws the banner in the middle of the space beside the run panel, or below it where that is narrow. panel: its lower
-// right corner; right: where the space ends; pixels.
-void draw_banner(const Banner& banner, const ImVec2& panel, float right, float scale) {
+// Draws the banner in the middle of the space beside the run panel, or below it where that is narrow: at the top if it asks
+// for a command, at the bottom, in front of the table, if it is a result. panel: its lower right corner; right, bottom:
+// where the space ends; pixels.
+void draw_banner(const Banner& banner, const ImVec2& panel, float right, float bottom, float scale) {
   const bool beside = right - panel.x >= 420.0f * scale;
   const float left = beside ? panel.x : 0.0f, top = beside ? 0.0f : panel.y;
   const float space = (beside ? right : ImGui::GetIO().DisplaySize.x) - left;
   const float width = std::min(620.0f * scale, space - 48.0f * scale);
-  ImGui::SetNextWindowPos({left + space / 2.0f, top + 12.0f * scale}, ImGuiCond_Always, {0.5f, 0.0f});
+  const bool is_result = banner.command.empty();
+  ImGui::SetNextWindowPos({left + space / 2.0f, is_result ? bottom : top + 12.0f * scale}, ImGuiCond_Always,
+                          {0.5f, is_result ? 1.0f : 0.0f});
   ImGui::SetNextWindowBgAlpha(0.95f);
   ImGui::PushStyleVar(ImGuiStyleVar_WindowBorderSize, 2.0f * scale);
   ImGui::PushStyleColor(ImGuiCol_Border, tone_colour(banner.tone));
@@ -354,13 +360,18 @@ void draw_hud(const FrameInput& input, const Status& status, const scene::Surfac
     if (status.paused && !status.banner) draw_paused_badge(panel.x, inspector, scale);
   }
   state.free_bottom = bottom;
-  if (status.banner) draw_banner(*status.banner, panel, inspector, scale);
-  float right = display.x - 12.0f * scale;
+  // The legends stand side by side, in a narrow window one above the other, and the banner of a result above both.
+  const bool narrow = display.x < 640.0f * scale;
+  float right = display.x - 12.0f * scale, free_bottom = bottom;
   if (overlay.colour_scale()) {
-    draw_legend(*overlay.colour_scale(), bottom, scale);
-    right -= 272.0f * scale;
+    free_bottom = draw_legend(*overlay.colour_scale(), bottom, scale) - 8.0f * scale;
+    if (!narrow) right -= 272.0f * scale;
   }
-  draw_line_legend(overlay.settings, overlay.force_scale(), right, bottom, scale);
+  const float lines_bottom = narrow ? free_bottom : bottom;
+  const float lines_top =
+      draw_line_legend(overlay.settings, overlay.force_scale(), right, lines_bottom, scale);
+  if (lines_top < lines_bottom) free_bottom = std::min(free_bottom, lines_top - 8.0f * scale);
+  if (status.banner) draw_banner(*status.banner, panel, inspector, free_bottom, scale);
 }
 
 void draw_help_overlay(float scale) {

@@ -6,7 +6,7 @@
 
 namespace smartsurf::view {
 
-void draw_legend(const ColourScale& colour_scale, float bottom, float scale) {
+float draw_legend(const ColourScale& colour_scale, float bottom, float scale) {
   constexpr int kSteps = 64;
   const ImVec2 bar(240.0f * scale, 12.0f * scale);
   ImGui::SetNextWindowPos({ImGui::GetIO().DisplaySize.x - 12.0f * scale, bottom}, ImGuiCond_Always,
@@ -34,12 +34,14 @@ void draw_legend(const ColourScale& colour_scale, float bottom, float scale) {
   ImGui::SetCursorPosX(ImGui::GetCursorPosX() + bar.x - ImGui::GetItemRectSize().x -
                        ImGui::CalcTextSize(high).x - ImGui::GetStyle().ItemSpacing.x);
   ImGui::TextUnformatted(high);
+  const float top = ImGui::GetWindowPos().y;
   ImGui::End();
+  return top;
 }
 
-void draw_line_legend(const OverlaySettings& overlay, const std::optional<ForceScale>& forces, float right,
-                      float bottom, float scale) {
-  if (!overlay.trails && !overlay.sensor_rays && !forces) return;
+float draw_line_legend(const OverlaySettings& overlay, const std::optional<ForceScale>& forces, float right,
+                       float bottom, float scale) {
+  if (!overlay.trails && !overlay.sensor_rays && !forces) return bottom;
   ImGui::SetNextWindowPos({right, bottom}, ImGuiCond_Always, {1.0f, 1.0f});
   ImGui::SetNextWindowBgAlpha(0.88f);
   ImGui::Begin("lines", nullptr,
@@ -61,7 +63,9 @@ void draw_line_legend(const OverlaySettings& overlay, const std::optional<ForceS
   if (overlay.trails)
     row(IM_COL32(110, 116, 124, 255), "trail of the last %.1f s, in the object's colour",
         overlay.trail_length_s);
+  const float top = ImGui::GetWindowPos().y;
   ImGui::End();
+  return top;
 }
 
 }  // namespace smartsurf::view

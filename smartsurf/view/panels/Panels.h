@@ -45,10 +45,11 @@ unsigned curve_colour(std::size_t index);  // an ImU32
 // Returns the time that the user has clicked.
 std::optional<double> draw_chart(const PlotData& data, const Chart& chart, float width, float height);
 
-// The colour scale at the right; bottom: y of its lower edge, pixels.
-void draw_legend(const ColourScale& colour_scale, float bottom, float scale);
-// What the lines in the scene mean, left of the colour scale.
-void draw_line_legend(const OverlaySettings& overlay, const std::optional<ForceScale>& forces, float right,
-                      float bottom, float scale);
+// The colour scale at the right; bottom: y of its lower edge, pixels. Returns the y of its upper edge.
+float draw_legend(const ColourScale& colour_scale, float bottom, float scale);
+// What the lines in the scene mean. right, bottom: its lower right corner, pixels. Returns the y of its upper edge, or
+// `bottom` if there are none.
+float draw_line_legend(const OverlaySettings& overlay, const std::optional<ForceScale>& forces, float right,
+                       float bottom, float scale);
 
 }  // namespace smartsurf::view

@@ -80,15 +80,6 @@ void draw_axes(const ChartArea& area, ImDrawList& list) {
   list.AddRect(area.low, area.high, kAxisColour);
 }
 
-// Above the curves.
-void draw_unit(const ChartArea& area, const std::string& unit, ImDrawList& list) {
-  if (unit.empty()) return;
-  const std::string text = "[" + unit + "]";
-  const ImVec2 at(area.low.x + 5.0f, area.low.y + 2.0f), size = ImGui::CalcTextSize(text.c_str());
-  list.AddRectFilled({at.x - 3.0f, at.y}, {at.x + size.x + 3.0f, at.y + size.y}, kPaperColour, 3.0f);
-  list.AddText(at, kTextColour, text.c_str());
-}
-
 void draw_curve(const std::vector<CurvePoint>& points, const ChartArea& area, ImU32 colour, float width,
                 ImDrawList& list) {
   static std::vector<ImVec2> piece;  // reused
@@ -293,7 +284,6 @@ std::optional<double> draw_chart(const PlotData& data, const Chart& chart, float
   if (chart.now_s < chart.to_s)
     list.AddLine({area.x(chart.now_s), area.low.y}, {area.x(chart.now_s), area.high.y}, kNowColour, 2.0f);
   list.PopClipRect();
-  draw_unit(area, chart.unit, list);
   const bool active = ImGui::IsItemActive();
   if (!ImGui::IsItemHovered() && !active) return std::nullopt;
   const double share =
@@ -326,8 +316,11 @@ float draw_plots_panel(const FrameInput& input, const Status& status, HudState& 
     for (std::size_t i = 0; i < charts.size(); ++i) {
       if (i > 0) ImGui::SameLine();
       ImGui::PushID(static_cast<int>(i));
-      const auto clicked_s =
-          draw_chart(state.plotted, charts[i], (space.x - gap * (count - 1.0f)) / count, space.y);
+      ImGui::BeginGroup();
+      ImGui::TextDisabled("%s", charts[i].unit.empty() ? " " : ("[" + charts[i].unit + "]").c_str());
+      const auto clicked_s = draw_chart(state.plotted, charts[i], (space.x - gap * (count - 1.0f)) / count,
+                                        space.y - ImGui::GetTextLineHeightWithSpacing());
+      ImGui::EndGroup();
       if (clicked_s && status.timeline) controls.seek_time(*clicked_s);
       ImGui::PopID();
     }

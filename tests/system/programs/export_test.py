@@ -99,7 +99,7 @@ class Export(ProgramTest):
     def test_writes_page_or_reports_one_line(self):
         page = pathlib.Path(self.export())
         self.assertGreater(page.stat().st_size, 700_000)
-        self.assertIn('"name":"sensors/proximity"', page.read_text())
+        self.assertIn('"name":"sensors/proximity","unit":"u"', page.read_text())
         status, _, err = self.run_program(SMARTSURF, "export", str(self.folder / "wave.h5"), "-o", "wave.htm")
         self.assertEqual(status, 2)
         self.assertIn(".html", err)
@@ -147,6 +147,10 @@ class Export(ProgramTest):
             self.wait_for(lambda: browser.value("document.querySelectorAll('#inspect dd').length") >= 1, "values are shown")
             self.assertFalse(browser.value("document.getElementById('inspect').hidden"))
             self.assertTrue(browser.value("player.marker.visible"))
+            self.assertIn("sensors: proximity, u", browser.value("[...document.querySelectorAll('#cells option')].map(o => o.text)"))
+            shapes = "[...new Set(player.marker.children.map(m => m.geometry.type))]"
+            browser.value("(player.selected = { object: 0 }) && (player.shown = -1)")
+            self.wait_for(lambda: browser.value(shapes) == ["SphereGeometry"], "the outline has the shape of the object")
             light = browser.screenshot()
             browser.call("Emulation.setEmulatedMedia", features=[{"name": "prefers-color-scheme", "value": "dark"}])
             self.wait_for(lambda: browser.value("player.dark"), "the colours follow the system")

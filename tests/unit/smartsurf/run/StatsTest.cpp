@@ -29,10 +29,12 @@ TEST(Stats, JsonHasDocumentedKeys) {
   s.state_hash = 0xabcdef;
   s.simulated_s = 10;
   s.wall_s = 2;
+  s.frames_drawn = 60;
   s.metrics = {{"error", 0.25}};
   const auto json = nlohmann::json::parse(to_json(s, PhaseTimes{}));
   EXPECT_EQ(json["state_hash"], "0000000000abcdef");
   EXPECT_EQ(json["real_time_factor"], 5.0);
+  EXPECT_EQ(json["frames_drawn"], 60);
   EXPECT_TRUE(json["purity"].is_null());
   EXPECT_EQ(json["metrics"]["error"], 0.25);
   for (const char* phase : {"wait", "actuate", "physics", "sense", "publish", "record", "render"})
