@@ -31,6 +31,17 @@ class Bench(ProgramTest):
             self.assertIn("(bench-physics.svg)", text)
             self.assertIn("</svg>", (self.folder / "out/bench-physics.svg").read_text())
 
+    def test_report_of_threads_beside_busy_programs(self):
+        def line(beside, threads, wall):
+            return {"benchmark": "physics", "case": "8x8 1", "who": "ours", "threads": threads, "beside": beside, "wall_s": wall}
+        self.measured("threads", [line(0, 1, 4), line(0, 2, 2), line(5, 1, 8), line(5, 2, 10),
+                                  line(0, 1, 4), line(0, 2, 2), line(5, 1, 9), line(5, 2, 99),
+                                  line(0, 1, 8), line(0, 2, 2), line(5, 1, 8), line(5, 2, 9)])
+        text = self.report()
+        self.assertIn("median of 3", text)
+        self.assertIn("| 0 | 4 | 2 | 0.5 × |", text)
+        self.assertIn("| 5 | 8 | 10 | 1.25 × |", text)
+
     def test_report_of_environments(self):
         def line(who, rate, **more):
             return {"who": who, "case": "8x8 1", "steps_per_s": rate, **more}
