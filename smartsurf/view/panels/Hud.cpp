@@ -286,6 +286,17 @@ ImVec2 draw_run_panel(const FrameInput& input, const Status& status, const scene
   return {position.x + extent.x, position.y + extent.y};
 }
 
+// Beside a table that fills the window's height; in a narrow window, where the table is framed below the panels, beside
+// the run panel and not lower; if they do not fit side by side, below it. panel: its lower right corner, pixels.
+InspectorSpace inspector_space(const ImVec2& panel, const HudState& state, float bottom, float scale) {
+  const ImVec2 display = ImGui::GetIO().DisplaySize;
+  const float top = 12.0f * scale, beside = display.x - panel.x - kInspectorWidth * scale;
+  if (beside >= 300.0f * scale) return {top, bottom};
+  if (beside >= 0.0f) return {top, static_cast<float>(state.insets.top) * display.y};
+  const float below = panel.y + 8.0f * scale;
+  return {below, below + 0.45f * (bottom - below)};
+}
+
 // In the middle between two panels. left, right: their edges, pixels.
 void draw_paused_badge(float left, float right, float scale) {
   ImGui::SetNextWindowPos({(left + right) / 2.0f, 12.0f * scale}, ImGuiCond_Always, {0.5f, 0.0f});
@@ -355,9 +366,12 @@ void draw_hud(const FrameInput& input, const Status& status, const scene::Surfac
       bottom = draw_plots_panel(input, status, state, controls, bottom, scale) - 8.0f * scale;
     if (status.timeline || controls.plots_shown())
       state.insets.bottom = std::min(0.4, 1.0 - static_cast<double>(bottom / display.y));
-    inspector = draw_inspector_panel(input, status, surface, state, controls, bottom, scale);
-    state.insets.right = std::min(0.4, 1.0 - static_cast<double>(inspector / display.x));
-    if (status.paused && !status.banner) draw_paused_badge(panel.x, inspector, scale);
+    const InspectorSpace space = inspector_space(panel, state, bottom, scale);
+    inspector = draw_inspector_panel(input, status, surface, state, controls, space, scale);
+    if (space.bottom == bottom)
+      state.insets.right = std::min(0.4, 1.0 - static_cast<double>(inspector / display.x));
+    if (status.paused && !status.banner && inspector - panel.x > 100.0f * scale)
+      draw_paused_badge(panel.x, inspector, scale);
   }
   state.free_bottom = bottom;
   // The legends stand side by side, in a narrow window one above the other, and the banner of a result above both.

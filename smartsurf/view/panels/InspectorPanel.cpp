@@ -84,13 +84,13 @@ std::optional<double> draw_signal(const FrameInput& input, std::size_t index, Hu
 }  // namespace
 
 float draw_inspector_panel(const FrameInput& input, const Status& status, const scene::SurfaceSpec& surface,
-                           HudState& state, Controls& controls, float bottom, float scale) {
+                           HudState& state, Controls& controls, const InspectorSpace& space, float scale) {
   const auto& item = controls.tools().selected();
   if (!item) return ImGui::GetIO().DisplaySize.x;
-  const float right = ImGui::GetIO().DisplaySize.x - 12.0f * scale, top = 12.0f * scale,
-              width = 300.0f * scale;
-  ImGui::SetNextWindowPos({right, top}, ImGuiCond_Always, {1.0f, 0.0f});
-  ImGui::SetNextWindowSizeConstraints({0.0f, 0.0f}, {1e6f, std::max(bottom - top, 100.0f * scale)});
+  const float right = ImGui::GetIO().DisplaySize.x - 12.0f * scale, width = 300.0f * scale;
+  ImGui::SetNextWindowPos({right, space.top}, ImGuiCond_Always, {1.0f, 0.0f});
+  ImGui::SetNextWindowSizeConstraints({0.0f, 0.0f},
+                                      {1e6f, std::max(space.bottom - space.top, 100.0f * scale)});
   ImGui::SetNextWindowBgAlpha(0.88f);
   ImGui::Begin("inspect", nullptr,
                ImGuiWindowFlags_NoTitleBar | ImGuiWindowFlags_NoResize | ImGuiWindowFlags_AlwaysAutoResize |

@@ -20,10 +20,16 @@ void draw_options_section(const Status& status, std::vector<OptionEdit>& edits, 
 void draw_entities_section(const FrameInput& input, const scene::SurfaceSpec& surface, HudState& state,
                            Controls& controls);
 
-// The state and the stored history of the selected item, at the right. bottom: lowest y it may reach, pixels. Returns
-// the x of its left edge, or the width of the display if nothing is selected.
+// Where the inspector may be, pixels.
+struct InspectorSpace {
+  float top, bottom;
+};
+inline constexpr float kInspectorWidth = 336.0f;  // with its distance from the right edge, pixels, unscaled
+
+// The state and the stored history of the selected item, at the right; scrolls what does not fit. Returns the x of its
+// left edge, or the width of the display if nothing is selected.
 float draw_inspector_panel(const FrameInput& input, const Status& status, const scene::SurfaceSpec& surface,
-                           HudState& state, Controls& controls, float bottom, float scale);
+                           HudState& state, Controls& controls, const InspectorSpace& space, float scale);
 // The chosen signals over time, one chart per unit, in a strip above `bottom`. A click on a chart seeks. Returns the y
 // of the strip's upper edge.
 float draw_plots_panel(const FrameInput& input, const Status& status, HudState& state, Controls& controls,
