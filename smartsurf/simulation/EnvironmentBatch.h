@@ -73,6 +73,7 @@ class EnvironmentBatch {
   };
   template <class Work>
   void for_each_world(const Work&);
+  void collapse_huge_pages() const;
   void step_world(std::size_t, const BatchArrays&);
   void write_state(std::size_t, const BatchArrays&);
 

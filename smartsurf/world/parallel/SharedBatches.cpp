@@ -36,11 +36,6 @@ void SharedBatches::split_batches(const ConstraintGraph& graph, const Member& me
   MemberBatches& batches = member_batches_[static_cast<std::size_t>(member.index)];
   batches.shared.clear();
   batches.own.clear();
-  if (member.member_count == 1) {
-    for (std::size_t i = 0; i <= graph.colours().size(); ++i) batches.shared.end_colour();
-    batches.own = graph.own_batches_by_colour(member);
-    return;
-  }
   for (std::size_t i = 0; i <= graph.colours().size(); ++i) {
     for (const BatchRange& run : graph.own_batches(member, i))
       for (int o = run.first; o < run.first + run.count; ++o)

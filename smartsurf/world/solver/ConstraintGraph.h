@@ -71,9 +71,6 @@ class ConstraintGraph {
   std::span<const BatchRange> own_batches(const Member& member, std::size_t i) const {
     return member_batches_[static_cast<std::size_t>(member.index)].of(i);
   }
-  const BatchRangesByColour& own_batches_by_colour(const Member& member) const {
-    return member_batches_[static_cast<std::size_t>(member.index)];
-  }
   // Of all colours.
   std::span<const BatchRange> own_batches(const Member& member) const {
     return member_batches_[static_cast<std::size_t>(member.index)].ranges;

@@ -245,8 +245,8 @@ struct Kernels {
   static void relax(const ContactBatch* o, int n, BatchPoints p, const SolverBodies& rows,
                     const SubstepParams&) {
     for_each_point<kPair, kSpheres>(o, n, p, rows, true, [&](L& l, const PointRef& q) HWY_ATTR {
-      const V impulse = solve_point(
-          l, q, [&](const V3&, V speed) HWY_ATTR { return relaxed_normal_impulse(l, q, speed); });
+      const V impulse =
+          solve_point(l, q, [&](const V3&, V speed) HWY_ATTR { return relaxed_normal_impulse(l, q, speed); });
       store(load(q.point.total_normal_impulse, l.lane) + impulse, q.point.total_normal_impulse, l.lane);
       if (!kPair && l.batch.has_impulse_limit) add_to_step_capacity(q, l.lane);
     });
@@ -259,6 +259,47 @@ struct Kernels {
   }
 };
 
+// ---- rows of bodies
+
+static_assert(sizeof(BodyVelocity) == kRow * sizeof(float) && sizeof(DeltaPose) == kRow * sizeof(float));
+// By float of a BodyVelocity: whether integration changes it. The others are the inverse mass and inertia.
+constexpr float kIsVelocity[kRow] = {1, 1, 1, 0, 1, 1, 1, 0};
+
+// Calls work(i, moves) for the vectors of the rows, i being the index of the first float in the array and `moves` the mask
+// of the floats that are velocities.
+template <class Work>
+HWY_INLINE void for_each_row_vector(int begin, int end, Work work) {
+  for (int row = begin; row < end; ++row)
+    for (int column = 0; column < kRow; column += kVectorWidth)
+      work(static_cast<std::size_t>(row) * kRow + static_cast<std::size_t>(column),
+           hn::Ne(load(kIsVelocity, column), zero()));
+}
+
+void integrate_velocities(int begin, int end, const BodyVelocity& change, bool first, BodyVelocity* velocity,
+                          BodyVelocity* start_velocity) {
+  auto *const speeds = reinterpret_cast<float*>(velocity), *const start_speeds =
+                                                               reinterpret_cast<float*>(start_velocity);
+  const auto* const changes = reinterpret_cast<const float*>(&change);
+  const V low = set(-kMaxSpeed), high = set(kMaxSpeed);
+  for_each_row_vector(begin, end, [&](std::size_t i, auto moves) HWY_ATTR {
+    const V speed = hn::LoadU(D(), speeds + i), contact_change = speed - hn::LoadU(D(), start_speeds + i);
+    const V changed = speed + hn::LoadU(D(), changes + i % kRow);
+    const V at_least_low = hn::IfThenElse(hn::Lt(changed, low), low, changed);
+    const V start = hn::IfThenElse(hn::Lt(high, at_least_low), high, at_least_low);
+    hn::StoreU(start, D(), start_speeds + i);
+    hn::StoreU(hn::IfThenElse(moves, first ? start : start + contact_change, speed), D(), speeds + i);
+  });
+}
+
+void integrate_positions(int begin, int end, float h_s, const BodyVelocity* velocity, DeltaPose* delta_pose) {
+  const auto* const speeds = reinterpret_cast<const float*>(velocity);
+  auto* const poses = reinterpret_cast<float*>(delta_pose);
+  for_each_row_vector(begin, end, [&](std::size_t i, auto moves) HWY_ATTR {
+    const V step = hn::IfThenElseZero(moves, set(h_s)) * hn::LoadU(D(), speeds + i);
+    hn::StoreU(hn::LoadU(D(), poses + i) + step, D(), poses + i);
+  });
+}
+
 const ContactKernelTable* table() {
   static const ContactKernelTable kTable = [] {
     ContactKernelTable t{};
@@ -266,6 +307,8 @@ const ContactKernelTable* table() {
     Kernels<true, false>::add_to(t, kGeneralPair);
     Kernels<false, true>::add_to(t, kSphereStatic);
     Kernels<false, false>::add_to(t, kGeneralStatic);
+    t.integrate_velocities = integrate_velocities;
+    t.integrate_positions = integrate_positions;
     return t;
   }();
   return &kTable;

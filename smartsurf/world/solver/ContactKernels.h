@@ -1,5 +1,5 @@
-// The inner loops of the contact solver: one manifold per SIMD lane, no active body in more than one lane of a
-// batch.
+// The inner loops of the contact solver: over contact batches, with one manifold per SIMD lane and no active body in more
+// than one lane of a batch, and over the rows of bodies.
 //
 // Compiled for several instruction sets with run-time dispatch; all of them give bit-identical results.
 #pragma once
@@ -13,6 +13,9 @@ namespace smartsurf::world {
 inline constexpr int kLanes = 8;
 // Penetration up to this is not resolved, so that resting bodies keep their contacts, u.
 inline constexpr float kSlop = 1e-3F;
+// Per axis, u/s or rad/s; ten times what scripts may set. Keeps a body finite under a huge force: it leaves the scene
+// without affecting other bodies.
+inline constexpr float kMaxSpeed = 1e7F;
 
 // ---- rows: one per body; rows of static bodies are never written
 struct alignas(32) BodyVelocity {
@@ -66,11 +69,13 @@ struct alignas(64) BatchPointDetail {
 struct alignas(64) BatchPointLimit {
   static constexpr float kUnlimited = 1e30F;
   static constexpr float kYielding = 0.95F;  // a cell yields to a load of this fraction of its capacity
-  BatchPointLimit() { std::fill_n(stall_impulse, kLanes, kUnlimited), std::fill_n(no_load_speed, kLanes, 1.0F); }
+  BatchPointLimit() {
+    std::fill_n(stall_impulse, kLanes, kUnlimited), std::fill_n(no_load_speed, kLanes, 1.0F);
+  }
 
-  float stall_impulse[kLanes];        // vertical impulse of the cell at rest, mass·u/s in a substep
-  float no_load_speed[kLanes];        // at which the cell rises without force, u/s
-  float planned_speed[kLanes] = {};   // of the cell by its motion profile, u/s
+  float stall_impulse[kLanes];         // vertical impulse of the cell at rest, mass·u/s in a substep
+  float no_load_speed[kLanes];         // at which the cell rises without force, u/s
+  float planned_speed[kLanes] = {};    // of the cell by its motion profile, u/s
   std::int32_t to_first[kLanes] = {};  // from this point to the first one of the cell, ≤ 0
   // ---- of all points on the cell, at the first one
   float anchor[3][kLanes] = {};      // mean of the points' anchors
@@ -100,11 +105,24 @@ enum ContactKind { kSpherePair, kGeneralPair, kSphereStatic, kGeneralStatic, kCo
 using ContactKernel = void (*)(const ContactBatch* batches, int count, BatchPoints, const SolverBodies&,
                                const SubstepParams&);
 
+// Loops over rows [begin, end) of bodies.
+//
+// Adds `change` to the velocities, and unless `first` also what contacts have changed since the last call, which is the
+// difference to start_velocity. start_velocity becomes the velocity without that. Speeds are clamped to kMaxSpeed, masses
+// kept.
+using IntegrateVelocities = void (*)(int begin, int end, const BodyVelocity& change, bool first,
+                                     BodyVelocity* velocity, BodyVelocity* start_velocity);
+// Adds what the velocities move in a substep.
+using IntegratePositions = void (*)(int begin, int end, float h_s, const BodyVelocity* velocity,
+                                    DeltaPose* delta_pose);
+
 struct ContactKernelTable {
   ContactKernel prepare[kContactKindCount];     // effective masses and approach speed
   ContactKernel warm_start[kContactKindCount];  // applies the stored impulses
   ContactKernel solve[kContactKindCount];       // soft constraints: no penetration at the end of the substep
   ContactKernel relax[kContactKindCount];       // removes the velocity that the soft push-out added
+  IntegrateVelocities integrate_velocities;
+  IntegratePositions integrate_positions;
 };
 
 // The kernels for the best instruction set of this machine.

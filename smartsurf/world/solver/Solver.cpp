@@ -5,7 +5,6 @@
 #include <cstring>
 #include <numbers>
 
-#include "smartsurf/world/narrowphase/Simd4.h"
 #include "smartsurf/world/solver/SupportSolver.h"
 
 namespace smartsurf::world {
@@ -16,7 +15,6 @@ namespace {
 constexpr float kPairContactHertz = 60.0F, kStaticContactHertz = 120.0F, kDampingRatio = 5.0F;
 constexpr float kMaxBiasVelocity = 4.0F;   // of the push-out from penetration, u/s
 constexpr float kUnusedSeparation = 1e6F;  // of unused lanes: never in contact
-constexpr float kMaxSpeed = 1e7F;          // per axis, u/s or rad/s; ten times what scripts may set
 
 SubstepParams make_substep_params(float h_s, float hertz, int substeps) {
   const float omega = 2.0F * std::numbers::pi_v<float> * std::min(hertz, 0.25F / h_s);
@@ -38,26 +36,6 @@ void store(float (*to)[kLanes], int lane, const Vec3& from) {
   for (int i = 0; i < 3; ++i) to[i][lane] = from[i];
 }
 Vec3 load(const float (*from)[kLanes], int lane) { return {from[0][lane], from[1][lane], from[2][lane]}; }
-
-// Keeps a body finite under a huge force: it leaves the scene without affecting other bodies.
-Float4 clamp_speed(const Float4& speed) {
-  const Float4 low = broadcast4(-kMaxSpeed), high = broadcast4(kMaxSpeed);
-  const Float4 at_least_low = speed < low ? low : speed;
-  return high < at_least_low ? high : at_least_low;
-}
-
-// The linear and the angular part of a row, each with a fourth value that integration leaves as it is.
-constexpr std::size_t kHalves = 2;
-constexpr Int4 kLinearOrAngular = {-1, -1, -1, 0};
-template <class Row>
-Float4 load_half(const Row& row, std::size_t half) {
-  static_assert(sizeof(Row) == kHalves * sizeof(Float4));
-  return load4(reinterpret_cast<const float*>(&row) + half * kSimd4Width);
-}
-template <class Row>
-void store_half(const Float4& value, Row& row, std::size_t half) {
-  std::memcpy(reinterpret_cast<float*>(&row) + half * kSimd4Width, &value, sizeof(value));
-}
 
 // Velocity change by gravity in a substep. The angular part is −0, which is neutral in floating-point addition.
 BodyVelocity gravity_velocity_change(const Vec3& gravity, float h_s) {
@@ -147,7 +125,7 @@ void Solver::resize_buffers(const SpatialPartition& partition, int member_count,
 // a member's own batches overlap with the wait. Calls outside keep arrive() and wait() balanced.
 void Solver::run_stages(StepContext& context, const Member& member) {
   load_bodies(context);
-  shared_batches_.clear_marks(context.own_rows);
+  if (member.member_count > 1) shared_batches_.clear_marks(context.own_rows);
   member.arrive_and_wait();
   for (const BatchRange& run : graph_.own_batches(member))
     for (int i = run.first; i < run.first + run.count; ++i) {
@@ -156,7 +134,10 @@ void Solver::run_stages(StepContext& context, const Member& member) {
       if (context.may_impact()) find_impact_candidates(context, run.kind, i, member);
     }
   member.arrive_and_wait();
-  shared_batches_.split_batches(graph_, member);
+  if (member.member_count > 1)
+    shared_batches_.split_batches(graph_, member);
+  else
+    merge_batches(graph_.own_batches(member));
   if (has_supports_) prepare_supports(context);
   integrate_velocities(context, true);
   member.arrive();
@@ -192,6 +173,18 @@ void Solver::run_stages(StepContext& context, const Member& member) {
   else
     member.arrive_and_wait();
   if (has_supports_) store_supports(context);
+}
+
+// A single member solves all batches in their order, whatever their colours: in few calls of the kernels.
+void Solver::merge_batches(std::span<const BatchRange> ranges) {
+  serial_batches_.clear();
+  for (const BatchRange& next : ranges) {
+    BatchRange* const last = serial_batches_.empty() ? nullptr : &serial_batches_.back();
+    if (last != nullptr && last->kind == next.kind && last->first + last->count == next.first)
+      last->count += next.count;
+    else
+      serial_batches_.push_back(next);
+  }
 }
 
 // ---- contacts to SIMD batches and back
@@ -431,11 +424,9 @@ void Solver::store_impulses(StepContext& context, ContactKind kind, int index) {
 // ---- bodies, each member those of its slabs
 
 template <class Each>
-void Solver::for_each_active_row(const StepContext& context, Each each) const {
-  for (int s = context.own_slabs.begin; s < context.own_slabs.end; ++s) {
-    const IndexRange rows = context.partition.active_rows_of(s);
-    for (int row = rows.begin; row < rows.end; ++row) each(row);
-  }
+void Solver::for_each_active_range(const StepContext& context, Each each) const {
+  for (int s = context.own_slabs.begin; s < context.own_slabs.end; ++s)
+    if (const IndexRange rows = context.partition.active_rows_of(s); rows.begin < rows.end) each(rows);
 }
 
 void Solver::load_bodies(StepContext& context) {
@@ -475,33 +466,21 @@ BodyVelocity Solver::external_velocity_change(const StepContext& context, int ro
 // Also warm-starts all substeps but the first: normals and anchors are constant during the step, so re-applying the
 // accumulated impulses equals repeating the velocity change that contacts caused in the last substep.
 void Solver::integrate_velocities(StepContext& context, bool first) {
-  for_each_active_row(context, [&](int row) {
-    BodyVelocity& m = velocity_[static_cast<std::size_t>(row)];
-    BodyVelocity& start = start_velocity_[static_cast<std::size_t>(row)];
-    const auto apply_change = [&m, &start, first](const BodyVelocity& change) {
-      for (std::size_t half = 0; half < kHalves; ++half) {
-        const Float4 speed = load_half(m, half), contact_change = speed - load_half(start, half);
-        const Float4 start_speed = clamp_speed(speed + load_half(change, half));
-        const Float4 next = first ? start_speed : start_speed + contact_change;
-        store_half(start_speed, start, half);
-        store_half(kLinearOrAngular ? next : speed, m, half);
-      }
-    };
-    if (context.input.has_wrenches)
-      apply_change(external_velocity_change(context, row));
-    else
-      apply_change(context.gravity_change);
+  const auto integrate = [&](IndexRange rows, const BodyVelocity& change) {
+    context.kernels.integrate_velocities(rows.begin, rows.end, change, first, velocity_.data(),
+                                         start_velocity_.data());
+  };
+  for_each_active_range(context, [&](IndexRange rows) {
+    if (!context.input.has_wrenches) return integrate(rows, context.gravity_change);
+    for (int row = rows.begin; row < rows.end; ++row)
+      integrate({row, row + 1}, external_velocity_change(context, row));
   });
 }
 
 void Solver::integrate_positions(StepContext& context) {
-  const float h_s = context.pair_params.h_s;
-  const Float4 step_s = {h_s, h_s, h_s, 0.0F};
-  for_each_active_row(context, [&](int row) {
-    const BodyVelocity& m = velocity_[static_cast<std::size_t>(row)];
-    DeltaPose& pose = delta_pose_[static_cast<std::size_t>(row)];
-    for (std::size_t half = 0; half < kHalves; ++half)
-      store_half(load_half(pose, half) + step_s * load_half(m, half), pose, half);
+  for_each_active_range(context, [&](IndexRange rows) {
+    context.kernels.integrate_positions(rows.begin, rows.end, context.pair_params.h_s, velocity_.data(),
+                                        delta_pose_.data());
   });
 }
 
@@ -518,21 +497,21 @@ void Solver::run_contact_stage(StepContext& context, const Member& member,
                                SupportStage support_stage) {
   SubstepParams &pair_params = context.pair_params, &static_params = context.static_params;
   pair_params.elapsed_s = static_params.elapsed_s = elapsed_s;
-  const std::size_t colours = graph_.colours().size();
-  for (std::size_t i = 0; i <= colours; ++i) {
-    member.wait();
-    if (graph_.batch_count() == 0) {
+  const auto run = [&](std::span<const BatchRange> ranges) {
+    for (const BatchRange& batches : ranges)
+      kernel[batches.kind](graph_.batches_from(batches.first), batches.count, batch_points(),
+                           context.solver_bodies,
+                           StepContext::is_pair(batches.kind) ? pair_params : static_params);
+  };
+  if (member.member_count == 1) {
+    run(serial_batches_);
+  } else {
+    for (std::size_t i = 0; i <= graph_.colours().size(); ++i) {
+      member.wait();
+      run(shared_batches_.shared(member, i));
       member.arrive();
-      continue;
+      run(shared_batches_.own(member, i));
     }
-    auto run = [&](std::span<const BatchRange> ranges) {
-      for (const BatchRange& batches : ranges)
-        kernel[batches.kind](graph_.batches_from(batches.first), batches.count, batch_points(),
-                             context.solver_bodies, i < colours ? pair_params : static_params);
-    };
-    run(shared_batches_.shared(member, i));
-    member.arrive();
-    run(shared_batches_.own(member, i));
   }
   if (!has_supports_) return;
   member.wait();

@@ -68,6 +68,7 @@ class Solver {
   }
   void resize_buffers(const SpatialPartition&, int member_count, bool has_cell_limits);
   void run_stages(StepContext&, const Member&);
+  void merge_batches(std::span<const BatchRange>);
   void prepare_batch(StepContext&, ContactKind, int batch);
   void prefetch_contacts(StepContext&, ContactKind, int batch) const;
   void set_batch_bodies(StepContext&, ContactBatch&, int index, ContactKind);
@@ -85,7 +86,7 @@ class Solver {
   const SurfaceMaterial& material_of_b(const StepContext&, const Manifold&, const Contact&) const;
   void store_impulses(StepContext&, ContactKind, int batch);
   template <class Each>
-  void for_each_active_row(const StepContext&, Each each) const;
+  void for_each_active_range(const StepContext&, Each each) const;
   void load_bodies(StepContext&);
   BodyVelocity external_velocity_change(const StepContext&, int row) const;
   void integrate_velocities(StepContext&, bool first);
@@ -108,7 +109,8 @@ class Solver {
   StepSettings settings_;
   SurfaceMaterial field_material_;
   ConstraintGraph graph_;
-  SharedBatches shared_batches_;
+  SharedBatches shared_batches_;            // of several members
+  std::vector<BatchRange> serial_batches_;  // of a single member
   ImpactSolver impacts_;
   std::vector<BatchPoint> point_;
   std::vector<BatchPointDetail> detail_;
