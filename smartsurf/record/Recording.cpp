@@ -120,6 +120,8 @@ void Recording::Contents::read_meta() {
   world.dt_s = read_number(group, "dt_s");
   world.control_period_s = read_number(group, "control_period_s");
   world.iterations = read_count(group, "iterations", 1u << 20);
+  if (has_attribute(group, "unit"))
+    world.unit = scene::find_physical_unit(read_text_attribute(group, "unit"));
   read_attribute(group, "gravity", H5T_NATIVE_DOUBLE, world.gravity.data(), 3);
   world.ground = read_number(group, "ground") != 0.0;
   if (has_attribute(group, "sleep")) world.sleep = read_number(group, "sleep") != 0.0;

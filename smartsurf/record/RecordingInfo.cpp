@@ -67,7 +67,8 @@ std::string surface_text(const scene::SurfaceSpec& s) {
 std::string physics_text(const Recording& recording) {
   const scene::WorldSpec& world = recording.spec().world;
   return concat("engine ", world.engine, ", dt ", world.dt_s, " s, control period ", world.control_period_s,
-                " s, ", recording.meta().mode, " mode");
+                " s, ", recording.meta().mode, " mode",
+                world.unit ? concat(", 1 u = 1 ", world.unit->name) : "");
 }
 
 // A range of lengths: "radius 4 u", "widths 1 to 2 u".

@@ -111,6 +111,11 @@ std::vector<std::string> SurfaceSpec::sensor_channels() const {
   return names;
 }
 
+std::optional<PhysicalUnit> find_physical_unit(std::string_view name) {
+  const auto* const unit = std::ranges::find(kPhysicalUnits, name, &PhysicalUnit::name);
+  return unit == std::end(kPhysicalUnits) ? std::nullopt : std::optional(*unit);
+}
+
 std::string format_number(double value) {
   if (std::isnan(value)) return "nan";  // streams may print "-nan"
   std::ostringstream out;

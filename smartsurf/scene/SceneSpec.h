@@ -12,6 +12,7 @@
 #include <optional>
 #include <stdexcept>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "common/error/UserError.h"
@@ -43,15 +44,26 @@ struct Material {
 
 enum class OffTablePolicy { kKeep, kRemove };
 
+// The values of `world.unit` and of the `unit` of a mesh file.
+struct PhysicalUnit {
+  const char* name;
+  double metres;  // its length
+};
+inline constexpr PhysicalUnit kPhysicalUnits[] = {{"mm", 0.001}, {"cm", 0.01}, {"in", 0.0254}, {"m", 1.0}};
+std::optional<PhysicalUnit> find_physical_unit(std::string_view name);
+
+inline constexpr double kStandardGravity = 9.81;  // m/s²
+
 // The values of `world.engine`; the first is the default.
 inline constexpr const char* kEngineNames[] = {"native", "bullet"};
 
 struct WorldSpec {
-  std::string engine = kEngineNames[0];      // the physics engine
-  Eigen::Vector3d gravity{0.0, 0.0, -9.81};  // u/s²
-  double dt_s = 1.0 / 240.0;                 // fixed physics time step
-  int iterations = 10;                       // of the constraint solver, per step
-  double control_period_s = 1.0 / 60.0;      // a multiple of dt_s
+  std::string engine = kEngineNames[0];                  // the physics engine
+  std::optional<PhysicalUnit> unit = {};                 // what u is; absent: not said
+  Eigen::Vector3d gravity{0.0, 0.0, -kStandardGravity};  // u/s²
+  double dt_s = 1.0 / 240.0;                             // fixed physics time step
+  int iterations = 10;                                   // of the constraint solver, per step
+  double control_period_s = 1.0 / 60.0;                  // a multiple of dt_s
   std::uint64_t seed = 1;
   bool ground = true;                                // an infinite floor under the table
   bool sleep = true;                                 // whether bodies at rest fall asleep

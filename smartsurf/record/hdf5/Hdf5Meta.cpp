@@ -24,6 +24,7 @@ void write_meta(hid_t file, const RunMetadata& meta, const scene::SceneSpec& spe
   write_attribute(group, "dt_s", spec.world.dt_s);
   write_attribute(group, "control_period_s", spec.world.control_period_s);
   write_attribute(group, "iterations", static_cast<std::uint64_t>(spec.world.iterations));
+  if (spec.world.unit) write_attribute(group, "unit", std::string(spec.world.unit->name));
   write_attribute(group, "gravity", H5T_NATIVE_DOUBLE, spec.world.gravity.data(), 3);
   write_attribute(group, "ground", std::uint64_t{spec.world.ground});
   write_attribute(group, "sleep", std::uint64_t{spec.world.sleep});

@@ -22,7 +22,7 @@ constexpr int kMaxHullCount = 256;
 struct ShapeBinding {
   std::string_view name;
   scene::ShapeKind kind;
-  std::array<std::string_view, 5> fields;  // padded with ""
+  std::array<std::string_view, 6> fields;  // padded with ""
   void (*read)(ScriptContext&, lua_State*, const TableReader&, scene::ObjectSpec&);
 };
 
@@ -122,6 +122,12 @@ void read_mesh_source(const ScriptContext& context, lua_State* L, const TableRea
     if (!(request.scale >= 1e-9 && request.scale <= 1e9))
       throw_invalid_value(L, i, name, "in [1e-09, 1e+09]");
   });
+  fields.visit("unit", [&](int i, const std::string& name) {
+    const scene::PhysicalUnit unit = check_physical_unit(L, i, name);
+    if (!context.spec.world.unit)
+      throw ScriptError(name + ": the world has no unit; declare it before, as in world{unit = 'mm'}");
+    request.scale *= unit.metres / context.spec.world.unit->metres;
+  });
 }
 
 void read_mesh(ScriptContext& context, lua_State* L, const TableReader& fields, scene::ObjectSpec& object) {
@@ -164,7 +170,9 @@ void read_hull(ScriptContext& context, lua_State* L, const TableReader& fields, 
         context, L, "hull.file = ", [&] { return require_solid_factory(context).make_hull(request); });
     return;
   }
-  if (fields.has("scale")) throw ScriptError("hull.scale: applies only to file; points are in u");
+  for (const std::string_view field : {"scale", "unit"})
+    if (fields.has(field))
+      throw ScriptError("hull." + std::string(field) + ": applies only to file; points are in u");
   fields.visit("points", [&](int i, const std::string& name) {
     const std::vector<Eigen::Vector3d> points = check_points(context, L, i, name);
     object.solid = make_solid(context, L, name + ": ",
@@ -179,9 +187,12 @@ constexpr ShapeBinding kCylinder{
 constexpr ShapeBinding kCapsule{
     "capsule", scene::ShapeKind::kCapsule, {"radius", "height"}, read_radius_and_height};
 constexpr ShapeBinding kCone{"cone", scene::ShapeKind::kCone, {"radius", "height"}, read_radius_and_height};
-constexpr ShapeBinding kHull{"hull", scene::ShapeKind::kSolid, {"points", "file", "scale"}, read_hull};
-constexpr ShapeBinding kMesh{
-    "mesh", scene::ShapeKind::kSolid, {"file", "scale", "decompose", "pieces", "tolerance"}, read_mesh};
+constexpr ShapeBinding kHull{
+    "hull", scene::ShapeKind::kSolid, {"points", "file", "scale", "unit"}, read_hull};
+constexpr ShapeBinding kMesh{"mesh",
+                             scene::ShapeKind::kSolid,
+                             {"file", "scale", "unit", "decompose", "pieces", "tolerance"},
+                             read_mesh};
 
 // Object ids start at 0 and follow the order of creation, as in recordings and in the view.
 scene::ObjectId add_object(ScriptContext& context, const ShapeBinding& shape,

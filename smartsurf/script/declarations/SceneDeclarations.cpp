@@ -21,10 +21,14 @@ void throw_if_invalid(const std::string& error) {
 
 int world(ScriptContext& context, lua_State* L) {
   declare_once(context, L, "world");
-  const TableReader fields(
-      L, 1, "world",
-      {"gravity", "dt", "iterations", "control_period", "seed", "ground", "sleep", "off_table", "engine"});
+  const TableReader fields(L, 1, "world",
+                           {"unit", "gravity", "dt", "iterations", "control_period", "seed", "ground",
+                            "sleep", "off_table", "engine"});
   scene::WorldSpec& spec = context.spec.world;
+  fields.visit("unit", [&](int i, const std::string& name) {
+    spec.unit = check_physical_unit(L, i, name);
+    spec.gravity = {0.0, 0.0, -scene::kStandardGravity / spec.unit->metres};
+  });
   fields.visit("gravity", [&](int i, const std::string& name) {
     if (lua_type(L, i) == LUA_TNUMBER)
       spec.gravity = {0.0, 0.0, check_number(L, i, name)};
@@ -151,6 +155,12 @@ int check_material(const ScriptContext& context, lua_State* L, int index, const 
   throw ScriptError(
       name + " = " + format_value(L, index) + ": no such material" +
       (hint.empty() ? "; known: " + join_names(names) + "; declare it first with material{}" : hint));
+}
+
+scene::PhysicalUnit check_physical_unit(lua_State* L, int index, const std::string& name) {
+  const auto unit = scene::find_physical_unit(check_string(L, index, name));
+  if (!unit) throw_invalid_value(L, index, name, "'mm', 'cm', 'in' or 'm'");
+  return *unit;
 }
 
 void bind_declarations(lua_State* L) {

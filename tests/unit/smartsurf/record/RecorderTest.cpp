@@ -63,6 +63,7 @@ TEST(Recorder, WritesMetadata) {
   const OutputFolder out;
   SyntheticRun run;
   run.meta.program_text = std::string(300000, 'p');  // above the limit of fixed-length HDF5 attributes
+  run.spec.world.unit = scene::find_physical_unit("mm");
   Recorder::open(out / "run.hdf5", run.meta, run.spec)
       ->close({.outcome = "stopped", .ticks = 9, .simulated_s = 0.15, .state_hash = 0xABCDEF0123456789u});
 
@@ -77,6 +78,7 @@ TEST(Recorder, WritesMetadata) {
   EXPECT_EQ(recording.spec().world.seed, run.spec.world.seed);
   EXPECT_EQ(recording.spec().world.dt_s, run.spec.world.dt_s);
   EXPECT_EQ(recording.spec().world.gravity, run.spec.world.gravity);
+  EXPECT_EQ(recording.spec().world.unit->metres, 0.001);
   EXPECT_EQ(recording.spec().surface.rows, 4);
   EXPECT_EQ(recording.spec().surface.columns, 6);
   EXPECT_EQ(recording.spec().surface.pin.top_x, 1.5);

@@ -89,6 +89,19 @@ TEST_F(ObjectsTest, MeshRequestsFileBesideScript) {
   EXPECT_EQ(e.scene().objects[1].label, "L");
 }
 
+TEST_F(ObjectsTest, FilesHaveUnits) {
+  load_on_surface(
+      "world{unit = 'cm'}\nmesh{file = 'l.stl', unit = 'mm', position = {1, 2, 3}}\n"
+      "mesh{file = 'l.stl', unit = 'in', scale = 2, position = {1, 2, 3}}");
+  ASSERT_EQ(solids->meshes.size(), 2U);
+  EXPECT_DOUBLE_EQ(solids->meshes[0].scale, 0.1);
+  EXPECT_DOUBLE_EQ(solids->meshes[1].scale, 2 * 2.54);
+  EXPECT_EQ(error_of("hull{file = 'l.stl', unit = 'mm', position = {1, 2, 3}}"),
+            "t.lua:1: hull.unit: the world has no unit; declare it before, as in world{unit = 'mm'}");
+  EXPECT_EQ(error_of("hull{points = {}, unit = 'mm', position = {1, 2, 3}}"),
+            "t.lua:1: hull.unit: applies only to file; points are in u");
+}
+
 TEST_F(ObjectsTest, HullFromPointsOrFile) {
   load_on_surface(
       "hull{points = {{0, 0, 0}, {x = 1, y = 0, z = 0}, {0, 2, 0}, {0, 0, 3}}, position = {1, 2, 3}}");

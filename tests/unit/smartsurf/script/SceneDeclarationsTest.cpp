@@ -28,6 +28,16 @@ TEST_F(DeclarationTest, GravityAcceptsVector) {
             Eigen::Vector3d(1, -2, 3.5));
 }
 
+TEST_F(DeclarationTest, UnitSetsGravity) {
+  EXPECT_FALSE(load_on_surface("").scene().world.unit);
+  const scene::WorldSpec w = load_on_surface("world{unit = 'mm'}").scene().world;
+  EXPECT_DOUBLE_EQ(w.unit->metres, 0.001);
+  EXPECT_NEAR(w.gravity.z(), -9810, 1e-9);
+  EXPECT_EQ(load_on_surface("world{gravity = -3, unit = 'in'}").scene().world.gravity,
+            Eigen::Vector3d(0, 0, -3));
+  EXPECT_EQ(error_of("world{unit = 'km'}"), "t.lua:1: world.unit = 'km': must be 'mm', 'cm', 'in' or 'm'");
+}
+
 TEST_F(DeclarationTest, CaseStudySurface) {
   const Experiment e = load(R"(
     material{name = 'plastic', friction = 0.4, rolling_friction = 0.02, restitution = 0.3, density = 2}
