@@ -62,7 +62,7 @@ std::unique_ptr<Display> reuse_or_open_display(const RunOptions& options,
                                                const simulation::Simulation& simulation,
                                                std::unique_ptr<Display> previous) {
   if (!previous) return std::make_unique<Display>(options, simulation);
-  previous->restart(simulation.scene());
+  previous->restart(options, simulation.scene());
   return previous;
 }
 

@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <utility>
 
 #include "smartsurf/run/ControllerProcess.h"
 #include "smartsurf/run/output/PlotFile.h"
@@ -21,6 +22,11 @@ constexpr double kOnTimeFraction = 0.97;
 
 std::string window_title(const scene::SceneSpec& scene) { return "smartsurf: " + scene.file; }
 
+// Started by the run, or by the user in another terminal.
+bool expects_controller_window(const RunOptions& options) {
+  return !options.no_controller && (options.controller.empty() || is_apron_program(options.controller));
+}
+
 }  // namespace
 
 Display::Display(const RunOptions& options, const simulation::Simulation& simulation)
@@ -34,24 +40,27 @@ Display::Display(const RunOptions& options, const simulation::Simulation& simula
   view::OffscreenView::require_available();
   if (!view::Window::display_available())
     throw scene::InputError("--window: there is no display here; run without it, or set DISPLAY");
-  const bool beside_controller_window =
-      !options.no_controller && (options.controller.empty() || is_apron_program(options.controller));
+  beside_controller_window_ = expects_controller_window(options);
   window_ = std::make_unique<view::Window>(
       scene_, window_title(scene_), 1280, 720,
-      beside_controller_window ? view::WindowPlacement::kLeft : view::WindowPlacement::kDefault);
+      beside_controller_window_ ? view::WindowPlacement::kLeft : view::WindowPlacement::kDefault);
   window_->apply(settings);
 }
 
 Display::~Display() = default;
 
-void Display::restart(const scene::SceneSpec& scene) {
+void Display::restart(const RunOptions& options, const scene::SceneSpec& scene) {
   scene_ = scene;
   history_ = RunHistory(scene_.surface.columns);
   marks_.clear();
   history_index_.reset();
   channels_ = {};
   frames_drawn_ = 0;
-  if (window_) window_->set_scene(scene_, window_title(scene_));
+  if (!window_) return;
+  window_->set_scene(scene_, window_title(scene_));
+  const bool had_controller_window =
+      std::exchange(beside_controller_window_, expects_controller_window(options));
+  if (beside_controller_window_ && !had_controller_window) window_->move_to_left();
 }
 
 void Display::record_tick(const simulation::Simulation& simulation, std::span<const RunValue> values) {

@@ -59,8 +59,8 @@ class Display {
 
   bool has_window() const { return window_ != nullptr; }
   std::uint64_t frames_drawn() const { return frames_drawn_; }  // of this run
-  // Reuses the window for another run.
-  void restart(const scene::SceneSpec&);
+  // Reuses the window for another run; makes room if only this one has a controller's window beside it.
+  void restart(const RunOptions&, const scene::SceneSpec&);
   // Adds the state of the current tick to the history. values: purity and metrics, in an order that stays. Does nothing
   // without a window.
   void record_tick(const simulation::Simulation&, std::span<const RunValue> values);
@@ -76,6 +76,7 @@ class Display {
 
   scene::SceneSpec scene_;
   std::unique_ptr<view::Window> window_;
+  bool beside_controller_window_ = false;
   RunHistory history_;
   std::vector<view::EventMark> marks_;        // in order of time
   std::optional<std::size_t> history_index_;  // the snapshot shown; nullopt: the present

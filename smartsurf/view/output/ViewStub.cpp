@@ -43,5 +43,6 @@ void Window::add_pointer_event(const PointerEvent&) { throw_not_built(); }
 void Window::apply(const ViewSettings&) { throw_not_built(); }
 void Window::show_message(const std::string&) { throw_not_built(); }
 void Window::set_scene(const scene::SceneSpec&, const std::string&) { throw_not_built(); }
+void Window::move_to_left() { throw_not_built(); }
 
 }  // namespace smartsurf::view

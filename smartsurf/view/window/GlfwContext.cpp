@@ -71,6 +71,12 @@ float GlfwContext::content_scale() const {
   return std::max(x, y);
 }
 
+void GlfwContext::move_to_left() {
+  const WindowRect left = left_screen_area();
+  glfwSetWindowSize(window_, left.width, left.height);
+  glfwSetWindowPos(window_, left.x, left.y);
+}
+
 bool GlfwContext::minimised() const { return glfwGetWindowAttrib(window_, GLFW_ICONIFIED) == GLFW_TRUE; }
 
 ScopedGlContext::ScopedGlContext(GLFWwindow* window) { glfwMakeContextCurrent(window); }

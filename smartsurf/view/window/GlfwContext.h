@@ -23,6 +23,7 @@ class GlfwContext {
   GLFWwindow* window() const { return window_; }
   float content_scale() const;  // the display's scale factor, the larger of x and y
   bool minimised() const;
+  void move_to_left();  // to WindowPlacement::kLeft
 
  private:
   GLFWwindow* window_ = nullptr;

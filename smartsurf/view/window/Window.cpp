@@ -398,6 +398,7 @@ void Window::set_scene(const scene::SceneSpec& spec, const std::string& title) {
   state_->set_scene(spec);
   glfwSetWindowTitle(state_->glfw.window(), title.c_str());
 }
+void Window::move_to_left() { state_->glfw.move_to_left(); }
 void Window::apply(const ViewSettings& settings) {
   state_->controls.apply(settings);
   state_->hud.plotted.set(settings.plots);

@@ -38,6 +38,8 @@ class Window {
   // Switches to another scene, for example when a run is restarted. Display settings stay, and so does the
   // camera if the surface has the same size.
   void set_scene(const scene::SceneSpec& spec, const std::string& title);
+  // Moves the window to WindowPlacement::kLeft.
+  void move_to_left();
 
   // Handles input, then draws and shows one frame (none while the window is minimised). A screenshot or video
   // that the user requests is written to the current directory as NAME-TICK.png or .mp4, where NAME is the
