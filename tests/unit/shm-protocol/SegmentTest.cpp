@@ -310,7 +310,7 @@ TEST(Segment, TooSmallShmIsAnErrorNotASigbus) {
   int status = 0;
   if (!with_own_shm(
           64 * 1024, [] { return refused_for_lack_of_space(0); }, status))
-    GTEST_SKIP() << "no user namespaces here";
+    GTEST_SKIP() << "private mounts are not permitted";
   EXPECT_TRUE(WIFEXITED(status)) << "signal " << WTERMSIG(status);
   EXPECT_EQ(WEXITSTATUS(status), 0);
 }
@@ -333,7 +333,7 @@ TEST(Segment, FullShmIsAnErrorAndFreedSpaceIsUsed) {
     }
     return 0;
   };
-  if (!with_own_shm(8 * 1024 * 1024, body, status)) GTEST_SKIP() << "no user namespaces here";
+  if (!with_own_shm(8 * 1024 * 1024, body, status)) GTEST_SKIP() << "private mounts are not permitted";
   EXPECT_TRUE(WIFEXITED(status)) << "signal " << WTERMSIG(status);
   EXPECT_EQ(WEXITSTATUS(status), 0);
 }
