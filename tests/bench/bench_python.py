@@ -4,8 +4,10 @@
   bench_python.py [--json] [--seconds S] [--cases 8x8:1,…] [--who WHO,…] [--threads N,…]
 
 n×n pins follow a wave under k spheres, and every pin senses upwards. A step is a control period of 1/60 s: four physics
-steps, or one for MuJoCo where its row says so. MuJoCo has a mocap box and a rangefinder for each pin. The processor time that a step takes
-outside the compiled part is Python's share. Needs the package smartsurf, Gymnasium, and for peers mujoco and shm_protocol.
+steps, or one for MuJoCo where its row says so, and one sweep of the sensors, or one in each physics step for MuJoCo's
+plain rollout, which cannot leave any out. MuJoCo has a mocap box and a rangefinder for each pin. The processor time that
+a step takes outside the compiled part is Python's share. Needs the package smartsurf, Gymnasium, and for peers mujoco and
+shm_protocol.
 """
 import argparse
 import gc
@@ -23,6 +25,8 @@ CASES = [f"{n}x{n}:{k}" for n in (8, 16, 64) for k in (1, 10, 40)]
 WORLDS = (1, 64, 1024)
 RANGE, RADIUS, PHASES = 4.0, 0.8, 32
 MOST_CELLS = 1024 * 4096 + 1
+# Name, physics steps a period, and whether only the last of them senses.
+PEERS = ("MuJoCo, senses once", 4, True), ("MuJoCo rollout", 4, False), ("MuJoCo, 1 step", 1, False)
 
 
 def experiment(n, k):
@@ -118,7 +122,7 @@ def measure_surface_env(file, n, how):
     return {"steps_per_s": rate}
 
 
-def mjcf(n, k, timestep):
+def mjcf(n, k, timestep, senses=True):
     pins = "".join(
         f"<body mocap='true' pos='{c} {n - 1 - r} 0'><geom type='box' size='.4 .4 1' contype='2' conaffinity='1'/>"
         f"<site name='s{r}_{c}' pos='0 0 1.001' zaxis='0 0 1'/></body>" for r in range(n) for c in range(n))
@@ -127,15 +131,20 @@ def mjcf(n, k, timestep):
     balls = "".join(f"<body pos='{2 + 1.7 * i % (n - 4)} {2 + 1.7 * (1.7 * i // (n - 4)) % (n - 4)} {4 + .4 * i}'><freejoint/>"
                     f"<geom type='sphere' size='{RADIUS}' density='1'/></body>" for i in range(k))
     sensors = "".join(f"<rangefinder site='s{r}_{c}' cutoff='{RANGE}'/>" for r in range(n) for c in range(n))
-    return (f"<mujoco><option timestep='{timestep}' integrator='implicitfast'/><size memory='256M'/><worldbody>{pins}{walls}"
-            f"{balls}</worldbody><sensor>{sensors}</sensor></mujoco>")
+    flag = f"<flag sensor='{'enable' if senses else 'disable'}'/>"
+    return (f"<mujoco><option timestep='{timestep}' integrator='implicitfast'>{flag}</option><size memory='256M'/><worldbody>"
+            f"{pins}{walls}{balls}</worldbody><sensor>{sensors}</sensor></mujoco>")
 
 
-def measure_mujoco(n, k, substeps, threads, how):
+def measure_mujoco(n, k, substeps, senses_once, threads, how):
+    """senses_once: a period is two rollouts, of all physics steps but the last without sensors, and of the last."""
     import mujoco
     from mujoco import rollout
     model = mujoco.MjModel.from_xml_string(mjcf(n, k, 1 / 60 / substeps))
-    worlds, periods = 2 * threads, 8 if n < 64 else 2
+    blind = mujoco.MjModel.from_xml_string(mjcf(n, k, 1 / 60 / substeps, senses=False))
+    # Two rollouts a period need more worlds for the calls not to count.
+    worlds = (32 if senses_once and n < 64 else 2) * threads
+    periods = 1 if senses_once else 8 if n < 64 else 2
     steps = periods * substeps
     data = [mujoco.MjData(model) for _ in range(threads)]
     spec = mujoco.mjtState.mjSTATE_MOCAP_POS
@@ -148,9 +157,14 @@ def measure_mujoco(n, k, substeps, threads, how):
     for i in range(worlds):
         mujoco.mj_getState(model, data[0], state[i], full)
     with rollout.Rollout(nthread=threads) as roll:
-        def step(_):
+        def step(call):
             nonlocal state
-            states, sensors = roll.rollout(model, data, state, control, control_spec=int(spec), nstep=steps)
+            if senses_once:
+                control[:, :, 2::3] = heights[call % PHASES] - 1
+                state = roll.rollout(blind, data, state, control[:, 1:], control_spec=int(spec), nstep=steps - 1)[0][:, -1]
+            last = control[:, :1] if senses_once else control
+            states, sensors = roll.rollout(model, data, np.ascontiguousarray(state), last, control_spec=int(spec),
+                                           nstep=last.shape[1])
             state = np.ascontiguousarray(states[:, -1])
         rate, cpu = steps_a_second(step, worlds * periods, how.seconds)
     return {"steps_per_s": rate, "steps_per_cpu_s": cpu, "version": mujoco.__version__}
@@ -171,8 +185,8 @@ def measurements(how):
                         yield {"who": f"VectorEnv, {worlds}{on_threads}", "case": name,
                                **measure_vector(file, n, worlds, threads, how)}
                         gc.collect()
-                for who, substeps in (("MuJoCo rollout", 4), ("MuJoCo, 1 step", 1)) if "mujoco" in how.who else ():
-                    yield {"who": who + on_threads, "case": name, **measure_mujoco(n, k, substeps, threads, how)}
+                for who, substeps, once in PEERS if "mujoco" in how.who else ():
+                    yield {"who": who + on_threads, "case": name, **measure_mujoco(n, k, substeps, once, threads, how)}
             if "vector" in how.who:
                 yield {"who": "Simulation", "case": name, **measure_states(file, n)}
             if "surface" in how.who:
@@ -200,7 +214,7 @@ def main():
         print(json.dumps(line) if how.json else
               f"{line['case']:10} {line['who']:16} save {line['save_us']:.0f} µs, restore {line['restore_us']:.0f} µs, reset "
               f"{line['reset_us']:.0f} µs, {line['bytes']} bytes" if "save_us" in line else
-              f"{line['case']:10} {line['who']:16} {line['steps_per_s']:12.0f} steps/s"
+              f"{line['case']:10} {line['who']:20} {line['steps_per_s']:12.0f} steps/s"
               + (f", {line['steps_per_cpu_s']:.0f} per CPU second" if "steps_per_cpu_s" in line else "")
               + (f", Python {100 * line['python_share']:.0f} %, {line['mib']:.0f} MiB" if "mib" in line else ""), flush=True)
 

@@ -46,11 +46,13 @@ class Bench(ProgramTest):
         def line(who, rate, **more):
             return {"who": who, "case": "8x8 1", "steps_per_s": rate, **more}
         self.measured("python", [line("VectorEnv, 1", 20000, python_share=0.3, mib=1),
+                                 line("VectorEnv, 64", 350000, python_share=0.02, mib=7),
                                  line("VectorEnv, 1024", 300000, python_share=0.02, mib=97),
                                  {"who": "Simulation", "case": "8x8 1", "save_us": 9, "restore_us": 10, "reset_us": 40},
                                  line("MuJoCo rollout", 5000)])
         text = self.report()
         self.assertIn("| VectorEnv, 1024 | 300000 |", text)
+        self.assertIn("| MuJoCo rollout | 70 × |", text)
         self.assertIn("Python takes at most 2.0 %. 1024 worlds occupy 97 MiB (8x8 1).", text)
         self.assertIn("| reset | 40 |", text)
 

@@ -127,3 +127,34 @@ TEST(ContactKernels, ConservesMomentumAndSkipsUnusedLanes) {
     }
   }
 }
+
+// Of body 1 of three: what contacts have changed since the last substep, 1 u/s, is kept beside the external change; the
+// rows before and after are left alone.
+TEST(ContactKernels, IntegratesVelocitiesOfTheRowsGiven) {
+  std::vector<BodyVelocity> velocity(3, {{2, 3, 4}, 0.5F, {5, 6, 7}, 0.25F});
+  std::vector<BodyVelocity> start(3, {{1, 2, 3}, 9, {4, 5, 6}, 9});
+  const BodyVelocity change{{0, 0, -10}, 8, {0, 20, 0}, 8};
+  contact_kernels().integrate_velocities(1, 2, change, false, velocity.data(), start.data());
+  EXPECT_EQ(Vec3(start[1].velocity), Vec3(2, 3, -6));
+  EXPECT_EQ(Vec3(start[1].angular_velocity), Vec3(5, 26, 7));
+  EXPECT_EQ(Vec3(velocity[1].velocity), Vec3(3, 4, -5));
+  EXPECT_EQ(Vec3(velocity[1].angular_velocity), Vec3(6, 27, 8));
+  EXPECT_EQ(velocity[1].inverse_mass, 0.5F);
+  EXPECT_EQ(velocity[1].inverse_inertia, 0.25F);
+  for (const std::size_t other : {0U, 2U}) EXPECT_EQ(Vec3(velocity[other].velocity), Vec3(2, 3, 4)) << other;
+  contact_kernels().integrate_velocities(0, 1, change, true, velocity.data(), start.data());
+  EXPECT_EQ(Vec3(velocity[0].velocity), Vec3(2, 3, -6)) << "the first substep knows no change by contacts";
+  velocity[2] = {{3e7F, -3e7F, 0}, 0.5F, {0, 0, 0}, 0.25F};
+  contact_kernels().integrate_velocities(2, 3, change, true, velocity.data(), start.data());
+  EXPECT_EQ(Vec3(velocity[2].velocity), Vec3(kMaxSpeed, -kMaxSpeed, -10));
+}
+
+TEST(ContactKernels, IntegratesPositionsOfTheRowsGiven) {
+  const std::vector<BodyVelocity> velocity(2, {{2, 3, 4}, 0.5F, {5, 6, 7}, 0.25F});
+  std::vector<DeltaPose> pose(2, {{1, 1, 1}, 0, {2, 2, 2}, 0});
+  contact_kernels().integrate_positions(1, 2, 0.5F, velocity.data(), pose.data());
+  EXPECT_EQ(Vec3(pose[0].translation), Vec3(1, 1, 1));
+  EXPECT_EQ(Vec3(pose[1].translation), Vec3(2, 2.5F, 3));
+  EXPECT_EQ(Vec3(pose[1].rotation), Vec3(4.5F, 5, 5.5F));
+  EXPECT_EQ(pose[1].unused, 0.0F);
+}
