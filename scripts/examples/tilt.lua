@@ -2,7 +2,7 @@
 -- crate stays where the slope holds it by friction. Run with tilt.aps.
 material { name = 'felt', friction = 0.5, rolling_friction = 0.03 }
 surface { rows = 9, columns = 9, pitch = 2,
-          actuator = tile { command = 'pose', top = {1.9, 1.9}, heave = {0, 4}, max_tilt = 0.4 } }
+          actuator = tile { command = 'pose', top = {1.9, 1.9}, heave = {0, 4}, max_speed = 1, max_tilt = 0.4 } }
 sphere { radius = 0.8, position = {2, 6, 0.8}, material = 'felt', colour = 'red', label = 'ball' }
 box { size = {1.2, 1.2, 0.8}, position = {8, 14, 0.4}, colour = 'brown', label = 'crate' }
 
