@@ -24,7 +24,7 @@ struct Parameter {
     kChoice,     // an index into `choices`
     kPointList,  // points {x, y, z}, flattened
   };
-  std::string name;
+  std::string name;         // "group.name": the field `name` of the table `group`
   std::string description;  // one clause, with the unit
   Type type = Type::kNumber;
   std::vector<double> default_value = {};  // empty = no default, the parameter is optional

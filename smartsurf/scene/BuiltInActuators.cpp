@@ -57,6 +57,40 @@ ActuatorChannel symmetric_channel(std::string name, std::string unit, double lim
   return {std::move(name), std::move(unit), -limit, limit, 0.0};
 }
 
+// ---- tips of pins
+
+const std::vector<std::string> kTipShapes{"flat", "hemisphere", "cone", "rounded_square"};
+
+std::vector<Parameter> tip_parameters() {
+  Parameter radius = positive_parameter(
+      "tip.radius", 0.0, "of a hemisphere or of a cone's foot, u; half of the top's shorter edge if absent");
+  Parameter corner =
+      positive_parameter("tip.corner_radius", 0.0,
+                         "of a rounded square's corners, u; a quarter of the top's shorter edge if absent");
+  Parameter half_angle =
+      number_parameter("tip.half_angle", 0.0, 0.05, 1.5, "of a cone at its apex, rad; π/4 if absent");
+  std::vector<Parameter> all{choice_parameter("tip.shape", kTipShapes, "of the pin's upper end")};
+  for (Parameter* p : {&radius, &half_angle, &corner}) {
+    p->default_value.clear();
+    all.push_back(std::move(*p));
+  }
+  return all;
+}
+
+std::string check_tip(const ActuatorSpec& s) {
+  const std::string& shape = kTipShapes[static_cast<std::size_t>(s.number("tip.shape"))];
+  const auto only_with = [&](const char* parameter,
+                             std::initializer_list<std::string_view> shapes) -> std::string {
+    if (!s.has(parameter) || std::ranges::find(shapes, shape) != shapes.end()) return "";
+    return std::string("pin.") + parameter + ": a tip of the shape '" + shape + "' has none";
+  };
+  if (s.has("max_force") && shape != "flat")
+    return "pin.max_force: a tip of the shape '" + shape + "' has none; only flat pins are of limited force";
+  if (auto p = only_with("tip.radius", {"hemisphere", "cone"}); !p.empty()) return p;
+  if (auto p = only_with("tip.half_angle", {"cone"}); !p.empty()) return p;
+  return only_with("tip.corner_radius", {"rounded_square"});
+}
+
 ActuatorKind pin_kind() {
   ActuatorKind kind{.name = "pin", .parameters = cell_body_parameters()};
   std::erase_if(kind.parameters, [](const Parameter& p) { return p.name == "height"; });
@@ -71,6 +105,8 @@ ActuatorKind pin_kind() {
   force.default_value.clear();
   force.maximum = 1e12;
   kind.parameters.push_back(force);
+  for (Parameter& p : tip_parameters()) kind.parameters.push_back(std::move(p));
+  kind.check_constraints = check_tip;
   kind.channels = [](const ActuatorSpec& s) -> std::vector<ActuatorChannel> {
     const auto& range = s.numbers("range");
     return {{"height", "u", range[0], range[1], range[0]}};
@@ -214,23 +250,52 @@ ActuatorKind air_jet_kind() {
           }};
 }
 
+std::string check_tile(const ActuatorSpec& s) {
+  if (s.number("command") == 1.0 && s.number("thickness") < 1e-3)
+    return "tile.thickness = " + format_number(s.number("thickness")) +
+           ": must be at least 0.001 where the command is a pose";
+  return "";
+}
+
 ActuatorKind tile_kind() {
   return {
       .name = "tile",
       .parameters = with_body_parameters(
-          {positive_parameter("frequency", 5.0, "of the vibration, Hz"),
+          {choice_parameter("command", {"wave", "pose"},
+                            "what the channels set: a vibration, or heave, roll and pitch"),
+           positive_parameter("frequency", 5.0, "of the vibration, Hz"),
            positive_parameter("max_amplitude", 0.5, "greatest amplitude, u"),
            number_parameter("skin", 0.3, 0.0, 1.0, "fraction of a cell's motion that follows its neighbours"),
-           number_parameter("thickness", 1.0, 0.0, 1e3, "of the skin, u"), lag_parameter(0.05)}),
+           number_parameter("thickness", 1.0, 0.0, 1e3, "of the skin, or of the plate that tilts, u"),
+           lag_parameter(0.05),
+           {.name = "heave",
+            .description = "lowest and highest heave, u",
+            .type = Type::kRange,
+            .default_value = {0.0, 1.0},
+            .minimum = -1e6},
+           number_parameter("max_tilt", 0.35, 0.0, 1.2, "greatest roll and greatest pitch, rad"),
+           positive_parameter("max_speed", 5.0, "greatest speed of the heave, u/s"),
+           positive_parameter("max_acceleration", 100.0, "greatest acceleration of the heave, u/s²"),
+           positive_parameter("max_tilt_rate", 5.0, "greatest rate of roll and pitch, rad/s"),
+           positive_parameter("max_tilt_acceleration", 100.0, "greatest change of that rate, rad/s²")}),
       .channels = [](const ActuatorSpec& s) -> std::vector<ActuatorChannel> {
+        if (s.number("command") == 1.0) {
+          const auto& heave = s.numbers("heave");
+          return {{"heave", "u", heave[0], heave[1], std::clamp(0.0, heave[0], heave[1])},
+                  symmetric_channel("roll", "rad", s.number("max_tilt")),
+                  symmetric_channel("pitch", "rad", s.number("max_tilt"))};
+        }
         return {symmetric_channel("phase", "rad", 1000.0),
                 {"amplitude", "u", 0.0, s.number("max_amplitude"), 0.0}};
       },
       .height_limits =
           [](const ActuatorSpec& s) {
             const double height = s.number("height"), limit = s.number("max_amplitude");
+            const auto& heave = s.numbers("heave");
+            if (s.number("command") == 1.0) return std::array{height + heave[0], height + heave[1]};
             return std::array{height - limit, height + limit};
-          }};
+          },
+      .check_constraints = check_tile};
 }
 
 }  // namespace
@@ -252,6 +317,15 @@ std::vector<Parameter> cell_body_parameters() {
            .default_value = {0.0},
            .minimum = 0.0,
            .maximum = 1000.0}};
+}
+
+std::string check_tip_size(const ActuatorSpec& s) {
+  const double limit = std::min(s.numbers("top")[0], s.numbers("top")[1]) / 2.0;
+  for (const char* parameter : {"tip.radius", "tip.corner_radius"})
+    if (s.has(parameter) && s.number(parameter) > limit * (1.0 + 1e-9))
+      return s.model + "." + parameter + " = " + format_number(s.number(parameter)) + ": must be in (0, " +
+             format_number(limit) + "], half of the top's shorter edge";
+  return "";
 }
 
 std::vector<ActuatorKind> built_in_actuators() {

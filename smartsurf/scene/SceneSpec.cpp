@@ -7,6 +7,7 @@
 #include <numbers>
 #include <sstream>
 
+#include "smartsurf/scene/BuiltInActuators.h"
 #include "smartsurf/scene/Occupancy.h"
 
 namespace smartsurf::scene {
@@ -62,6 +63,7 @@ std::string validate_actuators(const SurfaceSpec& s) {
       return a.model + ".top: {" + format_number(top[0]) + ", " + format_number(top[1]) +
              "}: must be that of the surface's " + s.actuators[0].model + ", {" + format_number(s.pin.top_x) +
              ", " + format_number(s.pin.top_y) + "}: all cells are of one size";
+    if (std::string p = check_tip_size(a); !p.empty()) return p;
   }
   for (std::size_t i = 0; i < s.cell_poses.size(); ++i)
     if (!is_coordinate(s.cell_poses[i].x) || !is_coordinate(s.cell_poses[i].y))

@@ -15,7 +15,7 @@ namespace smartsurf::scene {
 //   ball         a, b: rotation about x and about y, rad
 //   wheels       a, b: rotation of each wheel, rad
 //   rotor        a: rotation about its axis, rad
-//   tile         level: relative amplitude
+//   tile         level: relative amplitude; of a tilting tile a, b: roll and pitch, rad
 //   magnet       level: relative current, in [−1, 1]
 //   force_field  a, b, level: relative force along x, y, z, in [−1, 1]
 //   air_jet      level: relative flow; a: direction, rad

@@ -63,6 +63,7 @@ ActuatorArray::ActuatorArray(const scene::SurfaceSpec& surface, const FaultMap& 
   for (Model& model : models_)
     model.actuator = make_actuator({surface, model.spec, model.runs, field_, pool});
   add_routes(surface, map, seed);
+  init_tips();
   init_targets();
 }
 
@@ -140,6 +141,22 @@ void ActuatorArray::add_routes(const scene::SurfaceSpec& surface, const FaultMap
   }
 }
 
+void ActuatorArray::init_tips() {
+  bool tilts = false;
+  for (const Model& model : models_) {
+    const std::optional<TipKind> kind = model.actuator->tip();
+    if (!kind || model.runs.empty()) continue;
+    field_.tip_of_cell.resize(field_.height.size(), -1);
+    for_each_cell(model.runs, [&](std::size_t i) {
+      field_.tip_of_cell[i] = static_cast<std::int8_t>(field_.tips.size());
+    });
+    field_.tips.push_back(kind->tip);
+    field_.tip_reach = std::max(field_.tip_reach, kind->reach);
+    tilts |= kind->tip.shape == CellTip::Shape::kPlate;
+  }
+  if (tilts) field_.tilt = field_.tilt_rate = std::vector<TopTilt>(field_.height.size());
+}
+
 void ActuatorArray::init_targets() {
   if (std::ranges::any_of(models_, [](const Model& m) { return m.actuator->has_surface_velocity(); }))
     field_.surface_velocity_x = field_.surface_velocity_y = field_.surface_spin =
@@ -154,6 +171,7 @@ void ActuatorArray::init_targets() {
   for (ChannelCommands& commands : commands_) commands.dirty = false;
   for (ChannelCommands& commands : commands_) std::ranges::sort(commands.runs, {}, &CellRun::begin);
   for (Model& model : models_) model.actuator->snap_to_targets(field_);
+  field_.update_column_height();
   static_max_height_ = *std::ranges::max_element(field_.height);
   field_.max_height = static_max_height_;
 }

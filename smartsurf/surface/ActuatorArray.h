@@ -89,6 +89,7 @@ class ActuatorArray {
   void init_geometry(const scene::SurfaceSpec&);
   void init_heights(const scene::SurfaceSpec&);
   void add_routes(const scene::SurfaceSpec&, const FaultMap&, std::uint64_t seed);
+  void init_tips();
   void init_targets();
   void apply_faults(CommandRoute&) noexcept;
   void deliver_commands(CommandRoute&) noexcept;

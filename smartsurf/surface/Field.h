@@ -18,6 +18,25 @@ namespace smartsurf::surface {
 // Height of a missing cell: nothing collides with it.
 inline constexpr float kNoCellHeight = -std::numeric_limits<float>::infinity();
 
+// The convex end of a cell that is not a bottomless column with a level rectangular top. Its origin is the middle of
+// the cell's top.
+struct CellTip {
+  enum class Shape : std::uint8_t {
+    kHemisphere,     // a hemisphere of `radius` on a bottomless shaft
+    kCone,           // a cone of `radius` and `height`, its apex up, on a bottomless shaft
+    kRoundedSquare,  // a bottomless column whose upright edges are rounded with `radius`
+    kPlate,          // the cell's top as a plate, `height` thick; while it is level, a bottomless column
+  };
+  Shape shape = Shape::kHemisphere;
+  float radius = 0.0F, height = 0.0F;  // u
+};
+
+// Rotation of a cell's top about its x axis, then about the cell's y axis, rad, or its rate, rad/s.
+struct TopTilt {
+  float roll = 0.0F, pitch = 0.0F;
+  bool is_zero() const { return roll == 0.0F && pitch == 0.0F; }
+};
+
 struct Field {
   // ---- geometry, constant during a run. In a rectangular layout cell (r, c) is centred at x = c·pitch,
   // y = (rows − 1 − r)·pitch.
@@ -26,6 +45,11 @@ struct Field {
   float half_top_x = 0.4F, half_top_y = 0.4F;  // half extents of a cell's rectangular top, u
   // Free layouts only: centre of each cell, u, and its rotation about z, rad. Empty in a rectangular layout.
   std::vector<float> x, y, angle;
+  // Kinds of tips, and the index in them of each cell's, −1 for a column. Both empty if all cells are columns.
+  std::vector<CellTip> tips;
+  std::vector<std::int8_t> tip_of_cell;
+  float tip_reach =
+      0.0F;  // upper bound of the horizontal distance of a tip's points from its cell's centre, u
 
   // ---- motion of the cells, written by the actuator models
   std::vector<float> height;  // z of the top, u; kNoCellHeight for a missing cell
@@ -33,7 +57,10 @@ struct Field {
   // Tangential velocity of the top's surface at its centre, u/s, and its spin about the vertical axis through
   // the centre, rad/s: friction transfers both to objects. Empty unless an actuator has a surface velocity.
   std::vector<float> surface_velocity_x, surface_velocity_y, surface_spin;
-  float max_height = 0.0F, max_speed = 0.0F;  // upper bounds of height, u, and |speed|, u/s
+  // Tilt of each cell's top about its centre, and the rate of the coming step. Empty if no top tilts.
+  std::vector<TopTilt> tilt, tilt_rate;
+  // Upper bounds of the height and of the speed of any point of a cell, u and u/s.
+  float max_height = 0.0F, max_speed = 0.0F;
   // Maximum upward force of the cell at rest, mass·u/s²; infinity if unlimited. It falls linearly with the speed at
   // which the cell rises, to 0 at no_load_speed, u/s. Under a greater load the cell yields: the physics lowers its
   // `speed` to that of the load. Empty unless an actuator has a force limit.
@@ -45,8 +72,19 @@ struct Field {
   // Everything but the geometry.
   void archive_motion(common::StateArchive& a) {
     a(height, speed, surface_velocity_x, surface_velocity_y, surface_spin, max_height, max_speed, force_limit,
-      no_load_speed, impulse);
+      no_load_speed, impulse, tilt, tilt_rate);
+    update_column_height();
   }
+
+  // Call after a change of the motion, if has_tips().
+  void update_column_height() {
+    if (!has_tips()) return;
+    column_height_.resize(height.size());
+    for (std::size_t i = 0; i < height.size(); ++i)
+      column_height_[i] = is_column(i) ? height[i] : kNoCellHeight;
+  }
+  // Height of each cell that is a column; kNoCellHeight for the others.
+  const std::vector<float>& column_height() const { return has_tips() ? column_height_ : height; }
 
   int cells() const { return rows * columns; }
   int index(int row, int column) const { return row * columns + column; }
@@ -59,6 +97,18 @@ struct Field {
   bool is_rectangular() const { return x.empty(); }
   bool has_surface_velocity() const { return !surface_velocity_x.empty(); }
   bool has_force_limit() const { return !force_limit.empty(); }
+  bool has_tips() const { return !tips.empty(); }
+  bool has_tilt() const { return !tilt.empty(); }
+  // Whether the cell is a bottomless column with a level top.
+  bool is_column(std::size_t cell) const {
+    if (!has_tips() || tip_of_cell[cell] < 0) return true;
+    return tip_at(cell).shape == CellTip::Shape::kPlate && tilt[cell].is_zero() && tilt_rate[cell].is_zero();
+  }
+  // Precondition: the cell has a tip.
+  const CellTip& tip_at(std::size_t cell) const { return tips[static_cast<std::size_t>(tip_of_cell[cell])]; }
+
+ private:
+  std::vector<float> column_height_;
 };
 
 }  // namespace smartsurf::surface

@@ -1,4 +1,4 @@
-// Draws the mechanisms of cells other than pins, like the simulator's own view, with one instanced mesh per
+// Draws the mechanisms of cells other than pins with flat tips, like the simulator's own view, with one instanced mesh per
 // kind of part.
 import * as THREE from 'three';
 
@@ -144,7 +144,49 @@ export function makeMechanisms(scene, series, world, placeOf) {
         return [nozzle, plume];
       };
     },
+    pin(spec, cells) {
+      const shape = (spec['tip.shape'] || [0])[0];
+      if (shape === 0) return null;
+      const value = (name, otherwise) => (spec[name] ? spec[name][0] : otherwise), radius = value('tip.radius', top / 2);
+      let geometry, depth = scene.length;
+      if (shape === 3) {
+        const r = value('tip.corner_radius', top / 4), x = scene.top[0] / 2 - r, y = scene.top[1] / 2 - r;
+        const outline = new THREE.Shape();
+        [[x, y], [-x, y], [-x, -y], [x, -y]].forEach(([u, v], k) => outline.absarc(u, v, r, k * Math.PI / 2, (k + 1) * Math.PI / 2));
+        geometry = new THREE.ExtrudeGeometry(outline, { depth, bevelEnabled: false, curveSegments: 6 }).translate(0, 0, -depth);
+      } else {
+        const outline = [];
+        const high = shape === 1 ? radius : radius / Math.tan(value('tip.half_angle', Math.PI / 4));
+        for (let i = 0; i <= (shape === 1 ? 8 : 1); ++i) {
+          const angle = i * Math.PI / 16;
+          outline.push(shape === 1 ? new THREE.Vector2(radius * Math.sin(angle), radius * (Math.cos(angle) - 1))
+            : new THREE.Vector2(i * radius, -i * high));
+        }
+        depth += high;
+        outline.push(new THREE.Vector2(radius, -depth));
+        geometry = new THREE.LatheGeometry(outline.reverse(), 24).rotateX(Math.PI / 2);
+      }
+      const mesh = addKind(geometry, cells.length);
+      mesh.material.color.set(kRubber);
+      mesh.material.side = THREE.DoubleSide;
+      return (i, at) => {
+        mesh.setMatrixAt(i, at.lowered(0));
+        recess[at.cell] = depth;
+        return [mesh];
+      };
+    },
     tile(spec, cells) {
+      if (spec.command[0] === 1) {
+        const thick = spec.thickness[0], mesh = addKind(new THREE.BoxGeometry(scene.top[0], scene.top[1], thick), cells.length);
+        mesh.material.color.set(kRubber);
+        const below = thick + Math.hypot(...scene.top) / 2 * Math.sin(spec.max_tilt[0]);
+        return (i, at, m) => {
+          turn.makeRotationY(m.b).multiply(matrix.makeRotationX(m.a)).multiply(matrix.makeTranslation(0, 0, -thick / 2));
+          mesh.setMatrixAt(i, at.lowered(0).multiply(turn));
+          recess[at.cell] = below;
+          return [mesh];
+        };
+      }
       const mesh = addKind(new THREE.BoxGeometry(scene.top[0], scene.top[1], 0.1 * pitch), cells.length, { coloured: true });
       return (i, at, m) => {
         const slope = (low, high) => Math.min(Math.max((high - low) / (2 * pitch), -0.7), 0.7);
@@ -163,7 +205,8 @@ export function makeMechanisms(scene, series, world, placeOf) {
     const cells = [];
     for (let cell = 0; cell < recess.length; ++cell)
       if (placeOf(cell).mechanism === index) cells.push(cell);
-    if (makers[spec.model] && cells.length > 0) works.push({ cells, set: makers[spec.model](spec, cells) });
+    const set = makers[spec.model] && cells.length > 0 ? makers[spec.model](spec, cells) : null;
+    if (set) works.push({ cells, set });
   });
 
   function standing(frame, cell) {

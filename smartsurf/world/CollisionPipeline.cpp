@@ -11,6 +11,7 @@
 
 #include "smartsurf/world/field/ConvexOnField.h"
 #include "smartsurf/world/field/SphereOnField.h"
+#include "smartsurf/world/field/TipsOnField.h"
 #include "smartsurf/world/narrowphase/PairContacts.h"
 
 namespace smartsurf::world {
@@ -320,10 +321,13 @@ void CollisionPipeline::collide_static(const BodyStore& bodies, std::size_t i, S
   if (bodies.is_sphere[i] && !free_layout_field_)
     collide_sphere_with_field(field_, centre, bodies.bounding_radius[i], margin, out.contacts);
   else if (free_layout_field_ || field_.has_force_limit())
-    collide_field(*bodies.shape[i], centre, bodies.axes[i], margin, out.contacts);
+    collide_columns(*bodies.shape[i], centre, bodies.axes[i], margin, out.contacts);
   else
     field_cache_.collide(bodies, i, margin, results.cached_field, out.contacts);
   const std::size_t field_contacts = out.contacts.size() - static_cast<std::size_t>(first);
+  if (field_.has_tips())
+    collide_with_tips(field_, free_layout_field_.get(), *bodies.shape[i], centre, bodies.axes[i], margin,
+                      out.contacts);
   if (centre.z() - bodies.bounding_radius[i] - margin < ground_height_)
     collide_shape_with_ground(*bodies.shape[i], centre, bodies.axes[i], ground_height_, margin, out.contacts);
   if (query_radius_[i] <= large_radius_) {
@@ -345,7 +349,7 @@ void CollisionPipeline::collide_static(const BodyStore& bodies, std::size_t i, S
 }
 
 // Finds the support patch of the body of the last manifold, and hands its load and friction over from the manifold's first
-// `field_contacts`, those with the field.
+// `field_contacts`, those with columns of the field.
 void CollisionPipeline::find_support(const BodyStore& bodies, std::size_t i, float margin,
                                      std::size_t field_contacts, SlabResults& results) const {
   SupportPatches& supports = *results.supports;
@@ -374,6 +378,13 @@ void CollisionPipeline::find_support(const BodyStore& bodies, std::size_t i, flo
 
 void CollisionPipeline::collide_field(const Shape& shape, const Vec3& centre, const Mat3& axes, float margin,
                                       std::vector<Contact>& out) const {
+  collide_columns(shape, centre, axes, margin, out);
+  if (field_.has_tips())
+    collide_with_tips(field_, free_layout_field_.get(), shape, centre, axes, margin, out);
+}
+
+void CollisionPipeline::collide_columns(const Shape& shape, const Vec3& centre, const Mat3& axes,
+                                        float margin, std::vector<Contact>& out) const {
   if (free_layout_field_)
     free_layout_field_->collide(shape, centre, axes, margin, out);
   else if (shape.is_sphere())
@@ -384,7 +395,7 @@ void CollisionPipeline::collide_field(const Shape& shape, const Vec3& centre, co
 
 bool CollisionPipeline::field_may_overlap(const Vec3& low, const Vec3& high) const {
   if (low.z() > field_.max_height) return false;
-  if (free_layout_field_) return true;
+  if (free_layout_field_ || field_.has_tips()) return true;
   const Columns columns(field_, 0.0F);
   return low.z() <= columns.max_height(columns.cells_covering(low.x(), high.x(), low.y(), high.y()));
 }

@@ -66,7 +66,7 @@ class CollisionPipeline {
     for (SupportPatches& patches : supports_) remove_body(patches, body);
   }
 
-  // Appends the contacts of a shape with the field (not with the ground), with separations up to `margin`.
+  // Appends the contacts of a shape with the field, tips included, with separations up to `margin`.
   void collide_field(const Shape&, const Vec3& centre, const Mat3& axes, float margin,
                      std::vector<Contact>& out) const;
   // Whether any column of the field may overlap the box; conservative.
@@ -121,6 +121,8 @@ class CollisionPipeline {
   void collide_body_run(const BodyStore&, const SpatialPartition::BodyRun&, SlabResults& results) const;
   void collide_large_bodies(const BodyStore&, SlabResults& results) const;
   void collide_static(const BodyStore&, std::size_t body, SlabResults& results) const;
+  void collide_columns(const Shape&, const Vec3& centre, const Mat3& axes, float margin,
+                       std::vector<Contact>& out) const;
   void collide_static_body(const BodyStore&, std::size_t body, std::size_t static_body,
                            SlabResults& results) const;
   void collide_pair(const BodyStore&, std::size_t i, std::size_t j, SlabResults& results) const;

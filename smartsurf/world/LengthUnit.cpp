@@ -92,6 +92,8 @@ surface::Field LengthUnit::to_world(const surface::Field& scene) const {
   world.max_speed = 1.0F;  // makes the first update convert everything
   for (std::vector<float>* lengths : {&world.x, &world.y})
     for (float& length : *lengths) length *= to_world_f_;
+  world.tip_reach *= to_world_f_;
+  for (surface::CellTip& tip : world.tips) tip.radius *= to_world_f_, tip.height *= to_world_f_;
   return world;
 }
 
@@ -119,6 +121,14 @@ void LengthUnit::update_motion(const surface::Field& scene, surface::Field& worl
     convert(scene.surface_spin, world.surface_spin, 1.0F);
     convert(scene.force_limit, world.force_limit, to_world_f_);
     convert(scene.no_load_speed, world.no_load_speed, to_world_f_);
+    const auto copy_rows = [&](const std::vector<surface::TopTilt>& from, std::vector<surface::TopTilt>& to) {
+      if (!from.empty())
+        std::copy(from.begin() + static_cast<std::ptrdiff_t>(static_cast<std::size_t>(begin) * columns),
+                  from.begin() + static_cast<std::ptrdiff_t>(static_cast<std::size_t>(end) * columns),
+                  to.begin() + static_cast<std::ptrdiff_t>(static_cast<std::size_t>(begin) * columns));
+    };
+    copy_rows(scene.tilt, world.tilt);
+    copy_rows(scene.tilt_rate, world.tilt_rate);
   };
   if (pool != nullptr)
     pool->parallel_for_rows(scene.rows, kCostPerCell_ns * scene.cells(), convert_rows);

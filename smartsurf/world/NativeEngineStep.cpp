@@ -12,10 +12,12 @@ void NativeEngine::Impl::read_inputs() {
   const bool moves = scene_field.max_speed != 0.0F || scene_field.has_force_limit();
   field_changed |= moves || field_moved;
   field_moved = moves;
-  if (unit.is_one()) return;
-  unit.update_motion(scene_field, field_copy, pool);
-  if (has_wrenches)
-    for (surface::Wrench& w : bodies.wrench) w = unit.to_world(w);
+  if (!unit.is_one()) {
+    unit.update_motion(scene_field, field_copy, pool);
+    if (has_wrenches)
+      for (surface::Wrench& w : bodies.wrench) w = unit.to_world(w);
+  }
+  field.update_column_height();
 }
 
 void NativeEngine::Impl::apply_timed_forces() {

@@ -135,6 +135,8 @@ void Sleep::wake_on_moving_cells(BodyStore& b) {
     accumulate_motion(field_.surface_velocity_x);
     accumulate_motion(field_.surface_velocity_y);
     accumulate_motion(field_.surface_spin);
+    for (std::size_t i = r * columns; field_.has_tilt() && i < (r + 1) * columns; ++i)
+      moving |= static_cast<int>(!field_.tilt_rate[i].is_zero());
     row_moves_[r] = moving != 0;
   }
   // Free layout: rows and columns say nothing about positions, so any motion may be near.
@@ -149,6 +151,7 @@ bool Sleep::any_cell_moves(const CellRect& cells) const {
     for (int c = cells.column_begin; c < cells.column_end; ++c) {
       const auto i = static_cast<std::size_t>(field_.index(r, c));
       if (field_.speed[i] != 0.0F) return true;
+      if (field_.has_tilt() && !field_.tilt_rate[i].is_zero()) return true;
       if (field_.has_surface_velocity() &&
           (field_.surface_velocity_x[i] != 0.0F || field_.surface_velocity_y[i] != 0.0F))
         return true;
@@ -274,7 +277,8 @@ void Sleep::put_to_sleep(BodyStore& b, std::size_t i) {
 
 // The cells under the body and a margin of one cell, whose motion may reach the body too.
 Sleep::CellRect Sleep::cells_near(const BodyStore& b, std::size_t i) const {
-  const Vec3 half = b.axes[i].cwiseAbs() * b.shape[i]->half_extents;
+  Vec3 half = b.axes[i].cwiseAbs() * b.shape[i]->half_extents;
+  if (field_.has_tips()) half += Vec3::Constant(field_.tip_reach);
   const Vec3& at = b.position[i];
   auto clamped = [](float u, int max) {
     return std::clamp(static_cast<int>(std::clamp(u, -1e6F, 1e6F)), 0, max);

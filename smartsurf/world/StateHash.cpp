@@ -96,6 +96,9 @@ void FieldHasher::copy_and_hash(const surface::Field& field, bool changed, std::
       StateHash block_hash;
       block_hash.add(heights);
       block_hash.add(std::span(field.speed).subspan(first, count));
+      if (field.has_tilt())
+        for (std::size_t i = first; i < first + count; ++i)
+          block_hash.add(std::array{field.tilt[i].roll, field.tilt[i].pitch});
       block_hashes_[b] = block_hash.value();
     }
   };

@@ -56,19 +56,50 @@ std::vector<double> check_parameter_value(lua_State* L, int index, const std::st
   return {};
 }
 
+// The table that holds the parameter; empty for a field of the actuator or sensor itself.
+std::string group_of(const scene::Parameter& p) {
+  const std::size_t dot = p.name.find('.');
+  return dot == std::string::npos ? "" : p.name.substr(0, dot);
+}
+
+// The parameters of a group, named as the fields of its table.
+std::vector<scene::Parameter> members_of(const std::string& group,
+                                         std::span<const scene::Parameter> parameters) {
+  std::vector<scene::Parameter> members;
+  for (const scene::Parameter& p : parameters)
+    if (group_of(p) == group) members.emplace_back(p).name.erase(0, group.size() + 1);
+  return members;
+}
+
 }  // namespace
 
 std::vector<std::string> parameter_names(std::span<const scene::Parameter> parameters) {
   std::vector<std::string> names;
-  for (const scene::Parameter& p : parameters) names.push_back(p.name);
+  for (const scene::Parameter& p : parameters) {
+    const std::string group = group_of(p);
+    if (group.empty())
+      names.push_back(p.name);
+    else if (std::ranges::find(names, group) == names.end())
+      names.push_back(group);
+  }
   return names;
 }
 
 void read_parameters(lua_State* L, const TableReader& fields, std::span<const scene::Parameter> parameters,
                      scene::ParameterValues& values) {
-  for (const scene::Parameter& p : parameters)
-    fields.visit(p.name, [&](int i, const std::string& name) {
-      values[p.name] = check_parameter_value(L, i, name, p);
+  for (const std::string& field : parameter_names(parameters))
+    fields.visit(field, [&](int i, const std::string& name) {
+      const auto single = std::ranges::find(parameters, field, &scene::Parameter::name);
+      if (single != parameters.end()) {
+        values[field] = check_parameter_value(L, i, name, *single);
+        return;
+      }
+      const std::vector<scene::Parameter> members = members_of(field, parameters);
+      scene::ParameterValues of_group;
+      if (lua_type(L, i) != LUA_TTABLE)
+        throw_invalid_value(L, i, name, "a table of " + join_names(parameter_names(members)));
+      read_parameters(L, TableReader(L, i, name, parameter_names(members)), members, of_group);
+      for (auto& [member, value] : of_group) values[field + "." + member] = std::move(value);
     });
 }
 

@@ -9,6 +9,7 @@
 #include "smartsurf/surface/actuators/Rollers.h"
 #include "smartsurf/surface/actuators/Rotors.h"
 #include "smartsurf/surface/actuators/Tiles.h"
+#include "smartsurf/surface/actuators/TiltingTiles.h"
 
 namespace smartsurf::surface {
 namespace {
@@ -16,6 +17,11 @@ namespace {
 template <class Model>
 std::unique_ptr<Actuator> make(const ActuatorContext& context) {
   return std::make_unique<Model>(context);
+}
+
+std::unique_ptr<Actuator> make_tile(const ActuatorContext& context) {
+  if (context.spec.number("command") == 0.0) return std::make_unique<Tiles>(context);
+  return std::make_unique<TiltingTiles>(context);
 }
 
 std::map<std::string, ActuatorFactory>& factories() {
@@ -26,7 +32,7 @@ std::map<std::string, ActuatorFactory>& factories() {
                                                     {"force_field", make<ForceFields>},
                                                     {"magnet", make<Magnets>},
                                                     {"air_jet", make<AirJets>},
-                                                    {"tile", make<Tiles>}};
+                                                    {"tile", make_tile}};
   return all;
 }
 

@@ -7,6 +7,7 @@
 
 #include <functional>
 #include <memory>
+#include <optional>
 #include <span>
 #include <vector>
 
@@ -30,6 +31,12 @@ struct ActuatorContext {
   std::vector<CellRun> runs;  // the model's cells, ascending; excludes a fixed border
   const Field& field;
   common::ThreadPool* pool = nullptr;  // shares work on many cells; may be null
+};
+
+// The tip of a model's cells.
+struct TipKind {
+  CellTip tip;
+  float reach = 0.0F;  // upper bound of the horizontal distance of its points from the cell's centre, u
 };
 
 class Actuator {
@@ -58,6 +65,10 @@ class Actuator {
 
   // Whether the cells have a force limit. If so, the field has force_limit, which plan() writes.
   virtual bool has_force_limit() const noexcept { return false; }
+
+  // The tip of the model's cells; none if they are columns. If any tip is a plate, the field has tilt and tilt_rate:
+  // plan() writes the rates of the coming step, commit() advances the tilt.
+  virtual std::optional<TipKind> tip() const noexcept { return std::nullopt; }
 
   virtual bool exerts_forces() const noexcept { return false; }
   // Adds the forces of the coming step to the wrenches, one per body. catalogue[id] describes object `id`.

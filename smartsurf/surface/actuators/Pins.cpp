@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <numbers>
 #include <numeric>
 
 #include "common/threads/ThreadPool.h"
@@ -18,8 +19,32 @@ constexpr float kStopTolerance = 1e-4F;  // u
 // Short runs are moved together with the cells between them, up to this many: a call for each would take longer.
 constexpr std::size_t kMaxGroupCells = 64;
 
+constexpr float kDefaultHalfAngle = std::numbers::pi_v<float> / 4.0F;  // of a cone, rad
+
 // Approximate cost per pin of set_targets(), plan() and commit().
 constexpr double kSetTargetCost_ns = 0.4, kPlanCost_ns = 1.0, kCommitCost_ns = 0.5;
+
+std::optional<TipKind> make_tip(const ActuatorContext& context) {
+  using Shape = CellTip::Shape;
+  const scene::ActuatorSpec& spec = context.spec;
+  const auto shape = static_cast<int>(spec.number("tip.shape"));
+  if (shape == 0) return std::nullopt;
+  const float half_x = context.field.half_top_x, half_y = context.field.half_top_y;
+  const auto value_or = [&](const char* parameter, float otherwise) {
+    return spec.has(parameter) ? static_cast<float>(spec.number(parameter)) : otherwise;
+  };
+  const float radius = value_or("tip.radius", std::min(half_x, half_y));
+  switch (shape) {
+    case 1:
+      return TipKind{{Shape::kHemisphere, radius, radius}, radius};
+    case 2:
+      return TipKind{{Shape::kCone, radius, radius / std::tan(value_or("tip.half_angle", kDefaultHalfAngle))},
+                     radius};
+    default:
+      return TipKind{{Shape::kRoundedSquare, value_or("tip.corner_radius", 0.5F * std::min(half_x, half_y))},
+                     std::hypot(half_x, half_y)};
+  }
+}
 
 std::size_t length_of(const CellRun& run) { return static_cast<std::size_t>(run.end - run.begin); }
 std::size_t begin_of(const CellRun& run) { return static_cast<std::size_t>(run.begin); }
@@ -33,6 +58,7 @@ Pins::Pins(const ActuatorContext& context)
       max_speed_(static_cast<float>(context.spec.number("max_speed"))),
       max_acceleration_(static_cast<float>(context.spec.number("max_acceleration"))),
       min_height_(static_cast<float>(context.spec.numbers("range")[0])),
+      tip_(make_tip(context)),
       base_(context.field.height),
       target_(context.field.height) {
   if (context.spec.has("max_force")) {

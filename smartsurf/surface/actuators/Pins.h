@@ -21,6 +21,7 @@ class Pins final : public Actuator {
   void plan(double dt_s, Field&) noexcept override;
   void commit(double dt_s, Field&) noexcept override;
   bool has_force_limit() const noexcept override { return force_limit_.has_value(); }
+  std::optional<TipKind> tip() const noexcept override { return tip_; }
 
   void archive(common::StateArchive& a) override {
     a(target_, planned_speed_, retry_wait_, moving_, group_max_height_, group_max_speed_);
@@ -49,6 +50,7 @@ class Pins final : public Actuator {
   float max_speed_, max_acceleration_;
   float min_height_;  // lower end of the range, u above the base
   std::optional<float> force_limit_;
+  std::optional<TipKind> tip_;
   std::vector<float> base_, target_;  // rows × columns, u; target_ is the z of the top, base included
   // rows × columns; empty without a force limit. Planned speed before loads, u/s; remaining wait on the lower
   // stop, s.

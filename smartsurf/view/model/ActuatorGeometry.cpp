@@ -132,7 +132,9 @@ ActuatorGeometry::InstanceBuilder ActuatorGeometry::make_builder(const scene::Ac
   if (spec.model == "force_field") return arrow_builder();
   if (spec.model == "magnet") return coil_builder();
   if (spec.model == "air_jet") return jet_builder(spec);
-  if (spec.model == "tile") return plate_builder();
+  if (spec.model == "tile")
+    return spec.number("command") == 0.0 ? vibrating_plate_builder() : tilting_plate_builder(spec);
+  if (spec.model == "pin" && spec.number("tip.shape") != 0.0) return tip_builder(spec);
   return {};
 }
 
@@ -274,7 +276,63 @@ float ActuatorGeometry::neighbour_height(std::size_t cell, int row_step, int col
   return std::isfinite(neighbour) ? neighbour : own;
 }
 
-ActuatorGeometry::InstanceBuilder ActuatorGeometry::plate_builder() {
+// The mesh has the size of the tip and, below it, a shaft as long as the pin.
+ActuatorGeometry::InstanceBuilder ActuatorGeometry::tip_builder(const scene::ActuatorSpec& spec) {
+  const auto value_or = [&](const char* parameter, float otherwise) {
+    return spec.has(parameter) ? float_parameter(spec, parameter) : otherwise;
+  };
+  const auto shape = static_cast<int>(spec.number("tip.shape"));
+  const float radius = value_or("tip.radius", 0.5F * top_edge_),
+              shaft = static_cast<float>(surface_.pin.length);
+  std::vector<Eigen::Vector2f> outline;
+  float tip_height = 0.0F;
+  if (shape == 1) {
+    constexpr int kRings = 6;
+    tip_height = radius;
+    for (int i = 0; i <= kRings; ++i) {
+      const float angle = 1.5707963F * static_cast<float>(i) / kRings;
+      outline.emplace_back(radius * std::sin(angle), radius * (std::cos(angle) - 1.0F));
+    }
+  } else if (shape == 2) {
+    tip_height = radius / std::tan(value_or("tip.half_angle", 0.78539816F));
+    outline = {{0.0F, 0.0F}, {radius, -tip_height}};
+  }
+  const float depth = tip_height + shaft;
+  if (!outline.empty()) outline.emplace_back(radius, -depth);
+  const Eigen::Vector2f half_edges(0.5F * static_cast<float>(surface_.pin.top_x),
+                                   0.5F * static_cast<float>(surface_.pin.top_y));
+  const std::size_t mesh =
+      add_mesh(outline.empty() ? rounded_prism_mesh(segments_, half_edges,
+                                                    value_or("tip.corner_radius", 0.25F * top_edge_), depth)
+                               : turned_mesh(segments_, outline, -tip_height - 1e-3F));
+  return [=, this](std::size_t cell, const scene::Snapshot& snapshot, const scene::ActuatorState&) {
+    const CellFrame f = cell_frame(cell, snapshot);
+    meshes_[mesh].instances.push_back(
+        make_instance(f.top, f.axes, to_linear_rgba8(kRubber), to_linear_rgba8(kIvory)));
+    recess_[cell] = depth;
+  };
+}
+
+ActuatorGeometry::InstanceBuilder ActuatorGeometry::tilting_plate_builder(const scene::ActuatorSpec& spec) {
+  const std::size_t mesh = add_mesh(plate_mesh());
+  const float half_thickness = 0.5F * float_parameter(spec, "thickness");
+  const Vec half(0.5F * static_cast<float>(surface_.pin.top_x), 0.5F * static_cast<float>(surface_.pin.top_y),
+                 half_thickness);
+  const float below =
+      2.0F * half_thickness + half.head<2>().norm() * std::sin(float_parameter(spec, "max_tilt"));
+  return [=, this](std::size_t cell, const scene::Snapshot& snapshot, const scene::ActuatorState& motion) {
+    const CellFrame f = cell_frame(cell, snapshot);
+    const Mat axes =
+        f.axes * (Eigen::AngleAxisf(motion.b, Vec::UnitY()) * Eigen::AngleAxisf(motion.a, Vec::UnitX()))
+                     .toRotationMatrix();
+    meshes_[mesh].instances.push_back(make_instance(f.top - half_thickness * Vec(axes.col(2)),
+                                                    axes * half.asDiagonal(), to_linear_rgba8(kRubber),
+                                                    to_linear_rgba8(kIdleColour)));
+    recess_[cell] = below;
+  };
+}
+
+ActuatorGeometry::InstanceBuilder ActuatorGeometry::vibrating_plate_builder() {
   const std::size_t mesh = add_mesh(plate_mesh());
   const auto pitch = static_cast<float>(surface_.pitch);
   constexpr float kHalfThickness = 0.05F, kMaxSlope = 0.7F;

@@ -65,7 +65,9 @@ class ActuatorGeometry {
   InstanceBuilder arrow_builder();
   InstanceBuilder coil_builder();
   InstanceBuilder jet_builder(const scene::ActuatorSpec&);
-  InstanceBuilder plate_builder();
+  InstanceBuilder tip_builder(const scene::ActuatorSpec&);
+  InstanceBuilder vibrating_plate_builder();
+  InstanceBuilder tilting_plate_builder(const scene::ActuatorSpec&);
   // Height of a neighbour, u; the cell's own height where there is none.
   float neighbour_height(std::size_t cell, int row_step, int column_step, const scene::Snapshot&) const;
 

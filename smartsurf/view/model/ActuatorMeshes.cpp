@@ -3,6 +3,7 @@
 #include <Eigen/Geometry>
 #include <cmath>
 #include <numbers>
+#include <vector>
 
 namespace smartsurf::view {
 namespace {
@@ -143,6 +144,37 @@ TwoColourMesh plate_mesh() {
   constexpr float kInset = 0.55F, kOver = 1.04F;
   add_quad(mesh, {-kInset, -kInset, kOver}, {kInset, -kInset, kOver}, {kInset, kInset, kOver},
            {-kInset, kInset, kOver}, 1.0F);
+  return mesh;
+}
+
+TwoColourMesh turned_mesh(int segments, std::span<const Eigen::Vector2f> outline, float shaft_z) {
+  TwoColourMesh mesh;
+  for (std::size_t i = 0; i + 1 < outline.size(); ++i) {
+    const Eigen::Vector2f &upper = outline[i], &lower = outline[i + 1];
+    add_band(mesh, segments, lower.x(), lower.y(), upper.x(), upper.y(), lower.y() >= shaft_z ? 1.0F : 0.0F);
+  }
+  return mesh;
+}
+
+TwoColourMesh rounded_prism_mesh(int segments, const Eigen::Vector2f& half_edges, float corner_radius,
+                                 float depth) {
+  const int around = (segments + 3) / 4 * 4;
+  std::vector<Vec> rim;
+  for (int quarter = 0; quarter < 4; ++quarter)
+    for (int k = 0; k <= around / 4; ++k) {
+      const Vec arc = circle_point(quarter * around / 4 + k, around, corner_radius, 0);
+      const float east = quarter == 0 || quarter == 3 ? 1.0F : -1.0F, north = quarter < 2 ? 1.0F : -1.0F;
+      rim.push_back(
+          arc + Vec(east * (half_edges.x() - corner_radius), north * (half_edges.y() - corner_radius), 0));
+    }
+  TwoColourMesh mesh;
+  const Vec down(0, 0, -depth);
+  for (std::size_t i = 0; i < rim.size(); ++i) {
+    const Vec &a = rim[i], &b = rim[(i + 1) % rim.size()];
+    if ((b - a).norm() < 1e-6F) continue;
+    add_flat_triangle(mesh, Vec::Zero(), a, b, 1.0F);
+    add_quad(mesh, a + down, b + down, b, a, 0.0F);
+  }
   return mesh;
 }
 

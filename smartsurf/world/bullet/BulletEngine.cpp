@@ -298,7 +298,9 @@ void BulletEngine::Impl::prepare_point(btManifoldPoint& p, const btRigidBody& a,
   p.m_userPersistentData = &detail;
 
   const bool a_is_cell = a.getUserIndex() < kGroundIndex, b_is_cell = b.getUserIndex() < kGroundIndex;
-  if (a_is_cell || b_is_cell) correct_normal(p, a_is_cell ? b : a, a_is_cell ? a : b);
+  const int cell = cell_user_index(a_is_cell ? a.getUserIndex() : b.getUserIndex());  // if one is a cell
+  const bool on_column = (a_is_cell || b_is_cell) && field.is_column(static_cast<std::size_t>(cell));
+  if (on_column) correct_normal(p, a_is_cell ? b : a, a_is_cell ? a : b);
   const btVector3 at = p.getPositionWorldOnB();
   const btVector3 relative_velocity = a.getVelocityInLocalPoint(at - a.getCenterOfMassPosition()) -
                                       b.getVelocityInLocalPoint(at - b.getCenterOfMassPosition());
@@ -315,7 +317,7 @@ void BulletEngine::Impl::prepare_point(btManifoldPoint& p, const btRigidBody& a,
   const double normal_z = std::abs(p.m_normalWorldOnB.z());
   const double touching_gap = kRelativeTouchingGap * static_cast<double>(field.pitch);
   if (p.getDistance() > 0.0 && p.getDistance() < touching_gap) p.m_distance1 = 0.0;
-  const bool is_edge = (a_is_cell || b_is_cell) && normal_z > kMinEdgeNormalZ && normal_z < kMaxEdgeNormalZ;
+  const bool is_edge = on_column && normal_z > kMinEdgeNormalZ && normal_z < kMaxEdgeNormalZ;
   if ((bounces || is_edge) && p.getDistance() > 0.0) {
     p.m_distance1 = std::numeric_limits<btScalar>::max();
     p.m_appliedImpulse = 0.0;
@@ -324,11 +326,10 @@ void BulletEngine::Impl::prepare_point(btManifoldPoint& p, const btRigidBody& a,
   btPlaneSpace1(p.m_normalWorldOnB, p.m_lateralFrictionDir1, p.m_lateralFrictionDir2);
   p.m_contactMotion1 = p.m_contactMotion2 = 0.0;
   if (!a_is_cell && !b_is_cell) return;
-  const int cell = cell_user_index(a_is_cell ? a.getUserIndex() : b.getUserIndex());
   const auto i = static_cast<std::size_t>(cell);
   if (!limits.empty() && normal_z > kMinLimitedNormalZ)
     detail.limited_cell = limit_index[static_cast<std::size_t>(&cells.column(cell) - cells.columns().data())];
-  if (!field.has_surface_velocity() || normal_z < kMinTopNormalZ) return;
+  if (!field.has_surface_velocity() || !on_column || normal_z < kMinTopNormalZ) return;
   const Eigen::Vector2d centre = field.centre(cell).cast<double>();
   const double spin = field.surface_spin.empty() ? 0.0 : static_cast<double>(field.surface_spin[i]);
   const btVector3 surface(static_cast<double>(field.surface_velocity_x[i]) - spin * (at.y() - centre.y()),
@@ -383,6 +384,7 @@ void BulletEngine::Impl::advance_columns() {
   for (CellPool::Column& column : cells.columns()) {
     const double yield_speed = yield_speeds[k++];
     column.top += (yield_speed == kHolds ? column.speed : std::min(column.speed, yield_speed)) * substep_s;
+    column.elapsed_s += substep_s;
     cells.update_body(column);
   }
 }

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <utility>
 
+#include "smartsurf/world/field/TipsOnField.h"
 #include "smartsurf/world/narrowphase/Shape.h"
 
 namespace smartsurf::world {
@@ -64,6 +65,28 @@ std::unique_ptr<btBoxShape> make_box(const btVector3& half_extents) {
   box->setMargin(kRelativeMargin * half_extents[half_extents.minAxis()]);
   box->initializePolyhedralFeatures();
   return box;
+}
+
+BulletShape make_tip_shape(const surface::Field& field, const surface::CellTip& tip, double depth) {
+  const TipParts parts(field, tip, static_cast<float>(depth));
+  BulletShape out;
+  for (int i = 0; i < parts.count; ++i) {
+    const auto& [shape, centre] = parts.part[static_cast<std::size_t>(i)];
+    scene::ObjectSpec o;
+    o.shape = shape.kind;
+    o.radius = static_cast<double>(shape.radius);
+    o.height = static_cast<double>(shape.high - shape.low);
+    o.size = 2.0 * shape.half_extents.cast<double>();
+    btTransform pose = btTransform::getIdentity();
+    std::unique_ptr<btCollisionShape> child;
+    if (shape.kind == ShapeKind::kCone)
+      child = make_cone(o, pose);
+    else
+      child = std::move(make_bullet_shape(o, 0.0).parts.front());
+    pose.setOrigin(pose.getOrigin() + to_bt(centre));
+    add_child(out, std::move(child), pose);
+  }
+  return out;
 }
 
 BulletShape make_bullet_shape(const scene::ObjectSpec& o, double mass) {

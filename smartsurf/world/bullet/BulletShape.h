@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "smartsurf/scene/SceneSpec.h"
+#include "smartsurf/surface/Field.h"
 
 namespace smartsurf::world {
 
@@ -27,6 +28,9 @@ struct BulletShape {
 
 // mass 0: fixed.
 BulletShape make_bullet_shape(const scene::ObjectSpec&, double mass);
+
+// The tip of a cell about its origin, fixed. `depth`: as for TipParts.
+BulletShape make_tip_shape(const surface::Field&, const surface::CellTip&, double depth);
 
 // A box with sharp edges and the faces that the clipping of polyhedra needs.
 std::unique_ptr<btBoxShape> make_box(const btVector3& half_extents);

@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "smartsurf/world/bullet/BulletShape.h"
+#include "smartsurf/world/field/TipsOnField.h"
 
 namespace smartsurf::world {
 namespace {
@@ -27,6 +28,7 @@ CellPool::CellPool(btDynamicsWorld& world, const surface::Field& field, double d
       depth_(depth),
       box_(make_box(
           {static_cast<double>(field.half_top_x), static_cast<double>(field.half_top_y), 0.5 * depth})) {
+  for (const surface::CellTip& tip : field.tips) tip_shapes_.push_back(make_tip_shape(field, tip, depth));
   if (field.is_rectangular() || field.x.empty()) return;
   const auto [min_x, max_x] = std::minmax_element(field.x.begin(), field.x.end());
   const auto [min_y, max_y] = std::minmax_element(field.y.begin(), field.y.end());
@@ -52,7 +54,8 @@ CellPool::~CellPool() {
 template <class Visit>
 void CellPool::for_each_cell_near(const Box& box, Visit visit) const {
   const double reach =
-      std::hypot(static_cast<double>(field_.half_top_x), static_cast<double>(field_.half_top_y));
+      std::max(std::hypot(static_cast<double>(field_.half_top_x), static_cast<double>(field_.half_top_y)),
+               static_cast<double>(field_.tip_reach));
   if (field_.is_rectangular()) {
     const auto pitch = static_cast<double>(field_.pitch);
     const Range columns =
@@ -80,7 +83,8 @@ void CellPool::for_each_cell_near(const Box& box, Visit visit) const {
 void CellPool::find_cells(const Box& box, double dt_s) {
   for_each_cell_near(box, [&](int cell) {
     const auto i = static_cast<std::size_t>(cell);
-    const double rise = std::max(0.0, static_cast<double>(field_.speed[i]) * dt_s);
+    double rise = std::max(0.0, static_cast<double>(field_.speed[i]) * dt_s);
+    if (!field_.is_column(i)) rise += static_cast<double>(field_.tip_reach);  // a tilted plate's corner
     if (static_cast<double>(field_.height[i]) + rise >= box.min.z()) wanted_.push_back(cell);
   });
 }
@@ -96,6 +100,8 @@ btRigidBody* CellPool::take_body(int cell) {
   btRigidBody* body = free_.back();
   free_.pop_back();
   body->setUserIndex(cell_user_index(cell));
+  const int tip = field_.has_tips() ? field_.tip_of_cell[static_cast<std::size_t>(cell)] : -1;
+  body->setCollisionShape(tip < 0 ? box_.get() : tip_shapes_[static_cast<std::size_t>(tip)].shape);
   return body;
 }
 
@@ -115,7 +121,8 @@ void CellPool::select_near(std::span<const Box> boxes, double dt_s) {
   for (const int cell : wanted_) {
     release_before(cell);
     const auto i = static_cast<std::size_t>(cell);
-    Column column{cell, static_cast<double>(field_.height[i]), static_cast<double>(field_.speed[i]), nullptr};
+    Column column{cell, static_cast<double>(field_.height[i]), static_cast<double>(field_.speed[i]), 0.0,
+                  nullptr};
     const bool is_new = old == columns_.end() || old->cell != cell;
     column.body = is_new ? take_body(cell) : (old++)->body;
     update_body(column);
@@ -137,6 +144,19 @@ CellPool::Column& CellPool::column(int cell) {
 }
 
 void CellPool::update_body(const Column& column) {
+  const auto cell = static_cast<std::size_t>(column.cell);
+  if (field_.has_tips() && field_.tip_of_cell[cell] >= 0) {
+    const TipFrame frame(field_, cell, static_cast<float>(column.elapsed_s));
+    btTransform tip_pose(to_bt(Eigen::Quaterniond(frame.axes.cast<double>()).normalized()),
+                         to_bt(frame.origin));
+    tip_pose.getOrigin().setZ(column.top);
+    column.body->setWorldTransform(tip_pose);
+    column.body->setInterpolationWorldTransform(tip_pose);
+    column.body->setLinearVelocity(
+        {static_cast<double>(frame.velocity.x()), static_cast<double>(frame.velocity.y()), column.speed});
+    column.body->setAngularVelocity(to_bt(frame.angular_velocity));
+    return;
+  }
   const Eigen::Vector2d centre = field_.centre(column.cell).cast<double>();
   btTransform pose(btQuaternion(btVector3(0, 0, 1), static_cast<double>(field_.angle_of(column.cell))),
                    btVector3(centre.x(), centre.y(), column.top - 0.5 * depth_));

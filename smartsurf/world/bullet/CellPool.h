@@ -1,4 +1,4 @@
-// The cells near bodies as Bullet's kinematic boxes: columns from below the table up to each cell's top.
+// The cells near bodies as Bullet's kinematic bodies: columns from below the table up to each cell's top, or tips.
 #pragma once
 
 #include <btBulletDynamicsCommon.h>
@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "smartsurf/surface/Field.h"
+#include "smartsurf/world/bullet/BulletShape.h"
 
 namespace smartsurf::world {
 
@@ -34,13 +35,14 @@ class CellPool {
   struct Column {
     int cell;
     double top, speed;  // z of the top, u; vertical velocity, u/s
+    double elapsed_s;   // since the start of the step
     btRigidBody* body;
   };
   // Ascending by cell.
   std::span<Column> columns() { return columns_; }
   // The column of a selected cell.
   Column& column(int cell);
-  // Moves the column's body to its top and speed.
+  // Moves the column's body to its top and speed, that of a tip to its pose.
   void update_body(const Column&);
 
  private:
@@ -53,6 +55,7 @@ class CellPool {
   const surface::Field& field_;
   double depth_;
   std::unique_ptr<btBoxShape> box_;
+  std::vector<BulletShape> tip_shapes_;  // by index in Field::tips
   std::vector<std::unique_ptr<btRigidBody>> bodies_;
   std::vector<btRigidBody*> free_;
   std::vector<Column> columns_, next_columns_;

@@ -42,7 +42,7 @@ class Columns {
   // cells.
   Columns(const surface::Field& field, float width)
       : field_(field),
-        height_(field.height.data()),
+        height_(field.column_height().data()),
         rows_(field.rows),
         columns_(field.columns),
         pitch_(field.pitch),

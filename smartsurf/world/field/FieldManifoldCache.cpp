@@ -80,7 +80,8 @@ FieldManifoldCache::HeightChange FieldManifoldCache::height_change_since(const C
   Float4 low = broadcast4(total.low), high = broadcast4(total.high);
   const float* cached_heights = cached.heights;
   for (int r = u.row_begin; r < u.row_end; ++r, cached_heights += width) {
-    const float* const heights = &field_.height[static_cast<std::size_t>(field_.index(r, u.column_begin))];
+    const float* const heights =
+        &field_.column_height()[static_cast<std::size_t>(field_.index(r, u.column_begin))];
     if (width >= kSimd4Width) {
       for_each_simd4(width, [&](int c) {
         const Float4 rise = load4(heights + c) - load4(cached_heights + c);
@@ -118,7 +119,8 @@ bool FieldManifoldCache::level_cells_separated(const CachedManifold& cached) con
   };
   const float* cached_heights = cached.heights;
   for (int r = u.row_begin; r < u.row_end; ++r, cached_heights += width) {
-    const float* const heights = &field_.height[static_cast<std::size_t>(field_.index(r, u.column_begin))];
+    const float* const heights =
+        &field_.column_height()[static_cast<std::size_t>(field_.index(r, u.column_begin))];
     if (any_separated(width - 1, cached_heights, 1, heights, 1)) return true;
     if (r + 1 < u.row_end && any_separated(width, cached_heights, width, heights, field_.columns))
       return true;
@@ -161,10 +163,10 @@ void FieldManifoldCache::rebuild(const BodyStore& bodies, std::size_t i, float m
   for (const auto& [candidate, part_index] : candidates)
     chunk_cache.points.push_back(
         {axes.transpose() * (candidate.point + candidate.separation * candidate.normal - centre),
-         candidate.point, candidate.normal, field_.height[static_cast<std::size_t>(candidate.tag)],
+         candidate.point, candidate.normal, field_.column_height()[static_cast<std::size_t>(candidate.tag)],
          candidate.tag, part_index});
   for (int r = cells.row_begin; r < cells.row_end; ++r) {
-    const float* const row = &field_.height[static_cast<std::size_t>(field_.index(r, 0))];
+    const float* const row = &field_.column_height()[static_cast<std::size_t>(field_.index(r, 0))];
     chunk_cache.heights.insert(chunk_cache.heights.end(), row + cells.column_begin, row + cells.column_end);
   }
 }
@@ -203,7 +205,7 @@ bool FieldManifoldCache::reduce(const BodyStore& bodies, std::size_t i, float ma
   const Vec3& centre = bodies.position[i];
   const std::size_t first_contact = out.size();
   auto height_change = [&](const CachedPoint& p) {
-    return field_.height[static_cast<std::size_t>(p.cell)] - p.top;
+    return field_.column_height()[static_cast<std::size_t>(p.cell)] - p.top;
   };
   float slip_squared = 0.0F;  // the greatest, u²
   const CachedPoint* const end = chunk_cache.points.data() + manifold.first_point + manifold.point_count;

@@ -104,8 +104,8 @@ FreeLayoutField::Neighbours FreeLayoutField::find_neighbours(std::size_t cell) c
 
 bool FreeLayoutField::is_bridged(std::size_t cell, int side) const {
   for (const std::int32_t n : neighbours_[cell].cell[side])
-    if (n < 0 ||
-        !(std::abs(field_.height[static_cast<std::size_t>(n)] - field_.height[cell]) <= kLevelTolerance))
+    if (n < 0 || !(std::abs(field_.column_height()[static_cast<std::size_t>(n)] -
+                            field_.column_height()[cell]) <= kLevelTolerance))
       return false;
   return true;
 }
@@ -125,11 +125,11 @@ surface::Field FreeLayoutField::make_local_grid() const {
 }
 
 void FreeLayoutField::load_local_grid(std::size_t cell, surface::Field& f) const {
-  f.max_height = f.height[kCentreCell] = field_.height[cell];
+  f.max_height = f.height[kCentreCell] = field_.column_height()[cell];
   f.speed[kCentreCell] = field_.speed[cell];
   for (int side = 0; side < 4; ++side)
     f.height[static_cast<std::size_t>(kNeighbourCell[side])] =
-        is_bridged(cell, side) ? field_.height[cell] : surface::kNoCellHeight;
+        is_bridged(cell, side) ? field_.column_height()[cell] : surface::kNoCellHeight;
   if (!field_.has_surface_velocity()) return;
   const float angle = field_.angle.empty() ? 0.0F : field_.angle[cell];
   const Vec3 local_velocity = rotated({field_.surface_velocity_x[cell], field_.surface_velocity_y[cell], 0},
@@ -176,7 +176,7 @@ void FreeLayoutField::collide(const Shape& shape, const Vec3& centre, const Mat3
   surface::Field f = make_local_grid();
   std::vector<Contact> contacts;
   for_each_cell(centre - extent, centre + extent, [&](std::size_t cell) {
-    if (field_.height[cell] >= centre.z() - extent.z())
+    if (field_.column_height()[cell] >= centre.z() - extent.z())
       collide_cell(cell, shape, centre, axes, margin, f, contacts);
   });
   if (shape.is_sphere()) {

@@ -282,7 +282,7 @@ BearingContacts bearing_contacts(const surface::Field& field, std::span<const Co
     if (is_upright(c)) b.min_separation = std::min(b.min_separation, c.separation);
   for (const Contact& c : contacts)
     if (is_upright(c) && c.separation <= b.min_separation + kSeparationTolerance)
-      b.min_top = std::min(b.min_top, field.height[static_cast<std::size_t>(c.feature_id)]);
+      b.min_top = std::min(b.min_top, field.column_height()[static_cast<std::size_t>(c.feature_id)]);
   return b;
 }
 
@@ -328,7 +328,7 @@ void add_samples(const surface::Field& field, const FreeLayoutField& layout, con
   for (const std::int32_t cell : cells) {
     const auto i = static_cast<std::size_t>(cell);
     const Point2 at{field.x[i], field.y[i]};
-    if (!bearing.bears(f.z_at(at.x, at.y) - field.height[i], field.height[i])) continue;
+    if (!bearing.bears(f.z_at(at.x, at.y) - field.column_height()[i], field.column_height()[i])) continue;
     const float angle = field.angle_of(cell), sine = std::sin(angle), cosine = std::cos(angle);
     Footprint local = f;  // in the axes of the cell
     for (int k = 0; k < f.count; ++k) {
@@ -498,7 +498,7 @@ bool add_support_patch(const surface::Field& field, const FreeLayoutField* free_
       if (!is_upright(c) || !f.has_near(centre + c.anchor)) continue;
       // A lower cell has points of its own.
       if (patch.has_shares &&
-          !bearing.bears(c.separation, field.height[static_cast<std::size_t>(c.feature_id)]))
+          !bearing.bears(c.separation, field.column_height()[static_cast<std::size_t>(c.feature_id)]))
         continue;
       touches = true;
       if (footprints == 0 ||

@@ -134,18 +134,17 @@ std::size_t LinearFunctions::argmax(const Vec3& p) const {
   return std::min(best, last_index_);
 }
 
-Shape make_shape(const scene::ObjectSpec& o) {
+Shape make_primitive(ShapeKind kind, float radius, float height, const Vec3& half_extents) {
   Shape s;
-  s.kind = o.shape;
-  s.radius = static_cast<float>(o.radius);
-  s.half_extents = o.half_extents().cast<float>();
+  s.kind = kind;
+  s.radius = radius;
+  s.half_extents = half_extents;
   s.high = s.half_extents.z();
   s.low = -s.high;
   s.width = 2.0F * s.half_extents.minCoeff();
   s.convex_radius = std::min(0.03F, 0.1F * s.half_extents.minCoeff());
-  s.has_rolling_friction = o.shape != ShapeKind::kBox && o.shape != ShapeKind::kSolid;
-  const auto height = static_cast<float>(o.height);
-  switch (o.shape) {
+  s.has_rolling_friction = kind != ShapeKind::kBox && kind != ShapeKind::kSolid;
+  switch (kind) {
     case ShapeKind::kSphere:
       s.bounding_radius = s.convex_radius = s.radius;
       break;
@@ -166,11 +165,18 @@ Shape make_shape(const scene::ObjectSpec& o) {
       s.convex_radius = std::min(0.03F, 0.05F * std::min(s.radius, height));
       break;
     case ShapeKind::kSolid:
-      s.solid = o.solid;
-      s.bounding_radius = o.solid->bounding_radius;
-      add_hulls(s);
       break;
   }
+  return s;
+}
+
+Shape make_shape(const scene::ObjectSpec& o) {
+  Shape s = make_primitive(o.shape, static_cast<float>(o.radius), static_cast<float>(o.height),
+                           o.half_extents().cast<float>());
+  if (o.shape != ShapeKind::kSolid) return s;
+  s.solid = o.solid;
+  s.bounding_radius = o.solid->bounding_radius;
+  add_hulls(s);
   return s;
 }
 

@@ -77,6 +77,8 @@ struct Shape {
 };
 
 Shape make_shape(const scene::ObjectSpec&);
+// A shape that is no solid. height: of a round one; half_extents: of its bounding box about the centre of mass, u.
+Shape make_primitive(scene::ShapeKind, float radius, float height, const Vec3& half_extents);
 
 // The object's mass if given, else density times volume; 0 for a fixed object.
 float mass_of(const scene::ObjectSpec&, const scene::Material&);

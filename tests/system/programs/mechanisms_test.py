@@ -102,6 +102,18 @@ class Mechanisms(ProgramTest):
     def test_wave_carries_plate_against_its_direction(self):
         self.assertGreater(self.run_example("tile", 3)[0], 2.0)
 
+    def test_tips_roll_pocket_and_lift(self):
+        ball, marble, crate = self.run_example("tips", 3)
+        self.assertGreater(ball, 3.0)
+        # (R - d cos 40°) / sin 40°
+        self.assertAlmostEqual(marble, (0.6 - 0.5**0.5 * 0.766044) / 0.642788, delta=0.005)
+        self.assertAlmostEqual(crate, 1.5, delta=0.005)
+
+    def test_tilting_tiles_gather_ball_and_hold_crate(self):
+        ball, crate = self.run_example("tilt", 10)
+        self.assertLess(ball, 2.0)
+        self.assertGreater(crate, 5.0)
+
     def test_mixed_surface_on_slope(self):
         status, out, err = self.run_program(SMARTSURF, "run", str(ROOT / "scripts/examples/mixed.lua"), "--no-controller",
                                             "--headless", "--until", "4")

@@ -60,6 +60,18 @@ end)
 reward(function() return shaft and shaft:coordinate() + shaft:effort() or 0 end)
 )"};
 
+// Tiles that heave and tilt beside pins with round tips.
+constexpr Script kTilting{"Tilting", R"(
+surface { rows = 8, columns = 8, sensors = { proximity { range = 6 } },
+          actuators = { t = tile { command = 'pose' }, h = pin { range = {0, 2}, tip = { shape = 'hemisphere' } } },
+          cells = { 'th', 'ht' } }
+for i = 1, 3 do
+  sphere { radius = 0.8, position = { 2 * i, 3, 2 + i } }
+  box { size = {1.5, 1, 1}, position = { 2 * i, 5, 2 + i } }
+end
+reward(function() return (object(0):position()) end)
+)"};
+
 class EnvironmentTest : public testing::TestWithParam<Script> {
  protected:
   EnvironmentTest()
@@ -91,8 +103,10 @@ class EnvironmentTest : public testing::TestWithParam<Script> {
   static std::vector<Tick> drive(Environment& e, int ticks) {
     std::vector<Tick> trace;
     for (int i = 0; i < ticks; ++i) {
-      e.set_targets(0, targets(static_cast<std::size_t>(e.scene().surface.cell_count()),
-                               e.simulation().snapshot().tick));
+      for (std::size_t channel = 0; channel < e.scene().surface.actuator_channels().size(); ++channel)
+        e.set_targets(static_cast<int>(channel),
+                      targets(static_cast<std::size_t>(e.scene().surface.cell_count()),
+                              e.simulation().snapshot().tick));
       const double reward = e.step().reward;
       trace.push_back(
           {e.simulation().snapshot().state_hash, reward, std::vector<float>(e.observation_size())});
@@ -194,7 +208,7 @@ TEST_P(OverloadedEnvironmentTest, FailsAndSaysWhy) {
 }
 INSTANTIATE_TEST_SUITE_P(Pile, OverloadedEnvironmentTest, testing::Values(kPile));
 
-INSTANTIATE_TEST_SUITE_P(Experiments, EnvironmentTest, testing::Values(kCrowd, kNoisy, kJoints));
+INSTANTIATE_TEST_SUITE_P(Experiments, EnvironmentTest, testing::Values(kCrowd, kNoisy, kJoints, kTilting));
 
 }  // namespace
 }  // namespace smartsurf::simulation

@@ -113,6 +113,24 @@ TEST(ActuatorGeometry, PlateFollowsSurfaceSlope) {
   EXPECT_NEAR(up.x() / up.z(), -0.2F, 1e-4F);
 }
 
+TEST(ActuatorGeometry, TipsReachTheTop) {
+  for (const double shape : {1.0, 2.0, 3.0}) {
+    const ActuatorGeometry parts = ActuatorFixture("pin", {}, {{"tip.shape", {shape}}}).geometry();
+    ASSERT_EQ(parts.meshes().size(), 1u) << shape;
+    const InstancedMesh& tips = parts.meshes()[0];
+    EXPECT_EQ(tips.instances.size(), 9u);
+    EXPECT_NEAR(highest_vertex(tips, tips.instances[4]), 1.0F, 1e-5F) << shape;
+    EXPECT_GT(parts.recess()[4], 2.0F) << "the square pin is hidden below the shaft";
+  }
+}
+
+TEST(ActuatorGeometry, TiltedPlateTurnsByRollThenPitch) {
+  const ActuatorGeometry parts = ActuatorFixture("tile", {0.3F, 0.2F, 0}, {{"command", {1}}}).geometry();
+  const Eigen::Vector3f up = to_vector(parts.meshes()[0].instances[4].z).normalized();
+  EXPECT_NEAR(up.x(), std::sin(0.2F) * std::cos(0.3F), 1e-5F);
+  EXPECT_NEAR(up.y(), -std::sin(0.3F), 1e-5F);
+}
+
 TEST(ActuatorGeometry, UsesCellPoseOfFreeLayout) {
   ActuatorFixture bench("wheels", {});
   bench.scene.spec.surface.cell_poses.assign(9, {5.0, -2.0, std::numbers::pi / 2});

@@ -1,0 +1,111 @@
+#include "smartsurf/surface/actuators/TiltingTiles.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "smartsurf/surface/actuators/MotionProfile.h"
+
+namespace smartsurf::surface {
+
+TiltingTiles::TiltingTiles(const ActuatorContext& context)
+    : runs_(context.runs),
+      half_top_x_(context.field.half_top_x),
+      half_top_y_(context.field.half_top_y),
+      thickness_(static_cast<float>(context.spec.number("thickness"))),
+      max_speed_(static_cast<float>(context.spec.number("max_speed"))),
+      max_acceleration_(static_cast<float>(context.spec.number("max_acceleration"))),
+      max_tilt_rate_(static_cast<float>(context.spec.number("max_tilt_rate"))),
+      max_tilt_acceleration_(static_cast<float>(context.spec.number("max_tilt_acceleration"))),
+      base_(context.field.height),
+      tilt_(base_.size()),
+      moving_(runs_.size(), 0),
+      run_max_height_(runs_.size(), 0.0F),
+      run_max_speed_(runs_.size(), 0.0F) {
+  target_.fill(std::vector<float>(base_.size(), 0.0F));
+  target_[kHeave] = base_;
+}
+
+std::optional<TipKind> TiltingTiles::tip() const noexcept {
+  return TipKind{{CellTip::Shape::kPlate, 0.0F, thickness_},
+                 std::hypot(half_top_x_, half_top_y_) + thickness_};
+}
+
+void TiltingTiles::set_targets(int channel, std::span<const float> targets) noexcept {
+  std::vector<float>& target = target_[static_cast<std::size_t>(channel)];
+  for (std::size_t r = 0; r < runs_.size(); ++r)
+    for (auto i = static_cast<std::size_t>(runs_[r].begin); i < static_cast<std::size_t>(runs_[r].end); ++i) {
+      const float value = channel == kHeave ? base_[i] + targets[i] : targets[i];
+      if (target[i] == value) continue;
+      target[i] = value;
+      moving_[r] = 1;
+    }
+}
+
+void TiltingTiles::snap_to_targets(Field& field) noexcept {
+  for (std::size_t r = 0; r < runs_.size(); ++r) {
+    run_max_height_[r] = kNoCellHeight;
+    for (auto i = static_cast<std::size_t>(runs_[r].begin); i < static_cast<std::size_t>(runs_[r].end); ++i) {
+      field.height[i] = target_[kHeave][i];
+      field.tilt[i] = tilt_[i] = {target_[kRoll][i], target_[kPitch][i]};
+      run_max_height_[r] = std::max(run_max_height_[r], max_corner_height(field.height[i], tilt_[i]));
+    }
+    moving_[r] = 0;
+  }
+}
+
+float TiltingTiles::max_corner_height(float height, const TopTilt& t) const noexcept {
+  return height + half_top_x_ * std::abs(t.pitch) + half_top_y_ * std::abs(t.roll);
+}
+
+void TiltingTiles::plan(double dt_s, Field& field) noexcept {
+  const auto dt = static_cast<float>(dt_s);
+  const MotionProfile heave(max_speed_, max_acceleration_, dt),
+      tilt(max_tilt_rate_, max_tilt_acceleration_, dt);
+  for (std::size_t r = 0; r < runs_.size(); ++r) {
+    if (moving_[r] != 0) plan_run(r, heave, tilt, dt, field);
+    field.max_height = std::max(field.max_height, run_max_height_[r]);
+    field.max_speed = std::max(field.max_speed, run_max_speed_[r]);
+  }
+}
+
+void TiltingTiles::plan_run(std::size_t run, const MotionProfile& heave, const MotionProfile& tilt,
+                            float dt_s, Field& field) noexcept {
+  const float farthest = std::hypot(half_top_x_, half_top_y_, thickness_);
+  float& max_height = run_max_height_[run] = kNoCellHeight;
+  float& max_speed = run_max_speed_[run] = 0.0F;
+  for (auto i = static_cast<std::size_t>(runs_[run].begin); i < static_cast<std::size_t>(runs_[run].end);
+       ++i) {
+    float& speed = field.speed[i];
+    TopTilt& rate = field.tilt_rate[i];
+    speed = heave(target_[kHeave][i] - field.height[i], speed);
+    rate = {tilt(target_[kRoll][i] - tilt_[i].roll, rate.roll),
+            tilt(target_[kPitch][i] - tilt_[i].pitch, rate.pitch)};
+    const TopTilt next{tilt_[i].roll + rate.roll * dt_s, tilt_[i].pitch + rate.pitch * dt_s};
+    max_height = std::max({max_height, max_corner_height(field.height[i], tilt_[i]),
+                           max_corner_height(field.height[i] + speed * dt_s, next)});
+    max_speed =
+        std::max(max_speed, std::abs(speed) + farthest * (std::abs(rate.roll) + std::abs(rate.pitch)));
+  }
+  moving_[run] = static_cast<std::uint8_t>(max_speed != 0.0F);
+}
+
+void TiltingTiles::commit(double dt_s, Field& field) noexcept {
+  const auto dt = static_cast<float>(dt_s);
+  for (std::size_t r = 0; r < runs_.size(); ++r)
+    for (auto i = static_cast<std::size_t>(runs_[r].begin);
+         moving_[r] != 0 && i < static_cast<std::size_t>(runs_[r].end); ++i) {
+      const TopTilt& rate = field.tilt_rate[i];
+      field.height[i] = MotionProfile::advance(field.height[i], field.speed[i], target_[kHeave][i], dt);
+      tilt_[i] = {MotionProfile::advance(tilt_[i].roll, rate.roll, target_[kRoll][i], dt),
+                  MotionProfile::advance(tilt_[i].pitch, rate.pitch, target_[kPitch][i], dt)};
+      field.tilt[i] = tilt_[i];
+    }
+}
+
+void TiltingTiles::write_cell_motion(std::span<scene::ActuatorState> motion) const noexcept {
+  for (const CellRun& run : runs_)
+    for (auto i = static_cast<std::size_t>(run.begin); i < static_cast<std::size_t>(run.end); ++i)
+      motion[i].a = tilt_[i].roll, motion[i].b = tilt_[i].pitch;
+}
+
+}  // namespace smartsurf::surface

@@ -1,0 +1,206 @@
+// Objects on pins with tips of other shapes, and on tilted tiles, against closed forms.
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <numbers>
+
+#include "tests/property/PhysicsFixture.h"
+
+using namespace physics_fixture;
+using namespace smartsurf;
+
+namespace {
+
+enum TipShape { kFlat, kHemisphere, kCone, kRoundedSquare };  // as in pin.tip.shape
+
+// A surface of one actuator model; top: edge of a cell's top, u.
+void set_surface(PhysicsFixture& fixture, const std::string& model, int side, double pitch, double top,
+                 const scene::ParameterValues& values) {
+  scene::SurfaceSpec& surface = fixture.scene.surface;
+  surface.rows = surface.columns = side;
+  surface.pitch = pitch;
+  scene::ActuatorSpec spec = scene::find_actuator_kind(model)->default_spec();
+  spec.values["top"] = {top, top};
+  for (const auto& [name, value] : values) spec.values[name] = value;
+  surface.actuators = {spec};
+  derive_pin_spec(surface);
+  ASSERT_EQ(scene::validate(surface), "");
+}
+
+void set_tips(PhysicsFixture& fixture, TipShape shape, scene::ParameterValues values = {}) {
+  values["tip.shape"] = {static_cast<double>(shape)};
+  set_surface(fixture, "pin", 8, 1.0, 0.8, values);
+}
+
+void command(PhysicsFixture& fixture, int channel, double value) {
+  fixture.cells().set_targets(
+      channel, std::vector<float>(fixture.cells().field().height.size(), static_cast<float>(value)));
+}
+
+// One tile of 9.5 × 9.5 u at (0, 0), tilted about x and y, rad.
+void tilt_tile(PhysicsFixture& fixture, double roll, double pitch) {
+  set_surface(fixture, "tile", 1, 10.0, 9.5, {{"command", {1}}, {"max_tilt", {1.0}}});
+  command(fixture, 1, roll);
+  command(fixture, 2, pitch);
+  fixture.run(2.0);
+}
+
+// Where a body touches whose underside is `height` below its centre, over the middle of a tile with that pitch.
+Eigen::Vector3d on_slope(double pitch, double height) {
+  return {height * std::sin(pitch), 0, height * std::cos(pitch)};
+}
+
+class Tips : public testing::TestWithParam<double> {
+ protected:
+  Tips() { fixture.scene.world.dt_s = GetParam(); }
+  PhysicsFixture fixture;
+};
+class Tilt : public Tips {};
+INSTANTIATE_TEST_SUITE_P(Steps, Tips, testing::Values(1.0 / 60, 1.0 / 240, 1.0 / 960));
+INSTANTIATE_TEST_SUITE_P(Steps, Tilt, testing::Values(1.0 / 60, 1.0 / 240, 1.0 / 960));
+
+const double kPocket = std::sqrt(0.5);  // from the middle of four cells to their centres, u
+
+}  // namespace
+
+TEST_P(Tips, SphereRestsOnFourHemispheres) {
+  const double radius = 1.5, tip = 0.4;
+  set_tips(fixture, kHemisphere, {{"tip.radius", {tip}}});
+  const double z = std::sqrt(std::pow(radius + tip, 2) - kPocket * kPocket) - tip;
+  const auto id = fixture.add(sphere(radius, {3.5, 3.5, z + 0.05}));
+  fixture.run(2.0);
+  EXPECT_NEAR(fixture.position(id).z(), z, 3e-3);
+  EXPECT_NEAR(fixture.position(id).x(), 3.5, 3e-3);
+}
+
+TEST_P(Tips, SphereRestsBetweenFourCones) {
+  const double radius = 0.6, angle = std::numbers::pi / 4;
+  set_tips(fixture, kCone, {{"tip.half_angle", {angle}}});
+  const double z = (radius - kPocket * std::cos(angle)) / std::sin(angle);
+  const auto id = fixture.add(sphere(radius, {3.5, 3.5, z + 0.05}));
+  fixture.run(2.0);
+  EXPECT_NEAR(fixture.position(id).z(), z, 3e-3);
+}
+
+TEST_P(Tips, SphereRestsOnRoundedCorners) {
+  // The arcs of the four corners come as near to the middle as √2·(gap/2 + r) − r.
+  const double radius = 0.5, corner = 0.3, near = std::sqrt(2.0) * (0.1 + corner) - corner;
+  set_tips(fixture, kRoundedSquare, {{"tip.corner_radius", {corner}}});
+  const double z = std::sqrt(radius * radius - near * near);
+  const auto id = fixture.add(sphere(radius, {3.5, 3.5, z + 0.05}));
+  fixture.run(2.0);
+  EXPECT_NEAR(fixture.position(id).z(), z, 4e-3);
+}
+
+TEST_P(Tips, SphereRollsDownConeAtSlopeOfItsFlank) {
+  const double radius = 0.5, angle = 1.2, slope = std::numbers::pi / 2 - angle, start = 1.5;
+  set_surface(fixture, "pin", 1, 10.0, 9.5, {{"tip.shape", {kCone}}, {"tip.half_angle", {angle}}});
+  const auto id = fixture.add(sphere(radius, {start * std::sin(angle) + radius * std::cos(angle), 0,
+                                              -start * std::cos(angle) + radius * std::sin(angle)}));
+  fixture.run(0.5);
+  const double a = 5.0 / 7 * kGravity * std::sin(slope);
+  EXPECT_NEAR(fixture.velocity(id).norm(), a * 0.5, 0.02 * a * 0.5);
+  EXPECT_NEAR(-fixture.velocity(id).z() / fixture.velocity(id).x(), std::tan(slope), 0.01);
+}
+
+TEST_P(Tips, PinsBearBoxOnTheirApexes) {
+  for (const TipShape shape : {kHemisphere, kCone, kRoundedSquare}) {
+    PhysicsFixture bench;
+    bench.scene.world.dt_s = GetParam();
+    bench.scene.world.sleep = false;  // a sleeper keeps the loads of its last step
+    set_tips(bench, shape, {{"max_speed", {1}}});
+    command(bench, 0, 2.0);
+    const auto id = bench.add(box({3.2, 3.2, 1}, {3, 3, 0.51}));
+    bench.run(3.0);
+    EXPECT_NEAR(bench.position(id).z(), 2.5, 3e-3) << shape;
+    double impulse = 0.0;
+    bench.run(0.5, [&] {
+      for (const float on_cell : bench.cells().field().impulse) impulse += static_cast<double>(on_cell);
+    });
+    EXPECT_NEAR(impulse / 0.5, 3.2 * 3.2 * kGravity, 0.01 * 3.2 * 3.2 * kGravity) << shape;
+  }
+}
+
+TEST_P(Tips, SameInAnyUnitOfLength) {
+  const double scale = 25.0;
+  fixture.scene.world.gravity *= scale;
+  set_surface(fixture, "pin", 8, scale, 0.8 * scale, {{"tip.shape", {kHemisphere}}, {"length", {2 * scale}}});
+  const double z = std::sqrt(1.9 * 1.9 - 0.5) - 0.4;
+  const auto id = fixture.add(sphere(1.5 * scale, {3.5 * scale, 3.5 * scale, (z + 0.05) * scale}));
+  fixture.run(2.0);
+  EXPECT_NEAR(static_cast<double>(fixture.position(id).z()) / scale, z, 3e-3);
+}
+
+TEST_P(Tilt, BallRollsAtFiveSeventhsOfTheSlope) {
+  const double angle = 0.3, radius = 1.0;
+  tilt_tile(fixture, 0.0, angle);
+  const auto id = fixture.add(sphere(radius, on_slope(angle, radius)));
+  fixture.run(0.6);
+  const double v = 5.0 / 7 * kGravity * std::sin(angle) * 0.6;
+  EXPECT_NEAR(fixture.velocity(id).x(), v * std::cos(angle), 0.01 * v);
+  EXPECT_NEAR(fixture.velocity(id).z(), -v * std::sin(angle), 0.01 * v);
+  EXPECT_NEAR(fixture.angular_velocity(id).y(), v / radius, 0.01 * v);
+}
+
+TEST_P(Tilt, BoxSlidesWithFriction) {
+  for (const double angle : {0.3, 0.6}) {
+    PhysicsFixture bench;
+    bench.scene.world.dt_s = GetParam();
+    bench.scene.materials[0].friction = 0.4;  // holds up to atan(0.4) = 0.381
+    tilt_tile(bench, 0.0, angle);
+    auto o = box({2, 2, 1}, on_slope(angle, 0.5));
+    o.orientation = Eigen::AngleAxisd(angle, Eigen::Vector3d::UnitY());
+    const auto id = bench.add(o);
+    bench.run(0.5);
+    const double a = kGravity * (std::sin(angle) - 0.4 * std::cos(angle));
+    if (a < 0.0)
+      EXPECT_LT(bench.velocity(id).norm(), 0.01);
+    else
+      EXPECT_NEAR(bench.velocity(id).norm(), a * 0.5, 0.02 * a * 0.5);
+  }
+}
+
+TEST_P(Tilt, RollLowersTheSouthAndHeaveLifts) {
+  tilt_tile(fixture, 0.3, 0.0);
+  const auto id = fixture.add(sphere(1.0, {0, -std::sin(0.3), std::cos(0.3)}));
+  fixture.run(0.3);
+  EXPECT_LT(fixture.velocity(id).y(), -0.3);
+  command(fixture, 1, 0.0);
+  fixture.run(1.0);
+  scene::ObjectStateUpdate middle;
+  middle.position = {0, 0, 1};
+  middle.velocity = middle.angular_velocity = Eigen::Vector3d::Zero();
+  fixture.world().place(id, middle);
+  command(fixture, 0, 1.0);
+  fixture.run(2.0);
+  EXPECT_NEAR(fixture.position(id).z(), 2.0, 3e-3);
+}
+
+TEST_P(Tilt, TurningTileCarriesBoxAboutItsCentre) {
+  set_surface(fixture, "tile", 1, 10.0, 9.5, {{"command", {1}}, {"max_tilt_rate", {0.2}}});
+  fixture.scene.materials[0].friction = 1.0;
+  const auto id = fixture.add(box({2, 2, 1}, {3, 0, 0.5}));
+  fixture.run(1.0);
+  command(fixture, 2, 0.2);
+  fixture.run(2.0);
+  // The box keeps its place on the plate.
+  EXPECT_NEAR(fixture.position(id).x(), 3 * std::cos(0.2) + 0.5 * std::sin(0.2), 0.02);
+  EXPECT_NEAR(fixture.position(id).z(), -3 * std::sin(0.2) + 0.5 * std::cos(0.2), 0.02);
+}
+
+TEST(TiltLimits, RateAndAccelerationHold) {
+  PhysicsFixture fixture;
+  set_surface(fixture, "tile", 2, 1.0, 0.8,
+              {{"command", {1}}, {"max_tilt_rate", {2}}, {"max_tilt_acceleration", {20}}});
+  command(fixture, 1, 9.0);  // clamped to max_tilt
+  float rate = 0.0F, highest = 0.0F;
+  fixture.run(1.0, [&] {
+    const surface::TopTilt& now = fixture.cells().field().tilt_rate[0];
+    EXPECT_LE(std::abs(now.roll - rate), 20.0F * static_cast<float>(fixture.scene.world.dt_s) * 1.001F);
+    rate = now.roll;
+    highest = std::max(highest, rate);
+  });
+  EXPECT_EQ(highest, 2.0F);
+  EXPECT_EQ(fixture.cells().field().tilt[0].roll, 0.35F);
+  EXPECT_EQ(rate, 0.0F);
+}
