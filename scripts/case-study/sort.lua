@@ -7,6 +7,10 @@ local small_radius = option('small_radius', 2.0, 'radius of the small spheres')
 local large_radius = option('large_radius', 4.0, 'radius of the large spheres')
 local pin_speed    = option('pin_speed', 6.0, 'greatest speed of a pin, u/s')
 local pin_acceleration = option('pin_acceleration', 60.0, 'greatest acceleration of a pin, u/s²')
+local dead_sensors = option('dead_sensors', 0.0, 'fraction of the sensors that report nothing')
+local dropout      = option('dropout', 0.0, 'fraction of the readings that report nothing')
+local false_hits   = option('false_hits', 0.0, 'fraction of the readings without an object that report one')
+local stuck_pins   = option('stuck_pins', 0.0, 'fraction of the pins that stand still at a random height')
 local hold         = option('hold', 5.0, 'seconds of sortedness after which the run ends; 0 = run on')
 
 local rows, columns, up, wall = 64, 64, 4.0, 6.0
@@ -21,6 +25,8 @@ surface { rows = rows, columns = columns, pitch = 1.0,
           sensors  = { proximity { range = 8 } },
           border   = { height = wall },
           material = 'plastic' }
+
+faults { sensor = { dead = dead_sensors, dropout = dropout, false_hits = false_hits }, actuator = { stuck = stuck_pins } }
 
 record { objects = true, every = 2 }
 
