@@ -224,7 +224,7 @@ void for_each_share(const SupportPatches& list, const SupportPatch& p, BatchPoin
 // with them, which happens where a body tips over its last cell.
 void distribute_within_limits(SupportPatches& list, SupportPatch& p, BatchPoints points,
                               const Vector3& target, bool is_final) {
-  constexpr float kTolerance = 1e-3F;  // of the wrench, relative to the force
+  constexpr float kWrenchTolerance = 1e-3F;  // relative to the force
   const SupportSampleView samples = view(list.samples, p);
   const auto first = static_cast<std::size_t>(p.first);
   const int lane = p.lane;
@@ -250,7 +250,7 @@ void distribute_within_limits(SupportPatches& list, SupportPatch& p, BatchPoints
     error[1] += static_cast<double>(change * anchor[0][lane]),
         error[2] += static_cast<double>(change * anchor[1][lane]);
   });
-  const double tolerance = static_cast<double>(kTolerance) * p.force;
+  const double tolerance = static_cast<double>(kWrenchTolerance) * p.force;
   const bool is_balanced = std::abs(error[0]) <= tolerance && std::abs(error[1]) <= tolerance * p.scale &&
                            std::abs(error[2]) <= tolerance * p.scale;
   if (!is_balanced) {
