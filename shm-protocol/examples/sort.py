@@ -7,7 +7,7 @@ import sys
 import numpy as np
 import shm_protocol
 
-UP, DOWN = np.float32(4), np.float32(0)
+UP, DOWN = np.float32(2.5), np.float32(0)
 THRESHOLD, MAX_STEPS, MAX_SIZE, MAX_QUEUE = 2, 8, 16, 24
 CYCLE, WAIT, PUSH, NEAR = 480, 300, 400, 8
 
@@ -46,11 +46,21 @@ def heard(news, kind, steps):
     return news
 
 
-def pocket_of(moving, ahead):
-    """The pocket of a moving object: its footprint, one cell wider at the sides and shifted ahead."""
+def widened(moving, ahead):
+    """The footprint of a moving object, one cell wider at the sides."""
     across = (north, south) if ahead in (shift_west, shift_east) else (east, west)
-    reach = np.maximum(np.maximum(moving, ahead(moving)), np.maximum(across[0](moving), across[1](moving)))
-    return ahead(reach)
+    return np.maximum(moving, np.maximum(across[0](moving), across[1](moving)))
+
+
+def pocket_of(moving, ahead):
+    """The pocket of a moving object: runs ahead of its footprint by one cell."""
+    return ahead(np.maximum(widened(moving, ahead), ahead(moving)))
+
+
+def long_pocket_of(moving, ahead):
+    """Runs ahead by three cells."""
+    wide = widened(moving, ahead)
+    return ahead(ahead(np.maximum(np.maximum(wide, ahead(wide)), ahead(ahead(moving)))))
 
 
 def as_number(truth):
@@ -66,8 +76,10 @@ class Sort:
     def heights(self, proximity_hit, tick):
         inside = self.inside
 
-        # (a) Sensor data: the footprint of whatever lies on the surface.
+        # (a) Sensor data: the footprint of whatever lies on the surface. A sensor that all four neighbours contradict is
+        # overruled: it is dead, has missed the object, or reports one that is not there.
         sensed = proximity_hit * inside
+        sensed = np.maximum(np.minimum(sensed, greatest(sensed)), least(sensed))
 
         # (b) Erosion by one cell, so that objects that touch come apart.
         eroded = np.minimum(sensed, least(sensed))
@@ -113,13 +125,15 @@ class Sort:
             aside = heard(aside * large, large, MAX_SIZE) * (1 - stop)
             halt_large = halt_large * (1 - aside)
 
-        # (g) Actuators: pockets go down, everything else up. Who moves has a pocket that runs ahead of its footprint
-        # by one cell, so that the pins behind it push; who halts sinks into one that surrounds it.
+        # (g) Actuators: pockets go down, everything else up. Who moves has a pocket that runs ahead of its footprint,
+        # small ones by one cell, large ones by three, so that the pins behind it push; who halts sinks into one that
+        # surrounds it.
         halt = np.maximum(halt_small, halt_large)
         move_small, move_large = small - halt_small, large - np.maximum(halt_large, aside)
         pocket = np.maximum(halt, greatest(halt))
-        for moving, ahead in ((move_small, shift_west), (move_large, shift_east), (aside, step_aside)):
-            pocket = np.maximum(pocket, pocket_of(moving, ahead))
+        pocket = np.maximum(pocket, pocket_of(move_small, shift_west))
+        pocket = np.maximum(pocket, long_pocket_of(move_large, shift_east))
+        pocket = np.maximum(pocket, pocket_of(aside, step_aside))
         return np.where(pocket != 0, DOWN, UP)
 
 

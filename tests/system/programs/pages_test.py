@@ -93,7 +93,7 @@ class Pages(ProgramTest):
 
 
 def words_of_code(text):
-    return set(re.findall(r"\w+", " ".join(re.findall(r"`[^`\n]+`|^    .*$|^```.*?^```", text, re.DOTALL | re.MULTILINE))))
+    return set(re.findall(r"\w+(?:\.\w+)?", " ".join(re.findall(r"`[^`\n]+`|^    .*$|^```.*?^```", text, re.DOTALL | re.MULTILINE))))
 
 
 class RecordingReference(ProgramTest):

@@ -21,7 +21,7 @@ INSTANTIATE_TEST_SUITE_P(
         Mistake{"\n\nsphere{raduis = 1, position = {0, 0, 0}}",
                 "t.lua:3: sphere: unknown field 'raduis' (did you mean 'radius'?)"},
         Mistake{"world{color = 1}",
-                "t.lua:1: world: unknown field 'color'; known: gravity, dt, iterations, control_period, "
+                "t.lua:1: world: unknown field 'color'; known: unit, gravity, dt, iterations, control_period, "
                 "seed, ground, sleep, off_table, engine"},
         Mistake{"sphere{\n  radius = 1,\n  position = {0, 0, 'high'}}",
                 "t.lua:1: sphere.position[3] = 'high': must be a number"},

@@ -161,12 +161,13 @@ TEST_P(EnvironmentTest, BatchEqualsSingleEnvironments) {
     EnvironmentBatch batch(options(0), seeds, threads, Autoreset::kNextStep);
     std::vector<std::unique_ptr<Environment>> single;
     for (const std::uint64_t seed : seeds) single.push_back(std::make_unique<Environment>(options(seed)));
-    const auto cells = static_cast<std::size_t>(single[0]->scene().surface.cell_count());
+    const scene::SurfaceSpec& surface = single[0]->scene().surface;
+    const auto cells = static_cast<std::size_t>(surface.cell_count());
     std::vector<float> actions, observations(seeds.size() * batch.observation_size());
     std::vector<double> rewards(seeds.size());
     for (std::uint64_t tick = 0; tick < 30; ++tick) {
       actions.clear();
-      for (std::size_t i = 0; i < seeds.size(); ++i)
+      for (std::size_t i = 0; i < seeds.size() * surface.actuator_channels().size(); ++i)
         std::ranges::copy(targets(cells, tick), std::back_inserter(actions));
       BatchArrays arrays;
       arrays.actions = actions;
