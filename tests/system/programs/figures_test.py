@@ -42,7 +42,7 @@ class Figures(ProgramTest):
 
     @unittest.skipUnless(shutil.which("ffmpeg"), "no ffmpeg")
     def test_pictures_of_the_pages_are_made(self):
-        self.assertEqual(self.make("a", "--images", "--only", "tasks,animation"), (0, ""))
+        self.assertEqual(self.make("a", "--images", "--only", "tasks,field,animation"), (0, ""))
         self.assertEqual(size_of(self.folder / "a/tasks.png"), (2 * 166, 2 * 106))
         self.assertEqual((self.folder / "a/sort.webp").read_bytes()[8:16], b"WEBPVP8X")
 
