@@ -1,5 +1,5 @@
 # Precompiled headers: one set for a program's modules and one for its tests, so that the standard library, Eigen and
-# GoogleTest are not parsed anew for each of 440 files. All presets but debug use them. A compiler cache does the same work
+# GoogleTest are not parsed anew for each file. All presets but debug use them. A compiler cache does the same work
 # better and cannot use them. The debug preset, and with it scripts/lint, goes without, so that each file shows that it
 # includes what it needs.
 option(SMARTSURF_PCH "Use precompiled headers (not together with a compiler launcher such as ccache)" OFF)
@@ -21,6 +21,9 @@ function(add_precompiled name)
   if(P_PROGRAM)
     set_target_properties(${name} PROPERTIES POSITION_INDEPENDENT_CODE OFF IS_UNIT_TEST ON)
     target_compile_options(${name} PRIVATE -fPIE ${SMARTSURF_TEST_OPTIONS})
+  endif()
+  if(SMARTSURF_SANITIZE AND NOT P_PROGRAM)
+    target_compile_options(${name} PRIVATE -O0)  # as the modules that use it: add_module
   endif()
   list(TRANSFORM P_HEADERS REPLACE "(.+)" "$<$<COMPILE_LANGUAGE:CXX>:\\1>")
   target_precompile_headers(${name} PRIVATE ${P_HEADERS})
