@@ -250,8 +250,10 @@ ActuatorKind air_jet_kind() {
           }};
 }
 
+bool takes_pose(const ActuatorSpec& tile) { return tile.number("command") == 1.0; }
+
 std::string check_tile(const ActuatorSpec& s) {
-  if (s.number("command") == 1.0 && s.number("thickness") < 1e-3)
+  if (takes_pose(s) && s.number("thickness") < 1e-3)
     return "tile.thickness = " + format_number(s.number("thickness")) +
            ": must be at least 0.001 where the command is a pose";
   return "";
@@ -279,7 +281,7 @@ ActuatorKind tile_kind() {
            positive_parameter("max_tilt_rate", 5.0, "greatest rate of roll and pitch, rad/s"),
            positive_parameter("max_tilt_acceleration", 100.0, "greatest change of that rate, rad/s²")}),
       .channels = [](const ActuatorSpec& s) -> std::vector<ActuatorChannel> {
-        if (s.number("command") == 1.0) {
+        if (takes_pose(s)) {
           const auto& heave = s.numbers("heave");
           return {{"heave", "u", heave[0], heave[1], std::clamp(0.0, heave[0], heave[1])},
                   symmetric_channel("roll", "rad", s.number("max_tilt")),
@@ -292,7 +294,7 @@ ActuatorKind tile_kind() {
           [](const ActuatorSpec& s) {
             const double height = s.number("height"), limit = s.number("max_amplitude");
             const auto& heave = s.numbers("heave");
-            if (s.number("command") == 1.0) return std::array{height + heave[0], height + heave[1]};
+            if (takes_pose(s)) return std::array{height + heave[0], height + heave[1]};
             return std::array{height - limit, height + limit};
           },
       .check_constraints = check_tile};

@@ -81,8 +81,10 @@ struct ScriptContext {
 
 // In all functions below, `name` is the dotted name that error messages start with.
 
-// The index of the material named by the string at `index`. Throws ScriptError if it does not exist.
+// The unit named by the string at `index`. Throws ScriptError if there is none of that name.
 scene::PhysicalUnit check_physical_unit(lua_State* L, int index, const std::string& name);
+
+// The index of the material named by the string at `index`. Throws ScriptError if it does not exist.
 int check_material(const ScriptContext&, lua_State* L, int index, const std::string& name);
 
 // The actuators of surface{} with the names by which its cells refer to them. All throw ScriptError.

@@ -3,10 +3,10 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <numbers>
 #include <numeric>
 
 #include "common/threads/ThreadPool.h"
+#include "smartsurf/scene/PinTip.h"
 #include "smartsurf/surface/actuators/PinKernels.h"
 
 namespace smartsurf::surface {
@@ -19,31 +19,25 @@ constexpr float kStopTolerance = 1e-4F;  // u
 // Short runs are moved together with the cells between them, up to this many: a call for each would take longer.
 constexpr std::size_t kMaxGroupCells = 64;
 
-constexpr float kDefaultHalfAngle = std::numbers::pi_v<float> / 4.0F;  // of a cone, rad
-
 // Approximate cost per pin of set_targets(), plan() and commit().
 constexpr double kSetTargetCost_ns = 0.4, kPlanCost_ns = 1.0, kCommitCost_ns = 0.5;
 
 std::optional<TipKind> make_tip(const ActuatorContext& context) {
   using Shape = CellTip::Shape;
-  const scene::ActuatorSpec& spec = context.spec;
-  const auto shape = static_cast<int>(spec.number("tip.shape"));
-  if (shape == 0) return std::nullopt;
   const float half_x = context.field.half_top_x, half_y = context.field.half_top_y;
-  const auto value_or = [&](const char* parameter, float otherwise) {
-    return spec.has(parameter) ? static_cast<float>(spec.number(parameter)) : otherwise;
-  };
-  const float radius = value_or("tip.radius", std::min(half_x, half_y));
-  switch (shape) {
-    case 1:
-      return TipKind{{Shape::kHemisphere, radius, radius}, radius};
-    case 2:
-      return TipKind{{Shape::kCone, radius, radius / std::tan(value_or("tip.half_angle", kDefaultHalfAngle))},
-                     radius};
-    default:
-      return TipKind{{Shape::kRoundedSquare, value_or("tip.corner_radius", 0.5F * std::min(half_x, half_y))},
-                     std::hypot(half_x, half_y)};
+  const scene::PinTip tip =
+      scene::pin_tip(context.spec, 2.0 * static_cast<double>(half_x), 2.0 * static_cast<double>(half_y));
+  switch (tip.shape) {
+    case scene::TipShape::kFlat:
+      break;
+    case scene::TipShape::kHemisphere:
+      return TipKind{{Shape::kHemisphere, tip.radius, tip.height}, tip.radius};
+    case scene::TipShape::kCone:
+      return TipKind{{Shape::kCone, tip.radius, tip.height}, tip.radius};
+    case scene::TipShape::kRoundedSquare:
+      return TipKind{{Shape::kRoundedSquare, tip.radius}, std::hypot(half_x, half_y)};
   }
+  return std::nullopt;
 }
 
 std::size_t length_of(const CellRun& run) { return static_cast<std::size_t>(run.end - run.begin); }

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "smartsurf/scene/PinTip.h"
 #include "smartsurf/view/model/ActuatorMeshes.h"
 #include "smartsurf/view/model/Palette.h"
 
@@ -278,33 +279,24 @@ float ActuatorGeometry::neighbour_height(std::size_t cell, int row_step, int col
 
 // The mesh has the size of the tip and, below it, a shaft as long as the pin.
 ActuatorGeometry::InstanceBuilder ActuatorGeometry::tip_builder(const scene::ActuatorSpec& spec) {
-  const auto value_or = [&](const char* parameter, float otherwise) {
-    return spec.has(parameter) ? float_parameter(spec, parameter) : otherwise;
-  };
-  const auto shape = static_cast<int>(spec.number("tip.shape"));
-  const float radius = value_or("tip.radius", 0.5F * top_edge_),
-              shaft = static_cast<float>(surface_.pin.length);
+  const scene::PinTip tip = scene::pin_tip(spec, surface_.pin.top_x, surface_.pin.top_y);
+  const float depth = tip.height + static_cast<float>(surface_.pin.length);
   std::vector<Eigen::Vector2f> outline;
-  float tip_height = 0.0F;
-  if (shape == 1) {
+  if (tip.shape == scene::TipShape::kHemisphere) {
     constexpr int kRings = 6;
-    tip_height = radius;
     for (int i = 0; i <= kRings; ++i) {
       const float angle = 1.5707963F * static_cast<float>(i) / kRings;
-      outline.emplace_back(radius * std::sin(angle), radius * (std::cos(angle) - 1.0F));
+      outline.emplace_back(tip.radius * std::sin(angle), tip.radius * (std::cos(angle) - 1.0F));
     }
-  } else if (shape == 2) {
-    tip_height = radius / std::tan(value_or("tip.half_angle", 0.78539816F));
-    outline = {{0.0F, 0.0F}, {radius, -tip_height}};
+  } else if (tip.shape == scene::TipShape::kCone) {
+    outline = {{0.0F, 0.0F}, {tip.radius, -tip.height}};
   }
-  const float depth = tip_height + shaft;
-  if (!outline.empty()) outline.emplace_back(radius, -depth);
+  if (!outline.empty()) outline.emplace_back(tip.radius, -depth);
   const Eigen::Vector2f half_edges(0.5F * static_cast<float>(surface_.pin.top_x),
                                    0.5F * static_cast<float>(surface_.pin.top_y));
   const std::size_t mesh =
-      add_mesh(outline.empty() ? rounded_prism_mesh(segments_, half_edges,
-                                                    value_or("tip.corner_radius", 0.25F * top_edge_), depth)
-                               : turned_mesh(segments_, outline, -tip_height - 1e-3F));
+      add_mesh(outline.empty() ? rounded_prism_mesh(segments_, half_edges, tip.radius, depth)
+                               : turned_mesh(segments_, outline, -tip.height - 1e-3F));
   return [=, this](std::size_t cell, const scene::Snapshot& snapshot, const scene::ActuatorState&) {
     const CellFrame f = cell_frame(cell, snapshot);
     meshes_[mesh].instances.push_back(
