@@ -17,10 +17,16 @@ target_compile_options(project_options INTERFACE
 target_include_directories(project_options INTERFACE ${PROJECT_SOURCE_DIR})
 target_compile_definitions(project_options INTERFACE SMARTSURF_VERSION="${PROJECT_VERSION}")
 # The instruction sets that vector kernels are compiled for. A copy for SSSE3 alone does not pay: such a CPU runs the
-# SSE2 or SSE4 one. Sanitizer builds compile for the baseline and AVX2 only, because such a file then takes longer than
-# the rest of its module.
+# SSE2 or SSE4 one. Sanitizer builds compile for one set, AVX2 where this machine has it, because such a file then takes
+# longer than the rest of its module.
 if(SMARTSURF_SANITIZE)
   target_compile_definitions(project_options INTERFACE "HWY_DISABLED_TARGETS=(HWY_SSSE3|HWY_SSE4|HWY_AVX3)")
+  file(READ /proc/cpuinfo cpu_features)
+  if(cpu_features MATCHES " avx2 ")
+    target_compile_definitions(project_options INTERFACE HWY_BASELINE_TARGETS=HWY_AVX2)
+  else()
+    target_compile_definitions(project_options INTERFACE HWY_COMPILE_ONLY_STATIC)
+  endif()
 elseif(CMAKE_SYSTEM_PROCESSOR MATCHES "aarch64|arm64")
   # Vectors are members of structures, which SVE's vectors without a size cannot be: NEON alone.
   target_compile_definitions(project_options INTERFACE
@@ -37,7 +43,7 @@ if(SMARTSURF_SANITIZE)
   # come from another process's bytes. A unit test's own code is not instrumented by UBSan.
   if(SMARTSURF_SANITIZE MATCHES "address.*undefined")
     target_compile_options(project_options INTERFACE
-      -fno-sanitize=null,object-size,vptr,nonnull-attribute,returns-nonnull-attribute
+      -fno-sanitize=null,object-size,pointer-overflow,vptr,nonnull-attribute,returns-nonnull-attribute
       $<$<NOT:$<BOOL:$<TARGET_PROPERTY:TAKES_FOREIGN_BYTES>>>:-fno-sanitize=alignment>
       $<$<BOOL:$<TARGET_PROPERTY:IS_UNIT_TEST>>:-fno-sanitize=undefined>)
   endif()
