@@ -40,7 +40,7 @@ UnfinishedFile::~UnfinishedFile() {
 void remove_unfinished_files() noexcept {
   const pid_t self = ::getpid();
   for (const Slot& slot : slots)
-    if (slot.owner.load() == self) ::unlink(slot.path.data());
+    if (slot.owner.load() == self && ::unlink(slot.path.data()) != 0) ::rmdir(slot.path.data());
 }
 
 }  // namespace common

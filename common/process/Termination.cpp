@@ -25,13 +25,7 @@ const char* program_name = "";
 std::atomic<bool> in_main{false};
 std::array<struct sigaction, kCrashes.size()> earlier_actions;
 
-[[noreturn]] void end_process(const char* reason) noexcept {
-  print_error_line(program_name, reason);
-  remove_unfinished_files();
-  ::_exit(kFailed);
-}
-
-[[noreturn]] void end_without_memory() noexcept { end_process(failure_text(std::bad_alloc())); }
+[[noreturn]] void end_without_memory() noexcept { end_process(failure_text(std::bad_alloc()), kFailed); }
 
 [[noreturn]] void on_terminate() {
   try {
@@ -58,7 +52,7 @@ extern "C" void on_crash(int signal, siginfo_t* cause, void*) {
 extern "C" void on_exit_in_main() {
   if (!in_main.load()) return;
   if (errno == ENOMEM) end_without_memory();
-  end_process("a library has ended the process");
+  end_process("a library has ended the process", kFailed);
 }
 
 }  // namespace
@@ -82,5 +76,11 @@ Termination::Termination(const char* program) noexcept {
 }
 
 Termination::~Termination() { in_main.store(false); }
+
+void end_process(const char* reason, int status) noexcept {
+  if (reason != nullptr) print_error_line(program_name, reason);
+  remove_unfinished_files();
+  ::_exit(status);
+}
 
 }  // namespace common

@@ -18,4 +18,8 @@ class Termination {
   Termination& operator=(const Termination&) = delete;
 };
 
+// Ends the process at once and without its unfinished files, for work that cannot be interrupted. `reason` is its line;
+// null: none. Only while a Termination lives; any thread.
+[[noreturn]] void end_process(const char* reason, int status) noexcept;
+
 }  // namespace common

@@ -45,7 +45,7 @@ std::vector<std::string> ffmpeg_command(const fs::path& file, int width, int hei
 }  // namespace
 
 VideoEncoder::VideoEncoder(const fs::path& file, int width, int height, int frames_per_second)
-    : file_(file), part_(file.string() + ".part.mp4"), width_(width), height_(height) {
+    : file_(file), part_(file.string() + ".part.mp4"), unfinished_(part_), width_(width), height_(height) {
   assert(width % 2 == 0 && height % 2 == 0);
   const std::string name = file.string();
   if (file.extension() != ".mp4") throw UserError(name + ": a video's name must end in .mp4");

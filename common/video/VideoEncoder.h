@@ -5,6 +5,7 @@
 
 #include <filesystem>
 
+#include "common/files/UnfinishedFile.h"
 #include "common/image/Image.h"
 
 namespace common {
@@ -29,6 +30,7 @@ class VideoEncoder {
   int close_and_wait();
 
   std::filesystem::path file_, part_;
+  UnfinishedFile unfinished_;  // part_
   int width_, height_;
   pid_t child_ = -1;
   int socket_ = -1;

@@ -12,6 +12,7 @@
 #include "common/process/StopSignals.h"
 #include "smartsurf/mesh/SolidLibrary.h"
 #include "smartsurf/run/OutputFile.h"
+#include "smartsurf/run/ScriptOverrun.h"
 
 namespace smartsurf::run {
 namespace {
@@ -31,6 +32,7 @@ script::LoadOptions make_load_options(const RunOptions& options) {
   load_options.unsafe = options.unsafe;
   load_options.solid_factory = std::make_shared<mesh::SolidLibrary>();
   load_options.stop = &common::stop_flag();
+  load_options.end_process = end_for_script;
   // A script may write only into the folder of the first recording; without recordings, nowhere.
   if (!options.recording_files.empty()) {
     const std::filesystem::path folder = std::filesystem::path(options.recording_files.front()).parent_path();

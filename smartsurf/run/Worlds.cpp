@@ -12,6 +12,7 @@
 #include "common/process/StopSignals.h"
 #include "smartsurf/run/OutputFile.h"
 #include "smartsurf/run/Run.h"
+#include "smartsurf/run/ScriptOverrun.h"
 #include "smartsurf/script/Experiment.h"
 
 namespace smartsurf::run {
@@ -36,6 +37,7 @@ std::uint64_t experiment_seed(const RunOptions& options) {
   load.unsafe = options.unsafe;
   load.print_output = [](std::string_view) {};
   load.stop = &common::stop_flag();
+  load.end_process = end_for_script;
   return script::Experiment::load(options.experiment, load).scene().world.seed;
 }
 

@@ -55,6 +55,10 @@ struct LoadOptions {
   double load_time_s = 30.0, callback_time_s = 10.0;
   // Ends a running script with script::Interrupted; null = never.
   const std::atomic<bool>* stop = nullptr;
+  // Ends the process, with `message` as its line or, after `stop`, none (""). Called by another thread when a single
+  // operation takes longer than the processor time allowed, or goes on after `stop`: Lua cannot interrupt it. Null, or
+  // `unsafe`: the operation is waited for.
+  void (*end_process)(const std::string& message) = nullptr;
 };
 
 // A script was stopped by LoadOptions::stop.

@@ -11,6 +11,7 @@
 #include "smartsurf/run/ControllerProcess.h"
 #include "smartsurf/run/OutputFile.h"
 #include "smartsurf/run/Run.h"
+#include "smartsurf/run/ScriptOverrun.h"
 #include "smartsurf/run/Worlds.h"
 #include "smartsurf/run/cli/FlagValues.h"
 #include "smartsurf/run/cli/Subcommands.h"
@@ -135,6 +136,7 @@ script::Experiment load_silently(const std::string& file,
   options.seed = seed;
   options.engine = engine;
   options.print_output = [](std::string_view) {};
+  options.end_process = end_for_script;
   options.solid_factory = std::make_shared<mesh::SolidLibrary>();
   return script::Experiment::load(file, options);
 }

@@ -8,8 +8,11 @@
 #include <cstring>
 #include <filesystem>
 #include <new>
+#include <optional>
 
+#include "common/files/UnfinishedFile.h"
 #include "smartsurf/mesh/SolidLibrary.h"
+#include "smartsurf/run/ScriptOverrun.h"
 #include "smartsurf/simulation/Simulation.h"
 #include "smartsurf/world/bullet/EngineFactory.h"
 
@@ -24,6 +27,7 @@ class TemporaryDirectory {
   TemporaryDirectory() : path_((fs::temp_directory_path() / "smartsurf-verify-XXXXXX").string()) {
     if (::mkdtemp(path_.data()) == nullptr)
       throw std::runtime_error("cannot create a folder in " + fs::temp_directory_path().string());
+    unfinished_.emplace(path_);
   }
   ~TemporaryDirectory() {
     try {
@@ -39,6 +43,7 @@ class TemporaryDirectory {
 
  private:
   std::string path_;
+  std::optional<common::UnfinishedFile> unfinished_;
 };
 
 [[noreturn]] void throw_input_error(const record::Recording& recording, const std::string& why) {
@@ -87,6 +92,7 @@ script::Experiment reload_experiment(const record::Recording& recording, const f
                                      const std::atomic<bool>& stop) {
   script::LoadOptions options;
   options.stop = &stop;
+  options.end_process = end_for_script;
   for (const auto& assignment : recording.meta().overrides)
     options.overrides.emplace_back(assignment.name, assignment.value);
   options.seed = recording.spec().world.seed;

@@ -19,20 +19,17 @@ namespace {
 constexpr std::size_t kShortStringBytes = 64 << 10;
 constexpr std::size_t kStringHeaderBytes = 64;  // upper bound
 constexpr std::int64_t kTimeCheckInterval_ns = 5'000'000;
-constexpr double kTimeAfterStop_s = 0.5;  // for a short callback to end
 constexpr std::size_t kMaxMessageLength = 500;
+constexpr std::size_t kSourcePieceBytes = 4096;
+constexpr const char* kOverrun =
+    ": one operation of the script took too long and cannot be interrupted: a table or a string that is too "
+    "large?";
 
 // Finds the innermost Lua function of the script on the call stack. C functions have no line.
 bool find_innermost_line(lua_State* L, lua_Debug& ar) {
   for (int level = 0; lua_getstack(L, level, &ar); ++level)
     if (lua_getinfo(L, "Sl", &ar) && ar.currentline > 0 && ar.source[0] == '@') return true;
   return false;
-}
-
-double thread_time_s() {
-  struct timespec now {};
-  ::clock_gettime(CLOCK_THREAD_CPUTIME_ID, &now);
-  return static_cast<double>(now.tv_sec) + 1e-9 * static_cast<double>(now.tv_nsec);
 }
 
 std::int64_t coarse_time_ns() {
@@ -73,6 +70,11 @@ Interpreter::Interpreter(ScriptContext& context, std::size_t memory_limit)
   lua_ = L;
   ScriptContext* const pointer = &context_;
   std::memcpy(lua_getextraspace(L), &pointer, sizeof pointer);
+  const LoadOptions& options = context.options;
+  if (options.end_process == nullptr || options.unsafe) return;
+  watch_ = std::make_unique<OperationWatch>(options.stop, [this](bool stopped) {
+    context_.options.end_process(stopped ? std::string() : context_.spec.file + kOverrun);
+  });
 }
 
 Interpreter::~Interpreter() {
@@ -156,9 +158,10 @@ void Interpreter::check_time(lua_State* L) {
   const std::int64_t now_ns = coarse_time_ns();
   if (now_ns - last_time_check_ns_ < kTimeCheckInterval_ns) return;
   last_time_check_ns_ = now_ns;
+  if (watch_) watch_->next();
   // The clock of the thread is a system call, which short calls do without.
-  if (started_s_ < 0.0) started_s_ = thread_time_s();
-  const double used_s = thread_time_s() - started_s_;
+  if (started_s_ < 0.0) started_s_ = thread_time_s(CLOCK_THREAD_CPUTIME_ID);
+  const double used_s = thread_time_s(CLOCK_THREAD_CPUTIME_ID) - started_s_;
   const std::atomic<bool>* const stop = context_.options.stop;
   const bool stopped = stop != nullptr && stop->load(std::memory_order_relaxed);
   if (used_s <= (stopped ? std::min(kTimeAfterStop_s, time_limit_s_) : time_limit_s_)) return;
@@ -221,7 +224,23 @@ void Interpreter::compile(lua_State* L, const std::string& text, const std::stri
     lua_pushfstring(L, "%s:1: this is compiled Lua; give the source text", file.c_str());
     lua_error(L);
   }
-  if (luaL_loadbufferx(L, source.data(), source.size(), chunk.c_str(), "t") != LUA_OK) lua_error(L);
+  if (compile_metered(L, source, chunk.c_str()) != LUA_OK) lua_error(L);
+}
+
+int Interpreter::compile_metered(lua_State* L, std::string_view text, const char* chunk) {
+  struct Source {
+    Interpreter& interpreter;
+    std::string_view rest;
+  } source{*this, text};
+  const lua_Reader read = [](lua_State* state, void* data, std::size_t* size) {
+    auto& from = *static_cast<Source*>(data);
+    const std::string_view piece = from.rest.substr(0, kSourcePieceBytes);
+    from.rest.remove_prefix(piece.size());
+    from.interpreter.charge(state, piece.size());
+    *size = piece.size();
+    return piece.data();
+  };
+  return lua_load(L, read, &source, chunk, "t");
 }
 
 void Interpreter::call(int arguments, int results, const Budget& budget,
@@ -238,11 +257,13 @@ void Interpreter::call(int arguments, int results, const Budget& budget,
                        static_cast<int>(std::clamp<std::uint64_t>(budget.instructions, 1, kHookInterval)));
   running_ = lua_;
   set_hook(lua_, interval_);
+  if (watch_) watch_->begin(time_limit_s_);
   const int base = lua_gettop(lua_) - arguments;
   lua_pushcfunction(lua_, &Interpreter::on_error);
   lua_insert(lua_, base);
   const int status = lua_pcall(lua_, arguments, results, base);
   running_ = nullptr;
+  if (watch_) watch_->end();
   lua_sethook(lua_, nullptr, 0, 0);
   lua_remove(lua_, base);
   if (budget_exceeded_ && excess_ == Excess::kStop) {

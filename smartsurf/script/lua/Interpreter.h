@@ -9,6 +9,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <exception>
+#include <memory>
 #include <optional>
 #include <stdexcept>
 #include <string>
@@ -16,6 +17,7 @@
 #include <vector>
 
 #include "smartsurf/scene/SceneSpec.h"
+#include "smartsurf/script/lua/OperationWatch.h"
 
 namespace smartsurf::script {
 
@@ -58,6 +60,8 @@ class Interpreter {
   // Compiles source text (not bytecode) with the chunk name `file` and pushes the function, or raises a Lua
   // error on `L`. Call only inside call().
   void compile(lua_State* L, const std::string& text, const std::string& file);
+  // As lua_load() with mode "t", but charges an instruction for each byte as the compiler takes it.
+  int compile_metered(lua_State* L, std::string_view text, const char* chunk);
 
   // Charges instructions to the budget of the running call. Raises a Lua error on `L` when it is exceeded. A
   // library function that takes long calls it before or while it works.
@@ -75,6 +79,7 @@ class Interpreter {
     lua_State* caller_;
   };
   bool budget_exceeded() const { return budget_exceeded_; }
+  std::size_t memory_used() const { return memory_used_; }  // of the Lua heap, in bytes
   // Stores an exception that is not the script's error; call() rethrows it.
   void defer_exception(std::exception_ptr e) { deferred_exception_ = std::move(e); }
 
@@ -121,6 +126,7 @@ class Interpreter {
   std::vector<Chunk> chunks_;
   std::string error_location_, memory_error_location_;
   std::exception_ptr deferred_exception_;
+  std::unique_ptr<OperationWatch> watch_;  // null without LoadOptions::end_process
 };
 
 // A number as shown in messages; "nan" has no sign.

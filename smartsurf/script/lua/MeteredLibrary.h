@@ -13,7 +13,9 @@ inline void replace_function(lua_State* L, const char* name, lua_CFunction funct
   lua_setfield(L, -2, name);
 }
 
+// Including table.sort.
 void bind_table_functions(lua_State* L);
+void bind_table_sort(lua_State* L);
 // Including the pattern functions.
 void bind_string_functions(lua_State* L);
 void bind_pattern_functions(lua_State* L);

@@ -135,25 +135,31 @@ int gmatch(ScriptContext&, lua_State* L) {
   return 1;
 }
 
+void append_within_limit(std::string& result, std::string_view text) {
+  if (text.size() > kMaxStringBytes - result.size())
+    throw ScriptError("string.gsub: a string is longer than 16 MiB");
+  result.append(text);
+}
+
 // The replacement string with %0 to %9 and %% expanded.
 void append_expanded(lua_State* L, std::string& result, const PatternMatcher& matcher,
                      std::string_view subject, std::size_t begin, std::size_t end) {
   const std::string_view text = check_text(L, 3);
   for (std::size_t i = 0; i < text.size(); ++i) {
     if (text[i] != '%') {
-      result += text[i];
+      append_within_limit(result, text.substr(i, 1));
       continue;
     }
     const char c = ++i < text.size() ? text[i] : '\0';
     if (c == '%' && i < text.size()) {
-      result += '%';
+      append_within_limit(result, "%");
     } else if (c == '0') {
-      result.append(subject.substr(begin, end - begin));
+      append_within_limit(result, subject.substr(begin, end - begin));
     } else if (c >= '1' && c <= '9') {
       push_capture(L, matcher, static_cast<std::size_t>(c - '1'), subject, begin, end);
       std::size_t length = 0;
       const char* const capture = luaL_tolstring(L, -1, &length);
-      result.append(capture, length);
+      append_within_limit(result, {capture, length});
       lua_pop(L, 2);
     } else {
       throw ScriptError("invalid use of '%' in replacement string");
@@ -178,11 +184,11 @@ void append_replacement(lua_State* L, std::string& result, const PatternMatcher&
       return;
   }
   if (lua_toboolean(L, -1) == 0) {
-    result.append(subject.substr(begin, end - begin));
+    append_within_limit(result, subject.substr(begin, end - begin));
   } else if (lua_isstring(L, -1) != 0) {
     std::size_t length = 0;
     const char* const text = lua_tolstring(L, -1, &length);
-    result.append(text, length);
+    append_within_limit(result, {text, length});
   } else {
     throw ScriptError(std::string("invalid replacement value (a ") + luaL_typename(L, -1) + ")");
   }
@@ -210,19 +216,19 @@ int gsub(ScriptContext& context, lua_State* L) {
     if (end && end != last) {
       ++count;
       const std::size_t before = result.size();
+      if (type == LUA_TSTRING) context.interpreter->charge(L, lua_rawlen(L, 3) / kStepsPerInstruction);
       append_replacement(L, result, matcher, subject, s, *end);
       context.interpreter->charge(L, 1 + (result.size() - before) / kBytesPerInstruction);
       s = *end;
       last = end;
     } else if (s < subject.size()) {
-      result += subject[s++];
+      append_within_limit(result, subject.substr(s++, 1));
     } else {
       break;
     }
-    if (result.size() > kMaxStringBytes) throw ScriptError("string.gsub: a string is longer than 16 MiB");
     if (anchored) break;
   }
-  if (s < subject.size()) result.append(subject.substr(s));
+  if (s < subject.size()) append_within_limit(result, subject.substr(s));
   lua_pushlstring(L, result.data(), result.size());
   lua_pushinteger(L, count);
   return 2;

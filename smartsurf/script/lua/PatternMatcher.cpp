@@ -9,6 +9,8 @@
 namespace smartsurf::script {
 namespace {
 
+constexpr std::size_t kSetCharactersPerStep = 4;
+
 // Whether `c` belongs to the class of the letter; an upper-case letter is the complement. Other characters stand
 // for themselves.
 bool in_class(unsigned char c, unsigned char letter) {
@@ -58,8 +60,9 @@ PatternMatcher::PatternMatcher(std::string_view subject, std::string_view patter
 
 PatternMatcher::~PatternMatcher() = default;
 
-void PatternMatcher::count_step() {
-  if (++steps_ == kReportInterval) report_steps_(std::exchange(steps_, 0));
+void PatternMatcher::count_steps(std::size_t steps) {
+  steps_ += steps;
+  if (steps_ >= kReportInterval) report_steps_(std::exchange(steps_, 0));
 }
 
 std::optional<std::size_t> PatternMatcher::match_at(std::size_t position) {
@@ -81,7 +84,7 @@ std::size_t PatternMatcher::match(std::size_t s, std::size_t p) {
 // loop; the others recurse.
 std::size_t PatternMatcher::match_rest(std::size_t s, std::size_t p) {
   while (p < pattern_.size()) {
-    count_step();
+    count_steps();
     const char c = pattern_[p];
     if (c == '(') return at(p + 1) == ')' ? open_capture(s, p + 2, true) : open_capture(s, p + 1, false);
     if (c == ')') return close_capture(s, p + 1);
@@ -156,7 +159,7 @@ std::size_t PatternMatcher::match_balanced(std::size_t s, std::size_t p) {
   if (s >= subject_.size() || subject_[s] != open) return kNoMatch;
   std::size_t nested = 1;
   for (std::size_t i = s + 1; i < subject_.size(); ++i) {
-    count_step();
+    count_steps();
     if (subject_[i] == close) {
       if (--nested == 0) return i + 1;
     } else if (subject_[i] == open) {
@@ -193,28 +196,30 @@ std::size_t PatternMatcher::match_back_reference(std::size_t s, char digit) {
   const Capture& capture = captures_[i];
   if (capture.is_position) return kNoMatch;
   const std::string_view text = subject_.substr(capture.begin, capture.length);
-  for (std::size_t n = 0; n < text.size(); n += 16) count_step();
+  count_steps(text.size() / 16);
   return subject_.substr(s).starts_with(text) ? s + text.size() : kNoMatch;
 }
 
 // The index after the single-character item at `p`.
-std::size_t PatternMatcher::item_end(std::size_t p) const {
+std::size_t PatternMatcher::item_end(std::size_t p) {
   const char first = pattern_[p++];
   if (first == '%') {
     if (p >= pattern_.size()) throw ScriptError("malformed pattern (ends with '%')");
     return p + 1;
   }
   if (first != '[') return p;
+  const std::size_t begin = p;
   if (at(p) == '^') ++p;
   do {  // a ']' that comes first is a member
     if (p >= pattern_.size()) throw ScriptError("malformed pattern (missing ']')");
     if (pattern_[p++] == '%') ++p;
   } while (p >= pattern_.size() || pattern_[p] != ']');
+  count_steps((p - begin) / kSetCharactersPerStep);
   return p + 1;
 }
 
 bool PatternMatcher::matches_item(std::size_t s, std::size_t p, std::size_t end) {
-  count_step();
+  count_steps();
   if (s >= subject_.size()) return false;
   const auto c = static_cast<unsigned char>(subject_[s]);
   switch (pattern_[p]) {
@@ -230,7 +235,8 @@ bool PatternMatcher::matches_item(std::size_t s, std::size_t p, std::size_t end)
 }
 
 // `p` is the index of '[', `end` that of the closing ']'.
-bool PatternMatcher::in_set(unsigned char c, std::size_t p, std::size_t end) const {
+bool PatternMatcher::in_set(unsigned char c, std::size_t p, std::size_t end) {
+  count_steps((end - p) / kSetCharactersPerStep);
   bool member = true;
   ++p;
   if (pattern_[p] == '^') {

@@ -46,11 +46,11 @@ class PatternMatcher {
   std::size_t open_capture(std::size_t s, std::size_t p, bool is_position);
   std::size_t close_capture(std::size_t s, std::size_t p);
   std::size_t match_back_reference(std::size_t s, char digit);
-  std::size_t item_end(std::size_t p) const;
+  std::size_t item_end(std::size_t p);
   bool matches_item(std::size_t s, std::size_t p, std::size_t end);
-  bool in_set(unsigned char c, std::size_t p, std::size_t end) const;
+  bool in_set(unsigned char c, std::size_t p, std::size_t end);
   char at(std::size_t p) const { return p < pattern_.size() ? pattern_[p] : '\0'; }
-  void count_step();
+  void count_steps(std::size_t steps = 1);
 
   std::string_view subject_, pattern_;
   std::function<void(std::size_t)> report_steps_;

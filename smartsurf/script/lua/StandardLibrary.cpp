@@ -76,11 +76,26 @@ int io_write(ScriptContext& context, lua_State* L) {
 
 // Accepts source text only, because malformed bytecode can crash the interpreter.
 int load(ScriptContext& context, lua_State* L) {
-  if (lua_type(L, 1) == LUA_TSTRING) context.interpreter->charge(L, lua_rawlen(L, 1));
-  if (lua_gettop(L) < 3) lua_settop(L, 3);
-  lua_pushliteral(L, "t");
-  lua_replace(L, 3);
-  return call_wrapped(L);
+  if (lua_type(L, 1) != LUA_TSTRING) {
+    if (lua_gettop(L) < 3) lua_settop(L, 3);
+    lua_pushliteral(L, "t");
+    lua_replace(L, 3);
+    return call_wrapped(L);
+  }
+  std::size_t length = 0;
+  const char* const text = lua_tolstring(L, 1, &length);
+  const char* const chunk = luaL_optstring(L, 2, text);
+  const bool has_environment = !lua_isnone(L, 4);
+  if (context.interpreter->compile_metered(L, {text, length}, chunk) != LUA_OK) {
+    lua_pushnil(L);
+    lua_insert(L, -2);
+    return 2;
+  }
+  if (has_environment) {
+    lua_pushvalue(L, 4);
+    if (lua_setupvalue(L, -2, 1) == nullptr) lua_pop(L, 1);
+  }
+  return 1;
 }
 
 // Rejects __gc, because Lua runs finalizers with the count hook disabled.
@@ -174,10 +189,12 @@ void bind_coroutines(lua_State* L) {
   lua_pop(L, 1);
 }
 
-int collectgarbage(ScriptContext&, lua_State* L) {
+int collectgarbage(ScriptContext& context, lua_State* L) {
   const std::string mode = lua_isnoneornil(L, 1) ? "collect" : check_string(L, 1, "collectgarbage");
   if (mode != "collect" && mode != "count" && mode != "step")
     throw_invalid_value(L, 1, "collectgarbage", "'collect', 'count' or 'step'");
+  if (mode != "count")
+    context.interpreter->charge(L, context.interpreter->memory_used() / kBytesPerInstruction);
   lua_settop(L, 1);
   return call_wrapped(L);
 }

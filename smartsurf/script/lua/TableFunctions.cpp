@@ -110,39 +110,6 @@ int move(ScriptContext& context, lua_State* L) {
   return 1;
 }
 
-std::uint64_t comparisons_to_sort(lua_Integer length) {
-  std::uint64_t logarithm = 1;
-  while (logarithm < 63 && (lua_Integer{1} << logarithm) < length) ++logarithm;
-  return static_cast<std::uint64_t>(length) * logarithm;
-}
-
-// Sorts a copy of a table with a metatable, whose length could differ between the charge and the sort.
-int sort(ScriptContext& context, lua_State* L) {
-  const lua_Integer length = table_length(L);
-  lua_settop(L, 2);
-  if (length < 2) return 0;
-  luaL_argcheck(L, length < INT_MAX, 1, "array too big");
-  context.interpreter->charge(L, comparisons_to_sort(length));
-  const bool copies = lua_getmetatable(L, 1) != 0;
-  lua_settop(L, 2);
-  if (copies) {
-    lua_createtable(L, 0, 0);
-    for (lua_Integer i = 1; i <= length; ++i) {
-      lua_geti(L, 1, i);
-      lua_rawseti(L, 3, i);
-    }
-  }
-  lua_pushvalue(L, lua_upvalueindex(1));
-  lua_pushvalue(L, copies ? 3 : 1);
-  lua_pushvalue(L, 2);
-  lua_call(L, 2, 0);
-  for (lua_Integer i = 1; copies && i <= length; ++i) {
-    lua_rawgeti(L, 3, i);
-    lua_seti(L, 1, i);
-  }
-  return 0;
-}
-
 }  // namespace
 
 void bind_table_functions(lua_State* L) {
@@ -152,8 +119,8 @@ void bind_table_functions(lua_State* L) {
   replace_function(L, "concat", guarded<concat>);
   replace_function(L, "unpack", guarded<unpack>);
   replace_function(L, "move", guarded<move>);
-  replace_function(L, "sort", guarded<sort>);
   lua_pop(L, 1);
+  bind_table_sort(L);
 }
 
 }  // namespace smartsurf::script

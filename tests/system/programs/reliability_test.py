@@ -221,5 +221,49 @@ class Reproducible(ReliabilityTest):
         self.assertEqual(self.run_program(SMARTSURF, "replay", "run.h5", "--verify")[0], 0)
 
 
+class HostileRecording(ReliabilityTest):
+    """A recording whose script turns hostile when it runs again: a file beside it, which the sandbox lets it read, says how."""
+    ATTACKS = {
+        "instructions": "while true do pcall(function() while true do end end) end",
+        "a length that a metamethod returns": "table.insert(huge, 1, 0)",
+        "a loop of a library function": "table.concat(huge)",
+        "keys in order": "local t = {} for i = 1, 1e5 do t[i] = i end while true do next(t) end",
+        "a pattern": "('b'):rep(1e6):find('[' .. ('a'):rep(1e6) .. ']')",
+        "a replacement": "('x'):rep(1e6):gsub('.*', ('%0'):rep(1e6))",
+        "a comparison": "local t = {} for i = 1, 1e6 do t[i] = -i end while true do table.sort(t, function() return true end) end",
+        "coroutines": "local function f() return coroutine.wrap(f)() end while true do pcall(f) end",
+    }
+    # One assignment that takes minutes: the keys collide in the table's next size.
+    ENDLESS = "local t, step = {}, (1 << 20) - 1 for i = 1, (1 << 19) + 1 do t[i * step] = true end"
+
+    def setUp(self):
+        super().setUp()
+        attacks = "".join(f"function() {code} end, " for code in (*self.ATTACKS.values(), self.ENDLESS))
+        scene = self.write("later.lua", "surface { rows = 4, columns = 4, actuator = pin {} }\n"
+                           "local huge = setmetatable({}, {__len = function() return math.maxinteger - 1 end, "
+                           "__index = function() return '' end})\n"
+                           f"local attacks = {{ {attacks} }}\n"
+                           "on_tick(function(t) local file = t > 0.1 and io.open('attack.txt') "
+                           "if file then attacks[file:read('n')]() end end)\n")
+        status, _, err = self.run_program(SMARTSURF, "run", scene, "--no-controller", "--ticks", "20", "--record", "run.h5")
+        self.assertEqual(status, 0, err)
+
+    def test_replaying_it_ends_with_one_line(self):
+        for number, name in enumerate(self.ATTACKS, 1):
+            self.write("attack.txt", str(number))
+            status, err = self.run_limited([SMARTSURF, "replay", "run.h5", "--verify"], patience=120)
+            self.assertEqual(status, 2, (name, err))
+            self.assertIn("later.lua:", err)
+            self.assert_one_line(err)
+
+    def test_signal_ends_an_operation_that_cannot_be_interrupted(self):
+        self.write("attack.txt", str(len(self.ATTACKS) + 1))
+        replay = self.start(SMARTSURF, "replay", "run.h5", "--verify")
+        time.sleep(1)
+        replay.terminate()
+        status, _, err = self.finish(replay, 60)
+        self.assertEqual(status, 143, err)
+
+
 if __name__ == "__main__":
     unittest.main()

@@ -194,7 +194,10 @@ TEST_F(BudgetTest, ChargesWorkOnLongTablesAndStrings) {
         "local s = ('x'):rep(1e6) while true do s:upper() end",
         "local s = ('x'):rep(1e6) while true do s:find('y', 1, true) end",
         "local s = ('a'):rep(30) s:find(('a?'):rep(30) .. ('a'):rep(31))",
-        "local s = ('a'):rep(1e4) s:match('.-.-.-.-b')", "local s = ('('):rep(1e5) s:gsub('%b()', '')"})
+        "local s = ('a'):rep(1e4) s:match('.-.-.-.-b')", "local s = ('('):rep(1e5) s:gsub('%b()', '')",
+        "local s = ('b'):rep(1e3) s:find('[' .. ('a'):rep(1e5) .. ']')",
+        "local s = ('b'):rep(1e3) s:find('x?[' .. ('a'):rep(1e5) .. ']')",
+        "local t = {} for i = 1, 1e4 do t[i] = {} end for i = 1, 1000 do collectgarbage() end"})
     EXPECT_EQ(error_of(statement), over("t.lua:1")) << statement;
 }
 
@@ -220,6 +223,8 @@ TEST_F(SandboxTest, LimitsStringLength) {
   const std::string tail = "t.lua:1: a string is longer than 16 MiB";
   EXPECT_EQ(error_of("local s = ('x'):rep((1 << 24) + 100)"), tail);
   EXPECT_EQ(error_of("local s = ('x'):rep(1 << 23) s = s .. s .. s"), tail);
+  EXPECT_EQ(error_of("local s = ('x'):rep(1e6):gsub('.*', ('%0'):rep(1e6))"),
+            "t.lua:1: string.gsub: a string is longer than 16 MiB");
   EXPECT_EQ(error_of("string.pack('c999999999', '')"),
             "t.lua:1: string.pack: a string is longer than 16 MiB");
 }
@@ -246,6 +251,53 @@ TEST_F(SandboxTest, TextOfValuesIsTheSameInEveryRun) {
             "table: 1\ttable: 2\tfunction: 3\tthread: 4\tpoint: 5\n"
             "table: 1\ttable: 1     x table: 2  |2 (null) 7%\ttable: 1\n"
             "own\tnil\t1.5\ntrue\n");
+}
+
+// An adversary of quicksort (McIlroy 1999) decides the order while it is asked, so that parts become as uneven as they
+// can. Lua then takes its pivots from the clock.
+TEST_F(SandboxTest, SortComparesTheSameInEveryRun) {
+  load_on_surface(R"(
+    local function order_found(n)
+      local value, list, solid, candidate = {}, {}, 0, 0
+      for i = 1, n do value[i], list[i] = n, i end
+      table.sort(list, function(a, b)
+        if value[a] == n and value[b] == n then
+          local frozen = a == candidate and a or b
+          value[frozen], solid = solid, solid + 1
+        end
+        if value[a] == n then candidate = a elseif value[b] == n then candidate = b end
+        return value[a] < value[b]
+      end)
+      return table.concat(value, ' ')
+    end
+    local first = order_found(2000)
+    for _ = 1, 3 do print(order_found(2000) == first) end)");
+  EXPECT_EQ(printed, "true\ntrue\ntrue\n");
+}
+
+using OverrunDeathTest = ScriptTest;
+
+// The keys of a growing table collide in its next size, so that one assignment takes time in proportion to their square.
+constexpr const char* kUninterruptible =
+    "local t, step = {}, (1 << 19) - 1 for i = 1, (1 << 18) + 1 do t[i * step] = true end";
+
+TEST_F(OverrunDeathTest, UninterruptibleOperationEndsTheProcess) {
+  GTEST_FLAG_SET(death_test_style, "threadsafe");
+  options.load_time_s = 0.3;
+  options.end_process = [](const std::string& message) {
+    std::fprintf(stderr, "%s\n", message.c_str());
+    std::_Exit(2);
+  };
+  EXPECT_EXIT(error_of(kUninterruptible), testing::ExitedWithCode(2),
+              "t.lua: one operation of the script took too long and cannot be interrupted");
+}
+
+TEST_F(OverrunDeathTest, StopEndsUninterruptibleOperation) {
+  GTEST_FLAG_SET(death_test_style, "threadsafe");
+  static std::atomic<bool> stop{true};
+  options.stop = &stop;
+  options.end_process = [](const std::string& message) { std::_Exit(message.empty() ? 143 : 1); };
+  EXPECT_EXIT(error_of(kUninterruptible), testing::ExitedWithCode(143), "");
 }
 
 // Lua's own functions, which --unsafe leaves in place, are the reference.
