@@ -83,7 +83,7 @@ void ColumnSat::add_axisymmetric(const ConvexProxy& proxy) {
     const float length = along.norm();
     if (length < 0.05F) return;
     for (const Vec3& n : {Vec3(along / length), Vec3(along / -length)})
-      if (n.z() >= kMinAxisZ) add(n, n.dot(proxy.support_with_radius(-n)), 0.0F);
+      if (n.z() >= kMinAxisZ) add(n, n.dot(proxy.sharp_support(-n)), 0.0F);
   };
   const Vec3 along = proxy.axes.col(2);
   add_both_ways(along);
@@ -113,7 +113,7 @@ bool ColumnSat::find_radial_axis(const Column& q, BestAxis& out) const {
   const Vec3 away(centre.x() - edge.x(), centre.y() - edge.y(), 0.0F);
   if (away.x() == 0.0F || away.y() == 0.0F) return false;
   out.normal = away.normalized();
-  out.separation = out.normal.dot(round_proxy_->support_with_radius(-out.normal) - edge);
+  out.separation = out.normal.dot(round_proxy_->sharp_support(-out.normal) - edge);
   return true;
 }
 

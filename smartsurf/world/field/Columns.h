@@ -24,6 +24,10 @@ struct Column {
   bool bridged_west, bridged_east, bridged_south, bridged_north;
 
   bool contains(float x, float y) const { return x >= west && x <= east && y >= south && y <= north; }
+  // Greatest projection of its points on a direction that does not point down.
+  float max_projection(const Vec3& n) const {
+    return n.x() * (n.x() > 0 ? east : west) + n.y() * (n.y() > 0 ? north : south) + n.z() * top;
+  }
   bool all_bridged() const { return bridged_west && bridged_east && bridged_south && bridged_north; }
   // Whether the normal leans over a bridged side by more than the tolerance: the contact then belongs to the neighbour.
   bool leans_over_bridge(float nx, float ny, float tolerance) const {

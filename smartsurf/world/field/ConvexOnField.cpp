@@ -130,8 +130,8 @@ class PartOnField {
     }
     for (int i = 0; i < 3; ++i) {
       const Vec3 unit = Vec3::Unit(i);
-      low_[i] = proxy_.support_with_radius(-unit)[i];
-      high_[i] = proxy_.support_with_radius(unit)[i];
+      low_[i] = proxy_.sharp_support(-unit)[i];
+      high_[i] = proxy_.sharp_support(unit)[i];
     }
   }
 
@@ -145,7 +145,7 @@ class PartOnField {
       for (int c = cells.column_begin; c < cells.column_end; ++c) {
         if (p.z() > columns_.top(r, c) + margin_) continue;
         const Column q = columns_.at(r, c);
-        if (!q.contains(p.x(), p.y())) continue;
+        if (!q.contains(p.x(), p.y()) || is_in_concave_corner(r, c, p)) continue;
         const EscapeDirection out = escape_direction(q, p, centre_, is_beside(q));
         if (std::isinf(out.distance)) continue;
         candidates_.add({p - out.normal * out.distance, out.normal, out.distance, columns_.index(r, c)});
@@ -184,8 +184,47 @@ class PartOnField {
           ++p.row_end;
         }
         r = p.row_end - 1;
+        if (!p.column.all_bridged()) fit_concave_corners(p);
         each(p);
       }
+  }
+
+  // Neighbouring columns meet in the middle of the gap. Where the sides of one of them end in a concave corner, that one
+  // reaches to the far edge of the gap, and the other begins there: the corner is filled, and nothing beyond it.
+  void fit_concave_corners(Plateau& p) const {
+    const surface::Field& f = columns_.field();
+    const float half_gap_x = 0.5F * columns_.pitch() - f.half_top_x,
+                half_gap_y = 0.5F * columns_.pitch() - f.half_top_y;
+    Column& q = p.column;
+    const auto ends_at = [](bool side, bool neighbours_side) { return !side && neighbours_side; };
+    const auto shift_y = [&](const Column& n) {
+      if (ends_at(q.bridged_west, n.bridged_west) || ends_at(q.bridged_east, n.bridged_east))
+        return half_gap_y;
+      return ends_at(n.bridged_west, q.bridged_west) || ends_at(n.bridged_east, q.bridged_east) ? -half_gap_y
+                                                                                                : 0.0F;
+    };
+    const auto shift_x = [&](int column) {
+      const Column first = columns_.at(p.row_begin, column), last = columns_.at(p.row_end - 1, column);
+      return ends_at(q.bridged_north, first.bridged_north) || ends_at(q.bridged_south, last.bridged_south)
+                 ? half_gap_x
+                 : 0.0F;
+    };
+    const Column before = q;
+    if (before.bridged_north) q.north += shift_y(columns_.at(p.row_begin - 1, p.column_begin));
+    if (before.bridged_south) q.south -= shift_y(columns_.at(p.row_end, p.column_begin));
+    if (before.bridged_west) q.west -= shift_x(p.column_begin - 1);
+    if (before.bridged_east) q.east += shift_x(p.column_begin + 1);
+  }
+
+  // Whether a point of the column lies in the crossing of two gaps, beside a diagonal neighbour that is not level: there
+  // is nothing under it.
+  bool is_in_concave_corner(int row, int column, const Vec3& p) const {
+    const surface::Field& f = columns_.field();
+    const float x = p.x() - columns_.x(column), y = p.y() - columns_.y(row);
+    if (std::abs(x) <= f.half_top_x || std::abs(y) <= f.half_top_y) return false;
+    const int r = row + (y > 0 ? -1 : 1), c = column + (x > 0 ? 1 : -1);
+    return r < 0 || r >= f.rows || c < 0 || c >= f.columns ||
+           columns_.top(r, c) < columns_.top(row, column) - kLevelTolerance;
   }
 
   void collide_plateau(const Plateau& p, ColumnSat& sat, ManifoldReducer& out) {
@@ -201,10 +240,11 @@ class PartOnField {
     else
       add_contact_patch(part_feature, column_feature(p.column, axis.normal), axis.normal, margin_, 0, found);
     const bool is_polyhedral = part_.hull || part_.shape.kind == ShapeKind::kBox;
-    // For curved parts the separation along the SAT axis is only a lower bound.
-    const bool resolved =
-        found.count() > 0 && (is_polyhedral || found.min_separation() <= axis.separation + kTolerance);
-    if (!resolved) {
+    // For curved parts the separation along the SAT axis is only a lower bound. An edge of a polyhedral part may be deeper
+    // than the corners of its face.
+    const float tolerance = is_polyhedral ? kEdgeTolerance : kTolerance;
+    if (!(found.min_separation() <= axis.separation + tolerance)) {
+      if (is_polyhedral) add(p, found, out);
       found.clear();
       if (!add_edge_crossing(part_feature, p.column, axis, found))
         return is_polyhedral ? add_closest(p, axis, out) : collide_with_gjk(p, axis, out);
@@ -263,26 +303,66 @@ class PartOnField {
   void collide_with_gjk(const Plateau& p, const Escape& sat_axis, ManifoldReducer& out) const {
     const ClosestPoints closest = closest_to(p.column, sat_axis.normal);
     if (!closest.separated) return resolve_penetration(p, sat_axis, out);
-    const Escape axis{closest.normal, closest.distance - proxy_.convex_radius - kColumnConvexRadius};
-    if (axis.separation > margin_ || axis.normal.z() < -0.01F ||
-        p.column.leans_over_bridge(axis.normal.x(), axis.normal.y(), kLeanTolerance))
+    // The cores round edges and corners off: along the same normal, the sharp shapes may be closer.
+    const Escape axis{closest.normal, closest.normal.dot(proxy_.sharp_support(-closest.normal)) -
+                                          p.column.max_projection(closest.normal)};
+    if (axis.separation > margin_) return;
+    if (axis.normal.z() < -0.01F ||
+        p.column.leans_over_bridge(axis.normal.x(), axis.normal.y(), kLeanTolerance)) {
+      if (axis.separation < 0.0F) add_edge_points(p, out);
       return;
+    }
     ManifoldReducer found;
     const SupportFeature part_feature = support_feature(part_, centre_, axes_, -axis.normal);
     add_contact_patch(part_feature, column_feature(p.column, axis.normal), axis.normal, margin_, 0, found);
     // A lateral surface along an upper edge touches at both ends of their overlap.
     if (found.count() == 0 && part_feature.count == 2)
       add_contact_patch(part_feature, top_edge(p.column, axis.normal), axis.normal, margin_, 0, found);
-    if (found.count() == 0)
+    // Samples of a rim may miss where it is deepest.
+    if (found.min_separation() > axis.separation + kTolerance)
       found.add({closest.on_b + kColumnConvexRadius * closest.normal, axis.normal, axis.separation, 0});
     add(p, found, out);
+  }
+
+  // Adds the point of each free upper edge that is deepest inside the part. For a normal that leans over a bridge: the
+  // neighbour there is closer, but in a concave corner each cell leaves the part to the other.
+  void add_edge_points(const Plateau& p, ManifoldReducer& out) const {
+    const Column& q = p.column;
+    const Vec3 corner[4] = {{q.west, q.south, q.top},
+                            {q.east, q.south, q.top},
+                            {q.east, q.north, q.top},
+                            {q.west, q.north, q.top}};
+    const bool bridged[4] = {q.bridged_south, q.bridged_east, q.bridged_north, q.bridged_west};
+    for (std::size_t side = 0; side < 4; ++side)
+      if (!bridged[side]) add_deepest_point(p, corner[side], corner[(side + 1) % 4], out);
+  }
+
+  void add_deepest_point(const Plateau& p, const Vec3& from, const Vec3& to, ManifoldReducer& out) const {
+    constexpr int kBisections = 12;
+    constexpr float kMinNormalZ = 0.01F;  // a column has no way out below
+    const auto point_at = [&](float t) { return Vec3(from + t * (to - from)); };
+    const auto distance_at = [&](float t) {
+      return signed_distance(part_, axes_.transpose() * (point_at(t) - centre_));
+    };
+    // The distance is convex along the edge.
+    const Vec3 along = axes_.transpose() * (to - from);
+    float low = 0.0F, high = 1.0F;
+    for (int i = 0; i < kBisections; ++i) {
+      const float middle = 0.5F * (low + high);
+      (distance_at(middle).normal.dot(along) > 0.0F ? high : low) = middle;
+    }
+    const float deepest = 0.5F * (low + high);
+    const SignedDistance distance = distance_at(deepest);
+    const Vec3 normal = axes_ * -distance.normal;
+    if (distance.distance < 0.0F && normal.z() > kMinNormalZ)
+      add(p, ManifoldCandidate{point_at(deepest), normal, distance.distance, 0}, out);
   }
 
   // The GJK cores overlap: uses the SAT axis of least penetration and the deepest point of the part, clamped
   // to the column.
   void resolve_penetration(const Plateau& p, const Escape& axis, ManifoldReducer& out) const {
     const Column& q = p.column;
-    Vec3 position = proxy_.support_with_radius(-axis.normal) - axis.separation * axis.normal;
+    Vec3 position = proxy_.sharp_support(-axis.normal) - axis.separation * axis.normal;
     position.x() = std::clamp(position.x(), q.west, q.east);
     position.y() = std::clamp(position.y(), q.south, q.north);
     position.z() = std::min(position.z(), q.top);
@@ -298,7 +378,7 @@ class PartOnField {
                  ManifoldCandidate{closest.on_b + kColumnConvexRadius * closest.normal, axis.normal,
                                    axis.separation, 0},
                  out);
-    const Vec3 lowest = proxy_.support_with_radius(-axis.normal);
+    const Vec3 lowest = proxy_.sharp_support(-axis.normal);
     add(p, ManifoldCandidate{lowest - axis.separation * axis.normal, axis.normal, axis.separation, 0}, out);
   }
 
@@ -364,7 +444,7 @@ class PartOnField {
     out.add(c);
   }
 
-  static constexpr float kColumnConvexRadius = 0.01F, kTolerance = 2e-4F;  // u
+  static constexpr float kColumnConvexRadius = 0.01F, kTolerance = 2e-4F, kEdgeTolerance = 4e-3F;  // u
   const Columns& columns_;
   const ConvexPart& part_;
   const Vec3& centre_;

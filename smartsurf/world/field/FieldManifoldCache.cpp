@@ -223,8 +223,8 @@ bool FieldManifoldCache::reduce(const BodyStore& bodies, std::size_t i, float ma
       out.resize(first_contact);
       return false;
     }
-    int chosen[4];
-    const int count = points.select(chosen);
+    int chosen[ReductionPoints::kMaxSelected];
+    const int count = points.select(chosen, [&](int k) -> const Vec3& { return part_begin[k].normal; });
     for (const int k : std::span(chosen).first(static_cast<std::size_t>(count))) {
       const CachedPoint& p = part_begin[k];
       Contact& c = out.emplace_back();

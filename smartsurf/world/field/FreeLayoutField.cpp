@@ -130,6 +130,11 @@ void FreeLayoutField::load_local_grid(std::size_t cell, surface::Field& f) const
   for (int side = 0; side < 4; ++side)
     f.height[static_cast<std::size_t>(kNeighbourCell[side])] =
         is_bridged(cell, side) ? field_.column_height()[cell] : surface::kNoCellHeight;
+  // A corner between two level neighbours counts as filled.
+  for (const int corner : {0, 2, 6, 8}) {
+    const std::size_t row = corner < 3 ? 1 : 7, column = corner % 3 == 0 ? 3 : 5;
+    f.height[static_cast<std::size_t>(corner)] = std::min(f.height[row], f.height[column]);
+  }
   if (!field_.has_surface_velocity()) return;
   const float angle = field_.angle.empty() ? 0.0F : field_.angle[cell];
   const Vec3 local_velocity = rotated({field_.surface_velocity_x[cell], field_.surface_velocity_y[cell], 0},

@@ -164,6 +164,14 @@ Vec3 ConvexProxy::support(const Vec3& direction) const {
   return centre + axes * local_support(part, convex_radius, axes.transpose() * direction);
 }
 
+Vec3 ConvexProxy::sharp_support(const Vec3& unit_direction) const {
+  const bool has_edges = part.shape.kind != ShapeKind::kSphere && part.shape.kind != ShapeKind::kCapsule;
+  if (!has_edges) return support_with_radius(unit_direction);
+  const Vec3 d = axes.transpose() * unit_direction;
+  if (part.hull) return centre + axes * part.hull->hull->vertices[part.hull->corner_blocks.argmax(d)];
+  return centre + axes * local_support(part, 0.0F, d);
+}
+
 namespace {
 
 Vertex make_vertex(const ConvexProxy& a, const ConvexProxy& b, const Vec3& towards_a) {

@@ -24,6 +24,8 @@ struct ConvexProxy {
   Vec3 support_with_radius(const Vec3& unit_direction) const {
     return support(unit_direction) + convex_radius * unit_direction;
   }
+  // Support point of the part with its sharp edges, which the core plus convex_radius rounds off.
+  Vec3 sharp_support(const Vec3& unit_direction) const;
 };
 
 struct ClosestPoints {

@@ -17,7 +17,7 @@ void ManifoldReducer::add(const ManifoldCandidate& c) {
 }
 
 void ManifoldReducer::keep_selected() {
-  ManifoldCandidate kept[4];
+  ManifoldCandidate kept[ReductionPoints::kMaxSelected];
   int n = 0;
   reduce([&](const ManifoldCandidate& c) { kept[n++] = c; });
   clear();
@@ -77,7 +77,7 @@ int ReductionPoints::argmax(Spread measure) const {
   return first == 0 ? -1 : kIndexMask - (first & kIndexMask);
 }
 
-int ReductionPoints::select(int (&chosen)[4]) {
+int ReductionPoints::select_widest(int (&chosen)[kMaxSelected]) {
   if (count_ == 0) return 0;
   constexpr float kInfinity = std::numeric_limits<float>::infinity();
   chosen[0] = deepest();

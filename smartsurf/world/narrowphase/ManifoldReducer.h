@@ -22,14 +22,22 @@ class ReductionPoints {
   float separation(int i) const { return separation_[i]; }
   // Index of the least separation; the first one on ties. Precondition: count() > 0.
   int deepest() const;
-  // Selects at most four: the deepest, the farthest from it, the farthest from their line, and the one that
-  // extends the area most. Returns their number.
-  int select(int (&chosen)[4]);
+  static constexpr int kMaxSelected = 8;
+  // Selects four at most: the deepest, the farthest from it, the farthest from their line, and the one that extends the
+  // area most. Then the deepest ones whose normals, normal(i), are unlike those of all selected: a body that is wedged must
+  // be held from all sides. Returns their number.
+  template <class Normal>
+  int select(int (&chosen)[kMaxSelected], Normal normal);
 
  private:
   // Index of the greatest measure(x, y, z) − separation, or −1 if none is significant.
   template <class Spread>
   int argmax(Spread measure) const;
+
+  int select_widest(int (&chosen)[kMaxSelected]);
+
+  // Contacts deeper than that count as wedging, u. Normals at a smaller cosine are unlike.
+  static constexpr float kWedgedDepth = 2e-3F, kLikeCosine = 0.8F;
 
   alignas(16) float x_[kCapacity];
   alignas(16) float y_[kCapacity];
@@ -37,6 +45,26 @@ class ReductionPoints {
   alignas(16) float separation_[kCapacity];
   int count_ = 0;
 };
+
+template <class Normal>
+int ReductionPoints::select(int (&chosen)[kMaxSelected], Normal normal) {
+  const int candidates = count_;
+  int count = select_widest(chosen);
+  if (count == candidates) return count;
+  const auto is_unlike = [&](int i) {
+    for (int k = 0; k < count; ++k)
+      if (normal(chosen[k]).dot(normal(i)) >= kLikeCosine) return false;
+    return true;
+  };
+  while (count < kMaxSelected) {
+    int best = -1;
+    for (int i = 0; i < candidates; ++i)
+      if (separation_[i] < (best < 0 ? -kWedgedDepth : separation_[best]) && is_unlike(i)) best = i;
+    if (best < 0) break;
+    chosen[count++] = best;
+  }
+  return count;
+}
 
 struct ManifoldCandidate {
   Vec3 point, normal;
@@ -59,11 +87,11 @@ class ManifoldReducer {
   ManifoldCandidate average() const;
   // Infinity if empty.
   float min_separation() const;
-  // Calls take(candidate) for the selected ones, at most four.
+  // Calls take(candidate) for the selected ones, at most ReductionPoints::kMaxSelected.
   template <class Take>
   void reduce(Take take) {
-    int chosen[4];
-    const int n = points_.select(chosen);
+    int chosen[ReductionPoints::kMaxSelected];
+    const int n = points_.select(chosen, [this](int i) -> const Vec3& { return normal_[i]; });
     for (int i = 0; i < n; ++i) take(at(chosen[i]));
   }
 
