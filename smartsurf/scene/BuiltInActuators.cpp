@@ -4,6 +4,7 @@
 #include <cmath>
 #include <numbers>
 
+#include "smartsurf/scene/Delta.h"
 #include "smartsurf/scene/SceneSpec.h"
 
 namespace smartsurf::scene {
@@ -300,6 +301,77 @@ ActuatorKind tile_kind() {
       .check_constraints = check_tile};
 }
 
+// ---- delta robots
+
+std::string check_delta(const ActuatorSpec& s) {
+  const auto only_with = [&](const char* parameter, const char* needed) -> std::string {
+    if (!s.has(parameter) || s.has(needed)) return "";
+    return std::string("delta.") + parameter + ": needs delta." + needed;
+  };
+  if (auto p = only_with("damping", "stiffness"); !p.empty()) return p;
+  const Delta delta(s);
+  if (s.has("tip.length") && delta.tip_shape == DeltaTipShape::kSphere)
+    return "delta.tip.length: a tip of the shape 'sphere' has none";
+  if (delta.tip_length < 2.0 * delta.tip_radius)
+    return "delta.tip.length = " + format_number(delta.tip_length) +
+           ": must be at least the diameter of the tip, " + format_number(2.0 * delta.tip_radius);
+  const double reach = delta.workspace_radius + delta.joint_radius;
+  if (delta.arm_length <= reach)
+    return "delta.arms.length = " + format_number(delta.arm_length) +
+           ": must be greater than workspace.radius + arms.radius = " + format_number(reach) +
+           ", to reach the whole workspace";
+  return "";
+}
+
+ActuatorKind delta_kind() {
+  ActuatorKind kind{.name = "delta", .parameters = cell_body_parameters()};
+  std::erase_if(kind.parameters, [](const Parameter& p) { return p.name == "height"; });
+  const auto optional = [](Parameter p) {
+    p.default_value.clear();
+    p.maximum = 1e12;
+    return p;
+  };
+  for (Parameter& p : std::vector<Parameter>{
+           choice_parameter("tip.shape", {"sphere", "rounded_cylinder"}, "of the tip"),
+           positive_parameter("tip.radius", 0.25, "of the sphere or cylinder, u"),
+           optional(positive_parameter("tip.length", 0.0,
+                                       "of a rounded cylinder, u; twice its diameter if absent")),
+           positive_parameter("workspace.radius", 0.5,
+                              "greatest distance of the tip from the cell's axis, u"),
+           {.name = "workspace.z",
+           .description = "lowest and highest z of the tip's highest point, u",
+           .type = Type::kRange,
+           .default_value = {0.0, 2.0},
+           .minimum = -1e6},
+           optional(
+               positive_parameter("arms.length", 0.0, "u; twice workspace.radius + arms.radius if absent")),
+           optional(positive_parameter(
+               "arms.radius", 0.0,
+               "distance of the joints from the cell's axis, u; that of the workspace if absent")),
+           positive_parameter("max_speed", 10.0, "greatest speed of each coordinate, u/s"),
+           positive_parameter("max_acceleration", 200.0, "greatest acceleration of each coordinate, u/s²"),
+           optional(positive_parameter(
+               "max_force", 0.0,
+               "load at which the joints yield, mass·u/s²; if absent, unlimited, or stiffness times "
+               "workspace.radius")),
+           optional(positive_parameter("stiffness", 0.0, "of the tip's spring, mass/s²; rigid if absent")),
+           optional(number_parameter("damping", 0.0, 0.0, 1e12,
+                                     "of the tip's damper, mass/s; 0.02 s times the stiffness if absent"))})
+    kind.parameters.push_back(std::move(p));
+  kind.check_constraints = check_delta;
+  kind.channels = [](const ActuatorSpec& s) -> std::vector<ActuatorChannel> {
+    const double radius = s.number("workspace.radius");
+    const auto& z = s.numbers("workspace.z");
+    return {symmetric_channel("x", "u", radius),
+            symmetric_channel("y", "u", radius),
+            {"z", "u", z[0], z[1], std::clamp(0.0, z[0], z[1])}};
+  };
+  kind.height_limits = [](const ActuatorSpec& s) {
+    return std::array{s.numbers("workspace.z")[0], s.numbers("workspace.z")[1]};
+  };
+  return kind;
+}
+
 }  // namespace
 
 std::vector<Parameter> cell_body_parameters() {
@@ -322,6 +394,7 @@ std::vector<Parameter> cell_body_parameters() {
 }
 
 std::string check_tip_size(const ActuatorSpec& s) {
+  if (s.model != "pin") return "";
   const double limit = std::min(s.numbers("top")[0], s.numbers("top")[1]) / 2.0;
   for (const char* parameter : {"tip.radius", "tip.corner_radius"})
     if (s.has(parameter) && s.number(parameter) > limit * (1.0 + 1e-9))
@@ -331,8 +404,8 @@ std::string check_tip_size(const ActuatorSpec& s) {
 }
 
 std::vector<ActuatorKind> built_in_actuators() {
-  return {pin_kind(),         ball_kind(),   wheels_kind(),  rotor_kind(),
-          force_field_kind(), magnet_kind(), air_jet_kind(), tile_kind()};
+  return {pin_kind(),    ball_kind(),    wheels_kind(), rotor_kind(), force_field_kind(),
+          magnet_kind(), air_jet_kind(), tile_kind(),   delta_kind()};
 }
 
 }  // namespace smartsurf::scene

@@ -112,10 +112,33 @@ SensorKind camera_kind() {
   return kind;
 }
 
+// A channel with a component for each axis or joint, within ± the parameter `range`.
+SensorKind signed_vector_kind(std::string name, std::string unit, double range, std::string description) {
+  return {.name = std::move(name),
+          .parameters = {{.name = "range",
+                          .description = std::move(description),
+                          .default_value = {range},
+                          .maximum = 1e12,
+                          .exclusive_minimum = true}},
+          .channels = [unit = std::move(unit)](const SensorSpec& s) -> std::vector<SensorChannel> {
+            return {{s.name, unit, -s.number("range"), s.number("range"), 0.0, 3}};
+          }};
+}
+
+SensorKind joint_position_kind() {
+  return signed_vector_kind("joint_position", "u", 1e6, "greatest size of the readings, u");
+}
+
+SensorKind tip_force_kind() {
+  return signed_vector_kind("tip_force", "mass*u/s^2", kMaxForce,
+                            "greatest size of each component, mass·u/s²");
+}
+
 }  // namespace
 
 std::vector<SensorKind> built_in_sensors() {
-  return {proximity_kind(), colour_kind(), object_type_kind(), light_kind(), pressure_kind(), camera_kind()};
+  return {proximity_kind(), colour_kind(), object_type_kind(),    light_kind(),
+          pressure_kind(),  camera_kind(), joint_position_kind(), tip_force_kind()};
 }
 
 }  // namespace smartsurf::scene

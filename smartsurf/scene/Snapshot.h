@@ -18,10 +18,14 @@ namespace smartsurf::scene {
 //   tile         level: relative amplitude; of a tilting tile a, b: roll and pitch, rad
 //   magnet       level: relative current, in [−1, 1]
 //   force_field  a, b, level: relative force along x, y, z, in [−1, 1]
+//   delta        a, b: x and y of the tip relative to the radius of its workspace
 //   air_jet      level: relative flow; a: direction, rad
 struct ActuatorState {
   float a = 0.0F, b = 0.0F, level = 0.0F;
 };
+
+// Number of joints in Snapshot::joint_position: those of a delta robot.
+inline constexpr std::size_t kMaxJoints = 3;
 
 struct Snapshot {
   std::uint64_t tick = 0;
@@ -37,6 +41,9 @@ struct Snapshot {
   // [row][column], row 0 is north.
   std::vector<float> height;                  // z of each cell's top, u; -inf = empty cell
   std::vector<ActuatorState> actuator_state;  // empty if all cells are pins
+  // [joint][row][column], u: where the drives of a mechanism with joints hold them; 0 for cells with fewer joints. Empty
+  // without joints, and in recordings.
+  std::vector<float> joint_position;
 
   std::uint32_t contact_count = 0;  // contact points in the last physics step
   std::uint64_t state_hash = 0;     // of all body poses and velocities and all pin heights and speeds

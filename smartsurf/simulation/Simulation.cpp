@@ -89,6 +89,7 @@ bool Simulation::step_physics() {
     actuator_array_.add_forces(scene().world.dt_s, world_.bodies(), catalogue_, world_.wrenches());
   world_.step();
   sensor_array_.accumulate_impulses(actuator_array_.field().impulse);
+  sensor_array_.accumulate_tip_impulses(actuator_array_.field().tip_impulse);
   return !world_.is_overloaded();
 }
 
@@ -97,6 +98,7 @@ void Simulation::commit_actuators() noexcept { actuator_array_.commit(scene().wo
 void Simulation::take_snapshot() {
   world_.snapshot(snapshot_);
   actuator_array_.write_cell_motion(snapshot_.actuator_state);
+  actuator_array_.write_joint_positions(snapshot_.joint_position);
 }
 
 void Simulation::finish_tick() {

@@ -142,7 +142,7 @@ void ActuatorArray::add_routes(const scene::SurfaceSpec& surface, const FaultMap
 }
 
 void ActuatorArray::init_tips() {
-  bool tilts = false;
+  bool tilts = false, moves_sideways = false, yields = false;
   for (const Model& model : models_) {
     const std::optional<TipKind> kind = model.actuator->tip();
     if (!kind || model.runs.empty()) continue;
@@ -153,7 +153,15 @@ void ActuatorArray::init_tips() {
     field_.tips.push_back(kind->tip);
     field_.tip_reach = std::max(field_.tip_reach, kind->reach);
     tilts |= kind->tip.shape == CellTip::Shape::kPlate;
+    moves_sideways |= kind->tip.moves_sideways();
+    yields |= kind->tip.yields();
   }
+  const std::size_t cells = field_.height.size();
+  if (moves_sideways) {
+    field_.offset = field_.offset_rate = std::vector<Eigen::Vector2f>(cells, Eigen::Vector2f::Zero());
+    field_.tip_impulse.assign(cells, Eigen::Vector3f::Zero());
+  }
+  if (yields) field_.yielding.resize(cells);
   if (tilts) field_.tilt = field_.tilt_rate = std::vector<TopTilt>(field_.height.size());
 }
 
@@ -288,6 +296,12 @@ void ActuatorArray::write_cell_motion(std::vector<scene::ActuatorState>& motion)
   motion.assign(all_pins ? 0 : field_.height.size(), {});
   if (all_pins) return;
   for (const Model& model : models_) model.actuator->write_cell_motion(motion);
+}
+
+void ActuatorArray::write_joint_positions(std::vector<float>& positions) const {
+  const bool any = std::ranges::any_of(models_, [](const Model& m) { return m.actuator->has_joints(); });
+  positions.assign(any ? scene::kMaxJoints * field_.height.size() : 0, 0.0F);
+  for (const Model& model : models_) model.actuator->write_joint_positions(positions);
 }
 
 }  // namespace smartsurf::surface

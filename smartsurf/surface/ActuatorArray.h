@@ -7,7 +7,7 @@
 // Collision detection sees the cells at their old heights, moving at `speed`; detecting at the new heights
 // would count the motion twice.
 //
-// Not thread-safe. Only the constructor and write_cell_motion() allocate.
+// Not thread-safe. Only the constructor and the functions that write vectors allocate.
 #pragma once
 
 #include <cstdint>
@@ -66,6 +66,8 @@ class ActuatorArray {
 
   // Writes the state of the cells' mechanisms for drawing: rows × columns, or empty if every cell is a pin.
   void write_cell_motion(std::vector<scene::ActuatorState>&) const;
+  // Writes scene::Snapshot::joint_position.
+  void write_joint_positions(std::vector<float>&) const;
 
  private:
   struct ChannelCommands {

@@ -7,6 +7,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <cmath>
 #include <cstdint>
 #include <limits>
 #include <vector>
@@ -19,16 +20,34 @@ namespace smartsurf::surface {
 inline constexpr float kNoCellHeight = -std::numeric_limits<float>::infinity();
 
 // The convex end of a cell that is not a bottomless column with a level rectangular top. Its origin is the middle of
-// the cell's top.
+// the cell's top; of a tip that moves sideways, its highest point.
 struct CellTip {
   enum class Shape : std::uint8_t {
-    kHemisphere,     // a hemisphere of `radius` on a bottomless shaft
-    kCone,           // a cone of `radius` and `height`, its apex up, on a bottomless shaft
-    kRoundedSquare,  // a bottomless column whose upright edges are rounded with `radius`
-    kPlate,          // the cell's top as a plate, `height` thick; while it is level, a bottomless column
+    kHemisphere,       // a hemisphere of `radius` on a bottomless shaft
+    kCone,             // a cone of `radius` and `height`, its apex up, on a bottomless shaft
+    kRoundedSquare,    // a bottomless column whose upright edges are rounded with `radius`
+    kPlate,            // the cell's top as a plate, `height` thick; while it is level, a bottomless column
+    kSphere,           // of `radius`; moves in all directions
+    kRoundedCylinder,  // upright, `height` long, both ends hemispheres of `radius`; moves in all directions
   };
   Shape shape = Shape::kHemisphere;
   float radius = 0.0F, height = 0.0F;  // u
+  // ---- of a tip that moves sideways
+  // How it yields: the stiffness and damping with which joints hold it, mass/s² and mass/s; the greatest normal force,
+  // mass·u/s², within a cylindrical workspace, relative to the cell's base, u.
+  float stiffness = std::numeric_limits<float>::infinity(), damping = 0.0F;
+  float max_force = std::numeric_limits<float>::infinity();
+  float workspace_radius = 0.0F, workspace_low = 0.0F, workspace_high = 0.0F;
+
+  bool moves_sideways() const { return shape == Shape::kSphere || shape == Shape::kRoundedCylinder; }
+  bool yields() const { return std::isfinite(stiffness) || std::isfinite(max_force); }
+};
+
+// The motion of a tip that yields: its position is that in which its joints hold it, plus its deflection.
+struct YieldingTip {
+  using Vec = Eigen::Vector3f;
+  Vec held_position{0, 0, 0}, held_velocity{0, 0, 0};  // from the middle of the cell's base, u; u/s
+  Vec deflection{0, 0, 0}, deflection_rate{0, 0, 0};   // u, u/s
 };
 
 // Rotation of a cell's top about its x axis, then about the cell's y axis, rad, or its rate, rad/s.
@@ -59,6 +78,12 @@ struct Field {
   std::vector<float> surface_velocity_x, surface_velocity_y, surface_spin;
   // Tilt of each cell's top about its centre, and the rate of the coming step. Empty if no top tilts.
   std::vector<TopTilt> tilt, tilt_rate;
+  // Of tips that move sideways: horizontal position of the tip from the cell's centre, along the table's axes, u, and the
+  // velocity of the coming step, u/s. Empty if there are none.
+  std::vector<Eigen::Vector2f> offset, offset_rate;
+  // Empty if no tip yields. The actuator model writes the velocities without load; for a loaded tip the physics replaces
+  // them, and with them speed and offset_rate, by those under the load.
+  std::vector<YieldingTip> yielding;
   // Upper bounds of the height and of the speed of any point of a cell, u and u/s.
   float max_height = 0.0F, max_speed = 0.0F;
   // Maximum upward force of the cell at rest, mass·u/s²; infinity if unlimited. It falls linearly with the speed at
@@ -68,11 +93,14 @@ struct Field {
 
   // ---- loads on the cells, overwritten by the physics in every step
   std::vector<float> impulse;  // normal impulse on the cell, mass·u/s, ≥ 0
+  // Impulse on the tip, friction included, mass·u/s. Empty if no tip moves sideways.
+  std::vector<Eigen::Vector3f> tip_impulse;
 
   // Everything but the geometry.
   void archive_motion(common::StateArchive& a) {
     a(height, speed, surface_velocity_x, surface_velocity_y, surface_spin, max_height, max_speed, force_limit,
       no_load_speed, impulse, tilt, tilt_rate);
+    if (has_offset()) a(offset, offset_rate, yielding, tip_impulse);
     update_column_height();
   }
 
@@ -99,11 +127,13 @@ struct Field {
   bool has_force_limit() const { return !force_limit.empty(); }
   bool has_tips() const { return !tips.empty(); }
   bool has_tilt() const { return !tilt.empty(); }
+  bool has_offset() const { return !offset.empty(); }
   // Whether the cell is a bottomless column with a level top.
   bool is_column(std::size_t cell) const {
     if (!has_tips() || tip_of_cell[cell] < 0) return true;
     return tip_at(cell).shape == CellTip::Shape::kPlate && tilt[cell].is_zero() && tilt_rate[cell].is_zero();
   }
+  bool yields(std::size_t cell) const { return !is_column(cell) && tip_at(cell).yields(); }
   // Precondition: the cell has a tip.
   const CellTip& tip_at(std::size_t cell) const { return tips[static_cast<std::size_t>(tip_of_cell[cell])]; }
 

@@ -24,8 +24,10 @@ SensorArray::SensorArray(const scene::SceneSpec& scene, const Field& field, cons
       channel_refs_.push_back({sensors_.size(), channel_index++});
       channels_.push_back(std::move(channel));
     }
-    if (instance.sensor->needs_impulses())
+    if (instance.sensor->needs_impulses()) {
       impulse_.assign(static_cast<std::size_t>(surface.cell_count()), 0.0F);
+      tip_impulse_.assign(field.tip_impulse.size(), Eigen::Vector3f::Zero());
+    }
     sensors_.push_back(std::move(instance));
   }
 }
@@ -37,16 +39,22 @@ void SensorArray::accumulate_impulses(std::span<const float> impulse) noexcept {
   for (std::size_t i = 0; i < cells; ++i) impulse_[i] += impulse[i];
 }
 
+void SensorArray::accumulate_tip_impulses(std::span<const Eigen::Vector3f> impulse) noexcept {
+  const std::size_t cells = std::min(tip_impulse_.size(), impulse.size());
+  for (std::size_t i = 0; i < cells; ++i) tip_impulse_[i] += impulse[i];
+}
+
 void SensorArray::sense(const scene::Snapshot& snapshot, std::span<const scene::ObjectSpec> catalogue,
                         common::ThreadPool& pool) {
   if (sensors_.empty()) return;
   bodies_.update(snapshot, catalogue, pool);
-  const SensorInput input{snapshot, catalogue, bodies_, impulse_, period_s_};
+  const SensorInput input{snapshot, catalogue, bodies_, impulse_, tip_impulse_, period_s_};
   for (SensorInstance& f : sensors_) {
     f.sensor->sense(input, pool);
     if (f.error_model.is_active()) f.error_model.apply(tick_, f.truth, pool);
   }
   std::ranges::fill(impulse_, 0.0F);
+  std::ranges::fill(tip_impulse_, Eigen::Vector3f::Zero());
   ++tick_;
 }
 
@@ -55,9 +63,10 @@ void SensorArray::archive(common::StateArchive& a, const scene::Snapshot& snapsh
   a(tick_);
   if (!a.saves() && !sensors_.empty()) {
     std::ranges::fill(impulse_, 0.0F);
+    std::ranges::fill(tip_impulse_, Eigen::Vector3f::Zero());
     bodies_.update(snapshot, catalogue, pool);
   }
-  const SensorInput input{snapshot, catalogue, bodies_, impulse_, period_s_};
+  const SensorInput input{snapshot, catalogue, bodies_, impulse_, tip_impulse_, period_s_};
   for (SensorInstance& f : sensors_) {
     if (!a.saves()) f.sensor->sense(input, pool);
     f.sensor->archive(a);

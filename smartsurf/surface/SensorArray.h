@@ -27,6 +27,8 @@ class SensorArray {
   // Adds the normal impulses on the cells in one physics step: rows × columns, mass·u/s. Free unless a sensor
   // needs impulses.
   void accumulate_impulses(std::span<const float> impulse) noexcept;
+  // The same for Field::tip_impulse, which may be empty.
+  void accumulate_tip_impulses(std::span<const Eigen::Vector3f> impulse) noexcept;
 
   // Call at the end of every tick. Allocates only when objects are added.
   void sense(const scene::Snapshot&, std::span<const scene::ObjectSpec> catalogue, common::ThreadPool&);
@@ -58,8 +60,9 @@ class SensorArray {
   std::vector<scene::SensorChannel> channels_;
   std::vector<ChannelRef> channel_refs_;  // one per channel
   RayBodies bodies_;
-  std::vector<float> impulse_;  // sum since the last sense(); empty if no sensor needs it
-  std::uint64_t tick_ = 0;      // number of sense() calls so far
+  std::vector<float> impulse_;                // sum since the last sense(); empty if no sensor needs it
+  std::vector<Eigen::Vector3f> tip_impulse_;  // likewise
+  std::uint64_t tick_ = 0;                    // number of sense() calls so far
 };
 
 }  // namespace smartsurf::surface

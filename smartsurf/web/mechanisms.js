@@ -175,6 +175,34 @@ export function makeMechanisms(scene, series, world, placeOf) {
         return [mesh];
       };
     },
+    delta(spec, cells) {
+      const radius = spec['tip.radius'][0], workspace = spec['workspace.radius'][0];
+      const value = (name, otherwise) => (spec[name] ? spec[name][0] : otherwise);
+      const length = spec['tip.shape'][0] === 0 ? 2 * radius : value('tip.length', 4 * radius);
+      const reach = value('arms.radius', workspace), arm = value('arms.length', 2 * (workspace + reach));
+      const capsule = new THREE.CapsuleGeometry(radius, length - 2 * radius, 8, 24).rotateX(Math.PI / 2);
+      const tips = addKind(capsule.translate(0, 0, -length / 2), cells.length);
+      const arms = addKind(new THREE.BoxGeometry(0.3 * radius, 0.3 * radius, 1), 3 * cells.length);
+      tips.material.color.set(kRubber);
+      arms.material.color.set(kTyre);
+      const up = new THREE.Vector3(0, 0, 1), along = new THREE.Vector3();
+      return (i, at, m) => {
+        const x = workspace * m.a, y = workspace * m.b;
+        tips.setMatrixAt(i, matrix.makeTranslation(at.x + x, at.y + y, at.z));
+        for (let k = 0; k < 3; ++k) {
+          const angle = Math.PI / 2 + k * Math.PI * 2 / 3;
+          const u = reach * Math.cos(angle) - x, v = reach * Math.sin(angle) - y;
+          along.set(u, v, -Math.sqrt(Math.max(0, arm * arm - u * u - v * v)));
+          const span = along.length();
+          turn.makeRotationFromQuaternion(new THREE.Quaternion().setFromUnitVectors(up, along.clone().normalize()));
+          turn.scale(axis.set(1, 1, span));
+          arms.setMatrixAt(3 * i + k, matrix.makeTranslation(at.x + x + along.x / 2, at.y + y + along.y / 2,
+            at.z - length + along.z / 2).multiply(turn));
+        }
+        recess[at.cell] = length + scene.length;
+        return [tips, arms];
+      };
+    },
     tile(spec, cells) {
       if (spec.command[0] === 1) {
         const thick = spec.thickness[0], mesh = addKind(new THREE.BoxGeometry(scene.top[0], scene.top[1], thick), cells.length);

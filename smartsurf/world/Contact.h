@@ -12,8 +12,9 @@ namespace smartsurf::world {
 
 // Values of Contact::other and Manifold::b that name no body. kRemovedBody replaces the index of a static body
 // that was removed after the contact was found. kSupportedField is a contact with the field whose load and friction a
-// support patch distributes (field/SupportPatch.h).
-inline constexpr std::int32_t kField = -1, kGround = -2, kRemovedBody = -3, kSupportedField = -4;
+// support patch distributes (field/SupportPatch.h); kYieldingTip one with a tip that yields (solver/TipSolver.h).
+inline constexpr std::int32_t kField = -1, kGround = -2, kRemovedBody = -3, kSupportedField = -4,
+                              kYieldingTip = -5;
 
 // One contact point.
 struct Contact {

@@ -27,6 +27,11 @@ std::shared_ptr<const scene::Solid> scaled(const scene::Solid& from, double fact
   return to;
 }
 
+surface::YieldingTip scaled(const surface::YieldingTip& tip, float factor) {
+  return {tip.held_position * factor, tip.held_velocity * factor, tip.deflection * factor,
+          tip.deflection_rate * factor};
+}
+
 }  // namespace
 
 scene::ObjectSpec LengthUnit::to_world(const scene::ObjectSpec& from, const scene::Material& material) {
@@ -93,7 +98,10 @@ surface::Field LengthUnit::to_world(const surface::Field& scene) const {
   for (std::vector<float>* lengths : {&world.x, &world.y})
     for (float& length : *lengths) length *= to_world_f_;
   world.tip_reach *= to_world_f_;
-  for (surface::CellTip& tip : world.tips) tip.radius *= to_world_f_, tip.height *= to_world_f_;
+  for (surface::CellTip& tip : world.tips)
+    for (float* length : {&tip.radius, &tip.height, &tip.max_force, &tip.workspace_radius, &tip.workspace_low,
+                          &tip.workspace_high})
+      *length *= to_world_f_;
   return world;
 }
 
@@ -101,7 +109,8 @@ void LengthUnit::update_motion(const surface::Field& scene, surface::Field& worl
                                common::ThreadPool* pool) const {
   // Heights also change by the last step's speeds, which the copy still has.
   const bool moves = scene.max_speed != 0.0F || world.max_speed != 0.0F || scene.has_force_limit() ||
-                     scene.has_surface_velocity() || world.max_height != scene.max_height * to_world_f_;
+                     scene.has_surface_velocity() || !scene.yielding.empty() ||
+                     world.max_height != scene.max_height * to_world_f_;
   world.max_height = scene.max_height * to_world_f_;
   world.max_speed = scene.max_speed * to_world_f_;
   if (!moves) return;
@@ -121,6 +130,12 @@ void LengthUnit::update_motion(const surface::Field& scene, surface::Field& worl
     convert(scene.surface_spin, world.surface_spin, 1.0F);
     convert(scene.force_limit, world.force_limit, to_world_f_);
     convert(scene.no_load_speed, world.no_load_speed, to_world_f_);
+    for (std::size_t i = static_cast<std::size_t>(begin) * columns;
+         scene.has_offset() && i < static_cast<std::size_t>(end) * columns; ++i) {
+      world.offset[i] = scene.offset[i] * to_world_f_;
+      world.offset_rate[i] = scene.offset_rate[i] * to_world_f_;
+      if (!scene.yielding.empty()) world.yielding[i] = scaled(scene.yielding[i], to_world_f_);
+    }
     const auto copy_rows = [&](const std::vector<surface::TopTilt>& from, std::vector<surface::TopTilt>& to) {
       if (!from.empty())
         std::copy(from.begin() + static_cast<std::ptrdiff_t>(static_cast<std::size_t>(begin) * columns),
@@ -139,6 +154,15 @@ void LengthUnit::update_motion(const surface::Field& scene, surface::Field& worl
 void LengthUnit::return_lowered_speeds(const surface::Field& world, surface::Field& scene) const {
   for (std::size_t i = 0; i < scene.speed.size(); ++i)
     if (world.speed[i] != scene.speed[i] * to_world_f_) scene.speed[i] = world.speed[i] * to_scene_f_;
+}
+
+void LengthUnit::return_yielding_tip(const surface::Field& world, std::size_t cell,
+                                     surface::Field& scene) const {
+  scene.speed[cell] = world.speed[cell] * to_scene_f_;
+  scene.offset_rate[cell] = world.offset_rate[cell] * to_scene_f_;
+  const surface::YieldingTip scaled_tip = scaled(world.yielding[cell], to_scene_f_);
+  scene.yielding[cell].held_velocity = scaled_tip.held_velocity;
+  scene.yielding[cell].deflection_rate = scaled_tip.deflection_rate;
 }
 
 }  // namespace smartsurf::world

@@ -50,6 +50,8 @@ class LengthUnit {
   void update_motion(const surface::Field& scene, surface::Field& world, common::ThreadPool* pool) const;
   // Writes speeds that the physics lowered back.
   void return_lowered_speeds(const surface::Field& world, surface::Field& scene) const;
+  // Writes the velocities of a tip that yielded back.
+  void return_yielding_tip(const surface::Field& world, std::size_t cell, surface::Field& scene) const;
 
  private:
   double to_scene_, to_world_;

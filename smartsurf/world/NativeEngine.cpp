@@ -254,6 +254,9 @@ void NativeEngine::archive(common::StateArchive& a, std::span<const scene::Objec
   if (!s.unit.is_one()) s.field_copy.archive_motion(a);
   if (a.saves()) return;
   s.field_changed = true;
+  s.loaded_tips.clear();
+  for (std::size_t i = 0; i < s.scene_field.tip_impulse.size(); ++i)
+    if (!s.scene_field.tip_impulse[i].isZero(0.0F)) s.loaded_tips.push_back(static_cast<std::int32_t>(i));
   if (s.bodies.id == previous_id && (previous_id.empty() || previous_id.back() < declared)) return;
   std::vector<std::unique_ptr<const Shape>> previous_shape = std::move(s.bodies.shape);
   s.bodies.shape.clear();

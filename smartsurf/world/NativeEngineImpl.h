@@ -43,6 +43,7 @@ struct NativeEngine::Impl {
   void finalize_bodies(const Member&);
   void record_cell_impulses(IndexRange manifolds);
   void write_cell_impulses();
+  void write_tip_impulses();
 
   // Everything below is in world units, except where a name says so.
   LengthUnit unit;
@@ -62,6 +63,7 @@ struct NativeEngine::Impl {
   CollisionPipeline collision;
   Solver* solver = nullptr;  // of the thread that steps, during the step
   JointSolver joints;
+  TipSolver tips;
   CellForceLimits force_limits;
   JamRelief jam_relief;
   bool lowered_speeds = false;  // in this step
@@ -76,7 +78,8 @@ struct NativeEngine::Impl {
   // sleepers on each cell, in scene units.
   std::vector<std::int32_t> loaded_cells, sleeper_cells;
   std::vector<float> sleeper_impulse;
-  unsigned sleeper_impulse_version = 0;  // Sleep::change_count() that sleeper_impulse is for
+  std::vector<std::int32_t> loaded_tips;  // with an impulse in the last step
+  unsigned sleeper_impulse_version = 0;   // Sleep::change_count() that sleeper_impulse is for
   std::vector<std::int32_t> hit_sleepers;
   common::ThreadPool* pool;
   FieldHasher field_hasher;

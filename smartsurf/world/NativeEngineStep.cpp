@@ -9,7 +9,8 @@
 namespace smartsurf::world {
 
 void NativeEngine::Impl::read_inputs() {
-  const bool moves = scene_field.max_speed != 0.0F || scene_field.has_force_limit();
+  const bool moves =
+      scene_field.max_speed != 0.0F || scene_field.has_force_limit() || !scene_field.yielding.empty();
   field_changed |= moves || field_moved;
   field_moved = moves;
   if (!unit.is_one()) {
@@ -86,7 +87,8 @@ void NativeEngine::Impl::record_cell_impulses(IndexRange manifolds) {
     const Manifold& m = static_contacts.manifolds[static_cast<std::size_t>(i)];
     for (auto k = static_cast<std::size_t>(m.first); k < static_cast<std::size_t>(m.first + m.count); ++k) {
       const Contact& c = static_contacts.contacts[k];
-      cell_impulses[k] = {c.other == kField && c.total_normal_impulse != 0.0F ? c.feature_id : -1,
+      const bool on_cell = c.other == kField || c.other == kYieldingTip;
+      cell_impulses[k] = {on_cell && c.total_normal_impulse != 0.0F ? c.feature_id : -1,
                           c.total_normal_impulse};
     }
   }
@@ -135,6 +137,31 @@ void NativeEngine::Impl::write_cell_impulses() {
       for (auto i = static_cast<std::size_t>(p.first); i < static_cast<std::size_t>(p.first + p.count); ++i)
         if (list.samples.load[i] > 0.0F) add_load(list.samples.cell[i], list.samples.load[i]);
     }
+}
+
+// The friction of a step is taken as that of its last substep.
+void NativeEngine::Impl::write_tip_impulses() {
+  if (!field.has_offset()) return;
+  std::vector<Vec3>& impulse = scene_field.tip_impulse;
+  for (const std::int32_t cell : loaded_tips) impulse[static_cast<std::size_t>(cell)].setZero();
+  loaded_tips.clear();
+  const auto substeps = static_cast<float>(settings.substeps);
+  const auto add_loads = [&](const ContactList& list, bool of_sleepers) {
+    for (const Manifold& m : list.manifolds) {
+      if ((bodies.asleep[static_cast<std::size_t>(m.a)] != 0) != of_sleepers) continue;
+      for (int k = m.first; k < m.first + m.count; ++k) {
+        const Contact& c = list.contacts[static_cast<std::size_t>(k)];
+        if (c.total_normal_impulse == 0.0F || (c.other != kField && c.other != kYieldingTip)) continue;
+        const auto cell = static_cast<std::size_t>(c.feature_id);
+        if (field.is_column(cell) || !field.tip_at(cell).moves_sideways()) continue;
+        impulse[cell] -=
+            unit.to_scene(Vec3(c.total_normal_impulse * c.normal + substeps * c.friction_impulse));
+        loaded_tips.push_back(c.feature_id);
+      }
+    }
+  };
+  add_loads(static_contacts, false);
+  add_loads(sleep.static_contacts(), true);
 }
 
 void NativeEngine::Impl::wake_disturbed() {
@@ -187,10 +214,11 @@ void NativeEngine::Impl::step_active_bodies(const Member& member) {
   if (field.has_force_limit())
     member.single(
         [this] { force_limits.distribute_limits(field, settings.dt_s, settings.substeps, static_contacts); });
+  if (!field.yielding.empty()) member.single([this] { tips.collect(field, static_contacts); });
   solver->step(bodies,
                {collision.partition(), pair_contacts, static_contacts, collision.pair_ranges(),
                 collision.static_ranges(), collision.supports(), force_limits.limits(), has_wrenches, joints,
-                jam_relief.min_depth()},
+                tips, jam_relief.min_depth()},
                member);
   finalize_bodies(member);
 }
@@ -207,17 +235,23 @@ void NativeEngine::Impl::step() {
     pair_contacts.clear();
     static_contacts.clear();
     cell_impulses.clear();
+    tips.clear();
     collision.clear_supports();
   } else {
     team.run(active_bodies.size() >= kMinParallelBodies,
              [this](const Member& member) { step_active_bodies(member); });
     if (overloaded) return;
+    tips.store(field, static_contacts, settings.dt_s);
+    if (!unit.is_one())
+      for (const std::int32_t cell : tips.cells())
+        unit.return_yielding_tip(field, static_cast<std::size_t>(cell), scene_field);
     force_limits.yield_overloaded_cells(bodies, static_contacts, settings.dt_s, field);
     for (const std::vector<DeepContact>& deep : solver->deep_contacts())
       lowered_speeds |= jam_relief.stall_cells(deep, static_contacts, bodies, field);
     sleep.update_sleeping_set(bodies, active_bodies, pair_contacts, static_contacts, collision.supports());
   }
   write_cell_impulses();
+  write_tip_impulses();
   if (!unit.is_one() && lowered_speeds) unit.return_lowered_speeds(field_copy, scene_field);
   if (has_wrenches) std::fill(bodies.wrench.begin(), bodies.wrench.end(), surface::Wrench{});
   has_wrenches = false;

@@ -137,6 +137,8 @@ void Sleep::wake_on_moving_cells(BodyStore& b) {
     accumulate_motion(field_.surface_spin);
     for (std::size_t i = r * columns; field_.has_tilt() && i < (r + 1) * columns; ++i)
       moving |= static_cast<int>(!field_.tilt_rate[i].is_zero());
+    for (std::size_t i = r * columns; field_.has_offset() && i < (r + 1) * columns; ++i)
+      moving |= static_cast<int>(!field_.offset_rate[i].isZero(0.0F));
     row_moves_[r] = moving != 0;
   }
   // Free layout: rows and columns say nothing about positions, so any motion may be near.
@@ -152,6 +154,7 @@ bool Sleep::any_cell_moves(const CellRect& cells) const {
       const auto i = static_cast<std::size_t>(field_.index(r, c));
       if (field_.speed[i] != 0.0F) return true;
       if (field_.has_tilt() && !field_.tilt_rate[i].is_zero()) return true;
+      if (field_.has_offset() && !field_.offset_rate[i].isZero(0.0F)) return true;
       if (field_.has_surface_velocity() &&
           (field_.surface_velocity_x[i] != 0.0F || field_.surface_velocity_y[i] != 0.0F))
         return true;
@@ -174,6 +177,7 @@ void Sleep::restore_contacts(const BodyStore& b, ContactList& pair_contacts, Con
 // ---- falling asleep
 
 bool Sleep::touches_moving_cell(const Contact& c) const {
+  if (c.other == kYieldingTip) return true;
   return c.other == kField && (!c.surface_velocity.isZero(0.0F) || c.surface_spin != 0.0F);
 }
 

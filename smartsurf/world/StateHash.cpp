@@ -99,6 +99,9 @@ void FieldHasher::copy_and_hash(const surface::Field& field, bool changed, std::
       if (field.has_tilt())
         for (std::size_t i = first; i < first + count; ++i)
           block_hash.add(std::array{field.tilt[i].roll, field.tilt[i].pitch});
+      if (field.has_offset())
+        for (std::size_t i = first; i < first + count; ++i)
+          block_hash.add(std::array{field.offset[i].x(), field.offset[i].y()});
       block_hashes_[b] = block_hash.value();
     }
   };

@@ -3,6 +3,7 @@
 #include <map>
 
 #include "smartsurf/surface/actuators/AirJets.h"
+#include "smartsurf/surface/actuators/Deltas.h"
 #include "smartsurf/surface/actuators/ForceFields.h"
 #include "smartsurf/surface/actuators/Magnets.h"
 #include "smartsurf/surface/actuators/Pins.h"
@@ -32,7 +33,8 @@ std::map<std::string, ActuatorFactory>& factories() {
                                                     {"force_field", make<ForceFields>},
                                                     {"magnet", make<Magnets>},
                                                     {"air_jet", make<AirJets>},
-                                                    {"tile", make_tile}};
+                                                    {"tile", make_tile},
+                                                    {"delta", make<Deltas>}};
   return all;
 }
 

@@ -67,7 +67,8 @@ class Actuator {
   virtual bool has_force_limit() const noexcept { return false; }
 
   // The tip of the model's cells; none if they are columns. If any tip is a plate, the field has tilt and tilt_rate:
-  // plan() writes the rates of the coming step, commit() advances the tilt.
+  // plan() writes the rates of the coming step, commit() advances the tilt. If any moves sideways, the same holds for
+  // offset and offset_rate, and if any yields, for `yielding`.
   virtual std::optional<TipKind> tip() const noexcept { return std::nullopt; }
 
   virtual bool exerts_forces() const noexcept { return false; }
@@ -83,6 +84,11 @@ class Actuator {
 
   // Writes the state of the model's cells for drawing. rows × columns; see scene::ActuatorState.
   virtual void write_cell_motion(std::span<scene::ActuatorState>) const noexcept {}
+
+  // Whether the cells have joints, whose positions are sensed.
+  virtual bool has_joints() const noexcept { return false; }
+  // Writes the joint positions of the model's cells, u: scene::kMaxJoints × rows × columns.
+  virtual void write_joint_positions(std::span<float>) const noexcept {}
 };
 
 using ActuatorFactory = std::function<std::unique_ptr<Actuator>(const ActuatorContext&)>;

@@ -5,10 +5,12 @@
 
 #include "smartsurf/surface/sensors/CameraSensor.h"
 #include "smartsurf/surface/sensors/ColourSensor.h"
+#include "smartsurf/surface/sensors/JointPositionSensor.h"
 #include "smartsurf/surface/sensors/LightSensor.h"
 #include "smartsurf/surface/sensors/ObjectTypeSensor.h"
 #include "smartsurf/surface/sensors/PressureSensor.h"
 #include "smartsurf/surface/sensors/ProximitySensor.h"
+#include "smartsurf/surface/sensors/TipForceSensor.h"
 
 namespace smartsurf::surface {
 namespace {
@@ -19,10 +21,14 @@ std::unique_ptr<Sensor> make(const Field& field, const scene::SensorSpec& spec) 
 }
 
 std::map<std::string, SensorFactory>& factories() {
-  static std::map<std::string, SensorFactory> all{
-      {"proximity", make<ProximitySensor>},    {"colour", make<ColourSensor>},
-      {"object_type", make<ObjectTypeSensor>}, {"light", make<LightSensor>},
-      {"pressure", make<PressureSensor>},      {"camera", make<CameraSensor>}};
+  static std::map<std::string, SensorFactory> all{{"proximity", make<ProximitySensor>},
+                                                  {"colour", make<ColourSensor>},
+                                                  {"object_type", make<ObjectTypeSensor>},
+                                                  {"light", make<LightSensor>},
+                                                  {"pressure", make<PressureSensor>},
+                                                  {"camera", make<CameraSensor>},
+                                                  {"joint_position", make<JointPositionSensor>},
+                                                  {"tip_force", make<TipForceSensor>}};
   return all;
 }
 

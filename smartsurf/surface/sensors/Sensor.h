@@ -23,6 +23,8 @@ struct SensorInput {
   // Normal impulse on each cell during the tick: rows × columns, mass·u/s. Empty unless a sensor
   // needs_impulses().
   std::span<const float> impulse;
+  // The same for the tips of delta robots, friction included. Empty without such tips.
+  std::span<const Eigen::Vector3f> tip_impulse;
   double period_s;  // duration of a tick
 };
 
@@ -45,7 +47,7 @@ class Sensor {
   // snapshot and without impulses.
   virtual void archive(common::StateArchive&) {}
 
-  // Whether sense() reads SensorInput::impulse.
+  // Whether sense() reads SensorInput::impulse or tip_impulse.
   virtual bool needs_impulses() const noexcept { return false; }
 };
 

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "smartsurf/scene/Delta.h"
 #include "smartsurf/scene/PinTip.h"
 #include "smartsurf/view/model/ActuatorMeshes.h"
 #include "smartsurf/view/model/Palette.h"
@@ -135,6 +136,7 @@ ActuatorGeometry::InstanceBuilder ActuatorGeometry::make_builder(const scene::Ac
   if (spec.model == "air_jet") return jet_builder(spec);
   if (spec.model == "tile")
     return spec.number("command") == 0.0 ? vibrating_plate_builder() : tilting_plate_builder(spec);
+  if (spec.model == "delta") return delta_builder(spec);
   if (spec.model == "pin" && spec.number("tip.shape") != 0.0) return tip_builder(spec);
   return {};
 }
@@ -302,6 +304,48 @@ ActuatorGeometry::InstanceBuilder ActuatorGeometry::tip_builder(const scene::Act
     meshes_[mesh].instances.push_back(
         make_instance(f.top, f.axes, to_linear_rgba8(kRubber), to_linear_rgba8(kIvory)));
     recess_[cell] = depth;
+  };
+}
+
+// The tip, whose highest point is the origin of its mesh, and the arms from its lower end to the joints.
+ActuatorGeometry::InstanceBuilder ActuatorGeometry::delta_builder(const scene::ActuatorSpec& spec) {
+  const scene::Delta delta(spec);
+  const auto radius = static_cast<float>(delta.tip_radius), length = static_cast<float>(delta.tip_length),
+             workspace = static_cast<float>(delta.workspace_radius),
+             arm = static_cast<float>(delta.arm_length);
+  constexpr int kRings = 6;
+  std::vector<Eigen::Vector2f> outline;
+  for (const float end : {-radius, radius - length})
+    for (int i = 0; i <= kRings; ++i) {
+      const float angle = 1.5707963F * (static_cast<float>(i) / kRings + (end == -radius ? 0.0F : 1.0F));
+      outline.emplace_back(radius * std::sin(angle), end + radius * std::cos(angle));
+    }
+  const std::size_t tip_mesh = add_mesh(turned_mesh(segments_, outline, -radius - 1e-3F)),
+                    arm_mesh = add_mesh(plate_mesh());
+  std::array<Vec, 3> joints;  // from the cell's centre
+  for (std::size_t k = 0; k < joints.size(); ++k) {
+    const double direction = scene::Delta::kJointDirections[k];
+    joints[k] =
+        (delta.joint_radius * Eigen::Vector3d(std::cos(direction), std::sin(direction), 0)).cast<float>();
+  }
+  const float half_width = 0.15F * radius, below = length + static_cast<float>(surface_.pin.length);
+  return [=, this](std::size_t cell, const scene::Snapshot& snapshot, const scene::ActuatorState& motion) {
+    const Vec centre = cell_frame(cell, snapshot).top;
+    const Vec tip = centre + workspace * Vec(motion.a, motion.b, 0.0F);
+    meshes_[tip_mesh].instances.push_back(
+        make_instance(tip, Mat::Identity(), to_linear_rgba8(kRubber), to_linear_rgba8(kIvory)));
+    const Vec upper = tip - length * Vec::UnitZ();
+    for (const Vec& joint : joints) {
+      const Eigen::Vector2f aside = (centre + joint - tip).head<2>();
+      const float drop = std::sqrt(std::max(0.0F, arm * arm - aside.squaredNorm()));
+      const Vec half_arm(0.5F * aside.x(), 0.5F * aside.y(), -0.5F * drop);
+      const Vec across = half_width * half_arm.unitOrthogonal();
+      Mat axes;
+      axes << across, half_width * half_arm.cross(across).normalized(), half_arm;
+      meshes_[arm_mesh].instances.push_back(
+          make_instance(upper + half_arm, axes, to_linear_rgba8(kInk), to_linear_rgba8(kInk)));
+    }
+    recess_[cell] = below;
   };
 }
 

@@ -9,6 +9,7 @@
 //   force_field  an arrow along the force, whose length grows with the strength
 //   air_jet      a nozzle with a plume, whose height grows with the flow
 //   tile         a plate, tilted like the surface around it
+//   delta        the tip and three arms
 #pragma once
 
 #include <array>
@@ -66,6 +67,7 @@ class ActuatorGeometry {
   InstanceBuilder coil_builder();
   InstanceBuilder jet_builder(const scene::ActuatorSpec&);
   InstanceBuilder tip_builder(const scene::ActuatorSpec&);
+  InstanceBuilder delta_builder(const scene::ActuatorSpec&);
   InstanceBuilder vibrating_plate_builder();
   InstanceBuilder tilting_plate_builder(const scene::ActuatorSpec&);
   // Height of a neighbour, u; the cell's own height where there is none.

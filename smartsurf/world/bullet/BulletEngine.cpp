@@ -366,6 +366,9 @@ void BulletEngine::Impl::read_contacts(std::vector<ContactPoint>& contacts) {
     float& total = field.impulse[static_cast<std::size_t>(cell)];
     if (total == 0.0F) loaded_cells.push_back(cell);
     total += static_cast<float>(impulse);
+    if (field.has_offset())  // Bullet's normal points towards a
+      field.tip_impulse[static_cast<std::size_t>(cell)] +=
+          to_eigen((a_is_cell ? impulse : -impulse) * p.m_normalWorldOnB).cast<float>();
     const auto* detail = static_cast<const ContactDetail*>(p.m_userPersistentData);
     if (detail->limited_cell < 0) return;
     const auto limited = static_cast<std::size_t>(detail->limited_cell);
@@ -557,7 +560,10 @@ void BulletEngine::apply_timed_forces() {
 void BulletEngine::step() {
   Impl& s = *impl_;
   apply_timed_forces();
-  for (const int cell : s.loaded_cells) field_.impulse[static_cast<std::size_t>(cell)] = 0.0F;
+  for (const int cell : s.loaded_cells) {
+    field_.impulse[static_cast<std::size_t>(cell)] = 0.0F;
+    if (field_.has_offset()) field_.tip_impulse[static_cast<std::size_t>(cell)].setZero();
+  }
   s.loaded_cells.clear();
   contacts_.clear();
   s.select_cells(dt_s_);

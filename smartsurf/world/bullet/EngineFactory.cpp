@@ -22,6 +22,12 @@ void require_engine(const scene::SceneSpec& scene) {
   if (scene.world.engine == "bullet" && !has_bullet())
     throw scene::InputError(
         "engine 'bullet': this build has no Bullet; install libbullet-dev (scripts/setup) and build again");
+  for (const scene::ActuatorSpec& actuator : scene.surface.actuators)
+    if (scene.world.engine == "bullet" && actuator.model == "delta" &&
+        (actuator.has("stiffness") || actuator.has("max_force")))
+      throw scene::InputError(
+          "engine 'bullet': has rigid tips only; remove delta.stiffness and delta.max_force, or use the "
+          "engine 'native'");
 }
 
 std::unique_ptr<Engine> make_engine(const scene::SceneSpec& scene, surface::Field& field,

@@ -73,8 +73,9 @@ class TipPartsCache {
   std::optional<TipParts> parts_;
 };
 
-void finish(const TipFrame& frame, std::size_t cell, const Vec3& point, Contact& c) {
-  c.other = kField;
+void finish(const surface::Field& field, const TipFrame& frame, std::size_t cell, const Vec3& point,
+            Contact& c) {
+  c.other = field.tip_at(cell).yields() ? kYieldingTip : kField;
   c.feature_id = static_cast<std::int32_t>(cell);
   c.surface_velocity = frame.velocity_at(point);
 }
@@ -97,10 +98,29 @@ void collide_sphere(const surface::Field& field, const FreeLayoutField* layout, 
     c.normal = nearest.normal;
     c.anchor = -radius * c.normal;
     c.separation = nearest.distance - radius;
-    finish(frame, cell, centre - nearest.distance * c.normal, c);
-    reducer.add(c);
+    finish(field, frame, cell, centre - nearest.distance * c.normal, c);
+    if (field.tip_at(cell).moves_sideways())
+      out.push_back(c);
+    else
+      reducer.add(c);
   });
   reducer.reduce([&out](const Contact& c) { out.push_back(c); });
+}
+
+// A spherical tip and a body other than a sphere: one contact with each convex part.
+void collide_spherical_tip(const TipFrame& frame, float radius, const PlacedShape& body, float margin,
+                           std::vector<Contact>& out) {
+  const Vec3 tip_centre = frame.origin - radius * Vec3::UnitZ();
+  const Vec3 local = body.axes.transpose() * (tip_centre - body.centre);
+  if ((local.cwiseAbs() - body.shape.half_extents).maxCoeff() > radius + margin) return;
+  for_each_part(body.shape, [&](const ConvexPart& part) {
+    const SignedDistance d = signed_distance(part, local, radius + margin);
+    if (d.distance >= radius + margin) return;
+    Contact& c = out.emplace_back();
+    c.normal = body.axes * -d.normal;
+    c.separation = d.distance - radius;
+    c.anchor = tip_centre + d.distance * c.normal - body.centre;
+  });
 }
 
 }  // namespace
@@ -135,6 +155,12 @@ TipParts::TipParts(const surface::Field& field, const surface::CellTip& tip, flo
     case TipShape::kPlate:
       add(box(x, y, 0.5F * h), {0, 0, -0.5F * h});
       break;
+    case TipShape::kSphere:
+      add(round(ShapeKind::kSphere, 0.0F), {0, 0, -r});
+      break;
+    case TipShape::kRoundedCylinder:
+      add(round(ShapeKind::kCapsule, h), {0, 0, -0.5F * h});
+      break;
   }
 }
 
@@ -144,6 +170,11 @@ TipFrame::TipFrame(const surface::Field& field, std::size_t cell, float elapsed_
   const float angle = field.angle_of(index);
   origin = {centre.x(), centre.y(), field.height[cell] + elapsed_s * field.speed[cell]};
   velocity = {0, 0, field.speed[cell]};
+  if (field.has_offset()) {
+    const Eigen::Vector2f& rate = field.offset_rate[cell];
+    origin.head<2>() += field.offset[cell] + elapsed_s * rate;
+    velocity.head<2>() = rate;
+  }
   axes = Mat3::Identity();
   angular_velocity = Vec3::Zero();
   surface::TopTilt tilt, rate;
@@ -159,22 +190,26 @@ void collide_with_tips(const surface::Field& field, const FreeLayoutField* layou
   const Vec3 extent = Vec3(axes.cwiseAbs() * shape.half_extents) + Vec3::Constant(margin);
   if (centre.z() - extent.z() > field.max_height) return;
   if (shape.is_sphere()) return collide_sphere(field, layout, centre, shape.radius, margin, out);
-  thread_local std::vector<Contact> contacts;
+  thread_local std::vector<Contact> contacts, tip_contacts;
   contacts.clear();
+  const bool is_reduced = shape.hulls.size() <= 1;
+  const PlacedShape body{shape, centre, axes};
   TipPartsCache parts(field, centre.z() - extent.z());
   for_each_tip(field, layout, centre - extent, centre + extent, [&](std::size_t cell) {
     const TipFrame frame(field, cell);
-    for (const TipParts::Part& part : parts.of(cell)) {
-      const Vec3 part_centre = frame.origin + frame.axes * part.centre;
-      const std::size_t first = contacts.size();
-      collide_convex({shape, centre, axes}, {part.shape, part_centre, frame.axes}, margin, nullptr, contacts);
-      for (Contact& c : std::span(contacts).subspan(first)) finish(frame, cell, centre + c.anchor, c);
-    }
+    const surface::CellTip& tip = field.tip_at(cell);
+    tip_contacts.clear();
+    if (tip.shape == TipShape::kSphere)
+      collide_spherical_tip(frame, tip.radius, body, margin, tip_contacts);
+    else
+      for (const TipParts::Part& part : parts.of(cell)) {
+        const Vec3 part_centre = frame.origin + frame.axes * part.centre;
+        collide_convex(body, {part.shape, part_centre, frame.axes}, margin, nullptr, tip_contacts);
+      }
+    for (Contact& c : tip_contacts) finish(field, frame, cell, centre + c.anchor, c);
+    std::vector<Contact>& to = is_reduced && !tip.moves_sideways() ? contacts : out;
+    to.insert(to.end(), tip_contacts.begin(), tip_contacts.end());
   });
-  if (shape.hulls.size() > 1) {
-    out.insert(out.end(), contacts.begin(), contacts.end());
-    return;
-  }
   ManifoldReducer candidates;
   for (std::size_t k = 0; k < contacts.size(); ++k)
     candidates.add({contacts[k].anchor, contacts[k].normal, contacts[k].separation, static_cast<int>(k)});

@@ -41,7 +41,8 @@ struct TipFrame {
 
 // Appends the contacts with separations up to `margin` ≥ 0. A sphere has at most four (SphereManifoldReducer), another
 // convex body four, chosen among those of all tips; a body of several convex parts has at most four for each pair of
-// parts. Cost: proportional to the tips near the body. `layout`: null for a rectangular one.
+// parts. Contacts with tips that move sideways are kept besides, because each pushes in a direction of its own. Cost:
+// proportional to the tips near the body. `layout`: null for a rectangular one.
 void collide_with_tips(const surface::Field&, const FreeLayoutField* layout, const Shape&, const Vec3& centre,
                        const Mat3& axes, float margin, std::vector<Contact>& out);
 

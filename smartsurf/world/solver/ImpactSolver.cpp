@@ -122,7 +122,8 @@ Rebound compute_rebound(float approach_speed, float speed_after, float separatio
   const float acceleration = (speed_after - approach_speed) / step.dt_s;
   const float half_change = 0.5F * acceleration * step.dt_s / static_cast<float>(step.substeps);
   const float start = approach_speed + half_change, end = speed_after + half_change;
-  const float least = std::min(std::abs(start), std::abs(end)), greatest = std::max(std::abs(start), std::abs(end));
+  const float least = std::min(std::abs(start), std::abs(end)),
+              greatest = std::max(std::abs(start), std::abs(end));
   const float squared = start * start - 2.0F * acceleration * std::max(separation, 0.0F);
   const float contact = std::clamp(std::sqrt(std::max(squared, 0.0F)), least, greatest);
   const float rebound = restitution * contact, max_correction = kMaxCorrection * rebound;
@@ -254,6 +255,7 @@ void ImpactSolver::set_back_manifold(const Step& step, const ManifoldRef& ref) {
 // Removes what the overlap has grown by in the step, if that exceeds `min_overlap`. Each body gives way by the share
 // that it has in the approach. Not by mass: a body at rest stays where it is.
 void ImpactSolver::set_back(const Step& step, const Manifold& m, const Contact& c, float min_overlap) {
+  if (c.other == kYieldingTip) return;
   const ContactState s(step, m, c);
   const float overlap = std::min(c.separation, 0.0F) - s.separation(c, step.dt_s);
   if (!(overlap > min_overlap)) return;
@@ -333,13 +335,11 @@ void ImpactSolver::add_hits(const Step& step) {
       continue;
     }
     const float speed_after = p.velocity_before[0];
-    const Rebound rebound =
-        compute_rebound(hit.approach_speed, speed_after, c.separation, restitution, step);
+    const Rebound rebound = compute_rebound(hit.approach_speed, speed_after, c.separation, restitution, step);
     p.target_speed = rebound.end_speed;
     // The rest of the impulse supports the body until the end of the step.
     const float change = rebound.end_speed - speed_after;
-    if (change > 0.0F)
-      p.friction *= std::min(1.0F, (1.0F + restitution) * rebound.contact_speed / change);
+    if (change > 0.0F) p.friction *= std::min(1.0F, (1.0F + restitution) * rebound.contact_speed / change);
   }
 }
 
@@ -352,7 +352,7 @@ void ImpactSolver::add_approaching_points(const Step& step, const ManifoldRef& r
   for (int k = m.first; k < m.first + m.count; ++k) {
     Contact& c = list.contacts[static_cast<std::size_t>(k)];
     const float restitution = restitution_of(step, m, c);
-    if (restitution == 0.0F) continue;
+    if (restitution == 0.0F || c.other == kYieldingTip) continue;
     const ContactState s(step, m, c);
     const float speed = c.normal.dot(s.velocity(c));
     if (speed >= 0.0F || s.separation(c, step.dt_s) > kTouchingSeparation) continue;
@@ -511,9 +511,10 @@ void ImpactSolver::limit_energy() {
   constexpr float kRoundingError = 1e-4F;
   for (Point& p : points_) {
     const auto [linear, quadratic, budget] = energy_of(p);
-    if (linear + 0.5F * quadratic <= budget + kRoundingError * std::abs(linear) || !(quadratic > 0.0F)) continue;
-    const float scale =
-        std::clamp((-linear + std::sqrt(linear * linear + 2.0F * quadratic * budget)) / quadratic, 0.0F, 1.0F);
+    if (linear + 0.5F * quadratic <= budget + kRoundingError * std::abs(linear) || !(quadratic > 0.0F))
+      continue;
+    const float scale = std::clamp(
+        (-linear + std::sqrt(linear * linear + 2.0F * quadratic * budget)) / quadratic, 0.0F, 1.0F);
     for (int axis = 0; axis < 3; ++axis) apply_impulse(p, axis, (scale - 1.0F) * p.impulse[axis]);
   }
 }

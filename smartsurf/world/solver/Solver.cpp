@@ -145,6 +145,12 @@ void Solver::run_stages(StepContext& context, const Member& member) {
   const JointSolver::Substep substep{context.pair_params.h_s, settings_.gravity};
   run_joint_stage(context, member,
                   [&] { joints.begin_step(context.bodies, context.partition, joint_rows()); });
+  TipSolver& tips = context.input.tips;
+  const TipSolver::Rows tip_rows{velocity_.data(), delta_pose_.data(), material_.data()};
+  run_tip_stage(context, member, [&] {
+    tips.begin_step(context.bodies, context.partition, context.input.static_contacts, tip_rows,
+                    field_material_, context.static_params);
+  });
   const ContactKernelTable& k = context.kernels;
   run_contact_stage(context, member, k.warm_start, 0.0F, SupportStage::kWarmStart);
   const float h_s = context.pair_params.h_s;
@@ -155,11 +161,13 @@ void Solver::run_stages(StepContext& context, const Member& member) {
       member.arrive();
     }
     run_joint_stage(context, member, [&] { joints.solve(context.bodies, joint_rows(), substep); });
+    run_tip_stage(context, member, [&] { tips.solve(tip_rows); });
     run_contact_stage(context, member, k.solve, static_cast<float>(s) * h_s, SupportStage::kSolve);
     member.wait();
     integrate_positions(context);
     member.arrive();
     run_joint_stage(context, member, [&] { joints.relax(joint_rows(), substep); });
+    run_tip_stage(context, member, [&] { tips.relax(tip_rows); });
     run_contact_stage(context, member, k.relax, 0.0F, SupportStage::kRelax);
   }
   if (has_supports_) member.wait();  // support patches change impulses in batches of other members
@@ -329,6 +337,7 @@ void Solver::fill_lane(const StepContext& context, ContactBatch& o, int lane, co
   const SurfaceMaterial& a = material_[static_cast<std::size_t>(o.a[lane])];
   for (int k = 0; k < m.count; ++k) {
     const Contact& c = contacts[static_cast<std::size_t>(m.first + k)];
+    if (c.other == kYieldingTip) continue;  // left as an unused lane: the tip solver has it
     const SurfaceMaterial& b = material_of_b(context, m, c);
     BatchPointDetail& d = detail_[static_cast<std::size_t>(o.first_point + k)];
     if (mask.points) {
@@ -400,6 +409,7 @@ void Solver::store_impulses(StepContext& context, ContactKind kind, int index) {
     float depth = context.input.deep_contact;
     for (int k = 0; k < m.count; ++k) {
       Contact& c = list.contacts[static_cast<std::size_t>(m.first + k)];
+      if (c.other == kYieldingTip) continue;
       const BatchPoint& p = point_[static_cast<std::size_t>(o.first_point + k)];
       depth = std::max(depth, -p.separation[lane]);
       c.normal_impulse = p.normal_impulse[lane];
@@ -531,6 +541,15 @@ void Solver::run_contact_stage(StepContext& context, const Member& member,
     solve_points();
     share_loads(list, p, batch_points());
   });
+  member.arrive();
+}
+
+// Contacts with yielding tips are solved by the caller alone, as joints are.
+template <class Stage>
+void Solver::run_tip_stage(const StepContext& context, const Member& member, Stage stage) {
+  if (context.input.tips.empty()) return;
+  member.wait();
+  if (member.is_caller()) stage();
   member.arrive();
 }
 

@@ -3,7 +3,7 @@
 //
 // Stages: prepare, warm start; per substep integrate velocities, solve with soft constraints, integrate positions,
 // relax (solve without bias, so that the push-out adds no velocity); storing of impulses and impacts at the end of the
-// step. Joints (JointSolver.h) are solved and relaxed before the contacts. The contact stages end with the support
+// step. Joints (JointSolver.h) and contacts with yielding tips (TipSolver.h) are solved and relaxed before the contacts. The contact stages end with the support
 // patches (SupportSolver.h). Impulses carry over from substep to substep
 // and from step to step.
 #pragma once
@@ -22,6 +22,7 @@
 #include "smartsurf/world/solver/ConstraintGraph.h"
 #include "smartsurf/world/solver/ImpactSolver.h"
 #include "smartsurf/world/solver/JointSolver.h"
+#include "smartsurf/world/solver/TipSolver.h"
 
 namespace smartsurf::world {
 
@@ -48,6 +49,7 @@ class Solver {
     std::span<CellImpulseLimit> cell_limits;  // one per static contact; empty without force limits
     bool has_wrenches;                        // whether any body has a nonzero wrench
     JointSolver& joints;
+    TipSolver& tips;             // after collect()
     float deep_contact = 1e30F;  // depth from which deep_contacts() lists a contact, u
   };
   // Solves one step and writes the impulses to the contact lists. The new velocities and delta poses stay in the
@@ -96,6 +98,8 @@ class Solver {
                          float elapsed_s, SupportStage);
   template <class Each>
   void for_each_own_support(const StepContext&, Each each) const;
+  template <class Stage>
+  void run_tip_stage(const StepContext&, const Member&, Stage stage);
   template <class Stage>
   void run_joint_stage(const StepContext&, const Member&, Stage stage);
   JointSolver::Rows joint_rows() { return {velocity_.data(), start_velocity_.data(), delta_pose_.data()}; }

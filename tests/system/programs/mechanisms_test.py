@@ -114,6 +114,11 @@ class Mechanisms(ProgramTest):
         self.assertLess(ball, 2.0)
         self.assertGreater(crate, 5.0)
 
+    def test_delta_robots_walk_plate_to_goal(self):
+        distance, height = self.run_example("delta", 10)
+        self.assertLess(distance, 1.0)
+        self.assertGreater(height, 1.3)
+
     def test_mixed_surface_on_slope(self):
         status, out, err = self.run_program(SMARTSURF, "run", str(ROOT / "scripts/examples/mixed.lua"), "--no-controller",
                                             "--headless", "--until", "4")

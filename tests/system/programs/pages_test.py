@@ -121,8 +121,8 @@ class LuaReference(ProgramTest):
 
     PAGES = ("experiments", "actuators", "sensors", "objects")
     TABLE = "surface { rows = 2, columns = 2 }\n"
-    ACTUATORS = ("pin", "ball", "wheels", "rotor", "force_field", "magnet", "air_jet", "tile")
-    SENSORS = ("proximity", "colour", "object_type", "light", "pressure", "camera")
+    ACTUATORS = ("pin", "ball", "wheels", "rotor", "force_field", "magnet", "air_jet", "tile", "delta")
+    SENSORS = ("proximity", "colour", "object_type", "light", "pressure", "camera", "joint_position", "tip_force")
 
     def names_known(self, script):
         path = self.write("asks.lua", script)

@@ -56,7 +56,7 @@ ACTUATORS = {
     "wheels": "wheels { top = 0.8, max_spin = 20 }", "ball": "ball { radius = 0.4, max_spin = 20 }",
     "rotor": "rotor {}", "force_field": "force_field { max_force = 4, reach = 1 }",
     "magnet": "magnet { strength = 50 }", "air_jet": "air_jet { max_flow = 30 }",
-    "tile": "tile { frequency = 8 }", "pin": "pin { range = {0, 2}, max_force = 30 }",
+    "tile": "tile { frequency = 8 }", "delta": "delta { workspace = { z = {1, 2} }, stiffness = 100 }", "pin": "pin { range = {0, 2}, max_force = 30 }",
 }
 
 TASK_OF_EACH_ACTUATOR = """

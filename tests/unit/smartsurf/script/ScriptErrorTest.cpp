@@ -20,9 +20,10 @@ INSTANTIATE_TEST_SUITE_P(
     testing::Values(
         Mistake{"\n\nsphere{raduis = 1, position = {0, 0, 0}}",
                 "t.lua:3: sphere: unknown field 'raduis' (did you mean 'radius'?)"},
-        Mistake{"world{color = 1}",
-                "t.lua:1: world: unknown field 'color'; known: unit, gravity, dt, iterations, control_period, "
-                "seed, ground, sleep, off_table, engine"},
+        Mistake{
+            "world{color = 1}",
+            "t.lua:1: world: unknown field 'color'; known: unit, gravity, dt, iterations, control_period, "
+            "seed, ground, sleep, off_table, engine"},
         Mistake{"sphere{\n  radius = 1,\n  position = {0, 0, 'high'}}",
                 "t.lua:1: sphere.position[3] = 'high': must be a number"},
         Mistake{"sphere{radius = 'big', position = {0, 0, 0}}",
@@ -206,6 +207,22 @@ INSTANTIATE_TEST_SUITE_P(
         Mistake{
             "surface{pitch = 2, actuator = pin{top = {1, 1.5}, tip = {shape = 'hemisphere', radius = 0.6}}}",
             "t.lua:1: pin.tip.radius = 0.6: must be in (0, 0.5], half of the top's shorter edge"},
+        Mistake{"delta{tip = {shape = 'cone'}}",
+                "t.lua:1: delta.tip.shape = 'cone': must be one of sphere, rounded_cylinder"},
+        Mistake{"delta{tip = {length = 1}}",
+                "t.lua:1: delta.tip.length: a tip of the shape 'sphere' has none"},
+        Mistake{"delta{tip = {shape = 'rounded_cylinder', radius = 0.5, length = 0.8}}",
+                "t.lua:1: delta.tip.length = 0.8: must be at least the diameter of the tip, 1"},
+        Mistake{"delta{workspace = 1}", "t.lua:1: delta.workspace = 1: must be a table of radius, z"},
+        Mistake{"delta{workspace = {radius = 0}}",
+                "t.lua:1: delta.workspace.radius = 0: must be greater than 0"},
+        Mistake{"delta{workspace = {z = {2, 1}}}",
+                "t.lua:1: delta.workspace.z[2] = 1: must be not below delta.workspace.z[1] = 2"},
+        Mistake{
+            "delta{arms = {length = 1, radius = 0.6}}",
+            "t.lua:1: delta.arms.length = 1: must be greater than workspace.radius + arms.radius = 1.1, to "
+            "reach the whole workspace"},
+        Mistake{"delta{damping = 1}", "t.lua:1: delta.damping: needs delta.stiffness"},
         Mistake{"tile{command = 'tilt'}", "t.lua:1: tile.command = 'tilt': must be one of wave, pose"},
         Mistake{"tile{max_tilt = 1.5}", "t.lua:1: tile.max_tilt = 1.5: must be in [0, 1.2]"},
         Mistake{"tile{heave = {2, 1}}", "t.lua:1: tile.heave[2] = 1: must be not below tile.heave[1] = 2"},

@@ -72,6 +72,18 @@ end
 reward(function() return (object(0):position()) end)
 )"};
 
+// Delta robots, rigid and compliant, with their sensors.
+constexpr Script kDeltas{"Deltas", R"(
+surface { rows = 8, columns = 8, sensors = { tip_force {}, joint_position {} },
+          actuators = { c = delta { stiffness = 200 }, r = delta { tip = { shape = 'rounded_cylinder' } },
+                        l = delta { max_force = 30 } }, cells = { 'cr', 'lc' } }
+for i = 1, 3 do
+  sphere { radius = 0.8, position = { 2 * i, 3, 2 + i } }
+  box { size = {1.5, 1, 1}, position = { 2 * i, 5, 2 + i } }
+end
+reward(function() return (object(0):position()) end)
+)"};
+
 class EnvironmentTest : public testing::TestWithParam<Script> {
  protected:
   EnvironmentTest()
@@ -209,7 +221,8 @@ TEST_P(OverloadedEnvironmentTest, FailsAndSaysWhy) {
 }
 INSTANTIATE_TEST_SUITE_P(Pile, OverloadedEnvironmentTest, testing::Values(kPile));
 
-INSTANTIATE_TEST_SUITE_P(Experiments, EnvironmentTest, testing::Values(kCrowd, kNoisy, kJoints, kTilting));
+INSTANTIATE_TEST_SUITE_P(Experiments, EnvironmentTest,
+                         testing::Values(kCrowd, kNoisy, kJoints, kTilting, kDeltas));
 
 }  // namespace
 }  // namespace smartsurf::simulation

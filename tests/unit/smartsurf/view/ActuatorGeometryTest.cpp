@@ -124,6 +124,20 @@ TEST(ActuatorGeometry, TipsReachTheTop) {
   }
 }
 
+TEST(ActuatorGeometry, DeltaTipStandsAtItsOffsetOnThreeArms) {
+  const ActuatorGeometry parts =
+      ActuatorFixture("delta", {0.5F, -1.0F, 0}, {{"workspace.radius", {0.4}}}).geometry();
+  const ActuatorGeometry rest = ActuatorFixture("delta", {0, 0, 0}, {{"workspace.radius", {0.4}}}).geometry();
+  const InstancedMesh &tips = parts.meshes()[0], &arms = parts.meshes()[1];
+  EXPECT_NEAR(highest_vertex(tips, tips.instances[4]), 1.0F, 1e-5F);
+  const Eigen::Vector3f moved =
+      to_vector(tips.instances[4].centre) - to_vector(rest.meshes()[0].instances[4].centre);
+  EXPECT_NEAR((moved - Eigen::Vector3f(0.2F, -0.4F, 0)).norm(), 0.0F, 1e-6F);
+  ASSERT_EQ(arms.instances.size(), 27u);
+  for (const MeshInstance& arm : arms.instances)  // half of twice the sum of the radii, 0.4 both
+    EXPECT_NEAR(to_vector(arm.z).norm(), 0.8F, 1e-5F);
+}
+
 TEST(ActuatorGeometry, TiltedPlateTurnsByRollThenPitch) {
   const ActuatorGeometry parts = ActuatorFixture("tile", {0.3F, 0.2F, 0}, {{"command", {1}}}).geometry();
   const Eigen::Vector3f up = to_vector(parts.meshes()[0].instances[4].z).normalized();

@@ -1,0 +1,101 @@
+// Contacts with tips that yield: tips of delta robots that are compliant, or whose joints have limited force.
+//
+// A tip has no mass. Its joints hold it through a spring of stiffness k and a damper c. With the impulse J of all its
+// contacts in a substep h, its deflection changes, by the implicit Euler method, by
+//   h·(J/M − k·d/(c + h·k)),  M = h·(c + h·k)
+// so that to its contacts it is a body of mass M. A rigid tip has 1/M = 0. When the normal impulses add up to F·h, with the
+// force limit F, the joints yield: the tip moves with its load, until the joints reach the boundary of the workspace, which
+// bears any load.
+// (E. Catto, Soft Constraints, GDC 2011.)
+//
+// The contacts of a tip share its velocity and are solved one after another, on one thread, in the stages of Solver.h.
+// They are inelastic: what springs back is the tip.
+#pragma once
+
+#include <span>
+#include <vector>
+
+#include "smartsurf/surface/Field.h"
+#include "smartsurf/world/BodyStore.h"
+#include "smartsurf/world/Contact.h"
+#include "smartsurf/world/parallel/SpatialPartition.h"
+#include "smartsurf/world/solver/ContactKernels.h"
+
+namespace smartsurf::world {
+
+class TipSolver {
+ public:
+  // Indexed by row of the partition.
+  struct Rows {
+    BodyVelocity* velocity;
+    const DeltaPose* delta_pose;
+    const SurfaceMaterial* material;
+  };
+
+  // Finds the contacts of the coming step.
+  void collect(const surface::Field& field, const ContactList& static_contacts);
+  void clear() { points_.clear(), tips_.clear(), cells_.clear(); }
+  bool empty() const { return points_.empty(); }
+
+  // The stages of a step. begin_step() also applies the impulses of the last substep.
+  void begin_step(const BodyStore&, const SpatialPartition&, const ContactList& static_contacts, const Rows&,
+                  const SurfaceMaterial& field_material, const SubstepParams&);
+  void solve(const Rows&);
+  void relax(const Rows&);  // call after the rows were moved
+  // After the step: writes the impulses to the contacts, and the velocities of the loaded tips to the field.
+  void store(surface::Field&, ContactList& static_contacts, float dt_s) const;
+  // The cells of the loaded tips.
+  std::span<const std::int32_t> cells() const { return cells_; }
+
+ private:
+  struct Tip {
+    const surface::CellTip* kind;
+    // At the start of the substep; the velocity is that planned for the step.
+    Vec3 held_position, held_velocity, deflection;
+    float inverse_mass = 0.0F, return_rate = 0.0F;  // 1/M; k/(c + h·k), 1/s
+    float max_impulse = 0.0F;
+    Vec3 load{0, 0, 0}, normal_load{0, 0, 0};                 // J, and its part without friction, mass·u/s
+    Vec3 yield_velocity{0, 0, 0};                             // of the joints, in the substep, u/s
+    Vec3 start_deflection, yielded{0, 0, 0}, moved{0, 0, 0};  // motion in the step, u
+
+    Vec3 deflection_rate() const;
+    void add_load(const Vec3& impulse, const Vec3& normal_impulse) {
+      load += impulse, normal_load += normal_impulse;
+    }
+    Vec3 velocity() const { return held_velocity + yield_velocity + deflection_rate(); }
+    // How far the joints may move along a unit direction without leaving the workspace, u.
+    float room_along(const Vec3& direction) const;
+  };
+  struct Point {
+    std::int32_t contact, tip, body, row = -1;
+    Vec3 normal, anchor;
+    float separation;
+    Mat3 inverse_inertia, response;  // velocity change of the point per impulse, tip included
+    float normal_mass, rigid_mass, tangent_mass, rolling_mass;
+    float friction, rolling_friction;
+    float normal_impulse, total_normal_impulse = 0.0F, relax_target_speed = 0.0F;
+    Vec3 friction_impulse, rolling_impulse;
+
+    Vec3 impulse() const { return normal_impulse * normal + friction_impulse; }
+  };
+
+  void prepare(Point&, const BodyStore&, const SpatialPartition&, const Contact&, const Rows&,
+               const SurfaceMaterial& field_material);
+  Vec3 relative_velocity(const Point&, const Rows&) const;
+  void apply(const Point&, const Vec3& impulse, const Rows&) const;
+  void add_normal_impulse(Point&, float impulse, const Rows&);
+  float push_out_speed(Point&, const Rows&) const;
+  // The contact is to separate at least at `target_speed`.
+  void solve_point(Point&, float target_speed, const Rows&);
+  void yield(Point&, float target_speed, const Rows&);
+  void solve_friction(Point&, const Rows&);
+  void solve_rolling(Point&, const Rows&) const;
+
+  SubstepParams params_{};
+  std::vector<Point> points_;
+  std::vector<Tip> tips_;
+  std::vector<std::int32_t> cells_;        // of tips_
+  std::vector<std::int32_t> tip_of_cell_;  // −1: none; all −1 between steps
+};
+
+}  // namespace smartsurf::world
