@@ -81,6 +81,10 @@ class Tasks(ProgramTest):
         metrics = self.run_task("packages", 14, "count=6")
         self.assertEqual((metrics["delivered"], metrics["wrong_exit"], metrics["collisions"]), (1, 0, 0))
 
+    def test_parcels_leave_through_their_exits(self):
+        metrics = self.run_task("parcels", 45, "count=24")
+        self.assertEqual((metrics["delivered"], metrics["wrong_exit"]), (1, 0))
+
     def test_sheet_floats_to_goal(self):
         metrics = self.run_task("air", 30)
         self.assertLess(metrics["error_u"], 1)
