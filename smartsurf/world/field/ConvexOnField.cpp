@@ -338,7 +338,7 @@ class PartOnField {
   }
 
   void add_deepest_point(const Plateau& p, const Vec3& from, const Vec3& to, ManifoldReducer& out) const {
-    constexpr int kBisections = 12;
+    constexpr int kEdgeBisections = 12;
     constexpr float kMinNormalZ = 0.01F;  // a column has no way out below
     const auto point_at = [&](float t) { return Vec3(from + t * (to - from)); };
     const auto distance_at = [&](float t) {
@@ -347,7 +347,7 @@ class PartOnField {
     // The distance is convex along the edge.
     const Vec3 along = axes_.transpose() * (to - from);
     float low = 0.0F, high = 1.0F;
-    for (int i = 0; i < kBisections; ++i) {
+    for (int i = 0; i < kEdgeBisections; ++i) {
       const float middle = 0.5F * (low + high);
       (distance_at(middle).normal.dot(along) > 0.0F ? high : low) = middle;
     }
