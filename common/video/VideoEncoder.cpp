@@ -1,6 +1,7 @@
 #include "common/video/VideoEncoder.h"
 
 #include <fcntl.h>
+#include <sys/prctl.h>
 #include <sys/socket.h>
 #include <sys/wait.h>
 #include <unistd.h>
@@ -67,6 +68,7 @@ void VideoEncoder::start(int frames_per_second) {
     throw UserError(file_.string() + ": cannot start ffmpeg: " + std::strerror(errno));
   child_ = ::fork();
   if (child_ == 0) {
+    ::prctl(PR_SET_PDEATHSIG, SIGKILL);  // or it would write the file that its parent has just removed
     ::dup2(ends[0], STDIN_FILENO);
     std::signal(SIGXFSZ, SIG_DFL);
     // A process group without the terminal's Ctrl-C, which ffmpeg would catch: it ends with its input.

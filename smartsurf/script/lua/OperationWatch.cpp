@@ -54,14 +54,16 @@ void OperationWatch::end() noexcept {
 
 void OperationWatch::watch() {
   std::uint64_t watched = 0;
-  double began_s = 0.0;
+  double began_s = 0.0;  // or was first seen after a stop
+  bool stopped = false;
   for (std::unique_lock lock(mutex_); !ended_.wait_for(lock, kWatchInterval, [this] { return ends_; });) {
     const std::uint64_t serial = serial_.load(std::memory_order_acquire);
     const double limit_s = limit_s_.load(std::memory_order_relaxed);
     if (limit_s == 0.0) continue;
     const double now_s = thread_time_s(clock_.load(std::memory_order_relaxed));
-    if (std::exchange(watched, serial) != serial) began_s = now_s;
-    const bool stopped = stop_ != nullptr && stop_->load(std::memory_order_relaxed);
+    const bool was_stopped =
+        std::exchange(stopped, stop_ != nullptr && stop_->load(std::memory_order_relaxed));
+    if (std::exchange(watched, serial) != serial || stopped != was_stopped) began_s = now_s;
     if (now_s - began_s > (stopped ? std::min(kTimeAfterStop_s, limit_s) : limit_s)) overrun_(stopped);
   }
 }

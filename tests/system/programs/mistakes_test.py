@@ -214,7 +214,7 @@ class Mistakes(ProgramTest):
         self.run_program(SMARTSURF, "new", "mine")
         surface = self.start(SMARTSURF, "run", "mine.lua", "--shm", self.shm, "--ticks", "2")
         command = surface.stderr.readline().strip().partition("attach one with: ")[2]
-        self.assertTrue(command.endswith(f"/apron run mine.aps --shm {self.shm}"), command)
+        self.assertRegex(command, rf"^(.*/)?apron run mine\.aps --shm {self.shm}$")  # without a folder where apron is on PATH
         self.assertEqual(self.run_program(*command.split())[0], 0)
         self.assertEqual(self.finish(surface)[0], 0)
 

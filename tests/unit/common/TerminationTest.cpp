@@ -108,7 +108,9 @@ TEST(UnfinishedFile, IsKeptOnceFinished) {
   const auto kept = folder.path() / "kept", part = folder.path() / "part";
   for (const auto& path : {kept, part}) std::ofstream(path) << "text";
   { const UnfinishedFile finished(kept); }
-  const UnfinishedFile unfinished(part);
+  const auto empty = folder.path() / "empty";
+  std::filesystem::create_directory(empty);
+  const UnfinishedFile unfinished(part), folder_of_nothing(empty);
   if (const pid_t child = ::fork(); child == 0) {
     remove_unfinished_files();  // its parent's
     ::_exit(0);
@@ -119,6 +121,21 @@ TEST(UnfinishedFile, IsKeptOnceFinished) {
   remove_unfinished_files();
   EXPECT_TRUE(std::filesystem::exists(kept));
   EXPECT_FALSE(std::filesystem::exists(part));
+  EXPECT_FALSE(std::filesystem::exists(empty));
+}
+
+TEST(Termination, EndsTheProcessAtOnce) {
+  const TemporaryFolder folder;
+  const auto part = folder.path() / "part";
+  std::ofstream(part) << "half";
+  const auto run = [&](const char* reason, int status) {
+    const Termination termination("program");
+    const UnfinishedFile unfinished(part);
+    end_process(reason, status);
+  };
+  EXPECT_EXIT(run("it takes too long", 2), ExitedWithCode(2), "^program: it takes too long\n$");
+  EXPECT_FALSE(std::filesystem::exists(part));
+  EXPECT_EXIT(run(nullptr, 143), ExitedWithCode(143), "^$");
 }
 
 }  // namespace

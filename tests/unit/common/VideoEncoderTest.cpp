@@ -2,10 +2,14 @@
 
 #include <gtest/gtest.h>
 
+#include <cerrno>
+#include <csignal>
 #include <cstdlib>
 #include <fstream>
+#include <thread>
 
 #include "common/error/UserError.h"
+#include "common/process/Termination.h"
 #include "tests/unit/common/TemporaryFolder.h"
 
 namespace fs = std::filesystem;
@@ -65,6 +69,24 @@ TEST(VideoEncoder, FailureLeavesNoPartialFile) {
   VideoEncoder video(folder.path() / "a.mp4", 4, 2, 30);
   video.add(grey(4, 2));
   EXPECT_THROW(video.finish(), UserError);
+  EXPECT_EQ(folder.entries(), 0);
+}
+
+TEST(VideoEncoder, CrashOfItsProgramLeavesNoPartialFile) {
+#ifdef __SANITIZE_THREAD__
+  GTEST_SKIP() << "ThreadSanitizer calls signal handlers with an errno of its own";
+#endif
+  const FakeFfmpeg ffmpeg("cat > \"$last\"");
+  const TemporaryFolder folder;
+  const auto crash = [&] {
+    std::signal(SIGSEGV, SIG_DFL);  // instead of a sanitizer's handler
+    const common::Termination termination("program");
+    const VideoEncoder video(folder.path() / "a.mp4", 4, 2, 30);
+    while (folder.entries() == 0) std::this_thread::yield();
+    errno = ENOMEM;
+    std::raise(SIGSEGV);
+  };
+  EXPECT_EXIT(crash(), testing::ExitedWithCode(1), "^program: there is not enough memory\n$");
   EXPECT_EQ(folder.entries(), 0);
 }
 
