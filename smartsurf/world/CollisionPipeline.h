@@ -96,6 +96,7 @@ class CollisionPipeline {
   struct SlabResults {
     int member = 0;  // the member that processes the slab
     bool overloaded = false;
+    int expected_pair = 0;  // see PreviousContacts::find_pair
     SupportPatches* supports = nullptr;
     ContactList pair_contacts, static_contacts;
     PairManifoldCache::ChunkCache cached_pairs;

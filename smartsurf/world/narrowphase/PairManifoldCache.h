@@ -4,6 +4,7 @@
 // that is well separated is not tested again before it can have met.
 #pragma once
 
+#include <span>
 #include <vector>
 
 #include "smartsurf/world/BodyStore.h"
@@ -35,6 +36,10 @@ class PairManifoldCache {
     std::vector<CachedManifold> manifolds;
     std::vector<CachedPoint> points;
     std::vector<SimplexCache> simplices;
+    // The chunk's manifolds of the previous step, and the position after the one found last: pairs come in much the same
+    // order in each step, so that the next one is usually there. Set by swap_in().
+    std::span<const CachedManifold> previous;
+    std::size_t expected = 0;
     void archive(common::StateArchive& a) {
       a(manifolds, points, simplices);
       for (CachedManifold& m : manifolds) m.points = nullptr, m.simplex_cache = nullptr, m.next = nullptr;
@@ -52,7 +57,7 @@ class PairManifoldCache {
                std::vector<Contact>& out) const;
 
  private:
-  const CachedManifold* find(std::size_t a, std::size_t b) const;
+  const CachedManifold* find(std::size_t a, std::size_t b, ChunkCache& chunk_cache) const;
 
   std::vector<ChunkCache> previous_;                   // one per chunk
   std::vector<const CachedManifold*> first_manifold_;  // indexed by body a
