@@ -123,6 +123,7 @@ void CollisionPipeline::update_broadphase(const BodyStore& bodies, const Member&
     compute_large_radius(bodies);
     query_radius_.resize(bodies.bounding_radius.size());
     speculative_margin_.resize(bodies.bounding_radius.size());
+    half_extents_.resize(bodies.bounding_radius.size());
   });
   const auto own = own_bodies(member);
   compute_query_radii(bodies, own);
@@ -274,6 +275,7 @@ void CollisionPipeline::compute_query_radii(const BodyStore& bodies, std::span<c
       if (!bodies.is_sphere[i]) travel += bodies.angular_velocity(i).norm() * bodies.bounding_radius[i];
     }
     speculative_margin_[i] = std::max(kMinSpeculativeMargin, travel * dt_s_);
+    if (!bodies.is_sphere[i]) half_extents_[i] = bodies.axes[i].cwiseAbs() * bodies.shape[i]->half_extents;
     // Static bodies count as large: other bodies query them, and they do not query others.
     query_radius_[i] = bodies.is_static(i) ? 1e30F
                                            : bodies.bounding_radius[i] +
@@ -464,6 +466,9 @@ void CollisionPipeline::collide_pair(const BodyStore& bodies, std::size_t i, std
     collide_bodies(bodies, a, b, kMinSpeculativeMargin, dt_s_, nullptr, pair_contacts.contacts);
   } else {
     const float margin = kMinSpeculativeMargin + closing_distance(bodies, a, b, dt_s_);
+    const Vec3 gap =
+        (bodies.position[a] - bodies.position[b]).cwiseAbs() - half_extents_[a] - half_extents_[b];
+    if (gap.maxCoeff() > margin + PairManifoldCache::kHorizon) return;
     pair_cache_.collide(bodies, a, b, margin, results.cached_pairs, pair_contacts.contacts);
   }
   const auto count = static_cast<std::int32_t>(pair_contacts.contacts.size()) - first;

@@ -16,9 +16,6 @@ constexpr float kTravelFraction = 0.03F, kMaxTravel = 0.06F;
 // Greatest tangential motion at a cached point, likewise as a fraction and in u. The normals stay constant,
 // so the error is of second order, about 1e-3 u.
 constexpr float kSlipFraction = 0.015F, kMaxSlip = 0.03F;
-// Separations are computed up to this much beyond the margin, so that separated pairs can be skipped in later
-// steps, u.
-constexpr float kHorizon = 0.2F;
 
 // Pose of a relative to b, in the axes of b.
 struct RelativePose {
@@ -79,7 +76,7 @@ void rebuild(const BodyStore& bodies, std::size_t a, std::size_t b, float margin
   manifold.clearance = collide_convex({*bodies.shape[a], bodies.position[a], bodies.axes[a]},
                                       {*bodies.shape[b], bodies.position[b], bodies.axes[b]},
                                       margin + max_travel(min_bounding_radius(bodies, a, b)), cached_normal,
-                                      contacts, kHorizon, &simplex_cache);
+                                      contacts, PairManifoldCache::kHorizon, &simplex_cache);
   manifold.point_count = static_cast<std::int32_t>(contacts.size());
   manifold.min_separation = std::numeric_limits<float>::infinity();
   for (const Contact& c : contacts) {

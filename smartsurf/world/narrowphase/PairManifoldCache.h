@@ -15,6 +15,10 @@ namespace smartsurf::world {
 
 class PairManifoldCache {
  public:
+  // Separations are computed up to this much beyond the margin, so that separated pairs can be skipped in later
+  // steps, u. Pairs that are farther apart need not be passed to collide().
+  static constexpr float kHorizon = 0.2F;
+
   struct CachedPoint {
     Vec3 on_a, on_b, normal;  // in the axes of a, b and b
   };
