@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <bit>
-#include <bitset>
 #include <cmath>
 #include <cstring>
 #include <limits>
@@ -13,6 +12,7 @@
 #include "smartsurf/world/field/SphereOnField.h"
 #include "smartsurf/world/field/TipsOnField.h"
 #include "smartsurf/world/narrowphase/PairContacts.h"
+#include "smartsurf/world/narrowphase/Simd4.h"
 
 namespace smartsurf::world {
 namespace {
@@ -20,43 +20,74 @@ namespace {
 // Contacts up to this separation are always kept, so that resting contacts do not flicker, u.
 constexpr float kMinSpeculativeMargin = 0.02F;
 
-// Index of the nearest previous contact with the same partner that is not taken yet, or −1. `previous` has at
-// most `capacity` entries.
-template <std::size_t capacity>
-int find_nearest_previous(const Contact& c, std::span<const Contact> previous, float max_distance_squared,
-                          const std::bitset<capacity>& taken) {
-  // Branch-free, because the outcome is unpredictable: non-negative floats order like their bits, so the low
-  // bits of the squared distance can carry the index.
-  constexpr std::int32_t kIndexMask = capacity - 1, kNone = std::numeric_limits<std::int32_t>::max();
-  static_assert(std::has_single_bit(capacity));
-  const std::int32_t limit = std::bit_cast<std::int32_t>(max_distance_squared) & ~kIndexMask;
-  std::int32_t nearest = limit;
-  for (std::size_t j = 0; j < previous.size(); ++j) {
-    const Contact& o = previous[j];
-    const auto distance_bits = std::bit_cast<std::int32_t>((o.anchor - c.anchor).squaredNorm());
-    const std::int32_t other = o.other == kSupportedField ? kField : o.other;
-    const std::int32_t excluded =
-        -static_cast<std::int32_t>(taken[j]) | -static_cast<std::int32_t>(other != c.other);
-    nearest = std::min(nearest,
-                       ((distance_bits & ~kIndexMask) | static_cast<std::int32_t>(j)) | (excluded & kNone));
+std::int32_t partner_of(const Contact& c) { return c.other == kSupportedField ? kField : c.other; }
+
+// Anchors of at most `capacity` contacts of the previous step, four at a time.
+template <int capacity>
+class PreviousAnchors {
+  static_assert(std::has_single_bit(static_cast<unsigned>(capacity)) && capacity % kSimd4Width == 0);
+
+ public:
+  explicit PreviousAnchors(std::span<const Contact> previous)
+      : blocks_((static_cast<int>(previous.size()) + kSimd4Width - 1) / kSimd4Width) {
+    for (int i = 0; i < blocks_; ++i) {
+      const Contact* c[kSimd4Width];
+      std::int32_t other[kSimd4Width];
+      for (int k = 0; k < kSimd4Width; ++k) {
+        const auto at = static_cast<std::size_t>(kSimd4Width * i + k);
+        c[k] = &previous[at < previous.size() ? at : 0];
+        other[k] = at < previous.size() ? partner_of(*c[k]) : kTaken;
+      }
+      x_[i] = Float4{c[0]->anchor.x(), c[1]->anchor.x(), c[2]->anchor.x(), c[3]->anchor.x()};
+      y_[i] = Float4{c[0]->anchor.y(), c[1]->anchor.y(), c[2]->anchor.y(), c[3]->anchor.y()};
+      z_[i] = Float4{c[0]->anchor.z(), c[1]->anchor.z(), c[2]->anchor.z(), c[3]->anchor.z()};
+      other_[i] = Int4{other[0], other[1], other[2], other[3]};
+    }
   }
-  return nearest == limit ? -1 : nearest & kIndexMask;
+
+  // Index of the nearest contact with the same partner that was not taken yet, or −1. Takes it.
+  int take_nearest(const Contact& c, float max_distance_squared) {
+    // Branch-free, because the outcome is unpredictable: non-negative floats order like their bits, so the low
+    // bits of the squared distance can carry the index.
+    constexpr std::int32_t kIndexMask = capacity - 1, kNone = std::numeric_limits<std::int32_t>::max();
+    const std::int32_t limit = std::bit_cast<std::int32_t>(max_distance_squared) & ~kIndexMask;
+    Int4 nearest = Int4{} + limit, index{0, 1, 2, 3};
+    for (int i = 0; i < blocks_; ++i, index += kSimd4Width) {
+      const Float4 x = x_[i] - c.anchor.x(), y = y_[i] - c.anchor.y(), z = z_[i] - c.anchor.z();
+      const Int4 distance = (as_int_bits(x * x + (y * y + z * z)) & ~kIndexMask) | index;
+      const Int4 candidate = other_[i] == c.other ? distance : Int4{} + kNone;
+      nearest = candidate < nearest ? candidate : nearest;
+    }
+    const std::int32_t least = horizontal_min(nearest);
+    if (least == limit) return -1;
+    const int found = least & kIndexMask;
+    Int4& block = other_[found / kSimd4Width];
+    block = Int4{0, 1, 2, 3} == found % kSimd4Width ? Int4{} + kTaken : block;
+    return found;
+  }
+
+ private:
+  static constexpr std::int32_t kTaken = std::numeric_limits<std::int32_t>::min();  // no contact's partner
+  static constexpr std::size_t kBlocks = capacity / kSimd4Width;
+  int blocks_;
+  Float4 x_[kBlocks], y_[kBlocks], z_[kBlocks];
+  Int4 other_[kBlocks];
+};
+
+void copy_impulses(const Contact& from, Contact& to) {
+  to.normal_impulse = from.normal_impulse;
+  to.friction_impulse = from.friction_impulse - to.normal * to.normal.dot(from.friction_impulse);
+  to.rolling_impulse = from.rolling_impulse;
+  to.max_cell_impulse = from.max_cell_impulse;
 }
 
-template <std::size_t capacity>
+template <int capacity>
 void match_nearest(std::span<Contact> current, std::span<const Contact> previous, float tolerance) {
-  std::bitset<capacity> taken;
-  previous = previous.first(std::min(previous.size(), capacity));
-  for (Contact& c : current) {
-    const int best = find_nearest_previous(c, previous, tolerance * tolerance, taken);
-    if (best < 0) continue;
-    taken.set(static_cast<std::size_t>(best));
-    const Contact& o = previous[static_cast<std::size_t>(best)];
-    c.normal_impulse = o.normal_impulse;
-    c.friction_impulse = o.friction_impulse - c.normal * c.normal.dot(o.friction_impulse);
-    c.rolling_impulse = o.rolling_impulse;
-    c.max_cell_impulse = o.max_cell_impulse;
-  }
+  previous = previous.first(std::min(previous.size(), static_cast<std::size_t>(capacity)));
+  PreviousAnchors<capacity> anchors(previous);
+  for (Contact& c : current)
+    if (const int i = anchors.take_nearest(c, tolerance * tolerance); i >= 0)
+      copy_impulses(previous[static_cast<std::size_t>(i)], c);
 }
 
 // Copies impulses for warm starting: each current contact takes those of the nearest previous contact within
@@ -69,13 +100,18 @@ void match_contacts(ContactList& list, const Manifold& current, const ContactLis
   auto contacts_of = [](auto& contacts, const Manifold& m) {
     return std::span(contacts).subspan(static_cast<std::size_t>(m.first), static_cast<std::size_t>(m.count));
   };
+  const auto contacts = contacts_of(list.contacts, current);
+  const std::span<const Contact> old = contacts_of(previous.contacts, previous_manifold);
   constexpr std::size_t kSmallCapacity = 64, kMaxCapacity = 1024;
-  if (static_cast<std::size_t>(previous_manifold.count) <= kSmallCapacity)
-    match_nearest<kSmallCapacity>(contacts_of(list.contacts, current),
-                                  contacts_of(previous.contacts, previous_manifold), tolerance);
-  else
-    match_nearest<kMaxCapacity>(contacts_of(list.contacts, current),
-                                contacts_of(previous.contacts, previous_manifold), tolerance);
+  if (contacts.size() == 1 && old.size() == 1) {  // as of all pairs of spheres
+    if (contacts[0].other == partner_of(old[0]) &&
+        (old[0].anchor - contacts[0].anchor).squaredNorm() < tolerance * tolerance)
+      copy_impulses(old[0], contacts[0]);
+  } else if (old.size() <= kSmallCapacity) {
+    match_nearest<kSmallCapacity>(contacts, old, tolerance);
+  } else {
+    match_nearest<kMaxCapacity>(contacts, old, tolerance);
+  }
 }
 
 }  // namespace
@@ -87,6 +123,7 @@ void CollisionPipeline::update_broadphase(const BodyStore& bodies, const Member&
     compute_large_radius(bodies);
     query_radius_.resize(bodies.bounding_radius.size());
     speculative_margin_.resize(bodies.bounding_radius.size());
+    half_extents_.resize(bodies.bounding_radius.size());
   });
   const auto own = own_bodies(member);
   compute_query_radii(bodies, own);
@@ -118,6 +155,7 @@ void CollisionPipeline::begin_detection(ContactList& pair_contacts, ContactList&
   static_output_.resize(partition_.body_runs().size());
   for (std::size_t s = 0; s < slab_results_.size(); ++s) {
     slab_results_[s].overloaded = false;
+    slab_results_[s].expected_pair = 0;
     slab_results_[s].pair_contacts.clear();
     slab_results_[s].static_contacts.clear();
     pair_cache_.swap_in(static_cast<int>(s), slab_results_[s].cached_pairs);
@@ -237,6 +275,7 @@ void CollisionPipeline::compute_query_radii(const BodyStore& bodies, std::span<c
       if (!bodies.is_sphere[i]) travel += bodies.angular_velocity(i).norm() * bodies.bounding_radius[i];
     }
     speculative_margin_[i] = std::max(kMinSpeculativeMargin, travel * dt_s_);
+    if (!bodies.is_sphere[i]) half_extents_[i] = bodies.axes[i].cwiseAbs() * bodies.shape[i]->half_extents;
     // Static bodies count as large: other bodies query them, and they do not query others.
     query_radius_[i] = bodies.is_static(i) ? 1e30F
                                            : bodies.bounding_radius[i] +
@@ -427,6 +466,9 @@ void CollisionPipeline::collide_pair(const BodyStore& bodies, std::size_t i, std
     collide_bodies(bodies, a, b, kMinSpeculativeMargin, dt_s_, nullptr, pair_contacts.contacts);
   } else {
     const float margin = kMinSpeculativeMargin + closing_distance(bodies, a, b, dt_s_);
+    const Vec3 gap =
+        (bodies.position[a] - bodies.position[b]).cwiseAbs() - half_extents_[a] - half_extents_[b];
+    if (gap.maxCoeff() > margin + PairManifoldCache::kHorizon) return;
     pair_cache_.collide(bodies, a, b, margin, results.cached_pairs, pair_contacts.contacts);
   }
   const auto count = static_cast<std::int32_t>(pair_contacts.contacts.size()) - first;
@@ -436,7 +478,7 @@ void CollisionPipeline::collide_pair(const BodyStore& bodies, std::size_t i, std
   // A sphere has a single contact per partner, whose anchor may move far in one step.
   const float tolerance = has_sphere ? bodies.bounding_radius[a] : 0.15F * bodies.bounding_radius[a];
   match_contacts(pair_contacts, pair_contacts.manifolds.back(), previous_contacts_.pair_contacts(),
-                 previous_contacts_.find_pair(a, b, results.member), tolerance);
+                 previous_contacts_.find_pair(a, b, results.member, results.expected_pair), tolerance);
 }
 
 // Assigns the offsets of the body runs' outputs in grid order, independent of slabs and members.

@@ -96,6 +96,7 @@ class CollisionPipeline {
   struct SlabResults {
     int member = 0;  // the member that processes the slab
     bool overloaded = false;
+    int expected_pair = 0;  // see PreviousContacts::find_pair
     SupportPatches* supports = nullptr;
     ContactList pair_contacts, static_contacts;
     PairManifoldCache::ChunkCache cached_pairs;
@@ -138,6 +139,7 @@ class CollisionPipeline {
   UniformGrid* grid_ = nullptr;  // of the thread that steps, from update_broadphase() to the end of the step
   SpatialPartition partition_;
   std::vector<float> query_radius_, speculative_margin_;
+  std::vector<Vec3> half_extents_;          // of a non-sphere's bounding box in world axes, u
   std::vector<std::int32_t> body_indices_;  // 0, 1, …, bodies − 1
   std::vector<LargeNeighbour> large_neighbours_;
   std::vector<std::int32_t> first_large_neighbour_;  // indexed by body: first entry in large_neighbours_

@@ -46,13 +46,19 @@ void PreviousContacts::build_index(std::size_t bodies, const SlabRanges& pair_ra
   });
 }
 
-int PreviousContacts::find_pair(std::size_t a, std::size_t b, int member) const {
+int PreviousContacts::find_pair(std::size_t a, std::size_t b, int member, int& expected) const {
+  if (const auto i = static_cast<std::size_t>(expected); i < pair_contacts_.manifolds.size()) {
+    const Manifold& m = pair_contacts_.manifolds[i];
+    if (m.a == static_cast<std::int32_t>(a) && m.b == static_cast<std::int32_t>(b)) return expected++;
+  }
   for (std::size_t k = 0; k < index_.size(); ++k) {
     int manifold = index_[(static_cast<std::size_t>(member) + k) % index_.size()].first_pair[a];
     while (manifold >= 0 &&
            pair_contacts_.manifolds[static_cast<std::size_t>(manifold)].b != static_cast<std::int32_t>(b))
       manifold = next_pair_[static_cast<std::size_t>(manifold)];
-    if (manifold >= 0) return manifold;
+    if (manifold < 0) continue;
+    expected = manifold + 1;
+    return manifold;
   }
   return -1;
 }

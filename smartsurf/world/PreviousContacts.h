@@ -33,8 +33,9 @@ class PreviousContacts {
   const ContactList& pair_contacts() const { return pair_contacts_; }
   const ContactList& static_contacts() const { return static_contacts_; }
   // Index of the manifold of a pair (a < b), or of a body's static contacts, in its list; −1 if there was none.
-  // `member`: index of the calling member.
-  int find_pair(std::size_t a, std::size_t b, int member) const;
+  // `member`: index of the calling member. `expected`: where the pair is looked for first; becomes the position after the
+  // one found, because pairs come in much the same order in each step.
+  int find_pair(std::size_t a, std::size_t b, int member, int& expected) const;
   int find_static(std::size_t body, int member) const;
   // The normal of a contact between the body and a static body, or null. Valid until swap_lists().
   const Vec3* find_static_normal(std::size_t body, std::size_t static_body, int member) const;

@@ -534,6 +534,11 @@ bool add_support_patch(const surface::Field& field, const FreeLayoutField* free_
 void match_support_patch(const SupportPatches& previous, const SupportPatch& from, SupportPatches& current,
                          SupportPatch& to) {
   to.has_friction = true;
+  if (from.is_lumped) {
+    std::copy_n(from.friction_sum, 3, to.friction_sum);
+    to.is_lumped = true;
+    return;
+  }
   auto i = static_cast<std::size_t>(from.first);
   const std::size_t end = i + static_cast<std::size_t>(from.count);
   const auto& old_friction = previous.samples.friction[static_cast<std::size_t>(from.current)];

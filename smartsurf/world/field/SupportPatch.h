@@ -61,6 +61,8 @@ struct SupportPatch {
   bool moves = false;                             // whether any of its cells moves or has a surface velocity
   bool has_friction = false;                      // whether the friction impulses of the last step were found
   bool has_shares = false;                        // whether its points are in SupportPatches::shares
+  // Whether `friction_sum` alone is valid, not the friction of the samples: the cells rest and none of them slips.
+  bool is_lumped = false;
   int current = 0;                                // the valid copy of SupportSamples::friction
 
   // ---- of the solver
@@ -70,6 +72,8 @@ struct SupportPatch {
   float friction = 0.0F;                               // coefficient
   double total_weight = 0.0;                           // of the samples
   double centre_x = 0.0, centre_y = 0.0, scale = 1.0;  // weighted mean and extent of the samples
+  // Greatest distance of a sample's area from the mean, least arm, u, and mean square of the areas' distances, u².
+  double reach = 0.0, min_arm = 0.0, gyration_squared = 0.0;
   double load[3] = {};  // a, b, c of the load in the coordinates (x − centre_x) / scale, per `force`
   double force = 0.0;   // sum of the normal impulses for which `load` holds
   double load_sums[3] = {},

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <functional>
 #include <limits>
 
 #include "smartsurf/world/narrowphase/ConvexPair.h"
@@ -15,9 +16,6 @@ constexpr float kTravelFraction = 0.03F, kMaxTravel = 0.06F;
 // Greatest tangential motion at a cached point, likewise as a fraction and in u. The normals stay constant,
 // so the error is of second order, about 1e-3 u.
 constexpr float kSlipFraction = 0.015F, kMaxSlip = 0.03F;
-// Separations are computed up to this much beyond the margin, so that separated pairs can be skipped in later
-// steps, u.
-constexpr float kHorizon = 0.2F;
 
 // Pose of a relative to b, in the axes of b.
 struct RelativePose {
@@ -78,7 +76,7 @@ void rebuild(const BodyStore& bodies, std::size_t a, std::size_t b, float margin
   manifold.clearance = collide_convex({*bodies.shape[a], bodies.position[a], bodies.axes[a]},
                                       {*bodies.shape[b], bodies.position[b], bodies.axes[b]},
                                       margin + max_travel(min_bounding_radius(bodies, a, b)), cached_normal,
-                                      contacts, kHorizon, &simplex_cache);
+                                      contacts, PairManifoldCache::kHorizon, &simplex_cache);
   manifold.point_count = static_cast<std::int32_t>(contacts.size());
   manifold.min_separation = std::numeric_limits<float>::infinity();
   for (const Contact& c : contacts) {
@@ -96,8 +94,11 @@ void rebuild(const BodyStore& bodies, std::size_t a, std::size_t b, float margin
 void PairManifoldCache::swap_in(int chunk, ChunkCache& chunk_cache) {
   const auto i = static_cast<std::size_t>(chunk);
   if (i >= previous_.size()) previous_.resize(i + 1);
+  chunk_cache.previous = {};
   if (previous_[i].manifolds.empty() && chunk_cache.manifolds.empty()) return;
   std::swap(previous_[i], chunk_cache);
+  chunk_cache.previous = previous_[i].manifolds;
+  chunk_cache.expected = 0;
   chunk_cache.manifolds.clear();
   chunk_cache.points.clear();
   chunk_cache.simplices.clear();
@@ -115,16 +116,26 @@ void PairManifoldCache::build_index(int bodies) {
     }
 }
 
-const PairManifoldCache::CachedManifold* PairManifoldCache::find(std::size_t a, std::size_t b) const {
+const PairManifoldCache::CachedManifold* PairManifoldCache::find(std::size_t a, std::size_t b,
+                                                                 ChunkCache& chunk_cache) const {
+  const auto index_a = static_cast<std::int32_t>(a), index_b = static_cast<std::int32_t>(b);
+  const std::span<const CachedManifold> previous = chunk_cache.previous;
+  if (chunk_cache.expected < previous.size()) {
+    const CachedManifold& k = previous[chunk_cache.expected];
+    if (k.a == index_a && k.b == index_b) return ++chunk_cache.expected, &k;
+  }
   const CachedManifold* k = first_manifold_[a];
-  while (k && k->b != static_cast<std::int32_t>(b)) k = k->next;
+  while (k && k->b != index_b) k = k->next;
+  const std::less<> before;
+  if (k && !before(k, previous.data()) && before(k, previous.data() + previous.size()))
+    chunk_cache.expected = static_cast<std::size_t>(k - previous.data()) + 1;
   return k;
 }
 
 void PairManifoldCache::collide(const BodyStore& bodies, std::size_t a, std::size_t b, float margin,
                                 ChunkCache& chunk_cache, std::vector<Contact>& out) const {
   const RelativePose pose(bodies, a, b);
-  const CachedManifold* cached = find(a, b);
+  const CachedManifold* cached = find(a, b, chunk_cache);
   SimplexCache simplex_cache;
   if (cached && cached->simplex_cache) simplex_cache = *cached->simplex_cache;
   CachedManifold& manifold = chunk_cache.manifolds.emplace_back();

@@ -4,6 +4,7 @@
 // that is well separated is not tested again before it can have met.
 #pragma once
 
+#include <span>
 #include <vector>
 
 #include "smartsurf/world/BodyStore.h"
@@ -14,6 +15,10 @@ namespace smartsurf::world {
 
 class PairManifoldCache {
  public:
+  // Separations are computed up to this much beyond the margin, so that separated pairs can be skipped in later
+  // steps, u. Pairs that are farther apart need not be passed to collide().
+  static constexpr float kHorizon = 0.2F;
+
   struct CachedPoint {
     Vec3 on_a, on_b, normal;  // in the axes of a, b and b
   };
@@ -35,6 +40,10 @@ class PairManifoldCache {
     std::vector<CachedManifold> manifolds;
     std::vector<CachedPoint> points;
     std::vector<SimplexCache> simplices;
+    // The chunk's manifolds of the previous step, and the position after the one found last: pairs come in much the same
+    // order in each step, so that the next one is usually there. Set by swap_in().
+    std::span<const CachedManifold> previous;
+    std::size_t expected = 0;
     void archive(common::StateArchive& a) {
       a(manifolds, points, simplices);
       for (CachedManifold& m : manifolds) m.points = nullptr, m.simplex_cache = nullptr, m.next = nullptr;
@@ -52,7 +61,7 @@ class PairManifoldCache {
                std::vector<Contact>& out) const;
 
  private:
-  const CachedManifold* find(std::size_t a, std::size_t b) const;
+  const CachedManifold* find(std::size_t a, std::size_t b, ChunkCache& chunk_cache) const;
 
   std::vector<ChunkCache> previous_;                   // one per chunk
   std::vector<const CachedManifold*> first_manifold_;  // indexed by body a

@@ -16,6 +16,22 @@ inline Float4 load4(const float* from) {
   std::memcpy(&v, from, sizeof(v));
   return v;
 }
+inline Int4 load4(const std::int32_t* from) {
+  Int4 v;
+  std::memcpy(&v, from, sizeof(v));
+  return v;
+}
+inline void store4(const Float4& v, float* to) { std::memcpy(to, &v, sizeof(v)); }
+inline void transpose4(Float4& a, Float4& b, Float4& c, Float4& d) {
+  const Float4 ab_low = __builtin_shufflevector(a, b, 0, 4, 1, 5),
+               ab_high = __builtin_shufflevector(a, b, 2, 6, 3, 7),
+               cd_low = __builtin_shufflevector(c, d, 0, 4, 1, 5),
+               cd_high = __builtin_shufflevector(c, d, 2, 6, 3, 7);
+  a = __builtin_shufflevector(ab_low, cd_low, 0, 1, 4, 5);
+  b = __builtin_shufflevector(ab_low, cd_low, 2, 3, 6, 7);
+  c = __builtin_shufflevector(ab_high, cd_high, 0, 1, 4, 5);
+  d = __builtin_shufflevector(ab_high, cd_high, 2, 3, 6, 7);
+}
 inline Float4 broadcast4(float value) { return Float4{} + value; }
 // min and max return the second operand if either is NaN.
 inline Float4 min(const Float4& a, const Float4& b) { return a < b ? a : b; }
@@ -33,6 +49,11 @@ template <class T>
 auto horizontal_max(const T& v) {
   const auto a = v[0] > v[1] ? v[0] : v[1], b = v[2] > v[3] ? v[2] : v[3];
   return a > b ? a : b;
+}
+template <class T>
+auto horizontal_min(const T& v) {
+  const auto a = v[0] < v[1] ? v[0] : v[1], b = v[2] < v[3] ? v[2] : v[3];
+  return a < b ? a : b;
 }
 
 // Calls each(i) for groups [i, i + 4) that cover [0, count); the last one may overlap its predecessor.

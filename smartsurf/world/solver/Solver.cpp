@@ -2,9 +2,11 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstddef>
 #include <cstring>
 #include <numbers>
 
+#include "smartsurf/world/narrowphase/Simd4.h"
 #include "smartsurf/world/solver/SupportSolver.h"
 
 namespace smartsurf::world {
@@ -35,6 +37,38 @@ void store(float (&to)[3], const Vec3& from) {
 void store(float (*to)[kLanes], int lane, const Vec3& from) {
   for (int i = 0; i < 3; ++i) to[i][lane] = from[i];
 }
+// The floats of Contact, and the rows of four that batches copy: normal and anchor x; anchor y, z, separation and other;
+// normal and friction impulse; surface velocity and spin; rolling and total normal impulse.
+constexpr std::size_t kNormalRow = 0, kAnchorRow = 16, kSurfaceRow = 36, kImpulseRow = 56, kRollingRow = 72;
+static_assert(offsetof(Contact, normal) == kNormalRow && offsetof(Contact, anchor) == kAnchorRow - 4 &&
+              offsetof(Contact, separation) == kAnchorRow + 8 &&
+              offsetof(Contact, surface_velocity) == kSurfaceRow &&
+              offsetof(Contact, surface_spin) == kSurfaceRow + 12 &&
+              offsetof(Contact, normal_impulse) == kImpulseRow &&
+              offsetof(Contact, friction_impulse) == kImpulseRow + 4 &&
+              offsetof(Contact, rolling_impulse) == kRollingRow);
+// A row of four contacts as one vector per float.
+struct FourRows {
+  Float4 x, y, z, w;
+};
+[[gnu::always_inline]] inline FourRows load_rows(const Contact* const* contacts, std::size_t row) {
+  Float4 v[4];
+  for (int i = 0; i < 4; ++i)
+    std::memcpy(&v[i], reinterpret_cast<const char*>(contacts[i]) + row, sizeof(Float4));
+  transpose4(v[0], v[1], v[2], v[3]);
+  return {v[0], v[1], v[2], v[3]};
+}
+void store_row(const Float4& v, Contact& to, std::size_t row) {
+  std::memcpy(reinterpret_cast<char*>(&to) + row, &v, sizeof(v));
+}
+// Of unused lanes.
+const Contact kNoContact = [] {
+  Contact c;
+  c.normal = c.anchor = Vec3::Zero();
+  c.separation = kUnusedSeparation;
+  return c;
+}();
+
 Vec3 load(const float (*from)[kLanes], int lane) { return {from[0][lane], from[1][lane], from[2][lane]}; }
 
 // Velocity change by gravity in a substep. The angular part is −0, which is neutral in floating-point addition.
@@ -216,29 +250,12 @@ void Solver::prepare_batch(StepContext& context, ContactKind kind, int index) {
   ContactBatch& o = graph_.reset_batch(index);
   set_batch_bodies(context, o, index, kind);
   shared_batches_.mark_foreign_rows(o, context.own_rows);
-  const ContactList& list = context.contact_list(kind);
-  auto for_lanes = [&](auto each) {
-    for (int lane = 0; lane < o.lane_count; ++lane)
-      each(lane, list.manifolds[static_cast<std::size_t>(graph_.manifold(index, lane))]);
-  };
-  auto fill_all = [&](const FillMask& mask) {
-    for_lanes([&](int lane, const Manifold& m) { fill_lane(context, o, lane, m, list.contacts, mask); });
-  };
-  clear_points(o);
-  // For spheres few stages read the details; skip the parts that none reads.
   const bool all_spheres = kind == kSpherePair || kind == kSphereStatic,
              is_static = !StepContext::is_pair(kind);
-  if (!all_spheres) {
-    clear_details(o, true);
-    fill_all({.points = true, .surface = is_static, .details = true});
-  } else {
-    fill_all({.points = true, .surface = false, .details = false});
-    if (o.has_rolling_friction || is_static) {
-      clear_details(o, o.has_rolling_friction);
-      fill_all({.points = false, .surface = is_static, .details = o.has_rolling_friction});
-    }
-  }
-  if (is_static && !context.input.cell_limits.empty()) fill_impulse_limits(context, o, index, list);
+  const BatchContacts contacts = contacts_of_batch(context, kind, index);
+  fill_points(context, kind, o, contacts);
+  if (is_static && !context.input.cell_limits.empty())
+    fill_impulse_limits(context, o, index, context.contact_list(kind));
   if (is_static && !all_spheres && has_supports_)
     for (int lane = 0; lane < o.lane_count; ++lane)
       static_manifold_[static_cast<std::size_t>(o.a[lane])] = {graph_.manifold(index, lane), o.first_point,
@@ -313,60 +330,98 @@ void Solver::set_batch_bodies(StepContext& context, ContactBatch& o, int index, 
   std::fill(o.b + o.lane_count, o.b + kLanes, o.b[0]);
 }
 
-void Solver::clear_points(const ContactBatch& o) {
-  const auto first = static_cast<std::size_t>(o.first_point), count = static_cast<std::size_t>(o.point_count);
-  std::memset(static_cast<void*>(&point_[first]), 0, sizeof(BatchPoint) * count);
-  for (std::size_t k = first; k < first + count; ++k)
-    std::fill_n(point_[k].separation, kLanes, kUnusedSeparation);
-}
-
-void Solver::clear_details(const ContactBatch& o, bool all) {
-  const auto first = static_cast<std::size_t>(o.first_point), count = static_cast<std::size_t>(o.point_count);
-  for (std::size_t k = first; k < first + count; ++k) {
-    BatchPointDetail& d = detail_[k];
-    if (all)
-      d = {};
-    else
-      std::memset(d.surface_velocity, 0, sizeof(d.surface_velocity));
+Solver::BatchContacts Solver::contacts_of_batch(const StepContext& context, ContactKind kind,
+                                                int index) const {
+  ContactList& list = context.contact_list(kind);
+  BatchContacts of;
+  for (int lane = 0; lane < graph_.lane_count(index); ++lane) {
+    const Manifold& m = list.manifolds[static_cast<std::size_t>(graph_.manifold(index, lane))];
+    of.manifold[lane] = &m;
+    of.first[lane] = list.contacts.data() + m.first;
+    of.count[lane] = m.count;
   }
+  return of;
 }
 
-void Solver::fill_lane(const StepContext& context, ContactBatch& o, int lane, const Manifold& m,
-                       const std::vector<Contact>& contacts, const FillMask& mask) {
+// Copies contacts to the points of a batch, four lanes at a time; leaves out what no kernel of the kind reads.
+void Solver::fill_points(const StepContext& context, ContactKind kind, ContactBatch& o,
+                         const BatchContacts& of) {
+  const bool is_pair = StepContext::is_pair(kind), all_spheres = kind == kSpherePair || kind == kSphereStatic;
   const std::vector<Vec3>& position = context.bodies.position;
-  const SurfaceMaterial& a = material_[static_cast<std::size_t>(o.a[lane])];
-  for (int k = 0; k < m.count; ++k) {
-    const Contact& c = contacts[static_cast<std::size_t>(m.first + k)];
-    if (c.other == kYieldingTip) continue;  // left as an unused lane: the tip solver has it
-    const SurfaceMaterial& b = material_of_b(context, m, c);
+  struct Lanes {
+    float radius_a[kLanes] = {}, radius_b[kLanes] = {}, friction[kLanes] = {}, rolling_friction[kLanes] = {};
+    float position_a[3][kLanes] = {}, position_b[3][kLanes] = {};
+  } lanes;
+  const auto set_friction = [&](int lane, const SurfaceMaterial& b) {
+    const SurfaceMaterial& a = material_[static_cast<std::size_t>(o.a[lane])];
+    lanes.friction[lane] = a.friction_root * b.friction_root;
+    lanes.rolling_friction[lane] = a.rolling_friction_root * b.rolling_friction_root;
+    o.has_rolling_friction |= lanes.rolling_friction[lane] > 0.0F;
+  };
+  for (int lane = 0; lane < o.lane_count; ++lane) {
+    const Manifold& m = *of.manifold[lane];
+    lanes.radius_a[lane] = material_[static_cast<std::size_t>(o.a[lane])].radius;
+    if (!is_pair) {
+      for (int k = 0; k < m.count; ++k)
+        if (of.has(lane, k)) set_friction(lane, material_of_b(context, m, of.first[lane][k]));
+      continue;
+    }
+    const SurfaceMaterial& b = material_[static_cast<std::size_t>(o.b[lane])];
+    lanes.radius_b[lane] = b.radius;
+    set_friction(lane, b);
+    if (all_spheres) continue;
+    store(lanes.position_a, lane, position[static_cast<std::size_t>(m.a)]);
+    store(lanes.position_b, lane, position[static_cast<std::size_t>(m.b)]);
+  }
+  for (int k = 0; k < o.point_count; ++k) {
+    BatchPoint& p = point_[static_cast<std::size_t>(o.first_point + k)];
     BatchPointDetail& d = detail_[static_cast<std::size_t>(o.first_point + k)];
-    if (mask.points) {
-      BatchPoint& p = point_[static_cast<std::size_t>(o.first_point + k)];
-      store(p.normal, lane, c.normal);
-      p.radius_a[lane] = a.radius;
-      p.radius_b[lane] = b.radius;
-      p.separation[lane] = c.separation;
-      p.normal_impulse[lane] = c.normal_impulse;
-      store(p.friction_impulse, lane, c.friction_impulse);
-      p.friction[lane] = a.friction_root * b.friction_root;
-      if (c.other == kSupportedField) {  // the patch has the friction
-        store(p.friction_impulse, lane, Vec3::Zero());
-        p.friction[lane] = 0.0F;
+    const Contact* c[kLanes];
+    for (int lane = 0; lane < kLanes; ++lane) {
+      c[lane] = of.has(lane, k) ? of.first[lane] + k : &kNoContact;
+      if (is_pair || !of.has(lane, k)) continue;
+      set_friction(lane, material_of_b(context, *of.manifold[lane], *c[lane]));
+      if (c[lane]->other == kSupportedField) lanes.friction[lane] = 0.0F;  // the patch has the friction
+    }
+    for (int lane = 0; lane < kLanes; lane += kSimd4Width) {
+      const Contact* const* const four = c + lane;
+      const auto put = [lane](const Float4& values, float* to) { store4(values, to + lane); };
+      const FourRows first = load_rows(four, kNormalRow), impulses = load_rows(four, kImpulseRow);
+      put(first.x, p.normal[0]), put(first.y, p.normal[1]), put(first.z, p.normal[2]);
+      put(impulses.x, p.normal_impulse);
+      put(impulses.y, p.friction_impulse[0]), put(impulses.z, p.friction_impulse[1]);
+      put(impulses.w, p.friction_impulse[2]);
+      put(load4(lanes.friction + lane), p.friction);
+      put(Float4{}, p.total_normal_impulse), put(Float4{}, p.relax_target_speed);
+      if (all_spheres) {
+        put(load4(lanes.radius_a + lane), p.radius_a), put(load4(lanes.radius_b + lane), p.radius_b);
+        put(Float4{four[0]->separation, four[1]->separation, four[2]->separation, four[3]->separation},
+            p.separation);
+      } else {
+        const FourRows second = load_rows(four, kAnchorRow);
+        put(second.z, p.separation);
+        const Float4 anchor[3] = {first.w, second.x, second.y};
+        for (int i = 0; i < 3; ++i) {
+          put(anchor[i], d.anchor_a[i]);
+          if (is_pair)
+            put((load4(lanes.position_a[i] + lane) + anchor[i]) - load4(lanes.position_b[i] + lane),
+                d.anchor_b[i]);
+        }
       }
-      o.has_rolling_friction |= a.rolling_friction_root * b.rolling_friction_root > 0.0F;
+      if (!is_pair) {
+        const FourRows surface = load_rows(four, kSurfaceRow);
+        put(surface.x, d.surface_velocity[0]), put(surface.y, d.surface_velocity[1]);
+        put(surface.z, d.surface_velocity[2]), put(surface.w, d.surface_spin);
+      }
+      if (o.has_rolling_friction) {
+        const FourRows rolling = load_rows(four, kRollingRow);
+        put(rolling.x, d.rolling_impulse[0]), put(rolling.y, d.rolling_impulse[1]);
+        put(rolling.z, d.rolling_impulse[2]);
+        put(load4(lanes.rolling_friction + lane), d.rolling_friction);
+      }
     }
-    if (mask.surface) {
-      store(d.surface_velocity, lane, c.surface_velocity);
-      d.surface_spin[lane] = c.surface_spin;
-    }
-    if (mask.details) {
-      store(d.anchor_a, lane, c.anchor);
-      if (m.b >= 0)
-        store(d.anchor_b, lane,
-              position[static_cast<std::size_t>(m.a)] + c.anchor - position[static_cast<std::size_t>(m.b)]);
-      store(d.rolling_impulse, lane, c.rolling_impulse);
-      d.rolling_friction[lane] = a.rolling_friction_root * b.rolling_friction_root;
-    }
+    for (int lane = 0; !is_pair && lane < o.lane_count; ++lane)
+      if (c[lane]->other == kSupportedField) store(p.friction_impulse, lane, Vec3::Zero());
   }
 }
 
@@ -403,24 +458,32 @@ void Solver::fill_impulse_limits(const StepContext& context, ContactBatch& o, in
 
 void Solver::store_impulses(StepContext& context, ContactKind kind, int index) {
   const ContactBatch& o = graph_.batch(index);
-  ContactList& list = context.contact_list(kind);
-  for (int lane = 0; lane < o.lane_count; ++lane) {
-    const Manifold& m = list.manifolds[static_cast<std::size_t>(graph_.manifold(index, lane))];
-    float depth = context.input.deep_contact;
-    for (int k = 0; k < m.count; ++k) {
-      Contact& c = list.contacts[static_cast<std::size_t>(m.first + k)];
-      if (c.other == kYieldingTip) continue;
-      const BatchPoint& p = point_[static_cast<std::size_t>(o.first_point + k)];
-      depth = std::max(depth, -p.separation[lane]);
-      c.normal_impulse = p.normal_impulse[lane];
-      c.total_normal_impulse = p.total_normal_impulse[lane];
-      c.friction_impulse = load(p.friction_impulse, lane);
-      if (o.has_rolling_friction)
-        c.rolling_impulse = load(detail_[static_cast<std::size_t>(o.first_point + k)].rolling_impulse, lane);
+  const BatchContacts of = contacts_of_batch(context, kind, index);
+  float depth[kLanes];
+  std::fill_n(depth, kLanes, context.input.deep_contact);
+  for (int k = 0; k < o.point_count; ++k) {
+    const BatchPoint& p = point_[static_cast<std::size_t>(o.first_point + k)];
+    const BatchPointDetail& d = detail_[static_cast<std::size_t>(o.first_point + k)];
+    for (int lane = 0; lane < kLanes; lane += kSimd4Width) {
+      store4(max(load4(depth + lane), -load4(p.separation + lane)), depth + lane);
+      Float4 row[kSimd4Width] = {load4(p.normal_impulse + lane), load4(p.friction_impulse[0] + lane),
+                                 load4(p.friction_impulse[1] + lane), load4(p.friction_impulse[2] + lane)};
+      transpose4(row[0], row[1], row[2], row[3]);
+      for (int i = 0; i < kSimd4Width; ++i)
+        if (of.has(lane + i, k)) store_row(row[i], of.first[lane + i][k], kImpulseRow);
     }
-    if (depth > context.input.deep_contact) {
-      context.deep_contacts.push_back({m.a, depth});
-      if (m.b >= 0) context.deep_contacts.push_back({m.b, depth});
+    for (int lane = 0; lane < o.lane_count; ++lane) {
+      if (!of.has(lane, k)) continue;
+      Contact& c = of.first[lane][k];
+      c.total_normal_impulse = p.total_normal_impulse[lane];
+      if (o.has_rolling_friction) c.rolling_impulse = load(d.rolling_impulse, lane);
+    }
+  }
+  for (int lane = 0; lane < o.lane_count; ++lane) {
+    const Manifold& m = *of.manifold[lane];
+    if (depth[lane] > context.input.deep_contact) {
+      context.deep_contacts.push_back({m.a, depth[lane]});
+      if (m.b >= 0) context.deep_contacts.push_back({m.b, depth[lane]});
     }
     if (!o.has_impulse_limit || StepContext::is_pair(kind)) continue;
     for (int k = 0; k < m.count; ++k) {

@@ -74,14 +74,16 @@ class Solver {
   void prepare_batch(StepContext&, ContactKind, int batch);
   void prefetch_contacts(StepContext&, ContactKind, int batch) const;
   void set_batch_bodies(StepContext&, ContactBatch&, int index, ContactKind);
-  void clear_points(const ContactBatch&);
-  void clear_details(const ContactBatch&, bool all);
-  // The groups of BatchPoint and BatchPointDetail fields that fill_lane() writes.
-  struct FillMask {
-    bool points, surface, details;
+  // The contacts of each lane of a batch; none in unused lanes.
+  struct BatchContacts {
+    const Manifold* manifold[kLanes] = {};
+    Contact* first[kLanes] = {};
+    int count[kLanes] = {};
+    // Whether the batch solves a lane's contact k: the tip solver has those with yielding tips.
+    bool has(int lane, int k) const { return k < count[lane] && first[lane][k].other != kYieldingTip; }
   };
-  void fill_lane(const StepContext&, ContactBatch&, int lane, const Manifold&, const std::vector<Contact>&,
-                 const FillMask&);
+  BatchContacts contacts_of_batch(const StepContext&, ContactKind, int batch) const;
+  void fill_points(const StepContext&, ContactKind, ContactBatch&, const BatchContacts&);
   void fill_impulse_limits(const StepContext&, ContactBatch&, int index, const ContactList&);
   void find_impact_candidates(StepContext&, ContactKind, int batch, const Member&);
   void solve_impacts(StepContext&);

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 #include "smartsurf/world/solver/SupportKernels.h"
 
@@ -289,6 +290,56 @@ bool is_lightly_loaded(SupportPatches& list, const SupportPatch& p, float subste
   return is_light;
 }
 
+// The samples' areas about the weighted mean. `polar`: Σ weight·r² of their centres.
+void set_extent(const SupportSamples& s, SupportPatch& p, double polar) {
+  double reach_squared = 0.0, arms = 0.0;
+  p.min_arm = std::numeric_limits<double>::max();
+  for (auto i = static_cast<std::size_t>(p.first); i < static_cast<std::size_t>(p.first + p.count); ++i) {
+    const double x = static_cast<double>(s.x[i]) - p.centre_x, y = static_cast<double>(s.y[i]) - p.centre_y,
+                 arm = s.arm[i], arm_squared = arm * arm;
+    reach_squared = std::max(reach_squared, x * x + y * y + arm_squared);
+    arms += static_cast<double>(s.weight[i]) * arm_squared;
+    p.min_arm = std::min(p.min_arm, arm);
+  }
+  p.reach = std::sqrt(reach_squared);
+  p.gyration_squared = (std::max(0.0, polar) + arms) / p.total_weight;
+}
+
+bool may_lump(const SupportPatch& p) { return !p.moves && !p.has_shares; }
+
+// Shares the friction impulse of a lumped patch among its samples, as a planar field.
+void spread_friction(SupportSamples& s, SupportPatch& p) {
+  p.is_lumped = false;
+  const Vector3 impulse(p.friction_sum[0], p.friction_sum[1], p.friction_sum[2]);
+  const PlanarField field(impulse, p.total_weight, p.centre_x, p.centre_y,
+                          p.total_weight * p.gyration_squared);
+  auto& f = s.friction[static_cast<std::size_t>(p.current)];
+  for (auto i = static_cast<std::size_t>(p.first); i < static_cast<std::size_t>(p.first + p.count); ++i) {
+    const double weight = s.weight[i];
+    f[0][i] = static_cast<float>(weight * field.fx(static_cast<double>(s.y[i])));
+    f[1][i] = static_cast<float>(weight * field.fy(static_cast<double>(s.x[i])));
+    f[2][i] = static_cast<float>(weight * field.rate * static_cast<double>(s.arm[i]));
+  }
+}
+
+// Whether the samples can hold a patch with this friction impulse: a field in proportion to their loads is within their
+// cones. A bound by the centre of force and the extent of the samples alone, so that the loads need not be known.
+bool can_stick(const SupportPatch& p, const Vector3& target, const Vector3& impulse) {
+  const double force = target[0];
+  if (!(force > 0.0)) return false;
+  // The loads' second moment about their centre, per force: least squares leave scale²·(1 − offset²) of a symmetric patch,
+  // and more where samples lift off; somewhat less if it is not symmetric.
+  constexpr double kSpread = 0.9;
+  const double u = target[1] / force, v = target[2] / force, offset_squared = u * u + v * v;
+  const double polar =
+      p.min_arm * p.min_arm + kSpread * p.scale * p.scale * std::max(0.0, 1.0 - offset_squared);
+  const double reach = p.reach + p.scale * std::sqrt(offset_squared);
+  const double x = p.centre_x + u * p.scale, y = p.centre_y + v * p.scale;
+  const double pull = std::sqrt(impulse[0] * impulse[0] + impulse[1] * impulse[1]),
+               torque = std::abs(impulse[2] - (x * impulse[1] - y * impulse[0]));
+  return pull * polar + torque * reach <= static_cast<double>(p.friction) * force * polar;
+}
+
 }  // namespace
 
 void prepare_support(SupportPatches& list, SupportPatch& p, const BodyVelocity& m, const InverseInertia& w,
@@ -306,6 +357,7 @@ void prepare_support(SupportPatches& list, SupportPatch& p, const BodyVelocity& 
   const double polar = (sums.stiffness[3] + sums.stiffness[5]) -
                        p.total_weight * (p.centre_x * p.centre_x + p.centre_y * p.centre_y);
   p.scale = std::max(1e-3, std::sqrt(std::max(0.0, polar) / p.total_weight));
+  set_extent(s, p, polar);
   p.force = 0.0;
   const double z = p.z, inverse_mass = m.inverse_mass;
   const double xx = w.xx, yy = w.yy, zz = w.zz, xy = w.xy, xz = w.xz, yz = w.yz;
@@ -315,22 +367,16 @@ void prepare_support(SupportPatches& list, SupportPatch& p, const BodyVelocity& 
   store(symmetric(k).inverse(), p.inverse_response);
   p.tangent_mass = kTangentMassFactor / (p.total_weight * 0.5 * (k[0] + k[1]));
   if (!p.has_friction) {
-    Vector3 impulse = Vector3::Zero();
     for (const std::int32_t i : points_of(list, p)) {
       const Contact& c = contacts[static_cast<std::size_t>(i)];
       const Vector3 f = c.friction_impulse.cast<double>(), r = c.anchor.cast<double>();
-      impulse += Vector3(f.x(), f.y(), r.x() * f.y() - r.y() * f.x());
+      p.friction_sum[0] += f.x(), p.friction_sum[1] += f.y();
+      p.friction_sum[2] += r.x() * f.y() - r.y() * f.x();
     }
-    if (!impulse.isZero(0.0)) {
-      const PlanarField field(impulse, p.total_weight, p.centre_x, p.centre_y, polar);
-      auto& f = s.friction[static_cast<std::size_t>(p.current)];
-      for (auto i = static_cast<std::size_t>(p.first); i < static_cast<std::size_t>(p.first + p.count); ++i) {
-        const double weight = s.weight[i];
-        f[0][i] = static_cast<float>(weight * field.fx(static_cast<double>(s.y[i])));
-        f[1][i] = static_cast<float>(weight * field.fy(static_cast<double>(s.x[i])));
-      }
-    }
+    p.is_lumped = true;
   }
+  if (p.is_lumped && may_lump(p)) return;
+  if (p.is_lumped) spread_friction(s, p);
   support_kernels().sum_friction(samples, p.friction_sum);
 }
 
@@ -348,15 +394,29 @@ void solve_support_points(const SupportPatches& list, const SupportPatch& p, Bat
   bool any_exhausted = p.has_shares && !p.is_lightly_loaded;
   struct Point {
     std::size_t index;
-    Vector3 at;                                        // 1, x, y
+    double x, y;
     double stiffness, error, impulse, impulse_change;  // error: of the speed, u/s
     BatchPointLimit* limit;
     bool lifts;
   };
-  thread_local std::vector<Point> bearing;
-  bearing.clear();
+  constexpr int kFewPoints = 8;
+  Point few[kFewPoints];
+  Point* bearing = few;
+  int count = 0;
+  if (p.point_count > kFewPoints) {
+    thread_local std::vector<Point> many;
+    many.resize(static_cast<std::size_t>(p.point_count));
+    bearing = many.data();
+  }
   const int lane = p.lane;
   const double inverse_mass = m.inverse_mass, xx = w.xx, xy = w.xy, yy = w.yy;
+  const double determinant = xx * yy - xy * xy;
+  if (!(determinant > 0.0) || !(inverse_mass > 0.0)) return;
+  const double mass = 1.0 / inverse_mass, hard_stiffness = mass / kCompliance;
+  // Of a point, with the mass that it has alone; as soft_normal_impulse() in ContactKernels.cpp.
+  const float softness = params.impulse_scale / params.mass_scale;
+  const double inverse_softness = 1.0 / static_cast<double>(softness);
+  double greatest_error = 0.0;
   auto add = [&](std::size_t k, BatchPointLimit* limit) {
     const BatchPoint& point = points.point[k];
     const float impulse = point.normal_impulse[lane];
@@ -369,10 +429,9 @@ void solve_support_points(const SupportPatches& list, const SupportPatch& p, Bat
       speed += points.limit[k].planned_speed[lane] - limit->speed[lane];
       lag = limit->lag[lane];
     }
-    double compliance = kCompliance * inverse_mass;
+    double stiffness = hard_stiffness;
     float target_speed = point.relax_target_speed[lane];
     if (is_soft) {
-      // As soft_normal_impulse() in ContactKernels.cpp.
       const float separation = point.separation[lane] + delta.translation[2] +
                                (delta.rotation[0] * y - delta.rotation[1] * x) - rise * params.elapsed_s +
                                lag;
@@ -380,56 +439,55 @@ void solve_support_points(const SupportPatches& list, const SupportPatch& p, Bat
         target_speed = -separation * params.inverse_h;
       } else {
         target_speed =
-            -std::max(std::min(separation + kSlop, 0.0F) * params.bias_rate, -params.max_bias_velocity);
-        compliance = static_cast<double>(params.impulse_scale / params.mass_scale) /
-                     static_cast<double>(point.normal_mass[lane]);
-        target_speed -= static_cast<float>(compliance) * impulse;
+            -std::max(std::min(separation + kSlop, 0.0F) * params.bias_rate, -params.max_bias_velocity) -
+            softness * impulse / point.normal_mass[lane];
+        stiffness = inverse_softness * static_cast<double>(point.normal_mass[lane]);
       }
     }
-    bearing.push_back({k,
-                       {1.0, static_cast<double>(x), static_cast<double>(y)},
-                       1.0 / compliance,
-                       static_cast<double>(target_speed - speed),
-                       static_cast<double>(impulse),
-                       0.0,
-                       limit,
-                       false});
+    const double error = static_cast<double>(target_speed - speed);
+    greatest_error = std::max(greatest_error, std::abs(error));
+    bearing[count++] = {k,
+                        static_cast<double>(x),
+                        static_cast<double>(y),
+                        stiffness,
+                        error,
+                        static_cast<double>(impulse),
+                        0.0,
+                        limit,
+                        false};
   };
   if (p.has_shares)
     for_each_share(list, p, points,
                    [&](std::size_t k, BatchPointLimit* limit, const PointShare&) { add(k, limit); });
   else
     for (const std::int32_t i : points_of(list, p)) add(static_cast<std::size_t>(p.batch_point + i), nullptr);
-  if (bearing.size() < 2 || any_exhausted) return;
   constexpr double kSolved = 1e-7;  // u/s
-  if (std::all_of(bearing.begin(), bearing.end(),
-                  [](const Point& b) { return std::abs(b.error) <= kSolved; }))
-    return;
-  const double determinant = xx * yy - xy * xy;
-  if (!(determinant > 0.0) || !(inverse_mass > 0.0)) return;
+  if (count < 2 || any_exhausted || greatest_error <= kSolved) return;
   // The change of velocity v + b·x + c·y at the points and their impulses, with compliances as springs in series with
   // the rigid body: (body's inertia + Σ stiffness) · (v, b, c) = Σ stiffness · error. Points that would pull lose their
   // impulse.
-  Matrix3 inertia;
-  inertia << 1.0 / inverse_mass, 0.0, 0.0, 0.0, xx / determinant, xy / determinant, 0.0, xy / determinant,
-      yy / determinant;
+  const double inverse_determinant = 1.0 / determinant;
   constexpr int kMaxPasses = 6;
   for (int pass = 0, changed = 1; changed > 0; ++pass) {
     if (pass == kMaxPasses) return;
-    Matrix3 sum = inertia;
+    double s = mass, sx = 0.0, sy = 0.0, sxx = xx * inverse_determinant, sxy = xy * inverse_determinant,
+           syy = yy * inverse_determinant;
     Vector3 errors = Vector3::Zero();
-    for (const Point& b : bearing) {
-      if (b.lifts) {
-        errors -= b.impulse * b.at;
-        continue;
-      }
-      sum += b.stiffness * b.at * b.at.transpose();
-      errors += b.stiffness * b.error * b.at;
+    for (int i = 0; i < count; ++i) {
+      const Point& b = bearing[i];
+      const double force = b.lifts ? -b.impulse : b.stiffness * b.error;
+      errors += Vector3(force, force * b.x, force * b.y);
+      if (b.lifts) continue;
+      const double kx = b.stiffness * b.x, ky = b.stiffness * b.y;
+      s += b.stiffness, sx += kx, sy += ky, sxx += kx * b.x, sxy += kx * b.y, syy += ky * b.y;
     }
+    Matrix3 sum;
+    sum << s, sx, sy, sx, sxx, sxy, sy, sxy, syy;
     const Vector3 change = solve(sum, errors);
     changed = 0;
-    for (Point& b : bearing) {
-      b.impulse_change = b.stiffness * (b.error - b.at.dot(change));
+    for (int i = 0; i < count; ++i) {
+      Point& b = bearing[i];
+      b.impulse_change = b.stiffness * (b.error - (change[0] + b.x * change[1] + b.y * change[2]));
       const bool lifts = b.impulse + b.impulse_change <= 0.0;
       if (lifts) b.impulse_change = -b.impulse;
       changed += lifts != b.lifts;
@@ -438,13 +496,14 @@ void solve_support_points(const SupportPatches& list, const SupportPatch& p, Bat
     if (changed > 0 && !p.has_shares) return;
   }
   Vector3 wrench = Vector3::Zero();
-  for (const Point& b : bearing) {
+  for (int i = 0; i < count; ++i) {
+    const Point& b = bearing[i];
     BatchPoint& point = points.point[b.index];
     const auto impulse_change = static_cast<float>(b.impulse_change);
     point.normal_impulse[lane] += impulse_change;
     if (!is_soft) point.total_normal_impulse[lane] += impulse_change;
     if (b.limit) b.limit->load[lane] += impulse_change;
-    wrench += b.impulse_change * b.at;
+    wrench += b.impulse_change * Vector3(1.0, b.x, b.y);
   }
   const auto tx = static_cast<float>(wrench[2]), ty = static_cast<float>(-wrench[1]);
   m.velocity[2] += static_cast<float>(wrench[0]) * m.inverse_mass;
@@ -458,6 +517,22 @@ void solve_support(SupportPatches& list, SupportPatch& p, BatchPoints points, bo
   const SupportSampleView samples = view(list.samples, p);
   const Vector3 target = wrench_of_points(list, p, points);
   const double force = target[0];
+  const Vector3 old_impulse(p.friction_sum[0], p.friction_sum[1], p.friction_sum[2]);
+  const Vector3 now(static_cast<double>(m.velocity[0] + p.z * m.angular_velocity[1]),
+                    static_cast<double>(m.velocity[1] - p.z * m.angular_velocity[0]),
+                    static_cast<double>(m.angular_velocity[2]));
+  const Matrix3 inverse_k = symmetric(p.inverse_response);
+  if (may_lump(p)) {
+    // As a proximal step of all samples would.
+    constexpr double kStep = kTangentMassFactor / (1.0 + kTangentMassFactor);
+    const Vector3 impulse = old_impulse - kStep * (inverse_k * now);
+    if (can_stick(p, target, impulse)) {
+      p.is_lumped = true;
+      for (int i = 0; i < 3; ++i) p.friction_sum[i] = impulse[i];
+      return apply_friction(p, impulse - old_impulse, m, w);
+    }
+    if (p.is_lumped) spread_friction(list.samples, p);
+  }
   double moved[2] = {};  // the centre of force since the loads were distributed
   const bool keeps_loads = p.force > 0.0 && force > 0.0;
   for (int i = 0; i < 2 && keeps_loads; ++i) moved[i] = target[i + 1] / force - p.centre_of_force[i];
@@ -474,14 +549,9 @@ void solve_support(SupportPatches& list, SupportPatch& p, BatchPoints points, bo
     in_world_axes(p, p.load, friction, cone);
   const float offset[2] = {static_cast<float>(p.offset_x + moved[0] * p.scale),
                            static_cast<float>(p.offset_y + moved[1] * p.scale)};
-  const Vector3 old_impulse(p.friction_sum[0], p.friction_sum[1], p.friction_sum[2]);
   if (p.force == 0.0 && old_impulse.isZero(0.0)) return;
 
   const Matrix3 k = symmetric(p.response);
-  const Vector3 now(static_cast<double>(m.velocity[0] + p.z * m.angular_velocity[1]),
-                    static_cast<double>(m.velocity[1] - p.z * m.angular_velocity[0]),
-                    static_cast<double>(m.angular_velocity[2]));
-  const Matrix3 inverse_k = symmetric(p.inverse_response);
   Vector3 q = now, impulse = old_impulse;
   for (int pass = 0; pass < (is_soft ? kMaxSoftFrictionPasses : kMaxFrictionPasses); ++pass) {
     const float velocity[3] = {static_cast<float>(q[0]), static_cast<float>(q[1]), static_cast<float>(q[2])};

@@ -6,6 +6,9 @@
 // xz, yz; x, y: force, z: torque). A solve finds the q for which q = q₀ + K·Σ fᵢ(q), where fᵢ(q) is the impulse of the
 // last solve minus a multiple of the slip, clamped to the sample's cone (a proximal step). Few iterations of a
 // majorised Newton method suffice, because the solution changes little from stage to stage.
+//
+// On cells at rest, a patch that its cells can hold has q = 0, whichever way they share the friction. That is lumped: one
+// impulse, which is shared among the samples when the patch begins to slip.
 #pragma once
 
 #include <span>

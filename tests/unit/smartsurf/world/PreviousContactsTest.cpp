@@ -32,20 +32,36 @@ struct Fixture {
   }
 };
 
+int find_pair(const Fixture& f, std::size_t a, std::size_t b, int member, int expected = 0) {
+  return f.previous.find_pair(a, b, member, expected);
+}
+
 TEST(PreviousContacts, FindsPairsForAnyMember) {
   const Fixture f;
   for (const int member : {0, 1}) {
-    EXPECT_EQ(f.previous.find_pair(0, 1, member), 0);
-    EXPECT_EQ(f.previous.find_pair(0, 5, member), 1);
-    EXPECT_EQ(f.previous.find_pair(2, 3, member), 2);
-    EXPECT_EQ(f.previous.find_pair(2, 7, member), 3);
+    EXPECT_EQ(find_pair(f, 0, 1, member), 0);
+    EXPECT_EQ(find_pair(f, 0, 5, member), 1);
+    EXPECT_EQ(find_pair(f, 2, 3, member), 2);
+    EXPECT_EQ(find_pair(f, 2, 7, member), 3);
   }
+}
+
+TEST(PreviousContacts, FindsPairsWhereverTheyAreExpected) {
+  const Fixture f;
+  for (int expected = 0; expected <= 4; ++expected) EXPECT_EQ(find_pair(f, 2, 3, 0, expected), 2) << expected;
+  int expected = 3;
+  EXPECT_EQ(f.previous.find_pair(0, 1, 0, expected), 0);
+  EXPECT_EQ(expected, 1);
+  EXPECT_EQ(f.previous.find_pair(0, 5, 0, expected), 1);
+  EXPECT_EQ(expected, 2);
+  EXPECT_EQ(f.previous.find_pair(1, 2, 0, expected), -1);
+  EXPECT_EQ(expected, 2);
 }
 
 TEST(PreviousContacts, ReturnsMinusOneForAbsentPair) {
   const Fixture f;
-  EXPECT_EQ(f.previous.find_pair(1, 2, 0), -1);
-  EXPECT_EQ(f.previous.find_pair(0, 7, 1), -1);
+  EXPECT_EQ(find_pair(f, 1, 2, 0), -1);
+  EXPECT_EQ(find_pair(f, 0, 7, 1), -1);
   EXPECT_EQ(f.previous.find_static(1, 0), -1);
 }
 
@@ -68,8 +84,8 @@ TEST(PreviousContacts, SwapReplacesPreviousStep) {
   add_manifold(statics, 1, kField, kField);
   f.previous.swap_lists(pairs, statics, 2);
   for (int i = 0; i < 2; ++i) f.previous.build_index(Fixture::kBodies, {}, {}, Member{i, 2, f.barrier});
-  EXPECT_EQ(f.previous.find_pair(5, 6, 0), 0);
-  EXPECT_EQ(f.previous.find_pair(0, 1, 0), -1);
+  EXPECT_EQ(find_pair(f, 5, 6, 0), 0);
+  EXPECT_EQ(find_pair(f, 0, 1, 0), -1);
   EXPECT_EQ(f.previous.find_static(0, 0), -1);
 }
 
