@@ -1,7 +1,7 @@
 -- 64 delta robots on compliant tips walk a plate to the goal, by the forces that they feel. Run with delta.aps.
 surface { rows = 8, columns = 8, pitch = 2, sensors = { tip_force {}, joint_position {} },
           actuator = delta { tip = { radius = 0.4 }, workspace = { radius = 0.8, z = {0.6, 1.8} },
-                             max_speed = 8, stiffness = 300, max_force = 60 } }
+                             max_speed = 8, stiffness = 300, damping = 20, max_force = 60 } }
 box { size = {5, 5, 0.6}, position = {4, 4, 1.8}, mass = 5, colour = 'brown', label = 'plate' }
 on_finish(function()
   local x, y, z = object(0):position()

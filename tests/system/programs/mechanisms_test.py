@@ -115,7 +115,7 @@ class Mechanisms(ProgramTest):
         self.assertGreater(crate, 5.0)
 
     def test_delta_robots_walk_plate_to_goal(self):
-        distance, height = self.run_example("delta", 10)
+        distance, height = self.run_example("delta", 12)
         self.assertLess(distance, 1.0)
         self.assertGreater(height, 1.3)
 
