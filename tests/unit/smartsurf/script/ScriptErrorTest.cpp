@@ -20,9 +20,10 @@ INSTANTIATE_TEST_SUITE_P(
     testing::Values(
         Mistake{"\n\nsphere{raduis = 1, position = {0, 0, 0}}",
                 "t.lua:3: sphere: unknown field 'raduis' (did you mean 'radius'?)"},
-        Mistake{"world{color = 1}",
-                "t.lua:1: world: unknown field 'color'; known: unit, gravity, dt, iterations, control_period, "
-                "seed, ground, sleep, off_table, engine"},
+        Mistake{
+            "world{color = 1}",
+            "t.lua:1: world: unknown field 'color'; known: unit, gravity, dt, iterations, control_period, "
+            "seed, ground, sleep, off_table, engine"},
         Mistake{"sphere{\n  radius = 1,\n  position = {0, 0, 'high'}}",
                 "t.lua:1: sphere.position[3] = 'high': must be a number"},
         Mistake{"sphere{radius = 'big', position = {0, 0, 0}}",
@@ -51,7 +52,7 @@ INSTANTIATE_TEST_SUITE_P(
         Mistake{
             "sphere{1, 2}",
             "t.lua:1: sphere: a value without a field name; known: radius, position, orientation, velocity, "
-            "angular_velocity, mass, friction, fixed, material, colour, label, pole, moment"},
+            "angular_velocity, mass, com, inertia, friction, fixed, material, colour, label, pole, moment"},
         Mistake{"sphere{radius = 1, position = {0, 0, 0}, fixed = 1}",
                 "t.lua:1: sphere.fixed = 1: must be true or false"},
         Mistake{"sphere{radius = 1, position = {0, 0, 0}, label = 3}",
