@@ -15,7 +15,7 @@ namespace {
 constexpr double kMinSize = 1e-3, kMaxSize = 1e6;  // longest edge of the bounding box, u
 constexpr double kWeldDistance = 1e-6;             // relative to the diagonal of the bounding box
 constexpr double kReportThreshold = 0.02;          // relative deviation of the hulls from the mesh
-constexpr double kMinThickness = 1e-6;             // volume / (surface area × diagonal); below, it is a sheet
+constexpr double kMinThickness = 1e-6;  // volume / (surface area × diagonal); below, it is a sheet
 
 [[noreturn]] void refuse(const std::string& clause) { throw scene::InputError(clause); }
 
@@ -50,8 +50,8 @@ double surface_area(const TriangleMesh& mesh) {
   return area;
 }
 
-// Moves the centre of mass to the origin.
-void move_to_centre_of_mass(TriangleMesh& mesh) {
+// Moves the centre of mass to the origin. Returns where it was.
+Eigen::Vector3d move_to_centre_of_mass(TriangleMesh& mesh) {
   const Eigen::Vector3d near = mesh.points.front();
   for (auto& p : mesh.points) p -= near;
   MassProperties properties;
@@ -60,6 +60,7 @@ void move_to_centre_of_mass(TriangleMesh& mesh) {
     refuse("encloses almost no volume: " + format_number(properties.volume()) + " u^3");
   const Eigen::Vector3d centre_of_mass = properties.centre();
   for (auto& p : mesh.points) p -= centre_of_mass;
+  return near + centre_of_mass;
 }
 
 std::vector<Eigen::Vector3f> to_single_precision(const std::vector<Eigen::Vector3d>& points) {
@@ -116,6 +117,24 @@ std::vector<scene::ConvexHull> make_convex_pieces(const TriangleMesh& mesh, cons
   return pieces;
 }
 
+// Sets what follows from the hulls, which are what is drawn, too.
+void describe_hulls(scene::Solid& solid) {
+  MassProperties properties;
+  for (const scene::ConvexHull& piece : solid.hulls) {
+    properties.add(piece);
+    const auto first = static_cast<std::uint32_t>(solid.vertices.size());
+    solid.vertices.insert(solid.vertices.end(), piece.vertices.begin(), piece.vertices.end());
+    for (const auto& face : piece.faces)
+      for (std::uint32_t i = 1; i + 1 < face.vertex_count; ++i)
+        solid.triangles.push_back({first + piece.face_vertices[face.first_vertex],
+                                   first + piece.face_vertices[face.first_vertex + i],
+                                   first + piece.face_vertices[face.first_vertex + i + 1]});
+  }
+  solid.volume = properties.volume();
+  solid.inertia = properties.inertia(properties.centre());
+  scene::compute_bounds(solid);
+}
+
 }  // namespace
 
 scene::Solid build_solid(TriangleMesh mesh, const SolidOptions& options, std::vector<std::string>& notes) {
@@ -126,11 +145,11 @@ scene::Solid build_solid(TriangleMesh mesh, const SolidOptions& options, std::ve
   const std::vector<std::string> repairs = orient_shells(mesh);
   notes.insert(notes.end(), repairs.begin(), repairs.end());
 
+  scene::Solid solid;
   for (int pass = 0; pass < 2; ++pass)  // the second pass has less cancellation
-    move_to_centre_of_mass(mesh);
+    solid.centroid += move_to_centre_of_mass(mesh);
   MassProperties properties;
   properties.add(mesh);
-  scene::Solid solid;
   solid.vertices = to_single_precision(mesh.points);
   solid.triangles = mesh.triangles;
   solid.volume = properties.volume();
@@ -153,18 +172,30 @@ scene::Solid build_hull_solid(std::span<const Eigen::Vector3d> points) {
   about_first.add(*rough_hull);
   scene::Solid solid;
   solid.hulls.push_back(translated(*rough_hull, -about_first.centre().cast<float>()));
-  const scene::ConvexHull& piece = solid.hulls.front();
-  MassProperties properties;
-  properties.add(piece);
-  solid.volume = properties.volume();
-  solid.inertia = properties.inertia(properties.centre());
-  solid.vertices = piece.vertices;
-  for (const auto& face : piece.faces)
-    for (std::uint32_t i = 1; i + 1 < face.vertex_count; ++i)
-      solid.triangles.push_back({piece.face_vertices[face.first_vertex],
-                                 piece.face_vertices[face.first_vertex + i],
-                                 piece.face_vertices[face.first_vertex + i + 1]});
-  scene::compute_bounds(solid);
+  solid.centroid = points.front() + about_first.centre();
+  describe_hulls(solid);
+  return solid;
+}
+
+scene::Solid build_compound(std::span<const std::vector<Eigen::Vector3d>> parts) {
+  std::vector<Eigen::Vector3d> all;
+  for (const auto& part : parts) all.insert(all.end(), part.begin(), part.end());
+  if (all.empty()) refuse("has no points");
+  check_size(all);
+  std::vector<scene::ConvexHull> hulls;
+  MassProperties about_first;
+  for (const auto& part : parts) {
+    std::vector<Eigen::Vector3d> shifted(part);
+    for (auto& p : shifted) p -= all.front();
+    auto hull = convex_hull(to_single_precision(shifted));
+    if (!hull) refuse("has a flat part: its points enclose no volume");
+    about_first.add(*hull);
+    hulls.push_back(std::move(*hull));
+  }
+  scene::Solid solid;
+  solid.centroid = all.front() + about_first.centre();
+  for (const auto& hull : hulls) solid.hulls.push_back(translated(hull, -about_first.centre().cast<float>()));
+  describe_hulls(solid);
   return solid;
 }
 

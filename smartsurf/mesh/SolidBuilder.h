@@ -18,8 +18,10 @@ struct SolidOptions {
 };
 
 // `mesh` is as read from a file, scaled to u. Appends a clause to `notes` for each repair and each notable
-// deviation. Both functions throw scene::InputError, one clause, if no solid can be built.
+// deviation. All functions throw scene::InputError, one clause, if no solid can be built.
 scene::Solid build_solid(TriangleMesh mesh, const SolidOptions&, std::vector<std::string>& notes);
 scene::Solid build_hull_solid(std::span<const Eigen::Vector3d> points);
+// The union of the convex hulls of the parts; where they overlap, volume and inertia count twice.
+scene::Solid build_compound(std::span<const std::vector<Eigen::Vector3d>> parts);
 
 }  // namespace smartsurf::mesh

@@ -64,4 +64,9 @@ scene::SolidResult SolidLibrary::make_hull(std::span<const Eigen::Vector3d> poin
   return made;
 }
 
+scene::SolidResult SolidLibrary::make_compound(std::span<const std::vector<Eigen::Vector3d>> parts,
+                                               const std::string& name) {
+  return build(name, [&](std::vector<std::string>&) { return build_compound(parts); });
+}
+
 }  // namespace smartsurf::mesh

@@ -16,6 +16,8 @@ class SolidLibrary final : public scene::SolidFactory {
   scene::SolidResult load_mesh(const scene::MeshRequest&) override;
   scene::SolidResult make_hull(const scene::MeshRequest&) override;
   scene::SolidResult make_hull(std::span<const Eigen::Vector3d> points, const std::string& name) override;
+  scene::SolidResult make_compound(std::span<const std::vector<Eigen::Vector3d>> parts,
+                                   const std::string& name) override;
 
  private:
   // File, whether it is a make_hull request, scale, decompose, max_hulls, tolerance.

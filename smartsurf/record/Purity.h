@@ -9,7 +9,7 @@
 //             are small, the others large. If all sizes are equal, there are no classes and no purity.
 //   Size      The radius of a sphere, cylinder, capsule or cone; for a box, or the bounding box of a solid,
 //             half the mean of its x and y edges.
-//   Own half  The centre of mass lies, in x and y, within the outline of the surface's cells and on the
+//   Own half  The origin lies, in x and y, within the outline of the surface's cells and on the
 //             side of the object's class. The centre line is midway between the outline's west and east ends
 //             (in a rectangular grid, x = (columns − 1)·pitch/2). Objects on the line or off the surface are
 //             in neither half.

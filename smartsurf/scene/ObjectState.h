@@ -10,9 +10,9 @@ namespace smartsurf::scene {
 using ObjectId = std::uint32_t;  // starts at 0, in order of creation; not reused after removal
 
 struct ObjectState {
-  Eigen::Vector3d position{0.0, 0.0, 0.0};  // centre of mass, u
+  Eigen::Vector3d position{0.0, 0.0, 0.0};  // of the origin (ObjectSpec), u
   Eigen::Quaterniond orientation{1.0, 0.0, 0.0, 0.0};
-  Eigen::Vector3d velocity{0.0, 0.0, 0.0};          // u/s
+  Eigen::Vector3d velocity{0.0, 0.0, 0.0};          // of the origin, u/s
   Eigen::Vector3d angular_velocity{0.0, 0.0, 0.0};  // rad/s, world frame
 };
 

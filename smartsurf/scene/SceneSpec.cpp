@@ -1,5 +1,6 @@
 #include "smartsurf/scene/SceneSpec.h"
 
+#include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
 #include <iterator>
@@ -22,6 +23,7 @@ bool is_non_negative(double v) { return std::isfinite(v) && v >= 0.0; }
 
 // The limits keep squared lengths and moments of inertia within the range of single precision.
 constexpr double kMaxMagnitude = 1e6, kMinSize = 1e-3, kMinMass = 1e-9;
+constexpr double kMinInertia = 1e-15, kMaxInertia = 1e24;
 
 bool is_size(double v) { return v >= kMinSize && v <= kMaxMagnitude; }
 bool is_coordinate(double v) { return std::abs(v) <= kMaxMagnitude; }
@@ -218,6 +220,38 @@ std::vector<ActuatorChannel> SurfaceSpec::actuator_channels() const {
   return all;
 }
 
+Eigen::Matrix3d ObjectSpec::homogeneous_inertia(double of_mass) const {
+  const double r2 = radius * radius, h2 = height * height;
+  Eigen::Vector3d per_mass = Eigen::Vector3d::Constant(0.4 * r2);
+  switch (shape) {
+    case ShapeKind::kSphere:
+      break;
+    case ShapeKind::kBox: {
+      const Eigen::Vector3d s = size.cwiseAbs2();
+      per_mass = Eigen::Vector3d(s.y() + s.z(), s.x() + s.z(), s.x() + s.y()) / 12.0;
+      break;
+    }
+    case ShapeKind::kCylinder:
+      per_mass = {(3.0 * r2 + h2) / 12.0, (3.0 * r2 + h2) / 12.0, 0.5 * r2};
+      break;
+    case ShapeKind::kCapsule: {
+      // A cylinder of length l and two hemispheres, weighted by volume.
+      const double l = std::max(0.0, height - 2.0 * radius), ball = 4.0 / 3.0 * radius;
+      const double tube = l / (l + ball), caps = ball / (l + ball);
+      const double across =
+          tube * (3.0 * r2 + l * l) / 12.0 + caps * (0.4 * r2 + 0.25 * l * l + 0.375 * l * radius);
+      per_mass = {across, across, tube * 0.5 * r2 + caps * 0.4 * r2};
+      break;
+    }
+    case ShapeKind::kCone:
+      per_mass = {0.15 * r2 + 0.0375 * h2, 0.15 * r2 + 0.0375 * h2, 0.3 * r2};
+      break;
+    case ShapeKind::kSolid:
+      return solid->inertia * (of_mass / solid->volume);
+  }
+  return (per_mass * of_mass).asDiagonal();
+}
+
 std::string validate(const WorldSpec& w) {
   if (std::ranges::find(kEngineNames, w.engine) == std::end(kEngineNames))
     return "world.engine = '" + w.engine + "': must be 'native' or 'bullet'";
@@ -262,6 +296,21 @@ std::string validate(const SurfaceSpec& s) {
   return "";
 }
 
+// Of a body: positive, and each principal moment at most the sum of the others, to 1 %.
+std::string validate_inertia(const Eigen::Matrix3d& inertia) {
+  if (!inertia.allFinite()) return "inertia: must be finite";
+  const Eigen::Vector3d moments =
+      Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>(inertia, Eigen::EigenvaluesOnly).eigenvalues();
+  if (!(moments[0] >= kMinInertia && moments[2] <= kMaxInertia))
+    return range_error("inertia, whose least principal moment", moments[0],
+                       "in [1e-15, 1e+24], as must the greatest, " + format_number(moments[2]));
+  constexpr double kTolerance = 1.01;
+  if (moments[2] > kTolerance * (moments[0] + moments[1]))
+    return range_error("inertia, whose greatest principal moment", moments[2],
+                       "at most the sum of the others, " + format_number(moments[0] + moments[1]));
+  return "";
+}
+
 std::string validate(const ObjectSpec& o) {
   const bool has_radius = o.shape != ShapeKind::kBox && o.shape != ShapeKind::kSolid;
   if (has_radius && !is_size(o.radius)) return range_error("radius", o.radius, kSizeRule);
@@ -277,6 +326,9 @@ std::string validate(const ObjectSpec& o) {
   if (auto p = validate_vector("position", o.position); !p.empty()) return p;
   if (auto p = validate_vector("velocity", o.velocity); !p.empty()) return p;
   if (auto p = validate_vector("angular_velocity", o.angular_velocity); !p.empty()) return p;
+  if (auto p = validate_vector("com", o.centre_of_mass); !p.empty()) return p;
+  if (o.inertia)
+    if (auto p = validate_inertia(*o.inertia); !p.empty()) return p;
   if (!is_coordinate(o.magnetic_pole)) return range_error("pole", o.magnetic_pole, kCoordinateRule);
   if (auto p = validate_vector("moment", o.magnetic_moment); !p.empty()) return p;
   if (!o.orientation.coeffs().allFinite() || o.orientation.norm() < 1e-6)

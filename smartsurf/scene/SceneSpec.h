@@ -84,23 +84,28 @@ struct ObjectSpec {
   double height = 1.0;                      // cylinder, capsule (caps included), cone
   Eigen::Vector3d size{1.0, 1.0, 1.0};      // box: full edge lengths
   std::shared_ptr<const Solid> solid;       // kSolid; shared between objects
-  Eigen::Vector3d position{0.0, 0.0, 0.0};  // centre of mass
+  Eigen::Vector3d position{0.0, 0.0, 0.0};  // of the origin: the centre of mass of the homogeneous shape
   Eigen::Quaterniond orientation{1.0, 0.0, 0.0, 0.0};
-  Eigen::Vector3d velocity{0.0, 0.0, 0.0};
+  Eigen::Vector3d velocity{0.0, 0.0, 0.0};  // of the origin
   Eigen::Vector3d angular_velocity{0.0, 0.0, 0.0};
+  Eigen::Vector3d centre_of_mass{0.0, 0.0, 0.0};  // from the origin, body frame, u
+  std::optional<Eigen::Matrix3d>
+      inertia;                     // about the centre of mass, body frame, mass·u²; overrides the shape's
   std::optional<double> mass;      // overrides the material's density
   std::optional<double> friction;  // overrides the material's
   bool fixed = false;              // static body
   int material = 0;                // index into SceneSpec::materials
   Colour colour;
   std::string label;
-  // Magnetic charge and dipole moment at the centre of mass, body frame, in the units of a magnet's
+  // Magnetic charge and dipole moment at the origin, body frame, in the units of a magnet's
   // `strength`.
   double magnetic_pole = 0.0;
   Eigen::Vector3d magnetic_moment{0.0, 0.0, 0.0};
 
   double volume() const;
-  // Half extents of the bounding box centred at the centre of mass, in the body frame.
+  // Inertia tensor of the homogeneous shape about the origin, body frame, mass·u²; closed forms.
+  Eigen::Matrix3d homogeneous_inertia(double of_mass) const;
+  // Half extents of the bounding box centred at the origin, in the body frame.
   Eigen::Vector3d half_extents() const;
 };
 

@@ -33,7 +33,7 @@ struct Snapshot {
 
   // Live objects in ascending order of id. All arrays have one entry per object.
   std::vector<ObjectId> id;
-  std::vector<std::array<float, 3>> position;          // centre of mass, u
+  std::vector<std::array<float, 3>> position;          // of the origin, u
   std::vector<std::array<float, 4>> orientation;       // unit quaternion, x y z w
   std::vector<std::array<float, 3>> velocity;          // u/s
   std::vector<std::array<float, 3>> angular_velocity;  // rad/s, world frame

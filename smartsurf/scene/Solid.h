@@ -40,10 +40,11 @@ ConvexHull make_convex_hull(std::vector<Eigen::Vector3f> vertices, std::vector<s
 struct Solid {
   std::string source;  // the mesh file, or the generator ("cone")
   std::vector<Eigen::Vector3f> vertices;
-  std::vector<std::array<std::uint32_t, 3>> triangles;       // counter-clockwise seen from outside
-  std::vector<ConvexHull> hulls;                             // ≥ 1; their union approximates the solid
-  double volume = 0.0;                                       // u³
-  Eigen::Matrix3d inertia = Eigen::Matrix3d::Zero();         // about the centre of mass, for density 1
+  std::vector<std::array<std::uint32_t, 3>> triangles;  // counter-clockwise seen from outside
+  std::vector<ConvexHull> hulls;                        // ≥ 1; their union approximates the solid
+  Eigen::Vector3d centroid{0, 0, 0};  // of the source, in its own coordinates, u: the origin here
+  double volume = 0.0;                // u³
+  Eigen::Matrix3d inertia = Eigen::Matrix3d::Zero();  // about the centre of mass, for density 1
   Eigen::Vector3f bounds_min{0, 0, 0}, bounds_max{0, 0, 0};
   float bounding_radius = 0.0F;  // distance of the farthest vertex from the origin
 };

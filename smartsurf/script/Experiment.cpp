@@ -40,6 +40,7 @@ int register_bindings(ScriptContext& context, lua_State* L) {
   bind_episodes(L);
   bind_object_handles(L);
   bind_joints(L);
+  bind_models(L);
   bind_cells(L);
   guard_globals(L);
   return 0;

@@ -121,6 +121,7 @@ void bind_events(lua_State* L);          // at, every, on_*, time, metric, stop,
 void bind_episodes(lua_State* L);        // reward, success, info, episode, on_reset
 void bind_object_handles(lua_State* L);  // object, objects
 void bind_joints(lua_State* L);          // joint
+void bind_models(lua_State* L);          // urdf, mjcf
 void bind_cells(lua_State* L);           // cells
 // The Lua standard library, reduced to what the sandbox allows. Must run first.
 void bind_standard_library(lua_State* L, const ScriptContext&);

@@ -115,7 +115,8 @@ void Simulation::sense() { sensor_array_.sense(snapshot_, catalogue_, pool_); }
 // An object that was created during the run. Its solid must be that of a declared object.
 void Simulation::archive_object(common::StateArchive& a, scene::ObjectSpec& o) {
   a(o.shape, o.radius, o.height, o.size, o.position, o.orientation, o.velocity, o.angular_velocity, o.mass,
-    o.friction, o.fixed, o.material, o.colour, o.label, o.magnetic_pole, o.magnetic_moment);
+    o.centre_of_mass, o.inertia, o.friction, o.fixed, o.material, o.colour, o.label, o.magnetic_pole,
+    o.magnetic_moment);
   const std::span declared(scene().objects);
   std::uint64_t twin = 0;  // declared object with the same solid, plus one; 0: no solid
   if (o.solid && a.saves()) {

@@ -48,14 +48,20 @@ void erase_at(std::vector<T>& values, std::size_t index) {
 }  // namespace
 
 void BodyStore::add(scene::ObjectId new_id, const scene::ObjectSpec& spec, const scene::Material& material) {
+  const Eigen::Vector3d to_centre = spec.orientation.normalized() * spec.centre_of_mass;
+  const bool has_offset = !spec.centre_of_mass.isZero(0.0);
+  has_offsets |= has_offset;
   id.push_back(new_id);
-  position.push_back(spec.position.cast<float>());
+  position.push_back((has_offset ? spec.position + to_centre : spec.position).cast<float>());
+  local_origin.push_back(-spec.centre_of_mass.cast<float>());
+  origin_offset.emplace_back(0, 0, 0);
   orientation.push_back(spec.orientation.cast<float>().normalized());
   mass.push_back(mass_of(spec, material));
   shape.push_back(std::make_unique<const Shape>(make_shape(spec)));
-  bounding_radius.push_back(shape.back()->bounding_radius);
+  bounding_radius.push_back(shape.back()->bounding_radius + local_origin.back().norm());
   is_sphere.push_back(shape.back()->is_sphere());
-  is_axisymmetric.push_back(shape.back()->is_axisymmetric());
+  is_axisymmetric.push_back(shape.back()->is_axisymmetric() && !has_offset && !spec.inertia);
+  rolls_unevenly.push_back(shape.back()->is_axisymmetric() && !is_axisymmetric.back());
   width.push_back(shape.back()->width);
   surface_material.push_back(
       {bounding_radius.back(), std::sqrt(static_cast<float>(spec.friction.value_or(material.friction))),
@@ -72,7 +78,10 @@ void BodyStore::add(scene::ObjectId new_id, const scene::ObjectSpec& spec, const
   BodyVelocity m;
   m.inverse_mass = is_dynamic ? 1.0F / mass.back() : 0.0F;
   m.inverse_inertia = is_dynamic && is_sphere.back() ? inverse_inertia_of_sphere(id.size() - 1) : 0.0F;
-  if (is_dynamic) store(m.velocity, spec.velocity.cast<float>());
+  if (is_dynamic)
+    store(
+        m.velocity,
+        (has_offset ? spec.velocity + spec.angular_velocity.cross(to_centre) : spec.velocity).cast<float>());
   if (is_dynamic) store(m.angular_velocity, spec.angular_velocity.cast<float>());
   body_velocity.push_back(m);
   axes.emplace_back(Mat3::Identity());
@@ -84,10 +93,11 @@ void BodyStore::add(scene::ObjectId new_id, const scene::ObjectSpec& spec, const
 void BodyStore::erase(std::size_t i) {
   erase_at(id, i), erase_at(position, i), erase_at(orientation, i), erase_at(body_velocity, i),
       erase_at(mass, i), erase_at(shape, i);
-  erase_at(bounding_radius, i), erase_at(is_sphere, i), erase_at(is_axisymmetric, i), erase_at(width, i),
-      erase_at(surface_material, i);
+  erase_at(bounding_radius, i), erase_at(is_sphere, i), erase_at(is_axisymmetric, i),
+      erase_at(rolls_unevenly, i), erase_at(width, i), erase_at(surface_material, i);
   erase_at(inertia, i), erase_at(rotation_state, i), erase_at(wrench, i), erase_at(asleep, i),
       erase_at(sleep_timer_s, i), erase_at(rest_motion, i), erase_at(is_jointed, i);
+  erase_at(local_origin, i), erase_at(origin_offset, i);
   erase_at(axes, i), erase_at(delta_pose, i), erase_at(world_inverse_inertia, i);
 }
 
@@ -115,12 +125,18 @@ int BodyStore::find(scene::ObjectId wanted) const {
 }
 
 void BodyStore::apply_placement(std::size_t i, const scene::ObjectStateUpdate& p) {
+  const Vec3 old_origin = origin(i), old_velocity = origin_velocity(i);
   if (p.position) position[i] = p.position->cast<float>();
   if (p.orientation) orientation[i] = p.orientation->cast<float>().normalized();
   if (p.velocity && !is_static(i)) store(body_velocity[i].velocity, p.velocity->cast<float>());
   if (p.angular_velocity && !is_static(i))
     store(body_velocity[i].angular_velocity, p.angular_velocity->cast<float>());
   update_axes(i);
+  if (local_origin[i].isZero(0.0F)) return;
+  position[i] = (p.position ? position[i] : old_origin) - origin_offset[i];
+  if (!is_static(i))
+    store(body_velocity[i].velocity,
+          (p.velocity ? velocity(i) : old_velocity) - angular_velocity(i).cross(origin_offset[i]));
 }
 
 void BodyStore::update_axes(std::size_t i) {
@@ -223,6 +239,7 @@ void BodyStore::integrate_rotations(std::span<const Rotating> bodies) {
     }
     for (int c = 0; c < 3; ++c)
       for (int r = 0; r < 3; ++r) axes[i](r, c) = static_cast<float>(batch.axes[c][r][lane]);
+    if (has_offsets) origin_offset[i] = axes[i] * local_origin[i];
     InverseInertia& inverse = world_inverse_inertia[i];
     inverse = {};
     if (is_static(i)) continue;

@@ -56,9 +56,11 @@ struct BodyStore {
   std::vector<BodyVelocity> body_velocity;
   std::vector<float> mass;  // 0 for a static body
   std::vector<std::unique_ptr<const Shape>> shape;
-  std::vector<float> bounding_radius;
+  std::vector<float> bounding_radius;  // about the centre of mass, u
   // Copies of Shape members that are read for every body, to save the pointer dereference.
   std::vector<char> is_sphere, is_axisymmetric;
+  // A round shape that is not axisymmetric in its mass. The points of a cached manifold would turn with it.
+  std::vector<char> rolls_unevenly;
   std::vector<float> width;
   std::vector<SurfaceMaterial> surface_material;
   std::vector<PrincipalInertia> inertia;
@@ -68,6 +70,8 @@ struct BodyStore {
   std::vector<float> sleep_timer_s;     // time since the body last moved or accelerated noticeably
   std::vector<RestMotion> rest_motion;  // since the sleep timer started
   std::vector<char> is_jointed;         // whether any link has the body
+  std::vector<Vec3> local_origin;       // of the shape, from the centre of mass, body axes, u; 0 for a sphere
+  bool has_offsets = false;             // whether any body's centre of mass is not its origin
 
   // Of the joints, in their order; JointSolver keeps them.
   std::vector<BodyLink> links;
@@ -77,6 +81,7 @@ struct BodyStore {
   std::vector<Mat3> axes;
   std::vector<DeltaPose> delta_pose;  // motion during the step
   std::vector<InverseInertia> world_inverse_inertia;
+  std::vector<Vec3> origin_offset;  // local_origin in world axes
 
   int size() const { return static_cast<int>(id.size()); }
   bool is_static(std::size_t i) const { return mass[i] == 0.0F; }
@@ -87,14 +92,22 @@ struct BodyStore {
   }
   // Replaces the links.
   void set_links(std::vector<BodyLink>);
+  // Of the shape's origin, which collision detection and the scene mean by the body's position, u, u/s.
+  Vec3 origin(std::size_t i) const {
+    return has_offsets ? Vec3(position[i] + origin_offset[i]) : position[i];
+  }
+  Vec3 origin_velocity(std::size_t i) const {
+    return has_offsets ? Vec3(velocity(i) + angular_velocity(i).cross(origin_offset[i])) : velocity(i);
+  }
   Vec3 velocity(std::size_t i) const { return Vec3(body_velocity[i].velocity); }
   Vec3 angular_velocity(std::size_t i) const { return Vec3(body_velocity[i].angular_velocity); }
 
   // All arrays but the shapes.
   void archive(common::StateArchive& a) {
-    a(id, position, orientation, body_velocity, mass, bounding_radius, is_sphere, is_axisymmetric, width,
-      surface_material, inertia, rotation_state, wrench, asleep, sleep_timer_s, rest_motion, is_jointed,
-      links, excluded_pairs_, axes, delta_pose, world_inverse_inertia);
+    a(id, position, orientation, body_velocity, mass, bounding_radius, is_sphere, is_axisymmetric,
+      rolls_unevenly, width, surface_material, inertia, rotation_state, wrench, asleep, sleep_timer_s,
+      rest_motion, is_jointed, links, excluded_pairs_, axes, delta_pose, world_inverse_inertia, local_origin,
+      has_offsets, origin_offset);
   }
 
   // The id must exceed all ids in the store.
@@ -102,7 +115,7 @@ struct BodyStore {
   void erase(std::size_t index);
   // Index of the body, or −1.
   int find(scene::ObjectId) const;
-  // Sets the values that are present; ignores velocities of a static body.
+  // Sets the values that are present, of the origin; ignores velocities of a static body.
   void apply_placement(std::size_t index, const scene::ObjectStateUpdate&);
   // Recomputes axes, world inertia and rotation_state from orientation and angular velocity.
   void update_axes(std::size_t index);

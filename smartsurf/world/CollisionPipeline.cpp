@@ -114,6 +114,13 @@ void match_contacts(ContactList& list, const Manifold& current, const ContactLis
   }
 }
 
+// Collision detection measures from the origin of the shape.
+void anchor_at_centre_of_mass(const BodyStore& bodies, std::size_t i, std::vector<Contact>& contacts,
+                              std::size_t first) {
+  if (!bodies.has_offsets) return;
+  for (std::size_t k = first; k < contacts.size(); ++k) contacts[k].anchor += bodies.origin_offset[i];
+}
+
 }  // namespace
 
 void CollisionPipeline::update_broadphase(const BodyStore& bodies, const Member& member) {
@@ -292,7 +299,8 @@ void CollisionPipeline::find_large_neighbours(const BodyStore& bodies) {
     const auto i = static_cast<std::size_t>(l);
     const Vec3 half =
         bodies.axes[i].cwiseAbs() * bodies.shape[i]->half_extents + Vec3::Constant(speculative_margin_[i]);
-    grid_->for_each_in_box(bodies.position[i] - half, bodies.position[i] + half, [&](std::int32_t body) {
+    const Vec3 centre = bodies.origin(i);
+    grid_->for_each_in_box(centre - half, centre + half, [&](std::int32_t body) {
       large_neighbours_.push_back({body, l});
     });
   }
@@ -355,11 +363,11 @@ void CollisionPipeline::collide_large_bodies(const BodyStore& bodies, SlabResult
 void CollisionPipeline::collide_static(const BodyStore& bodies, std::size_t i, SlabResults& results) const {
   ContactList& out = results.static_contacts;
   const auto first = static_cast<std::int32_t>(out.contacts.size());
-  const Vec3& centre = bodies.position[i];
+  const Vec3 centre = bodies.origin(i);
   const float margin = std::max(kMinSpeculativeMargin, speculative_margin_[i] + field_.max_speed * dt_s_);
   if (bodies.is_sphere[i] && !free_layout_field_)
     collide_sphere_with_field(field_, centre, bodies.bounding_radius[i], margin, out.contacts);
-  else if (free_layout_field_ || field_.has_force_limit())
+  else if (free_layout_field_ || field_.has_force_limit() || bodies.rolls_unevenly[i])
     collide_columns(*bodies.shape[i], centre, bodies.axes[i], margin, out.contacts);
   else
     field_cache_.collide(bodies, i, margin, results.cached_field, out.contacts);
@@ -382,6 +390,7 @@ void CollisionPipeline::collide_static(const BodyStore& bodies, std::size_t i, S
   const auto count = static_cast<std::int32_t>(out.contacts.size()) - first;
   if (count == 0) return;
   out.manifolds.push_back({static_cast<std::int32_t>(i), kField, first, count});
+  anchor_at_centre_of_mass(bodies, i, out.contacts, static_cast<std::size_t>(first));
   match_contacts(out, out.manifolds.back(), previous_contacts_.static_contacts(),
                  previous_contacts_.find_static(i, results.member), 0.15F * bodies.bounding_radius[i]);
   if (field_contacts > 1 && !bodies.is_sphere[i]) find_support(bodies, i, margin, field_contacts, results);
@@ -396,7 +405,7 @@ void CollisionPipeline::find_support(const BodyStore& bodies, std::size_t i, flo
   std::vector<Contact>& list = results.static_contacts.contacts;
   const auto contacts = std::span(list).subspan(static_cast<std::size_t>(manifold.first), field_contacts);
   if (!add_support_patch(field_, free_layout_field_.get(), *bodies.shape[i], static_cast<std::int32_t>(i),
-                         bodies.position[i], bodies.axes[i], margin, contacts, supports))
+                         bodies.position[i], bodies.origin(i), bodies.axes[i], margin, contacts, supports))
     return;
   SupportPatch& patch = supports.patches.back();
   if (patch.has_shares)
@@ -462,7 +471,7 @@ void CollisionPipeline::collide_pair(const BodyStore& bodies, std::size_t i, std
     return;
   }
   const auto first = static_cast<std::int32_t>(pair_contacts.contacts.size());
-  if (has_sphere) {
+  if (has_sphere || bodies.rolls_unevenly[a] || bodies.rolls_unevenly[b]) {
     collide_bodies(bodies, a, b, kMinSpeculativeMargin, dt_s_, nullptr, pair_contacts.contacts);
   } else {
     const float margin = kMinSpeculativeMargin + closing_distance(bodies, a, b, dt_s_);
@@ -475,6 +484,7 @@ void CollisionPipeline::collide_pair(const BodyStore& bodies, std::size_t i, std
   if (count == 0) return;
   pair_contacts.manifolds.push_back(
       {static_cast<std::int32_t>(a), static_cast<std::int32_t>(b), first, count});
+  anchor_at_centre_of_mass(bodies, a, pair_contacts.contacts, static_cast<std::size_t>(first));
   // A sphere has a single contact per partner, whose anchor may move far in one step.
   const float tolerance = has_sphere ? bodies.bounding_radius[a] : 0.15F * bodies.bounding_radius[a];
   match_contacts(pair_contacts, pair_contacts.manifolds.back(), previous_contacts_.pair_contacts(),

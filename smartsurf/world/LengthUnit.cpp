@@ -43,6 +43,8 @@ scene::ObjectSpec LengthUnit::to_world(const scene::ObjectSpec& from, const scen
   to.size *= to_world_;
   to.position *= to_world_;
   to.velocity *= to_world_;
+  to.centre_of_mass *= to_world_;
+  if (to.inertia) *to.inertia *= to_world_ * to_world_;
   if (from.solid) {
     std::erase_if(solids_, [](const ConvertedSolid& s) { return s.scene.expired() || s.world.expired(); });
     const auto known = std::ranges::find_if(

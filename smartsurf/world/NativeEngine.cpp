@@ -110,8 +110,9 @@ scene::ObjectState NativeEngine::state(scene::ObjectId id) const {
   const BodyStore& b = impl_->bodies;
   const LengthUnit& unit = impl_->unit;
   const auto i = static_cast<std::size_t>(b.find(id));
-  return {unit.to_scene(Eigen::Vector3d(b.position[i].cast<double>())), b.orientation[i].cast<double>(),
-          unit.to_scene(Eigen::Vector3d(b.velocity(i).cast<double>())), b.angular_velocity(i).cast<double>()};
+  return {unit.to_scene(Eigen::Vector3d(b.origin(i).cast<double>())), b.orientation[i].cast<double>(),
+          unit.to_scene(Eigen::Vector3d(b.origin_velocity(i).cast<double>())),
+          b.angular_velocity(i).cast<double>()};
 }
 
 void NativeEngine::Impl::wake_joint(scene::JointId id) {
@@ -155,14 +156,16 @@ surface::BodyView NativeEngine::bodies() const {
   s.scene_velocity.resize(s.bodies.id.size());
   s.angular_velocity.resize(s.bodies.id.size());
   for (std::size_t i = 0; i < s.scene_velocity.size(); ++i) {
-    s.scene_velocity[i] = s.unit.to_scene(s.bodies.velocity(i));
+    s.scene_velocity[i] = s.unit.to_scene(s.bodies.origin_velocity(i));
     s.angular_velocity[i] = s.bodies.angular_velocity(i);
   }
-  if (!s.unit.is_one()) {
+  const bool are_scene_positions = s.unit.is_one() && !s.bodies.has_offsets;
+  if (!are_scene_positions) {
     s.scene_position.clear();
-    for (const Vec3& position : s.bodies.position) s.scene_position.push_back(s.unit.to_scene(position));
+    for (std::size_t i = 0; i < s.bodies.id.size(); ++i)
+      s.scene_position.push_back(s.unit.to_scene(s.bodies.origin(i)));
   }
-  return {s.bodies.id,          s.unit.is_one() ? s.bodies.position : s.scene_position,
+  return {s.bodies.id,          are_scene_positions ? s.bodies.position : s.scene_position,
           s.bodies.orientation, s.scene_velocity,
           s.angular_velocity,   s.bodies.mass};
 }
@@ -225,9 +228,9 @@ void NativeEngine::snapshot(scene::Snapshot& out) const {
     for (const std::int32_t body : impl_->collision.own_bodies(member)) {
       const auto i = static_cast<std::size_t>(body);
       const Quat& q = b.orientation[i];
-      out.position[i] = to_array(impl_->unit.to_scene(b.position[i]));
+      out.position[i] = to_array(impl_->unit.to_scene(b.origin(i)));
       out.orientation[i] = {q.x(), q.y(), q.z(), q.w()};
-      out.velocity[i] = to_array(impl_->unit.to_scene(b.velocity(i)));
+      out.velocity[i] = to_array(impl_->unit.to_scene(b.origin_velocity(i)));
       out.angular_velocity[i] = to_array(b.angular_velocity(i));
     }
   });

@@ -85,7 +85,7 @@ struct NativeEngine::Impl {
   FieldHasher field_hasher;
   bool field_moved = false;   // in the last step: at its end cells may stand elsewhere, or be about to stop
   bool field_changed = true;  // heights or speeds, since they were hashed
-  // Storage behind bodies(), in scene units. Positions only where the units differ.
+  // Storage behind bodies(), in scene units. Positions only where they are not those in the store.
   mutable std::vector<Vec3> scene_position, scene_velocity, angular_velocity;
 };
 

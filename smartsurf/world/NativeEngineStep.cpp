@@ -18,6 +18,9 @@ void NativeEngine::Impl::read_inputs() {
     if (has_wrenches)
       for (surface::Wrench& w : bodies.wrench) w = unit.to_world(w);
   }
+  if (has_wrenches && bodies.has_offsets)  // from about the origin to about the centre of mass
+    for (std::size_t i = 0; i < bodies.wrench.size(); ++i)
+      bodies.wrench[i].torque += bodies.origin_offset[i].cross(bodies.wrench[i].force);
   field.update_column_height();
 }
 

@@ -283,7 +283,7 @@ void Sleep::put_to_sleep(BodyStore& b, std::size_t i) {
 Sleep::CellRect Sleep::cells_near(const BodyStore& b, std::size_t i) const {
   Vec3 half = b.axes[i].cwiseAbs() * b.shape[i]->half_extents;
   if (field_.has_tips()) half += Vec3::Constant(field_.tip_reach);
-  const Vec3& at = b.position[i];
+  const Vec3 at = b.origin(i);
   auto clamped = [](float u, int max) {
     return std::clamp(static_cast<int>(std::clamp(u, -1e6F, 1e6F)), 0, max);
   };

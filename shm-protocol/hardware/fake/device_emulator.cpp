@@ -1,8 +1,9 @@
-// device_emulator: the reference firmware on a toy device, behind a pseudo-terminal or TCP, with configurable
+// device_emulator: the reference firmware on an emulated device, behind a pseudo-terminal or TCP, with configurable
 // line faults.
 #include <getopt.h>
 #include <poll.h>
 
+#include <algorithm>
 #include <atomic>
 #include <charconv>
 #include <csignal>
@@ -14,6 +15,7 @@
 
 #include "shm-protocol/hardware/fake/EmulatedLine.h"
 #include "shm-protocol/hardware/fake/NoisyLine.h"
+#include "shm-protocol/hardware/fake/PillarDevice.h"
 #include "shm-protocol/hardware/fake/ToyDevice.h"
 
 namespace {
@@ -28,6 +30,8 @@ constexpr const char* kUsage =
     "worse:\n"
     "  --pty LINK       a pseudo-terminal, found through this symbolic link\n"
     "  --tcp PORT       a server on 127.0.0.1; 0: any free port\n"
+    "  --device NAME    toy: discs that drift by themselves; pillars: a ball rolls on pillars with touch "
+    "[toy]\n"
     "  --size WxH       cells, 1 to 1024 each way [16x16]\n"
     "  --period-ms N    control period [10]\n"
     "  --ticks N        end after N periods [never]\n"
@@ -38,13 +42,15 @@ constexpr const char* kUsage =
     "  --silent-at N    say nothing from the Nth period on, for --silent-for N periods [50]\n"
     "  --unplug-at N    cut the line at the Nth period, for --unplug-for N periods [50]\n"
     "  --restart        the device starts anew while it is unplugged\n"
-    "SIGUSR1 makes it silent, and SIGUSR2 cuts the line, from the next period on.\n"
+    "SIGUSR1 makes it silent, and SIGUSR2 cuts the line, from the next period on. At the end it prints its "
+    "counts and the\n"
+    "latency: from a sensor frame to the last byte of its answer.\n"
     "Exit status: 0 done, also on SIGINT and SIGTERM; 1 failed; 2 wrong input.\n";
 
 std::atomic<bool> stop{false}, fall_silent{false}, cut{false};
 
 struct Options {
-  std::string link;
+  std::string link, device = "toy";
   int tcp = -1;
   std::uint16_t rows = 16, columns = 16;
   std::uint32_t period_ms = 10;
@@ -76,6 +82,7 @@ void set(const std::string& flag, Options& o) {
   const auto count = [&] { return parse<std::uint64_t>(flag, text, 1, ~0ull); };
   if (flag == "pty") o.link = text;
   if (flag == "tcp") o.tcp = parse(flag, text, 0, 65535);
+  if (flag == "device") o.device = text;
   if (flag == "size") parse_size(text, o);
   if (flag == "period-ms") o.period_ms = parse<std::uint32_t>(flag, text, 1, 60000);
   if (flag == "ticks") o.ticks = count();
@@ -93,18 +100,20 @@ void set(const std::string& flag, Options& o) {
 
 Options parse(int argc, char** argv) {
   static const option kKnown[] = {
-      {"pty", 1, nullptr, 1},        {"tcp", 1, nullptr, 1},        {"size", 1, nullptr, 1},
-      {"period-ms", 1, nullptr, 1},  {"ticks", 1, nullptr, 1},      {"drop", 1, nullptr, 1},
-      {"corrupt", 1, nullptr, 1},    {"delay-ms", 1, nullptr, 1},   {"seed", 1, nullptr, 1},
-      {"silent-at", 1, nullptr, 1},  {"silent-for", 1, nullptr, 1}, {"unplug-at", 1, nullptr, 1},
-      {"unplug-for", 1, nullptr, 1}, {"restart", 0, nullptr, 1},    {"help", 0, nullptr, 1},
-      {nullptr, 0, nullptr, 0}};
+      {"pty", 1, nullptr, 1},       {"tcp", 1, nullptr, 1},        {"size", 1, nullptr, 1},
+      {"device", 1, nullptr, 1},    {"period-ms", 1, nullptr, 1},  {"ticks", 1, nullptr, 1},
+      {"drop", 1, nullptr, 1},      {"corrupt", 1, nullptr, 1},    {"delay-ms", 1, nullptr, 1},
+      {"seed", 1, nullptr, 1},      {"silent-at", 1, nullptr, 1},  {"silent-for", 1, nullptr, 1},
+      {"unplug-at", 1, nullptr, 1}, {"unplug-for", 1, nullptr, 1}, {"restart", 0, nullptr, 1},
+      {"help", 0, nullptr, 1},      {nullptr, 0, nullptr, 0}};
   Options o;
   for (int index = 0, flag; (flag = ::getopt_long(argc, argv, "", kKnown, &index)) != -1;) {
     if (flag != 1) throw std::invalid_argument("see --help");
     set(kKnown[index].name, o);
   }
   if (o.help) return o;
+  if (o.device != "toy" && o.device != "pillars")
+    throw std::invalid_argument("--device: '" + o.device + "' must be toy or pillars");
   if (::optind != argc || o.link.empty() == (o.tcp < 0))
     throw std::invalid_argument("either --pty LINK or --tcp PORT is needed; see --help");
   return o;
@@ -118,9 +127,7 @@ class Emulator {
                         : hardware::EmulatedLine::tcp(static_cast<std::uint16_t>(o.tcp))),
         from_host_(o.noise),
         to_host_(other_seed(o.noise)),
-        device_(o.rows, o.columns, o.period_ms * 1000, [this](const std::uint8_t* bytes, std::size_t count) {
-          if (!silent()) to_host_.send(bytes, count, now());
-        }) {}
+        device_(make_device()) {}
 
   void run() {
     std::printf("device %s\n", line_.name().c_str());
@@ -134,10 +141,48 @@ class Emulator {
                 static_cast<unsigned long long>(period_),
                 static_cast<unsigned long long>(from_host_.dropped + to_host_.dropped),
                 static_cast<unsigned long long>(from_host_.corrupted + to_host_.corrupted),
-                device_.firmware().missed);
+                device_->firmware().missed);
+    print_latency();
+    if (distance_count_ > 0)
+      std::printf("ball distance_cm %.2f\n", distance_sum_ / static_cast<double>(distance_count_));
   }
 
  private:
+  static constexpr std::size_t kMaxLatencies = 10'000'000;
+  static constexpr double kSettled_s = 4.0;  // after the ball was placed
+
+  std::unique_ptr<hardware::EmulatedDevice> make_device() {
+    auto write = [this](const std::uint8_t* bytes, std::size_t count) {
+      if (!silent()) to_host_.send(bytes, count, now());
+    };
+    const std::uint32_t period_us = o_.period_ms * 1000;
+    if (o_.device == "toy")
+      return std::make_unique<hardware::ToyDevice>(o_.rows, o_.columns, period_us, write);
+    auto pillars = std::make_unique<hardware::PillarDevice>(o_.rows, o_.columns, period_us, write);
+    pillars_ = pillars.get();
+    return pillars;
+  }
+
+  void print_latency() {
+    if (latency_us_.empty()) return;
+    std::ranges::sort(latency_us_);
+    const auto quantile = [&](double share) {
+      return latency_us_[static_cast<std::size_t>(share * static_cast<double>(latency_us_.size() - 1))];
+    };
+    std::printf("answers %zu latency_us median %u p99 %u max %u\n", latency_us_.size(), quantile(0.5),
+                quantile(0.99), quantile(1.0));
+  }
+
+  // Of the answer to the frame of this period, once it is complete.
+  void measure_latency() {
+    const ssd_device& firmware = device_->firmware();
+    if (firmware.ready_tick != firmware.tick || answered_tick_ == firmware.tick) return;
+    answered_tick_ = firmware.tick;
+    const auto latency = std::chrono::duration_cast<std::chrono::microseconds>(now() - sent_at_);
+    if (latency_us_.size() < kMaxLatencies)
+      latency_us_.push_back(static_cast<std::uint32_t>(latency.count()));
+  }
+
   static hardware::NoiseOptions other_seed(hardware::NoiseOptions noise) {
     noise.seed += 0x9E3779B97F4A7C15u;
     return noise;
@@ -166,7 +211,10 @@ class Emulator {
     if (!bytes_.empty()) from_host_.send(bytes_.data(), bytes_.size(), now());
     bytes_.clear();
     from_host_.receive(now(), bytes_);
-    for (const std::uint8_t byte : bytes_) device_.receive(byte);
+    for (const std::uint8_t byte : bytes_) {
+      device_->receive(byte);
+      measure_latency();
+    }
     bytes_.clear();
     to_host_.receive(now(), bytes_);
     line_.write(bytes_);
@@ -180,11 +228,14 @@ class Emulator {
       line_.unplug();
       from_host_.clear();
       to_host_.clear();
-      if (o_.restart && period_ == o_.unplug_at) device_.restart();
+      if (o_.restart && period_ == o_.unplug_at) device_->restart();
     } else {
       line_.plug();
     }
-    device_.period();
+    sent_at_ = now();
+    device_->period();
+    if (pillars_ && pillars_->seconds_since_placed() > kSettled_s)
+      distance_sum_ += pillars_->distance(), ++distance_count_;
   }
 
   Options o_;
@@ -192,8 +243,14 @@ class Emulator {
   std::uint64_t period_ = 0;
   hardware::EmulatedLine line_;
   NoisyLine from_host_, to_host_;
-  hardware::ToyDevice device_;
+  hardware::PillarDevice* pillars_ = nullptr;  // device_, if it is one
+  std::unique_ptr<hardware::EmulatedDevice> device_;
   std::vector<std::uint8_t> bytes_;
+  NoisyLine::Time sent_at_{};        // the last sensor frame
+  std::uint32_t answered_tick_ = 0;  // whose latency was measured last
+  std::vector<std::uint32_t> latency_us_;
+  double distance_sum_ = 0.0;  // of the settled ball from the middle, cm
+  std::uint64_t distance_count_ = 0;
 };
 
 }  // namespace

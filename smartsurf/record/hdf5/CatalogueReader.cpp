@@ -24,7 +24,7 @@ struct CatalogueColumns {
   std::vector<std::string> label, shape, material;
   std::vector<std::int32_t> solid;
   std::vector<double> radius, extent, height, mass, fixed, colour, position, orientation, velocity,
-      angular_velocity;
+      angular_velocity, centre_of_mass;
 };
 
 // Returns the length of the shortest column: a killed run may leave columns of different lengths.
@@ -50,7 +50,9 @@ CatalogueColumns::CatalogueColumns(hid_t group)
       position(read_numbers(group, "initial_position", 3)),
       orientation(read_numbers(group, "initial_orientation", 4)),
       velocity(read_numbers(group, "initial_velocity", 3)),
-      angular_velocity(read_numbers(group, "initial_angular_velocity", 3)) {
+      angular_velocity(read_numbers(group, "initial_angular_velocity", 3)),
+      centre_of_mass(3 * count) {
+  if (has_link(group, "centre_of_mass")) centre_of_mass = read_numbers(group, "centre_of_mass", 3);
   if (has_link(group, "height")) {
     height = read_numbers(group, "height", 1);
     solid = read_column<std::int32_t>(group, "solid", H5T_NATIVE_INT32, count);
@@ -83,6 +85,7 @@ scene::ObjectSpec make_object(const CatalogueColumns& columns, std::size_t i,
   object.orientation = Eigen::Quaterniond(q[3], q[0], q[1], q[2]);
   object.velocity = CatalogueColumns::vector_at(columns.velocity, i);
   object.angular_velocity = CatalogueColumns::vector_at(columns.angular_velocity, i);
+  object.centre_of_mass = CatalogueColumns::vector_at(columns.centre_of_mass, i);
   return object;
 }
 

@@ -78,6 +78,7 @@ CatalogueWriter::CatalogueWriter(hid_t file, hid_t group, std::vector<scene::Mat
   add_column(group, "solid", copy_type(H5T_NATIVE_INT32), 1);
   add_column(group, "extents", copy_type(H5T_NATIVE_DOUBLE), 3);
   add_column(group, "mass", copy_type(H5T_NATIVE_DOUBLE), 1);
+  add_column(group, "centre_of_mass", copy_type(H5T_NATIVE_DOUBLE), 3);
   add_column(group, "fixed", copy_type(H5T_NATIVE_UINT8), 1);
   add_column(group, "colour", copy_type(H5T_NATIVE_FLOAT), 3);
   add_column(group, "initial_position", copy_type(H5T_NATIVE_DOUBLE), 3);
@@ -116,7 +117,7 @@ void CatalogueWriter::write_column(const char* name, const void* values, hsize_t
 
 std::uint64_t CatalogueWriter::max_bytes(std::span<const scene::ObjectSpec> objects) const {
   if (objects.empty()) return 0;
-  constexpr std::uint64_t kBytesPerObject = 512, kBytesPerChunk = kChunkObjects * kBytesPerObject;
+  constexpr std::uint64_t kBytesPerObject = 544, kBytesPerChunk = kChunkObjects * kBytesPerObject;
   std::uint64_t bytes = kBytesPerChunk + kBytesPerObject * objects.size();
   for (const scene::ObjectSpec& object : objects) bytes += 2 * object.label.size();
   return bytes + solids_.max_bytes(objects);
@@ -153,6 +154,7 @@ void CatalogueWriter::append(std::span<const scene::ObjectSpec> objects) {
   write_column("solid", gather_values<std::int32_t>(objects, solid).data(), count);
   numbers("extents", [&](const Spec& o) { return vector(2.0 * o.half_extents()); });
   numbers("mass", [&](const Spec& o) { return scalar(mass(o)); });
+  numbers("centre_of_mass", [&](const Spec& o) { return vector(o.centre_of_mass); });
   numbers("initial_position", [&](const Spec& o) { return vector(o.position); });
   numbers("initial_orientation", [](const Spec& o) {
     return std::vector<double>{o.orientation.x(), o.orientation.y(), o.orientation.z(), o.orientation.w()};

@@ -7,6 +7,7 @@
 
 #include "smartsurf/scene/SolidFactory.h"
 #include "smartsurf/script/ScriptContext.h"
+#include "smartsurf/script/declarations/Creation.h"
 #include "smartsurf/script/lua/SandboxFiles.h"
 #include "smartsurf/script/lua/TableReader.h"
 
@@ -26,10 +27,9 @@ struct ShapeBinding {
   void (*read)(ScriptContext&, lua_State*, const TableReader&, scene::ObjectSpec&);
 };
 
-constexpr std::array<std::string_view, 12> kCommonFields{
-    "position", "orientation", "velocity", "angular_velocity",
-    "mass",     "friction",    "fixed",    "material",
-    "colour",   "label",       "pole",     "moment"};
+constexpr std::array<std::string_view, 14> kCommonFields{
+    "position", "orientation", "velocity", "angular_velocity", "mass",  "com",  "inertia",
+    "friction", "fixed",       "material", "colour",           "label", "pole", "moment"};
 
 std::vector<std::string_view> field_names(const ShapeBinding& shape) {
   std::vector<std::string_view> all;
@@ -37,6 +37,20 @@ std::vector<std::string_view> field_names(const ShapeBinding& shape) {
     if (!field.empty()) all.push_back(field);
   all.insert(all.end(), kCommonFields.begin(), kCommonFields.end());
   return all;
+}
+
+// {ixx, iyy, izz} or {ixx, iyy, izz, ixy, ixz, iyz}
+Eigen::Matrix3d check_inertia(lua_State* L, int index, const std::string& name) {
+  const bool is_diagonal = lua_type(L, index) == LUA_TTABLE && lua_rawlen(L, index) == 3;
+  const auto i =
+      check_numbers(L, index, name, is_diagonal ? 3 : 6, "{ixx, iyy, izz} or {ixx, iyy, izz, ixy, ixz, iyz}");
+  Eigen::Matrix3d inertia = Eigen::Vector3d(i[0], i[1], i[2]).asDiagonal();
+  if (!is_diagonal) {
+    inertia(0, 1) = inertia(1, 0) = i[3];
+    inertia(0, 2) = inertia(2, 0) = i[4];
+    inertia(1, 2) = inertia(2, 1) = i[5];
+  }
+  return inertia;
 }
 
 void read_common(const ScriptContext& context, lua_State* L, const TableReader& fields,
@@ -47,6 +61,9 @@ void read_common(const ScriptContext& context, lua_State* L, const TableReader& 
   fields.read("velocity", object.velocity);
   fields.read("angular_velocity", object.angular_velocity);
   fields.read("mass", object.mass);
+  fields.read("com", object.centre_of_mass);
+  fields.visit("inertia",
+               [&](int i, const std::string& name) { object.inertia = check_inertia(L, i, name); });
   fields.read("friction", object.friction);
   fields.read("fixed", object.fixed);
   fields.read("colour", object.colour);
@@ -79,12 +96,6 @@ void read_size(ScriptContext&, lua_State*, const TableReader& fields, scene::Obj
   fields.read("size", object.size);
 }
 
-scene::SolidFactory& require_solid_factory(const ScriptContext& context) {
-  if (!context.options.solid_factory)
-    throw ScriptError("hull and mesh are not available to a script loaded this way");
-  return *context.options.solid_factory;
-}
-
 // Prefixes each warning with the script's location.
 void report_warnings(const ScriptContext& context, lua_State* L, const std::vector<std::string>& warnings) {
   for (const std::string& warning : warnings) {
@@ -96,19 +107,34 @@ void report_warnings(const ScriptContext& context, lua_State* L, const std::vect
   }
 }
 
-// Errors of `make` are clauses without a subject; `field` is prepended to them.
-template <typename Make>
-std::shared_ptr<const scene::Solid> make_solid(const ScriptContext& context, lua_State* L,
-                                               const std::string& field, Make make) {
+}  // namespace
+
+std::shared_ptr<const scene::Solid> make_solid(
+    const ScriptContext& context, lua_State* L, const std::string& subject,
+    const std::function<scene::SolidResult(scene::SolidFactory&)>& make) {
+  if (!context.options.solid_factory)
+    throw ScriptError("hull and mesh are not available to a script loaded this way");
   scene::SolidResult result;
   try {
-    result = make();
+    result = make(*context.options.solid_factory);
   } catch (const scene::InputError& e) {
-    throw ScriptError(field + e.what());
+    throw ScriptError(subject + e.what());
   }
   report_warnings(context, L, result.warnings);
   return result.solid;
 }
+
+// Object ids start at 0 and follow the order of creation, as in recordings and in the view.
+scene::ObjectId add_object(ScriptContext& context, const std::string& subject,
+                           const scene::ObjectSpec& object) {
+  if (context.phase == Phase::kRunning) return context.simulation->spawn(object);
+  auto& objects = context.spec.objects;
+  if (objects.size() >= kMaxObjects) throw ScriptError(subject + ": more than 1000000 objects");
+  objects.push_back(object);
+  return static_cast<scene::ObjectId>(objects.size() - 1);
+}
+
+namespace {
 
 void read_mesh_source(const ScriptContext& context, lua_State* L, const TableReader& fields,
                       scene::MeshRequest& request) {
@@ -141,7 +167,7 @@ void read_mesh(ScriptContext& context, lua_State* L, const TableReader& fields, 
     if (!(request.tolerance > 0.0)) throw_invalid_value(L, i, name, "greater than 0");
   });
   object.solid = make_solid(
-      context, L, "mesh.file = ", [&] { return require_solid_factory(context).load_mesh(request); });
+      context, L, "mesh.file = ", [&](scene::SolidFactory& factory) { return factory.load_mesh(request); });
 }
 
 std::vector<Eigen::Vector3d> check_points(ScriptContext& context, lua_State* L, int index,
@@ -167,7 +193,7 @@ void read_hull(ScriptContext& context, lua_State* L, const TableReader& fields, 
     scene::MeshRequest request;
     read_mesh_source(context, L, fields, request);
     object.solid = make_solid(
-        context, L, "hull.file = ", [&] { return require_solid_factory(context).make_hull(request); });
+        context, L, "hull.file = ", [&](scene::SolidFactory& factory) { return factory.make_hull(request); });
     return;
   }
   for (const std::string_view field : {"scale", "unit"})
@@ -175,8 +201,9 @@ void read_hull(ScriptContext& context, lua_State* L, const TableReader& fields, 
       throw ScriptError("hull." + std::string(field) + ": applies only to file; points are in u");
   fields.visit("points", [&](int i, const std::string& name) {
     const std::vector<Eigen::Vector3d> points = check_points(context, L, i, name);
-    object.solid = make_solid(context, L, name + ": ",
-                              [&] { return require_solid_factory(context).make_hull(points, "hull"); });
+    object.solid = make_solid(context, L, name + ": ", [&](scene::SolidFactory& factory) {
+      return factory.make_hull(points, "hull");
+    });
   });
 }
 
@@ -194,18 +221,6 @@ constexpr ShapeBinding kMesh{"mesh",
                              {"file", "scale", "unit", "decompose", "pieces", "tolerance"},
                              read_mesh};
 
-// Object ids start at 0 and follow the order of creation, as in recordings and in the view.
-scene::ObjectId add_object(ScriptContext& context, const ShapeBinding& shape,
-                           const scene::ObjectSpec& object) {
-  const std::string subject(shape.name);
-  if (const std::string error = validate(object); !error.empty()) throw ScriptError(subject + "." + error);
-  if (context.phase == Phase::kRunning) return context.simulation->spawn(object);
-  auto& objects = context.spec.objects;
-  if (objects.size() >= kMaxObjects) throw ScriptError(subject + ": more than 1000000 objects");
-  objects.push_back(object);
-  return static_cast<scene::ObjectId>(objects.size() - 1);
-}
-
 template <const ShapeBinding& shape>
 int create(ScriptContext& context, lua_State* L) {
   static const std::vector<std::string_view> known = field_names(shape);
@@ -214,7 +229,9 @@ int create(ScriptContext& context, lua_State* L) {
   object.shape = shape.kind;
   shape.read(context, L, fields, object);
   read_common(context, L, fields, object);
-  lua_pushinteger(L, static_cast<lua_Integer>(add_object(context, shape, object)));
+  const std::string subject(shape.name);
+  if (const std::string error = validate(object); !error.empty()) throw ScriptError(subject + "." + error);
+  lua_pushinteger(L, static_cast<lua_Integer>(add_object(context, subject, object)));
   return 1;
 }
 

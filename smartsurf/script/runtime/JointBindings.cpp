@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "smartsurf/script/ScriptContext.h"
+#include "smartsurf/script/declarations/Creation.h"
 #include "smartsurf/script/lua/TableReader.h"
 #include "smartsurf/script/lua/Userdata.h"
 
@@ -72,7 +73,6 @@ scene::JointSpec read_joint(lua_State* L) {
   fields.visit("motor",
                [&](int i, const std::string& name) { spec.motor = read_motor(L, i, name, spec.kind); });
   fields.read("collide", spec.collide);
-  if (const std::string error = validate(spec); !error.empty()) throw ScriptError("joint." + error);
   return spec;
 }
 
@@ -88,7 +88,10 @@ bool is_immovable(const ScriptContext& context, scene::ObjectId id) {
   return context.phase == Phase::kRunning ? context.simulation->is_fixed(id) : context.spec.objects[id].fixed;
 }
 
+}  // namespace
+
 scene::JointId add_joint(ScriptContext& context, const scene::JointSpec& spec) {
+  if (const std::string error = validate(spec); !error.empty()) throw ScriptError("joint." + error);
   require_joined_object(context, spec.a, "a");
   if (spec.b) require_joined_object(context, *spec.b, "b");
   if (is_immovable(context, spec.a) && (!spec.b || is_immovable(context, *spec.b)))
@@ -100,6 +103,8 @@ scene::JointId add_joint(ScriptContext& context, const scene::JointSpec& spec) {
   joints.push_back(spec);
   return static_cast<scene::JointId>(joints.size() - 1);
 }
+
+namespace {
 
 int joint(ScriptContext& context, lua_State* L) {
   if (lua_type(L, 1) == LUA_TTABLE) {

@@ -13,16 +13,16 @@ namespace smartsurf::surface {
 // physics owns the memory; the spans are valid until its next step.
 struct BodyView {
   std::span<const scene::ObjectId> id;
-  std::span<const Eigen::Vector3f> position;          // centre of mass, u
+  std::span<const Eigen::Vector3f> position;          // of the origin, u
   std::span<const Eigen::Quaternionf> orientation;    // unit
-  std::span<const Eigen::Vector3f> velocity;          // u/s
+  std::span<const Eigen::Vector3f> velocity;          // of the origin, u/s
   std::span<const Eigen::Vector3f> angular_velocity;  // rad/s, world frame
   std::span<const float> mass;                        // 0 for an immovable object
 
   std::size_t size() const { return id.size(); }
 };
 
-// Force and torque on one object during the next step, about its centre of mass, in the world frame.
+// Force and torque on one object during the next step, about its origin, in the world frame.
 // Actuators add to it; the physics resets it after the step.
 struct Wrench {
   Eigen::Vector3f force{0.0F, 0.0F, 0.0F};   // mass·u/s²

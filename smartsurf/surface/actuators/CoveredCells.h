@@ -8,7 +8,7 @@ namespace smartsurf::surface {
 
 // Calls visit(cell, point, gap) for every cell whose centre is covered by the body and whose top is at most
 // `reach` below the body's underside. point: on the underside above the cell's centre, relative to the body's
-// centre of mass, u; gap: distance from the cell's top up to that point, u, ≥ 0.
+// origin, u; gap: distance from the cell's top up to that point, u, ≥ 0.
 template <class Visit>
 void for_each_covered_cell(const CellFinder& cells, const Field& field, const BodyView& bodies,
                            std::size_t body, const scene::ObjectSpec& object, float reach, Visit visit) {

@@ -8,7 +8,7 @@
 
 namespace smartsurf::surface {
 
-// The z interval of the line inside the object, u, relative to the centre of mass. Empty if low > high.
+// The z interval of the line inside the object, u, relative to the origin. Empty if low > high.
 struct VerticalIntersection {
   float low = std::numeric_limits<float>::infinity();
   float high = -std::numeric_limits<float>::infinity();
@@ -19,10 +19,10 @@ class VerticalIntersector {
  public:
   VerticalIntersector(const scene::ObjectSpec&, const Eigen::Quaternionf& orientation);
 
-  // Intersects the vertical line at horizontal offset (dx, dy) from the centre of mass. The result for a
+  // Intersects the vertical line at horizontal offset (dx, dy) from the origin. The result for a
   // solid of several convex pieces spans from the lowest to the highest point.
   VerticalIntersection intersect(float dx, float dy) const;
-  // Half extent of the object about its centre of mass, u: the larger of x and y.
+  // Half extent of the object about its origin, u: the larger of x and y.
   float horizontal_reach() const { return horizontal_reach_; }
 
  private:

@@ -17,7 +17,7 @@
 namespace smartsurf::surface {
 
 struct RayBody {
-  Eigen::Vector3f centre;  // centre of mass, u
+  Eigen::Vector3f centre;  // of the origin, u
   // Half extents of the world-axis-aligned bounding box about `centre`, u.
   float aabb_half_x, aabb_half_y, aabb_half_z;
   scene::ShapeKind shape;

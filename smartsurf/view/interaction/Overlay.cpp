@@ -71,6 +71,18 @@ void add_outline(std::vector<Line>& lines, const Eigen::Vector3d& centre, const 
   for (std::size_t i = 0; i + 6 <= points.size(); i += 6) lines.push_back({placed(i), placed(i + 3), colour});
 }
 
+// Three lines along the object's axes that cross in its centre of mass and leave the shape.
+void add_centre_of_mass(std::vector<Line>& lines, const Eigen::Vector3d& origin,
+                        const Eigen::Quaterniond& turn, const scene::ObjectSpec& object,
+                        const Rgba8& colour) {
+  const double length = 1.25 * object.half_extents().maxCoeff() + object.centre_of_mass.norm();
+  for (int axis = 0; axis < 3; ++axis) {
+    const Eigen::Vector3d along = length * Eigen::Vector3d::Unit(axis);
+    lines.push_back({to_float3(origin + turn * (object.centre_of_mass - along)),
+                     to_float3(origin + turn * (object.centre_of_mass + along)), colour});
+  }
+}
+
 }  // namespace
 
 void Overlay::apply(const FrameInput& input, const Tools* tools, DrawOptions& options) {
@@ -163,8 +175,12 @@ void Overlay::add_selection(const FrameInput& input, const Tools& tools) {
     if (!i) return;
     const auto& p = snapshot.position[*i];
     const auto& q = snapshot.orientation[*i];
-    add_outline(lines_, {p[0], p[1], p[2]}, Eigen::Quaterniond(q[3], q[0], q[1], q[2]),
-                input.catalogue[item->object], kSelectionColour);
+    const Eigen::Vector3d origin(p[0], p[1], p[2]);
+    const Eigen::Quaterniond turn(q[3], q[0], q[1], q[2]);
+    const scene::ObjectSpec& object = input.catalogue[item->object];
+    add_outline(lines_, origin, turn, object, kSelectionColour);
+    if (!object.centre_of_mass.isZero(0.0))
+      add_centre_of_mass(lines_, origin, turn, object, kSelectionColour);
     return;
   }
   const Eigen::Vector2d at = surface_.centre(item->row, item->column);

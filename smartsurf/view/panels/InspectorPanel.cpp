@@ -28,6 +28,10 @@ void draw_object_rows(const FrameInput& input, scene::ObjectId id, Controls& con
     return;
   }
   draw_vector_row("position", "u", input.snapshot.position[*i]);
+  if (!object.centre_of_mass.isZero(0.0)) {
+    const Eigen::Vector3f com = object.centre_of_mass.cast<float>();
+    draw_vector_row("com", "u", {com.x(), com.y(), com.z()});
+  }
   draw_vector_row("velocity", "u/s", input.snapshot.velocity[*i]);
   if (!std::isnan(input.snapshot.angular_velocity[*i][0]))
     draw_vector_row("spin", "rad/s", input.snapshot.angular_velocity[*i]);

@@ -414,10 +414,12 @@ int BulletEngine::find(scene::ObjectId id) const {
 void BulletEngine::read_body(std::size_t i) {
   const Body& body = impl_->bodies[i];
   const btTransform& pose = body.rigid->getWorldTransform();
-  positions_[i] = to_eigen(pose.getOrigin()).cast<float>();
-  orientations_[i] =
-      (to_eigen(pose.getRotation()) * body.shape.principal_axes.conjugate()).normalized().cast<float>();
-  velocities_[i] = to_eigen(body.rigid->getLinearVelocity()).cast<float>();
+  const Eigen::Quaterniond orientation =
+      (to_eigen(pose.getRotation()) * body.shape.principal_axes.conjugate()).normalized();
+  const Eigen::Vector3d to_origin = orientation * -body.shape.centre_of_mass;
+  positions_[i] = (to_eigen(pose.getOrigin()) + to_origin).cast<float>();
+  orientations_[i] = orientation.cast<float>();
+  velocities_[i] = to_eigen(body.rigid->getVelocityInLocalPoint(to_bt(to_origin))).cast<float>();
   angular_velocities_[i] = to_eigen(body.rigid->getAngularVelocity()).cast<float>();
 }
 
@@ -428,14 +430,16 @@ scene::ObjectId BulletEngine::add(const scene::ObjectSpec& spec) {
   if (spec.friction) body.surface.friction = *spec.friction;
   if (!resists_rolling(spec.shape)) body.surface.rolling_friction = 0.0;
   btRigidBody::btRigidBodyConstructionInfo info(mass, nullptr, body.shape.shape, body.shape.inertia);
+  const Eigen::Vector3d to_centre = spec.orientation.normalized() * spec.centre_of_mass;
   info.m_startWorldTransform =
       btTransform(to_bt(Eigen::Quaterniond(spec.orientation.normalized() * body.shape.principal_axes)),
-                  to_bt(spec.position));
+                  to_bt(Eigen::Vector3d(spec.position + to_centre)));
   body.rigid = std::make_unique<btRigidBody>(info);
   body.rigid->setActivationState(DISABLE_DEACTIVATION);
   body.rigid->setUserIndex(static_cast<int>(ids_.size()));
   if (mass > 0.0) {
-    body.rigid->setLinearVelocity(to_bt(spec.velocity));
+    body.rigid->setLinearVelocity(
+        to_bt(Eigen::Vector3d(spec.velocity + spec.angular_velocity.cross(to_centre))));
     body.rigid->setAngularVelocity(to_bt(spec.angular_velocity));
   }
   impl_->world.addRigidBody(body.rigid.get());
@@ -473,10 +477,15 @@ bool BulletEngine::place(scene::ObjectId id, const scene::ObjectStateUpdate& upd
   if (index < 0) return false;
   const auto i = static_cast<std::size_t>(index);
   Body& body = impl_->bodies[i];
+  const scene::ObjectState now = state(id);
+  const Eigen::Quaterniond orientation = update.orientation.value_or(now.orientation).normalized();
+  const Eigen::Vector3d to_centre = orientation * body.shape.centre_of_mass;
+  const bool has_offset = !body.shape.centre_of_mass.isZero(0.0);
   btTransform pose = body.rigid->getWorldTransform();
-  if (update.position) pose.setOrigin(to_bt(*update.position));
+  if (update.position || has_offset)
+    pose.setOrigin(to_bt(Eigen::Vector3d(update.position.value_or(now.position) + to_centre)));
   if (update.orientation)
-    pose.setRotation(to_bt(Eigen::Quaterniond(update.orientation->normalized() * body.shape.principal_axes)));
+    pose.setRotation(to_bt(Eigen::Quaterniond(orientation * body.shape.principal_axes)));
   if (update.position || update.orientation) {
     body.rigid->setWorldTransform(pose);
     body.rigid->setInterpolationWorldTransform(pose);
@@ -486,9 +495,13 @@ bool BulletEngine::place(scene::ObjectId id, const scene::ObjectStateUpdate& upd
                                                                      &impl_->dispatcher);
     impl_->world.updateSingleAabb(body.rigid.get());
   }
-  if (update.velocity && masses_[i] > 0.0F) body.rigid->setLinearVelocity(to_bt(*update.velocity));
   if (update.angular_velocity && masses_[i] > 0.0F)
     body.rigid->setAngularVelocity(to_bt(*update.angular_velocity));
+  if ((update.velocity || has_offset) && masses_[i] > 0.0F) {
+    const Eigen::Vector3d spin = to_eigen(body.rigid->getAngularVelocity());
+    body.rigid->setLinearVelocity(
+        to_bt(Eigen::Vector3d(update.velocity.value_or(now.velocity) + spin.cross(to_centre))));
+  }
   read_body(i);
   return true;
 }
@@ -499,7 +512,8 @@ bool BulletEngine::apply_force(scene::ObjectId id, const Eigen::Vector3d& force,
   if (index < 0) return false;
   const scene::ObjectState now = state(id);
   const Eigen::Vector3d local_point =
-      point ? Eigen::Vector3d(now.orientation.conjugate() * (*point - now.position))
+      point ? Eigen::Vector3d(now.orientation.conjugate() * (*point - now.position) -
+                              impl_->bodies[static_cast<std::size_t>(index)].shape.centre_of_mass)
             : Eigen::Vector3d::Zero();
   timed_forces_.push_back({id, force, local_point, std::max(1L, std::lround(duration_s / dt_s_))});
   return true;
@@ -559,6 +573,10 @@ void BulletEngine::apply_timed_forces() {
 
 void BulletEngine::step() {
   Impl& s = *impl_;
+  for (std::size_t i = 0; i < ids_.size(); ++i) {  // from about the origin to about the centre of mass
+    const Eigen::Vector3f centre_of_mass = s.bodies[i].shape.centre_of_mass.cast<float>();
+    wrenches_[i].torque -= (orientations_[i] * centre_of_mass).cross(wrenches_[i].force);
+  }
   apply_timed_forces();
   for (const int cell : s.loaded_cells) {
     field_.impulse[static_cast<std::size_t>(cell)] = 0.0F;

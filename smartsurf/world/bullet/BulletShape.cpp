@@ -92,7 +92,11 @@ BulletShape make_tip_shape(const surface::Field& field, const surface::CellTip& 
 BulletShape make_bullet_shape(const scene::ObjectSpec& o, double mass) {
   BulletShape out;
   set_inertia(out, o, mass);
-  auto set_simple = [&out](std::unique_ptr<btCollisionShape> shape) {
+  out.centre_of_mass = o.centre_of_mass;
+  const btTransform to_body = btTransform(to_bt(out.principal_axes), to_bt(out.centre_of_mass)).inverse();
+  const bool is_body_frame = out.centre_of_mass.isZero(0.0) && out.principal_axes.vec().isZero(0.0);
+  auto set_simple = [&](std::unique_ptr<btCollisionShape> shape) {
+    if (!is_body_frame) return add_child(out, std::move(shape), to_body);
     out.shape = shape.get();
     out.parts.push_back(std::move(shape));
   };
@@ -116,12 +120,11 @@ BulletShape make_bullet_shape(const scene::ObjectSpec& o, double mass) {
       break;
     case ShapeKind::kCone: {
       auto cone = make_cone(o, pose);
-      add_child(out, std::move(cone), pose);
+      add_child(out, std::move(cone), to_body * pose);
       break;
     }
     case ShapeKind::kSolid:
-      pose.setRotation(to_bt(out.principal_axes.conjugate()));
-      for (const scene::ConvexHull& hull : o.solid->hulls) add_child(out, make_hull(hull), pose);
+      for (const scene::ConvexHull& hull : o.solid->hulls) add_child(out, make_hull(hull), to_body);
       break;
   }
   return out;

@@ -18,12 +18,14 @@ inline btQuaternion to_bt(const Eigen::Quaterniond& q) { return {q.x(), q.y(), q
 inline Eigen::Vector3d to_eigen(const btVector3& v) { return {v.x(), v.y(), v.z()}; }
 inline Eigen::Quaterniond to_eigen(const btQuaternion& q) { return {q.w(), q.x(), q.y(), q.z()}; }
 
-// Bullet's bodies have diagonal inertia: their axes are the principal axes of the object.
+// Bullet's bodies have diagonal inertia about their origin: that is the object's centre of mass, and their axes are its
+// principal axes.
 struct BulletShape {
   std::vector<std::unique_ptr<btCollisionShape>> parts;  // what `shape` refers to
   btCollisionShape* shape = nullptr;
   btVector3 inertia{0, 0, 0};  // about the principal axes, mass·u²; 0 for a fixed object
   Eigen::Quaterniond principal_axes{1.0, 0.0, 0.0, 0.0};  // in the object's frame
+  Eigen::Vector3d centre_of_mass{0.0, 0.0, 0.0};          // in the object's frame, u
 };
 
 // mass 0: fixed.

@@ -16,12 +16,14 @@ class BodySweep {
       : collision_(collision),
         shape_(*bodies.shape[body]),
         start_(bodies.position[body]),
+        local_origin_(bodies.local_origin[body]),
+        bounding_radius_(bodies.bounding_radius[body]),
         orientation_(bodies.orientation[body]),
         translation_(bodies.delta_pose[body].translation),
         rotation_(bodies.delta_pose[body].rotation) {}
 
   bool may_hit_field() const {
-    const Vec3 to = start_ + translation_, reach = Vec3::Constant(shape_.bounding_radius);
+    const Vec3 to = start_ + translation_, reach = Vec3::Constant(bounding_radius_);
     return collision_.field_may_overlap(start_.cwiseMin(to) - reach, start_.cwiseMax(to) + reach);
   }
 
@@ -29,7 +31,8 @@ class BodySweep {
     thread_local std::vector<Contact> touching;
     touching.clear();
     const Mat3 axes = (rotation_from_vector(fraction * rotation_) * orientation_).toRotationMatrix();
-    collision_.collide_field(shape_, start_ + fraction * translation_, axes, 0.0F, touching);
+    collision_.collide_field(shape_, start_ + fraction * translation_ + axes * local_origin_, axes, 0.0F,
+                             touching);
     float deepest = 0.0F;
     for (const Contact& c : touching) deepest = std::max(deepest, -c.separation);
     return deepest;
@@ -47,7 +50,8 @@ class BodySweep {
  private:
   const CollisionPipeline& collision_;
   const Shape& shape_;
-  const Vec3& start_;
+  const Vec3 &start_, &local_origin_;
+  const float bounding_radius_;
   const Quat& orientation_;
   const Vec3 translation_, rotation_;
 };

@@ -58,8 +58,7 @@ void FieldManifoldCache::build_index(int bodies) {
 bool FieldManifoldCache::is_valid(const BodyStore& bodies, std::size_t i, float margin,
                                   const CachedManifold& cached) const {
   const Mat3 rotation = bodies.axes[i] * cached.axes.transpose() - Mat3::Identity();
-  const Vec3 translation =
-      bodies.position[i] - cached.centre + rotation * (cached.near_centre - cached.centre);
+  const Vec3 translation = bodies.origin(i) - cached.centre + rotation * (cached.near_centre - cached.centre);
   const Vec3 rotation_slack = rotation.cwiseAbs() * cached.near_half_extents;
   const float max_motion = std::min(max_travel(bodies, i), cached.clearance - margin);
   const float x = std::abs(translation.x()) + rotation_slack.x(),
@@ -142,7 +141,7 @@ void FieldManifoldCache::rebuild(const BodyStore& bodies, std::size_t i, float m
                                  float max_height, ChunkCache& chunk_cache) const {
   thread_local std::vector<FieldCandidate> candidates;
   candidates.clear();
-  const Vec3& centre = bodies.position[i];
+  const Vec3 centre = bodies.origin(i);
   const Mat3& axes = bodies.axes[i];
   collect_field_candidates(field_, *bodies.shape[i], centre, axes, margin, candidates);
   CachedManifold& manifold = chunk_cache.manifolds.emplace_back();
@@ -181,7 +180,7 @@ void FieldManifoldCache::collide(const BodyStore& bodies, std::size_t i, float m
     chunk_cache.heights.resize(static_cast<std::size_t>(chunk_cache.manifolds.back().first_height));
     chunk_cache.manifolds.pop_back();
   }
-  const Vec3& centre = bodies.position[i];
+  const Vec3 centre = bodies.origin(i);
   const Columns columns(field_, bodies.width[i]);
   const float wide_margin = margin + max_travel(bodies, i);
   const Vec3 extent =
@@ -202,7 +201,7 @@ bool FieldManifoldCache::reduce(const BodyStore& bodies, std::size_t i, float ma
                                 const ChunkCache& chunk_cache, std::vector<Contact>& out) const {
   const CachedManifold& manifold = chunk_cache.manifolds.back();
   const Columns columns(field_, bodies.width[i]);
-  const Vec3& centre = bodies.position[i];
+  const Vec3 centre = bodies.origin(i);
   const std::size_t first_contact = out.size();
   auto height_change = [&](const CachedPoint& p) {
     return field_.column_height()[static_cast<std::size_t>(p.cell)] - p.top;

@@ -474,8 +474,8 @@ void SupportPatches::clear() {
 }
 
 bool add_support_patch(const surface::Field& field, const FreeLayoutField* free_layout, const Shape& shape,
-                       std::int32_t body, const Vec3& centre, const Mat3& axes, float margin,
-                       std::span<const Contact> contacts, SupportPatches& out) {
+                       std::int32_t body, const Vec3& centre, const Vec3& origin, const Mat3& axes,
+                       float margin, std::span<const Contact> contacts, SupportPatches& out) {
   if (contacts.size() < 2 || !may_be_flat(shape, axes)) return false;
   if (std::count_if(contacts.begin(), contacts.end(), is_upright) < 2) return false;
   const BearingContacts bearing = bearing_contacts(field, contacts, margin);
@@ -487,7 +487,7 @@ bool add_support_patch(const surface::Field& field, const FreeLayoutField* free_
   int footprints = 0;
   for_each_part(shape, [&](const ConvexPart& part) {
     Footprint f;
-    if (!find_footprint(part, centre, axes, f)) return;
+    if (!find_footprint(part, origin, axes, f)) return;
     // All samples of a patch lie in one plane; feet at other heights keep their contact points.
     const float middle_z = f.z_at(0.5F * (f.west + f.east), 0.5F * (f.south + f.north)) - centre.z();
     if (footprints > 0 && std::abs(middle_z - patch.z) > kFaceTolerance) return;

@@ -97,10 +97,11 @@ struct SupportPatches {
 };
 
 // Adds the patch of a body if its flat underside lies on at least two cells. `free_layout`: null for a rectangular
-// field. `contacts`: those of the body with the field. Returns whether a patch was added.
+// field. centre, origin: of the body's mass and of its shape. `contacts`: those of the body with the field. Returns whether
+// a patch was added.
 bool add_support_patch(const surface::Field&, const FreeLayoutField* free_layout, const Shape&,
-                       std::int32_t body, const Vec3& centre, const Mat3& axes, float margin,
-                       std::span<const Contact> contacts, SupportPatches& out);
+                       std::int32_t body, const Vec3& centre, const Vec3& origin, const Mat3& axes,
+                       float margin, std::span<const Contact> contacts, SupportPatches& out);
 
 // Of the last patch: removes the points on cells that the face does not cover, but only touches at its rim. Such cells
 // bear nothing. Calls remove(k) for each, k: of the contact in the list without those removed before.

@@ -32,7 +32,7 @@ void collide_spheres(const BodyStore& bodies, std::size_t a, std::size_t b, floa
 void collide_sphere(const BodyStore& bodies, std::size_t sphere, std::size_t other, bool sphere_is_a,
                     float margin, float dt_s, std::vector<Contact>& out) {
   const float radius = bodies.bounding_radius[sphere];
-  const Vec3 centre = bodies.axes[other].transpose() * (bodies.position[sphere] - bodies.position[other]);
+  const Vec3 centre = bodies.axes[other].transpose() * (bodies.origin(sphere) - bodies.origin(other));
   const float max_distance =
       radius + margin + (bodies.velocity(sphere) - bodies.velocity(other)).norm() * dt_s;
   if ((centre.cwiseAbs() - bodies.shape[other]->half_extents).maxCoeff() > max_distance) return;
@@ -47,12 +47,12 @@ void collide_sphere(const BodyStore& bodies, std::size_t sphere, std::size_t oth
     c.separation = separation;
     c.anchor = sphere_is_a
                    ? Vec3(-radius * normal)
-                   : Vec3(bodies.position[sphere] - (radius + separation) * normal - bodies.position[other]);
+                   : Vec3(bodies.origin(sphere) - (radius + separation) * normal - bodies.origin(other));
   });
 }
 
 Vec3 centre_normal(const BodyStore& bodies, std::size_t a, std::size_t b) {
-  const Vec3 offset = bodies.position[a] - bodies.position[b];
+  const Vec3 offset = bodies.origin(a) - bodies.origin(b);
   const float distance = offset.norm();
   return distance > 1e-6F ? Vec3(offset / distance) : Vec3(0, 0, 1);
 }
@@ -69,8 +69,8 @@ void collide_bodies(const BodyStore& bodies, std::size_t a, std::size_t b, float
   if (sphere_a && sphere_b) return collide_spheres(bodies, a, b, margin, dt_s, out);
   if (sphere_a) return collide_sphere(bodies, a, b, true, margin, dt_s, out);
   if (sphere_b) return collide_sphere(bodies, b, a, false, margin, dt_s, out);
-  collide_convex({*bodies.shape[a], bodies.position[a], bodies.axes[a]},
-                 {*bodies.shape[b], bodies.position[b], bodies.axes[b]},
+  collide_convex({*bodies.shape[a], bodies.origin(a), bodies.axes[a]},
+                 {*bodies.shape[b], bodies.origin(b), bodies.axes[b]},
                  margin + closing_distance(bodies, a, b, dt_s), cached_normal, out);
 }
 

@@ -23,7 +23,7 @@ struct RelativePose {
   Vec3 translation;
   RelativePose(const BodyStore& bodies, std::size_t a, std::size_t b)
       : rotation(bodies.axes[b].transpose() * bodies.axes[a]),
-        translation(bodies.axes[b].transpose() * (bodies.position[a] - bodies.position[b])) {}
+        translation(bodies.axes[b].transpose() * (bodies.origin(a) - bodies.origin(b))) {}
 };
 
 float min_bounding_radius(const BodyStore& bodies, std::size_t a, std::size_t b) {
@@ -73,8 +73,8 @@ void rebuild(const BodyStore& bodies, std::size_t a, std::size_t b, float margin
              PairManifoldCache::ChunkCache& chunk_cache) {
   thread_local std::vector<Contact> contacts;
   contacts.clear();
-  manifold.clearance = collide_convex({*bodies.shape[a], bodies.position[a], bodies.axes[a]},
-                                      {*bodies.shape[b], bodies.position[b], bodies.axes[b]},
+  manifold.clearance = collide_convex({*bodies.shape[a], bodies.origin(a), bodies.axes[a]},
+                                      {*bodies.shape[b], bodies.origin(b), bodies.axes[b]},
                                       margin + max_travel(min_bounding_radius(bodies, a, b)), cached_normal,
                                       contacts, PairManifoldCache::kHorizon, &simplex_cache);
   manifold.point_count = static_cast<std::int32_t>(contacts.size());
@@ -82,7 +82,7 @@ void rebuild(const BodyStore& bodies, std::size_t a, std::size_t b, float margin
   for (const Contact& c : contacts) {
     manifold.min_separation = std::min(manifold.min_separation, c.separation);
     const Vec3 half_separation = (0.5F * c.separation) * c.normal;
-    const Vec3 from_b = bodies.position[a] - bodies.position[b] + c.anchor - half_separation;
+    const Vec3 from_b = bodies.origin(a) - bodies.origin(b) + c.anchor - half_separation;
     chunk_cache.points.push_back({bodies.axes[a].transpose() * (c.anchor + half_separation),
                                   bodies.axes[b].transpose() * from_b,
                                   bodies.axes[b].transpose() * c.normal});

@@ -171,7 +171,11 @@ Shape make_primitive(ShapeKind kind, float radius, float height, const Vec3& hal
 }
 
 Shape make_shape(const scene::ObjectSpec& o) {
-  Shape s = make_primitive(o.shape, static_cast<float>(o.radius), static_cast<float>(o.height),
+  const bool turns_as_sphere =
+      o.centre_of_mass.isZero(0.0) &&
+      (!o.inertia || o.inertia->isApprox(Eigen::Matrix3d::Identity() * (*o.inertia)(0, 0)));
+  const ShapeKind kind = o.shape == ShapeKind::kSphere && !turns_as_sphere ? ShapeKind::kCapsule : o.shape;
+  Shape s = make_primitive(kind, static_cast<float>(o.radius), static_cast<float>(o.height),
                            o.half_extents().cast<float>());
   if (o.shape != ShapeKind::kSolid) return s;
   s.solid = o.solid;
@@ -185,35 +189,7 @@ float mass_of(const scene::ObjectSpec& o, const scene::Material& m) {
 }
 
 Mat3 inertia_of(const scene::ObjectSpec& o, float mass) {
-  const double r2 = o.radius * o.radius, h2 = o.height * o.height;
-  Eigen::Vector3d per_mass = Eigen::Vector3d::Constant(0.4 * r2);
-  switch (o.shape) {
-    case ShapeKind::kSphere:
-      break;
-    case ShapeKind::kBox: {
-      const Eigen::Vector3d s = o.size.cwiseAbs2();
-      per_mass = Eigen::Vector3d(s.y() + s.z(), s.x() + s.z(), s.x() + s.y()) / 12.0;
-      break;
-    }
-    case ShapeKind::kCylinder:
-      per_mass = {(3.0 * r2 + h2) / 12.0, (3.0 * r2 + h2) / 12.0, 0.5 * r2};
-      break;
-    case ShapeKind::kCapsule: {
-      // A cylinder of length l and two hemispheres, weighted by volume.
-      const double l = std::max(0.0, o.height - 2.0 * o.radius), ball = 4.0 / 3.0 * o.radius;
-      const double tube = l / (l + ball), caps = ball / (l + ball);
-      const double across =
-          tube * (3.0 * r2 + l * l) / 12.0 + caps * (0.4 * r2 + 0.25 * l * l + 0.375 * l * o.radius);
-      per_mass = {across, across, tube * 0.5 * r2 + caps * 0.4 * r2};
-      break;
-    }
-    case ShapeKind::kCone:
-      per_mass = {0.15 * r2 + 0.0375 * h2, 0.15 * r2 + 0.0375 * h2, 0.3 * r2};
-      break;
-    case ShapeKind::kSolid:
-      return (o.solid->inertia * (static_cast<double>(mass) / o.solid->volume)).cast<float>();
-  }
-  return (per_mass * static_cast<double>(mass)).cast<float>().asDiagonal();
+  return (o.inertia ? *o.inertia : o.homogeneous_inertia(static_cast<double>(mass))).cast<float>();
 }
 
 }  // namespace smartsurf::world

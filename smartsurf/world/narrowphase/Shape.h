@@ -57,9 +57,9 @@ struct ConvexHullShape {
 struct Shape {
   scene::ShapeKind kind = scene::ShapeKind::kSphere;
   float radius = 0.0F;
-  Vec3 half_extents{0, 0, 0};    // about the centre of mass, body axes, u
-  float low = 0, high = 0;       // ends along the body's z axis, from the centre of mass, u
-  float bounding_radius = 0.0F;  // about the centre of mass, u
+  Vec3 half_extents{0, 0, 0};    // about the origin, body axes, u
+  float low = 0, high = 0;       // ends along the body's z axis, from the origin, u
+  float bounding_radius = 0.0F;  // about the origin, u
   float width = 0.0F;            // least width, u: a body narrower than a gap between cells falls into it
   float convex_radius = 0.0F;    // GJK works on the shape shrunk by this, u
   bool has_rolling_friction = false;
@@ -76,13 +76,16 @@ struct Shape {
   bool is_sphere() const { return kind == scene::ShapeKind::kSphere; }
 };
 
+// A sphere that does not turn as one, because its centre of mass or its inertia is not that of a sphere, becomes a capsule
+// without a cylinder.
 Shape make_shape(const scene::ObjectSpec&);
-// A shape that is no solid. height: of a round one; half_extents: of its bounding box about the centre of mass, u.
+// A shape that is no solid. height: of a round one; half_extents: of its bounding box about the origin, u.
 Shape make_primitive(scene::ShapeKind, float radius, float height, const Vec3& half_extents);
 
 // The object's mass if given, else density times volume; 0 for a fixed object.
 float mass_of(const scene::ObjectSpec&, const scene::Material&);
-// Inertia tensor about the centre of mass in body axes, mass·u²; closed forms.
+// Inertia tensor about the centre of mass in body axes, mass·u²: the object's if given, else that of the homogeneous shape
+// about its own, in closed form.
 Mat3 inertia_of(const scene::ObjectSpec&, float mass);
 
 }  // namespace smartsurf::world

@@ -88,6 +88,45 @@ class Mechanisms(ProgramTest):
         self.assertLess(abs(card_x - 6) + abs(card_y - 9.5), 3)
         self.assertGreater(lowest, 0.2)
 
+    def test_air_recognises_sheets_by_their_outline(self):
+        letter_x, letter_y, disc_x, disc_y, lowest = self.run_example("air_shapes", 20)
+        self.assertLess(abs(letter_x - 37) + abs(letter_y - 25), 5)
+        self.assertLess(abs(disc_x - 10) + abs(disc_y - 9), 5)
+        self.assertGreater(lowest, 0.2)
+
+    def test_confusion_table_has_a_row_for_each_kind(self):
+        try:
+            import h5py  # noqa: F401
+        except ImportError:
+            self.skipTest("h5py is not installed")
+        file = self.folder / "confusion.md"
+        done = subprocess.run([sys.executable, ROOT / "scripts/tasks/confusion", "--seeds", "1", "--first", "1", "--smartsurf", SMARTSURF,
+                               "--out", file], capture_output=True, text=True)
+        self.assertEqual(done.returncode, 0, done.stderr)
+        rows = [line.split("|")[2:8] for line in file.read_text().splitlines()[2:7]]
+        for number, (kind, *counts) in enumerate(rows):
+            self.assertEqual(counts[number].strip(), "1", kind)
+
+    def test_loaded_bodies_right_themselves_and_tip(self):
+        base = str(ROOT / "scripts/examples/loaded.lua")
+        for engine in ["native"] + ["bullet"] * has_bullet():
+            status, out, err = self.run_program(SMARTSURF, "run", base, "--headless", "--no-controller", "--until", "12", "--engine",
+                                                engine)
+            self.assertEqual(status, 0, err)
+            ball, capsule, stays, falls = (float(number) for number in re.findall(r"-?\d+\.\d+", out))
+            self.assertGreater(min(ball, capsule), 0.98)
+            self.assertAlmostEqual(stays, 4.25, delta=0.02)
+            self.assertLess(falls, 3.5)
+
+    def test_robot_descriptions_move_by_their_closed_forms(self):
+        base = str(ROOT / "scripts/examples/models.lua")
+        status, out, err = self.run_program(SMARTSURF, "run", base, "--headless", "--no-controller", "--until", "8")
+        self.assertEqual(status, 0, err)
+        period, expected, opened, hangs = (float(number) for number in re.findall(r"-?\d+\.\d+", out))
+        self.assertAlmostEqual(period / expected, 1.0, delta=1e-3)
+        self.assertAlmostEqual(opened, 20.0, delta=0.1)
+        self.assertAlmostEqual(hangs, 20.8, delta=0.3)  # stiffness · angle = 0.777 N·m · cos(angle)
+
     def test_every_system_of_the_paper_has_an_example(self):
         page = (ROOT / "docs/actuators.md").read_text()
         rows = re.findall(r"^\| \[([1-7])\] .*\|([^|]*)\|$", page, re.M)

@@ -21,9 +21,15 @@ class FakeSolidFactory : public scene::SolidFactory {
     points.assign(all.begin(), all.end());
     return make_result(name);
   }
+  scene::SolidResult make_compound(std::span<const std::vector<Eigen::Vector3d>> parts,
+                                   const std::string& name) override {
+    compound.assign(parts.begin(), parts.end());
+    return make_result(name);
+  }
 
   std::vector<scene::MeshRequest> meshes, hulls;
   std::vector<Eigen::Vector3d> points;
+  std::vector<std::vector<Eigen::Vector3d>> compound;
   std::string error;
   std::vector<std::string> notes;
 
@@ -68,7 +74,7 @@ TEST_F(ObjectsTest, CapsulesAndCones) {
             "t.lua:1: cone: the field 'height' is missing");
   EXPECT_EQ(error_of("cone{radius = 2, size = 2}"),
             "t.lua:1: cone: unknown field 'size'; known: radius, height, position, orientation, velocity, "
-            "angular_velocity, mass, friction, fixed, material, colour, label, pole, moment");
+            "angular_velocity, mass, com, inertia, friction, fixed, material, colour, label, pole, moment");
 }
 
 TEST_F(ObjectsTest, MeshRequestsFileBesideScript) {

@@ -52,7 +52,7 @@ INSTANTIATE_TEST_SUITE_P(
         Mistake{
             "sphere{1, 2}",
             "t.lua:1: sphere: a value without a field name; known: radius, position, orientation, velocity, "
-            "angular_velocity, mass, friction, fixed, material, colour, label, pole, moment"},
+            "angular_velocity, mass, com, inertia, friction, fixed, material, colour, label, pole, moment"},
         Mistake{"sphere{radius = 1, position = {0, 0, 0}, fixed = 1}",
                 "t.lua:1: sphere.fixed = 1: must be true or false"},
         Mistake{"sphere{radius = 1, position = {0, 0, 0}, label = 3}",

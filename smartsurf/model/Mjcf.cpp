@@ -1,0 +1,357 @@
+// MJCF, MuJoCo's modelling format: bodies nested in each other, with geoms and joints, and defaults by class.
+#include <algorithm>
+#include <map>
+#include <numbers>
+#include <string>
+#include <vector>
+
+#include "smartsurf/model/Model.h"
+#include "smartsurf/model/XmlFile.h"
+
+namespace smartsurf::model {
+namespace {
+
+constexpr double kDefaultDensity = 1000.0;  // MuJoCo's
+
+struct DefaultClass {
+  std::string parent;                       // "" for the outermost
+  std::map<std::string, Element> elements;  // by tag
+};
+
+struct Mesh {
+  std::string file;
+  double scale;
+};
+
+// An element with the defaults of its class.
+class Defaulted {
+ public:
+  Defaulted(const Element& e, std::vector<Element> defaults) : element_(e), defaults_(std::move(defaults)) {}
+
+  const Element& element() const { return element_; }
+  // The element, or the first of the defaults that has the attribute.
+  const Element& with(const char* attribute) const {
+    if (element_.has(attribute)) return element_;
+    for (const Element& e : defaults_)
+      if (e.has(attribute)) return e;
+    return element_;
+  }
+  bool has(const char* attribute) const { return with(attribute).has(attribute); }
+  std::string text(const char* attribute, const char* otherwise) const {
+    return has(attribute) ? with(attribute).text(attribute) : otherwise;
+  }
+  double number(const char* attribute, double otherwise) const {
+    return with(attribute).number(attribute, otherwise);
+  }
+  std::vector<double> numbers(const char* attribute, std::size_t least, std::size_t most) const {
+    return with(attribute).numbers(attribute, least, most);
+  }
+  Eigen::Vector3d vector(const char* attribute, const Eigen::Vector3d& otherwise) const {
+    return with(attribute).vector(attribute, otherwise);
+  }
+
+ private:
+  Element element_;
+  std::vector<Element> defaults_;
+};
+
+class MjcfReader {
+ public:
+  explicit MjcfReader(const Element& mujoco) {
+    model_.name = mujoco.text("model");
+    classes_["main"];
+    for (const char* const tag : {"equality", "tendon", "include"})
+      if (const Element e = mujoco.child(tag))
+        if (e.is("include") || !e.children().empty())
+          e.refuse(e.is("include") ? "is not read: put the included elements into the file"
+                                   : "is not supported: only joints constrain the bodies");
+    for (const Element& e : mujoco.children("compiler")) read_compiler(e);
+    for (const Element& e : mujoco.children("default")) read_defaults(e, "");
+    for (const Element& e : mujoco.children("asset")) read_assets(e);
+    for (const Element& e : mujoco.children("worldbody")) {
+      for (const Element& geom : e.children("geom")) add_fixed_geom(geom);
+      for (const Element& body : e.children("body")) add_body(body, {}, -1, "main");
+    }
+  }
+  Model take() { return std::move(model_); }
+
+ private:
+  void read_compiler(const Element& e) {
+    if (e.has("angle") && e.text("angle") != "degree" && e.text("angle") != "radian")
+      e.refuse("angle='" + e.text("angle") + "': must be degree or radian");
+    if (e.text("angle") == "radian") angle_unit_ = 1.0;
+    if (e.text("coordinate") == "global") e.refuse("coordinate='global': must be local");
+    if (e.has("eulerseq")) euler_sequence_ = e.text("eulerseq");
+    if (euler_sequence_.size() != 3 || euler_sequence_.find_first_not_of("xyzXYZ") != std::string::npos)
+      e.refuse("eulerseq='" + euler_sequence_ + "': must be three of x, y, z, X, Y, Z");
+    if (e.text("autolimits") == "false") autolimits_ = false;
+    if (e.text("inertiafromgeom") == "true") inertia_from_geom_ = true;
+    for (const char* const folder : {"assetdir", "meshdir"})
+      if (e.has(folder)) mesh_folder_ = e.text(folder);
+  }
+
+  void read_defaults(const Element& e, const std::string& parent) {
+    const std::string name = parent.empty() && !e.has("class") ? "main" : e.required_text("class");
+    DefaultClass& all = classes_[name];
+    if (name != "main") all.parent = parent.empty() ? "main" : parent;
+    for (const Element& child : e.children())
+      if (child.is("default"))
+        read_defaults(child, name);
+      else
+        all.elements.emplace(child.tag(), child);
+  }
+
+  void read_assets(const Element& assets) {
+    for (const Element& e : assets.children("mesh")) {
+      const std::string file = e.required_text("file");
+      std::string name = e.text("name");
+      if (name.empty()) name = file.substr(0, file.rfind('.')).substr(file.find_last_of('/') + 1);
+      const Eigen::Vector3d scale = e.vector("scale", Eigen::Vector3d::Ones());
+      if (scale.x() != scale.y() || scale.x() != scale.z() || !(scale.x() > 0.0))
+        e.refuse("scale='" + e.text("scale") + "': must be three times the same number greater than 0");
+      meshes_[name] = {mesh_folder_.empty() ? file : mesh_folder_ + "/" + file, scale.x()};
+    }
+    for (const Element& e : assets.children("material"))
+      if (e.has("rgba")) materials_.emplace(e.text("name"), e);
+  }
+
+  Defaulted defaulted(const Element& e, const char* tag, const std::string& child_class) const {
+    std::string name = e.has("class") ? e.text("class") : child_class;
+    std::vector<Element> defaults;
+    while (!name.empty()) {
+      const auto found = classes_.find(name);
+      if (found == classes_.end()) e.refuse("class '" + name + "': there is no such class of defaults");
+      if (const auto own = found->second.elements.find(tag); own != found->second.elements.end())
+        defaults.push_back(own->second);
+      name = found->second.parent;
+      if (defaults.size() > classes_.size()) e.refuse("its class is its own ancestor");
+    }
+    return {e, std::move(defaults)};
+  }
+
+  Eigen::Quaterniond read_orientation(const Defaulted& e) const {
+    if (e.has("quat")) {
+      const auto q = e.numbers("quat", 4, 4);
+      const Eigen::Quaterniond quat(q[0], q[1], q[2], q[3]);
+      if (!(quat.norm() > 1e-9)) e.with("quat").refuse("quat: must not be of length 0");
+      return quat.normalized();
+    }
+    if (e.has("axisangle")) {
+      const auto a = e.numbers("axisangle", 4, 4);
+      const Eigen::Vector3d axis(a[0], a[1], a[2]);
+      if (!(axis.norm() > 1e-9)) e.with("axisangle").refuse("axisangle: the axis must not be of length 0");
+      return Eigen::Quaterniond(Eigen::AngleAxisd(a[3] * angle_unit_, axis.normalized()));
+    }
+    if (e.has("euler")) return from_euler(e.vector("euler", Eigen::Vector3d::Zero()));
+    if (e.has("zaxis")) return along_z(e.with("zaxis"), e.vector("zaxis", Eigen::Vector3d::UnitZ()));
+    if (e.has("xyaxes")) {
+      const auto a = e.numbers("xyaxes", 6, 6);
+      Eigen::Matrix3d axes;
+      axes.col(0) = Eigen::Vector3d(a[0], a[1], a[2]).normalized();
+      axes.col(1) = Eigen::Vector3d(a[3], a[4], a[5]);
+      axes.col(1) = (axes.col(1) - axes.col(0).dot(axes.col(1)) * axes.col(0)).normalized();
+      axes.col(2) = axes.col(0).cross(axes.col(1));
+      if (!(std::abs(axes.determinant() - 1.0) < 1e-6))
+        e.with("xyaxes").refuse("xyaxes: must be two directions");
+      return Eigen::Quaterniond(axes).normalized();
+    }
+    return Eigen::Quaterniond::Identity();
+  }
+
+  // Lower case: about the axes that turn with the body; upper case: about the fixed ones.
+  Eigen::Quaterniond from_euler(const Eigen::Vector3d& angles) const {
+    Eigen::Quaterniond q = Eigen::Quaterniond::Identity();
+    for (int i = 0; i < 3; ++i) {
+      const char axis = euler_sequence_[static_cast<std::size_t>(i)];
+      const bool is_fixed = axis < 'a';
+      const Eigen::Quaterniond turn(
+          Eigen::AngleAxisd(angles[i] * angle_unit_, Eigen::Vector3d::Unit(axis - (is_fixed ? 'X' : 'x'))));
+      q = is_fixed ? turn * q : q * turn;
+    }
+    return q;
+  }
+
+  static Eigen::Quaterniond along_z(const Element& e, const Eigen::Vector3d& direction) {
+    if (!(direction.norm() > 1e-9)) e.refuse("the direction must not be of length 0");
+    return Eigen::Quaterniond::FromTwoVectors(Eigen::Vector3d::UnitZ(), direction.normalized());
+  }
+
+  Pose read_pose(const Defaulted& e) const {
+    return {e.vector("pos", Eigen::Vector3d::Zero()), read_orientation(e)};
+  }
+
+  Geometry read_geom(const Defaulted& e) const {
+    Geometry g;
+    g.where = e.element().where();
+    g.pose = read_pose(e);
+    const std::string type = e.text("type", e.has("mesh") ? "mesh" : "sphere");
+    const bool has_ends = e.has("fromto");
+    if (has_ends && type != "capsule" && type != "cylinder" && type != "box")
+      e.with("fromto").refuse("fromto: only a capsule, a cylinder and a box have ends");
+    double half_length = 0.0;
+    if (has_ends) {
+      const auto ends = e.numbers("fromto", 6, 6);
+      const Eigen::Vector3d from(ends[0], ends[1], ends[2]), to(ends[3], ends[4], ends[5]);
+      half_length = 0.5 * (to - from).norm();
+      g.pose = {0.5 * (from + to), along_z(e.with("fromto"), to - from)};
+    }
+    if (type == "sphere") {
+      g.radius = e.numbers("size", 1, 3)[0];
+    } else if (type == "capsule" || type == "cylinder") {
+      const auto size = e.numbers("size", has_ends ? 1 : 2, 3);
+      if (!has_ends) half_length = size[1];
+      g.radius = size[0];
+      g.shape = type == "capsule" ? scene::ShapeKind::kCapsule : scene::ShapeKind::kCylinder;
+      g.height = 2.0 * half_length + (type == "capsule" ? 2.0 * g.radius : 0.0);
+    } else if (type == "box") {
+      g.shape = scene::ShapeKind::kBox;
+      auto half = e.numbers("size", has_ends ? 1 : 3, 3);
+      if (has_ends) half = {half[0], half.size() > 1 ? half[1] : half[0], half_length};
+      g.size = 2.0 * Eigen::Vector3d(half[0], half[1], half[2]);
+    } else if (type == "mesh") {
+      g.shape = scene::ShapeKind::kSolid;
+      const auto mesh = meshes_.find(e.text("mesh", ""));
+      if (mesh == meshes_.end())
+        e.element().refuse("mesh '" + e.text("mesh", "") + "': there is no such <mesh> in <asset>");
+      g.mesh_file = mesh->second.file;
+      g.mesh_scale = mesh->second.scale;
+    } else {
+      e.element().refuse("type='" + type + "': must be sphere, box, cylinder, capsule or mesh");
+    }
+    g.collides = e.number("contype", 1.0) != 0.0 || e.number("conaffinity", 1.0) != 0.0;
+    g.density = e.number("density", kDefaultDensity);
+    if (e.has("mass")) g.mass = e.number("mass", 0.0);
+    if (e.has("friction")) g.friction = e.numbers("friction", 1, 3)[0];
+    const auto material = materials_.find(e.text("material", ""));
+    if (e.has("rgba") || material != materials_.end()) {
+      const auto rgba = e.has("rgba") ? e.numbers("rgba", 4, 4) : material->second.numbers("rgba", 4, 4);
+      const auto part = [&](std::size_t i) { return static_cast<float>(std::clamp(rgba[i], 0.0, 1.0)); };
+      g.colour = scene::Colour{part(0), part(1), part(2)};
+    }
+    return g;
+  }
+
+  std::string name_of(const Element& e) {
+    std::string name = e.text("name");
+    if (name.empty()) name = e.tag() + std::to_string(++unnamed_);
+    if (!names_.emplace(name, 0).second) e.refuse("there is another body of that name");
+    return name;
+  }
+
+  // A geom of the world. A plane is the floor, which the table has.
+  void add_fixed_geom(const Element& e) {
+    const Defaulted geom = defaulted(e, "geom", "main");
+    if (geom.text("type", "sphere") == "plane") return;
+    Body& body = model_.bodies.emplace_back();
+    body.where = e.where();
+    body.names.push_back(name_of(e));
+    body.fixed = true;
+    body.geometries.push_back(read_geom(geom));
+  }
+
+  void add_body(const Element& e, const Pose& parent_pose, int parent, std::string child_class) {
+    if (e.has("childclass")) child_class = e.text("childclass");
+    if (e.text("mocap") == "true") e.refuse("mocap='true': is not supported");
+    const Pose pose = parent_pose * read_pose({e, {}});
+    std::vector<Element> joints = e.children("joint");
+    const std::vector<Element> free = e.children("freejoint");
+    if (joints.size() + free.size() > 1)
+      e.refuse("has " + std::to_string(joints.size() + free.size()) +
+               " joints: must have at most one; put bodies between them");
+    int index = parent;
+    Pose local;
+    if (parent < 0 || !joints.empty() || !free.empty()) {
+      index = static_cast<int>(model_.bodies.size());
+      Body& body = model_.bodies.emplace_back();
+      body.where = e.where();
+      body.pose = pose;
+      body.fixed = joints.empty() && free.empty();
+    } else {  // welded to its parent
+      const Pose& base = model_.bodies[static_cast<std::size_t>(parent)].pose;
+      const Eigen::Quaterniond back = base.orientation.conjugate();
+      local = {back * (pose.position - base.position), back * pose.orientation};
+    }
+    Body& body = model_.bodies[static_cast<std::size_t>(index)];
+    body.names.push_back(name_of(e));
+    const Element inertial = inertia_from_geom_ ? Element(nullptr, nullptr) : e.child("inertial");
+    if (inertial) body.inertial = combined(body.inertial, transformed(local, read_inertial(inertial)));
+    for (const Element& geom : e.children("geom")) {
+      Geometry g = read_geom(defaulted(geom, "geom", child_class));
+      g.pose = local * g.pose;
+      g.has_mass = !inertial;
+      body.geometries.push_back(std::move(g));
+    }
+    if (!free.empty() && parent >= 0) free[0].refuse("only a body of the world may be free");
+    for (const Element& joint : joints)
+      add_joint(defaulted(joint, "joint", child_class), pose, index, parent);
+    for (const Element& child : e.children("body")) add_body(child, pose, index, child_class);
+  }
+
+  Inertial read_inertial(const Element& e) const {
+    Inertial inertial;
+    inertial.mass = e.number("mass");
+    if (!(inertial.mass > 0.0)) e.refuse("mass: must be greater than 0");
+    if (e.has("fullinertia")) {
+      const auto i = e.numbers("fullinertia", 6, 6);
+      inertial.inertia << i[0], i[3], i[4], i[3], i[1], i[5], i[4], i[5], i[2];
+    } else {
+      const auto i = e.numbers("diaginertia", 3, 3);
+      inertial.inertia = Eigen::Vector3d(i[0], i[1], i[2]).asDiagonal();
+    }
+    return transformed(read_pose({e, {}}), inertial);
+  }
+
+  void add_joint(const Defaulted& e, const Pose& pose, int body, int parent) {
+    const std::string type = e.text("type", "hinge");
+    if (type == "free") {
+      if (parent >= 0) e.element().refuse("only a body of the world may be free");
+      return;
+    }
+    scene::JointSpec spec;
+    if (type == "slide")
+      spec.kind = scene::JointKind::kSlider;
+    else if (type == "ball")
+      spec.kind = scene::JointKind::kBall;
+    else if (type != "hinge")
+      e.element().refuse("type='" + type + "': must be hinge, slide, ball or free");
+    const double unit = type == "hinge" ? angle_unit_ : 1.0;
+    spec.a = static_cast<scene::ObjectId>(body);
+    if (parent >= 0) spec.b = static_cast<scene::ObjectId>(parent);
+    spec.anchor = pose * e.vector("pos", Eigen::Vector3d::Zero());
+    const Eigen::Vector3d axis = e.vector("axis", Eigen::Vector3d::UnitZ());
+    if (!(axis.norm() > 1e-6)) e.with("axis").refuse("axis: must not be zero");
+    spec.axis = pose.orientation * axis.normalized();
+    if (e.number("ref", 0.0) != 0.0) e.with("ref").refuse("ref: must be 0");
+    const std::string limited = e.text("limited", "auto");
+    if (limited == "true" || (limited == "auto" && autolimits_ && e.has("range"))) {
+      const auto range = e.numbers("range", 2, 2);
+      spec.limits = {range[0] * unit, range[1] * unit};
+    }
+    spec.friction = e.number("frictionloss", 0.0);
+    const double stiffness = e.number("stiffness", 0.0), damping = e.number("damping", 0.0);
+    if (stiffness != 0.0 || damping != 0.0)
+      spec.spring = {stiffness, damping, e.number("springref", 0.0) * unit};
+    const std::string name = e.element().text("name");
+    model_.joints.push_back(
+        {e.element().where(), name.empty() ? "joint" + std::to_string(++unnamed_joints_) : name, spec});
+  }
+
+  double angle_unit_ = std::numbers::pi / 180.0;
+  std::string euler_sequence_ = "xyz", mesh_folder_;
+  bool autolimits_ = true, inertia_from_geom_ = false;
+  std::map<std::string, DefaultClass> classes_;
+  std::map<std::string, Mesh> meshes_;
+  std::map<std::string, Element> materials_;
+  std::map<std::string, int> names_;
+  int unnamed_ = 0, unnamed_joints_ = 0;
+  Model model_;
+};
+
+}  // namespace
+
+Model read_mjcf(const std::string& text, const std::string& file) {
+  const XmlFile xml(text, file, "mujoco");
+  return MjcfReader(xml.root()).take();
+}
+
+}  // namespace smartsurf::model

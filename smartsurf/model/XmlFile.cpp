@@ -1,0 +1,109 @@
+#include "smartsurf/model/XmlFile.h"
+
+#include <algorithm>
+#include <charconv>
+#include <cmath>
+#include <string_view>
+
+namespace smartsurf::model {
+namespace {
+
+constexpr std::size_t kMaxTextLength = 100, kMaxElements = 100'000;
+
+std::string single_line(std::string_view text) {
+  std::string line(text.substr(0, kMaxTextLength));
+  std::ranges::replace_if(
+      line, [](char c) { return static_cast<unsigned char>(c) < ' '; }, ' ');
+  return line;
+}
+
+std::size_t count_elements(const tinyxml2::XMLElement* element) {
+  std::size_t count = 1;
+  for (const auto* child = element->FirstChildElement(); child; child = child->NextSiblingElement())
+    count += count_elements(child);  // tinyxml2 bounds the depth
+  return count;
+}
+
+}  // namespace
+
+std::string Element::where() const {
+  const std::string name = text("name");
+  return *file_ + ":" + std::to_string(element_->GetLineNum()) + ": <" + single_line(tag()) +
+         (name.empty() ? ">" : " name='" + name + "'>");
+}
+
+void Element::refuse(const std::string& clause) const { throw scene::InputError(where() + ": " + clause); }
+
+Element Element::required_child(const char* tag) const {
+  const Element found = child(tag);
+  if (!found) refuse(std::string("the element <") + tag + "> is missing");
+  return found;
+}
+
+std::vector<Element> Element::children(const char* tag) const {
+  std::vector<Element> all;
+  for (const auto* e = element_->FirstChildElement(tag); e; e = e->NextSiblingElement(tag))
+    all.emplace_back(e, file_);
+  return all;
+}
+
+std::string Element::text(const char* attribute) const {
+  const char* const value = element_->Attribute(attribute);
+  return value ? single_line(value) : "";
+}
+
+std::string Element::required_text(const char* attribute) const {
+  const std::string value = text(attribute);
+  if (value.empty()) refuse(std::string("the attribute '") + attribute + "' is missing");
+  return value;
+}
+
+std::vector<double> Element::numbers(const char* attribute, std::size_t least, std::size_t most) const {
+  const char* const value = element_->Attribute(attribute);
+  if (!value) refuse(std::string("the attribute '") + attribute + "' is missing");
+  constexpr std::string_view kSpace = " \t\r\n";
+  std::vector<double> numbers;
+  bool valid = true;
+  std::string_view rest(value);
+  for (rest.remove_prefix(std::min(rest.find_first_not_of(kSpace), rest.size())); valid && !rest.empty();
+       rest.remove_prefix(std::min(rest.find_first_not_of(kSpace), rest.size()))) {
+    std::string_view word = rest.substr(0, rest.find_first_of(kSpace));
+    rest.remove_prefix(word.size());
+    if (word.starts_with('+')) word.remove_prefix(1);
+    double number = 0.0;
+    const auto [end, error] = std::from_chars(word.data(), word.data() + word.size(), number);
+    valid = error == std::errc() && end == word.data() + word.size() && std::isfinite(number) &&
+            numbers.size() < most;
+    numbers.push_back(number);
+  }
+  if (!valid || numbers.size() < least)
+    refuse(std::string(attribute) + "='" + text(attribute) + "': must be " +
+           (most == 1
+                ? "a number"
+                : (least == most ? "" : std::to_string(least) + " to ") + std::to_string(most) + " numbers"));
+  return numbers;
+}
+
+Eigen::Vector3d Element::vector(const char* attribute, const Eigen::Vector3d& otherwise) const {
+  if (!has(attribute)) return otherwise;
+  const std::vector<double> v = numbers(attribute, 3, 3);
+  return {v[0], v[1], v[2]};
+}
+
+XmlFile::XmlFile(const std::string& text, std::string file, const char* root_tag) : file_(std::move(file)) {
+  if (document_.Parse(text.data(), text.size()) != tinyxml2::XML_SUCCESS) {
+    const bool is_deep = document_.ErrorID() == tinyxml2::XML_ELEMENT_DEPTH_EXCEEDED;
+    throw scene::InputError(
+        file_ + ":" + std::to_string(document_.ErrorLineNum()) +
+        (is_deep ? ": elements are nested deeper than " + std::to_string(TINYXML2_MAX_ELEMENT_DEPTH)
+                 : ": is not well-formed XML (" + std::string(document_.ErrorName()) + ")"));
+  }
+  if (!document_.RootElement() || !root().is(root_tag))
+    throw scene::InputError(
+        file_ + ":" + std::to_string(document_.RootElement() ? document_.RootElement()->GetLineNum() : 1) +
+        ": the first element must be <" + root_tag + ">");
+  if (count_elements(document_.RootElement()) > kMaxElements)
+    throw scene::InputError(file_ + ":1: has more than 100000 elements");
+}
+
+}  // namespace smartsurf::model

@@ -1,0 +1,273 @@
+// urdf{} and mjcf{}: what becomes of the files, their units, and the messages of broken ones.
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <memory>
+
+#include "smartsurf/mesh/SolidLibrary.h"
+#include "tests/unit/smartsurf/script/ScriptFixture.h"
+
+namespace smartsurf::script {
+namespace {
+
+using Eigen::Vector3d;
+using scene::JointKind;
+using scene::ShapeKind;
+
+class ModelsTest : public ScriptTest {
+ protected:
+  void SetUp() override {
+    ScriptTest::SetUp();
+    options.solid_factory = std::make_shared<mesh::SolidLibrary>();
+  }
+  // The scene of one urdf{} or mjcf{} with the fields after `file`, and its printed ids.
+  scene::SceneSpec scene_of(const std::string& call, const std::string& text,
+                            const std::string& fields = "position = {0, 0, 0}",
+                            const std::string& before = "") {
+    write("m.xml", text);
+    return load_on_surface(before + "m = " + call + "{file = 'm.xml', " + fields + "}").scene();
+  }
+  std::string urdf_error(const std::string& content) {
+    write("m.xml", "<robot name='r'>\n" + content + "\n</robot>");
+    return error_of("surface{}\nurdf{file = 'm.xml', position = {0, 0, 0}}");
+  }
+  std::string mjcf_error(const std::string& content) {
+    write("m.xml", "<mujoco>\n" + content + "\n</mujoco>");
+    return error_of("surface{}\nmjcf{file = 'm.xml', position = {0, 0, 0}}");
+  }
+};
+
+constexpr const char* kLink =
+    "<link name='a'><inertial><origin xyz='0.1 0.2 0.3' rpy='0 0 1.5707963267948966'/><mass value='2'/>"
+    "<inertia ixx='1' iyy='2' izz='2.5' ixy='0' ixz='0' iyz='0'/></inertial>"
+    "<collision><origin xyz='0.1 0 0'/><geometry><box size='1 2 3'/></geometry></collision>"
+    "<visual><geometry><sphere radius='9'/></geometry><material name='m'><color rgba='1 0.5 0 1'/></material>"
+    "</visual></link>";
+
+// A link of one geometry is its shape, whose origin is the geometry's.
+TEST_F(ModelsTest, UrdfLinkIsItsCollisionShape) {
+  const scene::SceneSpec spec =
+      scene_of("urdf", "<robot name='r'>" + std::string(kLink) + "</robot>", "position = {5, 6, 7}");
+  ASSERT_EQ(spec.objects.size(), 1U);
+  const scene::ObjectSpec& o = spec.objects[0];
+  EXPECT_EQ(o.shape, ShapeKind::kBox);
+  EXPECT_EQ(o.size, Vector3d(1, 2, 3));
+  EXPECT_EQ(o.label, "a");
+  EXPECT_FLOAT_EQ(o.colour.g, 0.5F);
+  EXPECT_EQ(o.mass, 2.0);
+  EXPECT_LT((o.position - Vector3d(5.1, 6, 7)).norm(), 1e-12);
+  EXPECT_LT((o.centre_of_mass - Vector3d(0, 0.2, 0.3)).norm(), 1e-12);
+  ASSERT_TRUE(o.inertia);  // turned by a right angle about z
+  EXPECT_LT((*o.inertia - Eigen::Matrix3d(Vector3d(2, 1, 2.5).asDiagonal())).norm(), 1e-12);
+}
+
+// Links that are welded together are one object with the sum of their masses and inertias.
+TEST_F(ModelsTest, UrdfFixedJointsWeldLinks) {
+  const auto ball = [](const std::string& name) {
+    return "<link name='" + name +
+           "'><inertial><mass value='1'/><inertia ixx='0.1' iyy='0.1' izz='0.1'/></inertial>"
+           "<collision><geometry><sphere radius='0.5'/></geometry></collision></link>";
+  };
+  const scene::SceneSpec spec = scene_of(
+      "urdf", "<robot name='r'>" + ball("a") + ball("b") +
+                  "<joint name='j' type='fixed'><origin xyz='2 0 0'/><parent link='a'/><child link='b'/>"
+                  "</joint></robot>");
+  ASSERT_EQ(spec.objects.size(), 1U);
+  EXPECT_TRUE(spec.joints.empty());
+  const scene::ObjectSpec& o = spec.objects[0];
+  EXPECT_EQ(o.shape, ShapeKind::kSolid);
+  EXPECT_EQ(o.solid->hulls.size(), 2U);
+  EXPECT_NEAR(o.position.x(), 1.0, 1e-6);
+  EXPECT_EQ(o.mass, 2.0);
+  EXPECT_LT((*o.inertia - Eigen::Matrix3d(Vector3d(0.2, 2.2, 2.2).asDiagonal())).norm(), 1e-5);
+  EXPECT_NEAR(o.solid->volume, 2 * M_PI / 6, 0.05 * 2 * M_PI / 6);
+}
+
+TEST_F(ModelsTest, UrdfJoints) {
+  const std::string arm =
+      "<link name='world'/>" + std::string(kLink) +
+      "<joint name='hinge' type='revolute'><origin xyz='0 0 1' rpy='0 0 1.5707963267948966'/>"
+      "<parent link='world'/><child link='a'/><axis xyz='2 0 0'/>"
+      "<limit lower='-1' upper='2' effort='5' velocity='1'/><dynamics damping='3' friction='4'/></joint>"
+      "<link name='b'><collision><geometry><cylinder radius='0.1' length='0.4'/></geometry></collision>"
+      "</link><joint name='slide' type='prismatic'><origin xyz='0 0 1'/><parent link='a'/>"
+      "<child link='b'/><axis xyz='0 0 1'/><limit lower='0' upper='0.5'/></joint>";
+  const scene::SceneSpec spec = scene_of("urdf", "<robot name='r'>" + arm + "</robot>",
+                                         "position = {3, 0, 0}, unit = 'm'", "world{unit = 'cm'}\n");
+  ASSERT_EQ(spec.joints.size(), 2U);
+  const scene::JointSpec &hinge = spec.joints[0], &slide = spec.joints[1];
+  EXPECT_EQ(hinge.kind, JointKind::kHinge);
+  EXPECT_EQ(hinge.a, 0U);
+  EXPECT_FALSE(hinge.b);  // the link 'world' is the table
+  EXPECT_LT((hinge.anchor - Vector3d(3, 0, 100)).norm(), 1e-9);
+  EXPECT_LT((hinge.axis - Vector3d::UnitY()).norm(), 1e-9);
+  EXPECT_EQ(hinge.limits->lower, -1.0);
+  EXPECT_EQ(hinge.limits->upper, 2.0);
+  EXPECT_NEAR(hinge.friction, 4e4, 1e-6);  // N·m in kg·cm²/s²
+  EXPECT_NEAR(hinge.spring->damping, 3e4, 1e-6);
+  EXPECT_EQ(slide.kind, JointKind::kSlider);
+  EXPECT_EQ(slide.b, 0U);
+  EXPECT_NEAR(slide.limits->upper, 50.0, 1e-9);
+  EXPECT_NEAR(spec.objects[1].radius, 10.0, 1e-9);
+  EXPECT_NEAR(*spec.objects[1].mass, M_PI * 100 * 40, 1e-6);  // the material's density
+}
+
+TEST_F(ModelsTest, MjcfBodiesGeomsAndJoints) {
+  const scene::SceneSpec spec = scene_of("mjcf", R"(<mujoco model='m'>
+    <compiler angle='radian'/>
+    <default><geom density='2'/><joint damping='0.5'/>
+      <default class='heavy'><geom density='10' rgba='0 0 1 1'/></default></default>
+    <worldbody>
+      <geom type='plane' size='1 1 1'/>
+      <geom name='wall' type='box' size='1 2 3' pos='9 0 0'/>
+      <body name='top' pos='0 0 4' euler='0 0 1.5707963267948966'>
+        <joint type='hinge' axis='1 0 0' pos='0 1 0' range='-1 1' stiffness='7' springref='0.5' frictionloss='0.2'/>
+        <geom type='sphere' size='0.5' class='heavy'/>
+        <body name='tip' pos='0 0 1' childclass='heavy'>
+          <joint name='ball' type='ball' damping='0'/>
+          <geom type='capsule' fromto='0 0 0 0 2 0' size='0.1'/>
+        </body>
+      </body>
+      <body pos='0 5 1'><freejoint/><geom type='cylinder' size='0.5 0.25' mass='3' friction='0.9 0 0'/></body>
+    </worldbody></mujoco>)");
+  ASSERT_EQ(spec.objects.size(), 4U);
+  EXPECT_TRUE(spec.objects[0].fixed);
+  EXPECT_EQ(spec.objects[0].size, Vector3d(2, 4, 6));
+  const scene::ObjectSpec& top = spec.objects[1];
+  EXPECT_NEAR(*top.mass, 10 * M_PI / 6, 1e-9);
+  EXPECT_FLOAT_EQ(top.colour.b, 1.0F);
+  const scene::ObjectSpec& tip = spec.objects[2];
+  EXPECT_EQ(tip.shape, ShapeKind::kCapsule);
+  EXPECT_NEAR(tip.height, 2.2, 1e-12);
+  EXPECT_LT((tip.position - Vector3d(-1, 0, 5)).norm(), 1e-9);
+  EXPECT_LT((tip.orientation * Vector3d::UnitZ() - Vector3d(-1, 0, 0)).norm(), 1e-9);
+  EXPECT_EQ(spec.objects[3].mass, 3.0);
+  EXPECT_EQ(spec.objects[3].friction, 0.9);
+  EXPECT_EQ(spec.objects[3].height, 0.5);
+  ASSERT_EQ(spec.joints.size(), 2U);
+  const scene::JointSpec &hinge = spec.joints[0], &ball = spec.joints[1];
+  EXPECT_FALSE(hinge.b);
+  EXPECT_LT((hinge.anchor - Vector3d(-1, 0, 4)).norm(), 1e-9);
+  EXPECT_LT((hinge.axis - Vector3d::UnitY()).norm(), 1e-9);
+  EXPECT_EQ(hinge.limits->upper, 1.0);
+  EXPECT_EQ(hinge.spring->stiffness, 7.0);
+  EXPECT_EQ(hinge.spring->damping, 0.5);
+  EXPECT_EQ(hinge.spring->rest, 0.5);
+  EXPECT_EQ(hinge.friction, 0.2);
+  EXPECT_EQ(ball.kind, JointKind::kBall);
+  EXPECT_EQ(ball.b, 1U);
+}
+
+// Degrees are the default; limits do not count if `limited` says so.
+TEST_F(ModelsTest, MjcfAnglesAreDegrees) {
+  const scene::SceneSpec spec =
+      scene_of("mjcf",
+               "<mujoco><worldbody><body euler='0 90 0'><joint range='0 180'/><geom size='1'/></body>"
+               "<body pos='9 0 0'><joint range='0 90' limited='false'/><geom size='1'/></body>"
+               "</worldbody></mujoco>");
+  EXPECT_NEAR(spec.joints[0].limits->upper, M_PI, 1e-12);
+  EXPECT_LT((spec.joints[0].axis - Vector3d::UnitX()).norm(), 1e-9);
+  EXPECT_FALSE(spec.joints[1].limits);
+}
+
+TEST_F(ModelsTest, ReturnsIdsByName) {
+  write("m.xml",
+        "<mujoco><worldbody><body name='p'><joint name='j'/><geom size='1'/>"
+        "<body name='q'><geom size='1' pos='3 0 0'/></body></body></worldbody></mujoco>");
+  load_on_surface(
+      "sphere{radius = 1, position = {0, 0, 9}}\nlocal m = mjcf{file = 'm.xml', position = {0, 0, 0}}\n"
+      "print(m.objects.p, m.objects.q, m.joints.j)");
+  EXPECT_EQ(printed, "1\t1\t0\n");
+}
+
+TEST_F(ModelsTest, FilesErrorsNameLineAndElement) {
+  const std::string link =
+      "<link name='l'><collision><geometry><sphere radius='1'/></geometry></collision></link>";
+  for (const auto& [content, expected] : std::vector<std::pair<std::string, std::string>>{
+           {"<link/>", "2: <link>: the attribute 'name' is missing"},
+           {"<link name='l'>", "2: is not well-formed XML (XML_ERROR_MISMATCHED_ELEMENT)"},
+           {"<link name='l'><collision/></link>", "2: <collision>: the element <geometry> is missing"},
+           {"<link name='l'><collision><geometry><cone/></geometry></collision></link>",
+            "2: <cone>: is unknown: must be <box>, <cylinder>, <sphere> or <mesh>"},
+           {"<link name='l'><collision><geometry><box size='1 2'/></geometry></collision></link>",
+            "2: <box>: size='1 2': must be 3 numbers"},
+           {"<link name='l'><collision><geometry><sphere radius='-1'/></geometry></collision></link>",
+            "2: <sphere>: radius = -1: must be in [0.001, 1000000]"},
+           {"<link name='l'><collision><geometry><sphere radius='nan'/></geometry></collision></link>",
+            "2: <sphere>: radius='nan': must be a number"},
+           {"<link name='l'/>",
+            "2: <link name='l'>: has no geometry: give it a shape, or weld it to another body"},
+           {link + link, "2: <link name='l'>: there is another link of that name"},
+           {link + "\n<joint name='j' type='fixed'><parent link='l'/><child link='m'/></joint>",
+            "3: <joint name='j'>: child 'm': there is no such link"},
+           {link + "<joint name='j' type='planar'/>",
+            "2: <joint name='j'>: type='planar': must be fixed, revolute, continuous, prismatic or floating"},
+           {link + "<joint name='j' type='fixed'><parent link='l'/><child link='l'/></joint>",
+            "1: <robot name='r'>: has 0 links without a parent: must be one, the root"},
+           {"<link name='l'><inertial><mass value='1'/><inertia ixx='1' iyy='1' izz='9'/></inertial>"
+            "<collision><geometry><sphere radius='1'/></geometry></collision></link>",
+            "2: <link name='l'>: inertia, whose greatest principal moment = 9: must be at most the sum of "
+            "the others, "
+            "2"},
+           {"<link name='l'><collision><geometry><mesh "
+            "filename='../../x.stl'/></geometry></collision></link>",
+            "2: <mesh>: '../../x.stl' is outside the script's folder and the output folder; --unsafe allows "
+            "it"},
+           {"<link name='l'><collision><geometry><mesh "
+            "filename='package://p/x.stl'/></geometry></collision></link>",
+            "2: <mesh>: 'x.stl': does not exist"}})
+    EXPECT_EQ(urdf_error(content), "t.lua:2: m.xml:" + expected);
+  for (const auto& [content, expected] : std::vector<std::pair<std::string, std::string>>{
+           {"<worldbody><body><geom type='ellipsoid' size='1 1 1'/></body></worldbody>",
+            "2: <geom>: type='ellipsoid': must be sphere, box, cylinder, capsule or mesh"},
+           {"<worldbody><body><joint/><joint/><geom size='1'/></body></worldbody>",
+            "2: <body>: has 2 joints: must have at most one; put bodies between them"},
+           {"<worldbody><body><geom class='x' size='1'/></body></worldbody>",
+            "2: <geom>: class 'x': there is no such class of defaults"},
+           {"<equality>\n<weld/></equality>",
+            "2: <equality>: is not supported: only joints constrain the bodies"},
+           {"<worldbody><body><joint type='ball' range='0 1'/><geom size='1'/></body></worldbody>",
+            "2: <joint>: joint.limits: a ball joint has none; only hinge and slider do"}})
+    EXPECT_EQ(mjcf_error(content), "t.lua:2: m.xml:" + expected);
+  write("m.xml", "<mujoco/>");
+  EXPECT_EQ(error_of("surface{}\nurdf{file = 'm.xml', position = {0, 0, 0}}"),
+            "t.lua:2: m.xml:1: the first element must be <robot>");
+  EXPECT_EQ(error_of("surface{}\nmjcf{file = 'm.xml', position = {0, 0, 0}}"),
+            "t.lua:2: the model has no bodies");
+  EXPECT_EQ(error_of("surface{}\nurdf{file = 'n.xml', position = {0, 0, 0}}"),
+            "t.lua:2: urdf.file: 'n.xml' does not exist");
+}
+
+// Deep, long and cut files end in one line.
+TEST_F(ModelsTest, HostileFilesAreRefused) {
+  std::string deep, many;
+  for (int i = 0; i < 5000; ++i) deep += "<body>";
+  for (int i = 0; i < 100'001; ++i) many += "<x/>";
+  EXPECT_EQ(mjcf_error(deep), "t.lua:2: m.xml:2: elements are nested deeper than 100");
+  EXPECT_EQ(mjcf_error(many), "t.lua:2: m.xml:1: has more than 100000 elements");
+  const std::string whole = "<robot name='r'>" + std::string(kLink) + "</robot>";
+  for (std::size_t length = 0; length < whole.size(); length += 7) {
+    write("m.xml", whole.substr(0, length));
+    EXPECT_NE(error_of("surface{}\nurdf{file = 'm.xml', position = {0, 0, 0}}"), "") << length;
+  }
+}
+
+TEST_F(ModelsTest, ObjectsHaveCentreOfMassAndInertia) {
+  const scene::SceneSpec spec = load_on_surface(
+                                    "sphere{radius = 1, position = {0, 0, 9}, com = {0, 0, -0.5}, inertia = "
+                                    "{2, 2.5, 3, 0.1, 0.2, 0.3}}")
+                                    .scene();
+  EXPECT_EQ(spec.objects[0].centre_of_mass, Vector3d(0, 0, -0.5));
+  EXPECT_EQ((*spec.objects[0].inertia)(0, 2), 0.2);
+  EXPECT_EQ(error_of("sphere{radius = 1, position = {0, 0, 0}, inertia = {1, 1}}"),
+            "t.lua:1: sphere.inertia = a table of 2 values: must be {ixx, iyy, izz} or {ixx, iyy, izz, ixy, "
+            "ixz, iyz}");
+  EXPECT_EQ(error_of("sphere{radius = 1, position = {0, 0, 0}, inertia = {1, 1, -1}}"),
+            "t.lua:1: sphere.inertia, whose least principal moment = -1: must be in [1e-15, 1e+24], as must "
+            "the greatest, 1");
+  EXPECT_EQ(error_of("sphere{radius = 1, position = {0, 0, 0}, com = {0, 0, 1e9}}"),
+            "t.lua:1: sphere.com[3] = 1000000000: must be in [-1000000, 1000000]");
+}
+
+}  // namespace
+}  // namespace smartsurf::script
