@@ -14,7 +14,8 @@ TASKS = tuple(Task(f"smartsurf/{name}-v0", script) for name, script in (
     ("SizeSort", "size_sort.lua"), ("ColourSort", "colour_sort.lua"), ("PartSort", "part_sort.lua"),
     ("Relocate", "relocate.lua"), ("Track", "track.lua"), ("Parallel", "parallel.lua"), ("Packages", "packages.lua"),
     ("Air", "air.lua"), ("Magnets", "magnets.lua"), ("Squeeze", "squeeze.lua"), ("Excitable", "excitable.lua"),
-    ("Rain", "rain.lua"), ("Waves", "waves.lua"), ("Parcels", "parcels.lua")))
+    ("Rain", "rain.lua"), ("Waves", "waves.lua"), ("Parcels", "parcels.lua"),
+    ("PushT", "push_t.lua")))
 
 
 def task_file(id: str) -> str:
