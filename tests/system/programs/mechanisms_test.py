@@ -1,6 +1,8 @@
 #!/usr/bin/env python3
 """Each mechanism of the paper, driven by an APRON program, moves objects as the paper describes."""
+import math
 import re
+import shutil
 import sys
 import unittest.mock
 
@@ -126,6 +128,23 @@ class Mechanisms(ProgramTest):
         self.assertAlmostEqual(period / expected, 1.0, delta=1e-3)
         self.assertAlmostEqual(opened, 20.0, delta=0.1)
         self.assertAlmostEqual(hangs, 20.8, delta=0.3)  # stiffness · angle = 0.777 N·m · cos(angle)
+
+    def test_urdf_drawer_slides_down_a_slope(self):
+        # On 30°, against friction f and damping c: v = F/c·(1 − exp(−c·t/m)), F = m·g·sin 30° − f.
+        shutil.copy(ROOT / "scripts/examples/models/drawer.urdf", self.folder)
+        (self.folder / "slope.lua").write_text(
+            "world { unit = 'cm', control_period = 0.05, dt = 1 / 400 }\n"
+            "surface { rows = 16, columns = 16, pitch = 4, actuator = pin { top = 3.6 }, tilt = { 0, 30 } }\n"
+            "local drawer = urdf { file = 'drawer.urdf', position = { 30, 30, 0 }, fixed = true }\n"
+            "on_finish(function() print(joint(drawer.joints.rail):coordinate()) end)\n")
+        m, c, t = 0.8, 0.5, 0.25
+        force = m * 9.81 / 2 - 2
+        expected_cm = 100 * (force / c * t - force * m / c**2 * (1 - math.exp(-c * t / m)))
+        for engine in ["native"] + ["bullet"] * has_bullet():
+            status, out, err = self.run_program(SMARTSURF, "run", str(self.folder / "slope.lua"), "--headless", "--no-controller",
+                                                "--until", str(t), "--engine", engine)
+            self.assertEqual(status, 0, err)
+            self.assertAlmostEqual(float(out.split()[0]) / expected_cm, 1.0, delta=5e-3)  # half a substep of acceleration
 
     def test_every_system_of_the_paper_has_an_example(self):
         page = (ROOT / "docs/actuators.md").read_text()

@@ -12,11 +12,11 @@
 namespace hardware {
 namespace {
 
-constexpr std::uint16_t kCells = 16;  // along each edge
+constexpr std::uint16_t kEdge = 16;  // pillars along each edge
 
 struct PillarHarness {
   PillarHarness()
-      : device(kCells, kCells, 10'000,
+      : device(kEdge, kEdge, 10'000,
                [this](const std::uint8_t* b, std::size_t n) { out.insert(out.end(), b, b + n); }) {
     link.write(SSW_DESCRIBE, 0, in);
     link.write(SSW_START, 0, in);
@@ -29,9 +29,9 @@ struct PillarHarness {
   // Periods in which the pillars are commanded to slope · the distance from the middle, in cells.
   void run(int periods, float slope) {
     std::vector<float> heights;
-    const float middle = 0.5F * (kCells - 1);
-    for (int row = 0; row < kCells; ++row)
-      for (int column = 0; column < kCells; ++column)
+    const float middle = 0.5F * (kEdge - 1);
+    for (int row = 0; row < kEdge; ++row)
+      for (int column = 0; column < kEdge; ++column)
         heights.push_back(slope *
                           std::hypot(static_cast<float>(row) - middle, static_cast<float>(column) - middle));
     for (int i = 0; i < periods; ++i) {
@@ -54,7 +54,7 @@ TEST(PillarDevice, BallRestsOnLevelPillarsAndLoadsThem) {
   EXPECT_GT(before, 1.0);
   EXPECT_EQ(h.device.distance(), before);
   const std::vector<float>& pressure = h.link.frame().values;
-  ASSERT_EQ(pressure.size(), std::size_t{kCells * kCells});
+  ASSERT_EQ(pressure.size(), std::size_t{kEdge * kEdge});
   EXPECT_NEAR(std::accumulate(pressure.begin(), pressure.end(), 0.0F), 9.81F,
               0.2F);  // its weight, in kg·cm/s²
 }
