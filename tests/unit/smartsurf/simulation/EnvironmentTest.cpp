@@ -23,7 +23,7 @@ surface { rows = 12, columns = 12, border = { height = 6 }, actuator = pin { ran
 local ids, state = {}, { draws = 0 }
 for i = 1, 6 do
   local p = { 1 + 1.5 * i, 1 + 1.4 * i, 4 + i }
-  ids[i] = i % 3 == 0 and sphere { radius = 0.9, position = p } or i % 3 == 1 and box { size = {1.6, 1.2, 1}, position = p }
+  ids[i] = i % 3 == 0 and sphere { radius = 0.9, position = p } or i % 3 == 1 and box { size = {1.6, 1.2, 1}, com = {0.3, 0, -0.2}, position = p }
            or cylinder { radius = 0.7, height = 1.4, position = p }
 end
 on_reset(function()
@@ -31,7 +31,7 @@ on_reset(function()
 end)
 every(0.1, function()
   state.draws = state.draws + random()
-  state[#state + 1] = sphere { radius = 0.4, position = {random(3, 8), random(3, 8), 9} }
+  state[#state + 1] = sphere { radius = 0.4, com = {0, 0, -0.15}, position = {random(3, 8), random(3, 8), 9} }
   if #state > 3 then object(table.remove(state, 1)):remove() end
 end)
 reward(function() return state.draws + #state end)
