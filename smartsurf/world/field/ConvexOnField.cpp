@@ -303,10 +303,11 @@ class PartOnField {
   void collide_with_gjk(const Plateau& p, const Escape& sat_axis, ManifoldReducer& out) const {
     const ClosestPoints closest = closest_to(p.column, sat_axis.normal);
     if (!closest.separated) return resolve_penetration(p, sat_axis, out);
-    // The cores round edges and corners off: along the same normal, the sharp shapes may be closer.
-    const Escape axis{closest.normal, closest.normal.dot(proxy_.sharp_support(-closest.normal)) -
-                                          p.column.max_projection(closest.normal)};
-    if (axis.separation > margin_) return;
+    if (closest.distance - proxy_.convex_radius - kColumnConvexRadius > margin_) return;
+    // The cores round edges and corners off. The separation of the sharp shapes along any axis is a lower bound.
+    const float sharp_separation =
+        closest.normal.dot(proxy_.sharp_support(-closest.normal)) - p.column.max_projection(closest.normal);
+    const Escape axis{closest.normal, std::max(sharp_separation, sat_axis.separation)};
     if (axis.normal.z() < -0.01F ||
         p.column.leans_over_bridge(axis.normal.x(), axis.normal.y(), kLeanTolerance)) {
       if (axis.separation < 0.0F) add_edge_points(p, out);
