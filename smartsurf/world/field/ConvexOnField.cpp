@@ -303,9 +303,11 @@ class PartOnField {
   void collide_with_gjk(const Plateau& p, const Escape& sat_axis, ManifoldReducer& out) const {
     const ClosestPoints closest = closest_to(p.column, sat_axis.normal);
     if (!closest.separated) return resolve_penetration(p, sat_axis, out);
-    // The cores round edges and corners off: along the same normal, the sharp shapes may be closer.
-    const Escape axis{closest.normal, closest.normal.dot(proxy_.sharp_support(-closest.normal)) -
-                                          p.column.max_projection(closest.normal)};
+    if (closest.distance > max_core_distance()) return;
+    // The cores round edges and corners off. The separation of the sharp shapes along any axis is a lower bound.
+    const float sharp_separation =
+        closest.normal.dot(proxy_.sharp_support(-closest.normal)) - p.column.max_projection(closest.normal);
+    const Escape axis{closest.normal, std::max(sharp_separation, sat_axis.separation)};
     if (axis.separation > margin_) return;
     if (axis.normal.z() < -0.01F ||
         p.column.leans_over_bridge(axis.normal.x(), axis.normal.y(), kLeanTolerance)) {
@@ -395,7 +397,14 @@ class PartOnField {
     const Vec3 position(0.5F * (q.west + q.east), 0.5F * (q.south + q.north), q.top - 0.5F * depth);
     const Mat3 upright = Mat3::Identity();
     return closest_points(proxy_, ConvexProxy(ConvexPart{box, nullptr}, position, upright),
-                          margin_ + proxy_.convex_radius + kColumnConvexRadius, towards_part);
+                          max_core_distance(), towards_part);
+  }
+
+  // Up to which distance of the cores the sharp shapes may be within the margin, u. The core of a cone is inset by up to
+  // twice its radius more at the tip and the rim.
+  float max_core_distance() const {
+    const float sharpness = part_.shape.kind == ShapeKind::kCapsule ? 1.0F : 3.0F;
+    return margin_ + sharpness * proxy_.convex_radius + 2.0F * kColumnConvexRadius;
   }
 
   // The upper edge on the side that the normal points to.
