@@ -7,9 +7,12 @@ import sys
 import numpy as np
 import shm_protocol
 
-UP, DOWN = np.float32(2.5), np.float32(0)
-THRESHOLD, MAX_STEPS, MAX_SIZE, MAX_QUEUE = 2, 8, 16, 24
-CYCLE, WAIT, PUSH, NEAR = 480, 300, 400, 8
+UP, DOWN = np.float32(3), np.float32(1)
+MAX_STEPS, SHARE, GROWTH, DECAY = 8, 0.72, 0.01, 0.004
+MAX_QUEUE, NEAR, BEHIND = 24, 6, 12
+REACH, DETOUR, SHY, WALL = 8, 12, 4, 1000
+PATIENCE, HEATING, COOLING, LOUDER, FARTHEST, ALARM = 240, 0.2, 0.01, 15, 16, 6
+EAST, SOUTH, NORTH, WEST = 1, 2, 3, 4
 
 
 def moved(image, south, east):
@@ -39,11 +42,60 @@ def greatest(image):
     return np.maximum(np.maximum(north(image), south(image)), np.maximum(east(image), west(image)))
 
 
+def least_diagonal(image):
+    return np.minimum(np.minimum(north(east(image)), south(west(image))), np.minimum(north(west(image)), south(east(image))))
+
+
+def greatest_diagonal(image):
+    return np.maximum(np.maximum(north(east(image)), south(west(image))), np.maximum(north(west(image)), south(east(image))))
+
+
+def around(image, cells):
+    """The image's cells and those up to so many cells from them."""
+    for _ in range(cells):
+        image = np.maximum(image, greatest(image))
+    return image
+
+
 def heard(news, kind, steps):
     """The values that reach a cell in so many steps from neighbour to neighbour, through touching objects of one kind."""
     for _ in range(steps):
         news = np.maximum(news, greatest(news)) * kind
     return news
+
+
+def told(news, core, uphill):
+    """What an object's core says, in its whole footprint: each cell repeats it from the neighbour nearest to the core."""
+    said = news = core * news
+    for _ in range(MAX_STEPS):
+        following = said
+        for slope, neighbour in uphill:
+            following = following + slope * neighbour(news)
+        news = following
+    return news
+
+
+def way(known, cost):
+    """The length of the shortest way to the goal, REACH cells better known; the cost is that of a step into a cell."""
+    for _ in range(REACH):
+        known = least(known) + cost
+    return known
+
+
+def downhill(cost, first, last):
+    """The direction of the neighbour with the least cost; `first` if several have it."""
+    best = least(cost)
+    neighbour = {WEST: west, EAST: east}
+    return np.select([neighbour[first](cost) <= best, north(cost) <= best, south(cost) <= best],
+                     [np.float32(first), np.float32(NORTH), np.float32(SOUTH)], np.float32(last))
+
+
+def front(turn, cells):
+    """The cells two ahead of those that turn, and so many around them."""
+    ahead = np.zeros_like(turn)
+    for direction, shift in ((NORTH, shift_north), (SOUTH, shift_south), (EAST, shift_east), (WEST, shift_west)):
+        ahead = np.maximum(ahead, shift(shift(as_number(turn == direction))))
+    return around(ahead, cells)
 
 
 def widened(moving, ahead):
@@ -69,11 +121,16 @@ def as_number(truth):
 
 class Sort:
     def __init__(self, shape):
-        # The border ring is a wall. Its cells know it: they miss a neighbour.
-        self.inside = least(np.ones(shape, np.float32))
-        self.ahead = np.zeros(shape, np.float32)
+        # The border ring is a wall. Its cells know it: they miss a neighbour. The others know which wall is nearer.
+        ones = np.ones(shape, np.float32)
+        self.inside, self.wall_east, self.wall_west = least(ones), 1 - east(ones), 1 - west(ones)
+        from_east = self.inside * np.arange(shape[1], 0, -1, np.float32)
+        self.west_half = as_number(self.inside * np.arange(1, shape[1] + 1, dtype=np.float32) < from_east)
+        self.largest = np.full(shape, 3, np.float32)
+        self.way_small, self.way_large, self.heat_small, self.heat_large = np.zeros((4, *shape), np.float32)
+        self.stay, self.plight, self.call = np.zeros((3, *shape), np.float32)
 
-    def heights(self, proximity_hit, tick):
+    def heights(self, proximity_hit):
         inside = self.inside
 
         # (a) Sensor data: the footprint of whatever lies on the surface. A sensor that all four neighbours contradict is
@@ -81,59 +138,77 @@ class Sort:
         sensed = proximity_hit * inside
         sensed = np.maximum(np.minimum(sensed, greatest(sensed)), least(sensed))
 
-        # (b) Erosion by one cell, so that objects that touch come apart.
+        # (b) Erosion by one cell takes the rim away.
         eroded = np.minimum(sensed, least(sensed))
 
-        # (c) Count the steps from the rim to the centre: peel off ring after ring, and number the rings.
-        steps, rest = np.zeros_like(sensed), eroded
-        for ring in range(1, MAX_STEPS + 1):
-            inner = np.minimum(rest, least(rest))
-            steps = steps + np.float32(ring) * (rest - inner)
-            rest = inner
+        # (c) Count the steps from the rim to the centre; a diagonal one counts 1.4.
+        steps = np.where(eroded != 0, np.float32(MAX_STEPS), sensed)
+        for _ in range(MAX_STEPS):
+            steps = np.minimum(steps, sensed * np.minimum(least(steps) + 1, least_diagonal(steps) + np.float32(1.4)))
 
-        # (d) The largest number of steps in an object is its size: spread it to all of the object's cells.
-        size = heard(steps, eroded, MAX_SIZE)
+        # (d) The largest number of steps in an object is its size. The object's core has it.
+        highest = greatest(steps)
+        core = sensed * (steps >= np.maximum(highest, greatest_diagonal(steps)))
+        size = core * steps
 
-        # (e) Dilation by one cell, back to the whole footprint. What is too thin to survive the erosion is small.
-        found = np.maximum(size, greatest(size))
-        found = sensed * np.maximum(found, np.float32(1))
+        # (e) Dilation from the core, down the steps, to the whole footprint. Objects that touch part where the steps are
+        # fewest.
+        slope, uphill = sensed - core, []
+        for neighbour in (north, south, east):
+            uphill.append((slope * (neighbour(steps) == highest), neighbour))
+            slope = slope - uphill[-1][0]
+        uphill.append((slope, west))
+        found = told(size, core, uphill)
 
-        # (f) Small objects move west, large ones east.
-        small = as_number((found > 0) & (found <= THRESHOLD))
-        large = as_number(found > THRESHOLD)
+        # (f) Small objects move west, large ones east. The largest size spreads from cell to cell.
+        largest = np.maximum(self.largest, greatest(self.largest))
+        self.largest = np.maximum(largest - np.float32(DECAY), np.minimum(size, largest + np.float32(GROWTH)))
+        large = as_number(found > np.float32(SHARE) * self.largest)
+        small = sensed - large
 
         # Whoever has arrived at the wall halts, and so does the queue behind it: pushed on, they would climb out.
-        halt_small = small * (west(inside) == 0)
-        halt_large = large * (east(inside) == 0)
+        halt_small = heard(small * (west(inside) == 0), small, MAX_QUEUE)
+        halt_large = heard(large * (east(inside) == 0), large, MAX_QUEUE)
 
-        # Large objects wait for small ones: a small one sends a signal west, one cell a tick, that halts those it meets.
-        self.ahead = np.maximum(small, east(self.ahead)) * inside
-        if tick % CYCLE < WAIT:
-            halt_large = np.maximum(halt_large, large * self.ahead)
-        halt_small = heard(halt_small, small, MAX_QUEUE)
-        halt_large = heard(halt_large, large, MAX_QUEUE)
+        # In the east, large objects wait for small ones that come towards them.
+        ahead = (small - halt_small) * (1 - self.west_half)
+        for _ in range(NEAR):
+            ahead = np.maximum(ahead, east(ahead))
+        halt = np.maximum(np.maximum(halt_small, halt_large), heard(large * ahead, large, BEHIND))
 
-        # Where a small one is shut in, waiting does not help: large ones close to it step aside, by turns north and
-        # south, unless they, or those that they touch, have a wall there.
-        aside = np.zeros_like(small)
-        wall, step_aside = (north, shift_north) if tick % (2 * CYCLE) < CYCLE else (south, shift_south)
-        if tick % CYCLE >= PUSH:
-            aside = small
-            for _ in range(NEAR):
-                aside = np.maximum(aside, east(aside))
-            stop = heard(large * (wall(inside) == 0), large, MAX_QUEUE)
-            aside = heard(aside * large, large, MAX_SIZE) * (1 - stop)
-            halt_large = halt_large * (1 - aside)
+        # The others take the shortest way, round objects of the other kind and round places where one of their kind
+        # stalled.
+        self.way_small = way(self.way_small, 1 + WALL * (1 - inside - self.wall_west) + DETOUR * around(large, 1)
+                             + self.heat_small)
+        self.way_large = way(self.way_large, 1 + WALL * (1 - inside - self.wall_east) + SHY * around(small, 2)
+                             + self.heat_large)
+        turn = core * (1 - halt) * np.where(large != 0, downhill(self.way_large, EAST, WEST),
+                                            downhill(self.way_small, WEST, EAST))
 
-        # (g) Actuators: pockets go down, everything else up. Who moves has a pocket that runs ahead of its footprint,
-        # small ones by one cell, large ones by three, so that the pins behind it push; who halts sinks into one that
+        # A small object that stalls in the east calls large ones away, louder and louder. One that hangs over the wall
+        # calls at once.
+        self.stay = (self.stay + 1) * around(as_number(turn > 0), 1)
+        stalled = self.stay > PATIENCE
+        self.plight = around(as_number(small * turn > 0), 1) * np.clip(
+            around(self.plight, 1) + np.where(stalled, np.float32(1), np.float32(-1)), 0, FARTHEST * LOUDER)
+        self.call = np.maximum(self.plight * (1 - self.west_half) / LOUDER, greatest(self.call) - 1)
+        self.call = np.maximum(self.call, ALARM * (1 - inside) * proximity_hit)
+        turn = np.where(core * large * (self.call > 0) != 0, downhill(self.call + WALL * (1 - inside), WEST, EAST), turn)
+
+        # Where an object stalls, the cells ahead of it become dearer for its kind, so that it looks for another way.
+        heating, cooling = np.float32(HEATING), np.float32(COOLING)
+        self.heat_small = np.maximum(self.heat_small - cooling, 0) + heating * front(small * (turn * stalled), 1)
+        self.heat_large = np.maximum(self.heat_large - cooling, 0) + heating * front(large * (turn * stalled), 2)
+
+        # (g) Actuators: pockets go down, everything else up. Who moves has a pocket that runs ahead of its footprint, by
+        # one cell, large ones to the east by three, so that the pins behind it push; who halts sinks into one that
         # surrounds it.
-        halt = np.maximum(halt_small, halt_large)
-        move_small, move_large = small - halt_small, large - np.maximum(halt_large, aside)
-        pocket = np.maximum(halt, greatest(halt))
-        pocket = np.maximum(pocket, pocket_of(move_small, shift_west))
-        pocket = np.maximum(pocket, long_pocket_of(move_large, shift_east))
-        pocket = np.maximum(pocket, pocket_of(aside, step_aside))
+        turn = told(turn, core, uphill)
+        pocket = around(sensed * (turn == 0), 1)
+        for direction, shift in ((WEST, shift_west), (EAST, shift_east), (NORTH, shift_north), (SOUTH, shift_south)):
+            moving = as_number(turn == direction) * (small if direction == EAST else 1)
+            pocket = np.maximum(pocket, pocket_of(moving, shift))
+        pocket = np.maximum(pocket, long_pocket_of(large * (turn == EAST), shift_east))
         return np.where(pocket != 0, DOWN, UP)
 
 
@@ -141,7 +216,7 @@ def run(name, timeout=10.0):
     with shm_protocol.Controller(name, timeout) as table:
         sort = Sort((table.description.rows, table.description.columns))
         while table.wait():
-            table.actuators["height"][:] = sort.heights(table.sensors["proximity_hit"], table.tick)
+            table.actuators["height"][:] = sort.heights(table.sensors["proximity_hit"])
             table.publish()
 
 

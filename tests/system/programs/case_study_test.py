@@ -10,7 +10,7 @@ class Sorting(ProgramTest):
         self.assertRegex(stats["outcome"], r"^stopped by the script: sorted: \d+ % after \d+\.\d s$")
         self.assertGreaterEqual(stats["purity"], 0.95)
         self.assertIsNotNone(stats["sorted_at_s"])
-        self.assertLessEqual(stats["sorted_at_s"], 80)
+        self.assertLessEqual(stats["sorted_at_s"], 60)
         self.assertGreaterEqual(stats["simulated_s"], stats["sorted_at_s"] + 5.0)
         self.assertEqual(stats["objects"], 40)
         self.assertEqual(stats["off_surface"], 0)
