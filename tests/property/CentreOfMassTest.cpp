@@ -179,11 +179,16 @@ TEST_P(CentreOfMass, PlacingSetsTheOrigin) {
   fixture.add(body);
   auto& world = fixture.world();
   const Eigen::Quaterniond turned(Eigen::AngleAxisd(1.0, Vector3d::UnitX()));
-  world.place(0, {.orientation = turned, .angular_velocity = Vector3d(0, 2, 0)});
+  scene::ObjectStateUpdate turn;
+  turn.orientation = turned;
+  turn.angular_velocity = Vector3d(0, 2, 0);
+  world.place(0, turn);
   auto state = world.state(0);
   EXPECT_LT((state.position - Vector3d(15, 15, 50)).norm(), 1e-5);
   EXPECT_LT((state.velocity - Vector3d(1, 0, 0)).norm(), 1e-5);
-  world.place(0, {.position = Vector3d(3, 4, 40)});
+  scene::ObjectStateUpdate move;
+  move.position = Vector3d(3, 4, 40);
+  world.place(0, move);
   state = world.state(0);
   EXPECT_LT((state.position - Vector3d(3, 4, 40)).norm(), 1e-5);
   EXPECT_GT(state.orientation.dot(turned), 0.9999);

@@ -1,9 +1,19 @@
 #include "shm-protocol/hardware/fake/EmulatedDevice.h"
 
+#include <algorithm>
 #include <cstring>
 #include <utility>
 
 namespace hardware {
+namespace {
+
+// Copies a text to a field that is zero and need not end with one.
+template <std::size_t kSize>
+void set_text(char (&field)[kSize], const char* text) {
+  std::copy_n(text, std::min(std::strlen(text), kSize), field);
+}
+
+}  // namespace
 
 EmulatedDevice::EmulatedDevice(const char* name, std::uint16_t rows, std::uint16_t columns, float pitch,
                                std::uint32_t period_us, Write write)
@@ -24,8 +34,8 @@ ssw_channel EmulatedDevice::describe(ssw_direction direction, ssw_dtype dtype, c
   c.components = 1;
   c.maximum = maximum;
   c.scale = scale;
-  std::strncpy(c.name, name, sizeof c.name);
-  std::strncpy(c.unit, unit, sizeof c.unit);
+  set_text(c.name, name);
+  set_text(c.unit, unit);
   return c;
 }
 
@@ -42,7 +52,7 @@ void EmulatedDevice::restart() {
   hello.period_us = period_us_;
   hello.pitch = pitch_;
   hello.boot = ++boot_;
-  std::strncpy(hello.name, name_, sizeof hello.name);
+  set_text(hello.name, name_);
   reset();
   ssd_init(
       &device_, &hello, channels_.data(), static_cast<std::uint8_t>(channels_.size()),

@@ -69,7 +69,8 @@ struct StepFixture {
                  pipeline.supports(),
                  {},
                  false,
-                 joints},
+                 joints,
+                 tips},
                 member);
     for (int row = 0; row < bodies.size(); ++row) {
       solver.store_body(bodies, pipeline.partition(), row);
@@ -96,6 +97,7 @@ struct StepFixture {
   StepSettings settings;
   BodyStore bodies;
   JointSolver joints;
+  TipSolver tips;
   CollisionPipeline pipeline;
   Solver solver;
   ContactList pair_contacts, static_contacts;
