@@ -5,8 +5,8 @@
 
 namespace common {
 
-// Notes a file, or an empty folder, while it lives; to remove it otherwise is the owner's business. At most 16 are noted at once, with paths of at
-// most 1023 bytes; others are not. Any thread.
+// Notes a file, or an empty folder, while it lives; to remove it otherwise is the owner's business. At most 16 are noted at
+// once, with paths of at most 1023 bytes; others are not. Any thread.
 class UnfinishedFile {
  public:
   explicit UnfinishedFile(const std::filesystem::path&) noexcept;

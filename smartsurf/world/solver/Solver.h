@@ -3,9 +3,9 @@
 //
 // Stages: prepare, warm start; per substep integrate velocities, solve with soft constraints, integrate positions,
 // relax (solve without bias, so that the push-out adds no velocity); storing of impulses and impacts at the end of the
-// step. Joints (JointSolver.h) and contacts with yielding tips (TipSolver.h) are solved and relaxed before the contacts. The contact stages end with the support
-// patches (SupportSolver.h). Impulses carry over from substep to substep
-// and from step to step.
+// step. Joints (JointSolver.h) and contacts with yielding tips (TipSolver.h) are solved and relaxed before the contacts.
+// The contact stages end with the support patches (SupportSolver.h). Impulses carry over from substep to substep and from
+// step to step.
 #pragma once
 
 #include <span>
