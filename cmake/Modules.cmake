@@ -37,6 +37,7 @@ endif()
 if(SMARTSURF_SANITIZE)
   target_compile_options(project_options INTERFACE -fsanitize=${SMARTSURF_SANITIZE} -fno-omit-frame-pointer
     -fno-sanitize-recover=all
+    -w   # with checks in the code GCC warns of what cannot happen; the other presets warn
     # Register allocation by loop nests takes half of a vector kernel's compile time.
     $<$<CXX_COMPILER_ID:GNU>:-fira-region=one>)
   # Checks that AddressSanitizer covers are off, which saves a third of the compile time. Misaligned addresses can only
