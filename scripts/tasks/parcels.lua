@@ -78,7 +78,7 @@ end)
 
 -- As a learning environment: docs/python.md.
 local scored = 0
-episode { seconds = 180 }
+episode { seconds = 210 }
 reward(function()
   local before = scored
   scored = delivered - wrong
