@@ -65,9 +65,9 @@ on_leave(function(id, t)
     wrong = wrong + 1
   end
 end)
-local function all_delivered() return delivered >= 0.99 * count end
+local function most_delivered() return delivered >= 0.99 * count end
 on_finish(function()
-  metric('success', all_delivered() and 1 or 0)
+  metric('success', most_delivered() and 1 or 0)
   metric('delivered', delivered / count)
   metric('wrong_exit', wrong)
   if delivered > 0 then
@@ -84,5 +84,5 @@ reward(function()
   scored = delivered - wrong
   return scored - before
 end)
-success(all_delivered)
+success(most_delivered)
 info { delivered = function() return delivered end, wrong = function() return wrong end }
