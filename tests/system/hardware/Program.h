@@ -10,6 +10,7 @@
 
 #include <cstdlib>
 #include <cstring>
+#include <filesystem>
 #include <fstream>
 #include <sstream>
 #include <string>
@@ -102,6 +103,9 @@ inline std::string line_path(const std::string& what) {
 struct Device {
   explicit Device(std::vector<std::string> flags) : program(with_program(std::move(flags))) {
     name = program.await_output("device ");
+  }
+  ~Device() {
+    if (std::filesystem::is_symlink(name)) std::filesystem::remove(name);
   }
   static std::vector<std::string> with_program(std::vector<std::string> flags) {
     flags.insert(flags.begin(), DEVICE_EMULATOR);

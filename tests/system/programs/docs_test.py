@@ -55,6 +55,13 @@ class Docs(ProgramTest):
                 total += 1
                 if "--window" in arguments:
                     arguments[arguments.index("--window")] = "--headless" if program == "smartsurf" else "--threads=1"
+                # A surface without a controller waits for the command that follows it. The default name may be in use.
+                waits = program == "smartsurf" and arguments[0] == "run" and not {
+                    "--controller", "--no-controller", "--help"} & set(arguments)
+                if waits and "--shm" not in arguments:
+                    arguments += ["--shm", self.shm]
+                elif "--shm surface" in " ".join(arguments):
+                    arguments[arguments.index("--shm") + 1] = self.shm
                 executable = sys.executable if program == "python3" else str(BIN / program)
                 child = subprocess.Popen([executable, *(a for a in arguments if a != "&")], cwd=folder, text=True, env=PYTHON_CLIENT,
                                          stdout=subprocess.PIPE, stderr=subprocess.PIPE)
@@ -62,9 +69,7 @@ class Docs(ProgramTest):
                 if arguments[-1] == "&":
                     behind.append(child)
                     continue
-                # A surface without a controller waits for the command that follows it.
-                if program == "smartsurf" and arguments[0] == "run" and not {
-                        "--controller", "--no-controller", "--help"} & set(arguments):
+                if waits:
                     waiting = child
                     continue
                 status, _, err = self.finish(child)

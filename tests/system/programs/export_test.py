@@ -22,7 +22,8 @@ class Browser:
             [CHROMIUM, "--headless=new", "--no-sandbox", "--disable-gpu-sandbox", "--use-gl=angle",
              "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--remote-debugging-pipe",
              f"--user-data-dir={folder}/profile", "--window-size=1000,700", "about:blank"],
-            close_fds=False, preexec_fn=rearrange, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+            close_fds=False, preexec_fn=rearrange, env={**os.environ, "TMPDIR": str(folder)},
+            stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
         os.close(to_browser), os.close(from_browser)
         self.buffer, self.last_id, self.session, self.errors = b"", 0, None, []
         target = self.call("Target.createTarget", url="about:blank")["targetId"]

@@ -2,6 +2,7 @@
 #include <gtest/gtest.h>
 #include <unistd.h>
 
+#include <filesystem>
 #include <fstream>
 #include <nlohmann/json.hpp>
 
@@ -134,6 +135,7 @@ TEST(ProfileReport, ReportsInvalidModels) {
     EXPECT_NE(error.find(what), std::string::npos) << error;
     EXPECT_EQ(error.find('\n'), std::string::npos) << error;
   }
+  std::filesystem::remove(file);
 }
 
 }  // namespace

@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 #include <unistd.h>
 
+#include <cstdlib>
 #include <filesystem>
 #include <fstream>
 #include <map>
@@ -131,13 +132,15 @@ class ScriptTest : public testing::Test {
  protected:
   void SetUp() override {
     const auto* info = testing::UnitTest::GetInstance()->current_test_info();
-    folder = std::filesystem::path(testing::TempDir()) / ("smartsurf-script-" + std::to_string(getpid())) /
-             (std::string(info->test_suite_name()) + "." + info->name());
+    // The process of a death test takes its parent's folder, which the parent removes.
+    ::setenv("SCRIPT_TEST_PROCESS", std::to_string(getpid()).c_str(), 0);
+    root_ = testing::TempDir() + "smartsurf-script-" + std::getenv("SCRIPT_TEST_PROCESS");
+    folder = root_ / (std::string(info->test_suite_name()) + "." + info->name());
     std::filesystem::remove_all(folder);
     std::filesystem::create_directories(folder);
     options.print_output = [this](std::string_view text) { printed += text; };
   }
-  void TearDown() override { std::filesystem::remove_all(folder.parent_path()); }
+  void TearDown() override { std::filesystem::remove_all(root_); }
 
   std::filesystem::path write(const std::string& name, const std::string& text) {
     std::ofstream(folder / name, std::ios::binary) << text;
@@ -180,6 +183,9 @@ class ScriptTest : public testing::Test {
   std::filesystem::path folder;
   LoadOptions options;
   std::string printed;
+
+ private:
+  std::filesystem::path root_;  // holds `folder`
 };
 
 // Runs ticks `first` to `last`, inclusive, with a period of 1/60 s.

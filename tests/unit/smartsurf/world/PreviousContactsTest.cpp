@@ -7,11 +7,10 @@ using namespace smartsurf::world;
 namespace {
 
 void add_manifold(ContactList& list, int a, int b, int other = 0) {
-  Contact c;
+  list.manifolds.push_back({a, b, static_cast<std::int32_t>(list.contacts.size()), 1});
+  Contact& c = list.contacts.emplace_back();
   c.other = other;
   c.normal = Vec3(0, 0, 1);
-  list.manifolds.push_back({a, b, static_cast<std::int32_t>(list.contacts.size()), 1});
-  list.contacts.push_back(c);
 }
 
 // The contacts of a step with two members; member 0 found the first half of each list.

@@ -12,10 +12,8 @@ namespace {
 constexpr float kDt = StepFixture::kDt;
 
 void add_contact_of(ContactList& list, int a, int b) {
-  Contact c;
-  c.other = b < 0 ? b : 0;
   list.manifolds.push_back({a, b, static_cast<std::int32_t>(list.contacts.size()), 1});
-  list.contacts.push_back(c);
+  list.contacts.emplace_back().other = b < 0 ? b : 0;
 }
 
 // A row of spheres, each in contact with the next and with the field.
