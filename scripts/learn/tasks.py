@@ -9,6 +9,7 @@ HERE = pathlib.Path(__file__).resolve().parent
 # An installed package first, then this checkout's build; cem and table need only the sources.
 sys.path += [str(HERE.parent.parent / folder) for folder in ("build/release/python", "smartsurf/python")
              if (HERE.parent.parent / folder / "smartsurf").is_dir()]
+import patch  # noqa: E402
 from smartsurf.policy import LocalPolicy, export_policy  # noqa: E402
 from smartsurf.run import run  # noqa: E402
 
@@ -21,30 +22,62 @@ FUNNEL = ("row", "column", "slope")
 
 
 class Task:
-    """An experiment, its hand-written controller, and the network that learns it.
+    """An experiment, its hand-written controller, and the policy that learns it.
 
-    The experiment's metric `success` is 1 or 0; `score(metrics)` is what learning maximizes. start: added to the biases of
-    the network's commands. initial and deviation: mean, by default 0, and standard deviation of the parameters at the start
-    of the search. search: its generations, candidates per generation and runs per candidate. shapes: what a decision of scripts/learn/ppo sets, FUNNEL or the factors of shapes of the whole
-    surface. decisions: how many it trains with."""
+    The experiment's metric `success` is 1 or 0; `score(metrics)` is what learning maximizes. initial and deviation: mean and
+    standard deviation of the parameters at the start of the search. search: its generations, candidates per generation and
+    runs per candidate. A subclass knows what the parameters mean: population(vectors, envs), whose commands(observations) is one
+    tick of as many policies, and export(vector, path, method), which writes one as an APRON program."""
 
-    def __init__(self, name, title, experiment, controller, until, inputs, actions, ties, *, hidden=(), memory=0, options=None,
-                 start=0.0, initial=None, deviation=1.0, search=(20, 24, 6), shapes=("offset", "south", "east"),
-                 decisions=60_000, score=lambda metrics: metrics["score"]):
+    def __init__(self, name, title, experiment, controller, until, initial, *, options=None, deviation=1.0, search=(20, 24, 6),
+                 score=lambda metrics: metrics["score"]):
         self.name, self.title, self.until, self.score = name, title, until, score
         self.experiment, self.controller, self.options = HERE.parent / experiment, HERE.parent / controller, options or {}
         self.envs = None  # of the last call of scores
+        self.initial, self.deviation, self.search = np.array(initial, float), deviation, search
+
+    def parameters(self):
+        """The number of parameters."""
+        return len(self.initial)
+
+    def evaluate(self, program, seeds, smartsurf=None):
+        """Runs the APRON program with consecutive seeds, in one process → the metrics of each run."""
+        stats = run(self.experiment, os.fspath(program), seeds[0], self.options, until=self.until, worlds=len(seeds), threads=1,
+                    timeout=300, smartsurf=smartsurf)
+        return [world["metrics"] for world in stats["runs"]]
+
+    def scores(self, vectors, seeds, threads=2):
+        """The score of each vector's policy: the mean over the seeds, all of them at once, in this process."""
+        worlds = len(vectors) * len(seeds)
+        if self.envs is None or self.envs.num_envs != worlds:
+            from smartsurf import VectorEnv  # needs the compiled package and Gymnasium, unlike the rest
+            self.envs = VectorEnv(self.experiment, worlds, threads, set=self.options, copy=False, autoreset_mode="Disabled")
+        population, metrics = self.population(vectors, self.envs), [None] * worlds
+        observations, _ = self.envs.reset(seed=[seed for _ in vectors for seed in seeds])
+        while None in metrics:
+            observations, _, _, _, infos = self.envs.step(population.commands(observations))
+            for world in np.flatnonzero(infos.get("_metrics", ())):
+                metrics[world] = metrics[world] or infos["metrics"][world]
+        return np.reshape([self.score(m) for m in metrics], (len(vectors), -1)).mean(axis=1)
+
+
+class NetworkTask(Task):
+    """A task whose policy is a LocalPolicy, the same for every cell.
+
+    start: added to the biases of the network's commands. shapes: what a decision of scripts/learn/ppo sets, FUNNEL or the factors
+    of shapes of the whole surface. decisions: how many it trains with."""
+
+    def __init__(self, name, title, experiment, controller, until, inputs, actions, ties, *, hidden=(), memory=0, start=0.0,
+                 initial=None, shapes=("offset", "south", "east"), decisions=60_000, **more):
         self.inputs, self.actions, self.ties, self.hidden, self.memory = inputs, actions, ties, hidden, memory
-        self.start, self.deviation, self.search, self.shapes, self.decisions = start, deviation, search, shapes, decisions
-        self.initial = np.zeros(self.parameters()) if initial is None else np.array(initial)
+        self.start, self.shapes, self.decisions = start, shapes, decisions
+        sizes = self.sizes()
+        # One weight per group of taps, and the biases.
+        count = sum(n * (len(ties) * m + 1) for m, n in zip(sizes, sizes[1:]))
+        super().__init__(name, title, experiment, controller, until, np.zeros(count) if initial is None else initial, **more)
 
     def sizes(self):
         return [len(self.inputs) + self.memory, *self.hidden, len(self.actions) + self.memory]
-
-    def parameters(self):
-        """The number of parameters: one weight per group of taps, and the biases."""
-        sizes = self.sizes()
-        return sum(n * (len(self.ties) * m + 1) for m, n in zip(sizes, sizes[1:]))
 
     def policy(self, vector):
         """The network with these parameters: layer by layer the weights, shape (out, in, groups), then the biases."""
@@ -61,25 +94,28 @@ class Task:
         layers[-1][1][:len(self.actions)] += self.start
         return LocalPolicy(self.inputs, self.actions, layers, self.memory)
 
-    def evaluate(self, program, seeds, smartsurf=None):
-        """Runs the APRON program with consecutive seeds, in one process → the metrics of each run."""
-        stats = run(self.experiment, os.fspath(program), seeds[0], self.options, until=self.until, worlds=len(seeds), threads=1,
-                    timeout=300, smartsurf=smartsurf)
-        return [world["metrics"] for world in stats["runs"]]
+    def population(self, vectors, envs):
+        return Population([self.policy(vector) for vector in vectors], envs)
 
-    def scores(self, vectors, seeds, threads=2):
-        """The score of each vector's network: the mean over the seeds, all of them at once, in this process."""
-        worlds = len(vectors) * len(seeds)
-        if self.envs is None or self.envs.num_envs != worlds:
-            from smartsurf import VectorEnv  # needs the compiled package and Gymnasium, unlike the rest
-            self.envs = VectorEnv(self.experiment, worlds, threads, set=self.options, copy=False, autoreset_mode="Disabled")
-        population, metrics = Population([self.policy(vector) for vector in vectors], self.envs), [None] * worlds
-        observations, _ = self.envs.reset(seed=[seed for _ in vectors for seed in seeds])
-        while None in metrics:
-            observations, _, _, _, infos = self.envs.step(population.commands(observations))
-            for world in np.flatnonzero(infos.get("_metrics", ())):
-                metrics[world] = metrics[world] or infos["metrics"][world]
-        return np.reshape([self.score(m) for m in metrics], (len(vectors), -1)).mean(axis=1)
+    def export(self, vector, path, method):
+        export_policy(self.policy(vector), path, f"{self.title}: learned by {method}.")
+
+
+class PatchTask(Task):
+    """A task of pillars that feel, whose policy shapes a patch around the load (patch.py). level and period: as of
+    patch.Patches."""
+
+    TRAVEL = 5.5
+
+    def __init__(self, name, title, until, level=None, period=4.0, **more):
+        super().__init__(name, title, f"tasks/{name}.lua", f"tasks/{name}.aps", until, np.zeros(patch.PARAMETERS), **more)
+        self.level, self.period = level, period
+
+    def population(self, vectors, envs):
+        return patch.Patches(vectors, envs, self.TRAVEL, self.period, self.level)
+
+    def export(self, vector, path, method):
+        patch.export(vector, path, f"{self.title}: learned by {method}.", self.TRAVEL, self.period, self.level)
 
 
 class Population:
@@ -137,13 +173,19 @@ FUNNEL_NETWORK = [0, 0, 0, 0, 0, 0, -5.5, 0,
                   0, 0, 0, 0, 0.5, 0, 0, 0.22,
                   2.5, -6, 0.5]
 
+# Of the tasks of pillars that feel.
+PILLARS = {"deviation": 0.5, "search": (30, 32, 8)}
+
 TASKS = {task.name: task for task in (
-    Task("ball", "a ball to any target, 8×8 pins", "learn/ball.lua", "learn/ball.aps", 10, ("colour.r", "colour.b"),
+    NetworkTask("ball", "a ball to any target, 8×8 pins", "learn/ball.lua", "learn/ball.aps", 10, ("colour.r", "colour.b"),
          (("height", 0, 5),), ISOTROPIC, memory=2, start=2.5, initial=FUNNEL_NETWORK, deviation=0.05, search=(12, 32, 8), shapes=FUNNEL,
          decisions=200_000, score=approach),
-    Task("box", "a box to a pose, 16×16 rolling balls", "learn/box.lua", "learn/box.aps", 10, ("row", "column", "proximity_hit"),
+    NetworkTask("box", "a box to a pose, 16×16 rolling balls", "learn/box.lua", "learn/box.aps", 10, ("row", "column", "proximity_hit"),
          (("spin_x", -20, 20), ("spin_y", -20, 20)), OWN),
-    Task("sort", "two kinds sorted by colour, 24×24 pins", "tasks/colour_sort.lua", "tasks/colour_sort.aps", 30,
+    NetworkTask("sort", "two kinds sorted by colour, 24×24 pins", "tasks/colour_sort.lua", "tasks/colour_sort.aps", 30,
          ("colour.r", "colour.b"), (("height", 0, 6),), NORTH_SOUTH, memory=1, options={"n": 24, "count": 3, "seconds": 30}, start=3.0,
          deviation=2.0, decisions=6_000_000, score=sorting),
+    PatchTask("arraybot_lift", "an object lifted, 16×16 pillars that feel", 8, level=0.0, **PILLARS),
+    PatchTask("arraybot_flip", "an object turned over, 16×16 pillars that feel", 10, **PILLARS),
+    PatchTask("arraybot_relocate", "an object to any goal, 16×16 pillars that feel", 20, **PILLARS),
 )}

@@ -15,7 +15,8 @@ TASKS = tuple(Task(f"smartsurf/{name}-v0", script) for name, script in (
     ("Relocate", "relocate.lua"), ("Track", "track.lua"), ("Parallel", "parallel.lua"), ("Packages", "packages.lua"),
     ("Air", "air.lua"), ("Magnets", "magnets.lua"), ("Squeeze", "squeeze.lua"), ("Excitable", "excitable.lua"),
     ("Rain", "rain.lua"), ("Waves", "waves.lua"), ("Parcels", "parcels.lua"),
-    ("PushT", "push_t.lua")))
+    ("PushT", "push_t.lua"), ("PushTPins", "push_t_pins.lua"), ("ArraybotLift", "arraybot_lift.lua"), ("ArraybotFlip", "arraybot_flip.lua"),
+    ("ArraybotRelocate", "arraybot_relocate.lua")))
 
 
 def task_file(id: str) -> str:

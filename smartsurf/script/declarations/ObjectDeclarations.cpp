@@ -17,7 +17,7 @@ namespace {
 constexpr std::size_t kMaxObjects = 1'000'000;
 constexpr std::size_t kMaxHullPoints = 100'000;
 constexpr std::size_t kMaxLabelLength = 100;
-constexpr int kMaxHullCount = 256;
+constexpr int kMaxHullCount = 256;  // of one solid
 
 // The Lua function of one shape: the fields that it takes besides kCommonFields, and their reader.
 struct ShapeBinding {
@@ -186,9 +186,29 @@ std::vector<Eigen::Vector3d> check_points(ScriptContext& context, lua_State* L, 
   return points;
 }
 
+// The points of each convex part of a hull.
+std::vector<std::vector<Eigen::Vector3d>> check_parts(ScriptContext& context, lua_State* L, int index,
+                                                      const std::string& name) {
+  if (lua_type(L, index) != LUA_TTABLE)
+    throw_invalid_value(L, index, name, "a list of lists of points, {{{x, y, z}, ...}, ...}");
+  const lua_Unsigned count = lua_rawlen(L, index);
+  if (count < 1 || count > kMaxHullCount)
+    throw ScriptError(name + ": has " + std::to_string(count) + " parts; must be 1 to " +
+                      std::to_string(kMaxHullCount));
+  std::vector<std::vector<Eigen::Vector3d>> parts;
+  for (lua_Unsigned i = 1; i <= count; ++i) {
+    lua_rawgeti(L, index, static_cast<lua_Integer>(i));
+    parts.push_back(check_points(context, L, lua_gettop(L), name + "[" + std::to_string(i) + "]"));
+    lua_pop(L, 1);
+  }
+  return parts;
+}
+
 void read_hull(ScriptContext& context, lua_State* L, const TableReader& fields, scene::ObjectSpec& object) {
-  if (fields.has("points") == fields.has("file"))
-    throw ScriptError("hull: takes either points = {{x, y, z}, ...} or file = 'part.stl'");
+  if (fields.has("points") + fields.has("parts") + fields.has("file") != 1)
+    throw ScriptError(
+        "hull: takes one of points = {{x, y, z}, ...}, parts = {{{x, y, z}, ...}, ...} and file = "
+        "'part.stl'");
   if (fields.has("file")) {
     scene::MeshRequest request;
     read_mesh_source(context, L, fields, request);
@@ -199,6 +219,12 @@ void read_hull(ScriptContext& context, lua_State* L, const TableReader& fields, 
   for (const std::string_view field : {"scale", "unit"})
     if (fields.has(field))
       throw ScriptError("hull." + std::string(field) + ": applies only to file; points are in u");
+  fields.visit("parts", [&](int i, const std::string& name) {
+    const std::vector<std::vector<Eigen::Vector3d>> parts = check_parts(context, L, i, name);
+    object.solid = make_solid(context, L, name + ": ", [&](scene::SolidFactory& factory) {
+      return factory.make_compound(parts, "hull");
+    });
+  });
   fields.visit("points", [&](int i, const std::string& name) {
     const std::vector<Eigen::Vector3d> points = check_points(context, L, i, name);
     object.solid = make_solid(context, L, name + ": ", [&](scene::SolidFactory& factory) {
@@ -215,7 +241,7 @@ constexpr ShapeBinding kCapsule{
     "capsule", scene::ShapeKind::kCapsule, {"radius", "height"}, read_radius_and_height};
 constexpr ShapeBinding kCone{"cone", scene::ShapeKind::kCone, {"radius", "height"}, read_radius_and_height};
 constexpr ShapeBinding kHull{
-    "hull", scene::ShapeKind::kSolid, {"points", "file", "scale", "unit"}, read_hull};
+    "hull", scene::ShapeKind::kSolid, {"points", "parts", "file", "scale", "unit"}, read_hull};
 constexpr ShapeBinding kMesh{"mesh",
                              scene::ShapeKind::kSolid,
                              {"file", "scale", "unit", "decompose", "pieces", "tolerance"},

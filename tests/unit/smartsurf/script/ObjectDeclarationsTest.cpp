@@ -118,13 +118,35 @@ TEST_F(ObjectsTest, HullFromPointsOrFile) {
   ASSERT_EQ(solids->hulls.size(), 1U);
   EXPECT_EQ(solids->hulls[0].scale, 2.0);
   EXPECT_EQ(error_of("hull{position = {0, 0, 0}}"),
-            "t.lua:1: hull: takes either points = {{x, y, z}, ...} or file = 'part.stl'");
+            "t.lua:1: hull: takes one of points = {{x, y, z}, ...}, parts = {{{x, y, z}, ...}, ...} and file "
+            "= 'part.stl'");
   EXPECT_EQ(error_of("hull{points = {{0, 0, 0}, {0, 0/0, 1}}, position = {0, 0, 0}}"),
             "t.lua:1: hull.points[2][2] = nan: must be finite");
   EXPECT_EQ(error_of("hull{points = {{0, 0, 0}, 'here'}, position = {0, 0, 0}}"),
             "t.lua:1: hull.points[2] = 'here': must be three numbers {x, y, z}");
   EXPECT_EQ(error_of("hull{points = 3, position = {0, 0, 0}}"),
             "t.lua:1: hull.points = 3: must be a list of points, {{x, y, z}, ...}");
+}
+
+TEST_F(ObjectsTest, HullFromParts) {
+  load_on_surface(
+      "hull{parts = {{{0, 0, 0}, {1, 0, 0}, {0, 2, 0}, {0, 0, 3}}, {{5, 0, 0}}}, position = {1, 2, 3}}");
+  ASSERT_EQ(solids->compound.size(), 2U);
+  ASSERT_EQ(solids->compound[0].size(), 4U);
+  EXPECT_EQ(solids->compound[0][2], Eigen::Vector3d(0, 2, 0));
+  ASSERT_EQ(solids->compound[1].size(), 1U);
+  EXPECT_EQ(solids->compound[1][0], Eigen::Vector3d(5, 0, 0));
+  EXPECT_EQ(error_of("hull{parts = {}, position = {0, 0, 0}}"),
+            "t.lua:1: hull.parts: has 0 parts; must be 1 to 256");
+  EXPECT_EQ(error_of("hull{parts = {{{0, 0, 0}}, 'here'}, position = {0, 0, 0}}"),
+            "t.lua:1: hull.parts[2] = 'here': must be a list of points, {{x, y, z}, ...}");
+  EXPECT_EQ(error_of("hull{parts = 3, position = {0, 0, 0}}"),
+            "t.lua:1: hull.parts = 3: must be a list of lists of points, {{{x, y, z}, ...}, ...}");
+  EXPECT_EQ(error_of("hull{parts = {}, points = {}, position = {0, 0, 0}}"),
+            "t.lua:1: hull: takes one of points = {{x, y, z}, ...}, parts = {{{x, y, z}, ...}, ...} and file "
+            "= 'part.stl'");
+  EXPECT_EQ(error_of("hull{parts = {}, scale = 2, position = {0, 0, 0}}"),
+            "t.lua:1: hull.scale: applies only to file; points are in u");
 }
 
 TEST_F(ObjectsTest, FileErrorsHaveScriptLocation) {
