@@ -1,4 +1,4 @@
-"""The learning tasks: experiments, networks, and their evaluation as APRON programs."""
+"""The learning tasks: experiments, policies, and their evaluation as APRON programs."""
 import os
 import pathlib
 import sys
@@ -174,7 +174,7 @@ FUNNEL_NETWORK = [0, 0, 0, 0, 0, 0, -5.5, 0,
                   2.5, -6, 0.5]
 
 # Of the tasks of pillars that feel.
-PILLARS = {"deviation": 0.5, "search": (30, 32, 8)}
+PILLARS = {"deviation": 0.5, "search": (15, 32, 8)}
 
 TASKS = {task.name: task for task in (
     NetworkTask("ball", "a ball to any target, 8×8 pins", "learn/ball.lua", "learn/ball.aps", 10, ("colour.r", "colour.b"),
@@ -189,3 +189,4 @@ TASKS = {task.name: task for task in (
     PatchTask("arraybot_flip", "an object turned over, 16×16 pillars that feel", 10, **PILLARS),
     PatchTask("arraybot_relocate", "an object to any goal, 16×16 pillars that feel", 20, **PILLARS),
 )}
+NETWORKS = {name: task for name, task in TASKS.items() if isinstance(task, NetworkTask)}

@@ -11,21 +11,21 @@ COMPILED = list((BIN.parent / "python/smartsurf").glob("_core*"))
 sys.path.insert(0, str(ROOT / "smartsurf/python"))
 sys.path.insert(0, str(LEARN))
 try:
-    from tasks import TASKS
+    from tasks import NETWORKS, TASKS
 except ImportError:
-    TASKS = {}
+    NETWORKS = TASKS = {}
 
 
 # Least successes of 12 runs, well below the rates of docs/learning.md.
-LEAST = {"ball": 8, "box": 7, "sort": 9, "sort-ppo": 5}
+LEAST = {"ball": 8, "box": 7, "sort": 9, "sort-ppo": 5, "arraybot_flip": 8}
 
 
 @unittest.skipUnless(TASKS, "NumPy is not installed")
 class Learn(ProgramTest):
-    def test_learned_programs_are_local_and_succeed(self):
+    def test_learned_programs_succeed_and_networks_are_local(self):
         for name, least in LEAST.items():
             task, program = TASKS[name.split("-")[0]], LEARN / f"policies/{name}.aps"
-            for path in (program, task.controller):
+            for path in (program, task.controller) if name.split("-")[0] in NETWORKS else ():
                 status, out, err = self.run_program(APRON, "check", "--profile", "local", str(path))
                 self.assertEqual(status, 0, out + err)
             won = sum(metrics["success"] for metrics in task.evaluate(program, range(20001, 20013), SMARTSURF))
