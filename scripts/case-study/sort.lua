@@ -30,7 +30,8 @@ faults { sensor = { dead = dead_sensors, dropout = dropout, false_hits = false_h
 
 record { objects = true, every = 2 }
 
--- Drop the spheres where none overlaps another; the crowded ones from a layer higher.
+-- Drop the spheres where none overlaps another; the crowded ones from a layer higher, far enough from the wall that they do
+-- not roll over it.
 local placed = {}
 local function free(x, y, z, r)
   for _, p in ipairs(placed) do
@@ -41,13 +42,12 @@ local function free(x, y, z, r)
 end
 
 local function drop(radius, label, colour)
-  local low, x_high, y_high = 1.0 + radius, columns - 2.0 - radius, rows - 2.0 - radius
-  local z, tries = up + radius + 1.0, 0
+  local z, margin, tries = up + radius + 1.0, 1.0 + radius, 0
   local x, y
   repeat
-    x, y = random(low, x_high), random(low, y_high)
+    x, y = random(margin, columns - 1 - margin), random(margin, rows - 1 - margin)
     tries = tries + 1
-    if tries % 500 == 0 then z = z + 2 * radius + 1 end
+    if tries % 500 == 0 then z, margin = z + 2 * radius + 1, 1 + 3 * radius end
   until free(x, y, z, radius)
   placed[#placed + 1] = { x = x, y = y, z = z, r = radius }
   sphere { radius = radius, position = {x, y, z}, material = 'plastic', colour = colour, label = label }

@@ -7,9 +7,9 @@ import sys
 import numpy as np
 import shm_protocol
 
-UP, DOWN = np.float32(3), np.float32(1)
+DOWN, RISE, TALLEST = np.float32(1), np.float32(2), np.float32(5)
 MAX_STEPS, SHARE, GROWTH, DECAY = 8, 0.72, 0.01, 0.004
-MAX_QUEUE, NEAR, BEHIND = 24, 6, 12
+MAX_QUEUE, NEAR, BEHIND = 8, 6, 12
 REACH, DETOUR, SHY, WALL = 8, 12, 4, 1000
 PATIENCE, HEATING, COOLING, LOUDER, FARTHEST, ALARM = 240, 0.2, 0.01, 15, 16, 6
 EAST, SOUTH, NORTH, WEST = 1, 2, 3, 4
@@ -202,14 +202,14 @@ class Sort:
 
         # (g) Actuators: pockets go down, everything else up. Who moves has a pocket that runs ahead of its footprint, by
         # one cell, large ones to the east by three, so that the pins behind it push; who halts sinks into one that
-        # surrounds it.
+        # surrounds it. Under objects so tall that they reach over the wall the whole table is lower.
         turn = told(turn, core, uphill)
         pocket = around(sensed * (turn == 0), 1)
         for direction, shift in ((WEST, shift_west), (EAST, shift_east), (NORTH, shift_north), (SOUTH, shift_south)):
             moving = as_number(turn == direction) * (small if direction == EAST else 1)
             pocket = np.maximum(pocket, pocket_of(moving, shift))
         pocket = np.maximum(pocket, long_pocket_of(large * (turn == EAST), shift_east))
-        return np.where(pocket != 0, DOWN, UP)
+        return np.clip(TALLEST - self.largest, np.float32(0), DOWN) + np.where(pocket != 0, np.float32(0), RISE)
 
 
 def run(name, timeout=10.0):
