@@ -29,7 +29,7 @@ class Tasks(ProgramTest):
 
     def test_every_program_is_local(self):
         for program in sorted(TASKS.glob("*.aps")):
-            if program.stem in ("push_t", "push_t_pins", "arraybot_lift", "arraybot_flip", "arraybot_relocate"):  # add up what all cells sense
+            if program.stem in ("push_t", "push_t_pins", "arraybot_lift", "arraybot_flip", "arraybot_relocate", "delta_align"):  # add up what all cells sense
                 continue
             status, out, err = self.run_program(APRON, "check", "--local", str(program))
             self.assertEqual((status, "every instruction is local" in out), (0, True), f"{program.name}: {err}")
@@ -111,6 +111,12 @@ class Tasks(ProgramTest):
             metrics = self.run_task("arraybot_relocate", 20, f"complexity={complexity}", seed=20001)
             self.assertEqual(metrics["success"], 1)
             self.assertLess(metrics["error_cm"], 2)
+
+    def test_deltas_walk_a_polygon_to_its_pose(self):
+        metrics = self.run_task("delta_align", 40)
+        self.assertEqual(metrics["success"], 1)
+        self.assertLess(metrics["error_u"], 0.3)
+        self.assertLess(metrics["angle_error_deg"], 5)
 
     def test_sheet_floats_to_goal(self):
         metrics = self.run_task("air", 30)
