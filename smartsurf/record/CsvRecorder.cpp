@@ -16,7 +16,6 @@ namespace smartsurf::record {
 namespace {
 
 constexpr std::size_t kBufferBytes = 256 * 1024;
-constexpr std::chrono::seconds kMaxFlushInterval{1};
 
 }  // namespace
 

@@ -11,6 +11,7 @@
 // Debian builds without locks; nothing else in the process may call HDF5 concurrently.
 #pragma once
 
+#include <chrono>
 #include <cstdint>
 #include <filesystem>
 #include <memory>
@@ -25,6 +26,9 @@
 #include "smartsurf/scene/Snapshot.h"
 
 namespace smartsurf::record {
+
+// Frames wait at most this long before they are written.
+inline constexpr std::chrono::seconds kMaxFlushInterval{1};
 
 struct NamedText {
   std::string name, value;

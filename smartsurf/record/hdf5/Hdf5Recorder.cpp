@@ -19,7 +19,6 @@ constexpr std::size_t kMaxBufferBytes = 16u << 20;  // all channels together
 constexpr std::size_t kMaxChunkBytes = 256u << 10;  // per channel; a reader decompresses whole chunks
 constexpr std::size_t kMaxBufferedChanges = 1u << 20;
 constexpr std::uint64_t kMetadataBytes = 256u << 10;  // upper bound of the library's metadata per write
-constexpr std::chrono::seconds kMaxFlushInterval{1};
 constexpr float kNaN = std::numeric_limits<float>::quiet_NaN();
 
 // The largest power of two, at most 64, of frames that fit into `bytes`. Powers of two make chunks divide the

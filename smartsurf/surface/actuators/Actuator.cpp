@@ -25,7 +25,7 @@ std::unique_ptr<Actuator> make_tile(const ActuatorContext& context) {
   return std::make_unique<TiltingTiles>(context);
 }
 
-std::map<std::string, ActuatorFactory>& factories() {
+std::map<std::string, ActuatorFactory>& actuator_factories() {
   static std::map<std::string, ActuatorFactory> all{{"pin", make<Pins>},
                                                     {"ball", make_ball},
                                                     {"wheels", make_wheels},
@@ -41,13 +41,14 @@ std::map<std::string, ActuatorFactory>& factories() {
 }  // namespace
 
 void register_actuator(scene::ActuatorKind kind, ActuatorFactory make) {
-  factories()[kind.name] = std::move(make);
+  actuator_factories()[kind.name] = std::move(make);
   scene::add_actuator_kind(std::move(kind));
 }
 
 std::unique_ptr<Actuator> make_actuator(const ActuatorContext& context) {
-  const auto it = factories().find(context.spec.model);
-  if (it == factories().end()) throw scene::InputError("no actuator is called '" + context.spec.model + "'");
+  const auto it = actuator_factories().find(context.spec.model);
+  if (it == actuator_factories().end())
+    throw scene::InputError("no actuator is called '" + context.spec.model + "'");
   return it->second(context);
 }
 

@@ -20,7 +20,7 @@ std::unique_ptr<Sensor> make(const Field& field, const scene::SensorSpec& spec) 
   return std::make_unique<Model>(field, spec);
 }
 
-std::map<std::string, SensorFactory>& factories() {
+std::map<std::string, SensorFactory>& sensor_factories() {
   static std::map<std::string, SensorFactory> all{{"proximity", make<ProximitySensor>},
                                                   {"colour", make<ColourSensor>},
                                                   {"object_type", make<ObjectTypeSensor>},
@@ -35,13 +35,13 @@ std::map<std::string, SensorFactory>& factories() {
 }  // namespace
 
 void register_sensor(scene::SensorKind kind, SensorFactory make) {
-  factories()[kind.name] = std::move(make);
+  sensor_factories()[kind.name] = std::move(make);
   scene::add_sensor_kind(std::move(kind));
 }
 
 std::unique_ptr<Sensor> make_sensor(const Field& field, const scene::SensorSpec& spec) {
-  const auto it = factories().find(spec.model);
-  if (it == factories().end()) throw scene::InputError("no sensor is called '" + spec.model + "'");
+  const auto it = sensor_factories().find(spec.model);
+  if (it == sensor_factories().end()) throw scene::InputError("no sensor is called '" + spec.model + "'");
   return it->second(field, spec);
 }
 

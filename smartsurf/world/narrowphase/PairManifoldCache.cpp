@@ -12,10 +12,10 @@ namespace {
 
 // Greatest relative motion of two bodies for which a cached manifold stays valid: as a fraction of the
 // smaller bounding radius, and in u. Features that were farther apart cannot touch yet.
-constexpr float kTravelFraction = 0.03F, kMaxTravel = 0.06F;
+constexpr float kPairTravelFraction = 0.03F, kMaxPairTravel = 0.06F;
 // Greatest tangential motion at a cached point, likewise as a fraction and in u. The normals stay constant,
 // so the error is of second order, about 1e-3 u.
-constexpr float kSlipFraction = 0.015F, kMaxSlip = 0.03F;
+constexpr float kPairSlipFraction = 0.015F, kMaxPairSlip = 0.03F;
 
 // Pose of a relative to b, in the axes of b.
 struct RelativePose {
@@ -29,8 +29,12 @@ struct RelativePose {
 float min_bounding_radius(const BodyStore& bodies, std::size_t a, std::size_t b) {
   return std::min(bodies.bounding_radius[a], bodies.bounding_radius[b]);
 }
-float max_travel(float bounding_radius) { return std::min(kMaxTravel, kTravelFraction * bounding_radius); }
-float max_slip(float bounding_radius) { return std::min(kMaxSlip, kSlipFraction * bounding_radius); }
+float max_pair_travel(float bounding_radius) {
+  return std::min(kMaxPairTravel, kPairTravelFraction * bounding_radius);
+}
+float max_pair_slip(float bounding_radius) {
+  return std::min(kMaxPairSlip, kPairSlipFraction * bounding_radius);
+}
 
 // Upper bound of the motion of any point of a relative to b, u.
 float relative_motion(const RelativePose& pose, const PairManifoldCache::CachedManifold& cached,
@@ -64,7 +68,7 @@ bool is_valid(const BodyStore& bodies, const RelativePose& pose,
   if (travel + margin > cached.clearance) return false;
   if (travel + margin <= cached.min_separation) return true;
   const float min_radius = min_bounding_radius(bodies, a, b);
-  return travel <= max_travel(min_radius) && !has_slipped(pose, cached, max_slip(min_radius));
+  return travel <= max_pair_travel(min_radius) && !has_slipped(pose, cached, max_pair_slip(min_radius));
 }
 
 // Collides the bodies at their current poses and stores the manifold.
@@ -75,8 +79,8 @@ void rebuild(const BodyStore& bodies, std::size_t a, std::size_t b, float margin
   contacts.clear();
   manifold.clearance = collide_convex({*bodies.shape[a], bodies.origin(a), bodies.axes[a]},
                                       {*bodies.shape[b], bodies.origin(b), bodies.axes[b]},
-                                      margin + max_travel(min_bounding_radius(bodies, a, b)), cached_normal,
-                                      contacts, PairManifoldCache::kHorizon, &simplex_cache);
+                                      margin + max_pair_travel(min_bounding_radius(bodies, a, b)),
+                                      cached_normal, contacts, PairManifoldCache::kHorizon, &simplex_cache);
   manifold.point_count = static_cast<std::int32_t>(contacts.size());
   manifold.min_separation = std::numeric_limits<float>::infinity();
   for (const Contact& c : contacts) {
