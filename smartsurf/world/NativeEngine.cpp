@@ -250,7 +250,7 @@ void NativeEngine::archive(common::StateArchive& a, std::span<const scene::Objec
                            std::size_t declared) {
   Impl& s = *impl_;
   std::vector<scene::ObjectId> previous_id = s.bodies.id;
-  a(s.next_id, s.bodies, s.joints, s.timed_forces, s.pair_contacts, s.static_contacts, s.sleep);
+  a(s.next_id, s.bodies, s.joints, s.timed_forces, s.pair_contacts, s.static_contacts, s.sleep, s.jam_relief);
   s.collision.archive(a, s.bodies.size());
   a(s.loaded_cells, s.sleeper_cells, s.sleeper_impulse, s.sleeper_impulse_version, s.has_wrenches,
     s.field_moved);

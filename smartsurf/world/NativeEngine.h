@@ -19,7 +19,7 @@ class NativeEngine final : public Engine {
 
   std::string name() const override { return "native"; }
   // The number after "physics" is raised whenever equal inputs give other bits.
-  std::string version() const override { return SMARTSURF_VERSION "+physics5"; }
+  std::string version() const override { return SMARTSURF_VERSION "+physics6"; }
   scene::ObjectId add(const scene::ObjectSpec&) override;
   bool alive(scene::ObjectId) const override;
   bool remove(scene::ObjectId) override;

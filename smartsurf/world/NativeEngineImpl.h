@@ -66,6 +66,7 @@ struct NativeEngine::Impl {
   TipSolver tips;
   CellForceLimits force_limits;
   JamRelief jam_relief;
+  std::vector<DeepContact> strained_bodies;
   bool lowered_speeds = false;  // in this step
   bool overloaded = false;      // see Engine::is_overloaded()
   bool has_wrenches = false;    // since the last step

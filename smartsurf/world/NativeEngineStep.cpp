@@ -250,7 +250,14 @@ void NativeEngine::Impl::step() {
         unit.return_yielding_tip(field, static_cast<std::size_t>(cell), scene_field);
     force_limits.yield_overloaded_cells(bodies, static_contacts, settings.dt_s, field);
     for (const std::vector<DeepContact>& deep : solver->deep_contacts())
-      lowered_speeds |= jam_relief.stall_cells(deep, static_contacts, bodies, field);
+      lowered_speeds |= jam_relief.stall_cells(deep, static_contacts, collision.supports(), bodies, field);
+    strained_bodies.clear();
+    joints.find_strained(bodies, jam_relief.min_depth(), strained_bodies);
+    if (!strained_bodies.empty()) {
+      jam_relief.spread(strained_bodies, pair_contacts, bodies);
+      lowered_speeds |=
+          jam_relief.stall_cells(strained_bodies, static_contacts, collision.supports(), bodies, field);
+    }
     sleep.update_sleeping_set(bodies, active_bodies, pair_contacts, static_contacts, collision.supports());
   }
   write_cell_impulses();

@@ -227,10 +227,14 @@ void Sleep::update_sleeping_set(BodyStore& b, const std::vector<std::int32_t>& a
   has_active_neighbour_.assign(b.asleep.size(), 0);
   std::vector<char>& is_supported = is_supported_;
   is_supported.assign(b.asleep.size(), gravity_.isZero(0.0F));
-  // A body that touches a moving body, or has a joint with one, stays awake, or is woken.
+  // A body that touches a moving body, or has a joint with one, stays awake, or is woken. Bodies that may lie on each other
+  // fall asleep together: a sleeper is immovable, and would go on bearing the load of that moment while the rest settles.
   auto keep_together = [&](std::size_t i, std::size_t j) {
+    const bool may_stack = !b.is_sphere[i] && !b.is_sphere[j];
     for (const auto& [one, other] : {std::pair{i, j}, std::pair{j, i}}) {
-      if (!b.is_active(one) || b.sleep_timer_s[one] > 0.0F) continue;
+      if (!b.is_active(one)) continue;
+      if (may_stack && b.sleep_timer_s[one] < kTimeToSleep_s) has_active_neighbour_[other] = 1;
+      if (b.sleep_timer_s[one] > 0.0F) continue;
       has_active_neighbour_[other] = 1;
       if (b.asleep[other]) wake(b, other);
     }

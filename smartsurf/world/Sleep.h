@@ -1,8 +1,8 @@
 // Puts resting bodies to sleep and wakes them again.
 //
-// A body falls asleep when it and every body that it touches or has a joint with have been nearly still for
-// kTimeToSleep_s on cells that do not move, and its velocity has hardly changed meanwhile: a body that starts to slide
-// or roll is slow too. A sleeping body has zero inverse mass in the solver and is not simulated; its contacts are kept
+// A body falls asleep when it has been nearly still for kTimeToSleep_s on cells that do not move, its velocity has hardly
+// changed meanwhile (a body that starts to slide or roll is slow too), and no body that it touches or has a joint with
+// moves; two non-spheres that touch fall asleep only together. A sleeping body has zero inverse mass in the solver and is not simulated; its contacts are kept
 // with their impulses. It wakes when a cell under or beside it moves, when a wrench acts on it, or when a neighbour
 // moves or is removed; an imminent hit by a fast body wakes the whole island.
 //

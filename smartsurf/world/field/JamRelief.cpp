@@ -1,6 +1,7 @@
 #include "smartsurf/world/field/JamRelief.h"
 
 #include <algorithm>
+#include <cmath>
 
 #include "smartsurf/world/field/CellForceLimits.h"
 
@@ -12,70 +13,149 @@ constexpr float kHardDepth = 4e-3F, kDepthPerStep = 1.0F;
 // A cell retreats out of a contact deeper than that of the stall within this time, at most at kMaxRetreatSpeed.
 constexpr float kRetreatTime_s = 0.05F;
 
+// How long a cell that stalled stays so.
+constexpr float kHoldTime_s = 0.05F;
+
 // A contact whose normal has a smaller vertical component lies on a cell's side.
 constexpr float kMaxSideNormalZ = 0.1F;
 
 }  // namespace
 
-JamRelief::JamRelief(float dt_s) : min_depth_(kHardDepth + kDepthPerStep * dt_s) {}
+JamRelief::JamRelief(float dt_s)
+    : dt_s_(dt_s),
+      min_depth_(kHardDepth + kDepthPerStep * dt_s),
+      hold_steps_(std::max(1, static_cast<int>(std::lround(kHoldTime_s / dt_s)))) {}
 
 bool JamRelief::hold_cells(surface::Field& field) {
-  for (const StalledCell& s : held_) planned_speed_[static_cast<std::size_t>(s.cell)] = 0.0F;
-  held_.swap(stalled_);
-  stalled_.clear();
   if (held_.empty()) return false;
   planned_speed_.resize(field.speed.size(), 0.0F);
+  std::size_t kept = 0;
   for (const StalledCell& s : held_) {
     const auto i = static_cast<std::size_t>(s.cell);
-    if (planned_speed_[i] == 0.0F) planned_speed_[i] = field.speed[i];
+    planned_speed_[i] = 0.0F;
+    held_of_cell_[i] = -1;
+    if (s.steps_left == 0) continue;
+    planned_speed_[i] = field.speed[i];
     if (!s.descends)
       field.speed[i] = std::min(field.speed[i], s.speed);
-    else if (planned_speed_[i] < 0.0F)
+    else if (field.speed[i] < 0.0F)
       field.speed[i] = std::max(field.speed[i], s.speed);
+    held_of_cell_[i] = static_cast<std::int32_t>(kept);
+    held_[kept] = s;
+    --held_[kept++].steps_left;
   }
+  held_.resize(kept);
   return true;
 }
 
+// Bounds the upward speed of a cell, in the coming steps too if it `holds`. Returns whether that lowers the speed.
+bool JamRelief::slow_down(std::int32_t cell, float bound, bool holds, surface::Field& field) {
+  if (holds) hold({cell, bound, false, hold_steps_});
+  float& speed = field.speed[static_cast<std::size_t>(cell)];
+  if (speed <= bound) return false;
+  speed = bound;
+  return true;
+}
+
+// The slowest of the bounds of this step replaces that of an earlier one.
+void JamRelief::hold(const StalledCell& s) {
+  std::int32_t& index = held_of_cell_[static_cast<std::size_t>(s.cell)];
+  if (index < 0) {
+    index = static_cast<std::int32_t>(held_.size());
+    held_.push_back(s);
+    return;
+  }
+  StalledCell& old = held_[static_cast<std::size_t>(index)];
+  const bool is_of_this_step = old.steps_left == s.steps_left && old.descends == s.descends;
+  const float speed = s.descends ? std::max(old.speed, s.speed) : std::min(old.speed, s.speed);
+  old = s;
+  if (is_of_this_step) old.speed = speed;
+}
+
+void JamRelief::spread(std::vector<DeepContact>& deep, const ContactList& pair_contacts,
+                       const BodyStore& bodies) {
+  jam_.resize(bodies.id.size());
+  for (const DeepContact& d : deep) jam_[static_cast<std::size_t>(d.body)].depth = d.depth;
+  for (bool changed = true; changed;) {
+    changed = false;
+    for (const Manifold& m : pair_contacts.manifolds) {
+      Jam &a = jam_[static_cast<std::size_t>(m.a)], &b = jam_[static_cast<std::size_t>(m.b)];
+      if ((a.depth > 0.0F) == (b.depth > 0.0F)) continue;
+      float impulse = 0.0F, upward = 0.0F;  // on a
+      for (int k = m.first; k < m.first + m.count; ++k) {
+        const Contact& c = pair_contacts.contacts[static_cast<std::size_t>(k)];
+        impulse += c.total_normal_impulse, upward += c.total_normal_impulse * c.normal.z();
+      }
+      if (impulse <= 0.0F) continue;
+      if (b.depth > 0.0F)
+        deep.push_back({m.a, a.depth = b.depth, upward < 0.0F});
+      else
+        deep.push_back({m.b, b.depth = a.depth, upward > 0.0F});
+      changed = true;
+    }
+  }
+  for (const DeepContact& d : deep) jam_[static_cast<std::size_t>(d.body)] = {};
+}
+
+void JamRelief::archive(common::StateArchive& a) { a(held_, held_of_cell_, planned_speed_); }
+
 bool JamRelief::stall_cells(std::span<const DeepContact> deep_contacts, const ContactList& static_contacts,
-                            const BodyStore& bodies, surface::Field& field) {
+                            std::span<const SupportPatches> supports, const BodyStore& bodies,
+                            surface::Field& field) {
   if (deep_contacts.empty()) return false;
   planned_speed_.resize(field.speed.size(), 0.0F);
-  depth_.resize(bodies.id.size(), 0.0F);
+  held_of_cell_.resize(field.speed.size(), -1);
+  jam_.resize(bodies.id.size());
   for (const DeepContact& d : deep_contacts) {
-    float& depth = depth_[static_cast<std::size_t>(d.body)];
-    depth = std::max(depth, d.depth);
+    Jam& jam = jam_[static_cast<std::size_t>(d.body)];
+    jam.depth = std::max(jam.depth, d.depth);
+    jam.from_above |= d.from_above;
   }
   bool lowered = false;
   for (const Manifold& m : static_contacts.manifolds) {
-    const float depth = depth_[static_cast<std::size_t>(m.a)];
-    if (depth == 0.0F) continue;
-    // Spheres slip out of wedges by themselves.
-    const bool may_wedge = !bodies.is_sphere[static_cast<std::size_t>(m.a)];
-    const float fraction = std::max(0.0F, 2.0F - depth / min_depth_);
+    const Jam& jam = jam_[static_cast<std::size_t>(m.a)];
+    if (jam.depth == 0.0F) continue;
+    // Spheres slip out of wedges by themselves, unless something lies on them.
+    const bool may_wedge = jam.from_above || !bodies.is_sphere[static_cast<std::size_t>(m.a)];
+    const float fraction = std::max(0.0F, 2.0F - jam.depth / min_depth_);
     for (int k = m.first; k < m.first + m.count; ++k) {
       const Contact& c = static_contacts.contacts[static_cast<std::size_t>(k)];
-      if ((c.other != kField && c.other != kSupportedField) || c.total_normal_impulse <= 0.0F) continue;
+      if (c.other != kField && c.other != kSupportedField) continue;
+      const bool bears = c.total_normal_impulse > 0.0F;
+      if (!bears && !may_wedge) continue;
       float& speed = field.speed[static_cast<std::size_t>(c.feature_id)];
       const float held = planned_speed_[static_cast<std::size_t>(c.feature_id)],
                   planned = held != 0.0F ? held : c.surface_velocity.z();
       if (may_wedge && planned < 0.0F && c.normal.z() < kMaxSideNormalZ) {
         const float bound = fraction * planned;
-        if (planned < bound) stalled_.push_back({c.feature_id, bound, true});
+        if (!bears) continue;
+        if (planned < bound) hold({c.feature_id, bound, true, hold_steps_});
         if (speed >= bound) continue;
         speed = bound;
         lowered = true;
         continue;
       }
       float bound = fraction * std::max(planned, 0.0F);
+      if (!bears) bound = std::max(bound, std::max(c.separation, 0.0F) / dt_s_);
       if (planned > 0.0F && -c.separation > 2.0F * min_depth_)
         bound = -std::min((-c.separation - 2.0F * min_depth_) / kRetreatTime_s, kMaxRetreatSpeed);
-      if (may_wedge && planned > bound) stalled_.push_back({c.feature_id, bound, false});
-      if (speed <= bound) continue;
-      speed = bound;
-      lowered = true;
+      lowered |= slow_down(c.feature_id, bound, may_wedge && planned > bound, field);
     }
   }
-  for (const DeepContact& d : deep_contacts) depth_[static_cast<std::size_t>(d.body)] = 0.0F;
+  // The few contacts of a flat face stand for all cells that it covers.
+  for (const SupportPatches& list : supports)
+    for (const SupportPatch& p : list.patches) {
+      const Jam& jam = jam_[static_cast<std::size_t>(p.body)];
+      if (jam.depth == 0.0F) continue;
+      const float fraction = std::max(0.0F, 2.0F - jam.depth / min_depth_);
+      for (int i = p.first; i < p.first + p.count; ++i) {
+        const std::int32_t cell = list.samples.cell[static_cast<std::size_t>(i)];
+        const auto at = static_cast<std::size_t>(cell);
+        const float planned = planned_speed_[at] != 0.0F ? planned_speed_[at] : field.speed[at];
+        if (planned > 0.0F) lowered |= slow_down(cell, fraction * planned, fraction < 1.0F, field);
+      }
+    }
+  for (const DeepContact& d : deep_contacts) jam_[static_cast<std::size_t>(d.body)] = {};
   return lowered;
 }
 

@@ -9,13 +9,15 @@
 #include "smartsurf/surface/Field.h"
 #include "smartsurf/world/BodyStore.h"
 #include "smartsurf/world/Contact.h"
+#include "smartsurf/world/field/SupportPatch.h"
 
 namespace smartsurf::world {
 
-// A body with a deep contact in this step.
+// A body that is in another one, in a cell or off its joints in this step.
 struct DeepContact {
   std::int32_t body;
-  float depth;  // u
+  float depth;      // u
+  bool from_above;  // the contact presses the body down
 };
 
 class JamRelief {
@@ -25,25 +27,40 @@ class JamRelief {
   // Contacts from this depth on count as deep, u.
   float min_depth() const { return min_depth_; }
 
-  // Before the contacts are found: the cells that stalled in the last step under a non-sphere do not rise faster in this one, or their contacts
-  // would go on pushing. Returns whether it lowered any speed.
+  // Before the contacts are found: cells that stalled lately do not rise faster than then, or they would go on pushing
+  // whenever the body leaves them for a step. Returns whether it lowered any speed.
   bool hold_cells(surface::Field&);
+  // After the solver: appends the bodies that deep ones press on. Call it with bodies that are off their joints: contacts
+  // hold at the joints' expense, so that no other body on the way to the cells is in a deep contact.
+  void spread(std::vector<DeepContact>&, const ContactList& pair_contacts, const BodyStore&);
   // After the solver: lowers the upward Field::speed of the cells that push the bodies, the more the deeper they are, to
-  // 0 at a depth of twice min_depth(); cells that descend likewise where a body is wedged against their sides. A rising cell that is itself deeper in a body retreats. Returns whether it lowered
-  // any speed.
-  bool stall_cells(std::span<const DeepContact>, const ContactList& static_contacts, const BodyStore&,
-                   surface::Field&);
+  // 0 at a depth of twice min_depth(); cells that descend likewise where a body is wedged against their sides. A rising
+  // cell that is itself deeper in a body retreats, and one that does not touch it yet comes no nearer than that. Returns
+  // whether it lowered any speed.
+  bool stall_cells(std::span<const DeepContact>, const ContactList& static_contacts,
+                   std::span<const SupportPatches>, const BodyStore&, surface::Field&);
+  void archive(common::StateArchive&);
 
  private:
   struct StalledCell {
     std::int32_t cell;
     float speed;  // upper bound, lower bound if it descends, u/s
     bool descends;
+    std::int32_t steps_left;
   };
-  float min_depth_;
-  std::vector<StalledCell> stalled_, held_;  // in this step, and in the last one
-  std::vector<float> planned_speed_;         // by cell, of held cells; otherwise 0, u/s
-  std::vector<float> depth_;                 // by body; zero between calls
+  struct Jam {
+    float depth = 0.0F;
+    bool from_above = false;
+  };
+  bool slow_down(std::int32_t cell, float bound, bool holds, surface::Field&);
+  void hold(const StalledCell&);
+
+  float dt_s_, min_depth_;
+  std::int32_t hold_steps_;
+  std::vector<StalledCell> held_;
+  std::vector<std::int32_t> held_of_cell_;  // index in held_, or −1
+  std::vector<float> planned_speed_;        // by cell, of held cells; otherwise 0, u/s
+  std::vector<Jam> jam_;                    // by body; zero between calls
 };
 
 }  // namespace smartsurf::world

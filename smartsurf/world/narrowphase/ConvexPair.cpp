@@ -38,7 +38,7 @@ void for_each_escape(const ConvexProxy& c, const Vec3& towards, Try try_directio
 ContactCandidate find_deepest(const ConvexProxy& a, const ConvexProxy& b) {
   ContactCandidate best{{0, 0, 1}, -std::numeric_limits<float>::max(), {}};
   auto try_direction = [&](const Vec3& n) {
-    const Vec3 on_a = a.support_with_radius(-n), on_b = b.support_with_radius(n);
+    const Vec3 on_a = a.sharp_support(-n), on_b = b.sharp_support(n);
     if (const float separation = n.dot(on_a - on_b); separation > best.separation)
       best = {n, separation, 0.5F * (on_a + on_b)};
   };
@@ -70,10 +70,12 @@ bool find_contact(const ConvexProxy& a, const ConvexProxy& b, const SearchLimits
     out = find_deepest(a, b);
     return true;
   }
-  out.separation = closest.distance - a.convex_radius - b.convex_radius;
   out.normal = closest.normal;
-  out.point = 0.5F * (closest.on_a - a.convex_radius * closest.normal + closest.on_b +
-                      b.convex_radius * closest.normal);
+  // How far the sharp shapes reach beyond their cores.
+  const float reach_a = closest.normal.dot(closest.on_a - a.sharp_support(-closest.normal)),
+              reach_b = closest.normal.dot(b.sharp_support(closest.normal) - closest.on_b);
+  out.separation = closest.distance - reach_a - reach_b;
+  out.point = 0.5F * (closest.on_a + closest.on_b + (reach_b - reach_a) * closest.normal);
   return out.separation <= limits.margin;
 }
 
@@ -96,7 +98,7 @@ CacheResult test_cached_axis(const ConvexProxy& a, const ConvexProxy& b, float m
   const SupportFeature face = from_a ? proxy_feature(a, -cached_normal) : proxy_feature(b, cached_normal);
   const ConvexProxy& other = from_a ? b : a;
   auto height_above_face = [&face](const Vec3& p) { return face.normal.dot(p - face.point[0]); };
-  const float separation = height_above_face(other.support_with_radius(-face.normal));
+  const float separation = height_above_face(other.sharp_support(-face.normal));
   if (separation > margin) {
     clearance = separation;
     return CacheResult::kSeparated;
@@ -138,7 +140,9 @@ float collect_candidates(const ConvexProxy& a, const ConvexProxy& b, const Searc
   if (may_share_face(a, b, t.normal))
     add_contact_patch(proxy_feature(a, -t.normal), proxy_feature(b, t.normal), t.normal, limits.margin, 0,
                       out);
-  if (out.count() == 0) out.add({t.point, t.normal, t.separation, 0});
+  // A patch lies within polygons inscribed in round faces, and within the faces: a part may be deeper beside it.
+  constexpr float kTolerance = 1e-3F;
+  if (out.min_separation() > t.separation + kTolerance) out.add({t.point, t.normal, t.separation, 0});
   return limits.margin;
 }
 

@@ -93,7 +93,10 @@ HWY_INLINE V soft_normal_impulse(const ContactLanes<kPair, kSpheres>& l, const P
   const V impulse_scale = hn::IfThenElseZero(hn::Not(separated), set(params.impulse_scale));
   store(hn::IfThenElseZero(separated, zero() - speculative_bias), q.point.relax_target_speed, at);
   const V old_impulse = load(q.point.normal_impulse, at);
-  return hn::Max(old_impulse - mass * (speed + bias) - impulse_scale * old_impulse, zero());
+  V deflecting_impulse = old_impulse;
+  if constexpr (!kSpheres)
+    deflecting_impulse = deflecting_impulse - set(params.steady_share) * load(q.detail.start_impulse, at);
+  return hn::Max(old_impulse - mass * (speed + bias) - impulse_scale * deflecting_impulse, zero());
 }
 
 // Relax stage: returns the normal impulse without softness and bias.

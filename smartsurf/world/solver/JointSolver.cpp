@@ -46,6 +46,9 @@ Matrix3d tensor_of(const PrincipalInertia& p, const Quaterniond& orientation, co
          (moments[2] - moments[1]) * v * v.transpose();
 }
 
+// The first rows of a joint are the linear ones; see rigid_error().
+int linear_rows(scene::JointKind kind) { return kind == scene::JointKind::kSlider ? 2 : 3; }
+
 Vector3d limited(const Vector3d& v, double length) {
   const double norm = v.norm();
   return norm > length ? Vector3d(v * (length / norm)) : v;
@@ -423,10 +426,8 @@ void JointSolver::solve(const BodyStore& bodies, const Rows& rows, const Substep
   for (Block& block : blocks_) {
     if (joints_[static_cast<std::size_t>(block.joint)].has_spring)
       block.previous_speed = speed_before(block, bodies, rows, substep);
-    // Linear errors come first; see rigid_error().
     block.target_error = block.error;
-    const int linear =
-        joints_[static_cast<std::size_t>(block.joint)].kind == scene::JointKind::kSlider ? 2 : 3;
+    const int linear = linear_rows(joints_[static_cast<std::size_t>(block.joint)].kind);
     for (const auto& [first, count] : {std::pair{0, linear}, std::pair{linear, block.row_count - linear}}) {
       Vec3d correction = Vec3d::Zero();
       correction.head(count) = kErrorReduction * block.error.segment(first, count);
@@ -478,6 +479,26 @@ void JointSolver::relax(const Rows& rows, const Substep& substep) {
     for (int r = 0; r < block.row_count; ++r) j.force_impulse += j.rigid_impulse[r] * block.row[r].linear;
     j.effort_impulse +=
         j.spring_impulse + j.motor_impulse + j.friction_impulse + j.lower_impulse - j.upper_impulse;
+  }
+}
+
+void JointSolver::find_strained(const BodyStore& bodies, float min_depth,
+                                std::vector<DeepContact>& out) const {
+  if (joints_.empty()) return;  // then blocks_ are those of an earlier step
+  for (const Block& block : blocks_) {
+    const Joint& j = joints_[static_cast<std::size_t>(block.joint)];
+    // Of a rotation, the way of the body's farthest point.
+    const auto reach = static_cast<double>(bodies.bounding_radius[static_cast<std::size_t>(j.a)]);
+    const int linear = linear_rows(j.kind);
+    double strain =
+        std::max(block.error.head(linear).norm(), reach * block.error.tail(block.row_count - linear).norm());
+    if (block.axis_mass > 0.0)
+      strain = std::max(strain, (j.kind == scene::JointKind::kHinge ? reach : 1.0) *
+                                    std::max(j.lower - j.coordinate, j.coordinate - j.upper));
+    if (!(strain >= static_cast<double>(min_depth))) continue;
+    for (const std::int32_t body : {j.a, j.b})
+      if (body >= 0 && bodies.is_active(static_cast<std::size_t>(body)))
+        out.push_back({body, static_cast<float>(strain), false});
   }
 }
 

@@ -19,6 +19,7 @@
 #include "common/state/StateArchive.h"
 #include "smartsurf/scene/JointSpec.h"
 #include "smartsurf/world/BodyStore.h"
+#include "smartsurf/world/field/JamRelief.h"
 #include "smartsurf/world/parallel/SpatialPartition.h"
 
 namespace smartsurf::world {
@@ -61,6 +62,9 @@ class JointSolver {
   // Call after the rows were moved: rotates the bodies, and removes the velocity that the constraints forbid. Writes the
   // rotations of delta_pose.
   void relax(const Rows&, const Substep&);
+  // After the step: appends the active bodies of joints that contacts hold off their constraints by `min_depth`, u, or more,
+  // with that distance. Allocates while the list grows.
+  void find_strained(const BodyStore&, float min_depth, std::vector<DeepContact>&) const;
 
  private:
   static constexpr int kMaxRows = 6;

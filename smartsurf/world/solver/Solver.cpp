@@ -14,19 +14,25 @@ namespace {
 
 // Contact softness: frequency (Hz, at most a quarter of the substep frequency) and damping ratio of the spring that
 // resolves penetration.
-constexpr float kPairContactHertz = 60.0F, kStaticContactHertz = 120.0F, kDampingRatio = 5.0F;
+constexpr float kSpherePairHertz = 60.0F, kContactHertz = 120.0F, kDampingRatio = 5.0F;
+// SubstepParams::steady_share is 1 − (substep / kSofteningTime_s)², within [0, kMaxSteadyShare]: substeps too long to settle a
+// heavy body on light ones, or a tall stack, need the softness.
+constexpr float kSofteningTime_s = 1.0F / 600.0F, kMaxSteadyShare = 0.9F;
 constexpr float kMaxBiasVelocity = 4.0F;   // of the push-out from penetration, u/s
+constexpr float kPressingNormalZ = 0.5F;   // of contacts that press a body down
 constexpr float kUnusedSeparation = 1e6F;  // of unused lanes: never in contact
 
 SubstepParams make_substep_params(float h_s, float hertz, int substeps) {
   const float omega = 2.0F * std::numbers::pi_v<float> * std::min(hertz, 0.25F / h_s);
   const float a = 2.0F * kDampingRatio + h_s * omega, b = h_s * omega * a, scale = 1.0F / (1.0F + b);
+  const float length = h_s / kSofteningTime_s;
   return {h_s,
           1.0F / h_s,
           0.0F,
           omega / a,
           b * scale,
           scale,
+          std::clamp(1.0F - length * length, 0.0F, kMaxSteadyShare),
           kMaxBiasVelocity,
           1.0F / static_cast<float>(substeps)};
 }
@@ -88,7 +94,7 @@ struct Solver::StepContext {
   IndexRange own_slabs;  // of the member
   IndexRange own_rows;
   SolverBodies solver_bodies;
-  SubstepParams pair_params, static_params;
+  SubstepParams sphere_pair_params, params;  // of pairs of spheres, and of all other contacts
   const ContactKernelTable& kernels;
   bool any_restitution;
   bool all_spheres;
@@ -128,8 +134,8 @@ void Solver::step(BodyStore& bodies, const Input& input, const Member& member) {
       own_slabs,
       input.partition.rows_of(own_slabs),
       solver_bodies(),
-      make_substep_params(h_s, kPairContactHertz, settings_.substeps),
-      make_substep_params(h_s, kStaticContactHertz, settings_.substeps),
+      make_substep_params(h_s, kSpherePairHertz, settings_.substeps),
+      make_substep_params(h_s, kContactHertz, settings_.substeps),
       contact_kernels(),
       any_restitution,
       std::find(bodies.is_sphere.begin(), bodies.is_sphere.end(), 0) == bodies.is_sphere.end(),
@@ -176,18 +182,18 @@ void Solver::run_stages(StepContext& context, const Member& member) {
   integrate_velocities(context, true);
   member.arrive();
   JointSolver& joints = context.input.joints;
-  const JointSolver::Substep substep{context.pair_params.h_s, settings_.gravity};
+  const JointSolver::Substep substep{context.params.h_s, settings_.gravity};
   run_joint_stage(context, member,
                   [&] { joints.begin_step(context.bodies, context.partition, joint_rows()); });
   TipSolver& tips = context.input.tips;
   const TipSolver::Rows tip_rows{velocity_.data(), delta_pose_.data(), material_.data()};
   run_tip_stage(context, member, [&] {
     tips.begin_step(context.bodies, context.partition, context.input.static_contacts, tip_rows,
-                    field_material_, context.static_params);
+                    field_material_, context.params);
   });
   const ContactKernelTable& k = context.kernels;
   run_contact_stage(context, member, k.warm_start, 0.0F, SupportStage::kWarmStart);
-  const float h_s = context.pair_params.h_s;
+  const float h_s = context.params.h_s;
   for (int s = 0; s < settings_.substeps; ++s) {
     if (s > 0) {
       member.wait();
@@ -260,7 +266,7 @@ void Solver::prepare_batch(StepContext& context, ContactKind kind, int index) {
     for (int lane = 0; lane < o.lane_count; ++lane)
       static_manifold_[static_cast<std::size_t>(o.a[lane])] = {graph_.manifold(index, lane), o.first_point,
                                                                lane, o.has_impulse_limit};
-  context.kernels.prepare[kind](&o, 1, batch_points(), context.solver_bodies, context.pair_params);
+  context.kernels.prepare[kind](&o, 1, batch_points(), context.solver_bodies, context.params);
 }
 
 // Contacts that are about to be hit become candidates of the impact solver. They exert no impulse in the substeps,
@@ -400,6 +406,7 @@ void Solver::fill_points(const StepContext& context, ContactKind kind, ContactBa
       } else {
         const FourRows second = load_rows(four, kAnchorRow);
         put(second.z, p.separation);
+        put(impulses.x, d.start_impulse);
         const Float4 anchor[3] = {first.w, second.x, second.y};
         for (int i = 0; i < 3; ++i) {
           put(anchor[i], d.anchor_a[i]);
@@ -444,7 +451,7 @@ void Solver::fill_impulse_limits(const StepContext& context, ContactBatch& o, in
       if (!limit.is_limited()) continue;
       const Contact& c = list.contacts[static_cast<std::size_t>(m.first + k)];
       BatchPointLimit& p = limit_[first + static_cast<std::size_t>(k)];
-      p.stall_impulse[lane] = c.max_cell_impulse * context.static_params.substep_fraction;
+      p.stall_impulse[lane] = c.max_cell_impulse * context.params.substep_fraction;
       p.no_load_speed[lane] = limit.no_load_speed;
       p.planned_speed[lane] = limit.planned_speed;
       p.to_first[lane] = limit.to_first;
@@ -482,8 +489,13 @@ void Solver::store_impulses(StepContext& context, ContactKind kind, int index) {
   for (int lane = 0; lane < o.lane_count; ++lane) {
     const Manifold& m = *of.manifold[lane];
     if (depth[lane] > context.input.deep_contact) {
-      context.deep_contacts.push_back({m.a, depth[lane]});
-      if (m.b >= 0) context.deep_contacts.push_back({m.b, depth[lane]});
+      const Contact& deepest = *std::min_element(
+          of.first[lane], of.first[lane] + m.count,
+          [](const Contact& one, const Contact& other) { return one.separation < other.separation; });
+      // Spheres roll off each other.
+      const float upward = kind == kSpherePair ? 0.0F : deepest.normal.z();
+      context.deep_contacts.push_back({m.a, depth[lane], upward < -kPressingNormalZ});
+      if (m.b >= 0) context.deep_contacts.push_back({m.b, depth[lane], upward > kPressingNormalZ});
     }
     if (!o.has_impulse_limit || StepContext::is_pair(kind)) continue;
     for (int k = 0; k < m.count; ++k) {
@@ -523,7 +535,7 @@ void Solver::load_bodies(StepContext& context) {
 BodyVelocity Solver::external_velocity_change(const StepContext& context, int row) const {
   const std::size_t body = context.partition.body(row);
   const surface::Wrench& w = context.bodies.wrench[body];
-  const float h_s = context.pair_params.h_s;
+  const float h_s = context.params.h_s;
   BodyVelocity m = context.gravity_change;
   store(m.velocity,
         h_s * (settings_.gravity + velocity_[static_cast<std::size_t>(row)].inverse_mass * w.force));
@@ -552,7 +564,7 @@ void Solver::integrate_velocities(StepContext& context, bool first) {
 
 void Solver::integrate_positions(StepContext& context) {
   for_each_active_range(context, [&](IndexRange rows) {
-    context.kernels.integrate_positions(rows.begin, rows.end, context.pair_params.h_s, velocity_.data(),
+    context.kernels.integrate_positions(rows.begin, rows.end, context.params.h_s, velocity_.data(),
                                         delta_pose_.data());
   });
 }
@@ -568,13 +580,12 @@ void Solver::store_body(BodyStore& bodies, const SpatialPartition& partition, in
 void Solver::run_contact_stage(StepContext& context, const Member& member,
                                const ContactKernel (&kernel)[kContactKindCount], float elapsed_s,
                                SupportStage support_stage) {
-  SubstepParams &pair_params = context.pair_params, &static_params = context.static_params;
-  pair_params.elapsed_s = static_params.elapsed_s = elapsed_s;
+  SubstepParams &sphere_pair_params = context.sphere_pair_params, &params = context.params;
+  sphere_pair_params.elapsed_s = params.elapsed_s = elapsed_s;
   const auto run = [&](std::span<const BatchRange> ranges) {
     for (const BatchRange& batches : ranges)
       kernel[batches.kind](graph_.batches_from(batches.first), batches.count, batch_points(),
-                           context.solver_bodies,
-                           StepContext::is_pair(batches.kind) ? pair_params : static_params);
+                           context.solver_bodies, batches.kind == kSpherePair ? sphere_pair_params : params);
   };
   if (member.member_count == 1) {
     run(serial_batches_);
@@ -594,7 +605,7 @@ void Solver::run_contact_stage(StepContext& context, const Member& member,
       return warm_start_support(p, velocity_[row], inverse_inertia_[row]);
     const bool is_soft = support_stage == SupportStage::kSolve;
     auto solve_points = [&] {
-      solve_support_points(list, p, batch_points(), static_params, is_soft, velocity_[row], delta_pose_[row],
+      solve_support_points(list, p, batch_points(), params, is_soft, velocity_[row], delta_pose_[row],
                            inverse_inertia_[row]);
     };
     solve_points();
@@ -652,7 +663,7 @@ void Solver::prepare_supports(StepContext& context) {
     p.has_impulse_limit = static_manifold_[row].has_impulse_limit;
     prepare_support(list, p, velocity_[row], inverse_inertia_[row],
                     material_[row].friction_root * field_material_.friction_root,
-                    context.static_params.substep_fraction, contacts_of_row(context, p.row));
+                    context.params.substep_fraction, contacts_of_row(context, p.row));
   });
 }
 

@@ -1,0 +1,117 @@
+// Objects between rising pins and a lid that nothing lifts: the pins stall before they enter the object.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <string>
+#include <tuple>
+#include <vector>
+
+#include "tests/property/FieldPenetration.h"
+#include "tests/property/PhysicsFixture.h"
+
+using namespace physics_fixture;
+using namespace smartsurf;
+
+namespace {
+
+enum class Lid { kStatic, kFixedJoint, kStoppedHinge };
+enum class Pressed { kSphere, kBox, kCylinder, kCapsule, kCube };
+
+scene::ObjectSpec pressed_object(Pressed shape) {
+  const Eigen::Vector3d at(4.13, 3.91, 1.0);
+  switch (shape) {
+    case Pressed::kSphere:
+      return sphere(1.0, at);
+    case Pressed::kBox:
+      return box({2, 2, 2}, at);
+    case Pressed::kCylinder:
+      return cylinder(1.0, 2.0, at);
+    case Pressed::kCapsule:
+      return capsule(0.6, 2.0, at);
+    case Pressed::kCube:
+      break;
+  }
+  return cube(at);
+}
+
+class LidTest : public testing::TestWithParam<std::tuple<Lid, Pressed>> {
+ protected:
+  // The greatest depths within two seconds, u.
+  struct Depths {
+    double in_cells = 0.0, in_lid = 0.0, lid_moved = 0.0;
+  };
+  static Depths press(double dt_s, double speed) {
+    const auto [lid_kind, shape] = GetParam();
+    PhysicsFixture fixture;
+    scene::SceneSpec& s = fixture.scene;
+    s.world.dt_s = dt_s;
+    s.surface.rows = s.surface.columns = 9;
+    s.surface.pin.max_height = 20.0;
+    s.surface.pin.max_speed = speed;
+    s.surface.pin.max_acceleration = 400.0;
+    const scene::ObjectSpec object = pressed_object(shape);
+    scene::ObjectSpec lid = box({6, 6, 1}, {4, 4, 3});
+    lid.fixed = lid_kind == Lid::kStatic;
+    fixture.add(object);
+    const scene::ObjectId lid_id = fixture.add(lid);
+    if (lid_kind == Lid::kFixedJoint)
+      fixture.world().add_joint({.kind = scene::JointKind::kFixed, .a = lid_id, .anchor = {1, 4, 3}});
+    if (lid_kind == Lid::kStoppedHinge)
+      fixture.world().add_joint({.kind = scene::JointKind::kHinge,
+                                 .a = lid_id,
+                                 .anchor = {1, 4, 3},
+                                 .axis = {0, 1, 0},
+                                 .limits = scene::JointLimits{}});
+    const world::Shape shapes[] = {world::make_shape(object), world::make_shape(lid)};
+    // The pins under the object.
+    std::vector<float> targets(81, 0.0F);
+    for (std::size_t row = 3; row < 6; ++row) std::fill_n(targets.begin() + 9 * row + 3, 3, 10.0F);
+    fixture.cells().set_targets(0, targets);
+    Depths deepest;
+    const int every = std::max(1, static_cast<int>(std::lround(1.0 / 60 / dt_s)));
+    int step = 0;
+    fixture.run(2.0, [&] {
+      if (++step % every != 0) return;
+      const scene::Snapshot& now = fixture.snapshot();
+      const surface::Field& field = fixture.cells().field();
+      for (std::size_t i = 0; i < 2; ++i)
+        deepest.in_cells = std::max(deepest.in_cells, penetration_into_field(field, shapes[i], now, i));
+      deepest.in_lid = std::max(deepest.in_lid, overlap(shapes[0], shapes[1], now, 0, 1));
+      deepest.lid_moved =
+          std::max(deepest.lid_moved, std::abs(static_cast<double>(now.position[1][2]) - 3.0));
+    });
+    return deepest;
+  }
+};
+
+}  // namespace
+
+TEST_P(LidTest, PinsStall) {
+  for (const double speed : {1.0, 4.0}) {
+    const Depths d = press(1.0 / 240, speed);
+    EXPECT_LE(d.in_cells, 0.05) << speed;
+    EXPECT_LE(d.in_lid, 0.05) << speed;
+    EXPECT_LE(d.lid_moved, 0.05) << speed;
+  }
+}
+
+TEST_P(LidTest, PinsStallFineStep) {
+  const Depths d = press(1.0 / 960, 4.0);
+  EXPECT_LE(d.in_cells, 0.02);
+  EXPECT_LE(d.in_lid, 0.02);
+  EXPECT_LE(d.lid_moved, 0.02);
+}
+
+INSTANTIATE_TEST_SUITE_P(Lids, LidTest,
+                         testing::Combine(testing::Values(Lid::kStatic, Lid::kFixedJoint, Lid::kStoppedHinge),
+                                          testing::Values(Pressed::kSphere, Pressed::kBox, Pressed::kCylinder,
+                                                          Pressed::kCapsule, Pressed::kCube)),
+                         [](const auto& of) {
+                           return std::string(
+                                      std::array{"static", "fixed",
+                                                 "hinge"}[static_cast<std::size_t>(std::get<0>(of.param))]) +
+                                  std::array{"Sphere", "Box", "Cylinder", "Capsule",
+                                             "Cube"}[static_cast<std::size_t>(std::get<1>(of.param))];
+                         });
