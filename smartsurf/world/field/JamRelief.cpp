@@ -54,7 +54,9 @@ bool JamRelief::stall_cells(std::span<const DeepContact> deep_contacts, const Co
     const float fraction = std::max(0.0F, 2.0F - depth / min_depth_);
     for (int k = m.first; k < m.first + m.count; ++k) {
       const Contact& c = static_contacts.contacts[static_cast<std::size_t>(k)];
-      if ((c.other != kField && c.other != kSupportedField) || c.total_normal_impulse <= 0.0F) continue;
+      if ((c.other != kField && c.other != kSupportedField && c.other != kSkin) ||
+          c.total_normal_impulse <= 0.0F)
+        continue;
       float& speed = field.speed[static_cast<std::size_t>(c.feature_id)];
       const float held = planned_speed_[static_cast<std::size_t>(c.feature_id)],
                   planned = held != 0.0F ? held : c.surface_velocity.z();
