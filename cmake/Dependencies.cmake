@@ -6,7 +6,7 @@ find_package(Eigen3 REQUIRED NO_MODULE)
 # -ffp-contract does not govern, and without the packets of two floats, which sum a vector of three in another order. The
 # headers that the product includes are followed by EigenPackets.h.
 if(CMAKE_SYSTEM_PROCESSOR MATCHES "aarch64|arm64")
-  foreach(header Cholesky Core Eigenvalues Geometry LU)
+  foreach(header Cholesky Core Eigenvalues Geometry LU SparseCholesky)
     file(CONFIGURE OUTPUT ${CMAKE_BINARY_DIR}/eigen/Eigen/${header}
       CONTENT "#include_next <Eigen/${header}>\n#include \"${PROJECT_SOURCE_DIR}/cmake/EigenPackets.h\"\n")
   endforeach()

@@ -90,7 +90,7 @@ struct Recording::Contents {
   std::vector<double> times;
   bool has_objects = false, has_angular_velocities = false;
   std::optional<std::uint64_t> first_interaction_tick;
-  std::optional<DeltaReader> inputs, heights, motion;
+  std::optional<DeltaReader> inputs, heights, motion, skin;
 };
 
 void Recording::Contents::read_meta() {
@@ -195,6 +195,10 @@ void Recording::Contents::open_delta_readers() {
   if (has_link(file, "surface/changes")) heights.emplace(file, "surface/changes", cells);
   if (has_link(file, "surface/motion"))
     motion.emplace(file, "surface/motion", kValuesPerActuatorState * cells);
+  if (spec.surface.skin && has_link(file, "surface/skin/height"))
+    skin.emplace(file, "surface/skin/height",
+                 static_cast<std::size_t>(spec.surface.skin->rows) *
+                     static_cast<std::size_t>(spec.surface.skin->columns));
 }
 
 // Objects beyond the pose arrays' second axis were created after the last stored frame; they are padded with
@@ -307,6 +311,10 @@ scene::Snapshot Recording::read_snapshot(std::size_t frame) const {
     }
     if (contents_->motion && frame < contents_->motion->rows())
       shot.actuator_state = unflatten_actuator_state(contents_->motion->read_row(frame));
+    if (contents_->skin && frame < contents_->skin->rows()) {
+      const std::span<const float> heights = contents_->skin->read_row(frame);
+      shot.skin_height.assign(heights.begin(), heights.end());
+    }
     if (!has_objects()) return;
     const auto p = contents_->read_poses("objects/position", 3, frame, 1),
                q = contents_->read_poses("objects/orientation", 4, frame, 1),

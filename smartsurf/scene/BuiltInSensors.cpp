@@ -134,11 +134,36 @@ SensorKind tip_force_kind() {
                             "greatest size of each component, mass·u/s²");
 }
 
+// A channel with n × n samples in each cell, n being the parameter `resolution`.
+SensorKind skin_kind(std::string name, std::string unit, double minimum, double maximum) {
+  SensorKind kind{.name = std::move(name)};
+  kind.parameters = {{.name = "resolution",
+                      .description = "samples of the skin along the edge of a cell",
+                      .type = Type::kCount,
+                      .default_value = {1.0},
+                      .minimum = 1.0,
+                      .maximum = 8.0}};
+  kind.channels = [=, unit = std::move(unit)](const SensorSpec& s) -> std::vector<SensorChannel> {
+    const int samples = static_cast<int>(s.number("resolution") * s.number("resolution"));
+    return {{s.name, unit, minimum, maximum, 0.0, samples}};
+  };
+  return kind;
+}
+
 }  // namespace
 
 std::vector<SensorKind> built_in_sensors() {
-  return {proximity_kind(), colour_kind(), object_type_kind(),    light_kind(),
-          pressure_kind(),  camera_kind(), joint_position_kind(), tip_force_kind()};
+  return {proximity_kind(),
+          colour_kind(),
+          object_type_kind(),
+          light_kind(),
+          pressure_kind(),
+          camera_kind(),
+          joint_position_kind(),
+          tip_force_kind(),
+          skin_kind("skin_height", "u", -1e6, 1e6),
+          skin_kind("skin_strain", "", 0.0, 1e6),
+          skin_kind("skin_contact", "mass*u/s^2", 0.0, kMaxForce)};
 }
 
 }  // namespace smartsurf::scene

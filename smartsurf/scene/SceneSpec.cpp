@@ -281,6 +281,59 @@ std::string validate(const Material& m) {
   return "";
 }
 
+namespace {
+
+// Whether a sheet can lie over the actuator: its top does not drive what lies on it, and bears any load.
+bool can_hold_skin(const ActuatorSpec& a) {
+  if (a.model == "pin") return !a.has("max_force");
+  if (a.model == "delta") return !a.has("stiffness") && !a.has("max_force");
+  return a.model == "tile" && a.number("command") == 1.0;  // a pose
+}
+
+std::string validate_skin(const SurfaceSpec& s) {
+  constexpr int kMaxNodes = 512;
+  if (!s.skin)
+    for (const SensorSpec& sensor : s.sensors)
+      if (sensor.model.starts_with("skin_"))
+        return "surface.skin: is absent: must be there for the sensor '" + sensor.name + "'";
+  if (!s.skin) return "";
+  const SkinSpec& k = *s.skin;
+  if (!s.cell_poses.empty())
+    return "surface.skin: needs the rectangular layout: without layout, positions or module gaps";
+  for (const ActuatorSpec& a : s.effective_actuators())
+    if (!can_hold_skin(a))
+      return "surface.skin: over '" + a.model +
+             "': must be over tiles of the command 'pose', pins or deltas, without max_force and stiffness";
+  if (!(k.margin >= 0.0 && k.margin <= s.pitch))
+    return range_error("surface.skin.margin", k.margin, "in [0, " + format_number(s.pitch) + "], the pitch");
+  const int border = s.border_height ? 2 : 0;
+  bool any = false;
+  for (int r = 0; r < s.rows; ++r)
+    for (int c = 0; c < s.columns; ++c) any |= s.is_under_skin(r, c) && !s.is_empty(r, c);
+  if (!any) return "surface.skin: there is no actuator under it";
+  for (const auto& [nodes, cells, axis] :
+       {std::tuple(k.rows, s.rows - border, 1), {k.columns, s.columns - border, 2}}) {
+    const double extent = (cells - 1) * s.pitch + 2.0 * k.margin;
+    const int least = std::max(2, static_cast<int>(std::ceil(2.0 * extent / s.pitch - 1e-9)) + 1);
+    if (nodes < least || nodes > kMaxNodes)
+      return range_error("surface.skin.nodes[" + std::to_string(axis) + "]", nodes,
+                         std::to_string(least) + " to " + std::to_string(kMaxNodes) + ", two for each pitch");
+    if (!is_size(extent))
+      return range_error("surface.skin.margin", k.margin, "greater than 0 over a single cell");
+  }
+  if (!is_positive(k.tension) || k.tension > kMaxMagnitude)
+    return range_error("surface.skin.tension", k.tension, "in (0, 1000000]");
+  if (!is_positive(k.density) || k.density < kMinMass || k.density > kMaxMagnitude)
+    return range_error("surface.skin.density", k.density, "in [1e-09, 1000000]");
+  if (!is_non_negative(k.damping) || k.damping > kMaxMagnitude)
+    return range_error("surface.skin.damping", k.damping, "in [0, 1000000]");
+  if (!is_coordinate(k.edge_height))
+    return range_error("surface.skin.edge.height", k.edge_height, kCoordinateRule);
+  return "";
+}
+
+}  // namespace
+
 std::string validate(const SurfaceSpec& s) {
   if (s.rows < 1 || s.rows > 4096) return range_error("surface.rows", s.rows, "1 to 4096");
   if (s.columns < 1 || s.columns > 4096) return range_error("surface.columns", s.columns, "1 to 4096");
@@ -293,7 +346,7 @@ std::string validate(const SurfaceSpec& s) {
   if (auto p = validate_channels(s); !p.empty()) return p;
   if (s.border_height && !is_coordinate(*s.border_height))
     return range_error("border.height", *s.border_height, kCoordinateRule);
-  return "";
+  return validate_skin(s);
 }
 
 // Of a body: positive, and each principal moment at most the sum of the others, to 1 %.

@@ -146,6 +146,28 @@ struct FaultSpec {
   std::optional<FaultMapFile> fault_map;
 };
 
+// A sheet over the actuators, which hold or support it. Its nodes form a grid over the cells inside the border, row-major,
+// row 0 in the north, and move vertically; each rectangle of four is two triangles, joined along its diagonal from the
+// north-west to the south-east.
+struct SkinSpec {
+  enum class Kind {
+    kKinematic,  // taut: its shape follows from the actuators alone
+    kElastic,    // sags under its weight and its loads
+  };
+  enum class Edge { kFree, kClamped };
+
+  Kind kind = Kind::kKinematic;
+  int rows = 0, columns = 0;  // of nodes, ≥ 2
+  double margin = 0.0;        // of the sheet beyond the centres of the outermost cells, u
+  Edge edge = Edge::kFree;
+  double edge_height = 0.0;  // z of a clamped edge, u
+  // Of an elastic sheet.
+  double tension = 100.0;  // force per length, mass/s²
+  double density = 0.1;    // mass per area, mass/u²
+  double damping = 5.0;    // of the tension, mass/s
+  bool attached = false;   // whether the actuators also pull
+};
+
 struct SurfaceSpec {
   int rows = 64, columns = 64;
   double pitch = 1.0;
@@ -158,7 +180,8 @@ struct SurfaceSpec {
   Eigen::Vector2d tilt_rad{0.0, 0.0};         // of the table about x, then y; realised by rotating gravity
   std::vector<SensorSpec> sensors;
   std::optional<double> border_height;  // fixed height of the outermost ring of cells
-  int material = 0;
+  std::optional<SkinSpec> skin;
+  int material = 0;  // of what objects touch: the tops, or the skin over them
   FaultSpec faults;
 
   int cell_count() const { return rows * columns; }
@@ -173,6 +196,8 @@ struct SurfaceSpec {
   bool is_border(int row, int column) const {
     return row == 0 || column == 0 || row == rows - 1 || column == columns - 1;
   }
+  // Whether the skin lies over the cell. Precondition: there is a skin.
+  bool is_under_skin(int row, int column) const { return !border_height || !is_border(row, column); }
   bool is_empty(int row, int column) const {
     return !actuator_of_cell.empty() &&
            actuator_of_cell[static_cast<std::size_t>(index(row, column))] == kEmptyCell;

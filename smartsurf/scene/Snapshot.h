@@ -45,6 +45,8 @@ struct Snapshot {
   // without joints, and in recordings.
   std::vector<float> joint_position;
 
+  std::vector<float> skin_height;  // [row][column] of nodes, u; empty without a skin
+
   std::uint32_t contact_count = 0;  // contact points in the last physics step
   std::uint64_t state_hash = 0;     // of all body poses and velocities and all pin heights and speeds
 

@@ -90,6 +90,7 @@ bool Simulation::step_physics() {
   world_.step();
   sensor_array_.accumulate_impulses(actuator_array_.field().impulse);
   sensor_array_.accumulate_tip_impulses(actuator_array_.field().tip_impulse);
+  sensor_array_.accumulate_skin_impulses(actuator_array_.field().skin.impulse);
   return !world_.is_overloaded();
 }
 

@@ -7,6 +7,7 @@
 #include <limits>
 
 #include "common/threads/ThreadPool.h"
+#include "smartsurf/surface/Membrane.h"
 #include "smartsurf/surface/actuators/PinKernels.h"
 
 namespace smartsurf::surface {
@@ -65,6 +66,10 @@ ActuatorArray::ActuatorArray(const scene::SurfaceSpec& surface, const FaultMap& 
   add_routes(surface, map, seed);
   init_tips();
   init_targets();
+  if (!surface.skin) return;
+  membrane_ = std::make_unique<Membrane>(surface, field_);
+  field_.update_column_height();
+  static_max_height_ = std::max(static_max_height_, *std::ranges::max_element(field_.skin.height));
 }
 
 ActuatorArray::~ActuatorArray() = default;
@@ -266,10 +271,12 @@ void ActuatorArray::plan(double dt_s) noexcept {
   field_.max_height = static_max_height_;
   field_.max_speed = 0.0F;
   for (Model& model : models_) model.actuator->plan(dt_s, field_);
+  if (membrane_) membrane_->plan(dt_s, field_);
 }
 
 void ActuatorArray::commit(double dt_s) noexcept {
   for (Model& model : models_) model.actuator->commit(dt_s, field_);
+  if (membrane_) membrane_->commit(field_);
 }
 
 void ActuatorArray::archive(common::StateArchive& a) {

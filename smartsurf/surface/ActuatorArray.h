@@ -22,6 +22,8 @@
 
 namespace smartsurf::surface {
 
+class Membrane;
+
 class ActuatorArray {
  public:
   // Starts with every cell at rest at its channels' safe values and the border at its fixed height. `seed`
@@ -109,6 +111,7 @@ class ActuatorArray {
   std::vector<Model> models_;
   std::unique_ptr<ActuatorFaults> faults_;
   std::vector<CommandRoute> routes_;
+  std::unique_ptr<Membrane> membrane_;  // null without a skin
 };
 
 }  // namespace smartsurf::surface

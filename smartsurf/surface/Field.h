@@ -13,6 +13,7 @@
 #include <vector>
 
 #include "common/state/StateArchive.h"
+#include "smartsurf/surface/Skin.h"
 
 namespace smartsurf::surface {
 
@@ -68,7 +69,8 @@ struct Field {
   std::vector<CellTip> tips;
   std::vector<std::int8_t> tip_of_cell;
   float tip_reach =
-      0.0F;  // upper bound of the horizontal distance of a tip's points from its cell's centre, u
+      0.0F;   // upper bound of the horizontal distance of a tip's points from its cell's centre, u
+  Skin skin;  // the sheet over the cells: geometry, motion and loads of its nodes
 
   // ---- motion of the cells, written by the actuator models
   std::vector<float> height;  // z of the top, u; kNoCellHeight for a missing cell
@@ -101,18 +103,21 @@ struct Field {
     a(height, speed, surface_velocity_x, surface_velocity_y, surface_spin, max_height, max_speed, force_limit,
       no_load_speed, impulse, tilt, tilt_rate);
     if (has_offset()) a(offset, offset_rate, yielding, tip_impulse);
+    if (has_skin()) skin.archive_motion(a);
     update_column_height();
   }
 
-  // Call after a change of the motion, if has_tips().
+  // Call after a change of the motion, if has_tips() or has_skin().
   void update_column_height() {
-    if (!has_tips()) return;
+    if (!has_tips() && !has_skin()) return;
     column_height_.resize(height.size());
     for (std::size_t i = 0; i < height.size(); ++i)
-      column_height_[i] = is_column(i) ? height[i] : kNoCellHeight;
+      column_height_[i] = is_column(i) && !is_under_skin(i) ? height[i] : kNoCellHeight;
   }
-  // Height of each cell that is a column; kNoCellHeight for the others.
-  const std::vector<float>& column_height() const { return has_tips() ? column_height_ : height; }
+  // Height of each cell that objects touch as a column; kNoCellHeight for the others.
+  const std::vector<float>& column_height() const {
+    return has_tips() || has_skin() ? column_height_ : height;
+  }
 
   int cells() const { return rows * columns; }
   int index(int row, int column) const { return row * columns + column; }
@@ -128,6 +133,8 @@ struct Field {
   bool has_tips() const { return !tips.empty(); }
   bool has_tilt() const { return !tilt.empty(); }
   bool has_offset() const { return !offset.empty(); }
+  bool has_skin() const { return skin.rows > 0; }
+  bool is_under_skin(std::size_t cell) const { return has_skin() && skin.covers[cell] != 0; }
   // Whether the cell is a bottomless column with a level top.
   bool is_column(std::size_t cell) const {
     if (!has_tips() || tip_of_cell[cell] < 0) return true;

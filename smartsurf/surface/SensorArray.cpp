@@ -27,6 +27,7 @@ SensorArray::SensorArray(const scene::SceneSpec& scene, const Field& field, cons
     if (instance.sensor->needs_impulses()) {
       impulse_.assign(static_cast<std::size_t>(surface.cell_count()), 0.0F);
       tip_impulse_.assign(field.tip_impulse.size(), Eigen::Vector3f::Zero());
+      skin_impulse_.assign(field.skin.nodes(), 0.0F);
     }
     sensors_.push_back(std::move(instance));
   }
@@ -44,17 +45,23 @@ void SensorArray::accumulate_tip_impulses(std::span<const Eigen::Vector3f> impul
   for (std::size_t i = 0; i < cells; ++i) tip_impulse_[i] += impulse[i];
 }
 
+void SensorArray::accumulate_skin_impulses(std::span<const float> impulse) noexcept {
+  const std::size_t nodes = std::min(skin_impulse_.size(), impulse.size());
+  for (std::size_t i = 0; i < nodes; ++i) skin_impulse_[i] += impulse[i];
+}
+
 void SensorArray::sense(const scene::Snapshot& snapshot, std::span<const scene::ObjectSpec> catalogue,
                         common::ThreadPool& pool) {
   if (sensors_.empty()) return;
   bodies_.update(snapshot, catalogue, pool);
-  const SensorInput input{snapshot, catalogue, bodies_, impulse_, tip_impulse_, period_s_};
+  const SensorInput input{snapshot, catalogue, bodies_, impulse_, tip_impulse_, skin_impulse_, period_s_};
   for (SensorInstance& f : sensors_) {
     f.sensor->sense(input, pool);
     if (f.error_model.is_active()) f.error_model.apply(tick_, f.truth, pool);
   }
   std::ranges::fill(impulse_, 0.0F);
   std::ranges::fill(tip_impulse_, Eigen::Vector3f::Zero());
+  std::ranges::fill(skin_impulse_, 0.0F);
   ++tick_;
 }
 
@@ -64,9 +71,10 @@ void SensorArray::archive(common::StateArchive& a, const scene::Snapshot& snapsh
   if (!a.saves() && !sensors_.empty()) {
     std::ranges::fill(impulse_, 0.0F);
     std::ranges::fill(tip_impulse_, Eigen::Vector3f::Zero());
+    std::ranges::fill(skin_impulse_, 0.0F);
     bodies_.update(snapshot, catalogue, pool);
   }
-  const SensorInput input{snapshot, catalogue, bodies_, impulse_, tip_impulse_, period_s_};
+  const SensorInput input{snapshot, catalogue, bodies_, impulse_, tip_impulse_, skin_impulse_, period_s_};
   for (SensorInstance& f : sensors_) {
     if (!a.saves()) f.sensor->sense(input, pool);
     f.sensor->archive(a);

@@ -29,6 +29,8 @@ class SensorArray {
   void accumulate_impulses(std::span<const float> impulse) noexcept;
   // The same for Field::tip_impulse, which may be empty.
   void accumulate_tip_impulses(std::span<const Eigen::Vector3f> impulse) noexcept;
+  // The same for Skin::impulse.
+  void accumulate_skin_impulses(std::span<const float> impulse) noexcept;
 
   // Call at the end of every tick. Allocates only when objects are added.
   void sense(const scene::Snapshot&, std::span<const scene::ObjectSpec> catalogue, common::ThreadPool&);
@@ -62,6 +64,7 @@ class SensorArray {
   RayBodies bodies_;
   std::vector<float> impulse_;                // sum since the last sense(); empty if no sensor needs it
   std::vector<Eigen::Vector3f> tip_impulse_;  // likewise
+  std::vector<float> skin_impulse_;           // likewise
   std::uint64_t tick_ = 0;                    // number of sense() calls so far
 };
 

@@ -137,6 +137,20 @@ json cell_poses_json(const scene::SurfaceSpec& surface) {
   return poses;
 }
 
+// The grid of a skin's nodes, row-major, row 0 north; null without one.
+json skin_json(const scene::SurfaceSpec& surface) {
+  if (!surface.skin) return {};
+  const int border = surface.border_height ? 1 : 0;
+  const double low = border * surface.pitch - surface.skin->margin;
+  const auto high = [&](int cells) { return (cells - 1 - border) * surface.pitch + surface.skin->margin; };
+  return {{"rows", surface.skin->rows},
+          {"columns", surface.skin->columns},
+          {"west", low},
+          {"east", high(surface.columns)},
+          {"south", low},
+          {"north", high(surface.rows)}};
+}
+
 json actuators_json(const scene::SurfaceSpec& surface) {
   json actuators = json::array();
   for (const scene::ActuatorSpec& spec : surface.effective_actuators()) {
@@ -186,6 +200,7 @@ json scene_json(const Recording& recording, const std::vector<std::size_t>& fram
           {"high", s.pin.max_height},
           {"border", s.border_height ? json(*s.border_height) : json()},
           {"place", cell_poses_json(s)},
+          {"skin", skin_json(s)},
           {"cell", s.actuator_of_cell.empty() ? json() : json(s.actuator_of_cell)},
           {"mechanisms", actuators_json(s)},
           {"time", std::move(time)},
@@ -257,9 +272,30 @@ void encode_actuator_states(const Recording& recording, const std::vector<std::s
   append_series(stream, encoder);
 }
 
+void encode_skin(const Recording& recording, const std::vector<std::size_t>& frames, json& series,
+                 std::vector<std::uint8_t>& stream) {
+  if (!recording.spec().surface.skin) return;
+  std::vector<std::vector<float>> heights;
+  SeriesLayout layout{0.0, 1e-3, 2, 0};
+  for (const std::size_t frame : frames) {
+    heights.push_back(recording.read_snapshot(frame).skin_height);
+    layout.values_per_frame = heights.back().size();
+    for (const float z : heights.back()) {
+      layout.low = std::min(layout.low, double{z});
+      layout.high = std::max(layout.high, double{z});
+    }
+  }
+  SeriesEncoder encoder(layout);
+  for (const std::vector<float>& frame : heights) encoder.add(frame);
+  series.push_back(series_json("skin", layout));
+  append_series(stream, encoder);
+}
+
 void require_size_limit(const Recording& recording, std::size_t frames) {
   std::size_t bytes_per_frame = 14 * recording.spec().objects.size();
   const std::size_t cells = static_cast<std::size_t>(recording.spec().surface.cell_count());
+  if (const auto& skin = recording.spec().surface.skin)
+    bytes_per_frame += 6 * static_cast<std::size_t>(skin->rows) * static_cast<std::size_t>(skin->columns);
   bytes_per_frame +=
       cells * (1 + (recording.has_motion() ? 6 : 0) + recording.channel_names("sensors").size() +
                recording.channel_names("actuators").size());
@@ -314,6 +350,7 @@ void write_page(const Recording& recording, const fs::path& path, const PageOpti
   encode_objects(recording, frames, series, stream);
   encode_cell_channels(recording, frames, series, stream);
   encode_actuator_states(recording, frames, series, stream);
+  encode_skin(recording, frames, series, stream);
   scene["series"] = std::move(series);
   const std::string data = base64(compress(stream)), description = dump_script_safe(scene);
   const std::string page = expand_template(page_html(), {{"TITLE", escape_html(scene["title"])},

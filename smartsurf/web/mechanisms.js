@@ -3,7 +3,7 @@
 import * as THREE from 'three';
 
 const kIvory = 0xede8db, kOrange = 0xf28c1a, kTyre = 0x33363b, kIron = 0xc7c9cc, kCopper = 0x9e6b42;
-const kRed = 0xdb1a1f, kBlue = 0x1a47e0, kAir = 0x73c7f2, kRubber = 0xb3b8bd, kShaken = 0xfab81f;
+const kRed = 0xdb1a1f, kBlue = 0x1a47e0, kAir = 0x73c7f2, kRubber = 0xb3b8bd, kShaken = 0xfab81f, kSheet = 0x8599a8;
 const kPaleArrow = 0xfacc73, kStrongArrow = 0xd9380d;
 const kQuiet = 0.02;   // relative strength below which nothing is drawn
 
@@ -237,6 +237,24 @@ export function makeMechanisms(scene, series, world, placeOf) {
     if (set) works.push({ cells, set });
   });
 
+  // A sheet over the cells, with two triangles between four nodes.
+  const sheet = scene.skin && series.skin ? makeSheet(scene.skin) : null;
+  function makeSheet({ rows, columns, west, east, south, north }) {
+    const geometry = new THREE.PlaneGeometry(east - west, north - south, columns - 1, rows - 1);
+    const mesh = new THREE.Mesh(geometry, new THREE.MeshStandardMaterial({ color: kSheet, roughness: 0.6, side: THREE.DoubleSide }));
+    mesh.position.set((west + east) / 2, (south + north) / 2, 0);
+    mesh.frustumCulled = false;
+    mesh.castShadow = mesh.receiveShadow = true;
+    world.add(mesh);
+    return geometry;
+  }
+  function bendSheet(frame) {
+    const at = sheet.attributes.position;
+    for (let i = 0; i < at.count; ++i) at.setZ(i, series.skin.value(frame, i));
+    at.needsUpdate = true;
+    sheet.computeVertexNormals();
+  }
+
   function standing(frame, cell) {
     const place = placeOf(cell), height = (c) => (series.height ? series.height.value(frame, c) : scene.low);
     const at = {
@@ -256,6 +274,7 @@ export function makeMechanisms(scene, series, world, placeOf) {
   return {
     recess,
     set(frame) {
+      if (sheet) bendSheet(frame);
       for (const { cells, set } of works)
         cells.forEach((cell, i) => {
           const number = (k) => (motion ? motion.value(frame, 3 * cell + k) : 0);

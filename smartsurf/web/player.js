@@ -510,7 +510,7 @@ function seek(frame) {
   state.now = scene.time[state.frame];
 }
 
-const channels = scene.series.filter(({ name }) => !['position', 'orientation', 'motion'].includes(name));
+const channels = scene.series.filter(({ name }) => !['position', 'orientation', 'motion', 'skin'].includes(name));
 byId('cells').append(new Option('plain', ''), ...channels.map((channel) => new Option(channelTitle(channel), channel.name)));
 function showLegend() {
   const channel = series[byId('cells').value];

@@ -9,6 +9,7 @@
 #include <span>
 
 #include "smartsurf/world/field/ConvexOnField.h"
+#include "smartsurf/world/field/SkinContacts.h"
 #include "smartsurf/world/field/SphereOnField.h"
 #include "smartsurf/world/field/TipsOnField.h"
 #include "smartsurf/world/narrowphase/PairContacts.h"
@@ -372,7 +373,9 @@ void CollisionPipeline::collide_static(const BodyStore& bodies, std::size_t i, S
   else
     field_cache_.collide(bodies, i, margin, results.cached_field, out.contacts);
   const std::size_t field_contacts = out.contacts.size() - static_cast<std::size_t>(first);
-  if (field_.has_tips())
+  if (field_.has_skin())
+    collide_with_skin(field_.skin, *bodies.shape[i], centre, bodies.axes[i], margin, out.contacts);
+  else if (field_.has_tips())
     collide_with_tips(field_, free_layout_field_.get(), *bodies.shape[i], centre, bodies.axes[i], margin,
                       out.contacts);
   if (centre.z() - bodies.bounding_radius[i] - margin < ground_height_)
@@ -427,7 +430,9 @@ void CollisionPipeline::find_support(const BodyStore& bodies, std::size_t i, flo
 void CollisionPipeline::collide_field(const Shape& shape, const Vec3& centre, const Mat3& axes, float margin,
                                       std::vector<Contact>& out) const {
   collide_columns(shape, centre, axes, margin, out);
-  if (field_.has_tips())
+  if (field_.has_skin())
+    collide_with_skin(field_.skin, shape, centre, axes, margin, out);
+  else if (field_.has_tips())
     collide_with_tips(field_, free_layout_field_.get(), shape, centre, axes, margin, out);
 }
 
@@ -443,7 +448,7 @@ void CollisionPipeline::collide_columns(const Shape& shape, const Vec3& centre, 
 
 bool CollisionPipeline::field_may_overlap(const Vec3& low, const Vec3& high) const {
   if (low.z() > field_.max_height) return false;
-  if (free_layout_field_ || field_.has_tips()) return true;
+  if (free_layout_field_ || field_.has_tips() || field_.has_skin()) return true;
   const Columns columns(field_, 0.0F);
   return low.z() <= columns.max_height(columns.cells_covering(low.x(), high.x(), low.y(), high.y()));
 }

@@ -12,9 +12,13 @@ namespace smartsurf::world {
 
 // Values of Contact::other and Manifold::b that name no body. kRemovedBody replaces the index of a static body
 // that was removed after the contact was found. kSupportedField is a contact with the field whose load and friction a
-// support patch distributes (field/SupportPatch.h); kYieldingTip one with a tip that yields (solver/TipSolver.h).
+// support patch distributes (field/SupportPatch.h); kYieldingTip one with a tip that yields (solver/TipSolver.h);
+// kSkin one with a taut sheet over the cells (field/SkinContacts.h), kElasticSkin one with an elastic sheet.
 inline constexpr std::int32_t kField = -1, kGround = -2, kRemovedBody = -3, kSupportedField = -4,
-                              kYieldingTip = -5;
+                              kYieldingTip = -5, kSkin = -6, kElasticSkin = -7;
+
+// Whether what a contact touches moves under the load, by Contact::other.
+inline bool gives_way(std::int32_t other) { return other == kYieldingTip || other == kElasticSkin; }
 
 // One contact point.
 struct Contact {

@@ -100,6 +100,9 @@ surface::Field LengthUnit::to_world(const surface::Field& scene) const {
   for (std::vector<float>* lengths : {&world.x, &world.y})
     for (float& length : *lengths) length *= to_world_f_;
   world.tip_reach *= to_world_f_;
+  surface::Skin& skin = world.skin;
+  for (float* length : {&skin.west, &skin.north, &skin.spacing_x, &skin.spacing_y}) *length *= to_world_f_;
+  skin.density *= to_scene_f_ * to_scene_f_;
   for (surface::CellTip& tip : world.tips)
     for (float* length : {&tip.radius, &tip.height, &tip.max_force, &tip.workspace_radius, &tip.workspace_low,
                           &tip.workspace_high})
@@ -115,6 +118,7 @@ void LengthUnit::update_motion(const surface::Field& scene, surface::Field& worl
                      world.max_height != scene.max_height * to_world_f_;
   world.max_height = scene.max_height * to_world_f_;
   world.max_speed = scene.max_speed * to_world_f_;
+  if (scene.has_skin()) update_skin(scene.skin, world.skin);
   if (!moves) return;
   const auto columns = static_cast<std::size_t>(scene.columns);
   auto convert_rows = [&](int begin, int end) {
@@ -151,6 +155,26 @@ void LengthUnit::update_motion(const surface::Field& scene, surface::Field& worl
     pool->parallel_for_rows(scene.rows, kCostPerCell_ns * scene.cells(), convert_rows);
   else
     convert_rows(0, scene.rows);
+}
+
+void LengthUnit::update_skin(const surface::Skin& scene, surface::Skin& world) const {
+  world.supports_move = scene.supports_move;
+  world.held = scene.held;
+  const auto convert = [this](const std::vector<float>& from, std::vector<float>& to) {
+    std::ranges::transform(from, to.begin(), [this](float u) { return u * to_world_f_; });
+  };
+  convert(scene.height, world.height);
+  convert(scene.speed, world.speed);
+  convert(scene.support_height, world.support_height);
+  convert(scene.support_speed, world.support_speed);
+}
+
+void LengthUnit::return_skin(const surface::Skin& world, surface::Skin& scene) const {
+  for (std::size_t i = 0; i < world.nodes(); ++i) {
+    scene.height[i] = world.height[i] * to_scene_f_;
+    scene.speed[i] = world.speed[i] * to_scene_f_;
+  }
+  scene.held = world.held;
 }
 
 void LengthUnit::return_lowered_speeds(const surface::Field& world, surface::Field& scene) const {

@@ -53,7 +53,12 @@ class LengthUnit {
   // Writes the velocities of a tip that yielded back.
   void return_yielding_tip(const surface::Field& world, std::size_t cell, surface::Field& scene) const;
 
+  // Writes the motion of an elastic sheet back.
+  void return_skin(const surface::Skin& world, surface::Skin& scene) const;
+
  private:
+  void update_skin(const surface::Skin& scene, surface::Skin& world) const;
+
   double to_scene_, to_world_;
   float to_scene_f_, to_world_f_;
   struct ConvertedSolid {

@@ -43,6 +43,7 @@ NativeEngine::Impl::Impl(const scene::SceneSpec& scene, surface::Field& cells,
       team(thread_pool),
       sleep(field, settings.dt_s, settings.gravity, scene.world.sleep),
       collision(field, settings.dt_s, ground_height(scene, unit)),
+      elastic_skin(settings.dt_s, settings.gravity.z(), settings.substeps),
       jam_relief(settings.dt_s),
       pool(thread_pool),
       field_hasher(thread_pool) {
@@ -237,6 +238,7 @@ void NativeEngine::snapshot(scene::Snapshot& out) const {
   StateHash hash = hash_objects(out);
   impl_->field_hasher.copy_and_hash(impl_->scene_field, impl_->field_changed, out.height, hash);
   impl_->field_changed = false;
+  out.skin_height = impl_->scene_field.skin.height;
   out.state_hash = hash.value();
   const Sleep& sleep = impl_->sleep;
   out.contact_count = static_cast<std::uint32_t>(

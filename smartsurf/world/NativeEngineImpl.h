@@ -14,6 +14,7 @@
 #include "smartsurf/world/StateHash.h"
 #include "smartsurf/world/field/CellForceLimits.h"
 #include "smartsurf/world/field/JamRelief.h"
+#include "smartsurf/world/solver/SkinSolver.h"
 #include "smartsurf/world/solver/Solver.h"
 
 namespace smartsurf::world {
@@ -44,6 +45,8 @@ struct NativeEngine::Impl {
   void record_cell_impulses(IndexRange manifolds);
   void write_cell_impulses();
   void write_tip_impulses();
+  void locate_skin_contacts();
+  void write_skin_impulses();
 
   // Everything below is in world units, except where a name says so.
   LengthUnit unit;
@@ -64,6 +67,7 @@ struct NativeEngine::Impl {
   Solver* solver = nullptr;  // of the thread that steps, during the step
   JointSolver joints;
   TipSolver tips;
+  SkinSolver elastic_skin;
   CellForceLimits force_limits;
   JamRelief jam_relief;
   std::vector<DeepContact> strained_bodies;
@@ -79,6 +83,12 @@ struct NativeEngine::Impl {
   // sleepers on each cell, in scene units.
   std::vector<std::int32_t> loaded_cells, sleeper_cells;
   std::vector<float> sleeper_impulse;
+  // The contacts with a skin in this step, and where they are.
+  struct SkinPoint {
+    std::int32_t contact, body;
+    surface::Skin::Location at;
+  };
+  std::vector<SkinPoint> skin_points;
   std::vector<std::int32_t> loaded_tips;  // with an impulse in the last step
   unsigned sleeper_impulse_version = 0;   // Sleep::change_count() that sleeper_impulse is for
   std::vector<std::int32_t> hit_sleepers;

@@ -5,6 +5,7 @@
 
 #include "smartsurf/world/NativeEngineImpl.h"
 #include "smartsurf/world/field/ContinuousCollision.h"
+#include "smartsurf/world/field/SkinContacts.h"
 
 namespace smartsurf::world {
 
@@ -22,6 +23,7 @@ void NativeEngine::Impl::read_inputs() {
     for (std::size_t i = 0; i < bodies.wrench.size(); ++i)
       bodies.wrench[i].torque += bodies.origin_offset[i].cross(bodies.wrench[i].force);
   field.update_column_height();
+  if (field.skin.is_elastic) elastic_skin.begin(field.skin);
 }
 
 void NativeEngine::Impl::apply_timed_forces() {
@@ -90,7 +92,7 @@ void NativeEngine::Impl::record_cell_impulses(IndexRange manifolds) {
     const Manifold& m = static_contacts.manifolds[static_cast<std::size_t>(i)];
     for (auto k = static_cast<std::size_t>(m.first); k < static_cast<std::size_t>(m.first + m.count); ++k) {
       const Contact& c = static_contacts.contacts[k];
-      const bool on_cell = c.other == kField || c.other == kYieldingTip;
+      const bool on_cell = c.other == kField || c.other == kYieldingTip || is_on_skin(c.other);
       cell_impulses[k] = {on_cell && c.total_normal_impulse != 0.0F ? c.feature_id : -1,
                           c.total_normal_impulse};
     }
@@ -107,7 +109,7 @@ void NativeEngine::Impl::write_cell_impulses() {
           0.0F;
     sleeper_cells.clear();
     for (const Contact& c : sleep.static_contacts().contacts)
-      if (c.other == kField) {
+      if (c.other == kField || c.other == kSkin) {
         sleeper_impulse[static_cast<std::size_t>(c.feature_id)] += unit.to_scene(c.total_normal_impulse);
         sleeper_cells.push_back(c.feature_id);
       }
@@ -167,6 +169,39 @@ void NativeEngine::Impl::write_tip_impulses() {
   add_loads(sleep.static_contacts(), true);
 }
 
+void NativeEngine::Impl::locate_skin_contacts() {
+  skin_points.clear();
+  for (const Manifold& m : static_contacts.manifolds)
+    for (int k = m.first; k < m.first + m.count; ++k) {
+      const Contact& c = static_contacts.contacts[static_cast<std::size_t>(k)];
+      if (!is_on_skin(c.other)) continue;
+      const Vec3 point = bodies.position[static_cast<std::size_t>(m.a)] + c.anchor;
+      skin_points.push_back({k, m.a, field.skin.locate(point.x(), point.y())});
+    }
+}
+
+// The friction of a step is taken as in write_tip_impulses().
+void NativeEngine::Impl::write_skin_impulses() {
+  if (!field.has_skin()) return;
+  std::vector<float>& impulse = scene_field.skin.impulse;
+  std::ranges::fill(impulse, 0.0F);
+  const auto substeps = static_cast<float>(settings.substeps);
+  const auto add_load = [&](const surface::Skin::Location& at, const Contact& c) {
+    const float load = c.total_normal_impulse * c.normal.z() + substeps * c.friction_impulse.z();
+    for (int i = 0; i < 3; ++i) impulse[at.node[i]] += unit.to_scene(at.weight[i] * load);
+  };
+  for (const SkinPoint& p : skin_points)
+    if (bodies.asleep[static_cast<std::size_t>(p.body)] == 0)
+      add_load(p.at, static_contacts.contacts[static_cast<std::size_t>(p.contact)]);
+  for (const Manifold& m : sleep.static_contacts().manifolds)
+    for (int k = m.first; k < m.first + m.count; ++k) {
+      const Contact& c = sleep.static_contacts().contacts[static_cast<std::size_t>(k)];
+      if (!is_on_skin(c.other)) continue;
+      const Vec3 point = bodies.position[static_cast<std::size_t>(m.a)] + c.anchor;
+      add_load(field.skin.locate(point.x(), point.y()), c);
+    }
+}
+
 void NativeEngine::Impl::wake_disturbed() {
   if (!sleep.any_asleep()) return;
   if (has_wrenches) sleep.wake_forced(bodies);
@@ -218,10 +253,15 @@ void NativeEngine::Impl::step_active_bodies(const Member& member) {
     member.single(
         [this] { force_limits.distribute_limits(field, settings.dt_s, settings.substeps, static_contacts); });
   if (!field.yielding.empty()) member.single([this] { tips.collect(field, static_contacts); });
+  if (field.has_skin())
+    member.single([this] {
+      locate_skin_contacts();
+      if (field.skin.is_elastic) elastic_skin.collect(field.skin, bodies, static_contacts);
+    });
   solver->step(bodies,
                {collision.partition(), pair_contacts, static_contacts, collision.pair_ranges(),
                 collision.static_ranges(), collision.supports(), force_limits.limits(), has_wrenches, joints,
-                tips, jam_relief.min_depth()},
+                tips, elastic_skin, jam_relief.min_depth()},
                member);
   finalize_bodies(member);
 }
@@ -239,12 +279,14 @@ void NativeEngine::Impl::step() {
     static_contacts.clear();
     cell_impulses.clear();
     tips.clear();
+    skin_points.clear();
     collision.clear_supports();
   } else {
     team.run(active_bodies.size() >= kMinParallelBodies,
              [this](const Member& member) { step_active_bodies(member); });
     if (overloaded) return;
     tips.store(field, static_contacts, settings.dt_s);
+    elastic_skin.store(static_contacts);
     if (!unit.is_one())
       for (const std::int32_t cell : tips.cells())
         unit.return_yielding_tip(field, static_cast<std::size_t>(cell), scene_field);
@@ -260,8 +302,13 @@ void NativeEngine::Impl::step() {
     }
     sleep.update_sleeping_set(bodies, active_bodies, pair_contacts, static_contacts, collision.supports());
   }
+  if (field.skin.is_elastic) {
+    elastic_skin.advance(field.skin);
+    if (!unit.is_one()) unit.return_skin(field.skin, scene_field.skin);
+  }
   write_cell_impulses();
   write_tip_impulses();
+  write_skin_impulses();
   if (!unit.is_one() && lowered_speeds) unit.return_lowered_speeds(field_copy, scene_field);
   if (has_wrenches) std::fill(bodies.wrench.begin(), bodies.wrench.end(), surface::Wrench{});
   has_wrenches = false;

@@ -142,7 +142,10 @@ void Sleep::wake_on_moving_cells(BodyStore& b) {
     row_moves_[r] = moving != 0;
   }
   // Free layout: rows and columns say nothing about positions, so any motion may be near.
-  const bool wake_all = !field_.is_rectangular() && std::count(row_moves_.begin(), row_moves_.end(), 1) > 0;
+  // A skin: an actuator moves the sheet beyond the cells near it.
+  const bool wake_all =
+      (!field_.is_rectangular() && std::count(row_moves_.begin(), row_moves_.end(), 1) > 0) ||
+      (field_.has_skin() && field_.skin.supports_move);
   for (std::size_t i = 0; i < b.asleep.size(); ++i)
     if (b.asleep[i] && (wake_all || any_cell_moves(cells_near_sleeper_[i]))) wake(b, i);
 }
@@ -177,8 +180,9 @@ void Sleep::restore_contacts(const BodyStore& b, ContactList& pair_contacts, Con
 // ---- falling asleep
 
 bool Sleep::touches_moving_cell(const Contact& c) const {
-  if (c.other == kYieldingTip) return true;
-  return c.other == kField && (!c.surface_velocity.isZero(0.0F) || c.surface_spin != 0.0F);
+  if (gives_way(c.other)) return true;
+  return (c.other == kField || c.other == kSkin) &&
+         (!c.surface_velocity.isZero(0.0F) || c.surface_spin != 0.0F);
 }
 
 void Sleep::update_sleep_timer(BodyStore& b, std::size_t i) const {

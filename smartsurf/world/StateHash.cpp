@@ -113,6 +113,9 @@ void FieldHasher::copy_and_hash(const surface::Field& field, bool changed, std::
     hash.add(static_cast<std::uint32_t>(block_hash));
     hash.add(static_cast<std::uint32_t>(block_hash >> 32U));
   }
+  if (!field.has_skin()) return;
+  hash.add(field.skin.height);
+  hash.add(field.skin.speed);
 }
 
 }  // namespace smartsurf::world

@@ -108,7 +108,7 @@ struct Hdf5Recorder::OpenFile {
   std::vector<FrameSeries> sensor_series, actuator_series;
   Handle metrics_group;
   std::vector<std::optional<FrameSeries>> metric_series;  // empty: its name cannot be that of a dataset
-  std::optional<DeltaWriter> inputs, heights, motion;
+  std::optional<DeltaWriter> inputs, heights, motion, skin;
   std::vector<float> flat_motion;
   bool interaction_marked = false;
   std::size_t buffer_capacity = 0, buffered_frames = 0;
@@ -195,6 +195,7 @@ void Hdf5Recorder::OpenFile::create_series(const scene::Snapshot& first,
   if (!first.actuator_state.empty())
     motion.emplace(surface_group, "motion",
                    kValuesPerActuatorState * static_cast<std::size_t>(surface.cell_count()));
+  if (surface.skin) skin.emplace(surface_group, "skin/height", first.skin_height.size());
   if (record.sensors)
     create_channels("sensors", sensors, scene::collect_channels(surface.sensors), sensor_series);
   if (record.actuators) {
@@ -280,6 +281,10 @@ void Hdf5Recorder::OpenFile::buffer_frame(const scene::Snapshot& snapshot,
     motion->add(flat_motion, 0);
     motion->end_row();
   }
+  if (skin) {
+    skin->add(snapshot.skin_height, 0);
+    skin->end_row();
+  }
   ++buffered_frames;
 }
 
@@ -332,13 +337,13 @@ void Hdf5Recorder::OpenFile::write_buffered() {
     for_each_series([&](const FrameSeries& series) { max_bytes += series.max_bytes(); });
     max_bytes += tick->max_bytes();
   }
-  for (auto* changes : {&inputs, &heights, &motion})
+  for (auto* changes : {&inputs, &heights, &motion, &skin})
     if (*changes) max_bytes += (*changes)->max_bytes();
   preallocator.preallocate(max_bytes);
   require_memory(max_bytes);
   catalogue->append(pending_objects);
   pending_objects.clear();
-  for (auto* changes : {&inputs, &heights, &motion})
+  for (auto* changes : {&inputs, &heights, &motion, &skin})
     if (*changes) (*changes)->write();
   if (buffered_frames > 0) {
     for_each_series(

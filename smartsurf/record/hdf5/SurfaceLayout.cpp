@@ -95,10 +95,46 @@ void read_cell_mechanisms(hid_t group, scene::SurfaceSpec& surface) {
       throw Hdf5Error("dataset surface/cell has a mechanism index out of range");
 }
 
+constexpr const char* kSkinKinds[] = {"kinematic", "elastic"};
+
+void write_skin(hid_t group, const scene::SkinSpec& skin) {
+  const Handle skin_group = create_group(group, "skin");
+  write_attribute(skin_group, "kind", std::string(kSkinKinds[static_cast<int>(skin.kind)]));
+  const double nodes[] = {static_cast<double>(skin.rows), static_cast<double>(skin.columns)};
+  write_attribute(skin_group, "nodes", H5T_NATIVE_DOUBLE, nodes, 2);
+  write_attribute(skin_group, "margin", H5T_NATIVE_DOUBLE, &skin.margin, 1);
+  if (skin.kind == scene::SkinSpec::Kind::kElastic) {
+    const double attached = skin.attached ? 1.0 : 0.0;
+    write_attribute(skin_group, "tension", H5T_NATIVE_DOUBLE, &skin.tension, 1);
+    write_attribute(skin_group, "density", H5T_NATIVE_DOUBLE, &skin.density, 1);
+    write_attribute(skin_group, "damping", H5T_NATIVE_DOUBLE, &skin.damping, 1);
+    write_attribute(skin_group, "attached", H5T_NATIVE_DOUBLE, &attached, 1);
+  }
+  if (skin.edge == scene::SkinSpec::Edge::kClamped)
+    write_attribute(skin_group, "edge", H5T_NATIVE_DOUBLE, &skin.edge_height, 1);
+}
+
+scene::SkinSpec read_skin(hid_t group) {
+  scene::SkinSpec skin;
+  if (read_text_attribute(group, "kind") == kSkinKinds[1]) skin.kind = scene::SkinSpec::Kind::kElastic;
+  double nodes[2] = {};
+  read_attribute(group, "nodes", H5T_NATIVE_DOUBLE, nodes, 2);
+  for (const double n : nodes)
+    if (!(n >= 2 && n <= 4096)) throw Hdf5Error("attribute nodes of surface/skin is out of range");
+  skin.rows = static_cast<int>(nodes[0]), skin.columns = static_cast<int>(nodes[1]);
+  read_attribute(group, "margin", H5T_NATIVE_DOUBLE, &skin.margin, 1);
+  if (has_attribute(group, "edge")) {
+    skin.edge = scene::SkinSpec::Edge::kClamped;
+    read_attribute(group, "edge", H5T_NATIVE_DOUBLE, &skin.edge_height, 1);
+  }
+  return skin;
+}
+
 }  // namespace
 
 void write_layout(hid_t group, const scene::SurfaceSpec& surface) {
   write_mechanisms(group, surface);
+  if (surface.skin) write_skin(group, *surface.skin);
   if (!surface.actuator_of_cell.empty())
     write_grid(group, "cell", H5T_NATIVE_INT8, surface, 1, surface.actuator_of_cell);
   if (!surface.base_heights.empty())
@@ -115,6 +151,7 @@ void read_layout(hid_t group, scene::SurfaceSpec& surface) {
   if (has_link(group, "base"))
     surface.base_heights = read_grid<float>(group, "base", H5T_NATIVE_FLOAT, surface, 1);
   if (has_link(group, "place")) read_cell_poses(group, surface);
+  if (has_link(group, "skin")) surface.skin = read_skin(open_group(group, "skin"));
 }
 
 void flatten_actuator_state(std::span<const scene::ActuatorState> motion, std::vector<float>& flat) {

@@ -13,7 +13,7 @@ std::size_t frame_bytes(const RunHistory::Frame& frame) {
   constexpr std::size_t kBytesPerObject = sizeof(scene::ObjectId) + 13 * sizeof(float);
   const scene::Snapshot& s = frame.snapshot;
   return sizeof frame + s.object_count() * kBytesPerObject +
-         (s.height.size() + frame.channels.size()) * sizeof(float) +
+         (s.height.size() + s.skin_height.size() + frame.channels.size()) * sizeof(float) +
          s.actuator_state.size() * sizeof(scene::ActuatorState) + frame.values.size() * sizeof(double);
 }
 

@@ -1,5 +1,6 @@
 // world, material, surface, faults, record: declarations that a script makes once, while it loads.
 #include <algorithm>
+#include <cmath>
 #include <iterator>
 #include <string>
 #include <vector>
@@ -89,11 +90,62 @@ int material(ScriptContext& context, lua_State* L) {
   return 0;
 }
 
+// Reads surface.skin. Requires that layout and border have been read.
+scene::SkinSpec check_skin(lua_State* L, int index, const std::string& name,
+                           const scene::SurfaceSpec& surface) {
+  const TableReader fields(L, index, name,
+                           {"kind", "nodes", "margin", "edge", "tension", "density", "damping", "attached"});
+  scene::SkinSpec skin;
+  fields.visit("kind", [&](int i, const std::string& kind_name) {
+    const std::string kind = check_string(L, i, kind_name);
+    if (kind != "kinematic" && kind != "elastic")
+      throw_invalid_value(L, i, kind_name, "'kinematic' or 'elastic'");
+    if (kind == "elastic") skin.kind = scene::SkinSpec::Kind::kElastic;
+  });
+  for (const char* field : {"tension", "density", "damping", "attached"})
+    if (skin.kind == scene::SkinSpec::Kind::kKinematic && fields.has(field))
+      throw ScriptError(name + "." + field + ": a skin of the kind 'kinematic' has none");
+  fields.read("tension", skin.tension);
+  fields.read("density", skin.density);
+  constexpr double kDamping_s = 0.05;
+  skin.damping = kDamping_s * skin.tension;
+  fields.read("damping", skin.damping);
+  fields.read("attached", skin.attached);
+  const double half_top = 0.5 * std::min(surface.pin.top_x, surface.pin.top_y);
+  skin.margin = surface.border_height ? surface.pitch - half_top : 0.5 * surface.pitch;
+  fields.read("margin", skin.margin);
+  fields.visit("edge", [&](int i, const std::string& edge_name) {
+    if (lua_type(L, i) == LUA_TSTRING && check_string(L, i, edge_name) == "free") return;
+    if (lua_type(L, i) != LUA_TTABLE) throw_invalid_value(L, i, edge_name, "'free' or {height = z}");
+    const TableReader edge(L, i, edge_name, {"height"});
+    edge.require("height");
+    edge.read("height", skin.edge_height);
+    skin.edge = scene::SkinSpec::Edge::kClamped;
+  });
+  // Eight to a pitch, fewer over many cells.
+  constexpr double kNodesPerPitch = 8.0, kMaxNodes = 257.0;
+  const auto default_nodes = [&](int cells) {
+    const double pitches = cells - (surface.border_height ? 3 : 1) + 2.0 * skin.margin / surface.pitch;
+    return static_cast<int>(
+               std::ceil(std::max(std::min(kNodesPerPitch * pitches, kMaxNodes - 1.0), 2.0 * pitches))) +
+           1;
+  };
+  skin.rows = default_nodes(surface.rows), skin.columns = default_nodes(surface.columns);
+  fields.visit("nodes", [&](int i, const std::string& nodes_name) {
+    const std::string requirement = "{rows, columns}, two integers";
+    const std::vector<double> nodes = check_numbers(L, i, nodes_name, 2, requirement);
+    for (const double n : nodes)
+      if (n != std::floor(n) || std::abs(n) > 1e6) throw_invalid_value(L, i, nodes_name, requirement);
+    skin.rows = static_cast<int>(nodes[0]), skin.columns = static_cast<int>(nodes[1]);
+  });
+  return skin;
+}
+
 int surface(ScriptContext& context, lua_State* L) {
   declare_once(context, L, "surface");
   const TableReader fields(L, 1, "surface",
                            {"rows", "columns", "pitch", "actuator", "actuators", "cells", "mask", "layout",
-                            "positions", "modules", "base", "tilt", "sensors", "border", "material"});
+                            "positions", "modules", "base", "tilt", "sensors", "border", "skin", "material"});
   scene::SurfaceSpec& spec = context.spec.surface;
   fields.read("rows", spec.rows, 1, 4096);
   fields.read("columns", spec.columns, 1, 4096);
@@ -107,6 +159,7 @@ int surface(ScriptContext& context, lua_State* L) {
     border.require("height");
     border.read("height", spec.border_height);
   });
+  fields.visit("skin", [&](int i, const std::string& name) { spec.skin = check_skin(L, i, name, spec); });
   fields.visit("material",
                [&](int i, const std::string& name) { spec.material = check_material(context, L, i, name); });
   throw_if_invalid(validate(spec));

@@ -10,6 +10,7 @@
 #include "smartsurf/surface/sensors/ObjectTypeSensor.h"
 #include "smartsurf/surface/sensors/PressureSensor.h"
 #include "smartsurf/surface/sensors/ProximitySensor.h"
+#include "smartsurf/surface/sensors/SkinSensors.h"
 #include "smartsurf/surface/sensors/TipForceSensor.h"
 
 namespace smartsurf::surface {
@@ -28,7 +29,10 @@ std::map<std::string, SensorFactory>& sensor_factories() {
                                                   {"pressure", make<PressureSensor>},
                                                   {"camera", make<CameraSensor>},
                                                   {"joint_position", make<JointPositionSensor>},
-                                                  {"tip_force", make<TipForceSensor>}};
+                                                  {"tip_force", make<TipForceSensor>},
+                                                  {"skin_height", make<SkinHeightSensor>},
+                                                  {"skin_strain", make<SkinStrainSensor>},
+                                                  {"skin_contact", make<SkinContactSensor>}};
   return all;
 }
 

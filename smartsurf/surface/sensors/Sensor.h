@@ -25,6 +25,8 @@ struct SensorInput {
   std::span<const float> impulse;
   // The same for the tips of delta robots, friction included. Empty without such tips.
   std::span<const Eigen::Vector3f> tip_impulse;
+  // Of a skin: downward impulse on each node during the tick, mass·u/s. Empty without one.
+  std::span<const float> skin_impulse;
   double period_s;  // duration of a tick
 };
 
@@ -47,7 +49,7 @@ class Sensor {
   // snapshot and without impulses.
   virtual void archive(common::StateArchive&) {}
 
-  // Whether sense() reads SensorInput::impulse or tip_impulse.
+  // Whether sense() reads SensorInput::impulse, tip_impulse or skin_impulse.
   virtual bool needs_impulses() const noexcept { return false; }
 };
 

@@ -55,9 +55,12 @@ ActuatorLayer::ActuatorLayer(const scene::SurfaceSpec& surface, RenderPass colou
 std::span<const float> ActuatorLayer::upload(const scene::Snapshot& snapshot) {
   if (buffers_.empty()) return {};
   geometry_.update(snapshot);
-  for (std::size_t k = 0; k < buffers_.size(); ++k)
-    upload_buffer(GL_ARRAY_BUFFER, buffers_[k].instance_buffer.id(), geometry_.meshes()[k].instances,
-                  GL_STREAM_DRAW);
+  for (std::size_t k = 0; k < buffers_.size(); ++k) {
+    const InstancedMesh& mesh = geometry_.meshes()[k];
+    upload_buffer(GL_ARRAY_BUFFER, buffers_[k].instance_buffer.id(), mesh.instances, GL_STREAM_DRAW);
+    if (mesh.deforms)
+      upload_buffer(GL_ARRAY_BUFFER, buffers_[k].vertex_buffer.id(), mesh.mesh.vertices, GL_STREAM_DRAW);
+  }
   return geometry_.recess();
 }
 

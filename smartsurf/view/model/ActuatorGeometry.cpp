@@ -125,6 +125,63 @@ ActuatorGeometry::ActuatorGeometry(const scene::SurfaceSpec& surface)
       }
   }
   if (!cells_.empty()) recess_.assign(static_cast<std::size_t>(surface.cell_count()), 0.0F);
+  if (surface.skin) add_skin();
+}
+
+// The last mesh. Its axes are the world's.
+void ActuatorGeometry::add_skin() {
+  const scene::SkinSpec& skin = *surface_.skin;
+  const int border = surface_.border_height ? 1 : 0;
+  const auto pitch = static_cast<float>(surface_.pitch), margin = static_cast<float>(skin.margin);
+  const float low = static_cast<float>(border) * pitch - margin;
+  const float north = static_cast<float>(surface_.rows - 1 - border) * pitch + margin;
+  const float east = static_cast<float>(surface_.columns - 1 - border) * pitch + margin;
+  const auto along = [](float from, float to, int i, int count) {
+    return from + (to - from) * static_cast<float>(i) / static_cast<float>(count - 1);
+  };
+  const auto is_over_top = [pitch](float u, double top) {
+    return std::abs(u - pitch * std::round(u / pitch)) <= 0.5F * static_cast<float>(top);
+  };
+  TwoColourMesh mesh;
+  for (int r = 0; r < skin.rows; ++r)
+    for (int c = 0; c < skin.columns; ++c) {
+      const float x = along(low, east, c, skin.columns), y = along(north, low, r, skin.rows);
+      const bool is_held = is_over_top(x, surface_.pin.top_x) && is_over_top(y, surface_.pin.top_y);
+      mesh.vertices.insert(mesh.vertices.end(), {x, y, 0.0F, 0.0F, 0.0F, 1.0F, is_held ? 1.0F : 0.0F});
+      if (r + 1 == skin.rows || c + 1 == skin.columns) continue;
+      const auto north_west = static_cast<std::uint32_t>(r * skin.columns + c),
+                 south_west = north_west + static_cast<std::uint32_t>(skin.columns);
+      mesh.indices.insert(mesh.indices.end(), {north_west, south_west + 1, north_west + 1});
+      mesh.indices.insert(mesh.indices.end(), {north_west, south_west, south_west + 1});
+    }
+  InstancedMesh& added = meshes_[add_mesh(std::move(mesh))];
+  added.deforms = true;
+}
+
+// Normals are those of a smooth surface through the nodes.
+void ActuatorGeometry::update_skin(const scene::Snapshot& snapshot) {
+  const scene::SkinSpec& skin = *surface_.skin;
+  InstancedMesh& added = meshes_.back();
+  std::vector<float>& vertices = added.mesh.vertices;
+  if (snapshot.skin_height.size() * 7 != vertices.size()) return;
+  constexpr Rgb kSheet{0.52F, 0.60F, 0.66F};
+  added.instances.push_back(
+      make_instance(Vec::Zero(), Mat::Identity(), to_linear_rgba8(kSheet), to_linear_rgba8(kRubber)));
+  const auto vertex = [&](int r, int c) {
+    return 7 * static_cast<std::size_t>(std::clamp(r, 0, skin.rows - 1) * skin.columns +
+                                        std::clamp(c, 0, skin.columns - 1));
+  };
+  for (std::size_t i = 0; i < snapshot.skin_height.size(); ++i) vertices[7 * i + 2] = snapshot.skin_height[i];
+  const auto slope = [&vertices](std::size_t from, std::size_t to, std::size_t axis) {
+    return (vertices[to + 2] - vertices[from + 2]) / (vertices[to + axis] - vertices[from + axis]);
+  };
+  for (int r = 0; r < skin.rows; ++r)
+    for (int c = 0; c < skin.columns; ++c) {
+      const Vec normal = Vec(-slope(vertex(r, c - 1), vertex(r, c + 1), 0),
+                             -slope(vertex(r + 1, c), vertex(r - 1, c), 1), 1.0F)
+                             .normalized();
+      std::copy_n(normal.data(), 3, vertices.begin() + static_cast<std::ptrdiff_t>(vertex(r, c) + 3));
+    }
 }
 
 ActuatorGeometry::InstanceBuilder ActuatorGeometry::make_builder(const scene::ActuatorSpec& spec) {
@@ -142,7 +199,7 @@ ActuatorGeometry::InstanceBuilder ActuatorGeometry::make_builder(const scene::Ac
 }
 
 std::size_t ActuatorGeometry::add_mesh(TwoColourMesh mesh, bool translucent) {
-  meshes_.push_back({std::move(mesh), translucent, {}});
+  meshes_.push_back({std::move(mesh), translucent, false, {}});
   return meshes_.size() - 1;
 }
 
@@ -155,6 +212,7 @@ void ActuatorGeometry::update(const scene::Snapshot& snapshot) {
     builders_[builder_of_cell_[k]](cell, snapshot,
                                    snapshot.actuator_state.empty() ? rest : snapshot.actuator_state[cell]);
   }
+  if (surface_.skin) update_skin(snapshot);
 }
 
 // The two angles are applied about x, then about y. The exact order does not matter for a visual cue.

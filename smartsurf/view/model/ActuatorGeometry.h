@@ -10,6 +10,9 @@
 //   air_jet      a nozzle with a plume, whose height grows with the flow
 //   tile         a plate, tilted like the surface around it
 //   delta        the tip and three arms
+//
+// A skin over the actuators is one mesh in world coordinates, whose vertices follow it; what actuators hold has the accent
+// colour.
 #pragma once
 
 #include <array>
@@ -38,6 +41,7 @@ struct MeshInstance {
 struct InstancedMesh {
   TwoColourMesh mesh;
   bool translucent = false;  // drawn last, casts no shadow
+  bool deforms = false;      // its vertices change from frame to frame
   std::vector<MeshInstance> instances;
 };
 
@@ -69,6 +73,8 @@ class ActuatorGeometry {
   InstanceBuilder tip_builder(const scene::ActuatorSpec&);
   InstanceBuilder delta_builder(const scene::ActuatorSpec&);
   InstanceBuilder vibrating_plate_builder();
+  void add_skin();
+  void update_skin(const scene::Snapshot&);
   InstanceBuilder tilting_plate_builder(const scene::ActuatorSpec&);
   // Height of a neighbour, u; the cell's own height where there is none.
   float neighbour_height(std::size_t cell, int row_step, int column_step, const scene::Snapshot&) const;

@@ -22,6 +22,8 @@ void require_engine(const scene::SceneSpec& scene) {
   if (scene.world.engine == "bullet" && !has_bullet())
     throw scene::InputError(
         "engine 'bullet': this build has no Bullet; install libbullet-dev (scripts/setup) and build again");
+  if (scene.world.engine == "bullet" && scene.surface.skin)
+    throw scene::InputError("engine 'bullet': has no skins; remove surface.skin, or use the engine 'native'");
   for (const scene::ActuatorSpec& actuator : scene.surface.actuators)
     if (scene.world.engine == "bullet" && actuator.model == "delta" &&
         (actuator.has("stiffness") || actuator.has("max_force")))

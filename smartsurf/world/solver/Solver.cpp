@@ -7,6 +7,7 @@
 #include <numbers>
 
 #include "smartsurf/world/narrowphase/Simd4.h"
+#include "smartsurf/world/solver/SkinSolver.h"
 #include "smartsurf/world/solver/SupportSolver.h"
 
 namespace smartsurf::world {
@@ -185,11 +186,10 @@ void Solver::run_stages(StepContext& context, const Member& member) {
   const JointSolver::Substep substep{context.params.h_s, settings_.gravity};
   run_joint_stage(context, member,
                   [&] { joints.begin_step(context.bodies, context.partition, joint_rows()); });
-  TipSolver& tips = context.input.tips;
-  const TipSolver::Rows tip_rows{velocity_.data(), delta_pose_.data(), material_.data()};
-  run_tip_stage(context, member, [&] {
-    tips.begin_step(context.bodies, context.partition, context.input.static_contacts, tip_rows,
-                    field_material_, context.params);
+  const PointRows point_rows{velocity_.data(), delta_pose_.data(), material_.data()};
+  run_point_stage(context, member, [&](auto& points) {
+    points.begin_step(context.bodies, context.partition, context.input.static_contacts, point_rows,
+                      field_material_, context.params);
   });
   const ContactKernelTable& k = context.kernels;
   run_contact_stage(context, member, k.warm_start, 0.0F, SupportStage::kWarmStart);
@@ -201,13 +201,13 @@ void Solver::run_stages(StepContext& context, const Member& member) {
       member.arrive();
     }
     run_joint_stage(context, member, [&] { joints.solve(context.bodies, joint_rows(), substep); });
-    run_tip_stage(context, member, [&] { tips.solve(tip_rows); });
+    run_point_stage(context, member, [&](auto& points) { points.solve(point_rows); });
     run_contact_stage(context, member, k.solve, static_cast<float>(s) * h_s, SupportStage::kSolve);
     member.wait();
     integrate_positions(context);
     member.arrive();
     run_joint_stage(context, member, [&] { joints.relax(joint_rows(), substep); });
-    run_tip_stage(context, member, [&] { tips.relax(tip_rows); });
+    run_point_stage(context, member, [&](auto& points) { points.relax(point_rows); });
     run_contact_stage(context, member, k.relax, 0.0F, SupportStage::kRelax);
   }
   if (has_supports_) member.wait();  // support patches change impulses in batches of other members
@@ -618,12 +618,16 @@ void Solver::run_contact_stage(StepContext& context, const Member& member,
   member.arrive();
 }
 
-// Contacts with yielding tips are solved by the caller alone, as joints are.
+// Contacts with what gives way are solved by the caller alone, as joints are. stage(solver): of each such solver with
+// contacts.
 template <class Stage>
-void Solver::run_tip_stage(const StepContext& context, const Member& member, Stage stage) {
-  if (context.input.tips.empty()) return;
+void Solver::run_point_stage(const StepContext& context, const Member& member, Stage stage) {
+  TipSolver& tips = context.input.tips;
+  SkinSolver& skin = context.input.skin;
+  if (tips.empty() && skin.empty()) return;
   member.wait();
-  if (member.is_caller()) stage();
+  if (member.is_caller() && !tips.empty()) stage(tips);
+  if (member.is_caller() && !skin.empty()) stage(skin);
   member.arrive();
 }
 

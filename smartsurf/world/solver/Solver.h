@@ -34,6 +34,8 @@ struct StepSettings {
       field_restitution;  // of field and ground; roots as in SurfaceMaterial
 };
 
+class SkinSolver;
+
 class Solver {
  public:
   explicit Solver(const StepSettings& settings) { configure(settings); }
@@ -49,7 +51,8 @@ class Solver {
     std::span<CellImpulseLimit> cell_limits;  // one per static contact; empty without force limits
     bool has_wrenches;                        // whether any body has a nonzero wrench
     JointSolver& joints;
-    TipSolver& tips;             // after collect()
+    TipSolver& tips;  // after collect(), as the next
+    SkinSolver& skin;
     float deep_contact = 1e30F;  // depth from which deep_contacts() lists a contact, u
   };
   // Solves one step and writes the impulses to the contact lists. The new velocities and delta poses stay in the
@@ -79,8 +82,8 @@ class Solver {
     const Manifold* manifold[kLanes] = {};
     Contact* first[kLanes] = {};
     int count[kLanes] = {};
-    // Whether the batch solves a lane's contact k: the tip solver has those with yielding tips.
-    bool has(int lane, int k) const { return k < count[lane] && first[lane][k].other != kYieldingTip; }
+    // Whether the batch solves a lane's contact k: those with what gives way have solvers of their own.
+    bool has(int lane, int k) const { return k < count[lane] && !gives_way(first[lane][k].other); }
   };
   BatchContacts contacts_of_batch(const StepContext&, ContactKind, int batch) const;
   void fill_points(const StepContext&, ContactKind, ContactBatch&, const BatchContacts&);
@@ -101,7 +104,7 @@ class Solver {
   template <class Each>
   void for_each_own_support(const StepContext&, Each each) const;
   template <class Stage>
-  void run_tip_stage(const StepContext&, const Member&, Stage stage);
+  void run_point_stage(const StepContext&, const Member&, Stage stage);
   template <class Stage>
   void run_joint_stage(const StepContext&, const Member&, Stage stage);
   JointSolver::Rows joint_rows() { return {velocity_.data(), start_velocity_.data(), delta_pose_.data()}; }

@@ -11,23 +11,6 @@ namespace {
 // Upper bound of a deflection, in that by the normal forces; friction adds less.
 constexpr float kMaxDeflection = 2.0F;
 
-Vec3 clamp_length(const Vec3& v, float limit) {
-  const float length = v.norm();
-  return length <= limit ? v : Vec3(v * (limit / length));
-}
-
-Mat3 to_matrix(const InverseInertia& q) {
-  Mat3 m;
-  m << q.xx, q.xy, q.xz, q.xy, q.yy, q.yz, q.xz, q.yz, q.zz;
-  return m;
-}
-
-Mat3 cross_matrix(const Vec3& v) {
-  Mat3 m;
-  m << 0, -v.z(), v.y(), v.z(), 0, -v.x(), -v.y(), v.x(), 0;
-  return m;
-}
-
 // The greatest s in [0, 1] with |others − s·own| ≤ limit, or that for the least.
 float greatest_share(const Vec3& others, const Vec3& own, float limit) {
   const float a = own.squaredNorm(), b = others.dot(own), c = others.squaredNorm() - limit * limit;
@@ -87,7 +70,7 @@ void TipSolver::collect(const surface::Field& field, const ContactList& static_c
 }
 
 void TipSolver::begin_step(const BodyStore& bodies, const SpatialPartition& partition,
-                           const ContactList& static_contacts, const Rows& rows,
+                           const ContactList& static_contacts, const PointRows& rows,
                            const SurfaceMaterial& field_material, const SubstepParams& params) {
   params_ = params;
   const float h_s = params.h_s;
@@ -99,72 +82,25 @@ void TipSolver::begin_step(const BodyStore& bodies, const SpatialPartition& part
     t.max_impulse = t.kind->max_force * h_s;
   }
   for (Point& p : points_) {
-    prepare(p, bodies, partition, static_contacts.contacts[static_cast<std::size_t>(p.contact)], rows,
-            field_material);
-    apply(p, p.impulse(), rows);
-    tips_[static_cast<std::size_t>(p.tip)].add_load(-p.impulse(), -p.normal_impulse * p.normal);
+    Tip& tip = tips_[static_cast<std::size_t>(p.tip)];
+    p.prepare(bodies, partition, static_contacts.contacts[static_cast<std::size_t>(p.contact)], rows,
+              field_material, tip.inverse_mass * Mat3::Identity());
+    p.apply(p.impulse(), rows);
+    tip.add_load(-p.impulse(), -p.normal_impulse * p.normal);
   }
 }
 
-void TipSolver::prepare(Point& p, const BodyStore& bodies, const SpatialPartition& partition,
-                        const Contact& c, const Rows& rows, const SurfaceMaterial& field_material) {
-  const auto body = static_cast<std::size_t>(p.body);
-  p.row = partition.row(p.body);
-  const BodyVelocity& v = rows.velocity[p.row];
-  p.inverse_inertia = bodies.is_sphere[body] ? Mat3(v.inverse_inertia * Mat3::Identity())
-                                             : to_matrix(bodies.world_inverse_inertia[body]);
-  p.normal = c.normal, p.anchor = c.anchor, p.separation = c.separation;
-  p.normal_impulse = c.normal_impulse;
-  p.friction_impulse = c.friction_impulse, p.rolling_impulse = c.rolling_impulse;
-  const Mat3 lever = cross_matrix(p.anchor);
-  const Mat3 body_response = v.inverse_mass * Mat3::Identity() - lever * p.inverse_inertia * lever;
-  p.response = body_response + tips_[static_cast<std::size_t>(p.tip)].inverse_mass * Mat3::Identity();
-  p.normal_mass = 1.0F / p.normal.dot(p.response * p.normal);
-  p.rigid_mass = 1.0F / p.normal.dot(body_response * p.normal);
-  // The greater eigenvalue in the tangent plane, so that friction acts against the slip.
-  const Vec3 t = p.normal.unitOrthogonal(), u = p.normal.cross(t);
-  const float tt = t.dot(p.response * t), uu = u.dot(p.response * u), tu = t.dot(p.response * u);
-  p.tangent_mass = 1.0F / (0.5F * (tt + uu) + std::hypot(0.5F * (tt - uu), tu));
-  p.rolling_mass = 1.0F / p.inverse_inertia.trace();
-  const SurfaceMaterial& material = rows.material[p.row];
-  p.friction = material.friction_root * field_material.friction_root;
-  p.rolling_friction = material.rolling_friction_root * field_material.rolling_friction_root;
+Vec3 TipSolver::relative_velocity(const Point& p, const PointRows& rows) const {
+  return p.velocity(rows) - tips_[static_cast<std::size_t>(p.tip)].velocity();
 }
 
-Vec3 TipSolver::relative_velocity(const Point& p, const Rows& rows) const {
-  const BodyVelocity& v = rows.velocity[p.row];
-  return Vec3(v.velocity) + Vec3(v.angular_velocity).cross(p.anchor) -
-         tips_[static_cast<std::size_t>(p.tip)].velocity();
-}
-
-void TipSolver::apply(const Point& p, const Vec3& impulse, const Rows& rows) const {
-  BodyVelocity& v = rows.velocity[p.row];
-  const Vec3 spin = p.inverse_inertia * p.anchor.cross(impulse);
-  for (int i = 0; i < 3; ++i) {
-    v.velocity[i] += v.inverse_mass * impulse[i];
-    v.angular_velocity[i] += spin[i];
-  }
-}
-
-// Separated, the contact may close its gap within the substep; overlapping, it is pushed out. Without the softness of other
-// contacts, which would be great against the small mass of a tip.
-float TipSolver::push_out_speed(Point& p, const Rows& rows) const {
-  const DeltaPose& delta = rows.delta_pose[p.row];
-  const Vec3 moved = Vec3(delta.translation) + Vec3(delta.rotation).cross(p.anchor) -
-                     tips_[static_cast<std::size_t>(p.tip)].moved;
-  const float separation = p.separation + p.normal.dot(moved);
-  p.relax_target_speed = separation > 0.0F ? -separation * params_.inverse_h : 0.0F;
-  if (separation > 0.0F) return p.relax_target_speed;
-  return std::min(-std::min(separation + kSlop, 0.0F) * params_.bias_rate, params_.max_bias_velocity);
-}
-
-void TipSolver::add_normal_impulse(Point& p, float impulse, const Rows& rows) {
+void TipSolver::add_normal_impulse(Point& p, float impulse, const PointRows& rows) {
   p.normal_impulse += impulse;
-  apply(p, impulse * p.normal, rows);
+  p.apply(impulse * p.normal, rows);
   tips_[static_cast<std::size_t>(p.tip)].add_load(-impulse * p.normal, -impulse * p.normal);
 }
 
-void TipSolver::solve_point(Point& p, float target_speed, const Rows& rows) {
+void TipSolver::solve_point(Point& p, float target_speed, const PointRows& rows) {
   const Tip& tip = tips_[static_cast<std::size_t>(p.tip)];
   const float deficit = target_speed - p.normal.dot(relative_velocity(p, rows));
   float impulse = std::max(0.0F, p.normal_impulse + p.normal_mass * deficit);
@@ -174,11 +110,11 @@ void TipSolver::solve_point(Point& p, float target_speed, const Rows& rows) {
   add_normal_impulse(p, impulse - p.normal_impulse, rows);
   if (is_overloaded) yield(p, target_speed, rows);
   solve_friction(p, rows);
-  solve_rolling(p, rows);
+  p.solve_rolling(rows);
 }
 
 // The joints move with the body, as far as they can.
-void TipSolver::yield(Point& p, float target_speed, const Rows& rows) {
+void TipSolver::yield(Point& p, float target_speed, const PointRows& rows) {
   Tip& tip = tips_[static_cast<std::size_t>(p.tip)];
   const float deficit = target_speed - p.normal.dot(relative_velocity(p, rows));
   if (!(deficit > 0.0F)) return;
@@ -189,30 +125,21 @@ void TipSolver::yield(Point& p, float target_speed, const Rows& rows) {
   if (speed < deficit) add_normal_impulse(p, p.rigid_mass * (deficit - speed), rows);
 }
 
-void TipSolver::solve_friction(Point& p, const Rows& rows) {
+void TipSolver::solve_friction(Point& p, const PointRows& rows) {
   const Vec3 velocity = relative_velocity(p, rows), old_impulse = p.friction_impulse;
   const Vec3 slip = velocity - p.normal * p.normal.dot(velocity);
   p.friction_impulse = clamp_length(old_impulse - p.tangent_mass * slip, p.friction * p.normal_impulse);
-  apply(p, p.friction_impulse - old_impulse, rows);
+  p.apply(p.friction_impulse - old_impulse, rows);
   tips_[static_cast<std::size_t>(p.tip)].add_load(old_impulse - p.friction_impulse, Vec3::Zero());
 }
 
-void TipSolver::solve_rolling(Point& p, const Rows& rows) const {
-  if (p.rolling_friction == 0.0F) return;
-  BodyVelocity& v = rows.velocity[p.row];
-  const Vec3 old_impulse = p.rolling_impulse;
-  p.rolling_impulse = clamp_length(old_impulse - p.rolling_mass * Vec3(v.angular_velocity),
-                                   p.rolling_friction * p.normal_impulse);
-  const Vec3 spin = p.inverse_inertia * (p.rolling_impulse - old_impulse);
-  for (int i = 0; i < 3; ++i) v.angular_velocity[i] += spin[i];
-}
-
-void TipSolver::solve(const Rows& rows) {
+void TipSolver::solve(const PointRows& rows) {
   for (Tip& t : tips_) t.yield_velocity.setZero();
-  for (Point& p : points_) solve_point(p, push_out_speed(p, rows), rows);
+  for (Point& p : points_)
+    solve_point(p, p.push_out_speed(tips_[static_cast<std::size_t>(p.tip)].moved, params_, rows), rows);
 }
 
-void TipSolver::relax(const Rows& rows) {
+void TipSolver::relax(const PointRows& rows) {
   const float h_s = params_.h_s;
   for (Tip& t : tips_) {
     const Vec3 deflection_rate = t.deflection_rate();
@@ -228,11 +155,7 @@ void TipSolver::relax(const Rows& rows) {
 }
 
 void TipSolver::store(surface::Field& field, ContactList& static_contacts, float dt_s) const {
-  for (const Point& p : points_) {
-    Contact& c = static_contacts.contacts[static_cast<std::size_t>(p.contact)];
-    c.normal_impulse = p.normal_impulse, c.total_normal_impulse = p.total_normal_impulse;
-    c.friction_impulse = p.friction_impulse, c.rolling_impulse = p.rolling_impulse;
-  }
+  for (const Point& p : points_) p.store(static_contacts.contacts[static_cast<std::size_t>(p.contact)]);
   for (std::size_t k = 0; k < cells_.size(); ++k) {
     const auto cell = static_cast<std::size_t>(cells_[k]);
     const Tip& t = tips_[k];

@@ -16,32 +16,22 @@
 #include <vector>
 
 #include "smartsurf/surface/Field.h"
-#include "smartsurf/world/BodyStore.h"
-#include "smartsurf/world/Contact.h"
-#include "smartsurf/world/parallel/SpatialPartition.h"
-#include "smartsurf/world/solver/ContactKernels.h"
+#include "smartsurf/world/solver/PointContact.h"
 
 namespace smartsurf::world {
 
 class TipSolver {
  public:
-  // Indexed by row of the partition.
-  struct Rows {
-    BodyVelocity* velocity;
-    const DeltaPose* delta_pose;
-    const SurfaceMaterial* material;
-  };
-
   // Finds the contacts of the coming step.
   void collect(const surface::Field& field, const ContactList& static_contacts);
   void clear() { points_.clear(), tips_.clear(), cells_.clear(); }
   bool empty() const { return points_.empty(); }
 
   // The stages of a step. begin_step() also applies the impulses of the last substep.
-  void begin_step(const BodyStore&, const SpatialPartition&, const ContactList& static_contacts, const Rows&,
-                  const SurfaceMaterial& field_material, const SubstepParams&);
-  void solve(const Rows&);
-  void relax(const Rows&);  // call after the rows were moved
+  void begin_step(const BodyStore&, const SpatialPartition&, const ContactList& static_contacts,
+                  const PointRows&, const SurfaceMaterial& field_material, const SubstepParams&);
+  void solve(const PointRows&);
+  void relax(const PointRows&);  // call after the rows were moved
   // After the step: writes the impulses to the contacts, and the velocities of the loaded tips to the field.
   void store(surface::Field&, ContactList& static_contacts, float dt_s) const;
   // The cells of the loaded tips.
@@ -66,30 +56,16 @@ class TipSolver {
     // How far the joints may move along a unit direction without leaving the workspace, u.
     float room_along(const Vec3& direction) const;
   };
-  struct Point {
-    std::int32_t contact, tip, body, row = -1;
-    Vec3 normal, anchor;
-    float separation;
-    Mat3 inverse_inertia, response;  // velocity change of the point per impulse, tip included
-    float normal_mass, rigid_mass, tangent_mass, rolling_mass;
-    float friction, rolling_friction;
-    float normal_impulse, total_normal_impulse = 0.0F, relax_target_speed = 0.0F;
-    Vec3 friction_impulse, rolling_impulse;
-
-    Vec3 impulse() const { return normal_impulse * normal + friction_impulse; }
+  struct Point : PointContact {
+    std::int32_t tip;
   };
 
-  void prepare(Point&, const BodyStore&, const SpatialPartition&, const Contact&, const Rows&,
-               const SurfaceMaterial& field_material);
-  Vec3 relative_velocity(const Point&, const Rows&) const;
-  void apply(const Point&, const Vec3& impulse, const Rows&) const;
-  void add_normal_impulse(Point&, float impulse, const Rows&);
-  float push_out_speed(Point&, const Rows&) const;
+  Vec3 relative_velocity(const Point&, const PointRows&) const;
+  void add_normal_impulse(Point&, float impulse, const PointRows&);
   // The contact is to separate at least at `target_speed`.
-  void solve_point(Point&, float target_speed, const Rows&);
-  void yield(Point&, float target_speed, const Rows&);
-  void solve_friction(Point&, const Rows&);
-  void solve_rolling(Point&, const Rows&) const;
+  void solve_point(Point&, float target_speed, const PointRows&);
+  void yield(Point&, float target_speed, const PointRows&);
+  void solve_friction(Point&, const PointRows&);
 
   SubstepParams params_{};
   std::vector<Point> points_;

@@ -177,6 +177,12 @@ class Mechanisms(ProgramTest):
         self.assertLess(distance, 1.0)
         self.assertGreater(height, 1.3)
 
+    def test_sheet_carries_apple_along_circle(self):
+        turns, distance = self.run_example("skin", 15)
+        self.assertGreater(turns, 0.8)
+        self.assertGreater(distance, 1.0)
+        self.assertLess(distance, 5.0)
+
     def test_mixed_surface_on_slope(self):
         status, out, err = self.run_program(SMARTSURF, "run", str(ROOT / "scripts/examples/mixed.lua"), "--no-controller",
                                             "--headless", "--until", "4")

@@ -99,8 +99,8 @@ def words_of_code(text):
 class RecordingReference(ProgramTest):
     def test_every_name_in_a_recording_is_documented(self):
         import h5py
-        path = self.write("all.lua", "surface { rows = 4, columns = 4, sensors = { colour {} }, border = { height = 2 } }\n"
-                                     "record { sensors = true, actuators = true }\nlocal n = option('n', 1)\n"
+        path = self.write("all.lua", "surface { rows = 4, columns = 4, sensors = { colour {} }, border = { height = 2 },\n"
+                                     "  skin = { edge = { height = 0 } } }\nrecord { sensors = true, actuators = true }\nlocal n = option('n', 1)\n"
                                      "sphere { radius = 1, position = {1, 1, 2} }\n"
                                      "hull { points = {{0,0,0}, {1,0,0}, {0,1,0}, {0,0,1}}, position = {2, 2, 4} }\n")
         status, _, err = self.run_program(SMARTSURF, "run", path, "--no-controller", "--ticks", "2", "--record", "all.h5",
@@ -122,7 +122,8 @@ class LuaReference(ProgramTest):
     PAGES = ("experiments", "actuators", "sensors", "objects")
     TABLE = "surface { rows = 2, columns = 2 }\n"
     ACTUATORS = ("pin", "ball", "wheels", "rotor", "force_field", "magnet", "air_jet", "tile", "delta")
-    SENSORS = ("proximity", "colour", "object_type", "light", "pressure", "camera", "joint_position", "tip_force")
+    SENSORS = ("proximity", "colour", "object_type", "light", "pressure", "camera", "joint_position", "tip_force",
+               "skin_height", "skin_strain", "skin_contact")
 
     def names_known(self, script):
         path = self.write("asks.lua", script)

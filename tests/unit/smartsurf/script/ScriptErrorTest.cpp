@@ -223,6 +223,36 @@ INSTANTIATE_TEST_SUITE_P(
             "t.lua:1: delta.arms.length = 1: must be greater than workspace.radius + arms.radius = 1.1, to "
             "reach the whole workspace"},
         Mistake{"delta{damping = 1}", "t.lua:1: delta.damping: needs delta.stiffness"},
+        Mistake{"surface{rows = 4, columns = 4, skin = 1}", "t.lua:1: surface.skin = 1: must be a table"},
+        Mistake{"surface{rows = 4, columns = 4, skin = {kind = 'stiff'}}",
+                "t.lua:1: surface.skin.kind = 'stiff': must be 'kinematic' or 'elastic'"},
+        Mistake{"surface{rows = 4, columns = 4, skin = {tension = 5}}",
+                "t.lua:1: surface.skin.tension: a skin of the kind 'kinematic' has none"},
+        Mistake{"surface{rows = 4, columns = 4, skin = {kind = 'elastic', density = 0}}",
+                "t.lua:1: surface.skin.density = 0: must be in [1e-09, 1000000]"},
+        Mistake{"surface{rows = 4, columns = 4, skin = {nodes = {9, 8}}}",
+                "t.lua:1: surface.skin.nodes[2] = 8: must be 9 to 512, two for each pitch"},
+        Mistake{"surface{rows = 4, columns = 4, skin = {nodes = {9, 9.5}}}",
+                "t.lua:1: surface.skin.nodes = a table: must be {rows, columns}, two integers"},
+        Mistake{"surface{rows = 4, columns = 4, skin = {margin = 2}}",
+                "t.lua:1: surface.skin.margin = 2: must be in [0, 1], the pitch"},
+        Mistake{"surface{rows = 4, columns = 4, skin = {edge = 'clamped'}}",
+                "t.lua:1: surface.skin.edge = 'clamped': must be 'free' or {height = z}"},
+        Mistake{"surface{rows = 4, columns = 4, actuator = ball{}, skin = {}}",
+                "t.lua:1: surface.skin: over 'ball': must be over tiles of the command 'pose', pins or "
+                "deltas, without "
+                "max_force and stiffness"},
+        Mistake{"surface{rows = 4, columns = 4, actuator = pin{max_force = 1}, skin = {}}",
+                "t.lua:1: surface.skin: over 'pin': must be over tiles of the command 'pose', pins or "
+                "deltas, without "
+                "max_force and stiffness"},
+        Mistake{
+            "surface{rows = 4, columns = 4, layout = 'hex', skin = {}}",
+            "t.lua:1: surface.skin: needs the rectangular layout: without layout, positions or module gaps"},
+        Mistake{"surface{rows = 4, columns = 4, mask = function() return false end, skin = {}}",
+                "t.lua:1: surface.skin: there is no actuator under it"},
+        Mistake{"surface{rows = 4, columns = 4, sensors = {skin_height{}}}",
+                "t.lua:1: surface.skin: is absent: must be there for the sensor 'skin_height'"},
         Mistake{"tile{command = 'tilt'}", "t.lua:1: tile.command = 'tilt': must be one of wave, pose"},
         Mistake{"tile{max_tilt = 1.5}", "t.lua:1: tile.max_tilt = 1.5: must be in [0, 1.2]"},
         Mistake{"tile{heave = {2, 1}}", "t.lua:1: tile.heave[2] = 1: must be not below tile.heave[1] = 2"},

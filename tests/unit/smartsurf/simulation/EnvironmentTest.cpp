@@ -84,6 +84,28 @@ end
 reward(function() return (object(0):position()) end)
 )"};
 
+// A taut sheet over pins, tiles and deltas, and an elastic one, with what they sense.
+constexpr Script kTautSkin{"TautSkin", R"(
+surface { rows = 6, columns = 6, sensors = { skin_height { resolution = 2 }, skin_strain {}, skin_contact { resolution = 3 } },
+          actuators = { t = tile { command = 'pose' }, p = pin { range = {0, 2} }, d = delta {} }, cells = { 'tp', 'pd' },
+          skin = { nodes = {33, 37}, edge = { height = 0.2 } } }
+for i = 1, 3 do
+  sphere { radius = 0.3, position = { 1.5 * i, 2, 2 + i } }
+  box { size = {1, 0.7, 0.5}, position = { 1.5 * i, 4, 2 + i } }
+end
+reward(function() return (object(0):position()) end)
+)"};
+constexpr Script kElasticSkin{"ElasticSkin", R"(
+surface { rows = 6, columns = 6, pitch = 2, sensors = { skin_height { resolution = 2 }, skin_contact {} },
+          actuator = pin { range = {0, 2}, top = 0.5 }, border = { height = 3 },
+          skin = { kind = 'elastic', nodes = {25, 25}, density = 0.2 } }
+for i = 1, 3 do
+  sphere { radius = 0.6, position = { 1 + 2 * i, 4, 3 + i } }
+  box { size = {1.5, 1, 1}, position = { 1 + 2 * i, 7, 3 + i } }
+end
+reward(function() return (object(0):position()) end)
+)"};
+
 class EnvironmentTest : public testing::TestWithParam<Script> {
  protected:
   EnvironmentTest()
@@ -222,7 +244,8 @@ TEST_P(OverloadedEnvironmentTest, FailsAndSaysWhy) {
 INSTANTIATE_TEST_SUITE_P(Pile, OverloadedEnvironmentTest, testing::Values(kPile));
 
 INSTANTIATE_TEST_SUITE_P(Experiments, EnvironmentTest,
-                         testing::Values(kCrowd, kNoisy, kJoints, kTilting, kDeltas));
+                         testing::Values(kCrowd, kNoisy, kJoints, kTilting, kDeltas, kTautSkin,
+                                         kElasticSkin));
 
 }  // namespace
 }  // namespace smartsurf::simulation
