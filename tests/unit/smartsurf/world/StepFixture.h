@@ -70,7 +70,8 @@ struct StepFixture {
                  {},
                  false,
                  joints,
-                 tips},
+                 tips,
+                 skin},
                 member);
     for (int row = 0; row < bodies.size(); ++row) {
       solver.store_body(bodies, pipeline.partition(), row);
@@ -98,6 +99,7 @@ struct StepFixture {
   BodyStore bodies;
   JointSolver joints;
   TipSolver tips;
+  SkinSolver skin{kDt, -kGravity, 4};
   CollisionPipeline pipeline;
   Solver solver;
   ContactList pair_contacts, static_contacts;
