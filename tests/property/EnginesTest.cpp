@@ -13,8 +13,6 @@ namespace {
 using namespace physics_fixture;
 using namespace smartsurf;
 
-constexpr double kG = 9.81;
-
 class Engines : public testing::TestWithParam<const char*> {
  protected:
   void SetUp() override {
@@ -48,7 +46,7 @@ TEST_P(Engines, ProjectileFollowsItsParabola) {
   o.velocity = {3, -2, 4};
   const auto id = p.add(o);
   p.run(1.0);
-  const Eigen::Vector3d expected(13, 8, 20 + 4 - kG / 2);
+  const Eigen::Vector3d expected(13, 8, 20 + 4 - kGravity / 2);
   EXPECT_LT((p.position(id).cast<double>() - expected).norm(), 0.02);
 }
 
@@ -60,8 +58,8 @@ TEST_P(Engines, RestingObjectsBearTheirWeight) {
   p.add(cone(1.5, 2, {8, 22.3, 0.5}));
   p.add(cube({22, 22, 1}));
   p.run(1.0);
-  const double weight = kG * (4.0 / 3.0 * std::numbers::pi * std::pow(0.75, 3) + 6.0 +
-                              std::numbers::pi * (1.69 * 2 + 2.25 * 2 / 3) + 8.0);
+  const double weight = kGravity * (4.0 / 3.0 * std::numbers::pi * std::pow(0.75, 3) + 6.0 +
+                                    std::numbers::pi * (1.69 * 2 + 2.25 * 2 / 3) + 8.0);
   EXPECT_NEAR(mean_load(p, 0.5), weight, 0.005 * weight);
   EXPECT_NEAR(p.position(ball).z(), 0.75, 0.005);
   EXPECT_NEAR(p.position(brick).z(), 0.5, 0.005);
@@ -75,7 +73,7 @@ TEST_P(Engines, SlidingBoxStopsAfterItsBrakingDistance) {
     o.velocity = {6, 3, 0};
     const auto id = p.add(o);
     p.run(1.5);
-    const double distance = 45.0 / (2 * 0.5 * kG);
+    const double distance = 45.0 / (2 * 0.5 * kGravity);
     EXPECT_NEAR((p.position(id) - Eigen::Vector3f(6, 10, 0.5F)).norm(), distance, 0.02 * distance) << step;
     EXPECT_LT(p.velocity(id).norm(), 1e-3F) << step;
   }
@@ -105,7 +103,7 @@ TEST_P(Engines, RollingResistanceIsProportionalToTheLoad) {
     o.angular_velocity = {-3, 3, 0};
     const auto id = p.add(o);
     p.run(2.0);
-    const double speed = std::sqrt(18.0) - 2.0 * kG * 0.02 * 5.0 / 7.0;
+    const double speed = std::sqrt(18.0) - 2.0 * kGravity * 0.02 * 5.0 / 7.0;
     EXPECT_NEAR(static_cast<double>(p.velocity(id).norm()), speed, 0.02 * speed) << density;
   }
 }
@@ -175,7 +173,7 @@ TEST(BulletEngine, CellsUnderARigidBoxBearEqualLoads) {
   for (const float impulse : p.cells().field().impulse) {
     if (impulse == 0.0F) continue;
     ++loaded;
-    EXPECT_NEAR(static_cast<double>(impulse) / p.scene.world.dt_s, kG, 0.02 * kG);
+    EXPECT_NEAR(static_cast<double>(impulse) / p.scene.world.dt_s, kGravity, 0.02 * kGravity);
   }
   EXPECT_EQ(loaded, 25);
 }

@@ -17,8 +17,6 @@ using smartsurf::scene::ObjectId;
 
 namespace {
 
-constexpr double kG = 9.81;
-
 // Complete elliptic integral of the first kind of the modulus k, by the arithmetic-geometric mean.
 double elliptic_k(double k) {
   double a = 1.0, b = std::sqrt(1.0 - k * k);
@@ -78,7 +76,7 @@ struct PendulumFixture : JointFixture {
   static double moment() {
     return mass() * ((kWidth * kWidth + kLength * kLength) / 12.0 + 0.25 * kLength * kLength);
   }
-  static double torque() { return mass() * kG * 0.5 * kLength; }
+  static double torque() { return mass() * kGravity * 0.5 * kLength; }
   static double period_at(double amplitude) {
     return 4.0 * std::sqrt(moment() / torque()) * elliptic_k(std::sin(0.5 * amplitude));
   }
@@ -127,7 +125,7 @@ TEST_P(Joints, ForceIsThatOfTheClosedForm) {
   fixture.run(2.0,
               [&] { greatest = std::max(greatest, fixture.world().joint_state(fixture.hinge).force.z()); });
   const double m = PendulumFixture::mass(), l = 0.5 * PendulumFixture::kLength;
-  const double expected = m * kG + m * l * 2.0 * PendulumFixture::torque() / PendulumFixture::moment();
+  const double expected = m * kGravity + m * l * 2.0 * PendulumFixture::torque() / PendulumFixture::moment();
   EXPECT_NEAR(greatest / expected, 1.0, 0.01);
 }
 
@@ -135,7 +133,7 @@ TEST_P(Joints, ForceIsThatOfTheClosedForm) {
 TEST_P(Joints, ConicalPendulumStaysOnItsCircle) {
   JointFixture fixture(GetParam());
   const double length = 2.0, angle = 0.5, radius = length * std::sin(angle);
-  const double rate = std::sqrt(kG / (length * std::cos(angle)));
+  const double rate = std::sqrt(kGravity / (length * std::cos(angle)));
   // A ball that turns with the line: small, so that its own inertia hardly counts.
   auto bob = sphere(0.05, Vector3d(15 + radius, 15, 50 - length * std::cos(angle)));
   bob.velocity = {0, rate * radius, 0};
@@ -159,7 +157,7 @@ TEST_P(Joints, SliderOnASlopeAccelerates) {
   const double angle = 0.4, m = 2.0;
   for (const double friction : {0.0, 0.25, 2.0}) {  // relative to the pull
     JointFixture fixture(GetParam());
-    const double pull = m * kG * std::sin(angle);
+    const double pull = m * kGravity * std::sin(angle);
     auto block = box({1, 1, 1}, {15, 15, 50});
     block.mass = m;
     const JointId slider = fixture.join({.kind = JointKind::kSlider,
@@ -274,8 +272,9 @@ TEST_P(Joints, SpringBearsTheWeight) {
                                          .axis = {0, 0, 1},
                                          .spring = {{.stiffness = stiffness, .damping = 20.0, .rest = 0.5}}});
     fixture.run(6.0);
-    EXPECT_NEAR(fixture.coordinate(slider), 0.5 - 2.0 * kG / stiffness, 2e-4 + 1e-3 * 2.0 * kG / stiffness);
-    EXPECT_NEAR(fixture.effort(slider), 2.0 * kG, 0.02);
+    EXPECT_NEAR(fixture.coordinate(slider), 0.5 - 2.0 * kGravity / stiffness,
+                2e-4 + 1e-3 * 2.0 * kGravity / stiffness);
+    EXPECT_NEAR(fixture.effort(slider), 2.0 * kGravity, 0.02);
   }
 }
 
@@ -411,7 +410,7 @@ TEST_P(Joints, ChainHangsWithItsWeight) {
         fixture.join(JointKind::kBall, link, i == 0 ? std::nullopt : std::optional(link - 1), {15, 15, top}));
   }
   fixture.run(3.0);
-  const double link_weight = kG * (M_PI * 0.04 * 0.6 + 4.0 / 3.0 * M_PI * 0.008);
+  const double link_weight = kGravity * (M_PI * 0.04 * 0.6 + 4.0 / 3.0 * M_PI * 0.008);
   for (int i = 0; i < kLinks; ++i)
     EXPECT_NEAR(fixture.world().joint_state(joints[static_cast<std::size_t>(i)]).force.z() / link_weight,
                 kLinks - i, 0.01 * (kLinks - i));
@@ -432,7 +431,7 @@ TEST_P(Joints, FlapOnAHingeBearsABall) {
   ball.mass = 2.0;
   const ObjectId rider = fixture.add(ball);
   fixture.run(2.0);
-  const double expected = kG * (4 * 2 * 0.2 * 2.0 + 2.0 * (fixture.position(rider).x() - 13.0));
+  const double expected = kGravity * (4 * 2 * 0.2 * 2.0 + 2.0 * (fixture.position(rider).x() - 13.0));
   EXPECT_NEAR(-fixture.effort(hinge) / expected, 1.0, 0.02);
   EXPECT_NEAR(fixture.coordinate(hinge), 0.0, 2e-3);
 }
@@ -461,7 +460,7 @@ TEST_P(Joints, ScaleWithThePitch) {
     JointFixture fixture(GetParam());
     fixture.scene.surface.pitch = unit;
     fixture.scene.surface.pin.top_x = fixture.scene.surface.pin.top_y = 0.8 * unit;
-    fixture.scene.world.gravity = {0, 0, -kG * unit};
+    fixture.scene.world.gravity = {0, 0, -kGravity * unit};
     auto rod = box(Vector3d(0.3, 0.3, 2) * unit, Vector3d(15, 15, 49) * unit);
     rod.mass = 1.0;
     rod.velocity = Vector3d(1.5, 0, 0) * unit, rod.angular_velocity = {0, -1.5, 0};
@@ -509,7 +508,7 @@ TEST(JointLife, GoesWithItsObject) {
   EXPECT_TRUE(fixture.world().has_joint(second));
   fixture.run(0.5);
   EXPECT_NEAR(fixture.world().state(2).position.z(), 50.0, 1e-3);
-  EXPECT_NEAR(fixture.world().state(1).position.z(), 50.0 - 0.5 * kG * 0.36, 0.05);
+  EXPECT_NEAR(fixture.world().state(1).position.z(), 50.0 - 0.5 * kGravity * 0.36, 0.05);
 }
 
 TEST(JointSleep, RestsAndWakes) {

@@ -12,8 +12,6 @@ using Eigen::Vector3d;
 
 namespace {
 
-constexpr double kG = 9.81;
-
 // Of a solid box of density 1.
 Vector3d box_moments(const Vector3d& size) {
   const Vector3d s = size.cwiseAbs2();
@@ -144,7 +142,7 @@ TEST_P(Rotation, TopKeepsItsTiltAndPrecesses) {
   const double along = 0.3 * radius * radius;  // per mass
   const double across = 0.15 * radius * radius + 0.0375 * height * height + l * l;
   // Steady precession Ω about a fixed tip: (I₃·s − I₁·Ω·cos θ)·Ω = m·g·l, s being the spin about the axis.
-  const double a = across * std::cos(tilt), b = along * spin, c = kG * l;
+  const double a = across * std::cos(tilt), b = along * spin, c = kGravity * l;
   const double precession = (b - std::sqrt(b * b - 4 * a * c)) / (2 * a);
   auto top = cone(radius, height, {0, 0, 0});
   // The cone's tip is its +z end; `axis` points from the tip to the base.

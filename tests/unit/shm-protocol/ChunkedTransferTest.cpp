@@ -17,7 +17,6 @@ namespace shm_protocol {
 namespace {
 
 using namespace std::chrono_literals;
-constexpr WaitOptions kNoWait{.timeout = 0ns};
 
 SurfaceConfig large_surface(const std::string& what) {
   SurfaceConfig config;

@@ -13,7 +13,6 @@ namespace shm_protocol {
 namespace {
 
 using namespace std::chrono_literals;
-constexpr WaitOptions kNoWait{.timeout = 0ns};
 
 struct Pair {
   explicit Pair(const std::string& what, bool hold = true, bool in_place = false) : name(unique_name(what)) {

@@ -1,4 +1,4 @@
-// Raw access to a segment's bytes, for tests that corrupt, compare and forge them.
+// What tests of the protocol share; raw access to a segment's bytes, to corrupt, compare and forge them.
 #pragma once
 
 #include <fcntl.h>
@@ -9,11 +9,14 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include <chrono>
 #include <cstring>
 #include <string>
 #include <vector>
 
 namespace shm_protocol {
+
+inline constexpr WaitOptions kNoWait{.timeout = std::chrono::nanoseconds(0)};
 
 inline std::string file_path(const std::string& name) { return "/dev/shm/smartsurf." + name; }
 
