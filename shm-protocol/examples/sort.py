@@ -12,6 +12,7 @@ MAX_STEPS, SHARE, GROWTH, DECAY = 8, 0.72, 0.01, 0.004
 MAX_QUEUE, NEAR, BEHIND = 8, 6, 12
 REACH, DETOUR, SHY, WALL = 8, 12, 4, 1000
 PATIENCE, HEATING, COOLING, LOUDER, FARTHEST, ALARM = 240, 0.2, 0.01, 15, 16, 6
+LIFTING, MAX_LIFT, ROUND, RAMP, SHORE, BANK = 0.1, 3, 6, 0.5, 8, 0.3
 EAST, SOUTH, NORTH, WEST = 1, 2, 3, 4
 
 
@@ -126,6 +127,10 @@ class Sort:
         self.inside, self.wall_east, self.wall_west = least(ones), 1 - east(ones), 1 - west(ones)
         from_east = self.inside * np.arange(shape[1], 0, -1, np.float32)
         self.west_half = as_number(self.inside * np.arange(1, shape[1] + 1, dtype=np.float32) < from_east)
+        from_wall = np.zeros(shape, np.float32)
+        for _ in range(max(shape)):
+            from_wall = self.inside * (1 + least(from_wall))
+        self.highest_lift = np.clip(np.float32(BANK) * (from_wall - SHORE), 0, MAX_LIFT)
         self.largest = np.full(shape, 3, np.float32)
         self.way_small, self.way_large, self.heat_small, self.heat_large = np.zeros((4, *shape), np.float32)
         self.stay, self.plight, self.call = np.zeros((3, *shape), np.float32)
@@ -209,7 +214,15 @@ class Sort:
             moving = as_number(turn == direction) * (small if direction == EAST else 1)
             pocket = np.maximum(pocket, pocket_of(moving, shift))
         pocket = np.maximum(pocket, long_pocket_of(large * (turn == EAST), shift_east))
-        return np.clip(TALLEST - self.largest, np.float32(0), DOWN) + np.where(pocket != 0, np.float32(0), RISE)
+        level = np.clip(TALLEST - self.largest, np.float32(0), DOWN)
+        height = level + np.where(pocket != 0, np.float32(0), RISE)
+
+        # Where a large object has stalled, the table rises round it, so that stuck pins stand out less. It does not at the
+        # wall, over which objects would roll, nor under objects so tall.
+        lift = level * np.minimum(np.float32(LIFTING) * around(self.heat_large, ROUND), self.highest_lift)
+        for _ in range(ROUND):
+            lift = np.maximum(lift, greatest(lift) - np.float32(RAMP))
+        return height + lift
 
 
 def run(name, timeout=10.0):
