@@ -19,6 +19,18 @@ SIZES = (HIDDEN * (len(INPUTS) + 1), HIDDEN * len(OUTPUTS), 3)
 PARAMETERS = sum(SIZES)  # 71
 
 
+def bowl(lean, curvature, height):
+    """The parameters of a bowl around the load that leans towards the goal: by this coefficient at 3 pillars or more from it, with
+    these coefficients of curvature and height."""
+    weights, outputs = np.zeros((HIDDEN, len(INPUTS) + 1)), np.zeros((HIDDEN, len(OUTPUTS)))
+    # Unit by unit, the coefficient of tilt, curvature or height goes to what it should be.
+    weights[0, [INPUTS.index("goal ahead"), INPUTS.index("tilt ahead")]] = -lean / 2, -0.5
+    weights[1, [INPUTS.index("curvature ahead"), -1]] = -1, curvature
+    weights[2, [INPUTS.index("height"), -1]] = -1, height
+    outputs[[0, 1, 2], [OUTPUTS.index(name) for name in ("tilt", "curvature along", "height")]] = 1, 0.5, 0.25
+    return np.concatenate([weights.ravel(), outputs.ravel(), np.zeros(SIZES[2])])
+
+
 def unpacked(vectors):
     """The parameters (population, PARAMETERS) as: weights of the hidden units and their biases (population, HIDDEN, INPUTS + 1),
     weights of the outputs (population, HIDDEN, OUTPUTS), and the biases of height and curvature and the weight of the
@@ -50,7 +62,8 @@ class Patches:
         self.tilt, self.curvature = np.zeros((worlds, 2)), np.zeros((worlds, 2))
 
     def _feel(self, observations):
-        """Where the load is, in columns and rows, and its spread."""
+        """Where the load is, in columns and rows, and its spread; where the goal is: at the lamp or, without one, where the load
+        was after a second."""
         load = observations[:, self.pressure] - FELT
         away = np.stack([self.columns - self.place[:, 0, None, None], self.rows - self.place[:, 1, None, None]])
         load = np.where((load > 0) & (np.abs(away).max(axis=0) < self.reach[:, None, None]), load, 0)
@@ -63,7 +76,9 @@ class Patches:
         self.place = self.place + moved
         self.centre = self.place - np.clip(self.place - self.centre, -PLAY, PLAY)
         self.reach = np.where(felt, REACH, 16.0)
-        if self.goal is not None:
+        if self.goal is None:
+            self.target = self.place if self.ticks * self.dt < 1.05 else self.target
+        else:
             lit = observations[:, self.goal]
             count = lit.sum(axis=(1, 2))
             seen = np.stack([(lit * self.columns).sum(axis=(1, 2)), (lit * self.rows).sum(axis=(1, 2))]) / np.maximum(count, 1)
@@ -170,6 +185,9 @@ if(surface.has('goal_hit'))
     PART = LOAD * cell.y
     goal_y = globalsum(PART) / lit
   endif
+else
+  goal_x = select(surface.time < 1.05, x, goal_x)
+  goal_y = select(surface.time < 1.05, y, goal_y)
 endif
 ahead_x = clamp((goal_x - x) / 3, -1, 1)
 ahead_y = clamp((goal_y - y) / 3, -1, 1)

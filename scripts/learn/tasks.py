@@ -107,8 +107,8 @@ class PatchTask(Task):
 
     TRAVEL = 5.5
 
-    def __init__(self, name, title, until, level=None, period=4.0, **more):
-        super().__init__(name, title, f"tasks/{name}.lua", f"tasks/{name}.aps", until, np.zeros(patch.PARAMETERS), **more)
+    def __init__(self, name, title, until, *, level=None, period=4.0, initial=np.zeros(patch.PARAMETERS), **more):
+        super().__init__(name, title, f"tasks/{name}.lua", f"tasks/{name}.aps", until, initial, **more)
         self.level, self.period = level, period
 
     def population(self, vectors, envs):
@@ -173,20 +173,19 @@ FUNNEL_NETWORK = [0, 0, 0, 0, 0, 0, -5.5, 0,
                   0, 0, 0, 0, 0.5, 0, 0, 0.22,
                   2.5, -6, 0.5]
 
-# Of the tasks of pillars that feel.
-PILLARS = {"deviation": 0.5, "search": (15, 32, 8)}
 
 TASKS = {task.name: task for task in (
-    NetworkTask("ball", "a ball to any target, 8×8 pins", "learn/ball.lua", "learn/ball.aps", 10, ("colour.r", "colour.b"),
-         (("height", 0, 5),), ISOTROPIC, memory=2, start=2.5, initial=FUNNEL_NETWORK, deviation=0.05, search=(12, 32, 8), shapes=FUNNEL,
-         decisions=200_000, score=approach),
-    NetworkTask("box", "a box to a pose, 16×16 rolling balls", "learn/box.lua", "learn/box.aps", 10, ("row", "column", "proximity_hit"),
-         (("spin_x", -20, 20), ("spin_y", -20, 20)), OWN),
+    NetworkTask("ball", "a ball to any target, 8×8 pins", "learn/ball.lua", "learn/ball.aps", 10,
+                ("colour.r", "colour.b"), (("height", 0, 5),), ISOTROPIC, memory=2, start=2.5, initial=FUNNEL_NETWORK, deviation=0.05,
+                search=(12, 32, 8), shapes=FUNNEL, decisions=200_000, score=approach),
+    NetworkTask("box", "a box to a pose, 16×16 rolling balls", "learn/box.lua", "learn/box.aps", 10,
+                ("row", "column", "proximity_hit"), (("spin_x", -20, 20), ("spin_y", -20, 20)), OWN),
     NetworkTask("sort", "two kinds sorted by colour, 24×24 pins", "tasks/colour_sort.lua", "tasks/colour_sort.aps", 30,
-         ("colour.r", "colour.b"), (("height", 0, 6),), NORTH_SOUTH, memory=1, options={"n": 24, "count": 3, "seconds": 30}, start=3.0,
-         deviation=2.0, decisions=6_000_000, score=sorting),
-    PatchTask("arraybot_lift", "an object lifted, 16×16 pillars that feel", 8, level=0.0, **PILLARS),
-    PatchTask("arraybot_flip", "an object turned over, 16×16 pillars that feel", 10, **PILLARS),
-    PatchTask("arraybot_relocate", "an object to any goal, 16×16 pillars that feel", 20, **PILLARS),
+                ("colour.r", "colour.b"), (("height", 0, 6),), NORTH_SOUTH, memory=1, options={"n": 24, "count": 3, "seconds": 30},
+                start=3.0, deviation=2.0, decisions=6_000_000, score=sorting),
+    PatchTask("arraybot_lift", "an object lifted, 16×16 pillars that feel", 8, level=0.0, deviation=0.5, search=(8, 32, 8)),
+    PatchTask("arraybot_flip", "an object turned over, 16×16 pillars that feel", 10, deviation=0.5, search=(10, 24, 6)),
+    PatchTask("arraybot_relocate", "an object to any goal, 16×16 pillars that feel", 20,
+              initial=patch.bowl(0.5, 0.2, -0.2), deviation=0.1, search=(8, 24, 8)),
 )}
 NETWORKS = {name: task for name, task in TASKS.items() if isinstance(task, NetworkTask)}

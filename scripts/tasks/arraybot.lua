@@ -3,7 +3,7 @@
 -- The seed determines object, place and faulty pillars.
 local M = { pitch = 1.7, travel = 5.5, middle = 7.5 * 1.7 }
 
--- Declares world, materials, surface and faults. sensors: further ones; range: the pillars' heights, by default the travel.
+-- Declares world, materials, surface and faults. sensors: further ones.
 function M.surface(arguments)
   local faulty = option('faulty', 0.02, 'share of the pillars without touch; of those that are weak; half of it: dead, stuck')
   local noise = option('noise', 0.5, 'standard deviation of a load, kg·cm/s²; an object weighs about 40')
@@ -61,23 +61,31 @@ end
 -- Declares an object above the pillars at x, y, turned at random about the vertical, and returns its id.
 function M.object(x, y, edges)
   local complexity = option('complexity', 0, 'of the object, 1 to 8; 0: drawn')
+  if complexity < 0 or complexity > 8 then error('option complexity = ' .. complexity .. ': must be 0 to 8') end
   if complexity == 0 then complexity = math.random(8) end
   metric('complexity', complexity)
   return hull { parts = M.parts(complexity, edges), position = { x, y, edges[3] / 2 + 1 }, material = 'plastic', colour = 'orange',
                 orientation = { yaw = random(-math.pi, math.pi) }, label = 'object' }
 end
 
--- The angle between the object's own vertical and the world's, in degrees.
-function M.turned(id)
-  local x, y = object(id):orientation()
-  return math.deg(math.acos(math.max(-1, 1 - 2 * (x * x + y * y))))
+-- The world's vertical in the object's own axes.
+function M.upright(id)
+  local x, y, z, w = object(id):orientation()
+  return { 2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y) }
+end
+
+-- The angle between what was the world's vertical in the object's own axes and what is now, in degrees.
+function M.turned(id, before)
+  local now, dot = M.upright(id), 0
+  for i = 1, 3 do dot = dot + now[i] * before[i] end
+  return math.deg(math.acos(math.max(-1, math.min(dot, 1))))
 end
 
 -- The least and the greatest of the values that were added in the last second; nothing before the first.
 function M.last_second()
-  local values, next = {}, 1
+  local values, place = {}, 1
   return {
-    add = function(value) values[next], next = value, next % 10 + 1 end,
+    add = function(value) values[place], place = value, place % 10 + 1 end,
     least = function() return math.min(table.unpack(values)) end,
     greatest = function() return math.max(table.unpack(values)) end,
   }

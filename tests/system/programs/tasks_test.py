@@ -107,7 +107,7 @@ class Tasks(ProgramTest):
             self.assertGreater(metrics["lifted_cm"], 3)
             metrics = self.run_task("arraybot_flip", 10, f"complexity={complexity}", seed=20001)
             self.assertEqual(metrics["success"], 1)
-            self.assertGreater(metrics["turned_deg"], 45)
+            self.assertGreater(metrics["turned_deg"], 60)
             metrics = self.run_task("arraybot_relocate", 20, f"complexity={complexity}", seed=20001)
             self.assertEqual(metrics["success"], 1)
             self.assertLess(metrics["error_cm"], 2)
