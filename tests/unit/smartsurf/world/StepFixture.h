@@ -5,6 +5,7 @@
 #include <limits>
 
 #include "smartsurf/world/CollisionPipeline.h"
+#include "smartsurf/world/solver/SkinSolver.h"
 #include "smartsurf/world/solver/Solver.h"
 
 namespace smartsurf::world {
