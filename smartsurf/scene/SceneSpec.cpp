@@ -292,10 +292,6 @@ bool can_hold_skin(const ActuatorSpec& a) {
 
 std::string validate_skin(const SurfaceSpec& s) {
   constexpr int kMaxNodes = 512;
-  if (!s.skin)
-    for (const SensorSpec& sensor : s.sensors)
-      if (sensor.model.starts_with("skin_"))
-        return "surface.skin: is absent: must be there for the sensor '" + sensor.name + "'";
   if (!s.skin) return "";
   const SkinSpec& k = *s.skin;
   if (!s.cell_poses.empty())

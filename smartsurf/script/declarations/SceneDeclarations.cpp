@@ -163,6 +163,9 @@ int surface(ScriptContext& context, lua_State* L) {
   fields.visit("material",
                [&](int i, const std::string& name) { spec.material = check_material(context, L, i, name); });
   throw_if_invalid(validate(spec));
+  for (const scene::SensorSpec& sensor : spec.sensors)
+    if (!spec.skin && sensor.model.starts_with("skin_"))
+      throw ScriptError("surface.skin: is absent: must be there for the sensor '" + sensor.name + "'");
   context.channels = collect_channels(spec.sensors);
   if (has_empty_cells(spec)) context.channels.push_back({.name = scene::kOccupancyChannel});
   return 0;

@@ -223,7 +223,8 @@ INSTANTIATE_TEST_SUITE_P(
             "t.lua:1: delta.arms.length = 1: must be greater than workspace.radius + arms.radius = 1.1, to "
             "reach the whole workspace"},
         Mistake{"delta{damping = 1}", "t.lua:1: delta.damping: needs delta.stiffness"},
-        Mistake{"surface{rows = 4, columns = 4, skin = 1}", "t.lua:1: surface.skin = 1: must be a table"},
+        Mistake{"surface{rows = 4, columns = 4, skin = 1}",
+                "t.lua:1: surface.skin: takes a table of fields, surface.skin{kind = ...}, not 1"},
         Mistake{"surface{rows = 4, columns = 4, skin = {kind = 'stiff'}}",
                 "t.lua:1: surface.skin.kind = 'stiff': must be 'kinematic' or 'elastic'"},
         Mistake{"surface{rows = 4, columns = 4, skin = {tension = 5}}",
@@ -249,7 +250,7 @@ INSTANTIATE_TEST_SUITE_P(
         Mistake{
             "surface{rows = 4, columns = 4, layout = 'hex', skin = {}}",
             "t.lua:1: surface.skin: needs the rectangular layout: without layout, positions or module gaps"},
-        Mistake{"surface{rows = 4, columns = 4, mask = function() return false end, skin = {}}",
+        Mistake{"surface{rows = 2, columns = 2, border = {height = 1}, skin = {}}",
                 "t.lua:1: surface.skin: there is no actuator under it"},
         Mistake{"surface{rows = 4, columns = 4, sensors = {skin_height{}}}",
                 "t.lua:1: surface.skin: is absent: must be there for the sensor 'skin_height'"},
