@@ -427,6 +427,13 @@ void Solver::fill_points(const StepContext& context, ContactKind kind, ContactBa
         put(load4(lanes.rolling_friction + lane), d.rolling_friction);
       }
     }
+    // Joints and contacts are solved apart and settle only with the softness.
+    for (int lane = 0; !all_spheres && lane < o.lane_count; ++lane) {
+      const Manifold& m = *of.manifold[lane];
+      if (context.bodies.is_jointed[static_cast<std::size_t>(m.a)] ||
+          (m.b >= 0 && context.bodies.is_jointed[static_cast<std::size_t>(m.b)]))
+        d.start_impulse[lane] = 0.0F;
+    }
     for (int lane = 0; !is_pair && lane < o.lane_count; ++lane)
       if (c[lane]->other == kSupportedField) store(p.friction_impulse, lane, Vec3::Zero());
   }
