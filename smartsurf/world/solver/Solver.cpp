@@ -15,10 +15,10 @@ namespace {
 
 // Contact softness: frequency (Hz, at most a quarter of the substep frequency) and damping ratio of the spring that
 // resolves penetration.
-constexpr float kSpherePairHertz = 60.0F, kContactHertz = 120.0F, kDampingRatio = 5.0F;
+constexpr float kPairContactHertz = 60.0F, kStaticContactHertz = 120.0F, kDampingRatio = 5.0F;
 // SubstepParams::steady_share is 1 − (substep / kSofteningTime_s)², within [0, kMaxSteadyShare]: substeps too long to settle a
 // heavy body on light ones, or a tall stack, need the softness.
-constexpr float kSofteningTime_s = 1.0F / 600.0F, kMaxSteadyShare = 0.9F;
+constexpr float kSofteningTime_s = 1.0F / 380.0F, kMaxSteadyShare = 0.95F;
 constexpr float kMaxBiasVelocity = 4.0F;   // of the push-out from penetration, u/s
 constexpr float kPressingNormalZ = 0.5F;   // of contacts that press a body down
 constexpr float kUnusedSeparation = 1e6F;  // of unused lanes: never in contact
@@ -95,7 +95,7 @@ struct Solver::StepContext {
   IndexRange own_slabs;  // of the member
   IndexRange own_rows;
   SolverBodies solver_bodies;
-  SubstepParams sphere_pair_params, params;  // of pairs of spheres, and of all other contacts
+  SubstepParams pair_params, static_params;
   const ContactKernelTable& kernels;
   bool any_restitution;
   bool all_spheres;
@@ -135,8 +135,8 @@ void Solver::step(BodyStore& bodies, const Input& input, const Member& member) {
       own_slabs,
       input.partition.rows_of(own_slabs),
       solver_bodies(),
-      make_substep_params(h_s, kSpherePairHertz, settings_.substeps),
-      make_substep_params(h_s, kContactHertz, settings_.substeps),
+      make_substep_params(h_s, kPairContactHertz, settings_.substeps),
+      make_substep_params(h_s, kStaticContactHertz, settings_.substeps),
       contact_kernels(),
       any_restitution,
       std::find(bodies.is_sphere.begin(), bodies.is_sphere.end(), 0) == bodies.is_sphere.end(),
@@ -183,17 +183,17 @@ void Solver::run_stages(StepContext& context, const Member& member) {
   integrate_velocities(context, true);
   member.arrive();
   JointSolver& joints = context.input.joints;
-  const JointSolver::Substep substep{context.params.h_s, settings_.gravity};
+  const JointSolver::Substep substep{context.static_params.h_s, settings_.gravity};
   run_joint_stage(context, member,
                   [&] { joints.begin_step(context.bodies, context.partition, joint_rows()); });
   const PointRows point_rows{velocity_.data(), delta_pose_.data(), material_.data()};
   run_point_stage(context, member, [&](auto& points) {
     points.begin_step(context.bodies, context.partition, context.input.static_contacts, point_rows,
-                      field_material_, context.params);
+                      field_material_, context.static_params);
   });
   const ContactKernelTable& k = context.kernels;
   run_contact_stage(context, member, k.warm_start, 0.0F, SupportStage::kWarmStart);
-  const float h_s = context.params.h_s;
+  const float h_s = context.static_params.h_s;
   for (int s = 0; s < settings_.substeps; ++s) {
     if (s > 0) {
       member.wait();
@@ -266,7 +266,7 @@ void Solver::prepare_batch(StepContext& context, ContactKind kind, int index) {
     for (int lane = 0; lane < o.lane_count; ++lane)
       static_manifold_[static_cast<std::size_t>(o.a[lane])] = {graph_.manifold(index, lane), o.first_point,
                                                                lane, o.has_impulse_limit};
-  context.kernels.prepare[kind](&o, 1, batch_points(), context.solver_bodies, context.params);
+  context.kernels.prepare[kind](&o, 1, batch_points(), context.solver_bodies, context.static_params);
 }
 
 // Contacts that are about to be hit become candidates of the impact solver. They exert no impulse in the substeps,
@@ -458,7 +458,7 @@ void Solver::fill_impulse_limits(const StepContext& context, ContactBatch& o, in
       if (!limit.is_limited()) continue;
       const Contact& c = list.contacts[static_cast<std::size_t>(m.first + k)];
       BatchPointLimit& p = limit_[first + static_cast<std::size_t>(k)];
-      p.stall_impulse[lane] = c.max_cell_impulse * context.params.substep_fraction;
+      p.stall_impulse[lane] = c.max_cell_impulse * context.static_params.substep_fraction;
       p.no_load_speed[lane] = limit.no_load_speed;
       p.planned_speed[lane] = limit.planned_speed;
       p.to_first[lane] = limit.to_first;
@@ -542,7 +542,7 @@ void Solver::load_bodies(StepContext& context) {
 BodyVelocity Solver::external_velocity_change(const StepContext& context, int row) const {
   const std::size_t body = context.partition.body(row);
   const surface::Wrench& w = context.bodies.wrench[body];
-  const float h_s = context.params.h_s;
+  const float h_s = context.static_params.h_s;
   BodyVelocity m = context.gravity_change;
   store(m.velocity,
         h_s * (settings_.gravity + velocity_[static_cast<std::size_t>(row)].inverse_mass * w.force));
@@ -571,7 +571,7 @@ void Solver::integrate_velocities(StepContext& context, bool first) {
 
 void Solver::integrate_positions(StepContext& context) {
   for_each_active_range(context, [&](IndexRange rows) {
-    context.kernels.integrate_positions(rows.begin, rows.end, context.params.h_s, velocity_.data(),
+    context.kernels.integrate_positions(rows.begin, rows.end, context.static_params.h_s, velocity_.data(),
                                         delta_pose_.data());
   });
 }
@@ -587,12 +587,13 @@ void Solver::store_body(BodyStore& bodies, const SpatialPartition& partition, in
 void Solver::run_contact_stage(StepContext& context, const Member& member,
                                const ContactKernel (&kernel)[kContactKindCount], float elapsed_s,
                                SupportStage support_stage) {
-  SubstepParams &sphere_pair_params = context.sphere_pair_params, &params = context.params;
-  sphere_pair_params.elapsed_s = params.elapsed_s = elapsed_s;
+  SubstepParams &pair_params = context.pair_params, &static_params = context.static_params;
+  pair_params.elapsed_s = static_params.elapsed_s = elapsed_s;
   const auto run = [&](std::span<const BatchRange> ranges) {
     for (const BatchRange& batches : ranges)
       kernel[batches.kind](graph_.batches_from(batches.first), batches.count, batch_points(),
-                           context.solver_bodies, batches.kind == kSpherePair ? sphere_pair_params : params);
+                           context.solver_bodies,
+                           StepContext::is_pair(batches.kind) ? pair_params : static_params);
   };
   if (member.member_count == 1) {
     run(serial_batches_);
@@ -612,7 +613,7 @@ void Solver::run_contact_stage(StepContext& context, const Member& member,
       return warm_start_support(p, velocity_[row], inverse_inertia_[row]);
     const bool is_soft = support_stage == SupportStage::kSolve;
     auto solve_points = [&] {
-      solve_support_points(list, p, batch_points(), params, is_soft, velocity_[row], delta_pose_[row],
+      solve_support_points(list, p, batch_points(), static_params, is_soft, velocity_[row], delta_pose_[row],
                            inverse_inertia_[row]);
     };
     solve_points();
@@ -674,7 +675,7 @@ void Solver::prepare_supports(StepContext& context) {
     p.has_impulse_limit = static_manifold_[row].has_impulse_limit;
     prepare_support(list, p, velocity_[row], inverse_inertia_[row],
                     material_[row].friction_root * field_material_.friction_root,
-                    context.params.substep_fraction, contacts_of_row(context, p.row));
+                    context.static_params.substep_fraction, contacts_of_row(context, p.row));
   });
 }
 
