@@ -50,7 +50,7 @@ bool JamRelief::hold_cells(surface::Field& field) {
 
 // Bounds the upward speed of a cell, in the coming steps too if it `holds`. Returns whether that lowers the speed.
 bool JamRelief::slow_down(std::int32_t cell, float bound, bool holds, surface::Field& field) {
-  if (holds) hold({cell, bound, false, hold_steps_});
+  if (holds) hold({cell, std::max(bound, 0.0F), false, hold_steps_});  // a retreat lasts one step
   float& speed = field.speed[static_cast<std::size_t>(cell)];
   if (speed <= bound) return false;
   speed = bound;
