@@ -95,7 +95,8 @@ HWY_INLINE V soft_normal_impulse(const ContactLanes<kPair, kSpheres>& l, const P
   const V old_impulse = load(q.point.normal_impulse, at);
   V deflecting_impulse = old_impulse;
   if constexpr (!kSpheres)
-    deflecting_impulse = deflecting_impulse - set(params.steady_share) * load(q.detail.start_impulse, at);
+    deflecting_impulse =
+        hn::Max(old_impulse - set(params.steady_share) * load(q.detail.start_impulse, at), zero());
   return hn::Max(old_impulse - mass * (speed + bias) - impulse_scale * deflecting_impulse, zero());
 }
 

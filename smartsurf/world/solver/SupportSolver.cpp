@@ -440,7 +440,8 @@ void solve_support_points(const SupportPatches& list, const SupportPatch& p, Bat
       } else {
         target_speed =
             -std::max(std::min(separation + kSlop, 0.0F) * params.bias_rate, -params.max_bias_velocity) -
-            softness * (impulse - params.steady_share * d.start_impulse[lane]) / point.normal_mass[lane];
+            softness * std::max(impulse - params.steady_share * d.start_impulse[lane], 0.0F) /
+                point.normal_mass[lane];
         stiffness = inverse_softness * static_cast<double>(point.normal_mass[lane]);
       }
     }
