@@ -34,7 +34,7 @@ void for_each_escape(const ConvexProxy& c, const Vec3& towards, Try try_directio
   if (const float length = across.norm(); length > 1e-6F) try_direction(Vec3(across / length));
 }
 
-// For overlapping cores: the direction of least penetration among the face normals of both parts.
+// For overlapping cores and corners: the direction of least penetration among the face normals of both parts.
 ContactCandidate find_deepest(const ConvexProxy& a, const ConvexProxy& b) {
   ContactCandidate best{{0, 0, 1}, -std::numeric_limits<float>::max(), {}};
   auto try_direction = [&](const Vec3& n) {
@@ -76,6 +76,11 @@ bool find_contact(const ConvexProxy& a, const ConvexProxy& b, const SearchLimits
               reach_b = closest.normal.dot(b.sharp_support(closest.normal) - closest.on_b);
   out.separation = closest.distance - reach_a - reach_b;
   out.point = 0.5F * (closest.on_a + closest.on_b + (reach_b - reach_a) * closest.normal);
+  // Between corners of the cores, sharp corners overlap along this normal that another axis separates.
+  constexpr float kCornerReach = 1e-4F;
+  if (reach_a + reach_b > a.convex_radius + b.convex_radius + kCornerReach)
+    if (const ContactCandidate deepest = find_deepest(a, b); deepest.separation > out.separation)
+      out = deepest;
   return out.separation <= limits.margin;
 }
 
