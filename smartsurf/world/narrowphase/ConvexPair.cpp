@@ -76,9 +76,9 @@ bool find_contact(const ConvexProxy& a, const ConvexProxy& b, const SearchLimits
               reach_b = closest.normal.dot(b.sharp_support(closest.normal) - closest.on_b);
   out.separation = closest.distance - reach_a - reach_b;
   out.point = 0.5F * (closest.on_a + closest.on_b + (reach_b - reach_a) * closest.normal);
-  // Between corners of the cores, sharp corners overlap along this normal that another axis separates.
+  // Between two corners of the cores, the sharp ones may overlap along this normal though another axis separates them.
   constexpr float kCornerReach = 1e-4F;
-  if (reach_a + reach_b > a.convex_radius + b.convex_radius + kCornerReach)
+  if (reach_a > a.convex_radius + kCornerReach && reach_b > b.convex_radius + kCornerReach)
     if (const ContactCandidate deepest = find_deepest(a, b); deepest.separation > out.separation)
       out = deepest;
   return out.separation <= limits.margin;
