@@ -195,9 +195,10 @@ void Solver::run_stages(StepContext& context, const Member& member) {
   run_contact_stage(context, member, k.warm_start, 0.0F, SupportStage::kWarmStart);
   const float h_s = context.static_params.h_s;
   for (int s = 0; s < settings_.substeps; ++s) {
-    if (s > 0) {
+    // The caller's stages use the rows of all members, which their own batches of the warm start have written.
+    if (s > 0 || !joints.empty() || !context.input.tips.empty() || !context.input.skin.empty()) {
       member.wait();
-      integrate_velocities(context, false);
+      if (s > 0) integrate_velocities(context, false);
       member.arrive();
     }
     run_joint_stage(context, member, [&] { joints.solve(context.bodies, joint_rows(), substep); });
