@@ -34,11 +34,11 @@ void for_each_escape(const ConvexProxy& c, const Vec3& towards, Try try_directio
   if (const float length = across.norm(); length > 1e-6F) try_direction(Vec3(across / length));
 }
 
-// For overlapping cores and corners: the direction of least penetration among the face normals of both parts.
+// For overlapping cores: the direction of least penetration among the face normals of both parts.
 ContactCandidate find_deepest(const ConvexProxy& a, const ConvexProxy& b) {
   ContactCandidate best{{0, 0, 1}, -std::numeric_limits<float>::max(), {}};
   auto try_direction = [&](const Vec3& n) {
-    const Vec3 on_a = a.sharp_support(-n), on_b = b.sharp_support(n);
+    const Vec3 on_a = a.support_with_radius(-n), on_b = b.support_with_radius(n);
     if (const float separation = n.dot(on_a - on_b); separation > best.separation)
       best = {n, separation, 0.5F * (on_a + on_b)};
   };
@@ -70,17 +70,10 @@ bool find_contact(const ConvexProxy& a, const ConvexProxy& b, const SearchLimits
     out = find_deepest(a, b);
     return true;
   }
+  out.separation = closest.distance - a.convex_radius - b.convex_radius;
   out.normal = closest.normal;
-  // How far the sharp shapes reach beyond their cores.
-  const float reach_a = closest.normal.dot(closest.on_a - a.sharp_support(-closest.normal)),
-              reach_b = closest.normal.dot(b.sharp_support(closest.normal) - closest.on_b);
-  out.separation = closest.distance - reach_a - reach_b;
-  out.point = 0.5F * (closest.on_a + closest.on_b + (reach_b - reach_a) * closest.normal);
-  // Between two corners of the cores, the sharp ones may overlap along this normal though another axis separates them.
-  constexpr float kCornerReach = 1e-4F;
-  if (reach_a > a.convex_radius + kCornerReach && reach_b > b.convex_radius + kCornerReach)
-    if (const ContactCandidate deepest = find_deepest(a, b); deepest.separation > out.separation)
-      out = deepest;
+  out.point = 0.5F * (closest.on_a - a.convex_radius * closest.normal + closest.on_b +
+                      b.convex_radius * closest.normal);
   return out.separation <= limits.margin;
 }
 
@@ -103,7 +96,7 @@ CacheResult test_cached_axis(const ConvexProxy& a, const ConvexProxy& b, float m
   const SupportFeature face = from_a ? proxy_feature(a, -cached_normal) : proxy_feature(b, cached_normal);
   const ConvexProxy& other = from_a ? b : a;
   auto height_above_face = [&face](const Vec3& p) { return face.normal.dot(p - face.point[0]); };
-  const float separation = height_above_face(other.sharp_support(-face.normal));
+  const float separation = height_above_face(other.support_with_radius(-face.normal));
   if (separation > margin) {
     clearance = separation;
     return CacheResult::kSeparated;
@@ -145,9 +138,7 @@ float collect_candidates(const ConvexProxy& a, const ConvexProxy& b, const Searc
   if (may_share_face(a, b, t.normal))
     add_contact_patch(proxy_feature(a, -t.normal), proxy_feature(b, t.normal), t.normal, limits.margin, 0,
                       out);
-  // A patch lies within polygons inscribed in round faces, and within the faces: a part may be deeper beside it.
-  constexpr float kTolerance = 1e-3F;
-  if (out.min_separation() > t.separation + kTolerance) out.add({t.point, t.normal, t.separation, 0});
+  if (out.count() == 0) out.add({t.point, t.normal, t.separation, 0});
   return limits.margin;
 }
 
