@@ -1,6 +1,6 @@
 # Joined sources: a target's files are compiled sixteen at a time, so that headers and templates are compiled once for
-# sixteen. It saves almost half of the compile time. All presets but debug and coverage use it; debug, and with it scripts/lint,
-# compiles each file alone, which shows that it is complete.
+# sixteen. All presets but debug and coverage use it; debug, and with it scripts/lint, compiles each file alone, which shows
+# that it is complete.
 option(SMARTSURF_UNITY "Compile the files of a target together" OFF)
 if(SMARTSURF_UNITY)
   target_compile_options(project_options INTERFACE

@@ -70,10 +70,10 @@ struct NativeEngine::Impl {
   SkinSolver elastic_skin;
   CellForceLimits force_limits;
   JamRelief jam_relief;
-  std::vector<DeepContact> strained_bodies;
-  bool lowered_speeds = false;  // in this step
-  bool overloaded = false;      // see Engine::is_overloaded()
-  bool has_wrenches = false;    // since the last step
+  std::vector<DeepContact> deep_bodies, strained_bodies;  // of this step
+  bool lowered_speeds = false;                            // in this step
+  bool overloaded = false;                                // see Engine::is_overloaded()
+  bool has_wrenches = false;                              // since the last step
   struct Load {
     std::int32_t cell;  // −1: not a field contact, or no impulse
     float impulse;

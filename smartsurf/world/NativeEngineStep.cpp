@@ -291,8 +291,12 @@ void NativeEngine::Impl::step() {
       for (const std::int32_t cell : tips.cells())
         unit.return_yielding_tip(field, static_cast<std::size_t>(cell), scene_field);
     force_limits.yield_overloaded_cells(bodies, static_contacts, settings.dt_s, field);
+    // Of all members at once: a body may be in the lists of several, which depends on the number of threads.
+    deep_bodies.clear();
     for (const std::vector<DeepContact>& deep : solver->deep_contacts())
-      lowered_speeds |= jam_relief.stall_cells(deep, static_contacts, collision.supports(), bodies, field);
+      deep_bodies.insert(deep_bodies.end(), deep.begin(), deep.end());
+    lowered_speeds |=
+        jam_relief.stall_cells(deep_bodies, static_contacts, collision.supports(), bodies, field);
     strained_bodies.clear();
     joints.find_strained(bodies, jam_relief.min_depth(), strained_bodies);
     if (!strained_bodies.empty()) {
