@@ -254,11 +254,32 @@ export function makeMechanisms(scene, series, world, placeOf) {
     at.needsUpdate = true;
     sheet.computeVertexNormals();
   }
+  // How far below its height each cell is drawn under a sheet: the sheet bends off the edges of the tops, which lie at its
+  // height, and they would show through it.
+  const drop = new Float32Array(recess.length);
+  function dropUnderSheet(frame) {
+    const { rows, columns, west, east, south, north } = scene.skin;
+    const around = (from, to, count, centre, edge) => {
+      const step = (to - from) / (count - 1), ends = [centre - edge / 2, centre + edge / 2].map((u) => (u - from) / step);
+      return [Math.max(0, Math.floor(Math.min(...ends))), Math.min(count - 1, Math.ceil(Math.max(...ends)))];
+    };
+    for (let cell = 0; cell < drop.length; ++cell) {
+      const place = placeOf(cell), height = series.height ? series.height.value(frame, cell) : scene.low;
+      if (place.mechanism < 0 || place.mechanism === scene.mechanisms.length) continue;  // empty, or of the border
+      const [firstRow, lastRow] = around(north, south, rows, place.y, scene.top[1]);
+      const [firstColumn, lastColumn] = around(west, east, columns, place.x, scene.top[0]);
+      let lowest = height;
+      for (let row = firstRow; row <= lastRow; ++row)
+        for (let column = firstColumn; column <= lastColumn; ++column)
+          lowest = Math.min(lowest, series.skin.value(frame, row * columns + column));
+      drop[cell] = height - lowest + 0.02 * pitch;
+    }
+  }
 
   function standing(frame, cell) {
     const place = placeOf(cell), height = (c) => (series.height ? series.height.value(frame, c) : scene.low);
     const at = {
-      cell, x: place.x, y: place.y, z: height(cell),
+      cell, x: place.x, y: place.y, z: height(cell) - drop[cell],
       // The cell's frame, lowered by that distance below its top.
       lowered: (by) => stands.makeTranslation(place.x, place.y, at.z - by).multiply(new THREE.Matrix4().makeRotationZ(place.angle)),
       heightNear(rows, columns) {
@@ -274,7 +295,11 @@ export function makeMechanisms(scene, series, world, placeOf) {
   return {
     recess,
     set(frame) {
-      if (sheet) bendSheet(frame);
+      recess.fill(0);
+      if (sheet) {
+        bendSheet(frame);
+        dropUnderSheet(frame);
+      }
       for (const { cells, set } of works)
         cells.forEach((cell, i) => {
           const number = (k) => (motion ? motion.value(frame, 3 * cell + k) : 0);
@@ -283,6 +308,7 @@ export function makeMechanisms(scene, series, world, placeOf) {
             if (mesh.instanceColor) mesh.instanceColor.needsUpdate = true;
           }
         });
+      for (let cell = 0; cell < drop.length; ++cell) recess[cell] += drop[cell];
     },
   };
 }

@@ -101,7 +101,8 @@ ActuatorGeometry::CellFrame ActuatorGeometry::cell_frame(std::size_t cell,
   const Eigen::Vector2f at = surface_.centre(row, column).cast<float>();
   const float angle =
       surface_.cell_poses.empty() ? 0.0F : static_cast<float>(surface_.cell_poses[cell].angle);
-  return {{at.x(), at.y(), snapshot.height[cell]}, Eigen::AngleAxisf(angle, Vec::UnitZ()).toRotationMatrix()};
+  const float top = snapshot.height[cell] - (drop_.empty() ? 0.0F : drop_[cell]);
+  return {{at.x(), at.y(), top}, Eigen::AngleAxisf(angle, Vec::UnitZ()).toRotationMatrix()};
 }
 
 ActuatorGeometry::ActuatorGeometry(const scene::SurfaceSpec& surface)
@@ -124,7 +125,7 @@ ActuatorGeometry::ActuatorGeometry(const scene::SurfaceSpec& surface)
         builder_of_cell_.push_back(builders_.size() - 1);
       }
   }
-  if (!cells_.empty()) recess_.assign(static_cast<std::size_t>(surface.cell_count()), 0.0F);
+  if (!cells_.empty() || surface.skin) recess_.assign(static_cast<std::size_t>(surface.cell_count()), 0.0F);
   if (surface.skin) add_skin();
 }
 
@@ -156,6 +157,40 @@ void ActuatorGeometry::add_skin() {
     }
   InstancedMesh& added = meshes_[add_mesh(std::move(mesh))];
   added.deforms = true;
+
+  // The nodes over a top and the next ones outside it.
+  const auto range_over = [](float from, float to, int count, float centre, double top) {
+    const float step = (to - from) / static_cast<float>(count - 1), half = 0.5F * static_cast<float>(top);
+    const float a = (centre - half - from) / step, b = (centre + half - from) / step;
+    return NodeRange{std::clamp(static_cast<int>(std::floor(std::min(a, b))), 0, count - 1),
+                     std::clamp(static_cast<int>(std::ceil(std::max(a, b))), 0, count - 1)};
+  };
+  for (int row = 0; row < surface_.rows; ++row)
+    node_rows_.push_back(range_over(north, low, skin.rows,
+                                    static_cast<float>(surface_.rows - 1 - row) * pitch, surface_.pin.top_y));
+  for (int column = 0; column < surface_.columns; ++column)
+    node_columns_.push_back(
+        range_over(low, east, skin.columns, static_cast<float>(column) * pitch, surface_.pin.top_x));
+  drop_.assign(recess_.size(), 0.0F);
+}
+
+// A sheet bends off the edges of the tops, which lie at its height: without a drop they would show through it.
+void ActuatorGeometry::update_drops(const scene::Snapshot& snapshot) {
+  const scene::SkinSpec& skin = *surface_.skin;
+  if (snapshot.skin_height.size() != static_cast<std::size_t>(skin.rows * skin.columns)) return;
+  const float clearance = 0.02F * static_cast<float>(surface_.pitch);
+  for (int row = 0; row < surface_.rows; ++row)
+    for (int column = 0; column < surface_.columns; ++column) {
+      const auto cell = static_cast<std::size_t>(surface_.index(row, column));
+      if (!surface_.is_under_skin(row, column)) continue;
+      const NodeRange rows = node_rows_[static_cast<std::size_t>(row)],
+                      columns = node_columns_[static_cast<std::size_t>(column)];
+      float lowest = snapshot.height[cell];
+      for (int r = rows.first; r <= rows.last; ++r)
+        for (int c = columns.first; c <= columns.last; ++c)
+          lowest = std::min(lowest, snapshot.skin_height[static_cast<std::size_t>(r * skin.columns + c)]);
+      drop_[cell] = snapshot.height[cell] - lowest + clearance;
+    }
 }
 
 // Normals are those of a smooth surface through the nodes.
@@ -205,6 +240,8 @@ std::size_t ActuatorGeometry::add_mesh(TwoColourMesh mesh, bool translucent) {
 
 void ActuatorGeometry::update(const scene::Snapshot& snapshot) {
   for (InstancedMesh& mesh : meshes_) mesh.instances.clear();
+  std::ranges::fill(recess_, 0.0F);
+  if (surface_.skin) update_drops(snapshot);
   const scene::ActuatorState rest;
   for (std::size_t k = 0; k < cells_.size(); ++k) {
     const std::size_t cell = cells_[k];
@@ -212,6 +249,7 @@ void ActuatorGeometry::update(const scene::Snapshot& snapshot) {
     builders_[builder_of_cell_[k]](cell, snapshot,
                                    snapshot.actuator_state.empty() ? rest : snapshot.actuator_state[cell]);
   }
+  for (std::size_t cell = 0; cell < drop_.size(); ++cell) recess_[cell] += drop_[cell];
   if (surface_.skin) update_skin(snapshot);
 }
 

@@ -12,7 +12,7 @@
 //   delta        the tip and three arms
 //
 // A skin over the actuators is one mesh in world coordinates, whose vertices follow it; what actuators hold has the accent
-// colour.
+// colour. The cells under it are drawn low enough for it to cover them.
 #pragma once
 
 #include <array>
@@ -75,6 +75,7 @@ class ActuatorGeometry {
   InstanceBuilder vibrating_plate_builder();
   void add_skin();
   void update_skin(const scene::Snapshot&);
+  void update_drops(const scene::Snapshot&);
   InstanceBuilder tilting_plate_builder(const scene::ActuatorSpec&);
   // Height of a neighbour, u; the cell's own height where there is none.
   float neighbour_height(std::size_t cell, int row_step, int column_step, const scene::Snapshot&) const;
@@ -87,6 +88,12 @@ class ActuatorGeometry {
   std::vector<std::size_t> builder_of_cell_;  // parallel to cells_: index into builders_
   std::vector<InstanceBuilder> builders_;
   std::vector<float> recess_;
+  std::vector<float>
+      drop_;  // how far below its height a cell is drawn under a skin, u; row-major, empty without one
+  struct NodeRange {
+    int first, last;
+  };
+  std::vector<NodeRange> node_rows_, node_columns_;  // of the skin, around the tops of each row and column
 };
 
 }  // namespace smartsurf::view

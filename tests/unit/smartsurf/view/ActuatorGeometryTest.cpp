@@ -153,6 +153,37 @@ TEST(ActuatorGeometry, UsesCellPoseOfFreeLayout) {
   EXPECT_LT(std::hypot(p.centre[0] - 5.0F, p.centre[1] + 2.0F), 0.5F);
 }
 
+TEST(ActuatorGeometry, SkinCoversPinsAndTips) {
+  for (const double tip : {0.0, 1.0}) {  // flat, hemisphere
+    ActuatorFixture bench("pin", {}, {{"tip.shape", {tip}}, {"tip.radius", {0.4}}});
+    constexpr int kNodes = 9;
+    bench.scene.spec.surface.skin = scene::SkinSpec{.rows = kNodes, .columns = kNodes, .margin = 0.5};
+    const auto tent = [](float x, float y) { return 3.0F - std::hypot(x - 1.0F, y - 1.0F); };
+    const auto node = [](int i) { return -0.5F + 3.0F * static_cast<float>(i) / (kNodes - 1); };
+    for (int r = 0; r < kNodes; ++r)
+      for (int c = 0; c < kNodes; ++c)
+        bench.scene.snapshot.skin_height.push_back(tent(node(c), 2.0F - node(r)));
+    for (int cell = 0; cell < 9; ++cell)
+      bench.scene.snapshot.height[static_cast<std::size_t>(cell)] =
+          tent(static_cast<float>(cell % 3), static_cast<float>(2 - cell / 3));
+    const ActuatorGeometry geometry = bench.geometry();
+    const double half_edge = 0.5 * bench.scene.spec.surface.pin.top_x;
+    ASSERT_EQ(geometry.recess().size(), 9u);
+    for (std::size_t cell = 0; cell < 9; ++cell) {
+      const auto x = static_cast<float>(cell % 3), y = static_cast<float>(2 - cell / 3);
+      float drawn = bench.scene.snapshot.height[cell] - geometry.recess()[cell];
+      if (tip != 0.0) {
+        const InstancedMesh& tips = geometry.meshes().front();
+        EXPECT_LT(drawn, tips.instances[cell].centre[2]);
+        drawn = highest_vertex(tips, tips.instances[cell]);
+      }
+      const auto reach = static_cast<float>(half_edge);
+      for (const float dx : {-reach, reach})
+        for (const float dy : {-reach, reach}) EXPECT_LT(drawn, tent(x + dx, y + dy)) << "cell " << cell;
+    }
+  }
+}
+
 TEST(ActuatorGeometry, RestsWithoutActuatorState) {
   ActuatorFixture bench("air_jet", {0, 0, 1});
   bench.scene.snapshot.actuator_state.clear();
