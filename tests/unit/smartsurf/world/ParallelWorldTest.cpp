@@ -1,4 +1,4 @@
-// A small multithreaded world: bit-identical for any thread count, and free of races under ThreadSanitizer.
+// Small multithreaded worlds: bit-identical for any thread count, and free of races under ThreadSanitizer.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -41,6 +41,39 @@ scene::SceneSpec heap(double width, double depth) {
   return s;
 }
 
+// Boxes with a sphere on a hinge or a ball joint each, over compliant deltas or over an elastic skin: what one thread solves
+// while the others solve contacts.
+scene::SceneSpec linkages(bool on_skin) {
+  scene::SceneSpec s;
+  s.world.dt_s = 1.0 / 120;
+  s.surface.rows = s.surface.columns = 32;
+  scene::ActuatorSpec spec = scene::find_actuator_kind(on_skin ? "pin" : "delta")->default_spec();
+  if (on_skin)
+    s.surface.skin = scene::SkinSpec{
+        .kind = scene::SkinSpec::Kind::kElastic, .rows = 65, .columns = 65, .margin = 0.5, .attached = true};
+  else
+    spec.values["stiffness"] = {300};
+  s.surface.actuators = {spec};
+  derive_pin_spec(s.surface);
+  for (unsigned i = 0; i < 100; ++i) {
+    const Eigen::Vector3d at(2.0 + 3.0 * (i % 10), 2.0 + 3.0 * (i / 10), 2.0 + 0.02 * (i % 7));
+    scene::ObjectSpec o;
+    o.shape = scene::ShapeKind::kBox;
+    o.size = {0.8, 0.8, 0.8};
+    o.position = at;
+    s.objects.push_back(o);
+    o.shape = scene::ShapeKind::kSphere;
+    o.radius = 0.4;
+    o.position.x() += 1.0;
+    s.objects.push_back(o);
+    s.joints.push_back({.kind = i % 2 == 0 ? scene::JointKind::kHinge : scene::JointKind::kBall,
+                        .a = 2 * i,
+                        .b = 2 * i + 1,
+                        .anchor = at + Eigen::Vector3d(0.5, 0, 0)});
+  }
+  return s;
+}
+
 std::uint64_t hash_after(const scene::SceneSpec& scene, int steps, int threads) {
   common::ThreadPool pool(threads);
   surface::ActuatorArray cells(scene.surface, {}, 1, &pool);
@@ -63,7 +96,8 @@ std::uint64_t hash_after(const scene::SceneSpec& scene, int steps, int threads) 
 }  // namespace
 
 TEST(Threads, SameStateHashForAnyThreadCount) {
-  for (const scene::SceneSpec& scene : {heap(24, 48), heap(48, 24)}) {
+  for (const scene::SceneSpec& scene : {heap(24, 48), heap(48, 24), linkages(false), linkages(true)}) {
+    ASSERT_EQ(scene::validate(scene.surface), "");
     const std::uint64_t alone = hash_after(scene, 20, 1);
     for (const int threads : {2, 3}) EXPECT_EQ(hash_after(scene, 20, threads), alone) << threads;
   }
