@@ -78,6 +78,7 @@ void EmulatedLine::unplug() {
   close_descriptor(line_);
   close_descriptor(listener_);
   pending_.clear();
+  has_host_ = false;
 }
 
 std::string EmulatedLine::name() const { return tcp_ ? "tcp:127.0.0.1:" + std::to_string(port_) : link_; }
@@ -92,7 +93,8 @@ void EmulatedLine::read(std::vector<std::uint8_t>& to) {
   std::array<std::uint8_t, 4096> bytes;
   const ssize_t got = ::read(line_, bytes.data(), bytes.size());
   if (got > 0) to.insert(to.end(), bytes.begin(), bytes.begin() + got);
-  if (got == 0 && tcp_) {  // the host disconnected; accept the next one
+  has_host_ = got > 0 || (got < 0 && errno == EAGAIN);  // a pseudo-terminal that nobody has open answers EIO
+  if (got == 0 && tcp_) {                               // the host disconnected; accept the next one
     close_descriptor(line_);
     pending_.clear();
   }

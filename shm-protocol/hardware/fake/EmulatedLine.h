@@ -20,6 +20,8 @@ class EmulatedLine {
   void plug();
   void unplug();
   bool plugged() const { return line_ >= 0 || listener_ >= 0; }
+  // Whether a host had the line open at the last read().
+  bool has_host() const { return has_host_; }
 
   // The DEVICE argument for surface_bridge.
   std::string name() const;
@@ -39,6 +41,7 @@ class EmulatedLine {
   std::uint16_t port_;
   bool tcp_;
   int line_ = -1, listener_ = -1;
+  bool has_host_ = false;
   std::vector<std::uint8_t> pending_;
 };
 

@@ -10,6 +10,7 @@
 #include <cstdio>
 #include <cstring>
 #include <memory>
+#include <optional>
 #include <stdexcept>
 #include <thread>
 
@@ -35,6 +36,7 @@ constexpr const char* kUsage =
     "  --size WxH       cells, 1 to 1024 each way [16x16]\n"
     "  --period-ms N    control period [10]\n"
     "  --ticks N        end after N periods [never]\n"
+    "  --once           end when the host has closed the line and not opened it again for a second\n"
     "  --drop P         probability that a byte is lost [0]\n"
     "  --corrupt P      probability that a byte is changed [0]\n"
     "  --delay-ms N     each piece comes up to N late [0]\n"
@@ -57,7 +59,7 @@ struct Options {
   std::uint64_t ticks = 0;
   hardware::NoiseOptions noise;
   std::uint64_t silent_at = 0, silent_for = 50, unplug_at = 0, unplug_for = 50;  // *_at 0: never
-  bool restart = false, help = false;
+  bool once = false, restart = false, help = false;
 };
 
 template <class Number>
@@ -86,6 +88,7 @@ void set(const std::string& flag, Options& o) {
   if (flag == "size") parse_size(text, o);
   if (flag == "period-ms") o.period_ms = parse<std::uint32_t>(flag, text, 1, 60000);
   if (flag == "ticks") o.ticks = count();
+  if (flag == "once") o.once = true;
   if (flag == "drop") o.noise.drop = parse(flag, text, 0.0, 1.0);
   if (flag == "corrupt") o.noise.corrupt = parse(flag, text, 0.0, 1.0);
   if (flag == "delay-ms") o.noise.delay = milliseconds(parse<unsigned>(flag, text, 0, 60000));
@@ -105,7 +108,7 @@ Options parse(int argc, char** argv) {
       {"drop", 1, nullptr, 1},      {"corrupt", 1, nullptr, 1},    {"delay-ms", 1, nullptr, 1},
       {"seed", 1, nullptr, 1},      {"silent-at", 1, nullptr, 1},  {"silent-for", 1, nullptr, 1},
       {"unplug-at", 1, nullptr, 1}, {"unplug-for", 1, nullptr, 1}, {"restart", 0, nullptr, 1},
-      {"help", 0, nullptr, 1},      {nullptr, 0, nullptr, 0}};
+      {"once", 0, nullptr, 1},      {"help", 0, nullptr, 1},       {nullptr, 0, nullptr, 0}};
   Options o;
   for (int index = 0, flag; (flag = ::getopt_long(argc, argv, "", kKnown, &index)) != -1;) {
     if (flag != 1) throw std::invalid_argument("see --help");
@@ -132,7 +135,7 @@ class Emulator {
   void run() {
     std::printf("device %s\n", line_.name().c_str());
     std::fflush(stdout);
-    while (!stop.load() && (o_.ticks == 0 || period_ < o_.ticks)) {
+    while (!stop.load() && (o_.ticks == 0 || period_ < o_.ticks) && !(o_.once && host_has_left())) {
       wait();
       carry();
       if (now() >= milliseconds(o_.period_ms) * (period_ + 1)) next_period();
@@ -193,6 +196,12 @@ class Emulator {
   }
   bool silent() const { return within(o_.silent_at, o_.silent_for); }
 
+  // For a second, in which it could have come back.
+  bool host_has_left() {
+    if (line_.has_host() || (host_seen_at_ && !line_.plugged())) host_seen_at_ = now();
+    return host_seen_at_ && now() > *host_seen_at_ + std::chrono::seconds(1);
+  }
+
   void wait() {
     NoisyLine::Time until = milliseconds(o_.period_ms) * (period_ + 1);
     for (const NoisyLine* line : {&from_host_, &to_host_})
@@ -246,6 +255,7 @@ class Emulator {
   hardware::PillarDevice* pillars_ = nullptr;  // device_, if it is one
   std::unique_ptr<hardware::EmulatedDevice> device_;
   std::vector<std::uint8_t> bytes_;
+  std::optional<NoisyLine::Time> host_seen_at_;
   NoisyLine::Time sent_at_{};        // the last sensor frame
   std::uint32_t answered_tick_ = 0;  // whose latency was measured last
   std::vector<std::uint32_t> latency_us_;
