@@ -419,6 +419,7 @@ class Processes(ExperimentTest):
         for victim in ("python", "simulator"):
             with self.subTest(killed=victim):
                 learner = subprocess.Popen([sys.executable, "-c", program], stderr=subprocess.DEVNULL)
+                segments = []
                 try:
                     simulator = eventually(lambda: children(learner.pid))[0]
                     apron = eventually(lambda: children(simulator))[0]
@@ -432,6 +433,8 @@ class Processes(ExperimentTest):
                 finally:
                     learner.kill()
                     learner.wait()
+                    for segment in segments:  # a killed simulator cannot remove its own
+                        segment.unlink(missing_ok=True)
 
     def test_a_collected_environment_leaves_no_simulator(self):
         from shm_protocol import SurfaceEnv
