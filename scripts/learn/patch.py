@@ -17,6 +17,7 @@ OUTPUTS = ("tilt", "height", "curvature along", "curvature across")
 STEP = 0.5            # largest change of a coefficient in a tick, of half the travel
 LARGEST = 2           # coefficient, of half the travel
 FAR = 3.0             # pillars: a goal is seen up to there
+ROLLED = 2.5          # pillars: what has moved by them has rolled over a face
 SETTLED = 1.05        # s, from which the object lies where it was set down
 SIZES = (HIDDEN * (len(INPUTS) + 1), HIDDEN * len(OUTPUTS), 3)
 PARAMETERS = sum(SIZES)  # 75
@@ -47,7 +48,7 @@ class Patches:
     """Policies with these parameters, shape (population, PARAMETERS), each in the same number of worlds of a VectorEnv.
 
     travel: of the pillars, cm. period: of the clock, s. goal: 'lamp', below which it is; 'here', where the load was after a second;
-    'over', FAR from there along a row or a column, towards the middle of the table. level: outside the patch the heights
+    'over', FAR from there along a row or a column, towards the middle of the table, until the load has ROLLED. level: outside the patch the heights
     continue those of its rim (None) or are this. Its sums round otherwise than those of an APRON program, which suits a search."""
 
     def __init__(self, vectors, envs, travel, period, goal, level):
@@ -60,7 +61,7 @@ class Patches:
         self.middle = np.array([(envs.columns - 1) / 2, (envs.rows - 1) / 2])
         # Of load, patch and goal, and of the load after a second.
         self.place, self.centre, self.target, self.start = (np.tile(self.middle, (worlds, 1)) for _ in range(4))
-        self.speed = np.zeros((worlds, 2))
+        self.over, self.speed = np.zeros(worlds, bool), np.zeros((worlds, 2))
         self.spread, self.reach, self.ticks = np.zeros((worlds, 2)), np.full(worlds, 16.0), 0
         # Of height, tilt and curvature along columns and rows, and twist. At first the pillars are down.
         self.height, self.twist = np.full(worlds, -1.0), np.zeros(worlds)
@@ -91,7 +92,8 @@ class Patches:
             way = self.middle - self.start
             longer = np.abs(way) > np.abs(way[:, ::-1])
             longer[:, 1] = ~longer[:, 0]
-            self.target = self.start + FAR * np.sign(way) * longer
+            self.over |= ((self.place - self.start)**2).sum(axis=1) > ROLLED**2
+            self.target = np.where(self.over[:, None], self.place, self.start + FAR * np.sign(way) * longer)
 
     def commands(self, observations):
         """One tick of all: worlds × planes × rows × columns → heights, worlds × 1 × rows × columns."""
@@ -162,9 +164,13 @@ goal_y = select(surface.time < {SETTLED}, y, goal_y)
   along = abs(way_x) > abs(way_y)
   to_x = x + {FAR:g} * sign(way_x) * along
   to_y = y + {FAR:g} * sign(way_y) * (1 - along)
+  from_x = x
+  from_y = y
+  over = 0
 else
-  goal_x = to_x
-  goal_y = to_y
+  over = max(over, (x - from_x) * (x - from_x) + (y - from_y) * (y - from_y) > {ROLLED * ROLLED:g})
+  goal_x = select(over, x, to_x)
+  goal_y = select(over, y, to_y)
 endif
 """,
 }
