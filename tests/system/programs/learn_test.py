@@ -25,7 +25,7 @@ except ImportError:
 
 
 # Least successes of 12 runs, well below the rates of docs/learning.md.
-LEAST = {"ball": 8, "box": 7, "sort": 9, "sort-ppo": 5, "arraybot_relocate": 8}
+LEAST = {"ball": 8, "box": 7, "sort": 9, "sort-ppo": 5, "arraybot_relocate": 8, "arraybot_flip": 8}
 
 
 @unittest.skipUnless(TASKS, "NumPy is not installed")
@@ -58,7 +58,7 @@ class Learn(ProgramTest):
         """The heights that a program commands are those of NumPy from the same sensors; no weight is 0."""
         shutil.copy(ROOT / "scripts/tasks/arraybot.lua", self.folder)
         for task in (task for task in TASKS.values() if isinstance(task, PatchTask)):
-            vector = patch.bowl(0.5, 0.2, 0) + np.random.default_rng(1).normal(0, 0.2, patch.PARAMETERS)
+            vector = patch.bowl(1, 0.2, -0.2) + np.random.default_rng(1).normal(0, 0.1, patch.PARAMETERS)
             task.export(vector, self.folder / "policy.aps", "the test")
             lua = self.write("task.lua", task.experiment.read_text() + "record { sensors = true, actuators = true, every = 1 }")
             status, _, err = self.run_program(SMARTSURF, "run", lua, "--controller", "policy.aps", "--until", "6", "--record", "run.h5")
