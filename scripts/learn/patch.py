@@ -47,9 +47,10 @@ def unpacked(vectors):
 class Patches:
     """Policies with these parameters, shape (population, PARAMETERS), each in the same number of worlds of a VectorEnv.
 
-    travel: of the pillars, cm. period: of the clock, s. goal: 'lamp', below which it is; 'here', where the load was after a second;
-    'over', FAR from there along a row or a column, towards the middle of the table, until the load has ROLLED. level: outside the patch the heights
-    continue those of its rim (None) or are this. Its sums round otherwise than those of an APRON program, which suits a search."""
+    travel: of the pillars, cm. period: of the clock, s. goal: 'lamp', below which it is; 'here', where the load was after a
+    second; 'over', FAR from there along a row or a column, towards the middle of the table, and where the load is once it has
+    ROLLED. level: outside the patch the heights continue those of its rim (None) or are this. Its sums round otherwise than
+    those of an APRON program, which suits a search."""
 
     def __init__(self, vectors, envs, travel, period, goal, level):
         self.weights, self.outputs, self.biases = unpacked(vectors)
@@ -177,8 +178,8 @@ endif
 
 
 def export(vector, path, title, travel, period, goal, level):
-    """Writes the policy of one vector of parameters, shape (PARAMETERS,), as an APRON program. title: its first line, a comment. The
-    other arguments are those of Patches."""
+    """Writes the policy of one vector of parameters, shape (PARAMETERS,), as an APRON program. title: its first line, a comment.
+    The other arguments are those of Patches."""
     weights, outputs, biases = (part[0] for part in unpacked(np.asarray(vector)[None]))
     seen = ("goal_ahead", "goal_beside", "speed_ahead", "tilt_ahead", "height", "curve_ahead", "curve_beside", "spread_ahead",
             "spread_beside", "sine", "cosine", "elapsed", "sway")
