@@ -12,21 +12,25 @@ PLAY = 0.5            # the patch follows the load this far behind, in pillars, 
 REACH = 3.5           # loads farther from the object, in pillars, are faults of sensors
 DIRECTIONS = ((1, 0), (0, 1), (-1, 0), (0, -1))  # of columns and rows: east, south, west, north
 INPUTS = ("goal ahead", "goal beside", "speed ahead", "tilt ahead", "height", "curvature ahead", "curvature beside",
-          "load's spread ahead", "load's spread beside", "sine of the clock", "its cosine", "time")
+          "load's spread ahead", "load's spread beside", "sine of the clock", "its cosine", "time", "sine by goal to the left")
 OUTPUTS = ("tilt", "height", "curvature along", "curvature across")
 STEP = 0.5            # largest change of a coefficient in a tick, of half the travel
+LARGEST = 2           # coefficient, of half the travel
+FAR = 3.0             # pillars: a goal is seen up to there
+ROLLED = 2.5          # pillars: what has moved by them has rolled over a face
+SETTLED = 1.05        # s, from which the object lies where it was set down
 SIZES = (HIDDEN * (len(INPUTS) + 1), HIDDEN * len(OUTPUTS), 3)
-PARAMETERS = sum(SIZES)  # 71
+PARAMETERS = sum(SIZES)  # 75
 
 
-def bowl(lean, curvature, height):
-    """The parameters of a bowl around the load that leans towards the goal: by this coefficient at 3 pillars or more from it, with
-    these coefficients of curvature and height."""
+def bowl(lean, curvature, height, rise=0):
+    """The parameters of a bowl around the load that leans towards the goal: by the coefficient lean at FAR or more from it, with
+    these coefficients of curvature and height; rise: by how much that of height increases in the first period of the clock."""
     weights, outputs = np.zeros((HIDDEN, len(INPUTS) + 1)), np.zeros((HIDDEN, len(OUTPUTS)))
     # Unit by unit, the coefficient of tilt, curvature or height goes to what it should be.
     weights[0, [INPUTS.index("goal ahead"), INPUTS.index("tilt ahead")]] = -lean / 2, -0.5
     weights[1, [INPUTS.index("curvature ahead"), -1]] = -1, curvature
-    weights[2, [INPUTS.index("height"), -1]] = -1, height
+    weights[2, [INPUTS.index("height"), INPUTS.index("time"), -1]] = -1, rise, height
     outputs[[0, 1, 2], [OUTPUTS.index(name) for name in ("tilt", "curvature along", "height")]] = 1, 0.5, 0.25
     return np.concatenate([weights.ravel(), outputs.ravel(), np.zeros(SIZES[2])])
 
@@ -43,27 +47,29 @@ def unpacked(vectors):
 class Patches:
     """Policies with these parameters, shape (population, PARAMETERS), each in the same number of worlds of a VectorEnv.
 
-    travel: of the pillars, cm. period: of the clock, s. level: outside the patch the heights continue those of its rim (None)
-    or are this. Its sums round otherwise than those of an APRON program, which suits a search."""
+    travel: of the pillars, cm. period: of the clock, s. goal: 'lamp', below which it is; 'here', where the load was after a
+    second; 'over', FAR from there along a row or a column, towards the middle of the table, and where the load is once it has
+    ROLLED. level: outside the patch the heights continue those of its rim (None) or are this. Its sums round otherwise than
+    those of an APRON program, which suits a search."""
 
-    def __init__(self, vectors, envs, travel, period, level):
+    def __init__(self, vectors, envs, travel, period, goal, level):
         self.weights, self.outputs, self.biases = unpacked(vectors)
-        self.travel, self.period, self.level, self.dt = travel, period, level, envs.period
+        self.travel, self.period, self.kind, self.level, self.dt = travel, period, goal, level, envs.period
         self.population, worlds = len(vectors), envs.num_envs
         self.rows, self.columns = np.mgrid[0:envs.rows, 0:envs.columns].astype(np.float32)
         names = [channel.name for channel in envs.sensor_channels]
-        self.pressure, self.goal = names.index("pressure"), names.index("goal_hit") if "goal_hit" in names else None
-        middle = np.array([(envs.columns - 1) / 2, (envs.rows - 1) / 2])
-        self.place, self.centre, self.target = (np.tile(middle, (worlds, 1)) for _ in range(3))  # of load, patch and goal
-        self.speed = np.zeros((worlds, 2))
+        self.pressure, self.lamp = names.index("pressure"), names.index("goal_hit") if goal == "lamp" else None
+        self.middle = np.array([(envs.columns - 1) / 2, (envs.rows - 1) / 2])
+        # Of load, patch and goal, and of the load after a second.
+        self.place, self.centre, self.target, self.start = (np.tile(self.middle, (worlds, 1)) for _ in range(4))
+        self.over, self.speed = np.zeros(worlds, bool), np.zeros((worlds, 2))
         self.spread, self.reach, self.ticks = np.zeros((worlds, 2)), np.full(worlds, 16.0), 0
-        # Of height, tilt and curvature along columns and rows, and twist.
-        self.height, self.twist = np.zeros(worlds), np.zeros(worlds)
+        # Of height, tilt and curvature along columns and rows, and twist. At first the pillars are down.
+        self.height, self.twist = np.full(worlds, -1.0), np.zeros(worlds)
         self.tilt, self.curvature = np.zeros((worlds, 2)), np.zeros((worlds, 2))
 
     def _feel(self, observations):
-        """Where the load is, in columns and rows, and its spread; where the goal is: at the lamp or, without one, where the load
-        was after a second."""
+        """Where the load is, in columns and rows, and its spread; where the goal is."""
         load = observations[:, self.pressure] - FELT
         away = np.stack([self.columns - self.place[:, 0, None, None], self.rows - self.place[:, 1, None, None]])
         load = np.where((load > 0) & (np.abs(away).max(axis=0) < self.reach[:, None, None]), load, 0)
@@ -76,13 +82,19 @@ class Patches:
         self.place = self.place + moved
         self.centre = self.place - np.clip(self.place - self.centre, -PLAY, PLAY)
         self.reach = np.where(felt, REACH, 16.0)
-        if self.goal is None:
-            self.target = self.place if self.ticks * self.dt < 1.05 else self.target
-        else:
-            lit = observations[:, self.goal]
+        if self.kind == "lamp":
+            lit = observations[:, self.lamp]
             count = lit.sum(axis=(1, 2))
             seen = np.stack([(lit * self.columns).sum(axis=(1, 2)), (lit * self.rows).sum(axis=(1, 2))]) / np.maximum(count, 1)
             self.target = np.where((count > 0)[:, None], seen.T, self.target)
+        elif self.ticks * self.dt < SETTLED:
+            self.target = self.start = self.place
+        elif self.kind == "over":
+            way = self.middle - self.start
+            longer = np.abs(way) > np.abs(way[:, ::-1])
+            longer[:, 1] = ~longer[:, 0]
+            self.over |= ((self.place - self.start)**2).sum(axis=1) > ROLLED**2
+            self.target = np.where(self.over[:, None], self.place, self.start + FAR * np.sign(way) * longer)
 
     def commands(self, observations):
         """One tick of all: worlds × planes × rows × columns → heights, worlds × 1 × rows × columns."""
@@ -90,14 +102,16 @@ class Patches:
         time = self.ticks * self.dt
         self.ticks += 1
         clock, ones = 2 * np.pi * time / self.period, np.ones(len(self.place))
-        ahead = np.clip((self.target - self.place) / 3, -1, 1)
+        ahead, near = (np.clip((self.target - self.place) / far, -1, 1) for far in (FAR, 1))
         hidden = []
         for direction in DIRECTIONS:
             axis = 0 if direction[0] else 1
             sign, across = sum(direction), 1 - axis
+            left = (sign if axis else -sign) * near[:, across]
             seen = np.stack([sign * ahead[:, axis], np.abs(ahead[:, across]), 2 * sign * self.speed[:, axis], sign * self.tilt[:, axis],
                              self.height, self.curvature[:, axis], self.curvature[:, across], self.spread[:, axis],
-                             self.spread[:, across], ones * np.sin(clock), ones * np.cos(clock), ones * min(time / 10, 1), ones], axis=1)
+                             self.spread[:, across], ones * np.sin(clock), ones * np.cos(clock), ones * min(time / self.period, 1),
+                             np.sin(clock) * left, ones], axis=1)
             seen = seen.reshape(self.population, -1, len(INPUTS) + 1)
             hidden.append(np.clip(np.einsum("psi,phi->psh", seen, self.weights), -1, 1))
         east, south, west, north = hidden
@@ -106,11 +120,11 @@ class Patches:
         odd = [np.einsum("psh,ph->ps", pair, self.outputs[:, :, 0]).ravel() for pair in (east - west, south - north)]
         bias = np.repeat(self.biases, len(self.place) // self.population, axis=0)
         change = np.stack(odd, axis=1)
-        self.tilt = np.clip(self.tilt + STEP * np.clip(change, -1, 1), -1, 1)
+        self.tilt = np.clip(self.tilt + STEP * np.clip(change, -1, 1), -LARGEST, LARGEST)
         height = (total[0] + total[1])[:, :, 1].ravel() + bias[:, 0]
-        self.height = np.clip(self.height + STEP * np.clip(height, -1, 1), -1, 1)
+        self.height = np.clip(self.height + STEP * np.clip(height, -1, 1), -LARGEST, LARGEST)
         curved = np.stack([(total[k][:, :, 2] + total[1 - k][:, :, 3]).ravel() + bias[:, 1] for k in (0, 1)], axis=1)
-        self.curvature = np.clip(self.curvature + STEP * np.clip(curved, -1, 1), -1, 1)
+        self.curvature = np.clip(self.curvature + STEP * np.clip(curved, -1, 1), -LARGEST, LARGEST)
         self.twist = np.clip(bias[:, 2] * self.tilt[:, 0] * self.tilt[:, 1], -1, 1)
         return self._heights()[:, None].astype(np.float32)
 
@@ -129,12 +143,46 @@ class Patches:
         return np.where(inside, heights, self.level)
 
 
-def export(vector, path, title, travel, period, level):
-    """Writes the policy of one vector of parameters, shape (PARAMETERS,), as an APRON program. title: its first line, a comment. The
-    other arguments are those of Patches."""
+# In the exported program, where the goal is, by its kind.
+GOALS = {
+    "lamp": """LOAD = surface.sense('goal_hit')
+lit = globalsum(LOAD)
+if(lit > 0)
+  PART = LOAD * cell.x
+  goal_x = globalsum(PART) / lit
+  PART = LOAD * cell.y
+  goal_y = globalsum(PART) / lit
+endif
+""",
+    "here": f"""goal_x = select(surface.time < {SETTLED}, x, goal_x)
+goal_y = select(surface.time < {SETTLED}, y, goal_y)
+""",
+    "over": f"""if(surface.time < {SETTLED})
+  goal_x = x
+  goal_y = y
+  way_x = (SURFACE_WIDTH - 1) / 2 - x
+  way_y = (SURFACE_HEIGHT - 1) / 2 - y
+  along = abs(way_x) > abs(way_y)
+  to_x = x + {FAR:g} * sign(way_x) * along
+  to_y = y + {FAR:g} * sign(way_y) * (1 - along)
+  from_x = x
+  from_y = y
+  over = 0
+else
+  over = max(over, (x - from_x) * (x - from_x) + (y - from_y) * (y - from_y) > {ROLLED * ROLLED:g})
+  goal_x = select(over, x, to_x)
+  goal_y = select(over, y, to_y)
+endif
+""",
+}
+
+
+def export(vector, path, title, travel, period, goal, level):
+    """Writes the policy of one vector of parameters, shape (PARAMETERS,), as an APRON program. title: its first line, a comment.
+    The other arguments are those of Patches."""
     weights, outputs, biases = (part[0] for part in unpacked(np.asarray(vector)[None]))
     seen = ("goal_ahead", "goal_beside", "speed_ahead", "tilt_ahead", "height", "curve_ahead", "curve_beside", "spread_ahead",
-            "spread_beside", "sine", "cosine", "elapsed")
+            "spread_beside", "sine", "cosine", "elapsed", "sway")
     units = [f"h{k}" for k in range(HIDDEN)]
     look = []
     for unit, row in zip(units, weights):
@@ -148,7 +196,8 @@ def export(vector, path, title, travel, period, level):
         sign = "" if column + row > 0 else "-"
         directions += [f"// {name}", f"goal_ahead = {sign}ahead_{a}", f"goal_beside = abs(ahead_{b})", f"speed_ahead = {sign}2 * speed_{a}",
                        f"tilt_ahead = {sign}tilt_{a}", f"curve_ahead = curve_{a}", f"curve_beside = curve_{b}",
-                       f"spread_ahead = spread_{a}", f"spread_beside = spread_{b}", "call(#look)",
+                       f"spread_ahead = spread_{a}", f"spread_beside = spread_{b}",
+                       f"sway = {'-' if column > row else ''}sine * near_{b}", "call(#look)",
                        f"change_{a} = change_{a} {'-' if sign else '+'} to_tilt", "rise = rise + to_height",
                        f"bend_{a} = bend_{a} + to_along", f"bend_{b} = bend_{b} + to_across"]
     outside = [] if level is None else [f"H = select(max(abs(U), abs(V)) < 2.5, H, {_number(level)})"]
@@ -176,34 +225,23 @@ y = y + moved_y
 centre_x = x - clamp(x - centre_x, -PLAY, PLAY)
 centre_y = y - clamp(y - centre_y, -PLAY, PLAY)
 reach = select(total > FELT, {REACH}, 16)
-if(surface.has('goal_hit'))
-  LOAD = surface.sense('goal_hit')
-  lit = globalsum(LOAD)
-  if(lit > 0)
-    PART = LOAD * cell.x
-    goal_x = globalsum(PART) / lit
-    PART = LOAD * cell.y
-    goal_y = globalsum(PART) / lit
-  endif
-else
-  goal_x = select(surface.time < 1.05, x, goal_x)
-  goal_y = select(surface.time < 1.05, y, goal_y)
-endif
-ahead_x = clamp((goal_x - x) / 3, -1, 1)
-ahead_y = clamp((goal_y - y) / 3, -1, 1)
+{GOALS[goal]}ahead_x = clamp((goal_x - x) / {FAR:g}, -1, 1)
+ahead_y = clamp((goal_y - y) / {FAR:g}, -1, 1)
+near_x = clamp(goal_x - x, -1, 1)
+near_y = clamp(goal_y - y, -1, 1)
 sine = math.sin({_number(2 * np.pi / period)} * surface.time)
 cosine = math.cos({_number(2 * np.pi / period)} * surface.time)
-elapsed = min(surface.time / 10, 1)
+elapsed = min(surface.time / {_number(period)}, 1)
 rise = {_number(biases[0])}
 bend_x = {_number(biases[1])}
 bend_y = {_number(biases[1])}
 change_x = 0
 change_y = 0
-""".splitlines() + directions + f"""tilt_x = clamp(tilt_x + {STEP} * clamp(change_x, -1, 1), -1, 1)
-tilt_y = clamp(tilt_y + {STEP} * clamp(change_y, -1, 1), -1, 1)
-height = clamp(height + {STEP} * clamp(rise, -1, 1), -1, 1)
-curve_x = clamp(curve_x + {STEP} * clamp(bend_x, -1, 1), -1, 1)
-curve_y = clamp(curve_y + {STEP} * clamp(bend_y, -1, 1), -1, 1)
+""".splitlines() + directions + f"""tilt_x = clamp(tilt_x + {STEP} * clamp(change_x, -1, 1), -{LARGEST}, {LARGEST})
+tilt_y = clamp(tilt_y + {STEP} * clamp(change_y, -1, 1), -{LARGEST}, {LARGEST})
+height = clamp(height + {STEP} * clamp(rise, -1, 1), -{LARGEST}, {LARGEST})
+curve_x = clamp(curve_x + {STEP} * clamp(bend_x, -1, 1), -{LARGEST}, {LARGEST})
+curve_y = clamp(curve_y + {STEP} * clamp(bend_y, -1, 1), -{LARGEST}, {LARGEST})
 twist = clamp(tilt_x * tilt_y * {_number(biases[2])}, -1, 1)
 // The patch around the load: the lowest coefficients of a cosine transform of 5×5 pillars.
 U = cell.x - centre_x
@@ -219,7 +257,7 @@ H = clamp({_number(travel / 2)} + {_number(travel / 2)} * H, 0, {_number(travel)
         f"// {title}", f"!define(FELT, {FELT})  // kg·cm/s²: a load below it is noise",
         f"!define(PLAY, {PLAY})  // pillars, by which the patch follows the load behind", "!register(LOAD, U, V, PART, H)", "",
         "x = (SURFACE_WIDTH - 1) / 2", "y = (SURFACE_HEIGHT - 1) / 2", "centre_x = x", "centre_y = y",
-        "goal_x = x", "goal_y = y", "reach = 16", "height = 0", *scalars,
+        "goal_x = x", "goal_y = y", "reach = 16", "height = -1", *scalars,
         "while(1)", *(f"  {line}" for line in body), "endwhile", "end", "",
         "// What the hidden units make of what is seen in one direction, and the outputs of it.", "#look", *look, "return"]
     with open(path, "w") as file:

@@ -1,7 +1,10 @@
 """The learning tasks: experiments, policies, and their evaluation as APRON programs."""
 import os
 import pathlib
+import re
 import sys
+import tempfile
+from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 
@@ -102,20 +105,45 @@ class NetworkTask(Task):
 
 
 class PatchTask(Task):
-    """A task of pillars that feel, whose policy shapes a patch around the load (patch.py). level and period: as of
+    """A task of pillars that feel, whose policy shapes a patch around the load (patch.py). goal, level and period: as of
     patch.Patches."""
 
     TRAVEL = 5.5
 
-    def __init__(self, name, title, until, *, level=None, period=4.0, initial=np.zeros(patch.PARAMETERS), **more):
+    def __init__(self, name, title, until, initial, *, goal, level=None, period=4.0, **more):
         super().__init__(name, title, f"tasks/{name}.lua", f"tasks/{name}.aps", until, initial, **more)
-        self.level, self.period = level, period
+        self.patch = (self.TRAVEL, period, goal, level)
 
     def population(self, vectors, envs):
-        return patch.Patches(vectors, envs, self.TRAVEL, self.period, self.level)
+        return patch.Patches(vectors, envs, *self.patch)
 
     def export(self, vector, path, method):
-        patch.export(vector, path, f"{self.title}: learned by {method}.", self.TRAVEL, self.period, self.level)
+        patch.export(vector, path, f"{self.title}: learned by {method}.", *self.patch)
+
+
+class GainTask(Task):
+    """A task whose policy is the hand-written program with other constants (`!define`): gains maps their names to mean and
+    standard deviation at the start. The search varies them by these deviations."""
+
+    def __init__(self, name, title, until, gains, **more):
+        self.gains = gains
+        super().__init__(name, title, f"tasks/{name}.lua", f"tasks/{name}.aps", until, np.zeros(len(gains)), **more)
+
+    def scores(self, vectors, seeds, threads=2):
+        with tempfile.TemporaryDirectory(prefix="smartsurf-learn-") as folder:
+            def score(number):
+                program = pathlib.Path(folder, f"{number}.aps")
+                self.export(vectors[number], program, "")
+                return np.mean([self.score(metrics) for metrics in self.evaluate(program, seeds)])
+            with ThreadPoolExecutor(threads) as pool:
+                return np.array(list(pool.map(score, range(len(vectors)))))
+
+    def export(self, vector, path, method):
+        program = self.controller.read_text()
+        for (name, (mean, deviation)), value in zip(self.gains.items(), vector):
+            program, count = re.subn(rf"(?m)^(!define\({name}, )[^)]*", rf"\g<1>{mean + deviation * value:.4f}", program)
+            assert count == 1, name
+        pathlib.Path(path).write_text(f"// {self.title}: constants learned by {method}.\n{program}")
 
 
 class Population:
@@ -165,6 +193,16 @@ def sorting(metrics):
     return metrics["purity"] - metrics.get("time_to_95_s", 30.0) / 30.0
 
 
+def succeeding(metrics):
+    """The task's own score, and success."""
+    return metrics["score"] + metrics["success"]
+
+
+def aligning(metrics):
+    """Small errors at the end, in the goal's, and less time to get there."""
+    return -min(metrics["error_u"] / 0.3, 5) - min(metrics["angle_error_deg"] / 5, 5) - metrics.get("time_s", 40.0) / 20
+
+
 # The ball's network at first: height, memory of the lamp, and memory of the way to it, each from the colours red and blue and
 # the memories (own, neighbours of each), then the biases. Below the ball the lamp is remembered: red makes up for the bias.
 # The way spreads from the lamp to neighbours, and the surface sinks with it.
@@ -183,9 +221,14 @@ TASKS = {task.name: task for task in (
     NetworkTask("sort", "two kinds sorted by colour, 24×24 pins", "tasks/colour_sort.lua", "tasks/colour_sort.aps", 30,
                 ("colour.r", "colour.b"), (("height", 0, 6),), NORTH_SOUTH, memory=1, options={"n": 24, "count": 3, "seconds": 30},
                 start=3.0, deviation=2.0, decisions=6_000_000, score=sorting),
-    PatchTask("arraybot_lift", "an object lifted, 16×16 pillars that feel", 8, level=0.0, deviation=0.5, search=(8, 32, 8)),
-    PatchTask("arraybot_flip", "an object turned over, 16×16 pillars that feel", 10, deviation=0.5, search=(10, 24, 6)),
-    PatchTask("arraybot_relocate", "an object to any goal, 16×16 pillars that feel", 20,
-              initial=patch.bowl(0.5, 0.2, -0.2), deviation=0.1, search=(8, 24, 8)),
+    PatchTask("arraybot_lift", "an object lifted, 16×16 pillars that feel", 8, patch.bowl(0, 0, -1), goal="here", level=0.0,
+              deviation=0.2, search=(12, 40, 16), score=succeeding),
+    PatchTask("arraybot_flip", "an object turned over, 16×16 pillars that feel", 10, patch.bowl(1, 0, -1), goal="over",
+              deviation=0.15, search=(8, 30, 10), score=succeeding),
+    PatchTask("arraybot_relocate", "an object to any goal, 16×16 pillars that feel", 20, patch.bowl(0.5, 0.2, -0.2), goal="lamp",
+              deviation=0.1, search=(12, 40, 8)),
+    GainTask("delta_align", "a polygon to the middle along the rows, 8×8 delta robots", 40,
+             {"STRIDE": (0.25, 0.15), "PACE": (4, 2), "LIFT": (0.1, 0.1), "MIDDLE": (1.2, 0.2), "LEAD": (0.8, 0.5), "NEAR": (3, 1.5),
+              "SMOOTH": (20, 15)}, search=(8, 20, 8), score=aligning),
 )}
 NETWORKS = {name: task for name, task in TASKS.items() if isinstance(task, NetworkTask)}
