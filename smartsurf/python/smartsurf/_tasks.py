@@ -16,7 +16,7 @@ TASKS = tuple(Task(f"smartsurf/{name}-v0", script) for name, script in (
     ("Air", "air.lua"), ("Magnets", "magnets.lua"), ("Squeeze", "squeeze.lua"), ("Excitable", "excitable.lua"),
     ("Rain", "rain.lua"), ("Waves", "waves.lua"), ("Parcels", "parcels.lua"),
     ("PushT", "push_t.lua"), ("PushTPins", "push_t_pins.lua"), ("ArraybotLift", "arraybot_lift.lua"), ("ArraybotFlip", "arraybot_flip.lua"),
-    ("ArraybotRelocate", "arraybot_relocate.lua"), ("DeltaAlign", "delta_align.lua")))
+    ("ArraybotRelocate", "arraybot_relocate.lua"), ("DeltaAlign", "delta_align.lua"), ("SheetCircle", "sheet_circle.lua")))
 
 
 def task_file(id: str) -> str:

@@ -118,6 +118,12 @@ class Tasks(ProgramTest):
         self.assertLess(metrics["error_u"], 0.3)
         self.assertLess(metrics["angle_error_deg"], 5)
 
+    def test_apple_goes_round_on_a_soft_sheet(self):
+        metrics = self.run_task("sheet_circle", 12)
+        self.assertGreater(metrics["laps"], 0.5)
+        self.assertGreaterEqual(metrics["hand_overs"], 2)
+        self.assertLess(metrics["error_cm"], 2)
+
     def test_sheet_floats_to_goal(self):
         metrics = self.run_task("air", 30)
         self.assertLess(metrics["error_u"], 1)
