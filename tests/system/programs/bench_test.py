@@ -39,8 +39,15 @@ class Bench(ProgramTest):
                                   line(0, 1, 8), line(0, 2, 2), line(5, 1, 8), line(5, 2, 9)])
         text = self.report()
         self.assertIn("median of 3", text)
-        self.assertIn("| 0 | 4 | 2 | 0.5 × |", text)
-        self.assertIn("| 5 | 8 | 10 | 1.25 × |", text)
+        self.assertIn("| 8x8 1 | 0 | 4 | 2 | 2 × |", text)
+        self.assertIn("| 8x8 1 | 5 | 8 | 10 | 0.8 × |", text)
+
+    def test_report_of_large_scenes(self):
+        self.measured("scenes", [{"real_time_factor": factor} for factor in (1.5, 2.5, 0.5, 0.75, 3, 4)])
+        text = self.report()
+        self.assertRegex(text, r"falling spheres[^|]*\| 1.5 × \| 2.5 × \|")
+        self.assertRegex(text, r"poured[^|]*\| 0.5 × \| 0.75 × \|")
+        self.assertRegex(text, r"bricks[^|]*\| 3 × \| 4 × \|")
 
     def test_report_of_environments(self):
         def line(who, rate, **more):
