@@ -14,7 +14,6 @@ DIRECTIONS = ((1, 0), (0, 1), (-1, 0), (0, -1))  # of columns and rows: east, so
 INPUTS = ("goal ahead", "goal beside", "speed ahead", "tilt ahead", "height", "curvature ahead", "curvature beside",
           "load's spread ahead", "load's spread beside", "sine of the clock", "its cosine", "time", "sine by goal to the left")
 OUTPUTS = ("tilt", "height", "curvature along", "curvature across")
-STEP = 0.5            # largest change of a coefficient in a tick, of half the travel
 LARGEST = 2           # coefficient, of half the travel
 FAR = 3.0             # pillars: a goal is seen up to there
 ROLLED = 2.5          # pillars: what has moved by them has rolled over a face
@@ -49,12 +48,13 @@ class Patches:
 
     travel: of the pillars, cm. period: of the clock, s. goal: 'lamp', below which it is; 'here', where the load was after a
     second; 'over', FAR from there along a row or a column, towards the middle of the table, and where the load is once it has
-    ROLLED. level: outside the patch the heights continue those of its rim (None) or are this. Its sums round otherwise than
-    those of an APRON program, which suits a search."""
+    ROLLED. level: outside the patch the heights continue those of its rim (None) or are this. step: the largest change of a
+    coefficient in a tick, of half the travel. Its sums round otherwise than those of an APRON program, which suits a search."""
 
-    def __init__(self, vectors, envs, travel, period, goal, level):
+    def __init__(self, vectors, envs, travel, period, goal, level, step):
         self.weights, self.outputs, self.biases = unpacked(vectors)
-        self.travel, self.period, self.kind, self.level, self.dt = travel, period, goal, level, envs.period
+        self.travel, self.period, self.kind, self.level, self.step = travel, period, goal, level, step
+        self.dt = envs.period
         self.population, worlds = len(vectors), envs.num_envs
         self.rows, self.columns = np.mgrid[0:envs.rows, 0:envs.columns].astype(np.float32)
         names = [channel.name for channel in envs.sensor_channels]
@@ -120,11 +120,11 @@ class Patches:
         odd = [np.einsum("psh,ph->ps", pair, self.outputs[:, :, 0]).ravel() for pair in (east - west, south - north)]
         bias = np.repeat(self.biases, len(self.place) // self.population, axis=0)
         change = np.stack(odd, axis=1)
-        self.tilt = np.clip(self.tilt + STEP * np.clip(change, -1, 1), -LARGEST, LARGEST)
+        self.tilt = np.clip(self.tilt + self.step * np.clip(change, -1, 1), -LARGEST, LARGEST)
         height = (total[0] + total[1])[:, :, 1].ravel() + bias[:, 0]
-        self.height = np.clip(self.height + STEP * np.clip(height, -1, 1), -LARGEST, LARGEST)
+        self.height = np.clip(self.height + self.step * np.clip(height, -1, 1), -LARGEST, LARGEST)
         curved = np.stack([(total[k][:, :, 2] + total[1 - k][:, :, 3]).ravel() + bias[:, 1] for k in (0, 1)], axis=1)
-        self.curvature = np.clip(self.curvature + STEP * np.clip(curved, -1, 1), -LARGEST, LARGEST)
+        self.curvature = np.clip(self.curvature + self.step * np.clip(curved, -1, 1), -LARGEST, LARGEST)
         self.twist = np.clip(bias[:, 2] * self.tilt[:, 0] * self.tilt[:, 1], -1, 1)
         return self._heights()[:, None].astype(np.float32)
 
@@ -177,7 +177,7 @@ endif
 }
 
 
-def export(vector, path, title, travel, period, goal, level):
+def export(vector, path, title, travel, period, goal, level, step):
     """Writes the policy of one vector of parameters, shape (PARAMETERS,), as an APRON program. title: its first line, a comment.
     The other arguments are those of Patches."""
     weights, outputs, biases = (part[0] for part in unpacked(np.asarray(vector)[None]))
@@ -237,11 +237,11 @@ bend_x = {_number(biases[1])}
 bend_y = {_number(biases[1])}
 change_x = 0
 change_y = 0
-""".splitlines() + directions + f"""tilt_x = clamp(tilt_x + {STEP} * clamp(change_x, -1, 1), -{LARGEST}, {LARGEST})
-tilt_y = clamp(tilt_y + {STEP} * clamp(change_y, -1, 1), -{LARGEST}, {LARGEST})
-height = clamp(height + {STEP} * clamp(rise, -1, 1), -{LARGEST}, {LARGEST})
-curve_x = clamp(curve_x + {STEP} * clamp(bend_x, -1, 1), -{LARGEST}, {LARGEST})
-curve_y = clamp(curve_y + {STEP} * clamp(bend_y, -1, 1), -{LARGEST}, {LARGEST})
+""".splitlines() + directions + f"""tilt_x = clamp(tilt_x + {step} * clamp(change_x, -1, 1), -{LARGEST}, {LARGEST})
+tilt_y = clamp(tilt_y + {step} * clamp(change_y, -1, 1), -{LARGEST}, {LARGEST})
+height = clamp(height + {step} * clamp(rise, -1, 1), -{LARGEST}, {LARGEST})
+curve_x = clamp(curve_x + {step} * clamp(bend_x, -1, 1), -{LARGEST}, {LARGEST})
+curve_y = clamp(curve_y + {step} * clamp(bend_y, -1, 1), -{LARGEST}, {LARGEST})
 twist = clamp(tilt_x * tilt_y * {_number(biases[2])}, -1, 1)
 // The patch around the load: the lowest coefficients of a cosine transform of 5×5 pillars.
 U = cell.x - centre_x

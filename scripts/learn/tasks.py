@@ -105,14 +105,14 @@ class NetworkTask(Task):
 
 
 class PatchTask(Task):
-    """A task of pillars that feel, whose policy shapes a patch around the load (patch.py). goal, level and period: as of
-    patch.Patches."""
+    """A task of pillars that feel, whose policy shapes a patch around the load (patch.py). goal, level, period and step: as
+    of patch.Patches."""
 
     TRAVEL = 5.5
 
-    def __init__(self, name, title, until, initial, *, goal, level=None, period=4.0, **more):
+    def __init__(self, name, title, until, initial, *, goal, level=None, period=4.0, step=0.5, **more):
         super().__init__(name, title, f"tasks/{name}.lua", f"tasks/{name}.aps", until, initial, **more)
-        self.patch = (self.TRAVEL, period, goal, level)
+        self.patch = (self.TRAVEL, period, goal, level, step)
 
     def population(self, vectors, envs):
         return patch.Patches(vectors, envs, *self.patch)
@@ -222,13 +222,13 @@ TASKS = {task.name: task for task in (
                 ("colour.r", "colour.b"), (("height", 0, 6),), NORTH_SOUTH, memory=1, options={"n": 24, "count": 3, "seconds": 30},
                 start=3.0, deviation=2.0, decisions=6_000_000, score=sorting),
     PatchTask("arraybot_lift", "an object lifted, 16×16 pillars that feel", 8, patch.bowl(0, 0, -1), goal="here", level=0.0,
-              deviation=0.2, search=(12, 40, 16), score=succeeding),
+              step=0.05, deviation=0.2, search=(10, 32, 12), score=succeeding),
     PatchTask("arraybot_flip", "an object turned over, 16×16 pillars that feel", 10, patch.bowl(1, 0, -1), goal="over",
               deviation=0.15, search=(8, 30, 10), score=succeeding),
     PatchTask("arraybot_relocate", "an object to any goal, 16×16 pillars that feel", 20, patch.bowl(0.5, 0.2, -0.2), goal="lamp",
               deviation=0.1, search=(12, 40, 8)),
     GainTask("delta_align", "a polygon to the middle along the rows, 8×8 delta robots", 40,
              {"STRIDE": (0.25, 0.15), "PACE": (4, 2), "LIFT": (0.1, 0.1), "MIDDLE": (1.2, 0.2), "LEAD": (0.8, 0.5), "NEAR": (3, 1.5),
-              "SMOOTH": (20, 15)}, search=(8, 20, 8), score=aligning),
+              "SMOOTH": (20, 15)}, search=(8, 16, 6), score=aligning),
 )}
 NETWORKS = {name: task for name, task in TASKS.items() if isinstance(task, NetworkTask)}
