@@ -140,15 +140,22 @@ void ActuatorGeometry::add_skin() {
   const auto along = [](float from, float to, int i, int count) {
     return from + (to - from) * static_cast<float>(i) / static_cast<float>(count - 1);
   };
-  const auto is_over_top = [pitch](float u, double top) {
-    return std::abs(u - pitch * std::round(u / pitch)) <= 0.5F * static_cast<float>(top);
+  const auto is_over_top = [&](float x, float y) {
+    const float column = std::round(x / pitch),
+                row = static_cast<float>(surface_.rows - 1) - std::round(y / pitch);
+    const int last_row = surface_.rows - 1 - border, last_column = surface_.columns - 1 - border;
+    const int r = std::clamp(static_cast<int>(row), border, last_row),
+              c = std::clamp(static_cast<int>(column), border, last_column);
+    const Eigen::Vector2f from = Eigen::Vector2f(x, y) - surface_.centre(r, c).cast<float>();
+    return !surface_.is_empty(r, c) && std::abs(from.x()) <= 0.5F * static_cast<float>(surface_.pin.top_x) &&
+           std::abs(from.y()) <= 0.5F * static_cast<float>(surface_.pin.top_y);
   };
   TwoColourMesh mesh;
   for (int r = 0; r < skin.rows; ++r)
     for (int c = 0; c < skin.columns; ++c) {
       const float x = along(low, east, c, skin.columns), y = along(north, low, r, skin.rows);
-      const bool is_held = is_over_top(x, surface_.pin.top_x) && is_over_top(y, surface_.pin.top_y);
-      mesh.vertices.insert(mesh.vertices.end(), {x, y, 0.0F, 0.0F, 0.0F, 1.0F, is_held ? 1.0F : 0.0F});
+      mesh.vertices.insert(mesh.vertices.end(),
+                           {x, y, 0.0F, 0.0F, 0.0F, 1.0F, is_over_top(x, y) ? 1.0F : 0.0F});
       if (r + 1 == skin.rows || c + 1 == skin.columns) continue;
       const auto north_west = static_cast<std::uint32_t>(r * skin.columns + c),
                  south_west = north_west + static_cast<std::uint32_t>(skin.columns);
@@ -182,7 +189,7 @@ void ActuatorGeometry::update_drops(const scene::Snapshot& snapshot) {
   for (int row = 0; row < surface_.rows; ++row)
     for (int column = 0; column < surface_.columns; ++column) {
       const auto cell = static_cast<std::size_t>(surface_.index(row, column));
-      if (!surface_.is_under_skin(row, column)) continue;
+      if (!surface_.is_under_skin(row, column) || surface_.is_empty(row, column)) continue;
       const NodeRange rows = node_rows_[static_cast<std::size_t>(row)],
                       columns = node_columns_[static_cast<std::size_t>(column)];
       float lowest = snapshot.height[cell];

@@ -184,6 +184,23 @@ TEST(ActuatorGeometry, SkinCoversPinsAndTips) {
   }
 }
 
+TEST(ActuatorGeometry, SkinHasTheAccentWhereActuatorsHoldIt) {
+  ActuatorFixture bench("pin", {});
+  bench.scene.spec.surface.actuator_of_cell.assign(9, scene::kEmptyCell);
+  bench.scene.spec.surface.actuator_of_cell[2] = 0;  // in the north-east
+  bench.scene.spec.surface.skin = scene::SkinSpec{.rows = 31, .columns = 31, .margin = 0.5};
+  const ActuatorGeometry geometry = bench.geometry();
+  const std::vector<float>& vertices = geometry.meshes().back().mesh.vertices;
+  int held = 0;
+  for (std::size_t i = 0; i < vertices.size(); i += 7) {
+    if (vertices[i + 6] == 0.0F) continue;
+    ++held;
+    EXPECT_NEAR(vertices[i], 2.0F, 0.5F);
+    EXPECT_NEAR(vertices[i + 1], 2.0F, 0.5F);
+  }
+  EXPECT_GT(held, 60);
+}
+
 TEST(ActuatorGeometry, RestsWithoutActuatorState) {
   ActuatorFixture bench("air_jet", {0, 0, 1});
   bench.scene.snapshot.actuator_state.clear();
