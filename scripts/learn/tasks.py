@@ -139,11 +139,14 @@ class GainTask(Task):
                 return np.array(list(pool.map(score, range(len(vectors)))))
 
     def export(self, vector, path, method):
-        program = self.controller.read_text()
-        for (name, (mean, deviation)), value in zip(self.gains.items(), vector):
-            program, count = re.subn(rf"(?m)^(!define\({name}, )[^)]*", rf"\g<1>{mean + deviation * value:.4f}", program)
-            assert count == 1, name
-        pathlib.Path(path).write_text(f"// {self.title}: constants learned by {method}.\n{program}")
+        values = {name: mean + deviation * value for (name, (mean, deviation)), value in zip(self.gains.items(), vector)}
+        lines = [f"// {self.title}: constants learned by {method}."]
+        for line in self.controller.read_text().splitlines():
+            found = re.match(r"!define\((\w+), ", line)
+            value = values.pop(found[1], None) if found else None
+            lines.append(line if value is None else f"!define({found[1]}, {value:.4f})")
+        assert not values, f"{self.controller}: no !define of {', '.join(values)}"
+        pathlib.Path(path).write_text("\n".join(lines) + "\n")
 
 
 class Population:
