@@ -139,11 +139,14 @@ class GainTask(Task):
                 return np.array(list(pool.map(score, range(len(vectors)))))
 
     def export(self, vector, path, method):
-        program = self.controller.read_text()
-        for (name, (mean, deviation)), value in zip(self.gains.items(), vector):
-            program, count = re.subn(rf"(?m)^(!define\({name}, )[^)]*", rf"\g<1>{mean + deviation * value:.4f}", program)
-            assert count == 1, name
-        pathlib.Path(path).write_text(f"// {self.title}: constants learned by {method}.\n{program}")
+        values = {name: mean + deviation * value for (name, (mean, deviation)), value in zip(self.gains.items(), vector)}
+        lines = [f"// {self.title}: constants learned by {method}."]
+        for line in self.controller.read_text().splitlines():
+            found = re.match(r"!define\((\w+), ", line)
+            value = values.pop(found[1], None) if found else None
+            lines.append(line if value is None else f"!define({found[1]}, {value:.4f})")
+        assert not values, f"{self.controller}: no !define of {', '.join(values)}"
+        pathlib.Path(path).write_text("\n".join(lines) + "\n")
 
 
 class Population:
@@ -221,8 +224,8 @@ TASKS = {task.name: task for task in (
     NetworkTask("sort", "two kinds sorted by colour, 24×24 pins", "tasks/colour_sort.lua", "tasks/colour_sort.aps", 30,
                 ("colour.r", "colour.b"), (("height", 0, 6),), NORTH_SOUTH, memory=1, options={"n": 24, "count": 3, "seconds": 30},
                 start=3.0, deviation=2.0, decisions=6_000_000, score=sorting),
-    PatchTask("arraybot_lift", "an object lifted, 16×16 pillars that feel", 8, patch.bowl(0, 0, -1), goal="here", level=0.0,
-              step=0.05, deviation=0.2, search=(10, 32, 12), score=succeeding),
+    PatchTask("arraybot_lift", "an object lifted, 16×16 pillars that feel", 8, patch.bowl(0, 0, 0), goal="here", level=0.0,
+              step=0.05, deviation=0.1, search=(8, 32, 12), score=succeeding),
     PatchTask("arraybot_flip", "an object turned over, 16×16 pillars that feel", 10, patch.bowl(1, 0, -1), goal="over",
               deviation=0.15, search=(8, 30, 10), score=succeeding),
     PatchTask("arraybot_relocate", "an object to any goal, 16×16 pillars that feel", 20, patch.bowl(0.5, 0.2, -0.2), goal="lamp",
