@@ -28,13 +28,12 @@ for i = 0, count - 1 do
   else capsule { radius = random(0.4, 0.6), height = random(1.4, 2), position = at, orientation = turn, colour = colour } end
 end
 
-local heights = {}
+local heights, wave = {}, {}
 on_tick(function(t)
+  for column = 1, cells.columns do wave[column] = swell * math.sin(0.25 * column - 1.5 * t) end
   for row = 1, cells.rows do
-    for column = 1, cells.columns do
-      heights[(row - 1) * cells.columns + column] =
-        2 + swell * math.sin(0.25 * column - 1.5 * t) * math.cos(0.2 * row)
-    end
+    local first, share = (row - 1) * cells.columns, math.cos(0.2 * row)
+    for column = 1, #wave do heights[first + column] = 2 + wave[column] * share end
   end
   cells:targets('height', heights)
 end)

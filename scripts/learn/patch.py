@@ -22,14 +22,14 @@ SIZES = (HIDDEN * (len(INPUTS) + 1), HIDDEN * len(OUTPUTS), 3)
 PARAMETERS = sum(SIZES)  # 75
 
 
-def bowl(lean, curvature, height, rise=0):
+def bowl(lean, curvature, height):
     """The parameters of a bowl around the load that leans towards the goal: by the coefficient lean at FAR or more from it, with
-    these coefficients of curvature and height; rise: by how much that of height increases in the first period of the clock."""
+    these coefficients of curvature and height."""
     weights, outputs = np.zeros((HIDDEN, len(INPUTS) + 1)), np.zeros((HIDDEN, len(OUTPUTS)))
     # Unit by unit, the coefficient of tilt, curvature or height goes to what it should be.
     weights[0, [INPUTS.index("goal ahead"), INPUTS.index("tilt ahead")]] = -lean / 2, -0.5
     weights[1, [INPUTS.index("curvature ahead"), -1]] = -1, curvature
-    weights[2, [INPUTS.index("height"), INPUTS.index("time"), -1]] = -1, rise, height
+    weights[2, [INPUTS.index("height"), -1]] = -1, height
     outputs[[0, 1, 2], [OUTPUTS.index(name) for name in ("tilt", "curvature along", "height")]] = 1, 0.5, 0.25
     return np.concatenate([weights.ravel(), outputs.ravel(), np.zeros(SIZES[2])])
 

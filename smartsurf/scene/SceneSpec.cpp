@@ -201,6 +201,13 @@ void derive_pin_spec(SurfaceSpec& s) {
   s.pin.max_height = high + static_cast<double>(highest);
 }
 
+Eigen::AlignedBox2d SurfaceSpec::skin_extent() const {
+  const double first = (border_height ? 1 : 0) * pitch;
+  const auto last = [&](int count) { return (count - 1) * pitch - first; };
+  const Eigen::Vector2d margin = Eigen::Vector2d::Constant(skin->margin);
+  return {Eigen::Vector2d(first, first) - margin, Eigen::Vector2d(last(columns), last(rows)) + margin};
+}
+
 std::vector<ActuatorSpec> SurfaceSpec::effective_actuators() const {
   return actuators.empty() ? std::vector<ActuatorSpec>{make_pin_actuator(pin)} : actuators;
 }

@@ -198,6 +198,8 @@ struct SurfaceSpec {
   }
   // Whether the skin lies over the cell. Precondition: there is a skin.
   bool is_under_skin(int row, int column) const { return !border_height || !is_border(row, column); }
+  // From the skin's south-western to its north-eastern corner, u. Precondition: there is a skin.
+  Eigen::AlignedBox2d skin_extent() const;
   bool is_empty(int row, int column) const {
     return !actuator_of_cell.empty() &&
            actuator_of_cell[static_cast<std::size_t>(index(row, column))] == kEmptyCell;

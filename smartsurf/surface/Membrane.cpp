@@ -48,16 +48,12 @@ Membrane::Membrane(const scene::SurfaceSpec& surface, Field& field) {
 void Membrane::init_geometry(const scene::SurfaceSpec& surface, Field& field) {
   const scene::SkinSpec& spec = *surface.skin;
   Skin& s = field.skin;
-  const int border = surface.border_height ? 1 : 0;
-  const auto columns = static_cast<float>(field.columns - 1 - border),
-             rows = static_cast<float>(field.rows - 1 - border);
-  const auto margin = static_cast<float>(spec.margin);
+  const Eigen::AlignedBox2f extent = surface.skin_extent().cast<float>();
   s.rows = spec.rows, s.columns = spec.columns;
-  s.west = static_cast<float>(border) * field.pitch - margin;
-  s.north = rows * field.pitch + margin;
-  s.spacing_x = (columns * field.pitch + margin - s.west) / static_cast<float>(s.columns - 1);
-  s.spacing_y =
-      (s.north - (static_cast<float>(border) * field.pitch - margin)) / static_cast<float>(s.rows - 1);
+  s.west = extent.min().x();
+  s.north = extent.max().y();
+  s.spacing_x = extent.sizes().x() / static_cast<float>(s.columns - 1);
+  s.spacing_y = extent.sizes().y() / static_cast<float>(s.rows - 1);
   s.is_elastic = spec.kind == scene::SkinSpec::Kind::kElastic;
   s.attached = spec.attached;
   s.tension = static_cast<float>(spec.tension);

@@ -140,15 +140,9 @@ json cell_poses_json(const scene::SurfaceSpec& surface) {
 // The grid of a skin's nodes, row-major, row 0 north; null without one.
 json skin_json(const scene::SurfaceSpec& surface) {
   if (!surface.skin) return {};
-  const int border = surface.border_height ? 1 : 0;
-  const double low = border * surface.pitch - surface.skin->margin;
-  const auto high = [&](int cells) { return (cells - 1 - border) * surface.pitch + surface.skin->margin; };
-  return {{"rows", surface.skin->rows},
-          {"columns", surface.skin->columns},
-          {"west", low},
-          {"east", high(surface.columns)},
-          {"south", low},
-          {"north", high(surface.rows)}};
+  const Eigen::AlignedBox2d extent = surface.skin_extent();
+  return {{"rows", surface.skin->rows}, {"columns", surface.skin->columns}, {"west", extent.min().x()},
+          {"east", extent.max().x()},   {"south", extent.min().y()},        {"north", extent.max().y()}};
 }
 
 json actuators_json(const scene::SurfaceSpec& surface) {

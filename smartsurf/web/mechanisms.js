@@ -257,21 +257,29 @@ export function makeMechanisms(scene, series, world, placeOf) {
   // How far below its height each cell is drawn under a sheet: the sheet bends off the edges of the tops, which lie at its
   // height, and they would show through it.
   const drop = new Float32Array(recess.length);
-  function dropUnderSheet(frame) {
-    const { rows, columns, west, east, south, north } = scene.skin;
+  const covered = sheet ? coveredCells(scene.skin) : [];
+  // Of each cell under the sheet, the nodes over its top and the next ones outside it.
+  function coveredCells({ rows, columns, west, east, south, north }) {
     const around = (from, to, count, centre, edge) => {
       const step = (to - from) / (count - 1), ends = [centre - edge / 2, centre + edge / 2].map((u) => (u - from) / step);
       return [Math.max(0, Math.floor(Math.min(...ends))), Math.min(count - 1, Math.ceil(Math.max(...ends)))];
     };
+    const cells = [];
     for (let cell = 0; cell < drop.length; ++cell) {
-      const place = placeOf(cell), height = series.height ? series.height.value(frame, cell) : scene.low;
+      const place = placeOf(cell), nodes = [];
       if (place.mechanism < 0 || place.mechanism === scene.mechanisms.length) continue;  // empty, or of the border
       const [firstRow, lastRow] = around(north, south, rows, place.y, scene.top[1]);
       const [firstColumn, lastColumn] = around(west, east, columns, place.x, scene.top[0]);
-      let lowest = height;
       for (let row = firstRow; row <= lastRow; ++row)
-        for (let column = firstColumn; column <= lastColumn; ++column)
-          lowest = Math.min(lowest, series.skin.value(frame, row * columns + column));
+        for (let column = firstColumn; column <= lastColumn; ++column) nodes.push(row * columns + column);
+      cells.push({ cell, nodes });
+    }
+    return cells;
+  }
+  function dropUnderSheet(frame) {
+    for (const { cell, nodes } of covered) {
+      const height = series.height ? series.height.value(frame, cell) : scene.low;
+      const lowest = nodes.reduce((least, node) => Math.min(least, series.skin.value(frame, node)), height);
       drop[cell] = height - lowest + 0.02 * pitch;
     }
   }

@@ -197,10 +197,7 @@ class Emulator {
   bool silent() const { return within(o_.silent_at, o_.silent_for); }
 
   // For a second, in which it could have come back.
-  bool host_has_left() {
-    if (line_.has_host() || (host_seen_at_ && !line_.plugged())) host_seen_at_ = now();
-    return host_seen_at_ && now() > *host_seen_at_ + std::chrono::seconds(1);
-  }
+  bool host_has_left() const { return host_seen_at_ && now() > *host_seen_at_ + std::chrono::seconds(1); }
 
   void wait() {
     NoisyLine::Time until = milliseconds(o_.period_ms) * (period_ + 1);
@@ -217,6 +214,7 @@ class Emulator {
   void carry() {
     bytes_.clear();
     line_.read(bytes_);
+    if (line_.has_host() || (host_seen_at_ && !line_.plugged())) host_seen_at_ = now();
     if (!bytes_.empty()) from_host_.send(bytes_.data(), bytes_.size(), now());
     bytes_.clear();
     from_host_.receive(now(), bytes_);
@@ -255,9 +253,9 @@ class Emulator {
   hardware::PillarDevice* pillars_ = nullptr;  // device_, if it is one
   std::unique_ptr<hardware::EmulatedDevice> device_;
   std::vector<std::uint8_t> bytes_;
-  std::optional<NoisyLine::Time> host_seen_at_;
-  NoisyLine::Time sent_at_{};        // the last sensor frame
-  std::uint32_t answered_tick_ = 0;  // whose latency was measured last
+  std::optional<NoisyLine::Time> host_seen_at_;  // last; an unplugged line does not tell
+  NoisyLine::Time sent_at_{};                    // the last sensor frame
+  std::uint32_t answered_tick_ = 0;              // whose latency was measured last
   std::vector<std::uint32_t> latency_us_;
   double distance_sum_ = 0.0;  // of the settled ball from the middle, cm
   std::uint64_t distance_count_ = 0;

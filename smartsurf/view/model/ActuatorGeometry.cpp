@@ -133,10 +133,9 @@ ActuatorGeometry::ActuatorGeometry(const scene::SurfaceSpec& surface)
 void ActuatorGeometry::add_skin() {
   const scene::SkinSpec& skin = *surface_.skin;
   const int border = surface_.border_height ? 1 : 0;
-  const auto pitch = static_cast<float>(surface_.pitch), margin = static_cast<float>(skin.margin);
-  const float low = static_cast<float>(border) * pitch - margin;
-  const float north = static_cast<float>(surface_.rows - 1 - border) * pitch + margin;
-  const float east = static_cast<float>(surface_.columns - 1 - border) * pitch + margin;
+  const auto pitch = static_cast<float>(surface_.pitch);
+  const Eigen::AlignedBox2f extent = surface_.skin_extent().cast<float>();
+  const Eigen::Vector2f low = extent.min(), high = extent.max();
   const auto along = [](float from, float to, int i, int count) {
     return from + (to - from) * static_cast<float>(i) / static_cast<float>(count - 1);
   };
@@ -153,7 +152,7 @@ void ActuatorGeometry::add_skin() {
   TwoColourMesh mesh;
   for (int r = 0; r < skin.rows; ++r)
     for (int c = 0; c < skin.columns; ++c) {
-      const float x = along(low, east, c, skin.columns), y = along(north, low, r, skin.rows);
+      const float x = along(low.x(), high.x(), c, skin.columns), y = along(high.y(), low.y(), r, skin.rows);
       mesh.vertices.insert(mesh.vertices.end(),
                            {x, y, 0.0F, 0.0F, 0.0F, 1.0F, is_over_top(x, y) ? 1.0F : 0.0F});
       if (r + 1 == skin.rows || c + 1 == skin.columns) continue;
@@ -173,11 +172,11 @@ void ActuatorGeometry::add_skin() {
                      std::clamp(static_cast<int>(std::ceil(std::max(a, b))), 0, count - 1)};
   };
   for (int row = 0; row < surface_.rows; ++row)
-    node_rows_.push_back(range_over(north, low, skin.rows,
+    node_rows_.push_back(range_over(high.y(), low.y(), skin.rows,
                                     static_cast<float>(surface_.rows - 1 - row) * pitch, surface_.pin.top_y));
   for (int column = 0; column < surface_.columns; ++column)
     node_columns_.push_back(
-        range_over(low, east, skin.columns, static_cast<float>(column) * pitch, surface_.pin.top_x));
+        range_over(low.x(), high.x(), skin.columns, static_cast<float>(column) * pitch, surface_.pin.top_x));
   drop_.assign(recess_.size(), 0.0F);
 }
 

@@ -37,7 +37,7 @@ class Learn(ProgramTest):
             for path in (program, task.controller) if name.split("-")[0] in NETWORKS else ():
                 status, out, err = self.run_program(APRON, "check", "--profile", "local", str(path))
                 self.assertEqual(status, 0, out + err)
-            won = sum(metrics["success"] for metrics in task.evaluate(program, range(20001, 20013), SMARTSURF))
+            won = sum(metrics["success"] for metrics in task.evaluate(program, range(30001, 30013), SMARTSURF))
             self.assertGreaterEqual(won, least, name)
 
     @unittest.skipUnless(list(GYM.glob("lib/python3*/site-packages/gymnasium")), "no Gymnasium: scripts/setup --python")
