@@ -8,8 +8,8 @@ import numpy as np
 import shm_protocol
 
 DOWN, RISE, TALLEST = np.float32(1), np.float32(2), np.float32(5)
-PIN_SPEED, NOTHING, RIDGE = np.float32(0.1), np.float32(20), np.float32(0.25)
-MAX_STEPS, SHARE, GROWTH, DECAY = 8, 0.72, 0.01, 0.004
+PIN_SPEED, NOTHING, RIDGE = np.float32(0.1), np.float32(20), np.float32(0.5)
+MAX_STEPS, SHARE, GROWTH, DECAY = 8, 0.77, 0.01, 0.002
 MAX_QUEUE, NEAR, BEHIND = 8, 6, 12
 REACH, DETOUR, SHY, WALL = 8, 12, 4, 1000
 PATIENCE, HEATING, COOLING, LOUDER, FARTHEST, ALARM = 240, 0.2, 0.01, 15, 16, 6
@@ -52,10 +52,10 @@ def greatest_diagonal(image):
     return np.maximum(np.maximum(north(east(image)), south(west(image))), np.maximum(north(west(image)), south(east(image))))
 
 
-def not_ridge(image, one_way, other_way):
-    """Where the image is not higher than on both sides."""
+def ridge(image, one_way, other_way):
+    """Where the image is higher than on both sides."""
     near = np.maximum(one_way(image), other_way(image))
-    return image <= np.maximum(near, np.maximum(one_way(one_way(image)), other_way(other_way(image))) + RIDGE)
+    return image > np.maximum(near, np.maximum(one_way(one_way(image)), other_way(other_way(image))) + RIDGE)
 
 
 def around(image, cells):
@@ -151,12 +151,13 @@ class Sort:
         sensed = np.maximum(np.minimum(sensed, greatest(sensed)), least(sensed))
 
         # Where objects touch, the lower of their undersides, which the sensors see, has a ridge; the underside of one sphere
-        # has none. Ridges part the footprints. A height that all eight neighbours contradict is overruled: the sensor is
-        # wrong, or the pin is not where it should be.
+        # has none. Ridges part the footprints. A height that all eight neighbours contradict is overruled, and so is a
+        # ridge of a single cell: the sensor is wrong, or the pin is not where it should be.
         underside = np.where(sensed != 0, self.pin + proximity, NOTHING)
         underside = np.clip(underside, np.minimum(least(underside), least_diagonal(underside)),
                             np.maximum(greatest(underside), greatest_diagonal(underside)))
-        parted = sensed * not_ridge(underside, east, west) * not_ridge(underside, north, south)
+        ridges = sensed * (ridge(underside, east, west) | ridge(underside, north, south))
+        parted = sensed - ridges * np.maximum(greatest(ridges), greatest_diagonal(ridges))
 
         # (b) Erosion by one cell takes the rim away.
         eroded = np.minimum(parted, least(parted))
