@@ -8,7 +8,8 @@ import numpy as np
 import shm_protocol
 
 DOWN, RISE, TALLEST = np.float32(1), np.float32(2), np.float32(5)
-MAX_STEPS, SHARE, GROWTH, DECAY = 8, 0.72, 0.01, 0.004
+PIN_SPEED, NOTHING, RIDGE = np.float32(0.1), np.float32(20), np.float32(0.5)
+MAX_STEPS, SHARE, GROWTH, DECAY = 8, 0.77, 0.01, 0.002
 MAX_QUEUE, NEAR, BEHIND = 8, 6, 12
 REACH, DETOUR, SHY, WALL = 8, 12, 4, 1000
 PATIENCE, HEATING, COOLING, LOUDER, FARTHEST, ALARM = 240, 0.2, 0.01, 15, 16, 6
@@ -49,6 +50,12 @@ def least_diagonal(image):
 
 def greatest_diagonal(image):
     return np.maximum(np.maximum(north(east(image)), south(west(image))), np.maximum(north(west(image)), south(east(image))))
+
+
+def ridge(image, one_way, other_way):
+    """Where the image is higher than on both sides."""
+    near = np.maximum(one_way(image), other_way(image))
+    return image > np.maximum(near, np.maximum(one_way(one_way(image)), other_way(other_way(image))) + RIDGE)
 
 
 def around(image, cells):
@@ -133,9 +140,9 @@ class Sort:
         self.highest_lift = np.clip(np.float32(BANK) * (from_wall - SHORE), 0, MAX_LIFT)
         self.largest = np.full(shape, 3, np.float32)
         self.way_small, self.way_large, self.heat_small, self.heat_large = np.zeros((4, *shape), np.float32)
-        self.stay, self.plight, self.call = np.zeros((3, *shape), np.float32)
+        self.stay, self.plight, self.call, self.pin = np.zeros((4, *shape), np.float32)
 
-    def heights(self, proximity_hit):
+    def heights(self, proximity, proximity_hit):
         inside = self.inside
 
         # (a) Sensor data: the footprint of whatever lies on the surface. A sensor that all four neighbours contradict is
@@ -143,17 +150,26 @@ class Sort:
         sensed = proximity_hit * inside
         sensed = np.maximum(np.minimum(sensed, greatest(sensed)), least(sensed))
 
+        # Where objects touch, the lower of their undersides, which the sensors see, has a ridge; the underside of one sphere
+        # has none. Ridges part the footprints. A height that all eight neighbours contradict is overruled, and so is a
+        # ridge of a single cell: the sensor is wrong, or the pin is not where it should be.
+        underside = np.where(sensed != 0, self.pin + proximity, NOTHING)
+        underside = np.clip(underside, np.minimum(least(underside), least_diagonal(underside)),
+                            np.maximum(greatest(underside), greatest_diagonal(underside)))
+        ridges = sensed * (ridge(underside, east, west) | ridge(underside, north, south))
+        parted = sensed - ridges * np.maximum(greatest(ridges), greatest_diagonal(ridges))
+
         # (b) Erosion by one cell takes the rim away.
-        eroded = np.minimum(sensed, least(sensed))
+        eroded = np.minimum(parted, least(parted))
 
         # (c) Count the steps from the rim to the centre; a diagonal one counts 1.4.
-        steps = np.where(eroded != 0, np.float32(MAX_STEPS), sensed)
+        steps = np.where(eroded != 0, np.float32(MAX_STEPS), parted)
         for _ in range(MAX_STEPS):
-            steps = np.minimum(steps, sensed * np.minimum(least(steps) + 1, least_diagonal(steps) + np.float32(1.4)))
+            steps = np.minimum(steps, parted * np.minimum(least(steps) + 1, least_diagonal(steps) + np.float32(1.4)))
 
         # (d) The largest number of steps in an object is its size. The object's core has it.
         highest = greatest(steps)
-        core = sensed * (steps >= np.maximum(highest, greatest_diagonal(steps)))
+        core = parted * (steps >= np.maximum(highest, greatest_diagonal(steps)))
         size = core * steps
 
         # (e) Dilation from the core, down the steps, to the whole footprint. Objects that touch part where the steps are
@@ -222,14 +238,18 @@ class Sort:
         lift = level * np.minimum(np.float32(LIFTING) * around(self.heat_large, ROUND), self.highest_lift)
         for _ in range(ROUND):
             lift = np.maximum(lift, greatest(lift) - np.float32(RAMP))
-        return height + lift
+        height = height + lift
+
+        # No sensor tells how far up a pin is: it follows its target at its speed.
+        self.pin = self.pin + np.clip(height - self.pin, -PIN_SPEED, PIN_SPEED)
+        return height
 
 
 def run(name, timeout=10.0):
     with shm_protocol.Controller(name, timeout) as table:
         sort = Sort((table.description.rows, table.description.columns))
         while table.wait():
-            table.actuators["height"][:] = sort.heights(table.sensors["proximity_hit"])
+            table.actuators["height"][:] = sort.heights(table.sensors["proximity"], table.sensors["proximity_hit"])
             table.publish()
 
 
