@@ -7,6 +7,7 @@
 #pragma once
 
 #include <Eigen/Geometry>
+#include <algorithm>
 #include <cstdint>
 #include <memory>
 #include <optional>
@@ -185,6 +186,8 @@ struct SurfaceSpec {
   FaultSpec faults;
 
   int cell_count() const { return rows * columns; }
+  // z of the highest top that a cell can have, the border included, u.
+  double max_top_height() const { return std::max(pin.max_height, border_height.value_or(pin.max_height)); }
   // The names of all sensor channels, in the order of the sensors.
   std::vector<std::string> sensor_channels() const;
   // `actuators`, or the default pin if that is empty.

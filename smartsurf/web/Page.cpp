@@ -66,9 +66,8 @@ std::vector<CellChannel> collect_cell_channels(const Recording& recording,
   const std::size_t cell_count = static_cast<std::size_t>(surface.cell_count());
   std::vector<CellChannel> channels;
   if (recording.has_heights()) {
-    const double top =
-        std::max(surface.pin.max_height, surface.border_height.value_or(surface.pin.max_height));
-    channels.push_back({"height", "", "u", {surface.pin.min_height, top, 1, cell_count}});
+    channels.push_back(
+        {"height", "", "u", {surface.pin.min_height, surface.max_top_height(), 1, cell_count}});
   }
   for (const char* group : {"sensors", "actuators"})
     for (const std::string& name : recording.channel_names(group)) {

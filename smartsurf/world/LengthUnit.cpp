@@ -66,17 +66,31 @@ scene::Material LengthUnit::to_world(scene::Material material) const {
   return material;
 }
 
+LengthUnit::JointScales LengthUnit::joint_scales(scene::JointKind kind) const {
+  return kind == scene::JointKind::kSlider ? JointScales{to_world_, to_world_, 1.0}
+                                           : JointScales{1.0, to_world_ * to_world_, to_world_ * to_world_};
+}
+
 scene::JointSpec LengthUnit::to_world(scene::JointSpec j) const {
-  // Of the coordinate, and of the effort per coordinate.
-  const bool is_slider = j.kind == scene::JointKind::kSlider;
-  const double coordinate = is_slider ? to_world_ : 1.0, rate = is_slider ? 1.0 : to_world_ * to_world_;
-  const double effort = rate * coordinate;
+  const JointScales scale = joint_scales(j.kind);
   j.anchor *= to_world_;
-  if (j.limits) j.limits->lower *= coordinate, j.limits->upper *= coordinate;
-  j.friction *= effort;
-  if (j.spring) j.spring->stiffness *= rate, j.spring->damping *= rate, j.spring->rest *= coordinate;
-  if (j.motor) j.motor->speed *= coordinate, j.motor->max_effort *= effort;
+  if (j.limits) j.limits->lower *= scale.coordinate, j.limits->upper *= scale.coordinate;
+  j.friction *= scale.effort;
+  if (j.spring) j.spring = to_world(j.kind, *j.spring);
+  if (j.motor) j.motor = to_world(j.kind, *j.motor);
   return j;
+}
+
+scene::JointSpring LengthUnit::to_world(scene::JointKind kind, scene::JointSpring spring) const {
+  const JointScales scale = joint_scales(kind);
+  spring.stiffness *= scale.stiffness, spring.damping *= scale.stiffness, spring.rest *= scale.coordinate;
+  return spring;
+}
+
+scene::JointMotor LengthUnit::to_world(scene::JointKind kind, scene::JointMotor motor) const {
+  const JointScales scale = joint_scales(kind);
+  motor.speed *= scale.coordinate, motor.max_effort *= scale.effort;
+  return motor;
 }
 
 scene::JointState LengthUnit::to_scene(scene::JointKind kind, scene::JointState s) const {

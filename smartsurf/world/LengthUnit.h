@@ -41,6 +41,8 @@ class LengthUnit {
   scene::ObjectStateUpdate to_world(scene::ObjectStateUpdate) const;
   scene::Material to_world(scene::Material) const;
   scene::JointSpec to_world(scene::JointSpec) const;
+  scene::JointSpring to_world(scene::JointKind, scene::JointSpring) const;
+  scene::JointMotor to_world(scene::JointKind, scene::JointMotor) const;
   scene::JointState to_scene(scene::JointKind, scene::JointState) const;
   surface::Wrench to_world(const surface::Wrench&) const;
 
@@ -57,6 +59,11 @@ class LengthUnit {
   void return_skin(const surface::Skin& world, surface::Skin& scene) const;
 
  private:
+  // From the scene to the world, for a joint's coordinate, its effort and effort per coordinate.
+  struct JointScales {
+    double coordinate, effort, stiffness;
+  };
+  JointScales joint_scales(scene::JointKind) const;
   void update_skin(const surface::Skin& scene, surface::Skin& world) const;
 
   double to_scene_, to_world_;

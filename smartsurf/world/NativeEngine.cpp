@@ -137,14 +137,12 @@ void NativeEngine::remove_joint(scene::JointId id) {
 
 void NativeEngine::set_motor(scene::JointId id, const scene::JointMotor& motor) {
   impl_->wake_joint(id);
-  const scene::JointSpec spec{.kind = impl_->joints.kind_of(id), .motor = motor};
-  impl_->joints.set_motor(id, *impl_->unit.to_world(spec).motor);
+  impl_->joints.set_motor(id, impl_->unit.to_world(impl_->joints.kind_of(id), motor));
 }
 
 void NativeEngine::set_spring(scene::JointId id, const scene::JointSpring& spring) {
   impl_->wake_joint(id);
-  const scene::JointSpec spec{.kind = impl_->joints.kind_of(id), .spring = spring};
-  impl_->joints.set_spring(id, *impl_->unit.to_world(spec).spring);
+  impl_->joints.set_spring(id, impl_->unit.to_world(impl_->joints.kind_of(id), spring));
 }
 
 scene::JointState NativeEngine::joint_state(scene::JointId id) const {

@@ -121,6 +121,24 @@ TEST_P(Engines, BallBouncesToItsRestitutionSquared) {
   EXPECT_NEAR(highest - 0.5F, 0.64 * 2.0, 0.05 * 0.64 * 2.0);
 }
 
+// A border is a wall down to the feet of the cells, however high it stands above actuators that do not move. Its face is
+// 0.4 u west of the centres of its cells.
+TEST_P(Engines, BorderHigherThanTheActuatorsStopsWhatSlidesBelowItsTop) {
+  PhysicsFixture p = make();
+  p.scene.surface.pin.max_height = p.scene.surface.pin.min_height = 0.0;
+  p.scene.surface.border_height = 8.0;
+  scene::ObjectSpec brick = box({3, 3, 1}, {26, 10, 0.5}), ball = sphere(0.75, {26, 20, 0.75});
+  brick.velocity = ball.velocity = {8, 0, 0};
+  const auto brick_id = p.add(brick), ball_id = p.add(ball);
+  float furthest = 0.0F, furthest_ball = 0.0F;
+  p.run(2.0, [&] {
+    furthest = std::max(furthest, p.position(brick_id).x());
+    furthest_ball = std::max(furthest_ball, p.position(ball_id).x());
+  });
+  EXPECT_NEAR(furthest, 31.0F - 0.4F - 1.5F, 0.05F);
+  EXPECT_NEAR(furthest_ball, 31.0F - 0.4F - 0.75F, 0.05F);
+}
+
 TEST_P(Engines, ForcesAndPlacesAndRemovals) {
   PhysicsFixture p = make();
   p.scene.world.gravity = {0, 0, 0};

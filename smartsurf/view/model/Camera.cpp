@@ -78,10 +78,9 @@ std::optional<CameraPose> parse_camera_pose(std::string_view text) {
 }
 
 Eigen::AlignedBox3d Camera::surface_bounding_box(const scene::SurfaceSpec& s) {
-  const double top = std::max(s.pin.max_height, s.border_height.value_or(s.pin.max_height));
   const scene::SurfaceBounds bounds = scene::compute_surface_bounds(s);
   return {Eigen::Vector3d(bounds.west, bounds.south, s.pin.min_height - s.pin.length),
-          Eigen::Vector3d(bounds.east, bounds.north, top)};
+          Eigen::Vector3d(bounds.east, bounds.north, s.max_top_height())};
 }
 
 Camera Camera::fit_to_surface(const scene::SurfaceSpec& surface, CameraPreset preset, double aspect,

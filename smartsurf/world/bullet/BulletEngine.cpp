@@ -144,7 +144,7 @@ BulletEngine::Impl::Impl(const scene::SceneSpec& scene, surface::Field& f,
       field_surface(parameters_of(scene.materials[static_cast<std::size_t>(scene.surface.material)])),
       substeps(std::max(1, (scene.world.iterations + 1) / 2)),
       cells(world, f,
-            scene.surface.pin.max_height - scene.surface.pin.min_height + scene.surface.pin.length) {
+            scene.surface.max_top_height() - scene.surface.pin.min_height + scene.surface.pin.length) {
   substep_s = scene.world.dt_s / substeps;
   world.getDispatchInfo().m_enableSatConvex = true;
   world.setGravity(to_bt(scene.world.gravity));
