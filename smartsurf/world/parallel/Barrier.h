@@ -17,7 +17,8 @@ namespace smartsurf::world {
 // A waiter spins first, because phases last microseconds and a futex sleep costs tens of them, and then
 // sleeps, so that another process on the core of a late member can finish. The spin budget adapts: it halves
 // after each unsuccessful spin and grows after each successful one, so that members do not burn time slices
-// when processes compete for the cores.
+// when processes compete for the cores. It never falls below what a sleep and its wake-up cost: while one member
+// wakes up, the others would fall asleep, and so on in turn.
 class Barrier {
  public:
   explicit Barrier(int member_count) : slots_(static_cast<std::size_t>(member_count)) {}
@@ -42,7 +43,7 @@ class Barrier {
   }
 
  private:
-  static constexpr int kMinSpins = 100, kMaxSpins = 2000, kSpinIncrement = 64;  // one spin takes about 30 ns
+  static constexpr int kMinSpins = 1000, kMaxSpins = 4000, kSpinIncrement = 64;  // one spin takes about 30 ns
 
   // Aligned to two cache lines, which some cores prefetch as a pair.
   struct alignas(128) ArrivalSlot {
