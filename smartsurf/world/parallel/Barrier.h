@@ -17,8 +17,8 @@ namespace smartsurf::world {
 // A waiter spins first, because phases last microseconds and a futex sleep costs tens of them, and then
 // sleeps, so that another process on the core of a late member can finish. The spin budget adapts: it halves
 // after each unsuccessful spin and grows after each successful one, so that members do not burn time slices
-// when processes compete for the cores. It never falls below what a sleep and its wake-up cost: while one member
-// wakes up, the others would fall asleep, and so on in turn.
+// when processes compete for the cores. Its minimum is about what a sleep and the wake-up from it cost: with less,
+// members would fall asleep while they wait for one that is waking up.
 class Barrier {
  public:
   explicit Barrier(int member_count) : slots_(static_cast<std::size_t>(member_count)) {}
