@@ -11,13 +11,6 @@ void set_vertex_attribute(GLuint location, GLint size, std::size_t first) {
                         reinterpret_cast<const void*>(first * sizeof(float)));
 }
 
-void set_instance_attribute(GLuint location, GLint size, GLenum type, std::size_t offset) {
-  glEnableVertexAttribArray(location);
-  glVertexAttribPointer(location, size, type, type == GL_UNSIGNED_BYTE ? GL_TRUE : GL_FALSE,
-                        sizeof(MeshInstance), reinterpret_cast<const void*>(offset));
-  glVertexAttribDivisor(location, 1);
-}
-
 template <class T>
 void upload_buffer(GLenum target, GLuint buffer, const std::vector<T>& values, GLenum usage) {
   glBindBuffer(target, buffer);
@@ -41,12 +34,12 @@ ActuatorLayer::ActuatorLayer(const scene::SurfaceSpec& surface, RenderPass colou
     set_vertex_attribute(2, 1, 6);
     upload_buffer(GL_ELEMENT_ARRAY_BUFFER, buffers.index_buffer.id(), mesh.mesh.indices, GL_STATIC_DRAW);
     glBindBuffer(GL_ARRAY_BUFFER, buffers.instance_buffer.id());
-    set_instance_attribute(3, 3, GL_FLOAT, offsetof(MeshInstance, x));
-    set_instance_attribute(4, 3, GL_FLOAT, offsetof(MeshInstance, y));
-    set_instance_attribute(5, 3, GL_FLOAT, offsetof(MeshInstance, z));
-    set_instance_attribute(6, 3, GL_FLOAT, offsetof(MeshInstance, centre));
-    set_instance_attribute(7, 4, GL_UNSIGNED_BYTE, offsetof(MeshInstance, base_colour));
-    set_instance_attribute(8, 4, GL_UNSIGNED_BYTE, offsetof(MeshInstance, accent_colour));
+    set_instance_attribute<MeshInstance>(3, 3, GL_FLOAT, offsetof(MeshInstance, x));
+    set_instance_attribute<MeshInstance>(4, 3, GL_FLOAT, offsetof(MeshInstance, y));
+    set_instance_attribute<MeshInstance>(5, 3, GL_FLOAT, offsetof(MeshInstance, z));
+    set_instance_attribute<MeshInstance>(6, 3, GL_FLOAT, offsetof(MeshInstance, centre));
+    set_instance_attribute<MeshInstance>(7, 4, GL_UNSIGNED_BYTE, offsetof(MeshInstance, base_colour));
+    set_instance_attribute<MeshInstance>(8, 4, GL_UNSIGNED_BYTE, offsetof(MeshInstance, accent_colour));
     buffers_.push_back(std::move(buffers));
   }
   glBindVertexArray(0);

@@ -4,6 +4,7 @@
 
 #include <epoxy/gl.h>
 
+#include <cstddef>
 #include <string>
 #include <string_view>
 #include <utility>
@@ -56,6 +57,16 @@ inline VertexArray make_vertex_array() { return make<VertexArray>(glGenVertexArr
 inline Texture make_texture() { return make<Texture>(glGenTextures); }
 inline Framebuffer make_framebuffer() { return make<Framebuffer>(glGenFramebuffers); }
 inline Renderbuffer make_renderbuffer() { return make<Renderbuffer>(glGenRenderbuffers); }
+
+// Declares an attribute of `size` components of the bound buffer, which holds one Instance for each instance drawn.
+// Bytes are scaled to [0, 1].
+template <class Instance>
+void set_instance_attribute(GLuint location, GLint size, GLenum type, std::size_t offset) {
+  glEnableVertexAttribArray(location);
+  glVertexAttribPointer(location, size, type, type == GL_UNSIGNED_BYTE ? GL_TRUE : GL_FALSE, sizeof(Instance),
+                        reinterpret_cast<const void*>(offset));
+  glVertexAttribDivisor(location, 1);
+}
 
 // Compiles and links a program. The uniform block `Frame` is bound to binding point 0 and the sampler
 // `shadow_map` to texture unit 0, if the program uses them. A failure is a bug here or in the driver: throws

@@ -4,6 +4,7 @@
 
 #include "smartsurf/view/gl/Layers.h"
 #include "smartsurf/view/model/Camera.h"
+#include "smartsurf/view/model/TableBounds.h"
 
 namespace smartsurf::view {
 namespace {
@@ -19,10 +20,10 @@ constexpr double kOcclusionMargin = 6.0;                 // u; as in kGroundFrag
 }  // namespace
 
 GroundLayer::GroundLayer(const scene::SurfaceSpec& surface, RenderPass colour_pass)
-    : occluded_area_(Camera::surface_bounding_box(surface).min().head<2>().array() - kOcclusionMargin,
-                     Camera::surface_bounding_box(surface).max().head<2>().array() + kOcclusionMargin),
+    : occluded_area_(surface_bounding_box(surface).min().head<2>().array() - kOcclusionMargin,
+                     surface_bounding_box(surface).max().head<2>().array() + kOcclusionMargin),
       ground_z_(static_cast<float>(ground_height(surface))),
-      half_extent_(static_cast<float>(20.0 * Camera::surface_bounding_box(surface).diagonal().norm())),
+      half_extent_(static_cast<float>(20.0 * surface_bounding_box(surface).diagonal().norm())),
       vertex_array_(make_vertex_array()),
       vertex_buffer_(make_buffer()),
       index_buffer_(make_buffer()) {

@@ -3,25 +3,14 @@
 #include "smartsurf/view/gl/Layers.h"
 
 namespace smartsurf::view {
-namespace {
-
-void set_instance_attribute(GLuint location, GLint size, GLenum type, std::size_t offset) {
-  glEnableVertexAttribArray(location);
-  glVertexAttribPointer(location, size, type, type == GL_UNSIGNED_BYTE ? GL_TRUE : GL_FALSE, sizeof(Line),
-                        reinterpret_cast<const void*>(offset));
-  glVertexAttribDivisor(location, 1);
-}
-
-}  // namespace
-
 LineLayer::LineLayer() : vertex_array_(make_vertex_array()), instance_buffer_(make_buffer()) {
   const auto source = line_shaders();
   program_ = link_program("lines", source.vertex, source.fragment);
   glBindVertexArray(vertex_array_.id());
   glBindBuffer(GL_ARRAY_BUFFER, instance_buffer_.id());
-  set_instance_attribute(0, 3, GL_FLOAT, offsetof(Line, from));
-  set_instance_attribute(1, 3, GL_FLOAT, offsetof(Line, to));
-  set_instance_attribute(2, 4, GL_UNSIGNED_BYTE, offsetof(Line, colour));
+  set_instance_attribute<Line>(0, 3, GL_FLOAT, offsetof(Line, from));
+  set_instance_attribute<Line>(1, 3, GL_FLOAT, offsetof(Line, to));
+  set_instance_attribute<Line>(2, 4, GL_UNSIGNED_BYTE, offsetof(Line, colour));
   glBindVertexArray(0);
 }
 

@@ -9,13 +9,6 @@ namespace {
 
 using scene::ShapeKind;
 
-void set_instance_attribute(GLuint location, GLint size, std::size_t offset) {
-  glEnableVertexAttribArray(location);
-  glVertexAttribPointer(location, size, GL_FLOAT, GL_FALSE, sizeof(ObjectInstance),
-                        reinterpret_cast<const void*>(offset));
-  glVertexAttribDivisor(location, 1);
-}
-
 void set_vertex_attribute(GLuint location, GLint size, int floats_per_vertex, std::size_t first) {
   glEnableVertexAttribArray(location);
   glVertexAttribPointer(location, size, GL_FLOAT, GL_FALSE,
@@ -33,10 +26,10 @@ void upload_buffer(GLuint buffer, const std::vector<float>& floats) {
 void bind_instance_attributes(GLuint buffer, GLsizei first = 0) {
   const std::size_t start = static_cast<std::size_t>(first) * sizeof(ObjectInstance);
   glBindBuffer(GL_ARRAY_BUFFER, buffer);
-  set_instance_attribute(1, 3, start + offsetof(ObjectInstance, centre));
-  set_instance_attribute(2, 3, start + offsetof(ObjectInstance, half_extent));
-  set_instance_attribute(3, 4, start + offsetof(ObjectInstance, orientation));
-  set_instance_attribute(4, 4, start + offsetof(ObjectInstance, colour));
+  set_instance_attribute<ObjectInstance>(1, 3, GL_FLOAT, start + offsetof(ObjectInstance, centre));
+  set_instance_attribute<ObjectInstance>(2, 3, GL_FLOAT, start + offsetof(ObjectInstance, half_extent));
+  set_instance_attribute<ObjectInstance>(3, 4, GL_FLOAT, start + offsetof(ObjectInstance, orientation));
+  set_instance_attribute<ObjectInstance>(4, 4, GL_FLOAT, start + offsetof(ObjectInstance, colour));
 }
 
 // The octagon around the unit circle, x, y per corner. Fewer fragments are discarded than with a square.

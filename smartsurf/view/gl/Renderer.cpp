@@ -10,6 +10,7 @@
 #include "smartsurf/view/gl/ShadowMap.h"
 #include "smartsurf/view/model/Axes.h"
 #include "smartsurf/view/model/Palette.h"
+#include "smartsurf/view/model/TableBounds.h"
 
 namespace smartsurf::view {
 namespace {
@@ -105,7 +106,7 @@ struct Renderer::State {
 };
 
 void Renderer::State::add_static_boxes(const DrawOptions& options) {
-  const Eigen::AlignedBox3d box = Camera::surface_bounding_box(spec.surface);
+  const Eigen::AlignedBox3d box = surface_bounding_box(spec.surface);
   const double pitch = spec.surface.pitch, margin = kBoardMargin * pitch, thickness = 0.12 * pitch;
   const Eigen::Vector3d low = box.min() - Eigen::Vector3d(margin, margin, 0.0);
   objects.add_box(axis_aligned_box(low, {box.max().x() + margin, box.max().y() + margin, low.z() + thickness},
@@ -144,7 +145,7 @@ void Renderer::State::upload(const scene::Snapshot& snapshot, const std::vector<
   objects.clear_instances();
   add_static_boxes(options);
   // The shadow map covers the table and the objects near it. A far object would cost all others resolution.
-  Eigen::AlignedBox3d shadow_bounds = Camera::surface_bounding_box(spec.surface);
+  Eigen::AlignedBox3d shadow_bounds = surface_bounding_box(spec.surface);
   const Eigen::AlignedBox3d near_bounds = {shadow_bounds.min() - shadow_bounds.sizes() * 0.1,
                                            shadow_bounds.max() + shadow_bounds.sizes() * 0.1};
   for (std::size_t i = 0; i < snapshot.object_count(); ++i) {
@@ -185,7 +186,7 @@ FrameUniforms Renderer::State::camera_uniforms(const Camera& camera, int width, 
   u.eye = to_float4(camera.eye(), 1.0);
   u.ray = to_float4(camera.forward(), shadow.penumbra_radius());
   u.light = to_float4(ShadowMap::towards_light(), shadow.texel_size());
-  const Eigen::AlignedBox3d box = Camera::surface_bounding_box(spec.surface);
+  const Eigen::AlignedBox3d box = surface_bounding_box(spec.surface);
   const double radius = 0.5 * box.diagonal().norm();
   u.fog = {static_cast<float>(camera.distance() + 1.5 * radius),
            static_cast<float>(camera.distance() + 9.0 * radius), static_cast<float>(width),

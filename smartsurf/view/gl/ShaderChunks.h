@@ -3,7 +3,7 @@
 
 #include <string>
 
-#include "smartsurf/view/gl/Shaders.h"
+#include "smartsurf/view/gl/RenderPass.h"
 
 namespace smartsurf::view {
 

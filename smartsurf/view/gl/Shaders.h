@@ -3,15 +3,9 @@
 
 #include <string>
 
-namespace smartsurf::view {
+#include "smartsurf/view/gl/RenderPass.h"
 
-// The pass that a program draws, and its shading quality.
-enum class RenderPass {
-  kShadow,      // depth only, from the light
-  kColourFast,  // pins lit per vertex, simplified spheres; for software renderers
-  kColour,      // lit per fragment, one shadow sample
-  kColourFine   // lit per fragment, soft shadows
-};
+namespace smartsurf::view {
 
 struct ShaderSources {
   std::string vertex, fragment;

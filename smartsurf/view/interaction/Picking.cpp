@@ -1,4 +1,5 @@
 #include "smartsurf/view/interaction/Picking.h"
+#include "smartsurf/view/model/TableBounds.h"
 
 #include <algorithm>
 #include <cmath>
@@ -108,7 +109,7 @@ std::optional<double> intersect_mesh(const Ray& ray, const scene::Solid& solid) 
 std::optional<PickHit> pick_cell(const Ray& ray, const scene::SurfaceSpec& s,
                                  const scene::Snapshot& snapshot) {
   const double half = s.pitch / 2.0;
-  const Eigen::AlignedBox3d box = Camera::surface_bounding_box(s);
+  const Eigen::AlignedBox3d box = surface_bounding_box(s);
   const float top =
       snapshot.height.empty() ? 0.0F : *std::max_element(snapshot.height.begin(), snapshot.height.end());
   const auto entry_t =
@@ -145,7 +146,7 @@ std::optional<PickHit> pick_cell(const Ray& ray, const scene::SurfaceSpec& s,
 std::optional<PickHit> pick_free_layout_cell(const Ray& ray, const scene::SurfaceSpec& s,
                                              const scene::Snapshot& snapshot) {
   std::optional<PickHit> nearest;
-  const double base = Camera::surface_bounding_box(s).min().z();
+  const double base = surface_bounding_box(s).min().z();
   for (int row = 0; row < s.rows; ++row)
     for (int column = 0; column < s.columns; ++column) {
       const auto cell = static_cast<std::size_t>(s.index(row, column));
@@ -201,12 +202,6 @@ std::optional<PickHit> pick(const Ray& ray, const scene::SurfaceSpec& surface, c
           PickHit{{SceneItem::Kind::kObject, snapshot.id[i], 0, 0}, *t, ray.origin + *t * ray.direction};
   }
   return nearest;
-}
-
-std::optional<std::size_t> find_object_index(const scene::Snapshot& snapshot, scene::ObjectId id) {
-  const auto found = std::lower_bound(snapshot.id.begin(), snapshot.id.end(), id);
-  if (found == snapshot.id.end() || *found != id) return std::nullopt;
-  return static_cast<std::size_t>(found - snapshot.id.begin());
 }
 
 }  // namespace smartsurf::view

@@ -5,17 +5,9 @@
 
 #include "smartsurf/view/model/Camera.h"
 #include "smartsurf/view/model/FrameInput.h"
+#include "smartsurf/view/model/SceneItem.h"
 
 namespace smartsurf::view {
-
-// An object or a cell.
-struct SceneItem {
-  enum class Kind { kObject, kCell };
-  Kind kind = Kind::kCell;
-  scene::ObjectId object = 0;  // kObject
-  int row = 0, column = 0;     // kCell; from 0, row 0 north
-  bool operator==(const SceneItem&) const = default;
-};
 
 struct PickHit {
   SceneItem item;
@@ -29,8 +21,5 @@ std::optional<PickHit> pick(const Ray& ray, const scene::SurfaceSpec& surface, c
 // Distance, u, at which the ray enters the object's shape; the ray is in the object's frame. Empty if it
 // misses.
 std::optional<double> intersect(const scene::ObjectSpec& object, const Ray& ray);
-
-// The object's index in the snapshot; empty if it is not there. O(log n).
-std::optional<std::size_t> find_object_index(const scene::Snapshot& snapshot, scene::ObjectId id);
 
 }  // namespace smartsurf::view

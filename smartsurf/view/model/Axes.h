@@ -4,7 +4,7 @@
 
 #include <algorithm>
 
-#include "smartsurf/view/model/Camera.h"
+#include "smartsurf/view/model/TableBounds.h"
 
 namespace smartsurf::view {
 
@@ -16,7 +16,7 @@ struct Axes {
 };
 
 inline Axes make_axes(const scene::SurfaceSpec& surface) {
-  const Eigen::AlignedBox3d box = Camera::surface_bounding_box(surface);
+  const Eigen::AlignedBox3d box = surface_bounding_box(surface);
   const double offset = 2.2 * kBoardMargin * surface.pitch;
   const double length = 0.08 * std::max(box.sizes().x(), box.sizes().y());
   return {box.min() - Eigen::Vector3d(offset, offset, 0.0), length, 0.018 * length + 0.02 * surface.pitch};

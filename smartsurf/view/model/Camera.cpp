@@ -10,6 +10,7 @@
 
 #include "smartsurf/scene/SurfaceBounds.h"
 #include "smartsurf/view/model/Axes.h"
+#include "smartsurf/view/model/TableBounds.h"
 
 namespace smartsurf::view {
 namespace {
@@ -75,12 +76,6 @@ std::optional<CameraPose> parse_camera_pose(std::string_view text) {
   const auto position = parse_point(text.substr(0, colon)), target = parse_point(text.substr(colon + 1));
   if (!position || !target || !(position->z() > target->z())) return std::nullopt;
   return CameraPose{*position, *target};
-}
-
-Eigen::AlignedBox3d Camera::surface_bounding_box(const scene::SurfaceSpec& s) {
-  const scene::SurfaceBounds bounds = scene::compute_surface_bounds(s);
-  return {Eigen::Vector3d(bounds.west, bounds.south, s.pin.min_height - s.pin.length),
-          Eigen::Vector3d(bounds.east, bounds.north, s.max_top_height())};
 }
 
 Camera Camera::fit_to_surface(const scene::SurfaceSpec& surface, CameraPreset preset, double aspect,

@@ -59,9 +59,6 @@ class Camera {
   static Camera from_view(const scene::SurfaceSpec& surface, const CameraView& view, double aspect,
                           const ViewInsets& insets = {});
 
-  // Bounding box of the table over the full travel of its pins, u.
-  static Eigen::AlignedBox3d surface_bounding_box(const scene::SurfaceSpec& surface);
-
   // Rotates about the target. dx, dy: pointer movement, pixels, y down. The scene follows the pointer.
   void orbit(double dx, double dy);
   // Moves the target in the image plane so that it stays under the pointer. height: image height, pixels.

@@ -9,8 +9,8 @@
 #include <string_view>
 #include <vector>
 
-#include "smartsurf/view/interaction/Picking.h"
 #include "smartsurf/view/model/FrameInput.h"
+#include "smartsurf/view/model/SceneItem.h"
 
 namespace smartsurf::view {
 

@@ -6,7 +6,7 @@
 
 #include "smartsurf/view/interaction/Controls.h"
 #include "smartsurf/view/model/PlotData.h"
-#include "smartsurf/view/panels/Hud.h"
+#include "smartsurf/view/panels/HudState.h"
 
 namespace smartsurf::view {
 

@@ -4,7 +4,7 @@
 
 #include <string>
 
-#include "smartsurf/view/window/Window.h"
+#include "smartsurf/view/window/WindowPlacement.h"
 
 struct GLFWwindow;
 

@@ -13,11 +13,9 @@
 #include "smartsurf/scene/Snapshot.h"
 #include "smartsurf/view/interaction/Controls.h"
 #include "smartsurf/view/model/FrameInput.h"
+#include "smartsurf/view/window/WindowPlacement.h"
 
 namespace smartsurf::view {
-
-// kLeft: the left part of the screen, beside another program's window.
-enum class WindowPlacement { kDefault, kLeft };
 
 class Window {
  public:

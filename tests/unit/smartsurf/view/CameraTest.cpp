@@ -1,4 +1,5 @@
 #include "smartsurf/view/model/Camera.h"
+#include "smartsurf/view/model/TableBounds.h"
 
 #include <gtest/gtest.h>
 
@@ -20,7 +21,7 @@ scene::SurfaceSpec make_surface(int rows, int columns) {
 
 // The largest |x| and |y| in normalised device coordinates over the corners of the table and its board.
 Eigen::Vector2d max_clip_extent(const Camera& camera, const scene::SurfaceSpec& s, double aspect) {
-  const Eigen::AlignedBox3d box = Camera::surface_bounding_box(s);
+  const Eigen::AlignedBox3d box = surface_bounding_box(s);
   Eigen::Vector2d extent(0.0, 0.0);
   const double margin = 0.6 * s.pitch;
   for (int i = 0; i < 8; ++i) {
@@ -54,7 +55,7 @@ TEST(Camera, KeepsBottomInsetFree) {
     for (CameraPreset preset : kPresets) {
       const Camera camera = Camera::fit_to_surface(s, preset, aspect, {.bottom = 0.1});
       EXPECT_LT(max_clip_extent(camera, s, aspect).maxCoeff(), 1.0);
-      const Eigen::Vector3d axes = Camera::surface_bounding_box(s).min() - Eigen::Vector3d(1.32, 1.32, 0.0);
+      const Eigen::Vector3d axes = surface_bounding_box(s).min() - Eigen::Vector3d(1.32, 1.32, 0.0);
       EXPECT_LT(camera.project(axes, 1000.0 * aspect, 1000.0).y(), 900.0);
     }
 }
@@ -62,7 +63,7 @@ TEST(Camera, KeepsBottomInsetFree) {
 TEST(Camera, ShiftsTableBelowTopInsetIfSpaceAllows) {
   const scene::SurfaceSpec s = make_surface(64, 64);
   const auto top_of = [&](double aspect, const ViewInsets& insets) {
-    const Eigen::AlignedBox3d box = Camera::surface_bounding_box(s);
+    const Eigen::AlignedBox3d box = surface_bounding_box(s);
     const Eigen::Vector3d corner(box.min().x(), box.max().y(), box.max().z());
     return Camera::fit_to_surface(s, CameraPreset::kIso, aspect, insets)
         .project(corner, 1000.0 * aspect, 1000.0)
@@ -82,7 +83,7 @@ TEST(Camera, FramesTableBesideOrBelowCornerPanel) {
   for (CameraPreset preset : kPresets) {
     const ViewInsets panel{.bottom = 0.08, .top = 0.4, .left = 0.2};
     const Camera camera = Camera::fit_to_surface(s, preset, 16.0 / 9.0, panel);
-    const Eigen::AlignedBox3d box = Camera::surface_bounding_box(s);
+    const Eigen::AlignedBox3d box = surface_bounding_box(s);
     for (int i = 0; i < 8; ++i) {
       const Eigen::Vector3d corner = box.corner(static_cast<Eigen::AlignedBox3d::CornerType>(i));
       const Eigen::Vector3d at = camera.project(corner, 1600, 900);
@@ -97,7 +98,7 @@ TEST(Camera, FramesTableBesideOrBelowCornerPanel) {
 // Neither panel covers a corner of the table, in any preset.
 TEST(Camera, FramesTableBesideRightPanel) {
   const scene::SurfaceSpec s = make_surface(64, 64);
-  const Eigen::AlignedBox3d box = Camera::surface_bounding_box(s);
+  const Eigen::AlignedBox3d box = surface_bounding_box(s);
   for (CameraPreset preset : kPresets) {
     const ViewInsets panels{.bottom = 0.08, .top = 0.4, .left = 0.2, .right = 0.25};
     const Camera camera = Camera::fit_to_surface(s, preset, 16.0 / 9.0, panels);
