@@ -412,6 +412,50 @@ GROUPS = [
             absolute("deepest", "greatest overlap, at rest", "0", 0.02, "u", margin=2.0)], "no penetration",
             overlap="bodies", quick=False, slow=True, mujoco="not set up"),
     ]),
+    ("Uneven beds, bodies on bodies, chains and seams", [
+        Case("uneven", "Box on three pins of different heights", "uneven", 9, [
+            relative("load", "sum of the loads", "25*g", 0.01, "mass·u/s²"),
+            absolute("worst", "worst pin, of the weight", "0", 0.01, ""),
+            absolute("creep", "moves in 2 s", "0", 0.001, "u")], "the lever law at the pose in which it lies",
+            mujoco="not set up", quick=False),
+        Case("bed", "Box on pins at random heights, three beds", "bed", 25, [
+            relative("load", "sum of the loads", "25*g", 0.01, "mass·u/s²"),
+            absolute("creep", "moves in 15 s", "0", 0.001, "u")], "a body at rest stays so", mujoco="not set up", seeds=3,
+            quick=False, slow=True),
+        *[Case(f"chain_{name}", title, "chain", 20, [
+            absolute("energy", "energy, of n·m·g·l", "0", 0.01, "", margin=2.0),
+            absolute("out", "spin out of the plane", "0", 0.01, "rad/s", margin=2.0)], "conservation; symmetry",
+            {"n": n, "h": h}, mujoco="not set up", quick=False)
+          for name, title, n, h in (("thick", "Two hinged rods of 0.2", 2, 0.2), ("thin", "… of 0.1", 2, 0.1),
+                                    ("thinner", "… of 0.05", 2, 0.05), ("six", "Six hinged rods of 0.1", 6, 0.1))],
+        Case("landing", "Box dropped flat on a box, 0.1 u beside its middle", "landing", 4, [
+            absolute("tilt", "greatest tilt", "0", 0.1, "°"), absolute("spin", "greatest spin", "0", 0.1, "rad/s")],
+            "its middle is over the lower box", mujoco="not set up", quick=False),
+        Case("towers", "Nine towers of twelve dropped boxes, three seeds", "towers", 16, [
+            absolute("fallen", "towers that fall", "0", 0.5, "", margin=2.0)], "every middle is over the box below",
+            mujoco="not set up", seeds=3, quick=False, slow=True),
+        Case("seam_roll", "Ball rolls over fixed boxes side by side", "seams", 3, [
+            relative("v", "speed", "speed", 0.005, "u/s"), absolute("hop", "greatest hop", "0", 0.002, "u")],
+            "one level plane", {"body": "ball", "speed": 7.0}, mujoco="not set up", quick=False),
+        Case("seam_slide", "Box slides over fixed boxes side by side", "seams", 4, [
+            relative("x", "distance", "speed**2/(2*0.2*g)", 0.005, "u"), absolute("turned", "turned by", "0", 0.5, "°"),
+            absolute("hop", "greatest hop", "0", 0.002, "u")], "Coulomb: v²/2µg on one level plane",
+            {"body": "box", "speed": 7.0}, mujoco="not set up", quick=False),
+        *[Case(f"wall_{speed}", f"Twelve balls of 0.1 at {speed} u/s against a wall of 0.05", "wall", 1, [
+            absolute("passed", "balls that pass", "0", 0.5, "")], "no penetration", {"speed": float(speed)},
+            mujoco="not set up", quick=False) for speed in (30, 100)],
+        Case("legs", "Plate of mass 1000 on four boxes of mass 1", "legs", 8, [
+            relative("load", "sum of the loads", "(mass + 4)*g", 0.001, "mass·u/s²"),
+            absolute("sink", "sinks by", "0", 0.01, "u"), absolute("speed", "speed", "0", 0.001, "u/s")],
+            "equilibrium", {"mass": 1000.0}, mujoco="not set up", quick=False),
+        *[Case(f"ratio_{name}", title, "ratio", 10, [
+            absolute("sink", "sinks by", "0", 0.01, "u"), absolute("speed", "speed in the last 2 s", "0", 0.001, "u/s")],
+            "equilibrium", settings, mujoco="not set up", quick=False)
+          for name, title, settings in (
+              ("light", "Box of mass 1000 on four of mass 1", {"ratio": 1000.0}),
+              ("growing", "Five boxes whose masses grow from 1 to 1000", {"ratio": 1000.0, "growing": True}),
+              ("iterations", "Twelve equal boxes, 40 iterations", {"ratio": 1.0, "n": 12, "iterations": 40}))],
+    ]),
 ]
 CASES = [case for _, cases in GROUPS for case in cases]
 
