@@ -68,6 +68,12 @@ constexpr std::array<Rgb, 5> kDiverging = {{{0.02F, 0.19F, 0.38F},
                                             {0.94F, 0.54F, 0.38F},
                                             {0.40F, 0.0F, 0.12F}}};
 
+Rgb mix(const Rgb& low, const Rgb& high, float fraction) {
+  Rgb color;
+  for (std::size_t c = 0; c < 3; ++c) color[c] = low[c] + fraction * (high[c] - low[c]);
+  return color;
+}
+
 Rgb evaluate(const Polynomial& fit, double t) {
   Rgb color;
   for (std::size_t c = 0; c < 3; ++c) {
@@ -82,13 +88,10 @@ template <std::size_t N>
 Rgb interpolate(const std::array<Rgb, N>& stops, float t) {
   const float position = t * static_cast<float>(N - 1);
   const std::size_t i = std::min(static_cast<std::size_t>(position), N - 2);
-  const float fraction = position - static_cast<float>(i);
-  Rgb color;
-  for (std::size_t c = 0; c < 3; ++c) color[c] = stops[i][c] + fraction * (stops[i + 1][c] - stops[i][c]);
-  return color;
+  return mix(stops[i], stops[i + 1], position - static_cast<float>(i));
 }
 
-// Not changed once threads run.
+// Does not change once threads run.
 std::vector<CustomPalette>& custom_palettes() {
   static std::vector<CustomPalette> palettes;
   return palettes;
@@ -105,10 +108,7 @@ Rgb interpolate(const std::vector<CustomPalette::Stop>& stops, float t) {
   if (above == stops.begin()) return stops.front().color;
   if (above == stops.end()) return stops.back().color;
   const CustomPalette::Stop &low = *(above - 1), &high = *above;
-  const float fraction = (t - low.position) / (high.position - low.position);
-  Rgb color;
-  for (std::size_t c = 0; c < 3; ++c) color[c] = low.color[c] + fraction * (high.color[c] - low.color[c]);
-  return color;
+  return mix(low.color, high.color, (t - low.position) / (high.position - low.position));
 }
 
 bool equals_ignoring_case(std::string_view one, std::string_view other) {
@@ -127,7 +127,7 @@ std::size_t palette_count() noexcept { return kPaletteCount + custom_palettes().
 
 std::string_view palette_name(Palette palette) noexcept {
   if (const CustomPalette* custom = custom_palette(palette)) return custom->name;
-  return kNames[static_cast<std::size_t>(palette)].name;
+  return kNames[static_cast<int>(palette)].name;
 }
 
 std::optional<Palette> find_palette(std::string_view name) noexcept {

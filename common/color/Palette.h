@@ -39,9 +39,10 @@ struct CustomPalette {
 inline constexpr std::size_t kMaxCustomPalettes = 200;
 
 // Adds palettes, at most kMaxCustomPalettes in all, whose names find_palette() does not know yet. They follow
-// the built-in ones: the first is static_cast<Palette>(kPaletteCount). Call it before other threads use palettes.
+// the built-in ones: the first is static_cast<Palette>(kPaletteCount). Call it before other threads use
+// palettes.
 void add_palettes(std::vector<CustomPalette> palettes);
-// Of the built-in and the added palettes.
+// The number of built-in and added palettes.
 std::size_t palette_count() noexcept;
 
 std::string_view palette_name(Palette) noexcept;

@@ -1,4 +1,4 @@
-// Fields and numbers of comma-separated text. What a table means, and how its errors read, is its reader's.
+// Fields and numbers of comma-separated text. Callers interpret the table and word its errors.
 #pragma once
 
 #include <charconv>
@@ -11,7 +11,7 @@
 
 namespace common {
 
-// Without blanks (space, tab, carriage return) and double quotes at both ends.
+// Removes blanks (space, tab, carriage return) and double quotes at both ends.
 std::string_view trim_csv_field(std::string_view text);
 
 // The trimmed fields of one line; a line without a comma has one field. Views into `line`.
@@ -27,7 +27,7 @@ void append_csv_number(std::string& text, Number number) {
   text.append(digits, std::to_chars(digits, digits + sizeof digits, number).ptr);
 }
 
-// The whole text as a number, an optional plus sign included; a floating-point number out of range becomes
+// Parses the whole text as a number; a plus sign may precede it. A floating-point number out of range becomes
 // infinite or 0.
 template <class Number>
 std::optional<Number> parse_csv_number(std::string_view text) {

@@ -1,5 +1,5 @@
-// A mistake of the user's, or a resource that the system refuses: one line that names the file, field and
-// value and says what would be right. Programs print what() and exit with ExitStatus::kUserError.
+// An invalid input, or a resource that the system refuses: one line that names the file, field and value and
+// says what would be right. Programs print what() and exit with ExitStatus::kUserError.
 #pragma once
 
 #include <stdexcept>

@@ -8,7 +8,7 @@
 
 namespace common {
 
-// More than any program, script or table of numbers needs; /dev/zero has no end.
+// More than any program, script or table of numbers needs. The bound ends a read of /dev/zero.
 inline constexpr std::size_t kMaxTextBytes = std::size_t{16} << 20;
 
 // Replaces `bytes` by the file's content. On failure it holds the part that could be read;

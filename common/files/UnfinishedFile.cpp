@@ -4,6 +4,7 @@
 
 #include <array>
 #include <atomic>
+#include <iterator>
 #include <string>
 
 namespace common {
@@ -22,19 +23,19 @@ constinit std::array<Slot, 16> slots;
 UnfinishedFile::UnfinishedFile(const std::filesystem::path& path) noexcept {
   const std::string& text = path.native();
   if (text.size() >= slots[0].path.size()) return;
-  for (std::size_t i = 0; i < slots.size(); ++i) {
+  for (int i = 0; i < std::ssize(slots); ++i) {
     pid_t expected = kFree;
     if (!slots[i].owner.compare_exchange_strong(expected, kBeingWritten)) continue;
     text.copy(slots[i].path.data(), text.size());
     slots[i].path[text.size()] = '\0';
     slots[i].owner.store(::getpid());
-    slot_ = static_cast<int>(i);
+    slot_ = i;
     return;
   }
 }
 
 UnfinishedFile::~UnfinishedFile() {
-  if (slot_ >= 0) slots[static_cast<std::size_t>(slot_)].owner.store(kFree);
+  if (slot_ >= 0) slots[slot_].owner.store(kFree);
 }
 
 void remove_unfinished_files() noexcept {

@@ -5,8 +5,9 @@
 
 namespace common {
 
-// Notes a file, or an empty folder, while it lives; to remove it otherwise is the owner's business. At most 16 are noted at
-// once, with paths of at most 1023 bytes; others are not. Any thread.
+// Registers a file, or an empty folder, for removal while this object lives. In the ordinary case the owner
+// removes it. At most 16 paths of at most 1023 bytes are registered at once; further ones are ignored. May be
+// used on any thread.
 class UnfinishedFile {
  public:
   explicit UnfinishedFile(const std::filesystem::path&) noexcept;
@@ -18,7 +19,7 @@ class UnfinishedFile {
   int slot_ = -1;
 };
 
-// Removes the files that this process has noted; those of its parent stay. Async-signal-safe.
+// Removes the files that this process has registered, but not those of its parent. Async-signal-safe.
 void remove_unfinished_files() noexcept;
 
 }  // namespace common

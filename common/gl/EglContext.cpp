@@ -29,7 +29,7 @@ std::vector<EGLDisplay> candidate_displays() {
     if (eglQueryDevicesEXT(static_cast<EGLint>(devices.size()), devices.data(), &count) == EGL_FALSE)
       count = 0;
     for (EGLint i = 0; i < count; ++i)
-      add(eglGetPlatformDisplayEXT(EGL_PLATFORM_DEVICE_EXT, devices[static_cast<std::size_t>(i)], nullptr));
+      add(eglGetPlatformDisplayEXT(EGL_PLATFORM_DEVICE_EXT, devices[i], nullptr));
   }
   add(eglGetDisplay(EGL_DEFAULT_DISPLAY));
   return displays;

@@ -19,8 +19,7 @@ class EglContext {
  private:
   bool open(void* display, int major, int minor);
 
-  void* display_ =
-      nullptr;  // EGLDisplay; initialised once per process and never terminated here (see EglContext.cpp)
+  void* display_ = nullptr;  // EGLDisplay; never terminated (see EglContext.cpp)
   void* context_ = nullptr;  // EGLContext
 };
 

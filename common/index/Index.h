@@ -1,5 +1,5 @@
-// The type of indices and counts. It is signed, so that differences and downward loops need no care, and a subscript takes
-// it without a cast; sizes compare with it through std::ssize.
+// The type of indices and counts. It is signed, so that differences and downward loops need no care, and a
+// subscript takes it without a cast; sizes compare with it through std::ssize.
 #pragma once
 
 #include <cstddef>

@@ -3,9 +3,9 @@
 
 namespace common {
 
-// Watches the process that the environment variable SMARTSURF_PARENT names, and takes the variable out of the
-// environment. When that process ends, this one receives SIGTERM, and again after a second in case the first did not
-// end it. Does nothing without the variable. Further calls do nothing.
+// Watches the process that the environment variable SMARTSURF_PARENT names, and removes the variable from the
+// environment. When that process ends, this one receives SIGTERM, and again after a second in case the first
+// did not end it. Does nothing without the variable. Further calls do nothing.
 //
 // Unlike a parent-death signal, this does not depend on which thread of the parent started the program.
 void watch_parent() noexcept;

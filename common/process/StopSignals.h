@@ -8,15 +8,15 @@ namespace common {
 // Installs the handlers and returns stop_flag(). The first signal raises both flags. Signals within the next
 // half second belong to the same request, because a supervisor signals the process and its group; a later one
 // ends the process at once with status 128 + signal, for work that does not poll. An ignored SIGHUP (nohup)
-// stays ignored. The end of the process that SMARTSURF_PARENT names is a signal too (ParentWatch.h). SIGPIPE is
-// ignored from here on: a closed pipe is a write error, not the end of the process.
+// stays ignored. The end of the process that SMARTSURF_PARENT names is a signal too (ParentWatch.h). SIGPIPE
+// is ignored from here on: a closed pipe is a write error, not the end of the process.
 const std::atomic<bool>& catch_stop_signals();
 
 // Makes a write beyond the limit of the file size (ulimit -f) an error instead of the end of the process.
 void report_file_size_errors() noexcept;
 
 const std::atomic<bool>& stop_flag() noexcept;
-// Raised together with the stop flag, and by anyone who wants to interrupt the work for a moment.
+// Raised together with the stop flag, and by callers that interrupt the work for a moment.
 std::atomic<bool>& interrupt_flag() noexcept;
 
 // The signal received, or 0.

@@ -36,7 +36,7 @@ std::array<struct sigaction, kCrashes.size()> earlier_actions;
     errno = 0;
     std::abort();
   }
-  // Where an exception cannot be told: it has left a destructor, or there was no memory to throw it.
+  // There is no current exception: one left a destructor, or there was no memory to throw it.
   if (errno == ENOMEM || std::malloc(kExceptionBytes) == nullptr) end_without_memory();
   errno = 0;
   std::abort();
@@ -46,7 +46,8 @@ extern "C" void on_crash(int signal, siginfo_t* cause, void*) {
   if (errno == ENOMEM) end_without_memory();
   for (std::size_t i = 0; i < kCrashes.size(); ++i)
     if (kCrashes[i] == signal) ::sigaction(signal, &earlier_actions[i], nullptr);
-  if (cause->si_code <= 0) ::raise(signal);  // sent, not caused by an instruction, which would cause it again
+  // A signal that a process sent is raised again; one that an instruction caused occurs again by itself.
+  if (cause->si_code <= 0) ::raise(signal);
 }
 
 extern "C" void on_exit_in_main() {
@@ -60,7 +61,7 @@ extern "C" void on_exit_in_main() {
 Termination::Termination(const char* program) noexcept {
   program_name = program;
   std::set_terminate(on_terminate);
-  // HDF5 may recurse without end. A sanitizer has brought a stack of its own.
+  // HDF5 may overflow the stack by endless recursion, so the handler needs its own. A sanitizer brings one.
   static std::array<std::byte, std::size_t{1} << 16> handler_stack;
   stack_t stack{};
   if (::sigaltstack(nullptr, &stack) == 0 && (stack.ss_flags & SS_DISABLE) != 0) {

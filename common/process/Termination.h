@@ -1,15 +1,16 @@
-// How a program ends where no exception may leave: in a destructor, in a library's noexcept function, or in a C library that
-// does not expect an allocation to fail.
+// Ends a program in order where no exception may leave: in a destructor, in a library's noexcept function, or in
+// a C library that does not expect an allocation to fail.
 #pragma once
 
 namespace common {
 
-// Lives in main(). While it does, a failed allocation ends the process with one line, kFailed and without its unfinished files
-// (UnfinishedFile.h) where
+// Lives in main(). While it lives, a failed allocation prints one line, removes the unfinished files
+// (UnfinishedFile.h) and ends the process with kFailed, if
 //   std::terminate() is called because of it,
-//   a library crashes or aborts, the last error of its thread being ENOMEM,
+//   a library crashes or aborts while its thread's errno is ENOMEM, or
 //   a library calls exit().
-// Any other exception or crash is a bug and ends the process as ever. `program` begins the line and must outlive the process.
+// Any other exception or crash is a bug and is handled as without this object. `program` begins the line and
+// must outlive the process.
 class Termination {
  public:
   explicit Termination(const char* program) noexcept;
@@ -18,8 +19,8 @@ class Termination {
   Termination& operator=(const Termination&) = delete;
 };
 
-// Ends the process at once and without its unfinished files, for work that cannot be interrupted. `reason` is its line;
-// null: none. Only while a Termination lives; any thread.
+// Removes the unfinished files and ends the process at once, for work that cannot be interrupted. `reason` is
+// the line to print; null: none. May be called on any thread while a Termination lives.
 [[noreturn]] void end_process(const char* reason, int status) noexcept;
 
 }  // namespace common

@@ -1,8 +1,8 @@
 // Saves the state of objects as bytes, and restores it.
 //
-// A class lists its state once, in `void archive(StateArchive&)`, for both directions. Values without pointers are
-// copied bit by bit, so that a restored simulation continues with the same bits. The bytes are for the same program
-// on the same kind of machine. Not thread-safe.
+// A class lists its state once, in `void archive(StateArchive&)`, for both directions. Values without pointers
+// are copied bit by bit, so that a restored simulation continues with the same bits. The bytes are for the same
+// program on the same kind of machine. Not thread-safe.
 #pragma once
 
 #include <array>
@@ -68,7 +68,10 @@ class StateArchive {
   template <class T>
   requires has_archive<T>
   void process(T& v) { v.archive(*this); }
-  void process(std::string& v) { resize(v), bytes(v.data(), v.size()); }
+  void process(std::string& v) {
+    resize(v);
+    bytes(v.data(), v.size());
+  }
   template <class T>
   void process(std::vector<T>& v) {
     resize(v);
@@ -83,7 +86,8 @@ class StateArchive {
   }
   template <class A, class B>
   requires(!is_flat<std::pair<A, B>>) void process(std::pair<A, B>& v) {
-    process(v.first), process(v.second);
+    process(v.first);
+    process(v.second);
   }
   template <class List>
   void resize(List& list) {

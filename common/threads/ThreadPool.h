@@ -34,13 +34,13 @@ class ThreadPool {
 
   int thread_count() const noexcept { return static_cast<int>(workers_.size()) + 1; }
 
-  // Whether work that costs so much on one thread is worth sharing. The estimate comes from counts, never
-  // from a clock.
+  // Returns whether work that takes `cost_ns` on one thread is worth sharing. Callers estimate the cost from
+  // counts, never from a clock, so that it is the same in every run.
   bool pays(double cost_ns) const noexcept { return cost_ns >= min_cost_ns_; }
 
-  // Whether to share the next job. False for a while after a job that waited for threads without a core: other
-  // programs keep the cores busy, and the caller alone is faster. The methods below that may run on the caller
-  // alone ask themselves. Changes no result.
+  // Returns whether to share the next job. Returns false for a while after a job that waited for a thread without
+  // a core: other programs keep the cores busy, and the caller alone is faster. parallel_for() and
+  // parallel_for_rows() call it themselves. It changes no result.
   bool has_cores() noexcept {
     if (!waited_) return true;
     if (jobs_alone_ > 0) {
@@ -49,11 +49,12 @@ class ThreadPool {
     }
     const int next_jobs_alone = next_jobs_alone_;
     fork_join([](int) {});  // waits for a core once; a step would wait at each of its barriers
-    if (!waited_) next_jobs_alone_ = next_jobs_alone;  // which the job itself is to judge
+    if (!waited_) next_jobs_alone_ = next_jobs_alone;  // the job itself decides, not this empty one
     return !waited_;
   }
 
-  // Fork/join: work(thread) once on every thread, all at the same time, so that they may wait for each other.
+  // Fork/join: calls work(thread) once on every thread, all at the same time, so that they may wait for each
+  // other.
   template <class Work>
   void fork_join(const Work& work) noexcept {
     run({[](const void* of, std::uint32_t thread, unsigned) noexcept {
@@ -62,8 +63,8 @@ class ThreadPool {
          &work, kEveryThread});
   }
 
-  // work(index, thread) once for every index below `count`. Indices are claimed one by one, so that a thread
-  // without a core holds nobody up.
+  // Calls work(index, thread) once for every index below `count`. Threads claim indices one by one, so that a
+  // thread without a core does not delay the others.
   template <class Work>
   void parallel_for(std::uint32_t count, const Work& work) noexcept {
     if (!has_cores()) {
@@ -76,8 +77,8 @@ class ThreadPool {
          &work, count});
   }
 
-  // work(begin, end) once for each thread's band of rows, together [0, rows). A band goes to the same thread
-  // every time, whose cache holds it. Fewer than two rows per thread stay on the caller.
+  // Calls work(begin, end) once for each thread's band of rows; the bands cover [0, rows). A band goes to the
+  // same thread every time, whose cache holds it. Fewer than two rows per thread stay on the caller.
   template <class Work>
   void parallel_for_rows(int rows, const Work& work) {
     const long n = thread_count();
@@ -120,17 +121,17 @@ class ThreadPool {
   void wait_while(const std::atomic<std::uint32_t>& word, std::uint32_t old) const noexcept;
 
   double min_cost_ns_;
-  bool waited_ = false;  // the last shared job, for a thread without a core
-  int jobs_alone_ = 0;   // that the caller does alone before it tries again
+  bool waited_ = false;  // the last shared job waited for a thread without a core
+  int jobs_alone_ = 0;   // jobs that the caller does alone before it shares one again
   int next_jobs_alone_ = kMinJobsAlone;
   int spins_;  // before a waiting thread sleeps; 0 where the threads outnumber the cores
   std::vector<std::thread> workers_;
   Job job_{};
   std::atomic<bool> stop_{false};
-  // Each on lines of its own; cores fetch lines in pairs.
+  // Each has cache lines of its own; cores fetch lines in pairs.
   alignas(128) std::atomic<std::uint32_t> round_{0};  // a new value: a new job, or stop
-  alignas(128) std::atomic<std::uint64_t> claim_{
-      0};  // round << 32 | indices not claimed yet, or kEveryThread
+  // round << 32 | indices not claimed yet, or kEveryThread
+  alignas(128) std::atomic<std::uint64_t> claim_{0};
   alignas(128) std::atomic<std::uint32_t> unfinished_{0};  // calls
   std::atomic<std::int64_t> busiest_worker_ns_{0};         // processor time in the job, of a fork/join
 };

@@ -2,6 +2,11 @@
 #include <shm_protocol/shm_protocol.h>
 #include <stdio.h>
 
+static int fail(int status, const char* what) {
+  fprintf(stderr, "%s\n", what);
+  return status;
+}
+
 /* The index of a float32 channel with one component, or -1. */
 static int find(ssp_controller* table, uint32_t direction, const char* name) {
   ssp_channel_info info;
@@ -14,10 +19,10 @@ static int find(ssp_controller* table, uint32_t direction, const char* name) {
 int main(int argc, char** argv) {
   ssp_controller* table;
   if (ssp_controller_attach(argc > 1 ? argv[1] : "surface", 10000000000, NULL, &table) != SSP_OK)
-    return fprintf(stderr, "%s\n", ssp_last_error()), 3;
+    return fail(3, ssp_last_error());
   int hit = find(table, SSP_SENSOR, "proximity_hit");
   int height = find(table, SSP_ACTUATOR, "height");
-  if (hit < 0 || height < 0) return fprintf(stderr, "no float32 proximity_hit or height\n"), 2;
+  if (hit < 0 || height < 0) return fail(2, "no float32 proximity_hit or height");
 
   ssp_result result;
   while ((result = ssp_controller_await(table, SSP_FOREVER, NULL)) == SSP_OK) {
@@ -28,6 +33,6 @@ int main(int argc, char** argv) {
     if (ssp_controller_publish(table) != SSP_OK) break;
   }
   fprintf(stderr, "%s\n", ssp_text(result));
-  ssp_controller_detach(table);
+  ssp_controller_destroy(table);
   return result == SSP_SURFACE_CLOSED ? 0 : 3;
 }

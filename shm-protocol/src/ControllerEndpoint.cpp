@@ -21,26 +21,26 @@ struct ControllerEndpoint::Impl {
       : layout(std::move(checked_layout)),
         segment(std::move(mapped)),
         header(*reinterpret_cast<ssp_header*>(segment.bytes().data())),
-        sensors(Ring::sensor_ring(layout, segment.bytes().data())),
-        actuators(Ring::actuator_ring(layout, segment.bytes().data())),
+        sensors(layout, SSP_SENSOR, segment.bytes().data()),
+        actuators(layout, SSP_ACTUATOR, segment.bytes().data()),
         description(describe(layout, segment.bytes())),
         passive(description.mode == Mode::kPassive),
         own_process(self) {
     if (passive) private_frame = FrameArrays(layout.sensor_array_bytes());
   }
-  ~Impl() { detach(); }
+  ~Impl() { close(); }
 
   static std::unique_ptr<Impl> attach(const std::string& name, const AttachOptions&);
   void claim();
   void resume_session() noexcept;
-  void detach() noexcept;
+  void close() noexcept;
 
   Status await_sensors(const WaitOptions&) noexcept;
   Status latest_sensors() noexcept;
   bool is_new(std::uint32_t newest) const noexcept;
   Status take_frame(std::uint32_t newest) noexcept;
   Status copy_newest() noexcept;
-  std::span<const std::byte> next_cells(int channel_index, const WaitOptions&) noexcept;
+  std::span<const std::byte> next_cells(int channel_index, const ssp_channel&, const WaitOptions&) noexcept;
   bool try_next_cells(int channel_index, const ssp_channel&, std::span<const std::byte>& cells) noexcept;
   void abandon_answer() noexcept;
   Status publish() noexcept;
@@ -108,7 +108,7 @@ void ControllerEndpoint::Impl::resume_session() noexcept {
   if (load_seq_cst(header.surface_waiting.flag)) futex_wake(header.claim.attached);
 }
 
-void ControllerEndpoint::Impl::detach() noexcept {
+void ControllerEndpoint::Impl::close() noexcept {
   if (!claimed || owner_pid != ::getpid()) return;  // a forked child holds no claim
   claimed = false;
   store_relaxed(header.controller.state, static_cast<std::uint32_t>(State::kClosing));
@@ -230,9 +230,8 @@ bool ControllerEndpoint::Impl::try_next_cells(int channel_index, const ssp_chann
   return !cells.empty();
 }
 
-std::span<const std::byte> ControllerEndpoint::Impl::next_cells(int channel_index,
+std::span<const std::byte> ControllerEndpoint::Impl::next_cells(int channel_index, const ssp_channel& c,
                                                                 const WaitOptions& options) noexcept {
-  const auto& c = layout.channels[static_cast<std::size_t>(channel_index)];
   if (passive || answer_due || cursor.is_exhausted(channel_index, c)) return {};
   std::span<const std::byte> cells;
   const auto ready = [&]() noexcept { return try_next_cells(channel_index, c, cells); };
@@ -253,7 +252,7 @@ void ControllerEndpoint::Impl::abandon_answer() noexcept {
 }
 
 Status ControllerEndpoint::Impl::publish() noexcept {
-  if (!claimed) return Status::kOutOfTurn;  // detached: another controller may hold the claim
+  if (!claimed) return Status::kOutOfTurn;  // closed: another controller may hold the claim
   if (!passive) {
     if (!answer_due) return Status::kOutOfTurn;
     answer_due = false;
@@ -283,7 +282,7 @@ ControllerEndpoint ControllerEndpoint::attach(const std::string& name, const Att
 }
 
 void ControllerEndpoint::reconnect(const AttachOptions& options) {
-  impl_->detach();
+  impl_->close();
   auto next = Impl::attach(impl_->description.name, options);
   if (next->description.layout_hash != impl_->description.layout_hash)
     throw Error(ErrorCode::kLayoutChanged,
@@ -292,42 +291,34 @@ void ControllerEndpoint::reconnect(const AttachOptions& options) {
   impl_ = std::move(next);
 }
 
-void ControllerEndpoint::detach() noexcept { impl_->detach(); }
+void ControllerEndpoint::close() noexcept { impl_->close(); }
 
 const Description& ControllerEndpoint::description() const noexcept { return impl_->description; }
 
-std::span<const std::byte> ControllerEndpoint::sensor_bytes(int channel,
-                                                            [[maybe_unused]] DType dtype) const noexcept {
-  const auto& c = impl_->layout.channels[static_cast<std::size_t>(channel)];
-  assert(c.direction == SSP_SENSOR && c.dtype == static_cast<std::uint32_t>(dtype));
+std::span<const std::byte> ControllerEndpoint::sensor_bytes(int channel, DType dtype) const noexcept {
+  const ssp_channel& c = impl_->layout.channel(channel, SSP_SENSOR, dtype);
   if (impl_->passive) return impl_->private_frame.bytes(c);
   return impl_->sensors.array(impl_->last_word, c);
 }
 
-std::span<std::byte> ControllerEndpoint::actuator_bytes(int channel, [[maybe_unused]] DType dtype) noexcept {
-  const auto& c = impl_->layout.channels[static_cast<std::size_t>(channel)];
-  assert(c.direction == SSP_ACTUATOR && c.dtype == static_cast<std::uint32_t>(dtype));
+std::span<std::byte> ControllerEndpoint::actuator_bytes(int channel, DType dtype) noexcept {
+  const ssp_channel& c = impl_->layout.channel(channel, SSP_ACTUATOR, dtype);
   return impl_->actuators.array(impl_->frame + 1, c);
 }
 
-std::span<const std::byte> ControllerEndpoint::published_bytes(int channel,
-                                                               [[maybe_unused]] DType dtype) const noexcept {
-  const auto& c = impl_->layout.channels[static_cast<std::size_t>(channel)];
-  assert(c.direction == SSP_ACTUATOR && c.dtype == static_cast<std::uint32_t>(dtype));
+std::span<const std::byte> ControllerEndpoint::published_bytes(int channel, DType dtype) const noexcept {
+  const ssp_channel& c = impl_->layout.channel(channel, SSP_ACTUATOR, dtype);
   return impl_->actuators.array(impl_->frame, c);
 }
 
-std::span<const std::byte> ControllerEndpoint::next_bytes(int channel, [[maybe_unused]] DType dtype,
+std::span<const std::byte> ControllerEndpoint::next_bytes(int channel, DType dtype,
                                                           const WaitOptions& options) noexcept {
-  [[maybe_unused]] const auto& c = impl_->layout.channels[static_cast<std::size_t>(channel)];
-  assert(c.direction == SSP_SENSOR && c.dtype == static_cast<std::uint32_t>(dtype));
-  return impl_->next_cells(channel, options);
+  return impl_->next_cells(channel, impl_->layout.channel(channel, SSP_SENSOR, dtype), options);
 }
 
-void ControllerEndpoint::write_bytes(int channel, [[maybe_unused]] DType dtype, std::size_t at,
+void ControllerEndpoint::write_bytes(int channel, DType dtype, std::size_t at,
                                      std::span<const std::byte> values) noexcept {
-  const auto& c = impl_->layout.channels[static_cast<std::size_t>(channel)];
-  assert(c.direction == SSP_ACTUATOR && c.dtype == static_cast<std::uint32_t>(dtype));
+  const ssp_channel& c = impl_->layout.channel(channel, SSP_ACTUATOR, dtype);
   assert(at <= c.bytes && values.size() <= c.bytes - at);
   const std::uint64_t next = impl_->frame + 1;
   auto* slot = reinterpret_cast<std::byte*>(&impl_->actuators.slot(next));

@@ -20,9 +20,9 @@ const char* text(DType dtype) noexcept {
   return dtype == DType::kF32 ? "f32" : dtype == DType::kU32 ? "u32" : "u8";
 }
 
-int Description::channel(Direction direction, const std::string& channel_name) const noexcept {
-  for (std::size_t i = 0; i < channels.size(); ++i)
-    if (channels[i].direction == direction && channels[i].name == channel_name) return static_cast<int>(i);
+int Description::channel(Direction direction, std::string_view channel_name) const noexcept {
+  for (int i = 0; i < std::ssize(channels); ++i)
+    if (channels[i].direction == direction && channels[i].name == channel_name) return i;
   return -1;
 }
 

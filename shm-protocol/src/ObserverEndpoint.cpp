@@ -44,9 +44,9 @@ struct ObserverEndpoint::Impl {
         segment(std::move(mapped)),
         header(*reinterpret_cast<const ssp_header*>(segment.bytes().data())),
         description(describe(layout, segment.bytes())),
-        sensors(RingView::sensor_ring(layout, segment.bytes().data()), header.sensors, SSP_SENSOR,
+        sensors({layout, SSP_SENSOR, segment.bytes().data()}, header.sensors, SSP_SENSOR,
                 layout.sensor_array_bytes()),
-        actuators(RingView::actuator_ring(layout, segment.bytes().data()), header.actuators, SSP_ACTUATOR,
+        actuators({layout, SSP_ACTUATOR, segment.bytes().data()}, header.actuators, SSP_ACTUATOR,
                   layout.actuator_array_bytes()) {}
 
   const DirectionReader& reader(Direction d) const noexcept {
@@ -132,8 +132,8 @@ Status ObserverEndpoint::await(Direction direction, const WaitOptions& options) 
   }
 }
 
-std::span<const std::byte> ObserverEndpoint::bytes(int channel, [[maybe_unused]] DType dtype) const noexcept {
-  const auto& c = impl_->layout.channels[static_cast<std::size_t>(channel)];
+std::span<const std::byte> ObserverEndpoint::bytes(int channel, DType dtype) const noexcept {
+  const auto& c = impl_->layout.channels[channel];
   assert(c.dtype == static_cast<std::uint32_t>(dtype));
   return impl_->reader(static_cast<Direction>(c.direction)).current_arrays().bytes(c);
 }

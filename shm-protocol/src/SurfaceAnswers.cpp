@@ -122,9 +122,8 @@ bool SurfaceEndpoint::Impl::try_next_cells(int channel_index, const ssp_channel&
   return !cells.empty();
 }
 
-std::span<const std::byte> SurfaceEndpoint::Impl::next_cells(int channel_index,
+std::span<const std::byte> SurfaceEndpoint::Impl::next_cells(int channel_index, const ssp_channel& c,
                                                              const WaitOptions& options) noexcept {
-  const auto& c = layout.channels[static_cast<std::size_t>(channel_index)];
   if (description.mode != Mode::kTimeStep || cursor.is_exhausted(channel_index, c)) return {};
   std::span<const std::byte> cells;
   if (may_publish) {  // no answer is due yet

@@ -24,15 +24,8 @@ std::uint64_t random_session() {
 void SurfaceEndpoint::Impl::apply_safe_values() noexcept {
   info = {};
   current_in_place = false;
-  for (const auto& c : layout.channels) {
-    if (c.direction != SSP_ACTUATOR) continue;
-    const auto bytes = frames[current].bytes(c);
-    if (c.dtype == SSP_F32) std::ranges::fill(as_array<float>(bytes), static_cast<float>(c.safe));
-    if (c.dtype == SSP_U32)
-      std::ranges::fill(as_array<std::uint32_t>(bytes), static_cast<std::uint32_t>(c.safe));
-    if (c.dtype == SSP_U8)
-      std::ranges::fill(as_array<std::uint8_t>(bytes), static_cast<std::uint8_t>(c.safe));
-  }
+  for (const auto& c : layout.channels)
+    if (c.direction == SSP_ACTUATOR) fill_safe(frames[current].bytes(c), c);
 }
 
 // Copies the current frame out of its slot, because the next controller may overwrite the slots.
@@ -45,7 +38,7 @@ void SurfaceEndpoint::Impl::preserve_current_frame() noexcept {
 }
 
 void SurfaceEndpoint::Impl::adopt_controller() noexcept {
-  // If the detach count and the process word are unchanged afterwards, the word and the state belong to one
+  // If the count of departures and the process word are unchanged afterwards, the word and the state belong to one
   // attachment.
   for (int attempt = 0; attempt < 4; ++attempt) {
     known_detached = load_seq_cst(header.claim.detached);
@@ -57,8 +50,8 @@ void SurfaceEndpoint::Impl::adopt_controller() noexcept {
   }
 }
 
-// Whether a controller that no longer holds the claim detached in good order. A detaching controller sets its
-// state, increments `detached`, then frees the claim; controller_closing covers an adoption in between.
+// Returns whether a controller that no longer holds the claim closed in good order. ControllerEndpoint::close()
+// sets the state, increments `detached`, then frees the claim; controller_closing covers an adoption in between.
 bool SurfaceEndpoint::Impl::has_detached() const noexcept {
   return controller_closing || load_seq_cst(header.claim.detached) != known_detached;
 }
@@ -147,30 +140,24 @@ void SurfaceEndpoint::close() noexcept {
 
 const Description& SurfaceEndpoint::description() const noexcept { return impl_->description; }
 
-std::span<std::byte> SurfaceEndpoint::sensor_bytes(int channel, [[maybe_unused]] DType dtype) noexcept {
-  const auto& c = impl_->layout.channels[static_cast<std::size_t>(channel)];
-  assert(c.direction == SSP_SENSOR && c.dtype == static_cast<std::uint32_t>(dtype));
+std::span<std::byte> SurfaceEndpoint::sensor_bytes(int channel, DType dtype) noexcept {
+  const ssp_channel& c = impl_->layout.channel(channel, SSP_SENSOR, dtype);
   return impl_->sensors.array(impl_->frame + 1, c);
 }
 
-std::span<const std::byte> SurfaceEndpoint::next_bytes(int channel, [[maybe_unused]] DType dtype,
+std::span<const std::byte> SurfaceEndpoint::next_bytes(int channel, DType dtype,
                                                        const WaitOptions& options) noexcept {
-  [[maybe_unused]] const auto& c = impl_->layout.channels[static_cast<std::size_t>(channel)];
-  assert(c.direction == SSP_ACTUATOR && c.dtype == static_cast<std::uint32_t>(dtype));
-  return impl_->next_cells(channel, options);
+  return impl_->next_cells(channel, impl_->layout.channel(channel, SSP_ACTUATOR, dtype), options);
 }
 
-std::span<const std::byte> SurfaceEndpoint::actuator_bytes(int channel,
-                                                           [[maybe_unused]] DType dtype) const noexcept {
-  const auto& c = impl_->layout.channels[static_cast<std::size_t>(channel)];
-  assert(c.direction == SSP_ACTUATOR && c.dtype == static_cast<std::uint32_t>(dtype));
+std::span<const std::byte> SurfaceEndpoint::actuator_bytes(int channel, DType dtype) const noexcept {
+  const ssp_channel& c = impl_->layout.channel(channel, SSP_ACTUATOR, dtype);
   return impl_->current_cells(c);
 }
 
-void SurfaceEndpoint::write_bytes(int channel, [[maybe_unused]] DType dtype, std::size_t at,
+void SurfaceEndpoint::write_bytes(int channel, DType dtype, std::size_t at,
                                   std::span<const std::byte> values) noexcept {
-  const auto& c = impl_->layout.channels[static_cast<std::size_t>(channel)];
-  assert(c.direction == SSP_SENSOR && c.dtype == static_cast<std::uint32_t>(dtype));
+  const ssp_channel& c = impl_->layout.channel(channel, SSP_SENSOR, dtype);
   assert(at <= c.bytes && values.size() <= c.bytes - at);
   const std::uint64_t next = impl_->frame + 1;
   auto* slot = reinterpret_cast<std::byte*>(&impl_->sensors.slot(next));

@@ -22,8 +22,8 @@ struct SurfaceEndpoint::Impl {
       : layout(std::move(planned)),
         segment(Segment::create(config.name, layout.identity.segment_bytes, layout.identity.surface_process)),
         header(*reinterpret_cast<ssp_header*>(segment.bytes().data())),
-        sensors(Ring::sensor_ring(layout, segment.bytes().data())),
-        actuators(Ring::actuator_ring(layout, segment.bytes().data())),
+        sensors(layout, SSP_SENSOR, segment.bytes().data()),
+        actuators(layout, SSP_ACTUATOR, segment.bytes().data()),
         hold_last_frame(config.hold_last_frame),
         answers_in_place(config.answers_in_place && config.mode == Mode::kTimeStep),
         frames{FrameArrays(layout.actuator_array_bytes()),
@@ -58,7 +58,7 @@ struct SurfaceEndpoint::Impl {
   bool is_answer(std::uint32_t newest) const noexcept;
   Status take_answer(std::uint32_t word) noexcept;
   bool try_next_cells(int channel_index, const ssp_channel&, std::span<const std::byte>& cells) noexcept;
-  std::span<const std::byte> next_cells(int channel_index, const WaitOptions&) noexcept;
+  std::span<const std::byte> next_cells(int channel_index, const ssp_channel&, const WaitOptions&) noexcept;
   bool copy_chunk(std::uint32_t frame_number, std::uint32_t attached, std::size_t end) noexcept;
   void copy_arrays(std::uint32_t word, std::size_t from, std::size_t to) noexcept;
   void copy_all(std::uint32_t word) noexcept;
@@ -92,17 +92,17 @@ struct SurfaceEndpoint::Impl {
   std::uint32_t last_word = 0;  // of the last actuator frame examined
   FrameInfo info;               // of the current actuator frame
   bool hold_last_frame;
-  bool answers_in_place;          // answers are returned in their slots, unchecked
-  bool current_in_place = false;  // the current frame is in its slot, which the next frame does not reuse
+  bool answers_in_place;              // answers are returned in their slots, unchecked
+  bool current_in_place = false;      // the current frame is in its slot, which the next frame does not reuse
   std::array<FrameArrays, 2> frames;  // [current] backs actuator(); the other receives the next frame
   std::size_t current = 0;
   std::uint64_t replaced = 0;  // values replaced in the last copy
   Counters counters;
 
-  ProcessIdentity controller = 0;    // the adopted controller; 0: none
-  std::uint32_t known_detached = 0;  // claim.detached at the last adoption or loss
-  bool controller_closing = false;   // the controller was already closing when adopted
-  bool unknown_answered = false;     // an answer arrived before its controller was adopted
+  ProcessIdentity controller = 0;               // the adopted controller; 0: none
+  std::uint32_t known_detached = 0;             // claim.detached at the last adoption or loss
+  bool controller_closing = false;              // the controller was already closing when adopted
+  bool unknown_answered = false;                // an answer arrived before its controller was adopted
   WaitState wait_state, next_chunk_wait_state;  // for the first chunk or a whole answer; for later chunks
 
   ChunkWriter writer{header.sensor_progress, header.sensors.word, header.controller_waiting.flag,

@@ -5,32 +5,24 @@
 #include <cstdio>
 #include <limits>
 
+#include "common/color/Palette.h"
+
 namespace shm_protocol::dump {
 namespace {
 
 constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
 constexpr char kRamp[] = " .:-=+*#%@";
 
-struct Colour {
-  int r, g, b;
-};
-
 // Viridis: brightness increases uniformly, so that the map is readable without colour vision.
-Colour colour_of(double fraction) {
-  constexpr Colour kStops[] = {{68, 1, 84}, {59, 82, 139}, {33, 145, 140}, {94, 201, 98}, {253, 231, 37}};
-  if (std::isnan(fraction)) return {255, 0, 255};
-  const double at = fraction * 4.0;
-  const int below = std::min(3, static_cast<int>(at));
-  const double t = at - below;
-  const auto mix = [&](int Colour::*c) {
-    return static_cast<int>(std::lround(kStops[below].*c * (1.0 - t) + kStops[below + 1].*c * t));
-  };
-  return {mix(&Colour::r), mix(&Colour::g), mix(&Colour::b)};
+common::Rgb colour_of(double fraction) {
+  if (std::isnan(fraction)) return {1, 0, 1};
+  return common::palette_color(common::Palette::kViridis, static_cast<float>(fraction));
 }
 
-std::string escape(int kind, const Colour& c) {
+std::string escape(int kind, const common::Rgb& colour) {
+  const auto level = [&](int i) { return static_cast<int>(std::lround(255 * colour[i])); };
   char text[32];
-  std::snprintf(text, sizeof text, "\033[%d;2;%d;%d;%dm", kind, c.r, c.g, c.b);
+  std::snprintf(text, sizeof text, "\033[%d;2;%d;%d;%dm", kind, level(0), level(1), level(2));
   return text;
 }
 

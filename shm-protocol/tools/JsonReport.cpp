@@ -78,11 +78,11 @@ std::string json_report(const SurfaceStatus& status, const ObserverEndpoint& obs
     out["controller"]["frames_per_s"] = status.rates->actuators_hz;
   }
   Json channels = Json::array();
-  for (std::size_t i = 0; i < d.channels.size(); ++i) {
+  for (int i = 0; i < std::ssize(d.channels); ++i) {
     const ChannelSpec& c = d.channels[i];
     Json channel = channel_json(c, d);
     if (status.frame(c.direction).frame != 0) {
-      const std::vector<double> numbers = values(observer, static_cast<int>(i));
+      const std::vector<double> numbers = values(observer, i);
       const ValueStatistics s = value_statistics(numbers);
       channel["now"] = {
           {"smallest", s.minimum}, {"mean", s.mean}, {"largest", s.maximum}, {"not_finite", s.non_finite}};

@@ -17,7 +17,7 @@ struct Format {
   std::vector<std::string> channels;  // channels whose arrays are shown; empty: all
   bool all_numbers = false;           // false: a large array is reduced to its corners
   bool colour = false;
-  std::size_t width = 80;
+  int width = 80;
 };
 
 std::string text_report(const SurfaceStatus&, const ObserverEndpoint&, const Format&);
@@ -27,10 +27,6 @@ std::string json_report(const SurfaceStatus&, const ObserverEndpoint&, const For
 std::string text_list(const std::vector<SegmentInfo>&);
 std::string json_list(const std::vector<SegmentInfo>&);
 
-// "64 x 64" or "3 x 64 x 64": components only if there are several.
-std::string shape_text(const ChannelSpec&, const Description&);
-// 1536 → "1.5 KiB"
-std::string size_text(std::uint64_t bytes);
 bool is_wanted(const Format&, const ChannelSpec&);
 
 }  // namespace shm_protocol::dump

@@ -6,15 +6,10 @@
 namespace shm_protocol::dump {
 
 std::vector<double> values(const ObserverEndpoint& observer, int channel) {
-  const auto all = [](auto span) { return std::vector<double>(span.begin(), span.end()); };
-  switch (observer.description().channels[static_cast<std::size_t>(channel)].dtype) {
-    case DType::kU32:
-      return all(observer.array<std::uint32_t>(channel));
-    case DType::kU8:
-      return all(observer.array<std::uint8_t>(channel));
-    default:
-      return all(observer.array<float>(channel));
-  }
+  return with_element_type(observer.description().channels[channel].dtype, [&]<class T>(T) {
+    const std::span<const T> array = observer.array<T>(channel);
+    return std::vector<double>(array.begin(), array.end());
+  });
 }
 
 ValueStatistics value_statistics(const std::vector<double>& numbers) {

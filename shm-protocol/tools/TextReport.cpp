@@ -19,6 +19,20 @@ __attribute__((format(printf, 1, 2))) std::string line(const char* format, ...) 
   return text;
 }
 
+// "64 x 64" or "3 x 64 x 64": components only if there are several.
+std::string shape_text(const ChannelSpec& c, const Description& d) {
+  return (c.components > 1 ? line("%u x ", c.components) : "") + line("%u x %u", d.rows, d.columns);
+}
+
+// 1536 → "1.5 KiB"
+std::string size_text(std::uint64_t bytes) {
+  const auto n = static_cast<double>(bytes);
+  if (bytes < 1024) return line("%.0f B", n);
+  if (bytes < 1024 * 1024) return line("%.1f KiB", n / 1024);
+  if (bytes < 1024 * 1024 * 1024) return line("%.1f MiB", n / 1048576);
+  return line("%.1f GiB", n / 1073741824);
+}
+
 std::string range_text(const ChannelSpec& c) { return line("%.4g … %.4g", c.minimum, c.maximum); }
 
 // Pads to `width` characters; printf counts bytes, and "…" has three.
@@ -69,31 +83,27 @@ Scale scale_of(const ChannelSpec& c, const std::vector<double>& numbers) {
 }
 
 // The indices to show: all, or the first and the last ones with -1 marking the gap.
-std::vector<int> visible_indices(std::size_t count, std::size_t max_count) {
-  std::vector<int> out;
-  for (std::size_t i = 0; i < count; ++i)
+std::vector<std::ptrdiff_t> visible_indices(std::ptrdiff_t count, std::ptrdiff_t max_count) {
+  std::vector<std::ptrdiff_t> out;
+  for (std::ptrdiff_t i = 0; i < count; ++i)
     if (count <= max_count || i < max_count / 2 || i >= count - max_count / 2)
-      out.push_back(static_cast<int>(i));
+      out.push_back(i);
     else if (out.back() != -1)
       out.push_back(-1);
   return out;
 }
 
 std::string numbers_text(const Plane& plane, const Format& format) {
-  constexpr std::size_t kWidth = 8;
-  const std::size_t max_columns = format.all_numbers ? SIZE_MAX : (format.width - 4) / kWidth - 1;
+  constexpr std::ptrdiff_t kWidth = 8;
+  const std::ptrdiff_t max_columns = format.all_numbers ? PTRDIFF_MAX : (format.width - 4) / kWidth - 1;
   std::string out;
-  for (const int y : visible_indices(plane.rows, format.all_numbers ? SIZE_MAX : 10)) {
+  for (const std::ptrdiff_t y : visible_indices(plane.rows, format.all_numbers ? PTRDIFF_MAX : 10)) {
     if (y < 0) {
       out += "     …\n";
       continue;
     }
-    for (const int x : visible_indices(plane.columns, max_columns))
-      out +=
-          x < 0
-              ? "   …"
-              : line("%8.4g",
-                     plane.cells[static_cast<std::size_t>(y) * plane.columns + static_cast<std::size_t>(x)]);
+    for (const std::ptrdiff_t x : visible_indices(plane.columns, max_columns))
+      out += x < 0 ? "   …" : line("%8.4g", plane.cells[y * plane.columns + x]);
     out += "\n";
   }
   return out;
@@ -127,18 +137,6 @@ bool is_wanted(const Format& format, const ChannelSpec& c) {
   return format.channels.empty() || std::ranges::count(format.channels, c.name) > 0;
 }
 
-std::string shape_text(const ChannelSpec& c, const Description& d) {
-  return (c.components > 1 ? line("%u x ", c.components) : "") + line("%u x %u", d.rows, d.columns);
-}
-
-std::string size_text(std::uint64_t bytes) {
-  const auto n = static_cast<double>(bytes);
-  if (bytes < 1024) return line("%.0f B", n);
-  if (bytes < 1024 * 1024) return line("%.1f KiB", n / 1024);
-  if (bytes < 1024 * 1024 * 1024) return line("%.1f MiB", n / 1048576);
-  return line("%.1f GiB", n / 1073741824);
-}
-
 std::string text_report(const SurfaceStatus& status, const ObserverEndpoint& observer, const Format& format) {
   const Description& d = *status.description;
   const double period_s = static_cast<double>(d.period_ns) * 1e-9;
@@ -159,13 +157,11 @@ std::string text_report(const SurfaceStatus& status, const ObserverEndpoint& obs
   out += counter_line("surface", status.surface_counters, hz(&Rates::sensors_hz));
   out += counter_line("controller", status.controller_counters, hz(&Rates::actuators_hz));
   out += line("\n%-15s %-9s%-4s %-14s%-16s%s\n", "channel", "", "type", "shape", "range", "now");
-  for (std::size_t i = 0; i < d.channels.size(); ++i)
-    out += channel_line(d.channels[i], observer, static_cast<int>(i),
-                        status.frame(d.channels[i].direction).frame != 0);
+  for (int i = 0; i < std::ssize(d.channels); ++i)
+    out += channel_line(d.channels[i], observer, i, status.frame(d.channels[i].direction).frame != 0);
   if (format.arrays == ArrayDisplay::kNone) return out;
-  for (std::size_t i = 0; i < d.channels.size(); ++i)
-    if (is_wanted(format, d.channels[i]))
-      out += array_text(d.channels[i], observer, static_cast<int>(i), format);
+  for (int i = 0; i < std::ssize(d.channels); ++i)
+    if (is_wanted(format, d.channels[i])) out += array_text(d.channels[i], observer, i, format);
   return out;
 }
 

@@ -157,7 +157,7 @@ void fit_to_terminal(Options& o) {
   o.format.colour = o.colour == "always" || (o.colour == "auto" && terminal && !(no_colour && *no_colour));
   winsize size{};
   if (terminal && ::ioctl(STDOUT_FILENO, TIOCGWINSZ, &size) == 0 && size.ws_col >= 40)
-    o.format.width = std::min<std::size_t>(size.ws_col, 256);
+    o.format.width = std::min<int>(size.ws_col, 256);
 }
 
 void check_channels(const Options& o, const Description& d) {

@@ -1,5 +1,5 @@
-// The compiled part of the Python package `smartsurf` (docs/python.md): environments and batches as NumPy arrays.
-// The classes below are private to the package; its Python files wrap them.
+// The compiled part of the Python package `smartsurf` (docs/python.md): environments and batches as NumPy
+// arrays. The classes below are private to the package; its Python files wrap them.
 #include <pybind11/numpy.h>
 #include <pybind11/pybind11.h>
 #include <pybind11/stl.h>
@@ -48,7 +48,7 @@ py::dict to_dict(const Metrics& metrics) {
   return out;
 }
 
-// What a client must know of the experiment: rows, columns, pitch, period, channels, fields of info{}.
+// Describes the experiment to the Python files: rows, columns, pitch, period, channels, fields of info{}.
 py::dict describe(const Environment& environment) {
   const scene::SceneSpec& scene = environment.scene();
   py::list sensors, actuators, info, positions;
@@ -94,7 +94,7 @@ py::array_t<std::uint8_t> to_array(const common::Image& image) {
   return py::array_t<std::uint8_t>({image.height, image.width, 3}, image.rgb.data());
 }
 
-// Held during a call: other Python threads run while worlds compute, and may not use the same ones meanwhile.
+// Held during a call: other Python threads run while worlds compute, and may not use the same worlds meanwhile.
 class Exclusive {
  public:
   explicit Exclusive(std::atomic_flag& in_use) : in_use_(in_use) {
@@ -135,7 +135,10 @@ class ObjectArrays {
     const auto n = static_cast<py::ssize_t>(count);
     id_ = Array<std::uint32_t>(n);
     const auto make = [n](py::ssize_t width) { return Array<float>({n, width}); };
-    position_ = make(3), orientation_ = make(4), velocity_ = make(3), angular_velocity_ = make(3);
+    position_ = make(3);
+    orientation_ = make(4);
+    velocity_ = make(3);
+    angular_velocity_ = make(3);
   }
   template <std::size_t size>
   static void copy(const std::vector<std::array<float, size>>& from, Array<float>& to) {
@@ -247,21 +250,20 @@ class Batch {
   void bind(Array<float> observations, Array<float> final_observations, Array<double> rewards,
             Array<std::uint8_t> terminated, Array<std::uint8_t> truncated, Array<std::uint8_t> success,
             Array<double> info, Array<std::uint64_t> seeds) {
-    observations_ = std::move(observations), final_observations_ = std::move(final_observations);
-    rewards_ = std::move(rewards), terminated_ = std::move(terminated), truncated_ = std::move(truncated);
-    success_ = std::move(success), info_ = std::move(info), seeds_ = std::move(seeds);
     arrays_ = {{},
-               writable(observations_),
-               writable(final_observations_),
-               writable(rewards_),
-               writable(terminated_),
-               writable(truncated_),
-               writable(success_),
-               writable(info_),
-               writable(seeds_)};
+               writable(observations),
+               writable(final_observations),
+               writable(rewards),
+               writable(terminated),
+               writable(truncated),
+               writable(success),
+               writable(info),
+               writable(seeds)};
+    bound_ = py::make_tuple(observations, final_observations, rewards, terminated, truncated, success, info,
+                            seeds);
   }
-  // Whether an episode has ended; None, without a step, if the actions are not a float32 array of worlds × channels ×
-  // rows × columns.
+  // Returns whether an episode has ended. Returns None, without a step, if the actions are not a float32 array
+  // of worlds × channels × rows × columns.
   py::object step(const py::object& given) {
     const Exclusive use(in_use_);
     if (!py::isinstance<Array<float>>(given)) return py::none();
@@ -274,10 +276,10 @@ class Batch {
       py::gil_scoped_release release;
       batch_->step(arrays);
     }
-    const auto any = [](const Array<std::uint8_t>& flags) {
-      return std::ranges::find(readable(flags), 1) != readable(flags).end();
+    const auto any = [](std::span<const std::uint8_t> flags) {
+      return std::ranges::find(flags, 1) != flags.end();
     };
-    return py::bool_(any(terminated_) || any(truncated_));
+    return py::bool_(any(arrays_.terminated) || any(arrays_.truncated));
   }
   void reset(const std::vector<std::uint64_t>& seeds, const std::vector<std::uint8_t>& mask) {
     const Exclusive use(in_use_);
@@ -316,10 +318,7 @@ class Batch {
   std::unique_ptr<EnvironmentBatch> batch_;
   std::array<py::ssize_t, 4> action_shape_{};
   simulation::BatchArrays arrays_;
-  Array<float> observations_, final_observations_;
-  Array<double> rewards_, info_;
-  Array<std::uint8_t> terminated_, truncated_, success_;
-  Array<std::uint64_t> seeds_;
+  py::tuple bound_;  // owns the arrays that arrays_ views
   std::unique_ptr<view::OffscreenView> view_;
 };
 

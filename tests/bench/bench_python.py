@@ -14,6 +14,7 @@ import gc
 import json
 import os
 import pathlib
+import subprocess
 import sys
 import tempfile
 import time
@@ -113,12 +114,16 @@ def measure_states(file, n):
             "reset_us": least(simulation.reset), "bytes": len(state)}
 
 
-def measure_surface_env(file, n, how):
-    from shm_protocol import SurfaceEnv
-    targets = wave(n)
-    with SurfaceEnv(file, smartsurf=how.smartsurf) as env:
-        env.reset(seed=1)
-        rate, _ = steps_a_second(lambda i: env.step(targets[i % PHASES]), 1, how.seconds)
+def measure_live_surface(file, n, how):
+    name, targets = f"bench-{os.getpid()}", wave(n)
+    simulator = subprocess.Popen([how.smartsurf, "run", file, "--shm", name, "--seed", "1"], stderr=subprocess.DEVNULL,
+                                 env={**os.environ, "SMARTSURF_PARENT": str(os.getpid())})
+    try:
+        with smartsurf.attach(name) as surface:
+            rate, _ = steps_a_second(lambda i: surface.step(targets[i % PHASES]), 1, how.seconds)
+    finally:
+        simulator.terminate()
+        simulator.wait()
     return {"steps_per_s": rate}
 
 
@@ -190,7 +195,7 @@ def measurements(how):
             if "vector" in how.who:
                 yield {"who": "Simulation", "case": name, **measure_states(file, n)}
             if "surface" in how.who:
-                yield {"who": "SurfaceEnv", "case": name, **measure_surface_env(file, n, how)}
+                yield {"who": "attach", "case": name, **measure_live_surface(file, n, how)}
 
 
 def main():

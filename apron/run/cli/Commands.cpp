@@ -222,7 +222,7 @@ int run_surface_session(const Options& options, std::chrono::nanoseconds timeout
     SurfaceHost host(surface, wait_stop_flag(options), options.parameters, host_environment(options));
     switch (host.await_first_frame()) {
       case vm::HostStatus::kOk:
-        return go(host, {[&host](bool paused) { host.publish_paused(paused); }, [&host] { host.detach(); }});
+        return go(host, {[&host](bool paused) { host.publish_paused(paused); }, [&host] { host.close(); }});
       case vm::HostStatus::kClosed:
         return static_cast<int>(common::kDone);
       case vm::HostStatus::kInterrupted:

@@ -30,18 +30,6 @@ bool parse_component(std::string_view suffix, std::uint32_t components, std::siz
   return error == std::errc{} && next == end && component < components;
 }
 
-template <class Visit>
-void visit_dtype(DType dtype, Visit visit) {
-  switch (dtype) {
-    case DType::kF32:
-      return visit(float{});
-    case DType::kU32:
-      return visit(std::uint32_t{});
-    case DType::kU8:
-      return visit(std::uint8_t{});
-  }
-}
-
 // A register's value as the channel carries it. In integer channels values are rounded and clamped, and NaN
 // becomes the safe value; float channels pass it on.
 template <class T>
@@ -71,22 +59,25 @@ HostStatus SurfaceHost::await_first_frame() {
 }
 
 void SurfaceHost::publish_paused(bool paused) noexcept {
-  if (detached_) return;
+  if (closed_) return;
   surface_.set_state(paused ? shm_protocol::State::kPaused : shm_protocol::State::kRunning);
-  if (watchdog_) paused ? watchdog_->disarm() : watchdog_->arm();
+  if (!watchdog_) return;
+  if (paused)
+    watchdog_->disarm();
+  else
+    watchdog_->arm();
 }
 
-void SurfaceHost::detach() noexcept {
-  detached_ = true;
+void SurfaceHost::close() noexcept {
+  closed_ = true;
   if (watchdog_) watchdog_->disarm();
-  surface_.detach();
+  surface_.close();
 }
 
 Status SurfaceHost::publish() {
   const std::vector<ChannelSpec>& channels = surface_.description().channels;
-  for (std::size_t i = 0; i < channels.size(); ++i)
-    if (channels[i].direction == Direction::kActuator && !is_complete_[i])
-      continue_frame(static_cast<int>(i));
+  for (int i = 0; i < std::ssize(channels); ++i)
+    if (channels[i].direction == Direction::kActuator && !is_complete_[i]) continue_frame(i);
   const Status status = surface_.publish();
   if (status != Status::kOk) return status;  // the frame is still the next one
   has_published_ = true;
@@ -107,7 +98,7 @@ HostStatus SurfaceHost::await_frame() {
 
 HostStatus SurfaceHost::step() {
   flush_output();
-  if (detached_) return HostStatus::kClosed;
+  if (closed_) return HostStatus::kClosed;
   if (!answered_) {
     const Status published = publish();
     // kTorn: the surface no longer waits for the answer to this frame, and another frame will follow.
@@ -141,20 +132,19 @@ HostStatus SurfaceHost::to_host_status(Status status) {
 // A channel's own name may contain a dot, so the whole name is looked up before it is split.
 HostStatus SurfaceHost::resolve_channel(Direction direction, std::string_view name,
                                         ChannelComponent& target) {
-  std::string_view channel = name;
-  std::string_view component;
-  target.channel = surface_.description().channel(direction, std::string(channel));
+  const shm_protocol::Description& surface = surface_.description();
+  std::string_view channel = name, component;
+  target.channel = surface.channel(direction, name);
   if (target.channel < 0) {
-    const std::size_t bracket = name.find('['),
-                      suffix_start = bracket != name.npos ? bracket : name.rfind('.');
-    if (suffix_start != std::string_view::npos)
-      channel = name.substr(0, suffix_start), component = name.substr(suffix_start);
-    target.channel = surface_.description().channel(direction, std::string(channel));
+    const std::size_t bracket = name.find('[');
+    const std::size_t suffix = std::min(bracket != name.npos ? bracket : name.rfind('.'), name.size());
+    channel = name.substr(0, suffix);
+    component = name.substr(suffix);
+    target.channel = surface.channel(direction, channel);
   }
   if (target.channel < 0)
     return report_status(HostStatus::kRefused, unknown_channel_message(direction, channel));
-  const std::uint32_t components =
-      surface_.description().channels[static_cast<std::size_t>(target.channel)].components;
+  const std::uint32_t components = surface.channels[target.channel].components;
   if (component.empty() ? components == 1 : parse_component(component, components, target.component))
     return HostStatus::kOk;
   if (components == 1)
@@ -190,9 +180,8 @@ HostStatus SurfaceHost::check_shape(std::string_view name, const vm::ConstPlane&
 }
 
 bool SurfaceHost::has(std::string_view channel) const {
-  const std::string name(channel);
-  return surface_.description().channel(Direction::kSensor, name) >= 0 ||
-         surface_.description().channel(Direction::kActuator, name) >= 0;
+  return surface_.description().channel(Direction::kSensor, channel) >= 0 ||
+         surface_.description().channel(Direction::kActuator, channel) >= 0;
 }
 
 std::optional<double> SurfaceHost::time_s() const { return surface_.sensor_info().time_s; }
@@ -217,14 +206,14 @@ HostStatus SurfaceHost::sense(std::string_view channel, vm::Plane to) {
   if (status == HostStatus::kOk) status = resolve_channel(Direction::kSensor, channel, target);
   if (status == HostStatus::kOk) status = check_shape(channel, to);
   if (status != HostStatus::kOk) return status;
-  visit_dtype(surface_.description().channels[static_cast<std::size_t>(target.channel)].dtype,
-              [&]<class T>(T) { copy_sensor<T>(target, to); });
+  shm_protocol::with_element_type(surface_.description().channels[target.channel].dtype,
+                                  [&]<class T>(T) { copy_sensor<T>(target, to); });
   return HostStatus::kOk;
 }
 
 void SurfaceHost::continue_frame(int channel) {
-  const ChannelSpec& spec = surface_.description().channels[static_cast<std::size_t>(channel)];
-  visit_dtype(spec.dtype, [&]<class T>(T) {
+  const ChannelSpec& spec = surface_.description().channels[channel];
+  shm_protocol::with_element_type(spec.dtype, [&]<class T>(T) {
     const std::span<T> next = surface_.actuator<T>(channel);
     if (has_published_)
       std::ranges::copy(surface_.published_actuator<T>(channel), next.begin());
@@ -235,17 +224,16 @@ void SurfaceHost::continue_frame(int channel) {
 
 template <class Write>
 HostStatus SurfaceHost::write_plane(std::string_view name, const vm::ConstPlane* shape, Write write) {
-  if (detached_) return HostStatus::kClosed;
+  if (closed_) return HostStatus::kClosed;
   ChannelComponent target;
   HostStatus status = resolve_channel(Direction::kActuator, name, target);
   if (status == HostStatus::kOk && shape != nullptr) status = check_shape(name, *shape);
   if (status != HostStatus::kOk) return status;
-  const auto index = static_cast<std::size_t>(target.channel);
-  const ChannelSpec& channel = surface_.description().channels[index];
+  const ChannelSpec& channel = surface_.description().channels[target.channel];
   // The other components continue, until the program writes them too.
-  if (!is_complete_[index] && channel.components > 1) continue_frame(target.channel);
-  is_complete_[index] = true;
-  visit_dtype(channel.dtype, [&]<class T>(T) {
+  if (!is_complete_[target.channel] && channel.components > 1) continue_frame(target.channel);
+  is_complete_[target.channel] = true;
+  shm_protocol::with_element_type(channel.dtype, [&]<class T>(T) {
     write(surface_.actuator<T>(target.channel).data() + target.component * surface_.description().cells(),
           channel);
   });

@@ -45,7 +45,7 @@ class SurfaceHost final : public LocalHost {
   void publish_paused(bool paused) noexcept;
   // Leaves the surface for another controller. Sensors keep their last values; actuate() and step() return
   // kClosed.
-  void detach() noexcept;
+  void close() noexcept;
 
   std::optional<double> time_s() const override;
   std::optional<double> dt_s() const override;
@@ -79,8 +79,8 @@ class SurfaceHost final : public LocalHost {
   std::vector<bool> is_complete_;  // per channel: every component of its next actuator frame has its value
   bool has_published_ = false;     // at least one frame
   bool free_run_ = false;
-  std::atomic<bool> detached_{false};  // read by the user interface's thread
-  bool answered_ = false;              // the current frame is answered; waiting for the next was interrupted
+  std::atomic<bool> closed_{false};  // read by the user interface's thread
+  bool answered_ = false;            // the current frame is answered; waiting for the next was interrupted
 };
 
 }  // namespace apron::run

@@ -22,7 +22,7 @@ constexpr milliseconds kHandshakeInterval{200};  // between handshake attempts w
 constexpr milliseconds kIdlePoll{20};            // polling interval of the stop flag
 constexpr milliseconds kAnswerPoll{1};           // wait for the controller before the line is polled again
 
-// Whether raw values equal channel values, so that they need no conversion to f32.
+// Returns whether raw values equal channel values, so that they need no conversion to f32.
 bool is_plain_u8(const DeviceChannel& c) {
   return c.dtype == SSW_U8 && c.scale == 1 && c.offset == 0 && c.minimum >= 0 && c.maximum <= 255;
 }
@@ -53,57 +53,50 @@ Outcome Bridge::run() {
 
 // ---- connection
 
-// Returns nothing once the device is described.
-std::optional<Outcome> Bridge::connect() {
+// Opens the line and waits until the device has described itself. Returns nothing then; otherwise, after the
+// timeout, logs lost(why) and returns how the run ends.
+template <class Lost>
+std::optional<Outcome> Bridge::await_device(std::optional<milliseconds> timeout, Lost lost) {
   const auto start = Clock::now();
-  std::string reason = options_.port.text + " does not answer";
-  while (!link_.described()) {
+  std::string why = options_.port.text + " does not answer";
+  while (!port_ || !link_.described()) {
     if (stop_.load()) return Outcome::kStopped;
-    if (Clock::now() - start > options_.connect_timeout) {
-      log_.add("error: the device does not come: " + reason);
+    if (timeout && Clock::now() - start > *timeout) {
+      log_.add("error: " + lost(why));
       return Outcome::kDeviceLost;
     }
-    if (!port_ && !(port_ = Port::open(options_.port, reason))) {
+    if (!port_ && !(port_ = Port::open(options_.port, why))) {
       std::this_thread::sleep_for(kHandshakeInterval / 4);
       continue;
     }
-    reason = options_.port.text + " is open, but no device describes itself there";
+    why = options_.port.text + " is open, but no device describes itself there";
     send_handshake();
     poll_line(kIdlePoll);
-    if (!fault_.empty()) {
-      log_.add("error: " + fault_);
-      return Outcome::kFailed;
-    }
+    if (const auto end = end_of_fault()) return end;
   }
   return std::nullopt;
 }
 
+std::optional<Outcome> Bridge::connect() {
+  return await_device(options_.connect_timeout,
+                      [](const std::string& why) { return "the device does not come: " + why; });
+}
+
 // The line was lost. The session is suspended until the same device is back.
 std::optional<Outcome> Bridge::reconnect() {
-  const auto start = Clock::now();
-  std::string reason;
-  while (!port_ || !link_.described()) {
-    if (stop_.load()) return Outcome::kStopped;
-    if (options_.reconnect_timeout && Clock::now() - start > *options_.reconnect_timeout) {
-      log_.add("error: the device is gone");
-      return Outcome::kDeviceLost;
-    }
-    if (!port_ && !(port_ = Port::open(options_.port, reason))) {
-      std::this_thread::sleep_for(kHandshakeInterval / 4);
-      continue;
-    }
-    send_handshake();
-    poll_line(kIdlePoll);
-    if (!fault_.empty()) {
-      log_.add("error: " + fault_);
-      return Outcome::kFailed;
-    }
-  }
+  const auto gone = [](const std::string&) { return std::string("the device is gone"); };
+  if (const auto end = await_device(options_.reconnect_timeout, gone)) return end;
   ++counters_.reconnections;
   log_.add("the device is back");
   last_handshake_ = {};
   send_handshake();
   return std::nullopt;
+}
+
+std::optional<Outcome> Bridge::end_of_fault() {
+  if (fault_.empty()) return std::nullopt;
+  log_.add("error: " + fault_);
+  return Outcome::kFailed;
 }
 
 void Bridge::on_line_lost(const std::string& reason) {
@@ -243,10 +236,7 @@ std::optional<Outcome> Bridge::serve_once() {
   }
   const bool passive = options_.mode == Mode::kPassive;
   poll_line(awaiting_answer_ ? milliseconds(0) : passive ? kAnswerPoll : kIdlePoll);
-  if (!fault_.empty()) {
-    log_.add("error: " + fault_);
-    return Outcome::kFailed;
-  }
+  if (const auto end = end_of_fault()) return end;
   if (frame_ready_ && !awaiting_answer_) publish();
   if (awaiting_answer_) poll_answer();
   if (passive) poll_latest();
@@ -294,15 +284,15 @@ void Bridge::publish() {
   frame_ready_ = false;
   const SensorFrame& frame = link_.frame();
   const auto& channels = device_->channels;
-  for (std::size_t i = 0; i < channels.size(); ++i) {
+  for (int i = 0; i < std::ssize(channels); ++i) {
     const DeviceChannel& c = channels[i];
     if (!c.sensor) continue;
     const std::span<const float> from(frame.values.data() + c.first_element, c.elements);
     if (is_plain_u8(c))
-      std::ranges::transform(from, surface_->sensor<std::uint8_t>(static_cast<int>(i)).begin(),
+      std::ranges::transform(from, surface_->sensor<std::uint8_t>(i).begin(),
                              [](float v) { return static_cast<std::uint8_t>(v); });
     else
-      std::ranges::copy(from, surface_->sensor<float>(static_cast<int>(i)).begin());
+      std::ranges::copy(from, surface_->sensor<float>(i).begin());
   }
   const double time_s = static_cast<double>(tick_) * device_->period_us * 1e-6;
   if (surface_->publish(tick_, time_s, status_) != Status::kOk) return;
@@ -315,6 +305,11 @@ void Bridge::publish() {
   if (!awaiting_answer_) link_.write(SSW_HEARTBEAT, device_tick_, out_);
 }
 
+void Bridge::log_lost_controller(Status why) {
+  log_.add(std::string(shm_protocol::text(why)) +
+           (options_.hold_last_frame ? "; its last frame stands" : "; safe values stand"));
+}
+
 void Bridge::poll_answer() {
   const Status answer = surface_->await_actuators(published_tick_, {kAnswerPoll, &stop_});
   switch (answer) {
@@ -324,8 +319,7 @@ void Bridge::poll_answer() {
       return;
     case Status::kControllerDead:
     case Status::kControllerClosed:
-      log_.add(std::string(shm_protocol::text(answer)) +
-               (options_.hold_last_frame ? "; its last frame stands" : "; safe values stand"));
+      log_lost_controller(answer);
       break;
     case Status::kOk:
       if (may_send(published_tick_)) ++counters_.answers;
@@ -340,8 +334,7 @@ void Bridge::poll_answer() {
 void Bridge::poll_latest() {
   const Status newest = surface_->latest_actuators();
   if (newest == Status::kControllerDead || newest == Status::kControllerClosed) {
-    log_.add(std::string(shm_protocol::text(newest)) +
-             (options_.hold_last_frame ? "; its last frame stands" : "; safe values stand"));
+    log_lost_controller(newest);
   } else if (newest != Status::kOk) {
     return;
   }
@@ -353,17 +346,16 @@ void Bridge::poll_latest() {
 
 void Bridge::fill_actuators(bool safe) {
   const auto& channels = device_->channels;
-  for (std::size_t i = 0; i < channels.size(); ++i) {
+  for (int i = 0; i < std::ssize(channels); ++i) {
     const DeviceChannel& c = channels[i];
     if (c.sensor) continue;
-    const auto to = actuators_.begin() + static_cast<std::ptrdiff_t>(c.first_element);
-    const int channel = static_cast<int>(i);
+    float* const to = actuators_.data() + c.first_element;
     if (safe)
       std::fill_n(to, c.elements, c.safe);
     else if (is_plain_u8(c))
-      std::ranges::copy(surface_->actuator<std::uint8_t>(channel), to);
+      std::ranges::copy(surface_->actuator<std::uint8_t>(i), to);
     else
-      std::ranges::copy(surface_->actuator<float>(channel), to);
+      std::ranges::copy(surface_->actuator<float>(i), to);
   }
 }
 

@@ -67,8 +67,11 @@ class Bridge {
   const BridgeCounters& counters() const { return counters_; }
 
  private:
+  template <class Lost>
+  std::optional<Outcome> await_device(std::optional<std::chrono::milliseconds> timeout, Lost lost);
   std::optional<Outcome> connect();
   std::optional<Outcome> reconnect();
+  std::optional<Outcome> end_of_fault();
   void create_surface();
   std::optional<Outcome> serve_once();
   bool poll_line(std::chrono::milliseconds timeout);
@@ -78,6 +81,7 @@ class Bridge {
   void on_frame();
   void count_missed_deadlines(const SensorFrame&);
   void publish();
+  void log_lost_controller(shm_protocol::Status);
   void poll_answer();
   void poll_latest();
   void send_actuators(std::uint32_t device_tick);

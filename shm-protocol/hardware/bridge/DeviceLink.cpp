@@ -131,9 +131,8 @@ DeviceLink::Event DeviceLink::handle_hello(const ssw_packet& packet) {
 DeviceLink::Event DeviceLink::handle_channel(const ssw_packet& packet) {
   ssw_channel c;
   if (!ssw_get_channel(&packet, &c) || channels_remaining_ == 0) return Event::kAlive;
-  if (c.index !=
-      incoming_description_.channels.size()) {  // an earlier one was lost; the description is requested again
-    channels_remaining_ = 0;
+  if (c.index != incoming_description_.channels.size()) {
+    channels_remaining_ = 0;  // an earlier channel was lost; the description is requested again
     return Event::kAlive;
   }
   const std::string name = text_of(c.name);
@@ -162,11 +161,6 @@ DeviceLink::Event DeviceLink::handle_channel(const ssw_packet& packet) {
 }
 
 // ---- sensor frames
-void DeviceLink::abandon_frame() {
-  if (in_frame_) ++broken_frames_;
-  in_frame_ = false;
-}
-
 // The line preserves order: if chunks do not arrive in sequence, one was lost and the frame with it.
 DeviceLink::Event DeviceLink::handle_data(const ssw_packet& packet) {
   if (!described_ || packet.payload_bytes <= SSW_DATA_HEADER) return Event::kAlive;
@@ -177,13 +171,12 @@ DeviceLink::Event DeviceLink::handle_data(const ssw_packet& packet) {
   const std::size_t first = ssw_get_u32(packet.payload + 2), count = bytes / size;
   if (bytes % size != 0 || first > c.elements || count > c.elements - first) return Event::kAlive;
   if (c.first_element + first == 0) {
-    abandon_frame();
     in_frame_ = true;
     partial_frame_.tick = packet.tick;
     partial_elements_ = 0;
   }
   if (!in_frame_ || partial_frame_.tick != packet.tick || c.first_element + first != partial_elements_) {
-    abandon_frame();
+    in_frame_ = false;
     return Event::kAlive;
   }
   for (std::size_t i = 0; i < count; ++i)
@@ -195,11 +188,8 @@ DeviceLink::Event DeviceLink::handle_end(const ssw_packet& packet) {
   if (!described_ || packet.payload_bytes != SSW_SENSOR_END_BYTES) return Event::kAlive;
   const bool whole = in_frame_ && partial_frame_.tick == packet.tick &&
                      partial_elements_ == sensor_elements_ && ssw_get_u32(packet.payload) == sensor_elements_;
-  if (!whole && sensor_elements_ != 0) {
-    abandon_frame();
-    return Event::kAlive;
-  }
   in_frame_ = false;
+  if (!whole && sensor_elements_ != 0) return Event::kAlive;
   partial_frame_.tick = packet.tick;
   partial_frame_.flags = ssw_get_u32(packet.payload + 4);
   partial_frame_.missed = ssw_get_u32(packet.payload + 8);

@@ -36,7 +36,7 @@ struct DeviceDescription {
   std::uint32_t boot = 0;  // changes at every start of the device
   std::vector<DeviceChannel> channels;
 
-  // Whether all fields except `boot` are equal.
+  // Returns whether all fields except `boot` are equal.
   bool is_compatible_with(const DeviceDescription&) const;
 };
 
@@ -83,8 +83,7 @@ class DeviceLink {
   std::size_t actuator_elements() const { return actuator_elements_; }
 
   std::uint64_t damaged_packets() const { return receiver_.damaged; }
-  std::uint64_t lost_packets() const { return lost_; }            // from sequence gaps, modulo 256
-  std::uint64_t broken_frames() const { return broken_frames_; }  // started but abandoned
+  std::uint64_t lost_packets() const { return lost_; }  // from sequence gaps, modulo 256
 
  private:
   Event handle_packet(const ssw_packet&);
@@ -94,7 +93,6 @@ class DeviceLink {
   Event handle_end(const ssw_packet&);
   Event reject(const std::string& reason);
   void count_sequence(std::uint8_t sequence);
-  void abandon_frame();
   void append(const ssw_packet&, std::vector<std::uint8_t>& to);
 
   ssw_receiver receiver_{};
@@ -110,7 +108,7 @@ class DeviceLink {
   std::string message_;
   std::uint8_t sequence_ = 0, expected_ = 0;
   bool has_sequence_ = false;
-  std::uint64_t lost_ = 0, broken_frames_ = 0;
+  std::uint64_t lost_ = 0;
 };
 
 }  // namespace hardware

@@ -33,7 +33,7 @@ void EventLog::add(const std::string& text, Clock::time_point now) {
   print(*known);
 }
 
-// With more than one repetition, their number.
+// Prints the line, with the number of its repetitions if there is more than one.
 void EventLog::print(Line& line) {
   const std::uint64_t times = std::exchange(line.repetitions, 0);
   print_(times == 1 ? line.text : line.text + " (" + std::to_string(times) + " times more)");

@@ -58,8 +58,8 @@ int open_terminal(const PortAddress& name, std::string& why) {
     ::close(terminal);
     return -1;
   }
-  ::ioctl(terminal,
-          TIOCEXCL);  // two bridges on one line would garble each other; no harm where it is not known
+  // Two bridges on one line would garble each other. A line without this request works as well.
+  ::ioctl(terminal, TIOCEXCL);
   ::tcflush(terminal, TCIFLUSH);
   return terminal;
 }

@@ -1,4 +1,5 @@
-// A device on the reference firmware: the code that a surface's microcontroller would run. What it senses is the subclass's.
+// A device on the reference firmware, the code that a surface's microcontroller would run. Subclasses provide
+// the sensors' values.
 #pragma once
 
 #include <cstdint>
@@ -31,14 +32,14 @@ class EmulatedDevice {
   EmulatedDevice(const char* name, std::uint16_t rows, std::uint16_t columns, float pitch,
                  std::uint32_t period_us, Write);
   std::size_t cell_count() const { return std::size_t{rows_} * columns_; }
-  // The channels: sensors first, then the only actuator, `height`, of dtype u8. Called once, by the constructor.
+  // The channels: sensors first, then the only actuator, `height`, of dtype u8. Constructors call it once.
   void set_channels(std::vector<ssd_channel> sensors, const ssw_channel& height);
   static ssw_channel describe(ssw_direction, ssw_dtype, const char* name, const char* unit, float maximum,
                               float scale);
 
-  // The state at power-on.
+  // Returns to the state at power-on.
   virtual void reset() = 0;
-  // The sensors' values of that tick, after one period under the active frame.
+  // Updates the sensors' values to that tick, one period under the active frame later.
   virtual void sense(std::uint64_t tick) = 0;
 
   const std::uint16_t rows_, columns_;

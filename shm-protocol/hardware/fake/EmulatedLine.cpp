@@ -93,7 +93,7 @@ void EmulatedLine::read(std::vector<std::uint8_t>& to) {
   std::array<std::uint8_t, 4096> bytes;
   const ssize_t got = ::read(line_, bytes.data(), bytes.size());
   if (got > 0) to.insert(to.end(), bytes.begin(), bytes.begin() + got);
-  has_host_ = got > 0 || (got < 0 && errno == EAGAIN);  // a pseudo-terminal that nobody has open answers EIO
+  has_host_ = got > 0 || (got < 0 && errno == EAGAIN);  // EIO: no process has the pseudo-terminal open
   if (got == 0 && tcp_) {                               // the host disconnected; accept the next one
     close_descriptor(line_);
     pending_.clear();

@@ -20,7 +20,7 @@ class EmulatedLine {
   void plug();
   void unplug();
   bool plugged() const { return line_ >= 0 || listener_ >= 0; }
-  // Whether a host had the line open at the last read().
+  // Returns whether a host had the line open at the last read().
   bool has_host() const { return has_host_; }
 
   // The DEVICE argument for surface_bridge.

@@ -37,7 +37,7 @@ void PillarDevice::reset() {
   place_ball();
 }
 
-// Successive places are spread over the array (the golden ratio's multiples).
+// Multiples of the golden ratio spread successive places over the array.
 void PillarDevice::place_ball() {
   const double u = std::fmod(0.618034 * ++placed_, 1.0), v = std::fmod(0.754878 * placed_, 1.0);
   at_ = {(0.2 + 0.6 * u) * (columns_ - 1), (0.2 + 0.6 * v) * (rows_ - 1)};
@@ -45,16 +45,18 @@ void PillarDevice::place_ball() {
   periods_since_placed_ = 0;
 }
 
-// Of the plane through the tops of the pillars near the ball, by least squares.
+// Returns the slope of the plane through the tops of the pillars near the ball, by least squares.
 PillarDevice::Vector PillarDevice::slope() const {
   double sum_x = 0, sum_y = 0, xx = 0, yy = 0;
   for (int row = 0; row < rows_; ++row)
     for (int column = 0; column < columns_; ++column) {
       const double x = column - at_.x, y = row - at_.y;
       if (x * x + y * y > kReach * kReach) continue;
-      const double height =
-          pillar_[static_cast<std::size_t>(row) * columns_ + static_cast<std::size_t>(column)];
-      sum_x += x * height, sum_y += y * height, xx += x * x, yy += y * y;
+      const double height = pillar_[row * columns_ + column];
+      sum_x += x * height;
+      sum_y += y * height;
+      xx += x * x;
+      yy += y * y;
     }
   return {xx > 0 ? sum_x / (xx * kPitch) : 0, yy > 0 ? sum_y / (yy * kPitch) : 0};
 }
@@ -69,7 +71,7 @@ void PillarDevice::roll() {
   speed_ = {speed_.x * kept, speed_.y * kept};
   auto move = [this](double& at, double& velocity, int size) {
     at += velocity * period_s_;
-    const double inside = std::clamp(at, 0.0, size - 1.0);  // the frame around the array
+    const double inside = std::clamp(at, 0.0, size - 1.0);  // a frame surrounds the array
     if (at != inside) velocity = 0;
     at = inside;
   };
@@ -85,7 +87,7 @@ void PillarDevice::load_pillars() {
     for (int column = west; column < std::min<int>(west + 2, columns_); ++column) {
       const double share = (1 - std::abs(at_.x - column)) * (1 - std::abs(at_.y - row));
       const double load = kMass * kGravity * std::max(share, 0.0);
-      pressure_[static_cast<std::size_t>(row) * columns_ + static_cast<std::size_t>(column)] =
+      pressure_[row * columns_ + column] =
           static_cast<std::uint8_t>(std::lround(load / static_cast<double>(kPressureScale)));
     }
 }

@@ -1,5 +1,5 @@
-// device_emulator: the reference firmware on an emulated device, behind a pseudo-terminal or TCP, with configurable
-// line faults.
+// device_emulator: the reference firmware on an emulated device, behind a pseudo-terminal or TCP, with
+// configurable line faults.
 #include <getopt.h>
 #include <poll.h>
 
@@ -170,13 +170,13 @@ class Emulator {
     if (latency_us_.empty()) return;
     std::ranges::sort(latency_us_);
     const auto quantile = [&](double share) {
-      return latency_us_[static_cast<std::size_t>(share * static_cast<double>(latency_us_.size() - 1))];
+      return latency_us_[static_cast<std::ptrdiff_t>(share * static_cast<double>(latency_us_.size() - 1))];
     };
     std::printf("answers %zu latency_us median %u p99 %u max %u\n", latency_us_.size(), quantile(0.5),
                 quantile(0.99), quantile(1.0));
   }
 
-  // Of the answer to the frame of this period, once it is complete.
+  // Records the latency of the answer to this period's frame, once the answer is complete.
   void measure_latency() {
     const ssd_device& firmware = device_->firmware();
     if (firmware.ready_tick != firmware.tick || answered_tick_ == firmware.tick) return;
@@ -196,7 +196,7 @@ class Emulator {
   }
   bool silent() const { return within(o_.silent_at, o_.silent_for); }
 
-  // For a second, in which it could have come back.
+  // Returns whether the host closed the line and did not open it again within a second.
   bool host_has_left() const { return host_seen_at_ && now() > *host_seen_at_ + std::chrono::seconds(1); }
 
   void wait() {
@@ -241,8 +241,10 @@ class Emulator {
     }
     sent_at_ = now();
     device_->period();
-    if (pillars_ && pillars_->seconds_since_placed() > kSettled_s)
-      distance_sum_ += pillars_->distance(), ++distance_count_;
+    if (pillars_ && pillars_->seconds_since_placed() > kSettled_s) {
+      distance_sum_ += pillars_->distance();
+      ++distance_count_;
+    }
   }
 
   Options o_;
@@ -253,9 +255,9 @@ class Emulator {
   hardware::PillarDevice* pillars_ = nullptr;  // device_, if it is one
   std::unique_ptr<hardware::EmulatedDevice> device_;
   std::vector<std::uint8_t> bytes_;
-  std::optional<NoisyLine::Time> host_seen_at_;  // last; an unplugged line does not tell
-  NoisyLine::Time sent_at_{};                    // the last sensor frame
-  std::uint32_t answered_tick_ = 0;              // whose latency was measured last
+  std::optional<NoisyLine::Time> host_seen_at_;  // last; moves on while the line is unplugged
+  NoisyLine::Time sent_at_{};                    // when the last sensor frame was sent
+  std::uint32_t answered_tick_ = 0;              // tick whose latency was measured last
   std::vector<std::uint32_t> latency_us_;
   double distance_sum_ = 0.0;  // of the settled ball from the middle, cm
   std::uint64_t distance_count_ = 0;

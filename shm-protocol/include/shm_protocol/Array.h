@@ -19,6 +19,21 @@ constexpr DType dtype_of() noexcept {
   return std::is_same_v<T, std::uint32_t> ? DType::kU32 : DType::kU8;
 }
 
+constexpr std::size_t element_bytes(DType dtype) noexcept { return dtype == DType::kU8 ? 1 : 4; }
+
+// Returns visit(T{}) for the element type T of `dtype`.
+template <class Visit>
+decltype(auto) with_element_type(DType dtype, Visit&& visit) {
+  switch (dtype) {
+    case DType::kU32:
+      return visit(std::uint32_t{});
+    case DType::kU8:
+      return visit(std::uint8_t{});
+    default:
+      return visit(float{});
+  }
+}
+
 // Precondition: `bytes` is 64-byte aligned and its size is a multiple of sizeof(T).
 template <class T, class Byte>
 std::span<T> as_array(std::span<Byte> bytes) noexcept {

@@ -30,14 +30,14 @@ class ControllerEndpoint {
   // (invalid name), kNotFound (after the timeout), kControllerLives (with its pid), kWrongVersion, kCorrupt,
   // kForeign, kInterrupted, kSystem.
   static ControllerEndpoint attach(const std::string& name, const AttachOptions& = {});
-  // Detaches: the surface sees an orderly departure.
+  // Closes, unmaps the segment and invalidates all spans.
   ~ControllerEndpoint();
   ControllerEndpoint(ControllerEndpoint&&) noexcept;
   ControllerEndpoint& operator=(ControllerEndpoint&&) noexcept;
 
-  // As the destructor, but keeps the mapping, and thus all spans, until destruction. Only reconnect() may
-  // follow.
-  void detach() noexcept;
+  // Releases the claim; the surface sees kControllerClosed. The mapping, and with it all spans, lasts until
+  // destruction. Only reconnect() may follow.
+  void close() noexcept;
 
   const Description& description() const noexcept;
 
@@ -106,7 +106,7 @@ class ControllerEndpoint {
 
   // After kSurfaceDead or kSurfaceClosed: waits for a new surface of the same name and attaches to it.
   // Invalidates all spans. Throws as attach() does, and kLayoutChanged if the new surface differs in size or
-  // channels; the endpoint then stays detached.
+  // channels; the endpoint then stays closed.
   void reconnect(const AttachOptions&);
 
  private:

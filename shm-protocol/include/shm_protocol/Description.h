@@ -5,6 +5,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <string>
+#include <string_view>
 #include <vector>
 
 namespace shm_protocol {
@@ -67,7 +68,7 @@ struct Description {
 
   std::size_t cells() const noexcept { return std::size_t{rows} * columns; }
   // The number of the channel with that direction and name, or -1.
-  int channel(Direction, const std::string& channel_name) const noexcept;
+  int channel(Direction, std::string_view channel_name) const noexcept;
 };
 
 // Counters of one side; both sides can read both.

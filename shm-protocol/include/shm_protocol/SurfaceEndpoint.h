@@ -29,13 +29,13 @@ class SurfaceEndpoint {
   // Creates /dev/shm/smartsurf.NAME with mode 0600, in state kReady. Reclaims a segment that a dead surface
   // left under that name. Throws Error: kBadConfig, kSurfaceLives, kForeign, kSystem.
   static SurfaceEndpoint create(const SurfaceConfig&);
-  // Marks the surface closing, wakes the controller and removes the segment.
+  // Closes, unmaps the segment and invalidates all spans.
   ~SurfaceEndpoint();
   SurfaceEndpoint(SurfaceEndpoint&&) noexcept;
   SurfaceEndpoint& operator=(SurfaceEndpoint&&) noexcept;
 
-  // As the destructor, but keeps the mapping, and thus all spans, until destruction. Nothing may be published
-  // afterwards.
+  // Ends the session: the controller sees kSurfaceClosed, and the segment's file is removed. The mapping, and
+  // with it all spans, lasts until destruction. Nothing may be published afterwards.
   void close() noexcept;
 
   const Description& description() const noexcept;

@@ -14,9 +14,9 @@ enum class Status {
   kInterrupted,       // the stop flag was raised
   kOutOfTurn,         // time-step: this call would run ahead of the peer, or nothing was published yet
   kNoController,      // no controller is attached
-  kControllerDead,    // the controller exited without detaching (reported once)
-  kControllerClosed,  // the controller detached (reported once)
-  kSurfaceDead,       // the surface exited without closing
+  kControllerDead,    // the controller exited without close() (reported once)
+  kControllerClosed,  // the controller closed (reported once)
+  kSurfaceDead,       // the surface exited without close()
   kSurfaceClosed      // the surface is closing
 };
 

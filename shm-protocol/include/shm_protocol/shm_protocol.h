@@ -4,7 +4,19 @@
  * Handles are opaque. Calls return an ssp_result: 0 is success, a positive value an expected outcome, a
  * negative value an error. ssp_text() names the result; after an error, ssp_last_error() returns a one-line
  * message. No call throws or terminates the process. One thread at a time may use a handle; different handles
- * are independent. create, attach, open, reconnect and ssp_list allocate; calls on the tick path do not.
+ * are independent. create, attach, reconnect and ssp_list allocate; calls on the tick path do not.
+ *
+ * Ownership. A segment is the file /dev/shm/smartsurf.NAME. Each verb has the same effect in all roles:
+ *
+ *   create    surface: creates the segment and maps it
+ *   attach    controller: maps the segment and claims the role; observer: maps it read-only
+ *   close     ends the role, keeps the mapping: arrays stay readable until destroy. Surface: removes the
+ *             file, the controller sees SSP_SURFACE_CLOSED. Controller: releases the claim, the surface sees
+ *             SSP_CONTROLLER_CLOSED. An observer has no role to end
+ *   destroy   closes if necessary, unmaps the segment, frees the handle and invalidates all pointers
+ *   clean     removes the files of surfaces that died without close
+ *
+ * A process that exits without close is reported to its peer as SSP_SURFACE_DEAD or SSP_CONTROLLER_DEAD.
  *
  * A channel is identified by its number, 0 … channel_count − 1, which is the same for every process of the
  * session. An array is components × rows × columns: one plane per component, row 0 north, column 0 west. Its
@@ -21,7 +33,7 @@
  *     compute(ssp_controller_sensor(table, hit, NULL), ssp_controller_actuator(table, height, NULL));
  *     ssp_controller_publish(table);
  *   }
- *   ssp_controller_detach(table);
+ *   ssp_controller_destroy(table);
  */
 #ifndef SHM_PROTOCOL_SHM_PROTOCOL_H
 #define SHM_PROTOCOL_SHM_PROTOCOL_H
@@ -33,8 +45,10 @@
 
 #if defined(__GNUC__)
 #define SSP_API __attribute__((visibility("default")))
+#define SSP_DEPRECATED(instead) __attribute__((deprecated("use " instead)))
 #else
 #define SSP_API
+#define SSP_DEPRECATED(instead)
 #endif
 
 #ifdef __cplusplus
@@ -46,15 +60,15 @@ extern "C" {
 typedef enum ssp_result {
   SSP_OK = 0,
   /* outcomes */
-  SSP_REPEATED = 1,    /* no newer frame; the previous one is kept */
-  SSP_TORN = 2,        /* the frame changed while it was read, or is malformed; the previous one is kept */
-  SSP_TIMEOUT = 3,     /* the deadline passed; nothing else happened */
-  SSP_INTERRUPTED = 4, /* the stop flag was raised */
-  SSP_OUT_OF_TURN = 5, /* time-step: the call would run ahead of the peer, or nothing was published yet */
-  SSP_NO_CONTROLLER = 6,     /* no controller is attached */
-  SSP_CONTROLLER_DEAD = 7,   /* the controller exited without detaching (reported once) */
-  SSP_CONTROLLER_CLOSED = 8, /* the controller detached (reported once) */
-  SSP_SURFACE_DEAD = 9,      /* the surface exited without closing */
+  SSP_REPEATED = 1,      /* no newer frame; the previous one is kept */
+  SSP_TORN = 2,          /* the frame changed while it was read, or is malformed; the previous one is kept */
+  SSP_TIMEOUT = 3,       /* the deadline passed; nothing else happened */
+  SSP_INTERRUPTED = 4,   /* the stop flag was raised */
+  SSP_OUT_OF_TURN = 5,   /* time-step: the call would run ahead of the peer, or nothing was published yet */
+  SSP_NO_CONTROLLER = 6, /* no controller is attached */
+  SSP_CONTROLLER_DEAD = 7,   /* the controller exited without close (reported once) */
+  SSP_CONTROLLER_CLOSED = 8, /* the controller closed (reported once) */
+  SSP_SURFACE_DEAD = 9,      /* the surface exited without close */
   SSP_SURFACE_CLOSED = 10,   /* the surface is closing */
   /* errors */
   SSP_E_BAD_CONFIG = -1,       /* the caller's description or name is invalid */
@@ -107,7 +121,7 @@ typedef struct ssp_channel_spec {
   uint32_t components; /* per cell, 1 … 64; 0 stands for 1 */
   uint32_t reserved0;
   double minimum, maximum; /* valid range, finite */
-  double safe; /* within the range; replaces NaN, and applies before there is a controller */
+  double safe;             /* within the range; replaces NaN, and applies before there is a controller */
   uint64_t reserved[4];
 } ssp_channel_spec;
 
@@ -119,9 +133,9 @@ typedef struct ssp_surface_config {
   uint32_t mode;          /* SSP_MODE_TIME_STEP, SSP_MODE_PASSIVE; 0 stands for time-step */
   uint32_t slots;         /* per ring: 4, 8, … 64; 0 stands for 4 */
   const ssp_channel_spec* channels;
-  uint32_t channel_count; /* 1 … 32, both directions together */
+  uint32_t channel_count;   /* 1 … 32, both directions together */
   uint32_t safe_when_alone; /* in effect after the controller died or left: 0 its last frame, 1 safe values */
-  const float* positions; /* [rows × columns][3]: x, y, z of each cell; null: a regular grid */
+  const float* positions;   /* [rows × columns][3]: x, y, z of each cell; null: a regular grid */
   uint64_t reserved[8];
 } ssp_surface_config;
 
@@ -176,11 +190,8 @@ typedef struct ssp_surface ssp_surface;
 
 /* Creates /dev/shm/smartsurf.NAME, reclaiming the segment of a dead surface. *out is null after an error. */
 SSP_API ssp_result ssp_surface_create(const ssp_surface_config*, ssp_surface** out);
-/* Ends the session: marks the surface as closing and removes the segment. The mapping stays readable until
- * the handle is destroyed, for languages whose arrays may outlive the session. */
-SSP_API void ssp_surface_close(ssp_surface*);
-/* Closes the surface if necessary and frees the handle. Invalidates all pointers. Null: no effect. */
-SSP_API void ssp_surface_destroy(ssp_surface*);
+SSP_API void ssp_surface_close(ssp_surface*);   /* null: no effect */
+SSP_API void ssp_surface_destroy(ssp_surface*); /* null: no effect */
 
 SSP_API ssp_result ssp_surface_describe(const ssp_surface*, ssp_description*);
 SSP_API ssp_result ssp_surface_channel(const ssp_surface*, int channel, ssp_channel_info*);
@@ -237,13 +248,11 @@ typedef struct ssp_controller ssp_controller;
  * error. */
 SSP_API ssp_result ssp_controller_attach(const char* name, int64_t timeout_ns, const ssp_stop*,
                                          ssp_controller** out);
-/* Ends the attachment; the surface sees an orderly departure. The mapping stays readable until the handle is
- * freed, for languages whose arrays may outlive the attachment. */
-SSP_API void ssp_controller_leave(ssp_controller*);
-/* Leaves if necessary and frees the handle. Invalidates all pointers. Null: no effect. */
-SSP_API void ssp_controller_detach(ssp_controller*);
+SSP_API void ssp_controller_close(ssp_controller*);   /* null: no effect */
+SSP_API void ssp_controller_destroy(ssp_controller*); /* null: no effect */
+SSP_API void ssp_controller_detach(ssp_controller*) SSP_DEPRECATED("ssp_controller_destroy");
 /* After SSP_SURFACE_DEAD or SSP_SURFACE_CLOSED: waits for a new surface of the same name and attaches to it.
- * Invalidates all pointers. After an error only detach, or another reconnect, is allowed. */
+ * Invalidates all pointers. After an error only destroy, or another reconnect, is allowed. */
 SSP_API ssp_result ssp_controller_reconnect(ssp_controller*, int64_t timeout_ns, const ssp_stop*);
 
 SSP_API ssp_result ssp_controller_describe(const ssp_controller*, ssp_description*);
@@ -264,7 +273,7 @@ SSP_API ssp_result ssp_controller_frame(const ssp_controller*, ssp_frame_info*);
 /* The actuator array that the next publish sends, in place in shared memory. Each publish moves it to another
  * slot, which holds the values of an old frame: write all of it. Null: not an actuator channel. */
 SSP_API void* ssp_controller_actuator(ssp_controller*, int channel, size_t* bytes);
-/* As ssp_surface_write. */
+/* Copies into the same array, as ssp_surface_write does for the surface. */
 SSP_API ssp_result ssp_controller_write(ssp_controller*, int channel, size_t at, const void* values,
                                         size_t bytes);
 /* Time-step: the next chunk of a channel of the sensor frame being written, in place, as far as the surface
@@ -290,9 +299,9 @@ SSP_API ssp_result ssp_controller_counters(const ssp_controller*, ssp_counters* 
 /* Maps a segment read-only: it cannot slow or disturb surface and controller. */
 typedef struct ssp_observer ssp_observer;
 
-SSP_API ssp_result ssp_observer_open(const char* name, int64_t timeout_ns, const ssp_stop*,
-                                     ssp_observer** out);
-SSP_API void ssp_observer_close(ssp_observer*); /* null: no effect */
+SSP_API ssp_result ssp_observer_attach(const char* name, int64_t timeout_ns, const ssp_stop*,
+                                       ssp_observer** out);
+SSP_API void ssp_observer_destroy(ssp_observer*); /* null: no effect */
 
 SSP_API ssp_result ssp_observer_describe(const ssp_observer*, ssp_description*);
 SSP_API ssp_result ssp_observer_channel(const ssp_observer*, int channel, ssp_channel_info*);
@@ -302,12 +311,10 @@ SSP_API int ssp_observer_find(const ssp_observer*, uint32_t direction, const cha
  * newer than the last copy), SSP_TORN (overwritten on every retry; the previous frame is kept),
  * SSP_SURFACE_DEAD and SSP_SURFACE_CLOSED (no newer frame, and none will follow). */
 SSP_API ssp_result ssp_observer_latest(ssp_observer*, uint32_t direction);
-/* An alias of ssp_observer_latest(). */
-SSP_API ssp_result ssp_observer_look(ssp_observer*, uint32_t direction);
 /* Polls once per millisecond for a newer frame. Returns as above, or SSP_TIMEOUT or SSP_INTERRUPTED. */
 SSP_API ssp_result ssp_observer_await(ssp_observer*, uint32_t direction, int64_t timeout_ns, const ssp_stop*);
-/* The channel's array in the last copied frame; zeros before the first frame. Valid until the next look or
- * await in that direction changes it. Null: no such channel. */
+/* The channel's array in the last copied frame; zeros before the first frame. Valid until the next
+ * latest or await in that direction changes it. Null: no such channel. */
 SSP_API const void* ssp_observer_array(const ssp_observer*, int channel, size_t* bytes);
 SSP_API ssp_result ssp_observer_frame(const ssp_observer*, uint32_t direction, ssp_frame_info*);
 

@@ -1,8 +1,6 @@
 """The controller's role."""
-import ctypes
-
 from . import _library as _c
-from ._endpoint import Endpoint, check, in_attach_slices, in_slices, text
+from ._endpoint import Endpoint, check, in_slices, text
 from ._values import STATES, Error, Result, SurfaceDied
 
 _lib = _c.lib
@@ -19,14 +17,10 @@ class Controller(Endpoint):
     _writes = "actuator"
 
     def __init__(self, name, timeout=0.0):
-        pointer = ctypes.c_void_p()
-        result = in_attach_slices(_lib.ssp_controller_attach, name, timeout, pointer)
-        check(result)
-        self._name = name
-        self._adopt(pointer.value)
+        self._attach(name, timeout)
 
-    def _adopt(self, pointer):
-        self._open(pointer, _lib.ssp_controller_detach)
+    def _open(self, pointer):
+        super()._open(pointer)
         self.sensors = self._arrays("sensor", _lib.ssp_controller_sensor, False)
         self.actuators = self._arrays("actuator", _lib.ssp_controller_actuator, True)
 
@@ -75,15 +69,13 @@ class Controller(Endpoint):
         """Attaches to a new surface under the same name, which must have the same layout. Invalidates all arrays."""
         layout = self.description.layout_hash
         self.close()
-        pointer = ctypes.c_void_p()
-        check(in_attach_slices(_lib.ssp_controller_attach, self._name, timeout, pointer))
-        self._adopt(pointer.value)
+        self._attach(self._name, timeout)
         if self.description.layout_hash != layout:
             self.close()
             raise Error(Result.LAYOUT_CHANGED, f"surface {self._name} came back with another size or other channels")
 
     def close(self):
-        """Detaches from the surface. Arrays stay readable."""
+        """Releases the claim; the surface sees an orderly departure. Arrays stay readable."""
         if self._p is not None:
-            _lib.ssp_controller_leave(self._p)
+            _lib.ssp_controller_close(self._p)
             self._p = None

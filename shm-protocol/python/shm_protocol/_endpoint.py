@@ -24,23 +24,14 @@ def text(raw):
     return raw.decode(errors="replace")
 
 
-def in_slices(timeout, call):
-    """Repeats call(nanoseconds) until its result is not TIMEOUT or `timeout` seconds (None: forever) have passed."""
+def in_slices(timeout, call, pending=Result.TIMEOUT):
+    """Repeats call(nanoseconds) until its result is not `pending` or `timeout` seconds (None: forever) have passed."""
     end = None if timeout is None else _time.monotonic() + timeout
     while True:
         left = _SLICE_NS if end is None else max(0, int((end - _time.monotonic()) * 1e9))
         result = call(min(left, _SLICE_NS))
-        if result != Result.TIMEOUT or (end is not None and _time.monotonic() >= end):
+        if result != pending or (end is not None and _time.monotonic() >= end):
             return Result(result)
-
-
-def in_attach_slices(attach, name, timeout, pointer):
-    end = _time.monotonic() + (timeout if timeout is not None else float("inf"))
-    while True:
-        left = min(0.1, max(0.0, end - _time.monotonic()))
-        result = attach(name.encode(), int(left * 1e9), None, ctypes.byref(pointer))
-        if result != Result.NOT_FOUND or _time.monotonic() >= end:
-            return result
 
 
 class Endpoint:
@@ -48,8 +39,15 @@ class Endpoint:
     _role = ""
     _writes = ""  # the direction of the channels that this role publishes
 
-    def _open(self, pointer, free):
-        self._handle = Handle(pointer, free)
+    def _attach(self, name, timeout):
+        pointer = ctypes.c_void_p()
+        attach = getattr(_lib, f"ssp_{self._role}_attach")
+        check(in_slices(timeout, lambda ns: attach(name.encode(), ns, None, ctypes.byref(pointer)), Result.NOT_FOUND))
+        self._name = name
+        self._open(pointer.value)
+
+    def _open(self, pointer):
+        self._handle = Handle(pointer, getattr(_lib, f"ssp_{self._role}_destroy"))
         self._p = pointer
         raw = _c.Description()
         check(self._call("describe", ctypes.byref(raw)))

@@ -4,7 +4,6 @@ import os
 import pathlib
 
 _NAME = "libshm_protocol_c.so.1"
-MAX_CHANNELS = 32
 
 
 def _candidates():
@@ -82,58 +81,40 @@ class SegmentInfo(c.Structure):
 
 
 def _declare(lib):
-    handle, result, pointer = c.c_void_p, c.c_int, c.POINTER
+    handle, result, pointer, size = c.c_void_p, c.c_int, c.POINTER, c.c_size_t
+    number, timeout, stop, array = c.c_uint32, c.c_int64, c.c_void_p, c.c_void_p
 
-    def say(name, restype, *arguments):
-        function = getattr(lib, name)
-        function.restype, function.argtypes = restype, arguments
+    def say(names, restype, *arguments):
+        for name in names.split():
+            function = getattr(lib, "ssp_" + name)
+            function.restype, function.argtypes = restype, arguments
 
-    say("ssp_text", c.c_char_p, result)
-    say("ssp_last_error", c.c_char_p)
-    say("ssp_last_error_pid", c.c_uint32)
-    say("ssp_state_text", c.c_char_p, c.c_uint32)
-    say("ssp_list", result, pointer(SegmentInfo), c.c_size_t, pointer(c.c_size_t))
-    say("ssp_clean", result, c.c_char_p, pointer(SegmentInfo), c.c_size_t, pointer(c.c_size_t))
-    for role in ("surface", "controller", "observer"):
-        say(f"ssp_{role}_describe", result, handle, pointer(Description))
-        say(f"ssp_{role}_channel", result, handle, c.c_int, pointer(ChannelInfo))
-        say(f"ssp_{role}_counters", result, handle, pointer(Counters), pointer(Counters))
-    for role in ("surface", "controller"):
-        say(f"ssp_{role}_write", result, handle, c.c_int, c.c_size_t, c.c_void_p, c.c_size_t)
-        say(f"ssp_{role}_next", c.c_void_p, handle, c.c_int, c.c_int64, c.c_void_p, pointer(c.c_size_t))
-    say("ssp_surface_create", result, pointer(SurfaceConfig), pointer(handle))
-    say("ssp_surface_close", None, handle)
-    say("ssp_surface_destroy", None, handle)
-    say("ssp_surface_sensor", c.c_void_p, handle, c.c_int, pointer(c.c_size_t))
-    say("ssp_surface_actuator", c.c_void_p, handle, c.c_int, pointer(c.c_size_t))
-    say("ssp_surface_publish", result, handle, c.c_uint64, c.c_double, c.c_uint32)
-    say("ssp_surface_await", result, handle, c.c_uint64, c.c_int64, c.c_void_p)
-    say("ssp_surface_latest", result, handle)
-    say("ssp_surface_await_controller", result, handle, c.c_int64, c.c_void_p)
-    say("ssp_surface_frame", result, handle, pointer(FrameInfo))
-    say("ssp_surface_set_state", result, handle, c.c_uint32)
-    say("ssp_surface_miss_deadline", result, handle)
-    say("ssp_surface_controller_pid", c.c_uint32, handle)
-    say("ssp_surface_controller_state", c.c_uint32, handle)
-    for role, ending in (("controller", "attach"), ("observer", "open")):
-        say(f"ssp_{role}_{ending}", result, c.c_char_p, c.c_int64, c.c_void_p, pointer(handle))
-        say(f"ssp_{role}_surface_state", c.c_uint32, handle)
-    say("ssp_controller_leave", None, handle)
-    say("ssp_controller_detach", None, handle)
-    say("ssp_controller_await", result, handle, c.c_int64, c.c_void_p)
-    say("ssp_controller_latest", result, handle)
-    say("ssp_controller_sensor", c.c_void_p, handle, c.c_int, pointer(c.c_size_t))
-    say("ssp_controller_actuator", c.c_void_p, handle, c.c_int, pointer(c.c_size_t))
-    say("ssp_controller_frame", result, handle, pointer(FrameInfo))
-    say("ssp_controller_publish", result, handle)
-    say("ssp_controller_set_state", result, handle, c.c_uint32)
-    say("ssp_observer_close", None, handle)
-    say("ssp_observer_latest", result, handle, c.c_uint32)
-    say("ssp_observer_await", result, handle, c.c_uint32, c.c_int64, c.c_void_p)
-    say("ssp_observer_array", c.c_void_p, handle, c.c_int, pointer(c.c_size_t))
-    say("ssp_observer_frame", result, handle, c.c_uint32, pointer(FrameInfo))
-    say("ssp_observer_controller_state", c.c_uint32, handle)
-    say("ssp_observer_controller_pid", c.c_uint32, handle)
+    say("text", c.c_char_p, result)
+    say("last_error", c.c_char_p)
+    say("last_error_pid", number)
+    say("state_text", c.c_char_p, number)
+    say("list", result, pointer(SegmentInfo), size, pointer(size))
+    say("clean", result, c.c_char_p, pointer(SegmentInfo), size, pointer(size))
+    say("surface_create", result, pointer(SurfaceConfig), pointer(handle))
+    say("controller_attach observer_attach", result, c.c_char_p, timeout, stop, pointer(handle))
+    say("surface_close controller_close surface_destroy controller_destroy observer_destroy", None, handle)
+    say("surface_describe controller_describe observer_describe", result, handle, pointer(Description))
+    say("surface_channel controller_channel observer_channel", result, handle, c.c_int, pointer(ChannelInfo))
+    say("surface_counters controller_counters observer_counters", result, handle, pointer(Counters), pointer(Counters))
+    say("surface_frame controller_frame", result, handle, pointer(FrameInfo))
+    say("observer_frame", result, handle, number, pointer(FrameInfo))
+    say("surface_sensor surface_actuator controller_sensor controller_actuator observer_array",
+        array, handle, c.c_int, pointer(size))
+    say("surface_write controller_write", result, handle, c.c_int, size, array, size)
+    say("surface_next controller_next", array, handle, c.c_int, timeout, stop, pointer(size))
+    say("surface_publish", result, handle, c.c_uint64, c.c_double, number)
+    say("controller_publish surface_latest controller_latest surface_miss_deadline", result, handle)
+    say("observer_latest surface_set_state controller_set_state", result, handle, number)
+    say("surface_await", result, handle, c.c_uint64, timeout, stop)
+    say("controller_await surface_await_controller", result, handle, timeout, stop)
+    say("observer_await", result, handle, number, timeout, stop)
+    say("surface_controller_pid surface_controller_state controller_surface_state observer_surface_state "
+        "observer_controller_state observer_controller_pid", number, handle)
     return lib
 
 

@@ -1,8 +1,6 @@
 """The observer's role."""
-import ctypes
-
 from . import _library as _c
-from ._endpoint import Endpoint, check, in_attach_slices, in_slices
+from ._endpoint import Endpoint, in_slices
 from ._values import DIRECTIONS, Result, SurfaceDied
 
 _lib = _c.lib
@@ -14,10 +12,7 @@ class Observer(Endpoint):
     _role = "observer"
 
     def __init__(self, name, timeout=0.0):
-        pointer = ctypes.c_void_p()
-        check(in_attach_slices(_lib.ssp_observer_open, name, timeout, pointer))
-        self._name = name
-        self._open(pointer.value, _lib.ssp_observer_close)
+        self._attach(name, timeout)
         self.sensors = self._arrays("sensor", _lib.ssp_observer_array, False)
         self.actuators = self._arrays("actuator", _lib.ssp_observer_array, False)
 
@@ -25,8 +20,6 @@ class Observer(Endpoint):
         """Copies the newest complete frame. Returns True if it is new; False if there is none newer, if it was
         overwritten during the copy, or if the surface has closed (see surface_state). Raises SurfaceDied."""
         return self._seen(Result(self._call("latest", DIRECTIONS[direction])))
-
-    look = latest  # an alias
 
     def wait(self, direction="sensor", timeout=None):
         """Waits for a new frame. Returns True if there is one, False if the surface has closed."""

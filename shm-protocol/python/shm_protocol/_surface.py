@@ -41,7 +41,7 @@ class Surface(Endpoint):
             config.positions = positions.ctypes.data_as(ctypes.POINTER(ctypes.c_float))
         pointer = ctypes.c_void_p()
         check(_lib.ssp_surface_create(ctypes.byref(config), ctypes.byref(pointer)))
-        self._open(pointer.value, _lib.ssp_surface_destroy)
+        self._open(pointer.value)
         self._tick = 0
         self.result = Result.OK
         self.sensors = self._arrays("sensor", _lib.ssp_surface_sensor, True)

@@ -1,12 +1,9 @@
-#include <utility>
-
 #include "Conversion.h"
 #include "shm_protocol/ControllerEndpoint.h"
 
 using namespace shm_protocol;
 
 struct ssp_controller {
-  explicit ssp_controller(ControllerEndpoint made) : endpoint(std::move(made)) {}
   ControllerEndpoint endpoint;
 };
 
@@ -14,18 +11,14 @@ extern "C" {
 
 ssp_result ssp_controller_attach(const char* name, int64_t timeout_ns, const ssp_stop* stop,
                                  ssp_controller** out) {
-  if (!out) return c::null_argument();
-  *out = nullptr;
-  if (!name) return c::null_argument();
-  return c::guarded([&] {
-    *out = new ssp_controller(ControllerEndpoint::attach(name, c::to_attach_options(timeout_ns, stop)));
-    return SSP_OK;
-  });
+  return c::open(name, out,
+                 [&] { return ControllerEndpoint::attach(name, c::to_attach_options(timeout_ns, stop)); });
 }
 
-void ssp_controller_leave(ssp_controller* controller) {
-  if (controller) controller->endpoint.detach();
+void ssp_controller_close(ssp_controller* controller) {
+  if (controller) controller->endpoint.close();
 }
+void ssp_controller_destroy(ssp_controller* controller) { delete controller; }
 void ssp_controller_detach(ssp_controller* controller) { delete controller; }
 
 ssp_result ssp_controller_reconnect(ssp_controller* k, int64_t timeout_ns, const ssp_stop* stop) {
@@ -55,10 +48,9 @@ ssp_result ssp_controller_latest(ssp_controller* k) {
 }
 
 const void* ssp_controller_sensor(const ssp_controller* k, int channel, size_t* bytes) {
-  if (bytes) *bytes = 0;
-  const ChannelSpec* spec = k ? c::find_channel(k->endpoint.description(), channel) : nullptr;
-  if (!spec || spec->direction != Direction::kSensor || k->endpoint.sensor_info().frame == 0) return nullptr;
-  return c::address_of(spec->dtype, bytes, [&]<class T>() { return k->endpoint.sensor<T>(channel); });
+  const bool has_frame = k && k->endpoint.sensor_info().frame != 0;
+  return c::array_of(has_frame ? k : nullptr, channel, Direction::kSensor, bytes,
+                     [&]<class T>(T) { return k->endpoint.sensor<T>(channel); });
 }
 ssp_result ssp_controller_frame(const ssp_controller* k, ssp_frame_info* out) {
   if (!k || !out) return c::null_argument();
@@ -66,14 +58,11 @@ ssp_result ssp_controller_frame(const ssp_controller* k, ssp_frame_info* out) {
   return SSP_OK;
 }
 void* ssp_controller_actuator(ssp_controller* k, int channel, size_t* bytes) {
-  if (bytes) *bytes = 0;
-  const ChannelSpec* spec = k ? c::find_channel(k->endpoint.description(), channel) : nullptr;
-  if (!spec || spec->direction != Direction::kActuator) return nullptr;
-  return c::address_of(spec->dtype, bytes, [&]<class T>() { return k->endpoint.actuator<T>(channel); });
+  return c::array_of(k, channel, Direction::kActuator, bytes,
+                     [&]<class T>(T) { return k->endpoint.actuator<T>(channel); });
 }
 ssp_result ssp_controller_write(ssp_controller* k, int channel, size_t at, const void* values, size_t bytes) {
-  if (!k) return c::null_argument();
-  return c::write(k->endpoint, channel, Direction::kActuator, at, values, bytes);
+  return c::write(k, channel, Direction::kActuator, at, values, bytes);
 }
 const void* ssp_controller_next(ssp_controller* k, int channel, int64_t timeout_ns, const ssp_stop* stop,
                                 size_t* bytes) {
@@ -83,12 +72,7 @@ ssp_result ssp_controller_publish(ssp_controller* k) {
   return k ? c::to_result(k->endpoint.publish()) : c::null_argument();
 }
 
-ssp_result ssp_controller_set_state(ssp_controller* k, uint32_t state) {
-  if (!k) return c::null_argument();
-  if (state < SSP_STATE_LOADING || state > SSP_STATE_CLOSING) return c::fail(SSP_E_ARGUMENT, "no such state");
-  k->endpoint.set_state(static_cast<State>(state));
-  return SSP_OK;
-}
+ssp_result ssp_controller_set_state(ssp_controller* k, uint32_t state) { return c::set_state(k, state); }
 ssp_result ssp_controller_surface_status(ssp_controller* k) {
   return k ? c::to_result(k->endpoint.surface_status()) : c::null_argument();
 }

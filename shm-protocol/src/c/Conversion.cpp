@@ -9,31 +9,20 @@ namespace {
 thread_local char last_message[512] = "";
 thread_local std::uint32_t last_pid = 0;
 
-ssp_result to_result(ErrorCode code) noexcept {
-  switch (code) {
-    case ErrorCode::kBadConfig:
-      return SSP_E_BAD_CONFIG;
-    case ErrorCode::kSurfaceLives:
-      return SSP_E_SURFACE_LIVES;
-    case ErrorCode::kNotFound:
-      return SSP_E_NOT_FOUND;
-    case ErrorCode::kControllerLives:
-      return SSP_E_CONTROLLER_LIVES;
-    case ErrorCode::kWrongVersion:
-      return SSP_E_WRONG_VERSION;
-    case ErrorCode::kCorrupt:
-      return SSP_E_CORRUPT;
-    case ErrorCode::kForeign:
-      return SSP_E_FOREIGN;
-    case ErrorCode::kLayoutChanged:
-      return SSP_E_LAYOUT_CHANGED;
-    case ErrorCode::kInterrupted:
-      return SSP_E_INTERRUPTED;
-    case ErrorCode::kSystem:
-      return SSP_E_SYSTEM;
-  }
-  return SSP_E_INTERNAL;
+// ErrorCode k maps to the ssp_result −1 − k.
+constexpr ssp_result to_result(ErrorCode code) noexcept {
+  return static_cast<ssp_result>(-1 - static_cast<int>(code));
 }
+static_assert(to_result(ErrorCode::kBadConfig) == SSP_E_BAD_CONFIG &&
+              to_result(ErrorCode::kSurfaceLives) == SSP_E_SURFACE_LIVES &&
+              to_result(ErrorCode::kNotFound) == SSP_E_NOT_FOUND &&
+              to_result(ErrorCode::kControllerLives) == SSP_E_CONTROLLER_LIVES &&
+              to_result(ErrorCode::kWrongVersion) == SSP_E_WRONG_VERSION &&
+              to_result(ErrorCode::kCorrupt) == SSP_E_CORRUPT &&
+              to_result(ErrorCode::kForeign) == SSP_E_FOREIGN &&
+              to_result(ErrorCode::kLayoutChanged) == SSP_E_LAYOUT_CHANGED &&
+              to_result(ErrorCode::kInterrupted) == SSP_E_INTERRUPTED &&
+              to_result(ErrorCode::kSystem) == SSP_E_SYSTEM);
 
 template <std::size_t N>
 void copy_text(char (&to)[N], const std::string& from) noexcept {
@@ -91,7 +80,7 @@ void fill(ssp_channel_info& out, const Description& d, const ChannelSpec& c) noe
   out.minimum = c.minimum;
   out.maximum = c.maximum;
   out.safe = c.safe;
-  out.bytes = std::uint64_t{d.cells()} * c.components * (c.dtype == DType::kU8 ? 1 : 4);
+  out.bytes = std::uint64_t{d.cells()} * c.components * element_bytes(c.dtype);
 }
 
 void fill(ssp_frame_info& out, const FrameInfo& f) noexcept {
@@ -132,36 +121,21 @@ static_assert(static_cast<int>(Status::kOk) == SSP_OK &&
 extern "C" {
 
 const char* ssp_text(ssp_result result) {
-  switch (result) {
-    case SSP_E_BAD_CONFIG:
-      return "impossible description or name";
-    case SSP_E_SURFACE_LIVES:
-      return "a living surface owns the name";
-    case SSP_E_NOT_FOUND:
-      return "no such surface";
-    case SSP_E_CONTROLLER_LIVES:
-      return "another controller is attached";
-    case SSP_E_WRONG_VERSION:
-      return "another major version of the protocol";
-    case SSP_E_CORRUPT:
-      return "corrupt header";
-    case SSP_E_FOREIGN:
-      return "not a segment of this protocol";
-    case SSP_E_LAYOUT_CHANGED:
-      return "the new surface has another layout";
-    case SSP_E_INTERRUPTED:
-      return "interrupted while attaching";
-    case SSP_E_SYSTEM:
-      return "the operating system refused";
-    case SSP_E_ARGUMENT:
-      return "wrong argument";
-    case SSP_E_NO_MEMORY:
-      return "out of memory";
-    case SSP_E_INTERNAL:
-      return "defect of the library";
-    default:
-      return text(static_cast<Status>(result));
-  }
+  static constexpr const char* kErrors[] = {"impossible description or name",
+                                            "a living surface owns the name",
+                                            "no such surface",
+                                            "another controller is attached",
+                                            "another major version of the protocol",
+                                            "corrupt header",
+                                            "not a segment of this protocol",
+                                            "the new surface has another layout",
+                                            "interrupted while attaching",
+                                            "the operating system refused",
+                                            "wrong argument",
+                                            "out of memory",
+                                            "defect of the library"};
+  if (result >= 0) return text(static_cast<Status>(result));
+  return result >= SSP_E_INTERNAL ? kErrors[-1 - result] : "unknown";
 }
 
 const char* ssp_last_error(void) { return c::last_message; }

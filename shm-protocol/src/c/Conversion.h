@@ -8,9 +8,12 @@
 #include <cstring>
 #include <exception>
 #include <new>
+#include <optional>
 #include <string>
+#include <type_traits>
 #include <utility>
 
+#include "shm_protocol/Array.h"
 #include "shm_protocol/Description.h"
 #include "shm_protocol/Error.h"
 #include "shm_protocol/Wait.h"
@@ -58,45 +61,42 @@ void fill(ssp_counters*, const Counters&) noexcept;  // null: no effect
 
 // Null if there is no such channel.
 inline const ChannelSpec* find_channel(const Description& d, int channel) noexcept {
-  if (channel < 0 || static_cast<std::size_t>(channel) >= d.channels.size()) return nullptr;
-  return &d.channels[static_cast<std::size_t>(channel)];
+  return channel >= 0 && channel < std::ssize(d.channels) ? &d.channels[channel] : nullptr;
 }
 
-// Calls access.operator()<T>() for the element type of `dtype`; returns the address and the size in bytes.
-template <class Access>
-auto* address_of(DType dtype, std::size_t* bytes, Access&& access) noexcept {
-  const auto give = [&](auto span) {
+// Returns the address of the array that access(T{}), of the channel's element type T, gives, and its size in
+// bytes. Null, and 0 bytes, unless it is a channel of that direction.
+template <class Handle, class Access>
+auto* array_of(Handle* handle, int channel, std::optional<Direction> direction, std::size_t* bytes,
+               Access&& access) noexcept {
+  if (bytes) *bytes = 0;
+  const auto give = [&](auto element) {
+    const auto span = access(element);
     if (bytes) *bytes = span.size_bytes();
     using Byte = std::conditional_t<std::is_const_v<typename decltype(span)::element_type>, const void, void>;
     return static_cast<Byte*>(span.data());
   };
-  switch (dtype) {
-    case DType::kU32:
-      return give(access.template operator()<std::uint32_t>());
-    case DType::kU8:
-      return give(access.template operator()<std::uint8_t>());
-    default:
-      return give(access.template operator()<float>());
-  }
+  const ChannelSpec* spec = handle ? find_channel(handle->endpoint.description(), channel) : nullptr;
+  if (!spec || (direction && spec->direction != *direction)) return decltype(give(float{})){nullptr};
+  return with_element_type(spec->dtype, give);
 }
 
 // Checks the arguments and calls endpoint.write<T>() for the channel's element type.
-template <class Endpoint>
-ssp_result write(Endpoint& endpoint, int channel, Direction direction, std::size_t at, const void* values,
+template <class Handle>
+ssp_result write(Handle* handle, int channel, Direction direction, std::size_t at, const void* values,
                  std::size_t bytes) noexcept {
-  const Description& d = endpoint.description();
+  if (!handle) return null_argument();
+  const Description& d = handle->endpoint.description();
   const ChannelSpec* spec = find_channel(d, channel);
   if (!spec || spec->direction != direction) return wrong_channel();
   if (!values && bytes) return null_argument();
-  const std::size_t element = spec->dtype == DType::kU8 ? 1 : 4, all = d.cells() * spec->components * element;
+  const std::size_t element = element_bytes(spec->dtype), all = d.cells() * spec->components * element;
   if (at > all || bytes > all - at || at % element || bytes % element)
     return fail(SSP_E_ARGUMENT, "that place is not within the array, or not of whole elements");
-  const auto write_as = [&]<class T>() {
-    endpoint.template write<T>(channel, at / element, {static_cast<const T*>(values), bytes / element});
-  };
-  if (spec->dtype == DType::kF32) write_as.template operator()<float>();
-  if (spec->dtype == DType::kU32) write_as.template operator()<std::uint32_t>();
-  if (spec->dtype == DType::kU8) write_as.template operator()<std::uint8_t>();
+  with_element_type(spec->dtype, [&]<class T>(T) {
+    handle->endpoint.template write<T>(channel, at / element,
+                                       {static_cast<const T*>(values), bytes / element});
+  });
   return SSP_OK;
 }
 
@@ -105,11 +105,28 @@ template <class Handle>
 const void* next(Handle* handle, int channel, Direction direction, const WaitOptions& options,
                  std::size_t* bytes) noexcept {
   if (!bytes) return nullptr;
-  *bytes = 0;
-  const ChannelSpec* spec = handle ? find_channel(handle->endpoint.description(), channel) : nullptr;
-  if (!spec || spec->direction != direction) return nullptr;
-  return address_of(spec->dtype, bytes,
-                    [&]<class T>() { return handle->endpoint.template next_cells<T>(channel, options); });
+  return array_of(handle, channel, direction, bytes,
+                  [&]<class T>(T) { return handle->endpoint.template next_cells<T>(channel, options); });
+}
+
+template <class Handle>
+ssp_result set_state(Handle* handle, std::uint32_t state) noexcept {
+  if (!handle) return null_argument();
+  if (state < SSP_STATE_LOADING || state > SSP_STATE_CLOSING) return fail(SSP_E_ARGUMENT, "no such state");
+  handle->endpoint.set_state(static_cast<State>(state));
+  return SSP_OK;
+}
+
+// Creates or attaches an endpoint: *out is null after an error.
+template <class Handle, class Argument, class Open>
+ssp_result open(const Argument* argument, Handle** out, Open&& make_endpoint) noexcept {
+  if (!out) return null_argument();
+  *out = nullptr;
+  if (!argument) return null_argument();
+  return guarded([&] {
+    *out = new Handle{make_endpoint()};
+    return SSP_OK;
+  });
 }
 
 // Common to the three roles.
@@ -131,11 +148,7 @@ ssp_result describe_channel(const Handle* handle, int channel, ssp_channel_info*
 template <class Handle>
 int find(const Handle* handle, std::uint32_t direction, const char* name) noexcept {
   if (!handle || !name) return -1;
-  const auto& channels = handle->endpoint.description().channels;
-  for (std::size_t i = 0; i < channels.size(); ++i)
-    if (static_cast<std::uint32_t>(channels[i].direction) == direction && channels[i].name == name)
-      return static_cast<int>(i);
-  return -1;
+  return handle->endpoint.description().channel(static_cast<Direction>(direction), name);
 }
 
 }  // namespace shm_protocol::c

@@ -1,12 +1,9 @@
-#include <utility>
-
 #include "Conversion.h"
 #include "shm_protocol/ObserverEndpoint.h"
 
 using namespace shm_protocol;
 
 struct ssp_observer {
-  explicit ssp_observer(ObserverEndpoint made) : endpoint(std::move(made)) {}
   ObserverEndpoint endpoint;
 };
 
@@ -20,17 +17,13 @@ ssp_result wrong_direction() { return c::fail(SSP_E_ARGUMENT, "no such direction
 
 extern "C" {
 
-ssp_result ssp_observer_open(const char* name, int64_t timeout_ns, const ssp_stop* stop, ssp_observer** out) {
-  if (!out) return c::null_argument();
-  *out = nullptr;
-  if (!name) return c::null_argument();
-  return c::guarded([&] {
-    *out = new ssp_observer(ObserverEndpoint::attach(name, c::to_attach_options(timeout_ns, stop)));
-    return SSP_OK;
-  });
+ssp_result ssp_observer_attach(const char* name, int64_t timeout_ns, const ssp_stop* stop,
+                               ssp_observer** out) {
+  return c::open(name, out,
+                 [&] { return ObserverEndpoint::attach(name, c::to_attach_options(timeout_ns, stop)); });
 }
 
-void ssp_observer_close(ssp_observer* observer) { delete observer; }
+void ssp_observer_destroy(ssp_observer* observer) { delete observer; }
 
 ssp_result ssp_observer_describe(const ssp_observer* o, ssp_description* out) { return c::describe(o, out); }
 ssp_result ssp_observer_channel(const ssp_observer* o, int channel, ssp_channel_info* out) {
@@ -45,9 +38,6 @@ ssp_result ssp_observer_latest(ssp_observer* o, uint32_t direction) {
   if (!is_direction(direction)) return wrong_direction();
   return c::to_result(o->endpoint.latest(static_cast<Direction>(direction)));
 }
-ssp_result ssp_observer_look(ssp_observer* o, uint32_t direction) {
-  return ssp_observer_latest(o, direction);
-}
 ssp_result ssp_observer_await(ssp_observer* o, uint32_t direction, int64_t timeout_ns, const ssp_stop* stop) {
   if (!o) return c::null_argument();
   if (!is_direction(direction)) return wrong_direction();
@@ -56,10 +46,8 @@ ssp_result ssp_observer_await(ssp_observer* o, uint32_t direction, int64_t timeo
 }
 
 const void* ssp_observer_array(const ssp_observer* o, int channel, size_t* bytes) {
-  if (bytes) *bytes = 0;
-  const ChannelSpec* spec = o ? c::find_channel(o->endpoint.description(), channel) : nullptr;
-  if (!spec) return nullptr;
-  return c::address_of(spec->dtype, bytes, [&]<class T>() { return o->endpoint.array<T>(channel); });
+  return c::array_of(o, channel, std::nullopt, bytes,
+                     [&]<class T>(T) { return o->endpoint.array<T>(channel); });
 }
 ssp_result ssp_observer_frame(const ssp_observer* o, uint32_t direction, ssp_frame_info* out) {
   if (!o || !out) return c::null_argument();

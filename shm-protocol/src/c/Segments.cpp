@@ -18,14 +18,16 @@ ssp_result copy_out(const std::vector<SegmentInfo>& from, ssp_segment_info* to, 
   *count = from.size();
   for (std::size_t i = 0; i < std::min(capacity, from.size()); ++i) {
     const SegmentInfo& s = from[i];
-    to[i] = {};
+    to[i] = {.name = {},
+             .bytes = s.bytes,
+             .ownership = static_cast<uint32_t>(s.ownership),
+             .version_major = s.version_major,
+             .version_minor = s.version_minor,
+             .surface_pid = s.surface_pid,
+             .controller_pid = s.controller_pid,
+             .reserved0 = 0,
+             .reserved = {}};
     std::memcpy(to[i].name, s.name.data(), std::min(s.name.size(), sizeof to[i].name - 1));
-    to[i].bytes = s.bytes;
-    to[i].ownership = static_cast<uint32_t>(s.ownership);
-    to[i].version_major = s.version_major;
-    to[i].version_minor = s.version_minor;
-    to[i].surface_pid = s.surface_pid;
-    to[i].controller_pid = s.controller_pid;
   }
   return SSP_OK;
 }

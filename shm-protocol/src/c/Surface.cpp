@@ -1,13 +1,10 @@
 #include "shm_protocol/SurfaceEndpoint.h"
 
-#include <utility>
-
 #include "Conversion.h"
 
 using namespace shm_protocol;
 
 struct ssp_surface {
-  explicit ssp_surface(SurfaceEndpoint made) : endpoint(std::move(made)) {}
   SurfaceEndpoint endpoint;
 };
 
@@ -55,13 +52,7 @@ SurfaceConfig config_of(const ssp_surface_config& c) {
 extern "C" {
 
 ssp_result ssp_surface_create(const ssp_surface_config* config, ssp_surface** out) {
-  if (!out) return c::null_argument();
-  *out = nullptr;
-  if (!config) return c::null_argument();
-  return c::guarded([&] {
-    *out = new ssp_surface(SurfaceEndpoint::create(config_of(*config)));
-    return SSP_OK;
-  });
+  return c::open(config, out, [&] { return SurfaceEndpoint::create(config_of(*config)); });
 }
 
 void ssp_surface_close(ssp_surface* surface) {
@@ -78,15 +69,12 @@ int ssp_surface_find(const ssp_surface* s, uint32_t direction, const char* name)
 }
 
 void* ssp_surface_sensor(ssp_surface* s, int channel, size_t* bytes) {
-  if (bytes) *bytes = 0;
-  const ChannelSpec* spec = s ? c::find_channel(s->endpoint.description(), channel) : nullptr;
-  if (!spec || spec->direction != Direction::kSensor) return nullptr;
-  return c::address_of(spec->dtype, bytes, [&]<class T>() { return s->endpoint.sensor<T>(channel); });
+  return c::array_of(s, channel, Direction::kSensor, bytes,
+                     [&]<class T>(T) { return s->endpoint.sensor<T>(channel); });
 }
 
 ssp_result ssp_surface_write(ssp_surface* s, int channel, size_t at, const void* values, size_t bytes) {
-  if (!s) return c::null_argument();
-  return c::write(s->endpoint, channel, Direction::kSensor, at, values, bytes);
+  return c::write(s, channel, Direction::kSensor, at, values, bytes);
 }
 ssp_result ssp_surface_publish(ssp_surface* s, uint64_t tick, double time_s, uint32_t status) {
   return s ? c::to_result(s->endpoint.publish(tick, time_s, status)) : c::null_argument();
@@ -108,10 +96,8 @@ ssp_result ssp_surface_await_controller(ssp_surface* s, int64_t timeout_ns, cons
 }
 
 const void* ssp_surface_actuator(const ssp_surface* s, int channel, size_t* bytes) {
-  if (bytes) *bytes = 0;
-  const ChannelSpec* spec = s ? c::find_channel(s->endpoint.description(), channel) : nullptr;
-  if (!spec || spec->direction != Direction::kActuator) return nullptr;
-  return c::address_of(spec->dtype, bytes, [&]<class T>() { return s->endpoint.actuator<T>(channel); });
+  return c::array_of(s, channel, Direction::kActuator, bytes,
+                     [&]<class T>(T) { return s->endpoint.actuator<T>(channel); });
 }
 ssp_result ssp_surface_frame(const ssp_surface* s, ssp_frame_info* out) {
   if (!s || !out) return c::null_argument();
@@ -119,12 +105,7 @@ ssp_result ssp_surface_frame(const ssp_surface* s, ssp_frame_info* out) {
   return SSP_OK;
 }
 
-ssp_result ssp_surface_set_state(ssp_surface* s, uint32_t state) {
-  if (!s) return c::null_argument();
-  if (state < SSP_STATE_LOADING || state > SSP_STATE_CLOSING) return c::fail(SSP_E_ARGUMENT, "no such state");
-  s->endpoint.set_state(static_cast<State>(state));
-  return SSP_OK;
-}
+ssp_result ssp_surface_set_state(ssp_surface* s, uint32_t state) { return c::set_state(s, state); }
 ssp_result ssp_surface_miss_deadline(ssp_surface* s) {
   if (!s) return c::null_argument();
   s->endpoint.miss_deadline();

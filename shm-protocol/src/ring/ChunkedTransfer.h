@@ -67,7 +67,7 @@ class ChunkWriter {
     }
   }
 
-  // Whether a reader may have taken chunks of that frame.
+  // Returns whether a reader may have taken chunks of that frame.
   bool has_announced(std::uint64_t frame) const noexcept { return announced_ == frame; }
 
   // Must be called before `frame` is published. Clears stale progress, which could otherwise match a later
@@ -84,7 +84,10 @@ class ChunkWriter {
  private:
   // Returns whether to write `bytes` of `frame` with non-temporal stores.
   bool begin_chunk(std::uint64_t frame, std::size_t bytes, bool reader_on_other_core) noexcept {
-    if (frame != frame_) frame_ = frame, committed_end_ = sizeof(ssp_slot);
+    if (frame != frame_) {
+      frame_ = frame;
+      committed_end_ = sizeof(ssp_slot);
+    }
     reader_on_other_core_ = reader_on_other_core;
     non_temporal_ = false;
     if (!reader_on_other_core || bytes < kMinNonTemporalBytes) return false;
@@ -149,7 +152,9 @@ class ChunkReader {
 
  private:
   void reset(std::uint32_t frame, std::uint32_t writer) noexcept {
-    frame_ = frame, writer_ = writer, copied_ = sizeof(ssp_slot);
+    frame_ = frame;
+    writer_ = writer;
+    copied_ = sizeof(ssp_slot);
   }
 
   std::uint32_t frame_ = 0, writer_ = 0;
@@ -159,13 +164,13 @@ class ChunkReader {
 // Tracks, per channel, how much of the next frame the user of an endpoint has received.
 class ChunkCursor {
  public:
-  // Whether everything delivered so far belongs to that frame of that writer.
+  // Returns whether everything delivered so far belongs to that frame of that writer.
   bool is_consistent_with(std::uint32_t frame, std::uint32_t writer) const noexcept {
     return !started_ || (frame_ == frame && writer_ == writer);
   }
   bool has_started() const noexcept { return started_; }
   bool is_exhausted(int channel_index, const ssp_channel& c) const noexcept {
-    return started_ && delivered_[static_cast<std::size_t>(channel_index)] == c.bytes;
+    return started_ && delivered_[channel_index] == c.bytes;
   }
   void reset() noexcept {
     if (started_) delivered_.fill(0);
@@ -176,13 +181,15 @@ class ChunkCursor {
   std::span<const std::byte> next(std::uint32_t frame, std::uint32_t writer, int channel_index,
                                   const ssp_channel& c, std::size_t end,
                                   std::span<const std::byte> array) noexcept {
-    std::size_t& delivered = delivered_[static_cast<std::size_t>(channel_index)];
+    std::size_t& delivered = delivered_[channel_index];
     const std::size_t available =
         std::min<std::size_t>(std::max<std::size_t>(end, c.offset) - c.offset, c.bytes);
     if (available <= delivered) return {};
     const auto chunk = array.subspan(delivered, std::min(available - delivered, kMaxChunkBytes));
     delivered += chunk.size();
-    started_ = true, frame_ = frame, writer_ = writer;
+    started_ = true;
+    frame_ = frame;
+    writer_ = writer;
     return chunk;
   }
 

@@ -13,21 +13,15 @@ namespace shm_protocol {
 // Reader's view; works on a read-only mapping.
 class RingView {
  public:
-  RingView(const std::byte* begin, std::uint32_t slots, std::uint64_t slot_bytes)
-      : begin_(begin), mask_(slots - 1), slot_bytes_(slot_bytes) {}
-
-  static RingView sensor_ring(const SegmentLayout& g, const std::byte* segment) {
-    return {segment + g.geometry.sensor_ring_offset, slots_in_use(g, g.geometry.sensor_slots),
-            g.geometry.sensor_slot_bytes};
-  }
-  static RingView actuator_ring(const SegmentLayout& g, const std::byte* segment) {
-    return {segment + g.geometry.actuator_ring_offset, slots_in_use(g, g.geometry.actuator_slots),
-            g.geometry.actuator_slot_bytes};
-  }
-
-  // In lock-step one frame is read while the next is written. Two slots suffice and keep large frames cached.
-  static std::uint32_t slots_in_use(const SegmentLayout& g, std::uint32_t slots) noexcept {
-    return g.identity.mode == SSP_MODE_TIME_STEP ? SSP_TIME_STEP_SLOTS : slots;
+  RingView(const SegmentLayout& layout, ssp_direction direction, const std::byte* segment) {
+    const ssp_geometry& g = layout.geometry;
+    const bool sensor = direction == SSP_SENSOR;
+    begin_ = segment + (sensor ? g.sensor_ring_offset : g.actuator_ring_offset);
+    slot_bytes_ = sensor ? g.sensor_slot_bytes : g.actuator_slot_bytes;
+    // In lock-step one frame is read while the next is written. Two slots suffice and keep large frames
+    // cached.
+    const bool lock_step = layout.identity.mode == SSP_MODE_TIME_STEP;
+    mask_ = (lock_step ? SSP_TIME_STEP_SLOTS : sensor ? g.sensor_slots : g.actuator_slots) - 1;
   }
 
   // The low 32 bits of a frame number suffice, because only the low bits select the slot.
@@ -50,7 +44,7 @@ class RingView {
     return info;
   }
 
-  // Whether the frame stayed complete since read_info() returned it. To be called after reading the arrays.
+  // Returns whether the frame stayed complete since read_info() returned it. Call it after reading the arrays.
   bool is_still_valid(const FrameInfo& info) const noexcept {
     // The array reads must not be reordered after this load.
     fence_acquire();
@@ -65,17 +59,8 @@ class RingView {
 
 class Ring : public RingView {
  public:
-  Ring(std::byte* begin, std::uint32_t slots, std::uint64_t slot_bytes)
-      : RingView(begin, slots, slot_bytes) {}
-
-  static Ring sensor_ring(const SegmentLayout& g, std::byte* segment) {
-    return {segment + g.geometry.sensor_ring_offset, slots_in_use(g, g.geometry.sensor_slots),
-            g.geometry.sensor_slot_bytes};
-  }
-  static Ring actuator_ring(const SegmentLayout& g, std::byte* segment) {
-    return {segment + g.geometry.actuator_ring_offset, slots_in_use(g, g.geometry.actuator_slots),
-            g.geometry.actuator_slot_bytes};
-  }
+  Ring(const SegmentLayout& layout, ssp_direction direction, std::byte* segment)
+      : RingView(layout, direction, segment) {}
 
   // The cast is valid because a Ring requires a writable mapping.
   ssp_slot& slot(std::uint64_t frame) const noexcept { return const_cast<ssp_slot&>(RingView::slot(frame)); }

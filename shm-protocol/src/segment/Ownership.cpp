@@ -21,21 +21,6 @@
 namespace shm_protocol {
 namespace {
 
-class FileDescriptor {
- public:
-  explicit FileDescriptor(const std::string& path) : descriptor_(open_untrusted(path, O_RDONLY)) {}
-  ~FileDescriptor() {
-    if (descriptor_ >= 0) ::close(descriptor_);
-  }
-  FileDescriptor(const FileDescriptor&) = delete;
-  FileDescriptor& operator=(const FileDescriptor&) = delete;
-  explicit operator bool() const { return descriptor_ >= 0; }
-  int descriptor() const { return descriptor_; }
-
- private:
-  int descriptor_;
-};
-
 SegmentInfo inspect_descriptor(int descriptor, const std::string& file) {
   SegmentInfo info;
   info.name = file.substr(std::strlen(kFilePrefix));
@@ -64,14 +49,18 @@ SegmentInfo inspect_descriptor(int descriptor, const std::string& file) {
   return info;
 }
 
-bool is_still(int descriptor, const std::string& path) {
+}  // namespace
+
+FileDescriptor::~FileDescriptor() {
+  if (number_ >= 0) ::close(number_);
+}
+
+bool is_still(int descriptor, const std::string& path) noexcept {
   struct stat mine {
   }, there{};
   return ::fstat(descriptor, &mine) == 0 && ::lstat(path.c_str(), &there) == 0 &&
          mine.st_dev == there.st_dev && mine.st_ino == there.st_ino;
 }
-
-}  // namespace
 
 int open_untrusted(const std::string& path, int flags) noexcept {
   return ::open(path.c_str(), flags | O_CLOEXEC | O_NOFOLLOW | O_NONBLOCK | O_NOCTTY);
@@ -92,8 +81,8 @@ bool lock_within_bound(int descriptor) noexcept {
 }
 
 SegmentInfo inspect_segment(const std::string& file) {
-  const FileDescriptor opened(std::string(kShmDirectory) + "/" + file);
-  if (opened) return inspect_descriptor(opened.descriptor(), file);
+  const FileDescriptor opened(open_untrusted(std::string(kShmDirectory) + "/" + file, O_RDONLY));
+  if (opened.number() >= 0) return inspect_descriptor(opened.number(), file);
   SegmentInfo unknown;
   unknown.name = file.substr(std::strlen(kFilePrefix));
   return unknown;
@@ -101,14 +90,14 @@ SegmentInfo inspect_segment(const std::string& file) {
 
 bool remove_if_orphan(const std::string& file) {
   const std::string path = std::string(kShmDirectory) + "/" + file;
-  const FileDescriptor opened(path);
-  if (!opened) return false;
+  const FileDescriptor opened(open_untrusted(path, O_RDONLY));
+  if (opened.number() < 0) return false;
   // Every remover holds this lock and has verified that the name still refers to this file. So nobody can
   // replace the file by a living surface's segment between the check and the unlink.
-  if (inspect_descriptor(opened.descriptor(), file).ownership != Ownership::kOrphan) return false;
-  if (!lock_within_bound(opened.descriptor())) return false;
-  if (!is_still(opened.descriptor(), path)) return false;
-  if (inspect_descriptor(opened.descriptor(), file).ownership != Ownership::kOrphan) return false;
+  if (inspect_descriptor(opened.number(), file).ownership != Ownership::kOrphan) return false;
+  if (!lock_within_bound(opened.number())) return false;
+  if (!is_still(opened.number(), path)) return false;
+  if (inspect_descriptor(opened.number(), file).ownership != Ownership::kOrphan) return false;
   return ::unlink(path.c_str()) == 0;
 }
 

@@ -3,12 +3,32 @@
 
 #include <cstdint>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "ProcessIdentity.h"
 #include "shm_protocol/Segments.h"
 
 namespace shm_protocol {
+
+// Owns a file descriptor; -1: none.
+class FileDescriptor {
+ public:
+  explicit FileDescriptor(int number = -1) noexcept : number_(number) {}
+  ~FileDescriptor();
+  FileDescriptor(FileDescriptor&& other) noexcept : number_(std::exchange(other.number_, -1)) {}
+  FileDescriptor& operator=(FileDescriptor&& other) noexcept {
+    std::swap(number_, other.number_);
+    return *this;
+  }
+  int number() const noexcept { return number_; }
+
+ private:
+  int number_;
+};
+
+// Returns whether the path still names the open file.
+bool is_still(int descriptor, const std::string& path) noexcept;
 
 // `file` is a name within /dev/shm that begins with "smartsurf.". Missing or unreadable: kForeign.
 SegmentInfo inspect_segment(const std::string& file);

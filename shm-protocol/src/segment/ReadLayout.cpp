@@ -1,10 +1,11 @@
 // Validates an untrusted header; the error names the offending field.
+#include <bit>
 #include <cmath>
 #include <cstring>
-#include <limits>
 
 #include "SegmentLayout.h"
 #include "shm-protocol/src/wait/Atomics.h"
+#include "shm_protocol/Array.h"
 #include "shm_protocol/Error.h"
 
 namespace shm_protocol {
@@ -22,13 +23,9 @@ class LayoutChecker {
   const std::string& origin_;
 };
 
-// Whether `count` items of `size` bytes at `offset` lie within `total` bytes, without overflow.
+// Returns whether `count` items of `size` bytes at `offset` lie within `total` bytes, without overflow.
 bool fits(std::uint64_t offset, std::uint64_t count, std::uint64_t size, std::uint64_t total) {
   return offset <= total && (size == 0 || count <= (total - offset) / size);
-}
-
-bool power_of_two_within(std::uint64_t value, std::uint64_t lowest, std::uint64_t highest) {
-  return value >= lowest && value <= highest && (value & (value - 1)) == 0;
 }
 
 template <std::size_t N>
@@ -51,7 +48,7 @@ void check_identity(const ssp_identity& id, std::uint64_t mapped_bytes, const La
 // A ring follows the header, is line-aligned, and its slots are large enough for the slot header.
 void check_ring(std::uint64_t offset, std::uint64_t slots, std::uint64_t slot_bytes, const ssp_identity& id,
                 const LayoutChecker& check, const std::string& which) {
-  check(power_of_two_within(slots, SSP_MIN_SLOTS, SSP_MAX_SLOTS), which + "_slots");
+  check(std::has_single_bit(slots) && slots >= SSP_MIN_SLOTS && slots <= SSP_MAX_SLOTS, which + "_slots");
   check(slot_bytes % SSP_LINE == 0 && slot_bytes >= sizeof(ssp_slot), which + "_slot_bytes");
   check(offset % SSP_LINE == 0 && offset >= id.header_bytes &&
             fits(offset, slots, slot_bytes, id.segment_bytes),
@@ -81,15 +78,6 @@ void check_geometry(const ssp_geometry& g, const ssp_identity& id, const LayoutC
         "positions_offset");
 }
 
-void check_range(const ssp_channel& c, const LayoutChecker& check, const std::string& where) {
-  constexpr double kFloat = std::numeric_limits<float>::max();
-  const double lowest = c.dtype == SSP_F32 ? -kFloat : 0.0;
-  const double highest = c.dtype == SSP_F32 ? kFloat : c.dtype == SSP_U32 ? 4294967295.0 : 255.0;
-  // Written so that a NaN fails.
-  check(c.minimum >= lowest && c.minimum <= c.maximum && c.maximum <= highest, where + "range");
-  check(c.safe >= c.minimum && c.safe <= c.maximum, where + "safe");
-}
-
 void check_channel(const ssp_channel& c, std::size_t number, const ssp_geometry& g,
                    const LayoutChecker& check) {
   const std::string where = "channel " + std::to_string(number) + ": ";
@@ -98,10 +86,13 @@ void check_channel(const ssp_channel& c, std::size_t number, const ssp_geometry&
   check(c.direction == SSP_SENSOR || c.direction == SSP_ACTUATOR, where + "direction");
   check(c.dtype == SSP_F32 || c.dtype == SSP_U32 || c.dtype == SSP_U8, where + "dtype");
   check(c.components >= 1 && c.components <= 64, where + "components");
-  check_range(c, check, where);
-  const std::uint64_t element = c.dtype == SSP_U8 ? 1 : 4;
+  const auto dtype = static_cast<DType>(c.dtype);
+  const auto [lowest, highest] = dtype_limits(dtype);
+  // Written so that a NaN fails.
+  check(c.minimum >= lowest && c.minimum <= c.maximum && c.maximum <= highest, where + "range");
+  check(c.safe >= c.minimum && c.safe <= c.maximum, where + "safe");
   const std::uint64_t slot_bytes = c.direction == SSP_SENSOR ? g.sensor_slot_bytes : g.actuator_slot_bytes;
-  check(c.bytes == std::uint64_t{g.rows} * g.columns * c.components * element, where + "bytes");
+  check(c.bytes == std::uint64_t{g.rows} * g.columns * c.components * element_bytes(dtype), where + "bytes");
   check(c.offset >= sizeof(ssp_slot) && c.offset % SSP_ARRAY_ALIGNMENT == 0 &&
             fits(c.offset, 1, c.bytes, slot_bytes),
         where + "offset");

@@ -38,28 +38,21 @@ void remove_stale_builds(const std::string& name) {
   for (const std::string& file : files_in_shm(file_name(name) + kBuildMarker)) remove_if_orphan(file);
 }
 
-// An open segment's file, in the form that bip::mapped_region maps.
-class SegmentFile {
- public:
-  SegmentFile() = default;
-  SegmentFile(int descriptor, bip::mode_t mode) : descriptor_(descriptor), mode_(mode) {}
-  ~SegmentFile() {
-    if (descriptor_ >= 0) ::close(descriptor_);
-  }
-  SegmentFile(const SegmentFile&) = delete;
-  SegmentFile& operator=(SegmentFile&& other) noexcept {
-    std::swap(descriptor_, other.descriptor_);
-    std::swap(mode_, other.mode_);
-    return *this;
-  }
-  bip::mapping_handle_t get_mapping_handle() const { return {descriptor_, false}; }
-  bip::mode_t get_mode() const { return mode_; }
-  int descriptor() const { return descriptor_; }
-
- private:
-  int descriptor_ = -1;
-  bip::mode_t mode_ = bip::read_only;
+// An open file, in the form that bip::mapped_region takes.
+struct MappableFile {
+  int descriptor;
+  bip::mode_t mode;
+  bip::mapping_handle_t get_mapping_handle() const { return {descriptor, false}; }
+  bip::mode_t get_mode() const { return mode; }
 };
+
+bip::mapped_region map(const FileDescriptor& file, bip::mode_t mode, const std::string& path) {
+  try {
+    return bip::mapped_region(MappableFile{file.number(), mode}, mode);
+  } catch (const bip::interprocess_exception& e) {
+    throw Error(ErrorCode::kSystem, "cannot map " + path + ": " + e.what());
+  }
+}
 
 }  // namespace
 
@@ -67,11 +60,9 @@ struct Segment::Impl {
   std::string name;            // final name
   std::string path;            // of the final name
   std::string temporary_path;  // of the private name, until renamed into place
-  SegmentFile file;
+  FileDescriptor file;
   bip::mapped_region region;
   pid_t builder = 0;
-
-  int descriptor() const { return file.descriptor(); }
 };
 
 std::string path_of(const std::string& name) { return std::string(kShmDirectory) + "/" + file_name(name); }
@@ -96,20 +87,16 @@ Segment Segment::create(const std::string& name, std::size_t bytes, ProcessIdent
       file_name(name) + kBuildMarker + std::to_string(owner) + "." + std::to_string(build_count++);
   const std::string path = std::string(kShmDirectory) + "/" + file;
   impl->temporary_path.reserve(path.size());
-  const int descriptor = ::open(path.c_str(), O_RDWR | O_CREAT | O_EXCL | O_CLOEXEC | O_NOFOLLOW, 0600);
-  if (descriptor < 0) system_error("cannot create " + path_of(name), errno);
-  impl->file = SegmentFile(descriptor, bip::read_write);
+  impl->file = FileDescriptor(::open(path.c_str(), O_RDWR | O_CREAT | O_EXCL | O_CLOEXEC | O_NOFOLLOW, 0600));
+  if (impl->file.number() < 0) system_error("cannot create " + impl->path, errno);
   impl->temporary_path = path;
   Segment segment(std::move(impl));
   // Reserve the memory now, so that a full /dev/shm is an error here and not a SIGBUS during a run.
-  if (const int failure = ::posix_fallocate(segment.impl_->descriptor(), 0, static_cast<off_t>(bytes)))
+  const FileDescriptor& opened = segment.impl_->file;
+  if (const int failure = ::posix_fallocate(opened.number(), 0, static_cast<off_t>(bytes)))
     system_error("cannot reserve " + std::to_string(bytes) + " bytes in /dev/shm for " + path_of(name),
                  failure);
-  try {
-    segment.impl_->region = bip::mapped_region(segment.impl_->file, bip::read_write);
-  } catch (const bip::interprocess_exception& e) {
-    throw Error(ErrorCode::kSystem, "cannot map " + path_of(name) + ": " + e.what());
-  }
+  segment.impl_->region = map(opened, bip::read_write, path_of(name));
   return segment;
 }
 
@@ -128,15 +115,11 @@ void Segment::rename_into_place() {
 }
 
 void Segment::remove() noexcept {
-  // The lock serialises this with a cleaner that has just found the same file (see remove_if_orphan).
-  struct stat mine {
-  }, there{};
-  const int descriptor = impl_->descriptor();
-  const std::string& path = impl_->path;
-  // A cleaner holds it for microseconds, and removes nothing while this process lives.
+  const int descriptor = impl_->file.number();
+  // The lock serialises this with a cleaner that has just found the same file (see remove_if_orphan). A cleaner
+  // holds it for microseconds, and removes nothing while this process lives.
   lock_within_bound(descriptor);
-  if (::fstat(descriptor, &mine) == 0 && ::lstat(path.c_str(), &there) == 0 && mine.st_ino == there.st_ino)
-    ::unlink(path.c_str());
+  if (is_still(descriptor, impl_->path)) ::unlink(impl_->path.c_str());
   ::flock(descriptor, LOCK_UN);
 }
 
@@ -146,21 +129,17 @@ std::optional<Segment> Segment::open(const std::string& name, Access access) {
   auto impl = std::make_unique<Impl>();
   impl->name = name;
   impl->path = path;
-  const int descriptor = open_untrusted(path, access == Access::kReadOnly ? O_RDONLY : O_RDWR);
+  impl->file = FileDescriptor(open_untrusted(path, access == Access::kReadOnly ? O_RDONLY : O_RDWR));
+  const int descriptor = impl->file.number();
   if (descriptor < 0 && errno == ENOENT) return std::nullopt;
   if (descriptor < 0 && (errno == ENXIO || errno == ELOOP || errno == EISDIR)) throw_foreign(path);
   if (descriptor < 0) system_error("cannot open " + path, errno);
-  impl->file = SegmentFile(descriptor, mode);
   struct stat status {};
   if (::fstat(descriptor, &status) != 0) system_error("cannot open " + path, errno);
   // Its owner could truncate the file under this process, which would be a SIGBUS.
   if (!S_ISREG(status.st_mode) || status.st_uid != ::geteuid()) throw_foreign(path);
   if (status.st_size <= 0) throw Error(ErrorCode::kCorrupt, path + ": truncated: 0 bytes");
-  try {
-    impl->region = bip::mapped_region(impl->file, mode);
-  } catch (const bip::interprocess_exception& e) {
-    throw Error(ErrorCode::kSystem, "cannot map " + path + ": " + e.what());
-  }
+  impl->region = map(impl->file, mode, path);
   return Segment(std::move(impl));
 }
 

@@ -1,8 +1,8 @@
 // The file in /dev/shm and its mapping: creation, renaming into place, opening, reclaiming and removal.
 //
 // A segment appears under its final name only when it is complete: it is built as
-// smartsurf.NAME~PROCESSWORD.COUNT and renamed without replacing. The file that a killed builder leaves is
-// identified by its name.
+// smartsurf.NAME~PROCESSWORD.COUNT and renamed without replacing another. That name identifies the file of a
+// builder that was killed.
 #pragma once
 
 #include <cstddef>

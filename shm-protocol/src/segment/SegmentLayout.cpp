@@ -1,11 +1,13 @@
 #include "SegmentLayout.h"
 
 #include <algorithm>
+#include <bit>
 #include <cmath>
 #include <cstring>
 #include <limits>
 
 #include "ProcessIdentity.h"
+#include "shm_protocol/Array.h"
 #include "shm_protocol/Error.h"
 
 namespace shm_protocol {
@@ -25,17 +27,6 @@ bool is_valid_name(const std::string& text, std::size_t max_length) {
   };
   return !text.empty() && text.size() <= max_length && text[0] != '.' &&
          std::all_of(text.begin(), text.end(), allowed);
-}
-
-bool power_of_two(std::uint64_t value) { return value != 0 && (value & (value - 1)) == 0; }
-
-std::uint64_t dtype_size(DType dtype) { return dtype == DType::kU8 ? 1 : 4; }
-
-// The range of values that the dtype can represent.
-std::pair<double, double> dtype_limits(DType dtype) {
-  constexpr double kFloat = std::numeric_limits<float>::max();
-  if (dtype == DType::kF32) return {-kFloat, kFloat};
-  return {0.0, dtype == DType::kU32 ? 4294967295.0 : 255.0};
 }
 
 void check_range(const ChannelSpec& c, const std::string& where) {
@@ -77,7 +68,7 @@ void check_config(const SurfaceConfig& config) {
   if (config.mode != Mode::kTimeStep && config.mode != Mode::kPassive) reject_config("unknown mode");
   if (config.channels.empty() || config.channels.size() > SSP_MAX_CHANNELS)
     reject_config("channels: there are " + std::to_string(config.channels.size()) + "; must be 1 to 32");
-  if (!power_of_two(config.slots) || config.slots < SSP_MIN_SLOTS || config.slots > SSP_MAX_SLOTS)
+  if (!std::has_single_bit(config.slots) || config.slots < SSP_MIN_SLOTS || config.slots > SSP_MAX_SLOTS)
     reject_config("slots = " + std::to_string(config.slots) + ": must be 4, 8, 16, 32 or 64");
   if (!config.positions.empty() && config.positions.size() != std::size_t{config.rows} * config.columns)
     reject_config("positions: there are " + std::to_string(config.positions.size()) +
@@ -111,17 +102,8 @@ ssp_channel make_directory_entry(const ChannelSpec& spec, std::uint64_t cells) {
   c.minimum = spec.minimum;
   c.maximum = spec.maximum;
   c.safe = spec.safe;
-  c.bytes = cells * spec.components * dtype_size(spec.dtype);
+  c.bytes = cells * spec.components * element_bytes(spec.dtype);
   return c;
-}
-
-void fill_safe(std::span<std::byte> array, const ssp_channel& c) {
-  const auto fill = [&](auto value) {
-    for (std::size_t i = 0; i < array.size(); i += sizeof value) std::memcpy(&array[i], &value, sizeof value);
-  };
-  if (c.dtype == SSP_F32) return fill(static_cast<float>(c.safe));
-  if (c.dtype == SSP_U32) return fill(static_cast<std::uint32_t>(c.safe));
-  fill(static_cast<std::uint8_t>(c.safe));
 }
 
 std::size_t array_bytes(std::uint64_t slot_bytes) {
@@ -135,6 +117,17 @@ std::size_t SegmentLayout::sensor_array_bytes() const noexcept {
 }
 std::size_t SegmentLayout::actuator_array_bytes() const noexcept {
   return array_bytes(geometry.actuator_slot_bytes);
+}
+
+std::pair<double, double> dtype_limits(DType dtype) noexcept {
+  constexpr double kFloat = std::numeric_limits<float>::max();
+  if (dtype == DType::kF32) return {-kFloat, kFloat};
+  return {0.0, dtype == DType::kU32 ? 4294967295.0 : 255.0};
+}
+
+void fill_safe(std::span<std::byte> array, const ssp_channel& c) noexcept {
+  with_element_type(static_cast<DType>(c.dtype),
+                    [&]<class T>(T) { std::ranges::fill(as_array<T>(array), static_cast<T>(c.safe)); });
 }
 
 void check_name(const std::string& name) {

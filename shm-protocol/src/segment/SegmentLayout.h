@@ -3,11 +3,13 @@
 // and never read the shared one again, so that later changes by the peer have no effect.
 #pragma once
 
+#include <cassert>
 #include <cstddef>
 #include <cstdint>
 #include <optional>
 #include <span>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "shm_protocol/Description.h"
@@ -22,6 +24,14 @@ struct SegmentLayout {
 
   std::size_t sensor_array_bytes() const noexcept;  // per slot, without the slot header
   std::size_t actuator_array_bytes() const noexcept;
+
+  // Precondition: there is such a channel, of that direction and type.
+  const ssp_channel& channel(int index, [[maybe_unused]] ssp_direction direction,
+                             [[maybe_unused]] DType dtype) const noexcept {
+    const ssp_channel& c = channels[index];
+    assert(c.direction == direction && c.dtype == static_cast<std::uint32_t>(dtype));
+    return c;
+  }
 };
 
 // Throws Error(kBadConfig) that names the field, its value and the valid range.
@@ -37,6 +47,11 @@ void write_layout(const SegmentLayout&, const SurfaceConfig&, std::span<std::byt
 std::optional<SegmentLayout> read_layout(std::span<const std::byte> segment, const std::string& origin);
 
 Description describe(const SegmentLayout&, std::span<const std::byte> segment);
+
+// The range of values that the dtype can represent.
+std::pair<double, double> dtype_limits(DType) noexcept;
+// Fills an array of the channel with its safe value.
+void fill_safe(std::span<std::byte> array, const ssp_channel&) noexcept;
 
 // FNV-1a over the geometry line and the directory.
 std::uint64_t layout_hash(const ssp_geometry&, std::span<const std::byte> directory) noexcept;

@@ -7,6 +7,7 @@
 
 #include <climits>
 #include <ctime>
+#include <iterator>
 
 namespace shm_protocol {
 namespace {
@@ -40,31 +41,19 @@ void futex_wait(const std::uint32_t& word, std::uint32_t seen, std::chrono::nano
 void futex_wake(const std::uint32_t& word) noexcept { futex(word, FUTEX_WAKE, INT_MAX, nullptr); }
 
 const char* text(Status status) noexcept {
-  switch (status) {
-    case Status::kOk:
-      return "ok";
-    case Status::kRepeated:
-      return "no newer frame";
-    case Status::kTorn:
-      return "frame torn or malformed";
-    case Status::kTimeout:
-      return "timed out";
-    case Status::kInterrupted:
-      return "interrupted";
-    case Status::kOutOfTurn:
-      return "out of turn";
-    case Status::kNoController:
-      return "no controller is attached";
-    case Status::kControllerDead:
-      return "the controller died";
-    case Status::kControllerClosed:
-      return "the controller detached";
-    case Status::kSurfaceDead:
-      return "the surface died";
-    case Status::kSurfaceClosed:
-      return "the surface is closing";
-  }
-  return "unknown";
+  constexpr const char* kTexts[] = {"ok",
+                                    "no newer frame",
+                                    "frame torn or malformed",
+                                    "timed out",
+                                    "interrupted",
+                                    "out of turn",
+                                    "no controller is attached",
+                                    "the controller died",
+                                    "the controller detached",
+                                    "the surface died",
+                                    "the surface is closing"};
+  const auto i = static_cast<std::size_t>(status);
+  return i < std::size(kTexts) ? kTexts[i] : "unknown";
 }
 
 }  // namespace shm_protocol

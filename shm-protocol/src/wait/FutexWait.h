@@ -96,7 +96,7 @@ inline void store_and_wake(std::uint32_t& word, std::uint32_t value,
   if (load_seq_cst(peer_waiting)) futex_wake(word);
 }
 
-// Whether the peer runs on another CPU; false if unknown.
+// Returns whether the peer runs on another CPU; false if unknown.
 inline bool is_on_other_core(const std::uint32_t& peer_cpu) noexcept {
   const std::uint32_t peer = load_relaxed(peer_cpu);
   return peer != SSP_CPU_UNKNOWN && peer != current_cpu();

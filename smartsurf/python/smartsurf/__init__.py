@@ -5,8 +5,9 @@
     simulation.step({"height": 1.0})
     simulation.sensors["proximity"]            # rows × columns, row 0 north, column 0 west
 
-`Simulation` is one experiment. `Env` and `VectorEnv` are Gymnasium environments of one and of many worlds, and
-`parallel_env` is a PettingZoo environment whose agents are blocks of cells; they need those packages. Importing this
+`Simulation` is one experiment; `attach` gives a surface that another process runs, such as hardware, the same interface.
+`Env` and `VectorEnv` are Gymnasium environments of one and of many worlds, and `parallel_env` is a PettingZoo environment
+whose agents are blocks of cells; they need those packages. `Env(shm=NAME)` is that of a live surface. Importing this
 package registers its tasks with Gymnasium, if that is installed: gymnasium.make("smartsurf/Relocate-v0").
 
 `run` is one run of the program smartsurf, with a controller, as a function. `LocalPolicy` is a network that every cell
@@ -18,11 +19,11 @@ from ._tasks import TASKS, task_file
 from .run import RunError, run
 
 __all__ = ["Channel", "Env", "Error", "LocalPolicy", "RunError", "Simulation", "TASKS", "VectorEnv", "__version__",
-           "export_policy", "parallel_env", "run", "task_file"]
+           "attach", "export_policy", "parallel_env", "run", "task_file"]
 
-# Imported at their first use: runs and sweeps need neither the compiled part nor NumPy.
-_MODULES = {"Channel": "._simulation", "Error": "._core", "LocalPolicy": ".policy", "Simulation": "._simulation",
-            "__version__": "._core", "export_policy": ".policy"}
+# Imported at their first use: runs and sweeps need neither the compiled part nor NumPy, live surfaces not the former.
+_MODULES = {"Channel": "._surface", "Error": "._core", "LocalPolicy": ".policy", "Simulation": "._simulation",
+            "__version__": "._core", "attach": "._live", "export_policy": ".policy"}
 
 _NEEDS = {"Env": ("gymnasium", "._env"), "VectorEnv": ("gymnasium", "._vector"),
           "parallel_env": ("pettingzoo", "._parallel")}

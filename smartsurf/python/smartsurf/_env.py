@@ -2,11 +2,12 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Callable
 
 import gymnasium
 import numpy as np
 
-from ._simulation import Closed, Simulation, draw_seed, real_array
+from ._surface import Closed, draw_seed, real_array
 from ._tasks import task_file
 
 
@@ -20,21 +21,40 @@ def box(channels, rows, columns):
 
 
 class Env(gymnasium.Env):
-    """An experiment as an environment. Reward, success and episode length are the script's (reward, success,
-    episode).
+    """An experiment, or a surface that another process runs, as an environment.
+
+    experiment: a script, computed in this process; reward, success and episode length are the script's.
+    shm: the name of a live surface instead, such as hardware or `smartsurf run --shm NAME`, of which this becomes the
+        controller. It goes on at a reset and takes no seed. timeout: seconds to wait for it and for its frames.
+    reward, done: functions of (observation, action) and of (observation): the reward instead of the script's, and
+        another end of the episode. gymnasium.wrappers.TimeLimit gives an episode a length.
 
     Observations and actions are float32 arrays of planes × rows × columns: all sensor channels, one after the other,
     and all actuator channels, in their units; `simulation.sensor_channels` and `.actuator_channels` name them.
-    `info` has `seed`, `success`, the values of info{}, and at the end of an episode `metrics`.
+    `simulation` is the Simulation, or what `smartsurf.attach` returns. `info` has `seed`, `success`, the values of
+    info{}, and at the end of an episode `metrics`; of a live surface `tick`, `time` and `surface_closed`, which ends
+    the episode.
     """
     metadata = {"render_modes": ["rgb_array", "human"], "render_fps": 60}
 
-    def __init__(self, experiment: str | os.PathLike, set: dict | None = None, threads: int = 1,
+    def __init__(self, experiment: str | os.PathLike | None = None, set: dict | None = None, threads: int = 1,
                  engine: str | None = None, render_mode: str | None = None, render_size: tuple[int, int] = (640, 400),
-                 camera: str = "iso"):
+                 camera: str = "iso", *, shm: str | None = None, timeout: float = 30.0,
+                 reward: Callable[[np.ndarray, np.ndarray], float] | None = None,
+                 done: Callable[[np.ndarray], bool] | None = None):
+        if (experiment is None) == (shm is None):
+            raise ValueError("give either an experiment or shm, the name of a live surface")
         if render_mode not in (None, *self.metadata["render_modes"]):
             raise ValueError(f"render_mode = {render_mode!r}: must be None, 'rgb_array' or 'human'")
-        self.simulation = Simulation(experiment, set=set, threads=threads, engine=engine)
+        if shm is None:
+            from ._simulation import Simulation
+            self.simulation = Simulation(experiment, set=set, threads=threads, engine=engine)
+        else:
+            if render_mode is not None:
+                raise ValueError(f"render_mode = {render_mode!r}: a live surface has no picture; must be None")
+            from ._live import LiveSurface
+            self.simulation = LiveSurface(shm, timeout)
+        self._live, self._reward, self._done = shm is not None, reward, done
         s = self.simulation
         self.observation_space = box(s.sensor_channels, s.rows, s.columns)
         self.action_space = box(s.actuator_channels, s.rows, s.columns)
@@ -43,7 +63,7 @@ class Env(gymnasium.Env):
 
     def reset(self, *, seed: int | None = None, options: dict | None = None) -> tuple[np.ndarray, dict]:
         super().reset(seed=seed)
-        self.simulation.reset(draw_seed(self.np_random) if seed is None else seed)
+        self.simulation.reset(draw_seed(self.np_random) if seed is None and not self._live else seed)
         self._show()
         return self._observation(), self._info(False)
 
@@ -54,17 +74,23 @@ class Env(gymnasium.Env):
             raise ValueError(f"the action has shape {action.shape}: must be {s._targets.shape}")
         s._targets[...] = action
         reward, terminated, truncated = s.step()
-        info = self._info(s._success)
-        if terminated or truncated:
+        observation = self._observation()
+        if self._reward is not None:
+            reward = float(self._reward(observation, action))
+        if self._done is not None:
+            terminated = bool(self._done(observation)) or terminated
+        info = self._info(not self._live and s._success)
+        if (terminated or truncated) and not self._live:
             info["metrics"] = s.finish()
         self._show()
-        return self._observation(), reward, terminated, truncated, info
+        return observation, reward, terminated, truncated, info
 
     def _observation(self):
-        return self.simulation._core.observation.copy()
+        return self.simulation._observation.copy()
 
     def _info(self, success):
-        return {"seed": self.simulation.seed, "success": bool(success), **self.simulation.info}
+        script = {} if self._live else {"seed": self.simulation.seed, "success": bool(success)}
+        return {**script, **self.simulation.info}
 
     def render(self) -> np.ndarray | None:
         if self.render_mode == "rgb_array":
@@ -82,6 +108,8 @@ class Env(gymnasium.Env):
         if self._window is not None:
             self._window.close()
             self._window = None
+        if self._live:
+            self.simulation.close()
         self.simulation = Closed()
 
 

@@ -10,7 +10,8 @@ import pettingzoo
 from numpy.lib.stride_tricks import sliding_window_view
 
 from ._env import box
-from ._simulation import Closed, Simulation, draw_seed, real_array, whole
+from ._simulation import Simulation
+from ._surface import Closed, draw_seed, real_array, whole
 
 
 class ParallelEnv(pettingzoo.ParallelEnv):
@@ -38,7 +39,7 @@ class ParallelEnv(pettingzoo.ParallelEnv):
         seen = box(s.sensor_channels, side, side)
         self._observation_space = gymnasium.spaces.Box(np.minimum(seen.low, 0), np.maximum(seen.high, 0))
         self._action_space = box(s.actuator_channels, block, block)
-        planes = s._core.observation.shape[0]
+        planes = s._observation.shape[0]
         self._padded = np.zeros((planes, s.rows + 2 * radius, s.columns + 2 * radius), np.float32)
         self._windows = sliding_window_view(self._padded, (side, side), (1, 2))[:, ::block, ::block]
         self._random = np.random.default_rng()
@@ -84,7 +85,7 @@ class ParallelEnv(pettingzoo.ParallelEnv):
 
     def _observations(self):
         k, s = self._radius, self.simulation
-        self._padded[:, k:k + s.rows, k:k + s.columns] = s._core.observation
+        self._padded[:, k:k + s.rows, k:k + s.columns] = s._observation
         windows = self._windows.copy()
         return {agent: windows[:, r, c] for agent, (r, c) in self._places.items()}
 

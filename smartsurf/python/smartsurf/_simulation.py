@@ -1,55 +1,19 @@
 """One experiment in this process."""
 from __future__ import annotations
 
-import dataclasses
 import os
 from collections.abc import Mapping
 
 import numpy as np
 
 from . import _core
-
-
-@dataclasses.dataclass(frozen=True)
-class Channel:
-    """An array of the surface that is exchanged in each tick: components × rows × columns."""
-    name: str
-    unit: str
-    minimum: float
-    maximum: float
-    components: int = 1
-    safe: float = 0.0  # actuators: the target before the first command
-
-
-class Closed:
-    """Stands for the core of an environment that was closed."""
-
-    def __getattr__(self, name):
-        raise ValueError("the environment is closed: make a new one")
-
-
-def whole(name, value, least):
-    """The int, or ValueError."""
-    if isinstance(value, (int, np.integer)) and not isinstance(value, bool) and least <= value < 2**31:
-        return int(value)
-    raise ValueError(f"{name} = {value!r}: must be a whole number, at least {least}")
+from ._surface import Channel, Surface, checked_seed, draw_seed, whole
 
 
 def thread_count(threads):
     if isinstance(threads, (int, np.integer)) and threads > 1024:
         raise ValueError(f"threads = {threads!r}: must be at most 1024")
     return whole("threads", threads, 1)
-
-
-def real_array(name, values):
-    """The values as an array of real numbers, or ValueError."""
-    try:
-        array = np.asarray(values)
-    except ValueError:
-        raise ValueError(f"{name} has rows of different lengths: must be an array") from None
-    if array.dtype.kind not in "biuf":
-        raise ValueError(f"{name} has values of type {array.dtype}: must be real numbers")
-    return array
 
 
 def engine_name(engine):
@@ -88,16 +52,7 @@ def channels(description):
     return sensors, actuators
 
 
-def views(planes, of):
-    """The planes of each channel by name: rows × columns, or components × rows × columns. Views, not copies."""
-    out, first = {}, 0
-    for channel in of:
-        out[channel.name] = planes[first] if channel.components == 1 else planes[first:first + channel.components]
-        first += channel.components
-    return out
-
-
-class Simulation:
+class Simulation(Surface):
     """One experiment, advanced tick by tick. A tick is one control period of the surface.
 
     experiment: path of the Lua script. seed: of its random numbers; default: the script's. set: values of its
@@ -113,31 +68,15 @@ class Simulation:
     def __init__(self, experiment: str | os.PathLike, seed: int | None = None, set: dict | None = None,
                  threads: int = 1, engine: str | None = None):
         threads = thread_count(threads)
-        self._core = _core.Simulation(os.fspath(experiment), engine_name(engine), overrides(set), _seed(seed), threads)
+        self._core = _core.Simulation(os.fspath(experiment), engine_name(engine), overrides(set), checked_seed(seed), threads)
         self._process, self._threads = os.getpid(), threads
         self.experiment = os.fspath(experiment)
         self._description = self._core.describe()
-        self.rows, self.columns = self._description["rows"], self._description["columns"]
         self.pitch = self._description["pitch"]    # distance of neighbouring cells, u
         self.period = self._description["period"]  # of a tick, s
-        self.sensor_channels, self.actuator_channels = channels(self._description)
-        self._sensors = views(self._core.observation, self.sensor_channels)
-        for array in self._sensors.values():
-            array.flags.writeable = False
-        self._targets = self._core.targets
-        self._actuators = views(self._targets, self.actuator_channels)
+        super().__init__(*channels(self._description), self._core.observation, self._core.targets)
 
     # ---- the state after the latest tick
-
-    @property
-    def sensors(self) -> dict[str, np.ndarray]:
-        """The readings by channel name: read-only views, each in its channel's unit."""
-        return self._sensors
-
-    @property
-    def actuators(self) -> dict[str, np.ndarray]:
-        """The actuator targets by channel name, in the channel's unit: writable views that the next step() sends."""
-        return self._actuators
 
     @property
     def objects(self) -> dict[str, np.ndarray]:
@@ -194,30 +133,13 @@ class Simulation:
         reward, terminated, truncated, self._success = self._core.step()
         return reward, terminated, truncated
 
-    def _take(self, actions):
-        if not isinstance(actions, dict):
-            if len(self.actuator_channels) != 1:
-                raise ValueError("actions: the surface has the channels "
-                                 f"{', '.join(c.name for c in self.actuator_channels)}: give a dict")
-            actions = {self.actuator_channels[0].name: actions}
-        for name, values in actions.items():
-            if name not in self._actuators:
-                raise ValueError(f"actions: no actuator channel '{name}'; known: "
-                                 f"{', '.join(c.name for c in self.actuator_channels)}")
-            values = real_array(f"actions['{name}']", values)
-            try:
-                self._actuators[name][...] = values
-            except ValueError:
-                raise ValueError(f"actions['{name}'] has shape {values.shape}: must be a number or an array of shape "
-                                 f"{(self.rows, self.columns)}") from None
-
     def reset(self, seed: int | None = None) -> int:
         """Starts the next episode and returns its seed; without one, a seed is drawn at random.
 
         The state is that of a new simulation with this seed; arrays stay valid.
         """
         self._check_process()
-        self._core.reset(_seed(seed) if seed is not None else draw_seed())
+        self._core.reset(checked_seed(seed) if seed is not None else draw_seed())
         self._targets[...] = self._core.targets
         return self.seed
 
@@ -250,16 +172,3 @@ class Simulation:
         if self._threads > 1 and self._process != os.getpid():
             raise RuntimeError("this simulation's threads belong to the process that created it: create it after the "
                                "fork, or with threads=1")
-
-
-def _seed(seed):
-    if seed is None:
-        return None
-    if not isinstance(seed, (int, np.integer)) or isinstance(seed, bool) or not 0 <= seed < 2**63:
-        raise ValueError(f"seed = {seed!r}: must be a whole number from 0 to 2**63 - 1")
-    return int(seed)
-
-
-def draw_seed(random=None):
-    """A new seed, of 31 bits, from a NumPy generator or the operating system."""
-    return int(random.integers(2**31)) if random is not None else int.from_bytes(os.urandom(4), "little") >> 1

@@ -9,8 +9,8 @@ from gymnasium.vector import AutoresetMode
 
 from . import _core
 from ._env import box
-from ._simulation import (Closed, _seed, channels, draw_seed, engine_name, not_picklable, overrides, real_array,
-                          state_bytes, thread_count, whole)
+from ._simulation import channels, engine_name, not_picklable, overrides, state_bytes, thread_count
+from ._surface import Closed, checked_seed, draw_seed, real_array, whole
 from ._tasks import task_file
 
 _AUTORESET = {AutoresetMode.NEXT_STEP: 0, AutoresetMode.SAME_STEP: 1, AutoresetMode.DISABLED: 2}
@@ -25,7 +25,8 @@ class VectorEnv(gymnasium.vector.VectorEnv):
     a seed determines all that follows.
 
     threads: default: one per core. copy: whether step() and reset() return copies; without, all arrays that they return,
-    those of `info` included, are the same ones each time, which the next call overwrites. autoreset_mode: as Gymnasium's; NEXT_STEP by default.
+    those of `info` included, are the same ones each time, which the next call overwrites. autoreset_mode: as
+    Gymnasium's; NEXT_STEP by default.
     `info` has arrays over the worlds: `seed`, `success` and the values of info{}, and for the worlds whose episode has
     ended `metrics`, with SAME_STEP also `final_obs`.
     """
@@ -76,12 +77,12 @@ class VectorEnv(gymnasium.vector.VectorEnv):
         if seed is None:
             return [draw_seed(self.np_random) for _ in range(self.num_envs)]
         if isinstance(seed, (int, np.integer)):
-            return [_seed(seed) + i for i in range(self.num_envs)]
+            return [checked_seed(seed) + i for i in range(self.num_envs)]
         if not isinstance(seed, (list, tuple, np.ndarray)):
             raise ValueError(f"seed = {seed!r}: must be a whole number from 0, or one per world")
         if len(seed) != self.num_envs:
             raise ValueError(f"seed has {len(seed)} values: must have one per world, {self.num_envs}")
-        return [draw_seed(self.np_random) if s is None else _seed(s) for s in seed]
+        return [draw_seed(self.np_random) if s is None else checked_seed(s) for s in seed]
 
     def reset(self, *, seed: int | list[int | None] | None = None,
               options: dict | None = None) -> tuple[np.ndarray, dict]:

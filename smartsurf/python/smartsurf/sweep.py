@@ -6,6 +6,7 @@
 """
 from __future__ import annotations
 
+import contextlib
 import csv
 import datetime
 import hashlib
@@ -37,18 +38,15 @@ def grid(axes: Sequence[tuple[str, list[str]]]) -> list[Options]:
 
 def samples(axes: Sequence[tuple[str, list[str]]], count: int, method: str, seed: int) -> list[Options]:
     """count points. method: 'random' draws independently; 'latin-hypercube' draws one point in each of count equal
-    strata of each option (McKay, Beckman, Conover 1979). A value 'LOW:HIGH' is a range: of integers, both included, if
-    both are written as integers; other values are drawn from their list with equal probability."""
-    source = random.Random(seed)
-    columns = []
-    for _, values in axes:
-        if method == "random":
-            columns.append([_at(values, source.random()) for _ in range(count)])
-        else:
-            strata = [(k + source.random()) / count for k in range(count)]
-            source.shuffle(strata)
-            columns.append([_at(values, share) for share in strata])
-    return [tuple(zip((name for name, _ in axes), point)) for point in zip(*columns)]
+    strata of each option (McKay, Beckman, Conover 1979) and needs SciPy. A value 'LOW:HIGH' is a range: of integers, both
+    included, if both are written as integers; other values are drawn from their list with equal probability."""
+    if method == "latin-hypercube":
+        from scipy.stats import qmc
+        shares = qmc.LatinHypercube(len(axes), seed=seed).random(count)
+    else:
+        source = random.Random(seed)
+        shares = zip(*([source.random() for _ in range(count)] for _ in axes))
+    return [tuple((name, _at(values, share)) for (name, values), share in zip(axes, point)) for point in shares]
 
 
 def bounds(value: str) -> tuple[float, float] | None:
@@ -259,30 +257,42 @@ def is_number(value: object) -> bool:
     return isinstance(value, (int, float)) and not isinstance(value, bool)
 
 
+def is_numeric(text: str) -> bool:
+    try:
+        float(text)
+        return True
+    except ValueError:
+        return False
+
+
+@contextlib.contextmanager
+def replaced(path: pathlib.Path) -> Iterator[pathlib.Path]:
+    """A path beside `path`, whose file takes its place at the end: no reader sees a part of it."""
+    part = path.with_name(path.name + ".part")
+    yield part
+    part.replace(path)
+
+
 def columns(table: Iterable[dict]) -> list[str]:
     return list(dict.fromkeys(key for row in table for key in row))
 
 
 def write_csv(path: pathlib.Path, table: Sequence[dict]) -> None:
     names = columns(table)
-    part = path.with_name(path.name + ".part")
-    with part.open("w", newline="") as file:
+    with replaced(path) as part, part.open("w", newline="") as file:
         writer = csv.writer(file)
         writer.writerow(names)
         writer.writerows(["" if row.get(name) is None else row[name] for name in names] for row in table)
-    part.replace(path)
 
 
 def write_jsonl(path: pathlib.Path, points: Iterable[Point]) -> None:
     """One object per point: options, seed, exit_status, stats, provenance."""
-    part = path.with_name(path.name + ".part")
-    with part.open("w") as file:
+    with replaced(path) as part, part.open("w") as file:
         for p in points:
             known = p.status() is not None
             file.write(json.dumps({"options": dict(p.options), "seed": p.seed, "exit_status": p.status(),
                                    "stats": p.read("stats.json") if known else {},
                                    "provenance": p.read("provenance.json") if known else {}}) + "\n")
-    part.replace(path)
 
 
 def write_parquet(path: pathlib.Path, table: Sequence[dict], provenance: dict) -> None:
@@ -292,7 +302,7 @@ def write_parquet(path: pathlib.Path, table: Sequence[dict], provenance: dict) -
     arrays = {}
     for name in columns(table):
         values = [row.get(name) for row in table]
-        if all(isinstance(v, str) and _is_numeric(v) for v in values):  # an option
+        if all(isinstance(v, str) and is_numeric(v) for v in values):  # an option
             values = [float(v) for v in values]
         elif any(isinstance(v, str) for v in values):
             values = [None if v is None else str(v) for v in values]
@@ -300,17 +310,8 @@ def write_parquet(path: pathlib.Path, table: Sequence[dict], provenance: dict) -
             values = [None if v is None else float(v) for v in values]
         arrays[name] = pyarrow.array(values)
     metadata = {"smartsurf.provenance": json.dumps(provenance)}
-    part = path.with_name(path.name + ".part")
-    pyarrow.parquet.write_table(pyarrow.table(arrays).replace_schema_metadata(metadata), part)
-    part.replace(path)
-
-
-def _is_numeric(text: str) -> bool:
-    try:
-        float(text)
-        return True
-    except ValueError:
-        return False
+    with replaced(path) as part:
+        pyarrow.parquet.write_table(pyarrow.table(arrays).replace_schema_metadata(metadata), part)
 
 
 def read_tasks(path: pathlib.Path, index: int, chunk: int) -> Iterator[dict]:

@@ -30,8 +30,8 @@ volatile std::uint8_t sink;
 
 // Reads the first and last byte of every array in every slot, under AddressSanitizer.
 void read_all(const SegmentLayout& g, std::span<const std::byte> segment) {
-  for (const auto& [ring, direction] : {std::pair{RingView::sensor_ring(g, segment.data()), SSP_SENSOR},
-                                        {RingView::actuator_ring(g, segment.data()), SSP_ACTUATOR}})
+  for (const ssp_direction direction : {SSP_SENSOR, SSP_ACTUATOR}) {
+    const RingView ring(g, direction, segment.data());
     for (std::uint32_t frame = 0; frame < SSP_MAX_SLOTS; ++frame) {
       const FrameInfo stamp = ring.read_info(frame);
       if (stamp.frame != 0 && static_cast<std::uint32_t>(stamp.frame) != frame) std::abort();
@@ -44,6 +44,7 @@ void read_all(const SegmentLayout& g, std::span<const std::byte> segment) {
         sink = static_cast<std::uint8_t>(array.front()) ^ static_cast<std::uint8_t>(array.back());
       }
     }
+  }
 }
 
 }  // namespace

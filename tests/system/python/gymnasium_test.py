@@ -1,6 +1,7 @@
 """Gymnasium and PettingZoo environments: their own checks, and what this package promises besides."""
 import os
 import pickle
+import subprocess
 import sys
 import threading
 import unittest
@@ -63,6 +64,52 @@ class Environments(ExperimentTest):
         env = smartsurf.Env(self.script(CROWD), render_mode="rgb_array", render_size=(96, 64))
         env.reset(seed=1)
         self.assertEqual(env.render().shape, (64, 96, 3))
+
+
+    def test_a_live_surface_has_the_observations_of_the_simulation_in_this_process(self):
+        path, name = self.script(CROWD), f"gymnasium-{os.getpid()}"
+        here = smartsurf.Env(path)
+        expected = [here.reset(seed=3)[0]]
+        simulator = subprocess.Popen([os.environ["SMARTSURF"], "run", path, "--shm", name, "--seed", "3", "--until", "0.5"])
+        self.addCleanup(simulator.wait)
+        self.addCleanup(simulator.kill)
+        env = smartsurf.Env(shm=name, reward=lambda observation, action: observation.sum() + action[0, 0, 0],
+                            done=lambda observation: observation[0, 0, 0] < 0)
+        env = gymnasium.wrappers.TimeLimit(env, 20)
+        self.assertEqual((env.observation_space, env.action_space), (here.observation_space, here.action_space))
+        with self.assertRaisesRegex(ValueError, "cannot be reset to a seed"):
+            env.reset(seed=3)
+        observation, info = env.reset()
+        self.assertEqual(info["tick"], 0)
+        for tick in range(1, 21):
+            np.testing.assert_array_equal(observation, expected[-1])
+            kept = observation.copy()
+            action = sampled(env.action_space, tick)
+            following, reward, terminated, truncated, info = env.step(action)
+            np.testing.assert_array_equal(observation, kept)  # a copy
+            observation = following
+            expected.append(here.step(action)[0])
+            self.assertEqual((info["tick"], terminated, truncated), (tick, False, tick == 20))
+            self.assertEqual(reward, float(observation.sum() + action[0, 0, 0]))
+        while not terminated:
+            observation, reward, terminated, truncated, info = env.step(action)
+        self.assertTrue(info["surface_closed"])
+        self.assertNotIn("metrics", info)
+        env.close()
+        self.assertEqual(simulator.wait(20), 0)
+
+    def test_an_environment_is_of_an_experiment_or_of_a_live_surface(self):
+        for arguments, message in (({}, "either an experiment or shm"), ({"experiment": "a.lua", "shm": "b"}, "either"),
+                                   ({"shm": "b", "render_mode": "human"}, "a live surface has no picture")):
+            with self.assertRaisesRegex(ValueError, message):
+                smartsurf.Env(**arguments)
+
+    def test_functions_of_the_task_replace_those_of_the_script(self):
+        env = smartsurf.Env(self.script(CROWD), reward=lambda observation, action: 7, done=lambda observation: True)
+        env.reset(seed=1)
+        _, reward, terminated, truncated, info = env.step(sampled(env.action_space, 1))
+        self.assertEqual((reward, terminated, truncated), (7.0, True, False))
+        self.assertEqual(info["metrics"].keys(), {"best", "count"})
 
 
 class VectorEnvironments(ExperimentTest):

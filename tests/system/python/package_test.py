@@ -7,7 +7,6 @@ import pickle
 import signal
 import subprocess
 import sys
-import textwrap
 import time
 import unittest
 
@@ -377,42 +376,6 @@ class Processes(ExperimentTest):
                     os._exit(7)
             self.assertEqual(os.waitstatus_to_exitcode(os.waitpid(pid, 0)[1]), 0 if threads == 1 else 7)
 
-    def test_killed_python_leaves_no_simulator_and_no_segment(self):
-        """The learner is killed while it holds a SurfaceEnv, whose simulator would otherwise wait for ever."""
-        path = self.script(CROWD)
-        program = textwrap.dedent(f"""
-            import threading, time
-            from shm_protocol import SurfaceEnv
-            made = []
-            # A thread that ends must not end the simulator that it has started.
-            maker = threading.Thread(target=lambda: made.append(
-                SurfaceEnv({path!r}, smartsurf={os.environ['SMARTSURF']!r})))
-            maker.start(); maker.join()
-            env = made[0]
-            env.reset(seed=1)
-            print(env._process.pid, env.controller.description.name, flush=True)
-            time.sleep(1.5)
-            env.step(1.0)
-            print("stepped", flush=True)
-            time.sleep(100)
-        """)
-        learner = subprocess.Popen([sys.executable, "-c", program], stdout=subprocess.PIPE, text=True)
-        try:
-            pid, name = learner.stdout.readline().split()
-            self.assertTrue(alive(pid))
-            self.assertEqual(learner.stdout.readline().strip(), "stepped")
-            segments = [p for p in pathlib.Path("/dev/shm").iterdir() if name in p.name]
-            self.assertTrue(segments)
-        finally:
-            learner.send_signal(signal.SIGKILL)
-            learner.wait()
-            learner.stdout.close()
-        deadline = time.monotonic() + 20  # the promise is two seconds; a busy machine may need more
-        while (alive(pid) or any(p.exists() for p in segments)) and time.monotonic() < deadline:
-            time.sleep(0.05)
-        self.assertFalse(alive(pid))
-        self.assertEqual([p.name for p in segments if p.exists()], [])
-
     def test_killed_python_leaves_neither_the_simulator_nor_the_controller_of_a_run(self):
         path, controller = self.script(CROWD), self.script("while(1)\n  surface.step\nendwhile\n", "idle.aps")
         program = f"from smartsurf.run import run\nrun({path!r}, {controller!r}, until=1e9)"
@@ -435,14 +398,6 @@ class Processes(ExperimentTest):
                     learner.wait()
                     for segment in segments:  # a killed simulator cannot remove its own
                         segment.unlink(missing_ok=True)
-
-    def test_a_collected_environment_leaves_no_simulator(self):
-        from shm_protocol import SurfaceEnv
-        env = SurfaceEnv(self.script(CROWD), smartsurf=os.environ["SMARTSURF"])
-        pid = env._process.pid
-        del env
-        gc.collect()
-        self.assertFalse(alive(pid))
 
     def test_environments_open_no_files_and_no_threads(self):
         def resources():

@@ -128,7 +128,7 @@ class Roles(unittest.TestCase):
             with Observer(name) as observer:
                 mine = [writable for low, _, writable in mapped_ranges(name) if low not in before]
                 self.assertEqual(mine, [False])
-                self.assertFalse(observer.look())
+                self.assertFalse(observer.latest())
                 surface.sensors["distance"][:] = 3
                 surface.publish(7, 0.07)
                 self.assertTrue(observer.wait(timeout=5))
@@ -312,7 +312,7 @@ time.sleep(100)"""])
             with Controller(name, timeout=20) as controller, Observer(name) as observer:
                 self.assertTrue(controller.wait(10))
                 controller.publish()
-                self.assertTrue(observer.look())
+                self.assertTrue(observer.latest())
                 child.kill()
                 child.wait()
                 with self.assertRaises(SurfaceDied):

@@ -1,29 +1,29 @@
-"""The Python client at work: the environment, the case study's twin, the example and what the page shows.
+"""The Python client at work: live surfaces of the package smartsurf, the case study's twin, the example.
 
-usage: python_environment_test.py [unittest's arguments]; needs SHM_PROTOCOL_LIBRARY and shm_protocol on PYTHONPATH;
+usage: python_environment_test.py [unittest's arguments]; needs SHM_PROTOCOL_LIBRARY, and shm_protocol and smartsurf on PYTHONPATH;
 SMARTSURF and APRON name the two programs, SOURCE_ROOT the source tree, SURFACE_EXAMPLE the C surface.
 """
 import json
 import os
 import pathlib
-import re
 import subprocess
 import sys
 import tempfile
-import textwrap
 import threading
 import unittest
 
 from python_pair import ACTUATORS, EXAMPLES, ROOT, SENSORS, unique
 
 import numpy as np
-from shm_protocol import Surface, SurfaceEnv
+import shm_protocol
+import smartsurf
+from shm_protocol import Surface
 
 sys.path.insert(0, str(EXAMPLES))
 
 
-def serve(surface, ticks):
-    """Publishes `distance` = tick and waits for the answers."""
+def serve(surface, ticks, received=lambda: None):
+    """Publishes `distance` = tick modulo 8, waits for the answers and calls received() after each."""
     def body():
         if not surface.wait_for_controller(20):
             return
@@ -32,114 +32,77 @@ def serve(surface, ticks):
             surface.publish(tick, tick * 0.01)
             if not surface.wait(20):
                 break
+            received()
         surface.close()
     thread = threading.Thread(target=body)
     thread.start()
     return thread
 
 
-class Environment(unittest.TestCase):
-    def test_steps_a_surface_that_runs_already(self):
-        surface = Surface(unique("env"), 5, 7, 0.01, SENSORS[:1], ACTUATORS[:1])
-        thread = serve(surface, 20)
-        with SurfaceEnv(name=surface.description.name, reward=lambda o, a: o["distance"].sum(), max_steps=15) as env:
-            self.assertEqual(env.action_space["height"].shape, (5, 7))
-            self.assertTrue(env.action_space.contains(env.action_space.sample()))
-            self.assertFalse(env.action_space.contains({"height": np.full((5, 7), 4.5, np.float32)}))
+class LiveSurfaces(unittest.TestCase):
+    """smartsurf.attach, from the sources: without the compiled part of the package and without Gymnasium."""
+
+    def test_steps_a_surface_that_another_process_runs(self):
+        surface = Surface(unique("live"), 5, 7, 0.01, SENSORS, ACTUATORS)
+        sent = []
+        thread = serve(surface, 20, lambda: sent.append({n: a.copy() for n, a in surface.actuators.items()}))
+        with smartsurf.attach(surface.description.name) as live:
+            self.assertEqual((live.rows, live.columns, live.period), (5, 7, 0.01))
+            self.assertEqual([(c.name, c.components) for c in live.sensor_channels], [("distance", 1), ("state", 1), ("force", 3)])
+            self.assertEqual({a.dtype for a in live.sensors.values()}, {np.dtype("f4")})
+            self.assertEqual(live.sensors["force"].shape, (3, 5, 7))
+            with self.assertRaisesRegex(ValueError, "cannot be reset to a seed"):
+                live.reset(1)
+            readings = live.sensors["distance"]
             with self.assertRaises(ValueError):
-                env.reset(seed=1)
-            observation, info = env.reset()
-            self.assertTrue(env.observation_space.contains(observation))
-            self.assertEqual(info["tick"], 0)
-            for step in range(1, 25):
-                kept = observation["distance"].copy()
-                following, reward, terminated, truncated, info = env.step(env.action_space.sample())
-                np.testing.assert_array_equal(observation["distance"], kept)  # an observation is a copy
-                observation = following
-                self.assertEqual(truncated, step >= 15 and not terminated)
-                if terminated:
-                    break
-                self.assertEqual((info["tick"], reward), (step, 35.0 * (step % 8)))
-            self.assertTrue(terminated and info["surface_closed"])
-            self.assertEqual(step, 20)
+                readings[0, 0] = 1
+            for step in range(20):
+                self.assertEqual((live.tick, readings[2, 3]), (step, step % 8))
+                # Channels that are not named keep their targets; integer channels round, clamp and replace NaN.
+                actions = {"lamp": [[2.6, -3, 1e9, np.nan, 7, 7, 7]] * 5} if step == 0 else {"height": step / 20}
+                reward, terminated, truncated = live.step(actions)
+                self.assertEqual((reward, terminated, truncated), (0.0, step == 19, False))
+            self.assertTrue(live.closed and live.info["surface_closed"])
+            self.assertEqual(readings[2, 3], 19 % 8)  # the last readings stay
         thread.join()
+        self.assertEqual(sent[0]["lamp"][4].tolist(), [3, 0, 1000, 0, 7, 7, 7])
+        self.assertEqual(sent[19]["lamp"][4].tolist(), [3, 0, 1000, 0, 7, 7, 7])
+        self.assertEqual((sent[0]["height"][0, 0], sent[19]["height"][0, 0]), (1.0, np.float32(0.95)))  # 1: the safe value
 
     def test_wrong_actions_are_named(self):
-        surface = Surface(unique("env"), 5, 7, 0.01, SENSORS[:1], ACTUATORS)
-        thread = serve(surface, 3)
-        with SurfaceEnv(name=surface.description.name) as env:
-            env.reset()
-            with self.assertRaisesRegex(ValueError, "height, lamp"):
-                env.step(np.zeros((5, 7)))
-            with self.assertRaisesRegex(ValueError, "height, lamp"):
-                env.step({"height": 1})
-            with self.assertRaisesRegex(ValueError, r"action's height must be numbers of shape \(5, 7\), not shape \(3, 3\)"):
-                env.step({"height": np.zeros((3, 3)), "lamp": 2})
-            with self.assertRaisesRegex(ValueError, r"action's lamp must be numbers of shape .*, not 'on'"):
-                env.step({"height": 1, "lamp": "on"})
-            env.step({"height": 1, "lamp": 2})
+        surface = Surface(unique("live"), 5, 7, 0.01, SENSORS[:1], ACTUATORS)
+        thread = serve(surface, 1)
+        with smartsurf.attach(surface.description.name) as live:
+            for actions, message in ((np.zeros((5, 7)), "channels height, lamp: give a dict"),
+                                     ({"colour": 1}, "no actuator channel 'colour'; known: height, lamp"),
+                                     ({"height": np.zeros((3, 3))}, r"shape \(3, 3\): must be a number or .* \(5, 7\)"),
+                                     ({"lamp": "on"}, "must be real numbers")):
+                with self.assertRaisesRegex(ValueError, message):
+                    live.step(actions)
+            live.step({"height": 1, "lamp": 2})
         thread.join()
 
-    def test_a_program_that_is_not_there_is_named(self):
-        with self.assertRaisesRegex(RuntimeError, "cannot start ./no-smartsurf .*: put it on PATH"):
-            SurfaceEnv("any.lua", smartsurf="./no-smartsurf")
+    def test_a_surface_that_is_not_there_or_does_not_go_on_is_an_error(self):
+        with self.assertRaisesRegex(shm_protocol.NotFound, "nobody"):
+            smartsurf.attach("nobody", timeout=0.1)
+        surface = Surface(unique("live"), 5, 7, 0.01, SENSORS[:1], ACTUATORS[:1])
+        with self.assertRaisesRegex(TimeoutError, "no frame came"):
+            smartsurf.attach(surface.description.name, timeout=0.1)
+        self.assertEqual(surface.controller_pid, 0)  # there is room for the next
+        surface.publish(0, 0.0)
+        with smartsurf.attach(surface.description.name, timeout=0.1) as live:
+            with self.assertRaisesRegex(TimeoutError, "no frame came"):
+                live.step(1)
+        surface.close()
+
+    def test_the_former_environment_names_its_successor(self):
+        with self.assertRaisesRegex(ImportError, r"is now smartsurf.Env\(shm=NAME\)"):
+            from shm_protocol import SurfaceEnv  # noqa: F401
 
     def test_a_library_that_is_not_there_is_named(self):
         run = subprocess.run([sys.executable, "-c", "import shm_protocol"], capture_output=True, text=True,
                              env=dict(os.environ, SHM_PROTOCOL_LIBRARY="/nowhere/lib.so"))
         self.assertIn("SHM_PROTOCOL_LIBRARY names /nowhere/lib.so, which does not exist", run.stderr)
-
-    def test_a_space_says_what_it_is(self):
-        surface = Surface(unique("env"), 5, 7, 0.01, SENSORS[:1], ACTUATORS[:1])
-        thread = serve(surface, 1)
-        with SurfaceEnv(name=surface.description.name) as env:
-            env.reset()
-            self.assertRegex(repr(env.action_space), r"'height': Box\(0.0, 4.0, \(5, 7\), float32\)")
-            env.step({"height": 1})
-        thread.join()
-
-    @unittest.skipUnless(os.environ.get("SMARTSURF"), "the simulator was not built")
-    def test_the_simulator_can_be_reset_to_a_seed(self):
-        def first_frames(env, seed):
-            observation, _ = env.reset(seed=seed)
-            frames = [observation["proximity"]]
-            for _ in range(30):
-                observation, *_ = env.step(np.float32(4))
-                frames.append(observation["proximity"])
-            return np.array(frames)
-
-        with SurfaceEnv(ROOT / "scripts/case-study/sort.lua", smartsurf=os.environ["SMARTSURF"]) as env:
-            one, other, one_again = first_frames(env, 1), first_frames(env, 2), first_frames(env, 1)
-            self.assertTrue((one == one_again).all())
-            self.assertFalse((one == other).all())
-
-    @unittest.skipUnless(os.environ.get("SMARTSURF"), "the simulator was not built")
-    def test_an_experiment_that_does_not_load_is_an_error(self):
-        with self.assertRaisesRegex(RuntimeError, "status 2 before there was a surface: .*at-all.lua"):
-            SurfaceEnv("/nowhere/at-all.lua", smartsurf=os.environ["SMARTSURF"])
-
-    @unittest.skipUnless(os.environ.get("SMARTSURF"), "the simulator was not built")
-    def test_a_script_that_fails_later_is_an_error_and_no_end_of_the_episode(self):
-        with tempfile.TemporaryDirectory() as folder:
-            experiment = pathlib.Path(folder) / "fails.lua"
-            experiment.write_text("surface { rows = 4, columns = 4, sensors = { proximity {} } }\n"
-                                  "on_tick(function(t, tick) if tick == 3 then error('far enough') end end)\n")
-            with SurfaceEnv(experiment, smartsurf=os.environ["SMARTSURF"]) as env:
-                env.reset()
-                with self.assertRaisesRegex(RuntimeError, "status 2 after 3 steps: .*fails.lua:2: .*far enough"):
-                    for _ in range(9):
-                        env.step(np.float32(1))
-
-    @unittest.skipUnless(os.environ.get("SMARTSURF"), "the simulator was not built")
-    def test_the_pages_example_runs_as_it_stands(self):
-        page = (ROOT / "docs/protocol-clients.md").read_text(encoding="utf-8")
-        example = re.search(r"^    from shm_protocol import SurfaceEnv\n(    .*\n)+", page, re.M).group()
-        search = os.pathsep.join([str(pathlib.Path(os.environ["SMARTSURF"]).parent), os.environ["PATH"]])
-        code = textwrap.dedent(example) + "print(info['tick'], reward)\n"
-        done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, env={**os.environ, "PATH": search},
-                              capture_output=True, text=True, timeout=60)
-        self.assertEqual(done.returncode, 0, done.stderr)
-        self.assertRegex(done.stdout.splitlines()[-1], r"^1 \S+$")
 
 
 class CaseStudy(unittest.TestCase):

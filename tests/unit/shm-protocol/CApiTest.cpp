@@ -47,11 +47,11 @@ class CApi : public ::testing::Test {
     ASSERT_EQ(ssp_surface_create(&config->config, &surface), SSP_OK) << ssp_last_error();
     ASSERT_EQ(ssp_controller_attach(config->config.name, 0, nullptr, &controller), SSP_OK)
         << ssp_last_error();
-    ASSERT_EQ(ssp_observer_open(config->config.name, 0, nullptr, &observer), SSP_OK) << ssp_last_error();
+    ASSERT_EQ(ssp_observer_attach(config->config.name, 0, nullptr, &observer), SSP_OK) << ssp_last_error();
   }
   ~CApi() override {
-    ssp_observer_close(observer);
-    ssp_controller_detach(controller);
+    ssp_observer_destroy(observer);
+    ssp_controller_destroy(controller);
     ssp_surface_destroy(surface);
   }
   std::unique_ptr<Config> config;
@@ -95,8 +95,8 @@ TEST_F(CApi, OneTickThroughAllThreeRoles) {
   EXPECT_EQ(theirs.clamped, 1u);
 
   ASSERT_EQ(ssp_observer_latest(observer, SSP_SENSOR), SSP_OK);
-  ASSERT_EQ(ssp_observer_look(observer, SSP_ACTUATOR), SSP_OK);
-  EXPECT_EQ(ssp_observer_look(observer, SSP_ACTUATOR), SSP_REPEATED);
+  ASSERT_EQ(ssp_observer_latest(observer, SSP_ACTUATOR), SSP_OK);
+  EXPECT_EQ(ssp_observer_latest(observer, SSP_ACTUATOR), SSP_REPEATED);
   EXPECT_EQ(static_cast<const std::uint8_t*>(ssp_observer_array(observer, 1, nullptr))[3], 200);
   ASSERT_EQ(ssp_observer_frame(observer, SSP_ACTUATOR, &frame), SSP_OK);
   EXPECT_EQ(frame.answers, 1u);
@@ -196,10 +196,10 @@ TEST_F(CApi, ErrorsReportTextAndProcess) {
   EXPECT_EQ(ssp_controller_attach("no-such-surface", 0, nullptr, &second), SSP_E_NOT_FOUND);
   EXPECT_EQ(ssp_last_error_pid(), 0u);
   ssp_observer* onlooker = observer;
-  EXPECT_EQ(ssp_observer_open("not/a/name", 0, nullptr, &onlooker), SSP_E_BAD_CONFIG);
+  EXPECT_EQ(ssp_observer_attach("not/a/name", 0, nullptr, &onlooker), SSP_E_BAD_CONFIG);
   EXPECT_EQ(onlooker, nullptr);
-  ASSERT_EQ(ssp_observer_open(config->config.name, 0, nullptr, &onlooker), SSP_OK);
-  ssp_observer_close(onlooker);
+  ASSERT_EQ(ssp_observer_attach(config->config.name, 0, nullptr, &onlooker), SSP_OK);
+  ssp_observer_destroy(onlooker);
   Config bad(unique_name("c-bad"));
   bad.channels[0].maximum = -1;
   EXPECT_EQ(ssp_surface_create(&bad.config, &again), SSP_E_BAD_CONFIG);
@@ -226,13 +226,15 @@ TEST_F(CApi, RejectsNullsAndInvalidChannels) {
   EXPECT_EQ(ssp_surface_sensor(surface, 2, nullptr), nullptr);
   EXPECT_EQ(ssp_surface_actuator(surface, 0, nullptr), nullptr);
   EXPECT_EQ(ssp_observer_array(observer, 2, nullptr), nullptr);
-  EXPECT_EQ(ssp_observer_look(observer, 3), SSP_E_ARGUMENT);
+  EXPECT_EQ(ssp_observer_latest(observer, 3), SSP_E_ARGUMENT);
   ssp_channel_info channel;
   EXPECT_EQ(ssp_surface_channel(surface, 2, &channel), SSP_E_ARGUMENT);
   EXPECT_EQ(ssp_surface_set_state(surface, SSP_STATE_DEAD), SSP_E_ARGUMENT);
-  ssp_controller_detach(nullptr);
+  ssp_controller_destroy(nullptr);
+  ssp_controller_close(nullptr);
+  ssp_surface_close(nullptr);
   ssp_surface_destroy(nullptr);
-  ssp_observer_close(nullptr);
+  ssp_observer_destroy(nullptr);
   ssp_stop_destroy(nullptr);
 }
 
@@ -263,13 +265,13 @@ TEST_F(CApi, StopFlagEndsWaits) {
   ssp_stop_destroy(stop);
 }
 
-TEST_F(CApi, ClosingAndLeavingKeepTheMemory) {
+TEST_F(CApi, CloseEndsTheRoleAndKeepsTheMapping) {
   start("c-close");
   ASSERT_EQ(ssp_surface_await_controller(surface, 0, nullptr), SSP_OK);
   ASSERT_EQ(ssp_surface_publish(surface, 0, 0.0, 0), SSP_OK);
   ASSERT_EQ(ssp_controller_await(controller, 0, nullptr), SSP_OK);
   const void* sensor = ssp_controller_sensor(controller, 0, nullptr);
-  ssp_controller_leave(controller);
+  ssp_controller_close(controller);
   EXPECT_EQ(ssp_controller_publish(controller), SSP_OUT_OF_TURN);
   EXPECT_EQ(ssp_surface_await(surface, 0, SSP_FOREVER, nullptr), SSP_CONTROLLER_CLOSED);
   ssp_surface_close(surface);
@@ -278,6 +280,29 @@ TEST_F(CApi, ClosingAndLeavingKeepTheMemory) {
   EXPECT_EQ(static_cast<const float*>(sensor)[0], 0.0f);
   EXPECT_EQ(ssp_controller_surface_status(controller), SSP_SURFACE_CLOSED);
 }
+
+TEST_F(CApi, DestroyClosesWhatIsStillOpen) {
+  start("c-destroy");
+  ASSERT_EQ(ssp_surface_await_controller(surface, 0, nullptr), SSP_OK);
+  ssp_controller_destroy(std::exchange(controller, nullptr));
+  EXPECT_EQ(ssp_surface_publish(surface, 0, 0.0, 0), SSP_OK);
+  EXPECT_EQ(ssp_surface_await(surface, 0, SSP_FOREVER, nullptr), SSP_CONTROLLER_CLOSED);
+  ssp_surface_destroy(std::exchange(surface, nullptr));
+  EXPECT_FALSE(exists(file_path(config->name)));
+  EXPECT_EQ(ssp_observer_latest(observer, SSP_SENSOR), SSP_OK);  // the mapping of another handle stays
+  EXPECT_EQ(ssp_observer_latest(observer, SSP_SENSOR), SSP_SURFACE_CLOSED);
+}
+
+#pragma GCC diagnostic push
+#pragma GCC diagnostic ignored "-Wdeprecated-declarations"
+TEST_F(CApi, DeprecatedDetachDestroys) {
+  start("c-detach");
+  ASSERT_EQ(ssp_surface_await_controller(surface, 0, nullptr), SSP_OK);
+  ssp_controller_detach(std::exchange(controller, nullptr));
+  EXPECT_EQ(ssp_surface_publish(surface, 0, 0.0, 0), SSP_OK);
+  EXPECT_EQ(ssp_surface_await(surface, 0, SSP_FOREVER, nullptr), SSP_CONTROLLER_CLOSED);
+}
+#pragma GCC diagnostic pop
 
 TEST_F(CApi, ReconnectsToTheNextSurface) {
   start("c-again");

@@ -1,4 +1,5 @@
-// SurfaceHost against a surface endpoint in another thread: frames, dtypes, components, refusals, shutdown.
+// SurfaceHost against a surface endpoint in another thread: frames, dtypes, components, refusals, shutdown,
+// allocations.
 #include "apron/run/host/SurfaceHost.h"
 
 #include <gtest/gtest.h>
@@ -9,6 +10,7 @@
 #include <thread>
 
 #include "apron/vm/PlaneStore.h"
+#include "tests/unit/common/AllocationCounter.h"
 
 namespace apron::run {
 namespace {
@@ -22,7 +24,10 @@ using vm::HostStatus;
 using vm::Plane;
 
 constexpr std::uint32_t kRows = 3, kColumns = 5;
-enum Channel { kProximity, kForce, kTouch, kHeight, kMode, kDrive };
+enum Channel { kProximity, kForce, kTouch, kHeight, kMode, kDrive, kTemperature, kVelocity };
+// Longer than what std::string holds without an allocation.
+constexpr const char* kLongSensor = "temperature_of_the_cell";
+constexpr const char* kLongActuator = "tangential_velocity";
 
 SurfaceEndpoint create(const std::string& name, Mode mode) {
   shm_protocol::SurfaceConfig config;
@@ -36,7 +41,9 @@ SurfaceEndpoint create(const std::string& name, Mode mode) {
                      {"touch", Direction::kSensor, DType::kU8, 1, "", 0, 1, 0},
                      {"height", Direction::kActuator, DType::kF32, 1, "u", 0, 8, 4},
                      {"mode", Direction::kActuator, DType::kU8, 1, "", 0, 255, 7},
-                     {"drive", Direction::kActuator, DType::kF32, 2, "u/s", -10, 10, 1}};
+                     {"drive", Direction::kActuator, DType::kF32, 2, "u/s", -10, 10, 1},
+                     {kLongSensor, Direction::kSensor, DType::kF32, 3, "K", 0, 400, 0},
+                     {kLongActuator, Direction::kActuator, DType::kF32, 2, "u/s", -10, 10, 0}};
   return SurfaceEndpoint::create(config);
 }
 
@@ -199,10 +206,12 @@ TEST_F(SurfaceHostTest, RefusesUnknownChannelsAndWrongShapes) {
   const Plane p = store_.allocate(kColumns, kRows), other = store_.allocate(kRows, kColumns);
   EXPECT_EQ(c.host.sense("proximty", p), HostStatus::kRefused);
   EXPECT_EQ(c.host.message(),
-            "the surface has no sensor channel 'proximty'; its sensor channels: proximity, force, touch");
+            "the surface has no sensor channel 'proximty'; its sensor channels: proximity, force, touch, "
+            "temperature_of_the_cell");
   EXPECT_EQ(c.host.actuate("proximity", 1.0F), HostStatus::kRefused);
   EXPECT_EQ(c.host.message(),
-            "the surface has no actuator channel 'proximity'; its actuator channels: height, mode, drive");
+            "the surface has no actuator channel 'proximity'; its actuator channels: height, mode, drive, "
+            "tangential_velocity");
   EXPECT_EQ(c.host.sense("proximity", other), HostStatus::kRefused);
   EXPECT_EQ(c.host.message(), "channel 'proximity' is 5x3, but the register is 3x5");
   for (const char* bad :
@@ -213,6 +222,25 @@ TEST_F(SurfaceHostTest, RefusesUnknownChannelsAndWrongShapes) {
   EXPECT_TRUE(c.host.has("proximity"));
   EXPECT_FALSE(c.host.has("pressure"));
 }
+
+#ifdef COUNTS_ALLOCATIONS
+TEST_F(SurfaceHostTest, TicksDoNotAllocate) {
+  Connection c(Mode::kPassive);
+  c.begin(0);
+  c.host.set_free_run(true);
+  const Plane p = store_.allocate(kColumns, kRows);
+  const std::size_t before = allocations;
+  for (int tick = 0; tick < 10; ++tick) {
+    ASSERT_TRUE(c.host.has("tangential_velocity"));
+    ASSERT_EQ(c.host.sense("temperature_of_the_cell[2]", p), HostStatus::kOk);
+    ASSERT_EQ(c.host.sense("temperature_of_the_cell.g", p), HostStatus::kOk);
+    ASSERT_EQ(c.host.actuate("tangential_velocity[0]", p), HostStatus::kOk);
+    ASSERT_EQ(c.host.actuate("tangential_velocity[1]", 2.0F), HostStatus::kOk);
+    ASSERT_EQ(c.host.step(), HostStatus::kOk);
+  }
+  EXPECT_EQ(allocations, before);
+}
+#endif
 
 TEST_F(SurfaceHostTest, StopFlagInterruptsWait) {
   Connection c(Mode::kTimeStep);

@@ -1,0 +1,86 @@
+"""A surface that runs elsewhere, such as hardware or `smartsurf run --shm NAME`, through shared memory."""
+from __future__ import annotations
+
+import numpy as np
+
+from ._surface import Channel, Surface, views
+
+try:
+    from shm_protocol import Controller
+except ModuleNotFoundError as error:
+    raise ImportError("a live surface needs the package shm_protocol: add shm-protocol/python to PYTHONPATH") from error
+
+
+class LiveSurface(Surface):
+    """A surface that another process runs, used like a Simulation: sensors, actuators, step().
+
+    name: of the surface. timeout: seconds to wait for it, and for each frame. The arrays are float32, whatever the
+    channels' types. A surface has one controller at a time; close() makes room for the next. This class needs neither the
+    compiled part of the package nor Gymnasium.
+    """
+
+    def __init__(self, name: str, timeout: float = 30.0):
+        self._controller, self._timeout, self.closed = Controller(name, timeout), timeout, False
+        d = self._controller.description
+        self.name, self.pitch, self.period = name, d.pitch, d.period
+        sensors, actuators = (tuple(Channel(c.name, c.unit, c.minimum, c.maximum, c.components, c.safe)
+                                    for c in d.channels if c.direction == of) for of in ("sensor", "actuator"))
+        observation, targets = (np.zeros((sum(c.components for c in of), d.rows, d.columns), np.float32)
+                                for of in (sensors, actuators))
+        self._readings = views(observation, sensors)  # writable, unlike those of `sensors`
+        super().__init__(sensors, actuators, observation, targets)
+        self.reset()
+        try:
+            self._await_frame()
+            if self.closed:
+                raise RuntimeError(f"surface {name} closed before its first frame")
+        except BaseException:
+            self.close()
+            raise
+
+    tick = property(lambda self: self._controller.tick, doc="The tick of the latest frame.")
+    time = property(lambda self: self._controller.time, doc="The surface's time in the latest frame, s.")
+    info = property(lambda self: {"tick": self.tick, "time": self.time, "surface_closed": self.closed})
+
+    def step(self, actions: dict | np.ndarray | float | None = None) -> tuple[float, bool, bool]:
+        """Answers the latest frame and waits for the next. Returns (0.0, whether the surface has closed, False); the
+        last readings stay. actions: as of Simulation.step(); values beyond a channel's range are clamped.
+
+        Raises TimeoutError without a frame in time, shm_protocol.SurfaceDied if the surface was killed."""
+        if actions is not None:
+            self._take(actions)
+        for channel in self.actuator_channels:
+            array, values = self._controller.actuators[channel.name], self._actuators[channel.name]
+            if array.dtype.kind == "u":
+                values = np.rint(np.clip(np.where(np.isnan(values), channel.safe, values), channel.minimum, channel.maximum))
+            array[...] = values
+        self._controller.publish()
+        self._await_frame()
+        return 0.0, self.closed, False
+
+    def _await_frame(self):
+        self.closed = not self._controller.wait(self._timeout)
+        if not self.closed:
+            for name, array in self._readings.items():
+                array[...] = self._controller.sensors[name]
+
+    def reset(self, seed: None = None) -> None:
+        """Returns the targets to the channels' safe values, which the next step() sends. The surface goes on: it cannot be
+        reset to a seed."""
+        if seed is not None:
+            raise ValueError(f"surface {self.name} runs in another process: it cannot be reset to a seed")
+        for channel in self.actuator_channels:
+            self._actuators[channel.name][...] = channel.safe
+
+    def close(self) -> None:
+        """Releases the surface for another controller. Arrays stay readable."""
+        self._controller.close()
+
+    def __enter__(self) -> LiveSurface:
+        return self
+
+    def __exit__(self, *_) -> None:
+        self.close()
+
+
+attach = LiveSurface

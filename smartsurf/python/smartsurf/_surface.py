@@ -1,0 +1,105 @@
+"""What simulations and live surfaces share: channels, arrays by channel, checks of arguments. Needs NumPy only."""
+from __future__ import annotations
+
+import dataclasses
+import os
+
+import numpy as np
+
+
+@dataclasses.dataclass(frozen=True)
+class Channel:
+    """An array of the surface that is exchanged in each tick: components × rows × columns."""
+    name: str
+    unit: str
+    minimum: float
+    maximum: float
+    components: int = 1
+    safe: float = 0.0  # actuators: the target before the first command
+
+
+class Closed:
+    """Stands for the core of an environment that was closed."""
+
+    def __getattr__(self, name):
+        raise ValueError("the environment is closed: make a new one")
+
+
+def whole(name, value, least):
+    """The int, or ValueError."""
+    if isinstance(value, (int, np.integer)) and not isinstance(value, bool) and least <= value < 2**31:
+        return int(value)
+    raise ValueError(f"{name} = {value!r}: must be a whole number, at least {least}")
+
+
+def real_array(name, values):
+    """The values as an array of real numbers, or ValueError."""
+    try:
+        array = np.asarray(values)
+    except ValueError:
+        raise ValueError(f"{name} has rows of different lengths: must be an array") from None
+    if array.dtype.kind not in "biuf":
+        raise ValueError(f"{name} has values of type {array.dtype}: must be real numbers")
+    return array
+
+
+def views(planes, of):
+    """The planes of each channel by name: rows × columns, or components × rows × columns. Views, not copies."""
+    out, first = {}, 0
+    for channel in of:
+        out[channel.name] = planes[first] if channel.components == 1 else planes[first:first + channel.components]
+        first += channel.components
+    return out
+
+
+class Surface:
+    """The arrays of a surface: one block of planes for the sensors and one for the actuators' targets, both float32,
+    and views of their channels by name."""
+
+    def __init__(self, sensor_channels, actuator_channels, observation, targets):
+        self.sensor_channels, self.actuator_channels = sensor_channels, actuator_channels
+        self._observation, self._targets = observation, targets
+        self.rows, self.columns = targets.shape[1:]
+        self._sensors, self._actuators = views(observation, sensor_channels), views(targets, actuator_channels)
+        for array in self._sensors.values():
+            array.flags.writeable = False
+
+    @property
+    def sensors(self) -> dict[str, np.ndarray]:
+        """The readings by channel name: read-only views, each in its channel's unit."""
+        return self._sensors
+
+    @property
+    def actuators(self) -> dict[str, np.ndarray]:
+        """The actuator targets by channel name, in the channel's unit: writable views that the next step() sends."""
+        return self._actuators
+
+    def _take(self, actions):
+        if not isinstance(actions, dict):
+            if len(self.actuator_channels) != 1:
+                raise ValueError("actions: the surface has the channels "
+                                 f"{', '.join(c.name for c in self.actuator_channels)}: give a dict")
+            actions = {self.actuator_channels[0].name: actions}
+        for name, values in actions.items():
+            if name not in self._actuators:
+                raise ValueError(f"actions: no actuator channel '{name}'; known: "
+                                 f"{', '.join(c.name for c in self.actuator_channels)}")
+            values = real_array(f"actions['{name}']", values)
+            try:
+                self._actuators[name][...] = values
+            except ValueError:
+                raise ValueError(f"actions['{name}'] has shape {values.shape}: must be a number or an array of shape "
+                                 f"{self._actuators[name].shape}") from None
+
+
+def checked_seed(seed):
+    if seed is None:
+        return None
+    if not isinstance(seed, (int, np.integer)) or isinstance(seed, bool) or not 0 <= seed < 2**63:
+        raise ValueError(f"seed = {seed!r}: must be a whole number from 0 to 2**63 - 1")
+    return int(seed)
+
+
+def draw_seed(random=None):
+    """A new seed, of 31 bits, from a NumPy generator or the operating system."""
+    return int(random.integers(2**31)) if random is not None else int.from_bytes(os.urandom(4), "little") >> 1
