@@ -14,7 +14,7 @@ set(unity_separate_files
   apron/syntax/Formatter.cpp
   apron/vm/kernels/Kernels.cpp
   smartsurf/mesh/MeshFile.cpp
-  smartsurf/record/plot/PurityPlot.cpp smartsurf/record/plot/TimeSpentPlot.cpp smartsurf/record/plot/TrajectoryPlot.cpp
+  smartsurf/record/plot/TimeSpentPlot.cpp smartsurf/record/plot/TrajectoryPlot.cpp
   smartsurf/scene/SensorSpec.cpp
   smartsurf/surface/actuators/PinKernels.cpp smartsurf/surface/raycast/RayKernels.cpp
   smartsurf/world/StateHash.cpp smartsurf/world/broadphase/UniformGridKernels.cpp smartsurf/world/solver/ContactKernels.cpp

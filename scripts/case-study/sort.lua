@@ -56,7 +56,7 @@ end
 for _ = 1, large_count do drop(large_radius, 'large', '#d55e00') end
 for _ = 1, small_count do drop(small_radius, 'small', '#0072b2') end
 
--- Purity: the share of spheres in their own half. Sorted: at least 0.95, for `hold` seconds on end.
+-- Purity: the share of spheres in their own half. Sorted: at least 0.95 for five seconds on end.
 local middle = (columns - 1) / 2
 local function purity()
   local right, all = 0, 0
@@ -68,13 +68,20 @@ local function purity()
       if on_surface and sign * (x - middle) > 0 then right = right + 1 end
     end
   end
-  return all > 0 and right / all or 0
+  return all > 0 and right / all or nil
 end
 
+local since, sorted_at
+metric('purity', function(t)
+  local now = purity()
+  since = now and now >= 0.95 and (since or t) or nil
+  if since and t - since >= 5 - 1e-9 then sorted_at = sorted_at or since end
+  return now
+end)
+success(function() return sorted_at end)
+
 if hold > 0 then
-  local since
   on_tick(function(t)
-    if purity() < 0.95 then since = nil else since = since or t end
     if since and t - since >= hold + 0.1 then
       print(string.format('sorted at %.1f s', since))
       stop(string.format('sorted: %.0f %% after %.1f s', 100 * purity(), since), true)

@@ -17,22 +17,25 @@ end
 -- Purity: the share of the objects in their own half, by their labels 'east' and 'west'. Sorted: at least 0.95, for
 -- five seconds on end; then the run ends.
 function two_kinds.measure(n, count)
-  local sorted_at, purity = nil, 0
-  on_tick(function(t)
+  local now, purity, sorted_at = 0, 0, nil
+  metric('purity', function()
     local right = 0
     for _, part in ipairs(objects()) do
       local x, _, z = part:position()
       if z > 0 and (x > (n - 1) / 2) == (part:label() == 'east') then right = right + 1 end
     end
-    purity = right / (2 * count)
+    now = right / (2 * count)
+    return now
+  end)
+  on_tick(function(t)
+    purity = now
     sorted_at = purity >= 0.95 and (sorted_at or t) or nil
     if sorted_at and t > sorted_at + 5 then stop(string.format('sorted after %.1f s', sorted_at), true) end
   end)
   reward(function() return purity end)
-  success(function(t) return sorted_at and t > sorted_at + 5 end)
+  success(function(t) return sorted_at and t > sorted_at + 5 and sorted_at end)
   info { purity = function() return purity end }
   on_finish(function()
-    metric('purity', purity)
     metric('success', sorted_at and 1 or 0)
     if sorted_at then
       metric('time_to_95_s', sorted_at)

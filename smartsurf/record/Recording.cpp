@@ -5,6 +5,7 @@
 #include <cstring>
 #include <limits>
 
+#include "smartsurf/record/LegacyPurity.h"
 #include "smartsurf/record/hdf5/CatalogueReader.h"
 #include "smartsurf/record/hdf5/DeltaEncoding.h"
 #include "smartsurf/record/hdf5/ForkedRead.h"
@@ -91,6 +92,7 @@ struct Recording::Contents {
   bool has_objects = false, has_angular_velocities = false;
   std::optional<std::uint64_t> first_interaction_tick;
   std::optional<DeltaReader> inputs, heights, motion, skin;
+  std::optional<PuritySeries> purity;  // see legacy_purity()
 };
 
 void Recording::Contents::read_meta() {
@@ -107,6 +109,8 @@ void Recording::Contents::read_meta() {
   if (has_attribute(group, "driver")) meta.driver = read_text_attribute(group, "driver");
   if (has_link(group, "set")) meta.overrides = read_string_attributes(group, "set");
   if (has_attribute(group, "unsafe")) meta.unsafe = read_number(group, "unsafe") != 0.0;
+  if (has_attribute(group, "declares_success"))
+    meta.declares_success = read_number(group, "declares_success") != 0.0;
   if (has_attribute(group, "touched_by_hand")) {
     read_attribute(group, "touched_by_hand", H5T_NATIVE_UINT64, &first_interaction_tick.emplace());
   }
@@ -135,6 +139,8 @@ void Recording::Contents::read_result(hid_t group) {
   read_attribute(group, "ticks", H5T_NATIVE_UINT64, &result->ticks);
   read_attribute(group, "state_hash", H5T_NATIVE_UINT64, &result->state_hash);
   result->simulated_s = read_number(group, "simulated_s");
+  if (has_attribute(group, "success")) result->success = read_number(group, "success") != 0.0;
+  if (has_attribute(group, "success_s")) result->success_s = read_number(group, "success_s");
 }
 
 void Recording::Contents::read_surface() {
@@ -372,11 +378,32 @@ std::vector<std::string> Recording::metric_names() const {
   for (const DatasetInfo& dataset : datasets())
     if (dataset.name.starts_with(kGroup) && dataset.extents.size() == 1)
       names.push_back(dataset.name.substr(kGroup.size()));
+  if (has_legacy_purity()) names.emplace_back(kPurity);
   return names;
 }
 
-// Of a metric that began after the last flush of a killed run no value is stored.
+bool Recording::has_legacy_purity() const {
+  return !meta().declares_success && has_objects() && frames() > 0 && defines_purity(spec());
+}
+
+const PuritySeries& Recording::legacy_purity() const {
+  if (!contents_->purity) contents_->purity = compute_purity(*this);
+  return *contents_->purity;
+}
+
+std::optional<bool> Recording::success() const {
+  if (has_legacy_purity()) return legacy_purity().sorted_at_s.has_value();
+  return result() ? result()->success : std::nullopt;
+}
+
+std::optional<double> Recording::success_s() const {
+  if (has_legacy_purity()) return legacy_purity().sorted_at_s;
+  return result() ? result()->success_s : std::nullopt;
+}
+
+// A metric that began after the last flush of a killed run has no stored values.
 std::vector<double> Recording::read_metric(const std::string& name) const {
+  if (name == kPurity && has_legacy_purity()) return legacy_purity().values;
   return contents_->translate_errors([&] {
     const std::string path = "metrics/" + name;
     const hsize_t stored = extents(open_dataset(contents_->file, path, 1))[0];

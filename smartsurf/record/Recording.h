@@ -20,6 +20,8 @@
 
 namespace smartsurf::record {
 
+struct PuritySeries;
+
 class Recording {
  public:
   struct ChannelInfo {
@@ -87,15 +89,20 @@ class Recording {
   std::vector<std::string> metric_names() const;
   // One value per frame; NaN before the script first set it.
   std::vector<double> read_metric(const std::string& name) const;
+  // Tells if the experiment's goal was reached, and when first; nullopt if it has no goal or the run did not finish.
+  std::optional<bool> success() const;
+  std::optional<double> success_s() const;
 
  private:
+  bool has_legacy_purity() const;
+  const PuritySeries& legacy_purity() const;
   struct Contents;
   explicit Recording(std::unique_ptr<Contents> contents);
   std::unique_ptr<Contents> contents_;
 };
 
 // The output of `smartsurf info`: several lines, each ending with '\n'. Leaves out what does not apply, such
-// as the purity of objects that do not have exactly two labels.
+// as the success of an experiment without a goal.
 std::string describe_recording(const Recording& recording);
 // The output of `smartsurf info --datasets`: one line per dataset, its name and extents.
 std::string list_datasets(const Recording& recording);

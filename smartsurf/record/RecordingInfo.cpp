@@ -2,12 +2,11 @@
 #include <cstdio>
 #include <iomanip>
 #include <map>
-#include <set>
 #include <sstream>
 
 #include "common/text/Printable.h"
-#include "smartsurf/record/Purity.h"
 #include "smartsurf/record/Recording.h"
+#include "smartsurf/record/SizeClasses.h"
 #include "smartsurf/record/hdf5/CatalogueWriter.h"
 
 namespace smartsurf::record {
@@ -139,22 +138,18 @@ std::string state_text(const Recording& recording) {
   return hash_text(recording.state_hashes().back()) + " at the last frame";
 }
 
-std::size_t label_count(const Recording& recording) {
-  std::set<std::string> labels;
-  for (const scene::ObjectSpec& object : recording.spec().objects)
-    if (!object.fixed && !object.label.empty()) labels.insert(object.label);
-  return labels.size();
+// A metric's first and last value; "" without any.
+std::string metric_text(const Recording& recording, const std::string& name) {
+  std::vector<double> values = recording.read_metric(name);
+  std::erase_if(values, [](double value) { return !std::isfinite(value); });
+  if (values.empty()) return "";
+  return concat(name, ": ", values.front(), " at the start, ", values.back(), " at the end");
 }
 
-std::string purity_text(const Recording& recording) {
-  if (!recording.has_objects() || recording.frames() == 0 || label_count(recording) != 2) return "";
-  try {
-    const PuritySeries p = compute_purity(recording);
-    return concat(p.values.front(), " at the start, ", p.values.back(), " at the end, ",
-                  p.sorted_at ? concat("sorted at ", *p.sorted_at, " s") : "never sorted");
-  } catch (const scene::InputError&) {
-    return "";  // not an experiment with two classes
-  }
+std::string success_text(const Recording& recording) {
+  if (!recording.success()) return "";
+  if (const auto time_s = recording.success_s()) return concat("at ", *time_s, " s");
+  return *recording.success() ? "yes" : "no";
 }
 
 std::string extents_text(const Recording::DatasetInfo& dataset) {
@@ -181,7 +176,9 @@ std::string describe_recording(const Recording& recording) {
   write_line(out, "frames", frames_text(recording));
   write_line(out, "outcome", outcome_text(recording));
   write_line(out, "state hash", state_text(recording));
-  write_line(out, "purity", purity_text(recording));
+  for (const std::string& name : recording.metric_names())
+    write_line(out, "metric", metric_text(recording, name));
+  write_line(out, "success", success_text(recording));
   return out.str();
 }
 

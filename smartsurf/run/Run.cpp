@@ -71,7 +71,11 @@ std::unique_ptr<Display> reuse_or_open_display(const RunOptions& options,
 }  // namespace
 
 script::Experiment Run::load(const RunOptions& options) {
-  return script::Experiment::load(options.experiment, make_load_options(options));
+  script::Experiment experiment = script::Experiment::load(options.experiment, make_load_options(options));
+  std::vector<std::string> metrics;
+  for (const auto& [name, value] : experiment.metrics()) metrics.push_back(name);
+  for (const std::string& name : options.render.plotted_metrics) require_metric("--plot", name, metrics);
+  return experiment;
 }
 
 Run::Run(const RunOptions& options, const std::atomic<bool>& stop_requested, script::Experiment experiment,
@@ -84,7 +88,6 @@ Run::Run(const RunOptions& options, const std::atomic<bool>& stop_requested, scr
       media_(options.screenshots, options.video_file, options.render, experiment_.scene()),
       progress_(options.world_index ? fmt::format("world {}", *options.world_index) : ""),
       pacer_(options.pace),
-      purity_meter_(experiment_.scene().surface),
       end_tick_(end_tick(options, experiment_.scene().world)) {
   if (!options.no_controller)
     link_ = std::make_unique<SurfaceLink>(segment_name(options), options.mode, experiment_.scene());
@@ -106,6 +109,7 @@ void Run::open_recordings() {
   meta.driver = options_.no_controller ? "script" : "controller";
   for (const auto& [name, value] : options_.overrides) meta.overrides.push_back({name, value});
   meta.unsafe = options_.unsafe;
+  meta.declares_success = experiment_.declares_success();
   meta.versions = {{"physics", simulation_.engine().version()}};
   for (const auto& file : options_.recording_files)
     recorders_.push_back(record::Recorder::open(file, meta, experiment_.scene()));
@@ -135,7 +139,6 @@ int Run::execute() {
 // The state before the first tick is frame 0, which the controller answers first and which is recorded first.
 void Run::start() {
   start_time_ = Clock::now();
-  purity_meter_.add(simulation_.snapshot(), simulation_.catalogue());
   phase_times_.start();
   if (link_) {
     link_->endpoint().set_state(shm_protocol::State::kRunning);
@@ -325,6 +328,11 @@ bool Run::publish() {
 
 void Run::record_tick() {
   const scene::Snapshot& snapshot = simulation_.snapshot();
+  experiment_.update_metrics(snapshot.time_s, snapshot.tick);
+  if (const auto success_s = experiment_.success(snapshot.time_s, snapshot.tick); success_s && !success_s_) {
+    success_s_ = success_s;
+    display_->mark({view::EventMark::Kind::kSuccess, *success_s, "success"});
+  }
   const scene::RecordSpec& record_spec = simulation_.scene().record;
   for (const auto& recorder : recorders_) {
     recorder->record_inputs(simulation_.actuators());
@@ -336,7 +344,6 @@ void Run::record_tick() {
   }
   phase_times_.lap(Phase::kRecord);
   if (observer_) observer_(simulation_);
-  purity_meter_.add(snapshot, simulation_.catalogue());
   if (display_->has_window()) mark_events();
   media_.write_due(frame_input());
   phase_times_.lap(Phase::kRender);
@@ -394,10 +401,10 @@ void Run::finish() {
   wall_s_ = std::chrono::duration<double>(Clock::now() - start_time_).count();
   frames_drawn_ = display_->frames_drawn();
   progress_.finish(simulation_.snapshot().time_s);
-  const scene::Snapshot& snapshot = simulation_.snapshot();
   media_.finish(frame_input());
+  const RunSummary s = summary();
   for (const auto& recorder : recorders_)
-    recorder->close({ending_->outcome, snapshot.tick, snapshot.time_s, snapshot.state_hash});
+    recorder->close({s.outcome, s.ticks, s.simulated_s, s.state_hash, s.success, s.success_s});
   if (!options_.stats_file.empty()) write_stats();
   // Closing the surface lets the controller exit by itself before it is terminated, unless it has a window,
   // which stays open as long as this run's.
@@ -405,6 +412,15 @@ void Run::finish() {
   if (!controller_process_ || controller_has_window()) return;
   controller_process_->wait_for_exit(2000ms);
   controller_process_.reset();
+}
+
+// What success() said at any tick, else what stop() or the metric "success" says at the end.
+std::optional<bool> Run::success() const {
+  if (success_s_) return true;
+  if (ending_->success) return ending_->success;
+  const auto metric = std::ranges::find(experiment_.metrics(), "success", &record::NamedNumber::first);
+  if (metric != experiment_.metrics().end()) return metric->second > 0.0;
+  return experiment_.declares_success() ? std::optional(false) : std::nullopt;
 }
 
 RunSummary Run::summary() const {
@@ -424,8 +440,9 @@ RunSummary Run::summary() const {
   s.contacts = snapshot.contact_count;
   s.metrics = experiment_.metrics();
   s.state_hash = snapshot.state_hash;
-  if (std::isfinite(purity_meter_.value())) s.purity = purity_meter_.value();
-  s.sorted_at_s = purity_meter_.sorted_at();
+  s.success = success();
+  s.success_s = success_s_;
+  if (!success_s_ && s.success == true) s.success_s = snapshot.time_s;
   s.off_surface = simulation_.departures().off_table_count();
   s.left_table = simulation_.departures().total_departures();
   if (link_) {

@@ -11,7 +11,6 @@
 #include <vector>
 
 #include "common/process/ExitStatus.h"
-#include "smartsurf/record/Purity.h"
 #include "smartsurf/record/Recorder.h"
 #include "smartsurf/run/ControllerProcess.h"
 #include "smartsurf/run/Pacer.h"
@@ -103,6 +102,7 @@ class Run {
                   std::optional<bool> success = std::nullopt);
   void finish();
   void write_stats() const;
+  std::optional<bool> success() const;  // nullopt: the script does not say
   RunSummary summary() const;
   std::string describe_controller();
   bool can_restart() const;
@@ -129,12 +129,10 @@ class Run {
   bool quit_by_script_ = false;
   std::optional<Restart> restart_;
   std::string recording_to_open_;
-  bool interacted_ = false;     // in the latest tick
-  bool marked_sorted_ = false;  // on the timeline
-  std::vector<RunValue> run_values_;
+  bool interacted_ = false;  // in the latest tick
   std::function<void(const simulation::Simulation&)> observer_;
   PhaseTimes phase_times_;
-  record::PurityMeter purity_meter_;
+  std::optional<double> success_s_;  // when success() first said so
   std::optional<std::uint64_t> end_tick_;
   std::optional<Ending> ending_;
   std::chrono::steady_clock::time_point start_time_{};

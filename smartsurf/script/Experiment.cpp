@@ -289,14 +289,25 @@ double Experiment::reward(double t_s, std::uint64_t tick) {
   return impl_->session.reward ? impl_->number_of(*impl_->session.reward, "reward", false) : 0.0;
 }
 
-bool Experiment::success(double t_s, std::uint64_t tick) {
-  if (!impl_->session.success) return false;
+bool Experiment::declares_success() const { return impl_->session.success.has_value(); }
+
+std::optional<double> Experiment::success(double t_s, std::uint64_t tick) {
+  if (!impl_->session.success) return std::nullopt;
   impl_->set_time(t_s, tick);
   lua_State* const L = impl_->interpreter.lua();
   impl_->push_result(*impl_->session.success);
-  const bool succeeded = lua_toboolean(L, -1) != 0;
+  std::optional<double> reached_s;
+  if (lua_toboolean(L, -1) != 0) reached_s = lua_type(L, -1) == LUA_TNUMBER ? lua_tonumber(L, -1) : t_s;
   lua_pop(L, 1);
-  return succeeded;
+  return reached_s;
+}
+
+void Experiment::update_metrics(double t_s, std::uint64_t tick) {
+  impl_->set_time(t_s, tick);
+  for (const auto& [metric, callback] : impl_->session.metric_functions) {
+    const double value = impl_->number_of(callback, "metric", true);
+    impl_->session.metrics[metric].second = value;
+  }
 }
 
 std::vector<Experiment::InfoField> Experiment::info_fields() const {

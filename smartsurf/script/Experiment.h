@@ -105,8 +105,8 @@ class Experiment {
   // first tick. Runs the callbacks of at and every that are due, in order of time and then registration, then
   // on_tick. Throws scene::InputError for an error in the script; after that only finish() may be called.
   void tick(double t_s, std::uint64_t tick);
-  // What the script declares of its episodes. Call these after tick and physics, with the time and tick of the new
-  // state. All throw as tick() does.
+  // The functions by which the script judges the state. Call these after tick and physics, with the time and tick of
+  // the new state. All throw as tick() does.
   struct InfoField {
     std::string name;
     int size = 1;  // 1: a number; kObjectStateSize: the state of an object
@@ -116,8 +116,12 @@ class Experiment {
   bool has_reward() const;
   // The value of reward(); 0 without one.
   double reward(double t_s, std::uint64_t tick);
-  // The value of success(); false without one.
-  bool success(double t_s, std::uint64_t tick);
+  bool declares_success() const;
+  // When the goal was reached: the time that success() returns, or t_s if it returns another true value. nullopt if the
+  // goal is not reached, or without success().
+  std::optional<double> success(double t_s, std::uint64_t tick);
+  // Sets the metrics that the script declares by a function to the function's value, NaN for nil.
+  void update_metrics(double t_s, std::uint64_t tick);
   std::vector<InfoField> info_fields() const;
   // Writes the values of all info fields, in their order; NaN for nil and for removed objects.
   void info(double t_s, std::uint64_t tick, std::span<double> values);

@@ -69,6 +69,11 @@ struct ScriptContext {
   std::vector<std::function<void(SimulationInterface&)>> deferred_requests;
 
   std::vector<std::pair<std::string, double>> metrics;  // in order of first use
+  struct MetricFunction {
+    std::ptrdiff_t metric;  // index into `metrics`
+    int callback;
+  };
+  std::vector<MetricFunction> metric_functions;
 
   ScriptState state;
   common::StateArchive* archive = nullptr;  // while the state is saved or restored

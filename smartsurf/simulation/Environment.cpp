@@ -53,6 +53,7 @@ void Environment::load(std::optional<std::uint64_t> seed) {
 void Environment::start_simulation() {
   failed_ = false;
   simulation_.emplace(*experiment_, options_.threads, /*scripted_actuators=*/true);
+  experiment_->update_metrics(0.0, 0);
   end_tick_.reset();
   if (const auto seconds = experiment_->episode_s())
     end_tick_ = static_cast<std::uint64_t>(std::ceil(*seconds / scene().world.control_period_s - 1e-9));
@@ -134,6 +135,7 @@ void Environment::advance() {
   if (const auto failure = s.failure()) throw scene::InputError(scene().file + ": " + *failure);
   s.finish_tick();
   s.sense();
+  experiment_->update_metrics(s.snapshot().time_s, s.snapshot().tick);
   failed_ = false;
 }
 
@@ -144,7 +146,7 @@ StepResult Environment::step() {
   const std::uint64_t tick = s.snapshot().tick;
   StepResult result;
   result.reward = experiment_->reward(time_s, tick);
-  result.success = experiment_->success(time_s, tick);
+  result.success = experiment_->success(time_s, tick).has_value();
   const ScriptRequests requests = s.take_requests();
   result.terminated = result.success || requests.stop || requests.quit;
   result.truncated = end_tick_ && tick >= *end_tick_;

@@ -9,10 +9,8 @@
 #include <limits>
 #include <nlohmann/json.hpp>
 #include <numbers>
-#include <set>
 
 #include "common/files/AtomicFile.h"
-#include "smartsurf/record/Purity.h"
 #include "smartsurf/web/Assets.h"
 #include "smartsurf/web/SeriesEncoder.h"
 
@@ -157,7 +155,7 @@ json actuators_json(const scene::SurfaceSpec& surface) {
 // Quantities of the whole run, one value per frame; null where undefined.
 json plots_json(const Recording& recording, const std::vector<std::size_t>& frames) {
   json plots = json::array();
-  const auto add = [&](const char* name, auto value_of) {
+  const auto add = [&](const std::string& name, auto value_of) {
     json values = json::array();
     for (const std::size_t frame : frames) {
       const double value = value_of(frame);
@@ -166,12 +164,9 @@ json plots_json(const Recording& recording, const std::vector<std::size_t>& fram
     plots.push_back({{"name", name}, {"values", std::move(values)}});
   };
   if (!recording.has_objects() || recording.spec().objects.empty()) return plots;
-  std::set<std::string> labels;
-  for (const scene::ObjectSpec& object : recording.spec().objects) labels.insert(object.label);
-  labels.erase("");
-  if (labels.size() == 2) {
-    const record::PuritySeries purity = record::compute_purity(recording);
-    add("purity", [&](std::size_t frame) { return purity.values[frame]; });
+  for (const std::string& name : recording.metric_names()) {
+    const std::vector<double> values = recording.read_metric(name);
+    add(name, [&](std::size_t frame) { return values[frame]; });
   }
   add("contact points",
       [&](std::size_t frame) { return static_cast<double>(recording.contact_counts()[frame]); });

@@ -52,6 +52,14 @@ def program(given: str | os.PathLike | None = None) -> str:
     return os.path.abspath(path)
 
 
+def plot(chart: Mapping[str, Any], file: str | os.PathLike, smartsurf: str | os.PathLike | None = None) -> None:
+    """Draws a chart as SVG or PNG. chart: its description, as docs/recordings.md has it."""
+    with tempfile.TemporaryDirectory(prefix="smartsurf-plot-") as folder:
+        description = pathlib.Path(folder, "chart.json")
+        description.write_text(json.dumps(chart))
+        subprocess.run([program(smartsurf), "plot", description, "-o", os.fspath(file)], check=True)
+
+
 def _text(value: Any) -> str:
     return str(value).lower() if isinstance(value, bool) else str(value)
 

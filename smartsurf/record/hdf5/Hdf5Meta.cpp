@@ -19,6 +19,8 @@ void write_meta(hid_t file, const RunMetadata& meta, const scene::SceneSpec& spe
   write_attribute(group, "program", meta.program_text);
   write_attribute(group, "driver", meta.driver);
   write_attribute(group, "unsafe", std::uint64_t{meta.unsafe});
+  if (meta.declares_success)
+    write_attribute(group, "declares_success", std::uint64_t{*meta.declares_success});
   write_attribute(group, "engine", spec.world.engine);
   write_attribute(group, "seed", spec.world.seed);
   write_attribute(group, "dt_s", spec.world.dt_s);

@@ -243,7 +243,7 @@ void Hdf5Recorder::OpenFile::buffer_channels(std::span<const scene::ChannelData>
   }
 }
 
-// Of a metric that is new, the frames so far have no value.
+// Back-fills the earlier frames of a new metric with NaN.
 void Hdf5Recorder::OpenFile::buffer_metrics(std::span<const NamedNumber> metrics) {
   for (std::size_t i = metric_series.size(); i < metrics.size(); ++i) {
     auto& series = metric_series.emplace_back();
@@ -472,6 +472,8 @@ void Hdf5Recorder::close(const RunResult& result) {
     write_attribute(meta, "ticks", result.ticks);
     write_attribute(meta, "simulated_s", result.simulated_s);
     write_attribute(meta, "state_hash", result.state_hash);
+    if (result.success) write_attribute(meta, "success", std::uint64_t{*result.success});
+    if (result.success_s) write_attribute(meta, "success_s", *result.success_s);
     content.flush();
     if (content.written_frames > 0)
       pending_->commit();

@@ -1,13 +1,19 @@
 #include "smartsurf/record/plot/Chart.h"
 
+#include <algorithm>
 #include <cmath>
+#include <cstdint>
 #include <cstdio>
 #include <filesystem>
+#include <memory>
 
+#include "common/index/Index.h"
 #include "smartsurf/record/Recording.h"
 
 namespace smartsurf::record {
 namespace {
+
+using common::Index;
 
 constexpr double kTickLength = 4.0, kTickLabelSize = 11.0, kTitleSize = 13.0;
 
@@ -17,7 +23,26 @@ void select_font(cairo_t* cr, double size, bool bold) {
   cairo_set_font_size(cr, size);
 }
 
+std::vector<double> ticks_of(const Axis& axis) {
+  if (!axis.log) return tick_values(axis.min, axis.max);
+  std::vector<double> powers;
+  for (double exponent = std::ceil(std::log10(axis.min) - 1e-9); exponent <= std::log10(axis.max) + 1e-9;
+       ++exponent)
+    powers.push_back(std::pow(10.0, exponent));
+  return powers;
+}
+
+std::uint32_t pack_rgb24(const Rgba& ink) {
+  const auto byte = [](double v) { return static_cast<std::uint32_t>(std::lround(255.0 * v)); };
+  return byte(ink.r) << 16 | byte(ink.g) << 8 | byte(ink.b);
+}
+
 }  // namespace
+
+double Axis::fraction(double value) const {
+  if (!log) return (value - min) / (max - min);
+  return std::log(std::max(value, 1e-300) / min) / std::log(max / min);
+}
 
 std::vector<double> tick_values(double from, double to) {
   const double raw_step = (to - from) / 7.0, magnitude = std::pow(10.0, std::floor(std::log10(raw_step)));
@@ -71,16 +96,51 @@ void draw_text(cairo_t* cr, double x, double y, const std::string& text, double 
   cairo_show_text(cr, text.c_str());
 }
 
+void draw_pixels(cairo_t* cr, const PlotArea& area, int columns, const std::vector<Rgba>& pixels) {
+  const int rows = static_cast<int>(std::ssize(pixels) / columns);
+  std::vector<std::uint32_t> packed(pixels.size());
+  std::ranges::transform(pixels, packed.begin(), pack_rgb24);
+  const std::unique_ptr<cairo_surface_t, void (*)(cairo_surface_t*)> image(
+      cairo_image_surface_create_for_data(reinterpret_cast<unsigned char*>(packed.data()), CAIRO_FORMAT_RGB24,
+                                          columns, rows, 4 * columns),
+      cairo_surface_destroy);
+  cairo_save(cr);
+  cairo_translate(cr, area.left, area.top);
+  cairo_scale(cr, area.width / columns, area.height / rows);
+  cairo_set_source_surface(cr, image.get(), 0.0, 0.0);
+  cairo_pattern_set_filter(cairo_get_source(cr), CAIRO_FILTER_NEAREST);
+  cairo_rectangle(cr, 0.0, 0.0, columns, rows);
+  cairo_fill(cr);
+  cairo_restore(cr);
+}
+
+void Chart::draw_grid(cairo_t* cr) const {
+  set_pen(cr, kLightGrey);
+  for (const double value : ticks_of(y_)) draw_line(cr, area_.left, py(value), area_.right(), py(value));
+}
+
 void Chart::draw_axes(cairo_t* cr) const {
   set_pen(cr, kBlack);
   cairo_rectangle(cr, area_.left, area_.top, area_.width, area_.height);
   cairo_stroke(cr);
-  for (const double value : tick_values(x_.min, x_.max)) {
-    draw_line(cr, px(value), area_.bottom(), px(value), area_.bottom() + kTickLength);
-    draw_text(cr, px(value), area_.bottom() + kTickLength + 12.0, format_number(value), kTickLabelSize,
-              Align::kCentre);
+  const double label_y = area_.bottom() + kTickLength + 12.0;
+  const auto draw_label = [&](double x, double y, const std::string& text) {
+    draw_text(cr, x, y, text, kTickLabelSize, Align::kCentre, false,
+              area_.width / std::max(1.0, static_cast<double>(x_.categories.size())));
+  };
+  for (Index i = 0; i < std::ssize(x_.categories); ++i) {
+    // A name of two words stands on two lines.
+    const std::string& name = x_.categories[i];
+    const std::size_t space = name.find(' ');
+    draw_label(px(static_cast<double>(i)), label_y, name.substr(0, space));
+    if (space != name.npos) draw_label(px(static_cast<double>(i)), label_y + 12.0, name.substr(space + 1));
   }
-  for (const double value : tick_values(y_.min, y_.max)) {
+  if (x_.categories.empty())
+    for (const double value : ticks_of(x_)) {
+      draw_line(cr, px(value), area_.bottom(), px(value), area_.bottom() + kTickLength);
+      draw_text(cr, px(value), label_y, format_number(value), kTickLabelSize, Align::kCentre);
+    }
+  for (const double value : ticks_of(y_)) {
     draw_line(cr, area_.left - kTickLength, py(value), area_.left, py(value));
     draw_text(cr, area_.left - kTickLength - 3.0, py(value) + 4.0, format_number(value), kTickLabelSize,
               Align::kRight);

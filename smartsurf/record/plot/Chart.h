@@ -28,6 +28,10 @@ enum class Align { kLeft, kCentre, kRight };
 struct Axis {
   double min, max;  // in the data's unit
   std::string title;
+  bool log = false;                     // 0 < min
+  std::vector<std::string> categories;  // at 0, 1, …, instead of numbers
+  // The position of a value: 0 at min, 1 at max.
+  double fraction(double value) const;
 };
 
 struct PlotArea {
@@ -50,11 +54,12 @@ class Chart {
  public:
   Chart(PlotArea area, Axis x, Axis y) : area_(area), x_(std::move(x)), y_(std::move(y)) {}
   const PlotArea& area() const { return area_; }
-  double px(double x) const { return area_.left + (x - x_.min) / (x_.max - x_.min) * area_.width; }
-  double py(double y) const { return area_.bottom() - (y - y_.min) / (y_.max - y_.min) * area_.height; }
+  double px(double x) const { return area_.left + x_.fraction(x) * area_.width; }
+  double py(double y) const { return area_.bottom() - y_.fraction(y) * area_.height; }
   // Draws the frame, tick marks, tick labels and axis titles.
   void draw_axes(cairo_t* cr) const;
-  void clip(cairo_t* cr) const;  // clips to the area until cairo_restore()
+  void draw_grid(cairo_t* cr) const;  // a line at each tick of y
+  void clip(cairo_t* cr) const;       // clips to the area until cairo_restore()
 
  private:
   PlotArea area_;
@@ -63,6 +68,8 @@ class Chart {
 
 // Round numbers in [from, to], about five to nine of them.
 std::vector<double> tick_values(double from, double to);
+// Draws pixels, row by row from the top, as rectangles that fill the area.
+void draw_pixels(cairo_t* cr, const PlotArea& area, int columns, const std::vector<Rgba>& pixels);
 std::string format_number(double value);  // as by %g: "0.2", "45.25"
 
 void set_pen(cairo_t* cr, const Rgba& colour, double line_width = 1.0);

@@ -14,8 +14,8 @@
 #include <utility>
 
 #include "common/files/AtomicFile.h"
-#include "smartsurf/record/plot/CurvePlot.h"
-#include "smartsurf/record/plot/PurityPlot.h"
+#include "smartsurf/record/plot/ChartFile.h"
+#include "smartsurf/record/plot/CurveChart.h"
 #include "smartsurf/record/plot/TimeSpentPlot.h"
 #include "smartsurf/record/plot/TrajectoryPlot.h"
 
@@ -41,15 +41,13 @@ std::unique_ptr<Figure> make_figure(const Recording& recording, const std::strin
   std::vector<std::string> arguments = split_at_colons(what);
   const std::string kind = arguments.front();
   arguments.erase(arguments.begin());
-  if (arguments.size() > (kind == "time-spent" ? 1u : 0u) &&
-      (kind == "trajectories" || kind == "purity" || kind == "time-spent"))
+  if (arguments.size() > (kind == "time-spent" ? 1u : 0u) && (kind == "trajectories" || kind == "time-spent"))
     throw scene::InputError("--what " + what + ": " + kind + " takes nothing after '" +
                             (kind == "time-spent" ? kind + ":" + arguments[0] : kind) + "'");
   if (kind == "trajectories") return std::make_unique<TrajectoryPlot>(recording);
-  if (kind == "purity") return std::make_unique<PurityPlot>(recording);
   if (kind == "time-spent")
     return std::make_unique<TimeSpentPlot>(recording, arguments.empty() ? "" : arguments[0]);
-  return std::make_unique<CurvePlot>(recording, time_series(recording, kind, arguments));
+  return std::make_unique<ChartFigure>(make_curve_chart(recording, time_series(recording, kind, arguments)));
 }
 
 cairo_status_t append_bytes(void* text, const unsigned char* bytes, unsigned length) {
@@ -124,7 +122,7 @@ void write_figure(const Figure& figure, const fs::path& path) {
 }  // namespace
 
 std::vector<std::string> plot_kinds() {
-  std::vector<std::string> kinds = {"trajectories", "purity", "time-spent[:LABEL]"};
+  std::vector<std::string> kinds = {"trajectories", "time-spent[:LABEL]"};
   for (std::string& form : time_series_kinds()) kinds.push_back(std::move(form));
   return kinds;
 }
@@ -138,10 +136,15 @@ void write_plot(const Recording& recording, const std::string& what, const fs::p
   write_figure(*make_figure(recording, what), path);
 }
 
-void write_curves(std::vector<double> time, TimeSeries series, const std::string& subtitle,
+void write_chart(const fs::path& description, const fs::path& path) {
+  require_picture_name(path);
+  write_figure(read_chart_file(description), path);
+}
+
+void write_curves(const std::vector<double>& time, TimeSeries series, const std::string& subtitle,
                   const fs::path& path) {
   require_picture_name(path);
-  write_figure(CurvePlot(std::move(time), std::move(series), subtitle), path);
+  write_figure(ChartFigure(make_curve_chart(time, std::move(series), subtitle)), path);
 }
 
 }  // namespace smartsurf::record

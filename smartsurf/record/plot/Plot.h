@@ -13,14 +13,17 @@
 
 namespace smartsurf::record {
 
-// The values of --what: "trajectories", "purity", "time-spent[:LABEL]", and time series: "speed[:ID…]",
-// "height:ROW,COLUMN…", …. write_plot() also accepts NAME:ROW,COLUMN… for any recorded channel. Rows and
+// The values of --what: "trajectories", "time-spent[:LABEL]", and time series: "speed[:ID…]",
+// "height:ROW,COLUMN…", …. write_plot() also accepts NAME:ROW,COLUMN… for any recorded channel, and the name of a
+// metric. Rows and
 // columns count from 0; row 0 is north.
 std::vector<std::string> plot_kinds();
 void write_plot(const Recording& recording, const std::string& what, const std::filesystem::path& path);
 
+// Draws the chart that a JSON file describes (docs/recordings.md).
+void write_chart(const std::filesystem::path& description, const std::filesystem::path& path);
 // Draws curves over `time` (s, at least one value).
-void write_curves(std::vector<double> time, TimeSeries series, const std::string& subtitle,
+void write_curves(const std::vector<double>& time, TimeSeries series, const std::string& subtitle,
                   const std::filesystem::path& path);
 
 }  // namespace smartsurf::record

@@ -202,6 +202,7 @@ TimeSeries metric_series(const Recording& recording, const std::string& kind, co
                                                               common::did_you_mean(name, known));
     result.curves.push_back({name, recording.read_metric(name)});
   }
+  result.success_s = recording.success_s();
   return result;
 }
 
@@ -230,7 +231,7 @@ std::vector<std::string> time_series_kinds() {
 }
 
 TimeSeries time_series(const Recording& recording, const std::string& kind, const Arguments& arguments) {
-  std::vector<std::string> known = {"trajectories", "purity", "time-spent"};
+  std::vector<std::string> known = {"trajectories", "time-spent"};
   for (const SeriesDefinition& definition : kSeriesDefinitions) {
     if (kind == definition.name) return definition.make(recording, kind, arguments);
     known.emplace_back(definition.name);
@@ -240,6 +241,14 @@ TimeSeries time_series(const Recording& recording, const std::string& kind, cons
       if (kind == name) return channel_series(recording, group, name, arguments);
       if (std::ranges::find(known, name) == known.end()) known.push_back(name);
     }
+  for (const std::string& name : recording.metric_names()) {
+    if (kind != name) {
+      known.push_back(name);
+      continue;
+    }
+    require_no_arguments(kind, arguments);
+    return metric_series(recording, "metric", {name});
+  }
   throw_plot_error(kind, "unknown kind of plot; known: " + join(known) + common::did_you_mean(kind, known));
 }
 

@@ -1,6 +1,7 @@
 // Time series: what CurvePlot draws; those of a recording are the curves of `smartsurf plot --what KIND`.
 #pragma once
 
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -17,6 +18,7 @@ struct TimeSeries {
   std::string title;       // "Speed of the objects"
   std::string axis_title;  // "mean speed [u/s]"
   std::vector<Curve> curves;
+  std::optional<double> success_s = {};  // marked by a line
 };
 
 // The kinds with their arguments: "height:ROW,COLUMN…", "speed[:ID…]".

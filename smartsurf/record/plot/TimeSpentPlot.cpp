@@ -1,9 +1,7 @@
 #include "smartsurf/record/plot/TimeSpentPlot.h"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
-#include <memory>
 
 #include "common/color/Palette.h"
 #include "common/text/Suggestion.h"
@@ -18,11 +16,6 @@ constexpr std::size_t kBlockValues = 1u << 20;
 Rgba sample_viridis(double t) {
   const common::Rgb color = common::palette_color(common::Palette::kViridis, static_cast<float>(t));
   return {color[0], color[1], color[2]};
-}
-
-std::uint32_t pack_rgb24(const Rgba& ink) {
-  const auto byte = [](double v) { return static_cast<std::uint32_t>(std::lround(255.0 * v)); };
-  return byte(ink.r) << 16 | byte(ink.g) << 8 | byte(ink.b);
 }
 
 // A grid of squares, one pitch wide, that covers the surface; in a rectangular layout these are its cells.
@@ -48,23 +41,6 @@ Chart make_chart(const scene::SurfaceSpec& s) {
   const PlotArea area{66.0, 62.0, std::max(width * points, 60.0), std::max(height * points, 60.0)};
   const double x = grid.west, y = grid.south;
   return {area, {x, x + width, "x, east [u]"}, {y, y + height, "y, north [u]"}};
-}
-
-// Draws columns × rows RGB24 pixels, first row on top, scaled to the area without interpolation.
-void draw_pixels(cairo_t* cr, const PlotArea& area, int columns, int rows,
-                 std::vector<std::uint32_t> pixels) {
-  const std::unique_ptr<cairo_surface_t, void (*)(cairo_surface_t*)> image(
-      cairo_image_surface_create_for_data(reinterpret_cast<unsigned char*>(pixels.data()), CAIRO_FORMAT_RGB24,
-                                          columns, rows, 4 * columns),
-      cairo_surface_destroy);
-  cairo_save(cr);
-  cairo_translate(cr, area.left, area.top);
-  cairo_scale(cr, area.width / columns, area.height / rows);
-  cairo_set_source_surface(cr, image.get(), 0.0, 0.0);
-  cairo_pattern_set_filter(cairo_get_source(cr), CAIRO_FILTER_NEAREST);
-  cairo_rectangle(cr, 0.0, 0.0, columns, rows);
-  cairo_fill(cr);
-  cairo_restore(cr);
 }
 
 }  // namespace
@@ -117,21 +93,20 @@ double TimeSpentPlot::width() const { return chart_.area().right() + kRightMargi
 double TimeSpentPlot::height() const { return chart_.area().bottom() + kBottomMargin; }
 
 void TimeSpentPlot::draw_cells(cairo_t* cr) const {
-  std::vector<std::uint32_t> pixels(seconds_.size());
+  std::vector<Rgba> pixels(seconds_.size());
   // The square root makes short visits visible beside cells where objects rest.
   for (std::size_t i = 0; i < pixels.size(); ++i)
-    pixels[i] = pack_rgb24(sample_viridis(max_seconds_ > 0.0 ? std::sqrt(seconds_[i] / max_seconds_) : 0.0));
-  draw_pixels(cr, chart_.area(), make_plot_grid(surface_).columns, make_plot_grid(surface_).rows,
-              std::move(pixels));
+    pixels[i] = sample_viridis(max_seconds_ > 0.0 ? std::sqrt(seconds_[i] / max_seconds_) : 0.0);
+  draw_pixels(cr, chart_.area(), make_plot_grid(surface_).columns, pixels);
 }
 
 void TimeSpentPlot::draw_colour_bar(cairo_t* cr) const {
   constexpr int kSteps = 128;
   const PlotArea& area = chart_.area();
   const PlotArea bar{area.right() + kColourBarGap, area.top, kColourBarWidth, std::min(area.height, 320.0)};
-  std::vector<std::uint32_t> pixels;
-  for (int i = 0; i < kSteps; ++i) pixels.push_back(pack_rgb24(sample_viridis(1.0 - (i + 0.5) / kSteps)));
-  draw_pixels(cr, bar, 1, kSteps, std::move(pixels));
+  std::vector<Rgba> pixels;
+  for (int i = 0; i < kSteps; ++i) pixels.push_back(sample_viridis(1.0 - (i + 0.5) / kSteps));
+  draw_pixels(cr, bar, 1, pixels);
   set_pen(cr, kBlack);
   cairo_rectangle(cr, bar.left, bar.top, bar.width, bar.height);
   cairo_stroke(cr);

@@ -7,7 +7,7 @@
 #include <string>
 #include <utility>
 
-#include "smartsurf/record/Purity.h"
+#include "smartsurf/record/SizeClasses.h"
 #include "smartsurf/scene/SurfaceBounds.h"
 
 namespace smartsurf::record {

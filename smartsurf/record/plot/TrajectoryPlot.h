@@ -1,7 +1,7 @@
 // Plots the trajectory of every object from above, as in Fig. 9 of the paper: solid lines for small and
 // dashed lines for large objects, O at the start and X at the end. Internal to this module.
 //
-// Each size class (Purity.h) or label has its own line style, in order of mean size. `fixed` objects are not
+// Each size class (SizeClasses.h) or label has its own line style, in order of mean size. `fixed` objects are not
 // drawn.
 #pragma once
 

@@ -49,17 +49,27 @@ CommandHandler add_plot_command(CLI::App& app) {
   struct Flags {
     std::string file, output, what = "trajectories";
   };
-  CLI::App* plot = app.add_subcommand("plot", "Draw a figure from a recording");
+  CLI::App* plot =
+      app.add_subcommand("plot", "Draw a figure from a recording, or a chart from its description");
   const auto flags = std::make_shared<Flags>();
-  plot->add_option("recording", flags->file, "The recording")->required()->type_name("FILE.h5");
+  plot->add_option("recording", flags->file, "The recording, or a chart in JSON")
+      ->required()
+      ->type_name("FILE.h5|FILE.json");
   plot->add_option("-o,--output", flags->output, "The figure, .svg or .png")
       ->required()
       ->type_name("FIG.svg|FIG.png");
-  plot->add_option("--what", flags->what,
-                   fmt::format("One of: {}; or CHANNEL:ROW,COLUMN of a recorded channel",
-                               fmt::join(record::plot_kinds(), ", ")))
-      ->type_name("KIND");
-  return [flags] {
+  const CLI::Option* const what =
+      plot->add_option("--what", flags->what,
+                       fmt::format("One of: {}; or CHANNEL:ROW,COLUMN of a recorded channel",
+                                   fmt::join(record::plot_kinds(), ", ")))
+          ->type_name("KIND");
+  return [flags, what] {
+    if (flags->file.ends_with(".json")) {
+      if (what->count() > 0)
+        throw scene::InputError("--what: needs a recording; a chart in JSON says what it shows");
+      record::write_chart(flags->file, flags->output);
+      return common::kDone;
+    }
     record::write_plot(record::Recording::open(flags->file), flags->what, flags->output);
     return common::kDone;
   };

@@ -52,8 +52,8 @@ void add_render_flags(CLI::App& app, RenderFlags& flags) {
       ->type_name("SECONDS");
   app.add_option(
          "--plot", flags.plots,
-         "Plot a signal in the window: speed:ID (also x, y, z, spin), CHANNEL:ROW,COLUMN, purity, contacts, "
-         "objects or metric:NAME")
+         "Plot a signal in the window: speed:ID (also x, y, z, spin), CHANNEL:ROW,COLUMN, contacts, objects, "
+         "metric:NAME or the NAME of a metric alone")
       ->type_name("SIGNAL")
       ->allow_extra_args(false);
   app.add_option("--picture-size", flags.size,
@@ -75,9 +75,10 @@ RenderOptions parse_render_options(const RenderFlags& flags) {
     if (!signal)
       throw scene::InputError(
           "--plot " + text +
-          ": must be speed:ID (also x, y, z, spin), CHANNEL:ROW,COLUMN, purity, contacts, objects "
-          "or metric:NAME");
+          ": must be speed:ID (also x, y, z, spin), CHANNEL:ROW,COLUMN, contacts, objects or metric:NAME");
     options.view.plots.push_back(*signal);
+    if (text == signal->quantity && signal->kind == view::Signal::Kind::kMetric)
+      options.plotted_metrics.push_back(text);
   }
   if (!flags.size.empty()) options.pixel_size = parse_pixel_size(flags.size);
   return options;

@@ -18,6 +18,8 @@ namespace smartsurf::run {
 
 struct RenderOptions {
   view::ViewSettings view;
+  // Those of view.plots that --plot names without "metric:": the experiment must declare them.
+  std::vector<std::string> plotted_metrics;
   std::optional<common::PixelSize> pixel_size;  // default: pictures 1600 × 1000, videos 1280 × 720
 };
 

@@ -16,6 +16,7 @@ namespace {
 RenderOptions without_signals(RenderOptions render) {
   render.view.overlay.channel.clear();
   render.view.plots.clear();
+  render.plotted_metrics.clear();
   return render;
 }
 

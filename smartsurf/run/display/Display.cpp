@@ -63,9 +63,10 @@ void Display::restart(const RunOptions& options, const scene::SceneSpec& scene) 
   if (beside_controller_window_ && !had_controller_window) window_->move_to_left();
 }
 
-void Display::record_tick(const simulation::Simulation& simulation, std::span<const RunValue> values) {
+void Display::record_tick(const simulation::Simulation& simulation,
+                          std::span<const std::pair<std::string, double>> metrics) {
   if (!window_) return;
-  history_.add(simulation.snapshot(), channels_.update(simulation), values);
+  history_.add(simulation.snapshot(), channels_.update(simulation), metrics);
 }
 
 // Marks that are older than the history are dropped.
@@ -85,7 +86,7 @@ view::Status Display::make_view_status(const DisplayStatus& display_status, bool
   status.requested_pace = display_status.requested_pace.value_or(0.0);
   status.actual_pace = display_status.real_time_factor;
   status.physics_ms = display_status.physics_ms;
-  status.purity = display_status.purity;
+  status.metrics = display_status.metrics;
   status.has_contacts = !history_index_;
   status.accepts_interaction = status.accepts_faults = !history_index_ && !display_status.run_ended;
   status.can_reset = display_status.can_restart;

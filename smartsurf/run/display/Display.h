@@ -43,7 +43,7 @@ struct DisplayStatus {
   RunMode mode = RunMode::kTimeStep;
   std::string controller;  // a phrase: "process 4711, running"
   double physics_ms = 0.0;
-  std::optional<double> purity;
+  std::span<const std::pair<std::string, double>> metrics;
   bool can_restart = false;
   std::string notice;
   std::optional<view::Banner> banner;
@@ -61,9 +61,9 @@ class Display {
   std::uint64_t frames_drawn() const { return frames_drawn_; }  // of this run
   // Reuses the window for another run; makes room if only this one has a controller's window beside it.
   void restart(const RunOptions&, const scene::SceneSpec&);
-  // Adds the state of the current tick to the history. values: purity and metrics, in an order that stays. Does nothing
+  // Adds the state of the current tick to the history. metrics: in an order that stays. Does nothing
   // without a window.
-  void record_tick(const simulation::Simulation&, std::span<const RunValue> values);
+  void record_tick(const simulation::Simulation&, std::span<const std::pair<std::string, double>> metrics);
   // Marks an event on the timeline. Does nothing without a window.
   void mark(view::EventMark mark);
   // Polls the user's input and draws a frame if one is due. Does nothing without a window.

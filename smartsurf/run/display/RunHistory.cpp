@@ -14,7 +14,7 @@ std::size_t frame_bytes(const RunHistory::Frame& frame) {
   const scene::Snapshot& s = frame.snapshot;
   return sizeof frame + s.object_count() * kBytesPerObject +
          (s.height.size() + s.skin_height.size() + frame.channels.size()) * sizeof(float) +
-         s.actuator_state.size() * sizeof(scene::ActuatorState) + frame.values.size() * sizeof(double);
+         s.actuator_state.size() * sizeof(scene::ActuatorState) + frame.metrics.size() * sizeof(double);
 }
 
 }  // namespace
@@ -29,7 +29,7 @@ void RunHistory::clear() {
 }
 
 void RunHistory::add(const scene::Snapshot& snapshot, std::span<const view::Channel> channels,
-                     std::span<const RunValue> values) {
+                     std::span<const std::pair<std::string, double>> metrics) {
   if (channels_.empty())
     for (std::size_t offset = 0; const view::Channel& channel : channels) {
       const std::size_t cells =
@@ -37,8 +37,8 @@ void RunHistory::add(const scene::Snapshot& snapshot, std::span<const view::Chan
       channels_.push_back({channel.name, offset, cells});
       offset += cells;
     }
-  for (std::size_t i = signals_.size(); i < values.size(); ++i)
-    signals_.push_back({values[i].kind, std::string(values[i].name), 0, 0, 0});
+  for (std::size_t i = signals_.size(); i < metrics.size(); ++i)
+    signals_.push_back({view::Signal::Kind::kMetric, metrics[i].first, 0, 0, 0});
   full_ = full_ || (frames_.size() >= 2 && bytes_ + frame_bytes(frames_.back()) > max_bytes_);
   if (!full_) frames_.emplace_back();
   Frame& frame = full_ ? frames_[oldest_] : frames_.back();  // the oldest one's memory is reused
@@ -47,8 +47,8 @@ void RunHistory::add(const scene::Snapshot& snapshot, std::span<const view::Chan
   frame.channels.clear();
   for (std::size_t i = 1; i < channels.size(); ++i)
     frame.channels.insert(frame.channels.end(), channels[i].values.begin(), channels[i].values.end());
-  frame.values.clear();
-  for (const RunValue& value : values) frame.values.push_back(value.value);
+  frame.metrics.clear();
+  for (const auto& [name, value] : metrics) frame.metrics.push_back(value);
   ++added_;
   if (!full_) bytes_ += frame_bytes(frame);
 }
@@ -83,7 +83,7 @@ double RunHistory::value(const view::Signal& signal, const Frame& frame) const {
   if (signal.quantity == "objects" && signal.kind == view::Signal::Kind::kRun)
     return static_cast<double>(frame.snapshot.object_count());
   const auto index = static_cast<std::size_t>(std::ranges::find(signals_, signal) - signals_.begin());
-  return index < frame.values.size() ? frame.values[index] : kMissing;
+  return index < frame.metrics.size() ? frame.metrics[index] : kMissing;
 }
 
 void RunHistory::read(const view::Signal& signal, std::uint64_t first, std::span<double> values) const {

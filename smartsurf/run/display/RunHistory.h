@@ -4,7 +4,7 @@
 #include <cstddef>
 #include <span>
 #include <string>
-#include <string_view>
+#include <utility>
 #include <vector>
 
 #include "smartsurf/scene/Snapshot.h"
@@ -12,19 +12,12 @@
 
 namespace smartsurf::run {
 
-// A number of the run at one tick.
-struct RunValue {
-  view::Signal::Kind kind;  // kRun or kMetric
-  std::string_view name;
-  double value;
-};
-
 class RunHistory final : public view::History {
  public:
   struct Frame {
     scene::Snapshot snapshot;
     std::vector<float> channels;  // of all channels that have values, one after the other
-    std::vector<double> values;   // of run_signals(); later ones may be missing
+    std::vector<double> metrics;  // in the order of run_signals(); later ones may be missing
   };
 
   // columns: of the surface. max_bytes: limit of all frames together; at least two are kept.
@@ -32,10 +25,10 @@ class RunHistory final : public view::History {
       : columns_(columns), max_bytes_(max_bytes) {}
 
   // Copies the state of one tick, replacing the oldest one once the limit is reached; allocates until then. channels:
-  // the same ones in every tick; the first is the heights, which the snapshot holds. values: new ones may follow the
+  // the same ones in every tick; the first is the heights, which the snapshot holds. metrics: new ones may follow the
   // earlier ones.
   void add(const scene::Snapshot& snapshot, std::span<const view::Channel> channels,
-           std::span<const RunValue> values);
+           std::span<const std::pair<std::string, double>> metrics);
   void clear();
 
   std::size_t size() const { return frames_.size(); }
@@ -66,7 +59,7 @@ class RunHistory final : public view::History {
   std::uint64_t added_ = 0;
   bool full_ = false;
   std::vector<StoredChannel> channels_;
-  std::vector<view::Signal> signals_;  // of Frame::values
+  std::vector<view::Signal> signals_;  // of Frame::metrics
   std::vector<Frame> frames_;          // a ring buffer once full
 };
 

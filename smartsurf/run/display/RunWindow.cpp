@@ -23,7 +23,7 @@ void Run::refresh_display() {
   status.mode = options_.mode;
   status.controller = describe_controller();
   status.physics_ms = phase_times_.last_ms(Phase::kPhysics);
-  if (std::isfinite(purity_meter_.value())) status.purity = purity_meter_.value();
+  status.metrics = experiment_.metrics();
   const bool was_paused = requests_.paused;
   status.can_restart = can_restart();
   status.notice = notice_;
@@ -80,12 +80,7 @@ void Run::mark_events() {
   const double time_s = simulation_.snapshot().time_s;
   for (const std::string& location : experiment_.events())
     display_->mark({view::EventMark::Kind::kScript, time_s, "at() of " + location});
-  if (const auto sorted_at_s = purity_meter_.sorted_at(); sorted_at_s && !std::exchange(marked_sorted_, true))
-    display_->mark({view::EventMark::Kind::kSorted, *sorted_at_s, "sorted"});
-  run_values_ = {{view::Signal::Kind::kRun, "purity", purity_meter_.value()}};
-  for (const auto& [name, value] : experiment_.metrics())
-    run_values_.push_back({view::Signal::Kind::kMetric, name, value});
-  display_->record_tick(simulation_, run_values_);
+  display_->record_tick(simulation_, experiment_.metrics());
 }
 
 void Run::mark_controller_lost() {
@@ -137,11 +132,7 @@ bool Run::controller_has_window() const {
 
 view::Banner Run::result_banner() const {
   const RunSummary s = summary();
-  const auto metric = [&](const std::string& name) {
-    return std::ranges::find(s.metrics, name, &std::pair<std::string, double>::first);
-  };
-  std::optional<bool> success = ending_->success;
-  if (!success && metric("success") != s.metrics.end()) success = metric("success")->second > 0.0;
+  std::optional<bool> success = s.success;
   if (ending_->exit_status != common::kDone) success = false;
   view::Banner banner;
   if (success) banner.tone = *success ? view::Banner::Tone::kSuccess : view::Banner::Tone::kFailure;

@@ -69,17 +69,29 @@ std::span<const view::Channel> ViewChannels::show(const RunHistory& history, con
   return channels_;
 }
 
+namespace {
+
+// Throws unless `name` is one of the names of its kind ("channel").
+void require_known(const std::string& flag, const std::string& name, const char* kind,
+                   const std::vector<std::string>& known) {
+  if (std::ranges::find(known, name) != known.end()) return;
+  throw scene::InputError(fmt::format("{} {}: no such {}{}; known: {}", flag, name, kind,
+                                      common::did_you_mean(name, known),
+                                      known.empty() ? "none" : fmt::format("{}", fmt::join(known, ", "))));
+}
+
+}  // namespace
+
 void require_channel(const std::string& flag, const std::string& name,
                      std::span<const view::Channel> channels) {
   std::vector<std::string> known;
-  for (const view::Channel& channel : channels) {
-    if (channel.name == name) return;
-    known.push_back(channel.name);
-  }
-  const std::string suggestion = common::nearest_name(name, known);
-  throw scene::InputError(fmt::format(
-      "{} {}: no such channel{}; known: {}", flag, name,
-      suggestion.empty() ? "" : fmt::format(" (did you mean '{}'?)", suggestion), fmt::join(known, ", ")));
+  for (const view::Channel& channel : channels) known.push_back(channel.name);
+  require_known(flag, name, "channel", known);
+}
+
+void require_metric(const std::string& flag, const std::string& name,
+                    const std::vector<std::string>& metrics) {
+  require_known(flag, name, "metric", metrics);
 }
 
 void require_signal(const std::string& flag, const view::Signal& signal, const scene::SurfaceSpec& surface,

@@ -30,6 +30,9 @@ void require_channel(const std::string& flag, const std::string& name,
                      std::span<const view::Channel> channels);
 void require_signal(const std::string& flag, const view::Signal& signal, const scene::SurfaceSpec& surface,
                     std::span<const view::Channel> channels);
+// Throws scene::InputError, which begins with the flag, unless `name` is one of the metrics.
+void require_metric(const std::string& flag, const std::string& name,
+                    const std::vector<std::string>& metrics);
 
 // The load-bearing contacts, with the mean force of the last physics step, mass·u/s².
 std::vector<view::ContactMark> contact_marks(const simulation::Simulation&);

@@ -6,6 +6,8 @@
 #include <cmath>
 #include <nlohmann/json.hpp>
 
+#include "smartsurf/record/LegacyPurity.h"
+
 namespace smartsurf::run {
 
 void DurationHistogram::add(std::chrono::nanoseconds duration) noexcept {
@@ -68,12 +70,17 @@ std::string to_json(const RunSummary& run, const PhaseTimes& times) {
                     {"left_table", run.left_table},
                     {"contacts", run.contacts},
                     {"state_hash", fmt::format("{:016x}", run.state_hash)},
-                    {"purity", run.purity ? ordered_json(*run.purity) : ordered_json(nullptr)},
-                    {"sorted_at_s", run.sorted_at_s ? ordered_json(*run.sorted_at_s) : ordered_json(nullptr)},
+                    {"success", run.success ? ordered_json(*run.success) : ordered_json(nullptr)},
+                    {"success_s", run.success_s ? ordered_json(*run.success_s) : ordered_json(nullptr)},
                     {"sensor_frames_skipped", run.sensor_frames_skipped},
                     {"actuator_frames_repeated", run.actuator_frames_repeated},
                     {"actuator_values_clamped", run.actuator_values_clamped},
                     {"metrics", metrics}};
+  // Earlier versions wrote these names for every experiment.
+  if (const auto purity = metrics.find(record::kPurity); purity != metrics.end()) {
+    json[record::kPurity] = *purity;
+    json[record::kSortedAt] = json["success_s"];
+  }
   return json.dump(2) + "\n";
 }
 

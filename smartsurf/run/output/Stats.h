@@ -59,7 +59,8 @@ struct RunSummary {
   double simulated_s = 0.0, wall_s = 0.0;
   std::size_t objects = 0, contacts = 0;
   std::uint64_t state_hash = 0;
-  std::optional<double> purity, sorted_at_s;
+  std::optional<bool> success;  // nullopt: the script does not say
+  std::optional<double> success_s;
   std::uint64_t sensor_frames_skipped = 0, actuator_frames_repeated = 0, actuator_values_clamped = 0;
   std::vector<std::pair<std::string, double>> metrics;  // from the script's metric()
   std::size_t off_surface = 0;                          // objects not over the surface at the end

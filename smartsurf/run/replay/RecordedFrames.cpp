@@ -4,7 +4,6 @@
 #include <cmath>
 #include <limits>
 
-#include "smartsurf/record/Purity.h"
 #include "smartsurf/record/plot/TimeSeries.h"
 #include "smartsurf/run/display/ViewChannels.h"
 
@@ -15,13 +14,8 @@ RecordedFrames::RecordedFrames(const record::Recording& recording) : recording_(
   channels_ = {height_channel(surface)};
   add_channels("sensors", "");
   add_channels("actuators", "command: ");
-  try {
-    const record::PuritySeries purity = record::compute_purity(recording);
-    purity_ = purity.values;
-    if (purity.sorted_at) marks_.push_back({view::EventMark::Kind::kSorted, *purity.sorted_at, "sorted"});
-  } catch (const scene::InputError&) {
-    // Its objects do not form two classes.
-  }
+  if (const auto time_s = recording.success_s())
+    marks_.push_back({view::EventMark::Kind::kSuccess, *time_s, "success"});
   if (const auto tick = recording.first_interaction_tick()) {
     const double time_s = static_cast<double>(*tick) * recording.spec().world.control_period_s;
     marks_.push_back({view::EventMark::Kind::kTouched, time_s, "the user intervened"});
@@ -79,7 +73,7 @@ const scene::Snapshot& RecordedFrames::snapshot(std::uint64_t frame) const {
   return past_snapshot_;
 }
 
-// Of a channel with several components a recording has the history of the first.
+// Returns only component 0 of a channel, whose history is all that a recording can read at once.
 std::vector<double> RecordedFrames::read_all(const view::Signal& signal) const {
   const auto widened = [](const std::vector<float>& values) {
     return std::vector<double>(values.begin(), values.end());
@@ -103,7 +97,6 @@ std::vector<double> RecordedFrames::read_all(const view::Signal& signal) const {
       return widened(recording_.read_cell_history(source.group, source.name, signal.row, signal.column));
     }
     case view::Signal::Kind::kRun:
-      if (signal.quantity == "purity") return purity_;
       return record::time_series(recording_, signal.quantity, {}).curves[0].values;
     case view::Signal::Kind::kMetric:
       return recording_.read_metric(signal.quantity);
@@ -130,8 +123,7 @@ void RecordedFrames::read(const view::Signal& signal, std::uint64_t first, std::
 std::vector<view::Signal> RecordedFrames::run_signals() const {
   std::vector<view::Signal> signals;
   for (const char* quantity : view::kRunQuantities)
-    if (!purity_.empty() || std::string_view(quantity) != "purity")
-      signals.push_back({view::Signal::Kind::kRun, quantity, 0, 0, 0});
+    signals.push_back({view::Signal::Kind::kRun, quantity, 0, 0, 0});
   for (const std::string& name : recording_.metric_names())
     signals.push_back({view::Signal::Kind::kMetric, name, 0, 0, 0});
   return signals;

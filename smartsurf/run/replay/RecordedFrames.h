@@ -22,7 +22,7 @@ class RecordedFrames final : public view::History {
   view::FrameInput frame_input(std::size_t frame);
   // Without values.
   std::span<const view::Channel> channels() const { return channels_; }
-  // What the recording knows of the run: when it was sorted, and when the user intervened.
+  // What the recording knows of the run: when it reached its goal, and when the user intervened.
   const std::vector<view::EventMark>& marks() const { return marks_; }
 
   std::uint64_t begin() const override { return 0; }
@@ -50,7 +50,6 @@ class RecordedFrames final : public view::History {
   std::vector<view::Channel> channels_;
   std::vector<Source> sources_;  // of channels_[1 …]
   std::vector<std::vector<float>> values_;
-  std::vector<double> purity_;  // empty: not defined
   std::vector<view::EventMark> marks_;
   mutable std::map<std::string, std::vector<double>> signals_;  // read so far
 };

@@ -87,7 +87,10 @@ std::string replay_in_window(const record::Recording& recording, double pace,
   if (!settings.overlay.channel.empty())
     require_channel("--cells", settings.overlay.channel, frames.channels());
   for (const view::Signal& signal : settings.plots)
-    require_signal("--plot", signal, recording.spec().surface, frames.channels());
+    if (signal.kind == view::Signal::Kind::kMetric)
+      require_metric("--plot", signal.quantity, recording.metric_names());
+    else
+      require_signal("--plot", signal, recording.spec().surface, frames.channels());
   if (!view::Window::display_available())
     throw scene::InputError(
         "--window: there is no display here; use --video or --screenshot, or set DISPLAY");

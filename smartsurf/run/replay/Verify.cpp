@@ -114,7 +114,14 @@ void apply_inputs(simulation::Simulation& simulation, std::span<const float> inp
   }
 }
 
-void run_tick(simulation::Simulation& simulation, std::optional<std::span<const float>> inputs) {
+// Judges the state as Run does, because the script's functions may change its variables.
+void evaluate(script::Experiment& experiment, const scene::Snapshot& snapshot) {
+  experiment.update_metrics(snapshot.time_s, snapshot.tick);
+  experiment.success(snapshot.time_s, snapshot.tick);
+}
+
+void run_tick(script::Experiment& experiment, simulation::Simulation& simulation,
+              std::optional<std::span<const float>> inputs) {
   simulation.run_script();
   if (inputs) apply_inputs(simulation, *inputs);
   for (int i = simulation.scene().world.steps_per_tick(); i > 0; --i) {
@@ -124,6 +131,7 @@ void run_tick(simulation::Simulation& simulation, std::optional<std::span<const 
   }
   simulation.finish_tick();
   simulation.sense();
+  evaluate(experiment, simulation.snapshot());
   simulation.take_requests();
 }
 
@@ -203,12 +211,13 @@ VerificationResult verify(const record::Recording& recording, int threads, bool 
   simulation::Simulation simulation(experiment, threads, scripted);
   require_same_physics(recording, simulation);
   if (!scripted) require_matching_inputs(recording, simulation);
+  evaluate(experiment, simulation.snapshot());
   VerificationResult result;
   for (std::size_t frame = 0; frame < recording.frames(); ++frame) {
     while (simulation.snapshot().tick < recording.ticks()[frame]) {
       const std::uint64_t next = simulation.snapshot().tick + 1;
       if (!scripted && next >= recording.input_tick_count()) return result;  // the run was killed
-      run_tick(simulation, scripted ? std::nullopt : std::optional(recording.read_inputs(next)));
+      run_tick(experiment, simulation, scripted ? std::nullopt : std::optional(recording.read_inputs(next)));
       if ((result.interrupted = stop)) return result;
     }
     progress(simulation.snapshot().time_s);

@@ -1,6 +1,7 @@
 // Callbacks (at, every, on_tick, on_leave, on_finish), results (metric) and run control (stop, quit, pause,
 // pace).
 #include <algorithm>
+#include <limits>
 #include <string>
 
 #include "smartsurf/script/ScriptContext.h"
@@ -54,18 +55,24 @@ int time(ScriptContext& context, lua_State* L) {
 }
 
 // metric('error', 0.3) reports a result of the experiment. The last value of a name counts.
+// metric('error', function() … end) declares one whose value the function computes after each tick.
 int metric(ScriptContext& context, lua_State* L) {
   const std::string name = check_string(L, 1, "metric: name");
   if (name.empty() || name.size() > 64)
     throw_invalid_value(L, 1, "metric: name", "a string of 1 to 64 characters");
-  const double value = check_number(L, 2, "metric: value");
-  const auto existing = std::ranges::find(context.metrics, name, &std::pair<std::string, double>::first);
-  if (existing != context.metrics.end())
-    existing->second = value;
-  else if (context.metrics.size() < kMaxMetrics)
-    context.metrics.emplace_back(name, value);
-  else
-    throw ScriptError("metric: more than 1000 names");
+  const bool is_function = lua_isfunction(L, 2);
+  if (is_function) require_loading(context, "metric: a function");
+  const double value =
+      is_function ? std::numeric_limits<double>::quiet_NaN() : check_number(L, 2, "metric: value");
+  auto existing = std::ranges::find(context.metrics, name, &std::pair<std::string, double>::first);
+  if (existing == context.metrics.end()) {
+    if (context.metrics.size() >= kMaxMetrics) throw ScriptError("metric: more than 1000 names");
+    existing = context.metrics.emplace(existing, name, value);
+  }
+  existing->second = value;
+  if (is_function)
+    context.metric_functions.push_back(
+        {existing - context.metrics.begin(), store_callback(context, L, 2, "metric: function")});
   return 0;
 }
 

@@ -6,6 +6,7 @@
 #include <optional>
 #include <span>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "smartsurf/scene/SceneSpec.h"
@@ -22,7 +23,7 @@ namespace smartsurf::view {
 struct EventMark {
   enum class Kind {
     kScript,          // a callback of at() ran
-    kSorted,          // the surface became sorted
+    kSuccess,         // the experiment reached its goal
     kTouched,         // the user intervened
     kControllerLost,  // the controller exited, detached or died
   };
@@ -54,11 +55,11 @@ struct Status {
   std::string mode;        // "time-step" or "passive"
   std::string controller;  // name, process id and state of the controlling program, or ""
   bool paused = false;
-  bool run_ended = false;        // nothing follows but a restart; the past can be viewed
-  double requested_pace = 1.0;   // simulated seconds per wall-clock second; 0: as fast as possible
-  double actual_pace = 0.0;      // measured, same unit
-  double physics_ms = 0.0;       // wall-clock time of one tick's physics
-  std::optional<double> purity;  // [0, 1]; only if the experiment defines it
+  bool run_ended = false;       // nothing follows but a restart; the past can be viewed
+  double requested_pace = 1.0;  // simulated seconds per wall-clock second; 0: as fast as possible
+  double actual_pace = 0.0;     // measured, same unit
+  double physics_ms = 0.0;      // wall-clock time of one tick's physics
+  std::span<const std::pair<std::string, double>> metrics;  // of the script; NaN: no value yet
   std::optional<Timeline> timeline;
   std::string notice;  // one line, shown while not empty
   std::optional<Banner> banner;

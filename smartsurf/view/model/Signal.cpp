@@ -41,15 +41,19 @@ std::optional<Signal> parse_signal(std::string_view text) {
   }
   const std::size_t colon = text.rfind(':');  // the channels "command: NAME" have one too
   signal.quantity = text.substr(0, colon);
-  if (colon == text.npos)
-    return std::ranges::find(kRunQuantities, signal.quantity) != kRunQuantities.end() ? std::optional(signal)
-                                                                                      : std::nullopt;
+  const bool is_object_quantity =
+      std::ranges::find(kObjectQuantities, signal.quantity) != kObjectQuantities.end();
+  if (colon == text.npos) {
+    if (signal.quantity.empty() || is_object_quantity) return std::nullopt;
+    if (std::ranges::find(kRunQuantities, signal.quantity) == kRunQuantities.end())
+      signal.kind = Signal::Kind::kMetric;
+    return signal;
+  }
   const std::string_view index = text.substr(colon + 1);
   const std::size_t comma = index.find(',');
   if (comma == index.npos) {
     signal.kind = Signal::Kind::kObject;
-    const bool known = std::ranges::find(kObjectQuantities, signal.quantity) != kObjectQuantities.end();
-    return known && parse_integer(index, signal.object) ? std::optional(signal) : std::nullopt;
+    return is_object_quantity && parse_integer(index, signal.object) ? std::optional(signal) : std::nullopt;
   }
   signal.kind = Signal::Kind::kCell;
   const bool valid = parse_integer(index.substr(0, comma), signal.row) &&

@@ -26,9 +26,10 @@ struct Signal {
 };
 
 inline constexpr std::array kObjectQuantities = {"x", "y", "z", "speed", "spin"};
-inline constexpr std::array kRunQuantities = {"purity", "contacts", "objects"};
+inline constexpr std::array kRunQuantities = {"contacts", "objects"};
 
-// The notation of `smartsurf plot --what`: "speed:ID", "CHANNEL:ROW,COLUMN", "purity"; and "metric:NAME".
+// The notation of `smartsurf plot --what`: "speed:ID", "CHANNEL:ROW,COLUMN", "contacts", "metric:NAME". A name alone
+// that is none of kRunQuantities is that of a metric, too.
 std::string to_string(const Signal& signal);
 // Empty if the text has none of these forms.
 std::optional<Signal> parse_signal(std::string_view text);

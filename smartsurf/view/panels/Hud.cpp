@@ -7,6 +7,7 @@
 #include <cmath>
 #include <cstdio>
 #include <filesystem>
+#include <ranges>
 #include <string>
 
 #include "smartsurf/view/model/Axes.h"
@@ -18,7 +19,8 @@ namespace {
 // From Debian's fonts-dejavu-core. Without it, ImGui's built-in bitmap font is used.
 constexpr const char* kFontFile = "/usr/share/fonts/truetype/dejavu/DejaVuSans.ttf";
 constexpr float kFontSize_px = 14.0f, kTitleSize_px = 20.0f;
-constexpr float kPanelWidth = 270.0f;  // of the contents of the run panel, pixels, unscaled
+constexpr float kPanelWidth = 270.0f;   // of the contents of the run panel, pixels, unscaled
+constexpr std::size_t kMaxMetrics = 8;  // in the run panel
 constexpr ImGuiWindowFlags kPanelFlags =
     ImGuiWindowFlags_NoDecoration | ImGuiWindowFlags_AlwaysAutoResize | ImGuiWindowFlags_NoSavedSettings |
     ImGuiWindowFlags_NoFocusOnAppearing | ImGuiWindowFlags_NoNav | ImGuiWindowFlags_NoMove;
@@ -54,7 +56,8 @@ void draw_state_rows(const scene::Snapshot& snapshot, const Status& status, cons
   if (!status.controller.empty()) table_row("controller", "%s", status.controller.c_str());
   table_row("objects", "%zu", snapshot.object_count());
   table_row("contacts", "%u", snapshot.contact_count);
-  if (status.purity) table_row("purity", "%.3f", *status.purity);
+  for (const auto& [name, value] : status.metrics | std::views::take(kMaxMetrics))
+    if (std::isfinite(value)) table_row(name.c_str(), "%.4g", value);
   if (status.physics_ms > 0.0) table_row("physics", "%.2f ms/tick", status.physics_ms);
   table_row("drawing", "%.1f ms, %.0f frames/s", state.render_ms, 1000.0 / std::max(state.interval_ms, 1.0));
 }
@@ -98,7 +101,7 @@ void draw_transport_controls(const Status& status, Controls& controls) {
 
 ImU32 mark_colour(EventMark::Kind kind) {
   switch (kind) {
-    case EventMark::Kind::kSorted:
+    case EventMark::Kind::kSuccess:
       return IM_COL32(15, 125, 55, 255);
     case EventMark::Kind::kTouched:
       return IM_COL32(205, 95, 0, 255);

@@ -300,7 +300,6 @@ exec {APRON} run {idle} --shm "$2"
         self.assertIn("no such weight", err)
         self.assertEqual([r["exit_status"] for r in self.results()], ["0", "2"])
 
-    @unittest.skipUnless(shutil.which("gnuplot"), "gnuplot is not installed")
     def test_plot_shows_metric(self):
         status, _, err = self.sweep("--set", "weight=1,2,3", "--seeds", "1-2", "--y", "product")
         self.assertEqual(status, 0, err)

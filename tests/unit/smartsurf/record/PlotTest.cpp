@@ -6,8 +6,7 @@
 #include <cmath>
 #include <fstream>
 
-#include "smartsurf/record/plot/CurvePlot.h"
-#include "smartsurf/record/plot/PurityPlot.h"
+#include "smartsurf/record/plot/CurveChart.h"
 #include "smartsurf/record/plot/TimeSpentPlot.h"
 #include "smartsurf/record/plot/TrajectoryPlot.h"
 #include "tests/unit/smartsurf/record/SyntheticRun.h"
@@ -21,8 +20,10 @@ extern "C" [[gnu::visibility("default")]] const char* __lsan_default_suppression
 namespace smartsurf::record {
 namespace {
 
+constexpr double kSuccess_s = 3.3;
+
 // A run of 10 s on 32 × 32 cells with a border: a small sphere moves straight west along y = 10, a large one
-// straight east along y = 20, both for the first 4 s.
+// straight east along y = 20, both for the first 4 s. The metric "lift" rises by 2 per second.
 Recording record_two_trajectories(const std::filesystem::path& path) {
   SyntheticRun run;
   run.spec.surface = {};
@@ -36,9 +37,10 @@ Recording record_two_trajectories(const std::filesystem::path& path) {
     scene::Snapshot shot = run.snapshot_at(t, {0, 1});
     const float way = 20.0f * static_cast<float>(std::min<std::uint64_t>(t, 240)) / 240.0f;
     shot.position = {{{26.0f - way, 10.0f, 3.0f}, {5.0f + way, 20.0f, 3.0f}}};
-    recorder->record_frame(shot, run.spec.objects);
+    const NamedNumber lift{"lift", 2.0 * shot.time_s};
+    recorder->record_frame(shot, run.spec.objects, {}, {}, {&lift, 1});
   }
-  recorder->close({});
+  recorder->close({.success = true, .success_s = kSuccess_s});
   return Recording::open(path);
 }
 
@@ -106,25 +108,20 @@ TEST(TrajectoryPlot, DrawsStartEndAndBorder) {
   EXPECT_EQ(image.pixel_at(chart.px(1.0), chart.py(12.3)), 0xFFFFFFu);
 }
 
-TEST(PurityPlot, DrawsCurveAndHoldBand) {
+TEST(CurveChart, MarksSuccess) {
   const OutputFolder out;
   const Recording recording = record_two_trajectories(out / "run.h5");
-  // Both cross x = 15.5 after 10.5 of 20 u, at 2.1 s.
-  const double sorted = compute_purity(recording).sorted_at.value();
-  EXPECT_NEAR(sorted, 2.1, 1.5 / 60.0);
-  write_plot(recording, "purity", out / "figure.png");
+  write_plot(recording, "lift", out / "figure.png");
   const Image image(out / "figure.png");
-  const PurityPlot figure(recording);
+  const ChartFigure figure(make_curve_chart(recording, time_series(recording, "metric", {"lift"})));
   const Chart& chart = figure.chart();
-  EXPECT_TRUE(image.is_blue(chart.px(8.6), chart.py(1.0)));
-  EXPECT_TRUE(image.is_blue(chart.px(1.0), chart.py(0.0)));
-  EXPECT_FALSE(image.is_blue(chart.px(8.6), chart.py(0.5)));
-  EXPECT_EQ(image.pixel_at(chart.px(8.6), chart.py(0.5)), 0xFFFFFFu);
-  EXPECT_NE(image.pixel_at(chart.px(sorted + 4.9), chart.py(0.5)), 0xFFFFFFu);  // inside the hold band
-  EXPECT_EQ(image.pixel_at(chart.px(sorted + 5.1), chart.py(0.5)), 0xFFFFFFu);
-  int orange = 0;
-  for (double x = 8.0; x < 9.5; x += 0.01) orange += image.is_orange(chart.px(x), chart.py(0.95));
-  EXPECT_GT(orange, 75);  // at least half of the 150 samples: the threshold line is dashed
+  EXPECT_TRUE(image.is_blue(chart.px(2.0), chart.py(4.0)));
+  int green = 0, samples = 0;
+  for (double y = 10.0; y < 14.0; y += 0.02, ++samples)
+    green += image.pixel_at(chart.px(kSuccess_s), chart.py(y)) != 0xFFFFFFu;
+  EXPECT_GT(green, samples / 2);  // dashed
+  EXPECT_LT(green, samples);
+  EXPECT_EQ(image.pixel_at(chart.px(kSuccess_s - 0.3), chart.py(12.0)), 0xFFFFFFu);
 }
 
 TEST(TimeSpentPlot, SumsSecondsPerCell) {
@@ -157,12 +154,12 @@ TEST(TimeSpentPlot, NorthOnTopMaximumYellow) {
   EXPECT_LT(red(6.0, 21.0), 0x50u) << "upside down";
 }
 
-TEST(CurvePlot, DrawsCurveAtItsValues) {
+TEST(CurveChart, DrawsCurveAtItsValues) {
   const OutputFolder out;
   const Recording recording = record_two_trajectories(out / "run.h5");
   write_plot(recording, "x:0", out / "figure.png");
   const Image image(out / "figure.png");
-  const CurvePlot figure(recording, time_series(recording, "x", {"0"}));
+  const ChartFigure figure(make_curve_chart(recording, time_series(recording, "x", {"0"})));
   const Chart& chart = figure.chart();
   for (const double t : {0.5, 1.0, 2.0, 3.5})
     EXPECT_TRUE(image.is_blue(chart.px(t), chart.py(26.0 - 5.0 * t))) << t;
@@ -191,15 +188,16 @@ TEST(Plot, WritesSvg) {
   const OutputFolder out;
   const Recording recording = record_two_trajectories(out / "run.h5");
   for (const std::string kind :
-       {"trajectories", "purity", "time-spent", "time-spent:small", "speed", "speed:0:1", "spin:1", "x:1",
-        "z", "objects", "contacts", "height:0,0", "height:3,4:5,6"}) {
+       {"trajectories", "lift", "metric:lift", "time-spent", "time-spent:small", "speed", "speed:0:1",
+        "spin:1", "x:1", "z", "objects", "contacts", "height:0,0", "height:3,4:5,6"}) {
     SCOPED_TRACE(kind);
     write_plot(recording, kind, out / "figure.svg");
     std::ifstream file(out / "figure.svg");
     const std::string text{std::istreambuf_iterator<char>(file), {}};
     EXPECT_EQ(text.substr(0, 5), "<?xml");
     EXPECT_NE(text.find("</svg>"), std::string::npos);
-    EXPECT_EQ(text.find("stroke-dasharray") != std::string::npos, kind == "trajectories" || kind == "purity");
+    EXPECT_EQ(text.find("stroke-dasharray") != std::string::npos,
+              kind == "trajectories" || kind == "lift" || kind == "metric:lift");
   }
 }
 
@@ -215,24 +213,24 @@ TEST(Plot, RejectsInvalidRequests) {
     return "";
   };
   EXPECT_EQ(error_of("trajectory", out / "a.png"),
-            "--what trajectory: unknown kind of plot; known: trajectories, purity, time-spent, speed, "
-            "spin, x, y, z, objects, contacts, metric, height; did you mean 'trajectories'?");
+            "--what trajectory: unknown kind of plot; known: trajectories, time-spent, speed, spin, x, "
+            "y, z, objects, contacts, metric, height, lift; did you mean 'trajectories'?");
   EXPECT_EQ(error_of("height", out / "a.png"), "--what height: needs a cell: height:ROW,COLUMN");
   EXPECT_EQ(error_of("height:3", out / "a.png"), "--what height:3: must be height:ROW,COLUMN");
   EXPECT_EQ(error_of("height:3,32", out / "a.png"),
             "--what height:3,32: the surface has rows 0 to 31 and columns 0 to 31");
   EXPECT_EQ(error_of("speed:2", out / "a.png"), "--what speed:2: the objects are 0 to 1");
   EXPECT_EQ(error_of("contacts:1", out / "a.png"), "--what contacts:1: takes nothing after 'contacts'");
-  EXPECT_EQ(error_of("metric:lift", out / "a.png"),
-            "--what metric:lift: " + recording.path().string() + " holds no metrics");
-  EXPECT_EQ(error_of("purity:1", out / "a.png"), "--what purity:1: purity takes nothing after 'purity'");
+  EXPECT_EQ(error_of("metric:left", out / "a.png"),
+            "--what metric:left: no such metric; known: lift; did you mean 'lift'?");
+  EXPECT_EQ(error_of("lift:1", out / "a.png"), "--what lift:1: takes nothing after 'lift'");
+  EXPECT_NE(error_of("purity", out / "a.png").find("--what purity: unknown kind of plot"), std::string::npos);
   EXPECT_EQ(error_of("time-spent:smal", out / "a.png"),
             "--what time-spent:smal: no object has this label; did you mean 'small'?");
-  EXPECT_NE(error_of("purity", out / "a.pdf").find("a.pdf: unknown kind of picture '.pdf'"),
-            std::string::npos);
-  EXPECT_NE(error_of("purity", out / "none/a.png").find("No such file or directory"), std::string::npos);
+  EXPECT_NE(error_of("lift", out / "a.pdf").find("a.pdf: unknown kind of picture '.pdf'"), std::string::npos);
+  EXPECT_NE(error_of("lift", out / "none/a.png").find("No such file or directory"), std::string::npos);
   std::filesystem::create_directory(out / "folder.png");
-  EXPECT_NE(error_of("purity", out / "folder.png").find("Is a directory"), std::string::npos);
+  EXPECT_NE(error_of("lift", out / "folder.png").find("Is a directory"), std::string::npos);
   std::size_t files = 0;  // no temporary files remain
   for ([[maybe_unused]] const auto& entry : std::filesystem::directory_iterator(out / "")) ++files;
   EXPECT_EQ(files, 2u);
@@ -240,7 +238,7 @@ TEST(Plot, RejectsInvalidRequests) {
   SyntheticRun run;
   Recorder::open(out / "empty.h5", run.meta, run.spec)->close({});
   const Recording empty = Recording::open(out / "empty.h5");
-  for (const std::string kind : {"trajectories", "purity", "time-spent", "speed", "contacts"})
+  for (const std::string kind : {"trajectories", "lift", "time-spent", "speed", "contacts"})
     EXPECT_THROW(write_plot(empty, kind, out / "a.png"), scene::InputError);
 }
 

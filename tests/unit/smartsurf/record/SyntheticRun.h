@@ -53,6 +53,7 @@ struct SyntheticRun {
     meta.program_file = "sort.aps";
     meta.program_text = "!define N 3\n";
     meta.versions = {{"bullet", "3.24"}};
+    meta.declares_success = false;
   }
 
   void add(scene::ShapeKind shape, const std::string& label, double radius) {

@@ -47,9 +47,8 @@ TEST(RunHistory, ReadsSignalsOfEveryStoredTick) {
       reading[cell] = static_cast<float>(100 * tick + cell);
     const view::Channel channels[] = {{"height", "u", s.height}, {"light", "lx", reading}};
     // The second metric begins late.
-    const RunValue values[] = {{view::Signal::Kind::kRun, "purity", 0.5},
-                               {view::Signal::Kind::kMetric, "late", static_cast<double>(tick)}};
-    past.add(s, channels, std::span(values).first(tick < 50 ? 1 : 2));
+    const std::pair<std::string, double> metrics[] = {{"error", 0.5}, {"late", static_cast<double>(tick)}};
+    past.add(s, channels, std::span(metrics).first(tick < 50 ? 1 : 2));
   }
   EXPECT_EQ(past.end(), 60u);
   const std::uint64_t begin = past.begin();
@@ -63,7 +62,7 @@ TEST(RunHistory, ReadsSignalsOfEveryStoredTick) {
     EXPECT_EQ(read({Kind::kCell, "light", 0, 3, 7}, frame), static_cast<double>(100 * frame + 37));
     EXPECT_EQ(read({Kind::kCell, "height", 0, 3, 7}, frame), static_cast<double>(frame));
     EXPECT_EQ(read({Kind::kRun, "contacts", 0, 0, 0}, frame), static_cast<double>(2 * frame));
-    EXPECT_EQ(read({Kind::kRun, "purity", 0, 0, 0}, frame), 0.5);
+    EXPECT_EQ(read({Kind::kMetric, "error", 0, 0, 0}, frame), 0.5);
   }
   EXPECT_TRUE(std::isnan(read({Kind::kMetric, "late", 0, 0, 0}, 49)));
   EXPECT_EQ(read({Kind::kMetric, "late", 0, 0, 0}, 50), 50.0);

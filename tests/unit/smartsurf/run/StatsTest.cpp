@@ -35,9 +35,23 @@ TEST(Stats, JsonHasDocumentedKeys) {
   EXPECT_EQ(json["state_hash"], "0000000000abcdef");
   EXPECT_EQ(json["real_time_factor"], 5.0);
   EXPECT_EQ(json["frames_drawn"], 60);
-  EXPECT_TRUE(json["purity"].is_null());
+  EXPECT_TRUE(json["success"].is_null());
+  EXPECT_TRUE(json["success_s"].is_null());
+  EXPECT_FALSE(json.contains("purity"));
   EXPECT_EQ(json["metrics"]["error"], 0.25);
   for (const char* phase : {"wait", "actuate", "physics", "sense", "publish", "record", "render"})
     for (const char* key : {"median", "p99", "total_s"})
       EXPECT_TRUE(json["ms_per_tick"][phase].contains(key)) << phase;
+}
+
+TEST(Stats, NamesOfEarlierVersionsAreAliases) {
+  RunSummary s;
+  s.success = true;
+  s.success_s = 22.5;
+  s.metrics = {{"purity", 0.975}};
+  const auto json = nlohmann::json::parse(to_json(s, PhaseTimes{}));
+  EXPECT_EQ(json["success"], true);
+  EXPECT_EQ(json["success_s"], 22.5);
+  EXPECT_EQ(json["purity"], 0.975);
+  EXPECT_EQ(json["sorted_at_s"], 22.5);
 }

@@ -13,13 +13,14 @@ using Kind = Signal::Kind;
 
 TEST(Signal, TextReadsBack) {
   for (const char* text :
-       {"speed:3", "x:0", "spin:12", "proximity:4,7", "command: height:0,63", "colour[1]:2,3", "purity",
+       {"speed:3", "x:0", "spin:12", "proximity:4,7", "command: height:0,63", "colour[1]:2,3",
         "contacts", "objects", "metric:time to sort", "metric:a:b"}) {
     const auto signal = parse_signal(text);
     ASSERT_TRUE(signal) << text;
     EXPECT_EQ(to_string(*signal), text);
   }
   EXPECT_EQ(parse_signal("proximity:4,7"), (Signal{Kind::kCell, "proximity", 0, 4, 7}));
+  EXPECT_EQ(parse_signal("error"), (Signal{Kind::kMetric, "error", 0, 0, 0}));
   EXPECT_EQ(parse_signal("command: height:4,7")->quantity, "command: height");
 }
 

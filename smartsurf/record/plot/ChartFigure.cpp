@@ -1,0 +1,233 @@
+#include "smartsurf/record/plot/ChartFigure.h"
+
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+#include "common/index/Index.h"
+
+namespace smartsurf::record {
+namespace {
+
+using common::Index;
+using Mark = ChartLayer::Mark;
+
+constexpr double kLeft = 66.0, kRight = 24.0, kBottom = 52.0, kTitleHeight = 34.0;
+constexpr double kLegendRow = 20.0, kMaxLegendEntry = 180.0;
+constexpr Index kMaxBins = 1440;     // two per point of width; more cannot be resolved
+constexpr double kGroupWidth = 0.8;  // of the bars of a category
+constexpr Rgba kRuleColour{0.00, 0.62, 0.45};
+
+Rgba color_of(const ChartSpec& spec, Index layer) {
+  return spec.layers[layer].color.value_or(kLineColours[layer % std::ssize(kLineColours)]);
+}
+
+// The range of the layers' values, with a margin.
+Axis make_axis(const ChartSpec& spec, const ChartAxis& axis, std::vector<double> ChartLayer::*values) {
+  if (axis.domain) return {(*axis.domain)[0], (*axis.domain)[1], axis.title, axis.log, axis.categories};
+  if (!axis.categories.empty())
+    return {-0.5, static_cast<double>(axis.categories.size()) - 0.5, axis.title, false, axis.categories};
+  const bool is_y = values == &ChartLayer::y;
+  double low = INFINITY, high = -INFINITY;
+  for (const ChartLayer& layer : spec.layers)
+    for (const double value : layer.*values) {
+      if (!std::isfinite(value) || (axis.log && value <= 0.0)) continue;
+      low = std::min(low, value);
+      high = std::max(high, value);
+    }
+  if (!(low <= high)) low = axis.log ? 0.1 : 0.0, high = 1.0;
+  if (axis.log)
+    return {std::pow(10.0, std::floor(std::log10(low))),
+            std::pow(10.0, std::ceil(std::log10(high * 1.0001))),
+            axis.title,
+            true,
+            {}};
+  if (!is_y) return {low, std::max(high, low + 1e-3), axis.title};
+  // Start at zero if the values still fill more than half of the axis.
+  if (low > 0.0 && low < 0.5 * high) low = 0.0;
+  const double margin = high > low ? 0.04 * (high - low) : std::max(0.5, 0.1 * std::abs(high));
+  return {low - (low == 0.0 ? 0.0 : margin), high + margin, axis.title};
+}
+
+PlotArea make_area(const ChartSpec& spec) {
+  const double top = spec.title.empty() ? 14.0 : spec.subtitle.empty() ? 42.0 : 62.0;
+  return {kLeft, top, spec.width - kLeft - kRight, spec.height - top - kBottom};
+}
+
+Index legend_columns(const ChartSpec& spec, double entry) {
+  return std::max<Index>(1, static_cast<Index>((spec.width - kLeft) / entry));
+}
+
+void draw_point(cairo_t* cr, double x, double y, double radius) {
+  cairo_new_sub_path(cr);
+  cairo_arc(cr, x, y, radius, 0.0, 2.0 * std::acos(-1.0));
+  cairo_fill(cr);
+}
+
+}  // namespace
+
+ChartFigure::Panel::Panel(ChartSpec chart)
+    : spec(std::move(chart)),
+      axes(make_area(spec), make_axis(spec, spec.x, &ChartLayer::x),
+           make_axis(spec, spec.y, &ChartLayer::y)) {
+  for (Index i = 0; i < std::ssize(spec.layers); ++i) {
+    const ChartLayer& layer = spec.layers[i];
+    if (!layer.name.empty()) legend.push_back({layer.name, color_of(spec, i), layer.mark});
+    for (Index k = 0; k < std::ssize(layer.labels); ++k)
+      legend.push_back({layer.labels[k], layer.colors[k], layer.mark});
+  }
+}
+
+double ChartFigure::Panel::height() const {
+  const Index columns = legend_columns(spec, legend_entry());
+  return spec.height + kLegendRow * static_cast<double>((std::ssize(legend) + columns - 1) / columns);
+}
+
+// A long line is decimated: each bin draws its first, minimum, maximum and last value.
+void ChartFigure::Panel::draw_line(cairo_t* cr, const ChartLayer& layer, const Rgba& color) const {
+  const std::vector<double>& value = layer.y;
+  const Index count = std::min(std::ssize(value), std::ssize(layer.x));
+  const Index bin_size = std::max<Index>(1, (count + kMaxBins - 1) / kMaxBins);
+  bool drawing = false;
+  const auto draw_to = [&](Index i) {
+    if (!std::isfinite(value[i])) {
+      drawing = false;
+      return;
+    }
+    (drawing ? cairo_line_to : cairo_move_to)(cr, axes.px(layer.x[i]), axes.py(value[i]));
+    drawing = true;
+  };
+  for (Index first = 0; first < count; first += bin_size) {
+    const Index end = std::min(first + bin_size, count);
+    const auto [least, most] = std::minmax_element(value.begin() + first, value.begin() + end);
+    Index samples[] = {first, least - value.begin(), most - value.begin(), end - 1};
+    std::ranges::sort(samples);
+    for (Index m = 0; m < std::ssize(samples); ++m)
+      if (m == 0 || samples[m] != samples[m - 1]) draw_to(samples[m]);
+  }
+  set_pen(cr, color, 1.8);
+  cairo_set_line_join(cr, CAIRO_LINE_JOIN_ROUND);
+  cairo_stroke(cr);
+}
+
+void ChartFigure::Panel::draw_bars(cairo_t* cr) const {
+  const auto is_bar = [](const ChartLayer& layer) { return layer.mark == Mark::kBar; };
+  const double bar =
+      kGroupWidth / std::max(1.0, static_cast<double>(std::ranges::count_if(spec.layers, is_bar)));
+  double offset = -0.5 * kGroupWidth;
+  for (Index i = 0; i < std::ssize(spec.layers); ++i) {
+    if (!is_bar(spec.layers[i])) continue;
+    const std::vector<double>& values = spec.layers[i].y;
+    set_pen(cr, color_of(spec, i));
+    for (Index k = 0; k < std::ssize(values); ++k) {
+      if (!std::isfinite(values[k])) continue;
+      const double left = axes.px(static_cast<double>(k) + offset);
+      const double right = axes.px(static_cast<double>(k) + offset + bar);
+      const double top = axes.py(values[k]);
+      cairo_rectangle(cr, left + 0.5, top, right - left - 1.0, std::max(0.0, axes.area().bottom() - top));
+    }
+    cairo_fill(cr);
+    offset += bar;
+  }
+}
+
+void ChartFigure::Panel::draw_rule(cairo_t* cr) const {
+  const double x = axes.px(*spec.rule), bottom = axes.area().bottom(), dashes[] = {6.0, 3.5};
+  set_pen(cr, kRuleColour, 1.4);
+  cairo_set_dash(cr, dashes, 2, 0.0);
+  record::draw_line(cr, x, axes.area().top, x, bottom);
+  cairo_set_dash(cr, nullptr, 0, 0.0);
+  const bool fits_right = x < axes.area().right() - 120.0;
+  draw_text(cr, fits_right ? x + 6.0 : x - 6.0, bottom - 10.0, spec.rule_label, 12.0,
+            fits_right ? Align::kLeft : Align::kRight);
+}
+
+double ChartFigure::Panel::legend_entry() const {
+  std::size_t longest = 0;
+  for (const LegendEntry& entry : legend) longest = std::max(longest, entry.name.size());
+  return std::min(kMaxLegendEntry, 40.0 + 7.5 * static_cast<double>(longest));
+}
+
+void ChartFigure::Panel::draw_legend(cairo_t* cr) const {
+  const double entry_width = legend_entry();
+  const Index columns = legend_columns(spec, entry_width);
+  for (Index i = 0; i < std::ssize(legend); ++i) {
+    const double x = kLeft + static_cast<double>(i % columns) * entry_width;
+    const double y = spec.height + 4.0 + static_cast<double>(i / columns) * kLegendRow;
+    set_pen(cr, legend[i].color, 2.4);
+    if (legend[i].mark == Mark::kLine) {
+      record::draw_line(cr, x, y - 4.0, x + 22.0, y - 4.0);
+    } else if (legend[i].mark == Mark::kPoint) {
+      draw_point(cr, x + 11.0, y - 4.0, 3.5);
+    } else {
+      cairo_rectangle(cr, x + 4.0, y - 10.0, 14.0, 11.0);
+      cairo_fill(cr);
+    }
+    set_pen(cr, kBlack);
+    draw_text(cr, x + 28.0, y, legend[i].name, 12.0, Align::kLeft, false, entry_width - 36.0);
+  }
+}
+
+void ChartFigure::Panel::draw(cairo_t* cr) const {
+  axes.clip(cr);
+  axes.draw_grid(cr);
+  draw_bars(cr);
+  for (Index i = 0; i < std::ssize(spec.layers); ++i) {
+    const ChartLayer& layer = spec.layers[i];
+    if (layer.mark == Mark::kLine) draw_line(cr, layer, color_of(spec, i));
+    if (layer.mark == Mark::kRect) {
+      std::vector<Rgba> pixels;
+      for (const std::vector<int>& row : layer.values)
+        for (const int value : row) pixels.push_back(layer.colors[value]);
+      draw_pixels(cr, axes.area(), static_cast<int>(layer.values.front().size()), pixels);
+    }
+    if (layer.mark != Mark::kPoint && !layer.point) continue;
+    set_pen(cr, color_of(spec, i));
+    for (Index k = 0; k < std::min(std::ssize(layer.x), std::ssize(layer.y)); ++k)
+      if (std::isfinite(layer.y[k])) draw_point(cr, axes.px(layer.x[k]), axes.py(layer.y[k]), 3.0);
+  }
+  if (spec.rule) draw_rule(cr);
+  cairo_restore(cr);
+  axes.draw_axes(cr);
+  const double width = axes.area().width;
+  set_pen(cr, kBlack);
+  draw_text(cr, kLeft, 28.0, spec.title, 17.0, Align::kLeft, true, width);
+  set_pen(cr, kGrey);
+  draw_text(cr, kLeft, 48.0, spec.subtitle, 12.0, Align::kLeft, false, width);
+  draw_legend(cr);
+}
+
+ChartFigure::ChartFigure(ChartSpec chart) { panels_.emplace_back(std::move(chart)); }
+
+ChartFigure::ChartFigure(std::string title, std::vector<ChartSpec> panels, int columns)
+    : title_(std::move(title)), columns_(columns) {
+  for (ChartSpec& panel : panels) panels_.emplace_back(std::move(panel));
+}
+
+double ChartFigure::width() const {
+  return panels_.front().spec.width * static_cast<double>(std::min<Index>(columns_, std::ssize(panels_)));
+}
+
+double ChartFigure::height() const {
+  double row_height = 0.0;
+  for (const Panel& panel : panels_) row_height = std::max(row_height, panel.height());
+  return (title_.empty() ? 0.0 : kTitleHeight) +
+         row_height * static_cast<double>((std::ssize(panels_) + columns_ - 1) / columns_);
+}
+
+void ChartFigure::draw(cairo_t* cr) const {
+  const double top = title_.empty() ? 0.0 : kTitleHeight;
+  const double row_height =
+      (height() - top) / static_cast<double>((std::ssize(panels_) + columns_ - 1) / columns_);
+  set_pen(cr, kBlack);
+  draw_text(cr, kLeft, 26.0, title_, 15.0, Align::kLeft, true, width() - 2.0 * kLeft);
+  for (Index i = 0; i < std::ssize(panels_); ++i) {
+    cairo_save(cr);
+    cairo_translate(cr, static_cast<double>(i % columns_) * panels_.front().spec.width,
+                    top + static_cast<double>(i / columns_) * row_height);
+    panels_[i].draw(cr);
+    cairo_restore(cr);
+  }
+}
+
+}  // namespace smartsurf::record
