@@ -3,6 +3,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -11,26 +12,20 @@
 
 namespace apron::compiler {
 
+// How the compiler lowers a built-in. The order matters: see opened_block(), closed_block() and returns_value().
 enum class BuiltinForm : std::uint8_t {
-  // values: y = f(…) and f(y, …)
+  kOperands,  // the arguments are the operands of the instruction, as its signature lists them
+  // Values: y = f(…) and f(y, …).
   kElementwise,
   kMac,
   kShift,    // by (dx, dy) times the distance
   kShiftBy,  // shift(A, dx, dy), rotate(A, dx, dy)
   kNeighbourhood,
   kMaskIf,
-  kReduction,
-  kPixelGet,
-  kCellCoordinate,
   kRegisterWidth,
   kRegisterHeight,
   kRegisterId,
-  kSurfaceScalar,
-  kSurfaceSense,
-  kSurfaceHas,
-  kFileOpen,
   kParameterGet,
-  kTimerRead,
   kKey,
   kPropagate,
   kFilterDo,
@@ -40,34 +35,17 @@ enum class BuiltinForm : std::uint8_t {
   kRandom,
   kRandomWhite,
   kRandomRounded,
-  kStackPop,
-  kElementGet,
   kElementMatch,
   kPlugin,
-  kNumberedOpen,
-  kFrameRead,
-  // statements
+  // Statements.
   kFilterCreate,
   kFilterSet,
   kFilterFill,
   kFilterGabor,
-  kRandomSeed,
-  kStackPush,
-  kElementSet,
-  kNumberedSave,
-  kClipOpen,
-  kWebcamOpen,
-  kShow,
   kTile,
-  kTimer,
-  kScalarStatement,  // an instruction with one scalar
-  kSetPalette,
-  kSetScale,
+  kColourMapping,
   kPixelSet,
-  kFileSave,
   kSurfaceActuate,
-  kNullary,  // an instruction without operands
-  kMaskOn,
   kBoundary,
   kPrint,
   kSliderAdd,
@@ -79,29 +57,45 @@ enum class BuiltinForm : std::uint8_t {
   kCallIf,
   kReturn,
   kIf,
-  kElse,
-  kEndIf,
   kWhile,
-  kEndWhile,
   kFor,
-  kEndFor,
   kRepeat,
+  kWhere,
+  kEndIf,
+  kEndWhile,
+  kEndFor,
   kEndRepeat,
+  kEndWhere,
+  kElse,
+  kElsewhere,
   kBreak,
   kContinue,
-  kWhere,
-  kElsewhere,
-  kEndWhere,
 };
 
+// In the order of kIf to kWhere and of kEndIf to kEndWhere.
+enum class BlockKind : std::uint8_t { kIf, kWhile, kFor, kRepeat, kWhere };
+
 struct Builtin {
-  std::string_view name;
+  std::string_view name = {};
   BuiltinForm form = BuiltinForm::kElementwise;
   std::uint8_t min_arguments = 0, max_arguments = 0;  // arguments, a destination not counted
   program::Opcode op = program::Opcode::kNop;
-  std::int8_t dx = 0, dy = 0;  // of one step of a shift: cells east and south
+  std::int8_t dx = 0, dy = 0;          // of one step of a shift: cells east and south
+  std::string_view text_meaning = {};  // of kOperands: what its text is, for messages
 
-  bool returns_value() const noexcept { return form <= BuiltinForm::kFrameRead; }
+  bool returns_value() const noexcept {
+    return form == BuiltinForm::kOperands ? program::opcode_info(op).signature.front() != '-'
+                                          : form <= BuiltinForm::kPlugin;
+  }
+  // The kind of block that the statement opens or closes, if it does.
+  std::optional<BlockKind> opened_block() const noexcept {
+    if (form < BuiltinForm::kIf || form > BuiltinForm::kWhere) return std::nullopt;
+    return static_cast<BlockKind>(static_cast<int>(form) - static_cast<int>(BuiltinForm::kIf));
+  }
+  std::optional<BlockKind> closed_block() const noexcept {
+    if (form < BuiltinForm::kEndIf || form > BuiltinForm::kEndWhere) return std::nullopt;
+    return static_cast<BlockKind>(static_cast<int>(form) - static_cast<int>(BuiltinForm::kEndIf));
+  }
 };
 
 inline constexpr std::uint8_t kVariadic = 255;
@@ -110,7 +104,7 @@ inline constexpr std::uint8_t kVariadic = 255;
 const Builtin* find_builtin(std::string_view name);
 std::vector<std::string> builtin_names();
 
-// The comparison or logical or arithmetic instruction behind an infix operator; kNop if there is none.
+// The instruction behind an infix operator; kNop if there is none.
 program::Opcode infix_opcode(std::string_view op);
 
 }  // namespace apron::compiler

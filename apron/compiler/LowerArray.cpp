@@ -1,6 +1,4 @@
 // Shifts, neighbourhoods and single cells.
-#include <fmt/format.h>
-
 #include <algorithm>
 #include <utility>
 
@@ -37,7 +35,8 @@ Value Lowering::lower_shift(const Builtin& builtin, const Expressions& arguments
                             ResultDestination* destination) {
   constexpr std::string_view kSubject = "the distance of a shift";
   std::vector<Value> distances;
-  for (std::size_t i = 1; i < arguments.size(); ++i) distances.push_back(lower_scalar(arguments[i], kSubject));
+  for (std::size_t i = 1; i < arguments.size(); ++i)
+    distances.push_back(lower_scalar(arguments[i], kSubject));
   if (std::any_of(distances.begin(), distances.end(), [](const Value& v) { return !v.is_constant(); }))
     return lower_variable_shift(builtin, arguments[0], distances, destination, location);
   int dx = builtin.dx;
@@ -81,7 +80,7 @@ Value Lowering::lower_neighbourhood(const Builtin& builtin, const Expressions& a
                                     ResultDestination* destination) {
   const int count = arguments.size() == 2 ? integer_constant(arguments[1], "the neighbourhood") : 4;
   if (count != 4 && count != 8) {
-    throw CompileError{arguments[1].location, fmt::format("a neighbourhood is 4 or 8 cells, not {}", count)};
+    fail(arguments[1].location, "a neighbourhood is 4 or 8 cells, not {}", count);
   }
   const Value centre = lower_register(arguments[0], "a neighbourhood");
   return emit_out_of_place(builtin.op, {centre}, {builder_.literal_operand(static_cast<float>(count))},
@@ -114,7 +113,7 @@ Value Lowering::emit_out_of_place(Opcode op, const std::vector<Value>& sources,
 
 std::uint32_t Lowering::register_number(const Value& value, Location location) const {
   const auto number = symbols_.register_number(value.index);
-  if (!number) throw CompileError{location, "only a register that was created has a number"};
+  if (!number) fail(location, "only a register that was created has a number");
   return static_cast<std::uint32_t>(*number);
 }
 
@@ -134,7 +133,7 @@ void Lowering::lower_pixel_set(const Expressions& arguments) {
   ResultDestination destination{&target, false};
   const bool named = target.kind == ExpressionKind::kName || target.kind == ExpressionKind::kElement;
   if (!named || !lower_register(target, "'pixel.set'").is_register()) {
-    throw CompileError{target.location, "'pixel.set' writes its first argument: expected a register"};
+    fail(target.location, "'pixel.set' writes its first argument: expected a register");
   }
   const Value x = lower_scalar(arguments[1], "'pixel.set'");
   const Value y = lower_scalar(arguments[2], "'pixel.set'");

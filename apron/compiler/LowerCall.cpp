@@ -15,15 +15,19 @@ using syntax::ExpressionKind;
 
 Value Lowering::lower_call(const Builtin& builtin, const Expression& call, const Expressions& arguments,
                            ResultDestination* destination) {
-  if (!builtin.returns_value())
-    throw CompileError{call.location, fmt::format("'{}' gives no value", call.text)};
+  if (!builtin.returns_value()) fail(call.location, "'{}' gives no value", call.text);
   if (arguments.size() < builtin.min_arguments || arguments.size() > builtin.max_arguments) {
     Expression shown_call = call;
     shown_call.children = arguments;
     fail_argument_count(builtin, shown_call);
   }
-  const std::string quoted = fmt::format("'{}'", call.text);
   switch (builtin.form) {
+    case BuiltinForm::kOperands: {
+      std::vector<Operand> operands = lower_operands(builtin, call, arguments);
+      return program::opcode_info(builtin.op).signature.front() == 'V'
+                 ? emit_to_scalar(builtin.op, std::move(operands), destination)
+                 : emit_to_register(builtin.op, std::move(operands), destination);
+    }
     case BuiltinForm::kElementwise:
     case BuiltinForm::kMac: {
       std::vector<Value> values;
@@ -37,35 +41,16 @@ Value Lowering::lower_call(const Builtin& builtin, const Expression& call, const
       return lower_neighbourhood(builtin, arguments, call.location, destination);
     case BuiltinForm::kMaskIf:
       return lower_comparison(arguments, call.location, destination);
-    case BuiltinForm::kReduction: {
-      const Value source = lower_register(arguments[0], quoted);
-      builder_.release(source);
-      return emit_to_scalar(builtin.op, {builder_.operand(source)}, destination);
-    }
-    case BuiltinForm::kPixelGet:
-      return lower_pixel_get(arguments, destination);
-    case BuiltinForm::kCellCoordinate:
-      return emit_to_register(builtin.op, {}, destination);
     case BuiltinForm::kRegisterWidth:
     case BuiltinForm::kRegisterHeight:
     case BuiltinForm::kRegisterId:
       return lower_register_property(builtin, arguments);
-    case BuiltinForm::kSurfaceScalar:
-      return emit_to_scalar(builtin.op, {}, destination);
-    case BuiltinForm::kSurfaceHas:
-      return emit_to_scalar(
-          builtin.op, {builder_.text_operand(string_literal(arguments[0], "a channel's name"))}, destination);
-    case BuiltinForm::kSurfaceSense:
-      return emit_to_register(
-          builtin.op, {builder_.text_operand(string_literal(arguments[0], "a channel's name"))}, destination);
-    case BuiltinForm::kFileOpen:
-      return emit_to_register(
-          builtin.op, {builder_.text_operand(string_literal(arguments[0], "a file name"))}, destination);
     case BuiltinForm::kParameterGet:
       return lower_parameter(arguments[0], destination);
     case BuiltinForm::kPropagate: {
       std::vector<Value> sources;
-      for (const Expression& argument : arguments) sources.push_back(lower_register(argument, quoted));
+      for (const Expression& argument : arguments)
+        sources.push_back(lower_register(argument, fmt::format("'{}'", call.text)));
       return emit_out_of_place(builtin.op, sources, {}, destination, call.location);
     }
     case BuiltinForm::kFilterDo:
@@ -77,39 +62,44 @@ Value Lowering::lower_call(const Builtin& builtin, const Expression& call, const
     case BuiltinForm::kRandomWhite:
     case BuiltinForm::kRandomRounded:
       return lower_random(builtin, arguments, call.location, destination);
-    case BuiltinForm::kStackPop:
-    case BuiltinForm::kFrameRead:
-      return emit_to_register(builtin.op, {}, destination);
-    case BuiltinForm::kElementGet:
-      return lower_get_element(builtin, arguments, call.location, destination);
     case BuiltinForm::kElementMatch:
       return lower_element_match(arguments);
     case BuiltinForm::kPlugin:
       return lower_plugin(arguments, destination);
-    case BuiltinForm::kNumberedOpen: {
-      const std::string& name = string_literal(arguments[0], "a file name");
-      const Value number = lower_scalar(arguments[1], quoted);
-      builder_.release(number);
-      return emit_to_register(builtin.op, {builder_.text_operand(name), builder_.operand(number)},
-                              destination);
-    }
     case BuiltinForm::kKey:
       return lower_key(arguments, destination);
-    case BuiltinForm::kTimerRead:
-      return emit_to_scalar(builtin.op, {timer_operand(arguments)}, destination);
     default:
-      throw CompileError{call.location, fmt::format("'{}' gives no value", call.text)};
+      fail(call.location, "'{}' gives no value", call.text);
   }
 }
 
-Value Lowering::lower_pixel_get(const Expressions& arguments, ResultDestination* destination) {
-  constexpr std::string_view kWhat = "'pixel.get'";
-  const Value source = lower_register(arguments[0], kWhat);
-  const Value x = lower_scalar(arguments[1], kWhat);
-  const Value y = lower_scalar(arguments[2], kWhat);
-  for (const Value& value : {source, x, y}) builder_.release(value);
-  return emit_to_scalar(Opcode::kPixelGet,
-                        {builder_.operand(source), builder_.operand(x), builder_.operand(y)}, destination);
+// Lowers the arguments as the instruction's signature lists its operands. Those that are left out are 0 or an empty
+// text.
+std::vector<Operand> Lowering::lower_operands(const Builtin& builtin, const Expression& call,
+                                              const Expressions& arguments) {
+  const bool reads_element = builtin.op == Opcode::kResGetVar || builtin.op == Opcode::kResGetReg;
+  const bool of_variables = builtin.op == Opcode::kResGetVar || builtin.op == Opcode::kResSetVar;
+  const std::string subject = reads_element ? "an element's number" : fmt::format("'{}'", call.text);
+  const std::string_view letters = program::opcode_info(builtin.op).signature.substr(1);
+  std::vector<Operand> operands;
+  std::vector<Value> values;
+  for (std::size_t i = 0; i < letters.size(); ++i) {
+    const Expression* argument = i < arguments.size() ? &arguments[i] : nullptr;
+    if (letters[i] == 't') {
+      operands.push_back(
+          builder_.text_operand(argument ? string_literal(*argument, builtin.text_meaning) : ""));
+    } else if (letters[i] == 'g') {
+      operands.push_back(group_operand(*argument, of_variables));
+    } else {
+      values.push_back(argument == nullptr ? Value::from_constant(0.0)
+                       : letters[i] == 'r' ? lower_register(*argument, subject)
+                       : letters[i] == 's' ? lower_scalar(*argument, subject)
+                                           : lower(*argument));
+      operands.push_back(builder_.operand(values.back()));
+    }
+  }
+  for (const Value& value : values) builder_.release(value);
+  return operands;
 }
 
 Value Lowering::lower_parameter(const Expression& argument, ResultDestination* destination) {
@@ -117,8 +107,8 @@ Value Lowering::lower_parameter(const Expression& argument, ResultDestination* d
   std::vector<std::string> known;
   for (const program::Parameter& parameter : builder_.program().parameters) known.push_back(parameter.name);
   if (std::find(known.begin(), known.end(), name) == known.end()) {
-    throw CompileError{argument.location, fmt::format("no slider or switch '{}' was added before{}", name,
-                                                      common::did_you_mean(name, known))};
+    fail(argument.location, "no slider or switch '{}' was added before{}", name,
+         common::did_you_mean(name, known));
   }
   return emit_to_scalar(Opcode::kParameter, {builder_.text_operand(name)}, destination);
 }
@@ -131,8 +121,7 @@ Value Lowering::lower_comparison(const Expressions& arguments, Location location
     return emit_elementwise(Opcode::kNe, {lower(arguments[0]), zero}, location, destination);
   }
   if (arguments.size() != 3 || arguments[1].kind != ExpressionKind::kOperator) {
-    throw CompileError{location,
-                       "expected a condition: (a, op, b) with one of < <= > >= == !=, or one expression"};
+    fail(location, "expected a condition: (a, op, b) with one of < <= > >= == !=, or one expression");
   }
   const Value left = lower(arguments[0]);
   const Value right = lower(arguments[2]);

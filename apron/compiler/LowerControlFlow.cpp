@@ -4,9 +4,8 @@
 #include <cmath>
 #include <utility>
 
-#include "apron/compiler/ConstantFolding.h"
 #include "apron/compiler/Lowering.h"
-#include "apron/program/ScalarValue.h"
+#include "apron/program/ScalarArithmetic.h"
 
 namespace apron::compiler {
 
@@ -17,43 +16,18 @@ namespace {
 
 constexpr double kMaxLoopCount = program::kMaxWholeScalar;  // above, a number plus 1 may be the same number
 
-std::string_view block_keyword(int kind) {
+std::string_view block_keyword(BlockKind kind) {
   static constexpr std::string_view kWords[] = {"if", "while", "for", "repeat", "where"};
-  return kWords[kind];
+  return kWords[static_cast<std::size_t>(kind)];
 }
 
-Opcode jump_opcode(Opcode compare) {
-  switch (compare) {
-    case Opcode::kLt:
-      return Opcode::kJumpLt;
-    case Opcode::kLe:
-      return Opcode::kJumpLe;
-    case Opcode::kGt:
-      return Opcode::kJumpGt;
-    case Opcode::kGe:
-      return Opcode::kJumpGe;
-    case Opcode::kEq:
-      return Opcode::kJumpEq;
-    default:
-      return Opcode::kJumpNe;
-  }
-}
-
-Opcode inverted_jump_opcode(Opcode compare) {
-  switch (compare) {
-    case Opcode::kLt:
-      return Opcode::kUnlessLt;
-    case Opcode::kLe:
-      return Opcode::kUnlessLe;
-    case Opcode::kGt:
-      return Opcode::kUnlessGt;
-    case Opcode::kGe:
-      return Opcode::kUnlessGe;
-    case Opcode::kEq:
-      return Opcode::kJumpNe;
-    default:
-      return Opcode::kJumpEq;
-  }
+// The jump that is taken if the comparison holds, or unless it does. Because of NaN, "unless <" is not "jump >=".
+Opcode jump_opcode(Opcode comparison, bool if_holds) {
+  if (!if_holds && comparison == Opcode::kEq) return Opcode::kJumpNe;
+  if (!if_holds && comparison == Opcode::kNe) return Opcode::kJumpEq;
+  const Opcode first = if_holds ? Opcode::kJumpLt : Opcode::kUnlessLt;  // in the order of lt to ne
+  return static_cast<Opcode>(static_cast<int>(first) + static_cast<int>(comparison) -
+                             static_cast<int>(Opcode::kLt));
 }
 
 bool is_comparison(Opcode op) { return op >= Opcode::kLt && op <= Opcode::kNe; }
@@ -67,111 +41,54 @@ std::uint32_t Lowering::current_where_region() const {
   return 0;
 }
 
-// Returns whether the statement is control flow.
-bool Lowering::lower_control_flow(const Builtin& builtin, const Expression& call,
-                                  const Expressions& arguments) {
-  const Location location = call.location;
-  switch (builtin.form) {
-    case BuiltinForm::kJump:
-    case BuiltinForm::kCall:
-      emit_jump(builtin.op, arguments[0]);
-      return true;
-    case BuiltinForm::kJumpIf:
-    case BuiltinForm::kCallIf: {
-      const Comparison comparison = lower_condition({arguments.begin(), arguments.end() - 1}, location);
-      if (builtin.form == BuiltinForm::kJumpIf) {
-        emit_jump_if(comparison, reference_label(arguments.back(), false));
-      } else {
-        const ProgramBuilder::Label skip = builder_.new_label();
-        emit_jump_unless(comparison, skip);
-        emit_jump(Opcode::kCall, arguments.back());
-        builder_.bind_label(skip);
-      }
-      return true;
-    }
-    case BuiltinForm::kReturn:
-      if (current_where_region() != 0) throw CompileError{location, "'return' may not leave a 'where'"};
-      builder_.emit(Opcode::kReturn);
-      return true;
-    case BuiltinForm::kIf:
-      return open_if(arguments, location), true;
-    case BuiltinForm::kElse:
-      return lower_else(location), true;
-    case BuiltinForm::kEndIf:
-      return close_block(BlockKind::kIf, location), true;
-    case BuiltinForm::kWhile:
-      return open_while(arguments, location), true;
-    case BuiltinForm::kEndWhile:
-      return close_block(BlockKind::kWhile, location), true;
-    case BuiltinForm::kFor:
-      return open_for(arguments, location), true;
-    case BuiltinForm::kEndFor:
-      return close_block(BlockKind::kFor, location), true;
-    case BuiltinForm::kRepeat:
-      return open_repeat(arguments, location), true;
-    case BuiltinForm::kEndRepeat:
-      return close_block(BlockKind::kRepeat, location), true;
-    case BuiltinForm::kBreak:
-    case BuiltinForm::kContinue:
-      return emit_loop_exit(builtin.form == BuiltinForm::kContinue, location), true;
-    case BuiltinForm::kWhere:
-      return open_where(arguments, location), true;
-    case BuiltinForm::kElsewhere:
-      return lower_elsewhere(location), true;
-    case BuiltinForm::kEndWhere:
-      return close_block(BlockKind::kWhere, location), true;
-    default:
-      return false;
-  }
+// jumpif(condition, #label) and callif(condition, #label).
+void Lowering::lower_conditional_jump(const Builtin& builtin, const Expression& call) {
+  const Expressions& arguments = call.children;
+  const Comparison comparison = lower_condition({arguments.begin(), arguments.end() - 1}, call.location);
+  if (builtin.form == BuiltinForm::kJumpIf)
+    return emit_conditional_jump(comparison, true, reference_label(arguments.back(), false));
+  const ProgramBuilder::Label skip = builder_.new_label();
+  emit_conditional_jump(comparison, false, skip);
+  emit_jump(Opcode::kCall, arguments.back());
+  builder_.bind_label(skip);
+}
+
+void Lowering::lower_return(Location location) {
+  if (current_where_region() != 0) fail(location, "'return' may not leave a 'where'");
+  builder_.emit(Opcode::kReturn);
 }
 
 Lowering::Comparison Lowering::lower_condition(const Expressions& arguments, Location location) {
   if (arguments.size() == 1) return lower_expression_condition(arguments[0]);
   if (arguments.size() != 3 || arguments[1].kind != ExpressionKind::kOperator) {
-    throw CompileError{location,
-                       "expected a condition: (a, op, b) with one of < <= > >= == !=, or one expression"};
+    fail(location, "expected a condition: (a, op, b) with one of < <= > >= == !=, or one expression");
   }
-  constexpr std::string_view kWhat = "a condition";
-  const Value left = lower_scalar(arguments[0], kWhat);
-  const Value right = lower_scalar(arguments[2], kWhat);
+  const Value left = lower_condition_operand(arguments[0]);
+  const Value right = lower_condition_operand(arguments[2]);
   return {infix_opcode(arguments[1].text), left, right};
 }
 
 Lowering::Comparison Lowering::lower_expression_condition(const Expression& expression) {
-  constexpr std::string_view kWhat = "a condition";
   const Opcode op = expression.kind == ExpressionKind::kBinary ? infix_opcode(expression.text) : Opcode::kNop;
-  if (!is_comparison(op)) return {Opcode::kNe, lower_scalar(expression, kWhat), Value::from_constant(0.0F)};
-  const Value left = lower_scalar(expression.children[0], kWhat);
-  const Value right = lower_scalar(expression.children[1], kWhat);
+  if (!is_comparison(op))
+    return {Opcode::kNe, lower_condition_operand(expression), Value::from_constant(0.0F)};
+  const Value left = lower_condition_operand(expression.children[0]);
+  const Value right = lower_condition_operand(expression.children[1]);
   return {op, left, right};
 }
 
-void Lowering::emit_jump_unless(const Comparison& comparison, ProgramBuilder::Label label) {
-  builder_.release(comparison.left);
-  builder_.release(comparison.right);
-  if (comparison.left.is_constant() && comparison.right.is_constant()) {
-    const bool holds =
-        *fold_constant(comparison.opcode, {comparison.left.constant, comparison.right.constant}) != 0.0F;
-    if (!holds) builder_.emit(Opcode::kJump, {}, {builder_.label_operand(label)});
+void Lowering::emit_conditional_jump(const Comparison& comparison, bool if_holds,
+                                     ProgramBuilder::Label label) {
+  const auto& [opcode, left, right] = comparison;
+  builder_.release(left);
+  builder_.release(right);
+  if (left.is_constant() && right.is_constant()) {
+    const bool holds = program::evaluate_scalar(opcode, left.constant, right.constant, 0.0) != 0.0;
+    if (holds == if_holds) builder_.emit(Opcode::kJump, {}, {builder_.label_operand(label)});
     return;
   }
-  builder_.emit(
-      inverted_jump_opcode(comparison.opcode), {},
-      {builder_.operand(comparison.left), builder_.operand(comparison.right), builder_.label_operand(label)});
-}
-
-void Lowering::emit_jump_if(const Comparison& comparison, ProgramBuilder::Label label) {
-  builder_.release(comparison.left);
-  builder_.release(comparison.right);
-  if (comparison.left.is_constant() && comparison.right.is_constant()) {
-    const bool holds =
-        *fold_constant(comparison.opcode, {comparison.left.constant, comparison.right.constant}) != 0.0F;
-    if (holds) builder_.emit(Opcode::kJump, {}, {builder_.label_operand(label)});
-    return;
-  }
-  builder_.emit(
-      jump_opcode(comparison.opcode), {},
-      {builder_.operand(comparison.left), builder_.operand(comparison.right), builder_.label_operand(label)});
+  builder_.emit(jump_opcode(opcode, if_holds), {},
+                {builder_.operand(left), builder_.operand(right), builder_.label_operand(label)});
 }
 
 void Lowering::open_block(BlockKind kind, Location location) {
@@ -188,7 +105,7 @@ void Lowering::open_block(BlockKind kind, Location location) {
 void Lowering::open_if(const Expressions& arguments, Location location) {
   const Comparison comparison = lower_condition(arguments, location);
   open_block(BlockKind::kIf, location);
-  emit_jump_unless(comparison, blocks_.back().continue_label);
+  emit_conditional_jump(comparison, false, blocks_.back().continue_label);
 }
 
 void Lowering::open_while(const Expressions& arguments, Location location) {
@@ -197,29 +114,28 @@ void Lowering::open_while(const Expressions& arguments, Location location) {
   const Comparison comparison = lower_condition(arguments, location);
   open_block(BlockKind::kWhile, location);
   blocks_.back().test_label = blocks_.back().continue_label = top;
-  emit_jump_unless(comparison, blocks_.back().end_label);
+  emit_conditional_jump(comparison, false, blocks_.back().end_label);
 }
 
 void Lowering::open_for(const Expressions& arguments, Location location) {
   const Expression& variable = arguments[0];
   const bool is_name = variable.kind == ExpressionKind::kName || variable.kind == ExpressionKind::kElement;
-  if (!is_name) throw CompileError{variable.location, "expected the scalar that counts: for(i, from, to)"};
+  if (!is_name) fail(variable.location, "expected the scalar that counts: for(i, from, to)");
   const Value from = lower_scalar(arguments[1], "'for'");
   const Value bound = loop_invariant(lower_scalar(arguments[2], "'for'"));
   const Value step = arguments.size() == 4 ? loop_invariant(lower_scalar(arguments[3], "'for'"))
                                            : Value::from_constant(1.0F);
   if (step.is_constant() && !(step.constant > 0.0F || step.constant < 0.0F)) {
-    throw CompileError{arguments.back().location, "the step of a 'for' cannot be zero"};
+    fail(arguments.back().location, "the step of a 'for' cannot be zero");
   }
   for (const Value& end : {from, bound}) {
     if (end.is_constant() && std::abs(end.constant) > kMaxLoopCount) {
-      throw CompileError{location, fmt::format("'for' counts up to {:.0f} at most", kMaxLoopCount)};
+      fail(location, "'for' counts up to {:.0f} at most", kMaxLoopCount);
     }
   }
   ResultDestination destination{&variable, false};
   const Value counter = resolve_destination(destination, false, {});
-  if (counter.is_register())
-    throw CompileError{variable.location, "'for' counts in a scalar, and this is a register"};
+  if (counter.is_register()) fail(variable.location, "'for' counts in a scalar, and this is a register");
   builder_.emit(Opcode::kCopy, builder_.operand(counter), {builder_.operand(from)});
   open_block(BlockKind::kFor, location);
   Block& block = blocks_.back();
@@ -242,8 +158,8 @@ void Lowering::emit_for_test(const Block& block) {
   if (block.step.is_constant()) {
     Value limit = block.bound;
     limit.is_temporary = false;  // released when the loop ends
-    return emit_jump_unless({block.step.constant > 0.0F ? Opcode::kLe : Opcode::kGe, block.counter, limit},
-                            block.end_label);
+    const Opcode comparison = block.step.constant > 0.0 ? Opcode::kLe : Opcode::kGe;
+    return emit_conditional_jump({comparison, block.counter, limit}, false, block.end_label);
   }
   // Continues while (bound - counter) * step >= 0, for steps of either sign.
   const Value remaining = builder_.allocate_scalar_temporary();
@@ -251,14 +167,13 @@ void Lowering::emit_for_test(const Block& block) {
                 {builder_.operand(block.bound), builder_.operand(block.counter)});
   builder_.emit(Opcode::kMul, builder_.operand(remaining),
                 {builder_.operand(remaining), builder_.operand(block.step)});
-  emit_jump_unless({Opcode::kGe, remaining, Value::from_constant(0.0F)}, block.end_label);
+  emit_conditional_jump({Opcode::kGe, remaining, Value::from_constant(0.0)}, false, block.end_label);
 }
 
 void Lowering::open_repeat(const Expressions& arguments, Location location) {
   const Value count = lower_scalar(arguments[0], "'repeat'");
   if (count.is_constant() && !(count.constant <= kMaxLoopCount)) {
-    throw CompileError{arguments[0].location,
-                       fmt::format("'repeat' counts up to {:.0f} at most", kMaxLoopCount)};
+    fail(arguments[0].location, "'repeat' counts up to {:.0f} at most", kMaxLoopCount);
   }
   const Value remaining = retained(builder_.allocate_scalar_temporary());
   builder_.emit(Opcode::kCopy, builder_.operand(remaining), {builder_.operand(count)});
@@ -277,7 +192,7 @@ void Lowering::open_where(const Expressions& arguments, Location location) {
   std::size_t depth = 1;
   for (const Block& block : blocks_) depth += block.kind == BlockKind::kWhere ? 1U : 0U;
   if (depth > program::kMaxMaskDepth) {
-    throw CompileError{location, fmt::format("more than {} 'where' are open", program::kMaxMaskDepth)};
+    fail(location, "more than {} 'where' are open", program::kMaxMaskDepth);
   }
   const Shape shape = builder_.shape(mask);
   if (mask.is_register()) check_where_shape(shape, location);
@@ -287,21 +202,18 @@ void Lowering::open_where(const Expressions& arguments, Location location) {
 }
 
 Lowering::Block& Lowering::require_innermost_block(BlockKind kind, Location location, std::string_view name) {
-  if (blocks_.empty())
-    throw CompileError{location,
-                       fmt::format("'{}' has no '{}'", name, block_keyword(static_cast<int>(kind)))};
+  if (blocks_.empty()) fail(location, "'{}' has no '{}'", name, block_keyword(kind));
   Block& block = blocks_.back();
   if (block.kind != kind) {
-    throw CompileError{location,
-                       fmt::format("'{}' comes before the end of the '{}' opened in line {}", name,
-                                   block_keyword(static_cast<int>(block.kind)), block.location.line)};
+    fail(location, "'{}' comes before the end of the '{}' opened in line {}", name, block_keyword(block.kind),
+         block.location.line);
   }
   return block;
 }
 
 void Lowering::lower_else(Location location) {
   Block& block = require_innermost_block(BlockKind::kIf, location, "else");
-  if (block.has_else) throw CompileError{location, "this 'if' has an 'else' already"};
+  if (block.has_else) fail(location, "this 'if' has an 'else' already");
   block.has_else = true;
   builder_.emit(Opcode::kJump, {}, {builder_.label_operand(block.end_label)});
   builder_.bind_label(block.continue_label);
@@ -309,14 +221,14 @@ void Lowering::lower_else(Location location) {
 
 void Lowering::lower_elsewhere(Location location) {
   Block& block = require_innermost_block(BlockKind::kWhere, location, "elsewhere");
-  if (block.has_else) throw CompileError{location, "this 'where' has an 'elsewhere' already"};
+  if (block.has_else) fail(location, "this 'where' has an 'elsewhere' already");
   block.has_else = true;
   block.where_region = ++where_region_count_;
   if (!block.from_error) builder_.emit(Opcode::kMaskElse);
 }
 
 void Lowering::close_block(BlockKind kind, Location location) {
-  const std::string name = fmt::format("end{}", block_keyword(static_cast<int>(kind)));
+  const std::string name = fmt::format("end{}", block_keyword(kind));
   const Block block = require_innermost_block(kind, location, name);
   if (block.from_error) {
     // no block was opened
@@ -348,17 +260,16 @@ void Lowering::emit_loop_exit(bool is_continue, Location location) {
   const std::string_view name = is_continue ? "continue" : "break";
   for (auto block = blocks_.rbegin(); block != blocks_.rend(); ++block) {
     if (block->kind == BlockKind::kIf) continue;
-    if (block->kind == BlockKind::kWhere)
-      throw CompileError{location, fmt::format("'{}' may not leave a 'where'", name)};
+    if (block->kind == BlockKind::kWhere) fail(location, "'{}' may not leave a 'where'", name);
     builder_.emit(Opcode::kJump, {},
                   {builder_.label_operand(is_continue ? block->continue_label : block->end_label)});
     return;
   }
-  throw CompileError{location, fmt::format("'{}' stands outside of a loop", name)};
+  fail(location, "'{}' stands outside of a loop", name);
 }
 
 ProgramBuilder::Label Lowering::reference_label(const Expression& label, bool call) {
-  if (label.kind != ExpressionKind::kLabel) throw CompileError{label.location, "expected a label: #name"};
+  if (label.kind != ExpressionKind::kLabel) fail(label.location, "expected a label: #name");
   const auto [found, added] = labels_.try_emplace(label.text);
   if (added) found->second.label = builder_.new_label();
   jumps_.push_back({label.text, current_where_region(), label.location, call});
@@ -389,7 +300,7 @@ void Lowering::define_label(const std::string& name, Location location) {
 void Lowering::report_open_blocks(std::size_t min_depth) {
   while (blocks_.size() > min_depth) {
     const Block& block = blocks_.back();
-    const std::string_view name = block_keyword(static_cast<int>(block.kind));
+    const std::string_view name = block_keyword(block.kind);
     diagnostics_.error(
         block.location,
         fmt::format(

@@ -14,22 +14,25 @@ using program::Operand;
 using program::OperandKind;
 using syntax::ExpressionKind;
 
-// One number per cell if the statement reads or writes a register, else a single number.
-Value Lowering::emit_random(Opcode op, const Value& a, const Value& b, ResultDestination* destination) {
+// For instructions that fill a register, if the statement reads or writes one, and otherwise a scalar: one random
+// number per cell or a single one.
+Value Lowering::emit_to_either(Opcode op, const std::vector<Operand>& operands,
+                               ResultDestination* destination) {
   Shape shape = shape_hint_;
   const bool is_register =
       destination != nullptr ? find_shape(*destination->target, shape) : is_register_statement_;
-  Value result;
-  if (destination != nullptr) {
-    result = resolve_destination(*destination, is_register, shape);
-  }
+  const Value result = destination != nullptr ? resolve_destination(*destination, is_register, shape)
+                       : is_register          ? builder_.allocate_temporary(shape)
+                                              : builder_.allocate_scalar_temporary();
+  builder_.emit(op, builder_.operand(result), operands, destination != nullptr);
+  return result;
+}
+
+Value Lowering::emit_random(Opcode op, const Value& a, const Value& b, ResultDestination* destination) {
+  const std::vector<Operand> operands{builder_.operand(a), builder_.operand(b)};
   builder_.release(a);
   builder_.release(b);
-  if (destination == nullptr)
-    result = is_register ? builder_.allocate_temporary(shape) : builder_.allocate_scalar_temporary();
-  builder_.emit(op, builder_.operand(result), {builder_.operand(a), builder_.operand(b)},
-                destination != nullptr);
-  return result;
+  return emit_to_either(op, operands, destination);
 }
 
 Value Lowering::lower_random(const Builtin& builtin, const Expressions& arguments, Location location,
@@ -51,65 +54,16 @@ Value Lowering::lower_random(const Builtin& builtin, const Expressions& argument
   return emit_elementwise(Opcode::kRound, {drawn}, location, destination);
 }
 
-// Returns whether it lowered the statement.
-bool Lowering::lower_data_statement(const Builtin& builtin, const Expression& call,
-                                    const Expressions& arguments) {
-  const std::string quoted = fmt::format("'{}'", call.text);
-  switch (builtin.form) {
-    case BuiltinForm::kRandomSeed:
-      builder_.emit(builtin.op, {}, {builder_.operand(lower_scalar(arguments[0], quoted))});
-      return true;
-    case BuiltinForm::kStackPush:
-      builder_.emit(builtin.op, {}, {builder_.operand(lower_register(arguments[0], quoted))});
-      return true;
-    case BuiltinForm::kElementSet: {
-      const bool variables = builtin.op == Opcode::kResSetVar;
-      const Operand group = group_operand(arguments[0], variables);
-      const Value index = lower_scalar(arguments[1], quoted);
-      const Value value = variables ? lower_scalar(arguments[2], quoted) : lower(arguments[2]);
-      builder_.emit(builtin.op, {}, {group, builder_.operand(index), builder_.operand(value)});
-      return true;
-    }
-    case BuiltinForm::kNumberedSave: {
-      const Value source = lower_register(arguments[0], quoted);
-      const Operand name = builder_.text_operand(string_literal(arguments[1], "a file name"));
-      builder_.emit(builtin.op, {},
-                    {builder_.operand(source), name, builder_.operand(lower_scalar(arguments[2], quoted))});
-      return true;
-    }
-    case BuiltinForm::kClipOpen:
-      builder_.emit(builtin.op, {}, {builder_.text_operand(string_literal(arguments[0], "a file name"))});
-      return true;
-    case BuiltinForm::kWebcamOpen:
-      builder_.emit(builtin.op, {},
-                    {builder_.operand(arguments.empty() ? Value::from_constant(0.0F)
-                                                        : lower_scalar(arguments[0], quoted))});
-      return true;
-    case BuiltinForm::kShow: {
-      const Value displayed = lower_register(arguments[0], quoted);
-      const Operand title =
-          builder_.text_operand(arguments.size() == 2 ? string_literal(arguments[1], "a title") : "");
-      builder_.emit(builtin.op, {}, {builder_.operand(displayed), title});
-      return true;
-    }
-    case BuiltinForm::kSetPalette:
-    case BuiltinForm::kSetScale:
-      return lower_colour_mapping(builtin, arguments, call.location), true;
-    default:
-      return false;
-  }
-}
-
 // reg.setPalette(A, 'name') or (A, scale, 'name'); reg.setScale(A, high) or (A, low, high).
-void Lowering::lower_colour_mapping(const Builtin& builtin, const Expressions& arguments, Location location) {
+void Lowering::lower_colour_mapping(const Builtin& builtin, const Expressions& arguments) {
   const Value target = lower_register(arguments[0], "this");
   Value low = Value::from_constant(0.0F);
   Value high;
-  if (builtin.form == BuiltinForm::kSetPalette) {
+  if (builtin.op == Opcode::kSetPalette) {
     const std::string& name = string_literal(arguments.back(), "a palette");
     const std::string error = palette_error(name);
     if (!error.empty() && original_) return diagnostics_.warning(arguments.back().location, error);
-    if (!error.empty()) throw CompileError{arguments.back().location, error};
+    if (!error.empty()) fail(arguments.back().location, "{}", error);
     builder_.emit(Opcode::kSetPalette, {}, {builder_.operand(target), builder_.text_operand(name)});
     if (arguments.size() == 2) return;
     high = lower_scalar(arguments[1], "a scale");
@@ -117,23 +71,21 @@ void Lowering::lower_colour_mapping(const Builtin& builtin, const Expressions& a
     if (arguments.size() == 3) low = lower_scalar(arguments[1], "a scale");
     high = lower_scalar(arguments.back(), "a scale");
   }
-  if (!target.is_register()) throw CompileError{location, "expected a register"};
   builder_.emit(Opcode::kSetScale, {},
                 {builder_.operand(target), builder_.operand(low), builder_.operand(high)});
 }
 
 const std::string& Lowering::class_name(const Expression& expression) const {
   if (expression.kind != ExpressionKind::kName && expression.kind != ExpressionKind::kString) {
-    throw CompileError{expression.location, "expected a class: REGISTER, VARIABLE or one made by !object"};
+    fail(expression.location, "expected a class: REGISTER, VARIABLE or one made by !object");
   }
-  return symbols_.class_name(expression.text, expression.location);
+  return symbols_.resolve_class(expression.text, expression.location);
 }
 
 Operand Lowering::group_operand(const Expression& expression, bool of_variables) {
   const std::string& name = class_name(expression);
   if (symbols_.holds_variables(name, expression.location) != of_variables) {
-    throw CompileError{expression.location, fmt::format("the class {} is one of {}", name,
-                                                        of_variables ? "registers" : "scalars")};
+    fail(expression.location, "the class {} is one of {}", name, of_variables ? "registers" : "scalars");
   }
   std::vector<program::OperandGroup>& all = builder_.program().groups;
   const auto [found, added] = group_indices_.try_emplace(name, static_cast<std::uint32_t>(all.size()));
@@ -141,22 +93,11 @@ Operand Lowering::group_operand(const Expression& expression, bool of_variables)
   return {OperandKind::kGroup, found->second};
 }
 
-Value Lowering::lower_get_element(const Builtin& builtin, const Expressions& arguments, Location,
-                                  ResultDestination* destination) {
-  const bool variables = builtin.op == Opcode::kResGetVar;
-  const Operand group = group_operand(arguments[0], variables);
-  const Value index = lower_scalar(arguments[1], "an element's number");
-  builder_.release(index);
-  const std::vector<Operand> operands{group, builder_.operand(index)};
-  return variables ? emit_to_scalar(builtin.op, operands, destination)
-                   : emit_to_register(builtin.op, operands, destination);
-}
-
-// The compile-time index of the element of that name, or -1.
+// The number of the element of that name, known when the program is compiled, or -1.
 Value Lowering::lower_element_match(const Expressions& arguments) {
   const std::string& name = class_name(arguments[0]);
   if (arguments[1].kind != ExpressionKind::kString && arguments[1].kind != ExpressionKind::kName) {
-    throw CompileError{arguments[1].location, "expected an element's name"};
+    fail(arguments[1].location, "expected an element's name");
   }
   const auto found = symbols_.element_number(name, arguments[1].text);
   return Value::from_constant(found ? static_cast<float>(*found) : -1.0F);
@@ -164,8 +105,7 @@ Value Lowering::lower_element_match(const Expressions& arguments) {
 
 Operand Lowering::module_operand(const Expression& expression) {
   if (expression.kind != ExpressionKind::kModule && expression.kind != ExpressionKind::kString) {
-    throw CompileError{expression.location,
-                       "expected '?', the module loaded last, or a module's name: plugin(?, n, …)"};
+    fail(expression.location, "expected '?', the module loaded last, or a module's name: plugin(?, n, …)");
   }
   std::vector<std::string>& all = builder_.program().modules;
   const auto found = std::find(all.begin(), all.end(), expression.text);
@@ -176,8 +116,7 @@ Operand Lowering::module_operand(const Expression& expression) {
 
 void Lowering::emit_plugin_arguments(const Expressions& arguments, std::size_t first) {
   if (arguments.size() - first > program::kMaxPluginArguments) {
-    throw CompileError{arguments[first].location,
-                       fmt::format("a plugin takes at most {} arguments", program::kMaxPluginArguments)};
+    fail(arguments[first].location, "a plugin takes at most {} arguments", program::kMaxPluginArguments);
   }
   std::vector<Value> values;
   for (std::size_t i = first; i < arguments.size(); ++i) values.push_back(lower(arguments[i]));
@@ -192,19 +131,9 @@ Value Lowering::lower_plugin(const Expressions& arguments, ResultDestination* de
   const Operand module_index = module_operand(arguments[0]);
   const Value operation = lower_scalar(arguments[1], "a plugin's operation");
   emit_plugin_arguments(arguments, 2);
-  Shape shape = shape_hint_;
-  const bool is_register =
-      destination != nullptr ? find_shape(*destination->target, shape) : is_register_statement_;
-  Value result;
-  if (destination != nullptr) {
-    result = resolve_destination(*destination, is_register, shape);
-  } else {
-    result = is_register ? builder_.allocate_temporary(shape) : builder_.allocate_scalar_temporary();
-  }
+  const std::vector<Operand> operands{module_index, builder_.operand(operation)};
   builder_.release(operation);
-  builder_.emit(Opcode::kPlugin, builder_.operand(result), {module_index, builder_.operand(operation)},
-                destination != nullptr);
-  return result;
+  return emit_to_either(Opcode::kPlugin, operands, destination);
 }
 
 // plugin(?, n, y, a, b) is y = plugin(?, n, a, b); plugin(?, n) writes nothing.
@@ -217,8 +146,7 @@ void Lowering::lower_plugin_statement(const Expression& call) {
   }
   const Expression& target = arguments[2];
   if (target.kind != ExpressionKind::kName && target.kind != ExpressionKind::kElement) {
-    throw CompileError{target.location,
-                       "'plugin' writes its third argument: expected a register or a scalar"};
+    fail(target.location, "'plugin' writes its third argument: expected a register or a scalar");
   }
   Expressions rest(arguments.begin(), arguments.begin() + 2);
   rest.insert(rest.end(), arguments.begin() + 3, arguments.end());

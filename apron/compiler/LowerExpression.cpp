@@ -5,8 +5,8 @@
 #include <cmath>
 #include <utility>
 
-#include "apron/compiler/ConstantFolding.h"
 #include "apron/compiler/Lowering.h"
+#include "apron/program/ScalarArithmetic.h"
 
 namespace apron::compiler {
 
@@ -48,13 +48,13 @@ Value Lowering::lower(const Expression& expression, ResultDestination* destinati
     case ExpressionKind::kExpansion:
       return lower_expansion(expression);
     case ExpressionKind::kString:
-      throw CompileError{expression.location, "a text has no value here"};
+      fail(expression.location, "a text has no value here");
     case ExpressionKind::kOperator:
-      throw CompileError{expression.location, "a comparison sign alone is for conditions: if(a, <, b)"};
+      fail(expression.location, "a comparison sign alone is for conditions: if(a, <, b)");
     case ExpressionKind::kLabel:
-      throw CompileError{expression.location, "a label has no value"};
+      fail(expression.location, "a label has no value");
     case ExpressionKind::kModule:
-      throw CompileError{expression.location, "'?' stands for a module: plugin(?, n, …)"};
+      fail(expression.location, "'?' stands for a module: plugin(?, n, …)");
   }
   return {};
 }
@@ -65,13 +65,11 @@ Value Lowering::lower_name(const Expression& name, ResultDestination* destinatio
     const Builtin* builtin = find_builtin(name.text);
     if (builtin != nullptr && builtin->min_arguments == 0) return lower_call(*builtin, name, {}, destination);
     if (builtin != nullptr) {
-      throw CompileError{name.location,
-                         fmt::format("'{}' is an instruction and needs its arguments", name.text)};
+      fail(name.location, "'{}' is an instruction and needs its arguments", name.text);
     }
     if (ignores(name)) return Value::from_constant(0.0F);
     if (is_macro_name(name.text)) {
-      throw CompileError{name.location,
-                         fmt::format("'{}' is read before it is written", display_name(name.text))};
+      fail(name.location, "'{}' is read before it is written", display_name(name.text));
     }
     if (written_names_.count(name.text) == 0) {
       std::vector<std::string> known = other_names_;
@@ -85,9 +83,7 @@ Value Lowering::lower_name(const Expression& name, ResultDestination* destinatio
       std::string hint = symbols_.did_you_mean(name.text, known);
       if (hint.empty())
         hint = fmt::format("; before it is read, !register({0}) or {0} = 0 makes it one", name.text);
-      throw CompileError{
-          name.location,
-          fmt::format("'{}' is not a register, and no line writes it as a scalar{}", name.text, hint)};
+      fail(name.location, "'{}' is not a register, and no line writes it as a scalar{}", name.text, hint);
     }
     Symbol symbol_entry{{Value::Kind::kScalar, builder_.add_variable(name.text), 0.0F, false},
                         name.location,
@@ -97,7 +93,7 @@ Value Lowering::lower_name(const Expression& name, ResultDestination* destinatio
     symbol = symbols_.find(name.text);
   }
   Value value = symbol->value;
-  if (value.kind == Value::Kind::kNone) throw CompileError{name.location, {}};
+  if (value.kind == Value::Kind::kNone) throw AlreadyReported{};
   if (value.kind == Value::Kind::kScalar && !value.is_temporary && !symbol->is_declared) {
     scalar_reads_.push_back({value.index, builder_.position(), name.location});
   }
@@ -111,8 +107,16 @@ const Symbol& Lowering::find_element(const Expression& expression) const {
     return symbols_.find_element(expression.text, index.text, index.location);
   if (index.kind == ExpressionKind::kNumber)
     return symbols_.find_element(expression.text, index.number, index.location);
-  throw CompileError{index.location,
-                     fmt::format("an element is named by its name or its number: {}[A]", expression.text)};
+  fail(index.location, "an element is named by its name or its number: {}[A]", expression.text);
+}
+
+// Null if there is no such element.
+const Symbol* Lowering::find_element_or_null(const Expression& expression) const {
+  const Expression& index = expression.children.front();
+  if (index.kind == ExpressionKind::kName) return symbols_.find_element_or_null(expression.text, index.text);
+  if (index.kind == ExpressionKind::kNumber)
+    return symbols_.find_element_or_null(expression.text, index.number);
+  return nullptr;
 }
 
 Value Lowering::lower_unary(const Expression& expression, ResultDestination* destination) {
@@ -173,20 +177,15 @@ bool Lowering::is_scalar(const Expression& expression) const {
   const Builtin* builtin = find_builtin(expression.text);
   if (builtin == nullptr) return expression.kind == ExpressionKind::kName;
   switch (builtin->form) {
-    case BuiltinForm::kReduction:
-    case BuiltinForm::kPixelGet:
-    case BuiltinForm::kSurfaceScalar:
-    case BuiltinForm::kSurfaceHas:
+    case BuiltinForm::kOperands:
+      return program::opcode_info(builtin->op).signature.front() == 'V';
     case BuiltinForm::kParameterGet:
-    case BuiltinForm::kTimerRead:
     case BuiltinForm::kKey:
     case BuiltinForm::kRegisterWidth:
     case BuiltinForm::kRegisterHeight:
     case BuiltinForm::kRegisterId:
     case BuiltinForm::kElementMatch:
       return true;
-    case BuiltinForm::kElementGet:
-      return builtin->op == Opcode::kResGetVar;
     case BuiltinForm::kRandom:
     case BuiltinForm::kRandomWhite:
     case BuiltinForm::kRandomRounded:
@@ -225,10 +224,11 @@ Value Lowering::lower_short_circuit(Opcode op, const Expression& expression) {
 
 Value Lowering::emit_elementwise(Opcode op, const std::vector<Value>& values, Location location,
                                  ResultDestination* destination) {
-  if (std::all_of(values.begin(), values.end(), [](const Value& v) { return v.is_constant(); })) {
+  // What the C library computes differs between machines, and a compiled program does not.
+  if (!program::calls_libm(op) && std::ranges::all_of(values, &Value::is_constant)) {
     std::array<double, program::kMaxOperands> in{};
-    for (std::size_t i = 0; i < values.size(); ++i) in[i] = values[i].constant;
-    if (const auto folded = fold_constant(op, in)) return Value::from_constant(*folded);
+    std::ranges::transform(values, in.begin(), &Value::constant);
+    return Value::from_constant(program::evaluate_scalar(op, in[0], in[1], in[2]));
   }
   check_machine_read(op, values, location);
   check_shapes(values, location);
@@ -264,23 +264,18 @@ Value Lowering::resolve_target(const Expression& target, bool is_register, Shape
   const Symbol* symbol = is_element ? &find_element(target) : symbols_.find(target.text);
   if (symbol == nullptr && is_macro_name(target.text)) return create_macro_local(target, is_register, shape);
   if (symbol == nullptr) return create_scalar(target, is_register);
-  if (symbol->value.kind == Value::Kind::kNone) throw CompileError{target.location, {}};
+  if (symbol->value.kind == Value::Kind::kNone) throw AlreadyReported{};
   if (symbol->machine_file && is_foreign(*symbol->machine_file)) {
-    throw CompileError{
-        target.location,
-        fmt::format("'{}' is a register of {}, which only its instructions write{}", symbol->name,
-                    file_name(sources_.file(*symbol->machine_file)), machine_hint({"mov", "in"}))};
+    fail(target.location, "'{}' is a register of {}, which only its instructions write{}", symbol->name,
+         file_name(sources_.file(*symbol->machine_file)), machine_hint({"mov", "in"}));
   }
   if (!symbol->is_writable) {
-    throw CompileError{target.location,
-                       fmt::format("'{}' is a value here and cannot be written", symbol->name)};
+    fail(target.location, "'{}' is a value here and cannot be written", symbol->name);
   }
   if (is_register && !symbol->value.is_register()) {
     const std::string hint = same_name_hint(target.text);
-    throw CompileError{
-        target.location,
-        fmt::format("'{}' is a scalar, and the value is a register of {}{}", symbol->name, show(shape),
-                    hint.empty() ? "; globalsum(…) and the like make a number of it" : hint)};
+    fail(target.location, "'{}' is a scalar, and the value is a register of {}{}", symbol->name, show(shape),
+         hint.empty() ? "; globalsum(…) and the like make a number of it" : hint);
   }
   if (symbol->value.is_register()) check_where_shape(builder_.shape(symbol->value), target.location);
   return symbol->value;
@@ -289,14 +284,12 @@ Value Lowering::resolve_target(const Expression& target, bool is_register, Shape
 Value Lowering::create_scalar(const Expression& target, bool is_register) {
   const Builtin* builtin = find_builtin(target.text);
   if (builtin != nullptr && builtin->min_arguments == 0) {
-    throw CompileError{target.location, fmt::format("'{}' is the name of an instruction", target.text)};
+    fail(target.location, "'{}' is the name of an instruction", target.text);
   }
   if (is_register) {
     const std::string hint = symbols_.did_you_mean(target.text, {});
-    throw CompileError{
-        target.location,
-        fmt::format("'{}' is not a register, but the value is one{}", target.text,
-                    hint.empty() ? fmt::format("; declare it with !register({})", target.text) : hint)};
+    fail(target.location, "'{}' is not a register, but the value is one{}", target.text,
+         hint.empty() ? fmt::format("; declare it with !register({})", target.text) : hint);
   }
   Symbol fresh{{Value::Kind::kScalar, builder_.add_variable(target.text), 0.0F, false},
                target.location,
@@ -320,11 +313,9 @@ Value Lowering::create_macro_local(const Expression& target, bool is_register, S
     fresh.value = retained(builder_.allocate_scalar_temporary());
   }
   symbols_.add(target.text, fresh);
-  if (is_macro_local(target.text)) {
-    const auto expansion =
-        static_cast<std::uint32_t>(std::stoul(target.text.substr(target.text.find(':') + 1)));
-    scopes_[expansion].names.push_back(target.text);
-    scopes_[expansion].values.push_back(fresh.value);
+  if (target.owner != 0) {
+    scopes_[target.owner].names.push_back(target.text);
+    scopes_[target.owner].values.push_back(fresh.value);
   }
   return fresh.value;
 }
@@ -369,12 +360,11 @@ Value Lowering::lower_expansion(const Expression& expression) {
   report_open_blocks(blocks);
   const Symbol* symbol = symbols_.find(expansion.result_name);
   if (symbol == nullptr) {
-    throw CompileError{expression.location,
-                       fmt::format("the macro '{}' does not write its result", expansion.macro)};
+    fail(expression.location, "the macro '{}' does not write its result", expansion.macro);
   }
   const Value value = symbol->value;
   symbols_.remove(expansion.result_name);
-  if (value.kind == Value::Kind::kNone) throw CompileError{expression.location, {}};
+  if (value.kind == Value::Kind::kNone) throw AlreadyReported{};
   builder_.unretain(value);
   return value;
 }
@@ -384,24 +374,25 @@ Value Lowering::retained(Value value) {
   return value;
 }
 
-Value Lowering::lower_scalar(const Expression& expression, std::string_view subject) {
+Value Lowering::lower_scalar(const Expression& expression, std::string_view subject, std::string_view hint) {
   const Value value = lower(expression);
-  if (value.is_register()) {
-    const std::string_view hint =
-        subject == "a condition"
-            ? "; write where(…) to act on the cells where it holds, or take one value of all: globalany(A)"
-            : "";
-    throw CompileError{expression.location,
-                       fmt::format("{} takes a scalar, and this is a register{}", subject, hint)};
-  }
+  if (value.is_register())
+    fail(expression.location, "{} takes a scalar, and this is a register{}", subject, hint);
   return value;
+}
+
+// An operand of a condition.
+Value Lowering::lower_condition_operand(const Expression& expression) {
+  return lower_scalar(
+      expression, "a condition",
+      "; write where(…) to act on the cells where it holds, or take one value of all: globalany(A)");
 }
 
 Value Lowering::lower_register(const Expression& expression, std::string_view subject) {
   const Value value = lower(expression);
   if (!value.is_register()) {
-    throw CompileError{expression.location, fmt::format("{} takes a register, and this is a scalar{}",
-                                                        subject, same_name_hint(expression.text))};
+    fail(expression.location, "{} takes a register, and this is a scalar{}", subject,
+         same_name_hint(expression.text));
   }
   return value;
 }
@@ -414,22 +405,21 @@ std::string Lowering::same_name_hint(const std::string& name) const {
 
 float Lowering::number_constant(const Expression& expression, std::string_view subject) {
   const Value value = lower(expression);
-  if (!value.is_constant())
-    throw CompileError{expression.location, fmt::format("{} must be a constant", subject)};
+  if (!value.is_constant()) fail(expression.location, "{} must be a constant", subject);
   return value.constant;
 }
 
 int Lowering::integer_constant(const Expression& expression, std::string_view subject) {
   const float value = number_constant(expression, subject);
   if (!(std::fabs(value) <= kMaxOffset) || value != std::trunc(value)) {
-    throw CompileError{expression.location, fmt::format("{} must be a whole number, not {}", subject, value)};
+    fail(expression.location, "{} must be a whole number, not {}", subject, value);
   }
   return static_cast<int>(value);
 }
 
 const std::string& Lowering::string_literal(const Expression& expression, std::string_view subject) const {
   if (expression.kind != ExpressionKind::kString) {
-    throw CompileError{expression.location, fmt::format("expected {} in single quotes", subject)};
+    fail(expression.location, "expected {} in single quotes", subject);
   }
   return expression.text;
 }
@@ -446,8 +436,8 @@ void Lowering::check_shapes(const std::vector<Value>& values, Location location)
     if (!value.is_register()) continue;
     if (first == nullptr) first = &value;
     if (builder_.shape(*first) == builder_.shape(value)) continue;
-    throw CompileError{location, fmt::format("the registers of one instruction have one shape, but {} and {}",
-                                             describe_shape(*first), describe_shape(value))};
+    fail(location, "the registers of one instruction have one shape, but {} and {}", describe_shape(*first),
+         describe_shape(value));
   }
 }
 
@@ -455,8 +445,8 @@ void Lowering::check_where_shape(Shape shape, Location location) const {
   for (auto block = blocks_.rbegin(); block != blocks_.rend(); ++block) {
     if (block->where_shape == Shape{}) continue;
     if (block->where_shape == shape) return;
-    throw CompileError{location, fmt::format("a register of {} is written inside a 'where' over {}",
-                                             show(shape), show(block->where_shape))};
+    fail(location, "a register of {} is written inside a 'where' over {}", show(shape),
+         show(block->where_shape));
   }
 }
 
@@ -465,11 +455,8 @@ bool Lowering::find_shape(const Expression& expression, Shape& shape) const {
   const Symbol* symbol = nullptr;
   if (expression.kind == ExpressionKind::kName) symbol = symbols_.find(expression.text);
   if (expression.kind == ExpressionKind::kElement) {
-    try {
-      symbol = &find_element(expression);
-    } catch (const CompileError&) {
-      return false;
-    }
+    symbol = find_element_or_null(expression);
+    if (symbol == nullptr) return false;
   }
   if (symbol != nullptr && symbol->value.is_register()) {
     shape = builder_.shape(symbol->value);
@@ -517,10 +504,10 @@ void Lowering::check_machine_read(Opcode op, const std::vector<Value>& values, L
                              : op == Opcode::kDiv   ? machine_hint({"div2", "divq"})
                              : op == Opcode::kShift ? machine_hint({"movx"})
                                                     : machine_hint({mnemonic});
-    throw CompileError{location, fmt::format("'{}' is a register of {}, with which only its instructions "
-                                             "compute{}; a copy in a register of your own is free of this",
-                                             symbol == nullptr ? "this" : symbol->name,
-                                             file_name(sources_.file(*machine)), hint)};
+    fail(location,
+         "'{}' is a register of {}, with which only its instructions "
+         "compute{}; a copy in a register of your own is free of this",
+         symbol == nullptr ? "this" : symbol->name, file_name(sources_.file(*machine)), hint);
   }
 }
 
@@ -528,10 +515,10 @@ void Lowering::check_machine_copy(const Value& target, const Value& value, Locat
   const std::uint32_t* machine = foreign_machine(value);
   const Symbol* symbol = target.is_register() ? symbols_.find_register(target.index) : nullptr;
   if (machine == nullptr || symbol == nullptr || symbol->location.file != *machine) return;
-  throw CompileError{location, fmt::format("'{}' is a register of {} too: only instructions pass values "
-                                           "between its registers{}",
-                                           symbol->name, file_name(sources_.file(*machine)),
-                                           machine_hint({"where", "MOV"}))};
+  fail(location,
+       "'{}' is a register of {} too: only instructions pass values "
+       "between its registers{}",
+       symbol->name, file_name(sources_.file(*machine)), machine_hint({"where", "MOV"}));
 }
 
 }  // namespace apron::compiler

@@ -40,8 +40,7 @@ Filter make_filter(std::string name, int radius_x, int radius_y, bool normalize,
 double Lowering::real_constant(const Expression& expression, std::string_view subject, double low) {
   const double value = number_constant(expression, subject);
   if (!(value >= low && value <= 1e6)) {
-    throw CompileError{expression.location,
-                       fmt::format("{} must be from {} to {}, not {}", subject, low, 1e6, value)};
+    fail(expression.location, "{} must be from {} to {}, not {}", subject, low, 1e6, value);
   }
   return value;
 }
@@ -59,8 +58,8 @@ std::uint32_t Lowering::require_filter(const Expression& name) const {
   if (const std::optional<std::uint32_t> index = find_filter(filter_name)) return *index;
   std::vector<std::string> known;
   for (const Filter& filter : builder_.program().filters) known.push_back(filter.name);
-  throw CompileError{name.location, fmt::format("no filter '{}' was created before{}", filter_name,
-                                                common::did_you_mean(filter_name, known))};
+  fail(name.location, "no filter '{}' was created before{}", filter_name,
+       common::did_you_mean(filter_name, known));
 }
 
 // The filter's index; filters made of constants are shared.
@@ -105,9 +104,8 @@ Value Lowering::lower_filter(const Builtin& builtin, const Expressions& argument
 int Lowering::filter_radius(double width, Location location) const {
   const double radius = std::ceil(3.0 * width);
   if (2.0 * radius + 1.0 > static_cast<double>(program::kMaxFilterExtent)) {
-    throw CompileError{location,
-                       fmt::format("a filter has at most {0}x{0} elements, and a width of {1} needs more",
-                                   program::kMaxFilterExtent, width)};
+    fail(location, "a filter has at most {0}x{0} elements, and a width of {1} needs more",
+         program::kMaxFilterExtent, width);
   }
   return static_cast<int>(radius);
 }
@@ -128,50 +126,33 @@ Value Lowering::lower_gauss(const Expressions& arguments, Location location, Res
   return emit_out_of_place(Opcode::kFilterDo, {rows}, {filter_operand(column)}, destination, location);
 }
 
-// Returns whether it lowered the statement.
-bool Lowering::lower_filter_statement(const Builtin& builtin, const Expression& call,
-                                      const Expressions& arguments) {
-  switch (builtin.form) {
-    case BuiltinForm::kFilterCreate: {
-      const std::string& name = string_literal(arguments[0], "a filter's name");
-      const int width = integer_constant(arguments[1], "a filter's width");
-      const int height = integer_constant(arguments[2], "a filter's height");
-      const int max_side = static_cast<int>(program::kMaxFilterExtent);
-      if (width < 1 || height < 1 || width > max_side || height > max_side) {
-        throw CompileError{call.location, fmt::format("a filter is of 1x1 to {0}x{0} elements", max_side)};
-      }
-      if (find_filter(name))
-        throw CompileError{call.location, fmt::format("there is a filter '{}' already", name)};
-      const std::size_t count = static_cast<std::size_t>(width) * static_cast<std::size_t>(height);
-      builder_.program().filters.push_back({name, static_cast<std::uint32_t>(width),
-                                            static_cast<std::uint32_t>(height),
-                                            std::vector<float>(count, 0.0F)});
-      return true;
-    }
-    case BuiltinForm::kFilterSet:
-      return lower_filter_set_element(arguments), true;
-    case BuiltinForm::kFilterFill: {
-      const std::uint32_t index = require_filter(arguments[0]);
-      const Filter& filter = builder_.program().filters[index];
-      const std::uint32_t side = arguments.size() == 10 ? 3 : 5;
-      if (filter.width != side || filter.height != side) {
-        throw CompileError{arguments[0].location,
-                           fmt::format("the filter '{}' is of {}x{} elements, not {}x{}", filter.name,
-                                       filter.width, filter.height, side, side)};
-      }
-      for (std::size_t i = 1; i < arguments.size(); ++i) {
-        const Value value = lower_scalar(arguments[i], "a filter's element");
-        builder_.emit(Opcode::kFilterSet, {},
-                      {filter_operand(index), builder_.literal_operand(static_cast<float>(i - 1)),
-                       builder_.operand(value)});
-        builder_.release(value);
-      }
-      return true;
-    }
-    case BuiltinForm::kFilterGabor:
-      return lower_gabor(arguments), true;
-    default:
-      return false;
+void Lowering::lower_filter_create(const Expression& call) {
+  const std::string& name = string_literal(call.children[0], "a filter's name");
+  const int width = integer_constant(call.children[1], "a filter's width");
+  const int height = integer_constant(call.children[2], "a filter's height");
+  const int max_side = static_cast<int>(program::kMaxFilterExtent);
+  if (width < 1 || height < 1 || width > max_side || height > max_side)
+    fail(call.location, "a filter is of 1x1 to {0}x{0} elements", max_side);
+  if (find_filter(name)) fail(call.location, "there is a filter '{}' already", name);
+  builder_.program().filters.push_back({name, static_cast<std::uint32_t>(width),
+                                        static_cast<std::uint32_t>(height),
+                                        std::vector<float>(std::size_t(width) * std::size_t(height))});
+}
+
+// filter.fill3x3 and filter.fill5x5.
+void Lowering::lower_filter_fill(const Expressions& arguments) {
+  const std::uint32_t index = require_filter(arguments[0]);
+  const Filter& filter = builder_.program().filters[index];
+  const std::uint32_t side = arguments.size() == 10 ? 3 : 5;
+  if (filter.width != side || filter.height != side)
+    fail(arguments[0].location, "the filter '{}' is of {}x{} elements, not {}x{}", filter.name, filter.width,
+         filter.height, side, side);
+  for (std::size_t i = 1; i < arguments.size(); ++i) {
+    const Value value = lower_scalar(arguments[i], "a filter's element");
+    builder_.emit(Opcode::kFilterSet, {},
+                  {filter_operand(index), builder_.literal_operand(static_cast<double>(i - 1)),
+                   builder_.operand(value)});
+    builder_.release(value);
   }
 }
 
@@ -189,8 +170,8 @@ void Lowering::lower_filter_set_element(const Expressions& arguments) {
         value.constant == std::floor(value.constant)) {
       return;
     }
-    throw CompileError{argument.location, fmt::format("the filter '{}' is of {}x{} elements, counted from 0",
-                                                      filter.name, filter.width, filter.height)};
+    fail(argument.location, "the filter '{}' is of {}x{} elements, counted from 0", filter.name, filter.width,
+         filter.height);
   };
   check(x, filter.width, arguments[1]);
   check(y, filter.height, arguments[2]);

@@ -15,49 +15,11 @@ using program::BoundaryRule;
 using program::Opcode;
 using syntax::ExpressionKind;
 
-// Returns whether it lowered the statement.
-bool Lowering::lower_host_statement(const Builtin& builtin, const Expression& call,
-                                    const Expressions& arguments) {
-  switch (builtin.form) {
-    case BuiltinForm::kMaskOn:
-      builder_.emit(builtin.op, {}, {builder_.operand(lower_register(arguments[0], "'mask.on'"))});
-      return true;
-    case BuiltinForm::kPixelSet:
-      return lower_pixel_set(arguments), true;
-    case BuiltinForm::kFileSave:
-      builder_.emit(builtin.op, {},
-                    {builder_.operand(lower_register(arguments[0], fmt::format("'{}'", call.text))),
-                     builder_.text_operand(string_literal(arguments[1], "a file name"))});
-      return true;
-    case BuiltinForm::kSurfaceActuate: {
-      const std::size_t name = arguments[1].kind == ExpressionKind::kString ? 1 : 0;  // either order
-      const std::string& channel = string_literal(arguments[name], "a channel's name");
-      const Value frame = lower(arguments[1 - name]);
-      builder_.emit(builtin.op, {}, {builder_.text_operand(channel), builder_.operand(frame)});
-      return true;
-    }
-    case BuiltinForm::kBoundary:
-      return lower_boundary(arguments[0]), true;
-    case BuiltinForm::kPrint:
-      return lower_print(builtin, arguments), true;
-    case BuiltinForm::kSliderAdd:
-      return lower_slider(arguments, call.location), true;
-    case BuiltinForm::kSwitchAdd:
-      return lower_switch(arguments, call.location), true;
-    case BuiltinForm::kLabel:
-      return lower_label(arguments), true;
-    case BuiltinForm::kTile:
-      return lower_tile(arguments), true;
-    case BuiltinForm::kTimer:
-      builder_.emit(builtin.op, {}, {timer_operand(arguments)});
-      return true;
-    case BuiltinForm::kScalarStatement:
-      builder_.emit(builtin.op, {},
-                    {builder_.operand(lower_scalar(arguments[0], fmt::format("'{}'", call.text)))});
-      return true;
-    default:
-      return false;
-  }
+// surface.actuate('name', A) and surface.actuate(A, 'name').
+void Lowering::lower_actuate(const Builtin& builtin, const Expression& call) {
+  Expressions arguments = call.children;
+  if (arguments[1].kind == ExpressionKind::kString) std::swap(arguments[0], arguments[1]);
+  builder_.emit(builtin.op, {}, lower_operands(builtin, call, arguments));
 }
 
 void Lowering::lower_print(const Builtin& builtin, const Expressions& arguments) {
@@ -80,9 +42,8 @@ void Lowering::lower_boundary(const Expression& rule) {
   if (rule.kind == ExpressionKind::kString) {
     const auto found = std::find(kRules.begin(), kRules.end(), rule.text);
     if (found == kRules.end()) {
-      throw CompileError{rule.location,
-                         fmt::format("the boundary is 'zero', 'replicate', 'wrap', 'reflect' or a number{}",
-                                     common::did_you_mean(rule.text, kRules))};
+      fail(rule.location, "the boundary is 'zero', 'replicate', 'wrap', 'reflect' or a number{}",
+           common::did_you_mean(rule.text, kRules));
     }
     code = static_cast<BoundaryRule>(found - kRules.begin());
   } else {
@@ -96,13 +57,11 @@ void Lowering::add_parameter(program::Parameter parameter, Location location) {
   std::vector<program::Parameter>& all = builder_.program().parameters;
   const bool exists =
       std::any_of(all.begin(), all.end(), [&](const auto& known) { return known.name == parameter.name; });
-  if (exists)
-    throw CompileError{location, fmt::format("there is a slider or switch '{}' already", parameter.name)};
+  if (exists) fail(location, "there is a slider or switch '{}' already", parameter.name);
   const bool ordered = parameter.low <= parameter.default_value && parameter.default_value <= parameter.high;
   if (!ordered || !std::isfinite(parameter.low) || !std::isfinite(parameter.high)) {
-    throw CompileError{location,
-                       fmt::format("the first value of '{}', {}, is not within {} and {}", parameter.name,
-                                   parameter.default_value, parameter.low, parameter.high)};
+    fail(location, "the first value of '{}', {}, is not within {} and {}", parameter.name,
+         parameter.default_value, parameter.low, parameter.high);
   }
   all.push_back(std::move(parameter));
 }
@@ -165,18 +124,13 @@ Value Lowering::lower_key(const Expressions& arguments, ResultDestination* desti
   Value code;
   if (key.kind == ExpressionKind::kString) {
     const std::optional<int> known = program::key_code(key.text);
-    if (!known) throw CompileError{key.location, program::unknown_key_message(key.text)};
+    if (!known) fail(key.location, "{}", program::unknown_key_message(key.text));
     code = Value::from_constant(static_cast<float>(*known));
   } else {
     code = lower_scalar(key, "'io.key'");
   }
   builder_.release(code);
   return emit_to_scalar(Opcode::kKeyDown, {builder_.operand(code)}, destination);
-}
-
-// timer.start and timer.start('name'): there is one unnamed timer.
-program::Operand Lowering::timer_operand(const Expressions& arguments) {
-  return builder_.text_operand(arguments.empty() ? "" : string_literal(arguments[0], "a timer's name"));
 }
 
 }  // namespace apron::compiler

@@ -49,7 +49,7 @@ void Lowering::collect_writes(const std::vector<Statement>& program) {
 void Lowering::collect_call_writes(const Expression& call) {
   const Builtin* builtin = find_builtin(call.text);
   if (builtin == nullptr) return;
-  uses_mask_on_ = uses_mask_on_ || builtin->form == BuiltinForm::kMaskOn;
+  uses_mask_on_ = uses_mask_on_ || builtin->op == program::Opcode::kMaskOn;
   uses_where_ = uses_where_ || builtin->form == BuiltinForm::kWhere;
   uses_call_ = uses_call_ || builtin->form == BuiltinForm::kCall || builtin->form == BuiltinForm::kCallIf;
   const bool writes = builtin->returns_value() || builtin->form == BuiltinForm::kFor;
@@ -76,7 +76,9 @@ void Lowering::lower_statement(const Statement& statement) {
   try {
     dispatch_statement(statement);
   } catch (const CompileError& error) {
-    if (!error.message.empty()) diagnostics_.error(error.location, error.message);
+    diagnostics_.error(error.location, error.message);
+    recover_from_error(statement);
+  } catch (const AlreadyReported&) {
     recover_from_error(statement);
   }
   builder_.release_to(mark);
@@ -127,26 +129,14 @@ void Lowering::recover_from_error(const Statement& statement) {
   if (statement.kind != StatementKind::kInvalid && !is_call) return;
   const Builtin* builtin = find_builtin(name);
   if (builtin == nullptr) return;
-  static const std::map<BuiltinForm, BlockKind> kOpens = {{BuiltinForm::kIf, BlockKind::kIf},
-                                                          {BuiltinForm::kWhile, BlockKind::kWhile},
-                                                          {BuiltinForm::kFor, BlockKind::kFor},
-                                                          {BuiltinForm::kRepeat, BlockKind::kRepeat},
-                                                          {BuiltinForm::kWhere, BlockKind::kWhere}};
-  const auto opens = kOpens.find(builtin->form);
-  if (opens != kOpens.end()) {
-    open_block(opens->second, statement.location);
+  if (const auto opened = builtin->opened_block()) {
+    open_block(*opened, statement.location);
     blocks_.back().from_error = true;
-    return;
+  } else if (const auto closed = builtin->closed_block();
+             closed && statement.kind == StatementKind::kInvalid && !blocks_.empty() &&
+             blocks_.back().kind == *closed) {
+    blocks_.pop_back();
   }
-  static const std::map<BuiltinForm, BlockKind> kCloses = {{BuiltinForm::kEndIf, BlockKind::kIf},
-                                                           {BuiltinForm::kEndWhile, BlockKind::kWhile},
-                                                           {BuiltinForm::kEndFor, BlockKind::kFor},
-                                                           {BuiltinForm::kEndRepeat, BlockKind::kRepeat},
-                                                           {BuiltinForm::kEndWhere, BlockKind::kWhere}};
-  const auto closes = kCloses.find(builtin->form);
-  const bool closes_block =
-      closes != kCloses.end() && !blocks_.empty() && blocks_.back().kind == closes->second;
-  if (closes_block && statement.kind == StatementKind::kInvalid) blocks_.pop_back();
 }
 
 void Lowering::lower_declaration(const syntax::Declaration& declaration) {
@@ -158,14 +148,12 @@ void Lowering::lower_declaration(const syntax::Declaration& declaration) {
   const bool variables = symbols_.holds_variables(class_name, declaration.location);
   const bool is_unqualified = is_plain_register || class_name == "VARIABLE" || class_name == "v";
   if (is_unqualified && existing != nullptr) {
-    throw CompileError{declaration.location,
-                       fmt::format("'{}' is {} already", display_name(declaration.name),
-                                   existing->value.is_register() ? "declared" : "a scalar")};
+    fail(declaration.location, "'{}' is {} already", display_name(declaration.name),
+         existing->value.is_register() ? "declared" : "a scalar");
   }
   const Builtin* builtin = find_builtin(declaration.name);
   if (is_unqualified && builtin != nullptr && builtin->min_arguments == 0) {
-    throw CompileError{declaration.location,
-                       fmt::format("'{}' is the name of an instruction", declaration.name)};
+    fail(declaration.location, "'{}' is the name of an instruction", declaration.name);
   }
   Symbol symbol{{}, declaration.location, true, display_name(declaration.name), true};
   symbol.value.kind = variables ? Value::Kind::kScalar : Value::Kind::kRegister;
@@ -204,20 +192,19 @@ void Lowering::resolve_texts(Expression& expression) const {
 
 void Lowering::define_text(const Expression& target, const Expression& text) {
   if (symbols_.find(target.text) != nullptr)
-    throw CompileError{text.location,
-                       fmt::format("'{}' holds numbers, and no text", display_name(target.text))};
+    fail(text.location, "'{}' holds numbers, and no text", display_name(target.text));
   const auto [known, is_new] = texts_.emplace(target.text, text.text);
   if (!is_new && known->second != text.text)
-    throw CompileError{text.location, fmt::format("'{}' is the text '{}' already: texts do not change",
-                                                  display_name(target.text), known->second)};
+    fail(text.location, "'{}' is the text '{}' already: texts do not change", display_name(target.text),
+         known->second);
 }
 
 void Lowering::lower_assignment(const Expression& target, const Expression& value) {
   if (value.kind == ExpressionKind::kString && target.kind == ExpressionKind::kName)
     return define_text(target, value);
   if (target.kind == ExpressionKind::kName && texts_.contains(target.text))
-    throw CompileError{target.location, fmt::format("'{}' is the text '{}', and holds no number",
-                                                    display_name(target.text), texts_[target.text])};
+    fail(target.location, "'{}' is the text '{}', and holds no number", display_name(target.text),
+         texts_[target.text]);
   is_register_statement_ = find_shape(target, shape_hint_) || find_shape(value, shape_hint_);
   ResultDestination destination{&target, false};
   const Value result = lower(value, &destination);
@@ -242,7 +229,8 @@ void Lowering::enter_macro(const syntax::MacroExpansion& expansion) {
     try {
       symbol.value = lower(binding.value);
     } catch (const CompileError& error) {
-      if (!error.message.empty()) diagnostics_.error(error.location, error.message);
+      diagnostics_.error(error.location, error.message);
+    } catch (const AlreadyReported&) {
     }
     builder_.retain(symbol.value);
     scope.values.push_back(symbol.value);
@@ -310,18 +298,16 @@ void Lowering::fail_unknown_call(const Expression& call) const {
       {"between", "it is a macro of the library: !include('apron.aps')"},
       {"swap", "it is a macro of the library: !include('apron.aps')"}};
   if (const auto found = kForeign.find(call.text); found != kForeign.end()) {
-    throw CompileError{call.location,
-                       fmt::format("there is no instruction or macro '{}'; {}", call.text, found->second)};
+    fail(call.location, "there is no instruction or macro '{}'; {}", call.text, found->second);
   }
   if (const Symbol* symbol = symbols_.find(call.text); symbol != nullptr && symbol->value.is_register()) {
-    throw CompileError{call.location,
-                       fmt::format("'{0}' is a register and no instruction; one cell is pixel.get({0}, x, y)",
-                                   display_name(call.text))};
+    fail(call.location, "'{0}' is a register and no instruction; one cell is pixel.get({0}, x, y)",
+         display_name(call.text));
   }
   std::vector<std::string> known = builtin_names();
   known.insert(known.end(), other_names_.begin(), other_names_.end());
-  throw CompileError{call.location, fmt::format("there is no instruction or macro '{}'{}", call.text,
-                                                common::did_you_mean(call.text, known))};
+  fail(call.location, "there is no instruction or macro '{}'{}", call.text,
+       common::did_you_mean(call.text, known));
 }
 
 void Lowering::fail_argument_count(const Builtin& builtin, const Expression& call) const {
@@ -331,8 +317,8 @@ void Lowering::fail_argument_count(const Builtin& builtin, const Expression& cal
   } else if (builtin.max_arguments != builtin.min_arguments) {
     takes = fmt::format("{} to {}", builtin.min_arguments, builtin.max_arguments);
   }
-  throw CompileError{call.location, fmt::format("'{}' takes {} argument{}, not {}", call.text, takes,
-                                                builtin.max_arguments == 1 ? "" : "s", call.children.size())};
+  fail(call.location, "'{}' takes {} argument{}, not {}", call.text, takes,
+       builtin.max_arguments == 1 ? "" : "s", call.children.size());
 }
 
 void Lowering::lower_call_statement(const Expression& call) {
@@ -340,8 +326,7 @@ void Lowering::lower_call_statement(const Expression& call) {
   if (builtin == nullptr && ignores(call)) return;
   if (builtin == nullptr) {
     if (call.kind == ExpressionKind::kName && symbols_.find(call.text) != nullptr) {
-      throw CompileError{call.location, fmt::format("'{}' alone does nothing; expected '=' after it",
-                                                    display_name(call.text))};
+      fail(call.location, "'{}' alone does nothing; expected '=' after it", display_name(call.text));
     }
     fail_unknown_call(call);
   }
@@ -357,20 +342,16 @@ void Lowering::lower_call_statement(const Expression& call) {
   const bool accumulates = builtin->form == BuiltinForm::kMac && count == 3;
   if (!accumulates && (count < 1U + builtin->min_arguments || count > 1U + builtin->max_arguments)) {
     if (count < builtin->min_arguments || count > builtin->max_arguments) fail_argument_count(*builtin, call);
-    throw CompileError{
-        call.location,
-        fmt::format("the value of '{0}' goes nowhere: write y = {0}(…) or {0}(y, …)", call.text)};
+    fail(call.location, "the value of '{0}' goes nowhere: write y = {0}(…) or {0}(y, …)", call.text);
   }
   Expressions arguments = call.children;
   // surface.sense('name', D) is surface.sense(D, 'name').
-  if (builtin->form == BuiltinForm::kSurfaceSense && arguments[0].kind == ExpressionKind::kString)
+  if (builtin->op == program::Opcode::kSurfaceSense && arguments[0].kind == ExpressionKind::kString)
     std::swap(arguments[0], arguments[1]);
   const Expression target = arguments.front();
   arguments.erase(arguments.begin());
   if (target.kind != ExpressionKind::kName && target.kind != ExpressionKind::kElement) {
-    throw CompileError{
-        target.location,
-        fmt::format("'{}' writes its first argument: expected a register or a scalar", call.text)};
+    fail(target.location, "'{}' writes its first argument: expected a register or a scalar", call.text);
   }
   if (accumulates) arguments.push_back(target);
   is_register_statement_ = find_shape(target, shape_hint_);
@@ -389,11 +370,62 @@ void Lowering::lower_builtin_statement(const Builtin& builtin, const Expression&
     is_register_statement_ = true;
     break;
   }
-  if (builtin.form == BuiltinForm::kNullary) return builder_.emit(builtin.op);
-  if (lower_control_flow(builtin, call, call.children) || lower_host_statement(builtin, call, call.children))
-    return;
-  if (!lower_filter_statement(builtin, call, call.children))
-    lower_data_statement(builtin, call, call.children);
+  const Expressions& arguments = call.children;
+  if (const auto closed = builtin.closed_block()) return close_block(*closed, call.location);
+  switch (builtin.form) {
+    case BuiltinForm::kOperands:
+      return builder_.emit(builtin.op, {}, lower_operands(builtin, call, arguments));
+    case BuiltinForm::kFilterCreate:
+      return lower_filter_create(call);
+    case BuiltinForm::kFilterSet:
+      return lower_filter_set_element(arguments);
+    case BuiltinForm::kFilterFill:
+      return lower_filter_fill(arguments);
+    case BuiltinForm::kFilterGabor:
+      return lower_gabor(arguments);
+    case BuiltinForm::kTile:
+      return lower_tile(arguments);
+    case BuiltinForm::kColourMapping:
+      return lower_colour_mapping(builtin, arguments);
+    case BuiltinForm::kPixelSet:
+      return lower_pixel_set(arguments);
+    case BuiltinForm::kSurfaceActuate:
+      return lower_actuate(builtin, call);
+    case BuiltinForm::kBoundary:
+      return lower_boundary(arguments[0]);
+    case BuiltinForm::kPrint:
+      return lower_print(builtin, arguments);
+    case BuiltinForm::kSliderAdd:
+      return lower_slider(arguments, call.location);
+    case BuiltinForm::kSwitchAdd:
+      return lower_switch(arguments, call.location);
+    case BuiltinForm::kLabel:
+      return lower_label(arguments);
+    case BuiltinForm::kJump:
+    case BuiltinForm::kCall:
+      return emit_jump(builtin.op, arguments[0]);
+    case BuiltinForm::kJumpIf:
+    case BuiltinForm::kCallIf:
+      return lower_conditional_jump(builtin, call);
+    case BuiltinForm::kReturn:
+      return lower_return(call.location);
+    case BuiltinForm::kIf:
+      return open_if(arguments, call.location);
+    case BuiltinForm::kElse:
+      return lower_else(call.location);
+    case BuiltinForm::kWhile:
+      return open_while(arguments, call.location);
+    case BuiltinForm::kFor:
+      return open_for(arguments, call.location);
+    case BuiltinForm::kRepeat:
+      return open_repeat(arguments, call.location);
+    case BuiltinForm::kWhere:
+      return open_where(arguments, call.location);
+    case BuiltinForm::kElsewhere:
+      return lower_elsewhere(call.location);
+    default:
+      return emit_loop_exit(builtin.form == BuiltinForm::kContinue, call.location);
+  }
 }
 
 program::Program Lowering::finish() {

@@ -50,23 +50,23 @@ class Lowering {
     bool used = false;
   };
 
-  enum class BlockKind : std::uint8_t { kIf, kWhile, kFor, kRepeat, kWhere };
   struct Block {
     BlockKind kind = BlockKind::kIf;
     Location location;
-    ProgramBuilder::Label test_label = 0, continue_label = 0,
-                          end_label = 0;  // of a loop: its test, its `continue`, what follows it
+    // Of a loop: its test, where `continue` goes, and what follows it.
+    ProgramBuilder::Label test_label = 0, continue_label = 0, end_label = 0;
     bool has_else = false;
     bool from_error = false;  // its opening line has an error; emit nothing for it
     std::uint32_t where_region = 0;
     Shape where_shape;
     Value counter, bound, step;
   };
-  struct MacroScope {  // of one macro expansion
+  // The local names of a macro's expansion.
+  struct MacroScope {
     std::vector<std::string> names;
     std::vector<Value> values;
   };
-  struct JumpTarget {  // of jumps
+  struct JumpTarget {
     ProgramBuilder::Label label = 0;
     bool is_bound = false;
     std::uint32_t where_region = 0;
@@ -118,11 +118,13 @@ class Lowering {
   Value lower_unary(const Expression&, ResultDestination*);
   Value emit_elementwise(program::Opcode, const std::vector<Value>&, Location, ResultDestination*);
   const Symbol& find_element(const Expression&) const;
+  const Symbol* find_element_or_null(const Expression&) const;
   Value resolve_destination(ResultDestination&, bool is_register, Shape);
   Value resolve_target(const Expression&, bool is_register, Shape);
   Value create_macro_local(const Expression&, bool is_register, Shape);
   Value create_scalar(const Expression&, bool is_register);
-  Value lower_scalar(const Expression&, std::string_view subject);
+  Value lower_scalar(const Expression&, std::string_view subject, std::string_view hint = {});
+  Value lower_condition_operand(const Expression&);
   Value lower_register(const Expression&, std::string_view subject);
   std::string same_name_hint(const std::string& name) const;
   Value retained(Value);
@@ -142,7 +144,7 @@ class Lowering {
 
   // LowerCall.cpp
   Value lower_call(const Builtin&, const Expression& call, const Expressions& arguments, ResultDestination*);
-  Value lower_pixel_get(const Expressions&, ResultDestination*);
+  std::vector<program::Operand> lower_operands(const Builtin&, const Expression& call, const Expressions&);
   Value lower_parameter(const Expression&, ResultDestination*);
   Value lower_comparison(const Expressions&, Location, ResultDestination*);
   Value emit_to_scalar(program::Opcode, std::vector<program::Operand>, ResultDestination*);
@@ -164,7 +166,8 @@ class Lowering {
 
   // LowerFilter.cpp
   Value lower_filter(const Builtin&, const Expressions&, Location, ResultDestination*);
-  bool lower_filter_statement(const Builtin&, const Expression& call, const Expressions&);
+  void lower_filter_create(const Expression& call);
+  void lower_filter_fill(const Expressions&);
   std::optional<std::uint32_t> find_filter(std::string_view name) const;
   std::uint32_t require_filter(const Expression& name) const;
   std::uint32_t intern_filter(program::Filter);
@@ -179,25 +182,24 @@ class Lowering {
   }
 
   // LowerData.cpp
-  bool lower_data_statement(const Builtin&, const Expression& call, const Expressions&);
   Value lower_random(const Builtin&, const Expressions&, Location, ResultDestination*);
+  Value emit_to_either(program::Opcode, const std::vector<program::Operand>&, ResultDestination*);
   Value emit_random(program::Opcode, const Value& a, const Value& b, ResultDestination*);
   program::Operand group_operand(const Expression& class_name, bool of_variables);
   const std::string& class_name(const Expression&) const;
-  Value lower_get_element(const Builtin&, const Expressions&, Location, ResultDestination*);
   Value lower_element_match(const Expressions&);
   program::Operand module_operand(const Expression&);
   void emit_plugin_arguments(const Expressions&, std::size_t first);
   Value lower_plugin(const Expressions&, ResultDestination*);
   void lower_plugin_statement(const Expression& call);
-  void lower_colour_mapping(const Builtin&, const Expressions&, Location);
+  void lower_colour_mapping(const Builtin&, const Expressions&);
 
   // LowerControlFlow.cpp
-  bool lower_control_flow(const Builtin&, const Expression& call, const Expressions&);
+  void lower_conditional_jump(const Builtin&, const Expression& call);
+  void lower_return(Location);
   Comparison lower_condition(const Expressions&, Location);
   Comparison lower_expression_condition(const Expression&);
-  void emit_jump_unless(const Comparison&, ProgramBuilder::Label);
-  void emit_jump_if(const Comparison&, ProgramBuilder::Label);
+  void emit_conditional_jump(const Comparison&, bool if_holds, ProgramBuilder::Label);
   void open_block(BlockKind, Location);
   void open_if(const Expressions&, Location);
   void open_while(const Expressions&, Location);
@@ -219,7 +221,7 @@ class Lowering {
   std::uint32_t current_where_region() const;
 
   // LowerHost.cpp
-  bool lower_host_statement(const Builtin&, const Expression& call, const Expressions&);
+  void lower_actuate(const Builtin&, const Expression& call);
   void lower_print(const Builtin&, const Expressions&);
   void lower_boundary(const Expression&);
   void lower_slider(const Expressions&, Location);
@@ -229,7 +231,6 @@ class Lowering {
   void check_names(const Expressions&);
   void lower_tile(const Expressions&);
   Value lower_key(const Expressions&, ResultDestination*);
-  program::Operand timer_operand(const Expressions&);
 
   Shape surface_;
   const syntax::SourceManager& sources_;

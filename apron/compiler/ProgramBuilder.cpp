@@ -34,17 +34,15 @@ void ProgramBuilder::add_expansion(const std::string& macro, const syntax::Locat
 std::uint32_t ProgramBuilder::add_register(std::string name, Shape shape) {
   const std::uint64_t cells = std::uint64_t{shape.width} * shape.height;
   if (cells > program::kMaxCells) {
-    throw CompileError{location_, fmt::format("a register of {}x{} has more than {} cells", shape.width,
-                                              shape.height, program::kMaxCells)};
+    fail(location_, "a register of {}x{} has more than {} cells", shape.width, shape.height,
+         program::kMaxCells);
   }
   if (program_.registers.size() >= program::kMaxRegisters) {
-    throw CompileError{location_,
-                       fmt::format("the program needs more than {} registers", program::kMaxRegisters)};
+    fail(location_, "the program needs more than {} registers", program::kMaxRegisters);
   }
   register_bytes_ += cells * sizeof(float);
   if (register_bytes_ > program::kMaxMemoryBytes) {
-    throw CompileError{location_,
-                       fmt::format("the registers take more than {} bytes", program::kMaxMemoryBytes)};
+    fail(location_, "the registers take more than {} bytes", program::kMaxMemoryBytes);
   }
   program_.registers.push_back({std::move(name), shape.width, shape.height});
   return static_cast<std::uint32_t>(program_.registers.size() - 1);
@@ -147,8 +145,7 @@ Shape ProgramBuilder::shape(const Value& value) const {
 void ProgramBuilder::emit(program::Opcode op, Operand destination, std::vector<Operand> operands,
                           bool masked) {
   if (program_.code.size() + 1 >= program::kMaxInstructions) {
-    throw CompileError{location_,
-                       fmt::format("the program has more than {} instructions", program::kMaxInstructions)};
+    fail(location_, "the program has more than {} instructions", program::kMaxInstructions);
   }
   program::Instruction instruction;
   instruction.op = op;

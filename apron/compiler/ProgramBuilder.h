@@ -1,9 +1,12 @@
 // Assembles a program: instructions, constant tables, labels, and reusable temporaries.
 #pragma once
 
+#include <fmt/format.h>
+
 #include <cstdint>
 #include <map>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "apron/program/Program.h"
@@ -31,11 +34,19 @@ struct Value {
   bool is_constant() const noexcept { return kind == Kind::kConstant; }
 };
 
-// An error in the source; an empty text if it is already reported.
+// An error in the source.
 struct CompileError {
   syntax::Location location;
   std::string message;
 };
+// Thrown for a statement that uses a name whose declaration or first write has an error, which is reported there.
+struct AlreadyReported {};
+
+template <class... Arguments>
+[[noreturn]] void fail(syntax::Location location, fmt::format_string<Arguments...> message,
+                       Arguments&&... arguments) {
+  throw CompileError{location, fmt::format(message, std::forward<Arguments>(arguments)...)};
+}
 
 class ProgramBuilder {
  public:

@@ -4,10 +4,11 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 #include <utility>
 
-#include "common/text/Suggestion.h"
 #include "apron/syntax/Token.h"
+#include "common/text/Suggestion.h"
 
 namespace apron::compiler {
 
@@ -32,53 +33,60 @@ const std::string& SymbolTable::resolve_class(const std::string& name, syntax::L
   const auto found = aliases_.find(name);
   if (found != aliases_.end()) return found->second;
   if (const Symbol* symbol = find(name); symbol != nullptr && symbol->value.is_register()) {
-    throw CompileError{location,
-                       fmt::format("'{0}' is a register, not a class; one cell is pixel.get({0}, x, y)",
-                                   display_name(name))};
+    fail(location, "'{0}' is a register, not a class; one cell is pixel.get({0}, x, y)", display_name(name));
   }
   std::vector<std::string> known;
   for (const auto& [alias, target] : aliases_) known.push_back(alias);
-  throw CompileError{location,
-                     fmt::format("there is no class '{}'{}", name, common::did_you_mean(name, known))};
+  fail(location, "there is no class '{}'{}", name, common::did_you_mean(name, known));
 }
 
 bool SymbolTable::holds_variables(const std::string& class_name, syntax::Location location) const {
   return classes_.at(resolve_class(class_name, location)).of_variables;
 }
 
+const SymbolTable::ElementClass* SymbolTable::find_class(const std::string& name) const {
+  const auto found = aliases_.find(name);
+  return found == aliases_.end() ? nullptr : &classes_.at(found->second);
+}
+
+const Symbol* SymbolTable::find_element_or_null(const std::string& class_name,
+                                                const std::string& name) const {
+  const ElementClass* element_class = find_class(class_name);
+  if (element_class == nullptr) return nullptr;
+  const auto found = element_class->elements.find(name);
+  if (found != element_class->elements.end()) return &found->second;
+  // A scalar without a declaration is an element of VARIABLE.
+  const Symbol* bare = element_class == &classes_.at("VARIABLE") ? find(name) : nullptr;
+  return bare != nullptr && !bare->value.is_register() ? bare : nullptr;
+}
+
+const Symbol* SymbolTable::find_element_or_null(const std::string& class_name, double number) const {
+  const ElementClass* element_class = find_class(class_name);
+  const bool in_range = element_class != nullptr && number >= 0.0 && number == std::floor(number) &&
+                        number < static_cast<double>(element_class->order.size());
+  if (!in_range) return nullptr;
+  return &element_class->elements.at(element_class->order[static_cast<std::size_t>(number)]);
+}
+
 const Symbol& SymbolTable::find_element(const std::string& class_name, const std::string& name,
                                         syntax::Location location) const {
   const std::string& canonical = resolve_class(class_name, location);
-  const ElementClass& element_class = classes_.at(canonical);
-  const auto found = element_class.elements.find(name);
-  if (found != element_class.elements.end()) return found->second;
-  const Symbol* bare = element_class.of_variables && canonical == "VARIABLE" ? find(name) : nullptr;
-  if (bare != nullptr && !bare->value.is_register()) return *bare;
+  if (const Symbol* symbol = find_element_or_null(class_name, name)) return *symbol;
   std::vector<std::string> known;
-  for (const std::string& one : element_class.order) {
-    if (!is_macro_name(one)) known.push_back(one);
-  }
+  std::ranges::remove_copy_if(classes_.at(canonical).order, std::back_inserter(known), is_macro_name);
   const std::string hint = common::did_you_mean(name, known);
-  throw CompileError{location,
-                     fmt::format("the class {} has no element '{}'{}", canonical, display_name(name),
-                                 hint.empty() ? fmt::format("; create it with !create('{}', {})",
-                                                            display_name(name), canonical)
-                                              : hint)};
+  fail(
+      location, "the class {} has no element '{}'{}", canonical, display_name(name),
+      hint.empty() ? fmt::format("; create it with !create('{}', {})", display_name(name), canonical) : hint);
 }
 
-const Symbol& SymbolTable::find_element(const std::string& class_name, float number,
+const Symbol& SymbolTable::find_element(const std::string& class_name, double number,
                                         syntax::Location location) const {
   const std::string& canonical = resolve_class(class_name, location);
-  const ElementClass& element_class = classes_.at(canonical);
-  const bool in_range = number >= 0.0F && number == std::floor(number) &&
-                        number < static_cast<float>(element_class.order.size());
-  if (!in_range) {
-    throw CompileError{
-        location,
-        fmt::format("the class {} has {} element{}, numbered from 0; there is no number {}", canonical,
-                    element_class.order.size(), element_class.order.size() == 1 ? "" : "s", number)};
-  }
-  return element_class.elements.at(element_class.order[static_cast<std::size_t>(number)]);
+  if (const Symbol* symbol = find_element_or_null(class_name, number)) return *symbol;
+  const std::size_t count = classes_.at(canonical).order.size();
+  fail(location, "the class {} has {} element{}, numbered from 0; there is no number {}", canonical, count,
+       count == 1 ? "" : "s", static_cast<float>(number));
 }
 
 void SymbolTable::add_element(const std::string& class_name, const std::string& name, Symbol symbol,
@@ -86,15 +94,14 @@ void SymbolTable::add_element(const std::string& class_name, const std::string& 
   ElementClass& group = classes_.at(resolve_class(class_name, location));
   symbol.name = display_name(name);
   if (!group.elements.try_emplace(name, std::move(symbol)).second) {
-    throw CompileError{location, fmt::format("'{}' is declared already", display_name(name))};
+    fail(location, "'{}' is declared already", display_name(name));
   }
   group.order.push_back(name);
 }
 
 void SymbolTable::add_class(const syntax::Declaration& declaration) {
   for (const std::string& name : {declaration.name, declaration.alias}) {
-    if (aliases_.count(name) > 0)
-      throw CompileError{declaration.location, fmt::format("there is a class '{}' already", name)};
+    if (aliases_.count(name) > 0) fail(declaration.location, "there is a class '{}' already", name);
   }
   classes_[declaration.name] = {declaration.of_variables, declaration.location, {}, {}};
   aliases_[declaration.name] = declaration.name;
@@ -164,8 +171,6 @@ const Symbol* SymbolTable::find_register(std::uint32_t index) const {
 }
 
 bool is_macro_name(const std::string& name) { return name.find(':') != std::string::npos; }
-
-bool is_macro_local(const std::string& name) { return is_macro_name(name) && name.front() != '$'; }
 
 std::string display_name(const std::string& name) { return syntax::display_name(name); }
 

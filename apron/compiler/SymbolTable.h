@@ -13,7 +13,7 @@
 namespace apron::compiler {
 
 struct Symbol {
-  Value value;                // kNothing: already reported as an error
+  Value value;                // kNone: its declaration has an error, which is reported
   syntax::Location location;  // of its declaration or first write
   bool is_writable = true;    // not a macro's argument
   std::string name;           // as shown to the user
@@ -31,16 +31,17 @@ class SymbolTable {
   void add(const std::string& name, Symbol);
   void remove(const std::string& name);
 
-  // The element of a class, by name or number. Fail, naming what is wrong.
+  // The element of a class, by name or number. find_element() throws a CompileError that names what is wrong.
+  const Symbol* find_element_or_null(const std::string& class_name, const std::string& name) const;
+  const Symbol* find_element_or_null(const std::string& class_name, double number) const;
   const Symbol& find_element(const std::string& class_name, const std::string& name, syntax::Location) const;
-  const Symbol& find_element(const std::string& class_name, float number, syntax::Location) const;
+  const Symbol& find_element(const std::string& class_name, double number, syntax::Location) const;
   // Fail if the name is taken.
   void add_element(const std::string& class_name, const std::string& name, Symbol, syntax::Location);
   void add_class(const syntax::Declaration&);
-  // The class's name, and its elements so far, in index order.
-  const std::string& class_name(const std::string& name_or_alias, syntax::Location location) const {
-    return resolve_class(name_or_alias, location);
-  }
+  // The class's name. Throws a CompileError if there is no such class.
+  const std::string& resolve_class(const std::string& name_or_alias, syntax::Location) const;
+  // The indices of the elements so far, in order.
   std::vector<std::uint32_t> element_indices(const std::string& class_name) const;
   // The index of an element, or nullopt.
   std::optional<std::size_t> element_number(const std::string& class_name, const std::string& element) const;
@@ -61,7 +62,7 @@ class SymbolTable {
     std::map<std::string, Symbol> elements;
     std::vector<std::string> order;
   };
-  const std::string& resolve_class(const std::string& name, syntax::Location) const;
+  const ElementClass* find_class(const std::string& name_or_alias) const;
   std::string format_element(const std::string& class_name, const std::string& name) const;
 
   std::map<std::string, Symbol> symbols_;
@@ -69,9 +70,8 @@ class SymbolTable {
   std::map<std::string, std::string> aliases_;  // includes each class under its own name
 };
 
-// As syntax::written(): without the suffix that makes a macro's local names unique.
+// As syntax::display_name(): without the suffix that makes a macro's local names unique.
 std::string display_name(const std::string& name);
-bool is_macro_local(const std::string& name);
 bool is_macro_name(const std::string& name);
 
 }  // namespace apron::compiler

@@ -37,6 +37,7 @@ struct Expression {
   Location location;
   std::string text;
   double number = 0.0;
+  std::uint32_t owner = 0;  // of a macro's local name: the number of the expansion that it belongs to
   std::vector<Expression> children;
   std::shared_ptr<MacroExpansion> expansion;
   std::size_t depth = 1;

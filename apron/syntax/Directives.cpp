@@ -14,12 +14,6 @@
 namespace apron::syntax {
 namespace {
 
-const std::vector<std::string> kDirectives = {
-    "!include",          "!define",          "!if",        "!else",          "!endif",
-    "!macro_def",        "!macro_begin",     "!macro_end", "!object",        "!create",
-    "!operator",         "!default_palette", "!module",    "!max_addr",      "!register",
-    "!machine_register", "!error",           "!sim_core",  "!compatibility", "!operand_kind"};
-
 constexpr std::string_view kOperators[] = {"=",  "+",  "-",  "*",  "/",   "%",  "<",   "<=",   ">",  ">=",
                                            "==", "!=", "&&", "||", "and", "or", "xor", "nand", "nor"};
 
@@ -33,20 +27,22 @@ std::string normalize_path(const std::string& path) {
 bool Preprocessor::handle_conditional(const Tokens& tokens) {
   const Token& directive = tokens.front();
   std::vector<ConditionalBlock>& conditions = frames_.back().conditionals;
+  const bool is_else = directive.text == "else";
   if (directive.text == "if") {
     handle_if(tokens);
-  } else if (directive.text == "else") {
-    if (conditions.empty()) return diagnostics_.error(directive.location, "this '!else' has no '!if'"), true;
+    return true;
+  }
+  if (!is_else && directive.text != "endif") return false;
+  if (conditions.empty()) {
+    diagnostics_.error(directive.location, fmt::format("this '!{}' has no '!if'", directive.text));
+  } else if (is_else) {
     ConditionalBlock& condition = conditions.back();
     if (condition.has_else) diagnostics_.error(directive.location, "this '!if' has an '!else' already");
     condition.has_else = true;
     condition.is_active = condition.enclosing_active && !condition.branch_taken;
     condition.branch_taken = true;
-  } else if (directive.text == "endif") {
-    if (conditions.empty()) return diagnostics_.error(directive.location, "this '!endif' has no '!if'"), true;
-    conditions.pop_back();
   } else {
-    return false;
+    conditions.pop_back();
   }
   return true;
 }
@@ -69,7 +65,10 @@ bool Preprocessor::evaluate_condition(const Tokens& tokens) {
   Arguments list;
   if (!parse_arguments(tokens, 1, 3, list)) return false;
   const Location location = tokens.front().location;
-  if (list.size() == 2) return diagnostics_.error(location, "'!if' takes (a, op, b) or one condition"), false;
+  if (list.size() == 2) {
+    diagnostics_.error(location, "'!if' takes (a, op, b) or one condition");
+    return false;
+  }
   const std::optional<Constant> left = evaluate_constant(list[0], location, diagnostics_);
   if (list.size() == 1 || !left) return left && left->is_true();
   const std::optional<Constant> right = evaluate_constant(list[2], location, diagnostics_);
@@ -114,35 +113,48 @@ bool Preprocessor::parse_string_argument(const Tokens& tokens, std::string& text
   return valid;
 }
 
-// Returns whether the directive yields an item.
-bool Preprocessor::handle_directive(Line& line, PreprocessedItem& item) {
-  const Token directive = line.tokens.front();
-  if (directive.text == "macro_def") return handle_macro_def(line.tokens), false;
-  if (line.has_error) return false;
-  if (directive.text == "define") return handle_define(line.tokens), false;
-  if (directive.text == "include") return handle_include(line.tokens), false;
-  if (directive.text == "register" || directive.text == "machine_register")
-    return handle_register(line.tokens), false;
-  if (directive.text == "error") return handle_error(line.tokens), false;
-  if (directive.text == "operand_kind") return handle_operand_kind(line.tokens), false;
-  if (!expand_defines(line.tokens)) return false;
-  if (directive.text == "create") return handle_create(line.tokens, item);
-  if (directive.text == "object") return handle_object(line.tokens, item);
-  if (directive.text == "operator") return handle_operator(line.tokens), false;
-  if (directive.text == "max_addr") return handle_max_addr(line.tokens), false;
-  if (directive.text == "default_palette") return handle_default_palette(line.tokens), false;
-  if (directive.text == "module") return handle_module(line.tokens), false;
-  if (directive.text == "compatibility") return handle_compatibility(line.tokens), false;
-  if (directive.text == "sim_core")
-    return false;  // of the original: selects its simulator, of which we have one
-  if (directive.text == "macro_begin" || directive.text == "macro_end") {
-    diagnostics_.error(directive.location, fmt::format("this '!{}' has no '!macro_def'", directive.text));
-  } else {
-    diagnostics_.error(directive.location,
-                       fmt::format("there is no directive '!{}'{}", directive.text,
-                                   common::did_you_mean(spelling(directive), kDirectives)));
+void Preprocessor::handle_directive(Line& line) {
+  struct Directive {
+    std::string name;
+    void (Preprocessor::*handle)(const Tokens&);
+    bool expands_defines = true;
+  };
+  static const Directive kDirectives[] = {{"macro_def", &Preprocessor::handle_macro_def, false},
+                                          {"define", &Preprocessor::handle_define, false},
+                                          {"include", &Preprocessor::handle_include, false},
+                                          {"register", &Preprocessor::handle_register, false},
+                                          {"machine_register", &Preprocessor::handle_register, false},
+                                          {"error", &Preprocessor::handle_error, false},
+                                          {"operand_kind", &Preprocessor::handle_operand_kind, false},
+                                          {"create", &Preprocessor::handle_create},
+                                          {"object", &Preprocessor::handle_object},
+                                          {"operator", &Preprocessor::handle_operator},
+                                          {"max_addr", &Preprocessor::handle_max_addr},
+                                          {"default_palette", &Preprocessor::handle_default_palette},
+                                          {"module", &Preprocessor::handle_module},
+                                          {"compatibility", &Preprocessor::handle_compatibility},
+                                          {"sim_core", &Preprocessor::ignore_directive},
+                                          {"macro_begin", &Preprocessor::handle_stray_macro_line},
+                                          {"macro_end", &Preprocessor::handle_stray_macro_line}};
+  const Token name = line.tokens.front();
+  const auto* const directive = std::ranges::find(kDirectives, name.text, &Directive::name);
+  // A macro's body is skipped even if its first line has an error.
+  if (line.has_error && name.text != "macro_def") return;
+  if (directive == std::end(kDirectives)) {
+    std::vector<std::string> known{"!if", "!else", "!endif"};
+    for (const Directive& one : kDirectives) known.push_back("!" + one.name);
+    return diagnostics_.error(name.location, fmt::format("there is no directive '!{}'{}", name.text,
+                                                         common::did_you_mean(spelling(name), known)));
   }
-  return false;
+  if (!directive->expands_defines || expand_defines(line.tokens)) (this->*directive->handle)(line.tokens);
+}
+
+// `!sim_core` of the original selects its simulator. We have one.
+void Preprocessor::ignore_directive(const Tokens&) {}
+
+void Preprocessor::handle_stray_macro_line(const Tokens& tokens) {
+  diagnostics_.error(tokens.front().location,
+                     fmt::format("this '!{}' has no '!macro_def'", tokens.front().text));
 }
 
 void Preprocessor::handle_include(const Tokens& tokens) {
@@ -254,7 +266,9 @@ bool Preprocessor::parse_macro_signature(const Tokens& tokens, Macro& macro) {
     return is_kind ? tokens[index++].text : "";
   };
   const auto consume = [&](std::string_view text) {
-    return index < tokens.size() && tokens[index].is(text) && ++index > 0;
+    const bool found = index < tokens.size() && tokens[index].is(text);
+    if (found) ++index;
+    return found;
   };
   if (parse_parameter(macro.result_parameter) && !consume("=")) return false;
   if (index >= tokens.size() || tokens[index].kind != TokenKind::kName) return false;
@@ -290,7 +304,10 @@ bool Preprocessor::parse_macro_body(Macro& macro, Location location) {
   ++frame.next_line;
   for (int depth = 1; frame.next_line < frame.lines->size(); ++frame.next_line) {
     depth += directive_name() == "macro_def" ? 1 : directive_name() == "macro_end" ? -1 : 0;
-    if (depth == 0) return ++frame.next_line, true;
+    if (depth == 0) {
+      ++frame.next_line;
+      return true;
+    }
     macro.body.push_back((*frame.lines)[frame.next_line]);
     if (module_.empty()) continue;
     for (Token& token : macro.body.back().tokens) {
@@ -301,7 +318,7 @@ bool Preprocessor::parse_macro_body(Macro& macro, Location location) {
   return false;
 }
 
-// With the default size and palette.
+// The declaration has the default size and palette.
 Declaration Preprocessor::make_declaration(Declaration::Kind kind, Location location) const {
   Declaration result;
   result.kind = kind;
@@ -394,45 +411,35 @@ bool Preprocessor::parse_size_argument(const Tokens& tokens, Location location, 
   return valid;
 }
 
-bool Preprocessor::handle_create(const Tokens& tokens, PreprocessedItem& item) {
+void Preprocessor::handle_create(const Tokens& tokens) {
   Arguments list;
-  Declaration& request = item.declaration;
-  request = make_declaration(Declaration::Kind::kElement, tokens.front().location);
-  if (!parse_arguments(tokens, 2, 4, list) || !parse_string_argument(list[0], request.name, "a name"))
-    return false;
+  Declaration request = make_declaration(Declaration::Kind::kElement, tokens.front().location);
+  if (!parse_arguments(tokens, 2, 4, list) || !parse_string_argument(list[0], request.name, "a name")) return;
   if (list.size() == 3)
-    return diagnostics_.error(request.location, "'!create' takes a width and a height, or neither"), false;
+    return diagnostics_.error(request.location, "'!create' takes a width and a height, or neither");
   const Token& token = list[1].front();
-  if (list[1].size() != 1 || (token.kind != TokenKind::kName && token.kind != TokenKind::kString)) {
-    return diagnostics_.error(token.location, "expected a class: REGISTER, VARIABLE or one made by !object"),
-           false;
-  }
+  if (list[1].size() != 1 || (token.kind != TokenKind::kName && token.kind != TokenKind::kString))
+    return diagnostics_.error(token.location, "expected a class: REGISTER, VARIABLE or one made by !object");
   request.class_name = token.text;
   request.location = list[0].front().location;
   if (list.size() == 4 && (!parse_size_argument(list[2], request.location, request.width) ||
-                           !parse_size_argument(list[3], request.location, request.height))) {
-    return false;
-  }
-  item.kind = PreprocessedItem::Kind::kDeclaration;
-  return true;
+                           !parse_size_argument(list[3], request.location, request.height)))
+    return;
+  pending_declarations_.push_back(std::move(request));
 }
 
-bool Preprocessor::handle_object(const Tokens& tokens, PreprocessedItem& item) {
+void Preprocessor::handle_object(const Tokens& tokens) {
   Arguments list;
   std::string kind;
-  Declaration& request = item.declaration;
-  request = make_declaration(Declaration::Kind::kClass, tokens.front().location);
+  Declaration request = make_declaration(Declaration::Kind::kClass, tokens.front().location);
   if (!parse_arguments(tokens, 4, 4, list) || !parse_string_argument(list[0], request.name, "a class name") ||
       !parse_string_argument(list[1], request.alias, "an alias") ||
-      !parse_string_argument(list[3], kind, "'SIM_REGISTER' or 'SIM_VARIABLE'")) {
-    return false;
-  }
-  if (kind != "SIM_REGISTER" && kind != "SIM_VARIABLE") {
-    return diagnostics_.error(list[3].front().location, "expected 'SIM_REGISTER' or 'SIM_VARIABLE'"), false;
-  }
+      !parse_string_argument(list[3], kind, "'SIM_REGISTER' or 'SIM_VARIABLE'"))
+    return;
+  if (kind != "SIM_REGISTER" && kind != "SIM_VARIABLE")
+    return diagnostics_.error(list[3].front().location, "expected 'SIM_REGISTER' or 'SIM_VARIABLE'");
   request.of_variables = kind == "SIM_VARIABLE";
-  item.kind = PreprocessedItem::Kind::kDeclaration;
-  return true;
+  pending_declarations_.push_back(std::move(request));
 }
 
 void Preprocessor::handle_operator(const Tokens& tokens) {
@@ -440,8 +447,7 @@ void Preprocessor::handle_operator(const Tokens& tokens) {
   if (!parse_arguments(tokens, 2, 2, list)) return;
   const Token& symbol = list[0].front();
   const Token& target = list[1].front();
-  if (list[0].size() != 1 ||
-      std::find(std::begin(kOperators), std::end(kOperators), symbol.text) == std::end(kOperators)) {
+  if (list[0].size() != 1 || std::ranges::find(kOperators, symbol.text) == std::end(kOperators)) {
     diagnostics_.error(symbol.location, "expected an infix operator, as in !operator(+, core.add)");
   } else if (list[1].size() != 1 || target.kind != TokenKind::kName) {
     diagnostics_.error(target.location,

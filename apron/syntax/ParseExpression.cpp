@@ -87,6 +87,7 @@ Expression Parser::make_expression(ExpressionKind kind, const Token& token,
   expression.location = token.location;
   expression.text = token.text;
   expression.number = token.number;
+  expression.owner = token.owner;
   for (const Expression& child : children) expression.depth = std::max(expression.depth, child.depth + 1);
   if (expression.depth > kMaxExpressionDepth) {
     throw SyntaxError{token.location,

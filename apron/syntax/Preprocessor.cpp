@@ -106,7 +106,10 @@ bool Preprocessor::process_line(PreprocessedItem& item) {
   }
   const bool defines_macro = is_directive && line.tokens.front().text == "macro_def";
   if (!defines_macro) substitute(line.tokens, frame);
-  if (is_directive) return handle_directive(line, item);
+  if (is_directive) {
+    handle_directive(line);
+    return false;
+  }
   if (!expand_defines(line.tokens)) line.has_error = true;
   item.kind = PreprocessedItem::Kind::kLine;
   item.line = std::move(line);
@@ -168,7 +171,8 @@ void Preprocessor::substitute(Tokens& tokens, const InputFrame& frame) const {
 // Returns whether the token was replaced.
 bool Preprocessor::substitute(const Token& token, const InputFrame& frame, Tokens& out) const {
   const auto unique = [&](TokenKind kind, std::string_view name) {
-    out.push_back({kind, token.location, fmt::format("{}:{}", name, frame.expansion), 0.0F});
+    out.push_back(
+        {kind, token.location, fmt::format("{}:{}", name, frame.expansion), 0.0, false, frame.expansion});
     return true;
   };
   if (token.kind == TokenKind::kLocalName) return unique(TokenKind::kName, token.text);

@@ -33,7 +33,7 @@ struct PreprocessorOptions {
   std::vector<std::string> include_paths;  // searched after the including file's directory
   std::string library_path;                // searched last; "" for none
   std::string prelude;                     // included before the first line; "" for none
-  // Whether there is an instruction of that name: a macro of the same name calls it in its body.
+  // True if there is an instruction of that name, which a macro of the same name calls in its body.
   std::function<bool(std::string_view)> is_builtin;
   // "" if the palette exists, otherwise the error message.
   std::function<std::string(std::string_view)> check_palette;
@@ -72,7 +72,7 @@ class Preprocessor {
  public:
   Preprocessor(PreprocessorOptions, FileReader&, SourceManager&, Diagnostics&);
 
-  // The next item; kDone once all that was entered above `floor` (see depth()) is used up.
+  // The next item; kEndOfInput once all files and macros above `min_depth` (see depth()) are read.
   PreprocessedItem next(std::size_t min_depth = 0);
   std::size_t depth() const noexcept { return frames_.size(); }
 
@@ -88,14 +88,14 @@ class Preprocessor {
   bool enter_macro(const MacroTable::Handle&, std::uint32_t expansion, Tokens result,
                    std::vector<Tokens> arguments);
 
-  // Why the tokens are no operand of the kind, "must be …, not …", or "" if they are.
+  // "" if the tokens are an operand of the kind, otherwise the error message: "must be …, not …".
   std::string check_operand(const std::string& kind, const Tokens& operand) const;
-  // "" unless `!operator` rebound it.
+  // The instruction or macro to which `!operator` bound the symbol, or "".
   std::string operator_target(const std::string& symbol) const;
-  // Name of the last `!module`, "" before the first. In a macro's body: of the macro's definition.
+  // The name of the last `!module`, or "". In a macro's body, the last one before the macro's definition.
   const std::string& module() const noexcept { return module_; }
   std::size_t max_addr() const noexcept { return max_addr_; }
-  // Whether `!compatibility('original')` was read.
+  // True after `!compatibility('original')`.
   bool is_original() const noexcept { return original_; }
   // Every define, for suggestions.
   std::vector<std::string> define_names() const;
@@ -129,7 +129,9 @@ class Preprocessor {
 
   // Directives.cpp
   using Arguments = std::vector<Tokens>;
-  bool handle_directive(Line&, PreprocessedItem&);
+  void handle_directive(Line&);
+  void ignore_directive(const Tokens&);
+  void handle_stray_macro_line(const Tokens&);
   bool handle_conditional(const Tokens&);
   void handle_if(const Tokens&);
   bool evaluate_condition(const Tokens&);
@@ -146,8 +148,8 @@ class Preprocessor {
   Declaration make_declaration(Declaration::Kind, Location) const;
   void handle_register(const Tokens&);
   void handle_error(const Tokens&);
-  bool handle_create(const Tokens&, PreprocessedItem&);
-  bool handle_object(const Tokens&, PreprocessedItem&);
+  void handle_create(const Tokens&);
+  void handle_object(const Tokens&);
   bool parse_size_argument(const Tokens&, Location location, std::uint32_t& size);
   void handle_operator(const Tokens&);
   void handle_max_addr(const Tokens&);
@@ -161,7 +163,7 @@ class Preprocessor {
   SourceManager& sources_;
   Diagnostics& diagnostics_;
   std::vector<InputFrame> frames_;
-  std::vector<Declaration> pending_declarations_;  // of a `!register`, returned one by one from the back
+  std::vector<Declaration> pending_declarations_;  // of a directive, returned one by one from the back
   std::map<std::string, Tokens> defines_;
   std::map<std::string, std::string> operators_;
   std::map<std::string, OperandKind> operand_kinds_;
@@ -175,7 +177,7 @@ class Preprocessor {
   std::size_t max_addr_ = SIZE_MAX;
 };
 
-// "name[index]": the key of a define of an indexed name.
+// The key of a define of an indexed name: "name[index]".
 std::string indexed_name(const Token& name, const Token& index);
 
 // The ranges between commas outside brackets; none for an empty list.

@@ -50,7 +50,7 @@ struct DecodedInstruction {
 // Storage of a program's operands.
 struct RegisterFile {
   std::vector<Plane> registers;
-  std::vector<double> scalars;  // variables, then literals; see program/ScalarValue.h
+  std::vector<double> scalars;  // variables, then literals; see program/ScalarArithmetic.h
 };
 
 // jump.lt to unless.ge.

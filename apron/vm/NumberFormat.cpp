@@ -3,7 +3,7 @@
 #include <charconv>
 #include <cmath>
 
-#include "apron/program/ScalarValue.h"
+#include "apron/program/ScalarArithmetic.h"
 
 namespace apron::vm {
 

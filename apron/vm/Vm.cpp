@@ -6,9 +6,8 @@
 #include <cmath>
 #include <map>
 
-#include "apron/program/ScalarValue.h"
+#include "apron/program/ScalarArithmetic.h"
 #include "apron/vm/NumberFormat.h"
-#include "apron/vm/kernels/ScalarKernels.h"
 #include "apron/vm/kernels/Shift.h"
 
 namespace apron::vm {
@@ -132,7 +131,7 @@ Status Vm::execute(const DecodedInstruction& decoded) {
       const auto value = [&](std::size_t k) {
         return decoded.scalars[k] != nullptr ? *decoded.scalars[k] : 0.0;
       };
-      *decoded.destination_variable = evaluate_scalar(decoded.op, value(0), value(1), value(2));
+      *decoded.destination_variable = program::evaluate_scalar(decoded.op, value(0), value(1), value(2));
       return Status::kRunning;
     }
     case DispatchKind::kShift:

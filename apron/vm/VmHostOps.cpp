@@ -3,7 +3,7 @@
 #include <cmath>
 #include <string>
 
-#include "apron/program/ScalarValue.h"
+#include "apron/program/ScalarArithmetic.h"
 #include "apron/vm/NumberFormat.h"
 #include "apron/vm/Vm.h"
 

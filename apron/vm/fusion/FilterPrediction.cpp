@@ -2,7 +2,7 @@
 
 #include <algorithm>
 
-#include "apron/vm/kernels/ScalarKernels.h"
+#include "apron/program/ScalarArithmetic.h"
 
 namespace apron::vm {
 
@@ -44,7 +44,7 @@ class ScalarInterpreter {
     if (decoded.dispatch == DispatchKind::kScalar) {
       const Scalar a = value(decoded, 0), b = value(decoded, 1), c = value(decoded, 2);
       assign(decoded.destination_variable,
-             a && b && c ? Scalar(evaluate_scalar(decoded.op, *a, *b, *c)) : std::nullopt);
+             a && b && c ? Scalar(program::evaluate_scalar(decoded.op, *a, *b, *c)) : std::nullopt);
       return true;
     }
     if (decoded.op == Opcode::kFilterSet) set_coefficient(decoded);

@@ -4,7 +4,7 @@
 #include <limits>
 #include <numeric>
 
-#include "apron/vm/kernels/ScalarKernels.h"
+#include "apron/program/ScalarArithmetic.h"
 
 namespace apron::vm {
 
@@ -218,7 +218,7 @@ void FusedTrace::fill_margins(const Worker& worker) noexcept {
 void FusedTrace::evaluate_scalars() noexcept {
   for (const auto& [slot, variable] : graph_.variable_loads) graph_.scalar_slots[slot] = *variable;
   for (const ScalarInstruction& instruction : graph_.scalar_instructions)
-    graph_.scalar_slots[instruction.destination] = evaluate_scalar(
+    graph_.scalar_slots[instruction.destination] = program::evaluate_scalar(
         instruction.op, graph_.scalar_slots[instruction.sources[0]],
         graph_.scalar_slots[instruction.sources[1]], graph_.scalar_slots[instruction.sources[2]]);
   for (std::size_t i = 0; i < stage_scalars_.size(); ++i)

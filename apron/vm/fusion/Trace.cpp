@@ -4,7 +4,7 @@
 #include <optional>
 #include <unordered_map>
 
-#include "apron/vm/kernels/ScalarKernels.h"
+#include "apron/program/ScalarArithmetic.h"
 
 namespace apron::vm {
 namespace {
@@ -201,7 +201,7 @@ class TraceBuilder {
     const Instruction& in = program_.code[next_];
     const auto a = operand_value(0, in), b = operand_value(1, in), c = operand_value(2, in);
     known_scalars_[decoded.destination_variable] =
-        a && b && c ? std::optional<double>(evaluate_scalar(decoded.op, *a, *b, *c)) : std::nullopt;
+        a && b && c ? std::optional<double>(program::evaluate_scalar(decoded.op, *a, *b, *c)) : std::nullopt;
   }
 
   bool follow_branch(const DecodedInstruction& decoded) {

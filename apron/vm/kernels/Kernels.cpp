@@ -23,12 +23,28 @@ using D = hn::CappedTag<float, kLanes>;
 using V = hn::Vec<D>;
 using M = hn::Mask<D>;
 
+// The primitives of program/elementwise.def.
 HWY_INLINE V zero() { return hn::Zero(D()); }
 HWY_INLINE V one() { return hn::Set(D(), 1.0F); }
+HWY_INLINE V add(V a, V b) { return hn::Add(a, b); }
+HWY_INLINE V subtract(V a, V b) { return hn::Sub(a, b); }
+HWY_INLINE V multiply(V a, V b) { return hn::Mul(a, b); }
+HWY_INLINE V divide(V a, V b) { return hn::Div(a, b); }
+HWY_INLINE V magnitude(V a) { return hn::Abs(a); }
+HWY_INLINE V negate(V a) { return hn::Neg(a); }
+HWY_INLINE V square_root(V a) { return hn::Sqrt(a); }
+HWY_INLINE M less(V a, V b) { return hn::Lt(a, b); }
+HWY_INLINE M less_equal(V a, V b) { return hn::Le(a, b); }
+HWY_INLINE M equal(V a, V b) { return hn::Eq(a, b); }
 // hn::Ne treats NaN differently on some targets.
 HWY_INLINE M differ(V a, V b) { return hn::Not(hn::Eq(a, b)); }
-HWY_INLINE M truth(V a) { return differ(a, zero()); }
+HWY_INLINE M is_true(V a) { return differ(a, zero()); }
+HWY_INLINE M both(M a, M b) { return hn::And(a, b); }
+HWY_INLINE M either(M a, M b) { return hn::Or(a, b); }
+HWY_INLINE M one_of(M a, M b) { return hn::Xor(a, b); }
 HWY_INLINE V as_number(M m) { return hn::IfThenElseZero(m, one()); }
+HWY_INLINE V as_inverse_number(M m) { return hn::IfThenZeroElse(m, one()); }
+HWY_INLINE V choose(M m, V a, V b) { return hn::IfThenElse(m, a, b); }
 
 // smaller is a < b ? a : b and larger is a > b ? a : b, which is what the x86 instructions do. Other targets
 // treat NaN and signed zeros differently.
@@ -47,52 +63,22 @@ HWY_INLINE V ceil_of(V a) { return hn::CopySign(hn::Ceil(a), a); }
 HWY_INLINE V trunc_of(V a) { return hn::CopySign(hn::Trunc(a), a); }
 #endif
 
+HWY_INLINE V modulo(V a, V b) { return hn::Sub(a, hn::Mul(b, floor_of(hn::Div(a, b)))); }
 HWY_INLINE V round_half_away(V a) {
   const V whole = trunc_of(a);
   const M up = hn::Ge(hn::Abs(hn::Sub(a, whole)), hn::Set(D(), 0.5F));
   return hn::IfThenElse(up, hn::Add(whole, hn::CopySign(one(), a)), whole);
 }
 
-#define APRON_KERNEL(name, arity, expression)                                                     \
+#define APRON_ELEMENTWISE(name, arity, value)                                                     \
   struct name {                                                                                   \
     static constexpr program::Opcode kOpcode = program::Opcode::k##name;                          \
     static constexpr unsigned kArity = arity;                                                     \
     static HWY_INLINE V apply([[maybe_unused]] V a, [[maybe_unused]] V b, [[maybe_unused]] V c) { \
-      return expression;                                                                          \
+      return value;                                                                               \
     }                                                                                             \
   };
-
-APRON_KERNEL(Copy, 1, a)
-APRON_KERNEL(Add, 2, hn::Add(a, b))
-APRON_KERNEL(Sub, 2, hn::Sub(a, b))
-APRON_KERNEL(Mul, 2, hn::Mul(a, b))
-APRON_KERNEL(Div, 2, hn::Div(a, b))
-APRON_KERNEL(Mod, 2, hn::Sub(a, hn::Mul(b, floor_of(hn::Div(a, b)))))
-APRON_KERNEL(Min, 2, smaller(a, b))
-APRON_KERNEL(Max, 2, larger(a, b))
-APRON_KERNEL(Abs, 1, hn::Abs(a))
-APRON_KERNEL(Neg, 1, hn::Neg(a))
-APRON_KERNEL(Sign, 1, hn::Sub(as_number(hn::Gt(a, zero())), as_number(hn::Lt(a, zero()))))
-APRON_KERNEL(Clamp, 3, larger(b, smaller(c, a)))
-APRON_KERNEL(Mac, 3, hn::Add(c, hn::Mul(a, b)))
-APRON_KERNEL(Select, 3, hn::IfThenElse(truth(a), b, c))
-APRON_KERNEL(Lt, 2, as_number(hn::Lt(a, b)))
-APRON_KERNEL(Le, 2, as_number(hn::Le(a, b)))
-APRON_KERNEL(Gt, 2, as_number(hn::Gt(a, b)))
-APRON_KERNEL(Ge, 2, as_number(hn::Ge(a, b)))
-APRON_KERNEL(Eq, 2, as_number(hn::Eq(a, b)))
-APRON_KERNEL(Ne, 2, as_number(differ(a, b)))
-APRON_KERNEL(And, 2, as_number(hn::And(truth(a), truth(b))))
-APRON_KERNEL(Or, 2, as_number(hn::Or(truth(a), truth(b))))
-APRON_KERNEL(Xor, 2, as_number(hn::Xor(truth(a), truth(b))))
-APRON_KERNEL(Nand, 2, hn::IfThenZeroElse(hn::And(truth(a), truth(b)), one()))
-APRON_KERNEL(Nor, 2, hn::IfThenZeroElse(hn::Or(truth(a), truth(b)), one()))
-APRON_KERNEL(Not, 1, as_number(hn::Eq(a, zero())))
-APRON_KERNEL(Sqrt, 1, hn::Sqrt(a))
-APRON_KERNEL(Floor, 1, floor_of(a))
-APRON_KERNEL(Ceil, 1, ceil_of(a))
-APRON_KERNEL(Round, 1, round_half_away(a))
-#undef APRON_KERNEL
+#include "apron/program/elementwise.def"
 
 template <class Op, unsigned kScalars, bool kMasked>
 void run(const Block& block) noexcept {
@@ -147,19 +133,17 @@ struct MinOp {
   static constexpr float kStart = std::numeric_limits<float>::infinity();
   static HWY_INLINE V step(V partial, V cell) { return smaller(cell, partial); }
   static float step(float partial, float cell) { return cell < partial ? cell : partial; }
-  static float join(float a, float b) { return b < a ? b : a; }
+  static float join(float a, float b) { return step(a, b); }
 };
 struct MaxOp {
   static constexpr float kStart = -std::numeric_limits<float>::infinity();
   static HWY_INLINE V step(V partial, V cell) { return larger(cell, partial); }
   static float step(float partial, float cell) { return cell > partial ? cell : partial; }
-  static float join(float a, float b) { return b > a ? b : a; }
+  static float join(float a, float b) { return step(a, b); }
 };
-struct CountOp {
-  static constexpr float kStart = 0.0F;
-  static HWY_INLINE V step(V partial, V cell) { return hn::Add(partial, as_number(truth(cell))); }
+struct CountOp : SumOp {
+  static HWY_INLINE V step(V partial, V cell) { return hn::Add(partial, as_number(is_true(cell))); }
   static float step(float partial, float cell) { return partial + (cell != 0.0F ? 1.0F : 0.0F); }
-  static float join(float a, float b) { return a + b; }
 };
 
 template <class Op>
@@ -201,7 +185,7 @@ HWY_INLINE void store_cells(const StencilOutput& to, std::size_t x, V value) {
   const std::size_t count = to.columns - x;
   if (count >= hn::Lanes(d)) {
     if (to.mask != nullptr)
-      value = hn::IfThenElse(truth(hn::LoadU(d, to.mask + x)), value, hn::LoadU(d, to.y + x));
+      value = hn::IfThenElse(is_true(hn::LoadU(d, to.mask + x)), value, hn::LoadU(d, to.y + x));
     return hn::StoreU(value, d, to.y + x);
   }
   HWY_ALIGN float cells[kLanes];
@@ -496,15 +480,10 @@ void random_normal(const RandomCells& cells, float mean, float sd, float* to) no
   }
 }
 
-template <class... Ops>
-void fill_all(KernelTable& table) {
-  (fill<Ops>(table), ...);
-}
-
 KernelTable make_table() {
   KernelTable table;
-  fill_all<Copy, Add, Sub, Mul, Div, Mod, Min, Max, Abs, Neg, Sign, Clamp, Mac, Select>(table);
-  fill_all<Lt, Le, Gt, Ge, Eq, Ne, And, Or, Xor, Nand, Nor, Not, Sqrt, Floor, Ceil, Round>(table);
+#define APRON_ELEMENTWISE(name, arity, value) fill<name>(table);
+#include "apron/program/elementwise.def"
   table.reductions = {reduce<SumOp>, reduce<MinOp>, reduce<MaxOp>, reduce<CountOp>};
   table.stencils = make_stencil_kernels<Add, Min, Max, Or, And>();
   table.random_words = random_words;
