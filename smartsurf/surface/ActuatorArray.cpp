@@ -7,7 +7,7 @@
 #include <limits>
 
 #include "common/threads/ThreadPool.h"
-#include "smartsurf/surface/Membrane.h"
+#include "smartsurf/surface/SkinShape.h"
 #include "smartsurf/surface/actuators/PinKernels.h"
 
 namespace smartsurf::surface {
@@ -67,7 +67,7 @@ ActuatorArray::ActuatorArray(const scene::SurfaceSpec& surface, const FaultMap& 
   init_tips();
   init_targets();
   if (!surface.skin) return;
-  membrane_ = std::make_unique<Membrane>(surface, field_);
+  skin_shape_ = std::make_unique<SkinShape>(surface, field_);
   field_.update_column_height();
   static_max_height_ = std::max(static_max_height_, *std::ranges::max_element(field_.skin.height));
 }
@@ -271,12 +271,12 @@ void ActuatorArray::plan(double dt_s) noexcept {
   field_.max_height = static_max_height_;
   field_.max_speed = 0.0F;
   for (Model& model : models_) model.actuator->plan(dt_s, field_);
-  if (membrane_) membrane_->plan(dt_s, field_);
+  if (skin_shape_) skin_shape_->plan(dt_s, field_);
 }
 
 void ActuatorArray::commit(double dt_s) noexcept {
   for (Model& model : models_) model.actuator->commit(dt_s, field_);
-  if (membrane_) membrane_->commit(field_);
+  if (skin_shape_) skin_shape_->commit(field_);
 }
 
 void ActuatorArray::archive(common::StateArchive& a) {

@@ -22,7 +22,7 @@
 
 namespace smartsurf::surface {
 
-class Membrane;
+class SkinShape;
 
 class ActuatorArray {
  public:
@@ -111,7 +111,7 @@ class ActuatorArray {
   std::vector<Model> models_;
   std::unique_ptr<ActuatorFaults> faults_;
   std::vector<CommandRoute> routes_;
-  std::unique_ptr<Membrane> membrane_;  // null without a skin
+  std::unique_ptr<SkinShape> skin_shape_;  // null without a skin
 };
 
 }  // namespace smartsurf::surface

@@ -2,7 +2,7 @@
 // row-major, row 0 north. Each rectangle of four nodes is two triangles, joined along its diagonal from the north-west to
 // the south-east.
 //
-// Part of surface::Field, with its order of events: Membrane (a kinematic sheet) or the physics (an elastic one) moves the
+// Part of surface::Field, with its order of events: SkinShape (a kinematic sheet) or the physics (an elastic one) moves the
 // nodes, the physics writes the impulses on them.
 #pragma once
 

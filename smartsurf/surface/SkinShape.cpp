@@ -1,4 +1,4 @@
-#include "smartsurf/surface/Membrane.h"
+#include "smartsurf/surface/SkinShape.h"
 
 #include <algorithm>
 #include <cmath>
@@ -26,14 +26,14 @@ bool is_flat(const Field& field, std::size_t cell) {
 
 }  // namespace
 
-Membrane::Membrane(const scene::SurfaceSpec& surface, Field& field) {
+SkinShape::SkinShape(const scene::SurfaceSpec& surface, Field& field) {
   init_geometry(surface, field);
   find_supports(surface, field);
   assign_cells(field);
   factorise(field.skin);
   Skin& s = field.skin;
   s.supports_move = true;
-  commit(field);  // an elastic sheet begins in the shape of a taut one
+  commit(field);  // an elastic skin begins in the shape of a taut one
   s.supports_move = false;
   if (!s.is_elastic) return;
   s.support_height.assign(s.nodes(), kNoCellHeight);
@@ -45,7 +45,7 @@ Membrane::Membrane(const scene::SurfaceSpec& surface, Field& field) {
     s.support_height[support.node] = s.height[support.node], s.held[support.node] = 1;
 }
 
-void Membrane::init_geometry(const scene::SurfaceSpec& surface, Field& field) {
+void SkinShape::init_geometry(const scene::SurfaceSpec& surface, Field& field) {
   const scene::SkinSpec& spec = *surface.skin;
   Skin& s = field.skin;
   const Eigen::AlignedBox2f extent = surface.skin_extent().cast<float>();
@@ -68,7 +68,7 @@ void Membrane::init_geometry(const scene::SurfaceSpec& surface, Field& field) {
   values_.assign(s.nodes(), 0.0);
 }
 
-void Membrane::find_supports(const scene::SurfaceSpec& surface, const Field& field) {
+void SkinShape::find_supports(const scene::SurfaceSpec& surface, const Field& field) {
   const Skin& s = field.skin;
   std::vector<std::uint8_t> is_held(s.nodes(), 0);
   const auto is_edge = [&s](int r, int c) {
@@ -103,7 +103,7 @@ void Membrane::find_supports(const scene::SurfaceSpec& surface, const Field& fie
   }
 }
 
-void Membrane::assign_cells(Field& field) const {
+void SkinShape::assign_cells(Field& field) const {
   Skin& s = field.skin;
   s.cell_of_node.assign(s.nodes(), 0);
   std::vector<int> cells;
@@ -126,7 +126,7 @@ void Membrane::assign_cells(Field& field) const {
     }
 }
 
-void Membrane::factorise(const Skin& s) {
+void SkinShape::factorise(const Skin& s) {
   std::vector<Eigen::Index> unknown_of_node(s.nodes(), 0);
   for (const std::size_t node : clamped_) unknown_of_node[node] = -1;
   for (const Support& support : supports_) unknown_of_node[support.node] = -1;
@@ -154,7 +154,7 @@ void Membrane::factorise(const Skin& s) {
 }
 
 template <class Value>
-void Membrane::solve(Value value) noexcept {
+void SkinShape::solve(Value value) noexcept {
   for (const Support& support : supports_) values_[support.node] = static_cast<double>(value(support));
   if (unknowns_.empty()) return;
   std::ranges::fill(right_side_, 0.0);
@@ -164,14 +164,14 @@ void Membrane::solve(Value value) noexcept {
   for (std::size_t i = 0; i < unknowns_.size(); ++i) values_[unknowns_[i]] = right_side_[i];
 }
 
-bool Membrane::any_support_moves(const Field& field) const noexcept {
+bool SkinShape::any_support_moves(const Field& field) const noexcept {
   if (field.max_speed == 0.0F) return false;
   return std::ranges::any_of(supports_, [&field](const Support& s) {
     return field.speed[s.cell] != 0.0F || (field.has_tilt() && !field.tilt_rate[s.cell].is_zero());
   });
 }
 
-void Membrane::plan(double dt_s, Field& field) noexcept {
+void SkinShape::plan(double dt_s, Field& field) noexcept {
   Skin& s = field.skin;
   if (s.is_elastic)
     for (std::size_t i = 0; i < s.nodes(); ++i) {
@@ -197,11 +197,11 @@ void Membrane::plan(double dt_s, Field& field) noexcept {
   }
   for (const std::size_t node : clamped_) values_[node] = 0.0;
   solve(speed_of);
-  // Nothing of a taut sheet is higher or faster than its supports, which the actuators have accounted for.
+  // A taut skin is nowhere higher or faster than its supports, whose extremes the actuators have entered in the field.
   std::ranges::transform(values_, s.speed.begin(), [](double v) { return static_cast<float>(v); });
 }
 
-void Membrane::commit(Field& field) noexcept {
+void SkinShape::commit(Field& field) noexcept {
   Skin& s = field.skin;
   if (!s.supports_move) return;
   const auto height_of = [&field](const Support& support) {
