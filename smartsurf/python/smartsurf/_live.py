@@ -52,7 +52,8 @@ class LiveSurface(Surface):
         for channel in self.actuator_channels:
             array, values = self._controller.actuators[channel.name], self._actuators[channel.name]
             if array.dtype.kind == "u":
-                values = np.rint(np.clip(np.where(np.isnan(values), channel.safe, values), channel.minimum, channel.maximum))
+                values = np.where(np.isnan(values), channel.safe, values.astype(np.float64))  # u32 exceeds float32
+                values = np.rint(np.clip(values, channel.minimum, channel.maximum))
             array[...] = values
         self._controller.publish()
         self._await_frame()

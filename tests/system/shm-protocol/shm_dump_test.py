@@ -98,7 +98,7 @@ class Dump(unittest.TestCase):
             self.assertEqual(marked, [(0, 2)])
             coloured = dump(pair.name, "--map", "-c", "spot", "--colour=always").splitlines()[-4:]
             self.assertEqual([line.count("\u2580") for line in coloured], [8] * 4)
-            self.assertEqual([line.count("48;2;252;231;36m") for line in coloured], [1, 0, 0, 0])  # the lower half
+            self.assertEqual([line.count("48;2;252;231;33m") for line in coloured], [1, 0, 0, 0])  # the lower half
 
     def test_numbers_that_are_none_and_counters(self):
         with Frozen(8, 8, 11) as pair:
