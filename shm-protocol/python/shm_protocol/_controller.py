@@ -9,9 +9,10 @@ _lib = _c.lib
 class Controller(Endpoint):
     """Reads sensors, publishes actuators.
 
-    sensors, actuators: mappings from a channel's name to its array, over the shared memory itself. A sensor array is
-    read-only and holds the frame taken last until that is answered. An actuator array is writable until publish(),
-    and is to be written whole: afterwards it is the surface's, and read-only. Take arrays anew for each frame.
+    sensors, actuators: mappings from a channel's name to its array, which views the shared memory. A sensor array is
+    read-only and holds the frame taken last until that frame is answered. An actuator array must be written
+    completely, and is writable until publish(); after that it belongs to the surface and is read-only. Fetch the arrays
+    again for each frame.
     """
     _role = "controller"
     _writes = "actuator"

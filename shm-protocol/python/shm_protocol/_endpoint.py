@@ -77,16 +77,16 @@ class Endpoint:
         return getattr(_lib, f"ssp_{self._role}_{name}")(self._p, *arguments)
 
     def write(self, name, values, first=0):
-        """Copies values to the next frame's array from cell `first` on, counted through all components. In ascending
-        order, so that the other side can read them before the frame is complete. Final for this frame."""
+        """Copies values to the next frame's array from cell `first` on, counted through all components. The peer can
+        read along if writes ascend. The values are final for this frame."""
         channel = self._named(name, self._writes)
         values = np.ascontiguousarray(values, dtype=channel.dtype)
         check(self._call("write", channel.number, first * channel.dtype.itemsize, values.ctypes.data, values.nbytes))
 
     def next_cells(self, name, timeout=None):
-        """Time-step: the next cells of that channel in the frame to come, flat and read-only, as far as the other
-        side has written them. None: no more of this channel, or none in time. Then wait(): only if that says True
-        was all of it of one whole frame."""
+        """Time-step: the next cells of that channel in the frame being written, flat and read-only, as far as the peer
+        has written them. None: the channel is complete, or no more cells came in time. Then call wait(): True confirms
+        that all cells belong to one complete frame."""
         channel = self._named(name, "actuator" if self._writes == "sensor" else "sensor")
         nbytes, address = ctypes.c_size_t(), None
 
@@ -94,7 +94,7 @@ class Endpoint:
             nonlocal address
             begun = _time.monotonic_ns()
             address = self._call("next", channel.number, ns, None, ctypes.byref(nbytes))
-            # None before the timeout: there will be no more.
+            # The call returned null before its timeout: no more cells will come.
             return Result.OK if address or _time.monotonic_ns() - begun < ns else Result.TIMEOUT
 
         in_slices(timeout, call)

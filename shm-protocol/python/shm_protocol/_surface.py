@@ -76,7 +76,7 @@ class Surface(Endpoint):
             raise Error(result, "time-step: publish() first")
         return result == Result.OK
 
-    frame = property(Endpoint._frame, doc="The actuator Frame that stands; frame 0: nobody sent one yet.")
+    frame = property(Endpoint._frame, doc="The actuator Frame in effect; frame 0: none was taken yet.")
     controller_pid = property(lambda self: self._call("controller_pid"))
     controller_state = property(lambda self: self._state("controller"))
 

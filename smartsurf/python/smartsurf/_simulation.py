@@ -82,7 +82,7 @@ class Simulation(Surface):
     def objects(self) -> dict[str, np.ndarray]:
         """The live objects as arrays by name, ascending by id: `id` (objects), `position` (objects × 3, u),
         `orientation` (objects × 4, unit quaternions x y z w), `velocity` (objects × 3, u/s) and `angular_velocity`
-        (objects × 3, rad/s). An array follows the simulation until objects appear or vanish: then fetch it anew."""
+        (objects × 3, rad/s). An array follows the simulation until objects appear or vanish: then fetch it again."""
         return self._core.objects
 
     def label(self, id: int) -> str:

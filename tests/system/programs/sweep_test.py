@@ -222,6 +222,16 @@ exec {APRON} run {idle} --shm "$2"
         self.assertIn("8 runs, 8 done before", self.sweep(*words)[1])
         self.assertIn("8 runs, 0 done before", self.sweep(*words, "--search", "random")[1])
 
+    def test_without_scipy_a_latin_hypercube_is_one_clear_line(self):
+        self.write("sitecustomize.py", "import sys\nsys.modules['scipy'] = None\n")
+        os.environ["PYTHONPATH"] = str(self.folder)
+        self.addCleanup(os.environ.pop, "PYTHONPATH")
+        words = ("--set", "weight=2:4.0", "--samples", "4")
+        status, _, err = self.sweep(*words)
+        self.assertEqual((status, err), (2, "sweep: --search latin-hypercube: needs SciPy: apt-get install python3-scipy, "
+                                            "or --search random\n"))
+        self.assertEqual(self.sweep(*words, "--search", "random")[0], 0)
+
     def test_jsonl_has_statistics_and_provenance(self):
         self.assertEqual(self.sweep("--set", "weight=3", "--format", "csv,jsonl")[0], 0)
         (line,) = (self.folder / "out/results.jsonl").read_text().splitlines()
