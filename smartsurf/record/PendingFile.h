@@ -19,10 +19,10 @@ class PendingFile {
 
   // The path to write to. Fixed, so that a file left by a killed run is overwritten by the next.
   const std::filesystem::path& path() const { return path_; }
-  // Call before writing: removes what a killed run left, so that the file can be created anew, never through a
+  // Call before writing: removes what a killed run left, so that the file can be created again, never through a
   // link that someone else put there. From here on the file is this object's. Throws std::system_error.
   void own();
-  // Whether path() must be created (O_EXCL), rather than opened as it is.
+  // True if path() must be created (O_EXCL), false if it is opened as it is.
   bool must_be_new() const { return owned_; }
   // Gives the file its final name; only the first call has an effect. Throws std::system_error.
   void commit();

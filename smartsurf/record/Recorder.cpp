@@ -27,7 +27,7 @@ std::string lowercase_extension(const fs::path& path) {
   return extension;
 }
 
-// Whether another process is writing the file. A file system without locks fails with another error than
+// True if another process is writing the file. A file system without locks fails with another error than
 // EWOULDBLOCK.
 bool is_locked(const fs::path& path) {
   const int file = ::open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK);

@@ -47,19 +47,19 @@ struct RunMetadata {
   std::vector<NamedText> overrides;  // --set NAME=VALUE, in order
   bool unsafe = false;               // --unsafe
   // The experiment declares success(). nullopt: a version recorded it that did not store this.
-  std::optional<bool> declares_success;
+  std::optional<bool> declares_success = {};
   // Versions of the components that computed the run: {"physics", "0.1.0"}, …; the recorder adds its own.
   std::vector<NamedText> versions;
 };
 
-// How the run ended.
+// The end of a run.
 struct RunResult {
   std::string outcome;              // one line: "done", "stopped by the user", "failed at tick 12: …"
   std::uint64_t ticks = 0;          // control periods simulated, recorded or not
   double simulated_s = 0.0;         // simulated time, s
   std::uint64_t state_hash = 0;     // of the final state
-  std::optional<bool> success;      // the experiment's goal was reached; nullopt: it has none
-  std::optional<double> success_s;  // when it was first reached
+  std::optional<bool> success = {};      // the experiment's goal was reached; nullopt: it has none
+  std::optional<double> success_s = {};  // when it was first reached
 };
 
 class Recorder {

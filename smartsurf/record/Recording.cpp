@@ -6,10 +6,13 @@
 #include <limits>
 
 #include "smartsurf/record/LegacyPurity.h"
+#include "smartsurf/record/hdf5/AttributeArchive.h"
 #include "smartsurf/record/hdf5/CatalogueReader.h"
 #include "smartsurf/record/hdf5/DeltaEncoding.h"
 #include "smartsurf/record/hdf5/ForkedRead.h"
+#include "smartsurf/record/hdf5/Hdf5Meta.h"
 #include "smartsurf/record/hdf5/Hdf5Reading.h"
+#include "smartsurf/record/hdf5/Names.h"
 #include "smartsurf/record/hdf5/SurfaceLayout.h"
 
 namespace smartsurf::record {
@@ -19,22 +22,6 @@ namespace fs = std::filesystem;
 
 constexpr auto kNoTick = std::numeric_limits<std::uint64_t>::max();
 constexpr hsize_t kMaxCellsPerFrame = hsize_t{1} << 28;  // per channel: 1 GiB; more is implausible
-
-int read_count(hid_t group, const char* name, std::uint64_t maximum) {
-  std::uint64_t value = 0;
-  read_attribute(group, name, H5T_NATIVE_UINT64, &value);
-  if (value < 1 || value > maximum)
-    throw Hdf5Error(std::string("attribute ") + name + " = " + std::to_string(value) + " is not in 1 to " +
-                    std::to_string(maximum));
-  return static_cast<int>(value);
-}
-
-double read_number(hid_t group, const char* name) {
-  double value = 0.0;
-  read_attribute(group, name, H5T_NATIVE_DOUBLE, &value);
-  if (!std::isfinite(value)) throw Hdf5Error(std::string("attribute ") + name + " is not finite");
-  return value;
-}
 
 herr_t collect_dataset(hid_t root, const char* name, const H5O_info_t* object_info, void* list) {
   if (object_info->type != H5O_TYPE_DATASET) return 0;
@@ -53,8 +40,11 @@ struct Recording::Contents {
   explicit Contents(const fs::path& file_path) : path(file_path), file(open_for_reading(file_path)) {
     std::error_code error;
     bytes = fs::file_size(path, error);
-    read_meta();
-    read_surface();
+    RecordedMeta recorded = read_meta(file, spec);
+    meta = std::move(recorded.meta);
+    result = std::move(recorded.result);
+    first_interaction_tick = recorded.first_interaction_tick;
+    read_surface(file, spec.surface);
     read_frames();
     read_catalogue(file, spec);
     open_delta_readers();
@@ -62,9 +52,6 @@ struct Recording::Contents {
           "datasets");
   }
 
-  void read_meta();
-  void read_result(hid_t group);
-  void read_surface();
   void read_frames();
   void open_delta_readers();
   template <class Action>
@@ -95,95 +82,31 @@ struct Recording::Contents {
   std::optional<PuritySeries> purity;  // see legacy_purity()
 };
 
-void Recording::Contents::read_meta() {
-  const Handle group = open_group(file, "meta");
-  if (!has_attribute(group, "format") || read_text_attribute(group, "format") != "smartsurf-recording")
-    throw Hdf5Error("is an HDF5 file, but not a recording of smartsurf");
-  if (const int version = read_count(group, "format_version", 1u << 30); version != 1)
-    throw Hdf5Error("is a recording in format " + std::to_string(version) + "; this program reads format 1");
-  meta.command_line = read_text_attribute(group, "command_line");
-  meta.mode = read_text_attribute(group, "mode");
-  meta.program_file = read_text_attribute(group, "program_file");
-  meta.program_text = read_text_attribute(group, "program");
-  meta.versions = read_string_attributes(group, "versions");
-  if (has_attribute(group, "driver")) meta.driver = read_text_attribute(group, "driver");
-  if (has_link(group, "set")) meta.overrides = read_string_attributes(group, "set");
-  if (has_attribute(group, "unsafe")) meta.unsafe = read_number(group, "unsafe") != 0.0;
-  if (has_attribute(group, "declares_success"))
-    meta.declares_success = read_number(group, "declares_success") != 0.0;
-  if (has_attribute(group, "touched_by_hand")) {
-    read_attribute(group, "touched_by_hand", H5T_NATIVE_UINT64, &first_interaction_tick.emplace());
-  }
-  spec.file = read_text_attribute(group, "experiment_file");
-  spec.source = read_text_attribute(group, "experiment");
-  for (NamedText& option : read_string_attributes(group, "options"))
-    spec.options.push_back({std::move(option.name), std::move(option.value), ""});
-  scene::WorldSpec& world = spec.world;
-  if (has_attribute(group, "engine")) world.engine = read_text_attribute(group, "engine");
-  read_attribute(group, "seed", H5T_NATIVE_UINT64, &world.seed);
-  world.dt_s = read_number(group, "dt_s");
-  world.control_period_s = read_number(group, "control_period_s");
-  world.iterations = read_count(group, "iterations", 1u << 20);
-  if (has_attribute(group, "unit"))
-    world.unit = scene::find_physical_unit(read_text_attribute(group, "unit"));
-  read_attribute(group, "gravity", H5T_NATIVE_DOUBLE, world.gravity.data(), 3);
-  world.ground = read_number(group, "ground") != 0.0;
-  if (has_attribute(group, "sleep")) world.sleep = read_number(group, "sleep") != 0.0;
-  spec.record.tick_interval = read_count(group, "every", 1u << 30);
-  if (has_attribute(group, "state_hash")) read_result(group);
-}
-
-void Recording::Contents::read_result(hid_t group) {
-  result.emplace();
-  result->outcome = read_text_attribute(group, "outcome");
-  read_attribute(group, "ticks", H5T_NATIVE_UINT64, &result->ticks);
-  read_attribute(group, "state_hash", H5T_NATIVE_UINT64, &result->state_hash);
-  result->simulated_s = read_number(group, "simulated_s");
-  if (has_attribute(group, "success")) result->success = read_number(group, "success") != 0.0;
-  if (has_attribute(group, "success_s")) result->success_s = read_number(group, "success_s");
-}
-
-void Recording::Contents::read_surface() {
-  const Handle group = open_group(file, "surface");
-  scene::SurfaceSpec& surface = spec.surface;
-  surface.rows = read_count(group, "rows", 1u << 14);
-  surface.columns = read_count(group, "columns", 1u << 14);
-  surface.pitch = read_number(group, "pitch");
-  double top[2] = {}, range[2] = {};
-  read_attribute(group, "top", H5T_NATIVE_DOUBLE, top, 2);
-  read_attribute(group, "range", H5T_NATIVE_DOUBLE, range, 2);
-  scene::PinSpec& pin = surface.pin;
-  pin = {top[0],
-         top[1],
-         read_number(group, "length"),
-         range[0],
-         range[1],
-         read_number(group, "max_speed"),
-         read_number(group, "max_acceleration")};
-  if (has_attribute(group, "border")) surface.border_height = read_number(group, "border");
-  read_layout(group, surface);
-  if (const std::string problem = scene::validate(surface); !problem.empty()) throw Hdf5Error(problem);
-}
-
 // A run killed during a flush may leave datasets of different lengths, or a tail of fill values; frames() is
 // the length of the part that all datasets have.
 void Recording::Contents::read_frames() {
-  if (!has_link(file, "tick")) return;  // the run ended before its first frame
+  if (!has_link(file, paths::kTick)) return;  // the run ended before its first frame
   hsize_t frames = H5S_UNLIMITED;
-  for (const char* name : {"tick", "time", "hash", "contacts"})
-    frames = std::min(frames, stored_entries(open_dataset(file, name, 1), *name == 'c' ? 4 : 8));
-  has_objects = has_link(file, "objects") && has_link(file, "objects/position");
+  const auto bound = [&](const char* name, std::size_t entry_bytes) {
+    frames = std::min(frames, stored_entries(open_dataset(file, name, 1), entry_bytes));
+  };
+  bound(paths::kTick, sizeof(std::uint64_t));
+  bound(paths::kTime, sizeof(double));
+  bound(paths::kHash, sizeof(std::uint64_t));
+  bound(paths::kContacts, sizeof(std::uint32_t));
+  has_objects = has_link(file, paths::kObjects) && has_link(file, paths::kPosition);
+  has_angular_velocities = has_objects && has_link(file, paths::kAngularVelocity);
+  const auto bound_poses = [&](const char* name) {
+    frames = std::min(frames, extents(open_dataset(file, name, 3)).at(0));
+  };
   if (has_objects)
-    for (const char* name : {"objects/position", "objects/orientation", "objects/velocity"})
-      frames = std::min(frames, extents(open_dataset(file, name, 3)).at(0));
-  has_angular_velocities = has_objects && has_link(file, "objects/angular_velocity");
-  if (has_angular_velocities)
-    frames = std::min(frames, extents(open_dataset(file, "objects/angular_velocity", 3)).at(0));
-  ticks = read_column<std::uint64_t>(file, "tick", H5T_NATIVE_UINT64, frames);
+    for (const char* name : {paths::kPosition, paths::kOrientation, paths::kVelocity}) bound_poses(name);
+  if (has_angular_velocities) bound_poses(paths::kAngularVelocity);
+  ticks = read_column<std::uint64_t>(file, paths::kTick, frames);
   ticks.erase(std::find(ticks.begin(), ticks.end(), kNoTick), ticks.end());
-  times = read_column<double>(file, "time", H5T_NATIVE_DOUBLE, ticks.size());
-  state_hashes = read_column<std::uint64_t>(file, "hash", H5T_NATIVE_UINT64, ticks.size());
-  contact_counts = read_column<std::uint32_t>(file, "contacts", H5T_NATIVE_UINT32, ticks.size());
+  times = read_column<double>(file, paths::kTime, ticks.size());
+  state_hashes = read_column<std::uint64_t>(file, paths::kHash, ticks.size());
+  contact_counts = read_column<std::uint32_t>(file, paths::kContacts, ticks.size());
   for (std::size_t i = 0; i < times.size(); ++i)
     if (!std::isfinite(times[i]) || (i > 0 && !(times[i] > times[i - 1])))
       throw Hdf5Error("dataset time is not ascending at frame " + std::to_string(i));
@@ -191,20 +114,17 @@ void Recording::Contents::read_frames() {
 
 void Recording::Contents::open_delta_readers() {
   const std::size_t cells = static_cast<std::size_t>(spec.surface.cell_count());
-  if (has_link(file, "inputs")) {
-    const Handle group = open_group(file, "inputs");
+  if (has_link(file, paths::kInputs)) {
     std::uint64_t values = 0;
-    read_attribute(group, "values", H5T_NATIVE_UINT64, &values);
+    AttributeReader(open_group(file, paths::kInputs))(paths::kInputValues, values);
     if (values > kMaxCellsPerFrame) throw Hdf5Error("there are too many inputs");
-    inputs.emplace(file, "inputs/changes", values);
+    inputs.emplace(file, paths::kInputChanges, values);
   }
-  if (has_link(file, "surface/changes")) heights.emplace(file, "surface/changes", cells);
-  if (has_link(file, "surface/motion"))
-    motion.emplace(file, "surface/motion", kValuesPerActuatorState * cells);
-  if (spec.surface.skin && has_link(file, "surface/skin/height"))
-    skin.emplace(file, "surface/skin/height",
-                 static_cast<std::size_t>(spec.surface.skin->rows) *
-                     static_cast<std::size_t>(spec.surface.skin->columns));
+  if (has_link(file, paths::kHeightChanges)) heights.emplace(file, paths::kHeightChanges, cells);
+  if (has_link(file, paths::kMotion)) motion.emplace(file, paths::kMotion, kValuesPerActuatorState * cells);
+  if (const auto& sheet = spec.surface.skin; sheet && has_link(file, paths::kSkinHeight))
+    skin.emplace(file, paths::kSkinHeight,
+                 static_cast<std::size_t>(sheet->rows) * static_cast<std::size_t>(sheet->columns));
 }
 
 // Objects beyond the pose arrays' second axis were created after the last stored frame; they are padded with
@@ -215,13 +135,12 @@ std::vector<float> Recording::Contents::read_poses(const char* name, hsize_t wid
   const std::vector<hsize_t> stored = extents(dataset);
   if (stored[2] != width) throw Hdf5Error(std::string("dataset ") + name + " has the wrong width");
   const hsize_t objects = spec.objects.size(), columns = std::min(stored[1], objects);
-  const std::vector<float> block =
-      read_block<float>(dataset, H5T_NATIVE_FLOAT, {first, 0, 0}, {count, columns, width}, name);
+  const std::vector<float> block = read_block<float>(dataset, {first, 0, 0}, {count, columns, width}, name);
   if (columns == objects) return block;
   std::vector<float> padded(count * objects * width, std::numeric_limits<float>::quiet_NaN());
   for (std::size_t f = 0; f < count; ++f)
-    std::copy_n(block.begin() + static_cast<std::ptrdiff_t>(f * columns * width), columns * width,
-                padded.begin() + static_cast<std::ptrdiff_t>(f * objects * width));
+    std::copy_n(block.begin() + f * columns * width, columns * width,
+                padded.begin() + f * objects * width);
   return padded;
 }
 
@@ -245,7 +164,7 @@ std::vector<float> Recording::Contents::read_channel_frame(const std::string& na
   }
   size[0] = 1;
   start[0] = frame;
-  return read_block<float>(dataset, H5T_NATIVE_FLOAT, start, size, name);
+  return read_block<float>(dataset, start, size, name);
 }
 
 Recording::Recording(std::unique_ptr<Contents> contents) : contents_(std::move(contents)) {}
@@ -290,13 +209,13 @@ bool Recording::has_angular_velocities() const { return contents_->has_angular_v
 bool Recording::has_objects() const { return contents_->has_objects; }
 
 std::vector<float> Recording::read_positions(std::size_t first, std::size_t count) const {
-  return contents_->read_vectors("objects/position", first, count);
+  return contents_->read_vectors(paths::kPosition, first, count);
 }
 std::vector<float> Recording::read_velocities(std::size_t first, std::size_t count) const {
-  return contents_->read_vectors("objects/velocity", first, count);
+  return contents_->read_vectors(paths::kVelocity, first, count);
 }
 std::vector<float> Recording::read_angular_velocities(std::size_t first, std::size_t count) const {
-  return contents_->read_vectors("objects/angular_velocity", first, count);
+  return contents_->read_vectors(paths::kAngularVelocity, first, count);
 }
 const std::vector<std::uint32_t>& Recording::contact_counts() const { return contents_->contact_counts; }
 
@@ -322,11 +241,11 @@ scene::Snapshot Recording::read_snapshot(std::size_t frame) const {
       shot.skin_height.assign(heights.begin(), heights.end());
     }
     if (!has_objects()) return;
-    const auto p = contents_->read_poses("objects/position", 3, frame, 1),
-               q = contents_->read_poses("objects/orientation", 4, frame, 1),
-               v = contents_->read_poses("objects/velocity", 3, frame, 1),
+    const auto p = contents_->read_poses(paths::kPosition, 3, frame, 1),
+               q = contents_->read_poses(paths::kOrientation, 4, frame, 1),
+               v = contents_->read_poses(paths::kVelocity, 3, frame, 1),
                w = has_angular_velocities()
-                       ? contents_->read_poses("objects/angular_velocity", 3, frame, 1)
+                       ? contents_->read_poses(paths::kAngularVelocity, 3, frame, 1)
                        : std::vector<float>(v.size(), std::numeric_limits<float>::quiet_NaN());
     for (std::size_t i = 0; i < spec().objects.size(); ++i) {
       if (std::isnan(p[3 * i])) continue;
@@ -364,20 +283,17 @@ Recording::ChannelInfo Recording::channel_info(const std::string& group, const s
   return contents_->translate_errors([&] {
     const Handle dataset = open_dataset(contents_->file, group + "/" + name);
     ChannelInfo info;
-    if (has_attribute(dataset, "unit")) info.unit = read_text_attribute(dataset, "unit");
-    if (!has_attribute(dataset, "minimum") || !has_attribute(dataset, "maximum")) return info;
-    read_attribute(dataset, "minimum", H5T_NATIVE_DOUBLE, &info.minimum);
-    read_attribute(dataset, "maximum", H5T_NATIVE_DOUBLE, &info.maximum);
+    archive_channel(AttributeReader(dataset), info);
     return info;
   });
 }
 
 std::vector<std::string> Recording::metric_names() const {
-  constexpr std::string_view kGroup = "/metrics/";
+  const std::string group = std::string("/") + paths::kMetrics + "/";
   std::vector<std::string> names;
   for (const DatasetInfo& dataset : datasets())
-    if (dataset.name.starts_with(kGroup) && dataset.extents.size() == 1)
-      names.push_back(dataset.name.substr(kGroup.size()));
+    if (dataset.name.starts_with(group) && dataset.extents.size() == 1)
+      names.push_back(dataset.name.substr(group.size()));
   if (has_legacy_purity()) names.emplace_back(kPurity);
   return names;
 }
@@ -405,10 +321,10 @@ std::optional<double> Recording::success_s() const {
 std::vector<double> Recording::read_metric(const std::string& name) const {
   if (name == kPurity && has_legacy_purity()) return legacy_purity().values;
   return contents_->translate_errors([&] {
-    const std::string path = "metrics/" + name;
-    const hsize_t stored = extents(open_dataset(contents_->file, path, 1))[0];
+    const std::string dataset = std::string(paths::kMetrics) + "/" + name;
+    const hsize_t stored = extents(open_dataset(contents_->file, dataset, 1))[0];
     std::vector<double> values =
-        read_column<double>(contents_->file, path, H5T_NATIVE_DOUBLE, std::min<hsize_t>(stored, frames()));
+        read_column<double>(contents_->file, dataset, std::min<hsize_t>(stored, frames()));
     values.resize(frames(), std::numeric_limits<double>::quiet_NaN());
     return values;
   });
@@ -417,14 +333,14 @@ std::vector<double> Recording::read_metric(const std::string& name) const {
 std::vector<float> Recording::read_cell_history(const std::string& group, const std::string& name, int row,
                                                 int column) const {
   return contents_->translate_errors([&] {
-    const std::string path = group + "/" + name;
-    const Handle dataset = open_dataset(contents_->file, path);
+    const std::string full_name = group + "/" + name;
+    const Handle dataset = open_dataset(contents_->file, full_name);
     const std::size_t axes = extents(dataset).size();
     std::vector<hsize_t> start = {0, static_cast<hsize_t>(row), static_cast<hsize_t>(column), 0},
                          size = {frames(), 1, 1, 1};
     start.resize(axes);
     size.resize(axes);
-    return read_block<float>(dataset, H5T_NATIVE_FLOAT, start, size, path);
+    return read_block<float>(dataset, start, size, full_name);
   });
 }
 

@@ -69,8 +69,8 @@ class Recording {
   bool has_objects() const;  // false if the experiment did not record objects; there are then no poses
   // Frames [first, first + count) × objects × 3, u; NaN where the object did not exist.
   std::vector<float> read_positions(std::size_t first, std::size_t count) const;
-  std::vector<float> read_velocities(std::size_t first, std::size_t count) const;  // likewise, u/s
-  // Likewise, rad/s, world frame. Requires has_angular_velocities().
+  std::vector<float> read_velocities(std::size_t first, std::size_t count) const;  // u/s
+  // rad/s, in the world frame. Requires has_angular_velocities().
   std::vector<float> read_angular_velocities(std::size_t first, std::size_t count) const;
   const std::vector<std::uint32_t>& contact_counts() const;  // contact points, one per frame
   // Pin heights of a frame, rows × columns, u; valid until the next call. Requires has_heights().

@@ -82,7 +82,7 @@ struct Extent {
   }
 };
 
-// Whether the object's footprint is a circle of its radius.
+// True if the object's footprint is a circle of its radius.
 bool has_radius(const scene::ObjectSpec& object) {
   return object.shape != scene::ShapeKind::kBox && object.shape != scene::ShapeKind::kSolid;
 }

@@ -31,7 +31,8 @@ std::string apron_executable() {
   return !error && access(sibling.c_str(), X_OK) == 0 ? sibling.string() : "apron";
 }
 
-// As a user would type it: by its name if PATH leads to it, relative to the current folder if it lies below.
+// Names the program as a user would type it: by its name alone if PATH leads to it, else by a path relative to the current
+// folder if it lies below that.
 std::string typed_name(const fs::path& executable) {
   std::error_code error;
   const char* const path = std::getenv("PATH");

@@ -4,6 +4,7 @@
 #include <fmt/ranges.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <cmath>
 #include <filesystem>
 #include <thread>
@@ -418,7 +419,8 @@ void Run::finish() {
 std::optional<bool> Run::success() const {
   if (success_s_) return true;
   if (ending_->success) return ending_->success;
-  const auto metric = std::ranges::find(experiment_.metrics(), "success", &record::NamedNumber::first);
+  const auto metric =
+      std::ranges::find(experiment_.metrics(), std::string("success"), &record::NamedNumber::first);
   if (metric != experiment_.metrics().end()) return metric->second > 0.0;
   return experiment_.declares_success() ? std::optional(false) : std::nullopt;
 }

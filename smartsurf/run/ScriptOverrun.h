@@ -1,4 +1,4 @@
-// What a program does about a script that cannot be interrupted.
+// Ends the program if a script cannot be interrupted.
 #pragma once
 
 #include <string>
@@ -9,7 +9,7 @@
 
 namespace smartsurf::run {
 
-// For script::LoadOptions::end_process: ends the program with kUserError, or with the status of its stop signal.
+// The value of script::LoadOptions::end_process. Ends the program with kUserError, or with the status of its stop signal.
 inline void end_for_script(const std::string& message) {
   common::end_process(
       message.empty() ? nullptr : message.c_str(),

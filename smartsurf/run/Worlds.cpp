@@ -96,20 +96,18 @@ RunOptions world_options(const RunOptions& shared, int index, std::uint64_t firs
 int run_worlds(const RunOptions& shared, int count, const std::atomic<bool>& stop) {
   const auto start_time = std::chrono::steady_clock::now();
   const std::uint64_t first_seed = experiment_seed(shared);
-  std::vector<Outcome> outcomes(static_cast<std::size_t>(count));
+  std::vector<Outcome> outcomes(count);
   {
     std::vector<std::jthread> threads;
     for (int i = 0; i < count; ++i)
-      threads.emplace_back([&, i] {
-        outcomes[static_cast<std::size_t>(i)] = run_world(world_options(shared, i, first_seed), stop);
-      });
+      threads.emplace_back([&, i] { outcomes[i] = run_world(world_options(shared, i, first_seed), stop); });
   }
   if (!shared.stats_file.empty())
     write_stats(shared.stats_file, outcomes,
                 std::chrono::duration<double>(std::chrono::steady_clock::now() - start_time).count());
   int status = common::kDone;
   for (int i = 0; i < count; ++i) {
-    const Outcome& outcome = outcomes[static_cast<std::size_t>(i)];
+    const Outcome& outcome = outcomes[i];
     // An input error is reported once, although several worlds may have the same.
     if (outcome.status == common::kUserError && !outcome.message.empty())
       throw scene::InputError(fmt::format("world {}: {}", i, outcome.message));

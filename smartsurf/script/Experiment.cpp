@@ -186,6 +186,18 @@ struct Experiment::Impl {
     session.tick = tick;
   }
 
+  // Calls a function that judges the state at (t_s, tick). Afterwards the time is again that of the latest tick(), which
+  // on_finish is given.
+  template <class Function>
+  auto judge(double t_s, std::uint64_t tick, Function function) {
+    const double time_before_s = session.time_s;
+    const std::uint64_t tick_before = session.tick;
+    set_time(t_s, tick);
+    const auto result = function();
+    set_time(time_before_s, tick_before);
+    return result;
+  }
+
   void release_callback(int callback) {
     luaL_unref(interpreter.lua(), LUA_REGISTRYINDEX,
                session.callbacks[static_cast<std::size_t>(callback)].reference);
@@ -293,19 +305,20 @@ bool Experiment::declares_success() const { return impl_->session.success.has_va
 
 std::optional<double> Experiment::success(double t_s, std::uint64_t tick) {
   if (!impl_->session.success) return std::nullopt;
-  impl_->set_time(t_s, tick);
-  lua_State* const L = impl_->interpreter.lua();
-  impl_->push_result(*impl_->session.success);
-  std::optional<double> reached_s;
-  if (lua_toboolean(L, -1) != 0) reached_s = lua_type(L, -1) == LUA_TNUMBER ? lua_tonumber(L, -1) : t_s;
-  lua_pop(L, 1);
-  return reached_s;
+  return impl_->judge(t_s, tick, [&] {
+    lua_State* const L = impl_->interpreter.lua();
+    impl_->push_result(*impl_->session.success);
+    std::optional<double> reached_s;
+    if (lua_toboolean(L, -1) != 0) reached_s = lua_type(L, -1) == LUA_TNUMBER ? lua_tonumber(L, -1) : t_s;
+    lua_pop(L, 1);
+    return reached_s;
+  });
 }
 
 void Experiment::update_metrics(double t_s, std::uint64_t tick) {
-  impl_->set_time(t_s, tick);
   for (const auto& [metric, callback] : impl_->session.metric_functions) {
-    const double value = impl_->number_of(callback, "metric", true);
+    const double value =
+        impl_->judge(t_s, tick, [&, id = callback] { return impl_->number_of(id, "metric", true); });
     impl_->session.metrics[metric].second = value;
   }
 }

@@ -212,7 +212,7 @@ void encode_objects(const Recording& recording, const std::vector<std::size_t>& 
     std::fill(orientation.begin(), orientation.end(), std::numeric_limits<float>::quiet_NaN());
     for (std::size_t i = 0; i < snapshot.object_count(); ++i)
       std::copy(snapshot.orientation[i].begin(), snapshot.orientation[i].end(),
-                orientation.begin() + static_cast<std::ptrdiff_t>(4 * snapshot.id[i]));
+                orientation.begin() + 4 * snapshot.id[i]);
     orientations.add(orientation);
   }
   series.push_back(series_json("position", positions.layout()));

@@ -258,7 +258,7 @@ export function makeMechanisms(scene, series, world, placeOf) {
   // height, and they would show through it.
   const drop = new Float32Array(recess.length);
   const covered = sheet ? coveredCells(scene.skin) : [];
-  // Of each cell under the sheet, the nodes over its top and the next ones outside it.
+  // Lists, for each cell under the sheet, the nodes over its top and the next ones outside it.
   function coveredCells({ rows, columns, west, east, south, north }) {
     const around = (from, to, count, centre, edge) => {
       const step = (to - from) / (count - 1), ends = [centre - edge / 2, centre + edge / 2].map((u) => (u - from) / step);

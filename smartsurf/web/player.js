@@ -82,7 +82,7 @@ camera.up.set(0, 0, 1);
 const controls = new OrbitControls(camera, renderer.domElement);
 controls.maxPolarAngle = Math.PI / 2;
 
-// From the target to the eye.
+// The vector from the target to the eye.
 const kViews = { top: [0, -0.001, 1], iso: [0, -0.766, 0.643], side: [0, -0.995, 0.1] };
 
 // Fits the table into the picture.
@@ -146,7 +146,7 @@ function setColours() {
   world.background = new THREE.Color(dark ? 0x12161b : 0xe4e7ec);
   ground.material.color.set(dark ? 0x1b2027 : 0xd9dce2);
   sky.intensity = dark ? 1.2 : 1.6;
-  state.shown = -1;   // the plot is drawn anew
+  state.shown = -1;   // redraws the plot
 }
 
 // ---- Pins: columns down to the table
@@ -341,7 +341,7 @@ function objectName(id) {
 const cellName = (cell) => `Cell, row ${Math.floor(cell / scene.columns)}, column ${cell % scene.columns}`;
 const channelTitle = ({ name, unit }) => name.replace('/', ': ') + (unit ? `, ${unit}` : '');
 
-// What can be plotted of the selection: a name, and the value at a frame.
+// The quantities of the selection that can be plotted: a name, and the value at a frame.
 function quantities() {
   const { object: id, cell } = state.selected, p = series.position;
   if (cell !== undefined)

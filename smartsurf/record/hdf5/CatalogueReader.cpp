@@ -4,17 +4,20 @@
 
 #include "smartsurf/record/hdf5/CatalogueWriter.h"
 #include "smartsurf/record/hdf5/Hdf5Reading.h"
+#include "smartsurf/record/hdf5/Names.h"
 #include "smartsurf/record/hdf5/SolidStorage.h"
 
 namespace smartsurf::record {
 namespace {
+
+namespace column = paths::column;
 
 // The columns of /objects, one entry per object.
 struct CatalogueColumns {
   explicit CatalogueColumns(hid_t group);
   hsize_t complete_entries(hid_t group) const;
   std::vector<double> read_numbers(hid_t group, const char* name, hsize_t width) const {
-    return read_column<double>(group, name, H5T_NATIVE_DOUBLE, count, width);
+    return read_column<double>(group, name, count, width);
   }
   static Eigen::Vector3d vector_at(const std::vector<double>& all, std::size_t i) {
     return {all[3 * i], all[3 * i + 1], all[3 * i + 2]};
@@ -29,33 +32,33 @@ struct CatalogueColumns {
 
 // Returns the length of the shortest column: a killed run may leave columns of different lengths.
 hsize_t CatalogueColumns::complete_entries(hid_t group) const {
-  hsize_t n = stored_entries(open_dataset(group, "id", 1), sizeof(std::uint32_t));
-  for (const char* name : {"label", "shape", "material"})
+  hsize_t n = stored_entries(open_dataset(group, column::kId, 1), sizeof(std::uint32_t));
+  for (const char* name : {column::kLabel, column::kShape, column::kMaterial})
     n = std::min(n, extents(open_dataset(group, name, 1))[0]);
   return n;
 }
 
 CatalogueColumns::CatalogueColumns(hid_t group)
     : count(complete_entries(group)),
-      label(read_strings(group, "label", count)),
-      shape(read_strings(group, "shape", count)),
-      material(read_strings(group, "material", count)),
+      label(read_strings(group, column::kLabel, count)),
+      shape(read_strings(group, column::kShape, count)),
+      material(read_strings(group, column::kMaterial, count)),
       solid(count, -1),
-      radius(read_numbers(group, "radius", 1)),
-      extent(read_numbers(group, "extents", 3)),
+      radius(read_numbers(group, column::kRadius, 1)),
+      extent(read_numbers(group, column::kExtents, 3)),
       height(count),
-      mass(read_numbers(group, "mass", 1)),
-      fixed(read_numbers(group, "fixed", 1)),
-      colour(read_numbers(group, "colour", 3)),
-      position(read_numbers(group, "initial_position", 3)),
-      orientation(read_numbers(group, "initial_orientation", 4)),
-      velocity(read_numbers(group, "initial_velocity", 3)),
-      angular_velocity(read_numbers(group, "initial_angular_velocity", 3)),
+      mass(read_numbers(group, column::kMass, 1)),
+      fixed(read_numbers(group, column::kFixed, 1)),
+      colour(read_numbers(group, column::kColour, 3)),
+      position(read_numbers(group, column::kInitialPosition, 3)),
+      orientation(read_numbers(group, column::kInitialOrientation, 4)),
+      velocity(read_numbers(group, column::kInitialVelocity, 3)),
+      angular_velocity(read_numbers(group, column::kInitialAngularVelocity, 3)),
       centre_of_mass(3 * count) {
-  if (has_link(group, "centre_of_mass")) centre_of_mass = read_numbers(group, "centre_of_mass", 3);
-  if (has_link(group, "height")) {
-    height = read_numbers(group, "height", 1);
-    solid = read_column<std::int32_t>(group, "solid", H5T_NATIVE_INT32, count);
+  if (has_link(group, column::kCentreOfMass)) centre_of_mass = read_numbers(group, column::kCentreOfMass, 3);
+  if (has_link(group, column::kHeight)) {
+    height = read_numbers(group, column::kHeight, 1);
+    solid = read_column<std::int32_t>(group, column::kSolid, count);
   } else {  // older recordings have no shapes with a height or a solid of their own
     for (hsize_t i = 0; i < count; ++i) height[i] = extent[3 * i + 2];
   }
@@ -72,7 +75,7 @@ scene::ObjectSpec make_object(const CatalogueColumns& columns, std::size_t i,
   if (object.shape == scene::ShapeKind::kSolid) {
     if (columns.solid[i] < 0 || static_cast<std::size_t>(columns.solid[i]) >= solids.size())
       throw Hdf5Error("object " + std::to_string(i) + " refers to a solid that is not in the file");
-    object.solid = solids[static_cast<std::size_t>(columns.solid[i])];
+    object.solid = solids[columns.solid[i]];
   }
   object.label = columns.label[i];
   object.mass = columns.mass[i];
@@ -100,7 +103,7 @@ int find_or_add_material(const std::string& name, std::vector<scene::Material>& 
 }  // namespace
 
 void read_catalogue(hid_t file, scene::SceneSpec& spec) {
-  const CatalogueColumns columns(open_group(file, "objects"));
+  const CatalogueColumns columns(open_group(file, paths::kObjects));
   const auto solids = read_solids(file);
   for (std::size_t i = 0; i < columns.count; ++i) {
     scene::ObjectSpec& object = spec.objects.emplace_back(make_object(columns, i, solids));

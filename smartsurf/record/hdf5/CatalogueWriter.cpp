@@ -4,8 +4,12 @@
 #include <cstdint>
 #include <limits>
 
+#include "smartsurf/record/hdf5/Names.h"
+
 namespace smartsurf::record {
 namespace {
+
+namespace column = paths::column;
 
 struct ShapeName {
   scene::ShapeKind shape;
@@ -69,22 +73,22 @@ bool parse_shape(const std::string& name, scene::ShapeKind& shape) {
 
 CatalogueWriter::CatalogueWriter(hid_t file, hid_t group, std::vector<scene::Material> materials)
     : materials_(std::move(materials)), solids_(file) {
-  add_column(group, "id", copy_type(H5T_NATIVE_UINT32), 1);
-  add_column(group, "label", string_type(), 1);
-  add_column(group, "shape", string_type(), 1);
-  add_column(group, "material", string_type(), 1);
-  add_column(group, "radius", copy_type(H5T_NATIVE_DOUBLE), 1);
-  add_column(group, "height", copy_type(H5T_NATIVE_DOUBLE), 1);
-  add_column(group, "solid", copy_type(H5T_NATIVE_INT32), 1);
-  add_column(group, "extents", copy_type(H5T_NATIVE_DOUBLE), 3);
-  add_column(group, "mass", copy_type(H5T_NATIVE_DOUBLE), 1);
-  add_column(group, "centre_of_mass", copy_type(H5T_NATIVE_DOUBLE), 3);
-  add_column(group, "fixed", copy_type(H5T_NATIVE_UINT8), 1);
-  add_column(group, "colour", copy_type(H5T_NATIVE_FLOAT), 3);
-  add_column(group, "initial_position", copy_type(H5T_NATIVE_DOUBLE), 3);
-  add_column(group, "initial_orientation", copy_type(H5T_NATIVE_DOUBLE), 4);
-  add_column(group, "initial_velocity", copy_type(H5T_NATIVE_DOUBLE), 3);
-  add_column(group, "initial_angular_velocity", copy_type(H5T_NATIVE_DOUBLE), 3);
+  add_column(group, column::kId, copy_type(H5T_NATIVE_UINT32), 1);
+  add_column(group, column::kLabel, string_type(), 1);
+  add_column(group, column::kShape, string_type(), 1);
+  add_column(group, column::kMaterial, string_type(), 1);
+  add_column(group, column::kRadius, copy_type(H5T_NATIVE_DOUBLE), 1);
+  add_column(group, column::kHeight, copy_type(H5T_NATIVE_DOUBLE), 1);
+  add_column(group, column::kSolid, copy_type(H5T_NATIVE_INT32), 1);
+  add_column(group, column::kExtents, copy_type(H5T_NATIVE_DOUBLE), 3);
+  add_column(group, column::kMass, copy_type(H5T_NATIVE_DOUBLE), 1);
+  add_column(group, column::kCentreOfMass, copy_type(H5T_NATIVE_DOUBLE), 3);
+  add_column(group, column::kFixed, copy_type(H5T_NATIVE_UINT8), 1);
+  add_column(group, column::kColour, copy_type(H5T_NATIVE_FLOAT), 3);
+  add_column(group, column::kInitialPosition, copy_type(H5T_NATIVE_DOUBLE), 3);
+  add_column(group, column::kInitialOrientation, copy_type(H5T_NATIVE_DOUBLE), 4);
+  add_column(group, column::kInitialVelocity, copy_type(H5T_NATIVE_DOUBLE), 3);
+  add_column(group, column::kInitialAngularVelocity, copy_type(H5T_NATIVE_DOUBLE), 3);
 }
 
 void CatalogueWriter::add_column(hid_t group, const char* name, Handle type, int width) {
@@ -131,41 +135,42 @@ void CatalogueWriter::append(std::span<const scene::ObjectSpec> objects) {
   const auto scalar = [](double v) { return std::vector<double>{v}; };
   const auto vector = [](const Eigen::Vector3d& v) { return std::vector<double>{v.x(), v.y(), v.z()}; };
   const auto material = [&](const Spec& o) -> const scene::Material& {
-    return materials_.at(static_cast<std::size_t>(o.material));
+    return materials_.at(o.material);
   };
   const auto mass = [&](const Spec& o) { return o.mass.value_or(material(o).density * o.volume()); };
 
   std::vector<std::uint32_t> ids(objects.size());
   for (std::size_t i = 0; i < ids.size(); ++i) ids[i] = static_cast<std::uint32_t>(rows_written_ + i);
-  write_column("id", ids.data(), count);
-  write_column("label", gather_strings(objects, [](const Spec& o) { return o.label.c_str(); }).data(), count);
-  write_column("shape", gather_strings(objects, [](const Spec& o) { return shape_name(o.shape); }).data(),
+  write_column(column::kId, ids.data(), count);
+  write_column(column::kLabel, gather_strings(objects, [](const Spec& o) { return o.label.c_str(); }).data(),
                count);
-  write_column("material",
+  write_column(column::kShape,
+               gather_strings(objects, [](const Spec& o) { return shape_name(o.shape); }).data(), count);
+  write_column(column::kMaterial,
                gather_strings(objects, [&](const Spec& o) { return material(o).name.c_str(); }).data(),
                count);
 
   const auto numbers = [&](const char* name, auto value) {
     write_column(name, gather_values<double>(objects, value).data(), count);
   };
-  numbers("radius", [&](const Spec& o) { return scalar(radius_or_nan(o)); });
-  numbers("height", [&](const Spec& o) { return scalar(height_or_nan(o)); });
+  numbers(column::kRadius, [&](const Spec& o) { return scalar(radius_or_nan(o)); });
+  numbers(column::kHeight, [&](const Spec& o) { return scalar(height_or_nan(o)); });
   const auto solid = [&](const Spec& o) { return std::vector{solids_.solid_index(o.solid)}; };
-  write_column("solid", gather_values<std::int32_t>(objects, solid).data(), count);
-  numbers("extents", [&](const Spec& o) { return vector(2.0 * o.half_extents()); });
-  numbers("mass", [&](const Spec& o) { return scalar(mass(o)); });
-  numbers("centre_of_mass", [&](const Spec& o) { return vector(o.centre_of_mass); });
-  numbers("initial_position", [&](const Spec& o) { return vector(o.position); });
-  numbers("initial_orientation", [](const Spec& o) {
+  write_column(column::kSolid, gather_values<std::int32_t>(objects, solid).data(), count);
+  numbers(column::kExtents, [&](const Spec& o) { return vector(2.0 * o.half_extents()); });
+  numbers(column::kMass, [&](const Spec& o) { return scalar(mass(o)); });
+  numbers(column::kCentreOfMass, [&](const Spec& o) { return vector(o.centre_of_mass); });
+  numbers(column::kInitialPosition, [&](const Spec& o) { return vector(o.position); });
+  numbers(column::kInitialOrientation, [](const Spec& o) {
     return std::vector<double>{o.orientation.x(), o.orientation.y(), o.orientation.z(), o.orientation.w()};
   });
-  numbers("initial_velocity", [&](const Spec& o) { return vector(o.velocity); });
-  numbers("initial_angular_velocity", [&](const Spec& o) { return vector(o.angular_velocity); });
+  numbers(column::kInitialVelocity, [&](const Spec& o) { return vector(o.velocity); });
+  numbers(column::kInitialAngularVelocity, [&](const Spec& o) { return vector(o.angular_velocity); });
   write_column(
-      "fixed",
+      column::kFixed,
       gather_values<std::uint8_t>(objects, [&](const Spec& o) { return scalar(o.fixed ? 1.0 : 0.0); }).data(),
       count);
-  write_column("colour",
+  write_column(column::kColour,
                gather_values<float>(objects,
                                     [](const Spec& o) {
                                       return std::vector<float>{o.colour.r, o.colour.g, o.colour.b};

@@ -9,13 +9,15 @@
 namespace smartsurf::record {
 namespace {
 
+constexpr const char *kEnd = "end", *kCell = "cell", *kValue = "value";
 constexpr hsize_t kChunkChanges = 8192, kChunkRows = 1024;
 constexpr std::uint64_t kBlockChanges = 1u << 16;  // changes read at once
 constexpr std::size_t kMinKeyframeInterval = 256, kMaxKeyframeBytes = std::size_t{64} << 20;
 // Deflate compresses at most about 1030:1, so a stored byte holds at most this many changes.
 constexpr std::uint64_t kMaxChangesPerStoredByte = 1100 / sizeof(std::uint32_t);
 
-Handle create_growing_dataset(hid_t group, const char* name, hid_t type, hsize_t chunk, bool compress) {
+template <class Number>
+Handle create_growing_dataset(hid_t group, const char* name, hsize_t chunk, bool compress) {
   const hsize_t initial_size = 0, max_size = H5S_UNLIMITED;
   const Handle space(H5Screate_simple(1, &initial_size, &max_size), H5Sclose, name);
   const Handle properties = chunked_properties({chunk});
@@ -23,19 +25,18 @@ Handle create_growing_dataset(hid_t group, const char* name, hid_t type, hsize_t
     check(H5Pset_shuffle(properties), name);
     check(H5Pset_deflate(properties, 1), name);
   }
-  return create_dataset(group, name, type, space, properties);
+  return create_dataset(group, name, native_type<Number>(), space, properties);
 }
 
 template <class Number>
-void append_to_dataset(hid_t dataset, const char* name, hid_t type, hsize_t written_count,
-                       std::vector<Number>& values) {
+void append_to_dataset(hid_t dataset, const char* name, hsize_t written_count, std::vector<Number>& values) {
   const hsize_t count = values.size(), extent = written_count + count;
   if (count == 0) return;
   check(H5Dset_extent(dataset, &extent), name);
   const Handle file(H5Dget_space(dataset), H5Sclose, name);
   check(H5Sselect_hyperslab(file, H5S_SELECT_SET, &written_count, nullptr, &count, nullptr), name);
   const Handle memory(H5Screate_simple(1, &count, nullptr), H5Sclose, name);
-  check(H5Dwrite(dataset, type, memory, file, H5P_DEFAULT, values.data()), name);
+  check(H5Dwrite(dataset, native_type<Number>(), memory, file, H5P_DEFAULT, values.data()), name);
   values.clear();
 }
 
@@ -43,9 +44,9 @@ void append_to_dataset(hid_t dataset, const char* name, hid_t type, hsize_t writ
 
 DeltaWriter::DeltaWriter(hid_t parent, const char* name, std::size_t row_size)
     : group_(create_group(parent, name)),
-      row_end_dataset_(create_growing_dataset(group_, "end", H5T_NATIVE_UINT64, kChunkRows, false)),
-      cell_dataset_(create_growing_dataset(group_, "cell", H5T_NATIVE_UINT32, kChunkChanges, true)),
-      value_dataset_(create_growing_dataset(group_, "value", H5T_NATIVE_FLOAT, kChunkChanges, true)),
+      row_end_dataset_(create_growing_dataset<std::uint64_t>(group_, kEnd, kChunkRows, false)),
+      cell_dataset_(create_growing_dataset<std::uint32_t>(group_, kCell, kChunkChanges, true)),
+      value_dataset_(create_growing_dataset<float>(group_, kValue, kChunkChanges, true)),
       previous_row_(row_size) {
   cells_.reserve(4 * row_size);
   values_.reserve(4 * row_size);
@@ -76,9 +77,9 @@ std::uint64_t DeltaWriter::max_bytes() const {
 
 void DeltaWriter::write() {
   const std::uint64_t changes = cells_.size(), rows = row_ends_.size();
-  append_to_dataset(cell_dataset_, "cell", H5T_NATIVE_UINT32, written_changes_, cells_);
-  append_to_dataset(value_dataset_, "value", H5T_NATIVE_FLOAT, written_changes_, values_);
-  append_to_dataset(row_end_dataset_, "end", H5T_NATIVE_UINT64, written_rows_, row_ends_);
+  append_to_dataset(cell_dataset_, kCell, written_changes_, cells_);
+  append_to_dataset(value_dataset_, kValue, written_changes_, values_);
+  append_to_dataset(row_end_dataset_, kEnd, written_rows_, row_ends_);
   written_changes_ += changes;
   written_rows_ += rows;
 }
@@ -86,11 +87,10 @@ void DeltaWriter::write() {
 DeltaReader::DeltaReader(hid_t parent, const char* name, std::size_t row_size)
     : name_(name),
       group_(open_group(parent, name)),
-      cell_dataset_(open_dataset(group_, "cell", 1)),
-      value_dataset_(open_dataset(group_, "value", 1)) {
-  const Handle ends = open_dataset(group_, "end", 1);
-  row_ends_ =
-      read_block<std::uint64_t>(ends, H5T_NATIVE_UINT64, {0}, {stored_entries(ends, 8)}, name_ + "/end");
+      cell_dataset_(open_dataset(group_, kCell, 1)),
+      value_dataset_(open_dataset(group_, kValue, 1)) {
+  const Handle ends = open_dataset(group_, kEnd, 1);
+  row_ends_ = read_block<std::uint64_t>(ends, {0}, {stored_entries(ends, 8)}, name_ + "/end");
   const std::uint64_t changes = std::min(extents(cell_dataset_)[0], extents(value_dataset_)[0]);
   // A damaged file may declare any extent; the compression ratio bounds what it can hold.
   if (changes / kMaxChangesPerStoredByte > H5Dget_storage_size(cell_dataset_) + kChunkChanges)
@@ -127,9 +127,8 @@ void DeltaReader::restore_keyframe(std::size_t row) {
 
 void DeltaReader::load_block(std::uint64_t change) {
   const std::uint64_t count = std::min(kBlockChanges, row_ends_.back() - change);
-  block_cells_ =
-      read_block<std::uint32_t>(cell_dataset_, H5T_NATIVE_UINT32, {change}, {count}, name_ + "/cell");
-  block_values_ = read_block<float>(value_dataset_, H5T_NATIVE_FLOAT, {change}, {count}, name_ + "/value");
+  block_cells_ = read_block<std::uint32_t>(cell_dataset_, {change}, {count}, name_ + "/cell");
+  block_values_ = read_block<float>(value_dataset_, {change}, {count}, name_ + "/value");
   block_begin_ = change;
 }
 

@@ -204,7 +204,7 @@ std::vector<hsize_t> extents(hid_t dataset) {
   const Handle space(H5Dget_space(dataset), H5Sclose, "dataspace");
   const int rank = H5Sget_simple_extent_ndims(space);
   check(rank, "dataspace");
-  std::vector<hsize_t> sizes(static_cast<std::size_t>(rank));
+  std::vector<hsize_t> sizes(rank);
   check(H5Sget_simple_extent_dims(space, sizes.data(), nullptr), "dataspace");
   return sizes;
 }

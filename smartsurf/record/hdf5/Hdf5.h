@@ -5,8 +5,10 @@
 #include <hdf5.h>
 
 #include <cstddef>
+#include <cstdint>
 #include <stdexcept>
 #include <string>
+#include <type_traits>
 #include <utility>
 #include <vector>
 
@@ -41,6 +43,27 @@ class Handle {
   hid_t id_ = -1;
   Closer closer_ = nullptr;
 };
+
+// The library's type of a number in memory.
+template <class Number>
+hid_t native_type() {
+  if constexpr (std::is_same_v<Number, float>)
+    return H5T_NATIVE_FLOAT;
+  else if constexpr (std::is_same_v<Number, double>)
+    return H5T_NATIVE_DOUBLE;
+  else if constexpr (std::is_same_v<Number, std::int8_t>)
+    return H5T_NATIVE_INT8;
+  else if constexpr (std::is_same_v<Number, std::int32_t>)
+    return H5T_NATIVE_INT32;
+  else if constexpr (std::is_same_v<Number, std::uint8_t>)
+    return H5T_NATIVE_UINT8;
+  else if constexpr (std::is_same_v<Number, std::uint16_t>)
+    return H5T_NATIVE_UINT16;
+  else if constexpr (std::is_same_v<Number, std::uint32_t>)
+    return H5T_NATIVE_UINT32;
+  else
+    return H5T_NATIVE_UINT64;
+}
 
 // Throws "WHAT (the library's reason)" if status is negative.
 void check(herr_t status, const std::string& what);

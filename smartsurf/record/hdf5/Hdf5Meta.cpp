@@ -2,52 +2,75 @@
 
 #include <cstring>
 
+#include "smartsurf/record/hdf5/AttributeArchive.h"
+#include "smartsurf/record/hdf5/Hdf5Reading.h"
+#include "smartsurf/record/hdf5/Names.h"
 #include "smartsurf/record/hdf5/SurfaceLayout.h"
 
 namespace smartsurf::record {
+namespace {
 
-void write_meta(hid_t file, const RunMetadata& meta, const scene::SceneSpec& spec) {
-  const Handle group = create_group(file, "meta");
-  write_attribute(group, "format", std::string("smartsurf-recording"));
-  write_attribute(group, "format_version", std::uint64_t{1});
-  write_attribute(group, "version", std::string(SMARTSURF_VERSION));
-  write_attribute(group, "command_line", meta.command_line);
-  write_attribute(group, "mode", meta.mode);
-  write_attribute(group, "experiment_file", spec.file);
-  write_attribute(group, "experiment", spec.source);
-  write_attribute(group, "program_file", meta.program_file);
-  write_attribute(group, "program", meta.program_text);
-  write_attribute(group, "driver", meta.driver);
-  write_attribute(group, "unsafe", std::uint64_t{meta.unsafe});
-  if (meta.declares_success)
-    write_attribute(group, "declares_success", std::uint64_t{*meta.declares_success});
-  write_attribute(group, "engine", spec.world.engine);
-  write_attribute(group, "seed", spec.world.seed);
-  write_attribute(group, "dt_s", spec.world.dt_s);
-  write_attribute(group, "control_period_s", spec.world.control_period_s);
-  write_attribute(group, "iterations", static_cast<std::uint64_t>(spec.world.iterations));
-  if (spec.world.unit) write_attribute(group, "unit", std::string(spec.world.unit->name));
-  write_attribute(group, "gravity", H5T_NATIVE_DOUBLE, spec.world.gravity.data(), 3);
-  write_attribute(group, "ground", std::uint64_t{spec.world.ground});
-  write_attribute(group, "sleep", std::uint64_t{spec.world.sleep});
-  write_attribute(group, "every", static_cast<std::uint64_t>(spec.record.tick_interval));
-  const Handle options = create_group(group, "options");
-  for (const scene::OptionSpec& option : spec.options)
-    write_attribute(options, option.name.c_str(), option.value);
-  const Handle set = create_group(group, "set");
-  for (const NamedText& setting : meta.overrides) {
-    if (has_attribute(set, setting.name.c_str())) H5Adelete(set, setting.name.c_str());  // the last one wins
-    write_attribute(set, setting.name.c_str(), setting.value);
-  }
-  const Handle versions = create_group(group, "versions");
-  write_attribute(versions, "smartsurf", std::string(SMARTSURF_VERSION));
-  write_attribute(versions, "hdf5", std::string(H5_VERS_INFO).substr(std::strlen("HDF5 library version: ")));
-  for (const NamedText& version : meta.versions)
-    if (!has_attribute(versions, version.name.c_str()))
-      write_attribute(versions, version.name.c_str(), version.value);
+const std::string kFormat = "smartsurf-recording";
+constexpr int kFormatVersion = 1;
+
+template <class Archive, class Meta, class Spec>
+void archive_meta(const Archive& a, Meta& meta, Spec& spec) {
+  a("command_line", meta.command_line);
+  a("mode", meta.mode);
+  a("experiment_file", spec.file);
+  a("experiment", spec.source);
+  a("program_file", meta.program_file);
+  a("program", meta.program_text);
+  a.since("driver", meta.driver);
+  a.since("unsafe", meta.unsafe);
+  a("declares_success", meta.declares_success);
+  auto& world = spec.world;
+  a.since("engine", world.engine);
+  a("seed", world.seed);
+  a("dt_s", world.dt_s);
+  a("control_period_s", world.control_period_s);
+  a.count("iterations", world.iterations, 1u << 20);
+  std::optional<std::string> unit;
+  if (world.unit) unit = world.unit->name;
+  a("unit", unit);
+  if constexpr (Archive::kReads)
+    if (unit) world.unit = scene::find_physical_unit(*unit);
+  std::array<double, 3> gravity{world.gravity.x(), world.gravity.y(), world.gravity.z()};
+  a("gravity", gravity);
+  if constexpr (Archive::kReads) world.gravity = {gravity[0], gravity[1], gravity[2]};
+  a("ground", world.ground);
+  a.since("sleep", world.sleep);
+  a.count("every", spec.record.tick_interval, 1u << 30);
 }
 
-namespace {
+template <class Archive, class Result>
+void archive_result(const Archive& a, Result& result) {
+  a("outcome", result.outcome);
+  a("ticks", result.ticks);
+  a("simulated_s", result.simulated_s);
+  a("state_hash", result.state_hash);
+  a("success", result.success);
+  a("success_s", result.success_s);
+}
+
+template <class Archive, class Surface>
+void archive_surface(const Archive& a, Surface& surface) {
+  a.count("rows", surface.rows, 1u << 14);
+  a.count("columns", surface.columns, 1u << 14);
+  a("pitch", surface.pitch);
+  auto& pin = surface.pin;
+  std::array<double, 2> top{pin.top_x, pin.top_y}, range{pin.min_height, pin.max_height};
+  a("top", top);
+  a("length", pin.length);
+  a("range", range);
+  a("max_speed", pin.max_speed);
+  a("max_acceleration", pin.max_acceleration);
+  a("border", surface.border_height);
+  if constexpr (Archive::kReads) {
+    pin.top_x = top[0], pin.top_y = top[1];
+    pin.min_height = range[0], pin.max_height = range[1];
+  }
+}
 
 // The models, separated by commas: "pin, wheels".
 std::string actuator_names(const scene::SurfaceSpec& surface) {
@@ -59,22 +82,66 @@ std::string actuator_names(const scene::SurfaceSpec& surface) {
 
 }  // namespace
 
-Handle write_surface(hid_t file, const scene::SurfaceSpec& surface) {
-  Handle group = create_group(file, "surface");
-  const scene::PinSpec& pin = surface.pin;
-  const double top[] = {pin.top_x, pin.top_y}, range[] = {pin.min_height, pin.max_height};
-  write_attribute(group, "rows", static_cast<std::uint64_t>(surface.rows));
-  write_attribute(group, "columns", static_cast<std::uint64_t>(surface.columns));
-  write_attribute(group, "pitch", surface.pitch);
+void write_meta(hid_t file, const RunMetadata& meta, const scene::SceneSpec& spec) {
+  const Handle group = create_group(file, paths::kMeta);
+  const AttributeWriter write(group);
+  write("format", kFormat);
+  write.count("format_version", kFormatVersion, 0);
+  write("version", std::string(SMARTSURF_VERSION));
+  archive_meta(write, meta, spec);
+  const Handle options = create_group(group, paths::kOptions);
+  for (const scene::OptionSpec& option : spec.options)
+    write_attribute(options, option.name.c_str(), option.value);
+  const Handle set = create_group(group, paths::kSet);
+  for (const NamedText& setting : meta.overrides) {
+    if (has_attribute(set, setting.name.c_str())) H5Adelete(set, setting.name.c_str());  // the last one wins
+    write_attribute(set, setting.name.c_str(), setting.value);
+  }
+  const Handle versions = create_group(group, paths::kVersions);
+  write_attribute(versions, "smartsurf", std::string(SMARTSURF_VERSION));
+  write_attribute(versions, "hdf5", std::string(H5_VERS_INFO).substr(std::strlen("HDF5 library version: ")));
+  for (const NamedText& version : meta.versions)
+    if (!has_attribute(versions, version.name.c_str()))
+      write_attribute(versions, version.name.c_str(), version.value);
+}
+
+void write_result(hid_t file, const RunResult& result) {
+  archive_result(AttributeWriter(open_group(file, paths::kMeta)), result);
+}
+
+void write_surface(hid_t file, const scene::SurfaceSpec& surface) {
+  const Handle group = create_group(file, paths::kSurface);
+  archive_surface(AttributeWriter(group), surface);
   write_attribute(group, "actuator", actuator_names(surface));
-  write_attribute(group, "top", H5T_NATIVE_DOUBLE, top, 2);
-  write_attribute(group, "length", pin.length);
-  write_attribute(group, "range", H5T_NATIVE_DOUBLE, range, 2);
-  write_attribute(group, "max_speed", pin.max_speed);
-  write_attribute(group, "max_acceleration", pin.max_acceleration);
-  if (surface.border_height) write_attribute(group, "border", *surface.border_height);
   write_layout(group, surface);
-  return group;
+}
+
+RecordedMeta read_meta(hid_t file, scene::SceneSpec& spec) {
+  const Handle group = open_group(file, paths::kMeta);
+  const AttributeReader read(group);
+  std::optional<std::string> format;
+  read("format", format);
+  if (format != kFormat) throw Hdf5Error("is an HDF5 file, but not a recording of smartsurf");
+  int version = 0;
+  read.count("format_version", version, 1u << 30);
+  if (version != kFormatVersion)
+    throw Hdf5Error("is a recording in format " + std::to_string(version) + "; this program reads format 1");
+  RecordedMeta recorded;
+  archive_meta(read, recorded.meta, spec);
+  recorded.meta.versions = read_string_attributes(group, paths::kVersions);
+  if (has_link(group, paths::kSet)) recorded.meta.overrides = read_string_attributes(group, paths::kSet);
+  read(paths::kTouchedByHand, recorded.first_interaction_tick);
+  for (NamedText& option : read_string_attributes(group, paths::kOptions))
+    spec.options.push_back({std::move(option.name), std::move(option.value), ""});
+  if (has_attribute(group, "state_hash")) archive_result(read, recorded.result.emplace());
+  return recorded;
+}
+
+void read_surface(hid_t file, scene::SurfaceSpec& surface) {
+  const Handle group = open_group(file, paths::kSurface);
+  archive_surface(AttributeReader(group), surface);
+  read_layout(group, surface);
+  if (const std::string problem = scene::validate(surface); !problem.empty()) throw Hdf5Error(problem);
 }
 
 }  // namespace smartsurf::record

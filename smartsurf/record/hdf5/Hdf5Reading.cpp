@@ -47,7 +47,16 @@ std::vector<std::string> read_strings(hid_t parent, const std::string& name, hsi
   const Handle dataset = open_dataset(parent, name, 1);
   const Handle type(H5Dget_type(dataset), H5Tclose, name);
   if (H5Tis_variable_str(type) <= 0) throw Hdf5Error("dataset " + name + " does not hold strings");
-  std::vector<char*> characters = read_block<char*>(dataset, type, {0}, {count}, name);
+  std::vector<char*> characters(count);
+  if (count == 0) return {};
+  require_memory(0);
+  const hsize_t first = 0;
+  const Handle file(H5Dget_space(dataset), H5Sclose, name);
+  check(H5Sselect_hyperslab(file, H5S_SELECT_SET, &first, nullptr, &count, nullptr),
+        "dataset " + name + " is too short");
+  const Handle memory(H5Screate_simple(1, &count, nullptr), H5Sclose, name);
+  check(H5Dread(dataset, type, memory, file, H5P_DEFAULT, characters.data()),
+        "dataset " + name + " cannot be read");
   std::vector<std::string> texts;
   for (char* text : characters) {
     texts.emplace_back(text ? text : "");

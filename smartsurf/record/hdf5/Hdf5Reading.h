@@ -28,8 +28,8 @@ std::vector<NamedText> read_string_attributes(hid_t parent, const char* group_na
 
 // Reads the block at `start` with extents `size`. The caller must bound `size`.
 template <class Number>
-std::vector<Number> read_block(hid_t dataset, hid_t type, std::vector<hsize_t> start,
-                               const std::vector<hsize_t>& size, const std::string& name) {
+std::vector<Number> read_block(hid_t dataset, std::vector<hsize_t> start, const std::vector<hsize_t>& size,
+                               const std::string& name) {
   hsize_t count = 1;
   for (const hsize_t n : size) count *= n;
   std::vector<Number> values(count);
@@ -39,19 +39,18 @@ std::vector<Number> read_block(hid_t dataset, hid_t type, std::vector<hsize_t> s
   check(H5Sselect_hyperslab(file, H5S_SELECT_SET, start.data(), nullptr, size.data(), nullptr),
         "dataset " + name + " is too short");
   const Handle memory(H5Screate_simple(static_cast<int>(size.size()), size.data(), nullptr), H5Sclose, name);
-  check(H5Dread(dataset, type, memory, file, H5P_DEFAULT, values.data()),
+  check(H5Dread(dataset, native_type<Number>(), memory, file, H5P_DEFAULT, values.data()),
         "dataset " + name + " cannot be read");
   return values;
 }
 
 // Reads the first `count` entries, of `width` numbers each. The caller must bound both.
 template <class Number>
-std::vector<Number> read_column(hid_t parent, const std::string& name, hid_t type, hsize_t count,
-                                hsize_t width = 1) {
+std::vector<Number> read_column(hid_t parent, const std::string& name, hsize_t count, hsize_t width = 1) {
   const Handle dataset = open_dataset(parent, name, width == 1 ? 1 : 2);
-  if (width == 1) return read_block<Number>(dataset, type, {0}, {count}, name);
+  if (width == 1) return read_block<Number>(dataset, {0}, {count}, name);
   if (extents(dataset)[1] != width) throw Hdf5Error("dataset " + name + " has the wrong width");
-  return read_block<Number>(dataset, type, {0, 0}, {count, width}, name);
+  return read_block<Number>(dataset, {0, 0}, {count, width}, name);
 }
 
 }  // namespace smartsurf::record

@@ -8,7 +8,10 @@
 #include <mutex>
 #include <system_error>
 
+#include "smartsurf/record/hdf5/AttributeArchive.h"
 #include "smartsurf/record/hdf5/Hdf5Meta.h"
+#include "smartsurf/record/hdf5/Hdf5Reading.h"
+#include "smartsurf/record/hdf5/Names.h"
 #include "smartsurf/record/hdf5/SurfaceLayout.h"
 
 namespace smartsurf::record {
@@ -61,9 +64,8 @@ struct Hdf5Recorder::OpenFile {
   void write_declarations(const RunMetadata& meta, const scene::SceneSpec& spec) {
     preallocator.preallocate(kMetadataBytes + 2 * (meta.program_text.size() + spec.source.size()));
     write_meta(file, meta, spec);
-    surface_group = write_surface(file, spec.surface);
-    objects_group = create_group(file, "objects");
-    catalogue.emplace(file, objects_group, spec.materials);
+    write_surface(file, spec.surface);
+    catalogue.emplace(file, create_group(file, paths::kObjects), spec.materials);
     catalogue->append(spec.objects);
     object_count = spec.objects.size();
     flush();
@@ -86,14 +88,14 @@ struct Hdf5Recorder::OpenFile {
   void buffer_frame(const scene::Snapshot& snapshot, std::span<const scene::ChannelData> sensors,
                     std::span<const scene::ChannelData> actuators, std::span<const NamedNumber> metrics);
   void buffer_metrics(std::span<const NamedNumber> metrics);
-  FrameSeries make_number_series(hid_t parent, const std::string& name, hid_t type,
-                                 std::vector<std::byte> no_value);
+  template <class Number>
+  FrameSeries make_number_series(hid_t parent, const std::string& name, Number no_value);
   void append_inputs(std::span<const scene::ChannelData> actuators);
   void write_buffered();
 
   scene::RecordSpec record;
   scene::SurfaceSpec surface;
-  Handle file, surface_group, objects_group;
+  Handle file;
   FilePreallocator preallocator;
   std::optional<CatalogueWriter> catalogue;
   std::vector<scene::ObjectSpec> pending_objects;  // not yet in the file's catalogue
@@ -130,7 +132,7 @@ FrameSeries Hdf5Recorder::OpenFile::make_grid_series(hid_t parent, std::string_v
 
 FrameSeries Hdf5Recorder::OpenFile::make_pose_series(const char* name, hsize_t width) {
   const hsize_t columns = std::clamp<hsize_t>(object_count, 16, 256);
-  return {objects_group, name,
+  return {file, name,
           FrameSeries::Layout{.type = H5T_NATIVE_FLOAT,
                               .row = {object_count, width},
                               .chunk_frames = buffer_capacity,
@@ -139,10 +141,14 @@ FrameSeries Hdf5Recorder::OpenFile::make_pose_series(const char* name, hsize_t w
           buffer_capacity};
 }
 
-FrameSeries Hdf5Recorder::OpenFile::make_number_series(hid_t parent, const std::string& name, hid_t type,
-                                                       std::vector<std::byte> no_value) {
+template <class Number>
+FrameSeries Hdf5Recorder::OpenFile::make_number_series(hid_t parent, const std::string& name,
+                                                       Number no_value) {
   return {
-      parent, name, {.type = type, .chunk_frames = 1024, .fill_value = std::move(no_value)}, buffer_capacity};
+      parent,
+      name,
+      {.type = native_type<Number>(), .chunk_frames = 1024, .fill_value = FrameSeries::to_bytes(no_value)},
+      buffer_capacity};
 }
 
 template <class ChannelSpec>
@@ -158,9 +164,7 @@ void Hdf5Recorder::OpenFile::create_channels(const char* group, std::span<const 
         make_grid_series(parent, channel.name, channel.rows, channel.columns, channel.components));
     const auto spec = std::ranges::find(specs, channel.name, &ChannelSpec::name);
     if (spec == specs.end()) continue;
-    write_attribute(series.back().dataset(), "unit", spec->unit);
-    write_attribute(series.back().dataset(), "minimum", spec->minimum);
-    write_attribute(series.back().dataset(), "maximum", spec->maximum);
+    archive_channel(AttributeWriter(series.back().dataset()), *spec);
   }
 }
 
@@ -177,36 +181,33 @@ void Hdf5Recorder::OpenFile::create_series(const scene::Snapshot& first,
   require_memory(bytes);
   buffer_capacity = frames_that_fit(kMaxBufferBytes, bytes);
 
-  const auto numbers = [&](const char* name, hid_t type, auto no_value) {
-    return make_number_series(file, name, type, FrameSeries::to_bytes(no_value));
-  };
-  constexpr auto kNoTick = std::numeric_limits<std::uint64_t>::max();
-  tick.emplace(numbers("tick", H5T_NATIVE_UINT64, kNoTick));
-  time.emplace(numbers("time", H5T_NATIVE_DOUBLE, std::numeric_limits<double>::quiet_NaN()));
-  hash.emplace(numbers("hash", H5T_NATIVE_UINT64, std::uint64_t{0}));
-  contacts.emplace(numbers("contacts", H5T_NATIVE_UINT32, std::uint32_t{0}));
+  constexpr double kNoNumber = std::numeric_limits<double>::quiet_NaN();
+  tick.emplace(make_number_series(file, paths::kTick, std::numeric_limits<std::uint64_t>::max()));
+  time.emplace(make_number_series(file, paths::kTime, kNoNumber));
+  hash.emplace(make_number_series(file, paths::kHash, std::uint64_t{0}));
+  contacts.emplace(make_number_series(file, paths::kContacts, std::uint32_t{0}));
   if (record.objects) {
-    position.emplace(make_pose_series("position", 3));
-    orientation.emplace(make_pose_series("orientation", 4));
-    velocity.emplace(make_pose_series("velocity", 3));
-    angular_velocity.emplace(make_pose_series("angular_velocity", 3));
+    position.emplace(make_pose_series(paths::kPosition, 3));
+    orientation.emplace(make_pose_series(paths::kOrientation, 4));
+    velocity.emplace(make_pose_series(paths::kVelocity, 3));
+    angular_velocity.emplace(make_pose_series(paths::kAngularVelocity, 3));
   }
-  heights.emplace(surface_group, "changes", static_cast<std::size_t>(surface.cell_count()));
+  heights.emplace(file, paths::kHeightChanges, static_cast<std::size_t>(surface.cell_count()));
   if (!first.actuator_state.empty())
-    motion.emplace(surface_group, "motion",
+    motion.emplace(file, paths::kMotion,
                    kValuesPerActuatorState * static_cast<std::size_t>(surface.cell_count()));
-  if (surface.skin) skin.emplace(surface_group, "skin/height", first.skin_height.size());
+  if (surface.skin) skin.emplace(file, paths::kSkinHeight, first.skin_height.size());
   if (record.sensors)
-    create_channels("sensors", sensors, scene::collect_channels(surface.sensors), sensor_series);
+    create_channels(paths::kSensors, sensors, scene::collect_channels(surface.sensors), sensor_series);
   if (record.actuators) {
-    create_channels("actuators", actuators, surface.actuator_channels(), actuator_series);
-    height.emplace(make_grid_series(surface_group, "height", surface.rows, surface.columns, 1));
+    create_channels(paths::kActuators, actuators, surface.actuator_channels(), actuator_series);
+    height.emplace(make_grid_series(file, paths::kHeight, surface.rows, surface.columns, 1));
   }
   series_created = true;
 }
 
 void Hdf5Recorder::OpenFile::add_objects(const std::vector<scene::ObjectSpec>& all) {
-  pending_objects.insert(pending_objects.end(), all.begin() + static_cast<std::ptrdiff_t>(object_count),
+  pending_objects.insert(pending_objects.end(), all.begin() + object_count,
                          all.end());
   object_count = all.size();
   if (!series_created || !record.objects) return;
@@ -223,10 +224,10 @@ void Hdf5Recorder::OpenFile::buffer_objects(const scene::Snapshot& snapshot) {
   for (std::size_t i = 0; i < snapshot.object_count(); ++i) {
     const std::size_t id = snapshot.id[i];
     assert(id < object_count);
-    std::copy_n(snapshot.position[i].begin(), 3, p.begin() + static_cast<std::ptrdiff_t>(3 * id));
-    std::copy_n(snapshot.orientation[i].begin(), 4, q.begin() + static_cast<std::ptrdiff_t>(4 * id));
-    std::copy_n(snapshot.velocity[i].begin(), 3, v.begin() + static_cast<std::ptrdiff_t>(3 * id));
-    std::copy_n(snapshot.angular_velocity[i].begin(), 3, w.begin() + static_cast<std::ptrdiff_t>(3 * id));
+    std::copy_n(snapshot.position[i].begin(), 3, p.begin() + 3 * id);
+    std::copy_n(snapshot.orientation[i].begin(), 4, q.begin() + 4 * id);
+    std::copy_n(snapshot.velocity[i].begin(), 3, v.begin() + 3 * id);
+    std::copy_n(snapshot.angular_velocity[i].begin(), 3, w.begin() + 3 * id);
   }
   if (snapshot.id.empty()) return;
   live_begin = live_end == 0 ? snapshot.id.front() : std::min(live_begin, snapshot.id.front());
@@ -249,9 +250,8 @@ void Hdf5Recorder::OpenFile::buffer_metrics(std::span<const NamedNumber> metrics
     auto& series = metric_series.emplace_back();
     if (!is_valid_channel_name(metrics[i].first)) continue;
     require_memory(0);
-    if (metrics_group < 0) metrics_group = create_group(file, "metrics");
-    series = make_number_series(metrics_group, metrics[i].first, H5T_NATIVE_DOUBLE,
-                                FrameSeries::to_bytes(std::numeric_limits<double>::quiet_NaN()));
+    if (metrics_group < 0) metrics_group = create_group(file, paths::kMetrics);
+    series = make_number_series(metrics_group, metrics[i].first, std::numeric_limits<double>::quiet_NaN());
   }
   for (std::size_t i = 0; i < metrics.size(); ++i)
     if (metric_series[i]) metric_series[i]->row<double>(buffered_frames)[0] = metrics[i].second;
@@ -308,10 +308,10 @@ void Hdf5Recorder::OpenFile::append_inputs(std::span<const scene::ChannelData> a
       values += channel.values.size();
       names += (names.empty() ? "" : ",") + std::string(channel.name);
     }
-    const Handle group = create_group(file, "inputs");
-    write_attribute(group, "values", values);
+    const Handle group = create_group(file, paths::kInputs);
+    write_attribute(group, paths::kInputValues, values);
     write_attribute(group, "channels", names);
-    inputs.emplace(group, "changes", values);
+    inputs.emplace(file, paths::kInputChanges, values);
   }
   std::size_t first = 0;
   for (const scene::ChannelData& channel : actuators) {
@@ -457,8 +457,7 @@ void Hdf5Recorder::mark_user_interaction(std::uint64_t tick) {
     if (std::exchange(content.interaction_marked, true)) return;
     require_memory(0);
     content.preallocator.preallocate(kMetadataBytes);
-    const Handle meta(H5Gopen2(content.file, "meta", H5P_DEFAULT), H5Gclose, "group meta");
-    write_attribute(meta, "touched_by_hand", tick);
+    write_attribute(open_group(content.file, paths::kMeta), paths::kTouchedByHand, tick);
     content.flush();
   });
 }
@@ -467,13 +466,7 @@ void Hdf5Recorder::close(const RunResult& result) {
   with_open_file([&](OpenFile& content) {
     content.write_buffered();
     content.preallocator.preallocate(kMetadataBytes + result.outcome.size());
-    const Handle meta(H5Gopen2(content.file, "meta", H5P_DEFAULT), H5Gclose, "group meta");
-    write_attribute(meta, "outcome", result.outcome);
-    write_attribute(meta, "ticks", result.ticks);
-    write_attribute(meta, "simulated_s", result.simulated_s);
-    write_attribute(meta, "state_hash", result.state_hash);
-    if (result.success) write_attribute(meta, "success", std::uint64_t{*result.success});
-    if (result.success_s) write_attribute(meta, "success_s", *result.success_s);
+    write_result(content.file, result);
     content.flush();
     if (content.written_frames > 0)
       pending_->commit();

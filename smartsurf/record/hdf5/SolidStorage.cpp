@@ -5,7 +5,9 @@
 #include <cmath>
 #include <string>
 
+#include "smartsurf/record/hdf5/AttributeArchive.h"
 #include "smartsurf/record/hdf5/Hdf5Reading.h"
+#include "smartsurf/record/hdf5/Names.h"
 
 namespace smartsurf::record {
 namespace {
@@ -15,18 +17,17 @@ constexpr hsize_t kMaxValues = hsize_t{1} << 28;      // per dataset; more is im
 
 // Writes a table of count × width numbers, or a column of count if width is 1.
 template <class Number>
-void write_table(hid_t group, const char* name, hid_t type, const std::vector<Number>& numbers,
-                 hsize_t width) {
+void write_table(hid_t group, const char* name, const std::vector<Number>& numbers, hsize_t width) {
   const hsize_t size[] = {numbers.size() / width, width};
   const Handle space(H5Screate_simple(width == 1 ? 1 : 2, size, nullptr), H5Sclose, name);
   const Handle properties(H5Pcreate(H5P_DATASET_CREATE), H5Pclose, name);
   check(H5Pset_obj_track_times(properties, false), name);
-  const Handle dataset = create_dataset(group, name, type, space, properties);
-  check(H5Dwrite(dataset, type, H5S_ALL, H5S_ALL, H5P_DEFAULT, numbers.data()), name);
+  const Handle dataset = create_dataset(group, name, native_type<Number>(), space, properties);
+  check(H5Dwrite(dataset, native_type<Number>(), H5S_ALL, H5S_ALL, H5P_DEFAULT, numbers.data()), name);
 }
 
 template <class Number>
-std::vector<Number> read_table(hid_t group, const char* name, hid_t type, hsize_t width) {
+std::vector<Number> read_table(hid_t group, const char* name, hsize_t width) {
   const Handle dataset = open_dataset(group, name);
   const std::vector<hsize_t> size = extents(dataset);
   if (size.size() != (width == 1 ? 1U : 2U) || (width > 1 && size[1] != width))
@@ -36,7 +37,7 @@ std::vector<Number> read_table(hid_t group, const char* name, hid_t type, hsize_
     throw Hdf5Error(std::string("dataset ") + name + " of a solid is incomplete");
   std::vector<Number> numbers(size[0] * width);
   if (!numbers.empty())
-    check(H5Dread(dataset, type, H5S_ALL, H5S_ALL, H5P_DEFAULT, numbers.data()),
+    check(H5Dread(dataset, native_type<Number>(), H5S_ALL, H5S_ALL, H5P_DEFAULT, numbers.data()),
           std::string("dataset ") + name);
   return numbers;
 }
@@ -56,16 +57,20 @@ std::vector<Eigen::Vector3f> unflatten_points(const std::vector<float>& numbers)
   return points;
 }
 
-// A solid's convex hulls as columns.
-struct HullColumns {
-  std::vector<float> corners;
+// A solid's mesh and convex hulls as columns.
+struct SolidColumns {
+  std::vector<float> vertices;                          // of the mesh that is drawn
+  std::vector<std::uint32_t> triangles;                 // likewise
+  std::vector<float> corners;                           // of all hulls
   std::vector<std::uint32_t> corner_count, face_count;  // per hull
   std::vector<std::uint32_t> face_size;                 // per face
   std::vector<std::uint16_t> face_corners;              // indices into the hull's own corners
 };
 
-HullColumns to_columns(const scene::Solid& solid) {
-  HullColumns columns;
+SolidColumns to_columns(const scene::Solid& solid) {
+  SolidColumns columns;
+  columns.vertices = flatten_points(solid.vertices);
+  for (const auto& t : solid.triangles) columns.triangles.insert(columns.triangles.end(), t.begin(), t.end());
   for (const scene::ConvexHull& hull : solid.hulls) {
     const std::vector<float> corners = flatten_points(hull.vertices);
     columns.corners.insert(columns.corners.end(), corners.begin(), corners.end());
@@ -96,7 +101,7 @@ class SpanReader {
   std::span<const Number> remaining_;
 };
 
-std::vector<scene::ConvexHull> to_hulls(const HullColumns& columns) {
+std::vector<scene::ConvexHull> to_hulls(const SolidColumns& columns) {
   const std::vector<Eigen::Vector3f> all_corners = unflatten_points(columns.corners);
   SpanReader<Eigen::Vector3f> corner_reader(all_corners);
   SpanReader<std::uint32_t> face_size_reader(columns.face_size);
@@ -120,44 +125,54 @@ std::vector<scene::ConvexHull> to_hulls(const HullColumns& columns) {
   return hulls;
 }
 
+// Calls table(name, column, width) for each dataset, in the order in which they are written.
+template <class Columns, class Table>
+void for_each_table(Columns& columns, Table table) {
+  table("vertices", columns.vertices, 3);
+  table("triangles", columns.triangles, 3);
+  table("corners", columns.corners, 3);
+  table("corner_count", columns.corner_count, 1);
+  table("face_count", columns.face_count, 1);
+  table("face_size", columns.face_size, 1);
+  table(kLastDataset, columns.face_corners, 1);
+}
+
+template <class Archive, class Solid>
+void archive_attributes(const Archive& a, Solid& solid) {
+  a("source", solid.source);
+  a("volume", solid.volume);
+  std::array<double, 9> inertia;
+  Eigen::Map<Eigen::Matrix3d> matrix(inertia.data());
+  matrix = solid.inertia;
+  a("inertia", inertia);
+  if constexpr (Archive::kReads) solid.inertia = matrix;
+}
+
 void write_solid(hid_t group, const scene::Solid& solid) {
-  write_attribute(group, "source", solid.source);
-  write_attribute(group, "volume", solid.volume);
-  write_attribute(group, "inertia", H5T_NATIVE_DOUBLE, solid.inertia.data(), 9);
-  std::vector<std::uint32_t> triangles;
-  for (const auto& t : solid.triangles) triangles.insert(triangles.end(), t.begin(), t.end());
-  const HullColumns columns = to_columns(solid);
-  write_table(group, "vertices", H5T_NATIVE_FLOAT, flatten_points(solid.vertices), 3);
-  write_table(group, "triangles", H5T_NATIVE_UINT32, triangles, 3);
-  write_table(group, "corners", H5T_NATIVE_FLOAT, columns.corners, 3);
-  write_table(group, "corner_count", H5T_NATIVE_UINT32, columns.corner_count, 1);
-  write_table(group, "face_count", H5T_NATIVE_UINT32, columns.face_count, 1);
-  write_table(group, "face_size", H5T_NATIVE_UINT32, columns.face_size, 1);
-  write_table(group, kLastDataset, H5T_NATIVE_UINT16, columns.face_corners, 1);
+  archive_attributes(AttributeWriter(group), solid);
+  const SolidColumns columns = to_columns(solid);
+  for_each_table(columns, [&](const char* name, const auto& column, hsize_t width) {
+    write_table(group, name, column, width);
+  });
 }
 
 scene::Solid read_solid(hid_t group) {
   scene::Solid solid;
-  solid.source = read_text_attribute(group, "source");
-  read_attribute(group, "volume", H5T_NATIVE_DOUBLE, &solid.volume);
-  read_attribute(group, "inertia", H5T_NATIVE_DOUBLE, solid.inertia.data(), 9);
-  if (!(solid.volume > 0.0) || !std::isfinite(solid.volume) || !solid.inertia.allFinite())
+  archive_attributes(AttributeReader(group), solid);
+  if (!(solid.volume > 0.0) || !solid.inertia.allFinite())
     throw Hdf5Error("a solid has no volume or inertia");
-  solid.vertices = unflatten_points(read_table<float>(group, "vertices", H5T_NATIVE_FLOAT, 3));
+  SolidColumns columns;
+  for_each_table(columns, [&]<class Number>(const char* name, std::vector<Number>& column, hsize_t width) {
+    column = read_table<Number>(group, name, width);
+  });
+  solid.vertices = unflatten_points(columns.vertices);
   if (solid.vertices.empty()) throw Hdf5Error("a solid has no vertices");
-  const auto triangles = read_table<std::uint32_t>(group, "triangles", H5T_NATIVE_UINT32, 3);
-  for (std::size_t i = 0; i + 2 < triangles.size(); i += 3) {
-    solid.triangles.push_back({triangles[i], triangles[i + 1], triangles[i + 2]});
-    if (*std::max_element(solid.triangles.back().begin(), solid.triangles.back().end()) >=
-        solid.vertices.size())
+  for (std::size_t i = 0; i + 2 < columns.triangles.size(); i += 3) {
+    const auto& t = solid.triangles.emplace_back(
+        std::array{columns.triangles[i], columns.triangles[i + 1], columns.triangles[i + 2]});
+    if (std::ranges::max(t) >= solid.vertices.size())
       throw Hdf5Error("a triangle of a solid has a vertex index out of range");
   }
-  HullColumns columns;
-  columns.corners = read_table<float>(group, "corners", H5T_NATIVE_FLOAT, 3);
-  columns.corner_count = read_table<std::uint32_t>(group, "corner_count", H5T_NATIVE_UINT32, 1);
-  columns.face_count = read_table<std::uint32_t>(group, "face_count", H5T_NATIVE_UINT32, 1);
-  columns.face_size = read_table<std::uint32_t>(group, "face_size", H5T_NATIVE_UINT32, 1);
-  columns.face_corners = read_table<std::uint16_t>(group, kLastDataset, H5T_NATIVE_UINT16, 1);
   solid.hulls = to_hulls(columns);
   scene::compute_bounds(solid);
   return solid;
@@ -165,7 +180,7 @@ scene::Solid read_solid(hid_t group) {
 
 }  // namespace
 
-SolidWriter::SolidWriter(hid_t file) : group_(create_group(file, "solids")) {}
+SolidWriter::SolidWriter(hid_t file) : group_(create_group(file, paths::kSolids)) {}
 
 void SolidWriter::add(std::span<const scene::ObjectSpec> objects) {
   for (const scene::ObjectSpec& object : objects) {
@@ -190,7 +205,7 @@ std::uint64_t SolidWriter::max_bytes(std::span<const scene::ObjectSpec> objects)
     if (!object.solid || indices_.contains(object.solid) ||
         !new_solids.try_emplace(object.solid, true).second)
       continue;
-    const HullColumns columns = to_columns(*object.solid);
+    const SolidColumns columns = to_columns(*object.solid);
     bytes += kBytesPerSolid + 12 * (object.solid->vertices.size() + object.solid->triangles.size()) +
              4 * (columns.corners.size() + columns.corner_count.size() + columns.face_count.size() +
                   columns.face_size.size()) +
@@ -201,11 +216,10 @@ std::uint64_t SolidWriter::max_bytes(std::span<const scene::ObjectSpec> objects)
 
 std::vector<std::shared_ptr<const scene::Solid>> read_solids(hid_t file) {
   std::vector<std::shared_ptr<const scene::Solid>> solids;
-  if (!has_link(file, "solids")) return solids;
-  const Handle solids_group(H5Gopen2(file, "solids", H5P_DEFAULT), H5Gclose, "has no group solids");
+  if (!has_link(file, paths::kSolids)) return solids;
+  const Handle solids_group = open_group(file, paths::kSolids);
   for (std::string name = "0"; has_link(solids_group, name.c_str()); name = std::to_string(solids.size())) {
-    const Handle group(H5Gopen2(solids_group, name.c_str(), H5P_DEFAULT), H5Gclose,
-                       "solids/" + name + " is not a group");
+    const Handle group = open_group(solids_group, name.c_str());
     if (!has_link(group, kLastDataset)) break;  // incomplete: the run was killed
     solids.push_back(std::make_shared<const scene::Solid>(read_solid(group)));
   }

@@ -24,10 +24,10 @@ void select_font(cairo_t* cr, double size, bool bold) {
 }
 
 std::vector<double> ticks_of(const Axis& axis) {
-  if (!axis.log) return tick_values(axis.min, axis.max);
+  const auto [low, high] = std::minmax(axis.min, axis.max);
+  if (!axis.log) return tick_values(low, high);
   std::vector<double> powers;
-  for (double exponent = std::ceil(std::log10(axis.min) - 1e-9); exponent <= std::log10(axis.max) + 1e-9;
-       ++exponent)
+  for (double exponent = std::ceil(std::log10(low) - 1e-9); exponent <= std::log10(high) + 1e-9; ++exponent)
     powers.push_back(std::pow(10.0, exponent));
   return powers;
 }

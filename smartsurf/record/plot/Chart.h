@@ -26,10 +26,10 @@ constexpr Rgba kLineColours[] = {{0.00, 0.45, 0.70}, {0.84, 0.37, 0.00}, {0.00, 
 enum class Align { kLeft, kCentre, kRight };
 
 struct Axis {
-  double min, max;  // in the data's unit
+  double min, max;  // in the data's unit; min > max: the axis is reversed
   std::string title;
-  bool log = false;                     // 0 < min
-  std::vector<std::string> categories;  // at 0, 1, …, instead of numbers
+  bool log = false;                          // 0 < min
+  std::vector<std::string> categories = {};  // at 0, 1, …, instead of numbers
   // The position of a value: 0 at min, 1 at max.
   double fraction(double value) const;
 };

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 #include <utility>
 
 #include "common/index/Index.h"
@@ -36,12 +37,11 @@ Axis make_axis(const ChartSpec& spec, const ChartAxis& axis, std::vector<double>
       high = std::max(high, value);
     }
   if (!(low <= high)) low = axis.log ? 0.1 : 0.0, high = 1.0;
-  if (axis.log)
-    return {std::pow(10.0, std::floor(std::log10(low))),
-            std::pow(10.0, std::ceil(std::log10(high * 1.0001))),
-            axis.title,
-            true,
-            {}};
+  if (axis.log) {
+    // Whole decades, of which the lowest value leaves some for its bar.
+    const double first = std::floor(std::log10(low) - 1e-9), last = std::ceil(std::log10(high) - 1e-9);
+    return {std::pow(10.0, first), std::pow(10.0, std::max(last, first + 1.0)), axis.title, true};
+  }
   if (!is_y) return {low, std::max(high, low + 1e-3), axis.title};
   // Start at zero if the values still fill more than half of the axis.
   if (low > 0.0 && low < 0.5 * high) low = 0.0;
@@ -145,7 +145,7 @@ void ChartFigure::Panel::draw_rule(cairo_t* cr) const {
 double ChartFigure::Panel::legend_entry() const {
   std::size_t longest = 0;
   for (const LegendEntry& entry : legend) longest = std::max(longest, entry.name.size());
-  return std::min(kMaxLegendEntry, 40.0 + 7.5 * static_cast<double>(longest));
+  return std::min(kMaxLegendEntry, 30.0 + 7.0 * static_cast<double>(longest));
 }
 
 void ChartFigure::Panel::draw_legend(cairo_t* cr) const {
@@ -164,7 +164,7 @@ void ChartFigure::Panel::draw_legend(cairo_t* cr) const {
       cairo_fill(cr);
     }
     set_pen(cr, kBlack);
-    draw_text(cr, x + 28.0, y, legend[i].name, 12.0, Align::kLeft, false, entry_width - 36.0);
+    draw_text(cr, x + 28.0, y, legend[i].name, 12.0, Align::kLeft, false, entry_width - 32.0);
   }
 }
 

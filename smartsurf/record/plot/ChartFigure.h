@@ -15,29 +15,29 @@ struct ChartLayer {
   // kBar: the values y of the categories of the x axis, beside those of the other bar layers. kRect: an image.
   enum class Mark { kLine, kPoint, kBar, kRect };
   Mark mark = Mark::kLine;
-  std::string name;  // in the legend; "" = not there
-  std::optional<Rgba> color;
-  bool point = false;                    // a line has a point at each value
-  std::vector<double> x, y;              // not finite: the line has a gap, the bar is missing
-  std::vector<std::vector<int>> values;  // kRect: rows of indices into `colors`; row 0 on top
-  std::vector<std::string> labels;       // kRect: of the colours, in the legend
-  std::vector<Rgba> colors;
+  std::string name = {};  // in the legend; "" = not there
+  std::optional<Rgba> color = {};
+  bool point = false;                         // a line has a point at each value
+  std::vector<double> x = {}, y = {};         // not finite: the line has a gap, the bar is missing
+  std::vector<std::vector<int>> values = {};  // kRect: rows of indices into `colors`; row 0 on top
+  std::vector<std::string> labels = {};       // kRect: of the colours, in the legend
+  std::vector<Rgba> colors = {};
 };
 
 struct ChartAxis {
-  std::string title;
+  std::string title = {};
   bool log = false;
-  std::optional<std::array<double, 2>> domain;  // default: from the data
-  std::vector<std::string> categories;          // x only: at 0, 1, …; the numbers are not shown
+  std::optional<std::array<double, 2>> domain = {};  // default: from the data
+  std::vector<std::string> categories = {};          // x only: at 0, 1, …; the numbers are not shown
 };
 
 struct ChartSpec {
-  std::string title, subtitle;
+  std::string title = {}, subtitle = {};
   double width = 810.0, height = 454.0;  // points, all included
-  ChartAxis x, y;
-  std::vector<ChartLayer> layers;
-  std::optional<double> rule;  // x of a vertical line
-  std::string rule_label;
+  ChartAxis x = {}, y = {};
+  std::vector<ChartLayer> layers = {};
+  std::optional<double> rule = {};  // x of a vertical line
+  std::string rule_label = {};
 };
 
 class ChartFigure final : public Figure {

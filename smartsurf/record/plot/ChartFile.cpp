@@ -1,6 +1,8 @@
 #include "smartsurf/record/plot/ChartFile.h"
 
-#include <cmath>
+#include <algorithm>
+#include <cstdio>
+#include <iterator>
 #include <limits>
 #include <nlohmann/json.hpp>
 
@@ -21,7 +23,7 @@ class Fields {
  public:
   Fields(const json& object, std::string name, const std::vector<std::string>& known)
       : object_(object), name_(std::move(name)) {
-    if (!object_.is_object()) fail(name_ + ": must be an object");
+    if (!object_.is_object()) fail((name_.empty() ? "a chart" : name_) + ": must be an object");
     for (const auto& [key, value] : object_.items())
       if (std::ranges::find(known, key) == known.end())
         fail(place(key) + ": no such field" + common::did_you_mean(key, known));
@@ -82,8 +84,9 @@ ChartAxis read_axis(const json& object, const std::string& name) {
   axis.log = scale == "log";
   if (std::vector<double> domain; fields.find("domain") != nullptr) {
     fields.read_numbers("domain", domain);
-    if (domain.size() != 2 || !(domain[0] < domain[1]) || (axis.log && domain[0] <= 0.0))
-      fail(fields.place("domain") + ": must be two ascending numbers" + (axis.log ? " above 0" : ""));
+    if (domain.size() != 2 || !(domain[0] < domain[1] || domain[0] > domain[1]) ||
+        (axis.log && std::min(domain[0], domain[1]) <= 0.0))
+      fail(fields.place("domain") + ": must be two different numbers" + (axis.log ? " above 0" : ""));
     axis.domain = {domain[0], domain[1]};
   }
   return axis;
@@ -108,11 +111,12 @@ void read_image(const Fields& fields, ChartLayer& layer) {
 }
 
 ChartLayer read_layer(const json& object, const std::string& name) {
-  using Mark = ChartLayer::Mark;
   const Fields fields(object, name,
                       {"mark", "name", "color", "point", "x", "y", "values", "colors", "labels"});
-  constexpr std::pair<const char*, Mark> kMarks[] = {
-      {"line", Mark::kLine}, {"point", Mark::kPoint}, {"bar", Mark::kBar}, {"rect", Mark::kRect}};
+  constexpr std::pair<const char*, ChartLayer::Mark> kMarks[] = {{"line", ChartLayer::Mark::kLine},
+                                                                 {"point", ChartLayer::Mark::kPoint},
+                                                                 {"bar", ChartLayer::Mark::kBar},
+                                                                 {"rect", ChartLayer::Mark::kRect}};
   ChartLayer layer;
   std::string mark, color;
   fields.read("mark", mark);
@@ -127,9 +131,9 @@ ChartLayer read_layer(const json& object, const std::string& name) {
   if (!color.empty()) layer.color = parse_color(color, fields.place("color"));
   fields.read_numbers("x", layer.x);
   fields.read_numbers("y", layer.y);
-  if (layer.mark == Mark::kRect)
+  if (layer.mark == ChartLayer::Mark::kRect)
     read_image(fields, layer);
-  else if (layer.mark != Mark::kBar && layer.x.size() != layer.y.size())
+  else if (layer.mark != ChartLayer::Mark::kBar && layer.x.size() != layer.y.size())
     fail(fields.place("y") + ": must be as long as x");
   return layer;
 }

@@ -83,7 +83,7 @@ void TimeSpentPlot::accumulate(const Recording& recording, const std::vector<boo
                      north = std::floor((position[1] - grid.south) / surface_.pitch);
         if (column < 0.0 || north < 0.0 || column >= grid.columns || north >= grid.rows) continue;
         const int row = grid.rows - 1 - static_cast<int>(north);
-        seconds_[static_cast<std::size_t>(row * grid.columns + static_cast<int>(column))] += dt_s;
+        seconds_[row * grid.columns + static_cast<int>(column)] += dt_s;
       }
     }
   }

@@ -214,7 +214,7 @@ void TrajectoryPlot::draw_surface(cairo_t* cr) const {
 }
 
 void TrajectoryPlot::draw_group(cairo_t* cr, const Group& group) const {
-  set_line_style(cr, line_styles()[static_cast<std::size_t>(group.style)], 1.2, 0.75);
+  set_line_style(cr, line_styles()[group.style], 1.2, 0.75);
   for (const std::size_t i : group.objects) {
     for (const Point& point : paths_[i]) cairo_line_to(cr, chart_.px(point[0]), chart_.py(point[1]));
     cairo_stroke(cr);
@@ -223,7 +223,7 @@ void TrajectoryPlot::draw_group(cairo_t* cr, const Group& group) const {
 }
 
 void TrajectoryPlot::draw_marks(cairo_t* cr, const Group& group) const {
-  const Rgba ink = line_styles()[static_cast<std::size_t>(group.style)].ink;
+  const Rgba ink = line_styles()[group.style].ink;
   for (const std::size_t i : group.objects) {
     if (paths_[i].empty()) continue;
     const Point from = paths_[i].front(), to = paths_[i].back();
@@ -243,7 +243,7 @@ void TrajectoryPlot::draw_legend(cairo_t* cr) const {
     std::string text = i == groups_.size() ? "start" : "end";
     if (i < groups_.size()) {
       text = groups_[i].name + " (" + std::to_string(groups_[i].objects.size()) + ")";
-      set_line_style(cr, line_styles()[static_cast<std::size_t>(groups_[i].style)], 1.8, 1.0);
+      set_line_style(cr, line_styles()[groups_[i].style], 1.8, 1.0);
       draw_line(cr, x, y, x + 36.0, y);
       cairo_set_dash(cr, nullptr, 0, 0.0);
     } else if (i == groups_.size()) {

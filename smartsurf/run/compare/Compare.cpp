@@ -39,7 +39,7 @@ Verdict judge(const EngineTrace& first, const EngineTrace& second, scene::Object
   const scene::ObjectSpec& spec = first.catalogue[id];
   Verdict verdict;
   verdict.id = id;
-  verdict.name = spec.label.empty() ? kShapeNames[static_cast<std::size_t>(spec.shape)] : spec.label;
+  verdict.name = spec.label.empty() ? kShapeNames[static_cast<int>(spec.shape)] : spec.label;
   verdict.size = 2.0 * spec.half_extents().maxCoeff();
   const std::vector<double> apart = distances(first, second, id);
   const EngineTrace* runs[] = {&first, &second};

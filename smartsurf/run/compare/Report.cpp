@@ -116,8 +116,7 @@ std::string describe(const Comparison& comparison, const EngineTrace& first, con
 void write_report(const Comparison& comparison, const EngineTrace& first, const EngineTrace& second,
                   const std::string& experiment, const std::filesystem::path& folder) {
   const std::size_t ticks = std::min(first.time_s.size(), second.time_s.size());
-  const std::vector<double> time(first.time_s.begin(),
-                                 first.time_s.begin() + static_cast<std::ptrdiff_t>(ticks));
+  const std::vector<double> time(first.time_s.begin(), first.time_s.begin() + ticks);
   const std::string subtitle = fmt::format(
       "{} · {} and {}", std::filesystem::path(experiment).filename().string(), first.engine, second.engine);
   record::TimeSeries apart{"Distance between the engines", "distance [u]", {}};

@@ -36,7 +36,7 @@ struct DisplayRequests {
   std::string open_file;       // an experiment or recording to open instead, or ""
 };
 
-// What the window shows besides the scene.
+// The contents of the window besides the scene.
 struct DisplayStatus {
   double real_time_factor = 0.0;
   std::optional<double> requested_pace;

@@ -164,7 +164,7 @@ std::optional<Run::Restart> Run::take_restart() {
   return std::exchange(restart_, std::nullopt);
 }
 
-// Nobody could end a run that has neither a window nor an end tick.
+// A run that has neither a window nor an end tick could not be ended, so it ends here.
 void Run::handle_display_loss() {
   requests_.display_lost = requests_.paused = false;
   if (!end_tick_) set_ending(common::kFailed, "the display was lost");

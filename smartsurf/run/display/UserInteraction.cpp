@@ -14,8 +14,7 @@ constexpr double kSpringFrequency_Hz = 1.5;
 constexpr double kMaxAcceleration = 400.0;  // u/s²; limits the effect of pointer jumps
 
 double object_mass(const scene::SceneSpec& scene, const scene::ObjectSpec& object) {
-  return object.mass.value_or(scene.materials[static_cast<std::size_t>(object.material)].density *
-                              object.volume());
+  return object.mass.value_or(scene.materials[object.material].density * object.volume());
 }
 
 // Applies a critically damped spring between the grip and the target, and compensates gravity. The frequency
@@ -82,8 +81,7 @@ void UserInteraction::apply_fault(const view::Fault& fault, simulation::Simulati
   if (fault.kind == view::FaultKind::kNone) return write_targets(cell, cell.original_targets, simulation);
   const scene::SurfaceSpec& surface = simulation.scene().surface;
   const std::vector<scene::ActuatorChannel> channels = surface.actuator_channels();
-  const float height =
-      simulation.snapshot().height[static_cast<std::size_t>(surface.index(fault.row, fault.column))];
+  const float height = simulation.snapshot().height[surface.index(fault.row, fault.column)];
   for (std::size_t k = 0; k < channels.size(); ++k) {
     if (fault.kind == view::FaultKind::kDead)
       cell.targets[k] = static_cast<float>(channels[k].safe_value);

@@ -3,6 +3,8 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
+#include <algorithm>
+
 #include "common/text/Suggestion.h"
 
 namespace smartsurf::run {
@@ -59,7 +61,7 @@ std::span<const view::Channel> ViewChannels::update(const simulation::Simulation
     for (const scene::ChannelData& data : group) {
       const std::size_t cells = data.values.size() / static_cast<std::size_t>(data.components);
       for (int i = 0; i < data.components; ++i)
-        channels_[next++].values = data.values.subspan(static_cast<std::size_t>(i) * cells, cells);
+        channels_[next++].values = data.values.subspan(i * cells, cells);
     }
   return channels_;
 }
@@ -75,9 +77,11 @@ namespace {
 void require_known(const std::string& flag, const std::string& name, const char* kind,
                    const std::vector<std::string>& known) {
   if (std::ranges::find(known, name) != known.end()) return;
-  throw scene::InputError(fmt::format("{} {}: no such {}{}; known: {}", flag, name, kind,
-                                      common::did_you_mean(name, known),
-                                      known.empty() ? "none" : fmt::format("{}", fmt::join(known, ", "))));
+  const std::string suggestion = common::nearest_name(name, known);
+  throw scene::InputError(
+      fmt::format("{} {}: no such {}{}; known: {}", flag, name, kind,
+                  suggestion.empty() ? "" : fmt::format(" (did you mean '{}'?)", suggestion),
+                  known.empty() ? "none" : fmt::format("{}", fmt::join(known, ", "))));
 }
 
 }  // namespace

@@ -77,9 +77,9 @@ std::string to_json(const RunSummary& run, const PhaseTimes& times) {
                     {"actuator_values_clamped", run.actuator_values_clamped},
                     {"metrics", metrics}};
   // Earlier versions wrote these names for every experiment.
-  if (const auto purity = metrics.find(record::kPurity); purity != metrics.end()) {
-    json[record::kPurity] = *purity;
-    json[record::kSortedAt] = json["success_s"];
+  if (const auto purity = metrics.find(std::string(record::kPurity)); purity != metrics.end()) {
+    json[std::string(record::kPurity)] = *purity;
+    json[std::string(record::kSortedAt)] = json["success_s"];
   }
   return json.dump(2) + "\n";
 }

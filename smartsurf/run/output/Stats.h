@@ -36,14 +36,14 @@ class PhaseTimes {
   // Adds the time since the last start() or lap() to the phase.
   void lap(Phase phase) noexcept {
     const auto now = Clock::now();
-    current_tick_[static_cast<std::size_t>(phase)] += now - lap_start_;
+    current_tick_[static_cast<int>(phase)] += now - lap_start_;
     lap_start_ = now;
   }
   void end_tick() noexcept;
   const DurationHistogram& histogram(Phase phase) const noexcept {
-    return histograms_[static_cast<std::size_t>(phase)];
+    return histograms_[static_cast<int>(phase)];
   }
-  double last_ms(Phase phase) const noexcept { return last_ms_[static_cast<std::size_t>(phase)]; }
+  double last_ms(Phase phase) const noexcept { return last_ms_[static_cast<int>(phase)]; }
 
  private:
   using Clock = std::chrono::steady_clock;

@@ -39,7 +39,7 @@ void Player::advance(double wall_s) {
 
 void Player::seek(std::ptrdiff_t frame) {
   const auto last = static_cast<std::ptrdiff_t>(frame_times_.size()) - 1;
-  position_s_ = frame_times_[static_cast<std::size_t>(std::clamp<std::ptrdiff_t>(frame, 0, last))];
+  position_s_ = frame_times_[std::clamp<std::ptrdiff_t>(frame, 0, last)];
 }
 
 }  // namespace smartsurf::run

@@ -116,8 +116,7 @@ void RecordedFrames::read(const view::Signal& signal, std::uint64_t first, std::
     all.resize(recording_.frames(), std::numeric_limits<double>::quiet_NaN());
     known = signals_.emplace(to_string(signal), std::move(all)).first;
   }
-  std::ranges::copy_n(known->second.begin() + static_cast<std::ptrdiff_t>(first), std::ssize(values),
-                      values.begin());
+  std::ranges::copy_n(known->second.begin() + first, std::ssize(values), values.begin());
 }
 
 std::vector<view::Signal> RecordedFrames::run_signals() const {

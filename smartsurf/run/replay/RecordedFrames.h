@@ -20,7 +20,7 @@ class RecordedFrames final : public view::History {
 
   // Valid until the next call.
   view::FrameInput frame_input(std::size_t frame);
-  // Without values.
+  // The channels, without values.
   std::span<const view::Channel> channels() const { return channels_; }
   // What the recording knows of the run: when it reached its goal, and when the user intervened.
   const std::vector<view::EventMark>& marks() const { return marks_; }

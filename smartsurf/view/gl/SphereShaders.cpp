@@ -64,7 +64,7 @@ void main() {
 }
 )";
 
-// For software renderers. The rays through one sphere are treated as parallel, and the shadow map is sampled
+// The variant for software renderers. The rays through one sphere are treated as parallel, and the shadow map is sampled
 // at the corners of the disc only. The depth is that of the disc: along such a ray, everything that does not
 // intersect the sphere lies in front of its near side or behind its far side, and the disc lies between them.
 // Writing gl_FragDepth would disable the early depth test.

@@ -19,7 +19,7 @@
 
 namespace smartsurf::view {
 
-// What happened in a run, marked on the timeline.
+// An event of a run, marked on the timeline.
 struct EventMark {
   enum class Kind {
     kScript,          // a callback of at() ran
@@ -69,7 +69,7 @@ struct Status {
   bool can_reset = false;            // the simulation can be restarted
 };
 
-// What a window shows at first.
+// The initial state of a window.
 struct ViewSettings {
   CameraView camera;
   FillMode fill_mode = FillMode::kSolid;
@@ -82,7 +82,7 @@ struct Commands {
   bool toggle_pause = false;
   int steps = 0;                      // single ticks while paused; negative: back along the timeline
   std::optional<std::size_t> seek;    // frame of the timeline to show
-  std::optional<double> seek_time_s;  // likewise: the first frame at or after this simulated time
+  std::optional<double> seek_time_s;  // show the first frame at or after this simulated time
   std::optional<double> pace;         // new pace, as Status::requested_pace
   bool quit = false;
   bool display_lost = false;    // the window is gone; no further calls are allowed
@@ -185,7 +185,7 @@ class Controls {
   bool labels_shown() const { return labels_; }
   bool entities_shown() const { return entities_; }
   bool plots_shown() const { return plots_; }
-  // Whether the action is a switch, and on.
+  // True if the action is a switch that is on.
   bool is_on(UiAction action) const;
   Tools& tools() { return tools_; }
   const Tools& tools() const { return tools_; }

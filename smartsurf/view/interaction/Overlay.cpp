@@ -152,7 +152,7 @@ void Overlay::add_sensor_rays(const FrameInput& input) {
     if (!hit || distance.values.empty()) continue;
     for (int row = 0; row < surface_.rows; ++row)
       for (int column = 0; column < surface_.columns; ++column) {
-        const std::size_t cell = static_cast<std::size_t>(surface_.index(row, column));
+        const int cell = surface_.index(row, column);
         if (!(hit->values[cell] > 0.5F)) continue;
         const Eigen::Vector2f at = surface_.centre(row, column).cast<float>();
         const float sensor_z = input.snapshot.height[cell];
@@ -184,7 +184,7 @@ void Overlay::add_selection(const FrameInput& input, const Tools& tools) {
     return;
   }
   const Eigen::Vector2d at = surface_.centre(item->row, item->column);
-  const double top = snapshot.height[static_cast<std::size_t>(surface_.index(item->row, item->column))];
+  const double top = snapshot.height[surface_.index(item->row, item->column)];
   const double length = surface_.pin.length;
   add_wire_box(lines_, {at.x(), at.y(), top - length / 2.0}, Eigen::Quaterniond::Identity(),
                {0.52 * surface_.pin.top_x, 0.52 * surface_.pin.top_y, 0.51 * length}, kSelectionColour);

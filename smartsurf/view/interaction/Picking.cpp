@@ -123,7 +123,7 @@ std::optional<PickHit> pick_cell(const Ray& ray, const scene::SurfaceSpec& s,
     const int column = static_cast<int>(std::floor(at.x() / s.pitch + 0.5));
     const int row = s.rows - 1 - static_cast<int>(std::floor(at.y() / s.pitch + 0.5));
     if (row < 0 || column < 0 || row >= s.rows || column >= s.columns) return std::nullopt;
-    // Where the ray leaves the cell.
+    // The point at which the ray leaves the cell.
     double exit_t = kInfinity;
     const Eigen::Vector2d centre = s.centre(row, column);
     for (int axis = 0; axis < 2; ++axis) {
@@ -131,7 +131,7 @@ std::optional<PickHit> pick_cell(const Ray& ray, const scene::SurfaceSpec& s,
       if (std::abs(d) < 1e-12) continue;
       exit_t = std::min(exit_t, (centre[axis] + (d > 0.0 ? half : -half) - ray.origin[axis]) / d);
     }
-    const double height = snapshot.height[static_cast<std::size_t>(s.index(row, column))];
+    const double height = snapshot.height[s.index(row, column)];
     const double low = ray.origin.z() + std::min(exit_t, 1e9) * ray.direction.z();
     if (at.z() <= height || low <= height) {
       if (at.z() > height) t = (height - ray.origin.z()) / ray.direction.z();
@@ -149,7 +149,7 @@ std::optional<PickHit> pick_free_layout_cell(const Ray& ray, const scene::Surfac
   const double base = surface_bounding_box(s).min().z();
   for (int row = 0; row < s.rows; ++row)
     for (int column = 0; column < s.columns; ++column) {
-      const auto cell = static_cast<std::size_t>(s.index(row, column));
+      const int cell = s.index(row, column);
       const double height = snapshot.height[cell];
       if (!std::isfinite(height)) continue;
       const scene::CellPose& pose = s.cell_poses[cell];

@@ -116,7 +116,7 @@ ActuatorGeometry::ActuatorGeometry(const scene::SurfaceSpec& surface)
     builders_.push_back(builder);
     for (int row = 0; row < surface.rows; ++row)
       for (int column = 0; column < surface.columns; ++column) {
-        const auto cell = static_cast<std::size_t>(surface.index(row, column));
+        const int cell = surface.index(row, column);
         const std::size_t actuator =
             surface.actuator_of_cell.empty() ? 0 : static_cast<std::size_t>(surface.actuator_of_cell[cell]);
         if (actuator != m || surface.is_empty(row, column)) continue;
@@ -125,7 +125,7 @@ ActuatorGeometry::ActuatorGeometry(const scene::SurfaceSpec& surface)
         builder_of_cell_.push_back(builders_.size() - 1);
       }
   }
-  if (!cells_.empty() || surface.skin) recess_.assign(static_cast<std::size_t>(surface.cell_count()), 0.0F);
+  if (!cells_.empty() || surface.skin) recess_.assign(surface.cell_count(), 0.0F);
   if (surface.skin) add_skin();
 }
 
@@ -180,21 +180,20 @@ void ActuatorGeometry::add_skin() {
   drop_.assign(recess_.size(), 0.0F);
 }
 
-// A sheet bends off the edges of the tops, which lie at its height: without a drop they would show through it.
+// Lowers the drawn tops slightly, so that they do not show through the sheet where it bends off their edges.
 void ActuatorGeometry::update_drops(const scene::Snapshot& snapshot) {
   const scene::SkinSpec& skin = *surface_.skin;
   if (snapshot.skin_height.size() != static_cast<std::size_t>(skin.rows * skin.columns)) return;
   const float clearance = 0.02F * static_cast<float>(surface_.pitch);
   for (int row = 0; row < surface_.rows; ++row)
     for (int column = 0; column < surface_.columns; ++column) {
-      const auto cell = static_cast<std::size_t>(surface_.index(row, column));
+      const int cell = surface_.index(row, column);
       if (!surface_.is_under_skin(row, column) || surface_.is_empty(row, column)) continue;
-      const NodeRange rows = node_rows_[static_cast<std::size_t>(row)],
-                      columns = node_columns_[static_cast<std::size_t>(column)];
+      const NodeRange rows = node_rows_[row], columns = node_columns_[column];
       float lowest = snapshot.height[cell];
       for (int r = rows.first; r <= rows.last; ++r)
         for (int c = columns.first; c <= columns.last; ++c)
-          lowest = std::min(lowest, snapshot.skin_height[static_cast<std::size_t>(r * skin.columns + c)]);
+          lowest = std::min(lowest, snapshot.skin_height[r * skin.columns + c]);
       drop_[cell] = snapshot.height[cell] - lowest + clearance;
     }
 }
@@ -221,7 +220,7 @@ void ActuatorGeometry::update_skin(const scene::Snapshot& snapshot) {
       const Vec normal = Vec(-slope(vertex(r, c - 1), vertex(r, c + 1), 0),
                              -slope(vertex(r + 1, c), vertex(r - 1, c), 1), 1.0F)
                              .normalized();
-      std::copy_n(normal.data(), 3, vertices.begin() + static_cast<std::ptrdiff_t>(vertex(r, c) + 3));
+      std::copy_n(normal.data(), 3, vertices.begin() + (vertex(r, c) + 3));
     }
 }
 
@@ -377,7 +376,7 @@ float ActuatorGeometry::neighbour_height(std::size_t cell, int row_step, int col
   const int column = static_cast<int>(cell) % surface_.columns + column_step;
   const float own = snapshot.height[cell];
   if (row < 0 || column < 0 || row >= surface_.rows || column >= surface_.columns) return own;
-  const float neighbour = snapshot.height[static_cast<std::size_t>(surface_.index(row, column))];
+  const float neighbour = snapshot.height[surface_.index(row, column)];
   return std::isfinite(neighbour) ? neighbour : own;
 }
 

@@ -38,7 +38,7 @@ struct Ray {
 struct ViewInsets {
   double bottom = 0.0;  // of the height; kept free
   double top = 0.0;     // of the height; without `left`, kept free only as far as the table need not shrink
-  // Of the width. The table is framed beside or below the corner panel if it shrinks by at most a quarter.
+  // A share of the width. The table is framed beside or below the corner panel if it shrinks by at most a quarter.
   double left = 0.0;
   double right = 0.0;  // of the width; kept free if the table shrinks by at most a half
   bool operator==(const ViewInsets&) const = default;

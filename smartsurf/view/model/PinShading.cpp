@@ -109,7 +109,7 @@ PinShading::ColourTables PinShading::make_colour_tables() {
       screen[c] = kLowColour[c] + (kHighColour[c] - kLowColour[c]) * std::sqrt(share);
     t.height[i] = bytes(screen);
     for (const Palette palette : kPalettes)
-      t.channel[static_cast<std::size_t>(palette)][i] = bytes(common::palette_color(palette, share));
+      t.channel[static_cast<int>(palette)][i] = bytes(common::palette_color(palette, share));
   }
   t.border = bytes(kBorderColour);
   t.no_value = bytes(kNanColour);
@@ -123,7 +123,7 @@ PinShading::Rgba8 PinShading::pin_colour(const scene::Snapshot& snapshot, const 
   if (!options.cell_values.empty()) {
     const float t = (options.cell_values[index] - options.low) / (options.high - options.low);
     return std::isnan(t) ? colour_tables_.no_value
-                         : colour_tables_.channel[static_cast<std::size_t>(options.palette)][to_byte(t)];
+                         : colour_tables_.channel[static_cast<int>(options.palette)][to_byte(t)];
   }
   const float low = static_cast<float>(surface_.pin.min_height);
   const float range = static_cast<float>(surface_.pin.max_height) - low;
@@ -143,8 +143,7 @@ std::span<const PinInstance> PinShading::update(const scene::Snapshot& snapshot,
                              static_cast<float>(catalogue[snapshot.id[i]].half_extents().minCoeff()));
   const auto drawn_height = [&](int row, int column) {
     const bool inside = row >= 0 && column >= 0 && row < surface_.rows && column < surface_.columns;
-    const float lower =
-        recess.empty() || !inside ? 0.0f : recess[static_cast<std::size_t>(surface_.index(row, column))];
+    const float lower = recess.empty() || !inside ? 0.0f : recess[surface_.index(row, column)];
     const float height = height_at(snapshot, row, column) - lower;
     const bool lowered =
         inside && surface_.border_height &&
@@ -160,7 +159,7 @@ std::span<const PinInstance> PinShading::update(const scene::Snapshot& snapshot,
       if (!std::isfinite(snapshot.height[surface_.index(row, column)])) continue;
       PinInstance& pin = pins_[next++];
       const Eigen::Vector2f centre = surface_.centre(row, column).cast<float>();
-      const auto cell = static_cast<std::size_t>(surface_.index(row, column));
+      const int cell = surface_.index(row, column);
       const float angle =
           surface_.cell_poses.empty() ? 0.0f : static_cast<float>(surface_.cell_poses[cell].angle);
       pin.position = {centre.x(), centre.y()};

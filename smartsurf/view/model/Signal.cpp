@@ -90,7 +90,7 @@ double object_value(const Signal& signal, const scene::Snapshot& snapshot) {
   };
   if (signal.quantity == "speed") return norm(snapshot.velocity[*i]);
   if (signal.quantity == "spin") return norm(snapshot.angular_velocity[*i]);
-  return snapshot.position[*i][static_cast<std::size_t>(signal.quantity[0] - 'x')];
+  return snapshot.position[*i][signal.quantity[0] - 'x'];
 }
 
 std::uint64_t History::frame_at(double time) const {

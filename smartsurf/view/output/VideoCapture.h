@@ -16,7 +16,7 @@ class VideoCapture {
   VideoCapture(const std::string& file, int width, int height, double time_s);
 
   const std::string& file() const { return file_; }
-  // Whether a frame is due at that simulated time. If so, call add().
+  // True if a frame is due at that simulated time; then call add().
   bool frame_due(double time_s) const { return time_s >= next_frame_s_ - 1e-6; }
   // Adds a frame, cropped to the video's size. A smaller image (after a window resize) is ignored.
   void add(const common::Image& image, double time_s);

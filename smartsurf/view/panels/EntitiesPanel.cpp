@@ -20,7 +20,7 @@ void select(const Entity& entity, bool selected, Controls& controls) {
     controls.tools().select(selected ? std::nullopt : std::optional(entity.item));
 }
 
-// What the plots show when the entity is dragged onto them. A channel needs a cell.
+// The signals that the plots show when the entity is dragged onto them. A channel needs a cell.
 std::vector<Signal> dragged_signals(const Entity& entity, const FrameInput& input, const HudState& state,
                                     const Controls& controls) {
   if (entity.kind != Entity::Kind::kChannel)
@@ -53,7 +53,7 @@ void draw_entities_section(const FrameInput& input, const scene::SurfaceSpec& su
   clipper.Begin(static_cast<int>(entities.size()));
   while (clipper.Step())
     for (int i = clipper.DisplayStart; i < clipper.DisplayEnd; ++i) {
-      const Entity& entity = entities[static_cast<std::size_t>(i)];
+      const Entity& entity = entities[i];
       const bool selected = is_selected(entity, controls);
       ImGui::PushID(i);
       if (entity.kind == Entity::Kind::kObject) {

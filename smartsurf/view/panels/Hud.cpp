@@ -16,7 +16,7 @@
 namespace smartsurf::view {
 namespace {
 
-// From Debian's fonts-dejavu-core. Without it, ImGui's built-in bitmap font is used.
+// Debian's fonts-dejavu-core installs it. Without it, ImGui's built-in bitmap font is used.
 constexpr const char* kFontFile = "/usr/share/fonts/truetype/dejavu/DejaVuSans.ttf";
 constexpr float kFontSize_px = 14.0f, kTitleSize_px = 20.0f;
 constexpr float kPanelWidth = 270.0f;   // of the contents of the run panel, pixels, unscaled

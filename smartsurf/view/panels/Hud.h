@@ -20,7 +20,7 @@ void draw_hud(const FrameInput& input, const Status& status, const scene::Surfac
 void draw_help_overlay(float scale);
 // Draws label and id above the objects, 1000 at most.
 void draw_object_labels(const FrameInput& input, const Camera& camera, float width, float height);
-// Whether a panel that accepts input covers the point, as of the last frame. Callable at any time.
+// True if a panel that accepts input covers the point in the last frame. Callable at any time.
 bool is_over_panel(double x, double y);
 // Draws the letters at the ends of the axes.
 void draw_axis_labels(const scene::SurfaceSpec& surface, const Camera& camera, float width, float height);

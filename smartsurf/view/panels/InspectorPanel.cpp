@@ -45,7 +45,7 @@ double current_value(const FrameInput& input, const Signal& signal, const scene:
   if (signal.kind == Signal::Kind::kObject) return object_value(signal, input.snapshot);
   const auto channel = std::ranges::find(input.channels, signal.quantity, &Channel::name);
   if (channel == input.channels.end() || channel->values.empty()) return NAN;
-  return channel->values[static_cast<std::size_t>(surface.index(signal.row, signal.column))];
+  return channel->values[surface.index(signal.row, signal.column)];
 }
 
 // The current value, a switch that adds the signal to the plots, and a small chart of what is stored.

@@ -36,7 +36,7 @@ void channel_combo(const FrameInput& input, OverlaySettings& overlay) {
 void draw_colour_scale_settings(OverlaySettings& overlay) {
   int palette = static_cast<int>(std::ranges::find(kPalettes, overlay.palette) - kPalettes.begin());
   if (combo("palette", palette, kPaletteNames.data(), static_cast<int>(kPaletteNames.size())))
-    overlay.palette = kPalettes[static_cast<std::size_t>(palette)];
+    overlay.palette = kPalettes[palette];
   ImGui::Checkbox("low is bright", &overlay.reverse_palette);
   ImGui::Checkbox("manual range", &overlay.manual_range);
   if (!overlay.manual_range) return;

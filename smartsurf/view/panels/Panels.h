@@ -20,7 +20,7 @@ void draw_options_section(const Status& status, std::vector<OptionEdit>& edits, 
 void draw_entities_section(const FrameInput& input, const scene::SurfaceSpec& surface, HudState& state,
                            Controls& controls);
 
-// Where the inspector may be, pixels.
+// The area that the inspector may cover, pixels.
 struct InspectorSpace {
   float top, bottom;
 };
@@ -53,7 +53,7 @@ std::optional<double> draw_chart(const PlotData& data, const Chart& chart, float
 
 // The colour scale at the right; bottom: y of its lower edge, pixels. Returns the y of its upper edge.
 float draw_legend(const ColourScale& colour_scale, float bottom, float scale);
-// What the lines in the scene mean. right, bottom: its lower right corner, pixels. Returns the y of its upper edge, or
+// Explains the lines in the scene. right, bottom: its lower right corner, pixels. Returns the y of its upper edge, or
 // `bottom` if there are none.
 float draw_line_legend(const OverlaySettings& overlay, const std::optional<ForceScale>& forces, float right,
                        float bottom, float scale);

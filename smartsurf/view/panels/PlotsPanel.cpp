@@ -28,7 +28,7 @@ struct Range {
     low = std::min(low, value);
     high = std::max(high, value);
   }
-  // With a margin; a range without extent becomes one.
+  // Adds a margin, and widens a range without extent.
   void widen() {
     if (!(low <= high)) *this = {0.0, 1.0};
     const double margin = high > low ? 0.06 * (high - low) : std::max(0.05 * std::abs(high), 0.5);
@@ -248,7 +248,7 @@ void make_draggable(const std::vector<Signal>& signals) {
   ImGui::EndDragDropSource();
 }
 
-// For colour-blind readers (Okabe and Ito), and a grey.
+// Colours that colour-blind readers can tell apart (Okabe and Ito), and a grey.
 unsigned curve_colour(std::size_t index) {
   static constexpr ImU32 kColours[kCurveColours] = {IM_COL32(0, 115, 179, 255),  IM_COL32(214, 94, 0, 255),
                                                     IM_COL32(0, 158, 115, 255),  IM_COL32(204, 120, 166, 255),

@@ -7,7 +7,7 @@ namespace smartsurf::view {
 // Installs Xlib error handlers that set a flag instead of terminating the process. Call after GLFW's
 // initialisation. No effect without X11.
 void detect_display_loss();
-// Whether the connection to the X server has been lost since detect_display_loss().
+// True if the connection to the X server has been lost since detect_display_loss().
 bool display_lost() noexcept;
 
 }  // namespace smartsurf::view

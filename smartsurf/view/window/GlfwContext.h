@@ -48,7 +48,7 @@ class ImGuiBackend {
   ImGuiBackend& operator=(const ImGuiBackend&) = delete;
 };
 
-// Whether the current context renders on the CPU.
+// True if the current context renders on the CPU.
 bool is_software_renderer();
 
 }  // namespace smartsurf::view

@@ -206,10 +206,8 @@ bool Window::State::render_frame(const FrameInput& input, const Status& new_stat
   return true;
 }
 
-// What stands still, and video frames, are drawn at full resolution.
-bool Window::State::needs_full_resolution() const {
-  return status.paused || status.banner || video_capture;
-}
+// A scene at rest, and every frame of a video, is drawn at full resolution.
+bool Window::State::needs_full_resolution() const { return status.paused || status.banner || video_capture; }
 
 void Window::State::draw_scene(const FrameInput& input) {
   const double scale = software_rendering && !needs_full_resolution() ? resolution.scale_factor() : 1.0;

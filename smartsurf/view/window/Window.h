@@ -19,7 +19,7 @@ namespace smartsurf::view {
 
 class Window {
  public:
-  // Whether a window can be opened. False in a build without the view.
+  // True if a window can be opened. False in a build without the view.
   static bool display_available();
 
   // width, height: in screen coordinates (pixels, unless the display is scaled); ignored with kLeft.
@@ -55,9 +55,9 @@ class Window {
   // render_frame().
   common::Image capture_frame(const FrameInput& input, const Status& status);
 
-  // Whether there was input since the last frame.
+  // True if there was input since the last frame.
   bool needs_redraw() const;
-  // Whether the user has enabled contact forces: FrameInput::contacts should then be filled.
+  // True if the user has enabled contact forces; FrameInput::contacts should then be filled.
   bool wants_contacts() const;
   // Simulate a key action and a pointer event (screen coordinates of the window). Take effect in the next
   // frame.

@@ -17,13 +17,6 @@ scene::SurfaceSpec surface() {
   return s;
 }
 
-scene::ObjectSpec sphere(double radius, const std::string& label = "") {
-  scene::ObjectSpec object;
-  object.radius = radius;
-  object.label = label;
-  return object;
-}
-
 scene::Snapshot snapshot_at(double time_s, const std::vector<float>& x, float y = 5.0f) {
   scene::Snapshot shot;
   shot.tick = static_cast<std::uint64_t>(std::lround(time_s * 10.0));
@@ -50,7 +43,7 @@ Recording record_positions(const OutputFolder& out, const scene::SurfaceSpec& ta
   const auto recorder = Recorder::open(out / "run.h5", run.meta, run.spec);
   for (std::size_t tick = 0; tick < frames.size(); ++tick) {
     scene::Snapshot shot = snapshot_at(0.1 * static_cast<double>(tick), frames[tick], y);
-    shot.height.assign(static_cast<std::size_t>(table.cell_count()), 0.0f);
+    shot.height.assign(table.cell_count(), 0.0f);
     recorder->record_frame(shot, objects);
   }
   recorder->close({});

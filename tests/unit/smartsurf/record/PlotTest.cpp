@@ -6,6 +6,7 @@
 #include <cmath>
 #include <fstream>
 
+#include "smartsurf/record/plot/ChartFile.h"
 #include "smartsurf/record/plot/CurveChart.h"
 #include "smartsurf/record/plot/TimeSpentPlot.h"
 #include "smartsurf/record/plot/TrajectoryPlot.h"
@@ -40,7 +41,7 @@ Recording record_two_trajectories(const std::filesystem::path& path) {
     const NamedNumber lift{"lift", 2.0 * shot.time_s};
     recorder->record_frame(shot, run.spec.objects, {}, {}, {&lift, 1});
   }
-  recorder->close({.success = true, .success_s = kSuccess_s});
+  recorder->close({.outcome = "done", .success = true, .success_s = kSuccess_s});
   return Recording::open(path);
 }
 
@@ -240,6 +241,73 @@ TEST(Plot, RejectsInvalidRequests) {
   const Recording empty = Recording::open(out / "empty.h5");
   for (const std::string kind : {"trajectories", "lift", "time-spent", "speed", "contacts"})
     EXPECT_THROW(write_plot(empty, kind, out / "a.png"), scene::InputError);
+}
+
+class ChartFile : public testing::Test {
+ protected:
+  void draw(const std::string& description) {
+    std::ofstream(out / "chart.json") << description;
+    write_chart(out / "chart.json", out / "figure.png");
+  }
+  std::string error_of(const std::string& description) {
+    try {
+      draw(description);
+    } catch (const scene::InputError& error) {
+      return std::string(error.what()).substr((out / "chart.json: ").string().size());
+    }
+    return "";
+  }
+  OutputFolder out;
+};
+
+TEST_F(ChartFile, BarsOnLogarithmicAxis) {
+  const std::string text =
+      R"({"x": {"categories": ["one", "two"]}, "y": {"scale": "log", "domain": [1, 1000]},
+    "layers": [{"mark": "bar", "color": "#0000ff", "y": [10, null]}, {"mark": "bar", "color": "#ff7700", "y": [100, 1000]}]})";
+  draw(text);
+  const Image image(out / "figure.png");
+  const ChartFigure figure = read_chart_file(out / "chart.json");
+  const Chart& chart = figure.chart();
+  EXPECT_NEAR(chart.py(10.0) - chart.py(100.0), chart.py(1.0) - chart.py(10.0), 1e-9);
+  EXPECT_TRUE(image.is_blue(chart.px(-0.2), chart.py(5.0)));
+  EXPECT_FALSE(image.is_blue(chart.px(-0.2), chart.py(15.0)));
+  EXPECT_TRUE(image.is_orange(chart.px(0.2), chart.py(50.0)));
+  EXPECT_FALSE(image.is_orange(chart.px(0.2), chart.py(150.0)));
+  EXPECT_FALSE(image.is_blue(chart.px(0.8), chart.py(5.0))) << "null";
+  EXPECT_TRUE(image.is_orange(chart.px(1.2), chart.py(500.0)));
+}
+
+TEST_F(ChartFile, PanelsOfImagesAndLines) {
+  draw(R"({"title": "All", "columns": 2, "panels": [
+    {"layers": [{"mark": "rect", "values": [[0, 1], [1, 1]], "colors": ["#0000ff", "#ff7700"], "labels": ["no", "yes"]}]},
+    {"layers": [{"mark": "line", "point": true, "x": [0, 1, 2], "y": [1, null, 3]}, {"mark": "point", "x": [1], "y": [2]}]}]})");
+  const Image image(out / "figure.png");
+  const ChartFigure figure = read_chart_file(out / "chart.json");
+  EXPECT_EQ(image.width(), 2 * 2 * 810);
+  const double top = 34.0;  // below the title
+  EXPECT_TRUE(image.is_blue(figure.chart().px(0.0), top + figure.chart().py(1.0))) << "row 0 is on top";
+  EXPECT_TRUE(image.is_orange(figure.chart().px(1.0), top + figure.chart().py(1.0)));
+  EXPECT_TRUE(image.is_orange(figure.chart().px(0.0), top + figure.chart().py(0.0)));
+}
+
+TEST_F(ChartFile, MistakesAreNamed) {
+  EXPECT_EQ(error_of("3"), "a chart: must be an object");
+  EXPECT_TRUE(error_of("{").starts_with("is not JSON: "));
+  EXPECT_EQ(error_of("{}"), "layers: must be a list of layers");
+  EXPECT_EQ(error_of(R"({"layer": []})"), "layer: no such field; did you mean 'layers'?");
+  EXPECT_EQ(error_of(R"({"layers": [{"mark": "lin"}]})"),
+            "layers[0].mark = 'lin': must be line, point, bar or rect");
+  EXPECT_EQ(error_of(R"({"layers": [{"mark": "line", "x": [1], "y": [1, 2]}]})"),
+            "layers[0].y: must be as long as x");
+  EXPECT_EQ(error_of(R"({"layers": [{"mark": "line", "color": "red"}]})"),
+            "layers[0].color = 'red': must be a colour like #1f4e79");
+  EXPECT_EQ(error_of(R"({"y": {"scale": "log", "domain": [0, 1]}, "layers": [{"mark": "bar"}]})"),
+            "y.domain: must be two different numbers above 0");
+  EXPECT_EQ(
+      error_of(R"({"panels": [{"layers": [{"mark": "rect", "values": [[1]], "colors": ["#000000"]}]}]})"),
+      "panels[0].layers[0].values holds 1: there is no such colour");
+  EXPECT_EQ(error_of(R"({"width": 1e9, "layers": [{"mark": "bar"}]})"),
+            "width and height: must be from 150 to 5000");
 }
 
 TEST(Chart, RoundTickValues) {

@@ -24,9 +24,16 @@ std::string error_of(const std::filesystem::path& path) {
 std::string write_run(const std::filesystem::path& path, std::uint64_t ticks = 100) {
   const SyntheticRun run;
   const auto recorder = Recorder::open(path, run.meta, run.spec);
-  for (std::uint64_t t = 0; t < ticks; ++t)
-    recorder->record_frame(run.snapshot_at(t, {0, 1, 2}), run.spec.objects);
-  recorder->close({.outcome = "done", .ticks = ticks, .simulated_s = 1.5, .state_hash = 0x1F});
+  for (std::uint64_t t = 0; t < ticks; ++t) {
+    const NamedNumber lift{"lift", 0.1 * static_cast<double>(t)};
+    recorder->record_frame(run.snapshot_at(t, {0, 1, 2}), run.spec.objects, {}, {}, {&lift, 1});
+  }
+  recorder->close({.outcome = "done",
+                   .ticks = ticks,
+                   .simulated_s = 1.5,
+                   .state_hash = 0x1F,
+                   .success = true,
+                   .success_s = 0.5});
   std::ifstream file(path, std::ios::binary);
   return {std::istreambuf_iterator<char>(file), {}};
 }
@@ -225,7 +232,8 @@ TEST(Recording, Describe) {
         "(sphere, "
         "radius 2 u)",
         "frames      100, ticks 0 to 99, 0 s to 1.65 s, every tick", "done after 100 ticks, 1.5 s simulated",
-        "000000000000001f at the end", "purity      ", "never sorted"})
+        "000000000000001f at the end", "metric      lift: 0 at the start, 9.9 at the end\n",
+        "success     at 0.5 s\n"})
     EXPECT_NE(text.find(part), std::string::npos) << part << " is missing in\n" << text;
   EXPECT_EQ(text.find("/objects/position"), std::string::npos) << text;
   EXPECT_NE(list_datasets(Recording::open(out / "run.h5"))

@@ -2,15 +2,10 @@
 
 #include <gtest/gtest.h>
 
+#include "tests/unit/smartsurf/record/SyntheticRun.h"
+
 namespace smartsurf::record {
 namespace {
-
-scene::ObjectSpec sphere(double radius, const std::string& label = "") {
-  scene::ObjectSpec object;
-  object.radius = radius;
-  object.label = label;
-  return object;
-}
 
 using Classes = std::vector<SizeClass>;
 constexpr SizeClass kSmall = SizeClass::kSmall, kLarge = SizeClass::kLarge, kNone = SizeClass::kNone;

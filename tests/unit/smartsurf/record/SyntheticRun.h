@@ -33,6 +33,13 @@ inline std::string content(const std::filesystem::path& path) {
   return {std::istreambuf_iterator<char>(file), {}};
 }
 
+inline scene::ObjectSpec sphere(double radius, const std::string& label = "") {
+  scene::ObjectSpec object;
+  object.radius = radius;
+  object.label = label;
+  return object;
+}
+
 struct SyntheticRun {
   SyntheticRun() {
     spec.file = "scripts/experiment.lua";
@@ -81,7 +88,7 @@ struct SyntheticRun {
     shot.time_s = static_cast<double>(tick) / 60.0;
     shot.state_hash = 0x8000000000000000u + tick;
     shot.contact_count = static_cast<std::uint32_t>(tick % 5);
-    shot.height.assign(static_cast<std::size_t>(spec.surface.cell_count()), static_cast<float>(tick));
+    shot.height.assign(spec.surface.cell_count(), static_cast<float>(tick));
     for (const scene::ObjectId id : live) {
       shot.id.push_back(id);
       shot.position.push_back({x(tick, id), 2.0f, 3.0f});

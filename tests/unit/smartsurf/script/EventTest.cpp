@@ -1,3 +1,5 @@
+#include <cmath>
+
 #include "ScriptFixture.h"
 #include "smartsurf/script/EventQueue.h"
 
@@ -73,6 +75,33 @@ TEST_F(EventTest, MetricKeepsLastValue) {
   experiment->finish();
   const std::vector<std::pair<std::string, double>> expected{{"tries", 3.0}, {"error", 0.25}};
   EXPECT_EQ(experiment->metrics(), expected);
+}
+
+TEST_F(EventTest, MetricFunctionsAreEvaluatedWithTheNewState) {
+  run("local n = 0 on_tick(function() n = n + 1 end) metric('ticks', function(t, tick) return n + 10 * t + "
+      "100 * tick end) "
+      "metric('none', function() end) on_finish(function(t, tick) print(t, tick, time()) end)",
+      3);
+  EXPECT_EQ(experiment->metrics()[0].first, "ticks");
+  EXPECT_TRUE(std::isnan(experiment->metrics()[0].second)) << "not yet evaluated";
+  experiment->update_metrics(0.5, 4);
+  EXPECT_EQ(experiment->metrics()[0].second, 4.0 + 5.0 + 400.0);
+  EXPECT_TRUE(std::isnan(experiment->metrics()[1].second));
+  experiment->finish();
+  EXPECT_EQ(printed, "0.05\t3\t0.05\n") << "the time of the latest tick";
+}
+
+TEST_F(EventTest, SuccessReturnsItsTime) {
+  const auto success = [&](const std::string& text) {
+    run(text, 3);
+    return experiment->success(0.5, 4);
+  };
+  EXPECT_FALSE(success("metric('a', 1)"));
+  EXPECT_FALSE(experiment->declares_success());
+  EXPECT_FALSE(success("success(function() return false end)"));
+  EXPECT_TRUE(experiment->declares_success());
+  EXPECT_EQ(success("success(function(t, tick) return t == 0.5 and tick == 4 end)"), 0.5);
+  EXPECT_EQ(success("success(function() return 0.25 end)"), 0.25);
 }
 
 TEST_F(EventTest, EveryStartsAfterOnePeriodWithoutDrift) {

@@ -60,8 +60,7 @@ TEST(Page, LimitsFramesPerSecond) {
     write_page(recording, out / "run.html", {fps});
     const std::string page = read_text(out / "run.html");
     const std::size_t from = page.find("\"time\":["), to = page.find(']', from);
-    return 1 + std::count(page.begin() + static_cast<std::ptrdiff_t>(from),
-                          page.begin() + static_cast<std::ptrdiff_t>(to), ',');
+    return 1 + std::count(page.begin() + from, page.begin() + to, ',');
   };
   EXPECT_EQ(times(30.0), 61);
   EXPECT_EQ(times(10.0), 21);
