@@ -21,6 +21,11 @@ struct Pose {
     return {position + orientation * local.position, orientation * local.orientation};
   }
   Eigen::Vector3d operator*(const Eigen::Vector3d& point) const { return position + orientation * point; }
+  // A pose of the same frame as this one, as seen from here.
+  Pose to_local(const Pose& other) const {
+    const Eigen::Quaterniond back = orientation.conjugate();
+    return {back * (other.position - position), back * other.orientation};
+  }
 };
 
 struct Geometry {

@@ -32,7 +32,7 @@ struct Delta {
 
   bool is_rigid() const;
   bool has_force_limit() const;
-  // Of a compliant tip under max_force, u; 0 if rigid. Friction at most doubles it.
+  // The deflection of a compliant tip under max_force, u; 0 if rigid. Friction at most doubles it.
   double max_deflection() const;
   // Heights of the joints with the tip there, each relative to that with the tip at {0, 0, 0}, u:
   // z + √(l² − r²) − √(l² − d²) with the arm's length l, the radius r of the joints and the horizontal distance d of tip
