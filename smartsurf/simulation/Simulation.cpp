@@ -88,9 +88,8 @@ bool Simulation::step_physics() {
   if (actuator_array_.exerts_forces())
     actuator_array_.add_forces(scene().world.dt_s, world_.bodies(), catalogue_, world_.wrenches());
   world_.step();
-  sensor_array_.accumulate_impulses(actuator_array_.field().impulse);
-  sensor_array_.accumulate_tip_impulses(actuator_array_.field().tip_impulse);
-  sensor_array_.accumulate_skin_impulses(actuator_array_.field().skin.impulse);
+  const surface::Field& field = actuator_array_.field();
+  sensor_array_.accumulate_impulses(field.impulse, field.tip_impulse, field.skin.impulse);
   return !world_.is_overloaded();
 }
 
@@ -239,8 +238,7 @@ int Simulation::find_sensor_channel(const std::string& name) const {
 
 std::size_t Simulation::plane_index(int row, int column, int component) const {
   const auto& surface = scene().surface;
-  return static_cast<std::size_t>(component) * static_cast<std::size_t>(surface.cell_count()) +
-         static_cast<std::size_t>(surface.index(row, column));
+  return static_cast<std::size_t>(component * surface.cell_count() + surface.index(row, column));
 }
 
 float Simulation::sense(const std::string& channel, int row, int column, int component) const {

@@ -54,7 +54,7 @@ class Simulation final : public script::SimulationInterface {
     actuator_array_.set_target(channel, row, column, target);
   }
   float actuator_target(int channel, int row, int column) const noexcept {
-    return actuator_array_.targets(channel)[static_cast<std::size_t>(scene().surface.index(row, column))];
+    return actuator_array_.targets(channel)[scene().surface.index(row, column)];
   }
   void plan_actuators() noexcept;  // these three once per physics step
   bool step_physics();             // false: failure() says why the step did not take place

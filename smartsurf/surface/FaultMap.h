@@ -38,7 +38,7 @@ class FaultMap {
   void require_channels(const std::vector<std::string>& known) const;
   // Throws scene::InputError with the message "FILE:LINE: clause".
   [[noreturn]] void refuse(const FaultEntry&, const std::string& clause) const;
-  // The same for a fault that is not in `known`, the faults of `owner`: "a sensor".
+  // Refuses a fault that is not in `known`, the faults of `owner`, such as "a sensor".
   [[noreturn]] void refuse_fault(const FaultEntry&, const std::string& owner,
                                  const std::vector<std::string>& known) const;
 
