@@ -80,7 +80,7 @@ class Experiment {
 
   // The declared scene; constant after load().
   const scene::SceneSpec& scene() const;
-  // Whether any callback is registered.
+  // True if any callback is registered.
   bool has_callbacks() const;
 
   // The values that the script has passed to metric(name, value), by name, in order of first use.
@@ -89,9 +89,9 @@ class Experiment {
   // The callbacks of at() that the latest tick() ran, as "FILE:LINE" of their registration. Valid until the next tick().
   const std::vector<std::string>& events() const;
 
-  // Whether the script has drawn random numbers so far.
+  // True if the script has drawn random numbers so far.
   bool has_drawn() const;
-  // Whether start() runs on_reset.
+  // True if start() runs on_reset.
   bool has_reset_hook() const;
 
   // Call once before the first tick: restarts the random numbers and runs on_reset, if the script has such a hook.
