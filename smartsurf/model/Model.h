@@ -1,7 +1,8 @@
 // Robot descriptions: URDF and MJCF files as bodies and joints, in the file's own units.
 //
-// Bodies that the file welds together are one body here. Unknown elements and attributes without a meaning for rigid
-// bodies are ignored, as both formats want; docs/models.md lists what is read, what is ignored and what is refused.
+// Bodies that the file welds together are one body here. Unknown elements and attributes without a meaning
+// for rigid bodies are ignored, as both formats want; docs/models.md lists what is read, what is ignored and
+// what is refused.
 #pragma once
 
 #include <Eigen/Geometry>

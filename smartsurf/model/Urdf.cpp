@@ -1,4 +1,5 @@
-// URDF, the Unified Robot Description Format of ROS: links and joints by name, in metres, kilograms and radians.
+// URDF, the Unified Robot Description Format of ROS: links and joints by name, in metres, kilograms and
+// radians.
 #include <algorithm>
 #include <map>
 #include <string>

@@ -147,9 +147,9 @@ struct FaultSpec {
   std::optional<FaultMapFile> fault_map;
 };
 
-// A skin over the actuators, which hold or support it. Its nodes form a grid over the cells inside the border, row-major,
-// row 0 in the north, and move vertically; each rectangle of four is two triangles, joined along its diagonal from the
-// north-west to the south-east.
+// A skin over the actuators, which hold or support it. Its nodes form a grid over the cells inside the
+// border, row-major, row 0 in the north, and move vertically; each rectangle of four is two triangles, joined
+// along its diagonal from the north-west to the south-east.
 struct SkinSpec {
   enum class Kind {
     kKinematic,  // taut: its shape follows from the actuators alone

@@ -14,13 +14,14 @@ namespace {
 
 constexpr std::size_t kChunksPerThread = 8;  // evens out worlds of different cost
 
-// The seed of the episode that follows one with that seed. 31 bits: it is easily typed, and exact in any language.
+// The seed of the episode that follows one with that seed. 31 bits: it is easily typed, and exact in any
+// language.
 std::uint64_t next_seed(std::uint64_t seed) { return script::Random(seed).next() >> 33; }
 
 constexpr std::uintptr_t kHugePageBytes = 2U << 20U;
 
-// Makes one huge page of the memory around an address, where the system can. A step of many small worlds touches a few lines
-// in each of many pages, more than the processor keeps translations of.
+// Makes one huge page of the memory around an address, where the system can. A step of many small worlds
+// touches a few lines in each of many pages, more than the processor keeps translations of.
 void collapse_huge_page(std::uintptr_t page) {
   constexpr int kMadvCollapse = 25;  // since Linux 6.1; the headers of glibc 2.36 lack its name
   static_cast<void>(madvise(reinterpret_cast<void*>(page), kHugePageBytes, kMadvCollapse));
@@ -60,8 +61,8 @@ EnvironmentBatch::EnvironmentBatch(EnvironmentOptions options, std::span<const s
   }
 }
 
-// A world's memory lies around its environment, because one thread has created both. Pages with few worlds are left alone:
-// they would take memory for little.
+// A world's memory lies around its environment, because one thread has created both. Pages with few worlds
+// are left alone: they would take memory for little.
 void EnvironmentBatch::collapse_huge_pages() const {
   constexpr std::ptrdiff_t kMinWorldsPerPage = 8;
   std::vector<std::uintptr_t> pages;

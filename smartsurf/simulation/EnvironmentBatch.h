@@ -39,8 +39,8 @@ struct BatchArrays {
 
 class EnvironmentBatch {
  public:
-  // One world per seed. `options.seed` and `options.threads` are ignored: a world computes on one thread. Throws
-  // as Environment does, the message preceded by the world's number if worlds differ.
+  // One world per seed. `options.seed` and `options.threads` are ignored: a world computes on one thread.
+  // Throws as Environment does, the message preceded by the world's number if worlds differ.
   EnvironmentBatch(EnvironmentOptions options, std::span<const std::uint64_t> seeds, int threads,
                    Autoreset autoreset);
   ~EnvironmentBatch();

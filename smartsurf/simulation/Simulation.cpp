@@ -25,11 +25,12 @@ surface::FaultMap load_fault_map(const scene::SurfaceSpec& surface) {
   map.require_channels(channels);
   // An entry without a channel applies to all channels of its cell. Actuators and sensors each ignore the
   // faults of the other, so a fault that neither knows must be rejected here.
-  static const std::vector<std::string> kFaultNames{"stuck",     "dead",       "weak", "late",
-                                                    "stuck_low", "stuck_high", "gain", "offset"};
+  std::vector<std::string> known = surface::kActuatorFaults;
+  for (const std::string& fault : surface::kSensorFaults)
+    if (std::ranges::find(known, fault) == known.end()) known.push_back(fault);
   for (const surface::FaultEntry& entry : map.entries())
-    if (entry.channel.empty() && std::ranges::find(kFaultNames, entry.fault) == kFaultNames.end())
-      map.refuse_fault(entry, "an actuator or a sensor", kFaultNames);
+    if (entry.channel.empty() && std::ranges::find(known, entry.fault) == known.end())
+      map.refuse_fault(entry, "an actuator or a sensor", known);
   return map;
 }
 

@@ -55,8 +55,8 @@ class ActuatorArray {
   // Moves the cells by those velocities.
   void commit(double dt_s) noexcept;
 
-  // Saves or restores field, commands and models, of an array with the same surface, fault map and seed. Throws
-  // common::UserError if a model cannot be saved.
+  // Saves or restores field, commands and models, of an array with the same surface, fault map and seed.
+  // Throws common::UserError if a model cannot be saved.
   void archive(common::StateArchive&);
 
   bool exerts_forces() const noexcept;

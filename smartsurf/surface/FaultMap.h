@@ -18,6 +18,11 @@
 
 namespace smartsurf::surface {
 
+// The faults that an entry may name.
+inline const std::vector<std::string> kActuatorFaults{"stuck", "dead", "weak", "late"};
+inline const std::vector<std::string> kSensorFaults{"dead",       "stuck", "stuck_low",
+                                                    "stuck_high", "gain",  "offset"};
+
 struct FaultEntry {
   int row = 0, column = 0;
   std::string channel;  // "": every channel

@@ -20,8 +20,8 @@ namespace smartsurf::surface {
 // Height of a missing cell: nothing collides with it.
 inline constexpr float kNoCellHeight = -std::numeric_limits<float>::infinity();
 
-// The convex end of a cell that is not a bottomless column with a level rectangular top. Its origin is the middle of
-// the cell's top; of a tip that moves sideways, its highest point.
+// The convex end of a cell that is not a bottomless column with a level rectangular top. Its origin is the
+// middle of the cell's top; of a tip that moves sideways, its highest point.
 struct CellTip {
   enum class Shape : std::uint8_t {
     kHemisphere,       // a hemisphere of `radius` on a bottomless shaft
@@ -34,8 +34,8 @@ struct CellTip {
   Shape shape = Shape::kHemisphere;
   float radius = 0.0F, height = 0.0F;  // u
   // ---- of a tip that moves sideways
-  // How it yields: the stiffness and damping with which joints hold it, mass/s² and mass/s; the greatest normal force,
-  // mass·u/s², within a cylindrical workspace, relative to the cell's base, u.
+  // How it yields: the stiffness and damping with which joints hold it, mass/s² and mass/s; the greatest
+  // normal force, mass·u/s², within a cylindrical workspace, relative to the cell's base, u.
   float stiffness = std::numeric_limits<float>::infinity(), damping = 0.0F;
   float max_force = std::numeric_limits<float>::infinity();
   float workspace_radius = 0.0F, workspace_low = 0.0F, workspace_high = 0.0F;
@@ -65,7 +65,8 @@ struct Field {
   float half_top_x = 0.4F, half_top_y = 0.4F;  // half extents of a cell's rectangular top, u
   // Free layouts only: centre of each cell, u, and its rotation about z, rad. Empty in a rectangular layout.
   std::vector<float> x, y, angle;
-  // Kinds of tips, and the index in them of each cell's, −1 for a column. Both empty if all cells are columns.
+  // Kinds of tips, and the index in them of each cell's, −1 for a column. Both empty if all cells are
+  // columns.
   std::vector<CellTip> tips;
   std::vector<std::int8_t> tip_of_cell;
   // Upper bound of the horizontal distance of a tip's points from its cell's centre, u.
@@ -80,17 +81,17 @@ struct Field {
   std::vector<float> surface_velocity_x, surface_velocity_y, surface_spin;
   // Tilt of each cell's top about its centre, and the rate of the coming step. Empty if no top tilts.
   std::vector<TopTilt> tilt, tilt_rate;
-  // Horizontal position of a tip that moves sideways, from the cell's centre along the table's axes, u, and the
-  // velocity of the coming step, u/s. Empty if there are none.
+  // Horizontal position of a tip that moves sideways, from the cell's centre along the table's axes, u, and
+  // the velocity of the coming step, u/s. Empty if there are none.
   std::vector<Eigen::Vector2f> offset, offset_rate;
-  // The actuator model writes the velocities of tips that yield without load. The physics replaces those of a loaded tip,
-  // and with them speed and offset_rate, by those under the load. Empty if no tip yields.
+  // The actuator model writes the velocities of tips that yield without load. The physics replaces those of a
+  // loaded tip, and with them speed and offset_rate, by those under the load. Empty if no tip yields.
   std::vector<YieldingTip> yielding;
   // Upper bounds of the height and of the speed of any point of a cell, u and u/s.
   float max_height = 0.0F, max_speed = 0.0F;
-  // Maximum upward force of the cell at rest, mass·u/s²; infinity if unlimited. It falls linearly with the speed at
-  // which the cell rises, to 0 at no_load_speed, u/s. Under a greater load the cell yields: the physics lowers its
-  // `speed` to that of the load. Empty unless an actuator has a force limit.
+  // Maximum upward force of the cell at rest, mass·u/s²; infinity if unlimited. It falls linearly with the
+  // speed at which the cell rises, to 0 at no_load_speed, u/s. Under a greater load the cell yields: the
+  // physics lowers its `speed` to that of the load. Empty unless an actuator has a force limit.
   std::vector<float> force_limit, no_load_speed;
 
   // ---- loads on the cells, overwritten by the physics in every step

@@ -24,8 +24,8 @@ class SensorArray {
   SensorArray(const scene::SceneSpec&, const Field& field, const FaultMap& = {});
   ~SensorArray();
 
-  // Adds the impulses of one physics step, mass·u/s: Field::impulse, Field::tip_impulse and Skin::impulse. Costs nothing
-  // unless a sensor needs impulses.
+  // Adds the impulses of one physics step, mass·u/s: Field::impulse, Field::tip_impulse and Skin::impulse.
+  // Costs nothing unless a sensor needs impulses.
   void accumulate_impulses(std::span<const float> cells, std::span<const Eigen::Vector3f> tips = {},
                            std::span<const float> skin = {}) noexcept;
 
@@ -39,7 +39,8 @@ class SensorArray {
   std::span<const float> readings(int channel) const noexcept;
   std::span<const float> truth(int channel) const noexcept;
 
-  // Saves or restores the state of sensors with the same scene and fault map. `snapshot`: the one sensed last.
+  // Saves or restores the state of sensors with the same scene and fault map. `snapshot`: the one sensed
+  // last.
   void archive(common::StateArchive&, const scene::Snapshot& snapshot,
                std::span<const scene::ObjectSpec> catalogue, common::ThreadPool&);
 

@@ -1,9 +1,9 @@
-// A skin over the cells, as the physics sees it during one step: a grid of nodes that move vertically, in flat arrays,
-// row-major, row 0 north. Each rectangle of four nodes is two triangles, joined along its diagonal from the north-west to
-// the south-east.
+// A skin over the cells, as the physics sees it during one step: a grid of nodes that move vertically, in
+// flat arrays, row-major, row 0 north. Each rectangle of four nodes is two triangles, joined along its
+// diagonal from the north-west to the south-east.
 //
-// It belongs to surface::Field, with its order of events: SkinShape moves the nodes of a kinematic skin, the physics those
-// of an elastic one, and the physics writes the impulses on them.
+// It belongs to surface::Field, with its order of events: SkinShape moves the nodes of a kinematic skin, the
+// physics those of an elastic one, and the physics writes the impulses on them.
 #pragma once
 
 #include <Eigen/Core>
@@ -27,8 +27,8 @@ struct Skin {
   float tension = 0.0F;                       // mass/s²
   float density = 0.0F;                       // mass/u²
   float damping = 0.0F;                       // of its tension, mass/s
-  // The support under each node: its height at the start of the step, u, −infinity without one, and its speed in the
-  // step, u/s.
+  // The support under each node: its height at the start of the step, u, −infinity without one, and its speed
+  // in the step, u/s.
   std::vector<float> support_height, support_speed;
   std::vector<std::uint8_t> is_clamped;  // [node]: at a clamped edge, a support that never lets go
 
@@ -81,8 +81,8 @@ struct Skin {
   }
 };
 
-// Visits the edges of the finite elements: each(node, neighbour, weight), with the weight in the Laplacian. Linear elements
-// on right triangles have weight 0 along the diagonals, which are left out.
+// Visits the edges of the finite elements: each(node, neighbour, weight), with the weight in the Laplacian.
+// Linear elements on right triangles have weight 0 along the diagonals, which are left out.
 template <class Each>
 void for_each_edge(const Skin& s, Each each) {
   const double along_x = static_cast<double>(s.spacing_y) / s.spacing_x, along_y = 1.0 / along_x;

@@ -91,7 +91,8 @@ Inertial inertial_of(const ScriptContext& context, const Geometry& g, const Plac
   return transformed(one.pose, {mass, Eigen::Vector3d::Zero(), one.object.homogeneous_inertia(mass)});
 }
 
-// Points whose convex hulls are the object, in the frame of the body. Round shapes become inscribed polyhedra.
+// Points whose convex hulls are the object, in the frame of the body. Round shapes become inscribed
+// polyhedra.
 void append_hulls(const PlacedObject& one, std::vector<std::vector<Eigen::Vector3d>>& hulls) {
   const scene::ObjectSpec& o = one.object;
   std::vector<Eigen::Vector3d> points;

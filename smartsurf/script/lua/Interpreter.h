@@ -56,16 +56,17 @@ class Interpreter {
 
   lua_State* lua() const { return lua_; }
 
-  // Calls the function below its `arguments` on the stack with a budget. Throws InputError, Interrupted, or the
-  // exception passed to defer_exception. `fallback_location` is reported for an error
-  // outside any line of the script. All code that can raise a Lua error, including out of memory, must run
-  // inside call(): Lua aborts the process on an unprotected error.
+  // Calls the function below its `arguments` on the stack with a budget. Throws InputError, Interrupted, or
+  // the exception passed to defer_exception. `fallback_location` is reported for an error outside any line of
+  // the script. All code that can raise a Lua error, including out of memory, must run inside call(): Lua
+  // aborts the process on an unprotected error.
   void call(int arguments, int results, const Budget& budget, const std::string& fallback_location);
 
   // Compiles source text (not bytecode) with the chunk name `file` and pushes the function, or raises a Lua
   // error on `L`. Call only inside call().
   void compile(lua_State* L, const std::string& text, const std::string& file);
-  // Does what lua_load() does with mode "t", and charges an instruction for each byte that the compiler takes.
+  // Does what lua_load() does with mode "t", and charges an instruction for each byte that the compiler
+  // takes.
   int compile_metered(lua_State* L, std::string_view text, const char* chunk);
 
   // Charges instructions to the budget of the running call. Raises a Lua error on `L` when it is exceeded. A

@@ -1,5 +1,6 @@
-// pairs and next in a reproducible order: numbers ascending, strings by their bytes, then false and true. The order of
-// Lua's own follows from the hash table, whose seed Lua draws from the clock and from addresses in each run.
+// pairs and next in a reproducible order: numbers ascending, strings by their bytes, then false and true. The
+// order of Lua's own follows from the hash table, whose seed Lua draws from the clock and from addresses in
+// each run.
 #include <algorithm>
 #include <string_view>
 #include <tuple>
@@ -16,7 +17,8 @@ constexpr std::uint64_t kInstructionsPerKey = 20;  // that collecting and sortin
 
 struct TableKey {
   enum Kind { kNumber, kString, kBoolean, kUnordered } kind = kUnordered;
-  // A number, or 0 and 1 for false and true. A long double with a mantissa of 64 bits is exact for every integer.
+  // A number, or 0 and 1 for false and true. A long double with a mantissa of 64 bits is exact for every
+  // integer.
   long double number = 0.0L;
   std::string_view string;  // owned by Lua; valid while the key exists
   lua_Integer index = 0;    // in the list of the keys as Lua visits them
@@ -51,8 +53,8 @@ TableKey key_at(lua_State* L, int index) {
                     "; their order would differ from run to run: use a list, or number or string keys");
 }
 
-// The sorted keys of the table at index 1; one without an order is the last. Pushes the list of the keys to which their
-// indices refer. Throws ScriptError for several keys without an order.
+// The sorted keys of the table at index 1; one without an order is the last. Pushes the list of the keys to
+// which their indices refer. Throws ScriptError for several keys without an order.
 std::vector<TableKey> sorted_keys(lua_State* L, const char* function) {
   Interpreter& interpreter = *Interpreter::context_of(L).interpreter;
   std::vector<TableKey> keys;

@@ -11,8 +11,8 @@ namespace {
 
 constexpr std::size_t kSetCharactersPerStep = 4;
 
-// True if `c` belongs to the class of the letter; an upper-case letter is the complement. Other characters stand for
-// themselves.
+// True if `c` belongs to the class of the letter; an upper-case letter is the complement. Other characters
+// stand for themselves.
 bool in_class(unsigned char c, unsigned char letter) {
   constexpr std::string_view kLetters = "acdglpsuwx";
   constexpr int (*kTests[])(int) = {std::isalpha, std::iscntrl, std::isdigit, std::isgraph, std::islower,
@@ -50,8 +50,8 @@ std::size_t PatternMatcher::match(std::size_t s, std::size_t p) {
   return end;
 }
 
-// Matches the pattern from `p` on against the subject from `s` on. Items that leave no choice are consumed in the
-// loop; the others recurse.
+// Matches the pattern from `p` on against the subject from `s` on. Items that leave no choice are consumed in
+// the loop; the others recurse.
 std::size_t PatternMatcher::match_rest(std::size_t s, std::size_t p) {
   while (p < pattern_.size()) {
     count_steps();

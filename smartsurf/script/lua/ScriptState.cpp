@@ -43,7 +43,8 @@ class Numbering {
 
   std::int64_t count() const { return count_; }
 
-  // Numbers the value on top, if it is an object without a number, and pops it. Returns its number, 0 for others.
+  // Numbers the value on top, if it is an object without a number, and pops it. Returns its number, 0 for
+  // others.
   std::int64_t take() {
     std::int64_t number = 0;
     if (is_reference(lua_type(L_, -1))) {
@@ -90,8 +91,8 @@ void number_roots(ScriptContext* context, lua_State* L, Numbering& numbering) {
   }
 }
 
-// Numbers what the table on top refers to. The order does not depend on addresses: string keys by their bytes, then the
-// others as Lua gives them.
+// Numbers what the table on top refers to. The order does not depend on addresses: string keys by their
+// bytes, then the others as Lua gives them.
 void number_table(lua_State* L, Numbering& numbering) {
   const int table = lua_gettop(L);
   if (lua_getmetatable(L, table) != 0) numbering.take();

@@ -1,5 +1,5 @@
-// Lua's own functions on tables, charged for the elements that they visit. A charge believes a length only once it is
-// settled: the library asks for it again, and a metamethod could then answer with another.
+// Lua's own functions on tables, charged for the elements that they visit. A charge believes a length only
+// once it is settled: the library asks for it again, and a metamethod could then answer with another.
 #include <algorithm>
 
 #include "smartsurf/script/ScriptContext.h"
@@ -17,8 +17,8 @@ int push_upvalue(lua_State* L) {
   return 1;
 }
 
-// The length of the table at index 1. A table with a metamethod for it is replaced by one that stands for its elements
-// and has this length for good. Lua's own function refuses what is not a table.
+// The length of the table at index 1. A table with a metamethod for it is replaced by one that stands for its
+// elements and has this length for good. Lua's own function refuses what is not a table.
 lua_Integer settle_length(lua_State* L) {
   if (lua_type(L, 1) != LUA_TTABLE) return 0;
   if (luaL_getmetafield(L, 1, "__len") == LUA_TNIL) return static_cast<lua_Integer>(lua_rawlen(L, 1));

@@ -66,7 +66,8 @@ inline void check_value(lua_State* L, int index, const std::string& name, bool& 
   value = lua_toboolean(L, index) != 0;
 }
 
-// Calls visit(stack index, "NAME[i]") for each element of the list at `index`, with the element on top of the stack.
+// Calls visit(stack index, "NAME[i]") for each element of the list at `index`, with the element on top of the
+// stack.
 template <typename Visit>
 void for_each_element(lua_State* L, int index, const std::string& name, Visit visit) {
   const auto count = static_cast<lua_Integer>(lua_rawlen(L, index));

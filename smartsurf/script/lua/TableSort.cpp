@@ -1,7 +1,7 @@
-// table.sort is Lua's quicksort, comparison by comparison, with two differences for which Lua's own cannot be used. Where
-// its halves become too uneven, Lua takes the next pivots from the clock. A script sees them, in the order of the
-// comparisons and of equal elements, so these come from a fixed sequence. And each comparison is charged: how many an
-// adverse order or a lying length takes is not known in advance.
+// table.sort is Lua's quicksort, comparison by comparison, with two differences for which Lua's own cannot be
+// used. Where its halves become too uneven, Lua takes the next pivots from the clock. A script sees them, in
+// the order of the comparisons and of equal elements, so these come from a fixed sequence. And each
+// comparison is charged: how many an adverse order or a lying length takes is not known in advance.
 #include <algorithm>
 #include <climits>
 #include <cstdint>

@@ -14,8 +14,8 @@ namespace smartsurf::script {
 void register_userdata_type(lua_State* L, const char* type, std::span<const luaL_Reg> methods,
                             lua_CFunction property = nullptr);
 
-// A handle is userdata that holds the id of an object or a joint; its type is "object" or "joint". Handles of equal ids
-// are equal.
+// A handle is userdata that holds the id of an object or a joint; its type is "object" or "joint". Handles of
+// equal ids are equal.
 static_assert(std::is_same_v<scene::ObjectId, scene::JointId>);
 void register_handle_type(lua_State* L, const char* type, std::span<const luaL_Reg> methods);
 void push_handle(lua_State* L, const char* type, scene::ObjectId id);

@@ -1,4 +1,5 @@
-// joint{…} creates a joint, while the script loads or runs; joint(id) is a handle to one of the running simulation.
+// joint{…} creates a joint, while the script loads or runs; joint(id) is a handle to one of the running
+// simulation.
 #include <algorithm>
 #include <array>
 #include <iterator>
@@ -131,7 +132,8 @@ scene::JointId check_joint_with_coordinate(const ScriptContext& context, lua_Sta
   const scene::JointKind kind = context.simulation->joint_kind(id);
   if (kind != scene::JointKind::kHinge && kind != scene::JointKind::kSlider)
     throw ScriptError(std::string("joint:") + method + ": joint " + std::to_string(id) + " is a " +
-                      scene::kJointKindNames[static_cast<int>(kind)] + " joint; only hinge and slider have a coordinate");
+                      scene::kJointKindNames[static_cast<int>(kind)] +
+                      " joint; only hinge and slider have a coordinate");
   return id;
 }
 

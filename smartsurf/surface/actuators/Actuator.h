@@ -68,9 +68,9 @@ class Actuator {
   // True if the cells have a force limit. If so, the field has force_limit, which plan() writes.
   virtual bool has_force_limit() const noexcept { return false; }
 
-  // The tip of the model's cells; none if they are columns. If any tip is a plate, the field has tilt and tilt_rate:
-  // plan() writes the rates of the coming step, commit() advances the tilt. If any moves sideways, the same holds for
-  // offset and offset_rate, and if any yields, for `yielding`.
+  // The tip of the model's cells; none if they are columns. If any tip is a plate, the field has tilt and
+  // tilt_rate: plan() writes the rates of the coming step, commit() advances the tilt. If any moves sideways,
+  // the same holds for offset and offset_rate, and if any yields, for `yielding`.
   virtual std::optional<TipKind> tip() const noexcept { return std::nullopt; }
 
   virtual bool exerts_forces() const noexcept { return false; }
@@ -78,8 +78,8 @@ class Actuator {
   virtual void add_forces(double /*dt_s*/, const Field&, const BodyView&,
                           std::span<const scene::ObjectSpec> /*catalogue*/, std::span<Wrench>) noexcept {}
 
-  // Saves or restores the state of the model beyond the field. A model without this cannot be saved: it throws
-  // common::UserError.
+  // Saves or restores the state of the model beyond the field. A model without this cannot be saved: it
+  // throws common::UserError.
   virtual void archive(common::StateArchive&) {
     throw common::UserError("an actuator of this surface cannot be saved: its model has no archive()");
   }

@@ -8,8 +8,6 @@
 namespace smartsurf::surface {
 namespace {
 
-const std::vector<std::string> kFaultNames{"stuck", "dead", "weak", "late"};
-
 // A hash of seed and counter: a cell's draw does not depend on the number of cells.
 std::uint64_t draw(std::uint64_t seed, std::uint64_t counter) {
   return CounterRandom::splitmix64(CounterRandom::splitmix64(seed) ^ counter);
@@ -31,7 +29,7 @@ ActuatorFaults::ActuatorFaults(const scene::SurfaceSpec& surface,
   for (const FaultEntry& entry : map.entries())
     for (ChannelFaults& channel : channels_) {
       if (entry.channel != channel.info.name &&
-          !(entry.channel.empty() && std::ranges::count(kFaultNames, entry.fault)))
+          !(entry.channel.empty() && std::ranges::count(kActuatorFaults, entry.fault)))
         continue;
       apply_entry(map, entry, channel, surface.index(entry.row, entry.column));
     }
@@ -98,7 +96,7 @@ void ActuatorFaults::apply_entry(const FaultMap& map, const FaultEntry& entry, C
     channel.latency[cell] = static_cast<std::uint16_t>(latency);
     channel.max_latency = std::max(channel.max_latency, latency);
   } else {
-    map.refuse_fault(entry, "an actuator", kFaultNames);
+    map.refuse_fault(entry, "an actuator", kActuatorFaults);
   }
 }
 

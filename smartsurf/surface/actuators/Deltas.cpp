@@ -176,8 +176,8 @@ class Deltas final : public Actuator {
   bool yields_;
   float max_speed_, max_acceleration_;
   std::vector<float> base_;  // rows × columns, u
-  // rows × columns, relative to the middle of the cell's base, u: commands; where the joints hold the tips, and how fast
-  // they move; their deflection.
+  // rows × columns, relative to the middle of the cell's base, u: commands; where the joints hold the tips,
+  // and how fast they move; their deflection.
   std::array<std::vector<float>, 3> target_;
   std::vector<Vec> position_, velocity_, deflection_;
   // One per run, so that runs at rest on their targets cost nothing.

@@ -19,7 +19,8 @@ namespace {
 constexpr float kRetryDelay_s = 0.1F;
 constexpr float kStopTolerance = 1e-4F;  // u
 
-// Short runs are moved together with the cells between them, up to this many: a call for each would take longer.
+// Short runs are moved together with the cells between them, up to this many: a call for each would take
+// longer.
 constexpr std::size_t kMaxGroupCells = 64;
 
 // Approximate cost per pin of set_targets(), plan() and commit().
@@ -121,13 +122,15 @@ class Pins final : public Actuator {
   }
 
  private:
-  // Pins that move together: those of runs_[first_run] to runs_[end_run - 1], and the fixed cells between them.
+  // Pins that move together: those of runs_[first_run] to runs_[end_run - 1], and the fixed cells between
+  // them.
   struct Group {
     CellRun cells;
     std::size_t first_run, end_run;
   };
-  // Joins short runs. Between the runs of a single model lies a fixed border, whose cells stay at their own height, which
-  // is their target. Otherwise cells of other models, or none, lie between the runs, and they stay apart.
+  // Joins short runs. Between the runs of a single model lies a fixed border, whose cells stay at their own
+  // height, which is their target. Otherwise cells of other models, or none, lie between the runs, and they
+  // stay apart.
   void group_runs(const ActuatorContext& context) {
     const bool joins = context.surface.actuator_of_cell.empty() && !force_limit_;
     const auto may_join = [joins](const CellRun& group, const CellRun& next) {
@@ -175,10 +178,10 @@ class Pins final : public Actuator {
     }
   }
 
-  // The motor's characteristic is force = max_force·(1 − v/max_speed): full force at rest, none at maximum speed. The
-  // speed v is that under the load of the coming step. Only the physics knows it, and lowers the planned speed to it. A
-  // pin that the load pushes back continues from its remaining speed. On the lower stop the frame carries the load; a
-  // pin that cannot leave the stop under its load waits kRetryDelay_s.
+  // The motor's characteristic is force = max_force·(1 − v/max_speed): full force at rest, none at maximum
+  // speed. The speed v is that under the load of the coming step. Only the physics knows it, and lowers the
+  // planned speed to it. A pin that the load pushes back continues from its remaining speed. On the lower
+  // stop the frame carries the load; a pin that cannot leave the stop under its load waits kRetryDelay_s.
   float plan_under_load(std::size_t i, const MotionProfile& profile, float dt_s, Field& field) noexcept {
     const float speed = std::max(field.speed[i], std::min(planned_speed_[i], 0.0F));
     const bool on_stop = field.height[i] <= lower_stop(i) + kStopTolerance;

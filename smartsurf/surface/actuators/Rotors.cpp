@@ -104,7 +104,8 @@ class Rotors final : public Actuator {
     }
   }
 
-  // `speed` is the mean over the step, so that the top meets the shape's support point at the end of the step.
+  // `speed` is the mean over the step, so that the top meets the shape's support point at the end of the
+  // step.
   void plan_cell(int i, float dt_s, Field& field) noexcept {
     constexpr auto kTwoPi = static_cast<float>(2.0 * std::numbers::pi);
     angle_[i] = angle_control_ ? MotionProfile::advance(angle_[i], rate_[i], command_[i], dt_s)

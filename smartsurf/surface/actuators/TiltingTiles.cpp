@@ -1,6 +1,8 @@
-// Tiles with three degrees of freedom: heave, roll and pitch of each top, which follow trapezoidal motion profiles.
+// Tiles with three degrees of freedom: heave, roll and pitch of each top, which follow trapezoidal motion
+// profiles.
 //
-// A level tile at rest is a column like a pin. Otherwise its top is a plate, which turns about the top's centre.
+// A level tile at rest is a column like a pin. Otherwise its top is a plate, which turns about the top's
+// centre.
 #include <algorithm>
 #include <array>
 #include <cmath>

@@ -45,8 +45,8 @@ class Sensor {
   // row-major, row 0 north, within the channel's range. The span stays valid for the sensor's lifetime.
   virtual std::span<const float> values(int channel) const noexcept = 0;
 
-  // Saves or restores the state that does not follow from the latest snapshot. Called after a sense() with that
-  // snapshot and without impulses.
+  // Saves or restores the state that does not follow from the latest snapshot. Called after a sense() with
+  // that snapshot and without impulses.
   virtual void archive(common::StateArchive&) {}
 
   // True if sense() reads SensorInput::impulse, tip_impulse or skin_impulse.

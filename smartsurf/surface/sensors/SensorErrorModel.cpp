@@ -148,7 +148,7 @@ void SensorErrorModel::apply_fault(const FaultMap& map, const FaultEntry& entry,
   if (fault == "stuck_high") return set_cell_fault(cell, c, CellState::kStuck, measured_channel(c).maximum);
   if (fault != "stuck" && fault != "gain" && fault != "offset") {
     if (entry.channel.empty()) return;
-    map.refuse_fault(entry, "a sensor", {"dead", "stuck", "stuck_low", "stuck_high", "gain", "offset"});
+    map.refuse_fault(entry, "a sensor", kSensorFaults);
   }
   if (!entry.value) map.refuse(entry, "fault " + quote(fault) + ": needs a value");
   if (fault == "stuck") return set_cell_fault(cell, c, CellState::kStuck, *entry.value);

@@ -9,8 +9,8 @@
 
 namespace smartsurf::surface {
 
-// Component p of a cell is its p-th sample, in row-major order from the cell's north-west corner. Cells beside the skin
-// read 0.
+// Component p of a cell is its p-th sample, in row-major order from the cell's north-west corner. Cells
+// beside the skin read 0.
 class SkinSensor : public Sensor {
  public:
   std::span<const float> values(int /*channel*/) const noexcept final { return values_; }
@@ -69,13 +69,13 @@ class SkinStrainSensor final : public SkinSensor {
   }
 };
 
-// The vertical force of the objects on the area around each sample, averaged over the tick, mass·u/s²: the samples add up
-// to the whole load.
+// The vertical force of the objects on the area around each sample, averaged over the tick, mass·u/s²: the
+// samples add up to the whole load.
 class SkinContactSensor final : public SkinSensor {
  public:
   SkinContactSensor(const Field& field, const scene::SensorSpec& spec) : SkinSensor(field, spec) {
-    // Samples count from the north-west. The skin covers a rectangle of cells and a margin, whose nodes belong to the
-    // nearest sample.
+    // Samples count from the north-west. The skin covers a rectangle of cells and a margin, whose nodes
+    // belong to the nearest sample.
     const auto first_cell = static_cast<int>(std::ranges::find(skin_.covers, 1) - skin_.covers.begin());
     const int border = first_cell / std::max(1, field.columns);
     const auto sample_along = [&](float u, int cells) {
