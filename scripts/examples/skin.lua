@@ -1,4 +1,4 @@
--- A sheet over 8 × 8 pins carries an apple along a circle, and marbles far smaller than the gaps between pins. Run with
+-- A skin over 8 × 8 pins carries an apple along a circle, and marbles far smaller than the gaps between pins. Run with
 -- skin.aps.
 material { name = 'latex', friction = 0.8, rolling_friction = 0.02, restitution = 0 }
 surface { rows = 8, columns = 8, pitch = 2, material = 'latex', sensors = { skin_contact { resolution = 4 } },

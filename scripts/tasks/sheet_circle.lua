@@ -1,13 +1,13 @@
--- A soft sheet, which feels loads, hangs on 3×3 actuators half a metre apart, the corners of 2×2 modules. An apple is to go round
+-- A soft skin, which feels loads, hangs on 3×3 actuators half a metre apart, the corners of 2×2 modules. An apple is to go round
 -- on a circle, from module to module. Each seed is another apple: its size, its centre of mass, and where it starts.
 local modules = option('modules', 2, 'modules in a row')
-local tension = option('tension', 500, 'tension of the sheet, N/m')
+local tension = option('tension', 500, 'tension of the skin, N/m')
 local eccentricity = option('eccentricity', 0.05, 'greatest distance of the centre of mass from the centre, radii')
 local per_module, pitch = 20, 2.5  -- cells, cm
 local size = per_module * pitch    -- of a module
 local side, middle = modules * size, modules * size / 2
 local circle = 0.6 * size * (modules - 1)  -- radius, cm
-local rest = 15                            -- height of the sheet, cm
+local rest = 15                            -- height of the skin, cm
 
 world { unit = 'cm', dt = 1/120 }
 material { name = 'fabric', friction = 0.8, rolling_friction = 0.02, restitution = 0 }

@@ -63,12 +63,7 @@ struct ClippedMesh::ClipResult {
 };
 
 ClippedMesh::ClippedMesh(const TriangleMesh& source)
-    : source_(&source), low_(source.points.front()), high_(low_) {
-  for (const Point& p : source.points) {
-    low_ = low_.cwiseMin(p);
-    high_ = high_.cwiseMax(p);
-  }
-  snap_distance_ = 1e-7 * (high_ - low_).norm();
+    : source_(&source), bounds_(bounding_box(source)), snap_distance_(1e-7 * bounds_.diagonal().norm()) {
   for (const auto& t : source.triangles)
     surface_.push_back({source.points[t[0]], source.points[t[1]], source.points[t[2]]});
 }
@@ -113,8 +108,9 @@ ClippedMesh ClippedMesh::clip_below(const Plane& plane) const {
 
 double ClippedMesh::volume() const {
   double six_volumes = 0.0;
+  const Point& low = bounds_.min();
   for (const auto* triangles : {&surface_, &caps_})
-    for (const Triangle& t : *triangles) six_volumes += (t[0] - low_).dot((t[1] - low_).cross(t[2] - low_));
+    for (const Triangle& t : *triangles) six_volumes += (t[0] - low).dot((t[1] - low).cross(t[2] - low));
   return six_volumes / 6.0;
 }
 
@@ -137,7 +133,7 @@ std::vector<Point> ClippedMesh::hull_points_below(const Plane& plane) const {
 
 bool ClippedMesh::is_inside_source(const Point& p) const {
   constexpr double kInsideThreshold = 0.9;  // excludes the surface, whose vertices are hull points already
-  return (p - low_).minCoeff() > 0.0 && (high_ - p).minCoeff() > 0.0 &&
+  return (p - bounds_.min()).minCoeff() > 0.0 && (bounds_.max() - p).minCoeff() > 0.0 &&
          winding_number(*source_, p) > kInsideThreshold;
 }
 

@@ -1,7 +1,7 @@
 // A solid clipped by a set of planes, for convex decomposition.
 #pragma once
 
-#include <Eigen/Core>
+#include <Eigen/Geometry>
 #include <array>
 #include <vector>
 
@@ -42,7 +42,7 @@ class ClippedMesh {
   bool is_inside_source(const Eigen::Vector3d&) const;
 
   const TriangleMesh* source_;
-  Eigen::Vector3d low_, high_;  // bounds of the source
+  Eigen::AlignedBox3d bounds_;  // of the source
   double snap_distance_;
   std::vector<Plane> planes_;
   std::vector<Triangle> surface_;  // the clipped surface of the source

@@ -93,7 +93,7 @@ DecompositionPart make_part(ClippedMesh mesh) {
   return {std::move(mesh), std::move(points), volume_of_hull, excess};
 }
 
-// Whether the plane has points on both sides at a distance above `margin`, so that neither side is a sliver.
+// True if the plane has points on both sides at a distance above `margin`, so that neither side is a sliver.
 bool splits(const Plane& plane, const Points& points, double margin) {
   double lowest = INFINITY, highest = -INFINITY;
   for (const Eigen::Vector3d& p : points) {

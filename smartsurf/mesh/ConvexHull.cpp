@@ -24,17 +24,14 @@ struct HullFaces {
   double volume = 0.0;
 };
 
+void sort_and_deduplicate(std::vector<std::uint32_t>& indices) {
+  std::sort(indices.begin(), indices.end());
+  indices.erase(std::unique(indices.begin(), indices.end()), indices.end());
+}
+
 double max_extent(const std::vector<double>& coordinates) {
-  double most = 0.0;
-  for (std::size_t axis = 0; axis < 3; ++axis) {
-    double low = coordinates[axis], high = low;
-    for (std::size_t i = axis; i < coordinates.size(); i += 3) {
-      low = std::min(low, coordinates[i]);
-      high = std::max(high, coordinates[i]);
-    }
-    most = std::max(most, high - low);
-  }
-  return most;
+  const Eigen::Map<const Eigen::Matrix3Xd> points(coordinates.data(), 3, std::ssize(coordinates) / 3);
+  return points.cols() == 0 ? 0.0 : (points.rowwise().maxCoeff() - points.rowwise().minCoeff()).maxCoeff();
 }
 
 // RAII wrapper of one Qhull run. Qhull keeps pointers into the coordinates.
@@ -101,8 +98,7 @@ std::vector<std::uint32_t> face_loop(QhullRun& run, const facetT* facet) {
 }
 
 Eigen::Vector3d point_at(const std::vector<double>& coordinates, std::uint32_t i) {
-  return {coordinates[3 * std::size_t{i}], coordinates[3 * std::size_t{i} + 1],
-          coordinates[3 * std::size_t{i} + 2]};
+  return Eigen::Vector3d(&coordinates[3 * std::size_t{i}]);
 }
 
 // Twice the area vector of a polygon.
@@ -156,23 +152,16 @@ bool is_closed_polyhedron(const HullFaces& hull) {
   }
   for (const auto& [edge, count] : edges)
     if (!edges.contains({edge.second, edge.first})) return false;
-  std::sort(corners.begin(), corners.end());
-  corners.erase(std::unique(corners.begin(), corners.end()), corners.end());
+  sort_and_deduplicate(corners);
   return corners.size() + hull.corner_counts.size() == edges.size() / 2 + 2;
 }
 
-std::vector<double> coordinates_of(std::span<const Eigen::Vector3f> points) {
+template <class Point>
+std::vector<double> coordinates_of(std::span<const Point> points) {
   std::vector<double> numbers;
   numbers.reserve(3 * points.size());
-  for (const auto& p : points) numbers.insert(numbers.end(), {p.x(), p.y(), p.z()});
+  for (const Point& p : points) numbers.insert(numbers.end(), {p.x(), p.y(), p.z()});
   return numbers;
-}
-
-std::vector<std::uint32_t> unique_corners(const HullFaces& hull) {
-  std::vector<std::uint32_t> corners = hull.corners;
-  std::sort(corners.begin(), corners.end());
-  corners.erase(std::unique(corners.begin(), corners.end()), corners.end());
-  return corners;
 }
 
 // The support points in kMaxHullCorners directions of a Fibonacci lattice on the sphere.
@@ -187,8 +176,7 @@ std::vector<Eigen::Vector3f> pick_spread_points(const std::vector<Eigen::Vector3
                                        [&](const auto& a, const auto& b) { return d.dot(a) < d.dot(b); });
     kept.push_back(static_cast<std::uint32_t>(best - points.begin()));
   }
-  std::sort(kept.begin(), kept.end());
-  kept.erase(std::unique(kept.begin(), kept.end()), kept.end());
+  sort_and_deduplicate(kept);
   std::vector<Eigen::Vector3f> few;
   for (const std::uint32_t i : kept) few.push_back(points[i]);
   return few;
@@ -202,7 +190,8 @@ std::optional<scene::ConvexHull> convex_hull(std::span<const Eigen::Vector3f> po
   // Merging of many almost coplanar faces may give an inconsistent surface. Triangulate in that case.
   if (hull && !is_closed_polyhedron(*hull)) hull = compute_hull(coordinates, false);
   if (!hull || !is_closed_polyhedron(*hull)) return std::nullopt;
-  const std::vector<std::uint32_t> used = unique_corners(*hull);
+  std::vector<std::uint32_t> used = hull->corners;
+  sort_and_deduplicate(used);
   std::vector<Eigen::Vector3f> corners;
   for (const std::uint32_t i : used) corners.push_back(points[i]);
   if (corners.size() > kMaxHullCorners) return convex_hull(pick_spread_points(corners));
@@ -213,10 +202,7 @@ std::optional<scene::ConvexHull> convex_hull(std::span<const Eigen::Vector3f> po
 }
 
 double hull_volume(std::span<const Eigen::Vector3d> points) {
-  std::vector<double> coordinates;
-  coordinates.reserve(3 * points.size());
-  for (const auto& p : points) coordinates.insert(coordinates.end(), {p.x(), p.y(), p.z()});
-  const std::optional<HullFaces> hull = compute_hull(std::move(coordinates), true);
+  const std::optional<HullFaces> hull = compute_hull(coordinates_of(points), true);
   return hull ? hull->volume : 0.0;
 }
 

@@ -15,11 +15,11 @@ void MassProperties::add(const TriangleMesh& mesh) {
   for (const auto& t : mesh.triangles) add(mesh.points[t[0]], mesh.points[t[1]], mesh.points[t[2]]);
 }
 
-void MassProperties::add(const scene::ConvexHull& piece) {
+void MassProperties::add(const scene::ConvexHull& hull) {
   const auto corner = [&](std::uint32_t i) {
-    return piece.vertices[piece.face_vertices[i]].cast<double>().eval();
+    return hull.vertices[hull.face_vertices[i]].cast<double>().eval();
   };
-  for (const auto& face : piece.faces)
+  for (const auto& face : hull.faces)
     for (std::uint32_t i = 1; i + 1 < face.vertex_count; ++i)
       add(corner(face.first_vertex), corner(face.first_vertex + i), corner(face.first_vertex + i + 1));
 }

@@ -65,7 +65,7 @@ void check_header(const fs::path& file) {
   std::string start(16384, '\0');
   std::ifstream in(file, std::ios::binary);
   in.read(start.data(), static_cast<std::streamsize>(start.size()));
-  start.resize(static_cast<std::size_t>(in.gcount()));
+  start.resize(in.gcount());
   if (start.starts_with("ply") && start.find("end_header\n") == start.npos &&
       start.find("end_header\r") == start.npos)
     refuse("is damaged: its header has no end");

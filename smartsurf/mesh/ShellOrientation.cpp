@@ -138,7 +138,7 @@ class ShellOrientation {
     parity_[high] = static_cast<char>((parity_a != parity_b) != opposed);
   }
 
-  // Whether every shell has as many triangles in the forward as in the backward direction at the edge.
+  // True if every shell has as many triangles in the forward as in the backward direction at the edge.
   bool is_balanced(std::span<const HalfEdge> edge) {
     for (const HalfEdge& one : edge) {
       int sum = 0;

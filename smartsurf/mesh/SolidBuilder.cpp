@@ -15,7 +15,7 @@ namespace {
 constexpr double kMinSize = 1e-3, kMaxSize = 1e6;  // longest edge of the bounding box, u
 constexpr double kWeldDistance = 1e-6;             // relative to the diagonal of the bounding box
 constexpr double kReportThreshold = 0.02;          // relative deviation of the hulls from the mesh
-constexpr double kMinThickness = 1e-6;  // volume / (surface area × diagonal); below, it is a sheet
+constexpr double kMinThickness = 1e-6;  // volume / (surface area × diagonal); a flat mesh has less
 
 [[noreturn]] void refuse(const std::string& clause) { throw scene::InputError(clause); }
 
@@ -69,12 +69,12 @@ std::vector<Eigen::Vector3f> to_single_precision(const std::vector<Eigen::Vector
   return converted;
 }
 
-scene::ConvexHull translated(const scene::ConvexHull& piece, const Eigen::Vector3f& by) {
-  std::vector<Eigen::Vector3f> corners = piece.vertices;
+scene::ConvexHull translated(const scene::ConvexHull& hull, const Eigen::Vector3f& by) {
+  std::vector<Eigen::Vector3f> corners = hull.vertices;
   for (auto& corner : corners) corner += by;
   std::vector<std::uint32_t> sizes;
-  for (const auto& face : piece.faces) sizes.push_back(face.vertex_count);
-  return scene::make_convex_hull(std::move(corners), piece.face_vertices, sizes);
+  for (const auto& face : hull.faces) sizes.push_back(face.vertex_count);
+  return scene::make_convex_hull(std::move(corners), hull.face_vertices, sizes);
 }
 
 // The relative deviation of the hulls from the mesh, whose centre of mass is the origin.
@@ -84,11 +84,11 @@ struct ApproximationError {
 };
 
 ApproximationError approximation_error(const scene::Solid& solid) {
-  MassProperties pieces;
-  for (const auto& piece : solid.hulls) pieces.add(piece);
-  return {pieces.volume() / solid.volume - 1.0,
-          pieces.centre().norm() / static_cast<double>(solid.bounding_radius),
-          (pieces.inertia(Eigen::Vector3d::Zero()) - solid.inertia).norm() / solid.inertia.norm()};
+  MassProperties hulls;
+  for (const auto& hull : solid.hulls) hulls.add(hull);
+  return {hulls.volume() / solid.volume - 1.0,
+          hulls.centre().norm() / static_cast<double>(solid.bounding_radius),
+          (hulls.inertia(Eigen::Vector3d::Zero()) - solid.inertia).norm() / solid.inertia.norm()};
 }
 
 void check_approximation(const scene::Solid& solid, const SolidOptions& options,
@@ -103,32 +103,32 @@ void check_approximation(const scene::Solid& solid, const SolidOptions& options,
                            " of the radius)";
   if (options.decompose && d.worst() > options.tolerance)
     refuse(what + ", more than the tolerance of " + format_percent(options.tolerance) +
-           ": raise pieces = " + std::to_string(options.pieces) + " or tolerance, or simplify the mesh");
+           ": raise pieces = " + std::to_string(options.max_hulls) + " or tolerance, or simplify the mesh");
   notes.push_back(what);
 }
 
-std::vector<scene::ConvexHull> make_convex_pieces(const TriangleMesh& mesh, const SolidOptions& options) {
+std::vector<scene::ConvexHull> make_convex_hulls(const TriangleMesh& mesh, const SolidOptions& options) {
   std::vector<std::vector<Eigen::Vector3d>> parts{mesh.points};
-  if (options.decompose) parts = decompose_convex(mesh, {.max_parts = options.pieces});
-  std::vector<scene::ConvexHull> pieces;
+  if (options.decompose) parts = decompose_convex(mesh, {.max_parts = options.max_hulls});
+  std::vector<scene::ConvexHull> hulls;
   for (const auto& part : parts)
-    if (auto piece = convex_hull(to_single_precision(part))) pieces.push_back(std::move(*piece));
-  if (pieces.empty()) refuse("encloses almost no volume");
-  return pieces;
+    if (auto hull = convex_hull(to_single_precision(part))) hulls.push_back(std::move(*hull));
+  if (hulls.empty()) refuse("encloses almost no volume");
+  return hulls;
 }
 
 // Sets what follows from the hulls, which are what is drawn, too.
 void describe_hulls(scene::Solid& solid) {
   MassProperties properties;
-  for (const scene::ConvexHull& piece : solid.hulls) {
-    properties.add(piece);
+  for (const scene::ConvexHull& hull : solid.hulls) {
+    properties.add(hull);
     const auto first = static_cast<std::uint32_t>(solid.vertices.size());
-    solid.vertices.insert(solid.vertices.end(), piece.vertices.begin(), piece.vertices.end());
-    for (const auto& face : piece.faces)
+    solid.vertices.insert(solid.vertices.end(), hull.vertices.begin(), hull.vertices.end());
+    for (const auto& face : hull.faces)
       for (std::uint32_t i = 1; i + 1 < face.vertex_count; ++i)
-        solid.triangles.push_back({first + piece.face_vertices[face.first_vertex],
-                                   first + piece.face_vertices[face.first_vertex + i],
-                                   first + piece.face_vertices[face.first_vertex + i + 1]});
+        solid.triangles.push_back({first + hull.face_vertices[face.first_vertex],
+                                   first + hull.face_vertices[face.first_vertex + i],
+                                   first + hull.face_vertices[face.first_vertex + i + 1]});
   }
   solid.volume = properties.volume();
   solid.inertia = properties.inertia(properties.centre());
@@ -155,7 +155,7 @@ scene::Solid build_solid(TriangleMesh mesh, const SolidOptions& options, std::ve
   solid.volume = properties.volume();
   solid.inertia = properties.inertia(Eigen::Vector3d::Zero());
   scene::compute_bounds(solid);
-  solid.hulls = make_convex_pieces(mesh, options);
+  solid.hulls = make_convex_hulls(mesh, options);
   check_approximation(solid, options, notes);
   return solid;
 }

@@ -13,7 +13,7 @@ namespace smartsurf::mesh {
 
 struct SolidOptions {
   bool decompose = true;
-  int pieces = 32;         // maximum number of hulls
+  int max_hulls = 32;      // of the decomposition
   double tolerance = 0.2;  // allowed relative deviation of the hulls' volume and inertia from the mesh's
 };
 

@@ -25,8 +25,19 @@ scene::SolidResult build(const std::string& name, Make make) {
   }
 }
 
-TriangleMesh scaled(TriangleMesh mesh, double scale) {
-  for (auto& p : mesh.points) p *= scale;
+// The solid that was built for the key before, or that `make` builds now.
+template <typename Key, typename Make>
+scene::SolidResult cached(std::map<Key, std::shared_ptr<const scene::Solid>>& solids, const Key& key,
+                          const std::string& name, Make make) {
+  if (const auto known = solids.find(key); known != solids.end()) return {known->second, {}};
+  scene::SolidResult made = build(name, make);
+  solids.emplace(key, made.solid);
+  return made;
+}
+
+TriangleMesh read_scaled(const scene::MeshRequest& r) {
+  TriangleMesh mesh = read_mesh(r.file);
+  for (auto& p : mesh.points) p *= r.scale;
   return mesh;
 }
 
@@ -34,34 +45,22 @@ TriangleMesh scaled(TriangleMesh mesh, double scale) {
 
 scene::SolidResult SolidLibrary::load_mesh(const scene::MeshRequest& r) {
   const FileKey key{r.file.string(), false, r.scale, r.decompose, r.max_hulls, r.tolerance};
-  if (const auto cached = solids_by_file_.find(key); cached != solids_by_file_.end())
-    return {cached->second, {}};
-  scene::SolidResult made = build(r.display_name, [&](std::vector<std::string>& notes) {
-    return build_solid(scaled(read_mesh(r.file), r.scale), {r.decompose, r.max_hulls, r.tolerance}, notes);
+  return cached(solids_by_file_, key, r.display_name, [&](std::vector<std::string>& notes) {
+    return build_solid(read_scaled(r), {r.decompose, r.max_hulls, r.tolerance}, notes);
   });
-  solids_by_file_.emplace(key, made.solid);
-  return made;
 }
 
 scene::SolidResult SolidLibrary::make_hull(const scene::MeshRequest& r) {
   const FileKey key{r.file.string(), true, r.scale, false, 0, 0.0};
-  if (const auto cached = solids_by_file_.find(key); cached != solids_by_file_.end())
-    return {cached->second, {}};
-  scene::SolidResult made = build(r.display_name, [&](std::vector<std::string>&) {
-    return build_hull_solid(scaled(read_mesh(r.file), r.scale).points);
-  });
-  solids_by_file_.emplace(key, made.solid);
-  return made;
+  return cached(solids_by_file_, key, r.display_name,
+                [&](std::vector<std::string>&) { return build_hull_solid(read_scaled(r).points); });
 }
 
 scene::SolidResult SolidLibrary::make_hull(std::span<const Eigen::Vector3d> points, const std::string& name) {
   std::vector<double> key;
   for (const auto& p : points) key.insert(key.end(), p.data(), p.data() + 3);
-  if (const auto cached = solids_by_points_.find(key); cached != solids_by_points_.end())
-    return {cached->second, {}};
-  scene::SolidResult made = build(name, [&](std::vector<std::string>&) { return build_hull_solid(points); });
-  solids_by_points_.emplace(std::move(key), made.solid);
-  return made;
+  return cached(solids_by_points_, key, name,
+                [&](std::vector<std::string>&) { return build_hull_solid(points); });
 }
 
 scene::SolidResult SolidLibrary::make_compound(std::span<const std::vector<Eigen::Vector3d>> parts,

@@ -79,14 +79,14 @@ double solid_angle(const Eigen::Vector3d& a, const Eigen::Vector3d& b, const Eig
 
 }  // namespace
 
+Eigen::AlignedBox3d bounding_box(const TriangleMesh& mesh) {
+  Eigen::AlignedBox3d box;
+  for (const auto& p : mesh.points) box.extend(p);
+  return box;
+}
+
 double bounding_box_diagonal(const TriangleMesh& mesh) {
-  if (mesh.points.empty()) return 0.0;
-  Eigen::Vector3d low = mesh.points.front(), high = low;
-  for (const auto& p : mesh.points) {
-    low = low.cwiseMin(p);
-    high = high.cwiseMax(p);
-  }
-  return (high - low).norm();
+  return mesh.points.empty() ? 0.0 : bounding_box(mesh).diagonal().norm();
 }
 
 void weld_points(TriangleMesh& mesh, double distance) {

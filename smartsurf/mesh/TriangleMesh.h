@@ -15,7 +15,8 @@ struct TriangleMesh {
   std::vector<std::array<std::uint32_t, 3>> triangles;  // counter-clockwise seen from outside
 };
 
-// The length of the diagonal of the bounding box; 0 without points.
+Eigen::AlignedBox3d bounding_box(const TriangleMesh&);
+// The length of its diagonal; 0 without points.
 double bounding_box_diagonal(const TriangleMesh&);
 
 // Merges points within `distance` of each other, transitively. Removes triangles that become degenerate,

@@ -106,10 +106,7 @@ class MjcfReader {
       const std::string file = e.required_text("file");
       std::string name = e.text("name");
       if (name.empty()) name = file.substr(0, file.rfind('.')).substr(file.find_last_of('/') + 1);
-      const Eigen::Vector3d scale = e.vector("scale", Eigen::Vector3d::Ones());
-      if (scale.x() != scale.y() || scale.x() != scale.z() || !(scale.x() > 0.0))
-        e.refuse("scale='" + e.text("scale") + "': must be three times the same number greater than 0");
-      meshes_[name] = {mesh_folder_.empty() ? file : mesh_folder_ + "/" + file, scale.x()};
+      meshes_[name] = {mesh_folder_.empty() ? file : mesh_folder_ + "/" + file, e.uniform_scale()};
     }
     for (const Element& e : assets.children("material"))
       if (e.has("rgba")) materials_.emplace(e.text("name"), e);
@@ -162,7 +159,7 @@ class MjcfReader {
   Eigen::Quaterniond from_euler(const Eigen::Vector3d& angles) const {
     Eigen::Quaterniond q = Eigen::Quaterniond::Identity();
     for (int i = 0; i < 3; ++i) {
-      const char axis = euler_sequence_[static_cast<std::size_t>(i)];
+      const char axis = euler_sequence_[i];
       const bool is_fixed = axis < 'a';
       const Eigen::Quaterniond turn(
           Eigen::AngleAxisd(angles[i] * angle_unit_, Eigen::Vector3d::Unit(axis - (is_fixed ? 'X' : 'x'))));
@@ -267,11 +264,9 @@ class MjcfReader {
       body.pose = pose;
       body.fixed = joints.empty() && free.empty();
     } else {  // welded to its parent
-      const Pose& base = model_.bodies[static_cast<std::size_t>(parent)].pose;
-      const Eigen::Quaterniond back = base.orientation.conjugate();
-      local = {back * (pose.position - base.position), back * pose.orientation};
+      local = model_.bodies[parent].pose.to_local(pose);
     }
-    Body& body = model_.bodies[static_cast<std::size_t>(index)];
+    Body& body = model_.bodies[index];
     body.names.push_back(name_of(e));
     const Element inertial = inertia_from_geom_ ? Element(nullptr, nullptr) : e.child("inertial");
     if (inertial) body.inertial = combined(body.inertial, transformed(local, read_inertial(inertial)));

@@ -1,7 +1,8 @@
 // Robot descriptions: URDF and MJCF files as bodies and joints, in the file's own units.
 //
-// Bodies that the file welds together are one body here. Unknown elements and attributes without a meaning for rigid
-// bodies are ignored, as both formats want; docs/models.md lists what is read, what is ignored and what is refused.
+// Bodies that the file welds together are one body here. Unknown elements and attributes without a meaning
+// for rigid bodies are ignored, as both formats want; docs/models.md lists what is read, what is ignored and
+// what is refused.
 #pragma once
 
 #include <Eigen/Geometry>
@@ -21,6 +22,11 @@ struct Pose {
     return {position + orientation * local.position, orientation * local.orientation};
   }
   Eigen::Vector3d operator*(const Eigen::Vector3d& point) const { return position + orientation * point; }
+  // A pose of the same frame as this one, as seen from here.
+  Pose to_local(const Pose& other) const {
+    const Eigen::Quaterniond back = orientation.conjugate();
+    return {back * (other.position - position), back * other.orientation};
+  }
 };
 
 struct Geometry {

@@ -1,4 +1,5 @@
-// URDF, the Unified Robot Description Format of ROS: links and joints by name, in metres, kilograms and radians.
+// URDF, the Unified Robot Description Format of ROS: links and joints by name, in metres, kilograms and
+// radians.
 #include <algorithm>
 #include <map>
 #include <string>
@@ -65,10 +66,7 @@ Geometry read_geometry(const Element& e) {
   } else if (shape.is("mesh")) {
     g.shape = scene::ShapeKind::kSolid;
     g.mesh_file = mesh_path(shape);
-    const Eigen::Vector3d scale = shape.vector("scale", Eigen::Vector3d::Ones());
-    if (scale.x() != scale.y() || scale.x() != scale.z() || !(scale.x() > 0.0))
-      shape.refuse("scale='" + shape.text("scale") + "': must be three times the same number greater than 0");
-    g.mesh_scale = scale.x();
+    g.mesh_scale = shape.uniform_scale();
   } else {
     shape.refuse("is unknown: must be <box>, <cylinder>, <sphere> or <mesh>");
   }
@@ -220,9 +218,7 @@ class UrdfReader {
     if (type == "fixed") {
       child.body = parent.body;
       Body& body = model_.bodies[parent.body];
-      const Eigen::Quaterniond back = body.pose.orientation.conjugate();
-      const Pose local{back * (child.pose.position - body.pose.position), back * child.pose.orientation};
-      return add_link(child.element, local, colours_, body);
+      return add_link(child.element, body.pose.to_local(child.pose), colours_, body);
     }
     start_body(child, false);
     if (type == "floating") return;

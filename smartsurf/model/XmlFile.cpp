@@ -90,6 +90,13 @@ Eigen::Vector3d Element::vector(const char* attribute, const Eigen::Vector3d& ot
   return {v[0], v[1], v[2]};
 }
 
+double Element::uniform_scale() const {
+  const Eigen::Vector3d scale = vector("scale", Eigen::Vector3d::Ones());
+  if (scale.x() != scale.y() || scale.x() != scale.z() || !(scale.x() > 0.0))
+    refuse("scale='" + text("scale") + "': must be three times the same number greater than 0");
+  return scale.x();
+}
+
 XmlFile::XmlFile(const std::string& text, std::string file, const char* root_tag) : file_(std::move(file)) {
   if (document_.Parse(text.data(), text.size()) != tinyxml2::XML_SUCCESS) {
     const bool is_deep = document_.ErrorID() == tinyxml2::XML_ELEMENT_DEPTH_EXCEEDED;

@@ -40,6 +40,8 @@ class Element {
     return has(attribute) ? number(attribute) : otherwise;
   }
   Eigen::Vector3d vector(const char* attribute, const Eigen::Vector3d& otherwise) const;
+  // The attribute `scale`, three equal numbers greater than 0; 1 if absent.
+  double uniform_scale() const;
 
  private:
   const tinyxml2::XMLElement* element_;

@@ -12,6 +12,7 @@ namespace {
 
 using Type = Parameter::Type;
 constexpr double kPi = std::numbers::pi;
+constexpr PinSpec kPin;  // the defaults of a cell's body and of a pin
 
 std::vector<Parameter> with_body_parameters(std::vector<Parameter> parameters) {
   std::vector<Parameter> all = cell_body_parameters();
@@ -53,6 +54,25 @@ Parameter lag_parameter(double default_value) {
   return number_parameter("lag", default_value, 0.0, 1e3, "time constant of the first-order lag, s");
 }
 
+Parameter range_parameter(std::string name, double low, double high, std::string description) {
+  return {.name = std::move(name),
+          .description = std::move(description),
+          .type = Type::kRange,
+          .default_value = {low, high},
+          .minimum = -1e6};
+}
+
+Parameter optional(Parameter p) {
+  p.default_value.clear();
+  return p;
+}
+
+// For cells whose height is that of a command.
+std::vector<Parameter> without_height(std::vector<Parameter> parameters) {
+  std::erase_if(parameters, [](const Parameter& p) { return p.name == "height"; });
+  return parameters;
+}
+
 // A channel with the range [-limit, limit].
 ActuatorChannel symmetric_channel(std::string name, std::string unit, double limit) {
   return {std::move(name), std::move(unit), -limit, limit, 0.0};
@@ -62,24 +82,8 @@ ActuatorChannel symmetric_channel(std::string name, std::string unit, double lim
 
 const std::vector<std::string> kTipShapes{"flat", "hemisphere", "cone", "rounded_square"};
 
-std::vector<Parameter> tip_parameters() {
-  Parameter radius = positive_parameter(
-      "tip.radius", 0.0, "of a hemisphere or of a cone's foot, u; half of the top's shorter edge if absent");
-  Parameter corner =
-      positive_parameter("tip.corner_radius", 0.0,
-                         "of a rounded square's corners, u; a quarter of the top's shorter edge if absent");
-  Parameter half_angle =
-      number_parameter("tip.half_angle", 0.0, 0.05, 1.5, "of a cone at its apex, rad; π/4 if absent");
-  std::vector<Parameter> all{choice_parameter("tip.shape", kTipShapes, "of the pin's upper end")};
-  for (Parameter* p : {&radius, &half_angle, &corner}) {
-    p->default_value.clear();
-    all.push_back(std::move(*p));
-  }
-  return all;
-}
-
 std::string check_tip(const ActuatorSpec& s) {
-  const std::string& shape = kTipShapes[static_cast<std::size_t>(s.number("tip.shape"))];
+  const std::string& shape = kTipShapes[static_cast<int>(s.number("tip.shape"))];
   const auto only_with = [&](const char* parameter,
                              std::initializer_list<std::string_view> shapes) -> std::string {
     if (!s.has(parameter) || std::ranges::find(shapes, shape) != shapes.end()) return "";
@@ -93,29 +97,32 @@ std::string check_tip(const ActuatorSpec& s) {
 }
 
 ActuatorKind pin_kind() {
-  ActuatorKind kind{.name = "pin", .parameters = cell_body_parameters()};
-  std::erase_if(kind.parameters, [](const Parameter& p) { return p.name == "height"; });
-  kind.parameters.push_back({.name = "range",
-                             .description = "lowest and highest height of the top, u",
-                             .type = Type::kRange,
-                             .default_value = {0.0, 6.0},
-                             .minimum = -1e6});
-  kind.parameters.push_back(positive_parameter("max_speed", 20.0, "greatest speed, u/s"));
-  kind.parameters.push_back(positive_parameter("max_acceleration", 400.0, "greatest acceleration, u/s²"));
-  Parameter force = force_parameter(0.0, "load at which a rising pin stalls, mass·u/s²; unlimited if absent");
-  force.default_value.clear();
-  force.maximum = 1e12;
-  kind.parameters.push_back(force);
-  for (Parameter& p : tip_parameters()) kind.parameters.push_back(std::move(p));
-  kind.check_constraints = check_tip;
-  kind.channels = [](const ActuatorSpec& s) -> std::vector<ActuatorChannel> {
-    const auto& range = s.numbers("range");
-    return {{"height", "u", range[0], range[1], range[0]}};
-  };
-  kind.height_limits = [](const ActuatorSpec& s) {
-    return std::array{s.numbers("range")[0], s.numbers("range")[1]};
-  };
-  return kind;
+  return {.name = "pin",
+          .parameters = without_height(with_body_parameters(
+              {range_parameter("range", kPin.min_height, kPin.max_height,
+                               "lowest and highest height of the top, u"),
+               positive_parameter("max_speed", kPin.max_speed, "greatest speed, u/s"),
+               positive_parameter("max_acceleration", kPin.max_acceleration, "greatest acceleration, u/s²"),
+               optional(
+                   force_parameter(0.0, "load at which a rising pin stalls, mass·u/s²; unlimited if absent")),
+               choice_parameter("tip.shape", kTipShapes, "of the pin's upper end"),
+               optional(positive_parameter(
+                   "tip.radius", 0.0,
+                   "of a hemisphere or of a cone's foot, u; half of the top's shorter edge if absent")),
+               optional(number_parameter("tip.half_angle", 0.0, 0.05, 1.5,
+                                         "of a cone at its apex, rad; π/4 if absent")),
+               optional(positive_parameter(
+                   "tip.corner_radius", 0.0,
+                   "of a rounded square's corners, u; a quarter of the top's shorter edge if absent"))})),
+          .channels = [](const ActuatorSpec& s) -> std::vector<ActuatorChannel> {
+            const auto& range = s.numbers("range");
+            return {{"height", "u", range[0], range[1], range[0]}};
+          },
+          .height_limits =
+              [](const ActuatorSpec& s) {
+                return std::array{s.numbers("range")[0], s.numbers("range")[1]};
+              },
+          .check_constraints = check_tip};
 }
 
 ActuatorKind ball_kind() {
@@ -270,12 +277,7 @@ ActuatorKind tile_kind() {
            positive_parameter("max_amplitude", 0.5, "greatest amplitude, u"),
            number_parameter("skin", 0.3, 0.0, 1.0, "fraction of a cell's motion that follows its neighbours"),
            number_parameter("thickness", 1.0, 0.0, 1e3, "of the skin, or of the plate that tilts, u"),
-           lag_parameter(0.05),
-           {.name = "heave",
-            .description = "lowest and highest heave, u",
-            .type = Type::kRange,
-            .default_value = {0.0, 1.0},
-            .minimum = -1e6},
+           lag_parameter(0.05), range_parameter("heave", 0.0, 1.0, "lowest and highest heave, u"),
            number_parameter("max_tilt", 0.35, 0.0, 1.2, "greatest roll and greatest pitch, rad"),
            positive_parameter("max_speed", 5.0, "greatest speed of the heave, u/s"),
            positive_parameter("max_acceleration", 100.0, "greatest acceleration of the heave, u/s²"),
@@ -324,52 +326,46 @@ std::string check_delta(const ActuatorSpec& s) {
 }
 
 ActuatorKind delta_kind() {
-  ActuatorKind kind{.name = "delta", .parameters = cell_body_parameters()};
-  std::erase_if(kind.parameters, [](const Parameter& p) { return p.name == "height"; });
-  const auto optional = [](Parameter p) {
-    p.default_value.clear();
-    p.maximum = 1e12;
+  const auto optional_size = [](std::string name, std::string description) {
+    return optional(number_parameter(std::move(name), 0.0, 0.0, 1e12, std::move(description)));
+  };
+  const auto optional_positive = [&](std::string name, std::string description) {
+    Parameter p = optional_size(std::move(name), std::move(description));
+    p.exclusive_minimum = true;
     return p;
   };
-  for (Parameter& p : std::vector<Parameter>{
-           choice_parameter("tip.shape", {"sphere", "rounded_cylinder"}, "of the tip"),
+  return {
+      .name = "delta",
+      .parameters = without_height(with_body_parameters(
+          {choice_parameter("tip.shape", {"sphere", "rounded_cylinder"}, "of the tip"),
            positive_parameter("tip.radius", 0.25, "of the sphere or cylinder, u"),
-           optional(positive_parameter("tip.length", 0.0,
-                                       "of a rounded cylinder, u; twice its diameter if absent")),
+           optional_positive("tip.length", "of a rounded cylinder, u; twice its diameter if absent"),
            positive_parameter("workspace.radius", 0.5,
                               "greatest distance of the tip from the cell's axis, u"),
-           {.name = "workspace.z",
-           .description = "lowest and highest z of the tip's highest point, u",
-           .type = Type::kRange,
-           .default_value = {0.0, 2.0},
-           .minimum = -1e6},
-           optional(
-               positive_parameter("arms.length", 0.0, "u; twice workspace.radius + arms.radius if absent")),
-           optional(positive_parameter(
-               "arms.radius", 0.0,
-               "distance of the joints from the cell's axis, u; that of the workspace if absent")),
+           range_parameter("workspace.z", 0.0, 2.0, "lowest and highest z of the tip's highest point, u"),
+           optional_positive("arms.length", "u; twice workspace.radius + arms.radius if absent"),
+           optional_positive(
+               "arms.radius",
+               "distance of the joints from the cell's axis, u; that of the workspace if absent"),
            positive_parameter("max_speed", 10.0, "greatest speed of each coordinate, u/s"),
            positive_parameter("max_acceleration", 200.0, "greatest acceleration of each coordinate, u/s²"),
-           optional(positive_parameter(
-               "max_force", 0.0,
-               "load at which the joints yield, mass·u/s²; if absent, unlimited, or stiffness times "
-               "workspace.radius")),
-           optional(positive_parameter("stiffness", 0.0, "of the tip's spring, mass/s²; rigid if absent")),
-           optional(number_parameter("damping", 0.0, 0.0, 1e12,
-                                     "of the tip's damper, mass/s; 0.02 s times the stiffness if absent"))})
-    kind.parameters.push_back(std::move(p));
-  kind.check_constraints = check_delta;
-  kind.channels = [](const ActuatorSpec& s) -> std::vector<ActuatorChannel> {
-    const double radius = s.number("workspace.radius");
-    const auto& z = s.numbers("workspace.z");
-    return {symmetric_channel("x", "u", radius),
-            symmetric_channel("y", "u", radius),
-            {"z", "u", z[0], z[1], std::clamp(0.0, z[0], z[1])}};
-  };
-  kind.height_limits = [](const ActuatorSpec& s) {
-    return std::array{s.numbers("workspace.z")[0], s.numbers("workspace.z")[1]};
-  };
-  return kind;
+           optional_positive("max_force",
+                             "load at which the joints yield, mass·u/s²; if absent, unlimited, or stiffness "
+                             "times workspace.radius"),
+           optional_positive("stiffness", "of the tip's spring, mass/s²; rigid if absent"),
+           optional_size("damping", "of the tip's damper, mass/s; 0.02 s times the stiffness if absent")})),
+      .channels = [](const ActuatorSpec& s) -> std::vector<ActuatorChannel> {
+        const double radius = s.number("workspace.radius");
+        const auto& z = s.numbers("workspace.z");
+        return {symmetric_channel("x", "u", radius),
+                symmetric_channel("y", "u", radius),
+                {"z", "u", z[0], z[1], std::clamp(0.0, z[0], z[1])}};
+      },
+      .height_limits =
+          [](const ActuatorSpec& s) {
+            return std::array{s.numbers("workspace.z")[0], s.numbers("workspace.z")[1]};
+          },
+      .check_constraints = check_delta};
 }
 
 }  // namespace
@@ -378,11 +374,11 @@ std::vector<Parameter> cell_body_parameters() {
   return {{.name = "top",
            .description = "edges of a cell's top along x and y, u",
            .type = Type::kSize,
-           .default_value = {0.8, 0.8},
+           .default_value = {kPin.top_x, kPin.top_y},
            .minimum = 1e-3},
           {.name = "length",
            .description = "of a cell below its top, u",
-           .default_value = {2.0},
+           .default_value = {kPin.length},
            .minimum = 1e-3},
           {.name = "height", .description = "of the top at rest, u", .default_value = {0.0}, .minimum = -1e6},
           {.name = "latency",

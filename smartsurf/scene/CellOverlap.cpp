@@ -41,7 +41,7 @@ struct BucketedCell {
 std::vector<BucketedCell> sort_into_buckets(const SurfaceSpec& s, double width) {
   std::vector<BucketedCell> all;
   for (int i = 0; i < s.cell_count(); ++i) {
-    const CellPose& p = s.cell_poses[static_cast<std::size_t>(i)];
+    const CellPose& p = s.cell_poses[i];
     if (s.is_empty(i / s.columns, i % s.columns)) continue;
     all.push_back({static_cast<std::int64_t>(std::floor(p.y / width)),
                    static_cast<std::int64_t>(std::floor(p.x / width)), i});
@@ -62,8 +62,7 @@ std::optional<CellOverlap> find_overlap(const SurfaceSpec& s) {
   const double diagonal = 2.0 * half.norm();
   const std::vector<BucketedCell> cells = sort_into_buckets(s, diagonal);
   const auto test = [&](int a, int b) -> std::optional<CellOverlap> {
-    const double depth = overlap_depth(Top(s.cell_poses[static_cast<std::size_t>(a)]),
-                                       Top(s.cell_poses[static_cast<std::size_t>(b)]), half);
+    const double depth = overlap_depth(Top(s.cell_poses[a]), Top(s.cell_poses[b]), half);
     if (depth <= kRelativeTolerance * diagonal) return std::nullopt;
     return CellOverlap{std::min(a, b), std::max(a, b), depth};
   };

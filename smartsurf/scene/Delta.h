@@ -1,4 +1,5 @@
-// The mechanism of a linear delta robot: three joints that slide vertically, each joined to the tip by an arm.
+// The mechanism of a linear delta robot: three joints that slide vertically, each joined to the tip by an
+// arm.
 #pragma once
 
 #include <Eigen/Core>
@@ -11,8 +12,8 @@ namespace smartsurf::scene {
 // The values of `delta.tip.shape`.
 enum class DeltaTipShape { kSphere, kRoundedCylinder };
 
-// A delta robot with its defaults filled in. The position of a tip is that of its highest point, u: x and y along the
-// table's axes from the cell's centre, z from the cell's base.
+// A delta robot with its defaults filled in. The position of a tip is that of its highest point, u: x and y
+// along the table's axes from the cell's centre, z from the cell's base.
 struct Delta {
   DeltaTipShape tip_shape;
   double tip_radius, tip_length;  // u; the length of a sphere is its diameter
@@ -32,11 +33,12 @@ struct Delta {
 
   bool is_rigid() const;
   bool has_force_limit() const;
-  // Of a compliant tip under max_force, u; 0 if rigid. Friction at most doubles it.
+  // The deflection of a compliant tip under max_force, u; 0 if rigid. Friction at most doubles it.
   double max_deflection() const;
   // Heights of the joints with the tip there, each relative to that with the tip at {0, 0, 0}, u:
-  // z + √(l² − r²) − √(l² − d²) with the arm's length l, the radius r of the joints and the horizontal distance d of tip
-  // and joint. Precondition: the tip is within reach of the arms.
+  //   z + √(l² − r²) − √(l² − d²)
+  // with the arm's length l, the radius r of the joints and the horizontal distance d of tip and joint.
+  // Precondition: the tip is within reach of the arms.
   std::array<double, 3> joint_positions(const Eigen::Vector3d& tip) const;
 };
 

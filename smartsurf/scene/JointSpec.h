@@ -1,8 +1,8 @@
 // Joints: constraints between two objects, or between an object and the table.
 //
-// A joint's coordinate is the angle of a hinge (rad) or the displacement of a slider (u), of object a relative to b
-// along the axis, 0 where the joint is created. "Effort" is the generalised force on the coordinate: a torque
-// (mass·u²/s²) at a hinge, a force (mass·u/s²) at a slider.
+// A joint's coordinate is the angle of a hinge (rad) or the displacement of a slider (u), of object a
+// relative to b along the axis, 0 where the joint is created. "Effort" is the generalised force on the
+// coordinate: a torque (mass·u²/s²) at a hinge, a force (mass·u/s²) at a slider.
 #pragma once
 
 #include <Eigen/Core>
@@ -17,7 +17,8 @@ namespace smartsurf::scene {
 // Index in the order of creation; never reused.
 using JointId = std::uint32_t;
 
-// What stays free between a and b: the rotation about an axis, the translation along one, all rotations, nothing.
+// What stays free between a and b: the rotation about an axis, the translation along one, all rotations,
+// nothing.
 enum class JointKind : std::uint8_t { kHinge, kSlider, kBall, kFixed };
 inline constexpr const char* kJointKindNames[] = {"hinge", "slider", "ball", "fixed"};
 
@@ -57,8 +58,8 @@ struct JointState {
                         0.0};  // of the joint on a without that effort, world frame, mean over that step
 };
 
-// "" or one clause with the field, its value and the constraint, as validate() in SceneSpec.h. Does not check that the
-// objects exist.
+// "" or one clause with the field, its value and the constraint, as validate() in SceneSpec.h. Does not check
+// that the objects exist.
 std::string validate(const JointSpec&);
 
 }  // namespace smartsurf::scene

@@ -11,7 +11,7 @@ namespace smartsurf::scene {
 // The name of the channel, reserved on surfaces with empty cells.
 inline constexpr const char* kOccupancyChannel = "occupancy";
 
-// Whether the surface has the occupancy channel. O(cells).
+// True if the surface has the occupancy channel. O(cells).
 bool has_empty_cells(const SurfaceSpec&);
 
 // [row][column], row 0 is north: 1 = cell, 0 = empty. The vector is empty if the surface has no empty cells.

@@ -19,43 +19,66 @@ std::string range_error(const std::string& field, double value, const std::strin
 }
 
 bool is_positive(double v) { return std::isfinite(v) && v > 0.0; }
-bool is_non_negative(double v) { return std::isfinite(v) && v >= 0.0; }
 
 // The limits keep squared lengths and moments of inertia within the range of single precision.
 constexpr double kMaxMagnitude = 1e6, kMinSize = 1e-3, kMinMass = 1e-9;
 constexpr double kMinInertia = 1e-15, kMaxInertia = 1e24;
+constexpr double kMaxEffort = 1e12;
 
 bool is_size(double v) { return v >= kMinSize && v <= kMaxMagnitude; }
 bool is_coordinate(double v) { return std::abs(v) <= kMaxMagnitude; }
-constexpr const char* kSizeRule = "in [0.001, 1000000]";
-constexpr const char* kCoordinateRule = "in [-1000000, 1000000]";
-constexpr double kMaxEffort = 1e12;
-constexpr const char* kEffortRule = "in [0, 1e+12]";
 
-std::string validate_vector(const std::string& field, const Eigen::Vector3d& v) {
-  for (int i = 0; i < 3; ++i)
-    if (!is_coordinate(v[i]))
-      return range_error(field + "[" + std::to_string(i + 1) + "]", v[i], kCoordinateRule);
-  return "";
-}
+// Keeps the first constraint that does not hold, as the clause that validate() returns.
+class Constraints {
+ public:
+  // `prefix` comes before the name of each field.
+  explicit Constraints(std::string prefix = "") : prefix_(std::move(prefix)) {}
+
+  Constraints& require(bool holds, std::string_view field, double value, const std::string& rule) {
+    return holds ? *this : also(range_error(prefix_ + std::string(field), value, rule));
+  }
+  Constraints& in(std::string_view field, double value, double low, double high) {
+    if (value >= low && value <= high) return *this;
+    return require(false, field, value, "in [" + format_number(low) + ", " + format_number(high) + "]");
+  }
+  Constraints& size(std::string_view field, double value) {
+    return in(field, value, kMinSize, kMaxMagnitude);
+  }
+  Constraints& effort(std::string_view field, double value) { return in(field, value, 0.0, kMaxEffort); }
+  Constraints& coordinate(std::string_view field, double value) {
+    return in(field, value, -kMaxMagnitude, kMaxMagnitude);
+  }
+  Constraints& vector(std::string_view field, const Eigen::Vector3d& v) {
+    for (int i = 0; i < 3; ++i)
+      if (!is_coordinate(v[i])) coordinate(std::string(field) + "[" + std::to_string(i + 1) + "]", v[i]);
+    return *this;
+  }
+  // Adds the clause of another check, "" if that holds.
+  Constraints& also(const std::string& clause) {
+    if (broken_.empty()) broken_ = clause;
+    return *this;
+  }
+  bool hold() const { return broken_.empty(); }
+  const std::string& broken() const { return broken_; }
+
+ private:
+  std::string prefix_, broken_;
+};
 
 std::string validate(const PinSpec& pin, double pitch, const std::string& model) {
-  if (!is_size(pin.top_x) || pin.top_x > pitch)
-    return range_error(model + ".top[1]", pin.top_x,
-                       "in [0.001, pitch], the pitch is " + format_number(pitch));
-  if (!is_size(pin.top_y) || pin.top_y > pitch)
-    return range_error(model + ".top[2]", pin.top_y,
-                       "in [0.001, pitch], the pitch is " + format_number(pitch));
-  if (!is_size(pin.length)) return range_error("pin.length", pin.length, kSizeRule);
-  if (!is_coordinate(pin.min_height)) return range_error("pin.range[1]", pin.min_height, kCoordinateRule);
-  if (!is_coordinate(pin.max_height)) return range_error("pin.range[2]", pin.max_height, kCoordinateRule);
-  if (pin.max_height < pin.min_height)
-    return range_error("pin.range[2]", pin.max_height,
-                       "not below pin.range[1] = " + format_number(pin.min_height));
-  if (!is_positive(pin.max_speed)) return range_error("pin.max_speed", pin.max_speed, "greater than 0");
-  if (!is_positive(pin.max_acceleration))
-    return range_error("pin.max_acceleration", pin.max_acceleration, "greater than 0");
-  return "";
+  const std::string top_rule = "in [0.001, pitch], the pitch is " + format_number(pitch);
+  return Constraints()
+      .require(is_size(pin.top_x) && pin.top_x <= pitch, model + ".top[1]", pin.top_x, top_rule)
+      .require(is_size(pin.top_y) && pin.top_y <= pitch, model + ".top[2]", pin.top_y, top_rule)
+      .size("pin.length", pin.length)
+      .coordinate("pin.range[1]", pin.min_height)
+      .coordinate("pin.range[2]", pin.max_height)
+      .require(pin.max_height >= pin.min_height, "pin.range[2]", pin.max_height,
+               "not below pin.range[1] = " + format_number(pin.min_height))
+      .require(is_positive(pin.max_speed), "pin.max_speed", pin.max_speed, "greater than 0")
+      .require(is_positive(pin.max_acceleration), "pin.max_acceleration", pin.max_acceleration,
+               "greater than 0")
+      .broken();
 }
 
 std::string validate_actuators(const SurfaceSpec& s) {
@@ -69,11 +92,12 @@ std::string validate_actuators(const SurfaceSpec& s) {
   }
   for (std::size_t i = 0; i < s.cell_poses.size(); ++i)
     if (!is_coordinate(s.cell_poses[i].x) || !is_coordinate(s.cell_poses[i].y))
-      return "surface.positions[" + std::to_string(i + 1) + "]: must be " + kCoordinateRule;
+      return "surface.positions[" + std::to_string(i + 1) + "]: must be in [-1000000, 1000000]";
   for (std::size_t i = 0; i < s.base_heights.size(); ++i)
     if (!is_coordinate(static_cast<double>(s.base_heights[i])))
-      return range_error("surface.base of cell " + std::to_string(i + 1),
-                         static_cast<double>(s.base_heights[i]), kCoordinateRule);
+      return Constraints()
+          .coordinate("surface.base of cell " + std::to_string(i + 1), static_cast<double>(s.base_heights[i]))
+          .broken();
   return "";
 }
 
@@ -262,35 +286,32 @@ Eigen::Matrix3d ObjectSpec::homogeneous_inertia(double of_mass) const {
 std::string validate(const WorldSpec& w) {
   if (std::ranges::find(kEngineNames, w.engine) == std::end(kEngineNames))
     return "world.engine = '" + w.engine + "': must be 'native' or 'bullet'";
-  if (auto p = validate_vector("world.gravity", w.gravity); !p.empty()) return p;
-  if (!(w.dt_s >= 1e-5 && w.dt_s <= 0.1)) return range_error("world.dt", w.dt_s, "in [1e-05, 0.1] seconds");
-  if (w.iterations < 1 || w.iterations > 1000)
-    return range_error("world.iterations", w.iterations, "1 to 1000");
-  if (!is_positive(w.control_period_s) || w.control_period_s > 10.0)
-    return range_error("world.control_period", w.control_period_s, "in (0, 10] seconds");
   const double steps = w.control_period_s / w.dt_s;
-  if (std::abs(steps - std::round(steps)) > 1e-6 * steps || std::round(steps) < 1.0)
-    return range_error("world.control_period", w.control_period_s,
-                       "an integer number of physics steps, world.dt = " + format_number(w.dt_s));
-  return "";
+  return Constraints("world.")
+      .vector("gravity", w.gravity)
+      .require(w.dt_s >= 1e-5 && w.dt_s <= 0.1, "dt", w.dt_s, "in [1e-05, 0.1] seconds")
+      .require(w.iterations >= 1 && w.iterations <= 1000, "iterations", w.iterations, "1 to 1000")
+      .require(is_positive(w.control_period_s) && w.control_period_s <= 10.0, "control_period",
+               w.control_period_s, "in (0, 10] seconds")
+      .require(std::abs(steps - std::round(steps)) <= 1e-6 * steps && std::round(steps) >= 1.0,
+               "control_period", w.control_period_s,
+               "an integer number of physics steps, world.dt = " + format_number(w.dt_s))
+      .broken();
 }
 
 std::string validate(const Material& m) {
   if (m.name.empty()) return "material.name is missing";
-  if (!is_non_negative(m.friction) || m.friction > kMaxMagnitude)
-    return range_error("material.friction", m.friction, "in [0, 1000000]");
-  if (!is_non_negative(m.rolling_friction) || m.rolling_friction > kMaxMagnitude)
-    return range_error("material.rolling_friction", m.rolling_friction, "in [0, 1000000]");
-  if (!is_non_negative(m.restitution) || m.restitution > 1.0)
-    return range_error("material.restitution", m.restitution, "in [0, 1]");
-  if (!is_positive(m.density) || m.density > kMaxMagnitude || m.density < kMinMass)
-    return range_error("material.density", m.density, "in [1e-09, 1000000]");
-  return "";
+  return Constraints("material.")
+      .in("friction", m.friction, 0.0, kMaxMagnitude)
+      .in("rolling_friction", m.rolling_friction, 0.0, kMaxMagnitude)
+      .in("restitution", m.restitution, 0.0, 1.0)
+      .in("density", m.density, kMinMass, kMaxMagnitude)
+      .broken();
 }
 
 namespace {
 
-// Whether a sheet can lie over the actuator: its top does not drive what lies on it, and bears any load.
+// True if a skin can lie over the actuator: its top does not drive what lies on it, and bears any load.
 bool can_hold_skin(const ActuatorSpec& a) {
   if (a.model == "pin") return !a.has("max_force");
   if (a.model == "delta") return !a.has("stiffness") && !a.has("max_force");
@@ -324,35 +345,33 @@ std::string validate_skin(const SurfaceSpec& s) {
     if (!is_size(extent))
       return range_error("surface.skin.margin", k.margin, "greater than 0 over a single cell");
   }
-  if (!is_positive(k.tension) || k.tension > kMaxMagnitude)
-    return range_error("surface.skin.tension", k.tension, "in (0, 1000000]");
-  if (!is_positive(k.density) || k.density < kMinMass || k.density > kMaxMagnitude)
-    return range_error("surface.skin.density", k.density, "in [1e-09, 1000000]");
-  if (!is_non_negative(k.damping) || k.damping > kMaxMagnitude)
-    return range_error("surface.skin.damping", k.damping, "in [0, 1000000]");
-  if (!is_coordinate(k.edge_height))
-    return range_error("surface.skin.edge.height", k.edge_height, kCoordinateRule);
-  return "";
+  return Constraints("surface.skin.")
+      .require(is_positive(k.tension) && k.tension <= kMaxMagnitude, "tension", k.tension, "in (0, 1000000]")
+      .in("density", k.density, kMinMass, kMaxMagnitude)
+      .in("damping", k.damping, 0.0, kMaxMagnitude)
+      .coordinate("edge.height", k.edge_height)
+      .broken();
 }
 
 }  // namespace
 
 std::string validate(const SurfaceSpec& s) {
-  if (s.rows < 1 || s.rows > 4096) return range_error("surface.rows", s.rows, "1 to 4096");
-  if (s.columns < 1 || s.columns > 4096) return range_error("surface.columns", s.columns, "1 to 4096");
-  if (!is_size(s.pitch)) return range_error("surface.pitch", s.pitch, kSizeRule);
-  if (auto p = validate(s.pin, s.pitch, s.actuators.empty() ? "pin" : s.actuators[0].model); !p.empty())
-    return p;
-  if (auto p = validate_actuators(s); !p.empty()) return p;
-  for (const auto& sensor : s.sensors)
-    if (auto p = find_sensor_kind(sensor.model)->validate(sensor); !p.empty()) return p;
-  if (auto p = validate_channels(s); !p.empty()) return p;
-  if (s.border_height && !is_coordinate(*s.border_height))
-    return range_error("border.height", *s.border_height, kCoordinateRule);
+  Constraints all;
+  all.require(s.rows >= 1 && s.rows <= 4096, "surface.rows", s.rows, "1 to 4096")
+      .require(s.columns >= 1 && s.columns <= 4096, "surface.columns", s.columns, "1 to 4096")
+      .size("surface.pitch", s.pitch)
+      .also(validate(s.pin, s.pitch, s.actuators.empty() ? "pin" : s.actuators[0].model));
+  if (!all.hold()) return all.broken();
+  all.also(validate_actuators(s));
+  for (const auto& sensor : s.sensors) all.also(find_sensor_kind(sensor.model)->validate(sensor));
+  if (!all.hold()) return all.broken();
+  all.also(validate_channels(s));
+  if (s.border_height) all.coordinate("border.height", *s.border_height);
+  if (!all.hold()) return all.broken();
   return validate_skin(s);
 }
 
-// Of a body: positive, and each principal moment at most the sum of the others, to 1 %.
+// The inertia of a body is positive, and no principal moment exceeds the sum of the others by more than 1 %.
 std::string validate_inertia(const Eigen::Matrix3d& inertia) {
   if (!inertia.allFinite()) return "inertia: must be finite";
   const Eigen::Vector3d moments =
@@ -368,67 +387,56 @@ std::string validate_inertia(const Eigen::Matrix3d& inertia) {
 }
 
 std::string validate(const ObjectSpec& o) {
-  const bool has_radius = o.shape != ShapeKind::kBox && o.shape != ShapeKind::kSolid;
-  if (has_radius && !is_size(o.radius)) return range_error("radius", o.radius, kSizeRule);
-  if (has_radius && o.shape != ShapeKind::kSphere && !is_size(o.height))
-    return range_error("height", o.height, kSizeRule);
-  if (o.shape == ShapeKind::kCapsule && o.height < 2.0 * o.radius)
-    return range_error("height", o.height, "at least twice the radius, " + format_number(2.0 * o.radius));
-  if (o.shape == ShapeKind::kBox)
+  Constraints all;
+  if (o.shape == ShapeKind::kBox) {
     for (int i = 0; i < 3; ++i)
-      if (!is_size(o.size[i]))
-        return range_error("size[" + std::to_string(i + 1) + "]", o.size[i], kSizeRule);
-  if (o.shape == ShapeKind::kSolid && !o.solid) return "solid: is missing";
-  if (auto p = validate_vector("position", o.position); !p.empty()) return p;
-  if (auto p = validate_vector("velocity", o.velocity); !p.empty()) return p;
-  if (auto p = validate_vector("angular_velocity", o.angular_velocity); !p.empty()) return p;
-  if (auto p = validate_vector("com", o.centre_of_mass); !p.empty()) return p;
-  if (o.inertia)
-    if (auto p = validate_inertia(*o.inertia); !p.empty()) return p;
-  if (!is_coordinate(o.magnetic_pole)) return range_error("pole", o.magnetic_pole, kCoordinateRule);
-  if (auto p = validate_vector("moment", o.magnetic_moment); !p.empty()) return p;
+      if (!is_size(o.size[i])) all.size("size[" + std::to_string(i + 1) + "]", o.size[i]);
+  } else if (o.shape == ShapeKind::kSolid) {
+    if (!o.solid) return "solid: is missing";
+  } else {
+    all.size("radius", o.radius);
+    if (o.shape != ShapeKind::kSphere) all.size("height", o.height);
+    if (o.shape == ShapeKind::kCapsule && o.height < 2.0 * o.radius)
+      all.require(false, "height", o.height, "at least twice the radius, " + format_number(2.0 * o.radius));
+  }
+  all.vector("position", o.position)
+      .vector("velocity", o.velocity)
+      .vector("angular_velocity", o.angular_velocity)
+      .vector("com", o.centre_of_mass);
+  if (o.inertia) all.also(validate_inertia(*o.inertia));
+  all.coordinate("pole", o.magnetic_pole).vector("moment", o.magnetic_moment);
   if (!o.orientation.coeffs().allFinite() || o.orientation.norm() < 1e-6)
-    return "orientation: must be a rotation";
-  if (o.mass && !(*o.mass >= kMinMass && *o.mass <= 1e12))
-    return range_error("mass", *o.mass, "in [1e-09, 1e+12]");
-  if (o.friction && !(*o.friction >= 0.0 && *o.friction <= kMaxMagnitude))
-    return range_error("friction", *o.friction, "in [0, 1000000]");
-  return "";
+    all.also("orientation: must be a rotation");
+  if (o.mass) all.in("mass", *o.mass, kMinMass, 1e12);
+  if (o.friction) all.in("friction", *o.friction, 0.0, kMaxMagnitude);
+  return all.broken();
 }
 
 std::string validate(const JointSpec& j) {
   if (j.b && *j.b == j.a) return "b = " + std::to_string(j.a) + ": must be another object than a";
-  if (auto p = validate_vector("anchor", j.anchor); !p.empty()) return p;
-  if (auto p = validate_vector("axis", j.axis); !p.empty()) return p;
-  if (j.axis.norm() < 1e-6) return "axis: must not be zero";
-  const char* const kind = kJointKindNames[static_cast<std::size_t>(j.kind)];
+  Constraints all;
+  all.vector("anchor", j.anchor).vector("axis", j.axis);
+  if (j.axis.norm() < 1e-6) all.also("axis: must not be zero");
   for (const auto& [field, present] :
        {std::pair{"limits", j.limits.has_value()}, std::pair{"friction", j.friction != 0.0},
         std::pair{"spring", j.spring.has_value()}, std::pair{"motor", j.motor.has_value()}})
     if (present && !j.has_coordinate())
-      return std::string(field) + ": a " + kind + " joint has none; only hinge and slider do";
-  if (j.limits) {
-    if (!is_coordinate(j.limits->lower)) return range_error("limits[1]", j.limits->lower, kCoordinateRule);
-    if (!is_coordinate(j.limits->upper)) return range_error("limits[2]", j.limits->upper, kCoordinateRule);
-    if (j.limits->upper < j.limits->lower)
-      return range_error("limits[2]", j.limits->upper,
-                         "not below limits[1] = " + format_number(j.limits->lower));
-  }
-  auto is_effort = [](double v) { return v >= 0.0 && v <= kMaxEffort; };
-  if (!is_effort(j.friction)) return range_error("friction", j.friction, kEffortRule);
-  if (j.spring) {
-    if (!is_effort(j.spring->stiffness))
-      return range_error("spring.stiffness", j.spring->stiffness, kEffortRule);
-    if (!is_effort(j.spring->damping)) return range_error("spring.damping", j.spring->damping, kEffortRule);
-    if (!is_coordinate(j.spring->rest)) return range_error("spring.rest", j.spring->rest, kCoordinateRule);
-  }
-  if (j.motor) {
-    if (!is_coordinate(j.motor->speed)) return range_error("motor.speed", j.motor->speed, kCoordinateRule);
-    if (!is_effort(j.motor->max_effort))
-      return range_error(j.kind == JointKind::kHinge ? "motor.max_torque" : "motor.max_force",
-                         j.motor->max_effort, kEffortRule);
-  }
-  return "";
+      all.also(std::string(field) + ": a " + kJointKindNames[static_cast<int>(j.kind)] +
+               " joint has none; only hinge and slider do");
+  if (j.limits)
+    all.coordinate("limits[1]", j.limits->lower)
+        .coordinate("limits[2]", j.limits->upper)
+        .require(j.limits->upper >= j.limits->lower, "limits[2]", j.limits->upper,
+                 "not below limits[1] = " + format_number(j.limits->lower));
+  all.effort("friction", j.friction);
+  if (j.spring)
+    all.effort("spring.stiffness", j.spring->stiffness)
+        .effort("spring.damping", j.spring->damping)
+        .coordinate("spring.rest", j.spring->rest);
+  if (j.motor)
+    all.coordinate("motor.speed", j.motor->speed)
+        .effort(j.kind == JointKind::kHinge ? "motor.max_torque" : "motor.max_force", j.motor->max_effort);
+  return all.broken();
 }
 
 }  // namespace smartsurf::scene

@@ -147,9 +147,9 @@ struct FaultSpec {
   std::optional<FaultMapFile> fault_map;
 };
 
-// A sheet over the actuators, which hold or support it. Its nodes form a grid over the cells inside the border, row-major,
-// row 0 in the north, and move vertically; each rectangle of four is two triangles, joined along its diagonal from the
-// north-west to the south-east.
+// A skin over the actuators, which hold or support it. Its nodes form a grid over the cells inside the
+// border, row-major, row 0 in the north, and move vertically; each rectangle of four is two triangles, joined
+// along its diagonal from the north-west to the south-east.
 struct SkinSpec {
   enum class Kind {
     kKinematic,  // taut: its shape follows from the actuators alone
@@ -159,14 +159,15 @@ struct SkinSpec {
 
   Kind kind = Kind::kKinematic;
   int rows = 0, columns = 0;  // of nodes, ≥ 2
-  double margin = 0.0;        // of the sheet beyond the centres of the outermost cells, u
+  double margin = 0.0;        // beyond the centres of the outermost cells, u
   Edge edge = Edge::kFree;
   double edge_height = 0.0;  // z of a clamped edge, u
-  // Of an elastic sheet.
-  double tension = 100.0;  // force per length, mass/s²
-  double density = 0.1;    // mass per area, mass/u²
-  double damping = 5.0;    // of the tension, mass/s
-  bool attached = false;   // whether the actuators also pull
+  // The next four are of an elastic skin.
+  static constexpr double kDampingTime_s = 0.05;  // damping per tension by default
+  double tension = 100.0;                         // force per length, mass/s²
+  double density = 0.1;                           // mass per area, mass/u²
+  double damping = kDampingTime_s * tension;      // of the tension, mass/s
+  bool attached = false;                          // whether the actuators also pull
 };
 
 struct SurfaceSpec {
@@ -199,17 +200,16 @@ struct SurfaceSpec {
   bool is_border(int row, int column) const {
     return row == 0 || column == 0 || row == rows - 1 || column == columns - 1;
   }
-  // Whether the skin lies over the cell. Precondition: there is a skin.
+  // True if the skin lies over the cell. Precondition: there is a skin.
   bool is_under_skin(int row, int column) const { return !border_height || !is_border(row, column); }
   // From the skin's south-western to its north-eastern corner, u. Precondition: there is a skin.
   Eigen::AlignedBox2d skin_extent() const;
   bool is_empty(int row, int column) const {
-    return !actuator_of_cell.empty() &&
-           actuator_of_cell[static_cast<std::size_t>(index(row, column))] == kEmptyCell;
+    return !actuator_of_cell.empty() && actuator_of_cell[index(row, column)] == kEmptyCell;
   }
   Eigen::Vector2d centre(int row, int column) const {
     if (cell_poses.empty()) return {column * pitch, (rows - 1 - row) * pitch};
-    const CellPose& pose = cell_poses[static_cast<std::size_t>(index(row, column))];
+    const CellPose& pose = cell_poses[index(row, column)];
     return {pose.x, pose.y};
   }
 };

@@ -41,8 +41,8 @@ struct Snapshot {
   // [row][column], row 0 is north.
   std::vector<float> height;                  // z of each cell's top, u; -inf = empty cell
   std::vector<ActuatorState> actuator_state;  // empty if all cells are pins
-  // [joint][row][column], u: where the drives of a mechanism with joints hold them; 0 for cells with fewer joints. Empty
-  // without joints, and in recordings.
+  // [joint][row][column], u: where the drives of a mechanism with joints hold them; 0 for cells with fewer
+  // joints. Empty without joints, and in recordings.
   std::vector<float> joint_position;
 
   std::vector<float> skin_height;  // [row][column] of nodes, u; empty without a skin

@@ -13,7 +13,9 @@
 
 namespace smartsurf::scene {
 
-// A convex polyhedron. Faces are polygons, counter-clockwise seen from outside.
+// A convex polyhedron: one of those whose union is a solid. Scripts call it a piece of a mesh (`pieces` is
+// the most that a mesh may have) or a part of a hull (`parts`). Faces are polygons, counter-clockwise seen
+// from outside.
 struct ConvexHull {
   struct Face {
     Eigen::Vector3f normal{0, 0, 1};  // unit, outward

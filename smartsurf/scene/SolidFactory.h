@@ -38,7 +38,8 @@ class SolidFactory {
   virtual SolidResult make_hull(const MeshRequest&) = 0;
   // The convex hull of points, u. `name` is used in messages.
   virtual SolidResult make_hull(std::span<const Eigen::Vector3d> points, const std::string& name) = 0;
-  // The union of the convex hulls of parts, u; where they overlap, volume and inertia count twice. Not cached.
+  // The union of the convex hulls of parts, u; where they overlap, volume and inertia count twice. Not
+  // cached.
   virtual SolidResult make_compound(std::span<const std::vector<Eigen::Vector3d>> parts,
                                     const std::string& name) = 0;
 };

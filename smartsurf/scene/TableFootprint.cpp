@@ -20,9 +20,7 @@ std::vector<CellPose> collect_cell_poses(const SurfaceSpec& surface) {
     for (int c = 0; c < surface.columns; ++c) {
       if (surface.is_empty(r, c)) continue;
       const Eigen::Vector2d centre = surface.centre(r, c);
-      const double angle = surface.cell_poses.empty()
-                               ? 0.0
-                               : surface.cell_poses[static_cast<std::size_t>(surface.index(r, c))].angle;
+      const double angle = surface.cell_poses.empty() ? 0.0 : surface.cell_poses[surface.index(r, c)].angle;
       poses.push_back({centre.x(), centre.y(), angle});
     }
   return poses;
@@ -53,7 +51,7 @@ TableFootprint::TableFootprint(const SurfaceSpec& surface)
       max_x_((surface.columns - 0.5) * surface.pitch),
       max_y_((surface.rows - 0.5) * surface.pitch) {
   const std::vector<CellPose> poses = collect_cell_poses(surface);
-  if (surface.cell_poses.empty() && poses.size() == static_cast<std::size_t>(surface.cell_count())) return;
+  if (surface.cell_poses.empty() && std::ssize(poses) == surface.cell_count()) return;
   const double half_side = surface.cell_poses.empty()
                                ? surface.pitch / 2.0
                                : std::max(surface.pitch, median_cell_spacing(poses)) / 2.0;
@@ -107,11 +105,11 @@ void TableFootprint::dilate(std::uint8_t label, bool along_rows) {
   const auto tile = [&](int line, int k) -> std::uint8_t& {
     return tiles_[along_rows ? tile_index(line, k) : tile_index(k, line)];
   };
-  std::vector<std::uint8_t> previous(static_cast<std::size_t>(length));
+  std::vector<std::uint8_t> previous(length);
   for (int line = 0; line < lines; ++line) {
-    for (int k = 0; k < length; ++k) previous[static_cast<std::size_t>(k)] = tile(line, k);
+    for (int k = 0; k < length; ++k) previous[k] = tile(line, k);
     for (int k = 0; k < length; ++k)
-      if (previous[static_cast<std::size_t>(k)] == label)
+      if (previous[k] == label)
         for (int neighbour = std::max(0, k - kClosingRadius);
              neighbour <= std::min(length - 1, k + kClosingRadius); ++neighbour)
           tile(line, neighbour) = label;

@@ -27,8 +27,7 @@ class TableFootprint {
   void dilate(std::uint8_t label, bool along_rows);
   void fill_holes();
   std::size_t tile_index(int row, int column) const {
-    return static_cast<std::size_t>(row) * static_cast<std::size_t>(columns_) +
-           static_cast<std::size_t>(column);
+    return static_cast<std::size_t>(row * columns_ + column);
   }
 
   double min_x_, min_y_, max_x_, max_y_;  // bounding box of the table, u

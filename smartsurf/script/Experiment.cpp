@@ -146,7 +146,7 @@ struct Experiment::Impl {
   // Calls a callback with (t, tick) or (object, t, tick) and leaves its result on the stack.
   void push_result(int callback, std::optional<scene::ObjectId> object = {}) {
     lua_State* const L = interpreter.lua();
-    const auto& [reference, location] = session.callbacks[static_cast<std::size_t>(callback)];
+    const auto& [reference, location] = session.callbacks[callback];
     const std::string registered_at = location;  // copied: the call may reallocate `callbacks`
     lua_rawgeti(L, LUA_REGISTRYINDEX, reference);
     if (object) lua_pushinteger(L, static_cast<lua_Integer>(*object));
@@ -175,9 +175,9 @@ struct Experiment::Impl {
     lua_pop(L, 1);
     if (is_nan) return std::numeric_limits<double>::quiet_NaN();
     if ((type == LUA_TNUMBER && std::isfinite(value)) || type == LUA_TBOOLEAN) return value;
-    throw scene::InputError(
-        session.callbacks[static_cast<std::size_t>(callback)].location + ": " + subject + " returned " +
-        (type == LUA_TNUMBER ? format_value(value) : lua_typename(L, type)) + ": must be a finite number");
+    throw scene::InputError(session.callbacks[callback].location + ": " + subject + " returned " +
+                            (type == LUA_TNUMBER ? format_value(value) : lua_typename(L, type)) +
+                            ": must be a finite number");
   }
 
   void set_time(double t_s, std::uint64_t tick) {
@@ -199,8 +199,7 @@ struct Experiment::Impl {
   }
 
   void release_callback(int callback) {
-    luaL_unref(interpreter.lua(), LUA_REGISTRYINDEX,
-               session.callbacks[static_cast<std::size_t>(callback)].reference);
+    luaL_unref(interpreter.lua(), LUA_REGISTRYINDEX, session.callbacks[callback].reference);
     session.free_callbacks.push_back(callback);
   }
 
@@ -368,8 +367,7 @@ void Experiment::tick(double t_s, std::uint64_t tick) {
   const double horizon_s = t_s + kDueTolerance * context.spec.world.control_period_s;
   impl_->events.clear();
   context.event_queue.run_due(horizon_s, [this](const TimedEvent& event) {
-    if (event.period_s == 0.0)
-      impl_->events.push_back(impl_->session.callbacks[static_cast<std::size_t>(event.callback)].location);
+    if (event.period_s == 0.0) impl_->events.push_back(impl_->session.callbacks[event.callback].location);
     const bool keep_registered = impl_->invoke(event.callback) && event.period_s > 0.0;
     if (!keep_registered) impl_->release_callback(event.callback);
     return keep_registered;

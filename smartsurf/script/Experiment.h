@@ -55,9 +55,9 @@ struct LoadOptions {
   double load_time_s = 30.0, callback_time_s = 10.0;
   // Ends a running script with script::Interrupted; null = never.
   const std::atomic<bool>* stop = nullptr;
-  // Ends the process, with `message` as its line or, after `stop`, none (""). Called by another thread when a single
-  // operation takes longer than the processor time allowed, or goes on after `stop`: Lua cannot interrupt it. Null, or
-  // `unsafe`: the operation is waited for.
+  // Ends the process, with `message` as its line or, after `stop`, none (""). Called by another thread when a
+  // single operation takes longer than the processor time allowed, or goes on after `stop`: Lua cannot
+  // interrupt it. Null, or `unsafe`: the operation is waited for.
   void (*end_process)(const std::string& message) = nullptr;
 };
 
@@ -69,9 +69,8 @@ class Interrupted : public std::runtime_error {
 
 class Experiment {
  public:
-  // Runs the script at `path` once to declare the scene. Throws scene::InputError, one line
-  // "FILE:LINE: message", for any error in the script or in `options`; Interrupted as every call that runs the
-  // script.
+  // Runs the script at `path` once to declare the scene. Throws scene::InputError, one line "FILE:LINE:
+  // message", for any error in the script or in `options`; Interrupted as every call that runs the script.
   static Experiment load(const std::filesystem::path& path, LoadOptions options = {});
 
   Experiment(Experiment&&) noexcept;
@@ -80,23 +79,24 @@ class Experiment {
 
   // The declared scene; constant after load().
   const scene::SceneSpec& scene() const;
-  // Whether any callback is registered.
+  // True if any callback is registered.
   bool has_callbacks() const;
 
   // The values that the script has passed to metric(name, value), by name, in order of first use.
   const std::vector<std::pair<std::string, double>>& metrics() const;
 
-  // The callbacks of at() that the latest tick() ran, as "FILE:LINE" of their registration. Valid until the next tick().
+  // The callbacks of at() that the latest tick() ran, as "FILE:LINE" of their registration. Valid until the
+  // next tick().
   const std::vector<std::string>& events() const;
 
-  // Whether the script has drawn random numbers so far.
+  // True if the script has drawn random numbers so far.
   bool has_drawn() const;
-  // Whether start() runs on_reset.
+  // True if start() runs on_reset.
   bool has_reset_hook() const;
 
-  // Call once before the first tick: restarts the random numbers and runs on_reset, if the script has such a hook.
-  // `simulation` must hold the objects of scene() and outlive all calls of notify_departures, tick and finish.
-  // Throws as tick() does.
+  // Call once before the first tick: restarts the random numbers and runs on_reset, if the script has such a
+  // hook. `simulation` must hold the objects of scene() and outlive all calls of notify_departures, tick and
+  // finish. Throws as tick() does.
   void start(SimulationInterface& simulation);
   // Call before tick(): runs on_leave, in order, for each object that left the table in the previous tick.
   // Skips objects that are no longer alive. Throws as tick() does.
@@ -105,8 +105,8 @@ class Experiment {
   // first tick. Runs the callbacks of at and every that are due, in order of time and then registration, then
   // on_tick. Throws scene::InputError for an error in the script; after that only finish() may be called.
   void tick(double t_s, std::uint64_t tick);
-  // The functions by which the script judges the state. Call these after tick and physics, with the time and tick of
-  // the new state. All throw as tick() does.
+  // The functions by which the script judges the state. Call these after tick and physics, with the time and
+  // tick of the new state. All throw as tick() does.
   struct InfoField {
     std::string name;
     int size = 1;  // 1: a number; kObjectStateSize: the state of an object
@@ -117,8 +117,8 @@ class Experiment {
   // The value of reward(); 0 without one.
   double reward(double t_s, std::uint64_t tick);
   bool declares_success() const;
-  // When the goal was reached: the time that success() returns, or t_s if it returns another true value. nullopt if the
-  // goal is not reached, or without success().
+  // When the goal was reached: the time that success() returns, or t_s if it returns another true value.
+  // nullopt if the goal is not reached, or without success().
   std::optional<double> success(double t_s, std::uint64_t tick);
   // Sets the metrics that the script declares by a function to the function's value, NaN for nil.
   void update_metrics(double t_s, std::uint64_t tick);
@@ -128,15 +128,17 @@ class Experiment {
   // episode.seconds; nullopt = unlimited.
   std::optional<double> episode_s() const;
 
-  // The state of the script between two ticks: its variables, events, random numbers and metrics. save() throws
-  // scene::InputError for what cannot be saved: functions, coroutines and files that the running script has created.
-  // restore(): in an experiment loaded from the same script with the same options and seed, that runs; throws
-  // scene::InputError if the state is not such a one, and the experiment is then good for restart() only.
+  // The state of the script between two ticks: its variables, events, random numbers and metrics. save()
+  // throws scene::InputError for what cannot be saved: functions, coroutines and files that the running
+  // script has created. restore(): in an experiment loaded from the same script with the same options and
+  // seed, that runs; throws scene::InputError if the state is not such a one, and the experiment is then good
+  // for restart() only.
   void save(common::StateArchive&);
   void restore(common::StateArchive&);
   // Identifies the script's functions: a state fits experiments of equal value.
   std::uint64_t state_fingerprint() const;
-  // Back to the state after loading, with another seed. Call start() next. Requires !has_drawn() after loading.
+  // Back to the state after loading, with another seed. Call start() next. Requires !has_drawn() after
+  // loading.
   void restart(std::uint64_t seed);
 
   // Call after the last tick: runs on_finish. Further calls do nothing.

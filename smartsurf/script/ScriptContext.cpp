@@ -25,7 +25,7 @@ int store_callback(ScriptContext& context, lua_State* L, int index, const std::s
   }
   const int slot = context.free_callbacks.back();
   context.free_callbacks.pop_back();
-  context.callbacks[static_cast<std::size_t>(slot)] = callback;
+  context.callbacks[slot] = callback;
   return slot;
 }
 

@@ -101,8 +101,8 @@ using NamedActuators = std::vector<NamedActuator>;
 NamedActuators check_single_actuator(const ScriptContext&, lua_State* L, int index, const std::string& name);
 NamedActuators check_actuators(const ScriptContext&, lua_State* L, int index, const std::string& name);
 class TableReader;
-// Stores the function at `index`. Returns its index in ScriptContext::callbacks. Throws ScriptError, which begins
-// with `subject`, for any other value.
+// Stores the function at `index`. Returns its index in ScriptContext::callbacks. Throws ScriptError, which
+// begins with `subject`, for any other value.
 int store_callback(ScriptContext&, lua_State* L, int index, const std::string& subject);
 
 // Reads the fields of surface{} that define the positions of the cells and the actuator in each. Requires

@@ -1,7 +1,8 @@
 // An experiment in this process, stepped by its caller: one episode after the other, each from a seed.
 //
-// Actuator targets go in, sensor readings, reward and ends of the episode come out, as for a learning environment.
-// Independent of clocks, windows and shared memory. One thread at a time; different environments are independent.
+// Actuator targets go in, sensor readings, reward and ends of the episode come out, as for a learning
+// environment. Independent of clocks, windows and shared memory. One thread at a time; different environments
+// are independent.
 #pragma once
 
 #include <cstdint>
@@ -35,8 +36,8 @@ struct StepResult {
 
 class Environment {
  public:
-  // Loads the experiment and starts its first episode. Throws scene::InputError, one line, for an error in the
-  // experiment or the options; as do the calls below that run the script.
+  // Loads the experiment and starts its first episode. Throws scene::InputError, one line, for an error in
+  // the experiment or the options; as do the calls below that run the script.
   explicit Environment(EnvironmentOptions);
   ~Environment();
 
@@ -46,21 +47,23 @@ class Environment {
   const Simulation& simulation() const;
   std::uint64_t seed() const { return scene().world.seed; }
 
-  // Starts the next episode with that seed. The result is that of a new environment with the seed. The script runs
-  // again only if it draws random numbers while it loads; otherwise its variables return to their values after loading.
+  // Starts the next episode with that seed. The result is that of a new environment with the seed. The script
+  // runs again only if it draws random numbers while it loads; otherwise its variables return to their values
+  // after loading.
   void reset(std::uint64_t seed);
 
-  // The whole state between two steps, as bytes. Restored, in any environment of the same experiment, options and
-  // version, for any number of threads, the simulation continues with the same bits. Both throw scene::InputError:
-  // save() for what cannot be saved, restore() for bytes that are damaged or of another experiment, which change
-  // nothing.
+  // The whole state between two steps, as bytes. Restored, in any environment of the same experiment, options
+  // and version, for any number of threads, the simulation continues with the same bits. Both throw
+  // scene::InputError: save() for what cannot be saved, restore() for bytes that are damaged or of another
+  // experiment, which change nothing.
   std::string save();
   void restore(std::string_view);
 
-  // Sets the targets of one actuator channel: rows × columns, row-major, row 0 north. Clamps as ActuatorArray does.
+  // Sets the targets of one actuator channel: rows × columns, row-major, row 0 north. Clamps as ActuatorArray
+  // does.
   void set_targets(int channel, std::span<const float> targets);
-  // Advances by one control period. Throws scene::InputError also for a state that is not finite. After an exception
-  // it throws until reset() or restore().
+  // Advances by one control period. Throws scene::InputError also for a state that is not finite. After an
+  // exception it throws until reset() or restore().
   StepResult step();
   // Runs on_finish, whose metrics are final; once per episode.
   void finish();

@@ -14,13 +14,14 @@ namespace {
 
 constexpr std::size_t kChunksPerThread = 8;  // evens out worlds of different cost
 
-// The seed of the episode that follows one with that seed. 31 bits: it is easily typed, and exact in any language.
+// The seed of the episode that follows one with that seed. 31 bits: it is easily typed, and exact in any
+// language.
 std::uint64_t next_seed(std::uint64_t seed) { return script::Random(seed).next() >> 33; }
 
 constexpr std::uintptr_t kHugePageBytes = 2U << 20U;
 
-// Makes one huge page of the memory around an address, where the system can. A step of many small worlds touches a few lines
-// in each of many pages, more than the processor keeps translations of.
+// Makes one huge page of the memory around an address, where the system can. A step of many small worlds
+// touches a few lines in each of many pages, more than the processor keeps translations of.
 void collapse_huge_page(std::uintptr_t page) {
   constexpr int kMadvCollapse = 25;  // since Linux 6.1; the headers of glibc 2.36 lack its name
   static_cast<void>(madvise(reinterpret_cast<void*>(page), kHugePageBytes, kMadvCollapse));
@@ -45,14 +46,12 @@ EnvironmentBatch::EnvironmentBatch(EnvironmentOptions options, std::span<const s
   collapse_huge_pages();
   const Environment& first = *worlds_.front().environment;
   observation_size_ = first.observation_size();
-  for (const auto& field : first.experiment().info_fields())
-    info_size_ += static_cast<std::size_t>(field.size);
-  cells_ = static_cast<std::size_t>(first.scene().surface.cell_count());
+  for (const auto& field : first.experiment().info_fields()) info_size_ += field.size;
+  cells_ = first.scene().surface.cell_count();
   action_size_ = first.simulation().actuators().size() * cells_;
   for (const World& world : worlds_) {
     std::size_t info_size = 0;
-    for (const auto& field : world.environment->experiment().info_fields())
-      info_size += static_cast<std::size_t>(field.size);
+    for (const auto& field : world.environment->experiment().info_fields()) info_size += field.size;
     if (world.environment->observation_size() != observation_size_ || info_size != info_size_ ||
         world.environment->simulation().actuators().size() * cells_ != action_size_)
       throw scene::InputError(
@@ -62,8 +61,8 @@ EnvironmentBatch::EnvironmentBatch(EnvironmentOptions options, std::span<const s
   }
 }
 
-// A world's memory lies around its environment, because one thread has created both. Pages with few worlds are left alone:
-// they would take memory for little.
+// A world's memory lies around its environment, because one thread has created both. Pages with few worlds
+// are left alone: they would take memory for little.
 void EnvironmentBatch::collapse_huge_pages() const {
   constexpr std::ptrdiff_t kMinWorldsPerPage = 8;
   std::vector<std::uintptr_t> pages;
@@ -91,7 +90,7 @@ void EnvironmentBatch::for_each_world(const Work& work) {
     process_ = getpid();
   }
   const std::size_t count = worlds_.size();
-  const std::size_t chunks = std::min(count, static_cast<std::size_t>(threads_) * kChunksPerThread);
+  const std::size_t chunks = std::min<std::size_t>(count, threads_ * kChunksPerThread);
   const auto run_chunk = [&](std::uint32_t chunk, unsigned) noexcept {
     for (std::size_t i = count * chunk / chunks; i < count * (chunk + 1) / chunks; ++i) {
       try {
@@ -135,7 +134,7 @@ void EnvironmentBatch::reset(std::span<const std::uint64_t> seeds, std::span<con
 }
 
 void EnvironmentBatch::restore(int index, std::string_view state, const BatchArrays& a) {
-  const auto i = static_cast<std::size_t>(index);
+  const std::size_t i = index;
   worlds_[i].environment->restore(state);
   worlds_[i].episode_over = false;
   write_state(i, a);

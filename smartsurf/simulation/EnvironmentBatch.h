@@ -39,14 +39,14 @@ struct BatchArrays {
 
 class EnvironmentBatch {
  public:
-  // One world per seed. `options.seed` and `options.threads` are ignored: a world computes on one thread. Throws
-  // as Environment does, the message preceded by the world's number if worlds differ.
+  // One world per seed. `options.seed` and `options.threads` are ignored: a world computes on one thread.
+  // Throws as Environment does, the message preceded by the world's number if worlds differ.
   EnvironmentBatch(EnvironmentOptions options, std::span<const std::uint64_t> seeds, int threads,
                    Autoreset autoreset);
   ~EnvironmentBatch();
 
   int world_count() const { return static_cast<int>(worlds_.size()); }
-  const Environment& world(int index) const { return *worlds_[static_cast<std::size_t>(index)].environment; }
+  const Environment& world(int index) const { return *worlds_[index].environment; }
   std::size_t observation_size() const { return observation_size_; }
   std::size_t info_size() const { return info_size_; }
 
@@ -55,13 +55,13 @@ class EnvironmentBatch {
   // Advances every world by one control period. After an exception only reset() of all worlds may follow.
   void step(const BatchArrays&);
 
-  // As Environment's; restore() also writes the world's observation.
-  std::string save(int index) { return worlds_[static_cast<std::size_t>(index)].environment->save(); }
+  // Call those of the world's Environment. restore() also writes the world's observation.
+  std::string save(int index) { return worlds_[index].environment->save(); }
   void restore(int index, std::string_view state, const BatchArrays&);
 
   // The metrics of the last episode that ended in the world.
   const std::vector<std::pair<std::string, double>>& final_metrics(int index) const {
-    return worlds_[static_cast<std::size_t>(index)].final_metrics;
+    return worlds_[index].final_metrics;
   }
 
  private:

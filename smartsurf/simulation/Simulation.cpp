@@ -25,11 +25,12 @@ surface::FaultMap load_fault_map(const scene::SurfaceSpec& surface) {
   map.require_channels(channels);
   // An entry without a channel applies to all channels of its cell. Actuators and sensors each ignore the
   // faults of the other, so a fault that neither knows must be rejected here.
-  static const std::vector<std::string> kFaultNames{"stuck",     "dead",       "weak", "late",
-                                                    "stuck_low", "stuck_high", "gain", "offset"};
+  std::vector<std::string> known = surface::kActuatorFaults;
+  for (const std::string& fault : surface::kSensorFaults)
+    if (std::ranges::find(known, fault) == known.end()) known.push_back(fault);
   for (const surface::FaultEntry& entry : map.entries())
-    if (entry.channel.empty() && std::ranges::find(kFaultNames, entry.fault) == kFaultNames.end())
-      map.refuse_fault(entry, "an actuator or a sensor", kFaultNames);
+    if (entry.channel.empty() && std::ranges::find(known, entry.fault) == known.end())
+      map.refuse_fault(entry, "an actuator or a sensor", known);
   return map;
 }
 
@@ -88,9 +89,8 @@ bool Simulation::step_physics() {
   if (actuator_array_.exerts_forces())
     actuator_array_.add_forces(scene().world.dt_s, world_.bodies(), catalogue_, world_.wrenches());
   world_.step();
-  sensor_array_.accumulate_impulses(actuator_array_.field().impulse);
-  sensor_array_.accumulate_tip_impulses(actuator_array_.field().tip_impulse);
-  sensor_array_.accumulate_skin_impulses(actuator_array_.field().skin.impulse);
+  const surface::Field& field = actuator_array_.field();
+  sensor_array_.accumulate_impulses(field.impulse, field.tip_impulse, field.skin.impulse);
   return !world_.is_overloaded();
 }
 
@@ -239,8 +239,7 @@ int Simulation::find_sensor_channel(const std::string& name) const {
 
 std::size_t Simulation::plane_index(int row, int column, int component) const {
   const auto& surface = scene().surface;
-  return static_cast<std::size_t>(component) * static_cast<std::size_t>(surface.cell_count()) +
-         static_cast<std::size_t>(surface.index(row, column));
+  return static_cast<std::size_t>(component * surface.cell_count() + surface.index(row, column));
 }
 
 float Simulation::sense(const std::string& channel, int row, int column, int component) const {

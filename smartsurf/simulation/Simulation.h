@@ -36,8 +36,8 @@ void validate_surface(const scene::SceneSpec&);
 class Simulation final : public script::SimulationInterface {
  public:
   // scripted_actuators: the script sets the actuators; otherwise cells:target() and cells:targets() throw
-  // scene::InputError. The experiment must outlive the simulation. Throws scene::InputError if this build lacks
-  // the scene's engine.
+  // scene::InputError. The experiment must outlive the simulation. Throws scene::InputError if this build
+  // lacks the scene's engine.
   Simulation(script::Experiment&, int threads, bool scripted_actuators);
 
   const scene::SceneSpec& scene() const { return experiment_.scene(); }
@@ -54,7 +54,7 @@ class Simulation final : public script::SimulationInterface {
     actuator_array_.set_target(channel, row, column, target);
   }
   float actuator_target(int channel, int row, int column) const noexcept {
-    return actuator_array_.targets(channel)[static_cast<std::size_t>(scene().surface.index(row, column))];
+    return actuator_array_.targets(channel)[scene().surface.index(row, column)];
   }
   void plan_actuators() noexcept;  // these three once per physics step
   bool step_physics();             // false: failure() says why the step did not take place
@@ -77,8 +77,8 @@ class Simulation final : public script::SimulationInterface {
   std::span<const scene::ChannelData> actuators() const noexcept { return actuators_; }
   ScriptRequests take_requests() noexcept;
 
-  // Saves or restores the state between two ticks, but for the experiment's: into a simulation of the same experiment
-  // and seed. Throws common::UserError for what cannot be saved, and for a damaged state.
+  // Saves or restores the state between two ticks, but for the experiment's: into a simulation of the same
+  // experiment and seed. Throws common::UserError for what cannot be saved, and for a damaged state.
   void archive(common::StateArchive&);
 
   // script::SimulationInterface

@@ -18,7 +18,7 @@ constexpr double kCommandCost_ns = 0.4;  // per cell
 template <class Visit>
 void for_each_cell(std::span<const CellRun> runs, Visit visit) {
   for (const CellRun& run : runs)
-    for (auto i = static_cast<std::size_t>(run.begin); i < static_cast<std::size_t>(run.end); ++i) visit(i);
+    for (int i = run.begin; i < run.end; ++i) visit(i);
 }
 
 // Returns the cells for which has(row, column) is true, as runs.
@@ -44,7 +44,7 @@ bool is_fixed_border(const scene::SurfaceSpec& surface, int row, int column) {
 int actuator_of(const scene::SurfaceSpec& surface, int row, int column) {
   if (is_fixed_border(surface, row, column)) return scene::kEmptyCell;
   if (surface.actuator_of_cell.empty()) return 0;
-  return surface.actuator_of_cell[static_cast<std::size_t>(surface.index(row, column))];
+  return surface.actuator_of_cell[surface.index(row, column)];
 }
 
 }  // namespace
@@ -89,7 +89,7 @@ void ActuatorArray::init_geometry(const scene::SurfaceSpec& surface) {
 
 // Sets the heights of the cells at rest, before any model moves them.
 void ActuatorArray::init_heights(const scene::SurfaceSpec& surface) {
-  const auto cells = static_cast<std::size_t>(surface.cell_count());
+  const int cells = surface.cell_count();
   field_.height.assign(cells, kNoCellHeight);
   field_.speed.assign(cells, 0.0F);
   field_.impulse.assign(cells, 0.0F);
@@ -120,7 +120,7 @@ void ActuatorArray::add_routes(const scene::SurfaceSpec& surface, const FaultMap
     for (std::size_t k = 0; k < model_channels.size(); ++k) {
       const auto it = std::ranges::find(channels_, model_channels[k].name, &scene::ActuatorChannel::name);
       const auto channel = static_cast<int>(it - channels_.begin());
-      ChannelCommands& commands = commands_[static_cast<std::size_t>(channel)];
+      ChannelCommands& commands = commands_[channel];
       commands.runs.insert(commands.runs.end(), model.runs.begin(), model.runs.end());
       for_each_cell(model.runs, [&](std::size_t i) {
         commands.values[i] = static_cast<float>(model_channels[k].safe_value);
@@ -192,11 +192,11 @@ void ActuatorArray::init_targets() {
 std::uint64_t ActuatorArray::set_targets(int channel, std::span<const float> targets,
                                          int first_cell) noexcept {
   const int end_cell = first_cell + static_cast<int>(targets.size());
-  assert(first_cell >= 0 && static_cast<std::size_t>(end_cell) <= field_.height.size());
-  const scene::ActuatorChannel& info = channels_[static_cast<std::size_t>(channel)];
+  assert(first_cell >= 0 && end_cell <= std::ssize(field_.height));
+  const scene::ActuatorChannel& info = channels_[channel];
   const auto low = static_cast<float>(info.minimum), high = static_cast<float>(info.maximum);
   const auto safe = static_cast<float>(info.safe_value);
-  ChannelCommands& commands = commands_[static_cast<std::size_t>(channel)];
+  ChannelCommands& commands = commands_[channel];
   const auto first_run = std::ranges::upper_bound(commands.runs, first_cell, {}, &CellRun::end);
   const auto end_run = std::ranges::lower_bound(commands.runs, end_cell, {}, &CellRun::begin);
   std::atomic<std::uint64_t> replaced = 0;
@@ -204,10 +204,9 @@ std::uint64_t ActuatorArray::set_targets(int channel, std::span<const float> tar
     std::uint64_t count = 0;
     for (int r = begin; r < end; ++r) {
       const CellRun& run = first_run[r];
-      const auto from = static_cast<std::size_t>(std::max(run.begin, first_cell));
-      const auto to = static_cast<std::size_t>(std::min(run.end, end_cell));
-      count += clamp_commands(to - from, &targets[from - static_cast<std::size_t>(first_cell)], low, high,
-                              safe, &commands.values[from]);
+      const int from = std::max(run.begin, first_cell), to = std::min(run.end, end_cell);
+      count +=
+          clamp_commands(to - from, &targets[from - first_cell], low, high, safe, &commands.values[from]);
     }
     replaced.fetch_add(count, std::memory_order_relaxed);
   };
@@ -226,7 +225,7 @@ void ActuatorArray::set_target(int channel, int row, int column, float target) n
 
 // Writes the effective commands of the route's cells to the newest frame.
 void ActuatorArray::apply_faults(CommandRoute& route) noexcept {
-  const std::vector<float>& commands = commands_[static_cast<std::size_t>(route.channel)].values;
+  const std::vector<float>& commands = commands_[route.channel].values;
   std::vector<float>& frame = route.delay_line[route.head];
   const bool faulty = faults_->has_faults(route.channel);
   for_each_cell(route.runs, [&](std::size_t i) {
@@ -239,7 +238,7 @@ void ActuatorArray::apply_faults(CommandRoute& route) noexcept {
 
 void ActuatorArray::deliver_commands(CommandRoute& route) noexcept {
   if (route.passthrough) {
-    route.model->set_targets(route.model_channel, commands_[static_cast<std::size_t>(route.channel)].values);
+    route.model->set_targets(route.model_channel, commands_[route.channel].values);
     return;
   }
   apply_faults(route);
@@ -249,7 +248,7 @@ void ActuatorArray::deliver_commands(CommandRoute& route) noexcept {
   }
   const std::size_t depth = route.delay_line.size();
   for_each_cell(route.runs, [&](std::size_t i) {
-    const auto latency = static_cast<std::size_t>(route.latency + faults_->latency(route.channel, i));
+    const int latency = route.latency + faults_->latency(route.channel, i);
     route.delayed[i] = route.delay_line[(route.head + depth - latency) % depth][i];
   });
   route.model->set_targets(route.model_channel, route.delayed);
@@ -265,8 +264,7 @@ void ActuatorArray::begin_tick() noexcept {
 
 void ActuatorArray::plan(double dt_s) noexcept {
   for (CommandRoute& route : routes_)
-    if (route.delay_line.size() <= 1 && commands_[static_cast<std::size_t>(route.channel)].dirty)
-      deliver_commands(route);
+    if (route.delay_line.size() <= 1 && commands_[route.channel].dirty) deliver_commands(route);
   for (ChannelCommands& commands : commands_) commands.dirty = false;
   field_.max_height = static_max_height_;
   field_.max_speed = 0.0F;

@@ -39,9 +39,7 @@ class ActuatorArray {
   std::span<const scene::ActuatorChannel> channels() const noexcept { return channels_; }
   // The latest commands, clamped to the channel's range: rows × columns, row-major, row 0 north, in the
   // channel's unit.
-  std::span<const float> targets(int channel) const noexcept {
-    return commands_[static_cast<std::size_t>(channel)].values;
-  }
+  std::span<const float> targets(int channel) const noexcept { return commands_[channel].values; }
 
   // Sets the commands of the cells starting at `first_cell` (row-major). Clamps them to the channel's range
   // and replaces NaN by the channel's safe value; returns the number of values changed that way. Cells
@@ -57,8 +55,8 @@ class ActuatorArray {
   // Moves the cells by those velocities.
   void commit(double dt_s) noexcept;
 
-  // Saves or restores field, commands and models, of an array with the same surface, fault map and seed. Throws
-  // common::UserError if a model cannot be saved.
+  // Saves or restores field, commands and models, of an array with the same surface, fault map and seed.
+  // Throws common::UserError if a model cannot be saved.
   void archive(common::StateArchive&);
 
   bool exerts_forces() const noexcept;

@@ -18,6 +18,11 @@
 
 namespace smartsurf::surface {
 
+// The faults that an entry may name.
+inline const std::vector<std::string> kActuatorFaults{"stuck", "dead", "weak", "late"};
+inline const std::vector<std::string> kSensorFaults{"dead",       "stuck", "stuck_low",
+                                                    "stuck_high", "gain",  "offset"};
+
 struct FaultEntry {
   int row = 0, column = 0;
   std::string channel;  // "": every channel
@@ -38,7 +43,7 @@ class FaultMap {
   void require_channels(const std::vector<std::string>& known) const;
   // Throws scene::InputError with the message "FILE:LINE: clause".
   [[noreturn]] void refuse(const FaultEntry&, const std::string& clause) const;
-  // The same for a fault that is not in `known`, the faults of `owner`: "a sensor".
+  // Refuses a fault that is not in `known`, the faults of `owner`, such as "a sensor".
   [[noreturn]] void refuse_fault(const FaultEntry&, const std::string& owner,
                                  const std::vector<std::string>& known) const;
 

@@ -20,8 +20,8 @@ namespace smartsurf::surface {
 // Height of a missing cell: nothing collides with it.
 inline constexpr float kNoCellHeight = -std::numeric_limits<float>::infinity();
 
-// The convex end of a cell that is not a bottomless column with a level rectangular top. Its origin is the middle of
-// the cell's top; of a tip that moves sideways, its highest point.
+// The convex end of a cell that is not a bottomless column with a level rectangular top. Its origin is the
+// middle of the cell's top; of a tip that moves sideways, its highest point.
 struct CellTip {
   enum class Shape : std::uint8_t {
     kHemisphere,       // a hemisphere of `radius` on a bottomless shaft
@@ -34,8 +34,8 @@ struct CellTip {
   Shape shape = Shape::kHemisphere;
   float radius = 0.0F, height = 0.0F;  // u
   // ---- of a tip that moves sideways
-  // How it yields: the stiffness and damping with which joints hold it, mass/s² and mass/s; the greatest normal force,
-  // mass·u/s², within a cylindrical workspace, relative to the cell's base, u.
+  // How it yields: the stiffness and damping with which joints hold it, mass/s² and mass/s; the greatest
+  // normal force, mass·u/s², within a cylindrical workspace, relative to the cell's base, u.
   float stiffness = std::numeric_limits<float>::infinity(), damping = 0.0F;
   float max_force = std::numeric_limits<float>::infinity();
   float workspace_radius = 0.0F, workspace_low = 0.0F, workspace_high = 0.0F;
@@ -65,12 +65,13 @@ struct Field {
   float half_top_x = 0.4F, half_top_y = 0.4F;  // half extents of a cell's rectangular top, u
   // Free layouts only: centre of each cell, u, and its rotation about z, rad. Empty in a rectangular layout.
   std::vector<float> x, y, angle;
-  // Kinds of tips, and the index in them of each cell's, −1 for a column. Both empty if all cells are columns.
+  // Kinds of tips, and the index in them of each cell's, −1 for a column. Both empty if all cells are
+  // columns.
   std::vector<CellTip> tips;
   std::vector<std::int8_t> tip_of_cell;
-  float tip_reach =
-      0.0F;   // upper bound of the horizontal distance of a tip's points from its cell's centre, u
-  Skin skin;  // the sheet over the cells: geometry, motion and loads of its nodes
+  // Upper bound of the horizontal distance of a tip's points from its cell's centre, u.
+  float tip_reach = 0.0F;
+  Skin skin;  // over the cells; has no nodes if there is none
 
   // ---- motion of the cells, written by the actuator models
   std::vector<float> height;  // z of the top, u; kNoCellHeight for a missing cell
@@ -80,17 +81,17 @@ struct Field {
   std::vector<float> surface_velocity_x, surface_velocity_y, surface_spin;
   // Tilt of each cell's top about its centre, and the rate of the coming step. Empty if no top tilts.
   std::vector<TopTilt> tilt, tilt_rate;
-  // Of tips that move sideways: horizontal position of the tip from the cell's centre, along the table's axes, u, and the
-  // velocity of the coming step, u/s. Empty if there are none.
+  // Horizontal position of a tip that moves sideways, from the cell's centre along the table's axes, u, and
+  // the velocity of the coming step, u/s. Empty if there are none.
   std::vector<Eigen::Vector2f> offset, offset_rate;
-  // Empty if no tip yields. The actuator model writes the velocities without load; for a loaded tip the physics replaces
-  // them, and with them speed and offset_rate, by those under the load.
+  // The actuator model writes the velocities of tips that yield without load. The physics replaces those of a
+  // loaded tip, and with them speed and offset_rate, by those under the load. Empty if no tip yields.
   std::vector<YieldingTip> yielding;
   // Upper bounds of the height and of the speed of any point of a cell, u and u/s.
   float max_height = 0.0F, max_speed = 0.0F;
-  // Maximum upward force of the cell at rest, mass·u/s²; infinity if unlimited. It falls linearly with the speed at
-  // which the cell rises, to 0 at no_load_speed, u/s. Under a greater load the cell yields: the physics lowers its
-  // `speed` to that of the load. Empty unless an actuator has a force limit.
+  // Maximum upward force of the cell at rest, mass·u/s²; infinity if unlimited. It falls linearly with the
+  // speed at which the cell rises, to 0 at no_load_speed, u/s. Under a greater load the cell yields: the
+  // physics lowers its `speed` to that of the load. Empty unless an actuator has a force limit.
   std::vector<float> force_limit, no_load_speed;
 
   // ---- loads on the cells, overwritten by the physics in every step
@@ -122,11 +123,11 @@ struct Field {
   int cells() const { return rows * columns; }
   int index(int row, int column) const { return row * columns + column; }
   Eigen::Vector2f centre(int cell) const {
-    if (!is_rectangular()) return {x[static_cast<std::size_t>(cell)], y[static_cast<std::size_t>(cell)]};
+    if (!is_rectangular()) return {x[cell], y[cell]};
     return {static_cast<float>(cell % columns) * pitch,
             static_cast<float>(rows - 1 - cell / columns) * pitch};
   }
-  float angle_of(int cell) const { return is_rectangular() ? 0.0F : angle[static_cast<std::size_t>(cell)]; }
+  float angle_of(int cell) const { return is_rectangular() ? 0.0F : angle[cell]; }
   bool is_rectangular() const { return x.empty(); }
   bool has_surface_velocity() const { return !surface_velocity_x.empty(); }
   bool has_force_limit() const { return !force_limit.empty(); }
@@ -135,14 +136,14 @@ struct Field {
   bool has_offset() const { return !offset.empty(); }
   bool has_skin() const { return skin.rows > 0; }
   bool is_under_skin(std::size_t cell) const { return has_skin() && skin.covers[cell] != 0; }
-  // Whether the cell is a bottomless column with a level top.
+  // True if the cell is a bottomless column with a level top.
   bool is_column(std::size_t cell) const {
     if (!has_tips() || tip_of_cell[cell] < 0) return true;
     return tip_at(cell).shape == CellTip::Shape::kPlate && tilt[cell].is_zero() && tilt_rate[cell].is_zero();
   }
   bool yields(std::size_t cell) const { return !is_column(cell) && tip_at(cell).yields(); }
   // Precondition: the cell has a tip.
-  const CellTip& tip_at(std::size_t cell) const { return tips[static_cast<std::size_t>(tip_of_cell[cell])]; }
+  const CellTip& tip_at(std::size_t cell) const { return tips[tip_of_cell[cell]]; }
 
  private:
   std::vector<float> column_height_;

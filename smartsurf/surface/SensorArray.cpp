@@ -1,7 +1,8 @@
 #include "smartsurf/surface/SensorArray.h"
-#include "common/threads/ThreadPool.h"
 
 #include <algorithm>
+
+#include "common/threads/ThreadPool.h"
 
 namespace smartsurf::surface {
 namespace {
@@ -25,7 +26,7 @@ SensorArray::SensorArray(const scene::SceneSpec& scene, const Field& field, cons
       channels_.push_back(std::move(channel));
     }
     if (instance.sensor->needs_impulses()) {
-      impulse_.assign(static_cast<std::size_t>(surface.cell_count()), 0.0F);
+      impulse_.assign(surface.cell_count(), 0.0F);
       tip_impulse_.assign(field.tip_impulse.size(), Eigen::Vector3f::Zero());
       skin_impulse_.assign(field.skin.nodes(), 0.0F);
     }
@@ -35,19 +36,20 @@ SensorArray::SensorArray(const scene::SceneSpec& scene, const Field& field, cons
 
 SensorArray::~SensorArray() = default;
 
-void SensorArray::accumulate_impulses(std::span<const float> impulse) noexcept {
-  const std::size_t cells = std::min(impulse_.size(), impulse.size());
-  for (std::size_t i = 0; i < cells; ++i) impulse_[i] += impulse[i];
+void SensorArray::accumulate_impulses(std::span<const float> cells, std::span<const Eigen::Vector3f> tips,
+                                      std::span<const float> skin) noexcept {
+  const auto add = [](auto& sums, auto impulse) {
+    for (std::size_t i = 0; i < std::min(sums.size(), impulse.size()); ++i) sums[i] += impulse[i];
+  };
+  add(impulse_, cells);
+  add(tip_impulse_, tips);
+  add(skin_impulse_, skin);
 }
 
-void SensorArray::accumulate_tip_impulses(std::span<const Eigen::Vector3f> impulse) noexcept {
-  const std::size_t cells = std::min(tip_impulse_.size(), impulse.size());
-  for (std::size_t i = 0; i < cells; ++i) tip_impulse_[i] += impulse[i];
-}
-
-void SensorArray::accumulate_skin_impulses(std::span<const float> impulse) noexcept {
-  const std::size_t nodes = std::min(skin_impulse_.size(), impulse.size());
-  for (std::size_t i = 0; i < nodes; ++i) skin_impulse_[i] += impulse[i];
+void SensorArray::clear_impulses() noexcept {
+  std::ranges::fill(impulse_, 0.0F);
+  std::ranges::fill(tip_impulse_, Eigen::Vector3f::Zero());
+  std::ranges::fill(skin_impulse_, 0.0F);
 }
 
 void SensorArray::sense(const scene::Snapshot& snapshot, std::span<const scene::ObjectSpec> catalogue,
@@ -59,9 +61,7 @@ void SensorArray::sense(const scene::Snapshot& snapshot, std::span<const scene::
     f.sensor->sense(input, pool);
     if (f.error_model.is_active()) f.error_model.apply(tick_, f.truth, pool);
   }
-  std::ranges::fill(impulse_, 0.0F);
-  std::ranges::fill(tip_impulse_, Eigen::Vector3f::Zero());
-  std::ranges::fill(skin_impulse_, 0.0F);
+  clear_impulses();
   ++tick_;
 }
 
@@ -69,9 +69,7 @@ void SensorArray::archive(common::StateArchive& a, const scene::Snapshot& snapsh
                           std::span<const scene::ObjectSpec> catalogue, common::ThreadPool& pool) {
   a(tick_);
   if (!a.saves() && !sensors_.empty()) {
-    std::ranges::fill(impulse_, 0.0F);
-    std::ranges::fill(tip_impulse_, Eigen::Vector3f::Zero());
-    std::ranges::fill(skin_impulse_, 0.0F);
+    clear_impulses();
     bodies_.update(snapshot, catalogue, pool);
   }
   const SensorInput input{snapshot, catalogue, bodies_, impulse_, tip_impulse_, skin_impulse_, period_s_};
@@ -83,12 +81,12 @@ void SensorArray::archive(common::StateArchive& a, const scene::Snapshot& snapsh
 }
 
 std::span<const float> SensorArray::truth(int channel) const noexcept {
-  const ChannelRef& ref = channel_refs_[static_cast<std::size_t>(channel)];
-  return sensors_[ref.sensor].truth[static_cast<std::size_t>(ref.channel)];
+  const ChannelRef& ref = channel_refs_[channel];
+  return sensors_[ref.sensor].truth[ref.channel];
 }
 
 std::span<const float> SensorArray::readings(int channel) const noexcept {
-  const ChannelRef& ref = channel_refs_[static_cast<std::size_t>(channel)];
+  const ChannelRef& ref = channel_refs_[channel];
   const SensorInstance& f = sensors_[ref.sensor];
   return f.error_model.is_active() ? f.error_model.values(ref.channel) : truth(channel);
 }

@@ -24,13 +24,10 @@ class SensorArray {
   SensorArray(const scene::SceneSpec&, const Field& field, const FaultMap& = {});
   ~SensorArray();
 
-  // Adds the normal impulses on the cells in one physics step: rows × columns, mass·u/s. Free unless a sensor
-  // needs impulses.
-  void accumulate_impulses(std::span<const float> impulse) noexcept;
-  // The same for Field::tip_impulse, which may be empty.
-  void accumulate_tip_impulses(std::span<const Eigen::Vector3f> impulse) noexcept;
-  // The same for Skin::impulse.
-  void accumulate_skin_impulses(std::span<const float> impulse) noexcept;
+  // Adds the impulses of one physics step, mass·u/s: Field::impulse, Field::tip_impulse and Skin::impulse.
+  // Costs nothing unless a sensor needs impulses.
+  void accumulate_impulses(std::span<const float> cells, std::span<const Eigen::Vector3f> tips = {},
+                           std::span<const float> skin = {}) noexcept;
 
   // Call at the end of every tick. Allocates only when objects are added.
   void sense(const scene::Snapshot&, std::span<const scene::ObjectSpec> catalogue, common::ThreadPool&);
@@ -42,7 +39,8 @@ class SensorArray {
   std::span<const float> readings(int channel) const noexcept;
   std::span<const float> truth(int channel) const noexcept;
 
-  // Saves or restores the state of sensors with the same scene and fault map. `snapshot`: the one sensed last.
+  // Saves or restores the state of sensors with the same scene and fault map. `snapshot`: the one sensed
+  // last.
   void archive(common::StateArchive&, const scene::Snapshot& snapshot,
                std::span<const scene::ObjectSpec> catalogue, common::ThreadPool&);
 
@@ -52,6 +50,7 @@ class SensorArray {
     SensorErrorModel error_model;
     std::vector<std::span<const float>> truth;  // one per channel
   };
+  void clear_impulses() noexcept;
   struct ChannelRef {
     std::size_t sensor;
     int channel;
@@ -62,10 +61,10 @@ class SensorArray {
   std::vector<scene::SensorChannel> channels_;
   std::vector<ChannelRef> channel_refs_;  // one per channel
   RayBodies bodies_;
-  std::vector<float> impulse_;                // sum since the last sense(); empty if no sensor needs it
-  std::vector<Eigen::Vector3f> tip_impulse_;  // likewise
-  std::vector<float> skin_impulse_;           // likewise
-  std::uint64_t tick_ = 0;                    // number of sense() calls so far
+  // Sums since the last sense(); empty if no sensor needs them.
+  std::vector<float> impulse_, skin_impulse_;
+  std::vector<Eigen::Vector3f> tip_impulse_;
+  std::uint64_t tick_ = 0;  // number of sense() calls so far
 };
 
 }  // namespace smartsurf::surface

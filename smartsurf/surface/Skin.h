@@ -1,9 +1,9 @@
-// A sheet over the cells, as the physics sees it during one step: a grid of nodes that move vertically, flat arrays,
-// row-major, row 0 north. Each rectangle of four nodes is two triangles, joined along its diagonal from the north-west to
-// the south-east.
+// A skin over the cells, as the physics sees it during one step: a grid of nodes that move vertically, in
+// flat arrays, row-major, row 0 north. Each rectangle of four nodes is two triangles, joined along its
+// diagonal from the north-west to the south-east.
 //
-// Part of surface::Field, with its order of events: SkinShape (a kinematic sheet) or the physics (an elastic one) moves the
-// nodes, the physics writes the impulses on them.
+// It belongs to surface::Field, with its order of events: SkinShape moves the nodes of a kinematic skin, the
+// physics those of an elastic one, and the physics writes the impulses on them.
 #pragma once
 
 #include <Eigen/Core>
@@ -17,35 +17,31 @@ namespace smartsurf::surface {
 
 struct Skin {
   // ---- geometry, constant during a run. Node (r, c) is at x = west + c·spacing_x, y = north − r·spacing_y.
-  int rows = 0, columns = 0;                 // 0: there is no sheet
+  int rows = 0, columns = 0;                 // 0: there is no skin
   float west = 0.0F, north = 0.0F;           // u
   float spacing_x = 1.0F, spacing_y = 1.0F;  // u
-  std::vector<std::uint8_t> covers;          // [cell]: whether the sheet lies over it
-  std::vector<std::int32_t> cell_of_node;    // the nearest cell with an actuator under the sheet
-  // ---- of an elastic sheet
+  std::vector<std::uint8_t> covers;          // [cell]: whether the skin lies over it
+  std::vector<std::int32_t> cell_of_node;    // the nearest cell with an actuator under the skin
+  // ---- of an elastic skin
   bool is_elastic = false, attached = false;  // attached: the supports also pull
   float tension = 0.0F;                       // mass/s²
   float density = 0.0F;                       // mass/u²
   float damping = 0.0F;                       // of its tension, mass/s
-  // Of nodes over a support: its height at the start of the step, u, and its speed in the step, u/s. No support:
-  // −infinity.
+  // The support under each node: its height at the start of the step, u, −infinity without one, and its speed
+  // in the step, u/s.
   std::vector<float> support_height, support_speed;
-  std::vector<std::uint8_t>
-      is_clamped;  // [node]: at a clamped edge, which is a support that holds it for good
+  std::vector<std::uint8_t> is_clamped;  // [node]: at a clamped edge, a support that never lets go
 
   // ---- motion
   std::vector<float> height;       // z, u
   std::vector<float> speed;        // upward, in the coming step, u/s
   bool supports_move = false;      // in the coming step
-  std::vector<std::uint8_t> held;  // [node]: of an elastic sheet, whether its support holds it
+  std::vector<std::uint8_t> held;  // [node]: of an elastic skin, whether its support holds it
   // ---- loads, overwritten by the physics in every step
   std::vector<float> impulse;  // downward impulse of the objects on each node, mass·u/s
 
-  std::size_t index(int row, int column) const {
-    return static_cast<std::size_t>(row) * static_cast<std::size_t>(columns) +
-           static_cast<std::size_t>(column);
-  }
-  std::size_t nodes() const { return static_cast<std::size_t>(rows) * static_cast<std::size_t>(columns); }
+  std::size_t index(int row, int column) const { return static_cast<std::size_t>(row * columns + column); }
+  std::size_t nodes() const { return static_cast<std::size_t>(rows * columns); }
   float east() const { return west + static_cast<float>(columns - 1) * spacing_x; }
   float south() const { return north - static_cast<float>(rows - 1) * spacing_y; }
   Eigen::Vector3f node(int row, int column) const {
@@ -53,7 +49,7 @@ struct Skin {
             height[index(row, column)]};
   }
 
-  // The triangle at a point of the plane, clamped to the sheet, and the point's barycentric coordinates in it.
+  // The triangle at a point of the plane, clamped to the skin, and the point's barycentric coordinates in it.
   struct Location {
     std::size_t node[3];
     float weight[3];
@@ -85,8 +81,8 @@ struct Skin {
   }
 };
 
-// Visits the edges of the finite elements: each(node, neighbour, weight), the weight being that of the Laplacian. Linear
-// elements on right triangles have none along the diagonals.
+// Visits the edges of the finite elements: each(node, neighbour, weight), with the weight in the Laplacian.
+// Linear elements on right triangles have weight 0 along the diagonals, which are left out.
 template <class Each>
 void for_each_edge(const Skin& s, Each each) {
   const double along_x = static_cast<double>(s.spacing_y) / s.spacing_x, along_y = 1.0 / along_x;

@@ -11,6 +11,8 @@
 #include <numbers>
 
 #include "common/files/AtomicFile.h"
+#include "smartsurf/scene/Delta.h"
+#include "smartsurf/scene/PinTip.h"
 #include "smartsurf/web/Assets.h"
 #include "smartsurf/web/SeriesEncoder.h"
 
@@ -147,6 +149,15 @@ json actuators_json(const scene::SurfaceSpec& surface) {
   for (const scene::ActuatorSpec& spec : surface.effective_actuators()) {
     json actuator = {{"model", spec.model}};
     for (const auto& [name, values] : spec.values) actuator[name] = values;
+    // With the defaults that depend on other values filled in.
+    if (spec.model == "pin" && spec.has("tip.shape")) {
+      const scene::PinTip tip = scene::pin_tip(spec, surface.pin.top_x, surface.pin.top_y);
+      actuator["tip"] = {{"radius", tip.radius}, {"height", tip.height}};
+    } else if (spec.model == "delta") {
+      const scene::Delta delta(spec);
+      actuator["tip"] = {{"radius", delta.tip_radius}, {"length", delta.tip_length}};
+      actuator["arms"] = {{"radius", delta.joint_radius}, {"length", delta.arm_length}};
+    }
     actuators.push_back(std::move(actuator));
   }
   return actuators;

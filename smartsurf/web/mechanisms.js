@@ -147,22 +147,21 @@ export function makeMechanisms(scene, series, world, placeOf) {
     pin(spec, cells) {
       const shape = (spec['tip.shape'] || [0])[0];
       if (shape === 0) return null;
-      const value = (name, otherwise) => (spec[name] ? spec[name][0] : otherwise), radius = value('tip.radius', top / 2);
+      const { radius, height } = spec.tip;
       let geometry, depth = scene.length;
       if (shape === 3) {
-        const r = value('tip.corner_radius', top / 4), x = scene.top[0] / 2 - r, y = scene.top[1] / 2 - r;
+        const x = scene.top[0] / 2 - radius, y = scene.top[1] / 2 - radius;
         const outline = new THREE.Shape();
-        [[x, y], [-x, y], [-x, -y], [x, -y]].forEach(([u, v], k) => outline.absarc(u, v, r, k * Math.PI / 2, (k + 1) * Math.PI / 2));
+        [[x, y], [-x, y], [-x, -y], [x, -y]].forEach(([u, v], k) => outline.absarc(u, v, radius, k * Math.PI / 2, (k + 1) * Math.PI / 2));
         geometry = new THREE.ExtrudeGeometry(outline, { depth, bevelEnabled: false, curveSegments: 6 }).translate(0, 0, -depth);
       } else {
         const outline = [];
-        const high = shape === 1 ? radius : radius / Math.tan(value('tip.half_angle', Math.PI / 4));
         for (let i = 0; i <= (shape === 1 ? 8 : 1); ++i) {
           const angle = i * Math.PI / 16;
           outline.push(shape === 1 ? new THREE.Vector2(radius * Math.sin(angle), radius * (Math.cos(angle) - 1))
-            : new THREE.Vector2(i * radius, -i * high));
+            : new THREE.Vector2(i * radius, -i * height));
         }
-        depth += high;
+        depth += height;
         outline.push(new THREE.Vector2(radius, -depth));
         geometry = new THREE.LatheGeometry(outline.reverse(), 24).rotateX(Math.PI / 2);
       }
@@ -176,10 +175,8 @@ export function makeMechanisms(scene, series, world, placeOf) {
       };
     },
     delta(spec, cells) {
-      const radius = spec['tip.radius'][0], workspace = spec['workspace.radius'][0];
-      const value = (name, otherwise) => (spec[name] ? spec[name][0] : otherwise);
-      const length = spec['tip.shape'][0] === 0 ? 2 * radius : value('tip.length', 4 * radius);
-      const reach = value('arms.radius', workspace), arm = value('arms.length', 2 * (workspace + reach));
+      const { radius, length } = spec.tip, workspace = spec['workspace.radius'][0];
+      const reach = spec.arms.radius, arm = spec.arms.length;
       const capsule = new THREE.CapsuleGeometry(radius, length - 2 * radius, 8, 24).rotateX(Math.PI / 2);
       const tips = addKind(capsule.translate(0, 0, -length / 2), cells.length);
       const arms = addKind(new THREE.BoxGeometry(0.3 * radius, 0.3 * radius, 1), 3 * cells.length);

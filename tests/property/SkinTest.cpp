@@ -1,4 +1,4 @@
-// Sheets over the actuators, and objects on them, against closed forms.
+// Skins over the actuators, and objects on them, against closed forms.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -19,14 +19,14 @@ double level(int /*row*/, int /*column*/) { return 0.0; }
 
 struct SkinCase {
   int rows = 8, columns = 8;
-  double top_x = 0.8, top_y = 0.8;  // u; 0: the cells hold the sheet at points
+  double top_x = 0.8, top_y = 0.8;  // u; 0: the cells hold the skin at points
   Relief relief = level;
   scene::SkinSpec skin = {};
   int nodes_per_pitch = 8;
   std::function<bool(int row, int column)> has_cell = [](int, int) { return true; };
 };
 
-// Pins one pitch apart under a sheet, which ends at the outermost cells' centres plus the margin.
+// Pins one pitch apart under a skin, which ends at the outermost cells' centres plus the margin.
 void set_skin(PhysicsFixture& fixture, SkinCase setup) {
   scene::SurfaceSpec& surface = fixture.scene.surface;
   surface.rows = setup.rows, surface.columns = setup.columns;
@@ -55,7 +55,7 @@ float height_at(PhysicsFixture& fixture, double x, double y) {
   return skin.locate(static_cast<float>(x), static_cast<float>(y)).interpolate(skin.height);
 }
 
-// Vertical force of the objects on the sheet in the last step.
+// Vertical force of the objects on the skin in the last step.
 double load_on(PhysicsFixture& fixture) {
   const std::vector<float>& impulse = skin_of(fixture).impulse;
   return std::accumulate(impulse.begin(), impulse.end(), 0.0) / fixture.scene.world.dt_s;
@@ -68,7 +68,7 @@ class Skin : public testing::TestWithParam<double> {
 };
 INSTANTIATE_TEST_SUITE_P(Steps, Skin, testing::Values(1.0 / 60, 1.0 / 240, 1.0 / 960));
 
-// Points hold the sheet in a plane that rises to the east. Its free edges bend it, by e^(−2π) at one pitch from them.
+// Points hold the skin in a plane that rises to the east. Its free edges bend it, by e^(−2π) at one pitch from them.
 SkinCase ramp(double angle) {
   return {5, 24, 0, 0, [=](int, int column) { return std::tan(angle) * column; }, {}};
 }
@@ -320,7 +320,7 @@ TEST_P(ElasticSkin, BallRestsInItsDip) {
 }
 
 TEST_P(ElasticSkin, BallRollsDownTautRamp) {
-  // A sheet so taut that its dip hardly matters.
+  // A skin so taut that its dip hardly matters.
   const double angle = 0.15, radius = 0.3;
   SkinCase setup = ramp(angle);
   setup.skin = elastic(1e5, 0.1);

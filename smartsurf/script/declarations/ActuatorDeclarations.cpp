@@ -29,7 +29,7 @@ int declare_actuator(ScriptContext& context, lua_State* L) {
   const TableReader fields(L, 1, kind.name, parameter_names(kind.parameters));
   scene::ActuatorSpec spec = kind.default_spec();
   read_parameters(L, fields, kind.parameters, spec.values);
-  if (const std::string error = kind.validate(spec); !error.empty()) throw ScriptError(error);
+  throw_if_invalid(kind.validate(spec));
   if (!fields.has("top")) spec.values.erase("top");  // read_layout sets the default
   if (context.actuators.size() >= kMaxDeclared) throw ScriptError(kind.name + ": more than 1000 actuators");
   context.actuators.push_back(std::move(spec));

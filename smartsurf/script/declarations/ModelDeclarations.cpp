@@ -57,14 +57,14 @@ void scale_lengths(model::Model& m, double s) {
 }
 
 // A geometry as an object whose origin has `pose` in the frame of the body.
-struct Part {
+struct PlacedObject {
   scene::ObjectSpec object;
   Pose pose;
 };
 
-Part make_part(const ScriptContext& context, lua_State* L, const Geometry& g, const Placement& at) {
-  Part part{{}, g.pose};
-  scene::ObjectSpec& o = part.object;
+PlacedObject make_placed(const ScriptContext& context, lua_State* L, const Geometry& g, const Placement& at) {
+  PlacedObject one{{}, g.pose};
+  scene::ObjectSpec& o = one.object;
   o.shape = g.shape;
   o.radius = g.radius;
   o.height = g.height;
@@ -76,24 +76,25 @@ Part make_part(const ScriptContext& context, lua_State* L, const Geometry& g, co
     request.scale = g.mesh_scale;
     o.solid = make_solid(context, L, g.where + ": ",
                          [&](scene::SolidFactory& factory) { return factory.load_mesh(request); });
-    part.pose.position = g.pose * o.solid->centroid;
+    one.pose.position = g.pose * o.solid->centroid;
   }
-  if (const std::string error = validate(o); !error.empty()) throw ScriptError(g.where + ": " + error);
-  return part;
+  throw_if_invalid(validate(o), g.where + ": ");
+  return one;
 }
 
 // In the frame of the body.
-Inertial inertial_of(const ScriptContext& context, const Geometry& g, const Part& part, const Placement& at) {
-  const double density =
-      g.density.value_or(context.spec.materials[static_cast<std::size_t>(at.material)].density);
-  const double mass = g.mass.value_or(density * part.object.volume());
+Inertial inertial_of(const ScriptContext& context, const Geometry& g, const PlacedObject& one,
+                     const Placement& at) {
+  const double density = g.density.value_or(context.spec.materials[at.material].density);
+  const double mass = g.mass.value_or(density * one.object.volume());
   if (!(mass >= 0.0)) throw ScriptError(g.where + ": its mass must not be negative");
-  return transformed(part.pose, {mass, Eigen::Vector3d::Zero(), part.object.homogeneous_inertia(mass)});
+  return transformed(one.pose, {mass, Eigen::Vector3d::Zero(), one.object.homogeneous_inertia(mass)});
 }
 
-// Points whose convex hulls are the part, in the frame of the body. Round shapes become inscribed polyhedra.
-void append_hulls(const Part& part, std::vector<std::vector<Eigen::Vector3d>>& hulls) {
-  const scene::ObjectSpec& o = part.object;
+// Points whose convex hulls are the object, in the frame of the body. Round shapes become inscribed
+// polyhedra.
+void append_hulls(const PlacedObject& one, std::vector<std::vector<Eigen::Vector3d>>& hulls) {
+  const scene::ObjectSpec& o = one.object;
   std::vector<Eigen::Vector3d> points;
   const Eigen::Vector3d half = o.half_extents();
   const double straight = o.shape == ShapeKind::kCapsule ? half.z() - o.radius : 0.0;
@@ -108,7 +109,7 @@ void append_hulls(const Part& part, std::vector<std::vector<Eigen::Vector3d>>& h
       for (const scene::ConvexHull& hull : o.solid->hulls) {
         auto& corners = hulls.emplace_back();
         for (const Eigen::Vector3f& corner : hull.vertices)
-          corners.push_back(part.pose * Eigen::Vector3d(corner.cast<double>()));
+          corners.push_back(one.pose * Eigen::Vector3d(corner.cast<double>()));
       }
       return;
     case ShapeKind::kBox:
@@ -131,16 +132,16 @@ void append_hulls(const Part& part, std::vector<std::vector<Eigen::Vector3d>>& h
     case ShapeKind::kCone:
       break;  // neither format has one
   }
-  for (Eigen::Vector3d& p : points) p = part.pose * p;
+  for (Eigen::Vector3d& p : points) p = one.pose * p;
   hulls.push_back(std::move(points));
 }
 
-Part join_parts(const ScriptContext& context, lua_State* L, const std::vector<Part>& parts,
-                const std::string& where) {
-  if (parts.size() == 1) return parts.front();
+PlacedObject join_placed(const ScriptContext& context, lua_State* L, const std::vector<PlacedObject>& placed,
+                         const std::string& where) {
+  if (placed.size() == 1) return placed.front();
   std::vector<std::vector<Eigen::Vector3d>> hulls;
-  for (const Part& part : parts) append_hulls(part, hulls);
-  Part joined;
+  for (const PlacedObject& one : placed) append_hulls(one, hulls);
+  PlacedObject joined;
   joined.object.shape = ShapeKind::kSolid;
   joined.object.solid = make_solid(context, L, where + ": ", [&](scene::SolidFactory& factory) {
     return factory.make_compound(hulls, "geometry");
@@ -169,16 +170,16 @@ std::optional<scene::ObjectId> add_body(ScriptContext& context, lua_State* L, co
     throw ScriptError(body.where + ": has no geometry: give it a shape, or weld it to another body");
   }
   const bool any_collides = std::ranges::any_of(body.geometries, &Geometry::collides);
-  std::vector<Part> parts;
+  std::vector<PlacedObject> placed;
   Inertial total = body.inertial;
   scene::ObjectSpec look;
   for (const Geometry& g : body.geometries) {
-    Part part = make_part(context, L, g, at);
-    if (g.has_mass) total = combined(total, inertial_of(context, g, part, at));
+    PlacedObject one = make_placed(context, L, g, at);
+    if (g.has_mass) total = combined(total, inertial_of(context, g, one, at));
     if (!look.friction) look.friction = g.friction;
-    if (g.collides || !any_collides) parts.push_back(std::move(part));
+    if (g.collides || !any_collides) placed.push_back(std::move(one));
   }
-  Part whole = join_parts(context, L, parts, body.where);
+  PlacedObject whole = join_placed(context, L, placed, body.where);
   scene::ObjectSpec& o = whole.object;
   o.friction = look.friction;
   o.fixed = body.fixed;
@@ -193,7 +194,7 @@ std::optional<scene::ObjectId> add_body(ScriptContext& context, lua_State* L, co
   const Pose pose = at.base * body.pose * whole.pose;
   o.position = pose.position;
   o.orientation = pose.orientation.normalized();
-  if (const std::string error = validate(o); !error.empty()) throw ScriptError(body.where + ": " + error);
+  throw_if_invalid(validate(o), body.where + ": ");
   return add_object(context, body.where, o);
 }
 

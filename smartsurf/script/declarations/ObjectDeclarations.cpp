@@ -55,8 +55,7 @@ Eigen::Matrix3d check_inertia(lua_State* L, int index, const std::string& name) 
 
 void read_common(const ScriptContext& context, lua_State* L, const TableReader& fields,
                  scene::ObjectSpec& object) {
-  fields.require("position");
-  fields.read("position", object.position);
+  fields.read_required("position", object.position);
   fields.read("orientation", object.orientation);
   fields.read("velocity", object.velocity);
   fields.read("angular_velocity", object.angular_velocity);
@@ -80,20 +79,17 @@ void read_common(const ScriptContext& context, lua_State* L, const TableReader& 
 }
 
 void read_radius(ScriptContext&, lua_State*, const TableReader& fields, scene::ObjectSpec& object) {
-  fields.require("radius");
-  fields.read("radius", object.radius);
+  fields.read_required("radius", object.radius);
 }
 
 void read_radius_and_height(ScriptContext& context, lua_State* L, const TableReader& fields,
                             scene::ObjectSpec& object) {
   read_radius(context, L, fields, object);
-  fields.require("height");
-  fields.read("height", object.height);
+  fields.read_required("height", object.height);
 }
 
 void read_size(ScriptContext&, lua_State*, const TableReader& fields, scene::ObjectSpec& object) {
-  fields.require("size");
-  fields.read("size", object.size);
+  fields.read_required("size", object.size);
 }
 
 // Prefixes each warning with the script's location.
@@ -178,15 +174,12 @@ std::vector<Eigen::Vector3d> check_points(ScriptContext& context, lua_State* L, 
   if (count > kMaxHullPoints) throw ScriptError(name + ": more than 100000 points");
   context.interpreter->charge(L, count);
   std::vector<Eigen::Vector3d> points;
-  for (lua_Unsigned i = 1; i <= count; ++i) {
-    lua_rawgeti(L, index, static_cast<lua_Integer>(i));
-    points.push_back(check_vector(L, lua_gettop(L), name + "[" + std::to_string(i) + "]"));
-    lua_pop(L, 1);
-  }
+  for_each_element(L, index, name,
+                   [&](int i, const std::string& element) { points.push_back(check_vector(L, i, element)); });
   return points;
 }
 
-// The points of each convex part of a hull.
+// The points of each convex hull.
 std::vector<std::vector<Eigen::Vector3d>> check_parts(ScriptContext& context, lua_State* L, int index,
                                                       const std::string& name) {
   if (lua_type(L, index) != LUA_TTABLE)
@@ -196,11 +189,9 @@ std::vector<std::vector<Eigen::Vector3d>> check_parts(ScriptContext& context, lu
     throw ScriptError(name + ": has " + std::to_string(count) + " parts; must be 1 to " +
                       std::to_string(kMaxHullCount));
   std::vector<std::vector<Eigen::Vector3d>> parts;
-  for (lua_Unsigned i = 1; i <= count; ++i) {
-    lua_rawgeti(L, index, static_cast<lua_Integer>(i));
-    parts.push_back(check_points(context, L, lua_gettop(L), name + "[" + std::to_string(i) + "]"));
-    lua_pop(L, 1);
-  }
+  for_each_element(L, index, name, [&](int i, const std::string& element) {
+    parts.push_back(check_points(context, L, i, element));
+  });
   return parts;
 }
 
@@ -256,7 +247,7 @@ int create(ScriptContext& context, lua_State* L) {
   shape.read(context, L, fields, object);
   read_common(context, L, fields, object);
   const std::string subject(shape.name);
-  if (const std::string error = validate(object); !error.empty()) throw ScriptError(subject + "." + error);
+  throw_if_invalid(validate(object), subject + ".");
   lua_pushinteger(L, static_cast<lua_Integer>(add_object(context, subject, object)));
   return 1;
 }

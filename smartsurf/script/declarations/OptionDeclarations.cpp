@@ -66,24 +66,20 @@ void push_boolean(lua_State* L, const std::string& name, const std::string& text
 
 // Pushes the option's value: the default at index 2, or the --set value converted to the default's type.
 void push_option_value(ScriptContext& context, lua_State* L, const std::string& name) {
+  const int type = lua_type(L, 2);
+  if (type == LUA_TNUMBER)
+    check_number(L, 2, "option '" + name + "'");
+  else if (type != LUA_TBOOLEAN && type != LUA_TSTRING)
+    throw_invalid_value(L, 2, "option '" + name + "': default", "a number, a string, true or false");
   const std::string* const text = find_override(context, name);
-  switch (lua_type(L, 2)) {
-    case LUA_TNUMBER:
-      check_number(L, 2, "option '" + name + "'");
-      text == nullptr ? lua_pushvalue(L, 2) : push_number(L, name, *text);
-      break;
-    case LUA_TBOOLEAN:
-      text == nullptr ? lua_pushvalue(L, 2) : push_boolean(L, name, *text);
-      break;
-    case LUA_TSTRING:
-      if (text == nullptr)
-        lua_pushvalue(L, 2);
-      else
-        lua_pushlstring(L, text->data(), text->size());
-      break;
-    default:
-      throw_invalid_value(L, 2, "option '" + name + "': default", "a number, a string, true or false");
-  }
+  if (text == nullptr)
+    lua_pushvalue(L, 2);
+  else if (type == LUA_TNUMBER)
+    push_number(L, name, *text);
+  else if (type == LUA_TBOOLEAN)
+    push_boolean(L, name, *text);
+  else
+    lua_pushlstring(L, text->data(), text->size());
 }
 
 int option(ScriptContext& context, lua_State* L) {

@@ -18,13 +18,10 @@ double check_choice(lua_State* L, int index, const std::string& name,
 std::vector<double> check_points(lua_State* L, int index, const std::string& name) {
   if (lua_type(L, index) != LUA_TTABLE) throw_invalid_value(L, index, name, "a list of points {x, y, z}");
   std::vector<double> coordinates;
-  const auto count = static_cast<lua_Integer>(lua_rawlen(L, index));
-  for (lua_Integer i = 1; i <= count; ++i) {
-    lua_rawgeti(L, index, i);
-    const Eigen::Vector3d point = check_vector(L, lua_gettop(L), name + "[" + std::to_string(i) + "]");
+  for_each_element(L, index, name, [&](int i, const std::string& element) {
+    const Eigen::Vector3d point = check_vector(L, i, element);
     coordinates.insert(coordinates.end(), point.begin(), point.end());
-    lua_pop(L, 1);
-  }
+  });
   return coordinates;
 }
 

@@ -16,10 +16,6 @@ namespace {
 
 constexpr std::size_t kMaxMaterials = 1000;
 
-void throw_if_invalid(const std::string& error) {
-  if (!error.empty()) throw ScriptError(error);
-}
-
 int world(ScriptContext& context, lua_State* L) {
   declare_once(context, L, "world");
   const TableReader fields(L, 1, "world",
@@ -107,8 +103,7 @@ scene::SkinSpec check_skin(lua_State* L, int index, const std::string& name,
       throw ScriptError(name + "." + field + ": a skin of the kind 'kinematic' has none");
   fields.read("tension", skin.tension);
   fields.read("density", skin.density);
-  constexpr double kDamping_s = 0.05;
-  skin.damping = kDamping_s * skin.tension;
+  skin.damping = scene::SkinSpec::kDampingTime_s * skin.tension;
   fields.read("damping", skin.damping);
   fields.read("attached", skin.attached);
   const double half_top = 0.5 * std::min(surface.pin.top_x, surface.pin.top_y);
@@ -118,8 +113,7 @@ scene::SkinSpec check_skin(lua_State* L, int index, const std::string& name,
     if (lua_type(L, i) == LUA_TSTRING && check_string(L, i, edge_name) == "free") return;
     if (lua_type(L, i) != LUA_TTABLE) throw_invalid_value(L, i, edge_name, "'free' or {height = z}");
     const TableReader edge(L, i, edge_name, {"height"});
-    edge.require("height");
-    edge.read("height", skin.edge_height);
+    edge.read_required("height", skin.edge_height);
     skin.edge = scene::SkinSpec::Edge::kClamped;
   });
   // Eight to a pitch, fewer over many cells.
@@ -156,8 +150,7 @@ int surface(ScriptContext& context, lua_State* L) {
                [&](int i, const std::string& name) { read_sensors(context, L, i, name, spec.sensors); });
   fields.visit("border", [&](int i, const std::string& name) {
     const TableReader border(L, i, name, {"height"});
-    border.require("height");
-    border.read("height", spec.border_height);
+    border.read_required("height", spec.border_height);
   });
   fields.visit("skin", [&](int i, const std::string& name) { spec.skin = check_skin(L, i, name, spec); });
   fields.visit("material",

@@ -34,14 +34,9 @@ bool is_sensor_name(const std::string& name, std::size_t max_length) {
                      [](unsigned char c) { return c < 0x80 && (std::isalnum(c) || c == '_'); });
 }
 
-void throw_if_invalid(const std::string& error) {
-  if (!error.empty()) throw ScriptError(error);
-}
-
 // Upvalue: the index of the kind.
 int declare_sensor(ScriptContext& context, lua_State* L) {
-  const scene::SensorKind& kind =
-      scene::sensor_kinds()[static_cast<std::size_t>(lua_tointeger(L, lua_upvalueindex(1)))];
+  const scene::SensorKind& kind = scene::sensor_kinds()[lua_tointeger(L, lua_upvalueindex(1))];
   require_loading(context, kind.name);
   std::vector<std::string> known = parameter_names(kind.parameters);
   for (const std::string& name : parameter_names(scene::sensor_error_parameters())) known.push_back(name);
@@ -94,17 +89,14 @@ void read_sensors(const ScriptContext& context, lua_State* L, int index, const s
   lua_Unsigned pairs = 0;
   for (lua_pushnil(L); lua_next(L, index) != 0; lua_pop(L, 1)) ++pairs;
   if (pairs != count) throw ScriptError(name + ": must be a list of sensors without names, {proximity{...}}");
-  for (lua_Unsigned i = 1; i <= count; ++i) {
-    lua_rawgeti(L, index, static_cast<lua_Integer>(i));
-    const scene::SensorSpec& found =
-        check_sensor(context, L, lua_gettop(L), name + "[" + std::to_string(i) + "]");
+  for_each_element(L, index, name, [&](int i, const std::string& element) {
+    const scene::SensorSpec& found = check_sensor(context, L, i, element);
     for (const auto& other : sensors)
       if (other.name == found.name)
         throw ScriptError(name + ": two sensors are called '" + found.name + "'; rename one, " + found.model +
                           "{name = ...}");
     sensors.push_back(found);
-    lua_pop(L, 1);
-  }
+  });
 }
 
 void read_sensor_faults(lua_State* L, int index, const std::string& name, scene::ParameterValues& values) {

@@ -24,15 +24,13 @@ std::string cell_description(const std::string& name, int row, int column) {
 void visit_pattern(lua_State* L, int index, const std::string& name, const scene::SurfaceSpec& s,
                    const CellVisitor& visit) {
   std::vector<std::string> rows;
-  for (lua_Integer i = 1; i <= static_cast<lua_Integer>(lua_rawlen(L, index)); ++i) {
-    lua_rawgeti(L, index, i);
-    rows.push_back(check_string(L, -1, name + "[" + std::to_string(i) + "]"));
-    lua_pop(L, 1);
+  for_each_element(L, index, name, [&](int i, const std::string& element) {
+    rows.push_back(check_string(L, i, element));
     if (rows.back().empty() || rows.back().size() != rows.front().size())
-      throw ScriptError(name + "[" + std::to_string(i) + "]: " + std::to_string(rows.back().size()) +
+      throw ScriptError(element + ": " + std::to_string(rows.back().size()) +
                         " characters: must be as many as in the first row, " +
                         std::to_string(rows.front().size()));
-  }
+  });
   const int height = static_cast<int>(rows.size()), width = static_cast<int>(rows.front().size());
   if (s.rows % height != 0 || s.columns % width != 0)
     throw ScriptError(name + ": a pattern of " + std::to_string(height) + " × " + std::to_string(width) +
@@ -40,7 +38,7 @@ void visit_pattern(lua_State* L, int index, const std::string& name, const scene
                       std::to_string(s.columns) + " cells");
   for (int r = 0; r < s.rows; ++r)
     for (int c = 0; c < s.columns; ++c) {
-      const char key = rows[static_cast<std::size_t>(r % height)][static_cast<std::size_t>(c % width)];
+      const char key = rows[r % height][c % width];
       if (key == '.' || key == ' ')
         lua_pushnil(L);
       else
@@ -161,16 +159,14 @@ void read_positions(lua_State* L, int index, const std::string& name, bool has_s
   if (count > s.cell_count())
     throw ScriptError(name + ": " + std::to_string(count) +
                       " positions: must be at most rows × columns = " + std::to_string(s.cell_count()));
-  s.cell_poses.assign(static_cast<std::size_t>(s.cell_count()), {});
+  s.cell_poses.assign(s.cell_count(), {});
   occupied.assign(s.cell_poses.size(), false);
-  for (lua_Integer i = 1; i <= count; ++i) {
-    lua_rawgeti(L, index, i);
-    const auto cell = static_cast<std::size_t>(i - 1);
-    occupied[cell] = !(lua_isboolean(L, -1) && !lua_toboolean(L, -1));
-    if (occupied[cell])
-      s.cell_poses[cell] = check_cell_pose(L, lua_gettop(L), name + "[" + std::to_string(i) + "]");
-    lua_pop(L, 1);
-  }
+  lua_Integer cell = 0;
+  for_each_element(L, index, name, [&](int i, const std::string& element) {
+    occupied[cell] = !(lua_isboolean(L, i) && !lua_toboolean(L, i));
+    if (occupied[cell]) s.cell_poses[cell] = check_cell_pose(L, i, element);
+    ++cell;
+  });
 }
 
 // Modules of rows × columns cells, placed side by side on a grid.
@@ -197,13 +193,11 @@ ModuleLayout check_modules(lua_State* L, int index, const std::string& name) {
     const std::string requirement = "a list of strings, one character per module, '.' for none";
     if (lua_type(L, i) != LUA_TTABLE || lua_rawlen(L, i) == 0)
       throw_invalid_value(L, i, map_name, requirement);
-    for (lua_Integer k = 1; k <= static_cast<lua_Integer>(lua_rawlen(L, i)); ++k) {
-      lua_rawgeti(L, i, k);
-      m.map.push_back(check_string(L, -1, map_name + "[" + std::to_string(k) + "]"));
-      lua_pop(L, 1);
+    for_each_element(L, i, map_name, [&](int k, const std::string& element) {
+      m.map.push_back(check_string(L, k, element));
       if (m.map.back().empty() || m.map.back().size() != m.map.front().size())
         throw_invalid_value(L, i, map_name, requirement);
-    }
+    });
   });
   fields.read("gap", m.gap);
   if (m.gap < 0.0) throw ScriptError(name + ".gap = " + format_value(m.gap) + ": must be 0 or more");
@@ -224,7 +218,7 @@ void layout_modules(const ModuleLayout& m, const std::string& name, bool has_siz
   s.columns = m.columns * module_columns;
   for (int r = 0; r < s.rows; ++r)
     for (int c = 0; c < s.columns; ++c) {
-      const char key = m.map[static_cast<std::size_t>(r / m.rows)][static_cast<std::size_t>(c / m.columns)];
+      const char key = m.map[r / m.rows][c / m.columns];
       const auto it = std::ranges::find(names, std::string(1, key));
       if (key != '.' && key != ' ' && key != '#' && it == names.end())
         throw ScriptError(name + ".map: '" + std::string(1, key) + "': must be one of " + join_names(names) +
@@ -264,7 +258,7 @@ std::string placed_cell(const scene::SurfaceSpec& s, int cell, bool has_position
   if (!has_positions)
     return "cell (" + std::to_string(cell / s.columns + 1) + ", " + std::to_string(cell % s.columns + 1) +
            ")";
-  const scene::CellPose& p = s.cell_poses[static_cast<std::size_t>(cell)];
+  const scene::CellPose& p = s.cell_poses[cell];
   return "positions[" + std::to_string(cell + 1) + "] = {" + format_value(p.x) + ", " + format_value(p.y) +
          (p.angle != 0.0 ? ", " + format_value(p.angle) : "") + "}";
 }
@@ -313,7 +307,7 @@ void read_layout(ScriptContext& context, lua_State* L, const TableReader& fields
   });
 
   auto cells = [&]() -> std::vector<std::int8_t>& {
-    if (s.actuator_of_cell.empty()) s.actuator_of_cell.assign(static_cast<std::size_t>(s.cell_count()), 0);
+    if (s.actuator_of_cell.empty()) s.actuator_of_cell.assign(s.cell_count(), 0);
     return s.actuator_of_cell;
   };
   if (names.size() > 1 && !fields.has("cells") && !fields.has("modules"))
@@ -321,14 +315,14 @@ void read_layout(ScriptContext& context, lua_State* L, const TableReader& fields
                       " actuators need surface.cells to assign them");
   fields.visit("cells", [&](int i, const std::string& name) {
     visit_cells(context, L, i, name, s, [&](int r, int c, int value, const std::string& cell) {
-      std::int8_t& which = cells()[static_cast<std::size_t>(s.index(r, c))];
+      std::int8_t& which = cells()[s.index(r, c)];
       const std::int8_t requested = check_actuator_index(L, value, cell, names);
       if (which != scene::kEmptyCell) which = requested;
     });
   });
   fields.visit("mask", [&](int i, const std::string& name) {
     visit_cells(context, L, i, name, s, [&](int r, int c, int value, const std::string&) {
-      if (!lua_toboolean(L, value)) cells()[static_cast<std::size_t>(s.index(r, c))] = scene::kEmptyCell;
+      if (!lua_toboolean(L, value)) cells()[s.index(r, c)] = scene::kEmptyCell;
     });
   });
   for (std::size_t i = 0; i < occupied.size(); ++i)
@@ -337,10 +331,9 @@ void read_layout(ScriptContext& context, lua_State* L, const TableReader& fields
       std::ranges::all_of(s.actuator_of_cell, [](std::int8_t a) { return a == scene::kEmptyCell; }))
     throw ScriptError("surface: all cells are empty: cells, mask and positions exclude every cell");
   fields.visit("base", [&](int i, const std::string& name) {
-    s.base_heights.assign(static_cast<std::size_t>(s.cell_count()), 0.0F);
+    s.base_heights.assign(s.cell_count(), 0.0F);
     visit_cells(context, L, i, name, s, [&](int r, int c, int value, const std::string& cell) {
-      s.base_heights[static_cast<std::size_t>(s.index(r, c))] =
-          static_cast<float>(check_number(L, value, cell));
+      s.base_heights[s.index(r, c)] = static_cast<float>(check_number(L, value, cell));
     });
   });
   fields.visit("tilt", [&](int i, const std::string& name) { read_tilt(L, i, name, s); });

@@ -87,8 +87,7 @@ scene::Colour check_colour(lua_State* L, int index, const std::string& name) {
   if (by_name) {
     const TableReader fields(L, index, name, {"r", "g", "b"});
     for (std::size_t i = 0; i < 3; ++i) {
-      fields.require(kParts[i]);
-      fields.read(kParts[i], rgb[i]);
+      fields.read_required(kParts[i], rgb[i]);
     }
   } else {
     rgb = check_numbers(L, index, name, 3, requirement);

@@ -115,8 +115,8 @@ void* Interpreter::allocate(void* self, void* block, std::size_t old_size, std::
   return moved;
 }
 
-// A collection precedes every refusal, and a script can catch the error and cause the next one, so the time is
-// checked again soon.
+// A collection precedes every refusal, and a script can catch the error and cause the next one, so the time
+// is checked again soon.
 void Interpreter::refuse_memory() {
   lua_Debug ar;  // memory errors carry no location, so record it here
   memory_error_location_.clear();
@@ -129,7 +129,8 @@ void Interpreter::set_hook(lua_State* L, int interval) {
   lua_sethook(L, &Interpreter::on_instruction_count, LUA_MASKCOUNT, interval);
 }
 
-// Bounds the time between two calls of the hook: an instruction takes time in proportion to the longest string.
+// Bounds the time between two calls of the hook: an instruction takes time in proportion to the longest
+// string.
 void Interpreter::shorten_interval(std::size_t string_bytes) {
   const auto interval = std::max(static_cast<int>(kHookInterval * kShortStringBytes / string_bytes), 1);
   if (interval >= string_interval_) return;

@@ -29,6 +29,11 @@ class ScriptError : public std::runtime_error {
   using std::runtime_error::runtime_error;
 };
 
+// Throws ScriptError, `prefix` and the clause, unless the clause of a validate() is empty.
+inline void throw_if_invalid(const std::string& clause, const std::string& prefix = "") {
+  if (!clause.empty()) throw ScriptError(prefix + clause);
+}
+
 // What one call may use.
 struct Budget {
   std::uint64_t instructions = 0;
@@ -51,16 +56,17 @@ class Interpreter {
 
   lua_State* lua() const { return lua_; }
 
-  // Calls the function below its `arguments` on the stack with a budget. Throws InputError, Interrupted, or the
-  // exception passed to defer_exception. `fallback_location` is reported for an error
-  // outside any line of the script. All code that can raise a Lua error, including out of memory, must run
-  // inside call(): Lua aborts the process on an unprotected error.
+  // Calls the function below its `arguments` on the stack with a budget. Throws InputError, Interrupted, or
+  // the exception passed to defer_exception. `fallback_location` is reported for an error outside any line of
+  // the script. All code that can raise a Lua error, including out of memory, must run inside call(): Lua
+  // aborts the process on an unprotected error.
   void call(int arguments, int results, const Budget& budget, const std::string& fallback_location);
 
   // Compiles source text (not bytecode) with the chunk name `file` and pushes the function, or raises a Lua
   // error on `L`. Call only inside call().
   void compile(lua_State* L, const std::string& text, const std::string& file);
-  // As lua_load() with mode "t", but charges an instruction for each byte as the compiler takes it.
+  // Does what lua_load() does with mode "t", and charges an instruction for each byte that the compiler
+  // takes.
   int compile_metered(lua_State* L, std::string_view text, const char* chunk);
 
   // Charges instructions to the budget of the running call. Raises a Lua error on `L` when it is exceeded. A
@@ -114,7 +120,7 @@ class Interpreter {
   std::size_t memory_limit_, memory_used_ = 0;
   std::uint64_t instruction_budget_ = 0, instructions_used_ = 0;
   bool budget_exceeded_ = false;
-  // Of the running call, in processor time; started_s_ is that of the first check, −1 before.
+  // The processor time that the running call may take, and that at its first check, −1 before.
   double time_limit_s_ = 0.0, started_s_ = -1.0;
   std::int64_t last_time_check_ns_ = 0;
   enum class Excess { kInstructions, kTime, kStop } excess_ = Excess::kInstructions;

@@ -1,5 +1,5 @@
-// Watches for operations of a script that Lua cannot interrupt: an access to a table whose keys collide, a collection of
-// weak tables, a library function. Internal to this module.
+// Watches for operations of a script that Lua cannot interrupt: an access to a table whose keys collide, a
+// collection of weak tables, a library function. Internal to this module.
 #pragma once
 
 #include <atomic>
@@ -13,9 +13,9 @@ namespace smartsurf::script {
 
 class OperationWatch {
  public:
-  // Calls `overrun` on a thread of its own when an operation takes longer than its limit, or half a second after
-  // `stop`, which may be null, is raised; again as long as it lasts. Without that thread, if the system refuses it, no
-  // operation is watched.
+  // Calls `overrun` on a thread of its own when an operation takes longer than its limit, or half a second
+  // after `stop`, which may be null, is raised; again as long as it lasts. Without that thread, if the system
+  // refuses it, no operation is watched.
   OperationWatch(const std::atomic<bool>* stop, std::function<void(bool stopped)> overrun);
   ~OperationWatch();
   OperationWatch(const OperationWatch&) = delete;

@@ -1,7 +1,10 @@
-// pairs and next with a reproducible order: numbers ascending, strings by their bytes, then false and true.
-// Lua's own order depends on addresses and on a random hash seed.
+// pairs and next in a reproducible order: numbers ascending, strings by their bytes, then false and true. The
+// order of Lua's own follows from the hash table, whose seed Lua draws from the clock and from addresses in
+// each run.
 #include <algorithm>
 #include <string_view>
+#include <tuple>
+#include <utility>
 #include <vector>
 
 #include "smartsurf/script/ScriptContext.h"
@@ -14,75 +17,33 @@ constexpr std::uint64_t kInstructionsPerKey = 20;  // that collecting and sortin
 
 struct TableKey {
   enum Kind { kNumber, kString, kBoolean, kUnordered } kind = kUnordered;
-  bool is_integer = false, boolean = false;
-  lua_Integer integer = 0;
-  lua_Number number = 0.0;
+  // A number, or 0 and 1 for false and true. A long double with a mantissa of 64 bits is exact for every
+  // integer.
+  long double number = 0.0L;
   std::string_view string;  // owned by Lua; valid while the key exists
+  lua_Integer index = 0;    // in the list of the keys as Lua visits them
 
   bool operator<(const TableKey& other) const {
-    if (kind != other.kind) return kind < other.kind;
-    switch (kind) {
-      case kNumber:
-        if (is_integer && other.is_integer) return integer < other.integer;
-        return as_long_double() < other.as_long_double();
-      case kString:
-        return string < other.string;
-      case kBoolean:
-        return !boolean && other.boolean;
-      case kUnordered:
-        return false;
-    }
-    return false;
-  }
-  // Exact for every integer if long double has a mantissa of at least 64 bits.
-  long double as_long_double() const {
-    return is_integer ? static_cast<long double>(integer) : static_cast<long double>(number);
+    return std::tie(kind, number, string) < std::tie(other.kind, other.number, other.string);
   }
 };
 
 TableKey key_at(lua_State* L, int index) {
-  TableKey key;
   switch (lua_type(L, index)) {
     case LUA_TNUMBER:
-      key.kind = TableKey::kNumber;
-      key.is_integer = lua_isinteger(L, index) != 0;
-      key.integer = lua_tointeger(L, index);
-      key.number = lua_tonumber(L, index);
-      break;
+      return {TableKey::kNumber,
+              lua_isinteger(L, index) != 0 ? static_cast<long double>(lua_tointeger(L, index))
+                                           : static_cast<long double>(lua_tonumber(L, index)),
+              {}};
     case LUA_TSTRING: {
       std::size_t length = 0;
       const char* const text = lua_tolstring(L, index, &length);
-      key.kind = TableKey::kString;
-      key.string = {text, length};
-      break;
+      return {TableKey::kString, 0.0L, {text, length}};
     }
     case LUA_TBOOLEAN:
-      key.kind = TableKey::kBoolean;
-      key.boolean = lua_toboolean(L, index) != 0;
-      break;
+      return {TableKey::kBoolean, static_cast<long double>(lua_toboolean(L, index)), {}};
     default:
-      break;
-  }
-  return key;
-}
-
-void push_key(lua_State* L, const TableKey& key) {
-  switch (key.kind) {
-    case TableKey::kNumber:
-      if (key.is_integer)
-        lua_pushinteger(L, key.integer);
-      else
-        lua_pushnumber(L, key.number);
-      break;
-    case TableKey::kString:
-      lua_pushlstring(L, key.string.data(), key.string.size());
-      break;
-    case TableKey::kBoolean:
-      lua_pushboolean(L, key.boolean ? 1 : 0);
-      break;
-    case TableKey::kUnordered:
-      lua_pushnil(L);
-      break;
+      return {};
   }
 }
 
@@ -92,31 +53,25 @@ void push_key(lua_State* L, const TableKey& key) {
                     "; their order would differ from run to run: use a list, or number or string keys");
 }
 
-struct SortedKeys {
-  std::vector<TableKey> sorted;
-  bool has_unordered = false;
-};
-
-// The sorted keys of the table at index 1. Leaves its only unordered key on the stack, or nil if there is
-// none. Throws ScriptError for several unordered keys.
-SortedKeys sorted_keys(lua_State* L, const char* function) {
+// The sorted keys of the table at index 1; one without an order is the last. Pushes the list of the keys to
+// which their indices refer. Throws ScriptError for several keys without an order.
+std::vector<TableKey> sorted_keys(lua_State* L, const char* function) {
   Interpreter& interpreter = *Interpreter::context_of(L).interpreter;
-  SortedKeys keys;
-  lua_pushnil(L);
-  const int unordered_index = lua_gettop(L);
+  std::vector<TableKey> keys;
+  bool has_unordered = false;
+  lua_newtable(L);
+  const int list = lua_gettop(L);
   for (lua_pushnil(L); lua_next(L, 1) != 0; lua_pop(L, 1)) {
     interpreter.charge(L, kInstructionsPerKey);
-    const TableKey key = key_at(L, -2);
-    if (key.kind != TableKey::kUnordered) {
-      keys.sorted.push_back(key);
-      continue;
-    }
-    if (keys.has_unordered) throw_unordered_keys(function, luaL_typename(L, -2));
-    keys.has_unordered = true;
+    TableKey key = key_at(L, -2);
+    if (key.kind == TableKey::kUnordered && std::exchange(has_unordered, true))
+      throw_unordered_keys(function, luaL_typename(L, -2));
+    key.index = static_cast<lua_Integer>(keys.size()) + 1;
+    keys.push_back(key);
     lua_pushvalue(L, -2);
-    lua_replace(L, unordered_index);
+    lua_rawseti(L, list, key.index);
   }
-  std::sort(keys.sorted.begin(), keys.sorted.end());
+  std::sort(keys.begin(), keys.end());
   return keys;
 }
 
@@ -146,16 +101,12 @@ int pairs(ScriptContext&, lua_State* L) {
   }
   luaL_checktype(L, 1, LUA_TTABLE);
   lua_settop(L, 1);
-  const SortedKeys keys = sorted_keys(L, "pairs");
+  const std::vector<TableKey> keys = sorted_keys(L, "pairs");  // at index 2
   lua_pushvalue(L, 1);
-  lua_createtable(L, static_cast<int>(keys.sorted.size()) + 1, 0);
+  lua_createtable(L, static_cast<int>(keys.size()), 0);
   lua_Integer i = 0;
-  for (const TableKey& key : keys.sorted) {
-    push_key(L, key);
-    lua_rawseti(L, -2, ++i);
-  }
-  if (keys.has_unordered) {
-    lua_pushvalue(L, 2);
+  for (const TableKey& key : keys) {
+    lua_rawgeti(L, 2, key.index);
     lua_rawseti(L, -2, ++i);
   }
   lua_pushinteger(L, 0);
@@ -168,21 +119,13 @@ int pairs(ScriptContext&, lua_State* L) {
 int next(ScriptContext&, lua_State* L) {
   luaL_checktype(L, 1, LUA_TTABLE);
   lua_settop(L, 2);
-  const SortedKeys keys = sorted_keys(L, "next");
-  auto it = keys.sorted.begin();
-  bool after_unordered = false;
-  if (!lua_isnil(L, 2)) {
-    const TableKey last = key_at(L, 2);
-    after_unordered = last.kind == TableKey::kUnordered;
-    it = std::upper_bound(keys.sorted.begin(), keys.sorted.end(), last);
-  }
-  if (it != keys.sorted.end())
-    push_key(L, *it);
-  else if (keys.has_unordered && !after_unordered)
-    lua_pushvalue(L, 3);
-  else
+  const std::vector<TableKey> keys = sorted_keys(L, "next");  // at index 3
+  const auto it = lua_isnil(L, 2) ? keys.begin() : std::upper_bound(keys.begin(), keys.end(), key_at(L, 2));
+  if (it == keys.end()) {
     lua_pushnil(L);
-  if (lua_isnil(L, -1)) return 1;
+    return 1;
+  }
+  lua_rawgeti(L, 3, it->index);
   lua_pushvalue(L, -1);
   lua_rawget(L, 1);
   return 2;

@@ -11,45 +11,15 @@ namespace {
 
 constexpr std::size_t kSetCharactersPerStep = 4;
 
-// Whether `c` belongs to the class of the letter; an upper-case letter is the complement. Other characters stand
-// for themselves.
+// True if `c` belongs to the class of the letter; an upper-case letter is the complement. Other characters
+// stand for themselves.
 bool in_class(unsigned char c, unsigned char letter) {
-  bool member = false;
-  switch (std::tolower(letter)) {
-    case 'a':
-      member = std::isalpha(c) != 0;
-      break;
-    case 'c':
-      member = std::iscntrl(c) != 0;
-      break;
-    case 'd':
-      member = std::isdigit(c) != 0;
-      break;
-    case 'g':
-      member = std::isgraph(c) != 0;
-      break;
-    case 'l':
-      member = std::islower(c) != 0;
-      break;
-    case 'p':
-      member = std::ispunct(c) != 0;
-      break;
-    case 's':
-      member = std::isspace(c) != 0;
-      break;
-    case 'u':
-      member = std::isupper(c) != 0;
-      break;
-    case 'w':
-      member = std::isalnum(c) != 0;
-      break;
-    case 'x':
-      member = std::isxdigit(c) != 0;
-      break;
-    default:
-      return letter == c;
-  }
-  return member != (std::isupper(letter) != 0);
+  constexpr std::string_view kLetters = "acdglpsuwx";
+  constexpr int (*kTests[])(int) = {std::isalpha, std::iscntrl, std::isdigit, std::isgraph, std::islower,
+                                    std::ispunct, std::isspace, std::isupper, std::isalnum, std::isxdigit};
+  const std::size_t kind = kLetters.find(static_cast<char>(std::tolower(letter)));
+  if (kind == kLetters.npos) return letter == c;
+  return (kTests[kind](c) != 0) != (std::isupper(letter) != 0);
 }
 
 }  // namespace
@@ -80,8 +50,8 @@ std::size_t PatternMatcher::match(std::size_t s, std::size_t p) {
   return end;
 }
 
-// Matches the pattern from `p` on against the subject from `s` on. Items that leave no choice are consumed in the
-// loop; the others recurse.
+// Matches the pattern from `p` on against the subject from `s` on. Items that leave no choice are consumed in
+// the loop; the others recurse.
 std::size_t PatternMatcher::match_rest(std::size_t s, std::size_t p) {
   while (p < pattern_.size()) {
     count_steps();

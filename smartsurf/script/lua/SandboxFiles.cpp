@@ -173,10 +173,8 @@ std::optional<std::string> read_text_file(const fs::path& path, std::string& rea
 
 NamedFile read_sandboxed_file(const ScriptContext& context, const std::string& subject,
                               const std::string& path) {
-  const fs::path real =
-      context.options.unsafe ? context.script_folder / path : resolve_readable_path(context, subject, path);
   std::string reason;
-  std::optional<std::string> text = read_text_file(real, reason);
+  std::optional<std::string> text = read_text_file(resolve_readable_path(context, subject, path), reason);
   if (!text) throw_path_error(subject, path, reason);
   return {to_single_line(display_path(context, path)), std::move(*text)};
 }

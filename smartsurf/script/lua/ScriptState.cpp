@@ -4,10 +4,10 @@
 #include <iterator>
 #include <string>
 #include <string_view>
-#include <type_traits>
 #include <vector>
 
 #include "smartsurf/script/ScriptContext.h"
+#include "smartsurf/script/lua/Userdata.h"
 
 namespace smartsurf::script {
 namespace {
@@ -16,14 +16,22 @@ namespace {
 constexpr const char* kObjects = "smartsurf.objects";
 constexpr const char* kNumbers = "smartsurf.numbers";
 constexpr const char* kModules = "smartsurf.modules";  // of require, see SandboxFiles.cpp
-// Of handles, which hold an id; see ObjectHandles.cpp and JointBindings.cpp.
+// The types of handles, see Userdata.h.
 constexpr const char* kHandleTypes[] = {"object", "joint"};
-static_assert(std::is_same_v<scene::ObjectId, scene::JointId>);
 
 enum class Tag : std::uint8_t { kNil, kFalse, kTrue, kInteger, kNumber, kString, kReference, kHandle };
 
 bool is_reference(int type) {
   return type == LUA_TTABLE || type == LUA_TFUNCTION || type == LUA_TUSERDATA || type == LUA_TTHREAD;
+}
+
+// The number of the value on top in the table at an absolute stack index; 0 if it has none.
+std::int64_t number_in(lua_State* L, int numbers) {
+  lua_pushvalue(L, -1);
+  lua_rawget(L, numbers);
+  const auto number = static_cast<std::int64_t>(lua_tointeger(L, -1));
+  lua_pop(L, 1);
+  return number;
 }
 
 // Visits objects breadth first: a list on the stack holds them in the order of their numbers, from 1.
@@ -35,14 +43,12 @@ class Numbering {
 
   std::int64_t count() const { return count_; }
 
-  // Numbers the value on top, if it is an object without a number, and pops it. Returns its number, 0 for others.
+  // Numbers the value on top, if it is an object without a number, and pops it. Returns its number, 0 for
+  // others.
   std::int64_t take() {
     std::int64_t number = 0;
     if (is_reference(lua_type(L_, -1))) {
-      lua_pushvalue(L_, -1);
-      lua_rawget(L_, numbers_);
-      number = static_cast<std::int64_t>(lua_tointeger(L_, -1));
-      lua_pop(L_, 1);
+      number = number_in(L_, numbers_);
       if (number == 0) {
         number = ++count_;
         lua_pushvalue(L_, -1);
@@ -67,7 +73,7 @@ void push_modules(lua_State* L) { luaL_getsubtable(L, LUA_REGISTRYINDEX, kModule
 // By slot of ScriptContext::callbacks.
 std::vector<bool> free_slots(const ScriptContext& context) {
   std::vector<bool> is_free(context.callbacks.size(), false);
-  for (const int slot : context.free_callbacks) is_free[static_cast<std::size_t>(slot)] = true;
+  for (const int slot : context.free_callbacks) is_free[slot] = true;
   return is_free;
 }
 
@@ -85,8 +91,8 @@ void number_roots(ScriptContext* context, lua_State* L, Numbering& numbering) {
   }
 }
 
-// Numbers what the table on top refers to. The order does not depend on addresses: string keys by their bytes, then the
-// others as Lua gives them.
+// Numbers what the table on top refers to. The order does not depend on addresses: string keys by their
+// bytes, then the others as Lua gives them.
 void number_table(lua_State* L, Numbering& numbering) {
   const int table = lua_gettop(L);
   if (lua_getmetatable(L, table) != 0) numbering.take();
@@ -104,8 +110,7 @@ void number_table(lua_State* L, Numbering& numbering) {
     numbering.take();
   }
   for (lua_pushnil(L); lua_next(L, table) != 0;) {
-    const bool is_named = lua_type(L, -2) == LUA_TSTRING;
-    if (is_named) {
+    if (lua_type(L, -2) == LUA_TSTRING) {
       lua_pop(L, 1);
       continue;
     }
@@ -187,7 +192,7 @@ class Writer {
     lua_newtable(L);  // number of each object visited so far that has none of its own
     lua_newtable(L);  // the objects to save, in the order of discovery
     objects_ = lua_gettop(L) - 3;
-    queued_.assign(static_cast<std::size_t>(known_count) + 1, false);
+    queued_.assign(known_count + 1, false);
   }
   ~Writer() { lua_settop(L_, objects_ - 1); }
   Writer(const Writer&) = delete;
@@ -248,7 +253,7 @@ class Writer {
   // Returns false if the value on top is no handle.
   bool write_handle() {
     for (std::uint8_t type = 0; type < std::size(kHandleTypes); ++type) {
-      const auto* id = static_cast<const scene::ObjectId*>(luaL_testudata(L_, -1, kHandleTypes[type]));
+      const scene::ObjectId* const id = test_handle(L_, -1, kHandleTypes[type]);
       if (id == nullptr) continue;
       tag(Tag::kHandle), out_.value(handle_number()), out_.value(type), out_.value(*id);
       return true;
@@ -258,45 +263,35 @@ class Writer {
 
   // The number of the handle on top. Handles can be keys of tables, so their identity matters.
   std::int64_t handle_number() {
+    const std::int64_t number = number_in(L_, objects_ + 2);
+    return number > 0 ? number : give_number();
+  }
+
+  std::int64_t give_number() {
     lua_pushvalue(L_, -1);
-    lua_rawget(L_, objects_ + 2);
-    auto number = static_cast<std::int64_t>(lua_tointeger(L_, -1));
-    lua_pop(L_, 1);
-    if (number > 0) return number;
-    number = ++next_;
-    lua_pushvalue(L_, -1);
-    lua_pushinteger(L_, number);
+    lua_pushinteger(L_, ++next_);
     lua_rawset(L_, objects_ + 2);
-    return number;
+    return next_;
   }
 
   // The number of the object on top, which is queued if it is new and not constant.
   std::int64_t number() {
-    lua_pushvalue(L_, -1);
-    lua_rawget(L_, objects_ + 1);
-    auto known = static_cast<std::int64_t>(lua_tointeger(L_, -1));
-    lua_pop(L_, 1);
+    std::int64_t known = number_in(L_, objects_ + 1);
     if (known > 0) {
       const bool is_constant = known > 2 && known <= library_count_;
       const int type = lua_type(L_, -1);
-      if (!is_constant && !queued_[static_cast<std::size_t>(known)] &&
-          (type == LUA_TTABLE || type == LUA_TFUNCTION)) {
-        queued_[static_cast<std::size_t>(known)] = true;
+      if (!is_constant && !queued_[known] && (type == LUA_TTABLE || type == LUA_TFUNCTION)) {
+        queued_[known] = true;
         enqueue();
       }
       return known;
     }
-    lua_pushvalue(L_, -1);
-    lua_rawget(L_, objects_ + 2);
-    known = static_cast<std::int64_t>(lua_tointeger(L_, -1));
-    lua_pop(L_, 1);
+    known = number_in(L_, objects_ + 2);
     if (known > 0) return known;
     if (lua_type(L_, -1) == LUA_TFUNCTION) throw_unsavable(L_, "a function");
     if (lua_type(L_, -1) == LUA_TTHREAD) throw_unsavable(L_, "a coroutine");
     if (lua_type(L_, -1) != LUA_TTABLE) throw_unsavable(L_, "an open file");
-    lua_pushvalue(L_, -1);
-    lua_pushinteger(L_, ++next_);
-    lua_rawset(L_, objects_ + 2);
+    give_number();
     enqueue();
     return next_;
   }
@@ -366,7 +361,7 @@ class Reader {
         break;
       }
       case Tag::kHandle:
-        push_handle();
+        push_saved_handle();
         break;
       case Tag::kReference:
         push_object(in_.value(std::int64_t{0}));
@@ -405,7 +400,7 @@ class Reader {
     lua_rawseti(L_, objects_ + 1, number - known_count_);
   }
 
-  void push_handle() {
+  void push_saved_handle() {
     const auto number = in_.value(std::int64_t{0});
     const auto type = in_.value(std::uint8_t{0});
     if (type >= std::size(kHandleTypes)) throw common::UserError("the saved state is damaged");
@@ -413,8 +408,7 @@ class Reader {
     lua_rawgeti(L_, objects_ + 1, number - known_count_);
     if (!lua_isnil(L_, -1)) return;
     lua_pop(L_, 1);
-    new (lua_newuserdatauv(L_, sizeof id, 0)) scene::ObjectId(id);
-    luaL_setmetatable(L_, kHandleTypes[type]);
+    push_handle(L_, kHandleTypes[type], id);
     lua_pushvalue(L_, -1);
     lua_rawseti(L_, objects_ + 1, number - known_count_);
   }

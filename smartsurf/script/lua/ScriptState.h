@@ -1,10 +1,10 @@
-// Saves and restores the values of a script: its globals, the local variables that its functions share, and the tables
-// that these hold.
+// Saves and restores the values of a script: its globals, the local variables that its functions share, and
+// the tables that these hold.
 //
-// Functions themselves are not saved. Those that exist after loading are numbered in an order that depends on the
-// script alone; a saved state refers to them by number, so that another interpreter that has loaded the same script can
-// restore it. What only a running script can create (a function, a coroutine, an open file) cannot be saved. The
-// standard library counts as constant. Internal to this module.
+// Functions themselves are not saved. Those that exist after loading are numbered in an order that depends on
+// the script alone; a saved state refers to them by number, so that another interpreter that has loaded the
+// same script can restore it. What only a running script can create (a function, a coroutine, an open file)
+// cannot be saved. The standard library counts as constant. Internal to this module.
 #pragma once
 
 #include <cstdint>
@@ -23,8 +23,8 @@ class ScriptState {
   // Identifies the numbering: equal for interpreters that have loaded the same script.
   std::uint64_t fingerprint() const { return fingerprint_; }
 
-  // Call inside Interpreter::call(), after number_script(). Throw ScriptError for a value that cannot be saved, and
-  // common::UserError for a state that is damaged or not of this script.
+  // Call inside Interpreter::call(), after number_script(). Throw ScriptError for a value that cannot be
+  // saved, and common::UserError for a state that is damaged or not of this script.
   void save(ScriptContext&, lua_State* L, common::StateArchive&);
   void restore(ScriptContext&, lua_State* L, common::StateArchive&);
 

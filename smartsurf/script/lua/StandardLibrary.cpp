@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "smartsurf/script/ScriptContext.h"
+#include "smartsurf/script/lua/MeteredLibrary.h"
 #include "smartsurf/script/lua/TableReader.h"
 #include "smartsurf/script/lua/ValueText.h"
 
@@ -17,23 +18,6 @@ namespace smartsurf::script {
 namespace {
 
 constexpr std::uint64_t kCoroutineCost = 1000;  // what a coroutine may run before its first budget check
-
-// Replaces the function `name` of the table on top by `function`, with the old function as its first upvalue.
-void wrap_field(lua_State* L, const char* name, lua_CFunction function) {
-  lua_getfield(L, -1, name);
-  lua_pushcclosure(L, function, 1);
-  lua_setfield(L, -2, name);
-}
-
-int forward_results(lua_State* L, int, lua_KContext) { return lua_gettop(L); }
-
-// Calls the wrapped function with the arguments on the stack. It may yield.
-int call_wrapped(lua_State* L) {
-  lua_pushvalue(L, lua_upvalueindex(1));
-  lua_insert(L, 1);
-  lua_callk(L, lua_gettop(L) - 1, LUA_MULTRET, 0, forward_results);
-  return lua_gettop(L);
-}
 
 void write_output(const ScriptContext& context, const std::string& text) {
   if (context.options.print_output) {
@@ -224,14 +208,6 @@ int deny_field(ScriptContext&, lua_State* L) {
       (lua_type(L, 2) == LUA_TSTRING ? to_single_line(lua_tostring(L, 2)) : format_value(L, 2)));
 }
 
-// Globals that a later version may provide.
-struct PlannedFeature {
-  std::string_view name, kind, alternative;
-};
-constexpr std::array<PlannedFeature, 1> kPlannedFeatures{{
-    {"package", "library", "require() of a file beside the script"},
-}};
-
 // Names that users of other simulators and languages try, and what to write here.
 const char* known_equivalent(const std::string& name) {
   static const std::map<std::string, const char*, std::less<>> kEquivalents = {
@@ -288,10 +264,9 @@ std::vector<std::string> global_names(lua_State* L) {
 int unknown_global(ScriptContext&, lua_State* L) {
   lua_settop(L, 2);
   const std::string name = lua_type(L, 2) == LUA_TSTRING ? lua_tostring(L, 2) : format_value(L, 2);
-  for (const PlannedFeature& later : kPlannedFeatures)
-    if (later.name == name)
-      throw ScriptError(std::string(later.kind) + " '" + name +
-                        "': not available in this version; available: " + std::string(later.alternative));
+  if (name == "package")
+    throw ScriptError(
+        "library 'package': not available in this version; available: require() of a file beside the script");
   if (name == "loadfile") throw_unavailable(name);
   if (const char* const equivalent = known_equivalent(name))
     throw ScriptError("unknown name '" + name + "'; write " + equivalent);
@@ -353,12 +328,11 @@ void bind_standard_library(lua_State* L, const ScriptContext& context) {
 }
 
 void bind_denied_libraries(lua_State* L) {
-  lua_newtable(L);
-  deny_unknown_fields(L, "os");
-  lua_setglobal(L, "os");
-  lua_newtable(L);
-  deny_unknown_fields(L, "debug");
-  lua_setglobal(L, "debug");
+  for (const char* const library : {"os", "debug"}) {
+    lua_newtable(L);
+    deny_unknown_fields(L, library);
+    lua_setglobal(L, library);
+  }
   lua_getglobal(L, "io");
   lua_pushcfunction(L, guarded<io_write>);
   lua_setfield(L, -2, "write");

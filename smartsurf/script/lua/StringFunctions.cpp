@@ -1,3 +1,4 @@
+// Lua's own functions on strings, charged for the bytes that they read or write.
 #include <algorithm>
 #include <cctype>
 #include <string_view>
@@ -8,21 +9,13 @@
 namespace smartsurf::script {
 namespace {
 
-// Calls the replaced function with the arguments on the stack.
-int call_replaced(lua_State* L) {
-  lua_pushvalue(L, lua_upvalueindex(1));
-  lua_insert(L, 1);
-  lua_call(L, lua_gettop(L) - 1, LUA_MULTRET);
-  return lua_gettop(L);
-}
-
 // Charges the bytes of the arguments that are strings.
 int metered(ScriptContext& context, lua_State* L) {
   std::uint64_t bytes = 0;
   for (int i = 1; i <= lua_gettop(L); ++i)
     if (lua_type(L, i) == LUA_TSTRING) bytes += lua_rawlen(L, i);
   context.interpreter->charge(L, bytes / (kBytesPerInstruction / 4));  // most work byte by byte
-  return call_replaced(L);
+  return call_wrapped(L);
 }
 
 int rep(ScriptContext& context, lua_State* L) {
@@ -36,17 +29,7 @@ int rep(ScriptContext& context, lua_State* L) {
     if (bytes != 0 && n <= 2 * kMaxStringBytes / bytes)
       context.interpreter->charge(L, n * bytes / kBytesPerInstruction);
   }
-  return call_replaced(L);
-}
-
-// Charges the bytes or the number of the results.
-int metered_by_results(ScriptContext& context, lua_State* L) {
-  const int results = call_replaced(L);
-  std::uint64_t work = 0;
-  for (int i = 1; i <= results; ++i)
-    work += lua_type(L, i) == LUA_TSTRING ? lua_rawlen(L, i) / kBytesPerInstruction : 1;
-  context.interpreter->charge(L, work);
-  return results;
+  return call_wrapped(L);
 }
 
 // A format of string.pack pads to the sizes that it names, and repeats no option.
@@ -67,16 +50,26 @@ int pack(ScriptContext& context, lua_State* L) {
 
 }  // namespace
 
+int call_metered_by_results(ScriptContext& context, lua_State* L) {
+  const int results = call_wrapped(L);
+  std::uint64_t work = 0;
+  for (int i = 1; i <= results; ++i)
+    work += lua_type(L, i) == LUA_TSTRING ? lua_rawlen(L, i) / kBytesPerInstruction : 1;
+  context.interpreter->charge(L, work);
+  return results;
+}
+
 void bind_string_functions(lua_State* L) {
   lua_getglobal(L, LUA_STRLIBNAME);
-  for (const char* const name : {"lower", "reverse", "upper"}) replace_function(L, name, guarded<metered>);
-  for (const char* const name : {"byte", "sub", "unpack"}) replace_function(L, name, guarded<metered_by_results>);
-  replace_function(L, "rep", guarded<rep>);
-  replace_function(L, "pack", guarded<pack>);
+  for (const char* const name : {"lower", "reverse", "upper"}) wrap_field(L, name, guarded<metered>);
+  for (const char* const name : {"byte", "sub", "unpack"})
+    wrap_field(L, name, guarded<call_metered_by_results>);
+  wrap_field(L, "rep", guarded<rep>);
+  wrap_field(L, "pack", guarded<pack>);
   lua_pop(L, 1);
   lua_getglobal(L, LUA_UTF8LIBNAME);
-  replace_function(L, "codepoint", guarded<metered_by_results>);
-  replace_function(L, "len", guarded<metered>);
+  wrap_field(L, "codepoint", guarded<call_metered_by_results>);
+  wrap_field(L, "len", guarded<metered>);
   lua_pop(L, 1);
   bind_pattern_functions(L);
 }

@@ -1,5 +1,6 @@
-#include <climits>
-#include <string>
+// Lua's own functions on tables, charged for the elements that they visit. A charge believes a length only
+// once it is settled: the library asks for it again, and a metamethod could then answer with another.
+#include <algorithm>
 
 #include "smartsurf/script/ScriptContext.h"
 #include "smartsurf/script/lua/MeteredLibrary.h"
@@ -11,114 +12,67 @@ std::uint64_t distance(lua_Integer from, lua_Integer to) {
   return to > from ? static_cast<std::uint64_t>(to) - static_cast<std::uint64_t>(from) : 0;
 }
 
-lua_Integer table_length(lua_State* L) {
-  luaL_checktype(L, 1, LUA_TTABLE);
-  return luaL_len(L, 1);
-}
-
-int insert(ScriptContext& context, lua_State* L) {
-  const lua_Integer length = table_length(L);
-  const auto end = static_cast<lua_Integer>(static_cast<lua_Unsigned>(length) + 1);
-  lua_Integer position = end;
-  switch (lua_gettop(L)) {
-    case 2:
-      break;
-    case 3:
-      position = luaL_checkinteger(L, 2);
-      luaL_argcheck(L, static_cast<lua_Unsigned>(position) - 1 < static_cast<lua_Unsigned>(end), 2,
-                    "position out of bounds");
-      context.interpreter->charge(L, distance(position, end));
-      for (lua_Integer i = end; i > position; --i) {
-        lua_geti(L, 1, i - 1);
-        lua_seti(L, 1, i);
-      }
-      break;
-    default:
-      return luaL_error(L, "wrong number of arguments to 'insert'");
-  }
-  lua_seti(L, 1, position);
-  return 0;
-}
-
-int remove(ScriptContext& context, lua_State* L) {
-  const lua_Integer length = table_length(L);
-  lua_Integer position = luaL_optinteger(L, 2, length);
-  if (lua_gettop(L) >= 2)
-    luaL_argcheck(
-        L,
-        position == length || static_cast<lua_Unsigned>(length) + 1 - static_cast<lua_Unsigned>(position) <=
-                                  static_cast<lua_Unsigned>(length),
-        2, "position out of bounds");
-  lua_geti(L, 1, position);
-  context.interpreter->charge(L, distance(position, length));
-  for (; position < length; ++position) {
-    lua_geti(L, 1, position + 1);
-    lua_seti(L, 1, position);
-  }
-  lua_pushnil(L);
-  lua_seti(L, 1, position);
+int push_upvalue(lua_State* L) {
+  lua_pushvalue(L, lua_upvalueindex(1));
   return 1;
+}
+
+// The length of the table at index 1. A table with a metamethod for it is replaced by one that stands for its
+// elements and has this length for good. Lua's own function refuses what is not a table.
+lua_Integer settle_length(lua_State* L) {
+  if (lua_type(L, 1) != LUA_TTABLE) return 0;
+  if (luaL_getmetafield(L, 1, "__len") == LUA_TNIL) return static_cast<lua_Integer>(lua_rawlen(L, 1));
+  lua_pop(L, 1);
+  const lua_Integer length = luaL_len(L, 1);
+  lua_newtable(L);
+  lua_createtable(L, 0, 3);
+  lua_pushinteger(L, length);
+  lua_pushcclosure(L, push_upvalue, 1);
+  lua_setfield(L, -2, "__len");
+  for (const char* const access : {"__index", "__newindex"}) {
+    lua_pushvalue(L, 1);
+    lua_setfield(L, -2, access);
+  }
+  lua_setmetatable(L, -2);
+  lua_replace(L, 1);
+  return length;
+}
+
+// table.insert and table.remove move the elements from a position on, if they have that many arguments.
+template <int arguments_with_position>
+int metered_from_position(ScriptContext& context, lua_State* L) {
+  const lua_Integer length = settle_length(L);
+  if (lua_gettop(L) >= arguments_with_position)
+    context.interpreter->charge(L, distance(std::max<lua_Integer>(lua_tointeger(L, 2), 1), length));
+  return call_wrapped(L);
 }
 
 int concat(ScriptContext& context, lua_State* L) {
-  const lua_Integer length = table_length(L);
-  std::size_t separator_bytes = 0;
-  const char* const separator = luaL_optlstring(L, 2, "", &separator_bytes);
-  const lua_Integer first = luaL_optinteger(L, 3, 1), last = luaL_optinteger(L, 4, length);
-  std::string text;
-  const auto append = [&](const char* characters, std::size_t bytes) {
-    context.interpreter->charge(L, bytes / kBytesPerInstruction);
-    if (bytes > kMaxStringBytes - text.size())
-      throw ScriptError("table.concat: a string is longer than 16 MiB");
-    text.append(characters, bytes);
-  };
-  for (lua_Integer i = first; i <= last; ++i) {
-    context.interpreter->charge(L, 1);
-    lua_geti(L, 1, i);
-    if (lua_isstring(L, -1) == 0)
-      return luaL_error(L, "invalid value (at index %I) in table for 'concat'", static_cast<LUAI_UACINT>(i));
-    std::size_t bytes = 0;
-    const char* const element = lua_tolstring(L, -1, &bytes);
-    append(element, bytes);
+  const lua_Integer length = settle_length(L);
+  std::uint64_t elements = distance(luaL_optinteger(L, 3, 1), luaL_optinteger(L, 4, length));
+  // Lua stops at the first absent element, and the heap holds all of those that are there.
+  if (lua_getmetatable(L, 1) == 0)
+    elements = std::min<std::uint64_t>(elements, context.interpreter->memory_used());
+  else
     lua_pop(L, 1);
-    if (i == last) break;  // before i overflows
-    append(separator, separator_bytes);
-  }
-  lua_pushlstring(L, text.data(), text.size());
-  return 1;
+  context.interpreter->charge(L, elements);
+  return call_metered_by_results(context, L);
 }
 
-int unpack(ScriptContext& context, lua_State* L) {
-  const lua_Integer first = luaL_optinteger(L, 2, 1);
-  const lua_Integer last = lua_isnoneornil(L, 3) ? luaL_len(L, 1) : luaL_checkinteger(L, 3);
-  if (first > last) return 0;
-  const std::uint64_t count = distance(first, last);
-  if (count >= INT_MAX || lua_checkstack(L, static_cast<int>(count + 1)) == 0)
-    return luaL_error(L, "too many results to unpack");
-  context.interpreter->charge(L, count);
-  for (lua_Integer i = first; i < last; ++i) lua_geti(L, 1, i);
-  lua_geti(L, 1, last);
-  return static_cast<int>(count) + 1;
-}
-
-// table.move loops in C without calling the count hook.
 int move(ScriptContext& context, lua_State* L) {
   context.interpreter->charge(L, distance(lua_tointeger(L, 2), lua_tointeger(L, 3)));
-  lua_pushvalue(L, lua_upvalueindex(1));
-  lua_insert(L, 1);
-  lua_call(L, lua_gettop(L) - 1, 1);
-  return 1;
+  return call_wrapped(L);
 }
 
 }  // namespace
 
 void bind_table_functions(lua_State* L) {
   lua_getglobal(L, LUA_TABLIBNAME);
-  replace_function(L, "insert", guarded<insert>);
-  replace_function(L, "remove", guarded<remove>);
-  replace_function(L, "concat", guarded<concat>);
-  replace_function(L, "unpack", guarded<unpack>);
-  replace_function(L, "move", guarded<move>);
+  wrap_field(L, "insert", guarded<metered_from_position<3>>);
+  wrap_field(L, "remove", guarded<metered_from_position<2>>);
+  wrap_field(L, "concat", guarded<concat>);
+  wrap_field(L, "unpack", guarded<call_metered_by_results>);
+  wrap_field(L, "move", guarded<move>);
   lua_pop(L, 1);
   bind_table_sort(L);
 }

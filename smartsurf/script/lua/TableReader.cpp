@@ -112,11 +112,8 @@ std::vector<double> check_numbers(lua_State* L, int index, const std::string& na
                       (fields.names.empty() ? "" : " with the name '" + fields.names.front() + "'") +
                       ": must be " + requirement);
   std::vector<double> values;
-  for (int i = 1; i <= count; ++i) {
-    lua_rawgeti(L, index, i);
-    values.push_back(check_number(L, -1, name + "[" + std::to_string(i) + "]"));
-    lua_pop(L, 1);
-  }
+  for_each_element(L, index, name,
+                   [&](int i, const std::string& element) { values.push_back(check_number(L, i, element)); });
   return values;
 }
 
@@ -132,8 +129,7 @@ Eigen::Vector3d check_vector(lua_State* L, int index, const std::string& name) {
   Eigen::Vector3d v = Eigen::Vector3d::Zero();
   constexpr std::string_view kAxes[] = {"x", "y", "z"};
   for (int i = 0; i < 3; ++i) {
-    fields.require(kAxes[i]);
-    fields.read(kAxes[i], v[i]);
+    fields.read_required(kAxes[i], v[i]);
   }
   return v;
 }
@@ -174,8 +170,7 @@ Eigen::Quaterniond from_quaternion(const TableReader& fields, const std::string&
   Eigen::Vector4d q = Eigen::Vector4d::Zero();
   constexpr std::string_view kParts[] = {"x", "y", "z", "w"};
   for (int i = 0; i < 4; ++i) {
-    fields.require(kParts[i]);
-    fields.read(kParts[i], q[i]);
+    fields.read_required(kParts[i], q[i]);
   }
   return normalized_quaternion(q, name);
 }
@@ -237,43 +232,6 @@ bool TableReader::has(std::string_view field) const {
 
 void TableReader::require(std::string_view field) const {
   if (!has(field)) throw ScriptError(table_name_ + ": the field '" + std::string(field) + "' is missing");
-}
-
-void TableReader::read(std::string_view field, double& value) const {
-  visit(field, [&](int i, const std::string& name) { value = check_number(L_, i, name); });
-}
-
-void TableReader::read(std::string_view field, std::optional<double>& value) const {
-  visit(field, [&](int i, const std::string& name) { value = check_number(L_, i, name); });
-}
-
-void TableReader::read(std::string_view field, int& value, std::int64_t low, std::int64_t high) const {
-  visit(field, [&](int i, const std::string& name) {
-    value = static_cast<int>(check_integer(L_, i, name, low, high));
-  });
-}
-
-void TableReader::read(std::string_view field, bool& value) const {
-  visit(field, [&](int i, const std::string& name) {
-    if (lua_type(L_, i) != LUA_TBOOLEAN) throw_invalid_value(L_, i, name, "true or false");
-    value = lua_toboolean(L_, i) != 0;
-  });
-}
-
-void TableReader::read(std::string_view field, std::string& value) const {
-  visit(field, [&](int i, const std::string& name) { value = check_string(L_, i, name); });
-}
-
-void TableReader::read(std::string_view field, Eigen::Vector3d& value) const {
-  visit(field, [&](int i, const std::string& name) { value = check_vector(L_, i, name); });
-}
-
-void TableReader::read(std::string_view field, Eigen::Quaterniond& value) const {
-  visit(field, [&](int i, const std::string& name) { value = check_orientation(L_, i, name); });
-}
-
-void TableReader::read(std::string_view field, scene::Colour& value) const {
-  visit(field, [&](int i, const std::string& name) { value = check_colour(L_, i, name); });
 }
 
 }  // namespace smartsurf::script

@@ -42,6 +42,42 @@ scene::Colour check_colour(lua_State* L, int index, const std::string& name);
 std::vector<double> check_numbers(lua_State* L, int index, const std::string& name, int count,
                                   const std::string& requirement);
 
+// These choose the conversion by the type of `value`.
+inline void check_value(lua_State* L, int index, const std::string& name, double& value) {
+  value = check_number(L, index, name);
+}
+inline void check_value(lua_State* L, int index, const std::string& name, std::optional<double>& value) {
+  value = check_number(L, index, name);
+}
+inline void check_value(lua_State* L, int index, const std::string& name, std::string& value) {
+  value = check_string(L, index, name);
+}
+inline void check_value(lua_State* L, int index, const std::string& name, Eigen::Vector3d& value) {
+  value = check_vector(L, index, name);
+}
+inline void check_value(lua_State* L, int index, const std::string& name, Eigen::Quaterniond& value) {
+  value = check_orientation(L, index, name);
+}
+inline void check_value(lua_State* L, int index, const std::string& name, scene::Colour& value) {
+  value = check_colour(L, index, name);
+}
+inline void check_value(lua_State* L, int index, const std::string& name, bool& value) {
+  if (lua_type(L, index) != LUA_TBOOLEAN) throw_invalid_value(L, index, name, "true or false");
+  value = lua_toboolean(L, index) != 0;
+}
+
+// Calls visit(stack index, "NAME[i]") for each element of the list at `index`, with the element on top of the
+// stack.
+template <typename Visit>
+void for_each_element(lua_State* L, int index, const std::string& name, Visit visit) {
+  const auto count = static_cast<lua_Integer>(lua_rawlen(L, index));
+  for (lua_Integer i = 1; i <= count; ++i) {
+    lua_rawgeti(L, index, i);
+    visit(lua_gettop(L), name + "[" + std::to_string(i) + "]");
+    lua_pop(L, 1);
+  }
+}
+
 // The named fields of the table at `index`. The constructor throws ScriptError for unknown and positional
 // fields. read() leaves the value unchanged if the field is absent.
 class TableReader {
@@ -53,14 +89,20 @@ class TableReader {
 
   bool has(std::string_view field) const;
   void require(std::string_view field) const;
-  void read(std::string_view field, double& value) const;
-  void read(std::string_view field, std::optional<double>& value) const;
-  void read(std::string_view field, int& value, std::int64_t low, std::int64_t high) const;
-  void read(std::string_view field, bool& value) const;
-  void read(std::string_view field, std::string& value) const;
-  void read(std::string_view field, Eigen::Vector3d& value) const;
-  void read(std::string_view field, Eigen::Quaterniond& value) const;
-  void read(std::string_view field, scene::Colour& value) const;
+  template <typename T>
+  void read(std::string_view field, T& value) const {
+    visit(field, [&](int i, const std::string& name) { check_value(L_, i, name, value); });
+  }
+  void read(std::string_view field, int& value, std::int64_t low, std::int64_t high) const {
+    visit(field, [&](int i, const std::string& name) {
+      value = static_cast<int>(check_integer(L_, i, name, low, high));
+    });
+  }
+  template <typename T>
+  void read_required(std::string_view field, T& value) const {
+    require(field);
+    read(field, value);
+  }
   // Calls visit(stack index, dotted name) if the field is present.
   template <typename Visit>
   void visit(std::string_view field, Visit visit) const {

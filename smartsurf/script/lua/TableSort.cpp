@@ -1,6 +1,7 @@
-// table.sort: Lua's quicksort, comparison by comparison, except for two properties. It charges each comparison, so that
-// an adverse order ends with the budget. Where parts become too uneven, Lua takes its next pivots from the clock; these
-// are taken from a fixed sequence, because a script sees the order of the comparisons, and that of equal elements.
+// table.sort is Lua's quicksort, comparison by comparison, with two differences for which Lua's own cannot be
+// used. Where its halves become too uneven, Lua takes the next pivots from the clock. A script sees them, in
+// the order of the comparisons and of equal elements, so these come from a fixed sequence. And each
+// comparison is charged: how many an adverse order or a lying length takes is not known in advance.
 #include <algorithm>
 #include <climits>
 #include <cstdint>
@@ -125,7 +126,7 @@ int sort(ScriptContext& context, lua_State* L) {
 
 void bind_table_sort(lua_State* L) {
   lua_getglobal(L, LUA_TABLIBNAME);
-  replace_function(L, "sort", guarded<sort>);
+  wrap_field(L, "sort", guarded<sort>);
   lua_pop(L, 1);
 }
 

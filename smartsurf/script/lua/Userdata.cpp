@@ -39,6 +39,20 @@ int index_metamethod(ScriptContext&, lua_State* L) {
                     (hint.empty() ? "; known: " + join_names(names) : hint));
 }
 
+// Upvalue: the handle's type.
+int handles_equal(lua_State* L) {
+  const char* const type = lua_tostring(L, lua_upvalueindex(1));
+  const scene::ObjectId *const a = test_handle(L, 1, type), *const b = test_handle(L, 2, type);
+  lua_pushboolean(L, a != nullptr && b != nullptr && *a == *b ? 1 : 0);
+  return 1;
+}
+
+int handle_to_string(ScriptContext&, lua_State* L) {
+  const char* const type = lua_tostring(L, lua_upvalueindex(1));
+  lua_pushfstring(L, "%s %I", type, static_cast<LUAI_UACINT>(check_handle(L, type, "id")));
+  return 1;
+}
+
 }  // namespace
 
 void register_userdata_type(lua_State* L, const char* type, std::span<const luaL_Reg> methods,
@@ -59,6 +73,33 @@ void register_userdata_type(lua_State* L, const char* type, std::span<const luaL
   lua_pushliteral(L, "locked");
   lua_setfield(L, -2, "__metatable");
   lua_pop(L, 1);
+}
+
+void register_handle_type(lua_State* L, const char* type, std::span<const luaL_Reg> methods) {
+  register_userdata_type(L, type, methods);
+  luaL_getmetatable(L, type);
+  for (const luaL_Reg& method :
+       {luaL_Reg{"__eq", handles_equal}, luaL_Reg{"__tostring", guarded<handle_to_string>}}) {
+    lua_pushstring(L, type);
+    lua_pushcclosure(L, method.func, 1);
+    lua_setfield(L, -2, method.name);
+  }
+  lua_pop(L, 1);
+}
+
+void push_handle(lua_State* L, const char* type, scene::ObjectId id) {
+  new (lua_newuserdatauv(L, sizeof id, 0)) scene::ObjectId(id);
+  luaL_setmetatable(L, type);
+}
+
+const scene::ObjectId* test_handle(lua_State* L, int index, const char* type) {
+  return static_cast<const scene::ObjectId*>(luaL_testudata(L, index, type));
+}
+
+scene::ObjectId check_handle(lua_State* L, const char* type, const char* method) {
+  if (const scene::ObjectId* const id = test_handle(L, 1, type)) return *id;
+  const std::string name(type);
+  throw ScriptError(name + ":" + method + ": call it with a colon, " + name + "(id):" + method);
 }
 
 }  // namespace smartsurf::script

@@ -1,5 +1,5 @@
-// tostring, print's text of a value and string.format without addresses, which differ from run to run: a table,
-// function, coroutine or userdata is shown with its number in the order of first use.
+// tostring, print's text of a value and string.format without addresses, which differ from run to run: a
+// table, function, coroutine or userdata is shown with its number in the order of first use.
 #include "smartsurf/script/lua/ValueText.h"
 
 #include <string>

@@ -108,7 +108,7 @@ int targets(ScriptContext& context, lua_State* L) {
   return 0;
 }
 
-// Whether `channel` is the built-in occupancy mask. A surface without empty cells has none, and a sensor may
+// True if `channel` is the built-in occupancy mask. A surface without empty cells has none, and a sensor may
 // use its name.
 bool is_occupancy_mask(const ScriptContext& context, const std::string& channel) {
   if (channel != scene::kOccupancyChannel) return false;

@@ -29,7 +29,8 @@ int on_reset(ScriptContext& context, lua_State* L) {
   return 0;
 }
 
-// info{ ball = id, error_u = function() … end }: the id of a declared object, or a function that returns a number.
+// info{ ball = id, error_u = function() … end }: the id of a declared object, or a function that returns a
+// number.
 int info(ScriptContext& context, lua_State* L) {
   require_loading(context, "info");
   luaL_checktype(L, 1, LUA_TTABLE);

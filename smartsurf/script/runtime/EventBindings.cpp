@@ -76,7 +76,8 @@ int metric(ScriptContext& context, lua_State* L) {
   return 0;
 }
 
-// stop(), stop(message) or stop(message, success). As a callback, at(5, stop), it is called with the time and the tick.
+// stop(), stop(message) or stop(message, success). As a callback, at(5, stop), it is called with the time and
+// the tick.
 int stop(ScriptContext& context, lua_State* L) {
   constexpr std::size_t kMaxMessageLength = 200;
   require_running(context, "stop");

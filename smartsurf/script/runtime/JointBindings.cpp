@@ -1,4 +1,5 @@
-// joint{…} creates a joint, while the script loads or runs; joint(id) is a handle to one of the running simulation.
+// joint{…} creates a joint, while the script loads or runs; joint(id) is a handle to one of the running
+// simulation.
 #include <algorithm>
 #include <array>
 #include <iterator>
@@ -17,7 +18,7 @@ constexpr const char* kJointType = "joint";
 constexpr std::size_t kMaxJoints = 100'000;
 
 scene::ObjectId check_joined_object(lua_State* L, int index, const std::string& name) {
-  if (const auto* id = static_cast<const scene::ObjectId*>(luaL_testudata(L, index, "object"))) return *id;
+  if (const scene::ObjectId* const id = test_handle(L, index, "object")) return *id;
   return static_cast<scene::ObjectId>(check_integer(L, index, name, 0, UINT32_MAX));
 }
 
@@ -33,18 +34,15 @@ scene::JointMotor read_motor(lua_State* L, int index, const std::string& name, s
   const std::string_view max_effort = kind == scene::JointKind::kSlider ? "max_force" : "max_torque";
   const TableReader fields(L, index, name, {"speed", max_effort});
   scene::JointMotor motor;
-  fields.require("speed");
-  fields.read("speed", motor.speed);
-  fields.require(max_effort);
-  fields.read(max_effort, motor.max_effort);
+  fields.read_required("speed", motor.speed);
+  fields.read_required(max_effort, motor.max_effort);
   return motor;
 }
 
 scene::JointSpring read_spring(lua_State* L, int index, const std::string& name) {
   const TableReader fields(L, index, name, {"stiffness", "damping", "rest"});
   scene::JointSpring spring;
-  fields.require("stiffness");
-  fields.read("stiffness", spring.stiffness);
+  fields.read_required("stiffness", spring.stiffness);
   fields.read("damping", spring.damping);
   fields.read("rest", spring.rest);
   return spring;
@@ -60,10 +58,8 @@ scene::JointSpec read_joint(lua_State* L) {
   fields.require("a");
   fields.visit("a", [&](int i, const std::string& name) { spec.a = check_joined_object(L, i, name); });
   fields.visit("b", [&](int i, const std::string& name) { spec.b = check_joined_object(L, i, name); });
-  fields.require("anchor");
-  fields.read("anchor", spec.anchor);
-  if (spec.has_coordinate()) fields.require("axis");
-  fields.read("axis", spec.axis);
+  fields.read_required("anchor", spec.anchor);
+  if (spec.has_coordinate()) fields.read_required("axis", spec.axis);
   fields.visit("limits", [&](int i, const std::string& name) {
     const auto limits = check_numbers(L, i, name, 2, "{lower, upper}");
     spec.limits = {limits[0], limits[1]};
@@ -91,7 +87,7 @@ bool is_immovable(const ScriptContext& context, scene::ObjectId id) {
 }  // namespace
 
 scene::JointId add_joint(ScriptContext& context, const scene::JointSpec& spec) {
-  if (const std::string error = validate(spec); !error.empty()) throw ScriptError("joint." + error);
+  throw_if_invalid(validate(spec), "joint.");
   require_joined_object(context, spec.a, "a");
   if (spec.b) require_joined_object(context, *spec.b, "b");
   if (is_immovable(context, spec.a) && (!spec.b || is_immovable(context, *spec.b)))
@@ -112,27 +108,19 @@ int joint(ScriptContext& context, lua_State* L) {
     return 1;
   }
   require_running(context, "joint(id)");
-  if (luaL_testudata(L, 1, kJointType) != nullptr) {
+  if (test_handle(L, 1, kJointType) != nullptr) {
     lua_settop(L, 1);
     return 1;
   }
   const auto id = static_cast<scene::JointId>(
       check_integer(L, 1, "joint: the id, or the table of a new joint,", 0, UINT32_MAX));
-  new (lua_newuserdatauv(L, sizeof id, 0)) scene::JointId(id);
-  luaL_setmetatable(L, kJointType);
+  push_handle(L, kJointType, id);
   return 1;
-}
-
-scene::JointId check_joint_handle(lua_State* L, const char* method) {
-  const auto* const id = static_cast<const scene::JointId*>(luaL_testudata(L, 1, kJointType));
-  if (id == nullptr)
-    throw ScriptError(std::string("joint:") + method + ": call it with a colon, joint(id):" + method);
-  return *id;
 }
 
 scene::JointId check_joint(const ScriptContext& context, lua_State* L, const char* method) {
   require_running(context, std::string("joint:") + method);
-  const scene::JointId id = check_joint_handle(L, method);
+  const scene::JointId id = check_handle(L, kJointType, method);
   if (!context.simulation->has_joint(id))
     throw ScriptError(std::string("joint:") + method + ": there is no joint " + std::to_string(id) +
                       " (removed, by itself or with an object, or never created)");
@@ -144,19 +132,19 @@ scene::JointId check_joint_with_coordinate(const ScriptContext& context, lua_Sta
   const scene::JointKind kind = context.simulation->joint_kind(id);
   if (kind != scene::JointKind::kHinge && kind != scene::JointKind::kSlider)
     throw ScriptError(std::string("joint:") + method + ": joint " + std::to_string(id) + " is a " +
-                      scene::kJointKindNames[static_cast<std::size_t>(kind)] +
+                      scene::kJointKindNames[static_cast<int>(kind)] +
                       " joint; only hinge and slider have a coordinate");
   return id;
 }
 
 int joint_id(ScriptContext&, lua_State* L) {
-  lua_pushinteger(L, static_cast<lua_Integer>(check_joint_handle(L, "id")));
+  lua_pushinteger(L, static_cast<lua_Integer>(check_handle(L, kJointType, "id")));
   return 1;
 }
 
 int joint_alive(ScriptContext& context, lua_State* L) {
   require_running(context, "joint:alive");
-  lua_pushboolean(L, context.simulation->has_joint(check_joint_handle(L, "alive")) ? 1 : 0);
+  lua_pushboolean(L, context.simulation->has_joint(check_handle(L, kJointType, "alive")) ? 1 : 0);
   return 1;
 }
 
@@ -165,21 +153,23 @@ int remove_joint(ScriptContext& context, lua_State* L) {
   return 0;
 }
 
-int joint_coordinate(ScriptContext& context, lua_State* L) {
-  const scene::JointId joint = check_joint_with_coordinate(context, L, "coordinate");
-  lua_pushnumber(L, context.simulation->joint_state(joint).coordinate);
+int push_quantity(const ScriptContext& context, lua_State* L, const char* method,
+                  double scene::JointState::*quantity) {
+  const scene::JointId joint = check_joint_with_coordinate(context, L, method);
+  lua_pushnumber(L, context.simulation->joint_state(joint).*quantity);
   return 1;
+}
+
+int joint_coordinate(ScriptContext& context, lua_State* L) {
+  return push_quantity(context, L, "coordinate", &scene::JointState::coordinate);
 }
 
 int joint_speed(ScriptContext& context, lua_State* L) {
-  lua_pushnumber(L, context.simulation->joint_state(check_joint_with_coordinate(context, L, "speed")).speed);
-  return 1;
+  return push_quantity(context, L, "speed", &scene::JointState::speed);
 }
 
 int joint_effort(ScriptContext& context, lua_State* L) {
-  lua_pushnumber(L,
-                 context.simulation->joint_state(check_joint_with_coordinate(context, L, "effort")).effort);
-  return 1;
+  return push_quantity(context, L, "effort", &scene::JointState::effort);
 }
 
 int joint_force(ScriptContext& context, lua_State* L) {
@@ -188,38 +178,32 @@ int joint_force(ScriptContext& context, lua_State* L) {
   return 3;
 }
 
-void require_valid_joint(const scene::JointSpec& spec) {
-  if (const std::string error = validate(spec); !error.empty()) throw ScriptError("joint:" + error);
+// Reads the argument of joint:motor or joint:spring into a joint of the same kind, and checks it.
+template <class Read>
+scene::JointId check_joint_part(const ScriptContext& context, lua_State* L, const char* method, Read read) {
+  const scene::JointId joint = check_joint_with_coordinate(context, L, method);
+  scene::JointSpec spec{.kind = context.simulation->joint_kind(joint)};
+  read(spec);
+  throw_if_invalid(validate(spec), "joint:");
+  return joint;
 }
 
 int set_joint_motor(ScriptContext& context, lua_State* L) {
-  const scene::JointId joint = check_joint_with_coordinate(context, L, "motor");
-  scene::JointSpec spec{.kind = context.simulation->joint_kind(joint)};
-  spec.motor = read_motor(L, 2, "motor", spec.kind);
-  require_valid_joint(spec);
-  context.simulation->set_motor(joint, *spec.motor);
+  scene::JointMotor motor;
+  const scene::JointId joint = check_joint_part(context, L, "motor", [&](scene::JointSpec& spec) {
+    spec.motor = motor = read_motor(L, 2, "motor", spec.kind);
+  });
+  context.simulation->set_motor(joint, motor);
   return 0;
 }
 
 int set_joint_spring(ScriptContext& context, lua_State* L) {
-  const scene::JointId joint = check_joint_with_coordinate(context, L, "spring");
-  scene::JointSpec spec{.kind = context.simulation->joint_kind(joint)};
-  spec.spring = read_spring(L, 2, "spring");
-  require_valid_joint(spec);
-  context.simulation->set_spring(joint, *spec.spring);
+  scene::JointSpring spring;
+  const scene::JointId joint = check_joint_part(context, L, "spring", [&](scene::JointSpec& spec) {
+    spec.spring = spring = read_spring(L, 2, "spring");
+  });
+  context.simulation->set_spring(joint, spring);
   return 0;
-}
-
-int joints_equal(ScriptContext&, lua_State* L) {
-  const auto* const a = static_cast<const scene::JointId*>(luaL_testudata(L, 1, kJointType));
-  const auto* const b = static_cast<const scene::JointId*>(luaL_testudata(L, 2, kJointType));
-  lua_pushboolean(L, a != nullptr && b != nullptr && *a == *b ? 1 : 0);
-  return 1;
-}
-
-int joint_to_string(ScriptContext&, lua_State* L) {
-  lua_pushfstring(L, "joint %I", static_cast<LUAI_UACINT>(check_joint_handle(L, "id")));
-  return 1;
 }
 
 }  // namespace
@@ -234,13 +218,7 @@ void bind_joints(lua_State* L) {
                                               {"force", guarded<joint_force>},
                                               {"motor", guarded<set_joint_motor>},
                                               {"spring", guarded<set_joint_spring>}}};
-  register_userdata_type(L, kJointType, kMethods);
-  luaL_getmetatable(L, kJointType);
-  lua_pushcfunction(L, guarded<joints_equal>);
-  lua_setfield(L, -2, "__eq");
-  lua_pushcfunction(L, guarded<joint_to_string>);
-  lua_setfield(L, -2, "__tostring");
-  lua_pop(L, 1);
+  register_handle_type(L, kJointType, kMethods);
   lua_register(L, "joint", guarded<joint>);
 }
 

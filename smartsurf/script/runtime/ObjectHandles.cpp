@@ -11,22 +11,10 @@ namespace {
 
 constexpr const char* kTypeName = "object";
 
-void push_handle(lua_State* L, scene::ObjectId id) {
-  new (lua_newuserdatauv(L, sizeof id, 0)) scene::ObjectId(id);
-  luaL_setmetatable(L, kTypeName);
-}
-
-scene::ObjectId check_handle(lua_State* L, const char* method) {
-  const auto* const id = static_cast<const scene::ObjectId*>(luaL_testudata(L, 1, kTypeName));
-  if (id == nullptr)
-    throw ScriptError(std::string("object:") + method + ": call it with a colon, object(id):" + method);
-  return *id;
-}
-
 scene::ObjectId check_live_object(const ScriptContext& context, lua_State* L, const char* method) {
   // The subject is a string, which would cost a reward function more than the check.
   if (context.phase != Phase::kRunning) require_running(context, std::string("object:") + method);
-  const scene::ObjectId id = check_handle(L, method);
+  const scene::ObjectId id = check_handle(L, kTypeName, method);
   if (!context.simulation->is_alive(id))
     throw ScriptError(std::string("object:") + method + ": there is no object " + std::to_string(id) +
                       " (removed, or never created)");
@@ -39,13 +27,13 @@ int push_components(lua_State* L, const Eigen::Vector3d& v) {
 }
 
 int id(ScriptContext&, lua_State* L) {
-  lua_pushinteger(L, static_cast<lua_Integer>(check_handle(L, "id")));
+  lua_pushinteger(L, static_cast<lua_Integer>(check_handle(L, kTypeName, "id")));
   return 1;
 }
 
 int alive(ScriptContext& context, lua_State* L) {
   require_running(context, "object:alive");
-  lua_pushboolean(L, context.simulation->is_alive(check_handle(L, "alive")) ? 1 : 0);
+  lua_pushboolean(L, context.simulation->is_alive(check_handle(L, kTypeName, "alive")) ? 1 : 0);
   return 1;
 }
 
@@ -105,8 +93,7 @@ int push(ScriptContext& context, lua_State* L) {
   const TableReader fields(L, 2, "push", {"force", "point", "seconds"});
   Eigen::Vector3d force, point;
   double seconds = context.spec.world.control_period_s;
-  fields.require("force");
-  fields.read("force", force);
+  fields.read_required("force", force);
   if (force.norm() > 1e12) throw ScriptError("push.force: must not be above 1e12");
   if (fields.has("point")) {
     fields.read("point", point);
@@ -144,11 +131,11 @@ int teleport(ScriptContext& context, lua_State* L) {
 
 int object(ScriptContext& context, lua_State* L) {
   require_running(context, "object");
-  if (luaL_testudata(L, 1, kTypeName) != nullptr) {
+  if (test_handle(L, 1, kTypeName) != nullptr) {
     lua_settop(L, 1);
     return 1;
   }
-  push_handle(L, static_cast<scene::ObjectId>(check_integer(L, 1, "object: id", 0, UINT32_MAX)));
+  push_handle(L, kTypeName, static_cast<scene::ObjectId>(check_integer(L, 1, "object: id", 0, UINT32_MAX)));
   return 1;
 }
 
@@ -163,21 +150,9 @@ int objects(ScriptContext& context, lua_State* L) {
   context.interpreter->charge(L, ids.size());
   lua_createtable(L, static_cast<int>(ids.size()), 0);
   for (std::size_t i = 0; i < ids.size(); ++i) {
-    push_handle(L, ids[i]);
+    push_handle(L, kTypeName, ids[i]);
     lua_rawseti(L, -2, static_cast<lua_Integer>(i + 1));
   }
-  return 1;
-}
-
-int handles_equal(ScriptContext&, lua_State* L) {
-  const auto* const a = static_cast<const scene::ObjectId*>(luaL_testudata(L, 1, kTypeName));
-  const auto* const b = static_cast<const scene::ObjectId*>(luaL_testudata(L, 2, kTypeName));
-  lua_pushboolean(L, a != nullptr && b != nullptr && *a == *b ? 1 : 0);
-  return 1;
-}
-
-int handle_to_string(ScriptContext&, lua_State* L) {
-  lua_pushfstring(L, "object %I", static_cast<LUAI_UACINT>(check_handle(L, "id")));
   return 1;
 }
 
@@ -194,13 +169,7 @@ void bind_object_handles(lua_State* L) {
                                                {"remove", guarded<remove>},
                                                {"push", guarded<push>},
                                                {"teleport", guarded<teleport>}}};
-  register_userdata_type(L, kTypeName, kMethods);
-  luaL_getmetatable(L, kTypeName);
-  lua_pushcfunction(L, guarded<handles_equal>);
-  lua_setfield(L, -2, "__eq");
-  lua_pushcfunction(L, guarded<handle_to_string>);
-  lua_setfield(L, -2, "__tostring");
-  lua_pop(L, 1);
+  register_handle_type(L, kTypeName, kMethods);
   lua_register(L, "object", guarded<object>);
   lua_register(L, "objects", guarded<objects>);
 }

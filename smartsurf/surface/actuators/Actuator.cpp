@@ -2,39 +2,25 @@
 
 #include <map>
 
-#include "smartsurf/surface/actuators/AirJets.h"
-#include "smartsurf/surface/actuators/Deltas.h"
-#include "smartsurf/surface/actuators/ForceFields.h"
-#include "smartsurf/surface/actuators/Magnets.h"
-#include "smartsurf/surface/actuators/Pins.h"
-#include "smartsurf/surface/actuators/Rollers.h"
-#include "smartsurf/surface/actuators/Rotors.h"
-#include "smartsurf/surface/actuators/Tiles.h"
-#include "smartsurf/surface/actuators/TiltingTiles.h"
+#include "smartsurf/surface/actuators/Models.h"
 
 namespace smartsurf::surface {
 namespace {
 
-template <class Model>
-std::unique_ptr<Actuator> make(const ActuatorContext& context) {
-  return std::make_unique<Model>(context);
-}
-
 std::unique_ptr<Actuator> make_tile(const ActuatorContext& context) {
-  if (context.spec.number("command") == 0.0) return std::make_unique<Tiles>(context);
-  return std::make_unique<TiltingTiles>(context);
+  return context.spec.number("command") == 0.0 ? make_tiles(context) : make_tilting_tiles(context);
 }
 
 std::map<std::string, ActuatorFactory>& actuator_factories() {
-  static std::map<std::string, ActuatorFactory> all{{"pin", make<Pins>},
+  static std::map<std::string, ActuatorFactory> all{{"pin", make_pins},
                                                     {"ball", make_ball},
                                                     {"wheels", make_wheels},
-                                                    {"rotor", make<Rotors>},
-                                                    {"force_field", make<ForceFields>},
-                                                    {"magnet", make<Magnets>},
-                                                    {"air_jet", make<AirJets>},
+                                                    {"rotor", make_rotors},
+                                                    {"force_field", make_force_fields},
+                                                    {"magnet", make_magnets},
+                                                    {"air_jet", make_air_jets},
                                                     {"tile", make_tile},
-                                                    {"delta", make<Deltas>}};
+                                                    {"delta", make_deltas}};
   return all;
 }
 

@@ -31,6 +31,8 @@ struct ActuatorContext {
   std::vector<CellRun> runs;  // the model's cells, ascending; excludes a fixed border
   const Field& field;
   common::ThreadPool* pool = nullptr;  // shares work on many cells; may be null
+
+  float number(std::string_view parameter) const { return static_cast<float>(spec.number(parameter)); }
 };
 
 // The tip of a model's cells.
@@ -60,15 +62,15 @@ class Actuator {
   // Advances the heights by `speed`. Models with fixed tops do not override it.
   virtual void commit(double /*dt_s*/, Field&) noexcept {}
 
-  // Whether any cell has a surface velocity. If so, the field has surface_velocity_x, _y and surface_spin.
+  // True if any cell has a surface velocity. If so, the field has surface_velocity_x, _y and surface_spin.
   virtual bool has_surface_velocity() const noexcept { return false; }
 
-  // Whether the cells have a force limit. If so, the field has force_limit, which plan() writes.
+  // True if the cells have a force limit. If so, the field has force_limit, which plan() writes.
   virtual bool has_force_limit() const noexcept { return false; }
 
-  // The tip of the model's cells; none if they are columns. If any tip is a plate, the field has tilt and tilt_rate:
-  // plan() writes the rates of the coming step, commit() advances the tilt. If any moves sideways, the same holds for
-  // offset and offset_rate, and if any yields, for `yielding`.
+  // The tip of the model's cells; none if they are columns. If any tip is a plate, the field has tilt and
+  // tilt_rate: plan() writes the rates of the coming step, commit() advances the tilt. If any moves sideways,
+  // the same holds for offset and offset_rate, and if any yields, for `yielding`.
   virtual std::optional<TipKind> tip() const noexcept { return std::nullopt; }
 
   virtual bool exerts_forces() const noexcept { return false; }
@@ -76,8 +78,8 @@ class Actuator {
   virtual void add_forces(double /*dt_s*/, const Field&, const BodyView&,
                           std::span<const scene::ObjectSpec> /*catalogue*/, std::span<Wrench>) noexcept {}
 
-  // Saves or restores the state of the model beyond the field. A model without this cannot be saved: it throws
-  // common::UserError.
+  // Saves or restores the state of the model beyond the field. A model without this cannot be saved: it
+  // throws common::UserError.
   virtual void archive(common::StateArchive&) {
     throw common::UserError("an actuator of this surface cannot be saved: its model has no archive()");
   }
@@ -85,7 +87,7 @@ class Actuator {
   // Writes the state of the model's cells for drawing. rows × columns; see scene::ActuatorState.
   virtual void write_cell_motion(std::span<scene::ActuatorState>) const noexcept {}
 
-  // Whether the cells have joints, whose positions are sensed.
+  // True if the cells have joints, whose positions are sensed.
   virtual bool has_joints() const noexcept { return false; }
   // Writes the joint positions of the model's cells, u: scene::kMaxJoints × rows × columns.
   virtual void write_joint_positions(std::span<float>) const noexcept {}

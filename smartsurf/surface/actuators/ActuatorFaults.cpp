@@ -3,21 +3,18 @@
 #include <algorithm>
 #include <cmath>
 
+#include "smartsurf/surface/sensors/CounterRandom.h"
+
 namespace smartsurf::surface {
 namespace {
 
-const std::vector<std::string> kFaultNames{"stuck", "dead", "weak", "late"};
-
-// One step of SplitMix64, used as a hash of a counter: a cell's draw does not depend on the number of cells.
-std::uint64_t splitmix64(std::uint64_t value) {
-  value += 0x9e3779b97f4a7c15ULL;
-  value = (value ^ (value >> 30)) * 0xbf58476d1ce4e5b9ULL;
-  value = (value ^ (value >> 27)) * 0x94d049bb133111ebULL;
-  return value ^ (value >> 31);
+// A hash of seed and counter: a cell's draw does not depend on the number of cells.
+std::uint64_t draw(std::uint64_t seed, std::uint64_t counter) {
+  return CounterRandom::splitmix64(CounterRandom::splitmix64(seed) ^ counter);
 }
 
 double uniform_random(std::uint64_t seed, std::uint64_t counter) {
-  return static_cast<double>(splitmix64(splitmix64(seed) ^ counter) >> 11) * 0x1p-53;
+  return static_cast<double>(draw(seed, counter) >> 11) * 0x1p-53;
 }
 
 }  // namespace
@@ -25,17 +22,16 @@ double uniform_random(std::uint64_t seed, std::uint64_t counter) {
 ActuatorFaults::ActuatorFaults(const scene::SurfaceSpec& surface,
                                std::span<const scene::ActuatorChannel> channels,
                                std::span<const int> actuated_cells, const FaultMap& map, std::uint64_t seed)
-    : cells_(static_cast<std::size_t>(surface.cell_count())),
-      common_latency_(surface.faults.actuator.latency_ticks) {
+    : cells_(surface.cell_count()), common_latency_(surface.faults.actuator.latency_ticks) {
   for (const scene::ActuatorChannel& channel : channels)
     channels_.push_back({channel, {}, {}, {}, common_latency_});
   draw_faults(surface.faults.actuator, actuated_cells, seed);
   for (const FaultEntry& entry : map.entries())
     for (ChannelFaults& channel : channels_) {
       if (entry.channel != channel.info.name &&
-          !(entry.channel.empty() && std::ranges::count(kFaultNames, entry.fault)))
+          !(entry.channel.empty() && std::ranges::count(kActuatorFaults, entry.fault)))
         continue;
-      apply_entry(map, entry, channel, static_cast<std::size_t>(surface.index(entry.row, entry.column)));
+      apply_entry(map, entry, channel, surface.index(entry.row, entry.column));
     }
 }
 
@@ -52,9 +48,8 @@ void ActuatorFaults::set_cell(ChannelFaults& channel, std::size_t cell, float ga
 void ActuatorFaults::draw_faults(const scene::ActuatorFaultSpec& spec, std::span<const int> actuated_cells,
                                  std::uint64_t seed) {
   std::vector<int> order(actuated_cells.begin(), actuated_cells.end());
-  std::ranges::sort(order, {}, [seed](int cell) {
-    return std::pair(splitmix64(splitmix64(seed) ^ static_cast<std::uint64_t>(cell)), cell);
-  });
+  std::ranges::sort(
+      order, {}, [seed](int cell) { return std::pair(draw(seed, static_cast<std::uint64_t>(cell)), cell); });
   const auto count = [&](double fraction) {
     return static_cast<std::size_t>(std::llround(fraction * static_cast<double>(actuated_cells.size())));
   };
@@ -62,9 +57,10 @@ void ActuatorFaults::draw_faults(const scene::ActuatorFaultSpec& spec, std::span
                     weak_end = dead_end + count(spec.weak_fraction);
   for (std::size_t k = 0; k < std::min(weak_end, order.size()); ++k)
     for (std::size_t c = 0; c < channels_.size(); ++c) {
-      const auto cell = static_cast<std::size_t>(order[k]);
+      const int cell = order[k];
       const scene::ActuatorChannel& info = channels_[c].info;
-      const double stuck_at = uniform_random(seed, (c + 1) * 0x100000000ULL + cell);
+      const double stuck_at =
+          uniform_random(seed, (c + 1) * 0x100000000ULL + static_cast<std::uint64_t>(cell));
       if (k < stuck_end)
         set_cell(channels_[c], cell, 0.0F,
                  static_cast<float>(info.minimum + (info.maximum - info.minimum) * stuck_at));
@@ -100,7 +96,7 @@ void ActuatorFaults::apply_entry(const FaultMap& map, const FaultEntry& entry, C
     channel.latency[cell] = static_cast<std::uint16_t>(latency);
     channel.max_latency = std::max(channel.max_latency, latency);
   } else {
-    map.refuse_fault(entry, "an actuator", kFaultNames);
+    map.refuse_fault(entry, "an actuator", kActuatorFaults);
   }
 }
 

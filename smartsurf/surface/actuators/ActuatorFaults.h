@@ -24,18 +24,16 @@ class ActuatorFaults {
   ActuatorFaults(const scene::SurfaceSpec&, std::span<const scene::ActuatorChannel> channels,
                  std::span<const int> actuated_cells, const FaultMap&, std::uint64_t seed);
 
-  bool has_faults(int channel) const noexcept {
-    return !channels_[static_cast<std::size_t>(channel)].gain.empty();
-  }
+  bool has_faults(int channel) const noexcept { return !channels_[channel].gain.empty(); }
   // Latency in control periods: the maximum over the channel's cells, and of one cell.
-  int latency(int channel) const noexcept { return channels_[static_cast<std::size_t>(channel)].max_latency; }
+  int latency(int channel) const noexcept { return channels_[channel].max_latency; }
   int latency(int channel, std::size_t cell) const noexcept {
-    const auto& latencies = channels_[static_cast<std::size_t>(channel)].latency;
+    const auto& latencies = channels_[channel].latency;
     return latencies.empty() ? common_latency_ : latencies[cell];
   }
   // Precondition: has_faults(channel).
   float effective_command(int channel, std::size_t cell, float command) const noexcept {
-    const ChannelFaults& c = channels_[static_cast<std::size_t>(channel)];
+    const ChannelFaults& c = channels_[channel];
     return c.gain[cell] * command + c.offset[cell];
   }
 

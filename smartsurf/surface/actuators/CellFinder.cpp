@@ -25,11 +25,11 @@ CellFinder::CellFinder(const ActuatorContext& context) : bucket_size_(std::max(c
   columns_ = static_cast<int>((high_x - low_x_) / bucket_size_) + 1;
   rows_ = static_cast<int>((high_y - low_y_) / bucket_size_) + 1;
   auto bucket_of = [this](const CellCentre& c) {
-    return static_cast<std::size_t>(static_cast<int>((c.y - low_y_) / bucket_size_) * columns_ +
-                                    static_cast<int>((c.x - low_x_) / bucket_size_));
+    return static_cast<int>((c.y - low_y_) / bucket_size_) * columns_ +
+           static_cast<int>((c.x - low_x_) / bucket_size_);
   };
   // Counting sort of the cells into buckets.
-  bucket_begin_.assign(static_cast<std::size_t>(rows_) * static_cast<std::size_t>(columns_) + 1, 0);
+  bucket_begin_.assign(rows_ * columns_ + 1, 0);
   for (const CellCentre& c : centres) ++bucket_begin_[bucket_of(c) + 1];
   for (std::size_t b = 1; b < bucket_begin_.size(); ++b) bucket_begin_[b] += bucket_begin_[b - 1];
   cells_.resize(centres.size());

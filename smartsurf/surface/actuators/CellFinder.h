@@ -24,7 +24,7 @@ class CellFinder {
               column_end = end_bucket(x + radius, low_x_, columns_);
     for (int r = row_begin; r < row_end; ++r)
       for (int c = column_begin; c < column_end; ++c) {
-        const auto bucket = static_cast<std::size_t>(r * columns_ + c);
+        const int bucket = r * columns_ + c;
         for (std::uint32_t k = bucket_begin_[bucket]; k < bucket_begin_[bucket + 1]; ++k) {
           const CellCentre& cell = cells_[k];
           if (std::abs(cell.x - x) <= radius && std::abs(cell.y - y) <= radius)
@@ -39,13 +39,14 @@ class CellFinder {
     float x, y;
   };
   int first_bucket(float coordinate, float low, int count) const {
-    return std::max(0, static_cast<int>(std::floor(
-                           std::clamp((coordinate - low) / bucket_size_, -1.0F, static_cast<float>(count)))));
+    return std::max(0, bucket_at(coordinate, low, count));
   }
   int end_bucket(float coordinate, float low, int count) const {
-    return std::min(count, static_cast<int>(std::floor(std::clamp((coordinate - low) / bucket_size_, -1.0F,
-                                                                  static_cast<float>(count)))) +
-                               1);
+    return std::min(count, bucket_at(coordinate, low, count) + 1);
+  }
+  int bucket_at(float coordinate, float low, int count) const {
+    const float bucket = std::clamp((coordinate - low) / bucket_size_, -1.0F, static_cast<float>(count));
+    return static_cast<int>(std::floor(bucket));
   }
 
   float bucket_size_, low_x_ = 0.0F, low_y_ = 0.0F;  // edge of a bucket; corner of the first bucket, u

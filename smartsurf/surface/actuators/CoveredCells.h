@@ -19,7 +19,7 @@ void for_each_covered_cell(const CellFinder& cells, const Field& field, const Bo
                       [&](int cell, float x, float y) {
                         const Eigen::Vector2f offset(x - centre.x(), y - centre.y());
                         const VerticalIntersection interval = intersector.intersect(offset.x(), offset.y());
-                        const float top = field.height[static_cast<std::size_t>(cell)] - centre.z();
+                        const float top = field.height[cell] - centre.z();
                         if (interval.low > interval.high || interval.high < top || interval.low - top > reach)
                           return;
                         visit(cell, Eigen::Vector3f(offset.x(), offset.y(), interval.low),

@@ -28,8 +28,8 @@ HWY_INLINE auto with_vectors_for(std::size_t n, Work work) {
   return work(hn::CappedTag<float, 1>());
 }
 
-// Calls step(i, done) for vectors of pins starting at i that together cover [0, n), n ≥ Lanes(d) or 0. The last vector
-// may overlap pins already processed, marked in `done`, which must keep their values.
+// Calls step(i, done) for vectors of pins starting at i that together cover [0, n), n ≥ Lanes(d) or 0. The
+// last vector may overlap pins already processed, marked in `done`, which must keep their values.
 template <class D, class Step>
 HWY_INLINE void for_each_vector(D d, std::size_t n, Step step) {
   const std::size_t lanes = hn::Lanes(d);

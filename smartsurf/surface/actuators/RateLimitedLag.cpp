@@ -9,7 +9,7 @@ RateLimitedLag::RateLimitedLag(const ActuatorContext& context, float start, doub
     : runs_(context.runs),
       max_rate_(max_rate),
       lag_s_(lag_s),
-      value_(static_cast<std::size_t>(context.field.cells()), start),
+      value_(context.field.cells(), start),
       target_(value_),
       moving_(runs_.size(), 0),
       changed_(runs_.size(), 0) {}
@@ -17,7 +17,7 @@ RateLimitedLag::RateLimitedLag(const ActuatorContext& context, float start, doub
 void RateLimitedLag::set_targets(std::span<const float> targets) noexcept {
   for (std::size_t r = 0; r < runs_.size(); ++r) {
     bool any_moving = false;
-    for (auto i = static_cast<std::size_t>(runs_[r].begin); i < static_cast<std::size_t>(runs_[r].end); ++i) {
+    for (int i = runs_[r].begin; i < runs_[r].end; ++i) {
       target_[i] = targets[i];
       any_moving |= target_[i] != value_[i];
     }
@@ -41,8 +41,7 @@ void RateLimitedLag::step(double dt_s) noexcept {
 
 void RateLimitedLag::step_run(std::size_t run, float lag_fraction, float max_change) noexcept {
   bool any_moving = false;
-  for (auto i = static_cast<std::size_t>(runs_[run].begin); i < static_cast<std::size_t>(runs_[run].end);
-       ++i) {
+  for (int i = runs_[run].begin; i < runs_[run].end; ++i) {
     const float distance = target_[i] - value_[i];
     const float next = value_[i] + std::clamp(distance * lag_fraction, -max_change, max_change);
     // Snap to the target: the exponential alone would never reach it.

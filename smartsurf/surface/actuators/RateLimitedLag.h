@@ -25,9 +25,9 @@ class RateLimitedLag {
   // Advances by one step. The cost is proportional to the runs with cells off their targets.
   void step(double dt_s) noexcept;
 
-  float operator[](int cell) const noexcept { return value_[static_cast<std::size_t>(cell)]; }
+  float operator[](int cell) const noexcept { return value_[cell]; }
   std::span<const CellRun> runs() const noexcept { return runs_; }
-  // Whether the run's values changed in the last step().
+  // True if the run's values changed in the last step().
   bool changed(std::size_t run) const noexcept { return changed_[run] != 0; }
 
   void archive(common::StateArchive& a) { a(value_, target_, moving_, changed_); }

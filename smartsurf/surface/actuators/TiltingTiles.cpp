@@ -1,111 +1,141 @@
-#include "smartsurf/surface/actuators/TiltingTiles.h"
-
+// Tiles with three degrees of freedom: heave, roll and pitch of each top, which follow trapezoidal motion
+// profiles.
+//
+// A level tile at rest is a column like a pin. Otherwise its top is a plate, which turns about the top's
+// centre.
 #include <algorithm>
+#include <array>
 #include <cmath>
 
+#include "smartsurf/surface/actuators/Models.h"
 #include "smartsurf/surface/actuators/MotionProfile.h"
 
 namespace smartsurf::surface {
+namespace {
 
-TiltingTiles::TiltingTiles(const ActuatorContext& context)
-    : runs_(context.runs),
-      half_top_x_(context.field.half_top_x),
-      half_top_y_(context.field.half_top_y),
-      thickness_(static_cast<float>(context.spec.number("thickness"))),
-      max_speed_(static_cast<float>(context.spec.number("max_speed"))),
-      max_acceleration_(static_cast<float>(context.spec.number("max_acceleration"))),
-      max_tilt_rate_(static_cast<float>(context.spec.number("max_tilt_rate"))),
-      max_tilt_acceleration_(static_cast<float>(context.spec.number("max_tilt_acceleration"))),
-      base_(context.field.height),
-      tilt_(base_.size()),
-      moving_(runs_.size(), 0),
-      run_max_height_(runs_.size(), 0.0F),
-      run_max_speed_(runs_.size(), 0.0F) {
-  target_.fill(std::vector<float>(base_.size(), 0.0F));
-  target_[kHeave] = base_;
-}
-
-std::optional<TipKind> TiltingTiles::tip() const noexcept {
-  return TipKind{{CellTip::Shape::kPlate, 0.0F, thickness_},
-                 std::hypot(half_top_x_, half_top_y_) + thickness_};
-}
-
-void TiltingTiles::set_targets(int channel, std::span<const float> targets) noexcept {
-  std::vector<float>& target = target_[static_cast<std::size_t>(channel)];
-  for (std::size_t r = 0; r < runs_.size(); ++r)
-    for (auto i = static_cast<std::size_t>(runs_[r].begin); i < static_cast<std::size_t>(runs_[r].end); ++i) {
-      const float value = channel == kHeave ? base_[i] + targets[i] : targets[i];
-      if (target[i] == value) continue;
-      target[i] = value;
-      moving_[r] = 1;
-    }
-}
-
-void TiltingTiles::snap_to_targets(Field& field) noexcept {
-  for (std::size_t r = 0; r < runs_.size(); ++r) {
-    run_max_height_[r] = kNoCellHeight;
-    for (auto i = static_cast<std::size_t>(runs_[r].begin); i < static_cast<std::size_t>(runs_[r].end); ++i) {
-      field.height[i] = target_[kHeave][i];
-      field.tilt[i] = tilt_[i] = {target_[kRoll][i], target_[kPitch][i]};
-      run_max_height_[r] = std::max(run_max_height_[r], max_corner_height(field.height[i], tilt_[i]));
-    }
-    moving_[r] = 0;
+class TiltingTiles final : public Actuator {
+ public:
+  explicit TiltingTiles(const ActuatorContext& context)
+      : runs_(context.runs),
+        half_top_x_(context.field.half_top_x),
+        half_top_y_(context.field.half_top_y),
+        thickness_(context.number("thickness")),
+        max_speed_(context.number("max_speed")),
+        max_acceleration_(context.number("max_acceleration")),
+        max_tilt_rate_(context.number("max_tilt_rate")),
+        max_tilt_acceleration_(context.number("max_tilt_acceleration")),
+        base_(context.field.height),
+        tilt_(base_.size()),
+        moving_(runs_.size(), 0),
+        run_max_height_(runs_.size(), 0.0F),
+        run_max_speed_(runs_.size(), 0.0F) {
+    target_.fill(std::vector<float>(base_.size(), 0.0F));
+    target_[kHeave] = base_;
   }
-}
 
-float TiltingTiles::max_corner_height(float height, const TopTilt& t) const noexcept {
-  return height + half_top_x_ * std::abs(t.pitch) + half_top_y_ * std::abs(t.roll);
-}
-
-void TiltingTiles::plan(double dt_s, Field& field) noexcept {
-  const auto dt = static_cast<float>(dt_s);
-  const MotionProfile heave(max_speed_, max_acceleration_, dt),
-      tilt(max_tilt_rate_, max_tilt_acceleration_, dt);
-  for (std::size_t r = 0; r < runs_.size(); ++r) {
-    if (moving_[r] != 0) plan_run(r, heave, tilt, dt, field);
-    field.max_height = std::max(field.max_height, run_max_height_[r]);
-    field.max_speed = std::max(field.max_speed, run_max_speed_[r]);
+  void set_targets(int channel, std::span<const float> targets) noexcept override {
+    std::vector<float>& target = target_[channel];
+    for (std::size_t r = 0; r < runs_.size(); ++r)
+      for (int i = runs_[r].begin; i < runs_[r].end; ++i) {
+        const float value = channel == kHeave ? base_[i] + targets[i] : targets[i];
+        if (target[i] == value) continue;
+        target[i] = value;
+        moving_[r] = 1;
+      }
   }
-}
 
-void TiltingTiles::plan_run(std::size_t run, const MotionProfile& heave, const MotionProfile& tilt,
-                            float dt_s, Field& field) noexcept {
-  const float farthest = std::hypot(half_top_x_, half_top_y_, thickness_);
-  float& max_height = run_max_height_[run] = kNoCellHeight;
-  float& max_speed = run_max_speed_[run] = 0.0F;
-  for (auto i = static_cast<std::size_t>(runs_[run].begin); i < static_cast<std::size_t>(runs_[run].end);
-       ++i) {
-    float& speed = field.speed[i];
-    TopTilt& rate = field.tilt_rate[i];
-    speed = heave(target_[kHeave][i] - field.height[i], speed);
-    rate = {tilt(target_[kRoll][i] - tilt_[i].roll, rate.roll),
-            tilt(target_[kPitch][i] - tilt_[i].pitch, rate.pitch)};
-    const TopTilt next{tilt_[i].roll + rate.roll * dt_s, tilt_[i].pitch + rate.pitch * dt_s};
-    max_height = std::max({max_height, max_corner_height(field.height[i], tilt_[i]),
-                           max_corner_height(field.height[i] + speed * dt_s, next)});
-    max_speed =
-        std::max(max_speed, std::abs(speed) + farthest * (std::abs(rate.roll) + std::abs(rate.pitch)));
-  }
-  moving_[run] = static_cast<std::uint8_t>(max_speed != 0.0F);
-}
-
-void TiltingTiles::commit(double dt_s, Field& field) noexcept {
-  const auto dt = static_cast<float>(dt_s);
-  for (std::size_t r = 0; r < runs_.size(); ++r)
-    for (auto i = static_cast<std::size_t>(runs_[r].begin);
-         moving_[r] != 0 && i < static_cast<std::size_t>(runs_[r].end); ++i) {
-      const TopTilt& rate = field.tilt_rate[i];
-      field.height[i] = MotionProfile::advance(field.height[i], field.speed[i], target_[kHeave][i], dt);
-      tilt_[i] = {MotionProfile::advance(tilt_[i].roll, rate.roll, target_[kRoll][i], dt),
-                  MotionProfile::advance(tilt_[i].pitch, rate.pitch, target_[kPitch][i], dt)};
-      field.tilt[i] = tilt_[i];
+  void snap_to_targets(Field& field) noexcept override {
+    for (std::size_t r = 0; r < runs_.size(); ++r) {
+      run_max_height_[r] = kNoCellHeight;
+      for (int i = runs_[r].begin; i < runs_[r].end; ++i) {
+        field.height[i] = target_[kHeave][i];
+        field.tilt[i] = tilt_[i] = {target_[kRoll][i], target_[kPitch][i]};
+        run_max_height_[r] = std::max(run_max_height_[r], max_corner_height(field.height[i], tilt_[i]));
+      }
+      moving_[r] = 0;
     }
-}
+  }
 
-void TiltingTiles::write_cell_motion(std::span<scene::ActuatorState> motion) const noexcept {
-  for (const CellRun& run : runs_)
-    for (auto i = static_cast<std::size_t>(run.begin); i < static_cast<std::size_t>(run.end); ++i)
-      motion[i].a = tilt_[i].roll, motion[i].b = tilt_[i].pitch;
+  void plan(double dt_s, Field& field) noexcept override {
+    const auto dt = static_cast<float>(dt_s);
+    const MotionProfile heave(max_speed_, max_acceleration_, dt),
+        tilt(max_tilt_rate_, max_tilt_acceleration_, dt);
+    for (std::size_t r = 0; r < runs_.size(); ++r) {
+      if (moving_[r] != 0) plan_run(r, heave, tilt, dt, field);
+      field.max_height = std::max(field.max_height, run_max_height_[r]);
+      field.max_speed = std::max(field.max_speed, run_max_speed_[r]);
+    }
+  }
+
+  void commit(double dt_s, Field& field) noexcept override {
+    const auto dt = static_cast<float>(dt_s);
+    for (std::size_t r = 0; r < runs_.size(); ++r)
+      for (int i = runs_[r].begin; moving_[r] != 0 && i < runs_[r].end; ++i) {
+        const TopTilt& rate = field.tilt_rate[i];
+        field.height[i] = MotionProfile::advance(field.height[i], field.speed[i], target_[kHeave][i], dt);
+        tilt_[i] = {MotionProfile::advance(tilt_[i].roll, rate.roll, target_[kRoll][i], dt),
+                    MotionProfile::advance(tilt_[i].pitch, rate.pitch, target_[kPitch][i], dt)};
+        field.tilt[i] = tilt_[i];
+      }
+  }
+
+  std::optional<TipKind> tip() const noexcept override {
+    return TipKind{{CellTip::Shape::kPlate, 0.0F, thickness_},
+                   std::hypot(half_top_x_, half_top_y_) + thickness_};
+  }
+
+  void write_cell_motion(std::span<scene::ActuatorState> motion) const noexcept override {
+    for (const CellRun& run : runs_)
+      for (int i = run.begin; i < run.end; ++i) motion[i].a = tilt_[i].roll, motion[i].b = tilt_[i].pitch;
+  }
+
+  void archive(common::StateArchive& a) override {
+    a(target_, tilt_, moving_, run_max_height_, run_max_speed_);
+  }
+
+ private:
+  enum Axis { kHeave, kRoll, kPitch, kAxes };
+  // Upper bound of the height of the tile's corners, u.
+  float max_corner_height(float height, const TopTilt& t) const noexcept {
+    return height + half_top_x_ * std::abs(t.pitch) + half_top_y_ * std::abs(t.roll);
+  }
+
+  void plan_run(std::size_t run, const MotionProfile& heave, const MotionProfile& tilt, float dt_s,
+                Field& field) noexcept {
+    const float farthest = std::hypot(half_top_x_, half_top_y_, thickness_);
+    float& max_height = run_max_height_[run] = kNoCellHeight;
+    float& max_speed = run_max_speed_[run] = 0.0F;
+    for (int i = runs_[run].begin; i < runs_[run].end; ++i) {
+      float& speed = field.speed[i];
+      TopTilt& rate = field.tilt_rate[i];
+      speed = heave(target_[kHeave][i] - field.height[i], speed);
+      rate = {tilt(target_[kRoll][i] - tilt_[i].roll, rate.roll),
+              tilt(target_[kPitch][i] - tilt_[i].pitch, rate.pitch)};
+      const TopTilt next{tilt_[i].roll + rate.roll * dt_s, tilt_[i].pitch + rate.pitch * dt_s};
+      max_height = std::max({max_height, max_corner_height(field.height[i], tilt_[i]),
+                             max_corner_height(field.height[i] + speed * dt_s, next)});
+      max_speed =
+          std::max(max_speed, std::abs(speed) + farthest * (std::abs(rate.roll) + std::abs(rate.pitch)));
+    }
+    moving_[run] = static_cast<std::uint8_t>(max_speed != 0.0F);
+  }
+
+  std::vector<CellRun> runs_;
+  float half_top_x_, half_top_y_, thickness_;  // u
+  float max_speed_, max_acceleration_, max_tilt_rate_, max_tilt_acceleration_;
+  std::vector<float> base_;  // rows × columns, u
+  // By axis; rows × columns: z of the top, u, base included; roll and pitch, rad.
+  std::array<std::vector<float>, kAxes> target_;
+  std::vector<TopTilt> tilt_;  // rows × columns
+  // One per run, so that runs at rest on their targets cost nothing.
+  std::vector<std::uint8_t> moving_;
+  std::vector<float> run_max_height_, run_max_speed_;
+};
+
+}  // namespace
+
+std::unique_ptr<Actuator> make_tilting_tiles(const ActuatorContext& context) {
+  return std::make_unique<TiltingTiles>(context);
 }
 
 }  // namespace smartsurf::surface

@@ -76,9 +76,9 @@ VerticalIntersection cone_interval(const Vector3f& o, const Vector3f& d, float r
       slab, d.z() > 0.0F ? VerticalIntersection{-kInfinity, near} : VerticalIntersection{far, kInfinity});
 }
 
-VerticalIntersection convex_interval(const Vector3f& o, const Vector3f& d, const scene::ConvexHull& piece) {
+VerticalIntersection convex_interval(const Vector3f& o, const Vector3f& d, const scene::ConvexHull& hull) {
   VerticalIntersection interval{-kInfinity, kInfinity};
-  for (const auto& face : piece.faces) {
+  for (const auto& face : hull.faces) {
     const float rate = face.normal.dot(d), gap = face.offset - face.normal.dot(o);
     if (std::abs(rate) < 1e-12F) {
       if (gap < 0.0F) return {};
@@ -128,8 +128,8 @@ VerticalIntersection VerticalIntersector::intersect(float dx, float dy) const {
 
 VerticalIntersection VerticalIntersector::intersect_solid(const Vector3f& o, const Vector3f& d) const {
   VerticalIntersection all;
-  for (const scene::ConvexHull& piece : object_.solid->hulls) {
-    const VerticalIntersection one = convex_interval(o, d, piece);
+  for (const scene::ConvexHull& hull : object_.solid->hulls) {
+    const VerticalIntersection one = convex_interval(o, d, hull);
     if (one.low <= one.high) all = hull_of(all, one);
   }
   return all;

@@ -20,7 +20,7 @@ class VerticalIntersector {
   VerticalIntersector(const scene::ObjectSpec&, const Eigen::Quaternionf& orientation);
 
   // Intersects the vertical line at horizontal offset (dx, dy) from the origin. The result for a
-  // solid of several convex pieces spans from the lowest to the highest point.
+  // solid of several convex hulls spans from the lowest to the highest point.
   VerticalIntersection intersect(float dx, float dy) const;
   // Half extent of the object about its origin, u: the larger of x and y.
   float horizontal_reach() const { return horizontal_reach_; }

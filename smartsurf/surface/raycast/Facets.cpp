@@ -28,9 +28,9 @@ Facets box_facets(const Eigen::Vector3f& half) {
   return b.take();
 }
 
-Facets piece_facets(const scene::ConvexHull& piece) {
+Facets hull_facets(const scene::ConvexHull& hull) {
   FacetBuilder b;
-  for (const scene::ConvexHull::Face& face : piece.faces) b.add(face.normal, face.offset);
+  for (const scene::ConvexHull::Face& face : hull.faces) b.add(face.normal, face.offset);
   return b.take();
 }
 
@@ -39,9 +39,9 @@ Facets piece_facets(const scene::ConvexHull& piece) {
 Polyhedron polyhedron_of(const scene::ObjectSpec& object) {
   Polyhedron all{object.solid.get(), {}};
   if (object.solid)
-    for (const scene::ConvexHull& piece : object.solid->hulls) all.pieces.push_back(piece_facets(piece));
+    for (const scene::ConvexHull& hull : object.solid->hulls) all.hulls.push_back(hull_facets(hull));
   else
-    all.pieces.push_back(box_facets(object.half_extents().cast<float>()));
+    all.hulls.push_back(box_facets(object.half_extents().cast<float>()));
   return all;
 }
 

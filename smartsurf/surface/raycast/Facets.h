@@ -1,4 +1,4 @@
-// Faces of boxes and convex pieces in structure-of-arrays blocks, for SIMD ray casts.
+// Faces of boxes and convex hulls in structure-of-arrays blocks, for SIMD ray casts.
 #pragma once
 
 #include <vector>
@@ -15,13 +15,13 @@ struct FacetBlock {
   float offset[kLanes] = {1, 1, 1, 1, 1, 1, 1, 1};
 };
 
-// All faces of one convex piece.
+// All faces of one convex hull.
 using Facets = std::vector<FacetBlock>;
 
-// A box or a solid as a union of convex pieces.
+// A box or a solid as a union of convex hulls.
 struct Polyhedron {
-  const scene::Solid* solid;   // null for a box
-  std::vector<Facets> pieces;  // convex
+  const scene::Solid* solid;  // null for a box
+  std::vector<Facets> hulls;  // convex
 };
 Polyhedron polyhedron_of(const scene::ObjectSpec&);
 

@@ -45,12 +45,11 @@ void RayBodies::update(const scene::Snapshot& snapshot, std::span<const scene::O
   sort_north_to_south(snapshot);
   clusters_.resize((bodies_.size() + kClusterSize - 1) / kClusterSize);
   // In output order, so that each thread writes a contiguous range.
-  pool.parallel_for_rows(
-      static_cast<int>(clusters_.size()), kBodyUpdateCost_ns * static_cast<double>(snapshot.object_count()),
-      [this, &snapshot](int begin, int end) {
-        for (auto b = static_cast<std::size_t>(begin); b < static_cast<std::size_t>(end); ++b)
-          update_cluster(snapshot, b);
-      });
+  pool.parallel_for_rows(static_cast<int>(clusters_.size()),
+                         kBodyUpdateCost_ns * static_cast<double>(snapshot.object_count()),
+                         [this, &snapshot](int begin, int end) {
+                           for (int b = begin; b < end; ++b) update_cluster(snapshot, b);
+                         });
 }
 
 // Objects share the polyhedron of a solid.

@@ -28,7 +28,7 @@ struct RayBody {
   Eigen::Matrix3f to_local;      // rotation from world to object axes; undefined for a sphere
   const Polyhedron* polyhedron;  // of a box or a solid; undefined for other shapes
 
-  // Whether the pose was not finite. Rays never hit such a body.
+  // True if the pose was not finite. Rays never hit such a body.
   bool is_invalid() const { return !(aabb_half_x >= 0.0F); }
 };
 

@@ -20,7 +20,7 @@ using Scalar = hn::CappedTag<float, 1>;
 // The rays of cells contiguous in memory.
 struct RaySpan {
   const float* x;
-  // Null if one value holds for all cells: y0, the job's direction, height 0.
+  // A null array stands for one value of all cells: y0, the job's direction, height 0.
   const float *y = nullptr, *dx = nullptr, *dy = nullptr, *height = nullptr;
   float y0 = 0.0F;
   float *distance, *tag;
@@ -97,7 +97,7 @@ HWY_INLINE bool cast_to_shape(const RayCastJob& job, const RaySpan& rays, int i,
   return any_hit;
 }
 
-// Whether vertical rays may hit the body closer than their previous hits. Upward rays whose range or previous
+// True if vertical rays may hit the body closer than their previous hits. Upward rays whose range or previous
 // hit ends below the body cannot.
 template <class D>
 HWY_INLINE bool may_hit_closer(const RayCastJob& job, const RaySpan& rays, int i, const RayBody& body) {

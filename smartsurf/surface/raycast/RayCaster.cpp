@@ -37,11 +37,10 @@ RayCaster::RayCaster(const Field& field, const CellRay& ray)
       blocks_((field.columns + kBlock - 1) / kBlock),
       pitch_(field.pitch),
       ray_(ray),
-      distance_(static_cast<std::size_t>(field.cells()), ray.range),
+      distance_(field.cells(), ray.range),
       tag_(kTagPadding + distance_.size(), 0.0F),
-      dirty_blocks_(static_cast<std::size_t>(rows_) * static_cast<std::size_t>(blocks_),
-                    field.is_rectangular() ? 0 : 1),
-      row_min_height_(static_cast<std::size_t>(rows_)),
+      dirty_blocks_(rows_ * blocks_, field.is_rectangular() ? 0 : 1),
+      row_min_height_(rows_),
       row_max_height_(row_min_height_.size()) {
   if (!field.is_rectangular()) {
     build_strips(field);
@@ -63,7 +62,7 @@ double RayCaster::cost_ns(std::size_t bodies) const noexcept {
   return kBodyCost_ns * static_cast<double>(bodies) + kPinCost_ns * pins;
 }
 
-// Whether the ray never descends below the top of its own cell.
+// True if the ray never descends below the top of its own cell.
 bool RayCaster::clears_own_pin() const noexcept {
   return ray_.from_top && ray_.direction.z() >= 0.0F && ray_.origin.z() >= 0.0F;
 }
@@ -127,8 +126,8 @@ void RayCaster::cast(const RayBodies& bodies, std::span<const float> tags, float
   const int bands = pool.thread_count();
   partition_rows(bodies, bands);
   const auto cast_bands = [this, &params](int begin, int end) {
-    const int first_row = band_first_row_[static_cast<std::size_t>(begin)];
-    const int end_row = band_first_row_[static_cast<std::size_t>(end)];
+    const int first_row = band_first_row_[begin];
+    const int end_row = band_first_row_[end];
     const auto prepare = [this, &params, end_row](int first, int last) {
       clear_rows(first, last, end_row);
       cast_rows_to_pins(params, first, last);
@@ -143,7 +142,7 @@ void RayCaster::cast(const RayBodies& bodies, std::span<const float> tags, float
 
 // The bodies are sorted from north to south, so the cost down to a row follows from a binary search.
 void RayCaster::partition_rows(std::span<const RayBody> bodies, int bands) {
-  band_first_row_.assign(static_cast<std::size_t>(bands) + 1, rows_);
+  band_first_row_.assign(bands + 1, rows_);
   band_first_row_.front() = 0;
   const double row_ns = (kEmptyCellCost_ns + kPinCost_ns * static_cast<double>(pin_steps_.size())) * columns_;
   const auto cost_to = [&](int row) {
@@ -162,21 +161,21 @@ void RayCaster::partition_rows(std::span<const RayBody> bodies, int bands) {
       else
         end = middle;
     }
-    band_first_row_[static_cast<std::size_t>(band)] = first;
+    band_first_row_[band] = first;
   }
 }
 
 void RayCaster::update_row_height_bounds(const float* height, int begin, int end) noexcept {
   for (int r = begin; r < end; ++r) {
-    const float* const h = height + static_cast<std::ptrdiff_t>(r) * columns_;
+    const float* const h = height + r * columns_;
     float low = kFar, high = -kFar;
     for (int c = 0; c < columns_; ++c) {
       const float present_height = h[c] > -kFar ? h[c] : kFar;
       low = present_height < low ? present_height : low;
       high = h[c] > high ? h[c] : high;
     }
-    row_min_height_[static_cast<std::size_t>(r)] = low;
-    row_max_height_[static_cast<std::size_t>(r)] = high;
+    row_min_height_[r] = low;
+    row_max_height_[r] = high;
   }
 }
 
@@ -184,8 +183,8 @@ void RayCaster::update_row_height_bounds(const float* height, int begin, int end
 template <class Use>
 void RayCaster::for_each_dirty_block(int row, Use visit) noexcept {
   constexpr std::size_t kWordBytes = sizeof(std::uint64_t);
-  const auto blocks = static_cast<std::size_t>(blocks_);
-  const std::uint8_t* const dirty = dirty_blocks_.data() + static_cast<std::size_t>(row) * blocks;
+  const std::size_t blocks = blocks_;
+  const std::uint8_t* const dirty = dirty_blocks_.data() + row * blocks;
   for (std::size_t b = 0; b < blocks;) {
     std::uint64_t next = 1;
     if (b + kWordBytes <= blocks) std::memcpy(&next, dirty + b, kWordBytes);
@@ -199,20 +198,20 @@ void RayCaster::for_each_dirty_block(int row, Use visit) noexcept {
 void RayCaster::clear_rows(int begin, int end, int band_end) noexcept {
   constexpr int kPrefetchRows = 2;  // covers about one memory latency
   for (int r = begin; r < end; ++r) {
-    const std::size_t row = static_cast<std::size_t>(r) * static_cast<std::size_t>(columns_);
+    const std::size_t columns = columns_, row = r * columns;
     if (r + kPrefetchRows < band_end) {
-      const std::size_t prefetch_row = row + kPrefetchRows * static_cast<std::size_t>(columns_);
+      const std::size_t prefetch_row = row + kPrefetchRows * columns;
       for_each_dirty_block(r + kPrefetchRows, [this, prefetch_row](std::size_t b) {
         hwy::Prefetch(&distance_[prefetch_row + b * kBlock]);
         hwy::Prefetch(tag_data() + prefetch_row + b * kBlock);
       });
     }
-    std::uint8_t* const dirty = dirty_blocks_.data() + static_cast<std::ptrdiff_t>(r) * blocks_;
-    for_each_dirty_block(r, [this, row, dirty](std::size_t b) {
+    std::uint8_t* const dirty = dirty_blocks_.data() + r * blocks_;
+    for_each_dirty_block(r, [this, row, columns, dirty](std::size_t b) {
       if ((dirty[b] & 1) != 0) {
         const std::size_t first = b * kBlock;
-        const std::size_t count = std::min<std::size_t>(kBlock, static_cast<std::size_t>(columns_) - first);
-        std::fill_n(distance_.begin() + static_cast<std::ptrdiff_t>(row + first), count, ray_.range);
+        const std::size_t count = std::min<std::size_t>(kBlock, columns - first);
+        std::fill_n(distance_.data() + row + first, count, ray_.range);
         std::fill_n(tag_data() + row + first, count, 0.0F);
       }
       dirty[b] = static_cast<std::uint8_t>((dirty[b] & 1) << 1);
@@ -224,18 +223,17 @@ void RayCaster::cast_rows_to_pins(const CastParams& params, int begin, int end) 
   const float dz = ray_.direction.z(), origin_z = ray_.origin.z();
   for (int r = begin; r < end; ++r) {
     bool any_hit = false;
-    const std::ptrdiff_t row = static_cast<std::ptrdiff_t>(r) * columns_;
-    const float min_start_z =
-        origin_z + (ray_.from_top ? row_min_height_[static_cast<std::size_t>(r)] : 0.0F);
+    const int row = r * columns_;
+    const float min_start_z = origin_z + (ray_.from_top ? row_min_height_[r] : 0.0F);
     for (const PinStep& step : pin_steps_) {
       if (dz >= 0.0F && !(min_start_z + dz * step.t_enter < params.max_pin_height))
         break;  // the ray is above all pins from here on
       const int pin_row = r + step.row_offset;
       if (pin_row < 0 || pin_row >= rows_) continue;
       const float rise = dz * (dz < 0.0F ? step.t_exit : step.t_enter);
-      if (!(min_start_z + rise < row_max_height_[static_cast<std::size_t>(pin_row)])) continue;
+      if (!(min_start_z + rise < row_max_height_[pin_row])) continue;
       const int first = std::max(0, -step.column_offset), last = columns_ - std::max(0, step.column_offset);
-      const float* const pins = params.height + static_cast<std::ptrdiff_t>(pin_row) * columns_;
+      const float* const pins = params.height + pin_row * columns_;
       const PinRowRays pin_row_rays{ray_.from_top ? params.height + row + first : nullptr,
                                     origin_z,
                                     pins + first + step.column_offset,
@@ -245,7 +243,7 @@ void RayCaster::cast_rows_to_pins(const CastParams& params, int begin, int end) 
       any_hit |= cast_to_pins(pin_row_rays, step, dz, ray_.range, params.pin_tag);
     }
     if (any_hit)
-      for (int b = 0; b < blocks_; ++b) dirty_blocks_[static_cast<std::size_t>(r * blocks_ + b)] |= 1;
+      for (int b = 0; b < blocks_; ++b) dirty_blocks_[r * blocks_ + b] |= 1;
   }
 }
 

@@ -54,7 +54,7 @@ class RayCaster {
   void for_each_changed_span(int row_begin, int row_end, Use visit) const {
     for (int r = row_begin; r < row_end; ++r)
       for (int b = 0; b < blocks_; ++b)
-        if (dirty_blocks_[static_cast<std::size_t>(r * blocks_ + b)] != 0) {
+        if (dirty_blocks_[r * blocks_ + b] != 0) {
           const int first = r * columns_ + b * kBlock;
           visit(first, std::min(first + kBlock, (r + 1) * columns_));
         }
@@ -95,7 +95,7 @@ class RayCaster {
   CacheAlignedVector<float> distance_, tag_;
   // Per block. Bit 0: written by the last cast; bit 1: by the one before.
   std::vector<std::uint8_t> dirty_blocks_;
-  std::vector<PinStep> pin_steps_;  // pins that a ray passes, ordered by t_enter
+  std::vector<PinStep> pin_steps_;                      // pins that a ray passes, ordered by t_enter
   std::vector<float> row_min_height_, row_max_height_;  // of the existing cells in each row
   std::vector<int> band_first_row_;                     // bands + 1
 

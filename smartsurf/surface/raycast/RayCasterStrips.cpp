@@ -48,13 +48,10 @@ void RayCaster::build_strips(const Field& field) {
   // Sort the cells by strip, then by x.
   s.cell.resize(cells);
   std::iota(s.cell.begin(), s.cell.end(), 0);
-  std::ranges::stable_sort(s.cell, [&](int a, int b) {
-    const auto i = static_cast<std::size_t>(a), j = static_cast<std::size_t>(b);
-    return strip[i] != strip[j] ? strip[i] < strip[j] : x[i] < x[j];
-  });
+  std::ranges::stable_sort(
+      s.cell, [&](int a, int b) { return strip[a] != strip[b] ? strip[a] < strip[b] : x[a] < x[b]; });
   s.first.assign(strips + 1, 0);
-  for (const int cell : s.cell) {
-    const auto i = static_cast<std::size_t>(cell);
+  for (const int i : s.cell) {
     const PlanarRotation rotation(angle_of(field, i));
     s.x.push_back(x[i]);
     s.y.push_back(y[i]);
@@ -91,8 +88,8 @@ void RayCaster::build_pin_intervals(const Field& field) {
       if (south > high_y || south + s.height < low_y) continue;
       const auto from = s.x.begin() + s.first[strip], to = s.x.begin() + s.first[strip + 1];
       for (auto it = std::lower_bound(from, to, low_x); it != to && *it <= high_x; ++it) {
-        const int cell = s.cell[static_cast<std::size_t>(it - s.x.begin())];
-        const auto i = static_cast<std::size_t>(cell);
+        const int cell = s.cell[it - s.x.begin()];
+        const std::size_t i = cell;
         if (cell == s.cell[k] && clears_own_pin()) continue;
         const PlanarRotation to_pin_frame(-angle_of(field, i));
         const float px = s.x[k] - field.x[i], py = s.y[k] - field.y[i];
@@ -117,25 +114,25 @@ void RayCaster::cast_strips(CastParams& params, common::ThreadPool& pool) {
   job.distance = strip_distance_.data();
   job.tag = strip_tag_.data();
   const double cost = cost_ns(job.bodies.size()) + kGatherCost_ns * static_cast<double>(distance_.size());
-  pool.parallel_for_rows(
-      static_cast<int>(strips_->first.size()) - 1, cost, [this, &params](int begin, int end) {
-        const StripLayout& s = *strips_;
-        const auto first = static_cast<std::size_t>(s.first[static_cast<std::size_t>(begin)]);
-        const auto last = static_cast<std::size_t>(s.first[static_cast<std::size_t>(end)]);
-        // Gather the cells in strip order and test their pins.
-        for (std::size_t k = first; k < last; ++k) {
-          strip_height_[k] = params.height[s.cell[k]];
-          strip_distance_[k] = ray_.range;
-          strip_tag_[k] = 0.0F;
-          if (!first_pin_interval_.empty()) cast_cell_to_pins(params, k);
-        }
-        cast_rows(params.job, begin, end, [](int, int) {});
-        // Scatter the results to field order.
-        for (std::size_t k = first; k < last; ++k) {
-          distance_[static_cast<std::size_t>(s.cell[k])] = strip_distance_[k];
-          tag_data()[s.cell[k]] = strip_tag_[k];
-        }
-      });
+  pool.parallel_for_rows(static_cast<int>(strips_->first.size()) - 1, cost,
+                         [this, &params](int begin, int end) {
+                           const StripLayout& s = *strips_;
+                           const std::size_t first = s.first[begin];
+                           const std::size_t last = s.first[end];
+                           // Gather the cells in strip order and test their pins.
+                           for (std::size_t k = first; k < last; ++k) {
+                             strip_height_[k] = params.height[s.cell[k]];
+                             strip_distance_[k] = ray_.range;
+                             strip_tag_[k] = 0.0F;
+                             if (!first_pin_interval_.empty()) cast_cell_to_pins(params, k);
+                           }
+                           cast_rows(params.job, begin, end, [](int, int) {});
+                           // Scatter the results to field order.
+                           for (std::size_t k = first; k < last; ++k) {
+                             distance_[s.cell[k]] = strip_distance_[k];
+                             tag_data()[s.cell[k]] = strip_tag_[k];
+                           }
+                         });
 }
 
 // cast_to_pins() for one cell.
@@ -144,7 +141,7 @@ void RayCaster::cast_cell_to_pins(const CastParams& params, std::size_t k) noexc
   const float start = ray_.origin.z() + (ray_.from_top ? strip_height_[k] : 0.0F);
   const float dz = ray_.direction.z();
   for (int i = first_pin_interval_[k]; i < first_pin_interval_[k + 1]; ++i) {
-    const PinInterval& p = pin_intervals_[static_cast<std::size_t>(i)];
+    const PinInterval& p = pin_intervals_[i];
     const float pin_height = params.height[p.cell];
     float t_hit = p.t_enter;
     if (!(start + dz * p.t_enter < pin_height)) {

@@ -161,15 +161,15 @@ HWY_INLINE Interval<D> intersect_cone(const RayPacket<D>& ray, const Eigen::Vect
 }
 
 template <class D>
-HWY_INLINE Interval<D> intersect_convex_piece(const RayPacket<D>& ray, const scene::ConvexHull& piece) {
+HWY_INLINE Interval<D> intersect_hull(const RayPacket<D>& ray, const scene::ConvexHull& hull) {
   auto t = Interval<D>::whole();
   const auto splat = [](float v) { return hn::Set(D(), v); };
-  clip_slab<D>(t, ray.ox, ray.dx, splat(piece.bounds_min.x()), splat(piece.bounds_max.x()));
-  clip_slab<D>(t, ray.oy, ray.dy, splat(piece.bounds_min.y()), splat(piece.bounds_max.y()));
-  clip_slab<D>(t, ray.oz, ray.dz, splat(piece.bounds_min.z()), splat(piece.bounds_max.z()));
+  clip_slab<D>(t, ray.ox, ray.dx, splat(hull.bounds_min.x()), splat(hull.bounds_max.x()));
+  clip_slab<D>(t, ray.oy, ray.dy, splat(hull.bounds_min.y()), splat(hull.bounds_max.y()));
+  clip_slab<D>(t, ray.oz, ray.dz, splat(hull.bounds_min.z()), splat(hull.bounds_max.z()));
   if (hn::AllFalse(D(), hn::Le(t.low, t.high))) return t;
   const auto far = hn::Set(D(), Interval<D>::kInfinity);
-  for (const scene::ConvexHull::Face& f : piece.faces) {
+  for (const scene::ConvexHull::Face& f : hull.faces) {
     const auto nx = splat(f.normal.x()), ny = splat(f.normal.y()), nz = splat(f.normal.z());
     const auto rate = dot<D>(nx, ny, nz, ray.dx, ray.dy, ray.dz);
     const auto clearance = hn::Sub(splat(f.offset), dot<D>(nx, ny, nz, ray.ox, ray.oy, ray.oz));
@@ -183,7 +183,7 @@ HWY_INLINE Interval<D> intersect_convex_piece(const RayPacket<D>& ray, const sce
   return t;
 }
 
-// Calls on_interval(interval) for each convex piece of the body.
+// Calls on_interval(interval) for each convex hull of the body.
 template <class D, class Meet>
 HWY_INLINE void intersect_body(const RayBody& body, const RayPacket<D>& ray, Meet on_interval) {
   switch (body.shape) {
@@ -198,8 +198,8 @@ HWY_INLINE void intersect_body(const RayBody& body, const RayPacket<D>& ray, Mee
     case scene::ShapeKind::kCone:
       return on_interval(intersect_cone<D>(ray, body.dimensions));
     case scene::ShapeKind::kSolid:
-      for (const scene::ConvexHull& piece : body.polyhedron->solid->hulls)
-        on_interval(intersect_convex_piece<D>(ray, piece));
+      for (const scene::ConvexHull& hull : body.polyhedron->solid->hulls)
+        on_interval(intersect_hull<D>(ray, hull));
   }
 }
 

@@ -113,7 +113,7 @@ int vector_window(const ColumnRange& all, int lanes, int columns) {
   return std::min(std::max(first, 0), columns - lanes);
 }
 
-// Vertical rays against a convex piece, over one vector of columns.
+// Vertical rays against a convex hull, over one vector of columns.
 template <class D>
 void cast_vertical_to_facet_window(const RayCastJob& job, const RayBody& b, float tag, int r0, int r1,
                                    int column, VerticalFacets& facets) {
@@ -140,8 +140,8 @@ template <class D>
 void cast_vertical_to_facets(const RayCastJob& job, const RayBody& b, float tag, int r0, int r1,
                              const ColumnRange& all) {
   const int lanes = static_cast<int>(hn::Lanes(D()));
-  for (const Facets& piece : b.polyhedron->pieces) {
-    VerticalFacets facets(piece, b.to_local);
+  for (const Facets& hull : b.polyhedron->hulls) {
+    VerticalFacets facets(hull, b.to_local);
     for (int c = all.first; c < all.end; c += lanes)
       cast_vertical_to_facet_window<D>(job, b, tag, r0, r1, vector_window({c, all.end}, lanes, job.columns),
                                        facets);
@@ -150,8 +150,8 @@ void cast_vertical_to_facets(const RayCastJob& job, const RayBody& b, float tag,
 
 bool has_vertical_facets(const RayBody& b) {
   return (b.shape == scene::ShapeKind::kBox || b.shape == scene::ShapeKind::kSolid) &&
-         std::ranges::all_of(b.polyhedron->pieces,
-                             [](const Facets& piece) { return VerticalFacets::fits(piece); });
+         std::ranges::all_of(b.polyhedron->hulls,
+                             [](const Facets& hull) { return VerticalFacets::fits(hull); });
 }
 
 // Tracks the rows of a band that are prepared, in order.
@@ -214,8 +214,7 @@ void cast_strips(const RayCastJob& job, const RayBody& b, float tag, int begin, 
   const int s0 = std::max(begin, first_index_from((ys.low - s.south) / s.height - 1.0F, strips));
   const int s1 = std::min(end, end_index_at((ys.high - s.south) / s.height, strips));
   for (int strip = s0; strip < s1; ++strip) {
-    const int first = s.first[static_cast<std::size_t>(strip)],
-              last = s.first[static_cast<std::size_t>(strip) + 1];
+    const int first = s.first[strip], last = s.first[strip + 1];
     const float* const x = s.x.data() + first;
     const int count = last - first;
     const int c0 = static_cast<int>(std::lower_bound(x, x + count, xs.low) - x);

@@ -1,4 +1,4 @@
-// Intersects vertical lines with a convex piece: a line is inside between the highest plane that faces down
+// Intersects vertical lines with a convex hull: a line is inside between the highest plane that faces down
 // and the lowest that faces up. RayKernels.cpp includes this file once per instruction set, hence no include
 // guard. Uses IEEE operations without fused multiply-add only, so that results are bit-identical for any
 // number of lanes.
@@ -15,7 +15,7 @@ namespace {
 
 namespace hn = hwy::HWY_NAMESPACE;
 
-// The planes of one piece in world orientation, relative to the body's centre. Floors face down, roofs face
+// The planes of one hull in world orientation, relative to the body's centre. Floors face down, roofs face
 // up, walls are vertical.
 class VerticalFacets {
  public:
@@ -41,7 +41,7 @@ class VerticalFacets {
     }
   }
 
-  // Returns the z interval inside the piece at this y. Empty if low > high.
+  // Returns the z interval inside the hull at this y. Empty if low > high.
   template <class D, class V = hn::Vec<D>>
   HWY_INLINE void intersect_row(float y, V& low, V& high) const {
     const D d;

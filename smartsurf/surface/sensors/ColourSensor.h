@@ -3,26 +3,52 @@
 
 #include <vector>
 
-#include "common/threads/ThreadPool.h"
 #include "smartsurf/surface/sensors/Sensor.h"
 
 namespace smartsurf::surface {
 
 // Colour of pins: light grey.
 inline constexpr scene::Colour kPinColour{0.7F, 0.7F, 0.7F};
-// Tag of a ray that hits a pin; objects have positive tags, a miss has 0.
+// Tag of a ray that hits a pin; a hit object's is 1 + its index in the snapshot, a miss has 0.
 inline constexpr float kPinTag = -1.0F;
+
+inline scene::Colour colour_of_tag(float tag, const SensorInput& input) {
+  if (tag == kPinTag) return kPinColour;
+  if (tag <= 0.0F) return {0.0F, 0.0F, 0.0F};
+  return input.catalogue[input.snapshot.id[static_cast<std::size_t>(tag) - 1]].colour;
+}
 
 class ColourSensor final : public Sensor {
  public:
-  ColourSensor(const Field&, const scene::SensorSpec&);
+  ColourSensor(const Field& field, const scene::SensorSpec& spec)
+      : ray_caster_(field, cell_ray_of(spec)),
+        rows_(field.rows),
+        cells_(field.cells()),
+        planes_(3 * cells_, 0.0F) {}
 
-  void sense(const SensorInput&, common::ThreadPool&) override;
+  void sense(const SensorInput& input, common::ThreadPool& pool) override {
+    ray_caster_.cast(input.bodies, snapshot_index_tags(input.bodies, tags_), kPinTag, input.snapshot.height,
+                     pool);
+    pool.parallel_for_rows(
+        rows_, ray_caster_.cost_ns(input.bodies.size()), [this, &input](int begin, int end) {
+          ray_caster_.for_each_changed_span(
+              begin, end, [this, &input](int first, int last) { write_colours(input, first, last); });
+        });
+  }
+
   // Red, green and blue (sRGB) in [0, 1], one plane each; black without a hit.
   std::span<const float> values(int /*channel*/) const noexcept override { return planes_; }
 
  private:
-  void write_colours(const SensorInput&, int first, int last) noexcept;
+  void write_colours(const SensorInput& input, int first, int last) noexcept {
+    for (int i = first; i < last; ++i) {
+      const float tag = ray_caster_.tag()[i];
+      const scene::Colour colour = colour_of_tag(tag, input);
+      planes_[i] = colour.r;
+      planes_[cells_ + i] = colour.g;
+      planes_[2 * cells_ + i] = colour.b;
+    }
+  }
 
   RayCaster ray_caster_;
   int rows_;

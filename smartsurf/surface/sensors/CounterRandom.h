@@ -12,7 +12,10 @@ namespace smartsurf::surface {
 class CounterRandom {
  public:
   CounterRandom(std::uint64_t seed, std::uint64_t stream, std::uint64_t tick) noexcept
-      : key_(mix(mix(mix(seed + kGamma) + stream + kGamma) + tick + kGamma)) {}
+      : key_(splitmix64(splitmix64(splitmix64(seed) + stream) + tick)) {}
+
+  // One step of SplitMix64 from the state z, also a hash of z.
+  static std::uint64_t splitmix64(std::uint64_t z) noexcept { return mix(z + kGamma); }
 
   // 64 random bits: SplitMix64 at position `index` (Steele, Lea, Flood: Fast Splittable Pseudorandom Number
   // Generators, OOPSLA 2014).

@@ -4,7 +4,6 @@
 #include <algorithm>
 #include <vector>
 
-#include "common/threads/ThreadPool.h"
 #include "smartsurf/surface/sensors/Sensor.h"
 
 namespace smartsurf::surface {
@@ -13,7 +12,7 @@ class JointPositionSensor final : public Sensor {
  public:
   JointPositionSensor(const Field& field, const scene::SensorSpec& spec)
       : range_(static_cast<float>(spec.number("range"))),
-        position_(scene::kMaxJoints * static_cast<std::size_t>(field.cells()), 0.0F) {}
+        position_(scene::kMaxJoints * field.cells(), 0.0F) {}
 
   void sense(const SensorInput& input, common::ThreadPool&) override {
     const std::vector<float>& truth = input.snapshot.joint_position;

@@ -3,7 +3,6 @@
 
 #include <vector>
 
-#include "common/threads/ThreadPool.h"
 #include "smartsurf/surface/sensors/Sensor.h"
 
 namespace smartsurf::surface {

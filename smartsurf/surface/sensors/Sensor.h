@@ -23,9 +23,9 @@ struct SensorInput {
   // Normal impulse on each cell during the tick: rows × columns, mass·u/s. Empty unless a sensor
   // needs_impulses().
   std::span<const float> impulse;
-  // The same for the tips of delta robots, friction included. Empty without such tips.
+  // Impulse on each tip of a delta robot during the tick, friction included. Empty without such tips.
   std::span<const Eigen::Vector3f> tip_impulse;
-  // Of a skin: downward impulse on each node during the tick, mass·u/s. Empty without one.
+  // Downward impulse on each node of the skin during the tick, mass·u/s. Empty without a skin.
   std::span<const float> skin_impulse;
   double period_s;  // duration of a tick
 };
@@ -45,11 +45,11 @@ class Sensor {
   // row-major, row 0 north, within the channel's range. The span stays valid for the sensor's lifetime.
   virtual std::span<const float> values(int channel) const noexcept = 0;
 
-  // Saves or restores the state that does not follow from the latest snapshot. Called after a sense() with that
-  // snapshot and without impulses.
+  // Saves or restores the state that does not follow from the latest snapshot. Called after a sense() with
+  // that snapshot and without impulses.
   virtual void archive(common::StateArchive&) {}
 
-  // Whether sense() reads SensorInput::impulse, tip_impulse or skin_impulse.
+  // True if sense() reads SensorInput::impulse, tip_impulse or skin_impulse.
   virtual bool needs_impulses() const noexcept { return false; }
 };
 

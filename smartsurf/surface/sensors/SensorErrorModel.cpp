@@ -45,7 +45,7 @@ SensorErrorModel::SensorErrorModel(const scene::SensorSpec& spec, const scene::S
                                    const FaultMap& map)
     : rows_(scene.surface.rows),
       columns_(scene.surface.columns),
-      cells_(static_cast<std::size_t>(scene.surface.cell_count())),
+      cells_(scene.surface.cell_count()),
       period_s_(scene.world.control_period_s),
       seed_(scene.world.seed) {
   const scene::ParameterValues& shared_values = scene.surface.faults.sensor_errors;
@@ -80,11 +80,10 @@ SensorErrorModel::SensorErrorModel(const scene::SensorSpec& spec, const scene::S
 // Allocates everything that apply() needs.
 void SensorErrorModel::allocate_buffers() {
   for (ChannelState& c : channels_) {
-    const std::size_t numbers = cells_ * static_cast<std::size_t>(c.description.components);
+    const std::size_t numbers = cells_ * c.description.components;
     c.readings.resize(numbers);
     if (drift_ > 0.0 && !c.description.is_exact) c.drift.assign(numbers, 0.0F);
-    if (latency_ > 0)
-      c.delay_line.assign(static_cast<std::size_t>(latency_) + 1, std::vector<float>(numbers));
+    if (latency_ > 0) c.delay_line.assign(latency_ + 1, std::vector<float>(numbers));
   }
 }
 
@@ -142,14 +141,14 @@ void SensorErrorModel::load_fault_map(const FaultMap& map) {
 
 // An entry without a channel applies to actuators as well, so faults unknown to sensors are ignored in it.
 void SensorErrorModel::apply_fault(const FaultMap& map, const FaultEntry& entry, ChannelState& c) {
-  const auto cell = static_cast<std::size_t>(entry.row * columns_ + entry.column);
+  const int cell = entry.row * columns_ + entry.column;
   const std::string& fault = entry.fault;
   if (fault == "dead") return set_cell_fault(cell, c, CellState::kDead, 0.0);
   if (fault == "stuck_low") return set_cell_fault(cell, c, CellState::kStuck, measured_channel(c).minimum);
   if (fault == "stuck_high") return set_cell_fault(cell, c, CellState::kStuck, measured_channel(c).maximum);
   if (fault != "stuck" && fault != "gain" && fault != "offset") {
     if (entry.channel.empty()) return;
-    map.refuse_fault(entry, "a sensor", {"dead", "stuck", "stuck_low", "stuck_high", "gain", "offset"});
+    map.refuse_fault(entry, "a sensor", kSensorFaults);
   }
   if (!entry.value) map.refuse(entry, "fault " + quote(fault) + ": needs a value");
   if (fault == "stuck") return set_cell_fault(cell, c, CellState::kStuck, *entry.value);
@@ -166,8 +165,7 @@ void SensorErrorModel::set_calibration(std::size_t cell, const ChannelState& c, 
 void SensorErrorModel::load_calibration(const scene::CalibrationFile& file) {
   std::map<std::pair<std::size_t, std::string>, int> seen;
   for (const CsvRow& row : read_csv(file.name, file.text, "row,column,channel,gain,offset")) {
-    const auto cell =
-        static_cast<std::size_t>(row.index(0, "row", rows_) * columns_ + row.index(1, "column", columns_));
+    const std::size_t cell = row.index(0, "row", rows_) * columns_ + row.index(1, "column", columns_);
     const double gain = row.number(3, "gain"), offset = row.number(4, "offset");
     if (const auto [first, is_new] = seen.try_emplace({cell, row.text(2)}, row.line_number()); !is_new)
       row.refuse("the cell's channel is calibrated already, by line " + std::to_string(first->second));
@@ -200,9 +198,7 @@ void SensorErrorModel::apply(std::uint64_t tick, std::span<const std::span<const
   }
   const double cost_ns = kReadingCost_ns * static_cast<double>(cells_ * channels_.size());
   pool.parallel_for_rows(rows_, cost_ns, [this, tick](int begin, int end) {
-    const auto columns = static_cast<std::size_t>(columns_);
-    compute_readings(tick, static_cast<std::size_t>(begin) * columns,
-                     static_cast<std::size_t>(end) * columns);
+    compute_readings(tick, begin * columns_, end * columns_);
   });
 }
 
@@ -221,7 +217,7 @@ void SensorErrorModel::compute_readings(std::uint64_t tick, std::size_t first, s
 
 // A measured value at the limit of the range is no detection.
 void SensorErrorModel::compute_mask(std::size_t first, std::size_t last) noexcept {
-  ChannelState& mask = channels_[static_cast<std::size_t>(mask_)];
+  ChannelState& mask = channels_[mask_];
   const ChannelState& measured = channels_.front();
   const auto none = static_cast<float>(measured.description.no_detection);
   for (std::size_t cell = first; cell < last; ++cell)
@@ -240,7 +236,7 @@ void SensorErrorModel::compute_channel(std::uint64_t tick, ChannelState& c, std:
       drift_random(seed_, c.stream + kDrift, tick);
   const double drift_step = drift_ * std::sqrt(period_s_);
   const auto none = static_cast<float>(c.description.no_detection);
-  const ChannelState* const mask = mask_ < 0 ? nullptr : &channels_[static_cast<std::size_t>(mask_)];
+  const ChannelState* const mask = mask_ < 0 ? nullptr : &channels_[mask_];
   // A mask has no noise: its stream is free for the false hits.
   const CounterRandom false_hit_random(seed_, (mask == nullptr ? c : *mask).stream + kNoise, tick);
   for (std::size_t plane = 0; plane < c.readings.size(); plane += cells_)

@@ -26,7 +26,7 @@ class SensorErrorModel {
   // invalid calibration, or a map entry for one of the sensor's channels that is not a sensor fault.
   SensorErrorModel(const scene::SensorSpec&, const scene::SceneSpec&, const FaultMap&);
 
-  // Whether the sensor has any errors. If not, its readings are the true values, and apply() must not be
+  // True if the sensor has any errors. If not, its readings are the true values, and apply() must not be
   // called.
   bool is_active() const noexcept { return active_; }
 
@@ -34,9 +34,7 @@ class SensorErrorModel {
   // components × rows × columns. Does not allocate.
   void apply(std::uint64_t tick, std::span<const std::span<const float>> truth, common::ThreadPool&);
   // The readings after the last apply(): components × rows × columns, as in `truth`.
-  std::span<const float> values(int channel) const noexcept {
-    return channels_[static_cast<std::size_t>(channel)].readings;
-  }
+  std::span<const float> values(int channel) const noexcept { return channels_[channel].readings; }
 
   void archive(common::StateArchive& a) {
     for (ChannelState& c : channels_) a(c.drift, c.delay_line, c.readings);
@@ -66,9 +64,7 @@ class SensorErrorModel {
                        double value);
   void load_calibration(const scene::CalibrationFile&);
   void set_cell_fault(std::size_t cell, ChannelState&, CellState, double value);
-  bool is_mask(const ChannelState& c) const {
-    return mask_ >= 0 && &c == &channels_[static_cast<std::size_t>(mask_)];
-  }
+  bool is_mask(const ChannelState& c) const { return mask_ >= 0 && &c == &channels_[mask_]; }
   const scene::SensorChannel& measured_channel(const ChannelState&) const;
   void compute_readings(std::uint64_t tick, std::size_t first, std::size_t last) noexcept;
   void compute_channel(std::uint64_t tick, ChannelState&, std::size_t first, std::size_t last) noexcept;

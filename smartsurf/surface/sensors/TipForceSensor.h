@@ -4,7 +4,6 @@
 #include <algorithm>
 #include <vector>
 
-#include "common/threads/ThreadPool.h"
 #include "smartsurf/surface/sensors/Sensor.h"
 
 namespace smartsurf::surface {
@@ -12,8 +11,7 @@ namespace smartsurf::surface {
 class TipForceSensor final : public Sensor {
  public:
   TipForceSensor(const Field& field, const scene::SensorSpec& spec)
-      : max_force_(static_cast<float>(spec.number("range"))),
-        force_(3 * static_cast<std::size_t>(field.cells()), 0.0F) {}
+      : max_force_(static_cast<float>(spec.number("range"))), force_(3 * field.cells(), 0.0F) {}
 
   void sense(const SensorInput& input, common::ThreadPool&) override {
     const auto per_second = static_cast<float>(1.0 / input.period_s);

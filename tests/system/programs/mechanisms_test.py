@@ -177,7 +177,7 @@ class Mechanisms(ProgramTest):
         self.assertLess(distance, 1.0)
         self.assertGreater(height, 1.3)
 
-    def test_sheet_carries_apple_along_circle(self):
+    def test_skin_carries_apple_along_circle(self):
         turns, distance = self.run_example("skin", 15)
         self.assertGreater(turns, 0.8)
         self.assertGreater(distance, 1.0)

@@ -118,7 +118,7 @@ class Tasks(ProgramTest):
         self.assertLess(metrics["error_u"], 0.3)
         self.assertLess(metrics["angle_error_deg"], 5)
 
-    def test_apple_goes_round_on_a_soft_sheet(self):
+    def test_apple_goes_round_on_a_soft_skin(self):
         metrics = self.run_task("sheet_circle", 12)
         self.assertGreater(metrics["laps"], 0.5)
         self.assertGreaterEqual(metrics["hand_overs"], 2)

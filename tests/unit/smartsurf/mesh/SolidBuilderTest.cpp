@@ -87,12 +87,12 @@ TEST(MakeSolid, ReportsOrRejectsPoorApproximation) {
             "centre of mass by 0 % of the radius)");
   const std::string error = error_message_of([] {
     std::vector<std::string> none;
-    build_solid(torus(3.0, 1.0, 24, 12), {.pieces = 1}, none);
+    build_solid(torus(3.0, 1.0, 24, 12), {.max_hulls = 1}, none);
   });
   EXPECT_NE(error.find("more than the tolerance of 20 %: raise pieces = 1 or tolerance"), std::string::npos)
       << error;
   notes.clear();
-  EXPECT_EQ(build_solid(torus(3.0, 1.0, 24, 12), {.pieces = 1, .tolerance = 0.9}, notes).hulls.size(), 1U);
+  EXPECT_EQ(build_solid(torus(3.0, 1.0, 24, 12), {.max_hulls = 1, .tolerance = 0.9}, notes).hulls.size(), 1U);
 }
 
 TEST(MakeSolid, RejectsSheetsAndInvalidSizes) {

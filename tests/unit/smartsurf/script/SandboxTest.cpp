@@ -186,6 +186,27 @@ TEST_F(BudgetTest, LengthsFromMetamethodsAreChargedBeforeTheyAreBelieved) {
   EXPECT_EQ(error_of(huge + "table.unpack(huge)"), "t.lua:1: too many results to unpack");
 }
 
+// Lua's own functions ask for the length themselves, after it was charged.
+TEST_F(BudgetTest, LengthsFromMetamethodsAreAskedForOnce) {
+  for (const char* call : {"table.insert(liar, 1, 0)", "table.remove(liar, 1)", "table.concat(liar)"}) {
+    load_on_surface(
+        std::string("local asked = 0 local liar = setmetatable({}, {__index = type, __newindex = type, "
+                    "__len = function() asked = asked + 1 return asked == 1 and 3 or 1 << 22 end}) ") +
+        call + " print(asked)");
+    EXPECT_EQ(std::exchange(printed, ""), "1\n") << call;
+  }
+}
+
+TEST_F(SandboxTest, WrappedFunctionsAreNamedInMessages) {
+  EXPECT_EQ(error_of("table.insert(nil, 1)"),
+            "t.lua:1: bad argument #1 to 'insert' (table expected, got nil)");
+  EXPECT_EQ(error_of("table.insert({}, 3, 1)"),
+            "t.lua:1: bad argument #2 to 'insert' (position out of bounds)");
+  EXPECT_EQ(error_of("string.upper({})"), "t.lua:1: bad argument #1 to 'upper' (string expected, got table)");
+  EXPECT_EQ(error_of("table.concat({1, {}})"),
+            "t.lua:1: invalid value (table) at index 2 in table for 'concat'");
+}
+
 TEST_F(BudgetTest, ChargesWorkOnLongTablesAndStrings) {
   for (const char* statement :
        {"local t = {} for i = 1, 1e4 do t[i] = i end while true do table.insert(t, 1, 0) end",

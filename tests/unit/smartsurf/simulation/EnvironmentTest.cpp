@@ -84,7 +84,7 @@ end
 reward(function() return (object(0):position()) end)
 )"};
 
-// A taut sheet over pins, tiles and deltas, and an elastic one, with what they sense.
+// A taut skin over pins, tiles and deltas, and an elastic one, with what they sense.
 constexpr Script kTautSkin{"TautSkin", R"(
 surface { rows = 6, columns = 6, sensors = { skin_height { resolution = 2 }, skin_strain {}, skin_contact { resolution = 3 } },
           actuators = { t = tile { command = 'pose' }, p = pin { range = {0, 2} }, d = delta {} }, cells = { 'tp', 'pd' },

@@ -40,6 +40,19 @@ TEST(Page, IsSelfContained) {
   EXPECT_EQ(page.find("<link"), page.npos);
 }
 
+TEST(Page, FillsInDefaultsOfMechanisms) {
+  const OutputFolder out;
+  SyntheticRun run;
+  run.spec.surface.actuators = {scene::find_actuator_kind("pin")->default_spec(),
+                                scene::find_actuator_kind("delta")->default_spec()};
+  run.spec.surface.actuators[0].values["tip.shape"] = {1.0};  // a hemisphere
+  write_page(write_recording(out / "run.h5", run, 3), out / "run.html");
+  const std::string page = read_text(out / "run.html");
+  EXPECT_NE(page.find("\"tip\":{\"height\":0.4"), page.npos);
+  EXPECT_NE(page.find("\"arms\":{\"length\":2.0,\"radius\":0.5}"), page.npos);
+  EXPECT_NE(page.find("\"tip\":{\"length\":0.5,\"radius\":0.25}"), page.npos);
+}
+
 TEST(Page, EscapesHostileLabels) {
   const OutputFolder out;
   SyntheticRun run;
