@@ -29,7 +29,9 @@ struct Workload {
   }
   std::string name() const {
     return std::to_string(n) + "x" + std::to_string(n) + " " + std::to_string(objects) +
-           (shapes == Shapes::kHalfMixed ? " mixed" : shapes == Shapes::kBoxes ? " boxes" : "") +
+           (shapes == Shapes::kHalfMixed ? " mixed"
+            : shapes == Shapes::kBoxes   ? " boxes"
+                                         : "") +
            (field == Field::kStill     ? " still"
             : field == Field::kFalling ? " falling"
             : field == Field::kHeap    ? " heap"
