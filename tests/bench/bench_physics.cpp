@@ -29,6 +29,7 @@
 #include "tests/bench/BulletPins.h"
 #include "tests/bench/CommandLine.h"
 #include "tests/bench/ShapePenetration.h"
+#include "tests/bench/Timing.h"
 
 using namespace smartsurf;
 using namespace pin_scene;
@@ -80,17 +81,6 @@ class BusyProcesses {
  private:
   std::vector<pid_t> children_;
 };
-
-double measure_ms(const std::function<void()>& work) {
-  const auto start = std::chrono::steady_clock::now();
-  work();
-  return std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - start).count();
-}
-
-double median(std::vector<double> v) {
-  std::nth_element(v.begin(), v.begin() + static_cast<std::ptrdiff_t>(v.size() / 2), v.end());
-  return v[v.size() / 2];
-}
 
 struct Sphere {
   Eigen::Vector3d centre;
@@ -169,21 +159,22 @@ Result run_smartsurf(const Workload& w, const Options& options) {
       cpu_start = std::clock();
     }
     compute_targets(w, i * kStepSeconds, targets);
-    const double plan = measure_ms([&] {
+    const double plan = bench::elapsed_ms([&] {
       cells.set_targets(0, targets);
       cells.plan(kStepSeconds);
     });
-    const double physics = measure_ms([&] { world.step(); });
-    const double commit = measure_ms([&] { cells.commit(kStepSeconds); });
-    const double snapshot_time = measure_ms([&] { world.snapshot(snapshot); });
-    const double sensors = measure_ms([&] { sensing.sense(snapshot, spec.objects, pool); });
+    const double physics = bench::elapsed_ms([&] { world.step(); });
+    const double commit = bench::elapsed_ms([&] { cells.commit(kStepSeconds); });
+    const double snapshot_time = bench::elapsed_ms([&] { world.snapshot(snapshot); });
+    const double sensors = bench::elapsed_ms([&] { sensing.sense(snapshot, spec.objects, pool); });
     if (i < settling_count) continue;
     times.physics.push_back(physics);
     times.sensors.push_back(sensors);
     times.snapshot.push_back(snapshot_time);
     times.pins.push_back(plan + commit);
   }
-  Result r{median(times.physics), median(times.sensors), median(times.snapshot), median(times.pins)};
+  Result r{bench::median(times.physics), bench::median(times.sensors), bench::median(times.snapshot),
+           bench::median(times.pins)};
   r.cpu_ms = 1e3 * static_cast<double>(std::clock() - cpu_start) / CLOCKS_PER_SEC / options.steps;
   r.wall_s = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
   r.sleeping = world.sleeping_count();
@@ -213,13 +204,13 @@ Result run_peer(PinEngine& peer, const Workload& w, const Options& options) {
     cells.plan(kStepSeconds);
     cells.commit(kStepSeconds);
     heights = cells.field().height;
-    const double physics = measure_ms([&] { peer.step(heights); });
+    const double physics = bench::elapsed_ms([&] { peer.step(heights); });
     if (i < settling_count) continue;
     times.physics.push_back(physics);
-    times.sensors.push_back(measure_ms([&] { peer.sense(heights); }));
+    times.sensors.push_back(bench::elapsed_ms([&] { peer.sense(heights); }));
     spent_ms += physics + times.sensors.back();
   }
-  Result r{median(times.physics), median(times.sensors)};
+  Result r{bench::median(times.physics), bench::median(times.sensors)};
   r.cpu_ms = 1e3 * static_cast<double>(std::clock() - cpu_start) / CLOCKS_PER_SEC /
              static_cast<double>(times.physics.size());
   std::vector<Sphere> spheres;
