@@ -83,15 +83,19 @@ endfunction()
 # compiled in the least time.
 # SANITIZED: it leaves nothing out under AddressSanitizer and depends on no instruction set, and has the label `sanitized`:
 # scripts/test builds and runs it there alone, unless it is called without sanitizers.
+# UNSANITIZED: sanitizer builds leave it out, because its modules serve no other test and would take a tenth of the build.
 # THREADS: it runs threads inside one process, and has the label `threads`: what ThreadSanitizer runs.
 # LONG: a filter of the cases that simulate for seconds; AddressSanitizer leaves them out, since shorter ones run the same code.
 function(add_module_test name)
-  cmake_parse_arguments(T "OPTIMISED;SANITIZED;THREADS" "LABEL;LONG;TIMEOUT" "SOURCES;LIBS" ${ARGN})
+  cmake_parse_arguments(T "OPTIMISED;SANITIZED;UNSANITIZED;THREADS" "LABEL;LONG;TIMEOUT" "SOURCES;LIBS" ${ARGN})
   if(NOT T_LABEL)
     set(T_LABEL unit)
   endif()
   if(NOT T_TIMEOUT)
     set(T_TIMEOUT 120)
+  endif()
+  if(T_UNSANITIZED AND SMARTSURF_SANITIZE)
+    return()
   endif()
   add_executable(${name} ${T_SOURCES})
   if(T_LABEL MATCHES "unit|property")
