@@ -226,7 +226,7 @@ def main():
     if "mujoco" in how.who and not has_mujoco("bench_python"):
         how.who.remove("mujoco")
     try:
-        import shm_protocol
+        __import__("shm_protocol")
     except (ImportError, OSError) as error:
         if "surface" in how.who:
             print(f"bench_python: shm_protocol is left out: {error}", file=sys.stderr)
