@@ -37,7 +37,9 @@ endif()
 if(SMARTSURF_SANITIZE)
   target_compile_options(project_options INTERFACE -fsanitize=${SMARTSURF_SANITIZE} -fno-omit-frame-pointer
     -fno-sanitize-recover=all
-    -w   # with checks in the code GCC warns of what cannot happen; the other presets warn
+    # With checks in the code GCC warns of what cannot happen; the other presets warn. They leave out some unit tests, whose
+    # own code has few checks.
+    $<$<NOT:$<BOOL:$<TARGET_PROPERTY:IS_UNIT_TEST>>>:-w>
     # Register allocation by loop nests takes half of a vector kernel's compile time.
     $<$<CXX_COMPILER_ID:GNU>:-fira-region=one>)
   # Checks that AddressSanitizer covers are off, which saves a third of the compile time. Misaligned addresses can only
@@ -71,24 +73,41 @@ function(add_module program module)
       precompile(${target} precompiled_standard)
     endif()
   endif()
-  join_sources(${target})
+  cmake_language(EVAL CODE "cmake_language(DEFER CALL join_sources ${target})")  # once all of its sources are known
 endfunction()
 
-# add_module_test(<name> SOURCES … LIBS …): one GoogleTest program, registered with ctest under the label
-# "unit": case by case, or as a whole under AddressSanitizer. OPTIMISED: its own code compares millions of values,
-# or is one side of a race; that of the others does little, and is compiled in the least time. LONG: a filter of the cases
-# that simulate for seconds; AddressSanitizer leaves them out, since shorter ones run the same code.
+# add_module_test(<name> SOURCES … LIBS …): one GoogleTest program, registered with ctest under LABEL [unit]: a unit test and
+# whatever runs under AddressSanitizer as a whole, because processes take longer to start than most cases take, and others
+# case by case.
+# OPTIMISED: its own code compares millions of values, or is one side of a race; that of the others does little, and is
+# compiled in the least time.
+# SANITIZED: it leaves nothing out under AddressSanitizer and depends on no instruction set, and has the label `sanitized`:
+# scripts/test builds and runs it there alone, unless it is called without sanitizers.
+# UNSANITIZED: sanitizer builds leave it out, because its modules serve no other test and would take a tenth of the build.
+# THREADS: it runs threads inside one process, and has the label `threads`: what ThreadSanitizer runs.
+# LONG: a filter of the cases that simulate for seconds; AddressSanitizer leaves them out, since shorter ones run the same code.
 function(add_module_test name)
-  cmake_parse_arguments(T "OPTIMISED" "LABEL;LONG;TIMEOUT" "SOURCES;LIBS" ${ARGN})
+  cmake_parse_arguments(T "OPTIMISED;SANITIZED;UNSANITIZED;THREADS" "LABEL;LONG;TIMEOUT" "SOURCES;LIBS" ${ARGN})
   if(NOT T_LABEL)
     set(T_LABEL unit)
   endif()
   if(NOT T_TIMEOUT)
     set(T_TIMEOUT 120)
   endif()
+  if(T_UNSANITIZED AND SMARTSURF_SANITIZE)
+    return()
+  endif()
   add_executable(${name} ${T_SOURCES})
   if(T_LABEL MATCHES "unit|property")
     set_property(GLOBAL APPEND PROPERTY sanitized_tests ${name})
+  endif()
+  if(T_SANITIZED)
+    set_property(GLOBAL APPEND PROPERTY only_sanitized_tests ${name})
+    list(APPEND T_LABEL sanitized)
+  endif()
+  if(T_THREADS)
+    set_property(GLOBAL APPEND PROPERTY threaded_tests ${name})
+    list(APPEND T_LABEL threads)
   endif()
   target_link_libraries(${name} PRIVATE project_options ${T_LIBS} GTest::gtest GTest::gtest_main)
   if(NOT T_OPTIMISED)
@@ -102,10 +121,12 @@ function(add_module_test name)
     join_sources(${name})
   endif()
   if(SMARTSURF_SANITIZE MATCHES "address")
-    # Such a process takes longer to start and to look for leaks than most cases take.
-    add_test(NAME ${name} COMMAND ${name} "--gtest_filter=-${T_LONG}")
+    set(filter "--gtest_filter=-${T_LONG}")
+  endif()
+  if(T_LABEL MATCHES "unit" OR SMARTSURF_SANITIZE MATCHES "address")
+    add_test(NAME ${name} COMMAND ${name} ${filter})
     list(LENGTH T_SOURCES files)
-    set_tests_properties(${name} PROPERTIES LABELS ${T_LABEL} TIMEOUT 900 COST ${files})
+    set_tests_properties(${name} PROPERTIES LABELS "${T_LABEL}" TIMEOUT 900 COST ${files})
   else()
     gtest_discover_tests(${name} TEST_PREFIX "${name}." DISCOVERY_TIMEOUT 60
       PROPERTIES LABELS ${T_LABEL} TIMEOUT ${T_TIMEOUT})

@@ -86,9 +86,7 @@ btVector3 BulletPins::pin_position(int cell, float height) const {
 
 void BulletPins::step(const std::vector<float>& heights) {
   for (int i = 0; i < w_.n * w_.n; ++i)
-    if (!is_border(i))
-      pins_[static_cast<std::size_t>(i)]->getWorldTransform().setOrigin(
-          pin_position(i, heights[static_cast<std::size_t>(i)]));
+    if (!is_border(i)) pins_[i]->getWorldTransform().setOrigin(pin_position(i, heights[i]));
   world_.stepSimulation(static_cast<float>(kStepSeconds), 0);
 }
 
@@ -96,12 +94,12 @@ void BulletPins::sense(const std::vector<float>& heights) {
   distance_.resize(heights.size());
   for (int i = 0; i < w_.n * w_.n; ++i) {
     const auto x = static_cast<float>(i % w_.n), y = static_cast<float>(w_.n - 1 - i / w_.n);
-    const float z = heights[static_cast<std::size_t>(i)];
+    const float z = heights[i];
     const btVector3 from(x, y, z + 1e-3F), to(x, y, z + static_cast<float>(kSensorRange));
     btCollisionWorld::ClosestRayResultCallback ray(from, to);
     ray.m_collisionFilterGroup = kRays;
     ray.m_collisionFilterMask = kObjects;
     world_.rayTest(from, to, ray);
-    distance_[static_cast<std::size_t>(i)] = ray.hasHit() ? ray.m_closestHitFraction * 4.0F : -1.0F;
+    distance_[i] = ray.hasHit() ? ray.m_closestHitFraction * 4.0F : -1.0F;
   }
 }

@@ -1,12 +1,15 @@
-// MuJoCo's newest version with its default solver (Newton), implicitfast, constraint islands and multiccd: one
-// mocap box per pin and one ray per sensor. The pins of the workloads move vertically, so geom/surfacevel, which
-// is tangential, does not apply.
+// MuJoCo as its documentation advises for scenes with many contacts: the CG solver, Euler (nothing is damped), constraint
+// islands and multiccd; one mocap box per pin. A sensor is computed from the positions of the spheres, as a user of
+// MuJoCo would, because a ray per pin searches all geoms. The pins of the workloads move vertically, so geom/surfacevel,
+// which is tangential, does not apply.
 #include "tests/bench/PinEngine.h"
 
 #ifdef BENCH_MUJOCO
 
 #include <fmt/format.h>
 
+#include <algorithm>
+#include <cmath>
 #include <cstdio>
 #include <map>
 #include <stdexcept>
@@ -55,13 +58,13 @@ std::string to_geom(const smartsurf::scene::ObjectSpec& o,
   }
 }
 
-std::string to_mjcf(const Workload& w) {
+std::string to_mjcf(const Workload& w, const std::string& cone) {
   const auto objects = make_objects(w);
   std::map<const smartsurf::scene::Solid*, std::string> meshes;
   std::string out = fmt::format(
-      "<mujoco><option timestep='{}' gravity='0 0 -10' integrator='implicitfast'>"
+      "<mujoco><option timestep='{}' gravity='0 0 -10' solver='CG' cone='{}'>"
       "<flag island='enable' multiccd='enable'/></option><size memory='{}M'/><asset>{}</asset><worldbody>",
-      kStepSeconds, w.n * w.n / 8 + w.objects / 4, to_mjcf_meshes(objects, meshes));
+      kStepSeconds, cone, w.n * w.n / 8 + w.objects / 4, to_mjcf_meshes(objects, meshes));
   for (const Wall& wall : make_walls(w)) out += static_box(wall.half, wall.centre);
   for (int r = 0; r < w.n; ++r)
     for (int c = 0; c < w.n; ++c) {
@@ -81,30 +84,34 @@ std::string to_mjcf(const Workload& w) {
 
 class MujocoPins final : public PinEngine {
  public:
-  explicit MujocoPins(const Workload& w) : w_(w), peer_(to_mjcf(w)) {
+  MujocoPins(const Workload& w, const std::string& cone)
+      : w_(w), objects_(make_objects(w)), peer_(to_mjcf(w, cone)) {
     first_object_ = peer_.model().nbody - w.objects;
   }
 
   void step(const std::vector<float>& heights) override {
     mjtNum* z = peer_.data().mocap_pos + 2;
     for (int r = 1; r < w_.n - 1; ++r)
-      for (int c = 1; c < w_.n - 1; ++c, z += 3)
-        *z = static_cast<double>(heights[static_cast<std::size_t>(r * w_.n + c)]) - kHalfLength;
+      for (int c = 1; c < w_.n - 1; ++c, z += 3) *z = heights[r * w_.n + c] - kHalfLength;
     peer_.step();
   }
 
   void sense(const std::vector<float>& heights) override {
-    const mjtByte groups[mjNGROUP] = {0, 0, 1, 0, 0, 0};
-    const mjtNum up[3] = {0, 0, 1};
-    distance_.resize(heights.size());
-    for (int i = 0; i < w_.n * w_.n; ++i) {
-      const auto cell = static_cast<std::size_t>(i);
-      const mjtNum from[3] = {static_cast<double>(i % w_.n), static_cast<double>(w_.n - 1 - i / w_.n),
-                              static_cast<double>(heights[cell]) + 1e-3};
-      int geom = -1;
-      const mjtNum hit_distance =
-          mj_ray(&peer_.model(), &peer_.data(), from, up, groups, 0, -1, &geom, nullptr);
-      distance_[cell] = hit_distance <= kSensorRange ? hit_distance : -1.0;
+    distance_.assign(heights.size(), -1.0);
+    for (int i = 0; i < w_.objects; ++i) {
+      const mjtNum* centre = peer_.position(first_object_ + i);
+      const double radius = objects_[i].radius;
+      const int first_y = first_cell(centre[1] - radius), end_y = end_cell(centre[1] + radius);
+      const int first_x = first_cell(centre[0] - radius), end_x = end_cell(centre[0] + radius);
+      for (int y = first_y; y < end_y; ++y)
+        for (int x = first_x; x < end_x; ++x) {
+          const double dx = x - centre[0], dy = y - centre[1], beside = dx * dx + dy * dy;
+          if (beside > radius * radius) continue;
+          const int cell = (w_.n - 1 - y) * w_.n + x;
+          const double hit = centre[2] - std::sqrt(radius * radius - beside) - heights[cell];
+          if (hit >= 0 && hit <= kSensorRange && (distance_[cell] < 0 || hit < distance_[cell]))
+            distance_[cell] = hit;
+        }
     }
   }
 
@@ -113,7 +120,11 @@ class MujocoPins final : public PinEngine {
   }
 
  private:
+  int first_cell(double at) const { return std::max(0, static_cast<int>(std::ceil(at))); }
+  int end_cell(double at) const { return std::min(w_.n, static_cast<int>(std::floor(at)) + 1); }
+
   Workload w_;
+  std::vector<smartsurf::scene::ObjectSpec> objects_;
   peers::Mujoco peer_;
   int first_object_ = 0;
   std::vector<double> distance_;
@@ -122,10 +133,10 @@ class MujocoPins final : public PinEngine {
 }  // namespace
 
 // The memory that it needs grows faster than the number of geoms: 1.1 GB for 128 x 128 pins.
-std::unique_ptr<PinEngine> make_mujoco_pins(const Workload& w) {
-  if (w.n > 128) return nullptr;
+std::unique_ptr<PinEngine> make_mujoco_pins(const Workload& w, const std::string& cone) {
+  if (w.n > 128 || w.shapes != Shapes::kSpheres) return nullptr;
   try {
-    return std::make_unique<MujocoPins>(w);
+    return std::make_unique<MujocoPins>(w, cone);
   } catch (const std::runtime_error& refusal) {  // usually too little memory
     std::printf("%-18s %s\n", w.name().c_str(), refusal.what());
     return nullptr;
@@ -134,6 +145,8 @@ std::unique_ptr<PinEngine> make_mujoco_pins(const Workload& w) {
 
 #else
 
-std::unique_ptr<PinEngine> make_mujoco_pins(const pin_scene::Workload&) { return nullptr; }
+std::unique_ptr<PinEngine> make_mujoco_pins(const pin_scene::Workload&, const std::string&) {
+  return nullptr;
+}
 
 #endif

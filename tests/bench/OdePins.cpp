@@ -90,7 +90,7 @@ class OdePins final : public PinEngine {
     const double half = is_border(cell) ? 3.5 : kHalfLength, height = is_border(cell) ? kBorderHeight : 0.0;
     pins_.push_back(dCreateBox(field_, 0.8, 0.8, 2 * half));
     set_position(pins_.back(), pin_position(cell, height - half));
-    dGeomSetData(pins_.back(), &speed_[static_cast<std::size_t>(cell)]);
+    dGeomSetData(pins_.back(), &speed_[cell]);
   }
 
   void add_sphere(const smartsurf::scene::ObjectSpec& o) {

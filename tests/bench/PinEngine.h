@@ -3,6 +3,7 @@
 
 #include <Eigen/Core>
 #include <memory>
+#include <string>
 #include <vector>
 
 #include "tests/bench/PinScene.h"
@@ -19,5 +20,5 @@ class PinEngine {
 };
 
 // Null if the engine is not built in or does not support the workload.
-std::unique_ptr<PinEngine> make_mujoco_pins(const pin_scene::Workload&);
+std::unique_ptr<PinEngine> make_mujoco_pins(const pin_scene::Workload&, const std::string& cone);
 std::unique_ptr<PinEngine> make_ode_pins(const pin_scene::Workload&);

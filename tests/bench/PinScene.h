@@ -29,7 +29,9 @@ struct Workload {
   }
   std::string name() const {
     return std::to_string(n) + "x" + std::to_string(n) + " " + std::to_string(objects) +
-           (shapes == Shapes::kHalfMixed ? " mixed" : shapes == Shapes::kBoxes ? " boxes" : "") +
+           (shapes == Shapes::kHalfMixed ? " mixed"
+            : shapes == Shapes::kBoxes   ? " boxes"
+                                         : "") +
            (field == Field::kStill     ? " still"
             : field == Field::kFalling ? " falling"
             : field == Field::kHeap    ? " heap"
@@ -58,7 +60,7 @@ inline void compute_targets(const Workload& w, double time_s, std::vector<float>
   for (int c = 0; c < w.n; ++c) {
     const double x = c - (w.n - 1) * 0.5;
     const auto z = static_cast<float>(w.field == Field::kWave ? 1.0 + std::sin(0.3 * x + 0.2 * time_s) : 1.0);
-    for (int r = 0; r < w.n; ++r) out[static_cast<std::size_t>(r * w.n + c)] = z;
+    for (int r = 0; r < w.n; ++r) out[r * w.n + c] = z;
   }
 }
 
@@ -67,7 +69,7 @@ inline void compute_targets(const Workload& w, double time_s, std::vector<float>
 inline std::shared_ptr<const smartsurf::scene::Solid> shared_hull_solid(double radius) {
   static std::array<std::shared_ptr<const smartsurf::scene::Solid>, 8> cache;
   const int size = std::clamp(static_cast<int>((radius - 1.5) / 0.1875), 0, 7);
-  auto& solid = cache[static_cast<std::size_t>(size)];
+  auto& solid = cache[size];
   if (solid) return solid;
   std::mt19937 random(7);
   std::normal_distribution<double> normal;

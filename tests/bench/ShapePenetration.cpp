@@ -50,7 +50,7 @@ double max_shape_penetration(const pin_scene::Workload& w, const Shape& shape, c
        ++y)
     for (int x = cell(centre.x() - shape.bounding_radius); x <= cell(centre.x() + shape.bounding_radius + 1);
          ++x) {
-      const float top = heights[static_cast<std::size_t>((w.n - 1 - y) * w.n + x)];
+      const float top = heights[(w.n - 1 - y) * w.n + x];
       const auto px = static_cast<float>(x), py = static_cast<float>(y);
       for (const Vec3& p : points)
         max_depth = std::max(max_depth, point_penetration(centre + axes * p, px, py, top));

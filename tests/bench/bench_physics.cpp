@@ -1,6 +1,7 @@
 // Compares World and its proximity sensors with naive Bullet, MuJoCo and ODE on the same scenes.
 //
-//   bench_physics [--steps N] [--only "64x64 100"] [--threads N] [--peers naive,mujoco,ode | none] [--beside N] [--json]
+//   bench_physics [--steps N] [--only "64x64 100"] [--threads N] [--peers naive,mujoco,ode | none] [--beside N]
+//     [--json]
 //
 // Peers are single-threaded; they skip workloads that they do not support. MuJoCo and ODE are optional.
 //
@@ -17,6 +18,7 @@
 #include <chrono>
 #include <cstdio>
 #include <cstring>
+#include <ctime>
 #include <functional>
 #include <nlohmann/json.hpp>
 
@@ -27,6 +29,7 @@
 #include "tests/bench/BulletPins.h"
 #include "tests/bench/CommandLine.h"
 #include "tests/bench/ShapePenetration.h"
+#include "tests/bench/Timing.h"
 
 using namespace smartsurf;
 using namespace pin_scene;
@@ -47,6 +50,7 @@ struct Result {
          shape_penetration = 0;
   int lost = 0, sleeping = 0;
   double wall_s = 0;  // of all measured steps; unlike the medians, it shows steps that waited for a core
+  double cpu_ms = 0;  // processor time of a step, of all threads and with everything that belongs to it
   double total_ms() const { return physics_ms + sensors_ms; }
 };
 
@@ -78,17 +82,6 @@ class BusyProcesses {
   std::vector<pid_t> children_;
 };
 
-double measure_ms(const std::function<void()>& work) {
-  const auto start = std::chrono::steady_clock::now();
-  work();
-  return std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - start).count();
-}
-
-double median(std::vector<double> v) {
-  std::nth_element(v.begin(), v.begin() + static_cast<std::ptrdiff_t>(v.size() / 2), v.end());
-  return v[v.size() / 2];
-}
-
 struct Sphere {
   Eigen::Vector3d centre;
   double radius;
@@ -99,7 +92,7 @@ double sphere_penetration(const Workload& w, const Sphere& b, const std::vector<
   auto cell = [&w](double at) { return std::clamp(static_cast<int>(at), 0, w.n - 1); };
   for (int y = cell(b.centre.y() - b.radius); y <= cell(b.centre.y() + b.radius + 1); ++y)
     for (int x = cell(b.centre.x() - b.radius); x <= cell(b.centre.x() + b.radius + 1); ++x) {
-      const double top = heights[static_cast<std::size_t>((w.n - 1 - y) * w.n + x)];
+      const double top = heights[(w.n - 1 - y) * w.n + x];
       const Eigen::Vector3d gap(std::max(0.0, std::abs(b.centre.x() - x) - 0.4),
                                 std::max(0.0, std::abs(b.centre.y() - y) - 0.4),
                                 std::max(0.0, b.centre.z() - top));
@@ -131,7 +124,7 @@ void measure_accuracy(const Workload& w, std::vector<Sphere> spheres, const std:
 double worst_shape_penetration(const Workload& w, const scene::SceneSpec& spec,
                                const scene::Snapshot& snapshot) {
   double deepest = 0;
-  for (std::size_t i = 0; i < static_cast<std::size_t>(w.objects); ++i) {
+  for (int i = 0; i < w.objects; ++i) {
     if (spec.objects[i].shape == scene::ShapeKind::kSphere) continue;
     const auto& q = snapshot.orientation[i];
     deepest = std::max(
@@ -159,28 +152,34 @@ Result run_smartsurf(const Workload& w, const Options& options) {
   StageTimes times;
   const int settling_count = settling_steps(w);
   std::chrono::steady_clock::time_point start;
+  std::clock_t cpu_start = 0;
   for (int i = 0; i < settling_count + options.steps; ++i) {
-    if (i == settling_count) start = std::chrono::steady_clock::now();
+    if (i == settling_count) {
+      start = std::chrono::steady_clock::now();
+      cpu_start = std::clock();
+    }
     compute_targets(w, i * kStepSeconds, targets);
-    const double plan = measure_ms([&] {
+    const double plan = bench::elapsed_ms([&] {
       cells.set_targets(0, targets);
       cells.plan(kStepSeconds);
     });
-    const double physics = measure_ms([&] { world.step(); });
-    const double commit = measure_ms([&] { cells.commit(kStepSeconds); });
-    const double snapshot_time = measure_ms([&] { world.snapshot(snapshot); });
-    const double sensors = measure_ms([&] { sensing.sense(snapshot, spec.objects, pool); });
+    const double physics = bench::elapsed_ms([&] { world.step(); });
+    const double commit = bench::elapsed_ms([&] { cells.commit(kStepSeconds); });
+    const double snapshot_time = bench::elapsed_ms([&] { world.snapshot(snapshot); });
+    const double sensors = bench::elapsed_ms([&] { sensing.sense(snapshot, spec.objects, pool); });
     if (i < settling_count) continue;
     times.physics.push_back(physics);
     times.sensors.push_back(sensors);
     times.snapshot.push_back(snapshot_time);
     times.pins.push_back(plan + commit);
   }
-  Result r{median(times.physics), median(times.sensors), median(times.snapshot), median(times.pins)};
+  Result r{bench::median(times.physics), bench::median(times.sensors), bench::median(times.snapshot),
+           bench::median(times.pins)};
+  r.cpu_ms = 1e3 * static_cast<double>(std::clock() - cpu_start) / CLOCKS_PER_SEC / options.steps;
   r.wall_s = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
   r.sleeping = world.sleeping_count();
   std::vector<Sphere> spheres;
-  for (std::size_t i = 0; i < static_cast<std::size_t>(w.objects); ++i)
+  for (int i = 0; i < w.objects; ++i)
     if (spec.objects[i].shape == scene::ShapeKind::kSphere)
       spheres.push_back(
           {Eigen::Vector3f(snapshot.position[i].data()).cast<double>(), spec.objects[i].radius});
@@ -197,21 +196,25 @@ Result run_peer(PinEngine& peer, const Workload& w, const Options& options) {
   StageTimes times;
   const int settling_count = settling_steps(w);
   double spent_ms = 0;
+  std::clock_t cpu_start = 0;
   for (int i = 0; i < settling_count + options.steps && (i <= settling_count + 5 || spent_ms < 12e3); ++i) {
+    if (i == settling_count) cpu_start = std::clock();
     compute_targets(w, i * kStepSeconds, targets);
     cells.set_targets(0, targets);
     cells.plan(kStepSeconds);
     cells.commit(kStepSeconds);
     heights = cells.field().height;
-    const double physics = measure_ms([&] { peer.step(heights); });
+    const double physics = bench::elapsed_ms([&] { peer.step(heights); });
     if (i < settling_count) continue;
     times.physics.push_back(physics);
-    times.sensors.push_back(measure_ms([&] { peer.sense(heights); }));
+    times.sensors.push_back(bench::elapsed_ms([&] { peer.sense(heights); }));
     spent_ms += physics + times.sensors.back();
   }
-  Result r{median(times.physics), median(times.sensors)};
+  Result r{bench::median(times.physics), bench::median(times.sensors)};
+  r.cpu_ms = 1e3 * static_cast<double>(std::clock() - cpu_start) / CLOCKS_PER_SEC /
+             static_cast<double>(times.physics.size());
   std::vector<Sphere> spheres;
-  for (std::size_t i = 0; i < static_cast<std::size_t>(w.objects); ++i)
+  for (int i = 0; i < w.objects; ++i)
     if (spec.objects[i].shape == scene::ShapeKind::kSphere)
       spheres.push_back({peer.position(i), spec.objects[i].radius});
   measure_accuracy(w, spheres, heights, r);
@@ -219,7 +222,7 @@ Result run_peer(PinEngine& peer, const Workload& w, const Options& options) {
 }
 
 void report(const char* who, const Workload& w, const Result& r) {
-  std::printf("%-18s %-6s physics %8.3f  sensors %7.3f  total %8.3f ms  overlap %.4f  pins %.4f  lost %d",
+  std::printf("%-18s %-16s physics %8.3f  sensors %7.3f  total %8.3f ms  overlap %.4f  pins %.4f  lost %d",
               w.name().c_str(), who, r.physics_ms, r.sensors_ms, r.total_ms(), r.overlap, r.penetration,
               r.lost);
 }
@@ -231,6 +234,7 @@ void report_json(const char* who, const Workload& w, const Options& options, con
                                     {"threads", who == std::string("ours") ? options.threads : 1},
                                     {"physics_ms", r.physics_ms},
                                     {"sensors_ms", r.sensors_ms},
+                                    {"cpu_ms", r.cpu_ms},
                                     {"overlap_u", r.overlap},
                                     {"in_pins_u", r.penetration},
                                     {"shapes_in_pins_u", r.shape_penetration},
@@ -267,7 +271,9 @@ void run(const Workload& w, const Options& options) {
     compare("naive", naive, w, options, ours);
   }
   if (options.includes_peer("mujoco"))
-    if (const auto mujoco = make_mujoco_pins(w)) compare("MuJoCo", *mujoco, w, options, ours);
+    for (const std::string cone : {"pyramidal", "elliptic"})
+      if (const auto mujoco = make_mujoco_pins(w, cone))
+        compare(("MuJoCo " + cone).c_str(), *mujoco, w, options, ours);
   if (options.includes_peer("ode"))
     if (const auto ode = make_ode_pins(w)) compare("ODE", *ode, w, options, ours);
 }

@@ -4,12 +4,14 @@
   bench_python.py [--json] [--seconds S] [--cases 8x8:1,…] [--who WHO,…] [--threads N,…]
 
 n×n pins follow a wave under k spheres, and every pin senses upwards. A step is a control period of 1/60 s: four physics
-steps, or one for MuJoCo where its row says so, and one sweep of the sensors, or one in each physics step for MuJoCo's
-plain rollout, which cannot leave any out. MuJoCo has a mocap box and a rangefinder for each pin. The processor time that
-a step takes outside the compiled part is Python's share. Needs the package smartsurf, Gymnasium, and for peers mujoco and
-shm_protocol.
+steps, or one for MuJoCo where its row says so, and one sweep of the sensors. MuJoCo has a mocap box for each pin, and its
+proximity is computed in NumPy for all worlds at once, because a rangefinder per pin would search all geoms in each physics
+step. It takes whichever of its solvers Newton and CG and of its cones, pyramidal and elliptic, is fastest in a trial. The
+processor time that a step takes outside the compiled part is Python's share. Needs the package smartsurf, Gymnasium, and
+for peers mujoco and shm_protocol.
 """
 import argparse
+import functools
 import gc
 import json
 import os
@@ -22,12 +24,13 @@ import time
 import numpy as np
 import smartsurf
 
+from mujoco_peer import fastest, has_mujoco
+
 CASES = [f"{n}x{n}:{k}" for n in (8, 16, 64) for k in (1, 10, 40)]
 WORLDS = (1, 64, 1024)
 RANGE, RADIUS, PHASES = 4.0, 0.8, 32
 MOST_CELLS = 1024 * 4096 + 1
-# Name, physics steps a period, and whether only the last of them senses.
-PEERS = ("MuJoCo, senses once", 4, True), ("MuJoCo rollout", 4, False), ("MuJoCo, 1 step", 1, False)
+PEERS = ("MuJoCo", 4), ("MuJoCo, 1 step", 1)  # and physics steps a period
 
 
 def experiment(n, k):
@@ -127,52 +130,65 @@ def measure_live_surface(file, n, how):
     return {"steps_per_s": rate}
 
 
-def mjcf(n, k, timestep, senses=True):
-    pins = "".join(
-        f"<body mocap='true' pos='{c} {n - 1 - r} 0'><geom type='box' size='.4 .4 1' contype='2' conaffinity='1'/>"
-        f"<site name='s{r}_{c}' pos='0 0 1.001' zaxis='0 0 1'/></body>" for r in range(n) for c in range(n))
+def mjcf(n, k, timestep, solver, cone):
+    pins = "".join(f"<body mocap='true' pos='{c} {n - 1 - r} 0'><geom type='box' size='.4 .4 1' contype='2' conaffinity='1'/></body>"
+                   for r in range(n) for c in range(n))
     walls = "".join(f"<geom type='plane' size='99 99 1' pos='{x} {y} 0' zaxis='{-dx} {-dy} 0' contype='2' conaffinity='1'/>"
                     for x, y, dx, dy in ((0.5, 0, -1, 0), (n - 1.5, 0, 1, 0), (0, 0.5, 0, -1), (0, n - 1.5, 0, 1)))
     balls = "".join(f"<body pos='{2 + 1.7 * i % (n - 4)} {2 + 1.7 * (1.7 * i // (n - 4)) % (n - 4)} {4 + .4 * i}'><freejoint/>"
                     f"<geom type='sphere' size='{RADIUS}' density='1'/></body>" for i in range(k))
-    sensors = "".join(f"<rangefinder site='s{r}_{c}' cutoff='{RANGE}'/>" for r in range(n) for c in range(n))
-    flag = f"<flag sensor='{'enable' if senses else 'disable'}'/>"
-    return (f"<mujoco><option timestep='{timestep}' integrator='implicitfast'>{flag}</option><size memory='256M'/><worldbody>"
-            f"{pins}{walls}{balls}</worldbody><sensor>{sensors}</sensor></mujoco>")
+    return (f"<mujoco><option timestep='{timestep}' solver='{solver}' cone='{cone}'/><size memory='256M'/><worldbody>"
+            f"{pins}{walls}{balls}</worldbody></mujoco>")
 
 
-def measure_mujoco(n, k, substeps, senses_once, threads, how):
-    """senses_once: a period is two rollouts, of all physics steps but the last without sensors, and of the last."""
+PATCH = np.mgrid[0:2, 0:2].reshape(2, 1, 1, -1)  # offsets of the cells under a sphere, which is narrower than two cells
+
+
+def proximity(centres, heights):
+    """Distance from each pin's top straight up to the nearest sphere, RANGE where there is none. centres: worlds × spheres ×
+    3; heights: rows × columns, row 0 north; returns worlds × rows × columns."""
+    worlds, n = len(centres), len(heights)
+    x, y, z = (centres[..., None, axis] for axis in range(3))
+    columns = (np.ceil(x - RADIUS) + PATCH[0]).astype(np.intp)
+    ups = (np.ceil(y - RADIUS) + PATCH[1]).astype(np.intp)
+    depth = RADIUS**2 - (columns - x) ** 2 - (ups - y) ** 2
+    world, sphere, cell = np.nonzero((depth >= 0) & (columns >= 0) & (columns < n) & (ups >= 0) & (ups < n))
+    column, row = columns[world, sphere, cell], n - 1 - ups[world, sphere, cell]
+    distance = z[world, sphere, 0] - np.sqrt(depth[world, sphere, cell]) - heights[row, column]
+    seen = np.full((worlds, n, n), RANGE, np.float32)
+    np.minimum.at(seen, (world, row, column), np.where(distance >= 0, distance, RANGE))
+    return seen
+
+
+def measure_mujoco(n, k, substeps, threads, how):
+    """A period is one rollout of `substeps` physics steps, the proximity of all pins, and the reward."""
     import mujoco
     from mujoco import rollout
-    model = mujoco.MjModel.from_xml_string(mjcf(n, k, 1 / 60 / substeps))
-    blind = mujoco.MjModel.from_xml_string(mjcf(n, k, 1 / 60 / substeps, senses=False))
-    # Two rollouts a period need more worlds for the calls not to count.
-    worlds = (32 if senses_once and n < 64 else 2) * threads
-    periods = 1 if senses_once else 8 if n < 64 else 2
-    steps = periods * substeps
-    data = [mujoco.MjData(model) for _ in range(threads)]
-    spec = mujoco.mjtState.mjSTATE_MOCAP_POS
-    control = np.tile(model.body_pos[model.body_mocapid >= 0].reshape(1, 1, -1), (worlds, steps, 1))
-    heights = wave(n).reshape(PHASES, -1)
-    for i in range(steps):
-        control[:, i, 2::3] = heights[i // substeps % PHASES] - 1
-    full = mujoco.mjtState.mjSTATE_FULLPHYSICS
-    state = np.zeros((worlds, mujoco.mj_stateSize(model, full)))
-    for i in range(worlds):
-        mujoco.mj_getState(model, data[0], state[i], full)
-    with rollout.Rollout(nthread=threads) as roll:
+    worlds = (32 if n < 64 else 2) * threads
+    heights = wave(n)
+
+    def stepper(roll, solver, cone):
+        model = mujoco.MjModel.from_xml_string(mjcf(n, k, 1 / 60 / substeps, solver, cone))
+        data = [mujoco.MjData(model) for _ in range(threads)]
+        control = np.tile(model.body_pos[model.body_mocapid >= 0].reshape(1, 1, -1), (worlds, substeps, 1))
+        state = np.zeros((worlds, mujoco.mj_stateSize(model, mujoco.mjtState.mjSTATE_FULLPHYSICS)))
+        for i in range(worlds):
+            mujoco.mj_getState(model, data[0], state[i], mujoco.mjtState.mjSTATE_FULLPHYSICS)
+
         def step(call):
             nonlocal state
-            if senses_once:
-                control[:, :, 2::3] = heights[call % PHASES] - 1
-                state = roll.rollout(blind, data, state, control[:, 1:], control_spec=int(spec), nstep=steps - 1)[0][:, -1]
-            last = control[:, :1] if senses_once else control
-            states, sensors = roll.rollout(model, data, np.ascontiguousarray(state), last, control_spec=int(spec),
-                                           nstep=last.shape[1])
+            now = heights[call % PHASES]
+            control[:, :, 2::3] = now.reshape(-1) - 1
+            states = roll.rollout(model, data, state, control, control_spec=int(mujoco.mjtState.mjSTATE_MOCAP_POS), nstep=substeps)[0]
             state = np.ascontiguousarray(states[:, -1])
-        rate, cpu = steps_a_second(step, worlds * periods, how.seconds)
-    return {"steps_per_s": rate, "steps_per_cpu_s": cpu, "version": mujoco.__version__}
+            centres = state[:, 1:1 + 7 * k].reshape(worlds, k, 7)[..., :3]  # behind the time: position and quaternion of each
+            return proximity(centres, now), centres[:, 0, 0]
+        return step
+
+    with rollout.Rollout(nthread=threads) as roll:
+        options = fastest(lambda *options: functools.partial(stepper(roll, *options), 0), warm_up=20, calls=10 if n < 64 else 4)
+        rate, cpu = steps_a_second(stepper(roll, *options), worlds, how.seconds)
+    return {"steps_per_s": rate, "steps_per_cpu_s": cpu, "options": ", ".join(options), "version": mujoco.__version__}
 
 
 def measurements(how):
@@ -184,14 +200,13 @@ def measurements(how):
             pathlib.Path(file).write_text(experiment(n, k))
             name = f"{size} {k}"
             for threads in how.threads:
-                on_threads = f", {threads} thread{'s' * (threads > 1)}" if len(how.threads) > 1 else ""
+                about = {"case": name, "threads": threads}
                 for worlds in WORLDS:
                     if "vector" in how.who and worlds * n * n < MOST_CELLS:
-                        yield {"who": f"VectorEnv, {worlds}{on_threads}", "case": name,
-                               **measure_vector(file, n, worlds, threads, how)}
+                        yield {"who": f"VectorEnv, {worlds}", **about, **measure_vector(file, n, worlds, threads, how)}
                         gc.collect()
-                for who, substeps, once in PEERS if "mujoco" in how.who else ():
-                    yield {"who": who + on_threads, "case": name, **measure_mujoco(n, k, substeps, once, threads, how)}
+                for who, substeps in PEERS if "mujoco" in how.who else ():
+                    yield {"who": who, **about, **measure_mujoco(n, k, substeps, threads, how)}
             if "vector" in how.who:
                 yield {"who": "Simulation", "case": name, **measure_states(file, n)}
             if "surface" in how.who:
@@ -204,17 +219,18 @@ def main():
     parser.add_argument("--seconds", type=float, default=0.7, help="of one spell")
     parser.add_argument("--cases", type=lambda text: text.split(","), default=CASES)
     parser.add_argument("--who", type=lambda text: text.split(","), default=["vector", "surface", "mujoco"])
-    parser.add_argument("--threads", type=lambda text: [int(n) for n in text.split(",")], default=[2],
+    parser.add_argument("--threads", type=lambda text: [int(n) for n in text.split(",")], default=[1, 2],
                         help="of VectorEnv and of MuJoCo; several give a row each")
     parser.add_argument("--smartsurf", default="smartsurf", help="the program, for single environments")
     how = parser.parse_args()
-    for package, who in (("mujoco", "mujoco"), ("shm_protocol", "surface")):
-        try:
-            __import__(package)
-        except (ImportError, OSError) as error:
-            if who in how.who:
-                print(f"bench_python: {package} is left out: {error}", file=sys.stderr)
-                how.who.remove(who)
+    if "mujoco" in how.who and not has_mujoco("bench_python"):
+        how.who.remove("mujoco")
+    try:
+        __import__("shm_protocol")
+    except (ImportError, OSError) as error:
+        if "surface" in how.who:
+            print(f"bench_python: shm_protocol is left out: {error}", file=sys.stderr)
+            how.who.remove("surface")
     for line in measurements(how):
         print(json.dumps(line) if how.json else
               f"{line['case']:10} {line['who']:16} save {line['save_us']:.0f} µs, restore {line['restore_us']:.0f} µs, reset "

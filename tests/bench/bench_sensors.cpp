@@ -19,6 +19,7 @@
 #include "common/threads/ThreadPool.h"
 #include "smartsurf/surface/SensorArray.h"
 #include "tests/bench/CommandLine.h"
+#include "tests/bench/Timing.h"
 
 using namespace smartsurf;
 
@@ -80,17 +81,6 @@ Scene scene_of(const Workload& w) {
   return s;
 }
 
-double timed_ms(const std::function<void()>& work) {
-  const auto start = std::chrono::steady_clock::now();
-  work();
-  return std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - start).count();
-}
-
-double median(std::vector<double> v) {
-  std::nth_element(v.begin(), v.begin() + static_cast<std::ptrdiff_t>(v.size() / 2), v.end());
-  return v[v.size() / 2];
-}
-
 // Moves every object slightly, so that no two casts give the same result.
 void jitter_objects(Scene& s, int step) {
   for (std::size_t k = 0; k < s.snapshot.position.size(); ++k)
@@ -122,18 +112,18 @@ double run_model(Scene& s, const Model& model, const Options& options, common::T
   std::vector<double> times;
   for (int i = 0; i < options.repeats; ++i) {
     jitter_objects(s, i);
-    times.push_back(timed_ms([&] {
+    times.push_back(bench::elapsed_ms([&] {
       sensors.accumulate_impulses(impulse);
       sensors.sense(s.snapshot, s.spec.objects, pool);
     }));
   }
-  return median(times);
+  return bench::median(times);
 }
 
 // Brute force for spheres and vertical rays.
 double brute_force_distance(const Scene& s, int cell, double range) {
   const double x = cell % s.field.columns, y = s.field.rows - 1 - cell / s.field.columns;
-  const double z = s.snapshot.height[static_cast<std::size_t>(cell)];
+  const double z = s.snapshot.height[cell];
   double best = range;
   for (std::size_t k = 0; k < s.snapshot.position.size(); ++k) {
     const auto& p = s.snapshot.position[k];
@@ -160,10 +150,9 @@ void compare(Scene& s, const Workload& w, double ours_ms, bool json, common::Thr
   sensors.sense(s.snapshot, s.spec.objects, pool);
   const int cells = s.field.cells(), stride = std::max(1, cells / 4096);  // a sample of the cells is enough
   double worst = 0;
-  const double ms = timed_ms([&] {
+  const double ms = bench::elapsed_ms([&] {
     for (int cell = 0; cell < cells; cell += stride)
-      worst = std::max(worst, std::abs(brute_force_distance(s, cell, 4) -
-                                       sensors.readings(0)[static_cast<std::size_t>(cell)]));
+      worst = std::max(worst, std::abs(brute_force_distance(s, cell, 4) - sensors.readings(0)[cell]));
   });
   if (json) return print_json(w, "proximity, every object at every cell", ms * stride);
   std::printf("%-20s every object at every cell %10.1f ms, %.0f times longer; differs by at most %.1e\n", "",

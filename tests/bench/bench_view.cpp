@@ -29,6 +29,7 @@
 #include "smartsurf/view/gl/Renderer.h"
 #include "smartsurf/view/window/Window.h"
 #include "tests/bench/CommandLine.h"
+#include "tests/bench/Timing.h"
 #include "tests/unit/smartsurf/view/DrawCallCounter.h"
 
 using namespace smartsurf;
@@ -112,18 +113,13 @@ struct StageTimes {
   void print() const;
 };
 
-double median(std::vector<double> values) {
-  std::nth_element(values.begin(), values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2),
-                   values.end());
-  return values[values.size() / 2];
-}
-
 double mean(const std::vector<double>& values) {
   return std::accumulate(values.begin(), values.end(), 0.0) / static_cast<double>(values.size());
 }
 
 void StageTimes::print() const {
-  std::printf("  %-22s %7.2f  %7.2f  %7.2f\n", name.c_str(), median(wall_ms), mean(wall_ms), mean(cpu_ms));
+  std::printf("  %-22s %7.2f  %7.2f  %7.2f\n", name.c_str(), bench::median(wall_ms), mean(wall_ms),
+              mean(cpu_ms));
 }
 
 void print_heading() { std::printf("  %-22s %7s  %7s  %7s\n", "ms", "median", "mean", "CPU, mean"); }
@@ -247,7 +243,7 @@ void measure_window(const Options& options) {
         "{\"benchmark\": \"view\", \"case\": \"%dx%d %d\", \"state\": \"%s\", \"median_ms\": %.3f, "
         "\"cpu_ms\": %.3f}\n",
         options.cells, options.cells, options.objects, options.paused ? "held" : "running",
-        median(times.wall_ms), mean(times.cpu_ms));
+        bench::median(times.wall_ms), mean(times.cpu_ms));
   else
     print_window_times(options, times);
   if (!options.png_file.empty())

@@ -11,6 +11,7 @@
 #include <utility>
 
 #include "RoundTrip.h"
+#include "tests/bench/Timing.h"
 
 namespace bench {
 namespace {
@@ -42,11 +43,6 @@ class Work {
   std::vector<float> a_, b_;
 };
 
-double median(std::vector<double> values) {
-  std::ranges::sort(values);
-  return values[values.size() / 2];
-}
-
 // Times the work alone, periodically between ticks, so that both measurements see the same state of the
 // cores. Ticks that such a pause may prolong are discarded.
 class SoloTimer {
@@ -60,7 +56,7 @@ class SoloTimer {
     const std::chrono::duration<double, std::micro> took = std::chrono::steady_clock::now() - start;
     times_.push_back(took.count());
   }
-  double us() const { return median(times_); }
+  double us() const { return bench::median(times_); }
 
  private:
   Work work_;
@@ -128,7 +124,7 @@ Cost measure_pair(int times, int peer_cpu) {
   }
   ::kill(peer, SIGKILL);
   ::waitpid(peer, nullptr, 0);
-  const Cost cost{alone.us(), *controllers, median(ticks)};
+  const Cost cost{alone.us(), *controllers, bench::median(ticks)};
   ::munmap(controllers, sizeof(std::atomic<double>));
   return cost;
 }

@@ -33,12 +33,9 @@ struct UnfusedWorkspace {
 
   template <class Op>
   void op(int y, int a, int b, const Op& f) {
-    each(images[static_cast<std::size_t>(y)], images[static_cast<std::size_t>(a)],
-         images[static_cast<std::size_t>(b)], f);
+    each(images[y], images[a], images[b], f);
   }
-  void shift(int y, int a, int dx, int dy) {
-    shift_image(images[static_cast<std::size_t>(y)], images[static_cast<std::size_t>(a)], dx, dy);
-  }
+  void shift(int y, int a, int dx, int dy) { shift_image(images[y], images[a], dx, dy); }
   void copy(int y, int a) {
     op(y, a, a, [](float v, float) { return v; });
   }
@@ -53,8 +50,7 @@ struct UnfusedWorkspace {
     op(to, 4, 5, f), op(6, 6, 7, f), op(to, to, 6, f);
   }
   void copy_masked(int y, int mask, int a) {
-    Image &to = images[static_cast<std::size_t>(y)], &m = images[static_cast<std::size_t>(mask)],
-          &from = images[static_cast<std::size_t>(a)];
+    Image &to = images[y], &m = images[mask], &from = images[a];
     const int n = to.n();
     for (int r = 0; r < n; ++r) {
       float* t = to.row(r);

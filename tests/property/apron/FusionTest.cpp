@@ -276,10 +276,16 @@ void compare(const RunResult& want, const RunResult& got, const RandomProgram& r
   }
 }
 
+#ifdef __SANITIZE_ADDRESS__
+constexpr unsigned kPrograms = 45;
+#else
+constexpr unsigned kPrograms = 180;
+#endif
+
 TEST(Fusion, MatchesUnfusedExecution) {
   const Size kShapes[] = {{64, 64}, {1, 1}, {3, 5}, {17, 33}, {100, 7}, {16, 2}, {1, 40}, {130, 37}, {33, 9}};
   const std::vector<FusionConfig> all = fusion_configs();
-  for (unsigned seed = 0; seed < 180; ++seed) {
+  for (unsigned seed = 0; seed < kPrograms; ++seed) {
     RandomProgram random(seed, kShapes[seed % std::size(kShapes)]);
     const program::Program program = random.finish();
     ASSERT_EQ(program::verify(program), "") << seed;

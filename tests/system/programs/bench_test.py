@@ -1,4 +1,9 @@
 """scripts/bench: the report presents the measurements."""
+import argparse
+import shutil
+import sys
+from importlib.machinery import SourceFileLoader
+
 from programs import *
 
 BENCH = str(ROOT / "scripts/bench")
@@ -22,26 +27,31 @@ class Bench(ProgramTest):
     def test_report_tables_show_values_ratios_and_gaps(self):
         def line(case, who, physics, sensors):
             return {"benchmark": "physics", "case": case, "who": who, "threads": 1, "physics_ms": physics,
-                    "sensors_ms": sensors, "overlap_u": 0.02, "in_pins_u": 0.25, "lost": 0}
-        self.measured("physics", [line("8x8 1", "ours", 0.25, 0.75), line("8x8 1", "naive", 2, 10), line("9x9 2", "ours", 1, 1)])
+                    "sensors_ms": sensors, "cpu_ms": 7.5, "overlap_u": 0.02, "in_pins_u": 0.25, "lost": 0}
+        self.measured("physics", [line("8x8 1", "ours", 0.25, 0.75), line("8x8 1", "naive", 2, 10), line("9x9 2", "ours", 1, 1),
+                                  dict(line("8x8 1", "ours", 0.2, 0.4), threads=2)])
         text = self.report()
         self.assertIn("| processor | abacus, 2 cores |", text)
         self.assertIn("| naive | 2 / 10 | – |", text)
         self.assertIn("| naive | 12 × | – |", text)
+        self.assertIn("| ours, 2 threads | 0.6 × | – |", text)
+        self.assertIn("| naive | 7.5 | – |", text)
+        self.assertIn("No peer is ahead of ours here.", text)
         self.assertIn("| ours | 0.020 / 0.250 | 0.020 / 0.250 |", text)
         self.assertIn("(bench-physics.svg)", text)
         self.assertIn("</svg>", (self.folder / "out/bench-physics.svg").read_text())
 
     def test_report_of_threads_beside_busy_programs(self):
         def line(beside, threads, wall):
-            return {"benchmark": "physics", "case": "8x8 1", "who": "ours", "threads": threads, "beside": beside, "wall_s": wall}
+            return {"benchmark": "physics", "case": "8x8 1", "who": "ours", "threads": threads, "beside": beside, "wall_s": wall,
+                    "cpu_ms": threads}
         self.measured("threads", [line(0, 1, 4), line(0, 2, 2), line(5, 1, 8), line(5, 2, 10),
                                   line(0, 1, 4), line(0, 2, 2), line(5, 1, 9), line(5, 2, 99),
                                   line(0, 1, 8), line(0, 2, 2), line(5, 1, 8), line(5, 2, 9)])
         text = self.report()
         self.assertIn("median of 3", text)
-        self.assertIn("| 8x8 1 | 0 | 4 | 2 | 2 × |", text)
-        self.assertIn("| 8x8 1 | 5 | 8 | 10 | 0.8 × |", text)
+        self.assertIn("| 8x8 1 | 0 | 4 | 2 | 2 × | 1 | 2 |", text)
+        self.assertIn("| 8x8 1 | 5 | 8 | 10 | 0.8 × | 1 | 2 |", text)
 
     def test_report_of_large_scenes(self):
         self.measured("scenes", [{"real_time_factor": factor} for factor in (1.5, 2.5, 0.5, 0.75, 3, 4)])
@@ -51,18 +61,76 @@ class Bench(ProgramTest):
         self.assertRegex(text, r"bricks[^|]*\| 3 × \| 4 × \|")
 
     def test_report_of_environments(self):
-        def line(who, rate, **more):
-            return {"who": who, "case": "8x8 1", "steps_per_s": rate, **more}
+        def line(who, rate, threads=1, **more):
+            return {"who": who, "case": "8x8 1", "threads": threads, "steps_per_s": rate, "steps_per_cpu_s": rate / threads, **more}
         self.measured("python", [line("VectorEnv, 1", 20000, python_share=0.3, mib=1),
                                  line("VectorEnv, 64", 350000, python_share=0.02, mib=7),
                                  line("VectorEnv, 1024", 300000, python_share=0.02, mib=97),
+                                 line("MuJoCo", 5000, options="CG, elliptic"), line("MuJoCo, 1 step", 700000),
+                                 line("VectorEnv, 64", 400000, threads=2, python_share=0.02, mib=7),
+                                 line("MuJoCo", 8000, threads=2, options="CG, elliptic"),
                                  {"who": "Simulation", "case": "8x8 1", "save_us": 9, "restore_us": 10, "reset_us": 40},
-                                 line("MuJoCo rollout", 5000)])
+                                 {"who": "attach", "case": "8x8 1", "steps_per_s": 9}])
         text = self.report()
         self.assertIn("| VectorEnv, 1024 | 300000 |", text)
-        self.assertIn("| MuJoCo rollout | 70 × |", text)
-        self.assertIn("Python takes at most 2.0 %. 1024 worlds occupy 97 MiB (8x8 1).", text)
+        self.assertIn("| MuJoCo | 70 × |\n| MuJoCo, 1 step | 0.5 × |", text)
+        self.assertIn("**Ahead of VectorEnv, 64**: MuJoCo, 1 step (8x8 1).", text)
+        self.assertIn("| MuJoCo, 2 threads | 50 × |\n\nNo peer is ahead of VectorEnv, 64, 2 threads here.", text)
+        self.assertIn("| VectorEnv, 64, 2 threads | 200000 |", text)  # a second of processor time
+        self.assertIn("in a trial (CG, elliptic)", text)
+        self.assertIn("Python accounts for at most 2.0 % of a step of 64 or 1024 worlds. 1024 worlds occupy 97 MiB (8x8 1).", text)
         self.assertIn("| reset | 40 |", text)
+
+    def test_report_of_wheels_says_where_a_peer_is_ahead(self):
+        def line(who, case, ms, **more):
+            return {"who": who, "case": case, "ms": ms, **more}
+        self.measured("wheels", [line("ours", "swirl 9", 0.5), line("MuJoCo, a box a cell", "swirl 9", 2, options="CG, pyramidal"),
+                                 line("ours", "belt 9", 1), line("MuJoCo, a box a cell", "belt 9", 0.98, options="CG, pyramidal"),
+                                 line("MuJoCo, one belt", "belt 9", 0.75, options="Newton, elliptic")])
+        text = self.report()
+        self.assertIn("| MuJoCo, a box a cell | 4 × | 0.98 × |", text)
+        self.assertIn("**Ahead of ours**: MuJoCo, one belt (belt 9).", text)
+
+    def test_page_needs_committed_sources_and_an_idle_machine(self):
+        def bench(*arguments):
+            return self.run_program(str(self.folder / "tree/scripts/bench"), "--page", "--only", "none", *arguments)
+        self.measured("study", [{"real_time_factor": 2, "ms_per_tick": {"wait": {"median": 1}}}])
+        tree = self.folder / "tree"
+        for name in ("scripts/bench", "docs/performance.md"):
+            (tree / name).parent.mkdir(parents=True, exist_ok=True)
+            shutil.copy(ROOT / name, tree / name)
+        (tree / "smartsurf").symlink_to(ROOT / "smartsurf")
+        git = ["git", "-C", str(tree), "-c", "user.name=n", "-c", "user.email=e"]
+        for command in (["init", "-q"], ["add", "."], ["commit", "-qm", "all"]):
+            subprocess.run(git + command, check=True)
+        shutil.copytree(self.folder / "out", tree / "out/bench")
+        (tree / ".git/info/exclude").write_text("out\n")
+        status, out, err = bench()
+        self.assertEqual(status, 0, out + err)
+        self.assertIn("Measured 2001-02-03", (tree / "docs/performance.md").read_text())
+        status, out, err = bench()  # the page itself may differ
+        self.assertEqual(status, 0, out + err)
+        (tree / "new.cpp").write_text("")
+        status, _, err = bench()
+        self.assertEqual((status, len(err.splitlines())), (2, 1), err)
+        self.assertIn("changes are not committed: new.cpp", err)
+        self.assertEqual(bench("--force")[0], 0)
+        (tree / "new.cpp").unlink()
+        kept = json.loads((tree / "out/bench/study.json").read_text())
+        kept["machine"]["commit"] = "abc-dirty"
+        (tree / "out/bench/study.json").write_text(json.dumps(kept))
+        status, _, err = bench()
+        self.assertEqual((status, len(err.splitlines())), (2, 1), err)
+        self.assertIn("study was measured with changes", err)
+
+    def test_page_notices_busy_processes(self):
+        bench = SourceFileLoader("bench", BENCH).load_module()
+        self.start(sys.executable, "-c", "while True: pass")
+        bench.SAMPLE_S = 0.5
+        (fault,) = bench.faults_of_machine()
+        self.assertIn("the machine is busy", fault)
+        with self.assertRaisesRegex(bench.Mistake, "--force"):
+            bench.refused([fault], argparse.Namespace(force=False))
 
     def test_report_flags_different_results(self):
         def line(who, us, agrees):
