@@ -18,7 +18,7 @@ set(unity_separate_files
   smartsurf/scene/SensorSpec.cpp
   smartsurf/surface/actuators/PinKernels.cpp smartsurf/surface/raycast/RayKernels.cpp
   smartsurf/world/StateHash.cpp smartsurf/world/broadphase/UniformGridKernels.cpp smartsurf/world/solver/ContactKernels.cpp
-  smartsurf/world/solver/RotationKernels.cpp smartsurf/world/solver/SupportKernels.cpp
+  smartsurf/world/body/RotationKernels.cpp smartsurf/world/solver/SupportKernels.cpp
   smartsurf/script/declarations/SensorDeclarations.cpp smartsurf/script/runtime/ObjectHandles.cpp
   smartsurf/view/interaction/Overlay.cpp smartsurf/view/model/Trails.cpp smartsurf/view/panels/InspectorPanel.cpp
   tests/system/shm-protocol/SoakTest.cpp

@@ -7,7 +7,7 @@
 
 #include "smartsurf/world/field/Columns.h"
 #include "smartsurf/world/narrowphase/Distance.h"
-#include "smartsurf/world/solver/ContactKernels.h"
+#include "smartsurf/world/simd/Lanes.h"
 
 namespace smartsurf::world {
 namespace {

@@ -1,6 +1,8 @@
 // Compiled once per instruction set: foreach_target.h includes this file again for each.
 #include "smartsurf/world/solver/ContactKernels.h"
 
+#include "smartsurf/world/field/CellForceLimits.h"
+
 #undef HWY_TARGET_INCLUDE
 #define HWY_TARGET_INCLUDE "smartsurf/world/solver/ContactKernels.cpp"
 #include <hwy/foreach_target.h>  // must come before highway.h
@@ -147,8 +149,7 @@ HWY_INLINE void update_cell_motion(const ContactLanes<kPair, kSpheres>& l, const
 // nearly all of its capacity.
 HWY_INLINE void update_cell_lag(const PointRef& q, int at, const SubstepParams& params) {
   if (params.elapsed_s == 0.0F) return;
-  const auto yields =
-      hn::Ge(load(q.limit->load, at), load(q.limit->capacity, at) * set(BatchPointLimit::kYielding));
+  const auto yields = hn::Ge(load(q.limit->load, at), load(q.limit->capacity, at) * set(kYieldingLoad));
   const V slower = load(q.limit->planned_speed, at) - load(q.limit->speed, at);
   store(load(q.limit->lag, at) + hn::IfThenElseZero(yields, slower) * set(params.h_s), q.limit->lag, at);
 }

@@ -7,30 +7,18 @@
 #include <algorithm>
 #include <cstdint>
 
+#include "smartsurf/world/body/BodyRows.h"
+#include "smartsurf/world/simd/Lanes.h"
+
 namespace smartsurf::world {
 
-// Bodies or manifolds per SIMD batch.
-inline constexpr int kLanes = 8;
 // Penetration up to this is not resolved, so that resting bodies keep their contacts, u.
 inline constexpr float kSlop = 1e-3F;
 // Per axis, u/s or rad/s; ten times what scripts may set. Keeps a body finite under a huge force: it leaves the scene
 // without affecting other bodies.
 inline constexpr float kMaxSpeed = 1e7F;
 
-// ---- rows: one per body; rows of static bodies are never written
-struct alignas(32) BodyVelocity {
-  float velocity[3] = {}, inverse_mass = 0;             // u/s
-  float angular_velocity[3] = {}, inverse_inertia = 0;  // rad/s; inertia: spheres only
-};
-// Translation, u, and rotation vector, rad, since the start of the step.
-struct alignas(32) DeltaPose {
-  float translation[3] = {}, unused = 0;
-  float rotation[3] = {}, unused_too = 0;
-};
-// Inverse inertia tensor in world axes.
-struct alignas(32) InverseInertia {
-  float xx = 0, yy = 0, zz = 0, xy = 0, xz = 0, yz = 0, unused[2] = {};
-};
+// Rows by index; rows of static bodies are never written.
 struct SolverBodies {
   BodyVelocity* velocity;
   const DeltaPose* delta_pose;
@@ -69,7 +57,6 @@ struct alignas(64) BatchPointDetail {
 // share its force: the first of them holds their sums.
 struct alignas(64) BatchPointLimit {
   static constexpr float kUnlimited = 1e30F;
-  static constexpr float kYielding = 0.95F;  // a cell yields to a load of this fraction of its capacity
   BatchPointLimit() {
     std::fill_n(stall_impulse, kLanes, kUnlimited), std::fill_n(no_load_speed, kLanes, 1.0F);
   }

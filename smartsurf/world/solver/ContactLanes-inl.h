@@ -10,7 +10,7 @@
 #endif
 
 #include "smartsurf/world/solver/ContactKernels.h"
-#include "smartsurf/world/solver/SimdLanes-inl.h"
+#include "smartsurf/world/simd/SimdLanes-inl.h"
 
 HWY_BEFORE_NAMESPACE();
 namespace smartsurf::world {

@@ -7,7 +7,7 @@
 #include <span>
 #include <utility>
 
-#include "smartsurf/world/solver/RotationKernels.h"
+#include "smartsurf/world/body/RotationKernels.h"
 
 namespace smartsurf::world {
 namespace {

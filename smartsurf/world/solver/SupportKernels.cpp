@@ -6,7 +6,7 @@
 #include <hwy/foreach_target.h>  // must come before highway.h
 #include <hwy/highway.h>
 
-#include "smartsurf/world/solver/SimdLanes-inl.h"
+#include "smartsurf/world/simd/SimdLanes-inl.h"
 
 HWY_BEFORE_NAMESPACE();
 namespace smartsurf::world {

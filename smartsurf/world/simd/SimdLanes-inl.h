@@ -13,7 +13,7 @@
 #include <cstddef>
 #include <cstdint>
 
-#include "smartsurf/world/solver/ContactKernels.h"
+#include "smartsurf/world/simd/Lanes.h"
 
 // Whether a vector consists of two 128-bit blocks.
 #undef SMARTSURF_WIDE

@@ -3,7 +3,7 @@
 // Compiled for several instruction sets with run-time dispatch; all of them give bit-identical results.
 #pragma once
 
-#include "smartsurf/world/solver/ContactKernels.h"
+#include "smartsurf/world/simd/Lanes.h"
 
 namespace smartsurf::world {
 

@@ -1,8 +1,8 @@
 // Compiled once per instruction set: foreach_target.h includes this file again for each.
-#include "smartsurf/world/solver/RotationKernels.h"
+#include "smartsurf/world/body/RotationKernels.h"
 
 #undef HWY_TARGET_INCLUDE
-#define HWY_TARGET_INCLUDE "smartsurf/world/solver/RotationKernels.cpp"
+#define HWY_TARGET_INCLUDE "smartsurf/world/body/RotationKernels.cpp"
 #include <hwy/foreach_target.h>  // must come before highway.h
 #include <hwy/highway.h>
 
