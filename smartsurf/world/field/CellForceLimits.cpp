@@ -24,7 +24,7 @@ void CellForceLimits::for_each_limited(const surface::Field& field, List& static
                                        Each each) const {
   for (int k = m.first; k < m.first + m.count; ++k) {
     auto& c = static_contacts.contacts[static_cast<std::size_t>(k)];
-    if ((c.other != kField && c.other != kSupportedField) || c.normal.z() < kMinLoadNormalZ) continue;
+    if (!c.touches_cell() || c.normal.z() < kMinLoadNormalZ) continue;
     if (std::isfinite(field.force_limit[static_cast<std::size_t>(c.feature_id)])) each(c, k);
   }
 }

@@ -80,7 +80,7 @@ struct ContactState {
 };
 
 const SurfaceMaterial& material_of_b(const ImpactSolver::Step& step, const Manifold& m, const Contact& c) {
-  const std::int32_t other = m.b >= 0 ? m.b : c.other;
+  const std::int32_t other = other_body(m, c);
   return other >= 0 ? step.bodies.surface_material[static_cast<std::size_t>(other)] : step.field_material;
 }
 
@@ -255,7 +255,7 @@ void ImpactSolver::set_back_manifold(const Step& step, const ManifoldRef& ref) {
 // Removes what the overlap has grown by in the step, if that exceeds `min_overlap`. Each body gives way by the share
 // that it has in the approach. Not by mass: a body at rest stays where it is.
 void ImpactSolver::set_back(const Step& step, const Manifold& m, const Contact& c, float min_overlap) {
-  if (gives_way(c.other)) return;
+  if (c.gives_way()) return;
   const ContactState s(step, m, c);
   const float overlap = std::min(c.separation, 0.0F) - s.separation(c, step.dt_s);
   if (!(overlap > min_overlap)) return;
@@ -352,7 +352,7 @@ void ImpactSolver::add_approaching_points(const Step& step, const ManifoldRef& r
   for (int k = m.first; k < m.first + m.count; ++k) {
     Contact& c = list.contacts[static_cast<std::size_t>(k)];
     const float restitution = restitution_of(step, m, c);
-    if (restitution == 0.0F || gives_way(c.other)) continue;
+    if (restitution == 0.0F || c.gives_way()) continue;
     const ContactState s(step, m, c);
     const float speed = c.normal.dot(s.velocity(c));
     if (speed >= 0.0F || s.separation(c, step.dt_s) > kTouchingSeparation) continue;

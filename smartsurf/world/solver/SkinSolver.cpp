@@ -103,7 +103,7 @@ void SkinSolver::collect(const Skin& s, const BodyStore& bodies, const ContactLi
   for (const Manifold& m : static_contacts.manifolds)
     for (int k = m.first; k < m.first + m.count; ++k) {
       const Contact& c = static_contacts.contacts[static_cast<std::size_t>(k)];
-      if (c.other != kElasticSkin) continue;
+      if (c.partner != Partner::kElasticSkin) continue;
       const Vec3 point = bodies.position[static_cast<std::size_t>(m.a)] + c.anchor;
       Point& p = points_.emplace_back();
       p.contact = k, p.body = m.a;

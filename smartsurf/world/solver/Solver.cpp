@@ -321,7 +321,7 @@ void Solver::solve_impacts(StepContext& context) {
 
 const SurfaceMaterial& Solver::material_of_b(const StepContext& context, const Manifold& m,
                                              const Contact& c) const {
-  const std::int32_t other = m.b >= 0 ? m.b : c.other;
+  const std::int32_t other = other_body(m, c);
   return other >= 0 ? material_[static_cast<std::size_t>(context.partition.row(other))] : field_material_;
 }
 
@@ -388,7 +388,8 @@ void Solver::fill_points(const StepContext& context, ContactKind kind, ContactBa
       c[lane] = of.has(lane, k) ? of.first[lane] + k : &kNoContact;
       if (is_pair || !of.has(lane, k)) continue;
       set_friction(lane, material_of_b(context, *of.manifold[lane], *c[lane]));
-      if (c[lane]->other == kSupportedField) lanes.friction[lane] = 0.0F;  // the patch has the friction
+      if (c[lane]->partner == Partner::kSupportedCell)
+        lanes.friction[lane] = 0.0F;  // the patch has the friction
     }
     for (int lane = 0; lane < kLanes; lane += kSimd4Width) {
       const Contact* const* const four = c + lane;
@@ -436,7 +437,7 @@ void Solver::fill_points(const StepContext& context, ContactKind kind, ContactBa
         d.start_impulse[lane] = 0.0F;
     }
     for (int lane = 0; !is_pair && lane < o.lane_count; ++lane)
-      if (c[lane]->other == kSupportedField) store(p.friction_impulse, lane, Vec3::Zero());
+      if (c[lane]->partner == Partner::kSupportedCell) store(p.friction_impulse, lane, Vec3::Zero());
   }
 }
 

@@ -83,7 +83,7 @@ class Solver {
     Contact* first[kLanes] = {};
     int count[kLanes] = {};
     // Whether the batch solves a lane's contact k: those with what gives way have solvers of their own.
-    bool has(int lane, int k) const { return k < count[lane] && !gives_way(first[lane][k].other); }
+    bool has(int lane, int k) const { return k < count[lane] && !first[lane][k].gives_way(); }
   };
   BatchContacts contacts_of_batch(const StepContext&, ContactKind, int batch) const;
   void fill_points(const StepContext&, ContactKind, ContactBatch&, const BatchContacts&);

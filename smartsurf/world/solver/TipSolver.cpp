@@ -49,7 +49,7 @@ void TipSolver::collect(const surface::Field& field, const ContactList& static_c
   for (const Manifold& m : static_contacts.manifolds)
     for (int k = m.first; k < m.first + m.count; ++k) {
       const Contact& c = static_contacts.contacts[static_cast<std::size_t>(k)];
-      if (c.other != kYieldingTip) continue;
+      if (c.partner != Partner::kYieldingTip) continue;
       std::int32_t& tip = tip_of_cell_[static_cast<std::size_t>(c.feature_id)];
       if (tip < 0) {
         tip = static_cast<std::int32_t>(cells_.size());
