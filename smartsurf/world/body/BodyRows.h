@@ -1,5 +1,8 @@
-// What the vector kernels read and write of a body: rows of eight floats, which they load and transpose into lanes.
+// What the vector kernels read and write of a body: rows of eight floats, which they load and transpose into
+// lanes.
 #pragma once
+
+#include "smartsurf/world/Vec.h"
 
 namespace smartsurf::world {
 
@@ -16,5 +19,10 @@ struct alignas(32) DeltaPose {
 struct alignas(32) InverseInertia {
   float xx = 0, yy = 0, zz = 0, xy = 0, xz = 0, yz = 0, unused[2] = {};
 };
+inline Mat3 to_matrix(const InverseInertia& q) {
+  Mat3 m;
+  m << q.xx, q.xy, q.xz, q.xy, q.yy, q.yz, q.xz, q.yz, q.zz;
+  return m;
+}
 
 }  // namespace smartsurf::world
