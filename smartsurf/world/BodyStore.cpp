@@ -9,7 +9,7 @@
 #include <iterator>
 #include <utility>
 
-#include "smartsurf/world/solver/RotationKernels.h"
+#include "smartsurf/world/body/RotationKernels.h"
 
 namespace smartsurf::world {
 namespace {

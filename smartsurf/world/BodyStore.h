@@ -13,8 +13,8 @@
 #include "smartsurf/scene/ObjectState.h"
 #include "smartsurf/scene/Snapshot.h"
 #include "smartsurf/surface/actuators/BodyForces.h"
+#include "smartsurf/world/body/BodyRows.h"
 #include "smartsurf/world/narrowphase/Shape.h"
-#include "smartsurf/world/solver/ContactKernels.h"
 
 namespace smartsurf::world {
 

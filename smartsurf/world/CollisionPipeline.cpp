@@ -21,7 +21,10 @@ namespace {
 // Contacts up to this separation are always kept, so that resting contacts do not flicker, u.
 constexpr float kMinSpeculativeMargin = 0.02F;
 
-std::int32_t partner_of(const Contact& c) { return c.other == kSupportedField ? kField : c.other; }
+// A contact matches one of the previous step with the same value. Support patches are found after matching.
+std::int32_t match_key(const Contact& c) {
+  return static_cast<std::int32_t>(c.partner == Partner::kSupportedCell ? Partner::kCell : c.partner);
+}
 
 // Anchors of at most `capacity` contacts of the previous step, four at a time.
 template <int capacity>
@@ -33,16 +36,16 @@ class PreviousAnchors {
       : blocks_((static_cast<int>(previous.size()) + kSimd4Width - 1) / kSimd4Width) {
     for (int i = 0; i < blocks_; ++i) {
       const Contact* c[kSimd4Width];
-      std::int32_t other[kSimd4Width];
+      std::int32_t key[kSimd4Width];
       for (int k = 0; k < kSimd4Width; ++k) {
         const auto at = static_cast<std::size_t>(kSimd4Width * i + k);
         c[k] = &previous[at < previous.size() ? at : 0];
-        other[k] = at < previous.size() ? partner_of(*c[k]) : kTaken;
+        key[k] = at < previous.size() ? match_key(*c[k]) : kTaken;
       }
       x_[i] = Float4{c[0]->anchor.x(), c[1]->anchor.x(), c[2]->anchor.x(), c[3]->anchor.x()};
       y_[i] = Float4{c[0]->anchor.y(), c[1]->anchor.y(), c[2]->anchor.y(), c[3]->anchor.y()};
       z_[i] = Float4{c[0]->anchor.z(), c[1]->anchor.z(), c[2]->anchor.z(), c[3]->anchor.z()};
-      other_[i] = Int4{other[0], other[1], other[2], other[3]};
+      key_[i] = Int4{key[0], key[1], key[2], key[3]};
     }
   }
 
@@ -50,29 +53,30 @@ class PreviousAnchors {
   int take_nearest(const Contact& c, float max_distance_squared) {
     // Branch-free, because the outcome is unpredictable: non-negative floats order like their bits, so the low
     // bits of the squared distance can carry the index.
+    const std::int32_t key = match_key(c);
     constexpr std::int32_t kIndexMask = capacity - 1, kNone = std::numeric_limits<std::int32_t>::max();
     const std::int32_t limit = std::bit_cast<std::int32_t>(max_distance_squared) & ~kIndexMask;
     Int4 nearest = Int4{} + limit, index{0, 1, 2, 3};
     for (int i = 0; i < blocks_; ++i, index += kSimd4Width) {
       const Float4 x = x_[i] - c.anchor.x(), y = y_[i] - c.anchor.y(), z = z_[i] - c.anchor.z();
       const Int4 distance = (as_int_bits(x * x + (y * y + z * z)) & ~kIndexMask) | index;
-      const Int4 candidate = other_[i] == c.other ? distance : Int4{} + kNone;
+      const Int4 candidate = key_[i] == key ? distance : Int4{} + kNone;
       nearest = candidate < nearest ? candidate : nearest;
     }
     const std::int32_t least = horizontal_min(nearest);
     if (least == limit) return -1;
     const int found = least & kIndexMask;
-    Int4& block = other_[found / kSimd4Width];
+    Int4& block = key_[found / kSimd4Width];
     block = Int4{0, 1, 2, 3} == found % kSimd4Width ? Int4{} + kTaken : block;
     return found;
   }
 
  private:
-  static constexpr std::int32_t kTaken = std::numeric_limits<std::int32_t>::min();  // no contact's partner
+  static constexpr std::int32_t kTaken = std::numeric_limits<std::int32_t>::min();  // no contact's key
   static constexpr std::size_t kBlocks = capacity / kSimd4Width;
   int blocks_;
   Float4 x_[kBlocks], y_[kBlocks], z_[kBlocks];
-  Int4 other_[kBlocks];
+  Int4 key_[kBlocks];
 };
 
 void copy_impulses(const Contact& from, Contact& to) {
@@ -105,7 +109,7 @@ void match_contacts(ContactList& list, const Manifold& current, const ContactLis
   const std::span<const Contact> old = contacts_of(previous.contacts, previous_manifold);
   constexpr std::size_t kSmallCapacity = 64, kMaxCapacity = 1024;
   if (contacts.size() == 1 && old.size() == 1) {  // as of all pairs of spheres
-    if (contacts[0].other == partner_of(old[0]) &&
+    if (match_key(contacts[0]) == match_key(old[0]) &&
         (old[0].anchor - contacts[0].anchor).squaredNorm() < tolerance * tolerance)
       copy_impulses(old[0], contacts[0]);
   } else if (old.size() <= kSmallCapacity) {
@@ -392,7 +396,7 @@ void CollisionPipeline::collide_static(const BodyStore& bodies, std::size_t i, S
   }
   const auto count = static_cast<std::int32_t>(out.contacts.size()) - first;
   if (count == 0) return;
-  out.manifolds.push_back({static_cast<std::int32_t>(i), kField, first, count});
+  out.manifolds.push_back({static_cast<std::int32_t>(i), Manifold::kStatic, first, count});
   anchor_at_centre_of_mass(bodies, i, out.contacts, static_cast<std::size_t>(first));
   match_contacts(out, out.manifolds.back(), previous_contacts_.static_contacts(),
                  previous_contacts_.find_static(i, results.member), 0.15F * bodies.bounding_radius[i]);
@@ -418,7 +422,7 @@ void CollisionPipeline::find_support(const BodyStore& bodies, std::size_t i, flo
     });
   for (int k = patch.first_point; k < patch.first_point + patch.point_count; ++k) {
     const auto point = static_cast<std::size_t>(supports.points[static_cast<std::size_t>(k)]);
-    contacts[point].other = kSupportedField;
+    contacts[point].partner = Partner::kSupportedCell;
   }
   if (previous_support_of_body_.empty()) return;
   const SupportReference from = previous_support_of_body_[i];
@@ -461,7 +465,7 @@ void CollisionPipeline::collide_static_body(const BodyStore& bodies, std::size_t
   collide_bodies(bodies, i, static_body, speculative_margin_[i], dt_s_,
                  previous_contacts_.find_static_normal(i, static_body, results.member), out.contacts);
   for (std::size_t k = first; k < out.contacts.size(); ++k)
-    out.contacts[k].other = static_cast<std::int32_t>(static_body);
+    out.contacts[k].partner = Partner{static_cast<std::int32_t>(static_body)};
 }
 
 void CollisionPipeline::collide_pair(const BodyStore& bodies, std::size_t i, std::size_t j,

@@ -9,8 +9,9 @@ void remove_body(ContactList& list, std::int32_t body) {
   std::erase_if(list.manifolds, [body](const Manifold& m) { return m.a == body || m.b == body; });
   for (Manifold& m : list.manifolds) shift_index(m.a), shift_index(m.b);
   for (Contact& c : list.contacts) {
-    if (c.other == body) c.other = kRemovedBody;
-    shift_index(c.other);
+    auto index = static_cast<std::int32_t>(c.partner);
+    shift_index(index);
+    c.partner = c.partner == Partner{body} ? Partner::kRemovedBody : Partner{index};
   }
 }
 

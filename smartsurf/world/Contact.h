@@ -10,22 +10,23 @@
 
 namespace smartsurf::world {
 
-// Values of Contact::other and Manifold::b that name no body. kRemovedBody replaces the index of a static body
-// that was removed after the contact was found. kSupportedField is a contact with the field whose load and friction a
-// support patch distributes (field/SupportPatch.h); kYieldingTip one with a tip that yields (solver/TipSolver.h);
-// kSkin one with a taut sheet over the cells (field/SkinContacts.h), kElasticSkin one with an elastic sheet.
-inline constexpr std::int32_t kField = -1, kGround = -2, kRemovedBody = -3, kSupportedField = -4,
-                              kYieldingTip = -5, kSkin = -6, kElasticSkin = -7;
-
-// Whether what a contact touches moves under the load, by Contact::other.
-inline bool gives_way(std::int32_t other) { return other == kYieldingTip || other == kElasticSkin; }
+// What a static contact of a body touches. Values from 0 up are indices of static bodies.
+enum class Partner : std::int32_t {
+  kCell = -1,           // a column or a rigid tip
+  kGround = -2,         // the plane under the field
+  kRemovedBody = -3,    // a static body that was removed after the contact was found
+  kSupportedCell = -4,  // a cell whose load and friction a support patch distributes (field/SupportPatch.h)
+  kYieldingTip = -5,    // a tip on springs (solver/TipSolver.h)
+  kSkin = -6,           // a kinematic skin over the cells (field/SkinContacts.h)
+  kElasticSkin = -7,    // an elastic one (solver/SkinSolver.h)
+};
 
 // One contact point.
 struct Contact {
   Vec3 normal;                     // unit, towards body a
   Vec3 anchor;                     // from a's centre of mass to the point, world axes, u
   float separation = 0.0F;         // along the normal, u; negative when penetrating
-  std::int32_t other = 0;          // static contacts: see above, or the index of a static body; pairs: unused
+  Partner partner{};               // unused in pairs of bodies
   std::int32_t feature_id = 0;     // field contacts: index of the cell, row-major
   Vec3 surface_velocity{0, 0, 0};  // of the static surface at the point, u/s
   float surface_spin = 0;          // of the static surface about the vertical, rad/s
@@ -37,13 +38,30 @@ struct Contact {
   Vec3 friction_impulse{0, 0, 0};
   Vec3 rolling_impulse{0, 0, 0};
   float total_normal_impulse = 0.0F;
+
+  bool touches_cell() const { return partner == Partner::kCell || partner == Partner::kSupportedCell; }
+  bool touches_skin() const { return partner == Partner::kSkin || partner == Partner::kElasticSkin; }
+  // Whether the partner moves under the load.
+  bool gives_way() const { return partner == Partner::kYieldingTip || partner == Partner::kElasticSkin; }
+  // Whether the surface moves exactly as the cell `feature_id` does.
+  bool moves_with_cell() const { return touches_cell() || partner == Partner::kSkin; }
+  // Whether the impulse is a load of the cell `feature_id`. That on a supported cell is not: its patch has the loads.
+  bool loads_cell() const {
+    return partner == Partner::kCell || partner == Partner::kYieldingTip || touches_skin();
+  }
 };
 
-// The contacts of one pair of bodies (a < b), or all static contacts of body a (b = kField).
+// The contacts of one pair of bodies (a < b), or all static contacts of body a (b = kStatic).
 struct Manifold {
+  static constexpr std::int32_t kStatic = -1;
   std::int32_t a, b;
   std::int32_t first, count;  // range in ContactList::contacts
 };
+
+// Index of the body that the contact's body a touches; negative if it touches none.
+inline std::int32_t other_body(const Manifold& m, const Contact& c) {
+  return m.b >= 0 ? m.b : static_cast<std::int32_t>(c.partner);
+}
 
 struct ContactList {
   std::vector<Manifold> manifolds;

@@ -188,8 +188,8 @@ std::vector<ContactPoint> NativeEngine::contacts() const {
       if (is_sleeping && (list == &s.pair_contacts || list == &s.static_contacts)) continue;
       for (int k = m.first; k < m.first + m.count; ++k) {
         const Contact& c = list->contacts[static_cast<std::size_t>(k)];
-        const std::int32_t other = m.b >= 0 ? m.b : c.other;
-        if (c.total_normal_impulse > 0.0F && c.other != kSupportedField)
+        const std::int32_t other = other_body(m, c);
+        if (c.total_normal_impulse > 0.0F && c.partner != Partner::kSupportedCell)
           out.push_back(
               {s.unit.to_scene(Vec3(s.bodies.position[static_cast<std::size_t>(m.a)] + c.anchor)), c.normal,
                s.unit.to_scene(c.total_normal_impulse), s.bodies.id[static_cast<std::size_t>(m.a)],

@@ -92,8 +92,7 @@ void NativeEngine::Impl::record_cell_impulses(IndexRange manifolds) {
     const Manifold& m = static_contacts.manifolds[static_cast<std::size_t>(i)];
     for (auto k = static_cast<std::size_t>(m.first); k < static_cast<std::size_t>(m.first + m.count); ++k) {
       const Contact& c = static_contacts.contacts[k];
-      const bool on_cell = c.other == kField || c.other == kYieldingTip || is_on_skin(c.other);
-      cell_impulses[k] = {on_cell && c.total_normal_impulse != 0.0F ? c.feature_id : -1,
+      cell_impulses[k] = {c.loads_cell() && c.total_normal_impulse != 0.0F ? c.feature_id : -1,
                           c.total_normal_impulse};
     }
   }
@@ -109,7 +108,7 @@ void NativeEngine::Impl::write_cell_impulses() {
           0.0F;
     sleeper_cells.clear();
     for (const Contact& c : sleep.static_contacts().contacts)
-      if (c.other == kField || c.other == kSkin) {
+      if (c.loads_cell()) {
         sleeper_impulse[static_cast<std::size_t>(c.feature_id)] += unit.to_scene(c.total_normal_impulse);
         sleeper_cells.push_back(c.feature_id);
       }
@@ -146,7 +145,7 @@ void NativeEngine::Impl::write_cell_impulses() {
 
 // The friction of a step is taken as that of its last substep.
 void NativeEngine::Impl::write_tip_impulses() {
-  if (!field.has_offset()) return;
+  if (!field.has_offset() || field.has_skin()) return;
   std::vector<Vec3>& impulse = scene_field.tip_impulse;
   for (const std::int32_t cell : loaded_tips) impulse[static_cast<std::size_t>(cell)].setZero();
   loaded_tips.clear();
@@ -156,7 +155,7 @@ void NativeEngine::Impl::write_tip_impulses() {
       if ((bodies.asleep[static_cast<std::size_t>(m.a)] != 0) != of_sleepers) continue;
       for (int k = m.first; k < m.first + m.count; ++k) {
         const Contact& c = list.contacts[static_cast<std::size_t>(k)];
-        if (c.total_normal_impulse == 0.0F || (c.other != kField && c.other != kYieldingTip)) continue;
+        if (c.total_normal_impulse == 0.0F || !c.loads_cell()) continue;
         const auto cell = static_cast<std::size_t>(c.feature_id);
         if (field.is_column(cell) || !field.tip_at(cell).moves_sideways()) continue;
         impulse[cell] -=
@@ -174,7 +173,7 @@ void NativeEngine::Impl::locate_skin_contacts() {
   for (const Manifold& m : static_contacts.manifolds)
     for (int k = m.first; k < m.first + m.count; ++k) {
       const Contact& c = static_contacts.contacts[static_cast<std::size_t>(k)];
-      if (!is_on_skin(c.other)) continue;
+      if (!c.touches_skin()) continue;
       const Vec3 point = bodies.position[static_cast<std::size_t>(m.a)] + c.anchor;
       skin_points.push_back({k, m.a, field.skin.locate(point.x(), point.y())});
     }
@@ -196,7 +195,7 @@ void NativeEngine::Impl::write_skin_impulses() {
   for (const Manifold& m : sleep.static_contacts().manifolds)
     for (int k = m.first; k < m.first + m.count; ++k) {
       const Contact& c = sleep.static_contacts().contacts[static_cast<std::size_t>(k)];
-      if (!is_on_skin(c.other)) continue;
+      if (!c.touches_skin()) continue;
       const Vec3 point = bodies.position[static_cast<std::size_t>(m.a)] + c.anchor;
       add_load(field.skin.locate(point.x(), point.y()), c);
     }

@@ -78,7 +78,7 @@ const Vec3* PreviousContacts::find_static_normal(std::size_t body, std::size_t s
   const Manifold& m = static_contacts_.manifolds[static_cast<std::size_t>(manifold)];
   for (int k = m.first; k < m.first + m.count; ++k) {
     const Contact& c = static_contacts_.contacts[static_cast<std::size_t>(k)];
-    if (c.other == static_cast<std::int32_t>(static_body)) return &c.normal;
+    if (c.partner == Partner{static_cast<std::int32_t>(static_body)}) return &c.normal;
   }
   return nullptr;
 }

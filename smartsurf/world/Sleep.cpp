@@ -104,8 +104,7 @@ void Sleep::wake_with_neighbours(BodyStore& b, std::size_t body, const ContactLi
   for (const ContactList* list : {&static_contacts, &static_cast<const ContactList&>(static_contacts_)})
     for (const Manifold& m : list->manifolds)
       for (int k = m.first; k < m.first + m.count; ++k)
-        if (list->contacts[static_cast<std::size_t>(k)].other == index)
-          wake(b, static_cast<std::size_t>(m.a));
+        if (list->contacts[k].partner == Partner{index}) wake(b, static_cast<std::size_t>(m.a));
   for (const BodyLink& link : b.links)
     if (link.b >= 0 && (link.a == index || link.b == index))
       wake(b, static_cast<std::size_t>(link.a == index ? link.b : link.a));
@@ -180,9 +179,7 @@ void Sleep::restore_contacts(const BodyStore& b, ContactList& pair_contacts, Con
 // ---- falling asleep
 
 bool Sleep::touches_moving_cell(const Contact& c) const {
-  if (gives_way(c.other)) return true;
-  return (c.other == kField || c.other == kSkin) &&
-         (!c.surface_velocity.isZero(0.0F) || c.surface_spin != 0.0F);
+  return c.gives_way() || (c.loads_cell() && (!c.surface_velocity.isZero(0.0F) || c.surface_spin != 0.0F));
 }
 
 void Sleep::update_sleep_timer(BodyStore& b, std::size_t i) const {

@@ -4,6 +4,8 @@
 #include <cmath>
 #include <limits>
 
+#include "smartsurf/world/solver/ContactLaw-inl.h"
+
 namespace smartsurf::world {
 namespace {
 
@@ -43,14 +45,12 @@ btScalar ConeFrictionSolver::solveGroupCacheFriendlySetup(btCollisionObject** bo
                                                           btIDebugDraw* draw) {
   const btScalar result = btSequentialImpulseConstraintSolver::solveGroupCacheFriendlySetup(
       bodies, body_count, manifolds, manifold_count, constraints, constraint_count, info, draw);
-  rolling_impulses_.assign(static_cast<std::size_t>(m_tmpSolverContactConstraintPool.size()),
-                           btVector3(0, 0, 0));
+  rolling_impulses_.assign(m_tmpSolverContactConstraintPool.size(), btVector3(0, 0, 0));
   for (int i = 0; i < m_tmpSolverContactConstraintPool.size(); ++i) {
     const btSolverConstraint& row = m_tmpSolverContactConstraintPool[i];
     const int cell = detail_of(row).limited_cell;
     if (cell >= 0)
-      cell_loads_[static_cast<std::size_t>(cell)] +=
-          static_cast<double>(row.m_appliedImpulse) * std::abs(row.m_contactNormal1.z());
+      cell_loads_[cell] += static_cast<double>(row.m_appliedImpulse) * std::abs(row.m_contactNormal1.z());
   }
   return result;
 }
@@ -62,11 +62,10 @@ btScalar ConeFrictionSolver::solve_normal(const btSolverConstraint& row) {
   const int cell = detail_of(row).limited_cell;
   if (cell < 0) return m_resolveSingleConstraintRowGeneric(a, b, row);
   const double vertical = std::abs(row.m_contactNormal1.z());
-  double& load = cell_loads_[static_cast<std::size_t>(cell)];
+  double& load = cell_loads_[cell];
   const double before = row.m_appliedImpulse;
   btSolverConstraint limited = row;
-  limited.m_upperLimit =
-      std::max(0.0, (cell_limits_[static_cast<std::size_t>(cell)] - (load - before * vertical)) / vertical);
+  limited.m_upperLimit = std::max(0.0, (cell_limits_[cell] - (load - before * vertical)) / vertical);
   const btScalar residual = m_resolveSingleConstraintRowGeneric(a, b, limited);
   row.m_appliedImpulse = limited.m_appliedImpulse;
   load += (static_cast<double>(row.m_appliedImpulse) - before) * vertical;
@@ -90,7 +89,7 @@ btScalar ConeFrictionSolver::solve_friction(const btSolverConstraint& contact) {
   const double length =
       std::hypot(static_cast<double>(u.m_appliedImpulse), static_cast<double>(v.m_appliedImpulse));
   if (length <= limit) return residual;
-  const double scale = limit / length;
+  const double scale = law::cone_scale(length, limit);
   for (const btSolverConstraint* row : {&u, &v}) {
     const double impulse = scale * static_cast<double>(row->m_appliedImpulse);
     const double change = impulse - static_cast<double>(row->m_appliedImpulse);
@@ -101,19 +100,17 @@ btScalar ConeFrictionSolver::solve_friction(const btSolverConstraint& contact) {
   return 0.0;  // slides: the unbounded impulse says nothing about convergence
 }
 
-void ConeFrictionSolver::solve_rolling(std::size_t row_index, const btSolverConstraint& contact,
-                                       double lever) {
+void ConeFrictionSolver::solve_rolling(int row_index, const btSolverConstraint& contact, double lever) {
   btSolverBody& a = m_tmpSolverBodyPool[contact.m_solverBodyIdA];
   btSolverBody& b = m_tmpSolverBodyPool[contact.m_solverBodyIdB];
   const btMatrix3x3 inverse_a = inverse_inertia(a), inverse_b = inverse_inertia(b);
   const double k = row_sum_norm(inverse_a + inverse_b);
   if (k == 0.0) return;
   btVector3& impulse = rolling_impulses_[row_index];
-  btVector3 target = impulse - (angular_velocity(a) - angular_velocity(b)) / k;
-  const double limit = lever * static_cast<double>(contact.m_appliedImpulse), length = target.length();
-  if (length > limit) target *= limit / length;
-  const btVector3 change = target - impulse;
-  impulse = target;
+  const btVector3 old_impulse = impulse;
+  impulse = law::friction_impulse(old_impulse, angular_velocity(a) - angular_velocity(b), 1.0 / k,
+                                  lever * static_cast<double>(contact.m_appliedImpulse));
+  const btVector3 change = impulse - old_impulse;
   a.internalGetDeltaAngularVelocity() += inverse_a * change;
   b.internalGetDeltaAngularVelocity() -= inverse_b * change;
 }
@@ -133,8 +130,7 @@ btScalar ConeFrictionSolver::solveSingleIteration(int iteration, btCollisionObje
     const btSolverConstraint& row = m_tmpSolverContactConstraintPool[i];
     residual = std::max(residual, std::abs(solve_normal(row)));
     residual = std::max(residual, solve_friction(row));
-    if (const double lever = detail_of(row).rolling_friction; lever > 0.0)
-      solve_rolling(static_cast<std::size_t>(i), row, lever);
+    if (const double lever = detail_of(row).rolling_friction; lever > 0.0) solve_rolling(i, row, lever);
   }
   return residual * residual;
 }

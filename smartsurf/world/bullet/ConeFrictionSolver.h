@@ -38,7 +38,7 @@ ATTRIBUTE_ALIGNED16(class) ConeFrictionSolver final : public btSequentialImpulse
  private:
   btScalar solve_normal(const btSolverConstraint& row);
   btScalar solve_friction(const btSolverConstraint& contact);
-  void solve_rolling(std::size_t row_index, const btSolverConstraint& contact, double lever);
+  void solve_rolling(int row_index, const btSolverConstraint& contact, double lever);
 
   std::vector<double> cell_limits_, cell_loads_;
   std::vector<btVector3> rolling_impulses_;  // one per contact row

@@ -3,8 +3,6 @@
 #include <algorithm>
 #include <cmath>
 
-#include "smartsurf/world/solver/ContactKernels.h"
-
 namespace smartsurf::world {
 namespace {
 
@@ -26,7 +24,7 @@ void CellForceLimits::for_each_limited(const surface::Field& field, List& static
                                        Each each) const {
   for (int k = m.first; k < m.first + m.count; ++k) {
     auto& c = static_contacts.contacts[static_cast<std::size_t>(k)];
-    if ((c.other != kField && c.other != kSupportedField) || c.normal.z() < kMinLoadNormalZ) continue;
+    if (!c.touches_cell() || c.normal.z() < kMinLoadNormalZ) continue;
     if (std::isfinite(field.force_limit[static_cast<std::size_t>(c.feature_id)])) each(c, k);
   }
 }
@@ -122,8 +120,8 @@ void CellForceLimits::yield_overloaded_cells(const BodyStore& bodies, const Cont
       if (room < -kYieldingOverlap)
         field.speed[cell] =
             std::min(field.speed[cell], std::max(kResolvedPerStep * room / dt_s, -kMaxRetreatSpeed));
-      if (body_load_[cell] < BatchPointLimit::kYielding * capacity_of(body) ||
-          load_[cell] < BatchPointLimit::kYielding * capacity_[cell])
+      if (body_load_[cell] < kYieldingLoad * capacity_of(body) ||
+          load_[cell] < kYieldingLoad * capacity_[cell])
         return;
       const DeltaPose& shift = bodies.delta_pose[static_cast<std::size_t>(m.a)];
       const Vec3 moved = Vec3(shift.translation) + Vec3(shift.rotation).cross(c.anchor);

@@ -16,6 +16,9 @@ namespace smartsurf::world {
 // The greatest speed at which a cell gives way to a contact, u/s.
 inline constexpr float kMaxRetreatSpeed = 1.0F;
 
+// A cell yields to a load of this fraction of its capacity.
+inline constexpr float kYieldingLoad = 0.95F;
+
 // The cell under a static contact, for the solver.
 struct CellImpulseLimit {
   float no_load_speed = 0.0F, planned_speed = 0.0F;  // of the cell, u/s

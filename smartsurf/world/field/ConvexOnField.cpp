@@ -493,7 +493,7 @@ void collide_shape_with_field(const surface::Field& field, const Shape& shape, c
     contact.normal = c.normal;
     contact.anchor = c.point + c.normal * c.separation - centre;
     contact.separation = c.separation;
-    contact.other = kField;
+    contact.partner = Partner::kCell;
     contact.feature_id = c.tag;
     set_surface_velocity(columns, c.tag / field.columns, c.tag % field.columns, c.point, contact);
   };
@@ -526,7 +526,7 @@ void collide_shape_with_ground(const Shape& shape, const Vec3& centre, const Mat
       contact.normal = c.normal;
       contact.anchor = c.point - centre;
       contact.separation = c.separation;
-      contact.other = kGround;
+      contact.partner = Partner::kGround;
     });
   });
 }

@@ -230,7 +230,7 @@ bool FieldManifoldCache::reduce(const BodyStore& bodies, std::size_t i, float ma
       c.normal = p.normal;
       c.anchor = points.at(k) - centre;
       c.separation = points.separation(k);
-      c.other = kField;
+      c.partner = Partner::kCell;
       c.feature_id = p.cell;
       set_surface_velocity(columns, p.cell / field_.columns, p.cell % field_.columns,
                            p.on_cell + Vec3(0, 0, height_change(p)), c);

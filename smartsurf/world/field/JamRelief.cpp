@@ -120,7 +120,7 @@ bool JamRelief::stall_cells(std::span<const DeepContact> deep_contacts, const Co
     const float fraction = std::max(0.0F, 2.0F - jam.depth / min_depth_);
     for (int k = m.first; k < m.first + m.count; ++k) {
       const Contact& c = static_contacts.contacts[static_cast<std::size_t>(k)];
-      if (c.other != kField && c.other != kSupportedField && c.other != kSkin) continue;
+      if (!c.moves_with_cell()) continue;
       const bool bears = c.total_normal_impulse > 0.0F;
       if (!bears && !may_wedge) continue;
       float& speed = field.speed[static_cast<std::size_t>(c.feature_id)];

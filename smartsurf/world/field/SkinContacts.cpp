@@ -80,7 +80,7 @@ void add_contact(const Skin& s, const Vec3& point, const Vec3& normal, const Vec
   const Skin::Location at = s.locate(point.x(), point.y());
   const auto nearest = std::max_element(at.weight, at.weight + 3) - at.weight;
   Contact& c = out.emplace_back();
-  c.other = s.is_elastic ? kElasticSkin : kSkin;
+  c.partner = s.is_elastic ? Partner::kElasticSkin : Partner::kSkin;
   c.feature_id = s.cell_of_node[at.node[nearest]];
   c.normal = normal;
   c.anchor = point - centre;

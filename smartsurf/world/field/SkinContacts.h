@@ -18,7 +18,4 @@ namespace smartsurf::world {
 void collide_with_skin(const surface::Skin&, const Shape&, const Vec3& centre, const Mat3& axes, float margin,
                        std::vector<Contact>& out);
 
-// Whether a contact is with a sheet, by its Contact::other.
-inline bool is_on_skin(std::int32_t other) { return other == kSkin || other == kElasticSkin; }
-
 }  // namespace smartsurf::world

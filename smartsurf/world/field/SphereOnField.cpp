@@ -68,7 +68,7 @@ void collide_sphere_with_field(const surface::Field& field, const Vec3& centre, 
     contact.normal = t.normal;
     contact.anchor = -radius * t.normal;
     contact.separation = t.separation;
-    contact.other = kField;
+    contact.partner = Partner::kCell;
     contact.feature_id = columns.index(t.row, t.column);
     set_surface_velocity(columns, t.row, t.column, centre - (radius + t.separation) * t.normal, contact);
   });

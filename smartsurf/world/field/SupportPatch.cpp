@@ -7,7 +7,7 @@
 
 #include "smartsurf/world/field/Columns.h"
 #include "smartsurf/world/narrowphase/Distance.h"
-#include "smartsurf/world/solver/ContactKernels.h"
+#include "smartsurf/world/simd/Lanes.h"
 
 namespace smartsurf::world {
 namespace {
@@ -272,7 +272,7 @@ struct BearingContacts {
   }
 };
 
-bool is_upright(const Contact& c) { return c.other == kField && c.normal.z() > kUpright; }
+bool is_upright(const Contact& c) { return c.partner == Partner::kCell && c.normal.z() > kUpright; }
 
 BearingContacts bearing_contacts(const surface::Field& field, std::span<const Contact> contacts,
                                  float margin) {

@@ -75,7 +75,7 @@ class TipPartsCache {
 
 void finish(const surface::Field& field, const TipFrame& frame, std::size_t cell, const Vec3& point,
             Contact& c) {
-  c.other = field.tip_at(cell).yields() ? kYieldingTip : kField;
+  c.partner = field.tip_at(cell).yields() ? Partner::kYieldingTip : Partner::kCell;
   c.feature_id = static_cast<std::int32_t>(cell);
   c.surface_velocity = frame.velocity_at(point);
 }

@@ -13,14 +13,14 @@ void ConstraintGraph::build(const BodyStore& bodies, const ContactList& pair_con
     colour_pairs(bodies, pair_contacts);
     manifold_key_.resize(pair_contacts.manifolds.size() + static_contacts.manifolds.size());
     sorted_manifolds_.resize(manifold_key_.size());
-    key_offsets_.resize(static_cast<std::size_t>(member.member_count));
+    key_offsets_.resize(member.member_count);
     member_batches_.resize(key_offsets_.size());
   });
-  KeyOffsets& own_offsets = key_offsets_[static_cast<std::size_t>(member.index)];
+  KeyOffsets& own_offsets = key_offsets_[member.index];
   std::fill_n(own_offsets.begin(), key_count(), 0);
   count_keys(bodies, pair_contacts, pair_ranges, slabs, true, own_offsets);
   count_keys(bodies, static_contacts, static_ranges, slabs, false, own_offsets);
-  member.single([&] { compute_key_offsets(member.member_count); });
+  member.single([&] { compute_key_offsets(); });
   KeyOffsets next_slot;
   std::copy_n(own_offsets.begin(), key_count(), next_slot.begin());
   sort_manifolds(pair_ranges, slabs, 0, next_slot);
@@ -31,12 +31,12 @@ void ConstraintGraph::build(const BodyStore& bodies, const ContactList& pair_con
 
 // Greedy colouring in list order: the lowest colour that neither body has yet, or kMaxColours for overflow.
 void ConstraintGraph::colour_pairs(const BodyStore& bodies, const ContactList& pair_contacts) {
-  body_colours_.assign(static_cast<std::size_t>(bodies.size()), 0);
+  body_colours_.assign(bodies.size(), 0);
   manifold_colour_.resize(pair_contacts.manifolds.size());
   int last = -1;
   for (std::size_t i = 0; i < pair_contacts.manifolds.size(); ++i) {
-    std::uint64_t& a = body_colours_[static_cast<std::size_t>(pair_contacts.manifolds[i].a)];
-    std::uint64_t& b = body_colours_[static_cast<std::size_t>(pair_contacts.manifolds[i].b)];
+    std::uint64_t& a = body_colours_[pair_contacts.manifolds[i].a];
+    std::uint64_t& b = body_colours_[pair_contacts.manifolds[i].b];
     const int colour = std::countr_one(a | b);
     manifold_colour_[i] = static_cast<std::uint8_t>(colour);
     last = std::max(last, colour);
@@ -53,31 +53,21 @@ void ConstraintGraph::count_keys(const BodyStore& bodies, const ContactList& lis
                                  IndexRange slabs, bool pair, KeyOffsets& count) {
   const std::size_t key_base = pair ? 0 : manifold_key_.size() - list.manifolds.size();
   for (const IndexRange& run : ranges.of(slabs))
-    for (auto i = static_cast<std::size_t>(run.begin); i < static_cast<std::size_t>(run.end); ++i) {
+    for (int i = run.begin; i < run.end; ++i) {
       const Manifold& m = list.manifolds[i];
-      const bool all_spheres = bodies.is_sphere[static_cast<std::size_t>(m.a)] &&
-                               (!pair || bodies.is_sphere[static_cast<std::size_t>(m.b)]);
+      const bool all_spheres = bodies.is_sphere[m.a] && (!pair || bodies.is_sphere[m.b]);
       const int group = (pair ? manifold_colour_[i] : colour_count_) * 2 + (all_spheres ? 0 : 1);
       const int key = group * kPointCountBuckets + kPointCountBuckets - std::min(m.count, kPointCountBuckets);
       manifold_key_[key_base + i] = static_cast<std::int16_t>(key);
-      ++count[static_cast<std::size_t>(key)];
+      ++count[key];
     }
 }
 
-void ConstraintGraph::compute_key_offsets(int member_count) {
+void ConstraintGraph::compute_key_offsets() {
   std::int32_t offset = 0;
-  const std::size_t keys = key_count();
-  if (member_count == 1) {
-    KeyOffsets& offsets = key_offsets_.front();
-    for (std::size_t key = 0; key < keys; ++key) {
-      first_of_key_[key] = offset;
-      offset += std::exchange(offsets[key], offset);
-    }
-  } else {
-    for (std::size_t key = 0; key < keys; ++key) {
-      first_of_key_[key] = offset;
-      for (KeyOffsets& offsets : key_offsets_) offset += std::exchange(offsets[key], offset);
-    }
+  for (int key = 0; key < key_count(); ++key) {
+    first_of_key_[key] = offset;
+    for (KeyOffsets& offsets : key_offsets_) offset += std::exchange(offsets[key], offset);
   }
   first_of_key_[key_count()] = offset;
 }
@@ -86,8 +76,8 @@ void ConstraintGraph::sort_manifolds(const SlabRanges& ranges, IndexRange slabs,
                                      KeyOffsets& next_slot) {
   for (const IndexRange& run : ranges.of(slabs))
     for (int i = run.begin; i < run.end; ++i) {
-      const auto key = static_cast<std::size_t>(manifold_key_[first_key + static_cast<std::size_t>(i)]);
-      sorted_manifolds_[static_cast<std::size_t>(next_slot[key]++)] = i;
+      const std::int16_t key = manifold_key_[first_key + i];
+      sorted_manifolds_[next_slot[key]++] = i;
     }
 }
 
@@ -111,19 +101,17 @@ void ConstraintGraph::pack_batches(const ContactList& pair_contacts, const Conta
 }
 
 BatchRange ConstraintGraph::pack_batches(ContactKind kind, int group, int lanes, const ContactList& list) {
-  auto key = static_cast<std::size_t>(group) * kPointCountBuckets;
-  const std::size_t first_key = key;
+  int key = group * kPointCountBuckets;
+  const int first_key = key;
   const int end = first_of_key_[key + kPointCountBuckets];
   BatchRange run{kind, static_cast<int>(batch_start_.size()), 0};
   for (int at = first_of_key_[key]; at < end; at += lanes, ++run.count) {
     while (first_of_key_[key + 1] <= at) ++key;
     // Point counts descend, so the first lane has most points; except in the first bucket, which holds all
     // manifolds with kPointCountBuckets points or more.
-    int points = kPointCountBuckets - static_cast<int>(key - first_key);
+    int points = kPointCountBuckets - (key - first_key);
     for (int k = at; key == first_key && k < std::min(at + lanes, end); ++k)
-      points = std::max(
-          points,
-          list.manifolds[static_cast<std::size_t>(sorted_manifolds_[static_cast<std::size_t>(k)])].count);
+      points = std::max(points, list.manifolds[sorted_manifolds_[k]].count);
     batch_start_.push_back(at);
     first_point_.push_back(first_point_.back() + points);
   }
@@ -131,11 +119,10 @@ BatchRange ConstraintGraph::pack_batches(ContactKind kind, int group, int lanes,
 }
 
 ContactBatch& ConstraintGraph::reset_batch(int index) {
-  const auto i = static_cast<std::size_t>(index);
-  ContactBatch& o = batch_[i];
-  o.first_point = first_point_[i];
-  o.point_count = first_point_[i + 1] - o.first_point;
-  o.lane_count = batch_start_[i + 1] - batch_start_[i];
+  ContactBatch& o = batch_[index];
+  o.first_point = first_point_[index];
+  o.point_count = first_point_[index + 1] - o.first_point;
+  o.lane_count = lane_count(index);
   o.has_rolling_friction = o.has_impulse_limit = false;
   return o;
 }
@@ -143,7 +130,7 @@ ContactBatch& ConstraintGraph::reset_batch(int index) {
 // ---- assignment of batches to members
 
 void ConstraintGraph::collect_own_batches(const Member& member) {
-  MemberBatchRanges& own = member_batches_[static_cast<std::size_t>(member.index)];
+  MemberBatchRanges& own = member_batches_[member.index];
   own.clear();
   for (const Colour& c : colours_) {
     for (const BatchRange& run : {c.spheres, c.general}) {
@@ -162,18 +149,17 @@ void ConstraintGraph::collect_own_batches(const Member& member) {
 // The member's manifolds are contiguous within each key, and so are the batches that begin with them.
 void ConstraintGraph::append_own_batches(const BatchRange& run, const Member& member) {
   if (run.count == 0) return;
-  MemberBatchRanges& own = member_batches_[static_cast<std::size_t>(member.index)];
+  MemberBatchRanges& own = member_batches_[member.index];
   if (member.member_count == 1) return own.append(run);
-  const int begin = batch_start_[static_cast<std::size_t>(run.first)];
-  const auto end = first_of_key_.begin() + static_cast<std::ptrdiff_t>(key_count()) + 1;
-  const auto group = static_cast<std::size_t>(std::upper_bound(first_of_key_.begin(), end, begin) -
-                                              first_of_key_.begin() - 1) /
-                     kPointCountBuckets;
+  const int begin = batch_start_[run.first];
+  const auto end = first_of_key_.begin() + key_count() + 1;
+  const auto key_of_run = std::upper_bound(first_of_key_.begin(), end, begin) - first_of_key_.begin() - 1;
+  const auto group = key_of_run / kPointCountBuckets;
   auto batches_before = [&](int position) { return run.first + (position - begin + kLanes - 1) / kLanes; };
-  for (std::size_t key = group * kPointCountBuckets; key < (group + 1) * kPointCountBuckets; ++key) {
-    const auto next = static_cast<std::size_t>(member.index) + 1;
-    const int from = key_offsets_[next - 1][key];
-    const int to = next < key_offsets_.size() ? key_offsets_[next][key] : first_of_key_[key + 1];
+  for (auto key = group * kPointCountBuckets; key < (group + 1) * kPointCountBuckets; ++key) {
+    const int next = member.index + 1;
+    const int from = key_offsets_[member.index][key];
+    const int to = next < member.member_count ? key_offsets_[next][key] : first_of_key_[key + 1];
     own.append({run.kind, batches_before(from), batches_before(to) - batches_before(from)});
   }
 }

@@ -1,6 +1,6 @@
-// The constraint graph: colours the manifolds so that no body occurs twice within a colour, and packs each colour
-// into contact batches for the SIMD kernels. The result depends on the manifolds and their slabs only, not on the
-// number of members.
+// The constraint graph: colours the manifolds so that no body occurs twice within a colour, and packs each
+// colour into contact batches for the SIMD kernels. The result depends on the manifolds and their slabs only,
+// not on the number of members.
 #pragma once
 
 #include <array>
@@ -49,14 +49,14 @@ struct BatchRangesByColour {
 
 class ConstraintGraph {
  public:
-  // The slab ranges together hold every manifold once. `slabs`: those of the member. Called by all members, who must
-  // meet at a barrier before they read the batches of others.
+  // The slab ranges together hold every manifold once; `slabs` are those of the member. All members call
+  // this, and must meet at a barrier before they read the batches of others.
   void build(const BodyStore&, const ContactList& pair_contacts, const SlabRanges& pair_ranges,
              const ContactList& static_contacts, const SlabRanges& static_ranges, IndexRange slabs,
              const Member&);
 
-  // Colours must be solved one after the other, the batches of a colour in any order. The last colour may be the
-  // overflow set of manifolds that found no colour: one lane per batch, to be solved in order.
+  // Colours must be solved one after the other, the batches of a colour in any order. The last colour may be
+  // the overflow set of manifolds that found no colour: one lane per batch, to be solved in order.
   struct Colour {
     BatchRange spheres, general;
     bool is_overflow = false;
@@ -66,46 +66,40 @@ class ConstraintGraph {
   BatchRange sphere_static() const { return sphere_static_; }
   BatchRange general_static() const { return general_static_; }
 
-  // The batches of the i-th colour whose first manifold lies in the member's slabs; for i = colours().size(), those
-  // of static contacts. The overflow set belongs to the caller of Team::run.
+  // The batches of the i-th colour whose first manifold lies in the member's slabs; for i = colours().size(),
+  // those of static contacts. The overflow set belongs to the caller of Team::run.
   std::span<const BatchRange> own_batches(const Member& member, std::size_t i) const {
-    return member_batches_[static_cast<std::size_t>(member.index)].of(i);
+    return member_batches_[member.index].of(i);
   }
-  // Of all colours.
+  // The member's batches of all colours.
   std::span<const BatchRange> own_batches(const Member& member) const {
-    return member_batches_[static_cast<std::size_t>(member.index)].ranges;
+    return member_batches_[member.index].ranges;
   }
 
   int batch_count() const { return static_cast<int>(batch_.size()); }
   const ContactBatch* batches_from(int i) const { return batch_.data() + i; }
   // Initialises a batch, except for its bodies, and returns it.
   ContactBatch& reset_batch(int i);
-  const ContactBatch& batch(int i) const { return batch_[static_cast<std::size_t>(i)]; }
+  const ContactBatch& batch(int i) const { return batch_[i]; }
   // Index of the manifold in a lane, in the list of its kind.
-  int manifold(int batch, int lane) const {
-    return sorted_manifolds_[static_cast<std::size_t>(batch_start_[static_cast<std::size_t>(batch)] + lane)];
-  }
-  int lane_count(int batch) const {
-    return batch_start_[static_cast<std::size_t>(batch) + 1] - batch_start_[static_cast<std::size_t>(batch)];
-  }
+  int manifold(int batch, int lane) const { return sorted_manifolds_[batch_start_[batch] + lane]; }
+  int lane_count(int batch) const { return batch_start_[batch + 1] - batch_start_[batch]; }
   int point_count() const { return first_point_.back(); }
 
  private:
-  // Manifolds are sorted by key (colour, kind, then number of points, descending, clamped to kPointCountBuckets),
-  // then by slab.
+  // Manifolds are sorted by key (colour, kind, then number of points, descending, clamped to
+  // kPointCountBuckets), then by slab.
   static constexpr int kMaxColours = 64;  // not counting the overflow set and static contacts
   static constexpr int kPointCountBuckets = 16;
   static constexpr std::size_t kMaxKeys = 2 * (kMaxColours + 2) * kPointCountBuckets;
   using KeyOffsets = std::array<std::int32_t, kMaxKeys>;  // [0, key_count()) in use
   struct alignas(128) MemberBatchRanges : BatchRangesByColour {};
 
-  std::size_t key_count() const {
-    return 2 * static_cast<std::size_t>(colour_count_ + 1) * kPointCountBuckets;
-  }
+  int key_count() const { return 2 * (colour_count_ + 1) * kPointCountBuckets; }
   void colour_pairs(const BodyStore&, const ContactList& pair_contacts);
   void count_keys(const BodyStore&, const ContactList&, const SlabRanges&, IndexRange slabs, bool pair,
                   KeyOffsets&);
-  void compute_key_offsets(int member_count);
+  void compute_key_offsets();
   void sort_manifolds(const SlabRanges&, IndexRange slabs, std::size_t first_key, KeyOffsets& next_slot);
   void pack_batches(const ContactList& pair_contacts, const ContactList& static_contacts);
   BatchRange pack_batches(ContactKind, int group, int lanes, const ContactList&);
@@ -116,11 +110,11 @@ class ConstraintGraph {
   std::vector<std::uint8_t> manifold_colour_;
   int colour_count_ = 0;                    // static contacts not included
   std::vector<std::int16_t> manifold_key_;  // pairs first, then static contacts
-  // By member and key: number of manifolds in the member's slabs, then their first position in sorted_manifolds_.
+  // The number of manifolds in a member's slabs by key, then their first position in sorted_manifolds_.
   std::vector<KeyOffsets> key_offsets_;
   std::array<std::int32_t, kMaxKeys + 1> first_of_key_;
   std::vector<std::int32_t> sorted_manifolds_;  // manifold indices in the order of batches and lanes
-  // By batch: first position in sorted_manifolds_, and first point; one more at the end.
+  // The first position in sorted_manifolds_ and the first point of each batch; one more at the end.
   std::vector<std::int32_t> batch_start_, first_point_;
   std::vector<ContactBatch> batch_;
   std::vector<Colour> colours_;

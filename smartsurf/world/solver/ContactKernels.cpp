@@ -1,6 +1,8 @@
 // Compiled once per instruction set: foreach_target.h includes this file again for each.
 #include "smartsurf/world/solver/ContactKernels.h"
 
+#include "smartsurf/world/field/CellForceLimits.h"
+
 #undef HWY_TARGET_INCLUDE
 #define HWY_TARGET_INCLUDE "smartsurf/world/solver/ContactKernels.cpp"
 #include <hwy/foreach_target.h>  // must come before highway.h
@@ -32,15 +34,12 @@ HWY_INLINE void prepare_point(const ContactLanes<kPair, kSpheres>& l, const Poin
     }
   } else {
     normal_k = l.inverse_effective_mass(q, n, n, inverse_mass_sum);
-    // The larger eigenvalue of the 2 × 2 inverse effective mass matrix in the tangent plane. A scalar tangent mass
-    // makes friction act exactly against the slip.
     V3 t, u;
     tangents(n, t, u);
     const V tt = l.inverse_effective_mass(q, t, t, inverse_mass_sum),
             uu = l.inverse_effective_mass(q, u, u, inverse_mass_sum),
             tu = l.inverse_effective_mass(q, t, u, zero());
-    const V half = (tt - uu) * set(0.5F);
-    tangent_k = (tt + uu) * set(0.5F) + hn::Sqrt(half * half + tu * tu);
+    tangent_k = greatest_tangent_response(tt, uu, tu);
     const V3 response = l.angular_response(q, n);
     store3(response - n * dot(n, response), q.detail.slip_per_impulse, at);
     rolling_k = sum3(l.inertia_a.xx, l.inertia_a.yy, l.inertia_a.zz);
@@ -61,52 +60,31 @@ HWY_INLINE void warm_start_point(ContactLanes<kPair, kSpheres>& l, const PointRe
   if (l.batch.has_rolling_friction) l.apply_angular_impulse(load3(q.detail.rolling_impulse, at));
 }
 
-// Scales a vector down to a maximum length.
-HWY_INLINE V3 clamp_length(const V3& u, V limit) {
-  const V length = hn::Max(hn::Sqrt(dot(u, u)), set(1e-30F));
-  return u * hn::Min(set(1.0F), limit / length);
-}
-
 template <bool kPair, bool kSpheres>
 HWY_INLINE void solve_rolling(ContactLanes<kPair, kSpheres>& l, const PointRef& q, V normal_impulse) {
   const int at = l.lane;
   const V3 old_impulse = load3(q.detail.rolling_impulse, at);
   const V3 impulse =
-      clamp_length(old_impulse - l.relative_angular_velocity(q) * load(q.detail.rolling_mass, at),
-                   load(q.detail.rolling_friction, at) * normal_impulse);
+      friction_impulse(old_impulse, l.relative_angular_velocity(q), load(q.detail.rolling_mass, at),
+                       load(q.detail.rolling_friction, at) * normal_impulse);
   store3(impulse, q.detail.rolling_impulse, at);
   l.apply_angular_impulse(impulse - old_impulse);
 }
 
-// Solve stage: returns the normal impulse for no penetration at the end of the substep. Sets relax_target_speed.
+// Solve stage: the normal impulse of a soft contact. Sets relax_target_speed.
 template <bool kPair, bool kSpheres>
 HWY_INLINE V soft_normal_impulse(const ContactLanes<kPair, kSpheres>& l, const PointRef& q, V speed,
                                  V separation, const SubstepParams& params) {
   const int at = l.lane;
-  const auto separated = hn::Gt(separation, zero());
-  // Separated (speculative): may close the gap within the substep, but no faster. Penetrating: soft push-out.
-  const V speculative_bias = separation * set(params.inverse_h);
-  const V penetration_bias = hn::Max(hn::Min(separation + set(kSlop), zero()) * set(params.bias_rate),
-                                     set(-params.max_bias_velocity));
-  const V bias = hn::IfThenElse(separated, speculative_bias, penetration_bias);
-  const V mass = load(q.point.normal_mass, at) * hn::IfThenElse(separated, set(1.0F), set(params.mass_scale));
-  const V impulse_scale = hn::IfThenElseZero(hn::Not(separated), set(params.impulse_scale));
-  store(hn::IfThenElseZero(separated, zero() - speculative_bias), q.point.relax_target_speed, at);
+  const V target_speed = push_out_speed(separation, params);
+  store(relax_target_speed(separation, target_speed), q.point.relax_target_speed, at);
+  const V mass = load(q.point.normal_mass, at) * if_positive(separation, set(1.0F), set(params.mass_scale));
   const V old_impulse = load(q.point.normal_impulse, at);
-  V deflecting_impulse = old_impulse;
+  V deflecting = old_impulse;
   if constexpr (!kSpheres)
-    deflecting_impulse =
-        hn::Max(old_impulse - set(params.steady_share) * load(q.detail.start_impulse, at), zero());
-  return hn::Max(old_impulse - mass * (speed + bias) - impulse_scale * deflecting_impulse, zero());
-}
-
-// Relax stage: returns the normal impulse without softness and bias.
-template <bool kPair, bool kSpheres>
-HWY_INLINE V relaxed_normal_impulse(const ContactLanes<kPair, kSpheres>& l, const PointRef& q, V speed) {
-  const int at = l.lane;
-  return hn::Max(load(q.point.normal_impulse, at) -
-                     load(q.point.normal_mass, at) * (speed - load(q.point.relax_target_speed, at)),
-                 zero());
+    deflecting = deflecting_impulse(old_impulse, load(q.detail.start_impulse, at), params);
+  const V relief = if_positive(separation, zero(), set(params.impulse_scale)) * deflecting;
+  return normal_impulse(old_impulse, mass, speed, target_speed, relief);
 }
 
 // A sum over the points of the body on the cell, from the first of them.
@@ -121,8 +99,9 @@ HWY_INLINE void store_of_cell(V value, const PointRef& q, int lane, float (Batch
   for (int i = 0; i < kVectorWidth; ++i) (q.limit[q.limit->to_first[lane + i]].*sum)[lane + i] = values[i];
 }
 
-// The impulse that each cell can give in the substep, and its speed, at its first point: those of the motor at the speed
-// which the body has then, v + (impulse − load)·k for its present velocity v. Values at other points are not used.
+// Solves the motor's line, impulse(speed), together with the body's response, speed = v + (impulse − load)·k,
+// for the impulse that each cell can give in the substep and for its speed. Only the values at a cell's first
+// point are used.
 template <bool kPair, bool kSpheres>
 HWY_INLINE void update_cell_motion(const ContactLanes<kPair, kSpheres>& l, const PointRef& q) {
   const int at = l.lane;
@@ -143,12 +122,11 @@ HWY_INLINE void update_cell_motion(const ContactLanes<kPair, kSpheres>& l, const
   store(hn::Min(speed + (capacity - old_load) * k, load(q.limit->planned_speed, at)), q.limit->speed, at);
 }
 
-// At the start of a substep: adds the lag of the last one, at the cell's first point. A cell yields to a load that takes
-// nearly all of its capacity.
+// Adds the lag of the last substep at the cell's first point; called at the start of a substep. A cell yields
+// to a load that takes nearly all of its capacity.
 HWY_INLINE void update_cell_lag(const PointRef& q, int at, const SubstepParams& params) {
   if (params.elapsed_s == 0.0F) return;
-  const auto yields =
-      hn::Ge(load(q.limit->load, at), load(q.limit->capacity, at) * set(BatchPointLimit::kYielding));
+  const auto yields = hn::Ge(load(q.limit->load, at), load(q.limit->capacity, at) * set(kYieldingLoad));
   const V slower = load(q.limit->planned_speed, at) - load(q.limit->speed, at);
   store(load(q.limit->lag, at) + hn::IfThenElseZero(yields, slower) * set(params.h_s), q.limit->lag, at);
 }
@@ -163,14 +141,15 @@ HWY_INLINE V bound_by_cell_force(const PointRef& q, int at, const V3& n, V impul
   return bounded;
 }
 
-// At the end of a substep: adds the capacity of a cell to that of the step, at the cell's first point.
+// Adds the capacity of a cell to that of the step, at the cell's first point; called at the end of a substep.
 HWY_INLINE void add_to_step_capacity(const PointRef& q, int at) {
   store(load(q.limit->step_capacity, at) + load(q.limit->capacity, at), q.limit->step_capacity, at);
 }
 
-// Solves the normal constraint, then friction within the cone of the new normal impulse, then rolling friction.
-// Returns the normal impulse. For general shapes the normal impulse also changes the slip, which slip_per_impulse
-// accounts for, so that both impulses can be applied at once; for spheres the two are independent.
+// Solves the normal constraint, then friction within the cone of the new normal impulse, then rolling
+// friction. Returns the normal impulse. For general shapes the normal impulse also changes the slip, which
+// slip_per_impulse accounts for, so that both impulses can be applied at once; for spheres the two are
+// independent.
 template <bool kPair, bool kSpheres, class ComputeImpulse>
 HWY_INLINE V solve_point(ContactLanes<kPair, kSpheres>& l, const PointRef& q,
                          ComputeImpulse compute_impulse) {
@@ -182,101 +161,92 @@ HWY_INLINE V solve_point(ContactLanes<kPair, kSpheres>& l, const PointRef& q,
     velocity.z = velocity.z + load(q.limit->planned_speed, at) - load_of_cell(q, at, &BatchPointLimit::speed);
   }
   const V speed = dot(n, velocity);
-  V normal_impulse = compute_impulse(n, speed);
-  if (!kPair && l.batch.has_impulse_limit) normal_impulse = bound_by_cell_force(q, at, n, normal_impulse);
-  const V impulse_change = normal_impulse - load(q.point.normal_impulse, at);
-  store(normal_impulse, q.point.normal_impulse, at);
+  V impulse = compute_impulse(n, speed);
+  if (!kPair && l.batch.has_impulse_limit) impulse = bound_by_cell_force(q, at, n, impulse);
+  const V impulse_change = impulse - load(q.point.normal_impulse, at);
+  store(impulse, q.point.normal_impulse, at);
   V3 slip = velocity - n * speed;
   if constexpr (!kSpheres) slip = slip + load3(q.detail.slip_per_impulse, at) * impulse_change;
-  const V3 old_friction_impulse = load3(q.point.friction_impulse, at);
-  const V3 friction_impulse = clamp_length(old_friction_impulse - slip * load(q.point.tangent_mass, at),
-                                           load(q.point.friction, at) * normal_impulse);
-  store3(friction_impulse, q.point.friction_impulse, at);
+  const V3 old_friction = load3(q.point.friction_impulse, at);
+  const V3 friction = friction_impulse(old_friction, slip, load(q.point.tangent_mass, at),
+                                       load(q.point.friction, at) * impulse);
+  store3(friction, q.point.friction_impulse, at);
   if constexpr (kSpheres) {
     l.apply_impulse(q, n * impulse_change, n, true);
-    l.apply_impulse(q, friction_impulse - old_friction_impulse, n, false);
+    l.apply_impulse(q, friction - old_friction, n, false);
   } else {
-    l.apply_impulse(q, n * impulse_change + (friction_impulse - old_friction_impulse), n, false);
+    l.apply_impulse(q, n * impulse_change + (friction - old_friction), n, false);
   }
-  if (l.batch.has_rolling_friction) solve_rolling(l, q, normal_impulse);
-  return normal_impulse;
+  if (l.batch.has_rolling_friction) solve_rolling(l, q, impulse);
+  return impulse;
 }
 
-template <bool kPair, bool kSpheres, class PointWork>
-HWY_INLINE void for_each_point(const ContactBatch* batches, int count, BatchPoints points,
-                               const SolverBodies& rows, bool writes, PointWork work) {
+// Relax stage: without softness and push-out.
+template <bool kPair, bool kSpheres>
+HWY_INLINE void relax_point(ContactLanes<kPair, kSpheres>& l, const PointRef& q) {
+  const V impulse = solve_point(l, q, [&](const V3&, V speed) HWY_ATTR {
+    return normal_impulse(load(q.point.normal_impulse, l.lane), load(q.point.normal_mass, l.lane), speed,
+                          load(q.point.relax_target_speed, l.lane));
+  });
+  store(load(q.point.total_normal_impulse, l.lane) + impulse, q.point.total_normal_impulse, l.lane);
+  if (!kPair && l.batch.has_impulse_limit) add_to_step_capacity(q, l.lane);
+}
+
+// A kernel that does kPointWork, a function of lanes and point.
+template <bool kPair, bool kSpheres, auto kPointWork, bool kWrites>
+void for_each_point(const ContactBatch* batches, int count, BatchPoints points, const SolverBodies& rows,
+                    const SubstepParams&) {
   for (int i = 0; i < count; ++i)
     for (int lane = 0; lane < batches[i].lane_count; lane += kVectorWidth) {
       ContactLanes<kPair, kSpheres> l(batches[i], lane, rows);
       for (int k = batches[i].first_point; k < batches[i].first_point + batches[i].point_count; ++k)
-        work(l, point_ref(points, k));
-      if (writes) l.store();
+        kPointWork(l, point_ref(points, k));
+      if (kWrites) l.store();
     }
 }
 
 template <bool kPair, bool kSpheres>
-struct Kernels {
-  using L = ContactLanes<kPair, kSpheres>;
-  static void prepare(const ContactBatch* o, int n, BatchPoints p, const SolverBodies& rows,
-                      const SubstepParams&) {
-    for_each_point<kPair, kSpheres>(o, n, p, rows, false,
-                                    [](L& l, const PointRef& q) HWY_ATTR { prepare_point(l, q); });
-  }
-  static void warm_start(const ContactBatch* o, int n, BatchPoints p, const SolverBodies& rows,
-                         const SubstepParams&) {
-    for_each_point<kPair, kSpheres>(o, n, p, rows, true,
-                                    [](L& l, const PointRef& q) HWY_ATTR { warm_start_point(l, q); });
-  }
-  static void solve(const ContactBatch* o, int n, BatchPoints p, const SolverBodies& rows,
-                    const SubstepParams& params) {
-    for (int i = 0; i < n; ++i)
-      for (int lane = 0; lane < o[i].lane_count; lane += kVectorWidth) {
-        L l(o[i], lane, rows);
-        const DeltaPoseLanes<kPair, kSpheres> delta(o[i], lane, rows);
-        for (int k = o[i].first_point; k < o[i].first_point + o[i].point_count; ++k) {
-          const PointRef q = point_ref(p, k);
-          if (!kPair && o[i].has_impulse_limit) update_cell_lag(q, lane, params);
-          solve_point(l, q, [&](const V3& along, V speed) HWY_ATTR {
-            V separation = delta.separation(l, q, along, params);
-            if (!kPair && o[i].has_impulse_limit)
-              separation = separation + along.z * load_of_cell(q, lane, &BatchPointLimit::lag);
-            return soft_normal_impulse(l, q, speed, separation, params);
-          });
-        }
-        l.store();
+void solve(const ContactBatch* o, int n, BatchPoints p, const SolverBodies& rows,
+           const SubstepParams& params) {
+  for (int i = 0; i < n; ++i)
+    for (int lane = 0; lane < o[i].lane_count; lane += kVectorWidth) {
+      ContactLanes<kPair, kSpheres> l(o[i], lane, rows);
+      const DeltaPoseLanes<kPair, kSpheres> delta(o[i], lane, rows);
+      for (int k = o[i].first_point; k < o[i].first_point + o[i].point_count; ++k) {
+        const PointRef q = point_ref(p, k);
+        if (!kPair && o[i].has_impulse_limit) update_cell_lag(q, lane, params);
+        solve_point(l, q, [&](const V3& along, V speed) HWY_ATTR {
+          V separation = delta.separation(l, q, along, params);
+          if (!kPair && o[i].has_impulse_limit)
+            separation = separation + along.z * load_of_cell(q, lane, &BatchPointLimit::lag);
+          return soft_normal_impulse(l, q, speed, separation, params);
+        });
       }
-  }
-  static void relax(const ContactBatch* o, int n, BatchPoints p, const SolverBodies& rows,
-                    const SubstepParams&) {
-    for_each_point<kPair, kSpheres>(o, n, p, rows, true, [&](L& l, const PointRef& q) HWY_ATTR {
-      const V impulse =
-          solve_point(l, q, [&](const V3&, V speed) HWY_ATTR { return relaxed_normal_impulse(l, q, speed); });
-      store(load(q.point.total_normal_impulse, l.lane) + impulse, q.point.total_normal_impulse, l.lane);
-      if (!kPair && l.batch.has_impulse_limit) add_to_step_capacity(q, l.lane);
-    });
-  }
-  static void add_to(ContactKernelTable& t, ContactKind kind) {
-    t.prepare[kind] = prepare;
-    t.warm_start[kind] = warm_start;
-    t.solve[kind] = solve;
-    t.relax[kind] = relax;
-  }
-};
+      l.store();
+    }
+}
+
+template <bool kPair, bool kSpheres>
+void add_kernels(ContactKernelTable& t, ContactKind kind) {
+  t.prepare[kind] = for_each_point<kPair, kSpheres, prepare_point<kPair, kSpheres>, false>;
+  t.warm_start[kind] = for_each_point<kPair, kSpheres, warm_start_point<kPair, kSpheres>, true>;
+  t.solve[kind] = solve<kPair, kSpheres>;
+  t.relax[kind] = for_each_point<kPair, kSpheres, relax_point<kPair, kSpheres>, true>;
+}
 
 // ---- rows of bodies
 
 static_assert(sizeof(BodyVelocity) == kRow * sizeof(float) && sizeof(DeltaPose) == kRow * sizeof(float));
-// By float of a BodyVelocity: whether integration changes it. The others are the inverse mass and inertia.
+// 1 for the floats of a BodyVelocity that integration changes. The others are the inverse mass and inertia.
 constexpr float kIsVelocity[kRow] = {1, 1, 1, 0, 1, 1, 1, 0};
 
-// Calls work(i, moves) for the vectors of the rows, i being the index of the first float in the array and `moves` the mask
-// of the floats that are velocities.
+// Calls work(i, moves) for the vectors of the rows, i being the index of the first float in the array and
+// `moves` the mask of the floats that are velocities.
 template <class Work>
 HWY_INLINE void for_each_row_vector(int begin, int end, Work work) {
   for (int row = begin; row < end; ++row)
     for (int column = 0; column < kRow; column += kVectorWidth)
-      work(static_cast<std::size_t>(row) * kRow + static_cast<std::size_t>(column),
-           hn::Ne(load(kIsVelocity, column), zero()));
+      work(std::ptrdiff_t{row} * kRow + column, hn::Ne(load(kIsVelocity, column), zero()));
 }
 
 void integrate_velocities(int begin, int end, const BodyVelocity& change, bool first, BodyVelocity* velocity,
@@ -285,32 +255,32 @@ void integrate_velocities(int begin, int end, const BodyVelocity& change, bool f
                                                                reinterpret_cast<float*>(start_velocity);
   const auto* const changes = reinterpret_cast<const float*>(&change);
   const V low = set(-kMaxSpeed), high = set(kMaxSpeed);
-  for_each_row_vector(begin, end, [&](std::size_t i, auto moves) HWY_ATTR {
-    const V speed = hn::LoadU(D(), speeds + i), contact_change = speed - hn::LoadU(D(), start_speeds + i);
-    const V changed = speed + hn::LoadU(D(), changes + i % kRow);
+  for_each_row_vector(begin, end, [&](std::ptrdiff_t i, auto moves) HWY_ATTR {
+    const V speed = hn::LoadU(Tag(), speeds + i), contact_change = speed - hn::LoadU(Tag(), start_speeds + i);
+    const V changed = speed + hn::LoadU(Tag(), changes + i % kRow);
     const V at_least_low = hn::IfThenElse(hn::Lt(changed, low), low, changed);
     const V start = hn::IfThenElse(hn::Lt(high, at_least_low), high, at_least_low);
-    hn::StoreU(start, D(), start_speeds + i);
-    hn::StoreU(hn::IfThenElse(moves, first ? start : start + contact_change, speed), D(), speeds + i);
+    hn::StoreU(start, Tag(), start_speeds + i);
+    hn::StoreU(hn::IfThenElse(moves, first ? start : start + contact_change, speed), Tag(), speeds + i);
   });
 }
 
 void integrate_positions(int begin, int end, float h_s, const BodyVelocity* velocity, DeltaPose* delta_pose) {
   const auto* const speeds = reinterpret_cast<const float*>(velocity);
   auto* const poses = reinterpret_cast<float*>(delta_pose);
-  for_each_row_vector(begin, end, [&](std::size_t i, auto moves) HWY_ATTR {
-    const V step = hn::IfThenElseZero(moves, set(h_s)) * hn::LoadU(D(), speeds + i);
-    hn::StoreU(hn::LoadU(D(), poses + i) + step, D(), poses + i);
+  for_each_row_vector(begin, end, [&](std::ptrdiff_t i, auto moves) HWY_ATTR {
+    const V step = hn::IfThenElseZero(moves, set(h_s)) * hn::LoadU(Tag(), speeds + i);
+    hn::StoreU(hn::LoadU(Tag(), poses + i) + step, Tag(), poses + i);
   });
 }
 
 const ContactKernelTable* table() {
   static const ContactKernelTable kTable = [] {
     ContactKernelTable t{};
-    Kernels<true, true>::add_to(t, kSpherePair);
-    Kernels<true, false>::add_to(t, kGeneralPair);
-    Kernels<false, true>::add_to(t, kSphereStatic);
-    Kernels<false, false>::add_to(t, kGeneralStatic);
+    add_kernels<true, true>(t, kSpherePair);
+    add_kernels<true, false>(t, kGeneralPair);
+    add_kernels<false, true>(t, kSphereStatic);
+    add_kernels<false, false>(t, kGeneralStatic);
     t.integrate_velocities = integrate_velocities;
     t.integrate_positions = integrate_positions;
     return t;

@@ -1,7 +1,7 @@
 // The bodies in the lanes of a contact batch, loaded into SIMD vectors for the contact kernels.
 //
-// Included once per instruction set, hence the toggled include guard. No multiply-add may be fused: results must
-// be bit-identical on all instruction sets.
+// Included once per instruction set, hence the toggled include guard. No multiply-add may be fused: results
+// must be bit-identical on all instruction sets.
 #if defined(SMARTSURF_WORLD_CONTACT_LANES_INL_H) == defined(HWY_TARGET_TOGGLE)
 #ifdef SMARTSURF_WORLD_CONTACT_LANES_INL_H
 #undef SMARTSURF_WORLD_CONTACT_LANES_INL_H
@@ -9,13 +9,92 @@
 #define SMARTSURF_WORLD_CONTACT_LANES_INL_H
 #endif
 
-#include "smartsurf/world/solver/ContactKernels.h"
-#include "smartsurf/world/solver/SimdLanes-inl.h"
+#include <cstddef>
+#include <cstdint>
+
+#include "smartsurf/world/solver/ContactLaw-inl.h"
+
+// True if a vector of floats consists of two 128-bit blocks.
+#undef SMARTSURF_WIDE
+#define SMARTSURF_WIDE (HWY_TARGET <= HWY_AVX2)
 
 HWY_BEFORE_NAMESPACE();
 namespace smartsurf::world {
 namespace HWY_NAMESPACE {
 namespace {
+
+using Tag = LanesTag<float>;
+
+// Gather and scatter of rows of eight floats, one row per body. load_rows() and store_rows() transfer the
+// four floats from `column` on of the bodies in the lanes.
+constexpr int kRow = 8;
+
+#if HWY_TARGET == HWY_SCALAR
+
+HWY_INLINE void load_rows(const float* rows, const std::int32_t* index, int column, V& a, V& b, V& c, V& d) {
+  const float* row = rows + std::ptrdiff_t{index[0]} * kRow + column;
+  a = load(row, 0), b = load(row, 1), c = load(row, 2), d = load(row, 3);
+}
+HWY_INLINE void store_rows(V a, V b, V c, V d, float* rows, const std::int32_t* index, int, int column) {
+  float* row = rows + std::ptrdiff_t{index[0]} * kRow + column;
+  store(a, row, 0), store(b, row, 1), store(c, row, 2), store(d, row, 3);
+}
+
+#else
+
+// Transposes a 4 × 4 matrix in each 128-bit block.
+HWY_INLINE void transpose(V& a, V& b, V& c, V& d) {
+  const Tag t;
+  const V ac = hn::InterleaveLower(t, a, c), bd = hn::InterleaveLower(t, b, d);
+  const V ac_high = hn::InterleaveUpper(t, a, c), bd_high = hn::InterleaveUpper(t, b, d);
+  a = hn::InterleaveLower(t, ac, bd);
+  b = hn::InterleaveUpper(t, ac, bd);
+  c = hn::InterleaveLower(t, ac_high, bd_high);
+  d = hn::InterleaveUpper(t, ac_high, bd_high);
+}
+
+HWY_INLINE V load_row(const float* rows, const std::int32_t* index, int lane) {
+  const float* low = rows + std::ptrdiff_t{index[lane]} * kRow;
+#if SMARTSURF_WIDE
+  const hn::Half<Tag> half;
+  const float* high = rows + std::ptrdiff_t{index[lane + 4]} * kRow;
+  return hn::Combine(Tag(), hn::Load(half, high), hn::Load(half, low));
+#else
+  return hn::Load(Tag(), low);
+#endif
+}
+HWY_INLINE void load_rows(const float* rows, const std::int32_t* index, int column, V& a, V& b, V& c, V& d) {
+  rows += column;
+  a = load_row(rows, index, 0);
+  b = load_row(rows, index, 1);
+  c = load_row(rows, index, 2);
+  d = load_row(rows, index, 3);
+  transpose(a, b, c, d);
+}
+
+// Stores nothing for lanes from `count` on.
+HWY_INLINE void store_row(V value, float* rows, const std::int32_t* index, int count, int lane) {
+  float* low = rows + std::ptrdiff_t{index[lane]} * kRow;
+#if SMARTSURF_WIDE
+  const hn::Half<Tag> half;
+  if (lane < count) hn::Store(hn::LowerHalf(half, value), half, low);
+  if (lane + 4 < count)
+    hn::Store(hn::UpperHalf(half, value), half, rows + std::ptrdiff_t{index[lane + 4]} * kRow);
+#else
+  if (lane < count) hn::Store(value, Tag(), low);
+#endif
+}
+HWY_INLINE void store_rows(V a, V b, V c, V d, float* rows, const std::int32_t* index, int count,
+                           int column) {
+  transpose(a, b, c, d);
+  rows += column;
+  store_row(a, rows, index, count, 0);
+  store_row(b, rows, index, count, 1);
+  store_row(c, rows, index, count, 2);
+  store_row(d, rows, index, count, 3);
+}
+
+#endif
 
 // Bodies a, or bodies b, of the lanes.
 struct BodyLanes {
@@ -49,8 +128,8 @@ HWY_INLINE void store_body_lanes(const BodyLanes& s, BodyVelocity* rows, const s
              count, 4);
 }
 
-HWY_INLINE SymmetricMat3 load_inertia(const InverseInertia* rows, const std::int32_t* index) {
-  SymmetricMat3 s;
+HWY_INLINE SymmetricMat3<V> load_inertia(const InverseInertia* rows, const std::int32_t* index) {
+  SymmetricMat3<V> s;
   V unused, unused_too;
   load_rows(&rows->xx, index, 0, s.xx, s.yy, s.zz, s.xy);
   load_rows(&rows->xx, index, 4, s.xz, s.yz, unused, unused_too);
@@ -64,7 +143,7 @@ struct ContactLanes {
   const int lane;  // first lane in the batch
   BodyVelocity* const velocities;
   BodyLanes a, b;
-  SymmetricMat3 inertia_a, inertia_b;
+  SymmetricMat3<V> inertia_a, inertia_b;
 
   HWY_INLINE ContactLanes(const ContactBatch& o, int first, const SolverBodies& rows)
       : batch(o), lane(first), velocities(rows.velocity) {

@@ -1,10 +1,11 @@
 // Impacts: contacts that close faster than the restitution threshold.
 //
-// An impact takes no time, so it is kept out of the substeps: an impacting contact exerts no impulse there. At the end
-// of the step the bodies are set back to where they touch, and the impacts are solved in generations, as reflections
-// (B. Smith et al., Reflections on Simultaneous Impact, 2012): all contacts that approach collide at once, by Newton's
-// law and with Coulomb friction on the same impulse; then those that approach because of it, and so on. So a blow
-// travels through a row of balls one by one, and what is symmetric stays symmetric.
+// An impact takes no time, so it is kept out of the substeps: an impacting contact exerts no impulse there.
+// At the end of the step the bodies are set back to where they touch, and the impacts are solved in
+// generations, as reflections (B. Smith et al., Reflections on Simultaneous Impact, 2012): all contacts that
+// approach collide at once, by Newton's law and with Coulomb friction on the same impulse; then those that
+// approach because of it, and so on. So a blow travels through a row of balls one by one, and what is
+// symmetric stays symmetric.
 #pragma once
 
 #include <cstdint>
@@ -20,9 +21,9 @@ namespace smartsurf::world {
 
 class ImpactSolver {
  public:
-  // Minimum approach speed of an impact, u/s.
+  // Minimum approach speed of an impact with restitution, u/s.
   static constexpr float kThreshold = 0.2F;
-  // The same for contacts without restitution, of bodies that land flat, u/s.
+  // Minimum approach speed of a body without restitution that lands flat, u/s.
   static constexpr float kPlasticThreshold = 2.0F;
 
   // A contact that approaches at the start of the step.
@@ -50,11 +51,9 @@ class ImpactSolver {
 
   // Removes all candidates. Call before the members add theirs.
   void reset(int member_count);
-  void add(int member, const Candidate& candidate) {
-    candidates_[static_cast<std::size_t>(member)].list.push_back(candidate);
-  }
-  // After the substeps: solves the impacts among the candidates and all that follow from them. Adds their impulses to
-  // Contact::total_normal_impulse. Not thread-safe.
+  void add(int member, const Candidate& candidate) { candidates_[member].list.push_back(candidate); }
+  // Solves the impacts among the candidates and all that follow from them, after the substeps. Adds their
+  // impulses to Contact::total_normal_impulse. Not thread-safe.
   void solve(const Step&);
 
  private:
@@ -62,12 +61,26 @@ class ImpactSolver {
     bool is_pair;
     std::int32_t index;
   };
+  // The two sides of a contact in the state at the end of the substeps.
+  struct Sides {
+    BodyVelocity *velocity_a, *velocity_b = nullptr;  // b: null if static
+    DeltaPose *delta_a, *delta_b = nullptr;
+    Vec3 anchor_a, anchor_b{0, 0, 0}, surface_velocity;
+
+    Sides(const Step&, const Manifold&, const Contact&);
+    // Velocity of a relative to b, or to the static surface.
+    Vec3 velocity() const;
+    Vec3 displacement_a() const;
+    Vec3 displacement_b(float dt_s) const;
+    float separation(const Contact&, float dt_s) const;
+  };
   // A colliding contact of the current generation. Components are along the normal and two tangents.
-  struct Point {
+  struct Point : Sides {
+    explicit Point(const Sides& sides) : Sides(sides) {}
+
     Contact* contact;
     std::int32_t a, b;  // bodies; b = −1: static
-    BodyVelocity *velocity_a, *velocity_b;
-    Vec3 axis[3], anchor_a, anchor_b, surface_velocity;
+    Vec3 axis[3];
     Vec3 spin_a[3], spin_b[3];  // change of angular velocity by a unit impulse along an axis
     float normal_mass;
     float tangent_mass[3];  // inverse of the inverse effective mass matrix in the tangent plane: tt, uu, tu
@@ -88,12 +101,10 @@ class ImpactSolver {
     std::vector<Candidate> list;
   };
 
-  void merge_candidates();
   void find_hits(const Step&);
   void index_manifolds(const Step&);
   void set_back_bodies(const Step&);
   void set_back(const Step&, const Manifold&, const Contact&, float min_overlap);
-  void set_back_manifold(const Step&, const ManifoldRef&);
   void mark_changed(std::int32_t body);
   void collect_active_manifolds();
   void add_hits(const Step&);
@@ -110,7 +121,6 @@ class ImpactSolver {
   float solve_friction(Point&);
   void limit_energy();
   std::int32_t find_island(std::int32_t body);
-  void store_impulses();
 
   std::vector<Candidates> candidates_;  // one per member
   std::vector<Candidate> hits_;
@@ -126,7 +136,7 @@ class ImpactSolver {
   std::vector<Approaching> approaching_;
   std::vector<Point> points_;
   std::vector<std::uint32_t> version_;  // by body: counts the changes of its velocity
-  // By body, valid for the bodies of points_.
+  // Indexed by body; valid for the bodies of points_.
   std::vector<std::int32_t> island_;
   std::vector<IslandEnergy> energy_;
 };

@@ -4,10 +4,12 @@
 #include <algorithm>
 #include <cmath>
 #include <numbers>
+#include <ranges>
 #include <span>
 #include <utility>
 
-#include "smartsurf/world/solver/RotationKernels.h"
+#include "smartsurf/world/body/RotationKernels.h"
+#include "smartsurf/world/solver/ContactLaw-inl.h"
 
 namespace smartsurf::world {
 namespace {
@@ -17,10 +19,10 @@ using Eigen::Quaterniond;
 using Eigen::Vector3d;
 
 constexpr int kMaxSweeps = 8;
-// A sweep that changes no velocity by more than this is the last, u/s.
+// The sweeps end when none changes a velocity by more than this, u/s.
 constexpr double kConverged = 1e-7;
-// Errors that are there at the start of a substep are corrected by this fraction, and at most at this speed: joints of
-// a loop, or against contacts, may contradict each other.
+// Baumgarte factor and its speed limit, u/s: joints in loops, and joints and contacts together, can be
+// over-constrained.
 constexpr double kErrorReduction = 0.5, kMaxJointBiasSpeed = 4.0;
 
 Quaterniond rotation_by(const Vector3d& vector) {
@@ -32,14 +34,14 @@ Quaterniond rotation_by(const Vector3d& vector) {
   return q;
 }
 
-// Of a rotation by less than half a turn.
+// The rotation must be less than half a turn.
 Vector3d rotation_vector_of(const Quaterniond& q) {
   const double sign = q.w() < 0.0 ? -1.0 : 1.0, sine = q.vec().norm();
   if (!(sine > 0.0)) return Vector3d::Zero();
   return q.vec() * (sign * 2.0 * std::atan2(sine, std::abs(q.w())) / sine);
 }
 
-// moments: of the least, middle and greatest principal axis, or their inverses.
+// The world tensor of the moments about the least, middle and greatest principal axis, or of their inverses.
 Matrix3d tensor_of(const PrincipalInertia& p, const Quaterniond& orientation, const Vector3d& moments) {
   const Vector3d u = orientation * Vector3d(p.least_axis), v = orientation * Vector3d(p.greatest_axis);
   return moments[1] * Matrix3d::Identity() + (moments[0] - moments[1]) * u * u.transpose() +
@@ -49,127 +51,12 @@ Matrix3d tensor_of(const PrincipalInertia& p, const Quaterniond& orientation, co
 // The first rows of a joint are the linear ones; see rigid_error().
 int linear_rows(scene::JointKind kind) { return kind == scene::JointKind::kSlider ? 2 : 3; }
 
-Vector3d limited(const Vector3d& v, double length) {
-  const double norm = v.norm();
-  return norm > length ? Vector3d(v * (length / norm)) : v;
-}
-
-// Joint axes in the world frame: z along `axis`.
-Quaterniond frame_along(const Vector3d& axis) {
-  return Quaterniond::FromTwoVectors(Vector3d::UnitZ(), axis.normalized());
+template <class Bodies>
+auto active_bodies(Bodies& bodies) {
+  return std::views::filter(bodies, [](const auto& b) { return b.is_active; });
 }
 
 }  // namespace
-
-// ---- between steps
-
-const JointSolver::Joint* JointSolver::find(scene::JointId id) const {
-  const auto it = std::ranges::lower_bound(joints_, id, {}, &Joint::id);
-  return it != joints_.end() && it->id == id ? &*it : nullptr;
-}
-
-JointSolver::Pose JointSolver::pose_of(const BodyStore& bodies, std::int32_t body) {
-  if (body < 0) return {Vec3d::Zero(), Quatd::Identity()};
-  const auto i = static_cast<std::size_t>(body);
-  const Quatd orientation = bodies.is_sphere[i] ? bodies.orientation[i].cast<double>()
-                                                : Quatd(bodies.rotation_state[i].orientation);
-  return {bodies.position[i].cast<double>(), orientation.normalized()};
-}
-
-scene::JointId JointSolver::add(const scene::JointSpec& spec, BodyStore& bodies) {
-  constexpr double kUnlimited = std::numeric_limits<double>::infinity();
-  Joint j{};
-  j.id = next_id_++;
-  j.kind = spec.kind;
-  j.collide = spec.collide;
-  j.a = bodies.find(spec.a);
-  j.b = spec.b ? bodies.find(*spec.b) : -1;
-  const Pose a = pose_of(bodies, j.a), b = pose_of(bodies, j.b);
-  const Quatd frame = frame_along(spec.axis);
-  j.anchor_a = a.orientation.conjugate() * (spec.anchor - a.position);
-  j.anchor_b = b.orientation.conjugate() * (spec.anchor - b.position);
-  j.frame_a = a.orientation.conjugate() * frame;
-  j.frame_b = b.orientation.conjugate() * frame;
-  j.lower = spec.limits ? spec.limits->lower : -kUnlimited;
-  j.upper = spec.limits ? spec.limits->upper : kUnlimited;
-  j.friction = spec.friction;
-  j.has_spring = spec.spring.has_value();
-  j.spring = spec.spring.value_or(scene::JointSpring());
-  j.has_motor = spec.motor.has_value();
-  j.motor = spec.motor.value_or(scene::JointMotor());
-  j.force_impulse.setZero();
-  joints_.push_back(j);
-  update_links(bodies);
-  indexed_ = false;
-  return j.id;
-}
-
-bool JointSolver::remove(scene::JointId id, BodyStore& bodies) {
-  if (std::erase_if(joints_, [id](const Joint& j) { return j.id == id; }) == 0) return false;
-  update_links(bodies);
-  indexed_ = false;
-  return true;
-}
-
-void JointSolver::set_motor(scene::JointId id, const scene::JointMotor& motor) {
-  Joint& j = *find(id);
-  j.has_motor = true;
-  j.motor = motor;
-}
-
-void JointSolver::set_spring(scene::JointId id, const scene::JointSpring& spring) {
-  Joint& j = *find(id);
-  j.has_spring = true;
-  j.spring = spring;
-}
-
-std::array<std::int32_t, 2> JointSolver::bodies_of(scene::JointId id) const {
-  const Joint& j = *find(id);
-  return {j.a, j.b};
-}
-
-scene::JointState JointSolver::state(scene::JointId id, const BodyStore& bodies, float dt_s) const {
-  const Joint& j = *find(id);
-  scene::JointState out;
-  out.force = j.force_impulse / static_cast<double>(dt_s);
-  if (j.kind != scene::JointKind::kHinge && j.kind != scene::JointKind::kSlider) return out;
-  const Pose a = pose_of(bodies, j.a), b = pose_of(bodies, j.b);
-  out.coordinate = coordinate_of(j, a, b);
-  out.effort = j.effort_impulse / static_cast<double>(dt_s);
-  auto velocity_of = [&](std::int32_t body) -> std::pair<Vec3d, Vec3d> {
-    if (body < 0) return {Vec3d::Zero(), Vec3d::Zero()};
-    const auto i = static_cast<std::size_t>(body);
-    return {bodies.velocity(i).cast<double>(), bodies.angular_velocity(i).cast<double>()};
-  };
-  const auto [va, wa] = velocity_of(j.a);
-  const auto [vb, wb] = velocity_of(j.b);
-  const Vec3d axis = b.orientation * (j.frame_b * Vec3d::UnitZ());
-  if (j.kind == scene::JointKind::kHinge) {
-    out.speed = axis.dot(wa - wb);
-  } else {
-    const Vec3d at = a.position + a.orientation * j.anchor_a;
-    out.speed = axis.dot(va + wa.cross(at - a.position) - vb - wb.cross(at - b.position));
-  }
-  return out;
-}
-
-void JointSolver::on_body_removed(std::int32_t body, BodyStore& bodies) {
-  std::erase_if(joints_, [body](const Joint& j) { return j.a == body || j.b == body; });
-  for (Joint& j : joints_) j.a -= j.a > body ? 1 : 0, j.b -= j.b > body ? 1 : 0;
-  update_links(bodies);
-  indexed_ = false;
-}
-
-void JointSolver::update_links(BodyStore& bodies) const {
-  std::vector<BodyLink> links;
-  for (const Joint& j : joints_) links.push_back({j.a, j.b, j.collide});
-  bodies.set_links(std::move(links));
-}
-
-void JointSolver::archive(common::StateArchive& a) {
-  a(next_id_, joints_);
-  indexed_ = false;
-}
 
 // ---- poses and errors
 
@@ -218,8 +105,8 @@ JointSolver::Pose JointSolver::predict(const Body& b, double h_s) {
 
 void JointSolver::build_rows(Block& block) {
   using scene::JointKind;
-  Joint& j = joints_[static_cast<std::size_t>(block.joint)];
-  const Body &a = bodies_[static_cast<std::size_t>(block.a)], &b = bodies_[static_cast<std::size_t>(block.b)];
+  Joint& j = joints_[block.joint];
+  const Body &a = bodies_[block.a], &b = bodies_[block.b];
   const Pose pose_a{a.position, a.orientation}, pose_b{b.position, b.orientation};
   const Quatd frame_b = b.orientation * j.frame_b;
   const Vec3d x = frame_b * Vec3d::UnitX(), y = frame_b * Vec3d::UnitY(), z = frame_b * Vec3d::UnitZ();
@@ -259,14 +146,10 @@ void JointSolver::build_rows(Block& block) {
   j.coordinate = coordinate_of(j, pose_a, pose_b);
 }
 
-void JointSolver::refresh_blocks() {
-  for (Block& block : blocks_) build_rows(block);
-}
-
 // ---- velocities
 
 double JointSolver::velocity_along(const Row& row, const Block& block) const {
-  const Body &a = bodies_[static_cast<std::size_t>(block.a)], &b = bodies_[static_cast<std::size_t>(block.b)];
+  const Body &a = bodies_[block.a], &b = bodies_[block.b];
   return row.linear.dot(a.velocity - b.velocity) + row.angular_a.dot(a.angular_velocity) -
          row.angular_b.dot(b.angular_velocity);
 }
@@ -281,8 +164,8 @@ void JointSolver::apply(const Block& block, const Row& row, double impulse) {
     body.momentum_change += angular;
     body.angular_velocity += body.inverse_inertia * angular;
   };
-  change(bodies_[static_cast<std::size_t>(block.a)], impulse * row.linear, impulse * row.angular_a);
-  change(bodies_[static_cast<std::size_t>(block.b)], -impulse * row.linear, -impulse * row.angular_b);
+  change(bodies_[block.a], impulse * row.linear, impulse * row.angular_a);
+  change(bodies_[block.b], -impulse * row.linear, -impulse * row.angular_b);
 }
 
 void JointSolver::apply_rigid(const Block& block, Joint& j, const RowVector& impulse) {
@@ -299,26 +182,24 @@ void JointSolver::apply_axis(const Block& block, Joint& j, double impulse, doubl
 }
 
 void JointSolver::load_velocities(const Rows& rows) {
-  for (Body& b : bodies_) {
-    if (!b.is_active) continue;
+  for (Body& b : active_bodies(bodies_)) {
     const BodyVelocity& row = rows.velocity[b.row];
-    b.velocity = Eigen::Vector3f(row.velocity).cast<double>();
-    b.momentum = b.start_inertia * Eigen::Vector3f(row.angular_velocity).cast<double>();
+    b.velocity = Vec3(row.velocity).cast<double>();
+    b.momentum = b.start_inertia * Vec3(row.angular_velocity).cast<double>();
     b.angular_velocity = b.inverse_inertia * b.momentum;
     b.velocity_change = b.momentum_change = Vec3d::Zero();
   }
 }
 
-// The change goes to the start velocity as well: only what contacts add to that is repeated in the next substep.
+// The change is added to the start velocity as well, because the next substep repeats only what contacts add
+// to that.
 void JointSolver::store_velocities(const Rows& rows) {
-  for (const Body& b : bodies_) {
-    if (!b.is_active) continue;
+  for (const Body& b : active_bodies(bodies_)) {
     const Vec3d angular = b.start_inverse_inertia * b.momentum_change;
-    for (BodyVelocity* const v : {&rows.velocity[b.row], &rows.start_velocity[b.row]})
-      for (int i = 0; i < 3; ++i) {
-        v->velocity[i] += static_cast<float>(b.velocity_change[i]);
-        v->angular_velocity[i] += static_cast<float>(angular[i]);
-      }
+    for (BodyVelocity* const v : {&rows.velocity[b.row], &rows.start_velocity[b.row]}) {
+      Eigen::Map<Vec3>(v->velocity) += b.velocity_change.cast<float>();
+      Eigen::Map<Vec3>(v->angular_velocity) += angular.cast<float>();
+    }
   }
 }
 
@@ -350,7 +231,7 @@ void JointSolver::index_bodies() {
 void JointSolver::begin_step(const BodyStore& bodies, const SpatialPartition& partition, const Rows& rows) {
   if (!indexed_) index_bodies();
   for (Body& b : std::span(bodies_).subspan(1)) {
-    const auto i = static_cast<std::size_t>(b.body);
+    const std::int32_t i = b.body;
     b.row = partition.row(b.body);
     b.is_active = bodies.is_active(i);
     b.is_sphere = bodies.is_sphere[i];
@@ -371,18 +252,18 @@ void JointSolver::begin_step(const BodyStore& bodies, const SpatialPartition& pa
   blocks_.clear();
   for (std::size_t k = 0; k < joints_.size(); ++k) {
     const auto [a, b] = bodies_of_joint_[k];
-    if (!bodies_[static_cast<std::size_t>(a)].is_active && !bodies_[static_cast<std::size_t>(b)].is_active)
-      continue;
+    if (!bodies_[a].is_active && !bodies_[b].is_active) continue;
     Block& block = blocks_.emplace_back();
     block.joint = static_cast<std::int32_t>(k), block.a = a, block.b = b;
     joints_[k].force_impulse.setZero();
     joints_[k].effort_impulse = 0.0;
   }
   load_velocities(rows);
-  refresh_blocks();
+  for (Block& block : blocks_) build_rows(block);
 }
 
-// Forth and back through the joints until visit(block), the greatest change of a velocity, is small for all.
+// Calls visit(block) for the joints in order, then in reverse order, and so on, until the greatest change of
+// a velocity that it returns is small for all.
 template <class Visit>
 void JointSolver::sweep(Visit visit) {
   for (int s = 0; s < kMaxSweeps; ++s) {
@@ -397,13 +278,13 @@ void JointSolver::sweep(Visit visit) {
 double JointSolver::speed_before(const Block& block, const BodyStore& bodies, const Rows& rows,
                                  const Substep& substep) const {
   auto velocity_of = [&](std::int32_t index) -> std::pair<Vec3d, Vec3d> {
-    const Body& b = bodies_[static_cast<std::size_t>(index)];
+    const Body& b = bodies_[index];
     if (!b.is_active) return {Vec3d::Zero(), Vec3d::Zero()};
-    const surface::Wrench& w = bodies.wrench[static_cast<std::size_t>(b.body)];
+    const surface::Wrench& w = bodies.wrench[b.body];
     const BodyVelocity& start = rows.start_velocity[b.row];
     const auto h = static_cast<double>(substep.h_s);
-    const Vec3d momentum = b.start_inertia * Eigen::Vector3f(start.angular_velocity).cast<double>();
-    return {Eigen::Vector3f(start.velocity).cast<double>() -
+    const Vec3d momentum = b.start_inertia * Vec3(start.angular_velocity).cast<double>();
+    return {Vec3(start.velocity).cast<double>() -
                 h * (substep.gravity.cast<double>() + b.inverse_mass * w.force.cast<double>()),
             b.inverse_inertia * (momentum - h * w.torque.cast<double>())};
   };
@@ -413,34 +294,33 @@ double JointSolver::speed_before(const Block& block, const BodyStore& bodies, co
 }
 
 void JointSolver::warm_start(Block& block) {
-  Joint& j = joints_[static_cast<std::size_t>(block.joint)];
+  Joint& j = joints_[block.joint];
   for (int r = 0; r < block.row_count; ++r) apply(block, block.row[r], j.rigid_impulse[r]);
   if (!(block.axis_mass > 0.0)) return;
-  apply(block, block.axis,
-        j.spring_impulse + j.motor_impulse + j.friction_impulse + j.lower_impulse - j.upper_impulse);
+  apply(block, block.axis, j.axis_impulse());
 }
 
 void JointSolver::solve(const BodyStore& bodies, const Rows& rows, const Substep& substep) {
   const auto h_s = static_cast<double>(substep.h_s);
   load_velocities(rows);
   for (Block& block : blocks_) {
-    if (joints_[static_cast<std::size_t>(block.joint)].has_spring)
-      block.previous_speed = speed_before(block, bodies, rows, substep);
+    if (joints_[block.joint].has_spring) block.previous_speed = speed_before(block, bodies, rows, substep);
     block.target_error = block.error;
-    const int linear = linear_rows(joints_[static_cast<std::size_t>(block.joint)].kind);
+    const int linear = linear_rows(joints_[block.joint].kind);
     for (const auto& [first, count] : {std::pair{0, linear}, std::pair{linear, block.row_count - linear}}) {
       Vec3d correction = Vec3d::Zero();
       correction.head(count) = kErrorReduction * block.error.segment(first, count);
-      block.target_error.segment(first, count) -= limited(correction, kMaxJointBiasSpeed * h_s).head(count);
+      block.target_error.segment(first, count) -=
+          law::clamp_length(correction, kMaxJointBiasSpeed * h_s).head(count);
     }
   }
   for (Block& block : blocks_) warm_start(block);
   sweep([&](const Block& block) {
-    const Joint& j = joints_[static_cast<std::size_t>(block.joint)];
-    const RowVector velocity = (rigid_error(j, predict(bodies_[static_cast<std::size_t>(block.a)], h_s),
-                                            predict(bodies_[static_cast<std::size_t>(block.b)], h_s)) -
-                                block.target_error) /
-                               h_s;
+    const Joint& j = joints_[block.joint];
+    const RowVector velocity =
+        (rigid_error(j, predict(bodies_[block.a], h_s), predict(bodies_[block.b], h_s)) -
+         block.target_error) /
+        h_s;
     solve_rigid(block, velocity);
     double change = velocity.cwiseAbs().maxCoeff();
     if (block.axis_mass > 0.0) {
@@ -459,7 +339,7 @@ void JointSolver::relax(const Rows& rows, const Substep& substep) {
   const auto h_s = static_cast<double>(substep.h_s);
   load_velocities(rows);
   rotate_bodies(rows, h_s);
-  refresh_blocks();
+  for (Block& block : blocks_) build_rows(block);
   sweep([&](const Block& block) {
     RowVector velocity(block.row_count);
     for (int r = 0; r < block.row_count; ++r) velocity[r] = velocity_along(block.row[r], block);
@@ -475,10 +355,9 @@ void JointSolver::relax(const Rows& rows, const Substep& substep) {
   });
   store_velocities(rows);
   for (const Block& block : blocks_) {
-    Joint& j = joints_[static_cast<std::size_t>(block.joint)];
+    Joint& j = joints_[block.joint];
     for (int r = 0; r < block.row_count; ++r) j.force_impulse += j.rigid_impulse[r] * block.row[r].linear;
-    j.effort_impulse +=
-        j.spring_impulse + j.motor_impulse + j.friction_impulse + j.lower_impulse - j.upper_impulse;
+    j.effort_impulse += j.axis_impulse();
   }
 }
 
@@ -486,9 +365,9 @@ void JointSolver::find_strained(const BodyStore& bodies, float min_depth,
                                 std::vector<DeepContact>& out) const {
   if (joints_.empty()) return;  // then blocks_ are those of an earlier step
   for (const Block& block : blocks_) {
-    const Joint& j = joints_[static_cast<std::size_t>(block.joint)];
-    // Of a rotation, the way of the body's farthest point.
-    const auto reach = static_cast<double>(bodies.bounding_radius[static_cast<std::size_t>(j.a)]);
+    const Joint& j = joints_[block.joint];
+    // An angular error is converted to a length at the body's bounding radius.
+    const auto reach = static_cast<double>(bodies.bounding_radius[j.a]);
     const int linear = linear_rows(j.kind);
     double strain =
         std::max(block.error.head(linear).norm(), reach * block.error.tail(block.row_count - linear).norm());
@@ -497,8 +376,7 @@ void JointSolver::find_strained(const BodyStore& bodies, float min_depth,
                                     std::max(j.lower - j.coordinate, j.coordinate - j.upper));
     if (!(strain >= static_cast<double>(min_depth))) continue;
     for (const std::int32_t body : {j.a, j.b})
-      if (body >= 0 && bodies.is_active(static_cast<std::size_t>(body)))
-        out.push_back({body, static_cast<float>(strain), false});
+      if (body >= 0 && bodies.is_active(body)) out.push_back({body, static_cast<float>(strain), false});
   }
 }
 
@@ -507,13 +385,13 @@ void JointSolver::solve_rigid(const Block& block, const RowVector& velocity) {
   const auto lower = block.inverse_mass.triangularView<Eigen::Lower>();
   lower.solveInPlace(impulse);
   lower.transpose().solveInPlace(impulse);
-  apply_rigid(block, joints_[static_cast<std::size_t>(block.joint)], impulse);
+  apply_rigid(block, joints_[block.joint], impulse);
 }
 
-// The mean of the spring's efforts at both ends of the substep, of which the later one depends on the new speed. The
-// displacement is that of the start; see "Joints" in docs/engines.md.
+// The mean of the spring's efforts at both ends of the substep, of which the later one depends on the new
+// speed. The displacement is that of the start; see "Joints" in docs/engines.md.
 void JointSolver::solve_spring(const Block& block, double h_s) {
-  Joint& j = joints_[static_cast<std::size_t>(block.joint)];
+  Joint& j = joints_[block.joint];
   if (!j.has_spring) return;
   const double speed = velocity_along(block.axis, block), before = block.previous_speed;
   const double elastic = 0.25 * h_s * h_s * j.spring.stiffness, viscous = 0.5 * h_s * j.spring.damping;
@@ -524,7 +402,7 @@ void JointSolver::solve_spring(const Block& block, double h_s) {
 }
 
 void JointSolver::solve_motor_and_friction(const Block& block, double h_s) {
-  Joint& j = joints_[static_cast<std::size_t>(block.joint)];
+  Joint& j = joints_[block.joint];
   auto drive = [&](double speed, double max_effort, double& total) {
     const double wanted = total + block.axis_mass * (speed - velocity_along(block.axis, block));
     apply_axis(block, j, std::clamp(wanted, -h_s * max_effort, h_s * max_effort) - total, total);
@@ -534,13 +412,13 @@ void JointSolver::solve_motor_and_friction(const Block& block, double h_s) {
 }
 
 void JointSolver::solve_limits(const Block& block, double h_s, bool with_bias) {
-  Joint& j = joints_[static_cast<std::size_t>(block.joint)];
-  // sign: of the direction in which the limit pushes.
+  Joint& j = joints_[block.joint];
+  // `sign` is that of the direction in which the limit pushes.
   auto stop = [&](double room, double sign, double& total) {
     const double bias = with_bias ? std::min(-kErrorReduction * room / h_s, kMaxJointBiasSpeed) : 0.0;
     const double target = room > 0.0 ? -room / h_s : bias;
-    const double wanted = total + block.axis_mass * (target - sign * velocity_along(block.axis, block));
-    const double added = std::max(0.0, wanted) - total;
+    const double speed = sign * velocity_along(block.axis, block);
+    const double added = law::normal_impulse(total, block.axis_mass, speed, target) - total;
     total += added;
     double ignored = 0.0;
     apply_axis(block, j, sign * added, ignored);
@@ -552,13 +430,13 @@ void JointSolver::solve_limits(const Block& block, double h_s, bool with_bias) {
 void JointSolver::rotate_bodies(const Rows& rows, double h_s) {
   RotationBatch batch;
   std::array<Body*, kLanes> in_batch;
-  std::size_t count = 0;
+  int count = 0;
   auto rotate_batch = [&] {
     if (count == 0) return;
-    for (std::size_t lane = 0; lane < kLanes; ++lane) {
+    for (int lane = 0; lane < kLanes; ++lane) {
       const Body& b = *in_batch[std::min(lane, count - 1)];
       auto store_lane = [lane](auto& to, const auto& from) {
-        for (std::size_t k = 0; k < std::size(to); ++k) to[k][lane] = from[static_cast<int>(k)];
+        for (int k = 0; k < std::ssize(to); ++k) to[k][lane] = from[k];
       };
       store_lane(batch.least_axis, b.principal.least_axis);
       store_lane(batch.greatest_axis, b.principal.greatest_axis);
@@ -573,32 +451,29 @@ void JointSolver::rotate_bodies(const Rows& rows, double h_s) {
       batch.is_axisymmetric[lane] = 0.0;
     }
     integrate_rotation(batch);
-    for (std::size_t lane = 0; lane < count; ++lane) {
+    for (int lane = 0; lane < count; ++lane) {
       Body& b = *in_batch[lane];
-      for (std::size_t k = 0; k < 4; ++k)
-        b.orientation.coeffs()[static_cast<int>(k)] = batch.orientation[k][lane];
+      for (int k = 0; k < 4; ++k) b.orientation.coeffs()[k] = batch.orientation[k][lane];
       auto entry = [&](int k) { return batch.world_inverse_inertia[k][lane]; };
       b.inverse_inertia << entry(0), entry(3), entry(4), entry(3), entry(1), entry(5), entry(4), entry(5),
           entry(2);
     }
     count = 0;
   };
-  for (Body& b : bodies_) {
-    if (!b.is_active) continue;
+  for (Body& b : active_bodies(bodies_)) {
     if (b.is_sphere) {
       b.orientation = (rotation_by(h_s * b.angular_velocity) * b.orientation).normalized();
       continue;
     }
     in_batch[count++] = &b;
-    if (count == in_batch.size()) rotate_batch();
+    if (count == kLanes) rotate_batch();
   }
   rotate_batch();
-  for (Body& b : bodies_) {
-    if (!b.is_active) continue;
+  for (Body& b : active_bodies(bodies_)) {
     DeltaPose& delta = rows.delta_pose[b.row];
-    const Vec3d turned = rotation_vector_of(b.orientation * b.start_orientation.conjugate());
-    for (int i = 0; i < 3; ++i) delta.rotation[i] = static_cast<float>(turned[i]);
-    b.position = b.start_position + Eigen::Vector3f(delta.translation).cast<double>();
+    Eigen::Map<Vec3>(delta.rotation) =
+        rotation_vector_of(b.orientation * b.start_orientation.conjugate()).cast<float>();
+    b.position = b.start_position + Vec3(delta.translation).cast<double>();
     b.angular_velocity = b.inverse_inertia * b.momentum;
   }
 }

@@ -1,14 +1,15 @@
 // Joints of the own engine: constraints between two bodies, or between a body and the table.
 //
-// A joint has rigid rows, which its kind forbids to move, and at most one axis row, its coordinate (scene/JointSpec.h).
-// The rigid rows of a joint are solved together, as a block; what acts along the axis (spring, motor, friction, limits)
-// is solved row by row against the inertia that the rigid rows leave. Joints are solved one after the other, in the
-// order of creation and back, on one thread.
+// A joint has rigid rows, which its kind forbids to move, and at most one axis row, its coordinate
+// (scene/JointSpec.h). The rigid rows of a joint are solved together, as a block; what acts along the axis
+// (spring, motor, friction, limits) is solved row by row against the inertia that the rigid rows leave.
+// Joints are solved one after the other, in the order of creation and back, on one thread.
 //
-// In each substep solve() finds the impulses, along the constraints at its start, with which they hold at its end, on
-// the curved path of the bodies; relax() removes the velocity across the constraints at its end. This is RATTLE
-// (H. C. Andersen, 1983): of second order, without drift of the energy. Springs are integrated by the trapezoidal rule:
-// their energy neither grows nor decays, at any stiffness. Within a step, bodies with joints rotate substep by substep.
+// In each substep solve() finds the impulses, along the constraints at its start, with which they hold at its
+// end, on the curved path of the bodies; relax() removes the velocity across the constraints at its end. This
+// is RATTLE (H. C. Andersen, 1983): of second order, without drift of the energy. Springs are integrated by
+// the trapezoidal rule: their energy neither grows nor decays, at any stiffness. Within a step, bodies with
+// joints rotate substep by substep.
 #pragma once
 
 #include <array>
@@ -44,7 +45,7 @@ class JointSolver {
   // Replaces the motor or spring of a joint with a coordinate.
   void set_motor(scene::JointId, const scene::JointMotor&);
   void set_spring(scene::JointId, const scene::JointSpring&);
-  // The joint must exist. In world units, means over `dt_s`.
+  // The joint must exist. The state is in world units; forces are means over `dt_s`.
   scene::JointState state(scene::JointId, const BodyStore&, float dt_s) const;
   // What a and b of the joint are: indices of bodies; −1: the table.
   std::array<std::int32_t, 2> bodies_of(scene::JointId) const;
@@ -59,11 +60,11 @@ class JointSolver {
   void begin_step(const BodyStore&, const SpatialPartition&, const Rows&);
   // Applies the impulses of the last substep and solves for the end of this one.
   void solve(const BodyStore&, const Rows&, const Substep&);
-  // Call after the rows were moved: rotates the bodies, and removes the velocity that the constraints forbid. Writes the
-  // rotations of delta_pose.
+  // Call after the rows were moved: rotates the bodies, and removes the velocity that the constraints forbid.
+  // Writes the rotations of delta_pose.
   void relax(const Rows&, const Substep&);
-  // After the step: appends the active bodies of joints that contacts hold off their constraints by `min_depth`, u, or more,
-  // with that distance. Allocates while the list grows.
+  // Appends, after the step, the active bodies of joints that contacts hold off their constraints by
+  // `min_depth`, u, or more, with that distance. Allocates while the list grows.
   void find_strained(const BodyStore&, float min_depth, std::vector<DeepContact>&) const;
 
  private:
@@ -90,6 +91,11 @@ class JointSolver {
     double spring_impulse, motor_impulse, friction_impulse, lower_impulse, upper_impulse;
     Vec3d force_impulse;    // of the rigid rows on a, over the step
     double effort_impulse;  // along the axis, over the step
+
+    // The sum of what acts along the axis in a substep.
+    double axis_impulse() const {
+      return spring_impulse + motor_impulse + friction_impulse + lower_impulse - upper_impulse;
+    }
   };
   // A body with joints, in double precision. The first one is the table.
   struct Body {
@@ -127,7 +133,7 @@ class JointSolver {
 
   const Joint* find(scene::JointId) const;
   Joint* find(scene::JointId id) { return const_cast<Joint*>(std::as_const(*this).find(id)); }
-  void update_links(BodyStore&) const;
+  void update_links(BodyStore&);
   void index_bodies();
   void load_velocities(const Rows&);
   void store_velocities(const Rows&);
@@ -136,7 +142,6 @@ class JointSolver {
   static double coordinate_of(const Joint&, const Pose& a, const Pose& b);
   static Pose pose_of(const BodyStore&, std::int32_t body);
   void build_rows(Block&);
-  void refresh_blocks();
   double velocity_along(const Row&, const Block&) const;
   void apply(const Block&, const Row&, double impulse);
   void apply_rigid(const Block&, Joint&, const RowVector& impulse);

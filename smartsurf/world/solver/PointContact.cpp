@@ -1,17 +1,12 @@
 #include "smartsurf/world/solver/PointContact.h"
 
 #include <Eigen/Geometry>
-#include <algorithm>
 #include <cmath>
+
+#include "smartsurf/world/solver/ContactLaw-inl.h"
 
 namespace smartsurf::world {
 namespace {
-
-Mat3 to_matrix(const InverseInertia& q) {
-  Mat3 m;
-  m << q.xx, q.xy, q.xz, q.xy, q.yy, q.yz, q.xz, q.yz, q.zz;
-  return m;
-}
 
 Mat3 cross_matrix(const Vec3& v) {
   Mat3 m;
@@ -21,69 +16,70 @@ Mat3 cross_matrix(const Vec3& v) {
 
 }  // namespace
 
-Vec3 clamp_length(const Vec3& v, float limit) {
-  const float length = v.norm();
-  return length <= limit ? v : Vec3(v * (limit / length));
-}
-
-void PointContact::prepare(const BodyStore& bodies, const SpatialPartition& partition, const Contact& c,
-                           const PointRows& rows, const SurfaceMaterial& field_material,
-                           const Mat3& other_response) {
-  const auto index = static_cast<std::size_t>(body);
-  row = partition.row(body);
-  const BodyVelocity& v = rows.velocity[row];
-  inverse_inertia = bodies.is_sphere[index] ? Mat3(v.inverse_inertia * Mat3::Identity())
-                                            : to_matrix(bodies.world_inverse_inertia[index]);
+void PointContact::prepare(const PointStep& step, const Mat3& other_response) {
+  const BodyStore& bodies = step.bodies;
+  const Contact& c = step.static_contacts.contacts[contact];
+  row = step.partition.row(body);
+  const BodyVelocity& v = step.velocity[row];
+  inverse_inertia = bodies.is_sphere[body] ? Mat3(v.inverse_inertia * Mat3::Identity())
+                                           : to_matrix(bodies.world_inverse_inertia[body]);
   normal = c.normal, anchor = c.anchor, separation = c.separation;
   normal_impulse = c.normal_impulse;
   friction_impulse = c.friction_impulse, rolling_impulse = c.rolling_impulse;
   const Mat3 lever = cross_matrix(anchor);
   const Mat3 body_response = v.inverse_mass * Mat3::Identity() - lever * inverse_inertia * lever;
-  response = body_response + other_response;
+  const Mat3 response = body_response + other_response;
   normal_mass = 1.0F / normal.dot(response * normal);
   rigid_mass = 1.0F / normal.dot(body_response * normal);
-  // The greater eigenvalue in the tangent plane, so that friction acts against the slip.
+  // This is law::greatest_tangent_response() with std::hypot, which differs from a root of squares in the
+  // last bit.
   const Vec3 t = normal.unitOrthogonal(), u = normal.cross(t);
   const float tt = t.dot(response * t), uu = u.dot(response * u), tu = t.dot(response * u);
   tangent_mass = 1.0F / (0.5F * (tt + uu) + std::hypot(0.5F * (tt - uu), tu));
   rolling_mass = 1.0F / inverse_inertia.trace();
-  const SurfaceMaterial& material = rows.material[row];
-  friction = material.friction_root * field_material.friction_root;
-  rolling_friction = material.rolling_friction_root * field_material.rolling_friction_root;
+  const SurfaceMaterial& material = step.material[row];
+  friction = material.friction_root * step.field_material.friction_root;
+  rolling_friction = material.rolling_friction_root * step.field_material.rolling_friction_root;
 }
 
-Vec3 PointContact::velocity(const PointRows& rows) const {
-  const BodyVelocity& v = rows.velocity[row];
+Vec3 PointContact::velocity(const PointStep& step) const {
+  const BodyVelocity& v = step.velocity[row];
   return Vec3(v.velocity) + Vec3(v.angular_velocity).cross(anchor);
 }
 
-void PointContact::apply(const Vec3& impulse_on_body, const PointRows& rows) const {
-  BodyVelocity& v = rows.velocity[row];
-  const Vec3 spin = inverse_inertia * anchor.cross(impulse_on_body);
-  for (int i = 0; i < 3; ++i) {
-    v.velocity[i] += v.inverse_mass * impulse_on_body[i];
-    v.angular_velocity[i] += spin[i];
-  }
+void PointContact::apply(const Vec3& impulse_on_body, const PointStep& step) const {
+  BodyVelocity& v = step.velocity[row];
+  Eigen::Map<Vec3>(v.velocity) += v.inverse_mass * impulse_on_body;
+  Eigen::Map<Vec3>(v.angular_velocity) += inverse_inertia * anchor.cross(impulse_on_body);
 }
 
-float PointContact::push_out_speed(const Vec3& other_moved, const SubstepParams& params,
-                                   const PointRows& rows) {
-  const DeltaPose& delta = rows.delta_pose[row];
+float PointContact::push_out_speed(const Vec3& other_moved, const PointStep& step) {
+  const DeltaPose& delta = step.delta_pose[row];
   const Vec3 moved = Vec3(delta.translation) + Vec3(delta.rotation).cross(anchor) - other_moved;
   const float gap = separation + normal.dot(moved);
-  relax_target_speed = gap > 0.0F ? -gap * params.inverse_h : 0.0F;
-  if (gap > 0.0F) return relax_target_speed;
-  return std::min(-std::min(gap + kSlop, 0.0F) * params.bias_rate, params.max_bias_velocity);
+  const float speed = law::push_out_speed(gap, step.params);
+  relax_target_speed = law::relax_target_speed(gap, speed);
+  return speed;
 }
 
-void PointContact::solve_rolling(const PointRows& rows) {
+float PointContact::normal_impulse_for(float target_speed, const Vec3& relative_velocity) const {
+  return law::normal_impulse(normal_impulse, normal_mass, normal.dot(relative_velocity), target_speed);
+}
+
+Vec3 PointContact::solve_friction(const Vec3& relative_velocity) {
+  const Vec3 old_impulse = friction_impulse;
+  const Vec3 slip = relative_velocity - normal * normal.dot(relative_velocity);
+  friction_impulse = law::friction_impulse(old_impulse, slip, tangent_mass, friction * normal_impulse);
+  return friction_impulse - old_impulse;
+}
+
+void PointContact::solve_rolling(const PointStep& step) {
   if (rolling_friction == 0.0F) return;
-  BodyVelocity& v = rows.velocity[row];
+  Eigen::Map<Vec3> angular_velocity(step.velocity[row].angular_velocity);
   const Vec3 old_impulse = rolling_impulse;
-  rolling_impulse =
-      clamp_length(old_impulse - rolling_mass * Vec3(v.angular_velocity), rolling_friction * normal_impulse);
-  const Vec3 spin = inverse_inertia * (rolling_impulse - old_impulse);
-  for (int i = 0; i < 3; ++i) v.angular_velocity[i] += spin[i];
+  rolling_impulse = law::friction_impulse(old_impulse, Vec3(angular_velocity), rolling_mass,
+                                          rolling_friction * normal_impulse);
+  angular_velocity += inverse_inertia * (rolling_impulse - old_impulse);
 }
 
 void PointContact::store(Contact& c) const {

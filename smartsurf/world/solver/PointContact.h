@@ -1,16 +1,22 @@
-// A contact of a body with something that gives way, solved by itself: what the solvers of yielding tips (TipSolver.h) and of
-// elastic sheets (SkinSolver.h) share, the body's side.
+// A contact of a body with something that gives way, solved by itself: the body's side, which the solvers of
+// yielding tips (TipSolver.h) and of elastic sheets (SkinSolver.h) share.
 #pragma once
 
 #include "smartsurf/world/BodyStore.h"
 #include "smartsurf/world/Contact.h"
 #include "smartsurf/world/parallel/SpatialPartition.h"
-#include "smartsurf/world/solver/ContactKernels.h"
+#include "smartsurf/world/solver/ContactBatch.h"
 
 namespace smartsurf::world {
 
-// Indexed by row of the partition.
-struct PointRows {
+// What such a solver reads and writes in a step.
+struct PointStep {
+  const BodyStore& bodies;
+  const SpatialPartition& partition;
+  const ContactList& static_contacts;
+  const SurfaceMaterial& field_material;
+  const SubstepParams& params;
+  // ---- by row of the partition
   BodyVelocity* velocity;
   const DeltaPose* delta_pose;
   const SurfaceMaterial* material;
@@ -20,29 +26,31 @@ struct PointContact {
   std::int32_t contact, body, row = -1;
   Vec3 normal, anchor;
   float separation;
-  Mat3 inverse_inertia,
-      response;  // velocity change of the point per impulse, that of the other side included
-  float normal_mass, rigid_mass, tangent_mass, rolling_mass;  // rigid: if the other side did not give way
+  Mat3 inverse_inertia;
+  float normal_mass, tangent_mass, rolling_mass;
+  float rigid_mass;  // normal mass if the other side did not give way
   float friction, rolling_friction;
   float normal_impulse, total_normal_impulse = 0.0F, relax_target_speed = 0.0F;
   Vec3 friction_impulse, rolling_impulse;
 
   Vec3 impulse() const { return normal_impulse * normal + friction_impulse; }
 
-  // other_response: of the other side.
-  void prepare(const BodyStore&, const SpatialPartition&, const Contact&, const PointRows&,
-               const SurfaceMaterial& field_material, const Mat3& other_response);
-  // Velocity of the body there.
-  Vec3 velocity(const PointRows&) const;
-  void apply(const Vec3& impulse, const PointRows&) const;
-  // The speed at which the contact is to separate. Separated, it may close its gap within the substep; overlapping, it is
-  // pushed out, without the softness of other contacts, which would be great against what gives way. Sets
-  // relax_target_speed. other_moved: of the other side in this step, u.
-  float push_out_speed(const Vec3& other_moved, const SubstepParams&, const PointRows&);
-  void solve_rolling(const PointRows&);
+  // `other_response` is the velocity change of the other side per impulse.
+  void prepare(const PointStep&, const Mat3& other_response);
+  // Velocity of the body at the contact.
+  Vec3 velocity(const PointStep&) const;
+  void apply(const Vec3& impulse_on_body, const PointStep&) const;
+  // The speed at which the contact is to separate, without the softness of other contacts, which would be
+  // great against what gives way. Sets relax_target_speed. `other_moved` is the motion of the other side in
+  // this step, u.
+  float push_out_speed(const Vec3& other_moved, const PointStep&);
+  // The normal impulse with which the contact separates at `target_speed`. The velocity is relative to the
+  // other side.
+  float normal_impulse_for(float target_speed, const Vec3& relative_velocity) const;
+  // Sets the friction impulse and returns its change.
+  Vec3 solve_friction(const Vec3& relative_velocity);
+  void solve_rolling(const PointStep&);
   void store(Contact&) const;
 };
-
-Vec3 clamp_length(const Vec3&, float limit);
 
 }  // namespace smartsurf::world

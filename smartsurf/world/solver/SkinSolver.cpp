@@ -36,7 +36,8 @@ void SkinSolver::build(const Skin& s) {
   right_side_ = speed_ = free_speed_;
 }
 
-// Held nodes keep their rows, with nothing but a diagonal, so that the places of the values are always the same.
+// Held nodes keep their rows, of which only the diagonal is not 0, so that the pattern of the matrix stays
+// the same.
 void SkinSolver::factorise(const Skin& s) {
   const bool is_first = system_.rows() == 0;
   std::vector<Eigen::Triplet<double>> entries;
@@ -48,12 +49,11 @@ void SkinSolver::factorise(const Skin& s) {
       diagonal += scale * n.weight;
       if (n.node > i) continue;
       const bool is_cut = s.held[i] != 0 || s.held[n.node] != 0;
-      entries.emplace_back(static_cast<Eigen::Index>(i), static_cast<Eigen::Index>(n.node),
-                           is_cut ? 0.0 : -scale * n.weight);
+      entries.emplace_back(i, n.node, is_cut ? 0.0 : -scale * n.weight);
     }
-    entries.emplace_back(static_cast<Eigen::Index>(i), static_cast<Eigen::Index>(i), diagonal);
+    entries.emplace_back(i, i, diagonal);
   }
-  system_.resize(static_cast<Eigen::Index>(s.nodes()), static_cast<Eigen::Index>(s.nodes()));
+  system_.resize(std::ssize(mass_), std::ssize(mass_));
   system_.setFromTriplets(entries.begin(), entries.end());
   if (is_first) factors_.analyse(system_);
   factors_.factorise(system_);
@@ -102,9 +102,9 @@ void SkinSolver::collect(const Skin& s, const BodyStore& bodies, const ContactLi
   points_.clear();
   for (const Manifold& m : static_contacts.manifolds)
     for (int k = m.first; k < m.first + m.count; ++k) {
-      const Contact& c = static_contacts.contacts[static_cast<std::size_t>(k)];
-      if (c.other != kElasticSkin) continue;
-      const Vec3 point = bodies.position[static_cast<std::size_t>(m.a)] + c.anchor;
+      const Contact& c = static_contacts.contacts[k];
+      if (c.partner != Partner::kElasticSkin) continue;
+      const Vec3 point = bodies.position[m.a] + c.anchor;
       Point& p = points_.emplace_back();
       p.contact = k, p.body = m.a;
       p.at = s.locate(point.x(), point.y());
@@ -128,62 +128,53 @@ void SkinSolver::collect(const Skin& s, const BodyStore& bodies, const ContactLi
   }
 }
 
-void SkinSolver::begin_step(const BodyStore& bodies, const SpatialPartition& partition,
-                            const ContactList& static_contacts, const PointRows& rows,
-                            const SurfaceMaterial& field_material, const SubstepParams& params) {
-  params_ = params;
+void SkinSolver::begin_step(const PointStep& step) {
   for (std::size_t i = 0; i < points_.size(); ++i) {
     Point& p = points_[i];
     Mat3 sheet = Mat3::Zero();
     sheet(2, 2) = compliance_[i * points_.size() + i];
-    p.prepare(bodies, partition, static_contacts.contacts[static_cast<std::size_t>(p.contact)], rows,
-              field_material, sheet);
-    add_impulse(i, p.impulse(), rows);
+    p.prepare(step, sheet);
+    add_impulse(i, p.impulse(), step);
   }
 }
 
-void SkinSolver::add_impulse(std::size_t index, const Vec3& change, const PointRows& rows) {
-  points_[index].apply(change, rows);
+void SkinSolver::add_impulse(std::size_t index, const Vec3& change, const PointStep& step) {
+  points_[index].apply(change, step);
   const float* const row = &compliance_[index * points_.size()];
   for (std::size_t j = 0; j < points_.size(); ++j) points_[j].speed -= row[j] * change.z();
 }
 
-Vec3 SkinSolver::relative_velocity(const Point& p, const PointRows& rows) const {
-  return p.velocity(rows) - p.speed * Vec3::UnitZ();
+Vec3 SkinSolver::relative_velocity(const Point& p, const PointStep& step) const {
+  return p.velocity(step) - p.speed * Vec3::UnitZ();
 }
 
-void SkinSolver::solve_point(std::size_t index, float target_speed, const PointRows& rows) {
+void SkinSolver::solve_point(std::size_t index, float target_speed, const PointStep& step) {
   Point& p = points_[index];
-  const float deficit = target_speed - p.normal.dot(relative_velocity(p, rows));
-  const float old_normal = p.normal_impulse;
-  p.normal_impulse = std::max(0.0F, old_normal + p.normal_mass * deficit);
-  add_impulse(index, (p.normal_impulse - old_normal) * p.normal, rows);
-  const Vec3 velocity = relative_velocity(p, rows), old_friction = p.friction_impulse;
-  const Vec3 slip = velocity - p.normal * p.normal.dot(velocity);
-  p.friction_impulse = clamp_length(old_friction - p.tangent_mass * slip, p.friction * p.normal_impulse);
-  add_impulse(index, p.friction_impulse - old_friction, rows);
-  p.solve_rolling(rows);
+  const float old_impulse = p.normal_impulse;
+  p.normal_impulse = p.normal_impulse_for(target_speed, relative_velocity(p, step));
+  add_impulse(index, (p.normal_impulse - old_impulse) * p.normal, step);
+  add_impulse(index, p.solve_friction(relative_velocity(p, step)), step);
+  p.solve_rolling(step);
 }
 
-void SkinSolver::solve(const PointRows& rows) {
+void SkinSolver::solve(const PointStep& step) {
   for (std::size_t i = 0; i < points_.size(); ++i)
-    solve_point(i, points_[i].push_out_speed({0, 0, points_[i].moved}, params_, rows), rows);
+    solve_point(i, points_[i].push_out_speed({0, 0, points_[i].moved}, step), step);
 }
 
-void SkinSolver::relax(const PointRows& rows) {
+void SkinSolver::relax(const PointStep& step) {
   for (Point& p : points_) {
-    p.moved += params_.h_s * p.speed;
+    p.moved += step.params.h_s * p.speed;
     p.load += p.impulse().z();
   }
   for (std::size_t i = 0; i < points_.size(); ++i) {
-    solve_point(i, points_[i].relax_target_speed, rows);
+    solve_point(i, points_[i].relax_target_speed, step);
     points_[i].total_normal_impulse += points_[i].normal_impulse;
   }
 }
 
 void SkinSolver::store(ContactList& static_contacts) const {
-  for (const Point& p : points_)
-    p.PointContact::store(static_contacts.contacts[static_cast<std::size_t>(p.contact)]);
+  for (const Point& p : points_) p.PointContact::store(static_contacts.contacts[p.contact]);
 }
 
 void SkinSolver::advance(Skin& s) {
@@ -201,7 +192,7 @@ void SkinSolver::advance(Skin& s) {
   if (!s.attached) update_held(s);
 }
 
-// For the next step; a node that would enter a support stops on it in this one.
+// Sets the held nodes of the next step. A node that would enter a support stops on it in this one.
 void SkinSolver::update_held(Skin& s) {
   const double scale = stiffness_scale(s);
   for (std::size_t i = 0; i < s.nodes(); ++i) {

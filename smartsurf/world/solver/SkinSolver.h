@@ -1,14 +1,17 @@
 // An elastic sheet over the cells: its motion, and its contacts.
 //
-// The height z of the nodes follows M·dv/dt = −K·(T·z + c·v) + M·g + loads, with lumped masses M, the stiffness K of linear
-// finite elements, the tension T and its damping c, by the implicit Euler method over a step dt:
+// The height z of the nodes follows M·dv/dt = −K·(T·z + c·v) + M·g + loads, with lumped masses M, the
+// stiffness K of linear finite elements, the tension T and its damping c, by the implicit Euler method over a
+// step dt:
 //   A·v' = M·(v + dt·g) − dt·T·K·z + J,  A = M + dt·(dt·T + c)·K,  z' = z + dt·v'
-// Nodes that a support holds have its velocity. Attached, they stay held; otherwise a support lets go of a node that it would
-// pull down, and holds one that would enter it. A is factorised anew only where that changes.
+// Nodes that a support holds have its velocity. Attached, they stay held; otherwise a support lets go of a
+// node that it would pull down, and holds one that would enter it. A is factorised anew only where that
+// changes.
 //
-// To the impulses J = W·λ of contacts with the barycentric weights W, the sheet answers with the velocities C·λ, C = WᵀA⁻¹W. So
-// its contacts are coupled, and are solved one after another, on one thread, in the stages of Solver.h; in each substep as if
-// their impulses were those of the whole step. They are inelastic: what springs back is the sheet.
+// To the impulses J = W·λ of contacts with the barycentric weights W, the sheet answers with the velocities
+// C·λ, C = WᵀA⁻¹W. So its contacts are coupled, and are solved one after another, on one thread, in the
+// stages of Solver.h; in each substep as if their impulses were those of the whole step. They are inelastic:
+// what springs back is the sheet.
 #pragma once
 
 #include <cstdint>
@@ -26,19 +29,19 @@ class SkinSolver {
   // gravity: along z, u/s².
   SkinSolver(float dt_s, float gravity, int substeps) : dt_s_(dt_s), gravity_(gravity), substeps_(substeps) {}
 
-  // Once in each step: before the contacts are found, the motion without loads; after them, its contacts.
+  // Once in each step: begin() finds the motion without loads, before the contacts are found; collect() takes
+  // them.
   void begin(surface::Skin&);
   void collect(const surface::Skin&, const BodyStore&, const ContactList& static_contacts);
   bool empty() const { return points_.empty(); }
 
-  // The stages of a step, as TipSolver's.
-  void begin_step(const BodyStore&, const SpatialPartition&, const ContactList& static_contacts,
-                  const PointRows&, const SurfaceMaterial& field_material, const SubstepParams&);
-  void solve(const PointRows&);
-  void relax(const PointRows&);
+  // The stages of a step, as in TipSolver.
+  void begin_step(const PointStep&);
+  void solve(const PointStep&);
+  void relax(const PointStep&);
   void store(ContactList& static_contacts) const;
 
-  // At the end of the step: moves the nodes.
+  // Moves the nodes at the end of the step.
   void advance(surface::Skin&);
 
  private:
@@ -60,13 +63,12 @@ class SkinSolver {
   void update_held(surface::Skin&);
   double stiffness_times(const std::vector<double>& values, std::size_t node) const;  // K·values
   double stiffness_scale(const surface::Skin&) const;                                 // of K in A
-  void solve_point(std::size_t, float target_speed, const PointRows&);
-  void add_impulse(std::size_t, const Vec3& change, const PointRows&);
-  Vec3 relative_velocity(const Point&, const PointRows&) const;
+  void solve_point(std::size_t, float target_speed, const PointStep&);
+  void add_impulse(std::size_t, const Vec3& change, const PointStep&);
+  Vec3 relative_velocity(const Point&, const PointStep&) const;
 
   float dt_s_, gravity_;
   int substeps_;
-  SubstepParams params_{};
   std::vector<double> mass_;                  // of each node
   std::vector<std::size_t> first_neighbour_;  // by node, in neighbours_
   std::vector<Neighbour> neighbours_;

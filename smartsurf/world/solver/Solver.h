@@ -1,11 +1,11 @@
-// The contact solver: sequential impulses over a few substeps with soft contacts and a relax stage (Soft Step, as
-// in Box2D v3; E. Catto, Solver2D, 2024).
+// The contact solver: sequential impulses over a few substeps with soft contacts and a relax stage (Soft
+// Step, as in Box2D v3; E. Catto, Solver2D, 2024).
 //
-// Stages: prepare, warm start; per substep integrate velocities, solve with soft constraints, integrate positions,
-// relax (solve without bias, so that the push-out adds no velocity); storing of impulses and impacts at the end of the
-// step. Joints (JointSolver.h) and contacts with yielding tips (TipSolver.h) are solved and relaxed before the contacts.
-// The contact stages end with the support patches (SupportSolver.h). Impulses carry over from substep to substep and from
-// step to step.
+// Stages: prepare, warm start; per substep integrate velocities, solve with soft constraints, integrate
+// positions, relax (solve without bias, so that the push-out adds no velocity); storing of impulses and
+// impacts at the end of the step. Joints (JointSolver.h) and contacts with yielding tips (TipSolver.h) are
+// solved and relaxed before the contacts. The contact stages end with the support patches (SupportSolver.h).
+// Impulses carry over from substep to substep and from step to step.
 #pragma once
 
 #include <span>
@@ -22,6 +22,7 @@
 #include "smartsurf/world/solver/ConstraintGraph.h"
 #include "smartsurf/world/solver/ImpactSolver.h"
 #include "smartsurf/world/solver/JointSolver.h"
+#include "smartsurf/world/solver/SkinSolver.h"
 #include "smartsurf/world/solver/TipSolver.h"
 
 namespace smartsurf::world {
@@ -34,13 +35,11 @@ struct StepSettings {
       field_restitution;  // of field and ground; roots as in SurfaceMaterial
 };
 
-class SkinSolver;
-
 class Solver {
  public:
   explicit Solver(const StepSettings& settings) { configure(settings); }
-  // The calling thread's solver, with these settings. A solver keeps nothing from step to step, so the worlds that a thread
-  // steps in turn share its buffers, which stay in the cache.
+  // The calling thread's solver, with these settings. A solver keeps nothing from step to step, so the worlds
+  // that a thread steps in turn share its buffers, which stay in the cache.
   static Solver& of_this_thread(const StepSettings&);
 
   struct Input {
@@ -55,17 +54,39 @@ class Solver {
     SkinSolver& skin;
     float deep_contact = 1e30F;  // depth from which deep_contacts() lists a contact, u
   };
-  // Solves one step and writes the impulses to the contact lists. The new velocities and delta poses stay in the
-  // solver's rows until store_body(). Called by all members of the team. Allocates while buffers grow.
+  // Solves one step and writes the impulses to the contact lists. The new velocities and delta poses stay in
+  // the solver's rows until store_body(). Called by all members of the team. Allocates while buffers grow.
   void step(BodyStore&, const Input&, const Member&);
-  // The bodies of contacts that were deep at the start of the step, as found by each member of the team. A body may occur
-  // repeatedly.
+  // The bodies of contacts that were deep at the start of the step, as found by each member of the team. A
+  // body may occur repeatedly.
   std::span<const std::vector<DeepContact>> deep_contacts() const { return deep_contacts_; }
   // Copies velocity and delta pose of a row to its body.
   void store_body(BodyStore&, const SpatialPartition&, int row) const;
 
  private:
-  struct StepContext;
+  // What the stages of a step share. Each member has its own.
+  struct StepContext {
+    BodyStore& bodies;
+    const Input& input;
+    const SpatialPartition& partition;
+    IndexRange own_slabs;  // of the member
+    IndexRange own_rows;
+    SolverBodies solver_bodies;
+    SubstepParams pair_params, static_params;
+    const ContactKernelTable& kernels;
+    bool any_restitution;
+    bool all_spheres;
+    BodyVelocity gravity_change;              // per substep
+    std::vector<DeepContact>& deep_contacts;  // of the member
+
+    bool may_impact() const { return any_restitution || !all_spheres; }
+    bool has_caller_stages() const {
+      return !input.joints.empty() || !input.tips.empty() || !input.skin.empty();
+    }
+    ContactList& contact_list(ContactKind kind) const {
+      return is_pair(kind) ? input.pair_contacts : input.static_contacts;
+    }
+  };
   void configure(const StepSettings& settings) {
     settings_ = settings;
     field_material_ = {0.0F, settings.field_friction_root, settings.field_rolling_friction_root,
@@ -73,7 +94,8 @@ class Solver {
   }
   void resize_buffers(const SpatialPartition&, int member_count, bool has_cell_limits);
   void run_stages(StepContext&, const Member&);
-  void merge_batches(std::span<const BatchRange>);
+  template <class Each>
+  void for_each_own_batch(StepContext&, const Member&, Each each);
   void prepare_batch(StepContext&, ContactKind, int batch);
   void prefetch_contacts(StepContext&, ContactKind, int batch) const;
   void set_batch_bodies(StepContext&, ContactBatch&, int index, ContactKind);
@@ -82,8 +104,8 @@ class Solver {
     const Manifold* manifold[kLanes] = {};
     Contact* first[kLanes] = {};
     int count[kLanes] = {};
-    // Whether the batch solves a lane's contact k: those with what gives way have solvers of their own.
-    bool has(int lane, int k) const { return k < count[lane] && !gives_way(first[lane][k].other); }
+    // True if the batch solves a lane's contact k: contacts with what gives way have solvers of their own.
+    bool has(int lane, int k) const { return k < count[lane] && !first[lane][k].gives_way(); }
   };
   BatchContacts contacts_of_batch(const StepContext&, ContactKind, int batch) const;
   void fill_points(const StepContext&, ContactKind, ContactBatch&, const BatchContacts&);
@@ -103,10 +125,8 @@ class Solver {
                          float elapsed_s, SupportStage);
   template <class Each>
   void for_each_own_support(const StepContext&, Each each) const;
-  template <class Stage>
-  void run_point_stage(const StepContext&, const Member&, Stage stage);
-  template <class Stage>
-  void run_joint_stage(const StepContext&, const Member&, Stage stage);
+  template <class OnJoints, class OnPoints>
+  void run_caller_stage(const StepContext&, const Member&, OnJoints, OnPoints);
   JointSolver::Rows joint_rows() { return {velocity_.data(), start_velocity_.data(), delta_pose_.data()}; }
   std::span<Contact> contacts_of_row(StepContext&, int row) const;
   void prepare_supports(StepContext&);
@@ -118,8 +138,8 @@ class Solver {
   StepSettings settings_;
   SurfaceMaterial field_material_;
   ConstraintGraph graph_;
-  SharedBatches shared_batches_;            // of several members
-  std::vector<BatchRange> serial_batches_;  // of a single member
+  SharedBatches shared_batches_;        // of several members
+  BatchRangesByColour serial_batches_;  // of a single member
   ImpactSolver impacts_;
   std::vector<BatchPoint> point_;
   std::vector<BatchPointDetail> detail_;
@@ -129,8 +149,8 @@ class Solver {
   std::vector<DeltaPose> delta_pose_;
   std::vector<InverseInertia> inverse_inertia_;
   std::vector<SurfaceMaterial> material_;
-  // Where the static contacts of a row's body are: manifold, and the place of their first point. Only set if there
-  // are support patches.
+  // Where the static contacts of a row's body are: manifold, and the place of their first point. Only set if
+  // there are support patches.
   struct StaticManifold {
     std::int32_t manifold, batch_point, lane;
     bool has_impulse_limit;  // of its batch

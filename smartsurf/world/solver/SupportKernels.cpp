@@ -6,15 +6,15 @@
 #include <hwy/foreach_target.h>  // must come before highway.h
 #include <hwy/highway.h>
 
-#include "smartsurf/world/solver/SimdLanes-inl.h"
+#include "smartsurf/world/solver/ContactLaw-inl.h"
 
 HWY_BEFORE_NAMESPACE();
 namespace smartsurf::world {
 namespace HWY_NAMESPACE {
 namespace {
 
-// Sums over samples. Sample i always adds to lane i mod kLanes, and lanes are added in one order, so the result does
-// not depend on the width of a vector.
+// Sums over samples. Sample i always adds to lane i mod kLanes, and lanes are added in one order, so the
+// result does not depend on the width of a vector.
 template <int kCount>
 struct LaneSums {
   float lanes[kCount][kLanes];
@@ -73,7 +73,10 @@ void sum_loads_of(const SupportSampleView& s, const float (&load_of)[3], LoadSum
 }
 
 void sum_loads(const SupportSampleView& s, const float (&load_of)[3], LoadSums& out) {
-  s.limit ? sum_loads_of<true>(s, load_of, out) : sum_loads_of<false>(s, load_of, out);
+  if (s.limit)
+    sum_loads_of<true>(s, load_of, out);
+  else
+    sum_loads_of<false>(s, load_of, out);
 }
 
 void store_loads(const SupportSampleView& s, const float (&load_of)[3]) {
@@ -96,9 +99,8 @@ void solve_friction_of(const SupportSampleView& s, const float (&cone)[3], const
     V3 f{load(s.friction[0], i) - t * ((vx - w * y) - surface_x),
          load(s.friction[1], i) - t * ((vy + w * x) - surface_y),
          load(s.friction[2], i) - t * (arm * (w - spin))};
-    const V length = hn::Max(hn::Sqrt(dot(f, f)), set(1e-30F));
     const V radius = kLimited ? set(cone[0]) * load(s.load, i) : load_at(s, cone, i);
-    const V scale = hn::Min(set(1.0F), radius / length);
+    const V scale = cone_scale(hn::Sqrt(dot(f, f)), radius);
     f = f * scale;
     store(f.x, s.new_friction[0], i);
     store(f.y, s.new_friction[1], i);
@@ -117,8 +119,10 @@ void solve_friction_of(const SupportSampleView& s, const float (&cone)[3], const
 
 void solve_friction(const SupportSampleView& s, const float (&cone)[3], const float (&offset)[2],
                     const float (&velocity)[3], float tangent_mass, FrictionSums& out) {
-  s.limit ? solve_friction_of<true>(s, cone, offset, velocity, tangent_mass, out)
-          : solve_friction_of<false>(s, cone, offset, velocity, tangent_mass, out);
+  if (s.limit)
+    solve_friction_of<true>(s, cone, offset, velocity, tangent_mass, out);
+  else
+    solve_friction_of<false>(s, cone, offset, velocity, tangent_mass, out);
 }
 
 void sum_friction(const SupportSampleView& s, double (&impulse)[3]) {

@@ -21,8 +21,8 @@ struct LoadSums {
   double load[3], stiffness[6];
 };
 
-// The friction impulses: Σ (f_x, f_y, torque about z), and the factor s_i by which each sample's cone scales its
-// trial impulse: Σ s_i·(1, x, y, x² + y² + arm²).
+// The friction impulses: Σ (f_x, f_y, torque about z), and the factor s_i by which each sample's cone scales
+// its trial impulse: Σ s_i·(1, x, y, x² + y² + arm²).
 struct FrictionSums {
   double impulse[3], stiffness[4];
 };
@@ -30,9 +30,10 @@ struct FrictionSums {
 struct SupportKernelTable {
   void (*sum_loads)(const SupportSampleView&, const float (&load)[3], LoadSums&);
   void (*store_loads)(const SupportSampleView&, const float (&load)[3]);
-  // new_friction = (friction − tangent_mass · slip), scaled into the cone of the loads times the coefficient of
-  // friction, `cone`; with limits, of the stored loads times cone[0]. `velocity`: of the body's underside below the centre of mass along x and y, and about z.
-  // `offset`: from the samples to where their friction acts.
+  // new_friction = (friction − tangent_mass · slip), scaled into the cone of the loads times the coefficient
+  // of friction, `cone`; with limits, of the stored loads times cone[0]. `velocity` is that of the body's
+  // underside below the centre of mass along x and y, and about z; `offset` leads from the samples to where
+  // their friction acts.
   void (*solve_friction)(const SupportSampleView&, const float (&cone)[3], const float (&offset)[2],
                          const float (&velocity)[3], float tangent_mass, FrictionSums&);
   void (*sum_friction)(const SupportSampleView&, double (&impulse)[3]);

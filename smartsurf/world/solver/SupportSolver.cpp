@@ -4,20 +4,22 @@
 #include <cmath>
 #include <limits>
 
+#include "smartsurf/world/solver/ContactLaw-inl.h"
 #include "smartsurf/world/solver/SupportKernels.h"
+#include "smartsurf/world/solver/SupportPoints.h"
 
 namespace smartsurf::world {
 namespace {
 
-using Vector3 = Eigen::Vector3d;
-using Matrix3 = Eigen::Matrix3d;
+using support::Matrix3, support::Vector3, support::points_of, support::for_each_share;
 
-// Compliance against a moment that no loads can balance, relative to that of the samples: the loads then concentrate
-// at the edge of the patch.
+// Compliance against a moment that no loads can balance, relative to that of the samples: the loads then
+// concentrate at the edge of the patch.
 constexpr double kMomentCompliance = 1e-4;
-// Of the loads, relative to the force.
+// Convergence tolerance of the loads, as a fraction of the total force.
 constexpr double kLoadTolerance = 1e-4;
-// Friction uses the last loads in proportion while the centre of force has moved by less, relative to the patch's extent.
+// Friction uses the last loads in proportion while the centre of force has moved by less, relative to the
+// patch's extent.
 constexpr double kCentreTolerance = 0.01;
 constexpr int kMaxLoadPasses = 12, kMaxLimitedLoadPasses = 40, kMaxFrictionPasses = 5,
               kMaxSoftFrictionPasses = 2;
@@ -27,20 +29,20 @@ constexpr double kVelocityTolerance = 1e-5;
 constexpr double kTangentMassFactor = 8.0;
 
 SupportSampleView view(SupportSamples& s, const SupportPatch& p) {
-  const auto first = static_cast<std::size_t>(p.first);
-  const auto current = static_cast<std::size_t>(p.current);
-  SupportSampleView v{};
-  v.x = &s.x[first], v.y = &s.y[first], v.arm = &s.arm[first];
-  v.velocity_x = &s.velocity_x[first], v.velocity_y = &s.velocity_y[first], v.spin = &s.spin[first];
-  v.weight = &s.weight[first];
-  for (std::size_t i = 0; i < 3; ++i) {
-    v.friction[i] = &s.friction[current][i][first];
-    v.new_friction[i] = &s.friction[1 - current][i][first];
-  }
-  v.load = &s.load[first];
-  v.limit = p.has_shares ? &s.limit[first] : nullptr;
-  v.count = (p.count + kLanes - 1) / kLanes * kLanes;
-  return v;
+  const std::int32_t first = p.first;
+  auto &friction = s.friction[p.current], &new_friction = s.friction[1 - p.current];
+  return {.x = &s.x[first],
+          .y = &s.y[first],
+          .arm = &s.arm[first],
+          .velocity_x = &s.velocity_x[first],
+          .velocity_y = &s.velocity_y[first],
+          .spin = &s.spin[first],
+          .weight = &s.weight[first],
+          .friction = {&friction[0][first], &friction[1][first], &friction[2][first]},
+          .new_friction = {&new_friction[0][first], &new_friction[1][first], &new_friction[2][first]},
+          .load = &s.load[first],
+          .limit = p.has_shares ? &s.limit[first] : nullptr,
+          .count = (p.count + kLanes - 1) / kLanes * kLanes};
 }
 
 // A symmetric matrix from its entries xx, yy, zz, xy, xz, yz, and back.
@@ -52,16 +54,6 @@ Matrix3 symmetric(const double (&k)[6]) {
 void store(const Matrix3& m, double (&k)[6]) {
   const double entries[6] = {m(0, 0), m(1, 1), m(2, 2), m(0, 1), m(0, 2), m(1, 2)};
   std::copy_n(entries, 6, k);
-}
-
-// Solves a·x = b for a positive definite matrix (LDLᵀ).
-Vector3 solve(const Matrix3& a, const Vector3& b) {
-  const double i0 = 1.0 / a(0, 0), l1 = a(0, 1) * i0, l2 = a(0, 2) * i0;
-  const double i1 = 1.0 / (a(1, 1) - l1 * a(0, 1)), rest = a(1, 2) - l2 * a(0, 1), l3 = rest * i1;
-  const double i2 = 1.0 / (a(2, 2) - l2 * a(0, 2) - l3 * rest);
-  const double y1 = b[1] - l1 * b[0], y2 = b[2] - l2 * b[0] - l3 * y1;
-  const double x2 = y2 * i2, x1 = y1 * i1 - l3 * x2;
-  return {b[0] * i0 - l1 * x1 - l2 * x2, x1, x2};
 }
 
 // A load a + b·u + c·v in scaled coordinates, as one in x and y.
@@ -90,9 +82,9 @@ ScaledSums scaled(const SupportPatch& p, const LoadSums& s) {
   return out;
 }
 
-// Finds the loads with the given force and moments, Σ N·(1, u, v): Newton's method with a line search on the dual of the
-// least-squares problem, which is convex and piecewise quadratic. With limits, loads that are not in equilibrium may
-// remain.
+// Finds the loads with the given force and moments, Σ N·(1, u, v): Newton's method with a line search on the
+// dual of the least-squares problem, which is convex and piecewise quadratic. With limits, loads that are not
+// in equilibrium may remain.
 void distribute(const SupportSampleView& samples, SupportPatch& p, const Vector3& target) {
   const double force = target[0], weight = p.total_weight;
   if (!(force > 0.0)) {
@@ -111,14 +103,14 @@ void distribute(const SupportSampleView& samples, SupportPatch& p, const Vector3
   const Vector3 compliance(0.0, kMomentCompliance * weight, kMomentCompliance * weight);
   auto newton_step = [&](const Vector3& residual, Matrix3 stiffness) {
     stiffness.diagonal() += compliance + Vector3::Constant(1e-9 * weight);
-    return Vector3(-solve(stiffness, residual));
+    return Vector3(-support::solve(stiffness, residual));
   };
   Vector3 load = uniform;
   if (p.force > 0.0) {
     // The last sums hold for the last loads in proportion, so the first step needs no pass.
     const double ratio = force / p.force;
-    load = ratio * Vector3(p.load[0], p.load[1], p.load[2]);
-    const Vector3 sums = ratio * Vector3(p.load_sums[0], p.load_sums[1], p.load_sums[2]);
+    load = ratio * Vector3(p.load);
+    const Vector3 sums = ratio * Vector3(p.load_sums);
     load += newton_step(sums + compliance.cwiseProduct(load) - target, symmetric(p.load_stiffness));
   }
   Vector3 best = load, step = Vector3::Zero();
@@ -165,14 +157,10 @@ Vector3 scaled_wrench(const SupportPatch& p, double force, double moment_x, doub
 }
 
 void apply_friction(const SupportPatch& p, const Vector3& impulse, BodyVelocity& m, const InverseInertia& w) {
-  const auto fx = static_cast<float>(impulse[0]), fy = static_cast<float>(impulse[1]),
-             torque = static_cast<float>(impulse[2]);
-  const float tx = -p.z * fy, ty = p.z * fx;
-  m.velocity[0] += fx * m.inverse_mass;
-  m.velocity[1] += fy * m.inverse_mass;
-  m.angular_velocity[0] += (w.xx * tx + w.xy * ty) + w.xz * torque;
-  m.angular_velocity[1] += (w.xy * tx + w.yy * ty) + w.yz * torque;
-  m.angular_velocity[2] += (w.xz * tx + w.yz * ty) + w.zz * torque;
+  const Vec3 f = impulse.cast<float>();  // force along x and y, torque
+  m.velocity[0] += f.x() * m.inverse_mass;
+  m.velocity[1] += f.y() * m.inverse_mass;
+  Eigen::Map<Vec3>(m.angular_velocity) += multiply(w, {-p.z * f.y(), p.z * f.x(), f.z()});
 }
 
 // A planar force field f = force + rate·ẑ × r with a given resultant, over weighted points.
@@ -188,16 +176,11 @@ struct PlanarField {
   double fy(double at_x) const { return force_y + rate * (at_x - x); }
 };
 
-std::span<const std::int32_t> points_of(const SupportPatches& list, const SupportPatch& p) {
-  return std::span(list.points)
-      .subspan(static_cast<std::size_t>(p.first_point), static_cast<std::size_t>(p.point_count));
-}
-
 // The force and moments of the normal impulses at a patch's points.
 Vector3 wrench_of_points(const SupportPatches& list, const SupportPatch& p, BatchPoints points) {
   double force = 0.0, moment_x = 0.0, moment_y = 0.0;
   for (const std::int32_t i : points_of(list, p)) {
-    const auto k = static_cast<std::size_t>(p.batch_point + i);
+    const std::int32_t k = p.batch_point + i;
     const double impulse = points.point[k].normal_impulse[p.lane];
     const float(&anchor)[3][kLanes] = points.detail[k].anchor_a;
     force += impulse;
@@ -207,30 +190,16 @@ Vector3 wrench_of_points(const SupportPatches& list, const SupportPatch& p, Batc
   return scaled_wrench(p, force, moment_x, moment_y);
 }
 
-// Calls each(point, limit of the first point on its cell or null, share) for the points of a patch with shares.
-template <class Each>
-void for_each_share(const SupportPatches& list, const SupportPatch& p, BatchPoints points, Each each) {
-  for (auto i = static_cast<std::size_t>(p.first_point);
-       i < static_cast<std::size_t>(p.first_point + p.point_count); ++i) {
-    const auto k = static_cast<std::size_t>(p.batch_point + list.points[i]);
-    BatchPointLimit* limit = nullptr;
-    if (p.has_impulse_limit && points.limit[k].stall_impulse[p.lane] < BatchPointLimit::kUnlimited)
-      limit = &points.limit[k] + points.limit[k].to_first[p.lane];
-    each(k, limit, list.shares[i]);
-  }
-}
-
-// Distributes the normal impulses of a patch's points over its samples, within what their cells can give. The points of
-// each cell take over its load if `is_final`. The contact solver's own loads remain if the new ones are not in equilibrium
-// with them, which happens where a body tips over its last cell.
+// Distributes the normal impulses of a patch's points over its samples, within what their cells can give. The
+// points of each cell take over its load if `is_final`. The contact solver's own loads remain if the new ones
+// are not in equilibrium with them, which happens where a body tips over its last cell.
 void distribute_within_limits(SupportPatches& list, SupportPatch& p, BatchPoints points,
                               const Vector3& target, bool is_final) {
   constexpr float kWrenchTolerance = 1e-3F;  // relative to the force
   const SupportSampleView samples = view(list.samples, p);
-  const auto first = static_cast<std::size_t>(p.first);
   const int lane = p.lane;
-  for_each_share(list, p, points, [&](std::size_t k, const BatchPointLimit* limit, const PointShare& share) {
-    float& most = list.samples.limit[first + static_cast<std::size_t>(share.sample)];
+  for_each_share(list, p, points, [&](std::int32_t k, const BatchPointLimit* limit, const PointShare& share) {
+    float& most = list.samples.limit[p.first + share.sample];
     most = limit ? limit->capacity[lane] : kUnlimitedLoad;
     if (points.point[k].normal_mass[lane] == 0.0F) most = 0.0F;  // an impact, at the end of the step
   });
@@ -244,12 +213,12 @@ void distribute_within_limits(SupportPatches& list, SupportPatch& p, BatchPoints
     return samples.load[s.sample] * std::max(0.0F, s.share + s.share_x * offset_x + s.share_y * offset_y);
   };
   double error[3] = {};
-  for_each_share(list, p, points, [&](std::size_t k, BatchPointLimit*, const PointShare& share) {
+  for_each_share(list, p, points, [&](std::int32_t k, BatchPointLimit*, const PointShare& share) {
     const float change = impulse_of(share) - points.point[k].normal_impulse[lane];
     const float(&anchor)[3][kLanes] = points.detail[k].anchor_a;
     error[0] += static_cast<double>(change);
-    error[1] += static_cast<double>(change * anchor[0][lane]),
-        error[2] += static_cast<double>(change * anchor[1][lane]);
+    error[1] += static_cast<double>(change * anchor[0][lane]);
+    error[2] += static_cast<double>(change * anchor[1][lane]);
   });
   const double tolerance = static_cast<double>(kWrenchTolerance) * p.force;
   const bool is_balanced = std::abs(error[0]) <= tolerance && std::abs(error[1]) <= tolerance * p.scale &&
@@ -258,7 +227,7 @@ void distribute_within_limits(SupportPatches& list, SupportPatch& p, BatchPoints
     std::fill_n(samples.load, p.count, 0.0F);
     p.offset_x = p.offset_y = 0.0;
   }
-  for_each_share(list, p, points, [&](std::size_t k, BatchPointLimit* limit, const PointShare& share) {
+  for_each_share(list, p, points, [&](std::int32_t k, BatchPointLimit* limit, const PointShare& share) {
     BatchPoint& point = points.point[k];
     const float old_impulse = point.normal_impulse[lane];
     if (!is_balanced) {
@@ -273,16 +242,16 @@ void distribute_within_limits(SupportPatches& list, SupportPatch& p, BatchPoints
   });
 }
 
-// Whether no cell had a load near its limit in the last step.
+// True if no cell had a load near its limit in the last step.
 bool is_lightly_loaded(SupportPatches& list, const SupportPatch& p, float substep_fraction,
                        std::span<const Contact> contacts) {
   constexpr float kLight = 0.7F;  // of the limit
-  float* const load = &list.samples.load[static_cast<std::size_t>(p.first)];
+  float* const load = &list.samples.load[p.first];
   std::fill_n(load, p.count, 0.0F);
   bool is_light = true;
   for (int i = 0; i < p.point_count; ++i) {
-    const auto k = static_cast<std::size_t>(p.first_point + i);
-    const Contact& c = contacts[static_cast<std::size_t>(list.points[k])];
+    const std::int32_t k = p.first_point + i;
+    const Contact& c = contacts[list.points[k]];
     float& sum = load[list.shares[k].sample];
     sum += c.normal_impulse;
     is_light &= sum <= kLight * substep_fraction * c.max_cell_impulse;
@@ -294,7 +263,7 @@ bool is_lightly_loaded(SupportPatches& list, const SupportPatch& p, float subste
 void set_extent(const SupportSamples& s, SupportPatch& p, double polar) {
   double reach_squared = 0.0, arms = 0.0;
   p.min_arm = std::numeric_limits<double>::max();
-  for (auto i = static_cast<std::size_t>(p.first); i < static_cast<std::size_t>(p.first + p.count); ++i) {
+  for (int i = p.first; i < p.first + p.count; ++i) {
     const double x = static_cast<double>(s.x[i]) - p.centre_x, y = static_cast<double>(s.y[i]) - p.centre_y,
                  arm = s.arm[i], arm_squared = arm * arm;
     reach_squared = std::max(reach_squared, x * x + y * y + arm_squared);
@@ -310,11 +279,11 @@ bool may_lump(const SupportPatch& p) { return !p.moves && !p.has_shares; }
 // Shares the friction impulse of a lumped patch among its samples, as a planar field.
 void spread_friction(SupportSamples& s, SupportPatch& p) {
   p.is_lumped = false;
-  const Vector3 impulse(p.friction_sum[0], p.friction_sum[1], p.friction_sum[2]);
+  const Vector3 impulse(p.friction_sum);
   const PlanarField field(impulse, p.total_weight, p.centre_x, p.centre_y,
                           p.total_weight * p.gyration_squared);
-  auto& f = s.friction[static_cast<std::size_t>(p.current)];
-  for (auto i = static_cast<std::size_t>(p.first); i < static_cast<std::size_t>(p.first + p.count); ++i) {
+  auto& f = s.friction[p.current];
+  for (int i = p.first; i < p.first + p.count; ++i) {
     const double weight = s.weight[i];
     f[0][i] = static_cast<float>(weight * field.fx(static_cast<double>(s.y[i])));
     f[1][i] = static_cast<float>(weight * field.fy(static_cast<double>(s.x[i])));
@@ -322,13 +291,14 @@ void spread_friction(SupportSamples& s, SupportPatch& p) {
   }
 }
 
-// Whether the samples can hold a patch with this friction impulse: a field in proportion to their loads is within their
-// cones. A bound by the centre of force and the extent of the samples alone, so that the loads need not be known.
+// True if the samples can hold a patch with this friction impulse: a field in proportion to their loads is
+// within their cones. A bound by the centre of force and the extent of the samples alone, so that the loads
+// need not be known.
 bool can_stick(const SupportPatch& p, const Vector3& target, const Vector3& impulse) {
   const double force = target[0];
   if (!(force > 0.0)) return false;
-  // The loads' second moment about their centre, per force: least squares leave scale²·(1 − offset²) of a symmetric patch,
-  // and more where samples lift off; somewhat less if it is not symmetric.
+  // The loads' second moment about their centre, per force: least squares leave scale²·(1 − offset²) of a
+  // symmetric patch, and more where samples lift off; somewhat less if it is not symmetric.
   constexpr double kSpread = 0.9;
   const double u = target[1] / force, v = target[2] / force, offset_squared = u * u + v * v;
   const double polar =
@@ -368,7 +338,7 @@ void prepare_support(SupportPatches& list, SupportPatch& p, const BodyVelocity& 
   p.tangent_mass = kTangentMassFactor / (p.total_weight * 0.5 * (k[0] + k[1]));
   if (!p.has_friction) {
     for (const std::int32_t i : points_of(list, p)) {
-      const Contact& c = contacts[static_cast<std::size_t>(i)];
+      const Contact& c = contacts[i];
       const Vector3 f = c.friction_impulse.cast<double>(), r = c.anchor.cast<double>();
       p.friction_sum[0] += f.x(), p.friction_sum[1] += f.y();
       p.friction_sum[2] += r.x() * f.y() - r.y() * f.x();
@@ -381,136 +351,7 @@ void prepare_support(SupportPatches& list, SupportPatch& p, const BodyVelocity& 
 }
 
 void warm_start_support(const SupportPatch& p, BodyVelocity& m, const InverseInertia& w) {
-  apply_friction(p, Vector3(p.friction_sum[0], p.friction_sum[1], p.friction_sum[2]), m, w);
-}
-
-void solve_support_points(const SupportPatches& list, const SupportPatch& p, BatchPoints points,
-                          const SubstepParams& params, bool is_soft, BodyVelocity& m, const DeltaPose& delta,
-                          const InverseInertia& w) {
-  // Compliance of each point, relative to the body's: shares the load where the points are redundant.
-  constexpr double kCompliance = 1e-3;
-  // A cell whose load comes near to what it can give may slow down under it: that is left to the sweeps.
-  constexpr float kExhausted = 0.9F;
-  bool any_exhausted = p.has_shares && !p.is_lightly_loaded;
-  struct Point {
-    std::size_t index;
-    double x, y;
-    double stiffness, error, impulse, impulse_change;  // error: of the speed, u/s
-    BatchPointLimit* limit;
-    bool lifts;
-  };
-  constexpr int kFewPoints = 8;
-  Point few[kFewPoints];
-  Point* bearing = few;
-  int count = 0;
-  if (p.point_count > kFewPoints) {
-    thread_local std::vector<Point> many;
-    many.resize(static_cast<std::size_t>(p.point_count));
-    bearing = many.data();
-  }
-  const int lane = p.lane;
-  const double inverse_mass = m.inverse_mass, xx = w.xx, xy = w.xy, yy = w.yy;
-  const double determinant = xx * yy - xy * xy;
-  if (!(determinant > 0.0) || !(inverse_mass > 0.0)) return;
-  const double mass = 1.0 / inverse_mass, hard_stiffness = mass / kCompliance;
-  // Of a point, with the mass that it has alone; as soft_normal_impulse() in ContactKernels.cpp.
-  const float softness = params.impulse_scale / params.mass_scale;
-  const double inverse_softness = 1.0 / static_cast<double>(softness);
-  double greatest_error = 0.0;
-  auto add = [&](std::size_t k, BatchPointLimit* limit) {
-    const BatchPoint& point = points.point[k];
-    const float impulse = point.normal_impulse[lane];
-    if (!(impulse > 0.0F && point.normal_mass[lane] > 0.0F)) return;
-    const BatchPointDetail& d = points.detail[k];
-    const float x = d.anchor_a[0][lane], y = d.anchor_a[1][lane], rise = d.surface_velocity[2][lane];
-    float speed = m.velocity[2] + (m.angular_velocity[0] * y - m.angular_velocity[1] * x) - rise, lag = 0.0F;
-    if (limit) {
-      any_exhausted |= limit->load[lane] > kExhausted * limit->capacity[lane];
-      speed += points.limit[k].planned_speed[lane] - limit->speed[lane];
-      lag = limit->lag[lane];
-    }
-    double stiffness = hard_stiffness;
-    float target_speed = point.relax_target_speed[lane];
-    if (is_soft) {
-      const float separation = point.separation[lane] + delta.translation[2] +
-                               (delta.rotation[0] * y - delta.rotation[1] * x) - rise * params.elapsed_s +
-                               lag;
-      if (separation > 0.0F) {
-        target_speed = -separation * params.inverse_h;
-      } else {
-        target_speed =
-            -std::max(std::min(separation + kSlop, 0.0F) * params.bias_rate, -params.max_bias_velocity) -
-            softness * std::max(impulse - params.steady_share * d.start_impulse[lane], 0.0F) /
-                point.normal_mass[lane];
-        stiffness = inverse_softness * static_cast<double>(point.normal_mass[lane]);
-      }
-    }
-    const double error = static_cast<double>(target_speed - speed);
-    greatest_error = std::max(greatest_error, std::abs(error));
-    bearing[count++] = {k,
-                        static_cast<double>(x),
-                        static_cast<double>(y),
-                        stiffness,
-                        error,
-                        static_cast<double>(impulse),
-                        0.0,
-                        limit,
-                        false};
-  };
-  if (p.has_shares)
-    for_each_share(list, p, points,
-                   [&](std::size_t k, BatchPointLimit* limit, const PointShare&) { add(k, limit); });
-  else
-    for (const std::int32_t i : points_of(list, p)) add(static_cast<std::size_t>(p.batch_point + i), nullptr);
-  constexpr double kSolved = 1e-7;  // u/s
-  if (count < 2 || any_exhausted || greatest_error <= kSolved) return;
-  // The change of velocity v + b·x + c·y at the points and their impulses, with compliances as springs in series with
-  // the rigid body: (body's inertia + Σ stiffness) · (v, b, c) = Σ stiffness · error. Points that would pull lose their
-  // impulse.
-  const double inverse_determinant = 1.0 / determinant;
-  constexpr int kMaxPasses = 6;
-  for (int pass = 0, changed = 1; changed > 0; ++pass) {
-    if (pass == kMaxPasses) return;
-    double s = mass, sx = 0.0, sy = 0.0, sxx = xx * inverse_determinant, sxy = xy * inverse_determinant,
-           syy = yy * inverse_determinant;
-    Vector3 errors = Vector3::Zero();
-    for (int i = 0; i < count; ++i) {
-      const Point& b = bearing[i];
-      const double force = b.lifts ? -b.impulse : b.stiffness * b.error;
-      errors += Vector3(force, force * b.x, force * b.y);
-      if (b.lifts) continue;
-      const double kx = b.stiffness * b.x, ky = b.stiffness * b.y;
-      s += b.stiffness, sx += kx, sy += ky, sxx += kx * b.x, sxy += kx * b.y, syy += ky * b.y;
-    }
-    Matrix3 sum;
-    sum << s, sx, sy, sx, sxx, sxy, sy, sxy, syy;
-    const Vector3 change = solve(sum, errors);
-    changed = 0;
-    for (int i = 0; i < count; ++i) {
-      Point& b = bearing[i];
-      b.impulse_change = b.stiffness * (b.error - (change[0] + b.x * change[1] + b.y * change[2]));
-      const bool lifts = b.impulse + b.impulse_change <= 0.0;
-      if (lifts) b.impulse_change = -b.impulse;
-      changed += lifts != b.lifts;
-      b.lifts = lifts;
-    }
-    if (changed > 0 && !p.has_shares) return;
-  }
-  Vector3 wrench = Vector3::Zero();
-  for (int i = 0; i < count; ++i) {
-    const Point& b = bearing[i];
-    BatchPoint& point = points.point[b.index];
-    const auto impulse_change = static_cast<float>(b.impulse_change);
-    point.normal_impulse[lane] += impulse_change;
-    if (!is_soft) point.total_normal_impulse[lane] += impulse_change;
-    if (b.limit) b.limit->load[lane] += impulse_change;
-    wrench += b.impulse_change * Vector3(1.0, b.x, b.y);
-  }
-  const auto tx = static_cast<float>(wrench[2]), ty = static_cast<float>(-wrench[1]);
-  m.velocity[2] += static_cast<float>(wrench[0]) * m.inverse_mass;
-  m.angular_velocity[0] += w.xx * tx + w.xy * ty;
-  m.angular_velocity[1] += w.xy * tx + w.yy * ty;
-  m.angular_velocity[2] += w.xz * tx + w.yz * ty;
+  apply_friction(p, Vector3(p.friction_sum), m, w);
 }
 
 void solve_support(SupportPatches& list, SupportPatch& p, BatchPoints points, bool is_soft, BodyVelocity& m,
@@ -518,13 +359,13 @@ void solve_support(SupportPatches& list, SupportPatch& p, BatchPoints points, bo
   const SupportSampleView samples = view(list.samples, p);
   const Vector3 target = wrench_of_points(list, p, points);
   const double force = target[0];
-  const Vector3 old_impulse(p.friction_sum[0], p.friction_sum[1], p.friction_sum[2]);
+  const Vector3 old_impulse(p.friction_sum);
   const Vector3 now(static_cast<double>(m.velocity[0] + p.z * m.angular_velocity[1]),
                     static_cast<double>(m.velocity[1] - p.z * m.angular_velocity[0]),
                     static_cast<double>(m.angular_velocity[2]));
   const Matrix3 inverse_k = symmetric(p.inverse_response);
   if (may_lump(p)) {
-    // As a proximal step of all samples would.
+    // The impulse of a proximal step of all samples.
     constexpr double kStep = kTangentMassFactor / (1.0 + kTangentMassFactor);
     const Vector3 impulse = old_impulse - kStep * (inverse_k * now);
     if (can_stick(p, target, impulse)) {
@@ -539,7 +380,10 @@ void solve_support(SupportPatches& list, SupportPatch& p, BatchPoints points, bo
   for (int i = 0; i < 2 && keeps_loads; ++i) moved[i] = target[i + 1] / force - p.centre_of_force[i];
   const bool has_moved = std::max(std::abs(moved[0]), std::abs(moved[1])) > kCentreTolerance;
   if (!keeps_loads || (!is_soft && has_moved && !p.has_shares)) {
-    p.has_shares ? distribute_within_limits(list, p, points, target, false) : distribute(samples, p, target);
+    if (p.has_shares)
+      distribute_within_limits(list, p, points, target, false);
+    else
+      distribute(samples, p, target);
     moved[0] = moved[1] = 0.0;
   }
   float cone[3] = {};
@@ -559,7 +403,7 @@ void solve_support(SupportPatches& list, SupportPatch& p, BatchPoints points, bo
     FrictionSums sums;
     support_kernels().solve_friction(samples, cone, offset, velocity, static_cast<float>(p.tangent_mass),
                                      sums);
-    impulse = {sums.impulse[0], sums.impulse[1], sums.impulse[2]};
+    impulse = Vector3(sums.impulse);
     // How far q is from the velocity that these impulses cause.
     const Vector3 error = (q - now) + k * (old_impulse - impulse);
     if (std::max({std::abs(error[0]), std::abs(error[1]), std::abs(error[2]) * p.scale}) <=
@@ -570,7 +414,7 @@ void solve_support(SupportPatches& list, SupportPatch& p, BatchPoints points, bo
                  sy = t * sums.stiffness[2], polar = t * sums.stiffness[3];
     stiffness(0, 0) += sw, stiffness(1, 1) += sw, stiffness(2, 2) += polar;
     stiffness(0, 2) -= sy, stiffness(2, 0) -= sy, stiffness(1, 2) += sx, stiffness(2, 1) += sx;
-    q -= solve(stiffness, inverse_k * error);
+    q -= support::solve(stiffness, inverse_k * error);
   }
   p.current = 1 - p.current;
   for (int i = 0; i < 3; ++i) p.friction_sum[i] = impulse[i];
@@ -585,7 +429,7 @@ void store_support(SupportPatches& list, SupportPatch& p, std::span<Contact> con
   const SupportSampleView samples = view(list.samples, p);
   double force = 0.0, moment_x = 0.0, moment_y = 0.0, x = 0.0, y = 0.0, squares = 0.0;
   for (const std::int32_t i : points_of(list, p)) {
-    const Contact& c = contacts[static_cast<std::size_t>(i)];
+    const Contact& c = contacts[i];
     const double impulse = c.total_normal_impulse, at_x = c.anchor.x(), at_y = c.anchor.y();
     force += impulse, moment_x += impulse * at_x, moment_y += impulse * at_y;
     x += at_x, y += at_y, squares += at_x * at_x + at_y * at_y;
@@ -593,9 +437,8 @@ void store_support(SupportPatches& list, SupportPatch& p, std::span<Contact> con
   if (p.has_shares) {
     std::fill_n(samples.load, p.count, 0.0F);
     for (int i = 0; i < p.point_count; ++i) {
-      const auto k = static_cast<std::size_t>(p.first_point + i);
-      samples.load[list.shares[k].sample] +=
-          contacts[static_cast<std::size_t>(list.points[k])].total_normal_impulse;
+      const std::int32_t k = p.first_point + i;
+      samples.load[list.shares[k].sample] += contacts[list.points[k]].total_normal_impulse;
     }
   } else {
     distribute(samples, p, scaled_wrench(p, force, moment_x, moment_y));
@@ -605,10 +448,9 @@ void store_support(SupportPatches& list, SupportPatch& p, std::span<Contact> con
   }
   const double count = p.point_count;
   x /= count, y /= count;
-  const PlanarField field(Vector3(p.friction_sum[0], p.friction_sum[1], p.friction_sum[2]), count, x, y,
-                          squares - count * (x * x + y * y));
+  const PlanarField field(Vector3(p.friction_sum), count, x, y, squares - count * (x * x + y * y));
   for (const std::int32_t i : points_of(list, p)) {
-    Contact& c = contacts[static_cast<std::size_t>(i)];
+    Contact& c = contacts[i];
     c.friction_impulse = {static_cast<float>(field.fx(static_cast<double>(c.anchor.y()))),
                           static_cast<float>(field.fy(static_cast<double>(c.anchor.x()))), 0.0F};
   }

@@ -5,6 +5,8 @@
 #include <cmath>
 #include <limits>
 
+#include "smartsurf/world/solver/ContactLaw-inl.h"
+
 namespace smartsurf::world {
 namespace {
 
@@ -23,8 +25,8 @@ float greatest_share(const Vec3& others, const Vec3& own, float limit) {
 
 Vec3 TipSolver::Tip::deflection_rate() const {
   // What the boundary of the workspace bears does not deflect the tip.
-  const Vec3 borne = load - normal_load + clamp_length(normal_load, max_impulse);
-  return clamp_length(borne, kMaxDeflection * max_impulse) * inverse_mass - deflection * return_rate;
+  const Vec3 borne = load - normal_load + law::clamp_length(normal_load, max_impulse);
+  return law::clamp_length(borne, kMaxDeflection * max_impulse) * inverse_mass - deflection * return_rate;
 }
 
 float TipSolver::Tip::room_along(const Vec3& direction) const {
@@ -48,9 +50,9 @@ void TipSolver::collect(const surface::Field& field, const ContactList& static_c
   tip_of_cell_.resize(field.height.size(), -1);
   for (const Manifold& m : static_contacts.manifolds)
     for (int k = m.first; k < m.first + m.count; ++k) {
-      const Contact& c = static_contacts.contacts[static_cast<std::size_t>(k)];
-      if (c.other != kYieldingTip) continue;
-      std::int32_t& tip = tip_of_cell_[static_cast<std::size_t>(c.feature_id)];
+      const Contact& c = static_contacts.contacts[k];
+      if (c.partner != Partner::kYieldingTip) continue;
+      std::int32_t& tip = tip_of_cell_[c.feature_id];
       if (tip < 0) {
         tip = static_cast<std::int32_t>(cells_.size());
         cells_.push_back(c.feature_id);
@@ -59,21 +61,17 @@ void TipSolver::collect(const surface::Field& field, const ContactList& static_c
       p.contact = k, p.tip = tip, p.body = m.a;
     }
   for (const std::int32_t cell : cells_) {
-    const auto i = static_cast<std::size_t>(cell);
-    tip_of_cell_[i] = -1;
-    const surface::YieldingTip& y = field.yielding[i];
+    tip_of_cell_[cell] = -1;
+    const surface::YieldingTip& y = field.yielding[cell];
     Tip& t = tips_.emplace_back();
-    t.kind = &field.tip_at(i);
+    t.kind = &field.tip_at(cell);
     t.held_position = y.held_position, t.held_velocity = y.held_velocity;
     t.start_deflection = t.deflection = y.deflection;
   }
 }
 
-void TipSolver::begin_step(const BodyStore& bodies, const SpatialPartition& partition,
-                           const ContactList& static_contacts, const PointRows& rows,
-                           const SurfaceMaterial& field_material, const SubstepParams& params) {
-  params_ = params;
-  const float h_s = params.h_s;
+void TipSolver::begin_step(const PointStep& step) {
+  const float h_s = step.params.h_s;
   for (Tip& t : tips_) {
     if (const float k = t.kind->stiffness; std::isfinite(k)) {
       t.return_rate = k / (t.kind->damping + h_s * k);
@@ -82,65 +80,56 @@ void TipSolver::begin_step(const BodyStore& bodies, const SpatialPartition& part
     t.max_impulse = t.kind->max_force * h_s;
   }
   for (Point& p : points_) {
-    Tip& tip = tips_[static_cast<std::size_t>(p.tip)];
-    p.prepare(bodies, partition, static_contacts.contacts[static_cast<std::size_t>(p.contact)], rows,
-              field_material, tip.inverse_mass * Mat3::Identity());
-    p.apply(p.impulse(), rows);
+    Tip& tip = tips_[p.tip];
+    p.prepare(step, tip.inverse_mass * Mat3::Identity());
+    p.apply(p.impulse(), step);
     tip.add_load(-p.impulse(), -p.normal_impulse * p.normal);
   }
 }
 
-Vec3 TipSolver::relative_velocity(const Point& p, const PointRows& rows) const {
-  return p.velocity(rows) - tips_[static_cast<std::size_t>(p.tip)].velocity();
+Vec3 TipSolver::relative_velocity(const Point& p, const PointStep& step) const {
+  return p.velocity(step) - tips_[p.tip].velocity();
 }
 
-void TipSolver::add_normal_impulse(Point& p, float impulse, const PointRows& rows) {
+void TipSolver::add_normal_impulse(Point& p, float impulse, const PointStep& step) {
   p.normal_impulse += impulse;
-  p.apply(impulse * p.normal, rows);
-  tips_[static_cast<std::size_t>(p.tip)].add_load(-impulse * p.normal, -impulse * p.normal);
+  p.apply(impulse * p.normal, step);
+  tips_[p.tip].add_load(-impulse * p.normal, -impulse * p.normal);
 }
 
-void TipSolver::solve_point(Point& p, float target_speed, const PointRows& rows) {
-  const Tip& tip = tips_[static_cast<std::size_t>(p.tip)];
-  const float deficit = target_speed - p.normal.dot(relative_velocity(p, rows));
-  float impulse = std::max(0.0F, p.normal_impulse + p.normal_mass * deficit);
+void TipSolver::solve_point(Point& p, float target_speed, const PointStep& step) {
+  Tip& tip = tips_[p.tip];
+  float impulse = p.normal_impulse_for(target_speed, relative_velocity(p, step));
   const Vec3 others = tip.normal_load + p.normal_impulse * p.normal;
   const bool is_overloaded = (others - impulse * p.normal).squaredNorm() > tip.max_impulse * tip.max_impulse;
   if (is_overloaded) impulse *= greatest_share(others, impulse * p.normal, tip.max_impulse);
-  add_normal_impulse(p, impulse - p.normal_impulse, rows);
-  if (is_overloaded) yield(p, target_speed, rows);
-  solve_friction(p, rows);
-  p.solve_rolling(rows);
+  add_normal_impulse(p, impulse - p.normal_impulse, step);
+  if (is_overloaded) yield(p, target_speed, step);
+  const Vec3 friction = p.solve_friction(relative_velocity(p, step));
+  p.apply(friction, step);
+  tip.add_load(-friction, Vec3::Zero());
+  p.solve_rolling(step);
 }
 
 // The joints move with the body, as far as they can.
-void TipSolver::yield(Point& p, float target_speed, const PointRows& rows) {
-  Tip& tip = tips_[static_cast<std::size_t>(p.tip)];
-  const float deficit = target_speed - p.normal.dot(relative_velocity(p, rows));
+void TipSolver::yield(Point& p, float target_speed, const PointStep& step) {
+  Tip& tip = tips_[p.tip];
+  const float deficit = target_speed - p.normal.dot(relative_velocity(p, step));
   if (!(deficit > 0.0F)) return;
   Tip next = tip;
-  next.held_position += params_.h_s * (tip.held_velocity + tip.yield_velocity);
-  const float speed = std::min(deficit, next.room_along(-p.normal) * params_.inverse_h);
+  next.held_position += step.params.h_s * (tip.held_velocity + tip.yield_velocity);
+  const float speed = std::min(deficit, next.room_along(-p.normal) * step.params.inverse_h);
   tip.yield_velocity -= speed * p.normal;
-  if (speed < deficit) add_normal_impulse(p, p.rigid_mass * (deficit - speed), rows);
+  if (speed < deficit) add_normal_impulse(p, p.rigid_mass * (deficit - speed), step);
 }
 
-void TipSolver::solve_friction(Point& p, const PointRows& rows) {
-  const Vec3 velocity = relative_velocity(p, rows), old_impulse = p.friction_impulse;
-  const Vec3 slip = velocity - p.normal * p.normal.dot(velocity);
-  p.friction_impulse = clamp_length(old_impulse - p.tangent_mass * slip, p.friction * p.normal_impulse);
-  p.apply(p.friction_impulse - old_impulse, rows);
-  tips_[static_cast<std::size_t>(p.tip)].add_load(old_impulse - p.friction_impulse, Vec3::Zero());
-}
-
-void TipSolver::solve(const PointRows& rows) {
+void TipSolver::solve(const PointStep& step) {
   for (Tip& t : tips_) t.yield_velocity.setZero();
-  for (Point& p : points_)
-    solve_point(p, p.push_out_speed(tips_[static_cast<std::size_t>(p.tip)].moved, params_, rows), rows);
+  for (Point& p : points_) solve_point(p, p.push_out_speed(tips_[p.tip].moved, step), step);
 }
 
-void TipSolver::relax(const PointRows& rows) {
-  const float h_s = params_.h_s;
+void TipSolver::relax(const PointStep& step) {
+  const float h_s = step.params.h_s;
   for (Tip& t : tips_) {
     const Vec3 deflection_rate = t.deflection_rate();
     t.moved += h_s * t.velocity();
@@ -149,15 +138,15 @@ void TipSolver::relax(const PointRows& rows) {
     t.deflection += h_s * deflection_rate;
   }
   for (Point& p : points_) {
-    solve_point(p, p.relax_target_speed, rows);
+    solve_point(p, p.relax_target_speed, step);
     p.total_normal_impulse += p.normal_impulse;
   }
 }
 
 void TipSolver::store(surface::Field& field, ContactList& static_contacts, float dt_s) const {
-  for (const Point& p : points_) p.store(static_contacts.contacts[static_cast<std::size_t>(p.contact)]);
+  for (const Point& p : points_) p.store(static_contacts.contacts[p.contact]);
   for (std::size_t k = 0; k < cells_.size(); ++k) {
-    const auto cell = static_cast<std::size_t>(cells_[k]);
+    const std::int32_t cell = cells_[k];
     const Tip& t = tips_[k];
     surface::YieldingTip& y = field.yielding[cell];
     y.held_velocity = t.held_velocity + t.yielded / dt_s;

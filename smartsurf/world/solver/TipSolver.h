@@ -1,15 +1,14 @@
 // Contacts with tips that yield: tips of delta robots that are compliant, or whose joints have limited force.
 //
-// A tip has no mass. Its joints hold it through a spring of stiffness k and a damper c. With the impulse J of all its
-// contacts in a substep h, its deflection changes, by the implicit Euler method, by
+// A tip has no mass. Its joints hold it through a spring of stiffness k and a damper c. With the impulse J of
+// all its contacts in a substep h, its deflection changes, by the implicit Euler method, by
 //   h·(J/M − k·d/(c + h·k)),  M = h·(c + h·k)
-// so that to its contacts it is a body of mass M. A rigid tip has 1/M = 0. When the normal impulses add up to F·h, with the
-// force limit F, the joints yield: the tip moves with its load, until the joints reach the boundary of the workspace, which
-// bears any load.
-// (E. Catto, Soft Constraints, GDC 2011.)
+// so that to its contacts it is a body of mass M. A rigid tip has 1/M = 0. When the normal impulses add up to
+// F·h, with the force limit F, the joints yield: the tip moves with its load, until the joints reach the
+// boundary of the workspace, which bears any load. (E. Catto, Soft Constraints, GDC 2011.)
 //
-// The contacts of a tip share its velocity and are solved one after another, on one thread, in the stages of Solver.h.
-// They are inelastic: what springs back is the tip.
+// The contacts of a tip share its velocity and are solved one after another, on one thread, in the stages of
+// Solver.h. They are inelastic: what springs back is the tip.
 #pragma once
 
 #include <span>
@@ -28,11 +27,10 @@ class TipSolver {
   bool empty() const { return points_.empty(); }
 
   // The stages of a step. begin_step() also applies the impulses of the last substep.
-  void begin_step(const BodyStore&, const SpatialPartition&, const ContactList& static_contacts,
-                  const PointRows&, const SurfaceMaterial& field_material, const SubstepParams&);
-  void solve(const PointRows&);
-  void relax(const PointRows&);  // call after the rows were moved
-  // After the step: writes the impulses to the contacts, and the velocities of the loaded tips to the field.
+  void begin_step(const PointStep&);
+  void solve(const PointStep&);
+  void relax(const PointStep&);  // call after the rows were moved
+  // Writes the impulses to the contacts, and the velocities of the loaded tips to the field, after the step.
   void store(surface::Field&, ContactList& static_contacts, float dt_s) const;
   // The cells of the loaded tips.
   std::span<const std::int32_t> cells() const { return cells_; }
@@ -40,7 +38,7 @@ class TipSolver {
  private:
   struct Tip {
     const surface::CellTip* kind;
-    // At the start of the substep; the velocity is that planned for the step.
+    // The position is that at the start of the substep, the velocity that planned for the step.
     Vec3 held_position, held_velocity, deflection;
     float inverse_mass = 0.0F, return_rate = 0.0F;  // 1/M; k/(c + h·k), 1/s
     float max_impulse = 0.0F;
@@ -60,14 +58,12 @@ class TipSolver {
     std::int32_t tip;
   };
 
-  Vec3 relative_velocity(const Point&, const PointRows&) const;
-  void add_normal_impulse(Point&, float impulse, const PointRows&);
+  Vec3 relative_velocity(const Point&, const PointStep&) const;
+  void add_normal_impulse(Point&, float impulse, const PointStep&);
   // The contact is to separate at least at `target_speed`.
-  void solve_point(Point&, float target_speed, const PointRows&);
-  void yield(Point&, float target_speed, const PointRows&);
-  void solve_friction(Point&, const PointRows&);
+  void solve_point(Point&, float target_speed, const PointStep&);
+  void yield(Point&, float target_speed, const PointStep&);
 
-  SubstepParams params_{};
   std::vector<Point> points_;
   std::vector<Tip> tips_;
   std::vector<std::int32_t> cells_;        // of tips_

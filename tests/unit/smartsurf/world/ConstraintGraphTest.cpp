@@ -29,7 +29,7 @@ struct Tangle {
       if (i == j || !used.insert(std::minmax(i, j)).second) continue;
       add(pairs, std::min(i, j), std::max(i, j), 1 + k % 4);
     }
-    for (int i = 0; i < n; i += 2) add(world, i, kField, 1 + i % 5);
+    for (int i = 0; i < n; i += 2) add(world, i, Manifold::kStatic, 1 + i % 5);
   }
   // Slabs of a hundred manifolds; those in the second half of the list consist of two ranges each.
   static SlabRanges runs(const ContactList& list) {

@@ -21,7 +21,14 @@ struct Lanes {
   ContactBatch batch;
   BatchPoint point{};
   BatchPointDetail detail{};
-  SubstepParams pass{1.0F / 300, 300.0F, 0.0F, 20.0F, 0.9F, 0.1F, 0.5F, 4.0F, 0.2F};
+  SubstepParams pass{.h_s = 1.0F / 300,
+                     .inverse_h = 300.0F,
+                     .bias_rate = 20.0F,
+                     .mass_scale = 0.9F,
+                     .impulse_scale = 0.1F,
+                     .steady_share = 0.5F,
+                     .max_bias_velocity = 4.0F,
+                     .substep_fraction = 0.2F};
 
   float draw() { return std::uniform_real_distribution<float>(-1, 1)(random); }
   Vec3 draw3() { return {draw(), draw(), draw()}; }

@@ -6,10 +6,10 @@ using namespace smartsurf::world;
 
 namespace {
 
-void add_manifold(ContactList& list, int a, int b, int other = 0) {
+void add_manifold(ContactList& list, int a, int b, Partner partner = {}) {
   list.manifolds.push_back({a, b, static_cast<std::int32_t>(list.contacts.size()), 1});
   Contact& c = list.contacts.emplace_back();
-  c.other = other;
+  c.partner = partner;
   c.normal = Vec3(0, 0, 1);
 }
 
@@ -22,9 +22,9 @@ struct Fixture {
   Fixture() {
     ContactList pairs, statics;
     for (const auto& [a, b] : {std::pair{0, 1}, {0, 5}, {2, 3}, {2, 7}}) add_manifold(pairs, a, b);
-    for (const int a : {0, 3}) add_manifold(statics, a, kField, kField);
-    add_manifold(statics, 4, kField, 6);
-    add_manifold(statics, 7, kField, kGround);
+    for (const int a : {0, 3}) add_manifold(statics, a, Manifold::kStatic, Partner::kCell);
+    add_manifold(statics, 4, Manifold::kStatic, Partner{6});
+    add_manifold(statics, 7, Manifold::kStatic, Partner::kGround);
     previous.swap_lists(pairs, statics, 2);
     EXPECT_TRUE(pairs.manifolds.empty());
     for (int i = 0; i < 2; ++i) previous.build_index(kBodies, {}, {}, Member{i, 2, barrier});
@@ -80,7 +80,7 @@ TEST(PreviousContacts, SwapReplacesPreviousStep) {
   Fixture f;
   ContactList pairs, statics;
   add_manifold(pairs, 5, 6);
-  add_manifold(statics, 1, kField, kField);
+  add_manifold(statics, 1, Manifold::kStatic, Partner::kCell);
   f.previous.swap_lists(pairs, statics, 2);
   for (int i = 0; i < 2; ++i) f.previous.build_index(Fixture::kBodies, {}, {}, Member{i, 2, f.barrier});
   EXPECT_EQ(find_pair(f, 5, 6, 0), 0);

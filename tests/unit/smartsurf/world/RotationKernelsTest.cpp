@@ -1,4 +1,4 @@
-#include "smartsurf/world/solver/RotationKernels.h"
+#include "smartsurf/world/body/RotationKernels.h"
 
 #include <gtest/gtest.h>
 

@@ -26,7 +26,7 @@ struct Chain {
       if (i % kRowsOfSlab == 0) begin_slab();
       for (const int by : {1, 2, 5, 9})
         if (i + by < kRows && random() % 3 != 0) add(pairs, i, i + by);
-      if (random() % 2 == 0) add(world, i, kField);
+      if (random() % 2 == 0) add(world, i, Manifold::kStatic);
     }
     begin_slab();
   }

@@ -13,7 +13,7 @@ constexpr float kDt = StepFixture::kDt;
 
 void add_contact_of(ContactList& list, int a, int b) {
   list.manifolds.push_back({a, b, static_cast<std::int32_t>(list.contacts.size()), 1});
-  list.contacts.emplace_back().other = b < 0 ? b : 0;
+  list.contacts.emplace_back().partner = b < 0 ? Partner::kCell : Partner{};
 }
 
 // A row of spheres, each in contact with the next and with the field.
@@ -31,7 +31,7 @@ struct Row {
       update.position = Eigen::Vector3d(2.0 * i + 2, 16, 1);
       bodies.apply_placement(static_cast<std::size_t>(i), update);
       if (i > 0) add_contact_of(pairs, i - 1, i);
-      add_contact_of(statics, i, kField);
+      add_contact_of(statics, i, Manifold::kStatic);
       active.push_back(i);
     }
   }

@@ -1,15 +1,16 @@
-// Free rotation of non-spheres: orientation, angular velocity, axes and world inertia, one body per SIMD lane.
+// Free rotation of non-spheres: orientation, angular velocity, axes and world inertia, one body per SIMD
+// lane.
 //
 // Compiled for several instruction sets with run-time dispatch; all of them give bit-identical results.
 #pragma once
 
-#include "smartsurf/world/solver/ContactKernels.h"
+#include "smartsurf/world/simd/Lanes.h"
 
 namespace smartsurf::world {
 
 // Indexed by component, then lane. Unused lanes must hold valid values too. In double precision: rounding to
-// single precision in each step would change the energy of a tumbling body enough to make it flip at the wrong
-// times.
+// single precision in each step would change the energy of a tumbling body enough to make it flip at the
+// wrong times.
 struct alignas(64) RotationBatch {
   // ---- in
   // Directions of the least and the greatest principal moment of inertia, body axes, unit and perpendicular.
@@ -30,9 +31,9 @@ struct alignas(64) RotationBatch {
 };
 
 // Changes the angular momentum by what the solver changed the angular velocity. Rotates the bodies freely for
-// their free_time, and then by what `rotation` adds to a constant angular velocity: the motion before an impact
-// within the step, and the push-out. Meanwhile the momentum stays constant; the new angular velocity follows from
-// it and the new orientation. Then computes axes and world_inverse_inertia.
+// their free_time, and then by what `rotation` adds to a constant angular velocity: the motion before an
+// impact within the step, and the push-out. Meanwhile the momentum stays constant; the new angular velocity
+// follows from it and the new orientation. Then computes axes and world_inverse_inertia.
 void integrate_rotation(RotationBatch&);
 
 }  // namespace smartsurf::world

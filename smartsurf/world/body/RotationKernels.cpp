@@ -1,46 +1,22 @@
 // Compiled once per instruction set: foreach_target.h includes this file again for each.
-#include "smartsurf/world/solver/RotationKernels.h"
+#include "smartsurf/world/body/RotationKernels.h"
 
 #undef HWY_TARGET_INCLUDE
-#define HWY_TARGET_INCLUDE "smartsurf/world/solver/RotationKernels.cpp"
+#define HWY_TARGET_INCLUDE "smartsurf/world/body/RotationKernels.cpp"
 #include <hwy/foreach_target.h>  // must come before highway.h
 #include <hwy/highway.h>
+
+#include "smartsurf/world/simd/SimdLanes-inl.h"
 
 HWY_BEFORE_NAMESPACE();
 namespace smartsurf::world {
 namespace HWY_NAMESPACE {
 namespace {
 
-namespace hn = hwy::HWY_NAMESPACE;
-using D = hn::CappedTag<double, kLanes>;
-using V = hn::Vec<D>;
-constexpr int kVectorWidth = static_cast<int>(hn::MaxLanes(D()));
-static_assert(kLanes % kVectorWidth == 0);
+using V = LanesOf<double>;
+using V3 = Vector3<V>;
 
-HWY_INLINE V set(double value) { return hn::Set(D(), value); }
-HWY_INLINE V zero() { return hn::Zero(D()); }
-HWY_INLINE V load(const double* lanes, int first) { return hn::LoadU(D(), lanes + first); }
-HWY_INLINE void store(V value, double* lanes, int first) { hn::StoreU(value, D(), lanes + first); }
-HWY_INLINE V sum3(V a, V b, V c) { return (a + b) + c; }
-
-struct V3 {
-  V x, y, z;
-};
-HWY_INLINE V3 operator+(const V3& a, const V3& b) { return {a.x + b.x, a.y + b.y, a.z + b.z}; }
-HWY_INLINE V3 operator-(const V3& a, const V3& b) { return {a.x - b.x, a.y - b.y, a.z - b.z}; }
-HWY_INLINE V3 operator*(const V3& a, V s) { return {a.x * s, a.y * s, a.z * s}; }
-HWY_INLINE V dot(const V3& a, const V3& b) { return sum3(a.x * b.x, a.y * b.y, a.z * b.z); }
-HWY_INLINE V3 cross(const V3& a, const V3& b) {
-  return {a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x};
-}
-HWY_INLINE V3 load3(const double (*lanes)[kLanes], int first) {
-  return {load(lanes[0], first), load(lanes[1], first), load(lanes[2], first)};
-}
-HWY_INLINE void store3(const V3& value, double (*lanes)[kLanes], int first) {
-  store(value.x, lanes[0], first);
-  store(value.y, lanes[1], first);
-  store(value.z, lanes[2], first);
-}
+HWY_INLINE V zero() { return constant<V>(0); }
 
 // A 3 × 3 matrix by columns.
 struct M3 {
@@ -57,7 +33,7 @@ struct Q4 {
   HWY_INLINE V squared_norm() const { return (x * x + y * y) + (z * z + w * w); }
 };
 
-// Of a quaternion that need not be quite unit.
+// The quaternion need not be quite unit.
 HWY_INLINE M3 rotation_matrix(const Q4& q) {
   const V one = set(1.0), two = set(2.0) / q.squared_norm();
   const V tx = two * q.x, ty = two * q.y, tz = two * q.z;
@@ -72,7 +48,8 @@ struct SinCos {
   V sin, cos;
 };
 
-// Accurate below 1e5 rad; beyond that of a wrong angle, but still sine and cosine (Sun Microsystems, fdlibm).
+// Accurate below 1e5 rad; beyond that the reduction is inexact, but sin² + cos² stays 1 (Sun Microsystems,
+// fdlibm).
 HWY_INLINE SinCos sin_cos(V angle) {
   const V quarters = hn::Round(angle * set(0.63661977236758134308));
   const V remainder =
@@ -112,8 +89,8 @@ HWY_INLINE void rotate_about(const V3& axis, V angle, Q4& q, V3& v) {
   v = v * (set(1.0) - s2 * half.sin) + cross(axis, v) * (s2 * half.cos);
 }
 
-// An inertia tensor, or its inverse: middle·1 + least·u⊗u + greatest·v⊗v, where u and v are the unit axes of the
-// least and the greatest principal moment. Exact for equal moments.
+// An inertia tensor, or its inverse: middle·1 + least·u⊗u + greatest·v⊗v, where u and v are the unit axes of
+// the least and the greatest principal moment. Exact for equal moments.
 struct PrincipalTensor {
   V middle, least, greatest;
   HWY_INLINE V3 times(const V3& x, const V3& u, const V3& v) const {
@@ -121,12 +98,12 @@ struct PrincipalTensor {
   }
 };
 
-// Free rotation at constant angular momentum: the kinetic energy is split into that of a sphere, of the middle
-// moment, and what the least and the greatest moment add to it. Each part alone makes the body rotate uniformly,
-// about the momentum or about one of its own axes, and the first commutes with the others; these are composed as
-// half, whole, half (R. McLachlan, Explicit Lie–Poisson integration, 1993; J. Touma, J. Wisdom, 1994). Exact for
-// bodies with two equal moments and for rotation about one axis; otherwise of second order, without drift of the
-// energy. Returns the new orientation, not quite unit.
+// Free rotation at constant angular momentum: the kinetic energy is split into that of a sphere, of the
+// middle moment, and what the least and the greatest moment add to it. Each part alone makes the body rotate
+// uniformly, about the momentum or about one of its own axes, and the first commutes with the others; these
+// are composed as half, whole, half (R. McLachlan, Explicit Lie–Poisson integration, 1993; J. Touma, J.
+// Wisdom, 1994). Exact for bodies with two equal moments and for rotation about one axis; otherwise of second
+// order, without drift of the energy. Returns the new orientation, not quite unit.
 HWY_INLINE Q4 rotate_freely(Q4 q, const V3& momentum, V3 u, V3 v, const PrincipalTensor& inverse, V time) {
   const V half_time = time * set(0.5);
   rotate_about(u, half_time * inverse.least * dot(u, momentum), q, v);
@@ -135,9 +112,9 @@ HWY_INLINE Q4 rotate_freely(Q4 q, const V3& momentum, V3 u, V3 v, const Principa
   return rotation_by_vector(momentum * (time * inverse.middle)) * q;
 }
 
-// Where enabled, replaces the axes by ones with the same z, whose x is the projection of the previous x: the axes of
-// a shape of revolution then do not spin with it. Keeps the axes where x was nearly parallel to z.
-HWY_INLINE M3 remove_twist(const M3& to, const V3& x_before, hn::Mask<D> enabled) {
+// Where enabled, replaces the axes by ones with the same z, whose x is the projection of the previous x: the
+// axes of a shape of revolution then do not spin with it. Keeps the axes where x was nearly parallel to z.
+HWY_INLINE M3 remove_twist(const M3& to, const V3& x_before, hn::Mask<LanesTag<double>> enabled) {
   const V3 x = x_before - to.z * dot(to.z, x_before);
   const V length = hn::Sqrt(dot(x, x));
   const auto use = hn::And(enabled, hn::Gt(length, set(0.1)));
@@ -192,7 +169,7 @@ HWY_INLINE void integrate_lanes(RotationBatch& t, int at) {
 }
 
 void integrate_rotation_for_target(RotationBatch& t) {
-  for (int at = 0; at < kLanes; at += kVectorWidth) integrate_lanes(t, at);
+  for (int at = 0; at < kLanes; at += kWidthOf<double>) integrate_lanes(t, at);
 }
 
 }  // namespace

@@ -1,0 +1,88 @@
+// What the contact kernels work on: batches of manifolds, their points, the parameters of a substep.
+#pragma once
+
+#include <algorithm>
+#include <cstdint>
+
+#include "smartsurf/world/body/BodyRows.h"
+#include "smartsurf/world/simd/Lanes.h"
+
+namespace smartsurf::world {
+
+// Penetration up to this depth, u, is not resolved, so that resting bodies keep their contacts.
+inline constexpr float kSlop = 1e-3F;
+
+// Rows by index; rows of static bodies are never written.
+struct SolverBodies {
+  BodyVelocity* velocity;
+  const DeltaPose* delta_pose;
+  const InverseInertia* inverse_inertia;
+};
+
+// ---- one batch of up to kLanes manifolds: lanes [0, lane_count) are in use. a and b are rows of bodies.
+struct ContactBatch {
+  std::int32_t a[kLanes], b[kLanes];
+  std::int32_t first_point = 0, point_count = 0,
+               lane_count = 0;        // points [first_point, first_point + point_count)
+  bool has_rolling_friction = false;  // of any lane
+  bool has_impulse_limit = false;     // of any point
+};
+
+// The k-th contact point of each lane. Lanes without one have a zero normal and a large separation. Fields
+// that every stage over sphere pairs reads are kept apart from the details, because the stages are
+// memory-bound.
+struct alignas(64) BatchPoint {
+  float normal[3][kLanes];
+  float radius_a[kLanes], radius_b[kLanes];  // used for spheres only
+  float normal_impulse[kLanes], friction_impulse[3][kLanes], total_normal_impulse[kLanes];
+  float separation[kLanes];
+  // Target of the normal velocity in the relax stage: −separation / h for a speculative contact, otherwise 0.
+  float relax_target_speed[kLanes];
+  float normal_mass[kLanes], tangent_mass[kLanes], friction[kLanes];  // masses of 0: exerts no impulse
+  float approach_speed[kLanes];  // normal velocity at the start of the step
+};
+struct alignas(64) BatchPointDetail {
+  float anchor_a[3][kLanes], anchor_b[3][kLanes];
+  float surface_velocity[3][kLanes], surface_spin[kLanes];
+  float rolling_friction[kLanes], rolling_mass[kLanes], rolling_impulse[3][kLanes];
+  float start_impulse[kLanes];        // normal, at the start of the step; not for spheres
+  float slip_per_impulse[3][kLanes];  // slip velocity of a against b per unit normal impulse; not for spheres
+};
+// A point on a cell of limited force; valid if ContactBatch::has_impulse_limit. The points of one body on one
+// cell share its force: the first of them holds their sums.
+struct alignas(64) BatchPointLimit {
+  static constexpr float kUnlimited = 1e30F;
+  BatchPointLimit() {
+    std::fill_n(stall_impulse, kLanes, kUnlimited), std::fill_n(no_load_speed, kLanes, 1.0F);
+  }
+
+  float stall_impulse[kLanes];         // vertical impulse of the cell at rest, mass·u/s in a substep
+  float no_load_speed[kLanes];         // at which the cell rises without force, u/s
+  float planned_speed[kLanes] = {};    // of the cell by its motion profile, u/s
+  std::int32_t to_first[kLanes] = {};  // from this point to the first one of the cell, ≤ 0
+  // ---- of all points on the cell, at the first one
+  float anchor[3][kLanes] = {};      // mean of the points' anchors
+  float load[kLanes] = {};           // vertical impulse in the substep, mass·u/s
+  float capacity[kLanes] = {};       // upper bound of the load
+  float speed[kLanes] = {};          // of the cell under the load, u/s
+  float step_capacity[kLanes] = {};  // sum of the capacities in the step
+  float lag[kLanes] = {};            // by which the cell has stayed below its planned motion in the step, u
+};
+struct BatchPoints {
+  BatchPoint* point;
+  BatchPointDetail* detail;
+  BatchPointLimit* limit;
+};
+
+struct SubstepParams {
+  float h_s, inverse_h;
+  float elapsed_s = 0.0F;                      // since the start of the step
+  float bias_rate, mass_scale, impulse_scale;  // contact softness
+  // The share of a contact's impulse at the start of the step that its spring bears without deflection, so
+  // that loads at rest hardly press bodies into each other. Not for spheres.
+  float steady_share;
+  float max_bias_velocity;        // u/s
+  float substep_fraction = 1.0F;  // substep length / step length
+};
+
+}  // namespace smartsurf::world

@@ -1,0 +1,135 @@
+#include "smartsurf/world/solver/SupportPoints.h"
+
+#include <algorithm>
+#include <cmath>
+#include <vector>
+
+#include "smartsurf/world/solver/ContactLaw-inl.h"
+
+namespace smartsurf::world {
+
+void solve_support_points(const SupportPatches& list, const SupportPatch& p, BatchPoints points,
+                          const SubstepParams& params, bool is_soft, BodyVelocity& m, const DeltaPose& delta,
+                          const InverseInertia& w) {
+  using support::Matrix3, support::Vector3;
+  // Compliance of each point, relative to the body's: shares the load where the points are redundant.
+  constexpr double kCompliance = 1e-3;
+  // A cell whose load comes near to what it can give may slow down under it: that is left to the sweeps.
+  constexpr float kExhausted = 0.9F;
+  bool any_exhausted = p.has_shares && !p.is_lightly_loaded;
+  struct Point {
+    std::int32_t index;  // in BatchPoints
+    double x, y;
+    double stiffness, error, impulse, impulse_change = 0.0;  // error: of the speed, u/s
+    BatchPointLimit* limit;
+    bool lifts = false;
+  };
+  constexpr int kFewPoints = 8;
+  Point few[kFewPoints];
+  Point* bearing = few;
+  int count = 0;
+  if (p.point_count > kFewPoints) {
+    thread_local std::vector<Point> many;
+    many.resize(p.point_count);
+    bearing = many.data();
+  }
+  const int lane = p.lane;
+  const double inverse_mass = m.inverse_mass, xx = w.xx, xy = w.xy, yy = w.yy;
+  const double determinant = xx * yy - xy * xy;
+  if (!(determinant > 0.0) || !(inverse_mass > 0.0)) return;
+  const double mass = 1.0 / inverse_mass, hard_stiffness = mass / kCompliance;
+  const float softness = params.impulse_scale / params.mass_scale;
+  const double inverse_softness = 1.0 / static_cast<double>(softness);
+  double greatest_error = 0.0;
+  auto add = [&](std::int32_t k, BatchPointLimit* limit) {
+    const BatchPoint& point = points.point[k];
+    const float impulse = point.normal_impulse[lane];
+    if (!(impulse > 0.0F && point.normal_mass[lane] > 0.0F)) return;
+    const BatchPointDetail& d = points.detail[k];
+    const float x = d.anchor_a[0][lane], y = d.anchor_a[1][lane], rise = d.surface_velocity[2][lane];
+    float speed = m.velocity[2] + (m.angular_velocity[0] * y - m.angular_velocity[1] * x) - rise, lag = 0.0F;
+    if (limit) {
+      any_exhausted |= limit->load[lane] > kExhausted * limit->capacity[lane];
+      speed += points.limit[k].planned_speed[lane] - limit->speed[lane];
+      lag = limit->lag[lane];
+    }
+    double stiffness = hard_stiffness;
+    float target_speed = point.relax_target_speed[lane];
+    if (is_soft) {
+      const float separation = point.separation[lane] + delta.translation[2] +
+                               (delta.rotation[0] * y - delta.rotation[1] * x) - rise * params.elapsed_s +
+                               lag;
+      target_speed = law::push_out_speed(separation, params);
+      if (separation <= 0.0F) {
+        target_speed -= softness * law::deflecting_impulse(impulse, d.start_impulse[lane], params) /
+                        point.normal_mass[lane];
+        stiffness = inverse_softness * static_cast<double>(point.normal_mass[lane]);
+      }
+    }
+    const double error = static_cast<double>(target_speed - speed);
+    greatest_error = std::max(greatest_error, std::abs(error));
+    bearing[count++] = {.index = k,
+                        .x = static_cast<double>(x),
+                        .y = static_cast<double>(y),
+                        .stiffness = stiffness,
+                        .error = error,
+                        .impulse = static_cast<double>(impulse),
+                        .limit = limit};
+  };
+  if (p.has_shares)
+    support::for_each_share(
+        list, p, points, [&](std::int32_t k, BatchPointLimit* limit, const PointShare&) { add(k, limit); });
+  else
+    for (const std::int32_t i : support::points_of(list, p)) add(p.batch_point + i, nullptr);
+  constexpr double kSolved = 1e-7;  // u/s
+  if (count < 2 || any_exhausted || greatest_error <= kSolved) return;
+  // The change of velocity v + b·x + c·y at the points and their impulses, with compliances as springs in
+  // series with the rigid body: (body's inertia + Σ stiffness) · (v, b, c) = Σ stiffness · error. Points that
+  // would pull lose their impulse.
+  const double inverse_determinant = 1.0 / determinant;
+  constexpr int kMaxPasses = 6;
+  for (int pass = 0, changed = 1; changed > 0; ++pass) {
+    if (pass == kMaxPasses) return;
+    double s = mass, sx = 0.0, sy = 0.0, sxx = xx * inverse_determinant, sxy = xy * inverse_determinant,
+           syy = yy * inverse_determinant;
+    Vector3 errors = Vector3::Zero();
+    for (int i = 0; i < count; ++i) {
+      const Point& b = bearing[i];
+      const double force = b.lifts ? -b.impulse : b.stiffness * b.error;
+      errors += Vector3(force, force * b.x, force * b.y);
+      if (b.lifts) continue;
+      const double kx = b.stiffness * b.x, ky = b.stiffness * b.y;
+      s += b.stiffness, sx += kx, sy += ky, sxx += kx * b.x, sxy += kx * b.y, syy += ky * b.y;
+    }
+    Matrix3 sum;
+    sum << s, sx, sy, sx, sxx, sxy, sy, sxy, syy;
+    const Vector3 change = support::solve(sum, errors);
+    changed = 0;
+    for (int i = 0; i < count; ++i) {
+      Point& b = bearing[i];
+      b.impulse_change = b.stiffness * (b.error - (change[0] + b.x * change[1] + b.y * change[2]));
+      const bool lifts = b.impulse + b.impulse_change <= 0.0;
+      if (lifts) b.impulse_change = -b.impulse;
+      changed += lifts != b.lifts;
+      b.lifts = lifts;
+    }
+    if (changed > 0 && !p.has_shares) return;
+  }
+  Vector3 wrench = Vector3::Zero();
+  for (int i = 0; i < count; ++i) {
+    const Point& b = bearing[i];
+    BatchPoint& point = points.point[b.index];
+    const auto impulse_change = static_cast<float>(b.impulse_change);
+    point.normal_impulse[lane] += impulse_change;
+    if (!is_soft) point.total_normal_impulse[lane] += impulse_change;
+    if (b.limit) b.limit->load[lane] += impulse_change;
+    wrench += b.impulse_change * Vector3(1.0, b.x, b.y);
+  }
+  const auto tx = static_cast<float>(wrench[2]), ty = static_cast<float>(-wrench[1]);
+  m.velocity[2] += static_cast<float>(wrench[0]) * m.inverse_mass;
+  m.angular_velocity[0] += w.xx * tx + w.xy * ty;
+  m.angular_velocity[1] += w.xy * tx + w.yy * ty;
+  m.angular_velocity[2] += w.xz * tx + w.yz * ty;
+}
+
+}  // namespace smartsurf::world

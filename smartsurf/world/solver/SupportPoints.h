@@ -1,0 +1,52 @@
+// The points of support patches: their normal impulses, and access to them for SupportSolver.h.
+#pragma once
+
+#include <Eigen/Core>
+#include <span>
+
+#include "smartsurf/world/field/SupportPatch.h"
+#include "smartsurf/world/solver/ContactBatch.h"
+
+namespace smartsurf::world::support {
+
+using Vector3 = Eigen::Vector3d;
+using Matrix3 = Eigen::Matrix3d;
+
+// Solves a·x = b for a positive definite matrix (LDLᵀ).
+inline Vector3 solve(const Matrix3& a, const Vector3& b) {
+  const double i0 = 1.0 / a(0, 0), l1 = a(0, 1) * i0, l2 = a(0, 2) * i0;
+  const double i1 = 1.0 / (a(1, 1) - l1 * a(0, 1)), rest = a(1, 2) - l2 * a(0, 1), l3 = rest * i1;
+  const double i2 = 1.0 / (a(2, 2) - l2 * a(0, 2) - l3 * rest);
+  const double y1 = b[1] - l1 * b[0], y2 = b[2] - l2 * b[0] - l3 * y1;
+  const double x2 = y2 * i2, x1 = y1 * i1 - l3 * x2;
+  return {b[0] * i0 - l1 * x1 - l2 * x2, x1, x2};
+}
+
+inline std::span<const std::int32_t> points_of(const SupportPatches& list, const SupportPatch& p) {
+  return std::span(list.points).subspan(p.first_point, p.point_count);
+}
+
+// Calls each(point, limit of the first point on its cell or null, share) for the points of a patch with
+// shares.
+template <class Each>
+void for_each_share(const SupportPatches& list, const SupportPatch& p, BatchPoints points, Each each) {
+  for (int i = p.first_point; i < p.first_point + p.point_count; ++i) {
+    const std::int32_t k = p.batch_point + list.points[i];
+    BatchPointLimit* limit = nullptr;
+    if (p.has_impulse_limit && points.limit[k].stall_impulse[p.lane] < BatchPointLimit::kUnlimited)
+      limit = &points.limit[k] + points.limit[k].to_first[p.lane];
+    each(k, limit, list.shares[i]);
+  }
+}
+
+}  // namespace smartsurf::world::support
+
+namespace smartsurf::world {
+
+// Solves the normal impulses at all points that bear at once, after a sweep over the contacts, with the soft
+// constraints of the solve stage or the hard ones of the relax stage. The sweep alone leaves an error that
+// alternates from step to step, and the pressure with it.
+void solve_support_points(const SupportPatches&, const SupportPatch&, BatchPoints, const SubstepParams&,
+                          bool is_soft, BodyVelocity&, const DeltaPose&, const InverseInertia&);
+
+}  // namespace smartsurf::world
