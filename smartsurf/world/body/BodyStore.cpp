@@ -1,4 +1,4 @@
-#include "smartsurf/world/BodyStore.h"
+#include "smartsurf/world/body/BodyStore.h"
 
 #include <hwy/cache_control.h>
 
@@ -107,7 +107,7 @@ void BodyStore::set_links(std::vector<BodyLink> new_links) {
   excluded_pairs_.clear();
   for (const BodyLink& link : links) {
     for (const std::int32_t body : {link.a, link.b})
-      if (body >= 0) is_jointed[static_cast<std::size_t>(body)] = 1;
+      if (body >= 0) is_jointed[body] = 1;
     if (link.b >= 0 && !link.collide)
       excluded_pairs_.push_back({std::min(link.a, link.b), std::max(link.a, link.b)});
   }
