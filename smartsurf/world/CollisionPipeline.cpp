@@ -98,12 +98,8 @@ void match_nearest(std::span<Contact> current, std::span<const Contact> previous
 void match_contacts(ContactList& list, const Manifold& current, const ContactList& previous, int manifold,
                     float tolerance) {
   if (manifold < 0) return;
-  const Manifold& previous_manifold = previous.manifolds[manifold];
-  auto contacts_of = [](auto& contacts, const Manifold& m) {
-    return std::span(contacts).subspan(m.first, m.count);
-  };
-  const auto contacts = contacts_of(list.contacts, current);
-  const std::span<const Contact> old = contacts_of(previous.contacts, previous_manifold);
+  const std::span<Contact> contacts = list.contacts_of(current);
+  const std::span<const Contact> old = previous.contacts_of(previous.manifolds[manifold]);
   constexpr std::size_t kSmallCapacity = 64, kMaxCapacity = 1024;
   if (contacts.size() == 1 && old.size() == 1) {  // as of all pairs of spheres
     if (match_key(contacts[0]) == match_key(old[0]) &&
@@ -274,8 +270,7 @@ void CollisionPipeline::compute_large_radius(const BodyStore& bodies) {
 }
 
 void CollisionPipeline::compute_query_radii(const BodyStore& bodies, std::span<const std::int32_t> own) {
-  for (const std::int32_t body : own) {
-    const Index i = body;
+  for (const std::int32_t i : own) {
     float travel = 0.0F;
     if (bodies.is_active(i)) {
       travel = bodies.velocity(i).norm();

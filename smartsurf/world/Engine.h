@@ -35,7 +35,7 @@ class Engine {
   Engine(const Engine&) = delete;
   Engine& operator=(const Engine&) = delete;
 
-  // For recordings. name() is a value of `world.engine`.
+  // Recordings store both. name() is a value of `world.engine`.
   virtual std::string name() const = 0;
   virtual std::string version() const = 0;
 

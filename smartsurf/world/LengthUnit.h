@@ -59,7 +59,7 @@ class LengthUnit {
   void return_skin(const surface::Skin& world, surface::Skin& scene) const;
 
  private:
-  // From the scene to the world, for a joint's coordinate, its effort and effort per coordinate.
+  // Factors from the scene to the world, for a joint's coordinate, its effort, and effort per coordinate.
   struct JointScales {
     double coordinate, effort, stiffness;
   };

@@ -167,8 +167,7 @@ std::vector<ContactPoint> NativeEngine::contacts() const {
     for (const Manifold& m : list->manifolds) {
       const bool is_sleeping = sleeps(m.a) && (m.b < 0 || sleeps(m.b));
       if (is_sleeping && (list == &pair_contacts_ || list == &static_contacts_)) continue;
-      for (int k = m.first; k < m.first + m.count; ++k) {
-        const Contact& c = list->contacts[k];
+      for (const Contact& c : list->contacts_of(m)) {
         const std::int32_t other = other_body(m, c);
         if (c.total_normal_impulse <= 0.0F || c.partner == Partner::kSupportedCell) continue;
         out.push_back({unit_.to_scene(Vec3(bodies_.position[m.a] + c.anchor)), c.normal,

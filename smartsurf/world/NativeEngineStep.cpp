@@ -365,8 +365,7 @@ void NativeEngine::write_tip_impulses() {
   const auto add_loads = [&](const ContactList& list, bool of_sleepers) {
     for (const Manifold& m : list.manifolds) {
       if ((bodies_.asleep[m.a] != 0) != of_sleepers) continue;
-      for (int k = m.first; k < m.first + m.count; ++k) {
-        const Contact& c = list.contacts[k];
+      for (const Contact& c : list.contacts_of(m)) {
         const std::int32_t cell = c.feature_id;
         if (c.total_normal_impulse == 0.0F || !c.loads_cell() || field_.is_column(cell) ||
             !field_.tip_at(cell).moves_sideways())
@@ -393,9 +392,8 @@ void NativeEngine::write_skin_impulses() {
   for (const SkinPoint& p : skin_points_)
     if (!bodies_.asleep[p.body]) add_load(p.at, static_contacts_.contacts[p.contact]);
   for (const Manifold& m : sleep_.static_contacts().manifolds)
-    for (int k = m.first; k < m.first + m.count; ++k)
-      if (const Contact& c = sleep_.static_contacts().contacts[k]; c.touches_skin())
-        add_load(location_on_skin(m, c), c);
+    for (const Contact& c : sleep_.static_contacts().contacts_of(m))
+      if (c.touches_skin()) add_load(location_on_skin(m, c), c);
 }
 
 void NativeEngine::return_lowered_speeds() {

@@ -28,27 +28,18 @@ bool accelerates(const BodyStore& b, std::size_t i, float dt_s) {
   return change > kMaxSleepAcceleration * kHalf_s * kHalf_s;
 }
 
-// Moves the manifolds for which predicate(manifold) holds to the end of another list.
+// Appends the manifolds for which predicate(manifold) holds to another list.
 template <class Predicate>
-void move_manifolds(ContactList& from, ContactList& to, Predicate predicate) {
-  ContactList kept;
-  for (const Manifold& m : from.manifolds) {
-    ContactList& list = predicate(m) ? to : kept;
-    list.manifolds.push_back({m.a, m.b, static_cast<std::int32_t>(list.contacts.size()), m.count});
-    const auto first = from.contacts.begin() + m.first;
-    list.contacts.insert(list.contacts.end(), first, first + m.count);
-  }
-  from = std::move(kept);
+void copy_manifolds(const ContactList& from, ContactList& to, Predicate predicate) {
+  for (const Manifold& m : from.manifolds)
+    if (predicate(m)) to.append(from, m);
 }
 
 template <class Predicate>
-void copy_manifolds(const ContactList& from, ContactList& to, Predicate predicate) {
-  for (const Manifold& m : from.manifolds) {
-    if (!predicate(m)) continue;
-    to.manifolds.push_back({m.a, m.b, static_cast<std::int32_t>(to.contacts.size()), m.count});
-    const auto first = from.contacts.begin() + m.first;
-    to.contacts.insert(to.contacts.end(), first, first + m.count);
-  }
+void move_manifolds(ContactList& from, ContactList& to, Predicate predicate) {
+  ContactList kept;
+  for (const Manifold& m : from.manifolds) (predicate(m) ? to : kept).append(from, m);
+  from = std::move(kept);
 }
 
 }  // namespace
@@ -103,8 +94,8 @@ void Sleep::wake_with_neighbours(BodyStore& b, std::size_t body, const ContactLi
       if (m.a == index || m.b == index) wake(b, m.a == index ? m.b : m.a);
   for (const ContactList* list : {&static_contacts, &static_cast<const ContactList&>(static_contacts_)})
     for (const Manifold& m : list->manifolds)
-      for (int k = m.first; k < m.first + m.count; ++k)
-        if (list->contacts[k].partner == Partner{index}) wake(b, m.a);
+      for (const Contact& c : list->contacts_of(m))
+        if (c.partner == Partner{index}) wake(b, m.a);
   for (const BodyLink& link : b.links)
     if (link.b >= 0 && (link.a == index || link.b == index)) wake(b, link.a == index ? link.b : link.a);
 }
@@ -206,8 +197,8 @@ void Sleep::reset_timers_on_moving_cells(BodyStore& b, const ContactList& static
                                          IndexRange manifolds) const {
   for (int i = manifolds.begin; i < manifolds.end; ++i) {
     const Manifold& m = static_contacts.manifolds[i];
-    for (int k = m.first; k < m.first + m.count; ++k)
-      if (touches_moving_cell(static_contacts.contacts[k])) b.sleep_timer_s[m.a] = 0.0F;
+    for (const Contact& c : static_contacts.contacts_of(m))
+      if (touches_moving_cell(c)) b.sleep_timer_s[m.a] = 0.0F;
   }
 }
 
@@ -251,8 +242,7 @@ void Sleep::update_sleeping_set(BodyStore& b, const std::vector<std::int32_t>& a
     keep_together(link.a, link.b);
   }
   const int count_before = sleeping_count_;
-  for (const std::int32_t k : active_bodies) {
-    const Index i = k;
+  for (const std::int32_t i : active_bodies) {
     if (b.sleep_timer_s[i] >= kTimeToSleep_s && !has_active_neighbour_[i] && is_supported[i])
       put_to_sleep(b, i);
   }

@@ -127,8 +127,7 @@ void UniformGrid::resize_cells(std::size_t bodies) {
 
 void UniformGrid::count_bodies(const Input& in, std::span<const std::int32_t> own, MemberState& state) {
   state.cell_count.assign(cell_start_.size() - 1, 0);
-  for (const std::int32_t body : own) {
-    const Index i = body;
+  for (const std::int32_t i : own) {
     if (cell_of_body_[i] < 0) continue;
     const Vec3& p = in.position[i];
     cell_of_body_[i] = index(cell_of(p.x(), 0), cell_of(p.y(), 1), cell_of(p.z(), 2));

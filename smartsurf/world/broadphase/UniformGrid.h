@@ -97,6 +97,10 @@ class UniformGrid {
   void sort_keys();
   void find_rows();
   void fill_spheres(const Input&, IndexRange sorted);
+  // The row of the body at a sorted position.
+  const Row* row_of(int sorted) const {
+    return &*std::ranges::upper_bound(rows_, sorted, {}, &Row::begin) - 1;
+  }
   // Sparse only. Index of a row, or of the next one after it in sorted order.
   int find_row(int y, int z) const;
   // Sparse only. The bodies of a row in the columns x0 to x1.
@@ -158,9 +162,7 @@ void UniformGrid::for_each_pair(int begin, int end, Found found) const {
 
 template <class Found>
 void UniformGrid::for_each_pair_dense(int begin, int end, Found& found) const {
-  auto row = std::upper_bound(rows_.begin(), rows_.end() - 1, begin,
-                              [](int sorted, const Row& r) { return sorted < r.begin; }) -
-             1;
+  const Row* row = row_of(begin);
   for (int self = begin; self < end; ++self) {
     while (self >= (row + 1)->begin) ++row;
     const int cx = column(self), cy = row->y, cz = row->z;
@@ -184,9 +186,7 @@ void UniformGrid::for_each_pair_dense(int begin, int end, Found& found) const {
 // so one cursor per row finds them all in a single pass.
 template <class Found>
 void UniformGrid::for_each_pair_sparse(int begin, int end, Found& found) const {
-  auto row = std::upper_bound(rows_.begin(), rows_.end() - 1, begin,
-                              [](int sorted, const Row& r) { return sorted < r.begin; }) -
-             1;
+  const Row* row = row_of(begin);
   for (int self = begin; self < end; ++row) {
     IndexRange cursors[kMaxCellRuns] = {{self + 1, self + 1}};
     int row_ends[kMaxCellRuns] = {(row + 1)->begin};

@@ -25,9 +25,9 @@ constexpr double kMinTopNormalZ = 0.5;       // a contact with a smaller vertica
 constexpr double kMinLimitedNormalZ = 0.05;  // a contact with a smaller vertical part does not load the cell
 // A contact with a cell is with an edge if its normal is between these.
 constexpr double kMinEdgeNormalZ = 1e-3, kMaxEdgeNormalZ = 0.999;
-// Relative to the pitch. A gap up to the first counts as closed: its rounding errors, divided by a short
-// step, would decide which cells bear a flat face. A body that is nowhere deeper below a cell's top than the
-// second touches the top and not the side.
+// Both are relative to the pitch. A gap up to the first counts as closed: its rounding errors, divided by a
+// short step, would decide which cells bear a flat face. A body that is nowhere deeper below a cell's top
+// than the second touches the top and not the side.
 constexpr double kRelativeTouchingGap = 1e-4, kRelativeTopDepth = 5e-3;
 // Yield speed of a column that is not overloaded.
 constexpr double kHolds = -std::numeric_limits<double>::infinity();
@@ -66,7 +66,7 @@ class SteppedWorld final : public btDiscreteDynamicsWorld {
   using btDiscreteDynamicsWorld::btDiscreteDynamicsWorld;
   std::function<void()> before_detection, before_solving;
 
-  // Without stepSimulation(), which derives the velocities of kinematic bodies from their poses.
+  // stepSimulation() would derive the velocities of kinematic bodies from their poses.
   void substep(double dt_s) {
     applyGravity();
     internalSingleStepSimulation(dt_s);
@@ -327,21 +327,20 @@ void BulletEngine::Impl::prepare_point(btManifoldPoint& p, const btRigidBody& a,
   btPlaneSpace1(p.m_normalWorldOnB, p.m_lateralFrictionDir1, p.m_lateralFrictionDir2);
   p.m_contactMotion1 = p.m_contactMotion2 = 0.0;
   if (!a_is_cell && !b_is_cell) return;
-  const Index i = cell;
   if (!limits.empty() && normal_z > kMinLimitedNormalZ)
     detail.limited_cell = limit_index[&cells.column(cell) - cells.columns().data()];
   if (!field.has_surface_velocity() || !on_column || normal_z < kMinTopNormalZ) return;
   const Eigen::Vector2d centre = field.centre(cell).cast<double>();
-  const double spin = field.surface_spin.empty() ? 0.0 : static_cast<double>(field.surface_spin[i]);
-  const btVector3 surface(static_cast<double>(field.surface_velocity_x[i]) - spin * (at.y() - centre.y()),
-                          static_cast<double>(field.surface_velocity_y[i]) + spin * (at.x() - centre.x()),
+  const double spin = field.surface_spin.empty() ? 0.0 : static_cast<double>(field.surface_spin[cell]);
+  const btVector3 surface(static_cast<double>(field.surface_velocity_x[cell]) - spin * (at.y() - centre.y()),
+                          static_cast<double>(field.surface_velocity_y[cell]) + spin * (at.x() - centre.x()),
                           0.0);
   const double sign = a_is_cell ? -1.0 : 1.0;
   p.m_contactMotion1 = sign * surface.dot(p.m_lateralFrictionDir1);
   p.m_contactMotion2 = sign * surface.dot(p.m_lateralFrictionDir2);
 }
 
-// With the impulse of the last substep.
+// The impulse is that of the last substep.
 ContactPoint BulletEngine::Impl::contact_point(const btManifoldPoint& p, const btRigidBody& a,
                                                const btRigidBody& b) const {
   // Bullet's normal points towards a.
@@ -371,8 +370,8 @@ void BulletEngine::Impl::read_contacts(std::vector<ContactPoint>& contacts) {
       field.tip_impulse[cell] +=
           to_eigen((a_is_cell ? impulse : -impulse) * p.m_normalWorldOnB).cast<float>();
     const auto* detail = static_cast<const ContactDetail*>(p.m_userPersistentData);
-    if (detail->limited_cell < 0) return;
-    const Index limited = detail->limited_cell;
+    const int limited = detail->limited_cell;
+    if (limited < 0) return;
     constexpr double kSaturated = 0.999;
     if (solver.cell_loads()[limited] < kSaturated * limits[limited]) return;
     const btRigidBody& body = a_is_cell ? b : a;
@@ -469,8 +468,7 @@ bool BulletEngine::remove(scene::ObjectId id) {
   auto erase = [index](auto& all) { all.erase(all.begin() + index); };
   erase(impl_->bodies), erase(ids_), erase(positions_), erase(orientations_), erase(velocities_);
   erase(angular_velocities_), erase(masses_), erase(wrenches_);
-  for (auto i = static_cast<std::size_t>(index); i < ids_.size(); ++i)
-    impl_->bodies[i].rigid->setUserIndex(static_cast<int>(i));
+  for (int i = index; i < std::ssize(ids_); ++i) impl_->bodies[i].rigid->setUserIndex(i);
   std::erase_if(timed_forces_, [id](const TimedForce& f) { return f.id == id; });
   return true;
 }
@@ -478,8 +476,7 @@ bool BulletEngine::remove(scene::ObjectId id) {
 bool BulletEngine::place(scene::ObjectId id, const scene::ObjectStateUpdate& update) {
   const int index = find(id);
   if (index < 0) return false;
-  const Index i = index;
-  Body& body = impl_->bodies[i];
+  Body& body = impl_->bodies[index];
   const scene::ObjectState now = state(id);
   const Eigen::Quaterniond orientation = update.orientation.value_or(now.orientation).normalized();
   const Eigen::Vector3d to_centre = orientation * body.shape.centre_of_mass;
@@ -498,14 +495,14 @@ bool BulletEngine::place(scene::ObjectId id, const scene::ObjectStateUpdate& upd
                                                                      &impl_->dispatcher);
     impl_->world.updateSingleAabb(body.rigid.get());
   }
-  if (update.angular_velocity && masses_[i] > 0.0F)
+  if (update.angular_velocity && masses_[index] > 0.0F)
     body.rigid->setAngularVelocity(to_bt(*update.angular_velocity));
-  if ((update.velocity || has_offset) && masses_[i] > 0.0F) {
+  if ((update.velocity || has_offset) && masses_[index] > 0.0F) {
     const Eigen::Vector3d spin = to_eigen(body.rigid->getAngularVelocity());
     body.rigid->setLinearVelocity(
         to_bt(Eigen::Vector3d(update.velocity.value_or(now.velocity) + spin.cross(to_centre))));
   }
-  read_body(i);
+  read_body(index);
   return true;
 }
 

@@ -3,6 +3,7 @@
 
 #include <cstdint>
 #include <limits>
+#include <span>
 #include <vector>
 
 #include "common/state/StateArchive.h"
@@ -68,6 +69,16 @@ inline std::int32_t other_body(const Manifold& m, const Contact& c) {
 struct ContactList {
   std::vector<Manifold> manifolds;
   std::vector<Contact> contacts;
+  std::span<const Contact> contacts_of(const Manifold& m) const {
+    return std::span(contacts).subspan(m.first, m.count);
+  }
+  std::span<Contact> contacts_of(const Manifold& m) { return std::span(contacts).subspan(m.first, m.count); }
+  // Appends a copy of another list's manifold with its contacts.
+  void append(const ContactList& from, const Manifold& m) {
+    manifolds.push_back({m.a, m.b, static_cast<std::int32_t>(contacts.size()), m.count});
+    const auto added = from.contacts_of(m);
+    contacts.insert(contacts.end(), added.begin(), added.end());
+  }
   void clear() {
     manifolds.clear();
     contacts.clear();

@@ -71,11 +71,8 @@ const Vec3* PreviousContacts::find_static_normal(std::size_t body, std::size_t s
                                                  int member) const {
   const int manifold = find_static(body, member);
   if (manifold < 0) return nullptr;
-  const Manifold& m = static_contacts_.manifolds[manifold];
-  for (int k = m.first; k < m.first + m.count; ++k) {
-    const Contact& c = static_contacts_.contacts[k];
+  for (const Contact& c : static_contacts_.contacts_of(static_contacts_.manifolds[manifold]))
     if (c.partner == Partner{static_cast<std::int32_t>(static_body)}) return &c.normal;
-  }
   return nullptr;
 }
 

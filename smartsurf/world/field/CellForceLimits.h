@@ -23,7 +23,7 @@ inline constexpr float kYieldingLoad = 0.95F;
 // The cell under a static contact, for the solver.
 struct CellImpulseLimit {
   float no_load_speed = 0.0F, planned_speed = 0.0F;  // of the cell, u/s
-  // From this contact to the first one of its body on the cell, in contacts; kUnlimited: no limit applies.
+  // Distance to the first contact of its body on the cell, in contacts; kUnlimited: no limit applies.
   std::int32_t to_first = kUnlimited;
   // For the first contact of a body on a cell: the number of such contacts, and the impulse that the cell
   // could give them in the step, set by the solver, mass·u/s.

@@ -286,7 +286,7 @@ class PartOnField {
     const float edge = n[1 - along] * side + n.z() * q.top;
     if (second_projection - edge > axis.separation + kTolerance) return false;
     const Vec3 &a = part_feature.point[first], &b = part_feature.point[second];
-    // In projection along the normal: where the part's edge crosses the line of the top's edge.
+    // The part's edge crosses the line of the top's edge here, in projection along the normal.
     const Vec3 across = n.cross(Vec3::Unit(along));
     const float from = across.dot(a), to = across.dot(b);
     const float line = across[1 - along] * side + across.z() * q.top;
@@ -299,7 +299,7 @@ class PartOnField {
     return true;
   }
 
-  // For curved parts, where SAT gives a lower bound only.
+  // Used for curved parts, where SAT gives only a lower bound.
   void collide_with_gjk(const Plateau& p, const Escape& sat_axis, ManifoldReducer& out) const {
     const ClosestPoints closest = closest_to(p.column, sat_axis.normal);
     if (!closest.separated) return resolve_penetration(p, sat_axis, out);

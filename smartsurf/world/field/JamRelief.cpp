@@ -84,10 +84,8 @@ void JamRelief::spread(std::vector<DeepContact>& deep, const ContactList& pair_c
       Jam &a = jam_[m.a], &b = jam_[m.b];
       if ((a.depth > 0.0F) == (b.depth > 0.0F)) continue;
       float impulse = 0.0F, upward = 0.0F;  // on a
-      for (int k = m.first; k < m.first + m.count; ++k) {
-        const Contact& c = pair_contacts.contacts[k];
+      for (const Contact& c : pair_contacts.contacts_of(m))
         impulse += c.total_normal_impulse, upward += c.total_normal_impulse * c.normal.z();
-      }
       if (impulse <= 0.0F) continue;
       if (b.depth > 0.0F)
         deep.push_back({m.a, a.depth = b.depth, upward < 0.0F});
@@ -120,8 +118,7 @@ bool JamRelief::stall_cells(std::span<const DeepContact> deep_contacts, const Co
     // Spheres slip out of wedges by themselves, unless something lies on them.
     const bool may_wedge = jam.from_above || !bodies.is_sphere[m.a];
     const float fraction = std::max(0.0F, 2.0F - jam.depth / min_depth_);
-    for (int k = m.first; k < m.first + m.count; ++k) {
-      const Contact& c = static_contacts.contacts[k];
+    for (const Contact& c : static_contacts.contacts_of(m)) {
       if (!c.moves_with_cell()) continue;
       const bool bears = c.total_normal_impulse > 0.0F;
       if (!bears && !may_wedge) continue;

@@ -344,6 +344,7 @@ void add_samples(const surface::Field& field, const FreeLayoutField& layout, con
 
 // Merges samples on the same cell, which several parts of a body share, and restores the order.
 void merge_cells(SupportSamples& s, std::size_t first) {
+  const std::array all{&s.x, &s.y, &s.arm, &s.weight, &s.velocity_x, &s.velocity_y, &s.spin};
   thread_local std::vector<std::size_t> order;
   order.clear();
   for (std::size_t i = first; i < s.cell.size(); ++i) order.push_back(i);
@@ -353,10 +354,9 @@ void merge_cells(SupportSamples& s, std::size_t first) {
     thread_local std::decay_t<decltype(values)> sorted;
     sorted.clear();
     for (const std::size_t i : order) sorted.push_back(values[i]);
-    std::copy(sorted.begin(), sorted.end(), values.begin() + static_cast<std::ptrdiff_t>(first));
+    std::copy(sorted.begin(), sorted.end(), values.begin() + first);
   };
-  for (std::vector<float>* values : {&s.x, &s.y, &s.arm, &s.weight, &s.velocity_x, &s.velocity_y, &s.spin})
-    permute(*values);
+  for (std::vector<float>* values : all) permute(*values);
   permute(s.cell);
   std::size_t to = first;
   for (std::size_t i = first; i < s.cell.size(); ++i) {
@@ -370,12 +370,10 @@ void merge_cells(SupportSamples& s, std::size_t first) {
       s.weight[to - 1] = std::min(1.0F, s.weight[to - 1] + s.weight[i]);
       continue;
     }
-    for (std::vector<float>* values : {&s.x, &s.y, &s.arm, &s.weight, &s.velocity_x, &s.velocity_y, &s.spin})
-      (*values)[to] = (*values)[i];
+    for (std::vector<float>* values : all) (*values)[to] = (*values)[i];
     s.cell[to++] = s.cell[i];
   }
-  for (std::vector<float>* values : {&s.x, &s.y, &s.arm, &s.weight, &s.velocity_x, &s.velocity_y, &s.spin})
-    values->resize(to);
+  for (std::vector<float>* values : all) values->resize(to);
   s.cell.resize(to);
 }
 

@@ -81,7 +81,7 @@ struct SupportPatch {
   double force = 0.0;   // sum of the normal impulses for which `load` holds
   double load_sums[3] = {},
          load_stiffness[6] = {};  // of `load`, in its coordinates; stiffness as a symmetric matrix
-  // From the centre of the loads to that of the normal impulses. Not 0 where the samples cannot balance the
+  // Offset from the centre of the loads to that of the normal impulses. It is not 0 where the samples cannot balance the
   // moment, for example if the body overhangs them.
   double offset_x = 0.0, offset_y = 0.0;
   double centre_of_force[2] = {};  // of these normal impulses, in the coordinates of `load`
@@ -112,17 +112,16 @@ bool add_support_patch(const surface::Field&, const FreeLayoutField* free_layout
 template <class Remove>
 void remove_points_without_share(SupportPatches& list, Remove remove) {
   SupportPatch& patch = list.patches.back();
-  for (auto i = static_cast<std::size_t>(patch.first_point); i < list.points.size();) {
+  for (Index i = patch.first_point; i < std::ssize(list.points);) {
     if (list.shares[i].sample >= 0) {
       ++i;
       continue;
     }
     const std::int32_t contact = list.points[i];
     remove(contact);
-    const auto at = static_cast<std::ptrdiff_t>(i);
-    list.points.erase(list.points.begin() + at);
-    list.shares.erase(list.shares.begin() + at);
-    for (auto k = static_cast<std::size_t>(patch.first_point); k < list.points.size(); ++k)
+    list.points.erase(list.points.begin() + i);
+    list.shares.erase(list.shares.begin() + i);
+    for (Index k = patch.first_point; k < std::ssize(list.points); ++k)
       if (list.points[k] > contact) --list.points[k];
     --patch.point_count;
   }

@@ -17,7 +17,7 @@ struct Member {
 
   // True for the thread that called Team::run.
   bool is_caller() const { return index + 1 == member_count; }
-  // A single member meets nobody, and saves the fences.
+  // A single member skips the barrier and its fences.
   void arrive() const {
     if (member_count > 1) barrier.arrive(index);
   }
