@@ -49,7 +49,7 @@ Simulation::Simulation(script::Experiment& experiment, int threads, bool scripte
       actuator_array_(experiment.scene().surface, load_fault_map(experiment.scene().surface),
                       experiment.scene().world.seed, &pool_),
       sensor_array_(experiment.scene(), actuator_array_.field(), load_fault_map(experiment.scene().surface)),
-      world_(experiment.scene(), world::make_engine(experiment.scene(), actuator_array_.field(), &pool_)),
+      engine_(world::make_engine(experiment.scene(), actuator_array_.field(), &pool_)),
       catalogue_(experiment.scene().objects),
       joints_(experiment.scene().joints),
       departures_(experiment.scene().surface) {
@@ -76,7 +76,7 @@ void Simulation::collect_channels() {
 void Simulation::run_script() {
   experiment_.notify_departures(snapshot_.time_s, snapshot_.tick, departures_.departed());
   if (scene().world.off_table == scene::OffTablePolicy::kRemove)
-    for (const scene::ObjectId id : departures_.departed()) world_.remove(id);
+    for (const scene::ObjectId id : departures_.departed()) engine_->remove(id);
   experiment_.tick(snapshot_.time_s, snapshot_.tick);
 }
 
@@ -87,17 +87,17 @@ void Simulation::plan_actuators() noexcept {
 
 bool Simulation::step_physics() {
   if (actuator_array_.exerts_forces())
-    actuator_array_.add_forces(scene().world.dt_s, world_.bodies(), catalogue_, world_.wrenches());
-  world_.step();
+    actuator_array_.add_forces(scene().world.dt_s, engine_->bodies(), catalogue_, engine_->wrenches());
+  engine_->step();
   const surface::Field& field = actuator_array_.field();
   sensor_array_.accumulate_impulses(field.impulse, field.tip_impulse, field.skin.impulse);
-  return !world_.is_overloaded();
+  return !engine_->is_overloaded();
 }
 
 void Simulation::commit_actuators() noexcept { actuator_array_.commit(scene().world.dt_s); }
 
 void Simulation::take_snapshot() {
-  world_.snapshot(snapshot_);
+  engine_->snapshot(snapshot_);
   actuator_array_.write_cell_motion(snapshot_.actuator_state);
   actuator_array_.write_joint_positions(snapshot_.joint_position);
 }
@@ -142,7 +142,7 @@ void Simulation::archive(common::StateArchive& a) {
   for (std::size_t id = declared; id < count; ++id) archive_object(a, catalogue_[id]);
   a(joints_);
   actuator_array_.archive(a);
-  world_.archive(a, catalogue_, declared);
+  engine_->archive(a, catalogue_, declared);
   departures_.archive(a);
   a(snapshot_.tick, snapshot_.time_s);
   const std::uint64_t hash = a.value(snapshot_.state_hash);
@@ -155,10 +155,10 @@ void Simulation::archive(common::StateArchive& a) {
 }
 
 std::optional<std::string> Simulation::failure() const {
-  if (world_.is_overloaded())
+  if (engine_->is_overloaded())
     return fmt::format("failed at tick {}: too many of the {} objects overlap: place them apart",
                        snapshot_.tick + 1, catalogue_.size());
-  if (const auto object = world_.first_non_finite())
+  if (const auto object = engine_->first_non_finite())
     return fmt::format(
         "failed at tick {}: object {} has a position or velocity that is not finite: its size, "
         "mass or speed differs too much from its neighbours' for a step of {} s ({})",
@@ -175,7 +175,7 @@ void Simulation::stop(std::string message, std::optional<bool> success) {
 }
 
 scene::ObjectId Simulation::spawn(const scene::ObjectSpec& spec) {
-  const scene::ObjectId id = world_.add(spec);
+  const scene::ObjectId id = engine_->add(spec);
   catalogue_.push_back(spec);
   assert(id + 1 == catalogue_.size());
   return id;
@@ -183,30 +183,30 @@ scene::ObjectId Simulation::spawn(const scene::ObjectSpec& spec) {
 
 scene::JointId Simulation::add_joint(const scene::JointSpec& spec) {
   joints_.push_back(spec);
-  return world_.add_joint(spec);
+  return engine_->add_joint(spec);
 }
 
-void Simulation::remove(scene::ObjectId id) { world_.remove(id); }
-bool Simulation::is_alive(scene::ObjectId id) const { return world_.alive(id); }
+void Simulation::remove(scene::ObjectId id) { engine_->remove(id); }
+bool Simulation::is_alive(scene::ObjectId id) const { return engine_->alive(id); }
 
-script::ObjectState Simulation::state(scene::ObjectId id) const { return world_.state(id); }
+script::ObjectState Simulation::state(scene::ObjectId id) const { return engine_->state(id); }
 
 std::string Simulation::label(scene::ObjectId id) const { return catalogue_[id].label; }
 
 std::vector<scene::ObjectId> Simulation::find_objects(const std::optional<std::string>& label) const {
   std::vector<scene::ObjectId> found;
   for (scene::ObjectId id = 0; id < catalogue_.size(); ++id)
-    if (world_.alive(id) && (!label || catalogue_[id].label == *label)) found.push_back(id);
+    if (engine_->alive(id) && (!label || catalogue_[id].label == *label)) found.push_back(id);
   return found;
 }
 
 void Simulation::apply_force(scene::ObjectId id, const Eigen::Vector3d& force,
                              const std::optional<Eigen::Vector3d>& point, double seconds) {
-  world_.apply_force(id, force, point, seconds);
+  engine_->apply_force(id, force, point, seconds);
 }
 
 void Simulation::set_state(scene::ObjectId id, const script::ObjectStateUpdate& update) {
-  world_.place(id, update);
+  engine_->place(id, update);
 }
 
 void Simulation::require_scripted_actuators() const {

@@ -17,7 +17,7 @@
 #include "smartsurf/simulation/DepartureTracker.h"
 #include "smartsurf/surface/ActuatorArray.h"
 #include "smartsurf/surface/SensorArray.h"
-#include "smartsurf/world/World.h"
+#include "smartsurf/world/Engine.h"
 
 namespace smartsurf::simulation {
 
@@ -41,7 +41,7 @@ class Simulation final : public script::SimulationInterface {
   Simulation(script::Experiment&, int threads, bool scripted_actuators);
 
   const scene::SceneSpec& scene() const { return experiment_.scene(); }
-  const world::Engine& engine() const { return world_.engine(); }
+  const world::Engine& engine() const { return *engine_; }
 
   // The phases of a tick, in this order.
 
@@ -71,7 +71,7 @@ class Simulation final : public script::SimulationInterface {
   // Every object ever created, index = id.
   const std::vector<scene::ObjectSpec>& catalogue() const noexcept { return catalogue_; }
   // The load-bearing contacts of the last physics step. Allocates.
-  std::vector<world::ContactPoint> contacts() const { return world_.contacts(); }
+  std::vector<world::ContactPoint> contacts() const { return engine_->contacts(); }
   const DepartureTracker& departures() const noexcept { return departures_; }
   std::span<const scene::ChannelData> sensors() const noexcept { return sensors_; }
   std::span<const scene::ChannelData> actuators() const noexcept { return actuators_; }
@@ -93,14 +93,16 @@ class Simulation final : public script::SimulationInterface {
   void set_state(scene::ObjectId, const script::ObjectStateUpdate&) override;
   bool is_fixed(scene::ObjectId id) const override { return catalogue_[id].fixed; }
   scene::JointId add_joint(const scene::JointSpec&) override;
-  bool has_joint(scene::JointId id) const override { return world_.has_joint(id); }
+  bool has_joint(scene::JointId id) const override { return engine_->has_joint(id); }
   scene::JointKind joint_kind(scene::JointId id) const override { return joints_[id].kind; }
-  void remove_joint(scene::JointId id) override { world_.remove_joint(id); }
-  void set_motor(scene::JointId id, const scene::JointMotor& motor) override { world_.set_motor(id, motor); }
-  void set_spring(scene::JointId id, const scene::JointSpring& spring) override {
-    world_.set_spring(id, spring);
+  void remove_joint(scene::JointId id) override { engine_->remove_joint(id); }
+  void set_motor(scene::JointId id, const scene::JointMotor& motor) override {
+    engine_->set_motor(id, motor);
   }
-  scene::JointState joint_state(scene::JointId id) const override { return world_.joint_state(id); }
+  void set_spring(scene::JointId id, const scene::JointSpring& spring) override {
+    engine_->set_spring(id, spring);
+  }
+  scene::JointState joint_state(scene::JointId id) const override { return engine_->joint_state(id); }
   void set_target(const std::string& channel, int row, int column, float value) override;
   void set_targets(const std::string& channel, std::span<const float> values) override;
   float sense(const std::string& channel, int row, int column, int component) const override;
@@ -124,7 +126,7 @@ class Simulation final : public script::SimulationInterface {
   common::ThreadPool pool_;
   surface::ActuatorArray actuator_array_;
   surface::SensorArray sensor_array_;
-  world::World world_;
+  std::unique_ptr<world::Engine> engine_;
   std::vector<scene::ObjectSpec> catalogue_;
   std::vector<scene::JointSpec> joints_;  // every joint ever created, index = id
   DepartureTracker departures_;

@@ -9,11 +9,9 @@
 #include <span>
 
 #include "smartsurf/world/field/ConvexOnField.h"
-#include "smartsurf/world/field/SkinContacts.h"
 #include "smartsurf/world/field/SphereOnField.h"
-#include "smartsurf/world/field/TipsOnField.h"
 #include "smartsurf/world/narrowphase/PairContacts.h"
-#include "smartsurf/world/narrowphase/Simd4.h"
+#include "smartsurf/world/simd/Simd4.h"
 
 namespace smartsurf::world {
 namespace {
@@ -51,8 +49,8 @@ class PreviousAnchors {
 
   // Index of the nearest contact with the same partner that was not taken yet, or −1. Takes it.
   int take_nearest(const Contact& c, float max_distance_squared) {
-    // Branch-free, because the outcome is unpredictable: non-negative floats order like their bits, so the low
-    // bits of the squared distance can carry the index.
+    // Branch-free, because the outcome is unpredictable: non-negative floats order like their bits, so the
+    // low bits of the squared distance can carry the index.
     const std::int32_t key = match_key(c);
     constexpr std::int32_t kIndexMask = capacity - 1, kNone = std::numeric_limits<std::int32_t>::max();
     const std::int32_t limit = std::bit_cast<std::int32_t>(max_distance_squared) & ~kIndexMask;
@@ -91,8 +89,7 @@ void match_nearest(std::span<Contact> current, std::span<const Contact> previous
   previous = previous.first(std::min(previous.size(), static_cast<std::size_t>(capacity)));
   PreviousAnchors<capacity> anchors(previous);
   for (Contact& c : current)
-    if (const int i = anchors.take_nearest(c, tolerance * tolerance); i >= 0)
-      copy_impulses(previous[static_cast<std::size_t>(i)], c);
+    if (const int i = anchors.take_nearest(c, tolerance * tolerance); i >= 0) copy_impulses(previous[i], c);
 }
 
 // Copies impulses for warm starting: each current contact takes those of the nearest previous contact within
@@ -101,12 +98,8 @@ void match_nearest(std::span<Contact> current, std::span<const Contact> previous
 void match_contacts(ContactList& list, const Manifold& current, const ContactList& previous, int manifold,
                     float tolerance) {
   if (manifold < 0) return;
-  const Manifold& previous_manifold = previous.manifolds[static_cast<std::size_t>(manifold)];
-  auto contacts_of = [](auto& contacts, const Manifold& m) {
-    return std::span(contacts).subspan(static_cast<std::size_t>(m.first), static_cast<std::size_t>(m.count));
-  };
-  const auto contacts = contacts_of(list.contacts, current);
-  const std::span<const Contact> old = contacts_of(previous.contacts, previous_manifold);
+  const std::span<Contact> contacts = list.contacts_of(current);
+  const std::span<const Contact> old = previous.contacts_of(previous.manifolds[manifold]);
   constexpr std::size_t kSmallCapacity = 64, kMaxCapacity = 1024;
   if (contacts.size() == 1 && old.size() == 1) {  // as of all pairs of spheres
     if (match_key(contacts[0]) == match_key(old[0]) &&
@@ -131,6 +124,7 @@ void anchor_at_centre_of_mass(const BodyStore& bodies, std::size_t i, std::vecto
 void CollisionPipeline::update_broadphase(const BodyStore& bodies, const Member& member) {
   member.single([&] {
     grid_ = &UniformGrid::of_this_thread();
+    overloaded_ = false;
     if (large_radius_ >= 0.0F) return;
     compute_large_radius(bodies);
     query_radius_.resize(bodies.bounding_radius.size());
@@ -152,8 +146,7 @@ std::span<const std::int32_t> CollisionPipeline::own_bodies(const Member& member
   if (member.member_count > 1 && partition_.row_count() == static_cast<int>(body_indices_.size()))
     return partition_.bodies_of(member);
   const IndexRange share = member.share(static_cast<int>(body_indices_.size()));
-  return std::span(body_indices_)
-      .subspan(static_cast<std::size_t>(share.begin), static_cast<std::size_t>(share.end - share.begin));
+  return std::span(body_indices_).subspan(share.begin, share.end - share.begin);
 }
 
 // Makes the contacts and caches of the last step the previous ones and empties the output buffers.
@@ -190,14 +183,13 @@ void CollisionPipeline::swap_supports(int bodies) {
   previous_support_of_body_.clear();
   for (std::size_t s = 0; s < previous_slabs; ++s)
     for (std::size_t k = 0; k < previous_supports_[s].patches.size(); ++k) {
-      if (previous_support_of_body_.empty())
-        previous_support_of_body_.assign(static_cast<std::size_t>(bodies), {-1, -1});
-      const auto body = static_cast<std::size_t>(previous_supports_[s].patches[k].body);
+      if (previous_support_of_body_.empty()) previous_support_of_body_.assign(bodies, {-1, -1});
+      const Index body = previous_supports_[s].patches[k].body;
       previous_support_of_body_[body] = {static_cast<std::int32_t>(s), static_cast<std::int32_t>(k)};
     }
 }
 
-bool CollisionPipeline::find_contacts(const BodyStore& bodies, ContactList& pair_contacts,
+void CollisionPipeline::find_contacts(const BodyStore& bodies, ContactList& pair_contacts,
                                       ContactList& static_contacts, const Member& member) {
   member.single([&] { begin_detection(pair_contacts, static_contacts, member.member_count, bodies.size()); });
   previous_contacts_.build_index(bodies.id.size(), pair_ranges_, static_ranges_, member);
@@ -211,7 +203,7 @@ bool CollisionPipeline::find_contacts(const BodyStore& bodies, ContactList& pair
   const IndexRange own_slabs = partition_.share(member);
   previous_contacts_.set_own_slabs(own_slabs, member);
   for (int s = own_slabs.begin; s < own_slabs.end; ++s) {
-    SlabResults& results = slab_results_[static_cast<std::size_t>(s)];
+    SlabResults& results = slab_results_[s];
     results.member = member.index;
     collide_slab(bodies, s, results);
   }
@@ -226,13 +218,12 @@ bool CollisionPipeline::find_contacts(const BodyStore& bodies, ContactList& pair
     assign_output_offsets(static_output_, static_contacts, static_ranges_);
     update_slab_weights();
   });
-  if (overloaded_) return false;
+  if (overloaded_) return;
   for (int s = own_slabs.begin; s < own_slabs.end; ++s) {
-    const SlabResults& results = slab_results_[static_cast<std::size_t>(s)];
+    const SlabResults& results = slab_results_[s];
     merge_slab(s, pair_output_, results.pair_contacts, pair_contacts, pair_ranges_);
     merge_slab(s, static_output_, results.static_contacts, static_contacts, static_ranges_);
   }
-  return true;
 }
 
 void CollisionPipeline::archive(common::StateArchive& a, int bodies) {
@@ -250,7 +241,7 @@ void CollisionPipeline::archive(common::StateArchive& a, int bodies) {
   for (std::size_t s = 0; s < support_slabs_; ++s) supports_[s].archive(a);
   if (a.saves()) return;
   large_radius_ = -1.0F;
-  body_indices_.resize(static_cast<std::size_t>(bodies));
+  body_indices_.resize(bodies);
   std::iota(body_indices_.begin(), body_indices_.end(), 0);
   previous_contacts_.forget_slabs();
 }
@@ -258,7 +249,7 @@ void CollisionPipeline::archive(common::StateArchive& a, int bodies) {
 void CollisionPipeline::update_slab_weights() {
   contacts_per_slab_.clear();
   for (int s = 0; s < partition_.slab_count(); ++s) {
-    const SlabResults& results = slab_results_[static_cast<std::size_t>(s)];
+    const SlabResults& results = slab_results_[s];
     contacts_per_slab_.push_back(results.pair_contacts.contacts.size() +
                                  results.static_contacts.contacts.size());
   }
@@ -279,8 +270,7 @@ void CollisionPipeline::compute_large_radius(const BodyStore& bodies) {
 }
 
 void CollisionPipeline::compute_query_radii(const BodyStore& bodies, std::span<const std::int32_t> own) {
-  for (const std::int32_t body : own) {
-    const auto i = static_cast<std::size_t>(body);
+  for (const std::int32_t i : own) {
     float travel = 0.0F;
     if (bodies.is_active(i)) {
       travel = bodies.velocity(i).norm();
@@ -301,7 +291,7 @@ void CollisionPipeline::find_large_neighbours(const BodyStore& bodies) {
   if (grid_->large_bodies().empty() && is_index_clear) return;
   large_neighbours_.clear();
   for (const std::int32_t l : grid_->large_bodies()) {
-    const auto i = static_cast<std::size_t>(l);
+    const Index i = l;
     const Vec3 half =
         bodies.axes[i].cwiseAbs() * bodies.shape[i]->half_extents + Vec3::Constant(speculative_margin_[i]);
     const Vec3 centre = bodies.origin(i);
@@ -312,8 +302,7 @@ void CollisionPipeline::find_large_neighbours(const BodyStore& bodies) {
   std::stable_sort(large_neighbours_.begin(), large_neighbours_.end(),
                    [](const LargeNeighbour& a, const LargeNeighbour& b) { return a.body < b.body; });
   first_large_neighbour_.assign(static_cast<std::size_t>(bodies.size()) + 1, 0);
-  for (const LargeNeighbour& n : large_neighbours_)
-    ++first_large_neighbour_[static_cast<std::size_t>(n.body) + 1];
+  for (const LargeNeighbour& n : large_neighbours_) ++first_large_neighbour_[n.body + 1];
   for (std::size_t i = 1; i < first_large_neighbour_.size(); ++i)
     first_large_neighbour_[i] += first_large_neighbour_[i - 1];
 }
@@ -327,7 +316,7 @@ void CollisionPipeline::collide_slab(const BodyStore& bodies, int slab, SlabResu
                     list.contacts.size() - output.from.contacts};
   };
   for (const std::int32_t p : partition_.body_runs_of(slab)) {
-    const auto i = static_cast<std::size_t>(p);
+    const Index i = p;
     begin(pair_output_[i], results.pair_contacts), begin(static_output_[i], results.static_contacts);
     if (slab + 1 == partition_.slab_count())
       collide_large_bodies(bodies, results);
@@ -340,26 +329,25 @@ void CollisionPipeline::collide_slab(const BodyStore& bodies, int slab, SlabResu
 void CollisionPipeline::collide_body_run(const BodyStore& bodies, const SpatialPartition::BodyRun& run,
                                          SlabResults& results) const {
   for (int k = run.begin; k < run.end; ++k) {
-    const auto i = static_cast<std::size_t>(grid_->body(k));
+    const Index i = grid_->body(k);
     if (bodies.is_active(i)) collide_static(bodies, i, results);
     for (int n = first_large_neighbour_[i]; n < first_large_neighbour_[i + 1]; ++n) {
-      const auto large = static_cast<std::size_t>(large_neighbours_[static_cast<std::size_t>(n)].large);
+      const Index large = large_neighbours_[n].large;
       if (!bodies.is_static(large)) collide_pair(bodies, i, large, results);
     }
   }
-  grid_->for_each_pair(run.begin, run.end, [&](std::int32_t i, std::int32_t j) {
-    collide_pair(bodies, static_cast<std::size_t>(i), static_cast<std::size_t>(j), results);
-  });
+  grid_->for_each_pair(run.begin, run.end,
+                       [&](std::int32_t i, std::int32_t j) { collide_pair(bodies, i, j, results); });
 }
 
 void CollisionPipeline::collide_large_bodies(const BodyStore& bodies, SlabResults& results) const {
   const auto large = grid_->large_bodies();
   for (std::size_t k = 0; k < large.size(); ++k) {
-    const auto i = static_cast<std::size_t>(large[k]);
+    const Index i = large[k];
     if (bodies.is_static(i)) continue;
     if (bodies.is_active(i)) collide_static(bodies, i, results);
     for (std::size_t other = k + 1; other < large.size(); ++other) {
-      const auto j = static_cast<std::size_t>(large[other]);
+      const Index j = large[other];
       if (!bodies.is_static(j)) collide_pair(bodies, i, j, results);
     }
   }
@@ -370,48 +358,44 @@ void CollisionPipeline::collide_static(const BodyStore& bodies, std::size_t i, S
   const auto first = static_cast<std::int32_t>(out.contacts.size());
   const Vec3 centre = bodies.origin(i);
   const float margin = std::max(kMinSpeculativeMargin, speculative_margin_[i] + field_.max_speed * dt_s_);
-  if (bodies.is_sphere[i] && !free_layout_field_)
+  if (bodies.is_sphere[i] && !collider_.free_layout())
     collide_sphere_with_field(field_, centre, bodies.bounding_radius[i], margin, out.contacts);
-  else if (free_layout_field_ || field_.has_force_limit() || bodies.rolls_unevenly[i])
-    collide_columns(*bodies.shape[i], centre, bodies.axes[i], margin, out.contacts);
+  else if (collider_.free_layout() || field_.has_force_limit() || bodies.rolls_unevenly[i])
+    collider_.collide_columns(*bodies.shape[i], centre, bodies.axes[i], margin, out.contacts);
   else
     field_cache_.collide(bodies, i, margin, results.cached_field, out.contacts);
   const std::size_t field_contacts = out.contacts.size() - static_cast<std::size_t>(first);
-  if (field_.has_skin())
-    collide_with_skin(field_.skin, *bodies.shape[i], centre, bodies.axes[i], margin, out.contacts);
-  else if (field_.has_tips())
-    collide_with_tips(field_, free_layout_field_.get(), *bodies.shape[i], centre, bodies.axes[i], margin,
-                      out.contacts);
+  if (collider_.has_skin_or_tips())
+    collider_.collide_skin_or_tips(*bodies.shape[i], centre, bodies.axes[i], margin, out.contacts);
   if (centre.z() - bodies.bounding_radius[i] - margin < ground_height_)
     collide_shape_with_ground(*bodies.shape[i], centre, bodies.axes[i], ground_height_, margin, out.contacts);
   if (query_radius_[i] <= large_radius_) {
     for (int n = first_large_neighbour_[i]; n < first_large_neighbour_[i + 1]; ++n) {
-      const auto large = static_cast<std::size_t>(large_neighbours_[static_cast<std::size_t>(n)].large);
+      const Index large = large_neighbours_[n].large;
       if (bodies.is_static(large)) collide_static_body(bodies, i, large, results);
     }
   } else {
     for (const std::int32_t large : grid_->large_bodies())
-      if (bodies.is_static(static_cast<std::size_t>(large)))
-        collide_static_body(bodies, i, static_cast<std::size_t>(large), results);
+      if (bodies.is_static(large)) collide_static_body(bodies, i, large, results);
   }
   const auto count = static_cast<std::int32_t>(out.contacts.size()) - first;
   if (count == 0) return;
   out.manifolds.push_back({static_cast<std::int32_t>(i), Manifold::kStatic, first, count});
-  anchor_at_centre_of_mass(bodies, i, out.contacts, static_cast<std::size_t>(first));
+  anchor_at_centre_of_mass(bodies, i, out.contacts, first);
   match_contacts(out, out.manifolds.back(), previous_contacts_.static_contacts(),
                  previous_contacts_.find_static(i, results.member), 0.15F * bodies.bounding_radius[i]);
   if (field_contacts > 1 && !bodies.is_sphere[i]) find_support(bodies, i, margin, field_contacts, results);
 }
 
-// Finds the support patch of the body of the last manifold, and hands its load and friction over from the manifold's first
-// `field_contacts`, those with columns of the field.
+// Finds the support patch of the last manifold's body. The patch takes over the load and the friction of the
+// manifold's first `field_contacts`, those with columns of the field.
 void CollisionPipeline::find_support(const BodyStore& bodies, std::size_t i, float margin,
                                      std::size_t field_contacts, SlabResults& results) const {
   SupportPatches& supports = *results.supports;
   Manifold& manifold = results.static_contacts.manifolds.back();
   std::vector<Contact>& list = results.static_contacts.contacts;
-  const auto contacts = std::span(list).subspan(static_cast<std::size_t>(manifold.first), field_contacts);
-  if (!add_support_patch(field_, free_layout_field_.get(), *bodies.shape[i], static_cast<std::int32_t>(i),
+  const auto contacts = std::span(list).subspan(manifold.first, field_contacts);
+  if (!add_support_patch(field_, collider_.free_layout(), *bodies.shape[i], static_cast<std::int32_t>(i),
                          bodies.position[i], bodies.origin(i), bodies.axes[i], margin, contacts, supports))
     return;
   SupportPatch& patch = supports.patches.back();
@@ -421,40 +405,14 @@ void CollisionPipeline::find_support(const BodyStore& bodies, std::size_t i, flo
       --manifold.count;
     });
   for (int k = patch.first_point; k < patch.first_point + patch.point_count; ++k) {
-    const auto point = static_cast<std::size_t>(supports.points[static_cast<std::size_t>(k)]);
+    const Index point = supports.points[k];
     contacts[point].partner = Partner::kSupportedCell;
   }
   if (previous_support_of_body_.empty()) return;
   const SupportReference from = previous_support_of_body_[i];
   if (from.slab < 0) return;
-  const SupportPatches& previous = previous_supports_[static_cast<std::size_t>(from.slab)];
-  match_support_patch(previous, previous.patches[static_cast<std::size_t>(from.patch)], supports, patch);
-}
-
-void CollisionPipeline::collide_field(const Shape& shape, const Vec3& centre, const Mat3& axes, float margin,
-                                      std::vector<Contact>& out) const {
-  collide_columns(shape, centre, axes, margin, out);
-  if (field_.has_skin())
-    collide_with_skin(field_.skin, shape, centre, axes, margin, out);
-  else if (field_.has_tips())
-    collide_with_tips(field_, free_layout_field_.get(), shape, centre, axes, margin, out);
-}
-
-void CollisionPipeline::collide_columns(const Shape& shape, const Vec3& centre, const Mat3& axes,
-                                        float margin, std::vector<Contact>& out) const {
-  if (free_layout_field_)
-    free_layout_field_->collide(shape, centre, axes, margin, out);
-  else if (shape.is_sphere())
-    collide_sphere_with_field(field_, centre, shape.bounding_radius, margin, out);
-  else
-    collide_shape_with_field(field_, shape, centre, axes, margin, out);
-}
-
-bool CollisionPipeline::field_may_overlap(const Vec3& low, const Vec3& high) const {
-  if (low.z() > field_.max_height) return false;
-  if (free_layout_field_ || field_.has_tips() || field_.has_skin()) return true;
-  const Columns columns(field_, 0.0F);
-  return low.z() <= columns.max_height(columns.cells_covering(low.x(), high.x(), low.y(), high.y()));
+  const SupportPatches& previous = previous_supports_[from.slab];
+  match_support_patch(previous, previous.patches[from.patch], supports, patch);
 }
 
 void CollisionPipeline::collide_static_body(const BodyStore& bodies, std::size_t i, std::size_t static_body,
@@ -493,7 +451,7 @@ void CollisionPipeline::collide_pair(const BodyStore& bodies, std::size_t i, std
   if (count == 0) return;
   pair_contacts.manifolds.push_back(
       {static_cast<std::int32_t>(a), static_cast<std::int32_t>(b), first, count});
-  anchor_at_centre_of_mass(bodies, a, pair_contacts.contacts, static_cast<std::size_t>(first));
+  anchor_at_centre_of_mass(bodies, a, pair_contacts.contacts, first);
   // A sphere has a single contact per partner, whose anchor may move far in one step.
   const float tolerance = has_sphere ? bodies.bounding_radius[a] : 0.15F * bodies.bounding_radius[a];
   match_contacts(pair_contacts, pair_contacts.manifolds.back(), previous_contacts_.pair_contacts(),
@@ -522,7 +480,7 @@ void CollisionPipeline::merge_slab(int slab, const std::vector<BodyRunOutput>& o
                                    const ContactList& list, ContactList& to_list, SlabRanges& ranges) const {
   std::size_t run = partition_.first_body_run_of(slab);
   for (const std::int32_t p : partition_.body_runs_of(slab)) {
-    const auto& [from, to, count] = outputs[static_cast<std::size_t>(p)];
+    const auto& [from, to, count] = outputs[p];
     const auto offset = static_cast<std::int32_t>(to.contacts) - static_cast<std::int32_t>(from.contacts);
     for (std::size_t k = 0; k < count.manifolds; ++k) {
       const Manifold& m = list.manifolds[from.manifolds + k];

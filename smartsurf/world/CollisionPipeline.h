@@ -7,20 +7,19 @@
 #pragma once
 
 #include <algorithm>
-#include <memory>
 #include <span>
 #include <vector>
 
 #include "smartsurf/surface/Field.h"
-#include "smartsurf/world/BodyStore.h"
-#include "smartsurf/world/Contact.h"
-#include "smartsurf/world/PreviousContacts.h"
+#include "smartsurf/world/body/BodyStore.h"
+#include "smartsurf/world/broadphase/SpatialPartition.h"
 #include "smartsurf/world/broadphase/UniformGrid.h"
+#include "smartsurf/world/contact/Contact.h"
+#include "smartsurf/world/contact/PreviousContacts.h"
+#include "smartsurf/world/field/FieldCollider.h"
 #include "smartsurf/world/field/FieldManifoldCache.h"
-#include "smartsurf/world/field/FreeLayoutField.h"
 #include "smartsurf/world/field/SupportPatch.h"
 #include "smartsurf/world/narrowphase/PairManifoldCache.h"
-#include "smartsurf/world/parallel/SpatialPartition.h"
 #include "smartsurf/world/parallel/Team.h"
 
 namespace smartsurf::world {
@@ -30,9 +29,7 @@ class CollisionPipeline {
   // `ground`: height of the infinite ground plane, u, or −infinity for none. `field` must outlive the
   // pipeline.
   CollisionPipeline(const surface::Field& field, float dt_s, float ground)
-      : field_(field), dt_s_(dt_s), ground_height_(ground), field_cache_(field) {
-    if (!field.is_rectangular()) free_layout_field_ = std::make_unique<FreeLayoutField>(field);
-  }
+      : field_(field), dt_s_(dt_s), ground_height_(ground), collider_(field), field_cache_(field) {}
 
   // Computes query radii, rebuilds the grid and cuts it into slabs. Called first in a step, by all members.
   void update_broadphase(const BodyStore&, const Member&);
@@ -46,10 +43,13 @@ class CollisionPipeline {
 
   // Replaces the contacts of the previous step in the lists by those of this step, for all active bodies, and
   // copies the impulses of matching contacts. The order of the contacts depends on the bodies only. Called by
-  // all members, which must pass a barrier before they read the lists. Returns false, and empty lists, if more pairs
-  // touch than solids can (kMaxPairsPerBody): they would take time and memory without bound.
-  bool find_contacts(const BodyStore&, ContactList& pair_contacts, ContactList& static_contacts,
+  // all members, which must pass a barrier before they read the lists. The lists are empty if
+  // is_overloaded().
+  void find_contacts(const BodyStore&, ContactList& pair_contacts, ContactList& static_contacts,
                      const Member&);
+  // True if more pairs touched in the last find_contacts() than solids can (kMaxPairsPerBody): they would
+  // take time and memory without bound. Members may read it after find_contacts().
+  bool is_overloaded() const { return overloaded_; }
 
   // The partition of the last update_broadphase(), and the range of each slab's manifolds in the lists of the
   // last find_contacts().
@@ -66,28 +66,24 @@ class CollisionPipeline {
     for (SupportPatches& patches : supports_) remove_body(patches, body);
   }
 
-  // Appends the contacts of a shape with the field, tips included, with separations up to `margin`.
-  void collide_field(const Shape&, const Vec3& centre, const Mat3& axes, float margin,
-                     std::vector<Contact>& out) const;
-  // Whether any column of the field may overlap the box; conservative.
-  bool field_may_overlap(const Vec3& low, const Vec3& high) const;
-  float min_half_top() const { return std::min(field_.half_top_x, field_.half_top_y); }
+  const FieldCollider& field_collider() const { return collider_; }
 
   // Must be called after each single addition or removal of a body: resizes the buffers and drops the
   // manifold caches, whose body indices are no longer valid. `bodies`: the new number of bodies.
   void on_bodies_changed(int bodies) {
     large_radius_ = -1.0F;
-    body_indices_.resize(static_cast<std::size_t>(bodies));
+    body_indices_.resize(bodies);
     if (bodies > 0) body_indices_.back() = bodies - 1;
     for (SlabResults& f : slab_results_) f.cached_pairs = {}, f.cached_field = {};
   }
 
-  // Contacts and manifolds are state: they warm-start the next step. `bodies`: the number of bodies of the state.
+  // Contacts and manifolds are state: they warm-start the next step. `bodies`: the number of bodies of the
+  // state.
   void archive(common::StateArchive&, int bodies);
 
  private:
-  // Of equal spheres each touches at most twelve others, and of unequal ones the smaller of two has few larger
-  // neighbours: six pairs a body, and some more within the margin.
+  // Each of equal spheres touches at most twelve others, and the smaller of two unequal ones has few larger
+  // neighbours. That makes six pairs per body, and some more within the margin.
   static constexpr std::size_t kMaxPairsPerBody = 64;
   struct LargeNeighbour {
     std::int32_t body, large;
@@ -122,8 +118,6 @@ class CollisionPipeline {
   void collide_body_run(const BodyStore&, const SpatialPartition::BodyRun&, SlabResults& results) const;
   void collide_large_bodies(const BodyStore&, SlabResults& results) const;
   void collide_static(const BodyStore&, std::size_t body, SlabResults& results) const;
-  void collide_columns(const Shape&, const Vec3& centre, const Mat3& axes, float margin,
-                       std::vector<Contact>& out) const;
   void collide_static_body(const BodyStore&, std::size_t body, std::size_t static_body,
                            SlabResults& results) const;
   void collide_pair(const BodyStore&, std::size_t i, std::size_t j, SlabResults& results) const;
@@ -133,8 +127,8 @@ class CollisionPipeline {
                   SlabRanges&) const;
 
   const surface::Field& field_;
-  std::unique_ptr<FreeLayoutField> free_layout_field_;  // null for a rectangular layout
   float dt_s_, ground_height_;
+  FieldCollider collider_;
   float large_radius_ = -1.0F;  // bodies with a larger query radius stay outside the grid's cells; < 0: stale
   UniformGrid* grid_ = nullptr;  // of the thread that steps, from update_broadphase() to the end of the step
   SpatialPartition partition_;

@@ -1,8 +1,8 @@
-// A physics engine: simulates rigid objects on the field of cells in fixed time steps.
+// The physics of one experiment: rigid objects on the field of cells, in fixed time steps.
 //
-// Two implementations: the own one (NativeEngine.h), and Bullet as the reference (bullet/BulletEngine.h). Equal
-// inputs give bit-identical results within one engine, for any number of threads. The object itself is not
-// thread-safe.
+// Two implementations: the own one (NativeEngine.h), and Bullet as the reference (bullet/BulletEngine.h),
+// which bullet/EngineFactory.h chooses from. Equal inputs give bit-identical results within one engine, for
+// any number of threads. The object itself is not thread-safe.
 #pragma once
 
 #include <Eigen/Core>
@@ -13,6 +13,7 @@
 
 #include "common/state/StateArchive.h"
 #include "smartsurf/scene/ObjectState.h"
+#include "smartsurf/scene/SceneSpec.h"
 #include "smartsurf/scene/Snapshot.h"
 #include "smartsurf/surface/Field.h"
 #include "smartsurf/surface/actuators/BodyForces.h"
@@ -34,7 +35,7 @@ class Engine {
   Engine(const Engine&) = delete;
   Engine& operator=(const Engine&) = delete;
 
-  // For recordings. name() is a value of `world.engine`.
+  // Recordings store both. name() is a value of `world.engine`.
   virtual std::string name() const = 0;
   virtual std::string version() const = 0;
 
@@ -47,15 +48,15 @@ class Engine {
   // Sets the values that are present and keeps the others. Wakes the object and its neighbours.
   virtual bool place(scene::ObjectId, const scene::ObjectStateUpdate&) = 0;
   // Applies a constant force (world frame, mass·u/s²) during the next `duration_s` of simulated time, for at
-  // least one step. It acts at `point`, given in the world frame and fixed to the body from then on, or at the
-  // centre of mass.
+  // least one step. It acts at `point`, given in the world frame and fixed to the body from then on, or at
+  // the centre of mass.
   virtual bool apply_force(scene::ObjectId, const Eigen::Vector3d& force,
                            const std::optional<Eigen::Vector3d>& point, double duration_s) = 0;
   // The object must be alive.
   virtual scene::ObjectState state(scene::ObjectId) const = 0;
 
-  // Adds a joint between live objects and returns its id: 0, 1, …, never reused. It goes when either object does. Wakes
-  // the objects, as the functions below do.
+  // Adds a joint between live objects and returns its id: 0, 1, …, never reused. It goes when either object
+  // does. Wakes the objects, as the functions below do.
   virtual scene::JointId add_joint(const scene::JointSpec&) = 0;
   virtual bool has_joint(scene::JointId) const = 0;
   // The joint must exist; for the second and third, have a coordinate.
@@ -66,12 +67,12 @@ class Engine {
 
   // The live objects, for actuators. Valid until the next step or until objects are added, removed or placed.
   virtual surface::BodyView bodies() const = 0;
-  // External force and torque on each body during the next step, in the order of bodies(); reset to zero after
-  // it. A nonzero wrench wakes its body.
+  // External force and torque on each body during the next step, in the order of bodies(); reset to zero
+  // after it. A nonzero wrench wakes its body.
   virtual std::span<surface::Wrench> wrenches() = 0;
 
-  // Advances by one time step. Reads the field's heights and planned velocities; writes Field::impulse and lowers
-  // Field::speed of cells that yield under their force limit. The caller commits the field afterwards.
+  // Advances by one time step. Reads the field's heights and planned velocities; writes Field::impulse and
+  // lowers Field::speed of cells that yield under their force limit. The caller commits the field afterwards.
   virtual void step() = 0;
 
   // The contacts with a positive normal impulse, those of sleeping bodies included. Allocates.
@@ -83,19 +84,26 @@ class Engine {
   // Leaves tick and time to the caller.
   virtual void snapshot(scene::Snapshot&) const = 0;
 
-  // Whether the last step did not take place, because more objects overlap than solids can: memory and time for their
-  // contacts would have no bound.
+  // True if the last step did not take place, because more objects overlap than solids can: memory and time
+  // for their contacts would have no bound.
   virtual bool is_overloaded() const { return false; }
 
-  // Saves or restores all state on which the coming steps depend, but for the field. `catalogue`: every object ever
-  // created, index = id; the engine has those of the first `declared` in common with the one that was saved. Restored,
-  // an engine continues with the same bits, for any number of threads. Throws common::UserError if the engine cannot do
-  // this.
+  // Saves or restores all state on which the coming steps depend, but for the field. `catalogue`: every
+  // object ever created, index = id; the engine has those of the first `declared` in common with the one that
+  // was saved. Restored, an engine continues with the same bits, for any number of threads. Throws
+  // common::UserError if the engine cannot do this.
   virtual void archive(common::StateArchive&, std::span<const scene::ObjectSpec> catalogue,
                        std::size_t declared) = 0;
 
   // The first object whose state is not finite, if any.
   virtual std::optional<scene::ObjectId> first_non_finite() const = 0;
+
+ protected:
+  // For constructors: adds the scene's objects with ids 0, 1, …, and its joints likewise.
+  void add_all(const scene::SceneSpec& scene) {
+    for (const auto& object : scene.objects) add(object);
+    for (const auto& joint : scene.joints) add_joint(joint);
+  }
 };
 
 }  // namespace smartsurf::world

@@ -134,36 +134,28 @@ void LengthUnit::update_motion(const surface::Field& scene, surface::Field& worl
   world.max_speed = scene.max_speed * to_world_f_;
   if (scene.has_skin()) update_skin(scene.skin, world.skin);
   if (!moves) return;
-  const auto columns = static_cast<std::size_t>(scene.columns);
-  auto convert_rows = [&](int begin, int end) {
-    auto convert = [&](const std::vector<float>& from, std::vector<float>& to, float factor) {
-      if (from.empty()) return;
-      for (std::size_t i = static_cast<std::size_t>(begin) * columns,
-                       last = static_cast<std::size_t>(end) * columns;
-           i < last; ++i)
-        to[i] = from[i] * factor;
+  auto convert_rows = [&](Index begin_row, Index end_row) {
+    const Index begin = begin_row * scene.columns, end = end_row * scene.columns;
+    const auto convert = [&](const std::vector<float>& from, std::vector<float>& to) {
+      for (Index i = begin; !from.empty() && i < end; ++i) to[i] = from[i] * to_world_f_;
     };
-    convert(scene.height, world.height, to_world_f_);
-    convert(scene.speed, world.speed, to_world_f_);
-    convert(scene.surface_velocity_x, world.surface_velocity_x, to_world_f_);
-    convert(scene.surface_velocity_y, world.surface_velocity_y, to_world_f_);
-    convert(scene.surface_spin, world.surface_spin, 1.0F);
-    convert(scene.force_limit, world.force_limit, to_world_f_);
-    convert(scene.no_load_speed, world.no_load_speed, to_world_f_);
-    for (std::size_t i = static_cast<std::size_t>(begin) * columns;
-         scene.has_offset() && i < static_cast<std::size_t>(end) * columns; ++i) {
+    const auto copy = [&](const auto& from, auto& to) {
+      if (!from.empty()) std::copy(from.begin() + begin, from.begin() + end, to.begin() + begin);
+    };
+    convert(scene.height, world.height);
+    convert(scene.speed, world.speed);
+    convert(scene.surface_velocity_x, world.surface_velocity_x);
+    convert(scene.surface_velocity_y, world.surface_velocity_y);
+    copy(scene.surface_spin, world.surface_spin);
+    convert(scene.force_limit, world.force_limit);
+    convert(scene.no_load_speed, world.no_load_speed);
+    for (Index i = begin; scene.has_offset() && i < end; ++i) {
       world.offset[i] = scene.offset[i] * to_world_f_;
       world.offset_rate[i] = scene.offset_rate[i] * to_world_f_;
       if (!scene.yielding.empty()) world.yielding[i] = scaled(scene.yielding[i], to_world_f_);
     }
-    const auto copy_rows = [&](const std::vector<surface::TopTilt>& from, std::vector<surface::TopTilt>& to) {
-      if (!from.empty())
-        std::copy(from.begin() + static_cast<std::ptrdiff_t>(static_cast<std::size_t>(begin) * columns),
-                  from.begin() + static_cast<std::ptrdiff_t>(static_cast<std::size_t>(end) * columns),
-                  to.begin() + static_cast<std::ptrdiff_t>(static_cast<std::size_t>(begin) * columns));
-    };
-    copy_rows(scene.tilt, world.tilt);
-    copy_rows(scene.tilt_rate, world.tilt_rate);
+    copy(scene.tilt, world.tilt);
+    copy(scene.tilt_rate, world.tilt_rate);
   };
   if (pool != nullptr)
     pool->parallel_for_rows(scene.rows, kCostPerCell_ns * scene.cells(), convert_rows);

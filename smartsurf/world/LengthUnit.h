@@ -1,8 +1,8 @@
 // The unit of length of a world: the pitch of its surface.
 //
-// All tolerances of the physics are constants in this unit, so a scene behaves alike whether it is described in
-// metres or in centimetres. Lengths are converted at the world's interface only; everything inside is in world
-// units. Times and masses are the same in both. A pitch of 1 u changes no bit and copies no field.
+// All tolerances of the physics are constants in this unit, so a scene behaves alike whether it is described
+// in metres or in centimetres. Lengths are converted at the world's interface only; everything inside is in
+// world units. Times and masses are the same in both. A pitch of 1 u changes no bit and copies no field.
 #pragma once
 
 #include <memory>
@@ -13,13 +13,13 @@
 #include "smartsurf/scene/SceneSpec.h"
 #include "smartsurf/surface/Field.h"
 #include "smartsurf/surface/actuators/BodyForces.h"
-#include "smartsurf/world/Vec.h"
+#include "smartsurf/world/body/Vec.h"
 
 namespace smartsurf::world {
 
 class LengthUnit {
  public:
-  // `length_u`: of the unit, in the scene's u; > 0.
+  // `length_u`: the length of the unit in the scene's u, > 0.
   explicit LengthUnit(double length_u)
       : to_scene_(length_u),
         to_world_(1.0 / length_u),
@@ -28,7 +28,7 @@ class LengthUnit {
 
   bool is_one() const { return to_scene_ == 1.0; }
 
-  // Lengths, and what is proportional to a length: speeds, accelerations, forces, impulses.
+  // These convert lengths and what is proportional to a length: speeds, accelerations, forces, impulses.
   double to_world(double scene) const { return scene * to_world_; }
   Eigen::Vector3d to_world(const Eigen::Vector3d& scene) const { return scene * to_world_; }
   double to_scene(double world) const { return world * to_scene_; }
@@ -55,11 +55,11 @@ class LengthUnit {
   // Writes the velocities of a tip that yielded back.
   void return_yielding_tip(const surface::Field& world, std::size_t cell, surface::Field& scene) const;
 
-  // Writes the motion of an elastic sheet back.
+  // Writes the motion of an elastic skin back.
   void return_skin(const surface::Skin& world, surface::Skin& scene) const;
 
  private:
-  // From the scene to the world, for a joint's coordinate, its effort and effort per coordinate.
+  // Factors from the scene to the world, for a joint's coordinate, its effort, and effort per coordinate.
   struct JointScales {
     double coordinate, effort, stiffness;
   };

@@ -1,58 +1,241 @@
-// The phases of one time step.
+// The time step: its stages, in order.
 #include <algorithm>
 #include <array>
 #include <span>
+#include <type_traits>
 
-#include "smartsurf/world/NativeEngineImpl.h"
+#include "smartsurf/world/NativeEngine.h"
 #include "smartsurf/world/field/ContinuousCollision.h"
-#include "smartsurf/world/field/SkinContacts.h"
 
 namespace smartsurf::world {
 
-void NativeEngine::Impl::read_inputs() {
+struct NativeEngine::Stage {
+  enum Threads {
+    kCaller,     // the thread that called step(), before or after the team works
+    kTeam,       // all members of the team at once
+    kOneOfTeam,  // the caller, while the team waits
+  };
+  using E = NativeEngine;
+
+  const char* name;
+  Threads threads;
+  void (*run)(E&, const Member&);
+  bool (*applies)(const E&) = always;  // stages of the team run only if any body is active
+
+  static const Stage kAll[];
+
+  bool is_of_team() const { return threads != kCaller; }
+
+  // Calls a member function of the engine, with the member of the team if the function takes it.
+  template <auto function>
+  static void call(E& engine, const Member& member) {
+    if constexpr (std::is_invocable_v<decltype(function), E&, const Member&>)
+      (engine.*function)(member);
+    else
+      (engine.*function)();
+  }
+  static bool always(const E&) { return true; }
+  static bool any_active(const E& e) { return !e.active_bodies_.empty(); }
+  static bool none_active(const E& e) { return e.active_bodies_.empty(); }
+  static bool any_asleep(const E& e) { return e.sleep_.any_asleep(); }
+  static bool has_limits(const E& e) { return e.field_.has_force_limit(); }
+  static bool has_soft_tips(const E& e) { return !e.field_.yielding.empty(); }
+  static bool has_skin(const E& e) { return e.field_.has_skin(); }
+  static bool has_elastic_skin(const E& e) { return e.field_.skin.is_elastic; }
+  // Tips under a skin take no part in contacts.
+  static bool has_free_tips(const E& e) { return e.field_.has_offset() && !e.field_.has_skin(); }
+};
+
+// clang-format off
+const NativeEngine::Stage NativeEngine::Stage::kAll[] = {
+    // ---- inputs
+    {"read field",             kCaller,    call<&E::read_field>},
+    {"hold jammed cells",      kCaller,    call<&E::hold_jammed_cells>},
+    {"apply forces",           kCaller,    call<&E::apply_forces>},
+    {"predict skin",           kCaller,    call<&E::predict_skin>,           has_elastic_skin},
+    {"wake disturbed bodies",  kCaller,    call<&E::wake_disturbed>,         any_asleep},
+    {"collect active bodies",  kCaller,    call<&E::collect_active_bodies>},
+    {"clear contacts",         kCaller,    call<&E::clear_contacts>,         none_active},
+    // ---- contacts
+    {"broad phase",            kTeam,      call<&E::update_broadphase>},
+    {"wake hit sleepers",      kOneOfTeam, call<&E::wake_hit_sleepers>},
+    {"narrow phase",           kTeam,      call<&E::find_contacts>},
+    {"share force limits",     kOneOfTeam, call<&E::share_force_limits>,     has_limits},
+    {"collect tip contacts",   kOneOfTeam, call<&E::collect_tip_contacts>,   has_soft_tips},
+    {"collect skin contacts",  kOneOfTeam, call<&E::collect_skin_contacts>,  has_skin},
+    // ---- motion
+    {"solve",                  kTeam,      call<&E::solve>},
+    {"finalize bodies",        kTeam,      call<&E::finalize_bodies>},
+    {"store tips and skin",    kCaller,    call<&E::store_tips_and_skin>,    any_active},
+    {"yield overloaded cells", kCaller,    call<&E::yield_overloaded_cells>, any_active},
+    {"relieve jams",           kCaller,    call<&E::relieve_jams>,           any_active},
+    {"sleep",                  kCaller,    call<&E::put_to_sleep>,           any_active},
+    {"advance skin",           kCaller,    call<&E::advance_skin>,           has_elastic_skin},
+    // ---- outputs
+    {"write cell impulses",    kCaller,    call<&E::write_cell_impulses>},
+    {"write tip impulses",     kCaller,    call<&E::write_tip_impulses>,     has_free_tips},
+    {"write skin impulses",    kCaller,    call<&E::write_skin_impulses>,    has_skin},
+    {"return lowered speeds",  kCaller,    call<&E::return_lowered_speeds>},
+    {"clear forces",           kCaller,    call<&E::clear_forces>},
+};
+// clang-format on
+
+void NativeEngine::step() {
+  solver_ = &Solver::of_this_thread(settings_);
+  for (auto stages = std::span<const Stage>(Stage::kAll); !stages.empty();) {
+    // Stages of the team that follow each other run in one fork, because waking threads costs more than a
+    // barrier.
+    const bool of_team = stages.front().is_of_team();
+    const auto end = std::ranges::find(stages, !of_team, &Stage::is_of_team);
+    const auto section = stages.first(end - stages.begin());
+    stages = stages.subspan(section.size());
+    if (of_team && active_bodies_.empty()) continue;
+    team_.run(of_team && active_bodies_.size() >= kMinParallelBodies,
+              [&](const Member& member) { run_stages(section, member); });
+    if (of_team && is_overloaded()) return;
+  }
+}
+
+void NativeEngine::run_stages(std::span<const Stage> stages, const Member& member) {
+  for (const Stage& stage : stages) {
+    if (!stage.applies(*this)) continue;
+    if (stage.threads == Stage::kOneOfTeam)
+      member.single([&] { stage.run(*this, member); });
+    else
+      stage.run(*this, member);
+    if (stage.is_of_team() && is_overloaded()) return;
+  }
+}
+
+// ---- inputs
+
+void NativeEngine::read_field() {
   const bool moves =
-      scene_field.max_speed != 0.0F || scene_field.has_force_limit() || !scene_field.yielding.empty();
-  field_changed |= moves || field_moved;
-  field_moved = moves;
-  if (!unit.is_one()) {
-    unit.update_motion(scene_field, field_copy, pool);
-    if (has_wrenches)
-      for (surface::Wrench& w : bodies.wrench) w = unit.to_world(w);
+      scene_field_.max_speed != 0.0F || scene_field_.has_force_limit() || !scene_field_.yielding.empty();
+  field_changed_ |= moves || field_moved_;
+  field_moved_ = moves;
+  lowered_speeds_ = field_.has_force_limit();
+  if (!unit_.is_one()) unit_.update_motion(scene_field_, field_copy_, pool_);
+  field_.update_column_height();
+}
+
+void NativeEngine::hold_jammed_cells() { lowered_speeds_ |= jam_relief_.hold_cells(field_); }
+
+// Wrenches come in scene units and act about the origin.
+void NativeEngine::apply_forces() {
+  if (has_wrenches_ && !unit_.is_one())
+    for (surface::Wrench& w : bodies_.wrench) w = unit_.to_world(w);
+  if (has_wrenches_ && bodies_.has_offsets)
+    for (std::size_t i = 0; i < bodies_.wrench.size(); ++i)
+      bodies_.wrench[i].torque += bodies_.origin_offset[i].cross(bodies_.wrench[i].force);
+  has_wrenches_ |= !timed_forces_.empty();
+  for (TimedForce& f : timed_forces_) {
+    const int i = bodies_.find(f.id);
+    bodies_.wrench[i].force += f.force;
+    bodies_.wrench[i].torque += Vec3(bodies_.orientation[i] * f.local_point).cross(f.force);
+    --f.steps_left;
   }
-  if (has_wrenches && bodies.has_offsets)  // from about the origin to about the centre of mass
-    for (std::size_t i = 0; i < bodies.wrench.size(); ++i)
-      bodies.wrench[i].torque += bodies.origin_offset[i].cross(bodies.wrench[i].force);
-  field.update_column_height();
-  if (field.skin.is_elastic) elastic_skin.begin(field.skin);
+  std::erase_if(timed_forces_, [](const TimedForce& f) { return f.steps_left == 0; });
 }
 
-void NativeEngine::Impl::apply_timed_forces() {
-  for (TimedForce& p : timed_forces) {
-    const auto i = static_cast<std::size_t>(bodies.find(p.id));
-    has_wrenches = true;
-    bodies.wrench[i].force += p.force;
-    bodies.wrench[i].torque += Vec3(bodies.orientation[i] * p.local_point).cross(p.force);
-    --p.steps_left;
+void NativeEngine::predict_skin() { elastic_skin_.begin(field_.skin); }
+
+void NativeEngine::wake_disturbed() {
+  if (has_wrenches_) sleep_.wake_forced(bodies_);
+  sleep_.wake_on_moving_cells(bodies_);
+}
+
+void NativeEngine::collect_active_bodies() {
+  active_bodies_.clear();
+  for (std::int32_t i = 0; i < bodies_.size(); ++i)
+    if (bodies_.is_active(i)) active_bodies_.push_back(i);
+}
+
+void NativeEngine::clear_contacts() {
+  pair_contacts_.clear();
+  static_contacts_.clear();
+  cell_impulses_.clear();
+  tips_.clear();
+  skin_points_.clear();
+  collision_.clear_supports();
+}
+
+// ---- contacts
+
+void NativeEngine::update_broadphase(const Member& member) { collision_.update_broadphase(bodies_, member); }
+
+// Wakes sleepers within reach of a fast body, so that the collision moves them. Queries from the smaller of
+// the two sets.
+void NativeEngine::wake_hit_sleepers() {
+  if (sleep_.any_asleep()) {
+    hit_sleepers_.clear();
+    const auto is_fast = [this](std::size_t i) { return !bodies_.asleep[i] && Sleep::is_fast(bodies_, i); };
+    if (sleep_.sleeping_count() < std::ssize(active_bodies_)) {
+      for (std::int32_t j = 0; j < bodies_.size(); ++j) {
+        if (!bodies_.asleep[j]) continue;
+        bool hit = false;
+        collision_.for_each_nearby(bodies_, j, [&](std::size_t i) { hit |= is_fast(i); });
+        if (hit) hit_sleepers_.push_back(j);
+      }
+    } else {
+      for (const std::int32_t i : active_bodies_)
+        if (is_fast(i))
+          collision_.for_each_nearby(bodies_, i, [this](std::size_t j) {
+            if (bodies_.asleep[j]) hit_sleepers_.push_back(static_cast<std::int32_t>(j));
+          });
+    }
+    for (const std::int32_t i : hit_sleepers_) sleep_.wake_island(bodies_, i);
+    if (!hit_sleepers_.empty()) collect_active_bodies();
   }
-  std::erase_if(timed_forces, [](const TimedForce& p) { return p.steps_left == 0; });
+  sleep_.restore_contacts(bodies_, pair_contacts_, static_contacts_);
 }
 
-void NativeEngine::Impl::collect_active_bodies() {
-  active_bodies.clear();
-  for (std::size_t i = 0; i < bodies.id.size(); ++i)
-    if (!bodies.asleep[i] && !bodies.is_static(i)) active_bodies.push_back(static_cast<std::int32_t>(i));
+void NativeEngine::find_contacts(const Member& member) {
+  collision_.find_contacts(bodies_, pair_contacts_, static_contacts_, member);
+  if (member.is_caller()) cell_impulses_.resize(static_contacts_.contacts.size());
 }
 
-void NativeEngine::Impl::finalize_bodies(const Member& member) {
+void NativeEngine::share_force_limits() {
+  force_limits_.distribute_limits(field_, settings_.dt_s, settings_.substeps, static_contacts_);
+}
+
+void NativeEngine::collect_tip_contacts() { tips_.collect(field_, static_contacts_); }
+
+surface::Skin::Location NativeEngine::location_on_skin(const Manifold& m, const Contact& c) const {
+  const Vec3 point = bodies_.position[m.a] + c.anchor;
+  return field_.skin.locate(point.x(), point.y());
+}
+
+void NativeEngine::collect_skin_contacts() {
+  skin_points_.clear();
+  for (const Manifold& m : static_contacts_.manifolds)
+    for (std::int32_t k = m.first; k < m.first + m.count; ++k)
+      if (const Contact& c = static_contacts_.contacts[k]; c.touches_skin())
+        skin_points_.push_back({k, m.a, location_on_skin(m, c)});
+  if (field_.skin.is_elastic) elastic_skin_.collect(field_.skin, bodies_, static_contacts_);
+}
+
+// ---- motion
+
+void NativeEngine::solve(const Member& member) {
+  solver_->step(bodies_,
+                {collision_.partition(), pair_contacts_, static_contacts_, collision_.pair_ranges(),
+                 collision_.static_ranges(), collision_.supports(), force_limits_.limits(), has_wrenches_,
+                 joints_, tips_, elastic_skin_, jam_relief_.min_depth()},
+                member);
+}
+
+// Moves the bodies by what the solver found, and collects what depends on one body or contact alone.
+void NativeEngine::finalize_bodies(const Member& member) {
   constexpr int kPrefetchDistance = 8;  // in rows: about one memory latency
-  const SpatialPartition& partition = collision.partition();
+  const SpatialPartition& partition = collision_.partition();
   const IndexRange own_slabs = partition.share(member);
   std::array<BodyStore::Rotating, kLanes> rotating;  // non-spheres collected for one SIMD batch
   std::size_t count = 0;
   auto flush_rotations = [&] {
     const auto batch = std::span(rotating).first(count);
-    if (count > 0) bodies.integrate_poses(batch);
-    for (const BodyStore::Rotating& r : batch) sleep.update_sleep_timer(bodies, r.body);
+    if (count > 0) bodies_.integrate_poses(batch);
+    for (const BodyStore::Rotating& r : batch) sleep_.update_sleep_timer(bodies_, r.body);
     count = 0;
   };
   for (int s = own_slabs.begin; s < own_slabs.end; ++s) {
@@ -61,260 +244,165 @@ void NativeEngine::Impl::finalize_bodies(const Member& member) {
       const std::size_t i = partition.body(row);
       if (row + kPrefetchDistance < rows.end) {
         const std::size_t ahead = partition.body(row + kPrefetchDistance);
-        bodies.prefetch(ahead);
-        bodies.prefetch_rotation(ahead);
+        bodies_.prefetch(ahead);
+        bodies_.prefetch_rotation(ahead);
       }
-      solver->store_body(bodies, partition, row);
-      if (bodies.is_sphere[i]) {
-        bodies.integrate_pose(i);
-        sleep.update_sleep_timer(bodies, i);
+      solver_->store_body(bodies_, partition, row);
+      if (bodies_.is_sphere[i]) {
+        bodies_.integrate_pose(i);
+        sleep_.update_sleep_timer(bodies_, i);
       } else {
-        // A clipped body must end in the pose in which it was found to touch, one with joints in that where they hold.
-        const bool is_clipped = clip_to_time_of_impact(collision, bodies, i);
-        rotating[count++] = {i, is_clipped || bodies.is_jointed[i] ? 0.0F : settings.dt_s};
+        // A clipped body must end in the pose in which it was found to touch, one with joints in that where
+        // they hold.
+        const bool is_clipped = clip_to_time_of_impact(collision_.field_collider(), bodies_, i);
+        rotating[count++] = {i, is_clipped || bodies_.is_jointed[i] ? 0.0F : settings_.dt_s};
         if (count == rotating.size()) flush_rotations();
       }
     }
   }
   flush_rotations();
-  for (const IndexRange& run : collision.static_ranges().of(own_slabs)) {
-    sleep.reset_timers_on_moving_cells(bodies, static_contacts, run);
+  for (const IndexRange& run : collision_.static_ranges().of(own_slabs)) {
+    sleep_.reset_timers_on_moving_cells(bodies_, static_contacts_, run);
     record_cell_impulses(run);
   }
   for (int s = own_slabs.begin; s < own_slabs.end; ++s)
-    sleep.reset_timers_on_moving_cells(bodies, collision.supports()[static_cast<std::size_t>(s)]);
+    sleep_.reset_timers_on_moving_cells(bodies_, collision_.supports()[s]);
 }
 
-// Cell impulses have an array of their own, because write_cell_impulses() reads all of them on one thread: the
-// contacts stay in the caches of the members that own them.
-void NativeEngine::Impl::record_cell_impulses(IndexRange manifolds) {
+// Cell impulses have an array of their own, because write_cell_impulses() reads all of them on one thread:
+// the contacts stay in the caches of the members that own them.
+void NativeEngine::record_cell_impulses(IndexRange manifolds) {
   for (int i = manifolds.begin; i < manifolds.end; ++i) {
-    const Manifold& m = static_contacts.manifolds[static_cast<std::size_t>(i)];
-    for (auto k = static_cast<std::size_t>(m.first); k < static_cast<std::size_t>(m.first + m.count); ++k) {
-      const Contact& c = static_contacts.contacts[k];
-      cell_impulses[k] = {c.loads_cell() && c.total_normal_impulse != 0.0F ? c.feature_id : -1,
-                          c.total_normal_impulse};
+    const Manifold& m = static_contacts_.manifolds[i];
+    for (int k = m.first; k < m.first + m.count; ++k) {
+      const Contact& c = static_contacts_.contacts[k];
+      const bool loads_cell = c.loads_cell() && c.total_normal_impulse != 0.0F;
+      cell_impulses_[k] = {loads_cell ? c.feature_id : -1, c.total_normal_impulse};
     }
   }
 }
+
+void NativeEngine::store_tips_and_skin() {
+  tips_.store(field_, static_contacts_, settings_.dt_s);
+  elastic_skin_.store(static_contacts_);
+  if (unit_.is_one()) return;
+  for (const std::int32_t cell : tips_.cells()) unit_.return_yielding_tip(field_, cell, scene_field_);
+}
+
+void NativeEngine::yield_overloaded_cells() {
+  force_limits_.yield_overloaded_cells(bodies_, static_contacts_, settings_.dt_s, field_);
+}
+
+void NativeEngine::relieve_jams() {
+  const auto stall_cells = [this](std::span<const DeepContact> deep) {
+    lowered_speeds_ |=
+        jam_relief_.stall_cells(deep, static_contacts_, collision_.supports(), bodies_, field_);
+  };
+  // All members' lists at once: a body may be in several of them, which depends on the number of threads.
+  deep_bodies_.clear();
+  for (const std::vector<DeepContact>& deep : solver_->deep_contacts())
+    deep_bodies_.insert(deep_bodies_.end(), deep.begin(), deep.end());
+  stall_cells(deep_bodies_);
+  deep_bodies_.clear();
+  joints_.find_strained(bodies_, jam_relief_.min_depth(), deep_bodies_);
+  if (deep_bodies_.empty()) return;
+  jam_relief_.spread(deep_bodies_, pair_contacts_, bodies_);
+  stall_cells(deep_bodies_);
+}
+
+void NativeEngine::put_to_sleep() {
+  sleep_.update_sleeping_set(bodies_, active_bodies_, pair_contacts_, static_contacts_,
+                             collision_.supports());
+}
+
+void NativeEngine::advance_skin() {
+  elastic_skin_.advance(field_.skin);
+  if (!unit_.is_one()) unit_.return_skin(field_.skin, scene_field_.skin);
+}
+
+// ---- outputs
 
 // Sleepers keep the impulses that they had when they fell asleep.
-void NativeEngine::Impl::write_cell_impulses() {
-  if (sleeper_impulse_version != sleep.change_count()) {
-    sleeper_impulse_version = sleep.change_count();
-    sleeper_impulse.resize(scene_field.impulse.size(), 0.0F);
-    for (const std::int32_t cell : sleeper_cells)
-      sleeper_impulse[static_cast<std::size_t>(cell)] = scene_field.impulse[static_cast<std::size_t>(cell)] =
-          0.0F;
-    sleeper_cells.clear();
-    for (const Contact& c : sleep.static_contacts().contacts)
-      if (c.loads_cell()) {
-        sleeper_impulse[static_cast<std::size_t>(c.feature_id)] += unit.to_scene(c.total_normal_impulse);
-        sleeper_cells.push_back(c.feature_id);
-      }
-    for (const Sleep::SupportLoad& l : sleep.support_loads()) {
-      sleeper_impulse[static_cast<std::size_t>(l.cell)] += unit.to_scene(l.impulse);
-      sleeper_cells.push_back(l.cell);
-    }
-    for (const std::int32_t cell : sleeper_cells)
-      scene_field.impulse[static_cast<std::size_t>(cell)] = sleeper_impulse[static_cast<std::size_t>(cell)];
-    // Bodies that fell asleep in this step count as sleepers.
-    for (const Manifold& m : static_contacts.manifolds)
-      for (int k = m.first; bodies.asleep[static_cast<std::size_t>(m.a)] && k < m.first + m.count; ++k)
-        cell_impulses[static_cast<std::size_t>(k)].cell = -1;
-  }
-  auto sleeper_impulse_on = [this](std::int32_t cell) {
-    return sleeper_impulse.empty() ? 0.0F : sleeper_impulse[static_cast<std::size_t>(cell)];
+void NativeEngine::update_sleeper_impulses() {
+  sleeper_impulse_version_ = sleep_.change_count();
+  sleeper_impulse_.resize(scene_field_.impulse.size(), 0.0F);
+  for (const std::int32_t cell : sleeper_cells_) sleeper_impulse_[cell] = scene_field_.impulse[cell] = 0.0F;
+  sleeper_cells_.clear();
+  const auto add_load = [this](std::int32_t cell, float impulse) {
+    sleeper_impulse_[cell] += unit_.to_scene(impulse);
+    sleeper_cells_.push_back(cell);
   };
-  for (const std::int32_t cell : loaded_cells)
-    scene_field.impulse[static_cast<std::size_t>(cell)] = sleeper_impulse_on(cell);
-  loaded_cells.clear();
-  auto add_load = [this](std::int32_t cell, float impulse) {
-    scene_field.impulse[static_cast<std::size_t>(cell)] += unit.to_scene(impulse);
-    loaded_cells.push_back(cell);
+  for (const Contact& c : sleep_.static_contacts().contacts)
+    if (c.loads_cell()) add_load(c.feature_id, c.total_normal_impulse);
+  for (const Sleep::SupportLoad& l : sleep_.support_loads()) add_load(l.cell, l.impulse);
+  for (const std::int32_t cell : sleeper_cells_) scene_field_.impulse[cell] = sleeper_impulse_[cell];
+  // Bodies that fell asleep in this step count as sleepers.
+  for (const Manifold& m : static_contacts_.manifolds)
+    for (int k = m.first; bodies_.asleep[m.a] && k < m.first + m.count; ++k) cell_impulses_[k].cell = -1;
+}
+
+void NativeEngine::write_cell_impulses() {
+  if (sleeper_impulse_version_ != sleep_.change_count()) update_sleeper_impulses();
+  for (const std::int32_t cell : loaded_cells_)
+    scene_field_.impulse[cell] = sleeper_impulse_.empty() ? 0.0F : sleeper_impulse_[cell];
+  loaded_cells_.clear();
+  const auto add_load = [this](std::int32_t cell, float impulse) {
+    scene_field_.impulse[cell] += unit_.to_scene(impulse);
+    loaded_cells_.push_back(cell);
   };
-  for (const Load& entry : cell_impulses)
+  for (const Load& entry : cell_impulses_)
     if (entry.cell >= 0) add_load(entry.cell, entry.impulse);
-  for (const SupportPatches& list : collision.supports())
-    for (const SupportPatch& p : list.patches) {
-      if (bodies.asleep[static_cast<std::size_t>(p.body)]) continue;  // a sleeper since this step
-      for (auto i = static_cast<std::size_t>(p.first); i < static_cast<std::size_t>(p.first + p.count); ++i)
-        if (list.samples.load[i] > 0.0F) add_load(list.samples.cell[i], list.samples.load[i]);
-    }
+  for_each_awake_support(
+      [&](const SupportPatch&, const SupportSamples& s, Index i) { add_load(s.cell[i], s.load[i]); });
 }
 
 // The friction of a step is taken as that of its last substep.
-void NativeEngine::Impl::write_tip_impulses() {
-  if (!field.has_offset() || field.has_skin()) return;
-  std::vector<Vec3>& impulse = scene_field.tip_impulse;
-  for (const std::int32_t cell : loaded_tips) impulse[static_cast<std::size_t>(cell)].setZero();
-  loaded_tips.clear();
-  const auto substeps = static_cast<float>(settings.substeps);
+void NativeEngine::write_tip_impulses() {
+  std::vector<Vec3>& impulse = scene_field_.tip_impulse;
+  for (const std::int32_t cell : loaded_tips_) impulse[cell].setZero();
+  loaded_tips_.clear();
+  const auto substeps = static_cast<float>(settings_.substeps);
   const auto add_loads = [&](const ContactList& list, bool of_sleepers) {
     for (const Manifold& m : list.manifolds) {
-      if ((bodies.asleep[static_cast<std::size_t>(m.a)] != 0) != of_sleepers) continue;
-      for (int k = m.first; k < m.first + m.count; ++k) {
-        const Contact& c = list.contacts[static_cast<std::size_t>(k)];
-        if (c.total_normal_impulse == 0.0F || !c.loads_cell()) continue;
-        const auto cell = static_cast<std::size_t>(c.feature_id);
-        if (field.is_column(cell) || !field.tip_at(cell).moves_sideways()) continue;
+      if ((bodies_.asleep[m.a] != 0) != of_sleepers) continue;
+      for (const Contact& c : list.contacts_of(m)) {
+        const std::int32_t cell = c.feature_id;
+        if (c.total_normal_impulse == 0.0F || !c.loads_cell() || field_.is_column(cell) ||
+            !field_.tip_at(cell).moves_sideways())
+          continue;
         impulse[cell] -=
-            unit.to_scene(Vec3(c.total_normal_impulse * c.normal + substeps * c.friction_impulse));
-        loaded_tips.push_back(c.feature_id);
+            unit_.to_scene(Vec3(c.total_normal_impulse * c.normal + substeps * c.friction_impulse));
+        loaded_tips_.push_back(cell);
       }
     }
   };
-  add_loads(static_contacts, false);
-  add_loads(sleep.static_contacts(), true);
-}
-
-void NativeEngine::Impl::locate_skin_contacts() {
-  skin_points.clear();
-  for (const Manifold& m : static_contacts.manifolds)
-    for (int k = m.first; k < m.first + m.count; ++k) {
-      const Contact& c = static_contacts.contacts[static_cast<std::size_t>(k)];
-      if (!c.touches_skin()) continue;
-      const Vec3 point = bodies.position[static_cast<std::size_t>(m.a)] + c.anchor;
-      skin_points.push_back({k, m.a, field.skin.locate(point.x(), point.y())});
-    }
+  add_loads(static_contacts_, false);
+  add_loads(sleep_.static_contacts(), true);
 }
 
 // The friction of a step is taken as in write_tip_impulses().
-void NativeEngine::Impl::write_skin_impulses() {
-  if (!field.has_skin()) return;
-  std::vector<float>& impulse = scene_field.skin.impulse;
+void NativeEngine::write_skin_impulses() {
+  std::vector<float>& impulse = scene_field_.skin.impulse;
   std::ranges::fill(impulse, 0.0F);
-  const auto substeps = static_cast<float>(settings.substeps);
+  const auto substeps = static_cast<float>(settings_.substeps);
   const auto add_load = [&](const surface::Skin::Location& at, const Contact& c) {
     const float load = c.total_normal_impulse * c.normal.z() + substeps * c.friction_impulse.z();
-    for (int i = 0; i < 3; ++i) impulse[at.node[i]] += unit.to_scene(at.weight[i] * load);
+    for (int i = 0; i < 3; ++i) impulse[at.node[i]] += unit_.to_scene(at.weight[i] * load);
   };
-  for (const SkinPoint& p : skin_points)
-    if (bodies.asleep[static_cast<std::size_t>(p.body)] == 0)
-      add_load(p.at, static_contacts.contacts[static_cast<std::size_t>(p.contact)]);
-  for (const Manifold& m : sleep.static_contacts().manifolds)
-    for (int k = m.first; k < m.first + m.count; ++k) {
-      const Contact& c = sleep.static_contacts().contacts[static_cast<std::size_t>(k)];
-      if (!c.touches_skin()) continue;
-      const Vec3 point = bodies.position[static_cast<std::size_t>(m.a)] + c.anchor;
-      add_load(field.skin.locate(point.x(), point.y()), c);
-    }
+  for (const SkinPoint& p : skin_points_)
+    if (!bodies_.asleep[p.body]) add_load(p.at, static_contacts_.contacts[p.contact]);
+  for (const Manifold& m : sleep_.static_contacts().manifolds)
+    for (const Contact& c : sleep_.static_contacts().contacts_of(m))
+      if (c.touches_skin()) add_load(location_on_skin(m, c), c);
 }
 
-void NativeEngine::Impl::wake_disturbed() {
-  if (!sleep.any_asleep()) return;
-  if (has_wrenches) sleep.wake_forced(bodies);
-  sleep.wake_on_moving_cells(bodies);
+void NativeEngine::return_lowered_speeds() {
+  if (lowered_speeds_ && !unit_.is_one()) unit_.return_lowered_speeds(field_copy_, scene_field_);
 }
 
-void NativeEngine::Impl::find_sleepers_near_fast_bodies() {
-  for (const std::int32_t i : active_bodies)
-    if (Sleep::is_fast(bodies, static_cast<std::size_t>(i)))
-      collision.for_each_nearby(bodies, static_cast<std::size_t>(i), [this](std::size_t j) {
-        if (bodies.asleep[j]) hit_sleepers.push_back(static_cast<std::int32_t>(j));
-      });
-}
-
-void NativeEngine::Impl::find_fast_bodies_near_sleepers() {
-  for (std::size_t j = 0; j < bodies.asleep.size(); ++j) {
-    if (!bodies.asleep[j]) continue;
-    bool hit = false;
-    collision.for_each_nearby(bodies, j,
-                              [&](std::size_t i) { hit |= !bodies.asleep[i] && Sleep::is_fast(bodies, i); });
-    if (hit) hit_sleepers.push_back(static_cast<std::int32_t>(j));
-  }
-}
-
-// Wakes sleepers within reach of a fast body, so that the collision moves them. Queries from the smaller of the
-// two sets.
-void NativeEngine::Impl::wake_hit_sleepers() {
-  if (!sleep.any_asleep()) return;
-  hit_sleepers.clear();
-  if (static_cast<std::size_t>(sleep.sleeping_count()) < active_bodies.size())
-    find_fast_bodies_near_sleepers();
-  else
-    find_sleepers_near_fast_bodies();
-  for (const std::int32_t i : hit_sleepers) sleep.wake_island(bodies, static_cast<std::size_t>(i));
-  if (!hit_sleepers.empty()) collect_active_bodies();
-}
-
-void NativeEngine::Impl::step_active_bodies(const Member& member) {
-  collision.update_broadphase(bodies, member);
-  member.single([this] {
-    wake_hit_sleepers();
-    sleep.restore_contacts(bodies, pair_contacts, static_contacts);
-  });
-  const bool found = collision.find_contacts(bodies, pair_contacts, static_contacts, member);
-  if (member.is_caller()) overloaded = !found;
-  if (!found) return;
-  if (member.is_caller()) cell_impulses.resize(static_contacts.contacts.size());
-  if (field.has_force_limit())
-    member.single(
-        [this] { force_limits.distribute_limits(field, settings.dt_s, settings.substeps, static_contacts); });
-  if (!field.yielding.empty()) member.single([this] { tips.collect(field, static_contacts); });
-  if (field.has_skin())
-    member.single([this] {
-      locate_skin_contacts();
-      if (field.skin.is_elastic) elastic_skin.collect(field.skin, bodies, static_contacts);
-    });
-  solver->step(bodies,
-               {collision.partition(), pair_contacts, static_contacts, collision.pair_ranges(),
-                collision.static_ranges(), collision.supports(), force_limits.limits(), has_wrenches, joints,
-                tips, elastic_skin, jam_relief.min_depth()},
-               member);
-  finalize_bodies(member);
-}
-
-void NativeEngine::Impl::step() {
-  solver = &Solver::of_this_thread(settings);
-  lowered_speeds = field.has_force_limit();
-  read_inputs();
-  lowered_speeds |= jam_relief.hold_cells(field);
-  apply_timed_forces();
-  wake_disturbed();
-  collect_active_bodies();
-  if (active_bodies.empty()) {
-    pair_contacts.clear();
-    static_contacts.clear();
-    cell_impulses.clear();
-    tips.clear();
-    skin_points.clear();
-    collision.clear_supports();
-  } else {
-    team.run(active_bodies.size() >= kMinParallelBodies,
-             [this](const Member& member) { step_active_bodies(member); });
-    if (overloaded) return;
-    tips.store(field, static_contacts, settings.dt_s);
-    elastic_skin.store(static_contacts);
-    if (!unit.is_one())
-      for (const std::int32_t cell : tips.cells())
-        unit.return_yielding_tip(field, static_cast<std::size_t>(cell), scene_field);
-    force_limits.yield_overloaded_cells(bodies, static_contacts, settings.dt_s, field);
-    // Of all members at once: a body may be in the lists of several, which depends on the number of threads.
-    deep_bodies.clear();
-    for (const std::vector<DeepContact>& deep : solver->deep_contacts())
-      deep_bodies.insert(deep_bodies.end(), deep.begin(), deep.end());
-    lowered_speeds |=
-        jam_relief.stall_cells(deep_bodies, static_contacts, collision.supports(), bodies, field);
-    strained_bodies.clear();
-    joints.find_strained(bodies, jam_relief.min_depth(), strained_bodies);
-    if (!strained_bodies.empty()) {
-      jam_relief.spread(strained_bodies, pair_contacts, bodies);
-      lowered_speeds |=
-          jam_relief.stall_cells(strained_bodies, static_contacts, collision.supports(), bodies, field);
-    }
-    sleep.update_sleeping_set(bodies, active_bodies, pair_contacts, static_contacts, collision.supports());
-  }
-  if (field.skin.is_elastic) {
-    elastic_skin.advance(field.skin);
-    if (!unit.is_one()) unit.return_skin(field.skin, scene_field.skin);
-  }
-  write_cell_impulses();
-  write_tip_impulses();
-  write_skin_impulses();
-  if (!unit.is_one() && lowered_speeds) unit.return_lowered_speeds(field_copy, scene_field);
-  if (has_wrenches) std::fill(bodies.wrench.begin(), bodies.wrench.end(), surface::Wrench{});
-  has_wrenches = false;
+void NativeEngine::clear_forces() {
+  if (has_wrenches_) std::ranges::fill(bodies_.wrench, surface::Wrench{});
+  has_wrenches_ = false;
 }
 
 }  // namespace smartsurf::world

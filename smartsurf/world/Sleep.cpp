@@ -19,8 +19,8 @@ float max_point_speed(const BodyStore& b, std::size_t i) {
   return b.velocity(i).norm() + b.angular_velocity(i).norm() * b.bounding_radius[i];
 }
 
-// Whether the mean velocity of any point in the second half of kTimeToSleep_s differs too much from that in the
-// first. Means, because an object under a heavy load may tremble without going anywhere.
+// True if the mean velocity of any point in the second half of kTimeToSleep_s differs too much from that in
+// the first. Means are compared, because an object under a heavy load may tremble without going anywhere.
 bool accelerates(const BodyStore& b, std::size_t i, float dt_s) {
   const RestMotion& m = b.rest_motion[i];
   const float change = (m.velocity.norm() + m.angular_velocity.norm() * b.bounding_radius[i]) * dt_s;
@@ -28,27 +28,18 @@ bool accelerates(const BodyStore& b, std::size_t i, float dt_s) {
   return change > kMaxSleepAcceleration * kHalf_s * kHalf_s;
 }
 
-// Moves the manifolds for which predicate(manifold) holds to the end of another list.
+// Appends the manifolds for which predicate(manifold) holds to another list.
 template <class Predicate>
-void move_manifolds(ContactList& from, ContactList& to, Predicate predicate) {
-  ContactList kept;
-  for (const Manifold& m : from.manifolds) {
-    ContactList& list = predicate(m) ? to : kept;
-    list.manifolds.push_back({m.a, m.b, static_cast<std::int32_t>(list.contacts.size()), m.count});
-    const auto first = from.contacts.begin() + m.first;
-    list.contacts.insert(list.contacts.end(), first, first + m.count);
-  }
-  from = std::move(kept);
+void copy_manifolds(const ContactList& from, ContactList& to, Predicate predicate) {
+  for (const Manifold& m : from.manifolds)
+    if (predicate(m)) to.append(from, m);
 }
 
 template <class Predicate>
-void copy_manifolds(const ContactList& from, ContactList& to, Predicate predicate) {
-  for (const Manifold& m : from.manifolds) {
-    if (!predicate(m)) continue;
-    to.manifolds.push_back({m.a, m.b, static_cast<std::int32_t>(to.contacts.size()), m.count});
-    const auto first = from.contacts.begin() + m.first;
-    to.contacts.insert(to.contacts.end(), first, first + m.count);
-  }
+void move_manifolds(ContactList& from, ContactList& to, Predicate predicate) {
+  ContactList kept;
+  for (const Manifold& m : from.manifolds) (predicate(m) ? to : kept).append(from, m);
+  from = std::move(kept);
 }
 
 }  // namespace
@@ -76,14 +67,14 @@ void Sleep::wake_island(BodyStore& b, std::size_t body) {
   for (bool changed = true; changed;) {
     changed = false;
     for (const Manifold& m : pair_contacts_.manifolds) {
-      const auto i = static_cast<std::size_t>(m.a), j = static_cast<std::size_t>(m.b);
+      const Index i = m.a, j = m.b;
       if (b.asleep[i] == b.asleep[j]) continue;
       wake(b, b.asleep[i] ? i : j);
       changed = true;
     }
     for (const BodyLink& link : b.links) {
       if (link.b < 0) continue;
-      const auto i = static_cast<std::size_t>(link.a), j = static_cast<std::size_t>(link.b);
+      const Index i = link.a, j = link.b;
       if (b.asleep[i] == b.asleep[j] || b.is_static(i) || b.is_static(j)) continue;
       wake(b, b.asleep[i] ? i : j);
       changed = true;
@@ -100,14 +91,13 @@ void Sleep::wake_with_neighbours(BodyStore& b, std::size_t body, const ContactLi
   wake(b, body);
   for (const ContactList* list : {&pair_contacts, &static_cast<const ContactList&>(pair_contacts_)})
     for (const Manifold& m : list->manifolds)
-      if (m.a == index || m.b == index) wake(b, static_cast<std::size_t>(m.a == index ? m.b : m.a));
+      if (m.a == index || m.b == index) wake(b, m.a == index ? m.b : m.a);
   for (const ContactList* list : {&static_contacts, &static_cast<const ContactList&>(static_contacts_)})
     for (const Manifold& m : list->manifolds)
-      for (int k = m.first; k < m.first + m.count; ++k)
-        if (list->contacts[k].partner == Partner{index}) wake(b, static_cast<std::size_t>(m.a));
+      for (const Contact& c : list->contacts_of(m))
+        if (c.partner == Partner{index}) wake(b, m.a);
   for (const BodyLink& link : b.links)
-    if (link.b >= 0 && (link.a == index || link.b == index))
-      wake(b, static_cast<std::size_t>(link.a == index ? link.b : link.a));
+    if (link.b >= 0 && (link.a == index || link.b == index)) wake(b, link.a == index ? link.b : link.a);
 }
 
 void Sleep::wake_forced(BodyStore& b) {
@@ -122,7 +112,7 @@ void Sleep::wake_on_moving_cells(BodyStore& b) {
   constexpr int kTypicalCellsPerSleeper = 64;
   const bool few_sleepers =
       field_.is_rectangular() && sleeping_count_ < field_.cells() / kTypicalCellsPerSleeper;
-  row_moves_.assign(static_cast<std::size_t>(field_.rows), 1);
+  row_moves_.assign(field_.rows, 1);
   for (std::size_t r = 0; r < row_moves_.size() && !few_sleepers; ++r) {
     int moving = 0;
     auto accumulate_motion = [&](const std::vector<float>& values) {
@@ -140,8 +130,8 @@ void Sleep::wake_on_moving_cells(BodyStore& b) {
       moving |= static_cast<int>(!field_.offset_rate[i].isZero(0.0F));
     row_moves_[r] = moving != 0;
   }
-  // Free layout: rows and columns say nothing about positions, so any motion may be near.
-  // A skin: an actuator moves the sheet beyond the cells near it.
+  // In a free layout rows and columns say nothing about positions, so any motion may be near. An actuator
+  // moves a skin beyond the cells near the actuator.
   const bool wake_all =
       (!field_.is_rectangular() && std::count(row_moves_.begin(), row_moves_.end(), 1) > 0) ||
       (field_.has_skin() && field_.skin.supports_move);
@@ -151,9 +141,9 @@ void Sleep::wake_on_moving_cells(BodyStore& b) {
 
 bool Sleep::any_cell_moves(const CellRect& cells) const {
   for (int r = cells.row_begin; r < cells.row_end; ++r) {
-    if (!row_moves_[static_cast<std::size_t>(r)]) continue;
+    if (!row_moves_[r]) continue;
     for (int c = cells.column_begin; c < cells.column_end; ++c) {
-      const auto i = static_cast<std::size_t>(field_.index(r, c));
+      const Index i = field_.index(r, c);
       if (field_.speed[i] != 0.0F) return true;
       if (field_.has_tilt() && !field_.tilt_rate[i].is_zero()) return true;
       if (field_.has_offset() && !field_.offset_rate[i].isZero(0.0F)) return true;
@@ -170,7 +160,7 @@ void Sleep::restore_contacts(const BodyStore& b, ContactList& pair_contacts, Con
   if (!any_woken_) return;
   any_woken_ = false;
   ++change_count_;
-  auto awake = [&b](std::int32_t i) { return !b.asleep[static_cast<std::size_t>(i)]; };
+  auto awake = [&b](std::int32_t i) { return !b.asleep[i]; };
   move_manifolds(pair_contacts_, pair_contacts, [&](const Manifold& m) { return awake(m.a) || awake(m.b); });
   move_manifolds(static_contacts_, static_contacts, [&](const Manifold& m) { return awake(m.a); });
   std::erase_if(support_loads_, [&](const SupportLoad& l) { return awake(l.body); });
@@ -206,30 +196,29 @@ void Sleep::update_sleep_timer(BodyStore& b, std::size_t i) const {
 void Sleep::reset_timers_on_moving_cells(BodyStore& b, const ContactList& static_contacts,
                                          IndexRange manifolds) const {
   for (int i = manifolds.begin; i < manifolds.end; ++i) {
-    const Manifold& m = static_contacts.manifolds[static_cast<std::size_t>(i)];
-    for (int k = m.first; k < m.first + m.count; ++k)
-      if (touches_moving_cell(static_contacts.contacts[static_cast<std::size_t>(k)]))
-        b.sleep_timer_s[static_cast<std::size_t>(m.a)] = 0.0F;
+    const Manifold& m = static_contacts.manifolds[i];
+    for (const Contact& c : static_contacts.contacts_of(m))
+      if (touches_moving_cell(c)) b.sleep_timer_s[m.a] = 0.0F;
   }
 }
 
 void Sleep::reset_timers_on_moving_cells(BodyStore& b, const SupportPatches& supports) const {
   for (const SupportPatch& p : supports.patches)
-    if (p.moves) b.sleep_timer_s[static_cast<std::size_t>(p.body)] = 0.0F;
+    if (p.moves) b.sleep_timer_s[p.body] = 0.0F;
 }
 
 void Sleep::update_sleeping_set(BodyStore& b, const std::vector<std::int32_t>& active_bodies,
                                 const ContactList& pair_contacts, const ContactList& static_contacts,
                                 std::span<const SupportPatches> supports) {
-  const bool any_ready = std::any_of(active_bodies.begin(), active_bodies.end(), [&b](std::int32_t i) {
-    return b.sleep_timer_s[static_cast<std::size_t>(i)] >= kTimeToSleep_s;
-  });
+  const bool any_ready = std::any_of(active_bodies.begin(), active_bodies.end(),
+                                     [&b](std::int32_t i) { return b.sleep_timer_s[i] >= kTimeToSleep_s; });
   if (!is_enabled_ || (!any_ready && !any_asleep())) return;
   has_active_neighbour_.assign(b.asleep.size(), 0);
   std::vector<char>& is_supported = is_supported_;
   is_supported.assign(b.asleep.size(), gravity_.isZero(0.0F));
-  // A body that touches a moving body, or has a joint with one, stays awake, or is woken. Bodies that may lie on each other
-  // fall asleep together: a sleeper is immovable, and would go on bearing the load of that moment while the rest settles.
+  // A body that touches a moving body, or has a joint with one, stays awake, or is woken. Bodies that may lie
+  // on each other fall asleep together: a sleeper is immovable, and would go on bearing the load of that
+  // moment while the rest settles.
   auto keep_together = [&](std::size_t i, std::size_t j) {
     const bool may_stack = !b.is_sphere[i] && !b.is_sphere[j];
     for (const auto& [one, other] : {std::pair{i, j}, std::pair{j, i}}) {
@@ -241,25 +230,24 @@ void Sleep::update_sleeping_set(BodyStore& b, const std::vector<std::int32_t>& a
     }
   };
   for (const Manifold& m : pair_contacts.manifolds) {
-    const auto i = static_cast<std::size_t>(m.a), j = static_cast<std::size_t>(m.b);
+    const Index i = m.a, j = m.b;
     is_supported[i] = is_supported[j] = 1;
     keep_together(i, j);
   }
-  for (const Manifold& m : static_contacts.manifolds) is_supported[static_cast<std::size_t>(m.a)] = 1;
+  for (const Manifold& m : static_contacts.manifolds) is_supported[m.a] = 1;
   for (const BodyLink& link : b.links) {
-    is_supported[static_cast<std::size_t>(link.a)] = 1;
+    is_supported[link.a] = 1;
     if (link.b < 0) continue;
-    is_supported[static_cast<std::size_t>(link.b)] = 1;
-    keep_together(static_cast<std::size_t>(link.a), static_cast<std::size_t>(link.b));
+    is_supported[link.b] = 1;
+    keep_together(link.a, link.b);
   }
   const int count_before = sleeping_count_;
-  for (const std::int32_t k : active_bodies) {
-    const auto i = static_cast<std::size_t>(k);
+  for (const std::int32_t i : active_bodies) {
     if (b.sleep_timer_s[i] >= kTimeToSleep_s && !has_active_neighbour_[i] && is_supported[i])
       put_to_sleep(b, i);
   }
   if (sleeping_count_ == count_before) return;
-  auto asleep = [&b](std::int32_t i) { return b.asleep[static_cast<std::size_t>(i)] != 0; };
+  auto asleep = [&b](std::int32_t i) { return b.asleep[i] != 0; };
   copy_manifolds(pair_contacts, pair_contacts_,
                  [&](const Manifold& m) { return asleep(m.a) && asleep(m.b); });
   copy_manifolds(static_contacts, static_contacts_, [&](const Manifold& m) { return asleep(m.a); });
@@ -267,7 +255,7 @@ void Sleep::update_sleeping_set(BodyStore& b, const std::vector<std::int32_t>& a
     for (const SupportPatch& p : list.patches) {
       if (!asleep(p.body)) continue;
       const SupportSamples& s = list.samples;
-      for (auto i = static_cast<std::size_t>(p.first); i < static_cast<std::size_t>(p.first + p.count); ++i)
+      for (Index i = p.first; i < p.first + p.count; ++i)
         if (s.load[i] > 0.0F) support_loads_.push_back({p.body, s.cell[i], {s.x[i], s.y[i], p.z}, s.load[i]});
     }
 }

@@ -1,10 +1,11 @@
 // Puts resting bodies to sleep and wakes them again.
 //
-// A body falls asleep when it has been nearly still for kTimeToSleep_s on cells that do not move, its velocity has hardly
-// changed meanwhile (a body that starts to slide or roll is slow too), and no body that it touches or has a joint with
-// moves; two non-spheres that touch fall asleep only together. A sleeping body has zero inverse mass in the solver and is not simulated; its contacts are kept
-// with their impulses. It wakes when a cell under or beside it moves, when a wrench acts on it, or when a neighbour
-// moves or is removed; an imminent hit by a fast body wakes the whole island.
+// A body falls asleep when it has been nearly still for kTimeToSleep_s on cells that do not move, its
+// velocity has hardly changed meanwhile (a body that starts to slide or roll is slow too), and no body that
+// it touches or has a joint with moves. Two non-spheres that touch fall asleep only together. A sleeping body
+// has zero inverse mass in the solver and is not simulated; its contacts are kept with their impulses. It
+// wakes when a cell under or beside it moves, when a wrench acts on it, or when a neighbour moves or is
+// removed. An imminent hit by a fast body wakes the whole island.
 //
 // Not thread-safe except where a function says so.
 #pragma once
@@ -13,8 +14,8 @@
 #include <vector>
 
 #include "smartsurf/surface/Field.h"
-#include "smartsurf/world/BodyStore.h"
-#include "smartsurf/world/Contact.h"
+#include "smartsurf/world/body/BodyStore.h"
+#include "smartsurf/world/contact/Contact.h"
 #include "smartsurf/world/field/SupportPatch.h"
 #include "smartsurf/world/parallel/IndexRange.h"
 
@@ -45,8 +46,8 @@ class Sleep {
   void wake(BodyStore&, std::size_t body);
   // Also wakes every sleeping body connected to it by contacts and joints.
   void wake_island(BodyStore&, std::size_t body);
-  // Also wakes the bodies that have a contact or joint with it; for a static body, all bodies. Call before a body is
-  // placed or removed, and after it is added.
+  // Also wakes the bodies that have a contact or joint with it, and all bodies if it is static. Must be
+  // called before a body is placed or removed, and after it is added.
   void wake_with_neighbours(BodyStore&, std::size_t body, const ContactList& pair_contacts,
                             const ContactList& static_contacts);
   // Wakes bodies with a nonzero wrench.
@@ -73,7 +74,7 @@ class Sleep {
       cells_near_sleeper_);
   }
 
-  // Whether the body is fast enough that a hit must wake the whole island.
+  // True if the body is fast enough that a hit must wake the whole island.
   static bool is_fast(const BodyStore&, std::size_t body);
 
  private:

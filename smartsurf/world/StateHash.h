@@ -1,5 +1,5 @@
-// A 64-bit hash of a state's bits, equal for equal bits on every machine and instruction set: StateHash of the
-// values added to it, FieldHasher of a field's heights and speeds on several threads.
+// A 64-bit hash of a state's bits, equal for equal bits on every machine and instruction set: StateHash of
+// the values added to it, FieldHasher of a field's heights and speeds on several threads.
 //
 // Not cryptographic. The result depends on how the values are split into calls.
 #pragma once
@@ -21,8 +21,8 @@ class StateHash {
   void add(std::uint32_t word) noexcept;
   std::uint64_t value() const noexcept { return value_; }
 
-  // Long arrays are hashed in this many independent chains: a single chain would be bound by the latency of its
-  // multiplication.
+  // Long arrays are hashed in this many independent chains: a single chain would be bound by the latency of
+  // its multiplication.
   static constexpr std::size_t kChains = 32;
 
  private:
@@ -38,8 +38,8 @@ class FieldHasher {
   // `pool` must outlive the hasher; null: everything runs on the caller.
   explicit FieldHasher(common::ThreadPool* pool) : pool_(pool) {}
 
-  // Copies Field::height into `height` and adds every height and speed to the hash. The hash does not depend on
-  // the number of threads. `changed`: whether any height or speed may differ from those of the last call.
+  // Copies Field::height into `height` and adds every height and speed to the hash. The hash does not depend
+  // on the number of threads. `changed`: whether any height or speed may differ from those of the last call.
   // Allocates in the first call only.
   void copy_and_hash(const surface::Field&, bool changed, std::vector<float>& height, StateHash&);
 

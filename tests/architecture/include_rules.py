@@ -49,6 +49,12 @@ MODULES = {
                   "apron/ui", "shm-protocol"},
 }
 
+# The layers of a module: its sub-folders from the lowest to the highest, "" for its own loose files. A file may include those
+# of its own layer and of the layers before it.
+LAYERS = {
+    "smartsurf/world": ["simd", "body", "parallel", "broadphase", "contact", "narrowphase", "field", "solver", "", "bullet"],
+}
+
 # Third-party headers and the only modules that may include them.
 PRIVATE = [
     (r"^(lua|lauxlib|lualib)", {"smartsurf/script"}),
@@ -85,6 +91,26 @@ def is_allowed(module, target):
     return target == module or target in MODULES[module] or target.split("/")[0] in MODULES[module]
 
 
+def layer_of(module, path):
+    """The layer of a module's file: the first folder of its path within the module."""
+    folders = pathlib.PurePosixPath(path).relative_to(module).parts[:-1]
+    return folders[0] if folders else ""
+
+
+def layer_violation(module, source, target):
+    """What is wrong with an include within a module of several layers, or None."""
+    layers = LAYERS.get(module)
+    if layers is None or not target.startswith(module + "/"):
+        return None
+    source_layer, target_layer = layer_of(module, source), layer_of(module, target)
+    for layer in (source_layer, target_layer):
+        if layer not in layers:
+            return f"'{module}/{layer}' is not a layer"
+    if layers.index(target_layer) > layers.index(source_layer):
+        return f"{module}/{source_layer or '*.h'} may not include {target}, which is a layer above"
+    return None
+
+
 def violations(root):
     files = [p for folder in ("common", "shm-protocol", "smartsurf", "apron") for p in (root / folder).rglob("*")
              if p.suffix in {".h", ".cpp", ".c", ".def"}]
@@ -104,6 +130,8 @@ def violations(root):
             target = module_of_include(name)
             if target and not is_allowed(module, target):
                 yield f"{relative}:{number}: {module} may not include {name}"
+            if problem := layer_violation(module, relative.as_posix(), name):
+                yield f"{relative}:{number}: {problem}"
             for pattern, allowed in PRIVATE:
                 if re.match(pattern, name) and module not in allowed:
                     yield f"{relative}:{number}: {name} is private to {' and '.join(sorted(allowed)) or 'the benchmarks'}"

@@ -25,7 +25,7 @@
 #include "common/threads/ThreadPool.h"
 #include "smartsurf/surface/ActuatorArray.h"
 #include "smartsurf/surface/SensorArray.h"
-#include "smartsurf/world/World.h"
+#include "smartsurf/world/NativeEngine.h"
 #include "tests/bench/BulletPins.h"
 #include "tests/bench/CommandLine.h"
 #include "tests/bench/ShapePenetration.h"
@@ -145,7 +145,7 @@ Result run_smartsurf(const Workload& w, const Options& options) {
   spec.surface.sensors[0].values["range"] = {kSensorRange};
   common::ThreadPool pool(options.threads);
   surface::ActuatorArray cells(spec.surface, {}, 1, &pool);
-  world::World world(spec, cells.field(), &pool);
+  world::NativeEngine world(spec, cells.field(), &pool);
   surface::SensorArray sensing(spec, cells.field());
   scene::Snapshot snapshot;
   std::vector<float> targets;

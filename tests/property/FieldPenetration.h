@@ -4,7 +4,7 @@
 
 #include "smartsurf/scene/Snapshot.h"
 #include "smartsurf/surface/Field.h"
-#include "smartsurf/world/narrowphase/Shape.h"
+#include "smartsurf/world/body/Shape.h"
 
 namespace physics_fixture {
 
@@ -13,7 +13,7 @@ double penetration_into_field(const smartsurf::surface::Field&, const smartsurf:
                               const smartsurf::scene::Snapshot&, std::size_t object);
 
 // Estimate of the depth by which two shapes overlap, u.
-double overlap(const smartsurf::world::Shape& a, const smartsurf::world::Shape& b, const smartsurf::scene::Snapshot&,
-               std::size_t object_a, std::size_t object_b);
+double overlap(const smartsurf::world::Shape& a, const smartsurf::world::Shape& b,
+               const smartsurf::scene::Snapshot&, std::size_t object_a, std::size_t object_b);
 
 }  // namespace physics_fixture

@@ -29,10 +29,9 @@ surface::ActuatorArray& PhysicsFixture::cells() {
   return *cells_;
 }
 
-world::World& PhysicsFixture::world() {
+world::Engine& PhysicsFixture::world() {
   if (!pool_) pool_ = std::make_unique<common::ThreadPool>(threads);
-  if (!world_)
-    world_ = std::make_unique<world::World>(scene, world::make_engine(scene, cells().field(), pool_.get()));
+  if (!world_) world_ = world::make_engine(scene, cells().field(), pool_.get());
   return *world_;
 }
 

@@ -10,7 +10,7 @@
 #include "common/threads/ThreadPool.h"
 #include "smartsurf/scene/Snapshot.h"
 #include "smartsurf/surface/ActuatorArray.h"
-#include "smartsurf/world/World.h"
+#include "smartsurf/world/Engine.h"
 
 namespace physics_fixture {
 
@@ -32,7 +32,7 @@ class PhysicsFixture {
   double cell_force_limit = 0.0;  // of every cell, mass·u/s²; 0: none
 
   smartsurf::surface::ActuatorArray& cells();
-  smartsurf::world::World& world();
+  smartsurf::world::Engine& world();
 
   Eigen::Vector3f position(smartsurf::scene::ObjectId);
   Eigen::Vector3f velocity(smartsurf::scene::ObjectId);
@@ -42,7 +42,7 @@ class PhysicsFixture {
   std::unique_ptr<smartsurf::surface::ActuatorArray> cells_;
   std::vector<smartsurf::scene::ObjectSpec> objects_;
   std::unique_ptr<common::ThreadPool> pool_;
-  std::unique_ptr<smartsurf::world::World> world_;
+  std::unique_ptr<smartsurf::world::Engine> world_;
   smartsurf::scene::Snapshot snapshot_;
 };
 

@@ -2,7 +2,7 @@
 // lanes.
 #pragma once
 
-#include "smartsurf/world/Vec.h"
+#include "smartsurf/world/body/Vec.h"
 
 namespace smartsurf::world {
 

@@ -9,8 +9,8 @@ namespace {
 
 // Above this number of cells the array over all cells would cost more than the bodies.
 constexpr int kCellsPerBody = 4, kMinCells = 64;
-// Cells per axis of a sparse grid, half of them on either side of the world's origin. Bodies beyond are as far
-// away as their positions can tell apart, and share the outermost cells.
+// Cells per axis of a sparse grid, half of them on either side of the world's origin. Bodies beyond are as
+// far away as their positions can tell apart, and share the outermost cells.
 constexpr double kMaxCellsPerAxis = 1 << 21;
 
 }  // namespace
@@ -22,10 +22,10 @@ UniformGrid& UniformGrid::of_this_thread() {
 
 void UniformGrid::build(const Input& in, std::span<const std::int32_t> own, const Member& member) {
   member.single([&] {
-    member_state_.resize(static_cast<std::size_t>(member.member_count));
+    member_state_.resize(member.member_count);
     cell_of_body_.resize(in.position.size());
   });
-  compute_bounds(in, own, member_state_[static_cast<std::size_t>(member.index)]);
+  compute_bounds(in, own, member_state_[member.index]);
   member.single([&] { resize_cells(in.position.size()); });
   if (is_dense_)
     sort_dense(in, own, member);
@@ -33,17 +33,16 @@ void UniformGrid::build(const Input& in, std::span<const std::int32_t> own, cons
     sort_sparse(in, own, member);
 }
 
-// A parallel counting sort. fill_cell_lines() then sorts the bodies of each cell by index, so the order does not
-// depend on which member inserted which body.
+// A parallel counting sort. fill_cell_lines() then sorts the bodies of each cell by index, so the order does
+// not depend on which member inserted which body.
 void UniformGrid::sort_dense(const Input& in, std::span<const std::int32_t> own, const Member& member) {
-  MemberState& state = member_state_[static_cast<std::size_t>(member.index)];
+  MemberState& state = member_state_[member.index];
   count_bodies(in, own, state);
   member.single([this] { compute_cell_starts(); });
-  compute_member_slots(static_cast<std::size_t>(member.index));
+  compute_member_slots(member.index);
   for (const std::int32_t body : own) {
-    const std::int32_t cell = cell_of_body_[static_cast<std::size_t>(body)];
-    if (cell >= 0)
-      sorted_bodies_[static_cast<std::size_t>(state.next_slot[static_cast<std::size_t>(cell)]++)] = body;
+    const std::int32_t cell = cell_of_body_[body];
+    if (cell >= 0) sorted_bodies_[state.next_slot[cell]++] = body;
   }
   member.arrive_and_wait();
   fill_cell_lines(in, member.share(cell_count_[1]));
@@ -53,7 +52,7 @@ void UniformGrid::sort_dense(const Input& in, std::span<const std::int32_t> own,
 void UniformGrid::sort_sparse(const Input& in, std::span<const std::int32_t> own, const Member& member) {
   const auto nx = static_cast<std::uint64_t>(cell_count_[0]), ny = static_cast<std::uint64_t>(cell_count_[1]);
   for (const std::int32_t body : own) {
-    const auto i = static_cast<std::size_t>(body);
+    const Index i = body;
     if (cell_of_body_[i] < 0) continue;
     const Vec3& p = in.position[i];
     const auto x = static_cast<std::uint64_t>(cell_of(p.x(), 0)),
@@ -75,7 +74,7 @@ void UniformGrid::compute_bounds(const Input& in, std::span<const std::int32_t> 
   state.max_radius = 1e-3F;
   state.large.clear();
   for (const std::int32_t body : own) {
-    const auto i = static_cast<std::size_t>(body);
+    const Index i = body;
     const bool large = in.radius[i] > in.large_radius || !in.position[i].allFinite();
     cell_of_body_[i] = large ? -1 : 0;
     if (large) {
@@ -128,12 +127,11 @@ void UniformGrid::resize_cells(std::size_t bodies) {
 
 void UniformGrid::count_bodies(const Input& in, std::span<const std::int32_t> own, MemberState& state) {
   state.cell_count.assign(cell_start_.size() - 1, 0);
-  for (const std::int32_t body : own) {
-    const auto i = static_cast<std::size_t>(body);
+  for (const std::int32_t i : own) {
     if (cell_of_body_[i] < 0) continue;
     const Vec3& p = in.position[i];
     cell_of_body_[i] = index(cell_of(p.x(), 0), cell_of(p.y(), 1), cell_of(p.z(), 2));
-    ++state.cell_count[static_cast<std::size_t>(cell_of_body_[i])];
+    ++state.cell_count[cell_of_body_[i]];
   }
 }
 
@@ -165,15 +163,14 @@ void UniformGrid::fill_cell_lines(const Input& in, IndexRange lines) {
   for (int z = 0; z < cell_count_[2]; ++z) {
     if (member_state_.size() > 1)
       for (int cell = index(0, lines.begin, z); cell < index(0, lines.end, z); ++cell)
-        std::sort(sorted_bodies_.begin() + cell_start_[static_cast<std::size_t>(cell)],
-                  sorted_bodies_.begin() + cell_start_[static_cast<std::size_t>(cell) + 1]);
+        std::sort(sorted_bodies_.begin() + cell_start_[cell], sorted_bodies_.begin() + cell_start_[cell + 1]);
     fill_spheres(in, {first_in_cell(0, lines.begin, z), first_in_cell(0, lines.end, z)});
   }
 }
 
 void UniformGrid::fill_spheres(const Input& in, IndexRange sorted) {
-  for (auto k = static_cast<std::size_t>(sorted.begin); k < static_cast<std::size_t>(sorted.end); ++k) {
-    const auto body = static_cast<std::size_t>(sorted_bodies_[k]);
+  for (Index k = sorted.begin; k < sorted.end; ++k) {
+    const Index body = sorted_bodies_[k];
     const Vec3& p = in.position[body];
     column_[k] = cell_of(p.x(), 0);
     x_[k] = p.x();
@@ -207,7 +204,7 @@ void UniformGrid::sort_keys() {
     for (const BodyKey& b : keys_) ++slot[digit(b)];
     std::int32_t at = 0;
     for (std::int32_t& s : slot) at += std::exchange(s, at);
-    for (const BodyKey& b : keys_) sorted_keys_[static_cast<std::size_t>(slot[digit(b)]++)] = b;
+    for (const BodyKey& b : keys_) sorted_keys_[slot[digit(b)]++] = b;
     std::swap(keys_, sorted_keys_);
   }
 }

@@ -1,10 +1,10 @@
 // The broad phase: a uniform grid over bodies of similar size. The few much larger bodies are kept in a list
 // and query the grid.
 //
-// Bodies are sorted by cell, so that neighbouring cells along x are contiguous in memory. While the cells are not
-// many more than the bodies, an array over all cells tells where each begins; a sparse world has a list of its
-// occupied rows of cells instead, so that the cost depends on the bodies only, however far apart they are.
-// Results and their order depend on positions and indices only, not on the number of members.
+// Bodies are sorted by cell, so that neighbouring cells along x are contiguous in memory. While the cells are
+// not many more than the bodies, an array over all cells tells where each begins; a sparse world has a list
+// of its occupied rows of cells instead, so that the cost depends on the bodies only, however far apart they
+// are. Results and their order depend on positions and indices only, not on the number of members.
 #pragma once
 
 #include <algorithm>
@@ -13,7 +13,7 @@
 #include <utility>
 #include <vector>
 
-#include "smartsurf/world/Vec.h"
+#include "smartsurf/world/body/Vec.h"
 #include "smartsurf/world/broadphase/UniformGridKernels.h"
 #include "smartsurf/world/parallel/Team.h"
 
@@ -28,15 +28,15 @@ class UniformGrid {
     std::span<const float> radius;
     float large_radius;
   };
-  // The calling thread's grid. A grid keeps nothing from step to step, so the worlds that a thread steps in turn share its
-  // memory, which stays in the cache.
+  // The calling thread's grid. A grid keeps nothing from step to step, so the worlds that a thread steps in
+  // turn share its memory, which stays in the cache.
   static UniformGrid& of_this_thread();
   // Called by all members of the team; the `own` lists together contain every body once. Fastest if the
   // bodies of a member lie close together. A single member must list them in ascending order. Members must
   // pass a barrier before they query the grid.
   void build(const Input&, std::span<const std::int32_t> own, const Member&);
 
-  std::int32_t body(int sorted) const { return sorted_bodies_[static_cast<std::size_t>(sorted)]; }
+  std::int32_t body(int sorted) const { return sorted_bodies_[sorted]; }
   int sorted_count() const { return static_cast<int>(sorted_bodies_.size()); }
   // Number of cells along x, y or z. Bodies are sorted by cell, x fastest, z slowest.
   int cell_count(int axis) const { return cell_count_[axis]; }
@@ -47,7 +47,7 @@ class UniformGrid {
   // In sorted order, with one more at the end whose `begin` is sorted_count().
   std::span<const Row> rows() const { return rows_; }
   // The cell of a body along x.
-  int column(int sorted) const { return column_[static_cast<std::size_t>(sorted)]; }
+  int column(int sorted) const { return column_[sorted]; }
   std::span<const std::int32_t> large_bodies() const { return large_bodies_; }
 
   // Calls found(i, j) once for every pair of bodies in the grid whose spheres overlap and whose first one in
@@ -71,9 +71,7 @@ class UniformGrid {
   }
   int index(int x, int y, int z) const { return (z * cell_count_[1] + y) * cell_count_[0] + x; }
   // x and y may be one past the last cell.
-  int first_in_cell(int x, int y, int z) const {
-    return cell_start_[static_cast<std::size_t>(index(x, y, z))];
-  }
+  int first_in_cell(int x, int y, int z) const { return cell_start_[index(x, y, z)]; }
   // Working memory of one member, on cache lines of its own.
   struct alignas(128) MemberState {
     Vec3 low, high;
@@ -99,6 +97,10 @@ class UniformGrid {
   void sort_keys();
   void find_rows();
   void fill_spheres(const Input&, IndexRange sorted);
+  // The row of the body at a sorted position.
+  const Row* row_of(int sorted) const {
+    return &*std::ranges::upper_bound(rows_, sorted, {}, &Row::begin) - 1;
+  }
   // Sparse only. Index of a row, or of the next one after it in sorted order.
   int find_row(int y, int z) const;
   // Sparse only. The bodies of a row in the columns x0 to x1.
@@ -137,9 +139,7 @@ void UniformGrid::test_runs(int self, std::span<const IndexRange> runs, Found& f
   auto test_batch = [&](std::span<const IndexRange> state) {
     const int count =
         find_overlaps({x_.data(), y_.data(), z_.data(), radius_.data()}, self, state, overlapping);
-    for (int k = 0; k < count; ++k)
-      found(sorted_bodies_[static_cast<std::size_t>(self)],
-            sorted_bodies_[static_cast<std::size_t>(overlapping[k])]);
+    for (int k = 0; k < count; ++k) found(sorted_bodies_[self], sorted_bodies_[overlapping[k]]);
   };
   int total = 0;
   for (const IndexRange& run : runs) total += run.end - run.begin;
@@ -162,22 +162,19 @@ void UniformGrid::for_each_pair(int begin, int end, Found found) const {
 
 template <class Found>
 void UniformGrid::for_each_pair_dense(int begin, int end, Found& found) const {
-  auto row = std::upper_bound(rows_.begin(), rows_.end() - 1, begin,
-                              [](int sorted, const Row& r) { return sorted < r.begin; }) -
-             1;
+  const Row* row = row_of(begin);
   for (int self = begin; self < end; ++self) {
     while (self >= (row + 1)->begin) ++row;
     const int cx = column(self), cy = row->y, cz = row->z;
     const int x0 = cx > 0 ? cx - 1 : 0, x1 = cx + 1 < cell_count_[0] ? cx + 1 : cx;
-    IndexRange runs[kMaxCellRuns] = {
-        {self + 1, cell_start_[static_cast<std::size_t>(index(x1, cy, cz)) + 1]}};
+    IndexRange runs[kMaxCellRuns] = {{self + 1, cell_start_[index(x1, cy, cz) + 1]}};
     std::size_t n = 1;
     for (int z = cz; z <= cz + 1 && z < cell_count_[2]; ++z)
       for (int y = z == cz ? cy + 1 : cy - 1; y <= cy + 1; ++y)
         if (y >= 0 && y < cell_count_[1])
-          runs[n++] = {cell_start_[static_cast<std::size_t>(index(x0, y, z))],
-                       cell_start_[static_cast<std::size_t>(index(x1, y, z)) + 1]};
-    // In a small world one run over the bodies between costs less: those that are not near do not overlap either.
+          runs[n++] = {cell_start_[index(x0, y, z)], cell_start_[index(x1, y, z) + 1]};
+    // In a small world one run over the bodies between costs less: those that are not near do not overlap
+    // either.
     constexpr int kShortRun = 16;
     const int last = runs[n - 1].end;
     if (last - self <= kShortRun) runs[0].end = last, n = 1;
@@ -185,21 +182,19 @@ void UniformGrid::for_each_pair_dense(int begin, int end, Found& found) const {
   }
 }
 
-// The neighbouring cells of a row's bodies advance along the neighbouring rows as the bodies do along theirs, so
-// one cursor per row finds them all in a single pass.
+// The neighbouring cells of a row's bodies advance along the neighbouring rows as the bodies do along theirs,
+// so one cursor per row finds them all in a single pass.
 template <class Found>
 void UniformGrid::for_each_pair_sparse(int begin, int end, Found& found) const {
-  auto row = std::upper_bound(rows_.begin(), rows_.end() - 1, begin,
-                              [](int sorted, const Row& r) { return sorted < r.begin; }) -
-             1;
+  const Row* row = row_of(begin);
   for (int self = begin; self < end; ++row) {
     IndexRange cursors[kMaxCellRuns] = {{self + 1, self + 1}};
     int row_ends[kMaxCellRuns] = {(row + 1)->begin};
     std::size_t n = 1;
     for (const auto& [y, z] : {std::pair{row->y + 1, row->z}, std::pair{row->y - 1, row->z + 1},
                                std::pair{row->y, row->z + 1}, std::pair{row->y + 1, row->z + 1}}) {
-      const auto r = static_cast<std::size_t>(find_row(y, z));
-      if (r + 1 == rows_.size() || rows_[r].y != y || rows_[r].z != z) continue;
+      const Index r = find_row(y, z);
+      if (r + 1 == std::ssize(rows_) || rows_[r].y != y || rows_[r].z != z) continue;
       const int first = find_in_row(&rows_[r], column(self) - 1, column(self)).begin;
       cursors[n] = {first, first};
       row_ends[n++] = rows_[r + 1].begin;
@@ -221,7 +216,7 @@ void UniformGrid::for_each_pair_sparse(int begin, int end, Found& found) const {
 
 template <class Found>
 void UniformGrid::test_box(const Vec3& low, const Vec3& high, IndexRange sorted, Found& found) const {
-  for (auto i = static_cast<std::size_t>(sorted.begin); i < static_cast<std::size_t>(sorted.end); ++i) {
+  for (Index i = sorted.begin; i < sorted.end; ++i) {
     const float radius = radius_[i];
     const bool overlaps = x_[i] + radius > low.x() && x_[i] - radius < high.x() && y_[i] + radius > low.y() &&
                           y_[i] - radius < high.y() && z_[i] + radius > low.z() && z_[i] - radius < high.z();
@@ -240,13 +235,10 @@ void UniformGrid::for_each_in_box(const Vec3& low, const Vec3& high, Found found
   if (is_dense_) {
     for (int z = from[2]; z <= to[2]; ++z)
       for (int y = from[1]; y <= to[1]; ++y)
-        test_box(
-            low, high,
-            {first_in_cell(from[0], y, z), cell_start_[static_cast<std::size_t>(index(to[0], y, z)) + 1]},
-            found);
+        test_box(low, high, {first_in_cell(from[0], y, z), cell_start_[(index(to[0], y, z)) + 1]}, found);
     return;
   }
-  auto row_at = [this](int y, int z) { return &rows_[static_cast<std::size_t>(find_row(y, z))]; };
+  auto row_at = [this](int y, int z) { return &rows_[find_row(y, z)]; };
   for (const Row* row = row_at(from[1], from[2]); row != &rows_.back() && row->z <= to[2];) {
     if (row->y < from[1])
       row = row_at(from[1], row->z);

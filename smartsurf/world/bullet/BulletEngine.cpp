@@ -25,14 +25,14 @@ constexpr double kMinTopNormalZ = 0.5;       // a contact with a smaller vertica
 constexpr double kMinLimitedNormalZ = 0.05;  // a contact with a smaller vertical part does not load the cell
 // A contact with a cell is with an edge if its normal is between these.
 constexpr double kMinEdgeNormalZ = 1e-3, kMaxEdgeNormalZ = 0.999;
-// Relative to the pitch. A gap up to the first counts as closed: its rounding errors, divided by a short step, would
-// decide which cells bear a flat face. A body that is nowhere deeper below a cell's top than the second touches
-// the top and not the side.
+// Both are relative to the pitch. A gap up to the first counts as closed: its rounding errors, divided by a
+// short step, would decide which cells bear a flat face. A body that is nowhere deeper below a cell's top
+// than the second touches the top and not the side.
 constexpr double kRelativeTouchingGap = 1e-4, kRelativeTopDepth = 5e-3;
 // Yield speed of a column that is not overloaded.
 constexpr double kHolds = -std::numeric_limits<double>::infinity();
-// Compliance of a contact relative to the inverse of the lighter body's mass. It makes the loads on many cells
-// under one rigid face definite: those of equal compliances.
+// Compliance of a contact relative to the inverse of the lighter body's mass. It makes the loads on many
+// cells under one rigid face definite: those of equal compliances.
 constexpr double kRelativeCompliance = 1e-2;
 
 struct SurfaceParameters {
@@ -66,7 +66,7 @@ class SteppedWorld final : public btDiscreteDynamicsWorld {
   using btDiscreteDynamicsWorld::btDiscreteDynamicsWorld;
   std::function<void()> before_detection, before_solving;
 
-  // Without stepSimulation(), which derives the velocities of kinematic bodies from their poses.
+  // stepSimulation() would derive the velocities of kinematic bodies from their poses.
   void substep(double dt_s) {
     applyGravity();
     internalSingleStepSimulation(dt_s);
@@ -132,7 +132,8 @@ struct BulletEngine::Impl {
   std::vector<ManifoldImpulse> last_impulses;  // of the last substep, ascending by address
   std::vector<double> limits;                  // of the columns with a force limit
   std::vector<int> limit_index;                // of each column, or −1
-  // Of each column in the last substep: the greatest velocity of what overloads it, so that it stays in touch.
+  // By column: the greatest velocity in the last substep of a body that overloads it. The column yields that
+  // fast, so that the two stay in touch.
   std::vector<double> yield_speeds;
   std::vector<int> loaded_cells;  // whose Field::impulse is not zero
 };
@@ -141,7 +142,7 @@ BulletEngine::Impl::Impl(const scene::SceneSpec& scene, surface::Field& f,
                          const std::vector<scene::ObjectId>& object_ids)
     : field(f),
       ids(object_ids),
-      field_surface(parameters_of(scene.materials[static_cast<std::size_t>(scene.surface.material)])),
+      field_surface(parameters_of(scene.materials[scene.surface.material])),
       substeps(std::max(1, (scene.world.iterations + 1) / 2)),
       cells(world, f,
             scene.surface.max_top_height() - scene.surface.pin.min_height + scene.surface.pin.length) {
@@ -196,7 +197,7 @@ void BulletEngine::Impl::select_cells(double step_s) {
   for (const CellPool::Column& column : cells.columns()) {
     limit_index.push_back(-1);
     if (!field.has_force_limit()) continue;
-    const auto cell = static_cast<std::size_t>(column.cell);
+    const Index cell = column.cell;
     if (!std::isfinite(field.force_limit[cell])) continue;
     const float force_left = std::clamp(1.0F - field.speed[cell] / field.no_load_speed[cell], 0.0F, 1.0F);
     const auto limit = static_cast<double>(field.force_limit[cell] * force_left);
@@ -208,7 +209,7 @@ void BulletEngine::Impl::select_cells(double step_s) {
 
 SurfaceParameters BulletEngine::Impl::surface_of(const btRigidBody& body) const {
   const int index = body.getUserIndex();
-  return index >= 0 ? bodies[static_cast<std::size_t>(index)].surface : field_surface;
+  return index >= 0 ? bodies[index].surface : field_surface;
 }
 
 template <class Visit>
@@ -223,13 +224,12 @@ void BulletEngine::Impl::for_each_point(Visit visit) {
 
 bool BulletEngine::Impl::keeps_points(const btPersistentManifold& manifold) const {
   for (const btCollisionObject* body : {manifold.getBody0(), manifold.getBody1()})
-    if (body->getUserIndex() >= 0 && bodies[static_cast<std::size_t>(body->getUserIndex())].gathers_points)
-      return true;
+    if (body->getUserIndex() >= 0 && bodies[body->getUserIndex()].gathers_points) return true;
   return false;
 }
 
-// Bullet keeps points that it found earlier until they have drifted by 2 % of the size. Behind a rolling body they
-// would resist its motion.
+// Bullet keeps points that it found earlier until they have drifted by 2 % of the size. Behind a rolling body
+// they would resist its motion.
 void BulletEngine::Impl::forget_points() {
   last_impulses.clear();
   for (int m = 0; m < dispatcher.getNumManifolds(); ++m) {
@@ -299,7 +299,7 @@ void BulletEngine::Impl::prepare_point(btManifoldPoint& p, const btRigidBody& a,
 
   const bool a_is_cell = a.getUserIndex() < kGroundIndex, b_is_cell = b.getUserIndex() < kGroundIndex;
   const int cell = cell_user_index(a_is_cell ? a.getUserIndex() : b.getUserIndex());  // if one is a cell
-  const bool on_column = (a_is_cell || b_is_cell) && field.is_column(static_cast<std::size_t>(cell));
+  const bool on_column = (a_is_cell || b_is_cell) && field.is_column(cell);
   if (on_column) correct_normal(p, a_is_cell ? b : a, a_is_cell ? a : b);
   const btVector3 at = p.getPositionWorldOnB();
   const btVector3 relative_velocity = a.getVelocityInLocalPoint(at - a.getCenterOfMassPosition()) -
@@ -312,8 +312,9 @@ void BulletEngine::Impl::prepare_point(btManifoldPoint& p, const btRigidBody& a,
   const btScalar mobility = a.getInvMass() + b.getInvMass();
   // Bullet divides the compliance by the time step.
   p.m_contactCFM = bounces ? 0.0 : kRelativeCompliance * mobility * substep_s;
-  // Bullet also solves contacts that are still open, along their current normal. An impact would lose its rebound,
-  // and a ball that rolls from cell to cell would hit their edges: these contacts wait until they touch.
+  // Bullet also solves contacts that are still open, along their current normal. An impact would lose its
+  // rebound, and a ball that rolls from cell to cell would hit their edges: these contacts wait until they
+  // touch.
   const double normal_z = std::abs(p.m_normalWorldOnB.z());
   const double touching_gap = kRelativeTouchingGap * static_cast<double>(field.pitch);
   if (p.getDistance() > 0.0 && p.getDistance() < touching_gap) p.m_distance1 = 0.0;
@@ -326,21 +327,20 @@ void BulletEngine::Impl::prepare_point(btManifoldPoint& p, const btRigidBody& a,
   btPlaneSpace1(p.m_normalWorldOnB, p.m_lateralFrictionDir1, p.m_lateralFrictionDir2);
   p.m_contactMotion1 = p.m_contactMotion2 = 0.0;
   if (!a_is_cell && !b_is_cell) return;
-  const auto i = static_cast<std::size_t>(cell);
   if (!limits.empty() && normal_z > kMinLimitedNormalZ)
-    detail.limited_cell = limit_index[static_cast<std::size_t>(&cells.column(cell) - cells.columns().data())];
+    detail.limited_cell = limit_index[&cells.column(cell) - cells.columns().data()];
   if (!field.has_surface_velocity() || !on_column || normal_z < kMinTopNormalZ) return;
   const Eigen::Vector2d centre = field.centre(cell).cast<double>();
-  const double spin = field.surface_spin.empty() ? 0.0 : static_cast<double>(field.surface_spin[i]);
-  const btVector3 surface(static_cast<double>(field.surface_velocity_x[i]) - spin * (at.y() - centre.y()),
-                          static_cast<double>(field.surface_velocity_y[i]) + spin * (at.x() - centre.x()),
+  const double spin = field.surface_spin.empty() ? 0.0 : static_cast<double>(field.surface_spin[cell]);
+  const btVector3 surface(static_cast<double>(field.surface_velocity_x[cell]) - spin * (at.y() - centre.y()),
+                          static_cast<double>(field.surface_velocity_y[cell]) + spin * (at.x() - centre.x()),
                           0.0);
   const double sign = a_is_cell ? -1.0 : 1.0;
   p.m_contactMotion1 = sign * surface.dot(p.m_lateralFrictionDir1);
   p.m_contactMotion2 = sign * surface.dot(p.m_lateralFrictionDir2);
 }
 
-// With the impulse of the last substep.
+// The impulse is that of the last substep.
 ContactPoint BulletEngine::Impl::contact_point(const btManifoldPoint& p, const btRigidBody& a,
                                                const btRigidBody& b) const {
   // Bullet's normal points towards a.
@@ -349,8 +349,8 @@ ContactPoint BulletEngine::Impl::contact_point(const btManifoldPoint& p, const b
   const int other = towards_a ? b.getUserIndex() : a.getUserIndex();
   const btVector3 normal = towards_a ? p.m_normalWorldOnB : -p.m_normalWorldOnB;
   return {to_eigen(p.getPositionWorldOnB()).cast<float>(), to_eigen(normal).cast<float>(),
-          static_cast<float>(p.m_appliedImpulse), ids[static_cast<std::size_t>(object)],
-          other >= 0 ? std::optional(ids[static_cast<std::size_t>(other)]) : std::nullopt};
+          static_cast<float>(p.m_appliedImpulse), ids[object],
+          other >= 0 ? std::optional(ids[other]) : std::nullopt};
 }
 
 // Adds the substep's impulses to the field. A saturated cell follows the bodies on it.
@@ -363,21 +363,21 @@ void BulletEngine::Impl::read_contacts(std::vector<ContactPoint>& contacts) {
     const bool a_is_cell = a.getUserIndex() < kGroundIndex;
     if (!a_is_cell && b.getUserIndex() >= kGroundIndex) return;
     const int cell = cell_user_index(a_is_cell ? a.getUserIndex() : b.getUserIndex());
-    float& total = field.impulse[static_cast<std::size_t>(cell)];
+    float& total = field.impulse[cell];
     if (total == 0.0F) loaded_cells.push_back(cell);
     total += static_cast<float>(impulse);
     if (field.has_offset())  // Bullet's normal points towards a
-      field.tip_impulse[static_cast<std::size_t>(cell)] +=
+      field.tip_impulse[cell] +=
           to_eigen((a_is_cell ? impulse : -impulse) * p.m_normalWorldOnB).cast<float>();
     const auto* detail = static_cast<const ContactDetail*>(p.m_userPersistentData);
-    if (detail->limited_cell < 0) return;
-    const auto limited = static_cast<std::size_t>(detail->limited_cell);
+    const int limited = detail->limited_cell;
+    if (limited < 0) return;
     constexpr double kSaturated = 0.999;
     if (solver.cell_loads()[limited] < kSaturated * limits[limited]) return;
     const btRigidBody& body = a_is_cell ? b : a;
     const btVector3 velocity =
         body.getVelocityInLocalPoint(p.getPositionWorldOnB() - body.getCenterOfMassPosition());
-    double& speed = yield_speeds[static_cast<std::size_t>(&cells.column(cell) - cells.columns().data())];
+    double& speed = yield_speeds[&cells.column(cell) - cells.columns().data()];
     speed = std::max(speed, velocity.dot(p.m_normalWorldOnB) / p.m_normalWorldOnB.z());
   });
 }
@@ -397,7 +397,9 @@ BulletEngine::BulletEngine(const scene::SceneSpec& scene, surface::Field& field,
       field_(field),
       dt_s_(scene.world.dt_s),
       field_hasher_(pool),
-      impl_(std::make_unique<Impl>(scene, field, ids_)) {}
+      impl_(std::make_unique<Impl>(scene, field, ids_)) {
+  add_all(scene);
+}
 
 BulletEngine::~BulletEngine() = default;
 
@@ -424,7 +426,7 @@ void BulletEngine::read_body(std::size_t i) {
 }
 
 scene::ObjectId BulletEngine::add(const scene::ObjectSpec& spec) {
-  const scene::Material& material = materials_[static_cast<std::size_t>(spec.material)];
+  const scene::Material& material = materials_[spec.material];
   const double mass = spec.fixed ? 0.0 : spec.mass.value_or(material.density * spec.volume());
   Body body{gathers_points(spec.shape), make_bullet_shape(spec, mass), nullptr, parameters_of(material)};
   if (spec.friction) body.surface.friction = *spec.friction;
@@ -460,14 +462,13 @@ bool BulletEngine::alive(scene::ObjectId id) const { return find(id) >= 0; }
 bool BulletEngine::remove(scene::ObjectId id) {
   const int index = find(id);
   if (index < 0) return false;
-  btRigidBody& rigid = *impl_->bodies[static_cast<std::size_t>(index)].rigid;
+  btRigidBody& rigid = *impl_->bodies[index].rigid;
   std::erase_if(impl_->joints, [&rigid](const auto& joint) { return joint->connects(rigid); });
   impl_->world.removeRigidBody(&rigid);
   auto erase = [index](auto& all) { all.erase(all.begin() + index); };
   erase(impl_->bodies), erase(ids_), erase(positions_), erase(orientations_), erase(velocities_);
   erase(angular_velocities_), erase(masses_), erase(wrenches_);
-  for (auto i = static_cast<std::size_t>(index); i < ids_.size(); ++i)
-    impl_->bodies[i].rigid->setUserIndex(static_cast<int>(i));
+  for (int i = index; i < std::ssize(ids_); ++i) impl_->bodies[i].rigid->setUserIndex(i);
   std::erase_if(timed_forces_, [id](const TimedForce& f) { return f.id == id; });
   return true;
 }
@@ -475,8 +476,7 @@ bool BulletEngine::remove(scene::ObjectId id) {
 bool BulletEngine::place(scene::ObjectId id, const scene::ObjectStateUpdate& update) {
   const int index = find(id);
   if (index < 0) return false;
-  const auto i = static_cast<std::size_t>(index);
-  Body& body = impl_->bodies[i];
+  Body& body = impl_->bodies[index];
   const scene::ObjectState now = state(id);
   const Eigen::Quaterniond orientation = update.orientation.value_or(now.orientation).normalized();
   const Eigen::Vector3d to_centre = orientation * body.shape.centre_of_mass;
@@ -495,14 +495,14 @@ bool BulletEngine::place(scene::ObjectId id, const scene::ObjectStateUpdate& upd
                                                                      &impl_->dispatcher);
     impl_->world.updateSingleAabb(body.rigid.get());
   }
-  if (update.angular_velocity && masses_[i] > 0.0F)
+  if (update.angular_velocity && masses_[index] > 0.0F)
     body.rigid->setAngularVelocity(to_bt(*update.angular_velocity));
-  if ((update.velocity || has_offset) && masses_[i] > 0.0F) {
+  if ((update.velocity || has_offset) && masses_[index] > 0.0F) {
     const Eigen::Vector3d spin = to_eigen(body.rigid->getAngularVelocity());
     body.rigid->setLinearVelocity(
         to_bt(Eigen::Vector3d(update.velocity.value_or(now.velocity) + spin.cross(to_centre))));
   }
-  read_body(i);
+  read_body(index);
   return true;
 }
 
@@ -513,14 +513,14 @@ bool BulletEngine::apply_force(scene::ObjectId id, const Eigen::Vector3d& force,
   const scene::ObjectState now = state(id);
   const Eigen::Vector3d local_point =
       point ? Eigen::Vector3d(now.orientation.conjugate() * (*point - now.position) -
-                              impl_->bodies[static_cast<std::size_t>(index)].shape.centre_of_mass)
+                              impl_->bodies[index].shape.centre_of_mass)
             : Eigen::Vector3d::Zero();
   timed_forces_.push_back({id, force, local_point, std::max(1L, std::lround(duration_s / dt_s_))});
   return true;
 }
 
 scene::ObjectState BulletEngine::state(scene::ObjectId id) const {
-  const auto i = static_cast<std::size_t>(find(id));
+  const Index i = find(id);
   return {positions_[i].cast<double>(), orientations_[i].cast<double>(), velocities_[i].cast<double>(),
           angular_velocities_[i].cast<double>()};
 }
@@ -532,9 +532,7 @@ BulletJoint* BulletEngine::find_joint(scene::JointId id) const {
 }
 
 scene::JointId BulletEngine::add_joint(const scene::JointSpec& spec) {
-  auto body_of = [this](scene::ObjectId id) {
-    return impl_->bodies[static_cast<std::size_t>(find(id))].rigid.get();
-  };
+  auto body_of = [this](scene::ObjectId id) { return impl_->bodies[find(id)].rigid.get(); };
   impl_->joints.push_back(std::make_unique<BulletJoint>(next_joint_id_, spec, impl_->world, *body_of(spec.a),
                                                         spec.b ? body_of(*spec.b) : nullptr));
   return next_joint_id_++;
@@ -562,7 +560,7 @@ surface::BodyView BulletEngine::bodies() const {
 
 void BulletEngine::apply_timed_forces() {
   for (TimedForce& f : timed_forces_) {
-    const auto i = static_cast<std::size_t>(find(f.id));
+    const Index i = find(f.id);
     wrenches_[i].force += f.force.cast<float>();
     wrenches_[i].torque +=
         Eigen::Vector3d(orientations_[i].cast<double>() * f.local_point).cross(f.force).cast<float>();
@@ -579,8 +577,8 @@ void BulletEngine::step() {
   }
   apply_timed_forces();
   for (const int cell : s.loaded_cells) {
-    field_.impulse[static_cast<std::size_t>(cell)] = 0.0F;
-    if (field_.has_offset()) field_.tip_impulse[static_cast<std::size_t>(cell)].setZero();
+    field_.impulse[cell] = 0.0F;
+    if (field_.has_offset()) field_.tip_impulse[cell].setZero();
   }
   s.loaded_cells.clear();
   contacts_.clear();
@@ -603,7 +601,7 @@ void BulletEngine::step() {
   s.world.clearForces();
   if (field_.has_force_limit())
     for (const CellPool::Column& column : s.cells.columns()) {
-      const auto i = static_cast<std::size_t>(column.cell);
+      const Index i = column.cell;
       const auto moved = static_cast<float>((column.top - static_cast<double>(field_.height[i])) / dt_s_);
       if (std::isfinite(field_.force_limit[i])) field_.speed[i] = std::min(field_.speed[i], moved);
     }

@@ -1,7 +1,8 @@
 // Bullet as the reference engine: rigid bodies, collision detection and solver of Bullet in double precision.
 //
-// A step is several substeps of Bullet with many iterations. Cells near bodies are kinematic boxes (CellPool.h).
-// Runs on the caller's thread. docs/engines.md says what it models otherwise than the own engine.
+// A step is several substeps of Bullet with many iterations. Cells near bodies are kinematic boxes
+// (CellPool.h). Runs on the caller's thread. docs/engines.md says what it models otherwise than the own
+// engine.
 #pragma once
 
 #include <cstddef>
@@ -19,7 +20,7 @@ class BulletJoint;
 
 class BulletEngine final : public Engine {
  public:
-  // Without objects. `field` and `pool` must outlive the engine.
+  // Adds the scene's objects and joints. `field` and `pool` must outlive the engine.
   BulletEngine(const scene::SceneSpec&, surface::Field& field, common::ThreadPool* pool);
   ~BulletEngine() override;
 

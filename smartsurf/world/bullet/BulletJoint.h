@@ -12,8 +12,8 @@ namespace smartsurf::world {
 
 class BulletJoint {
  public:
-  // `a` and `b` at the time of creation; b = null: the table. The joint is in `world` as long as it lives; world and
-  // bodies must outlive it.
+  // `a` and `b` at the time of creation; b = null: the table. The joint is in `world` as long as it lives;
+  // world and bodies must outlive it.
   BulletJoint(scene::JointId, const scene::JointSpec&, btDiscreteDynamicsWorld& world, btRigidBody& a,
               btRigidBody* b);
   ~BulletJoint();

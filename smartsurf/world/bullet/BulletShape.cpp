@@ -5,8 +5,8 @@
 #include <cmath>
 #include <utility>
 
+#include "smartsurf/world/body/Shape.h"
 #include "smartsurf/world/field/TipsOnField.h"
-#include "smartsurf/world/narrowphase/Shape.h"
 
 namespace smartsurf::world {
 namespace {
@@ -71,7 +71,7 @@ BulletShape make_tip_shape(const surface::Field& field, const surface::CellTip& 
   const TipParts parts(field, tip, static_cast<float>(depth));
   BulletShape out;
   for (int i = 0; i < parts.count; ++i) {
-    const auto& [shape, centre] = parts.part[static_cast<std::size_t>(i)];
+    const auto& [shape, centre] = parts.part[i];
     scene::ObjectSpec o;
     o.shape = shape.kind;
     o.radius = static_cast<double>(shape.radius);

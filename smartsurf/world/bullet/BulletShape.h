@@ -18,8 +18,8 @@ inline btQuaternion to_bt(const Eigen::Quaterniond& q) { return {q.x(), q.y(), q
 inline Eigen::Vector3d to_eigen(const btVector3& v) { return {v.x(), v.y(), v.z()}; }
 inline Eigen::Quaterniond to_eigen(const btQuaternion& q) { return {q.w(), q.x(), q.y(), q.z()}; }
 
-// Bullet's bodies have diagonal inertia about their origin: that is the object's centre of mass, and their axes are its
-// principal axes.
+// Bullet's bodies have diagonal inertia about their origin: that is the object's centre of mass, and their
+// axes are its principal axes.
 struct BulletShape {
   std::vector<std::unique_ptr<btCollisionShape>> parts;  // what `shape` refers to
   btCollisionShape* shape = nullptr;

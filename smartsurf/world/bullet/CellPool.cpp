@@ -43,7 +43,7 @@ CellPool::CellPool(btDynamicsWorld& world, const surface::Field& field, double d
     const Eigen::Vector2f centre = field.centre(cell);
     const int c = static_cast<int>((static_cast<double>(centre.x()) - low_x_) / bucket_size_);
     const int r = static_cast<int>((static_cast<double>(centre.y()) - low_y_) / bucket_size_);
-    buckets_[static_cast<std::size_t>(r * bucket_columns_ + c)].push_back(cell);
+    buckets_[r * bucket_columns_ + c].push_back(cell);
   }
 }
 
@@ -72,7 +72,7 @@ void CellPool::for_each_cell_near(const Box& box, Visit visit) const {
                                  (box.max.y() + reach - low_y_) / bucket_size_, bucket_rows_);
   for (int r = rows.begin; r < rows.end; ++r)
     for (int c = columns.begin; c < columns.end; ++c)
-      for (const int cell : buckets_[static_cast<std::size_t>(r * bucket_columns_ + c)]) {
+      for (const int cell : buckets_[r * bucket_columns_ + c]) {
         const Eigen::Vector2d centre = field_.centre(cell).cast<double>();
         if (centre.x() + reach >= box.min.x() && centre.x() - reach <= box.max.x() &&
             centre.y() + reach >= box.min.y() && centre.y() - reach <= box.max.y())
@@ -82,10 +82,9 @@ void CellPool::for_each_cell_near(const Box& box, Visit visit) const {
 
 void CellPool::find_cells(const Box& box, double dt_s) {
   for_each_cell_near(box, [&](int cell) {
-    const auto i = static_cast<std::size_t>(cell);
-    double rise = std::max(0.0, static_cast<double>(field_.speed[i]) * dt_s);
-    if (!field_.is_column(i)) rise += static_cast<double>(field_.tip_reach);  // a tilted plate's corner
-    if (static_cast<double>(field_.height[i]) + rise >= box.min.z()) wanted_.push_back(cell);
+    double rise = std::max(0.0, static_cast<double>(field_.speed[cell]) * dt_s);
+    if (!field_.is_column(cell)) rise += static_cast<double>(field_.tip_reach);  // a tilted plate's corner
+    if (static_cast<double>(field_.height[cell]) + rise >= box.min.z()) wanted_.push_back(cell);
   });
 }
 
@@ -100,8 +99,8 @@ btRigidBody* CellPool::take_body(int cell) {
   btRigidBody* body = free_.back();
   free_.pop_back();
   body->setUserIndex(cell_user_index(cell));
-  const int tip = field_.has_tips() ? field_.tip_of_cell[static_cast<std::size_t>(cell)] : -1;
-  body->setCollisionShape(tip < 0 ? box_.get() : tip_shapes_[static_cast<std::size_t>(tip)].shape);
+  const int tip = field_.has_tips() ? field_.tip_of_cell[cell] : -1;
+  body->setCollisionShape(tip < 0 ? box_.get() : tip_shapes_[tip].shape);
   return body;
 }
 
@@ -120,7 +119,7 @@ void CellPool::select_near(std::span<const Box> boxes, double dt_s) {
   };
   for (const int cell : wanted_) {
     release_before(cell);
-    const auto i = static_cast<std::size_t>(cell);
+    const Index i = cell;
     Column column{cell, static_cast<double>(field_.height[i]), static_cast<double>(field_.speed[i]), 0.0,
                   nullptr};
     const bool is_new = old == columns_.end() || old->cell != cell;
@@ -144,7 +143,7 @@ CellPool::Column& CellPool::column(int cell) {
 }
 
 void CellPool::update_body(const Column& column) {
-  const auto cell = static_cast<std::size_t>(column.cell);
+  const Index cell = column.cell;
   if (field_.has_tips() && field_.tip_of_cell[cell] >= 0) {
     const TipFrame frame(field_, cell, static_cast<float>(column.elapsed_s));
     btTransform tip_pose(to_bt(Eigen::Quaterniond(frame.axes.cast<double>()).normalized()),

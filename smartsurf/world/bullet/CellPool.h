@@ -1,4 +1,5 @@
-// The cells near bodies as Bullet's kinematic bodies: columns from below the table up to each cell's top, or tips.
+// The cells near bodies as Bullet's kinematic bodies: columns from below the table up to each cell's top, or
+// tips.
 #pragma once
 
 #include <btBulletDynamicsCommon.h>

@@ -19,14 +19,14 @@ bool has_bullet() { return false; }
 void require_engine(const scene::SceneSpec& scene) {
   if (std::ranges::find(scene::kEngineNames, scene.world.engine) == std::end(scene::kEngineNames))
     throw scene::InputError("engine '" + scene.world.engine + "': this version does not have it");
-  if (scene.world.engine == "bullet" && !has_bullet())
+  if (scene.world.engine != "bullet") return;
+  if (!has_bullet())
     throw scene::InputError(
         "engine 'bullet': this build has no Bullet; install libbullet-dev (scripts/setup) and build again");
-  if (scene.world.engine == "bullet" && scene.surface.skin)
+  if (scene.surface.skin)
     throw scene::InputError("engine 'bullet': has no skins; remove surface.skin, or use the engine 'native'");
   for (const scene::ActuatorSpec& actuator : scene.surface.actuators)
-    if (scene.world.engine == "bullet" && actuator.model == "delta" &&
-        (actuator.has("stiffness") || actuator.has("max_force")))
+    if (actuator.model == "delta" && (actuator.has("stiffness") || actuator.has("max_force")))
       throw scene::InputError(
           "engine 'bullet': has rigid tips only; remove delta.stiffness and delta.max_force, or use the "
           "engine 'native'");

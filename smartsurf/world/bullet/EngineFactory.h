@@ -9,14 +9,14 @@
 
 namespace smartsurf::world {
 
-// Whether Bullet was installed when the program was built.
+// True if Bullet was installed when the program was built.
 bool has_bullet();
 
 // Throws scene::InputError if this build lacks the engine named by WorldSpec::engine.
 void require_engine(const scene::SceneSpec&);
 
-// The engine named by WorldSpec::engine, without objects. `field` and `pool` must outlive it; the pool may be null.
-// Throws scene::InputError if this build lacks the engine.
+// The engine named by WorldSpec::engine, with the scene's objects and joints. `field` and `pool` must outlive
+// it; the pool may be null. Throws scene::InputError if this build lacks the engine.
 std::unique_ptr<Engine> make_engine(const scene::SceneSpec&, surface::Field& field,
                                     common::ThreadPool* pool = nullptr);
 

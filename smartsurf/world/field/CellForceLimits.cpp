@@ -8,7 +8,8 @@ namespace {
 
 // A contact whose normal has a smaller vertical component lies on a cell's side and does not load the cell.
 constexpr float kMinLoadNormalZ = 0.05F;
-// Penetration up to which a yielding cell moves on, u: the contact solver resists it with all that the cell can give.
+// Penetration up to which a yielding cell moves on, u: the contact solver resists it with all that the cell
+// can give.
 constexpr float kYieldingOverlap = 3e-3F;
 // A body uses up its share from this fraction on.
 constexpr float kUsedUp = 0.999F;
@@ -23,9 +24,9 @@ template <class List, class Each>
 void CellForceLimits::for_each_limited(const surface::Field& field, List& static_contacts, const Manifold& m,
                                        Each each) const {
   for (int k = m.first; k < m.first + m.count; ++k) {
-    auto& c = static_contacts.contacts[static_cast<std::size_t>(k)];
+    auto& c = static_contacts.contacts[k];
     if (!c.touches_cell() || c.normal.z() < kMinLoadNormalZ) continue;
-    if (std::isfinite(field.force_limit[static_cast<std::size_t>(c.feature_id)])) each(c, k);
+    if (std::isfinite(field.force_limit[c.feature_id])) each(c, k);
   }
 }
 
@@ -40,18 +41,18 @@ void CellForceLimits::collect_bodies_on_cells(const surface::Field& field, int s
       std::int32_t& first = first_contact_[cell];
       if (first < 0) {
         first = k;
-        body_of_contact_[static_cast<std::size_t>(k)] = static_cast<std::int32_t>(bodies_on_cells_.size());
+        body_of_contact_[k] = static_cast<std::int32_t>(bodies_on_cells_.size());
         bodies_on_cells_.push_back({cell, k});
         ++body_count_[cell];
       }
-      const std::int32_t body = body_of_contact_[static_cast<std::size_t>(first)];
-      body_of_contact_[static_cast<std::size_t>(k)] = body;
-      BodyOnCell& on_cell = bodies_on_cells_[static_cast<std::size_t>(body)];
+      const std::int32_t body = body_of_contact_[first];
+      body_of_contact_[k] = body;
+      BodyOnCell& on_cell = bodies_on_cells_[body];
       on_cell.demand += c.normal_impulse * c.normal.z();
       if (std::isfinite(c.max_cell_impulse))
         on_cell.last_share = std::max(on_cell.last_share, c.max_cell_impulse);
       ++on_cell.contact_count;
-      limits_[static_cast<std::size_t>(k)] = {field.no_load_speed[cell], field.speed[cell], first - k};
+      limits_[k] = {field.no_load_speed[cell], field.speed[cell], first - k};
     });
     for (std::size_t b = first_body; b < bodies_on_cells_.size(); ++b) {
       BodyOnCell& body = bodies_on_cells_[b];
@@ -62,9 +63,8 @@ void CellForceLimits::collect_bodies_on_cells(const surface::Field& field, int s
     }
   }
   for (const Manifold& m : static_contacts.manifolds)
-    for_each_limited(field, static_contacts, m, [&](const Contact&, int k) {
-      const auto i = static_cast<std::size_t>(k);
-      limits_[i].point_count = bodies_on_cells_[static_cast<std::size_t>(body_of_contact_[i])].contact_count;
+    for_each_limited(field, static_contacts, m, [&](const Contact&, int i) {
+      limits_[i].point_count = bodies_on_cells_[body_of_contact_[i]].contact_count;
     });
 }
 
@@ -81,8 +81,7 @@ void CellForceLimits::distribute_limits(const surface::Field& field, float dt_s,
   collect_bodies_on_cells(field, substeps, static_contacts);
   for (const Manifold& m : static_contacts.manifolds)
     for_each_limited(field, static_contacts, m, [&](Contact& c, int k) {
-      const BodyOnCell& body =
-          bodies_on_cells_[static_cast<std::size_t>(body_of_contact_[static_cast<std::size_t>(k)])];
+      const BodyOnCell& body = bodies_on_cells_[body_of_contact_[k]];
       c.max_cell_impulse = field.force_limit[body.cell] * dt_s;
       if (body_count_[body.cell] == 1) return;
       const float even_share = 1.0F / static_cast<float>(body_count_[body.cell]);
@@ -99,9 +98,7 @@ void CellForceLimits::yield_overloaded_cells(const BodyStore& bodies, const Cont
                                              float dt_s, surface::Field& field) {
   if (!field.has_force_limit()) return;
   auto cell_of = [](const Contact& c) { return static_cast<std::size_t>(c.feature_id); };
-  auto capacity_of = [this](const BodyOnCell& body) {
-    return limits_[static_cast<std::size_t>(body.first_contact)].capacity;
-  };
+  auto capacity_of = [this](const BodyOnCell& body) { return limits_[body.first_contact].capacity; };
   auto impulse_on_cell = [](const Contact& c) { return c.total_normal_impulse * c.normal.z(); };
   for (const Manifold& m : static_contacts.manifolds)
     for_each_limited(field, static_contacts, m,
@@ -112,8 +109,7 @@ void CellForceLimits::yield_overloaded_cells(const BodyStore& bodies, const Cont
                      [&](const Contact& c, int) { body_load_[cell_of(c)] += impulse_on_cell(c); });
     for_each_limited(field, static_contacts, m, [&](const Contact& c, int k) {
       const std::size_t cell = cell_of(c);
-      const BodyOnCell& body =
-          bodies_on_cells_[static_cast<std::size_t>(body_of_contact_[static_cast<std::size_t>(k)])];
+      const BodyOnCell& body = bodies_on_cells_[body_of_contact_[k]];
       if (c.total_normal_impulse <= 0.0F) return;
       const float room = c.separation + kYieldingOverlap;
       // Out of a deep penetration the cell retreats under any load, and lifts the body from there.
@@ -123,7 +119,7 @@ void CellForceLimits::yield_overloaded_cells(const BodyStore& bodies, const Cont
       if (body_load_[cell] < kYieldingLoad * capacity_of(body) ||
           load_[cell] < kYieldingLoad * capacity_[cell])
         return;
-      const DeltaPose& shift = bodies.delta_pose[static_cast<std::size_t>(m.a)];
+      const DeltaPose& shift = bodies.delta_pose[m.a];
       const Vec3 moved = Vec3(shift.translation) + Vec3(shift.rotation).cross(c.anchor);
       const float motor_speed =
           field.no_load_speed[cell] * (1.0F - load_[cell] / (field.force_limit[cell] * dt_s));

@@ -1,15 +1,16 @@
-// Enforces the force limits of cells: shares them among the bodies on a cell and lets an overloaded cell yield.
+// Enforces the force limits of cells: shares them among the bodies on a cell and lets an overloaded cell
+// yield.
 //
-// A body may put its share of the cell's force on it with all its contacts together; the solver bounds their sum and
-// lowers the cell's speed by the motor's characteristic.
+// A body may put its share of the cell's force on it with all its contacts together; the solver bounds their
+// sum and lowers the cell's speed by the motor's characteristic.
 #pragma once
 
 #include <span>
 #include <vector>
 
 #include "smartsurf/surface/Field.h"
-#include "smartsurf/world/BodyStore.h"
-#include "smartsurf/world/Contact.h"
+#include "smartsurf/world/body/BodyStore.h"
+#include "smartsurf/world/contact/Contact.h"
 
 namespace smartsurf::world {
 
@@ -22,10 +23,10 @@ inline constexpr float kYieldingLoad = 0.95F;
 // The cell under a static contact, for the solver.
 struct CellImpulseLimit {
   float no_load_speed = 0.0F, planned_speed = 0.0F;  // of the cell, u/s
-  // From this contact to the first one of its body on the cell, in contacts; kUnlimited: no limit applies.
+  // Distance to the first contact of its body on the cell, in contacts; kUnlimited: no limit applies.
   std::int32_t to_first = kUnlimited;
-  // For the first contact of a body on a cell: the number of such contacts, and the impulse that the cell could give
-  // them in the step, set by the solver, mass·u/s.
+  // For the first contact of a body on a cell: the number of such contacts, and the impulse that the cell
+  // could give them in the step, set by the solver, mass·u/s.
   std::int32_t point_count = 0;
   float capacity = 0.0F;
 
@@ -35,15 +36,15 @@ struct CellImpulseLimit {
 
 class CellForceLimits {
  public:
-  // Before the solver: sets Contact::max_cell_impulse and limits(). The bodies on a cell share its force by their
-  // demand: their warm-starting impulse, doubled if it used up their last share.
+  // Before the solver: sets Contact::max_cell_impulse and limits(). The bodies on a cell share its force by
+  // their demand: their warm-starting impulse, doubled if it used up their last share.
   void distribute_limits(const surface::Field&, float dt_s, int substeps, ContactList& static_contacts);
 
   // One per static contact; empty if no cell has a force limit.
   std::span<CellImpulseLimit> limits() { return limits_; }
 
-  // After the solver, with BodyStore::delta_pose of the step: lowers Field::speed of each cell that gives all that it
-  // can to the velocity of the bodies on it.
+  // After the solver, with BodyStore::delta_pose of the step: lowers Field::speed of each cell that gives all
+  // that it can to the velocity of the bodies on it.
   void yield_overloaded_cells(const BodyStore&, const ContactList& static_contacts, float dt_s,
                               surface::Field&);
 

@@ -106,7 +106,8 @@ inline float ColumnSat::AxisList::separation(std::size_t i, const Column& q) con
          ((x[i] > 0 ? q.east : q.west) * x[i] + (y[i] > 0 ? q.north : q.south) * y[i] + q.top * z[i]);
 }
 
-// The horizontal axis from a vertical edge of the column to the centre of a round part. False if a side is closer.
+// The horizontal axis from a vertical edge of the column to the centre of a round part. False if a side is
+// closer.
 bool ColumnSat::find_radial_axis(const Column& q, BestAxis& out) const {
   const Vec3& centre = round_proxy_->centre;
   const Vec3 edge(std::clamp(centre.x(), q.west, q.east), std::clamp(centre.y(), q.south, q.north), q.top);

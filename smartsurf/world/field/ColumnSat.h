@@ -22,9 +22,13 @@ class ColumnSat {
     Vec3 normal{0, 0, 1};     // from the column to the part
     float separation = 0.0F;  // lower bound of the separation, u
   };
-  // The axis of greatest separation that does not lean over a bridge. False if some separation exceeds the
-  // margin, or if the way over a bridge is much shorter and the axis is that of a side that faces away from
-  // the part, or not a side's although the part stands `beside` the column. For axisymmetric parts the true separation may be greater.
+  // Finds the axis of greatest separation that does not lean over a bridge. For axisymmetric parts the true
+  // separation may be greater. Returns false if
+  // - some axis separates the two by more than the margin, or
+  // - the way out over a bridge is much shorter and the axis found is that of a side which faces away from
+  //   the part, or
+  // - the way out over a bridge is much shorter and the axis found is no side's, but the part stands `beside`
+  //   the column.
   bool find_best_axis(const Column&, float margin, bool beside, BestAxis& out);
 
  private:
@@ -47,9 +51,9 @@ class ColumnSat {
   AxisList axes_;
   Vec3 centre_{0, 0, 0};                    // of the part
   std::optional<ConvexProxy> round_proxy_;  // of an axisymmetric part
-  std::vector<float> separation_;       // along each axis
-  std::vector<float> face_normals_[3];  // x, y and z components of a hull's face normals
-  std::size_t separating_axis_ = 0;     // the axis that separated the last column
+  std::vector<float> separation_;           // along each axis
+  std::vector<float> face_normals_[3];      // x, y and z components of a hull's face normals
+  std::size_t separating_axis_ = 0;         // the axis that separated the last column
 };
 
 }  // namespace smartsurf::world

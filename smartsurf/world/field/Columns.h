@@ -6,11 +6,12 @@
 #include <limits>
 
 #include "smartsurf/surface/Field.h"
-#include "smartsurf/world/Vec.h"
+#include "smartsurf/world/body/Vec.h"
 
 namespace smartsurf::world {
 
-// A way out over a bridged side that is shorter by this than all others: the neighbour there separates the two, u.
+// If the way out over a bridged side is shorter than all others by this, the neighbour there separates the
+// two, u.
 inline constexpr float kBridgeShortcut = 0.05F;
 // A normal that leans less than this over a bridged side does so by rounding only.
 inline constexpr float kLeanTolerance = 0.05F;
@@ -29,7 +30,8 @@ struct Column {
     return n.x() * (n.x() > 0 ? east : west) + n.y() * (n.y() > 0 ? north : south) + n.z() * top;
   }
   bool all_bridged() const { return bridged_west && bridged_east && bridged_south && bridged_north; }
-  // Whether the normal leans over a bridged side by more than the tolerance: the contact then belongs to the neighbour.
+  // True if the normal leans over a bridged side by more than the tolerance; the contact then belongs to the
+  // neighbour.
   bool leans_over_bridge(float nx, float ny, float tolerance) const {
     return (nx > tolerance && bridged_east) || (nx < -tolerance && bridged_west) ||
            (ny > tolerance && bridged_north) || (ny < -tolerance && bridged_south);
@@ -112,10 +114,11 @@ class Columns {
   bool bridges_x_, bridges_y_;
 };
 
-// Signed distance to the column's surface and direction of escape, for a point inside the column's rectangle:
-// up, or out of an unbridged side, whichever is nearer. Positive above the top; infinite in a concave corner, where the
-// nearest such side faces away from the body's centre and the way over a bridged side is much shorter. `beside`: the body
-// stands beside the column, so that the way up is none either.
+// Signed distance to the column's surface and direction of escape for a point inside the column's rectangle:
+// up or out of an unbridged side, whichever is nearer. The distance is positive above the top. It is infinite
+// in a concave corner, where the nearest unbridged side faces away from the body's centre and the way over a
+// bridged side is much shorter. If the body stands `beside` the column, the way up does not count there
+// either.
 struct EscapeDirection {
   Vec3 normal;
   float distance;

@@ -12,8 +12,8 @@ constexpr int kMaxSweepSteps = 64, kBisections = 6;
 // The motion of one body during the step; fraction 0 is its start, 1 its end.
 class BodySweep {
  public:
-  BodySweep(const CollisionPipeline& collision, const BodyStore& bodies, std::size_t body)
-      : collision_(collision),
+  BodySweep(const FieldCollider& field, const BodyStore& bodies, std::size_t body)
+      : field_(field),
         shape_(*bodies.shape[body]),
         start_(bodies.position[body]),
         local_origin_(bodies.local_origin[body]),
@@ -24,15 +24,14 @@ class BodySweep {
 
   bool may_hit_field() const {
     const Vec3 to = start_ + translation_, reach = Vec3::Constant(bounding_radius_);
-    return collision_.field_may_overlap(start_.cwiseMin(to) - reach, start_.cwiseMax(to) + reach);
+    return field_.may_overlap(start_.cwiseMin(to) - reach, start_.cwiseMax(to) + reach);
   }
 
   float penetration_at(float fraction) const {
     thread_local std::vector<Contact> touching;
     touching.clear();
     const Mat3 axes = (rotation_from_vector(fraction * rotation_) * orientation_).toRotationMatrix();
-    collision_.collide_field(shape_, start_ + fraction * translation_ + axes * local_origin_, axes, 0.0F,
-                             touching);
+    field_.collide(shape_, start_ + fraction * translation_ + axes * local_origin_, axes, 0.0F, touching);
     float deepest = 0.0F;
     for (const Contact& c : touching) deepest = std::max(deepest, -c.separation);
     return deepest;
@@ -48,7 +47,7 @@ class BodySweep {
   }
 
  private:
-  const CollisionPipeline& collision_;
+  const FieldCollider& field_;
   const Shape& shape_;
   const Vec3 &start_, &local_origin_;
   const float bounding_radius_;
@@ -64,14 +63,14 @@ float max_travel(const BodyStore& bodies, std::size_t body) {
 
 }  // namespace
 
-bool clip_to_time_of_impact(const CollisionPipeline& collision, BodyStore& bodies, std::size_t body) {
+bool clip_to_time_of_impact(const FieldCollider& field, BodyStore& bodies, std::size_t body) {
   if (bodies.is_sphere[body]) return false;
   const float travel = max_travel(bodies, body);
   if (!(travel > 0.25F * bodies.width[body])) return false;
-  const BodySweep sweep(collision, bodies, body);
+  const BodySweep sweep(field, bodies, body);
   if (!sweep.may_hit_field()) return false;
   // Advance by at most half a column per step, so that no column is skipped.
-  const int steps = std::min(kMaxSweepSteps, 1 + static_cast<int>(travel / collision.min_half_top()));
+  const int steps = std::min(kMaxSweepSteps, 1 + static_cast<int>(travel / field.min_half_top()));
   const float allowed = std::max(kAllowedPenetration, sweep.penetration_at(0.0F));
   for (int i = 1; i <= steps; ++i) {
     const float end = static_cast<float>(i) / static_cast<float>(steps);

@@ -7,14 +7,14 @@
 // their shape.
 #pragma once
 
-#include "smartsurf/world/BodyStore.h"
-#include "smartsurf/world/CollisionPipeline.h"
+#include "smartsurf/world/body/BodyStore.h"
+#include "smartsurf/world/field/FieldCollider.h"
 
 namespace smartsurf::world {
 
-// Scales BodyStore::delta_pose of the body down so that the body penetrates the field no deeper than at the start
-// of the step, or a small tolerance; returns whether it had to. Returns at once for spheres and for bodies that move
-// by less than a quarter of their width. May run concurrently for different bodies.
-bool clip_to_time_of_impact(const CollisionPipeline&, BodyStore&, std::size_t body);
+// Scales BodyStore::delta_pose of the body down so that the body penetrates the field no deeper than at the
+// start of the step, or a small tolerance; returns whether it had to. Returns at once for spheres and for
+// bodies that move by less than a quarter of their width. May run concurrently for different bodies.
+bool clip_to_time_of_impact(const FieldCollider&, BodyStore&, std::size_t body);
 
 }  // namespace smartsurf::world

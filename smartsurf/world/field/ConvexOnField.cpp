@@ -57,8 +57,8 @@ class PartOnField {
   }
 
   // Calls take(candidate) for a separate manifold on each supporting cell, because each cell has its own
-  // force limit. Cells inside a level patch, with more of the part on all four sides, get one averaged contact, other
-  // cells a reduced manifold.
+  // force limit. Cells inside a level patch, with more of the part on all four sides, get one averaged
+  // contact, other cells a reduced manifold.
   template <class Take>
   void search_each_cell(Take take) {
     if (!collide_points()) return;
@@ -87,8 +87,8 @@ class PartOnField {
     });
   }
 
-  // Whether the points are the four corners of the top, and the part reaches beyond it on all sides: other cells then
-  // resist its rotation.
+  // True if the points are the four corners of the top and the part reaches beyond it on all sides. Other
+  // cells then resist its rotation.
   bool covers_surroundings(const Column& q, const ManifoldReducer& points) const {
     constexpr float kReach = 0.1F, kCornerTolerance = 1e-3F;  // u
     bool covers = points.count() == 4 && low_.x() < q.west - kReach && high_.x() > q.east + kReach &&
@@ -135,7 +135,7 @@ class PartOnField {
     }
   }
 
-  // Whether the part's centre is lower than the column's top, but in the open.
+  // True if the part's centre is lower than the column's top, but in the open.
   bool is_beside(const Column& q) const { return centre_.z() < q.top && centre_is_free_; }
 
   // Adds a contact of a point of the part with each column that is below or around it.
@@ -189,8 +189,9 @@ class PartOnField {
       }
   }
 
-  // Neighbouring columns meet in the middle of the gap. Where the sides of one of them end in a concave corner, that one
-  // reaches to the far edge of the gap, and the other begins there: the corner is filled, and nothing beyond it.
+  // Neighbouring columns meet in the middle of the gap. Where the sides of one of them end in a concave
+  // corner, that one reaches to the far edge of the gap, and the other begins there: the corner is filled,
+  // and nothing beyond it.
   void fit_concave_corners(Plateau& p) const {
     const surface::Field& f = columns_.field();
     const float half_gap_x = 0.5F * columns_.pitch() - f.half_top_x,
@@ -216,8 +217,8 @@ class PartOnField {
     if (before.bridged_east) q.east += shift_x(p.column_begin + 1);
   }
 
-  // Whether a point of the column lies in the crossing of two gaps, beside a diagonal neighbour that is not level: there
-  // is nothing under it.
+  // True if a point of the column lies in the crossing of two gaps, beside a diagonal neighbour that is not
+  // level. There is nothing under such a point.
   bool is_in_concave_corner(int row, int column, const Vec3& p) const {
     const surface::Field& f = columns_.field();
     const float x = p.x() - columns_.x(column), y = p.y() - columns_.y(row);
@@ -240,8 +241,8 @@ class PartOnField {
     else
       add_contact_patch(part_feature, column_feature(p.column, axis.normal), axis.normal, margin_, 0, found);
     const bool is_polyhedral = part_.hull || part_.shape.kind == ShapeKind::kBox;
-    // For curved parts the separation along the SAT axis is only a lower bound. An edge of a polyhedral part may be deeper
-    // than the corners of its face.
+    // For curved parts the separation along the SAT axis is only a lower bound. An edge of a polyhedral part
+    // may be deeper than the corners of its face.
     const float tolerance = is_polyhedral ? kEdgeTolerance : kTolerance;
     if (!(found.min_separation() <= axis.separation + tolerance)) {
       if (is_polyhedral) add(p, found, out);
@@ -256,7 +257,7 @@ class PartOnField {
   void add_top_patch(const SupportFeature& part_feature, const Column& q, ManifoldReducer& out) const {
     const SupportFeature patch = clip_to_rectangle(part_feature, q.west, q.east, q.south, q.north);
     for (int i = 0; i < patch.count; ++i) {
-      const Vec3& p = patch.point[static_cast<std::size_t>(i)];
+      const Vec3& p = patch.point[i];
       if (const float separation = p.z() - q.top; separation <= margin_)
         out.add({p, Vec3::UnitZ(), separation, 0});
     }
@@ -275,7 +276,7 @@ class PartOnField {
     if (second_projection < min_projection)
       std::swap(first, second), std::swap(min_projection, second_projection);
     for (int i = 2; i < part_feature.count; ++i) {
-      const float projection = n.dot(part_feature.point[static_cast<std::size_t>(i)]);
+      const float projection = n.dot(part_feature.point[i]);
       if (projection < min_projection)
         second_projection = min_projection, second = first, min_projection = projection, first = i;
       else if (projection < second_projection)
@@ -284,9 +285,8 @@ class PartOnField {
     const float side = along == 0 ? (n.y() > 0 ? q.north : q.south) : (n.x() > 0 ? q.east : q.west);
     const float edge = n[1 - along] * side + n.z() * q.top;
     if (second_projection - edge > axis.separation + kTolerance) return false;
-    const Vec3 &a = part_feature.point[static_cast<std::size_t>(first)],
-               &b = part_feature.point[static_cast<std::size_t>(second)];
-    // In projection along the normal: where the part's edge crosses the line of the top's edge.
+    const Vec3 &a = part_feature.point[first], &b = part_feature.point[second];
+    // The part's edge crosses the line of the top's edge here, in projection along the normal.
     const Vec3 across = n.cross(Vec3::Unit(along));
     const float from = across.dot(a), to = across.dot(b);
     const float line = across[1 - along] * side + across.z() * q.top;
@@ -299,12 +299,13 @@ class PartOnField {
     return true;
   }
 
-  // For curved parts, where SAT gives a lower bound only.
+  // Used for curved parts, where SAT gives only a lower bound.
   void collide_with_gjk(const Plateau& p, const Escape& sat_axis, ManifoldReducer& out) const {
     const ClosestPoints closest = closest_to(p.column, sat_axis.normal);
     if (!closest.separated) return resolve_penetration(p, sat_axis, out);
     if (closest.distance > max_core_distance()) return;
-    // The cores round edges and corners off. The separation of the sharp shapes along any axis is a lower bound.
+    // The cores round edges and corners off. The separation of the sharp shapes along any axis is a lower
+    // bound.
     const float sharp_separation =
         closest.normal.dot(proxy_.sharp_support(-closest.normal)) - p.column.max_projection(closest.normal);
     const Escape axis{closest.normal, std::max(sharp_separation, sat_axis.separation)};
@@ -326,8 +327,9 @@ class PartOnField {
     add(p, found, out);
   }
 
-  // Adds the point of each free upper edge that is deepest inside the part. For a normal that leans over a bridge: the
-  // neighbour there is closer, but in a concave corner each cell leaves the part to the other.
+  // Adds the point of each free upper edge that is deepest inside the part. Used where the normal leans over
+  // a bridge: the neighbour there is closer, but in a concave corner each cell would leave the part to the
+  // other.
   void add_edge_points(const Plateau& p, ManifoldReducer& out) const {
     const Column& q = p.column;
     const Vec3 corner[4] = {{q.west, q.south, q.top},
@@ -400,8 +402,8 @@ class PartOnField {
                           max_core_distance(), towards_part);
   }
 
-  // Up to which distance of the cores the sharp shapes may be within the margin, u. The core of a cone is inset by up to
-  // twice its radius more at the tip and the rim.
+  // The sharp shapes may be within the margin up to this distance of their cores, u. The core of a cone is
+  // inset by up to twice its radius more at the tip and the rim.
   float max_core_distance() const {
     const float sharpness = part_.shape.kind == ShapeKind::kCapsule ? 1.0F : 3.0F;
     return margin_ + sharpness * proxy_.convex_radius + 2.0F * kColumnConvexRadius;
@@ -443,7 +445,10 @@ class PartOnField {
   void add(const Plateau& p, ManifoldReducer& found, ManifoldReducer& out) const {
     constexpr int kMaxContacts = 4;  // as ManifoldReducer::reduce()
     auto take = [&](const ManifoldCandidate& c) { add(p, c, out); };
-    found.count() <= kMaxContacts ? found.for_each(take) : found.reduce(take);
+    if (found.count() <= kMaxContacts)
+      found.for_each(take);
+    else
+      found.reduce(take);
   }
   // Tags the candidate with the cell of the plateau that contains its point.
   void add(const Plateau& p, ManifoldCandidate c, ManifoldReducer& out) const {
@@ -498,7 +503,10 @@ void collide_shape_with_field(const surface::Field& field, const Shape& shape, c
     set_surface_velocity(columns, c.tag / field.columns, c.tag % field.columns, c.point, contact);
   };
   for_each_part_on_field(columns, shape, centre, axes, margin, [&](PartOnField& part_on_field) {
-    field.has_force_limit() ? part_on_field.search_each_cell(take) : part_on_field.search(take);
+    if (field.has_force_limit())
+      part_on_field.search_each_cell(take);
+    else
+      part_on_field.search(take);
   });
 }
 
@@ -518,7 +526,7 @@ void collide_shape_with_ground(const Shape& shape, const Vec3& centre, const Mat
     ManifoldReducer candidates;
     const SupportFeature lowest = support_feature(part, centre, axes, Vec3(0, 0, -1));
     for (int i = 0; i < lowest.count; ++i) {
-      const Vec3& p = lowest.point[static_cast<std::size_t>(i)];
+      const Vec3& p = lowest.point[i];
       if (p.z() - ground_height <= margin) candidates.add({p, Vec3(0, 0, 1), p.z() - ground_height, 0});
     }
     candidates.reduce([&](const ManifoldCandidate& c) {

@@ -7,7 +7,7 @@
 
 #include "smartsurf/world/field/ConvexOnField.h"
 #include "smartsurf/world/field/SphereOnField.h"
-#include "smartsurf/world/narrowphase/Simd4.h"
+#include "smartsurf/world/simd/Simd4.h"
 
 namespace smartsurf::world {
 namespace {
@@ -34,26 +34,25 @@ float max_slip(float bounding_radius) { return std::min(kMaxSlip, kSlipFraction 
 }  // namespace
 
 void FieldManifoldCache::swap_in(int chunk, ChunkCache& chunk_cache) {
-  const auto i = static_cast<std::size_t>(chunk);
-  if (i >= previous_.size()) previous_.resize(i + 1);
-  if (previous_[i].manifolds.empty() && chunk_cache.manifolds.empty()) return;
-  std::swap(previous_[i], chunk_cache);
+  if (chunk >= std::ssize(previous_)) previous_.resize(chunk + 1);
+  if (previous_[chunk].manifolds.empty() && chunk_cache.manifolds.empty()) return;
+  std::swap(previous_[chunk], chunk_cache);
   chunk_cache.manifolds.clear();
   chunk_cache.points.clear();
   chunk_cache.heights.clear();
 }
 
 void FieldManifoldCache::build_index(int bodies) {
-  manifold_of_body_.assign(static_cast<std::size_t>(bodies), nullptr);
+  manifold_of_body_.assign(bodies, nullptr);
   for (ChunkCache& chunk_cache : previous_)
     for (CachedManifold& k : chunk_cache.manifolds) {
       k.points = chunk_cache.points.data() + k.first_point;
       k.heights = chunk_cache.heights.data() + k.first_height;
-      manifold_of_body_[static_cast<std::size_t>(k.body)] = &k;
+      manifold_of_body_[k.body] = &k;
     }
 }
 
-// Whether neither the part of the body near the cells has moved too far relative to any of them, nor level
+// True if neither the part of the body near the cells has moved too far relative to any of them, nor level
 // cells relative to each other. A cell that moves down cannot cause a new contact.
 bool FieldManifoldCache::is_valid(const BodyStore& bodies, std::size_t i, float margin,
                                   const CachedManifold& cached) const {
@@ -79,8 +78,7 @@ FieldManifoldCache::HeightChange FieldManifoldCache::height_change_since(const C
   Float4 low = broadcast4(total.low), high = broadcast4(total.high);
   const float* cached_heights = cached.heights;
   for (int r = u.row_begin; r < u.row_end; ++r, cached_heights += width) {
-    const float* const heights =
-        &field_.column_height()[static_cast<std::size_t>(field_.index(r, u.column_begin))];
+    const float* const heights = &field_.column_height()[field_.index(r, u.column_begin)];
     if (width >= kSimd4Width) {
       for_each_simd4(width, [&](int c) {
         const Float4 rise = load4(heights + c) - load4(cached_heights + c);
@@ -118,8 +116,7 @@ bool FieldManifoldCache::level_cells_separated(const CachedManifold& cached) con
   };
   const float* cached_heights = cached.heights;
   for (int r = u.row_begin; r < u.row_end; ++r, cached_heights += width) {
-    const float* const heights =
-        &field_.column_height()[static_cast<std::size_t>(field_.index(r, u.column_begin))];
+    const float* const heights = &field_.column_height()[field_.index(r, u.column_begin)];
     if (any_separated(width - 1, cached_heights, 1, heights, 1)) return true;
     if (r + 1 < u.row_end && any_separated(width, cached_heights, width, heights, field_.columns))
       return true;
@@ -162,10 +159,10 @@ void FieldManifoldCache::rebuild(const BodyStore& bodies, std::size_t i, float m
   for (const auto& [candidate, part_index] : candidates)
     chunk_cache.points.push_back(
         {axes.transpose() * (candidate.point + candidate.separation * candidate.normal - centre),
-         candidate.point, candidate.normal, field_.column_height()[static_cast<std::size_t>(candidate.tag)],
-         candidate.tag, part_index});
+         candidate.point, candidate.normal, field_.column_height()[candidate.tag], candidate.tag,
+         part_index});
   for (int r = cells.row_begin; r < cells.row_end; ++r) {
-    const float* const row = &field_.column_height()[static_cast<std::size_t>(field_.index(r, 0))];
+    const float* const row = &field_.column_height()[field_.index(r, 0)];
     chunk_cache.heights.insert(chunk_cache.heights.end(), row + cells.column_begin, row + cells.column_end);
   }
 }
@@ -176,8 +173,8 @@ void FieldManifoldCache::collide(const BodyStore& bodies, std::size_t i, float m
   if (cached && is_valid(bodies, i, margin, *cached)) {
     reuse(*cached, chunk_cache);
     if (reduce(bodies, i, margin, max_slip(bodies.bounding_radius[i]), chunk_cache, out)) return;
-    chunk_cache.points.resize(static_cast<std::size_t>(chunk_cache.manifolds.back().first_point));
-    chunk_cache.heights.resize(static_cast<std::size_t>(chunk_cache.manifolds.back().first_height));
+    chunk_cache.points.resize(chunk_cache.manifolds.back().first_point);
+    chunk_cache.heights.resize(chunk_cache.manifolds.back().first_height);
     chunk_cache.manifolds.pop_back();
   }
   const Vec3 centre = bodies.origin(i);
@@ -203,9 +200,7 @@ bool FieldManifoldCache::reduce(const BodyStore& bodies, std::size_t i, float ma
   const Columns columns(field_, bodies.width[i]);
   const Vec3 centre = bodies.origin(i);
   const std::size_t first_contact = out.size();
-  auto height_change = [&](const CachedPoint& p) {
-    return field_.column_height()[static_cast<std::size_t>(p.cell)] - p.top;
-  };
+  auto height_change = [&](const CachedPoint& p) { return field_.column_height()[p.cell] - p.top; };
   float slip_squared = 0.0F;  // the greatest, u²
   const CachedPoint* const end = chunk_cache.points.data() + manifold.first_point + manifold.point_count;
   for (const CachedPoint *part_begin = end - manifold.point_count, *part_end = part_begin; part_begin < end;
@@ -224,7 +219,7 @@ bool FieldManifoldCache::reduce(const BodyStore& bodies, std::size_t i, float ma
     }
     int chosen[ReductionPoints::kMaxSelected];
     const int count = points.select(chosen, [&](int k) -> const Vec3& { return part_begin[k].normal; });
-    for (const int k : std::span(chosen).first(static_cast<std::size_t>(count))) {
+    for (const int k : std::span(chosen).first(count)) {
       const CachedPoint& p = part_begin[k];
       Contact& c = out.emplace_back();
       c.normal = p.normal;

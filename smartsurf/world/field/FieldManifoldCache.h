@@ -5,8 +5,8 @@
 #include <vector>
 
 #include "smartsurf/surface/Field.h"
-#include "smartsurf/world/BodyStore.h"
-#include "smartsurf/world/Contact.h"
+#include "smartsurf/world/body/BodyStore.h"
+#include "smartsurf/world/contact/Contact.h"
 #include "smartsurf/world/field/Columns.h"
 
 namespace smartsurf::world {

@@ -38,7 +38,7 @@ FreeLayoutField::FreeLayoutField(const surface::Field& field)
   bucket_cells_.resize(field.x.size());
   std::vector<std::int32_t> next(bucket_begin_);
   for (std::size_t i = 0; i < field.x.size(); ++i)
-    bucket_cells_[static_cast<std::size_t>(next[bucket_of(i)]++)] = static_cast<std::int32_t>(i);
+    bucket_cells_[next[bucket_of(i)]++] = static_cast<std::int32_t>(i);
   for (std::size_t i = 0; i < field.x.size(); ++i) neighbours_.push_back(find_neighbours(i));
 }
 
@@ -55,8 +55,7 @@ void FreeLayoutField::for_each_cell(const Vec3& low, const Vec3& high, Each each
   for (int y = bucket(low.y() - half_diagonal_, 1); y <= y1; ++y)
     for (int x = bucket(low.x() - half_diagonal_, 0); x <= x1; ++x) {
       const auto b = static_cast<std::size_t>(y * bucket_count_[0] + x);
-      for (int k = bucket_begin_[b]; k < bucket_begin_[b + 1]; ++k)
-        each(static_cast<std::size_t>(bucket_cells_[static_cast<std::size_t>(k)]));
+      for (int k = bucket_begin_[b]; k < bucket_begin_[b + 1]; ++k) each(bucket_cells_[k]);
     }
 }
 
@@ -104,8 +103,7 @@ FreeLayoutField::Neighbours FreeLayoutField::find_neighbours(std::size_t cell) c
 
 bool FreeLayoutField::is_bridged(std::size_t cell, int side) const {
   for (const std::int32_t n : neighbours_[cell].cell[side])
-    if (n < 0 || !(std::abs(field_.column_height()[static_cast<std::size_t>(n)] -
-                            field_.column_height()[cell]) <= kLevelTolerance))
+    if (n < 0 || !(std::abs(field_.column_height()[n] - field_.column_height()[cell]) <= kLevelTolerance))
       return false;
   return true;
 }
@@ -128,12 +126,12 @@ void FreeLayoutField::load_local_grid(std::size_t cell, surface::Field& f) const
   f.max_height = f.height[kCentreCell] = field_.column_height()[cell];
   f.speed[kCentreCell] = field_.speed[cell];
   for (int side = 0; side < 4; ++side)
-    f.height[static_cast<std::size_t>(kNeighbourCell[side])] =
+    f.height[kNeighbourCell[side]] =
         is_bridged(cell, side) ? field_.column_height()[cell] : surface::kNoCellHeight;
   // A corner between two level neighbours counts as filled.
   for (const int corner : {0, 2, 6, 8}) {
     const std::size_t row = corner < 3 ? 1 : 7, column = corner % 3 == 0 ? 3 : 5;
-    f.height[static_cast<std::size_t>(corner)] = std::min(f.height[row], f.height[column]);
+    f.height[corner] = std::min(f.height[row], f.height[column]);
   }
   if (!field_.has_surface_velocity()) return;
   const float angle = field_.angle.empty() ? 0.0F : field_.angle[cell];
@@ -197,8 +195,7 @@ void FreeLayoutField::collide(const Shape& shape, const Vec3& centre, const Mat3
   ManifoldReducer candidates;
   for (std::size_t k = 0; k < contacts.size(); ++k)
     candidates.add({contacts[k].anchor, contacts[k].normal, contacts[k].separation, static_cast<int>(k)});
-  candidates.reduce(
-      [&](const ManifoldCandidate& c) { out.push_back(contacts[static_cast<std::size_t>(c.tag)]); });
+  candidates.reduce([&](const ManifoldCandidate& c) { out.push_back(contacts[c.tag]); });
 }
 
 }  // namespace smartsurf::world

@@ -8,8 +8,8 @@
 #include <vector>
 
 #include "smartsurf/surface/Field.h"
-#include "smartsurf/world/Contact.h"
-#include "smartsurf/world/narrowphase/Shape.h"
+#include "smartsurf/world/body/Shape.h"
+#include "smartsurf/world/contact/Contact.h"
 
 namespace smartsurf::world {
 

@@ -8,12 +8,13 @@
 namespace smartsurf::world {
 namespace {
 
-// Deep contacts: what hard contacts may reach, u, and what cells may do at this speed in a step, u/s.
+// A contact deeper than kHardDepth + kDepthPerStep * dt counts as jammed, u and u/s.
 constexpr float kHardDepth = 4e-3F, kDepthPerStep = 1.0F;
-// A cell retreats out of a contact deeper than that of the stall within this time, at most at kMaxRetreatSpeed.
+// A cell retreats out of a contact deeper than that of the stall within this time, at most at
+// kMaxRetreatSpeed.
 constexpr float kRetreatTime_s = 0.05F;
 
-// How long a cell that stalled stays so.
+// A cell that stalled stays so for this long.
 constexpr float kHoldTime_s = 0.05F;
 
 // A contact whose normal has a smaller vertical component lies on a cell's side.
@@ -31,7 +32,7 @@ bool JamRelief::hold_cells(surface::Field& field) {
   planned_speed_.resize(field.speed.size(), 0.0F);
   std::size_t kept = 0;
   for (const StalledCell& s : held_) {
-    const auto i = static_cast<std::size_t>(s.cell);
+    const Index i = s.cell;
     planned_speed_[i] = 0.0F;
     held_of_cell_[i] = -1;
     if (s.steps_left == 0) continue;
@@ -48,10 +49,11 @@ bool JamRelief::hold_cells(surface::Field& field) {
   return true;
 }
 
-// Bounds the upward speed of a cell, in the coming steps too if it `holds`. Returns whether that lowers the speed.
+// Bounds the upward speed of a cell, in the coming steps too if it `holds`. Returns whether that lowers the
+// speed.
 bool JamRelief::slow_down(std::int32_t cell, float bound, bool holds, surface::Field& field) {
   if (holds) hold({cell, std::max(bound, 0.0F), false, hold_steps_});  // a retreat lasts one step
-  float& speed = field.speed[static_cast<std::size_t>(cell)];
+  float& speed = field.speed[cell];
   if (speed <= bound) return false;
   speed = bound;
   return true;
@@ -59,13 +61,13 @@ bool JamRelief::slow_down(std::int32_t cell, float bound, bool holds, surface::F
 
 // The slowest of the bounds of this step replaces that of an earlier one.
 void JamRelief::hold(const StalledCell& s) {
-  std::int32_t& index = held_of_cell_[static_cast<std::size_t>(s.cell)];
+  std::int32_t& index = held_of_cell_[s.cell];
   if (index < 0) {
     index = static_cast<std::int32_t>(held_.size());
     held_.push_back(s);
     return;
   }
-  StalledCell& old = held_[static_cast<std::size_t>(index)];
+  StalledCell& old = held_[index];
   const bool is_of_this_step = old.steps_left == s.steps_left && old.descends == s.descends;
   const float speed = s.descends ? std::max(old.speed, s.speed) : std::min(old.speed, s.speed);
   old = s;
@@ -75,17 +77,15 @@ void JamRelief::hold(const StalledCell& s) {
 void JamRelief::spread(std::vector<DeepContact>& deep, const ContactList& pair_contacts,
                        const BodyStore& bodies) {
   jam_.resize(bodies.id.size());
-  for (const DeepContact& d : deep) jam_[static_cast<std::size_t>(d.body)].depth = d.depth;
+  for (const DeepContact& d : deep) jam_[d.body].depth = d.depth;
   for (bool changed = true; changed;) {
     changed = false;
     for (const Manifold& m : pair_contacts.manifolds) {
-      Jam &a = jam_[static_cast<std::size_t>(m.a)], &b = jam_[static_cast<std::size_t>(m.b)];
+      Jam &a = jam_[m.a], &b = jam_[m.b];
       if ((a.depth > 0.0F) == (b.depth > 0.0F)) continue;
       float impulse = 0.0F, upward = 0.0F;  // on a
-      for (int k = m.first; k < m.first + m.count; ++k) {
-        const Contact& c = pair_contacts.contacts[static_cast<std::size_t>(k)];
+      for (const Contact& c : pair_contacts.contacts_of(m))
         impulse += c.total_normal_impulse, upward += c.total_normal_impulse * c.normal.z();
-      }
       if (impulse <= 0.0F) continue;
       if (b.depth > 0.0F)
         deep.push_back({m.a, a.depth = b.depth, upward < 0.0F});
@@ -94,7 +94,7 @@ void JamRelief::spread(std::vector<DeepContact>& deep, const ContactList& pair_c
       changed = true;
     }
   }
-  for (const DeepContact& d : deep) jam_[static_cast<std::size_t>(d.body)] = {};
+  for (const DeepContact& d : deep) jam_[d.body] = {};
 }
 
 void JamRelief::archive(common::StateArchive& a) { a(held_, held_of_cell_, planned_speed_); }
@@ -107,25 +107,23 @@ bool JamRelief::stall_cells(std::span<const DeepContact> deep_contacts, const Co
   held_of_cell_.resize(field.speed.size(), -1);
   jam_.resize(bodies.id.size());
   for (const DeepContact& d : deep_contacts) {
-    Jam& jam = jam_[static_cast<std::size_t>(d.body)];
+    Jam& jam = jam_[d.body];
     jam.depth = std::max(jam.depth, d.depth);
     jam.from_above |= d.from_above;
   }
   bool lowered = false;
   for (const Manifold& m : static_contacts.manifolds) {
-    const Jam& jam = jam_[static_cast<std::size_t>(m.a)];
+    const Jam& jam = jam_[m.a];
     if (jam.depth == 0.0F) continue;
     // Spheres slip out of wedges by themselves, unless something lies on them.
-    const bool may_wedge = jam.from_above || !bodies.is_sphere[static_cast<std::size_t>(m.a)];
+    const bool may_wedge = jam.from_above || !bodies.is_sphere[m.a];
     const float fraction = std::max(0.0F, 2.0F - jam.depth / min_depth_);
-    for (int k = m.first; k < m.first + m.count; ++k) {
-      const Contact& c = static_contacts.contacts[static_cast<std::size_t>(k)];
+    for (const Contact& c : static_contacts.contacts_of(m)) {
       if (!c.moves_with_cell()) continue;
       const bool bears = c.total_normal_impulse > 0.0F;
       if (!bears && !may_wedge) continue;
-      float& speed = field.speed[static_cast<std::size_t>(c.feature_id)];
-      const float held = planned_speed_[static_cast<std::size_t>(c.feature_id)],
-                  planned = held != 0.0F ? held : c.surface_velocity.z();
+      float& speed = field.speed[c.feature_id];
+      const float held = planned_speed_[c.feature_id], planned = held != 0.0F ? held : c.surface_velocity.z();
       if (may_wedge && planned < 0.0F && c.normal.z() < kMaxSideNormalZ) {
         const float bound = fraction * planned;
         if (!bears) continue;
@@ -145,17 +143,17 @@ bool JamRelief::stall_cells(std::span<const DeepContact> deep_contacts, const Co
   // The few contacts of a flat face stand for all cells that it covers.
   for (const SupportPatches& list : supports)
     for (const SupportPatch& p : list.patches) {
-      const Jam& jam = jam_[static_cast<std::size_t>(p.body)];
+      const Jam& jam = jam_[p.body];
       if (jam.depth == 0.0F) continue;
       const float fraction = std::max(0.0F, 2.0F - jam.depth / min_depth_);
       for (int i = p.first; i < p.first + p.count; ++i) {
-        const std::int32_t cell = list.samples.cell[static_cast<std::size_t>(i)];
+        const std::int32_t cell = list.samples.cell[i];
         const auto at = static_cast<std::size_t>(cell);
         const float planned = planned_speed_[at] != 0.0F ? planned_speed_[at] : field.speed[at];
         if (planned > 0.0F) lowered |= slow_down(cell, fraction * planned, fraction < 1.0F, field);
       }
     }
-  for (const DeepContact& d : deep_contacts) jam_[static_cast<std::size_t>(d.body)] = {};
+  for (const DeepContact& d : deep_contacts) jam_[d.body] = {};
   return lowered;
 }
 

@@ -1,5 +1,5 @@
-// Lets the cells under a jammed body stall: a body that is pressed deep into cells or other bodies has no way out, and
-// cells that go on rising would enter it.
+// Jam relief: cells stall under a jammed body, one that is pressed deep into cells or other bodies or off its
+// joints. It has no way out, and cells that go on rising would enter it.
 #pragma once
 
 #include <cstdint>
@@ -7,13 +7,13 @@
 #include <vector>
 
 #include "smartsurf/surface/Field.h"
-#include "smartsurf/world/BodyStore.h"
-#include "smartsurf/world/Contact.h"
+#include "smartsurf/world/body/BodyStore.h"
+#include "smartsurf/world/contact/Contact.h"
 #include "smartsurf/world/field/SupportPatch.h"
 
 namespace smartsurf::world {
 
-// A body that is in another one, in a cell or off its joints in this step.
+// A body that is deep in another one or in a cell, or off its joints, in this step.
 struct DeepContact {
   std::int32_t body;
   float depth;      // u
@@ -27,16 +27,17 @@ class JamRelief {
   // Contacts from this depth on count as deep, u.
   float min_depth() const { return min_depth_; }
 
-  // Before the contacts are found: cells that stalled lately do not rise faster than then, or they would go on pushing
-  // whenever the body leaves them for a step. Returns whether it lowered any speed.
+  // Before the contacts are found: cells that stalled lately do not rise faster than then, or they would go
+  // on pushing whenever the body leaves them for a step. Returns whether it lowered any speed.
   bool hold_cells(surface::Field&);
-  // After the solver: appends the bodies that deep ones press on. Call it with bodies that are off their joints: contacts
-  // hold at the joints' expense, so that no other body on the way to the cells is in a deep contact.
+  // After the solver: appends the bodies that deep ones press on. Bodies that are off their joints need it:
+  // their contacts hold at the joints' expense, so no other body between them and the cells is in a deep
+  // contact.
   void spread(std::vector<DeepContact>&, const ContactList& pair_contacts, const BodyStore&);
-  // After the solver: lowers the upward Field::speed of the cells that push the bodies, the more the deeper they are, to
-  // 0 at a depth of twice min_depth(); cells that descend likewise where a body is wedged against their sides. A rising
-  // cell that is itself deeper in a body retreats, and one that does not touch it yet comes no nearer than that. Returns
-  // whether it lowered any speed.
+  // After the solver: lowers the upward Field::speed of the cells that push the bodies, the more the deeper
+  // they are, to 0 at a depth of twice min_depth(); cells that descend likewise where a body is wedged
+  // against their sides. A rising cell that is itself deeper in a body retreats, and one that does not touch
+  // it yet comes no nearer than that. Returns whether it lowered any speed.
   bool stall_cells(std::span<const DeepContact>, const ContactList& static_contacts,
                    std::span<const SupportPatches>, const BodyStore&, surface::Field&);
   void archive(common::StateArchive&);

@@ -41,7 +41,7 @@ struct Triangle {
   Triangle(const Vec3& p, const Vec3& q, const Vec3& r)
       : a(p), b(q), c(r), normal((q - p).cross(r - p).normalized()) {}
   float height_above(const Vec3& p) const { return normal.dot(p - a); }
-  // Whether the vertical through the point meets the triangle, its border included.
+  // True if the vertical through the point meets the triangle, its border included.
   bool is_under(const Vec3& p) const {
     const auto is_left = [&p](const Vec3& from, const Vec3& to) {
       const float x = to.x() - from.x(), y = to.y() - from.y();
@@ -64,7 +64,7 @@ float highest_node(const Skin& s, int r, int c) {
                   std::max(s.height[s.index(r + 1, c)], s.height[s.index(r + 1, c + 1)]));
 }
 
-// Whether no point of the sheet beside a node is farther in a direction than the node.
+// True if the node is a local support point of the skin in `direction`.
 bool is_extreme(const Skin& s, int r, int c, const Vec3& direction) {
   const Vec3 node = s.node(r, c);
   const float tolerance = kFlatness * std::min(s.spacing_x, s.spacing_y) * direction.norm();
@@ -88,7 +88,7 @@ void add_contact(const Skin& s, const Vec3& point, const Vec3& normal, const Vec
   c.surface_velocity = {0, 0, at.interpolate(s.speed)};
 }
 
-// The points of the sheet that are nearest to a sphere's centre among those around them.
+// The points of the skin that are nearest to a sphere's centre among those around them.
 class SphereOnSkin {
  public:
   SphereOnSkin(const Skin& skin, const Vec3& centre, float radius, float margin)
@@ -126,7 +126,7 @@ class SphereOnSkin {
     add_vertex(r, c);
   }
 
-  // Whether any point of a rectangle, or of its edges and nodes, may be within reach.
+  // False only if no point of a rectangle, its edges and its nodes is within reach.
   bool may_reach(int r, int c) const {
     const float west = s_.west + static_cast<float>(c) * s_.spacing_x,
                 north = s_.north - static_cast<float>(r) * s_.spacing_y;
@@ -171,7 +171,7 @@ class SphereOnSkin {
     if (up.z() > 0.0F && distance < reach_ && is_extreme(s_, r, c, up)) add(up / distance, distance);
   }
 
-  // The centre may be below the sheet: the triangle there pushes the sphere up.
+  // The centre may be below the skin: the triangle there pushes the sphere up.
   void add_from_below() {
     if (centre_.x() < s_.west || centre_.x() > s_.east() || centre_.y() < s_.south() ||
         centre_.y() > s_.north)
@@ -204,7 +204,7 @@ void collide_part(const Skin& s, const ConvexPart& part, const Vec3& centre, con
       feature = support_feature(part, centre, axes, -direction);
     }
     for (int i = 0; i < feature.count; ++i) {
-      const Vec3& p = feature.point[static_cast<std::size_t>(i)];
+      const Vec3& p = feature.point[i];
       const float separation = t.height_above(p);
       if (separation <= margin && separation > deepest && t.is_under(p))
         candidates.add({p, t.normal, separation, 0});

@@ -1,20 +1,21 @@
-// Contacts of a body with a sheet over the cells (surface::Skin), which is a surface of triangles.
+// Contacts of a body with a skin over the cells (surface::Skin), which is a surface of triangles.
 #pragma once
 
 #include <vector>
 
 #include "smartsurf/surface/Skin.h"
-#include "smartsurf/world/Contact.h"
-#include "smartsurf/world/narrowphase/Shape.h"
+#include "smartsurf/world/body/Shape.h"
+#include "smartsurf/world/contact/Contact.h"
 
 namespace smartsurf::world {
 
-// Appends the contacts with separations up to `margin` ≥ 0: points of the sheet that are nearest to the body among those
-// around them, so that nothing catches on the edges between triangles of one plane. A sphere has at most four
-// (SphereManifoldReducer), each convex part of another body up to eight (ManifoldReducer): its corners and edges over the
-// triangles that face them, and nodes of the sheet under it. Edges of the sheet that cross an edge of the body between two
-// nodes are not found. The sheet has no lower side: what is less than its own size below is above it.
-// Cost: proportional to the triangles under the body.
+// Appends the contacts with separations up to `margin` ≥ 0: the points of the skin that are nearest to the
+// body among their neighbours, so that nothing catches on the edges between triangles of one plane. A sphere
+// has at most four (SphereManifoldReducer). Each convex part of another body has up to eight
+// (ManifoldReducer): its corners and edges over the triangles that face them, and the nodes of the skin under
+// it. An edge of the skin that crosses an edge of the body between two nodes is not found. The skin has no
+// lower side: a body that is below it by less than the body's own size is pushed up. The cost is proportional
+// to the number of triangles under the body.
 void collide_with_skin(const surface::Skin&, const Shape&, const Vec3& centre, const Mat3& axes, float margin,
                        std::vector<Contact>& out);
 

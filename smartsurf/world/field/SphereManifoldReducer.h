@@ -3,7 +3,7 @@
 // side.
 #pragma once
 
-#include "smartsurf/world/Vec.h"
+#include "smartsurf/world/body/Vec.h"
 
 namespace smartsurf::world {
 

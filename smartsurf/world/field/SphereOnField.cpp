@@ -34,7 +34,7 @@ void collide_column(const Columns& columns, int row, int column, const Vec3& cen
 
 void set_surface_velocity(const Columns& columns, int row, int column, const Vec3& point, Contact& c) {
   const surface::Field& f = columns.field();
-  const auto i = static_cast<std::size_t>(columns.index(row, column));
+  const Index i = columns.index(row, column);
   c.surface_velocity = {0, 0, f.speed[i]};
   if (!f.has_surface_velocity()) return;
   const float spin = f.surface_spin.empty() ? 0.0F : f.surface_spin[i];

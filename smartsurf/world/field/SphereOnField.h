@@ -7,7 +7,7 @@
 
 #include <vector>
 
-#include "smartsurf/world/Contact.h"
+#include "smartsurf/world/contact/Contact.h"
 #include "smartsurf/world/field/Columns.h"
 
 namespace smartsurf::world {

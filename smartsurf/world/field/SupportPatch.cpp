@@ -22,8 +22,6 @@ constexpr float kMaxLineSlope = 0.0141F;
 constexpr float kSeparationTolerance = 2e-3F;
 // Greatest distance of a contact from the face to which it belongs, u.
 constexpr float kFaceTolerance = 0.01F;
-// A cell bears its full share if it shares at least this fraction of its top with the face.
-constexpr float kFullShare = 1.0F;
 // Mean distance of the points of a unit square from its centre.
 constexpr float kSquareArm = 0.3826F;
 constexpr int kMaxCorners = 32;
@@ -41,7 +39,7 @@ struct Footprint {
 
   bool is_line() const { return count == 2; }
   float z_at(float x, float y) const { return z + slope_x * (x - corner[0].x) + slope_y * (y - corner[0].y); }
-  // Whether a point is on the face, or just beside it.
+  // True if a point is on the face, or just beside it.
   bool has_near(const Vec3& p) const {
     return std::abs(z_at(p.x(), p.y()) - p.z()) <= kFaceTolerance && p.x() >= west - kFaceTolerance &&
            p.x() <= east + kFaceTolerance && p.y() >= south - kFaceTolerance &&
@@ -66,8 +64,8 @@ void add_disc(Footprint& f, const Vec3& middle, float radius) {
     std::array<Point2, kCorners> unit;
     const double angle = 2.0 * M_PI / kCorners, scale = std::sqrt(angle / std::sin(angle));
     for (int i = 0; i < kCorners; ++i)
-      unit[static_cast<std::size_t>(i)] = {static_cast<float>(scale * std::cos(i * angle)),
-                                           static_cast<float>(scale * std::sin(i * angle))};
+      unit[i] = {static_cast<float>(scale * std::cos(i * angle)),
+                 static_cast<float>(scale * std::sin(i * angle))};
     return unit;
   }();
   for (const Point2& u : kUnit) f.add(middle + radius * Vec3(u.x, u.y, 0));
@@ -173,7 +171,7 @@ bool share_line(const Point2& from, const Point2& to, float half_x, float half_y
   if (!(end > begin)) return false;
   const float middle = 0.5F * (begin + end), length = (end - begin) * length_of(dx, dy);
   out = {from.x + middle * dx, from.y + middle * dy,
-         std::min(1.0F, length / (kFullShare * 2.0F * std::min(half_x, half_y))), 0.25F * length};
+         std::min(1.0F, length / (2.0F * std::min(half_x, half_y))), 0.25F * length};
   return true;
 }
 
@@ -207,7 +205,7 @@ bool share_polygon(const Point2* corner, int count, float half_x, float half_y, 
   }
   const float full = 4.0F * half_x * half_y;
   if (!(area > 1e-6F * full)) return false;
-  out = {x / (3.0F * area), y / (3.0F * area), std::min(1.0F, 0.5F * area / (kFullShare * full)),
+  out = {x / (3.0F * area), y / (3.0F * area), std::min(1.0F, 0.5F * area / full),
          kSquareArm * std::sqrt(0.5F * area)};
   return true;
 }
@@ -282,13 +280,13 @@ BearingContacts bearing_contacts(const surface::Field& field, std::span<const Co
     if (is_upright(c)) b.min_separation = std::min(b.min_separation, c.separation);
   for (const Contact& c : contacts)
     if (is_upright(c) && c.separation <= b.min_separation + kSeparationTolerance)
-      b.min_top = std::min(b.min_top, field.column_height()[static_cast<std::size_t>(c.feature_id)]);
+      b.min_top = std::min(b.min_top, field.column_height()[c.feature_id]);
   return b;
 }
 
 void add_sample(const surface::Field& field, std::int32_t cell, const Vec3& centre, const Point2& cell_centre,
                 const SharedArea& shared, SupportSamples& out) {
-  const auto i = static_cast<std::size_t>(cell);
+  const Index i = cell;
   out.cell.push_back(cell);
   out.x.push_back(cell_centre.x + shared.x - centre.x());
   out.y.push_back(cell_centre.y + shared.y - centre.y());
@@ -326,7 +324,7 @@ void add_samples(const surface::Field& field, const FreeLayoutField& layout, con
   thread_local std::vector<std::int32_t> cells;
   layout.find_cells({f.west, f.south, 0}, {f.east, f.north, 0}, cells);
   for (const std::int32_t cell : cells) {
-    const auto i = static_cast<std::size_t>(cell);
+    const Index i = cell;
     const Point2 at{field.x[i], field.y[i]};
     if (!bearing.bears(f.z_at(at.x, at.y) - field.column_height()[i], field.column_height()[i])) continue;
     const float angle = field.angle_of(cell), sine = std::sin(angle), cosine = std::cos(angle);
@@ -346,6 +344,7 @@ void add_samples(const surface::Field& field, const FreeLayoutField& layout, con
 
 // Merges samples on the same cell, which several parts of a body share, and restores the order.
 void merge_cells(SupportSamples& s, std::size_t first) {
+  const std::array all{&s.x, &s.y, &s.arm, &s.weight, &s.velocity_x, &s.velocity_y, &s.spin};
   thread_local std::vector<std::size_t> order;
   order.clear();
   for (std::size_t i = first; i < s.cell.size(); ++i) order.push_back(i);
@@ -355,10 +354,9 @@ void merge_cells(SupportSamples& s, std::size_t first) {
     thread_local std::decay_t<decltype(values)> sorted;
     sorted.clear();
     for (const std::size_t i : order) sorted.push_back(values[i]);
-    std::copy(sorted.begin(), sorted.end(), values.begin() + static_cast<std::ptrdiff_t>(first));
+    std::copy(sorted.begin(), sorted.end(), values.begin() + first);
   };
-  for (std::vector<float>* values : {&s.x, &s.y, &s.arm, &s.weight, &s.velocity_x, &s.velocity_y, &s.spin})
-    permute(*values);
+  for (std::vector<float>* values : all) permute(*values);
   permute(s.cell);
   std::size_t to = first;
   for (std::size_t i = first; i < s.cell.size(); ++i) {
@@ -372,17 +370,15 @@ void merge_cells(SupportSamples& s, std::size_t first) {
       s.weight[to - 1] = std::min(1.0F, s.weight[to - 1] + s.weight[i]);
       continue;
     }
-    for (std::vector<float>* values : {&s.x, &s.y, &s.arm, &s.weight, &s.velocity_x, &s.velocity_y, &s.spin})
-      (*values)[to] = (*values)[i];
+    for (std::vector<float>* values : all) (*values)[to] = (*values)[i];
     s.cell[to++] = s.cell[i];
   }
-  for (std::vector<float>* values : {&s.x, &s.y, &s.arm, &s.weight, &s.velocity_x, &s.velocity_y, &s.spin})
-    values->resize(to);
+  for (std::vector<float>* values : all) values->resize(to);
   s.cell.resize(to);
 }
 
-// Finds the shares of a patch's points. A sample moves to where its points can balance its load; one without points gets
-// the weight 0. False if no sample has points.
+// Finds the shares of a patch's points. A sample moves to where its points can balance its load; one without
+// points gets the weight 0. False if no sample has points.
 bool add_shares(const SupportPatch& patch, std::span<const Contact> contacts, SupportPatches& out) {
   struct Points {
     int count = 0;
@@ -391,21 +387,20 @@ bool add_shares(const SupportPatch& patch, std::span<const Contact> contacts, Su
     float offset_x = 0, offset_y = 0, least_share = 1.0F;  // of the sample from the mean
   };
   thread_local std::vector<Points> of_sample;
-  of_sample.assign(static_cast<std::size_t>(patch.count), {});
+  of_sample.assign(patch.count, {});
   SupportSamples& s = out.samples;
   const auto first = static_cast<std::size_t>(patch.first),
              first_point = static_cast<std::size_t>(patch.first_point);
-  const auto cells = std::span(s.cell).subspan(first, static_cast<std::size_t>(patch.count));
+  const auto cells = std::span(s.cell).subspan(first, patch.count);
   out.shares.resize(out.points.size());
   // Calls each(share, points of its sample, contact) for the points that have a sample.
   auto for_each_share = [&](auto each) {
     for (std::size_t k = first_point; k < out.points.size(); ++k)
       if (PointShare& share = out.shares[k]; share.sample >= 0)
-        each(share, of_sample[static_cast<std::size_t>(share.sample)],
-             contacts[static_cast<std::size_t>(out.points[k])].anchor);
+        each(share, of_sample[share.sample], contacts[out.points[k]].anchor);
   };
   for (std::size_t k = first_point; k < out.points.size(); ++k) {
-    const std::int32_t cell = contacts[static_cast<std::size_t>(out.points[k])].feature_id;
+    const std::int32_t cell = contacts[out.points[k]].feature_id;
     const auto found = std::lower_bound(cells.begin(), cells.end(), cell);
     out.shares[k] = {};
     if (found != cells.end() && *found == cell)
@@ -497,9 +492,7 @@ bool add_support_patch(const surface::Field& field, const FreeLayoutField* free_
       const auto index = static_cast<std::int32_t>(k);
       if (!is_upright(c) || !f.has_near(centre + c.anchor)) continue;
       // A lower cell has points of its own.
-      if (patch.has_shares &&
-          !bearing.bears(c.separation, field.column_height()[static_cast<std::size_t>(c.feature_id)]))
-        continue;
+      if (patch.has_shares && !bearing.bears(c.separation, field.column_height()[c.feature_id])) continue;
       touches = true;
       if (footprints == 0 ||
           std::find(out.points.begin() + patch.first_point, out.points.end(), index) == out.points.end())
@@ -518,14 +511,13 @@ bool add_support_patch(const surface::Field& field, const FreeLayoutField* free_
   patch.point_count = static_cast<std::int32_t>(out.points.size()) - patch.first_point;
   if (patch.count < 1 || patch.point_count < 2 || (patch.has_shares && !add_shares(patch, contacts, out))) {
     out.samples.resize(first, patch.has_shares);
-    out.points.resize(static_cast<std::size_t>(patch.first_point));
+    out.points.resize(patch.first_point);
     out.shares.resize(patch.has_shares ? out.points.size() : 0);
     return false;
   }
   for (std::size_t i = first; i < out.samples.cell.size(); ++i)
     patch.moves |= out.samples.velocity_x[i] != 0.0F || out.samples.velocity_y[i] != 0.0F ||
-                   out.samples.spin[i] != 0.0F ||
-                   field.speed[static_cast<std::size_t>(out.samples.cell[i])] != 0.0F;
+                   out.samples.spin[i] != 0.0F || field.speed[out.samples.cell[i]] != 0.0F;
   out.samples.resize((out.samples.cell.size() + kLanes - 1) / kLanes * kLanes, patch.has_shares);
   out.patches.push_back(patch);
   return true;
@@ -541,9 +533,9 @@ void match_support_patch(const SupportPatches& previous, const SupportPatch& fro
   }
   auto i = static_cast<std::size_t>(from.first);
   const std::size_t end = i + static_cast<std::size_t>(from.count);
-  const auto& old_friction = previous.samples.friction[static_cast<std::size_t>(from.current)];
-  auto& friction = current.samples.friction[static_cast<std::size_t>(to.current)];
-  for (auto k = static_cast<std::size_t>(to.first); k < static_cast<std::size_t>(to.first + to.count); ++k) {
+  const auto& old_friction = previous.samples.friction[from.current];
+  auto& friction = current.samples.friction[to.current];
+  for (Index k = to.first; k < to.first + to.count; ++k) {
     while (i < end && previous.samples.cell[i] < current.samples.cell[k]) ++i;
     if (i == end || previous.samples.cell[i] != current.samples.cell[k]) continue;
     for (std::size_t axis = 0; axis < 3; ++axis) friction[axis][k] = old_friction[axis][i];

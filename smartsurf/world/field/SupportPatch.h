@@ -1,13 +1,14 @@
-// Distributed support: the cells that a flat face, or a line, of a body lies on, and how they share its load.
+// Support patches: a patch is the set of cells that a flat face, or a line, of a body lies on, which share
+// its load.
 //
-// The reduced manifold of a flat contact carries the right force and moment at four points, but a plate rests on all
-// the cells that it covers. A patch has one sample per covered cell, a spring of vanishing compliance at the centre of
-// the area that the cell shares with the face. The load of sample i is N_i = max(0, a + b·x_i + c·y_i), with the force
-// and the moment of the normal impulses at the patch's points (least squares among non-negative loads). Each sample
-// rubs with its own load; the points have no friction of their own.
+// The reduced manifold of a flat contact carries the right force and moment at four points, but a plate rests
+// on all the cells that it covers. A patch has one sample per covered cell, a spring of vanishing compliance
+// at the centre of the area that the cell shares with the face. The load of sample i is N_i = max(0, a +
+// b·x_i + c·y_i), with the force and the moment of the normal impulses at the patch's points (least squares
+// among non-negative loads). Each sample rubs with its own load; the points have no friction of their own.
 //
-// If cells have force limits, each cell has contact points of its own, N_i is at most what the cell can give, and the
-// points take over these loads.
+// If cells have force limits, each cell has contact points of its own, N_i is at most what the cell can give,
+// and the points take over these loads.
 #pragma once
 
 #include <array>
@@ -16,14 +17,14 @@
 #include <vector>
 
 #include "smartsurf/surface/Field.h"
-#include "smartsurf/world/Contact.h"
+#include "smartsurf/world/body/Shape.h"
+#include "smartsurf/world/contact/Contact.h"
 #include "smartsurf/world/field/FreeLayoutField.h"
-#include "smartsurf/world/narrowphase/Shape.h"
 
 namespace smartsurf::world {
 
-// The samples of several patches as a structure of arrays. Each patch's samples begin at a multiple of kLanes and are
-// padded with samples of weight 0. Lengths in world axes, from the body's centre of mass.
+// The samples of several patches as a structure of arrays. Each patch's samples begin at a multiple of kLanes
+// and are padded with samples of weight 0. Lengths in world axes, from the body's centre of mass.
 struct SupportSamples {
   std::vector<std::int32_t> cell;  // ascending within a patch; −1: padding
   std::vector<float> x, y;         // centre of the area that the cell and the face share
@@ -34,8 +35,8 @@ struct SupportSamples {
   std::vector<float> load;                          // normal impulse over the step, mass·u/s
   // Greatest load of the cell in the substep, mass·u/s; infinite: kUnlimitedLoad. Empty without force limits.
   std::vector<float> limit;
-  // Friction impulse of the last substep along x and y, and its torque about z divided by `arm`; two copies, of which
-  // SupportPatch::current is valid.
+  // Friction impulse of the last substep along x and y, and its torque about z divided by `arm`; two copies,
+  // of which SupportPatch::current is valid.
   std::array<std::array<std::vector<float>, 3>, 2> friction;
 
   std::size_t size() const { return cell.size(); }
@@ -46,8 +47,8 @@ struct SupportSamples {
 };
 inline constexpr float kUnlimitedLoad = 1e30F;
 
-// How a patch's point takes part in the load of its cell: by share + share_x·x + share_y·y, if the load acts at (x, y)
-// from the cell's sample, u.
+// How a patch's point takes part in the load of its cell: by share + share_x·x + share_y·y, if the load acts
+// at (x, y) from the cell's sample, u.
 struct PointShare {
   std::int32_t sample = -1;  // from the patch's first one; −1: the cell bears nothing
   float share = 0.0F, share_x = 0.0F, share_y = 0.0F;
@@ -61,9 +62,10 @@ struct SupportPatch {
   bool moves = false;                             // whether any of its cells moves or has a surface velocity
   bool has_friction = false;                      // whether the friction impulses of the last step were found
   bool has_shares = false;                        // whether its points are in SupportPatches::shares
-  // Whether `friction_sum` alone is valid, not the friction of the samples: the cells rest and none of them slips.
+  // True if `friction_sum` alone is valid, not the friction of the samples: the cells rest and none of them
+  // slips.
   bool is_lumped = false;
-  int current = 0;                                // the valid copy of SupportSamples::friction
+  int current = 0;  // the valid copy of SupportSamples::friction
 
   // ---- of the solver
   std::int32_t row = 0, batch_point = 0, lane = 0;
@@ -72,14 +74,15 @@ struct SupportPatch {
   float friction = 0.0F;                               // coefficient
   double total_weight = 0.0;                           // of the samples
   double centre_x = 0.0, centre_y = 0.0, scale = 1.0;  // weighted mean and extent of the samples
-  // Greatest distance of a sample's area from the mean, least arm, u, and mean square of the areas' distances, u².
+  // Greatest distance of a sample's area from the mean, least arm, u, and mean square of the areas'
+  // distances, u².
   double reach = 0.0, min_arm = 0.0, gyration_squared = 0.0;
   double load[3] = {};  // a, b, c of the load in the coordinates (x − centre_x) / scale, per `force`
   double force = 0.0;   // sum of the normal impulses for which `load` holds
   double load_sums[3] = {},
          load_stiffness[6] = {};  // of `load`, in its coordinates; stiffness as a symmetric matrix
-  // From the centre of the loads to that of the normal impulses. Not 0 where the samples cannot balance the moment,
-  // for example if the body overhangs them.
+  // Offset from the centre of the loads to that of the normal impulses. It is not 0 where the samples cannot balance the
+  // moment, for example if the body overhangs them.
   double offset_x = 0.0, offset_y = 0.0;
   double centre_of_force[2] = {};  // of these normal impulses, in the coordinates of `load`
   double response[6] = {}, inverse_response[6] = {};  // see SupportSolver
@@ -96,29 +99,29 @@ struct SupportPatches {
   void archive(common::StateArchive& a) { a(patches, points, shares, samples); }
 };
 
-// Adds the patch of a body if its flat underside lies on at least two cells. `free_layout`: null for a rectangular
-// field. centre, origin: of the body's mass and of its shape. `contacts`: those of the body with the field. Returns whether
-// a patch was added.
+// Adds the patch of a body if its flat underside lies on at least two cells. `free_layout`: null for a
+// rectangular field. `centre` is the centre of mass, `origin` that of the shape; `contacts` are those of the
+// body with the field. Returns whether a patch was added.
 bool add_support_patch(const surface::Field&, const FreeLayoutField* free_layout, const Shape&,
                        std::int32_t body, const Vec3& centre, const Vec3& origin, const Mat3& axes,
                        float margin, std::span<const Contact> contacts, SupportPatches& out);
 
-// Of the last patch: removes the points on cells that the face does not cover, but only touches at its rim. Such cells
-// bear nothing. Calls remove(k) for each, k: of the contact in the list without those removed before.
+// Removes the last patch's points on cells that the face does not cover but only touches at its rim, because
+// such cells bear nothing. Calls remove(k) for each; k is the contact's index in the list without those
+// removed before.
 template <class Remove>
 void remove_points_without_share(SupportPatches& list, Remove remove) {
   SupportPatch& patch = list.patches.back();
-  for (auto i = static_cast<std::size_t>(patch.first_point); i < list.points.size();) {
+  for (Index i = patch.first_point; i < std::ssize(list.points);) {
     if (list.shares[i].sample >= 0) {
       ++i;
       continue;
     }
     const std::int32_t contact = list.points[i];
     remove(contact);
-    const auto at = static_cast<std::ptrdiff_t>(i);
-    list.points.erase(list.points.begin() + at);
-    list.shares.erase(list.shares.begin() + at);
-    for (auto k = static_cast<std::size_t>(patch.first_point); k < list.points.size(); ++k)
+    list.points.erase(list.points.begin() + i);
+    list.shares.erase(list.shares.begin() + i);
+    for (Index k = patch.first_point; k < std::ssize(list.points); ++k)
       if (list.points[k] > contact) --list.points[k];
     --patch.point_count;
   }

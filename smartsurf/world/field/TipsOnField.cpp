@@ -36,7 +36,7 @@ void for_each_tip(const surface::Field& field, const FreeLayoutField* layout, co
   if (layout != nullptr) {
     thread_local std::vector<std::int32_t> cells;
     layout->find_cells(low - reach, high + reach, cells);
-    for (const std::int32_t cell : cells) visit_tip(static_cast<std::size_t>(cell));
+    for (const std::int32_t cell : cells) visit_tip(cell);
     return;
   }
   const auto first = [&](float u) {
@@ -49,8 +49,7 @@ void for_each_tip(const surface::Field& field, const FreeLayoutField* layout, co
   const int row_end = std::min(field.rows, last(south - low.y() + reach.y()) + 1),
             column_end = std::min(field.columns, last(high.x() + reach.x()) + 1);
   for (int r = std::max(0, first(south - high.y() - reach.y())); r < row_end; ++r)
-    for (int c = std::max(0, first(low.x() - reach.x())); c < column_end; ++c)
-      visit_tip(static_cast<std::size_t>(field.index(r, c)));
+    for (int c = std::max(0, first(low.x() - reach.x())); c < column_end; ++c) visit_tip(field.index(r, c));
 }
 
 // The parts of the kinds of tips that one body meets.
@@ -61,9 +60,8 @@ class TipPartsCache {
       : field_(field), depth_(std::max(0.0F, field.max_height - body_low) + kDepthBelowBody) {}
   std::span<const TipParts::Part> of(std::size_t cell) {
     const std::int8_t kind = field_.tip_of_cell[cell];
-    if (kind != kind_)
-      parts_.emplace(field_, field_.tips[static_cast<std::size_t>(kind)], depth_), kind_ = kind;
-    return std::span(parts_->part).first(static_cast<std::size_t>(parts_->count));
+    if (kind != kind_) parts_.emplace(field_, field_.tips[kind], depth_), kind_ = kind;
+    return std::span(parts_->part).first(parts_->count);
   }
 
  private:
@@ -214,8 +212,7 @@ void collide_with_tips(const surface::Field& field, const FreeLayoutField* layou
   for (std::size_t k = 0; k < contacts.size(); ++k)
     candidates.add({contacts[k].anchor, contacts[k].normal, contacts[k].separation, static_cast<int>(k)});
   if (candidates.count() == 0) return;
-  candidates.reduce(
-      [&](const ManifoldCandidate& c) { out.push_back(contacts[static_cast<std::size_t>(c.tag)]); });
+  candidates.reduce([&](const ManifoldCandidate& c) { out.push_back(contacts[c.tag]); });
 }
 
 }  // namespace smartsurf::world

@@ -4,9 +4,9 @@
 #include <array>
 #include <vector>
 
-#include "smartsurf/world/Contact.h"
+#include "smartsurf/world/body/Shape.h"
+#include "smartsurf/world/contact/Contact.h"
 #include "smartsurf/world/field/FreeLayoutField.h"
-#include "smartsurf/world/narrowphase/Shape.h"
 
 namespace smartsurf::world {
 
@@ -23,9 +23,7 @@ struct TipParts {
   TipParts(const surface::Field&, const surface::CellTip&, float depth);
 
  private:
-  void add(const Shape& shape, const Vec3& centre) {
-    part[static_cast<std::size_t>(count++)] = {shape, centre};
-  }
+  void add(const Shape& shape, const Vec3& centre) { part[count++] = {shape, centre}; }
 };
 
 // The pose of a cell's tip, world frame.
@@ -39,10 +37,11 @@ struct TipFrame {
   Vec3 velocity_at(const Vec3& point) const { return velocity + angular_velocity.cross(point - origin); }
 };
 
-// Appends the contacts with separations up to `margin` ≥ 0. A sphere has at most four (SphereManifoldReducer), another
-// convex body four, chosen among those of all tips; a body of several convex parts has at most four for each pair of
-// parts. Contacts with tips that move sideways are kept besides, because each pushes in a direction of its own. Cost:
-// proportional to the tips near the body. `layout`: null for a rectangular one.
+// Appends the contacts with separations up to `margin` ≥ 0. A sphere has at most four
+// (SphereManifoldReducer), another convex body four, chosen among those of all tips; a body of several convex
+// parts has at most four for each pair of parts. Contacts with tips that move sideways are kept besides,
+// because each pushes in a direction of its own. Cost: proportional to the tips near the body. `layout`: null
+// for a rectangular one.
 void collide_with_tips(const surface::Field&, const FreeLayoutField* layout, const Shape&, const Vec3& centre,
                        const Mat3& axes, float margin, std::vector<Contact>& out);
 

@@ -34,7 +34,7 @@ void for_each_escape(const ConvexProxy& c, const Vec3& towards, Try try_directio
   if (const float length = across.norm(); length > 1e-6F) try_direction(Vec3(across / length));
 }
 
-// For overlapping cores: the direction of least penetration among the face normals of both parts.
+// The direction to separate overlapping cores: that of least penetration among the face normals of both parts.
 ContactCandidate find_deepest(const ConvexProxy& a, const ConvexProxy& b) {
   ContactCandidate best{{0, 0, 1}, -std::numeric_limits<float>::max(), {}};
   auto try_direction = [&](const Vec3& n) {
@@ -106,7 +106,7 @@ CacheResult test_cached_axis(const ConvexProxy& a, const ConvexProxy& b, float m
   const Vec3 normal = from_a ? Vec3(-face.normal) : face.normal;
   float min_height = std::numeric_limits<float>::max();
   for (int i = 0; i < patch.count; ++i) {
-    const Vec3& p = patch.point[static_cast<std::size_t>(i)];
+    const Vec3& p = patch.point[i];
     const float height = height_above_face(p);
     min_height = std::min(min_height, height);
     if (height <= margin) out.add({p, normal, height, 0});
@@ -114,7 +114,7 @@ CacheResult test_cached_axis(const ConvexProxy& a, const ConvexProxy& b, float m
   return min_height <= separation + kTolerance ? CacheResult::kTouching : CacheResult::kUnknown;
 }
 
-// Whether add_contact_patch() can add any point.
+// True if add_contact_patch() can add any point.
 bool may_share_face(const ConvexProxy& a, const ConvexProxy& b, const Vec3& normal) {
   auto has_curved_side = [](const ConvexProxy& c) {
     return !c.part.hull && c.part.shape.kind != ShapeKind::kBox;

@@ -3,9 +3,9 @@
 
 #include <vector>
 
-#include "smartsurf/world/Contact.h"
+#include "smartsurf/world/body/Shape.h"
+#include "smartsurf/world/contact/Contact.h"
 #include "smartsurf/world/narrowphase/Gjk.h"
-#include "smartsurf/world/narrowphase/Shape.h"
 
 namespace smartsurf::world {
 

@@ -3,7 +3,7 @@
 
 #include <limits>
 
-#include "smartsurf/world/narrowphase/Shape.h"
+#include "smartsurf/world/body/Shape.h"
 
 namespace smartsurf::world {
 

@@ -4,7 +4,7 @@
 #include <cstdint>
 #include <limits>
 
-#include "smartsurf/world/narrowphase/Simd4.h"
+#include "smartsurf/world/simd/Simd4.h"
 
 namespace smartsurf::world {
 

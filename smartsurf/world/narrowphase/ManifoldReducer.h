@@ -1,7 +1,7 @@
 // Reduces a manifold to the few points with the widest support.
 #pragma once
 
-#include "smartsurf/world/Vec.h"
+#include "smartsurf/world/body/Vec.h"
 
 namespace smartsurf::world {
 
@@ -23,9 +23,9 @@ class ReductionPoints {
   // Index of the least separation; the first one on ties. Precondition: count() > 0.
   int deepest() const;
   static constexpr int kMaxSelected = 8;
-  // Selects four at most: the deepest, the farthest from it, the farthest from their line, and the one that extends the
-  // area most. Then the deepest ones whose normals, normal(i), are unlike those of all selected: a body that is wedged must
-  // be held from all sides. Returns their number.
+  // Selects four at most: the deepest, the farthest from it, the farthest from their line, and the one that
+  // extends the area most. Then the deepest ones whose normals, normal(i), are unlike those of all selected:
+  // a body that is wedged must be held from all sides. Returns their number.
   template <class Normal>
   int select(int (&chosen)[kMaxSelected], Normal normal);
 

@@ -3,8 +3,8 @@
 
 #include <vector>
 
-#include "smartsurf/world/BodyStore.h"
-#include "smartsurf/world/Contact.h"
+#include "smartsurf/world/body/BodyStore.h"
+#include "smartsurf/world/contact/Contact.h"
 
 namespace smartsurf::world {
 

@@ -49,7 +49,7 @@ Vec3 point_offset(const RelativePose& pose, const PairManifoldCache::CachedPoint
   return pose.rotation * p.on_a + pose.translation - p.on_b;
 }
 
-// Whether the tangential motion exceeds `limit` at any cached point. Each pair of points was aligned along
+// True if the tangential motion exceeds `limit` at any cached point. Each pair of points was aligned along
 // its normal when cached.
 bool has_slipped(const RelativePose& pose, const PairManifoldCache::CachedManifold& cached, float limit) {
   for (int k = 0; k < cached.point_count; ++k) {
@@ -60,10 +60,10 @@ bool has_slipped(const RelativePose& pose, const PairManifoldCache::CachedManifo
   return false;
 }
 
-// Whether the cached manifold still yields all contacts with separations up to `margin`.
+// True if the cached manifold still yields all contacts with separations up to `margin`.
 bool is_valid(const BodyStore& bodies, const RelativePose& pose,
               const PairManifoldCache::CachedManifold& cached, float margin) {
-  const auto a = static_cast<std::size_t>(cached.a), b = static_cast<std::size_t>(cached.b);
+  const Index a = cached.a, b = cached.b;
   const float travel = relative_motion(pose, cached, bodies.bounding_radius[a]);
   if (travel + margin > cached.clearance) return false;
   if (travel + margin <= cached.min_separation) return true;
@@ -96,12 +96,11 @@ void rebuild(const BodyStore& bodies, std::size_t a, std::size_t b, float margin
 }  // namespace
 
 void PairManifoldCache::swap_in(int chunk, ChunkCache& chunk_cache) {
-  const auto i = static_cast<std::size_t>(chunk);
-  if (i >= previous_.size()) previous_.resize(i + 1);
+  if (chunk >= std::ssize(previous_)) previous_.resize(chunk + 1);
   chunk_cache.previous = {};
-  if (previous_[i].manifolds.empty() && chunk_cache.manifolds.empty()) return;
-  std::swap(previous_[i], chunk_cache);
-  chunk_cache.previous = previous_[i].manifolds;
+  if (previous_[chunk].manifolds.empty() && chunk_cache.manifolds.empty()) return;
+  std::swap(previous_[chunk], chunk_cache);
+  chunk_cache.previous = previous_[chunk].manifolds;
   chunk_cache.expected = 0;
   chunk_cache.manifolds.clear();
   chunk_cache.points.clear();
@@ -109,10 +108,10 @@ void PairManifoldCache::swap_in(int chunk, ChunkCache& chunk_cache) {
 }
 
 void PairManifoldCache::build_index(int bodies) {
-  first_manifold_.assign(static_cast<std::size_t>(bodies), nullptr);
+  first_manifold_.assign(bodies, nullptr);
   for (ChunkCache& chunk_cache : previous_)
     for (CachedManifold& k : chunk_cache.manifolds) {
-      const CachedManifold*& first = first_manifold_[static_cast<std::size_t>(k.a)];
+      const CachedManifold*& first = first_manifold_[k.a];
       k.next = first;
       k.points = chunk_cache.points.data() + k.first_point;
       k.simplex_cache = k.simplex < 0 ? nullptr : chunk_cache.simplices.data() + k.simplex;
@@ -161,7 +160,7 @@ void PairManifoldCache::collide(const BodyStore& bodies, std::size_t a, std::siz
   manifold.simplex = simplex_cache.count > 0 ? static_cast<std::int32_t>(chunk_cache.simplices.size()) : -1;
   if (simplex_cache.count > 0) chunk_cache.simplices.push_back(simplex_cache);
   for (int k = 0; k < manifold.point_count; ++k) {
-    const CachedPoint& p = chunk_cache.points[static_cast<std::size_t>(first_point + k)];
+    const CachedPoint& p = chunk_cache.points[first_point + k];
     const float separation = p.normal.dot(point_offset(pose, p));
     if (separation > margin) continue;
     Contact& c = out.emplace_back();

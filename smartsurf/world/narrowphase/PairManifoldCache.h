@@ -7,16 +7,16 @@
 #include <span>
 #include <vector>
 
-#include "smartsurf/world/BodyStore.h"
-#include "smartsurf/world/Contact.h"
+#include "smartsurf/world/body/BodyStore.h"
+#include "smartsurf/world/contact/Contact.h"
 #include "smartsurf/world/narrowphase/Gjk.h"
 
 namespace smartsurf::world {
 
 class PairManifoldCache {
  public:
-  // Separations are computed up to this much beyond the margin, so that separated pairs can be skipped in later
-  // steps, u. Pairs that are farther apart need not be passed to collide().
+  // Separations are computed up to this much beyond the margin, so that separated pairs can be skipped in
+  // later steps, u. Pairs that are farther apart need not be passed to collide().
   static constexpr float kHorizon = 0.2F;
 
   struct CachedPoint {
@@ -40,8 +40,8 @@ class PairManifoldCache {
     std::vector<CachedManifold> manifolds;
     std::vector<CachedPoint> points;
     std::vector<SimplexCache> simplices;
-    // The chunk's manifolds of the previous step, and the position after the one found last: pairs come in much the same
-    // order in each step, so that the next one is usually there. Set by swap_in().
+    // The chunk's manifolds of the previous step, and the position after the one found last: pairs come in
+    // much the same order in each step, so that the next one is usually there. Set by swap_in().
     std::span<const CachedManifold> previous;
     std::size_t expected = 0;
     void archive(common::StateArchive& a) {

@@ -151,11 +151,11 @@ void clip_polygon(const SupportFeature& input, const float* distances, SupportFe
   // An edge has one segment, a polygon as many as corners.
   const int sides = input.count > 2 ? input.count : input.count - 1;
   for (int k = 0; k < input.count; ++k) {
-    const Vec3& p = input.point[static_cast<std::size_t>(k)];
+    const Vec3& p = input.point[k];
     if (distances[k] <= 0.0F) output.add(p);
     if (k >= sides) continue;
     const int next = k + 1 < input.count ? k + 1 : 0;
-    const Vec3& q = input.point[static_cast<std::size_t>(next)];
+    const Vec3& q = input.point[next];
     if ((distances[k] < 0.0F && distances[next] > 0.0F) || (distances[k] > 0.0F && distances[next] < 0.0F))
       output.add(p + (q - p) * (distances[k] / (distances[k] - distances[next])));
   }
@@ -171,7 +171,7 @@ class FaceClipper {
     float distances[SupportFeature::kMaxPoints];
     float max_distance = 0.0F;
     for (int k = 0; k < current_->count; ++k) {
-      distances[k] = distance_beyond(current_->point[static_cast<std::size_t>(k)]);
+      distances[k] = distance_beyond(current_->point[k]);
       max_distance = std::max(max_distance, distances[k]);
     }
     if (max_distance == 0.0F) return;
@@ -191,8 +191,8 @@ class FaceClipper {
 SupportFeature clip_to_face(const SupportFeature& feature, const SupportFeature& face) {
   FaceClipper clipper(feature);
   for (int i = 0; i < face.count && clipper.result().count > 0; ++i) {
-    const Vec3& a = face.point[static_cast<std::size_t>(i)];
-    const Vec3& b = face.point[static_cast<std::size_t>(i + 1 < face.count ? i + 1 : 0)];
+    const Vec3& a = face.point[i];
+    const Vec3& b = face.point[i + 1 < face.count ? i + 1 : 0];
     const Vec3 out = (b - a).cross(face.normal);
     clipper.clip([&](const Vec3& p) { return out.dot(p - a); });
   }
@@ -223,7 +223,7 @@ void add_contact_patch(const SupportFeature& on_a, const SupportFeature& on_b, c
   const SupportFeature patch = clip_to_face(other, face);
   const Vec3 contact_normal = from_a ? Vec3(-face.normal) : face.normal;
   for (int i = 0; i < patch.count; ++i) {
-    const Vec3& p = patch.point[static_cast<std::size_t>(i)];
+    const Vec3& p = patch.point[i];
     const float separation = face.normal.dot(p - face.point[0]);
     if (separation <= margin) out.add({p, contact_normal, separation, tag});
   }

@@ -16,7 +16,7 @@ struct SupportFeature {
   Vec3 normal{0, 0, 1};                // of a face: unit, outward
   bool is_face() const { return count > 2; }
   void add(const Vec3& p) {
-    if (count < kMaxPoints) point[static_cast<std::size_t>(count++)] = p;
+    if (count < kMaxPoints) point[count++] = p;
   }
 };
 // `direction`: unit, world frame.

@@ -17,22 +17,22 @@ namespace smartsurf::world {
 // A waiter spins first, because phases last microseconds and a futex sleep costs tens of them, and then
 // sleeps, so that another process on the core of a late member can finish. The spin budget adapts: it halves
 // after each unsuccessful spin and grows after each successful one, so that members do not burn time slices
-// when processes compete for the cores. Its minimum is about what a sleep and the wake-up from it cost: with less,
-// members would fall asleep while they wait for one that is waking up.
+// when processes compete for the cores. Its minimum is about what a sleep and the wake-up from it cost: with
+// less, members would fall asleep while they wait for one that is waking up.
 class Barrier {
  public:
-  explicit Barrier(int member_count) : slots_(static_cast<std::size_t>(member_count)) {}
+  explicit Barrier(int member_count) : slots_(member_count) {}
 
   // Everything the member did before is visible to members whose wait() returns after it. Each arrive() must
   // be followed by the member's own wait().
   void arrive(int member) {
-    ArrivalSlot& own = slots_[static_cast<std::size_t>(member)];
+    ArrivalSlot& own = slots_[member];
     own.arrivals.store(own.arrivals.load(std::memory_order_relaxed) + 1, std::memory_order_release);
     notify_sleepers(own);
   }
   // Blocks until every other member has arrived as often as this one.
   void wait(int member) {
-    ArrivalSlot& own = slots_[static_cast<std::size_t>(member)];
+    ArrivalSlot& own = slots_[member];
     // Notifies members that fell asleep while this one arrived. Detecting them in arrive() would take a fence
     // there, which delays every arrival by a transfer between cores.
     full_fence();

@@ -15,9 +15,9 @@ struct Member {
   int index, member_count;
   Barrier& barrier;
 
-  // Whether this is the thread that called Team::run.
+  // True for the thread that called Team::run.
   bool is_caller() const { return index + 1 == member_count; }
-  // A single member meets nobody, and saves the fences.
+  // A single member skips the barrier and its fences.
   void arrive() const {
     if (member_count > 1) barrier.arrive(index);
   }
@@ -44,10 +44,10 @@ class Team {
   // Without a pool the caller is the only member. `pool` must outlive the team.
   explicit Team(common::ThreadPool* pool) : pool_(pool), team_barrier_(pool ? pool->thread_count() : 1) {}
 
-  // Runs work(member) on all threads at once, or on the caller alone if not `parallel` or
-  // while other programs keep the cores busy. Thread 0, the
-  // caller, is the last member: members own slabs from south to north and the pool's row bands run from
-  // north to south, so each thread finds the cells that it moved itself in its cache.
+  // Runs work(member) on all threads at once, or on the caller alone if not `parallel` or while other
+  // programs keep the cores busy. Thread 0, the caller, is the last member: members own slabs from south to
+  // north and the pool's row bands run from north to south, so each thread finds the cells that it moved
+  // itself in its cache.
   template <class Work>
   void run(bool parallel, Work work) {
     const bool shares = parallel && pool_ && pool_->thread_count() > 1 && pool_->has_cores();

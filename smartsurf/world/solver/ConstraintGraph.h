@@ -7,9 +7,9 @@
 #include <span>
 #include <vector>
 
-#include "smartsurf/world/BodyStore.h"
-#include "smartsurf/world/Contact.h"
-#include "smartsurf/world/parallel/SpatialPartition.h"
+#include "smartsurf/world/body/BodyStore.h"
+#include "smartsurf/world/broadphase/SpatialPartition.h"
+#include "smartsurf/world/contact/Contact.h"
 #include "smartsurf/world/parallel/Team.h"
 #include "smartsurf/world/solver/ContactKernels.h"
 

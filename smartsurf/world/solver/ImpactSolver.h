@@ -12,10 +12,10 @@
 #include <span>
 #include <vector>
 
-#include "smartsurf/world/BodyStore.h"
-#include "smartsurf/world/Contact.h"
+#include "smartsurf/world/body/BodyStore.h"
+#include "smartsurf/world/broadphase/SpatialPartition.h"
+#include "smartsurf/world/contact/Contact.h"
 #include "smartsurf/world/field/CellForceLimits.h"
-#include "smartsurf/world/parallel/SpatialPartition.h"
 
 namespace smartsurf::world {
 

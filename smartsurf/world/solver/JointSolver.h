@@ -19,9 +19,9 @@
 
 #include "common/state/StateArchive.h"
 #include "smartsurf/scene/JointSpec.h"
-#include "smartsurf/world/BodyStore.h"
+#include "smartsurf/world/body/BodyStore.h"
+#include "smartsurf/world/broadphase/SpatialPartition.h"
 #include "smartsurf/world/field/JamRelief.h"
-#include "smartsurf/world/parallel/SpatialPartition.h"
 
 namespace smartsurf::world {
 

@@ -2,9 +2,9 @@
 // yielding tips (TipSolver.h) and of elastic sheets (SkinSolver.h) share.
 #pragma once
 
-#include "smartsurf/world/BodyStore.h"
-#include "smartsurf/world/Contact.h"
-#include "smartsurf/world/parallel/SpatialPartition.h"
+#include "smartsurf/world/body/BodyStore.h"
+#include "smartsurf/world/broadphase/SpatialPartition.h"
+#include "smartsurf/world/contact/Contact.h"
 #include "smartsurf/world/solver/ContactBatch.h"
 
 namespace smartsurf::world {

@@ -11,17 +11,17 @@
 #include <span>
 #include <vector>
 
-#include "smartsurf/world/BodyStore.h"
-#include "smartsurf/world/Contact.h"
+#include "smartsurf/world/body/BodyStore.h"
+#include "smartsurf/world/broadphase/SpatialPartition.h"
+#include "smartsurf/world/contact/Contact.h"
 #include "smartsurf/world/field/CellForceLimits.h"
 #include "smartsurf/world/field/JamRelief.h"
 #include "smartsurf/world/field/SupportPatch.h"
-#include "smartsurf/world/parallel/SharedBatches.h"
-#include "smartsurf/world/parallel/SpatialPartition.h"
 #include "smartsurf/world/parallel/Team.h"
 #include "smartsurf/world/solver/ConstraintGraph.h"
 #include "smartsurf/world/solver/ImpactSolver.h"
 #include "smartsurf/world/solver/JointSolver.h"
+#include "smartsurf/world/solver/SharedBatches.h"
 #include "smartsurf/world/solver/SkinSolver.h"
 #include "smartsurf/world/solver/TipSolver.h"
 

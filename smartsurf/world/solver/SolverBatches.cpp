@@ -3,7 +3,7 @@
 #include <cstddef>
 #include <cstring>
 
-#include "smartsurf/world/narrowphase/Simd4.h"
+#include "smartsurf/world/simd/Simd4.h"
 #include "smartsurf/world/solver/Solver.h"
 
 namespace smartsurf::world {

@@ -14,7 +14,7 @@
 
 #include <span>
 
-#include "smartsurf/world/Contact.h"
+#include "smartsurf/world/contact/Contact.h"
 #include "smartsurf/world/field/SupportPatch.h"
 #include "smartsurf/world/solver/ContactBatch.h"
 

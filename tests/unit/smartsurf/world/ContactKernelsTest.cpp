@@ -5,7 +5,7 @@
 #include <random>
 #include <vector>
 
-#include "smartsurf/world/Vec.h"
+#include "smartsurf/world/body/Vec.h"
 
 using namespace smartsurf::world;
 
@@ -55,7 +55,8 @@ struct Lanes {
     }
   }
   void run(const ContactKernel (&kernel)[kContactKindCount]) {
-    kernel[kGeneralPair](&batch, 1, {&point, &detail, nullptr}, {motion.data(), shift.data(), inertia.data()}, pass);
+    kernel[kGeneralPair](&batch, 1, {&point, &detail, nullptr}, {motion.data(), shift.data(), inertia.data()},
+                         pass);
   }
   Vec3 of(const float (&lanes)[3][kLanes], int l) const { return {lanes[0][l], lanes[1][l], lanes[2][l]}; }
   // Inverse effective mass along the normal.

@@ -5,7 +5,7 @@
 
 #include "common/threads/ThreadPool.h"
 #include "smartsurf/surface/ActuatorArray.h"
-#include "smartsurf/world/World.h"
+#include "smartsurf/world/NativeEngine.h"
 
 using namespace smartsurf;
 
@@ -77,7 +77,7 @@ scene::SceneSpec linkages(bool on_skin) {
 std::uint64_t hash_after(const scene::SceneSpec& scene, int steps, int threads) {
   common::ThreadPool pool(threads);
   surface::ActuatorArray cells(scene.surface, {}, 1, &pool);
-  world::World world(scene, cells.field(), &pool);
+  world::NativeEngine world(scene, cells.field(), &pool);
   scene::Snapshot snapshot;
   for (int step = 0; step < steps; ++step) {
     for (int c = 0; c < scene.surface.columns; ++c)

@@ -1,4 +1,4 @@
-#include "smartsurf/world/PreviousContacts.h"
+#include "smartsurf/world/contact/PreviousContacts.h"
 
 #include <gtest/gtest.h>
 

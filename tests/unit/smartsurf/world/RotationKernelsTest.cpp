@@ -8,7 +8,7 @@
 #include <random>
 #include <vector>
 
-#include "smartsurf/world/Vec.h"
+#include "smartsurf/world/body/Vec.h"
 
 using namespace smartsurf::world;
 

@@ -1,4 +1,4 @@
-#include "smartsurf/world/narrowphase/Shape.h"
+#include "smartsurf/world/body/Shape.h"
 
 #include <gtest/gtest.h>
 

@@ -1,5 +1,5 @@
 #include "common/threads/ThreadPool.h"
-#include "smartsurf/world/parallel/SharedBatches.h"
+#include "smartsurf/world/solver/SharedBatches.h"
 
 #include <gtest/gtest.h>
 

@@ -1,4 +1,4 @@
-#include "smartsurf/world/parallel/SpatialPartition.h"
+#include "smartsurf/world/broadphase/SpatialPartition.h"
 
 #include <gtest/gtest.h>
 

@@ -1,4 +1,4 @@
-// Test fixture: World::step without sleeping, on a flat square field at height 0.
+// Test fixture: NativeEngine::step() without sleeping, on a flat square field at height 0.
 #pragma once
 
 #include <cmath>

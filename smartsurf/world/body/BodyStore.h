@@ -14,18 +14,18 @@
 #include "smartsurf/scene/Snapshot.h"
 #include "smartsurf/surface/actuators/BodyForces.h"
 #include "smartsurf/world/body/BodyRows.h"
-#include "smartsurf/world/narrowphase/Shape.h"
+#include "smartsurf/world/body/Shape.h"
 
 namespace smartsurf::world {
 
-// What contact preparation reads of a body, in one cache line. Friction is stored as a square root, so that the
-// product of two entries is the geometric mean of the coefficients.
+// What contact preparation reads of a body, in one cache line. Friction is stored as a square root, so that
+// the product of two entries is the geometric mean of the coefficients.
 struct SurfaceMaterial {
   float radius, friction_root, rolling_friction_root, restitution;
 };
 
-// Principal moments of inertia about the centre of mass and, in body axes, the directions of the least and the
-// greatest.
+// Principal moments of inertia about the centre of mass and, in body axes, the directions of the least and
+// the greatest.
 struct PrincipalInertia {
   double least_axis[3] = {1, 0, 0}, greatest_axis[3] = {0, 0, 1};
   double moments[3] = {};  // least, middle, greatest; 0 for a static body
@@ -73,11 +73,12 @@ struct BodyStore {
   std::vector<Vec3> local_origin;       // of the shape, from the centre of mass, body axes, u; 0 for a sphere
   bool has_offsets = false;             // whether any body's centre of mass is not its origin
 
-  // Of the joints, in their order; JointSolver keeps them.
+  // One link per joint, in the order of the joints; JointSolver keeps them.
   std::vector<BodyLink> links;
 
   // ---- derived in each step
-  // Rotation matrix; unused for spheres. Axes of an axisymmetric shape do not follow its spin about its own z.
+  // Rotation matrix; unused for spheres. Axes of an axisymmetric shape do not follow its spin about its own
+  // z.
   std::vector<Mat3> axes;
   std::vector<DeltaPose> delta_pose;  // motion during the step
   std::vector<InverseInertia> world_inverse_inertia;
@@ -86,13 +87,14 @@ struct BodyStore {
   int size() const { return static_cast<int>(id.size()); }
   bool is_static(std::size_t i) const { return mass[i] == 0.0F; }
   bool is_active(std::size_t i) const { return !is_static(i) && !asleep[i]; }
-  // Whether contacts between two bodies count: links may exclude them.
+  // False if a link excludes contacts between the two bodies.
   bool may_touch(std::size_t i, std::size_t j) const {
     return !is_jointed[i] || !is_jointed[j] || !is_excluded(i, j);
   }
   // Replaces the links.
   void set_links(std::vector<BodyLink>);
-  // Of the shape's origin, which collision detection and the scene mean by the body's position, u, u/s.
+  // Position and velocity of the shape's origin (what collision detection and the scene call the body's
+  // position), not of the centre of mass, u and u/s.
   Vec3 origin(std::size_t i) const {
     return has_offsets ? Vec3(position[i] + origin_offset[i]) : position[i];
   }
@@ -123,19 +125,20 @@ struct BodyStore {
   float inverse_inertia_of_sphere(std::size_t index) const {
     return static_cast<float>(1.0 / inertia[index].moments[1]);
   }
-  // Prefetch the entries that integrate_pose() uses, and those that integrate_poses() uses in addition.
-  // Threads visit bodies in spatial order, which the hardware prefetcher cannot predict.
+  // prefetch() loads the entries that integrate_pose() uses, prefetch_rotation() those that integrate_poses()
+  // uses in addition: threads visit bodies in spatial order, which the hardware prefetcher cannot predict.
   void prefetch(std::size_t index) const;
   void prefetch_rotation(std::size_t index) const;
   // Applies delta_pose to a sphere.
   void integrate_pose(std::size_t index);
-  // A non-sphere, and for how long it rotates freely: the step, or 0 if its delta_pose is to be applied as it is.
+  // A non-sphere, and for how long it rotates freely: the step, or 0 if its delta_pose is to be applied as it
+  // is.
   struct Rotating {
     std::size_t body;
     float free_time_s;
   };
-  // Applies the delta poses of 1 … kLanes non-spheres, whose rotation becomes that of a free body about it. Keeps
-  // the angular momentum, and recomputes angular velocity, axes and world inertia.
+  // Applies the delta poses of 1 … kLanes non-spheres, whose rotation becomes that of a free body about it.
+  // Keeps the angular momentum, and recomputes angular velocity, axes and world inertia.
   void integrate_poses(std::span<const Rotating>);
 
  private:

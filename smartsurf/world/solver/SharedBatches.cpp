@@ -1,4 +1,4 @@
-#include "smartsurf/world/parallel/SharedBatches.h"
+#include "smartsurf/world/solver/SharedBatches.h"
 
 #include <algorithm>
 #include <atomic>

@@ -1,4 +1,4 @@
-#include "smartsurf/world/PreviousContacts.h"
+#include "smartsurf/world/contact/PreviousContacts.h"
 
 #include <cassert>
 #include <utility>
@@ -10,7 +10,7 @@ void PreviousContacts::swap_lists(ContactList& pair_contacts, ContactList& stati
   std::swap(pair_contacts_, pair_contacts);
   std::swap(static_contacts_, static_contacts);
   same_member_count_ = index_.size() == static_cast<std::size_t>(member_count);
-  index_.resize(static_cast<std::size_t>(member_count));
+  index_.resize(member_count);
   next_pair_.resize(pair_contacts_.manifolds.size());
 }
 
@@ -21,41 +21,37 @@ void PreviousContacts::for_each_own(const ContactList& list, const SlabRanges& r
                                     Each each) const {
   auto for_range = [&](IndexRange range) {
     assert(range.end <= static_cast<int>(list.manifolds.size()));
-    for (auto i = static_cast<std::size_t>(range.begin); i < static_cast<std::size_t>(range.end); ++i)
-      each(i);
+    for (Index i = range.begin; i < range.end; ++i) each(i);
   };
   if (!same_member_count_ || ranges.manifold_count != list.manifolds.size())
     return for_range(member.share(static_cast<int>(list.manifolds.size())));
-  for (const IndexRange& run : ranges.of(index_[static_cast<std::size_t>(member.index)].slabs))
-    for_range(run);
+  for (const IndexRange& run : ranges.of(index_[member.index].slabs)) for_range(run);
 }
 
 void PreviousContacts::build_index(std::size_t bodies, const SlabRanges& pair_ranges,
                                    const SlabRanges& static_ranges, const Member& member) {
-  Index& own_index = index_[static_cast<std::size_t>(member.index)];
+  MemberIndex& own_index = index_[member.index];
   own_index.first_pair.assign(bodies, -1);
   own_index.static_manifold.assign(bodies, -1);
-  for_each_own(pair_contacts_, pair_ranges, member, [&](std::size_t i) {
-    std::int32_t& first = own_index.first_pair[static_cast<std::size_t>(pair_contacts_.manifolds[i].a)];
+  for_each_own(pair_contacts_, pair_ranges, member, [&](Index i) {
+    std::int32_t& first = own_index.first_pair[pair_contacts_.manifolds[i].a];
     next_pair_[i] = first;
     first = static_cast<std::int32_t>(i);
   });
-  for_each_own(static_contacts_, static_ranges, member, [&](std::size_t i) {
-    own_index.static_manifold[static_cast<std::size_t>(static_contacts_.manifolds[i].a)] =
-        static_cast<std::int32_t>(i);
+  for_each_own(static_contacts_, static_ranges, member, [&](Index i) {
+    own_index.static_manifold[static_contacts_.manifolds[i].a] = static_cast<std::int32_t>(i);
   });
 }
 
 int PreviousContacts::find_pair(std::size_t a, std::size_t b, int member, int& expected) const {
-  if (const auto i = static_cast<std::size_t>(expected); i < pair_contacts_.manifolds.size()) {
+  if (const Index i = expected; i < std::ssize(pair_contacts_.manifolds)) {
     const Manifold& m = pair_contacts_.manifolds[i];
     if (m.a == static_cast<std::int32_t>(a) && m.b == static_cast<std::int32_t>(b)) return expected++;
   }
   for (std::size_t k = 0; k < index_.size(); ++k) {
-    int manifold = index_[(static_cast<std::size_t>(member) + k) % index_.size()].first_pair[a];
-    while (manifold >= 0 &&
-           pair_contacts_.manifolds[static_cast<std::size_t>(manifold)].b != static_cast<std::int32_t>(b))
-      manifold = next_pair_[static_cast<std::size_t>(manifold)];
+    int manifold = index_[(member + k) % index_.size()].first_pair[a];
+    while (manifold >= 0 && pair_contacts_.manifolds[manifold].b != static_cast<std::int32_t>(b))
+      manifold = next_pair_[manifold];
     if (manifold < 0) continue;
     expected = manifold + 1;
     return manifold;
@@ -65,7 +61,7 @@ int PreviousContacts::find_pair(std::size_t a, std::size_t b, int member, int& e
 
 int PreviousContacts::find_static(std::size_t body, int member) const {
   for (std::size_t k = 0; k < index_.size(); ++k) {
-    const int manifold = index_[(static_cast<std::size_t>(member) + k) % index_.size()].static_manifold[body];
+    const int manifold = index_[(member + k) % index_.size()].static_manifold[body];
     if (manifold >= 0) return manifold;
   }
   return -1;
@@ -75,11 +71,8 @@ const Vec3* PreviousContacts::find_static_normal(std::size_t body, std::size_t s
                                                  int member) const {
   const int manifold = find_static(body, member);
   if (manifold < 0) return nullptr;
-  const Manifold& m = static_contacts_.manifolds[static_cast<std::size_t>(manifold)];
-  for (int k = m.first; k < m.first + m.count; ++k) {
-    const Contact& c = static_contacts_.contacts[static_cast<std::size_t>(k)];
+  for (const Contact& c : static_contacts_.contacts_of(static_contacts_.manifolds[manifold]))
     if (c.partner == Partner{static_cast<std::int32_t>(static_body)}) return &c.normal;
-  }
   return nullptr;
 }
 

@@ -1,4 +1,4 @@
-#include "smartsurf/world/parallel/SpatialPartition.h"
+#include "smartsurf/world/broadphase/SpatialPartition.h"
 
 #include <algorithm>
 
@@ -24,12 +24,12 @@ void SpatialPartition::build(const UniformGrid& grid) {
   body_run_.push_back({grid.sorted_count(), grid.sorted_count(), slabs - 1});
   group_body_runs(slabs);
   first_row_.assign(static_cast<std::size_t>(slabs) + 1, 0);
-  for (const BodyRun& p : body_run_) first_row_[static_cast<std::size_t>(p.slab) + 1] += p.end - p.begin;
+  for (const BodyRun& p : body_run_) first_row_[p.slab + 1] += p.end - p.begin;
   first_row_.back() += static_cast<std::int32_t>(grid.large_bodies().size());
   for (std::size_t s = 1; s < first_row_.size(); ++s) first_row_[s] += first_row_[s - 1];
   weight_prefix_.assign(first_row_.begin(), first_row_.end());
-  active_end_.resize(static_cast<std::size_t>(slabs));
-  body_of_row_.resize(static_cast<std::size_t>(row_count()));
+  active_end_.resize(slabs);
+  body_of_row_.resize(row_count());
   row_of_body_.resize(body_of_row_.size());
 }
 
@@ -82,7 +82,7 @@ void SpatialPartition::find_body_runs(const UniformGrid& grid, int axis) {
   auto add = [&](int begin, int end, int line, bool continues) {
     if (!continues) slab = 0;
     const int previous = slab;
-    while (line >= slab_edge_[static_cast<std::size_t>(slab) + 1]) ++slab;
+    while (line >= slab_edge_[slab + 1]) ++slab;
     if (continues && slab == previous)
       body_run_.back().end = end;
     else
@@ -100,13 +100,12 @@ void SpatialPartition::find_body_runs(const UniformGrid& grid, int axis) {
 // A counting sort of the body runs by slab.
 void SpatialPartition::group_body_runs(int slabs) {
   first_run_of_slab_.assign(static_cast<std::size_t>(slabs) + 1, 0);
-  for (const BodyRun& p : body_run_) ++first_run_of_slab_[static_cast<std::size_t>(p.slab) + 1];
+  for (const BodyRun& p : body_run_) ++first_run_of_slab_[p.slab + 1];
   for (std::size_t s = 1; s < first_run_of_slab_.size(); ++s)
     first_run_of_slab_[s] += first_run_of_slab_[s - 1];
   runs_by_slab_.resize(body_run_.size());
   for (std::size_t p = 0; p < body_run_.size(); ++p)
-    runs_by_slab_[first_run_of_slab_[static_cast<std::size_t>(body_run_[p].slab)]++] =
-        static_cast<std::int32_t>(p);
+    runs_by_slab_[first_run_of_slab_[body_run_[p].slab]++] = static_cast<std::int32_t>(p);
   for (std::size_t s = first_run_of_slab_.size() - 1; s > 0; --s)
     first_run_of_slab_[s] = first_run_of_slab_[s - 1];
   first_run_of_slab_[0] = 0;
@@ -137,18 +136,18 @@ void SpatialPartition::assign_rows(const BodyStore& bodies, const UniformGrid& g
     const IndexRange rows = rows_of(s);
     int active_end = rows.begin, inactive_begin = rows.end;
     auto assign = [&](std::int32_t body) {
-      const auto i = static_cast<std::size_t>(body);
+      const Index i = body;
       const int row = bodies.is_active(i) ? active_end++ : --inactive_begin;
-      body_of_row_[static_cast<std::size_t>(row)] = body;
+      body_of_row_[row] = body;
       row_of_body_[i] = row;
     };
     for (const std::int32_t p : body_runs_of(s)) {
-      const BodyRun& run = body_run_[static_cast<std::size_t>(p)];
+      const BodyRun& run = body_run_[p];
       for (int k = run.begin; k < run.end; ++k) assign(grid.body(k));
     }
     if (s + 1 == slab_count())
       for (const std::int32_t body : grid.large_bodies()) assign(body);
-    active_end_[static_cast<std::size_t>(s)] = active_end;
+    active_end_[s] = active_end;
   }
 }
 

@@ -1,4 +1,4 @@
-#include "smartsurf/world/BodyStore.h"
+#include "smartsurf/world/body/BodyStore.h"
 
 #include <hwy/cache_control.h>
 
@@ -40,9 +40,9 @@ PrincipalInertia principal_inertia(const Mat3& tensor) {
   return result;
 }
 
-template <class T>
-void erase_at(std::vector<T>& values, std::size_t index) {
-  values.erase(values.begin() + static_cast<std::ptrdiff_t>(index));
+template <class... Arrays>
+void erase_at(std::size_t index, Arrays&... arrays) {
+  (arrays.erase(arrays.begin() + index), ...);
 }
 
 }  // namespace
@@ -91,14 +91,10 @@ void BodyStore::add(scene::ObjectId new_id, const scene::ObjectSpec& spec, const
 }
 
 void BodyStore::erase(std::size_t i) {
-  erase_at(id, i), erase_at(position, i), erase_at(orientation, i), erase_at(body_velocity, i),
-      erase_at(mass, i), erase_at(shape, i);
-  erase_at(bounding_radius, i), erase_at(is_sphere, i), erase_at(is_axisymmetric, i),
-      erase_at(rolls_unevenly, i), erase_at(width, i), erase_at(surface_material, i);
-  erase_at(inertia, i), erase_at(rotation_state, i), erase_at(wrench, i), erase_at(asleep, i),
-      erase_at(sleep_timer_s, i), erase_at(rest_motion, i), erase_at(is_jointed, i);
-  erase_at(local_origin, i), erase_at(origin_offset, i);
-  erase_at(axes, i), erase_at(delta_pose, i), erase_at(world_inverse_inertia, i);
+  erase_at(i, id, position, orientation, body_velocity, mass, shape, bounding_radius, is_sphere,
+           is_axisymmetric, rolls_unevenly, width, surface_material, inertia, rotation_state, wrench, asleep,
+           sleep_timer_s, rest_motion, is_jointed, local_origin, origin_offset, axes, delta_pose,
+           world_inverse_inertia);
 }
 
 void BodyStore::set_links(std::vector<BodyLink> new_links) {
@@ -107,7 +103,7 @@ void BodyStore::set_links(std::vector<BodyLink> new_links) {
   excluded_pairs_.clear();
   for (const BodyLink& link : links) {
     for (const std::int32_t body : {link.a, link.b})
-      if (body >= 0) is_jointed[static_cast<std::size_t>(body)] = 1;
+      if (body >= 0) is_jointed[body] = 1;
     if (link.b >= 0 && !link.collide)
       excluded_pairs_.push_back({std::min(link.a, link.b), std::max(link.a, link.b)});
   }

@@ -3,10 +3,11 @@
 
 #include <cstdint>
 #include <limits>
+#include <span>
 #include <vector>
 
 #include "common/state/StateArchive.h"
-#include "smartsurf/world/Vec.h"
+#include "smartsurf/world/body/Vec.h"
 
 namespace smartsurf::world {
 
@@ -30,10 +31,11 @@ struct Contact {
   std::int32_t feature_id = 0;     // field contacts: index of the cell, row-major
   Vec3 surface_velocity{0, 0, 0};  // of the static surface at the point, u/s
   float surface_spin = 0;          // of the static surface about the vertical, rad/s
-  // The body's share of the cell's force limit, mass·u/s in a step: bounds the sum over its contacts on the cell.
+  // The body's share of the cell's force limit, mass·u/s in a step: bounds the sum over its contacts on the
+  // cell.
   float max_cell_impulse = std::numeric_limits<float>::infinity();
-  // Impulses of the last substep, mass·u/s (rolling: mass·u²/s), which warm-start the next step, and the sum of
-  // the normal impulses over the step, restitution included.
+  // Impulses of the last substep, mass·u/s (rolling: mass·u²/s), which warm-start the next step, and the sum
+  // of the normal impulses over the step, restitution included.
   float normal_impulse = 0.0F;
   Vec3 friction_impulse{0, 0, 0};
   Vec3 rolling_impulse{0, 0, 0};
@@ -41,11 +43,12 @@ struct Contact {
 
   bool touches_cell() const { return partner == Partner::kCell || partner == Partner::kSupportedCell; }
   bool touches_skin() const { return partner == Partner::kSkin || partner == Partner::kElasticSkin; }
-  // Whether the partner moves under the load.
+  // True if the partner moves under the load.
   bool gives_way() const { return partner == Partner::kYieldingTip || partner == Partner::kElasticSkin; }
-  // Whether the surface moves exactly as the cell `feature_id` does.
+  // True if the surface moves exactly as the cell `feature_id` does.
   bool moves_with_cell() const { return touches_cell() || partner == Partner::kSkin; }
-  // Whether the impulse is a load of the cell `feature_id`. That on a supported cell is not: its patch has the loads.
+  // True if the impulse is a load of the cell `feature_id`. That on a supported cell is not: its patch has
+  // the loads.
   bool loads_cell() const {
     return partner == Partner::kCell || partner == Partner::kYieldingTip || touches_skin();
   }
@@ -66,6 +69,16 @@ inline std::int32_t other_body(const Manifold& m, const Contact& c) {
 struct ContactList {
   std::vector<Manifold> manifolds;
   std::vector<Contact> contacts;
+  std::span<const Contact> contacts_of(const Manifold& m) const {
+    return std::span(contacts).subspan(m.first, m.count);
+  }
+  std::span<Contact> contacts_of(const Manifold& m) { return std::span(contacts).subspan(m.first, m.count); }
+  // Appends a copy of another list's manifold with its contacts.
+  void append(const ContactList& from, const Manifold& m) {
+    manifolds.push_back({m.a, m.b, static_cast<std::int32_t>(contacts.size()), m.count});
+    const auto added = from.contacts_of(m);
+    contacts.insert(contacts.end(), added.begin(), added.end());
+  }
   void clear() {
     manifolds.clear();
     contacts.clear();

@@ -1,4 +1,4 @@
-#include "smartsurf/world/Contact.h"
+#include "smartsurf/world/contact/Contact.h"
 
 namespace smartsurf::world {
 

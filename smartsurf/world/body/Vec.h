@@ -4,8 +4,11 @@
 #include <Eigen/Geometry>
 #include <cmath>
 
+#include "common/index/Index.h"
+
 namespace smartsurf::world {
 
+using common::Index;
 using Vec3 = Eigen::Vector3f;
 using Mat3 = Eigen::Matrix3f;
 using Quat = Eigen::Quaternionf;

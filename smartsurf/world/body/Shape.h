@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "smartsurf/scene/SceneSpec.h"
-#include "smartsurf/world/Vec.h"
+#include "smartsurf/world/body/Vec.h"
 
 namespace smartsurf::world {
 
@@ -68,7 +68,7 @@ struct Shape {
   std::shared_ptr<const std::vector<ConvexHullShape>> hull_list;
   std::span<const ConvexHullShape> hulls;
 
-  // Whether the shape is symmetric about its z axis.
+  // True if the shape is symmetric about its z axis.
   bool is_axisymmetric() const {
     return kind == scene::ShapeKind::kCylinder || kind == scene::ShapeKind::kCapsule ||
            kind == scene::ShapeKind::kCone;
@@ -76,16 +76,16 @@ struct Shape {
   bool is_sphere() const { return kind == scene::ShapeKind::kSphere; }
 };
 
-// A sphere that does not turn as one, because its centre of mass or its inertia is not that of a sphere, becomes a capsule
-// without a cylinder.
+// A sphere that does not turn as one, because its centre of mass or its inertia is not that of a sphere,
+// becomes a capsule without a cylinder.
 Shape make_shape(const scene::ObjectSpec&);
 // A shape that is no solid. height: of a round one; half_extents: of its bounding box about the origin, u.
 Shape make_primitive(scene::ShapeKind, float radius, float height, const Vec3& half_extents);
 
 // The object's mass if given, else density times volume; 0 for a fixed object.
 float mass_of(const scene::ObjectSpec&, const scene::Material&);
-// Inertia tensor about the centre of mass in body axes, mass·u²: the object's if given, else that of the homogeneous shape
-// about its own, in closed form.
+// Inertia tensor about the centre of mass in body axes, mass·u²: the object's if given, else that of the
+// homogeneous shape about its own, in closed form.
 Mat3 inertia_of(const scene::ObjectSpec&, float mass);
 
 }  // namespace smartsurf::world

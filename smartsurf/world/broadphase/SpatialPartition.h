@@ -9,7 +9,7 @@
 #include <span>
 #include <vector>
 
-#include "smartsurf/world/BodyStore.h"
+#include "smartsurf/world/body/BodyStore.h"
 #include "smartsurf/world/broadphase/UniformGrid.h"
 #include "smartsurf/world/parallel/Team.h"
 
@@ -23,8 +23,8 @@ struct SlabRanges {
 
   // The ranges of several slabs.
   std::span<const IndexRange> of(IndexRange slabs) const {
-    const auto begin = static_cast<std::size_t>(first_range[static_cast<std::size_t>(slabs.begin)]);
-    const auto end = static_cast<std::size_t>(first_range[static_cast<std::size_t>(slabs.end)]);
+    const auto begin = static_cast<std::size_t>(first_range[slabs.begin]);
+    const auto end = static_cast<std::size_t>(first_range[slabs.end]);
     return std::span(range).subspan(begin, end - begin);
   }
 };
@@ -44,12 +44,12 @@ class SpatialPartition {
   std::span<const BodyRun> body_runs() const { return body_run_; }
   // Indices of a slab's body runs, in sorted order of the grid. Contiguous in memory from slab to slab.
   std::span<const std::int32_t> body_runs_of(int slab) const {
-    const auto s = static_cast<std::size_t>(slab);
+    const Index s = slab;
     return std::span(runs_by_slab_)
         .subspan(first_run_of_slab_[s], first_run_of_slab_[s + 1] - first_run_of_slab_[s]);
   }
   // Position of the slab's first body run, if runs are ordered by slab.
-  std::size_t first_body_run_of(int slab) const { return first_run_of_slab_[static_cast<std::size_t>(slab)]; }
+  std::size_t first_body_run_of(int slab) const { return first_run_of_slab_[slab]; }
 
   // The slabs of a member. Members get about equal numbers of bodies or, after set_contact_counts(), about
   // equal estimated work.
@@ -61,26 +61,16 @@ class SpatialPartition {
   // Assigns the rows of the member's slabs. Members must pass a barrier before they read rows of others.
   void assign_rows(const BodyStore&, const UniformGrid&, const Member&);
   int row_count() const { return first_row_.empty() ? 0 : first_row_.back(); }
-  IndexRange rows_of(int slab) const {
-    return {first_row_[static_cast<std::size_t>(slab)], first_row_[static_cast<std::size_t>(slab) + 1]};
-  }
-  IndexRange rows_of(IndexRange slabs) const {
-    return {first_row_[static_cast<std::size_t>(slabs.begin)],
-            first_row_[static_cast<std::size_t>(slabs.end)]};
-  }
-  IndexRange active_rows_of(int slab) const {
-    return {first_row_[static_cast<std::size_t>(slab)], active_end_[static_cast<std::size_t>(slab)]};
-  }
-  std::size_t body(int row) const {
-    return static_cast<std::size_t>(body_of_row_[static_cast<std::size_t>(row)]);
-  }
+  IndexRange rows_of(int slab) const { return {first_row_[slab], first_row_[slab + 1]}; }
+  IndexRange rows_of(IndexRange slabs) const { return {first_row_[slabs.begin], first_row_[slabs.end]}; }
+  IndexRange active_rows_of(int slab) const { return {first_row_[slab], active_end_[slab]}; }
+  std::size_t body(int row) const { return static_cast<std::size_t>(body_of_row_[row]); }
   // The member's bodies as of the last assign_rows().
   std::span<const std::int32_t> bodies_of(const Member& member) const {
     const IndexRange rows = rows_of(share(member));
-    return std::span(body_of_row_)
-        .subspan(static_cast<std::size_t>(rows.begin), static_cast<std::size_t>(rows.end - rows.begin));
+    return std::span(body_of_row_).subspan(rows.begin, rows.end - rows.begin);
   }
-  std::int32_t row(std::int32_t body) const { return row_of_body_[static_cast<std::size_t>(body)]; }
+  std::int32_t row(std::int32_t body) const { return row_of_body_[body]; }
 
  private:
   // A line of cells across the slabs, in one layer, and its bodies.

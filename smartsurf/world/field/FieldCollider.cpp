@@ -1,0 +1,36 @@
+#include "smartsurf/world/field/FieldCollider.h"
+
+#include "smartsurf/world/field/Columns.h"
+#include "smartsurf/world/field/ConvexOnField.h"
+#include "smartsurf/world/field/SkinContacts.h"
+#include "smartsurf/world/field/SphereOnField.h"
+#include "smartsurf/world/field/TipsOnField.h"
+
+namespace smartsurf::world {
+
+void FieldCollider::collide_columns(const Shape& shape, const Vec3& centre, const Mat3& axes, float margin,
+                                    std::vector<Contact>& out) const {
+  if (free_layout_)
+    free_layout_->collide(shape, centre, axes, margin, out);
+  else if (shape.is_sphere())
+    collide_sphere_with_field(field_, centre, shape.bounding_radius, margin, out);
+  else
+    collide_shape_with_field(field_, shape, centre, axes, margin, out);
+}
+
+void FieldCollider::collide_skin_or_tips(const Shape& shape, const Vec3& centre, const Mat3& axes,
+                                         float margin, std::vector<Contact>& out) const {
+  if (field_.has_skin())
+    collide_with_skin(field_.skin, shape, centre, axes, margin, out);
+  else
+    collide_with_tips(field_, free_layout_.get(), shape, centre, axes, margin, out);
+}
+
+bool FieldCollider::may_overlap(const Vec3& low, const Vec3& high) const {
+  if (low.z() > field_.max_height) return false;
+  if (free_layout_ || has_skin_or_tips()) return true;
+  const Columns columns(field_, 0.0F);
+  return low.z() <= columns.max_height(columns.cells_covering(low.x(), high.x(), low.y(), high.y()));
+}
+
+}  // namespace smartsurf::world
