@@ -19,15 +19,15 @@ struct NamedActuator {
 
 scene::Registry<NamedActuator>& actuator_factories() {
   static scene::Registry<NamedActuator> all({{"pin", make_pins},
-                                                    {"ball", make_ball},
-                                                    {"wheels", make_wheels},
-                                                    {"rotor", make_rotors},
-                                                    {"force_field", make_force_fields},
-                                                    {"magnet", make_magnets},
-                                                    {"air_jet", make_air_jets},
-                                                    {"tile", make_tile},
-                                                    {"delta", make_deltas});
-    return all;
+                                             {"ball", make_ball},
+                                             {"wheels", make_wheels},
+                                             {"rotor", make_rotors},
+                                             {"force_field", make_force_fields},
+                                             {"magnet", make_magnets},
+                                             {"air_jet", make_air_jets},
+                                             {"tile", make_tile},
+                                             {"delta", make_deltas}});
+  return all;
 }
 
 }  // namespace
