@@ -7,10 +7,10 @@ find_package(Eigen3 REQUIRED NO_MODULE)
 # headers that the product includes are followed by EigenPackets.h.
 if(CMAKE_SYSTEM_PROCESSOR MATCHES "aarch64|arm64")
   foreach(header Cholesky Core Eigenvalues Geometry LU SparseCholesky)
-    file(CONFIGURE OUTPUT ${CMAKE_BINARY_DIR}/eigen/Eigen/${header}
+    file(CONFIGURE OUTPUT ${PROJECT_BINARY_DIR}/eigen/Eigen/${header}
       CONTENT "#include_next <Eigen/${header}>\n#include \"${PROJECT_SOURCE_DIR}/cmake/EigenPackets.h\"\n")
   endforeach()
-  target_include_directories(Eigen3::Eigen BEFORE INTERFACE ${CMAKE_BINARY_DIR}/eigen)
+  target_include_directories(Eigen3::Eigen BEFORE INTERFACE ${PROJECT_BINARY_DIR}/eigen)
   target_compile_options(Eigen3::Eigen INTERFACE -U__ARM_FEATURE_FMA)
 endif()
 find_package(Boost REQUIRED)                      # Interprocess, header only

@@ -19,6 +19,22 @@ install(DIRECTORY shm-protocol/examples/ DESTINATION ${CMAKE_INSTALL_DATADIR}/sm
 install(DIRECTORY shm-protocol/hardware/firmware DESTINATION ${CMAKE_INSTALL_DATADIR}/smartsurf)
 install(FILES apron/run/apron_plugin.h DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/apron)
 
+# What find_package(smartsurf) and pkg-config find: the library, and the header of extensions.
+include(CMakePackageConfigHelpers)
+set(library_folder ${CMAKE_INSTALL_LIBDIR}/cmake/smartsurf)
+install(TARGETS smartsurf_library smartsurf_plugin EXPORT smartsurfTargets COMPONENT library
+  LIBRARY DESTINATION ${CMAKE_INSTALL_LIBDIR})
+install(FILES smartsurf/library/smartsurf.h smartsurf/library/smartsurf.hpp smartsurf/extension/smartsurf_plugin.h
+  DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/smartsurf COMPONENT library)
+install(EXPORT smartsurfTargets NAMESPACE smartsurf:: DESTINATION ${library_folder} COMPONENT library)
+write_basic_package_version_file(${PROJECT_BINARY_DIR}/smartsurfConfigVersion.cmake COMPATIBILITY SameMinorVersion)
+install(FILES smartsurf/library/smartsurfConfig.cmake ${PROJECT_BINARY_DIR}/smartsurfConfigVersion.cmake
+  DESTINATION ${library_folder} COMPONENT library)
+# From the .pc file back to the prefix, so that an installed tree may be moved.
+file(RELATIVE_PATH smartsurf_prefix "/${CMAKE_INSTALL_LIBDIR}/pkgconfig" "/")
+configure_file(smartsurf/library/smartsurf.pc.in smartsurf.pc @ONLY)
+install(FILES ${PROJECT_BINARY_DIR}/smartsurf.pc DESTINATION ${CMAKE_INSTALL_LIBDIR}/pkgconfig COMPONENT library)
+
 install(DIRECTORY docs/ DESTINATION ${CMAKE_INSTALL_DOCDIR} FILES_MATCHING PATTERN "*.md" PATTERN "*.png" PATTERN "*.svg"
   PATTERN api EXCLUDE)
 install(FILES shm-protocol/PROTOCOL.md DESTINATION ${CMAKE_INSTALL_DOCDIR})

@@ -15,8 +15,8 @@ set(precompiled_standard <algorithm> <array> <atomic> <charconv> <chrono> <cmath
 # with equal flags and macros: modules are compiled with -fPIC, tests (PROGRAM) with -fPIE.
 function(add_precompiled name)
   cmake_parse_arguments(P "PROGRAM" "" "HEADERS;LIBS" ${ARGN})
-  file(CONFIGURE OUTPUT ${CMAKE_BINARY_DIR}/precompiled/${name}.cpp CONTENT "")
-  add_library(${name} OBJECT EXCLUDE_FROM_ALL ${CMAKE_BINARY_DIR}/precompiled/${name}.cpp)
+  file(CONFIGURE OUTPUT ${PROJECT_BINARY_DIR}/precompiled/${name}.cpp CONTENT "")
+  add_library(${name} OBJECT EXCLUDE_FROM_ALL ${PROJECT_BINARY_DIR}/precompiled/${name}.cpp)
   target_link_libraries(${name} PRIVATE project_options ${P_LIBS})
   if(P_PROGRAM)
     set_target_properties(${name} PROPERTIES POSITION_INDEPENDENT_CODE OFF IS_UNIT_TEST ON)

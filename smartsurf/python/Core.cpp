@@ -15,6 +15,7 @@
 #include <vector>
 
 #include "common/error/UserError.h"
+#include "smartsurf/extension/Extension.h"
 #include "smartsurf/simulation/Environment.h"
 #include "smartsurf/simulation/EnvironmentBatch.h"
 #include "smartsurf/view/model/Camera.h"
@@ -340,6 +341,8 @@ PYBIND11_MODULE(_core, m) {
   m.attr("__version__") = SMARTSURF_VERSION;
   py::register_exception<common::UserError>(m, "Error", PyExc_ValueError).doc() =
       "An error in an experiment, a value or a file, in one line.";
+
+  m.def("load_extension", [](const std::string& path) { extension::load(path); });
 
   using Overrides = std::vector<std::pair<std::string, std::string>>;
   py::class_<Simulation>(m, "Simulation")

@@ -50,6 +50,7 @@ struct RunMetadata {
   std::optional<bool> declares_success = {};
   // Versions of the components that computed the run: {"physics", "0.1.0"}, …; the recorder adds its own.
   std::vector<NamedText> versions;
+  std::vector<NamedText> extensions;  // the hashes of the extensions' files, by the files' names
 };
 
 // The end of a run.

@@ -165,6 +165,8 @@ std::string describe_recording(const Recording& recording) {
   write_line(out, "recording",
              concat(recording.path().string(), " (", size_text(recording.file_bytes()), ")"));
   write_line(out, "versions", join_texts(recording.meta().versions, " "));
+  if (!recording.meta().extensions.empty())
+    write_line(out, "extensions", join_texts(recording.meta().extensions, " "));
   write_line(out, "command", recording.meta().command_line);
   write_line(out, "experiment", recording.spec().file);
   write_line(out, "program", recording.meta().program_file);

@@ -11,6 +11,7 @@
 
 #include "common/files/ReadFile.h"
 #include "common/process/StopSignals.h"
+#include "smartsurf/extension/Extension.h"
 #include "smartsurf/mesh/SolidLibrary.h"
 #include "smartsurf/run/OutputFile.h"
 #include "smartsurf/run/ScriptOverrun.h"
@@ -31,6 +32,7 @@ script::LoadOptions make_load_options(const RunOptions& options) {
   load_options.seed = options.seed;
   load_options.engine = options.engine;
   load_options.unsafe = options.unsafe;
+  if (options.allow_extensions || options.unsafe) load_options.load_extension = extension::load;
   load_options.solid_factory = std::make_shared<mesh::SolidLibrary>();
   load_options.stop = &common::stop_flag();
   load_options.end_process = end_for_script;
@@ -112,6 +114,8 @@ void Run::open_recordings() {
   meta.unsafe = options_.unsafe;
   meta.declares_success = experiment_.declares_success();
   meta.versions = {{"physics", simulation_.engine().version()}};
+  for (const scene::Extension& extension : experiment_.scene().surface.extensions())
+    meta.extensions.push_back({extension.name, extension.hash});
   for (const auto& file : options_.recording_files)
     recorders_.push_back(record::Recorder::open(file, meta, experiment_.scene()));
 }

@@ -10,6 +10,7 @@
 #include <thread>
 
 #include "common/process/StopSignals.h"
+#include "smartsurf/extension/Extension.h"
 #include "smartsurf/run/OutputFile.h"
 #include "smartsurf/run/Run.h"
 #include "smartsurf/run/ScriptOverrun.h"
@@ -35,6 +36,7 @@ std::uint64_t experiment_seed(const RunOptions& options) {
   script::LoadOptions load;
   load.overrides = options.overrides;
   load.unsafe = options.unsafe;
+  if (options.allow_extensions || options.unsafe) load.load_extension = extension::load;
   load.print_output = [](std::string_view) {};
   load.stop = &common::stop_flag();
   load.end_process = end_for_script;

@@ -4,13 +4,14 @@
 #include <cmath>
 
 #include "smartsurf/scene/BuiltInActuators.h"
+#include "smartsurf/scene/Registry.h"
 #include "smartsurf/scene/SceneSpec.h"
 
 namespace smartsurf::scene {
 namespace {
 
-std::vector<ActuatorKind>& registry() {
-  static std::vector<ActuatorKind> kinds = built_in_actuators();
+Registry<ActuatorKind>& registry() {
+  static Registry<ActuatorKind> kinds(built_in_actuators());
   return kinds;
 }
 
@@ -60,19 +61,8 @@ std::string ActuatorKind::validate(const ActuatorSpec& spec) const {
   return check_constraints ? check_constraints(spec) : "";
 }
 
-std::span<const ActuatorKind> actuator_kinds() { return registry(); }
-
-const ActuatorKind* find_actuator_kind(std::string_view name) {
-  const auto it = std::ranges::find(registry(), name, &ActuatorKind::name);
-  return it == registry().end() ? nullptr : &*it;
-}
-
-void add_actuator_kind(ActuatorKind kind) {
-  const auto it = std::ranges::find(registry(), kind.name, &ActuatorKind::name);
-  if (it == registry().end())
-    registry().push_back(std::move(kind));
-  else
-    *it = std::move(kind);
-}
+std::vector<const ActuatorKind*> actuator_kinds() { return registry().all(); }
+const ActuatorKind* find_actuator_kind(std::string_view name) { return registry().find(name); }
+void add_actuator_kind(ActuatorKind kind) { registry().add(std::move(kind)); }
 
 }  // namespace smartsurf::scene

@@ -5,7 +5,6 @@
 #include <array>
 #include <functional>
 #include <map>
-#include <span>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -59,6 +58,14 @@ struct ActuatorSpec {
   }
 };
 
+// A shared object that adds actuators and sensors (docs/extending.md). Recordings name it, because their runs
+// need it.
+struct Extension {
+  std::string name;  // of its file, "belt.so"; "" for what is built in
+  std::string hash;  // of its content, 16 hexadecimal digits
+  bool operator==(const Extension&) const = default;
+};
+
 // An actuator model: its name, parameters and channels.
 struct ActuatorKind {
   std::string name;
@@ -70,6 +77,7 @@ struct ActuatorKind {
   // Checks constraints between parameters. Returns "" or one clause, "pin.range[2] = 0: must be …". May be
   // null.
   std::function<std::string(const ActuatorSpec&)> check_constraints = {};
+  Extension extension = {};
 
   const Parameter* find_parameter(std::string_view) const;  // null if there is none
   ActuatorSpec default_spec() const;                        // all parameters that have a default
@@ -81,11 +89,10 @@ struct ActuatorKind {
 // and `latency`.
 std::vector<Parameter> cell_body_parameters();
 
-// All kinds, built-in ones first. Not thread-safe with respect to add_actuator_kind().
-std::span<const ActuatorKind> actuator_kinds();
-const ActuatorKind* find_actuator_kind(std::string_view name);
-// Adds a kind, or replaces the kind with the same name. Call before any experiment is loaded; invalidates the
-// results of the functions above.
+// All kinds, built-in ones first. The pointers stay valid. These functions are thread-safe.
+std::vector<const ActuatorKind*> actuator_kinds();
+const ActuatorKind* find_actuator_kind(std::string_view name);  // null if there is none
+// Precondition: no kind has this name.
 void add_actuator_kind(ActuatorKind);
 
 }  // namespace smartsurf::scene

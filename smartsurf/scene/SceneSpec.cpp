@@ -236,6 +236,17 @@ std::vector<ActuatorSpec> SurfaceSpec::effective_actuators() const {
   return actuators.empty() ? std::vector<ActuatorSpec>{make_pin_actuator(pin)} : actuators;
 }
 
+std::vector<Extension> SurfaceSpec::extensions() const {
+  std::vector<Extension> all;
+  const auto add = [&all](const auto* kind) {
+    if (kind == nullptr || kind->extension.name.empty()) return;
+    if (std::ranges::find(all, kind->extension) == all.end()) all.push_back(kind->extension);
+  };
+  for (const ActuatorSpec& actuator : effective_actuators()) add(find_actuator_kind(actuator.model));
+  for (const SensorSpec& sensor : sensors) add(find_sensor_kind(sensor.model));
+  return all;
+}
+
 std::vector<ActuatorChannel> SurfaceSpec::actuator_channels() const {
   std::vector<ActuatorChannel> all;
   for (const ActuatorSpec& actuator : effective_actuators())

@@ -193,6 +193,8 @@ struct SurfaceSpec {
   std::vector<std::string> sensor_channels() const;
   // `actuators`, or the default pin if that is empty.
   std::vector<ActuatorSpec> effective_actuators() const;
+  // The extensions of which the surface has actuators or sensors.
+  std::vector<Extension> extensions() const;
   // The channels of the effective actuators. Channels with the same name are merged; the range of a merged
   // channel is the union of their ranges.
   std::vector<ActuatorChannel> actuator_channels() const;

@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "smartsurf/scene/BuiltInSensors.h"
+#include "smartsurf/scene/Registry.h"
 #include "smartsurf/scene/SceneSpec.h"
 
 namespace smartsurf::scene {
@@ -11,8 +12,8 @@ namespace {
 
 using Type = Parameter::Type;
 
-std::vector<SensorKind>& registry() {
-  static std::vector<SensorKind> kinds = built_in_sensors();
+Registry<SensorKind>& registry() {
+  static Registry<SensorKind> kinds(built_in_sensors());
   return kinds;
 }
 
@@ -120,19 +121,20 @@ std::string validate_ray(const SensorSpec& spec) {
   return spec.vector("direction").norm() >= 1e-6 ? "" : "direction: must not be of length 0";
 }
 
-std::span<const SensorKind> sensor_kinds() { return registry(); }
+std::vector<const SensorKind*> sensor_kinds() { return registry().all(); }
+const SensorKind* find_sensor_kind(std::string_view name) { return registry().find(name); }
+void add_sensor_kind(SensorKind kind) { registry().add(std::move(kind)); }
 
-const SensorKind* find_sensor_kind(std::string_view name) {
-  const auto it = std::ranges::find(registry(), name, &SensorKind::name);
-  return it == registry().end() ? nullptr : &*it;
-}
-
-void add_sensor_kind(SensorKind kind) {
-  const auto it = std::ranges::find(registry(), kind.name, &SensorKind::name);
-  if (it == registry().end())
-    registry().push_back(std::move(kind));
-  else
-    *it = std::move(kind);
+std::vector<Extension> loaded_extensions() {
+  std::vector<Extension> extensions;
+  const auto collect = [&extensions](const auto& kinds) {
+    for (const auto* kind : kinds)
+      if (!kind->extension.name.empty() && std::ranges::find(extensions, kind->extension) == extensions.end())
+        extensions.push_back(kind->extension);
+  };
+  collect(actuator_kinds());
+  collect(sensor_kinds());
+  return extensions;
 }
 
 std::vector<SensorChannel> collect_channels(std::span<const SensorSpec> sensors) {

@@ -19,8 +19,8 @@ namespace smartsurf::scene {
 struct SensorChannel {
   enum class Type { kFloat32, kUint32 };  // data type in the protocol: f32 or u32
 
-  std::string name;                     // ≤ 31 letters, digits and _: the sensor's name with optional suffix
-  std::string unit = {};                // "" = dimensionless
+  std::string name;       // ≤ 31 letters, digits and _: the sensor's name with optional suffix
+  std::string unit = {};  // "" = dimensionless
   double minimum = 0.0, maximum = 1.0;  // finite; limits of the readings
   double no_detection = 0.0;            // reading of a cell that senses nothing
   int components = 1;                   // 1 … 64
@@ -64,6 +64,7 @@ struct SensorKind {
   int mask_channel = -1;
   // Checks constraints between parameters. Returns "" or one clause, "direction: must not be …". May be null.
   std::function<std::string(const SensorSpec&)> check_constraints = {};
+  Extension extension = {};
 
   // Searches `parameters`, then sensor_error_parameters(). Null if there is none.
   const Parameter* find_parameter(std::string_view) const;
@@ -82,12 +83,14 @@ std::vector<Parameter> ray_parameters(double range);
 // Checks the constraints on ray_parameters(). Returns "" or one clause.
 std::string validate_ray(const SensorSpec&);
 
-// All kinds, built-in ones first. Not thread-safe with respect to add_sensor_kind().
-std::span<const SensorKind> sensor_kinds();
-const SensorKind* find_sensor_kind(std::string_view name);
-// Adds a kind, or replaces the kind with the same name. Call before any experiment is loaded; invalidates the
-// results of the functions above.
+// All kinds, built-in ones first. The pointers stay valid. These functions are thread-safe.
+std::vector<const SensorKind*> sensor_kinds();
+const SensorKind* find_sensor_kind(std::string_view name);  // null if there is none
+// Precondition: no kind has this name.
 void add_sensor_kind(SensorKind);
+
+// The extensions that have been loaded, in order; every one has added a kind.
+std::vector<Extension> loaded_extensions();
 
 // The channels of all sensors, in the order of the sensors.
 std::vector<SensorChannel> collect_channels(std::span<const SensorSpec>);

@@ -32,8 +32,9 @@ int register_bindings(ScriptContext& context, lua_State* L) {
   }
   bind_ordered_pairs(L);
   bind_declarations(L);
-  bind_actuators(L);
-  bind_sensors(L);
+  bind_actuators(L, "");
+  bind_sensors(L, "");
+  bind_extensions(L);
   bind_options(L);
   bind_objects(L);
   bind_events(L);
@@ -119,6 +120,7 @@ struct Experiment::Impl {
     lua_pushcfunction(L, guarded<register_bindings>);
     interpreter.call(0, 0, budget, session.spec.file);
     if (session.options.savable) call_unlimited(guarded<number_library>);
+    call_unlimited(guarded<bind_loaded_extensions>);
     lua_pushcfunction(L, guarded<run_script>);
     interpreter.call(0, 0, budget, session.spec.file);
     validate_declarations(session);

@@ -41,6 +41,9 @@ struct LoadOptions {
   bool savable = false;
   // --unsafe: the full Lua standard library, including native modules.
   bool unsafe = false;
+  // Loads the extension at this path for extension 'x.so'; throws scene::InputError. Null: the script may
+  // only name extensions that are loaded.
+  std::function<void(const std::filesystem::path&)> load_extension;
   // Where the script may write files; empty = nowhere.
   std::filesystem::path output_folder;
   // Receives the output of print and io.write; null = stdout.

@@ -118,8 +118,10 @@ void read_sensor_faults(lua_State* L, int index, const std::string& name, scene:
 
 // Register the functions of each group as globals. docs/experiments.md is their reference.
 void bind_declarations(lua_State* L);    // world, material, surface, faults, record
-void bind_actuators(lua_State* L);       // one function per kind of actuator
-void bind_sensors(lua_State* L);         // one function per kind of sensor
+// One function per kind of actuator, or of sensor, that the extension adds; "": that is built in.
+void bind_actuators(lua_State* L, const std::string& extension);
+void bind_sensors(lua_State* L, const std::string& extension);
+void bind_extensions(lua_State* L);      // extension
 void bind_options(lua_State* L);         // option, random, math.random
 void bind_objects(lua_State* L);         // sphere, box, cylinder, capsule, cone, hull, mesh
 void bind_events(lua_State* L);          // at, every, on_*, time, metric, stop, quit, pause, pace
@@ -128,6 +130,13 @@ void bind_object_handles(lua_State* L);  // object, objects
 void bind_joints(lua_State* L);          // joint
 void bind_models(lua_State* L);          // urdf, mjcf
 void bind_cells(lua_State* L);           // cells
+// The actuators and sensors of the extensions that the program has loaded. Must run after
+// ScriptState::number_library(), so that a script's numbering does not depend on whether the program or the
+// script has loaded them.
+int bind_loaded_extensions(ScriptContext&, lua_State* L);
+// Sets the global `name` to the function that declares an actuator or a sensor. Throws ScriptError if a kind
+// of an extension has the name of a function that exists.
+void bind_kind(lua_State* L, const std::string& name, lua_CFunction declare, const std::string& extension);
 // The Lua standard library, reduced to what the sandbox allows. Must run first.
 void bind_standard_library(lua_State* L, const ScriptContext&);
 void bind_ordered_pairs(lua_State* L);     // pairs, next, with a reproducible order

@@ -42,6 +42,7 @@ void Environment::load(std::optional<std::uint64_t> seed) {
   load_options.seed = seed;
   load_options.engine = options_.engine;
   load_options.solid_factory = solids_;
+  load_options.source = options_.source;
   load_options.savable = true;
   script::Experiment experiment = script::Experiment::load(options_.experiment, std::move(load_options));
   simulation_.reset();
@@ -70,6 +71,8 @@ void Environment::reset(std::uint64_t seed) {
 std::uint64_t Environment::fingerprint() const {
   std::string text = simulation().engine().version() + '\0' + scene().source;
   for (const scene::OptionSpec& option : scene().options) text += '\0' + option.name + '=' + option.value;
+  for (const scene::Extension& extension : scene().surface.extensions())
+    text += '\0' + extension.name + '=' + extension.hash;
   return hash_of(text) ^ experiment_->state_fingerprint();
 }
 

@@ -20,6 +20,7 @@ namespace smartsurf::simulation {
 
 struct EnvironmentOptions {
   std::string experiment;                                      // path of the script
+  std::optional<std::string> source;                           // its text; nullopt: read the file
   std::vector<std::pair<std::string, std::string>> overrides;  // --set name=value
   std::optional<std::uint64_t> seed;                           // of the first episode; nullopt: the script's
   std::optional<std::string> engine;

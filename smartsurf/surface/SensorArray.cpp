@@ -70,9 +70,11 @@ void SensorArray::archive(common::StateArchive& a, const scene::Snapshot& snapsh
   a(tick_);
   if (!a.saves() && !sensors_.empty()) {
     clear_impulses();
+    bodies_.forget_objects();
     bodies_.update(snapshot, catalogue, pool);
   }
-  const SensorInput input{snapshot, catalogue, bodies_, impulse_, tip_impulse_, skin_impulse_, period_s_};
+  const SensorInput input{snapshot,     catalogue,     bodies_,   impulse_,
+                          tip_impulse_, skin_impulse_, period_s_, /*restored=*/!a.saves()};
   for (SensorInstance& f : sensors_) {
     if (!a.saves()) f.sensor->sense(input, pool);
     f.sensor->archive(a);

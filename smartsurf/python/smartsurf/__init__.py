@@ -19,11 +19,12 @@ from ._tasks import TASKS, task_file
 from .run import RunError, run
 
 __all__ = ["Channel", "Env", "Error", "LocalPolicy", "RunError", "Simulation", "TASKS", "VectorEnv", "__version__",
-           "attach", "export_policy", "parallel_env", "run", "task_file"]
+           "attach", "export_policy", "load_extension", "parallel_env", "run", "task_file"]
 
 # Imported at their first use: runs and sweeps need neither the compiled part nor NumPy, live surfaces not the former.
 _MODULES = {"Channel": "._surface", "Error": "._core", "LocalPolicy": ".policy", "Simulation": "._simulation",
-            "__version__": "._core", "attach": "._live", "export_policy": ".policy"}
+            "__version__": "._core", "attach": "._live", "export_policy": ".policy",
+            "load_extension": "._simulation"}
 
 _NEEDS = {"Env": ("gymnasium", "._env"), "VectorEnv": ("gymnasium", "._vector"),
           "parallel_env": ("pettingzoo", "._parallel")}

@@ -2,7 +2,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import gymnasium
 import numpy as np
@@ -39,8 +39,8 @@ class Env(gymnasium.Env):
 
     def __init__(self, experiment: str | os.PathLike | None = None, set: dict | None = None, threads: int = 1,
                  engine: str | None = None, render_mode: str | None = None, render_size: tuple[int, int] = (640, 400),
-                 camera: str = "iso", *, shm: str | None = None, timeout: float = 30.0,
-                 reward: Callable[[np.ndarray, np.ndarray], float] | None = None,
+                 camera: str = "iso", extensions: Sequence[str | os.PathLike] = (), *, shm: str | None = None,
+                 timeout: float = 30.0, reward: Callable[[np.ndarray, np.ndarray], float] | None = None,
                  done: Callable[[np.ndarray], bool] | None = None):
         if (experiment is None) == (shm is None):
             raise ValueError("give either an experiment or shm, the name of a live surface")
@@ -48,7 +48,7 @@ class Env(gymnasium.Env):
             raise ValueError(f"render_mode = {render_mode!r}: must be None, 'rgb_array' or 'human'")
         if shm is None:
             from ._simulation import Simulation
-            self.simulation = Simulation(experiment, set=set, threads=threads, engine=engine)
+            self.simulation = Simulation(experiment, set=set, threads=threads, engine=engine, extensions=extensions)
         else:
             if render_mode is not None:
                 raise ValueError(f"render_mode = {render_mode!r}: a live surface has no picture; must be None")

@@ -2,7 +2,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import gymnasium
 import numpy as np
@@ -24,8 +24,9 @@ class ParallelEnv(pettingzoo.ParallelEnv):
     metadata = {"name": "smartsurf", "render_modes": ["rgb_array"], "is_parallelizable": True}
 
     def __init__(self, experiment: str | os.PathLike, block: int = 1, radius: int = 1, set: dict | None = None,
-                 threads: int = 1, engine: str | None = None, render_mode: str | None = None):
-        self.simulation = s = Simulation(experiment, set=set, threads=threads, engine=engine)
+                 threads: int = 1, engine: str | None = None, render_mode: str | None = None,
+                 extensions: Sequence[str | os.PathLike] = ()):
+        self.simulation = s = Simulation(experiment, set=set, threads=threads, engine=engine, extensions=extensions)
         block, radius = whole("block", block, 1), whole("radius", radius, 0)
         if s.rows % block or s.columns % block:
             raise ValueError(f"block = {block}: must divide {s.rows} rows and {s.columns} columns")

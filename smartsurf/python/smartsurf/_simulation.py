@@ -2,7 +2,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -43,6 +43,18 @@ def overrides(options):
     return [(str(name), text(value)) for name, value in (options or {}).items()]
 
 
+def load_extension(path: str | os.PathLike) -> None:
+    """Loads an extension, a shared object with actuators and sensors, for the rest of this process."""
+    _core.load_extension(os.fspath(path))
+
+
+def load_extensions(paths):
+    if isinstance(paths, (str, bytes, os.PathLike)):
+        raise ValueError(f"extensions = {paths!r}: must be a list of paths")
+    for path in paths:
+        load_extension(path)
+
+
 def channels(description):
     """The sensor and the actuator channels of an experiment."""
     sensors = tuple(Channel(name, unit, low, high, components)
@@ -56,7 +68,7 @@ class Simulation(Surface):
     """One experiment, advanced tick by tick. A tick is one control period of the surface.
 
     experiment: path of the Lua script. seed: of its random numbers; default: the script's. set: values of its
-    options, a dict. threads: of the physics. engine: "native" or "bullet".
+    options, a dict. threads: of the physics. engine: "native" or "bullet". extensions: paths of shared objects to load.
 
     Arrays have rows × columns, row 0 north, column 0 west, or components × rows × columns. They are float32 views of
     memory that the simulation overwrites in each step: copy what must last. Equal experiment, seed, options and
@@ -66,8 +78,9 @@ class Simulation(Surface):
     """
 
     def __init__(self, experiment: str | os.PathLike, seed: int | None = None, set: dict | None = None,
-                 threads: int = 1, engine: str | None = None):
+                 threads: int = 1, engine: str | None = None, extensions: Sequence[str | os.PathLike] = ()):
         threads = thread_count(threads)
+        load_extensions(extensions)
         self._core = _core.Simulation(os.fspath(experiment), engine_name(engine), overrides(set), checked_seed(seed), threads)
         self._process, self._threads = os.getpid(), threads
         self.experiment = os.fspath(experiment)

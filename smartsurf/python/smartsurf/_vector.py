@@ -2,6 +2,7 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Sequence
 
 import gymnasium
 import numpy as np
@@ -9,7 +10,7 @@ from gymnasium.vector import AutoresetMode
 
 from . import _core
 from ._env import box
-from ._simulation import channels, engine_name, not_picklable, overrides, state_bytes, thread_count
+from ._simulation import channels, engine_name, load_extensions, not_picklable, overrides, state_bytes, thread_count
 from ._surface import Closed, checked_seed, draw_seed, real_array, whole
 from ._tasks import task_file
 
@@ -35,7 +36,9 @@ class VectorEnv(gymnasium.vector.VectorEnv):
     def __init__(self, experiment: str | os.PathLike, num_envs: int = 1, threads: int | None = None,
                  set: dict | None = None, engine: str | None = None, seed: int | None = None, copy: bool = True,
                  autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP, render_mode: str | None = None,
-                 render_size: tuple[int, int] = (640, 400), camera: str = "iso"):
+                 render_size: tuple[int, int] = (640, 400), camera: str = "iso",
+                 extensions: Sequence[str | os.PathLike] = ()):
+        load_extensions(extensions)
         num_envs = whole("num_envs", num_envs, 1)
         threads = len(os.sched_getaffinity(0)) if threads is None else thread_count(threads)
         if render_mode not in (None, *self.metadata["render_modes"]):

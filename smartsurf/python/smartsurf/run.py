@@ -13,7 +13,7 @@ import shutil
 import subprocess
 import sysconfig
 import tempfile
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 TIMED_OUT = 124  # the exit status of timeout(1)
@@ -67,7 +67,7 @@ def _text(value: Any) -> str:
 def command(experiment: str | os.PathLike, controller: str | None = None, seed: int | None = None,
             set: Mapping[str, Any] | None = None, *, until: float | None = None, engine: str | None = None,
             threads: int | None = None, worlds: int | None = None, record: str | os.PathLike | None = None,
-            smartsurf: str | os.PathLike | None = None) -> list[str]:
+            extensions: Sequence[str | os.PathLike] = (), smartsurf: str | os.PathLike | None = None) -> list[str]:
     """The command line of a run; arguments as in `run`."""
     words = [program(smartsurf), "run", os.fspath(experiment)]
     words += ["--controller", os.fspath(controller)] if controller else ["--no-controller"]
@@ -76,6 +76,8 @@ def command(experiment: str | os.PathLike, controller: str | None = None, seed: 
         words += [] if value is None else [f"--{name}", _text(value)]
     for name, value in (set or {}).items():
         words += ["--set", f"{name}={_text(value)}"]
+    for path in extensions:
+        words += ["--load", os.fspath(path)]
     return words
 
 
@@ -128,7 +130,8 @@ def end_all() -> None:
 def run(experiment: str | os.PathLike, controller: str | None = None, seed: int | None = None,
         set: Mapping[str, Any] | None = None, *, until: float | None = None, engine: str | None = None,
         threads: int | None = None, worlds: int | None = None, record: str | os.PathLike | None = None,
-        timeout: float | None = None, smartsurf: str | os.PathLike | None = None) -> dict[str, Any]:
+        extensions: Sequence[str | os.PathLike] = (), timeout: float | None = None,
+        smartsurf: str | os.PathLike | None = None) -> dict[str, Any]:
     """Runs an experiment to its end and returns the statistics of `smartsurf run --stats`.
 
     experiment: the Lua file.
@@ -140,13 +143,14 @@ def run(experiment: str | os.PathLike, controller: str | None = None, seed: int 
     threads: of the simulator; results do not depend on it.
     worlds: this many copies with consecutive seeds in one process; the result's 'runs' lists their statistics.
     record: an HDF5 or CSV file to record to.
+    extensions: paths of shared objects with actuators and sensors to load.
     timeout: wall-clock seconds after which the run is ended.
     smartsurf: the program; None: as `program` finds it.
 
     The script's metrics are in the result's 'metrics'. Raises RunError if the run fails, FileNotFoundError if there is no
     program."""
     status, stats, log = execute(command(experiment, controller, seed, set, until=until, engine=engine, threads=threads,
-                                         worlds=worlds, record=record, smartsurf=smartsurf), timeout)
+                                         worlds=worlds, record=record, extensions=extensions, smartsurf=smartsurf), timeout)
     if status != 0 or stats is None:
         raise RunError((log.strip().splitlines() or [f"smartsurf ended with status {status}"])[-1], status)
     return stats

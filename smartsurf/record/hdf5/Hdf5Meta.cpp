@@ -97,6 +97,10 @@ void write_meta(hid_t file, const RunMetadata& meta, const scene::SceneSpec& spe
     if (has_attribute(set, setting.name.c_str())) H5Adelete(set, setting.name.c_str());  // the last one wins
     write_attribute(set, setting.name.c_str(), setting.value);
   }
+  if (!meta.extensions.empty()) {
+    const Handle extensions = create_group(group, paths::kExtensions);
+    for (const auto& [name, hash] : meta.extensions) write_attribute(extensions, name.c_str(), hash);
+  }
   const Handle versions = create_group(group, paths::kVersions);
   write_attribute(versions, "smartsurf", std::string(SMARTSURF_VERSION));
   write_attribute(versions, "hdf5", std::string(H5_VERS_INFO).substr(std::strlen("HDF5 library version: ")));
@@ -129,6 +133,8 @@ RecordedMeta read_meta(hid_t file, scene::SceneSpec& spec) {
   RecordedMeta recorded;
   archive_meta(read, recorded.meta, spec);
   recorded.meta.versions = read_string_attributes(group, paths::kVersions);
+  if (has_link(group, paths::kExtensions))
+    recorded.meta.extensions = read_string_attributes(group, paths::kExtensions);
   if (has_link(group, paths::kSet)) recorded.meta.overrides = read_string_attributes(group, paths::kSet);
   read(paths::kTouchedByHand, recorded.first_interaction_tick);
   for (NamedText& option : read_string_attributes(group, paths::kOptions))

@@ -4,7 +4,8 @@
 
 namespace smartsurf::record::paths {
 
-inline constexpr const char *kMeta = "meta", *kOptions = "options", *kSet = "set", *kVersions = "versions";
+inline constexpr const char *kMeta = "meta", *kOptions = "options", *kSet = "set", *kVersions = "versions",
+                            *kExtensions = "extensions";
 inline constexpr const char* kTouchedByHand = "touched_by_hand";  // an attribute that is added during the run
 
 inline constexpr const char *kTick = "tick", *kTime = "time", *kHash = "hash", *kContacts = "contacts";

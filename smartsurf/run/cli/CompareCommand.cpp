@@ -19,7 +19,7 @@ struct CompareFlags {
   std::string experiment, engines = "native,bullet", controller, until = "10", tolerance = "0.1", out;
   std::vector<std::string> set, controller_set;
   std::optional<std::uint64_t> seed;
-  bool unsafe = false;
+  bool unsafe = false, allow_extensions = false;
 };
 
 std::pair<std::string, std::string> parse_engines(const std::string& text) {
@@ -54,6 +54,7 @@ RunOptions make_run_options(const CompareFlags& flags, const std::string& engine
   options.seed = flags.seed;
   options.overrides = parse_assignments(flags.set);
   options.unsafe = flags.unsafe;
+  options.allow_extensions = flags.allow_extensions;
   options.engine = engine;
   if (!flags.out.empty()) options.recording_files = {flags.out + "/" + engine + ".h5"};
   return options;
@@ -110,6 +111,7 @@ CommandHandler add_compare_command(CLI::App& app, const std::string& command_lin
       ->type_name("LENGTH");
   compare->add_option("--out", flags->out, "Write recordings, figures and a table to this folder")
       ->type_name("FOLDER");
+  add_extension_flags(*compare, flags->allow_extensions);
   compare->add_flag("--unsafe", flags->unsafe,
                     "Give the script all of Lua: processes, files, native modules");
   return [flags, command_line] { return compare_command(*flags, command_line); };

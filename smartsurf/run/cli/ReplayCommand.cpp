@@ -20,7 +20,7 @@ struct ReplayFlags {
   std::string file, video, pace;
   std::vector<std::string> screenshot;
   RenderFlags render;
-  bool window = false, verify = false, unsafe = false;
+  bool window = false, verify = false, unsafe = false, allow_extensions = false;
   int threads = 1;
 };
 
@@ -29,7 +29,7 @@ int verify_recording(const record::Recording& recording, const ReplayFlags& flag
   Progress progress;
   const double until_s = recording.frames() > 0 ? recording.times().back() : 0.0;
   const VerificationResult result =
-      verify(recording, flags.threads, flags.unsafe, stop,
+      verify(recording, flags.threads, {flags.unsafe, flags.allow_extensions}, stop,
              [&](double simulated_s) { progress.update(simulated_s, until_s); });
   const std::string file = recording.path().string();
   if (result.first_different_tick) {
@@ -85,6 +85,7 @@ CommandHandler add_replay_command(CLI::App& app) {
   replay->add_option("--threads", flags->threads, "Threads for --verify; changes no result")
       ->check(CLI::Range(1, 256))
       ->type_name("N");
+  add_extension_flags(*replay, flags->allow_extensions);
   replay->add_flag("--unsafe", flags->unsafe, "Let --verify run a script that was recorded with --unsafe");
   return [flags] { return replay_command(*flags); };
 }

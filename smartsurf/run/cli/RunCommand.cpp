@@ -7,6 +7,7 @@
 #include <memory>
 
 #include "common/process/StopSignals.h"
+#include "smartsurf/extension/Extension.h"
 #include "smartsurf/mesh/SolidLibrary.h"
 #include "smartsurf/run/ControllerProcess.h"
 #include "smartsurf/run/OutputFile.h"
@@ -26,7 +27,7 @@ namespace {
 struct RunFlags {
   std::string experiment, mode = "time-step", pace, controller, shm, stats, video;
   bool window = false, headless = false, paused = false, close = false, no_controller = false, unsafe = false,
-       help = false;
+       help = false, allow_extensions = false;
   std::vector<std::string> set, controller_set, record, screenshot;
   RenderFlags render;
   std::optional<std::uint64_t> seed, ticks;
@@ -47,6 +48,7 @@ CLI::Validator whole_number_validator() {
 }
 
 void add_script_flags(CLI::App& app, RunFlags& flags) {
+  add_extension_flags(app, flags.allow_extensions);
   app.add_option("--seed", flags.seed, "Seed of everything random, instead of the script's")
       ->check(whole_number_validator())
       ->type_name("N");
@@ -127,18 +129,16 @@ std::optional<double> parse_pace(const RunFlags& flags) {
 }
 
 // Loads an experiment to inspect it, discarding what the script prints.
-script::Experiment load_silently(const std::string& file,
-                                 std::vector<std::pair<std::string, std::string>> overrides,
-                                 std::optional<std::uint64_t> seed,
-                                 const std::optional<std::string>& engine) {
+script::Experiment load_silently(const RunFlags& flags) {
   script::LoadOptions options;
-  options.overrides = std::move(overrides);
-  options.seed = seed;
-  options.engine = engine;
+  options.overrides = parse_assignments(flags.set);
+  options.seed = flags.seed;
+  options.engine = flags.engine;
   options.print_output = [](std::string_view) {};
   options.end_process = end_for_script;
   options.solid_factory = std::make_shared<mesh::SolidLibrary>();
-  return script::Experiment::load(file, options);
+  if (flags.allow_extensions) options.load_extension = extension::load;
+  return script::Experiment::load(flags.experiment, options);
 }
 
 RunOptions make_run_options(const RunFlags& flags, const std::string& command_line) {
@@ -191,6 +191,7 @@ RunOptions make_run_options(const RunFlags& flags, const std::string& command_li
   options.video_file = flags.video;
   options.render = parse_render_options(flags.render);
   options.unsafe = flags.unsafe;
+  options.allow_extensions = flags.allow_extensions;
   return options;
 }
 
@@ -207,9 +208,7 @@ void print_options(const scene::SceneSpec& scene) {
 int run_command(CLI::App& app, const RunFlags& flags, const std::string& command_line) {
   if (flags.help) {
     fmt::print("{}\n", app.get_parent()->help());  // with the program's name in the usage line
-    if (!flags.experiment.empty())
-      print_options(
-          load_silently(flags.experiment, parse_assignments(flags.set), flags.seed, flags.engine).scene());
+    if (!flags.experiment.empty()) print_options(load_silently(flags).scene());
     return common::kDone;
   }
   const RunOptions options = make_run_options(flags, command_line);
@@ -219,8 +218,7 @@ int run_command(CLI::App& app, const RunFlags& flags, const std::string& command
 }
 
 int check_command(const RunFlags& flags) {
-  const auto experiment =
-      load_silently(flags.experiment, parse_assignments(flags.set), flags.seed, flags.engine);
+  const auto experiment = load_silently(flags);
   const std::string& file = flags.experiment;
   const auto& scene = experiment.scene();
   simulation::validate_surface(scene);
@@ -234,6 +232,16 @@ int check_command(const RunFlags& flags) {
 }
 
 }  // namespace
+
+void add_extension_flags(CLI::App& app, bool& allow_extensions) {
+  app.add_option("--load", "Load an extension: a shared object that adds actuators and sensors")
+      ->each([](const std::string& file) { extension::load(file); })
+      ->type_name("FILE.so")
+      ->allow_extra_args(false)
+      ->take_all();
+  app.add_flag("--allow-extensions", allow_extensions,
+               "Let the script load the extensions that it names, from its folder");
+}
 
 CommandHandler add_run_command(CLI::App& app, const std::string& command_line) {
   CLI::App* run = app.add_subcommand("run", "Run an experiment");

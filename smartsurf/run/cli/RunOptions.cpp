@@ -13,6 +13,7 @@ RunOptions options_for_opened(const std::string& experiment, const RunOptions& p
   options.pace = 1.0;
   options.threads = previous.threads;
   options.render = previous.render;
+  options.allow_extensions = previous.allow_extensions;
   const std::filesystem::path program = std::filesystem::path(experiment).replace_extension(".aps");
   std::error_code error;
   if (std::filesystem::is_regular_file(program, error))

@@ -44,6 +44,7 @@ struct RunOptions {
   std::string video_file;
   RenderOptions render;
   bool unsafe = false;
+  bool allow_extensions = false;
   std::optional<int> world_index;  // nullopt: the only world of this process
 };
 

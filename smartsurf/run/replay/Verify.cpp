@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <bit>
 #include <cstdint>
 #include <cstring>
@@ -11,6 +12,7 @@
 #include <optional>
 
 #include "common/files/UnfinishedFile.h"
+#include "smartsurf/extension/Extension.h"
 #include "smartsurf/mesh/SolidLibrary.h"
 #include "smartsurf/run/ScriptOverrun.h"
 #include "smartsurf/simulation/Simulation.h"
@@ -50,13 +52,13 @@ class TemporaryDirectory {
   throw scene::InputError(fmt::format("{}: cannot be run again: {}", recording.path().string(), why));
 }
 
-void require_reproducible(const record::Recording& recording, bool unsafe) {
+void require_reproducible(const record::Recording& recording, const Allowed& allowed) {
   if (const auto tick = recording.first_interaction_tick())
     throw_input_error(recording, fmt::format("the user intervened after tick {}", *tick));
   if (recording.frames() == 0) throw_input_error(recording, "it holds no frames");
   if (recording.meta().driver != "script" && recording.input_tick_count() == 0)
     throw_input_error(recording, "it does not contain the controller's actuator targets");
-  if (recording.meta().unsafe && !unsafe)
+  if (recording.meta().unsafe && !allowed.unsafe)
     throw_input_error(recording,
                       "its script ran with --unsafe and may do anything again; give --unsafe to allow that");
 }
@@ -66,6 +68,20 @@ void require_engine(const record::Recording& recording) {
     world::require_engine(recording.spec());
   } catch (const scene::InputError& error) {
     throw_input_error(recording, error.what());
+  }
+}
+
+// may_be_missing: the script has not run yet, and may load extensions.
+void require_extensions(const record::Recording& recording, bool may_be_missing) {
+  const std::vector<scene::Extension> loaded = scene::loaded_extensions();
+  for (const auto& [name, hash] : recording.meta().extensions) {
+    const auto it = std::ranges::find(loaded, name, &scene::Extension::name);
+    if (it == loaded.end() && !may_be_missing)
+      throw_input_error(recording, fmt::format("it needs the extension {}: give --load {}", name, name));
+    if (it != loaded.end() && it->hash != hash)
+      throw_input_error(
+          recording, fmt::format("it was recorded with an extension {} of hash {}, and this one has {}", name,
+                                 hash, it->hash));
   }
 }
 
@@ -88,8 +104,8 @@ void require_matching_inputs(const record::Recording& recording, const simulatio
                                   recording.read_inputs(0).size(), values));
 }
 
-script::Experiment reload_experiment(const record::Recording& recording, const fs::path& output_directory,
-                                     const std::atomic<bool>& stop) {
+script::Experiment reload_experiment(const record::Recording& recording, const Allowed& allowed,
+                                     const fs::path& output_directory, const std::atomic<bool>& stop) {
   script::LoadOptions options;
   options.stop = &stop;
   options.end_process = end_for_script;
@@ -98,6 +114,7 @@ script::Experiment reload_experiment(const record::Recording& recording, const f
   options.seed = recording.spec().world.seed;
   options.engine = recording.spec().world.engine;
   options.unsafe = recording.meta().unsafe;
+  if (allowed.extensions || options.unsafe) options.load_extension = extension::load;
   options.source = recording.spec().source;
   options.output_folder = output_directory;
   options.solid_factory = std::make_shared<mesh::SolidLibrary>();
@@ -201,12 +218,14 @@ std::string describe_difference(const record::Recording& recording, std::size_t 
 
 }  // namespace
 
-VerificationResult verify(const record::Recording& recording, int threads, bool unsafe,
+VerificationResult verify(const record::Recording& recording, int threads, const Allowed& allowed,
                           const std::atomic<bool>& stop, const std::function<void(double)>& progress) {
-  require_reproducible(recording, unsafe);
+  require_reproducible(recording, allowed);
   require_engine(recording);
+  require_extensions(recording, /*may_be_missing=*/allowed.extensions || recording.meta().unsafe);
   const TemporaryDirectory output_directory;
-  script::Experiment experiment = reload_experiment(recording, output_directory.path(), stop);
+  script::Experiment experiment = reload_experiment(recording, allowed, output_directory.path(), stop);
+  require_extensions(recording, /*may_be_missing=*/false);
   const bool scripted = recording.meta().driver == "script";
   simulation::Simulation simulation(experiment, threads, scripted);
   require_same_physics(recording, simulation);

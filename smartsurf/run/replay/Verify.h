@@ -20,12 +20,17 @@ struct VerificationResult {
   bool interrupted = false;  // by `stop`
 };
 
+struct Allowed {
+  bool unsafe = false;      // a script that was recorded with --unsafe may run
+  bool extensions = false;  // the script may load the extensions that it names
+};
+
 // Runs the script text stored in the recording with the recorded options and seed; other files are read from
 // their original paths. Actuator targets set by a controller are taken from the recording, so no controller
-// runs. unsafe: allows a script that was recorded with --unsafe. progress: called with the simulated time of
-// each frame. Throws scene::InputError if the recording cannot be reproduced: the user intervened, the inputs
-// were not recorded, or the script is unsafe and not allowed.
-VerificationResult verify(const record::Recording&, int threads, bool unsafe, const std::atomic<bool>& stop,
-                          const std::function<void(double)>& progress);
+// runs. progress: called with the simulated time of each frame. Throws scene::InputError if the recording
+// cannot be reproduced: the user intervened, the inputs were not recorded, the script is unsafe and not
+// allowed, or an extension is missing or has other content.
+VerificationResult verify(const record::Recording&, int threads, const Allowed&,
+                          const std::atomic<bool>& stop, const std::function<void(double)>& progress);
 
 }  // namespace smartsurf::run

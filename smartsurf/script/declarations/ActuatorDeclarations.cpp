@@ -104,13 +104,10 @@ void read_actuator_faults(lua_State* L, int index, const std::string& name, scen
                       " of the cells: must be at most 1");
 }
 
-void bind_actuators(lua_State* L) {
-  register_userdata_type(L, kActuatorType, {});
-  for (const scene::ActuatorKind& kind : scene::actuator_kinds()) {
-    lua_pushlstring(L, kind.name.data(), kind.name.size());
-    lua_pushcclosure(L, guarded<declare_actuator>, 1);
-    lua_setglobal(L, kind.name.c_str());
-  }
+void bind_actuators(lua_State* L, const std::string& extension) {
+  if (extension.empty()) register_userdata_type(L, kActuatorType, {});
+  for (const scene::ActuatorKind* kind : scene::actuator_kinds())
+    if (kind->extension.name == extension) bind_kind(L, kind->name, guarded<declare_actuator>, extension);
 }
 
 }  // namespace smartsurf::script

@@ -34,9 +34,9 @@ bool is_sensor_name(const std::string& name, std::size_t max_length) {
                      [](unsigned char c) { return c < 0x80 && (std::isalnum(c) || c == '_'); });
 }
 
-// Upvalue: the index of the kind.
+// Upvalue: the kind's name.
 int declare_sensor(ScriptContext& context, lua_State* L) {
-  const scene::SensorKind& kind = scene::sensor_kinds()[lua_tointeger(L, lua_upvalueindex(1))];
+  const scene::SensorKind& kind = *scene::find_sensor_kind(lua_tostring(L, lua_upvalueindex(1)));
   require_loading(context, kind.name);
   std::vector<std::string> known = parameter_names(kind.parameters);
   for (const std::string& name : parameter_names(scene::sensor_error_parameters())) known.push_back(name);
@@ -105,14 +105,10 @@ void read_sensor_faults(lua_State* L, int index, const std::string& name, scene:
   throw_if_invalid(scene::validate_sensor_errors(name, values));
 }
 
-void bind_sensors(lua_State* L) {
-  register_userdata_type(L, kSensorType, {});
-  const std::span<const scene::SensorKind> kinds = scene::sensor_kinds();
-  for (std::size_t i = 0; i < kinds.size(); ++i) {
-    lua_pushinteger(L, static_cast<lua_Integer>(i));
-    lua_pushcclosure(L, guarded<declare_sensor>, 1);
-    lua_setglobal(L, kinds[i].name.c_str());
-  }
+void bind_sensors(lua_State* L, const std::string& extension) {
+  if (extension.empty()) register_userdata_type(L, kSensorType, {});
+  for (const scene::SensorKind* kind : scene::sensor_kinds())
+    if (kind->extension.name == extension) bind_kind(L, kind->name, guarded<declare_sensor>, extension);
 }
 
 }  // namespace smartsurf::script

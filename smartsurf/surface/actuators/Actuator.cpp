@@ -1,7 +1,8 @@
 #include "smartsurf/surface/actuators/Actuator.h"
 
-#include <map>
+#include <string>
 
+#include "smartsurf/scene/Registry.h"
 #include "smartsurf/surface/actuators/Models.h"
 
 namespace smartsurf::surface {
@@ -11,31 +12,35 @@ std::unique_ptr<Actuator> make_tile(const ActuatorContext& context) {
   return context.spec.number("command") == 0.0 ? make_tiles(context) : make_tilting_tiles(context);
 }
 
-std::map<std::string, ActuatorFactory>& actuator_factories() {
-  static std::map<std::string, ActuatorFactory> all{{"pin", make_pins},
-                                                    {"ball", make_ball},
-                                                    {"wheels", make_wheels},
-                                                    {"rotor", make_rotors},
-                                                    {"force_field", make_force_fields},
-                                                    {"magnet", make_magnets},
-                                                    {"air_jet", make_air_jets},
-                                                    {"tile", make_tile},
-                                                    {"delta", make_deltas}};
+struct NamedActuator {
+  std::string name;
+  ActuatorFactory make;
+};
+
+scene::Registry<NamedActuator>& actuator_factories() {
+  static scene::Registry<NamedActuator> all({{"pin", make_pins},
+                                             {"ball", make_ball},
+                                             {"wheels", make_wheels},
+                                             {"rotor", make_rotors},
+                                             {"force_field", make_force_fields},
+                                             {"magnet", make_magnets},
+                                             {"air_jet", make_air_jets},
+                                             {"tile", make_tile},
+                                             {"delta", make_deltas}});
   return all;
 }
 
 }  // namespace
 
 void register_actuator(scene::ActuatorKind kind, ActuatorFactory make) {
-  actuator_factories()[kind.name] = std::move(make);
+  actuator_factories().add({kind.name, std::move(make)});
   scene::add_actuator_kind(std::move(kind));
 }
 
 std::unique_ptr<Actuator> make_actuator(const ActuatorContext& context) {
-  const auto it = actuator_factories().find(context.spec.model);
-  if (it == actuator_factories().end())
-    throw scene::InputError("no actuator is called '" + context.spec.model + "'");
-  return it->second(context);
+  const NamedActuator* const model = actuator_factories().find(context.spec.model);
+  if (model == nullptr) throw scene::InputError("no actuator is called '" + context.spec.model + "'");
+  return model->make(context);
 }
 
 }  // namespace smartsurf::surface

@@ -95,8 +95,8 @@ class Actuator {
 
 using ActuatorFactory = std::function<std::unique_ptr<Actuator>(const ActuatorContext&)>;
 
-// Registers the model under the kind's name for scripts, the protocol and all surfaces created later;
-// replaces a model of the same name. Call before any experiment is loaded; not thread-safe.
+// Registers the model under the kind's name, which no other kind has, for scripts, the protocol and all
+// surfaces created later. Thread-safe.
 void register_actuator(scene::ActuatorKind kind, ActuatorFactory make);
 
 // Creates the model that context.spec names. Throws scene::InputError if no such model is registered.

@@ -43,8 +43,11 @@ class RayBodies {
       : north_(north), inverse_length_(1.0F / std::max(north - south, 1.0F)) {}
 
   // Loads the objects of the snapshot. catalogue[id] describes object `id`; it may only grow between calls,
-  // and its solids must outlive this object. Allocates only when objects are added.
+  // unless forget_objects() precedes. Its solids must outlive this object. Allocates only when objects are
+  // added.
   void update(const scene::Snapshot&, std::span<const scene::ObjectSpec> catalogue, common::ThreadPool&);
+
+  void forget_objects() { shapes_.clear(), solids_.clear(), boxes_.clear(); }
 
   // One entry per object of the snapshot, in strips from north to south, in snapshot order within a strip.
   operator std::span<const RayBody>() const noexcept { return bodies_; }

@@ -1,8 +1,8 @@
 #include "smartsurf/surface/sensors/Sensor.h"
 
-#include <map>
 #include <string>
 
+#include "smartsurf/scene/Registry.h"
 #include "smartsurf/surface/sensors/CameraSensor.h"
 #include "smartsurf/surface/sensors/ColourSensor.h"
 #include "smartsurf/surface/sensors/JointPositionSensor.h"
@@ -21,32 +21,37 @@ std::unique_ptr<Sensor> make(const Field& field, const scene::SensorSpec& spec) 
   return std::make_unique<Model>(field, spec);
 }
 
-std::map<std::string, SensorFactory>& sensor_factories() {
-  static std::map<std::string, SensorFactory> all{{"proximity", make<ProximitySensor>},
-                                                  {"colour", make<ColourSensor>},
-                                                  {"object_type", make<ObjectTypeSensor>},
-                                                  {"light", make<LightSensor>},
-                                                  {"pressure", make<PressureSensor>},
-                                                  {"camera", make<CameraSensor>},
-                                                  {"joint_position", make<JointPositionSensor>},
-                                                  {"tip_force", make<TipForceSensor>},
-                                                  {"skin_height", make<SkinHeightSensor>},
-                                                  {"skin_strain", make<SkinStrainSensor>},
-                                                  {"skin_contact", make<SkinContactSensor>}};
+struct NamedSensor {
+  std::string name;
+  SensorFactory make;
+};
+
+scene::Registry<NamedSensor>& sensor_factories() {
+  static scene::Registry<NamedSensor> all({{"proximity", make<ProximitySensor>},
+                                           {"colour", make<ColourSensor>},
+                                           {"object_type", make<ObjectTypeSensor>},
+                                           {"light", make<LightSensor>},
+                                           {"pressure", make<PressureSensor>},
+                                           {"camera", make<CameraSensor>},
+                                           {"joint_position", make<JointPositionSensor>},
+                                           {"tip_force", make<TipForceSensor>},
+                                           {"skin_height", make<SkinHeightSensor>},
+                                           {"skin_strain", make<SkinStrainSensor>},
+                                           {"skin_contact", make<SkinContactSensor>}});
   return all;
 }
 
 }  // namespace
 
 void register_sensor(scene::SensorKind kind, SensorFactory make) {
-  sensor_factories()[kind.name] = std::move(make);
+  sensor_factories().add({kind.name, std::move(make)});
   scene::add_sensor_kind(std::move(kind));
 }
 
 std::unique_ptr<Sensor> make_sensor(const Field& field, const scene::SensorSpec& spec) {
-  const auto it = sensor_factories().find(spec.model);
-  if (it == sensor_factories().end()) throw scene::InputError("no sensor is called '" + spec.model + "'");
-  return it->second(field, spec);
+  const NamedSensor* const model = sensor_factories().find(spec.model);
+  if (model == nullptr) throw scene::InputError("no sensor is called '" + spec.model + "'");
+  return model->make(field, spec);
 }
 
 CellRay cell_ray_of(const scene::SensorSpec& spec) {

@@ -28,6 +28,8 @@ struct SensorInput {
   // Downward impulse on each node of the skin during the tick, mass·u/s. Empty without a skin.
   std::span<const float> skin_impulse;
   double period_s;  // duration of a tick
+  bool restored =
+      false;  // the state was restored: since the last sense(), any object of the catalogue may have changed
 };
 
 class Sensor {
@@ -56,8 +58,8 @@ class Sensor {
 // `field` gives the cell geometry and must not be retained.
 using SensorFactory = std::function<std::unique_ptr<Sensor>(const Field& field, const scene::SensorSpec&)>;
 
-// Registers the model under the kind's name for scripts, the protocol and all surfaces created later;
-// replaces a model of the same name. Call before any experiment is loaded; not thread-safe.
+// Registers the model under the kind's name, which no other kind has, for scripts, the protocol and all
+// surfaces created later. Thread-safe.
 void register_sensor(scene::SensorKind kind, SensorFactory make);
 
 // Creates the model that the spec names. Throws scene::InputError if no such model is registered.

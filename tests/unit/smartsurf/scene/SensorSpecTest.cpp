@@ -20,7 +20,8 @@ std::string problem(const std::string& model, const ParameterValues& values) {
 
 TEST(SensorKind, BuiltInDefaultsAreValid) {
   ASSERT_GE(sensor_kinds().size(), 6u);
-  for (const SensorKind& kind : sensor_kinds()) {
+  for (const SensorKind* built_in : sensor_kinds()) {
+    const SensorKind& kind = *built_in;
     EXPECT_EQ(kind.validate(kind.default_spec()), "");
     const std::vector<SensorChannel> channels = kind.channels(kind.default_spec());
     ASSERT_FALSE(channels.empty());
@@ -54,7 +55,7 @@ TEST(SensorKind, ErrorsNameTheField) {
             "proximity: stuck_low, stuck_high and dead add up to 1.1: must be at most 1");
 }
 
-TEST(SensorKind, AddsAndReplacesKinds) {
+TEST(SensorKind, AddsKinds) {
   const auto count = sensor_kinds().size();
   add_sensor_kind({.name = "smell", .channels = [](const SensorSpec& s) -> std::vector<SensorChannel> {
                      return {{.name = s.name}};
@@ -62,8 +63,5 @@ TEST(SensorKind, AddsAndReplacesKinds) {
   ASSERT_EQ(sensor_kinds().size(), count + 1);
   EXPECT_EQ(collect_channels(std::vector<SensorSpec>{find_sensor_kind("smell")->default_spec()})[0].name,
             "smell");
-  add_sensor_kind({.name = "smell", .mask_channel = 3});
-  EXPECT_EQ(sensor_kinds().size(), count + 1);
-  EXPECT_EQ(find_sensor_kind("smell")->mask_channel, 3);
   EXPECT_EQ(find_sensor_kind("taste"), nullptr);
 }

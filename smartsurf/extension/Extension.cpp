@@ -1,0 +1,280 @@
+#include "smartsurf/extension/Extension.h"
+
+#include <dlfcn.h>
+
+#include <algorithm>
+#include <cctype>
+#include <cmath>
+#include <cstdio>
+#include <memory>
+#include <mutex>
+
+#include "common/files/ReadFile.h"
+#include "smartsurf/extension/PluginActuator.h"
+#include "smartsurf/extension/PluginSensor.h"
+
+namespace smartsurf::extension {
+namespace {
+
+constexpr std::size_t kMaxFileBytes = std::size_t{1} << 30;
+constexpr std::size_t kMaxNameLength = 27;  // as of sensors: the channels' names have a suffix
+
+// FNV-1a.
+std::string hash_of(std::string_view content) {
+  std::uint64_t hash = 0xcbf29ce484222325ULL;
+  for (const char c : content) hash = (hash ^ static_cast<unsigned char>(c)) * 0x100000001b3ULL;
+  std::array<char, 17> text;
+  std::snprintf(text.data(), text.size(), "%016llx", static_cast<unsigned long long>(hash));
+  return text.data();
+}
+
+bool is_identifier(std::string_view name) {
+  const auto is_part = [](unsigned char c) { return c < 0x80 && (std::isalnum(c) != 0 || c == '_'); };
+  return !name.empty() && name.size() <= kMaxNameLength &&
+         std::isdigit(static_cast<unsigned char>(name[0])) == 0 && std::ranges::all_of(name, is_part);
+}
+
+std::vector<scene::Parameter> read_parameters(const smartsurf_plugin_parameter* first, std::uint32_t count,
+                                              const std::string& subject) {
+  using Type = scene::Parameter::Type;
+  static constexpr Type kTypes[] = {Type::kNumber, Type::kCount, Type::kFlag,
+                                    Type::kSize,   Type::kRange, Type::kVector};
+  static constexpr std::size_t kNumbers[] = {1, 1, 1, 2, 2, 3};
+  std::vector<scene::Parameter> parameters;
+  for (const smartsurf_plugin_parameter& given : read_array(first, count, subject)) {
+    const std::string name = given.name == nullptr ? "" : given.name;
+    const auto refuse = [&](const std::string& why) {
+      throw common::UserError(subject + ": parameter '" + name + "': " + why);
+    };
+    const std::size_t dot = name.find('.');
+    if (!is_identifier(name.substr(0, dot)) ||
+        (dot != std::string::npos && !is_identifier(name.substr(dot + 1))))
+      refuse("its name must be letters, digits and _, or two such words with a dot");
+    if (given.type >= std::size(kTypes)) refuse("no type " + std::to_string(given.type));
+    scene::Parameter& parameter = parameters.emplace_back(
+        scene::Parameter{.name = name,
+                         .description = given.description == nullptr ? "" : given.description,
+                         .type = kTypes[given.type]});
+    parameter.minimum = given.minimum, parameter.maximum = given.maximum;
+    if (!(given.minimum <= given.maximum)) refuse("its minimum must not exceed its maximum");
+    if (std::isnan(given.default_value.x)) continue;
+    const double numbers[] = {given.default_value.x, given.default_value.y, given.default_value.z};
+    parameter.default_value.assign(numbers, numbers + kNumbers[given.type]);
+    if (!std::ranges::all_of(parameter.default_value, [&](double v) { return parameter.accepts(v); }))
+      refuse("its default must be within its limits");
+  }
+  return parameters;
+}
+
+// What configure() makes of an actuator's or a sensor's tables.
+struct Configuration {
+  std::vector<smartsurf_plugin_channel> channels;
+  double min_height, max_height;
+  std::string problem;  // "" or one clause
+};
+
+template <class Type>
+Configuration configure(const Type& type, std::span<const scene::Parameter> parameters,
+                        const scene::ParameterValues& values, double height) {
+  // The channels keep the size that the extension gives them, by which it indexes them.
+  std::vector<char> channels(std::size_t{type.channel_count} * type.channels->size);
+  std::memcpy(channels.data(), type.channels, channels.size());
+  auto* const first = reinterpret_cast<smartsurf_plugin_channel*>(channels.data());
+  Message message{};
+  smartsurf_plugin_configuration plugin{.size = sizeof plugin,
+                                        .channel_count = type.channel_count,
+                                        .channels = first,
+                                        .min_height = height,
+                                        .max_height = height,
+                                        .message = message.data()};
+  Configuration result;
+  const std::vector<smartsurf_plugin_value> plugin_values = values_of(parameters, values);
+  if (type.configure != nullptr && type.configure(plugin_values.data(), &plugin) != 0)
+    result.problem = text_of(message).empty() ? "refused by its extension" : text_of(message);
+  result.channels = read_array(first, type.channel_count, type.name);
+  result.min_height = plugin.min_height, result.max_height = plugin.max_height;
+  for (const smartsurf_plugin_channel& channel : result.channels)
+    if (result.problem.empty() &&
+        !(std::isfinite(channel.minimum) && std::isfinite(channel.maximum) &&
+          channel.minimum < channel.maximum && channel.neutral >= channel.minimum &&
+          channel.neutral <= channel.maximum && channel.components >= 1 && channel.components <= 64))
+      result.problem = std::string("channels: '") + channel.name +
+                       "' needs a finite range that holds its neutral value, and 1 to 64 components";
+  if (result.problem.empty() && !(result.min_height <= result.max_height))
+    result.problem = "the least height of its cells must not exceed the greatest";
+  return result;
+}
+
+// Throws UserError unless the table of one actuator or sensor is complete.
+template <class Type>
+void require_complete(const Type& type, const std::string& subject) {
+  if (type.create == nullptr || type.destroy == nullptr)
+    throw common::UserError(subject + ": create and destroy must not be null");
+  if (type.channel_count == 0 || type.channel_count > 32)
+    throw common::UserError(subject + ": must have 1 to 32 channels");
+  for (const smartsurf_plugin_channel& channel : read_array(type.channels, type.channel_count, subject))
+    if (channel.name == nullptr || channel.unit == nullptr)
+      throw common::UserError(subject + ": a channel has no name or no unit");
+}
+
+// The name of an actuator or sensor of the extension `file`, as messages begin with it.
+std::string subject_of(const std::string& file, const char* what, const char* name) {
+  if (name == nullptr || !is_identifier(name))
+    throw common::UserError(file + ": an " + what +
+                            " of it has an invalid name: must be 1 to 27 letters, digits and _");
+  if (scene::find_actuator_kind(name) != nullptr || scene::find_sensor_kind(name) != nullptr)
+    throw common::UserError(file + ": " + what + " '" + name +
+                            "': an actuator or sensor of this name exists already");
+  return file + ": " + what + " '" + name + "'";
+}
+
+scene::ActuatorKind actuator_kind(const smartsurf_plugin_actuator& type,
+                                  const std::vector<scene::Parameter>& parameters) {
+  scene::ActuatorKind kind{.name = type.name, .parameters = scene::cell_body_parameters()};
+  kind.parameters.insert(kind.parameters.end(), parameters.begin(), parameters.end());
+  const auto configured = [&type, parameters](const scene::ActuatorSpec& spec) {
+    return configure(type, parameters, spec.values, spec.number("height"));
+  };
+  kind.channels = [configured](const scene::ActuatorSpec& spec) {
+    std::vector<scene::ActuatorChannel> channels;
+    for (const smartsurf_plugin_channel& c : configured(spec).channels)
+      channels.push_back({c.name, c.unit, c.minimum, c.maximum, c.neutral});
+    return channels;
+  };
+  kind.height_limits = [configured](const scene::ActuatorSpec& spec) {
+    const Configuration c = configured(spec);
+    return std::array{c.min_height, c.max_height};
+  };
+  kind.check_constraints = [configured](const scene::ActuatorSpec& spec) {
+    const std::string problem = configured(spec).problem;
+    return problem.empty() ? "" : spec.model + "." + problem;
+  };
+  return kind;
+}
+
+scene::SensorKind sensor_kind(const smartsurf_plugin_sensor& type,
+                              const std::vector<scene::Parameter>& parameters) {
+  scene::SensorKind kind{.name = type.name, .parameters = parameters};
+  kind.mask_channel = static_cast<int>(type.mask_channel) - 1;
+  const auto configured = [&type, parameters](const scene::SensorSpec& spec) {
+    return configure(type, parameters, spec.values, 0.0);
+  };
+  kind.channels = [configured](const scene::SensorSpec& spec) {
+    std::vector<scene::SensorChannel> channels;
+    for (const smartsurf_plugin_channel& c : configured(spec).channels)
+      channels.push_back({.name = spec.name + c.name,
+                          .unit = c.unit,
+                          .minimum = c.minimum,
+                          .maximum = c.maximum,
+                          .no_detection = c.neutral,
+                          .components = static_cast<int>(c.components),
+                          .is_exact = (c.flags & SMARTSURF_EXACT) != 0});
+    return channels;
+  };
+  kind.check_constraints = [configured](const scene::SensorSpec& spec) { return configured(spec).problem; };
+  return kind;
+}
+
+// The tables of a loaded extension as this program reads them. They are never freed, as its code is not.
+struct Tables {
+  std::vector<smartsurf_plugin_actuator> actuators;
+  std::vector<smartsurf_plugin_sensor> sensors;
+  std::vector<std::vector<scene::Parameter>> parameters;  // of the actuators, then of the sensors
+};
+
+// Reads and checks everything, so that registering it cannot fail.
+std::unique_ptr<Tables> read_tables(const smartsurf_plugin* plugin, const std::string& file) {
+  if (plugin == nullptr) throw common::UserError(file + ": its smartsurf_plugin_get() returns no table");
+  if (plugin->size < sizeof *plugin)
+    throw common::UserError(file + ": its table has the size " + std::to_string(plugin->size) + ": must be " +
+                            std::to_string(sizeof *plugin));
+  if (plugin->version != SMARTSURF_PLUGIN_VERSION)
+    throw common::UserError(file + ": was built for version " + std::to_string(plugin->version) +
+                            " of smartsurf_plugin.h, and this program has version " +
+                            std::to_string(SMARTSURF_PLUGIN_VERSION));
+  auto tables = std::make_unique<Tables>();
+  tables->actuators = read_array(plugin->actuators, plugin->actuator_count, file);
+  tables->sensors = read_array(plugin->sensors, plugin->sensor_count, file);
+  if (tables->actuators.empty() && tables->sensors.empty())
+    throw common::UserError(file + ": adds no actuator and no sensor");
+  std::vector<std::string> names;
+  const auto take = [&](const auto& type, const char* what) {
+    const std::string subject = subject_of(file, what, type.name);
+    require_complete(type, subject);
+    if (std::ranges::find(names, type.name) != names.end())
+      throw common::UserError(subject + ": the extension has two of this name");
+    names.emplace_back(type.name);
+    return read_parameters(type.parameters, type.parameter_count, subject);
+  };
+  const auto require_valid = [&file](const auto& kind) {
+    for (auto p = kind.parameters.begin(); p != kind.parameters.end(); ++p)
+      if (std::find_if(p + 1, kind.parameters.end(),
+                       [&p](const auto& other) { return other.name == p->name; }) != kind.parameters.end())
+        throw common::UserError(file + ": '" + kind.name + "' has two parameters '" + p->name + "'");
+    if (const std::string problem = kind.validate(kind.default_spec()); !problem.empty())
+      throw common::UserError(file + ": with its default parameters, " + problem);
+  };
+  for (const smartsurf_plugin_actuator& type : tables->actuators) {
+    tables->parameters.push_back(take(type, "actuator"));
+    if (type.plan == nullptr || ((type.flags & SMARTSURF_EXERTS_FORCES) != 0 && type.add_forces == nullptr))
+      throw common::UserError(file + ": actuator '" + type.name +
+                              "': plan, and add_forces if it exerts forces, must not be null");
+    require_valid(actuator_kind(type, tables->parameters.back()));
+  }
+  for (const smartsurf_plugin_sensor& type : tables->sensors) {
+    tables->parameters.push_back(take(type, "sensor"));
+    if (type.sense == nullptr || type.mask_channel > type.channel_count)
+      throw common::UserError(file + ": sensor '" + type.name +
+                              "': sense must not be null, mask_channel a channel or 0");
+    require_valid(sensor_kind(type, tables->parameters.back()));
+  }
+  return tables;
+}
+
+void register_kinds(const Tables& tables, const scene::Extension& extension) {
+  auto parameters = tables.parameters.begin();
+  for (const smartsurf_plugin_actuator& type : tables.actuators) {
+    scene::ActuatorKind kind = actuator_kind(type, *parameters);
+    kind.extension = extension;
+    surface::register_actuator(kind, [&type, &own = *parameters](const surface::ActuatorContext& context) {
+      return std::make_unique<PluginActuator>(type, own, context);
+    });
+    ++parameters;
+  }
+  for (const smartsurf_plugin_sensor& type : tables.sensors) {
+    scene::SensorKind kind = sensor_kind(type, *parameters);
+    kind.extension = extension;
+    surface::register_sensor(kind, [&type, &own = *parameters, channels = kind.channels](
+                                       const surface::Field& field, const scene::SensorSpec& spec) {
+      return std::make_unique<PluginSensor>(type, own, channels(spec), field, spec);
+    });
+    ++parameters;
+  }
+}
+
+}  // namespace
+
+void load(const std::filesystem::path& path) {
+  static std::mutex mutex;
+  const std::scoped_lock lock(mutex);
+  const std::string file = path.string();
+  std::string content;
+  if (const std::error_code error = common::read_file(path, kMaxFileBytes, content))
+    throw common::UserError(file + ": cannot be read: " + error.message());
+  const scene::Extension extension{path.filename().string(), hash_of(content)};
+  for (const scene::Extension& loaded : scene::loaded_extensions()) {
+    if (loaded == extension) return;
+    if (loaded.name == extension.name)
+      throw common::UserError(file + ": another extension of this name is loaded already");
+  }
+  // A path without a slash would be searched for in the system's folders.
+  void* const library = dlopen(std::filesystem::absolute(path).c_str(), RTLD_NOW | RTLD_LOCAL);
+  if (library == nullptr) throw common::UserError(file + ": cannot be loaded: " + dlerror());
+  const auto get = reinterpret_cast<decltype(&smartsurf_plugin_get)>(dlsym(library, "smartsurf_plugin_get"));
+  if (get == nullptr)
+    throw common::UserError(file +
+                            ": is not an extension of SmartSurf: it has no function smartsurf_plugin_get");
+  register_kinds(*read_tables(get(), file).release(), extension);
+}
+
+}  // namespace smartsurf::extension

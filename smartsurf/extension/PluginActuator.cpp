@@ -1,0 +1,114 @@
+#include "smartsurf/extension/PluginActuator.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace smartsurf::extension {
+
+PluginActuator::PluginActuator(const smartsurf_plugin_actuator& type,
+                               std::span<const scene::Parameter> parameters,
+                               const surface::ActuatorContext& context)
+    : type_(type),
+      surface_(context.field),
+      values_(values_of(parameters, context.spec.values)),
+      targets_(type.channel_count, std::vector<float>(context.field.height.size(), 0.0F)) {
+  for (const surface::CellRun& run : context.runs)
+    for (int i = run.begin; i < run.end; ++i) cells_.push_back(static_cast<std::uint32_t>(i));
+  for (const std::vector<float>& targets : targets_) target_pointers_.push_back(targets.data());
+  Message message{};
+  const smartsurf_plugin_actuator_context plugin_context{
+      .size = sizeof plugin_context,
+      .cell_count = static_cast<std::uint32_t>(cells_.size()),
+      .surface = surface_.get(),
+      .values = values_.data(),
+      .cells = cells_.data(),
+      .height = context.field.height.data(),
+      .message = message.data()};
+  instance_ = type.create(&plugin_context);
+  if (instance_ == nullptr)
+    throw common::UserError(std::string(type.name) + ": cannot be created: " + text_of(message));
+}
+
+smartsurf_plugin_motion PluginActuator::motion(double dt_s, surface::Field& field) const noexcept {
+  const auto data = [](std::vector<float>& values) { return values.empty() ? nullptr : values.data(); };
+  smartsurf_plugin_motion motion{.size = sizeof motion,
+                                 .targets_changed = targets_changed_,
+                                 .dt_s = dt_s,
+                                 .targets = target_pointers_.data(),
+                                 .impulse = field.impulse.data(),
+                                 .height = field.height.data(),
+                                 .speed = field.speed.data(),
+                                 .surface_velocity_x = nullptr,
+                                 .surface_velocity_y = nullptr,
+                                 .surface_spin = nullptr,
+                                 .force_limit = nullptr,
+                                 .no_load_speed = nullptr};
+  if (has_surface_velocity()) {
+    motion.surface_velocity_x = data(field.surface_velocity_x);
+    motion.surface_velocity_y = data(field.surface_velocity_y);
+    motion.surface_spin = data(field.surface_spin);
+  }
+  if (has_force_limit()) {
+    motion.force_limit = data(field.force_limit);
+    motion.no_load_speed = data(field.no_load_speed);
+  }
+  return motion;
+}
+
+void PluginActuator::set_targets(int channel, std::span<const float> targets) noexcept {
+  std::ranges::copy(targets, targets_[channel].begin());
+  targets_changed_ = true;
+}
+
+void PluginActuator::snap_to_targets(surface::Field& field) noexcept {
+  if (type_.snap == nullptr) return;
+  const smartsurf_plugin_motion at_rest = motion(0.0, field);
+  type_.snap(instance_, &at_rest);
+}
+
+void PluginActuator::plan(double dt_s, surface::Field& field) noexcept {
+  const smartsurf_plugin_motion step = motion(dt_s, field);
+  type_.plan(instance_, &step);
+  targets_changed_ = false;
+  if (!has(SMARTSURF_MOVES_TOPS)) return;
+  for (const std::uint32_t cell : cells_) {
+    const float speed = field.speed[cell];
+    field.max_speed = std::max(field.max_speed, std::abs(speed));
+    field.max_height =
+        std::max(field.max_height, field.height[cell] + std::max(speed, 0.0F) * static_cast<float>(dt_s));
+  }
+}
+
+void PluginActuator::commit(double dt_s, surface::Field& field) noexcept {
+  if (!has(SMARTSURF_MOVES_TOPS)) return;
+  for (const std::uint32_t cell : cells_) field.height[cell] += field.speed[cell] * static_cast<float>(dt_s);
+}
+
+void PluginActuator::add_forces(double dt_s, const surface::Field& field, const surface::BodyView& bodies,
+                                std::span<const scene::ObjectSpec> catalogue,
+                                std::span<surface::Wrench> wrenches) noexcept {
+  static_assert(sizeof(surface::Wrench) == 6 * sizeof(float));
+  if (bodies.size() == 0) return;
+  smartsurf_plugin_objects objects{};
+  objects.size = sizeof objects;
+  objects.count = static_cast<std::uint32_t>(bodies.size());
+  objects.id = bodies.id.data();
+  objects.position = bodies.position.front().data();
+  objects.orientation = bodies.orientation.front().coeffs().data();
+  objects.velocity = bodies.velocity.front().data();
+  objects.angular_velocity = bodies.angular_velocity.front().data();
+  objects.mass = bodies.mass.data();
+  objects_.describe(catalogue, objects);
+  type_.add_forces(instance_, dt_s, field.height.data(), &objects, wrenches.front().force.data());
+}
+
+void PluginActuator::archive(common::StateArchive& a) {
+  if (type_.save == nullptr || type_.restore == nullptr)
+    throw common::UserError("an actuator of this surface cannot be saved: '" + std::string(type_.name) +
+                            "' has no save and restore");
+  a(targets_, targets_changed_);
+  archive_instance(a, type_.name, instance_, type_.save, type_.restore);
+  objects_.invalidate();
+}
+
+}  // namespace smartsurf::extension

@@ -1,0 +1,43 @@
+// Actuators of an extension. Internal to this module.
+#pragma once
+
+#include "smartsurf/extension/PluginTables.h"
+#include "smartsurf/surface/actuators/Actuator.h"
+
+namespace smartsurf::extension {
+
+class PluginActuator final : public surface::Actuator {
+ public:
+  // `type` must outlive the process; `parameters` are its own. Throws common::UserError if it creates no
+  // instance.
+  PluginActuator(const smartsurf_plugin_actuator& type, std::span<const scene::Parameter> parameters,
+                 const surface::ActuatorContext&);
+  ~PluginActuator() override { type_.destroy(instance_); }
+
+  void set_targets(int channel, std::span<const float> targets) noexcept override;
+  void snap_to_targets(surface::Field&) noexcept override;
+  void plan(double dt_s, surface::Field&) noexcept override;
+  void commit(double dt_s, surface::Field&) noexcept override;
+  bool has_surface_velocity() const noexcept override { return has(SMARTSURF_MOVES_SURFACE); }
+  bool has_force_limit() const noexcept override { return has(SMARTSURF_LIMITS_FORCE); }
+  bool exerts_forces() const noexcept override { return has(SMARTSURF_EXERTS_FORCES); }
+  void add_forces(double dt_s, const surface::Field&, const surface::BodyView&,
+                  std::span<const scene::ObjectSpec> catalogue, std::span<surface::Wrench>) noexcept override;
+  void archive(common::StateArchive&) override;
+
+ private:
+  bool has(smartsurf_plugin_actuator_flags flag) const noexcept { return (type_.flags & flag) != 0; }
+  smartsurf_plugin_motion motion(double dt_s, surface::Field&) const noexcept;
+
+  const smartsurf_plugin_actuator& type_;
+  PluginSurface surface_;
+  std::vector<smartsurf_plugin_value> values_;
+  std::vector<std::uint32_t> cells_;
+  std::vector<std::vector<float>> targets_;    // by channel
+  std::vector<const float*> target_pointers_;  // to them
+  bool targets_changed_ = true;
+  ObjectTable objects_;
+  void* instance_;
+};
+
+}  // namespace smartsurf::extension

@@ -1,0 +1,161 @@
+#include "smartsurf/extension/Extension.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <atomic>
+#include <cstdlib>
+#include <new>
+#include <numeric>
+
+#include "smartsurf/simulation/Environment.h"
+
+namespace {
+std::atomic<std::size_t> allocations = 0;
+}  // namespace
+
+// Not inlined: GCC would warn that free() does not match operator new.
+[[gnu::noinline]] void* operator new(std::size_t size) {
+  ++allocations;
+  if (void* const memory = std::malloc(size)) return memory;
+  throw std::bad_alloc();
+}
+[[gnu::noinline]] void operator delete(void* memory) noexcept { std::free(memory); }
+[[gnu::noinline]] void operator delete(void* memory, std::size_t) noexcept { std::free(memory); }
+
+namespace smartsurf {
+namespace {
+
+simulation::Environment make(const std::string& script) {
+  extension::load(SMARTSURF_PROBE);
+  simulation::EnvironmentOptions options;
+  options.experiment = "probe.lua";
+  options.source = script;
+  return simulation::Environment(std::move(options));
+}
+
+std::vector<float> reading(const simulation::Environment& environment, const std::string& channel) {
+  for (const scene::ChannelData& data : environment.simulation().sensors())
+    if (data.name == channel) return {data.values.begin(), data.values.end()};
+  ADD_FAILURE() << "no channel " << channel;
+  return {};
+}
+
+void lift(simulation::Environment& environment, float height, int ticks) {
+  environment.set_targets(0, std::vector<float>(64, height));
+  for (int tick = 0; tick < ticks; ++tick) environment.step();
+}
+
+float height_of_ball(const simulation::Environment& environment) {
+  return environment.simulation().snapshot().position[0][2];
+}
+
+constexpr const char* kBall = R"(
+surface { rows = 8, columns = 8, sensors = { census {} }, actuator = lifter { height = 0 } }
+sphere { radius = 1, position = {3.5, 3.5, 1}, label = 'light' }
+)";
+
+TEST(Extension, MovesTopsAndLiftsWhatLiesOnThem) {
+  simulation::Environment environment = make(kBall);
+  lift(environment, 2.0F, 240);
+  EXPECT_NEAR(environment.simulation().snapshot().height[9], 2.0F, 1e-4F);
+  EXPECT_NEAR(height_of_ball(environment), 3.0F, 0.02F);
+  const std::vector<float> force = reading(environment, "census");
+  EXPECT_NEAR(std::accumulate(force.begin(), force.end(), 0.0F), 4.0F / 3.0F * 3.14159F * 9.81F, 0.5F);
+}
+
+TEST(Extension, RangeOfAChannelFollowsTheParameters) {
+  simulation::Environment environment =
+      make("surface { rows = 8, columns = 8, actuator = lifter { max_height = 1.5 } }");
+  lift(environment, 100.0F, 1);
+  EXPECT_EQ(environment.simulation().actuators()[0].values[3], 1.5F);
+}
+
+TEST(Extension, ExertsForcesOnLabelledObjects) {
+  simulation::Environment environment = make(R"(
+    surface { rows = 8, columns = 8, actuator = lifter { push = { force = {0, 0, 50} } } }
+    sphere { radius = 1, mass = 1, position = {2, 2, 1}, label = 'heavy' }
+    sphere { radius = 1, mass = 1, position = {5, 5, 1}, label = 'light' })");
+  lift(environment, 0.0F, 30);
+  EXPECT_NEAR(environment.simulation().snapshot().position[0][2], 1.0F, 0.01F);
+  EXPECT_NEAR(environment.simulation().snapshot().velocity[1][2], (50.0F - 9.81F) * 0.5F, 0.2F);
+}
+
+TEST(Extension, ReadingsAreClampedAndNaNIsReplaced) {
+  simulation::Environment environment = make(kBall);
+  environment.step();
+  const std::vector<float> odd = reading(environment, "census_odd");
+  EXPECT_TRUE(std::all_of(odd.begin(), odd.begin() + 64, [](float v) { return v == 0.5F; }));
+  EXPECT_TRUE(std::all_of(odd.begin() + 64, odd.end(), [](float v) { return v == 1.0F; }));
+  EXPECT_EQ(reading(environment, "census_spheres")[0], 1.0F);
+}
+
+TEST(Extension, SavedStateContainsThatOfInstances) {
+  const std::string limited = R"(
+    surface { rows = 8, columns = 8, sensors = { census {} }, actuator = lifter { steps = 60 } }
+    sphere { radius = 1, position = {3.5, 3.5, 1} })";
+  simulation::Environment environment = make(limited);
+  lift(environment, 3.0F, 10);
+  const std::string state = environment.save();
+  lift(environment, 3.0F, 20);  // the lifters stop in the 15th tick, 60 steps after the start
+  const std::uint64_t hash = environment.simulation().snapshot().state_hash;
+  EXPECT_LT(environment.simulation().snapshot().height[0], 0.6F);
+  for (int attempt = 0; attempt < 2; ++attempt) {
+    environment.restore(state);
+    lift(environment, 3.0F, 20);
+    EXPECT_EQ(environment.simulation().snapshot().state_hash, hash);
+  }
+}
+
+TEST(Extension, RestoredSensorsSeeTheRestoredObjects) {
+  // What appears at 0.1 s depends on the height of the ball. Both states have two objects.
+  simulation::Environment environment = make(R"(
+    surface { rows = 8, columns = 8, sensors = { census {}, proximity { range = 20 } }, actuator = lifter {} }
+    sphere { radius = 1, position = {3.5, 3.5, 1} }
+    at(0.1, function()
+      local _, _, z = object(0):position()
+      if z > 1.1 then box { size = {7, 7, 1}, position = {3.5, 3.5, 9} } else sphere { radius = 0.4, position = {6, 6, 9} } end
+    end))");
+  const std::string start = environment.save();
+  lift(environment, 0.0F, 8);
+  const std::string with_sphere = environment.save();
+  const std::vector<float> spheres = reading(environment, "census_spheres"),
+                           seen = reading(environment, "proximity");
+  environment.restore(start);
+  lift(environment, 3.0F, 8);
+  EXPECT_EQ(reading(environment, "census_spheres")[0], 1.0F);
+  EXPECT_NE(reading(environment, "proximity"), seen);
+  environment.restore(with_sphere);
+  EXPECT_EQ(spheres[0], 2.0F);
+  EXPECT_EQ(reading(environment, "census_spheres"), spheres);
+  EXPECT_EQ(reading(environment, "proximity"), seen);
+}
+
+// The allocations of some ticks in which the table moves.
+std::size_t allocations_of_steps(const std::string& script) {
+  simulation::Environment environment = make(script);
+  lift(environment, 1.0F, 60);
+  const std::vector<float> targets(64, 2.0F);
+  environment.set_targets(0, targets);
+  const std::size_t before = allocations;
+  for (int tick = 0; tick < 20; ++tick) environment.step();
+  return allocations - before;
+}
+
+TEST(Extension, StepsAllocateNoMoreThanThoseOfBuiltInKinds) {
+  EXPECT_LE(allocations_of_steps(kBall), allocations_of_steps(R"(
+    surface { rows = 8, columns = 8, sensors = { pressure {} }, actuator = pin { range = {0, 3}, max_speed = 2 } }
+    sphere { radius = 1, position = {3.5, 3.5, 1} })"));
+}
+
+TEST(Extension, ErrorsOfInstancesAreReported) {
+  try {
+    make("surface { rows = 8, columns = 8, actuator = lifter { steps = 13 } }");
+    FAIL();
+  } catch (const scene::InputError& error) {
+    EXPECT_STREQ(error.what(), "lifter: cannot be created: thirteen steps");
+  }
+}
+
+}  // namespace
+}  // namespace smartsurf

@@ -1,0 +1,144 @@
+// An extension with an actuator and a sensor that use all of smartsurf_plugin.h.
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "smartsurf/extension/smartsurf_plugin.h"
+
+// ---- lifter: moves tops towards their targets, at most a count of steps; pushes objects labelled 'light' east.
+enum { MAX_HEIGHT, STEPS, PUSH };
+static const smartsurf_plugin_parameter lifter_parameters[] = {
+    {sizeof(smartsurf_plugin_parameter), SMARTSURF_NUMBER, "max_height", "u", {3, 0, 0}, 0.1, 10},
+    {sizeof(smartsurf_plugin_parameter), SMARTSURF_COUNT, "steps", "", {NAN, 0, 0}, 1, 1e6},
+    {sizeof(smartsurf_plugin_parameter), SMARTSURF_VECTOR, "push.force", "mass·u/s²", {0, 0, 0}, -100, 100},
+};
+static const smartsurf_plugin_channel lifter_channels[] = {
+    {sizeof(smartsurf_plugin_channel), 1, "lift", "u", 0, 1, 0, 0},
+};
+
+typedef struct {
+  smartsurf_plugin_actuator_context context;
+  uint64_t steps;
+} lifters;
+
+static int configure_lifter(const smartsurf_plugin_value* values,
+                            smartsurf_plugin_configuration* configuration) {
+  configuration->channels[0].maximum = values[MAX_HEIGHT].x;
+  configuration->max_height = values[MAX_HEIGHT].x;
+  return 0;
+}
+
+static void* create_lifter(const smartsurf_plugin_actuator_context* context) {
+  if (!isnan(context->values[STEPS].x) && context->values[STEPS].x == 13) {
+    strcpy(context->message, "thirteen steps");
+    return NULL;
+  }
+  lifters* l = malloc(sizeof *l);
+  l->context = *context;
+  l->steps = 0;
+  return l;
+}
+
+static void snap_lifter(void* instance, const smartsurf_plugin_motion* motion) {
+  const lifters* l = instance;
+  for (uint32_t k = 0; k < l->context.cell_count; ++k)
+    motion->height[l->context.cells[k]] = motion->targets[0][l->context.cells[k]];
+}
+
+static void plan_lifter(void* instance, const smartsurf_plugin_motion* motion) {
+  lifters* l = instance;
+  const double limit = l->context.values[STEPS].x;
+  const int rests = !isnan(limit) && (double)l->steps >= limit;
+  for (uint32_t k = 0; k < l->context.cell_count; ++k) {
+    const uint32_t i = l->context.cells[k];
+    const float missing = motion->targets[0][i] - motion->height[i];
+    motion->speed[i] = rests ? 0 : fmaxf(-2, fminf(missing / (float)motion->dt_s, 2));
+  }
+  ++l->steps;
+}
+
+static void push_lifter(void* instance, double dt_s, const float* height,
+                        const smartsurf_plugin_objects* objects, float* wrenches) {
+  const lifters* l = instance;
+  (void)dt_s, (void)height;
+  for (uint32_t k = 0; k < objects->count; ++k) {
+    if (strcmp(objects->label[objects->id[k]], "light") != 0 || objects->mass[k] == 0) continue;
+    wrenches[6 * k] += (float)l->context.values[PUSH].x;
+    wrenches[6 * k + 2] += (float)l->context.values[PUSH].z;
+  }
+}
+
+static uint64_t save_lifter(void* instance, void* bytes, uint64_t room) {
+  const lifters* l = instance;
+  if (room >= sizeof l->steps) memcpy(bytes, &l->steps, sizeof l->steps);
+  return sizeof l->steps;
+}
+
+static int restore_lifter(void* instance, const void* bytes, uint64_t count) {
+  lifters* l = instance;
+  if (count != sizeof l->steps) return 1;
+  memcpy(&l->steps, bytes, sizeof l->steps);
+  return 0;
+}
+
+// ---- census: the average force on each cell; the number of spheres; values that the program must replace.
+static const smartsurf_plugin_channel census_channels[] = {
+    {sizeof(smartsurf_plugin_channel), 1, "", "mass*u/s^2", 0, 1e6, 0, 0},
+    {sizeof(smartsurf_plugin_channel), 1, "_spheres", "", 0, 100, 0, SMARTSURF_EXACT},
+    {sizeof(smartsurf_plugin_channel), 2, "_odd", "", -1, 1, 0.5, SMARTSURF_EXACT},
+};
+
+static void* create_census(const smartsurf_plugin_sensor_context* context) {
+  uint32_t* cells = malloc(sizeof *cells);
+  *cells = context->surface->rows * context->surface->columns;
+  return cells;
+}
+
+static void sense_census(void* instance, const smartsurf_plugin_scene* scene, float* const* readings) {
+  const uint32_t cells = *(const uint32_t*)instance;
+  float spheres = 0;
+  for (uint32_t k = 0; k < scene->objects->count; ++k)
+    if (scene->objects->shape[scene->objects->id[k]] == SMARTSURF_SPHERE) ++spheres;
+  for (uint32_t i = 0; i < cells; ++i) {
+    readings[0][i] = scene->impulse == NULL ? -1 : scene->impulse[i] / (float)scene->period_s;
+    readings[1][i] = spheres;
+    readings[2][i] = NAN;
+    readings[2][cells + i] = 1e9F;
+  }
+}
+
+static const smartsurf_plugin_actuator actuators[] = {{
+    .size = sizeof(smartsurf_plugin_actuator),
+    .flags = SMARTSURF_MOVES_TOPS | SMARTSURF_EXERTS_FORCES,
+    .name = "lifter",
+    .parameters = lifter_parameters,
+    .parameter_count = 3,
+    .channels = lifter_channels,
+    .channel_count = 1,
+    .configure = configure_lifter,
+    .create = create_lifter,
+    .destroy = free,
+    .snap = snap_lifter,
+    .plan = plan_lifter,
+    .add_forces = push_lifter,
+    .save = save_lifter,
+    .restore = restore_lifter,
+}};
+static const smartsurf_plugin_sensor sensors[] = {{
+    .size = sizeof(smartsurf_plugin_sensor),
+    .flags = SMARTSURF_NEEDS_IMPULSES,
+    .name = "census",
+    .channels = census_channels,
+    .channel_count = 3,
+    .create = create_census,
+    .destroy = free,
+    .sense = sense_census,
+}};
+static const smartsurf_plugin plugin = {.size = sizeof plugin,
+                                        .version = SMARTSURF_PLUGIN_VERSION,
+                                        .actuators = actuators,
+                                        .actuator_count = 1,
+                                        .sensors = sensors,
+                                        .sensor_count = 1};
+
+const smartsurf_plugin* smartsurf_plugin_get(void) { return &plugin; }
