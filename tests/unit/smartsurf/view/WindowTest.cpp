@@ -199,7 +199,7 @@ TEST_F(WindowTest, ShowsPlotsOfTheStoredHistoryListAndEventMarks) {
   window.perform(UiAction::kEntities);
   EXPECT_GT(different_pixels(before_list, shown()), 5000) << "no list";
   window.perform(UiAction::kEntities);
-  const EventMark marks[] = {{EventMark::Kind::kSorted, 10.0, "sorted"}};
+  const EventMark marks[] = {{EventMark::Kind::kSuccess, 10.0, "success"}};
   status.timeline->marks = marks;
   const common::Image marked = shown();
   int green = 0;
