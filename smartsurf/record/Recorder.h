@@ -55,10 +55,10 @@ struct RunMetadata {
 
 // The end of a run.
 struct RunResult {
-  std::string outcome;              // one line: "done", "stopped by the user", "failed at tick 12: …"
-  std::uint64_t ticks = 0;          // control periods simulated, recorded or not
-  double simulated_s = 0.0;         // simulated time, s
-  std::uint64_t state_hash = 0;     // of the final state
+  std::string outcome;                   // one line: "done", "stopped by the user", "failed at tick 12: …"
+  std::uint64_t ticks = 0;               // control periods simulated, recorded or not
+  double simulated_s = 0.0;              // simulated time, s
+  std::uint64_t state_hash = 0;          // of the final state
   std::optional<bool> success = {};      // the experiment's goal was reached; nullopt: it has none
   std::optional<double> success_s = {};  // when it was first reached
 };
