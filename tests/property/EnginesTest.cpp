@@ -36,7 +36,7 @@ class Engines : public testing::TestWithParam<const char*> {
 
 TEST_P(Engines, NamesItself) {
   PhysicsFixture p = make();
-  EXPECT_EQ(p.world().engine().name(), GetParam());
+  EXPECT_EQ(p.world().name(), GetParam());
 }
 
 // Semi-implicit Euler falls g·t·h/2 too far, with the substep h: 0.4 % here at most.
