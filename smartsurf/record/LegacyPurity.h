@@ -1,5 +1,6 @@
-// Purity, the metric of the case study, in recordings of versions that measured it for every experiment instead of
-// storing the metrics that the script declares. Recording presents it as the metric "purity" (docs/recordings.md).
+// Purity, the metric of the case study, in recordings of versions that measured it for every experiment
+// instead of storing the metrics that the script declares. Recording presents it as the metric "purity"
+// (docs/recordings.md).
 #pragma once
 
 #include <optional>
@@ -23,9 +24,9 @@ struct PuritySeries {
 // Tells if the objects form two classes (SizeClasses.h).
 bool defines_purity(const scene::SceneSpec& spec);
 
-// The share of the existing objects with a class that are in their own half of the table: within the outline of its
-// cells, and small ones west of the line midway between its west and east ends, large ones east. Requires
-// defines_purity() and has_objects().
+// The share of the existing objects with a class that are in their own half of the table: within the outline
+// of its cells, and small ones west of the line midway between its west and east ends, large ones east.
+// Requires defines_purity() and has_objects().
 PuritySeries compute_purity(const Recording& recording);
 
 }  // namespace smartsurf::record

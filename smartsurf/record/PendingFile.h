@@ -1,5 +1,5 @@
-// A recording under construction: written as NAME.part beside NAME, and renamed once it holds frames, so that an
-// older recording of that name survives a run that never begins. Internal to this module.
+// A recording under construction: written as NAME.part beside NAME, and renamed once it holds frames, so that
+// an older recording of that name survives a run that never begins. Internal to this module.
 #pragma once
 
 #include <filesystem>
@@ -19,8 +19,8 @@ class PendingFile {
 
   // The path to write to. Fixed, so that a file left by a killed run is overwritten by the next.
   const std::filesystem::path& path() const { return path_; }
-  // Call before writing: removes what a killed run left, so that the file can be created again, never through a
-  // link that someone else put there. From here on the file is this object's. Throws std::system_error.
+  // Call before writing: removes what a killed run left, so that the file can be created again, never through
+  // a link that someone else put there. From here on the file is this object's. Throws std::system_error.
   void own();
   // True if path() must be created (O_EXCL), false if it is opened as it is.
   bool must_be_new() const { return owned_; }

@@ -76,7 +76,8 @@ class Recording {
   // Pin heights of a frame, rows × columns, u; valid until the next call. Requires has_heights().
   std::span<const float> read_heights(std::size_t frame) const;
   // One frame. Angular velocities are NaN if !has_angular_velocities(). Heights are empty if !has_heights(),
-  // actuator states if !has_motion(), the skin's heights without one. Reading frames in ascending order is the cheapest.
+  // actuator states if !has_motion(), the skin's heights without one. Reading frames in ascending order is
+  // the cheapest.
   scene::Snapshot read_snapshot(std::size_t frame) const;
   std::vector<std::string> channel_names(const std::string& group) const;  // "sensors" or "actuators"
   // One frame of a channel, rows × columns × components, row-major.
@@ -89,7 +90,8 @@ class Recording {
   std::vector<std::string> metric_names() const;
   // One value per frame; NaN before the script first set it.
   std::vector<double> read_metric(const std::string& name) const;
-  // Tells if the experiment's goal was reached, and when first; nullopt if it has no goal or the run did not finish.
+  // Tells if the experiment's goal was reached, and when first; nullopt if it has no goal or the run did not
+  // finish.
   std::optional<bool> success() const;
   std::optional<double> success_s() const;
 

@@ -31,8 +31,8 @@ std::string apron_executable() {
   return !error && access(sibling.c_str(), X_OK) == 0 ? sibling.string() : "apron";
 }
 
-// Names the program as a user would type it: by its name alone if PATH leads to it, else by a path relative to the current
-// folder if it lies below that.
+// Names the program as a user would type it: by its name alone if PATH leads to it, else by a path relative
+// to the current folder if it lies below that.
 std::string typed_name(const fs::path& executable) {
   std::error_code error;
   const char* const path = std::getenv("PATH");
@@ -65,7 +65,8 @@ std::vector<std::string> make_command(const std::string& controller, const std::
   return {"/bin/sh", "-c", command};
 }
 
-// Becomes the command. An exception would unwind the simulator's stack in its child, and remove its files there.
+// Becomes the command. An exception would unwind the simulator's stack in its child, and remove its files
+// there.
 [[noreturn]] void exec_command(const std::vector<char*>& arguments, const std::string& shm_name) noexcept {
   // Set in the child only, because several worlds share the parent's environment.
   setenv("SMARTSURF_SHM", shm_name.c_str(), 1);

@@ -21,7 +21,8 @@ class Pacer {
   // Restarts the schedule, so that a pause is not caught up.
   void restart() noexcept { anchored_ = false; }
 
-  // The time at which the state at that simulated time is due; not later than now if the run is late or unpaced.
+  // The time at which the state at that simulated time is due; not later than now if the run is late or
+  // unpaced.
   Clock::time_point due_time(double simulated_s) noexcept;
   // Returns the real-time factor over about the last half second.
   double update_real_time_factor(double simulated_s) noexcept;

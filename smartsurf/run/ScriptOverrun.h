@@ -9,7 +9,8 @@
 
 namespace smartsurf::run {
 
-// The value of script::LoadOptions::end_process. Ends the program with kUserError, or with the status of its stop signal.
+// The value of script::LoadOptions::end_process. Ends the program with kUserError, or with the status of its
+// stop signal.
 inline void end_for_script(const std::string& message) {
   common::end_process(
       message.empty() ? nullptr : message.c_str(),

@@ -29,9 +29,9 @@ class SurfaceLink {
                                              std::span<const scene::ChannelData> sensors) noexcept;
 
   // Time-step mode: waits for the answer to the last published frame. Passive mode: takes the newest frame.
-  // Passes the values to the actuators, which clamp them; a large frame arrives in chunks while the controller
-  // still writes it, if it calls write(). In time-step mode the physics must not advance unless the result is
-  // kOk: the actuators may hold part of a frame.
+  // Passes the values to the actuators, which clamp them; a large frame arrives in chunks while the
+  // controller still writes it, if it calls write(). In time-step mode the physics must not advance unless
+  // the result is kOk: the actuators may hold part of a frame.
   [[nodiscard]] shm_protocol::Status receive(std::uint64_t tick, std::chrono::nanoseconds timeout,
                                              const std::atomic<bool>& stop, surface::ActuatorArray&) noexcept;
 

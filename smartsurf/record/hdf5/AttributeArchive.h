@@ -1,6 +1,6 @@
-// Attributes of an HDF5 object, listed once for both directions: a function template calls archive(name, value) for each;
-// with an AttributeWriter it stores the values, with an AttributeReader it replaces them. Internal to this module; both
-// throw Hdf5Error.
+// Attributes of an HDF5 object, listed once for both directions: a function template calls archive(name,
+// value) for each; with an AttributeWriter it stores the values, with an AttributeReader it replaces them.
+// Internal to this module; both throw Hdf5Error.
 #pragma once
 
 #include <array>

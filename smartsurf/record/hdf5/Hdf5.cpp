@@ -8,7 +8,8 @@
 namespace smartsurf::record {
 namespace {
 
-// Upper bound of what the library allocates between two calls of require_memory(): metadata, chunks and filters.
+// Upper bound of what the library allocates between two calls of require_memory(): metadata, chunks and
+// filters.
 constexpr std::size_t kLibraryBytes = std::size_t{16} << 20;
 
 // H5E_WALK_UPWARD starts at the innermost error, which is the cause.
@@ -17,7 +18,8 @@ herr_t store_innermost_error(unsigned depth, const H5E_error2_t* error, void* te
   return 0;
 }
 
-// Why the last call failed, as one line; empty if the library does not say. `quoted`: it is the system's own text.
+// Why the last call failed, as one line; empty if the library does not say. `quoted`: it is the system's own
+// text.
 std::string take_reason(bool& quoted) {
   quoted = false;
   std::string reason;
@@ -48,8 +50,8 @@ bool has_memory(std::size_t bytes) noexcept {
   return block != nullptr;
 }
 
-// The library prints its errors to `stderr` until it is initialised and can be told not to. The descriptor stays: a line about
-// memory that ends the process there (Termination.h) is written to it.
+// The library prints its errors to `stderr` until it is initialised and can be told not to. The descriptor
+// stays: a line about memory that ends the process there (Termination.h) is written to it.
 class SilentStandardError {
  public:
   SilentStandardError() : nowhere_(std::fopen("/dev/null", "we")) {

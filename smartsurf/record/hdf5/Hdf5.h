@@ -31,7 +31,8 @@ class Handle {
     std::swap(closer_, other.closer_);
     return *this;
   }
-  // Closing may write buffered data; check_closed() reports a failure. Stays open where an error leaves no memory.
+  // Closing may write buffered data; check_closed() reports a failure. Stays open where an error leaves no
+  // memory.
   ~Handle() {
     if (id_ >= 0) close();
   }
@@ -69,11 +70,11 @@ hid_t native_type() {
 void check(herr_t status, const std::string& what);
 // Throws if a Handle of this thread could not be closed since the last call: its data are lost.
 void check_closed();
-// Throws std::bad_alloc unless `bytes` can be allocated beyond what the library takes for itself. HDF5 1.10 crashes or
-// ends the process where it gets no memory, so that it is entered only while there is some.
+// Throws std::bad_alloc unless `bytes` can be allocated beyond what the library takes for itself. HDF5 1.10
+// crashes or ends the process where it gets no memory, so that it is entered only while there is some.
 void require_memory(std::size_t bytes);
-// Call before anything else. The library prints no errors (they are exceptions), runs nothing at exit and follows
-// no links to other files.
+// Call before anything else. The library prints no errors (they are exceptions), runs nothing at exit and
+// follows no links to other files.
 void initialise_library();
 
 // Variable-length UTF-8; fixed-length attributes are limited to 64 KiB.

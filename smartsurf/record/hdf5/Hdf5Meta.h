@@ -1,5 +1,5 @@
-// The parts of a recording that precede its first frame, /meta and /surface, and the result. Internal to this module;
-// throws Hdf5Error.
+// The parts of a recording that precede its first frame, /meta and /surface, and the result. Internal to this
+// module; throws Hdf5Error.
 #pragma once
 
 #include "smartsurf/record/Recorder.h"
@@ -16,7 +16,8 @@ struct RecordedMeta {
   std::optional<RunResult> result;                      // nullopt if the run did not finish
   std::optional<std::uint64_t> first_interaction_tick;  // see Recording
 };
-// Fills in the file, source, options, world and record of `spec`. Refuses what is not a recording of this format.
+// Fills in the file, source, options, world and record of `spec`. Refuses what is not a recording of this
+// format.
 RecordedMeta read_meta(hid_t file, scene::SceneSpec& spec);
 void read_surface(hid_t file, scene::SurfaceSpec& surface);
 

@@ -1,5 +1,5 @@
-// The datasets and groups of a recording, for its writer and its reader (docs/recordings.md). Attributes are listed in
-// AttributeArchive.h's users. Internal to this module.
+// The datasets and groups of a recording, for its writer and its reader (docs/recordings.md). Attributes are
+// listed in AttributeArchive.h's users. Internal to this module.
 #pragma once
 
 namespace smartsurf::record::paths {

@@ -1,5 +1,5 @@
-// Draws charts of lines, points, bars and small images, in the terms of Vega-Lite: a chart has an x and a y axis and
-// layers, each with a mark; several charts form panels of one figure. Internal to this module.
+// Draws charts of lines, points, bars and small images, in the terms of Vega-Lite: a chart has an x and a y
+// axis and layers, each with a mark; several charts form panels of one figure. Internal to this module.
 #pragma once
 
 #include <array>
@@ -12,7 +12,8 @@
 namespace smartsurf::record {
 
 struct ChartLayer {
-  // kBar: the values y of the categories of the x axis, beside those of the other bar layers. kRect: an image.
+  // kBar: the values y of the categories of the x axis, beside those of the other bar layers. kRect: an
+  // image.
   enum class Mark { kLine, kPoint, kBar, kRect };
   Mark mark = Mark::kLine;
   std::string name = {};  // in the legend; "" = not there

@@ -1,4 +1,5 @@
-// Reads the description of a chart that `smartsurf plot FILE.json` draws (docs/recordings.md). Internal to this module.
+// Reads the description of a chart that `smartsurf plot FILE.json` draws (docs/recordings.md). Internal to
+// this module.
 #pragma once
 
 #include <filesystem>

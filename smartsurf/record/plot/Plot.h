@@ -14,9 +14,8 @@
 namespace smartsurf::record {
 
 // The values of --what: "trajectories", "time-spent[:LABEL]", and time series: "speed[:ID…]",
-// "height:ROW,COLUMN…", …. write_plot() also accepts NAME:ROW,COLUMN… for any recorded channel, and the name of a
-// metric. Rows and
-// columns count from 0; row 0 is north.
+// "height:ROW,COLUMN…", …. write_plot() also accepts NAME:ROW,COLUMN… for any recorded channel, and the name
+// of a metric. Rows and columns count from 0; row 0 is north.
 std::vector<std::string> plot_kinds();
 void write_plot(const Recording& recording, const std::string& what, const std::filesystem::path& path);
 

@@ -1,8 +1,8 @@
 // Plots the trajectory of every object from above, as in Fig. 9 of the paper: solid lines for small and
 // dashed lines for large objects, O at the start and X at the end. Internal to this module.
 //
-// Each size class (SizeClasses.h) or label has its own line style, in order of mean size. `fixed` objects are not
-// drawn.
+// Each size class (SizeClasses.h) or label has its own line style, in order of mean size. `fixed` objects are
+// not drawn.
 #pragma once
 
 #include <array>

@@ -1,5 +1,5 @@
-// How pictures, videos and the window show the scene: --camera, --wires, --cells, --palette, --trails, --plot and
-// --picture-size.
+// How pictures, videos and the window show the scene: --camera, --wires, --cells, --palette, --trails, --plot
+// and --picture-size.
 #pragma once
 
 #include <memory>

@@ -48,8 +48,8 @@ struct RunOptions {
   std::optional<int> world_index;  // nullopt: the only world of this process
 };
 
-// The options of an experiment that the user opens in a window: the APRON program beside it that has its name controls
-// it, or else nothing does. previous: the options of the run whose window it is.
+// The options of an experiment that the user opens in a window: the APRON program beside it that has its name
+// controls it, or else nothing does. previous: the options of the run whose window it is.
 RunOptions options_for_opened(const std::string& experiment, const RunOptions& previous);
 
 }  // namespace smartsurf::run

@@ -14,8 +14,8 @@
 
 namespace smartsurf::run {
 
-// One object in one run, with one value per tick from tick 0 on; shorter if the object was created late or the
-// run ended. Where it did not exist, the position is NaN and the load 0.
+// One object in one run, with one value per tick from tick 0 on; shorter if the object was created late or
+// the run ended. Where it did not exist, the position is NaN and the load 0.
 struct ObjectTrace {
   std::vector<Eigen::Vector3f> position;  // u
   // Magnitude of the sum of its contacts' normal forces in the tick's last physics step, mass·u/s².

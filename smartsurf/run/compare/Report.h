@@ -13,7 +13,8 @@ namespace smartsurf::run {
 inline constexpr std::size_t kMaxReportedObjects = 40;
 std::string describe(const Comparison&, const EngineTrace& first, const EngineTrace& second);
 
-// Writes distances.svg, loads.svg, heights.svg and objects.csv. Throws scene::InputError if one cannot be written.
+// Writes distances.svg, loads.svg, heights.svg and objects.csv. Throws scene::InputError if one cannot be
+// written.
 void write_report(const Comparison&, const EngineTrace& first, const EngineTrace& second,
                   const std::string& experiment, const std::filesystem::path& folder);
 

@@ -52,8 +52,8 @@ struct DisplayStatus {
 
 class Display {
  public:
-  // Opens the window if the options ask for one. Throws scene::InputError if there is no display, or the surface lacks
-  // what --cells or --plot name.
+  // Opens the window if the options ask for one. Throws scene::InputError if there is no display, or the
+  // surface lacks what --cells or --plot name.
   Display(const RunOptions&, const simulation::Simulation&);
   ~Display();
 

@@ -24,9 +24,9 @@ class RunHistory final : public view::History {
   explicit RunHistory(int columns, std::size_t max_bytes = std::size_t{384} << 20)
       : columns_(columns), max_bytes_(max_bytes) {}
 
-  // Copies the state of one tick, replacing the oldest one once the limit is reached; allocates until then. channels:
-  // the same ones in every tick; the first is the heights, which the snapshot holds. metrics: new ones may follow the
-  // earlier ones.
+  // Copies the state of one tick, replacing the oldest one once the limit is reached; allocates until then.
+  // channels: the same ones in every tick; the first is the heights, which the snapshot holds. metrics: new
+  // ones may follow the earlier ones.
   void add(const scene::Snapshot& snapshot, std::span<const view::Channel> channels,
            std::span<const std::pair<std::string, double>> metrics);
   void clear();

@@ -13,8 +13,8 @@ namespace smartsurf::run {
 
 class ViewChannels {
  public:
-  // The values of the present. A channel with several components is one channel NAME[0], NAME[1], … for each. The
-  // result is valid until the next call.
+  // The values of the present. A channel with several components is one channel NAME[0], NAME[1], … for each.
+  // The result is valid until the next call.
   std::span<const view::Channel> update(const simulation::Simulation&);
   // The values of an earlier tick.
   std::span<const view::Channel> show(const RunHistory&, const RunHistory::Frame&);

@@ -15,9 +15,9 @@ namespace smartsurf::run {
 bool replay_to_media(const record::Recording&, const std::vector<Screenshot>&, const std::string& video_file,
                      const RenderOptions&, const std::atomic<bool>& stop);
 
-// Plays the recording in a window until the user closes it or opens another file there, which is returned; it can be
-// the same. pace: recorded seconds per wall second, > 0. Throws scene::InputError if there is no display, or the
-// recording lacks what --cells or --plot name.
+// Plays the recording in a window until the user closes it or opens another file there, which is returned; it
+// can be the same. pace: recorded seconds per wall second, > 0. Throws scene::InputError if there is no
+// display, or the recording lacks what --cells or --plot name.
 std::string replay_in_window(const record::Recording&, double pace, const view::ViewSettings&,
                              const std::atomic<bool>& stop);
 

@@ -58,8 +58,8 @@ inline Texture make_texture() { return make<Texture>(glGenTextures); }
 inline Framebuffer make_framebuffer() { return make<Framebuffer>(glGenFramebuffers); }
 inline Renderbuffer make_renderbuffer() { return make<Renderbuffer>(glGenRenderbuffers); }
 
-// Declares an attribute of `size` components of the bound buffer, which holds one Instance for each instance drawn.
-// Bytes are scaled to [0, 1].
+// Declares an attribute of `size` components of the bound buffer, which holds one Instance for each instance
+// drawn. Bytes are scaled to [0, 1].
 template <class Instance>
 void set_instance_attribute(GLuint location, GLint size, GLenum type, std::size_t offset) {
   glEnableVertexAttribArray(location);

@@ -119,8 +119,8 @@ class LineLayer {
  public:
   LineLayer();
   void upload(std::span<const Line> lines);
-  // Draws each line with a halo of contrasting brightness, and faintly where it is hidden. width: in pixels of
-  // the viewport.
+  // Draws each line with a halo of contrasting brightness, and faintly where it is hidden. width: in pixels
+  // of the viewport.
   void draw(float width, int viewport_width, int viewport_height) const;
 
  private:

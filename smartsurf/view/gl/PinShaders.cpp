@@ -46,8 +46,8 @@ void main() {
                                 : (s.y < 0.0 ? neighbour.z : neighbour.w);
   float foot = colour.a > 0.5 ? base : max(base, min(beside, height) - sunk);
   vec2 half_top = pin.xy;
-  // The background must not show through the gaps of the outermost ring: its sides extend to the middle of the
-  // gaps beside level or higher pins.
+  // The background must not show through the gaps of the outermost ring: its sides extend to the middle of
+  // the gaps beside level or higher pins.
   beyond = 0.0;
 #ifndef CLOSED
   if (sealed > 0.5 && colour.a > 0.5 && corner.w > 0.5) {

@@ -44,7 +44,8 @@ class Renderer {
   void draw(const scene::Snapshot& snapshot, const std::vector<scene::ObjectSpec>& catalogue,
             const Camera& camera, const DrawOptions& options, unsigned framebuffer, int width, int height);
 
-  // A hook for profiling: draw() calls `callback` with the name of each stage once its commands are submitted.
+  // A hook for profiling: draw() calls `callback` with the name of each stage once its commands are
+  // submitted.
   using StageCallback = std::function<void(std::string_view stage)>;
   void set_stage_callback(StageCallback callback);
 

@@ -64,10 +64,10 @@ void main() {
 }
 )";
 
-// The variant for software renderers. The rays through one sphere are treated as parallel, and the shadow map is sampled
-// at the corners of the disc only. The depth is that of the disc: along such a ray, everything that does not
-// intersect the sphere lies in front of its near side or behind its far side, and the disc lies between them.
-// Writing gl_FragDepth would disable the early depth test.
+// The variant for software renderers. The rays through one sphere are treated as parallel, and the shadow map
+// is sampled at the corners of the disc only. The depth is that of the disc: along such a ray, everything
+// that does not intersect the sphere lies in front of its near side or behind its far side, and the disc lies
+// between them. Writing gl_FragDepth would disable the early depth test.
 constexpr const char* kSphereVertexFast = R"(
 layout(location = 0) in vec2 corner;
 out vec2 place;             // position on the disc of radius 1

@@ -49,7 +49,8 @@ class Overlay {
   void apply(const FrameInput& input, const Tools* tools, DrawOptions& options);
   // Empty if no channel is shown or it has no values.
   const std::optional<ColourScale>& colour_scale() const { return colour_scale_; }
-  // Empty if no contact force is shown. Changes only when the largest force leaves a fifth to the whole of it.
+  // Empty if no contact force is shown. Changes only when the largest force leaves a fifth to the whole of
+  // it.
   const std::optional<ForceScale>& force_scale() const { return force_scale_; }
 
  private:

@@ -11,8 +11,8 @@
 //   tile         a plate, tilted like the surface around it
 //   delta        the tip and three arms
 //
-// A skin over the actuators is one mesh in world coordinates, whose vertices follow it; what actuators hold has the accent
-// colour. The cells under it are drawn low enough for it to cover them.
+// A skin over the actuators is one mesh in world coordinates, whose vertices follow it; what actuators hold
+// has the accent colour. The cells under it are drawn low enough for it to cover them.
 #pragma once
 
 #include <array>

@@ -22,10 +22,11 @@ TwoColourMesh nozzle_mesh(int segments);
 TwoColourMesh plume_mesh(int segments);
 // A box of half edges 1; the middle of its top has the accent colour.
 TwoColourMesh plate_mesh();
-// A solid of revolution about z; outline: radius and z from the top down, u. The part above `shaft_z` has the accent
-// colour.
+// A solid of revolution about z; outline: radius and z from the top down, u. The part above `shaft_z` has the
+// accent colour.
 TwoColourMesh turned_mesh(int segments, std::span<const Eigen::Vector2f> outline, float shaft_z);
-// An upright prism over a rectangle of these half edges with rounded corners, u; its top, at z = 0, has the accent colour.
+// An upright prism over a rectangle of these half edges with rounded corners, u; its top, at z = 0, has the
+// accent colour.
 TwoColourMesh rounded_prism_mesh(int segments, const Eigen::Vector2f& half_edges, float corner_radius,
                                  float depth);
 // The convex hull of a few points, O(n⁴); faces whose centroid has x·y > 0 have the accent colour.

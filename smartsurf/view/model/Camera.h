@@ -33,12 +33,13 @@ struct Ray {
   Eigen::Vector3d origin, direction;
 };
 
-// Fractions of the image covered by panels: a bar along its lower edge, a panel in its upper left corner, and one along
-// its right edge. Each at most 0.4.
+// Fractions of the image covered by panels: a bar along its lower edge, a panel in its upper left corner, and
+// one along its right edge. Each at most 0.4.
 struct ViewInsets {
   double bottom = 0.0;  // of the height; kept free
   double top = 0.0;     // of the height; without `left`, kept free only as far as the table need not shrink
-  // A share of the width. The table is framed beside or below the corner panel if it shrinks by at most a quarter.
+  // A share of the width. The table is framed beside or below the corner panel if it shrinks by at most a
+  // quarter.
   double left = 0.0;
   double right = 0.0;  // of the width; kept free if the table shrinks by at most a half
   bool operator==(const ViewInsets&) const = default;
@@ -70,8 +71,8 @@ class Camera {
   Eigen::Vector3d eye() const;
   Eigen::Vector3d target() const { return target_; }
   CameraPose pose() const { return {eye(), target_}; }
-  // Moves the camera; a direction outside kMinElevation … kMaxElevation and a distance outside the zoom limits are
-  // clamped.
+  // Moves the camera; a direction outside kMinElevation … kMaxElevation and a distance outside the zoom
+  // limits are clamped.
   void set_pose(const CameraPose& pose);
   Eigen::Vector3d forward() const;  // unit vector from the eye to the target
   Eigen::Vector3d right() const;

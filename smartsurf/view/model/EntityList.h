@@ -20,9 +20,9 @@ struct Entity {
 
 class EntityList {
  public:
-  // The entities that match all words of the query, regardless of case: the channels of sensors and actuators, then
-  // the objects of the frame in order of id. "4,7" adds that cell first. Rebuilt only when the query or the set of
-  // objects has changed. The result is valid until the next call.
+  // The entities that match all words of the query, regardless of case: the channels of sensors and
+  // actuators, then the objects of the frame in order of id. "4,7" adds that cell first. Rebuilt only when
+  // the query or the set of objects has changed. The result is valid until the next call.
   const std::vector<Entity>& find(std::string_view query, const scene::SurfaceSpec& surface,
                                   const FrameInput& input);
 

@@ -38,8 +38,8 @@ class PlotData {
   std::uint64_t begin_ = 0, end_ = 0;  // the frames that times_ holds
 };
 
-// The signals of an item that suit the plots: the quantities that they show of other objects or cells; without any, an
-// object's speed or a cell's first channel.
+// The signals of an item that suit the plots: the quantities that they show of other objects or cells;
+// without any, an object's speed or a cell's first channel.
 std::vector<Signal> signals_to_add(const SceneItem& item, std::span<const Channel> channels,
                                    const PlotData& plotted);
 
@@ -56,11 +56,13 @@ struct PlotExport {
 // One column per signal after `time_s`; a value that does not exist is an empty field.
 std::string to_csv(const PlotExport& plot);
 
-// The smallest of … 0.1, 0.2, 0.5, 1, 2, 5, 10 … that is at least `value`; 1 if value is not positive and finite.
+// The smallest of … 0.1, 0.2, 0.5, 1, 2, 5, 10 … that is at least `value`; 1 if value is not positive and
+// finite.
 double round_up(double value);
 
-// Reduces the samples [begin, end) of a curve to points for `columns` pixel columns over the times [from, to]: where
-// several samples share a column, its least and largest in the order of their times. NaN separates pieces.
+// Reduces the samples [begin, end) of a curve to points for `columns` pixel columns over the times [from,
+// to]: where several samples share a column, its least and largest in the order of their times. NaN separates
+// pieces.
 struct CurvePoint {
   double time_s, value;
 };

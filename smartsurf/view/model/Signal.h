@@ -17,8 +17,8 @@ namespace smartsurf::view {
 struct Signal {
   enum class Kind { kObject, kCell, kRun, kMetric };
   Kind kind = Kind::kRun;
-  // kObject: one of kObjectQuantities. kCell: a channel's name. kRun: one of kRunQuantities. kMetric: the name that
-  // the script passes to metric().
+  // kObject: one of kObjectQuantities. kCell: a channel's name. kRun: one of kRunQuantities. kMetric: the
+  // name that the script passes to metric().
   std::string quantity;
   scene::ObjectId object = 0;  // kObject
   int row = 0, column = 0;     // kCell; from 0, row 0 north
@@ -28,8 +28,8 @@ struct Signal {
 inline constexpr std::array kObjectQuantities = {"x", "y", "z", "speed", "spin"};
 inline constexpr std::array kRunQuantities = {"contacts", "objects"};
 
-// The notation of `smartsurf plot --what`: "speed:ID", "CHANNEL:ROW,COLUMN", "contacts", "metric:NAME". A name alone
-// that is none of kRunQuantities is that of a metric, too.
+// The notation of `smartsurf plot --what`: "speed:ID", "CHANNEL:ROW,COLUMN", "contacts", "metric:NAME". A
+// name alone that is none of kRunQuantities is that of a metric, too.
 std::string to_string(const Signal& signal);
 // Empty if the text has none of these forms.
 std::optional<Signal> parse_signal(std::string_view text);

@@ -14,8 +14,9 @@ class Trails {
   // pitch: of the surface, u; displacements below 0.15 pitches add no point.
   explicit Trails(double pitch) : min_step_(0.15F * static_cast<float>(pitch)) {}
 
-  // Adds the positions of one frame and drops points older than length_s. The first frame, an earlier time than the
-  // last, and one more than length_s after it fill the trails from the input's history instead, as far as it goes back.
+  // Adds the positions of one frame and drops points older than length_s. The first frame, an earlier time
+  // than the last, and one more than length_s after it fill the trails from the input's history instead, as
+  // far as it goes back.
   void add(const FrameInput& input, double length_s);
   void clear();
   // Appends the trails in their objects' colours; the alpha decreases with age.

@@ -289,8 +289,9 @@ ImVec2 draw_run_panel(const FrameInput& input, const Status& status, const scene
   return {position.x + extent.x, position.y + extent.y};
 }
 
-// Beside a table that fills the window's height; in a narrow window, where the table is framed below the panels, beside
-// the run panel and not lower; if they do not fit side by side, below it. panel: its lower right corner, pixels.
+// Beside a table that fills the window's height; in a narrow window, where the table is framed below the
+// panels, beside the run panel and not lower; if they do not fit side by side, below it. panel: its lower
+// right corner, pixels.
 InspectorSpace inspector_space(const ImVec2& panel, const HudState& state, float bottom, float scale) {
   const ImVec2 display = ImGui::GetIO().DisplaySize;
   const float top = 12.0f * scale, beside = display.x - panel.x - kInspectorWidth * scale;
@@ -321,9 +322,9 @@ ImVec4 tone_colour(Banner::Tone tone) {
   return ImGui::GetStyle().Colors[ImGuiCol_Text];
 }
 
-// Draws the banner in the middle of the space beside the run panel, or below it where that is narrow: at the top if it asks
-// for a command, at the bottom, in front of the table, if it is a result. panel: its lower right corner; right, bottom:
-// where the space ends; pixels.
+// Draws the banner in the middle of the space beside the run panel, or below it where that is narrow: at the
+// top if it asks for a command, at the bottom, in front of the table, if it is a result. panel: its lower
+// right corner; right, bottom: where the space ends; pixels.
 void draw_banner(const Banner& banner, const ImVec2& panel, float right, float bottom, float scale) {
   const bool beside = right - panel.x >= 420.0f * scale;
   const float left = beside ? panel.x : 0.0f, top = beside ? 0.0f : panel.y;
@@ -377,7 +378,8 @@ void draw_hud(const FrameInput& input, const Status& status, const scene::Surfac
       draw_paused_badge(panel.x, inspector, scale);
   }
   state.free_bottom = bottom;
-  // The legends stand side by side, in a narrow window one above the other, and the banner of a result above both.
+  // The legends stand side by side, in a narrow window one above the other, and the banner of a result above
+  // both.
   const bool narrow = display.x < 640.0f * scale;
   float right = display.x - 12.0f * scale, free_bottom = bottom;
   if (overlay.colour_scale()) {

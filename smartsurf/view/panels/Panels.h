@@ -26,12 +26,12 @@ struct InspectorSpace {
 };
 inline constexpr float kInspectorWidth = 336.0f;  // with its distance from the right edge, pixels, unscaled
 
-// The state and the stored history of the selected item, at the right; scrolls what does not fit. Returns the x of its
-// left edge, or the width of the display if nothing is selected.
+// The state and the stored history of the selected item, at the right; scrolls what does not fit. Returns the
+// x of its left edge, or the width of the display if nothing is selected.
 float draw_inspector_panel(const FrameInput& input, const Status& status, const scene::SurfaceSpec& surface,
                            HudState& state, Controls& controls, const InspectorSpace& space, float scale);
-// The chosen signals over time, one chart per unit, in a strip above `bottom`. A click on a chart seeks. Returns the y
-// of the strip's upper edge.
+// The chosen signals over time, one chart per unit, in a strip above `bottom`. A click on a chart seeks.
+// Returns the y of the strip's upper edge.
 float draw_plots_panel(const FrameInput& input, const Status& status, HudState& state, Controls& controls,
                        float bottom, float scale);
 
@@ -53,8 +53,8 @@ std::optional<double> draw_chart(const PlotData& data, const Chart& chart, float
 
 // The colour scale at the right; bottom: y of its lower edge, pixels. Returns the y of its upper edge.
 float draw_legend(const ColourScale& colour_scale, float bottom, float scale);
-// Explains the lines in the scene. right, bottom: its lower right corner, pixels. Returns the y of its upper edge, or
-// `bottom` if there are none.
+// Explains the lines in the scene. right, bottom: its lower right corner, pixels. Returns the y of its upper
+// edge, or `bottom` if there are none.
 float draw_line_legend(const OverlaySettings& overlay, const std::optional<ForceScale>& forces, float right,
                        float bottom, float scale);
 

@@ -91,6 +91,25 @@ class Products(ProgramTest):
                 self.assertGreater(figure.stat().st_size, 2000)
         self.assertIn("tick,time,id,label", (self.folder / "sort.csv").read_text()[:100])
 
+    def test_success_is_that_of_the_experiment(self):
+        recording = str(self.folder / "run.h5")
+        stats = self.run_sort("--set", "small=1", "--set", "large=1", "--until", "60", "--record", recording)
+        self.assertEqual((stats["success"], stats["purity"], stats["metrics"]["purity"]), (True, 1, 1))
+        self.assertEqual(stats["sorted_at_s"], stats["success_s"])
+        _, out, _ = self.run_program(SMARTSURF, "info", recording)
+        self.assertRegex(out, r"metric +purity: [\d.]+ at the start, 1 at the end\nsuccess +at ")
+        wave = str(ROOT / "scripts/examples/wave.lua")
+        status, _, err = self.run_program(SMARTSURF, "run", wave, "--no-controller", "--ticks", "9", "--record", recording,
+                                          "--stats", "wave.json")
+        self.assertEqual(status, 0, err)
+        stats = json.loads((self.folder / "wave.json").read_text())
+        self.assertIsNone(stats["success"])
+        self.assertNotIn("purity", stats)
+        _, out, _ = self.run_program(SMARTSURF, "info", recording)
+        self.assertNotIn("purity", out)
+        status, _, err = self.run_program(SMARTSURF, "plot", recording, "--what", "purity", "-o", "x.png")
+        self.assertEqual((status, err.count("\n")), (2, 1), err)
+
     @needs_view
     def test_pictures(self):
         self.run_sort("--until", "1", "--screenshot", str(self.folder / "early.png") + "@0.5",
