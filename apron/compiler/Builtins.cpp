@@ -144,8 +144,8 @@ constexpr Builtin kBuiltins[] = {
     {"endwhere", Form::kEndWhere, 0, 0},
 };
 
-// The element-wise instructions under their mnemonics, those of the section `maths` of opcodes.def and atan2 with the
-// prefix "math."; then the others.
+// The element-wise instructions under their mnemonics, those of the section `maths` of opcodes.def and atan2
+// with the prefix "math."; then the others.
 std::vector<Builtin> make_builtins() {
   static constexpr Builtin kInstructions[] = {
 #define APRON_ELEMENTWISE(name, arity, value) {{}, Form::kElementwise, arity, arity, Op::k##name},

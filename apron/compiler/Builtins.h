@@ -1,7 +1,6 @@
 // The built-in statements and instructions by name: their numbers of arguments and their lowering.
 #pragma once
 
-#include <cstddef>
 #include <cstdint>
 #include <optional>
 #include <string>
@@ -12,7 +11,8 @@
 
 namespace apron::compiler {
 
-// How the compiler lowers a built-in. The order matters: see opened_block(), closed_block() and returns_value().
+// How the compiler lowers a built-in. The order matters: see opened_block(), closed_block() and
+// returns_value().
 enum class BuiltinForm : std::uint8_t {
   kOperands,  // the arguments are the operands of the instruction, as its signature lists them
   // Values: y = f(…) and f(y, …).
@@ -72,7 +72,7 @@ enum class BuiltinForm : std::uint8_t {
   kContinue,
 };
 
-// In the order of kIf to kWhere and of kEndIf to kEndWhere.
+// The order is that of kIf to kWhere and of kEndIf to kEndWhere.
 enum class BlockKind : std::uint8_t { kIf, kWhile, kFor, kRepeat, kWhere };
 
 struct Builtin {

@@ -14,19 +14,6 @@
 namespace apron::compiler {
 namespace {
 
-syntax::PreprocessorOptions preprocessor_options(const CompileOptions& options) {
-  syntax::PreprocessorOptions result;
-  result.file = options.file;
-  result.width = options.width;
-  result.height = options.height;
-  result.include_paths = options.include_paths;
-  result.library_path = options.library_path;
-  result.prelude = options.prelude;
-  result.is_builtin = [](std::string_view name) { return find_builtin(name) != nullptr; };
-  result.check_palette = palette_error;
-  return result;
-}
-
 void check_definite_assignment(const program::Program& program, const Lowering& lowering,
                                syntax::Diagnostics& diagnostics) {
   for (const ScalarRead& read : find_unassigned_reads(program, lowering.scalar_reads())) {
@@ -49,7 +36,10 @@ void check_program(const program::Program& program, std::size_t max_addr, syntax
 std::optional<program::Program> compile_program(const CompileOptions& options, syntax::FileReader& reader,
                                                 syntax::SourceManager& sources,
                                                 syntax::Diagnostics& diagnostics) {
-  syntax::Preprocessor preprocessor(preprocessor_options(options), reader, sources, diagnostics);
+  syntax::PreprocessorOptions preprocessing{options};
+  preprocessing.is_builtin = [](std::string_view name) { return find_builtin(name) != nullptr; };
+  preprocessing.check_palette = palette_error;
+  syntax::Preprocessor preprocessor(std::move(preprocessing), reader, sources, diagnostics);
   const std::vector<syntax::Statement> statements =
       syntax::Parser(preprocessor, sources, diagnostics).parse();
   std::vector<std::string> names = preprocessor.macros().names();

@@ -37,7 +37,7 @@ Value Lowering::lower_shift(const Builtin& builtin, const Expressions& arguments
   std::vector<Value> distances;
   for (std::size_t i = 1; i < arguments.size(); ++i)
     distances.push_back(lower_scalar(arguments[i], kSubject));
-  if (std::any_of(distances.begin(), distances.end(), [](const Value& v) { return !v.is_constant(); }))
+  if (std::ranges::any_of(distances, [](const Value& v) { return !v.is_constant(); }))
     return lower_variable_shift(builtin, arguments[0], distances, destination, location);
   int dx = builtin.dx;
   int dy = builtin.dy;
@@ -75,7 +75,6 @@ Value Lowering::lower_variable_shift(const Builtin& builtin, const Expression& s
   return moved;
 }
 
-// The neighbours without the cell itself.
 Value Lowering::lower_neighbourhood(const Builtin& builtin, const Expressions& arguments, Location location,
                                     ResultDestination* destination) {
   const int count = arguments.size() == 2 ? integer_constant(arguments[1], "the neighbourhood") : 4;
@@ -98,8 +97,8 @@ Value Lowering::emit_out_of_place(Opcode op, const std::vector<Value>& sources,
   if (destination != nullptr) {
     result = resolve_destination(*destination, true, shape);
     check_shapes({result, sources.front()}, location);
-    in_destination = std::none_of(sources.begin(), sources.end(),
-                                  [&](const Value& source) { return source.index == result.index; });
+    in_destination =
+        std::ranges::none_of(sources, [&](const Value& source) { return source.index == result.index; });
     destination->used = in_destination;
   }
   if (!in_destination) result = builder_.allocate_temporary(shape);

@@ -1,4 +1,4 @@
-// Instructions that return a value.
+// Instructions that return a value, and operands.
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -73,8 +73,8 @@ Value Lowering::lower_call(const Builtin& builtin, const Expression& call, const
   }
 }
 
-// Lowers the arguments as the instruction's signature lists its operands. Those that are left out are 0 or an empty
-// text.
+// Lowers the arguments as the instruction's signature lists its operands. Those that are left out are 0 or an
+// empty text.
 std::vector<Operand> Lowering::lower_operands(const Builtin& builtin, const Expression& call,
                                               const Expressions& arguments) {
   const bool reads_element = builtin.op == Opcode::kResGetVar || builtin.op == Opcode::kResGetReg;
@@ -106,7 +106,7 @@ Value Lowering::lower_parameter(const Expression& argument, ResultDestination* d
   const std::string& name = string_literal(argument, "a name");
   std::vector<std::string> known;
   for (const program::Parameter& parameter : builder_.program().parameters) known.push_back(parameter.name);
-  if (std::find(known.begin(), known.end(), name) == known.end()) {
+  if (std::ranges::find(known, name) == known.end()) {
     fail(argument.location, "no slider or switch '{}' was added before{}", name,
          common::did_you_mean(name, known));
   }

@@ -2,7 +2,6 @@
 #include <fmt/format.h>
 
 #include <cmath>
-#include <utility>
 
 #include "apron/compiler/Lowering.h"
 #include "apron/program/ScalarArithmetic.h"
@@ -21,7 +20,8 @@ std::string_view block_keyword(BlockKind kind) {
   return kWords[static_cast<std::size_t>(kind)];
 }
 
-// The jump that is taken if the comparison holds, or unless it does. Because of NaN, "unless <" is not "jump >=".
+// The jump that is taken if the comparison holds, or unless it does. Because of NaN, "unless <" is not "jump
+// >=".
 Opcode jump_opcode(Opcode comparison, bool if_holds) {
   if (!if_holds && comparison == Opcode::kEq) return Opcode::kJumpNe;
   if (!if_holds && comparison == Opcode::kNe) return Opcode::kJumpEq;

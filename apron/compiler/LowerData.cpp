@@ -1,8 +1,6 @@
 // Random numbers, the register stack, elements by index, plugins, image sequences, cameras and windows.
-#include <fmt/format.h>
 
 #include <algorithm>
-#include <utility>
 
 #include "apron/compiler/Lowering.h"
 #include "apron/compiler/PaletteCheck.h"
@@ -14,8 +12,8 @@ using program::Operand;
 using program::OperandKind;
 using syntax::ExpressionKind;
 
-// For instructions that fill a register, if the statement reads or writes one, and otherwise a scalar: one random
-// number per cell or a single one.
+// For instructions that fill a register, if the statement reads or writes one, and otherwise a scalar: one
+// random number per cell or a single one.
 Value Lowering::emit_to_either(Opcode op, const std::vector<Operand>& operands,
                                ResultDestination* destination) {
   Shape shape = shape_hint_;
@@ -108,7 +106,7 @@ Operand Lowering::module_operand(const Expression& expression) {
     fail(expression.location, "expected '?', the module loaded last, or a module's name: plugin(?, n, …)");
   }
   std::vector<std::string>& all = builder_.program().modules;
-  const auto found = std::find(all.begin(), all.end(), expression.text);
+  const auto found = std::ranges::find(all, expression.text);
   const auto index = static_cast<std::uint32_t>(found - all.begin());
   if (found == all.end()) all.push_back(expression.text);
   return {OperandKind::kModule, index};
@@ -126,7 +124,6 @@ void Lowering::emit_plugin_arguments(const Expressions& arguments, std::size_t f
   }
 }
 
-// A register if the statement has one, else a scalar.
 Value Lowering::lower_plugin(const Expressions& arguments, ResultDestination* destination) {
   const Operand module_index = module_operand(arguments[0]);
   const Value operation = lower_scalar(arguments[1], "a plugin's operation");

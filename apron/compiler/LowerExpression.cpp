@@ -3,7 +3,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <utility>
 
 #include "apron/compiler/Lowering.h"
 #include "apron/program/ScalarArithmetic.h"
@@ -110,7 +109,7 @@ const Symbol& Lowering::find_element(const Expression& expression) const {
   fail(index.location, "an element is named by its name or its number: {}[A]", expression.text);
 }
 
-// Null if there is no such element.
+// The element, or null if there is none of that name or number.
 const Symbol* Lowering::find_element_or_null(const Expression& expression) const {
   const Expression& index = expression.children.front();
   if (index.kind == ExpressionKind::kName) return symbols_.find_element_or_null(expression.text, index.text);
@@ -136,7 +135,7 @@ Value Lowering::lower_binary(const Expression& expression, ResultDestination* de
   return emit_elementwise(infix_opcode(expression.text), {left, right}, expression.location, destination);
 }
 
-// Whether the expression calls an instruction that can fail or depends on more than its operands.
+// True if the expression calls an instruction that can fail or depends on more than its operands.
 bool Lowering::has_calls(const Expression& expression) const {
   const Builtin* builtin =
       expression.kind == ExpressionKind::kCall || expression.kind == ExpressionKind::kName
@@ -145,15 +144,15 @@ bool Lowering::has_calls(const Expression& expression) const {
   const bool is_call = builtin != nullptr && symbols_.find(expression.text) == nullptr &&
                        builtin->form != BuiltinForm::kElementwise && builtin->form != BuiltinForm::kMac &&
                        builtin->form != BuiltinForm::kMaskIf;
-  return is_call || std::any_of(expression.children.begin(), expression.children.end(),
-                                [&](const Expression& child) { return has_calls(child); });
+  return is_call ||
+         std::ranges::any_of(expression.children, [&](const Expression& child) { return has_calls(child); });
 }
 
-// Whether the expression is known to be a scalar without lowering it.
+// True if the expression is known to be a scalar without lowering it.
 bool Lowering::is_scalar(const Expression& expression) const {
   const auto all_children = [&] {
-    return std::all_of(expression.children.begin(), expression.children.end(),
-                       [&](const Expression& child) { return is_scalar(child); });
+    return std::ranges::all_of(expression.children,
+                               [&](const Expression& child) { return is_scalar(child); });
   };
   switch (expression.kind) {
     case ExpressionKind::kNumber:
@@ -232,8 +231,7 @@ Value Lowering::emit_elementwise(Opcode op, const std::vector<Value>& values, Lo
   }
   check_machine_read(op, values, location);
   check_shapes(values, location);
-  const auto array_value =
-      std::find_if(values.begin(), values.end(), [](const Value& v) { return v.is_register(); });
+  const auto array_value = std::ranges::find_if(values, &Value::is_register);
   const bool is_register = array_value != values.end();
   const Shape shape = is_register ? builder_.shape(*array_value) : Shape{};
   std::vector<program::Operand> operands;
@@ -320,19 +318,19 @@ Value Lowering::create_macro_local(const Expression& target, bool is_register, S
   return fresh.value;
 }
 
-// Whether the body does nothing but compute the result as a scalar from a register.
+// True if the body only computes the result as a scalar from a register.
 bool Lowering::is_reduction(const syntax::MacroExpansion& expansion) const {
   Shape shape;
   return !expansion.body.empty() && find_shape(expansion.body.front().value, shape) &&
-         std::all_of(expansion.body.begin(), expansion.body.end(), [&](const Statement& statement) {
+         std::ranges::all_of(expansion.body, [&](const Statement& statement) {
            if (statement.kind == syntax::StatementKind::kMacroEnd) return true;
            return statement.kind == syntax::StatementKind::kAssign &&
                   statement.target.text == expansion.result_name && is_scalar(statement.value);
          });
 }
 
-// The macro's result is a new register of zeros if an argument is a register that it does not reduce; otherwise
-// its first write determines it.
+// The macro's result is a new register of zeros if an argument is a register that it does not reduce;
+// otherwise its first write determines it.
 Value Lowering::lower_expansion(const Expression& expression) {
   const syntax::MacroExpansion& expansion = *expression.expansion;
   const std::size_t blocks = blocks_.size();
@@ -462,15 +460,15 @@ bool Lowering::find_shape(const Expression& expression, Shape& shape) const {
     shape = builder_.shape(symbol->value);
     return true;
   }
-  return std::any_of(expression.children.begin(), expression.children.end(),
-                     [&](const Expression& child) { return find_shape(child, shape); });
+  return std::ranges::any_of(expression.children,
+                             [&](const Expression& child) { return find_shape(child, shape); });
 }
 
 bool Lowering::may_be_masked() const {
   return uses_mask_on_ || current_where_region() != 0 || (uses_where_ && uses_call_);
 }
 
-// Whether the current line is outside the file that declares a machine's registers.
+// True if the current line is outside the file that declares a machine's registers.
 bool Lowering::is_foreign(std::uint32_t machine_file) const {
   return builder_.location().file != machine_file;
 }
@@ -479,7 +477,7 @@ bool Lowering::is_foreign(std::uint32_t machine_file) const {
 std::string Lowering::machine_hint(std::initializer_list<std::string_view> mnemonics) const {
   std::string hint;
   for (const std::string_view mnemonic : mnemonics) {
-    if (std::find(other_names_.begin(), other_names_.end(), mnemonic) == other_names_.end()) continue;
+    if (std::ranges::find(other_names_, mnemonic) == other_names_.end()) continue;
     hint += fmt::format("{}{}(…)", hint.empty() ? "; write " : " or ", mnemonic);
   }
   return hint;

@@ -47,8 +47,7 @@ double Lowering::real_constant(const Expression& expression, std::string_view su
 
 std::optional<std::uint32_t> Lowering::find_filter(std::string_view name) const {
   const std::vector<Filter>& all = builder_.program().filters;
-  const auto found =
-      std::find_if(all.begin(), all.end(), [&](const Filter& candidate) { return candidate.name == name; });
+  const auto found = std::ranges::find(all, name, &Filter::name);
   if (found == all.end()) return std::nullopt;
   return static_cast<std::uint32_t>(found - all.begin());
 }
@@ -69,7 +68,7 @@ std::uint32_t Lowering::intern_filter(Filter filter) {
     return candidate.name == filter.name && candidate.width == filter.width &&
            candidate.coefficients == filter.coefficients;
   };
-  const auto found = std::find_if(all.begin(), all.end(), same);
+  const auto found = std::ranges::find_if(all, same);
   if (found != all.end()) return static_cast<std::uint32_t>(found - all.begin());
   all.push_back(std::move(filter));
   return static_cast<std::uint32_t>(all.size() - 1);
@@ -100,7 +99,7 @@ Value Lowering::lower_filter(const Builtin& builtin, const Expressions& argument
                            destination, location);
 }
 
-// Three standard deviations to either side.
+// The filter reaches three standard deviations to either side.
 int Lowering::filter_radius(double width, Location location) const {
   const double radius = std::ceil(3.0 * width);
   if (2.0 * radius + 1.0 > static_cast<double>(program::kMaxFilterExtent)) {
@@ -110,7 +109,7 @@ int Lowering::filter_radius(double width, Location location) const {
   return static_cast<int>(radius);
 }
 
-// Separable: by rows, then by columns, which takes fewer steps than the two-dimensional filter.
+// The filter is separable: one by rows and one by columns take fewer steps than the two-dimensional one.
 Value Lowering::lower_gauss(const Expressions& arguments, Location location, ResultDestination* destination) {
   const double width = real_constant(arguments[1], "the width of a Gaussian", 0.01);
   const int radius = filter_radius(width, arguments[1].location);

@@ -1,5 +1,4 @@
-// Statements about the host: masks, boundaries, console, files, parameters, the surface.
-#include <fmt/format.h>
+// Statements about the host: boundaries, console, parameters, the surface.
 
 #include <algorithm>
 #include <cmath>
@@ -40,7 +39,7 @@ void Lowering::lower_boundary(const Expression& rule) {
   BoundaryRule code = BoundaryRule::kValue;
   Value value = Value::from_constant(0.0F);
   if (rule.kind == ExpressionKind::kString) {
-    const auto found = std::find(kRules.begin(), kRules.end(), rule.text);
+    const auto found = std::ranges::find(kRules, rule.text);
     if (found == kRules.end()) {
       fail(rule.location, "the boundary is 'zero', 'replicate', 'wrap', 'reflect' or a number{}",
            common::did_you_mean(rule.text, kRules));
@@ -56,7 +55,7 @@ void Lowering::lower_boundary(const Expression& rule) {
 void Lowering::add_parameter(program::Parameter parameter, Location location) {
   std::vector<program::Parameter>& all = builder_.program().parameters;
   const bool exists =
-      std::any_of(all.begin(), all.end(), [&](const auto& known) { return known.name == parameter.name; });
+      std::ranges::any_of(all, [&](const auto& known) { return known.name == parameter.name; });
   if (exists) fail(location, "there is a slider or switch '{}' already", parameter.name);
   const bool ordered = parameter.low <= parameter.default_value && parameter.default_value <= parameter.high;
   if (!ordered || !std::isfinite(parameter.low) || !std::isfinite(parameter.high)) {
@@ -85,8 +84,8 @@ void Lowering::lower_switch(const Expressions& arguments, Location location) {
   add_parameter(std::move(parameter), location);
 }
 
-// sim.label('text'), sim.label('name', 'text') and sim.label('name', number). Further arguments, a position in
-// the windows of the original APRON, and registers have no effect.
+// sim.label('text'), sim.label('name', 'text') and sim.label('name', number). Further arguments, a position
+// in the windows of the original APRON, and registers have no effect.
 void Lowering::lower_label(const Expressions& arguments) {
   const bool named =
       !arguments.empty() && arguments.size() <= 2 && arguments[0].kind == ExpressionKind::kString;

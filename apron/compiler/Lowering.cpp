@@ -177,8 +177,8 @@ void Lowering::lower_declaration(const syntax::Declaration& declaration) {
 
 bool Lowering::mentions_text(const Expression& expression) const {
   return (expression.kind == ExpressionKind::kName && texts_.contains(expression.text)) ||
-         std::any_of(expression.children.begin(), expression.children.end(),
-                     [&](const Expression& child) { return mentions_text(child); });
+         std::ranges::any_of(expression.children,
+                             [&](const Expression& child) { return mentions_text(child); });
 }
 
 void Lowering::resolve_texts(Expression& expression) const {
@@ -246,7 +246,8 @@ void Lowering::leave_macro(std::uint32_t expansion) {
   scopes_.erase(scope);
 }
 
-// Whether the call is one of the original's windows and simulators, which we do not have; warns of it once.
+// Returns true if the call is one of the original's windows and simulators, which we do not have, and warns
+// once.
 bool Lowering::ignores(const Expression& call) {
   static constexpr std::string_view kPrefixes[] = {"apron.", "host.", "sim.", "gui."};
   const bool foreign = original_ && std::any_of(std::begin(kPrefixes), std::end(kPrefixes),

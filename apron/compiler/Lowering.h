@@ -28,8 +28,8 @@ struct ScalarRead {
 
 class Lowering {
  public:
-  // `other_names` are those of macros and defines, for suggestions. `original`: calls of the original's windows
-  // and simulators that nothing defines, and palettes that do not exist, are warnings.
+  // `other_names` are those of macros and defines, for suggestions. `original`: calls of the original's
+  // windows and simulators that nothing defines, and palettes that do not exist, are warnings.
   Lowering(Shape surface, const syntax::SourceManager&, syntax::Diagnostics&,
            std::vector<std::string> other_names, bool original = false);
 
@@ -53,7 +53,7 @@ class Lowering {
   struct Block {
     BlockKind kind = BlockKind::kIf;
     Location location;
-    // Of a loop: its test, where `continue` goes, and what follows it.
+    // The labels of a loop: its test, the target of `continue`, and the instruction after the loop.
     ProgramBuilder::Label test_label = 0, continue_label = 0, end_label = 0;
     bool has_else = false;
     bool from_error = false;  // its opening line has an error; emit nothing for it

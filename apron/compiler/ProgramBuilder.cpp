@@ -53,32 +53,26 @@ std::uint32_t ProgramBuilder::add_variable(std::string name) {
   return static_cast<std::uint32_t>(program_.variables.size() - 1);
 }
 
+// The lowest of the free indices is used first, so that programs need few registers.
+std::optional<std::uint32_t> ProgramBuilder::take_lowest(std::vector<std::uint32_t>& free) {
+  if (free.empty()) return std::nullopt;
+  const auto lowest = std::ranges::min_element(free);
+  const std::uint32_t index = *lowest;
+  free.erase(lowest);
+  return index;
+}
+
 Value ProgramBuilder::allocate_temporary(Shape shape) {
-  std::vector<std::uint32_t>& free = free_registers_[shape].free;
-  Value value{Value::Kind::kRegister, 0, 0.0F, true};
-  if (free.empty()) {
-    value.index = add_register(fmt::format("${}", temporary_count_), shape);
-    ++temporary_count_;
-  } else {
-    const auto lowest = std::min_element(free.begin(), free.end());
-    value.index = *lowest;
-    free.erase(lowest);
-  }
-  live_.push_back(value);
-  return value;
+  const auto free = take_lowest(free_registers_[shape]);
+  const std::uint32_t index = free ? *free : add_register(fmt::format("${}", temporary_count_), shape);
+  if (!free) ++temporary_count_;
+  return live_.emplace_back(Value{Value::Kind::kRegister, index, 0.0, true});
 }
 
 Value ProgramBuilder::allocate_scalar_temporary() {
-  Value value{Value::Kind::kScalar, 0, 0.0F, true};
-  if (free_variables_.empty()) {
-    value.index = add_variable(fmt::format("${}", temporary_count_++));
-  } else {
-    const auto lowest = std::min_element(free_variables_.begin(), free_variables_.end());
-    value.index = *lowest;
-    free_variables_.erase(lowest);
-  }
-  live_.push_back(value);
-  return value;
+  const auto free = take_lowest(free_variables_);
+  const std::uint32_t index = free ? *free : add_variable(fmt::format("${}", temporary_count_++));
+  return live_.emplace_back(Value{Value::Kind::kScalar, index, 0.0, true});
 }
 
 void ProgramBuilder::remove_live(const Value& value) {
@@ -91,9 +85,8 @@ void ProgramBuilder::remove_live(const Value& value) {
 void ProgramBuilder::release(const Value& value) {
   if (!value.is_temporary) return;
   remove_live(value);
-  std::vector<std::uint32_t>& free =
-      value.is_register() ? free_registers_[shape(value)].free : free_variables_;
-  if (std::find(free.begin(), free.end(), value.index) == free.end()) free.push_back(value.index);
+  std::vector<std::uint32_t>& free = value.is_register() ? free_registers_[shape(value)] : free_variables_;
+  if (std::ranges::find(free, value.index) == free.end()) free.push_back(value.index);
 }
 
 void ProgramBuilder::release_to(std::size_t mark) {
@@ -147,15 +140,14 @@ void ProgramBuilder::emit(program::Opcode op, Operand destination, std::vector<O
   if (program_.code.size() + 1 >= program::kMaxInstructions) {
     fail(location_, "the program has more than {} instructions", program::kMaxInstructions);
   }
-  program::Instruction instruction;
-  instruction.op = op;
-  instruction.masked = masked;
-  instruction.source_location = program_.source_locations.empty()
-                                    ? 0
-                                    : static_cast<std::uint32_t>(program_.source_locations.size() - 1);
-  instruction.destination = destination;
-  std::copy(operands.begin(), operands.end(), instruction.operands.begin());
-  program_.code.push_back(instruction);
+  append(op, destination, operands, masked);
+}
+
+void ProgramBuilder::append(program::Opcode op, Operand destination, const std::vector<Operand>& operands,
+                            bool masked) {
+  const std::size_t locations = std::max<std::size_t>(program_.source_locations.size(), 1);
+  program_.code.push_back({op, masked, static_cast<std::uint32_t>(locations - 1), destination, {}});
+  std::ranges::copy(operands, program_.code.back().operands.begin());
 }
 
 bool ProgramBuilder::retarget_last(const Value& temporary, const Value& target) {
@@ -163,8 +155,7 @@ bool ProgramBuilder::retarget_last(const Value& temporary, const Value& target) 
   program::Instruction& last = program_.code.back();
   const Operand new_destination = operand(target);
   const bool matches = last.destination == operand(temporary) && temporary.kind == target.kind;
-  const bool reads_it =
-      std::find(last.operands.begin(), last.operands.end(), new_destination) != last.operands.end();
+  const bool reads_it = std::ranges::find(last.operands, new_destination) != last.operands.end();
   const bool aliases_source = reads_it && program::requires_out_of_place(last.op);
   if (!matches || last.op == program::Opcode::kPixelSet || aliases_source) return false;
   last.destination = new_destination;
@@ -185,12 +176,7 @@ void ProgramBuilder::bind_label(Label label) {
 Operand ProgramBuilder::label_operand(Label label) const { return {OperandKind::kLabel, label}; }
 
 program::Program ProgramBuilder::finish() {
-  program::Instruction end;
-  end.op = program::Opcode::kEnd;
-  end.source_location = program_.source_locations.empty()
-                            ? 0
-                            : static_cast<std::uint32_t>(program_.source_locations.size() - 1);
-  program_.code.push_back(end);
+  append(program::Opcode::kEnd, {}, {}, true);
   for (program::Instruction& instruction : program_.code) {
     for (Operand& operand : instruction.operands) {
       if (operand.kind == OperandKind::kLabel) operand.index = labels_[operand.index];

@@ -5,6 +5,7 @@
 
 #include <cstdint>
 #include <map>
+#include <optional>
 #include <string>
 #include <utility>
 #include <vector>
@@ -39,7 +40,8 @@ struct CompileError {
   syntax::Location location;
   std::string message;
 };
-// Thrown for a statement that uses a name whose declaration or first write has an error, which is reported there.
+// Thrown for a statement that uses a name whose declaration or first write has an error, which is reported
+// there.
 struct AlreadyReported {};
 
 template <class... Arguments>
@@ -55,7 +57,7 @@ class ProgramBuilder {
   // Sets the source location of the following instructions.
   void set_location(const syntax::Location& location, const std::string& file);
   const syntax::Location& location() const noexcept { return location_; }
-  // In the order of their numbers, from 0.
+  // Expansions are added in the order of their numbers, from 0.
   void add_expansion(const std::string& macro, const syntax::Location& call, const std::string& file);
 
   // Fail when one of the limits of program/Program.h is hit.
@@ -64,7 +66,7 @@ class ProgramBuilder {
 
   Value allocate_temporary(Shape);
   Value allocate_scalar_temporary();
-  void release(const Value&);  // does nothing for other values than temporaries
+  void release(const Value&);  // ignores values that are not temporaries
   // Releases the temporaries taken since the mark that are not retained.
   std::size_t mark() const noexcept { return live_.size(); }
   void release_to(std::size_t mark);
@@ -78,8 +80,9 @@ class ProgramBuilder {
 
   void emit(program::Opcode, program::Operand destination = {}, std::vector<program::Operand> = {},
             bool masked = true);
-  // Retargets the last instruction from its temporary to `place`, if it wrote all of that temporary, is the
-  // only predecessor of this point, and does not read neighbours of `place`. Returns whether it did.
+  // Lets the last instruction write `target` instead of its temporary. Returns false, and changes nothing,
+  // unless it wrote all of the temporary, is the only predecessor of this point, and does not read neighbours
+  // of `target`.
   bool retarget_last(const Value& temporary, const Value& target);
   std::size_t position() const noexcept { return program_.code.size(); }
 
@@ -93,18 +96,18 @@ class ProgramBuilder {
   program::Program finish();
 
  private:
-  struct FreeList {
-    std::vector<std::uint32_t> free;
-  };
   program::SourceLocation make_source(const syntax::Location& location, const std::string& file);
   void remove_live(const Value&);
+  static std::optional<std::uint32_t> take_lowest(std::vector<std::uint32_t>& free);
+  void append(program::Opcode, program::Operand destination, const std::vector<program::Operand>&,
+              bool masked);
 
   program::Program program_;
   syntax::Location location_;
   std::size_t register_bytes_ = 0;                          // bytes of all registers
   std::map<std::uint64_t, std::uint32_t> literal_indices_;  // by the bits of the value
   std::map<std::string, std::uint32_t> text_indices_, file_indices_;
-  std::map<Shape, FreeList> free_registers_;
+  std::map<Shape, std::vector<std::uint32_t>> free_registers_;
   std::vector<std::uint32_t> free_variables_;
   std::vector<Value> live_;
   std::vector<std::uint32_t> labels_;

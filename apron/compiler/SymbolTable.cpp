@@ -118,7 +118,7 @@ std::vector<std::uint32_t> SymbolTable::element_indices(const std::string& class
 std::optional<std::size_t> SymbolTable::element_number(const std::string& class_name,
                                                        const std::string& element) const {
   const std::vector<std::string>& order = classes_.at(class_name).order;
-  const auto found = std::find(order.begin(), order.end(), element);
+  const auto found = std::ranges::find(order, element);
   if (found == order.end()) return std::nullopt;
   return static_cast<std::size_t>(found - order.begin());
 }
@@ -132,7 +132,7 @@ std::optional<std::size_t> SymbolTable::register_number(std::uint32_t index) con
   return std::nullopt;
 }
 
-// Under the shortest name of its class.
+// "r[A]", with the shortest name of the class.
 std::string SymbolTable::format_element(const std::string& class_name, const std::string& name) const {
   std::string alias = class_name;
   for (const auto& [short_name, target] : aliases_) {

@@ -26,7 +26,7 @@ class SymbolTable {
  public:
   SymbolTable();
 
-  // nullptr if the exact name is unknown.
+  // The symbol of exactly that name, or nullptr.
   const Symbol* find(const std::string& name) const;
   void add(const std::string& name, Symbol);
   void remove(const std::string& name);

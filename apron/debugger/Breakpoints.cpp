@@ -19,10 +19,9 @@ Breakpoints::Breakpoints(std::vector<Breakpoint> breakpoints, std::vector<progra
     needs_single_steps_ = true;
     if (breakpoint.kind != Breakpoint::Kind::kLine) continue;
     for (std::size_t i = 0; i < line_breakpoints_.size(); ++i) {
-      const std::uint32_t index = program.code[i].source_location;
-      if (index >= program.source_locations.size()) continue;
-      const program::SourceLocation& source = program.source_locations[index];
-      if (source.line == breakpoint.line && program.files[source.file] == breakpoint.file)
+      const program::SourceLocation* source = program::find_location(program, i);
+      if (source != nullptr && source->line == breakpoint.line &&
+          program.files[source->file] == breakpoint.file)
         line_breakpoints_[i] = static_cast<std::int32_t>(n);
     }
   }

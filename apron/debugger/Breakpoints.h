@@ -14,10 +14,10 @@ namespace apron::debugger {
 struct Breakpoint {
   enum class Kind : std::uint8_t { kLine, kTick, kCondition };
   Kind kind = Kind::kLine;
-  std::string file;        // kLine: an entry of Program::files
-  std::uint32_t line = 0;  // kLine: 1-based
-  std::uint64_t tick = 0;  // kTick: stop after this many completed surface.step
-  std::string condition;   // kCondition: the text the user typed
+  std::string file = {};       // kLine: an entry of Program::files
+  std::uint32_t line = 0;      // kLine: 1-based
+  std::uint64_t tick = 0;      // kTick: stop after this many completed surface.step
+  std::string condition = {};  // kCondition: the text the user typed
   bool enabled = true;
 
   bool operator==(const Breakpoint&) const = default;
@@ -33,7 +33,7 @@ class Breakpoints {
   Breakpoints(std::vector<Breakpoint> breakpoints, std::vector<program::Program> conditions,
               const program::Program& program, const vm::Host& host);
 
-  // Whether detecting a hit requires executing one instruction at a time.
+  // True if detecting a hit requires executing one instruction at a time.
   bool needs_single_steps() const noexcept { return needs_single_steps_; }
   // Conditions trigger on a false-to-true edge: one that holds now must become false first.
   void rearm_conditions(const vm::Vm& vm);

@@ -15,13 +15,6 @@ class Condition::ReadOnlyHost final : public vm::Host {
 
   std::string message() const override { return "a condition can only read registers and scalars"; }
   void print(std::string_view) override {}
-  HostStatus open_array(std::string_view, vm::Plane) override { return HostStatus::kRefused; }
-  HostStatus save_array(std::string_view, vm::ConstPlane) override { return HostStatus::kRefused; }
-  HostStatus open_image(std::string_view, vm::Plane) override { return HostStatus::kRefused; }
-  HostStatus save_image(std::string_view, vm::ConstPlane) override { return HostStatus::kRefused; }
-  HostStatus sense(std::string_view, vm::Plane) override { return HostStatus::kRefused; }
-  HostStatus actuate(std::string_view, vm::ConstPlane) override { return HostStatus::kRefused; }
-  HostStatus actuate(std::string_view, float) override { return HostStatus::kRefused; }
   HostStatus step() override { return HostStatus::kOk; }  // ends one evaluation
   std::optional<double> time_s() const override { return host_.time_s(); }
   std::optional<double> dt_s() const override { return host_.dt_s(); }
@@ -57,8 +50,8 @@ Condition::Condition(program::Program condition, const program::Program& debugge
     : host_(std::make_unique<ReadOnlyHost>(host)) {
   match_by_name(condition.registers, debuggee.registers, registers_);
   match_by_name(condition.variables, debuggee.variables, variables_);
-  const auto result = std::find_if(condition.variables.begin(), condition.variables.end(),
-                                   [](const program::Variable& v) { return v.name == kResultVariable; });
+  const auto result = std::ranges::find_if(
+      condition.variables, [](const program::Variable& v) { return v.name == kResultVariable; });
   assert(result != condition.variables.end());
   result_ = static_cast<std::size_t>(result - condition.variables.begin());
   vm_ = std::make_unique<vm::Vm>(std::move(condition), condition_vm_options(), *host_);
@@ -70,17 +63,13 @@ Condition& Condition::operator=(Condition&&) noexcept = default;
 
 bool Condition::depends_on(const program::Instruction& instruction) const noexcept {
   const auto among = [&](const std::vector<IndexPair>& pairs) {
-    return std::any_of(pairs.begin(), pairs.end(),
-                       [&](const IndexPair& p) { return p.debuggee == instruction.destination.index; });
+    return std::ranges::any_of(
+        pairs, [&](const IndexPair& p) { return p.debuggee == instruction.destination.index; });
   };
-  switch (instruction.op) {
-    case Opcode::kResSetReg:
-    case Opcode::kResSetVar:  // the destination is known only at run time
-    case Opcode::kSurfaceStep:
-      return true;
-    default:
-      break;
-  }
+  // The destination of res.set* is known only at run time.
+  if (instruction.op == Opcode::kResSetReg || instruction.op == Opcode::kResSetVar ||
+      instruction.op == Opcode::kSurfaceStep)
+    return true;
   if (instruction.destination.kind == program::OperandKind::kRegister) return among(registers_);
   return instruction.destination.kind == program::OperandKind::kVariable && among(variables_);
 }

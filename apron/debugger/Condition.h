@@ -2,10 +2,7 @@
 // side effects.
 #pragma once
 
-#include <cstdint>
 #include <memory>
-#include <string>
-#include <utility>
 #include <vector>
 
 #include "apron/vm/Vm.h"
@@ -25,7 +22,7 @@ class Condition {
   Condition(Condition&&) noexcept;
   Condition& operator=(Condition&&) noexcept;
 
-  // Whether executing the instruction may change the result.
+  // True if executing the instruction may change the result.
   bool depends_on(const program::Instruction&) const noexcept;
   // True if the result is non-zero. A condition that fails, for example by reading a pixel outside the array,
   // is false. Does not allocate.

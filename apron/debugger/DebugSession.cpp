@@ -1,6 +1,7 @@
 #include "apron/debugger/DebugSession.h"
 
 #include <algorithm>
+#include <limits>
 #include <utility>
 
 namespace apron::debugger {
@@ -33,10 +34,10 @@ DebugSession::DebugSession(program::Program program, const vm::VmOptions& option
 }
 
 void DebugSession::create_vm() {
-  debugger_.reset();
   vm_ = std::make_unique<vm::Vm>(program_, options_, host_);
   vm_->set_profiling(profiling_);
-  debugger_ = std::make_unique<Debugger>(*vm_);
+  hit_.reset();
+  ticks_ = 0;
   breakpoints_ = Breakpoints(breakpoint_list_, condition_programs_, program_, host_);
   probe_.clear();
   status_ = vm::Status::kRunning;
@@ -95,7 +96,7 @@ void DebugSession::set_breakpoints(std::vector<Breakpoint> breakpoints,
   condition_programs_ = std::move(condition_programs);
   breakpoints_ = Breakpoints(breakpoint_list_, condition_programs_, program_, host_);
   breakpoints_.rearm_conditions(*vm_);
-  debugger_->clear_hit();
+  hit_.reset();
 }
 
 void DebugSession::set_profiling(bool enabled) {
@@ -103,16 +104,64 @@ void DebugSession::set_profiling(bool enabled) {
   vm_->set_profiling(enabled);
 }
 
+vm::Status DebugSession::count_tick(vm::Status status) {
+  if (status == vm::Status::kTick) ++ticks_;
+  return status;
+}
+
+// A step continues across the end of a tick.
+vm::Status DebugSession::step_instruction() {
+  const vm::Status status = count_tick(vm_->run(1));
+  return status == vm::Status::kTick ? vm::Status::kRunning : status;
+}
+
+vm::Status DebugSession::run_instruction() {
+  const std::size_t last = vm_->program_counter();
+  const vm::Status status = count_tick(vm_->run(1));
+  if (status == vm::Status::kRunning || status == vm::Status::kTick)
+    hit_ = breakpoints_.hit_by_instruction(*vm_, last);
+  if (status == vm::Status::kTick && !hit_) hit_ = breakpoints_.hit_by_tick(ticks_);
+  return status;
+}
+
+// Runs until a tick completes or a breakpoint is hit, at full speed unless a breakpoint needs single steps.
+vm::Status DebugSession::run_to_tick() {
+  hit_.reset();
+  vm::Status status = vm::Status::kRunning;
+  if (!breakpoints_.needs_single_steps()) {
+    status = count_tick(vm_->run());
+    if (status == vm::Status::kTick) hit_ = breakpoints_.hit_by_tick(ticks_);
+    return status;
+  }
+  while (status == vm::Status::kRunning && !hit_) status = run_instruction();
+  return status;
+}
+
+// Stops at the first instruction of another group, too.
+vm::Status DebugSession::step_line() {
+  hit_.reset();
+  const auto group = [&] {
+    return vm_->program_counter() < step_groups_.size() ? step_groups_[vm_->program_counter()] : 0U;
+  };
+  const std::uint32_t start = group();
+  vm::Status status = vm::Status::kRunning;
+  for (std::uint64_t n = 0; n < kMaxStepInstructions && status == vm::Status::kRunning && !hit_; ++n) {
+    status = run_instruction();
+    if (group() != start) break;
+  }
+  return status;
+}
+
 void DebugSession::advance() {
   if (!active()) return;
   const std::uint64_t previous_ticks = ticks();
   vm::Status status = vm::Status::kRunning;
   if (state_ == ExecutionState::kRunning || step_unit_ == StepUnit::kTick)
-    status = debugger_->run(breakpoints_);
+    status = run_to_tick();
   else if (step_unit_ == StepUnit::kInstruction)
-    status = debugger_->step_instruction();
+    status = step_instruction();
   else
-    status = debugger_->step_group(step_groups_, breakpoints_, kMaxStepInstructions);
+    status = step_line();
   if (ticks() != previous_ticks) probe_.record(*vm_, ticks());
   update_state(status);
 }
@@ -126,7 +175,7 @@ void DebugSession::update_state(vm::Status status) {
     enter_state(ExecutionState::kFinished);
   } else if (!can_continue) {
     enter_state(ExecutionState::kFinished);
-  } else if (state_ == ExecutionState::kStepping || debugger_->hit()) {
+  } else if (state_ == ExecutionState::kStepping || hit_) {
     enter_state(ExecutionState::kPaused);
   }
 }
@@ -139,7 +188,7 @@ void DebugSession::capture_snapshot(const SnapshotRequest& request, DebugSnapsho
   snapshot.time_s = host_.time_s();
   snapshot.surface_tick = host_.tick();
   snapshot.mode = state_;
-  snapshot.hit = debugger_->hit();
+  snapshot.hit = hit_;
   snapshot.status = status_;
   snapshot.error = vm_->error();
   for (std::size_t i = 0; i < program_.variables.size(); ++i)

@@ -6,12 +6,10 @@
 #include <functional>
 #include <memory>
 #include <optional>
-#include <string>
 #include <vector>
 
 #include "apron/debugger/Breakpoints.h"
 #include "apron/debugger/DebugSnapshot.h"
-#include "apron/debugger/Debugger.h"
 #include "apron/debugger/Probe.h"
 #include "apron/vm/Vm.h"
 
@@ -55,12 +53,20 @@ class DebugSession {
   }
   std::chrono::milliseconds walk_period() const noexcept { return walk_period_; }
   vm::Status status() const noexcept { return status_; }
-  std::uint64_t ticks() const noexcept { return debugger_->ticks(); }
+  // Completed surface.step since the program started.
+  std::uint64_t ticks() const noexcept { return ticks_; }
   const vm::Vm& vm() const noexcept { return *vm_; }
   void capture_snapshot(const SnapshotRequest& request, DebugSnapshot& snapshot) const;
 
  private:
   void create_vm();
+  // These return the VM's status: kRunning if they stopped as asked, at an instruction, a line or a
+  // breakpoint.
+  vm::Status count_tick(vm::Status status);
+  vm::Status step_instruction();
+  vm::Status run_instruction();
+  vm::Status run_to_tick();
+  vm::Status step_line();
   void enter_state(ExecutionState state);
   void update_state(vm::Status status);
 
@@ -69,10 +75,11 @@ class DebugSession {
   vm::Host& host_;
   std::function<void(bool)> on_pause_;
   std::unique_ptr<vm::Vm> vm_;
-  std::unique_ptr<Debugger> debugger_;
   Breakpoints breakpoints_;
   std::vector<Breakpoint> breakpoint_list_;
   std::vector<program::Program> condition_programs_;
+  std::optional<std::size_t> hit_;  // the breakpoint that ended the last run or line step
+  std::uint64_t ticks_ = 0;
   Probe probe_;
   ExecutionState state_ = ExecutionState::kPaused;
   StepUnit step_unit_ = StepUnit::kLine;

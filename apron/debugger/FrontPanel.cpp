@@ -37,8 +37,7 @@ void FrontPanel::note(std::string_view text) {
 
 void FrontPanel::label(std::string_view name, std::string_view text) {
   const std::lock_guard lock(mutex_);
-  const auto found = std::find_if(state_.labels.begin(), state_.labels.end(),
-                                  [&](const auto& known) { return known.first == name; });
+  const auto found = std::ranges::find(state_.labels, name, &std::pair<std::string, std::string>::first);
   if (found == state_.labels.end())
     state_.labels.emplace_back(name, text);
   else if (found->second == text)
@@ -53,7 +52,7 @@ Appearance& FrontPanel::appearance_of(std::string_view reg) {
   return found != state_.appearances.end() ? found->second : state_.appearances[std::string(reg)];
 }
 
-// Whether the state changed; programs repeat the same calls in every iteration.
+// Returns true if the state changed: programs repeat the same calls in every iteration.
 bool FrontPanel::mark_shown(std::string_view reg, std::string_view title) {
   Appearance& appearance = appearance_of(reg);
   if (appearance.shown && appearance.title == title) return false;

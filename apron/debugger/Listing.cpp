@@ -23,15 +23,14 @@ constexpr std::uint32_t kNoLine = ~0U;
 Listing::Listing(const program::Program& program, const std::vector<SourceText>& texts) {
   add_files(texts);
   for (const std::string& file : program.files) {
-    const auto found = std::find(names_.begin(), names_.end(), file);
+    const auto found = std::ranges::find(names_, file);
     text_of_file_.push_back(found == names_.end() ? 0 : static_cast<std::size_t>(found - names_.begin()));
   }
   if (nodes_.empty()) return;
   add_expansions(program);
-  for (const program::Instruction& instruction : program.code) {
-    const program::SourceLocation location = instruction.source_location < program.source_locations.size()
-                                                 ? program.source_locations[instruction.source_location]
-                                                 : program::SourceLocation{};
+  for (std::size_t i = 0; i < program.code.size(); ++i) {
+    const program::SourceLocation* known = program::find_location(program, i);
+    const program::SourceLocation location = known != nullptr ? *known : program::SourceLocation{};
     line_of_instruction_.emplace_back(node_of(location), location.line);
     for (LineKey line_key = line_of_instruction_.back();;) {
       lines_with_code_[line_key] = true;

@@ -1,5 +1,6 @@
 #include "apron/debugger/Probe.h"
 
+#include <algorithm>
 #include <limits>
 
 namespace apron::debugger {
@@ -15,9 +16,9 @@ float value_or_nan(const vm::Plane& plane, std::int64_t x, std::int64_t y) {
 std::vector<Neighbourhood> read_neighbourhoods(const vm::Vm& vm, const Cell& cell) {
   std::vector<Neighbourhood> all(vm.program().registers.size());
   for (std::size_t r = 0; r < all.size(); ++r)
-    for (std::size_t i = 0; i < 9; ++i)
-      all[r][i] = value_or_nan(vm.plane(r), std::int64_t{cell.x} + static_cast<std::int64_t>(i % 3) - 1,
-                               std::int64_t{cell.y} + static_cast<std::int64_t>(i / 3) - 1);
+    for (std::int64_t i = 0; i < 9; ++i)
+      all[r][i] =
+          value_or_nan(vm.plane(r), std::int64_t{cell.x} + i % 3 - 1, std::int64_t{cell.y} + i / 3 - 1);
   return all;
 }
 
@@ -43,8 +44,8 @@ void Probe::record(const vm::Vm& vm, std::uint64_t tick) {
 
 std::vector<Probe::Record> Probe::records() const {
   if (records_.size() < kMaxRecords) return records_;
-  std::vector<Record> all(records_.begin() + static_cast<std::ptrdiff_t>(next_), records_.end());
-  all.insert(all.end(), records_.begin(), records_.begin() + static_cast<std::ptrdiff_t>(next_));
+  std::vector<Record> all(records_.size());
+  std::rotate_copy(records_.begin(), records_.begin() + next_, records_.end(), all.begin());
   return all;
 }
 

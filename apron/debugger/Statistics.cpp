@@ -24,7 +24,7 @@ Statistics compute_extremes(const std::vector<float>& cells) noexcept {
 
 Statistics compute_statistics(const std::vector<float>& cells) noexcept {
   Statistics s = compute_extremes(cells);
-  // In double, because max - min may overflow a float.
+  // The width is a double, because max - min may overflow a float.
   const double width = double{s.max} - double{s.min};
   double sum = 0.0;
   for (const float value : cells) {

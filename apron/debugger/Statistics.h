@@ -13,8 +13,8 @@ namespace apron::debugger {
 inline constexpr std::size_t kHistogramBins = 64;
 
 struct Statistics {
-  float min = 0.0F, max = 0.0F;  // of the finite cells; 0 if there are none
-  double mean = 0.0;             // of the finite cells
+  float min = 0.0F, max = 0.0F;                          // of the finite cells; 0 if there are none
+  double mean = 0.0;                                     // of the finite cells
   std::size_t finite = 0, non_finite = 0, non_zero = 0;  // cell counts; non_zero includes non-finite cells
   // Finite cells in equal bins of [min, max]; if min == max, all are in the first bin.
   std::array<std::uint32_t, kHistogramBins> histogram{};

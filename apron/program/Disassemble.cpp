@@ -1,7 +1,5 @@
 #include <fmt/format.h>
 
-#include <iterator>
-
 #include "apron/program/Program.h"
 
 namespace apron::program {
@@ -56,12 +54,8 @@ std::string disassemble(const Program& program, std::size_t index) {
   const Instruction& instruction = program.code.at(index);
   std::string line = fmt::format("{:>5}  {:<15} {}", index, opcode_info(instruction.op).mnemonic,
                                  operand_list(program, instruction));
-  if (instruction.source_location < program.source_locations.size()) {
-    const SourceLocation& source = program.source_locations[instruction.source_location];
-    if (source.line > 0) {
-      line = fmt::format("{:<55} ; {}:{}", line, program.files.at(source.file), source.line);
-    }
-  }
+  if (const SourceLocation* source = find_location(program, index); source != nullptr && source->line > 0)
+    line = fmt::format("{:<55} ; {}:{}", line, program.files.at(source->file), source->line);
   while (!line.empty() && line.back() == ' ') line.pop_back();
   return line;
 }

@@ -1,5 +1,9 @@
 #include "apron/program/Program.h"
 
+#include <algorithm>
+
+#include "common/text/Suggestion.h"
+
 namespace apron::program {
 namespace {
 
@@ -11,6 +15,7 @@ constexpr OpcodeInfo kOpcodeTable[] = {
 }  // namespace
 
 const OpcodeInfo& opcode_info(Opcode op) noexcept { return kOpcodeTable[static_cast<std::size_t>(op)]; }
+
 bool requires_out_of_place(Opcode op) noexcept {
   return op == Opcode::kShift || op == Opcode::kRotate ||
          (op >= Opcode::kNearSum && op <= Opcode::kNearAll) || op == Opcode::kFilterDo ||
@@ -18,5 +23,24 @@ bool requires_out_of_place(Opcode op) noexcept {
 }
 
 std::size_t opcode_count() noexcept { return std::size(kOpcodeTable); }
+
+const SourceLocation* find_location(const Program& program, std::size_t instruction) noexcept {
+  if (instruction >= program.code.size()) return nullptr;
+  const std::uint32_t index = program.code[instruction].source_location;
+  return index < program.source_locations.size() ? &program.source_locations[index] : nullptr;
+}
+
+std::optional<std::size_t> find_register(const Program& program, std::string_view name) noexcept {
+  const auto found = std::ranges::find(program.registers, name, &Register::name);
+  if (found == program.registers.end()) return std::nullopt;
+  return static_cast<std::size_t>(found - program.registers.begin());
+}
+
+std::string unknown_register(const Program& program, const std::string& name) {
+  std::vector<std::string> known;
+  for (const Register& reg : program.registers)
+    if (!is_temporary(reg.name)) known.push_back(reg.name);
+  return "'" + name + "'" + common::did_you_mean(name, known);
+}
 
 }  // namespace apron::program

@@ -6,6 +6,7 @@
 #include <array>
 #include <cstddef>
 #include <cstdint>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -146,7 +147,19 @@ std::string verify(const Program&);
 std::string disassemble(const Program&);
 std::string disassemble(const Program&, std::size_t instruction);
 
-// Whether the destination must not be a source as well, because the instruction reads other cells.
+// The names of the registers and variables that the compiler creates begin with '$', and those of a macro's
+// local names contain a ':'.
+inline bool is_temporary(std::string_view name) noexcept { return name.empty() || name.front() == '$'; }
+
+// The source position of an instruction, or null if it is unknown.
+const SourceLocation* find_location(const Program&, std::size_t instruction) noexcept;
+
+// The index of the register of that name.
+std::optional<std::size_t> find_register(const Program&, std::string_view name) noexcept;
+// "'NAME'", and a suggestion if a register has a similar name, for messages that there is none of that name.
+std::string unknown_register(const Program&, const std::string& name);
+
+// True if the destination must not be a source as well, because the instruction reads other cells.
 bool requires_out_of_place(Opcode) noexcept;
 
 }  // namespace apron::program

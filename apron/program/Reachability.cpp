@@ -8,7 +8,12 @@ namespace apron::program {
 
 namespace {
 
-// The instructions that may be executed after this one. Behind a call, its routine is assumed to return.
+std::vector<bool> find_reachable(const Program& program) {
+  return walk(program.code.size(), {0}, [&](std::size_t index) { return successors(program, index); });
+}
+
+}  // namespace
+
 std::vector<std::size_t> successors(const Program& program, std::size_t index) {
   const Instruction& instruction = program.code[index];
   std::vector<std::size_t> next;
@@ -20,26 +25,6 @@ std::vector<std::size_t> successors(const Program& program, std::size_t index) {
   return next;
 }
 
-// Which instructions a walk along the edges from these ones meets.
-template <typename Edges>
-std::vector<bool> walk(std::size_t size, std::vector<std::size_t> work, const Edges& edges) {
-  std::vector<bool> seen(size, false);
-  while (!work.empty()) {
-    const std::size_t index = work.back();
-    work.pop_back();
-    if (seen[index]) continue;
-    seen[index] = true;
-    for (const std::size_t next : edges(index)) work.push_back(next);
-  }
-  return seen;
-}
-
-std::vector<bool> find_reachable(const Program& program) {
-  return walk(program.code.size(), {0}, [&](std::size_t index) { return successors(program, index); });
-}
-
-}  // namespace
-
 bool can_reach(const Program& program, Opcode wanted) {
   const std::vector<bool> reachable = find_reachable(program);
   for (std::size_t index = 0; index < reachable.size(); ++index)
@@ -48,7 +33,7 @@ bool can_reach(const Program& program, Opcode wanted) {
 }
 
 bool uses_surface(const Program& program) {
-  return std::any_of(program.code.begin(), program.code.end(), [](const Instruction& instruction) {
+  return std::ranges::any_of(program.code, [](const Instruction& instruction) {
     return instruction.op == Opcode::kSurfaceSense || instruction.op == Opcode::kSurfaceActuate ||
            instruction.op == Opcode::kSurfaceStep;
   });

@@ -10,7 +10,7 @@ double add(double a, double b) { return to_scalar(a + b); }
 double subtract(double a, double b) { return to_scalar(a - b); }
 double multiply(double a, double b) { return to_scalar(a * b); }
 double divide(double a, double b) { return to_scalar(a / b); }
-// Of whole numbers the result is exact, although the quotient may not be a scalar.
+// The result of whole numbers is exact, although their quotient may be no scalar.
 double modulo(double a, double b) {
   if (is_whole_scalar(a) && is_whole_scalar(b)) return to_scalar(a - b * std::floor(a / b));
   const float x = static_cast<float>(a), y = static_cast<float>(b);

@@ -1,5 +1,5 @@
-// The arithmetic of the controller's scalars, for the VM and for constant folding alike. Whole numbers up to 2^53 are
-// exact; all other values are 32-bit floats, as the cells of registers are.
+// The arithmetic of the controller's scalars, for the VM and for constant folding alike. Whole numbers up to
+// 2^53 are exact; all other values are 32-bit floats, as the cells of registers are.
 #pragma once
 
 #include <cmath>
@@ -19,8 +19,8 @@ inline double to_scalar(double value) noexcept {
   return is_whole_scalar(value) ? value : static_cast<double>(static_cast<float>(value));
 }
 
-// Evaluates an element-wise instruction. The result has the same bits as that of its kernel on registers, except that
-// whole numbers are exact. Ignores operands beyond the arity.
+// Evaluates an element-wise instruction. The result has the same bits as that of its kernel on registers,
+// except that whole numbers are exact. Ignores operands beyond the arity.
 double evaluate_scalar(Opcode op, double a, double b, double c) noexcept;
 
 // True for the element-wise instructions that call the C library, whose rounding depends on the machine.

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
+#include <utility>
 
 #include "apron/program/MaskVerifier.h"
 #include "apron/program/Program.h"
@@ -58,33 +59,24 @@ class InstructionVerifier {
   }
 
   static bool accepts(char letter, Kind kind) {
-    const bool scalar = kind == Kind::kVariable || kind == Kind::kLiteral;
-    switch (letter) {
-      case 'R':
-      case 'r':
-        return kind == Kind::kRegister;
-      case 'V':
-        return kind == Kind::kVariable;
-      case 'D':
-      case 'E':
-        return kind == Kind::kRegister || kind == Kind::kVariable;
-      case 's':
-        return scalar;
-      case 'x':
-        return scalar || kind == Kind::kRegister;
-      case 't':
-        return kind == Kind::kText;
-      case 'l':
-        return kind == Kind::kLabel;
-      case 'k':
-        return kind == Kind::kFilter;
-      case 'g':
-        return kind == Kind::kGroup;
-      case 'm':
-        return kind == Kind::kModule;
-      default:
-        return kind == Kind::kNone;
-    }
+    constexpr auto kBit = [](Kind k) { return 1U << static_cast<unsigned>(k); };
+    constexpr unsigned kRegister = kBit(Kind::kRegister), kVariable = kBit(Kind::kVariable),
+                       kScalar = kVariable | kBit(Kind::kLiteral);
+    static constexpr std::pair<char, unsigned> kAccepted[] = {{'R', kRegister},
+                                                              {'V', kVariable},
+                                                              {'D', kRegister | kVariable},
+                                                              {'E', kRegister | kVariable},
+                                                              {'r', kRegister},
+                                                              {'s', kScalar},
+                                                              {'x', kScalar | kRegister},
+                                                              {'t', kBit(Kind::kText)},
+                                                              {'l', kBit(Kind::kLabel)},
+                                                              {'k', kBit(Kind::kFilter)},
+                                                              {'g', kBit(Kind::kGroup)},
+                                                              {'m', kBit(Kind::kModule)},
+                                                              {'-', kBit(Kind::kNone)}};
+    return (std::ranges::find(kAccepted, letter, &std::pair<char, unsigned>::first)->second & kBit(kind)) !=
+           0;
   }
 
   std::string check_operand(char letter, const Operand& operand, std::string_view what) const {
@@ -127,8 +119,7 @@ class InstructionVerifier {
 
   std::string check_opcode() const {
     if (requires_out_of_place(instruction_.op) &&
-        std::find(instruction_.operands.begin(), instruction_.operands.end(), instruction_.destination) !=
-            instruction_.operands.end()) {
+        std::ranges::find(instruction_.operands, instruction_.destination) != instruction_.operands.end()) {
       return "it is not out of place";
     }
     switch (instruction_.op) {
@@ -182,8 +173,8 @@ class InstructionVerifier {
 
   std::string check_parameter() const {
     const std::string& name = program_.texts[instruction_.operands[0].index];
-    const bool known = std::any_of(program_.parameters.begin(), program_.parameters.end(),
-                                   [&](const Parameter& parameter) { return parameter.name == name; });
+    const bool known = std::ranges::any_of(
+        program_.parameters, [&](const Parameter& parameter) { return parameter.name == name; });
     return known ? "" : fmt::format("no parameter is called '{}'", name);
   }
 

@@ -115,10 +115,11 @@ class ConstantEvaluator {
     }
     if (position_ >= tokens_.size()) fail("expected a constant");
     const Token& token = tokens_[position_];
-    if (token.kind == TokenKind::kNumber) return ++position_, from_number(token.number);
-    if (token.kind == TokenKind::kString || token.kind == TokenKind::kName)
-      return ++position_, Constant{true, token.text, 0};
-    fail(fmt::format("expected a constant, not '{}'", spelling(token)));
+    const bool is_text = token.kind == TokenKind::kString || token.kind == TokenKind::kName;
+    if (!is_text && token.kind != TokenKind::kNumber)
+      fail(fmt::format("expected a constant, not '{}'", spelling(token)));
+    ++position_;
+    return is_text ? Constant{true, token.text, 0} : from_number(token.number);
   }
 
   const Tokens& tokens_;

@@ -18,11 +18,11 @@ struct Constant {
   bool is_true() const { return is_string || number != 0.0; }
 };
 
-// A comparison by one of < <= > >= == !=; nothing if the two cannot be compared.
+// Compares by one of < <= > >= == !=. Returns nullopt if the two cannot be compared.
 std::optional<bool> compare(const Constant&, std::string_view op, const Constant&);
 
-// Numbers, texts, names, ( ) unary - + !, * / %, + -, comparisons, && and ||. Reports errors at the
-// token, or at `at` if there is none.
+// Evaluates numbers, texts, names, ( ), unary - + !, * / %, + -, comparisons, && and ||. Reports errors at
+// the token, or at `location` if there is none.
 std::optional<Constant> evaluate_constant(const Tokens&, Location location, Diagnostics&);
 
 }  // namespace apron::syntax

@@ -11,7 +11,7 @@ namespace {
 
 // Longest part of a source line shown, in bytes.
 constexpr std::size_t kMaxShownBytes = 400;
-// Of longer chains only both ends are shown.
+// Longer chains are shortened to both ends.
 constexpr std::size_t kMaxChainNotes = 12;
 
 auto sort_key(const Location& location) { return std::tie(location.file, location.line, location.column); }
@@ -61,7 +61,7 @@ std::vector<std::string> expansion_chain(const Location& start, const SourceMana
 }
 
 void sort_by_location(std::vector<Diagnostic>& diagnostics) {
-  std::stable_sort(diagnostics.begin(), diagnostics.end(), [](const Diagnostic& a, const Diagnostic& b) {
+  std::ranges::stable_sort(diagnostics, [](const Diagnostic& a, const Diagnostic& b) {
     return sort_key(a.location) < sort_key(b.location);
   });
 }

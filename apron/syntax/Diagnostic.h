@@ -28,7 +28,7 @@ inline constexpr std::size_t kMaxReportedErrors = 2000;
 
 class Diagnostics {
  public:
-  // The same text at the same place, as from a macro expanded twice, is kept once; nothing beyond kMaxErrors.
+  // Keeps an error once that is reported twice, as by a macro that is expanded twice, and at most kMaxErrors.
   void error(Location location, std::string message, std::vector<Note> notes = {});
   // Does not refuse the program. At most kMaxErrors are kept.
   void warning(Location location, std::string message);
@@ -44,8 +44,8 @@ class Diagnostics {
   bool full_ = false;
 };
 
-// "file:line:col: error: text", or "warning", the source line, a line with a caret below the column, then one line per
-// note, macro expansion and include that leads to it.
+// "file:line:col: error: text", or "warning", the source line, a line with a caret below the column, then one
+// line per note, macro expansion and include that leads to it.
 std::string format_diagnostics(const Diagnostic&, const SourceManager&);
 std::string format_diagnostics(const std::vector<Diagnostic>&, const SourceManager&);
 

@@ -34,10 +34,10 @@ bool Preprocessor::handle_conditional(const Tokens& tokens) {
   }
   if (!is_else && directive.text != "endif") return false;
   if (conditions.empty()) {
-    diagnostics_.error(directive.location, fmt::format("this '!{}' has no '!if'", directive.text));
+    report(directive.location, "this '!{}' has no '!if'", directive.text);
   } else if (is_else) {
     ConditionalBlock& condition = conditions.back();
-    if (condition.has_else) diagnostics_.error(directive.location, "this '!if' has an '!else' already");
+    if (condition.has_else) report(directive.location, "this '!if' has an '!else' already");
     condition.has_else = true;
     condition.is_active = condition.enclosing_active && !condition.branch_taken;
     condition.branch_taken = true;
@@ -66,7 +66,7 @@ bool Preprocessor::evaluate_condition(const Tokens& tokens) {
   if (!parse_arguments(tokens, 1, 3, list)) return false;
   const Location location = tokens.front().location;
   if (list.size() == 2) {
-    diagnostics_.error(location, "'!if' takes (a, op, b) or one condition");
+    report(location, "'!if' takes (a, op, b) or one condition");
     return false;
   }
   const std::optional<Constant> left = evaluate_constant(list[0], location, diagnostics_);
@@ -91,14 +91,13 @@ bool Preprocessor::parse_arguments(const Tokens& tokens, std::size_t min_count, 
   const Token& directive = tokens.front();
   const bool has_parentheses = tokens.size() > 2 && tokens[1].is("(") && tokens.back().is(")");
   if (has_parentheses) list = split_arguments(tokens.begin() + 2, tokens.end() - 1);
-  const bool has_empty =
-      std::any_of(list.begin(), list.end(), [](const Tokens& argument) { return argument.empty(); });
+  const bool has_empty = std::ranges::any_of(list, [](const Tokens& argument) { return argument.empty(); });
   if (has_parentheses && !has_empty && list.size() >= min_count && list.size() <= max_count) return true;
   const std::string count = min_count == max_count ? fmt::format("{}", min_count)
                             : max_count > 100      ? fmt::format("{} or more", min_count)
                                                    : fmt::format("{} to {}", min_count, max_count);
-  diagnostics_.error(directive.location, fmt::format("'!{}' takes {} argument{} in brackets", directive.text,
-                                                     count, max_count == 1 ? "" : "s"));
+  report(directive.location, "'!{}' takes {} argument{} in brackets", directive.text, count,
+         max_count == 1 ? "" : "s");
   return false;
 }
 
@@ -108,7 +107,7 @@ bool Preprocessor::parse_string_argument(const Tokens& tokens, std::string& text
   if (valid) {
     text = tokens.front().text;
   } else {
-    diagnostics_.error(tokens.front().location, fmt::format("expected {} in single quotes", subject));
+    report(tokens.front().location, "expected {} in single quotes", subject);
   }
   return valid;
 }
@@ -143,8 +142,8 @@ void Preprocessor::handle_directive(Line& line) {
   if (directive == std::end(kDirectives)) {
     std::vector<std::string> known{"!if", "!else", "!endif"};
     for (const Directive& one : kDirectives) known.push_back("!" + one.name);
-    return diagnostics_.error(name.location, fmt::format("there is no directive '!{}'{}", name.text,
-                                                         common::did_you_mean(spelling(name), known)));
+    return report(name.location, "there is no directive '!{}'{}", name.text,
+                  common::did_you_mean(spelling(name), known));
   }
   if (!directive->expands_defines || expand_defines(line.tokens)) (this->*directive->handle)(line.tokens);
 }
@@ -153,8 +152,7 @@ void Preprocessor::handle_directive(Line& line) {
 void Preprocessor::ignore_directive(const Tokens&) {}
 
 void Preprocessor::handle_stray_macro_line(const Tokens& tokens) {
-  diagnostics_.error(tokens.front().location,
-                     fmt::format("this '!{}' has no '!macro_def'", tokens.front().text));
+  report(tokens.front().location, "this '!{}' has no '!macro_def'", tokens.front().text);
 }
 
 void Preprocessor::handle_include(const Tokens& tokens) {
@@ -179,7 +177,7 @@ void Preprocessor::include_file(const std::string& name, Location location, Loca
   }
   std::string searched;
   for (const std::string& path : candidates) searched += (searched.empty() ? "" : ", ") + path;
-  diagnostics_.error(argument, fmt::format("there is no file '{}' (looked for {})", name, searched));
+  report(argument, "there is no file '{}' (looked for {})", name, searched);
 }
 
 void Preprocessor::push_file(const std::string& path, std::string text, Location from) {
@@ -193,8 +191,7 @@ void Preprocessor::push_file(const std::string& path, std::string text, Location
     if (is_recursive) chain += frame.path + " -> ";
   }
   if (is_recursive) {
-    diagnostics_.error(
-        from, fmt::format("'{}' includes itself: {}{}", normalize_path(path), chain, normalize_path(path)));
+    report(from, "'{}' includes itself: {}{}", normalize_path(path), chain, normalize_path(path));
     return;
   }
   if (depth >= kMaxIncludeDepth || ++include_count_ > kMaxIncludes) {
@@ -218,12 +215,12 @@ void Preprocessor::handle_define(const Tokens& tokens) {
                      tokens[comma].is(",") && tokens.back().is(")") &&
                      tokens.size() - comma - 2 < kMaxLineTokens;
   if (!valid) {
-    diagnostics_.error(tokens.front().location,
-                       "'!define' takes a name and the words it stands for: !define(NAME, words)");
+    report(tokens.front().location,
+           "'!define' takes a name and the words it stands for: !define(NAME, words)");
     return;
   }
   const std::string name = is_indexed ? indexed_name(tokens[2], tokens[4]) : tokens[2].text;
-  defines_[name] = Tokens(tokens.begin() + static_cast<std::ptrdiff_t>(comma) + 1, tokens.end() - 1);
+  defines_[name] = Tokens(tokens.begin() + comma + 1, tokens.end() - 1);
 }
 
 void Preprocessor::handle_macro_def(const Tokens& tokens) {
@@ -236,14 +233,15 @@ void Preprocessor::handle_macro_def(const Tokens& tokens) {
   if (own_line) signature_tokens = (*frame.lines)[frame.next_line++].tokens;
   const bool signature_valid = parse_macro_signature(signature_tokens, macro);
   if (!signature_valid) {
-    diagnostics_.error(signature_tokens.empty() ? macro.location : signature_tokens.front().location,
-                       "expected a macro's pattern: name($a, $b) or $y = name($a, $b)");
+    report(signature_tokens.empty() ? macro.location : signature_tokens.front().location,
+           "expected a macro's pattern: name($a, $b) or $y = name($a, $b)");
   }
   for (const MacroParameter& parameter : macro.parameters) {
     if (parameter.kind.empty() || operand_kinds_.contains(parameter.kind)) continue;
-    diagnostics_.error(macro.location, fmt::format("there is no operand kind '{0}': !operand_kind({0}, 'a "
-                                                   "description', A, B) defines one",
-                                                   parameter.kind));
+    report(macro.location,
+           "there is no operand kind '{0}': !operand_kind({0}, 'a "
+           "description', A, B) defines one",
+           parameter.kind);
   }
   if (!parse_macro_body(macro, macro.location) || !signature_valid) return;
   const Macro copy = macro;
@@ -282,8 +280,9 @@ bool Preprocessor::parse_macro_signature(const Tokens& tokens, Macro& macro) {
     parameter.kind = parse_kind();
     if (!parse_parameter(parameter.name)) return false;
     const bool is_duplicate = parameter.name == macro.result_parameter ||
-                              std::any_of(macro.parameters.begin(), macro.parameters.end(),
-                                          [&](const MacroParameter& p) { return p.name == parameter.name; });
+                              std::ranges::any_of(macro.parameters, [&](const MacroParameter& p) {
+                                return p.name == parameter.name;
+                              });
     if (is_duplicate) return false;
     macro.parameters.push_back(std::move(parameter));
   } while (consume(","));
@@ -298,7 +297,7 @@ bool Preprocessor::parse_macro_body(Macro& macro, Location location) {
     return token.kind == TokenKind::kDirective ? token.text : "";
   };
   if (frame.next_line >= frame.lines->size() || directive_name() != "macro_begin") {
-    diagnostics_.error(location, "expected '!macro_begin' on the line after the macro's pattern");
+    report(location, "expected '!macro_begin' on the line after the macro's pattern");
     return false;
   }
   ++frame.next_line;
@@ -314,7 +313,7 @@ bool Preprocessor::parse_macro_body(Macro& macro, Location location) {
       if (token.is("?")) token = {TokenKind::kString, token.location, module_, 0.0F};
     }
   }
-  diagnostics_.error(location, "this macro has no '!macro_end'");
+  report(location, "this macro has no '!macro_end'");
   return false;
 }
 
@@ -336,7 +335,7 @@ void Preprocessor::handle_register(const Tokens& tokens) {
   for (auto argument = list.rbegin(); argument != list.rend(); ++argument) {
     const Token& token = argument->front();
     if (argument->size() != 1 || token.kind != TokenKind::kName) {
-      diagnostics_.error(token.location, fmt::format("'!{0}' takes names: !{0}(A, B)", tokens.front().text));
+      report(token.location, "'!{0}' takes names: !{0}(A, B)", tokens.front().text);
       continue;
     }
     pending_declarations_.push_back(make_declaration(Declaration::Kind::kRegister, token.location));
@@ -354,13 +353,12 @@ void Preprocessor::handle_operand_kind(const Tokens& tokens) {
   list.erase(list.begin() + 1);
   for (const Tokens& argument : list) {
     if (argument.size() != 1 || argument.front().kind != TokenKind::kName)
-      return diagnostics_.error(argument.front().location,
-                                "expected a name: !operand_kind(kind, 'a description', A, B)");
+      return report(argument.front().location, "expected a name: !operand_kind(kind, 'a description', A, B)");
     if (&argument != &list.front()) kind.names.insert(argument.front().text);
   }
   const Token& name = list.front().front();
   if (!operand_kinds_.emplace(name.text, std::move(kind)).second)
-    diagnostics_.error(name.location, fmt::format("the operand kind '{}' is defined already", name.text));
+    report(name.location, "the operand kind '{}' is defined already", name.text);
 }
 
 const OperandKind* Preprocessor::find_operand_kind(const std::string& operand) const {
@@ -406,8 +404,7 @@ bool Preprocessor::parse_size_argument(const Tokens& tokens, Location location, 
   const bool valid = !value->is_string && value->number >= 1 && value->number <= 67'108'864 &&
                      value->number == std::floor(value->number);
   if (valid) size = static_cast<std::uint32_t>(value->number);
-  if (!valid)
-    diagnostics_.error(tokens.front().location, "a register's width and height are whole numbers from 1");
+  if (!valid) report(tokens.front().location, "a register's width and height are whole numbers from 1");
   return valid;
 }
 
@@ -415,11 +412,10 @@ void Preprocessor::handle_create(const Tokens& tokens) {
   Arguments list;
   Declaration request = make_declaration(Declaration::Kind::kElement, tokens.front().location);
   if (!parse_arguments(tokens, 2, 4, list) || !parse_string_argument(list[0], request.name, "a name")) return;
-  if (list.size() == 3)
-    return diagnostics_.error(request.location, "'!create' takes a width and a height, or neither");
+  if (list.size() == 3) return report(request.location, "'!create' takes a width and a height, or neither");
   const Token& token = list[1].front();
   if (list[1].size() != 1 || (token.kind != TokenKind::kName && token.kind != TokenKind::kString))
-    return diagnostics_.error(token.location, "expected a class: REGISTER, VARIABLE or one made by !object");
+    return report(token.location, "expected a class: REGISTER, VARIABLE or one made by !object");
   request.class_name = token.text;
   request.location = list[0].front().location;
   if (list.size() == 4 && (!parse_size_argument(list[2], request.location, request.width) ||
@@ -437,7 +433,7 @@ void Preprocessor::handle_object(const Tokens& tokens) {
       !parse_string_argument(list[3], kind, "'SIM_REGISTER' or 'SIM_VARIABLE'"))
     return;
   if (kind != "SIM_REGISTER" && kind != "SIM_VARIABLE")
-    return diagnostics_.error(list[3].front().location, "expected 'SIM_REGISTER' or 'SIM_VARIABLE'");
+    return report(list[3].front().location, "expected 'SIM_REGISTER' or 'SIM_VARIABLE'");
   request.of_variables = kind == "SIM_VARIABLE";
   pending_declarations_.push_back(std::move(request));
 }
@@ -448,10 +444,9 @@ void Preprocessor::handle_operator(const Tokens& tokens) {
   const Token& symbol = list[0].front();
   const Token& target = list[1].front();
   if (list[0].size() != 1 || std::ranges::find(kOperators, symbol.text) == std::end(kOperators)) {
-    diagnostics_.error(symbol.location, "expected an infix operator, as in !operator(+, core.add)");
+    report(symbol.location, "expected an infix operator, as in !operator(+, core.add)");
   } else if (list[1].size() != 1 || target.kind != TokenKind::kName) {
-    diagnostics_.error(target.location,
-                       "expected the name of an instruction or macro, as in !operator(+, core.add)");
+    report(target.location, "expected the name of an instruction or macro, as in !operator(+, core.add)");
   } else {
     operators_[symbol.text] = target.text;
   }
@@ -463,7 +458,7 @@ void Preprocessor::handle_max_addr(const Tokens& tokens) {
   const std::optional<Constant> value = evaluate_constant(list[0], tokens.front().location, diagnostics_);
   if (!value) return;
   if (value->is_string || !(value->number >= 1 && value->number <= 1e9)) {
-    diagnostics_.error(list[0].front().location, "'!max_addr' takes a number of instructions from 1");
+    report(list[0].front().location, "'!max_addr' takes a number of instructions from 1");
     return;
   }
   max_addr_ = static_cast<std::size_t>(value->number);
@@ -477,14 +472,17 @@ void Preprocessor::handle_default_palette(const Tokens& tokens) {
   const std::optional<Constant> scale = evaluate_constant(list[0], tokens.front().location, diagnostics_);
   if (!scale) return;
   if (scale->is_string || !std::isfinite(scale->number)) {
-    diagnostics_.error(list[0].front().location,
-                       "expected a number: the value that has the palette's last colour");
+    report(list[0].front().location, "expected a number: the value that has the palette's last colour");
     return;
   }
   const std::string palette_error = options_.check_palette ? options_.check_palette(name) : "";
-  if (!palette_error.empty())
-    return original_ ? diagnostics_.warning(list[1].front().location, palette_error)
-                     : diagnostics_.error(list[1].front().location, palette_error);
+  if (!palette_error.empty()) {
+    if (original_)
+      diagnostics_.warning(list[1].front().location, palette_error);
+    else
+      diagnostics_.error(list[1].front().location, palette_error);
+    return;
+  }
   palette_ = name;
   scale_ = static_cast<float>(scale->number);
 }
@@ -495,8 +493,7 @@ void Preprocessor::handle_compatibility(const Tokens& tokens) {
   if (!parse_arguments(tokens, 1, 1, list) || !parse_string_argument(list[0], name, "a dialect's name"))
     return;
   if (name != "original")
-    return diagnostics_.error(list[0].front().location,
-                              fmt::format("there is no dialect '{}'; there is 'original'", name));
+    return report(list[0].front().location, "there is no dialect '{}'; there is 'original'", name);
   original_ = true;
 }
 

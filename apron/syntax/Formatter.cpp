@@ -4,7 +4,6 @@
 #include <cstdint>
 #include <iterator>
 #include <string_view>
-#include <utility>
 #include <vector>
 
 #include "apron/syntax/Diagnostic.h"
@@ -18,12 +17,13 @@ constexpr std::size_t kIndent = 2;        // spaces per block
 constexpr std::size_t kCommentGap = 2;    // spaces before a trailing comment
 constexpr std::size_t kMaxColumns = 110;  // comments are not aligned beyond this
 
-enum class FormatTokenKind { kWord, kOpen, kClose, kComma, kOperator };
-
 struct FormatToken {
-  FormatTokenKind kind = FormatTokenKind::kWord;
+  enum class Kind { kWord, kOpen, kClose, kComma, kOperator };
+  Kind kind = Kind::kWord;
   std::string_view text;
 };
+
+using Kind = FormatToken::Kind;
 
 // One physical line, split into its parts.
 struct PhysicalLine {
@@ -39,13 +39,13 @@ bool is_word_character(char c) {
 bool is_digit(char c) { return c >= '0' && c <= '9'; }
 
 // Length of the first token. Precondition: the text lexes without errors.
-std::size_t token_length(std::string_view text, bool first, FormatTokenKind& kind) {
+std::size_t token_length(std::string_view text, bool first, Kind& kind) {
   const char c = text.front();
   const auto scan_word = [&](std::size_t from) {
     while (from < text.size() && is_word_character(text[from])) ++from;
     return from;
   };
-  kind = FormatTokenKind::kWord;
+  kind = Kind::kWord;
   if (c == '\'') return std::min(text.find('\'', 1), text.size() - 1) + 1;
   if (is_digit(c) || (c == '.' && text.size() > 1 && is_digit(text[1]))) {
     std::size_t end = scan_word(0);
@@ -58,12 +58,12 @@ std::size_t token_length(std::string_view text, bool first, FormatTokenKind& kin
   if (c == ':' && text.size() > 1 && text[1] == '#') return scan_word(2);
   if (c == '$' || c == '#' || c == ':') return scan_word(1);
   if (c == '!' && first && text.size() > 1 && is_word_character(text[1])) return scan_word(1);
-  kind = c == '(' || c == '['   ? FormatTokenKind::kOpen
-         : c == ')' || c == ']' ? FormatTokenKind::kClose
-         : c == ','             ? FormatTokenKind::kComma
-         : c == '?'             ? FormatTokenKind::kWord
-                                : FormatTokenKind::kOperator;
-  if (kind != FormatTokenKind::kOperator) return 1;
+  kind = c == '(' || c == '['   ? Kind::kOpen
+         : c == ')' || c == ']' ? Kind::kClose
+         : c == ','             ? Kind::kComma
+         : c == '?'             ? Kind::kWord
+                                : Kind::kOperator;
+  if (kind != Kind::kOperator) return 1;
   for (const std::string_view pair : {"<=", ">=", "==", "!=", "&&", "||"})
     if (text.substr(0, 2) == pair) return 2;
   return 1;
@@ -97,27 +97,23 @@ bool is_word_operator(std::string_view text) {
   return std::find(std::begin(kWords), std::end(kWords), text) != std::end(kWords);
 }
 
-// The tokens of a line with canonical spacing. `before`: the last token of the line that it continues.
+// The tokens of a line with canonical spacing. previous: the last token of the line that it continues, or null.
 std::string join_tokens(const PhysicalLine& line, const FormatToken* previous) {
   std::string text;
-  const FormatToken* previous_token = previous;
   bool last_infix = false, last_prefix = false;
   for (const FormatToken& token : line.tokens) {
-    const bool after_value =
-        previous_token != nullptr && (previous_token->kind == FormatTokenKind::kClose ||
-                                      (previous_token->kind == FormatTokenKind::kWord && !last_infix));
-    const bool infix = (token.kind == FormatTokenKind::kOperator && token.text != "!" && after_value) ||
+    const bool after_value = previous != nullptr && (previous->kind == Kind::kClose ||
+                                                     (previous->kind == Kind::kWord && !last_infix));
+    const bool infix = (token.kind == Kind::kOperator && token.text != "!" && after_value) ||
                        (is_word_operator(token.text) && token.text != "not" && after_value);
-    const bool prefix = token.kind == FormatTokenKind::kOperator && !after_value;
-    bool needs_space = previous_token != nullptr && previous_token->kind != FormatTokenKind::kOpen &&
-                       !last_prefix && token.kind != FormatTokenKind::kComma &&
-                       token.kind != FormatTokenKind::kClose;
-    if (token.kind == FormatTokenKind::kOpen && previous_token != nullptr &&
-        previous_token->kind == FormatTokenKind::kWord && !last_infix)
+    const bool prefix = token.kind == Kind::kOperator && !after_value;
+    bool needs_space = previous != nullptr && previous->kind != Kind::kOpen && !last_prefix &&
+                       token.kind != Kind::kComma && token.kind != Kind::kClose;
+    if (token.kind == Kind::kOpen && previous != nullptr && previous->kind == Kind::kWord && !last_infix)
       needs_space = false;
     if (needs_space && !text.empty()) text += ' ';
     text += token.text;
-    previous_token = &token;
+    previous = &token;
     last_infix = infix;
     // An operator as an argument, as in if(a, <, b), is followed by a comma, which takes no space
     // anyway.
@@ -126,8 +122,9 @@ std::string join_tokens(const PhysicalLine& line, const FormatToken* previous) {
   return text;
 }
 
-// What the first word of a line does to the block depth.
+// How the first word of a line changes the block depth.
 enum class BlockRole : std::uint8_t { kNone, kOpen, kMiddle, kClose };
+using enum BlockRole;
 
 struct BlockKeyword {
   std::string_view word;
@@ -135,30 +132,21 @@ struct BlockKeyword {
   std::string_view family;
 };
 
-constexpr BlockKeyword kBlockKeywords[] = {{"if", BlockRole::kOpen, "if"},
-                                           {"else", BlockRole::kMiddle, "if"},
-                                           {"endif", BlockRole::kClose, "if"},
-                                           {"while", BlockRole::kOpen, "while"},
-                                           {"endwhile", BlockRole::kClose, "while"},
-                                           {"for", BlockRole::kOpen, "for"},
-                                           {"endfor", BlockRole::kClose, "for"},
-                                           {"repeat", BlockRole::kOpen, "repeat"},
-                                           {"endrepeat", BlockRole::kClose, "repeat"},
-                                           {"where", BlockRole::kOpen, "where"},
-                                           {"elsewhere", BlockRole::kMiddle, "where"},
-                                           {"endwhere", BlockRole::kClose, "where"},
-                                           {"!if", BlockRole::kOpen, "!if"},
-                                           {"!else", BlockRole::kMiddle, "!if"},
-                                           {"!endif", BlockRole::kClose, "!if"}};
+constexpr BlockKeyword kBlockKeywords[] = {
+    {"if", kOpen, "if"},       {"else", kMiddle, "if"},         {"endif", kClose, "if"},
+    {"while", kOpen, "while"}, {"endwhile", kClose, "while"},   {"for", kOpen, "for"},
+    {"endfor", kClose, "for"}, {"repeat", kOpen, "repeat"},     {"endrepeat", kClose, "repeat"},
+    {"where", kOpen, "where"}, {"elsewhere", kMiddle, "where"}, {"endwhere", kClose, "where"},
+    {"!if", kOpen, "!if"},     {"!else", kMiddle, "!if"},       {"!endif", kClose, "!if"}};
 
-// The role of each statement line. A macro may have the name of a block, as where(A) of scamp5.aps: an opening
-// word without its closing one, and the pattern of a macro's definition, open nothing.
+// The role of each statement line. A macro may have the name of a block, as where(A) of scamp5.aps: an
+// opening word without its closing one, and the pattern of a macro's definition, open nothing.
 std::vector<BlockRole> find_block_roles(const std::vector<PhysicalLine>& lines) {
   struct Open {
     std::string_view family;
     std::vector<std::size_t> lines;  // the opening line and the middle ones
   };
-  std::vector<BlockRole> roles(lines.size(), BlockRole::kNone);
+  std::vector<BlockRole> roles(lines.size(), kNone);
   std::vector<Open> open;
   bool continues = false, is_pattern = false;
   for (std::size_t i = 0; i < lines.size(); ++i) {
@@ -169,10 +157,9 @@ std::vector<BlockRole> find_block_roles(const std::vector<PhysicalLine>& lines) 
     const bool is_keyword_pattern = is_pattern;
     is_pattern = word == "!macro_def" && lines[i].tokens.size() == 1;
     if (is_keyword_pattern) continue;
-    const auto* const keyword = std::find_if(std::begin(kBlockKeywords), std::end(kBlockKeywords),
-                                             [&](const BlockKeyword& k) { return k.word == word; });
+    const auto* const keyword = std::ranges::find(kBlockKeywords, word, &BlockKeyword::word);
     if (keyword == std::end(kBlockKeywords)) continue;
-    if (keyword->role == BlockRole::kOpen) {
+    if (keyword->role == kOpen) {
       open.push_back({keyword->family, {i}});
       continue;
     }
@@ -180,10 +167,10 @@ std::vector<BlockRole> find_block_roles(const std::vector<PhysicalLine>& lines) 
                                     [&](const Open& block) { return block.family == keyword->family; });
     if (match == open.rend()) continue;
     match->lines.push_back(i);
-    if (keyword->role == BlockRole::kMiddle) continue;
-    for (const std::size_t line : match->lines) roles[line] = BlockRole::kMiddle;
-    roles[match->lines.front()] = BlockRole::kOpen;
-    roles[i] = BlockRole::kClose;
+    if (keyword->role == kMiddle) continue;
+    for (const std::size_t line : match->lines) roles[line] = kMiddle;
+    roles[match->lines.front()] = kOpen;
+    roles[i] = kClose;
     open.erase(std::prev(match.base()), open.end());
   }
   return roles;
@@ -196,8 +183,8 @@ struct FormattedLine {
 
 // Characters, not bytes.
 std::size_t display_width(std::string_view text) {
-  return static_cast<std::size_t>(std::count_if(
-      text.begin(), text.end(), [](char c) { return (static_cast<unsigned char>(c) & 0xC0U) != 0x80U; }));
+  return static_cast<std::size_t>(
+      std::ranges::count_if(text, [](char c) { return (static_cast<unsigned char>(c) & 0xC0U) != 0x80U; }));
 }
 
 bool has_code(const std::string& code) { return code.find_first_not_of(' ') != std::string::npos; }
@@ -250,10 +237,10 @@ std::string format_lines(std::string_view text) {
     }
     if (pending_blank_line && !lines.empty()) lines.push_back({});
     pending_blank_line = false;
-    const bool outdents = roles[i] == BlockRole::kMiddle || roles[i] == BlockRole::kClose;
+    const bool outdents = roles[i] == kMiddle || roles[i] == kClose;
     const std::size_t indent = (continues ? depth + 2 : outdents ? depth - 1 : depth) * kIndent;
-    if (roles[i] == BlockRole::kOpen) ++depth;
-    if (roles[i] == BlockRole::kClose) --depth;
+    if (roles[i] == kOpen) ++depth;
+    if (roles[i] == kClose) --depth;
     std::string code = join_tokens(line, continues && previous.text.data() != nullptr ? &previous : nullptr);
     if (line.continued) code += code.empty() ? "\\" : " \\";
     lines.push_back(

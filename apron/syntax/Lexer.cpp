@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <charconv>
 #include <cmath>
 #include <cstdint>
@@ -48,7 +49,7 @@ bool is_foreign_letter(std::uint32_t code) {
   return !blank_or_sign;
 }
 
-// The APRON spelling of an operator of other languages.
+// How APRON writes an operator of other languages.
 std::string_view foreign_syntax_hint(char c) {
   switch (c) {
     case ';':
@@ -102,8 +103,10 @@ class Lexer {
     line_has_error_ = false;
   }
 
-  void report_error(Location location, std::string message) {
-    if (!line_has_error_) diagnostics_.error(location, std::move(message));
+  template <class... Arguments>
+  void report_error(Location location, fmt::format_string<Arguments...> message, Arguments&&... arguments) {
+    if (!line_has_error_)
+      diagnostics_.error(location, fmt::format(message, std::forward<Arguments>(arguments)...));
     line_has_error_ = true;
   }
 
@@ -123,7 +126,7 @@ class Lexer {
     } else if (c == ' ' || c == '\t' || c == '\r') {
       advance(1);
     } else if (c == '/' && peek(1) == '/') {
-      while (position_ < text_.size() && peek() != '\n') ++position_;
+      skip_comment();
     } else if (c == '\\') {
       lex_continuation();
     } else {
@@ -131,13 +134,13 @@ class Lexer {
     }
   }
 
+  void skip_comment() { position_ = std::min(text_.find('\n', position_), text_.size()); }
+
   void lex_continuation() {
     const Location location = current_location();
     advance(1);
     while (peek() == ' ' || peek() == '\t') advance(1);
-    if (peek() == '/' && peek(1) == '/') {
-      while (position_ < text_.size() && peek() != '\n') ++position_;
-    }
+    if (peek() == '/' && peek(1) == '/') skip_comment();
     if (!at_line_end())
       return report_error(location, "a '\\' may only end a line, to continue it on the next");
     if (peek() == '\r') ++position_;
@@ -188,8 +191,8 @@ class Lexer {
     }
     std::string text = lex_name();
     if (text.empty()) {
-      return report_error(location, fmt::format("expected a name after '{}'{}", c,
-                                                c == '#' ? "; a comment begins with '//'" : ""));
+      return report_error(location, "expected a name after '{}'{}", c,
+                          c == '#' ? "; a comment begins with '//'" : "");
     }
     add_token(kind, location, std::move(text));
   }
@@ -233,8 +236,7 @@ class Lexer {
     if (peek() == 'f' || peek() == 'F') advance(1);
     if (is_letter(peek()) || is_digit(peek()) || peek() == '.') {
       lex_name();
-      return report_error(location,
-                          fmt::format("'{}' is not a number", text_.substr(first, position_ - first)));
+      return report_error(location, "'{}' is not a number", text_.substr(first, position_ - first));
     }
     add_number(location, digits);
   }
@@ -261,9 +263,9 @@ class Lexer {
       }
     }
     if (error == std::errc::result_out_of_range) {
-      return report_error(location, fmt::format("the number {} does not fit 32-bit floating point", digits));
+      return report_error(location, "the number {} does not fit 32-bit floating point", digits);
     }
-    if (error != std::errc{}) return report_error(location, fmt::format("'{}' is not a number", digits));
+    if (error != std::errc{}) return report_error(location, "'{}' is not a number", digits);
     // Whole numbers are exact; a register's cell rounds them to its 32 bits.
     double whole = 0.0;
     if (hex) {
@@ -307,12 +309,12 @@ class Lexer {
     } else if (c.code == '"') {
       report_error(location, "texts stand in single quotes: 'text'");
     } else if (c.code < 0x20 || c.code == 0x7F) {
-      report_error(location, fmt::format("unexpected control character U+{:04X}", c.code));
+      report_error(location, "unexpected control character U+{:04X}", c.code);
     } else if (c.code < 0x80) {
-      report_error(location, fmt::format("unexpected character '{}'{}", peek(), foreign_syntax_hint(peek())));
+      report_error(location, "unexpected character '{}'{}", peek(), foreign_syntax_hint(peek()));
     } else {
-      report_error(location, fmt::format("unexpected character '{}' (U+{:04X})",
-                                         text_.substr(position_, c.bytes), c.code));
+      report_error(location, "unexpected character '{}' (U+{:04X})", text_.substr(position_, c.bytes),
+                   c.code);
     }
     position_ += c.bytes > 0 ? c.bytes : 1;
     ++column_;

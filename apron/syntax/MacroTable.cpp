@@ -28,8 +28,8 @@ bool MacroTable::has_operand_kinds(const std::string& name) const {
   for (auto it = macros_.lower_bound({name, 0, false}); it != macros_.end() && std::get<0>(it->first) == name;
        ++it) {
     const std::vector<MacroParameter>& parameters = it->second->parameters;
-    if (std::any_of(parameters.begin(), parameters.end(),
-                    [](const MacroParameter& parameter) { return !parameter.kind.empty(); }))
+    if (std::ranges::any_of(parameters,
+                            [](const MacroParameter& parameter) { return !parameter.kind.empty(); }))
       return true;
   }
   return false;

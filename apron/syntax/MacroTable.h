@@ -34,7 +34,7 @@ class MacroTable {
   Handle add(Macro);
   Handle find(const std::string& name, std::size_t arguments, bool has_result) const;
   bool contains(const std::string& name) const;
-  // Whether an overload states the kinds of its operands.
+  // True if an overload states the kinds of its operands.
   bool has_operand_kinds(const std::string& name) const;
   // "f($a, $b)" or "$r = f($a)", one for each overload.
   std::vector<std::string> signatures(const std::string& name) const;

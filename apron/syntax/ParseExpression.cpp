@@ -39,15 +39,15 @@ bool is_element_access(const Tokens& tokens) {
   return tokens.size() == 4 && tokens[0].kind == TokenKind::kName && tokens[1].is("[") && tokens[3].is("]");
 }
 
-std::vector<Expression> make_pair_of(Expression left, Expression right) {
-  std::vector<Expression> both;
-  both.push_back(std::move(left));
-  both.push_back(std::move(right));
-  return both;
+template <class... Expressions>
+std::vector<Expression> children(Expressions&&... expressions) {
+  std::vector<Expression> all;
+  (all.push_back(std::forward<Expressions>(expressions)), ...);
+  return all;
 }
 
 bool is_numeric_constant(const Tokens& tokens) {
-  return std::all_of(tokens.begin(), tokens.end(), [](const Token& token) {
+  return std::ranges::all_of(tokens, [](const Token& token) {
     return token.kind == TokenKind::kNumber || token.kind == TokenKind::kPunctuator;
   });
 }
@@ -59,7 +59,7 @@ class Parser::DepthGuard {
   explicit DepthGuard(Parser& parser) : parser_(parser) {
     if (++parser_.depth_ > kMaxExpressionDepth) {
       --parser_.depth_;
-      parser_.fail(fmt::format("this expression is nested more than {} deep", kMaxExpressionDepth));
+      parser_.fail("this expression is nested more than {} deep", kMaxExpressionDepth);
     }
   }
   ~DepthGuard() { --parser_.depth_; }
@@ -71,8 +71,6 @@ class Parser::DepthGuard {
 };
 
 Location Parser::current_location() const { return at_end() ? line_end_ : cursor_->location; }
-
-void Parser::fail(std::string message) const { throw SyntaxError{current_location(), std::move(message)}; }
 
 bool Parser::consume(std::string_view symbol) {
   if (at_end() || !cursor_->is(symbol)) return false;
@@ -90,8 +88,7 @@ Expression Parser::make_expression(ExpressionKind kind, const Token& token,
   expression.owner = token.owner;
   for (const Expression& child : children) expression.depth = std::max(expression.depth, child.depth + 1);
   if (expression.depth > kMaxExpressionDepth) {
-    throw SyntaxError{token.location,
-                      fmt::format("this expression is nested more than {} deep", kMaxExpressionDepth)};
+    fail_at(token.location, "this expression is nested more than {} deep", kMaxExpressionDepth);
   }
   expression.children = std::move(children);
   return expression;
@@ -104,7 +101,7 @@ Expression Parser::parse_range(Cursor first, Cursor last, Location end_location)
   end_ = last;
   line_end_ = end_location;
   Expression expression = parse_argument();
-  if (!at_end()) fail(fmt::format("unexpected '{}'", spelling(*cursor_)));
+  if (!at_end()) fail("unexpected '{}'", spelling(*cursor_));
   std::tie(cursor_, end_, line_end_) = saved;
   return expression;
 }
@@ -130,9 +127,7 @@ Expression Parser::parse_not() {
                                !cursor_[1].is("(") && !cursor_[1].is("[");
   if (!is_not_operator || infix_precedence(cursor_[1]) > 0) return parse_unary();
   const Token op = *cursor_++;
-  std::vector<Expression> operand;
-  operand.push_back(parse_binary(kNotPrecedence));
-  return make_expression(ExpressionKind::kUnary, op, std::move(operand));
+  return make_expression(ExpressionKind::kUnary, op, children(parse_binary(kNotPrecedence)));
 }
 
 Expression Parser::parse_unary() {
@@ -140,17 +135,15 @@ Expression Parser::parse_unary() {
   const bool is_prefix = !at_end() && (cursor_->is("-") || cursor_->is("+") || cursor_->is("!"));
   if (!is_prefix) return parse_primary();
   const Token op = *cursor_++;
-  std::vector<Expression> operand;
-  operand.push_back(parse_unary());
-  return make_expression(ExpressionKind::kUnary, op, std::move(operand));
+  return make_expression(ExpressionKind::kUnary, op, children(parse_unary()));
 }
 
 Expression Parser::parse_primary() {
   if (consume("(")) {
     Expression inner = parse_binary(1);
     if (!consume(")"))
-      fail(at_end() ? "expected ')' before the end of the line"
-                    : fmt::format("expected ')', not '{}'", spelling(*cursor_)));
+      fail("{}", at_end() ? "expected ')' before the end of the line"
+                          : fmt::format("expected ')', not '{}'", spelling(*cursor_)));
     return inner;
   }
   if (at_end()) fail("expected a value");
@@ -165,12 +158,12 @@ Expression Parser::parse_primary() {
     case TokenKind::kName:
       return parse_name();
     case TokenKind::kParameter:
-      fail(fmt::format("there is no macro parameter '{}' here", spelling(token)));
+      fail("there is no macro parameter '{}' here", spelling(token));
     case TokenKind::kLocalName:
     case TokenKind::kLocalLabel:
-      fail(fmt::format("'{}' has a meaning in a macro's body only", spelling(token)));
+      fail("'{}' has a meaning in a macro's body only", spelling(token));
     default:
-      fail(fmt::format("expected a value, not '{}'", spelling(token)));
+      fail("expected a value, not '{}'", spelling(token));
   }
 }
 
@@ -185,10 +178,9 @@ Expression Parser::parse_name() {
 
 Expression Parser::parse_element(const Token& name) {
   ++cursor_;
-  std::vector<Expression> index;
-  index.push_back(parse_binary(1));
+  Expression index = parse_binary(1);
   if (!consume("]")) fail("expected ']'");
-  return make_expression(ExpressionKind::kElement, name, std::move(index));
+  return make_expression(ExpressionKind::kElement, name, children(std::move(index)));
 }
 
 Parser::Cursor Parser::find_closing_bracket(Cursor open) const {
@@ -197,7 +189,7 @@ Parser::Cursor Parser::find_closing_bracket(Cursor open) const {
     if (it->is("(") || it->is("[")) ++depth;
     if ((it->is(")") || it->is("]")) && --depth == 0) return it;
   }
-  throw SyntaxError{open->location, "this bracket is not closed"};
+  fail_at(open->location, "this bracket is not closed");
 }
 
 // Starts at the '(' after the name.
@@ -223,9 +215,9 @@ Expression Parser::parse_call(const Token& name) {
       arguments.push_back(parse_argument());
     } while (consume(","));
     if (!consume(")")) {
-      fail(at_end()           ? "expected ')' before the end of the line"
-           : cursor_->is("=") ? "'=' gives a value to a name; to compare, write '=='"
-                              : fmt::format("expected ',' or ')', not '{}'", spelling(*cursor_)));
+      fail("{}", at_end()           ? "expected ')' before the end of the line"
+                 : cursor_->is("=") ? "'=' gives a value to a name; to compare, write '=='"
+                                    : fmt::format("expected ',' or ')', not '{}'", spelling(*cursor_)));
     }
   }
   return make_expression(ExpressionKind::kCall, name, std::move(arguments));
@@ -235,9 +227,10 @@ Expression Parser::parse_call(const Token& name) {
 void Parser::check_negation(const Token& name) const {
   const Cursor close = find_closing_bracket(cursor_);
   if (close + 1 == end_ || !is_comparison(close[1])) return;
-  throw SyntaxError{name.location, fmt::format("'not (…) {0} …' has two readings: write not ((…) {0} …) or "
-                                               "(not (…)) {0} …",
-                                               close[1].text)};
+  fail_at(name.location,
+          "'not (…) {0} …' has two readings: write not ((…) {0} …) or "
+          "(not (…)) {0} …",
+          close[1].text);
 }
 
 Expression Parser::parse_argument() {
@@ -249,7 +242,7 @@ Expression Parser::parse_argument() {
   return parse_binary(1);
 }
 
-// In a macro's body it is the module that was current where the macro was defined.
+// In a macro's body, '?' is the module that was current where the macro was defined.
 Expression Parser::parse_module() {
   Token token = *cursor_;
   if (preprocessor_.module().empty())
@@ -275,22 +268,19 @@ Expression Parser::make_binary(const Token& op, Expression left, Expression righ
       return expand_macro(macro, call, std::move(arguments));
     }
     if (!preprocessor_.is_builtin(target)) {
-      throw SyntaxError{
-          op.location,
-          fmt::format("'{}' stands for '{}', which is not an instruction or macro of two arguments", op.text,
-                      target)};
+      fail_at(op.location, "'{}' stands for '{}', which is not an instruction or macro of two arguments",
+              op.text, target);
     }
-    return make_expression(ExpressionKind::kCall, call, make_pair_of(std::move(left), std::move(right)));
+    return make_expression(ExpressionKind::kCall, call, children(std::move(left), std::move(right)));
   }
-  return make_expression(ExpressionKind::kBinary, op, make_pair_of(std::move(left), std::move(right)));
+  return make_expression(ExpressionKind::kBinary, op, children(std::move(left), std::move(right)));
 }
 
 std::vector<Parser::MacroArgument> Parser::parse_macro_arguments(const Token& call,
                                                                  const std::vector<Tokens>& argument_tokens) {
   std::vector<MacroArgument> arguments;
   for (const Tokens& tokens : argument_tokens) {
-    if (tokens.empty())
-      throw SyntaxError{call.location, fmt::format("an argument of '{}' is empty", call.text)};
+    if (tokens.empty()) fail_at(call.location, "an argument of '{}' is empty", call.text);
     MacroArgument argument;
     if (tokens.size() == 1 || is_element_access(tokens)) {
       argument.tokens = tokens;
@@ -308,7 +298,7 @@ std::vector<Parser::MacroArgument> Parser::parse_macro_arguments(const Token& ca
   return arguments;
 }
 
-// What replaces the parameters: the tokens themselves, or a unique name for a value.
+// Returns what replaces the parameters: the tokens themselves, or a unique name for a value.
 std::vector<Tokens> Parser::bind_arguments(MacroExpansion& expansion, const Macro& macro,
                                            std::vector<MacroArgument> arguments, Location location) {
   std::vector<Tokens> replacements;
@@ -324,11 +314,11 @@ std::vector<Tokens> Parser::bind_arguments(MacroExpansion& expansion, const Macr
     if (tokens.size() == 1 && tokens[0].kind == TokenKind::kName) {
       expansion.name_arguments.push_back(make_expression(ExpressionKind::kName, tokens[0]));
     } else if (is_element_access(tokens)) {
-      const bool number = tokens[2].kind == TokenKind::kNumber;
-      std::vector<Expression> index;
-      index.push_back(make_expression(number ? ExpressionKind::kNumber : ExpressionKind::kName, tokens[2]));
+      const bool is_number = tokens[2].kind == TokenKind::kNumber;
+      Expression index =
+          make_expression(is_number ? ExpressionKind::kNumber : ExpressionKind::kName, tokens[2]);
       expansion.name_arguments.push_back(
-          make_expression(ExpressionKind::kElement, tokens[0], std::move(index)));
+          make_expression(ExpressionKind::kElement, tokens[0], children(std::move(index))));
     }
     for (Token& token : argument.tokens) {
       if (token.location.line == 0) token.location = location;
@@ -352,7 +342,7 @@ Expression Parser::expand_macro(const MacroTable::Handle& macro, const Token& ca
   const std::size_t min_depth = preprocessor_.depth();
   Tokens result{{TokenKind::kName, call.location, expansion.result_name, 0.0F}};
   if (!preprocessor_.enter_macro(macro, expansion.id, std::move(result), std::move(replacements))) {
-    throw SyntaxError{call.location, {}};  // reported
+    throw AlreadyReported{};
   }
   parse_lines(min_depth, expansion.body);
   std::size_t deepest = 0;
@@ -365,8 +355,7 @@ Expression Parser::expand_macro(const MacroTable::Handle& macro, const Token& ca
   for (const ArgumentBinding& binding : expansion.bindings) deepest = std::max(deepest, binding.value.depth);
   expression.depth = deepest + 1;
   if (expression.depth > kMaxExpressionDepth) {
-    throw SyntaxError{call.location,
-                      fmt::format("this expression is nested more than {} deep", kMaxExpressionDepth)};
+    fail_at(call.location, "this expression is nested more than {} deep", kMaxExpressionDepth);
   }
   return expression;
 }
@@ -379,8 +368,7 @@ void Parser::check_operands(const Token& call, const Macro& macro,
     if (kind.empty() || operands[i].empty()) continue;
     const std::string mistake = preprocessor_.check_operand(kind, operands[i]);
     if (mistake.empty()) continue;
-    throw SyntaxError{operands[i].front().location,
-                      fmt::format("operand {} of '{}' {}", i + 1, call.text, mistake)};
+    fail_at(operands[i].front().location, "operand {} of '{}' {}", i + 1, call.text, mistake);
   }
 }
 
@@ -389,9 +377,8 @@ void Parser::fail_no_overload(const Token& call, std::size_t arguments, bool res
   for (const std::string& pattern : preprocessor_.macros().signatures(call.text)) {
     overloads += (overloads.empty() ? "" : " and ") + pattern;
   }
-  throw SyntaxError{call.location, fmt::format("no macro '{}' takes {} argument{} {} a result; there is {}",
-                                               call.text, arguments, arguments == 1 ? "" : "s",
-                                               result ? "and gives" : "without", overloads)};
+  fail_at(call.location, "no macro '{}' takes {} argument{} {} a result; there is {}", call.text, arguments,
+          arguments == 1 ? "" : "s", result ? "and gives" : "without", overloads);
 }
 
 }  // namespace apron::syntax

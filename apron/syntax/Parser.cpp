@@ -18,7 +18,7 @@ Tokens::const_iterator find_equals(Tokens::const_iterator first, Tokens::const_i
   });
 }
 
-// The APRON spelling of a line in another language's syntax, or "".
+// A hint how APRON writes a line in another language's syntax, or "".
 std::string suggest_correction(const Token& first, const Token& unexpected) {
   if (unexpected.is("==")) return "; to give a value, write '='";
   if (unexpected.is("+") || unexpected.is("-") || unexpected.is("*") || unexpected.is("/")) {
@@ -82,7 +82,9 @@ void Parser::parse_line(const Line& line, std::vector<Statement>& out) {
   try {
     out.push_back(parse_statement());
   } catch (const SyntaxError& error) {
-    if (!error.message.empty()) diagnostics_.error(error.location, error.message);
+    diagnostics_.error(error.location, error.message);
+    out.push_back(make_invalid(line));
+  } catch (const AlreadyReported&) {
     out.push_back(make_invalid(line));
   }
   std::tie(cursor_, end_, line_end_, line_begin_, depth_) = saved;
@@ -113,15 +115,15 @@ Statement Parser::parse_statement() {
   if (equals != end_) return parse_assignment(equals);
   if (first.kind == TokenKind::kParameter || first.kind == TokenKind::kLocalName)
     parse_range(cursor_, end_, line_end_);
-  if (first.kind != TokenKind::kName) fail(fmt::format("a line cannot begin with '{}'", spelling(first)));
+  if (first.kind != TokenKind::kName) fail("a line cannot begin with '{}'", spelling(first));
   if (auto macro = parse_macro_statement(cursor_, end_, {})) return std::move(*macro);
   const bool is_call =
       cursor_ + 1 == end_ || (cursor_[1].is("(") && find_closing_bracket(cursor_ + 1) + 1 == end_);
   if (!is_call) {
     const Cursor unexpected = cursor_[1].is("(") ? find_closing_bracket(cursor_ + 1) + 1 : cursor_ + 1;
     cursor_ = unexpected;
-    fail(fmt::format("expected '=' or the end of the line, not '{}'{}", spelling(*unexpected),
-                     suggest_correction(first, *unexpected)));
+    fail("expected '=' or the end of the line, not '{}'{}", spelling(*unexpected),
+         suggest_correction(first, *unexpected));
   }
   result.kind = StatementKind::kCall;
   if (cursor_ + 1 == end_) {
@@ -141,8 +143,8 @@ Statement Parser::parse_assignment(Cursor equals) {
                            equals[-1].location.line == equals->location.line &&
                            equals[-1].text.find_first_of("+-*/%") == 0;
   if (is_compound) {
-    throw SyntaxError{equals[-1].location, fmt::format("there is no '{0}='; write {1} = {1} {0} …",
-                                                       equals[-1].text, spelling(*first))};
+    fail_at(equals[-1].location, "there is no '{0}='; write {1} = {1} {0} …", equals[-1].text,
+            spelling(*first));
   }
   if (auto macro = parse_macro_statement(equals + 1, last, Tokens(first, equals))) return std::move(*macro);
   if (auto macro = parse_rebound_assignment(first, equals, last)) return std::move(*macro);
@@ -152,23 +154,22 @@ Statement Parser::parse_assignment(Cursor equals) {
   result.target = parse_range(first, equals, equals->location);
   const ExpressionKind kind = result.target.kind;
   if (kind != ExpressionKind::kName && kind != ExpressionKind::kElement) {
-    throw SyntaxError{first->location, "only a register, an element or a scalar can stand before '='"};
+    fail_at(first->location, "only a register, an element or a scalar can stand before '='");
   }
-  if (equals + 1 == last) throw SyntaxError{line_end_, "expected a value after '='"};
+  if (equals + 1 == last) fail_at(line_end_, "expected a value after '='");
   result.value = parse_range(equals + 1, last, line_end_);
   return result;
 }
 
-// y = value where `!operator(=, name)` has made it name(y, value), a macro. An instruction of two arguments, such as
-// core.load, assigns as '=' does.
+// y = value where `!operator(=, name)` has made it name(y, value), a macro. An instruction of two arguments,
+// such as core.load, assigns as '=' does.
 std::optional<Statement> Parser::parse_rebound_assignment(Cursor first, Cursor equals, Cursor last) {
   const std::string target = preprocessor_.operator_target("=");
   if (target.empty() || equals + 1 == last) return std::nullopt;
   const MacroTable::Handle macro = preprocessor_.macros().find(target, 2, false);
   if (macro == nullptr && !preprocessor_.is_builtin(target)) {
-    throw SyntaxError{
-        equals->location,
-        fmt::format("'=' stands for '{}', which is not an instruction or macro of two arguments", target)};
+    fail_at(equals->location, "'=' stands for '{}', which is not an instruction or macro of two arguments",
+            target);
   }
   if (macro == nullptr || preprocessor_.is_expanding(macro)) return std::nullopt;
   const auto punctuator = [&](std::string text) {

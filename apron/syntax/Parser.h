@@ -1,9 +1,12 @@
 // Parses lines into statements. Expands macro calls in statements and expressions.
 #pragma once
 
+#include <fmt/format.h>
+
 #include <optional>
 #include <string>
 #include <string_view>
+#include <utility>
 #include <vector>
 
 #include "apron/syntax/Ast.h"
@@ -26,6 +29,8 @@ class Parser {
     Location location;
     std::string message;
   };
+  // Thrown for a line whose error the preprocessor has reported.
+  struct AlreadyReported {};
   struct MacroArgument {
     Tokens tokens;
     std::optional<Expression> value;
@@ -66,7 +71,16 @@ class Parser {
   bool consume(std::string_view symbol);
   bool at_end() const { return cursor_ == end_; }
   Location current_location() const;
-  [[noreturn]] void fail(std::string message) const;
+  // Throws a SyntaxError at the current token, or at a location.
+  template <class... Arguments>
+  [[noreturn]] void fail(fmt::format_string<Arguments...> message, Arguments&&... arguments) const {
+    fail_at(current_location(), message, std::forward<Arguments>(arguments)...);
+  }
+  template <class... Arguments>
+  [[noreturn]] static void fail_at(Location location, fmt::format_string<Arguments...> message,
+                                   Arguments&&... arguments) {
+    throw SyntaxError{location, fmt::format(message, std::forward<Arguments>(arguments)...)};
+  }
 
   Preprocessor& preprocessor_;
   SourceManager& sources_;

@@ -3,7 +3,6 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <iterator>
 #include <utility>
 
 namespace apron::syntax {
@@ -49,7 +48,7 @@ Preprocessor::Preprocessor(PreprocessorOptions options, FileReader& reader, Sour
     if (!options_.prelude.empty()) include_file(options_.prelude, {}, {});
   } else {
     sources_.add_file(options_.file, "", {});
-    diagnostics_.error({}, "the file does not exist or cannot be read");
+    report({}, "the file does not exist or cannot be read");
   }
 }
 
@@ -84,7 +83,7 @@ PreprocessedItem Preprocessor::next(std::size_t min_depth) {
 void Preprocessor::pop_frame(PreprocessedItem& item) {
   InputFrame& frame = frames_.back();
   for (const ConditionalBlock& condition : frame.conditionals)
-    diagnostics_.error(condition.location, "this '!if' has no '!endif'");
+    report(condition.location, "this '!if' has no '!endif'");
   item.expansion = frame.expansion;
   if (frame.macro != nullptr) item.kind = PreprocessedItem::Kind::kMacroEnd;
   frames_.pop_back();
@@ -99,8 +98,7 @@ bool Preprocessor::process_line(PreprocessedItem& item) {
   if (is_directive && handle_conditional(line.tokens)) return false;
   if (!is_active()) return false;
   if (++line_count_ > kMaxLines) {
-    diagnostics_.error(line.tokens.front().location,
-                       fmt::format("the program has more than {} lines", kMaxLines));
+    report(line.tokens.front().location, "the program has more than {} lines", kMaxLines);
     abort_input();
     return false;
   }
@@ -117,8 +115,7 @@ bool Preprocessor::process_line(PreprocessedItem& item) {
 }
 
 bool Preprocessor::is_expanding(const MacroTable::Handle& macro) const {
-  return std::any_of(frames_.begin(), frames_.end(),
-                     [&](const InputFrame& frame) { return frame.macro == macro; });
+  return std::ranges::any_of(frames_, [&](const InputFrame& frame) { return frame.macro == macro; });
 }
 
 MacroTable::Handle Preprocessor::find_macro(const std::string& name, std::size_t arguments,
@@ -131,8 +128,7 @@ MacroTable::Handle Preprocessor::find_macro(const std::string& name, std::size_t
 bool Preprocessor::enter_macro(const MacroTable::Handle& macro, std::uint32_t expansion, Tokens result,
                                std::vector<Tokens> arguments) {
   const Location call = sources_.expansion(expansion).call;
-  const auto depth =
-      std::count_if(frames_.begin(), frames_.end(), [](const InputFrame& f) { return f.macro != nullptr; });
+  const auto depth = std::ranges::count_if(frames_, [](const InputFrame& f) { return f.macro != nullptr; });
   std::string limit_error;
   if (static_cast<std::size_t>(depth) >= kMaxMacroDepth) {
     limit_error = fmt::format("macros are expanded more than {} deep here: does '{}' call itself?",
@@ -202,9 +198,8 @@ bool Preprocessor::expand_defines(Tokens& tokens) {
   Tokens out;
   std::set<std::string> hide_set;
   if (!expand_defines(tokens, out, hide_set, 0)) {
-    diagnostics_.error(tokens.front().location,
-                       fmt::format("the defines in this line grow it beyond {} words or {} levels",
-                                   kMaxLineTokens, kMaxDefineDepth));
+    report(tokens.front().location, "the defines in this line grow it beyond {} words or {} levels",
+           kMaxLineTokens, kMaxDefineDepth);
     return false;
   }
   if (!out.empty()) tokens = std::move(out);

@@ -2,6 +2,8 @@
 // processed. The parser recognises macro calls and opens them here with enter().
 #pragma once
 
+#include <fmt/format.h>
+
 #include <cstdint>
 #include <functional>
 #include <map>
@@ -9,6 +11,7 @@
 #include <set>
 #include <string>
 #include <string_view>
+#include <utility>
 #include <vector>
 
 #include "apron/syntax/Diagnostic.h"
@@ -27,16 +30,21 @@ inline constexpr std::size_t kMaxExpansions = 100'000;
 inline constexpr std::size_t kMaxLines = 1'000'000;  // after expansion
 inline constexpr std::size_t kMaxLineTokens = 20'000;
 
-struct PreprocessorOptions {
-  std::string file;
-  std::uint32_t width = 0, height = 0;     // SURFACE_WIDTH, SURFACE_HEIGHT, in cells
-  std::vector<std::string> include_paths;  // searched after the including file's directory
-  std::string library_path;                // searched last; "" for none
-  std::string prelude;                     // included before the first line; "" for none
+// What a program is compiled from, and for.
+struct SourceOptions {
+  std::string file = {};
+  // The surface in cells: SURFACE_WIDTH and SURFACE_HEIGHT, and the default shape of registers.
+  std::uint32_t width = 0, height = 0;
+  std::vector<std::string> include_paths = {};  // for !include, searched after the including file's directory
+  std::string library_path = {};                // the installed library, searched last; "" for none
+  std::string prelude = {};                     // a file included before the first line; "" for none
+};
+
+struct PreprocessorOptions : SourceOptions {
   // True if there is an instruction of that name, which a macro of the same name calls in its body.
-  std::function<bool(std::string_view)> is_builtin;
+  std::function<bool(std::string_view)> is_builtin = {};
   // "" if the palette exists, otherwise the error message.
-  std::function<std::string(std::string_view)> check_palette;
+  std::function<std::string(std::string_view)> check_palette = {};
 };
 
 // A declaration by `!register`, `!machine_register`, `!create` or `!object`.
@@ -118,6 +126,10 @@ class Preprocessor {
     std::vector<ConditionalBlock> conditionals;
   };
 
+  template <class... Arguments>
+  void report(Location location, fmt::format_string<Arguments...> message, Arguments&&... arguments) {
+    diagnostics_.error(location, fmt::format(message, std::forward<Arguments>(arguments)...));
+  }
   void abort_input();
   bool is_active() const;
   void pop_frame(PreprocessedItem&);

@@ -42,7 +42,7 @@ class SourceManager {
   std::size_t file_count() const noexcept { return files_.size(); }
   std::size_t expansion_count() const noexcept { return expansions_.size(); }
 
-  // Without the line terminator; "" outside the file.
+  // The line without its terminator; "" outside the file.
   std::string_view line_text(std::uint32_t file, std::uint32_t line) const;
   // "file:line:col"
   std::string format_location(const Location&) const;

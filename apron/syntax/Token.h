@@ -27,7 +27,7 @@ struct Token {
   Location location;
   std::string text;  // of a name, text or symbol; without the sigil of the others
   double number = 0.0;
-  bool no_expand = false;  // a name that resulted from its own define is not expanded again
+  bool no_expand = false;   // a name that resulted from its own define is not expanded again
   std::uint32_t owner = 0;  // of a macro's local name: the number of the expansion that it belongs to
 
   bool is(std::string_view symbol) const { return kind == TokenKind::kPunctuator && text == symbol; }
@@ -42,11 +42,11 @@ struct Line {
   bool has_error = false;  // already reported; the tokens end before the error
 };
 
-// As written in the source.
+// The token as the source writes it.
 std::string spelling(const Token&);
 
-// Removes the number of the expansion, which makes a macro's local names unique: "t:7" becomes ":t", and "$a:7"
-// becomes "$a".
+// Removes the number of the expansion, which makes a macro's local names unique: "t:7" becomes ":t", and
+// "$a:7" becomes "$a".
 std::string display_name(const std::string& name);
 
 }  // namespace apron::syntax

@@ -6,7 +6,7 @@
 
 namespace apron::ui {
 
-// In points; 0: the default for the window's size.
+// Sizes in points; 0 is the default for the window's size.
 struct PaneSizes {
   float registers = 0.0F;  // width of the register list
   float program = 0.0F;    // width of the program, in the wide layout

@@ -10,7 +10,7 @@ void ProgramEditor::set_sources(const std::vector<debugger::SourceText>& sources
   const std::string shown_name = current() != nullptr ? current()->name : "";
   for (const debugger::SourceText& source : sources) {
     const auto same_name = [&](const File& file) { return file.name == source.name; };
-    if (std::any_of(files.begin(), files.end(), same_name)) continue;  // included twice
+    if (std::ranges::any_of(files, same_name)) continue;  // included twice
     File file{source.name, source.text, source.text};
     if (const File* old = find(source.name)) {
       file.revision = old->revision;
@@ -38,14 +38,11 @@ ProgramEditor::File* ProgramEditor::current() {
 }
 
 ProgramEditor::File* ProgramEditor::find(const std::string& name) {
-  const auto found =
-      std::find_if(files_.begin(), files_.end(), [&](const File& file) { return file.name == name; });
+  const auto found = std::ranges::find(files_, name, &File::name);
   return found == files_.end() ? nullptr : &*found;
 }
 
-bool ProgramEditor::modified() const {
-  return std::any_of(files_.begin(), files_.end(), [](const File& file) { return file.modified(); });
-}
+bool ProgramEditor::modified() const { return std::ranges::any_of(files_, &File::modified); }
 
 void ProgramEditor::open(const std::string& file, std::uint32_t line, std::uint32_t column) {
   shown = true;

@@ -32,7 +32,8 @@ class ProgramEditor {
 
   // The texts of a program that has been compiled. Files with unsaved changes keep them.
   void set_sources(const std::vector<debugger::SourceText>& sources);
-  // A file as it now is on the disk, such as one that another program has changed and that no longer compiles.
+  // A file as it now is on the disk, such as one that another program has changed and that no longer
+  // compiles.
   void set_text_on_disk(const std::string& name, const std::string& text);
   std::vector<File>& files() { return files_; }
   // The file that is shown; nullptr before set_sources().

@@ -16,11 +16,9 @@ namespace {
 constexpr float kMaxZoom = 4096.0F;
 
 std::string location_name(const program::Program& program, std::size_t instruction) {
-  if (instruction >= program.code.size()) return {};
-  const std::uint32_t index = program.code[instruction].source_location;
-  if (index >= program.source_locations.size()) return {};
-  const program::SourceLocation& at = program.source_locations[index];
-  return std::filesystem::path(program.files[at.file]).filename().string() + ":" + std::to_string(at.line);
+  const program::SourceLocation* at = program::find_location(program, instruction);
+  if (at == nullptr) return {};
+  return std::filesystem::path(program.files[at->file]).filename().string() + ":" + std::to_string(at->line);
 }
 
 }  // namespace
@@ -54,7 +52,7 @@ void ViewModel::show_program(program::Program program, const std::vector<debugge
     if (styles_[r].set_by_user) styles.emplace_back(program_.registers[r].name, styles_[r]);
   program_ = std::move(program);
   program_id_ = program_id;
-  reads_keys_ = std::any_of(program_.code.begin(), program_.code.end(), [](const program::Instruction& in) {
+  reads_keys_ = std::ranges::any_of(program_.code, [](const program::Instruction& in) {
     return in.op == program::Opcode::kKeyPressed || in.op == program::Opcode::kKeyDown;
   });
   listing_ = debugger::Listing(program_, texts);
@@ -182,19 +180,17 @@ std::string ViewModel::state_text() const {
 
 std::vector<std::size_t> ViewModel::listed_registers() const {
   std::vector<std::size_t> registers;
-  const auto internal = [&](std::size_t r) {
-    const std::string& name = program_.registers[r].name;
-    return name.empty() || name.front() == '$' || name.front() == ':';
-  };
   for (std::size_t r = 0; r < program_.registers.size(); ++r)
-    if (temporaries_shown || !internal(r)) registers.push_back(r);
+    if (shows_name(program_.registers[r].name)) registers.push_back(r);
   return registers;
 }
 
+bool ViewModel::shows_name(std::string_view name) const {
+  return temporaries_shown || (!program::is_temporary(name) && name.front() != ':');
+}
+
 std::optional<std::size_t> ViewModel::find_register(std::string_view name) const {
-  for (std::size_t r = 0; r < program_.registers.size(); ++r)
-    if (program_.registers[r].name == name) return r;
-  return std::nullopt;
+  return program::find_register(program_, name);
 }
 
 void ViewModel::select(std::size_t reg) {
@@ -255,7 +251,12 @@ void ViewModel::run() {
 void ViewModel::pause() {
   commands_.emplace_back([](debugger::DebugSession& s) { s.pause(); });
 }
-void ViewModel::toggle_running() { running() ? pause() : run(); }
+void ViewModel::toggle_running() {
+  if (running())
+    pause();
+  else
+    run();
+}
 void ViewModel::step(debugger::StepUnit unit) {
   follow_current_line = true;
   commands_.emplace_back([unit, rows = listing_.groups()](debugger::DebugSession& s) { s.step(unit, rows); });
@@ -298,44 +299,35 @@ void ViewModel::set_parameter(const program::Parameter& parameter, float value) 
 
 // ---- breakpoints ------------------------------------------------------------------------------------------
 
-bool ViewModel::has_breakpoint(const debugger::Listing::Row& row) const {
-  return std::any_of(breakpoints_.begin(), breakpoints_.end(), [&](const Breakpoint& b) {
+std::vector<Breakpoint>::const_iterator ViewModel::find_breakpoint(const debugger::Listing::Row& row) const {
+  return std::ranges::find_if(breakpoints_, [&](const Breakpoint& b) {
     return b.kind == Breakpoint::Kind::kLine && row.line == b.line && row.file == b.file;
   });
+}
+
+bool ViewModel::has_breakpoint(const debugger::Listing::Row& row) const {
+  return find_breakpoint(row) != breakpoints_.end();
 }
 
 void ViewModel::toggle_breakpoint(std::size_t row) {
   if (row >= listing_.rows().size() || !listing_.rows()[row].has_code) return;
   const debugger::Listing::Row& clicked = listing_.rows()[row];
-  const auto found = std::find_if(breakpoints_.begin(), breakpoints_.end(), [&](const Breakpoint& b) {
-    return b.kind == Breakpoint::Kind::kLine && clicked.line == b.line && clicked.file == b.file;
-  });
-  if (found != breakpoints_.end()) {
+  if (const auto found = find_breakpoint(clicked); found != breakpoints_.end())
     breakpoints_.erase(found);
-  } else {
-    Breakpoint breakpoint;
-    breakpoint.file = clicked.file;
-    breakpoint.line = clicked.line;
-    breakpoints_.push_back(breakpoint);
-  }
+  else
+    breakpoints_.push_back({.file = clicked.file, .line = clicked.line});
   send_breakpoints();
 }
 
 void ViewModel::add_tick_breakpoint(std::uint64_t tick) {
-  Breakpoint breakpoint;
-  breakpoint.kind = Breakpoint::Kind::kTick;
-  breakpoint.tick = tick;
-  breakpoints_.push_back(breakpoint);
+  breakpoints_.push_back({.kind = Breakpoint::Kind::kTick, .tick = tick});
   send_breakpoints();
 }
 
 std::string ViewModel::add_condition_breakpoint(const std::string& condition) {
   CompiledCondition compiled = compile_condition_(condition, program_);
   if (!compiled.program) return compiled.error;
-  Breakpoint breakpoint;
-  breakpoint.kind = Breakpoint::Kind::kCondition;
-  breakpoint.condition = condition;
-  breakpoints_.push_back(breakpoint);
+  breakpoints_.push_back({.kind = Breakpoint::Kind::kCondition, .condition = condition});
   send_breakpoints();
   return {};
 }
@@ -346,7 +338,7 @@ void ViewModel::set_breakpoint_enabled(std::size_t index, bool enabled) {
 }
 
 void ViewModel::remove_breakpoint(std::size_t index) {
-  breakpoints_.erase(breakpoints_.begin() + static_cast<std::ptrdiff_t>(index));
+  breakpoints_.erase(breakpoints_.begin() + index);
   send_breakpoints();
 }
 

@@ -73,8 +73,8 @@ class ViewModel {
   debugger::Listing& listing() { return listing_; }
   // The listing's row of the next instruction.
   std::size_t current_row() const;
-  // The first row at or after `from`, then from the top, that contains the text in any case, or, if the query is
-  // a number, shows that line of the main file. Only rows that no fold hides.
+  // The first row at or after `from`, then from the top, that contains the text in any case, or, if the query
+  // is a number, shows that line of the main file. Only rows that no fold hides.
   std::optional<std::size_t> find_row(std::string_view query, std::size_t from) const;
   // "Running", "Paused at main.aps:12", …
   std::string state_text() const;
@@ -85,6 +85,8 @@ class ViewModel {
   // ---- registers ----
   // Registers in the program's order; compiler temporaries only if temporaries_shown.
   std::vector<std::size_t> listed_registers() const;
+  // False for the names that the compiler and macros create, unless temporaries_shown.
+  bool shows_name(std::string_view name) const;
   // nullopt if the name is unknown.
   std::optional<std::size_t> find_register(std::string_view name) const;
   void select(std::size_t reg);
@@ -92,12 +94,12 @@ class ViewModel {
   RegisterStyle register_style(std::size_t reg) const;
   void set_style(std::size_t reg, RegisterStyle style);
   debugger::ValueRange value_range(const RegisterStyle& style, const std::vector<float>& cells) const;
-  // Of the selected register.
+  // The statistics of the selected register.
   const debugger::Statistics& statistics() const { return statistics_; }
   std::optional<float> value_at(const debugger::Cell& cell) const;  // nullopt outside the selected register
   // Registers that the program shows, in order of appearance.
   std::vector<std::size_t> tiled_registers() const;
-  // Whether tiles replace the large register: as the program requests, until the user chooses.
+  // True if tiles replace the large register. The program decides until the user does.
   bool tiled() const;
   void set_tiled(bool on) { tiled_by_user_ = on; }
   int tile_columns() const { return panel_state_.tile_columns; }  // 0: automatic
@@ -118,7 +120,7 @@ class ViewModel {
   void step(debugger::StepUnit unit);
   void walk();
   void reset();
-  // Whether keys belong to the running program, because it reads them; codes are those of program/Keys.h.
+  // True if the running program reads keys, which then go to it. Codes are those of program/Keys.h.
   bool takes_keys() const { return reads_keys_ && running(); }
   void press_key(int code);
   void release_key(int code);
@@ -161,6 +163,7 @@ class ViewModel {
   std::vector<std::size_t> visible_thumbnails;  // registers whose thumbnails are scrolled into view
 
  private:
+  std::vector<debugger::Breakpoint>::const_iterator find_breakpoint(const debugger::Listing::Row& row) const;
   void send_breakpoints();
   void apply_appearances();
   void measure_speed();

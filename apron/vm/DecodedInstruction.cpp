@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cassert>
 
+#include "apron/program/ScalarArithmetic.h"
+
 namespace apron::vm {
 namespace {
 
@@ -11,53 +13,15 @@ using program::OperandKind;
 
 DispatchKind dispatch_kind_of(Opcode op, const KernelTable& kernels) {
   if (kernels.kernel(op, 0, false) != nullptr) return DispatchKind::kElementwise;
-  switch (op) {
-    case Opcode::kShift:
-    case Opcode::kRotate:
-      return DispatchKind::kShift;
-    case Opcode::kMaskOn:
-    case Opcode::kMaskOff:
-    case Opcode::kMaskPush:
-    case Opcode::kMaskElse:
-    case Opcode::kMaskPop:
-      return DispatchKind::kMask;
-    case Opcode::kGlobalSum:
-    case Opcode::kGlobalMean:
-    case Opcode::kGlobalMin:
-    case Opcode::kGlobalMax:
-    case Opcode::kGlobalCount:
-    case Opcode::kGlobalAny:
-      return DispatchKind::kReduce;
-    case Opcode::kPixelGet:
-    case Opcode::kPixelSet:
-    case Opcode::kCellX:
-    case Opcode::kCellY:
-      return DispatchKind::kCellAccess;
-    case Opcode::kNearSum:
-    case Opcode::kNearMin:
-    case Opcode::kNearMax:
-    case Opcode::kNearAny:
-    case Opcode::kNearAll:
-    case Opcode::kFilterDo:
-    case Opcode::kFilterSet:
-    case Opcode::kFlood:
-    case Opcode::kDistance:
-    case Opcode::kSpreadMax:
-    case Opcode::kRandomFloat:
-    case Opcode::kRandomGauss:
-    case Opcode::kRandomInt:
-    case Opcode::kRandomSeed:
-    case Opcode::kStackPush:
-    case Opcode::kStackPop:
-    case Opcode::kStackClear:
-    case Opcode::kResGetVar:
-    case Opcode::kResSetVar:
-    case Opcode::kResGetReg:
-    case Opcode::kResSetReg:
-      return DispatchKind::kArrayOp;
-    default:
-      break;
-  }
+  // opcodes.def lists the instructions of a kind one after the other.
+  const auto is_between = [op](Opcode first, Opcode last) { return op >= first && op <= last; };
+  if (op == Opcode::kShift || op == Opcode::kRotate) return DispatchKind::kShift;
+  if (is_between(Opcode::kMaskOn, Opcode::kMaskPop)) return DispatchKind::kMask;
+  if (is_between(Opcode::kGlobalSum, Opcode::kGlobalAny)) return DispatchKind::kReduce;
+  if (is_between(Opcode::kPixelGet, Opcode::kCellY)) return DispatchKind::kCellAccess;
+  if (is_between(Opcode::kNearSum, Opcode::kSpreadMax) ||
+      is_between(Opcode::kRandomFloat, Opcode::kResSetReg))
+    return DispatchKind::kArrayOp;
   return program::opcode_info(op).locality == program::Locality::Host ? DispatchKind::kHost
                                                                       : DispatchKind::kControlFlow;
 }
@@ -115,28 +79,11 @@ std::int64_t to_offset(double offset) noexcept {
 bool is_conditional_jump(Opcode op) noexcept { return op >= Opcode::kJumpLt && op <= Opcode::kUnlessGe; }
 
 bool is_branch_taken(Opcode op, double a, double b) noexcept {
-  switch (op) {
-    case Opcode::kJumpLt:
-      return a < b;
-    case Opcode::kJumpLe:
-      return a <= b;
-    case Opcode::kJumpGt:
-      return a > b;
-    case Opcode::kJumpGe:
-      return a >= b;
-    case Opcode::kJumpEq:
-      return a == b;
-    case Opcode::kJumpNe:
-      return a != b;
-    case Opcode::kUnlessLt:
-      return !(a < b);
-    case Opcode::kUnlessLe:
-      return !(a <= b);
-    case Opcode::kUnlessGt:
-      return !(a > b);
-    default:
-      return !(a >= b);
-  }
+  // jump.lt to jump.ne and unless.lt to unless.ge have the order of lt to ne.
+  const bool is_unless = op >= Opcode::kUnlessLt;
+  const int index = static_cast<int>(op) - static_cast<int>(is_unless ? Opcode::kUnlessLt : Opcode::kJumpLt);
+  const auto comparison = static_cast<Opcode>(static_cast<int>(Opcode::kLt) + index);
+  return (program::evaluate_scalar(comparison, a, b, 0.0) != 0.0) != is_unless;
 }
 
 DecodedInstruction decode(const program::Program& program, const program::Instruction& instruction,
@@ -163,8 +110,7 @@ DecodedInstruction decode(const program::Program& program, const program::Instru
   if (decoded.op == Opcode::kBoundary)
     decoded.boundary.rule = static_cast<program::BoundaryRule>(*decoded.scalars[0]);
   if (decoded.op == Opcode::kParameter) {
-    const auto named = [&](const program::Parameter& p) { return p.name == decoded.text; };
-    const auto found = std::find_if(program.parameters.begin(), program.parameters.end(), named);
+    const auto found = std::ranges::find(program.parameters, decoded.text, &program::Parameter::name);
     if (found != program.parameters.end()) decoded.default_value = found->default_value;
   }
   return decoded;

@@ -55,7 +55,7 @@ struct RegisterFile {
 
 // jump.lt to unless.ge.
 bool is_conditional_jump(program::Opcode op) noexcept;
-// Whether the conditional jump `op` with operands a and b is taken.
+// True if the conditional jump `op` with operands a and b is taken.
 bool is_branch_taken(program::Opcode op, double a, double b) noexcept;
 
 // The offset of a shift in cells, limited to what is beyond any array.

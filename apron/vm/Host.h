@@ -46,12 +46,15 @@ class Host {
   virtual int take_key() { return 0; }
   virtual bool key_down(int /*code*/) { return false; }
 
-  virtual HostStatus open_array(std::string_view file, Plane to) = 0;
-  virtual HostStatus save_array(std::string_view file, ConstPlane from) = 0;
-  virtual HostStatus open_image(std::string_view file, Plane to) = 0;
-  virtual HostStatus save_image(std::string_view file, ConstPlane from) = 0;
-
-  // Video clips and cameras; refused by default. Frames are grey, 0 to 255.
+  // Files, video clips and cameras; refused by default. Frames are grey, 0 to 255.
+  virtual HostStatus open_array(std::string_view /*file*/, Plane /*to*/) { return HostStatus::kRefused; }
+  virtual HostStatus save_array(std::string_view /*file*/, ConstPlane /*from*/) {
+    return HostStatus::kRefused;
+  }
+  virtual HostStatus open_image(std::string_view /*file*/, Plane /*to*/) { return HostStatus::kRefused; }
+  virtual HostStatus save_image(std::string_view /*file*/, ConstPlane /*from*/) {
+    return HostStatus::kRefused;
+  }
   virtual HostStatus open_clip(std::string_view /*file*/) { return HostStatus::kRefused; }
   virtual HostStatus read_clip(Plane /*to*/) { return HostStatus::kRefused; }
   virtual void close_clip() {}
@@ -86,17 +89,20 @@ class Host {
     return HostStatus::kRefused;
   }
 
-  // Copies the latest frame of a sensor channel.
-  virtual HostStatus sense(std::string_view channel, Plane to) = 0;
+  // Copies the latest frame of a sensor channel. Refused without a surface, as actuate() is.
+  virtual HostStatus sense(std::string_view /*channel*/, Plane /*to*/) { return HostStatus::kRefused; }
   // Stages a frame of an actuator channel: one value per cell, or one value for all cells.
-  virtual HostStatus actuate(std::string_view channel, ConstPlane from) = 0;
-  virtual HostStatus actuate(std::string_view channel, float value) = 0;
-  // Publishes the staged frames, then waits for the next sensor frame. Without a surface: starts the next frame.
+  virtual HostStatus actuate(std::string_view /*channel*/, ConstPlane /*from*/) {
+    return HostStatus::kRefused;
+  }
+  virtual HostStatus actuate(std::string_view /*channel*/, float /*value*/) { return HostStatus::kRefused; }
+  // Publishes the staged frames, then waits for the next sensor frame. Without a surface: starts the next
+  // frame.
   virtual HostStatus step() = 0;
-  // Whether step() of a surface that does not wait for the program returns without a new frame.
+  // If set, step() on a surface that does not wait for the program returns without a new frame.
   virtual void set_free_run(bool /*free_run*/) {}
 
-  // Of the latest frame; nullopt in a host without frames.
+  // Time, period and number of the latest frame; nullopt in a host without frames.
   virtual std::optional<double> time_s() const = 0;
   virtual std::optional<double> dt_s() const = 0;
   virtual std::optional<double> tick() const = 0;

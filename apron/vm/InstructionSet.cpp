@@ -17,7 +17,7 @@ std::string_view instruction_set_name(InstructionSet isa) noexcept {
 }
 
 std::optional<InstructionSet> find_instruction_set(std::string_view name) noexcept {
-  const auto found = std::find(kNames.begin(), kNames.end(), name);
+  const auto found = std::ranges::find(kNames, name);
   if (found == kNames.end()) return std::nullopt;
   return static_cast<InstructionSet>(found - kNames.begin());
 }

@@ -14,7 +14,7 @@ void MaskStack::reserve(std::uint32_t width, std::uint32_t height, std::size_t p
 
 Plane MaskStack::acquire_plane(std::uint32_t width, std::uint32_t height) {
   const auto fits = [&](const Plane& p) { return p.width == width && p.height == height; };
-  const auto found = std::find_if(free_planes_.begin(), free_planes_.end(), fits);
+  const auto found = std::ranges::find_if(free_planes_, fits);
   // Reached only by routines that recurse inside a where.
   if (found == free_planes_.end()) return plane_store_.allocate(width, height);
   const Plane plane = *found;
@@ -24,12 +24,8 @@ Plane MaskStack::acquire_plane(std::uint32_t width, std::uint32_t height) {
 }
 
 void MaskStack::apply_kernel(Opcode op, Plane y, ConstPlane a, ConstPlane b) {
-  Block block;
-  block.y = y.data;
+  Block block(y);
   block.source = {a.data, b.data, nullptr};
-  block.set_pitch(y.pitch);
-  block.rows = y.height;
-  block.columns = y.width;
   executor_.run_kernel(
       executor_.kernels().kernel(op, b.data == nullptr && op != Opcode::kCopy ? 2U : 0U, false), block);
 }
@@ -38,7 +34,7 @@ bool MaskStack::set_base(ConstPlane mask) {
   const auto other_shape = [&](const Level& l) {
     return l.active == Active::kSome && !same_shape(l.mask, mask);
   };
-  if (std::any_of(levels_.begin(), levels_.end(), other_shape)) return false;
+  if (std::ranges::any_of(levels_, other_shape)) return false;
   if (!has_base_ || !same_shape(base_, mask)) {
     if (has_base_) free_planes_.push_back(base_);
     base_ = acquire_plane(mask.width, mask.height);

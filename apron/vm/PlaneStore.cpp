@@ -3,7 +3,6 @@
 #include <sys/mman.h>
 
 #include <cassert>
-#include <cstdlib>
 #include <cstring>
 #include <new>
 

@@ -163,14 +163,10 @@ Vm::WriteAccess Vm::check_write_access(const DecodedInstruction& decoded, const 
 }
 
 Status Vm::execute_elementwise(const DecodedInstruction& decoded) {
-  Block block;
-  const WriteAccess access = check_write_access(decoded, block.mask);
-  if (access != WriteAccess::kAllowed)
-    return access == WriteAccess::kSuppressed ? Status::kRunning : report_mask_mismatch(*decoded.destination);
-  block.y = decoded.destination->data;
-  block.set_pitch(decoded.destination->pitch);
-  block.rows = decoded.destination->height;
-  block.columns = decoded.destination->width;
+  const float* mask = nullptr;
+  const WriteAccess access = check_write_access(decoded, mask);
+  if (access != WriteAccess::kAllowed) return skip_write(access, *decoded.destination);
+  Block block(*decoded.destination, mask);
   for (std::size_t k = 0; k < program::kMaxOperands; ++k) {
     if (decoded.planes[k] != nullptr) block.source[k] = decoded.planes[k]->data;
     if (decoded.scalars[k] != nullptr) block.scalar[k] = static_cast<float>(*decoded.scalars[k]);
@@ -182,8 +178,7 @@ Status Vm::execute_elementwise(const DecodedInstruction& decoded) {
 Status Vm::execute_shift(const DecodedInstruction& decoded) {
   const float* mask = nullptr;
   const WriteAccess access = check_write_access(decoded, mask);
-  if (access != WriteAccess::kAllowed)
-    return access == WriteAccess::kSuppressed ? Status::kRunning : report_mask_mismatch(*decoded.destination);
+  if (access != WriteAccess::kAllowed) return skip_write(access, *decoded.destination);
   Offset offset = decoded.offset;
   if (decoded.has_variable_offset) {
     const double dx = *decoded.scalars[1], dy = *decoded.scalars[2];
@@ -232,8 +227,8 @@ Status Vm::execute_mask_op(const DecodedInstruction& decoded) {
   switch (decoded.op) {
     case Opcode::kMaskOn:
       if (!masks_.set_base(plane))
-        return fail(Status::kFailed, "mask.on takes a register of " + format_shape(plane) +
-                                         " inside a where of " + "another size");
+        return fail(Status::kFailed,
+                    "mask.on takes a register of " + format_shape(plane) + " inside a where of another size");
       break;
     case Opcode::kMaskOff:
       masks_.clear_base();
@@ -285,8 +280,7 @@ Status Vm::access_pixel(const DecodedInstruction& decoded) {
 Status Vm::write_cell_coordinates(const DecodedInstruction& decoded) {
   const float* mask = nullptr;
   const WriteAccess access = check_write_access(decoded, mask);
-  if (access != WriteAccess::kAllowed)
-    return access == WriteAccess::kSuppressed ? Status::kRunning : report_mask_mismatch(*decoded.destination);
+  if (access != WriteAccess::kAllowed) return skip_write(access, *decoded.destination);
   const bool column = decoded.op == Opcode::kCellX;
   for (std::uint32_t y = 0; y < decoded.destination->height; ++y) {
     float* row = decoded.destination->row(y);
@@ -335,18 +329,19 @@ Status Vm::execute_call(const DecodedInstruction& decoded) {
   return Status::kRunning;
 }
 
+Status Vm::skip_write(WriteAccess access, const Plane& plane) {
+  return access == WriteAccess::kSuppressed ? Status::kRunning : report_mask_mismatch(plane);
+}
+
 Status Vm::report_mask_mismatch(const Plane& plane) {
   return fail(Status::kFailed, "the mask in force is " + format_shape(masks_.mask()) +
                                    ", but the instruction writes a register of " + format_shape(plane));
 }
 
 Status Vm::fail(Status status, const std::string& text) {
-  const program::Instruction& instruction = program_.code[program_counter_ - 1];
   error_ = "error: " + text;
-  if (instruction.source_location < program_.source_locations.size()) {
-    const program::SourceLocation& source = program_.source_locations[instruction.source_location];
-    error_ = program_.files[source.file] + ":" + std::to_string(source.line) + ": " + error_;
-  }
+  if (const program::SourceLocation* source = program::find_location(program_, program_counter_ - 1))
+    error_ = program_.files[source->file] + ":" + std::to_string(source->line) + ": " + error_;
   return status;
 }
 

@@ -6,6 +6,7 @@
 #include <cstdint>
 #include <limits>
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -93,7 +94,7 @@ class Vm {
   FusedTrace* find_fused_trace(std::uint64_t budget) const noexcept;
   Plane scratch_plane(const Plane& like);
 
-  // Whether the active mask allows a write to the destination; on kAllowed, `mask` is the mask to apply or
+  // True if the active mask allows a write to the destination; on kAllowed, `mask` is the mask to apply or
   // null for all cells.
   enum class WriteAccess { kAllowed, kSuppressed, kShapeMismatch };
   WriteAccess check_write_access(const DecodedInstruction& decoded, const float*& mask) const noexcept;
@@ -120,15 +121,18 @@ class Vm {
   Status execute_call(const DecodedInstruction& decoded);
   Status execute_host_op(const DecodedInstruction& decoded);
   Status execute_host_read(const DecodedInstruction& decoded);
-  Status set_surface_value(const DecodedInstruction& decoded, std::optional<double> value);
+  void notify_host(const DecodedInstruction& decoded);
+  Status read_host_scalar(const DecodedInstruction& decoded);
+  std::optional<double> host_scalar(const DecodedInstruction& decoded);
   Status to_status(HostStatus status);
   void print_value(const DecodedInstruction& decoded);
   HostStatus read_from_host(const DecodedInstruction& decoded, Plane to);
-  Status save_numbered_image(const DecodedInstruction& decoded);
   std::string_view register_name(const DecodedInstruction& decoded) const;
   Status push_plugin_argument(const DecodedInstruction& decoded);
   Status execute_plugin(const DecodedInstruction& decoded);
 
+  // For access that is not kAllowed: nothing is written, or the masks' shape is an error.
+  Status skip_write(WriteAccess access, const Plane& plane);
   Status report_mask_mismatch(const Plane& plane);
   Status fail(Status status, const std::string& text);
 

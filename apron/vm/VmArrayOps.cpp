@@ -1,6 +1,5 @@
 // Instructions on neighbourhoods, filters, random numbers, the register stack and group members.
 #include <bit>
-#include <cassert>
 #include <cmath>
 #include <new>
 
@@ -45,8 +44,7 @@ Status Vm::execute_array_op(const DecodedInstruction& decoded) {
 Status Vm::execute_neighbourhood(const DecodedInstruction& decoded) {
   const float* mask = nullptr;
   const WriteAccess access = check_write_access(decoded, mask);
-  if (access != WriteAccess::kAllowed)
-    return access == WriteAccess::kSuppressed ? Status::kRunning : report_mask_mismatch(*decoded.destination);
+  if (access != WriteAccess::kAllowed) return skip_write(access, *decoded.destination);
   const ConstPlane a = *decoded.planes[0];
   const Plane to = mask == nullptr ? *decoded.destination : decoded.scratch;
   switch (decoded.op) {
@@ -76,13 +74,8 @@ Status Vm::execute_neighbourhood(const DecodedInstruction& decoded) {
 
 // Copies all cells, or those where the mask is non-zero. All planes have the same shape and pitch.
 void Vm::copy_plane(Plane y, ConstPlane a, const float* mask) noexcept {
-  Block block;
-  block.y = y.data;
+  Block block(y, mask);
   block.source[0] = a.data;
-  block.mask = mask;
-  block.set_pitch(y.pitch);
-  block.rows = y.height;
-  block.columns = y.width;
   executor_.run_kernel(executor_.kernels().kernel(Opcode::kCopy, 0, mask != nullptr), block);
 }
 
@@ -107,8 +100,7 @@ Status Vm::fill_random(const DecodedInstruction& decoded) {
   }
   const float* mask = nullptr;
   const WriteAccess access = check_write_access(decoded, mask);
-  if (access != WriteAccess::kAllowed)
-    return access == WriteAccess::kSuppressed ? Status::kRunning : report_mask_mismatch(*decoded.destination);
+  if (access != WriteAccess::kAllowed) return skip_write(access, *decoded.destination);
   executor_.parallel_for_rows(
       decoded.destination->height, decoded.destination->width, [&](std::uint32_t first, std::uint32_t last) {
         for (std::uint32_t row = first; row < last; ++row) {
@@ -191,19 +183,13 @@ Status Vm::access_group_register(const DecodedInstruction& decoded, Plane reg) {
   DecodedInstruction write = decoded;
   write.destination = &y;
   const WriteAccess access = check_write_access(write, mask);
-  if (access != WriteAccess::kAllowed)
-    return access == WriteAccess::kSuppressed ? Status::kRunning : report_mask_mismatch(y);
+  if (access != WriteAccess::kAllowed) return skip_write(access, y);
   if (a.data != nullptr) {
     if (a.data != y.data) copy_plane(y, a, mask);
     return Status::kRunning;
   }
-  Block block;
-  block.y = y.data;
+  Block block(y, mask);
   block.scalar[0] = static_cast<float>(*decoded.scalars[2]);
-  block.mask = mask;
-  block.set_pitch(y.pitch);
-  block.rows = y.height;
-  block.columns = y.width;
   executor_.run_kernel(executor_.kernels().kernel(Opcode::kCopy, 1, mask != nullptr), block);
   return Status::kRunning;
 }

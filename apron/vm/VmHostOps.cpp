@@ -35,91 +35,21 @@ std::string numbered_file_name(std::string_view name, double n) {
 }  // namespace
 
 Status Vm::execute_host_op(const DecodedInstruction& decoded) {
+  const char destination = program::opcode_info(decoded.op).signature.front();
+  if (destination == 'V') return read_host_scalar(decoded);
+  if (destination == 'R') return execute_host_read(decoded);
   switch (decoded.op) {
-    case Opcode::kPrintText:
-      host_.print(decoded.text);
-      return Status::kRunning;
-    case Opcode::kPrintLine:
-      host_.print("\n");
-      return Status::kRunning;
-    case Opcode::kPrintValue:
-      print_value(decoded);
-      return Status::kRunning;
-    case Opcode::kParameter:
-      *decoded.destination_variable = host_.parameter(decoded.text).value_or(decoded.default_value);
-      return Status::kRunning;
-    case Opcode::kKeyPressed:
-      *decoded.destination_variable = host_.take_key();
-      return Status::kRunning;
-    case Opcode::kKeyDown: {
-      const double code = *decoded.scalars[0];
-      const bool valid = code >= 1.0 && code < 1024.0;
-      *decoded.destination_variable = valid && host_.key_down(static_cast<int>(code)) ? 1.0 : 0.0;
-      return Status::kRunning;
-    }
-    case Opcode::kArrayOpen:
-    case Opcode::kImageOpen:
-    case Opcode::kImageOpenCount:
-    case Opcode::kClipRead:
-    case Opcode::kWebcamRead:
-    case Opcode::kSurfaceSense:
-      return execute_host_read(decoded);
     case Opcode::kImageSaveCount:
-      return save_numbered_image(decoded);
+      return to_status(
+          host_.save_image(numbered_file_name(decoded.text, *decoded.scalars[2]), *decoded.planes[0]));
     case Opcode::kClipOpen:
       return to_status(host_.open_clip(decoded.text));
-    case Opcode::kClipClose:
-      host_.close_clip();
-      return Status::kRunning;
     case Opcode::kWebcamOpen: {
       const double number = *decoded.scalars[0];
       return to_status(host_.open_camera(number >= 0.0 && number < 1e6 ? static_cast<int>(number) : -1));
     }
-    case Opcode::kWebcamClose:
-      host_.close_camera();
-      return Status::kRunning;
-    case Opcode::kShow:
-      host_.show(register_name(decoded), decoded.text);
-      return Status::kRunning;
-    case Opcode::kDisplay:
-      host_.display(register_name(decoded), decoded.text);
-      return Status::kRunning;
-    case Opcode::kTile: {
-      const double columns = *decoded.scalars[0];
-      host_.tile(columns >= 1.0 ? static_cast<int>(std::fmin(columns, kMaxTileColumns)) : 0);
-      return Status::kRunning;
-    }
-    case Opcode::kTimerStart:
-      host_.start_timer(decoded.text);
-      return Status::kRunning;
-    case Opcode::kTimerStop:
-      host_.stop_timer(decoded.text);
-      return Status::kRunning;
-    case Opcode::kTimerReset:
-      host_.reset_timer(decoded.text);
-      return Status::kRunning;
-    case Opcode::kTimerRead:
-      *decoded.destination_variable = static_cast<float>(host_.read_timer_s(decoded.text));
-      return Status::kRunning;
     case Opcode::kTimerWait:
       return to_status(host_.wait(*decoded.scalars[0]));
-    case Opcode::kLabel: {
-      NumberBuffer buffer;
-      host_.label(decoded.text, format_number(*decoded.scalars[1], buffer));
-      return Status::kRunning;
-    }
-    case Opcode::kLabelText: {
-      const program::Instruction& label = program_.code[static_cast<std::size_t>(&decoded - decoded_.data())];
-      host_.label(program_.texts[label.operands[0].index], program_.texts[label.operands[1].index]);
-      return Status::kRunning;
-    }
-    case Opcode::kSetPalette:
-      host_.set_palette(register_name(decoded), decoded.text);
-      return Status::kRunning;
-    case Opcode::kSetScale:
-      host_.set_scale(register_name(decoded), static_cast<float>(*decoded.scalars[1]),
-                      static_cast<float>(*decoded.scalars[2]));
-      return Status::kRunning;
     case Opcode::kPluginWith:
       return push_plugin_argument(decoded);
     case Opcode::kPlugin:
@@ -137,21 +67,87 @@ Status Vm::execute_host_op(const DecodedInstruction& decoded) {
       const HostStatus status = host_.step();
       return status == HostStatus::kOk ? Status::kTick : to_status(status);
     }
+    default:
+      notify_host(decoded);
+      return Status::kRunning;
+  }
+}
+
+// The instructions that cannot fail.
+void Vm::notify_host(const DecodedInstruction& decoded) {
+  switch (decoded.op) {
+    case Opcode::kPrintText:
+      return host_.print(decoded.text);
+    case Opcode::kPrintLine:
+      return host_.print("\n");
+    case Opcode::kPrintValue:
+      return print_value(decoded);
+    case Opcode::kClipClose:
+      return host_.close_clip();
+    case Opcode::kWebcamClose:
+      return host_.close_camera();
+    case Opcode::kShow:
+      return host_.show(register_name(decoded), decoded.text);
+    case Opcode::kDisplay:
+      return host_.display(register_name(decoded), decoded.text);
+    case Opcode::kTile: {
+      const double columns = *decoded.scalars[0];
+      return host_.tile(columns >= 1.0 ? static_cast<int>(std::fmin(columns, kMaxTileColumns)) : 0);
+    }
+    case Opcode::kTimerStart:
+      return host_.start_timer(decoded.text);
+    case Opcode::kTimerStop:
+      return host_.stop_timer(decoded.text);
+    case Opcode::kTimerReset:
+      return host_.reset_timer(decoded.text);
+    case Opcode::kLabel: {
+      NumberBuffer buffer;
+      return host_.label(decoded.text, format_number(*decoded.scalars[1], buffer));
+    }
+    case Opcode::kLabelText: {
+      const program::Instruction& label = program_.code[&decoded - decoded_.data()];
+      return host_.label(program_.texts[label.operands[0].index], program_.texts[label.operands[1].index]);
+    }
+    case Opcode::kSetPalette:
+      return host_.set_palette(register_name(decoded), decoded.text);
+    case Opcode::kSetScale:
+      return host_.set_scale(register_name(decoded), static_cast<float>(*decoded.scalars[1]),
+                             static_cast<float>(*decoded.scalars[2]));
     case Opcode::kSurfaceFreeRun:
-      host_.set_free_run(*decoded.scalars[0] != 0.0);
-      return Status::kRunning;
-    case Opcode::kSurfaceTime:
-      return set_surface_value(decoded, host_.time_s());
-    case Opcode::kSurfaceDt:
-      return set_surface_value(decoded, host_.dt_s());
-    case Opcode::kSurfaceTick:
-      return set_surface_value(decoded, host_.tick());
-    case Opcode::kSurfaceHas:
-      *decoded.destination_variable = host_.has(decoded.text) ? 1.0F : 0.0F;
-      return Status::kRunning;
+      return host_.set_free_run(*decoded.scalars[0] != 0.0);
     default:
       assert(false && "an opcode without an action");
-      return Status::kFailed;
+  }
+}
+
+Status Vm::read_host_scalar(const DecodedInstruction& decoded) {
+  const std::optional<double> value = host_scalar(decoded);
+  if (!value) return fail(Status::kRefused, host_.message());
+  *decoded.destination_variable = program::to_scalar(*value);
+  return Status::kRunning;
+}
+
+// Empty if the host refuses.
+std::optional<double> Vm::host_scalar(const DecodedInstruction& decoded) {
+  switch (decoded.op) {
+    case Opcode::kParameter:
+      return host_.parameter(decoded.text).value_or(decoded.default_value);
+    case Opcode::kKeyPressed:
+      return host_.take_key();
+    case Opcode::kKeyDown: {
+      const double code = *decoded.scalars[0];
+      return code >= 1.0 && code < 1024.0 && host_.key_down(static_cast<int>(code)) ? 1.0 : 0.0;
+    }
+    case Opcode::kTimerRead:
+      return static_cast<float>(host_.read_timer_s(decoded.text));
+    case Opcode::kSurfaceHas:
+      return host_.has(decoded.text) ? 1.0 : 0.0;
+    case Opcode::kSurfaceTime:
+      return host_.time_s();
+    case Opcode::kSurfaceDt:
+      return host_.dt_s();
+    default:
+      return host_.tick();
   }
 }
 
@@ -186,15 +182,8 @@ HostStatus Vm::read_from_host(const DecodedInstruction& decoded, Plane to) {
   }
 }
 
-Status Vm::save_numbered_image(const DecodedInstruction& decoded) {
-  return to_status(
-      host_.save_image(numbered_file_name(decoded.text, *decoded.scalars[2]), *decoded.planes[0]));
-}
-
 std::string_view Vm::register_name(const DecodedInstruction& decoded) const {
-  return program_
-      .registers[program_.code[static_cast<std::size_t>(&decoded - decoded_.data())].operands[0].index]
-      .name;
+  return program_.registers[program_.code[&decoded - decoded_.data()].operands[0].index].name;
 }
 
 Status Vm::push_plugin_argument(const DecodedInstruction& decoded) {
@@ -248,28 +237,11 @@ void Vm::print_value(const DecodedInstruction& decoded) {
   }
 }
 
-Status Vm::set_surface_value(const DecodedInstruction& decoded, std::optional<double> value) {
-  if (!value) return fail(Status::kRefused, host_.message());
-  *decoded.destination_variable = program::to_scalar(*value);
-  return Status::kRunning;
-}
-
 Status Vm::to_status(HostStatus status) {
-  switch (status) {
-    case HostStatus::kOk:
-      return Status::kRunning;
-    case HostStatus::kClosed:
-      return Status::kClosed;
-    case HostStatus::kPeerLost:
-      return Status::kPeerLost;
-    case HostStatus::kInterrupted:
-      return Status::kInterrupted;
-    case HostStatus::kRefused:
-      return fail(Status::kRefused, host_.message());
-    case HostStatus::kFailed:
-      return fail(Status::kFailed, host_.message());
-  }
-  return Status::kFailed;
+  static constexpr Status kStatus[] = {Status::kRunning,     Status::kClosed,  Status::kPeerLost,
+                                       Status::kInterrupted, Status::kRefused, Status::kFailed};
+  const Status result = kStatus[static_cast<std::size_t>(status)];  // in the order of HostStatus
+  return status < HostStatus::kRefused ? result : fail(result, host_.message());
 }
 
 }  // namespace apron::vm

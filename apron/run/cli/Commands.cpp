@@ -18,6 +18,7 @@
 #include "apron/run/host/SurfaceHost.h"
 #include "apron/run/ui/UiRun.h"
 #include "apron/vm/Vm.h"
+#include "common/error/UserError.h"
 #include "common/files/AtomicFile.h"
 #include "common/process/StopSignals.h"
 
@@ -30,18 +31,16 @@ int print_error(int status, const std::string& text) {
   return status;
 }
 
-// An error message, or empty if every --set names a slider or switch of the program.
-std::string unknown_parameter_message(const Options& options, const program::Program& program) {
-  for (const auto& parameter : options.parameters) {
-    const std::string& name = parameter.first;
-    const auto named = [&](const program::Parameter& p) { return p.name == name; };
-    if (std::any_of(program.parameters.begin(), program.parameters.end(), named)) continue;
+// Throws common::UserError unless every --set names a slider or switch of the program.
+void check_parameters(const Options& options, const program::Program& program) {
+  for (const auto& [name, value] : options.parameters) {
+    const auto& all = program.parameters;
+    if (std::ranges::find(all, name, &program::Parameter::name) != all.end()) continue;
     std::string known;
-    for (const program::Parameter& p : program.parameters) known += (known.empty() ? "" : ", ") + p.name;
-    return "error: --set: the program has no slider or switch '" + name + "'; it has " +
-           (known.empty() ? "none" : known);
+    for (const program::Parameter& p : all) known += (known.empty() ? "" : ", ") + p.name;
+    throw common::UserError("--set: the program has no slider or switch '" + name + "'; it has " +
+                            (known.empty() ? "none" : known));
   }
-  return {};
 }
 
 bool is_endless_without_frames(const program::Program& program) {
@@ -70,14 +69,15 @@ vm::Status run_until_end(vm::Vm& vm, const Options& options, std::uint64_t& tick
   return vm::Status::kEnded;
 }
 
-// Checks before a run that its output file can probably be written. Returns the reason if not, or empty.
-std::string unwritable_reason(const std::string& file) {
+// Checks before a run that its profile can probably be written. Throws common::UserError.
+void check_profile_file(const std::string& file) {
   namespace fs = std::filesystem;
   std::error_code ignored;
   const fs::path folder = fs::absolute(file, ignored).parent_path();
-  if (fs::is_directory(file, ignored)) return "it is a folder";
-  if (!fs::is_directory(folder, ignored)) return "there is no folder " + folder.string();
-  return {};
+  const bool is_folder = fs::is_directory(file, ignored);
+  if (is_folder || !fs::is_directory(folder, ignored))
+    throw common::UserError("--profile " + file + ": " +
+                            (is_folder ? "it is a folder" : "there is no folder " + folder.string()));
 }
 
 bool write_profile(const program::Program& program, const std::vector<vm::InstructionProfile>& profile,
@@ -109,15 +109,6 @@ int exit_status(vm::Status status, const std::string& error, const Options& opti
   std::cerr << error << '\n';
   return status == vm::Status::kRefused ? common::kUserError : common::kFailed;
 }
-
-// The result of a run, with or without a user interface.
-struct RunResult {
-  vm::Status status = vm::Status::kEnded;
-  std::string error;
-  std::string save_error;
-  std::uint64_t ticks = 0;
-  std::vector<vm::InstructionProfile> profile;
-};
 
 RunResult run_headless(const Options& options, program::Program program, LocalHost& host) {
   vm::VmOptions vm_options;
@@ -152,18 +143,14 @@ int compile_and_run(const Options& options, std::uint32_t width, std::uint32_t h
   std::cerr << messages.text;
   if (!compiled) return common::kUserError;
   const program::Program& program = compiled->program;
-  if (const std::string message = unknown_parameter_message(options, program); !message.empty())
-    return print_error(common::kUserError, message);
-  if (const std::string message =
-          options.watch.empty() ? "" : TerminalMonitor::unknown_register_message(program, options.watch);
-      !message.empty())
-    return print_error(common::kUserError, "error: " + message);
-  if (const std::string reason = unsavable_reason(options.saved, program); !reason.empty())
-    return print_error(common::kUserError, "error: " + reason);
+  check_parameters(options, program);
+  if (!options.watch.empty() && !program::find_register(program, options.watch))
+    throw common::UserError("--watch: the program has no register " +
+                            program::unknown_register(program, options.watch));
+  check_saved(options.saved, program);
   if (options.ticks && is_endless_without_frames(program))
-    return print_error(common::kUserError,
-                       "error: --ticks " + std::to_string(*options.ticks) + ": " + options.program +
-                           " repeats forever without a frame: surface.step or sim.frame ends a tick");
+    throw common::UserError("--ticks " + std::to_string(*options.ticks) + ": " + options.program +
+                            " repeats forever without a frame: surface.step or sim.frame ends a tick");
   std::optional<CostModel> model;
   if (std::string error; !options.cost_model.empty()) {
     model = read_cost_model(find_library_file(options.cost_model), error);
@@ -175,14 +162,13 @@ int compile_and_run(const Options& options, std::uint32_t width, std::uint32_t h
   return with_host([&](LocalHost& host, const UiCallbacks& callbacks) {
     if (const std::string error = host.load_modules(program.modules, module_search_paths(options));
         !error.empty())
-      return print_error(common::kUserError, "error: " + error);
+      throw common::UserError(error);
     RunResult ran;
     if (options.uses_ui()) {
       UiRunResult ui_result =
           run_with_ui({options, *compiled, width, height, host, callbacks.on_pause, callbacks.on_finish});
-      if (!ui_result.ui_error.empty()) return print_error(common::kUserError, "error: " + ui_result.ui_error);
-      ran = {ui_result.status, std::move(ui_result.error), std::move(ui_result.save_error), ui_result.ticks,
-             std::move(ui_result.profile)};
+      if (!ui_result.ui_error.empty()) throw common::UserError(ui_result.ui_error);
+      ran = std::move(ui_result);
     } else {
       ran = run_headless(options, program, host);
     }
@@ -258,12 +244,10 @@ int run_on_surface(const Options& options) {
 
 int run_program(const Options& options) {
   common::catch_stop_signals();
-  if (const std::string reason = options.profile.empty() ? "" : unwritable_reason(options.profile);
-      !reason.empty())
-    return print_error(common::kUserError, "error: --profile " + options.profile + ": " + reason);
+  if (!options.profile.empty()) check_profile_file(options.profile);
   if (options.uses_ui())
     if (const std::string reason = ui_unavailable_reason(options); !reason.empty())
-      return print_error(common::kUserError, "error: " + reason);
+      throw common::UserError(reason);
   try {
     return options.surface.empty() ? run_local(options) : run_on_surface(options);
   } catch (const shm_protocol::Error& error) {
@@ -282,7 +266,7 @@ int check_program(const Options& options) {
                 << ": warning: the program uses the surface and never reaches surface.step, "
                 << "for which the surface waits\n";
     } else if (const std::optional<std::size_t> loop = program::find_loop_without_step(*program)) {
-      const program::SourceLocation& source = program->source_locations[program->code[*loop].source_location];
+      const program::SourceLocation& source = *program::find_location(*program, *loop);
       std::cerr << program->files[source.file] << ':' << source.line << ": warning: from here the program "
                 << "repeats forever without surface.step, for which the surface waits\n";
     }
@@ -290,8 +274,7 @@ int check_program(const Options& options) {
   if (!options.local_check) return common::kDone;
   const std::vector<program::NonLocalInstruction> nonlocal = program::find_nonlocal_instructions(*program);
   for (const program::NonLocalInstruction& instruction : nonlocal) {
-    const program::SourceLocation& source =
-        program->source_locations[program->code[instruction.instruction].source_location];
+    const program::SourceLocation& source = *program::find_location(*program, instruction.instruction);
     std::cout << program->files[source.file] << ':' << source.line << ": not local: " << instruction.reason
               << '\n';
   }

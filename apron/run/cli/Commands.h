@@ -1,5 +1,5 @@
-// `apron run`, `check`, `disasm`, `fmt` and `import`. Each prints its result or diagnostics and returns the exit
-// status.
+// `apron run`, `check`, `disasm`, `fmt` and `import`. Each prints its result or diagnostics and returns the
+// exit status.
 #pragma once
 
 #include "apron/run/cli/Options.h"

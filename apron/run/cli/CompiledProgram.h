@@ -28,11 +28,11 @@ struct CompilerMessages {
 std::optional<CompiledProgram> compile_with_sources(const Options& options, std::uint32_t width,
                                                     std::uint32_t height, CompilerMessages& messages);
 
-// Adds the custom palettes of --palettes, or of palettes.txt beside the program. Call it once, before compiling.
-// Throws common::UserError.
+// Adds the custom palettes of --palettes, or of palettes.txt beside the program. Call it once, before
+// compiling. Throws common::UserError.
 void load_palettes(const Options& options);
 
-// Like compile_with_sources(); prints errors to stderr.
+// Compiles as compile_with_sources() does, and prints the messages to stderr.
 std::optional<program::Program> compile_or_report(const Options& options, std::uint32_t width,
                                                   std::uint32_t height);
 

@@ -1,7 +1,8 @@
 #include "apron/run/cli/Options.h"
 
+#include <fmt/format.h>
+
 #include <CLI/CLI.hpp>
-#include <algorithm>
 #include <charconv>
 #include <cmath>
 #include <cstdlib>
@@ -19,6 +20,12 @@ constexpr const char* kFooter =
     "(command line, program, file, channel); 3 surface lost; 128 + n after signal n (130 after Ctrl-C),\n"
     "cleanly detached. Files that a program opens or saves are relative to the current directory.";
 
+template <class... Arguments>
+[[noreturn]] void refuse(const std::string& option, fmt::format_string<Arguments...> reason,
+                         Arguments&&... arguments) {
+  throw CLI::ValidationError(option, fmt::format(reason, std::forward<Arguments>(arguments)...));
+}
+
 template <class Number>
 bool parse_number(std::string_view text, Number& value) {
   const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
@@ -29,8 +36,7 @@ CLI::Validator whole_number_validator(std::uint64_t min_value, std::uint64_t max
   return {[=](std::string& text) {
             std::uint64_t value = 0;
             if (parse_number(text, value) && value >= min_value && value <= max_value) return std::string();
-            return "'" + text + "' is not a whole number from " + std::to_string(min_value) + " to " +
-                   std::to_string(max_value);
+            return fmt::format("'{}' is not a whole number from {} to {}", text, min_value, max_value);
           },
           ""};
 }
@@ -42,6 +48,18 @@ CLI::Validator seconds_validator() {
             return "'" + text + "' is not a time in seconds from 0 to 1000000";
           },
           ""};
+}
+
+// An option with a value, and one that may be repeated, each with one value.
+template <class Target>
+CLI::Option* add_value(CLI::App& command, const std::string& name, Target& target, const std::string& type,
+                       const std::string& help) {
+  return command.add_option(name, target, help)->type_name(type);
+}
+template <class Target>
+void add_repeated(CLI::App& command, const std::string& name, Target& target, const std::string& type,
+                  const std::string& help) {
+  add_value(command, name, target, type, help)->allow_extra_args(false);
 }
 
 // Options as typed by the user, before validation.
@@ -61,9 +79,8 @@ void parse_size(RawOptions& raw) {
                      parse_number(text.substr(x + 1), options.height) && options.width > 0 &&
                      options.height > 0 && std::size_t{options.width} * options.height <= program::kMaxCells;
   if (!valid)
-    throw CLI::ValidationError("--size", "'" + raw.size +
-                                             "' is not WIDTHxHEIGHT, such as 64x64, of at most " +
-                                             std::to_string(program::kMaxCells) + " cells");
+    refuse("--size", "'{}' is not WIDTHxHEIGHT, such as 64x64, of at most {} cells", raw.size,
+           program::kMaxCells);
 }
 
 void parse_parameter(RawOptions& raw, const std::string& text) {
@@ -71,7 +88,7 @@ void parse_parameter(RawOptions& raw, const std::string& text) {
   float value = 0;
   if (equals == std::string::npos || equals == 0 ||
       !parse_number(std::string_view(text).substr(equals + 1), value) || !std::isfinite(value))
-    throw CLI::ValidationError("--set", "'" + text + "' is not NAME=VALUE with a number, such as speed=0.5");
+    refuse("--set", "'{}' is not NAME=VALUE with a number, such as speed=0.5", text);
   raw.options.parameters[text.substr(0, equals)] = value;
 }
 
@@ -79,15 +96,15 @@ double parse_positive(const std::string& option, const std::string& text, double
                       const std::string& expected) {
   double value = 0;
   if (parse_number(text, value) && value > 0.0 && value <= max_value) return value;
-  throw CLI::ValidationError(option, "'" + text + "' is not " + expected);
+  refuse(option, "'{}' is not {}", text, expected);
 }
 
 void parse_frame_rate(RawOptions& raw) {
   FrameRate& rate = raw.options.frame_rate;
   if (!raw.options.surface.empty()) {
     if (!raw.pace.empty() || !raw.frames_per_s.empty())
-      throw CLI::ValidationError(raw.pace.empty() ? "--fps" : "--pace",
-                                 "cannot be combined with --shm: the surface sets the pace");
+      refuse(raw.pace.empty() ? "--fps" : "--pace",
+             "cannot be combined with --shm: the surface sets the pace");
     return;
   }
   if (!raw.frames_per_s.empty())
@@ -102,7 +119,7 @@ void parse_saves(RawOptions& raw) {
   for (const std::string& text : raw.saves) {
     const std::size_t equals = text.find('=');
     if (equals == std::string::npos || equals == 0 || equals + 1 == text.size())
-      throw CLI::ValidationError("--save", "'" + text + "' is not REGISTER=FILE, such as A=a.npy");
+      refuse("--save", "'{}' is not REGISTER=FILE, such as A=a.npy", text);
     raw.options.saved.push_back({text.substr(0, equals), text.substr(equals + 1)});
   }
 }
@@ -111,48 +128,34 @@ void parse_keys(RawOptions& raw) {
   for (const std::string& text : raw.keys) {
     std::string error;
     const std::optional<KeyPress> press = parse_key_press(text, error);
-    if (!press) throw CLI::ValidationError("--keys", error);
+    if (!press) refuse("--keys", "{}", error);
     raw.options.keys.push_back(*press);
   }
 }
 
 void add_common_options(CLI::App& command, RawOptions& raw, bool takes_program = true) {
-  if (takes_program)
-    command.add_option("program", raw.options.program, "APRON program")->type_name("FILE")->required();
-  command
-      .add_option("-I", raw.options.include_paths,
-                  "search this directory for included files before the installed library")
-      ->type_name("DIR")
-      ->allow_extra_args(false);
+  if (takes_program) add_value(command, "program", raw.options.program, "FILE", "APRON program")->required();
+  add_repeated(command, "-I", raw.options.include_paths, "DIR",
+               "search this directory for included files before the installed library");
   command.add_flag("--original", raw.options.original,
                    "the program is one of APRON 2.9: include original.aps before its first line");
-  command
-      .add_option("--palettes", raw.options.palettes,
-                  "file of custom palettes [palettes.txt beside the program, if there is one]")
-      ->type_name("FILE");
-  command.add_option("--size", raw.size, "array size without a surface [64x64]")->type_name("WxH");
+  add_value(command, "--palettes", raw.options.palettes, "FILE",
+            "file of custom palettes [palettes.txt beside the program, if there is one]");
+  add_value(command, "--size", raw.size, "WxH", "array size without a surface [64x64]");
 }
 
 void add_execution_options(CLI::App& run, RawOptions& raw) {
-  run.add_option("--set", raw.sets, "value of a slider or switch")
-      ->type_name("NAME=VALUE")
-      ->allow_extra_args(false);
-  run.add_option(
-         "--camera", raw.options.cameras,
-         "device [/dev/video0], video, picture or folder of pictures that webcam.open(0) opens; repeat the "
-         "option for webcam.open(1) and so on")
-      ->type_name("DEVICE|FILE.y4m|PICTURE|FOLDER")
-      ->allow_extra_args(false);
-  run.add_option("--threads", raw.options.threads,
-                 "worker threads for large arrays; results do not depend on it [1]")
-      ->type_name("N")
+  add_repeated(run, "--set", raw.sets, "NAME=VALUE", "value of a slider or switch");
+  add_repeated(run, "--camera", raw.options.cameras, "DEVICE|FILE.y4m|PICTURE|FOLDER",
+               "device [/dev/video0], video, picture or folder of pictures that webcam.open(0) opens; repeat "
+               "the option for webcam.open(1) and so on");
+  add_value(run, "--threads", raw.options.threads, "N",
+            "worker threads for large arrays; results do not depend on it [1]")
       ->check(whole_number_validator(1, 256));
-  run.add_option(
-         "--isa", raw.isa,
-         "vector instructions: avx512, avx2, or portable, which is what other CPUs use; results do not "
-         "depend on it [" +
-             std::string(vm::instruction_set_name(vm::best_instruction_set())) + "]")
-      ->type_name("NAME");
+  add_value(run, "--isa", raw.isa, "NAME",
+            "vector instructions: avx512, avx2, or portable, which is what other CPUs use; results do not "
+            "depend on it [" +
+                std::string(vm::instruction_set_name(vm::best_instruction_set())) + "]");
 }
 
 // The second line of --version.
@@ -166,16 +169,15 @@ std::string array_code_description() {
 void parse_instruction_set(RawOptions& raw) {
   if (raw.isa.empty()) return;
   const std::optional<vm::InstructionSet> isa = vm::find_instruction_set(raw.isa);
-  if (!isa) throw CLI::ValidationError("--isa", "'" + raw.isa + "' is not avx512, avx2 or portable");
+  if (!isa) refuse("--isa", "'{}' is not avx512, avx2 or portable", raw.isa);
   if (!vm::is_supported(*isa))
-    throw CLI::ValidationError("--isa",
-                               "this computer does not have " + raw.isa + "; its best is " +
-                                   std::string(vm::instruction_set_name(vm::best_instruction_set())));
+    refuse("--isa", "this computer does not have {}; its best is {}", raw.isa,
+           vm::instruction_set_name(vm::best_instruction_set()));
   raw.options.isa = *isa;
 }
 
 void add_format_options(CLI::App& format, RawOptions& raw) {
-  format.add_option("programs", raw.options.files, "APRON programs")->type_name("FILE")->required();
+  add_value(format, "programs", raw.options.files, "FILE", "APRON programs")->required();
   format.add_flag("--write", raw.options.write, "rewrite the files instead of printing the formatted text");
   format.add_flag("--check", raw.options.check_only,
                   "only list files that need formatting; exit status 1 if there are any");
@@ -183,70 +185,55 @@ void add_format_options(CLI::App& format, RawOptions& raw) {
 
 void add_run_options(CLI::App& run, RawOptions& raw) {
   add_common_options(run, raw);
-  run.add_option("--shm", raw.options.surface, "connect to the surface with this name and use its size")
-      ->type_name("NAME");
-  run.add_option("--ticks", raw.options.ticks, "stop after N executions of surface.step or sim.frame")
-      ->type_name("N")
+  add_value(run, "--shm", raw.options.surface, "NAME",
+            "connect to the surface with this name and use its size");
+  add_value(run, "--ticks", raw.options.ticks, "N", "stop after N executions of surface.step or sim.frame")
       ->check(whole_number_validator(1, std::numeric_limits<std::uint64_t>::max()));
-  run.add_option(
-         "--pace", raw.pace,
-         "without a surface: max, realtime, or program seconds per second [max; realtime with --window]")
-      ->type_name("PACE");
-  run.add_option("--fps", raw.frames_per_s, "without a surface: frames per second of the program's time [30]")
-      ->type_name("N");
-  run.add_option("--keys", raw.keys, "key that is down during these frames, for io.key; may be repeated")
-      ->type_name("KEY@FIRST[-LAST]")
-      ->allow_extra_args(false);
+  add_value(run, "--pace", raw.pace, "PACE",
+            "without a surface: max, realtime, or program seconds per second [max; realtime with --window]");
+  add_value(run, "--fps", raw.frames_per_s, "N",
+            "without a surface: frames per second of the program's time [30]");
+  add_repeated(run, "--keys", raw.keys, "KEY@FIRST[-LAST]",
+               "key that is down during these frames, for io.key; may be repeated");
   add_execution_options(run, raw);
   run.add_flag("--timers", raw.options.timers,
                "timers measure wall time, as with --window; by default they read 0");
   run.add_flag("--reconnect", raw.options.reconnect,
                "when the surface is lost, wait for a new one and restart the program");
-  run.add_option("--wait", raw.options.wait_s, "how long to wait for the surface to appear [5]")
-      ->type_name("SECONDS")
+  add_value(run, "--wait", raw.options.wait_s, "SECONDS", "how long to wait for the surface to appear [5]")
       ->check(seconds_validator());
   run.add_flag("--window", raw.options.window, "open a window with registers, program and controls");
   run.add_flag("--hold", raw.options.hold, "with --window: start paused before the first line");
   run.add_flag("--reset-layout", raw.options.reset_layout, "with --window: forget the sizes of its panes");
-  run.add_option("--geometry", raw.geometry,
-                 "size of the window or picture, and position of the window ('beside', the default with "
-                 "--shm: next to "
-                 "the simulator's)")
-      ->type_name("WxH[+X+Y]");
-  run.add_option("--show", raw.options.show, "register to enlarge at the start")->type_name("REGISTER");
-  run.add_option("--screenshot", raw.screenshots,
-                 "save a picture of the window after that tick, or at the end")
-      ->type_name("FILE.png[@TICK]")
-      ->allow_extra_args(false);
-  run.add_option("--video", raw.options.video,
-                 "record a video of the window, 30 frames per second of the surface's or program's time")
-      ->type_name("FILE.mp4");
-  run.add_option("--save", raw.saves, "write this register to a .npy, .csv or picture file at the end")
-      ->type_name("REGISTER=FILE")
-      ->allow_extra_args(false);
-  run.add_option("--watch", raw.options.watch,
-                 "draw this register while the program runs; if stdout is not a terminal, once at the end")
-      ->type_name("REGISTER")
+  add_value(run, "--geometry", raw.geometry, "WxH[+X+Y]",
+            "size of the window or picture, and position of the window ('beside', the default with --shm: "
+            "next to the simulator's)");
+  add_value(run, "--show", raw.options.show, "REGISTER", "register to enlarge at the start");
+  add_repeated(run, "--screenshot", raw.screenshots, "FILE.png[@TICK]",
+               "save a picture of the window after that tick, or at the end");
+  add_value(run, "--video", raw.options.video, "FILE.mp4",
+            "record a video of the window, 30 frames per second of the surface's or program's time");
+  add_repeated(run, "--save", raw.saves, "REGISTER=FILE",
+               "write this register to a .npy, .csv or picture file at the end");
+  add_value(run, "--watch", raw.options.watch, "REGISTER",
+            "draw this register while the program runs; if stdout is not a terminal, once at the end")
       ->excludes("--window")
       ->excludes("--screenshot")
       ->excludes("--video");
-  run.add_option("--profile", raw.options.profile,
-                 "write execution counts and times per instruction and line to this file, as JSON")
-      ->type_name("FILE");
-  run.add_option("--cost-model", raw.options.cost_model,
-                 "with --profile: add the estimated cost on the processor array that this file describes")
-      ->type_name("FILE");
+  add_value(run, "--profile", raw.options.profile, "FILE",
+            "write execution counts and times per instruction and line to this file, as JSON");
+  add_value(run, "--cost-model", raw.options.cost_model, "FILE",
+            "with --profile: add the estimated cost on the processor array that this file describes");
 }
 
 void add_import_options(CLI::App& import, RawOptions& raw) {
-  import.add_option("kernel", raw.options.program, "SCAMP-5 kernels in C++, or a list of instructions")
-      ->type_name("FILE")
+  add_value(import, "kernel", raw.options.program, "FILE",
+            "SCAMP-5 kernels in C++, or a list of instructions")
       ->required();
-  import
-      .add_option("--output", raw.options.output, "write the program to this file instead of standard output")
-      ->type_name("FILE.aps");
-  import.add_option("--picture", raw.options.picture, "picture that the imported program takes as its light")
-      ->type_name("FILE");
+  add_value(import, "--output", raw.options.output, "FILE.aps",
+            "write the program to this file instead of standard output");
+  add_value(import, "--picture", raw.options.picture, "FILE",
+            "picture that the imported program takes as its light");
 }
 
 void parse_geometry(RawOptions& raw) {
@@ -277,10 +264,10 @@ void parse_geometry(RawOptions& raw) {
     geometry.position = {x, y};
   }
   if (!valid)
-    throw CLI::ValidationError("--geometry",
-                               "'" + raw.geometry +
-                                   "' is not WIDTHxHEIGHT or WIDTHxHEIGHT+X+Y in pixels, such as "
-                                   "1280x800+600+0, from 320x240 to 8192x8192");
+    refuse("--geometry",
+           "'{}' is not WIDTHxHEIGHT or WIDTHxHEIGHT+X+Y in pixels, such as 1280x800+600+0, from 320x240 to "
+           "8192x8192",
+           raw.geometry);
 }
 
 void parse_screenshot(RawOptions& raw, const std::string& text) {
@@ -288,12 +275,11 @@ void parse_screenshot(RawOptions& raw, const std::string& text) {
   if (const std::size_t at = text.rfind('@'); at != std::string::npos) {
     std::uint64_t tick = 0;
     if (!parse_number(std::string_view(text).substr(at + 1), tick))
-      throw CLI::ValidationError("--screenshot",
-                                 "'" + text + "' is not FILE.png or FILE.png@TICK with a whole number");
+      refuse("--screenshot", "'{}' is not FILE.png or FILE.png@TICK with a whole number", text);
     screenshot = {text.substr(0, at), tick};
   }
   if (!std::string_view(screenshot.file).ends_with(".png"))
-    throw CLI::ValidationError("--screenshot", "'" + screenshot.file + "': the file name must end in .png");
+    refuse("--screenshot", "'{}': the file name must end in .png", screenshot.file);
   raw.options.screenshots.push_back(std::move(screenshot));
 }
 
@@ -302,26 +288,21 @@ void validate_ui_options(RawOptions& raw) {
   parse_geometry(raw);
   for (const std::string& text : raw.screenshots) parse_screenshot(raw, text);
   if (options.window && (!options.screenshots.empty() || !options.video.empty()))
-    throw CLI::ValidationError("--window",
-                               "cannot be combined with --screenshot or --video, which need no display");
-  if (options.window && options.reconnect)
-    throw CLI::ValidationError("--window", "cannot be combined with --reconnect");
-  if (options.hold && !options.window) throw CLI::ValidationError("--hold", "requires --window");
-  if (options.reset_layout && !options.window)
-    throw CLI::ValidationError("--reset-layout", "requires --window");
+    refuse("--window", "cannot be combined with --screenshot or --video, which need no display");
+  if (options.window && options.reconnect) refuse("--window", "cannot be combined with --reconnect");
+  if (options.hold && !options.window) refuse("--hold", "requires --window");
+  if (options.reset_layout && !options.window) refuse("--reset-layout", "requires --window");
   if (!options.uses_ui() && (!raw.geometry.empty() || !options.show.empty()))
-    throw CLI::ValidationError(raw.geometry.empty() ? "--show" : "--geometry",
-                               "requires --window, --screenshot or --video");
+    refuse(raw.geometry.empty() ? "--show" : "--geometry", "requires --window, --screenshot or --video");
 }
 
 void validate_run_options(RawOptions& raw) {
   parse_instruction_set(raw);
   validate_ui_options(raw);
   if (!raw.options.cost_model.empty() && raw.options.profile.empty())
-    throw CLI::ValidationError("--cost-model", "requires --profile FILE, which receives the estimate");
+    refuse("--cost-model", "requires --profile FILE, which receives the estimate");
   if (!raw.size.empty() && !raw.options.surface.empty())
-    throw CLI::ValidationError("--size",
-                               "cannot be combined with --shm: the program uses the size of the surface");
+    refuse("--size", "cannot be combined with --shm: the program uses the size of the surface");
   for (const std::string& set : raw.sets) parse_parameter(raw, set);
   // The simulator passes its surface's name to the controllers that it starts.
   const char* environment_name = std::getenv("SMARTSURF_SHM");
@@ -361,7 +342,7 @@ ParsedOptions parse_options(int argc, char** argv) {
     if (!raw.size.empty()) parse_size(raw);
     if (run.parsed()) validate_run_options(raw);
     if (check.parsed() && !raw.profile.empty() && raw.profile != "local")
-      throw CLI::ValidationError("--profile", "'" + raw.profile + "' is unknown; known: local");
+      refuse("--profile", "'{}' is unknown; known: local", raw.profile);
     raw.options.local_check |= check.parsed() && !raw.profile.empty();
     raw.options.subcommand = run.parsed()      ? Subcommand::kRun
                              : check.parsed()  ? Subcommand::kCheck

@@ -32,7 +32,7 @@ void require_known_fields(const ordered_json& object, std::initializer_list<std:
   std::string known;
   for (const std::string_view field : fields) known += (known.empty() ? "" : ", ") + std::string(field);
   for (const auto& [key, value] : object.items())
-    if (std::find(fields.begin(), fields.end(), key) == fields.end())
+    if (std::ranges::find(fields, key) == fields.end())
       throw CostModelError{where + ": '" + key + "' is unknown; known: " + known};
 }
 
@@ -144,7 +144,7 @@ class MacroBilling {
     }
   }
 
-  // Whether the instruction belongs to a priced macro, and then its cost: 0 except for the first.
+  // Returns true if the instruction belongs to a priced macro. Its first instruction gets the cost of all.
   bool bill(std::size_t index, std::uint64_t executions, double cells, ProfileTotals& totals) {
     if (entries_.empty() || entries_[index].expansion == 0) return false;
     const Entry& entry = entries_[index];

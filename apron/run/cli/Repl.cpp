@@ -107,7 +107,7 @@ bool is_incomplete(const std::string& text) {
   for (const syntax::Line& line : syntax::lex(sources, file, diagnostics)) {
     const syntax::Token& first = line.tokens.front();
     const auto is = [&](std::initializer_list<std::string_view> words) {
-      return std::find(words.begin(), words.end(), first.text) != words.end();
+      return std::ranges::find(words, first.text) != words.end();
     };
     if (first.kind == syntax::TokenKind::kDirective) {
       conditions += is({"if"}) ? 1 : is({"endif"}) ? -1 : 0;
@@ -217,14 +217,14 @@ void Repl::handle_entry(const std::string& text) {
   std::string report, expression_report;
   const std::string word = strip(text);
   const auto known = [&](const NamedValue& one) { return one.name == word && one.width > kMaxNumberColumns; };
-  if (std::any_of(values_.begin(), values_.end(), known)) return show_value(word);
+  if (std::ranges::any_of(values_, known)) return show_value(word);
   Outcome outcome = compile_and_run(text, report);
   if (outcome == Outcome::kSuccess) {
     accepted_.push_back(text);
     return;
   }
   // An expression is not a statement: retry it as the argument of println().
-  const bool one_line = std::count(text.begin(), text.end(), '\n') == 1;
+  const bool one_line = std::ranges::count(text, '\n') == 1;
   if (outcome == Outcome::kCompileError && one_line && word.find("//") == std::string::npos) {
     outcome = compile_and_run("println(" + word + ")\n", expression_report);
     if (outcome == Outcome::kSuccess) return;
@@ -272,13 +272,13 @@ Repl::Outcome Repl::compile_and_run(const std::string& text, std::string& report
   for (std::size_t i = 0; i < program.registers.size(); ++i) {
     const vm::Plane plane = vm.plane(i);
     NamedValue value{program.registers[i].name, plane.width, plane.height, {}};
-    if (value.name.front() == '$') continue;
+    if (program::is_temporary(value.name)) continue;
     for (std::uint32_t y = 0; y < plane.height; ++y)
       value.cells.insert(value.cells.end(), plane.row(y), plane.row(y) + plane.width);
     values_.push_back(std::move(value));
   }
   for (std::size_t i = 0; i < program.variables.size(); ++i) {
-    if (program.variables[i].name.front() != '$')
+    if (!program::is_temporary(program.variables[i].name))
       values_.push_back({program.variables[i].name, 0, 0, {static_cast<float>(vm.variable(i))}});
   }
   return Outcome::kSuccess;
@@ -296,8 +296,7 @@ void Repl::show_names() {
 }
 
 void Repl::show_value(const std::string& name) {
-  const auto found =
-      std::find_if(values_.begin(), values_.end(), [&](const NamedValue& one) { return one.name == name; });
+  const auto found = std::ranges::find(values_, name, &NamedValue::name);
   if (found == values_.end()) {
     out_ << "there is no '" << name << "'; :names lists all names\n";
   } else if (found->width == 0) {

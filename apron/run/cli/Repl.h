@@ -48,7 +48,7 @@ class Repl {
 
 int run_repl(const Options& options);
 
-// Whether the text has an unclosed block, macro or conditional directive, or ends in a line continuation.
+// True if the text has an unclosed block, macro or conditional directive, or ends in a line continuation.
 bool is_incomplete(const std::string& text);
 
 // Renders row-major cells as characters, denser for larger values, at most `columns` wide. The last line

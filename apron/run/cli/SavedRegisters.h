@@ -14,10 +14,12 @@ struct SavedRegister {
   std::string name, file;
 };
 
-// Why the program cannot have these registers saved, in one line; empty if it can. Checks names, not contents.
-std::string unsavable_reason(const std::vector<SavedRegister>&, const program::Program&);
+// Throws common::UserError if the program has no such register, or the file's name no extension that is
+// known.
+void check_saved(const std::vector<SavedRegister>&, const program::Program&);
 
-// Writes .npy and .csv files as io.array.save does, and pictures as io.image.save. Returns a one-line error, or empty.
+// Writes .npy and .csv files as io.array.save does, and pictures as io.image.save. Returns a one-line error,
+// or empty.
 std::string save_registers(const std::vector<SavedRegister>&, const vm::Vm&, vm::Host&);
 
 }  // namespace apron::run

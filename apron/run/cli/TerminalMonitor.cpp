@@ -6,9 +6,6 @@
 
 #include <algorithm>
 #include <cstdio>
-#include <vector>
-
-#include "common/text/Suggestion.h"
 
 namespace apron::run {
 namespace {
@@ -29,26 +26,16 @@ TerminalSize terminal_size() {
 
 // Rows of text occupied by the headline and the picture.
 std::uint32_t count_rows(const std::string& frame) {
-  return static_cast<std::uint32_t>(std::count(frame.begin(), frame.end(), '\n'));
+  return static_cast<std::uint32_t>(std::ranges::count(frame, '\n'));
 }
 
 }  // namespace
 
-std::string TerminalMonitor::unknown_register_message(const program::Program& program,
-                                                      const std::string& name) {
-  std::vector<std::string> known;
-  for (const program::Register& r : program.registers) {
-    if (r.name == name) return {};
-    if (r.name.substr(0, 1) != "$") known.push_back(r.name);
-  }
-  return "--watch: the program has no register '" + name + "'" + common::did_you_mean(name, known);
-}
-
 TerminalMonitor::TerminalMonitor(const vm::Vm& vm, const std::string& name)
     : vm_(vm),
+      register_(*program::find_register(vm.program(), name)),
       is_terminal_(isatty(STDOUT_FILENO) == 1),
       size_(is_terminal_ ? terminal_size() : TerminalSize{}) {
-  while (vm.program().registers[register_].name != name) ++register_;
   if (is_terminal_) size_.rows = std::max(size_.rows, kReservedRows + 2) - kReservedRows;
 }
 

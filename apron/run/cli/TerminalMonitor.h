@@ -13,9 +13,6 @@ namespace apron::run {
 // On a terminal the picture occupies the upper rows, and the program's output scrolls below it.
 class TerminalMonitor {
  public:
-  // An error message, or empty if the program has a register of that name.
-  static std::string unknown_register_message(const program::Program& program, const std::string& name);
-
   // name: an existing register of the VM's program. vm must outlive this. Writes to stdout.
   TerminalMonitor(const vm::Vm& vm, const std::string& name);
   ~TerminalMonitor();

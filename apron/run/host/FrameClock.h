@@ -24,10 +24,13 @@ class FrameClock {
   double time_s() const noexcept { return static_cast<double>(frame_) / rate_.per_s; }
   double period_s() const noexcept { return 1.0 / rate_.per_s; }
 
-  // Waits until the next frame is due and starts it. A program that is late does not catch up. kInterrupted if
-  // stop is raised meanwhile; the next call then resumes the wait.
+  // Waits until the next frame is due and starts it. A program that is late does not catch up. kInterrupted
+  // if stop is raised meanwhile; the next call then resumes the wait.
   vm::HostStatus advance(const std::atomic<bool>& stop);
-  void restart() noexcept { frame_ = 0, due_s_.reset(); }
+  void restart() noexcept {
+    frame_ = 0;
+    due_s_.reset();
+  }
 
  private:
   FrameRate rate_;

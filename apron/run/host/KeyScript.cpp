@@ -35,12 +35,11 @@ std::optional<KeyPress> parse_key_press(std::string_view text, std::string& erro
 }
 
 KeyScript::KeyScript(std::vector<KeyPress> presses) : presses_(std::move(presses)) {
-  std::stable_sort(presses_.begin(), presses_.end(),
-                   [](const KeyPress& a, const KeyPress& b) { return a.first < b.first; });
+  std::ranges::stable_sort(presses_, [](const KeyPress& a, const KeyPress& b) { return a.first < b.first; });
 }
 
 bool KeyScript::is_down(int code, std::uint64_t frame) const noexcept {
-  return std::any_of(presses_.begin(), presses_.end(), [&](const KeyPress& press) {
+  return std::ranges::any_of(presses_, [&](const KeyPress& press) {
     return press.code == code && press.first <= frame && frame < press.end;
   });
 }

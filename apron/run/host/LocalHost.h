@@ -76,7 +76,7 @@ class LocalHost : public vm::Host {
   std::optional<double> tick() const override { return static_cast<double>(frames_.frame()); }
   bool has(std::string_view) const override { return false; }
 
-  // Whether a surface has waited for the program's next surface.step long enough for a warning.
+  // True if a surface has waited for the program's next surface.step long enough for a warning.
   virtual bool surface_overdue() const { return false; }
 
  protected:

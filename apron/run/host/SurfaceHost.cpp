@@ -1,5 +1,7 @@
 #include "apron/run/host/SurfaceHost.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <charconv>
 #include <cmath>
@@ -147,36 +149,30 @@ HostStatus SurfaceHost::resolve_channel(Direction direction, std::string_view na
   const std::uint32_t components = surface.channels[target.channel].components;
   if (component.empty() ? components == 1 : parse_component(component, components, target.component))
     return HostStatus::kOk;
-  if (components == 1)
-    return report_status(HostStatus::kRefused, "channel '" + std::string(channel) +
-                                                   "' has one component per cell, not '" + std::string(name) +
-                                                   "': write '" + std::string(channel) + "'");
-  return report_status(HostStatus::kRefused, "channel '" + std::string(channel) + "' has " +
-                                                 std::to_string(components) + " components per cell, not '" +
-                                                 std::string(name) + "': write '" + std::string(channel) +
-                                                 "[0]' to '" + std::string(channel) + "[" +
-                                                 std::to_string(components - 1) + "]'");
+  return report_status(
+      HostStatus::kRefused,
+      components == 1
+          ? fmt::format("channel '{0}' has one component per cell, not '{1}': write '{0}'", channel, name)
+          : fmt::format("channel '{0}' has {1} components per cell, not '{2}': write '{0}[0]' to '{0}[{3}]'",
+                        channel, components, name, components - 1));
 }
 
 std::string SurfaceHost::unknown_channel_message(Direction direction, std::string_view name) const {
-  const std::string kind = direction == Direction::kSensor ? "sensor" : "actuator";
+  const std::string_view kind = direction == Direction::kSensor ? "sensor" : "actuator";
   std::string list;
   for (const ChannelSpec& c : surface_.description().channels)
     if (c.direction == direction) list += (list.empty() ? "" : ", ") + c.name;
-  std::string message("the surface has no ");
-  message += kind;
-  message += " channel '";
-  message += name;
-  message += "'; ";
-  return message += list.empty() ? "it has no " + kind + " channels" : "its " + kind + " channels: " + list;
+  return fmt::format("the surface has no {0} channel '{1}'; {2}", kind, name,
+                     list.empty() ? fmt::format("it has no {} channels", kind)
+                                  : fmt::format("its {} channels: {}", kind, list));
 }
 
 HostStatus SurfaceHost::check_shape(std::string_view name, const vm::ConstPlane& plane) {
   const shm_protocol::Description& surface = surface_.description();
   if (plane.width == surface.columns && plane.height == surface.rows) return HostStatus::kOk;
   return report_status(HostStatus::kRefused,
-                       "channel '" + std::string(name) + "' is " + std::to_string(surface.columns) + "x" +
-                           std::to_string(surface.rows) + ", but the register is " + vm::format_shape(plane));
+                       fmt::format("channel '{}' is {}x{}, but the register is {}", name, surface.columns,
+                                   surface.rows, vm::format_shape(plane)));
 }
 
 bool SurfaceHost::has(std::string_view channel) const {

@@ -32,8 +32,8 @@ class SurfaceHost final : public LocalHost {
   vm::HostStatus actuate(std::string_view channel, vm::ConstPlane from) override;
   vm::HostStatus actuate(std::string_view channel, float value) override;
   // Time-step mode: publishes the answer to the current sensor frame and waits for the next one; after
-  // kInterrupted the next call resumes the wait. Passive mode: the same, or, running free, publishes and takes
-  // the latest frame, which may be the current one.
+  // kInterrupted the next call resumes the wait. Passive mode: the same, or, running free, publishes and
+  // takes the latest frame, which may be the current one.
   vm::HostStatus step() override;
   void set_free_run(bool free_run) override { free_run_ = free_run; }
   void restart() override {

@@ -58,7 +58,7 @@ void InstructionListReader::translate_statement() {
   } else if (peek().kind == Kind::kName && peek(1).is("(")) {
     translate_call(main_, 0);
   } else if (!consume(";")) {
-    throw Untranslatable{fmt::format("'{}' begins no instruction", peek().text)};
+    give_up("'{}' begins no instruction", peek().text);
   }
 }
 

@@ -1,4 +1,4 @@
-// Lists of instructions, one a line, as code generators print them: y = op(a, b) or op(y, a, b).
+// Translates lists of instructions, one a line, as code generators print them: y = op(a, b) or op(y, a, b).
 #pragma once
 
 #include <string_view>

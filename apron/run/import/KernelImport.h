@@ -1,5 +1,5 @@
-// `apron import`: translates SCAMP-5 kernels, in the C++ of the chip's public tutorials or in the instruction lists
-// that code generators print, into a program that includes scamp5.aps.
+// `apron import`: translates SCAMP-5 kernels, in the C++ of the chip's public tutorials or in the instruction
+// lists that code generators print, into a program that includes scamp5.aps.
 #pragma once
 
 #include <cstddef>
@@ -24,7 +24,7 @@ KernelVocabulary read_vocabulary(std::string_view library);
 struct ImportNote {
   std::size_t line = 0;
   std::string text;
-  bool in_kernel = false;  // else of the program around the kernels, which runs on the controller
+  bool in_kernel = false;  // false for the program around the kernels, which runs on the controller
 };
 
 struct ImportedKernels {

@@ -22,8 +22,7 @@ bool is_type_word(const KernelToken& token) {
 }
 
 bool mentions(const KernelTokenList& tokens, const std::string& name) {
-  return std::any_of(tokens.begin(), tokens.end(),
-                     [&](const KernelToken& token) { return token.is_name(name); });
+  return std::ranges::any_of(tokens, [&](const KernelToken& token) { return token.is_name(name); });
 }
 
 }  // namespace
@@ -37,7 +36,7 @@ ImportedKernels KernelSourceReader::translate(KernelTokenList tokens) {
 
 void KernelSourceReader::skip_statement() {
   while (!at_end()) {
-    if (peek().is("(") || peek().is("[") || peek().is("{")) {
+    if (peek().opens_bracket()) {
       const bool is_block = peek().is("{");
       position_ = behind_bracket(position_);
       if (is_block && !peek().is(";") && !peek().is(")") && !peek().is(",")) return;
@@ -202,12 +201,12 @@ void KernelSourceReader::translate_file() {
       translate_directive();
     } else if (peek().kind == Kind::kComment || peek().is(";") || peek().is("}")) {
       ++position_;
-    } else if (peek().is_name("using") || peek().is_name("typedef") || peek().is_name("template")) {
+    } else if (peek().is_name_of({"using", "typedef", "template"})) {
       skip_statement();
-    } else if (peek().is_name("namespace") || peek().is_name("extern")) {
+    } else if (peek().is_name_of({"namespace", "extern"})) {
       while (!at_end() && !peek().is("{") && !peek().is(";")) ++position_;
       ++position_;
-    } else if (peek().is_name("class") || peek().is_name("struct") || peek().is_name("enum")) {
+    } else if (peek().is_name_of({"class", "struct", "enum"})) {
       note(peek().line, fmt::format("the {} '{}' is left out", peek().text, peek(1).text));
       skip_statement();
     } else if (const auto kernel = kernel_object_at(position_)) {
@@ -266,9 +265,7 @@ void KernelSourceReader::translate_statement(ProgramLines& out, int depth) {
   try {
     dispatch_statement(out, depth);
   } catch (const Untranslatable& error) {
-    const bool is_block = tokens_[start].is_name("for") || tokens_[start].is_name("while") ||
-                          tokens_[start].is_name("if") || tokens_[start].is_name("switch") ||
-                          tokens_[start].is_name("do");
+    const bool is_block = tokens_[start].is_name_of({"for", "while", "if", "switch", "do"});
     note(line, error.reason);
     if (in_kernel_ || is_block)
       emit(out, depth, fmt::format("// not translated (line {}): {}", line, error.reason));
@@ -292,9 +289,8 @@ void KernelSourceReader::dispatch_statement(ProgramLines& out, int depth) {
   if (first.is_name("for")) return translate_for(out, depth);
   if (first.is_name("while")) return translate_while(out, depth);
   if (first.is_name("if")) return translate_if(out, depth);
-  if (first.is_name("do") || first.is_name("switch") || first.is_name("case"))
-    throw Untranslatable{fmt::format("'{}' has no counterpart", first.text)};
-  if ((first.is_name("break") || first.is_name("continue")) && peek(1).is(";")) {
+  if (first.is_name_of({"do", "switch", "case"})) give_up("'{}' has no counterpart", first.text);
+  if (first.is_name_of({"break", "continue"}) && peek(1).is(";")) {
     emit(out, depth, first.text);
     position_ += 2;
     return;
@@ -305,7 +301,7 @@ void KernelSourceReader::dispatch_statement(ProgramLines& out, int depth) {
   }
   if (first.is_name("using")) return skip_statement();
   if (is_type_word(first)) return translate_declaration(out, depth);
-  if (first.kind != Kind::kName) throw Untranslatable{fmt::format("'{}' begins no statement", first.text)};
+  if (first.kind != Kind::kName) give_up("'{}' begins no statement", first.text);
   while (peek(1).is("::")) position_ += 2;
   if (peek(1).is("(")) return translate_call(out, depth);
   translate_assignment(out, depth, statement_end(position_));
@@ -315,18 +311,18 @@ void KernelSourceReader::dispatch_statement(ProgramLines& out, int depth) {
 std::size_t KernelSourceReader::statement_end(std::size_t first) const {
   std::size_t i = first;
   while (i + 1 < tokens_.size() && !tokens_[i].is(";") && !tokens_[i].is("}"))
-    i = tokens_[i].is("(") || tokens_[i].is("[") || tokens_[i].is("{") ? behind_bracket(i) : i + 1;
+    i = tokens_[i].opens_bracket() ? behind_bracket(i) : i + 1;
   return i;
 }
 
 void KernelSourceReader::translate_declaration(ProgramLines& out, int depth) {
   while (is_type_word(peek()) || peek().is("*") || peek().is("&")) ++position_;
-  if (peek().kind != Kind::kName) throw Untranslatable{"a declaration without a name"};
+  if (peek().kind != Kind::kName) give_up("a declaration without a name");
   if (peek(1).is("(")) return skip_statement();  // a prototype
   const std::size_t end = statement_end(position_);
   do {
     while (peek().is("*") || peek().is("&")) ++position_;
-    if (peek().kind != Kind::kName) throw Untranslatable{"a declaration without a name"};
+    if (peek().kind != Kind::kName) give_up("a declaration without a name");
     if (peek(1).is("[")) arrays_.insert(peek().text);
     const std::size_t declarator_end = argument_end(position_, end);
     if (position_ + 1 < declarator_end) {
@@ -344,8 +340,7 @@ void KernelSourceReader::translate_declaration(ProgramLines& out, int depth) {
 // The next ',' outside brackets, at most end.
 std::size_t KernelSourceReader::argument_end(std::size_t first, std::size_t end) const {
   std::size_t i = first;
-  while (i < end && !tokens_[i].is(","))
-    i = tokens_[i].is("(") || tokens_[i].is("[") || tokens_[i].is("{") ? behind_bracket(i) : i + 1;
+  while (i < end && !tokens_[i].is(",")) i = tokens_[i].opens_bracket() ? behind_bracket(i) : i + 1;
   return std::min(i, end);
 }
 
@@ -364,7 +359,7 @@ void KernelSourceReader::translate_assignment(ProgramLines& out, int depth, std:
          is_compound ? fmt::format("{0} = {0} {1} ({2})", target, op.text.substr(0, 1), value)
                      : fmt::format("{} = {}", target, value));
   } else {
-    throw Untranslatable{fmt::format("'{} {} …' is code of the controller", name, op.text)};
+    give_up("'{} {} …' is code of the controller", name, op.text);
   }
   known_names_.insert(name);
   position_ = end;

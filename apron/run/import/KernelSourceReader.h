@@ -1,9 +1,9 @@
-// Kernels in the C++ of the chip's public tutorials: functions become macros, loops and conditions those of APRON.
+// Translates kernels in the C++ of the chip's public tutorials. Functions become macros, and loops and
+// conditions those of APRON.
 #pragma once
 
 #include <optional>
 #include <string>
-#include <string_view>
 #include <vector>
 
 #include "apron/run/import/KernelTranslation.h"
@@ -21,7 +21,7 @@ class KernelSourceReader final : KernelTranslation {
   struct Function {
     std::string name;
     std::vector<std::string> parameters;
-    std::size_t body = 0, end = 0;          // positions of its '{' and behind its '}'
+    std::size_t body = 0, end = 0;          // positions of its '{' and after its '}'
     std::vector<KernelTokenList> defaults;  // of the last parameters
   };
   // A function-like macro of the preprocessor.
@@ -29,21 +29,21 @@ class KernelSourceReader final : KernelTranslation {
     std::string name;
     std::vector<std::string> parameters;
     KernelTokenList words;  // of the definition
-    std::size_t body = 0;   // position behind its ')'
+    std::size_t body = 0;   // position after its ')'
   };
-  // for (variable = first; …; …) with its last value.
+  // A loop for (variable = first; …; …) with its last value.
   struct CountedLoop {
     std::string variable, first, last, stride;
     std::string repetitions;  // empty if the variable must be counted
   };
 
-  // Behind the next ';' outside brackets, or at a '}' that closes the surrounding block.
+  // Continues after the next ';' outside brackets, or at a '}' that closes the surrounding block.
   void skip_statement();
   std::optional<Function> function_at(std::size_t first) const;
   // A kernel object: scamp5_kernel name([]{ … });
   std::optional<Function> kernel_object_at(std::size_t i) const;
   std::optional<FunctionMacro> function_macro(const KernelToken& directive) const;
-  // Whether an instruction of the chip, or a function with one, is called between the positions.
+  // True if an instruction of the chip, or a function with one, is called between the positions.
   bool has_instruction(const KernelTokenList& tokens, std::size_t first, std::size_t last) const;
   // The functions and macros that become macros of the program.
   void collect_functions();

@@ -1,8 +1,10 @@
 // Tokens of a C++ kernel source: what `apron import` reads of the language.
 #pragma once
 
+#include <algorithm>
 #include <cstddef>
 #include <cstdint>
+#include <initializer_list>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -26,10 +28,15 @@ struct KernelToken {
 
   bool is(std::string_view symbol) const { return kind == KernelTokenKind::kPunctuator && text == symbol; }
   bool is_name(std::string_view name) const { return kind == KernelTokenKind::kName && text == name; }
+  bool is_name_of(std::initializer_list<std::string_view> names) const {
+    return kind == KernelTokenKind::kName && std::ranges::find(names, text) != names.end();
+  }
+  bool opens_bracket() const { return is("(") || is("[") || is("{"); }
+  bool closes_bracket() const { return is(")") || is("]") || is("}"); }
 };
 
-// Ends with a kEnd token. Unknown characters are punctuators of their own. Binary and digit-separated numbers are
-// rewritten as decimals, and the suffixes of integers are dropped.
+// Ends with a kEnd token. Unknown characters are punctuators of their own. Binary and digit-separated numbers
+// are rewritten as decimals, and the suffixes of integers are dropped.
 std::vector<KernelToken> scan_kernel_source(std::string_view text, std::size_t first_line = 1);
 
 }  // namespace apron::run

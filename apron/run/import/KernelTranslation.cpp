@@ -23,6 +23,25 @@ std::string plain_text(const KernelTokenList& tokens) {
 
 namespace {
 
+// The arguments between two positions, which commas outside brackets separate. Leaves comments out.
+std::vector<KernelTokenList> split_arguments(const KernelTokenList& tokens, std::size_t first,
+                                             std::size_t last) {
+  std::vector<KernelTokenList> arguments(1);
+  int depth = 0;
+  for (std::size_t i = first; i < last; ++i) {
+    const KernelToken& token = tokens[i];
+    if (token.kind == Kind::kComment) continue;
+    if (token.opens_bracket()) ++depth;
+    if (token.closes_bracket()) --depth;
+    if (depth == 0 && token.is(","))
+      arguments.emplace_back();
+    else
+      arguments.back().push_back(token);
+  }
+  if (arguments.size() == 1 && arguments[0].empty()) arguments.clear();
+  return arguments;
+}
+
 std::string counts(const std::set<std::size_t>& arities) {
   std::string text;
   for (const std::size_t arity : arities) text += (text.empty() ? "" : " or ") + std::to_string(arity);
@@ -47,8 +66,8 @@ std::size_t KernelTranslation::behind_bracket(std::size_t open) const {
   int depth = 0;
   for (std::size_t i = open; i < tokens_.size(); ++i) {
     const KernelToken& token = tokens_[i];
-    if (token.is("(") || token.is("[") || token.is("{")) ++depth;
-    if ((token.is(")") || token.is("]") || token.is("}")) && --depth == 0) return i + 1;
+    if (token.opens_bracket()) ++depth;
+    if (token.closes_bracket() && --depth == 0) return i + 1;
   }
   return tokens_.size() - 1;
 }
@@ -61,23 +80,9 @@ KernelTokenList KernelTranslation::tokens_between(std::size_t first, std::size_t
 }
 
 std::vector<KernelTokenList> KernelTranslation::parse_arguments() {  // at the '('
-  const std::size_t close = behind_bracket(position_);
-  std::vector<KernelTokenList> arguments(1);
-  int depth = 0;
-  for (std::size_t i = position_ + 1; i + 1 < close; ++i) {
-    const KernelToken& token = tokens_[i];
-    if (token.kind == Kind::kComment) continue;
-    if (token.is("(") || token.is("[") || token.is("{")) ++depth;
-    if (token.is(")") || token.is("]") || token.is("}")) --depth;
-    if (depth == 0 && token.is(",")) {
-      arguments.emplace_back();
-    } else {
-      arguments.back().push_back(token);
-    }
-  }
-  if (arguments.size() == 1 && arguments[0].empty()) arguments.clear();
-  position_ = close;
-  return arguments;
+  const std::size_t first = position_ + 1;
+  position_ = behind_bracket(position_);
+  return split_arguments(tokens_, first, position_ - 1);
 }
 
 void KernelTranslation::note(std::size_t line, std::string text) {
@@ -88,8 +93,7 @@ std::string KernelTranslation::operand(const KernelToken& token, std::size_t lin
   if (token.text == "true") return "1";
   if (token.text == "false") return "0";
   if (parameters_.contains(token.text)) return "$" + token.text;
-  if (arrays_.contains(token.text))
-    throw Untranslatable{fmt::format("the array '{}' belongs to the controller", token.text)};
+  if (arrays_.contains(token.text)) give_up("the array '{}' belongs to the controller", token.text);
   const bool is_known = vocabulary_.names.contains(token.text) || known_names_.contains(token.text);
   if (!is_known && unset_.insert(token.text).second) {
     note(line == 0 ? token.line : line, fmt::format("'{}' has no value in the kernels; it is 0", token.text));
@@ -121,31 +125,24 @@ std::string KernelTranslation::expression(const KernelTokenList& tokens, std::si
                                                  "<=", ">=", "==", "!=", "&&", "||"};
     const bool bracket = token.is("(") || token.is(")");
     if (token.kind != Kind::kPunctuator || (!bracket && !token.is("!") && !kInfix.contains(token.text)))
-      throw Untranslatable{fmt::format("'{}' in an expression has no counterpart", token.text)};
+      give_up("'{}' in an expression has no counterpart", token.text);
     const bool infix = kInfix.contains(token.text) && after_value;
     text += infix ? " " + token.text + " " : token.text;
     after_value = token.is(")");
   }
-  if (text.empty()) throw Untranslatable{"a value is missing"};
+  if (text.empty()) give_up("a value is missing");
   return text;
 }
 
 std::string KernelTranslation::nested_call(const KernelTokenList& tokens, std::size_t& i) {
   const std::string name = tokens[i].text;
-  std::vector<KernelTokenList> arguments(1);
   int depth = 0;
   std::size_t end = i + 1;
   for (; end < tokens.size(); ++end) {
-    const KernelToken& token = tokens[end];
-    if (token.is(")") && --depth == 0) break;
-    if (depth == 1 && token.is(",")) {
-      arguments.emplace_back();
-    } else if (depth > 0) {
-      arguments.back().push_back(token);
-    }
-    if (token.is("(")) ++depth;
+    if (tokens[end].is("(")) ++depth;
+    if (tokens[end].is(")") && --depth == 0) break;
   }
-  if (arguments.size() == 1 && arguments[0].empty()) arguments.clear();
+  const std::vector<KernelTokenList> arguments = split_arguments(tokens, i + 2, end);
   const std::size_t line = tokens[i].line;
   i = end;
   return call_text(name, arguments, line, true);
@@ -162,14 +159,11 @@ std::string KernelTranslation::call_text(const std::string& name,
   if (found == table.end() && !is_function) {
     std::vector<std::string> known;
     for (const auto& [mnemonic, arities] : table) known.push_back(mnemonic);
-    if (in_kernel_)
-      throw Untranslatable{
-          fmt::format("scamp5.aps has no instruction '{}'{}", name, common::did_you_mean(name, known))};
-    throw Untranslatable{fmt::format("'{}' runs on the controller or host", name)};
+    if (in_kernel_) give_up("scamp5.aps has no instruction '{}'{}", name, common::did_you_mean(name, known));
+    give_up("'{}' runs on the controller or host", name);
   }
   if (!is_function && !found->second.contains(arguments.size()))
-    throw Untranslatable{
-        fmt::format("'{}' takes {} arguments, not {}", name, counts(found->second), arguments.size())};
+    give_up("'{}' takes {} arguments, not {}", name, counts(found->second), arguments.size());
   std::string text;
   const auto append = [&](const KernelTokenList& argument) {
     text += (text.empty() ? "(" : ", ") + expression(argument, line);
@@ -196,7 +190,7 @@ void KernelTranslation::translate_call(ProgramLines& out, int depth) {
   ++position_;
   const std::vector<KernelTokenList> arguments = parse_arguments();
   if (peek().kind == Kind::kPunctuator && !peek().is(";") && !peek().is("}") && !peek().is(")"))
-    throw Untranslatable{fmt::format("the expression that begins with '{}(…)' has no counterpart", name)};
+    give_up("the expression that begins with '{}(…)' has no counterpart", name);
   consume(";");
   if (name == "scamp5_kernel_begin" || name == "scamp5_kernel_end") {
     in_kernel_ = name == "scamp5_kernel_begin";
@@ -242,8 +236,7 @@ void KernelTranslation::translate_directions(ProgramLines& out, int depth,
   for (const KernelToken& token : arguments[2]) {
     if (token.is("|")) continue;
     const auto selector = kSelectors.find(token.text);
-    if (selector == kSelectors.end())
-      throw Untranslatable{fmt::format("'{}' is no direction", plain_text(arguments[2]))};
+    if (selector == kSelectors.end()) give_up("'{}' is no direction", plain_text(arguments[2]));
     selected += (selected.empty() ? "" : ", ") + selector->second;
   }
   const bool edge =

@@ -1,6 +1,8 @@
-// What the readers of `apron import` share: access to the tokens, calls and expressions, and the program being written.
-// Internal to the import.
+// What the readers of `apron import` share: access to the tokens, calls and expressions, and the program
+// being written. Internal to the import.
 #pragma once
+
+#include <fmt/format.h>
 
 #include <cstddef>
 #include <map>
@@ -22,10 +24,14 @@ using ProgramLines = std::vector<std::string>;
 struct Untranslatable {
   std::string reason;
 };
+template <class... Arguments>
+[[noreturn]] void give_up(fmt::format_string<Arguments...> reason, Arguments&&... arguments) {
+  throw Untranslatable{fmt::format(reason, std::forward<Arguments>(arguments)...)};
+}
 
-// A number, with or without a sign.
+// True for a number, with or without a sign.
 bool is_number(const KernelTokenList&);
-// The tokens without what stands between them.
+// The texts of the tokens, joined.
 std::string plain_text(const KernelTokenList&);
 
 class KernelTranslation {
@@ -34,30 +40,31 @@ class KernelTranslation {
   KernelTranslation(const KernelVocabulary& vocabulary, const ImportOptions& options)
       : vocabulary_(vocabulary), options_(options) {}
 
-  // ---- tokens: those at and behind position_
+  // ---- tokens from position_ on
   const KernelToken& peek(std::size_t offset = 0) const;
   bool at_end() const;
   bool consume(std::string_view symbol);
-  // The position behind the bracket that closes the one there; the end of the text if it is not closed.
+  // The position after the bracket that closes the one at `open`; the end of the text if it is not closed.
   std::size_t behind_bracket(std::size_t open) const;
   KernelTokenList tokens_between(std::size_t first, std::size_t last) const;
-  // Those of the '(' there; continues behind its ')'.
+  // The arguments in the brackets at position_, which moves after the ')'.
   std::vector<KernelTokenList> parse_arguments();
 
-  // ---- the program: lines, and the reasons why others are missing
+  // ---- the program, and notes on lines that are missing in it
   void note(std::size_t line, std::string text);
   static void emit(ProgramLines& out, int depth, const std::string& text);
-  // The comment there.
+  // Copies the comment at position_.
   void emit_comment(ProgramLines& out, int depth);
-  // The call there, of an instruction, a function or the chip's interface, up to its ';'. Throws Untranslatable.
+  // Translates the call at position_ of an instruction, a function or the chip's interface, up to its ';'.
+  // Throws Untranslatable.
   void translate_call(ProgramLines& out, int depth);
-  // All throw Untranslatable. line: for notes, 0 for that of the token.
+  // All throw Untranslatable. line: the line of notes; 0 for that of the token.
   std::string call_text(const std::string& name, const std::vector<KernelTokenList>& arguments,
                         std::size_t line, bool value);
   std::string expression(const KernelTokenList& tokens, std::size_t line = 0);
   // A name or number as the program writes it. A name without a value is reported, and becomes 0.
   std::string operand(const KernelToken& token, std::size_t line);
-  // The program, which ends the translation.
+  // Ends the translation and returns the program.
   ImportedKernels finish();
 
   const KernelVocabulary& vocabulary_;

@@ -48,7 +48,7 @@ std::vector<std::string> pictures_in(const std::string& folder) {
     if (is_image_name(entry.path().string())) files.push_back(entry.path().string());
   if (error) throw_refused(folder, "cannot be read: " + error.message());
   if (files.empty()) throw_refused(folder, "has no picture: .png, .pgm, .jpg, .jpeg or .bmp");
-  std::sort(files.begin(), files.end());
+  std::ranges::sort(files);
   return files;
 }
 

@@ -18,8 +18,9 @@ class Camera {
   virtual void read(const vm::Plane& to, const std::atomic<bool>& stop) = 0;
 };
 
-// Opens a Video4Linux device such as /dev/video0; a .y4m file; a picture; or a folder, whose pictures follow each
-// other by name. Of files, each read() takes the next frame, and after the last the first. Throws MediaError.
+// Opens a Video4Linux device such as /dev/video0; a .y4m file; a picture; or a folder, whose pictures follow
+// each other by name. Of files, each read() takes the next frame, and after the last the first. Throws
+// MediaError.
 std::unique_ptr<Camera> open_camera(const std::string& path);
 
 }  // namespace apron::run

@@ -2,7 +2,6 @@
 #pragma once
 
 #include <cstdint>
-#include <optional>
 #include <span>
 #include <string>
 
@@ -20,7 +19,7 @@ struct CaptureFormat {
   std::uint32_t bytes_per_line = 0;     // 0: no padding; unused for compressed formats
 };
 
-// In order of preference: grey, formats with separate luminance, JPEG.
+// The formats in order of preference: grey, formats with separate luminance, JPEG.
 std::span<const FourCc> supported_formats();
 std::string fourcc_name(FourCc code);
 

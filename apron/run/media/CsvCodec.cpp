@@ -1,6 +1,7 @@
 #include "apron/run/media/CsvCodec.h"
 
-#include <cmath>
+#include <fmt/format.h>
+
 #include <vector>
 
 #include "apron/run/media/MediaFile.h"
@@ -31,13 +32,13 @@ void decode_csv(const std::string& path, std::string_view text, const vm::Plane&
       ++columns;
       const auto value = common::parse_csv_number<float>(field);
       if (!value)
-        throw_refused(path, "line " + std::to_string(line) + ", field " + std::to_string(columns) + ": '" +
-                                std::string(field.substr(0, 40)) + "' is not a number");
+        throw_refused(
+            path, fmt::format("line {}, field {}: '{}' is not a number", line, columns, field.substr(0, 40)));
       cells.push_back(*value);
     }
     if (height > 0 && columns != width)
-      throw_refused(path, "line " + std::to_string(line) + " has " + std::to_string(columns) +
-                              " numbers, but the lines above have " + std::to_string(width));
+      throw_refused(path,
+                    fmt::format("line {} has {} numbers, but the lines above have {}", line, columns, width));
     width = columns;
     ++height;
   }

@@ -41,7 +41,7 @@ GreyFrame read_frame(const std::string& path) {
   const DecodedImage image = require_codec(path).decode(path, read_file(path), nullptr);
   GreyFrame frame{image.width, image.height, {}};
   frame.pixels.resize(image.pixels.size());
-  std::transform(image.pixels.begin(), image.pixels.end(), frame.pixels.begin(), to_byte);
+  std::ranges::transform(image.pixels, frame.pixels.begin(), to_byte);
   return frame;
 }
 

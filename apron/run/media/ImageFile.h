@@ -15,7 +15,7 @@ void read_image(const std::string& path, const vm::Plane& to);
 // A picture of any size up to program::kMaxCells pixels, rounded to whole values. Throws MediaError.
 GreyFrame read_frame(const std::string& path);
 
-// Whether the name ends as that of a picture.
+// True if the name has the extension of a picture.
 bool is_image_name(const std::string& path);
 
 // Rounds and clamps to whole values from 0 to 255; NaN becomes 0. Throws MediaError.

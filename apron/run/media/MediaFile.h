@@ -25,9 +25,11 @@ std::string extension(std::string_view path);
 void require_shape(const std::string& path, std::uint64_t width, std::uint64_t height,
                    const vm::Plane& plane);
 
-// The same if there is a plane; else refuses an image without pixels or with more than program::kMaxCells.
+// If there is a plane, refuses another shape; otherwise an image without pixels or with more than
+// program::kMaxCells.
 void require_size(const std::string& path, std::uint64_t width, std::uint64_t height, const vm::Plane* plane);
 
+// Throws MediaError: "'PATH' REASON".
 [[noreturn]] void throw_refused(const std::string& path, const std::string& reason);
 
 }  // namespace apron::run

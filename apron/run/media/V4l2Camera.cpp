@@ -74,7 +74,7 @@ FourCc V4l2Camera::choose_format() {
     description.type = V4L2_BUF_TYPE_VIDEO_CAPTURE;
     description.index = i;
     if (device_->control(VIDIOC_ENUM_FMT, &description) != 0) break;
-    const auto found = std::find(supported.begin(), supported.end(), description.pixelformat);
+    const auto found = std::ranges::find(supported, description.pixelformat);
     best = std::min(best, static_cast<std::size_t>(found - supported.begin()));
     offered += (offered.empty() ? "" : ", ") + fourcc_name(description.pixelformat);
   }
@@ -94,7 +94,7 @@ void V4l2Camera::negotiate_format() {
   const v4l2_pix_format& actual = format.fmt.pix;
   format_ = {actual.pixelformat, actual.width, actual.height, actual.bytesperline};
   const std::span<const FourCc> supported = supported_formats();
-  if (std::find(supported.begin(), supported.end(), actual.pixelformat) == supported.end())
+  if (std::ranges::find(supported, actual.pixelformat) == supported.end())
     throw_refused(name_, "sends pictures in the format " + fourcc_name(actual.pixelformat) +
                              ", which is not supported");
 }

@@ -13,7 +13,7 @@ bool is_identifier_character(char c) {
   return std::isalnum(static_cast<unsigned char>(c)) != 0 || c == '_' || c == '.';
 }
 
-// Whether the text contains the name as a whole word; false for compiler-generated names.
+// True if the text contains the name as a whole word; false for compiler-generated names.
 bool mentions(const std::string& text, const std::string& name) {
   if (name.empty() || name.front() == '$' || name.find(':') != std::string::npos) return false;
   for (std::size_t position = text.find(name); position != std::string::npos;
@@ -31,8 +31,7 @@ std::string condition_source(const std::string& condition, const program::Progra
   std::string text;
   std::vector<std::string> declared;
   const auto declare_once = [&](const std::string& name) {
-    if (!mentions(condition, name) || std::find(declared.begin(), declared.end(), name) != declared.end())
-      return false;
+    if (!mentions(condition, name) || std::ranges::find(declared, name) != declared.end()) return false;
     declared.push_back(name);
     return true;
   };

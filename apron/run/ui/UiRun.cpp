@@ -51,7 +51,10 @@ UiRunResult run_with_ui(const UiRun& run) {
   try {
     if (!run.options.show.empty() && !context.model.find_register(run.options.show))
       throw common::UserError("--show: the program has no register '" + run.options.show + "'");
-    run.options.window ? run_in_window(context) : run_offscreen(context);
+    if (run.options.window)
+      run_in_window(context);
+    else
+      run_offscreen(context);
   } catch (const common::UserError& error) {
     result.ui_error = error.what();
   }

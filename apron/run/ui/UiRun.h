@@ -22,13 +22,17 @@ struct UiRun {
   std::function<void()> on_finish;      // in a window: the program has ended, and the window stays open
 };
 
-struct UiRunResult {
+// The result of a run, with or without a user interface.
+struct RunResult {
   vm::Status status = vm::Status::kEnded;
   std::string error;        // of the program
-  std::string ui_error;     // one line, such as a file that cannot be written or no OpenGL; empty for none
   std::string save_error;   // of --save
   std::uint64_t ticks = 0;  // completed surface.step
   std::vector<vm::InstructionProfile> profile;
+};
+
+struct UiRunResult : RunResult {
+  std::string ui_error;  // one line, such as a file that cannot be written or no OpenGL; empty for none
 };
 
 // Why the requested user interface cannot be opened, in one line; empty if it can.

@@ -34,7 +34,7 @@ class SourceFileMonitor {
   void update() {
     for (auto& [name, time] : times_) time = modification_time(name);
   }
-  // Whether a file has changed since the last call or reset(). Checks the disk at most twice per second.
+  // True if a file has changed since the last call or reset(). Checks the disk at most twice per second.
   bool poll_changed() {
     if (Clock::now() < next_poll_) return false;
     next_poll_ = Clock::now() + std::chrono::milliseconds(500);

@@ -43,16 +43,15 @@ void draw_editor_header(DrawContext& context) {
   ProgramEditor& editor = model.editor;
   const ProgramEditor::File& file = *editor.current();
   if (ImGui::Button("Done")) editor.shown = false;
-  if (ImGui::IsItemHovered()) ImGui::SetTooltip("Back to the listing; unsaved changes are kept");
+  draw_tooltip("Back to the listing; unsaved changes are kept");
   ImGui::SameLine();
   ImGui::BeginDisabled(!file.modified());
   if (ImGui::Button("Save")) editor.request_save();
-  if (ImGui::IsItemHovered(ImGuiHoveredFlags_AllowWhenDisabled))
-    ImGui::SetTooltip("Write the file, compile and restart the program (Ctrl-S)");
+  draw_tooltip("Write the file, compile and restart the program (Ctrl-S)",
+               ImGuiHoveredFlags_AllowWhenDisabled);
   ImGui::SameLine();
   if (ImGui::Button("Revert")) editor.revert();
-  if (ImGui::IsItemHovered(ImGuiHoveredFlags_AllowWhenDisabled))
-    ImGui::SetTooltip("Discard the unsaved changes");
+  draw_tooltip("Discard the unsaved changes", ImGuiHoveredFlags_AllowWhenDisabled);
   ImGui::EndDisabled();
   ImGui::SameLine();
   ImGui::SetNextItemWidth(-1.0F);
@@ -72,7 +71,7 @@ void draw_editor_header(DrawContext& context) {
 void draw_line_numbers(const DrawContext& context, const ProgramEditor::File& file, ImVec2 corner,
                        float width, ImVec2 text_size, float scroll) {
   const float height = ImGui::GetFontSize(), top = corner.y + ImGui::GetStyle().FramePadding.y - scroll;
-  const auto lines = static_cast<int>(std::count(file.text.begin(), file.text.end(), '\n')) + 1;
+  const auto lines = static_cast<int>(std::ranges::count(file.text, '\n')) + 1;
   const int first = std::max(0, static_cast<int>((corner.y - top) / height));
   const int last = std::min(lines, static_cast<int>((corner.y + text_size.y - top) / height) + 1);
   ImDrawList& list = *ImGui::GetWindowDrawList();
@@ -81,10 +80,9 @@ void draw_line_numbers(const DrawContext& context, const ProgramEditor::File& fi
     const float y = top + height * static_cast<float>(i);
     const std::string number = std::to_string(i + 1);
     const auto complaint =
-        std::find_if(context.model.editor.diagnostics.begin(), context.model.editor.diagnostics.end(),
-                     [&](const debugger::SourceDiagnostic& d) {
-                       return d.file == file.name && d.line == static_cast<unsigned>(i) + 1;
-                     });
+        std::ranges::find_if(context.model.editor.diagnostics, [&](const debugger::SourceDiagnostic& d) {
+          return d.file == file.name && d.line == static_cast<unsigned>(i) + 1;
+        });
     const bool marked = complaint != context.model.editor.diagnostics.end();
     if (marked) {
       const ImVec2 end{corner.x + width + text_size.x, y + height};

@@ -102,10 +102,11 @@ void draw_tabs(DrawContext& context) {
   ImGui::EndTabBar();
 }
 
-// The register list on the left; beside it the large register and the program, and below them values and tabs.
+// The register list on the left; beside it the large register and the program, and below them values and
+// tabs.
 void draw_panels(DrawContext& context) {
   const ImVec2 from = ImGui::GetCursorScreenPos(), area = ImGui::GetContentRegionAvail();
-  const ImVec2 to{from.x + area.x, from.y + area.y}, gap = ImGui::GetStyle().ItemSpacing;
+  const ImVec2 to{from + area}, gap = ImGui::GetStyle().ItemSpacing;
   const PanelSizes sizes = panel_sizes(context, area);
   const float main_x = from.x + sizes.registers + gap.x, main_width = to.x - main_x;
   const float bottom_y = to.y - sizes.bottom, main_height = bottom_y - gap.y - from.y;

@@ -13,6 +13,13 @@
 
 namespace apron::ui {
 
+inline ImVec2 operator+(ImVec2 a, ImVec2 b) { return {a.x + b.x, a.y + b.y}; }
+
+// Shows the text while the mouse is over the last item.
+inline void draw_tooltip(const char* text, ImGuiHoveredFlags flags = ImGuiHoveredFlags_None) {
+  if (ImGui::IsItemHovered(flags)) ImGui::SetTooltip("%s", text);
+}
+
 struct DrawContext {
   ViewModel& model;
   TextureCache& textures;
@@ -21,7 +28,7 @@ struct DrawContext {
   float to_pixels(float points) const { return points * gui.scale(); }
 };
 
-// Whether the window is wide enough for three columns.
+// True if the window is wide enough for three columns.
 bool is_wide_layout(const DrawContext& context);
 // Draws the whole window at the display's size.
 void draw_window(DrawContext& context);
@@ -33,7 +40,7 @@ void draw_register_list(DrawContext& context);
 void draw_register_view(DrawContext& context);
 void draw_tiles(DrawContext& context);
 void draw_program(DrawContext& context);
-// In the place of draw_program(), while ProgramEditor::shown. Requires ProgramEditor::current().
+// Replaces draw_program() while ProgramEditor::shown. Requires ProgramEditor::current().
 void draw_editor(DrawContext& context);
 void draw_values_panel(DrawContext& context);
 void draw_console_panel(DrawContext& context);

@@ -136,7 +136,7 @@ void draw_search(DrawContext& context) {
   if (std::exchange(model.focus_search, false)) ImGui::SetKeyboardFocusHere();
   const bool next = ImGui::InputTextWithHint("##search", "Find, or line number", model.search_text.data(),
                                              model.search_text.size(), ImGuiInputTextFlags_EnterReturnsTrue);
-  if (ImGui::IsItemHovered()) ImGui::SetTooltip("Ctrl-F; Enter: next");
+  draw_tooltip("Ctrl-F; Enter: next");
   if (!next && !ImGui::IsItemEdited()) return;
   if (next) ImGui::SetKeyboardFocusHere(-1);
   model.found_row =
@@ -157,15 +157,13 @@ void open_editor(ViewModel& model) {
 void draw_header(DrawContext& context) {
   ViewModel& model = context.model;
   if (ImGui::Button("Edit")) open_editor(model);
-  if (ImGui::IsItemHovered())
-    ImGui::SetTooltip("Edit the program at the line that was found or comes next (Ctrl-E)");
+  draw_tooltip("Edit the program at the line that was found or comes next (Ctrl-E)");
   ImGui::SameLine();
   draw_search(context);
   const float box = ImGui::GetFrameHeight() + ImGui::CalcTextSize("Profile").x + context.to_pixels(10);
   ImGui::SameLine(std::max(ImGui::GetCursorPosX(), ImGui::GetWindowContentRegionMax().x - box));
   if (ImGui::Checkbox("Profile", &model.profile_shown)) model.set_profiling(model.profile_shown);
-  if (ImGui::IsItemHovered())
-    ImGui::SetTooltip("Count the executions of each line and measure its share of the time, from now on");
+  draw_tooltip("Count the executions of each line and measure its share of the time, from now on");
 }
 
 ColumnLayout column_layout(const DrawContext& context) {

@@ -66,8 +66,7 @@ void draw_fitted_text(ImDrawList& list, ImVec2 at, float width, ImU32 colour, co
 
 const debugger::SampledRegister* find_sample(const std::vector<debugger::SampledRegister>& samples,
                                              std::size_t reg) {
-  const auto found = std::find_if(samples.begin(), samples.end(),
-                                  [&](const debugger::SampledRegister& sample) { return sample.reg == reg; });
+  const auto found = std::ranges::find(samples, reg, &debugger::SampledRegister::reg);
   return found == samples.end() ? nullptr : &*found;
 }
 
@@ -81,7 +80,7 @@ void draw_register_image(DrawContext& context, ImVec2 corner, ImVec2 available,
   const ImVec2 size{cell * width, cell * height};
   const ImVec2 at{corner.x + (available.x - size.x) / 2.0F, corner.y + (available.y - size.y) / 2.0F};
   ImGui::GetWindowDrawList()->AddImage(reinterpret_cast<ImTextureID>(static_cast<std::intptr_t>(texture)), at,
-                                       {at.x + size.x, at.y + size.y});
+                                       at + size);
 }
 
 void draw_register_list(DrawContext& context) {
@@ -107,7 +106,7 @@ void draw_register_list(DrawContext& context) {
   }
   ImGui::EndChild();
   ImGui::Checkbox("Temporaries", &model.temporaries_shown);
-  if (ImGui::IsItemHovered()) ImGui::SetTooltip("Registers created by the compiler and by macros");
+  draw_tooltip("Registers created by the compiler and by macros");
 }
 
 }  // namespace apron::ui

@@ -54,7 +54,7 @@ void draw_style_controls(DrawContext& context, std::size_t reg) {
     if (!style.auto_range && model.snapshot().full)
       style.range = debugger::automatic_range(model.statistics());
   }
-  if (ImGui::IsItemHovered()) ImGui::SetTooltip("The palette spans the values of the cells, and 0");
+  draw_tooltip("The palette spans the values of the cells, and 0");
   if (!style.auto_range) {
     for (float* bound : {&style.range.low, &style.range.high}) {
       ImGui::SameLine();
@@ -82,7 +82,7 @@ void draw_header(DrawContext& context, std::size_t reg) {
   if (context.model.tiled_registers().size() < 2) return;
   ImGui::SameLine();
   if (ImGui::Button("Tiles")) context.model.set_tiled(true);
-  if (ImGui::IsItemHovered()) ImGui::SetTooltip("All registers that the program shows");
+  draw_tooltip("All registers that the program shows");
 }
 
 RegisterCanvas layout_canvas(const DrawContext& context, ImVec2 corner, ImVec2 available,
@@ -212,7 +212,7 @@ void draw_canvas(DrawContext& context, const debugger::SampledRegister& sample, 
   if (ImGui::IsItemHovered()) hovered_cell = canvas.cell_at(ImGui::GetIO().MousePos);
   handle_mouse(model, canvas, hovered_cell);
   ImDrawList& list = *ImGui::GetWindowDrawList();
-  const ImVec2 end{canvas.corner.x + canvas.size.x, canvas.corner.y + canvas.size.y};
+  const ImVec2 end{canvas.corner + canvas.size};
   list.PushClipRect(canvas.corner, end, true);
   list.AddImage(reinterpret_cast<ImTextureID>(static_cast<std::intptr_t>(
                     context.textures.get(sample, TextureSlot::kFull, style, range, model.snapshot_serial()))),
@@ -236,8 +236,8 @@ void draw_histogram(DrawContext& context, std::size_t reg, ImVec2 size) {
   const ValueRange range = context.model.value_range(style, context.model.snapshot().full->cells);
   ImDrawList& list = *ImGui::GetWindowDrawList();
   const ImVec2 at = ImGui::GetCursorScreenPos();
-  list.AddRectFilled(at, {at.x + size.x, at.y + size.y}, theme::kBackdrop);
-  const std::uint32_t max_count = *std::max_element(statistics.histogram.begin(), statistics.histogram.end());
+  list.AddRectFilled(at, at + size, theme::kBackdrop);
+  const std::uint32_t max_count = *std::ranges::max_element(statistics.histogram);
   for (std::size_t i = 0; i < debugger::kHistogramBins && max_count > 0; ++i) {
     if (statistics.histogram[i] == 0) continue;
     // Logarithmic, so that the few cells of an object are visible beside a large empty background.

@@ -74,7 +74,7 @@ void draw_tile(DrawContext& context, std::size_t reg, ImVec2 size) {
   draw_fitted_text(list, corner, std::max(1.0F, size.x - lock_edge), ImGui::GetColorU32(ImGuiCol_Text),
                    title);
   const float line = ImGui::GetTextLineHeightWithSpacing();
-  const ImVec2 top{corner.x, corner.y + line}, end{corner.x + size.x, corner.y + size.y};
+  const ImVec2 top{corner.x, corner.y + line}, end{corner + size};
   list.AddRectFilled(top, end, theme::kBackdrop);
   if (const debugger::SampledRegister* sample =
           locked ? &locked->sample : find_sample(context.model.snapshot().tiles, reg))
@@ -93,7 +93,7 @@ void draw_tiles(DrawContext& context) {
   ImGui::Text("%zu registers", tiles.size());
   ImGui::SameLine(0.0F, context.to_pixels(16));
   if (ImGui::Button("One")) context.model.set_tiled(false);
-  if (ImGui::IsItemHovered()) ImGui::SetTooltip("Enlarge one register; click a tile to enlarge that one");
+  draw_tooltip("Enlarge one register; click a tile to enlarge that one");
   ImVec2 available = ImGui::GetContentRegionAvail();
   available.y = std::max(available.y - ImGui::GetStyle().ItemSpacing.y, context.to_pixels(60));
   const TileLayout layout = tile_layout(context, available, static_cast<int>(tiles.size()));

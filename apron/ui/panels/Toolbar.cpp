@@ -8,15 +8,11 @@
 namespace apron::ui {
 namespace {
 
-void show_tooltip(const char* text) {
-  if (ImGui::IsItemHovered()) ImGui::SetTooltip("%s", text);
-}
-
 bool toolbar_button(const char* label, const char* tooltip, bool enabled = true) {
   ImGui::BeginDisabled(!enabled);
   const bool pressed = ImGui::Button(label);
   ImGui::EndDisabled();
-  show_tooltip(tooltip);
+  draw_tooltip(tooltip);
   ImGui::SameLine();
   return pressed;
 }
@@ -65,7 +61,7 @@ void draw_toolbar(DrawContext& context) {
   if (ImGui::Button(running ? "\u25a0  Stop" : "\u25b6  Run", {button_width, 0.0F})) model.toggle_running();
   ImGui::EndDisabled();
   ImGui::PopStyleColor();
-  show_tooltip("Run, or stop at the end of the tick (Space, F5)");
+  draw_tooltip("Run, or stop at the end of the tick (Space, F5)");
   same_line_gap(context);
   using debugger::StepUnit;
   const bool paused = !finished && !running;
@@ -75,10 +71,10 @@ void draw_toolbar(DrawContext& context) {
   if (toolbar_button("Walk", "Line by line or tick by tick, slowly (W)", paused)) model.walk();
   ImGui::SetNextItemWidth(context.to_pixels(44));
   ImGui::SliderInt("##pace", &model.steps_per_s, 1, 30, "%d");
-  show_tooltip("Walking speed");
+  draw_tooltip("Walking speed");
   ImGui::SameLine(0.0F, context.to_pixels(2));
   if (ImGui::Button(model.walk_by_tick ? "ticks/s" : "lines/s")) model.walk_by_tick = !model.walk_by_tick;
-  show_tooltip("Walk by line or by tick");
+  draw_tooltip("Walk by line or by tick");
   same_line_gap(context);
   if (toolbar_button("Reset", "Restart the program (R)")) model.reset();
   if (toolbar_button("Reload", "Reload the program; automatic when the file is saved"))

@@ -21,8 +21,7 @@ void draw_labels(const ViewModel& model) {
   }
 }
 
-void draw_parameters(DrawContext& context) {
-  ViewModel& model = context.model;
+void draw_parameters(ViewModel& model) {
   for (const program::Parameter& parameter : model.program().parameters) {
     float value = model.parameter(parameter);
     ImGui::PushID(parameter.name.c_str());
@@ -36,15 +35,13 @@ void draw_parameters(DrawContext& context) {
     }
     ImGui::PopID();
   }
-  (void)context;
 }
 
 void draw_variables(const ViewModel& model) {
   if (!ImGui::BeginTable("variables", 2, ImGuiTableFlags_RowBg)) return;
   const std::vector<program::Variable>& all = model.program().variables;
   for (std::size_t i = 0; i < std::min(all.size(), model.snapshot().variables.size()); ++i) {
-    const bool internal = all[i].name.empty() || all[i].name.front() == '$' || all[i].name.front() == ':';
-    if (internal && !model.temporaries_shown) continue;
+    if (!model.shows_name(all[i].name)) continue;
     ImGui::TableNextRow();
     ImGui::TableNextColumn();
     ImGui::TextUnformatted(all[i].name.c_str());
@@ -102,7 +99,7 @@ History history_of(const ViewModel& model, std::size_t reg) {
 void draw_curve(const DrawContext& context, const History& history, ImVec2 size) {
   const ImVec2 corner = ImGui::GetCursorScreenPos();
   ImDrawList& list = *ImGui::GetWindowDrawList();
-  list.AddRectFilled(corner, {corner.x + size.x, corner.y + size.y}, theme::kBackdrop);
+  list.AddRectFilled(corner, corner + size, theme::kBackdrop);
   const std::size_t count = history.values.size();
   const float step = size.x / static_cast<float>(std::max<std::size_t>(count, 32));
   const debugger::ValueRange& range = history.range;
@@ -217,11 +214,11 @@ void draw_breakpoint_editor(DrawContext& context) {
 }  // namespace
 
 void draw_values_panel(DrawContext& context) {
-  const ViewModel& model = context.model;
+  ViewModel& model = context.model;
   ImGui::TextUnformatted("Values");
   ImGui::BeginChild("values");
   draw_labels(model);
-  draw_parameters(context);
+  draw_parameters(model);
   draw_variables(model);
   ImGui::EndChild();
 }
@@ -237,7 +234,7 @@ void draw_console_panel(DrawContext& context) {
   clipper.Begin(static_cast<int>(lines.size()));
   while (clipper.Step())
     for (int i = clipper.DisplayStart; i < clipper.DisplayEnd; ++i) {
-      const std::string& line = lines[static_cast<std::size_t>(i)];
+      const std::string& line = lines[i];
       ImGui::TextUnformatted(line.c_str(), line.c_str() + line.size());
     }
   clipper.End();

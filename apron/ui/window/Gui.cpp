@@ -10,7 +10,7 @@
 namespace apron::ui {
 namespace {
 
-// From Debian's fonts-dejavu-core; falls back to ImGui's built-in bitmap font.
+// These fonts are in Debian's fonts-dejavu-core. Without them ImGui's built-in bitmap font is used.
 constexpr const char* kTextFontFile = "/usr/share/fonts/truetype/dejavu/DejaVuSans.ttf";
 constexpr const char* kCodeFontFile = "/usr/share/fonts/truetype/dejavu/DejaVuSansMono.ttf";
 constexpr float kTextPixels = 15.0F, kCodePixels = 14.0F, kSmallPixels = 12.0F;

@@ -3,8 +3,6 @@
 #include <backends/imgui_impl_opengl3.h>
 #include <epoxy/gl.h>
 
-#include <vector>
-
 #include "apron/ui/panels/Panels.h"
 #include "apron/ui/panels/TextureCache.h"
 #include "apron/ui/window/Gui.h"

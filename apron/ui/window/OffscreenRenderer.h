@@ -5,7 +5,6 @@
 #pragma once
 
 #include <memory>
-#include <string>
 
 #include "apron/ui/ViewModel.h"
 #include "common/image/Image.h"

@@ -21,7 +21,7 @@ struct WindowPlacement {
 
 class Window {
  public:
-  // Whether a window can be opened here.
+  // True if a window can be opened here.
   static bool display_available();
 
   // Throws common::UserError, one line, if there is no display or no OpenGL 3.3.

@@ -31,11 +31,10 @@ class ScalarInterpreter {
   using Scalar = std::optional<double>;  // nullopt if unknown
 
   Scalar value(const DecodedInstruction& decoded, std::size_t k) const {
-    return decoded.scalars[k] == nullptr ? Scalar(0.0)
-                                         : scalars_[static_cast<std::size_t>(decoded.scalars[k] - base_)];
+    return decoded.scalars[k] == nullptr ? Scalar(0.0) : scalars_[decoded.scalars[k] - base_];
   }
   void assign(const double* variable, Scalar to) {
-    if (variable != nullptr) scalars_[static_cast<std::size_t>(variable - base_)] = to;
+    if (variable != nullptr) scalars_[variable - base_] = to;
   }
 
   // Returns whether the next instruction is known.
@@ -106,9 +105,8 @@ FilterPrediction::FilterPrediction(const program::Program& program,
                                    const std::vector<DecodedInstruction>& decoded,
                                    const RegisterFile& register_file)
     : filters_(program.filters), known_(program.filters.size(), true) {
-  const bool modified =
-      std::any_of(decoded.begin(), decoded.end(),
-                  [](const DecodedInstruction& instruction) { return instruction.op == Opcode::kFilterSet; });
+  const bool modified = std::ranges::any_of(
+      decoded, [](const DecodedInstruction& instruction) { return instruction.op == Opcode::kFilterSet; });
   if (modified) ScalarInterpreter(decoded, register_file, filters_, known_).run();
 }
 

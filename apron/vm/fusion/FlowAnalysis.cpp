@@ -24,7 +24,7 @@ const Operand* label_operand(const Instruction& in) {
   return nullptr;
 }
 
-// Whether the instruction overwrites every cell of its destination, so that the old value is dead.
+// True if the instruction overwrites every cell of its destination, so that the old value is dead.
 bool overwrites_every_cell(const Instruction& in, bool has_masks) {
   if (in.destination.kind != OperandKind::kRegister || (in.masked && has_masks)) return false;
   if (in.op == Opcode::kPixelSet) return false;
@@ -40,9 +40,8 @@ FlowAnalysis::FlowAnalysis(const program::Program& program, bool preserve_named_
     : program_(program), branch_targets_(program.code.size(), false), boundary_(program.code.size()) {
   find_branch_targets();
   // A return has an edge to every return site. Above the limit the analysis is skipped and assumes nothing.
-  const auto returns =
-      static_cast<std::size_t>(std::count_if(program.code.begin(), program.code.end(),
-                                             [](const Instruction& in) { return in.op == Opcode::kReturn; }));
+  const auto returns = static_cast<std::size_t>(
+      std::ranges::count_if(program.code, [](const Instruction& in) { return in.op == Opcode::kReturn; }));
   if (returns * return_sites_.size() > kMaxReturnEdges) return;
   compute_boundaries();
   compute_liveness(preserve_named_registers);
@@ -139,7 +138,7 @@ bool FlowAnalysis::liveness_pass(std::size_t n, const std::vector<std::uint64_t>
     }
     for (const Operand& o : in.operands)
       if (o.kind == OperandKind::kRegister) live_here[o.index / 64] |= bit(o);
-    const auto place = live_bits_.begin() + static_cast<std::ptrdiff_t>(at * n);
+    const auto place = live_bits_.begin() + at * n;
     if (!std::equal(live_here.begin(), live_here.end(), place)) {
       std::copy(live_here.begin(), live_here.end(), place);
       changed = true;

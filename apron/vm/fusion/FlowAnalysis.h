@@ -16,11 +16,11 @@ class FlowAnalysis {
   // the user named as always live, because an observer may read them at any time. Allocates.
   FlowAnalysis(const program::Program& program, bool preserve_named_registers);
 
-  // Whether an instruction other than the preceding one may transfer control to `at`.
+  // True if an instruction other than the preceding one may transfer control to `at`.
   bool is_branch_target(std::size_t at) const { return branch_targets_[at]; }
   // The boundary condition in force before instruction `at`; nullopt if it depends on the path.
   const std::optional<BoundaryCondition>& boundary_at(std::size_t at) const { return boundary_[at]; }
-  // Whether the value that register `reg` holds before instruction `at` may still be read.
+  // True if the value that register `reg` holds before instruction `at` may still be read.
   bool is_live(std::size_t at, std::uint32_t reg) const;
   // True if no instruction of the program sets a boundary rule other than zero.
   bool has_only_zero_boundaries() const { return has_only_zero_boundaries_; }

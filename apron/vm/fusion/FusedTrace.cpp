@@ -28,14 +28,12 @@ std::int64_t modulo(std::int64_t row, std::int64_t rows) {
   return rest < 0 ? rest + rows : rest;
 }
 
-// Whether a stage reads its own cells only, with few operations, and so waits for memory.
+// True if a stage reads its own cells only, with few operations, and so waits for memory.
 bool is_bandwidth_bound(const Stage& stage) {
   return stage.ops.size() <= 2 * stage.streams.size() &&
-         std::all_of(stage.streams.begin(), stage.streams.end(),
-                     [](const RowStream& s) { return s.dy == 0; }) &&
-         std::all_of(stage.ops.begin(), stage.ops.end(), [](const MicroOp& op) {
-           return std::all_of(op.operands.begin(), op.operands.end(),
-                              [](const MicroOperand& a) { return a.dx == 0; });
+         std::ranges::all_of(stage.streams, [](const RowStream& s) { return s.dy == 0; }) &&
+         std::ranges::all_of(stage.ops, [](const MicroOp& op) {
+           return std::ranges::all_of(op.operands, [](const MicroOperand& a) { return a.dx == 0; });
          });
 }
 
@@ -69,13 +67,13 @@ FusedTrace::FusedTrace(const Trace& trace, ValueGraph graph, FusionPlan plan, co
   allocate_schedules();
 }
 
-// If every call is generated code, and nothing happens between the calls.
+// Schedules are used if every call is generated code, and nothing happens between the calls.
 void FusedTrace::allocate_schedules() {
   const auto is_call_alone = [&](std::size_t s) {
     const Stage& stage = plan_.stages[s];
-    return compiled_stages_[s] &&
-           std::none_of(stage.results.begin(), stage.results.end(),
-                        [&](const auto& result) { return needs_padding(result, stage); });
+    return compiled_stages_[s] && std::ranges::none_of(stage.results, [&](const auto& result) {
+             return needs_padding(result, stage);
+           });
   };
   const std::size_t blocks = plan_.height / plan_.block_rows + 2;
   const std::size_t calls = blocks * plan_.stages.size() * kCallsPerStageAndBlock;
@@ -98,8 +96,8 @@ const FusedTrace::Schedule* FusedTrace::find_schedule(const Worker& worker) noex
       return &schedule;
   Schedule& schedule = schedules_[oldest_schedule_];
   oldest_schedule_ = 1 - oldest_schedule_;
-  std::transform(worker.views.begin(), worker.views.end(), schedule.addresses.begin(),
-                 [](const BufferView& view) { return view.data; });
+  std::ranges::transform(worker.views, schedule.addresses.begin(),
+                         [](const BufferView& view) { return view.data; });
   schedule.calls.clear();
   recorded_schedule_ = &schedule;
   run_slice(0, worker);
@@ -163,7 +161,7 @@ std::size_t FusedTrace::memory_bytes() const noexcept {
   return bytes;
 }
 
-// Whether the padding of the rings is constant. Stages write whole vectors, so the width must be a multiple
+// True if the padding of the rings is constant. Stages write whole vectors, so the width must be a multiple
 // of kLanes for them not to overwrite it.
 bool FusedTrace::has_constant_boundary() const noexcept {
   return (plan_.boundary.rule == BoundaryRule::kZero || plan_.boundary.rule == BoundaryRule::kValue) &&
@@ -425,7 +423,7 @@ std::int64_t FusedTrace::locate_row(const RowStream& stream, const Worker& worke
   return row < 0 ? -row : std::numeric_limits<std::int64_t>::max();
 }
 
-// Whether the padding of a result's rows must be written with them.
+// True if the padding of a result's rows must be written with them.
 bool FusedTrace::needs_padding(const Stage::Result& result, const Stage& stage) const noexcept {
   const RowBuffer& buffer = plan_.buffers[stage.streams[result.stream].buffer];
   if (buffer.pad_columns == 0) return false;

@@ -5,7 +5,6 @@
 #include <array>
 #include <cstdint>
 #include <cstring>
-#include <memory>
 #include <optional>
 #include <vector>
 
@@ -42,7 +41,7 @@ class FusedTrace {
     required_filters_.push_back({&filter, coefficients});
   }
   bool filters_match() const noexcept {
-    return std::all_of(required_filters_.begin(), required_filters_.end(), [](const RequiredFilter& r) {
+    return std::ranges::all_of(required_filters_, [](const RequiredFilter& r) {
       return std::memcmp(r.filter->coefficients.data(), r.coefficients.data(),
                          r.coefficients.size() * sizeof(float)) == 0;
     });
@@ -114,7 +113,6 @@ class FusedTrace {
                           std::int64_t column, float*& first, std::ptrdiff_t& pitch) const noexcept;
   float* cell_address(const BufferView& view, const Strip& strip, std::int64_t row,
                       std::int64_t column) const noexcept;
-  std::int64_t pitch_of(const BufferView& place) const noexcept;
   void pad_results(const Stage& stage, const Worker& worker, const Strip& strip, std::int64_t first,
                    std::int64_t last, std::int64_t west, std::int64_t east) const noexcept;
   void pad_rings(const Worker& worker, const Strip& strip) const noexcept;
@@ -136,8 +134,8 @@ class FusedTrace {
   std::vector<StageInterpreter> stage_interpreters_;
   PlaneStore plane_store_;
   std::vector<Worker> workers_;
-  // Of a small array: registers alternate between two buffers, so that two schedules suffice. Without capacity
-  // otherwise.
+  // Registers alternate between two buffers, so that two schedules suffice. Large arrays have none (no
+  // capacity).
   std::array<Schedule, 2> schedules_;
   std::size_t oldest_schedule_ = 0;
   Schedule* recorded_schedule_ = nullptr;  // takes the calls instead of their execution

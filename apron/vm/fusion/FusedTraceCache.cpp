@@ -56,9 +56,9 @@ struct FusedTraceCache::Builder {
 
   // A single instruction on the own cell gains nothing, a stencil does.
   bool is_worth_compiling(const Trace& trace) const {
-    return trace.array_instructions >= 2 ||
-           std::any_of(trace.instructions.begin(), trace.instructions.end(),
-                       [&](std::uint32_t at) { return decoded[at].dispatch == DispatchKind::kArrayOp; });
+    return trace.array_instructions >= 2 || std::ranges::any_of(trace.instructions, [&](std::uint32_t at) {
+             return decoded[at].dispatch == DispatchKind::kArrayOp;
+           });
   }
 
   void compile(const Trace& trace, bool masked) {

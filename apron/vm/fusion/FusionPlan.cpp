@@ -62,8 +62,8 @@ class FusionPlanner {
   }
 
   bool is_used_across_stages(std::uint32_t node) const {
-    return std::any_of(users_[node].begin(), users_[node].end(),
-                       [&](const ValueUse& use) { return stage_of_[use.node] != stage_of_[node]; });
+    return std::ranges::any_of(users_[node],
+                               [&](const ValueUse& use) { return stage_of_[use.node] != stage_of_[node]; });
   }
 
   bool wraps() const { return graph_.boundary.rule == BoundaryRule::kWrap; }
@@ -73,8 +73,8 @@ class FusionPlanner {
     return dy > 0 ? static_cast<std::uint32_t>(dy) : 0;
   }
 
-  // Delays each stage until the rows that it reads ahead of its own have been computed, by multiples of `unit`
-  // rows. Groups are in topological order.
+  // Delays each stage until the rows that it reads ahead of its own have been computed, by multiples of
+  // `unit` rows. Groups are in topological order.
   void compute_skews(std::uint32_t unit) {
     plan_.stages.resize(groups_.size());
     for (std::uint32_t s = 0; s < groups_.size(); ++s) {
@@ -123,7 +123,7 @@ class FusionPlanner {
   bool can_reuse_ring(std::uint32_t old, std::uint32_t value) const {
     const std::uint32_t writer = stage_of_[value], skew = plan_.stages[writer].skew;
     if (stage_of_[old] >= writer || is_copied(old)) return false;
-    return std::all_of(users_[old].begin(), users_[old].end(), [&](const ValueUse& use) {
+    return std::ranges::all_of(users_[old], [&](const ValueUse& use) {
       if (stage_of_[use.node] == writer) return use.dx == 0 && use.dy == 0;
       if (stage_of_[use.node] < writer && is_single_block_) return true;
       return stage_of_[use.node] < writer &&
@@ -136,9 +136,8 @@ class FusionPlanner {
                                              std::vector<std::uint32_t>& ring_of) const {
     std::vector<RingAllocation> rings;
     for (const std::uint32_t value : values) {
-      const auto reusable_ring = std::find_if(rings.begin(), rings.end(), [&](const RingAllocation& ring) {
-        return can_reuse_ring(ring.last_value, value);
-      });
+      const auto reusable_ring = std::ranges::find_if(
+          rings, [&](const RingAllocation& ring) { return can_reuse_ring(ring.last_value, value); });
       ring_of.push_back(static_cast<std::uint32_t>(reusable_ring - rings.begin()));
       const std::uint32_t last_use = last_use_skew(value);
       if (reusable_ring == rings.end()) {
@@ -166,7 +165,7 @@ class FusionPlanner {
   }
 
   bool is_copied(std::uint32_t node) const {
-    return std::any_of(copies_.begin(), copies_.end(), [&](const auto& c) { return c.first == node; });
+    return std::ranges::any_of(copies_, [&](const auto& c) { return c.first == node; });
   }
 
   std::vector<std::uint32_t> inter_stage_values() const {
@@ -191,9 +190,9 @@ class FusionPlanner {
     plan_.slices = std::clamp(options_.slices > 0 ? options_.slices : wanted, 1U, plan_.height);
   }
 
-  // One block of all rows that the stages compute, with their skews: each stage is one call. Where rings are not
-  // shared, blocks of kBandRows instead, so that a stage finds the previous one's rows in the cache: each stage is
-  // one call for each block, of whole iterations, because the rings hold all rows.
+  // One block of all rows that the stages compute, with their skews: each stage is one call. Where rings are
+  // not shared, blocks of kBandRows instead, so that a stage finds the previous one's rows in the cache: each
+  // stage is one call for each block, of whole iterations, because the rings hold all rows.
   void run_stages_one_by_one() {
     std::uint32_t halo = 0, skew = 0;
     for (const Stage& stage : plan_.stages) {
@@ -249,7 +248,7 @@ class FusionPlanner {
     return static_cast<std::uint32_t>(plan_.buffers.size() - 1);
   }
 
-  // Whether the stage also computes halo cells that belong to neighbouring strips or slices.
+  // True if the stage also computes halo cells that belong to neighbouring strips or slices.
   bool recomputes_overlap(const Stage& stage) const {
     return (plan_.strip_columns < plan_.width && stage.halo_x > 0) ||
            ((plan_.slices > 1 || wraps()) && stage.halo_y > 0);
@@ -313,12 +312,12 @@ class FusionPlanner {
         }
   }
 
-  // Whether every read of the register's old value is at offset 0 and no later than the write of the new
+  // True if every read of the register's old value is at offset 0 and no later than the write of the new
   // value.
   bool can_write_in_place(std::uint32_t input, std::uint32_t value) const {
     const std::uint32_t writer = stage_of_[value];
     if (recomputes_overlap(plan_.stages[writer])) return false;
-    return std::all_of(users_[input].begin(), users_[input].end(), [&](const ValueUse& use) {
+    return std::ranges::all_of(users_[input], [&](const ValueUse& use) {
       const Stage& reader = plan_.stages[stage_of_[use.node]];
       return use.dx == 0 && use.dy == 0 && stage_of_[use.node] <= writer &&
              reader.skew <= plan_.stages[writer].skew && !recomputes_overlap(reader);
@@ -327,10 +326,9 @@ class FusionPlanner {
 
   std::uint32_t get_or_add_stream(Stage& stage, std::uint32_t buffer, int dy) {
     const RowStream wanted{buffer, static_cast<std::int8_t>(dy)};
-    const auto found = std::find(stage.streams.begin(), stage.streams.end(), wanted);
+    const auto found = std::ranges::find(stage.streams, wanted);
     if (found == stage.streams.end()) stage.streams.push_back(wanted);
-    return static_cast<std::uint32_t>(std::find(stage.streams.begin(), stage.streams.end(), wanted) -
-                                      stage.streams.begin());
+    return static_cast<std::uint32_t>(std::ranges::find(stage.streams, wanted) - stage.streams.begin());
   }
 
   void emit_stages() {

@@ -26,9 +26,9 @@ struct RowBuffer {
   std::uint32_t reg = 0;          // of kRegister, kInPlace and kDoubleBuffered
   std::uint32_t ring_rows = 0;    // of kRing
   std::uint32_t pad_columns = 0;  // columns read beyond the west and east edge
-  // Of a kRing that holds every row: constant rows beyond the north and south edge.
+  // The number of constant rows beyond the north and south edge of a kRing that holds every row.
   std::uint32_t margin_rows = 0;
-  std::size_t offset = 0;  // of a kRing: floats from the start of the worker's memory to row 0
+  std::size_t offset = 0;  // floats from the start of the worker's memory to row 0 of a kRing
 };
 
 // The rows that a stage reads or writes: row r + dy of a buffer when computing row r.

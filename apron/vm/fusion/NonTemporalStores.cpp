@@ -8,14 +8,14 @@ namespace {
 constexpr std::size_t kLastLevelCacheFloats = 32 * 1024 * 1024 / sizeof(float);
 
 bool reads_stream(const Stage& stage, std::uint32_t stream) {
-  return std::any_of(stage.ops.begin(), stage.ops.end(), [&](const MicroOp& op) {
-    return std::any_of(op.operands.begin(), op.operands.end(), [&](const MicroOperand& arg) {
+  return std::ranges::any_of(stage.ops, [&](const MicroOp& op) {
+    return std::ranges::any_of(op.operands, [&](const MicroOperand& arg) {
       return arg.kind == MicroOperand::Kind::kStream && arg.index == stream;
     });
   });
 }
 
-// Whether a stage reads the plane's new values or, for an in-place result, its old ones.
+// True if a stage reads the plane's new values or, for an in-place result, its old ones.
 bool is_read_by_stage(const FusionPlan& plan, const RowBuffer& plane) {
   for (const Stage& stage : plan.stages)
     for (std::uint32_t s = 0; s < stage.streams.size(); ++s) {
@@ -30,9 +30,8 @@ bool is_read_by_stage(const FusionPlan& plan, const RowBuffer& plane) {
 }  // namespace
 
 void select_non_temporal_stores(FusionPlan& plan) {
-  const auto planes = std::count_if(plan.buffers.begin(), plan.buffers.end(), [](const RowBuffer& store) {
-    return store.kind != RowBuffer::Kind::kRing;
-  });
+  const auto planes = std::ranges::count_if(
+      plan.buffers, [](const RowBuffer& store) { return store.kind != RowBuffer::Kind::kRing; });
   const std::size_t floats = static_cast<std::size_t>(planes) * plan.width * plan.height;
   if (floats <= kLastLevelCacheFloats) return;
   for (Stage& stage : plan.stages)

@@ -39,7 +39,7 @@ StageInterpreter::StageInterpreter(const Stage& stage, const std::vector<RowBuff
   for (const Stage::Result& result : stage.results) {
     // A ring shared with another buffer may be read until the last operation is done.
     const RowBuffer& to = buffers[stage.streams[result.stream].buffer];
-    const bool shared = std::any_of(stage.streams.begin(), stage.streams.end(), [&](const RowStream& other) {
+    const bool shared = std::ranges::any_of(stage.streams, [&](const RowStream& other) {
       const RowBuffer& store = buffers[other.buffer];
       return &store != &to && store.kind == RowBuffer::Kind::kRing && store.offset == to.offset;
     });
@@ -56,8 +56,7 @@ StageInterpreter::StageInterpreter(const Stage& stage, const std::vector<RowBuff
   std::vector<std::size_t> free_after;  // indexed by scratch slot: last use of its current value
   for (std::size_t i = 0; i < ops_.size(); ++i) {
     if (ops_[i].stream != kUnassigned) continue;
-    const auto slot =
-        std::find_if(free_after.begin(), free_after.end(), [&](std::size_t use) { return use <= i; });
+    const auto slot = std::ranges::find_if(free_after, [&](std::size_t use) { return use <= i; });
     ops_[i].scratch_slot = static_cast<std::uint32_t>(slot - free_after.begin());
     if (slot == free_after.end())
       free_after.push_back(last_use[i]);

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <map>
 
+#include "apron/program/ScalarArithmetic.h"
 #include "apron/vm/fusion/FusionPlan.h"
 
 namespace apron::vm {
@@ -67,8 +68,7 @@ class StagePartitioner {
         const auto keeps = [&](const ValueUse& use) { return use.node != i && level[use.node] >= to; };
         can_sink =
             can_sink && (!is_computed(arg.index) ||
-                         (level[arg.index] < to && std::any_of(partition_.users[arg.index].begin(),
-                                                               partition_.users[arg.index].end(), keeps)));
+                         (level[arg.index] < to && std::ranges::any_of(partition_.users[arg.index], keeps)));
       });
       if (can_sink && to > level[i]) level[i] = to;
     }
@@ -79,7 +79,7 @@ class StagePartitioner {
     for (const ValueGraph::Output& output : graph_.outputs) ++output_count_[output.value];
     std::vector<std::uint32_t> level = compute_levels();
     sink_values(level);
-    // By level: the fusible nodes in one group, and a group for each other node.
+    // Each level has one group of its fusible nodes, and a group for each other node.
     std::map<std::uint32_t, std::pair<NodeGroup, std::vector<NodeGroup>>> at_level;
     for (std::uint32_t i = 0; i < graph_.nodes.size(); ++i) {
       if (!is_computed(i)) continue;
@@ -102,7 +102,7 @@ class StagePartitioner {
       partition_.groups.push_back(group);
       return;
     }
-    const auto middle = group.begin() + static_cast<std::ptrdiff_t>(group.size() / 2);
+    const auto middle = group.begin() + group.size() / 2;
     split_to_fit(NodeGroup(group.begin(), middle));
     split_to_fit(NodeGroup(middle, group.end()));
   }
@@ -117,7 +117,7 @@ class StagePartitioner {
       for_each_value(node, [&](const ValueRef& arg) {
         if (const auto own = last_use.find(arg.index); own != last_use.end() && !arg.is_shifted())
           own->second = node;
-        else if (std::find(reads.begin(), reads.end(), std::pair{arg.index, int{arg.dy}}) == reads.end())
+        else if (std::ranges::find(reads, std::pair{arg.index, int{arg.dy}}) == reads.end())
           reads.emplace_back(arg.index, arg.dy);
       });
     std::size_t written = 0;
@@ -129,8 +129,7 @@ class StagePartitioner {
     std::size_t max_live = 0;
     for (const std::uint32_t node : group) {
       const auto alive = [&](const auto& use) { return use.first <= node && use.second > node; };
-      max_live = std::max(max_live,
-                          static_cast<std::size_t>(std::count_if(last_use.begin(), last_use.end(), alive)));
+      max_live = std::max(max_live, static_cast<std::size_t>(std::ranges::count_if(last_use, alive)));
     }
     return reads.size() + written <= kMaxStreams && written <= kMaxResults && max_live <= kMaxLiveValues;
   }
@@ -155,15 +154,7 @@ class StagePartitioner {
 
 StagePartition partition_stages(const ValueGraph& graph) { return StagePartitioner(graph).partition(); }
 
-bool is_fusible_opcode(Opcode op) noexcept {
-  switch (op) {
-    case Opcode::kPow:
-    case Opcode::kAtan2:
-    case Opcode::kRound:
-      return false;
-    default:
-      return op < Opcode::kSin || op == Opcode::kSqrt || op == Opcode::kFloor || op == Opcode::kCeil;
-  }
-}
+// Generated code has no instruction for round, nor for what the C library computes.
+bool is_fusible_opcode(Opcode op) noexcept { return op < Opcode::kRound && !program::calls_libm(op); }
 
 }  // namespace apron::vm

@@ -1,7 +1,6 @@
 // Partitions the operations of a graph into stages, each fused into one loop over rows.
 #pragma once
 
-#include <cstddef>
 #include <cstdint>
 #include <vector>
 
@@ -29,7 +28,7 @@ struct StagePartition {
 // the vector registers.
 StagePartition partition_stages(const ValueGraph& graph);
 
-// Whether an operation of this opcode may share a stage with others.
+// True if an operation of this opcode may share a stage with others.
 bool is_fusible_opcode(program::Opcode op) noexcept;
 
 }  // namespace apron::vm

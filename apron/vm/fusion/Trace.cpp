@@ -146,8 +146,7 @@ class TraceBuilder {
   bool can_fuse_filter(const DecodedInstruction& decoded) const {
     const program::Filter* f = filters_.find(decoded.table_index);
     if (f == nullptr || !boundary_) return false;
-    const auto elements = f->coefficients.size() - static_cast<std::size_t>(std::count(
-                                                       f->coefficients.begin(), f->coefficients.end(), 0.0F));
+    const auto elements = f->coefficients.size() - std::ranges::count(f->coefficients, 0.0F);
     const auto short_way = [](std::uint32_t extent, std::uint32_t n) {
       return extent / 2 <= kMaxFusedShift && extent / 2 < n;
     };

@@ -1,6 +1,5 @@
 #include "apron/vm/fusion/ValueGraph.h"
 
-#include <algorithm>
 #include <bit>
 #include <map>
 #include <optional>

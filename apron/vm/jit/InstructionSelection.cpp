@@ -22,32 +22,22 @@ void StageAssembler::emit_operation(std::size_t index) {
 }
 
 void StageAssembler::emit_opcode(const MicroOp& op, RegisterAssignment& y) {
-  switch (op.op) {
-    case Opcode::kCopy:
-      return emit_copy(op, y);
-    case Opcode::kAdd:
-      return emit_binary(op, y,
-                         [&](const Vector& to, const Vector& a, const Operand& b) { vaddps(to, a, b); });
-    case Opcode::kSub:
-      return emit_binary(op, y,
-                         [&](const Vector& to, const Vector& a, const Operand& b) { vsubps(to, a, b); });
-    case Opcode::kMul:
-      return emit_binary(op, y,
-                         [&](const Vector& to, const Vector& a, const Operand& b) { vmulps(to, a, b); });
-    case Opcode::kDiv:
-      return emit_binary(op, y,
-                         [&](const Vector& to, const Vector& a, const Operand& b) { vdivps(to, a, b); });
-    case Opcode::kMin:
-      return emit_binary(op, y,
-                         [&](const Vector& to, const Vector& a, const Operand& b) { vminps(to, a, b); });
-    case Opcode::kMax:
-      return emit_binary(op, y,
-                         [&](const Vector& to, const Vector& a, const Operand& b) { vmaxps(to, a, b); });
-    default:
-      if (op.op >= Opcode::kLt && op.op <= Opcode::kNe) return emit_compare(op, y);
-      if (op.op >= Opcode::kAnd && op.op <= Opcode::kNot) return emit_logic(op, y);
-      return emit_compound(op, y);
-  }
+  using Instruction = void (StageAssembler::*)(const Xbyak::Xmm&, const Operand&, const Operand&);
+  static constexpr struct {
+    Opcode opcode;
+    Instruction instruction;
+  } kBinary[] = {{Opcode::kAdd, &StageAssembler::vaddps}, {Opcode::kSub, &StageAssembler::vsubps},
+                 {Opcode::kMul, &StageAssembler::vmulps}, {Opcode::kDiv, &StageAssembler::vdivps},
+                 {Opcode::kMin, &StageAssembler::vminps}, {Opcode::kMax, &StageAssembler::vmaxps}};
+  for (const auto& [opcode, instruction] : kBinary)
+    if (op.op == opcode)
+      return emit_binary(op, y, [&, emit = instruction](const Vector& to, const Vector& a, const Operand& b) {
+        (this->*emit)(to, a, b);
+      });
+  if (op.op == Opcode::kCopy) return emit_copy(op, y);
+  if (op.op >= Opcode::kLt && op.op <= Opcode::kNe) return emit_compare(op, y);
+  if (op.op >= Opcode::kAnd && op.op <= Opcode::kNot) return emit_logic(op, y);
+  emit_compound(op, y);
 }
 
 template <class Emit>
@@ -63,23 +53,9 @@ void StageAssembler::emit_binary(const MicroOp& op, RegisterAssignment& y, const
 }
 
 void StageAssembler::emit_compare(const MicroOp& op, RegisterAssignment& y) {
-  switch (op.op) {
-    case Opcode::kLt:
-      return emit_vcmp(op, y, kLess);
-    case Opcode::kLe:
-      return emit_vcmp(op, y, kLessEqual);
-    case Opcode::kGt:
-      return emit_vcmp(op, y, kGreater);
-    case Opcode::kGe:
-      return emit_vcmp(op, y, kGreaterEqual);
-    case Opcode::kEq:
-      return emit_vcmp(op, y, kEqual);
-    default:
-      return emit_vcmp(op, y, kNotEqual);
-  }
-}
-
-void StageAssembler::emit_vcmp(const MicroOp& op, RegisterAssignment& y, Compare predicate) {
+  static constexpr Compare kPredicates[] = {kLess,         kLessEqual, kGreater,
+                                            kGreaterEqual, kEqual,     kNotEqual};  // of lt to ne
+  const Compare predicate = kPredicates[static_cast<int>(op.op) - static_cast<int>(Opcode::kLt)];
   const Vector a = vector_operand(op.operands[0]);
   y.mask_register = allocate_mask();
   with_operand(op.operands[1],

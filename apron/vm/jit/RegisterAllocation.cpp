@@ -83,7 +83,7 @@ void StageAssembler::reload(RegisterAssignment& temp) {
 
 bool StageAssembler::is_pinned(int vector) const {
   const auto holds = [&](const std::vector<int>& pinned) {
-    return std::find(pinned.begin(), pinned.end(), vector) != pinned.end();
+    return std::ranges::find(pinned, vector) != pinned.end();
   };
   return holds(pinned_vectors_) || (!has_masks_ && holds(pinned_masks_));
 }
@@ -95,9 +95,8 @@ int StageAssembler::allocate_mask() {
     return v;
   }
   if (free_masks_.empty()) {
-    const auto holder = std::find_if(temps_.begin(), temps_.end(), [&](const RegisterAssignment& t) {
-      return t.mask_register >= 0 &&
-             std::find(pinned_masks_.begin(), pinned_masks_.end(), t.mask_register) == pinned_masks_.end();
+    const auto holder = std::ranges::find_if(temps_, [&](const RegisterAssignment& t) {
+      return t.mask_register >= 0 && std::ranges::find(pinned_masks_, t.mask_register) == pinned_masks_.end();
     });
     if (holder == temps_.end()) throw CannotCompile{};
     if (holder->vector_register < 0 && holder->spill_slot < 0) materialize_mask(*holder);

@@ -67,7 +67,7 @@ void StageAssembler::find_row_streams() {
   for (std::uint32_t row = 0; row < rows_per_iteration_; ++row)
     for (const RowStream& stream : stage_.streams) {
       const RowStream wanted{stream.buffer, static_cast<std::int8_t>(stream.dy + static_cast<int>(row))};
-      const auto found = std::find(row_streams_.begin(), row_streams_.end(), wanted);
+      const auto found = std::ranges::find(row_streams_, wanted);
       row_stream_of_.push_back(static_cast<std::uint32_t>(found - row_streams_.begin()));
       if (found == row_streams_.end()) row_streams_.push_back(wanted);
     }
@@ -88,11 +88,11 @@ void StageAssembler::count_temp_uses() {
     temps_[i].remaining_uses = temp_uses_[i % stage_.ops.size()].size();
 }
 
-// A filter on AVX2 has more coefficients than registers: each that is loaded serves two vectors. Rows share no
-// loads then, because no registers are left to hold them.
+// A filter on AVX2 has more coefficients than registers: each that is loaded serves two vectors. Rows share
+// no loads then, because no registers are left to hold them.
 void StageAssembler::emit_vectors_in_pairs_if_useful() {
-  const auto unheld = std::count_if(scalars_.begin(), scalars_.end(),
-                                    [](const auto& s) { return s.second.vector_register < 0; });
+  const auto unheld =
+      std::ranges::count_if(scalars_, [](const auto& s) { return s.second.vector_register < 0; });
   if (has_masks_ || unheld < kMinScalarsForPairs || !windows_.empty() || unroll_factor_ % 2 != 0) return;
   if (rows_per_iteration_ > 1) throw CannotCompile{};
   vectors_together_ = 2;
@@ -102,14 +102,14 @@ void StageAssembler::emit_vectors_in_pairs_if_useful() {
 }
 
 bool StageAssembler::needs_boolean_constants() const {
-  return std::any_of(stage_.ops.begin(), stage_.ops.end(), [](const MicroOp& op) {
+  return std::ranges::any_of(stage_.ops, [](const MicroOp& op) {
     return op.op == Opcode::kSign || op.op == Opcode::kSelect ||
            (op.op >= Opcode::kLt && op.op <= Opcode::kNot);
   });
 }
 
-// The highest vector registers hold constants and as many scalars as fit. Other constants are memory operands;
-// 1 and the masks of abs and neg always fit.
+// The highest vector registers hold constants and as many scalars as fit. Other constants are memory
+// operands; 1 and the masks of abs and neg always fit.
 void StageAssembler::allocate_fixed_registers() {
   const bool several_rows = rows_per_iteration_ > 1;
   const int max_registers = has_masks_ ? (several_rows ? 6 : 10) : (several_rows ? 3 : 5);
@@ -144,10 +144,10 @@ void StageAssembler::allocate_fixed_registers() {
   for (int slot = 0; slot < kMaxSpillSlots; ++slot) free_spill_slots_.push_back(slot);
 }
 
-// A row that is also read at west or east offsets gets a sliding window of three registers, from which shifted
-// vectors are assembled: an unaligned load that straddles two cache lines would cost two. With AVX-512 the
-// window is three adjacent vectors, one aligned load each. With AVX2 it is the vector and those 16 bytes west
-// and east of it, two loads; there is room for one.
+// A row that is also read at west or east offsets gets a sliding window of three registers, from which
+// shifted vectors are assembled: an unaligned load that straddles two cache lines would cost two. With
+// AVX-512 the window is three adjacent vectors, one aligned load each. With AVX2 it is the vector and those
+// 16 bytes west and east of it, two loads; there is room for one.
 void StageAssembler::allocate_windows() {
   std::map<std::uint32_t, int> widest;  // offset by row stream
   for (const auto& [key, load] : loads_)
@@ -287,8 +287,7 @@ std::uint32_t StageAssembler::unroll_factor(std::uint32_t vectors) const {
 
 void StageAssembler::emit_epilogue() {
   const bool has_non_temporal_stores =
-      std::any_of(stage_.results.begin(), stage_.results.end(),
-                  [](const Stage::Result& result) { return result.non_temporal; });
+      std::ranges::any_of(stage_.results, [](const Stage::Result& result) { return result.non_temporal; });
   if (has_non_temporal_stores) sfence();
   mov(rsp, ptr[rsp + kCallerStackOffset]);
   for (auto r = kCalleeSaved.rbegin(); r != kCalleeSaved.rend(); ++r) pop(*r);

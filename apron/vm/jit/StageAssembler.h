@@ -146,7 +146,6 @@ class StageAssembler : private Xbyak::CodeGenerator {
   void emit_copy(const MicroOp& op, RegisterAssignment& y);
   void emit_select(const MicroOp& op, RegisterAssignment& y);
   void emit_sign(const Vector& to, const Vector& a);
-  void emit_vcmp(const MicroOp& op, RegisterAssignment& y, Compare predicate);
   template <class Emit>
   void emit_binary(const MicroOp& op, RegisterAssignment& y, const Emit& instruction);
   void emit_mask_compare(int mask, const Vector& a, const Operand& b, Compare predicate);

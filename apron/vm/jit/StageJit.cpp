@@ -11,11 +11,11 @@
 namespace apron::vm {
 namespace {
 
-// Whether successive rows read the same memory, so that computing several per iteration saves loads.
+// True if successive rows read the same memory, so that computing several per iteration saves loads.
 bool has_row_reuse(const Stage& stage) {
   std::set<std::uint32_t> stores;
-  return std::any_of(stage.streams.begin(), stage.streams.end(),
-                     [&](const RowStream& stream) { return !stores.insert(stream.buffer).second; });
+  return std::ranges::any_of(stage.streams,
+                             [&](const RowStream& stream) { return !stores.insert(stream.buffer).second; });
 }
 
 std::optional<StageJit::CompiledLoop> assemble(const Stage& stage, InstructionSet isa, std::uint32_t rows,
@@ -34,8 +34,8 @@ std::optional<StageJit::CompiledLoop> assemble(const Stage& stage, InstructionSe
 
 std::optional<StageJit> StageJit::compile(const Stage& stage, InstructionSet isa, std::uint32_t vectors,
                                           std::uint32_t max_rows_per_iteration) {
-  const bool supported = std::all_of(stage.ops.begin(), stage.ops.end(),
-                                     [](const MicroOp& op) { return is_fusible_opcode(op.op); });
+  const bool supported =
+      std::ranges::all_of(stage.ops, [](const MicroOp& op) { return is_fusible_opcode(op.op); });
   if (isa == InstructionSet::kPortable || !supported) return std::nullopt;
   StageJit jit;
   for (std::uint32_t rows = has_row_reuse(stage) ? max_rows_per_iteration : 1; rows > 1 && jit.loops_.empty();

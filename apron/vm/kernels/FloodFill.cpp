@@ -1,7 +1,6 @@
 #include "apron/vm/kernels/FloodFill.h"
 
 #include <algorithm>
-#include <limits>
 
 namespace apron::vm {
 

@@ -326,8 +326,8 @@ HWY_INLINE VU interleave(VWide even, VWide odd) {
   return hn::OddEven(hn::BitCast(DU(), hn::ShiftLeft<32>(odd)), hn::BitCast(DU(), even));
 }
 
-// What the cells of a row have in common: the keys of the rounds from the third on, one vector each, and the words of
-// the first two, in which only the first word of the counter, the column, differs.
+// What the cells of a row have in common: the keys of the rounds from the third on, one vector each, and the
+// words of the first two, in which only the first word of the counter, the column, differs.
 class PhiloxRow {
  public:
   explicit PhiloxRow(const RandomCells& cells) {
@@ -458,7 +458,7 @@ HWY_INLINE V box_muller(VU word0, VU word1) {
   return hn::Mul(hn::Sqrt(minus_two_log(n)), cos_turns(to_unit_interval(word1)));
 }
 
-// In two passes, whose iterations are short enough for the CPU to overlap several.
+// Two passes have iterations that are short enough for the CPU to overlap several.
 void random_normal(const RandomCells& cells, float mean, float sd, float* to) noexcept {
   constexpr std::uint32_t kPass = 256;
   HWY_ALIGN std::array<std::uint32_t, kPass> first, second;

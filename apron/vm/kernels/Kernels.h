@@ -12,6 +12,7 @@
 
 #include "apron/program/Program.h"
 #include "apron/vm/InstructionSet.h"
+#include "apron/vm/Plane.h"
 #include "apron/vm/kernels/StencilKernels.h"
 
 namespace apron::vm {
@@ -29,6 +30,13 @@ struct Block {
   std::array<std::ptrdiff_t, program::kMaxOperands> source_pitch{};
   std::ptrdiff_t mask_pitch = 0;
   std::uint32_t rows = 0, columns = 0;
+
+  Block() = default;
+  // Over all cells of a plane, whose pitch the sources and the mask share.
+  explicit Block(const Plane& plane, const float* mask_cells = nullptr) noexcept
+      : y(plane.data), mask(mask_cells), rows(plane.height), columns(plane.width) {
+    set_pitch(plane.pitch);
+  }
 
   void set_pitch(std::ptrdiff_t of_all) noexcept {
     pitch = mask_pitch = of_all;

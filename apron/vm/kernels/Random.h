@@ -28,7 +28,7 @@ struct RandomStream {
   float draw_one(const KernelTable& kernels, program::Opcode op, std::uint32_t column, std::uint32_t row,
                  float a, float b) const noexcept;
 
-  // The same values for the cells of a row. mask is null, or only its non-zero cells are written.
+  // Writes the values of the cells of a row. If mask is not null, only its non-zero cells are written.
   void fill_row(const KernelTable& kernels, program::Opcode op, std::uint32_t row, float a, float b,
                 float* to, const float* mask, std::uint32_t columns) const noexcept;
 };

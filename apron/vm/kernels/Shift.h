@@ -18,8 +18,8 @@ struct Offset {
   std::int64_t dx = 0, dy = 0;  // cells east, cells south
 };
 
-// The index in [0, n) that index i of an axis of n cells reads under a boundary rule, or kOutside for the boundary
-// value.
+// The index in [0, n) that index i of an axis of n cells reads under a boundary rule, or kOutside for the
+// boundary value.
 inline constexpr std::int64_t kOutside = -1;
 std::int64_t resolve_boundary_index(std::int64_t i, std::int64_t n, program::BoundaryRule rule) noexcept;
 

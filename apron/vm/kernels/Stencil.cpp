@@ -50,7 +50,7 @@ class StencilPass {
     if (step_[j] == 0) return constant_row_.data();
     for (std::int64_t i = 0; i < static_cast<std::int64_t>(columns) + width_ - 1; ++i) {
       const std::int64_t from = resolve_boundary_index(begin - west_ + i, y_.width, boundary_.rule);
-      edge_row_[static_cast<std::size_t>(i)] = from == kOutside ? constant_row_[0] : row_[j][from];
+      edge_row_[i] = from == kOutside ? constant_row_[0] : row_[j][from];
     }
     return edge_row_.data();
   }

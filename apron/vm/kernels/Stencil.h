@@ -1,8 +1,6 @@
 // Stencil operations: near.* and filters. opcodes.def declares their order of rounding.
 #pragma once
 
-#include <cstdint>
-
 #include "apron/program/Program.h"
 #include "apron/vm/Executor.h"
 #include "apron/vm/Plane.h"
