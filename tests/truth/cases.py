@@ -427,7 +427,7 @@ GROUPS = [
             absolute("out", "spin out of the plane", "0", 0.01, "rad/s", margin=2.0)], "conservation; symmetry",
             {"n": n, "h": h}, mujoco="not set up", quick=False)
           for name, title, n, h in (("thick", "Two hinged rods of 0.2", 2, 0.2), ("thin", "… of 0.1", 2, 0.1),
-                                    ("thinner", "… of 0.05", 2, 0.05), ("six", "Six hinged rods of 0.1", 6, 0.1))],
+                                    ("thinner", "… of 0.05", 2, 0.05))],
         Case("landing", "Box dropped flat on a box, 0.1 u beside its middle", "landing", 4, [
             absolute("tilt", "greatest tilt", "0", 0.1, "°"), absolute("spin", "greatest spin", "0", 0.1, "rad/s")],
             "its middle is over the lower box", mujoco="not set up", quick=False),

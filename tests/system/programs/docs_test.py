@@ -6,7 +6,7 @@ from programs import *
 
 PAGES = ["README.md"] + sorted(str(p.relative_to(ROOT)) for p in (ROOT / "docs").glob("*.md"))
 PROGRAMS = ["smartsurf", "apron", "shm_dump", "fake_surface", "device_emulator", "surface_bridge"]
-PYTHON_CLIENT = {**os.environ, "PYTHONPATH": "shm-protocol/python:smartsurf/python", "PYTHONDONTWRITEBYTECODE": "1", "SMARTSURF": SMARTSURF,
+PYTHON_CLIENT = {**os.environ, "PYTHONPATH": "build/release/python:shm-protocol/python", "PYTHONDONTWRITEBYTECODE": "1", "SMARTSURF": SMARTSURF,
                  "SHM_PROTOCOL_LIBRARY": str(BIN.parent / "shm-protocol/libshm_protocol_c.so.1")}
 
 
@@ -16,7 +16,7 @@ def steps(page):
     backslash joins lines; a trailing & is kept as an argument."""
     text = re.sub(r"\\\n\s*", "", (ROOT / page).read_text())
     for match in re.finditer(r"^`((?:out/)?[\w-]+\.(?:lua|aps|py))`:\n\n```\w*\n(.*?)^```$|"
-                             r"^    (?:build/release/bin/(" + "|".join(PROGRAMS) + r")|PYTHONPATH=(?:shm-protocol|smartsurf)/python (python3)) ([^#\n]*)",
+                             r"^    (?:build/release/bin/(" + "|".join(PROGRAMS) + r")|PYTHONPATH=[\w/:-]*python (python3)) ([^#\n]*)",
                              text, re.DOTALL | re.MULTILINE):
         file, content, program, python, arguments = match.groups()
         yield ("write", (file, content)) if file else (program or python, arguments.split())

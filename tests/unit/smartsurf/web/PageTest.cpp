@@ -43,6 +43,7 @@ TEST(Page, IsSelfContained) {
 TEST(Page, FillsInDefaultsOfMechanisms) {
   const OutputFolder out;
   SyntheticRun run;
+  run.spec.surface.pin.top_x = run.spec.surface.pin.top_y = 0.8;
   run.spec.surface.actuators = {scene::find_actuator_kind("pin")->default_spec(),
                                 scene::find_actuator_kind("delta")->default_spec()};
   run.spec.surface.actuators[0].values["tip.shape"] = {1.0};  // a hemisphere
