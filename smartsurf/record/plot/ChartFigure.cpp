@@ -145,7 +145,7 @@ void ChartFigure::Panel::draw_rule(cairo_t* cr) const {
 double ChartFigure::Panel::legend_entry() const {
   std::size_t longest = 0;
   for (const LegendEntry& entry : legend) longest = std::max(longest, entry.name.size());
-  return std::min(kMaxLegendEntry, 30.0 + 7.0 * static_cast<double>(longest));
+  return std::min(kMaxLegendEntry, 34.0 + 6.4 * static_cast<double>(longest));
 }
 
 void ChartFigure::Panel::draw_legend(cairo_t* cr) const {
@@ -164,7 +164,7 @@ void ChartFigure::Panel::draw_legend(cairo_t* cr) const {
       cairo_fill(cr);
     }
     set_pen(cr, kBlack);
-    draw_text(cr, x + 28.0, y, legend[i].name, 12.0, Align::kLeft, false, entry_width - 32.0);
+    draw_text(cr, x + 28.0, y, legend[i].name, 12.0, Align::kLeft, false, entry_width - 28.0);
   }
 }
 
