@@ -12,6 +12,8 @@
 #include "common/files/ReadFile.h"
 #include "smartsurf/extension/PluginActuator.h"
 #include "smartsurf/extension/PluginSensor.h"
+#include "smartsurf/surface/actuators/ActuatorRegistry.h"
+#include "smartsurf/surface/sensors/SensorRegistry.h"
 
 namespace smartsurf::extension {
 namespace {

@@ -10,7 +10,7 @@
 #include <vector>
 
 #include "common/files/UnfinishedFile.h"
-#include "smartsurf/run/cli/RunOptions.h"
+#include "smartsurf/run/options/RunOptions.h"
 #include "smartsurf/scene/ChannelData.h"
 #include "smartsurf/scene/SceneSpec.h"
 #include "smartsurf/surface/ActuatorArray.h"

@@ -4,7 +4,7 @@
 
 #include <atomic>
 
-#include "smartsurf/run/cli/RunOptions.h"
+#include "smartsurf/run/options/RunOptions.h"
 
 namespace smartsurf::run {
 

@@ -8,6 +8,7 @@
 
 #include "common/threads/ThreadPool.h"
 #include "smartsurf/surface/SkinShape.h"
+#include "smartsurf/surface/actuators/ActuatorRegistry.h"
 #include "smartsurf/surface/actuators/PinKernels.h"
 
 namespace smartsurf::surface {

@@ -3,6 +3,7 @@
 #include <cstdio>
 
 #include "apron/run/media/ArrayFile.h"
+#include "apron/run/media/CameraSources.h"
 #include "apron/run/media/ImageFile.h"
 #include "apron/run/media/MediaError.h"
 

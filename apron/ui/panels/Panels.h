@@ -7,9 +7,9 @@
 
 #include <string>
 
+#include "apron/ui/Gui.h"
 #include "apron/ui/ViewModel.h"
 #include "apron/ui/panels/TextureCache.h"
-#include "apron/ui/window/Gui.h"
 
 namespace apron::ui {
 

@@ -3,9 +3,9 @@
 #include <backends/imgui_impl_opengl3.h>
 #include <epoxy/gl.h>
 
+#include "apron/ui/Gui.h"
 #include "apron/ui/panels/Panels.h"
 #include "apron/ui/panels/TextureCache.h"
-#include "apron/ui/window/Gui.h"
 #include "common/error/UserError.h"
 #include "common/gl/EglContext.h"
 

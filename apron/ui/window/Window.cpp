@@ -8,9 +8,9 @@
 
 #include <algorithm>
 
+#include "apron/ui/Gui.h"
 #include "apron/ui/panels/Panels.h"
 #include "apron/ui/panels/TextureCache.h"
-#include "apron/ui/window/Gui.h"
 #include "common/error/UserError.h"
 
 namespace apron::ui {

@@ -15,7 +15,7 @@
 #include <string_view>
 #include <thread>
 
-#include "Segment.h"
+#include "SegmentNames.h"
 #include "shm_protocol/layout.h"
 
 namespace shm_protocol {

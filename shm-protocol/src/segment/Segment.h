@@ -12,12 +12,9 @@
 #include <string>
 
 #include "ProcessIdentity.h"
+#include "SegmentNames.h"
 
 namespace shm_protocol {
-
-inline constexpr const char* kShmDirectory = "/dev/shm";
-inline constexpr const char* kFilePrefix = "smartsurf.";  // common to all files of this protocol
-inline constexpr char kBuildMarker = '~';                 // NAME~PROCESSWORD.COUNT: under construction
 
 // "/dev/shm/smartsurf.NAME"
 std::string path_of(const std::string& name);

@@ -8,9 +8,9 @@
 #include "common/process/ExitStatus.h"
 #include "common/process/StopSignals.h"
 #include "smartsurf/run/ControllerProcess.h"
-#include "smartsurf/run/cli/FlagValues.h"
 #include "smartsurf/run/cli/Subcommands.h"
 #include "smartsurf/run/compare/Report.h"
+#include "smartsurf/run/options/FlagValues.h"
 
 namespace smartsurf::run {
 namespace {

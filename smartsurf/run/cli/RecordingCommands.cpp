@@ -9,8 +9,8 @@
 #include "shm_protocol/Segments.h"
 #include "smartsurf/record/Recording.h"
 #include "smartsurf/record/plot/Plot.h"
-#include "smartsurf/run/cli/FlagValues.h"
 #include "smartsurf/run/cli/Subcommands.h"
+#include "smartsurf/run/options/FlagValues.h"
 #include "smartsurf/web/Page.h"
 
 namespace smartsurf::run {

@@ -6,9 +6,9 @@
 
 #include "common/process/ExitStatus.h"
 #include "common/process/StopSignals.h"
-#include "smartsurf/run/cli/FlagValues.h"
 #include "smartsurf/run/cli/Subcommands.h"
 #include "smartsurf/run/cli/WindowSession.h"
+#include "smartsurf/run/options/FlagValues.h"
 #include "smartsurf/run/output/Progress.h"
 #include "smartsurf/run/replay/Replay.h"
 #include "smartsurf/run/replay/Verify.h"

@@ -14,9 +14,9 @@
 #include "smartsurf/run/Run.h"
 #include "smartsurf/run/ScriptOverrun.h"
 #include "smartsurf/run/Worlds.h"
-#include "smartsurf/run/cli/FlagValues.h"
 #include "smartsurf/run/cli/Subcommands.h"
 #include "smartsurf/run/cli/WindowSession.h"
+#include "smartsurf/run/options/FlagValues.h"
 #include "smartsurf/simulation/Simulation.h"
 #include "smartsurf/world/bullet/EngineFactory.h"
 

@@ -3,7 +3,7 @@
 
 #include <string>
 
-#include "smartsurf/run/cli/RunOptions.h"
+#include "smartsurf/run/options/RunOptions.h"
 
 namespace smartsurf::run {
 

@@ -8,7 +8,7 @@
 #include <utility>
 #include <vector>
 
-#include "smartsurf/run/cli/RunOptions.h"
+#include "smartsurf/run/options/RunOptions.h"
 #include "smartsurf/scene/SceneSpec.h"
 #include "smartsurf/scene/Snapshot.h"
 

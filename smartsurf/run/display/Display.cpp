@@ -6,7 +6,7 @@
 #include <utility>
 
 #include "smartsurf/run/ControllerProcess.h"
-#include "smartsurf/run/output/PlotFile.h"
+#include "smartsurf/run/display/PlotFile.h"
 #include "smartsurf/view/output/OffscreenView.h"
 #include "smartsurf/view/window/Window.h"
 

@@ -9,10 +9,10 @@
 #include <string>
 #include <vector>
 
-#include "smartsurf/run/cli/RunOptions.h"
 #include "smartsurf/run/display/RunHistory.h"
 #include "smartsurf/run/display/UserInteraction.h"
 #include "smartsurf/run/display/ViewChannels.h"
+#include "smartsurf/run/options/RunOptions.h"
 #include "smartsurf/simulation/Simulation.h"
 #include "smartsurf/view/interaction/Controls.h"
 

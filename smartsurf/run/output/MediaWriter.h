@@ -7,8 +7,8 @@
 
 #include "common/image/Image.h"
 #include "common/video/VideoEncoder.h"
-#include "smartsurf/run/cli/RenderOptions.h"
-#include "smartsurf/run/cli/RunOptions.h"
+#include "smartsurf/run/options/RenderOptions.h"
+#include "smartsurf/run/options/RunOptions.h"
 #include "smartsurf/view/model/FrameInput.h"
 
 namespace smartsurf::view {

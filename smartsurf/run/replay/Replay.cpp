@@ -7,9 +7,9 @@
 #include <thread>
 
 #include "smartsurf/run/Run.h"
+#include "smartsurf/run/display/PlotFile.h"
 #include "smartsurf/run/display/ViewChannels.h"
 #include "smartsurf/run/output/MediaWriter.h"
-#include "smartsurf/run/output/PlotFile.h"
 #include "smartsurf/run/output/Progress.h"
 #include "smartsurf/run/replay/Player.h"
 #include "smartsurf/run/replay/RecordedFrames.h"

@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "smartsurf/record/Recording.h"
-#include "smartsurf/run/cli/RunOptions.h"
+#include "smartsurf/run/options/RunOptions.h"
 
 namespace smartsurf::run {
 

@@ -5,8 +5,8 @@
 #include <cmath>
 #include <limits>
 
+#include "smartsurf/surface/raycast/RayCastJob.h"
 #include "smartsurf/surface/raycast/RayIntersection-inl.h"
-#include "smartsurf/surface/raycast/RayKernels.h"
 
 HWY_BEFORE_NAMESPACE();
 namespace smartsurf::surface {

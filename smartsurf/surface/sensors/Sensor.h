@@ -55,16 +55,6 @@ class Sensor {
   virtual bool needs_impulses() const noexcept { return false; }
 };
 
-// `field` gives the cell geometry and must not be retained.
-using SensorFactory = std::function<std::unique_ptr<Sensor>(const Field& field, const scene::SensorSpec&)>;
-
-// Registers the model under the kind's name, which no other kind has, for scripts, the protocol and all
-// surfaces created later. Thread-safe.
-void register_sensor(scene::SensorKind kind, SensorFactory make);
-
-// Creates the model that the spec names. Throws scene::InputError if no such model is registered.
-std::unique_ptr<Sensor> make_sensor(const Field&, const scene::SensorSpec&);
-
 // The ray that a sensor's `range`, `direction`, `origin` and `pins` describe.
 CellRay cell_ray_of(const scene::SensorSpec&);
 

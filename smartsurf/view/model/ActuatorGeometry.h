@@ -23,13 +23,9 @@
 
 #include "smartsurf/scene/SceneSpec.h"
 #include "smartsurf/scene/Snapshot.h"
+#include "smartsurf/view/model/TwoColourMesh.h"
 
 namespace smartsurf::view {
-
-struct TwoColourMesh {
-  std::vector<float> vertices;         // 7 per vertex: position, normal, share of the accent colour (0 … 1)
-  std::vector<std::uint32_t> indices;  // 3 per triangle
-};
 
 struct MeshInstance {
   std::array<float, 3> x, y, z;  // scaled axes of the mesh, world frame

@@ -4,7 +4,7 @@
 #include <Eigen/Core>
 #include <span>
 
-#include "smartsurf/view/model/ActuatorGeometry.h"
+#include "smartsurf/view/model/TwoColourMesh.h"
 
 namespace smartsurf::view {
 

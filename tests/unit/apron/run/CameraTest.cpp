@@ -9,7 +9,7 @@
 #include <fstream>
 #include <map>
 
-#include "apron/run/media/Camera.h"
+#include "apron/run/media/CameraSources.h"
 #include "apron/run/media/CaptureFormat.h"
 #include "apron/run/media/GreyFrame.h"
 #include "apron/run/media/ImageCodec.h"

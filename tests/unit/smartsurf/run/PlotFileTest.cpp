@@ -1,4 +1,4 @@
-#include "smartsurf/run/output/PlotFile.h"
+#include "smartsurf/run/display/PlotFile.h"
 
 #include <gtest/gtest.h>
 

@@ -1,6 +1,7 @@
 #include "common/threads/ThreadPool.h"
 #include "smartsurf/surface/sensors/ColourSensor.h"
 #include "smartsurf/surface/sensors/Sensor.h"
+#include "smartsurf/surface/sensors/SensorRegistry.h"
 
 #include <gtest/gtest.h>
 

@@ -1,4 +1,4 @@
-#include "smartsurf/run/cli/RenderOptions.h"
+#include "smartsurf/run/options/RenderOptions.h"
 
 #include <CLI/CLI.hpp>
 #include <algorithm>

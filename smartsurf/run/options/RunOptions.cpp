@@ -1,4 +1,4 @@
-#include "smartsurf/run/cli/RunOptions.h"
+#include "smartsurf/run/options/RunOptions.h"
 
 #include <filesystem>
 

@@ -6,7 +6,7 @@
 #include <utility>
 #include <vector>
 
-#include "smartsurf/run/cli/RunOptions.h"
+#include "smartsurf/run/options/RunOptions.h"
 
 namespace smartsurf::run {
 

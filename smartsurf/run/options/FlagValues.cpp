@@ -1,4 +1,4 @@
-#include "smartsurf/run/cli/FlagValues.h"
+#include "smartsurf/run/options/FlagValues.h"
 
 #include <fmt/format.h>
 

@@ -1,4 +1,4 @@
-#include "apron/run/media/Camera.h"
+#include "apron/run/media/CameraSources.h"
 
 #include <algorithm>
 #include <filesystem>

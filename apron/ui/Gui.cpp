@@ -1,4 +1,4 @@
-#include "apron/ui/window/Gui.h"
+#include "apron/ui/Gui.h"
 
 #include <backends/imgui_impl_opengl3.h>
 #include <epoxy/gl.h>

@@ -7,7 +7,7 @@
 #include <utility>
 #include <vector>
 
-#include "smartsurf/run/cli/RenderOptions.h"
+#include "smartsurf/run/options/RenderOptions.h"
 
 namespace smartsurf::run {
 

@@ -1,4 +1,4 @@
-#include "smartsurf/surface/actuators/Actuator.h"
+#include "smartsurf/surface/actuators/ActuatorRegistry.h"
 
 #include <string>
 
