@@ -17,6 +17,15 @@
 
 #include "smartsurf/world/simd/Lanes.h"
 
+// Files that are compiled once may have fewer instructions than the lanes (sanitized builds): they cannot inline
+// these functions, and need not.
+#undef WORLD_INLINE
+#ifdef HWY_TARGET_INCLUDE
+#define WORLD_INLINE HWY_INLINE
+#else
+#define WORLD_INLINE inline
+#endif
+
 HWY_BEFORE_NAMESPACE();
 namespace smartsurf::world {
 namespace HWY_NAMESPACE {
@@ -35,42 +44,42 @@ static_assert(kLanes % kWidthOf<float> == 0 && kLanes % kWidthOf<double> == 0);
 // ---- one number or lanes
 
 template <class F>
-HWY_INLINE F constant(double value) {
+WORLD_INLINE F constant(double value) {
   if constexpr (std::is_arithmetic_v<F>)
     return static_cast<F>(value);
   else
     return hn::Set(hn::DFromV<F>(), static_cast<hn::TFromV<F>>(value));
 }
 template <class F>
-HWY_INLINE F max(F a, F b) {
+WORLD_INLINE F max(F a, F b) {
   if constexpr (std::is_arithmetic_v<F>)
     return a > b ? a : b;
   else
     return hn::Max(a, b);
 }
 template <class F>
-HWY_INLINE F min(F a, F b) {
+WORLD_INLINE F min(F a, F b) {
   if constexpr (std::is_arithmetic_v<F>)
     return a < b ? a : b;
   else
     return hn::Min(a, b);
 }
 template <class F>
-HWY_INLINE F square_root(F a) {
+WORLD_INLINE F square_root(F a) {
   if constexpr (std::is_arithmetic_v<F>)
     return std::sqrt(a);
   else
     return hn::Sqrt(a);
 }
 template <class F>
-HWY_INLINE F copy_sign(F magnitude, F sign) {
+WORLD_INLINE F copy_sign(F magnitude, F sign) {
   if constexpr (std::is_arithmetic_v<F>)
     return std::copysign(magnitude, sign);
   else
     return hn::CopySign(magnitude, sign);
 }
 template <class F>
-HWY_INLINE F if_positive(F x, F yes, F no) {
+WORLD_INLINE F if_positive(F x, F yes, F no) {
   if constexpr (std::is_arithmetic_v<F>)
     return x > F(0) ? yes : no;
   else
@@ -78,24 +87,24 @@ HWY_INLINE F if_positive(F x, F yes, F no) {
 }
 // 1 / a; 0 for a ≤ 0, which occurs in unused lanes and for bodies without mass.
 template <class F>
-HWY_INLINE F inverse(F a) {
+WORLD_INLINE F inverse(F a) {
   return if_positive(a, constant<F>(1) / a, constant<F>(0));
 }
 template <class F>
-HWY_INLINE F sum3(F a, F b, F c) {
+WORLD_INLINE F sum3(F a, F b, F c) {
   return (a + b) + c;
 }
 
 template <class T>
-HWY_INLINE LanesOf<T> set(T value) {
+WORLD_INLINE LanesOf<T> set(T value) {
   return hn::Set(LanesTag<T>(), value);
 }
 template <class T>
-HWY_INLINE LanesOf<T> load(const T* lanes, int first) {
+WORLD_INLINE LanesOf<T> load(const T* lanes, int first) {
   return hn::LoadU(LanesTag<T>(), lanes + first);
 }
 template <class T>
-HWY_INLINE void store(LanesOf<T> value, T* lanes, int first) {
+WORLD_INLINE void store(LanesOf<T> value, T* lanes, int first) {
   hn::StoreU(value, LanesTag<T>(), lanes + first);
 }
 
@@ -106,31 +115,31 @@ struct Vector3 {
   F x, y, z;
 };
 template <class F>
-HWY_INLINE Vector3<F> operator+(const Vector3<F>& a, const Vector3<F>& b) {
+WORLD_INLINE Vector3<F> operator+(const Vector3<F>& a, const Vector3<F>& b) {
   return {a.x + b.x, a.y + b.y, a.z + b.z};
 }
 template <class F>
-HWY_INLINE Vector3<F> operator-(const Vector3<F>& a, const Vector3<F>& b) {
+WORLD_INLINE Vector3<F> operator-(const Vector3<F>& a, const Vector3<F>& b) {
   return {a.x - b.x, a.y - b.y, a.z - b.z};
 }
 template <class F>
-HWY_INLINE Vector3<F> operator*(const Vector3<F>& a, F s) {
+WORLD_INLINE Vector3<F> operator*(const Vector3<F>& a, F s) {
   return {a.x * s, a.y * s, a.z * s};
 }
 template <class F>
-HWY_INLINE F dot(const Vector3<F>& a, const Vector3<F>& b) {
+WORLD_INLINE F dot(const Vector3<F>& a, const Vector3<F>& b) {
   return sum3(a.x * b.x, a.y * b.y, a.z * b.z);
 }
 template <class F>
-HWY_INLINE Vector3<F> cross(const Vector3<F>& a, const Vector3<F>& b) {
+WORLD_INLINE Vector3<F> cross(const Vector3<F>& a, const Vector3<F>& b) {
   return {a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x};
 }
 template <class T>
-HWY_INLINE Vector3<LanesOf<T>> load3(const T (&lanes)[3][kLanes], int first) {
+WORLD_INLINE Vector3<LanesOf<T>> load3(const T (&lanes)[3][kLanes], int first) {
   return {load(lanes[0], first), load(lanes[1], first), load(lanes[2], first)};
 }
 template <class T>
-HWY_INLINE void store3(const Vector3<LanesOf<T>>& value, T (&lanes)[3][kLanes], int first) {
+WORLD_INLINE void store3(const Vector3<LanesOf<T>>& value, T (&lanes)[3][kLanes], int first) {
   store(value.x, lanes[0], first);
   store(value.y, lanes[1], first);
   store(value.z, lanes[2], first);
@@ -139,7 +148,7 @@ HWY_INLINE void store3(const Vector3<LanesOf<T>>& value, T (&lanes)[3][kLanes], 
 template <class F>
 struct SymmetricMat3 {
   F xx, yy, zz, xy, xz, yz;
-  HWY_INLINE Vector3<F> operator*(const Vector3<F>& u) const {
+  WORLD_INLINE Vector3<F> operator*(const Vector3<F>& u) const {
     return {sum3(xx * u.x, xy * u.y, xz * u.z), sum3(xy * u.x, yy * u.y, yz * u.z),
             sum3(xz * u.x, yz * u.y, zz * u.z)};
   }
@@ -148,7 +157,7 @@ struct SymmetricMat3 {
 // Completes a unit vector to an orthonormal basis (Duff et al., Building an Orthonormal Basis, Revisited,
 // 2017).
 template <class F>
-HWY_INLINE void tangents(const Vector3<F>& n, Vector3<F>& t, Vector3<F>& u) {
+WORLD_INLINE void tangents(const Vector3<F>& n, Vector3<F>& t, Vector3<F>& u) {
   const F one = constant<F>(1), zero = constant<F>(0);
   const F sign = copy_sign(one, n.z);
   const F a = constant<F>(-1) / (sign + n.z);

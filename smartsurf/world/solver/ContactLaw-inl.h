@@ -23,14 +23,14 @@ using V = LanesOf<float>;
 using V3 = Vector3<V>;
 constexpr int kVectorWidth = kWidthOf<float>;
 
-HWY_INLINE V zero() { return constant<V>(0); }
+WORLD_INLINE V zero() { return constant<V>(0); }
 
 // ---- along the normal
 
 // The normal speed that a contact is given in the solve stage. While separated it may close its gap within
 // the substep; an overlap is pushed out as by a damped spring.
 template <class F>
-HWY_INLINE F push_out_speed(F separation, const SubstepParams& params) {
+WORLD_INLINE F push_out_speed(F separation, const SubstepParams& params) {
   const F zero = constant<F>(0);
   const F overlap = min(separation + constant<F>(kSlop), zero);
   const F push = min(zero - overlap * constant<F>(params.bias_rate), constant<F>(params.max_bias_velocity));
@@ -39,62 +39,62 @@ HWY_INLINE F push_out_speed(F separation, const SubstepParams& params) {
 
 // In the relax stage, a separated contact may still close its gap; the speed of the push-out is removed.
 template <class F>
-HWY_INLINE F relax_target_speed(F separation, F push_out_speed) {
+WORLD_INLINE F relax_target_speed(F separation, F push_out_speed) {
   return if_positive(separation, push_out_speed, constant<F>(0));
 }
 
 // The part of an impulse that deflects the contact's spring; see SubstepParams::steady_share.
 template <class F>
-HWY_INLINE F deflecting_impulse(F impulse, F start_impulse, const SubstepParams& params) {
+WORLD_INLINE F deflecting_impulse(F impulse, F start_impulse, const SubstepParams& params) {
   return max(impulse - constant<F>(params.steady_share) * start_impulse, constant<F>(0));
 }
 
 // The impulse with which a contact that has the normal speed `speed` gets `target_speed`. A contact does not
 // pull. `relief` is the reduction of the impulse by the deflection of a soft contact.
 template <class F>
-HWY_INLINE F normal_impulse(F old_impulse, F mass, F speed, F target_speed, F relief) {
+WORLD_INLINE F normal_impulse(F old_impulse, F mass, F speed, F target_speed, F relief) {
   return max(old_impulse - mass * (speed - target_speed) - relief, constant<F>(0));
 }
 template <class F>
-HWY_INLINE F normal_impulse(F old_impulse, F mass, F speed, F target_speed) {
+WORLD_INLINE F normal_impulse(F old_impulse, F mass, F speed, F target_speed) {
   return max(old_impulse - mass * (speed - target_speed), constant<F>(0));
 }
 
 // Newton's law of restitution: the speed after an impact.
 template <class F>
-HWY_INLINE F rebound_speed(F restitution, F approach_speed) {
+WORLD_INLINE F rebound_speed(F restitution, F approach_speed) {
   return -restitution * approach_speed;
 }
 
 // ---- in the tangent plane
 
 template <class W>
-HWY_INLINE auto dot(const W& a, const W& b) -> decltype(a.dot(b)) {
+WORLD_INLINE auto dot(const W& a, const W& b) -> decltype(a.dot(b)) {
   return a.dot(b);
 }
 
 // The factor that brings an impulse of this length within a limit.
 template <class F>
-HWY_INLINE F cone_scale(F length, F limit) {
+WORLD_INLINE F cone_scale(F length, F limit) {
   return min(constant<F>(1), limit / max(length, constant<F>(1e-30)));
 }
 
 template <class W, class F>
-HWY_INLINE W clamp_length(const W& u, F limit) {
+WORLD_INLINE W clamp_length(const W& u, F limit) {
   return u * cone_scale(square_root(dot(u, u)), limit);
 }
 
 // Opposes a slip, within a cone whose radius is `limit`. The same law holds for the torque of rolling
 // friction, with the relative angular velocity for the slip.
 template <class W, class F>
-HWY_INLINE W friction_impulse(const W& old_impulse, const W& slip, F mass, F limit) {
+WORLD_INLINE W friction_impulse(const W& old_impulse, const W& slip, F mass, F limit) {
   return clamp_length(W(old_impulse - slip * mass), limit);
 }
 
 // The greater eigenvalue of the inverse effective mass in the tangent plane, [tt tu; tu uu]. Its inverse, as
 // a scalar mass, makes friction act exactly against the slip.
 template <class F>
-HWY_INLINE F greatest_tangent_response(F tt, F uu, F tu) {
+WORLD_INLINE F greatest_tangent_response(F tt, F uu, F tu) {
   const F half = (tt - uu) * constant<F>(0.5);
   return (tt + uu) * constant<F>(0.5) + square_root(half * half + tu * tu);
 }
