@@ -59,7 +59,10 @@ class InstructionVerifier {
   }
 
   static bool accepts(char letter, Kind kind) {
-    constexpr auto kBit = [](Kind k) { return 1U << static_cast<unsigned>(k); };
+    // A damaged program may have any number as a kind: one that is none has no bit.
+    constexpr auto kBit = [](Kind k) {
+      return static_cast<unsigned>(k) < 32 ? 1U << static_cast<unsigned>(k) : 0U;
+    };
     constexpr unsigned kRegister = kBit(Kind::kRegister), kVariable = kBit(Kind::kVariable),
                        kScalar = kVariable | kBit(Kind::kLiteral);
     static constexpr std::pair<char, unsigned> kAccepted[] = {{'R', kRegister},

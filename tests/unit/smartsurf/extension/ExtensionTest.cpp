@@ -3,25 +3,10 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
-#include <atomic>
-#include <cstdlib>
-#include <new>
 #include <numeric>
 
 #include "smartsurf/simulation/Environment.h"
-
-namespace {
-std::atomic<std::size_t> allocations = 0;
-}  // namespace
-
-// Not inlined: GCC would warn that free() does not match operator new.
-[[gnu::noinline]] void* operator new(std::size_t size) {
-  ++allocations;
-  if (void* const memory = std::malloc(size)) return memory;
-  throw std::bad_alloc();
-}
-[[gnu::noinline]] void operator delete(void* memory) noexcept { std::free(memory); }
-[[gnu::noinline]] void operator delete(void* memory, std::size_t) noexcept { std::free(memory); }
+#include "tests/unit/common/AllocationCounter.h"
 
 namespace smartsurf {
 namespace {
@@ -131,6 +116,7 @@ TEST(Extension, RestoredSensorsSeeTheRestoredObjects) {
   EXPECT_EQ(reading(environment, "proximity"), seen);
 }
 
+#ifdef COUNTS_ALLOCATIONS
 // The allocations of some ticks in which the table moves.
 std::size_t allocations_of_steps(const std::string& script) {
   simulation::Environment environment = make(script);
@@ -147,6 +133,7 @@ TEST(Extension, StepsAllocateNoMoreThanThoseOfBuiltInKinds) {
     surface { rows = 8, columns = 8, sensors = { pressure {} }, actuator = pin { range = {0, 3}, max_speed = 2 } }
     sphere { radius = 1, position = {3.5, 3.5, 1} })"));
 }
+#endif
 
 TEST(Extension, ErrorsOfInstancesAreReported) {
   try {

@@ -26,14 +26,18 @@ struct Random {
   float operator()(float low, float high) { return std::uniform_real_distribution<float>(low, high)(bits); }
 };
 
+#if !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__)
+#define FILE_HAS_THE_LANES_INSTRUCTIONS 1  // sanitized builds give only kernels the larger set
 void expect_bits(const V& lanes, int lane, float expected) {
   float values[kLanes];
   law::store(lanes, values, 0);
   EXPECT_EQ(std::bit_cast<std::uint32_t>(values[lane]), std::bit_cast<std::uint32_t>(expected)) << lane;
 }
+#endif
 
 }  // namespace
 
+#ifdef FILE_HAS_THE_LANES_INSTRUCTIONS
 TEST(ContactLaw, LanesGiveTheBitsOfNumbers) {
   Random random;
   for (int round = 0; round < 100; ++round) {
@@ -61,6 +65,7 @@ TEST(ContactLaw, LanesGiveTheBitsOfNumbers) {
     }
   }
 }
+#endif
 
 TEST(ContactLaw, ASeparatedContactMayCloseItsGapAndNoMore) {
   const float gap = 0.01F, target = law::push_out_speed(gap, kParams);
