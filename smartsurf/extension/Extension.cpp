@@ -276,7 +276,9 @@ void load(const std::filesystem::path& path) {
   if (get == nullptr)
     throw common::UserError(file +
                             ": is not an extension of SmartSurf: it has no function smartsurf_plugin_get");
-  register_kinds(*read_tables(get(), file).release(), extension);
+  static std::vector<std::unique_ptr<Tables>> loaded_tables;  // the registered kinds refer to them
+  loaded_tables.push_back(read_tables(get(), file));
+  register_kinds(*loaded_tables.back(), extension);
 }
 
 }  // namespace smartsurf::extension
