@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 #include <span>
 
 #include "smartsurf/world/field/ColumnSat.h"
@@ -23,6 +24,14 @@ struct Plateau {
 };
 
 using Escape = ColumnSat::BestAxis;
+using Candidates = std::vector<ManifoldCandidate>;
+
+// Reused, because each part needs a list.
+Candidates& empty_candidates() {
+  thread_local Candidates candidates;
+  candidates.clear();
+  return candidates;
+}
 
 // Collides one convex part with the columns below it.
 class PartOnField {
@@ -42,18 +51,10 @@ class PartOnField {
                                                                   centre.y())) < centre.z();
   }
 
-  // Calls take(candidate) for the reduced manifold.
-  template <class Take>
-  void search(Take take) {
+  // Returns all candidates. Valid until the next part is collided on this thread.
+  Candidates& search() {
     collide_all();
-    candidates_.reduce(take);
-  }
-
-  // Calls take(candidate) for all candidates.
-  template <class Take>
-  void search_all(Take take) {
-    collide_all();
-    candidates_.for_each(take);
+    return candidates_;
   }
 
   // Calls take(candidate) for a separate manifold on each supporting cell, because each cell has its own
@@ -63,14 +64,16 @@ class PartOnField {
   void search_each_cell(Take take) {
     if (!collide_points()) return;
     ColumnSat& sat = part_sat();
+    Candidates of_cell;
     for_each_plateau([&](const Plateau& p) {
-      ManifoldReducer here;
-      collide_plateau(p, sat, here);
+      of_cell.clear();
+      collide_plateau(p, sat, of_cell);
       const int cell = columns_.index(p.row_begin, p.column_begin);
-      if (here.count() == 0)
-        candidates_.for_each([&](const ManifoldCandidate& c) {
-          if (c.tag == cell) here.add(c);
-        });
+      if (of_cell.empty())
+        std::ranges::copy_if(candidates_, std::back_inserter(of_cell),
+                             [&](const ManifoldCandidate& c) { return c.tag == cell; });
+      ManifoldReducer here;
+      for (const ManifoldCandidate& c : of_cell) here.add(c);
       if (p.column.all_bridged() && covers_surroundings(p.column, here))
         take(here.average());
       else
@@ -148,7 +151,8 @@ class PartOnField {
         if (!q.contains(p.x(), p.y()) || is_in_concave_corner(r, c, p)) continue;
         const EscapeDirection out = escape_direction(q, p, centre_, is_beside(q));
         if (std::isinf(out.distance)) continue;
-        candidates_.add({p - out.normal * out.distance, out.normal, out.distance, columns_.index(r, c)});
+        candidates_.push_back(
+            {p - out.normal * out.distance, out.normal, out.distance, columns_.index(r, c)});
       }
   }
 
@@ -161,7 +165,7 @@ class PartOnField {
       contacts.clear();
       collide_sphere_with_field(columns_.field(), end_centre, s.radius, margin_, contacts);
       for (const Contact& c : contacts)
-        candidates_.add(
+        candidates_.push_back(
             {end_centre - (s.radius + c.separation) * c.normal, c.normal, c.separation, c.feature_id});
     }
   }
@@ -228,7 +232,7 @@ class PartOnField {
            columns_.top(r, c) < columns_.top(row, column) - kLevelTolerance;
   }
 
-  void collide_plateau(const Plateau& p, ColumnSat& sat, ManifoldReducer& out) {
+  void collide_plateau(const Plateau& p, ColumnSat& sat, Candidates& out) {
     Escape axis;
     if (!sat.find_best_axis(p.column, margin_, is_beside(p.column), axis)) return;
     ManifoldReducer found;
@@ -259,7 +263,7 @@ class PartOnField {
     for (int i = 0; i < patch.count; ++i) {
       const Vec3& p = patch.point[i];
       if (const float separation = p.z() - q.top; separation <= margin_)
-        out.add({p, Vec3::UnitZ(), separation, 0});
+        out.add({{p.x(), p.y(), q.top}, Vec3::UnitZ(), separation, 0});
     }
   }
 
@@ -300,7 +304,7 @@ class PartOnField {
   }
 
   // Used for curved parts, where SAT gives only a lower bound.
-  void collide_with_gjk(const Plateau& p, const Escape& sat_axis, ManifoldReducer& out) const {
+  void collide_with_gjk(const Plateau& p, const Escape& sat_axis, Candidates& out) const {
     const ClosestPoints closest = closest_to(p.column, sat_axis.normal);
     if (!closest.separated) return resolve_penetration(p, sat_axis, out);
     if (closest.distance > max_core_distance()) return;
@@ -330,7 +334,7 @@ class PartOnField {
   // Adds the point of each free upper edge that is deepest inside the part. Used where the normal leans over
   // a bridge: the neighbour there is closer, but in a concave corner each cell would leave the part to the
   // other.
-  void add_edge_points(const Plateau& p, ManifoldReducer& out) const {
+  void add_edge_points(const Plateau& p, Candidates& out) const {
     const Column& q = p.column;
     const Vec3 corner[4] = {{q.west, q.south, q.top},
                             {q.east, q.south, q.top},
@@ -341,7 +345,7 @@ class PartOnField {
       if (!bridged[side]) add_deepest_point(p, corner[side], corner[(side + 1) % 4], out);
   }
 
-  void add_deepest_point(const Plateau& p, const Vec3& from, const Vec3& to, ManifoldReducer& out) const {
+  void add_deepest_point(const Plateau& p, const Vec3& from, const Vec3& to, Candidates& out) const {
     constexpr int kEdgeBisections = 12;
     constexpr float kMinNormalZ = 0.01F;  // a column has no way out below
     const auto point_at = [&](float t) { return Vec3(from + t * (to - from)); };
@@ -364,7 +368,7 @@ class PartOnField {
 
   // The GJK cores overlap: uses the SAT axis of least penetration and the deepest point of the part, clamped
   // to the column.
-  void resolve_penetration(const Plateau& p, const Escape& axis, ManifoldReducer& out) const {
+  void resolve_penetration(const Plateau& p, const Escape& axis, Candidates& out) const {
     const Column& q = p.column;
     Vec3 position = proxy_.sharp_support(-axis.normal) - axis.separation * axis.normal;
     position.x() = std::clamp(position.x(), q.west, q.east);
@@ -374,7 +378,7 @@ class PartOnField {
   }
 
   // Adds one contact at the closest points, for crossing edges and for corners.
-  void add_closest(const Plateau& p, const Escape& axis, ManifoldReducer& out) const {
+  void add_closest(const Plateau& p, const Escape& axis, Candidates& out) const {
     const ClosestPoints closest = closest_to(p.column, axis.normal);
     if (closest.separated && closest.distance - proxy_.convex_radius - kColumnConvexRadius <= margin_ &&
         closest.normal.dot(axis.normal) > 0.9F)
@@ -442,7 +446,7 @@ class PartOnField {
   }
 
   // Adds the candidates, reduced if there are more than a manifold holds.
-  void add(const Plateau& p, ManifoldReducer& found, ManifoldReducer& out) const {
+  void add(const Plateau& p, ManifoldReducer& found, Candidates& out) const {
     constexpr int kMaxContacts = 4;  // as ManifoldReducer::reduce()
     auto take = [&](const ManifoldCandidate& c) { add(p, c, out); };
     if (found.count() <= kMaxContacts)
@@ -451,11 +455,11 @@ class PartOnField {
       found.reduce(take);
   }
   // Tags the candidate with the cell of the plateau that contains its point.
-  void add(const Plateau& p, ManifoldCandidate c, ManifoldReducer& out) const {
+  void add(const Plateau& p, ManifoldCandidate c, Candidates& out) const {
     const int row =
         static_cast<int>(std::lround(columns_.y(0) / columns_.pitch() - c.point.y() / columns_.pitch()));
     c.tag = columns_.index(std::clamp(row, p.row_begin, p.row_end - 1), p.column_begin);
-    out.add(c);
+    out.push_back(c);
   }
 
   static constexpr float kColumnConvexRadius = 0.01F, kTolerance = 2e-4F, kEdgeTolerance = 4e-3F;  // u
@@ -470,7 +474,7 @@ class PartOnField {
   bool centre_is_free_;          // no cell reaches up to the part's centre
   Vec3 facing_normal_{0, 0, 0};  // contact normal for which facing_feature_ was computed
   SupportFeature facing_feature_;
-  ManifoldReducer candidates_;
+  Candidates& candidates_ = empty_candidates();
 };
 
 // Calls visit(part_on_field) for the convex parts of a shape, unless the shape is above all cells under it.
@@ -506,8 +510,17 @@ void collide_shape_with_field(const surface::Field& field, const Shape& shape, c
     if (field.has_force_limit())
       part_on_field.search_each_cell(take);
     else
-      part_on_field.search(take);
+      reduce_planes(part_on_field.search(), take);
   });
+}
+
+void append_reduced(std::span<const Contact> contacts, std::vector<Contact>& out) {
+  Candidates& candidates = empty_candidates();
+  for (std::size_t k = 0; k < contacts.size(); ++k) {
+    const Contact& c = contacts[k];
+    candidates.push_back({c.anchor - c.separation * c.normal, c.normal, c.separation, static_cast<int>(k)});
+  }
+  reduce_planes(candidates, [&](const ManifoldCandidate& c) { out.push_back(contacts[c.tag]); });
 }
 
 void collect_field_candidates(const surface::Field& field, const Shape& shape, const Vec3& centre,
@@ -515,7 +528,10 @@ void collect_field_candidates(const surface::Field& field, const Shape& shape, c
   const Columns columns(field, shape.width);
   int part_index = 0;
   for_each_part_on_field(columns, shape, centre, axes, margin, [&](PartOnField& part_on_field) {
-    part_on_field.search_all([&](const ManifoldCandidate& c) { out.push_back({c, part_index}); });
+    Candidates& candidates = part_on_field.search();
+    sort_by_plane(candidates, [&](const ManifoldCandidate& c, int plane) {
+      out.push_back({c, part_index, plane});
+    });
     ++part_index;
   });
 }

@@ -1,6 +1,7 @@
 // Contacts of a non-sphere with the field and with the ground below it.
 #pragma once
 
+#include <span>
 #include <vector>
 
 #include "smartsurf/world/body/Shape.h"
@@ -10,18 +11,22 @@
 
 namespace smartsurf::world {
 
-// Appends at most four contacts per convex part: the deepest first, then those that widen the support. Cells
-// are bottomless columns, bridged as for spheres (SphereOnField.h).
+// Appends the contacts of each convex part: four at most of those in one plane, the deepest first, then those
+// that widen the support. Points in different planes do not stand for each other: which of them bear is for
+// the solver to find. Cells are bottomless columns, bridged as for spheres (SphereOnField.h).
 void collide_shape_with_field(const surface::Field&, const Shape&, const Vec3& centre, const Mat3& axes,
                               float margin, std::vector<Contact>& out);
+
+// Appends the contacts of one body that are left when those of each plane are reduced by themselves.
+void append_reduced(std::span<const Contact> contacts, std::vector<Contact>& out);
 
 // A point where a convex part may touch a cell. The candidate's tag is the cell.
 struct FieldCandidate {
   ManifoldCandidate candidate;
-  int part_index;
+  int part_index, plane;  // plane: of the part
 };
-// Appends all points from which collide_shape_with_field() selects, part by part. No cell may have a force
-// limit.
+// Appends all points from which collide_shape_with_field() selects, part by part and plane by plane. No cell
+// may have a force limit.
 void collect_field_candidates(const surface::Field&, const Shape&, const Vec3& centre, const Mat3& axes,
                               float margin, std::vector<FieldCandidate>& out);
 

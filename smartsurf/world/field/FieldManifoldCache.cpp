@@ -156,11 +156,11 @@ void FieldManifoldCache::rebuild(const BodyStore& bodies, std::size_t i, float m
   manifold.first_point = static_cast<std::int32_t>(chunk_cache.points.size());
   manifold.point_count = static_cast<std::int32_t>(candidates.size());
   manifold.first_height = static_cast<std::int32_t>(chunk_cache.heights.size());
-  for (const auto& [candidate, part_index] : candidates)
+  for (const auto& [candidate, part_index, plane] : candidates)
     chunk_cache.points.push_back(
         {axes.transpose() * (candidate.point + candidate.separation * candidate.normal - centre),
-         candidate.point, candidate.normal, field_.column_height()[candidate.tag], candidate.tag,
-         part_index});
+         candidate.point, candidate.normal, field_.column_height()[candidate.tag], candidate.tag, part_index,
+         plane});
   for (int r = cells.row_begin; r < cells.row_end; ++r) {
     const float* const row = &field_.column_height()[field_.index(r, 0)];
     chunk_cache.heights.insert(chunk_cache.heights.end(), row + cells.column_begin, row + cells.column_end);
@@ -191,7 +191,7 @@ void FieldManifoldCache::collide(const BodyStore& bodies, std::size_t i, float m
   reduce(bodies, i, margin, std::numeric_limits<float>::infinity(), chunk_cache, out);
 }
 
-// Updates the separations of the cached points and appends a reduced manifold per part. Returns false and
+// Updates the separations of the cached points and appends a reduced manifold per plane of each part. Returns false and
 // appends nothing if the body has slipped too far at any point: each pair of points was aligned along its
 // normal when cached.
 bool FieldManifoldCache::reduce(const BodyStore& bodies, std::size_t i, float margin, float slip_limit,
@@ -203,13 +203,16 @@ bool FieldManifoldCache::reduce(const BodyStore& bodies, std::size_t i, float ma
   auto height_change = [&](const CachedPoint& p) { return field_.column_height()[p.cell] - p.top; };
   float slip_squared = 0.0F;  // the greatest, u²
   const CachedPoint* const end = chunk_cache.points.data() + manifold.first_point + manifold.point_count;
-  for (const CachedPoint *part_begin = end - manifold.point_count, *part_end = part_begin; part_begin < end;
-       part_begin = part_end) {
+  for (const CachedPoint *begin_of_plane = end - manifold.point_count, *end_of_plane = begin_of_plane;
+       begin_of_plane < end; begin_of_plane = end_of_plane) {
     ReductionPoints points;
-    for (; part_end < end && part_end->part_index == part_begin->part_index; ++part_end) {
-      const Vec3 on_body = centre + bodies.axes[i] * part_end->on_body;
-      const Vec3 offset = on_body - part_end->on_cell - Vec3(0, 0, height_change(*part_end));
-      const float separation = part_end->normal.dot(offset);
+    for (; end_of_plane < end && points.count() < ReductionPoints::kCapacity &&
+           end_of_plane->part_index == begin_of_plane->part_index &&
+           end_of_plane->plane == begin_of_plane->plane;
+         ++end_of_plane) {
+      const Vec3 on_body = centre + bodies.axes[i] * end_of_plane->on_body;
+      const Vec3 offset = on_body - end_of_plane->on_cell - Vec3(0, 0, height_change(*end_of_plane));
+      const float separation = end_of_plane->normal.dot(offset);
       slip_squared = std::max(slip_squared, offset.squaredNorm() - separation * separation);
       points.add(on_body, separation <= margin ? separation : std::numeric_limits<float>::infinity());
     }
@@ -218,9 +221,9 @@ bool FieldManifoldCache::reduce(const BodyStore& bodies, std::size_t i, float ma
       return false;
     }
     int chosen[ReductionPoints::kMaxSelected];
-    const int count = points.select(chosen, [&](int k) -> const Vec3& { return part_begin[k].normal; });
+    const int count = points.select(chosen, [&](int k) -> const Vec3& { return begin_of_plane[k].normal; });
     for (const int k : std::span(chosen).first(count)) {
-      const CachedPoint& p = part_begin[k];
+      const CachedPoint& p = begin_of_plane[k];
       Contact& c = out.emplace_back();
       c.normal = p.normal;
       c.anchor = points.at(k) - centre;

@@ -13,13 +13,13 @@ namespace smartsurf::world {
 
 class FieldManifoldCache {
  public:
-  // All candidate points are stored; the reduction to four is repeated in every step.
+  // All candidate points are stored; their reduction, plane by plane, is repeated in every step.
   struct CachedPoint {
     Vec3 on_body;          // in the body's axes
     Vec3 on_cell, normal;  // world frame; normal from the cell to the body
     float top;             // height of the cell when cached, u
     std::int32_t cell;
-    std::int32_t part_index;
+    std::int32_t part_index, plane;
   };
   struct CachedManifold {
     std::int32_t body;

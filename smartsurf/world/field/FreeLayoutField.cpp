@@ -192,10 +192,7 @@ void FreeLayoutField::collide(const Shape& shape, const Vec3& centre, const Mat3
     out.insert(out.end(), contacts.begin(), contacts.end());
     return;
   }
-  ManifoldReducer candidates;
-  for (std::size_t k = 0; k < contacts.size(); ++k)
-    candidates.add({contacts[k].anchor, contacts[k].normal, contacts[k].separation, static_cast<int>(k)});
-  candidates.reduce([&](const ManifoldCandidate& c) { out.push_back(contacts[c.tag]); });
+  append_reduced(contacts, out);
 }
 
 }  // namespace smartsurf::world

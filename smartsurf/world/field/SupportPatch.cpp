@@ -38,6 +38,8 @@ struct Footprint {
   float west = 0, east = 0, south = 0, north = 0;
 
   bool is_line() const { return count == 2; }
+  // Rise of the plane from one point to another.
+  float rise(float dx, float dy) const { return slope_x * dx + slope_y * dy; }
   float z_at(float x, float y) const { return z + slope_x * (x - corner[0].x) + slope_y * (y - corner[0].y); }
   // True if a point is on the face, or just beside it.
   bool has_near(const Vec3& p) const {
@@ -151,11 +153,37 @@ bool find_footprint(const ConvexPart& part, const Vec3& centre, const Mat3& axes
 }
 
 struct SharedArea {
-  float x, y, weight, arm;  // its centre, from the cell's centre; as SupportSamples
+  float x, y, weight, arm;  // where it bears, from the cell's centre; as SupportSamples
 };
 
+// A face bears on the whole area that it shares with a cell if it touches it everywhere, and on the lowest
+// corners if it tilts: a corner bears the less the farther it is above the cell's top, or above the lowest
+// corner if that is higher, down to nothing at kBearingGap, u.
+constexpr float kBearingGap = 1e-3F;
+float weight_of_corner(float separation, float lowest) {
+  return std::clamp(1.0F - (separation - std::max(lowest, 0.0F)) / kBearingGap, 0.0F, 1.0F);
+}
+
+// Moves the point at which an area bears from its centre to the corners that bear. `separation`: of the face
+// from the cell's top in the cell's middle.
+void move_to_bearing_corners(const Footprint& f, float separation, const Point2* corner, int count,
+                             SharedArea& area) {
+  float lowest = std::numeric_limits<float>::max(), least = 1.0F, sum = 0.0F;
+  for (int i = 0; i < count; ++i) lowest = std::min(lowest, separation + f.rise(corner[i].x, corner[i].y));
+  Point2 bearing{0.0F, 0.0F};
+  for (int i = 0; i < count; ++i) {
+    const float weight = weight_of_corner(separation + f.rise(corner[i].x, corner[i].y), lowest);
+    least = std::min(least, weight);
+    sum += weight, bearing.x += weight * corner[i].x, bearing.y += weight * corner[i].y;
+  }
+  if (least == 1.0F) return;
+  area.x += (1.0F - least) * (bearing.x / sum - area.x);
+  area.y += (1.0F - least) * (bearing.y / sum - area.y);
+}
+
 // The part of a line in the rectangle |x| ≤ half_x, |y| ≤ half_y.
-bool share_line(const Point2& from, const Point2& to, float half_x, float half_y, SharedArea& out) {
+bool share_line(const Footprint& f, float separation, const Point2& from, const Point2& to, float half_x,
+                float half_y, SharedArea& out) {
   float begin = 0.0F, end = 1.0F;
   auto clip = [&](float at, float step, float half) {
     if (std::abs(step) < 1e-9F) {
@@ -172,11 +200,14 @@ bool share_line(const Point2& from, const Point2& to, float half_x, float half_y
   const float middle = 0.5F * (begin + end), length = (end - begin) * length_of(dx, dy);
   out = {from.x + middle * dx, from.y + middle * dy,
          std::min(1.0F, length / (2.0F * std::min(half_x, half_y))), 0.25F * length};
+  const Point2 ends[2] = {{from.x + begin * dx, from.y + begin * dy}, {from.x + end * dx, from.y + end * dy}};
+  move_to_bearing_corners(f, separation, ends, 2, out);
   return true;
 }
 
 // The part of a convex polygon in the rectangle. Corners are relative to its centre.
-bool share_polygon(const Point2* corner, int count, float half_x, float half_y, SharedArea& out) {
+bool share_polygon(const Footprint& f, float separation, const Point2* corner, int count, float half_x,
+                   float half_y, SharedArea& out) {
   Point2 buffer[2][kMaxCorners + 4];
   const Point2* current = corner;
   int to = 0;
@@ -207,6 +238,7 @@ bool share_polygon(const Point2* corner, int count, float half_x, float half_y, 
   if (!(area > 1e-6F * full)) return false;
   out = {x / (3.0F * area), y / (3.0F * area), std::min(1.0F, 0.5F * area / full),
          kSquareArm * std::sqrt(0.5F * area)};
+  move_to_bearing_corners(f, separation, current, count, out);
   return true;
 }
 
@@ -231,10 +263,13 @@ class FootprintOnCells {
       edge_[i] = {x, y, x * a.x + y * a.y, std::abs(x) * half_x_ + std::abs(y) * half_y_};
     }
   }
-  bool share(float x, float y, SharedArea& out) const {
+  // Of the face, from the middle of a cell.
+  float greatest_rise() const { return std::abs(f_.slope_x) * half_x_ + std::abs(f_.slope_y) * half_y_; }
+  bool share(float x, float y, float top, SharedArea& out) const {
+    const float separation = f_.z_at(x, y) - top;
     if (f_.is_line())
-      return share_line({f_.corner[0].x - x, f_.corner[0].y - y}, {f_.corner[1].x - x, f_.corner[1].y - y},
-                        half_x_, half_y_, out);
+      return share_line(f_, separation, {f_.corner[0].x - x, f_.corner[0].y - y},
+                        {f_.corner[1].x - x, f_.corner[1].y - y}, half_x_, half_y_, out);
     bool inside = true;
     for (int i = 0; i < f_.count; ++i) {
       const float beyond = edge_[i].x * x + edge_[i].y * y - edge_[i].offset;
@@ -243,11 +278,14 @@ class FootprintOnCells {
     }
     if (inside) {
       out = {0.0F, 0.0F, 1.0F, kSquareArm * std::sqrt(4.0F * half_x_ * half_y_)};
+      const Point2 corners[4] = {
+          {-half_x_, -half_y_}, {half_x_, -half_y_}, {half_x_, half_y_}, {-half_x_, half_y_}};
+      move_to_bearing_corners(f_, separation, corners, 4, out);
       return true;
     }
     Point2 local[kMaxCorners];
     for (int i = 0; i < f_.count; ++i) local[i] = {f_.corner[i].x - x, f_.corner[i].y - y};
-    return share_polygon(local, f_.count, half_x_, half_y_, out);
+    return share_polygon(f_, separation, local, f_.count, half_x_, half_y_, out);
   }
 
  private:
@@ -313,7 +351,9 @@ void add_samples(const surface::Field& field, const Footprint& f, const Vec3& ce
     for (int c = cells.column_begin; c < cells.column_end; ++c) {
       const float x = columns.x(c), y = columns.y(r), top = columns.top(r, c);
       SharedArea shared;
-      if (!bearing.bears(f.z_at(x, y) - top, top) || !on_cells.share(x, y, shared)) continue;
+      if (!bearing.bears(f.z_at(x, y) - on_cells.greatest_rise() - top, top) ||
+          !on_cells.share(x, y, top, shared) || !bearing.bears(f.z_at(x + shared.x, y + shared.y) - top, top))
+        continue;
       add_sample(field, columns.index(r, c), centre, {x, y}, shared, out);
     }
 }
@@ -326,18 +366,21 @@ void add_samples(const surface::Field& field, const FreeLayoutField& layout, con
   for (const std::int32_t cell : cells) {
     const Index i = cell;
     const Point2 at{field.x[i], field.y[i]};
-    if (!bearing.bears(f.z_at(at.x, at.y) - field.column_height()[i], field.column_height()[i])) continue;
+    const float top = field.column_height()[i];
     const float angle = field.angle_of(cell), sine = std::sin(angle), cosine = std::cos(angle);
     Footprint local = f;  // in the axes of the cell
+    local.slope_x = cosine * f.slope_x + sine * f.slope_y,
+    local.slope_y = cosine * f.slope_y - sine * f.slope_x;
     for (int k = 0; k < f.count; ++k) {
       const float x = f.corner[k].x - at.x, y = f.corner[k].y - at.y;
       local.corner[k] = {cosine * x + sine * y, cosine * y - sine * x};
     }
     SharedArea shared;
-    if (!FootprintOnCells(field, local).share(0.0F, 0.0F, shared)) continue;
+    if (!FootprintOnCells(field, local).share(0.0F, 0.0F, top, shared)) continue;
     const float x = shared.x;
     shared.x = cosine * x - sine * shared.y;
     shared.y = sine * x + cosine * shared.y;
+    if (!bearing.bears(f.z_at(at.x + shared.x, at.y + shared.y) - top, top)) continue;
     add_sample(field, cell, centre, at, shared, out);
   }
 }
@@ -381,6 +424,8 @@ void merge_cells(SupportSamples& s, std::size_t first) {
 // points gets the weight 0. False if no sample has points.
 bool add_shares(const SupportPatch& patch, std::span<const Contact> contacts, SupportPatches& out) {
   struct Points {
+    float lowest = std::numeric_limits<float>::max();  // separation
+    float least_weight = 1.0F, weight = 0.0F;          // of the corners, and their sum
     int count = 0;
     float x = 0, y = 0;                                    // mean
     float xx = 0, xy = 0, yy = 0;                          // second moments about the mean
@@ -397,7 +442,7 @@ bool add_shares(const SupportPatch& patch, std::span<const Contact> contacts, Su
   auto for_each_share = [&](auto each) {
     for (std::size_t k = first_point; k < out.points.size(); ++k)
       if (PointShare& share = out.shares[k]; share.sample >= 0)
-        each(share, of_sample[share.sample], contacts[out.points[k]].anchor);
+        each(share, of_sample[share.sample], contacts[out.points[k]]);
   };
   for (std::size_t k = first_point; k < out.points.size(); ++k) {
     const std::int32_t cell = contacts[out.points[k]].feature_id;
@@ -406,7 +451,10 @@ bool add_shares(const SupportPatch& patch, std::span<const Contact> contacts, Su
     if (found != cells.end() && *found == cell)
       out.shares[k].sample = static_cast<std::int32_t>(found - cells.begin());
   }
-  for_each_share([](PointShare&, Points& p, const Vec3& at) { ++p.count, p.x += at.x(), p.y += at.y(); });
+  for_each_share([](PointShare&, Points& p, const Contact& c) {
+    ++p.count, p.x += c.anchor.x(), p.y += c.anchor.y();
+    p.lowest = std::min(p.lowest, c.separation);
+  });
   bool any = false;
   for (std::size_t i = 0; i < of_sample.size(); ++i) {
     Points& p = of_sample[i];
@@ -419,13 +467,15 @@ bool add_shares(const SupportPatch& patch, std::span<const Contact> contacts, Su
     p.offset_x = s.x[first + i] - p.x, p.offset_y = s.y[first + i] - p.y;
     s.x[first + i] = p.x, s.y[first + i] = p.y;
   }
-  for_each_share([](PointShare&, Points& p, const Vec3& at) {
-    const float x = at.x() - p.x, y = at.y() - p.y;
+  for_each_share([](PointShare&, Points& p, const Contact& c) {
+    const float x = c.anchor.x() - p.x, y = c.anchor.y() - p.y;
+    const float weight = weight_of_corner(c.separation, p.lowest);
+    p.weight += weight, p.least_weight = std::min(p.least_weight, weight);
     p.xx += x * x, p.xy += x * y, p.yy += y * y;
   });
-  for_each_share([](PointShare& share, Points& p, const Vec3& at) {
+  for_each_share([](PointShare& share, Points& p, const Contact& c) {
     constexpr float kNoMoment = 1e-6F;  // u²
-    const float x = at.x() - p.x, y = at.y() - p.y, xx = p.xx + kNoMoment, yy = p.yy + kNoMoment,
+    const float x = c.anchor.x() - p.x, y = c.anchor.y() - p.y, xx = p.xx + kNoMoment, yy = p.yy + kNoMoment,
                 determinant = xx * yy - p.xy * p.xy;
     share.share_x = (yy * x - p.xy * y) / determinant;
     share.share_y = (xx * y - p.xy * x) / determinant;
@@ -433,12 +483,14 @@ bool add_shares(const SupportPatch& patch, std::span<const Contact> contacts, Su
     p.least_share =
         std::min(p.least_share, share.share + share.share_x * p.offset_x + share.share_y * p.offset_y);
   });
-  for_each_share([&](PointShare& share, const Points& p, const Vec3& at) {
-    if (p.least_share < 0.0F) return;
-    const float by_offset = share.share_x * p.offset_x + share.share_y * p.offset_y;
+  // A level face bears on all points of a cell, a tilted one on the lowest.
+  for_each_share([&](PointShare& share, const Points& p, const Contact& c) {
     const std::size_t i = first + static_cast<std::size_t>(share.sample);
-    share.share += by_offset;
-    s.x[i] += by_offset * at.x(), s.y[i] += by_offset * at.y();
+    if (p.least_share >= 0.0F) share.share += share.share_x * p.offset_x + share.share_y * p.offset_y;
+    const float tilted = 1.0F - p.least_weight;
+    share.share += tilted * (weight_of_corner(c.separation, p.lowest) / p.weight - share.share);
+    share.share_x *= 1.0F - tilted, share.share_y *= 1.0F - tilted;
+    s.x[i] += share.share * (c.anchor.x() - p.x), s.y[i] += share.share * (c.anchor.y() - p.y);
   });
   return any;
 }

@@ -6,9 +6,9 @@
 #include <optional>
 #include <span>
 
+#include "smartsurf/world/field/ConvexOnField.h"
 #include "smartsurf/world/field/SphereManifoldReducer.h"
 #include "smartsurf/world/narrowphase/ConvexPair.h"
-#include "smartsurf/world/narrowphase/ManifoldReducer.h"
 
 namespace smartsurf::world {
 namespace {
@@ -208,11 +208,7 @@ void collide_with_tips(const surface::Field& field, const FreeLayoutField* layou
     std::vector<Contact>& to = is_reduced && !tip.moves_sideways() ? contacts : out;
     to.insert(to.end(), tip_contacts.begin(), tip_contacts.end());
   });
-  ManifoldReducer candidates;
-  for (std::size_t k = 0; k < contacts.size(); ++k)
-    candidates.add({contacts[k].anchor, contacts[k].normal, contacts[k].separation, static_cast<int>(k)});
-  if (candidates.count() == 0) return;
-  candidates.reduce([&](const ManifoldCandidate& c) { out.push_back(contacts[c.tag]); });
+  append_reduced(contacts, out);
 }
 
 }  // namespace smartsurf::world

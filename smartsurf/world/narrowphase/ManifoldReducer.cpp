@@ -1,6 +1,7 @@
 #include "smartsurf/world/narrowphase/ManifoldReducer.h"
 
 #include <algorithm>
+#include <cmath>
 #include <cstdint>
 #include <limits>
 
@@ -98,6 +99,26 @@ int ReductionPoints::select_widest(int (&chosen)[kMaxSelected]) {
                     squared_length(relative_to(c, p))));
   });
   return chosen[3] < 0 ? 3 : 4;
+}
+
+int find_planes(std::span<const ManifoldCandidate> candidates, std::vector<int>& plane) {
+  constexpr float kSameNormal = 0.9999F, kSameOffset = 1e-3F;  // cosine; u
+  struct Plane {
+    Vec3 normal;
+    float offset;
+  };
+  thread_local std::vector<Plane> planes;
+  planes.clear();
+  plane.clear();
+  for (const ManifoldCandidate& c : candidates) {
+    const float offset = c.normal.dot(c.point);
+    const auto found = std::ranges::find_if(planes, [&](const Plane& p) {
+      return p.normal.dot(c.normal) > kSameNormal && std::abs(p.offset - offset) <= kSameOffset;
+    });
+    plane.push_back(static_cast<int>(found - planes.begin()));
+    if (found == planes.end()) planes.push_back({c.normal, offset});
+  }
+  return static_cast<int>(planes.size());
 }
 
 }  // namespace smartsurf::world

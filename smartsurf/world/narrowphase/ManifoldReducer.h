@@ -1,6 +1,10 @@
 // Reduces a manifold to the few points with the widest support.
 #pragma once
 
+#include <algorithm>
+#include <span>
+#include <vector>
+
 #include "smartsurf/world/body/Vec.h"
 
 namespace smartsurf::world {
@@ -103,5 +107,34 @@ class ManifoldReducer {
   Vec3 normal_[ReductionPoints::kCapacity];
   int tag_[ReductionPoints::kCapacity];
 };
+
+// ---- planes: candidates with one normal and one offset of the surface that they touch
+
+// The planes of candidates in the order of their first ones: `plane[i]` is that of candidates[i]. Returns
+// their number.
+int find_planes(std::span<const ManifoldCandidate>, std::vector<int>& plane);
+
+// Calls each(candidate, plane) plane by plane.
+template <class Each>
+void sort_by_plane(std::span<const ManifoldCandidate> candidates, Each each) {
+  thread_local std::vector<int> plane;
+  const int count = find_planes(candidates, plane);
+  for (int p = 0; p < count; ++p)
+    for (std::size_t i = 0; i < candidates.size(); ++i)
+      if (plane[i] == p) each(candidates[i], p);
+}
+
+// Calls take(candidate) for the candidates that are left when those of each plane are reduced by themselves.
+template <class Take>
+void reduce_planes(std::span<const ManifoldCandidate> candidates, Take take) {
+  ManifoldReducer reducer;
+  int current = 0;
+  sort_by_plane(candidates, [&](const ManifoldCandidate& c, int plane) {
+    if (plane != current) reducer.reduce(take), reducer.clear();
+    current = plane;
+    reducer.add(c);
+  });
+  reducer.reduce(take);
+}
 
 }  // namespace smartsurf::world
