@@ -45,7 +45,7 @@ struct alignas(64) BatchPointDetail {
   float anchor_a[3][kLanes], anchor_b[3][kLanes];
   float surface_velocity[3][kLanes], surface_spin[kLanes];
   float rolling_friction[kLanes], rolling_mass[kLanes], rolling_impulse[3][kLanes];
-  float start_impulse[kLanes];        // normal, at the start of the step; not for spheres
+  float steady_impulse[kLanes];       // normal: see SubstepParams::steady_share; not for spheres
   float slip_per_impulse[3][kLanes];  // slip velocity of a against b per unit normal impulse; not for spheres
 };
 // A point on a cell of limited force; valid if ContactBatch::has_impulse_limit. The points of one body on one
@@ -78,9 +78,10 @@ struct SubstepParams {
   float h_s, inverse_h;
   float elapsed_s = 0.0F;                      // since the start of the step
   float bias_rate, mass_scale, impulse_scale;  // contact softness
-  // The share of a contact's impulse at the start of the step that its spring bears without deflection, so
-  // that loads at rest hardly press bodies into each other. Not for spheres.
-  float steady_share;
+  // The share of a contact's steady impulse that its spring bears without deflection, so that loads at rest
+  // hardly press bodies into each other. The steady impulse follows the impulse by steady_gain in a substep:
+  // frozen for a step, it would make stacks tremble. Not for spheres.
+  float steady_share, steady_gain;
   float max_bias_velocity;        // u/s
   float substep_fraction = 1.0F;  // substep length / step length
 };

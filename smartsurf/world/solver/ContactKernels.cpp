@@ -82,9 +82,14 @@ HWY_INLINE V soft_normal_impulse(const ContactLanes<kPair, kSpheres>& l, const P
   const V old_impulse = load(q.point.normal_impulse, at);
   V deflecting = old_impulse;
   if constexpr (!kSpheres)
-    deflecting = deflecting_impulse(old_impulse, load(q.detail.start_impulse, at), params);
+    deflecting = deflecting_impulse(old_impulse, load(q.detail.steady_impulse, at), params);
   const V relief = if_positive(separation, zero(), set(params.impulse_scale)) * deflecting;
-  return normal_impulse(old_impulse, mass, speed, target_speed, relief);
+  const V impulse = normal_impulse(old_impulse, mass, speed, target_speed, relief);
+  if constexpr (!kSpheres) {
+    const V steady = load(q.detail.steady_impulse, at);
+    store(steady + (impulse - steady) * set(params.steady_gain), q.detail.steady_impulse, at);
+  }
+  return impulse;
 }
 
 // A sum over the points of the body on the cell, from the first of them.

@@ -45,8 +45,8 @@ WORLD_INLINE F relax_target_speed(F separation, F push_out_speed) {
 
 // The part of an impulse that deflects the contact's spring; see SubstepParams::steady_share.
 template <class F>
-WORLD_INLINE F deflecting_impulse(F impulse, F start_impulse, const SubstepParams& params) {
-  return max(impulse - constant<F>(params.steady_share) * start_impulse, constant<F>(0));
+WORLD_INLINE F deflecting_impulse(F impulse, F steady_impulse, const SubstepParams& params) {
+  return max(impulse - constant<F>(params.steady_share) * steady_impulse, constant<F>(0));
 }
 
 // The impulse with which a contact that has the normal speed `speed` gets `target_speed`. A contact does not

@@ -13,8 +13,19 @@ namespace {
 constexpr float kTouchingSeparation = 1e-3F;  // contacts up to this take part in the impacts of others, u
 constexpr float kMinOverlap = 1e-6F;          // rounding errors of a position, u
 constexpr int kMaxGenerations = 16, kMaxSetBackPasses = 4;
+constexpr int kMaxResistingPasses = 16, kNormalSweepsPerPass = 8;
+// A contact without restitution resists a blow if it approaches at this share of the speed of the blow.
+constexpr float kResistingShare = 0.02F;
 constexpr int kMaxElasticStaticHits = 4;  // of a body and its static contacts in one step, after the first
-constexpr int kNormalSweeps = 32, kFrictionSweeps = 12, kNormalSweepsPerFrictionSweep = 4;
+constexpr int kNormalSweeps = 32, kNormalSweepsPerFrictionSweep = 4;
+// Sweeps over friction. Few points are solved more
+// exactly than the hundreds that a blow to a pile may reach.
+constexpr int kMinFrictionSweeps = 12, kMaxFrictionSweeps = 100;
+int sweeps_of(std::size_t points) {
+  constexpr std::size_t kPointSweeps = 3200;
+  return static_cast<int>(
+      std::clamp<std::size_t>(kPointSweeps / points, kMinFrictionSweeps, kMaxFrictionSweeps));
+}
 // Changes of an impulse that are worth another sweep, relative to that of the impact: in the first
 // generation, and in those that follow.
 constexpr float kFirstTolerance = 3e-5F, kTolerance = 1e-3F;
@@ -128,19 +139,27 @@ void ImpactSolver::find_hits(const Step& step) {
 }
 
 void ImpactSolver::solve(const Step& step) {
+  points_.clear();
   find_hits(step);
   if (hits_.empty()) return;
+  for (const bool is_pair : {false, true}) is_point_[is_pair].assign(step.list(is_pair).contacts.size(), 0);
   index_manifolds(step);
   set_back_bodies(step);
   for (int generation = 0; generation < kMaxGenerations; ++generation) {
-    points_.clear();
+    clear_points(step);
     tolerance_ = generation == 0 ? kFirstTolerance : kTolerance;
     if (generation == 0)
       add_hits(step);
     else
       for (const ManifoldRef& m : active_) add_approaching_points(step, m);
     if (points_.empty()) break;
-    solve_points();
+    solve_points(sweeps_of(points_.size()));
+    moved_bodies_.clear();
+    int pass = 0;
+    for (; pass < kMaxResistingPasses && add_resisting_points(step); ++pass)
+      solve_normals(kNormalSweepsPerPass);
+    if (pass > 0) solve_points(sweeps_of(points_.size()));
+    for (const std::int32_t body : moved_bodies_) mark_changed(body);
     limit_energy();
     for (const Point& p : points_) p.contact->total_normal_impulse += p.impulse[0];
     collect_active_manifolds();
@@ -159,6 +178,7 @@ void ImpactSolver::index_manifolds(const Step& step) {
   island_.resize(bodies);
   energy_.resize(bodies);
   is_changed_.resize(bodies, 0);
+  blow_speed_.assign(bodies, 0.0F);
   is_active_pair_.assign(pairs, 0);
   for (std::size_t i = pairs; i-- > 0;) {
     const Manifold& m = step.pair_contacts.manifolds[i];
@@ -248,6 +268,7 @@ void ImpactSolver::set_back(const Step& step, const Manifold& m, const Contact& 
 ImpactSolver::Point& ImpactSolver::add_point(const Step& step, const Manifold& m, Contact& c) {
   Point& p = points_.emplace_back(Sides(step, m, c));
   p.contact = &c;
+  is_point(step, m.b >= 0, c) = 1;
   p.a = m.a, p.b = m.b;
   law::Vector3<float> t, u;
   law::tangents(to_law(c.normal), t, u);
@@ -288,13 +309,13 @@ void ImpactSolver::add_hits(const Step& step) {
     const float restitution = restitution_of(step, m, c);
     Point& p = add_point(step, m, c);
     if (hit.in_substeps) {
-      p.target_speed = law::rebound_speed(restitution, hit.approach_speed);
+      set_target(p, law::rebound_speed(restitution, hit.approach_speed), 0.0F);
       p.energy_budget = 0.5F * p.normal_mass * hit.approach_speed * hit.approach_speed;
       continue;
     }
     const float speed_after = p.velocity_before[0];
     const Rebound rebound = compute_rebound(hit.approach_speed, speed_after, c.separation, restitution, step);
-    p.target_speed = rebound.end_speed;
+    set_target(p, rebound.end_speed, 0.0F);
     // The rest of the impulse supports the body until the end of the step.
     const float change = rebound.end_speed - speed_after;
     if (change > 0.0F) p.friction *= std::min(1.0F, (1.0F + restitution) * rebound.contact_speed / change);
@@ -302,7 +323,7 @@ void ImpactSolver::add_hits(const Step& step) {
 }
 
 // Adds the touching points of a manifold that approach, if any of them does so fast enough. Contacts without
-// restitution are left to the next step.
+// restitution resist instead: add_resisting_points().
 void ImpactSolver::add_approaching_points(const Step& step, const ManifoldRef& ref) {
   ContactList& list = ref.is_pair ? step.pair_contacts : step.static_contacts;
   const Manifold& m = list.manifolds[ref.index];
@@ -321,24 +342,67 @@ void ImpactSolver::add_approaching_points(const Step& step, const ManifoldRef& r
     // A body that surfaces squeeze would bounce between them without end.
     const bool is_elastic = ref.is_pair || static_hits_[m.a]++ < kMaxElasticStaticHits;
     for (const Approaching& a : approaching_)
-      add_point(step, m, *a.contact).target_speed = is_elastic ? a.rebound_speed : 0.0F;
+      set_target(add_point(step, m, *a.contact), is_elastic ? a.rebound_speed : 0.0F, 0.0F);
   }
   approaching_.clear();
+}
+
+// Adds the touching contacts without restitution that the blow has made approach: a body that rests on another
+// is not struck as if it hung free. Returns whether there are any.
+bool ImpactSolver::add_resisting_points(const Step& step) {
+  const std::size_t before = points_.size();
+  moved_bodies_.insert(moved_bodies_.end(), changed_bodies_.begin(), changed_bodies_.end());
+  collect_active_manifolds();
+  for (const ManifoldRef& ref : active_) {
+    ContactList& list = ref.is_pair ? step.pair_contacts : step.static_contacts;
+    const Manifold& m = list.manifolds[ref.index];
+    resisting_.clear();
+    bool approach = false;
+    const float blow_speed = std::max(blow_speed_[m.a], m.b >= 0 ? blow_speed_[m.b] : 0.0F);
+    for (int k = m.first; k < m.first + m.count; ++k) {
+      Contact& c = list.contacts[k];
+      if (c.gives_way() || restitution_of(step, m, c) > 0.0F || is_point(step, ref.is_pair, c)) continue;
+      const Sides s(step, m, c);
+      if (s.separation(c, step.dt_s) > kTouchingSeparation) continue;
+      approach |= c.normal.dot(s.velocity()) < -kResistingShare * blow_speed;
+      resisting_.push_back(&c);
+    }
+    if (!approach) continue;
+    for (Contact* c : resisting_) set_target(add_point(step, m, *c), 0.0F, blow_speed);
+  }
+  return points_.size() > before;
+}
+
+void ImpactSolver::set_target(Point& p, float speed, float blow_speed) {
+  p.target_speed = speed;
+  p.blow_speed = std::max(blow_speed, std::abs(speed) + std::abs(p.velocity_before[0]));
+  for (const std::int32_t body : {p.a, p.b})
+    if (body >= 0) blow_speed_[body] = std::max(blow_speed_[body], p.blow_speed);
+}
+
+// Whether the contact is one of the current generation's points.
+char& ImpactSolver::is_point(const Step& step, bool is_pair, const Contact& c) {
+  return is_point_[is_pair][&c - step.list(is_pair).contacts.data()];
+}
+
+void ImpactSolver::clear_points(const Step& step) {
+  for (const Point& p : points_) is_point(step, p.b >= 0, *p.contact) = 0;
+  points_.clear();
 }
 
 // ---- impulses
 
 // Ends with friction: where surfaces close to a wedge within their friction cones, no impulses satisfy both,
 // and the body is to stick, not to shoot out.
-void ImpactSolver::solve_points() {
+void ImpactSolver::solve_points(int max_sweeps) {
   solve_normals(kNormalSweeps);
-  for (int sweep = 0; sweep < kFrictionSweeps; ++sweep) {
+  for (int sweep = 0; sweep < max_sweeps; ++sweep) {
     float greatest_change = 0.0F;
     for_each_point(sweep, [&](Point& p) {
       if (p.friction > 0.0F && p.seen_friction != versions(p))
         greatest_change = std::max(greatest_change, solve_friction(p));
     });
-    if (greatest_change < tolerance_ || sweep + 1 == kFrictionSweeps) break;
+    if (greatest_change < tolerance_ || sweep + 1 == max_sweeps) break;
     solve_normals(kNormalSweepsPerFrictionSweep);
   }
 }
@@ -380,7 +444,7 @@ void ImpactSolver::apply_impulse(Point& p, int axis, float impulse) {
 
 // Returns the change relative to the impulse of the whole impact.
 float ImpactSolver::count_change(const Point& p, float impulse_change) {
-  const float whole = p.normal_mass * (std::abs(p.target_speed) + std::abs(p.velocity_before[0])),
+  const float whole = p.normal_mass * p.blow_speed,
               change = whole > 0.0F ? std::abs(impulse_change) / whole : 0.0F;
   if (change > tolerance_)
     for (const std::int32_t body : {p.a, p.b})

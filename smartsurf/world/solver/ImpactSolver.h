@@ -21,10 +21,8 @@ namespace smartsurf::world {
 
 class ImpactSolver {
  public:
-  // Minimum approach speed of an impact with restitution, u/s.
+  // Minimum approach speed of an impact, u/s.
   static constexpr float kThreshold = 0.2F;
-  // Minimum approach speed of a body without restitution that lands flat, u/s.
-  static constexpr float kPlasticThreshold = 2.0F;
 
   // A contact that approaches at the start of the step.
   struct Candidate {
@@ -86,6 +84,7 @@ class ImpactSolver {
     float tangent_mass[3];  // inverse of the inverse effective mass matrix in the tangent plane: tt, uu, tu
     float slip_mass;        // inverse of that matrix's greater eigenvalue
     float friction, target_speed, max_impulse;
+    float blow_speed;  // greatest change of speed by the blow: the scale of errors
     Vec3 velocity_before, impulse;
     float energy_budget;                       // what the contact lost in the substeps
     std::uint32_t seen_normal, seen_friction;  // versions() after each was solved last
@@ -109,8 +108,12 @@ class ImpactSolver {
   void collect_active_manifolds();
   void add_hits(const Step&);
   void add_approaching_points(const Step&, const ManifoldRef&);
+  bool add_resisting_points(const Step&);
+  void set_target(Point&, float speed, float blow_speed);
+  char& is_point(const Step&, bool is_pair, const Contact&);
+  void clear_points(const Step&);
   Point& add_point(const Step&, const Manifold&, Contact&);
-  void solve_points();
+  void solve_points(int max_sweeps);
   void solve_normals(int max_sweeps);
   template <class Each>
   void for_each_point(int sweep, Each each);
@@ -134,7 +137,11 @@ class ImpactSolver {
   std::vector<char> is_active_pair_;
   float tolerance_ = 0.0F;  // of the current generation
   std::vector<Approaching> approaching_;
+  std::vector<Contact*> resisting_;
+  std::vector<float> blow_speed_;           // by body
+  std::vector<std::int32_t> moved_bodies_;  // in the current generation
   std::vector<Point> points_;
+  std::vector<char> is_point_[2];       // by contact: static ones, those of pairs
   std::vector<std::uint32_t> version_;  // by body: counts the changes of its velocity
   // Indexed by body; valid for the bodies of points_.
   std::vector<std::int32_t> island_;

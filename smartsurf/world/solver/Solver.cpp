@@ -16,6 +16,7 @@ constexpr float kPairContactHertz = 60.0F, kStaticContactHertz = 120.0F, kDampin
 // SubstepParams::steady_share is 1 − (substep / kSofteningTime_s)², within [0, kMaxSteadyShare]: substeps too
 // long to settle a heavy body on light ones, or a tall stack, need the softness.
 constexpr float kSofteningTime_s = 1.0F / 380.0F, kMaxSteadyShare = 0.95F;
+constexpr float kSteadyTime_s = 0.01F;    // in which the steady impulse follows the impulse
 constexpr float kMaxBiasVelocity = 4.0F;  // of the push-out from penetration, u/s
 
 SubstepParams make_substep_params(float h_s, float hertz, int substeps) {
@@ -28,6 +29,7 @@ SubstepParams make_substep_params(float h_s, float hertz, int substeps) {
           .mass_scale = b * scale,
           .impulse_scale = scale,
           .steady_share = std::clamp(1.0F - length * length, 0.0F, kMaxSteadyShare),
+          .steady_gain = h_s / (h_s + kSteadyTime_s),
           .max_bias_velocity = kMaxBiasVelocity,
           .substep_fraction = 1.0F / static_cast<float>(substeps)};
 }

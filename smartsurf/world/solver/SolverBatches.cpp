@@ -91,15 +91,16 @@ void Solver::find_impact_candidates(StepContext& context, ContactKind kind, int 
     for (int lane = 0; lane < kLanes; ++lane)
       least_speed[lane] = std::min(least_speed[lane], point_[k].approach_speed[lane]);
   const ContactList& list = context.contact_list(kind);
-  const float threshold =
-      context.any_restitution ? ImpactSolver::kThreshold : ImpactSolver::kPlasticThreshold;
+  // What a body gains by its weight in a step is no blow.
+  const float plastic_threshold =
+      std::max(ImpactSolver::kThreshold, 2.0F * settings_.gravity.norm() * settings_.dt_s);
+  const float threshold = context.any_restitution ? ImpactSolver::kThreshold : plastic_threshold;
   for (int lane = 0; lane < o.lane_count; ++lane) {
     if (least_speed[lane] >= -threshold) continue;
     const int manifold = graph_.manifold(index, lane);
     const Manifold& m = list.manifolds[manifold];
     constexpr float kFlatness = 0.9F;
-    bool lands_flat =
-        !is_sphere_kind(kind) && m.count > 1 && least_speed[lane] < -ImpactSolver::kPlasticThreshold;
+    bool lands_flat = !is_sphere_kind(kind) && m.count > 1 && least_speed[lane] < -plastic_threshold;
     for (int k = 0; lands_flat && k < m.count; ++k)
       lands_flat = point_[o.first_point + k].approach_speed[lane] < kFlatness * least_speed[lane];
     for (int k = 0; k < m.count; ++k) {
@@ -218,7 +219,7 @@ void Solver::fill_points(const StepContext& context, ContactKind kind, ContactBa
       } else {
         const FourRows second = load_rows(four, kAnchorRow);
         put(second.z, p.separation);
-        put(impulses.x, d.start_impulse);
+        put(impulses.x, d.steady_impulse);
         const Float4 anchor[3] = {first.w, second.x, second.y};
         for (int i = 0; i < 3; ++i) {
           put(anchor[i], d.anchor_a[i]);
@@ -243,7 +244,7 @@ void Solver::fill_points(const StepContext& context, ContactKind kind, ContactBa
     for (int lane = 0; !of_spheres && lane < o.lane_count; ++lane) {
       const Manifold& m = *of.manifold[lane];
       if (context.bodies.is_jointed[m.a] || (m.b >= 0 && context.bodies.is_jointed[m.b]))
-        d.start_impulse[lane] = 0.0F;
+        d.steady_impulse[lane] = 0.0F;
     }
     for (int lane = 0; !of_pairs && lane < o.lane_count; ++lane)
       if (c[lane]->partner == Partner::kSupportedCell) store(p.friction_impulse, lane, Vec3::Zero());

@@ -61,7 +61,7 @@ void solve_support_points(const SupportPatches& list, const SupportPatch& p, Bat
                                lag;
       target_speed = law::push_out_speed(separation, params);
       if (separation <= 0.0F) {
-        target_speed -= softness * law::deflecting_impulse(impulse, d.start_impulse[lane], params) /
+        target_speed -= softness * law::deflecting_impulse(impulse, d.steady_impulse[lane], params) /
                         point.normal_mass[lane];
         stiffness = inverse_softness * static_cast<double>(point.normal_mass[lane]);
       }
