@@ -241,6 +241,7 @@ void Sleep::update_sleeping_set(BodyStore& b, const std::vector<std::int32_t>& a
     is_supported[link.b] = 1;
     keep_together(link.a, link.b);
   }
+  keep_awake_above(b, pair_contacts);
   const int count_before = sleeping_count_;
   for (const std::int32_t i : active_bodies) {
     if (b.sleep_timer_s[i] >= kTimeToSleep_s && !has_active_neighbour_[i] && is_supported[i])
@@ -258,6 +259,26 @@ void Sleep::update_sleeping_set(BodyStore& b, const std::vector<std::int32_t>& a
       for (Index i = p.first; i < p.first + p.count; ++i)
         if (s.load[i] > 0.0F) support_loads_.push_back({p.body, s.cell[i], {s.x[i], s.y[i], p.z}, s.load[i]});
     }
+}
+
+// What lies on a body that cannot sleep yet, at whatever height, stays awake as well: a sleeper bears itself,
+// and would take its weight off those below.
+void Sleep::keep_awake_above(const BodyStore& b, const ContactList& pair_contacts) {
+  constexpr float kUpward = 0.3F;
+  const auto stays_awake = [&](std::size_t i) {
+    return b.is_active(i) && (has_active_neighbour_[i] || b.sleep_timer_s[i] < kTimeToSleep_s);
+  };
+  for (bool changed = true; changed;) {
+    changed = false;
+    for (const Manifold& m : pair_contacts.manifolds) {
+      const float up = pair_contacts.contacts[m.first].normal.z();
+      if (std::abs(up) < kUpward) continue;
+      const Index above = up > 0.0F ? m.a : m.b, below = up > 0.0F ? m.b : m.a;
+      if (has_active_neighbour_[above] || b.is_sphere[above] || !stays_awake(below)) continue;
+      has_active_neighbour_[above] = 1;
+      changed = true;
+    }
+  }
 }
 
 void Sleep::put_to_sleep(BodyStore& b, std::size_t i) {

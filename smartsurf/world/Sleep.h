@@ -82,6 +82,7 @@ class Sleep {
     std::int32_t row_begin = 0, row_end = 0, column_begin = 0, column_end = 0;
   };
   bool touches_moving_cell(const Contact&) const;
+  void keep_awake_above(const BodyStore&, const ContactList& pair_contacts);
   void put_to_sleep(BodyStore&, std::size_t body);
   CellRect cells_near(const BodyStore&, std::size_t body) const;
   bool any_cell_moves(const CellRect&) const;

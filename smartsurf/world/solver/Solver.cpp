@@ -98,18 +98,23 @@ void Solver::resize_buffers(const SpatialPartition& partition, int member_count,
   if (has_cell_limits) limit_.resize(point_.size());
   shared_batches_.resize(partition.row_count(), member_count);
   impacts_.reset(member_count);
+  heavy_islands_.reset(member_count);
   deep_contacts_.resize(member_count);
 }
 
 // Barrier protocol: every run_contact_stage() waits before a colour's shared batches and arrives after them,
 // so that a member's own batches overlap with the wait. Calls outside keep arrive() and wait() balanced.
 void Solver::run_stages(StepContext& context, const Member& member) {
+  const float h_s = context.static_params.h_s;
   load_bodies(context);
   if (member.member_count > 1) shared_batches_.clear_marks(context.own_rows);
   member.arrive_and_wait();
   for_each_own_batch(context, member, [&](ContactKind kind, int batch) {
     prepare_batch(context, kind, batch);
     if (context.may_impact()) find_impact_candidates(context, kind, batch, member);
+    if (!context.all_spheres)
+      heavy_islands_.find_heavy_lanes(graph_.batch(batch), kind, batch_points(), velocity_.data(),
+                                      h_s * settings_.gravity.norm(), member.index);
   });
   member.arrive_and_wait();
   if (member.member_count > 1) {
@@ -120,6 +125,11 @@ void Solver::run_stages(StepContext& context, const Member& member) {
     for (const BatchRange& next : graph_.own_batches(member)) serial_batches_.append(next);
   }
   if (has_supports_) prepare_supports(context);
+  if (heavy_islands_.any_heavy_lane())
+    member.single([&] {
+      heavy_islands_.build(graph_, context.bodies, context.partition, batch_points(), velocity_.data(),
+                           context.input.supports);
+    });
   integrate_velocities(context, true);
   member.arrive();
   JointSolver& joints = context.input.joints;
@@ -137,7 +147,6 @@ void Solver::run_stages(StepContext& context, const Member& member) {
       [&](auto& points) { points.begin_step(point_step); });
   const ContactKernelTable& k = context.kernels;
   run_contact_stage(context, member, k.warm_start, 0.0F, SupportStage::kWarmStart);
-  const float h_s = context.static_params.h_s;
   for (int s = 0; s < settings_.substeps; ++s) {
     // The caller's stages use the rows of all members, which their own batches of the warm start have
     // written.
@@ -158,7 +167,8 @@ void Solver::run_stages(StepContext& context, const Member& member) {
         [&](auto& points) { points.relax(point_step); });
     run_contact_stage(context, member, k.relax, 0.0F, SupportStage::kRelax);
   }
-  if (has_supports_) member.wait();  // support patches change impulses in batches of other members
+  // Support patches and heavy islands change impulses in batches of other members.
+  if (has_supports_ || !heavy_islands_.empty()) member.wait();
   for_each_own_batch(context, member,
                      [&](ContactKind kind, int batch) { store_impulses(context, kind, batch); });
   if (context.may_impact())
@@ -266,7 +276,18 @@ void Solver::run_contact_stage(StepContext& context, const Member& member,
       run(shared_batches_.own(member, i));
     }
   }
-  if (!has_supports_) return;
+  if (has_supports_) run_supports(context, member, support_stage);
+  if (support_stage == SupportStage::kWarmStart || heavy_islands_.empty()) return;
+  member.wait();
+  member.arrive_and_wait();
+  if (member.is_caller())
+    heavy_islands_.solve(batch_points(), context.solver_bodies, pair_params, static_params,
+                         support_stage == SupportStage::kSolve);
+  member.arrive();
+}
+
+void Solver::run_supports(StepContext& context, const Member& member, SupportStage support_stage) {
+  const SubstepParams& static_params = context.static_params;
   member.wait();
   for_each_own_support(context, [&](SupportPatches& list, SupportPatch& p) {
     const std::int32_t row = p.row;

@@ -4,7 +4,8 @@
 // Stages: prepare, warm start; per substep integrate velocities, solve with soft constraints, integrate
 // positions, relax (solve without bias, so that the push-out adds no velocity); storing of impulses and
 // impacts at the end of the step. Joints (JointSolver.h) and contacts with yielding tips (TipSolver.h) are
-// solved and relaxed before the contacts. The contact stages end with the support patches (SupportSolver.h).
+// solved and relaxed before the contacts. The contact stages end with the support patches (SupportSolver.h)
+// and the islands under heavy loads (HeavyIslandSolver.h).
 // Impulses carry over from substep to substep and from step to step.
 #pragma once
 
@@ -19,6 +20,7 @@
 #include "smartsurf/world/field/SupportPatch.h"
 #include "smartsurf/world/parallel/Team.h"
 #include "smartsurf/world/solver/ConstraintGraph.h"
+#include "smartsurf/world/solver/HeavyIslandSolver.h"
 #include "smartsurf/world/solver/ImpactSolver.h"
 #include "smartsurf/world/solver/JointSolver.h"
 #include "smartsurf/world/solver/SharedBatches.h"
@@ -123,6 +125,7 @@ class Solver {
   enum class SupportStage { kWarmStart, kSolve, kRelax };
   void run_contact_stage(StepContext&, const Member&, const ContactKernel (&)[kContactKindCount],
                          float elapsed_s, SupportStage);
+  void run_supports(StepContext&, const Member&, SupportStage);
   template <class Each>
   void for_each_own_support(const StepContext&, Each each) const;
   template <class OnJoints, class OnPoints>
@@ -141,6 +144,7 @@ class Solver {
   SharedBatches shared_batches_;        // of several members
   BatchRangesByColour serial_batches_;  // of a single member
   ImpactSolver impacts_;
+  HeavyIslandSolver heavy_islands_;
   std::vector<BatchPoint> point_;
   std::vector<BatchPointDetail> detail_;
   std::vector<BatchPointLimit> limit_;  // empty without force limits

@@ -27,6 +27,7 @@ struct Lanes {
                      .mass_scale = 0.9F,
                      .impulse_scale = 0.1F,
                      .steady_share = 0.5F,
+                     .steady_gain = 0.25F,
                      .max_bias_velocity = 4.0F,
                      .substep_fraction = 0.2F};
 

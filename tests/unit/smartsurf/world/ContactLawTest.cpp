@@ -17,6 +17,7 @@ constexpr SubstepParams kParams{.h_s = 1.0F / 300,
                                 .mass_scale = 0.9F,
                                 .impulse_scale = 0.1F,
                                 .steady_share = 0.5F,
+                                .steady_gain = 0.25F,
                                 .max_bias_velocity = 4.0F};
 
 using V = law::LanesOf<float>;
