@@ -123,8 +123,12 @@ void HeavyIslandSolver::build(const ConstraintGraph& graph, const BodyStore& bod
           (o.has_impulse_limit && points.limit[k].stall_impulse[lane] < BatchPointLimit::kUnlimited))
         island_of_row_[find_root(o.a[lane])] = kNone;
   });
+  const auto is_fast = [&](std::size_t row) {
+    constexpr double kMaxSpeed = 1.0;  // u/s: a blow is no load
+    return to_double(velocity[row].velocity).squaredNorm() > kMaxSpeed * kMaxSpeed;
+  };
   for (std::size_t row = 0; row < row_count; ++row)
-    if (bodies.is_jointed[partition.body(static_cast<int>(row))])
+    if (bodies.is_jointed[partition.body(static_cast<int>(row))] || is_fast(row))
       island_of_row_[find_root(static_cast<std::int32_t>(row))] = kNone;
   // The root of an island is its first row, and comes before the others.
   islands_.clear();
@@ -141,10 +145,17 @@ void HeavyIslandSolver::build(const ConstraintGraph& graph, const BodyStore& bod
     body_of_row_[row] = islands_[island_of_row_[row]].body_count++;
   }
   std::int32_t bodies_so_far = 0;
-  for (Island& island : islands_) island.first_body = bodies_so_far, bodies_so_far += island.body_count;
+  for (Island& island : islands_) {
+    island.first_body = bodies_so_far;
+    if (island.body_count > kMaxBodies || bodies_so_far + island.body_count > kMaxBodiesInAll)
+      island.body_count = 0;
+    bodies_so_far += island.body_count;
+  }
   rows_.resize(bodies_so_far);
   for (std::size_t i = 0; i < row_count; ++i)
-    if (body_of_row_[i] >= 0)
+    if (body_of_row_[i] >= 0 && islands_[island_of_row_[i]].body_count == 0)
+      body_of_row_[i] = kNone;
+    else if (body_of_row_[i] >= 0)
       rows_[islands_[island_of_row_[i]].first_body + body_of_row_[i]] = static_cast<std::int32_t>(i);
   points_.clear();
   for_each_bearing_lane(graph, points, [&](const ContactBatch& o, ContactKind kind, int lane) {
@@ -184,12 +195,7 @@ void HeavyIslandSolver::build(const ConstraintGraph& graph, const BodyStore& bod
           patches_.push_back({&p, body_of_row_[p.row], {}});
     island.patch_count = static_cast<std::int32_t>(patches_.size()) - island.first_patch;
   }
-  std::int32_t solved_bodies = 0;
-  std::erase_if(islands_, [&](const Island& island) {
-    if (island.body_count > kMaxBodies || solved_bodies + island.body_count > kMaxBodiesInAll) return true;
-    solved_bodies += island.body_count;
-    return false;
-  });
+  std::erase_if(islands_, [](const Island& island) { return island.body_count == 0; });
 }
 
 void HeavyIslandSolver::set_up(Point& p, const BatchPoints& points, const SolverBodies& rows,
