@@ -124,8 +124,8 @@ void HeavyIslandSolver::build(const ConstraintGraph& graph, const BodyStore& bod
         island_of_row_[find_root(o.a[lane])] = kNone;
   });
   const auto is_fast = [&](std::size_t row) {
-    constexpr double kMaxSpeed = 1.0;  // u/s: a blow is no load
-    return to_double(velocity[row].velocity).squaredNorm() > kMaxSpeed * kMaxSpeed;
+    constexpr double kFast = 1.0;  // u/s: a blow is no load
+    return to_double(velocity[row].velocity).squaredNorm() > kFast * kFast;
   };
   for (std::size_t row = 0; row < row_count; ++row)
     if (bodies.is_jointed[partition.body(static_cast<int>(row))] || is_fast(row))
