@@ -184,6 +184,9 @@ void NativeEngine::wake_hit_sleepers() {
             if (bodies_.asleep[j]) hit_sleepers_.push_back(static_cast<std::int32_t>(j));
           });
     }
+    collision_.for_each_in_way(bodies_, [&](std::size_t i, std::size_t j) {
+      if (bodies_.asleep[j] && is_fast(i)) hit_sleepers_.push_back(static_cast<std::int32_t>(j));
+    });
     for (const std::int32_t i : hit_sleepers_) sleep_.wake_island(bodies_, i);
     if (!hit_sleepers_.empty()) collect_active_bodies();
   }
