@@ -61,9 +61,11 @@ bool is_continued(std::span<const Solid> solids, std::size_t own_solid, const Co
     if (found || (i == own_solid && are_same(part, own_part))) return;
     const Solid& solid = solids[i];
     const Vec3 local = solid.axes.transpose() * (plane.point - solid.centre);
-    if (!is_near(part, local, kLevel)) return;
-    const SignedDistance d = signed_distance(part, local, kLevel);
-    found = std::abs(d.distance) <= kLevel && Vec3(solid.axes * d.normal).dot(plane.normal) > kMinCosine;
+    if (!is_near(part, local, kLevel) || signed_distance(part, local, kLevel).distance > kLevel) return;
+    const Vec3 normal = solid.axes.transpose() * plane.normal;
+    found = any_face(part, [&](const Vec3& face, float offset) {
+      return face.dot(normal) > kMinCosine && std::abs(face.dot(local) - offset) <= kLevel;
+    });
   });
   return found;
 }
