@@ -169,6 +169,7 @@ void CollisionPipeline::begin_detection(ContactList& pair_contacts, ContactList&
     slab_results_[s].overloaded = false;
     slab_results_[s].expected_pair = 0;
     slab_results_[s].pair_contacts.clear();
+    slab_results_[s].swept_pairs.clear();
     slab_results_[s].static_contacts.clear();
     pair_cache_.swap_in(static_cast<int>(s), slab_results_[s].cached_pairs);
     field_cache_.swap_in(static_cast<int>(s), slab_results_[s].cached_field);
@@ -487,6 +488,7 @@ void CollisionPipeline::collide_static_bodies(const BodyStore& bodies, std::size
   for (StaticNeighbour& n : near) {
     if (!may_pass(i, n.body) && !is_fast(i)) continue;
     n.is_swept = true;
+    results.swept_pairs.emplace_back(static_cast<std::int32_t>(i), static_cast<std::int32_t>(n.body));
     n.impact_s = PairSweep(bodies, i, n.body, dt_s_).time_of_impact();
     first_impact_s = std::min(first_impact_s, n.impact_s);
   }
@@ -551,7 +553,7 @@ void CollisionPipeline::collide_pair(const BodyStore& bodies, std::size_t i, std
   const auto first = static_cast<std::int32_t>(pair_contacts.contacts.size());
   const bool is_swept = (!fast_bodies_.empty() && (is_fast(a) || is_fast(b))) || may_pass(a, b);
   if (is_swept) {
-    collide_swept_pair(bodies, a, b, pair_contacts.contacts);
+    collide_swept_pair(bodies, a, b, results);
   } else if (has_sphere || bodies.rolls_unevenly[a] || bodies.rolls_unevenly[b]) {
     collide_bodies(bodies, a, b, kMinSpeculativeMargin, dt_s_, nullptr, pair_contacts.contacts);
   } else {
@@ -577,10 +579,12 @@ void CollisionPipeline::collide_pair(const BodyStore& bodies, std::size_t i, std
 }
 
 void CollisionPipeline::collide_swept_pair(const BodyStore& bodies, std::size_t a, std::size_t b,
-                                           std::vector<Contact>& contacts) const {
+                                           SlabResults& results) const {
   const PairSweep sweep(bodies, a, b, dt_s_);
   const float reach = bodies.bounding_radius[a] + bodies.bounding_radius[b] + sweep.travel() + kMinSpeculativeMargin;
   if ((bodies.position[a] - bodies.position[b]).squaredNorm() > reach * reach) return;
+  results.swept_pairs.emplace_back(static_cast<std::int32_t>(a), static_cast<std::int32_t>(b));
+  std::vector<Contact>& contacts = results.pair_contacts.contacts;
   const float impact_s = sweep.time_of_impact(), at_s = impact_s == PairSweep::kNever ? 0.0F : impact_s;
   const std::size_t first = contacts.size();
   sweep.collide_at(at_s, kMinSpeculativeMargin, contacts);

@@ -63,6 +63,12 @@ class CollisionPipeline {
   // The support patches of the last find_contacts(), one list per slab of the partition.
   std::span<SupportPatches> supports() { return std::span(supports_).first(support_slabs_); }
   std::span<const SupportPatches> supports() const { return std::span(supports_).first(support_slabs_); }
+  // Calls visit(a, b) for the pairs of bodies, b may be static, that were swept in the last find_contacts().
+  template <class Visit>
+  void for_each_swept_pair(Visit visit) const {
+    for (const SlabResults& results : slab_results_)
+      for (const auto& [a, b] : results.swept_pairs) visit(static_cast<std::size_t>(a), static_cast<std::size_t>(b));
+  }
   // Call when no find_contacts() follows in a step, because no body is active.
   void clear_supports() { support_slabs_ = 0; }
   // Call before the body is removed.
@@ -112,6 +118,7 @@ class CollisionPipeline {
     int expected_pair = 0;  // see PreviousContacts::find_pair
     SupportPatches* supports = nullptr;
     ContactList pair_contacts, static_contacts;
+    std::vector<std::pair<std::int32_t, std::int32_t>> swept_pairs;
     PairManifoldCache::ChunkCache cached_pairs;
     FieldManifoldCache::ChunkCache cached_field;
   };
@@ -150,7 +157,7 @@ class CollisionPipeline {
     return travel_[a] + travel_[b] > 0.5F * std::min(thickness_[a], thickness_[b]);
   }
   void collide_pair(const BodyStore&, std::size_t i, std::size_t j, SlabResults& results) const;
-  void collide_swept_pair(const BodyStore&, std::size_t a, std::size_t b, std::vector<Contact>&) const;
+  void collide_swept_pair(const BodyStore&, std::size_t a, std::size_t b, SlabResults& results) const;
   void assign_output_offsets(std::vector<BodyRunOutput>&, ContactList&, SlabRanges&) const;
   void update_slab_weights();
   void merge_slab(int slab, const std::vector<BodyRunOutput>&, const ContactList& from, ContactList& to,

@@ -83,6 +83,7 @@ class NativeEngine final : public Engine {
   void collect_tip_contacts();
   void collect_skin_contacts();
   void solve(const Member&);
+  void stop_at_bodies();
   void finalize_bodies(const Member&);
   void store_tips_and_skin();
   void yield_overloaded_cells();
@@ -147,6 +148,12 @@ class NativeEngine final : public Engine {
   std::vector<SkinPoint> skin_points_;
   std::vector<std::int32_t> loaded_tips_;  // with an impulse in the last step
   unsigned sleeper_impulse_version_ = 0;   // Sleep::change_count() that sleeper_impulse_ is for
+  // Bodies whose motion in this step ends where they would enter another one, ascending, and after which fraction.
+  struct Stop {
+    std::int32_t body;
+    float fraction;
+  };
+  std::vector<Stop> stops_;
   std::vector<std::int32_t> hit_sleepers_;
   mutable FieldHasher field_hasher_;
   bool field_moved_ = false;  // in the last step: at its end cells may stand elsewhere, or be about to stop

@@ -15,6 +15,8 @@ constexpr float kMet = 2e-3F;  // parts up to this far apart have met, u
 // Parts that touch at the start have met if they close by more than this in the step, u.
 constexpr float kApproach = 0.01F;
 
+constexpr float kAllowedOverlap = 0.1F;  // of the radius of a sphere, of the width of a round shape
+
 }  // namespace
 
 PairSweep::Motion::Motion(const BodyStore& bodies, std::size_t i)
@@ -41,13 +43,28 @@ PairSweep::Placed PairSweep::Motion::at(float time_s) const {
   return {shape, position + time_s * velocity + offset, turned};
 }
 
-PairSweep::PairSweep(const BodyStore& bodies, std::size_t a, std::size_t b, float dt_s)
-    : a_(bodies, a),
-      b_(bodies, b),
+PairSweep::Motion::Motion(const BodyStore& bodies, std::size_t i, float dt_s, const DeltaPose& motion)
+    : Motion(bodies, i) {
+  velocity = Vec3(motion.translation) / dt_s;
+  if (!is_sphere) angular_velocity = Vec3(motion.rotation) / dt_s;
+  turning_speed = angular_velocity.norm() * bodies.bounding_radius[i];
+}
+
+PairSweep::PairSweep(Motion a, Motion b, float dt_s, bool anchors_follow_b)
+    : a_(std::move(a)),
+      b_(std::move(b)),
       dt_s_(dt_s),
       turning_speed_(a_.turning_speed + b_.turning_speed),
       travel_(dt_s * ((a_.velocity - b_.velocity).norm() + turning_speed_)),
-      anchors_follow_b_(!bodies.is_static(b) && !b_.is_sphere && (a_.is_sphere || bodies.mass[a] > bodies.mass[b])) {}
+      anchors_follow_b_(anchors_follow_b) {}
+
+PairSweep::PairSweep(const BodyStore& bodies, std::size_t a, std::size_t b, float dt_s)
+    : PairSweep(Motion(bodies, a), Motion(bodies, b), dt_s,
+                !bodies.is_static(b) && bodies.mass[a] > bodies.mass[b]) {}
+
+PairSweep::PairSweep(const BodyStore& bodies, std::size_t a, std::size_t b, float dt_s, const DeltaPose& motion_a,
+                     const DeltaPose& motion_b)
+    : PairSweep(Motion(bodies, a, dt_s, motion_a), Motion(bodies, b, dt_s, motion_b), dt_s, false) {}
 
 // Distances beyond `reach` are lower bounds.
 PairSweep::Gap PairSweep::gap(const ConvexPart& part_a, const ConvexPart& part_b, const Placed& a, const Placed& b,
@@ -60,25 +77,41 @@ PairSweep::Gap PairSweep::gap(const ConvexPart& part_a, const ConvexPart& part_b
     const Vec3 normal = other.axes * d.normal;
     return {a_.is_sphere ? normal : Vec3(-normal), d.distance - radius};
   }
-  const ConvexProxy proxy_a(part_a, a.centre, a.axes), proxy_b(part_b, b.centre, b.axes);
-  const float radii = proxy_a.convex_radius + proxy_b.convex_radius;
-  const ClosestPoints closest = closest_points(proxy_a, proxy_b, radii + reach, Vec3(a.centre - b.centre));
-  return {closest.normal, closest.separated ? closest.distance - radii : 0.0F};
+  const PlacedShape placed_a{a.shape, a.centre, a.axes}, placed_b{b.shape, b.centre, b.axes};
+  const bool trim_a = is_much_larger(placed_a, placed_b), trim_b = !trim_a && is_much_larger(placed_b, placed_a);
+  if (trim_a || trim_b) {
+    const PlacedShape &box = trim_a ? placed_a : placed_b, &other = trim_a ? placed_b : placed_a;
+    const TrimmedBox t = trim(box, other.centre, 2.0F * other.shape.bounding_radius + reach);
+    if (!t.overlaps) return {Vec3::Zero(), 2.0F * reach};
+    const ConvexPart part{t.shape, nullptr};
+    return trim_a ? gap(ConvexProxy(part, t.centre, a.axes), ConvexProxy(part_b, b.centre, b.axes), reach)
+                  : gap(ConvexProxy(part_a, a.centre, a.axes), ConvexProxy(part, t.centre, b.axes), reach);
+  }
+  return gap(ConvexProxy(part_a, a.centre, a.axes), ConvexProxy(part_b, b.centre, b.axes), reach);
 }
 
-float PairSweep::advance(const ConvexPart& part_a, const ConvexPart& part_b, float until_s) const {
+PairSweep::Gap PairSweep::gap(const ConvexProxy& proxy_a, const ConvexProxy& proxy_b, float reach) {
+  const float radii = proxy_a.convex_radius + proxy_b.convex_radius;
+  const ClosestPoints closest = closest_points(proxy_a, proxy_b, radii + reach, Vec3(proxy_a.centre - proxy_b.centre));
+  return {closest.normal, closest.separated ? closest.distance - radii : -radii};
+}
+
+template <class AtStart>
+float PairSweep::advance(const ConvexPart& part_a, const ConvexPart& part_b, float until_s, Range range,
+                         AtStart at_start) const {
   const Vec3 velocity = a_.velocity - b_.velocity;
+  const float middle = 0.5F * (range.low + range.high);
   float time_s = 0.0F;
   for (int i = 0; i < kMaxAdvances; ++i) {
-    const Placed a = a_.at(time_s), b = b_.at(time_s);
     const float left_s = until_s - time_s;
-    const Gap g = gap(part_a, part_b, a, b, left_s * (velocity.norm() + turning_speed_) + kMet);
+    const Gap g = gap(part_a, part_b, a_.at(time_s), b_.at(time_s),
+                      left_s * (velocity.norm() + turning_speed_) + std::abs(range.high));
     const float approach = std::max(0.0F, -g.normal.dot(velocity));
-    if (g.distance <= kMet) return i > 0 || approach * left_s > kApproach ? time_s : kNever;
+    if (g.distance <= range.high) return i > 0 || at_start(approach * left_s) ? time_s : kNever;
     // The distance along a fixed direction shrinks at this speed at most.
     const float speed = approach + turning_speed_;
-    if (speed * left_s < g.distance - kMet) return kNever;
-    time_s += (g.distance - 0.5F * kMet) / speed;
+    if (speed * left_s < g.distance - range.high) return kNever;
+    time_s += (g.distance - middle) / speed;
     if (time_s > until_s) return kNever;
   }
   return time_s;
@@ -88,7 +121,25 @@ float PairSweep::time_of_impact() const {
   float first = kNever;
   for_each_part(a_.shape, [&](const ConvexPart& part_a) {
     for_each_part(b_.shape, [&](const ConvexPart& part_b) {
-      first = std::min(first, advance(part_a, part_b, std::min(first, dt_s_)));
+      first = std::min(first, advance(part_a, part_b, std::min(first, dt_s_), {0.0F, kMet},
+                                      [](float approach) { return approach > kApproach; }));
+    });
+  });
+  return first;
+}
+
+float PairSweep::time_of_overlap() const {
+  const auto depth_of = [](const ConvexPart& part) {
+    if (part.shape.is_sphere()) return kAllowedOverlap * part.shape.bounding_radius;
+    return 0.5F * (part.hull != nullptr ? part.hull->convex_radius
+                                        : std::min(part.shape.convex_radius, kAllowedOverlap * part.shape.width));
+  };
+  float first = kNever;
+  for_each_part(a_.shape, [&](const ConvexPart& part_a) {
+    for_each_part(b_.shape, [&](const ConvexPart& part_b) {
+      const float depth = depth_of(part_a) + depth_of(part_b);
+      first = std::min(first, advance(part_a, part_b, std::min(first, dt_s_), {-depth, -0.5F * depth},
+                                      [](float) { return false; }));
     });
   });
   return first;
@@ -113,7 +164,7 @@ void PairSweep::move_to_start(float time_s, std::span<Contact> contacts) const {
     const Vec3 anchor_b = a_.position - b_.position + motion + anchor_a;
     c.separation -=
         c.normal.dot(a_.displacement(time_s, anchor_a) - b_.displacement(time_s, anchor_b));
-    // A contact has one point, which is right for the lighter body; the levers of spheres follow from their radii.
+    // A contact has one point; its lever is right for the lighter body.
     c.anchor = anchor_a - a_.origin_offset;
     if (anchors_follow_b_) c.anchor += motion;
   }
