@@ -81,12 +81,9 @@ TEST_P(FastBodies, DoNotPassWall) {
     body.velocity = speed * heading;
     body.angular_velocity = draw.uniform(0, 60) * draw.direction();
     const auto id = fixture.add(body);
-    printf("SEED %u kind %d wall %g moves %d speed %g spin %g e %g w %g\n", seed, (int)body.shape, 2*wall.half_extents().x(), moves, speed, body.angular_velocity.norm(), fixture.scene.materials[0].restitution, 2*body.half_extents().minCoeff());
     double least = 1e9;
     fixture.run(0.15, [&] {
       const Vector3d wall_at = fixture.position(wall_id).cast<double>();
-      if (seed==20) printf("wall v %g w %g m %g; ", (double)fixture.velocity(wall_id).cast<double>().dot(normal), (double)fixture.angular_velocity(wall_id).norm(), 0.);
-      printf("%g|%g ", (fixture.position(id).cast<double>() - wall_at).dot(normal), (double)fixture.velocity(id).cast<double>().dot(normal));
       least = std::min(least, (fixture.position(id).cast<double>() - wall_at).dot(normal));
     });
     EXPECT_GT(least, 0.0);

@@ -113,14 +113,19 @@ void mark_internal_edges(std::span<const Solid> solids, bool are_b, float sphere
   thread_local std::vector<std::optional<Plane>> planes;
   planes.clear();
   bool any = false;
-  const auto point_on_solid = [&](const SeamContact& s) -> Vec3 {
-    // The point of a sphere's contact is on body a, that of others in the middle between the surfaces.
-    const float depth = !is_sphere ? 0.5F * s.contact->separation : are_b ? s.contact->separation : 0.0F;
-    return s.origin + s.contact->anchor - side * depth * s.contact->normal;
+  // The point of a sphere's contact is on body a. That of other shapes is anywhere between the surfaces.
+  const float share = !is_sphere ? 0.5F : are_b ? 1.0F : 0.0F;
+  const auto point_on_solid = [&](const SeamContact& s, float of_separation) -> Vec3 {
+    return s.origin + s.contact->anchor - side * of_separation * s.contact->separation * s.contact->normal;
   };
   for (const SeamContact& s : contacts) {
-    planes.push_back(plane_of(solids, point_on_solid(s), side * s.contact->normal));
-    any |= planes.back().has_value();
+    const Vec3 normal = side * s.contact->normal;
+    std::optional<Plane> plane = plane_of(solids, point_on_solid(s, share), normal);
+    if (!is_sphere && s.contact->separation > kEdgeDepth)
+      for (const float other : {0.0F, 1.0F})
+        if (!plane) plane = plane_of(solids, point_on_solid(s, other), normal);
+    any |= plane.has_value();
+    planes.push_back(plane);
   }
   if (!any) return;
   for (std::size_t i = 0; i < contacts.size(); ++i) {
@@ -138,7 +143,7 @@ void mark_internal_edges(std::span<const Solid> solids, bool are_b, float sphere
       continue;
     }
     const Vec3 old_normal = side * c.normal;
-    const Vec3 on_body = point_on_solid(contacts[i]) + c.separation * old_normal + sphere_radius * (old_normal - normal);
+    const Vec3 on_body = point_on_solid(contacts[i], share) + c.separation * old_normal + sphere_radius * (old_normal - normal);
     c.normal = side * normal;
     c.separation = normal.dot(on_body - planes[i]->point);
     c.anchor = on_body - contacts[i].origin;

@@ -15,7 +15,7 @@ constexpr float kMet = 2e-3F;  // parts up to this far apart have met, u
 // Parts that touch at the start have met if they close by more than this in the step, u.
 constexpr float kApproach = 0.01F;
 
-constexpr float kAllowedOverlap = 0.1F;  // of the radius of a sphere, of the width of a round shape
+constexpr float kAllowedOverlap = 0.1F;  // of the width of a shape
 
 }  // namespace
 
@@ -129,17 +129,23 @@ float PairSweep::time_of_impact() const {
 }
 
 float PairSweep::time_of_overlap() const {
-  const auto depth_of = [](const ConvexPart& part) {
-    if (part.shape.is_sphere()) return kAllowedOverlap * part.shape.bounding_radius;
-    return 0.5F * (part.hull != nullptr ? part.hull->convex_radius
-                                        : std::min(part.shape.convex_radius, kAllowedOverlap * part.shape.width));
+  // Depths up to which the gap between two parts is known, and known to be on the right side.
+  const auto measurable_depth = [](const ConvexPart& part) {
+    if (part.shape.is_sphere()) return 0.5F * part.shape.bounding_radius;
+    if (part.hull != nullptr) return part.hull->convex_radius;
+    return std::min(part.shape.convex_radius, kAllowedOverlap * part.shape.width);
   };
+  const Placed a = a_.at(0.0F), b = b_.at(0.0F);
   float first = kNever;
   for_each_part(a_.shape, [&](const ConvexPart& part_a) {
     for_each_part(b_.shape, [&](const ConvexPart& part_b) {
-      const float depth = depth_of(part_a) + depth_of(part_b);
-      first = std::min(first, advance(part_a, part_b, std::min(first, dt_s_), {-depth, -0.5F * depth},
-                                      [](float) { return false; }));
+      const float measurable = measurable_depth(part_a) + measurable_depth(part_b);
+      // Parts that overlap already are let in deeper by a share of what is left.
+      const float start = std::min(0.0F, gap(part_a, part_b, a, b, travel_).distance + 0.25F * measurable);
+      const float left = measurable + start;
+      if (left < 0.1F * measurable) return;
+      first = std::min(first, advance(part_a, part_b, std::min(first, dt_s_),
+                                      {start - 0.5F * left, start - 0.3F * left}, [](float) { return true; }));
     });
   });
   return first;
