@@ -136,8 +136,10 @@ void mark_internal_edges(std::span<const Solid> solids, bool are_b, float sphere
       const Contact& other = *contacts[k].contact;
       return (k < i || !planes[k]) && other.separation != kMarked && side * other.normal.dot(normal) > kSameNormal;
     };
+    // A flat body bears on such points as well; a sphere has one in a plane.
     bool is_spare = false;
-    for (std::size_t k = 0; k < contacts.size() && !is_spare; ++k) is_spare = k != i && has_normal(k);
+    const bool may_bear = !is_sphere && side * c.normal.dot(normal) > kSameNormal;
+    for (std::size_t k = 0; k < contacts.size() && !is_spare && !may_bear; ++k) is_spare = k != i && has_normal(k);
     if (is_spare) {
       c.separation = kMarked;
       continue;
@@ -151,8 +153,9 @@ void mark_internal_edges(std::span<const Solid> solids, bool are_b, float sphere
   }
 }
 
-void correct_internal_edges(const Solid& a, const Solid& b, std::vector<Contact>& contacts, std::size_t first) {
-  if (a.shape.hulls.size() < 2 && b.shape.hulls.size() < 2) return;
+bool correct_internal_edges(const Solid& a, const Solid& b, std::vector<Contact>& contacts, std::size_t first) {
+  if (a.shape.hulls.size() < 2 && b.shape.hulls.size() < 2) return false;
+  const std::size_t count = contacts.size();
   thread_local std::vector<SeamContact> seam;
   for (const Solid* solid : {&b, &a}) {
     const Shape& other = solid == &b ? a.shape : b.shape;
@@ -162,6 +165,7 @@ void correct_internal_edges(const Solid& a, const Solid& b, std::vector<Contact>
     mark_internal_edges({solid, 1}, solid == &b, other.is_sphere() ? other.bounding_radius : 0.0F, seam);
     erase_marked(contacts, first);
   }
+  return contacts.size() < count;
 }
 
 void erase_marked(std::vector<Contact>& contacts, std::size_t first) {

@@ -29,7 +29,8 @@ bool may_have_internal_edges(std::span<const Solid>);
 // from the solids. `sphere_radius`: of the body, u; 0 for other shapes.
 void mark_internal_edges(std::span<const Solid>, bool are_b, float sphere_radius, std::span<const SeamContact>);
 // Does both for the contacts from `first` on, which are all those of two bodies, with anchors from the origin of a.
-void correct_internal_edges(const Solid& a, const Solid& b, std::vector<Contact>&, std::size_t first);
+// Returns whether any was erased.
+bool correct_internal_edges(const Solid& a, const Solid& b, std::vector<Contact>&, std::size_t first);
 // Erases the marked contacts from `first` on.
 void erase_marked(std::vector<Contact>&, std::size_t first);
 
