@@ -127,7 +127,7 @@ void CollisionPipeline::update_broadphase(const BodyStore& bodies, const Member&
   member.single([&] {
     grid_ = &UniformGrid::of_this_thread();
     overloaded_ = false;
-    any_fast_.assign(member.member_count, 0);
+    max_travel_.assign(member.member_count, 0.0F);
     if (large_radius_ >= 0.0F) return;
     compute_large_radius(bodies);
     measure_bodies(bodies);
@@ -137,8 +137,7 @@ void CollisionPipeline::update_broadphase(const BodyStore& bodies, const Member&
     travel_.resize(bodies.bounding_radius.size());
   });
   const auto own = own_bodies(member);
-  compute_query_radii(bodies, own);
-  any_fast_[member.index] = std::ranges::any_of(own, [this](std::int32_t i) { return is_fast(i); }) ? 1 : 0;
+  max_travel_[member.index] = compute_query_radii(bodies, own);
   grid_->build({bodies.position, query_radius_, large_radius_}, own, member);
   member.single([&] {
     partition_.build(*grid_);
@@ -280,10 +279,14 @@ void CollisionPipeline::compute_large_radius(const BodyStore& bodies) {
 void CollisionPipeline::measure_bodies(const BodyStore& bodies) {
   thickness_.clear();
   fast_margin_.clear();
+  least_thickness_ = std::numeric_limits<float>::infinity();
+  any_compound_ = false;
   for (std::size_t i = 0; i < bodies.bounding_radius.size(); ++i) {
     float thickness = bodies.width[i];
     for (const ConvexHullShape& hull : bodies.shape[i]->hulls) thickness = std::min(thickness, hull.width);
     thickness_.push_back(thickness);
+    least_thickness_ = std::min(least_thickness_, thickness);
+    any_compound_ |= bodies.shape[i]->hulls.size() > 1;
     // Large bodies are tested with their whole margin anyway.
     const bool in_cells = !bodies.is_static(i) && 2.0F * bodies.bounding_radius[i] <= large_radius_;
     fast_margin_.push_back(in_cells ? std::max(kMinSpeculativeMargin, bodies.bounding_radius[i])
@@ -291,7 +294,8 @@ void CollisionPipeline::measure_bodies(const BodyStore& bodies) {
   }
 }
 
-void CollisionPipeline::compute_query_radii(const BodyStore& bodies, std::span<const std::int32_t> own) {
+float CollisionPipeline::compute_query_radii(const BodyStore& bodies, std::span<const std::int32_t> own) {
+  float max_travel = 0.0F;
   for (const std::int32_t i : own) {
     float travel = 0.0F;
     if (bodies.is_active(i)) {
@@ -300,22 +304,27 @@ void CollisionPipeline::compute_query_radii(const BodyStore& bodies, std::span<c
     }
     travel_[i] = travel * dt_s_;
     speculative_margin_[i] = std::max(kMinSpeculativeMargin, travel * dt_s_);
+    max_travel = std::max(max_travel, travel_[i]);
     if (!bodies.is_sphere[i]) half_extents_[i] = bodies.axes[i].cwiseAbs() * bodies.shape[i]->half_extents;
     // Static bodies count as large: other bodies query them, and they do not query others.
     query_radius_[i] = bodies.is_static(i) ? 1e30F
                                            : bodies.bounding_radius[i] +
                                                  std::min(speculative_margin_[i], bodies.bounding_radius[i]);
   }
+  return max_travel;
 }
 
 void CollisionPipeline::find_fast_bodies(const BodyStore& bodies) {
   fast_bodies_.clear();
   max_fast_length_ = 0.0F;
-  if (std::ranges::find(any_fast_, 1) == any_fast_.end()) return;
+  // Two bodies close by twice the greatest travel at most; a fast body is one that moves by half of its width.
+  may_any_pass_ = 4.0F * std::ranges::max(max_travel_) > least_thickness_;
+  if (!may_any_pass_) return;
   for (std::int32_t body = 0; body < bodies.size(); ++body) {
     const Index i = body;
     if (!is_fast(i) || !bodies.position[i].allFinite()) continue;
-    const Vec3 path = dt_s_ * bodies.velocity(i), reach = Vec3::Constant(bodies.bounding_radius[i] + kMinSpeculativeMargin);
+    const Vec3 path = dt_s_ * bodies.velocity(i),
+               reach = Vec3::Constant(bodies.bounding_radius[i] + kMinSpeculativeMargin);
     const Vec3 from = bodies.position[i], to = from + path;
     fast_bodies_.push_back({body, from.cwiseMin(to) - reach, from.cwiseMax(to) + reach});
     max_fast_length_ = std::max(max_fast_length_, std::abs(path.x()) + 2.0F * reach.x());
@@ -329,16 +338,18 @@ void CollisionPipeline::find_fast_neighbours(const BodyStore& bodies) {
     const Vec3 half =
         bodies.axes[l].cwiseAbs() * bodies.shape[l]->half_extents + Vec3::Constant(speculative_margin_[l]);
     const Vec3 centre = bodies.origin(l);
-    for_each_fast_in_box(centre - half, centre + half, 0,
-                         [&](std::int32_t fast) { large_neighbours_.push_back({fast, l}); });
+    for_each_fast_in_box(centre - half, centre + half, 0, [&](std::int32_t fast) {
+      large_neighbours_.push_back({fast, l});
+    });
   }
   for (std::size_t k = 0; k < fast_bodies_.size(); ++k) {
     const FastBody& f = fast_bodies_[k];
     grid_->for_each_in_box(f.low, f.high, [&](std::int32_t body) {
       if (!is_fast(body)) large_neighbours_.push_back({body, f.body});
     });
-    for_each_fast_in_box(f.low, f.high, k + 1,
-                         [&](std::int32_t other) { large_neighbours_.push_back({other, f.body}); });
+    for_each_fast_in_box(f.low, f.high, k + 1, [&](std::int32_t other) {
+      large_neighbours_.push_back({other, f.body});
+    });
   }
 }
 
@@ -433,7 +444,9 @@ void CollisionPipeline::collide_static(const BodyStore& bodies, std::size_t i, S
     collider_.collide_skin_or_tips(*bodies.shape[i], centre, bodies.axes[i], margin, out.contacts);
   if (centre.z() - bodies.bounding_radius[i] - margin < ground_height_)
     collide_shape_with_ground(*bodies.shape[i], centre, bodies.axes[i], ground_height_, margin, out.contacts);
-  collide_static_bodies(bodies, i, results);
+  const bool in_cells = query_radius_[i] <= large_radius_;
+  if (!in_cells || first_large_neighbour_[i] < first_large_neighbour_[i + 1])
+    collide_static_bodies(bodies, i, results);
   const auto count = static_cast<std::int32_t>(out.contacts.size()) - first;
   if (count == 0) return;
   out.manifolds.push_back({static_cast<std::int32_t>(i), Manifold::kStatic, first, count});
@@ -473,20 +486,23 @@ void CollisionPipeline::find_support(const BodyStore& bodies, std::size_t i, flo
 
 // The static bodies near a body. What it meets in the course of the step is found where it meets the first of them;
 // what would be hit later is left to later steps, because the first impact changes its path.
-void CollisionPipeline::collide_static_bodies(const BodyStore& bodies, std::size_t i, SlabResults& results) const {
+void CollisionPipeline::collide_static_bodies(const BodyStore& bodies, std::size_t i,
+                                              SlabResults& results) const {
   thread_local std::vector<StaticNeighbour> near;
   near.clear();
   const auto add = [&](std::int32_t other) {
-    if (bodies.is_static(other) && bodies.may_touch(i, other)) near.push_back({.body = static_cast<std::size_t>(other)});
+    if (bodies.is_static(other) && bodies.may_touch(i, other))
+      near.push_back({.body = static_cast<std::size_t>(other)});
   };
   if (query_radius_[i] <= large_radius_)
-    for (int n = first_large_neighbour_[i]; n < first_large_neighbour_[i + 1]; ++n) add(large_neighbours_[n].large);
+    for (int n = first_large_neighbour_[i]; n < first_large_neighbour_[i + 1]; ++n)
+      add(large_neighbours_[n].large);
   else
     std::ranges::for_each(grid_->large_bodies(), add);
   if (near.empty()) return;
   float first_impact_s = PairSweep::kNever;
   for (StaticNeighbour& n : near) {
-    if (!may_pass(i, n.body) && !is_fast(i)) continue;
+    if (!may_any_pass_ || (!may_pass(i, n.body) && !is_fast(i))) continue;
     n.is_swept = true;
     results.swept_pairs.emplace_back(static_cast<std::int32_t>(i), static_cast<std::int32_t>(n.body));
     n.impact_s = PairSweep(bodies, i, n.body, dt_s_).time_of_impact();
@@ -532,7 +548,8 @@ void CollisionPipeline::correct_internal_edges(const BodyStore& bodies, std::siz
   solids.clear(), seam.clear();
   for (const StaticNeighbour& n : near) {
     solids.push_back({*bodies.shape[n.body], bodies.origin(n.body), bodies.axes[n.body]});
-    const Vec3 origin = n.impact_s > 0.0F ? PairSweep(bodies, i, n.body, dt_s_).origin_of_a(n.impact_s) : bodies.origin(i);
+    const Vec3 origin =
+        n.impact_s > 0.0F ? PairSweep(bodies, i, n.body, dt_s_).origin_of_a(n.impact_s) : bodies.origin(i);
     for (std::size_t k = n.first; k < n.end; ++k) seam.push_back({&contacts[k], origin});
   }
   const float radius = bodies.is_sphere[i] ? bodies.bounding_radius[i] : 0.0F;
@@ -551,7 +568,8 @@ void CollisionPipeline::collide_pair(const BodyStore& bodies, std::size_t i, std
     return;
   }
   const auto first = static_cast<std::int32_t>(pair_contacts.contacts.size());
-  const bool is_swept = (!fast_bodies_.empty() && (is_fast(a) || is_fast(b))) || may_pass(a, b);
+  const bool is_swept =
+      may_any_pass_ && ((!fast_bodies_.empty() && (is_fast(a) || is_fast(b))) || may_pass(a, b));
   if (is_swept) {
     collide_swept_pair(bodies, a, b, results);
   } else if (has_sphere || bodies.rolls_unevenly[a] || bodies.rolls_unevenly[b]) {
@@ -564,9 +582,10 @@ void CollisionPipeline::collide_pair(const BodyStore& bodies, std::size_t i, std
     pair_cache_.collide(bodies, a, b, margin, results.cached_pairs, pair_contacts.contacts);
   }
   // Kept manifolds are corrected when they are made.
-  if (!is_swept && (has_sphere || bodies.rolls_unevenly[a] || bodies.rolls_unevenly[b]))
+  if (any_compound_ && !is_swept && (has_sphere || bodies.rolls_unevenly[a] || bodies.rolls_unevenly[b]))
     world::correct_internal_edges({*bodies.shape[a], bodies.origin(a), bodies.axes[a]},
-                                  {*bodies.shape[b], bodies.origin(b), bodies.axes[b]}, pair_contacts.contacts, first);
+                                  {*bodies.shape[b], bodies.origin(b), bodies.axes[b]},
+                                  pair_contacts.contacts, first);
   const auto count = static_cast<std::int32_t>(pair_contacts.contacts.size()) - first;
   if (count == 0) return;
   pair_contacts.manifolds.push_back(
@@ -581,7 +600,8 @@ void CollisionPipeline::collide_pair(const BodyStore& bodies, std::size_t i, std
 void CollisionPipeline::collide_swept_pair(const BodyStore& bodies, std::size_t a, std::size_t b,
                                            SlabResults& results) const {
   const PairSweep sweep(bodies, a, b, dt_s_);
-  const float reach = bodies.bounding_radius[a] + bodies.bounding_radius[b] + sweep.travel() + kMinSpeculativeMargin;
+  const float reach =
+      bodies.bounding_radius[a] + bodies.bounding_radius[b] + sweep.travel() + kMinSpeculativeMargin;
   if ((bodies.position[a] - bodies.position[b]).squaredNorm() > reach * reach) return;
   results.swept_pairs.emplace_back(static_cast<std::int32_t>(a), static_cast<std::int32_t>(b));
   std::vector<Contact>& contacts = results.pair_contacts.contacts;

@@ -67,7 +67,8 @@ class CollisionPipeline {
   template <class Visit>
   void for_each_swept_pair(Visit visit) const {
     for (const SlabResults& results : slab_results_)
-      for (const auto& [a, b] : results.swept_pairs) visit(static_cast<std::size_t>(a), static_cast<std::size_t>(b));
+      for (const auto& [a, b] : results.swept_pairs)
+        visit(static_cast<std::size_t>(a), static_cast<std::size_t>(b));
   }
   // Call when no find_contacts() follows in a step, because no body is active.
   void clear_supports() { support_slabs_ = 0; }
@@ -132,7 +133,8 @@ class CollisionPipeline {
 
   void compute_large_radius(const BodyStore&);
   void measure_bodies(const BodyStore&);
-  void compute_query_radii(const BodyStore&, std::span<const std::int32_t> own);
+  // Returns the greatest travel.
+  float compute_query_radii(const BodyStore&, std::span<const std::int32_t> own);
   bool is_fast(std::size_t body) const { return speculative_margin_[body] > fast_margin_[body]; }
   void find_fast_bodies(const BodyStore&);
   template <class Found>
@@ -170,13 +172,16 @@ class CollisionPipeline {
   UniformGrid* grid_ = nullptr;  // of the thread that steps, from update_broadphase() to the end of the step
   SpatialPartition partition_;
   std::vector<float> query_radius_, speculative_margin_;
-  std::vector<float> travel_;       // of any point of the body in this step, u; 0 for one that is not active
+  std::vector<float> travel_;  // of any point of the body in this step, u; 0 for one that is not active
   // By body: least width of its parts, and the speculative margin from which the body is fast, infinity for bodies
   // outside the grid's cells, u.
   std::vector<float> thickness_, fast_margin_;
-  std::vector<char> any_fast_;           // by member of the team
-  std::vector<FastBody> fast_bodies_;    // ascending by low.x
-  float max_fast_length_ = 0.0F;         // of their boxes along x, u
+  std::vector<float> max_travel_;           // by member of the team, u
+  float least_thickness_ = 0.0F;            // of all bodies, u
+  bool any_compound_ = false;               // whether any body has several parts
+  bool may_any_pass_ = false;               // false: no two bodies can pass each other in this step
+  std::vector<FastBody> fast_bodies_;       // ascending by low.x
+  float max_fast_length_ = 0.0F;            // of their boxes along x, u
   std::vector<Vec3> half_extents_;          // of a non-sphere's bounding box in world axes, u
   std::vector<std::int32_t> body_indices_;  // 0, 1, …, bodies − 1
   std::vector<LargeNeighbour> large_neighbours_;

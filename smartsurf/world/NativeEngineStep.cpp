@@ -237,7 +237,8 @@ void NativeEngine::stop_at_bodies() {
   const SpatialPartition& partition = collision_.partition();
   collision_.for_each_swept_pair([&](std::size_t a, std::size_t b) {
     const auto motion_of = [&](std::size_t i) {
-      return bodies_.is_active(i) ? solver_->motion(partition.row(static_cast<std::int32_t>(i))) : DeltaPose{};
+      return bodies_.is_active(i) ? solver_->motion(partition.row(static_cast<std::int32_t>(i)))
+                                  : DeltaPose{};
     };
     const float time_s =
         PairSweep(bodies_, a, b, settings_.dt_s, motion_of(a), motion_of(b)).time_of_overlap();

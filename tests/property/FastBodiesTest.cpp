@@ -15,7 +15,9 @@ namespace {
 struct Draw {
   std::mt19937 random;
   explicit Draw(unsigned seed) : random(seed) {}
-  double uniform(double low, double high) { return std::uniform_real_distribution<double>(low, high)(random); }
+  double uniform(double low, double high) {
+    return std::uniform_real_distribution<double>(low, high)(random);
+  }
   double log_uniform(double low, double high) { return std::exp(uniform(std::log(low), std::log(high))); }
   Vector3d direction() {
     std::normal_distribution<double> normal;
@@ -123,7 +125,8 @@ TEST_P(FastBodies, BallsMeetInFlight) {
     const double e = draw.uniform(0, 1);
     restart(e);
     fixture.scene.materials[0].friction = 0.0;
-    const double r1 = draw.log_uniform(0.1, 0.4), r2 = draw.log_uniform(0.1, 0.4), offset = draw.uniform(0, 0.9) * (r1 + r2);
+    const double r1 = draw.log_uniform(0.1, 0.4), r2 = draw.log_uniform(0.1, 0.4),
+                 offset = draw.uniform(0, 0.9) * (r1 + r2);
     // Slower balls are close enough when they are found.
     const double closing = std::max(draw.uniform(20, 400), 1.1 * std::min(r1, r2) / GetParam());
     const double v1 = draw.uniform(0.5, 1) * closing, v2 = v1 - closing, ratio = draw.log_uniform(0.2, 5);
@@ -136,8 +139,10 @@ TEST_P(FastBodies, BallsMeetInFlight) {
     const Vector3d normal(std::sqrt(1 - sine * sine), sine, 0);
     const double impulse = (1 + e) * (v1 - v2) * normal.x() / (1 + 1 / ratio);
     const double tolerance = 0.01 * (v1 - v2);
-    EXPECT_LT((fixture.velocity(a).cast<double>() - (Vector3d(v1, 0, 0) - impulse * normal)).norm(), tolerance);
-    EXPECT_LT((fixture.velocity(b).cast<double>() - (Vector3d(v2, 0, 0) + impulse / ratio * normal)).norm(), tolerance);
+    EXPECT_LT((fixture.velocity(a).cast<double>() - (Vector3d(v1, 0, 0) - impulse * normal)).norm(),
+              tolerance);
+    EXPECT_LT((fixture.velocity(b).cast<double>() - (Vector3d(v2, 0, 0) + impulse / ratio * normal)).norm(),
+              tolerance);
   }
 }
 

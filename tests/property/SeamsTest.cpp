@@ -20,8 +20,9 @@ struct Block {
 scene::ConvexHull make_block(const Block& b) {
   std::vector<Eigen::Vector3f> corners;
   for (int i = 0; i < 8; ++i)
-    corners.push_back((b.centre + 0.5 * b.size.cwiseProduct(Vector3d(i & 1 ? 1 : -1, i & 2 ? 1 : -1, i & 4 ? 1 : -1)))
-                          .cast<float>());
+    corners.push_back(
+        (b.centre + 0.5 * b.size.cwiseProduct(Vector3d(i & 1 ? 1 : -1, i & 2 ? 1 : -1, i & 4 ? 1 : -1)))
+            .cast<float>());
   const std::vector<std::uint32_t> sizes(6, 4);
   return scene::make_convex_hull(
       corners, {0, 2, 3, 1, 4, 5, 7, 6, 0, 1, 5, 4, 2, 6, 7, 3, 0, 4, 6, 2, 1, 3, 7, 5}, sizes);
@@ -71,7 +72,9 @@ struct Drawn {
     pose = Eigen::AngleAxisd(turn, Vector3d::UnitZ()) * Eigen::AngleAxisd(tilt, Vector3d::UnitX());
     at = {15, 15, 60};
   }
-  double uniform(double low, double high) { return std::uniform_real_distribution<double>(low, high)(random); }
+  double uniform(double low, double high) {
+    return std::uniform_real_distribution<double>(low, high)(random);
+  }
   Vector3d to_world(const Vector3d& p) const { return at + pose * p; }
 };
 
@@ -108,14 +111,16 @@ TEST_P(Seams, BallRollsOverThem) {
     fixture = PhysicsFixture();
     fixture.scene.world.dt_s = GetParam();
     Drawn drawn(seed);
-    const double radius = drawn.uniform(0.15, 1.0), speed = drawn.uniform(1, 40), seconds = std::min(2.0, 20 / speed);
+    const double radius = drawn.uniform(0.15, 1.0), speed = drawn.uniform(1, 40),
+                 seconds = std::min(2.0, 20 / speed);
     add_track(drawn, 24, seed % 2 == 0);
     auto ball = sphere(radius, drawn.to_world({0, 0, radius}));
     ball.velocity = drawn.pose * Vector3d(speed, 0, 0);
     ball.angular_velocity = drawn.pose * Vector3d(0, speed / radius, 0);
     const auto id = fixture.add(ball);
     double hop = 0.0;
-    fixture.run(seconds, [&] { hop = std::max(hop, std::abs(on_track(drawn, fixture.position(id)).z() - radius)); });
+    fixture.run(seconds,
+                [&] { hop = std::max(hop, std::abs(on_track(drawn, fixture.position(id)).z() - radius)); });
     EXPECT_LT(hop, 2e-3);
     const Vector3d end = on_track(drawn, fixture.position(id));
     EXPECT_NEAR(end.x(), speed * std::lround(seconds / GetParam()) * GetParam(), 2e-3 * speed * seconds);
@@ -176,7 +181,8 @@ TEST_P(Seams, NothingHappensOnBodyThatMoves) {
     rider.velocity = {speed, 0, 0}, rider.mass = 1.0;
     const auto id = fixture.add(rider);
     double hop = 0.0;
-    fixture.run(1.2, [&] { hop = std::max(hop, std::abs(static_cast<double>(fixture.position(id).z()) - 1.4)); });
+    fixture.run(1.2,
+                [&] { hop = std::max(hop, std::abs(static_cast<double>(fixture.position(id).z()) - 1.4)); });
     EXPECT_LT(hop, 3e-3);
     EXPECT_NEAR(fixture.velocity(id).x(), speed, 2e-3 * speed);
     EXPECT_NEAR(fixture.velocity(under).x(), drift, 1e-3);

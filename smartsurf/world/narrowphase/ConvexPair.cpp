@@ -164,7 +164,8 @@ bool is_much_larger(const PlacedShape& box, const PlacedShape& other) {
 }
 
 TrimmedBox trim(const PlacedShape& box, const Vec3& around, float half_width) {
-  const Vec3 local_centre = box.axes.transpose() * (around - box.centre), half_window = Vec3::Constant(half_width);
+  const Vec3 local_centre = box.axes.transpose() * (around - box.centre),
+             half_window = Vec3::Constant(half_width);
   const Vec3 low = (local_centre - half_window).cwiseMax(-box.shape.half_extents),
              high = (local_centre + half_window).cwiseMin(box.shape.half_extents);
   TrimmedBox t{Shape{}, box.centre + box.axes * (0.5F * (low + high)), true};

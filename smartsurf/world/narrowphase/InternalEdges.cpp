@@ -16,7 +16,8 @@ constexpr float kMinCosine = 0.99999F;  // between the normals of level faces
 // A contact point is at an edge of a face if it is this close to its plane, u: bodies overlap a little, and round
 // off each other's edges by their convex radius.
 constexpr float kEdgeDepth = 0.02F;
-constexpr float kMinTilt = 3e-4F;  // sine of the angle between face and contact normal of a contact at an edge
+constexpr float kMinTilt =
+    3e-4F;  // sine of the angle between face and contact normal of a contact at an edge
 // Beyond the edge the other part is looked for at the first of these distances that is clear of the part, u.
 constexpr float kProbes[] = {5e-3F, 0.02F, 0.05F};
 constexpr float kClear = 2e-3F;
@@ -77,7 +78,8 @@ std::optional<Plane> plane_of(std::span<const Solid> solids, const Vec3& point, 
   for_each_solid_part(solids, [&](std::size_t i, const ConvexPart& part) {
     if (found) return;
     const Solid& solid = solids[i];
-    const Vec3 local = solid.axes.transpose() * (point - solid.centre), direction = solid.axes.transpose() * normal;
+    const Vec3 local = solid.axes.transpose() * (point - solid.centre),
+               direction = solid.axes.transpose() * normal;
     if (!is_near(part, local, kEdgeDepth)) return;
     any_face(part, [&](const Vec3& face, float offset) {
       const float height = face.dot(local) - offset, cosine = face.dot(direction);
@@ -134,18 +136,21 @@ void mark_internal_edges(std::span<const Solid> solids, bool are_b, float sphere
     const Vec3& normal = planes[i]->normal;
     const auto has_normal = [&](std::size_t k) {
       const Contact& other = *contacts[k].contact;
-      return (k < i || !planes[k]) && other.separation != kMarked && side * other.normal.dot(normal) > kSameNormal;
+      return (k < i || !planes[k]) && other.separation != kMarked &&
+             side * other.normal.dot(normal) > kSameNormal;
     };
     // A flat body bears on such points as well; a sphere has one in a plane.
     bool is_spare = false;
     const bool may_bear = !is_sphere && side * c.normal.dot(normal) > kSameNormal;
-    for (std::size_t k = 0; k < contacts.size() && !is_spare && !may_bear; ++k) is_spare = k != i && has_normal(k);
+    for (std::size_t k = 0; k < contacts.size() && !is_spare && !may_bear; ++k)
+      is_spare = k != i && has_normal(k);
     if (is_spare) {
       c.separation = kMarked;
       continue;
     }
     const Vec3 old_normal = side * c.normal;
-    const Vec3 on_body = point_on_solid(contacts[i], share) + c.separation * old_normal + sphere_radius * (old_normal - normal);
+    const Vec3 on_body = point_on_solid(contacts[i], share) + c.separation * old_normal +
+                         sphere_radius * (old_normal - normal);
     c.normal = side * normal;
     c.separation = normal.dot(on_body - planes[i]->point);
     c.anchor = on_body - contacts[i].origin;
@@ -153,7 +158,8 @@ void mark_internal_edges(std::span<const Solid> solids, bool are_b, float sphere
   }
 }
 
-bool correct_internal_edges(const Solid& a, const Solid& b, std::vector<Contact>& contacts, std::size_t first) {
+bool correct_internal_edges(const Solid& a, const Solid& b, std::vector<Contact>& contacts,
+                            std::size_t first) {
   if (a.shape.hulls.size() < 2 && b.shape.hulls.size() < 2) return false;
   const std::size_t count = contacts.size();
   thread_local std::vector<SeamContact> seam;

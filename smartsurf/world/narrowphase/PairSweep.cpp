@@ -62,23 +62,25 @@ PairSweep::PairSweep(const BodyStore& bodies, std::size_t a, std::size_t b, floa
     : PairSweep(Motion(bodies, a), Motion(bodies, b), dt_s,
                 !bodies.is_static(b) && bodies.mass[a] > bodies.mass[b]) {}
 
-PairSweep::PairSweep(const BodyStore& bodies, std::size_t a, std::size_t b, float dt_s, const DeltaPose& motion_a,
-                     const DeltaPose& motion_b)
+PairSweep::PairSweep(const BodyStore& bodies, std::size_t a, std::size_t b, float dt_s,
+                     const DeltaPose& motion_a, const DeltaPose& motion_b)
     : PairSweep(Motion(bodies, a, dt_s, motion_a), Motion(bodies, b, dt_s, motion_b), dt_s, false) {}
 
 // Distances beyond `reach` are lower bounds.
-PairSweep::Gap PairSweep::gap(const ConvexPart& part_a, const ConvexPart& part_b, const Placed& a, const Placed& b,
-                              float reach) const {
+PairSweep::Gap PairSweep::gap(const ConvexPart& part_a, const ConvexPart& part_b, const Placed& a,
+                              const Placed& b, float reach) const {
   if (a_.is_sphere || b_.is_sphere) {
     const Placed &sphere = a_.is_sphere ? a : b, &other = a_.is_sphere ? b : a;
     const float radius = sphere.shape.bounding_radius;
-    const SignedDistance d = signed_distance(a_.is_sphere ? part_b : part_a,
-                                             other.axes.transpose() * (sphere.centre - other.centre), radius + reach);
+    const SignedDistance d =
+        signed_distance(a_.is_sphere ? part_b : part_a,
+                        other.axes.transpose() * (sphere.centre - other.centre), radius + reach);
     const Vec3 normal = other.axes * d.normal;
     return {a_.is_sphere ? normal : Vec3(-normal), d.distance - radius};
   }
   const PlacedShape placed_a{a.shape, a.centre, a.axes}, placed_b{b.shape, b.centre, b.axes};
-  const bool trim_a = is_much_larger(placed_a, placed_b), trim_b = !trim_a && is_much_larger(placed_b, placed_a);
+  const bool trim_a = is_much_larger(placed_a, placed_b),
+             trim_b = !trim_a && is_much_larger(placed_b, placed_a);
   if (trim_a || trim_b) {
     const PlacedShape &box = trim_a ? placed_a : placed_b, &other = trim_a ? placed_b : placed_a;
     const TrimmedBox t = trim(box, other.centre, 2.0F * other.shape.bounding_radius + reach);
@@ -92,7 +94,8 @@ PairSweep::Gap PairSweep::gap(const ConvexPart& part_a, const ConvexPart& part_b
 
 PairSweep::Gap PairSweep::gap(const ConvexProxy& proxy_a, const ConvexProxy& proxy_b, float reach) {
   const float radii = proxy_a.convex_radius + proxy_b.convex_radius;
-  const ClosestPoints closest = closest_points(proxy_a, proxy_b, radii + reach, Vec3(proxy_a.centre - proxy_b.centre));
+  const ClosestPoints closest =
+      closest_points(proxy_a, proxy_b, radii + reach, Vec3(proxy_a.centre - proxy_b.centre));
   return {closest.normal, closest.separated ? closest.distance - radii : -radii};
 }
 
@@ -144,8 +147,9 @@ float PairSweep::time_of_overlap() const {
       const float start = std::min(0.0F, gap(part_a, part_b, a, b, travel_).distance + 0.25F * measurable);
       const float left = measurable + start;
       if (left < 0.1F * measurable) return;
-      first = std::min(first, advance(part_a, part_b, std::min(first, dt_s_),
-                                      {start - 0.5F * left, start - 0.3F * left}, [](float) { return true; }));
+      first =
+          std::min(first, advance(part_a, part_b, std::min(first, dt_s_),
+                                  {start - 0.5F * left, start - 0.3F * left}, [](float) { return true; }));
     });
   });
   return first;
@@ -156,7 +160,8 @@ void PairSweep::collide_at(float time_s, float margin, std::vector<Contact>& out
   collide_placed({a.shape, a.centre, a.axes}, {b.shape, b.centre, b.axes}, margin, out);
 }
 
-void PairSweep::correct_internal_edges(float time_s, std::vector<Contact>& contacts, std::size_t first) const {
+void PairSweep::correct_internal_edges(float time_s, std::vector<Contact>& contacts,
+                                       std::size_t first) const {
   const Placed a = a_.at(time_s), b = b_.at(time_s);
   world::correct_internal_edges({a.shape, a.centre, a.axes}, {b.shape, b.centre, b.axes}, contacts, first);
 }
@@ -166,10 +171,10 @@ void PairSweep::move_to_start(float time_s, std::span<Contact> contacts) const {
   const Vec3 offset_a = a_.at(time_s).centre - a_.position - time_s * a_.velocity;
   const Vec3 motion = time_s * (a_.velocity - b_.velocity);
   for (Contact& c : contacts) {
-    const Vec3 anchor_a = a_.is_sphere ? Vec3(-a_.shape.bounding_radius * c.normal) : Vec3(c.anchor + offset_a);
+    const Vec3 anchor_a =
+        a_.is_sphere ? Vec3(-a_.shape.bounding_radius * c.normal) : Vec3(c.anchor + offset_a);
     const Vec3 anchor_b = a_.position - b_.position + motion + anchor_a;
-    c.separation -=
-        c.normal.dot(a_.displacement(time_s, anchor_a) - b_.displacement(time_s, anchor_b));
+    c.separation -= c.normal.dot(a_.displacement(time_s, anchor_a) - b_.displacement(time_s, anchor_b));
     // A contact has one point; its lever is right for the lighter body.
     c.anchor = anchor_a - a_.origin_offset;
     if (anchors_follow_b_) c.anchor += motion;

@@ -67,14 +67,16 @@ class PairSweep {
     Vec3 normal;  // unit, from b to a; undefined if they overlap
     float distance;
   };
-  Gap gap(const ConvexPart& part_a, const ConvexPart& part_b, const Placed& a, const Placed& b, float reach) const;
+  Gap gap(const ConvexPart& part_a, const ConvexPart& part_b, const Placed& a, const Placed& b,
+          float reach) const;
   static Gap gap(const ConvexProxy& a, const ConvexProxy& b, float reach);
   // The first time at which the distance of two parts is in the range, which they are advanced to the middle of.
   struct Range {
     float low, high;
   };
   template <class AtStart>
-  float advance(const ConvexPart& part_a, const ConvexPart& part_b, float until_s, Range, AtStart at_start) const;
+  float advance(const ConvexPart& part_a, const ConvexPart& part_b, float until_s, Range,
+                AtStart at_start) const;
 
   PairSweep(Motion a, Motion b, float dt_s, bool anchors_follow_b);
 

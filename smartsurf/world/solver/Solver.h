@@ -64,7 +64,8 @@ class Solver {
   const DeltaPose& motion(int row) const { return delta_pose_[row]; }
   void shorten_motion(int row, float fraction) {
     DeltaPose& delta = delta_pose_[row];
-    for (int axis = 0; axis < 3; ++axis) delta.translation[axis] *= fraction, delta.rotation[axis] *= fraction;
+    for (int axis = 0; axis < 3; ++axis)
+      delta.translation[axis] *= fraction, delta.rotation[axis] *= fraction;
   }
   // Copies velocity and delta pose of a row to its body.
   void store_body(BodyStore&, const SpatialPartition&, int row) const;

@@ -46,12 +46,12 @@ class TipSolver {
     const surface::CellTip* kind;
     // The position is that at the start of the substep, the velocity that planned for the step.
     Vec3 held_position, held_velocity, deflection;
-    float inverse_mass = 0.0F;              // 1/M
-    Vec3 rate{0, 0, 0};                     // u, in the last substep
-    Vec3 spring_rate{0, 0, 0};              // of a loaded tip, what its spring takes off J/M in this substep
+    float inverse_mass = 0.0F;  // 1/M
+    Vec3 rate{0, 0, 0};         // u, in the last substep
+    Vec3 spring_rate{0, 0, 0};  // of a loaded tip, what its spring takes off J/M in this substep
     float max_impulse = 0.0F;
-    Vec3 load{0, 0, 0}, normal_load{0, 0, 0};                 // J, and its part without friction, mass·u/s
-    Vec3 yield_velocity{0, 0, 0};                             // of the joints, in the substep, u/s
+    Vec3 load{0, 0, 0}, normal_load{0, 0, 0};  // J, and its part without friction, mass·u/s
+    Vec3 yield_velocity{0, 0, 0};              // of the joints, in the substep, u/s
     bool is_loaded = false;
     // Motion in the step, u.
     Vec3 start_deflection, moved_deflection{0, 0, 0}, yielded{0, 0, 0}, moved{0, 0, 0};
