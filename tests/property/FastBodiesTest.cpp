@@ -99,7 +99,7 @@ TEST_P(FastBodies, BallBouncesOffWallByNewtonsLaw) {
     const double e = draw.uniform(0, 1);
     restart(e);
     fixture.scene.materials[0].friction = 0.0;
-    const Vector3d middle(15, 15, 40), normal = draw.direction();
+    const Vector3d middle(15, 15, 40), normal = seed % 2 == 0 ? draw.direction() : Vector3d::Unit(seed % 3);
     auto wall = box({draw.log_uniform(0.001, 1), 40, 40}, middle);
     wall.orientation = Eigen::Quaterniond::FromTwoVectors(Vector3d::UnitX(), normal);
     wall.fixed = true;
