@@ -70,6 +70,8 @@ class CollisionPipeline {
       for (const auto& [a, b] : results.swept_pairs)
         visit(static_cast<std::size_t>(a), static_cast<std::size_t>(b));
   }
+  // Least width of a part of either body, u.
+  float thinner_width(std::size_t a, std::size_t b) const { return std::min(thickness_[a], thickness_[b]); }
   // Call when no find_contacts() follows in a step, because no body is active.
   void clear_supports() { support_slabs_ = 0; }
   // Call before the body is removed.

@@ -240,8 +240,10 @@ void NativeEngine::stop_at_bodies() {
       return bodies_.is_active(i) ? solver_->motion(partition.row(static_cast<std::int32_t>(i)))
                                   : DeltaPose{};
     };
-    const float time_s =
-        PairSweep(bodies_, a, b, settings_.dt_s, motion_of(a), motion_of(b)).time_of_overlap();
+    const PairSweep sweep(bodies_, a, b, settings_.dt_s, motion_of(a), motion_of(b));
+    // Bodies that move less do not pass each other, and their contacts push them apart.
+    if (sweep.travel() < collision_.thinner_width(a, b)) return;
+    const float time_s = sweep.time_of_overlap();
     if (time_s == PairSweep::kNever) return;
     for (const std::size_t i : {a, b})
       if (bodies_.is_active(i)) stops_.push_back({static_cast<std::int32_t>(i), time_s / settings_.dt_s});
