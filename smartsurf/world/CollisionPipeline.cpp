@@ -10,7 +10,9 @@
 
 #include "smartsurf/world/field/ConvexOnField.h"
 #include "smartsurf/world/field/SphereOnField.h"
+#include "smartsurf/world/narrowphase/InternalEdges.h"
 #include "smartsurf/world/narrowphase/PairContacts.h"
+#include "smartsurf/world/narrowphase/PairSweep.h"
 #include "smartsurf/world/simd/Simd4.h"
 
 namespace smartsurf::world {
@@ -125,17 +127,21 @@ void CollisionPipeline::update_broadphase(const BodyStore& bodies, const Member&
   member.single([&] {
     grid_ = &UniformGrid::of_this_thread();
     overloaded_ = false;
+    max_travel_.assign(member.member_count, 0.0F);
     if (large_radius_ >= 0.0F) return;
     compute_large_radius(bodies);
+    measure_bodies(bodies);
     query_radius_.resize(bodies.bounding_radius.size());
     speculative_margin_.resize(bodies.bounding_radius.size());
     half_extents_.resize(bodies.bounding_radius.size());
+    travel_.resize(bodies.bounding_radius.size());
   });
   const auto own = own_bodies(member);
-  compute_query_radii(bodies, own);
+  max_travel_[member.index] = compute_query_radii(bodies, own);
   grid_->build({bodies.position, query_radius_, large_radius_}, own, member);
   member.single([&] {
     partition_.build(*grid_);
+    find_fast_bodies(bodies);
     // With the same number of slabs, the previous contact counts are a good estimate of the work.
     if (contacts_per_slab_.size() == static_cast<std::size_t>(partition_.slab_count()))
       partition_.set_contact_counts(contacts_per_slab_);
@@ -162,6 +168,7 @@ void CollisionPipeline::begin_detection(ContactList& pair_contacts, ContactList&
     slab_results_[s].overloaded = false;
     slab_results_[s].expected_pair = 0;
     slab_results_[s].pair_contacts.clear();
+    slab_results_[s].swept_pairs.clear();
     slab_results_[s].static_contacts.clear();
     pair_cache_.swap_in(static_cast<int>(s), slab_results_[s].cached_pairs);
     field_cache_.swap_in(static_cast<int>(s), slab_results_[s].cached_field);
@@ -269,26 +276,87 @@ void CollisionPipeline::compute_large_radius(const BodyStore& bodies) {
   large_radius_ = 4.0F * *middle;
 }
 
-void CollisionPipeline::compute_query_radii(const BodyStore& bodies, std::span<const std::int32_t> own) {
+void CollisionPipeline::measure_bodies(const BodyStore& bodies) {
+  thickness_.clear();
+  fast_margin_.clear();
+  least_thickness_ = std::numeric_limits<float>::infinity();
+  any_compound_ = false;
+  for (std::size_t i = 0; i < bodies.bounding_radius.size(); ++i) {
+    float thickness = bodies.width[i];
+    for (const ConvexHullShape& hull : bodies.shape[i]->hulls) thickness = std::min(thickness, hull.width);
+    thickness_.push_back(thickness);
+    least_thickness_ = std::min(least_thickness_, thickness);
+    any_compound_ |= bodies.shape[i]->hulls.size() > 1;
+    // Large bodies are tested with their whole margin anyway.
+    const bool in_cells = !bodies.is_static(i) && 2.0F * bodies.bounding_radius[i] <= large_radius_;
+    fast_margin_.push_back(in_cells ? std::max(kMinSpeculativeMargin, bodies.bounding_radius[i])
+                                    : std::numeric_limits<float>::infinity());
+  }
+}
+
+float CollisionPipeline::compute_query_radii(const BodyStore& bodies, std::span<const std::int32_t> own) {
+  float max_travel = 0.0F;
   for (const std::int32_t i : own) {
     float travel = 0.0F;
     if (bodies.is_active(i)) {
       travel = bodies.velocity(i).norm();
       if (!bodies.is_sphere[i]) travel += bodies.angular_velocity(i).norm() * bodies.bounding_radius[i];
     }
+    travel_[i] = travel * dt_s_;
     speculative_margin_[i] = std::max(kMinSpeculativeMargin, travel * dt_s_);
+    max_travel = std::max(max_travel, travel_[i]);
     if (!bodies.is_sphere[i]) half_extents_[i] = bodies.axes[i].cwiseAbs() * bodies.shape[i]->half_extents;
     // Static bodies count as large: other bodies query them, and they do not query others.
     query_radius_[i] = bodies.is_static(i) ? 1e30F
                                            : bodies.bounding_radius[i] +
                                                  std::min(speculative_margin_[i], bodies.bounding_radius[i]);
   }
+  return max_travel;
+}
+
+void CollisionPipeline::find_fast_bodies(const BodyStore& bodies) {
+  fast_bodies_.clear();
+  max_fast_length_ = 0.0F;
+  // Two bodies close by twice the greatest travel at most; a fast body is one that moves by half of its width.
+  may_any_pass_ = 4.0F * std::ranges::max(max_travel_) > least_thickness_;
+  if (!may_any_pass_) return;
+  for (std::int32_t body = 0; body < bodies.size(); ++body) {
+    const Index i = body;
+    if (!is_fast(i) || !bodies.position[i].allFinite()) continue;
+    const Vec3 path = dt_s_ * bodies.velocity(i),
+               reach = Vec3::Constant(bodies.bounding_radius[i] + kMinSpeculativeMargin);
+    const Vec3 from = bodies.position[i], to = from + path;
+    fast_bodies_.push_back({body, from.cwiseMin(to) - reach, from.cwiseMax(to) + reach});
+    max_fast_length_ = std::max(max_fast_length_, std::abs(path.x()) + 2.0F * reach.x());
+  }
+  std::ranges::stable_sort(fast_bodies_, {}, [](const FastBody& f) { return f.low.x(); });
+}
+
+// Lists a fast body as a neighbour of all that its path may meet: the grid's search around its start would miss them.
+void CollisionPipeline::find_fast_neighbours(const BodyStore& bodies) {
+  for (const std::int32_t l : grid_->large_bodies()) {
+    const Vec3 half =
+        bodies.axes[l].cwiseAbs() * bodies.shape[l]->half_extents + Vec3::Constant(speculative_margin_[l]);
+    const Vec3 centre = bodies.origin(l);
+    for_each_fast_in_box(centre - half, centre + half, 0, [&](std::int32_t fast) {
+      large_neighbours_.push_back({fast, l});
+    });
+  }
+  for (std::size_t k = 0; k < fast_bodies_.size(); ++k) {
+    const FastBody& f = fast_bodies_[k];
+    grid_->for_each_in_box(f.low, f.high, [&](std::int32_t body) {
+      if (!is_fast(body)) large_neighbours_.push_back({body, f.body});
+    });
+    for_each_fast_in_box(f.low, f.high, k + 1, [&](std::int32_t other) {
+      large_neighbours_.push_back({other, f.body});
+    });
+  }
 }
 
 void CollisionPipeline::find_large_neighbours(const BodyStore& bodies) {
   const bool is_index_clear = large_neighbours_.empty() &&
                               first_large_neighbour_.size() == static_cast<std::size_t>(bodies.size()) + 1;
-  if (grid_->large_bodies().empty() && is_index_clear) return;
+  if (grid_->large_bodies().empty() && fast_bodies_.empty() && is_index_clear) return;
   large_neighbours_.clear();
   for (const std::int32_t l : grid_->large_bodies()) {
     const Index i = l;
@@ -296,9 +364,10 @@ void CollisionPipeline::find_large_neighbours(const BodyStore& bodies) {
         bodies.axes[i].cwiseAbs() * bodies.shape[i]->half_extents + Vec3::Constant(speculative_margin_[i]);
     const Vec3 centre = bodies.origin(i);
     grid_->for_each_in_box(centre - half, centre + half, [&](std::int32_t body) {
-      large_neighbours_.push_back({body, l});
+      if (fast_bodies_.empty() || !is_fast(body)) large_neighbours_.push_back({body, l});
     });
   }
+  if (!fast_bodies_.empty()) find_fast_neighbours(bodies);
   std::stable_sort(large_neighbours_.begin(), large_neighbours_.end(),
                    [](const LargeNeighbour& a, const LargeNeighbour& b) { return a.body < b.body; });
   first_large_neighbour_.assign(static_cast<std::size_t>(bodies.size()) + 1, 0);
@@ -336,8 +405,14 @@ void CollisionPipeline::collide_body_run(const BodyStore& bodies, const SpatialP
       if (!bodies.is_static(large)) collide_pair(bodies, i, large, results);
     }
   }
-  grid_->for_each_pair(run.begin, run.end,
-                       [&](std::int32_t i, std::int32_t j) { collide_pair(bodies, i, j, results); });
+  // The pairs of fast bodies are among the neighbours above.
+  if (fast_bodies_.empty())
+    grid_->for_each_pair(run.begin, run.end,
+                         [&](std::int32_t i, std::int32_t j) { collide_pair(bodies, i, j, results); });
+  else
+    grid_->for_each_pair(run.begin, run.end, [&](std::int32_t i, std::int32_t j) {
+      if (!is_fast(i) && !is_fast(j)) collide_pair(bodies, i, j, results);
+    });
 }
 
 void CollisionPipeline::collide_large_bodies(const BodyStore& bodies, SlabResults& results) const {
@@ -369,15 +444,9 @@ void CollisionPipeline::collide_static(const BodyStore& bodies, std::size_t i, S
     collider_.collide_skin_or_tips(*bodies.shape[i], centre, bodies.axes[i], margin, out.contacts);
   if (centre.z() - bodies.bounding_radius[i] - margin < ground_height_)
     collide_shape_with_ground(*bodies.shape[i], centre, bodies.axes[i], ground_height_, margin, out.contacts);
-  if (query_radius_[i] <= large_radius_) {
-    for (int n = first_large_neighbour_[i]; n < first_large_neighbour_[i + 1]; ++n) {
-      const Index large = large_neighbours_[n].large;
-      if (bodies.is_static(large)) collide_static_body(bodies, i, large, results);
-    }
-  } else {
-    for (const std::int32_t large : grid_->large_bodies())
-      if (bodies.is_static(large)) collide_static_body(bodies, i, large, results);
-  }
+  const bool in_cells = query_radius_[i] <= large_radius_;
+  if (!in_cells || first_large_neighbour_[i] < first_large_neighbour_[i + 1])
+    collide_static_bodies(bodies, i, results);
   const auto count = static_cast<std::int32_t>(out.contacts.size()) - first;
   if (count == 0) return;
   out.manifolds.push_back({static_cast<std::int32_t>(i), Manifold::kStatic, first, count});
@@ -415,15 +484,76 @@ void CollisionPipeline::find_support(const BodyStore& bodies, std::size_t i, flo
   match_support_patch(previous, previous.patches[from.patch], supports, patch);
 }
 
-void CollisionPipeline::collide_static_body(const BodyStore& bodies, std::size_t i, std::size_t static_body,
+// The static bodies near a body. What it meets in the course of the step is found where it meets the first of them;
+// what would be hit later is left to later steps, because the first impact changes its path.
+void CollisionPipeline::collide_static_bodies(const BodyStore& bodies, std::size_t i,
+                                              SlabResults& results) const {
+  thread_local std::vector<StaticNeighbour> near;
+  near.clear();
+  const auto add = [&](std::int32_t other) {
+    if (bodies.is_static(other) && bodies.may_touch(i, other))
+      near.push_back({.body = static_cast<std::size_t>(other)});
+  };
+  if (query_radius_[i] <= large_radius_)
+    for (int n = first_large_neighbour_[i]; n < first_large_neighbour_[i + 1]; ++n)
+      add(large_neighbours_[n].large);
+  else
+    std::ranges::for_each(grid_->large_bodies(), add);
+  if (near.empty()) return;
+  float first_impact_s = PairSweep::kNever;
+  for (StaticNeighbour& n : near) {
+    if (!may_any_pass_ || (!may_pass(i, n.body) && !is_fast(i))) continue;
+    n.is_swept = true;
+    results.swept_pairs.emplace_back(static_cast<std::int32_t>(i), static_cast<std::int32_t>(n.body));
+    n.impact_s = PairSweep(bodies, i, n.body, dt_s_).time_of_impact();
+    first_impact_s = std::min(first_impact_s, n.impact_s);
+  }
+  std::vector<Contact>& contacts = results.static_contacts.contacts;
+  const std::size_t first = contacts.size();
+  for (StaticNeighbour& n : near) {
+    if (n.is_swept && n.impact_s != PairSweep::kNever &&
+        (n.impact_s - first_impact_s) * travel_[i] > kMinSpeculativeMargin * dt_s_)
+      n.impact_s = PairSweep::kNever;
+    if (n.impact_s == PairSweep::kNever) n.impact_s = 0.0F;
+    collide_static_body(bodies, i, n, results);
+  }
+  if (contacts.size() == first) return;
+  correct_internal_edges(bodies, i, near, contacts);
+  for (const StaticNeighbour& n : near)
+    if (n.impact_s > 0.0F)
+      PairSweep(bodies, i, n.body, dt_s_)
+          .move_to_start(n.impact_s, std::span(contacts).subspan(n.first, n.end - n.first));
+  erase_marked(contacts, first);
+}
+
+void CollisionPipeline::collide_static_body(const BodyStore& bodies, std::size_t i, StaticNeighbour& other,
                                             SlabResults& results) const {
-  if (!bodies.may_touch(i, static_body)) return;
-  ContactList& out = results.static_contacts;
-  const std::size_t first = out.contacts.size();
-  collide_bodies(bodies, i, static_body, speculative_margin_[i], dt_s_,
-                 previous_contacts_.find_static_normal(i, static_body, results.member), out.contacts);
-  for (std::size_t k = first; k < out.contacts.size(); ++k)
-    out.contacts[k].partner = Partner{static_cast<std::int32_t>(static_body)};
+  std::vector<Contact>& contacts = results.static_contacts.contacts;
+  other.first = contacts.size();
+  if (other.is_swept)
+    PairSweep(bodies, i, other.body, dt_s_).collide_at(other.impact_s, kMinSpeculativeMargin, contacts);
+  else
+    collide_bodies(bodies, i, other.body, speculative_margin_[i], dt_s_,
+                   previous_contacts_.find_static_normal(i, other.body, results.member), contacts);
+  other.end = contacts.size();
+  for (std::size_t k = other.first; k < other.end; ++k)
+    contacts[k].partner = Partner{static_cast<std::int32_t>(other.body)};
+}
+
+void CollisionPipeline::correct_internal_edges(const BodyStore& bodies, std::size_t i,
+                                               std::span<const StaticNeighbour> near,
+                                               std::vector<Contact>& contacts) const {
+  thread_local std::vector<Solid> solids;
+  thread_local std::vector<SeamContact> seam;
+  solids.clear(), seam.clear();
+  for (const StaticNeighbour& n : near) {
+    solids.push_back({*bodies.shape[n.body], bodies.origin(n.body), bodies.axes[n.body]});
+    const Vec3 origin =
+        n.impact_s > 0.0F ? PairSweep(bodies, i, n.body, dt_s_).origin_of_a(n.impact_s) : bodies.origin(i);
+    for (std::size_t k = n.first; k < n.end; ++k) seam.push_back({&contacts[k], origin});
+  }
+  const float radius = bodies.is_sphere[i] ? bodies.bounding_radius[i] : 0.0F;
+  if (may_have_internal_edges(solids)) mark_internal_edges(solids, true, radius, seam);
 }
 
 void CollisionPipeline::collide_pair(const BodyStore& bodies, std::size_t i, std::size_t j,
@@ -438,7 +568,11 @@ void CollisionPipeline::collide_pair(const BodyStore& bodies, std::size_t i, std
     return;
   }
   const auto first = static_cast<std::int32_t>(pair_contacts.contacts.size());
-  if (has_sphere || bodies.rolls_unevenly[a] || bodies.rolls_unevenly[b]) {
+  const bool is_swept =
+      may_any_pass_ && ((!fast_bodies_.empty() && (is_fast(a) || is_fast(b))) || may_pass(a, b));
+  if (is_swept) {
+    collide_swept_pair(bodies, a, b, results);
+  } else if (has_sphere || bodies.rolls_unevenly[a] || bodies.rolls_unevenly[b]) {
     collide_bodies(bodies, a, b, kMinSpeculativeMargin, dt_s_, nullptr, pair_contacts.contacts);
   } else {
     const float margin = kMinSpeculativeMargin + closing_distance(bodies, a, b, dt_s_);
@@ -447,6 +581,11 @@ void CollisionPipeline::collide_pair(const BodyStore& bodies, std::size_t i, std
     if (gap.maxCoeff() > margin + PairManifoldCache::kHorizon) return;
     pair_cache_.collide(bodies, a, b, margin, results.cached_pairs, pair_contacts.contacts);
   }
+  // Kept manifolds are corrected when they are made.
+  if (any_compound_ && !is_swept && (has_sphere || bodies.rolls_unevenly[a] || bodies.rolls_unevenly[b]))
+    world::correct_internal_edges({*bodies.shape[a], bodies.origin(a), bodies.axes[a]},
+                                  {*bodies.shape[b], bodies.origin(b), bodies.axes[b]},
+                                  pair_contacts.contacts, first);
   const auto count = static_cast<std::int32_t>(pair_contacts.contacts.size()) - first;
   if (count == 0) return;
   pair_contacts.manifolds.push_back(
@@ -456,6 +595,21 @@ void CollisionPipeline::collide_pair(const BodyStore& bodies, std::size_t i, std
   const float tolerance = has_sphere ? bodies.bounding_radius[a] : 0.15F * bodies.bounding_radius[a];
   match_contacts(pair_contacts, pair_contacts.manifolds.back(), previous_contacts_.pair_contacts(),
                  previous_contacts_.find_pair(a, b, results.member, results.expected_pair), tolerance);
+}
+
+void CollisionPipeline::collide_swept_pair(const BodyStore& bodies, std::size_t a, std::size_t b,
+                                           SlabResults& results) const {
+  const PairSweep sweep(bodies, a, b, dt_s_);
+  const float reach =
+      bodies.bounding_radius[a] + bodies.bounding_radius[b] + sweep.travel() + kMinSpeculativeMargin;
+  if ((bodies.position[a] - bodies.position[b]).squaredNorm() > reach * reach) return;
+  results.swept_pairs.emplace_back(static_cast<std::int32_t>(a), static_cast<std::int32_t>(b));
+  std::vector<Contact>& contacts = results.pair_contacts.contacts;
+  const float impact_s = sweep.time_of_impact(), at_s = impact_s == PairSweep::kNever ? 0.0F : impact_s;
+  const std::size_t first = contacts.size();
+  sweep.collide_at(at_s, kMinSpeculativeMargin, contacts);
+  sweep.correct_internal_edges(at_s, contacts, first);
+  sweep.move_to_start(at_s, std::span(contacts).subspan(first));
 }
 
 // Assigns the offsets of the body runs' outputs in grid order, independent of slabs and members.

@@ -217,7 +217,7 @@ void NativeEngine::snapshot(scene::Snapshot& out) const {
 void NativeEngine::archive(common::StateArchive& a, std::span<const scene::ObjectSpec> catalogue,
                            std::size_t declared) {
   std::vector<scene::ObjectId> previous_id = bodies_.id;
-  a(next_id_, bodies_, joints_, timed_forces_, pair_contacts_, static_contacts_, sleep_, jam_relief_);
+  a(next_id_, bodies_, joints_, timed_forces_, pair_contacts_, static_contacts_, tips_, sleep_, jam_relief_);
   collision_.archive(a, bodies_.size());
   a(loaded_cells_, sleeper_cells_, sleeper_impulse_, sleeper_impulse_version_, has_wrenches_, field_moved_);
   if (!unit_.is_one()) field_copy_.archive_motion(a);

@@ -31,7 +31,7 @@ class NativeEngine final : public Engine {
 
   std::string name() const override { return "native"; }
   // The number after "physics" is raised whenever equal inputs give other bits.
-  std::string version() const override { return SMARTSURF_VERSION "+physics6"; }
+  std::string version() const override { return SMARTSURF_VERSION "+physics7"; }
   scene::ObjectId add(const scene::ObjectSpec&) override;
   bool alive(scene::ObjectId id) const override { return bodies_.find(id) >= 0; }
   bool remove(scene::ObjectId) override;
@@ -83,6 +83,7 @@ class NativeEngine final : public Engine {
   void collect_tip_contacts();
   void collect_skin_contacts();
   void solve(const Member&);
+  void stop_at_bodies();
   void finalize_bodies(const Member&);
   void store_tips_and_skin();
   void yield_overloaded_cells();
@@ -147,6 +148,12 @@ class NativeEngine final : public Engine {
   std::vector<SkinPoint> skin_points_;
   std::vector<std::int32_t> loaded_tips_;  // with an impulse in the last step
   unsigned sleeper_impulse_version_ = 0;   // Sleep::change_count() that sleeper_impulse_ is for
+  // Bodies whose motion in this step ends where they would enter another one, ascending, and after which fraction.
+  struct Stop {
+    std::int32_t body;
+    float fraction;
+  };
+  std::vector<Stop> stops_;
   std::vector<std::int32_t> hit_sleepers_;
   mutable FieldHasher field_hasher_;
   bool field_moved_ = false;  // in the last step: at its end cells may stand elsewhere, or be about to stop

@@ -6,6 +6,7 @@
 
 #include "smartsurf/world/NativeEngine.h"
 #include "smartsurf/world/field/ContinuousCollision.h"
+#include "smartsurf/world/narrowphase/PairSweep.h"
 
 namespace smartsurf::world {
 
@@ -65,6 +66,7 @@ const NativeEngine::Stage NativeEngine::Stage::kAll[] = {
     {"collect skin contacts",  kOneOfTeam, call<&E::collect_skin_contacts>,  has_skin},
     // ---- motion
     {"solve",                  kTeam,      call<&E::solve>},
+    {"stop at bodies",         kOneOfTeam, call<&E::stop_at_bodies>},
     {"finalize bodies",        kTeam,      call<&E::finalize_bodies>},
     {"store tips and skin",    kCaller,    call<&E::store_tips_and_skin>,    any_active},
     {"yield overloaded cells", kCaller,    call<&E::yield_overloaded_cells>, any_active},
@@ -184,6 +186,9 @@ void NativeEngine::wake_hit_sleepers() {
             if (bodies_.asleep[j]) hit_sleepers_.push_back(static_cast<std::int32_t>(j));
           });
     }
+    collision_.for_each_in_way(bodies_, [&](std::size_t i, std::size_t j) {
+      if (bodies_.asleep[j] && is_fast(i)) hit_sleepers_.push_back(static_cast<std::int32_t>(j));
+    });
     for (const std::int32_t i : hit_sleepers_) sleep_.wake_island(bodies_, i);
     if (!hit_sleepers_.empty()) collect_active_bodies();
   }
@@ -225,6 +230,31 @@ void NativeEngine::solve(const Member& member) {
                 member);
 }
 
+// A body that was swept against others may still enter one: once it has hit something it moves on another path, and a
+// corner that hits makes it spin. Then its motion ends there, and the next step finds the contact.
+void NativeEngine::stop_at_bodies() {
+  stops_.clear();
+  const SpatialPartition& partition = collision_.partition();
+  collision_.for_each_swept_pair([&](std::size_t a, std::size_t b) {
+    const auto motion_of = [&](std::size_t i) {
+      return bodies_.is_active(i) ? solver_->motion(partition.row(static_cast<std::int32_t>(i)))
+                                  : DeltaPose{};
+    };
+    const PairSweep sweep(bodies_, a, b, settings_.dt_s, motion_of(a), motion_of(b));
+    // Bodies that move less do not pass each other, and their contacts push them apart.
+    if (sweep.travel() < collision_.thinner_width(a, b)) return;
+    const float time_s = sweep.time_of_overlap();
+    if (time_s == PairSweep::kNever) return;
+    for (const std::size_t i : {a, b})
+      if (bodies_.is_active(i)) stops_.push_back({static_cast<std::int32_t>(i), time_s / settings_.dt_s});
+  });
+  if (stops_.empty()) return;
+  std::ranges::sort(stops_, {}, [](const Stop& s) { return std::pair(s.body, s.fraction); });
+  const auto later = std::ranges::unique(stops_, {}, &Stop::body);
+  stops_.erase(later.begin(), later.end());
+  for (const Stop& s : stops_) solver_->shorten_motion(partition.row(s.body), s.fraction);
+}
+
 // Moves the bodies by what the solver found, and collects what depends on one body or contact alone.
 void NativeEngine::finalize_bodies(const Member& member) {
   constexpr int kPrefetchDistance = 8;  // in rows: about one memory latency
@@ -254,7 +284,9 @@ void NativeEngine::finalize_bodies(const Member& member) {
       } else {
         // A clipped body must end in the pose in which it was found to touch, one with joints in that where
         // they hold.
-        const bool is_clipped = clip_to_time_of_impact(collision_.field_collider(), bodies_, i);
+        const bool is_clipped =
+            clip_to_time_of_impact(collision_.field_collider(), bodies_, i) ||
+            std::ranges::binary_search(stops_, static_cast<std::int32_t>(i), {}, &Stop::body);
         rotating[count++] = {i, is_clipped || bodies_.is_jointed[i] ? 0.0F : settings_.dt_s};
         if (count == rotating.size()) flush_rotations();
       }

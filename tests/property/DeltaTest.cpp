@@ -1,10 +1,13 @@
 // Objects on the tips of delta robots against closed forms.
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
+#include <random>
 
 #include "smartsurf/scene/Delta.h"
 #include "tests/property/PhysicsFixture.h"
+#include "tests/property/Swing.h"
 
 using namespace physics_fixture;
 using namespace smartsurf;
@@ -207,6 +210,35 @@ TEST_P(YieldingDelta, HeavyLoadOnSoftTipOscillatesAtItsFrequency) {
   const double frequency = std::sqrt(stiffness / mass);
   EXPECT_NEAR(at_s, M_PI / frequency, 0.02 + GetParam());
   EXPECT_NEAR(2.4 - lowest, 2 * mass * kGravity / stiffness, 0.05 + 4 * GetParam());
+}
+
+TEST_P(YieldingDelta, LoadSwingsAsDampedOscillator) {
+  for (unsigned seed = 1; seed <= 10; ++seed) {
+    SCOPED_TRACE(seed);
+    std::mt19937 random(seed);
+    const auto uniform = [&](double low, double high) {
+      return std::uniform_real_distribution<double>(low, high)(random);
+    };
+    const double mass = uniform(0.5, 5), frequency = uniform(8, 25), share = uniform(0.003, 0.03);
+    const double stiffness = mass * frequency * frequency, damping = 2 * share * mass * frequency;
+    fixture = PhysicsFixture();
+    fixture.scene.world.dt_s = GetParam();
+    set_deltas(fixture, 2, 2, 1.0,
+               {{"stiffness", {stiffness / 4}}, {"damping", {damping / 4}}, {"max_force", {1000}}});
+    auto o = box({1.6, 1.6, 1}, {0.5, 0.5, 1.0});
+    o.mass = mass;
+    const auto id = fixture.add(o);
+    // In finer steps the positions' last bits would look like extremes.
+    const int every = std::max(1, static_cast<int>(std::lround(1.0 / 240 / GetParam())));
+    Swing swing(every * GetParam());
+    int step = 0;
+    fixture.run(3.0, [&] {
+      if (++step % every == 0) swing.add(static_cast<double>(fixture.position(id).z()));
+    });
+    const double root = std::sqrt(1 - share * share);
+    EXPECT_NEAR(swing.decrement(), 2 * M_PI * share / root, 0.05 * share * 2 * M_PI + 1e-3);
+    EXPECT_NEAR(swing.period_s(), 2 * M_PI / frequency / root, 0.01 * 2 * M_PI / frequency);
+  }
 }
 
 TEST_P(YieldingDelta, UnloadedTipReturnsExponentially) {

@@ -412,6 +412,18 @@ GROUPS = [
             absolute("deepest", "greatest overlap, at rest", "0", 0.02, "u", margin=2.0)], "no penetration",
             overlap="bodies", quick=False, slow=True, mujoco="not set up"),
     ]),
+    ("Springs that yield", [
+        Case("tips", "Box on four compliant tips swings", "tips", 8, [
+            relative("decrement", "logarithmic decrement", "2*pi*zeta/sqrt(1 - zeta**2)", 0.02),
+            relative("period", "period", "2*pi*sqrt(mass/stiffness/(1 - zeta**2))", 0.002, "s")],
+            "the damped oscillator, ζ = c/2√(k·m)", {"stiffness": 200.0, "damping": 0.36, "mass": 2.0}, {"zeta": 0.009},
+            mujoco=NO_CELLS),
+        Case("sheet", "Square sheet with clamped edges swings", "sheet", 20, [
+            absolute("rate", "decay of its lowest mode", "ratio*w2/2", 2e-4, "1/s", shown="c·ω²/2T"),
+            relative("period", "its period", "2*pi/sqrt(w2)", 0.01, "s", shown="2π/ω, ω = π·√(2·T/ρ)/8")],
+            "the damped membrane", {"tension": 63.0, "density": 1.0, "ratio": 1e-4},
+            {"w2": 2 * math.pi**2 / 64 * 63}, mujoco=NO_CELLS),
+    ]),
     ("Uneven beds, bodies on bodies, chains and seams", [
         Case("uneven", "Box on three pins of different heights", "uneven", 9, [
             relative("load", "sum of the loads", "25*g", 0.01, "mass·u/s²"),
@@ -440,10 +452,16 @@ GROUPS = [
         Case("seam_slide", "Box slides over fixed boxes side by side", "seams", 4, [
             relative("x", "distance", "speed**2/(2*0.2*g)", 0.005, "u"), absolute("turned", "turned by", "0", 0.5, "°"),
             absolute("hop", "greatest hop", "0", 0.002, "u")], "Coulomb: v²/2µg on one level plane",
-            {"body": "box", "speed": 7.0}, mujoco="not set up", quick=False),
-        *[Case(f"wall_{speed}", f"Twelve balls of 0.1 at {speed} u/s against a wall of 0.05", "wall", 1, [
-            absolute("passed", "balls that pass", "0", 0.5, "")], "no penetration", {"speed": float(speed)},
-            mujoco="not set up", quick=False) for speed in (30, 100)],
+            {"body": "box", "speed": 7.0}, mujoco="not set up"),
+        *[Case(f"wall_{name}", f"Twelve balls of 0.1 at {speed} u/s against a wall of {thickness}", "wall", 1, [
+            absolute("passed", "balls that pass", "0", 0.5, "")], "no penetration",
+            {"speed": float(speed), "thickness": thickness}, mujoco="not set up")
+          for name, speed, thickness in (("30", 30, 0.05), ("100", 100, 0.05), ("200", 200, 0.05), ("thin", 200, 0.002))],
+        Case("wall_rebound", "… at 150 u/s against a wall of 0.05, e = 0.8", "wall", 1, [
+            absolute("passed", "balls that pass", "0", 0.5, ""),
+            relative("least", "slowest rebound", "e*speed", 0.002, "u/s"),
+            relative("greatest", "fastest rebound", "e*speed", 0.002, "u/s")], NEWTON,
+            {"speed": 150.0, "thickness": 0.05, "e": 0.8}, mujoco="not set up"),
         Case("legs", "Plate of mass 1000 on four boxes of mass 1", "legs", 8, [
             relative("load", "sum of the loads", "(mass + 4)*g", 0.001, "mass·u/s²"),
             absolute("sink", "sinks by", "0", 0.01, "u"), absolute("speed", "speed", "0", 0.001, "u/s")],

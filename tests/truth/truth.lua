@@ -20,6 +20,25 @@ function truth.sample(f)
   on_finish(function(t) f(t + truth.dt) end)
 end
 
+-- Follows a value that swings: its mean period, and the natural logarithm of the ratio of one swing to that a period later.
+function truth.swing(value)
+  local extremes, last, before = {}, nil, nil
+  truth.sample(function(t)
+    local z = value()
+    if before and (last.z - before.z) * (z - last.z) < 0 then
+      -- The vertex of the parabola through three states.
+      local a, b = (z - 2 * last.z + before.z) / 2, (z - before.z) / 2
+      extremes[#extremes + 1] = { t = last.t - b / (2 * a) * truth.dt, z = last.z - b * b / (4 * a) }
+    end
+    before, last = last, { t = t, z = z }
+  end)
+  local function size(i) return math.abs(extremes[i + 1].z - extremes[i].z) end
+  local swing = {}
+  function swing.period() return 2 * (extremes[#extremes].t - extremes[1].t) / (#extremes - 1) end
+  function swing.decrement() return 2 * math.log(size(1) / size(#extremes - 1)) / (#extremes - 2) end
+  return swing
+end
+
 -- The state of an object as vectors.
 function truth.position(id) return { object(id):position() } end
 function truth.velocity(id) return { object(id):velocity() } end

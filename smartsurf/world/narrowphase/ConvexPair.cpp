@@ -156,24 +156,19 @@ float collide_parts(const ConvexProxy& a, const ConvexProxy& b, const SearchLimi
   return clearance;
 }
 
-// A box that is much larger than the other body is trimmed to the region around it, because GJK loses
-// precision on long, thin simplices.
-struct TrimmedShape {
-  Shape shape;
-  Vec3 centre;
-  bool overlaps = true;
-};
+}  // namespace
+
 bool is_much_larger(const PlacedShape& box, const PlacedShape& other) {
   return box.shape.kind == ShapeKind::kBox &&
          box.shape.half_extents.maxCoeff() > 6.0F * other.shape.bounding_radius;
 }
-TrimmedShape trim_to_overlap(const PlacedShape& box, const PlacedShape& other, float margin) {
-  const Vec3 local_centre = box.axes.transpose() * (other.centre - box.centre);
-  const Vec3 half_window =
-      Vec3::Constant(2.0F * other.shape.bounding_radius + std::min(margin, other.shape.bounding_radius));
+
+TrimmedBox trim(const PlacedShape& box, const Vec3& around, float half_width) {
+  const Vec3 local_centre = box.axes.transpose() * (around - box.centre),
+             half_window = Vec3::Constant(half_width);
   const Vec3 low = (local_centre - half_window).cwiseMax(-box.shape.half_extents),
              high = (local_centre + half_window).cwiseMin(box.shape.half_extents);
-  TrimmedShape t{Shape{}, box.centre + box.axes * (0.5F * (low + high)), true};
+  TrimmedBox t{Shape{}, box.centre + box.axes * (0.5F * (low + high)), true};
   t.shape.kind = ShapeKind::kBox;
   t.shape.half_extents = 0.5F * (high - low);
   t.shape.bounding_radius = t.shape.half_extents.norm();
@@ -181,8 +176,6 @@ TrimmedShape trim_to_overlap(const PlacedShape& box, const PlacedShape& other, f
   t.overlaps = t.shape.half_extents.minCoeff() > 0.0F;
   return t;
 }
-
-}  // namespace
 
 float collide_convex(const PlacedShape& a, const PlacedShape& b, float margin, const Vec3* cached_normal,
                      std::vector<Contact>& out, float horizon, SimplexCache* simplex_cache) {
@@ -192,7 +185,9 @@ float collide_convex(const PlacedShape& a, const PlacedShape& b, float margin, c
   if (bounds_separation > margin + horizon) return bounds_separation;
   if (is_much_larger(a, b) || is_much_larger(b, a)) {
     const bool a_is_larger = is_much_larger(a, b);
-    const TrimmedShape t = a_is_larger ? trim_to_overlap(a, b, margin) : trim_to_overlap(b, a, margin);
+    const PlacedShape &box = a_is_larger ? a : b, &other = a_is_larger ? b : a;
+    const float radius = other.shape.bounding_radius;
+    const TrimmedBox t = trim(box, other.centre, 2.0F * radius + std::min(margin, radius));
     if (!t.overlaps) return margin;
     const std::size_t first = out.size();
     if (a_is_larger)

@@ -15,6 +15,16 @@ struct PlacedShape {
   const Mat3& axes;
 };
 
+// A box that is much larger than the other body is trimmed to a window around it, because GJK loses precision on
+// long, thin simplices.
+struct TrimmedBox {
+  Shape shape;
+  Vec3 centre;
+  bool overlaps;  // the window
+};
+bool is_much_larger(const PlacedShape& box, const PlacedShape& other);
+TrimmedBox trim(const PlacedShape& box, const Vec3& around, float half_width);
+
 // Appends up to four contacts per pair of parts, with separations up to `margin` and normals from b to a.
 // `cached_normal`: normal of a previous contact, or null; `simplex_cache`: read and updated, or null. Both
 // affect speed only. Returns a lower bound of the separation of all pairs of parts without contact, at most

@@ -5,6 +5,7 @@
 
 #include "smartsurf/world/narrowphase/ConvexPair.h"
 #include "smartsurf/world/narrowphase/Distance.h"
+#include "smartsurf/world/narrowphase/InternalEdges.h"
 
 namespace smartsurf::world {
 namespace {
@@ -72,6 +73,24 @@ void collide_bodies(const BodyStore& bodies, std::size_t a, std::size_t b, float
   collide_convex({*bodies.shape[a], bodies.origin(a), bodies.axes[a]},
                  {*bodies.shape[b], bodies.origin(b), bodies.axes[b]},
                  margin + closing_distance(bodies, a, b, dt_s), cached_normal, out);
+}
+
+void collide_placed(const PlacedShape& a, const PlacedShape& b, float margin, std::vector<Contact>& out) {
+  if (!a.shape.is_sphere() && !b.shape.is_sphere()) return void(collide_convex(a, b, margin, nullptr, out));
+  const PlacedShape &sphere = a.shape.is_sphere() ? a : b, &other = a.shape.is_sphere() ? b : a;
+  const float radius = sphere.shape.bounding_radius, side = a.shape.is_sphere() ? 1.0F : -1.0F;
+  const Vec3 centre = other.axes.transpose() * (sphere.centre - other.centre);
+  if ((centre.cwiseAbs() - other.shape.half_extents).maxCoeff() > radius + margin) return;
+  for_each_part(other.shape, [&](const ConvexPart& part) {
+    const SignedDistance d = signed_distance(part, centre, radius + margin);
+    if (d.distance > radius + margin) return;
+    Contact& c = out.emplace_back();
+    const Vec3 normal = other.axes * d.normal;
+    c.normal = side * normal;
+    c.separation = d.distance - radius;
+    c.anchor = a.shape.is_sphere() ? Vec3(-radius * normal)
+                                   : Vec3(sphere.centre - d.distance * normal - other.centre);
+  });
 }
 
 }  // namespace smartsurf::world

@@ -5,6 +5,7 @@
 
 #include "smartsurf/world/body/BodyStore.h"
 #include "smartsurf/world/contact/Contact.h"
+#include "smartsurf/world/narrowphase/ConvexPair.h"
 
 namespace smartsurf::world {
 
@@ -13,6 +14,10 @@ namespace smartsurf::world {
 // of a contact of the previous step, or null; affects speed only.
 void collide_bodies(const BodyStore&, std::size_t a, std::size_t b, float margin, float dt_s,
                     const Vec3* cached_normal, std::vector<Contact>& out);
+
+// Appends the contacts of two shapes with separations up to `margin`, normals from b to a and anchors from a's
+// origin.
+void collide_placed(const PlacedShape& a, const PlacedShape& b, float margin, std::vector<Contact>& out);
 
 // Distance by which the centres approach each other within one step, u.
 float closing_distance(const BodyStore&, std::size_t a, std::size_t b, float dt_s);

@@ -6,6 +6,7 @@
 #include <limits>
 
 #include "smartsurf/world/narrowphase/ConvexPair.h"
+#include "smartsurf/world/narrowphase/InternalEdges.h"
 
 namespace smartsurf::world {
 namespace {
@@ -81,6 +82,10 @@ void rebuild(const BodyStore& bodies, std::size_t a, std::size_t b, float margin
                                       {*bodies.shape[b], bodies.origin(b), bodies.axes[b]},
                                       margin + max_pair_travel(min_bounding_radius(bodies, a, b)),
                                       cached_normal, contacts, PairManifoldCache::kHorizon, &simplex_cache);
+  // Parts whose contacts were left out may be the next to bear.
+  if (correct_internal_edges({*bodies.shape[a], bodies.origin(a), bodies.axes[a]},
+                             {*bodies.shape[b], bodies.origin(b), bodies.axes[b]}, contacts, 0))
+    manifold.clearance = 0.0F;
   manifold.point_count = static_cast<std::int32_t>(contacts.size());
   manifold.min_separation = std::numeric_limits<float>::infinity();
   for (const Contact& c : contacts) {

@@ -8,7 +8,7 @@ namespace smartsurf::world {
 using surface::Skin;
 
 double SkinSolver::stiffness_scale(const Skin& s) const {
-  return static_cast<double>(dt_s_) * (static_cast<double>(dt_s_) * s.tension + s.damping);
+  return static_cast<double>(dt_s_) * (0.25 * static_cast<double>(dt_s_) * s.tension + s.damping);
 }
 
 void SkinSolver::build(const Skin& s) {
@@ -82,7 +82,7 @@ void SkinSolver::begin(Skin& s) {
   const double dt = static_cast<double>(dt_s_);
   for (std::size_t i = 0; i < s.nodes(); ++i) {
     if (s.held[i] != 0) s.height[i] = s.support_height[i];
-    free_speed_[i] = static_cast<double>(s.height[i]);
+    free_speed_[i] = static_cast<double>(s.height[i]) - 0.25 * dt * static_cast<double>(s.speed[i]);
   }
   for (std::size_t i = 0; i < s.nodes(); ++i)
     right_side_[i] = mass_[i] * (static_cast<double>(s.speed[i]) + dt * gravity_) -

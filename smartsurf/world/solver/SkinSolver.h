@@ -1,9 +1,10 @@
 // An elastic sheet over the cells: its motion, and its contacts.
 //
 // The height z of the nodes follows M·dv/dt = −K·(T·z + c·v) + M·g + loads, with lumped masses M, the
-// stiffness K of linear finite elements, the tension T and its damping c, by the implicit Euler method over a
-// step dt:
-//   A·v' = M·(v + dt·g) − dt·T·K·z + J,  A = M + dt·(dt·T + c)·K,  z' = z + dt·v'
+// stiffness K of linear finite elements, the tension T and its damping c. The velocities are those of the
+// middle of each step dt, the tension acts on the mean height z + dt/4·(v' − v) of three states:
+//   A·v' = M·(v + dt·g) − dt·T·K·(z − dt/4·v) + J,  A = M + dt·(dt/4·T + c)·K,  z' = z + dt·v'
+// This is the trapezoidal rule, which neither damps nor excites an oscillation, at any tension.
 // Nodes that a support holds have its velocity. Attached, they stay held; otherwise a support lets go of a
 // node that it would pull down, and holds one that would enter it. A is factorised anew only where that
 // changes.

@@ -62,6 +62,13 @@ class Solver {
   // The bodies of contacts that were deep at the start of the step, as found by each member of the team. A
   // body may occur repeatedly.
   std::span<const std::vector<DeepContact>> deep_contacts() const { return deep_contacts_; }
+  // The motion of a row's body in the step, and a shorter one in its place.
+  const DeltaPose& motion(int row) const { return delta_pose_[row]; }
+  void shorten_motion(int row, float fraction) {
+    DeltaPose& delta = delta_pose_[row];
+    for (int axis = 0; axis < 3; ++axis)
+      delta.translation[axis] *= fraction, delta.rotation[axis] *= fraction;
+  }
   // Copies velocity and delta pose of a row to its body.
   void store_body(BodyStore&, const SpatialPartition&, int row) const;
 

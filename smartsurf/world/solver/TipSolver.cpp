@@ -26,7 +26,19 @@ float greatest_share(const Vec3& others, const Vec3& own, float limit) {
 Vec3 TipSolver::Tip::deflection_rate() const {
   // What the boundary of the workspace bears does not deflect the tip.
   const Vec3 borne = load - normal_load + law::clamp_length(normal_load, max_impulse);
-  return law::clamp_length(borne, kMaxDeflection * max_impulse) * inverse_mass - deflection * return_rate;
+  return law::clamp_length(borne, kMaxDeflection * max_impulse) * inverse_mass - spring_rate;
+}
+
+void TipSolver::Tip::begin_substep(float h_s) {
+  const float k = kind->stiffness;
+  if (!std::isfinite(k)) return;
+  spring_rate = k * (deflection - 0.25F * h_s * rate) / (kind->damping + 0.25F * h_s * k);
+}
+
+Vec3 TipSolver::Tip::rate_in_substep(float h_s) const {
+  const float k = kind->stiffness;
+  if (is_loaded || !std::isfinite(k)) return deflection_rate();
+  return deflection * (-k / (kind->damping + h_s * k));
 }
 
 float TipSolver::Tip::room_along(const Vec3& direction) const {
@@ -46,7 +58,7 @@ float TipSolver::Tip::room_along(const Vec3& direction) const {
 }
 
 void TipSolver::collect(const surface::Field& field, const ContactList& static_contacts) {
-  clear();
+  clear_contacts();
   tip_of_cell_.resize(field.height.size(), -1);
   for (const Manifold& m : static_contacts.manifolds)
     for (int k = m.first; k < m.first + m.count; ++k) {
@@ -61,22 +73,22 @@ void TipSolver::collect(const surface::Field& field, const ContactList& static_c
       p.contact = k, p.tip = tip, p.body = m.a;
     }
   for (const std::int32_t cell : cells_) {
-    tip_of_cell_[cell] = -1;
     const surface::YieldingTip& y = field.yielding[cell];
     Tip& t = tips_.emplace_back();
     t.kind = &field.tip_at(cell);
     t.held_position = y.held_position, t.held_velocity = y.held_velocity;
     t.start_deflection = t.deflection = y.deflection;
   }
+  for (std::size_t k = 0; k < loaded_cells_.size(); ++k)
+    if (const std::int32_t tip = tip_of_cell_[loaded_cells_[k]]; tip >= 0) tips_[tip].rate = loaded_rates_[k];
+  for (const std::int32_t cell : cells_) tip_of_cell_[cell] = -1;
 }
 
 void TipSolver::begin_step(const PointStep& step) {
   const float h_s = step.params.h_s;
   for (Tip& t : tips_) {
-    if (const float k = t.kind->stiffness; std::isfinite(k)) {
-      t.return_rate = k / (t.kind->damping + h_s * k);
-      t.inverse_mass = 1.0F / (h_s * (t.kind->damping + h_s * k));
-    }
+    if (const float k = t.kind->stiffness; std::isfinite(k))
+      t.inverse_mass = 1.0F / (h_s * (t.kind->damping + 0.25F * h_s * k));
     t.max_impulse = t.kind->max_force * h_s;
   }
   for (Point& p : points_) {
@@ -124,30 +136,46 @@ void TipSolver::yield(Point& p, float target_speed, const PointStep& step) {
 }
 
 void TipSolver::solve(const PointStep& step) {
-  for (Tip& t : tips_) t.yield_velocity.setZero();
+  for (Tip& t : tips_) {
+    t.yield_velocity.setZero();
+    t.begin_substep(step.params.h_s);
+  }
   for (Point& p : points_) solve_point(p, p.push_out_speed(tips_[p.tip].moved, step), step);
 }
 
 void TipSolver::relax(const PointStep& step) {
   const float h_s = step.params.h_s;
+  mark_loaded_tips();
   for (Tip& t : tips_) {
-    const Vec3 deflection_rate = t.deflection_rate();
-    t.moved += h_s * t.velocity();
+    const Vec3 rate = t.rate_in_substep(h_s), held = t.held_velocity + t.yield_velocity;
+    t.moved += h_s * (held + rate);
     t.yielded += h_s * t.yield_velocity;
-    t.held_position += h_s * (t.held_velocity + t.yield_velocity);
-    t.deflection += h_s * deflection_rate;
+    t.held_position += h_s * held;
+    t.moved_deflection += h_s * rate;
   }
   for (Point& p : points_) {
     solve_point(p, p.relax_target_speed, step);
     p.total_normal_impulse += p.normal_impulse;
   }
+  mark_loaded_tips();
+  for (Tip& t : tips_) {
+    t.rate = t.rate_in_substep(h_s);
+    t.deflection = t.start_deflection + t.moved_deflection;
+  }
 }
 
-void TipSolver::store(surface::Field& field, ContactList& static_contacts, float dt_s) const {
+void TipSolver::mark_loaded_tips() {
+  for (Tip& t : tips_) t.is_loaded = false;
+  for (const Point& p : points_) tips_[p.tip].is_loaded |= p.normal_impulse > 0.0F;
+}
+
+void TipSolver::store(surface::Field& field, ContactList& static_contacts, float dt_s) {
+  loaded_cells_.clear(), loaded_rates_.clear();
   for (const Point& p : points_) p.store(static_contacts.contacts[p.contact]);
   for (std::size_t k = 0; k < cells_.size(); ++k) {
     const std::int32_t cell = cells_[k];
     const Tip& t = tips_[k];
+    if (t.is_loaded) loaded_cells_.push_back(cell), loaded_rates_.push_back(t.rate);
     surface::YieldingTip& y = field.yielding[cell];
     y.held_velocity = t.held_velocity + t.yielded / dt_s;
     y.deflection_rate = (t.deflection - t.start_deflection) / dt_s;

@@ -1,9 +1,12 @@
 // Contacts with tips that yield: tips of delta robots that are compliant, or whose joints have limited force.
 //
-// A tip has no mass. Its joints hold it through a spring of stiffness k and a damper c. With the impulse J of
-// all its contacts in a substep h, its deflection changes, by the implicit Euler method, by
-//   h·(J/M − k·d/(c + h·k)),  M = h·(c + h·k)
-// so that to its contacts it is a body of mass M. A rigid tip has 1/M = 0. When the normal impulses add up to
+// A tip has no mass. Its joints hold it through a spring of stiffness k and a damper c. While it is loaded, the
+// impulse J of all its contacts in a substep h and the rates u of its deflection d before and u' after it
+// fulfil
+//   J/h = k·(d + h/4·(u' − u)) + c·u',  d' = d + h·u'
+// The load has the velocity u as well, so this is the trapezoidal rule of the load on its spring: it swings
+// without numerical damping at any stiffness. To its contacts the tip is a body of mass M = h·(c + h·k/4). A
+// rigid tip has 1/M = 0. A tip that its load leaves returns by the implicit Euler method, −k·d/(c + h·k). When the normal impulses add up to
 // F·h, with the force limit F, the joints yield: the tip moves with its load, until the joints reach the
 // boundary of the workspace, which bears any load. (E. Catto, Soft Constraints, GDC 2011.)
 //
@@ -23,7 +26,8 @@ class TipSolver {
  public:
   // Finds the contacts of the coming step.
   void collect(const surface::Field& field, const ContactList& static_contacts);
-  void clear() { points_.clear(), tips_.clear(), cells_.clear(); }
+  // Call when no collect() follows in a step, because no body is active.
+  void clear() { clear_contacts(), loaded_cells_.clear(), loaded_rates_.clear(); }
   bool empty() const { return points_.empty(); }
 
   // The stages of a step. begin_step() also applies the impulses of the last substep.
@@ -31,22 +35,31 @@ class TipSolver {
   void solve(const PointStep&);
   void relax(const PointStep&);  // call after the rows were moved
   // Writes the impulses to the contacts, and the velocities of the loaded tips to the field, after the step.
-  void store(surface::Field&, ContactList& static_contacts, float dt_s) const;
+  void store(surface::Field&, ContactList& static_contacts, float dt_s);
   // The cells of the loaded tips.
   std::span<const std::int32_t> cells() const { return cells_; }
+
+  void archive(common::StateArchive& a) { a(loaded_cells_, loaded_rates_); }
 
  private:
   struct Tip {
     const surface::CellTip* kind;
     // The position is that at the start of the substep, the velocity that planned for the step.
     Vec3 held_position, held_velocity, deflection;
-    float inverse_mass = 0.0F, return_rate = 0.0F;  // 1/M; k/(c + h·k), 1/s
+    float inverse_mass = 0.0F;  // 1/M
+    Vec3 rate{0, 0, 0};         // u, in the last substep
+    Vec3 spring_rate{0, 0, 0};  // of a loaded tip, what its spring takes off J/M in this substep
     float max_impulse = 0.0F;
-    Vec3 load{0, 0, 0}, normal_load{0, 0, 0};                 // J, and its part without friction, mass·u/s
-    Vec3 yield_velocity{0, 0, 0};                             // of the joints, in the substep, u/s
-    Vec3 start_deflection, yielded{0, 0, 0}, moved{0, 0, 0};  // motion in the step, u
+    Vec3 load{0, 0, 0}, normal_load{0, 0, 0};  // J, and its part without friction, mass·u/s
+    Vec3 yield_velocity{0, 0, 0};              // of the joints, in the substep, u/s
+    bool is_loaded = false;
+    // Motion in the step, u.
+    Vec3 start_deflection, moved_deflection{0, 0, 0}, yielded{0, 0, 0}, moved{0, 0, 0};
 
     Vec3 deflection_rate() const;
+    void begin_substep(float h_s);
+    // That of the free return unless the tip is loaded.
+    Vec3 rate_in_substep(float h_s) const;
     void add_load(const Vec3& impulse, const Vec3& normal_impulse) {
       load += impulse, normal_load += normal_impulse;
     }
@@ -58,6 +71,8 @@ class TipSolver {
     std::int32_t tip;
   };
 
+  void clear_contacts() { points_.clear(), tips_.clear(), cells_.clear(); }
+  void mark_loaded_tips();
   Vec3 relative_velocity(const Point&, const PointStep&) const;
   void add_normal_impulse(Point&, float impulse, const PointStep&);
   // The contact is to separate at least at `target_speed`.
@@ -68,6 +83,9 @@ class TipSolver {
   std::vector<Tip> tips_;
   std::vector<std::int32_t> cells_;        // of tips_
   std::vector<std::int32_t> tip_of_cell_;  // −1: none; all −1 between steps
+  // The tips that were loaded at the end of the last step, and their rates.
+  std::vector<std::int32_t> loaded_cells_;
+  std::vector<Vec3> loaded_rates_;
 };
 
 }  // namespace smartsurf::world

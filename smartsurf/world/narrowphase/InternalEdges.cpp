@@ -1,0 +1,183 @@
+#include "smartsurf/world/narrowphase/InternalEdges.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <optional>
+
+#include "smartsurf/world/narrowphase/Distance.h"
+
+namespace smartsurf::world {
+namespace {
+
+constexpr float kMarked = std::numeric_limits<float>::infinity();
+constexpr float kLevel = 1e-3F;         // faces are level up to this, u
+constexpr float kMinCosine = 0.99999F;  // between the normals of level faces
+// A contact point is at an edge of a face if it is this close to its plane, u: bodies overlap a little, and round
+// off each other's edges by their convex radius.
+constexpr float kEdgeDepth = 0.02F;
+constexpr float kMinTilt =
+    3e-4F;  // sine of the angle between face and contact normal of a contact at an edge
+// Beyond the edge the other part is looked for at the first of these distances that is clear of the part, u.
+constexpr float kProbes[] = {5e-3F, 0.02F, 0.05F};
+constexpr float kClear = 2e-3F;
+constexpr float kSameNormal = 0.99F;  // cosine
+
+struct Plane {
+  Vec3 normal, point;
+};
+
+// Calls visit(normal, offset) for the faces, in body axes, until it returns true.
+template <class Visit>
+bool any_face(const ConvexPart& part, Visit visit) {
+  if (part.hull != nullptr)
+    return std::ranges::any_of(part.hull->hull->faces,
+                               [&](const auto& face) { return visit(face.normal, face.offset); });
+  if (part.shape.kind != scene::ShapeKind::kBox) return false;
+  for (int axis = 0; axis < 3; ++axis)
+    for (const float sign : {1.0F, -1.0F})
+      if (visit(Vec3(sign * Vec3::Unit(axis)), part.shape.half_extents[axis])) return true;
+  return false;
+}
+
+bool is_near(const ConvexPart& part, const Vec3& local, float reach) {
+  if (part.hull == nullptr) return (local.cwiseAbs() - part.shape.half_extents).maxCoeff() <= reach;
+  const scene::ConvexHull& hull = *part.hull->hull;
+  return (hull.bounds_min - local).cwiseMax(local - hull.bounds_max).maxCoeff() <= reach;
+}
+
+bool are_same(const ConvexPart& a, const ConvexPart& b) { return &a.shape == &b.shape && a.hull == b.hull; }
+
+template <class Visit>
+void for_each_solid_part(std::span<const Solid> solids, Visit visit) {
+  for (std::size_t i = 0; i < solids.size(); ++i)
+    for_each_part(solids[i].shape, [&](const ConvexPart& part) { visit(i, part); });
+}
+
+// True if another part has a face in the plane at its point.
+bool is_continued(std::span<const Solid> solids, std::size_t own_solid, const ConvexPart& own_part,
+                  const Plane& plane) {
+  bool found = false;
+  for_each_solid_part(solids, [&](std::size_t i, const ConvexPart& part) {
+    if (found || (i == own_solid && are_same(part, own_part))) return;
+    const Solid& solid = solids[i];
+    const Vec3 local = solid.axes.transpose() * (plane.point - solid.centre);
+    if (!is_near(part, local, kLevel) || signed_distance(part, local, kLevel).distance > kLevel) return;
+    const Vec3 normal = solid.axes.transpose() * plane.normal;
+    found = any_face(part, [&](const Vec3& face, float offset) {
+      return face.dot(normal) > kMinCosine && std::abs(face.dot(local) - offset) <= kLevel;
+    });
+  });
+  return found;
+}
+
+// The plane in which a contact at `point`, with the unit normal out of the solids, lies; none if it is no internal
+// edge.
+std::optional<Plane> plane_of(std::span<const Solid> solids, const Vec3& point, const Vec3& normal) {
+  std::optional<Plane> found;
+  for_each_solid_part(solids, [&](std::size_t i, const ConvexPart& part) {
+    if (found) return;
+    const Solid& solid = solids[i];
+    const Vec3 local = solid.axes.transpose() * (point - solid.centre),
+               direction = solid.axes.transpose() * normal;
+    if (!is_near(part, local, kEdgeDepth)) return;
+    any_face(part, [&](const Vec3& face, float offset) {
+      const float height = face.dot(local) - offset, cosine = face.dot(direction);
+      if (std::abs(height) > kEdgeDepth || cosine < -kMinTilt) return false;
+      const Vec3 tangent = direction - cosine * face;
+      const float tilt = tangent.norm();
+      if (tilt < kMinTilt) return false;
+      const Vec3 foot = local - height * face, outward = tangent / tilt;
+      for (const float probe : kProbes) {
+        const Vec3 beyond = foot + probe * outward;
+        if (signed_distance(part, beyond).distance < kClear) continue;
+        const Plane plane{solid.axes * face, solid.centre + solid.axes * beyond};
+        if (is_continued(solids, i, part, plane)) found = plane;
+        break;
+      }
+      return found.has_value();
+    });
+  });
+  return found;
+}
+
+}  // namespace
+
+bool may_have_internal_edges(std::span<const Solid> solids) {
+  return solids.size() > 1 || (solids.size() == 1 && solids[0].shape.hulls.size() > 1);
+}
+
+void mark_internal_edges(std::span<const Solid> solids, bool are_b, float sphere_radius,
+                         std::span<const SeamContact> contacts) {
+  // Normals and heights are those of the solids' side.
+  const float side = are_b ? 1.0F : -1.0F;
+  const bool is_sphere = sphere_radius > 0.0F;
+  thread_local std::vector<std::optional<Plane>> planes;
+  planes.clear();
+  bool any = false;
+  // The point of a sphere's contact is on body a. That of other shapes is anywhere between the surfaces.
+  const float share = !is_sphere ? 0.5F : are_b ? 1.0F : 0.0F;
+  const auto point_on_solid = [&](const SeamContact& s, float of_separation) -> Vec3 {
+    return s.origin + s.contact->anchor - side * of_separation * s.contact->separation * s.contact->normal;
+  };
+  for (const SeamContact& s : contacts) {
+    const Vec3 normal = side * s.contact->normal;
+    std::optional<Plane> plane = plane_of(solids, point_on_solid(s, share), normal);
+    if (!is_sphere && s.contact->separation > kEdgeDepth)
+      for (const float other : {0.0F, 1.0F})
+        if (!plane) plane = plane_of(solids, point_on_solid(s, other), normal);
+    any |= plane.has_value();
+    planes.push_back(plane);
+  }
+  if (!any) return;
+  for (std::size_t i = 0; i < contacts.size(); ++i) {
+    if (!planes[i]) continue;
+    Contact& c = *contacts[i].contact;
+    const Vec3& normal = planes[i]->normal;
+    const auto has_normal = [&](std::size_t k) {
+      const Contact& other = *contacts[k].contact;
+      return (k < i || !planes[k]) && other.separation != kMarked &&
+             side * other.normal.dot(normal) > kSameNormal;
+    };
+    // A flat body bears on such points as well; a sphere has one in a plane.
+    bool is_spare = false;
+    const bool may_bear = !is_sphere && side * c.normal.dot(normal) > kSameNormal;
+    for (std::size_t k = 0; k < contacts.size() && !is_spare && !may_bear; ++k)
+      is_spare = k != i && has_normal(k);
+    if (is_spare) {
+      c.separation = kMarked;
+      continue;
+    }
+    const Vec3 old_normal = side * c.normal;
+    const Vec3 on_body = point_on_solid(contacts[i], share) + c.separation * old_normal +
+                         sphere_radius * (old_normal - normal);
+    c.normal = side * normal;
+    c.separation = normal.dot(on_body - planes[i]->point);
+    c.anchor = on_body - contacts[i].origin;
+    if (!is_sphere || !are_b) c.anchor -= (is_sphere ? 1.0F : 0.5F) * c.separation * normal;
+  }
+}
+
+bool correct_internal_edges(const Solid& a, const Solid& b, std::vector<Contact>& contacts,
+                            std::size_t first) {
+  if (a.shape.hulls.size() < 2 && b.shape.hulls.size() < 2) return false;
+  const std::size_t count = contacts.size();
+  thread_local std::vector<SeamContact> seam;
+  for (const Solid* solid : {&b, &a}) {
+    const Shape& other = solid == &b ? a.shape : b.shape;
+    if (solid->shape.hulls.size() < 2 || contacts.size() == first) continue;
+    seam.clear();
+    for (std::size_t k = first; k < contacts.size(); ++k) seam.push_back({&contacts[k], a.centre});
+    mark_internal_edges({solid, 1}, solid == &b, other.is_sphere() ? other.bounding_radius : 0.0F, seam);
+    erase_marked(contacts, first);
+  }
+  return contacts.size() < count;
+}
+
+void erase_marked(std::vector<Contact>& contacts, std::size_t first) {
+  const auto marked = std::remove_if(contacts.begin() + static_cast<std::ptrdiff_t>(first), contacts.end(),
+                                     [](const Contact& c) { return c.separation == kMarked; });
+  contacts.erase(marked, contacts.end());
+}
+
+}  // namespace smartsurf::world

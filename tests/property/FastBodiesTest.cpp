@@ -1,0 +1,183 @@
+// Bodies that move far in a step against other bodies: nothing passes, and what bounces keeps Newton's law.
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <random>
+
+#include "tests/property/PhysicsFixture.h"
+
+using namespace physics_fixture;
+using namespace smartsurf;
+using Eigen::Vector3d;
+
+namespace {
+
+struct Draw {
+  std::mt19937 random;
+  explicit Draw(unsigned seed) : random(seed) {}
+  double uniform(double low, double high) {
+    return std::uniform_real_distribution<double>(low, high)(random);
+  }
+  double log_uniform(double low, double high) { return std::exp(uniform(std::log(low), std::log(high))); }
+  Vector3d direction() {
+    std::normal_distribution<double> normal;
+    return Vector3d(normal(random), normal(random), normal(random)).normalized();
+  }
+};
+
+class FastBodies : public testing::TestWithParam<double> {
+ protected:
+  void restart(double restitution) {
+    fixture = PhysicsFixture();
+    fixture.scene.world.dt_s = GetParam();
+    fixture.scene.world.gravity = {0, 0, 0};
+    fixture.scene.materials[0].restitution = restitution;
+  }
+  PhysicsFixture fixture;
+};
+INSTANTIATE_TEST_SUITE_P(Steps, FastBodies, testing::Values(1.0 / 60, 1.0 / 120, 1.0 / 240, 1.0 / 960));
+
+scene::ObjectSpec random_body(Draw& draw, const Vector3d& position) {
+  const double size = draw.log_uniform(0.05, 0.6);
+  scene::ObjectSpec o;
+  switch (static_cast<int>(draw.uniform(0, 5))) {
+    case 0:
+      o = box({size, size * draw.uniform(0.3, 1), size * draw.uniform(0.3, 2)}, position);
+      break;
+    case 1:
+      o = capsule(0.5 * size, size * draw.uniform(1.5, 3), position);
+      break;
+    case 2:
+      o = cylinder(0.5 * size, size * draw.uniform(0.3, 2), position);
+      break;
+    case 3:
+      o = cube(position, static_cast<float>(size));
+      break;
+    default:
+      return sphere(0.5 * size, position);
+  }
+  o.orientation = Eigen::AngleAxisd(draw.uniform(0, 3), draw.direction());
+  return o;
+}
+
+}  // namespace
+
+// A wall of any thickness and pose, fixed or moving towards the body, which may tumble.
+TEST_P(FastBodies, DoNotPassWall) {
+  for (unsigned seed = 1; seed <= 60; ++seed) {
+    SCOPED_TRACE(seed);
+    restart(seed % 3 == 0 ? 0.5 : 0.0);
+    Draw draw(seed);
+    const Eigen::Quaterniond pose(Eigen::AngleAxisd(draw.uniform(0, 3), draw.direction()));
+    const Vector3d middle(15, 15, 40), normal = pose * Vector3d::UnitX();
+    auto wall = box({draw.log_uniform(0.001, 1), 30, 30}, middle);
+    wall.orientation = pose;
+    const bool moves = seed % 4 == 0;
+    wall.fixed = !moves;
+    if (moves) wall.mass = 1e5, wall.velocity = draw.uniform(0, 50) * normal;
+    const auto wall_id = fixture.add(wall);
+    const Vector3d across = (pose * Vector3d(0, draw.uniform(-1, 1), draw.uniform(-1, 1)));
+    const Vector3d heading = (-normal + draw.uniform(0, 0.8) * across).normalized();
+    const double speed = draw.uniform(5, 200), away = draw.uniform(1.5, 8);
+    auto body = random_body(draw, middle + away * normal);
+    body.velocity = speed * heading;
+    body.angular_velocity = draw.uniform(0, 60) * draw.direction();
+    const auto id = fixture.add(body);
+    double least = 1e9;
+    fixture.run(0.15, [&] {
+      const Vector3d wall_at = fixture.position(wall_id).cast<double>();
+      least = std::min(least, (fixture.position(id).cast<double>() - wall_at).dot(normal));
+    });
+    EXPECT_GT(least, 0.0);
+  }
+}
+
+TEST_P(FastBodies, BallBouncesOffWallByNewtonsLaw) {
+  for (unsigned seed = 1; seed <= 40; ++seed) {
+    SCOPED_TRACE(seed);
+    Draw draw(seed);
+    const double e = draw.uniform(0, 1);
+    restart(e);
+    fixture.scene.materials[0].friction = 0.0;
+    const Vector3d middle(15, 15, 40), normal = seed % 2 == 0 ? draw.direction() : Vector3d::Unit(seed % 3);
+    auto wall = box({draw.log_uniform(0.001, 1), 40, 40}, middle);
+    wall.orientation = Eigen::Quaterniond::FromTwoVectors(Vector3d::UnitX(), normal);
+    wall.fixed = true;
+    fixture.add(wall);
+    const double radius = draw.log_uniform(0.03, 1);
+    auto ball = sphere(radius, middle + draw.uniform(2, 6) * normal);
+    const Vector3d tangent = normal.unitOrthogonal();
+    const double speed = draw.uniform(20, 200), aside = draw.uniform(0, 20);
+    ball.velocity = -speed * normal + aside * tangent;
+    const auto id = fixture.add(ball);
+    fixture.run(0.35);
+    const Vector3d after = fixture.velocity(id).cast<double>();
+    EXPECT_NEAR(after.dot(normal), e * speed, 0.002 * speed);
+    EXPECT_NEAR(after.dot(tangent), aside, 0.002 * speed);
+  }
+}
+
+// Two balls meet in flight. The impulse acts along the line of centres at contact.
+TEST_P(FastBodies, BallsMeetInFlight) {
+  for (unsigned seed = 1; seed <= 40; ++seed) {
+    SCOPED_TRACE(seed);
+    Draw draw(seed);
+    const double e = draw.uniform(0, 1);
+    restart(e);
+    fixture.scene.materials[0].friction = 0.0;
+    const double r1 = draw.log_uniform(0.1, 0.4), r2 = draw.log_uniform(0.1, 0.4),
+                 offset = draw.uniform(0, 0.9) * (r1 + r2);
+    // Slower balls are close enough when they are found.
+    const double closing = std::max(draw.uniform(20, 400), 1.1 * std::min(r1, r2) / GetParam());
+    const double v1 = draw.uniform(0.5, 1) * closing, v2 = v1 - closing, ratio = draw.log_uniform(0.2, 5);
+    auto one = sphere(r1, {8, 15, 20}), two = sphere(r2, {8 + draw.uniform(2, 9), 15 + offset, 20});
+    one.velocity = {v1, 0, 0}, two.velocity = {v2, 0, 0};
+    one.mass = 1.0, two.mass = ratio;
+    const auto a = fixture.add(one), b = fixture.add(two);
+    fixture.run(0.6);
+    const double sine = offset / (r1 + r2);
+    const Vector3d normal(std::sqrt(1 - sine * sine), sine, 0);
+    const double impulse = (1 + e) * (v1 - v2) * normal.x() / (1 + 1 / ratio);
+    const double tolerance = 0.01 * (v1 - v2);
+    EXPECT_LT((fixture.velocity(a).cast<double>() - (Vector3d(v1, 0, 0) - impulse * normal)).norm(),
+              tolerance);
+    EXPECT_LT((fixture.velocity(b).cast<double>() - (Vector3d(v2, 0, 0) + impulse / ratio * normal)).norm(),
+              tolerance);
+  }
+}
+
+// What flies past does not touch.
+TEST_P(FastBodies, PassBesidePole) {
+  for (unsigned seed = 1; seed <= 40; ++seed) {
+    SCOPED_TRACE(seed);
+    restart(0.5);
+    Draw draw(seed);
+    const double pole = draw.log_uniform(0.005, 0.2), radius = draw.log_uniform(0.05, 0.5);
+    auto o = cylinder(pole, 10, {15, 15, 20});
+    o.fixed = true;
+    fixture.add(o);
+    const double clear = pole + radius + draw.uniform(0.03, 0.3), speed = draw.uniform(20, 200);
+    auto ball = sphere(radius, {15 - draw.uniform(2, 6), 15 + clear, 20});
+    ball.velocity = {speed, 0, 0};
+    const auto id = fixture.add(ball);
+    fixture.run(0.4);
+    EXPECT_EQ(fixture.velocity(id).x(), static_cast<float>(speed));
+    EXPECT_EQ(fixture.velocity(id).y(), 0.0F);
+  }
+}
+
+TEST(FastBodiesSleep, WakeWhatTheyHit) {
+  for (const double dt_s : {1.0 / 60, 1.0 / 240}) {
+    PhysicsFixture fixture;
+    fixture.scene.world.dt_s = dt_s;
+    const auto resting = fixture.add(box({1, 1, 1}, {20, 15, 0.5}));
+    fixture.run(2.0);
+    ASSERT_EQ(fixture.world().sleeping_count(), 1);
+    auto bullet = sphere(0.1, {10, 15, 0.6});
+    bullet.velocity = {150, 0, 0}, bullet.mass = 1.0;
+    const auto id = fixture.add(bullet);
+    fixture.run(0.2);
+    EXPECT_LT(fixture.position(id).x(), fixture.position(resting).x());
+    EXPECT_GT(fixture.position(resting).x(), 20.1F);
+  }
+}

@@ -1,0 +1,206 @@
+// Bodies on level faces that several parts or bodies make up: nothing may happen at the seams.
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <numbers>
+#include <random>
+
+#include "tests/property/PhysicsFixture.h"
+
+using namespace physics_fixture;
+using namespace smartsurf;
+using Eigen::Vector3d;
+
+namespace {
+
+struct Block {
+  Vector3d size, centre;
+};
+
+scene::ConvexHull make_block(const Block& b) {
+  std::vector<Eigen::Vector3f> corners;
+  for (int i = 0; i < 8; ++i)
+    corners.push_back(
+        (b.centre + 0.5 * b.size.cwiseProduct(Vector3d(i & 1 ? 1 : -1, i & 2 ? 1 : -1, i & 4 ? 1 : -1)))
+            .cast<float>());
+  const std::vector<std::uint32_t> sizes(6, 4);
+  return scene::make_convex_hull(
+      corners, {0, 2, 3, 1, 4, 5, 7, 6, 0, 1, 5, 4, 2, 6, 7, 3, 0, 4, 6, 2, 1, 3, 7, 5}, sizes);
+}
+
+// One body of all blocks.
+scene::ObjectSpec make_compound(const std::vector<Block>& blocks) {
+  auto solid = std::make_shared<scene::Solid>();
+  for (const Block& b : blocks) {
+    solid->hulls.push_back(make_block(b));
+    const scene::ConvexHull& hull = solid->hulls.back();
+    solid->vertices.insert(solid->vertices.end(), hull.vertices.begin(), hull.vertices.end());
+  }
+  scene::compute_bounds(*solid);
+  scene::ObjectSpec o;
+  o.shape = scene::ShapeKind::kSolid;
+  o.solid = solid;
+  return o;
+}
+
+// Blocks of random lengths side by side, with their tops at z = 0, from x = −2 on: one row, or two rows whose seam is
+// under the path y = 0.
+std::vector<Block> random_track(std::mt19937& random, double length) {
+  const auto uniform = [&](double low, double high) {
+    return std::uniform_real_distribution<double>(low, high)(random);
+  };
+  std::vector<Block> blocks;
+  const bool two_rows = uniform(0, 1) < 0.5;
+  for (int row = 0; row < (two_rows ? 2 : 1); ++row)
+    for (double x = -2; x < length;) {
+      const double l = uniform(0.3, 3.0), thickness = uniform(0.4, 1.5), width = two_rows ? 2 : 4;
+      const double y = two_rows ? 2.0 * row - 1 : uniform(-0.5, 0.5);
+      blocks.push_back({{l, width, thickness}, {x + 0.5 * l, y, -0.5 * thickness}});
+      x += l;
+    }
+  return blocks;
+}
+
+struct Drawn {
+  std::mt19937 random;
+  Eigen::Quaterniond pose;
+  Vector3d at;
+
+  explicit Drawn(unsigned seed) : random(seed) {
+    pose = Eigen::Quaterniond::UnitRandom();
+    const double turn = uniform(0, 2 * std::numbers::pi), tilt = uniform(0, 1.5);
+    pose = Eigen::AngleAxisd(turn, Vector3d::UnitZ()) * Eigen::AngleAxisd(tilt, Vector3d::UnitX());
+    at = {15, 15, 60};
+  }
+  double uniform(double low, double high) {
+    return std::uniform_real_distribution<double>(low, high)(random);
+  }
+  Vector3d to_world(const Vector3d& p) const { return at + pose * p; }
+};
+
+class Seams : public testing::TestWithParam<double> {
+ protected:
+  PhysicsFixture fixture;
+  // Fixed blocks, or one fixed body of them.
+  void add_track(Drawn& drawn, double length, bool compound) {
+    fixture.scene.world.gravity = drawn.pose * Vector3d(0, 0, -kGravity);
+    const std::vector<Block> blocks = random_track(drawn.random, length);
+    if (compound) {
+      auto o = make_compound(blocks);
+      o.position = drawn.at, o.orientation = drawn.pose, o.fixed = true;
+      fixture.add(o);
+      return;
+    }
+    for (const Block& b : blocks) {
+      auto o = box(b.size, drawn.to_world(b.centre));
+      o.orientation = drawn.pose, o.fixed = true;
+      fixture.add(o);
+    }
+  }
+  Vector3d on_track(const Drawn& drawn, const Eigen::Vector3f& p) const {
+    return drawn.pose.conjugate() * (p.cast<double>() - drawn.at);
+  }
+};
+INSTANTIATE_TEST_SUITE_P(Steps, Seams, testing::Values(1.0 / 60, 1.0 / 120, 1.0 / 240, 1.0 / 960));
+
+}  // namespace
+
+TEST_P(Seams, BallRollsOverThem) {
+  for (unsigned seed = 1; seed <= 12; ++seed) {
+    SCOPED_TRACE(seed);
+    fixture = PhysicsFixture();
+    fixture.scene.world.dt_s = GetParam();
+    Drawn drawn(seed);
+    const double radius = drawn.uniform(0.15, 1.0), speed = drawn.uniform(1, 40),
+                 seconds = std::min(2.0, 20 / speed);
+    add_track(drawn, 24, seed % 2 == 0);
+    auto ball = sphere(radius, drawn.to_world({0, 0, radius}));
+    ball.velocity = drawn.pose * Vector3d(speed, 0, 0);
+    ball.angular_velocity = drawn.pose * Vector3d(0, speed / radius, 0);
+    const auto id = fixture.add(ball);
+    double hop = 0.0;
+    fixture.run(seconds,
+                [&] { hop = std::max(hop, std::abs(on_track(drawn, fixture.position(id)).z() - radius)); });
+    EXPECT_LT(hop, 2e-3);
+    const Vector3d end = on_track(drawn, fixture.position(id));
+    EXPECT_NEAR(end.x(), speed * std::lround(seconds / GetParam()) * GetParam(), 2e-3 * speed * seconds);
+    EXPECT_NEAR(end.y(), 0.0, 5e-3);
+    const Vector3d velocity = drawn.pose.conjugate() * fixture.velocity(id).cast<double>();
+    EXPECT_NEAR(velocity.x(), speed, 2e-3 * speed);
+  }
+}
+
+TEST_P(Seams, BoxSlidesOverThem) {
+  for (unsigned seed = 1; seed <= 12; ++seed) {
+    SCOPED_TRACE(seed);
+    fixture = PhysicsFixture();
+    fixture.scene.world.dt_s = GetParam();
+    const double mu = 0.2;
+    fixture.scene.materials[0].friction = mu;
+    Drawn drawn(seed);
+    const double speed = drawn.uniform(2, 8);
+    const Vector3d size(drawn.uniform(0.6, 2), drawn.uniform(0.6, 2), drawn.uniform(0.3, 0.6));
+    add_track(drawn, 24, seed % 2 == 0);
+    auto slider = box(size, drawn.to_world({0, 0, 0.5 * size.z()}));
+    slider.velocity = drawn.pose * Vector3d(speed, 0, 0);
+    slider.orientation = drawn.pose;
+    const auto id = fixture.add(slider);
+    double hop = 0.0;
+    fixture.run(speed / (mu * kGravity) + 0.2, [&] {
+      hop = std::max(hop, std::abs(on_track(drawn, fixture.position(id)).z() - 0.5 * size.z()));
+    });
+    EXPECT_LT(hop, 3e-3);
+    const Vector3d end = on_track(drawn, fixture.position(id));
+    const double distance = speed * speed / (2 * mu * kGravity);
+    EXPECT_NEAR(end.x(), distance, 0.005 * distance + 0.5 * speed * GetParam());
+    EXPECT_NEAR(end.y(), 0.0, 0.02);
+  }
+}
+
+// The track is free to move, and moves on the table without friction.
+TEST_P(Seams, NothingHappensOnBodyThatMoves) {
+  for (unsigned seed = 1; seed <= 6; ++seed) {
+    SCOPED_TRACE(seed);
+    fixture = PhysicsFixture();
+    fixture.scene.world.dt_s = GetParam();
+    fixture.scene.materials[0].friction = 0.0;
+    Drawn drawn(seed);
+    std::vector<Block> blocks;
+    for (double x = -2; x < 13;) {
+      const double l = drawn.uniform(0.4, 2.0);
+      blocks.push_back({{l, 3, 1}, {x + 0.5 * l, 0, -0.5}});
+      x += l;
+    }
+    auto track = make_compound(blocks);
+    const double drift = drawn.uniform(-3, 3), speed = drawn.uniform(2, 7);
+    track.position = {8, 15, 1.0}, track.velocity = {drift, 0, 0}, track.mass = 1e4;
+    track.inertia = 1e6 * Eigen::Matrix3d::Identity();
+    const auto under = fixture.add(track);
+    const bool rolls = seed % 2 == 0;
+    auto rider = rolls ? sphere(0.4, {8, 15, 1.4}) : box({1.1, 0.9, 0.8}, {8, 15, 1.4});
+    rider.velocity = {speed, 0, 0}, rider.mass = 1.0;
+    const auto id = fixture.add(rider);
+    double hop = 0.0;
+    fixture.run(1.2,
+                [&] { hop = std::max(hop, std::abs(static_cast<double>(fixture.position(id).z()) - 1.4)); });
+    EXPECT_LT(hop, 3e-3);
+    EXPECT_NEAR(fixture.velocity(id).x(), speed, 2e-3 * speed);
+    EXPECT_NEAR(fixture.velocity(under).x(), drift, 1e-3);
+    EXPECT_NEAR(fixture.position(id).y(), 15, 5e-3);
+  }
+}
+
+// An edge that stands out by more than a rounding error is one.
+TEST_P(Seams, StepsStopBall) {
+  fixture.scene.world.dt_s = GetParam();
+  for (int i = 0; i < 2; ++i) {
+    auto o = box({4, 4, 1}, {6 + 4.0 * i, 15, 5 + 0.3 * i});
+    o.fixed = true;
+    fixture.add(o);
+  }
+  auto ball = sphere(0.4, {6, 15, 5.9});
+  ball.velocity = {2, 0, 0}, ball.angular_velocity = {0, 5, 0};
+  const auto id = fixture.add(ball);
+  fixture.run(2.0);
+  EXPECT_LT(fixture.position(id).x(), 8.0F);
+}
