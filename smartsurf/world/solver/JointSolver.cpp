@@ -17,9 +17,13 @@ using Eigen::Matrix3d;
 using Eigen::Quaterniond;
 using Eigen::Vector3d;
 
+// A part of a substep is halved, down to kLeastPart of the substep, when the joints change how far a body turns in it by
+// more than kBend, rad, or when a body turns by more than kUnsolvedTurn and a speed is off by more than kUnsolved, u/s:
+// the whip of a chain's end.
+constexpr double kBend = 0.003, kUnsolvedTurn = 0.05, kUnsolved = 1e-6, kLeastPart = 1.0 / 64;
 // Rounds of a stage, and how many of them may change the places of all axes. A stage ends when no speed is off by
 // more than this, u/s, or when a round hardly helps: a loop can contradict itself.
-constexpr int kMaxRounds = 16, kFreeRounds = 8;
+constexpr int kMaxRounds = 12, kFreeRounds = 8;
 constexpr double kConverged = 1e-8, kStagnation = 0.9;
 // Compliance of a held row, relative to what its two bodies give way by. The rows of a loop can depend on each
 // other; the rounds take out what it lets through.
@@ -309,22 +313,19 @@ void JointSolver::begin_step(const BodyStore& bodies, const SpatialPartition& pa
   }
 }
 
-// The mean of the spring's efforts at both ends of the substep, of which the later one depends on the new
-// speed. The displacement is that of the start; see "Joints" in docs/engines.md.
-void JointSolver::set_spring_law(Joint& j, Block& block, const BodyStore& bodies, const Rows& rows,
-                                 const Substep& substep) {
-  const auto h_s = static_cast<double>(substep.h_s);
+// The mean of the spring's efforts at both ends of the part, of which the later one depends on the new speed.
+// The displacement is that of the start; see "Joints" in docs/engines.md.
+void JointSolver::set_law_of_part(Joint& j, Block& block, double h_s) {
   block.spring_impulse = 0.0;
   if (!j.has_spring) return set_law(j, block, Stage::kSolve, h_s, 0.0, 0.0);
   const double elastic = 0.25 * h_s * h_s * j.spring.stiffness, viscous = 0.5 * h_s * j.spring.damping;
-  block.spring_impulse = -h_s * j.spring.stiffness * (j.coordinate - j.spring.rest) +
-                         (elastic - viscous) * speed_before(block, bodies, rows, substep);
+  block.spring_impulse =
+      -h_s * j.spring.stiffness * (j.coordinate - j.spring.rest) + (elastic - viscous) * block.speed_before;
   set_law(j, block, Stage::kSolve, h_s, block.spring_impulse, elastic + viscous);
 }
 
-// The coordinate's speed at the end of the last substep.
-double JointSolver::speed_before(const Block& block, const BodyStore& bodies, const Rows& rows,
-                                 const Substep& substep) const {
+// A coordinate's speed at the end of the last substep.
+void JointSolver::set_springs_at_start(const BodyStore& bodies, const Rows& rows, const Substep& substep) {
   auto twist_of = [&](std::int32_t index) -> RowVector {
     const Body& b = bodies_[index];
     if (!b.is_active) return RowVector::Zero();
@@ -337,14 +338,77 @@ double JointSolver::speed_before(const Block& block, const BodyStore& bodies, co
             b.inverse_inertia * (momentum - h * w.torque.cast<double>()))
         .finished();
   };
-  return block.jacobian_a.row(kAxis).dot(twist_of(block.a)) +
-         block.jacobian_b.row(kAxis).dot(twist_of(block.b));
+  for (std::size_t k = 0; k < joints_.size(); ++k) {
+    Block& block = blocks_[k];
+    if (block.is_active && joints_[k].has_spring)
+      block.speed_before = block.jacobian_a.row(kAxis).dot(twist_of(block.a)) +
+                           block.jacobian_b.row(kAxis).dot(twist_of(block.b));
+  }
 }
 
+// All parts of the substep but the last one leave the bodies moved and relaxed.
 void JointSolver::solve(const BodyStore& bodies, const Rows& rows, const Substep& substep) {
   const auto h_s = static_cast<double>(substep.h_s);
   load_velocities(rows);
-  for_each_active([&](Joint& j, Block& block) {
+  set_springs_at_start(bodies, rows, substep);
+  for (std::size_t t = 0; t < tree_states_.size(); ++t) {
+    TreeState& s = tree_states_[t];
+    s.time_left_s = s.h_s = h_s;
+    s.is_unfinished = s.is_active;
+  }
+  for (;;) {
+    bool any = false;
+    for (TreeState& s : tree_states_) s.is_selected = s.is_unfinished, any = any || s.is_unfinished;
+    if (!any) break;
+    hold_at_end_of_part();
+    for (std::size_t t = 0; t < tree_states_.size(); ++t) {
+      const JointEquations::Tree& tree = equations_.trees()[t];
+      TreeState& s = tree_states_[t];
+      if (!s.is_selected) continue;
+      if (s.h_s > kLeastPart * h_s && is_too_long(tree, s)) {
+        s.h_s *= 0.5;
+        for (const std::int32_t i : bodies_of(tree)) bodies_[i].restore();
+        s.is_selected = false;
+      } else if (s.h_s > 0.999 * s.time_left_s) {
+        s.is_selected = s.is_unfinished = false;
+      }
+    }
+    move_bodies(rows);
+    relax_part();
+    for_each_selected([&](Joint& j, Block& block, double) {
+      if (j.has_spring) block.speed_before = speeds(block)[kAxis];
+    });
+    for (std::size_t t = 0; t < tree_states_.size(); ++t) {
+      TreeState& s = tree_states_[t];
+      if (!s.is_selected) continue;
+      s.time_left_s -= s.h_s;
+      s.h_s = 2.0 * s.h_s < s.time_left_s ? 2.0 * s.h_s : s.time_left_s;
+    }
+  }
+  store_velocities(rows);
+}
+
+bool JointSolver::is_too_long(const JointEquations::Tree& tree, const TreeState& s) const {
+  double spin = 0.0, change = 0.0;
+  for (const std::int32_t i : bodies_of(tree)) {
+    const Body& b = bodies_[i];
+    spin = std::max(spin, b.angular_velocity.norm());
+    change = std::max(change, (b.inverse_inertia * (b.momentum - b.kept_momentum)).norm());
+  }
+  return change * s.h_s > kBend || (s.residual > kUnsolved && spin * s.h_s > kUnsolvedTurn);
+}
+
+void JointSolver::relax(const Rows& rows) {
+  load_velocities(rows);
+  for (TreeState& s : tree_states_) s.is_selected = s.is_active;
+  move_bodies(rows);
+  relax_part();
+  store_velocities(rows);
+}
+
+void JointSolver::hold_at_end_of_part() {
+  for_each_selected([&](Joint&, Block& block, double) { bodies_[block.a].keep(), bodies_[block.b].keep(); });
+  for_each_selected([&](Joint& j, Block& block, double h_s) {
     block.target_error = block.error;
     const int linear = linear_rows(j.kind);
     for (const auto& [first, count] : {std::pair{0, linear}, std::pair{linear, block.rigid_rows - linear}}) {
@@ -354,29 +418,21 @@ void JointSolver::solve(const BodyStore& bodies, const Rows& rows, const Substep
           law::clamp_length(correction, kMaxJointBiasSpeed * h_s).head(count);
     }
     block.impulse.setZero();
-    if (j.has_coordinate()) set_spring_law(j, block, bodies, rows, substep);
+    if (j.has_coordinate()) set_law_of_part(j, block, h_s);
   });
-  solve_trees(Stage::kSolve, h_s);
-  for_each_active([&](Joint& j, Block& block) {
+  solve_trees(Stage::kSolve);
+  for_each_selected([&](Joint& j, Block& block, double) {
     if (j.has_spring) block.spring_impulse -= block.law.slope() * speeds(block)[kAxis];
   });
-  store_velocities(rows);
 }
 
-void JointSolver::relax(const Rows& rows, const Substep& substep) {
-  const auto h_s = static_cast<double>(substep.h_s);
-  load_velocities(rows);
-  for (TreeState& s : tree_states_) s.is_open = s.is_active;
-  predict(h_s);
-  move_bodies(rows);
-  for (TreeState& s : tree_states_) s.is_factored = false;
-  for_each_active([&](Joint& j, Block& block) {
+void JointSolver::relax_part() {
+  for_each_selected([&](Joint& j, Block& block, double h_s) {
     build_rows(j, block);
     if (j.has_coordinate()) set_law(j, block, Stage::kRelax, h_s, block.spring_impulse, 0.0);
   });
-  solve_trees(Stage::kRelax, h_s);
-  store_velocities(rows);
-  for_each_active([&](Joint& j, Block& block) {
+  solve_trees(Stage::kRelax);
+  for_each_selected([&](Joint& j, Block& block, double) {
     for (int r = 0; r < block.rigid_rows; ++r)
       j.force_impulse += block.impulse[r] * block.jacobian_a.row(r).head<3>().transpose();
     if (j.has_coordinate()) j.effort_impulse += block.impulse[kAxis];
@@ -384,8 +440,9 @@ void JointSolver::relax(const Rows& rows, const Substep& substep) {
 }
 
 // Rounds of Newton's method, with the matrix of the pose at which the rows were built.
-void JointSolver::solve_trees(Stage stage, double h_s) {
-  for (TreeState& s : tree_states_) s.is_open = s.is_active, s.residual = std::numeric_limits<double>::max();
+void JointSolver::solve_trees(Stage stage) {
+  for (TreeState& s : tree_states_)
+    s.is_open = s.is_selected, s.residual = std::numeric_limits<double>::max();
   for (int round = 0;; ++round) {
     bool any_open = false;
     for (std::size_t t = 0; t < tree_states_.size(); ++t) {
@@ -395,13 +452,13 @@ void JointSolver::solve_trees(Stage stage, double h_s) {
       if (s.has_changed) s.is_factored = false;
     }
     if (!any_open) break;
-    if (stage == Stage::kSolve) predict(h_s);
+    if (stage == Stage::kSolve) predict();
     for (std::size_t t = 0; t < tree_states_.size(); ++t) {
       TreeState& s = tree_states_[t];
       if (!s.is_open) continue;
       const auto tree = static_cast<std::int32_t>(t);
       const double before = s.residual;
-      s.residual = set_residuals(equations_.trees()[t], stage, h_s);
+      s.residual = set_residuals(equations_.trees()[t], stage, s.h_s);
       const bool is_done = !s.has_changed && (s.residual < kConverged || s.residual > kStagnation * before);
       if (round > 0 && (is_done || round == kMaxRounds)) {
         s.is_open = false;
@@ -413,7 +470,7 @@ void JointSolver::solve_trees(Stage stage, double h_s) {
         if (blocks_[k].is_active) apply(blocks_[k], equations_.of_joint(k));
     }
   }
-  for_each_active([](Joint& j, const Block& block) {
+  for_each_selected([](Joint& j, const Block& block, double) {
     if (j.has_coordinate()) j.held_by = AxisLaw::is_held(block.place) ? block.law.causes(block.place) : 0;
   });
 }
@@ -516,27 +573,29 @@ void JointSolver::find_strained(const BodyStore& bodies, float min_depth,
 // ---- motion
 
 // Where the present velocities lead the bodies of open trees.
-void JointSolver::predict(double h_s) {
+void JointSolver::predict() {
   RotationBatch batch;
   std::array<Body*, kLanes> in_batch;
+  std::array<double, kLanes> time;
   int count = 0;
   auto rotate_batch = [&] {
     if (count == 0) return;
     for (int lane = 0; lane < kLanes; ++lane) {
-      const Body& b = *in_batch[std::min(lane, count - 1)];
+      const int source = std::min(lane, count - 1);
+      const Body& b = *in_batch[source];
       auto store_lane = [lane](auto& to, const auto& from) {
         for (int k = 0; k < std::ssize(to); ++k) to[k][lane] = from[k];
       };
       store_lane(batch.least_axis, b.principal.least_axis);
       store_lane(batch.greatest_axis, b.principal.greatest_axis);
       store_lane(batch.moments, b.principal.moments);
-      store_lane(batch.rotation, Vec3d(b.angular_velocity * h_s));
+      store_lane(batch.rotation, Vec3d(b.angular_velocity * time[source]));
       store_lane(batch.angular_velocity_change, Vec3d(Vec3d::Zero()));
       store_lane(batch.previous_x_axis, Vec3d(Vec3d::UnitX()));
       store_lane(batch.orientation, b.now.orientation.coeffs());
       store_lane(batch.momentum, b.momentum);
       store_lane(batch.angular_velocity, b.angular_velocity);
-      batch.free_time[lane] = h_s;
+      batch.free_time[lane] = time[source];
       batch.is_axisymmetric[lane] = 0.0;
     }
     integrate_rotation(batch);
@@ -551,6 +610,7 @@ void JointSolver::predict(double h_s) {
   };
   for (std::size_t t = 0; t < tree_states_.size(); ++t) {
     if (!tree_states_[t].is_open) continue;
+    const double h_s = tree_states_[t].h_s;
     for (const std::int32_t i : bodies_of(equations_.trees()[t])) {
       Body& b = bodies_[i];
       if (!b.is_active) continue;
@@ -560,24 +620,32 @@ void JointSolver::predict(double h_s) {
         b.next_inverse_inertia = b.inverse_inertia;
         continue;
       }
-      in_batch[count++] = &b;
+      in_batch[count] = &b, time[count++] = h_s;
       if (count == kLanes) rotate_batch();
     }
   }
   rotate_batch();
 }
 
-// To where predict() found that they go.
+// To where their velocities lead them.
 void JointSolver::move_bodies(const Rows& rows) {
-  for (Body& b : bodies_) {
-    if (!b.is_active) continue;
-    DeltaPose& delta = rows.delta_pose[b.row];
-    b.now.orientation = b.next.orientation;
-    b.inverse_inertia = b.next_inverse_inertia;
-    Eigen::Map<Vec3>(delta.rotation) =
-        rotation_vector_of(b.now.orientation * b.start.orientation.conjugate()).cast<float>();
-    b.now.position = b.start.position + Vec3(delta.translation).cast<double>();
-    b.angular_velocity = b.inverse_inertia * b.momentum;
+  for (TreeState& s : tree_states_) s.is_open = s.is_selected;
+  predict();
+  for (std::size_t t = 0; t < tree_states_.size(); ++t) {
+    TreeState& s = tree_states_[t];
+    if (!s.is_selected) continue;
+    s.is_factored = false;
+    for (const std::int32_t i : bodies_of(equations_.trees()[t])) {
+      Body& b = bodies_[i];
+      if (!b.is_active) continue;
+      b.now = b.next;
+      b.inverse_inertia = b.next_inverse_inertia;
+      b.angular_velocity = b.inverse_inertia * b.momentum;
+      DeltaPose& delta = rows.delta_pose[b.row];
+      Eigen::Map<Vec3>(delta.translation) = Vec3d(b.now.position - b.start.position).cast<float>();
+      Eigen::Map<Vec3>(delta.rotation) =
+          rotation_vector_of(b.now.orientation * b.start.orientation.conjugate()).cast<float>();
+    }
   }
 }
 

@@ -64,7 +64,7 @@ class JointSolver {
   void solve(const BodyStore&, const Rows&, const Substep&);
   // Call after the rows were moved: rotates the bodies, and removes the velocity that the constraints forbid.
   // Writes the rotations of delta_pose.
-  void relax(const Rows&, const Substep&);
+  void relax(const Rows&);
   // Appends, after the step, the active bodies of joints that contacts hold off their constraints by
   // `min_depth`, u, or more, with that distance. Allocates while the list grows.
   void find_strained(const BodyStore&, float min_depth, std::vector<DeepContact>&) const;
@@ -113,6 +113,18 @@ class JointSolver {
     PrincipalInertia principal;
     Vec3d momentum{0, 0, 0};                                   // angular
     Vec3d velocity_change{0, 0, 0}, momentum_change{0, 0, 0};  // by the joints, in this stage
+    // The last four, as they were at the beginning of the part.
+    Vec3d kept_velocity, kept_momentum, kept_velocity_change, kept_momentum_change;
+
+    void keep() {
+      kept_velocity = velocity, kept_momentum = momentum;
+      kept_velocity_change = velocity_change, kept_momentum_change = momentum_change;
+    }
+    void restore() {
+      velocity = kept_velocity, momentum = kept_momentum;
+      velocity_change = kept_velocity_change, momentum_change = kept_momentum_change;
+      angular_velocity = inverse_inertia * momentum;
+    }
   };
   // A joint with an active body, at the current pose. The speed along a row is jacobian_a·(v, ω of a) +
   // jacobian_b·(v, ω of b).
@@ -124,11 +136,20 @@ class JointSolver {
     RowVector response = RowVector::Zero();  // change of each row's speed by a unit impulse along it
     RowVector error = RowVector::Zero(), target_error = RowVector::Zero();  // of the rigid rows
     RowVector impulse = RowVector::Zero();                                  // in this substep
+    double speed_before = 0.0;    // of the spring's coordinate, before gravity and joints act in the part
     double spring_impulse = 0.0;  // likewise; within solve() that at speed 0
     AxisLaw law;
     int place = 0;  // in the law
     // Of the axis when its tree was factored; negative: then it had no row.
     double factored_compliance = -1.0;
+  };
+  struct TreeState {
+    bool is_active, is_selected;  // is_selected: the present stage is about it
+    bool is_open, is_factored, has_changed;
+    bool is_unfinished;
+    double residual;     // of the last round
+    double time_left_s;  // of the substep
+    double h_s;          // of a part
   };
   enum class Stage { kSolve, kRelax };
 
@@ -147,25 +168,32 @@ class JointSolver {
   std::span<const std::int32_t> bodies_of(const JointEquations::Tree& t) const {
     return equations_.tree_bodies().subspan(t.first_body, t.body_count);
   }
+  // Calls each(joint, block, h_s) for the joints with an active body, of the selected trees.
   template <class Each>
-  void for_each_active(Each each) {
-    for (std::size_t k = 0; k < joints_.size(); ++k)
-      if (blocks_[k].is_active) each(joints_[k], blocks_[k]);
+  void for_each_selected(Each each) {
+    for (std::size_t t = 0; t < tree_states_.size(); ++t) {
+      if (!tree_states_[t].is_selected) continue;
+      for (const std::int32_t k : joints_of(equations_.trees()[t]))
+        if (blocks_[k].is_active) each(joints_[k], blocks_[k], tree_states_[t].h_s);
+    }
   }
   void build_rows(Joint&, Block&);
   RowVector speeds(const Block&) const;
   void apply(Block&, const RowVector& impulse);
   void set_law(Joint&, Block&, Stage, double h_s, double spring, double slope);
-  void set_spring_law(Joint&, Block&, const BodyStore&, const Rows&, const Substep&);
-  double speed_before(const Block&, const BodyStore&, const Rows&, const Substep&) const;
+  void set_law_of_part(Joint&, Block&, double h_s);
+  void set_springs_at_start(const BodyStore&, const Rows&, const Substep&);
   void set_place(Block&, int place);
   bool change_places(const JointEquations::Tree&, bool all);
   static double axis_compliance(const Block&, double relative);
-  void solve_trees(Stage, double h_s);
+  bool is_too_long(const JointEquations::Tree&, const TreeState&) const;
+  void hold_at_end_of_part();
+  void relax_part();
+  void solve_trees(Stage);
   double set_residuals(const JointEquations::Tree&, Stage, double h_s);
   bool is_factored(std::int32_t tree) const;
   void factor(std::int32_t tree);
-  void predict(double h_s);
+  void predict();
   void move_bodies(const Rows&);
 
   scene::JointId next_id_ = 0;
@@ -175,10 +203,6 @@ class JointSolver {
   JointEquations equations_;  // bodies that cannot move are fixed
   std::vector<Body> bodies_;
   std::vector<Block> blocks_;
-  struct TreeState {
-    bool is_active, is_open, is_factored, has_changed;
-    double residual;  // of the last round
-  };
   std::vector<TreeState> tree_states_;
 };
 
