@@ -42,8 +42,10 @@ int AxisLaw::next_place(int place, double speed, double impulse, double speed_to
                         double impulse_tolerance) const {
   if (is_held(place)) {
     const double rest = impulse + slope_ * held_speed(place);
-    if (rest > offset(place - 1) + impulse_tolerance) return place - 1;
-    if (rest < offset(place + 1) - impulse_tolerance) return place + 1;
+    const double below = offset(place - 1), above = offset(place + 1);
+    // Beyond a bound, only the bound itself is possible.
+    if (rest > below + impulse_tolerance) return place - (std::isinf(below) ? 2 : 1);
+    if (rest < above - impulse_tolerance) return place + (std::isinf(above) ? 2 : 1);
     return place;
   }
   if (place > 0 && speed < step_[index_of(place) - 1].speed - speed_tolerance) return place - 1;
