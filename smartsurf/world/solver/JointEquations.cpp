@@ -1,12 +1,27 @@
 #include "smartsurf/world/solver/JointEquations.h"
 
-#include <Eigen/Cholesky>
 #include <algorithm>
 #include <numeric>
 #include <set>
 #include <utility>
 
 namespace smartsurf::world {
+namespace {
+
+// Of a symmetric positive definite matrix, by sweeps over its columns, which need no pivoting.
+JointEquations::Matrix6 inverse_of(JointEquations::Matrix6 a) {
+  for (int k = 0; k < 6; ++k) {
+    const JointEquations::Vector6 column = a.col(k);
+    const JointEquations::Vector6 scaled = column / column[k];
+    a.noalias() -= scaled * column.transpose();
+    a.col(k) = scaled;
+    a.row(k) = scaled.transpose();
+    a(k, k) = -1.0 / column[k];
+  }
+  return -a;
+}
+
+}  // namespace
 
 void JointEquations::find_trees(std::int32_t body_count,
                                 std::span<const std::array<std::int32_t, 2>> joints) {
@@ -156,9 +171,7 @@ void JointEquations::set_jacobian(std::int32_t joint, int side, const Matrix6& j
 void JointEquations::factor(std::int32_t tree) {
   const auto [begin, end] = places_of_tree_[tree];
   for (std::int32_t p = begin; p < end; ++p) {
-    Matrix6& d = diagonal_[p];
-    const Matrix6 inverse = d.llt().solve(Matrix6::Identity());
-    d = inverse;
+    const Matrix6 inverse = diagonal_[p] = inverse_of(diagonal_[p]);
     const std::int32_t first = first_edge_[p], last = first_edge_[p + 1];
     const std::int32_t* fill = fill_edge_.data() + first_fill_[p];
     // Diagonals of joints are kept with the opposite sign.
