@@ -14,6 +14,7 @@
 
 #include <array>
 #include <cstdint>
+#include <span>
 #include <utility>
 #include <vector>
 
@@ -187,7 +188,9 @@ class JointSolver {
   bool change_places(const JointEquations::Tree&, bool all);
   static double axis_compliance(const Block&, double relative);
   bool is_too_long(const JointEquations::Tree&, const TreeState&) const;
+  // Finds the impulses with which the selected trees obey their joints at the end of their parts.
   void hold_at_end_of_part();
+  // Removes the speeds across the joints at the present pose.
   void relax_part();
   void solve_trees(Stage);
   double set_residuals(const JointEquations::Tree&, Stage, double h_s);
