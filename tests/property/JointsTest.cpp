@@ -1,8 +1,11 @@
 // Joints against closed forms, over the step: pendulums, slopes, springs, motors, limits, momentum.
 #include <gtest/gtest.h>
 
+#include <Eigen/Cholesky>
 #include <Eigen/Geometry>
 #include <cmath>
+#include <optional>
+#include <random>
 #include <string>
 #include <vector>
 
@@ -494,6 +497,166 @@ TEST_P(Joints, ScaleWithThePitch) {
     EXPECT_NEAR(small.speed, large.speed, 2e-3);
     EXPECT_NEAR(small.effort, large.effort, 5e-3);
     EXPECT_LT((small.force - large.force).norm(), 0.02);
+  }
+}
+
+// ---- chains and loops, drawn from a seed
+
+namespace {
+
+// Slender links in the plane y = 15, hinged along y; each lies in a layer of its own, so that they do not meet.
+struct PlanarLinks : JointFixture {
+  struct Link {
+    double length, width, mass, angle;  // angle: from east upwards
+    Vector3d size() const { return {length, width, width}; }
+  };
+  static constexpr double kFar = 100.0;  // the height of the pivot
+  std::vector<Link> links;
+  double total_mass = 0.0, total_length = 0.0;
+
+  explicit PlanarLinks(double dt) : JointFixture(dt) { scene.world.sleep = false; }
+  static Link random_link(std::mt19937& random) {
+    auto between = [&](double low, double high) { return std::uniform_real_distribution(low, high)(random); };
+    return {between(0.5, 1.5), between(0.04, 0.3), std::exp(between(-1.2, 1.2)), between(-3.1, 3.1)};
+  }
+  // Each link goes on where the one before ends; the first hangs from the table.
+  void hang(const std::vector<Link>& chain) {
+    links = chain;
+    Vector3d end(15, 15, kFar);
+    for (std::size_t i = 0; i < links.size(); ++i) {
+      const Link& l = links[i];
+      const Vector3d along(std::cos(l.angle), 0, std::sin(l.angle)), layer(0, static_cast<double>(i), 0);
+      auto rod = box(l.size(), end + 0.5 * l.length * along + layer);
+      rod.mass = l.mass;
+      rod.orientation = Eigen::AngleAxisd(-l.angle, Vector3d::UnitY());
+      const ObjectId id = add(rod);
+      join(JointKind::kHinge, id, i == 0 ? std::nullopt : std::optional(id - 1), end);
+      end += l.length * along;
+      total_mass += l.mass, total_length += l.length;
+    }
+  }
+  double energy() {
+    double sum = 0.0;
+    for (std::size_t i = 0; i < links.size(); ++i) {
+      const auto s = world().state(static_cast<ObjectId>(i));
+      const Vector3d s2 = links[i].size().cwiseAbs2(), spin = s.orientation.conjugate() * s.angular_velocity;
+      const Vector3d moments = Vector3d(s2.y() + s2.z(), s2.x() + s2.z(), s2.x() + s2.y()) / 12.0;
+      sum += links[i].mass * (0.5 * s.velocity.squaredNorm() + kGravity * (s.position.z() - kFar) +
+                              0.5 * moments.dot(spin.cwiseAbs2()));
+    }
+    return sum;
+  }
+  // The greatest change of the energy, relative to that of all mass at the chain's length, and the greatest spin
+  // out of the plane.
+  std::pair<double, double> errors_over(double seconds) {
+    const double first = energy();
+    double error = 0.0, spin = 0.0;
+    run(seconds, [&] {
+      error = std::max(error, std::abs(energy() - first));
+      for (std::size_t i = 0; i < links.size(); ++i) {
+        const auto w = angular_velocity(static_cast<ObjectId>(i));
+        spin = std::max({spin, static_cast<double>(std::abs(w.x())), static_cast<double>(std::abs(w.z()))});
+      }
+    });
+    return {error / (total_mass * kGravity * total_length), spin};
+  }
+};
+
+// The same chain in the angles of its links, by the Runge–Kutta method with steps of 1/20000 s.
+Vector3d end_of_chain_after(double seconds, const std::vector<PlanarLinks::Link>& links) {
+  using Eigen::VectorXd;
+  const auto n = static_cast<Eigen::Index>(links.size());
+  Eigen::MatrixXd coupling(n, n);
+  VectorXd lever(n), state(2 * n);
+  for (Eigen::Index i = 0; i < n; ++i) {
+    const auto& l = links[static_cast<std::size_t>(i)];
+    double beyond = 0.0;
+    for (std::size_t k = static_cast<std::size_t>(i) + 1; k < links.size(); ++k) beyond += links[k].mass;
+    lever[i] = l.length * (0.5 * l.mass + beyond);
+    for (Eigen::Index j = 0; j < i; ++j)
+      coupling(i, j) = coupling(j, i) = links[static_cast<std::size_t>(j)].length * lever[i];
+    coupling(i, i) =
+        l.mass * (l.length * l.length / 3.0 + l.width * l.width / 12.0) + beyond * l.length * l.length;
+    state[i] = l.angle, state[n + i] = 0.0;
+  }
+  auto rate = [&](const VectorXd& x) {
+    Eigen::MatrixXd mass(n, n);
+    VectorXd force(n);
+    for (Eigen::Index i = 0; i < n; ++i) {
+      force[i] = -kGravity * lever[i] * std::cos(x[i]);
+      for (Eigen::Index j = 0; j < n; ++j) {
+        mass(i, j) = coupling(i, j) * std::cos(x[i] - x[j]);
+        force[i] -= coupling(i, j) * std::sin(x[i] - x[j]) * x[n + j] * x[n + j];
+      }
+    }
+    return (VectorXd(2 * n) << x.tail(n), mass.ldlt().solve(force)).finished();
+  };
+  const int steps = static_cast<int>(std::lround(seconds * 20000));
+  const double h = seconds / steps;
+  for (int step = 0; step < steps; ++step) {
+    const VectorXd a = rate(state), b = rate(state + 0.5 * h * a), c = rate(state + 0.5 * h * b),
+                   d = rate(state + h * c);
+    state += h / 6.0 * (a + 2.0 * b + 2.0 * c + d);
+  }
+  Vector3d end(15, 15, PlanarLinks::kFar);
+  for (Eigen::Index i = 0; i < n; ++i)
+    end += (i + 1 < n ? 1.0 : 0.5) * links[static_cast<std::size_t>(i)].length *
+           Vector3d(std::cos(state[i]), 0, std::sin(state[i]));
+  return end;
+}
+
+}  // namespace
+
+TEST_P(Joints, ChainsMoveAsInReducedCoordinates) {
+  for (unsigned seed = 0; seed < 12; ++seed) {
+    std::mt19937 random(seed);
+    std::vector<PlanarLinks::Link> links(2 + seed % 4);
+    for (auto& l : links) l = PlanarLinks::random_link(random);
+    PlanarLinks fixture(GetParam());
+    fixture.hang(links);
+    fixture.run(0.5);
+    const auto last = static_cast<ObjectId>(links.size() - 1);
+    const Vector3d found = fixture.position(last).cast<double>() - Vector3d(0, last, 0);
+    EXPECT_LT((found - end_of_chain_after(0.5, links)).norm(), 1e-3 + 1.0 * GetParam()) << "seed " << seed;
+  }
+}
+
+// The whip of a long chain's end is what limits it.
+TEST_P(Joints, ChainsKeepTheirEnergyInTheirPlane) {
+  for (unsigned seed = 0; seed < 8; ++seed) {
+    std::mt19937 random(seed);
+    std::vector<PlanarLinks::Link> links(2 + random() % 29);
+    for (auto& l : links) l = PlanarLinks::random_link(random);
+    PlanarLinks fixture(GetParam());
+    fixture.hang(links);
+    const auto [energy, spin] = fixture.errors_over(GetParam() < 0.002 ? 0.5 : 3.0);
+    EXPECT_LT(energy, 0.005) << "seed " << seed << ", " << links.size() << " links";
+    EXPECT_LT(spin, 1e-3) << "seed " << seed << ", " << links.size() << " links";
+  }
+}
+
+// Polygons whose last corner is hinged to the table (four-bar linkages, say), or to the first link. The hinges hold each
+// other's axes: they have more rows than the links can obey one by one.
+TEST_P(Joints, LoopsKeepTheirEnergyInTheirPlane) {
+  for (unsigned seed = 0; seed < 8; ++seed) {
+    std::mt19937 random(seed);
+    const std::size_t n = 3 + random() % 10;
+    const bool is_ring = seed % 2 == 1;
+    std::vector<PlanarLinks::Link> links(n);
+    Vector3d end(15, 15, PlanarLinks::kFar);
+    for (std::size_t i = 0; i < n; ++i) {
+      links[i] = PlanarLinks::random_link(random);
+      links[i].length = is_ring ? 0.8 : 0.6 + 0.1 * static_cast<double>(i % 3);
+      links[i].angle = (is_ring ? 2.0 : 1.3) * M_PI * static_cast<double>(i) / static_cast<double>(n);
+      end += links[i].length * Vector3d(std::cos(links[i].angle), 0, std::sin(links[i].angle));
+    }
+    PlanarLinks fixture(GetParam());
+    fixture.hang(links);
+    fixture.join(JointKind::kHinge, static_cast<ObjectId>(n - 1),
+                 is_ring ? std::optional<ObjectId>(0) : std::nullopt, end);
+    const auto [energy, spin] = fixture.errors_over(GetParam() < 0.002 ? 0.5 : 3.0);
+    EXPECT_LT(energy, 0.005) << "seed " << seed << ", " << n << " links";
+    EXPECT_LT(spin, 1e-3) << "seed " << seed << ", " << n << " links";
   }
 }
 

@@ -435,9 +435,9 @@ GROUPS = [
             absolute("creep", "moves in 15 s", "0", 0.001, "u")], "a body at rest stays so", mujoco="not set up", seeds=3,
             quick=False, slow=True),
         *[Case(f"chain_{name}", title, "chain", 20, [
-            absolute("energy", "energy, of n·m·g·l", "0", 0.01, "", margin=2.0),
-            absolute("out", "spin out of the plane", "0", 0.01, "rad/s", margin=2.0)], "conservation; symmetry",
-            {"n": n, "h": h}, mujoco="not set up", quick=False)
+            absolute("energy", "energy, of n·m·g·l", "0", 0.01, ""),
+            absolute("out", "spin out of the plane", "0", 0.01, "rad/s")], "conservation; symmetry",
+            {"n": n, "h": h}, mujoco="not set up")
           for name, title, n, h in (("thick", "Two hinged rods of 0.2", 2, 0.2), ("thin", "… of 0.1", 2, 0.1),
                                     ("thinner", "… of 0.05", 2, 0.05))],
         Case("landing", "Box dropped flat on a box, 0.1 u beside its middle", "landing", 4, [

@@ -1,10 +1,9 @@
 #include "smartsurf/world/solver/JointSolver.h"
 
-#include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <numbers>
-#include <ranges>
 #include <span>
 #include <utility>
 
@@ -18,9 +17,17 @@ using Eigen::Matrix3d;
 using Eigen::Quaterniond;
 using Eigen::Vector3d;
 
-constexpr int kMaxSweeps = 8;
-// The sweeps end when none changes a velocity by more than this, u/s.
-constexpr double kConverged = 1e-7;
+// A part of a substep is halved, down to kLeastPart of the substep, when the joints change how far a body turns in it by
+// more than kBend, rad, or when a body turns by more than kUnsolvedTurn and a speed is off by more than kUnsolved, u/s:
+// the whip of a chain's end.
+constexpr double kBend = 0.003, kUnsolvedTurn = 0.05, kUnsolved = 1e-6, kLeastPart = 1.0 / 64;
+// Rounds of a stage, and how many of them may change the places of all axes. A stage ends when no speed is off by
+// more than this, u/s, or when a round hardly helps: a loop can contradict itself.
+constexpr int kMaxRounds = 12, kFreeRounds = 8;
+constexpr double kConverged = 1e-8, kStagnation = 0.9;
+// Compliance of a held row, relative to what its two bodies give way by. The rows of a loop can depend on each
+// other; the rounds take out what it lets through.
+constexpr double kCompliance = 1e-12, kLoopCompliance = 1e-6;
 // Baumgarte factor and its speed limit, u/s: joints in loops, and joints and contacts together, can be
 // over-constrained.
 constexpr double kErrorReduction = 0.5, kMaxJointBiasSpeed = 4.0;
@@ -51,9 +58,10 @@ Matrix3d tensor_of(const PrincipalInertia& p, const Quaterniond& orientation, co
 // The first rows of a joint are the linear ones; see rigid_error().
 int linear_rows(scene::JointKind kind) { return kind == scene::JointKind::kSlider ? 2 : 3; }
 
-template <class Bodies>
-auto active_bodies(Bodies& bodies) {
-  return std::views::filter(bodies, [](const auto& b) { return b.is_active; });
+constexpr int kAxis = 5;  // the row
+
+double compliance_of(const JointEquations::Tree& tree) {
+  return tree.has_loop ? kLoopCompliance : kCompliance;
 }
 
 }  // namespace
@@ -80,41 +88,41 @@ JointSolver::RowVector JointSolver::rigid_error(const Joint& j, const Pose& a, c
     const Quatd q = frame_a * frame_b.conjugate();
     return q.vec() * (q.w() < 0.0 ? -2.0 : 2.0);
   };
+  RowVector error = RowVector::Zero();
   switch (j.kind) {
     case JointKind::kHinge: {
       const Vec3d tilt = (frame_b * Vec3d::UnitZ()).cross(frame_a * Vec3d::UnitZ());
-      return (RowVector(5) << d, x.dot(tilt), y.dot(tilt)).finished();
+      error.head<5>() << d, x.dot(tilt), y.dot(tilt);
+      break;
     }
     case JointKind::kSlider:
-      return (RowVector(5) << x.dot(d), y.dot(d), turn()).finished();
+      error.head<5>() << x.dot(d), y.dot(d), turn();
+      break;
     case JointKind::kFixed:
-      return (RowVector(6) << d, turn()).finished();
+      error << d, turn();
+      break;
     case JointKind::kBall:
+      error.head<3>() = d;
       break;
   }
-  return d;
+  return error;
 }
 
-// The pose after `h_s` of free motion, to second order.
-JointSolver::Pose JointSolver::predict(const Body& b, double h_s) {
-  if (!b.is_active) return {b.position, b.orientation};
-  const Vec3d acceleration = b.inverse_inertia * b.momentum.cross(b.angular_velocity);
-  return {b.position + h_s * b.velocity,
-          rotation_by(h_s * (b.angular_velocity + 0.5 * h_s * acceleration)) * b.orientation};
-}
-
-void JointSolver::build_rows(Block& block) {
+void JointSolver::build_rows(Joint& j, Block& block) {
   using scene::JointKind;
-  Joint& j = joints_[block.joint];
   const Body &a = bodies_[block.a], &b = bodies_[block.b];
-  const Pose pose_a{a.position, a.orientation}, pose_b{b.position, b.orientation};
-  const Quatd frame_b = b.orientation * j.frame_b;
+  const Quatd frame_b = b.now.orientation * j.frame_b;
   const Vec3d x = frame_b * Vec3d::UnitX(), y = frame_b * Vec3d::UnitY(), z = frame_b * Vec3d::UnitZ();
   // Both bodies get their impulses at one point, so that the angular momentum is kept.
-  const Vec3d arm_a = a.orientation * j.anchor_a, arm_b = a.position + arm_a - b.position;
+  const Vec3d arm_a = a.now.orientation * j.anchor_a, arm_b = a.now.position + arm_a - b.now.position;
   int count = 0;
-  auto add_linear = [&](const Vec3d& n) { block.row[count++] = {n, arm_a.cross(n), arm_b.cross(n)}; };
-  auto add_angular = [&](const Vec3d& n) { block.row[count++] = {Vec3d::Zero(), n, n}; };
+  auto add = [&](const Vec3d& linear, const Vec3d& angular_a, const Vec3d& angular_b) {
+    block.jacobian_a.row(count) << linear.transpose(), angular_a.transpose();
+    block.jacobian_b.row(count) << -linear.transpose(), -angular_b.transpose();
+    ++count;
+  };
+  auto add_linear = [&](const Vec3d& n) { add(n, arm_a.cross(n), arm_b.cross(n)); };
+  auto add_angular = [&](const Vec3d& n) { add(Vec3d::Zero(), n, n); };
   if (j.kind == JointKind::kSlider)
     add_linear(x), add_linear(y);
   else
@@ -122,67 +130,47 @@ void JointSolver::build_rows(Block& block) {
   if (j.kind == JointKind::kHinge) add_angular(x), add_angular(y);
   if (j.kind == JointKind::kSlider || j.kind == JointKind::kFixed)
     for (int i = 0; i < 3; ++i) add_angular(Vec3d::Unit(i));
-  block.row_count = count;
-  block.axis =
-      j.kind == JointKind::kSlider ? Row{z, arm_a.cross(z), arm_b.cross(z)} : Row{Vec3d::Zero(), z, z};
-
-  auto coupling = [&](const Row& p, const Row& q) {
-    return p.linear.dot(q.linear) * (a.inverse_mass + b.inverse_mass) +
-           p.angular_a.dot(a.inverse_inertia * q.angular_a) +
-           p.angular_b.dot(b.inverse_inertia * q.angular_b);
-  };
-  block.inverse_mass.resize(count, count);
-  for (int r = 0; r < count; ++r)
-    for (int c = 0; c <= r; ++c)
-      block.inverse_mass(r, c) = block.inverse_mass(c, r) = coupling(block.row[r], block.row[c]);
-  Eigen::LLT<Eigen::Ref<RowMatrix>> factor(block.inverse_mass);  // in place
-  block.error = rigid_error(j, pose_a, pose_b);
-  block.axis_mass = 0.0;
-  if (j.kind != JointKind::kHinge && j.kind != JointKind::kSlider) return;
-  RowVector across(count);
-  for (int r = 0; r < count; ++r) across[r] = coupling(block.row[r], block.axis);
-  block.axis_response = -factor.solve(across);
-  block.axis_mass = 1.0 / (coupling(block.axis, block.axis) + across.dot(block.axis_response));
-  j.coordinate = coordinate_of(j, pose_a, pose_b);
+  block.rigid_rows = count;
+  block.error = rigid_error(j, a.now, b.now);
+  if (j.kind == JointKind::kSlider) add_linear(z);
+  if (j.kind == JointKind::kHinge) add_angular(z);
+  for (; count < kRows; ++count) block.jacobian_a.row(count).setZero(), block.jacobian_b.row(count).setZero();
+  for (int r = 0; r < kRows; ++r) {
+    const auto row_a = block.jacobian_a.row(r), row_b = block.jacobian_b.row(r);
+    block.response[r] = a.inverse_mass * row_a.head<3>().squaredNorm() +
+                        row_a.tail<3>().dot(a.inverse_inertia * row_a.tail<3>().transpose()) +
+                        b.inverse_mass * row_b.head<3>().squaredNorm() +
+                        row_b.tail<3>().dot(b.inverse_inertia * row_b.tail<3>().transpose());
+  }
+  if (j.has_coordinate()) j.coordinate = coordinate_of(j, a.now, b.now);
 }
 
 // ---- velocities
 
-double JointSolver::velocity_along(const Row& row, const Block& block) const {
-  const Body &a = bodies_[block.a], &b = bodies_[block.b];
-  return row.linear.dot(a.velocity - b.velocity) + row.angular_a.dot(a.angular_velocity) -
-         row.angular_b.dot(b.angular_velocity);
+// Along the rows.
+JointSolver::RowVector JointSolver::speeds(const Block& block) const {
+  auto twist = [](const Body& b) { return (RowVector() << b.velocity, b.angular_velocity).finished(); };
+  return block.jacobian_a * twist(bodies_[block.a]) + block.jacobian_b * twist(bodies_[block.b]);
 }
 
-void JointSolver::apply(const Block& block, const Row& row, double impulse) {
-  auto change = [](Body& body, const Vec3d& linear, const Vec3d& angular) {
+void JointSolver::apply(Block& block, const RowVector& impulse) {
+  block.impulse += impulse;
+  auto change = [](Body& body, const RowVector& wrench) {
     if (!body.is_active) return;
-    const Vec3d velocity = body.inverse_mass * linear;
+    const Vec3d velocity = body.inverse_mass * wrench.head<3>();
     body.velocity += velocity;
     body.velocity_change += velocity;
-    body.momentum += angular;
-    body.momentum_change += angular;
-    body.angular_velocity += body.inverse_inertia * angular;
+    body.momentum += wrench.tail<3>();
+    body.momentum_change += wrench.tail<3>();
+    body.angular_velocity = body.inverse_inertia * body.momentum;
   };
-  change(bodies_[block.a], impulse * row.linear, impulse * row.angular_a);
-  change(bodies_[block.b], -impulse * row.linear, -impulse * row.angular_b);
-}
-
-void JointSolver::apply_rigid(const Block& block, Joint& j, const RowVector& impulse) {
-  for (int r = 0; r < block.row_count; ++r) {
-    j.rigid_impulse[r] += impulse[r];
-    apply(block, block.row[r], impulse[r]);
-  }
-}
-
-void JointSolver::apply_axis(const Block& block, Joint& j, double impulse, double& total) {
-  total += impulse;
-  apply(block, block.axis, impulse);
-  apply_rigid(block, j, impulse * block.axis_response);
+  change(bodies_[block.a], block.jacobian_a.transpose() * impulse);
+  change(bodies_[block.b], block.jacobian_b.transpose() * impulse);
 }
 
 void JointSolver::load_velocities(const Rows& rows) {
-  for (Body& b : active_bodies(bodies_)) {
+  for (Body& b : bodies_) {
+    if (!b.is_active) continue;
     const BodyVelocity& row = rows.velocity[b.row];
     b.velocity = Vec3(row.velocity).cast<double>();
     b.momentum = b.start_inertia * Vec3(row.angular_velocity).cast<double>();
@@ -194,7 +182,8 @@ void JointSolver::load_velocities(const Rows& rows) {
 // The change is added to the start velocity as well, because the next substep repeats only what contacts add
 // to that.
 void JointSolver::store_velocities(const Rows& rows) {
-  for (const Body& b : active_bodies(bodies_)) {
+  for (const Body& b : bodies_) {
+    if (!b.is_active) continue;
     const Vec3d angular = b.start_inverse_inertia * b.momentum_change;
     for (BodyVelocity* const v : {&rows.velocity[b.row], &rows.start_velocity[b.row]}) {
       Eigen::Map<Vec3>(v->velocity) += b.velocity_change.cast<float>();
@@ -203,12 +192,63 @@ void JointSolver::store_velocities(const Rows& rows) {
   }
 }
 
+// ---- the places of the axes
+
+// `spring`: its impulse at speed 0, from which `slope` is taken per speed.
+void JointSolver::set_law(Joint& j, Block& block, Stage stage, double h_s, double spring, double slope) {
+  constexpr double kUnbounded = std::numeric_limits<double>::infinity();
+  block.law.reset(spring, slope);
+  auto speed_of_limit = [&](double room) {
+    if (room > 0.0) return -room / h_s;
+    return stage == Stage::kSolve ? std::min(-kErrorReduction * room / h_s, kMaxJointBiasSpeed) : 0.0;
+  };
+  if (std::isfinite(j.lower))
+    block.law.add_step(AxisLaw::kLower, speed_of_limit(j.coordinate - j.lower), kUnbounded, 0.0);
+  if (std::isfinite(j.upper))
+    block.law.add_step(AxisLaw::kUpper, -speed_of_limit(j.upper - j.coordinate), 0.0, -kUnbounded);
+  if (j.friction > 0.0) block.law.add_step(AxisLaw::kFriction, 0.0, h_s * j.friction, -h_s * j.friction);
+  if (j.has_motor)
+    block.law.add_step(AxisLaw::kMotor, j.motor.speed, h_s * j.motor.max_effort, -h_s * j.motor.max_effort);
+  set_place(block, block.law.place_of(j.held_by, speeds(block)[kAxis]));
+}
+
+void JointSolver::set_place(Block& block, int place) {
+  block.place = place;
+  if (AxisLaw::is_held(place) || block.law.slope() > 0.0) return;
+  RowVector change = RowVector::Zero();
+  change[kAxis] = block.law.offset(place) - block.impulse[kAxis];
+  apply(block, change);
+}
+
+// The compliance of the axis row, or a negative number when the axis has none.
+double JointSolver::axis_compliance(const Block& block, double relative) {
+  if (AxisLaw::is_held(block.place)) return relative * block.response[kAxis];
+  return block.law.slope() > 0.0 ? 1.0 / block.law.slope() : -1.0;
+}
+
+// Moves the axes of a tree that disobey their laws to the next place; all of them, or only the first.
+bool JointSolver::change_places(const JointEquations::Tree& tree, bool all) {
+  bool any = false;
+  for (const std::int32_t k : joints_of(tree)) {
+    Block& block = blocks_[k];
+    if (!block.is_active || !joints_[k].has_coordinate()) continue;
+    const double impulse_tolerance = kConverged / block.response[kAxis];
+    const int place = block.law.next_place(block.place, speeds(block)[kAxis], block.impulse[kAxis],
+                                           kConverged, impulse_tolerance);
+    if (place == block.place) continue;
+    set_place(block, place);
+    any = true;
+    if (!all) break;
+  }
+  return any;
+}
+
 // ---- one step
 
-void JointSolver::index_bodies() {
+void JointSolver::index_bodies(const BodyStore& bodies) {
   bodies_.assign(1, Body());
-  bodies_[0].start_inertia = bodies_[0].start_inverse_inertia = bodies_[0].inverse_inertia = Matrix3d::Zero();
-  bodies_of_joint_.clear();
+  bodies_[0].start_inertia = bodies_[0].start_inverse_inertia = bodies_[0].inverse_inertia =
+      bodies_[0].next_inverse_inertia = Matrix3d::Zero();
   std::vector<std::int32_t> jointed;
   for (const Joint& j : joints_)
     for (const std::int32_t body : {j.a, j.b})
@@ -223,21 +263,29 @@ void JointSolver::index_bodies() {
     if (body < 0) return 0;
     return static_cast<std::int32_t>(std::ranges::lower_bound(jointed, body) - jointed.begin()) + 1;
   };
-  for (const Joint& j : joints_) bodies_of_joint_.push_back({index_of(j.a), index_of(j.b)});
-  blocks_.reserve(joints_.size());
+  auto node_of = [&](std::int32_t index) {
+    const std::int32_t body = bodies_[index].body;
+    return body < 0 || bodies.is_static(static_cast<std::size_t>(body)) ? JointEquations::kFixed : index;
+  };
+  std::vector<std::array<std::int32_t, 2>> nodes;
+  blocks_.assign(joints_.size(), Block());
+  for (std::size_t k = 0; k < joints_.size(); ++k) {
+    blocks_[k].a = index_of(joints_[k].a), blocks_[k].b = index_of(joints_[k].b);
+    nodes.push_back({node_of(blocks_[k].a), node_of(blocks_[k].b)});
+  }
+  equations_.set_structure(static_cast<std::int32_t>(bodies_.size()), nodes);
+  tree_states_.assign(equations_.trees().size(), {});
   indexed_ = true;
 }
 
 void JointSolver::begin_step(const BodyStore& bodies, const SpatialPartition& partition, const Rows& rows) {
-  if (!indexed_) index_bodies();
+  if (!indexed_) index_bodies(bodies);
   for (Body& b : std::span(bodies_).subspan(1)) {
     const std::int32_t i = b.body;
     b.row = partition.row(b.body);
     b.is_active = bodies.is_active(i);
     b.is_sphere = bodies.is_sphere[i];
-    const Pose pose = pose_of(bodies, b.body);
-    b.start_position = b.position = pose.position;
-    b.start_orientation = b.orientation = pose.orientation;
+    b.start = b.now = b.next = pose_of(bodies, b.body);
     b.velocity = b.angular_velocity = b.momentum = Vec3d::Zero();
     b.inverse_mass = 0.0;
     b.inverse_inertia.setZero();
@@ -245,133 +293,275 @@ void JointSolver::begin_step(const BodyStore& bodies, const SpatialPartition& pa
     b.inverse_mass = static_cast<double>(bodies.body_velocity[i].inverse_mass);
     b.principal = bodies.inertia[i];
     const Vec3d moments(b.principal.moments);
-    b.start_inertia = tensor_of(b.principal, b.orientation, moments);
+    b.start_inertia = tensor_of(b.principal, b.now.orientation, moments);
     b.inverse_inertia = b.start_inverse_inertia =
-        tensor_of(b.principal, b.orientation, moments.cwiseInverse());
-  }
-  blocks_.clear();
-  for (std::size_t k = 0; k < joints_.size(); ++k) {
-    const auto [a, b] = bodies_of_joint_[k];
-    if (!bodies_[a].is_active && !bodies_[b].is_active) continue;
-    Block& block = blocks_.emplace_back();
-    block.joint = static_cast<std::int32_t>(k), block.a = a, block.b = b;
-    joints_[k].force_impulse.setZero();
-    joints_[k].effort_impulse = 0.0;
+        tensor_of(b.principal, b.now.orientation, moments.cwiseInverse());
   }
   load_velocities(rows);
-  for (Block& block : blocks_) build_rows(block);
-}
-
-// Calls visit(block) for the joints in order, then in reverse order, and so on, until the greatest change of
-// a velocity that it returns is small for all.
-template <class Visit>
-void JointSolver::sweep(Visit visit) {
-  for (int s = 0; s < kMaxSweeps; ++s) {
-    double change = 0.0;
-    for (std::size_t k = 0; k < blocks_.size(); ++k)
-      change = std::max(change, visit(blocks_[s % 2 == 0 ? k : blocks_.size() - 1 - k]));
-    if (!(change > kConverged)) return;
+  for (std::size_t t = 0; t < tree_states_.size(); ++t) {
+    const JointEquations::Tree& tree = equations_.trees()[t];
+    tree_states_[t] = {};
+    for (const std::int32_t k : joints_of(tree)) {
+      Block& block = blocks_[k];
+      block.is_active = bodies_[block.a].is_active || bodies_[block.b].is_active;
+      if (!block.is_active) continue;
+      tree_states_[t].is_active = true;
+      joints_[k].force_impulse.setZero();
+      joints_[k].effort_impulse = 0.0;
+      build_rows(joints_[k], block);
+    }
   }
 }
 
-// The coordinate's speed at the end of the last substep.
-double JointSolver::speed_before(const Block& block, const BodyStore& bodies, const Rows& rows,
-                                 const Substep& substep) const {
-  auto velocity_of = [&](std::int32_t index) -> std::pair<Vec3d, Vec3d> {
+// The mean of the spring's efforts at both ends of the part, of which the later one depends on the new speed.
+// The displacement is that of the start; see "Joints" in docs/engines.md.
+void JointSolver::set_law_of_part(Joint& j, Block& block, double h_s) {
+  block.spring_impulse = 0.0;
+  if (!j.has_spring) return set_law(j, block, Stage::kSolve, h_s, 0.0, 0.0);
+  const double elastic = 0.25 * h_s * h_s * j.spring.stiffness, viscous = 0.5 * h_s * j.spring.damping;
+  block.spring_impulse =
+      -h_s * j.spring.stiffness * (j.coordinate - j.spring.rest) + (elastic - viscous) * block.speed_before;
+  set_law(j, block, Stage::kSolve, h_s, block.spring_impulse, elastic + viscous);
+}
+
+// A coordinate's speed at the end of the last substep.
+void JointSolver::set_springs_at_start(const BodyStore& bodies, const Rows& rows, const Substep& substep) {
+  auto twist_of = [&](std::int32_t index) -> RowVector {
     const Body& b = bodies_[index];
-    if (!b.is_active) return {Vec3d::Zero(), Vec3d::Zero()};
+    if (!b.is_active) return RowVector::Zero();
     const surface::Wrench& w = bodies.wrench[b.body];
     const BodyVelocity& start = rows.start_velocity[b.row];
     const auto h = static_cast<double>(substep.h_s);
     const Vec3d momentum = b.start_inertia * Vec3(start.angular_velocity).cast<double>();
-    return {Vec3(start.velocity).cast<double>() -
-                h * (substep.gravity.cast<double>() + b.inverse_mass * w.force.cast<double>()),
-            b.inverse_inertia * (momentum - h * w.torque.cast<double>())};
+    return (RowVector() << Vec3(start.velocity).cast<double>() -
+                               h * (substep.gravity.cast<double>() + b.inverse_mass * w.force.cast<double>()),
+            b.inverse_inertia * (momentum - h * w.torque.cast<double>()))
+        .finished();
   };
-  const auto [va, wa] = velocity_of(block.a);
-  const auto [vb, wb] = velocity_of(block.b);
-  return block.axis.linear.dot(va - vb) + block.axis.angular_a.dot(wa) - block.axis.angular_b.dot(wb);
+  for (std::size_t k = 0; k < joints_.size(); ++k) {
+    Block& block = blocks_[k];
+    if (block.is_active && joints_[k].has_spring)
+      block.speed_before = block.jacobian_a.row(kAxis).dot(twist_of(block.a)) +
+                           block.jacobian_b.row(kAxis).dot(twist_of(block.b));
+  }
 }
 
-void JointSolver::warm_start(Block& block) {
-  Joint& j = joints_[block.joint];
-  for (int r = 0; r < block.row_count; ++r) apply(block, block.row[r], j.rigid_impulse[r]);
-  if (!(block.axis_mass > 0.0)) return;
-  apply(block, block.axis, j.axis_impulse());
-}
-
+// All parts of the substep but the last one leave the bodies moved and relaxed.
 void JointSolver::solve(const BodyStore& bodies, const Rows& rows, const Substep& substep) {
   const auto h_s = static_cast<double>(substep.h_s);
   load_velocities(rows);
-  for (Block& block : blocks_) {
-    if (joints_[block.joint].has_spring) block.previous_speed = speed_before(block, bodies, rows, substep);
+  set_springs_at_start(bodies, rows, substep);
+  for (std::size_t t = 0; t < tree_states_.size(); ++t) {
+    TreeState& s = tree_states_[t];
+    s.time_left_s = s.h_s = h_s;
+    s.is_unfinished = s.is_active;
+  }
+  for (;;) {
+    bool any = false;
+    for (TreeState& s : tree_states_) s.is_selected = s.is_unfinished, any = any || s.is_unfinished;
+    if (!any) break;
+    hold_at_end_of_part();
+    for (std::size_t t = 0; t < tree_states_.size(); ++t) {
+      const JointEquations::Tree& tree = equations_.trees()[t];
+      TreeState& s = tree_states_[t];
+      if (!s.is_selected) continue;
+      if (s.h_s > kLeastPart * h_s && is_too_long(tree, s)) {
+        s.h_s *= 0.5;
+        for (const std::int32_t i : bodies_of(tree)) bodies_[i].restore();
+        s.is_selected = false;
+      } else if (s.h_s > 0.999 * s.time_left_s) {
+        s.is_selected = s.is_unfinished = false;
+      }
+    }
+    move_bodies(rows);
+    relax_part();
+    for_each_selected([&](Joint& j, Block& block, double) {
+      if (j.has_spring) block.speed_before = speeds(block)[kAxis];
+    });
+    for (std::size_t t = 0; t < tree_states_.size(); ++t) {
+      TreeState& s = tree_states_[t];
+      if (!s.is_selected) continue;
+      s.time_left_s -= s.h_s;
+      s.h_s = 2.0 * s.h_s < s.time_left_s ? 2.0 * s.h_s : s.time_left_s;
+    }
+  }
+  store_velocities(rows);
+}
+
+bool JointSolver::is_too_long(const JointEquations::Tree& tree, const TreeState& s) const {
+  double spin = 0.0, change = 0.0;
+  for (const std::int32_t i : bodies_of(tree)) {
+    const Body& b = bodies_[i];
+    spin = std::max(spin, b.angular_velocity.norm());
+    change = std::max(change, (b.inverse_inertia * (b.momentum - b.kept_momentum)).norm());
+  }
+  return change * s.h_s > kBend || (s.residual > kUnsolved && spin * s.h_s > kUnsolvedTurn);
+}
+
+void JointSolver::relax(const Rows& rows) {
+  load_velocities(rows);
+  for (TreeState& s : tree_states_) s.is_selected = s.is_active;
+  move_bodies(rows);
+  relax_part();
+  store_velocities(rows);
+}
+
+void JointSolver::hold_at_end_of_part() {
+  for_each_selected([&](Joint&, Block& block, double) { bodies_[block.a].keep(), bodies_[block.b].keep(); });
+  for_each_selected([&](Joint& j, Block& block, double h_s) {
     block.target_error = block.error;
-    const int linear = linear_rows(joints_[block.joint].kind);
-    for (const auto& [first, count] : {std::pair{0, linear}, std::pair{linear, block.row_count - linear}}) {
+    const int linear = linear_rows(j.kind);
+    for (const auto& [first, count] : {std::pair{0, linear}, std::pair{linear, block.rigid_rows - linear}}) {
       Vec3d correction = Vec3d::Zero();
       correction.head(count) = kErrorReduction * block.error.segment(first, count);
       block.target_error.segment(first, count) -=
           law::clamp_length(correction, kMaxJointBiasSpeed * h_s).head(count);
     }
-  }
-  for (Block& block : blocks_) warm_start(block);
-  sweep([&](const Block& block) {
-    const Joint& j = joints_[block.joint];
-    const RowVector velocity =
-        (rigid_error(j, predict(bodies_[block.a], h_s), predict(bodies_[block.b], h_s)) -
-         block.target_error) /
-        h_s;
-    solve_rigid(block, velocity);
-    double change = velocity.cwiseAbs().maxCoeff();
-    if (block.axis_mass > 0.0) {
-      const double before = velocity_along(block.axis, block);
-      solve_spring(block, h_s);
-      solve_motor_and_friction(block, h_s);
-      solve_limits(block, h_s, true);
-      change = std::max(change, std::abs(velocity_along(block.axis, block) - before));
-    }
-    return change;
+    block.impulse.setZero();
+    if (j.has_coordinate()) set_law_of_part(j, block, h_s);
   });
-  store_velocities(rows);
+  solve_trees(Stage::kSolve);
+  for_each_selected([&](Joint& j, Block& block, double) {
+    if (j.has_spring) block.spring_impulse -= block.law.slope() * speeds(block)[kAxis];
+  });
 }
 
-void JointSolver::relax(const Rows& rows, const Substep& substep) {
-  const auto h_s = static_cast<double>(substep.h_s);
-  load_velocities(rows);
-  rotate_bodies(rows, h_s);
-  for (Block& block : blocks_) build_rows(block);
-  sweep([&](const Block& block) {
-    RowVector velocity(block.row_count);
-    for (int r = 0; r < block.row_count; ++r) velocity[r] = velocity_along(block.row[r], block);
-    solve_rigid(block, velocity);
-    double change = velocity.cwiseAbs().maxCoeff();
-    if (block.axis_mass > 0.0) {
-      const double before = velocity_along(block.axis, block);
-      solve_motor_and_friction(block, h_s);
-      solve_limits(block, h_s, false);
-      change = std::max(change, std::abs(velocity_along(block.axis, block) - before));
-    }
-    return change;
+void JointSolver::relax_part() {
+  for_each_selected([&](Joint& j, Block& block, double h_s) {
+    build_rows(j, block);
+    if (j.has_coordinate()) set_law(j, block, Stage::kRelax, h_s, block.spring_impulse, 0.0);
   });
-  store_velocities(rows);
-  for (const Block& block : blocks_) {
-    Joint& j = joints_[block.joint];
-    for (int r = 0; r < block.row_count; ++r) j.force_impulse += j.rigid_impulse[r] * block.row[r].linear;
-    j.effort_impulse += j.axis_impulse();
+  solve_trees(Stage::kRelax);
+  for_each_selected([&](Joint& j, Block& block, double) {
+    for (int r = 0; r < block.rigid_rows; ++r)
+      j.force_impulse += block.impulse[r] * block.jacobian_a.row(r).head<3>().transpose();
+    if (j.has_coordinate()) j.effort_impulse += block.impulse[kAxis];
+  });
+}
+
+// Rounds of Newton's method, with the matrix of the pose at which the rows were built.
+void JointSolver::solve_trees(Stage stage) {
+  for (TreeState& s : tree_states_)
+    s.is_open = s.is_selected, s.residual = std::numeric_limits<double>::max();
+  for (int round = 0;; ++round) {
+    bool any_open = false;
+    for (std::size_t t = 0; t < tree_states_.size(); ++t) {
+      TreeState& s = tree_states_[t];
+      any_open = any_open || s.is_open;
+      s.has_changed = s.is_open && round > 0 && change_places(equations_.trees()[t], round < kFreeRounds);
+      if (s.has_changed) s.is_factored = false;
+    }
+    if (!any_open) break;
+    if (stage == Stage::kSolve) predict();
+    for (std::size_t t = 0; t < tree_states_.size(); ++t) {
+      TreeState& s = tree_states_[t];
+      if (!s.is_open) continue;
+      const auto tree = static_cast<std::int32_t>(t);
+      const double before = s.residual;
+      s.residual = set_residuals(equations_.trees()[t], stage, s.h_s);
+      const bool is_done = !s.has_changed && (s.residual < kConverged || s.residual > kStagnation * before);
+      if (round > 0 && (is_done || round == kMaxRounds)) {
+        s.is_open = false;
+        continue;
+      }
+      if (!is_factored(tree)) factor(tree);
+      equations_.solve(tree);
+      for (const std::int32_t k : joints_of(equations_.trees()[t]))
+        if (blocks_[k].is_active) apply(blocks_[k], equations_.of_joint(k));
+    }
   }
+  for_each_selected([](Joint& j, const Block& block, double) {
+    if (j.has_coordinate()) j.held_by = AxisLaw::is_held(block.place) ? block.law.causes(block.place) : 0;
+  });
+}
+
+// Sets what the speeds along the rows lack, and returns the greatest of it.
+double JointSolver::set_residuals(const JointEquations::Tree& tree, Stage stage, double h_s) {
+  for (const std::int32_t i : bodies_of(tree)) equations_.of_body(i).setZero();
+  double greatest = 0.0;
+  for (const std::int32_t k : joints_of(tree)) {
+    const Block& block = blocks_[k];
+    RowVector& out = equations_.of_joint(k);
+    out.setZero();
+    if (!block.is_active) continue;
+    const Joint& j = joints_[k];
+    const int n = block.rigid_rows;
+    const RowVector now = speeds(block);
+    if (stage == Stage::kSolve)
+      out.head(n) =
+          (block.target_error - rigid_error(j, bodies_[block.a].next, bodies_[block.b].next)).head(n) / h_s;
+    else
+      out.head(n) = -now.head(n);
+    if (j.has_coordinate()) {
+      if (AxisLaw::is_held(block.place))
+        out[kAxis] = block.law.held_speed(block.place) - now[kAxis];
+      else if (block.law.slope() > 0.0)
+        out[kAxis] = (block.law.offset(block.place) - block.impulse[kAxis]) / block.law.slope() - now[kAxis];
+    }
+    greatest = std::max(greatest, out.cwiseAbs().maxCoeff());
+  }
+  return greatest;
+}
+
+bool JointSolver::is_factored(std::int32_t t) const {
+  if (!tree_states_[t].is_factored) return false;
+  const JointEquations::Tree& tree = equations_.trees()[t];
+  for (const std::int32_t k : joints_of(tree))
+    if (blocks_[k].is_active && joints_[k].has_coordinate() &&
+        axis_compliance(blocks_[k], compliance_of(tree)) != blocks_[k].factored_compliance)
+      return false;
+  return true;
+}
+
+void JointSolver::factor(std::int32_t t) {
+  const JointEquations::Tree& tree = equations_.trees()[t];
+  equations_.begin(t);
+  for (const std::int32_t i : bodies_of(tree)) {
+    const Body& b = bodies_[i];
+    RowMatrix& mass = equations_.mass(i);
+    mass.setIdentity();
+    if (!b.is_active) continue;
+    mass.topLeftCorner<3, 3>() /= b.inverse_mass;
+    mass.bottomRightCorner<3, 3>() = tensor_of(b.principal, b.now.orientation, Vec3d(b.principal.moments));
+  }
+  for (const std::int32_t k : joints_of(tree)) {
+    Block& block = blocks_[k];
+    RowMatrix &compliance = equations_.compliance(k), a = block.jacobian_a, b = block.jacobian_b;
+    compliance.setIdentity();
+    if (!block.is_active) a.setZero(), b.setZero();
+    if (!bodies_[block.a].is_active) a.setZero();
+    if (!bodies_[block.b].is_active) b.setZero();
+    if (block.is_active) {
+      compliance.diagonal().head(block.rigid_rows) =
+          compliance_of(tree) * block.response.head(block.rigid_rows);
+      if (joints_[k].has_coordinate()) {
+        block.factored_compliance = axis_compliance(block, compliance_of(tree));
+        if (block.factored_compliance >= 0.0)
+          compliance(kAxis, kAxis) = block.factored_compliance;
+        else
+          a.row(kAxis).setZero(), b.row(kAxis).setZero();
+      }
+    }
+    equations_.set_jacobian(k, 0, a);
+    equations_.set_jacobian(k, 1, b);
+  }
+  equations_.factor(t);
+  tree_states_[t].is_factored = true;
 }
 
 void JointSolver::find_strained(const BodyStore& bodies, float min_depth,
                                 std::vector<DeepContact>& out) const {
-  if (joints_.empty()) return;  // then blocks_ are those of an earlier step
-  for (const Block& block : blocks_) {
-    const Joint& j = joints_[block.joint];
+  if (!indexed_) return;  // then blocks_ are those of an earlier step
+  for (std::size_t k = 0; k < joints_.size(); ++k) {
+    const Joint& j = joints_[k];
+    const Block& block = blocks_[k];
+    if (!block.is_active) continue;
     // An angular error is converted to a length at the body's bounding radius.
     const auto reach = static_cast<double>(bodies.bounding_radius[j.a]);
     const int linear = linear_rows(j.kind);
-    double strain =
-        std::max(block.error.head(linear).norm(), reach * block.error.tail(block.row_count - linear).norm());
-    if (block.axis_mass > 0.0)
+    double strain = std::max(block.error.head(linear).norm(),
+                             reach * block.error.segment(linear, block.rigid_rows - linear).norm());
+    if (j.has_coordinate())
       strain = std::max(strain, (j.kind == scene::JointKind::kHinge ? reach : 1.0) *
                                     std::max(j.lower - j.coordinate, j.coordinate - j.upper));
     if (!(strain >= static_cast<double>(min_depth))) continue;
@@ -380,101 +570,82 @@ void JointSolver::find_strained(const BodyStore& bodies, float min_depth,
   }
 }
 
-void JointSolver::solve_rigid(const Block& block, const RowVector& velocity) {
-  RowVector impulse = -velocity;
-  const auto lower = block.inverse_mass.triangularView<Eigen::Lower>();
-  lower.solveInPlace(impulse);
-  lower.transpose().solveInPlace(impulse);
-  apply_rigid(block, joints_[block.joint], impulse);
-}
+// ---- motion
 
-// The mean of the spring's efforts at both ends of the substep, of which the later one depends on the new
-// speed. The displacement is that of the start; see "Joints" in docs/engines.md.
-void JointSolver::solve_spring(const Block& block, double h_s) {
-  Joint& j = joints_[block.joint];
-  if (!j.has_spring) return;
-  const double speed = velocity_along(block.axis, block), before = block.previous_speed;
-  const double elastic = 0.25 * h_s * h_s * j.spring.stiffness, viscous = 0.5 * h_s * j.spring.damping;
-  const double wanted = -h_s * j.spring.stiffness * (j.coordinate - j.spring.rest) -
-                        elastic * (speed - before) - viscous * (speed + before);
-  apply_axis(block, j, (wanted - j.spring_impulse) / (1.0 + (elastic + viscous) / block.axis_mass),
-             j.spring_impulse);
-}
-
-void JointSolver::solve_motor_and_friction(const Block& block, double h_s) {
-  Joint& j = joints_[block.joint];
-  auto drive = [&](double speed, double max_effort, double& total) {
-    const double wanted = total + block.axis_mass * (speed - velocity_along(block.axis, block));
-    apply_axis(block, j, std::clamp(wanted, -h_s * max_effort, h_s * max_effort) - total, total);
-  };
-  if (j.friction > 0.0) drive(0.0, j.friction, j.friction_impulse);
-  if (j.has_motor) drive(j.motor.speed, j.motor.max_effort, j.motor_impulse);
-}
-
-void JointSolver::solve_limits(const Block& block, double h_s, bool with_bias) {
-  Joint& j = joints_[block.joint];
-  // `sign` is that of the direction in which the limit pushes.
-  auto stop = [&](double room, double sign, double& total) {
-    const double bias = with_bias ? std::min(-kErrorReduction * room / h_s, kMaxJointBiasSpeed) : 0.0;
-    const double target = room > 0.0 ? -room / h_s : bias;
-    const double speed = sign * velocity_along(block.axis, block);
-    const double added = law::normal_impulse(total, block.axis_mass, speed, target) - total;
-    total += added;
-    double ignored = 0.0;
-    apply_axis(block, j, sign * added, ignored);
-  };
-  if (std::isfinite(j.lower)) stop(j.coordinate - j.lower, 1.0, j.lower_impulse);
-  if (std::isfinite(j.upper)) stop(j.upper - j.coordinate, -1.0, j.upper_impulse);
-}
-
-void JointSolver::rotate_bodies(const Rows& rows, double h_s) {
+// Where the present velocities lead the bodies of open trees.
+void JointSolver::predict() {
   RotationBatch batch;
   std::array<Body*, kLanes> in_batch;
+  std::array<double, kLanes> time;
   int count = 0;
   auto rotate_batch = [&] {
     if (count == 0) return;
     for (int lane = 0; lane < kLanes; ++lane) {
-      const Body& b = *in_batch[std::min(lane, count - 1)];
+      const int source = std::min(lane, count - 1);
+      const Body& b = *in_batch[source];
       auto store_lane = [lane](auto& to, const auto& from) {
         for (int k = 0; k < std::ssize(to); ++k) to[k][lane] = from[k];
       };
       store_lane(batch.least_axis, b.principal.least_axis);
       store_lane(batch.greatest_axis, b.principal.greatest_axis);
       store_lane(batch.moments, b.principal.moments);
-      store_lane(batch.rotation, Vec3d(b.angular_velocity * h_s));
+      store_lane(batch.rotation, Vec3d(b.angular_velocity * time[source]));
       store_lane(batch.angular_velocity_change, Vec3d(Vec3d::Zero()));
       store_lane(batch.previous_x_axis, Vec3d(Vec3d::UnitX()));
-      store_lane(batch.orientation, b.orientation.coeffs());
+      store_lane(batch.orientation, b.now.orientation.coeffs());
       store_lane(batch.momentum, b.momentum);
       store_lane(batch.angular_velocity, b.angular_velocity);
-      batch.free_time[lane] = h_s;
+      batch.free_time[lane] = time[source];
       batch.is_axisymmetric[lane] = 0.0;
     }
     integrate_rotation(batch);
     for (int lane = 0; lane < count; ++lane) {
       Body& b = *in_batch[lane];
-      for (int k = 0; k < 4; ++k) b.orientation.coeffs()[k] = batch.orientation[k][lane];
+      for (int k = 0; k < 4; ++k) b.next.orientation.coeffs()[k] = batch.orientation[k][lane];
       auto entry = [&](int k) { return batch.world_inverse_inertia[k][lane]; };
-      b.inverse_inertia << entry(0), entry(3), entry(4), entry(3), entry(1), entry(5), entry(4), entry(5),
-          entry(2);
+      b.next_inverse_inertia << entry(0), entry(3), entry(4), entry(3), entry(1), entry(5), entry(4),
+          entry(5), entry(2);
     }
     count = 0;
   };
-  for (Body& b : active_bodies(bodies_)) {
-    if (b.is_sphere) {
-      b.orientation = (rotation_by(h_s * b.angular_velocity) * b.orientation).normalized();
-      continue;
+  for (std::size_t t = 0; t < tree_states_.size(); ++t) {
+    if (!tree_states_[t].is_open) continue;
+    const double h_s = tree_states_[t].h_s;
+    for (const std::int32_t i : bodies_of(equations_.trees()[t])) {
+      Body& b = bodies_[i];
+      if (!b.is_active) continue;
+      b.next.position = b.now.position + h_s * b.velocity;
+      if (b.is_sphere) {
+        b.next.orientation = (rotation_by(h_s * b.angular_velocity) * b.now.orientation).normalized();
+        b.next_inverse_inertia = b.inverse_inertia;
+        continue;
+      }
+      in_batch[count] = &b, time[count++] = h_s;
+      if (count == kLanes) rotate_batch();
     }
-    in_batch[count++] = &b;
-    if (count == kLanes) rotate_batch();
   }
   rotate_batch();
-  for (Body& b : active_bodies(bodies_)) {
-    DeltaPose& delta = rows.delta_pose[b.row];
-    Eigen::Map<Vec3>(delta.rotation) =
-        rotation_vector_of(b.orientation * b.start_orientation.conjugate()).cast<float>();
-    b.position = b.start_position + Vec3(delta.translation).cast<double>();
-    b.angular_velocity = b.inverse_inertia * b.momentum;
+}
+
+// To where their velocities lead them.
+void JointSolver::move_bodies(const Rows& rows) {
+  for (TreeState& s : tree_states_) s.is_open = s.is_selected;
+  predict();
+  for (std::size_t t = 0; t < tree_states_.size(); ++t) {
+    TreeState& s = tree_states_[t];
+    if (!s.is_selected) continue;
+    s.is_factored = false;
+    for (const std::int32_t i : bodies_of(equations_.trees()[t])) {
+      Body& b = bodies_[i];
+      if (!b.is_active) continue;
+      b.now = b.next;
+      b.inverse_inertia = b.next_inverse_inertia;
+      b.angular_velocity = b.inverse_inertia * b.momentum;
+      DeltaPose& delta = rows.delta_pose[b.row];
+      Eigen::Map<Vec3>(delta.translation) = Vec3d(b.now.position - b.start.position).cast<float>();
+      Eigen::Map<Vec3>(delta.rotation) =
+          rotation_vector_of(b.now.orientation * b.start.orientation.conjugate()).cast<float>();
+    }
   }
 }
 

@@ -1,9 +1,9 @@
 // Joints of the own engine: constraints between two bodies, or between a body and the table.
 //
 // A joint has rigid rows, which its kind forbids to move, and at most one axis row, its coordinate
-// (scene/JointSpec.h). The rigid rows of a joint are solved together, as a block; what acts along the axis
-// (spring, motor, friction, limits) is solved row by row against the inertia that the rigid rows leave.
-// Joints are solved one after the other, in the order of creation and back, on one thread.
+// (scene/JointSpec.h). All rows of the bodies that joints connect with each other are solved at once
+// (JointEquations.h), on one thread. What acts along an axis is an AxisLaw; the places of the axes are those at
+// which the solution obeys all laws, beginning with those of the last substep.
 //
 // In each substep solve() finds the impulses, along the constraints at its start, with which they hold at its
 // end, on the curved path of the bodies; relax() removes the velocity across the constraints at its end. This
@@ -14,6 +14,7 @@
 
 #include <array>
 #include <cstdint>
+#include <span>
 #include <utility>
 #include <vector>
 
@@ -22,6 +23,8 @@
 #include "smartsurf/world/body/BodyStore.h"
 #include "smartsurf/world/broadphase/SpatialPartition.h"
 #include "smartsurf/world/field/JamRelief.h"
+#include "smartsurf/world/solver/AxisLaw.h"
+#include "smartsurf/world/solver/JointEquations.h"
 
 namespace smartsurf::world {
 
@@ -62,22 +65,23 @@ class JointSolver {
   void solve(const BodyStore&, const Rows&, const Substep&);
   // Call after the rows were moved: rotates the bodies, and removes the velocity that the constraints forbid.
   // Writes the rotations of delta_pose.
-  void relax(const Rows&, const Substep&);
+  void relax(const Rows&);
   // Appends, after the step, the active bodies of joints that contacts hold off their constraints by
   // `min_depth`, u, or more, with that distance. Allocates while the list grows.
   void find_strained(const BodyStore&, float min_depth, std::vector<DeepContact>&) const;
 
  private:
-  static constexpr int kMaxRows = 6;
+  static constexpr int kRows = 6;
   using Vec3d = Eigen::Vector3d;
   using Quatd = Eigen::Quaterniond;
-  using RowVector = Eigen::Matrix<double, Eigen::Dynamic, 1, 0, kMaxRows, 1>;
-  using RowMatrix = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, kMaxRows, kMaxRows>;
+  using RowVector = JointEquations::Vector6;  // an entry per row, or a wrench
+  using RowMatrix = JointEquations::Matrix6;
 
   struct Joint {
     scene::JointId id;
     scene::JointKind kind;
     bool collide, has_spring, has_motor;
+    std::uint8_t held_by;      // AxisLaw::Cause
     std::int32_t a, b;         // bodies; b = −1: the table
     Vec3d anchor_a, anchor_b;  // from the centre of mass, body axes; of the table: world frame
     Quatd frame_a, frame_b;    // from the joint's axes, whose z is the axis, to the body's
@@ -87,82 +91,122 @@ class JointSolver {
     scene::JointMotor motor;
     // ---- state
     double coordinate;
-    double rigid_impulse[kMaxRows];  // of the last substep, like those below
-    double spring_impulse, motor_impulse, friction_impulse, lower_impulse, upper_impulse;
     Vec3d force_impulse;    // of the rigid rows on a, over the step
     double effort_impulse;  // along the axis, over the step
 
-    // The sum of what acts along the axis in a substep.
-    double axis_impulse() const {
-      return spring_impulse + motor_impulse + friction_impulse + lower_impulse - upper_impulse;
+    bool has_coordinate() const {
+      return kind == scene::JointKind::kHinge || kind == scene::JointKind::kSlider;
     }
+  };
+  struct Pose {
+    Vec3d position{0, 0, 0};
+    Quatd orientation{1, 0, 0, 0};
   };
   // A body with joints, in double precision. The first one is the table.
   struct Body {
     std::int32_t body = -1, row = -1;
     bool is_active = false, is_sphere = true;
     double inverse_mass = 0.0;
-    Vec3d start_position{0, 0, 0}, position{0, 0, 0}, velocity{0, 0, 0}, angular_velocity{0, 0, 0};
-    Quatd start_orientation{1, 0, 0, 0}, orientation{1, 0, 0, 0};
+    Pose start, now, next;  // at the start of the step, at present, and where the substep leads
+    Vec3d velocity{0, 0, 0}, angular_velocity{0, 0, 0};
     // The rows' angular velocities are those of the momentum with the inertia at the start of the step.
-    Eigen::Matrix3d start_inertia, start_inverse_inertia, inverse_inertia;
+    Eigen::Matrix3d start_inertia, start_inverse_inertia, inverse_inertia, next_inverse_inertia;
     PrincipalInertia principal;
     Vec3d momentum{0, 0, 0};                                   // angular
     Vec3d velocity_change{0, 0, 0}, momentum_change{0, 0, 0};  // by the joints, in this stage
+    // The last four, as they were at the beginning of the part.
+    Vec3d kept_velocity, kept_momentum, kept_velocity_change, kept_momentum_change;
+
+    void keep() {
+      kept_velocity = velocity, kept_momentum = momentum;
+      kept_velocity_change = velocity_change, kept_momentum_change = momentum_change;
+    }
+    void restore() {
+      velocity = kept_velocity, momentum = kept_momentum;
+      velocity_change = kept_velocity_change, momentum_change = kept_momentum_change;
+      angular_velocity = inverse_inertia * momentum;
+    }
   };
-  struct Pose {
-    Vec3d position;
-    Quatd orientation;
-  };
-  // Velocity along a row: linear·(v_a − v_b) + angular_a·ω_a − angular_b·ω_b.
-  struct Row {
-    Vec3d linear, angular_a, angular_b;
-  };
-  // A joint with an active body, at the current pose.
+  // A joint with an active body, at the current pose. The speed along a row is jacobian_a·(v, ω of a) +
+  // jacobian_b·(v, ω of b).
   struct Block {
-    std::int32_t joint, a, b;  // indices in joints_ and bodies_
-    int row_count;
-    Row row[kMaxRows], axis;
-    RowVector error, target_error;
-    RowMatrix inverse_mass;  // of the rigid rows: its Cholesky factor
-    RowVector
-        axis_response;  // impulses of the rigid rows that hold them still under a unit impulse along the axis
-    double axis_mass;
-    double previous_speed;  // of the coordinate at the end of the last substep
+    std::int32_t a = 0, b = 0;  // indices in bodies_
+    bool is_active = false;
+    int rigid_rows = 0;  // the first ones; the last one of all is the axis, if the joint has a coordinate
+    RowMatrix jacobian_a = RowMatrix::Zero(), jacobian_b = RowMatrix::Zero();
+    RowVector response = RowVector::Zero();  // change of each row's speed by a unit impulse along it
+    RowVector error = RowVector::Zero(), target_error = RowVector::Zero();  // of the rigid rows
+    RowVector impulse = RowVector::Zero();                                  // in this substep
+    double speed_before = 0.0;    // of the spring's coordinate, before gravity and joints act in the part
+    double spring_impulse = 0.0;  // likewise; within solve() that at speed 0
+    AxisLaw law;
+    int place = 0;  // in the law
+    // Of the axis when its tree was factored; negative: then it had no row.
+    double factored_compliance = -1.0;
   };
+  struct TreeState {
+    bool is_active, is_selected;  // is_selected: the present stage is about it
+    bool is_open, is_factored, has_changed;
+    bool is_unfinished;
+    double residual;     // of the last round
+    double time_left_s;  // of the substep
+    double h_s;          // of a part
+  };
+  enum class Stage { kSolve, kRelax };
 
   const Joint* find(scene::JointId) const;
   Joint* find(scene::JointId id) { return const_cast<Joint*>(std::as_const(*this).find(id)); }
   void update_links(BodyStore&);
-  void index_bodies();
+  void index_bodies(const BodyStore&);
   void load_velocities(const Rows&);
   void store_velocities(const Rows&);
-  static Pose predict(const Body&, double h_s);
   static RowVector rigid_error(const Joint&, const Pose& a, const Pose& b);
   static double coordinate_of(const Joint&, const Pose& a, const Pose& b);
   static Pose pose_of(const BodyStore&, std::int32_t body);
-  void build_rows(Block&);
-  double velocity_along(const Row&, const Block&) const;
-  void apply(const Block&, const Row&, double impulse);
-  void apply_rigid(const Block&, Joint&, const RowVector& impulse);
-  void apply_axis(const Block&, Joint&, double impulse, double& total);
-  void warm_start(Block&);
-  void solve_rigid(const Block&, const RowVector& velocity);
-  void solve_spring(const Block&, double h_s);
-  void solve_motor_and_friction(const Block&, double h_s);
-  void solve_limits(const Block&, double h_s, bool with_bias);
-  double speed_before(const Block&, const BodyStore&, const Rows&, const Substep&) const;
-  void rotate_bodies(const Rows&, double h_s);
-  template <class Visit>
-  void sweep(Visit visit);
+  std::span<const std::int32_t> joints_of(const JointEquations::Tree& t) const {
+    return equations_.tree_joints().subspan(t.first_joint, t.joint_count);
+  }
+  std::span<const std::int32_t> bodies_of(const JointEquations::Tree& t) const {
+    return equations_.tree_bodies().subspan(t.first_body, t.body_count);
+  }
+  // Calls each(joint, block, h_s) for the joints with an active body, of the selected trees.
+  template <class Each>
+  void for_each_selected(Each each) {
+    for (std::size_t t = 0; t < tree_states_.size(); ++t) {
+      if (!tree_states_[t].is_selected) continue;
+      for (const std::int32_t k : joints_of(equations_.trees()[t]))
+        if (blocks_[k].is_active) each(joints_[k], blocks_[k], tree_states_[t].h_s);
+    }
+  }
+  void build_rows(Joint&, Block&);
+  RowVector speeds(const Block&) const;
+  void apply(Block&, const RowVector& impulse);
+  void set_law(Joint&, Block&, Stage, double h_s, double spring, double slope);
+  void set_law_of_part(Joint&, Block&, double h_s);
+  void set_springs_at_start(const BodyStore&, const Rows&, const Substep&);
+  void set_place(Block&, int place);
+  bool change_places(const JointEquations::Tree&, bool all);
+  static double axis_compliance(const Block&, double relative);
+  bool is_too_long(const JointEquations::Tree&, const TreeState&) const;
+  // Finds the impulses with which the selected trees obey their joints at the end of their parts.
+  void hold_at_end_of_part();
+  // Removes the speeds across the joints at the present pose.
+  void relax_part();
+  void solve_trees(Stage);
+  double set_residuals(const JointEquations::Tree&, Stage, double h_s);
+  bool is_factored(std::int32_t tree) const;
+  void factor(std::int32_t tree);
+  void predict();
+  void move_bodies(const Rows&);
 
   scene::JointId next_id_ = 0;
   std::vector<Joint> joints_;  // ascending by id
   // ---- derived
-  bool indexed_ = false;  // bodies_ and blocks_ have an entry for each body and each joint
+  bool indexed_ = false;      // the following have an entry for each body, each joint or each tree
+  JointEquations equations_;  // bodies that cannot move are fixed
   std::vector<Body> bodies_;
-  std::vector<std::array<std::int32_t, 2>> bodies_of_joint_;  // indices in bodies_
-  std::vector<Block> blocks_;                                 // of joints with an active body
+  std::vector<Block> blocks_;
+  std::vector<TreeState> tree_states_;
 };
 
 }  // namespace smartsurf::world

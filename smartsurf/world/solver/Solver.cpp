@@ -163,7 +163,7 @@ void Solver::run_stages(StepContext& context, const Member& member) {
     integrate_positions(context);
     member.arrive();
     run_caller_stage(
-        context, member, [&] { joints.relax(joint_rows(), substep); },
+        context, member, [&] { joints.relax(joint_rows()); },
         [&](auto& points) { points.relax(point_step); });
     run_contact_stage(context, member, k.relax, 0.0F, SupportStage::kRelax);
   }

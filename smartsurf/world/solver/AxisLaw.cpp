@@ -1,0 +1,56 @@
+#include "smartsurf/world/solver/AxisLaw.h"
+
+#include <cmath>
+
+namespace smartsurf::world {
+
+void AxisLaw::add_step(Cause cause, double speed, double below, double above) {
+  int i = count_;
+  while (i > 0 && step_[static_cast<std::size_t>(i - 1)].speed >= speed) --i;
+  const auto at = static_cast<std::size_t>(i);
+  if (i < count_ && step_[at].speed == speed) {
+    step_[at].below += below, step_[at].above += above, step_[at].causes |= cause;
+    return;
+  }
+  for (auto k = static_cast<std::size_t>(count_); k > at; --k) step_[k] = step_[k - 1];
+  step_[at] = {speed, below, above, cause};
+  ++count_;
+}
+
+double AxisLaw::offset(int place) const {
+  double sum = offset_;
+  for (int i = 0; i < count_; ++i) {
+    const Step& s = step_[static_cast<std::size_t>(i)];
+    sum += 2 * i + 1 > place ? s.below : s.above;
+  }
+  return sum;
+}
+
+int AxisLaw::place_of(std::uint8_t causes, double speed) const {
+  int place = 0;
+  for (int i = 0; i < count_; ++i) {
+    const Step& s = step_[static_cast<std::size_t>(i)];
+    if ((s.causes & causes) != 0) return 2 * i + 1;
+    const bool is_above = speed >= s.speed;
+    if (std::isinf(is_above ? s.above : s.below)) return 2 * i + 1;
+    if (is_above) place = 2 * i + 2;
+  }
+  return place;
+}
+
+int AxisLaw::next_place(int place, double speed, double impulse, double speed_tolerance,
+                        double impulse_tolerance) const {
+  if (is_held(place)) {
+    const double rest = impulse + slope_ * held_speed(place);
+    const double below = offset(place - 1), above = offset(place + 1);
+    // Beyond a bound, only the bound itself is possible.
+    if (rest > below + impulse_tolerance) return place - (std::isinf(below) ? 2 : 1);
+    if (rest < above - impulse_tolerance) return place + (std::isinf(above) ? 2 : 1);
+    return place;
+  }
+  if (place > 0 && speed < step_[index_of(place) - 1].speed - speed_tolerance) return place - 1;
+  if (place < 2 * count_ && speed > step_[index_of(place)].speed + speed_tolerance) return place + 1;
+  return place;
+}
+
+}  // namespace smartsurf::world
