@@ -24,10 +24,8 @@ Lowering::Lowering(Shape surface, const syntax::SourceManager& sources, syntax::
 
 void Lowering::lower_program(const std::vector<Statement>& program) {
   collect_writes(program);
-  for (const Statement& statement : program) {
-    if (diagnostics_.full()) return;
-    lower_statement(statement);
-  }
+  lower_statements(program);
+  if (diagnostics_.full()) return;
   report_open_blocks(0);
   check_jumps();
 }
@@ -36,9 +34,11 @@ void Lowering::lower_program(const std::vector<Statement>& program) {
 // one.
 void Lowering::collect_writes(const std::vector<Statement>& program) {
   for (const Statement& statement : program) {
-    if (statement.kind == StatementKind::kAssign && statement.target.kind == ExpressionKind::kName)
-      written_names_.insert(statement.target.text);
-    if (statement.kind == StatementKind::kCall) collect_call_writes(statement.value);
+    const Expression* target = written_target(statement);
+    if (target != nullptr && target->kind == ExpressionKind::kName) written_names_.insert(target->text);
+    const Builtin* builtin =
+        statement.kind == StatementKind::kCall ? find_builtin(statement.value.text) : nullptr;
+    if (builtin != nullptr) note_masks(*builtin);
     collect_writes(statement.value);
     if (statement.expansion == nullptr) continue;
     for (const syntax::ArgumentBinding& binding : statement.expansion->bindings)
@@ -46,18 +46,10 @@ void Lowering::collect_writes(const std::vector<Statement>& program) {
   }
 }
 
-void Lowering::collect_call_writes(const Expression& call) {
-  const Builtin* builtin = find_builtin(call.text);
-  if (builtin == nullptr) return;
-  uses_mask_on_ = uses_mask_on_ || builtin->op == program::Opcode::kMaskOn;
-  uses_where_ = uses_where_ || builtin->form == BuiltinForm::kWhere;
-  uses_call_ = uses_call_ || builtin->form == BuiltinForm::kCall || builtin->form == BuiltinForm::kCallIf;
-  const bool writes = builtin->returns_value() || builtin->form == BuiltinForm::kFor;
-  const std::size_t destination_index = builtin->form == BuiltinForm::kPlugin ? 2 : 0;
-  if (writes && call.children.size() > destination_index &&
-      call.children[destination_index].kind == ExpressionKind::kName) {
-    written_names_.insert(call.children[destination_index].text);
-  }
+void Lowering::note_masks(const Builtin& builtin) {
+  uses_mask_on_ = uses_mask_on_ || builtin.op == program::Opcode::kMaskOn;
+  uses_where_ = uses_where_ || builtin.form == BuiltinForm::kWhere;
+  uses_call_ = uses_call_ || builtin.form == BuiltinForm::kCall || builtin.form == BuiltinForm::kCallIf;
 }
 
 void Lowering::collect_writes(const Expression& expression) {
@@ -65,6 +57,16 @@ void Lowering::collect_writes(const Expression& expression) {
   if (expression.expansion == nullptr) return;
   for (const syntax::ArgumentBinding& binding : expression.expansion->bindings) collect_writes(binding.value);
   collect_writes(expression.expansion->body);
+}
+
+void Lowering::lower_statements(std::span<const Statement> statements) {
+  const std::span<const Statement> saved = following_;
+  while (!statements.empty() && !diagnostics_.full()) {
+    following_ = statements.subspan(1);
+    lower_statement(statements.front());
+    statements = statements.subspan(1);
+  }
+  following_ = saved;
 }
 
 void Lowering::lower_statement(const Statement& statement) {
@@ -106,7 +108,7 @@ void Lowering::lower_resolved(const Statement& statement) {
     case StatementKind::kDeclare:
       return lower_declaration(*statement.declaration);
     case StatementKind::kMacroBegin:
-      return enter_macro(*statement.expansion);
+      return enter_macro(*statement.expansion, body_of(statement.expansion_id));
     case StatementKind::kMacroEnd:
       return leave_macro(statement.expansion_id);
     case StatementKind::kInvalid:
@@ -206,9 +208,15 @@ void Lowering::lower_assignment(const Expression& target, const Expression& valu
     fail(target.location, "'{}' is the text '{}', and holds no number", display_name(target.text),
          texts_[target.text]);
   is_register_statement_ = find_shape(target, shape_hint_) || find_shape(value, shape_hint_);
+  assign(target, value.location, [&](ResultDestination* destination) { return lower(value, destination); });
+}
+
+void Lowering::assign(const Expression& target, Location location,
+                      const std::function<Value(ResultDestination*)>& lower_value) {
   ResultDestination destination{&target, false};
-  const Value result = lower(value, &destination);
-  if (!destination.used) store_result(destination, result, value.location);
+  const bool is_whole = conditions_since(mask_base(target)).empty();
+  const Value result = lower_value(is_whole ? &destination : nullptr);
+  if (!destination.used) store_result(destination, result, location);
 }
 
 void Lowering::store_result(ResultDestination& destination, const Value& value, Location location) {
@@ -216,34 +224,10 @@ void Lowering::store_result(ResultDestination& destination, const Value& value, 
   const Value target = resolve_destination(destination, value.is_register(), builder_.shape(value));
   if (value.is_register()) check_shapes({target, value}, location);
   check_machine_copy(target, value, location);
+  if (std::vector<Value> conditions = conditions_since(mask_base(target)); !conditions.empty())
+    return emit_selection(target, value, std::move(conditions), location);
   if (builder_.retarget_last(value, target)) return;
   builder_.emit(program::Opcode::kCopy, builder_.operand(target), {builder_.operand(value)});
-}
-
-void Lowering::enter_macro(const syntax::MacroExpansion& expansion) {
-  MacroScope& scope = scopes_[expansion.id];
-  for (const syntax::ArgumentBinding& binding : expansion.bindings) {
-    find_shape(binding.value, shape_hint_);
-    Symbol symbol{{}, binding.value.location, false, display_name(binding.name), false};
-    scope.names.push_back(binding.name);
-    try {
-      symbol.value = lower(binding.value);
-    } catch (const CompileError& error) {
-      diagnostics_.error(error.location, error.message);
-    } catch (const AlreadyReported&) {
-    }
-    builder_.retain(symbol.value);
-    scope.values.push_back(symbol.value);
-    symbols_.add(binding.name, symbol);
-  }
-}
-
-void Lowering::leave_macro(std::uint32_t expansion) {
-  const auto scope = scopes_.find(expansion);
-  if (scope == scopes_.end()) return;
-  for (const Value& value : scope->second.values) builder_.release(value);
-  for (const std::string& name : scope->second.names) symbols_.remove(name);
-  scopes_.erase(scope);
 }
 
 // Returns true if the call is one of the original's windows and simulators, which we do not have, and warns
@@ -358,9 +342,8 @@ void Lowering::lower_call_statement(const Expression& call) {
   is_register_statement_ = find_shape(target, shape_hint_);
   for (std::size_t i = 0; i < arguments.size() && !is_register_statement_; ++i)
     is_register_statement_ = find_shape(arguments[i], shape_hint_);
-  ResultDestination destination{&target, false};
-  const Value result = lower_call(*builtin, call, arguments, &destination);
-  if (!destination.used) store_result(destination, result, call.location);
+  assign(target, call.location,
+         [&](ResultDestination* destination) { return lower_call(*builtin, call, arguments, destination); });
 }
 
 void Lowering::lower_builtin_statement(const Builtin& builtin, const Expression& call) {
