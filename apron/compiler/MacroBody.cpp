@@ -22,6 +22,7 @@ class Scan {
  public:
   MacroBody run(std::span<const Statement> body) {
     visit(body);
+    body_.is_self_contained &= body_.closes_its_blocks;
     for (const std::string& label : jumps_) body_.is_self_contained &= labels_.contains(label);
     return std::move(body_);
   }
@@ -36,10 +37,12 @@ class Scan {
       if (statement.expansion != nullptr)
         for (const syntax::ArgumentBinding& binding : statement.expansion->bindings) visit(binding.value);
       if (statement.kind == StatementKind::kCall) visit_call(statement.value, open_blocks, open_loops);
+      if (statement.kind == StatementKind::kInvalid && !statement.assigns)
+        visit_call(statement.target, open_blocks, open_loops);
       body_.last_target = written_target(statement);
       if (body_.last_target != nullptr) body_.targets.push_back(body_.last_target);
     }
-    body_.is_self_contained &= open_blocks == 0;
+    body_.closes_its_blocks &= open_blocks == 0;
   }
 
   // An expression may hold macros, whose bodies are statements.
@@ -57,7 +60,7 @@ class Scan {
       ++open_blocks;
       if (is_loop(*opened)) ++open_loops;
     } else if (const auto closed = builtin->closed_block()) {
-      if (--open_blocks < 0) body_.is_self_contained = false;
+      if (--open_blocks < 0) body_.closes_its_blocks = false;
       if (is_loop(*closed)) --open_loops;
     }
     for (const Expression& argument : call.children)

@@ -14,8 +14,9 @@ struct MacroBody {
   std::vector<const syntax::Expression*> targets;
   // The target of its last statement, or null: nothing in the body sees what that statement writes.
   const syntax::Expression* last_target = nullptr;
-  bool sets_base_mask = false;  // by mask.on or mask.off
-  // It closes the blocks that it opens, no others, and is left at its end only.
+  bool sets_base_mask = false;    // by mask.on or mask.off
+  bool closes_its_blocks = true;  // and no others
+  // It closes its blocks, and is left at its end only.
   bool is_self_contained = true;
 };
 

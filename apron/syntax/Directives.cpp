@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <filesystem>
+#include <iterator>
 #include <utility>
 
 #include "apron/syntax/Constant.h"
@@ -367,6 +368,12 @@ const OperandKind* Preprocessor::find_operand_kind(const std::string& operand) c
     if (kind.names.contains(operand) && (narrowest == nullptr || kind.names.size() < narrowest->names.size()))
       narrowest = &kind;
   return narrowest;
+}
+
+std::string Preprocessor::operand_of_kind(const std::string& kind, std::size_t number) const {
+  const auto found = operand_kinds_.find(kind);
+  if (found == operand_kinds_.end() || found->second.names.empty()) return {};
+  return *std::next(found->second.names.begin(), number % found->second.names.size());
 }
 
 std::string Preprocessor::check_operand(const std::string& kind_name, const Tokens& operand) const {

@@ -52,6 +52,12 @@ std::vector<std::string> MacroTable::names() const {
   return list;
 }
 
+std::vector<MacroTable::Handle> MacroTable::all() const {
+  std::vector<Handle> list;
+  for (const auto& [key, macro] : macros_) list.push_back(macro);
+  return list;
+}
+
 std::string signature(const Macro& macro) {
   std::string text = macro.result_parameter.empty()
                          ? macro.name

@@ -39,6 +39,7 @@ class MacroTable {
   // "f($a, $b)" or "$r = f($a)", one for each overload.
   std::vector<std::string> signatures(const std::string& name) const;
   std::vector<std::string> names() const;
+  std::vector<Handle> all() const;
 
  private:
   std::map<std::tuple<std::string, std::size_t, bool>, Handle> macros_;

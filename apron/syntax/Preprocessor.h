@@ -98,6 +98,8 @@ class Preprocessor {
 
   // "" if the tokens are an operand of the kind, otherwise the error message: "must be …, not …".
   std::string check_operand(const std::string& kind, const Tokens& operand) const;
+  // One of the kind's operands; "" if it has no names.
+  std::string operand_of_kind(const std::string& kind, std::size_t number) const;
   // The instruction or macro to which `!operator` bound the symbol, or "".
   std::string operator_target(const std::string& symbol) const;
   // The name of the last `!module`, or "". In a macro's body, the last one before the macro's definition.
