@@ -12,7 +12,6 @@
 
 #include "apron/compiler/Lowering.h"
 #include "apron/compiler/MacroBody.h"
-#include "apron/compiler/PaletteCheck.h"
 #include "apron/syntax/Parser.h"
 #include "apron/syntax/Preprocessor.h"
 
@@ -24,7 +23,8 @@ using syntax::Macro;
 
 // What a macro may take for a parameter whose kind it does not state.
 constexpr std::string_view kRegister = "apron.trial", kNumber = "1", kText = "'text'", kOperator = "<",
-                           kLabel = "#apron.trial";
+                           kLabel = "#apron.trial", kRegisters = "apron.trial.planes",
+                           kNumbers = "apron.trial.numbers";
 constexpr std::array kArguments = {
     kRegister, kNumber, kText, kOperator, kLabel, std::string_view("VARIABLE"), std::string_view("REGISTER")};
 constexpr std::string_view kTargets[] = {kRegister, "apron.trial.number"};
@@ -72,6 +72,24 @@ std::string operand_kind(const Macro& macro, std::size_t parameter, const syntax
   return {};
 }
 
+std::string_view argument_of_type(const syntax::MacroParameter& parameter) {
+  using syntax::ArgumentType;
+  if (parameter.is_array) return parameter.type == ArgumentType::kNumber ? kNumbers : kRegisters;
+  switch (parameter.type) {
+    case ArgumentType::kPlane:
+    case ArgumentType::kRegister:
+      return kRegister;
+    case ArgumentType::kNumber:
+    case ArgumentType::kInteger:
+      return kNumber;
+    case ArgumentType::kText:
+      return kText;
+    case ArgumentType::kAny:
+      return {};
+  }
+  return {};
+}
+
 // Errors are judged by calls with one kind of argument alone, of which each has all; lines of one of the further
 // calls, which mix two or three kinds, may be free of error.
 struct Calls {
@@ -84,8 +102,14 @@ Calls calls_of(const Macro& macro, const syntax::Preprocessor& preprocessor) {
   std::vector<std::vector<std::string_view>> lists;
   const std::size_t count = macro.parameters.size();
   std::vector<std::string> stated;
-  for (std::size_t i = 0; i < count; ++i)
+  for (std::size_t i = 0; i < count; ++i) {
+    const std::string_view typed = argument_of_type(macro.parameters[i]);
+    if (!typed.empty()) {
+      stated.emplace_back(typed);
+      continue;
+    }
     stated.push_back(preprocessor.operand_of_kind(operand_kind(macro, i, preprocessor.macros()), i));
+  }
   const bool has_free =
       std::ranges::any_of(stated, [](const std::string& operand) { return operand.empty(); });
   const auto base = [&](std::string_view kind) { return std::vector<std::string_view>(count, kind); };
@@ -115,8 +139,11 @@ Calls calls_of(const Macro& macro, const syntax::Preprocessor& preprocessor) {
     if (macro.result_parameter.empty()) {
       result.all.push_back(std::move(call));
     } else {
-      for (const std::string_view target : kTargets)
-        result.all.push_back(fmt::format("{} = {}", target, call));
+      for (const std::string_view target : kTargets) {
+        std::string targets(target);
+        for (std::size_t i = 0; i < macro.further_results.size(); ++i) targets += fmt::format(", {}", target);
+        result.all.push_back(fmt::format("{} = {}", targets, call));
+      }
     }
     if (&list == &lists[lists.size() > 1 ? 1 : 0]) result.uniform = result.all.size();
   }
@@ -162,7 +189,8 @@ class Round {
  public:
   Round(const CompileOptions& options, syntax::FileReader& reader, const std::string& calls)
       : reader_(reader, options.file,
-                fmt::format("!register({})\n{} = 0\n{}\n{}", kTargets[0], kTargets[1], kLabel, calls)),
+                fmt::format("!register({}, {}[99])\n!scalar({}, {}[99])\n{}\n{}", kRegister, kRegisters,
+                            kTargets[1], kNumbers, kLabel, calls)),
         preprocessor_(preprocessing(options), reader_, sources_, diagnostics_),
         statements_(syntax::Parser(preprocessor_, sources_, diagnostics_).parse()) {
     Lowering(  // the whole program
@@ -191,13 +219,6 @@ class Round {
  private:
   static constexpr std::uint32_t kNone = UINT32_MAX;
   static constexpr std::uint32_t kLinesBefore = 3;
-
-  static syntax::PreprocessorOptions preprocessing(const CompileOptions& options) {
-    syntax::PreprocessorOptions result{options};
-    result.is_builtin = [](std::string_view name) { return find_builtin(name) != nullptr; };
-    result.check_palette = palette_error;
-    return result;
-  }
 
   bool is_appended(const Location& at) const {
     return at.file == 0 && at.line >= reader_.first_line() + kLinesBefore;

@@ -31,6 +31,7 @@ Value Lowering::lower(const Expression& expression, ResultDestination* destinati
     case ExpressionKind::kName:
       return lower_name(expression, destination);
     case ExpressionKind::kElement: {
+      if (is_array_element(expression)) return lower_array_element(expression);
       const Symbol& symbol = find_element(expression);
       return symbol.value;
     }
@@ -60,6 +61,8 @@ Value Lowering::lower(const Expression& expression, ResultDestination* destinati
 
 Value Lowering::lower_name(const Expression& name, ResultDestination* destination) {
   const Symbol* symbol = symbols_.find(name.text);
+  if (symbol == nullptr && symbols_.find_array(name.text) != nullptr)
+    fail(name.location, "'{0}' is an array; {0}[0] is its first element", display_name(name.text));
   if (symbol == nullptr) {
     const Builtin* builtin = find_builtin(name.text);
     if (builtin != nullptr && builtin->min_arguments == 0) return lower_call(*builtin, name, {}, destination);
@@ -101,6 +104,10 @@ Value Lowering::lower_name(const Expression& name, ResultDestination* destinatio
 }
 
 const Symbol& Lowering::find_element(const Expression& expression) const {
+  if (is_array_element(expression)) {
+    if (const Symbol* element = array_element(expression)) return *element;
+    fail(expression.location, "the index of an array is a constant here");
+  }
   const Expression& index = expression.children.front();
   if (index.kind == ExpressionKind::kName)
     return symbols_.find_element(expression.text, index.text, index.location);
@@ -111,6 +118,7 @@ const Symbol& Lowering::find_element(const Expression& expression) const {
 
 // The element, or null if there is none of that name or number.
 const Symbol* Lowering::find_element_or_null(const Expression& expression) const {
+  if (is_array_element(expression)) return array_element(expression);
   const Expression& index = expression.children.front();
   if (index.kind == ExpressionKind::kName) return symbols_.find_element_or_null(expression.text, index.text);
   if (index.kind == ExpressionKind::kNumber)
@@ -386,7 +394,8 @@ bool Lowering::find_shape(const Expression& expression, Shape& shape) const {
   const Symbol* symbol = nullptr;
   if (expression.kind == ExpressionKind::kName) symbol = symbols_.find(expression.text);
   if (expression.kind == ExpressionKind::kElement) {
-    symbol = find_element_or_null(expression);
+    const std::vector<Symbol>* array = symbols_.find_array(expression.text);
+    symbol = array != nullptr ? &array->front() : find_element_or_null(expression);
     if (symbol == nullptr) return false;
   }
   if (symbol != nullptr && symbol->value.is_register()) {

@@ -19,6 +19,45 @@ std::span<const Lowering::Statement> Lowering::body_of(std::uint32_t expansion) 
   return following_.first(static_cast<std::size_t>(end - following_.begin()));
 }
 
+// The arguments of a function whose parameters state their types.
+void Lowering::check_arguments(const syntax::MacroExpansion& expansion) const {
+  using syntax::ArgumentType;
+  for (const syntax::TypedArgument& argument : expansion.typed_arguments) {
+    const Expression& value = argument.value;
+    const std::vector<Symbol>* array =
+        value.kind == ExpressionKind::kName ? symbols_.find_array(value.text) : nullptr;
+    const bool is_text = value.kind == ExpressionKind::kString || texts_.contains(value.text);
+    const bool is_place = value.kind == ExpressionKind::kName || value.kind == ExpressionKind::kElement;
+    const bool is_unknown = value.kind == ExpressionKind::kName && array == nullptr && !is_text &&
+                            symbols_.find(value.text) == nullptr && find_builtin(value.text) == nullptr;
+    if (is_unknown && argument.type != ArgumentType::kText) continue;  // reported where the body reads it
+    const bool is_plane = array == nullptr && !is_text && !is_scalar(value);
+    Shape shape;
+    std::string expected;
+    if (argument.is_array) {
+      const bool of_numbers = argument.type == ArgumentType::kNumber;
+      if (array == nullptr || array->front().value.is_register() == of_numbers)
+        expected = of_numbers ? "an array of numbers" : "an array of registers";
+    } else if (argument.type == ArgumentType::kText) {
+      if (!is_text) expected = "a text";
+    } else if (argument.type == ArgumentType::kNumber || argument.type == ArgumentType::kInteger) {
+      if (is_plane || is_text || array != nullptr) expected = "a number";
+    } else if (argument.type == ArgumentType::kPlane) {
+      if (!is_plane) expected = "a plane";
+    } else if (!is_place || array != nullptr || !find_shape(value, shape) ||
+               (value.kind == ExpressionKind::kName && !symbols_.find(value.text)->is_writable)) {
+      expected = "a register";
+    }
+    if (expected.empty()) continue;
+    fail(value.location, "'{}' takes {} for '{}', and this is {}", expansion.macro, expected,
+         argument.parameter,
+         array != nullptr ? "an array"
+         : is_text        ? "a text"
+         : is_plane       ? "a plane"
+                          : "a number");
+  }
+}
+
 void Lowering::enter_macro(const syntax::MacroExpansion& expansion, std::span<const Statement> body) {
   MacroScope scope;
   scope.result_name = expansion.result_name;
@@ -36,6 +75,7 @@ void Lowering::enter_macro(const syntax::MacroExpansion& expansion, std::span<co
     scope.values.push_back(symbol.value);
     symbols_.add(binding.name, symbol);
   }
+  check_arguments(expansion);
   if (may_be_masked()) isolate_from_masks(scope, scan_macro_body(body), builder_.location());
   scopes_[expansion.id] = std::move(scope);
 }
@@ -48,7 +88,10 @@ void Lowering::leave_macro(std::uint32_t expansion) {
     if (value.is_register() && value.is_temporary) set_mask_base(value, std::nullopt);
     builder_.release(value);
   }
-  for (const std::string& name : scope->second.names) symbols_.remove(name);
+  for (const std::string& name : scope->second.names) {
+    symbols_.remove(name);
+    symbols_.remove_array(name);
+  }
   scopes_.erase(scope);
 }
 
@@ -62,10 +105,7 @@ void Lowering::isolate_from_masks(MacroScope& scope, const MacroBody& body, Loca
   std::map<std::uint32_t, Value> written;
   for (const Expression* target : body.targets) {
     if (target == body.last_target) continue;
-    const Symbol* symbol = target->kind == ExpressionKind::kElement ? find_element_or_null(*target)
-                                                                    : symbols_.find(target->text);
-    if (symbol != nullptr && symbol->value.is_register() && symbol->is_writable)
-      written.emplace(symbol->value.index, symbol->value);
+    for (const Value& value : written_registers(*target)) written.emplace(value.index, value);
   }
   for (const auto& [index, value] : written) {
     const std::optional<std::size_t> outer_base = mask_base(value);
@@ -216,7 +256,7 @@ Value Lowering::lower_expansion(const Expression& expression) {
     shape = builder_.shape(symbol->value);
     found = true;
   }
-  if (found && !is_reduction(expansion)) {
+  if (found && !expansion.is_function && !is_reduction(expansion)) {
     Expression result_expression;
     result_expression.kind = ExpressionKind::kName;
     result_expression.location = expression.location;

@@ -62,8 +62,12 @@ void Lowering::collect_writes(const Expression& expression) {
 void Lowering::lower_statements(std::span<const Statement> statements) {
   const std::span<const Statement> saved = following_;
   while (!statements.empty() && !diagnostics_.full()) {
+    const Statement& statement = statements.front();
     following_ = statements.subspan(1);
-    lower_statement(statements.front());
+    if (skipped_expansion_ == 0)
+      lower_statement(statement);
+    else if (statement.kind == StatementKind::kMacroEnd && statement.expansion_id == skipped_expansion_)
+      skipped_expansion_ = 0;
     statements = statements.subspan(1);
   }
   following_ = saved;
@@ -79,6 +83,7 @@ void Lowering::lower_statement(const Statement& statement) {
     dispatch_statement(statement);
   } catch (const CompileError& error) {
     diagnostics_.error(error.location, error.message);
+    if (statement.kind == StatementKind::kMacroBegin) skipped_expansion_ = statement.expansion_id;
     recover_from_error(statement);
   } catch (const AlreadyReported&) {
     recover_from_error(statement);
@@ -144,8 +149,11 @@ void Lowering::recover_from_error(const Statement& statement) {
 void Lowering::lower_declaration(const syntax::Declaration& declaration) {
   using Kind = syntax::Declaration::Kind;
   if (declaration.kind == Kind::kClass) return symbols_.add_class(declaration);
-  const bool is_plain_register = declaration.kind == Kind::kRegister;
-  const std::string class_name = is_plain_register ? "REGISTER" : declaration.class_name;
+  if (declaration.count > 0) return declare_array(declaration);
+  const bool is_plain_register = declaration.kind == Kind::kRegister && !declaration.of_variables;
+  const std::string class_name = is_plain_register                     ? "REGISTER"
+                                 : declaration.kind == Kind::kRegister ? "VARIABLE"
+                                                                       : declaration.class_name;
   const Symbol* existing = symbols_.find(declaration.name);
   const bool variables = symbols_.holds_variables(class_name, declaration.location);
   const bool is_unqualified = is_plain_register || class_name == "VARIABLE" || class_name == "v";
@@ -157,11 +165,12 @@ void Lowering::lower_declaration(const syntax::Declaration& declaration) {
   if (is_unqualified && builtin != nullptr && builtin->min_arguments == 0) {
     fail(declaration.location, "'{}' is the name of an instruction", declaration.name);
   }
-  Symbol symbol{{}, declaration.location, true, display_name(declaration.name), true};
-  symbol.value.kind = variables ? Value::Kind::kScalar : Value::Kind::kRegister;
-  symbol.value.index = variables
-                           ? builder_.add_variable(symbol.name)
-                           : builder_.add_register(symbol.name, {declaration.width, declaration.height});
+  Symbol symbol = declare_element(declaration, display_name(declaration.name));
+  if (declaration.owner != 0) {
+    symbols_.add(declaration.name, symbol);
+    scopes_[declaration.owner].names.push_back(declaration.name);
+    return;
+  }
   if (declaration.is_machine_register) {
     symbol.machine_file = declaration.location.file;
     machine_registers_[symbol.value.index] = declaration.location.file;
@@ -173,6 +182,37 @@ void Lowering::lower_declaration(const syntax::Declaration& declaration) {
   builder_.emit(program::Opcode::kSetPalette, {}, {operand, builder_.text_operand(declaration.palette)});
   builder_.emit(program::Opcode::kSetScale, {},
                 {operand, builder_.literal_operand(0.0F), builder_.literal_operand(declaration.scale)});
+}
+
+// The register or scalar of a declaration. A function's is zero from there on, and released at its end.
+Symbol Lowering::declare_element(const syntax::Declaration& declaration, const std::string& name) {
+  const bool is_scalar =
+      declaration.of_variables || (declaration.kind == syntax::Declaration::Kind::kElement &&
+                                   symbols_.holds_variables(declaration.class_name, declaration.location));
+  const Shape shape{declaration.width, declaration.height};
+  Symbol symbol{{}, declaration.location, true, name, true};
+  if (declaration.owner == 0) {
+    symbol.value.kind = is_scalar ? Value::Kind::kScalar : Value::Kind::kRegister;
+    symbol.value.index = is_scalar ? builder_.add_variable(name) : builder_.add_register(name, shape);
+    return symbol;
+  }
+  MacroScope& scope = scopes_[declaration.owner];
+  symbol.value =
+      retained(is_scalar ? builder_.allocate_scalar_temporary() : builder_.allocate_temporary(shape));
+  scope.values.push_back(symbol.value);
+  if (!is_scalar && scope.mask_base) set_mask_base(symbol.value, scope.mask_base);
+  builder_.emit(program::Opcode::kCopy, builder_.operand(symbol.value), {builder_.literal_operand(0.0)},
+                false);
+  return symbol;
+}
+
+void Lowering::declare_array(const syntax::Declaration& declaration) {
+  std::vector<Symbol> elements;
+  for (std::uint32_t i = 0; i < declaration.count; ++i)
+    elements.push_back(
+        declare_element(declaration, fmt::format("{}[{}]", display_name(declaration.name), i)));
+  symbols_.add_array(declaration.name, declaration.of_variables, std::move(elements), declaration.location);
+  if (declaration.owner != 0) scopes_[declaration.owner].names.push_back(declaration.name);
 }
 
 // ---- texts: names that stand for a text from their assignment on -------------------------------------------
@@ -213,6 +253,8 @@ void Lowering::lower_assignment(const Expression& target, const Expression& valu
 
 void Lowering::assign(const Expression& target, Location location,
                       const std::function<Value(ResultDestination*)>& lower_value) {
+  if (is_array_element(target) && array_element(target) == nullptr)
+    return assign_array_element(target, lower_value(nullptr), location);
   ResultDestination destination{&target, false};
   const bool is_whole = conditions_since(mask_base(target)).empty();
   const Value result = lower_value(is_whole ? &destination : nullptr);
@@ -267,8 +309,8 @@ void Lowering::fail_unknown_call(const Expression& call) const {
       {"convolve", "write filter.create, filter.fill3x3 and filter.do(A, name)"},
       {"blur", "write filter.gauss.fast, or box(A) of !include('filters.aps')"},
       {"ifelse", "write select(mask, a, b)"},
-      {"function", "a macro is defined by !macro_def, !macro_begin, !macro_end"},
-      {"def", "a macro is defined by !macro_def, !macro_begin, !macro_end"},
+      {"function", "a function is defined by function y = f(plane a, number n) … endfunction"},
+      {"def", "a function is defined by function y = f(plane a, number n) … endfunction"},
       {"erode", "it is a macro of the library: !include('morphology.aps')"},
       {"dilate", "it is a macro of the library: !include('morphology.aps')"},
       {"skeleton", "it is a macro of the library: !include('morphology.aps')"},

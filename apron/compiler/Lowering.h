@@ -108,6 +108,8 @@ class Lowering {
   void define_text(const Expression& target, const Expression& text);
   bool ignores(const Expression& call);
   void lower_declaration(const syntax::Declaration&);
+  Symbol declare_element(const syntax::Declaration&, const std::string& name);
+  void declare_array(const syntax::Declaration&);
   void lower_assignment(const Expression& target, const Expression& value);
   void assign(const Expression& target, Location,
               const std::function<Value(ResultDestination*)>& lower_value);
@@ -121,6 +123,7 @@ class Lowering {
 
   // LowerMacro.cpp
   std::span<const Statement> body_of(std::uint32_t expansion) const;
+  void check_arguments(const syntax::MacroExpansion&) const;
   void enter_macro(const syntax::MacroExpansion&, std::span<const Statement> body);
   void leave_macro(std::uint32_t expansion);
   Value lower_expansion(const Expression&);
@@ -136,6 +139,15 @@ class Lowering {
   std::vector<Value> conditions_since(std::optional<std::size_t> mask_base) const;
   void emit_selection(const Value& target, const Value& value, std::vector<Value> conditions, Location);
   Value where_condition(const Value& mask);
+
+  // LowerIndexed.cpp
+  bool is_array_element(const Expression&) const;
+  std::optional<double> constant_value(const Expression&) const;
+  const Symbol* array_element(const Expression&) const;
+  std::vector<Value> written_registers(const Expression& target) const;
+  program::Operand array_operand(const std::string& name);
+  Value lower_array_element(const Expression&);
+  void assign_array_element(const Expression& target, const Value&, Location);
 
   // LowerExpression.cpp
   Value lower(const Expression&, ResultDestination* = nullptr);
@@ -274,12 +286,14 @@ class Lowering {
   std::vector<Block> blocks_;
   std::map<std::uint32_t, MacroScope> scopes_;
   std::map<std::uint32_t, std::size_t> mask_bases_;  // of the registers that ignore masks: see MacroScope
+  std::uint32_t skipped_expansion_ = 0;              // whose call has an error: its body is passed over
   std::span<const Statement> following_;             // the statements after the current one
   std::map<std::string, JumpTarget> labels_;
   std::vector<JumpSite> jumps_;
   std::vector<ScalarRead> scalar_reads_;
   std::uint32_t where_region_count_ = 0;
   std::map<std::uint32_t, std::uint32_t> machine_registers_;  // register to the file of its machine
+  std::map<std::string, std::uint32_t> array_groups_;         // arrays that are indexed at run time
   std::map<std::string, std::uint32_t> group_indices_;        // classes that are indexed by number
   bool is_register_statement_ = false;  // the statement has registers: one random number per cell
   Shape shape_hint_;                    // for cell.x and the like, which have no shape of their own

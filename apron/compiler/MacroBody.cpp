@@ -125,14 +125,14 @@ const Expression* written_target(const Statement& statement) {
   if (statement.kind != StatementKind::kCall) return nullptr;
   const Expression& call = statement.value;
   const Builtin* builtin = find_builtin(call.text);
-  const bool writes = builtin != nullptr && (builtin->returns_value() || builtin->form == BuiltinForm::kFor ||
-                                             builtin->form == BuiltinForm::kPixelSet);
-  if (!writes || call.children.empty()) return nullptr;
-  std::size_t place = builtin->form == BuiltinForm::kPlugin ? 2 : 0;
+  const int written = builtin == nullptr ? -1 : builtin->written_argument(call.children.size());
+  if (written < 0) return nullptr;
+  auto place = static_cast<std::size_t>(written);
   // surface.sense('name', D) is surface.sense(D, 'name').
-  if (builtin->op == program::Opcode::kSurfaceSense && call.children[0].kind == ExpressionKind::kString)
+  if (builtin->op == program::Opcode::kSurfaceSense && call.children.size() > 1 &&
+      call.children[0].kind == ExpressionKind::kString)
     place = 1;
-  if (place >= call.children.size() || !is_place(call.children[place])) return nullptr;
+  if (!is_place(call.children[place])) return nullptr;
   return &call.children[place];
 }
 
