@@ -201,7 +201,8 @@ class Round {
       const Location& at = error.location;
       const std::uint32_t call = call_number(at);
       if (call == kNone) continue;
-      if (is_appended(at))
+      // What the program refuses by !error may depend on what is set before.
+      if (is_appended(at) || error.is_stated)
         refused_.insert(call);
       else
         errors_[call].emplace(ErrorKey{at.file, at.line, at.column, error.message}, std::move(error));
@@ -283,8 +284,6 @@ CompileResult check_macro_bodies(const CompileOptions& options, syntax::FileRead
         remaining.push_back(std::move(trial));
       } else if (trial.errors) {
         for (auto& [key, error] : *trial.errors) {
-          // What an installed routine refuses may depend on what is set before.
-          if (is_installed(error.location, program.sources())) continue;
           error.location.expansion = 0;
           error.notes = {{trial.definition,
                           fmt::format("every call of the macro '{}' has it, which is defined", trial.name)}};

@@ -80,6 +80,12 @@ void Diagnostics::error(Location location, std::string message, std::vector<Note
   full_ = diagnostics_.size() >= max_errors_;
 }
 
+void Diagnostics::stated_error(Location location, std::string message) {
+  const std::size_t count = diagnostics_.size();
+  error(location, std::move(message));
+  if (diagnostics_.size() > count) diagnostics_.back().is_stated = true;
+}
+
 void Diagnostics::warning(Location location, std::string message) {
   if (warnings_.size() < kMaxErrors) warnings_.push_back({location, std::move(message), {}, true});
 }
