@@ -149,7 +149,7 @@ constexpr Builtin kBuiltins[] = {
 std::vector<Builtin> make_builtins() {
   static constexpr Builtin kInstructions[] = {
 #define APRON_ELEMENTWISE(name, arity, value) {{}, Form::kElementwise, arity, arity, Op::k##name},
-#define APRON_LIBM(name, arity, value) {{}, Form::kElementwise, arity, arity, Op::k##name},
+#define APRON_MATHEMATICS(name, arity, value) {{}, Form::kElementwise, arity, arity, Op::k##name},
 #include "apron/program/elementwise.def"
   };
   static std::deque<std::string> names;

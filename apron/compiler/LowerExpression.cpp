@@ -231,8 +231,7 @@ Value Lowering::lower_short_circuit(Opcode op, const Expression& expression) {
 
 Value Lowering::emit_elementwise(Opcode op, const std::vector<Value>& values, Location location,
                                  ResultDestination* destination) {
-  // What the C library computes differs between machines, and a compiled program does not.
-  if (!program::calls_libm(op) && std::ranges::all_of(values, &Value::is_constant)) {
+  if (std::ranges::all_of(values, &Value::is_constant)) {
     std::array<double, program::kMaxOperands> in{};
     std::ranges::transform(values, in.begin(), &Value::constant);
     return Value::from_constant(program::evaluate_scalar(op, in[0], in[1], in[2]));
