@@ -42,6 +42,7 @@ R magnitude(R a) { return std::fabs(a); }
 R with_sign(R a, R of) { return std::copysign(a, of); }
 B is_negative(R a) { return std::signbit(a); }
 R square_root(R a) { return std::sqrt(a); }
+R float_reciprocal(R a) { return 1.0F / static_cast<float>(a); }
 R nearest(R a) { return (a + 0x1.8p52) - 0x1.8p52; }
 R power_of_two(R k) {
   return std::bit_cast<double>(std::bit_cast<std::uint64_t>(k + (0x1.8p52 + 1023)) << 52U);

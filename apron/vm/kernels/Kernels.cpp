@@ -114,6 +114,10 @@ HWY_INLINE B choose_truth(B p, B a, B b) { return hn::Or(hn::And(p, a), hn::AndN
 HWY_INLINE R magnitude(R a) { return {hn::Abs(a.v)}; }
 HWY_INLINE R with_sign(R a, R of) { return {hn::CopySign(a.v, of.v)}; }
 HWY_INLINE R square_root(R a) { return {hn::Sqrt(a.v)}; }
+HWY_INLINE R float_reciprocal(R a) {
+  const hn::Rebind<float, DR> floats;
+  return {hn::PromoteTo(DR(), hn::Div(hn::Set(floats, 1.0F), hn::DemoteTo(floats, a.v)))};
+}
 HWY_INLINE R nearest(R a) { return (a + constant(0x1.8p52)) - constant(0x1.8p52); }
 HWY_INLINE hn::Vec<DBits> bits(R a) { return hn::BitCast(DBits(), a.v); }
 HWY_INLINE R from_bits(hn::Vec<DBits> a) { return {hn::BitCast(DR(), a)}; }

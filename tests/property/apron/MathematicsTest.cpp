@@ -1,5 +1,5 @@
 // The mathematical functions differ from the true value, by the C library in double precision, by less than
-// 0.51 units in the last place, for random and special arguments, and follow C's rules at the ends. That the
+// one unit in the last place, for random and special arguments, and follow C's rules at the ends. That the
 // kernels of every instruction set have the same bits is ElementwiseAgreementTest's.
 #include "apron/program/Mathematics.h"
 
@@ -90,7 +90,7 @@ double error_in_ulps(float value, double reference) {
 
 class Mathematics : public testing::TestWithParam<Function> {};
 
-TEST_P(Mathematics, RoundsCorrectlyButForTies) {
+TEST_P(Mathematics, DiffersByLessThanAUnitInTheLastPlace) {
   const Function& function = GetParam();
   std::mt19937 rng(40);
   double worst = 0.0;
@@ -98,7 +98,7 @@ TEST_P(Mathematics, RoundsCorrectlyButForTies) {
     const float value = evaluate_mathematics(function.op, a, b);
     const double error = error_in_ulps(value, function.reference(a, b));
     worst = std::max(worst, error);
-    ASSERT_LT(error, 0.51) << function.name << fmt::format("({:a}, {:a}) = {:a}", a, b, value);
+    ASSERT_LT(error, 1.0) << function.name << fmt::format("({:a}, {:a}) = {:a}", a, b, value);
   };
   std::uniform_real_distribution<float> usual(static_cast<float>(function.low),
                                               static_cast<float>(function.high));
