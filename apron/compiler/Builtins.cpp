@@ -39,6 +39,7 @@ constexpr Builtin kBuiltins[] = {
     {"flood", Form::kPropagate, 2, 2, Op::kFlood},
     {"distance", Form::kPropagate, 1, 1, Op::kDistance},
     {"spread.max", Form::kPropagate, 2, 2, Op::kSpreadMax},
+    {"spread.sum", Form::kPropagate, 2, 2, Op::kSpreadSum},
     {"filter.create", Form::kFilterCreate, 3, 3},
     {"filter.setElement", Form::kFilterSet, 4, 4, Op::kFilterSet},
     {"filter.fill3x3", Form::kFilterFill, 10, 10},
