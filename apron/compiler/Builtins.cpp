@@ -39,6 +39,7 @@ constexpr Builtin kBuiltins[] = {
     {"flood", Form::kPropagate, 2, 2, Op::kFlood},
     {"distance", Form::kPropagate, 1, 1, Op::kDistance},
     {"spread.max", Form::kPropagate, 2, 2, Op::kSpreadMax},
+    {"spread.sum", Form::kPropagate, 2, 2, Op::kSpreadSum},
     {"filter.create", Form::kFilterCreate, 3, 3},
     {"filter.setElement", Form::kFilterSet, 4, 4, Op::kFilterSet},
     {"filter.fill3x3", Form::kFilterFill, 10, 10},
@@ -149,7 +150,7 @@ constexpr Builtin kBuiltins[] = {
 std::vector<Builtin> make_builtins() {
   static constexpr Builtin kInstructions[] = {
 #define APRON_ELEMENTWISE(name, arity, value) {{}, Form::kElementwise, arity, arity, Op::k##name},
-#define APRON_LIBM(name, arity, value) {{}, Form::kElementwise, arity, arity, Op::k##name},
+#define APRON_MATHEMATICS(name, arity, value) {{}, Form::kElementwise, arity, arity, Op::k##name},
 #include "apron/program/elementwise.def"
   };
   static std::deque<std::string> names;

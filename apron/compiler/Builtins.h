@@ -87,6 +87,12 @@ struct Builtin {
     return form == BuiltinForm::kOperands ? program::opcode_info(op).signature.front() != '-'
                                           : form <= BuiltinForm::kPlugin;
   }
+  // The argument that a statement with that many writes, or -1. 'surface.sense' takes its two in either order.
+  int written_argument(std::size_t count) const noexcept {
+    if (form == BuiltinForm::kPlugin) return count > 2 ? 2 : -1;
+    const bool writes = returns_value() || form == BuiltinForm::kFor || form == BuiltinForm::kPixelSet;
+    return writes && count > 0 ? 0 : -1;
+  }
   // The kind of block that the statement opens or closes, if it does.
   std::optional<BlockKind> opened_block() const noexcept {
     if (form < BuiltinForm::kIf || form > BuiltinForm::kWhere) return std::nullopt;

@@ -36,10 +36,7 @@ void check_program(const program::Program& program, std::size_t max_addr, syntax
 std::optional<program::Program> compile_program(const CompileOptions& options, syntax::FileReader& reader,
                                                 syntax::SourceManager& sources,
                                                 syntax::Diagnostics& diagnostics) {
-  syntax::PreprocessorOptions preprocessing{options};
-  preprocessing.is_builtin = [](std::string_view name) { return find_builtin(name) != nullptr; };
-  preprocessing.check_palette = palette_error;
-  syntax::Preprocessor preprocessor(std::move(preprocessing), reader, sources, diagnostics);
+  syntax::Preprocessor preprocessor(preprocessing(options), reader, sources, diagnostics);
   const std::vector<syntax::Statement> statements =
       syntax::Parser(preprocessor, sources, diagnostics).parse();
   std::vector<std::string> names = preprocessor.macros().names();
@@ -56,6 +53,17 @@ std::optional<program::Program> compile_program(const CompileOptions& options, s
 }
 
 }  // namespace
+
+syntax::PreprocessorOptions preprocessing(const CompileOptions& options) {
+  syntax::PreprocessorOptions result{options};
+  result.is_builtin = [](std::string_view name) { return find_builtin(name) != nullptr; };
+  result.written_argument = [](std::string_view name, std::size_t arguments) {
+    const Builtin* builtin = find_builtin(name);
+    return builtin == nullptr ? -1 : builtin->written_argument(arguments);
+  };
+  result.check_palette = palette_error;
+  return result;
+}
 
 CompileResult compile(const CompileOptions& options, syntax::FileReader& reader) {
   CompileResult result;

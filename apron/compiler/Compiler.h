@@ -20,6 +20,9 @@ struct CompileResult {
   syntax::SourceManager sources;  // for syntax::format(diagnostics, sources)
 };
 
+// What the language's instructions are, for the preprocessor.
+syntax::PreprocessorOptions preprocessing(const CompileOptions&);
+
 // Terminates for every source and never throws because of its contents. Allocates; keeps no state between
 // calls.
 CompileResult compile(const CompileOptions&, syntax::FileReader&);

@@ -137,9 +137,15 @@ void Lowering::lower_pixel_set(const Expressions& arguments) {
   const Value x = lower_scalar(arguments[1], "'pixel.set'");
   const Value y = lower_scalar(arguments[2], "'pixel.set'");
   const Value value = lower_scalar(arguments[3], "'pixel.set'");
-  const Value target_register = resolve_destination(destination, true, builder_.shape(lower(target)));
-  builder_.emit(Opcode::kPixelSet, builder_.operand(target_register),
-                {builder_.operand(x), builder_.operand(y), builder_.operand(value)});
+  const Value written = resolve_destination(destination, true, builder_.shape(lower(target)));
+  const std::vector<program::Operand> operands{builder_.operand(x), builder_.operand(y),
+                                               builder_.operand(value)};
+  std::vector<Value> conditions = conditions_since(mask_base(written));
+  if (conditions.empty()) return builder_.emit(Opcode::kPixelSet, builder_.operand(written), operands);
+  const Value changed = builder_.allocate_temporary(builder_.shape(written));
+  builder_.emit(Opcode::kCopy, builder_.operand(changed), {builder_.operand(written)}, false);
+  builder_.emit(Opcode::kPixelSet, builder_.operand(changed), operands, false);
+  emit_selection(written, changed, std::move(conditions), target.location);
 }
 
 }  // namespace apron::compiler

@@ -195,9 +195,11 @@ void Lowering::open_where(const Expressions& arguments, Location location) {
     fail(location, "more than {} 'where' are open", program::kMaxMaskDepth);
   }
   const Shape shape = builder_.shape(mask);
-  if (mask.is_register()) check_where_shape(shape, location);
+  if (mask.is_register()) check_where_shape(shape, location, std::nullopt);
+  const Value condition = where_condition(mask);
   open_block(BlockKind::kWhere, location);
   blocks_.back().where_shape = shape;
+  blocks_.back().condition = condition;
   builder_.emit(Opcode::kMaskPush, {}, {builder_.operand(mask)});
 }
 
@@ -224,7 +226,13 @@ void Lowering::lower_elsewhere(Location location) {
   if (block.has_else) fail(location, "this 'where' has an 'elsewhere' already");
   block.has_else = true;
   block.where_region = ++where_region_count_;
-  if (!block.from_error) builder_.emit(Opcode::kMaskElse);
+  if (block.from_error) return;
+  builder_.emit(Opcode::kMaskElse);
+  if (block.condition.is_constant())
+    block.condition = Value::from_constant(block.condition.constant == 0.0 ? 1.0 : 0.0);
+  else if (block.condition.kind != Value::Kind::kNone)
+    builder_.emit(Opcode::kNot, builder_.operand(block.condition), {builder_.operand(block.condition)},
+                  false);
 }
 
 void Lowering::close_block(BlockKind kind, Location location) {
@@ -240,7 +248,8 @@ void Lowering::close_block(BlockKind kind, Location location) {
     close_loop(block);
   }
   builder_.bind_label(block.end_label);
-  for (const Value& value : {block.counter, block.bound, block.step}) builder_.release(value);
+  for (const Value& value : {block.condition, block.counter, block.bound, block.step})
+    builder_.release(value);
   blocks_.pop_back();
 }
 

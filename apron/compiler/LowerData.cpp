@@ -148,8 +148,8 @@ void Lowering::lower_plugin_statement(const Expression& call) {
   Expressions rest(arguments.begin(), arguments.begin() + 2);
   rest.insert(rest.end(), arguments.begin() + 3, arguments.end());
   is_register_statement_ = find_shape(target, shape_hint_);
-  ResultDestination destination{&target, false};
-  lower_plugin(rest, &destination);
+  assign(target, call.location,
+         [&](ResultDestination* destination) { return lower_plugin(rest, destination); });
 }
 
 }  // namespace apron::compiler

@@ -31,6 +31,7 @@ Value Lowering::lower(const Expression& expression, ResultDestination* destinati
     case ExpressionKind::kName:
       return lower_name(expression, destination);
     case ExpressionKind::kElement: {
+      if (is_array_element(expression)) return lower_array_element(expression);
       const Symbol& symbol = find_element(expression);
       return symbol.value;
     }
@@ -60,6 +61,8 @@ Value Lowering::lower(const Expression& expression, ResultDestination* destinati
 
 Value Lowering::lower_name(const Expression& name, ResultDestination* destination) {
   const Symbol* symbol = symbols_.find(name.text);
+  if (symbol == nullptr && symbols_.find_array(name.text) != nullptr)
+    fail(name.location, "'{0}' is an array; {0}[0] is its first element", display_name(name.text));
   if (symbol == nullptr) {
     const Builtin* builtin = find_builtin(name.text);
     if (builtin != nullptr && builtin->min_arguments == 0) return lower_call(*builtin, name, {}, destination);
@@ -101,6 +104,10 @@ Value Lowering::lower_name(const Expression& name, ResultDestination* destinatio
 }
 
 const Symbol& Lowering::find_element(const Expression& expression) const {
+  if (is_array_element(expression)) {
+    if (const Symbol* element = array_element(expression)) return *element;
+    fail(expression.location, "the index of an array is a constant here");
+  }
   const Expression& index = expression.children.front();
   if (index.kind == ExpressionKind::kName)
     return symbols_.find_element(expression.text, index.text, index.location);
@@ -111,6 +118,7 @@ const Symbol& Lowering::find_element(const Expression& expression) const {
 
 // The element, or null if there is none of that name or number.
 const Symbol* Lowering::find_element_or_null(const Expression& expression) const {
+  if (is_array_element(expression)) return array_element(expression);
   const Expression& index = expression.children.front();
   if (index.kind == ExpressionKind::kName) return symbols_.find_element_or_null(expression.text, index.text);
   if (index.kind == ExpressionKind::kNumber)
@@ -223,8 +231,7 @@ Value Lowering::lower_short_circuit(Opcode op, const Expression& expression) {
 
 Value Lowering::emit_elementwise(Opcode op, const std::vector<Value>& values, Location location,
                                  ResultDestination* destination) {
-  // What the C library computes differs between machines, and a compiled program does not.
-  if (!program::calls_libm(op) && std::ranges::all_of(values, &Value::is_constant)) {
+  if (std::ranges::all_of(values, &Value::is_constant)) {
     std::array<double, program::kMaxOperands> in{};
     std::ranges::transform(values, in.begin(), &Value::constant);
     return Value::from_constant(program::evaluate_scalar(op, in[0], in[1], in[2]));
@@ -275,7 +282,8 @@ Value Lowering::resolve_target(const Expression& target, bool is_register, Shape
     fail(target.location, "'{}' is a scalar, and the value is a register of {}{}", symbol->name, show(shape),
          hint.empty() ? "; globalsum(…) and the like make a number of it" : hint);
   }
-  if (symbol->value.is_register()) check_where_shape(builder_.shape(symbol->value), target.location);
+  if (symbol->value.is_register())
+    check_where_shape(builder_.shape(symbol->value), target.location, mask_base(symbol->value));
   return symbol->value;
 }
 
@@ -295,76 +303,6 @@ Value Lowering::create_scalar(const Expression& target, bool is_register) {
                target.text};
   symbols_.add(target.text, fresh);
   return fresh.value;
-}
-
-// A macro's local name gets its kind from its first write and lives until the macro ends.
-Value Lowering::create_macro_local(const Expression& target, bool is_register, Shape shape) {
-  Symbol fresh{{}, target.location, true, display_name(target.text), false};
-  if (is_register) {
-    check_where_shape(shape, target.location);
-    fresh.value = builder_.allocate_temporary(shape);
-    builder_.retain(fresh.value);
-    if (may_be_masked()) {
-      builder_.emit(Opcode::kCopy, builder_.operand(fresh.value), {builder_.literal_operand(0.0F)}, false);
-    }
-  } else {
-    fresh.value = retained(builder_.allocate_scalar_temporary());
-  }
-  symbols_.add(target.text, fresh);
-  if (target.owner != 0) {
-    scopes_[target.owner].names.push_back(target.text);
-    scopes_[target.owner].values.push_back(fresh.value);
-  }
-  return fresh.value;
-}
-
-// True if the body only computes the result as a scalar from a register.
-bool Lowering::is_reduction(const syntax::MacroExpansion& expansion) const {
-  Shape shape;
-  return !expansion.body.empty() && find_shape(expansion.body.front().value, shape) &&
-         std::ranges::all_of(expansion.body, [&](const Statement& statement) {
-           if (statement.kind == syntax::StatementKind::kMacroEnd) return true;
-           return statement.kind == syntax::StatementKind::kAssign &&
-                  statement.target.text == expansion.result_name && is_scalar(statement.value);
-         });
-}
-
-// The macro's result is a new register of zeros if an argument is a register that it does not reduce;
-// otherwise its first write determines it.
-Value Lowering::lower_expansion(const Expression& expression) {
-  const syntax::MacroExpansion& expansion = *expression.expansion;
-  const std::size_t blocks = blocks_.size();
-  const Location saved_location = builder_.location();
-  enter_macro(expansion);
-  written_names_.insert(expansion.result_name);
-  Shape shape;
-  bool found = false;
-  for (const Expression& argument : expansion.name_arguments) found = found || find_shape(argument, shape);
-  for (const syntax::ArgumentBinding& binding : expansion.bindings) {
-    const Symbol* symbol = symbols_.find(binding.name);
-    if (found || symbol == nullptr || !symbol->value.is_register()) continue;
-    shape = builder_.shape(symbol->value);
-    found = true;
-  }
-  if (found && !is_reduction(expansion)) {
-    Expression result_expression;
-    result_expression.kind = ExpressionKind::kName;
-    result_expression.location = expression.location;
-    result_expression.text = expansion.result_name;
-    create_macro_local(result_expression, true, shape);
-  }
-  for (const Statement& statement : expansion.body) lower_statement(statement);
-  builder_.set_location(saved_location, sources_.file(saved_location.file).name);
-  report_open_blocks(blocks);
-  const Symbol* symbol = symbols_.find(expansion.result_name);
-  if (symbol == nullptr) {
-    fail(expression.location, "the macro '{}' does not write its result", expansion.macro);
-  }
-  const Value value = symbol->value;
-  symbols_.remove(expansion.result_name);
-  if (value.kind == Value::Kind::kNone) throw AlreadyReported{};
-  builder_.unretain(value);
-  return value;
 }
 
 Value Lowering::retained(Value value) {
@@ -439,8 +377,10 @@ void Lowering::check_shapes(const std::vector<Value>& values, Location location)
   }
 }
 
-void Lowering::check_where_shape(Shape shape, Location location) const {
-  for (auto block = blocks_.rbegin(); block != blocks_.rend(); ++block) {
+void Lowering::check_where_shape(Shape shape, Location location, std::optional<std::size_t> mask_base) const {
+  std::size_t wheres = open_wheres();
+  for (auto block = blocks_.rbegin(); block != blocks_.rend() && wheres > mask_base.value_or(0); ++block) {
+    if (block->kind == BlockKind::kWhere) --wheres;
     if (block->where_shape == Shape{}) continue;
     if (block->where_shape == shape) return;
     fail(location, "a register of {} is written inside a 'where' over {}", show(shape),
@@ -453,7 +393,8 @@ bool Lowering::find_shape(const Expression& expression, Shape& shape) const {
   const Symbol* symbol = nullptr;
   if (expression.kind == ExpressionKind::kName) symbol = symbols_.find(expression.text);
   if (expression.kind == ExpressionKind::kElement) {
-    symbol = find_element_or_null(expression);
+    const std::vector<Symbol>* array = symbols_.find_array(expression.text);
+    symbol = array != nullptr ? &array->front() : find_element_or_null(expression);
     if (symbol == nullptr) return false;
   }
   if (symbol != nullptr && symbol->value.is_register()) {

@@ -24,10 +24,8 @@ Lowering::Lowering(Shape surface, const syntax::SourceManager& sources, syntax::
 
 void Lowering::lower_program(const std::vector<Statement>& program) {
   collect_writes(program);
-  for (const Statement& statement : program) {
-    if (diagnostics_.full()) return;
-    lower_statement(statement);
-  }
+  lower_statements(program);
+  if (diagnostics_.full()) return;
   report_open_blocks(0);
   check_jumps();
 }
@@ -36,9 +34,11 @@ void Lowering::lower_program(const std::vector<Statement>& program) {
 // one.
 void Lowering::collect_writes(const std::vector<Statement>& program) {
   for (const Statement& statement : program) {
-    if (statement.kind == StatementKind::kAssign && statement.target.kind == ExpressionKind::kName)
-      written_names_.insert(statement.target.text);
-    if (statement.kind == StatementKind::kCall) collect_call_writes(statement.value);
+    const Expression* target = written_target(statement);
+    if (target != nullptr && target->kind == ExpressionKind::kName) written_names_.insert(target->text);
+    const Builtin* builtin =
+        statement.kind == StatementKind::kCall ? find_builtin(statement.value.text) : nullptr;
+    if (builtin != nullptr) note_masks(*builtin);
     collect_writes(statement.value);
     if (statement.expansion == nullptr) continue;
     for (const syntax::ArgumentBinding& binding : statement.expansion->bindings)
@@ -46,18 +46,10 @@ void Lowering::collect_writes(const std::vector<Statement>& program) {
   }
 }
 
-void Lowering::collect_call_writes(const Expression& call) {
-  const Builtin* builtin = find_builtin(call.text);
-  if (builtin == nullptr) return;
-  uses_mask_on_ = uses_mask_on_ || builtin->op == program::Opcode::kMaskOn;
-  uses_where_ = uses_where_ || builtin->form == BuiltinForm::kWhere;
-  uses_call_ = uses_call_ || builtin->form == BuiltinForm::kCall || builtin->form == BuiltinForm::kCallIf;
-  const bool writes = builtin->returns_value() || builtin->form == BuiltinForm::kFor;
-  const std::size_t destination_index = builtin->form == BuiltinForm::kPlugin ? 2 : 0;
-  if (writes && call.children.size() > destination_index &&
-      call.children[destination_index].kind == ExpressionKind::kName) {
-    written_names_.insert(call.children[destination_index].text);
-  }
+void Lowering::note_masks(const Builtin& builtin) {
+  uses_mask_on_ = uses_mask_on_ || builtin.op == program::Opcode::kMaskOn;
+  uses_where_ = uses_where_ || builtin.form == BuiltinForm::kWhere;
+  uses_call_ = uses_call_ || builtin.form == BuiltinForm::kCall || builtin.form == BuiltinForm::kCallIf;
 }
 
 void Lowering::collect_writes(const Expression& expression) {
@@ -65,6 +57,20 @@ void Lowering::collect_writes(const Expression& expression) {
   if (expression.expansion == nullptr) return;
   for (const syntax::ArgumentBinding& binding : expression.expansion->bindings) collect_writes(binding.value);
   collect_writes(expression.expansion->body);
+}
+
+void Lowering::lower_statements(std::span<const Statement> statements) {
+  const std::span<const Statement> saved = following_;
+  while (!statements.empty() && !diagnostics_.full()) {
+    const Statement& statement = statements.front();
+    following_ = statements.subspan(1);
+    if (skipped_expansion_ == 0)
+      lower_statement(statement);
+    else if (statement.kind == StatementKind::kMacroEnd && statement.expansion_id == skipped_expansion_)
+      skipped_expansion_ = 0;
+    statements = statements.subspan(1);
+  }
+  following_ = saved;
 }
 
 void Lowering::lower_statement(const Statement& statement) {
@@ -77,6 +83,7 @@ void Lowering::lower_statement(const Statement& statement) {
     dispatch_statement(statement);
   } catch (const CompileError& error) {
     diagnostics_.error(error.location, error.message);
+    if (statement.kind == StatementKind::kMacroBegin) skipped_expansion_ = statement.expansion_id;
     recover_from_error(statement);
   } catch (const AlreadyReported&) {
     recover_from_error(statement);
@@ -106,7 +113,7 @@ void Lowering::lower_resolved(const Statement& statement) {
     case StatementKind::kDeclare:
       return lower_declaration(*statement.declaration);
     case StatementKind::kMacroBegin:
-      return enter_macro(*statement.expansion);
+      return enter_macro(*statement.expansion, body_of(statement.expansion_id));
     case StatementKind::kMacroEnd:
       return leave_macro(statement.expansion_id);
     case StatementKind::kInvalid:
@@ -142,8 +149,11 @@ void Lowering::recover_from_error(const Statement& statement) {
 void Lowering::lower_declaration(const syntax::Declaration& declaration) {
   using Kind = syntax::Declaration::Kind;
   if (declaration.kind == Kind::kClass) return symbols_.add_class(declaration);
-  const bool is_plain_register = declaration.kind == Kind::kRegister;
-  const std::string class_name = is_plain_register ? "REGISTER" : declaration.class_name;
+  if (declaration.count > 0) return declare_array(declaration);
+  const bool is_plain_register = declaration.kind == Kind::kRegister && !declaration.of_variables;
+  const std::string class_name = is_plain_register                     ? "REGISTER"
+                                 : declaration.kind == Kind::kRegister ? "VARIABLE"
+                                                                       : declaration.class_name;
   const Symbol* existing = symbols_.find(declaration.name);
   const bool variables = symbols_.holds_variables(class_name, declaration.location);
   const bool is_unqualified = is_plain_register || class_name == "VARIABLE" || class_name == "v";
@@ -155,11 +165,12 @@ void Lowering::lower_declaration(const syntax::Declaration& declaration) {
   if (is_unqualified && builtin != nullptr && builtin->min_arguments == 0) {
     fail(declaration.location, "'{}' is the name of an instruction", declaration.name);
   }
-  Symbol symbol{{}, declaration.location, true, display_name(declaration.name), true};
-  symbol.value.kind = variables ? Value::Kind::kScalar : Value::Kind::kRegister;
-  symbol.value.index = variables
-                           ? builder_.add_variable(symbol.name)
-                           : builder_.add_register(symbol.name, {declaration.width, declaration.height});
+  Symbol symbol = declare_element(declaration, display_name(declaration.name));
+  if (declaration.owner != 0) {
+    symbols_.add(declaration.name, symbol);
+    scopes_[declaration.owner].names.push_back(declaration.name);
+    return;
+  }
   if (declaration.is_machine_register) {
     symbol.machine_file = declaration.location.file;
     machine_registers_[symbol.value.index] = declaration.location.file;
@@ -171,6 +182,37 @@ void Lowering::lower_declaration(const syntax::Declaration& declaration) {
   builder_.emit(program::Opcode::kSetPalette, {}, {operand, builder_.text_operand(declaration.palette)});
   builder_.emit(program::Opcode::kSetScale, {},
                 {operand, builder_.literal_operand(0.0F), builder_.literal_operand(declaration.scale)});
+}
+
+// The register or scalar of a declaration. A function's is zero from there on, and released at its end.
+Symbol Lowering::declare_element(const syntax::Declaration& declaration, const std::string& name) {
+  const bool is_scalar =
+      declaration.of_variables || (declaration.kind == syntax::Declaration::Kind::kElement &&
+                                   symbols_.holds_variables(declaration.class_name, declaration.location));
+  const Shape shape{declaration.width, declaration.height};
+  Symbol symbol{{}, declaration.location, true, name, true};
+  if (declaration.owner == 0) {
+    symbol.value.kind = is_scalar ? Value::Kind::kScalar : Value::Kind::kRegister;
+    symbol.value.index = is_scalar ? builder_.add_variable(name) : builder_.add_register(name, shape);
+    return symbol;
+  }
+  MacroScope& scope = scopes_[declaration.owner];
+  symbol.value =
+      retained(is_scalar ? builder_.allocate_scalar_temporary() : builder_.allocate_temporary(shape));
+  scope.values.push_back(symbol.value);
+  if (!is_scalar && scope.mask_base) set_mask_base(symbol.value, scope.mask_base);
+  builder_.emit(program::Opcode::kCopy, builder_.operand(symbol.value), {builder_.literal_operand(0.0)},
+                false);
+  return symbol;
+}
+
+void Lowering::declare_array(const syntax::Declaration& declaration) {
+  std::vector<Symbol> elements;
+  for (std::uint32_t i = 0; i < declaration.count; ++i)
+    elements.push_back(
+        declare_element(declaration, fmt::format("{}[{}]", display_name(declaration.name), i)));
+  symbols_.add_array(declaration.name, declaration.of_variables, std::move(elements), declaration.location);
+  if (declaration.owner != 0) scopes_[declaration.owner].names.push_back(declaration.name);
 }
 
 // ---- texts: names that stand for a text from their assignment on -------------------------------------------
@@ -206,9 +248,17 @@ void Lowering::lower_assignment(const Expression& target, const Expression& valu
     fail(target.location, "'{}' is the text '{}', and holds no number", display_name(target.text),
          texts_[target.text]);
   is_register_statement_ = find_shape(target, shape_hint_) || find_shape(value, shape_hint_);
+  assign(target, value.location, [&](ResultDestination* destination) { return lower(value, destination); });
+}
+
+void Lowering::assign(const Expression& target, Location location,
+                      const std::function<Value(ResultDestination*)>& lower_value) {
+  if (is_array_element(target) && array_element(target) == nullptr)
+    return assign_array_element(target, lower_value(nullptr), location);
   ResultDestination destination{&target, false};
-  const Value result = lower(value, &destination);
-  if (!destination.used) store_result(destination, result, value.location);
+  const bool is_whole = conditions_since(mask_base(target)).empty();
+  const Value result = lower_value(is_whole ? &destination : nullptr);
+  if (!destination.used) store_result(destination, result, location);
 }
 
 void Lowering::store_result(ResultDestination& destination, const Value& value, Location location) {
@@ -216,34 +266,10 @@ void Lowering::store_result(ResultDestination& destination, const Value& value, 
   const Value target = resolve_destination(destination, value.is_register(), builder_.shape(value));
   if (value.is_register()) check_shapes({target, value}, location);
   check_machine_copy(target, value, location);
+  if (std::vector<Value> conditions = conditions_since(mask_base(target)); !conditions.empty())
+    return emit_selection(target, value, std::move(conditions), location);
   if (builder_.retarget_last(value, target)) return;
   builder_.emit(program::Opcode::kCopy, builder_.operand(target), {builder_.operand(value)});
-}
-
-void Lowering::enter_macro(const syntax::MacroExpansion& expansion) {
-  MacroScope& scope = scopes_[expansion.id];
-  for (const syntax::ArgumentBinding& binding : expansion.bindings) {
-    find_shape(binding.value, shape_hint_);
-    Symbol symbol{{}, binding.value.location, false, display_name(binding.name), false};
-    scope.names.push_back(binding.name);
-    try {
-      symbol.value = lower(binding.value);
-    } catch (const CompileError& error) {
-      diagnostics_.error(error.location, error.message);
-    } catch (const AlreadyReported&) {
-    }
-    builder_.retain(symbol.value);
-    scope.values.push_back(symbol.value);
-    symbols_.add(binding.name, symbol);
-  }
-}
-
-void Lowering::leave_macro(std::uint32_t expansion) {
-  const auto scope = scopes_.find(expansion);
-  if (scope == scopes_.end()) return;
-  for (const Value& value : scope->second.values) builder_.release(value);
-  for (const std::string& name : scope->second.names) symbols_.remove(name);
-  scopes_.erase(scope);
 }
 
 // Returns true if the call is one of the original's windows and simulators, which we do not have, and warns
@@ -283,8 +309,8 @@ void Lowering::fail_unknown_call(const Expression& call) const {
       {"convolve", "write filter.create, filter.fill3x3 and filter.do(A, name)"},
       {"blur", "write filter.gauss.fast, or box(A) of !include('filters.aps')"},
       {"ifelse", "write select(mask, a, b)"},
-      {"function", "a macro is defined by !macro_def, !macro_begin, !macro_end"},
-      {"def", "a macro is defined by !macro_def, !macro_begin, !macro_end"},
+      {"function", "a function is defined by function y = f(plane a, number n) … endfunction"},
+      {"def", "a function is defined by function y = f(plane a, number n) … endfunction"},
       {"erode", "it is a macro of the library: !include('morphology.aps')"},
       {"dilate", "it is a macro of the library: !include('morphology.aps')"},
       {"skeleton", "it is a macro of the library: !include('morphology.aps')"},
@@ -358,9 +384,8 @@ void Lowering::lower_call_statement(const Expression& call) {
   is_register_statement_ = find_shape(target, shape_hint_);
   for (std::size_t i = 0; i < arguments.size() && !is_register_statement_; ++i)
     is_register_statement_ = find_shape(arguments[i], shape_hint_);
-  ResultDestination destination{&target, false};
-  const Value result = lower_call(*builtin, call, arguments, &destination);
-  if (!destination.used) store_result(destination, result, call.location);
+  assign(target, call.location,
+         [&](ResultDestination* destination) { return lower_call(*builtin, call, arguments, destination); });
 }
 
 void Lowering::lower_builtin_statement(const Builtin& builtin, const Expression& call) {

@@ -7,11 +7,13 @@
 #include <map>
 #include <optional>
 #include <set>
+#include <span>
 #include <string>
 #include <string_view>
 #include <vector>
 
 #include "apron/compiler/Builtins.h"
+#include "apron/compiler/MacroBody.h"
 #include "apron/compiler/ProgramBuilder.h"
 #include "apron/compiler/SymbolTable.h"
 #include "apron/syntax/Ast.h"
@@ -59,12 +61,22 @@ class Lowering {
     bool from_error = false;  // its opening line has an error; emit nothing for it
     std::uint32_t where_region = 0;
     Shape where_shape;
+    Value condition;  // of a where: its cells, if registers that ignore masks may be written in it
     Value counter, bound, step;
   };
-  // The local names of a macro's expansion.
+  // A register of the caller that a macro's body writes as if there were no masks.
+  struct MergedRegister {
+    Value value, before;
+    std::optional<std::size_t> outer_base;
+  };
+  // A macro's expansion while its body is lowered.
   struct MacroScope {
-    std::vector<std::string> names;
+    std::vector<std::string> names;  // local ones
     std::vector<Value> values;
+    std::string result_name;
+    // What its local registers ignore: base masks, and where-blocks before that many. None: nothing.
+    std::optional<std::size_t> mask_base = std::nullopt;
+    std::vector<MergedRegister> merged;
   };
   struct JumpTarget {
     ProgramBuilder::Label label = 0;
@@ -86,7 +98,8 @@ class Lowering {
   // Lowering.cpp
   void collect_writes(const std::vector<Statement>&);
   void collect_writes(const Expression&);
-  void collect_call_writes(const Expression& call);
+  void note_masks(const Builtin&);
+  void lower_statements(std::span<const Statement>);
   void lower_statement(const Statement&);
   void dispatch_statement(const Statement&);
   void lower_resolved(const Statement&);
@@ -95,25 +108,53 @@ class Lowering {
   void define_text(const Expression& target, const Expression& text);
   bool ignores(const Expression& call);
   void lower_declaration(const syntax::Declaration&);
+  Symbol declare_element(const syntax::Declaration&, const std::string& name);
+  void declare_array(const syntax::Declaration&);
   void lower_assignment(const Expression& target, const Expression& value);
+  void assign(const Expression& target, Location,
+              const std::function<Value(ResultDestination*)>& lower_value);
   void store_result(ResultDestination&, const Value&, Location);
   void recover_from_error(const Statement&);
-  void enter_macro(const syntax::MacroExpansion&);
-  void leave_macro(std::uint32_t expansion);
   void lower_call_statement(const Expression&);
   void lower_builtin_statement(const Builtin&, const Expression& call);
   [[noreturn]] void fail_argument_count(const Builtin&, const Expression& call) const;
   [[noreturn]] void fail_unknown_call(const Expression&) const;
   void check_jumps();
 
+  // LowerMacro.cpp
+  std::span<const Statement> body_of(std::uint32_t expansion) const;
+  void check_arguments(const syntax::MacroExpansion&) const;
+  void enter_macro(const syntax::MacroExpansion&, std::span<const Statement> body);
+  void leave_macro(std::uint32_t expansion);
+  Value lower_expansion(const Expression&);
+  bool always_writes_result(const syntax::MacroExpansion&, const MacroBody&) const;
+  bool is_reduction(const syntax::MacroExpansion&) const;
+  Value create_macro_local(const Expression&, bool is_register, Shape);
+  void isolate_from_masks(MacroScope&, const MacroBody&, Location);
+  void merge_registers(MacroScope&);
+  void set_mask_base(const Value&, std::optional<std::size_t>);
+  std::optional<std::size_t> mask_base(const Value&) const;
+  std::optional<std::size_t> mask_base(const Expression& target) const;
+  std::size_t open_wheres() const;
+  std::vector<Value> conditions_since(std::optional<std::size_t> mask_base) const;
+  void emit_selection(const Value& target, const Value& value, std::vector<Value> conditions, Location);
+  Value where_condition(const Value& mask);
+
+  // LowerIndexed.cpp
+  bool is_array_element(const Expression&) const;
+  std::optional<double> constant_value(const Expression&) const;
+  const Symbol* array_element(const Expression&) const;
+  std::vector<Value> written_registers(const Expression& target) const;
+  program::Operand array_operand(const std::string& name);
+  Value lower_array_element(const Expression&);
+  void assign_array_element(const Expression& target, const Value&, Location);
+
   // LowerExpression.cpp
   Value lower(const Expression&, ResultDestination* = nullptr);
   Value lower_name(const Expression&, ResultDestination* = nullptr);
-  Value lower_expansion(const Expression&);
   Value lower_binary(const Expression&, ResultDestination*);
   bool has_calls(const Expression&) const;
   bool is_scalar(const Expression&) const;
-  bool is_reduction(const syntax::MacroExpansion&) const;
   Value lower_short_circuit(program::Opcode, const Expression&);
   Value lower_unary(const Expression&, ResultDestination*);
   Value emit_elementwise(program::Opcode, const std::vector<Value>&, Location, ResultDestination*);
@@ -121,7 +162,6 @@ class Lowering {
   const Symbol* find_element_or_null(const Expression&) const;
   Value resolve_destination(ResultDestination&, bool is_register, Shape);
   Value resolve_target(const Expression&, bool is_register, Shape);
-  Value create_macro_local(const Expression&, bool is_register, Shape);
   Value create_scalar(const Expression&, bool is_register);
   Value lower_scalar(const Expression&, std::string_view subject, std::string_view hint = {});
   Value lower_condition_operand(const Expression&);
@@ -133,7 +173,7 @@ class Lowering {
   const std::string& string_literal(const Expression&, std::string_view subject) const;
   std::string describe_shape(const Value&) const;
   void check_shapes(const std::vector<Value>&, Location) const;
-  void check_where_shape(Shape, Location) const;
+  void check_where_shape(Shape, Location, std::optional<std::size_t> mask_base) const;
   bool find_shape(const Expression&, Shape&) const;
   bool may_be_masked() const;
   bool is_foreign(std::uint32_t machine_file) const;
@@ -245,11 +285,15 @@ class Lowering {
   bool uses_mask_on_ = false, uses_where_ = false, uses_call_ = false;
   std::vector<Block> blocks_;
   std::map<std::uint32_t, MacroScope> scopes_;
+  std::map<std::uint32_t, std::size_t> mask_bases_;  // of the registers that ignore masks: see MacroScope
+  std::uint32_t skipped_expansion_ = 0;              // whose call has an error: its body is passed over
+  std::span<const Statement> following_;             // the statements after the current one
   std::map<std::string, JumpTarget> labels_;
   std::vector<JumpSite> jumps_;
   std::vector<ScalarRead> scalar_reads_;
   std::uint32_t where_region_count_ = 0;
   std::map<std::uint32_t, std::uint32_t> machine_registers_;  // register to the file of its machine
+  std::map<std::string, std::uint32_t> array_groups_;         // arrays that are indexed at run time
   std::map<std::string, std::uint32_t> group_indices_;        // classes that are indexed by number
   bool is_register_statement_ = false;  // the statement has registers: one random number per cell
   Shape shape_hint_;                    // for cell.x and the like, which have no shape of their own

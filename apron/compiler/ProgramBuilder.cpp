@@ -146,7 +146,10 @@ void ProgramBuilder::emit(program::Opcode op, Operand destination, std::vector<O
 void ProgramBuilder::append(program::Opcode op, Operand destination, const std::vector<Operand>& operands,
                             bool masked) {
   const std::size_t locations = std::max<std::size_t>(program_.source_locations.size(), 1);
-  program_.code.push_back({op, masked, static_cast<std::uint32_t>(locations - 1), destination, {}});
+  const bool is_unmasked =
+      destination.kind == OperandKind::kRegister && unmasked_registers_.contains(destination.index);
+  program_.code.push_back(
+      {op, masked && !is_unmasked, static_cast<std::uint32_t>(locations - 1), destination, {}});
   std::ranges::copy(operands, program_.code.back().operands.begin());
 }
 
@@ -159,8 +162,15 @@ bool ProgramBuilder::retarget_last(const Value& temporary, const Value& target) 
   const bool aliases_source = reads_it && program::requires_out_of_place(last.op);
   if (!matches || last.op == program::Opcode::kPixelSet || aliases_source) return false;
   last.destination = new_destination;
-  last.masked = true;
+  last.masked = !target.is_register() || !unmasked_registers_.contains(target.index);
   return true;
+}
+
+void ProgramBuilder::obey_masks(const Value& reg, bool obeys) {
+  if (obeys)
+    unmasked_registers_.erase(reg.index);
+  else
+    unmasked_registers_.insert(reg.index);
 }
 
 ProgramBuilder::Label ProgramBuilder::new_label() {

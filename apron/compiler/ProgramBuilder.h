@@ -6,6 +6,7 @@
 #include <cstdint>
 #include <map>
 #include <optional>
+#include <set>
 #include <string>
 #include <utility>
 #include <vector>
@@ -80,6 +81,8 @@ class ProgramBuilder {
 
   void emit(program::Opcode, program::Operand destination = {}, std::vector<program::Operand> = {},
             bool masked = true);
+  // Whether instructions that write the register obey masks; until its release. They do unless told.
+  void obey_masks(const Value& reg, bool);
   // Lets the last instruction write `target` instead of its temporary. Returns false, and changes nothing,
   // unless it wrote all of the temporary, is the only predecessor of this point, and does not read neighbours
   // of `target`.
@@ -109,6 +112,7 @@ class ProgramBuilder {
   std::map<std::string, std::uint32_t> text_indices_, file_indices_;
   std::map<Shape, std::vector<std::uint32_t>> free_registers_;
   std::vector<std::uint32_t> free_variables_;
+  std::set<std::uint32_t> unmasked_registers_;
   std::vector<Value> live_;
   std::vector<std::uint32_t> labels_;
   std::size_t temporary_count_ = 0;

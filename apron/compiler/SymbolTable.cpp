@@ -108,6 +108,31 @@ void SymbolTable::add_class(const syntax::Declaration& declaration) {
   aliases_[declaration.alias] = declaration.name;
 }
 
+void SymbolTable::add_array(const std::string& name, bool of_variables, std::vector<Symbol> elements,
+                            syntax::Location location) {
+  if (aliases_.contains(name) || find(name) != nullptr)
+    fail(location, "'{}' is declared already", display_name(name));
+  ElementClass array{of_variables, location, {}, {}};
+  for (std::size_t i = 0; i < elements.size(); ++i) {
+    array.order.push_back(fmt::format("{}", i));
+    array.elements.emplace(array.order.back(), elements[i]);
+  }
+  classes_[name] = std::move(array);
+  aliases_[name] = name;
+  arrays_[name] = std::move(elements);
+}
+
+void SymbolTable::remove_array(const std::string& name) {
+  if (arrays_.erase(name) == 0) return;
+  classes_.erase(name);
+  aliases_.erase(name);
+}
+
+const std::vector<Symbol>* SymbolTable::find_array(const std::string& name) const {
+  const auto found = arrays_.find(name);
+  return found == arrays_.end() ? nullptr : &found->second;
+}
+
 std::vector<std::uint32_t> SymbolTable::element_indices(const std::string& class_name) const {
   const ElementClass& group = classes_.at(class_name);
   std::vector<std::uint32_t> indices;

@@ -43,6 +43,11 @@ class SymbolTable {
   const std::string& resolve_class(const std::string& name_or_alias, syntax::Location) const;
   // The indices of the elements so far, in order.
   std::vector<std::uint32_t> element_indices(const std::string& class_name) const;
+  // Arrays: classes whose elements have numbers only.
+  void add_array(const std::string& name, bool of_variables, std::vector<Symbol>, syntax::Location);
+  void remove_array(const std::string& name);
+  // The array's elements, or nullptr.
+  const std::vector<Symbol>* find_array(const std::string& name) const;
   // The index of an element, or nullopt.
   std::optional<std::size_t> element_number(const std::string& class_name, const std::string& element) const;
   // The index of a register in its class.
@@ -67,6 +72,7 @@ class SymbolTable {
 
   std::map<std::string, Symbol> symbols_;
   std::map<std::string, ElementClass> classes_;
+  std::map<std::string, std::vector<Symbol>> arrays_;
   std::map<std::string, std::string> aliases_;  // includes each class under its own name
 };
 

@@ -19,7 +19,8 @@ const OpcodeInfo& opcode_info(Opcode op) noexcept { return kOpcodeTable[static_c
 bool requires_out_of_place(Opcode op) noexcept {
   return op == Opcode::kShift || op == Opcode::kRotate ||
          (op >= Opcode::kNearSum && op <= Opcode::kNearAll) || op == Opcode::kFilterDo ||
-         op == Opcode::kFlood || op == Opcode::kDistance || op == Opcode::kSpreadMax;
+         op == Opcode::kFlood || op == Opcode::kDistance || op == Opcode::kSpreadMax ||
+         op == Opcode::kSpreadSum;
 }
 
 std::size_t opcode_count() noexcept { return std::size(kOpcodeTable); }

@@ -2,6 +2,8 @@
 
 #include <cassert>
 
+#include "apron/program/Mathematics.h"
+
 namespace apron::program {
 namespace {
 
@@ -39,13 +41,11 @@ bool one_of(bool a, bool b) { return a != b; }
 }  // namespace
 
 double evaluate_scalar(Opcode op, double a, double b, double c) noexcept {
+  if (is_mathematics(op)) return evaluate_mathematics(op, static_cast<float>(a), static_cast<float>(b));
   switch (op) {
 #define APRON_ELEMENTWISE(name, arity, value) \
   case Opcode::k##name:                       \
     return value;
-#define APRON_LIBM(name, arity, value) \
-  case Opcode::k##name:                \
-    return libm::name::apply(static_cast<float>(a), static_cast<float>(b));
 #include "apron/program/elementwise.def"
     default:
       assert(false && "not an element-wise opcode");
@@ -53,9 +53,9 @@ double evaluate_scalar(Opcode op, double a, double b, double c) noexcept {
   }
 }
 
-bool calls_libm(Opcode op) noexcept {
+bool is_mathematics(Opcode op) noexcept {
   switch (op) {
-#define APRON_LIBM(name, arity, value) case Opcode::k##name:
+#define APRON_MATHEMATICS(name, arity, value) case Opcode::k##name:
 #include "apron/program/elementwise.def"
     return true;
     default:

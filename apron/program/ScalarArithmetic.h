@@ -23,18 +23,7 @@ inline double to_scalar(double value) noexcept {
 // except that whole numbers are exact. Ignores operands beyond the arity.
 double evaluate_scalar(Opcode op, double a, double b, double c) noexcept;
 
-// True for the element-wise instructions that call the C library, whose rounding depends on the machine.
-bool calls_libm(Opcode op) noexcept;
-
-// The element-wise instructions that call the C library, as types: value = libm::Sin::apply(a, b).
-namespace libm {
-#define APRON_LIBM(name, arity, value)                                               \
-  struct name {                                                                      \
-    static constexpr Opcode kOpcode = Opcode::k##name;                               \
-    static constexpr unsigned kArity = arity;                                        \
-    static float apply(float a, [[maybe_unused]] float b) noexcept { return value; } \
-  };
-#include "apron/program/elementwise.def"
-}  // namespace libm
+// True for the element-wise instructions that mathematics.def defines.
+bool is_mathematics(Opcode op) noexcept;
 
 }  // namespace apron::program

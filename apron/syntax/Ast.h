@@ -70,9 +70,19 @@ struct Statement {
   bool assigns = false;            // of kInvalid
 };
 
+// An argument of a function whose parameter states its type.
+struct TypedArgument {
+  std::string parameter;
+  ArgumentType type = ArgumentType::kAny;
+  bool is_array = false;
+  Expression value;
+};
+
 struct MacroExpansion {
   std::uint32_t id = 0;
   std::string macro;
+  bool is_function = false;
+  std::vector<TypedArgument> typed_arguments;
   // Unique name that the body writes the result to; "" if it writes the caller's target.
   std::string result_name;
   std::vector<ArgumentBinding> bindings;

@@ -70,12 +70,20 @@ void sort_by_location(std::vector<Diagnostic>& diagnostics) {
 
 void Diagnostics::error(Location location, std::string message, std::vector<Note> notes) {
   if (full_) return;
-  full_ = ++report_count_ >= kMaxReportedErrors;
+  full_ = !keeps_repeats_ && ++report_count_ >= kMaxReportedErrors;
   for (const Diagnostic& existing : diagnostics_) {
-    if (sort_key(existing.location) == sort_key(location) && existing.message == message) return;
+    if (sort_key(existing.location) == sort_key(location) && existing.message == message &&
+        (!keeps_repeats_ || existing.location.expansion == location.expansion))
+      return;
   }
   diagnostics_.push_back({location, std::move(message), std::move(notes), false});
-  full_ = diagnostics_.size() >= kMaxErrors;
+  full_ = diagnostics_.size() >= max_errors_;
+}
+
+void Diagnostics::stated_error(Location location, std::string message) {
+  const std::size_t count = diagnostics_.size();
+  error(location, std::move(message));
+  if (diagnostics_.size() > count) diagnostics_.back().is_stated = true;
 }
 
 void Diagnostics::warning(Location location, std::string message) {

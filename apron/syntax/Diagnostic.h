@@ -20,6 +20,7 @@ struct Diagnostic {
   std::vector<Note> notes =
       {};  // "declared here" and the like; include and macro chains come from the location
   bool is_warning = false;
+  bool is_stated = false;  // by an `!error` of the program
 };
 
 inline constexpr std::size_t kMaxErrors = 20;
@@ -28,8 +29,14 @@ inline constexpr std::size_t kMaxReportedErrors = 2000;
 
 class Diagnostics {
  public:
+  Diagnostics() = default;
+  // Keeps that many errors, repeats in other expansions of a macro included.
+  explicit Diagnostics(std::size_t max_errors) : max_errors_(max_errors), keeps_repeats_(true) {}
+
   // Keeps an error once that is reported twice, as by a macro that is expanded twice, and at most kMaxErrors.
   void error(Location location, std::string message, std::vector<Note> notes = {});
+  // An error that the program states.
+  void stated_error(Location location, std::string message);
   // Does not refuse the program. At most kMaxErrors are kept.
   void warning(Location location, std::string message);
   bool full() const noexcept { return full_; }
@@ -40,6 +47,8 @@ class Diagnostics {
 
  private:
   std::vector<Diagnostic> diagnostics_, warnings_;
+  std::size_t max_errors_ = kMaxErrors;
+  bool keeps_repeats_ = false;
   std::size_t report_count_ = 0;
   bool full_ = false;
 };

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <filesystem>
+#include <iterator>
 #include <utility>
 
 #include "apron/syntax/Constant.h"
@@ -120,8 +121,11 @@ void Preprocessor::handle_directive(Line& line) {
   };
   static const Directive kDirectives[] = {{"macro_def", &Preprocessor::handle_macro_def, false},
                                           {"define", &Preprocessor::handle_define, false},
+                                          {"for", &Preprocessor::handle_for},
+                                          {"endfor", &Preprocessor::handle_stray_macro_line},
                                           {"include", &Preprocessor::handle_include, false},
                                           {"register", &Preprocessor::handle_register, false},
+                                          {"scalar", &Preprocessor::handle_register, false},
                                           {"machine_register", &Preprocessor::handle_register, false},
                                           {"error", &Preprocessor::handle_error, false},
                                           {"operand_kind", &Preprocessor::handle_operand_kind, false},
@@ -152,7 +156,47 @@ void Preprocessor::handle_directive(Line& line) {
 void Preprocessor::ignore_directive(const Tokens&) {}
 
 void Preprocessor::handle_stray_macro_line(const Tokens& tokens) {
-  report(tokens.front().location, "this '!{}' has no '!macro_def'", tokens.front().text);
+  report(tokens.front().location, "this '!{}' has no '!{}'", tokens.front().text,
+         tokens.front().text == "endfor" ? "for" : "macro_def");
+}
+
+// Repeats the lines up to `!endfor`, in which the loop's name stands for a number.
+void Preprocessor::handle_for(const Tokens& tokens) {
+  InputFrame loop;
+  loop.expansion = frames_.back().expansion;
+  auto lines = std::make_shared<std::vector<Line>>();
+  int depth = 1;
+  for (InputFrame& frame = frames_.back(); frame.next_line < frame.lines->size(); ++frame.next_line) {
+    Line line = (*frame.lines)[frame.next_line];
+    const Token& first = line.tokens.front();
+    if (first.kind == TokenKind::kDirective)
+      depth += first.text == "for" ? 1 : first.text == "endfor" ? -1 : 0;
+    if (depth == 0) break;
+    substitute(line.tokens, frame);
+    lines->push_back(std::move(line));
+  }
+  if (depth > 0) return report(tokens.front().location, "this '!for' has no '!endfor'");
+  ++frames_.back().next_line;
+  Arguments list;
+  if (!parse_arguments(tokens, 3, 4, list)) return;
+  if (list[0].size() != 1 || list[0].front().kind != TokenKind::kName)
+    return report(list[0].front().location, "expected the name that counts: !for(i, from, to)");
+  loop.loop_variable = list[0].front().text;
+  std::vector<double> numbers;
+  for (std::size_t i = 1; i < list.size(); ++i) {
+    const std::optional<Constant> value = evaluate_constant(list[i], list[i].front().location, diagnostics_);
+    if (!value) return;
+    if (value->is_string || value->number != std::floor(value->number) || std::abs(value->number) > 1e9)
+      return report(list[i].front().location, "'!for' counts in whole numbers");
+    numbers.push_back(value->number);
+  }
+  loop.loop_value = numbers[0];
+  loop.loop_end = numbers[1];
+  loop.loop_step = numbers.size() == 3 ? numbers[2] : 1.0;
+  if (loop.loop_step == 0.0) return report(list[3].front().location, "the step of a '!for' cannot be zero");
+  if (lines->empty() || (loop.loop_end - loop.loop_value) * loop.loop_step < 0.0) return;
+  loop.lines = std::move(lines);
+  frames_.push_back(std::move(loop));
 }
 
 void Preprocessor::handle_include(const Tokens& tokens) {
@@ -243,11 +287,16 @@ void Preprocessor::handle_macro_def(const Tokens& tokens) {
            "description', A, B) defines one",
            parameter.kind);
   }
-  if (!parse_macro_body(macro, macro.location) || !signature_valid) return;
+  if (parse_macro_body(macro, macro.location) && signature_valid) add_macro(std::move(macro));
+}
+
+void Preprocessor::add_macro(Macro macro) {
   const Macro copy = macro;
   const MacroTable::Handle previous = macros_.add(std::move(macro));
   if (previous != nullptr && !same_definition(*previous, copy)) {
-    diagnostics_.error(copy.location, fmt::format("the macro '{}' is defined already", signature(copy)),
+    diagnostics_.error(copy.location,
+                       fmt::format("the {} '{}' is defined already", copy.is_function ? "function" : "macro",
+                                   signature(copy)),
                        {{previous->location, "it is defined"}});
   }
 }
@@ -332,15 +381,23 @@ Declaration Preprocessor::make_declaration(Declaration::Kind kind, Location loca
 void Preprocessor::handle_register(const Tokens& tokens) {
   Arguments list;
   if (!parse_arguments(tokens, 1, SIZE_MAX, list)) return;
+  const std::string& directive = tokens.front().text;
+  const bool is_local = frames_.back().expansion != 0 && is_in_function();
   for (auto argument = list.rbegin(); argument != list.rend(); ++argument) {
-    const Token& token = argument->front();
-    if (argument->size() != 1 || token.kind != TokenKind::kName) {
-      report(token.location, "'!{0}' takes names: !{0}(A, B)", tokens.front().text);
+    const Token token = argument->front();
+    const bool is_array = directive != "machine_register" && argument->size() > 3 && (*argument)[1].is("[") &&
+                          argument->back().is("]");
+    if ((argument->size() != 1 && !is_array) || token.kind != TokenKind::kName) {
+      report(token.location, "'!{0}' takes names: !{0}(A, B)", directive);
       continue;
     }
-    pending_declarations_.push_back(make_declaration(Declaration::Kind::kRegister, token.location));
-    pending_declarations_.back().name = token.text;
-    pending_declarations_.back().is_machine_register = tokens.front().text == "machine_register";
+    Declaration request = make_declaration(Declaration::Kind::kRegister, token.location);
+    request.name = token.text;
+    request.of_variables = directive == "scalar";
+    request.is_machine_register = directive == "machine_register";
+    request.owner = is_local ? token.owner : 0;
+    if (is_array && !parse_array_size({argument->begin() + 2, argument->end() - 1}, request.count)) continue;
+    pending_declarations_.push_back(std::move(request));
   }
 }
 
@@ -369,6 +426,12 @@ const OperandKind* Preprocessor::find_operand_kind(const std::string& operand) c
   return narrowest;
 }
 
+std::string Preprocessor::operand_of_kind(const std::string& kind, std::size_t number) const {
+  const auto found = operand_kinds_.find(kind);
+  if (found == operand_kinds_.end() || found->second.names.empty()) return {};
+  return *std::next(found->second.names.begin(), number % found->second.names.size());
+}
+
 std::string Preprocessor::check_operand(const std::string& kind_name, const Tokens& operand) const {
   const auto found = operand_kinds_.find(kind_name);
   if (found == operand_kinds_.end()) return {};  // reported at the pattern
@@ -394,8 +457,28 @@ void Preprocessor::handle_error(const Tokens& tokens) {
     for (const Token& token : argument)
       text += token.kind == TokenKind::kString ? token.text : display_name(spelling(token));
   const std::uint32_t expansion = frames_.back().expansion;
-  diagnostics_.error(
+  diagnostics_.stated_error(
       frames_.back().macro != nullptr ? sources_.expansion(expansion).call : tokens.front().location, text);
+}
+
+// True in the lines of a function, those of a `!for` included.
+bool Preprocessor::is_in_function() const {
+  const auto frame = std::find_if(frames_.rbegin(), frames_.rend(),
+                                  [](const InputFrame& one) { return one.loop_variable.empty(); });
+  return frame != frames_.rend() && frame->macro != nullptr && frame->macro->is_function;
+}
+
+bool Preprocessor::parse_array_size(Tokens tokens, std::uint32_t& count) {
+  constexpr double kMaxElements = 4096;
+  const Location location = tokens.front().location;
+  if (!expand_defines(tokens)) return false;
+  const std::optional<Constant> value = evaluate_constant(tokens, location, diagnostics_);
+  if (!value) return false;
+  const bool valid = !value->is_string && value->number >= 1 && value->number <= kMaxElements &&
+                     value->number == std::floor(value->number);
+  if (valid) count = static_cast<std::uint32_t>(value->number);
+  if (!valid) report(location, "an array has a whole number of elements, from 1 to {:.0f}", kMaxElements);
+  return valid;
 }
 
 bool Preprocessor::parse_size_argument(const Tokens& tokens, Location location, std::uint32_t& size) {

@@ -132,12 +132,25 @@ struct BlockKeyword {
   std::string_view family;
 };
 
-constexpr BlockKeyword kBlockKeywords[] = {
-    {"if", kOpen, "if"},       {"else", kMiddle, "if"},         {"endif", kClose, "if"},
-    {"while", kOpen, "while"}, {"endwhile", kClose, "while"},   {"for", kOpen, "for"},
-    {"endfor", kClose, "for"}, {"repeat", kOpen, "repeat"},     {"endrepeat", kClose, "repeat"},
-    {"where", kOpen, "where"}, {"elsewhere", kMiddle, "where"}, {"endwhere", kClose, "where"},
-    {"!if", kOpen, "!if"},     {"!else", kMiddle, "!if"},       {"!endif", kClose, "!if"}};
+constexpr BlockKeyword kBlockKeywords[] = {{"if", kOpen, "if"},
+                                           {"else", kMiddle, "if"},
+                                           {"endif", kClose, "if"},
+                                           {"while", kOpen, "while"},
+                                           {"endwhile", kClose, "while"},
+                                           {"for", kOpen, "for"},
+                                           {"endfor", kClose, "for"},
+                                           {"repeat", kOpen, "repeat"},
+                                           {"endrepeat", kClose, "repeat"},
+                                           {"where", kOpen, "where"},
+                                           {"elsewhere", kMiddle, "where"},
+                                           {"endwhere", kClose, "where"},
+                                           {"function", kOpen, "function"},
+                                           {"endfunction", kClose, "function"},
+                                           {"!for", kOpen, "!for"},
+                                           {"!endfor", kClose, "!for"},
+                                           {"!if", kOpen, "!if"},
+                                           {"!else", kMiddle, "!if"},
+                                           {"!endif", kClose, "!if"}};
 
 // The role of each statement line. A macro may have the name of a block, as where(A) of scamp5.aps: an
 // opening word without its closing one, and the pattern of a macro's definition, open nothing.

@@ -52,12 +52,19 @@ std::vector<std::string> MacroTable::names() const {
   return list;
 }
 
+std::vector<MacroTable::Handle> MacroTable::all() const {
+  std::vector<Handle> list;
+  for (const auto& [key, macro] : macros_) list.push_back(macro);
+  return list;
+}
+
 std::string signature(const Macro& macro) {
-  std::string text = macro.result_parameter.empty()
-                         ? macro.name
-                         : fmt::format("${} = {}", macro.result_parameter, macro.name);
+  const std::string sigil = macro.is_function ? "" : "$";
+  std::string text = macro.result_parameter.empty() ? "" : sigil + macro.result_parameter;
+  for (const std::string& result : macro.further_results) text += ", " + result;
+  text += (text.empty() ? "" : " = ") + macro.name;
   for (std::size_t i = 0; i < macro.parameters.size(); ++i)
-    text += (i == 0 ? "($" : ", $") + macro.parameters[i].name;
+    text += (i == 0 ? "(" : ", ") + sigil + macro.parameters[i].name;
   return macro.parameters.empty() ? text : text + ')';
 }
 

@@ -2,9 +2,11 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cmath>
 #include <tuple>
 #include <utility>
 
+#include "apron/syntax/Constant.h"
 #include "apron/syntax/Parser.h"
 
 namespace apron::syntax {
@@ -304,9 +306,17 @@ std::vector<Tokens> Parser::bind_arguments(MacroExpansion& expansion, const Macr
   std::vector<Tokens> replacements;
   for (std::size_t i = 0; i < arguments.size(); ++i) {
     MacroArgument& argument = arguments[i];
+    const MacroParameter& parameter = macro.parameters[i];
+    if (parameter.type == ArgumentType::kInteger) check_integer(parameter, macro, argument, location);
+    if (parameter.type != ArgumentType::kAny && !argument.value)
+      expansion.typed_arguments.push_back(make_typed_argument(parameter, macro, argument, location));
     if (argument.value) {
       std::string unique = fmt::format("${}:{}", macro.parameters[i].name, expansion.id);
       replacements.push_back({{TokenKind::kName, argument.value->location, unique, 0.0F}});
+      if (parameter.type != ArgumentType::kAny)
+        expansion.typed_arguments.push_back(
+            {parameter.name, parameter.type, parameter.is_array,
+             make_expression(ExpressionKind::kName, replacements.back().front())});
       expansion.bindings.push_back({std::move(unique), std::move(*argument.value)});
       continue;
     }
@@ -328,6 +338,46 @@ std::vector<Tokens> Parser::bind_arguments(MacroExpansion& expansion, const Macr
   return replacements;
 }
 
+TypedArgument Parser::make_typed_argument(const MacroParameter& parameter, const Macro& macro,
+                                          const MacroArgument& argument, Location location) const {
+  const Tokens& tokens = argument.tokens;
+  TypedArgument typed{parameter.name, parameter.type, parameter.is_array, {}};
+  const Token& first = tokens.front();
+  switch (first.kind) {
+    case TokenKind::kNumber:
+      typed.value = make_expression(ExpressionKind::kNumber, first);
+      break;
+    case TokenKind::kString:
+      typed.value = make_expression(ExpressionKind::kString, first);
+      break;
+    case TokenKind::kName:
+      typed.value = make_expression(ExpressionKind::kName, first);
+      break;
+    default:
+      typed.value = make_expression(ExpressionKind::kNumber, first);  // a constant in parentheses
+      if (tokens.size() == 1)
+        fail_at(location, "'{}' cannot be the argument '{}' of '{}'", spelling(first), parameter.name,
+                macro.name);
+  }
+  if (!is_element_access(tokens)) return typed;
+  const ExpressionKind kind =
+      tokens[2].kind == TokenKind::kNumber ? ExpressionKind::kNumber : ExpressionKind::kName;
+  typed.value = make_expression(ExpressionKind::kElement, first, children(make_expression(kind, tokens[2])));
+  return typed;
+}
+
+// Replaces the argument by its value.
+void Parser::check_integer(const MacroParameter& parameter, const Macro& macro, MacroArgument& argument,
+                           Location location) {
+  std::optional<Constant> value;
+  if (is_numeric_constant(argument.tokens) && !argument.tokens.empty())
+    value = evaluate_constant(argument.tokens, location, diagnostics_);
+  if (!value || value->is_string || value->number != std::floor(value->number))
+    fail_at(location, "'{}' takes a whole number that is a constant for '{}'", macro.name, parameter.name);
+  argument.tokens = {{TokenKind::kNumber, argument.tokens.front().location, fmt::format("{}", value->number),
+                      value->number}};
+}
+
 // A macro inside an expression: its lines are parsed at once.
 Expression Parser::expand_macro(const MacroTable::Handle& macro, const Token& call,
                                 std::vector<MacroArgument> arguments) {
@@ -335,13 +385,17 @@ Expression Parser::expand_macro(const MacroTable::Handle& macro, const Token& ca
   Expression expression = make_expression(ExpressionKind::kExpansion, call);
   expression.expansion = std::make_shared<MacroExpansion>();
   MacroExpansion& expansion = *expression.expansion;
+  if (!macro->further_results.empty())
+    fail_at(call.location, "'{}' gives {} results: write a line {}", macro->name,
+            macro->further_results.size() + 1, signature(*macro));
   expansion.macro = macro->name;
+  expansion.is_function = macro->is_function;
   expansion.id = sources_.add_expansion(macro->name, call.location);
   expansion.result_name = fmt::format("${}:{}", macro->result_parameter, expansion.id);
   std::vector<Tokens> replacements = bind_arguments(expansion, *macro, std::move(arguments), call.location);
   const std::size_t min_depth = preprocessor_.depth();
   Tokens result{{TokenKind::kName, call.location, expansion.result_name, 0.0F}};
-  if (!preprocessor_.enter_macro(macro, expansion.id, std::move(result), std::move(replacements))) {
+  if (!preprocessor_.enter_macro(macro, expansion.id, {std::move(result)}, std::move(replacements))) {
     throw AlreadyReported{};
   }
   parse_lines(min_depth, expansion.body);

@@ -146,7 +146,13 @@ Statement Parser::parse_assignment(Cursor equals) {
     fail_at(equals[-1].location, "there is no '{0}='; write {1} = {1} {0} …", equals[-1].text,
             spelling(*first));
   }
-  if (auto macro = parse_macro_statement(equals + 1, last, Tokens(first, equals))) return std::move(*macro);
+  std::vector<Tokens> targets = split_arguments(first, equals);
+  const bool is_list = targets.size() > 1;
+  for (const Tokens& target : targets)
+    if (target.empty()) fail_at(equals->location, "expected a name before '='");
+  if (auto macro = parse_macro_statement(equals + 1, last, std::move(targets))) return std::move(*macro);
+  if (is_list)
+    fail_at(equals->location, "only a function that gives several results can stand after this '='");
   if (auto macro = parse_rebound_assignment(first, equals, last)) return std::move(*macro);
   Statement result;
   result.kind = StatementKind::kAssign;
@@ -187,27 +193,33 @@ std::optional<Statement> Parser::parse_rebound_assignment(Cursor first, Cursor e
 }
 
 // A macro call that is the whole line, or the whole right-hand side. The macro's lines follow in the program.
-std::optional<Statement> Parser::parse_macro_statement(Cursor first, Cursor last, Tokens result) {
+std::optional<Statement> Parser::parse_macro_statement(Cursor first, Cursor last,
+                                                       std::vector<Tokens> results) {
   if (first == last || first->kind != TokenKind::kName) return std::nullopt;
   const bool has_parentheses = first + 1 != last;
   if (has_parentheses && (!first[1].is("(") || find_closing_bracket(first + 1) + 1 != last))
     return std::nullopt;
   const auto argument_tokens = has_parentheses ? split_arguments(first + 2, last - 1) : std::vector<Tokens>{};
   const MacroTable::Handle macro =
-      preprocessor_.find_macro(first->text, argument_tokens.size(), !result.empty());
+      preprocessor_.find_macro(first->text, argument_tokens.size(), !results.empty());
   if (macro == nullptr) {
     const MacroTable& macros = preprocessor_.macros();
     const bool is_macro =
-        macros.contains(first->text) &&
-        (!preprocessor_.is_builtin(first->text) || (result.empty() && macros.has_operand_kinds(first->text)));
-    if (is_macro && (has_parentheses || result.empty()))
-      fail_no_overload(*first, argument_tokens.size(), !result.empty());
+        macros.contains(first->text) && (!preprocessor_.is_builtin(first->text) ||
+                                         (results.empty() && macros.has_operand_kinds(first->text)));
+    if (is_macro && (has_parentheses || results.empty()))
+      fail_no_overload(*first, argument_tokens.size(), !results.empty());
     return std::nullopt;
   }
+  if (!results.empty() && results.size() != macro->further_results.size() + 1)
+    fail_at(first->location, "'{}' gives {} result{}, and {} {} written", first->text,
+            macro->further_results.size() + 1, macro->further_results.empty() ? "" : "s", results.size(),
+            results.size() == 1 ? "is" : "are");
   check_operands(*first, *macro, argument_tokens);
   std::vector<MacroArgument> arguments = parse_macro_arguments(*first, argument_tokens);
   auto expansion = std::make_shared<MacroExpansion>();
   expansion->macro = macro->name;
+  expansion->is_function = macro->is_function;
   expansion->id = sources_.add_expansion(macro->name, first->location);
   std::vector<Tokens> replacements =
       bind_arguments(*expansion, *macro, std::move(arguments), first->location);
@@ -216,7 +228,8 @@ std::optional<Statement> Parser::parse_macro_statement(Cursor first, Cursor last
   statement.location = line_begin_;
   statement.expansion_id = expansion->id;
   statement.expansion = std::move(expansion);
-  if (!preprocessor_.enter_macro(macro, statement.expansion_id, std::move(result), std::move(replacements))) {
+  if (!preprocessor_.enter_macro(macro, statement.expansion_id, std::move(results),
+                                 std::move(replacements))) {
     statement.kind = StatementKind::kInvalid;
   }
   return statement;

@@ -43,7 +43,7 @@ class Parser {
   Statement parse_assignment(Cursor equals);
   Statement make_invalid(const Line&) const;
   std::optional<Statement> parse_rebound_assignment(Cursor first, Cursor equals, Cursor last);
-  std::optional<Statement> parse_macro_statement(Cursor first, Cursor last, Tokens result);
+  std::optional<Statement> parse_macro_statement(Cursor first, Cursor last, std::vector<Tokens> results);
   void add_declaration(Declaration, std::vector<Statement>& out) const;
 
   // ParseExpression.cpp
@@ -63,6 +63,9 @@ class Parser {
   std::vector<MacroArgument> parse_macro_arguments(const Token& call, const std::vector<Tokens>&);
   std::vector<Tokens> bind_arguments(MacroExpansion&, const Macro&, std::vector<MacroArgument>,
                                      Location location);
+  TypedArgument make_typed_argument(const MacroParameter&, const Macro&, const MacroArgument&,
+                                    Location) const;
+  void check_integer(const MacroParameter&, const Macro&, MacroArgument&, Location);
   void check_operands(const Token& call, const Macro&, const std::vector<Tokens>& operands) const;
   [[noreturn]] void fail_no_overload(const Token& call, std::size_t arguments, bool result) const;
   Cursor find_closing_bracket(Cursor open) const;

@@ -71,6 +71,7 @@ PreprocessedItem Preprocessor::next(std::size_t min_depth) {
       return item;
     }
     if (frames_.back().next_line >= frames_.back().lines->size()) {
+      if (repeat_loop(frames_.back())) continue;
       pop_frame(item);
       if (item.kind == PreprocessedItem::Kind::kMacroEnd) return item;
     } else if (process_line(item)) {
@@ -78,6 +79,16 @@ PreprocessedItem Preprocessor::next(std::size_t min_depth) {
     }
   }
   return {};
+}
+
+// Goes on with the next round of a `!for`; returns false after the last.
+bool Preprocessor::repeat_loop(InputFrame& frame) {
+  if (frame.loop_variable.empty()) return false;
+  frame.loop_value += frame.loop_step;
+  const bool ends =
+      frame.loop_step > 0.0 ? frame.loop_value > frame.loop_end : frame.loop_value < frame.loop_end;
+  if (!ends) frame.next_line = 0;
+  return !ends;
 }
 
 void Preprocessor::pop_frame(PreprocessedItem& item) {
@@ -97,6 +108,11 @@ bool Preprocessor::process_line(PreprocessedItem& item) {
   const bool is_directive = line.tokens.front().kind == TokenKind::kDirective;
   if (is_directive && handle_conditional(line.tokens)) return false;
   if (!is_active()) return false;
+  if (line.tokens.size() > 1 && line.tokens[0].is_name("function") &&
+      line.tokens[1].kind == TokenKind::kName) {
+    handle_function(line.tokens);
+    return false;
+  }
   if (++line_count_ > kMaxLines) {
     report(line.tokens.front().location, "the program has more than {} lines", kMaxLines);
     abort_input();
@@ -125,8 +141,8 @@ MacroTable::Handle Preprocessor::find_macro(const std::string& name, std::size_t
   return macro;
 }
 
-bool Preprocessor::enter_macro(const MacroTable::Handle& macro, std::uint32_t expansion, Tokens result,
-                               std::vector<Tokens> arguments) {
+bool Preprocessor::enter_macro(const MacroTable::Handle& macro, std::uint32_t expansion,
+                               std::vector<Tokens> results, std::vector<Tokens> arguments) {
   const Location call = sources_.expansion(expansion).call;
   const auto depth = std::ranges::count_if(frames_, [](const InputFrame& f) { return f.macro != nullptr; });
   std::string limit_error;
@@ -147,12 +163,21 @@ bool Preprocessor::enter_macro(const MacroTable::Handle& macro, std::uint32_t ex
   frame.expansion = expansion;
   for (std::size_t i = 0; i < arguments.size(); ++i)
     frame.parameters[macro->parameters[i].name] = std::move(arguments[i]);
-  if (!macro->result_parameter.empty()) frame.parameters[macro->result_parameter] = std::move(result);
+  if (!macro->result_parameter.empty())
+    frame.parameters[macro->result_parameter] = std::move(results.front());
+  for (std::size_t i = 0; i < macro->further_results.size(); ++i)
+    frame.parameters[macro->further_results[i]] = std::move(results[i + 1]);
   frames_.push_back(std::move(frame));
   return true;
 }
 
 void Preprocessor::substitute(Tokens& tokens, const InputFrame& frame) const {
+  for (Token& token : tokens) {
+    if (token.kind != TokenKind::kName || token.text != frame.loop_variable) continue;
+    token.kind = TokenKind::kNumber;
+    token.number = frame.loop_value;
+    token.text = fmt::format("{:.0f}", frame.loop_value);
+  }
   if (frame.macro == nullptr) return;
   Tokens out;
   out.reserve(tokens.size());

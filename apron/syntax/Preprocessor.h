@@ -43,18 +43,22 @@ struct SourceOptions {
 struct PreprocessorOptions : SourceOptions {
   // True if there is an instruction of that name, which a macro of the same name calls in its body.
   std::function<bool(std::string_view)> is_builtin = {};
+  // The number of the argument that a statement of that instruction writes, or -1.
+  std::function<int(std::string_view name, std::size_t arguments)> written_argument = {};
   // "" if the palette exists, otherwise the error message.
   std::function<std::string(std::string_view)> check_palette = {};
 };
 
-// A declaration by `!register`, `!machine_register`, `!create` or `!object`.
+// A declaration by `!register`, `!scalar`, `!machine_register`, `!create` or `!object`.
 struct Declaration {
   enum class Kind : std::uint8_t { kRegister, kElement, kClass };
   Kind kind = Kind::kRegister;
   Location location;
-  std::string name;        // of the register or element; of the class
-  std::string class_name;  // of an element
-  std::string alias;       // of a class
+  std::string name;         // of the register or element; of the class
+  std::string class_name;   // of an element
+  std::string alias;        // of a class
+  std::uint32_t count = 0;  // of the elements of an array; 0: it is none
+  std::uint32_t owner = 0;  // of a function's local register: the number of its expansion
   bool of_variables = false;
   bool is_machine_register = false;     // only lines of the declaring file compute with it
   std::uint32_t width = 0, height = 0;  // cells
@@ -93,11 +97,13 @@ class Preprocessor {
 
   // Continues with the macro's body, whose parameters are replaced by the tokens. Returns false if a limit is
   // hit, which is reported and ends the program.
-  bool enter_macro(const MacroTable::Handle&, std::uint32_t expansion, Tokens result,
+  bool enter_macro(const MacroTable::Handle&, std::uint32_t expansion, std::vector<Tokens> results,
                    std::vector<Tokens> arguments);
 
   // "" if the tokens are an operand of the kind, otherwise the error message: "must be …, not …".
   std::string check_operand(const std::string& kind, const Tokens& operand) const;
+  // One of the kind's operands; "" if it has no names.
+  std::string operand_of_kind(const std::string& kind, std::size_t number) const;
   // The instruction or macro to which `!operator` bound the symbol, or "".
   std::string operator_target(const std::string& symbol) const;
   // The name of the last `!module`, or "". In a macro's body, the last one before the macro's definition.
@@ -124,6 +130,9 @@ class Preprocessor {
     std::uint32_t expansion = 0;
     std::map<std::string, Tokens> parameters;
     std::vector<ConditionalBlock> conditionals;
+    // Of the lines of a `!for`.
+    std::string loop_variable;
+    double loop_value = 0.0, loop_end = 0.0, loop_step = 1.0;
   };
 
   template <class... Arguments>
@@ -134,10 +143,18 @@ class Preprocessor {
   bool is_active() const;
   void pop_frame(PreprocessedItem&);
   bool process_line(PreprocessedItem&);
+  static bool repeat_loop(InputFrame&);
   void substitute(Tokens&, const InputFrame&) const;
   bool substitute(const Token&, const InputFrame&, Tokens& out) const;
   bool expand_defines(Tokens&);
   bool expand_defines(const Tokens&, Tokens& out, std::set<std::string>& hide_set, int depth);
+
+  // Functions.cpp
+  void handle_function(const Tokens&);
+  bool parse_function_signature(const Tokens&, Macro&);
+  static bool parse_function_parameter(const Tokens&, MacroParameter&);
+  bool read_function_body(Location, std::vector<Line>&);
+  void define_function(Macro);
 
   // Directives.cpp
   using Arguments = std::vector<Tokens>;
@@ -153,6 +170,8 @@ class Preprocessor {
   void push_file(const std::string& path, std::string text, Location from);
   void handle_define(const Tokens&);
   void handle_macro_def(const Tokens&);
+  void add_macro(Macro);
+  void handle_for(const Tokens&);
   bool parse_macro_signature(const Tokens&, Macro&);
   void handle_operand_kind(const Tokens&);
   const OperandKind* find_operand_kind(const std::string& operand) const;
@@ -162,6 +181,8 @@ class Preprocessor {
   void handle_error(const Tokens&);
   void handle_create(const Tokens&);
   void handle_object(const Tokens&);
+  bool is_in_function() const;
+  bool parse_array_size(Tokens, std::uint32_t& count);
   bool parse_size_argument(const Tokens&, Location location, std::uint32_t& size);
   void handle_operator(const Tokens&);
   void handle_max_addr(const Tokens&);

@@ -40,7 +40,7 @@ Vm::Vm(program::Program program, VmOptions options, Host& host)
         (decoded.masked || decoded.op == Opcode::kPlugin)) {
       decoded.scratch = scratch_plane(*decoded.destination);
     }
-    if (decoded.op == Opcode::kFlood || decoded.op == Opcode::kSpreadMax)
+    if (decoded.op == Opcode::kFlood || decoded.op == Opcode::kSpreadMax || decoded.op == Opcode::kSpreadSum)
       components_.reserve(decoded.destination->width, decoded.destination->height);
   }
   return_addresses_.reserve(program::kMaxCallDepth);

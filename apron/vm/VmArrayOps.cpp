@@ -63,6 +63,9 @@ Status Vm::execute_neighbourhood(const DecodedInstruction& decoded) {
     case Opcode::kSpreadMax:
       components_.spread_max(to, a, *decoded.planes[1], executor_.kernels());
       break;
+    case Opcode::kSpreadSum:
+      components_.spread_sum(to, a, *decoded.planes[1]);
+      break;
     default:
       reduce_neighbours(executor_, decoded.op, *decoded.scalars[1] == 8.0, *decoded.destination, a, boundary_,
                         mask);

@@ -271,6 +271,10 @@ int check_program(const Options& options) {
                 << "repeats forever without surface.step, for which the surface waits\n";
     }
   }
+  if (const std::string errors = body_errors(options); !errors.empty()) {
+    std::cerr << errors;
+    return common::kUserError;
+  }
   if (!options.local_check) return common::kDone;
   const std::vector<program::NonLocalInstruction> nonlocal = program::find_nonlocal_instructions(*program);
   for (const program::NonLocalInstruction& instruction : nonlocal) {

@@ -3,6 +3,7 @@
 #include <filesystem>
 #include <iostream>
 
+#include "apron/compiler/BodyCheck.h"
 #include "apron/compiler/Compiler.h"
 #include "apron/program/Reachability.h"
 #include "apron/syntax/Diagnostic.h"
@@ -92,6 +93,13 @@ std::optional<program::Program> compile_or_report(const Options& options, std::u
   std::cerr << messages.text;
   if (!compiled) return std::nullopt;
   return std::move(compiled->program);
+}
+
+std::string body_errors(const Options& options) {
+  syntax::DiskReader reader;
+  const compiler::CompileResult result =
+      compiler::check_macro_bodies(compile_options(options, options.width, options.height), reader);
+  return syntax::format_diagnostics(result.diagnostics, result.sources);
 }
 
 std::string find_library_file(const std::string& name) {

@@ -36,6 +36,9 @@ void load_palettes(const Options& options);
 std::optional<program::Program> compile_or_report(const Options& options, std::uint32_t width,
                                                   std::uint32_t height);
 
+// The errors in bodies of macros that the program does not use, as for a terminal; "" without any.
+std::string body_errors(const Options& options);
+
 // A file as given or, if there is none and the name has no folder, the one of that name in the library.
 std::string find_library_file(const std::string& name);
 

@@ -110,8 +110,12 @@ bool is_incomplete(const std::string& text) {
       return std::ranges::find(words, first.text) != words.end();
     };
     if (first.kind == syntax::TokenKind::kDirective) {
-      conditions += is({"if"}) ? 1 : is({"endif"}) ? -1 : 0;
+      conditions += is({"if", "for"}) ? 1 : is({"endif", "endfor"}) ? -1 : 0;
       macros += is({"macro_def"}) ? 1 : is({"macro_end"}) ? -1 : 0;
+    } else if (first.kind == syntax::TokenKind::kName && line.tokens.size() != 1 && is({"function"})) {
+      macros += line.tokens[1].kind == syntax::TokenKind::kName ? 1 : 0;
+    } else if (first.kind == syntax::TokenKind::kName && is({"endfunction"})) {
+      --macros;
     } else if (first.kind == syntax::TokenKind::kName && macros == 0) {
       blocks += is({"if", "while", "for", "repeat", "where"})                  ? 1
                 : is({"endif", "endwhile", "endfor", "endrepeat", "endwhere"}) ? -1

@@ -65,7 +65,6 @@ struct Stage {
 };
 
 inline constexpr std::size_t kMaxStreams = 10;  // per stage
-inline constexpr std::size_t kMaxResults = 6;   // per stage
 
 struct FusionPlanOptions {
   unsigned threads = 1;

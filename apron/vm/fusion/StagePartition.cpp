@@ -154,7 +154,7 @@ class StagePartitioner {
 
 StagePartition partition_stages(const ValueGraph& graph) { return StagePartitioner(graph).partition(); }
 
-// Generated code has no instruction for round, nor for what the C library computes.
-bool is_fusible_opcode(Opcode op) noexcept { return op < Opcode::kRound && !program::calls_libm(op); }
+// Generated code has no instruction for round, nor for the mathematical functions.
+bool is_fusible_opcode(Opcode op) noexcept { return op < Opcode::kRound && !program::is_mathematics(op); }
 
 }  // namespace apron::vm

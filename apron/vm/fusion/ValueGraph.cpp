@@ -252,11 +252,24 @@ class ValueGraphBuilder {
       if (unchanged || !flow_.is_live(trace_.exit, reg)) continue;
       const bool computed = arg.kind == ValueRef::Kind::kValue && !arg.is_shifted() &&
                             graph_.nodes[arg.index].kind == ValueNode::Kind::kCompute;
-      graph_.outputs.push_back({reg, computed ? arg.index : get_or_add_node(Opcode::kCopy, arg).index});
+      graph_.outputs.push_back(
+          {reg, writer_for(computed ? arg.index : get_or_add_node(Opcode::kCopy, arg).index)});
     }
     for (const auto& [variable, slot] : written_variables_)
       graph_.variable_stores.emplace_back(variable, slot);
     eliminate_dead_nodes();
+  }
+
+  // The value itself, or a copy of it: a stage writes kMaxResults rows, and one value may go to many registers.
+  std::uint32_t writer_for(std::uint32_t value) {
+    auto& [writer, count] = writers_.try_emplace(value, value, 0U).first->second;
+    if (++count <= kMaxResults) return writer;
+    ValueNode copy;
+    copy.op = Opcode::kCopy;
+    copy.operands[0] = value_ref(value);
+    writer = add_node(copy);
+    count = 1;
+    return writer;
   }
 
   void eliminate_dead_nodes() {
@@ -278,6 +291,7 @@ class ValueGraphBuilder {
     for (ValueGraph::Output& output : graph_.outputs) output.value = new_index[output.value];
   }
 
+  std::map<std::uint32_t, std::pair<std::uint32_t, std::size_t>> writers_;  // of values, and their outputs
   const program::Program& program_;
   const std::vector<DecodedInstruction>& decoded_;
   const FlowAnalysis& flow_;

@@ -54,6 +54,9 @@ struct ScalarInstruction {
   std::uint32_t destination;
 };
 
+inline constexpr std::size_t kMaxResults =
+    6;  // rows that a stage writes, and registers that one value goes to
+
 struct ValueGraph {
   std::vector<ValueNode> nodes;  // in topological order: operands before their users
   struct Output {

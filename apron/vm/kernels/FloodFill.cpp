@@ -6,6 +6,7 @@ namespace apron::vm {
 
 void ConnectedComponents::reserve(std::uint32_t width, std::uint32_t height) {
   runs_.reserve(std::max(runs_.capacity(), (std::size_t{width} + 1) / 2 * height));
+  sums_.reserve(runs_.capacity());
   row_starts_.reserve(std::max(row_starts_.capacity(), std::size_t{height} + 1));
 }
 
@@ -86,6 +87,20 @@ void ConnectedComponents::spread_max(Plane y, ConstPlane a, ConstPlane mask,
     largest(a.row(row) + first, 0, 1, last - first, &value);
     return value + 0.0F;
   });
+  write_values(y);
+}
+
+void ConnectedComponents::spread_sum(Plane y, ConstPlane a, ConstPlane mask) noexcept {
+  label_components(mask, [](std::uint32_t, std::uint32_t, std::uint32_t) { return 0.0F; });
+  sums_.assign(runs_.size(), 0.0);
+  for (std::uint32_t row = 0; row < a.height; ++row) {
+    for (std::uint32_t run = row_starts_[row]; run < row_starts_[row + 1]; ++run) {
+      double& sum = sums_[find_root(run)];
+      for (std::uint32_t x = runs_[run].first; x < runs_[run].last; ++x)
+        sum += static_cast<double>(a.row(row)[x]);
+    }
+  }
+  for (std::size_t run = 0; run < runs_.size(); ++run) runs_[run].value = static_cast<float>(sums_[run]);
   write_values(y);
 }
 

@@ -1,4 +1,4 @@
-// flood, distance and spread.max: the fixed point of their one-step rules (opcodes.def), in a few passes over
+// flood, distance, spread.max and spread.sum: the fixed point of their one-step rules (opcodes.def), in a few passes over
 // the array, independent of the distance.
 #pragma once
 
@@ -22,6 +22,9 @@ class ConnectedComponents {
   // y = the largest a of each component of the mask, 0 outside. -0 counts as 0 and NaN as -infinity. y may
   // alias a or mask.
   void spread_max(Plane y, ConstPlane a, ConstPlane mask, const KernelTable& kernels) noexcept;
+  // y = the sum of a over each component of the mask, added in double precision, row by row, 0 outside. y may
+  // alias a or mask.
+  void spread_sum(Plane y, ConstPlane a, ConstPlane mask) noexcept;
 
  private:
   struct Run {
@@ -36,6 +39,7 @@ class ConnectedComponents {
   void write_values(Plane y) noexcept;
 
   std::vector<Run> runs_;
+  std::vector<double> sums_;               // of the components, at their roots
   std::vector<std::uint32_t> row_starts_;  // first run of each row, then the number of runs
 };
 

@@ -2,6 +2,7 @@
 #include "apron/vm/kernels/Kernels.h"
 
 #include <algorithm>
+#include <cmath>
 #include <limits>
 
 #undef HWY_TARGET_INCLUDE
@@ -9,9 +10,9 @@
 #include <hwy/foreach_target.h>  // must come before highway.h
 #include <hwy/highway.h>
 
+#include "apron/program/Mathematics.h"
 #include "apron/vm/PlaneStore.h"
 #include "apron/vm/kernels/Random.h"
-#include "apron/vm/kernels/ScalarKernels.h"
 
 HWY_BEFORE_NAMESPACE();
 namespace apron::vm {
@@ -76,6 +77,126 @@ HWY_INLINE V round_half_away(V a) {
     static constexpr unsigned kArity = arity;                                                     \
     static HWY_INLINE V apply([[maybe_unused]] V a, [[maybe_unused]] V b, [[maybe_unused]] V c) { \
       return value;                                                                               \
+    }                                                                                             \
+  };
+#include "apron/program/elementwise.def"
+
+// ---- mathematics: half a vector at a time, in double precision ----
+
+#if HWY_TARGET == HWY_SCALAR
+using DR = hn::Rebind<double, D>;
+#else
+using DR = hn::Repartition<double, D>;
+#endif
+using DBits = hn::RebindToUnsigned<DR>;
+
+// The primitives of program/mathematics.def.
+struct R {
+  hn::Vec<DR> v;
+};
+using B = hn::Mask<DR>;
+
+constexpr double kInfinity = std::numeric_limits<double>::infinity();
+constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
+
+HWY_INLINE R operator+(R a, R b) { return {hn::Add(a.v, b.v)}; }
+HWY_INLINE R operator-(R a, R b) { return {hn::Sub(a.v, b.v)}; }
+HWY_INLINE R operator*(R a, R b) { return {hn::Mul(a.v, b.v)}; }
+HWY_INLINE R operator/(R a, R b) { return {hn::Div(a.v, b.v)}; }
+HWY_INLINE R operator-(R a) { return {hn::Neg(a.v)}; }
+HWY_INLINE R constant(double c) { return {hn::Set(DR(), c)}; }
+HWY_INLINE B less(R a, R b) { return hn::Lt(a.v, b.v); }
+HWY_INLINE B equal(R a, R b) { return hn::Eq(a.v, b.v); }
+HWY_INLINE B opposite(B p) { return hn::Not(p); }
+HWY_INLINE B both(B p, B q) { return hn::And(p, q); }
+HWY_INLINE R choose(B p, R a, R b) { return {hn::IfThenElse(p, a.v, b.v)}; }
+HWY_INLINE B choose_truth(B p, B a, B b) { return hn::Or(hn::And(p, a), hn::AndNot(p, b)); }
+HWY_INLINE R magnitude(R a) { return {hn::Abs(a.v)}; }
+HWY_INLINE R with_sign(R a, R of) { return {hn::CopySign(a.v, of.v)}; }
+HWY_INLINE R square_root(R a) { return {hn::Sqrt(a.v)}; }
+HWY_INLINE R float_reciprocal(R a) {
+  const hn::Rebind<float, DR> floats;
+  return {hn::PromoteTo(DR(), hn::Div(hn::Set(floats, 1.0F), hn::DemoteTo(floats, a.v)))};
+}
+HWY_INLINE R nearest(R a) { return (a + constant(0x1.8p52)) - constant(0x1.8p52); }
+HWY_INLINE hn::Vec<DBits> bits(R a) { return hn::BitCast(DBits(), a.v); }
+HWY_INLINE R from_bits(hn::Vec<DBits> a) { return {hn::BitCast(DR(), a)}; }
+HWY_INLINE B is_negative(R a) {
+  return hn::Lt(from_bits(hn::Or(hn::And(bits(a), hn::Set(DBits(), 0x8000000000000000U)),
+                                 hn::Set(DBits(), 0x3FF0000000000000U)))
+                    .v,
+                hn::Zero(DR()));
+}
+HWY_INLINE R power_of_two(R k) { return from_bits(hn::ShiftLeft<52>(bits(k + constant(0x1.8p52 + 1023)))); }
+HWY_INLINE R exponent(R a) {
+  return from_bits(hn::Or(hn::ShiftRight<52>(bits(a)), hn::Set(DBits(), 0x4330000000000000U))) -
+         constant(0x1p52 + 1023);
+}
+HWY_INLINE R significand(R a) {
+  return from_bits(
+      hn::Or(hn::And(bits(a), hn::Set(DBits(), 0xFFFFFFFFFFFFFU)), hn::Set(DBits(), 0x3FF0000000000000U)));
+}
+HWY_NOINLINE void reduce_large_lanes(R x, R& quadrant, R& r) {
+  const DR d;
+  HWY_ALIGN double angles[kLanes], quadrants[kLanes], rests[kLanes];
+  hn::Store(x.v, d, angles);
+  hn::Store(quadrant.v, d, quadrants);
+  hn::Store(r.v, d, rests);
+  for (std::size_t i = 0; i < hn::Lanes(d); ++i) {
+    if (std::fabs(angles[i]) < 0x1p20) continue;
+    const program::ReducedAngle angle = program::reduce_angle(angles[i]);
+    quadrants[i] = angle.quadrant;
+    rests[i] = angle.rest;
+  }
+  quadrant.v = hn::Load(d, quadrants);
+  r.v = hn::Load(d, rests);
+}
+HWY_INLINE void reduce_large(R x, R& quadrant, R& r) {
+  if (HWY_UNLIKELY(!hn::AllTrue(DR(), less(magnitude(x), constant(0x1p20)))))
+    reduce_large_lanes(x, quadrant, r);
+}
+
+#define APRON_INLINE HWY_INLINE
+#include "apron/program/mathematics.def"
+#undef APRON_INLINE
+
+// Evaluates a function of doubles on floats.
+#if HWY_TARGET == HWY_SCALAR || HWY_TARGET == HWY_EMU128
+// Highway's portable conversions do not round to infinity.
+template <class Function>
+HWY_INLINE V in_double_precision(V a, V b, const Function& function) {
+  HWY_ALIGN float first[kLanes], second[kLanes];
+  HWY_ALIGN double numbers[kLanes];
+  hn::Store(a, D(), first);
+  hn::Store(b, D(), second);
+  for (std::size_t i = 0; i < hn::Lanes(D()); i += hn::Lanes(DR())) {
+    const auto promote = [&](const float* from) {
+      for (std::size_t j = 0; j < hn::Lanes(DR()); ++j) numbers[j] = from[i + j];
+      return R{hn::Load(DR(), numbers)};
+    };
+    const R x = promote(first), y = promote(second);
+    hn::Store(function(x, y).v, DR(), numbers);
+    for (std::size_t j = 0; j < hn::Lanes(DR()); ++j) first[i + j] = static_cast<float>(numbers[j]);
+  }
+  return hn::Load(D(), first);
+}
+#else
+template <class Function>
+HWY_INLINE V in_double_precision(V a, V b, const Function& function) {
+  const hn::Half<D> half;
+  const auto lower = [&](V v) { return R{hn::PromoteTo(DR(), hn::LowerHalf(half, v))}; };
+  const auto upper = [&](V v) { return R{hn::PromoteTo(DR(), hn::UpperHalf(half, v))}; };
+  const R low = function(lower(a), lower(b)), high = function(upper(a), upper(b));
+  return hn::Combine(D(), hn::DemoteTo(half, high.v), hn::DemoteTo(half, low.v));
+}
+#endif
+
+#define APRON_MATHEMATICS(name, arity, value)                                                     \
+  struct name {                                                                                   \
+    static constexpr program::Opcode kOpcode = program::Opcode::k##name;                          \
+    static constexpr unsigned kArity = arity;                                                     \
+    static HWY_INLINE V apply(V first, V second, [[maybe_unused]] V third) {                      \
+      return in_double_precision(first, second, [](R a, [[maybe_unused]] R b) { return value; }); \
     }                                                                                             \
   };
 #include "apron/program/elementwise.def"
@@ -483,13 +604,13 @@ void random_normal(const RandomCells& cells, float mean, float sd, float* to) no
 KernelTable make_table() {
   KernelTable table;
 #define APRON_ELEMENTWISE(name, arity, value) fill<name>(table);
+#define APRON_MATHEMATICS(name, arity, value) fill<name>(table);
 #include "apron/program/elementwise.def"
   table.reductions = {reduce<SumOp>, reduce<MinOp>, reduce<MaxOp>, reduce<CountOp>};
   table.stencils = make_stencil_kernels<Add, Min, Max, Or, And>();
   table.random_words = random_words;
   table.random_uniform = random_uniform;
   table.random_normal = random_normal;
-  add_scalar_kernels(table);
   return table;
 }
 

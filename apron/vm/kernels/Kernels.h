@@ -1,7 +1,7 @@
 // Table of the VM's SIMD inner loops, indexed by element-wise opcode, mix of register and scalar operands,
 // and masking. Each kernel is written once and compiled for every instruction set. Results are bit-identical
-// on all of them (except NaN payloads): no fused multiply-add, no approximations; math.sin and its like call
-// libm cell by cell.
+// on all of them (except NaN payloads): no fused multiply-add, and the mathematical functions are
+// program/mathematics.def's.
 #pragma once
 
 #include <array>

@@ -61,6 +61,27 @@ Image reference_spread_max(const Image& a, const Image& mask) {
   });
 }
 
+// Each component's cells by a flood from its own cell, in row-major order.
+Image reference_spread_sum(const Image& a, const Image& mask) {
+  Image result{a.width, a.height, Cells(a.cells.size(), 0.0F)};
+  std::vector<bool> is_done(a.cells.size());
+  for (std::size_t i = 0; i < a.cells.size(); ++i) {
+    if (is_done[i] || !(mask.cells[i] != 0)) continue;
+    Image seed{a.width, a.height, Cells(a.cells.size(), 0.0F)};
+    seed.cells[i] = 1.0F;
+    const Image component = reference_flood(seed, mask);
+    double sum = 0.0;
+    for (std::size_t k = 0; k < a.cells.size(); ++k)
+      if (component.cells[k] != 0) sum += static_cast<double>(a.cells[k]);
+    for (std::size_t k = 0; k < a.cells.size(); ++k) {
+      if (component.cells[k] == 0) continue;
+      is_done[k] = true;
+      result.cells[k] = static_cast<float>(sum);
+    }
+  }
+  return result;
+}
+
 // A spiral corridor one cell wide: the one-step rule needs as many iterations as the corridor has cells.
 Image spiral(int n) {
   Image image{n, n, Cells(static_cast<std::size_t>(n * n), 0.0F)};
@@ -115,6 +136,8 @@ void check_all(const Image& a, const Image& mask, unsigned seed) {
   expect_same(reference_flood(a, mask), run(Opcode::kFlood, a, &mask, false), "flood", seed);
   expect_same(reference_distance(mask), run(Opcode::kDistance, mask, nullptr, false), "distance", seed);
   expect_same(reference_spread_max(a, mask), run(Opcode::kSpreadMax, a, &mask, false), "spread.max", seed);
+  if (a.cells.size() < 700)
+    expect_same(reference_spread_sum(a, mask), run(Opcode::kSpreadSum, a, &mask, false), "spread.sum", seed);
 }
 
 TEST(FloodFill, MatchesIteratedReference) {

@@ -300,6 +300,29 @@ TEST(Fusion, MatchesUnfusedExecution) {
   }
 }
 
+// One value that goes to many registers, computed or not.
+TEST(Fusion, OneValueInManyRegisters) {
+  for (const Opcode op : {Opcode::kCopy, Opcode::kAdd, Opcode::kRound}) {
+    TestProgram build;
+    const Operand a = build.reg(20, 6);
+    std::vector<Operand> registers;
+    for (int i = 0; i < 40; ++i) {
+      registers.push_back(build.reg(20, 6));
+      build.add(op, registers.back(), a, op == Opcode::kAdd ? build.lit(1) : Operand{});
+    }
+    const program::Program program = build.finish();
+    ASSERT_EQ(program::verify(program), "");
+    for (const FusionConfig& way : fusion_configs()) {
+      FakeHost host;
+      Vm vm(program, way.options, host);
+      write_cells(vm.plane(a.index), Cells(120, 2.0F));
+      ASSERT_EQ(vm.run(), Status::kEnded) << vm.error();
+      for (const Operand& y : registers)
+        ASSERT_EQ(read_cells(vm.plane(y.index)), Cells(120, op == Opcode::kAdd ? 3.0F : 2.0F)) << way.name;
+    }
+  }
+}
+
 // Arrays large enough for non-temporal stores.
 TEST(Fusion, MatchesUnfusedForArraysBeyondCache) {
   TestProgram build;

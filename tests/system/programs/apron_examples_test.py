@@ -44,6 +44,43 @@ class ApronExamples(ProgramTest):
                 life = [[float(str(int(count[y][x])) in (survive if life[y][x] else born)) for x in range(n)] for y in range(n)]
             self.assertEqual(self.example("life", ["Life"], *rule, ticks=21)[1], life)
 
+    def test_neural_automaton(self):
+        n = 14
+        weights = self.folder / "weights.aps"
+        weights.write_text("random.seed(4)\nfor(i, 0, 1535)\nw = random.float.gauss(0, 0.2)\nprintln(w)\nendfor\n"
+                           "for(i, 0, 511)\nw = random.float.gauss(0, 0.1)\nprintln(w)\nendfor\n")
+        status, out, err = self.finish(self.start(APRON, "run", str(weights)))
+        self.assertEqual((status, err), (0, ""))
+        weight = [float(line) for line in out.split()]
+        channels = [f"s[{c}]" for c in range(16)]
+        _, *before = self.example("neural-automaton", channels, ticks=6, size=f"{n}x{n}")
+        _, *after = self.example("neural-automaton", channels, ticks=7, size=f"{n}x{n}")
+
+        def at(plane, x, y):
+            return plane[y][x] if 0 <= x < n and 0 <= y < n else 0.0
+
+        fired = 0
+        for y in range(n):
+            for x in range(n):
+                old, new = [plane[y][x] for plane in before], [plane[y][x] for plane in after]
+                if max(at(before[3], x + i, y + j) for i in (-1, 0, 1) for j in (-1, 0, 1)) <= 0.1:
+                    self.assertEqual(new, [0.0] * 16)
+                    continue
+                perceived = []
+                for s in before:
+                    near = [[at(s, x + i, y + j) for i in (-1, 0, 1)] for j in (-1, 0, 1)]
+                    slope = [sum(k * (row[2] - row[0]) for k, row in zip((1, 2, 1), near)) / 8,
+                             sum(k * (below - above) for k, below, above in zip((1, 2, 1), near[2], near[0])) / 8]
+                    perceived += [s[y][x], *slope]
+                hidden = [max(sum(weight[48 * k + j] * p for j, p in enumerate(perceived)), 0) for k in range(32)]
+                update = [min(max(s + sum(weight[1536 + 32 * c + k] * h for k, h in enumerate(hidden)), -1), 1)
+                          for c, s in enumerate(old)]
+                rests = all(abs(a - b) < 1e-5 for a, b in zip(new, old))
+                fires = all(abs(a - b) < 1e-5 for a, b in zip(new, update))
+                self.assertTrue(rests or fires, f"cell {x}, {y}: {new}, not {update}")
+                fired += fires and not rests
+        self.assertGreater(fired, 5)
+
     def test_gray_scott(self):
         _, u, v = self.example("gray-scott", ["U", "V"], ticks=1, size="24x24")
         n, feed, kill = 24, 0.037, 0.06

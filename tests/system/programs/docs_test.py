@@ -30,6 +30,21 @@ def without_pictures(arguments):
 
 
 class Docs(ProgramTest):
+    def test_programs_of_the_language_page_give_what_their_comments_say(self):
+        page = (ROOT / "docs/apron-language.md").read_text()
+        results = 0
+        for number, program in enumerate(re.findall(r"^```\n(.*?)^```$", page, re.DOTALL | re.MULTILINE)):
+            file = self.folder / f"{number}.aps"
+            file.write_text(program)
+            status, out, err = self.finish(self.start(APRON, "check", "--size", "8x8", str(file)))
+            self.assertEqual((status, err), (0, ""), program)
+            wanted = re.findall(r"^\s*println.*// (.*)$", program, re.MULTILINE)
+            results += len(wanted)
+            if wanted:
+                status, out, err = self.finish(self.start(APRON, "run", "--size", "8x8", str(file)))
+                self.assertEqual((status, err, out.splitlines()), (0, "", wanted), program)
+        self.assertGreaterEqual(results, 4)
+
     def test_commands_of_pages_run_in_order(self):
         # Runs each page in a separate folder with links to the checkout's scripts.
         total = 0

@@ -71,11 +71,32 @@ TEST(Macro, LocalNamesAreUniqueAndTypedByFirstWrite) {
   EXPECT_EQ(lines.find("$3"), std::string::npos) << lines;
 }
 
-TEST(Macro, MaskedResultStartsAtZero) {
+TEST(Macro, ResultStartsAtZeroUnlessItsLastLineWritesItWhole) {
   const std::string inc = macro("$y = inc($a)", "$y = $a + 1");
   EXPECT_EQ(compiled(inc + "A = inc(B) * 2"), "add $0, B, 1\nmul A, $0, 2\nend\n");
-  EXPECT_EQ(compiled(inc + "mask.on(B)\nA = inc(B) * 2"),
-            "mask.on B\ncopy $0, 0\nadd $0, B, 1\nmul A, $0, 2\nend\n");
+  EXPECT_EQ(compiled(inc + "mask.on(B)\nA = inc(B) * 2"), "mask.on B\nadd $0, B, 1\nmul A, $0, 2\nend\n");
+  const std::string relu = macro("$y = relu($a)", "where($a > 0)\n$y = $a\nendwhere");
+  EXPECT_EQ(compiled(relu + "A = relu(B) * 2"),
+            "copy $0, 0\ngt $1, B, 0\nmask.push $1\ncopy $0, B\nmask.pop\nmul A, $0, 2\nend\n");
+  EXPECT_EQ(compiled(macro("$y = more($a)", "mac($y, $a, 2)") + "A = more(B) * 2"),
+            "copy $0, 0\nmac $0, B, 2, $0\nmul A, $0, 2\nend\n");
+}
+
+// Under the caller's mask a body computes as without one: its own where selects, local registers are written
+// whole, and a register of the caller that it writes before its last line is merged at the end.
+TEST(Macro, BodiesIgnoreTheCallersMask) {
+  const std::string twice = macro("$y = twice($a)", "$y = $a + 1\n$y = $y * 2");
+  EXPECT_EQ(compiled(twice + "A = twice(B)"), "add A, B, 1\nmul A, A, 2\nend\n");
+  EXPECT_EQ(compiled(twice + "where(B)\nA = twice(B)\nendwhere"),
+            "mask.push B\ncopy $0, A\nadd A, B, 1\nmul A, A, 2\ncopy $0, A\ncopy A, $0\nmask.pop\nend\n");
+  const std::string relu = macro("$y = relu($a)", ":r = $a\nwhere(:r < 0)\n:r = 0\nendwhere\n$y = :r");
+  EXPECT_EQ(compiled(relu + "where(B)\nA = relu(A)\nendwhere"),
+            "mask.push B\ncopy $0, A\nlt $1, $0, 0\nmask.push $1\nselect $0, $1, 0, $0\nmask.pop\n"
+            "copy A, $0\nmask.pop\nend\n");
+  // What a body does to masks itself, it does to all registers.
+  const std::string only = macro("only($m)", ":m = $m > 0\nmask.on(:m)\n:m = 1");
+  EXPECT_EQ(compiled(only + "only(B)\nA = 1"),
+            "copy $0, 0\ngt $0, B, 0\nmask.on $0\ncopy $0, 1\ncopy A, 1\nend\n");
 }
 
 TEST(Macro, ErrorsShowExpansionChain) {

@@ -1,0 +1,97 @@
+#include "apron/program/Mathematics.h"
+
+#include <array>
+#include <bit>
+#include <cassert>
+#include <cmath>
+#include <cstdint>
+#include <limits>
+
+namespace apron::program {
+namespace {
+
+__extension__ using Wide = unsigned __int128;
+__extension__ using SignedWide = __int128;
+
+constexpr double kInfinity = std::numeric_limits<double>::infinity();
+constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
+
+// The 128 bits of 2 / pi from that bit on; bit 0 has the weight 1/2. Bits before it are 0.
+Wide bits_of_two_over_pi(int first) {
+  constexpr std::array<std::uint64_t, 5> kBits{0xA2F9836E4E441529, 0xFC2757D1F534DDC0, 0xDB6295993C439041,
+                                               0xFE5163ABDEBBC561, 0xB7246E3A424DD2E0};
+  if (first < 0) return bits_of_two_over_pi(0) >> static_cast<unsigned>(-first);
+  const auto word = static_cast<std::size_t>(first) / 64;
+  const auto shift = static_cast<unsigned>(first) % 64;
+  const Wide upper = (Wide{kBits[word]} << 64U) | kBits[word + 1];
+  return shift == 0 ? upper : (upper << shift) | (kBits[word + 2] >> (64U - shift));
+}
+
+// The primitives of mathematics.def.
+using R = double;
+using B = bool;
+
+R constant(double c) { return c; }
+B less(R a, R b) { return a < b; }
+B equal(R a, R b) { return a == b; }
+B both(B p, B q) { return p && q; }
+B opposite(B p) { return !p; }
+R choose(B p, R a, R b) { return p ? a : b; }
+B choose_truth(B p, B a, B b) { return p ? a : b; }
+R magnitude(R a) { return std::fabs(a); }
+R with_sign(R a, R of) { return std::copysign(a, of); }
+B is_negative(R a) { return std::signbit(a); }
+R square_root(R a) { return std::sqrt(a); }
+R float_reciprocal(R a) { return 1.0F / static_cast<float>(a); }
+R nearest(R a) { return (a + 0x1.8p52) - 0x1.8p52; }
+R power_of_two(R k) {
+  return std::bit_cast<double>(std::bit_cast<std::uint64_t>(k + (0x1.8p52 + 1023)) << 52U);
+}
+R exponent(R a) {
+  return std::bit_cast<double>((std::bit_cast<std::uint64_t>(a) >> 52U) | 0x4330000000000000U) -
+         (0x1p52 + 1023);
+}
+R significand(R a) {
+  return std::bit_cast<double>((std::bit_cast<std::uint64_t>(a) & 0xFFFFFFFFFFFFFU) | 0x3FF0000000000000U);
+}
+void reduce_large(R x, R& quadrant, R& r) {
+  if (std::fabs(x) < 0x1p20) return;
+  const ReducedAngle angle = reduce_angle(x);
+  quadrant = angle.quadrant;
+  r = angle.rest;
+}
+
+#define APRON_INLINE inline
+#include "apron/program/mathematics.def"
+#undef APRON_INLINE
+
+}  // namespace
+
+// By Payne and Hanek's method: the bits of 2 / pi that contribute multiples of 4 are left out of the product.
+ReducedAngle reduce_angle(double x) noexcept {
+  if (!(std::fabs(x) < kInfinity)) return {kNan, kNan};
+  int exponent_of_x = 0;
+  const auto whole = static_cast<std::uint64_t>(std::ldexp(std::frexp(std::fabs(x), &exponent_of_x), 24));
+  // The product's unit is 2^-126.
+  const Wide product = bits_of_two_over_pi(exponent_of_x - 24 - 2) * whole;
+  const Wide quadrant = (product + (Wide{1} << 125U)) >> 126U;
+  const auto rest = static_cast<SignedWide>(product - (quadrant << 126U));
+  const ReducedAngle angle{static_cast<double>(static_cast<unsigned>(quadrant)),
+                           std::ldexp(static_cast<double>(rest), -126) * 1.5707963267948966};
+  return x < 0.0 ? ReducedAngle{-angle.quadrant, -angle.rest} : angle;
+}
+
+float evaluate_mathematics(Opcode op, float first, [[maybe_unused]] float second) noexcept {
+  const double a = first, b = second;
+  switch (op) {
+#define APRON_MATHEMATICS(name, arity, value) \
+  case Opcode::k##name:                       \
+    return static_cast<float>(value);
+#include "apron/program/elementwise.def"
+    default:
+      assert(false && "not a mathematical function");
+      return 0.0F;
+  }
+}
+
+}  // namespace apron::program

@@ -1,0 +1,330 @@
+// Random programs of functions compute what a plain interpreter in this file computes: values and registers as
+// parameters, local names, arrays with constant and computed indices, masks within and around calls.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <functional>
+#include <map>
+#include <string>
+#include <vector>
+
+#include "apron/compiler/Compiler.h"
+#include "tests/unit/apron/vm/TestProgram.h"
+
+namespace apron::vm::test {
+namespace {
+
+constexpr std::size_t kWidth = 7, kHeight = 5, kCount = kWidth * kHeight;
+
+// The registers that a call sees, by the names that they have in it, and its own masks.
+struct Scope {
+  std::map<std::string, Cells*> registers;
+  std::map<std::string, Cells> own;
+  std::map<std::string, float> numbers;
+  std::vector<Cells> masks;
+
+  Cells& at(const std::string& name) {
+    const auto found = registers.find(name);
+    return found != registers.end() ? *found->second : own.try_emplace(name, kCount).first->second;
+  }
+  void write(const std::string& name, const Cells& value) {
+    Cells& cells = at(name);
+    for (std::size_t i = 0; i < kCount; ++i)
+      if (std::ranges::all_of(masks, [&](const Cells& mask) { return mask[i] != 0.0F; })) cells[i] = value[i];
+  }
+};
+
+struct Value {
+  std::string text;
+  std::function<Cells(Scope&)> compute;
+};
+struct Statements {
+  std::string text;
+  std::vector<std::function<void(Scope&)>> run;
+  void operator()(Scope& scope) const {
+    for (const auto& one : run) one(scope);
+  }
+};
+
+class RandomFunctions {
+ public:
+  explicit RandomFunctions(unsigned seed) : rng_(seed) {
+    text =
+        "!register(A, B, M, N, X, Y, G[3])\n"
+        "function u, v = pair(plane a, plane b)\nu = a + b\nv = u - 2 * b\nendfunction\n"
+        "function y = ramp(plane a, number n)\ny = a\nwhere(a < n)\ny = n - a\nendwhere\nendfunction\n";
+    for (int i = 0; i < 3; ++i) add_function(i);
+    const std::string call = "X = f2(A + X, B, 2, Y, G)\n";
+    text +=
+        call + "where(M, !=, 0)\n" + call + "where(N, !=, 0)\nX = f1(X, Y, 1, X, G)\nendwhere\nendwhere\n";
+  }
+
+  void run(std::map<std::string, Cells>& planes) const {
+    Scope scope;
+    for (auto& [name, cells] : planes) scope.registers[name] = &cells;
+    const auto call = [&](int function, const std::string& a, const std::string& b, float n, const char* r) {
+      Cells sum = scope.at(a);
+      if (function == 2)
+        for (std::size_t i = 0; i < kCount; ++i) sum[i] = scope.at("A")[i] + scope.at("X")[i];
+      scope.write("X", apply(scope, function, sum, scope.at(b), n, r, "G"));
+    };
+    call(2, "A", "B", 2, "Y");
+    scope.masks.push_back(scope.at("M"));
+    call(2, "A", "B", 2, "Y");
+    scope.masks.push_back(scope.at("N"));
+    call(1, "X", "Y", 1, "X");
+  }
+
+  std::string text;
+
+ private:
+  // Calls the function without the caller's masks, then writes its registers under them.
+  Cells apply(Scope& caller, int function, Cells a, Cells b, float n, const std::string& r,
+              const std::string& q) const {
+    std::map<std::string, Cells> changed;
+    Scope scope;
+    const auto lend = [&](const std::string& name, const std::string& inside) {
+      changed.try_emplace(name, caller.at(name));
+      scope.registers[inside] = &changed.at(name);
+    };
+    lend(r, "r");
+    for (int i = 0; i < 3; ++i) lend(element(q, i), element("q", i));
+    scope.own["a"] = std::move(a);
+    scope.own["b"] = std::move(b);
+    scope.numbers["n"] = n;
+    bodies_[static_cast<std::size_t>(function)](scope);
+    for (const auto& [name, cells] : changed) caller.write(name, cells);
+    return scope.at("y");
+  }
+
+  static std::string element(const std::string& array, int index) {
+    return array + '[' + std::to_string(index) + ']';
+  }
+
+  unsigned below(unsigned n) { return rng_() % n; }
+
+  void add_function(int number) {
+    functions_ = number;
+    Statements body;
+    body.text = "!register(t2, h[3])\n";
+    const auto set = [&](const std::string& name, const Value& value) {
+      body.text += name + " = " + value.text + "\n";
+      body.run.push_back([name, value](Scope& scope) { scope.write(name, value.compute(scope)); });
+    };
+    set("t0", expression(1, false));
+    set("t1", expression(1, false));
+    if (below(2) == 0) set("y", expression(2, true));
+    for (unsigned i = 4 + below(6); i > 0; --i) add_statement(body, 0);
+    set("y", expression(2, true));
+    text += "function y = f" + std::to_string(number) +
+            "(plane a, plane b, number n, register r, register q[])\n" + body.text + "endfunction\n";
+    bodies_.push_back(body);
+  }
+
+  void append(Statements& to, Statements what) {
+    to.text += what.text;
+    to.run.push_back([what = std::move(what)](Scope& scope) { what(scope); });
+  }
+
+  std::string target() {
+    static const char* const kTargets[] = {"t0", "t1", "t2", "a", "b", "r", "q[1]", "h[0]", "h[2]"};
+    return kTargets[below(std::size(kTargets))];
+  }
+
+  void add_statement(Statements& body, int depth) {
+    switch (below(depth < 2 ? 9 : 4)) {
+      case 4:
+      case 5:
+        return add_where(body, depth);
+      case 6:
+        return add_loop(body);
+      case 7:
+        return add_condition(body, depth);
+      case 8:
+        return add_call(body);
+      case 3: {
+        body.text += "t0, t1 = pair(t1, t0)\n";
+        body.run.emplace_back([](Scope& scope) {
+          Cells u = scope.at("t1"), v = u;
+          const Cells& b = scope.at("t0");
+          for (std::size_t i = 0; i < kCount; ++i) {
+            u[i] += b[i];
+            v[i] = u[i] - 2.0F * b[i];
+          }
+          scope.write("t0", u);
+          scope.write("t1", v);
+        });
+        return;
+      }
+      default: {
+        const std::string name = target();
+        const Value value = expression(2, true);
+        body.text += name + " = " + value.text + "\n";
+        body.run.emplace_back([=](Scope& scope) { scope.write(name, value.compute(scope)); });
+      }
+    }
+  }
+
+  void add_where(Statements& body, int depth) {
+    const Value condition = expression(1, true);
+    Statements inside, outside;
+    for (unsigned i = 1 + below(3); i > 0; --i) add_statement(inside, depth + 1);
+    const bool has_else = below(2) == 0;
+    if (has_else) add_statement(outside, depth + 1);
+    body.text += "where(" + condition.text + " > 0)\n" + inside.text +
+                 (has_else ? "elsewhere\n" + outside.text : "") + "endwhere\n";
+    body.run.emplace_back([=](Scope& scope) {
+      Cells mask = condition.compute(scope);
+      for (float& cell : mask) cell = cell > 0.0F ? 1.0F : 0.0F;
+      scope.masks.push_back(mask);
+      inside(scope);
+      for (float& cell : scope.masks.back()) cell = 1.0F - cell;
+      outside(scope);
+      scope.masks.pop_back();
+    });
+  }
+
+  // A loop at run time or at compile time over an array of the function or of the caller.
+  void add_loop(Statements& body) {
+    const std::string array = below(2) == 0 ? "h" : "q";
+    const bool unrolled = below(2) == 0;
+    const Value value = expression(1, true);
+    const int from = unrolled ? 2 : 0;
+    body.text += (unrolled ? "!for(k, 2, 0, -1)\n" : "for(k, 0, 2)\n") + array + "[k] = " + value.text +
+                 " - " + array + "[2 - k] * k\n" + (unrolled ? "!endfor\n" : "endfor\n");
+    body.run.emplace_back([=](Scope& scope) {
+      for (int step = 0; step < 3; ++step) {
+        const int k = unrolled ? from - step : step;
+        Cells cells = value.compute(scope);
+        const Cells& other = scope.at(element(array, 2 - k));
+        for (std::size_t i = 0; i < kCount; ++i) cells[i] = cells[i] - other[i] * static_cast<float>(k);
+        scope.write(element(array, k), cells);
+      }
+    });
+  }
+
+  void add_condition(Statements& body, int depth) {
+    Statements yes, no;
+    add_statement(yes, depth + 1);
+    add_statement(no, depth + 1);
+    body.text += "n = n + 1\nif(n > 2)\n" + yes.text + "else\n" + no.text + "endif\n";
+    body.run.emplace_back([=](Scope& scope) { (++scope.numbers["n"] > 2 ? yes : no)(scope); });
+  }
+
+  void add_call(Statements& body) {
+    if (functions_ == 0) return;
+    const int function = static_cast<int>(below(static_cast<unsigned>(functions_)));
+    const std::string to = target(), array = below(2) == 0 ? "h" : "q";
+    const char* const lent = below(2) == 0 ? "t2" : "r";
+    const Value a = expression(1, true), b = expression(0, true);
+    body.text += to + " = f" + std::to_string(function) + "(" + a.text + ", " + b.text + ", n, " + lent +
+                 ", " + array + ")\n";
+    body.run.emplace_back([=, this](Scope& scope) {
+      scope.write(
+          to, apply(scope, function, a.compute(scope), b.compute(scope), scope.numbers["n"], lent, array));
+    });
+  }
+
+  Value expression(int depth, bool with_locals) {
+    if (depth == 0 || below(4) == 0) return leaf(with_locals);
+    const Value left = expression(depth - 1, with_locals), right = expression(depth - 1, with_locals);
+    switch (below(6)) {
+      case 0:
+        return binary("(" + left.text + " + " + right.text + ")", left, right,
+                      [](float a, float b) { return a + b; });
+      case 1:
+        return binary("(" + left.text + " - " + right.text + ")", left, right,
+                      [](float a, float b) { return a - b; });
+      case 2:
+        return binary("max(" + left.text + ", " + right.text + ")", left, right,
+                      [](float a, float b) { return a > b ? a : b; });
+      case 3:
+        return binary("(" + left.text + " < " + right.text + ")", left, right,
+                      [](float a, float b) { return a < b ? 1.0F : 0.0F; });
+      case 4:
+        return {"ramp(" + left.text + ", 3)", [left](Scope& scope) {
+                  Cells cells = left.compute(scope);
+                  for (float& cell : cells) cell = cell < 3.0F ? 3.0F - cell : cell;
+                  return cells;
+                }};
+      default:
+        return {"west(" + left.text + ")", [left](Scope& scope) {
+                  Cells cells = left.compute(scope);
+                  for (std::size_t i = kCount; i-- > 0;) cells[i] = i % kWidth == 0 ? 0.0F : cells[i - 1];
+                  return cells;
+                }};
+    }
+  }
+
+  static Value binary(const std::string& text, const Value& left, const Value& right,
+                      float (*op)(float, float)) {
+    return {text, [=](Scope& scope) {
+              Cells a = left.compute(scope);
+              const Cells b = right.compute(scope);
+              for (std::size_t i = 0; i < kCount; ++i) a[i] = op(a[i], b[i]);
+              return a;
+            }};
+  }
+
+  // Registers of the program too, which functions read.
+  Value leaf(bool with_locals) {
+    static const char* const kNames[] = {"a", "b", "A", "r", "q[2]", "t0", "t1", "t2", "h[1]"};
+    const std::string name = kNames[below(with_locals ? 9 : 5)];
+    if (name == "A") return {name, [this](Scope&) { return shared; }};
+    return {name, [name](Scope& scope) { return scope.at(name); }};
+  }
+
+ public:
+  Cells shared;  // A
+
+ private:
+  std::mt19937 rng_;
+  std::vector<Statements> bodies_;
+  int functions_ = 0;
+};
+
+TEST(Function, RandomProgramsMatchAnInterpreter) {
+  for (unsigned seed = 0; seed < 150; ++seed) {
+    RandomFunctions functions(seed);
+    syntax::MemoryReader reader;
+    reader.files["main.aps"] = functions.text;
+    syntax::SourceOptions options;
+    options.file = "main.aps";
+    options.width = kWidth;
+    options.height = kHeight;
+    const compiler::CompileResult compiled = compiler::compile(options, reader);
+    ASSERT_TRUE(compiled.program) << syntax::format_diagnostics(compiled.diagnostics, compiled.sources)
+                                  << functions.text;
+    std::mt19937 rng(seed);
+    std::map<std::string, Cells> planes;
+    for (const char* name : {"A", "B", "X", "Y", "G[0]", "G[1]", "G[2]"}) {
+      planes[name] = Cells(kCount);
+      for (float& cell : planes[name]) cell = static_cast<float>(rng() % 16) * 0.5F - 4.0F;
+    }
+    planes["M"] = random_mask(kCount, rng);
+    planes["N"] = random_mask(kCount, rng);
+    const std::map<std::string, Cells> start = planes;
+    functions.shared = planes["A"];
+    functions.run(planes);
+    for (const bool fused : {false, true}) {
+      FakeHost host;
+      VmOptions vm_options;
+      vm_options.fusion.enabled = fused;
+      Vm vm(*compiled.program, vm_options, host);
+      for (std::size_t i = 0; i < compiled.program->registers.size(); ++i)
+        if (const auto found = start.find(compiled.program->registers[i].name); found != start.end())
+          write_cells(vm.plane(i), found->second);
+      ASSERT_EQ(vm.run(), Status::kEnded) << vm.error() << functions.text;
+      for (std::size_t i = 0; i < compiled.program->registers.size(); ++i) {
+        const auto found = planes.find(compiled.program->registers[i].name);
+        if (found == planes.end()) continue;
+        ASSERT_EQ(read_cells(vm.plane(i)), found->second)
+            << "seed " << seed << ", " << found->first << (fused ? " fused" : "") << '\n'
+            << functions.text;
+      }
+    }
+  }
+}
+
+}  // namespace
+}  // namespace apron::vm::test

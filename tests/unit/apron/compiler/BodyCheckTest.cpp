@@ -1,0 +1,99 @@
+// The bodies of macros that no line calls: errors that do not depend on the arguments are found, others are not
+// reported.
+#include "apron/compiler/BodyCheck.h"
+
+#include <gtest/gtest.h>
+
+#include <filesystem>
+
+#include "tests/unit/apron/compiler/CompileText.h"
+
+namespace apron::compiler {
+namespace {
+
+std::string macro(const std::string& pattern, const std::string& body) {
+  return "!macro_def\n" + pattern + "\n!macro_begin\n" + body + "\n!macro_end\n";
+}
+
+// The first lines of the errors.
+std::string checked(const std::string& text) {
+  syntax::MemoryReader reader;
+  reader.files["main.aps"] = text;
+  CompileOptions options;
+  options.file = "main.aps";
+  options.width = 8;
+  options.height = 6;
+  EXPECT_TRUE(compile(options, reader).program);
+  const CompileResult result = check_macro_bodies(options, reader);
+  std::string lines;
+  for (const syntax::Diagnostic& error : result.diagnostics)
+    lines += first_line(syntax::format_diagnostics(error, result.sources)) + '\n';
+  return lines;
+}
+
+const std::string kHead = "!register(A)\n!operand_kind(analogue, 'an analogue register', A)\n" +
+                          macro("move(analogue $y, analogue $a)", "$y = $a") + "A = 1\n";
+
+TEST(BodyCheck, FindsErrorsThatEveryCallHas) {
+  EXPECT_EQ(checked(macro("f($a, $n)", ":t = Missing * $n\n$a = :t")),
+            "main.aps:4:6: error: 'Missing' is not a register, and no line writes it as a scalar; before it "
+            "is read, "
+            "!register(Missing) or Missing = 0 makes it one\n");
+  EXPECT_EQ(checked(macro("$y = f($a)", "if($a > 0\n$y = 1\nendif")),
+            "main.aps:4:3: error: this bracket is not closed\n");
+  EXPECT_EQ(checked(macro("f", "jump(#nowhere)")),
+            "main.aps:4:6: error: there is no label '#nowhere'; a line '#nowhere' makes one\n");
+  EXPECT_EQ(checked(macro("$y = f($a, $b)", "$y = g($a, $b) + 1") + macro("$y = g($a, $b)", "$y = max($a)")),
+            "main.aps:9:6: error: 'max' takes 2 arguments, not 1\n");
+  // An argument of a kind that a macro states, directly or through another macro.
+  EXPECT_EQ(checked(kHead + macro("f($a)", "move($a, B)")),
+            "main.aps:12:10: error: operand 2 of 'move' must be an analogue register, not 'B'\n");
+  EXPECT_EQ(checked(kHead + macro("f($a)", "g($a)") + macro("g($b)", "move($b, A)\nmove($b, 3)")),
+            "main.aps:18:10: error: operand 2 of 'move' must be an analogue register, not '3'\n");
+}
+
+TEST(BodyCheck, AcceptsBodiesThatSomeArgumentsSuit) {
+  for (const std::string& text :
+       {macro("$y = f($a, $k)", "$y = filter.do($a, $k)"), macro("f($a, $op, $l)", "jumpif($a, $op, 3, $l)"),
+        macro("f($file, $a, $n)", "io.image.savecount($a, $file, $n)"),
+        macro("f($class, $n)", "res.setvar($class, $n, 1)"), macro("$y = f($n)", "$y = globalsum($n)"),
+        macro("f($s)", "!if($s != on)\n!error('write on')\n!endif"),
+        macro("f($k, $n)", "filter.setElement($k, 0, 0, $n)"),
+        macro("f($n)", "repeat($n)") + macro("g", "endrepeat\nA = 1\nA = A + 1"),
+        macro("f($n)", "if(4, >, $n)\nf2($n)\nendif") + macro("f2($n)", "shift(A, A, $n, 1)")}) {
+    EXPECT_EQ(checked("!register(A)\nfilter.create('text', 3, 3)\n" + text), "") << text;
+  }
+}
+
+// The disk, with a main program in memory.
+struct LibraryReader final : syntax::FileReader {
+  std::optional<std::string> read(const std::string& path) override {
+    return path == "main.aps" ? text : disk.read(path);
+  }
+  std::string text;
+  syntax::DiskReader disk;
+};
+
+// No routine of the library fails in every call.
+TEST(BodyCheck, LibraryIsFreeOfErrors) {
+  std::size_t count = 0;
+  for (const auto& entry : std::filesystem::directory_iterator(APRON_SCRIPTS)) {
+    const std::string name = entry.path().filename().string();
+    if (entry.path().extension() != ".aps") continue;
+    LibraryReader reader;
+    reader.text = "!include('" + name + "')\n";
+    if (name == "scamp5.aps") reader.text += "scamp5_draw_begin(R9)\n";
+    CompileOptions options;
+    options.file = "main.aps";
+    options.width = options.height = 16;
+    options.include_paths = {APRON_SCRIPTS};
+    EXPECT_TRUE(compile(options, reader).program) << name;
+    const CompileResult result = check_macro_bodies(options, reader);
+    EXPECT_EQ(syntax::format_diagnostics(result.diagnostics, result.sources), "") << name;
+    ++count;
+  }
+  EXPECT_GT(count, 8U);
+}
+
+}  // namespace
+}  // namespace apron::compiler

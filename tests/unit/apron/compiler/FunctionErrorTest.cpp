@@ -1,0 +1,76 @@
+// Messages about functions and arrays, and what a call costs.
+#include <gtest/gtest.h>
+
+#include "tests/unit/apron/compiler/CompileText.h"
+
+namespace apron::compiler {
+namespace {
+
+const std::string kHead =
+    "!register(A, B, ch[3])\n!scalar(w[2])\n"
+    "function y = f(plane a, number n)\ny = a * n\nendfunction\n"
+    "function u, v = two(a)\nu = a\nv = a + u\nendfunction\n"
+    "function change(register r, integer n)\n!for(i, 1, n)\nr = r + i\n!endfor\nendfunction\n"
+    "function y = load(text name)\ny = surface.has(name)\nendfunction\n"
+    "function y = first(plane a[], number b[])\ny = a[0] * b[0]\nendfunction\n";
+
+std::string error(const std::string& lines) { return first_line(errors(compile_text(kHead + lines))); }
+
+TEST(FunctionErrors, NameTheArgument) {
+  const std::string at = "main.aps:21:";
+  EXPECT_EQ(error("A = f(1, 2)"), at + "7: error: 'f' takes a plane for 'a', and this is a number");
+  EXPECT_EQ(error("A = f(A, B + 1)"), at + "12: error: 'f' takes a number for 'n', and this is a plane");
+  EXPECT_EQ(error("A = f(ch, 1)"), at + "7: error: 'f' takes a plane for 'a', and this is an array");
+  EXPECT_EQ(error("change(A + 1, 2)"),
+            at + "10: error: 'change' takes a register for 'r', and this is a plane");
+  EXPECT_EQ(error("n = 2\nchange(A, n)"),
+            "main.aps:22:1: error: 'change' takes a whole number that is a constant for 'n'");
+  EXPECT_EQ(error("n = load(3)"), at + "10: error: 'load' takes a text for 'name', and this is a number");
+  EXPECT_EQ(error("A = first(A, w)"),
+            at + "11: error: 'first' takes an array of registers for 'a', and this is a plane");
+  EXPECT_EQ(error("A = first(ch, ch)"),
+            at + "15: error: 'first' takes an array of numbers for 'b', and this is an array");
+  EXPECT_EQ(error("A = two(A)"), at + "5: error: 'two' gives 2 results, and 1 is written");
+  EXPECT_EQ(error("A = 1 + two(A)"), at + "9: error: 'two' gives 2 results: write a line u, v = two(a)");
+  EXPECT_EQ(error("A, B = A + 1"),
+            at + "6: error: only a function that gives several results can stand after this '='");
+  EXPECT_EQ(error("A = f(A)"),
+            at + "5: error: no macro 'f' takes 1 argument and gives a result; there is y = f(a, n)");
+}
+
+TEST(FunctionErrors, OfDefinitions) {
+  const auto first_error = [](const std::string& text) { return first_line(errors(compile_text(text))); };
+  EXPECT_EQ(first_error("function y = f(a)\nx = a\nendfunction\n"),
+            "main.aps:1:14: error: the function 'f' does not write its result 'y'");
+  EXPECT_EQ(first_error("function f(integer n)\nn = 2\nendfunction\n"),
+            "main.aps:1:10: error: the function 'f' writes 'n', which is a constant");
+  EXPECT_EQ(first_error("function y = f(a\ny = a\nendfunction\n"),
+            "main.aps:1:1: error: expected a function's pattern: function y = f(plane a, number n)");
+  EXPECT_EQ(first_error("function y = f(a)\ny = a\n"),
+            "main.aps:1:1: error: this function has no 'endfunction'");
+  EXPECT_EQ(first_error("function f(a)\nend\nendfunction\nfunction f(b)\nnop\nendfunction\n"),
+            "main.aps:4:10: error: the function 'f(b)' is defined already");
+  EXPECT_EQ(first_error("!register(ch[2])\nch[2] = 1\n"),
+            "main.aps:2:1: error: the array 'ch' has 2 elements, numbered from 0; there is no number 2");
+  EXPECT_EQ(first_error("!register(ch[0])\n"),
+            "main.aps:1:14: error: an array has a whole number of elements, from 1 to 4096");
+  EXPECT_EQ(first_error("!register(ch[2])\nprintln(ch)\n"),
+            "main.aps:2:9: error: 'ch' is an array; ch[0] is its first element");
+  EXPECT_EQ(first_error("!for(i, 0, 3)\nn = i\n"), "main.aps:1:1: error: this '!for' has no '!endfor'");
+  EXPECT_EQ(first_error("!for(i, 0, 0.5)\nn = i\n!endfor\n"),
+            "main.aps:1:12: error: '!for' counts in whole numbers");
+}
+
+// A result that the last line writes goes to the caller's register; nothing is copied.
+TEST(Function, CostsWhatItsLinesCost) {
+  EXPECT_EQ(listing(compile_text(kHead + "A = f(B, 2)")), "mul A, B, 2\nend\n");
+  EXPECT_EQ(listing(compile_text(kHead + "where(B)\nA = f(B, 2)\nendwhere")),
+            "mask.push B\nmul A, B, 2\nmask.pop\nend\n");
+  EXPECT_EQ(listing(compile_text(kHead + "A, B = two(B)")),
+            "copy $0, B\nadd $1, B, $0\ncopy A, $0\ncopy B, $1\nend\n");
+  EXPECT_EQ(listing(compile_text(kHead + "change(A, 2)")), "add A, A, 1\nadd A, A, 2\nend\n");
+  EXPECT_EQ(listing(compile_text(kHead + "ch[2 - 1] = ch[0] + 1")), "add ch[1], ch[0], 1\nend\n");
+}
+
+}  // namespace
+}  // namespace apron::compiler
