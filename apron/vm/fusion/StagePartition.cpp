@@ -3,8 +3,7 @@
 #include <algorithm>
 #include <map>
 
-#include "apron/program/ScalarArithmetic.h"
-#include "apron/vm/fusion/FusionPlan.h"
+#include "apron/vm/Stage.h"
 
 namespace apron::vm {
 namespace {
@@ -155,6 +154,4 @@ class StagePartitioner {
 StagePartition partition_stages(const ValueGraph& graph) { return StagePartitioner(graph).partition(); }
 
 // Generated code has no instruction for round, nor for what the C library computes.
-bool is_fusible_opcode(Opcode op) noexcept { return op < Opcode::kRound && !program::calls_libm(op); }
-
 }  // namespace apron::vm

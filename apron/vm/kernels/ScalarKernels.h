@@ -2,7 +2,7 @@
 // target gives the same bits.
 #pragma once
 
-#include "apron/vm/kernels/Kernels.h"
+#include "apron/vm/kernels/KernelTable.h"
 
 namespace apron::vm {
 
