@@ -15,7 +15,7 @@ using record::OutputFolder;
 using record::SyntheticRun;
 
 record::Recording write_recording(const std::filesystem::path& path, SyntheticRun& run, int ticks) {
-  const auto recorder = record::Recorder::open(path, run.meta, run.spec);
+  const auto recorder = record::open_recorder(path, run.meta, run.spec);
   for (int t = 0; t < ticks; ++t)
     recorder->record_frame(run.snapshot_at(static_cast<std::uint64_t>(t), {0, 1}), run.spec.objects);
   recorder->close({"done", 0, 0.0, 0});
