@@ -12,6 +12,7 @@
 #include "common/files/ReadFile.h"
 #include "smartsurf/extension/PluginActuator.h"
 #include "smartsurf/extension/PluginSensor.h"
+#include "smartsurf/scene/KindRegistry.h"
 #include "smartsurf/surface/actuators/ActuatorRegistry.h"
 #include "smartsurf/surface/sensors/SensorRegistry.h"
 

@@ -2,20 +2,19 @@
 
 #include <algorithm>
 #include <cmath>
-
-#include "smartsurf/scene/BuiltInActuators.h"
-#include "smartsurf/scene/Registry.h"
-#include "smartsurf/scene/SceneSpec.h"
+#include <locale>
+#include <sstream>
 
 namespace smartsurf::scene {
-namespace {
 
-Registry<ActuatorKind>& registry() {
-  static Registry<ActuatorKind> kinds(built_in_actuators());
-  return kinds;
+std::string format_number(double value) {
+  if (std::isnan(value)) return "nan";  // streams may print "-nan"
+  std::ostringstream out;
+  out.imbue(std::locale::classic());
+  out.precision(12);
+  out << value;
+  return out.str();
 }
-
-}  // namespace
 
 std::string Parameter::range_text(double refused) const {
   if (exclusive_minimum && maximum >= 1e6 && !(refused > maximum))
@@ -61,8 +60,24 @@ std::string ActuatorKind::validate(const ActuatorSpec& spec) const {
   return check_constraints ? check_constraints(spec) : "";
 }
 
-std::vector<const ActuatorKind*> actuator_kinds() { return registry().all(); }
-const ActuatorKind* find_actuator_kind(std::string_view name) { return registry().find(name); }
-void add_actuator_kind(ActuatorKind kind) { registry().add(std::move(kind)); }
+std::vector<Parameter> cell_body_parameters() {
+  constexpr PinSpec kPin;
+  return {{.name = "top",
+           .description = "edges of a cell's top along x and y, u",
+           .type = Parameter::Type::kSize,
+           .default_value = {kPin.top_x, kPin.top_y},
+           .minimum = 1e-3},
+          {.name = "length",
+           .description = "of a cell below its top, u",
+           .default_value = {kPin.length},
+           .minimum = 1e-3},
+          {.name = "height", .description = "of the top at rest, u", .default_value = {0.0}, .minimum = -1e6},
+          {.name = "latency",
+           .description = "delay of the commands, in control periods",
+           .type = Parameter::Type::kCount,
+           .default_value = {0.0},
+           .minimum = 0.0,
+           .maximum = 1000.0}};
+}
 
 }  // namespace smartsurf::scene

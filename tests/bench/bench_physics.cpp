@@ -23,6 +23,7 @@
 #include <nlohmann/json.hpp>
 
 #include "common/threads/ThreadPool.h"
+#include "smartsurf/scene/KindRegistry.h"
 #include "smartsurf/surface/ActuatorArray.h"
 #include "smartsurf/surface/SensorArray.h"
 #include "smartsurf/world/NativeEngine.h"

@@ -6,6 +6,7 @@
 #include <functional>
 #include <numeric>
 
+#include "smartsurf/scene/KindRegistry.h"
 #include "tests/property/PhysicsFixture.h"
 
 using namespace physics_fixture;

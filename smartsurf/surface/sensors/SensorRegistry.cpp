@@ -2,6 +2,7 @@
 
 #include <string>
 
+#include "smartsurf/scene/KindRegistry.h"
 #include "smartsurf/scene/Registry.h"
 #include "smartsurf/surface/sensors/CameraSensor.h"
 #include "smartsurf/surface/sensors/ColourSensor.h"

@@ -14,6 +14,7 @@
 #include <iterator>
 
 #include "smartsurf/record/Recording.h"
+#include "smartsurf/scene/KindRegistry.h"
 #include "tests/unit/smartsurf/record/SyntheticRun.h"
 
 namespace smartsurf::record {

@@ -6,6 +6,7 @@
 #include <cmath>
 #include <fstream>
 
+#include "smartsurf/scene/KindRegistry.h"
 #include "tests/unit/smartsurf/record/SyntheticRun.h"
 
 namespace smartsurf::record {

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <numbers>
 
+#include "smartsurf/scene/KindRegistry.h"
 #include "tests/unit/smartsurf/view/TestScene.h"
 
 namespace smartsurf::view {

@@ -6,6 +6,7 @@
 #include <fstream>
 #include <iterator>
 
+#include "smartsurf/scene/KindRegistry.h"
 #include "tests/unit/smartsurf/record/SyntheticRun.h"
 
 namespace smartsurf::web {
