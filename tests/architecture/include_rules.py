@@ -35,7 +35,7 @@ MODULES = {
     "smartsurf/library": {"common", "smartsurf/scene", "smartsurf/extension", "smartsurf/simulation"},
     "smartsurf/record": {"common", "smartsurf/scene"},
     "smartsurf/view": {"common", "smartsurf/scene"},
-    "smartsurf/web": {"common", "smartsurf/scene", "smartsurf/record"},
+    "smartsurf/web": {"common", "smartsurf/scene", "smartsurf/record", "smartsurf/view"},
     "smartsurf/simulation": {"common", "smartsurf/scene", "smartsurf/mesh", "smartsurf/script", "smartsurf/surface",
                              "smartsurf/world"},
     "smartsurf/python": {"common", "smartsurf/scene", "smartsurf/extension", "smartsurf/simulation", "smartsurf/view"},
