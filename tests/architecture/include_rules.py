@@ -18,7 +18,7 @@ MODULES = {
     "common/process": {"common/files", "common/text"},
     "common/text": set(),
     "common/cli": {"common/text"},
-    "common/gl": {"common/error"},
+    "common/gl": {"common/error", "common/image"},
     "common/threads": {"common/error"},
     "common/image": {"common/error", "common/files"},
     "common/video": {"common/error", "common/files", "common/image"},
