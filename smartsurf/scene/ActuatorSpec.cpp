@@ -45,18 +45,26 @@ std::array<double, 2> ActuatorKind::height_limits_of(const ActuatorSpec& spec) c
   return {spec.number("height"), spec.number("height")};
 }
 
-std::string ActuatorKind::validate(const ActuatorSpec& spec) const {
+std::string validate_values(const std::string& subject, std::span<const Parameter> parameters,
+                            const ParameterValues& all) {
   for (const Parameter& p : parameters) {
-    if (!spec.has(p.name) || p.type == Parameter::Type::kChoice) continue;
-    const std::vector<double>& values = spec.numbers(p.name);
+    const auto found = all.find(p.name);
+    if (found == all.end() || p.type == Parameter::Type::kChoice) continue;
+    const std::vector<double>& values = found->second;
+    const auto clause = [&](std::size_t i, const std::string& rule) {
+      return subject + "." + p.name + (values.size() > 1 ? "[" + std::to_string(i + 1) + "]" : "") + " = " +
+             format_number(values[i]) + ": must be " + rule;
+    };
     for (std::size_t i = 0; i < values.size(); ++i)
-      if (!p.accepts(values[i]))
-        return name + "." + p.name + (values.size() > 1 ? "[" + std::to_string(i + 1) + "]" : "") + " = " +
-               format_number(values[i]) + ": must be " + p.range_text(values[i]);
+      if (!p.accepts(values[i])) return clause(i, p.range_text(values[i]));
     if (p.type == Parameter::Type::kRange && values[1] < values[0])
-      return name + "." + p.name + "[2] = " + format_number(values[1]) + ": must be not below " + name + "." +
-             p.name + "[1] = " + format_number(values[0]);
+      return clause(1, "not below " + subject + "." + p.name + "[1] = " + format_number(values[0]));
   }
+  return "";
+}
+
+std::string ActuatorKind::validate(const ActuatorSpec& spec) const {
+  if (std::string p = validate_values(name, parameters, spec.values); !p.empty()) return p;
   return check_constraints ? check_constraints(spec) : "";
 }
 

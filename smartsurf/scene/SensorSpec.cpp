@@ -12,20 +12,6 @@ Parameter fraction_parameter(std::string name, std::string description) {
   return {.name = std::move(name), .description = std::move(description), .maximum = 1.0};
 }
 
-// Checks all values against the limits of their parameters. Returns "" or one clause.
-std::string validate_values(const std::string& subject, std::span<const Parameter> parameters,
-                            const ParameterValues& values) {
-  for (const Parameter& p : parameters) {
-    const auto found = values.find(p.name);
-    if (found == values.end()) continue;
-    for (std::size_t i = 0; i < found->second.size(); ++i)
-      if (!p.accepts(found->second[i]))
-        return subject + "." + p.name + (found->second.size() > 1 ? "[" + std::to_string(i + 1) + "]" : "") +
-               " = " + format_number(found->second[i]) + ": must be " + p.range_text(found->second[i]);
-  }
-  return "";
-}
-
 }  // namespace
 
 const Parameter* SensorKind::find_parameter(std::string_view name_sought) const {
