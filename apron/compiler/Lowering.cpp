@@ -173,7 +173,7 @@ void Lowering::lower_declaration(const syntax::Declaration& declaration) {
                 {operand, builder_.literal_operand(0.0F), builder_.literal_operand(declaration.scale)});
 }
 
-// ---- texts: names that stand for a text from their assignment on -------------------------------------------
+// ---- texts: names that stand for a text from their assignment on
 
 bool Lowering::mentions_text(const Expression& expression) const {
   return (expression.kind == ExpressionKind::kName && texts_.contains(expression.text)) ||
