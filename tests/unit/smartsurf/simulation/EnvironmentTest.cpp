@@ -244,12 +244,15 @@ TEST_P(OverloadedEnvironmentTest, FailsAndSaysWhy) {
 INSTANTIATE_TEST_SUITE_P(Pile, OverloadedEnvironmentTest, testing::Values(kPile));
 
 TEST(EnvironmentMetrics, FollowEveryStepAndReset) {
-  Environment environment({.experiment = "metrics.lua", .source = R"(
+  EnvironmentOptions options;
+  options.experiment = "metrics.lua";
+  options.source = R"(
 surface { rows = 4, columns = 4 }
 world { control_period = 1/10, dt = 1/100 }
 metric('ticks', function(t, tick) return tick end)
 metric('time', function(t) return t end)
-)"});
+)";
+  Environment environment(options);
   const auto expect = [&](double ticks) {
     ASSERT_EQ(environment.metrics().size(), 2u);
     EXPECT_EQ(environment.metrics()[0].second, ticks);
