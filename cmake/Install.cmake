@@ -11,7 +11,7 @@ if(SKBUILD)  # the wheel of the Python package, whose smartsurf.run() starts the
 endif()
 install(PROGRAMS scripts/doctor DESTINATION ${CMAKE_INSTALL_BINDIR} RENAME smartsurf-doctor)
 
-# Where an installed apron looks for its library: ../share/smartsurf/apron (apron/run/cli/CompiledProgram.cpp).
+# Where an installed apron looks for its library: ../share/smartsurf/apron (apron/run/options/CompiledProgram.cpp).
 install(DIRECTORY scripts/apron scripts/apron-examples scripts/scamp5 scripts/case-study scripts/examples scripts/tasks
   DESTINATION ${CMAKE_INSTALL_DATADIR}/smartsurf PATTERN table EXCLUDE)
 install(DIRECTORY shm-protocol/examples/ DESTINATION ${CMAKE_INSTALL_DATADIR}/smartsurf/controllers

@@ -215,7 +215,7 @@ void Lowering::declare_array(const syntax::Declaration& declaration) {
   if (declaration.owner != 0) scopes_[declaration.owner].names.push_back(declaration.name);
 }
 
-// ---- texts: names that stand for a text from their assignment on -------------------------------------------
+// ---- texts: names that stand for a text from their assignment on
 
 bool Lowering::mentions_text(const Expression& expression) const {
   return (expression.kind == ExpressionKind::kName && texts_.contains(expression.text)) ||

@@ -3,8 +3,8 @@
 #include <iostream>
 
 #include "apron/run/cli/Commands.h"
-#include "apron/run/cli/CompiledProgram.h"
 #include "apron/run/cli/Repl.h"
+#include "apron/run/options/CompiledProgram.h"
 #include "common/error/UserError.h"
 #include "common/process/ExitStatus.h"
 #include "common/process/StopSignals.h"

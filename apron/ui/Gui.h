@@ -4,8 +4,6 @@
 
 #include <imgui.h>
 
-#include "common/image/Image.h"
-
 namespace apron::ui {
 
 // Owns the process's only ImGui context.
@@ -39,8 +37,5 @@ inline constexpr ImU32 kComment = IM_COL32(84, 122, 84, 255);
 inline constexpr ImU32 kDirective = IM_COL32(130, 64, 150, 255);
 inline constexpr ImU32 kBackdrop = IM_COL32(226, 230, 236, 255);
 }  // namespace theme
-
-// Reads the bound framebuffer, top row first.
-common::Image read_framebuffer(int width, int height);
 
 }  // namespace apron::ui

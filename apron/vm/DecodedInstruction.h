@@ -7,7 +7,7 @@
 
 #include "apron/program/Program.h"
 #include "apron/vm/Plane.h"
-#include "apron/vm/kernels/Kernels.h"
+#include "apron/vm/kernels/KernelTable.h"
 #include "apron/vm/kernels/Shift.h"
 
 namespace apron::vm {

@@ -3,8 +3,6 @@
 #include <algorithm>
 #include <array>
 
-#include "apron/vm/kernels/Kernels.h"
-
 namespace apron::vm {
 namespace {
 
@@ -20,14 +18,6 @@ std::optional<InstructionSet> find_instruction_set(std::string_view name) noexce
   const auto found = std::ranges::find(kNames, name);
   if (found == kNames.end()) return std::nullopt;
   return static_cast<InstructionSet>(found - kNames.begin());
-}
-
-bool is_supported(InstructionSet isa) { return kernel_table(isa) != nullptr; }
-
-InstructionSet best_instruction_set() {
-  for (const InstructionSet isa : {InstructionSet::kAvx512, InstructionSet::kAvx2})
-    if (is_supported(isa)) return isa;
-  return InstructionSet::kPortable;
 }
 
 }  // namespace apron::vm

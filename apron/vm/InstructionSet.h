@@ -17,9 +17,5 @@ enum class InstructionSet : std::uint8_t {
 std::string_view instruction_set_name(InstructionSet isa) noexcept;
 // nullopt if no set has this name.
 std::optional<InstructionSet> find_instruction_set(std::string_view name) noexcept;
-// True if this CPU and this build have the instruction set, as they always have kPortable.
-bool is_supported(InstructionSet isa);
-// The fastest that is supported.
-InstructionSet best_instruction_set();
 
 }  // namespace apron::vm

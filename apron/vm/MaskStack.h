@@ -4,9 +4,9 @@
 #include <cstdint>
 #include <vector>
 
-#include "apron/vm/Executor.h"
 #include "apron/vm/Plane.h"
 #include "apron/vm/PlaneStore.h"
+#include "apron/vm/kernels/Executor.h"
 
 namespace apron::vm {
 

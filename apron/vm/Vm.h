@@ -12,14 +12,14 @@
 
 #include "apron/program/Program.h"
 #include "apron/vm/DecodedInstruction.h"
-#include "apron/vm/Executor.h"
 #include "apron/vm/Host.h"
-#include "apron/vm/InstructionSet.h"
 #include "apron/vm/MaskStack.h"
 #include "apron/vm/Plane.h"
 #include "apron/vm/PlaneStore.h"
 #include "apron/vm/fusion/FusedTraceCache.h"
+#include "apron/vm/kernels/Executor.h"
 #include "apron/vm/kernels/FloodFill.h"
+#include "apron/vm/kernels/Kernels.h"
 #include "apron/vm/kernels/Random.h"
 
 namespace apron::vm {

@@ -12,6 +12,7 @@
 #include "common/files/ReadFile.h"
 #include "smartsurf/extension/PluginActuator.h"
 #include "smartsurf/extension/PluginSensor.h"
+#include "smartsurf/scene/KindRegistry.h"
 #include "smartsurf/surface/actuators/ActuatorRegistry.h"
 #include "smartsurf/surface/sensors/SensorRegistry.h"
 
@@ -119,6 +120,16 @@ void require_complete(const Type& type, const std::string& subject) {
       throw common::UserError(subject + ": a channel has no name or no unit");
 }
 
+void require_own_functions(const smartsurf_plugin_actuator& type, const std::string& subject) {
+  if (type.plan == nullptr || ((type.flags & SMARTSURF_EXERTS_FORCES) != 0 && type.add_forces == nullptr))
+    throw common::UserError(subject + ": plan, and add_forces if it exerts forces, must not be null");
+}
+
+void require_own_functions(const smartsurf_plugin_sensor& type, const std::string& subject) {
+  if (type.sense == nullptr || type.mask_channel > type.channel_count)
+    throw common::UserError(subject + ": sense must not be null, mask_channel a channel or 0");
+}
+
 // The name of an actuator or sensor of the extension `file`, as messages begin with it.
 std::string subject_of(const std::string& file, const char* what, const char* name) {
   if (name == nullptr || !is_identifier(name))
@@ -130,8 +141,8 @@ std::string subject_of(const std::string& file, const char* what, const char* na
   return file + ": " + what + " '" + name + "'";
 }
 
-scene::ActuatorKind actuator_kind(const smartsurf_plugin_actuator& type,
-                                  const std::vector<scene::Parameter>& parameters) {
+scene::ActuatorKind kind_of(const smartsurf_plugin_actuator& type,
+                            const std::vector<scene::Parameter>& parameters) {
   scene::ActuatorKind kind{.name = type.name, .parameters = scene::cell_body_parameters()};
   kind.parameters.insert(kind.parameters.end(), parameters.begin(), parameters.end());
   const auto configured = [&type, parameters](const scene::ActuatorSpec& spec) {
@@ -154,8 +165,8 @@ scene::ActuatorKind actuator_kind(const smartsurf_plugin_actuator& type,
   return kind;
 }
 
-scene::SensorKind sensor_kind(const smartsurf_plugin_sensor& type,
-                              const std::vector<scene::Parameter>& parameters) {
+scene::SensorKind kind_of(const smartsurf_plugin_sensor& type,
+                          const std::vector<scene::Parameter>& parameters) {
   scene::SensorKind kind{.name = type.name, .parameters = parameters};
   kind.mask_channel = static_cast<int>(type.mask_channel) - 1;
   const auto configured = [&type, parameters](const scene::SensorSpec& spec) {
@@ -200,14 +211,6 @@ std::unique_ptr<Tables> read_tables(const smartsurf_plugin* plugin, const std::s
   if (tables->actuators.empty() && tables->sensors.empty())
     throw common::UserError(file + ": adds no actuator and no sensor");
   std::vector<std::string> names;
-  const auto take = [&](const auto& type, const char* what) {
-    const std::string subject = subject_of(file, what, type.name);
-    require_complete(type, subject);
-    if (std::ranges::find(names, type.name) != names.end())
-      throw common::UserError(subject + ": the extension has two of this name");
-    names.emplace_back(type.name);
-    return read_parameters(type.parameters, type.parameter_count, subject);
-  };
   const auto require_valid = [&file](const auto& kind) {
     for (auto p = kind.parameters.begin(); p != kind.parameters.end(); ++p)
       if (std::find_if(p + 1, kind.parameters.end(),
@@ -216,42 +219,49 @@ std::unique_ptr<Tables> read_tables(const smartsurf_plugin* plugin, const std::s
     if (const std::string problem = kind.validate(kind.default_spec()); !problem.empty())
       throw common::UserError(file + ": with its default parameters, " + problem);
   };
-  for (const smartsurf_plugin_actuator& type : tables->actuators) {
-    tables->parameters.push_back(take(type, "actuator"));
-    if (type.plan == nullptr || ((type.flags & SMARTSURF_EXERTS_FORCES) != 0 && type.add_forces == nullptr))
-      throw common::UserError(file + ": actuator '" + type.name +
-                              "': plan, and add_forces if it exerts forces, must not be null");
-    require_valid(actuator_kind(type, tables->parameters.back()));
-  }
-  for (const smartsurf_plugin_sensor& type : tables->sensors) {
-    tables->parameters.push_back(take(type, "sensor"));
-    if (type.sense == nullptr || type.mask_channel > type.channel_count)
-      throw common::UserError(file + ": sensor '" + type.name +
-                              "': sense must not be null, mask_channel a channel or 0");
-    require_valid(sensor_kind(type, tables->parameters.back()));
-  }
+  const auto read = [&](const auto& types, const char* what) {
+    for (const auto& type : types) {
+      const std::string subject = subject_of(file, what, type.name);
+      require_complete(type, subject);
+      if (std::ranges::find(names, type.name) != names.end())
+        throw common::UserError(subject + ": the extension has two of this name");
+      names.emplace_back(type.name);
+      tables->parameters.push_back(read_parameters(type.parameters, type.parameter_count, subject));
+      require_own_functions(type, subject);
+      require_valid(kind_of(type, tables->parameters.back()));
+    }
+  };
+  read(tables->actuators, "actuator");
+  read(tables->sensors, "sensor");
   return tables;
+}
+
+void register_kind(const scene::ActuatorKind& kind, const smartsurf_plugin_actuator& type,
+                   const std::vector<scene::Parameter>& parameters) {
+  surface::register_actuator(kind, [&type, &parameters](const surface::ActuatorContext& context) {
+    return std::make_unique<PluginActuator>(type, parameters, context);
+  });
+}
+
+void register_kind(const scene::SensorKind& kind, const smartsurf_plugin_sensor& type,
+                   const std::vector<scene::Parameter>& parameters) {
+  surface::register_sensor(kind, [&type, &parameters, channels = kind.channels](
+                                     const surface::Field& field, const scene::SensorSpec& spec) {
+    return std::make_unique<PluginSensor>(type, parameters, channels(spec), field, spec);
+  });
 }
 
 void register_kinds(const Tables& tables, const scene::Extension& extension) {
   auto parameters = tables.parameters.begin();
-  for (const smartsurf_plugin_actuator& type : tables.actuators) {
-    scene::ActuatorKind kind = actuator_kind(type, *parameters);
-    kind.extension = extension;
-    surface::register_actuator(kind, [&type, &own = *parameters](const surface::ActuatorContext& context) {
-      return std::make_unique<PluginActuator>(type, own, context);
-    });
-    ++parameters;
-  }
-  for (const smartsurf_plugin_sensor& type : tables.sensors) {
-    scene::SensorKind kind = sensor_kind(type, *parameters);
-    kind.extension = extension;
-    surface::register_sensor(kind, [&type, &own = *parameters, channels = kind.channels](
-                                       const surface::Field& field, const scene::SensorSpec& spec) {
-      return std::make_unique<PluginSensor>(type, own, channels(spec), field, spec);
-    });
-    ++parameters;
-  }
+  const auto add = [&](const auto& types) {
+    for (const auto& type : types) {
+      auto kind = kind_of(type, *parameters);
+      kind.extension = extension;
+      register_kind(kind, type, *parameters++);
+    }
+  };
+  add(tables.actuators);
+  add(tables.sensors);
 }
 
 }  // namespace

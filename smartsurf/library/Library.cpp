@@ -6,6 +6,7 @@
 
 #include "smartsurf/extension/Extension.h"
 #include "smartsurf/library/smartsurf.h"
+#include "smartsurf/scene/KindRegistry.h"
 #include "smartsurf/simulation/Environment.h"
 
 using smartsurf::simulation::Environment;

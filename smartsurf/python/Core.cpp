@@ -16,6 +16,7 @@
 
 #include "common/error/UserError.h"
 #include "smartsurf/extension/Extension.h"
+#include "smartsurf/scene/KindRegistry.h"
 #include "smartsurf/simulation/Environment.h"
 #include "smartsurf/simulation/EnvironmentBatch.h"
 #include "smartsurf/view/model/Camera.h"

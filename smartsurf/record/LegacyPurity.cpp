@@ -5,7 +5,6 @@
 #include <limits>
 
 #include "common/index/Index.h"
-#include "smartsurf/record/Recording.h"
 #include "smartsurf/record/SizeClasses.h"
 #include "smartsurf/scene/SurfaceBounds.h"
 #include "smartsurf/scene/TableFootprint.h"
@@ -25,8 +24,9 @@ bool defines_purity(const scene::SceneSpec& spec) {
   return has(SizeClass::kSmall) && has(SizeClass::kLarge);
 }
 
-PuritySeries compute_purity(const Recording& recording) {
-  const scene::SceneSpec& spec = recording.spec();
+PuritySeries compute_purity(
+    const scene::SceneSpec& spec, std::span<const double> times,
+    const std::function<std::vector<float>(std::size_t first, std::size_t count)>& read_positions) {
   const std::vector<SizeClass> classes = classify_objects(spec.objects);
   const scene::TableFootprint footprint(spec.surface);
   const scene::SurfaceBounds bounds = scene::compute_surface_bounds(spec.surface);
@@ -49,10 +49,9 @@ PuritySeries compute_purity(const Recording& recording) {
   const common::Index floats = 3 * std::ssize(classes),
                       block = std::max<common::Index>(1, kBlockValues / floats);
   std::vector<float> positions;
-  for (common::Index frame = 0; frame < std::ssize(recording.times()); ++frame) {
-    if (frame % block == 0)
-      positions = recording.read_positions(frame, std::min(block, std::ssize(recording.times()) - frame));
-    const double time_s = recording.times()[frame];
+  for (common::Index frame = 0; frame < std::ssize(times); ++frame) {
+    if (frame % block == 0) positions = read_positions(frame, std::min(block, std::ssize(times) - frame));
+    const double time_s = times[frame];
     result.values.push_back(purity_of(positions.data() + floats * (frame % block)));
     if (!(result.values.back() >= kSortedThreshold))
       above_threshold_since.reset();

@@ -1,9 +1,7 @@
-// Records a run to a file, tick by tick: HDF5 (.h5, .hdf5) or CSV (.csv); docs/recordings.md describes both.
+// Records a run to a file, tick by tick; OpenRecorder.h opens one.
 //
-// Failure: open() throws scene::InputError if the path is unusable (extension, directory, permission, a file
-// that another run is writing). record_frame() and close() throw std::runtime_error if writing fails (disk
-// full); all later calls then do nothing. record_frame() throws scene::InputError if a channel has an invalid
-// name.
+// Failure: record_frame() and close() throw std::runtime_error if writing fails (disk full); all later calls
+// then do nothing. record_frame() throws scene::InputError if a channel has an invalid name.
 // Buffering: frames are written about 64 at a time or once a second, so most ticks only copy memory. A killed
 // process leaves a readable file that ends with the last write.
 // Allocation: record_frame() allocates in its first call and when objects or metrics are added.
@@ -13,8 +11,6 @@
 
 #include <chrono>
 #include <cstdint>
-#include <filesystem>
-#include <memory>
 #include <optional>
 #include <span>
 #include <string>
@@ -65,8 +61,6 @@ struct RunResult {
 
 class Recorder {
  public:
-  static std::unique_ptr<Recorder> open(const std::filesystem::path& path, const RunMetadata& meta,
-                                        const scene::SceneSpec& spec);
   // Without close(), writes what is buffered, but no result.
   virtual ~Recorder() = default;
   Recorder(const Recorder&) = delete;

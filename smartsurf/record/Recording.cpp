@@ -139,8 +139,7 @@ std::vector<float> Recording::Contents::read_poses(const char* name, hsize_t wid
   if (columns == objects) return block;
   std::vector<float> padded(count * objects * width, std::numeric_limits<float>::quiet_NaN());
   for (std::size_t f = 0; f < count; ++f)
-    std::copy_n(block.begin() + f * columns * width, columns * width,
-                padded.begin() + f * objects * width);
+    std::copy_n(block.begin() + f * columns * width, columns * width, padded.begin() + f * objects * width);
   return padded;
 }
 
@@ -303,7 +302,9 @@ bool Recording::has_legacy_purity() const {
 }
 
 const PuritySeries& Recording::legacy_purity() const {
-  if (!contents_->purity) contents_->purity = compute_purity(*this);
+  if (!contents_->purity)
+    contents_->purity = compute_purity(
+        spec(), times(), [&](std::size_t first, std::size_t count) { return read_positions(first, count); });
   return *contents_->purity;
 }
 

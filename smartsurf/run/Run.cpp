@@ -13,6 +13,7 @@
 #include "common/process/StopSignals.h"
 #include "smartsurf/extension/Extension.h"
 #include "smartsurf/mesh/SolidLibrary.h"
+#include "smartsurf/record/OpenRecorder.h"
 #include "smartsurf/run/OutputFile.h"
 #include "smartsurf/run/ScriptOverrun.h"
 
@@ -117,7 +118,7 @@ void Run::open_recordings() {
   for (const scene::Extension& extension : experiment_.scene().surface.extensions())
     meta.extensions.push_back({extension.name, extension.hash});
   for (const auto& file : options_.recording_files)
-    recorders_.push_back(record::Recorder::open(file, meta, experiment_.scene()));
+    recorders_.push_back(record::open_recorder(file, meta, experiment_.scene()));
 }
 
 int Run::execute() {

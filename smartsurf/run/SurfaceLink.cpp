@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "smartsurf/scene/Occupancy.h"
+#include "smartsurf/scene/KindRegistry.h"
 
 namespace smartsurf::run {
 namespace {
@@ -36,7 +36,7 @@ shm_protocol::SurfaceConfig make_surface_config(const std::string& name, RunMode
          channel.type == scene::SensorChannel::Type::kUint32 ? DType::kU32 : DType::kF32,
          static_cast<std::uint32_t>(channel.components), channel.unit, channel.minimum, channel.maximum,
          channel.no_detection});
-  if (scene::has_empty_cells(scene.surface))
+  if (scene.surface.has_empty_cells())
     config.channels.push_back(
         {scene::kOccupancyChannel, Direction::kSensor, DType::kF32, 1, "", 0.0, 1.0, 0.0});
   for (const scene::ActuatorChannel& channel : scene.surface.actuator_channels())
@@ -45,6 +45,15 @@ shm_protocol::SurfaceConfig make_surface_config(const std::string& name, RunMode
   config.answers_in_place = true;  // the actuators copy and check the values
   config.positions = cell_positions(scene.surface);
   return config;
+}
+
+// [row][column]: 1 = cell, 0 = empty. The vector is empty if the surface has no empty cells.
+std::vector<float> occupancy_mask(const scene::SurfaceSpec& surface) {
+  if (!surface.has_empty_cells()) return {};
+  std::vector<float> mask;
+  for (const std::int8_t actuator : surface.actuator_of_cell)
+    mask.push_back(actuator == scene::kEmptyCell ? 0.0F : 1.0F);
+  return mask;
 }
 
 shm_protocol::SurfaceEndpoint create_endpoint(const shm_protocol::SurfaceConfig& config) {
@@ -63,7 +72,7 @@ SurfaceLink::SurfaceLink(const std::string& name, RunMode mode, const scene::Sce
       mode_(mode),
       segment_("/dev/shm/smartsurf." + name),
       endpoint_(create_endpoint(make_surface_config(name, mode, scene))),
-      occupancy_(scene::occupancy_mask(scene.surface)),
+      occupancy_(occupancy_mask(scene.surface)),
       // make_surface_config() lists the sensors first, then the occupancy, then the actuators.
       first_actuator_channel_(static_cast<int>(scene.surface.sensor_channels().size()) +
                               (occupancy_.empty() ? 0 : 1)),

@@ -2,20 +2,19 @@
 
 #include <algorithm>
 #include <cmath>
-
-#include "smartsurf/scene/BuiltInActuators.h"
-#include "smartsurf/scene/Registry.h"
-#include "smartsurf/scene/SceneSpec.h"
+#include <locale>
+#include <sstream>
 
 namespace smartsurf::scene {
-namespace {
 
-Registry<ActuatorKind>& registry() {
-  static Registry<ActuatorKind> kinds(built_in_actuators());
-  return kinds;
+std::string format_number(double value) {
+  if (std::isnan(value)) return "nan";  // streams may print "-nan"
+  std::ostringstream out;
+  out.imbue(std::locale::classic());
+  out.precision(12);
+  out << value;
+  return out.str();
 }
-
-}  // namespace
 
 std::string Parameter::range_text(double refused) const {
   if (exclusive_minimum && maximum >= 1e6 && !(refused > maximum))
@@ -46,23 +45,47 @@ std::array<double, 2> ActuatorKind::height_limits_of(const ActuatorSpec& spec) c
   return {spec.number("height"), spec.number("height")};
 }
 
-std::string ActuatorKind::validate(const ActuatorSpec& spec) const {
+std::string validate_values(const std::string& subject, std::span<const Parameter> parameters,
+                            const ParameterValues& all) {
   for (const Parameter& p : parameters) {
-    if (!spec.has(p.name) || p.type == Parameter::Type::kChoice) continue;
-    const std::vector<double>& values = spec.numbers(p.name);
+    const auto found = all.find(p.name);
+    if (found == all.end() || p.type == Parameter::Type::kChoice) continue;
+    const std::vector<double>& values = found->second;
+    const auto clause = [&](std::size_t i, const std::string& rule) {
+      return subject + "." + p.name + (values.size() > 1 ? "[" + std::to_string(i + 1) + "]" : "") + " = " +
+             format_number(values[i]) + ": must be " + rule;
+    };
     for (std::size_t i = 0; i < values.size(); ++i)
-      if (!p.accepts(values[i]))
-        return name + "." + p.name + (values.size() > 1 ? "[" + std::to_string(i + 1) + "]" : "") + " = " +
-               format_number(values[i]) + ": must be " + p.range_text(values[i]);
+      if (!p.accepts(values[i])) return clause(i, p.range_text(values[i]));
     if (p.type == Parameter::Type::kRange && values[1] < values[0])
-      return name + "." + p.name + "[2] = " + format_number(values[1]) + ": must be not below " + name + "." +
-             p.name + "[1] = " + format_number(values[0]);
+      return clause(1, "not below " + subject + "." + p.name + "[1] = " + format_number(values[0]));
   }
+  return "";
+}
+
+std::string ActuatorKind::validate(const ActuatorSpec& spec) const {
+  if (std::string p = validate_values(name, parameters, spec.values); !p.empty()) return p;
   return check_constraints ? check_constraints(spec) : "";
 }
 
-std::vector<const ActuatorKind*> actuator_kinds() { return registry().all(); }
-const ActuatorKind* find_actuator_kind(std::string_view name) { return registry().find(name); }
-void add_actuator_kind(ActuatorKind kind) { registry().add(std::move(kind)); }
+std::vector<Parameter> cell_body_parameters() {
+  constexpr PinSpec kPin;
+  return {{.name = "top",
+           .description = "edges of a cell's top along x and y, u",
+           .type = Parameter::Type::kSize,
+           .default_value = {kPin.top_x, kPin.top_y},
+           .minimum = 1e-3},
+          {.name = "length",
+           .description = "of a cell below its top, u",
+           .default_value = {kPin.length},
+           .minimum = 1e-3},
+          {.name = "height", .description = "of the top at rest, u", .default_value = {0.0}, .minimum = -1e6},
+          {.name = "latency",
+           .description = "delay of the commands, in control periods",
+           .type = Parameter::Type::kCount,
+           .default_value = {0.0},
+           .minimum = 0.0,
+           .maximum = 1000.0}};
+}
 
 }  // namespace smartsurf::scene

@@ -1,15 +1,28 @@
-// The registry of actuator kinds: parameters and channels with their names, units and ranges. The models
-// themselves are in smartsurf/surface.
+// Actuators as values: what parameters and channels a kind has, and an actuator's parameters. The models
+// themselves are in smartsurf/surface, all kinds in KindRegistry.h.
 #pragma once
 
 #include <array>
 #include <functional>
 #include <map>
+#include <span>
 #include <string>
 #include <string_view>
 #include <vector>
 
 namespace smartsurf::scene {
+
+// Formats a number for messages, with 12 significant digits in the C locale.
+std::string format_number(double);
+
+// The body of every cell, a rectangular pin, and the motion limits of cells with a pin actuator.
+struct PinSpec {
+  double top_x = 0.8, top_y = 0.8;  // edge lengths of the top, ≤ pitch
+  double length = 2.0;
+  double min_height = 0.0, max_height = 6.0;  // z of the top, over all cells
+  double max_speed = 20.0;                    // u/s
+  double max_acceleration = 400.0;            // u/s²
+};
 
 // A parameter of an actuator or sensor that a user may set.
 struct Parameter {
@@ -44,6 +57,9 @@ struct ActuatorChannel {
 };
 
 using ParameterValues = std::map<std::string, std::vector<double>, std::less<>>;
+
+// Checks all values against the limits of their parameters. Returns "" or one clause that begins with `subject`.
+std::string validate_values(const std::string& subject, std::span<const Parameter>, const ParameterValues&);
 
 // A configured actuator: its model and the values of its parameters.
 struct ActuatorSpec {
@@ -88,11 +104,5 @@ struct ActuatorKind {
 // The parameters that all actuator kinds share and list first: `top`, `length`, `height` (of the top at rest)
 // and `latency`.
 std::vector<Parameter> cell_body_parameters();
-
-// All kinds, built-in ones first. The pointers stay valid. These functions are thread-safe.
-std::vector<const ActuatorKind*> actuator_kinds();
-const ActuatorKind* find_actuator_kind(std::string_view name);  // null if there is none
-// Precondition: no kind has this name.
-void add_actuator_kind(ActuatorKind);
 
 }  // namespace smartsurf::scene

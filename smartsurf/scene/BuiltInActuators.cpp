@@ -5,7 +5,6 @@
 #include <numbers>
 
 #include "smartsurf/scene/Delta.h"
-#include "smartsurf/scene/SceneSpec.h"
 
 namespace smartsurf::scene {
 namespace {
@@ -369,25 +368,6 @@ ActuatorKind delta_kind() {
 }
 
 }  // namespace
-
-std::vector<Parameter> cell_body_parameters() {
-  return {{.name = "top",
-           .description = "edges of a cell's top along x and y, u",
-           .type = Type::kSize,
-           .default_value = {kPin.top_x, kPin.top_y},
-           .minimum = 1e-3},
-          {.name = "length",
-           .description = "of a cell below its top, u",
-           .default_value = {kPin.length},
-           .minimum = 1e-3},
-          {.name = "height", .description = "of the top at rest, u", .default_value = {0.0}, .minimum = -1e6},
-          {.name = "latency",
-           .description = "delay of the commands, in control periods",
-           .type = Type::kCount,
-           .default_value = {0.0},
-           .minimum = 0.0,
-           .maximum = 1000.0}};
-}
 
 std::string check_tip_size(const ActuatorSpec& s) {
   if (s.model != "pin") return "";

@@ -2,8 +2,6 @@
 
 #include <numbers>
 
-#include "smartsurf/scene/SceneSpec.h"
-
 namespace smartsurf::scene {
 namespace {
 

@@ -4,12 +4,10 @@
 #include <algorithm>
 #include <cmath>
 #include <iterator>
-#include <locale>
 #include <numbers>
-#include <sstream>
 
 #include "smartsurf/scene/BuiltInActuators.h"
-#include "smartsurf/scene/Occupancy.h"
+#include "smartsurf/scene/KindRegistry.h"
 
 namespace smartsurf::scene {
 namespace {
@@ -123,7 +121,7 @@ std::string validate_channel_names(const std::vector<std::string>& channels, std
 
 std::string validate_channels(const SurfaceSpec& s) {
   std::vector<std::string> sensors = s.sensor_channels();
-  if (has_empty_cells(s)) {
+  if (s.has_empty_cells()) {
     if (std::ranges::find(sensors, kOccupancyChannel) != sensors.end())
       return "surface.sensors: the name 'occupancy' is taken by the mask of a surface with empty cells";
     sensors.emplace_back(kOccupancyChannel);
@@ -132,6 +130,10 @@ std::string validate_channels(const SurfaceSpec& s) {
 }
 
 }  // namespace
+
+bool SurfaceSpec::has_empty_cells() const {
+  return std::ranges::find(actuator_of_cell, kEmptyCell) != actuator_of_cell.end();
+}
 
 std::vector<std::string> SurfaceSpec::sensor_channels() const {
   std::vector<std::string> names;
@@ -142,15 +144,6 @@ std::vector<std::string> SurfaceSpec::sensor_channels() const {
 std::optional<PhysicalUnit> find_physical_unit(std::string_view name) {
   const auto* const unit = std::ranges::find(kPhysicalUnits, name, &PhysicalUnit::name);
   return unit == std::end(kPhysicalUnits) ? std::nullopt : std::optional(*unit);
-}
-
-std::string format_number(double value) {
-  if (std::isnan(value)) return "nan";  // streams may print "-nan"
-  std::ostringstream out;
-  out.imbue(std::locale::classic());
-  out.precision(12);
-  out << value;
-  return out.str();
 }
 
 int WorldSpec::steps_per_tick() const {

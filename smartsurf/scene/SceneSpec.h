@@ -27,9 +27,6 @@ namespace smartsurf::scene {
 // An error in an experiment, program or file, described in one line. The program exits with status 2.
 using InputError = common::UserError;
 
-// Formats a number for messages, with 12 significant digits in the C locale.
-std::string format_number(double);
-
 struct Colour {
   float r = 0.93f, g = 0.62f, b = 0.22f;  // sRGB in [0, 1]; the default is amber, visible on any surface
 };
@@ -110,15 +107,6 @@ struct ObjectSpec {
   Eigen::Vector3d half_extents() const;
 };
 
-// The body of every cell, a rectangular pin, and the motion limits of cells with a pin actuator.
-struct PinSpec {
-  double top_x = 0.8, top_y = 0.8;  // edge lengths of the top, ≤ pitch
-  double length = 2.0;
-  double min_height = 0.0, max_height = 6.0;  // z of the top, over all cells
-  double max_speed = 20.0;                    // u/s
-  double max_acceleration = 400.0;            // u/s²
-};
-
 // The pose of a cell in a free layout.
 struct CellPose {
   double x = 0.0, y = 0.0;  // centre of the top, u
@@ -126,6 +114,8 @@ struct CellPose {
 };
 
 inline constexpr std::int8_t kEmptyCell = -1;
+// The sensor channel that shows which cells exist; its name is reserved on surfaces with empty cells.
+inline constexpr const char* kOccupancyChannel = "occupancy";
 
 // Random actuator faults. The affected cells are drawn with the world's seed; a cell has at most one fault.
 struct ActuatorFaultSpec {
@@ -209,6 +199,8 @@ struct SurfaceSpec {
   bool is_empty(int row, int column) const {
     return !actuator_of_cell.empty() && actuator_of_cell[index(row, column)] == kEmptyCell;
   }
+  // True if the surface has the occupancy channel. O(cells).
+  bool has_empty_cells() const;
   Eigen::Vector2d centre(int row, int column) const {
     if (cell_poses.empty()) return {column * pitch, (rows - 1 - row) * pitch};
     const CellPose& pose = cell_poses[index(row, column)];

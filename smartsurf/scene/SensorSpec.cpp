@@ -3,36 +3,13 @@
 #include <algorithm>
 #include <cmath>
 
-#include "smartsurf/scene/BuiltInSensors.h"
-#include "smartsurf/scene/Registry.h"
-#include "smartsurf/scene/SceneSpec.h"
-
 namespace smartsurf::scene {
 namespace {
 
 using Type = Parameter::Type;
 
-Registry<SensorKind>& registry() {
-  static Registry<SensorKind> kinds(built_in_sensors());
-  return kinds;
-}
-
 Parameter fraction_parameter(std::string name, std::string description) {
   return {.name = std::move(name), .description = std::move(description), .maximum = 1.0};
-}
-
-// Checks all values against the limits of their parameters. Returns "" or one clause.
-std::string validate_values(const std::string& subject, std::span<const Parameter> parameters,
-                            const ParameterValues& values) {
-  for (const Parameter& p : parameters) {
-    const auto found = values.find(p.name);
-    if (found == values.end()) continue;
-    for (std::size_t i = 0; i < found->second.size(); ++i)
-      if (!p.accepts(found->second[i]))
-        return subject + "." + p.name + (found->second.size() > 1 ? "[" + std::to_string(i + 1) + "]" : "") +
-               " = " + format_number(found->second[i]) + ": must be " + p.range_text(found->second[i]);
-  }
-  return "";
 }
 
 }  // namespace
@@ -119,30 +96,6 @@ std::vector<Parameter> ray_parameters(double range) {
 
 std::string validate_ray(const SensorSpec& spec) {
   return spec.vector("direction").norm() >= 1e-6 ? "" : "direction: must not be of length 0";
-}
-
-std::vector<const SensorKind*> sensor_kinds() { return registry().all(); }
-const SensorKind* find_sensor_kind(std::string_view name) { return registry().find(name); }
-void add_sensor_kind(SensorKind kind) { registry().add(std::move(kind)); }
-
-std::vector<Extension> loaded_extensions() {
-  std::vector<Extension> extensions;
-  const auto collect = [&extensions](const auto& kinds) {
-    for (const auto* kind : kinds)
-      if (!kind->extension.name.empty() && std::ranges::find(extensions, kind->extension) == extensions.end())
-        extensions.push_back(kind->extension);
-  };
-  collect(actuator_kinds());
-  collect(sensor_kinds());
-  return extensions;
-}
-
-std::vector<SensorChannel> collect_channels(std::span<const SensorSpec> sensors) {
-  std::vector<SensorChannel> all;
-  for (const SensorSpec& sensor : sensors)
-    for (SensorChannel& channel : find_sensor_kind(sensor.model)->channels(sensor))
-      all.push_back(std::move(channel));
-  return all;
 }
 
 }  // namespace smartsurf::scene

@@ -1,5 +1,5 @@
-// The registry of sensor kinds: parameters and channels with their names, units and ranges. The models
-// themselves are in smartsurf/surface.
+// Sensors as values: what parameters and channels a kind has, and a sensor's parameters. The models themselves
+// are in smartsurf/surface, all kinds in KindRegistry.h.
 #pragma once
 
 #include <Eigen/Core>
@@ -82,17 +82,5 @@ std::string validate_sensor_errors(const std::string& subject, const ParameterVa
 std::vector<Parameter> ray_parameters(double range);
 // Checks the constraints on ray_parameters(). Returns "" or one clause.
 std::string validate_ray(const SensorSpec&);
-
-// All kinds, built-in ones first. The pointers stay valid. These functions are thread-safe.
-std::vector<const SensorKind*> sensor_kinds();
-const SensorKind* find_sensor_kind(std::string_view name);  // null if there is none
-// Precondition: no kind has this name.
-void add_sensor_kind(SensorKind);
-
-// The extensions that have been loaded, in order; every one has added a kind.
-std::vector<Extension> loaded_extensions();
-
-// The channels of all sensors, in the order of the sensors.
-std::vector<SensorChannel> collect_channels(std::span<const SensorSpec>);
 
 }  // namespace smartsurf::scene

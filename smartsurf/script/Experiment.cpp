@@ -11,6 +11,7 @@
 #include "smartsurf/script/lua/Interpreter.h"
 #include "smartsurf/script/lua/MeteredLibrary.h"
 #include "smartsurf/script/lua/SandboxFiles.h"
+#include "smartsurf/script/lua/StandardLibrary.h"
 #include "smartsurf/script/lua/TableReader.h"
 #include "smartsurf/script/lua/ValueText.h"
 
@@ -245,7 +246,7 @@ Experiment Experiment::load(const std::filesystem::path& path, LoadOptions optio
   std::error_code error;
   context.script_folder =
       std::filesystem::weakly_canonical(std::filesystem::absolute(path, error), error).parent_path();
-  context.spec.file = path.string();
+  context.spec.file = context.file = path.string();
   context.spec.source = std::move(*source);
   if (context.options.seed) context.spec.world.seed = *context.options.seed;
   if (context.options.engine) context.spec.world.engine = *context.options.engine;

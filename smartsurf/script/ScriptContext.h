@@ -11,20 +11,14 @@
 
 #include "smartsurf/scene/SceneSpec.h"
 #include "smartsurf/script/EventQueue.h"
-#include "smartsurf/script/Experiment.h"
 #include "smartsurf/script/Random.h"
+#include "smartsurf/script/SimulationInterface.h"
 #include "smartsurf/script/lua/Interpreter.h"
 #include "smartsurf/script/lua/ScriptState.h"
 
 namespace smartsurf::script {
 
 enum class Phase { kLoading, kRunning };
-
-// A registered callback of the script.
-struct Callback {
-  int reference = LUA_NOREF;  // in the Lua registry
-  std::string location;       // "FILE:LINE" of the registration
-};
 
 // A value of info{}: the state of an object, or what a function returns.
 struct InfoField {
@@ -33,13 +27,10 @@ struct InfoField {
   int callback = -1;  // index into ScriptContext::callbacks, without an object
 };
 
-struct ScriptContext {
-  explicit ScriptContext(LoadOptions o) : options(std::move(o)) {}
+struct ScriptContext : Sandbox {
+  explicit ScriptContext(LoadOptions load_options) { options = std::move(load_options); }
 
-  LoadOptions options;
-  std::filesystem::path script_folder;  // canonical
   scene::SceneSpec spec;
-  Interpreter* interpreter = nullptr;
 
   Phase phase = Phase::kLoading;
   SimulationInterface* simulation = nullptr;  // null while loading
@@ -59,8 +50,6 @@ struct ScriptContext {
   std::string random_first_use;  // "FILE:LINE"
 
   EventQueue event_queue;
-  std::vector<Callback> callbacks;                          // indexed by TimedEvent::callback
-  std::vector<int> free_callbacks;                          // unused slots of `callbacks`
   std::vector<int> on_tick, on_leave, on_finish, on_reset;  // indices into `callbacks`
   std::optional<int> reward, success;                       // likewise
   std::vector<InfoField> info;                              // by name, within one info{}
@@ -117,7 +106,7 @@ void read_sensors(const ScriptContext&, lua_State* L, int index, const std::stri
 void read_sensor_faults(lua_State* L, int index, const std::string& name, scene::ParameterValues&);
 
 // Register the functions of each group as globals. docs/experiments.md is their reference.
-void bind_declarations(lua_State* L);    // world, material, surface, faults, record
+void bind_declarations(lua_State* L);  // world, material, surface, faults, record
 // One function per kind of actuator, or of sensor, that the extension adds; "": that is built in.
 void bind_actuators(lua_State* L, const std::string& extension);
 void bind_sensors(lua_State* L, const std::string& extension);
@@ -137,13 +126,6 @@ int bind_loaded_extensions(ScriptContext&, lua_State* L);
 // Sets the global `name` to the function that declares an actuator or a sensor. Throws ScriptError if a kind
 // of an extension has the name of a function that exists.
 void bind_kind(lua_State* L, const std::string& name, lua_CFunction declare, const std::string& extension);
-// The Lua standard library, reduced to what the sandbox allows. Must run first.
-void bind_standard_library(lua_State* L, const ScriptContext&);
-void bind_ordered_pairs(lua_State* L);     // pairs, next, with a reproducible order
-void bind_file_access(lua_State* L);       // require, dofile, io, restricted to the sandbox's folders
-void bind_denied_libraries(lua_State* L);  // os, debug: every access is an error
-// Makes access to an unknown global an error that suggests the nearest name. Must run last.
-void guard_globals(lua_State* L);
 
 // Throws ScriptError that begins with `subject` unless the simulation is running.
 void require_running(const ScriptContext&, const std::string& subject);

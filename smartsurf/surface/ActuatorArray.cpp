@@ -7,6 +7,7 @@
 #include <limits>
 
 #include "common/threads/ThreadPool.h"
+#include "smartsurf/scene/KindRegistry.h"
 #include "smartsurf/surface/SkinShape.h"
 #include "smartsurf/surface/actuators/ActuatorRegistry.h"
 #include "smartsurf/surface/actuators/PinKernels.h"

@@ -3,6 +3,7 @@
 #include <algorithm>
 
 #include "common/threads/ThreadPool.h"
+#include "smartsurf/scene/KindRegistry.h"
 #include "smartsurf/surface/sensors/SensorRegistry.h"
 
 namespace smartsurf::surface {

@@ -13,6 +13,7 @@
 #include "common/files/AtomicFile.h"
 #include "smartsurf/scene/Delta.h"
 #include "smartsurf/scene/PinTip.h"
+#include "smartsurf/view/model/ActuatorGeometry.h"
 #include "smartsurf/web/Assets.h"
 #include "smartsurf/web/SeriesEncoder.h"
 
@@ -136,31 +137,57 @@ json cell_poses_json(const scene::SurfaceSpec& surface) {
   return poses;
 }
 
-// The grid of a skin's nodes, row-major, row 0 north; null without one.
-json skin_json(const scene::SurfaceSpec& surface) {
-  if (!surface.skin) return {};
-  const Eigen::AlignedBox2d extent = surface.skin_extent();
-  return {{"rows", surface.skin->rows}, {"columns", surface.skin->columns}, {"west", extent.min().x()},
-          {"east", extent.max().x()},   {"south", extent.min().y()},        {"north", extent.max().y()}};
+json mesh_json(const view::InstancedMesh& mesh) {
+  const std::vector<float>& vertices = mesh.mesh.vertices;
+  const auto* const bytes = reinterpret_cast<const std::uint8_t*>(vertices.data());
+  return {{"vertices", base64({bytes, sizeof(float) * vertices.size()})},
+          {"indices", mesh.mesh.indices},
+          {"size", {mesh.size.x(), mesh.size.y(), mesh.size.z()}},
+          {"translucent", mesh.translucent}};
 }
 
-json actuators_json(const scene::SurfaceSpec& surface) {
+// The mesh of a skin, whose nodes are row-major, row 0 north, and its first and last nodes around the tops of each row and
+// column of cells; null without one.
+json skin_json(const scene::SurfaceSpec& surface, const view::ActuatorGeometry& geometry) {
+  if (!surface.skin) return {};
+  const auto ranges = [](std::span<const view::ActuatorGeometry::NodeRange> nodes) {
+    json all = json::array();
+    for (const auto& [first, last] : nodes) all.push_back({first, last});
+    return all;
+  };
+  return {{"columns", surface.skin->columns},
+          {"mesh", mesh_json(geometry.meshes().back())},
+          {"rowNodes", ranges(geometry.node_rows())},
+          {"columnNodes", ranges(geometry.node_columns())}};
+}
+
+json actuators_json(const scene::SurfaceSpec& surface, const view::ActuatorGeometry& geometry) {
   json actuators = json::array();
-  for (const scene::ActuatorSpec& spec : surface.effective_actuators()) {
-    json actuator = {{"model", spec.model}};
+  const std::vector<scene::ActuatorSpec> specs = surface.effective_actuators();
+  for (std::size_t m = 0; m < specs.size(); ++m) {
+    const scene::ActuatorSpec& spec = specs[m];
+    json actuator = {{"model", spec.model}, {"meshes", json::array()}};
     for (const auto& [name, values] : spec.values) actuator[name] = values;
+    for (const view::InstancedMesh& mesh : geometry.meshes_of(m))
+      actuator["meshes"].push_back(mesh_json(mesh));
     // With the defaults that depend on other values filled in.
-    if (spec.model == "pin" && spec.has("tip.shape")) {
+    if (spec.model == "pin") {
       const scene::PinTip tip = scene::pin_tip(spec, surface.pin.top_x, surface.pin.top_y);
-      actuator["tip"] = {{"radius", tip.radius}, {"height", tip.height}};
+      actuator["tip"] = {{"height", tip.height}};
     } else if (spec.model == "delta") {
       const scene::Delta delta(spec);
-      actuator["tip"] = {{"radius", delta.tip_radius}, {"length", delta.tip_length}};
+      actuator["tip"] = {{"length", delta.tip_length}};
       actuator["arms"] = {{"radius", delta.joint_radius}, {"length", delta.arm_length}};
     }
     actuators.push_back(std::move(actuator));
   }
   return actuators;
+}
+
+json colours_json() {
+  json colours;
+  for (const auto& [name, colour] : view::actuator_colours()) colours[name] = colour;
+  return colours;
 }
 
 // Quantities of the whole run, one value per frame; null where undefined.
@@ -186,6 +213,7 @@ json plots_json(const Recording& recording, const std::vector<std::size_t>& fram
 
 json scene_json(const Recording& recording, const std::vector<std::size_t>& frames) {
   const scene::SurfaceSpec& s = recording.spec().surface;
+  const view::ActuatorGeometry geometry(s);
   json time = json::array();
   for (const std::size_t frame : frames) time.push_back(recording.times()[frame]);
   return {{"title", fs::path(recording.spec().file).filename().string()},
@@ -199,9 +227,10 @@ json scene_json(const Recording& recording, const std::vector<std::size_t>& fram
           {"high", s.pin.max_height},
           {"border", s.border_height ? json(*s.border_height) : json()},
           {"place", cell_poses_json(s)},
-          {"skin", skin_json(s)},
+          {"skin", skin_json(s, geometry)},
           {"cell", s.actuator_of_cell.empty() ? json() : json(s.actuator_of_cell)},
-          {"mechanisms", actuators_json(s)},
+          {"mechanisms", actuators_json(s, geometry)},
+          {"colours", colours_json()},
           {"time", std::move(time)},
           {"objects", objects_json(recording)},
           {"plots", plots_json(recording, frames)}};

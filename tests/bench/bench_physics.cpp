@@ -1,7 +1,7 @@
 // Compares World and its proximity sensors with naive Bullet, MuJoCo and ODE on the same scenes.
 //
-//   bench_physics [--steps N] [--only "64x64 100"] [--threads N] [--peers naive,mujoco,ode | none] [--beside N]
-//     [--json]
+//   bench_physics [--steps N] [--only "64x64 100"] [--threads N] [--peers naive,mujoco,ode | none]
+//     [--beside N] [--json]
 //
 // Peers are single-threaded; they skip workloads that they do not support. MuJoCo and ODE are optional.
 //
@@ -23,6 +23,7 @@
 #include <nlohmann/json.hpp>
 
 #include "common/threads/ThreadPool.h"
+#include "smartsurf/scene/KindRegistry.h"
 #include "smartsurf/surface/ActuatorArray.h"
 #include "smartsurf/surface/SensorArray.h"
 #include "smartsurf/world/NativeEngine.h"

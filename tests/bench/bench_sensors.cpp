@@ -17,6 +17,7 @@
 #include <string>
 
 #include "common/threads/ThreadPool.h"
+#include "smartsurf/scene/KindRegistry.h"
 #include "smartsurf/surface/SensorArray.h"
 #include "tests/bench/CommandLine.h"
 #include "tests/bench/Timing.h"

@@ -3,6 +3,7 @@
 
 #include <cmath>
 
+#include "smartsurf/scene/KindRegistry.h"
 #include "tests/property/PhysicsFixture.h"
 
 using namespace physics_fixture;

@@ -6,6 +6,7 @@
 #include <random>
 
 #include "smartsurf/scene/Delta.h"
+#include "smartsurf/scene/KindRegistry.h"
 #include "tests/property/PhysicsFixture.h"
 #include "tests/property/Swing.h"
 

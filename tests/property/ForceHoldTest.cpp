@@ -7,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include "smartsurf/scene/KindRegistry.h"
 #include "tests/property/PhysicsFixture.h"
 
 using namespace physics_fixture;

@@ -6,6 +6,7 @@
 #include <numbers>
 #include <vector>
 
+#include "smartsurf/scene/KindRegistry.h"
 #include "smartsurf/scene/Solid.h"
 #include "tests/property/PhysicsFixture.h"
 

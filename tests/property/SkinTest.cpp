@@ -7,6 +7,7 @@
 #include <numeric>
 #include <random>
 
+#include "smartsurf/scene/KindRegistry.h"
 #include "tests/property/PhysicsFixture.h"
 #include "tests/property/Swing.h"
 

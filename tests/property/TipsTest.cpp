@@ -4,6 +4,7 @@
 #include <cmath>
 #include <numbers>
 
+#include "smartsurf/scene/KindRegistry.h"
 #include "tests/property/PhysicsFixture.h"
 
 using namespace physics_fixture;

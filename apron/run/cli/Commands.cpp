@@ -12,11 +12,11 @@
 
 #include "apron/program/LocalityCheck.h"
 #include "apron/program/Reachability.h"
-#include "apron/run/cli/CompiledProgram.h"
 #include "apron/run/cli/ProfileReport.h"
 #include "apron/run/cli/TerminalMonitor.h"
 #include "apron/run/host/SurfaceHost.h"
-#include "apron/run/ui/UiRun.h"
+#include "apron/run/options/CompiledProgram.h"
+#include "apron/run/ui/RunWithUi.h"
 #include "apron/vm/Vm.h"
 #include "common/error/UserError.h"
 #include "common/files/AtomicFile.h"

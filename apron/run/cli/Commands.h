@@ -2,7 +2,7 @@
 // exit status.
 #pragma once
 
-#include "apron/run/cli/Options.h"
+#include "apron/run/options/Options.h"
 
 namespace apron::run {
 

@@ -2,10 +2,10 @@
 #include <iostream>
 
 #include "apron/run/cli/Commands.h"
-#include "apron/run/cli/CompiledProgram.h"
 #include "apron/run/import/KernelImport.h"
 #include "apron/run/media/MediaError.h"
 #include "apron/run/media/MediaFile.h"
+#include "apron/run/options/CompiledProgram.h"
 
 namespace apron::run {
 

@@ -10,9 +10,9 @@
 #include <string_view>
 
 #include "apron/compiler/Compiler.h"
-#include "apron/run/cli/CompiledProgram.h"
 #include "apron/run/media/MediaError.h"
 #include "apron/run/media/MediaFile.h"
+#include "apron/run/options/CompiledProgram.h"
 #include "apron/syntax/Lexer.h"
 #include "apron/vm/NumberFormat.h"
 #include "apron/vm/Vm.h"

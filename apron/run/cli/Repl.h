@@ -6,8 +6,8 @@
 #include <string>
 #include <vector>
 
-#include "apron/run/cli/Options.h"
 #include "apron/run/host/LocalHost.h"
+#include "apron/run/options/Options.h"
 
 namespace apron::run {
 

@@ -12,7 +12,7 @@
 #include <utility>
 #include <vector>
 
-#include "apron/run/import/KernelImport.h"
+#include "apron/run/import/ImportedKernels.h"
 #include "apron/run/import/KernelTokens.h"
 
 namespace apron::run {

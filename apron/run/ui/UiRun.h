@@ -1,4 +1,4 @@
-// `apron run` with a user interface: in a window, or rendered off-screen to pictures and videos.
+// A run with a user interface, in a window or rendered off-screen to pictures and videos, and its result.
 #pragma once
 
 #include <cstdint>
@@ -6,9 +6,9 @@
 #include <string>
 #include <vector>
 
-#include "apron/run/cli/CompiledProgram.h"
-#include "apron/run/cli/Options.h"
 #include "apron/run/host/LocalHost.h"
+#include "apron/run/options/CompiledProgram.h"
+#include "apron/run/options/Options.h"
 #include "apron/vm/Vm.h"
 
 namespace apron::run {
@@ -34,12 +34,5 @@ struct RunResult {
 struct UiRunResult : RunResult {
   std::string ui_error;  // one line, such as a file that cannot be written or no OpenGL; empty for none
 };
-
-// Why the requested user interface cannot be opened, in one line; empty if it can.
-std::string ui_unavailable_reason(const Options& options);
-
-// Runs until the user closes the window, a signal arrives or, off-screen, the program finishes. Reports
-// errors in the result.
-UiRunResult run_with_ui(const UiRun& run);
 
 }  // namespace apron::run

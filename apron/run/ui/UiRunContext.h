@@ -1,4 +1,4 @@
-// The state shared by windowed and off-screen runs. Internal to UiRun.
+// The state shared by windowed and off-screen runs. Internal to RunWithUi.
 #pragma once
 
 #include "apron/debugger/DebugSession.h"

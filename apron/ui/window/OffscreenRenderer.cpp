@@ -8,6 +8,7 @@
 #include "apron/ui/panels/TextureCache.h"
 #include "common/error/UserError.h"
 #include "common/gl/EglContext.h"
+#include "common/gl/Framebuffer.h"
 
 namespace apron::ui {
 namespace {
@@ -75,7 +76,7 @@ common::Image OffscreenRenderer::render(ViewModel& model) {
   glClearColor(1.0F, 1.0F, 1.0F, 1.0F);
   glClear(GL_COLOR_BUFFER_BIT);
   ImGui_ImplOpenGL3_RenderDrawData(ImGui::GetDrawData());
-  return read_framebuffer(state.width, state.height);
+  return common::read_framebuffer(state.width, state.height);
 }
 
 common::Image OffscreenRenderer::render_settled(ViewModel& model) {

@@ -12,6 +12,7 @@
 #include "apron/ui/panels/Panels.h"
 #include "apron/ui/panels/TextureCache.h"
 #include "common/error/UserError.h"
+#include "common/gl/Framebuffer.h"
 
 namespace apron::ui {
 namespace {
@@ -155,7 +156,7 @@ void Window::wait_events(double seconds) { glfwWaitEventsTimeout(seconds); }
 common::Image Window::capture(ViewModel& model) {
   if (!state_->drawable()) return {};
   state_->draw(model);
-  return read_framebuffer(state_->width, state_->height);
+  return common::read_framebuffer(state_->width, state_->height);
 }
 
 void Window::close() { glfwSetWindowShouldClose(state_->glfw.window(), GLFW_TRUE); }

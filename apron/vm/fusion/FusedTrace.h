@@ -8,13 +8,13 @@
 #include <optional>
 #include <vector>
 
-#include "apron/vm/Executor.h"
 #include "apron/vm/PlaneStore.h"
 #include "apron/vm/fusion/FusionPlan.h"
 #include "apron/vm/fusion/StageInterpreter.h"
 #include "apron/vm/fusion/Trace.h"
 #include "apron/vm/fusion/ValueGraph.h"
 #include "apron/vm/jit/StageJit.h"
+#include "apron/vm/kernels/Executor.h"
 
 namespace apron::vm {
 

@@ -50,7 +50,7 @@ class FusionPlanner {
     assign_buffers();
     emit_stages();
     lay_out_rings();
-    select_non_temporal_stores(plan_);
+    select_non_temporal_stores(plan_.stages, plan_.buffers, std::size_t{plan_.width} * plan_.height);
     return std::move(plan_);
   }
 

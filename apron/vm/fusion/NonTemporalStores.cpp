@@ -16,10 +16,11 @@ bool reads_stream(const Stage& stage, std::uint32_t stream) {
 }
 
 // True if a stage reads the plane's new values or, for an in-place result, its old ones.
-bool is_read_by_stage(const FusionPlan& plan, const RowBuffer& plane) {
-  for (const Stage& stage : plan.stages)
+bool is_read_by_stage(const std::vector<Stage>& stages, const std::vector<RowBuffer>& buffers,
+                      const RowBuffer& plane) {
+  for (const Stage& stage : stages)
     for (std::uint32_t s = 0; s < stage.streams.size(); ++s) {
-      const RowBuffer& buffer = plan.buffers[stage.streams[s].buffer];
+      const RowBuffer& buffer = buffers[stage.streams[s].buffer];
       const bool old = plane.kind == RowBuffer::Kind::kInPlace && buffer.kind == RowBuffer::Kind::kRegister;
       if (buffer.reg == plane.reg && (old || buffer.kind == plane.kind) && reads_stream(stage, s))
         return true;
@@ -29,15 +30,15 @@ bool is_read_by_stage(const FusionPlan& plan, const RowBuffer& plane) {
 
 }  // namespace
 
-void select_non_temporal_stores(FusionPlan& plan) {
+void select_non_temporal_stores(std::vector<Stage>& stages, const std::vector<RowBuffer>& buffers,
+                                std::size_t cells) {
   const auto planes = std::ranges::count_if(
-      plan.buffers, [](const RowBuffer& store) { return store.kind != RowBuffer::Kind::kRing; });
-  const std::size_t floats = static_cast<std::size_t>(planes) * plan.width * plan.height;
-  if (floats <= kLastLevelCacheFloats) return;
-  for (Stage& stage : plan.stages)
+      buffers, [](const RowBuffer& store) { return store.kind != RowBuffer::Kind::kRing; });
+  if (static_cast<std::size_t>(planes) * cells <= kLastLevelCacheFloats) return;
+  for (Stage& stage : stages)
     for (Stage::Result& result : stage.results) {
-      const RowBuffer& to = plan.buffers[stage.streams[result.stream].buffer];
-      result.non_temporal = to.kind != RowBuffer::Kind::kRing && !is_read_by_stage(plan, to);
+      const RowBuffer& to = buffers[stage.streams[result.stream].buffer];
+      result.non_temporal = to.kind != RowBuffer::Kind::kRing && !is_read_by_stage(stages, buffers, to);
     }
 }
 

@@ -2,11 +2,15 @@
 // no stage reads again need not be fetched to be overwritten.
 #pragma once
 
-#include "apron/vm/fusion/FusionPlan.h"
+#include <cstddef>
+#include <vector>
+
+#include "apron/vm/Stage.h"
 
 namespace apron::vm {
 
-// Sets Stage::Result::non_temporal. The rest of the plan must be complete.
-void select_non_temporal_stores(FusionPlan&);
+// Sets Stage::Result::non_temporal of complete stages on planes of `cells` cells.
+void select_non_temporal_stores(std::vector<Stage>& stages, const std::vector<RowBuffer>& buffers,
+                                std::size_t cells);
 
 }  // namespace apron::vm

@@ -8,8 +8,7 @@
 #include <vector>
 
 #include "apron/vm/fusion/FusionPlan.h"
-#include "apron/vm/fusion/StageCall.h"
-#include "apron/vm/kernels/Kernels.h"
+#include "apron/vm/kernels/KernelTable.h"
 
 namespace apron::vm {
 

@@ -3,8 +3,7 @@
 #include <algorithm>
 #include <map>
 
-#include "apron/program/ScalarArithmetic.h"
-#include "apron/vm/fusion/FusionPlan.h"
+#include "apron/vm/Stage.h"
 
 namespace apron::vm {
 namespace {
@@ -153,8 +152,5 @@ class StagePartitioner {
 }  // namespace
 
 StagePartition partition_stages(const ValueGraph& graph) { return StagePartitioner(graph).partition(); }
-
-// Generated code has no instruction for round, nor for the mathematical functions.
-bool is_fusible_opcode(Opcode op) noexcept { return op < Opcode::kRound && !program::is_mathematics(op); }
 
 }  // namespace apron::vm

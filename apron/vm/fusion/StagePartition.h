@@ -28,7 +28,4 @@ struct StagePartition {
 // the vector registers.
 StagePartition partition_stages(const ValueGraph& graph);
 
-// True if an operation of this opcode may share a stage with others.
-bool is_fusible_opcode(program::Opcode op) noexcept;
-
 }  // namespace apron::vm

@@ -14,7 +14,7 @@
 #include <vector>
 
 #include "apron/vm/InstructionSet.h"
-#include "apron/vm/jit/StageJit.h"
+#include "apron/vm/Stage.h"
 
 namespace apron::vm {
 

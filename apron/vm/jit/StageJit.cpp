@@ -5,7 +5,6 @@
 #include <algorithm>
 #include <set>
 
-#include "apron/vm/fusion/StagePartition.h"
 #include "apron/vm/jit/StageAssembler.h"
 
 namespace apron::vm {

@@ -8,8 +8,7 @@
 #include <vector>
 
 #include "apron/vm/InstructionSet.h"
-#include "apron/vm/fusion/FusionPlan.h"
-#include "apron/vm/fusion/StageCall.h"
+#include "apron/vm/Stage.h"
 
 namespace apron::vm {
 

@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "apron/vm/Plane.h"
-#include "apron/vm/kernels/Kernels.h"
+#include "apron/vm/kernels/KernelTable.h"
 
 namespace apron::vm {
 

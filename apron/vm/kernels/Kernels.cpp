@@ -671,5 +671,13 @@ const KernelTable* kernel_table(InstructionSet isa) {
   return &kTable;
 }
 
+bool is_supported(InstructionSet isa) { return kernel_table(isa) != nullptr; }
+
+InstructionSet best_instruction_set() {
+  for (const InstructionSet isa : {InstructionSet::kAvx512, InstructionSet::kAvx2})
+    if (is_supported(isa)) return isa;
+  return InstructionSet::kPortable;
+}
+
 }  // namespace apron::vm
 #endif

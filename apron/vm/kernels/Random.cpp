@@ -4,7 +4,6 @@
 #include <cmath>
 
 #include "apron/vm/PlaneStore.h"
-#include "apron/vm/kernels/Kernels.h"
 
 namespace apron::vm {
 namespace {

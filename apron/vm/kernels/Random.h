@@ -5,10 +5,9 @@
 #include <cstdint>
 
 #include "apron/program/Program.h"
+#include "apron/vm/kernels/KernelTable.h"
 
 namespace apron::vm {
-
-struct KernelTable;
 
 using RandomWords = std::array<std::uint32_t, 4>;
 

@@ -4,8 +4,8 @@
 #include <cstdint>
 
 #include "apron/program/Program.h"
-#include "apron/vm/Executor.h"
 #include "apron/vm/Plane.h"
+#include "apron/vm/kernels/Executor.h"
 
 namespace apron::vm {
 

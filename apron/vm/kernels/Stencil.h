@@ -2,8 +2,8 @@
 #pragma once
 
 #include "apron/program/Program.h"
-#include "apron/vm/Executor.h"
 #include "apron/vm/Plane.h"
+#include "apron/vm/kernels/Executor.h"
 #include "apron/vm/kernels/Shift.h"
 #include "apron/vm/kernels/StencilKernels.h"
 

@@ -6,6 +6,7 @@
 
 #include "smartsurf/record/hdf5/AttributeArchive.h"
 #include "smartsurf/record/hdf5/Hdf5Reading.h"
+#include "smartsurf/scene/KindRegistry.h"
 
 namespace smartsurf::record {
 namespace {

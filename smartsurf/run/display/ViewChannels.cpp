@@ -6,6 +6,7 @@
 #include <algorithm>
 
 #include "common/text/Suggestion.h"
+#include "smartsurf/scene/KindRegistry.h"
 
 namespace smartsurf::run {
 

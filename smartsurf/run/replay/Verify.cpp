@@ -15,6 +15,7 @@
 #include "smartsurf/extension/Extension.h"
 #include "smartsurf/mesh/SolidLibrary.h"
 #include "smartsurf/run/ScriptOverrun.h"
+#include "smartsurf/scene/KindRegistry.h"
 #include "smartsurf/simulation/Simulation.h"
 #include "smartsurf/world/bullet/EngineFactory.h"
 

@@ -3,6 +3,7 @@
 #include <cctype>
 #include <string>
 
+#include "smartsurf/scene/KindRegistry.h"
 #include "smartsurf/script/ScriptContext.h"
 #include "smartsurf/script/declarations/ParameterReader.h"
 #include "smartsurf/script/lua/TableReader.h"

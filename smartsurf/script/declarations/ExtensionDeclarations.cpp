@@ -3,6 +3,7 @@
 #include <filesystem>
 #include <string>
 
+#include "smartsurf/scene/KindRegistry.h"
 #include "smartsurf/script/ScriptContext.h"
 #include "smartsurf/script/lua/SandboxFiles.h"
 #include "smartsurf/script/lua/TableReader.h"

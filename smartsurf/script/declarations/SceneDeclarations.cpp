@@ -5,7 +5,7 @@
 #include <string>
 #include <vector>
 
-#include "smartsurf/scene/Occupancy.h"
+#include "smartsurf/scene/KindRegistry.h"
 #include "smartsurf/script/ScriptContext.h"
 #include "smartsurf/script/lua/SandboxFiles.h"
 #include "smartsurf/script/lua/TableReader.h"
@@ -160,7 +160,7 @@ int surface(ScriptContext& context, lua_State* L) {
     if (!spec.skin && sensor.model.starts_with("skin_"))
       throw ScriptError("surface.skin: is absent: must be there for the sensor '" + sensor.name + "'");
   context.channels = collect_channels(spec.sensors);
-  if (has_empty_cells(spec)) context.channels.push_back({.name = scene::kOccupancyChannel});
+  if (spec.has_empty_cells()) context.channels.push_back({.name = scene::kOccupancyChannel});
   return 0;
 }
 

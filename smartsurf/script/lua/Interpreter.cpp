@@ -11,8 +11,6 @@
 #include <new>
 #include <utility>
 
-#include "smartsurf/script/ScriptContext.h"
-
 namespace smartsurf::script {
 namespace {
 
@@ -63,17 +61,17 @@ std::string to_single_line(std::string_view text) {
   return line;
 }
 
-Interpreter::Interpreter(ScriptContext& context, std::size_t memory_limit)
-    : context_(context), memory_limit_(memory_limit) {
+Interpreter::Interpreter(Sandbox& sandbox, std::size_t memory_limit)
+    : sandbox_(sandbox), memory_limit_(memory_limit) {
   lua_State* const L = lua_newstate(&Interpreter::allocate, this);
   if (L == nullptr) throw std::bad_alloc();
   lua_ = L;
-  ScriptContext* const pointer = &context_;
+  Sandbox* const pointer = &sandbox_;
   std::memcpy(lua_getextraspace(L), &pointer, sizeof pointer);
-  const LoadOptions& options = context.options;
+  const LoadOptions& options = sandbox.options;
   if (options.end_process == nullptr || options.unsafe) return;
   watch_ = std::make_unique<OperationWatch>(options.stop, [this](bool stopped) {
-    context_.options.end_process(stopped ? std::string() : context_.spec.file + kOverrun);
+    sandbox_.options.end_process(stopped ? std::string() : sandbox_.file + kOverrun);
   });
 }
 
@@ -82,8 +80,8 @@ Interpreter::~Interpreter() {
   lua_close(lua_);
 }
 
-ScriptContext& Interpreter::context_of(lua_State* L) {
-  ScriptContext* pointer = nullptr;
+Sandbox& Interpreter::sandbox_of(lua_State* L) {
+  Sandbox* pointer = nullptr;
   std::memcpy(&pointer, lua_getextraspace(L), sizeof pointer);
   return *pointer;
 }
@@ -140,7 +138,7 @@ void Interpreter::shorten_interval(std::size_t string_bytes) {
 }
 
 void Interpreter::on_instruction_count(lua_State* L, lua_Debug*) {
-  Interpreter& interpreter = *context_of(L).interpreter;
+  Interpreter& interpreter = *sandbox_of(L).interpreter;
   interpreter.running_ = L;
   const int interval = lua_gethookcount(L);
   if (!interpreter.budget_exceeded_ && interval != interpreter.interval_)
@@ -163,7 +161,7 @@ void Interpreter::check_time(lua_State* L) {
   // The clock of the thread is a system call, which short calls do without.
   if (started_s_ < 0.0) started_s_ = thread_time_s(CLOCK_THREAD_CPUTIME_ID);
   const double used_s = thread_time_s(CLOCK_THREAD_CPUTIME_ID) - started_s_;
-  const std::atomic<bool>* const stop = context_.options.stop;
+  const std::atomic<bool>* const stop = sandbox_.options.stop;
   const bool stopped = stop != nullptr && stop->load(std::memory_order_relaxed);
   if (used_s <= (stopped ? std::min(kTimeAfterStop_s, time_limit_s_) : time_limit_s_)) return;
   excess_ = stopped ? Excess::kStop : Excess::kTime;
@@ -202,7 +200,7 @@ Interpreter::RunningCoroutine::~RunningCoroutine() {
 }
 
 int Interpreter::on_error(lua_State* L) {
-  Interpreter& interpreter = *context_of(L).interpreter;
+  Interpreter& interpreter = *sandbox_of(L).interpreter;
   interpreter.error_location_ = interpreter.current_location(L);
   return 1;
 }
@@ -317,11 +315,11 @@ void Interpreter::throw_input_error(int status, const std::string& fallback_loca
   throw scene::InputError(to_single_line(location) + ": " + to_single_line(message));
 }
 
-void push_error(ScriptContext& context, lua_State* L, const std::exception& e) {
+void push_error(Sandbox& sandbox, lua_State* L, const std::exception& e) {
   if (dynamic_cast<const ScriptError*>(&e) == nullptr &&
       dynamic_cast<const scene::InputError*>(&e) == nullptr)
-    context.interpreter->defer_exception(std::current_exception());
-  const std::string location = context.interpreter->current_location(L);
+    sandbox.interpreter->defer_exception(std::current_exception());
+  const std::string location = sandbox.interpreter->current_location(L);
   const std::string text = location.empty() ? e.what() : location + ": " + e.what();
   lua_pushlstring(L, text.data(), text.size());
 }

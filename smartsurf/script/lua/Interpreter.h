@@ -9,6 +9,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <exception>
+#include <filesystem>
 #include <memory>
 #include <optional>
 #include <stdexcept>
@@ -17,11 +18,12 @@
 #include <vector>
 
 #include "smartsurf/scene/SceneSpec.h"
+#include "smartsurf/script/LoadOptions.h"
 #include "smartsurf/script/lua/OperationWatch.h"
 
 namespace smartsurf::script {
 
-struct ScriptContext;
+struct Sandbox;
 
 // A clause without file and line: "sphere.radius = -1: must be greater than 0".
 class ScriptError : public std::runtime_error {
@@ -47,9 +49,9 @@ constexpr std::size_t kMaxStringBytes = std::size_t{16} << 20;
 
 class Interpreter {
  public:
-  // `context` is passed to bound functions and must outlive the interpreter. memory_limit is in bytes. Throws
+  // `sandbox` is passed to bound functions and must outlive the interpreter. memory_limit is in bytes. Throws
   // std::bad_alloc if it is too small for an empty state.
-  Interpreter(ScriptContext& context, std::size_t memory_limit);
+  Interpreter(Sandbox& sandbox, std::size_t memory_limit);
   Interpreter(const Interpreter&) = delete;
   Interpreter& operator=(const Interpreter&) = delete;
   ~Interpreter();
@@ -92,7 +94,7 @@ class Interpreter {
   // "FILE:LINE" of the innermost running line of the script; "" if none is running.
   std::string current_location(lua_State* L) const;
 
-  static ScriptContext& context_of(lua_State* L);
+  static Sandbox& sandbox_of(lua_State* L);
 
  private:
   struct Chunk {
@@ -116,7 +118,7 @@ class Interpreter {
   [[noreturn]] void raise_budget_error(lua_State* L);
 
   lua_State* lua_ = nullptr;
-  ScriptContext& context_;
+  Sandbox& sandbox_;
   std::size_t memory_limit_, memory_used_ = 0;
   std::uint64_t instruction_budget_ = 0, instructions_used_ = 0;
   bool budget_exceeded_ = false;
@@ -135,25 +137,43 @@ class Interpreter {
   std::unique_ptr<OperationWatch> watch_;  // null without LoadOptions::end_process
 };
 
+// A registered callback of the script.
+struct Callback {
+  int reference = LUA_NOREF;  // in the Lua registry
+  std::string location;       // "FILE:LINE" of the registration
+};
+
+// What the interpreter and the library know of a script.
+struct Sandbox {
+  LoadOptions options;
+  std::string file;                     // path as given by the user
+  std::filesystem::path script_folder;  // canonical
+  Interpreter* interpreter = nullptr;
+  std::vector<Callback> callbacks;
+  std::vector<int> free_callbacks;  // unused slots of `callbacks`
+};
+
 // A number as shown in messages; "nan" has no sign.
 std::string format_value(double value);
 // Replaces control characters by spaces and truncates long text, so that a message fits one line.
 std::string to_single_line(std::string_view text);
 
-using BoundFunction = int (*)(ScriptContext&, lua_State*);
-
 // Leaves the Lua error value for `e` on the stack.
-void push_error(ScriptContext&, lua_State* L, const std::exception& e);
+void push_error(Sandbox&, lua_State* L, const std::exception& e);
 
-// Wraps a binding as a lua_CFunction that converts exceptions to Lua errors with the script's location.
-template <BoundFunction binding>
+// Wraps a binding, int(Sandbox&, lua_State*) or with a struct derived from Sandbox, as a lua_CFunction that converts
+// exceptions to Lua errors with the script's location.
+template <auto binding>
 int guarded(lua_State* L) {
-  ScriptContext& context = Interpreter::context_of(L);
+  Sandbox& sandbox = Interpreter::sandbox_of(L);
+  const auto call = [&]<class Context>(int (*function)(Context&, lua_State*)) {
+    return function(static_cast<Context&>(sandbox), L);
+  };
   try {
-    return binding(context, L);
+    return call(binding);
   } catch (const std::exception& e) {
     // Lua's own errors are not derived from std::exception and propagate.
-    push_error(context, L, e);
+    push_error(sandbox, L, e);
   }
   return lua_error(L);
 }

@@ -38,7 +38,7 @@ inline int call_wrapped(lua_State* L) {
 }
 
 // Calls the wrapped function and charges the bytes or the number of its results.
-int call_metered_by_results(ScriptContext& context, lua_State* L);
+int call_metered_by_results(Sandbox& sandbox, lua_State* L);
 
 // Including table.sort.
 void bind_table_functions(lua_State* L);

@@ -7,7 +7,7 @@
 #include <utility>
 #include <vector>
 
-#include "smartsurf/script/ScriptContext.h"
+#include "smartsurf/script/lua/StandardLibrary.h"
 #include "smartsurf/script/lua/TableReader.h"
 
 namespace smartsurf::script {
@@ -56,7 +56,7 @@ TableKey key_at(lua_State* L, int index) {
 // The sorted keys of the table at index 1; one without an order is the last. Pushes the list of the keys to
 // which their indices refer. Throws ScriptError for several keys without an order.
 std::vector<TableKey> sorted_keys(lua_State* L, const char* function) {
-  Interpreter& interpreter = *Interpreter::context_of(L).interpreter;
+  Interpreter& interpreter = *Interpreter::sandbox_of(L).interpreter;
   std::vector<TableKey> keys;
   bool has_unordered = false;
   lua_newtable(L);
@@ -77,7 +77,7 @@ std::vector<TableKey> sorted_keys(lua_State* L, const char* function) {
 
 // The iterator of pairs. Upvalues: the table, the list of its keys, the index of the last key returned. Skips
 // keys that were removed during the iteration.
-int next_pair(ScriptContext&, lua_State* L) {
+int next_pair(Sandbox&, lua_State* L) {
   lua_Integer i = lua_tointeger(L, lua_upvalueindex(3));
   while (true) {
     lua_rawgeti(L, lua_upvalueindex(2), ++i);
@@ -92,7 +92,7 @@ int next_pair(ScriptContext&, lua_State* L) {
   return 2;
 }
 
-int pairs(ScriptContext&, lua_State* L) {
+int pairs(Sandbox&, lua_State* L) {
   luaL_checkany(L, 1);
   if (luaL_getmetafield(L, 1, "__pairs") != LUA_TNIL) {
     lua_pushvalue(L, 1);
@@ -116,7 +116,7 @@ int pairs(ScriptContext&, lua_State* L) {
   return 3;
 }
 
-int next(ScriptContext&, lua_State* L) {
+int next(Sandbox&, lua_State* L) {
   luaL_checktype(L, 1, LUA_TTABLE);
   lua_settop(L, 2);
   const std::vector<TableKey> keys = sorted_keys(L, "next");  // at index 3

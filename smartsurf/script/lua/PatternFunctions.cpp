@@ -4,7 +4,6 @@
 #include <string>
 #include <string_view>
 
-#include "smartsurf/script/ScriptContext.h"
 #include "smartsurf/script/lua/MeteredLibrary.h"
 #include "smartsurf/script/lua/PatternMatcher.h"
 
@@ -19,10 +18,10 @@ std::string_view check_text(lua_State* L, int index) {
   return {text, length};
 }
 
-PatternMatcher make_matcher(ScriptContext& context, lua_State* L, std::string_view subject,
+PatternMatcher make_matcher(Sandbox& sandbox, lua_State* L, std::string_view subject,
                             std::string_view pattern) {
   return {subject, pattern,
-          [&context, L](std::size_t steps) { context.interpreter->charge(L, steps / kStepsPerInstruction); }};
+          [&sandbox, L](std::size_t steps) { sandbox.interpreter->charge(L, steps / kStepsPerInstruction); }};
 }
 
 // The index of argument `index`, from 1 or, if negative, from the end, as one from 0; at most length + 1.
@@ -58,7 +57,7 @@ int push_captures(lua_State* L, const PatternMatcher& matcher, std::string_view 
   return static_cast<int>(count);
 }
 
-int find_or_match(ScriptContext& context, lua_State* L, bool find) {
+int find_or_match(Sandbox& sandbox, lua_State* L, bool find) {
   const std::string_view subject = check_text(L, 1);
   std::string_view pattern = check_text(L, 2);
   const std::size_t start = start_index(L, 3, subject.size());
@@ -76,7 +75,7 @@ int find_or_match(ScriptContext& context, lua_State* L, bool find) {
                                   ? subject.npos
                                   : static_cast<std::size_t>(static_cast<const char*>(at) - subject.data());
     const std::size_t scanned = at == nullptr ? rest.size() : found - start;
-    context.interpreter->charge(L, (scanned + pattern.size()) / kBytesPerInstruction);
+    sandbox.interpreter->charge(L, (scanned + pattern.size()) / kBytesPerInstruction);
     if (found == subject.npos) {
       lua_pushnil(L);
       return 1;
@@ -87,7 +86,7 @@ int find_or_match(ScriptContext& context, lua_State* L, bool find) {
   }
   const bool anchored = pattern.starts_with('^');
   if (anchored) pattern.remove_prefix(1);
-  PatternMatcher matcher = make_matcher(context, L, subject, pattern);
+  PatternMatcher matcher = make_matcher(sandbox, L, subject, pattern);
   for (std::size_t s = start; s <= subject.size(); ++s) {
     const std::optional<std::size_t> end = matcher.match_at(s);
     if (end && find) {
@@ -102,15 +101,15 @@ int find_or_match(ScriptContext& context, lua_State* L, bool find) {
   return 1;
 }
 
-int find(ScriptContext& context, lua_State* L) { return find_or_match(context, L, true); }
-int match(ScriptContext& context, lua_State* L) { return find_or_match(context, L, false); }
+int find(Sandbox& sandbox, lua_State* L) { return find_or_match(sandbox, L, true); }
+int match(Sandbox& sandbox, lua_State* L) { return find_or_match(sandbox, L, false); }
 
 // The iterator of gmatch. Upvalues: subject, pattern, where to search next, end of the last match or -1.
-int next_match(ScriptContext& context, lua_State* L) {
+int next_match(Sandbox& sandbox, lua_State* L) {
   const std::string_view subject = check_text(L, lua_upvalueindex(1)),
                          pattern = check_text(L, lua_upvalueindex(2));
   const lua_Integer last = lua_tointeger(L, lua_upvalueindex(4));
-  PatternMatcher matcher = make_matcher(context, L, subject, pattern);
+  PatternMatcher matcher = make_matcher(sandbox, L, subject, pattern);
   for (auto s = static_cast<std::size_t>(lua_tointeger(L, lua_upvalueindex(3))); s <= subject.size(); ++s) {
     const std::optional<std::size_t> end = matcher.match_at(s);
     if (!end || static_cast<lua_Integer>(*end) == last) continue;
@@ -124,7 +123,7 @@ int next_match(ScriptContext& context, lua_State* L) {
   return 0;
 }
 
-int gmatch(ScriptContext&, lua_State* L) {
+int gmatch(Sandbox&, lua_State* L) {
   const std::string_view subject = check_text(L, 1);
   check_text(L, 2);
   const std::size_t start = start_index(L, 3, subject.size());
@@ -195,7 +194,7 @@ void append_replacement(lua_State* L, std::string& result, const PatternMatcher&
   lua_pop(L, 1);
 }
 
-int gsub(ScriptContext& context, lua_State* L) {
+int gsub(Sandbox& sandbox, lua_State* L) {
   const std::string_view subject = check_text(L, 1);
   std::string_view pattern = check_text(L, 2);
   const int type = lua_type(L, 3);
@@ -206,7 +205,7 @@ int gsub(ScriptContext& context, lua_State* L) {
   lua_settop(L, 3);
   const bool anchored = pattern.starts_with('^');
   if (anchored) pattern.remove_prefix(1);
-  PatternMatcher matcher = make_matcher(context, L, subject, pattern);
+  PatternMatcher matcher = make_matcher(sandbox, L, subject, pattern);
   std::string result;
   lua_Integer count = 0;
   std::optional<std::size_t> last;
@@ -216,9 +215,9 @@ int gsub(ScriptContext& context, lua_State* L) {
     if (end && end != last) {
       ++count;
       const std::size_t before = result.size();
-      if (type == LUA_TSTRING) context.interpreter->charge(L, lua_rawlen(L, 3) / kStepsPerInstruction);
+      if (type == LUA_TSTRING) sandbox.interpreter->charge(L, lua_rawlen(L, 3) / kStepsPerInstruction);
       append_replacement(L, result, matcher, subject, s, *end);
-      context.interpreter->charge(L, 1 + (result.size() - before) / kBytesPerInstruction);
+      sandbox.interpreter->charge(L, 1 + (result.size() - before) / kBytesPerInstruction);
       s = *end;
       last = end;
     } else if (s < subject.size()) {

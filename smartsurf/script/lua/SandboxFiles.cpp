@@ -9,7 +9,6 @@
 #include <system_error>
 
 #include "common/files/ReadFile.h"
-#include "smartsurf/script/ScriptContext.h"
 #include "smartsurf/script/lua/SandboxFiles.h"
 #include "smartsurf/script/lua/TableReader.h"
 
@@ -35,11 +34,10 @@ fs::path canonical_path(const fs::path& path) {
   throw ScriptError(subject + ": '" + to_single_line(path) + "' " + requirement);
 }
 
-fs::path resolve_writable_path(const ScriptContext& context, const std::string& subject,
-                               const std::string& path) {
-  if (context.options.output_folder.empty())
+fs::path resolve_writable_path(const Sandbox& sandbox, const std::string& subject, const std::string& path) {
+  if (sandbox.options.output_folder.empty())
     throw_path_error(subject, path, "cannot be written: this run has no output folder");
-  const fs::path output = canonical_path(context.options.output_folder), real = canonical_path(output / path);
+  const fs::path output = canonical_path(sandbox.options.output_folder), real = canonical_path(output / path);
   if (real.empty() || output.empty() || !is_within(real, output))
     throw_path_error(subject, path, "is outside the output folder; --unsafe allows it");
   std::error_code error;
@@ -54,13 +52,13 @@ void push_path(lua_State* L, const fs::path& path) {
 }
 
 // io.open(path, mode). Upvalue: Lua's io.open.
-int io_open(ScriptContext& context, lua_State* L) {
+int io_open(Sandbox& sandbox, lua_State* L) {
   lua_settop(L, 2);
   const std::string path = check_string(L, 1, "io.open: path");
   const std::string mode = lua_isnil(L, 2) ? "r" : check_string(L, 2, "io.open: mode");
   const bool reads = mode == "r" || mode == "rb";
-  const fs::path real = reads ? resolve_readable_path(context, "io.open", path)
-                              : resolve_writable_path(context, "io.open", path);
+  const fs::path real = reads ? resolve_readable_path(sandbox, "io.open", path)
+                              : resolve_writable_path(sandbox, "io.open", path);
   lua_pushvalue(L, lua_upvalueindex(1));
   push_path(L, real);
   lua_pushlstring(L, mode.data(), mode.size());
@@ -69,8 +67,8 @@ int io_open(ScriptContext& context, lua_State* L) {
 }
 
 // io.lines(path, …). Upvalue: Lua's io.lines.
-int io_lines(ScriptContext& context, lua_State* L) {
-  const fs::path real = resolve_readable_path(context, "io.lines", check_string(L, 1, "io.lines: path"));
+int io_lines(Sandbox& sandbox, lua_State* L) {
+  const fs::path real = resolve_readable_path(sandbox, "io.lines", check_string(L, 1, "io.lines: path"));
   const int count = lua_gettop(L);
   push_path(L, real);
   lua_replace(L, 1);
@@ -81,30 +79,30 @@ int io_lines(ScriptContext& context, lua_State* L) {
 }
 
 // The name of a file beside the script in messages: its path as the user would type it.
-std::string display_path(const ScriptContext& context, const std::string& relative) {
-  return (fs::path(context.spec.file).parent_path() / relative).string();
+std::string display_path(const Sandbox& sandbox, const std::string& relative) {
+  return (fs::path(sandbox.file).parent_path() / relative).string();
 }
 
 // Compiles a file beside the script and pushes the function.
-void load_file(ScriptContext& context, lua_State* L, const std::string& subject, const std::string& path) {
-  const fs::path real = resolve_readable_path(context, subject, path);
+void load_file(Sandbox& sandbox, lua_State* L, const std::string& subject, const std::string& path) {
+  const fs::path real = resolve_readable_path(sandbox, subject, path);
   std::error_code error;
   if (!fs::exists(real, error)) throw_path_error(subject, path, "is not beside the script");
   std::string reason;
   const std::optional<std::string> text = read_text_file(real, reason);
   if (!text) throw_path_error(subject, path, reason);
-  context.interpreter->compile(L, *text, display_path(context, path));
+  sandbox.interpreter->compile(L, *text, display_path(sandbox, path));
 }
 
-int dofile(ScriptContext& context, lua_State* L) {
+int dofile(Sandbox& sandbox, lua_State* L) {
   lua_settop(L, 1);
-  load_file(context, L, "dofile", check_string(L, 1, "dofile: path"));
+  load_file(sandbox, L, "dofile", check_string(L, 1, "dofile: path"));
   lua_call(L, 0, LUA_MULTRET);
   return lua_gettop(L) - 1;
 }
 
 // require 'a.b' runs a/b.lua once and returns its result. The module table holds false while a module loads.
-int require(ScriptContext& context, lua_State* L) {
+int require(Sandbox& sandbox, lua_State* L) {
   lua_settop(L, 1);
   const std::string name = check_string(L, 1, "require: name");
   luaL_getsubtable(L, LUA_REGISTRYINDEX, kModuleTable);
@@ -116,7 +114,7 @@ int require(ScriptContext& context, lua_State* L) {
   lua_pop(L, 1);
   std::string path = name;
   std::replace(path.begin(), path.end(), '.', '/');
-  load_file(context, L, "require", path + ".lua");
+  load_file(sandbox, L, "require", path + ".lua");
   lua_pushvalue(L, 1);
   lua_pushboolean(L, 0);
   lua_rawset(L, 2);
@@ -134,16 +132,15 @@ int require(ScriptContext& context, lua_State* L) {
 
 }  // namespace
 
-fs::path resolve_readable_path(const ScriptContext& context, const std::string& subject,
-                               const std::string& path) {
-  if (context.options.unsafe) return context.script_folder / path;
+fs::path resolve_readable_path(const Sandbox& sandbox, const std::string& subject, const std::string& path) {
+  if (sandbox.options.unsafe) return sandbox.script_folder / path;
   const fs::path output =
-      context.options.output_folder.empty() ? fs::path() : canonical_path(context.options.output_folder);
-  fs::path real = canonical_path(context.script_folder / path);
+      sandbox.options.output_folder.empty() ? fs::path() : canonical_path(sandbox.options.output_folder);
+  fs::path real = canonical_path(sandbox.script_folder / path);
   std::error_code error;
   if (!fs::exists(real, error) && !output.empty() && fs::exists(canonical_path(output / path), error))
     real = canonical_path(output / path);
-  const bool inside = !real.empty() && (is_within(real, context.script_folder) ||
+  const bool inside = !real.empty() && (is_within(real, sandbox.script_folder) ||
                                         (!output.empty() && is_within(real, output)));
   if (!inside)
     throw_path_error(subject, path,
@@ -171,12 +168,11 @@ std::optional<std::string> read_text_file(const fs::path& path, std::string& rea
   return std::nullopt;
 }
 
-NamedFile read_sandboxed_file(const ScriptContext& context, const std::string& subject,
-                              const std::string& path) {
+NamedFile read_sandboxed_file(const Sandbox& sandbox, const std::string& subject, const std::string& path) {
   std::string reason;
-  std::optional<std::string> text = read_text_file(resolve_readable_path(context, subject, path), reason);
+  std::optional<std::string> text = read_text_file(resolve_readable_path(sandbox, subject, path), reason);
   if (!text) throw_path_error(subject, path, reason);
-  return {to_single_line(display_path(context, path)), std::move(*text)};
+  return {to_single_line(display_path(sandbox, path)), std::move(*text)};
 }
 
 void bind_file_access(lua_State* L) {

@@ -5,9 +5,9 @@
 #include <optional>
 #include <string>
 
-namespace smartsurf::script {
+#include "smartsurf/script/lua/Interpreter.h"
 
-struct ScriptContext;
+namespace smartsurf::script {
 
 // The file's content. On failure, returns nullopt and sets `reason`, a clause such as "does not exist".
 std::optional<std::string> read_text_file(const std::filesystem::path& path, std::string& reason);
@@ -18,10 +18,12 @@ struct NamedFile {
 };
 // Reads a file that the script names. Throws ScriptError, which begins with `subject`, if it cannot be read
 // or the sandbox denies access.
-NamedFile read_sandboxed_file(const ScriptContext&, const std::string& subject, const std::string& path);
+NamedFile read_sandboxed_file(const Sandbox&, const std::string& subject, const std::string& path);
 // The real path of a file that the script may read; the file need not exist. Throws ScriptError, which begins
 // with `subject`, if the path is not a regular file or the sandbox denies access.
-std::filesystem::path resolve_readable_path(const ScriptContext&, const std::string& subject,
+std::filesystem::path resolve_readable_path(const Sandbox&, const std::string& subject,
                                             const std::string& path);
+
+void bind_file_access(lua_State* L);  // require, dofile, io, restricted to the sandbox's folders
 
 }  // namespace smartsurf::script

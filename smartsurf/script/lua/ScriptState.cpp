@@ -6,7 +6,6 @@
 #include <string_view>
 #include <vector>
 
-#include "smartsurf/script/ScriptContext.h"
 #include "smartsurf/script/lua/Userdata.h"
 
 namespace smartsurf::script {
@@ -70,23 +69,23 @@ class Numbering {
 
 void push_modules(lua_State* L) { luaL_getsubtable(L, LUA_REGISTRYINDEX, kModules); }
 
-// By slot of ScriptContext::callbacks.
-std::vector<bool> free_slots(const ScriptContext& context) {
-  std::vector<bool> is_free(context.callbacks.size(), false);
-  for (const int slot : context.free_callbacks) is_free[slot] = true;
+// By slot of Sandbox::callbacks.
+std::vector<bool> free_slots(const Sandbox& sandbox) {
+  std::vector<bool> is_free(sandbox.callbacks.size(), false);
+  for (const int slot : sandbox.free_callbacks) is_free[slot] = true;
   return is_free;
 }
 
-void number_roots(ScriptContext* context, lua_State* L, Numbering& numbering) {
+void number_roots(Sandbox* sandbox, lua_State* L, Numbering& numbering) {
   lua_pushglobaltable(L);
   numbering.take();
   push_modules(L);
   numbering.take();
-  if (context == nullptr) return;
-  const std::vector<bool> is_free = free_slots(*context);
-  for (std::size_t i = 0; i < context->callbacks.size(); ++i) {
+  if (sandbox == nullptr) return;
+  const std::vector<bool> is_free = free_slots(*sandbox);
+  for (std::size_t i = 0; i < sandbox->callbacks.size(); ++i) {
     if (is_free[i]) continue;
-    lua_rawgeti(L, LUA_REGISTRYINDEX, context->callbacks[i].reference);
+    lua_rawgeti(L, LUA_REGISTRYINDEX, sandbox->callbacks[i].reference);
     numbering.take();
   }
 }
@@ -150,13 +149,12 @@ std::uint64_t describe(lua_State* L) {
   return hash;
 }
 
-std::int64_t number_all(ScriptContext* context, lua_State* L, std::int64_t count,
-                        std::uint64_t& fingerprint) {
+std::int64_t number_all(Sandbox* sandbox, lua_State* L, std::int64_t count, std::uint64_t& fingerprint) {
   luaL_getsubtable(L, LUA_REGISTRYINDEX, kObjects);
   luaL_getsubtable(L, LUA_REGISTRYINDEX, kNumbers);
   const int objects = lua_gettop(L) - 1;
   Numbering numbering(L, objects, objects + 1, count);
-  number_roots(context, L, numbering);
+  number_roots(sandbox, L, numbering);
   // The globals and the modules, objects 1 and 2, are visited again: the script may have added to them.
   for (std::int64_t i = 1; i <= numbering.count(); i = i == 2 && count > 2 ? count + 1 : i + 1) {
     lua_rawgeti(L, objects, i);
@@ -449,35 +447,35 @@ class Reader {
 
 void ScriptState::number_library(lua_State* L) { library_count_ = number_all(nullptr, L, 0, fingerprint_); }
 
-void ScriptState::number_script(ScriptContext& context, lua_State* L) {
-  known_count_ = number_all(&context, L, library_count_, fingerprint_);
+void ScriptState::number_script(Sandbox& sandbox, lua_State* L) {
+  known_count_ = number_all(&sandbox, L, library_count_, fingerprint_);
 }
 
-void ScriptState::save(ScriptContext& context, lua_State* L, common::StateArchive& a) {
+void ScriptState::save(Sandbox& sandbox, lua_State* L, common::StateArchive& a) {
   Writer writer(L, a, library_count_, known_count_);
   lua_pushglobaltable(L);
   writer.write_value();
   push_modules(L);
   writer.write_value();
-  a.value(static_cast<std::uint64_t>(context.callbacks.size()));
-  const std::vector<bool> is_free = free_slots(context);
-  for (std::size_t i = 0; i < context.callbacks.size(); ++i) {
-    a(context.callbacks[i].location);
+  a.value(static_cast<std::uint64_t>(sandbox.callbacks.size()));
+  const std::vector<bool> is_free = free_slots(sandbox);
+  for (std::size_t i = 0; i < sandbox.callbacks.size(); ++i) {
+    a(sandbox.callbacks[i].location);
     if (is_free[i])
       lua_pushnil(L);
     else
-      lua_rawgeti(L, LUA_REGISTRYINDEX, context.callbacks[i].reference);
+      lua_rawgeti(L, LUA_REGISTRYINDEX, sandbox.callbacks[i].reference);
     writer.write_value();
   }
   writer.write_objects();
 }
 
-void ScriptState::restore(ScriptContext& context, lua_State* L, common::StateArchive& a) {
-  const std::vector<bool> is_free = free_slots(context);
-  for (std::size_t i = 0; i < context.callbacks.size(); ++i)
-    if (!is_free[i]) luaL_unref(L, LUA_REGISTRYINDEX, context.callbacks[i].reference);
-  context.callbacks.clear();
-  context.free_callbacks.clear();
+void ScriptState::restore(Sandbox& sandbox, lua_State* L, common::StateArchive& a) {
+  const std::vector<bool> is_free = free_slots(sandbox);
+  for (std::size_t i = 0; i < sandbox.callbacks.size(); ++i)
+    if (!is_free[i]) luaL_unref(L, LUA_REGISTRYINDEX, sandbox.callbacks[i].reference);
+  sandbox.callbacks.clear();
+  sandbox.free_callbacks.clear();
   Reader reader(L, a, known_count_);
   reader.push_value();
   reader.push_value();
@@ -490,9 +488,9 @@ void ScriptState::restore(ScriptContext& context, lua_State* L, common::StateArc
       callback.reference = luaL_ref(L, LUA_REGISTRYINDEX);
     } else {
       lua_pop(L, 1);
-      context.free_callbacks.push_back(static_cast<int>(i));
+      sandbox.free_callbacks.push_back(static_cast<int>(i));
     }
-    context.callbacks.push_back(std::move(callback));
+    sandbox.callbacks.push_back(std::move(callback));
   }
   reader.read_objects();
 }

@@ -18,15 +18,15 @@ class ScriptState {
  public:
   // Call both inside Interpreter::call(): when all bindings are registered, and when the script is loaded.
   void number_library(lua_State* L);
-  void number_script(ScriptContext&, lua_State* L);
+  void number_script(Sandbox&, lua_State* L);
 
   // Identifies the numbering: equal for interpreters that have loaded the same script.
   std::uint64_t fingerprint() const { return fingerprint_; }
 
   // Call inside Interpreter::call(), after number_script(). Throw ScriptError for a value that cannot be
   // saved, and common::UserError for a state that is damaged or not of this script.
-  void save(ScriptContext&, lua_State* L, common::StateArchive&);
-  void restore(ScriptContext&, lua_State* L, common::StateArchive&);
+  void save(Sandbox&, lua_State* L, common::StateArchive&);
+  void restore(Sandbox&, lua_State* L, common::StateArchive&);
 
  private:
   std::int64_t library_count_ = 0, known_count_ = 0;

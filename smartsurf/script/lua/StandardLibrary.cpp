@@ -9,8 +9,8 @@
 #include <string_view>
 #include <vector>
 
-#include "smartsurf/script/ScriptContext.h"
 #include "smartsurf/script/lua/MeteredLibrary.h"
+#include "smartsurf/script/lua/StandardLibrary.h"
 #include "smartsurf/script/lua/TableReader.h"
 #include "smartsurf/script/lua/ValueText.h"
 
@@ -19,47 +19,47 @@ namespace {
 
 constexpr std::uint64_t kCoroutineCost = 1000;  // what a coroutine may run before its first budget check
 
-void write_output(const ScriptContext& context, const std::string& text) {
-  if (context.options.print_output) {
-    context.options.print_output(text);
+void write_output(const Sandbox& sandbox, const std::string& text) {
+  if (sandbox.options.print_output) {
+    sandbox.options.print_output(text);
     return;
   }
   std::fwrite(text.data(), 1, text.size(), stdout);
   std::fflush(stdout);
 }
 
-int print(ScriptContext& context, lua_State* L) {
+int print(Sandbox& sandbox, lua_State* L) {
   std::string line;
   const int count = lua_gettop(L);
   for (int i = 1; i <= count; ++i) {
     std::size_t length = 0;
-    if (context.options.unsafe)
+    if (sandbox.options.unsafe)
       luaL_tolstring(L, i, nullptr);
     else
       push_value_text(L, i);
     const char* const text = lua_tolstring(L, -1, &length);
-    context.interpreter->charge(L, length / kBytesPerInstruction);
+    sandbox.interpreter->charge(L, length / kBytesPerInstruction);
     if (i > 1) line += '\t';
     line.append(text, length);
     lua_pop(L, 1);
   }
-  write_output(context, line + "\n");
+  write_output(sandbox, line + "\n");
   return 0;
 }
 
-int io_write(ScriptContext& context, lua_State* L) {
+int io_write(Sandbox& sandbox, lua_State* L) {
   std::string text;
   for (int i = 1; i <= lua_gettop(L); ++i) {
     std::size_t length = 0;
     const char* const part = luaL_checklstring(L, i, &length);
     text.append(part, length);
   }
-  write_output(context, text);
+  write_output(sandbox, text);
   return 0;
 }
 
 // Accepts source text only, because malformed bytecode can crash the interpreter.
-int load(ScriptContext& context, lua_State* L) {
+int load(Sandbox& sandbox, lua_State* L) {
   if (lua_type(L, 1) != LUA_TSTRING) {
     if (lua_gettop(L) < 3) lua_settop(L, 3);
     lua_pushliteral(L, "t");
@@ -70,7 +70,7 @@ int load(ScriptContext& context, lua_State* L) {
   const char* const text = lua_tolstring(L, 1, &length);
   const char* const chunk = luaL_optstring(L, 2, text);
   const bool has_environment = !lua_isnone(L, 4);
-  if (context.interpreter->compile_metered(L, {text, length}, chunk) != LUA_OK) {
+  if (sandbox.interpreter->compile_metered(L, {text, length}, chunk) != LUA_OK) {
     lua_pushnil(L);
     lua_insert(L, -2);
     return 2;
@@ -83,7 +83,7 @@ int load(ScriptContext& context, lua_State* L) {
 }
 
 // Rejects __gc, because Lua runs finalizers with the count hook disabled.
-int setmetatable(ScriptContext&, lua_State* L) {
+int setmetatable(Sandbox&, lua_State* L) {
   if (lua_type(L, 2) == LUA_TTABLE) {
     lua_pushliteral(L, "__gc");
     lua_rawget(L, 2);
@@ -95,15 +95,15 @@ int setmetatable(ScriptContext&, lua_State* L) {
 
 // When the budget is exceeded, the error is raised inside the count hook, and Lua calls the message handler
 // there with the hook disabled. The script's handler must not run then. Upvalue: the script's handler.
-int on_xpcall_error(ScriptContext& context, lua_State* L) {
-  if (context.interpreter->budget_exceeded()) return 1;
+int on_xpcall_error(Sandbox& sandbox, lua_State* L) {
+  if (sandbox.interpreter->budget_exceeded()) return 1;
   lua_pushvalue(L, lua_upvalueindex(1));
   lua_insert(L, 1);
   lua_call(L, lua_gettop(L) - 1, 1);
   return 1;
 }
 
-int xpcall(ScriptContext&, lua_State* L) {
+int xpcall(Sandbox&, lua_State* L) {
   luaL_checktype(L, 2, LUA_TFUNCTION);
   lua_pushvalue(L, 2);
   lua_pushcclosure(L, guarded<on_xpcall_error>, 1);
@@ -111,25 +111,25 @@ int xpcall(ScriptContext&, lua_State* L) {
   return call_wrapped(L);
 }
 
-int coroutine_resume(ScriptContext& context, lua_State* L) {
+int coroutine_resume(Sandbox& sandbox, lua_State* L) {
   lua_State* const coroutine = lua_tothread(L, 1);
   if (coroutine == nullptr || coroutine == L) return call_wrapped(L);
   lua_pushvalue(L, lua_upvalueindex(1));
   lua_insert(L, 1);
-  const Interpreter::RunningCoroutine running(*context.interpreter, L, coroutine);
+  const Interpreter::RunningCoroutine running(*sandbox.interpreter, L, coroutine);
   lua_call(L, lua_gettop(L) - 1, LUA_MULTRET);
   return lua_gettop(L);
 }
 
-int coroutine_create(ScriptContext& context, lua_State* L) {
-  context.interpreter->charge(L, kCoroutineCost);
+int coroutine_create(Sandbox& sandbox, lua_State* L) {
+  sandbox.interpreter->charge(L, kCoroutineCost);
   return call_wrapped(L);
 }
 
 // Does not close a coroutine that ended with an error, because that would run the script's __close functions.
 // If the error was an exceeded budget, the coroutine's count hook stays disabled, so they would run without a
 // limit. For the same reason, coroutine_wrap replaces Lua's version, which closes the coroutine on an error.
-int coroutine_close(ScriptContext&, lua_State* L) {
+int coroutine_close(Sandbox&, lua_State* L) {
   lua_State* const coroutine = lua_tothread(L, 1);
   if (coroutine == nullptr || lua_status(coroutine) == LUA_OK || lua_status(coroutine) == LUA_YIELD)
     return call_wrapped(L);
@@ -139,7 +139,7 @@ int coroutine_close(ScriptContext&, lua_State* L) {
 }
 
 // The function that coroutine.wrap returns. Upvalues: Lua's coroutine.resume, the coroutine.
-int resume_wrapped(ScriptContext&, lua_State* L) {
+int resume_wrapped(Sandbox&, lua_State* L) {
   lua_pushvalue(L, lua_upvalueindex(1));
   lua_insert(L, 1);
   lua_pushvalue(L, lua_upvalueindex(2));
@@ -150,8 +150,8 @@ int resume_wrapped(ScriptContext&, lua_State* L) {
 }
 
 // coroutine.wrap. Upvalues: Lua's coroutine.create and coroutine.resume.
-int coroutine_wrap(ScriptContext& context, lua_State* L) {
-  context.interpreter->charge(L, kCoroutineCost);
+int coroutine_wrap(Sandbox& sandbox, lua_State* L) {
+  sandbox.interpreter->charge(L, kCoroutineCost);
   lua_settop(L, 1);
   lua_pushvalue(L, lua_upvalueindex(2));
   lua_pushvalue(L, lua_upvalueindex(1));
@@ -173,12 +173,12 @@ void bind_coroutines(lua_State* L) {
   lua_pop(L, 1);
 }
 
-int collectgarbage(ScriptContext& context, lua_State* L) {
+int collectgarbage(Sandbox& sandbox, lua_State* L) {
   const std::string mode = lua_isnoneornil(L, 1) ? "collect" : check_string(L, 1, "collectgarbage");
   if (mode != "collect" && mode != "count" && mode != "step")
     throw_invalid_value(L, 1, "collectgarbage", "'collect', 'count' or 'step'");
   if (mode != "count")
-    context.interpreter->charge(L, context.interpreter->memory_used() / kBytesPerInstruction);
+    sandbox.interpreter->charge(L, sandbox.interpreter->memory_used() / kBytesPerInstruction);
   lua_settop(L, 1);
   return call_wrapped(L);
 }
@@ -202,7 +202,7 @@ constexpr std::array<DeniedFunction, 6> kDeniedFunctions{{
   throw ScriptError(name + ": not available in an experiment; --unsafe enables Lua's full library");
 }
 
-int deny_field(ScriptContext&, lua_State* L) {
+int deny_field(Sandbox&, lua_State* L) {
   throw_unavailable(
       std::string(lua_tostring(L, lua_upvalueindex(1))) + "." +
       (lua_type(L, 2) == LUA_TSTRING ? to_single_line(lua_tostring(L, 2)) : format_value(L, 2)));
@@ -261,7 +261,7 @@ std::vector<std::string> global_names(lua_State* L) {
   return names;
 }
 
-int unknown_global(ScriptContext&, lua_State* L) {
+int unknown_global(Sandbox&, lua_State* L) {
   lua_settop(L, 2);
   const std::string name = lua_type(L, 2) == LUA_TSTRING ? lua_tostring(L, 2) : format_value(L, 2);
   if (name == "package")
@@ -319,9 +319,9 @@ void deny_unknown_fields(lua_State* L, const char* library) {
 
 }  // namespace
 
-void bind_standard_library(lua_State* L, const ScriptContext& context) {
-  if (context.options.unsafe)
-    open_all_libraries(L, context.script_folder.string());
+void bind_standard_library(lua_State* L, const Sandbox& sandbox) {
+  if (sandbox.options.unsafe)
+    open_all_libraries(L, sandbox.script_folder.string());
   else
     open_sandboxed_libraries(L);
   lua_register(L, "print", guarded<print>);

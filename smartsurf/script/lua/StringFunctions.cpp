@@ -3,37 +3,36 @@
 #include <cctype>
 #include <string_view>
 
-#include "smartsurf/script/ScriptContext.h"
 #include "smartsurf/script/lua/MeteredLibrary.h"
 
 namespace smartsurf::script {
 namespace {
 
 // Charges the bytes of the arguments that are strings.
-int metered(ScriptContext& context, lua_State* L) {
+int metered(Sandbox& sandbox, lua_State* L) {
   std::uint64_t bytes = 0;
   for (int i = 1; i <= lua_gettop(L); ++i)
     if (lua_type(L, i) == LUA_TSTRING) bytes += lua_rawlen(L, i);
-  context.interpreter->charge(L, bytes / (kBytesPerInstruction / 4));  // most work byte by byte
+  sandbox.interpreter->charge(L, bytes / (kBytesPerInstruction / 4));  // most work byte by byte
   return call_wrapped(L);
 }
 
-int rep(ScriptContext& context, lua_State* L) {
+int rep(Sandbox& sandbox, lua_State* L) {
   const lua_Integer count = lua_tointeger(L, 2);
   if (count > 0) {
     std::size_t text = 0, separator = 0;
     luaL_checklstring(L, 1, &text);
     luaL_optlstring(L, 3, "", &separator);
     const auto n = static_cast<std::uint64_t>(count), bytes = std::uint64_t{text} + separator;
-    context.interpreter->charge(L, n);
+    sandbox.interpreter->charge(L, n);
     if (bytes != 0 && n <= 2 * kMaxStringBytes / bytes)
-      context.interpreter->charge(L, n * bytes / kBytesPerInstruction);
+      sandbox.interpreter->charge(L, n * bytes / kBytesPerInstruction);
   }
   return call_wrapped(L);
 }
 
 // A format of string.pack pads to the sizes that it names, and repeats no option.
-int pack(ScriptContext& context, lua_State* L) {
+int pack(Sandbox& sandbox, lua_State* L) {
   std::size_t length = 0;
   const char* const text = luaL_checklstring(L, 1, &length);
   std::uint64_t size = 0, total = length;
@@ -44,18 +43,18 @@ int pack(ScriptContext& context, lua_State* L) {
     if (size > kMaxStringBytes) throw ScriptError("string.pack: a string is longer than 16 MiB");
     total += size;
   }
-  context.interpreter->charge(L, total / (kBytesPerInstruction / 4));
-  return metered(context, L);
+  sandbox.interpreter->charge(L, total / (kBytesPerInstruction / 4));
+  return metered(sandbox, L);
 }
 
 }  // namespace
 
-int call_metered_by_results(ScriptContext& context, lua_State* L) {
+int call_metered_by_results(Sandbox& sandbox, lua_State* L) {
   const int results = call_wrapped(L);
   std::uint64_t work = 0;
   for (int i = 1; i <= results; ++i)
     work += lua_type(L, i) == LUA_TSTRING ? lua_rawlen(L, i) / kBytesPerInstruction : 1;
-  context.interpreter->charge(L, work);
+  sandbox.interpreter->charge(L, work);
   return results;
 }
 

@@ -2,7 +2,6 @@
 // once it is settled: the library asks for it again, and a metamethod could then answer with another.
 #include <algorithm>
 
-#include "smartsurf/script/ScriptContext.h"
 #include "smartsurf/script/lua/MeteredLibrary.h"
 
 namespace smartsurf::script {
@@ -40,27 +39,27 @@ lua_Integer settle_length(lua_State* L) {
 
 // table.insert and table.remove move the elements from a position on, if they have that many arguments.
 template <int arguments_with_position>
-int metered_from_position(ScriptContext& context, lua_State* L) {
+int metered_from_position(Sandbox& sandbox, lua_State* L) {
   const lua_Integer length = settle_length(L);
   if (lua_gettop(L) >= arguments_with_position)
-    context.interpreter->charge(L, distance(std::max<lua_Integer>(lua_tointeger(L, 2), 1), length));
+    sandbox.interpreter->charge(L, distance(std::max<lua_Integer>(lua_tointeger(L, 2), 1), length));
   return call_wrapped(L);
 }
 
-int concat(ScriptContext& context, lua_State* L) {
+int concat(Sandbox& sandbox, lua_State* L) {
   const lua_Integer length = settle_length(L);
   std::uint64_t elements = distance(luaL_optinteger(L, 3, 1), luaL_optinteger(L, 4, length));
   // Lua stops at the first absent element, and the heap holds all of those that are there.
   if (lua_getmetatable(L, 1) == 0)
-    elements = std::min<std::uint64_t>(elements, context.interpreter->memory_used());
+    elements = std::min<std::uint64_t>(elements, sandbox.interpreter->memory_used());
   else
     lua_pop(L, 1);
-  context.interpreter->charge(L, elements);
-  return call_metered_by_results(context, L);
+  sandbox.interpreter->charge(L, elements);
+  return call_metered_by_results(sandbox, L);
 }
 
-int move(ScriptContext& context, lua_State* L) {
-  context.interpreter->charge(L, distance(lua_tointeger(L, 2), lua_tointeger(L, 3)));
+int move(Sandbox& sandbox, lua_State* L) {
+  sandbox.interpreter->charge(L, distance(lua_tointeger(L, 2), lua_tointeger(L, 3)));
   return call_wrapped(L);
 }
 

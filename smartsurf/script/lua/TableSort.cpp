@@ -6,7 +6,6 @@
 #include <climits>
 #include <cstdint>
 
-#include "smartsurf/script/ScriptContext.h"
 #include "smartsurf/script/lua/MeteredLibrary.h"
 
 namespace smartsurf::script {
@@ -18,7 +17,7 @@ constexpr lua_Integer kUneven = 128;              // a part's share below which 
 // Sorts the table at index 1 by the function at index 2, or by `<` if that is nil.
 class Sorter {
  public:
-  Sorter(ScriptContext& context, lua_State* L) : interpreter_(*context.interpreter), L_(L) {}
+  Sorter(Sandbox& sandbox, lua_State* L) : interpreter_(*sandbox.interpreter), L_(L) {}
 
   // The elements from `low` to `high`.
   void sort(lua_Integer low, lua_Integer high, std::uint32_t random = 0) {
@@ -111,14 +110,14 @@ class Sorter {
   lua_State* L_;
 };
 
-int sort(ScriptContext& context, lua_State* L) {
+int sort(Sandbox& sandbox, lua_State* L) {
   luaL_checktype(L, 1, LUA_TTABLE);
   const lua_Integer length = luaL_len(L, 1);
   if (length < 2) return 0;
   luaL_argcheck(L, length < INT_MAX, 1, "array too big");
   if (!lua_isnoneornil(L, 2)) luaL_checktype(L, 2, LUA_TFUNCTION);
   lua_settop(L, 2);
-  Sorter(context, L).sort(1, length);
+  Sorter(sandbox, L).sort(1, length);
   return 0;
 }
 

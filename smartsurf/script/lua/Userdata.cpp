@@ -4,7 +4,6 @@
 #include <string>
 #include <vector>
 
-#include "smartsurf/script/ScriptContext.h"
 #include "smartsurf/script/lua/TableReader.h"
 
 namespace smartsurf::script {
@@ -19,7 +18,7 @@ std::vector<std::string> collect_string_keys(lua_State* L, int table) {
 }
 
 // Upvalues: the table of methods, the property function or nil, the type's name.
-int index_metamethod(ScriptContext&, lua_State* L) {
+int index_metamethod(Sandbox&, lua_State* L) {
   lua_settop(L, 2);
   lua_pushvalue(L, 2);
   lua_rawget(L, lua_upvalueindex(1));
@@ -47,7 +46,7 @@ int handles_equal(lua_State* L) {
   return 1;
 }
 
-int handle_to_string(ScriptContext&, lua_State* L) {
+int handle_to_string(Sandbox&, lua_State* L) {
   const char* const type = lua_tostring(L, lua_upvalueindex(1));
   lua_pushfstring(L, "%s %I", type, static_cast<LUAI_UACINT>(check_handle(L, type, "id")));
   return 1;

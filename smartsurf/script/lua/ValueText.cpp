@@ -5,8 +5,6 @@
 #include <string>
 #include <string_view>
 
-#include "smartsurf/script/ScriptContext.h"
-
 namespace smartsurf::script {
 namespace {
 
@@ -44,18 +42,18 @@ lua_Integer identity(lua_State* L, int index) {
   return number;
 }
 
-int tostring(ScriptContext&, lua_State* L) {
+int tostring(Sandbox&, lua_State* L) {
   luaL_checkany(L, 1);
   push_value_text(L, 1);
   return 1;
 }
 
 // Upvalue: Lua's string.format. Converts the arguments that Lua would show by their addresses.
-int format(ScriptContext& context, lua_State* L) {
+int format(Sandbox& sandbox, lua_State* L) {
   std::size_t length = 0;
   const char* const text = luaL_checklstring(L, 1, &length);
   std::string pattern(text, length);
-  context.interpreter->charge(L, length / kBytesPerInstruction);
+  sandbox.interpreter->charge(L, length / kBytesPerInstruction);
   const int arguments = lua_gettop(L);
   int argument = 1;
   for (std::size_t i = 0; i < pattern.size(); ++i) {
@@ -76,7 +74,7 @@ int format(ScriptContext& context, lua_State* L) {
       push_value_text(L, argument);
       std::size_t bytes = 0;
       lua_tolstring(L, -1, &bytes);
-      context.interpreter->charge(L, bytes / kBytesPerInstruction);
+      sandbox.interpreter->charge(L, bytes / kBytesPerInstruction);
       lua_replace(L, argument);
     }
   }

@@ -4,7 +4,6 @@
 #include <string>
 #include <vector>
 
-#include "smartsurf/scene/Occupancy.h"
 #include "smartsurf/script/ScriptContext.h"
 #include "smartsurf/script/lua/TableReader.h"
 #include "smartsurf/script/lua/Userdata.h"

@@ -2,6 +2,7 @@
 
 #include <string>
 
+#include "smartsurf/scene/KindRegistry.h"
 #include "smartsurf/scene/Registry.h"
 #include "smartsurf/surface/actuators/Models.h"
 

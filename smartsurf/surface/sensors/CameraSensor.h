@@ -51,16 +51,10 @@ class CameraSensor final : public Sensor {
  private:
   void write_pixels(const SensorInput& input, std::size_t pixel, int first, int last) noexcept {
     const RayCaster& caster = ray_casters_[pixel];
-    float* const red = colour_.data() + 3 * pixel * cells_;
+    write_colours(caster, input, first, last, colour_.data() + 3 * pixel * cells_, cells_);
     float* const height = height_.data() + pixel * cells_;
-    for (int i = first; i < last; ++i) {
-      const float tag = caster.tag()[i];
-      const scene::Colour colour = colour_of_tag(tag, input);
-      red[i] = colour.r;
-      red[cells_ + i] = colour.g;
-      red[2 * cells_ + i] = colour.b;
-      height[i] = tag == 0.0F ? floor_height_ : camera_height_ - caster.distance()[i];
-    }
+    for (int i = first; i < last; ++i)
+      height[i] = caster.tag()[i] == 0.0F ? floor_height_ : camera_height_ - caster.distance()[i];
   }
 
   int rows_;

@@ -18,6 +18,17 @@ inline scene::Colour colour_of_tag(float tag, const SensorInput& input) {
   return input.catalogue[input.snapshot.id[static_cast<std::size_t>(tag) - 1]].colour;
 }
 
+// Writes the colours of the cells [first, last) to three planes of `plane` cells each: red, green and blue.
+inline void write_colours(const RayCaster& caster, const SensorInput& input, int first, int last, float* red,
+                          std::size_t plane) noexcept {
+  for (int i = first; i < last; ++i) {
+    const scene::Colour colour = colour_of_tag(caster.tag()[i], input);
+    red[i] = colour.r;
+    red[plane + i] = colour.g;
+    red[2 * plane + i] = colour.b;
+  }
+}
+
 class ColourSensor final : public Sensor {
  public:
   ColourSensor(const Field& field, const scene::SensorSpec& spec)
@@ -31,8 +42,9 @@ class ColourSensor final : public Sensor {
                      pool);
     pool.parallel_for_rows(
         rows_, ray_caster_.cost_ns(input.bodies.size()), [this, &input](int begin, int end) {
-          ray_caster_.for_each_changed_span(
-              begin, end, [this, &input](int first, int last) { write_colours(input, first, last); });
+          ray_caster_.for_each_changed_span(begin, end, [this, &input](int first, int last) {
+            write_colours(ray_caster_, input, first, last, planes_.data(), cells_);
+          });
         });
   }
 
@@ -40,16 +52,6 @@ class ColourSensor final : public Sensor {
   std::span<const float> values(int /*channel*/) const noexcept override { return planes_; }
 
  private:
-  void write_colours(const SensorInput& input, int first, int last) noexcept {
-    for (int i = first; i < last; ++i) {
-      const float tag = ray_caster_.tag()[i];
-      const scene::Colour colour = colour_of_tag(tag, input);
-      planes_[i] = colour.r;
-      planes_[cells_ + i] = colour.g;
-      planes_[2 * cells_ + i] = colour.b;
-    }
-  }
-
   RayCaster ray_caster_;
   int rows_;
   std::size_t cells_;

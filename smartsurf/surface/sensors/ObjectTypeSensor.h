@@ -15,6 +15,7 @@ class ObjectTypeSensor final : public Sensor {
       : ray_caster_(field, cell_ray_of(spec)) {}
 
   void sense(const SensorInput& input, common::ThreadPool& pool) override {
+    if (input.restored) class_of_object_.clear(), class_of_label_.clear();
     for (std::size_t id = class_of_object_.size(); id < input.catalogue.size(); ++id) {
       const auto next_class = static_cast<float>(class_of_label_.size() + 1);
       class_of_object_.push_back(

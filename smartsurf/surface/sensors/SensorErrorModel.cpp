@@ -9,6 +9,7 @@
 #include <utility>
 
 #include "common/threads/ThreadPool.h"
+#include "smartsurf/scene/KindRegistry.h"
 #include "smartsurf/surface/CsvTable.h"
 #include "smartsurf/surface/sensors/CounterRandom.h"
 

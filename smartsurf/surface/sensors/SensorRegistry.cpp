@@ -2,16 +2,16 @@
 
 #include <string>
 
+#include "smartsurf/scene/KindRegistry.h"
 #include "smartsurf/scene/Registry.h"
 #include "smartsurf/surface/sensors/CameraSensor.h"
 #include "smartsurf/surface/sensors/ColourSensor.h"
+#include "smartsurf/surface/sensors/ForceSensors.h"
 #include "smartsurf/surface/sensors/JointPositionSensor.h"
 #include "smartsurf/surface/sensors/LightSensor.h"
 #include "smartsurf/surface/sensors/ObjectTypeSensor.h"
-#include "smartsurf/surface/sensors/PressureSensor.h"
 #include "smartsurf/surface/sensors/ProximitySensor.h"
 #include "smartsurf/surface/sensors/SkinSensors.h"
-#include "smartsurf/surface/sensors/TipForceSensor.h"
 
 namespace smartsurf::surface {
 namespace {

@@ -1,9 +1,9 @@
 #include "smartsurf/view/gl/GlObjects.h"
 
-#include <algorithm>
-
 #include <array>
 #include <stdexcept>
+
+#include "common/gl/Framebuffer.h"
 
 namespace smartsurf::view {
 namespace {
@@ -79,14 +79,8 @@ void RenderTarget::resize(int new_width, int new_height) {
 }
 
 common::Image read_framebuffer(unsigned framebuffer, int width, int height) {
-  common::Image image{width, height, std::vector<std::uint8_t>(static_cast<std::size_t>(width) * height * 3)};
   glBindFramebuffer(GL_READ_FRAMEBUFFER, framebuffer);
-  glPixelStorei(GL_PACK_ALIGNMENT, 1);
-  glReadPixels(0, 0, width, height, GL_RGB, GL_UNSIGNED_BYTE, image.rgb.data());
-  // OpenGL returns the bottom row first.
-  const auto row = [&](int y) { return image.rgb.begin() + static_cast<std::ptrdiff_t>(y) * width * 3; };
-  for (int y = 0; y < height / 2; ++y) std::swap_ranges(row(y), row(y + 1), row(height - 1 - y));
-  return image;
+  return common::read_framebuffer(width, height);
 }
 
 }  // namespace smartsurf::view

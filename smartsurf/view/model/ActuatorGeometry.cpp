@@ -35,9 +35,24 @@ Rgb mix_colours(const Rgb& a, const Rgb& b, float t) {
 constexpr Rgb kIvory{0.93F, 0.91F, 0.86F}, kInk{0.16F, 0.20F, 0.27F}, kOrange{0.95F, 0.55F, 0.10F};
 constexpr Rgb kTyre{0.20F, 0.21F, 0.23F}, kCopper{0.62F, 0.42F, 0.26F}, kIron{0.78F, 0.79F, 0.80F};
 constexpr Rgb kRed{0.86F, 0.10F, 0.12F}, kBlue{0.10F, 0.28F, 0.88F}, kAir{0.45F, 0.78F, 0.95F};
-constexpr Rgb kWeakForceColour{0.98F, 0.80F, 0.45F}, kStrongForceColour{0.85F, 0.22F, 0.05F};
-constexpr Rgb kRubber{0.70F, 0.72F, 0.74F}, kIdleColour{0.42F, 0.46F, 0.52F},
-    kVibratingColour{0.98F, 0.72F, 0.12F};
+constexpr Rgb kWeakForce{0.98F, 0.80F, 0.45F}, kStrongForce{0.85F, 0.22F, 0.05F};
+constexpr Rgb kRubber{0.70F, 0.72F, 0.74F}, kIdle{0.42F, 0.46F, 0.52F}, kVibrating{0.98F, 0.72F, 0.12F};
+constexpr Rgb kSheet{0.52F, 0.60F, 0.66F};
+constexpr NamedColour kColours[] = {{"ivory", kIvory},
+                                    {"ink", kInk},
+                                    {"orange", kOrange},
+                                    {"tyre", kTyre},
+                                    {"copper", kCopper},
+                                    {"iron", kIron},
+                                    {"red", kRed},
+                                    {"blue", kBlue},
+                                    {"air", kAir},
+                                    {"weak_force", kWeakForce},
+                                    {"strong_force", kStrongForce},
+                                    {"rubber", kRubber},
+                                    {"idle", kIdle},
+                                    {"vibrating", kVibrating},
+                                    {"sheet", kSheet}};
 
 std::array<float, 3> to_float3(const Vec& v) { return {v.x(), v.y(), v.z()}; }
 
@@ -88,6 +103,8 @@ constexpr std::size_t kMaxHullPoints = 32;
 
 }  // namespace
 
+std::span<const NamedColour> actuator_colours() { return kColours; }
+
 // The pose of a cell: the centre of its top and its axes.
 struct ActuatorGeometry::CellFrame {
   Vec top;
@@ -111,6 +128,7 @@ ActuatorGeometry::ActuatorGeometry(const scene::SurfaceSpec& surface)
       segments_(segments_for(surface.cell_count())) {
   const std::vector<scene::ActuatorSpec> actuators = surface.effective_actuators();
   for (std::size_t m = 0; m < actuators.size(); ++m) {
+    first_mesh_.push_back(meshes_.size());
     const InstanceBuilder builder = make_builder(actuators[m]);
     if (!builder) continue;
     builders_.push_back(builder);
@@ -125,6 +143,7 @@ ActuatorGeometry::ActuatorGeometry(const scene::SurfaceSpec& surface)
         builder_of_cell_.push_back(builders_.size() - 1);
       }
   }
+  first_mesh_.push_back(meshes_.size());
   if (!cells_.empty() || surface.skin) recess_.assign(surface.cell_count(), 0.0F);
   if (surface.skin) add_skin();
 }
@@ -204,7 +223,6 @@ void ActuatorGeometry::update_skin(const scene::Snapshot& snapshot) {
   InstancedMesh& added = meshes_.back();
   std::vector<float>& vertices = added.mesh.vertices;
   if (snapshot.skin_height.size() * 7 != vertices.size()) return;
-  constexpr Rgb kSheet{0.52F, 0.60F, 0.66F};
   added.instances.push_back(
       make_instance(Vec::Zero(), Mat::Identity(), to_linear_rgba8(kSheet), to_linear_rgba8(kRubber)));
   const auto vertex = [&](int r, int c) {
@@ -238,8 +256,8 @@ ActuatorGeometry::InstanceBuilder ActuatorGeometry::make_builder(const scene::Ac
   return {};
 }
 
-std::size_t ActuatorGeometry::add_mesh(TwoColourMesh mesh, bool translucent) {
-  meshes_.push_back({std::move(mesh), translucent, false, {}});
+std::size_t ActuatorGeometry::add_mesh(TwoColourMesh mesh, const Vec& size, bool translucent) {
+  meshes_.push_back({std::move(mesh), size, translucent, false, {}});
   return meshes_.size() - 1;
 }
 
@@ -261,7 +279,7 @@ void ActuatorGeometry::update(const scene::Snapshot& snapshot) {
 // The two angles are applied about x, then about y. The exact order does not matter for a visual cue.
 ActuatorGeometry::InstanceBuilder ActuatorGeometry::ball_builder(const scene::ActuatorSpec& spec) {
   const float radius = std::min(float_parameter(spec, "radius"), 0.5F * top_edge_);
-  const std::size_t mesh = add_mesh(ball_mesh(segments_));
+  const std::size_t mesh = add_mesh(ball_mesh(segments_), Vec::Constant(radius));
   return [=, this](std::size_t cell, const scene::Snapshot& snapshot, const scene::ActuatorState& motion) {
     const CellFrame f = cell_frame(cell, snapshot);
     const Mat turn = (Eigen::AngleAxisf(motion.b, Vec::UnitY()) * Eigen::AngleAxisf(motion.a, Vec::UnitX()))
@@ -275,10 +293,10 @@ ActuatorGeometry::InstanceBuilder ActuatorGeometry::ball_builder(const scene::Ac
 ActuatorGeometry::InstanceBuilder ActuatorGeometry::wheel_builder(const scene::ActuatorSpec& spec) {
   const float radius = std::min(float_parameter(spec, "radius"), 0.3F * top_edge_),
               half_width = 0.11F * top_edge_;
-  const std::size_t mesh = add_mesh(wheel_mesh(segments_));
   const Mat set = Eigen::AngleAxisf(float_parameter(spec, "angle"), Vec::UnitZ()).toRotationMatrix();
   const Mat left = Eigen::AngleAxisf(1.5707963F, Vec::UnitZ()).toRotationMatrix();
   const Vec size(radius, half_width, radius);
+  const std::size_t mesh = add_mesh(wheel_mesh(segments_), size);
   return [=, this](std::size_t cell, const scene::Snapshot& snapshot, const scene::ActuatorState& motion) {
     const CellFrame f = cell_frame(cell, snapshot);
     const Mat mount = f.axes * set;
@@ -297,17 +315,17 @@ ActuatorGeometry::InstanceBuilder ActuatorGeometry::wheel_builder(const scene::A
 ActuatorGeometry::InstanceBuilder ActuatorGeometry::rotor_builder(const scene::ActuatorSpec& spec) {
   const RotorShape shape = make_rotor_shape(spec);
   const bool corners = !shape.points.empty() && shape.points.size() <= kMaxHullPoints;
-  const std::size_t mesh = add_mesh(corners ? hull_mesh(shape.points) : ball_mesh(segments_));
   const float scale = std::min(1.0F, 0.55F * static_cast<float>(surface_.pitch) / shape.max_radius());
   const Vec half = shape.points.empty() ? shape.half_axes : Vec::Constant(shape.max_radius());
-  const Mat size = Mat(corners ? Vec(Vec::Constant(scale)).asDiagonal() : Vec(scale * half).asDiagonal());
+  const Vec size = corners ? Vec(Vec::Constant(scale)) : Vec(scale * half);
+  const std::size_t mesh = add_mesh(corners ? hull_mesh(shape.points) : ball_mesh(segments_), size);
   return [=, this](std::size_t cell, const scene::Snapshot& snapshot, const scene::ActuatorState& motion) {
     const CellFrame f = cell_frame(cell, snapshot);
     const Mat turn = Eigen::AngleAxisf(motion.a, shape.axis).toRotationMatrix();
     const float highest = shape.max_height(turn);
     meshes_[mesh].instances.push_back(make_instance(f.top - scale * highest * Vec::UnitZ(),
-                                                    f.axes * turn * size, to_linear_rgba8(kIvory),
-                                                    to_linear_rgba8(kOrange)));
+                                                    f.axes * turn * size.asDiagonal(),
+                                                    to_linear_rgba8(kIvory), to_linear_rgba8(kOrange)));
     recess_[cell] = highest;
   };
 }
@@ -329,15 +347,15 @@ ActuatorGeometry::InstanceBuilder ActuatorGeometry::arrow_builder() {
     axes << half_length * along, half_width * aside, half_width * along.cross(aside);
     // The whole arrow lies above the cell's top.
     const float over = half_length * std::abs(along.z()) + half_width;
-    const Rgba8 base_colour = to_linear_rgba8(mix_colours(kWeakForceColour, kStrongForceColour, strength));
+    const Rgba8 base_colour = to_linear_rgba8(mix_colours(kWeakForce, kStrongForce, strength));
     meshes_[mesh].instances.push_back(
         make_instance(cell_frame(cell, snapshot).top + over * Vec::UnitZ(), axes, base_colour, base_colour));
   };
 }
 
 ActuatorGeometry::InstanceBuilder ActuatorGeometry::coil_builder() {
-  const std::size_t mesh = add_mesh(coil_mesh(segments_));
   const Vec size(0.46F * top_edge_, 0.46F * top_edge_, 0.1F * top_edge_);
+  const std::size_t mesh = add_mesh(coil_mesh(segments_), size);
   return [=, this](std::size_t cell, const scene::Snapshot& snapshot, const scene::ActuatorState& motion) {
     const CellFrame f = cell_frame(cell, snapshot);
     // The square root makes weak currents visible.
@@ -349,10 +367,11 @@ ActuatorGeometry::InstanceBuilder ActuatorGeometry::coil_builder() {
 }
 
 ActuatorGeometry::InstanceBuilder ActuatorGeometry::jet_builder(const scene::ActuatorSpec& spec) {
-  const std::size_t nozzle = add_mesh(nozzle_mesh(segments_)), plume = add_mesh(plume_mesh(segments_), true);
   const float tilt = float_parameter(spec, "lean"), pitch = static_cast<float>(surface_.pitch);
   const float highest = std::min(float_parameter(spec, "reach"), 2.0F * pitch);
   const Vec size(0.42F * top_edge_, 0.42F * top_edge_, 0.12F * top_edge_);
+  const std::size_t nozzle = add_mesh(nozzle_mesh(segments_), size),
+                    plume = add_mesh(plume_mesh(segments_), {0.45F * pitch, 0.45F * pitch, highest}, true);
   return [=, this](std::size_t cell, const scene::Snapshot& snapshot, const scene::ActuatorState& motion) {
     const CellFrame f = cell_frame(cell, snapshot);
     const float flow = std::clamp(motion.level, 0.0F, 1.0F);
@@ -414,22 +433,24 @@ ActuatorGeometry::InstanceBuilder ActuatorGeometry::delta_builder(const scene::A
   const auto radius = static_cast<float>(delta.tip_radius), length = static_cast<float>(delta.tip_length),
              workspace = static_cast<float>(delta.workspace_radius),
              arm = static_cast<float>(delta.arm_length);
+  const float half_width = 0.15F * radius;
   constexpr int kRings = 6;
   std::vector<Eigen::Vector2f> outline;
-  for (const float end : {-radius, radius - length})
+  for (const int end : {0, 1})  // the upper, then the lower
     for (int i = 0; i <= kRings; ++i) {
-      const float angle = 1.5707963F * (static_cast<float>(i) / kRings + (end == -radius ? 0.0F : 1.0F));
-      outline.emplace_back(radius * std::sin(angle), end + radius * std::cos(angle));
+      const float angle = 1.5707963F * (static_cast<float>(i) / kRings + static_cast<float>(end));
+      const float centre = end == 0 ? -radius : radius - length;
+      outline.emplace_back(radius * std::sin(angle), centre + radius * std::cos(angle));
     }
   const std::size_t tip_mesh = add_mesh(turned_mesh(segments_, outline, -radius - 1e-3F)),
-                    arm_mesh = add_mesh(plate_mesh());
+                    arm_mesh = add_mesh(plate_mesh(), {half_width, half_width, 1.0F});
   std::array<Vec, 3> joints;  // from the cell's centre
   for (std::size_t k = 0; k < joints.size(); ++k) {
     const double direction = scene::Delta::kJointDirections[k];
     joints[k] =
         (delta.joint_radius * Eigen::Vector3d(std::cos(direction), std::sin(direction), 0)).cast<float>();
   }
-  const float half_width = 0.15F * radius, below = length + static_cast<float>(surface_.pin.length);
+  const float below = length + static_cast<float>(surface_.pin.length);
   return [=, this](std::size_t cell, const scene::Snapshot& snapshot, const scene::ActuatorState& motion) {
     const Vec centre = cell_frame(cell, snapshot).top;
     const Vec tip = centre + workspace * Vec(motion.a, motion.b, 0.0F);
@@ -451,10 +472,10 @@ ActuatorGeometry::InstanceBuilder ActuatorGeometry::delta_builder(const scene::A
 }
 
 ActuatorGeometry::InstanceBuilder ActuatorGeometry::tilting_plate_builder(const scene::ActuatorSpec& spec) {
-  const std::size_t mesh = add_mesh(plate_mesh());
   const float half_thickness = 0.5F * float_parameter(spec, "thickness");
   const Vec half(0.5F * static_cast<float>(surface_.pin.top_x), 0.5F * static_cast<float>(surface_.pin.top_y),
                  half_thickness);
+  const std::size_t mesh = add_mesh(plate_mesh(), half);
   const float below =
       2.0F * half_thickness + half.head<2>().norm() * std::sin(float_parameter(spec, "max_tilt"));
   return [=, this](std::size_t cell, const scene::Snapshot& snapshot, const scene::ActuatorState& motion) {
@@ -464,15 +485,17 @@ ActuatorGeometry::InstanceBuilder ActuatorGeometry::tilting_plate_builder(const 
                      .toRotationMatrix();
     meshes_[mesh].instances.push_back(make_instance(f.top - half_thickness * Vec(axes.col(2)),
                                                     axes * half.asDiagonal(), to_linear_rgba8(kRubber),
-                                                    to_linear_rgba8(kIdleColour)));
+                                                    to_linear_rgba8(kIdle)));
     recess_[cell] = below;
   };
 }
 
 ActuatorGeometry::InstanceBuilder ActuatorGeometry::vibrating_plate_builder() {
-  const std::size_t mesh = add_mesh(plate_mesh());
   const auto pitch = static_cast<float>(surface_.pitch);
   constexpr float kHalfThickness = 0.05F, kMaxSlope = 0.7F;
+  const Vec half(0.5F * static_cast<float>(surface_.pin.top_x), 0.5F * static_cast<float>(surface_.pin.top_y),
+                 kHalfThickness * pitch);
+  const std::size_t mesh = add_mesh(plate_mesh(), half);
   return [=, this](std::size_t cell, const scene::Snapshot& snapshot, const scene::ActuatorState& motion) {
     const CellFrame f = cell_frame(cell, snapshot);
     const auto slope = [&](float low, float high) {
@@ -485,13 +508,11 @@ ActuatorGeometry::InstanceBuilder ActuatorGeometry::vibrating_plate_builder() {
     const Vec up = Vec(-east, -north, 1).normalized();
     const Vec x = Vec(1, 0, east).normalized();
     Mat axes;
-    axes << 0.5F * static_cast<float>(surface_.pin.top_x) * (f.axes * x),
-        0.5F * static_cast<float>(surface_.pin.top_y) * (f.axes * up.cross(x)),
-        kHalfThickness * pitch * (f.axes * up);
-    meshes_[mesh].instances.push_back(make_instance(
-        f.top - kHalfThickness * pitch * Vec::UnitZ(), axes, to_linear_rgba8(kRubber),
-        to_linear_rgba8(mix_colours(kIdleColour, kVibratingColour, std::clamp(motion.level, 0.0F, 1.0F)))));
-    recess_[cell] = 3.0F * kHalfThickness * pitch;
+    axes << half.x() * (f.axes * x), half.y() * (f.axes * up.cross(x)), half.z() * (f.axes * up);
+    meshes_[mesh].instances.push_back(
+        make_instance(f.top - half.z() * Vec::UnitZ(), axes, to_linear_rgba8(kRubber),
+                      to_linear_rgba8(mix_colours(kIdle, kVibrating, std::clamp(motion.level, 0.0F, 1.0F)))));
+    recess_[cell] = 3.0F * half.z();
   };
 }
 

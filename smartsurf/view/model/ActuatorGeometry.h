@@ -15,6 +15,7 @@
 // has the accent colour. The cells under it are drawn low enough for it to cover them.
 #pragma once
 
+#include <Eigen/Core>
 #include <array>
 #include <cstdint>
 #include <functional>
@@ -23,6 +24,7 @@
 
 #include "smartsurf/scene/SceneSpec.h"
 #include "smartsurf/scene/Snapshot.h"
+#include "smartsurf/view/model/Palette.h"
 #include "smartsurf/view/model/TwoColourMesh.h"
 
 namespace smartsurf::view {
@@ -36,18 +38,38 @@ struct MeshInstance {
 
 struct InstancedMesh {
   TwoColourMesh mesh;
-  bool translucent = false;  // drawn last, casts no shadow
-  bool deforms = false;      // its vertices change from frame to frame
+  Eigen::Vector3f size = Eigen::Vector3f::Ones();  // of the instances' axes, where it is the same for all
+  bool translucent = false;                        // drawn last, casts no shadow
+  bool deforms = false;                            // its vertices change from frame to frame
   std::vector<MeshInstance> instances;
 };
 
+// The colours of the parts, sRGB, by name.
+struct NamedColour {
+  const char* name;
+  Rgb colour;
+};
+std::span<const NamedColour> actuator_colours();
+
 class ActuatorGeometry {
  public:
+  struct NodeRange {
+    int first, last;
+  };
+
   explicit ActuatorGeometry(const scene::SurfaceSpec&);
 
   // Rebuilds the instances. Without an actuator state in the snapshot, all parts are at rest.
   void update(const scene::Snapshot&);
   std::span<const InstancedMesh> meshes() const { return meshes_; }
+  // Those of one of the surface's effective_actuators().
+  std::span<const InstancedMesh> meshes_of(std::size_t actuator) const {
+    return std::span(meshes_).subspan(first_mesh_[actuator],
+                                      first_mesh_[actuator + 1] - first_mesh_[actuator]);
+  }
+  // The skin's nodes around the tops of each row and of each column; empty without a skin.
+  std::span<const NodeRange> node_rows() const { return node_rows_; }
+  std::span<const NodeRange> node_columns() const { return node_columns_; }
   // How far below the cell's top its pin is drawn, to make space for the part, u; rows × columns, row-major.
   // Empty if no cell has a part.
   std::span<const float> recess() const { return recess_; }
@@ -58,7 +80,8 @@ class ActuatorGeometry {
       std::function<void(std::size_t cell, const scene::Snapshot&, const scene::ActuatorState&)>;
   struct CellFrame;
   CellFrame cell_frame(std::size_t cell, const scene::Snapshot&) const;
-  std::size_t add_mesh(TwoColourMesh mesh, bool translucent = false);
+  std::size_t add_mesh(TwoColourMesh mesh, const Eigen::Vector3f& size = Eigen::Vector3f::Ones(),
+                       bool translucent = false);
   InstanceBuilder make_builder(const scene::ActuatorSpec&);
   InstanceBuilder ball_builder(const scene::ActuatorSpec&);
   InstanceBuilder wheel_builder(const scene::ActuatorSpec&);
@@ -80,16 +103,14 @@ class ActuatorGeometry {
   float top_edge_;  // the shorter edge of a cell's top, u
   int segments_;    // of round parts; fewer on large surfaces
   std::vector<InstancedMesh> meshes_;
+  std::vector<std::size_t> first_mesh_;       // by actuator, and the number of their meshes
   std::vector<std::size_t> cells_;            // cells with parts
   std::vector<std::size_t> builder_of_cell_;  // parallel to cells_: index into builders_
   std::vector<InstanceBuilder> builders_;
   std::vector<float> recess_;
   std::vector<float>
       drop_;  // how far below its height a cell is drawn under a skin, u; row-major, empty without one
-  struct NodeRange {
-    int first, last;
-  };
-  std::vector<NodeRange> node_rows_, node_columns_;  // of the skin, around the tops of each row and column
+  std::vector<NodeRange> node_rows_, node_columns_;
 };
 
 }  // namespace smartsurf::view

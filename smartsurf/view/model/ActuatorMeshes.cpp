@@ -178,7 +178,8 @@ TwoColourMesh rounded_prism_mesh(int segments, const Eigen::Vector2f& half_edges
   return mesh;
 }
 
-// Brute force: a triple of points is a hull face if all other points lie on one side of its plane.
+// Brute force: a triple of points is in a hull face if all other points lie on one side of its plane. The
+// triples of a face with more corners overlap, in one colour.
 TwoColourMesh hull_mesh(std::span<const Vec> points) {
   TwoColourMesh mesh;
   for (std::size_t i = 0; i < points.size(); ++i)
@@ -193,8 +194,7 @@ TwoColourMesh hull_mesh(std::span<const Vec> points) {
           below |= n.dot(p - points[i]) < -thin;
         }
         if (above && below) continue;
-        const Vec middle = (points[i] + points[j] + points[k]) / 3;
-        const float accent = middle.x() * middle.y() > 0 ? 1.0F : 0.0F;
+        const float accent = (above ? -n : n).dot(Vec(1.0F, 0.7F, 0.5F)) > 0.0F ? 1.0F : 0.0F;
         if (above)
           add_flat_triangle(mesh, points[i], points[k], points[j], accent);
         else

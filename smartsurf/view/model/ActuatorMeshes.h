@@ -29,7 +29,7 @@ TwoColourMesh turned_mesh(int segments, std::span<const Eigen::Vector2f> outline
 // accent colour.
 TwoColourMesh rounded_prism_mesh(int segments, const Eigen::Vector2f& half_edges, float corner_radius,
                                  float depth);
-// The convex hull of a few points, O(n⁴); faces whose centroid has x·y > 0 have the accent colour.
+// The convex hull of a few points, O(n⁴); the faces towards one octant have the accent colour.
 TwoColourMesh hull_mesh(std::span<const Eigen::Vector3f> points);
 
 }  // namespace smartsurf::view

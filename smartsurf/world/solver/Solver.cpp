@@ -254,7 +254,7 @@ void Solver::store_body(BodyStore& bodies, const SpatialPartition& partition, in
   bodies.delta_pose[to] = delta_pose_[row];
 }
 
-// ---- one stage over all contacts: pairs colour by colour; static contacts last, because they must hold exactly
+// ---- one stage over all contacts: pairs colour by colour; static contacts last, as they must hold exactly
 
 void Solver::run_contact_stage(StepContext& context, const Member& member,
                                const ContactKernel (&kernel)[kContactKindCount], float elapsed_s,

@@ -8,7 +8,7 @@
 #include <optional>
 #include <string>
 
-#include "apron/vm/InstructionSet.h"
+#include "apron/vm/kernels/Kernels.h"
 
 namespace arrays {
 

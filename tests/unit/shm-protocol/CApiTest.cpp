@@ -3,6 +3,7 @@
 #include <shm_protocol/shm_protocol.h>
 
 #include <cstring>
+#include <fstream>
 #include <string>
 #include <thread>
 
@@ -279,6 +280,26 @@ TEST_F(CApi, CloseEndsTheRoleAndKeepsTheMapping) {
   EXPECT_EQ(ssp_surface_publish(surface, 1, 0.0, 0), SSP_OUT_OF_TURN);
   EXPECT_EQ(static_cast<const float*>(sensor)[0], 0.0f);
   EXPECT_EQ(ssp_controller_surface_status(controller), SSP_SURFACE_CLOSED);
+}
+
+// The mappings of the segment in this process.
+int count_mappings(const std::string& name) {
+  std::ifstream maps("/proc/self/maps");
+  int count = 0;
+  for (std::string line; std::getline(maps, line);) count += line.find(file_path(name)) != line.npos ? 1 : 0;
+  return count;
+}
+
+TEST_F(CApi, DestroyUnmapsItsHandle) {
+  start("c-unmap");
+  const int all = count_mappings(config->name);
+  ASSERT_EQ(all % 3, 0);
+  ssp_observer_destroy(std::exchange(observer, nullptr));
+  EXPECT_EQ(count_mappings(config->name), all / 3 * 2);
+  ssp_controller_destroy(std::exchange(controller, nullptr));
+  EXPECT_EQ(count_mappings(config->name), all / 3);
+  ssp_surface_destroy(std::exchange(surface, nullptr));
+  EXPECT_EQ(count_mappings(config->name), 0);
 }
 
 TEST_F(CApi, DestroyClosesWhatIsStillOpen) {

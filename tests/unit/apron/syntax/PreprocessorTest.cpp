@@ -82,6 +82,36 @@ TEST(Preprocessor, Conditions) {
   EXPECT_EQ(lines("!if(-(2 + 1) * 2 + 7 % 4, ==, -3)" + body), "a\n");
 }
 
+TEST(Preprocessor, ConditionsCompareAndCalculateAsCpp) {
+  const auto check = [](const std::string& condition, bool expected) {
+    EXPECT_EQ(lines("!if(" + condition + ")\na\n!else\nb\n!endif\n"), expected ? "a\n" : "b\n") << condition;
+  };
+  for (int a = -2; a <= 2; ++a)
+    for (int b = -2; b <= 2; ++b) {
+      const std::string left = std::to_string(a), right = std::to_string(b);
+      const auto compare = [&](const std::string& op, bool expected) {
+        check(left + " " + op + " " + right, expected);
+        check(left + ", " + op + ", " + right, expected);
+      };
+      compare("<", a < b);
+      compare("<=", a <= b);
+      compare(">", a > b);
+      compare(">=", a >= b);
+      compare("==", a == b);
+      compare("!=", a != b);
+      const auto pair = [&](const char* op) { return left + " " + op + " " + right; };
+      check(pair("||"), a != 0 || b != 0);
+      check(pair("or"), a != 0 || b != 0);
+      check(pair("&&"), a != 0 && b != 0);
+      check(pair("and"), a != 0 && b != 0);
+      check(pair("+") + " == " + std::to_string(a + b), true);
+      check(pair("-") + " == " + std::to_string(a - b), true);
+      check(pair("*") + " == " + std::to_string(a * b), true);
+      if (b != 0) check(pair("/") + " * " + right + " == " + left, true);
+      if (b != 0) check(pair("%") + " == " + std::to_string(((a % b) + b) % b), true);
+    }
+}
+
 TEST(Preprocessor, IncludeSearchOrder) {
   EXPECT_EQ(lines("!include('a.aps')\nz",
                   {{"src/a.aps", "beside"}, {"more/a.aps", "path"}, {"lib/a.aps", "library"}}),

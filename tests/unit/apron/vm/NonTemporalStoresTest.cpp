@@ -3,6 +3,8 @@
 
 #include <gtest/gtest.h>
 
+#include "apron/vm/fusion/FusionPlan.h"
+
 using namespace apron::vm;
 
 namespace {
@@ -32,6 +34,10 @@ FusionPlan two_stage_plan(std::uint32_t side) {
   return plan;
 }
 
+void select(FusionPlan& plan) {
+  select_non_temporal_stores(plan.stages, plan.buffers, std::size_t{plan.width} * plan.height);
+}
+
 bool is_non_temporal(const FusionPlan& plan, std::size_t stage) {
   return plan.stages[stage].results[0].non_temporal;
 }
@@ -40,14 +46,14 @@ bool is_non_temporal(const FusionPlan& plan, std::size_t stage) {
 
 TEST(NonTemporalStores, SelectsOnlyResultsThatNoStageReads) {
   FusionPlan plan = two_stage_plan(kLarge);
-  select_non_temporal_stores(plan);
+  select(plan);
   EXPECT_FALSE(is_non_temporal(plan, 0)) << "the next stage reads it";
   EXPECT_TRUE(is_non_temporal(plan, 1));
 }
 
 TEST(NonTemporalStores, KeepsPlanesThatFitInCache) {
   FusionPlan plan = two_stage_plan(64);
-  select_non_temporal_stores(plan);
+  select(plan);
   EXPECT_FALSE(is_non_temporal(plan, 0));
   EXPECT_FALSE(is_non_temporal(plan, 1));
 }
@@ -56,7 +62,7 @@ TEST(NonTemporalStores, KeepsPlaneReadAtEntryByALaterStage) {
   FusionPlan plan = two_stage_plan(kLarge);
   plan.buffers.push_back({RowBuffer::Kind::kRegister, 1});  // register 1 at entry
   plan.stages[1].streams[0].buffer = 3;
-  select_non_temporal_stores(plan);
+  select(plan);
   EXPECT_FALSE(is_non_temporal(plan, 0));
 }
 
@@ -65,6 +71,6 @@ TEST(NonTemporalStores, KeepsRingBuffers) {
   plan.buffers[2].kind = RowBuffer::Kind::kRing;
   plan.buffers[0].kind = plan.buffers[1].kind = RowBuffer::Kind::kDoubleBuffered;
   plan.width = 4 * kLarge;
-  select_non_temporal_stores(plan);
+  select(plan);
   EXPECT_FALSE(is_non_temporal(plan, 1));
 }

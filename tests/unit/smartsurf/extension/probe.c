@@ -5,7 +5,7 @@
 
 #include "smartsurf/extension/smartsurf_plugin.h"
 
-// ---- lifter: moves tops towards their targets, at most a count of steps; pushes objects labelled 'light' east.
+// ---- lifter: moves tops towards their targets, at most `steps`; pushes objects labelled 'light' east.
 enum { MAX_HEIGHT, STEPS, PUSH };
 static const smartsurf_plugin_parameter lifter_parameters[] = {
     {sizeof(smartsurf_plugin_parameter), SMARTSURF_NUMBER, "max_height", "u", {3, 0, 0}, 0.1, 10},

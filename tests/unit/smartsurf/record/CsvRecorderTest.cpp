@@ -3,7 +3,7 @@
 #include <fstream>
 #include <sstream>
 
-#include "smartsurf/record/Recorder.h"
+#include "smartsurf/record/OpenRecorder.h"
 #include "tests/unit/smartsurf/record/SyntheticRun.h"
 
 namespace smartsurf::record {
@@ -13,7 +13,7 @@ TEST(CsvRecorder, WritesOneLinePerObjectAndFrame) {
   const OutputFolder out;
   SyntheticRun run;
   run.spec.objects[1].label = "says \"big\", loud";
-  const auto recorder = Recorder::open(out / "run.csv", run.meta, run.spec);
+  const auto recorder = open_recorder(out / "run.csv", run.meta, run.spec);
   recorder->record_frame(run.snapshot_at(0, {0, 1}), run.spec.objects);
   recorder->record_frame(run.snapshot_at(3, {2}), run.spec.objects);
   recorder->record_frame(run.snapshot_at(4, {}), run.spec.objects);
@@ -30,7 +30,7 @@ TEST(CsvRecorder, NumbersRoundTrip) {
   const SyntheticRun run;
   scene::Snapshot shot = run.snapshot_at(1, {0});
   shot.position[0] = {1.0f / 3.0f, -1e-20f, 123456.789f};
-  const auto recorder = Recorder::open(out / "run.csv", run.meta, run.spec);
+  const auto recorder = open_recorder(out / "run.csv", run.meta, run.spec);
   recorder->record_frame(shot, run.spec.objects);
   recorder->close({});
   std::istringstream lines(content(out / "run.csv"));
@@ -49,7 +49,7 @@ TEST(CsvRecorder, WritesLongRunsAtEveryNthTick) {
   const OutputFolder out;
   SyntheticRun run;
   run.spec.record.tick_interval = 2;
-  const auto recorder = Recorder::open(out / "run.csv", run.meta, run.spec);
+  const auto recorder = open_recorder(out / "run.csv", run.meta, run.spec);
   for (std::uint64_t t = 0; t < 10000; ++t)
     recorder->record_frame(run.snapshot_at(t, {0, 1, 2}), run.spec.objects);
   recorder->close({});

@@ -23,7 +23,7 @@ struct ChangingRun : SyntheticRun {
   }
 
   void record(const std::filesystem::path& path, std::uint64_t ticks) {
-    const auto recorder = Recorder::open(path, meta, spec);
+    const auto recorder = open_recorder(path, meta, spec);
     for (std::uint64_t t = 0; t < ticks; ++t) {
       const std::vector<float> both = inputs(t);
       const std::span<const float> all(both);
@@ -68,7 +68,7 @@ TEST(DeltaEncoding, KeepsInputsWithoutClose) {
   OutputFolder folder;
   ChangingRun run;
   {
-    const auto recorder = Recorder::open(folder / "run.h5", run.meta, run.spec);
+    const auto recorder = open_recorder(folder / "run.h5", run.meta, run.spec);
     for (std::uint64_t t = 0; t < 10; ++t) {
       const std::vector<float> values = ChangingRun::inputs(t);
       const scene::ChannelData channels[] = {{"height", 4, 12, 1, values}};
@@ -84,7 +84,7 @@ TEST(DeltaEncoding, KeepsInputsWithoutClose) {
 TEST(DeltaEncoding, PreservesSignedZeroAndNaN) {
   OutputFolder folder;
   SyntheticRun run;
-  const auto recorder = Recorder::open(folder / "run.h5", run.meta, run.spec);
+  const auto recorder = open_recorder(folder / "run.h5", run.meta, run.spec);
   for (std::uint64_t t = 0; t < 3; ++t) {
     scene::Snapshot shot = run.snapshot_at(t, {0});
     shot.height.assign(24, t == 1 ? -0.0f : 0.0f);
@@ -104,7 +104,7 @@ TEST(Recorder, RecordsFirstUserInteraction) {
   run.meta.driver = "controller";
   run.meta.overrides = {{"count", "3"}, {"speed", "1"}, {"count", "4"}};
   for (const bool touched : {false, true}) {
-    const auto recorder = Recorder::open(folder / "run.h5", run.meta, run.spec);
+    const auto recorder = open_recorder(folder / "run.h5", run.meta, run.spec);
     recorder->record_frame(run.snapshot_at(0, {0}), run.spec.objects);
     if (touched) {
       recorder->mark_user_interaction(12);

@@ -4,7 +4,7 @@
 #include <csignal>
 #include <cstdlib>
 
-#include "smartsurf/record/Recorder.h"
+#include "smartsurf/record/OpenRecorder.h"
 #include "smartsurf/record/Recording.h"
 #include "tests/unit/smartsurf/record/SyntheticRun.h"
 
@@ -38,7 +38,7 @@ class KilledWriterProcess {
   [[noreturn]] void write(const std::filesystem::path& path, const SyntheticRun& run,
                           std::uint64_t max_frames) {
     ::close(pipe_[0]);
-    const auto recorder = Recorder::open(path, run.meta, run.spec);
+    const auto recorder = open_recorder(path, run.meta, run.spec);
     std::vector<float> values(24);
     for (std::uint64_t t = 0;; ++t) {
       if (t == max_frames) ::pause();

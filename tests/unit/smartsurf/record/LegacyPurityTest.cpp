@@ -40,7 +40,7 @@ Recording record_positions(const OutputFolder& out, const scene::SurfaceSpec& ta
   run.spec.surface = table;
   run.spec.objects = objects;
   run.meta.declares_success.reset();
-  const auto recorder = Recorder::open(out / "run.h5", run.meta, run.spec);
+  const auto recorder = open_recorder(out / "run.h5", run.meta, run.spec);
   for (std::size_t tick = 0; tick < frames.size(); ++tick) {
     scene::Snapshot shot = snapshot_at(0.1 * static_cast<double>(tick), frames[tick], y);
     shot.height.assign(table.cell_count(), 0.0f);
@@ -130,7 +130,7 @@ TEST(LegacyPurity, OnlyInOldRecordingsOfTwoClasses) {
   EXPECT_TRUE(alike.metric_names().empty());
   EXPECT_FALSE(alike.success());
   SyntheticRun run;  // of today, with two labels
-  const auto recorder = Recorder::open(out / "new.h5", run.meta, run.spec);
+  const auto recorder = open_recorder(out / "new.h5", run.meta, run.spec);
   recorder->record_frame(run.snapshot_at(0, {0, 1, 2}), run.spec.objects);
   recorder->close({});
   const Recording present = Recording::open(out / "new.h5");

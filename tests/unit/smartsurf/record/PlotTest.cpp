@@ -33,7 +33,7 @@ Recording record_two_trajectories(const std::filesystem::path& path) {
   run.spec.objects.clear();
   run.add(scene::ShapeKind::kSphere, "small", 1.0);
   run.add(scene::ShapeKind::kSphere, "large", 2.0);
-  const auto recorder = Recorder::open(path, run.meta, run.spec);
+  const auto recorder = open_recorder(path, run.meta, run.spec);
   for (std::uint64_t t = 0; t <= 600; ++t) {
     scene::Snapshot shot = run.snapshot_at(t, {0, 1});
     const float way = 20.0f * static_cast<float>(std::min<std::uint64_t>(t, 240)) / 240.0f;
@@ -237,7 +237,7 @@ TEST(Plot, RejectsInvalidRequests) {
   EXPECT_EQ(files, 2u);
 
   SyntheticRun run;
-  Recorder::open(out / "empty.h5", run.meta, run.spec)->close({});
+  open_recorder(out / "empty.h5", run.meta, run.spec)->close({});
   const Recording empty = Recording::open(out / "empty.h5");
   for (const std::string kind : {"trajectories", "lift", "time-spent", "speed", "contacts"})
     EXPECT_THROW(write_plot(empty, kind, out / "a.png"), scene::InputError);

@@ -1,4 +1,4 @@
-#include "smartsurf/record/Recorder.h"
+#include "smartsurf/record/OpenRecorder.h"
 
 #include <gtest/gtest.h>
 #include <sys/resource.h>
@@ -14,6 +14,7 @@
 #include <iterator>
 
 #include "smartsurf/record/Recording.h"
+#include "smartsurf/scene/KindRegistry.h"
 #include "tests/unit/smartsurf/record/SyntheticRun.h"
 
 namespace smartsurf::record {
@@ -23,7 +24,7 @@ using scene::InputError;
 
 std::string error_of(const std::filesystem::path& path, const SyntheticRun& run) {
   try {
-    Recorder::open(path, run.meta, run.spec);
+    open_recorder(path, run.meta, run.spec);
   } catch (const InputError& error) {
     return error.what();
   }
@@ -38,7 +39,7 @@ void record_ticks(Recorder& recorder, const SyntheticRun& run, std::uint64_t tic
 TEST(Recorder, WritesEveryFrame) {
   const OutputFolder out;
   const SyntheticRun run;
-  const auto recorder = Recorder::open(out / "run.h5", run.meta, run.spec);
+  const auto recorder = open_recorder(out / "run.h5", run.meta, run.spec);
   record_ticks(*recorder, run, 150);  // two full buffers and a partial one
   recorder->close({.outcome = "done", .ticks = 150, .simulated_s = 2.5, .state_hash = 77});
 
@@ -64,7 +65,7 @@ TEST(Recorder, WritesMetadata) {
   SyntheticRun run;
   run.meta.program_text = std::string(300000, 'p');  // above the limit of fixed-length HDF5 attributes
   run.spec.world.unit = scene::find_physical_unit("mm");
-  Recorder::open(out / "run.hdf5", run.meta, run.spec)
+  open_recorder(out / "run.hdf5", run.meta, run.spec)
       ->close({.outcome = "stopped", .ticks = 9, .simulated_s = 0.15, .state_hash = 0xABCDEF0123456789u});
 
   const Recording recording = Recording::open(out / "run.hdf5");
@@ -94,7 +95,7 @@ TEST(Recorder, WritesMetadata) {
 TEST(Recorder, WritesCatalogueWithInitialState) {
   const OutputFolder out;
   const SyntheticRun run;
-  Recorder::open(out / "run.h5", run.meta, run.spec)->close({});
+  open_recorder(out / "run.h5", run.meta, run.spec)->close({});
   const std::vector<scene::ObjectSpec> read = Recording::open(out / "run.h5").spec().objects;
   ASSERT_EQ(read.size(), 3u);
   EXPECT_EQ(read[0].label, "small");
@@ -114,7 +115,7 @@ TEST(Recorder, WritesCatalogueWithInitialState) {
 TEST(Recorder, MissingObjectsAreNaN) {
   const OutputFolder out;
   SyntheticRun run;
-  const auto recorder = Recorder::open(out / "run.h5", run.meta, run.spec);
+  const auto recorder = open_recorder(out / "run.h5", run.meta, run.spec);
   for (std::uint64_t t = 0; t < 200; ++t) {
     if (t == 70) run.add(scene::ShapeKind::kSphere, "late", 1.0);
     // Object 0 is removed and object 3 added at tick 70.
@@ -147,7 +148,7 @@ TEST(Recorder, AcceptsObjectsAddedLater) {
   const OutputFolder out;
   SyntheticRun run;
   run.spec.objects.clear();
-  const auto recorder = Recorder::open(out / "run.h5", run.meta, run.spec);
+  const auto recorder = open_recorder(out / "run.h5", run.meta, run.spec);
   for (std::uint64_t t = 0; t < 70; ++t) recorder->record_frame(run.snapshot_at(t, {}), run.spec.objects);
   for (int i = 0; i < 40; ++i) run.add(scene::ShapeKind::kSphere, "rain", 1.0);
   recorder->record_frame(run.snapshot_at(70, {0, 39}), run.spec.objects);
@@ -163,7 +164,7 @@ TEST(Recorder, RecordsEveryNthTick) {
   const OutputFolder out;
   SyntheticRun run;
   run.spec.record.tick_interval = 3;
-  const auto recorder = Recorder::open(out / "run.h5", run.meta, run.spec);
+  const auto recorder = open_recorder(out / "run.h5", run.meta, run.spec);
   for (std::uint64_t t = 1; t <= 8; ++t) recorder->record_frame(run.snapshot_at(t, {0}), run.spec.objects);
   recorder->close({});
   EXPECT_EQ(Recording::open(out / "run.h5").ticks(), (std::vector<std::uint64_t>{1, 4, 7}));
@@ -186,7 +187,7 @@ TEST(Recorder, WritesRequestedChannels) {
   const OutputFolder out;
   SyntheticRun run;
   run.spec.record.sensors = run.spec.record.actuators = true;
-  const auto recorder = Recorder::open(out / "run.h5", run.meta, run.spec);
+  const auto recorder = open_recorder(out / "run.h5", run.meta, run.spec);
   for (std::uint64_t t = 0; t < 100; ++t) {
     const Channels values(t);
     const scene::ChannelData actuators[] = {{"height", 4, 6, 1, values.proximity}};
@@ -213,7 +214,7 @@ TEST(Recorder, KeepsUnitsAndRangesOfChannels) {
   scene::SensorSpec proximity = scene::find_sensor_kind("proximity")->default_spec();
   proximity.values["range"] = {7.5};
   run.spec.surface.sensors = {proximity};
-  const auto recorder = Recorder::open(out / "run.h5", run.meta, run.spec);
+  const auto recorder = open_recorder(out / "run.h5", run.meta, run.spec);
   const Channels values(0);
   const scene::ChannelData actuators[] = {{"height", 4, 6, 1, values.proximity}};
   recorder->record_frame(run.snapshot_at(0, {0}), run.spec.objects, values.sensors(), actuators);
@@ -229,7 +230,7 @@ TEST(Recorder, KeepsUnitsAndRangesOfChannels) {
 TEST(Recorder, KeepsMetricsFromTheirFirstValueOn) {
   const OutputFolder out;
   const SyntheticRun run;
-  const auto recorder = Recorder::open(out / "run.h5", run.meta, run.spec);
+  const auto recorder = open_recorder(out / "run.h5", run.meta, run.spec);
   std::vector<NamedNumber> metrics;
   for (std::uint64_t t = 0; t < 150; ++t) {
     if (t == 10) metrics.emplace_back("lift", 0.0);
@@ -257,7 +258,7 @@ TEST(Recorder, OmitsUnrequestedData) {
   const OutputFolder out;
   SyntheticRun run;
   run.spec.record.objects = false;
-  const auto recorder = Recorder::open(out / "run.h5", run.meta, run.spec);
+  const auto recorder = open_recorder(out / "run.h5", run.meta, run.spec);
   const Channels values(0);
   recorder->record_frame(run.snapshot_at(0, {0}), run.spec.objects, values.sensors());
   recorder->close({});
@@ -274,7 +275,7 @@ TEST(Recorder, IsReproducibleByteForByte) {
   std::array<std::string, 2> bytes;
   for (std::size_t i = 0; i < 2; ++i) {
     const auto path = out / ("run" + std::to_string(i) + ".h5");
-    const auto recorder = Recorder::open(path, run.meta, run.spec);
+    const auto recorder = open_recorder(path, run.meta, run.spec);
     record_ticks(*recorder, run, 100);
     recorder->close({.outcome = "done"});
     std::ifstream file(path, std::ios::binary);
@@ -288,7 +289,7 @@ TEST(Recorder, IsReproducibleByteForByte) {
 TEST(Recorder, DestructorWritesBufferedFrames) {
   const OutputFolder out;
   const SyntheticRun run;
-  record_ticks(*Recorder::open(out / "run.h5", run.meta, run.spec), run, 5);
+  record_ticks(*open_recorder(out / "run.h5", run.meta, run.spec), run, 5);
   const Recording recording = Recording::open(out / "run.h5");
   EXPECT_EQ(recording.frames(), 5u);
   EXPECT_FALSE(recording.result());
@@ -301,7 +302,7 @@ TEST(Recorder, ReadableWithH5py) {
   const OutputFolder out;
   SyntheticRun run;
   run.spec.record.sensors = true;
-  const auto recorder = Recorder::open(out / "run.h5", run.meta, run.spec);
+  const auto recorder = open_recorder(out / "run.h5", run.meta, run.spec);
   for (std::uint64_t t = 0; t < 10; ++t) {
     const Channels values(t);
     recorder->record_frame(run.snapshot_at(t, {0, 1, 2}), run.spec.objects, values.sensors());
@@ -347,7 +348,7 @@ TEST(RecorderErrors, DescribeInvalidPaths) {
   slash.spec.record.sensors = true;
   const std::vector<float> values(24);
   const scene::ChannelData bad[] = {{"a/b", 4, 6, 1, values}};
-  EXPECT_THROW(Recorder::open(out / "slash.h5", run.meta, slash.spec)
+  EXPECT_THROW(open_recorder(out / "slash.h5", run.meta, slash.spec)
                    ->record_frame(run.snapshot_at(0, {}), run.spec.objects, bad),
                InputError);
 }
@@ -356,7 +357,7 @@ TEST(RecorderErrors, RefuseFileLockedByAnotherRun) {
   const OutputFolder out;
   const SyntheticRun run;
   for (const std::string name : {"run.h5", "run.csv"}) {
-    const auto first = Recorder::open(out / name, run.meta, run.spec);
+    const auto first = open_recorder(out / name, run.meta, run.spec);
     record_ticks(*first, run, 70);
     EXPECT_NE(error_of(out / name, run).find("another process is writing it"), std::string::npos);
     first->close({});
@@ -371,7 +372,7 @@ int record_to_full_disk(const std::filesystem::path& path, const SyntheticRun& r
   const pid_t child = ::fork();
   if (child == 0) {
     std::signal(SIGXFSZ, SIG_IGN);
-    auto recorder = Recorder::open(path, run.meta, run.spec);
+    auto recorder = open_recorder(path, run.meta, run.spec);
     record_ticks(*recorder, run, 64);
     const rlimit limit{200000, 200000};
     ::setrlimit(RLIMIT_FSIZE, &limit);
@@ -405,7 +406,7 @@ TEST(RecorderErrors, SmallDiskIsAnErrorNotACrash) {
       const rlimit limit{bytes, bytes};
       ::setrlimit(RLIMIT_FSIZE, &limit);
       try {
-        auto recorder = Recorder::open(out / "run.h5", run.meta, run.spec);
+        auto recorder = open_recorder(out / "run.h5", run.meta, run.spec);
         record_ticks(*recorder, run, 100000);
       } catch (const std::exception& error) {
         std::exit(std::string(error.what()).find("cannot be written: File too large") == std::string::npos);
@@ -424,7 +425,7 @@ TEST(PendingFile, OlderRecordingSurvivesUntilFirstFlush) {
   for (const std::string name : {"run.h5", "run.csv"}) {
     std::ofstream(out / name) << "older";
     {
-      const auto recorder = Recorder::open(out / name, run.meta, run.spec);
+      const auto recorder = open_recorder(out / name, run.meta, run.spec);
       EXPECT_EQ(content(out / name), "older");
       EXPECT_NE(error_of(out / name, run).find("another process is writing it"), std::string::npos);
       EXPECT_TRUE(std::filesystem::exists(out / (name + ".part")));
@@ -433,7 +434,7 @@ TEST(PendingFile, OlderRecordingSurvivesUntilFirstFlush) {
     EXPECT_EQ(content(out / name), "older") << "a run without frames";
     EXPECT_FALSE(std::filesystem::exists(out / (name + ".part")));
     std::ofstream(out / (name + ".part")) << "left by a killed run";
-    const auto recorder = Recorder::open(out / name, run.meta, run.spec);
+    const auto recorder = open_recorder(out / name, run.meta, run.spec);
     record_ticks(*recorder, run, 1);
     recorder->close({"done"});
     EXPECT_GT(content(out / name).size(), 50U);
@@ -444,7 +445,7 @@ TEST(PendingFile, OlderRecordingSurvivesUntilFirstFlush) {
 TEST(PendingFile, RunWithoutFramesIsRecordedUnderNewName) {
   const OutputFolder out;
   const SyntheticRun run;
-  Recorder::open(out / "run.h5", run.meta, run.spec)->close({"stopped by the user"});
+  open_recorder(out / "run.h5", run.meta, run.spec)->close({"stopped by the user"});
   EXPECT_EQ(Recording::open(out / "run.h5").result()->outcome, "stopped by the user");
 }
 
@@ -456,10 +457,10 @@ TEST(PendingFile, NothingUnderItsTemporaryNameIsFollowed) {
     const std::filesystem::path part = out / (name + ".part");
     std::ofstream(out / "victim") << "precious";
     std::filesystem::create_symlink(out / "victim", part);
-    Recorder::open(out / name, run.meta, run.spec)->close({});
+    open_recorder(out / name, run.meta, run.spec)->close({});
     EXPECT_EQ(content(out / "victim"), "precious");
     ASSERT_EQ(::mkfifo(part.c_str(), 0666), 0);
-    Recorder::open(out / name, run.meta, run.spec)->close({});
+    open_recorder(out / name, run.meta, run.spec)->close({});
     EXPECT_FALSE(std::filesystem::exists(part));
     std::filesystem::create_directories(part / "full");
     EXPECT_NE(error_of(out / name, run).find("cannot be written"), std::string::npos);
@@ -471,7 +472,7 @@ TEST(PendingFile, TargetOfLinkIsReplaced) {
   const SyntheticRun run;
   std::ofstream(out / "target.h5") << "older";
   std::filesystem::create_symlink("target.h5", out / "run.h5");
-  const auto recorder = Recorder::open(out / "run.h5", run.meta, run.spec);
+  const auto recorder = open_recorder(out / "run.h5", run.meta, run.spec);
   record_ticks(*recorder, run, 1);
   recorder->close({"done"});
   EXPECT_TRUE(std::filesystem::is_symlink(out / "run.h5"));

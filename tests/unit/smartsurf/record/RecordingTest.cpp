@@ -6,6 +6,7 @@
 #include <cmath>
 #include <fstream>
 
+#include "smartsurf/scene/KindRegistry.h"
 #include "tests/unit/smartsurf/record/SyntheticRun.h"
 
 namespace smartsurf::record {
@@ -23,7 +24,7 @@ std::string error_of(const std::filesystem::path& path) {
 
 std::string write_run(const std::filesystem::path& path, std::uint64_t ticks = 100) {
   const SyntheticRun run;
-  const auto recorder = Recorder::open(path, run.meta, run.spec);
+  const auto recorder = open_recorder(path, run.meta, run.spec);
   for (std::uint64_t t = 0; t < ticks; ++t) {
     const NamedNumber lift{"lift", 0.1 * static_cast<double>(t)};
     recorder->record_frame(run.snapshot_at(t, {0, 1, 2}), run.spec.objects, {}, {}, {&lift, 1});
@@ -211,7 +212,7 @@ TEST(Recording, DescriptionHasNoControlCharacters) {
   run.meta.command_line =
       "smartsurf \x1b[31m\x07 run\nstate hash  forged \xc2\x9b"
       "1m ä";
-  const auto recorder = Recorder::open(out / "run.h5", run.meta, run.spec);
+  const auto recorder = open_recorder(out / "run.h5", run.meta, run.spec);
   recorder->record_frame(run.snapshot_at(0, {0, 1, 2}), run.spec.objects);
   recorder->close({"done\x1b]0;title\x07"});
   const std::string text = describe_recording(Recording::open(out / "run.h5"));
@@ -270,7 +271,7 @@ void write_shapes(const std::filesystem::path& path) {
     run.add(scene::ShapeKind::kSolid, "part", 1.0);
     run.spec.objects.back().solid = solid;
   }
-  const auto recorder = Recorder::open(path, run.meta, run.spec);
+  const auto recorder = open_recorder(path, run.meta, run.spec);
   std::vector<scene::ObjectSpec> all = run.spec.objects;
   recorder->record_frame(run.snapshot_at(0, {0, 1, 2, 3, 4, 5, 6}), all);
   all.push_back(all.back());  // added during the run: one with a stored solid, one with a new solid
@@ -383,7 +384,7 @@ struct LaidOutRun : SyntheticRun {
 TEST(Recording, KeepsLayoutActuatorsAndTheirStates) {
   const OutputFolder out;
   const LaidOutRun run;
-  const auto recorder = Recorder::open(out / "run.h5", run.meta, run.spec);
+  const auto recorder = open_recorder(out / "run.h5", run.meta, run.spec);
   for (std::uint64_t t = 0; t < 5; ++t) recorder->record_frame(run.snapshot_at(t), run.spec.objects);
   recorder->close({.outcome = "done"});
   const Recording recording = Recording::open(out / "run.h5");

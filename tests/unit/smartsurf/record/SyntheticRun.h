@@ -10,7 +10,7 @@
 #include <string>
 #include <vector>
 
-#include "smartsurf/record/Recorder.h"
+#include "smartsurf/record/OpenRecorder.h"
 
 namespace smartsurf::record {
 

@@ -1,3 +1,4 @@
+#include "smartsurf/scene/KindRegistry.h"
 #include "smartsurf/scene/SceneSpec.h"
 
 #include <gtest/gtest.h>

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 
+#include "smartsurf/scene/KindRegistry.h"
 #include "smartsurf/scene/SceneSpec.h"
 
 using namespace smartsurf::scene;

@@ -91,6 +91,12 @@ TEST_F(EventTest, MetricFunctionsAreEvaluatedWithTheNewState) {
   EXPECT_EQ(printed, "0.05\t3\t0.05\n") << "the time of the latest tick";
 }
 
+TEST_F(EventTest, MetricFunctionsAreDeclaredWhileLoading) {
+  EXPECT_EQ(run_error_of("metric('late', function() return 1 end)"),
+            "t.lua:2: metric: a function: only while the script loads, outside at, every, on_tick and "
+            "on_finish");
+}
+
 TEST_F(EventTest, SuccessReturnsItsTime) {
   const auto success = [&](const std::string& text) {
     run(text, 3);

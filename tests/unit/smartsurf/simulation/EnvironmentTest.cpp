@@ -243,6 +243,31 @@ TEST_P(OverloadedEnvironmentTest, FailsAndSaysWhy) {
 }
 INSTANTIATE_TEST_SUITE_P(Pile, OverloadedEnvironmentTest, testing::Values(kPile));
 
+TEST(EnvironmentMetrics, FollowEveryStepAndReset) {
+  EnvironmentOptions options;
+  options.experiment = "metrics.lua";
+  options.source = R"(
+surface { rows = 4, columns = 4 }
+world { control_period = 1/10, dt = 1/100 }
+metric('ticks', function(t, tick) return tick end)
+metric('time', function(t) return t end)
+)";
+  Environment environment(options);
+  const auto expect = [&](double ticks) {
+    ASSERT_EQ(environment.metrics().size(), 2u);
+    EXPECT_EQ(environment.metrics()[0].second, ticks);
+    EXPECT_NEAR(environment.metrics()[1].second, ticks / 10.0, 1e-12);
+  };
+  for (int episode = 0; episode < 2; ++episode) {
+    expect(0.0);
+    for (int step = 1; step <= 3; ++step) {
+      environment.step();
+      expect(step);
+    }
+    environment.reset(7);
+  }
+}
+
 INSTANTIATE_TEST_SUITE_P(Experiments, EnvironmentTest,
                          testing::Values(kCrowd, kNoisy, kJoints, kTilting, kDeltas, kTautSkin,
                                          kElasticSkin));

@@ -5,6 +5,7 @@
 #include <numbers>
 
 #include "common/threads/ThreadPool.h"
+#include "smartsurf/scene/KindRegistry.h"
 #include "smartsurf/surface/ActuatorArray.h"
 #include "smartsurf/surface/actuators/MotionProfile.h"
 

@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "common/threads/ThreadPool.h"
+#include "smartsurf/scene/KindRegistry.h"
 #include "smartsurf/surface/SensorArray.h"
 
 namespace smartsurf::surface {

@@ -261,6 +261,38 @@ TEST(SensorArray, BitIdenticalForAnyThreadCount) {
   }
 }
 
+// After a restore the objects from some id on may be others.
+TEST(SensorArray, RestoredObjectsReplaceThoseSensedBefore) {
+  SensorFixture abandoned, saved;
+  for (SensorFixture* t : {&abandoned, &saved}) {
+    t->add_sensor("proximity");
+    t->add_sensor("object_type");
+    t->add_sensor("colour");
+    t->add_ball(15, 12, 6, 1, "first");
+  }
+  abandoned.add_ball(5, 7, 6, 1, "second", {0.1F, 0.2F, 0.3F});
+  saved.add_ball(5, 7, 6, 2, "third", kRed);
+  scene::ObjectSpec box;
+  box.size = {2, 2, 2};
+  box.position = {10, 3, 6};
+  abandoned.add(box);
+  box.size = {4, 4, 4};
+  box.label = "third";
+  saved.add(box);
+
+  std::string bytes;
+  SensorArray original = saved.sensors(), restored = abandoned.sensors();
+  original.sense(saved.snapshot, saved.catalogue, saved.pool);
+  restored.sense(abandoned.snapshot, abandoned.catalogue, abandoned.pool);
+  common::StateArchive out(bytes);
+  original.archive(out, saved.snapshot, saved.catalogue, saved.pool);
+  common::StateArchive in{std::string_view(bytes)};
+  restored.archive(in, saved.snapshot, saved.catalogue, saved.pool);
+  for (int channel = 0; channel < 4; ++channel)
+    EXPECT_TRUE(std::ranges::equal(restored.readings(channel), original.readings(channel))) << channel;
+  EXPECT_EQ(restored.readings(2)[saved.cell(5, 7)], 2.0F);  // "first", "third"
+}
+
 TEST(SensorArray, RejectsUnknownModel) {
   SensorFixture t;
   t.add_sensor("proximity");

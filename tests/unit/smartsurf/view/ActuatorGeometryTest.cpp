@@ -3,8 +3,11 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <map>
 #include <numbers>
+#include <set>
 
+#include "smartsurf/scene/KindRegistry.h"
 #include "tests/unit/smartsurf/view/TestScene.h"
 
 namespace smartsurf::view {
@@ -122,6 +125,42 @@ TEST(ActuatorGeometry, TipsReachTheTop) {
     EXPECT_NEAR(highest_vertex(tips, tips.instances[4]), 1.0F, 1e-5F) << shape;
     EXPECT_GE(parts.recess()[4], 2.0F) << "the square pin is hidden below the shaft";
   }
+}
+
+TEST(ActuatorGeometry, DeltaTipIsAWholeSphereOrCylinder) {
+  for (const double length : {0.0, 1.5}) {  // 0: a sphere
+    scene::ParameterValues values{{"tip.radius", {0.25}}};
+    if (length > 0.0) values["tip.shape"] = {1.0}, values["tip.length"] = {length};
+    const ActuatorGeometry geometry = ActuatorFixture("delta", {}, values).geometry();
+    const std::vector<float>& vertices = geometry.meshes()[0].mesh.vertices;
+    const float depth = length > 0.0 ? 1.5F : 0.5F;
+    float lowest = 0.0F, mean = 0.0F;
+    for (std::size_t i = 0; i < vertices.size(); i += 7) {
+      lowest = std::min(lowest, vertices[i + 2]);
+      mean += vertices[i + 2] * 7.0F / static_cast<float>(vertices.size());
+    }
+    EXPECT_NEAR(lowest, -depth, 1e-5F);
+    EXPECT_NEAR(mean, -0.5F * depth, 1e-4F);
+  }
+}
+
+TEST(ActuatorGeometry, FaceOfAHullHasOneColour) {
+  const std::vector<double> box{-0.3, -0.2, -0.1, 0.4, -0.2, -0.1, -0.3, 0.5, -0.1, 0.4, 0.5, -0.1,
+                                -0.3, -0.2, 0.2,  0.4, -0.2, 0.2,  -0.3, 0.5, 0.2,  0.4, 0.5, 0.2};
+  const ActuatorGeometry geometry = ActuatorFixture("rotor", {}, {{"points", box}}).geometry();
+  const std::vector<float>& vertices = geometry.meshes()[0].mesh.vertices;
+  std::map<std::array<int, 3>, std::set<float>> shares;  // by normal
+  for (std::size_t i = 0; i < vertices.size(); i += 7)
+    shares[{static_cast<int>(std::lround(vertices[i + 3])), static_cast<int>(std::lround(vertices[i + 4])),
+            static_cast<int>(std::lround(vertices[i + 5]))}]
+        .insert(vertices[i + 6]);
+  ASSERT_EQ(shares.size(), 6u);
+  int accents = 0;
+  for (const auto& [normal, share] : shares) {
+    EXPECT_EQ(share.size(), 1u);
+    accents += static_cast<int>(share.count(1.0F));
+  }
+  EXPECT_EQ(accents, 3);
 }
 
 TEST(ActuatorGeometry, DeltaTipStandsAtItsOffsetOnThreeArms) {

@@ -6,6 +6,9 @@
 #include <fstream>
 #include <iterator>
 
+#include "smartsurf/scene/KindRegistry.h"
+#include "smartsurf/view/model/ActuatorGeometry.h"
+#include "smartsurf/web/SeriesEncoder.h"
 #include "tests/unit/smartsurf/record/SyntheticRun.h"
 
 namespace smartsurf::web {
@@ -15,7 +18,7 @@ using record::OutputFolder;
 using record::SyntheticRun;
 
 record::Recording write_recording(const std::filesystem::path& path, SyntheticRun& run, int ticks) {
-  const auto recorder = record::Recorder::open(path, run.meta, run.spec);
+  const auto recorder = record::open_recorder(path, run.meta, run.spec);
   for (int t = 0; t < ticks; ++t)
     recorder->record_frame(run.snapshot_at(static_cast<std::uint64_t>(t), {0, 1}), run.spec.objects);
   recorder->close({"done", 0, 0.0, 0});
@@ -51,7 +54,26 @@ TEST(Page, FillsInDefaultsOfMechanisms) {
   const std::string page = read_text(out / "run.html");
   EXPECT_NE(page.find("\"tip\":{\"height\":0.4"), page.npos);
   EXPECT_NE(page.find("\"arms\":{\"length\":2.0,\"radius\":0.5}"), page.npos);
-  EXPECT_NE(page.find("\"tip\":{\"length\":0.5,\"radius\":0.25}"), page.npos);
+  EXPECT_NE(page.find("\"tip\":{\"length\":0.5}"), page.npos);
+}
+
+TEST(Page, HoldsTheMeshesOfTheView) {
+  const OutputFolder out;
+  SyntheticRun run;
+  run.spec.surface.pin.top_x = run.spec.surface.pin.top_y = 0.8;
+  for (const char* model : {"ball", "wheels", "rotor", "force_field", "magnet", "air_jet", "tile", "delta"})
+    run.spec.surface.actuators.push_back(scene::find_actuator_kind(model)->default_spec());
+  const record::Recording recording = write_recording(out / "run.h5", run, 3);
+  write_page(recording, out / "run.html");
+  const std::string page = read_text(out / "run.html");
+  const view::ActuatorGeometry geometry(recording.spec().surface);
+  ASSERT_EQ(geometry.meshes().size(), 10u);
+  for (const view::InstancedMesh& mesh : geometry.meshes()) {
+    const std::vector<float>& vertices = mesh.mesh.vertices;
+    const std::string text =
+        base64({reinterpret_cast<const std::uint8_t*>(vertices.data()), sizeof(float) * vertices.size()});
+    EXPECT_NE(page.find("\"vertices\":\"" + text + '"'), page.npos);
+  }
 }
 
 TEST(Page, EscapesHostileLabels) {

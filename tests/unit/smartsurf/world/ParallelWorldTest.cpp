@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "common/threads/ThreadPool.h"
+#include "smartsurf/scene/KindRegistry.h"
 #include "smartsurf/surface/ActuatorArray.h"
 #include "smartsurf/world/NativeEngine.h"
 

@@ -1,5 +1,5 @@
 // Replaces the user interface in a build with -DSMARTSURF_VIEW=OFF.
-#include "apron/run/ui/UiRun.h"
+#include "apron/run/ui/RunWithUi.h"
 
 namespace apron::run {
 

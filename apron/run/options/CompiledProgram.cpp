@@ -1,4 +1,4 @@
-#include "apron/run/cli/CompiledProgram.h"
+#include "apron/run/options/CompiledProgram.h"
 
 #include <filesystem>
 #include <iostream>

@@ -1,4 +1,4 @@
-#include "apron/run/cli/Options.h"
+#include "apron/run/options/Options.h"
 
 #include <fmt/format.h>
 

@@ -1,4 +1,4 @@
-#include "apron/vm/Executor.h"
+#include "apron/vm/kernels/Executor.h"
 
 namespace apron::vm {
 

@@ -1,4 +1,4 @@
-#include "smartsurf/record/Recorder.h"
+#include "smartsurf/record/OpenRecorder.h"
 
 #include <fcntl.h>
 #include <sys/file.h>
@@ -55,8 +55,8 @@ void require_writable(const fs::path& path, const fs::path& pending) {
 
 }  // namespace
 
-std::unique_ptr<Recorder> Recorder::open(const fs::path& path, const RunMetadata& meta,
-                                         const scene::SceneSpec& spec) {
+std::unique_ptr<Recorder> open_recorder(const fs::path& path, const RunMetadata& meta,
+                                        const scene::SceneSpec& spec) {
   const std::string extension = lowercase_extension(path);
   const bool hdf5 = extension == ".h5" || extension == ".hdf5";
   if (!hdf5 && extension != ".csv")

@@ -9,7 +9,7 @@
 #include "apron/compiler/Compiler.h"
 #include "apron/debugger/Listing.h"
 #include "apron/program/Program.h"
-#include "apron/run/cli/Options.h"
+#include "apron/run/options/Options.h"
 
 namespace apron::run {
 

@@ -5,7 +5,7 @@
 #include <cstddef>
 #include <cstdint>
 
-#include "apron/vm/kernels/Kernels.h"
+#include "apron/vm/kernels/KernelTable.h"
 #include "common/threads/ThreadPool.h"
 
 namespace apron::vm {

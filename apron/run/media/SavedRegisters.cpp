@@ -1,4 +1,4 @@
-#include "apron/run/cli/SavedRegisters.h"
+#include "apron/run/media/SavedRegisters.h"
 
 #include "apron/run/media/ImageFile.h"
 #include "apron/run/media/MediaFile.h"

@@ -7,9 +7,9 @@
 #include <utility>
 #include <vector>
 
-#include "apron/run/cli/SavedRegisters.h"
 #include "apron/run/host/LocalHost.h"
-#include "apron/vm/InstructionSet.h"
+#include "apron/run/media/SavedRegisters.h"
+#include "apron/vm/kernels/Kernels.h"
 #include "common/process/ExitStatus.h"
 
 namespace apron::run {

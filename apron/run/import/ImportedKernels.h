@@ -1,0 +1,37 @@
+// What an import of kernels reads and gives.
+#pragma once
+
+#include <cstddef>
+#include <map>
+#include <set>
+#include <string>
+#include <vector>
+
+namespace apron::run {
+
+// The instructions of a machine's library: the numbers of arguments of each macro.
+struct KernelVocabulary {
+  std::map<std::string, std::set<std::size_t>> statements;  // without a result
+  std::map<std::string, std::set<std::size_t>> values;      // with one
+  std::set<std::string> names;                              // registers, defines and directions
+};
+
+// A line that was not translated.
+struct ImportNote {
+  std::size_t line = 0;
+  std::string text;
+  bool in_kernel = false;  // false for the program around the kernels, which runs on the controller
+};
+
+struct ImportedKernels {
+  std::string program;
+  std::vector<ImportNote> notes;
+  std::size_t instructions = 0;  // translated
+};
+
+struct ImportOptions {
+  std::string source_name;  // for the comment at the top
+  std::string picture;      // a file that becomes the light; "" for none
+};
+
+}  // namespace apron::run

@@ -1,0 +1,16 @@
+// Opens the file of a recording: HDF5 (.h5, .hdf5) or CSV (.csv); docs/recordings.md describes both.
+#pragma once
+
+#include <filesystem>
+#include <memory>
+
+#include "smartsurf/record/Recorder.h"
+
+namespace smartsurf::record {
+
+// Throws scene::InputError if the path is unusable (extension, directory, permission, a file that another run
+// is writing).
+std::unique_ptr<Recorder> open_recorder(const std::filesystem::path& path, const RunMetadata& meta,
+                                        const scene::SceneSpec& spec);
+
+}  // namespace smartsurf::record
