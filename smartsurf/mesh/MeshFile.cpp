@@ -12,6 +12,7 @@
 #include <fstream>
 #include <system_error>
 
+#include "common/files/Inputs.h"
 #include "smartsurf/mesh/ChildProcess.h"
 #include "smartsurf/scene/SceneSpec.h"
 
@@ -57,6 +58,7 @@ void check_readable(const fs::path& file) {
   if (!fs::exists(file, error)) refuse("does not exist");
   if (!fs::is_regular_file(file, error)) refuse("is not a regular file");
   if (fs::file_size(file, error) > kMaxFileBytes) refuse("is larger than 256 MiB");
+  common::note_input(file);
 }
 
 // Rejects a PLY header without an end, in which the importer would loop forever. The importer detects PLY by

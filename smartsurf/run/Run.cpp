@@ -9,6 +9,7 @@
 #include <filesystem>
 #include <thread>
 
+#include "common/files/Inputs.h"
 #include "common/files/ReadFile.h"
 #include "common/process/StopSignals.h"
 #include "smartsurf/extension/Extension.h"
@@ -78,6 +79,8 @@ script::Experiment Run::load(const RunOptions& options) {
   std::vector<std::string> metrics;
   for (const auto& [name, value] : experiment.metrics()) metrics.push_back(name);
   for (const std::string& name : options.render.plotted_metrics) require_metric("--plot", name, metrics);
+  if (is_apron_program(options.controller)) common::note_input(options.controller);
+  common::require_separate_outputs(named_outputs(options));
   return experiment;
 }
 

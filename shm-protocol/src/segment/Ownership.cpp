@@ -51,6 +51,15 @@ SegmentInfo inspect_descriptor(int descriptor, const std::string& file) {
 
 }  // namespace
 
+// A program without standard streams would print into a file that is opened as one of them.
+FileDescriptor::FileDescriptor(int number) noexcept : number_(number) {
+  if (number < 0 || number > 2) return;
+  number_ = ::fcntl(number, F_DUPFD_CLOEXEC, 3);
+  const int failure = errno;
+  ::close(number);
+  errno = failure;
+}
+
 FileDescriptor::~FileDescriptor() {
   if (number_ >= 0) ::close(number_);
 }

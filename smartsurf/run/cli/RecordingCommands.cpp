@@ -5,7 +5,9 @@
 #include <CLI/CLI.hpp>
 #include <memory>
 
+#include "common/files/Inputs.h"
 #include "common/process/ExitStatus.h"
+#include "common/text/Printable.h"
 #include "shm_protocol/Segments.h"
 #include "smartsurf/record/Recording.h"
 #include "smartsurf/record/plot/Plot.h"
@@ -16,13 +18,19 @@
 namespace smartsurf::run {
 namespace {
 
+void refuse_to_overwrite(const std::string& input, const std::string& flag, const std::string& output) {
+  common::note_input(input);
+  common::require_separate_outputs(std::vector<common::NamedOutput>{{flag, output}});
+}
+
 int clean_command(const std::string& prefix) {
   for (const auto& segment : shm_protocol::remove_orphans(prefix))
-    fmt::print("removed {} ({} bytes, left by process {})\n", segment.name, segment.bytes,
-               segment.surface_pid);
+    common::print_output(fmt::format("removed {} ({} bytes, left by process {})\n", segment.name,
+                                     segment.bytes, segment.surface_pid));
   for (const auto& segment : shm_protocol::list_segments())
     if (segment.ownership == shm_protocol::Ownership::kLiving && segment.name.starts_with(prefix))
-      fmt::print("kept {}: process {} is running\n", segment.name, segment.surface_pid);
+      common::print_output(
+          fmt::format("kept {}: process {} is running\n", segment.name, segment.surface_pid));
   return common::kDone;
 }
 
@@ -39,8 +47,8 @@ CommandHandler add_info_command(CLI::App& app) {
   info->add_flag("--datasets", flags->datasets, "List its datasets and their extents instead");
   return [flags] {
     const record::Recording recording = record::Recording::open(flags->file);
-    fmt::print("{}",
-               flags->datasets ? record::list_datasets(recording) : record::describe_recording(recording));
+    common::print_output(flags->datasets ? record::list_datasets(recording)
+                                         : record::describe_recording(recording));
     return common::kDone;
   };
 }
@@ -64,6 +72,7 @@ CommandHandler add_plot_command(CLI::App& app) {
                                    fmt::join(record::plot_kinds(), ", ")))
           ->type_name("KIND");
   return [flags, what] {
+    refuse_to_overwrite(flags->file, "-o", flags->output);
     if (flags->file.ends_with(".json")) {
       if (what->count() > 0)
         throw scene::InputError("--what: needs a recording; a chart in JSON says what it shows");
@@ -87,6 +96,7 @@ CommandHandler add_export_command(CLI::App& app) {
   return [flags] {
     if (!flags->output.ends_with(".html"))
       throw scene::InputError(fmt::format("export -o {}: the page's name must end in .html", flags->output));
+    refuse_to_overwrite(flags->file, "-o", flags->output);
     web::write_page(record::Recording::open(flags->file), flags->output,
                     {parse_positive_number("--fps", flags->fps)});
     return common::kDone;

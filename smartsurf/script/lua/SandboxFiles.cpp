@@ -8,6 +8,7 @@
 #include <string_view>
 #include <system_error>
 
+#include "common/files/Inputs.h"
 #include "common/files/ReadFile.h"
 #include "smartsurf/script/ScriptContext.h"
 #include "smartsurf/script/lua/SandboxFiles.h"
@@ -45,6 +46,7 @@ fs::path resolve_writable_path(const ScriptContext& context, const std::string& 
   std::error_code error;
   if (fs::exists(real, error) && !fs::is_regular_file(real, error))
     throw_path_error(subject, path, "is not a regular file");
+  if (common::is_input(real)) throw_path_error(subject, path, "is an input of this run");
   return real;
 }
 

@@ -1,0 +1,250 @@
+"""Hostile and mistaken files, names and descriptors: nothing is lost, nothing waits, nothing escapes."""
+import pty
+import shutil
+
+from programs import *
+
+TABLE = "surface { rows = 4, columns = 4, actuator = pin {} }\nsphere { radius = 1, position = {1, 1, 3} }\n"
+
+
+class Hostile(ProgramTest):
+    def shell(self, text, *arguments):
+        """Runs a shell command whose "$@" are the arguments."""
+        return self.run_program("/bin/sh", "-c", text, "sh", *map(str, arguments))
+
+
+class Streams(Hostile):
+    """Descriptors 0, 1 and 2 are never files of the program."""
+
+    def test_recording_without_standard_streams_is_readable(self):
+        table = self.write("table.lua", TABLE + "every(0.1, function() print(('another '):rep(2000)) end)\n")
+        for closed in ("1>&-", "2>&-", "1>&- 2>&-", "0<&- 1>&- 2>&-"):
+            self.shell(f'exec "$@" {closed}', SMARTSURF, "run", table, "--no-controller", "--ticks", 50, "--record", "r.h5",
+                       "--record", "r.csv", "--stats", "s.json")
+            status, out, err = self.run_program(SMARTSURF, "info", "r.h5")
+            self.assertEqual(status, 0, f"{closed}: {out}{err}")
+            self.assertNotIn("another", (self.folder / "r.csv").read_text())
+            self.assertEqual(json.loads((self.folder / "s.json").read_text())["ticks"], 50)
+            (self.folder / "r.h5").unlink()
+
+    def test_output_that_cannot_be_written_is_a_failure(self):
+        table = self.write("table.lua", TABLE)
+        program = self.write("p.aps", "!register(A)\nA = 1\nprint(globalsum(A))\n")
+        for command in ((SMARTSURF, "check", table), (APRON, "run", program)):
+            status, _, err = self.shell('exec "$@" 1>&-', *command)
+            self.assertEqual(status, 1, err)
+
+    def test_surfaces_without_standard_streams_keep_their_header(self):
+        table = self.write("table.lua", TABLE + "every(0.01, function() print(('a line '):rep(2000)) end)\n")
+        surfaces = (
+            (SMARTSURF, "run", table, "--shm", self.shm, "--mode", "passive"),
+            (str(BIN / "fake_surface"), "--shm", self.shm, "--mode", "passive", "--period-ms", "1"))
+        for command in surfaces:
+            child = self.start("/bin/sh", "-c", 'exec "$@" 0<&- 1>&- 2>&-', "sh", *map(str, command))
+            self.wait_for(lambda: self.segment().exists() or child.poll() is not None, "the segment")
+            self.assertTrue(self.segment().exists())
+            time.sleep(0.5)  # of printing
+            with open(self.segment(), "rb") as segment:
+                self.assertEqual(segment.read(8), b"SMRTSURF")
+            child.send_signal(signal.SIGTERM)
+            self.finish(child)
+
+
+class Terminal(Hostile):
+    """Control characters of files and scripts do not reach a terminal."""
+
+    def on_terminal(self, *command):
+        """What the command shows on a terminal."""
+        master, slave = pty.openpty()
+        child = subprocess.Popen([str(word) for word in command], stdin=slave, stdout=slave, stderr=slave, cwd=self.folder)
+        self.children.append(child)
+        os.close(slave)
+        shown = b""
+        try:
+            while block := os.read(master, 4096):
+                shown += block
+        except OSError:  # the end of the last process that has it open
+            pass
+        os.close(master)
+        self.finish(child)
+        return shown
+
+    def test_messages_hold_no_control_characters(self):
+        self.write("a.csv", "1,\x1b]0;title\x07\n")
+        self.write("layout.csv", "x,y,z\n1,\x1b[31m,0\n")
+        program = self.write("p.aps", "!register(A, 2, 1)\nA = io.array.open('a.csv')\n")
+        script = self.write("s.lua", "error('red \\27[31m \\194\\155')\n")
+        layout = self.write("l.lua", "surface { layout = 'layout.csv', actuator = pin {} }\n")
+        for command in ((APRON, "run", program), (SMARTSURF, "check", script), (SMARTSURF, "check", layout),
+                        (APRON, "check", "\x1b[31m.aps"), (SMARTSURF, "info", "\x1b[31m.h5"), (SMARTSURF, "\x1b[31m"),
+                        (str(BIN / "shm_dump"), "\x1b[31m"), (SMARTSURF, "run", script, "--worlds", "2", "--no-controller")):
+            status, out, err = self.run_program(*command)
+            self.assertNotEqual(status, 0)
+            self.assertNotEqual(err, "")
+            for code in ("\x1b", "\x07", "\x9b"):
+                self.assertNotIn(code, out + err, command)
+
+    def test_printed_text_is_escaped_on_terminals_alone(self):
+        script = self.write("s.lua", TABLE + "print('red \\27[31m')\n")
+        program = self.write("p.aps", "print('green')\n")
+        self.assertIn(b"green", self.on_terminal(APRON, "run", program))
+        run = (SMARTSURF, "run", script, "--no-controller", "--ticks", 1)
+        self.assertNotIn(b"\x1b[31m", self.on_terminal(*run))
+        self.assertIn(b"red ?[31m", self.on_terminal(*run))
+        self.assertIn("red \x1b[31m", self.run_program(*map(str, run))[1])
+
+
+class Outputs(Hostile):
+    """No output replaces an input or another output, by whatever name."""
+
+    def setUp(self):
+        super().setUp()
+        self.write("s.lua", TABLE + "require 'part'\n")
+        self.write("part.lua", "-- required\n")
+        self.program = self.write("p.aps", "!include('inner.aps')\n!register(A)\nA = 1\n")
+        self.write("inner.aps", "// included\n")
+        self.assertEqual(self.run_program(SMARTSURF, "run", "s.lua", "--no-controller", "--ticks", "3", "--record", "r.h5")[0], 0)
+
+    def contents(self):
+        return {p.name: p.read_bytes() for p in self.folder.iterdir() if p.is_file() and not p.is_symlink()}
+
+    def check_refusals(self, commands, expected):
+        before = self.contents()
+        for command in commands:
+            status, out, err = self.run_program(*map(str, command))
+            self.assertEqual(status, 2, f"{command}: {out}{err}")
+            self.assertRegex(err, expected, command)
+            self.assertEqual(err.count("\n"), 1, err)
+            self.assertEqual(self.contents(), before, command)
+
+    def test_inputs_are_kept(self):
+        for link, target in (("link.svg", "r.h5"), ("link.csv", "s.lua"), ("link.png", "part.lua"), ("link.npy", "inner.aps")):
+            (self.folder / link).symlink_to(target)
+        os.link(self.folder / "r.h5", self.folder / "hard.html")
+        run = (SMARTSURF, "run", "s.lua", "--no-controller", "--ticks", 3)
+        commands = [(*run, "--stats", "s.lua"), (*run, "--stats", "part.lua"), (*run, "--record", "link.csv"),
+                    (*run, "--stats", "./../" + self.folder.name + "/s.lua"), (*run, "--worlds", 2, "--stats", "s.lua"),
+                    (SMARTSURF, "run", "s.lua", "--controller", "p.aps", "--ticks", 3, "--stats", "p.aps"),
+                    (SMARTSURF, "plot", "r.h5", "-o", "link.svg"), (SMARTSURF, "export", "r.h5", "-o", "hard.html"),
+                    (APRON, "run", "p.aps", "--save", "A=link.npy"), (APRON, "run", "p.aps", "--profile", "p.aps")]
+        if WITH_VIEW:
+            commands += [(*run, "--screenshot", "link.png")]
+        self.check_refusals(commands, "would overwrite an input")
+
+    def test_outputs_are_separate_files(self):
+        run = (SMARTSURF, "run", "s.lua", "--no-controller", "--ticks", 3)
+        self.check_refusals(((*run, "--record", "a.h5", "--stats", "a.h5"), (*run, "--record", "a.h5", "--record", "./a.h5"),
+                             (*run, "--record", "a.csv", "--stats", "a.csv.part"),
+                             (*run, "--worlds", 2, "--record", "a.h5", "--stats", "a-1.h5"),
+                             (APRON, "run", "p.aps", "--save", "A=a.npy", "--save", "A=./a.npy")), "is the same file as")
+
+    def test_devices_may_be_shared(self):
+        status, _, err = self.run_program(SMARTSURF, "run", "s.lua", "--no-controller", "--ticks", "3", "--stats", "/dev/null")
+        self.assertEqual(status, 0, err)
+
+    def test_scripts_and_programs_keep_their_sources(self):
+        self.write("w.lua", TABLE + "require 'part'\nio.open('part.lua', 'w'):write('gone')\n")
+        self.write("w.aps", "!include('inner.aps')\n!register(A)\nio.array.save(A, 'a.csv')\n")
+        os.link(self.folder / "inner.aps", self.folder / "a.csv")
+        self.check_refusals(((SMARTSURF, "run", "w.lua", "--no-controller", "--ticks", 3, "--record", "x.h5"),), "is an input of this run")
+        before = self.contents()
+        status, _, err = self.run_program(APRON, "run", "w.aps")
+        self.assertEqual((status, self.contents()), (2, before), err)
+
+
+class RegularFiles(Hostile):
+    """A pipe or a device in the place of a file is refused at once."""
+
+    def test_pipes_are_refused(self):
+        for name in ("f.lua", "f.aps", "f.h5", "f.json", "f.csv", "f.png", "f.npy", "f.y4m", "f.obj", "f.urdf", "f.txt", "f.so",
+                     "part.lua", "inc.aps", "palettes.txt", "video9"):
+            os.mkfifo(self.folder / name)
+        program = "!register(A)\n"
+        for name, text in (("image.aps", "A = io.image.open('f.png')"), ("array.aps", "A = io.array.open('f.npy')"),
+                           ("table.aps", "A = io.array.open('f.csv')"), ("clip.aps", "video.clip.open('f.y4m')"),
+                           ("include.aps", "!include('inc.aps')"), ("camera.aps", "webcam.open(0)\nA = webcam.read"), ("plain.aps", "A = 1")):
+            self.write(name, program + text + "\n")
+        for name, text in (("require.lua", "require 'part'"), ("mesh.lua", "mesh { file = 'f.obj', position = {1, 1, 5} }"), ("model.lua", "urdf { file = 'f.urdf', position = {1, 1, 5} }"),
+                           ("open.lua", "io.open('f.csv')")):
+            self.write(name, TABLE + text + "\n")
+        check, run = (SMARTSURF, "check"), (APRON, "run")
+        for command in ((*check, "f.lua"), (*check, "require.lua"), (*check, "mesh.lua"), (*check, "model.lua"), (*check, "open.lua"),
+                        (*check, "mesh.lua", "--load", "f.so"), (SMARTSURF, "info", "f.h5"), (SMARTSURF, "plot", "f.h5", "-o", "a.svg"),
+                        (SMARTSURF, "plot", "f.json", "-o", "a.svg"), (*run, "f.aps"), (*run, "plain.aps", "--palettes", "f.txt"),
+                        (*run, "plain.aps", "--palettes", "/dev/null", "--cost-model", "f.json", "--profile", "p.json"), (APRON, "import", "f.aps"), (APRON, "fmt", "f.aps")):
+            status, out, err = self.finish(self.start(*command), 20)
+            self.assertEqual(status, 2, f"{command}: {out}{err}")
+            self.assertRegex(err, "regular file", command)
+        (self.folder / "palettes.txt").unlink()
+        for name in ("image", "array", "table", "clip", "include"):
+            status, out, err = self.finish(self.start(*run, name + ".aps"), 20)
+            self.assertEqual(status, 2, f"{name}: {out}{err}")
+            self.assertRegex(err, "regular file|there is no file", name)
+        for camera in ("video9", "f.png", "f.y4m", "/dev/null"):
+            status, out, err = self.finish(self.start(*run, "camera.aps", "--camera", camera), 20)
+            self.assertEqual(status, 2, f"{camera}: {out}{err}")
+            self.assertRegex(err, "regular file|not a camera", camera)
+
+
+class ApronFiles(Hostile):
+    """A program reads and writes in its own folder and in those of --allow, and loads the modules of --module."""
+
+    def setUp(self):
+        super().setUp()
+        (self.folder / "own/inner").mkdir(parents=True)
+        (self.folder / "other").mkdir()
+
+    def apron(self, text, *flags):
+        self.write("own/p.aps", "!register(A)\nA = 1\n" + text + "\n")
+        return self.run_program(APRON, "run", "own/p.aps", "--size", "2x2", *flags)
+
+    def test_files_outside_the_allowed_folders_are_refused(self):
+        self.write("other/secret.csv", "1,2\n3,4\n")
+        (self.folder / "own/link.csv").symlink_to("../other/secret.csv")
+        (self.folder / "own/folder").symlink_to("../other")
+        before = {p: p.stat().st_mtime_ns for p in self.folder.rglob("*")}
+        for statement in ("io.array.save(A, 'a.csv')", "io.array.save(A, 'own/../a.csv')", "io.array.save(A, 'own/folder/a.csv')",
+                          "io.image.save(A, 'own/../other/a.png')", f"io.array.save(A, '{self.folder}/other/a.npy')",
+                          "A = io.array.open('other/secret.csv')", "A = io.array.open('own/link.csv')", "video.clip.open('other/a.y4m')",
+                          "io.image.savecount(A, 'other/f##.png', 1)"):
+            status, _, err = self.apron(statement)
+            self.assertEqual(status, 2, statement)
+            self.assertIn("--allow", err)
+            self.assertEqual({p for p in self.folder.rglob("*")}, set(before) | {self.folder / "own/p.aps"})
+
+    def test_allowed_folders_are_used(self):
+        for statement, flags, file in (("io.array.save(A, 'own/inner/a.csv')", (), "own/inner/a.csv"),
+                                       ("io.array.save(A, 'a.csv')", ("--allow", "."), "a.csv"),
+                                       ("io.array.save(A, 'other/a.csv')", ("--allow", "elsewhere", "--allow", "other"), "other/a.csv")):
+            status, _, err = self.apron(statement, *flags)
+            self.assertEqual(status, 0, err)
+            self.assertTrue((self.folder / file).exists())
+        status, _, err = self.apron("", "--save", "A=other/saved.csv")  # the user's own choice
+        self.assertEqual(status, 0, err)
+
+    def test_native_code_needs_permission(self):
+        self.write("evil.c", "__attribute__((constructor)) static void run(void) { fclose(fopen(\"ran\", \"w\")); }\n")
+        source = self.folder / "evil.c"
+        source.write_text("#include <stdio.h>\n" + source.read_text())
+        subprocess.run(["cc", "-shared", "-fPIC", "-o", str(self.folder / "own/evil.so"), str(source)], check=True)
+        shutil.copy(self.folder / "own/evil.so", self.folder / "other/evil.so")
+        for name in ("evil", "../other/evil", "../own/evil"):
+            status, _, err = self.apron(f"!module('{name}')\nplugin(?, 0)")
+            self.assertEqual(status, 2)
+            self.assertIn("--module", err)
+            self.assertFalse((self.folder / "ran").exists())
+        _, _, err = self.apron("!module('evil')\nplugin(?, 0)", "--module", "evil")
+        self.assertIn("apron_plugin_version", err)  # it was loaded
+
+    def test_only_sources_are_included(self):
+        self.write("other/notes.txt", "a secret line\n")
+        (self.folder / "own/notes.aps").symlink_to("../other/notes.txt")
+        for name in ("../other/notes.txt", "notes.aps", "/etc/passwd"):
+            status, _, err = self.apron(f"!include('{name}')")
+            self.assertEqual(status, 2)
+            self.assertNotIn("secret", err)
+            self.assertNotIn("root:", err)
+
+
+if __name__ == "__main__":
+    unittest.main()
