@@ -274,6 +274,13 @@ bool Run::handle_controller_exit() {
   return true;
 }
 
+void Run::end_without_name() {
+  set_ending(common::kFailed,
+             fmt::format("no controller can attach: another process has removed the shared memory of '{}'",
+                         link_->name()));
+  progress_.print_message(ending_->outcome);
+}
+
 std::string Run::command_to_attach() const {
   return attach_command(options_.experiment, link_->name(), display_->has_window());
 }
@@ -303,6 +310,8 @@ bool Run::wait_for_controller() {
     announced_waiting_ = false;
     had_controller_ = false;
   }
+  if (!link_->endpoint().is_reachable()) end_without_name();
+  if (ending_) return false;
   if (!controller_process_ && !announced_waiting_) {
     progress_.print_message(
         fmt::format("waiting for a controller; attach one with: {}", command_to_attach()));
@@ -319,6 +328,7 @@ bool Run::wait_for_controller() {
     refresh_display();
     if (stop_requested_ || requests_.quit) set_ending(common::kDone, "stopped by the user");
     if (controller_process_ && controller_process_->exit_status()) handle_controller_exit();
+    if (!link_->endpoint().is_reachable()) end_without_name();
     if (ending_) return false;
   }
 }

@@ -24,6 +24,7 @@ class FileDescriptor {
     return *this;
   }
   int number() const noexcept { return number_; }
+  int detach() noexcept { return std::exchange(number_, -1); }
 
  private:
   int number_ = -1;

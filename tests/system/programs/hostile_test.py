@@ -1,6 +1,7 @@
 """Hostile and mistaken files, names and descriptors: nothing is lost, nothing waits, nothing escapes."""
 import pty
 import shutil
+import struct
 
 from programs import *
 
@@ -244,6 +245,95 @@ class ApronFiles(Hostile):
             self.assertEqual(status, 2)
             self.assertNotIn("secret", err)
             self.assertNotIn("root:", err)
+
+
+class Liveness(Hostile):
+    """Who lives is decided by locks that the kernel releases; every wait hears its end."""
+
+    def start_surface(self, *flags):
+        self.write("s.lua", TABLE)
+        surface = self.start(SMARTSURF, "run", "s.lua", "--shm", self.shm, *flags)
+        self.wait_for(lambda: self.segment().exists(), "the segment")
+        return surface
+
+    def start_controller(self):
+        self.write("p.aps", "while(1)\nsurface.actuate('height', 0)\nsurface.step\nendwhile\n")
+        controller = self.start(APRON, "run", "p.aps", "--shm", self.shm)
+        self.wait_for(lambda: self.words("claim") != 0, "the claim")
+        return controller
+
+    def words(self, which):
+        offset = {"claim": 512, "surface": 24, "sensors": 640}[which]
+        with open(self.segment(), "rb") as file:
+            return struct.unpack("<Q", os.pread(file.fileno(), 8, offset))[0]
+
+    def elsewhere(self, *command):
+        """Runs a command in a pid namespace of its own."""
+        return self.run_program("unshare", "--user", "--map-root-user", "--pid", "--fork", "--mount-proc", *command)
+
+    def setUp(self):
+        super().setUp()
+        self.has_namespaces = self.elsewhere("true")[0] == 0
+
+    def test_living_surface_is_kept_across_pid_namespaces(self):
+        if not self.has_namespaces:
+            self.skipTest("this system has no user namespaces")
+        surface = self.start_surface()
+        for command in ((SMARTSURF, "clean", self.shm), (str(BIN / "shm_dump"), "--clean", self.shm)):
+            status, out, err = self.elsewhere(*command)
+            self.assertTrue(self.segment().exists(), out + err)
+        self.start_controller()
+        status, out, err = self.elsewhere(APRON, "run", "p.aps", "--shm", self.shm)
+        self.assertEqual(status, 2, out + err)
+        self.assertIn("already has a controller", err)
+        surface.kill()
+        surface.communicate()
+        self.elsewhere(SMARTSURF, "clean", self.shm)
+        self.assertFalse(self.segment().exists())
+
+    def test_killed_controller_is_noticed_and_replaced(self):
+        surface = self.start_surface()
+        for _ in range(3):
+            controller = self.start_controller()
+            controller.kill()
+            controller.communicate()
+            self.wait_for(lambda: self.words("claim") == 0, "the surface to notice")
+        self.assertIsNone(surface.poll())
+
+    def test_surface_without_its_name_advises_nothing(self):
+        surface = self.start_surface()
+        self.segment().unlink()
+        status, _, err = self.finish(surface, 20)
+        self.assertEqual(status, 1, err)
+        self.assertIn("another process has removed", err.splitlines()[-1])
+
+        surface = self.start_surface()
+        controller = self.start_controller()
+        self.segment().unlink()
+        controller.kill()
+        status, _, err = self.finish(surface, 20)
+        self.assertEqual(status, 1, err)
+        self.assertNotIn("waiting for a controller", err.splitlines()[-1])
+        self.assertIn("another process has removed", err.splitlines()[-1])
+
+    def test_controller_at_a_torn_frame_hears_its_stop_and_the_surface_end(self):
+        for ends_surface in (False, True):
+            surface = self.start_surface("--mode", "passive")
+            controller = self.start_controller()
+            surface.send_signal(signal.SIGSTOP)
+            time.sleep(0.2)
+            with open(self.segment(), "r+b") as file:  # the newest frame is one that no slot holds
+                os.pwrite(file.fileno(), struct.pack("<I", self.words("sensors") % 2**32 + 1000), 640)
+            time.sleep(0.2)
+            if ends_surface:
+                surface.kill()
+                surface.communicate()
+            else:
+                controller.send_signal(signal.SIGTERM)
+            status, _, err = self.finish(controller, 10)
+            self.assertEqual(status, 3 if ends_surface else 128 + signal.SIGTERM, err)
+            surface.kill()
+            surface.communicate()
 
 
 if __name__ == "__main__":
