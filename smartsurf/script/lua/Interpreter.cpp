@@ -182,6 +182,7 @@ void Interpreter::raise_budget_error(lua_State* L) {
   else
     lua_pushfstring(L, "%s: the script ran for more than %I instructions: an endless loop?",
                     current_location(L).c_str(), static_cast<LUAI_UACINT>(instruction_budget_));
+  if (budget_message_.empty()) budget_message_ = lua_tostring(L, -1);
   lua_error(L);
   std::abort();  // lua_error does not return
 }
@@ -249,6 +250,7 @@ void Interpreter::call(int arguments, int results, const Budget& budget,
   instruction_budget_ = budget.instructions;
   instructions_used_ = 0;
   budget_exceeded_ = false;
+  budget_message_.clear();
   excess_ = Excess::kInstructions;
   time_limit_s_ = budget.seconds;
   started_s_ = -1.0;
@@ -275,6 +277,12 @@ void Interpreter::call(int arguments, int results, const Budget& budget,
   if (deferred_exception_) {
     lua_settop(lua_, base - 1);
     std::rethrow_exception(std::exchange(deferred_exception_, nullptr));
+  }
+  if (budget_exceeded_) {
+    // The end of the call, whatever became of the error: Lua returns it as a value where a coroutine is closed.
+    lua_settop(lua_, base - 1);
+    lua_pushlstring(lua_, budget_message_.data(), budget_message_.size());
+    throw_input_error(LUA_ERRRUN, fallback_location);
   }
   if (status != LUA_OK) throw_input_error(status, fallback_location);
 }

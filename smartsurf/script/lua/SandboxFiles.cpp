@@ -185,6 +185,11 @@ void bind_file_access(lua_State* L) {
   lua_register(L, "dofile", guarded<dofile>);
   lua_register(L, "require", guarded<require>);
   luaL_requiref(L, LUA_IOLIBNAME, luaopen_io, 0);
+  // Out of the script's reach: Lua would run a finalizer that it puts there with the count hook disabled.
+  luaL_getmetatable(L, LUA_FILEHANDLE);
+  lua_pushliteral(L, "locked");
+  lua_setfield(L, -2, "__metatable");
+  lua_pop(L, 1);
   lua_newtable(L);
   lua_getfield(L, -2, "open");
   lua_pushcclosure(L, guarded<io_open>, 1);
