@@ -336,5 +336,29 @@ class Liveness(Hostile):
             surface.communicate()
 
 
+class RecordingLoss(Hostile):
+    """A recording that is removed, replaced or cut while the run writes it is not reported as written."""
+
+    def lose(self, name, loss):
+        self.write("s.lua", TABLE + "local n = 0\nevery(0.05, function() n = n + 1 end)\n")
+        run = self.start(SMARTSURF, "run", "s.lua", "--no-controller", "--pace", "20", "--until", "3600", "--record", name)
+        self.wait_for(lambda: (self.folder / name).exists(), "the recording's name")
+        loss(self.folder / name)
+        run.send_signal(signal.SIGTERM)
+        status, out, err = self.finish(run)
+        self.assertEqual(status, 1, f"{name}: {out}{err}")
+        self.assertNotIn("wrote", err)
+        return err
+
+    def test_loss_is_a_failure(self):
+        def replace(path):
+            path.unlink()
+            path.write_bytes(b"x" * 10_000_000)
+        for name in ("r.h5", "r.csv"):
+            for loss, word in ((pathlib.Path.unlink, "removed"), (replace, "replaced"), (lambda path: os.truncate(path, 100), "cut")):
+                self.assertIn(f"was {word} while the run recorded it", self.lose(name, loss))
+                (self.folder / name).unlink(missing_ok=True)
+
+
 if __name__ == "__main__":
     unittest.main()
