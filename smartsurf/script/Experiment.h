@@ -35,6 +35,8 @@ struct LoadOptions {
   std::optional<std::string> engine;
   // The script's text; nullopt = read the file.
   std::optional<std::string> source;
+  // Where the script reads files; nullopt = beside it.
+  std::optional<std::filesystem::path> script_folder;
   // Builds the solids of mesh{} and hull{}; null = both are errors.
   std::shared_ptr<scene::SolidFactory> solid_factory;
   // Makes save(), restore() and restart() available.

@@ -51,8 +51,12 @@ int main(int argc, char** argv) noexcept {
   common::open_standard_streams();
   common::report_file_size_errors();
   const common::Termination termination("smartsurf");
+  return run_and_report([=] { return parse_and_run(argc, argv); });
+}
+
+int run_and_report(const std::function<int()>& command) noexcept {
   try {
-    const int status = parse_and_run(argc, argv);
+    const int status = command();
     if (status != common::kDone) return status;
     if (std::fflush(stdout) != 0)
       common::print_error_line("smartsurf", std::string("cannot write the output: ") + std::strerror(errno));

@@ -11,6 +11,7 @@
 #include "shm_protocol/Segments.h"
 #include "smartsurf/record/Recording.h"
 #include "smartsurf/record/plot/Plot.h"
+#include "smartsurf/run/cli/ReadWorker.h"
 #include "smartsurf/run/cli/Subcommands.h"
 #include "smartsurf/run/options/FlagValues.h"
 #include "smartsurf/web/Page.h"
@@ -46,10 +47,12 @@ CommandHandler add_info_command(CLI::App& app) {
   info->add_option("recording", flags->file, "The recording")->required()->type_name("FILE.h5");
   info->add_flag("--datasets", flags->datasets, "List its datasets and their extents instead");
   return [flags] {
-    const record::Recording recording = record::Recording::open(flags->file);
-    common::print_output(flags->datasets ? record::list_datasets(recording)
-                                         : record::describe_recording(recording));
-    return common::kDone;
+    return read_in_worker(flags->file, [&]() -> int {
+      const record::Recording recording = record::Recording::open(flags->file);
+      common::print_output(flags->datasets ? record::list_datasets(recording)
+                                           : record::describe_recording(recording));
+      return common::kDone;
+    });
   };
 }
 
@@ -71,7 +74,7 @@ CommandHandler add_plot_command(CLI::App& app) {
                        fmt::format("One of: {}; or CHANNEL:ROW,COLUMN of a recorded channel",
                                    fmt::join(record::plot_kinds(), ", ")))
           ->type_name("KIND");
-  return [flags, what] {
+  return [flags, what]() -> int {
     refuse_to_overwrite(flags->file, "-o", flags->output);
     if (flags->file.ends_with(".json")) {
       if (what->count() > 0)
@@ -79,8 +82,10 @@ CommandHandler add_plot_command(CLI::App& app) {
       record::write_chart(flags->file, flags->output);
       return common::kDone;
     }
-    record::write_plot(record::Recording::open(flags->file), flags->what, flags->output);
-    return common::kDone;
+    return read_in_worker(flags->file, [&]() -> int {
+      record::write_plot(record::Recording::open(flags->file), flags->what, flags->output);
+      return common::kDone;
+    });
   };
 }
 
@@ -97,9 +102,11 @@ CommandHandler add_export_command(CLI::App& app) {
     if (!flags->output.ends_with(".html"))
       throw scene::InputError(fmt::format("export -o {}: the page's name must end in .html", flags->output));
     refuse_to_overwrite(flags->file, "-o", flags->output);
-    web::write_page(record::Recording::open(flags->file), flags->output,
-                    {parse_positive_number("--fps", flags->fps)});
-    return common::kDone;
+    const double fps = parse_positive_number("--fps", flags->fps);
+    return read_in_worker(flags->file, [&]() -> int {
+      web::write_page(record::Recording::open(flags->file), flags->output, {fps});
+      return common::kDone;
+    });
   };
 }
 

@@ -8,6 +8,7 @@
 #include "common/process/ExitStatus.h"
 #include "common/process/StopSignals.h"
 #include "common/text/Printable.h"
+#include "smartsurf/run/cli/ReadWorker.h"
 #include "smartsurf/run/cli/Subcommands.h"
 #include "smartsurf/run/cli/WindowSession.h"
 #include "smartsurf/run/options/FlagValues.h"
@@ -94,7 +95,7 @@ CommandHandler add_replay_command(CLI::App& app) {
       ->type_name("N");
   add_extension_flags(*replay, flags->allow_extensions);
   replay->add_flag("--unsafe", flags->unsafe, "Let --verify run a script that was recorded with --unsafe");
-  return [flags] { return replay_command(*flags); };
+  return [flags] { return read_in_worker(flags->file, [&] { return replay_command(*flags); }); };
 }
 
 }  // namespace smartsurf::run

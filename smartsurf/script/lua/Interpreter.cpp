@@ -11,6 +11,7 @@
 #include <new>
 #include <utility>
 
+#include "common/process/ChildWork.h"
 #include "smartsurf/script/ScriptContext.h"
 
 namespace smartsurf::script {
@@ -162,7 +163,8 @@ void Interpreter::check_time(lua_State* L) {
   if (watch_) watch_->next();
   // The clock of the thread is a system call, which short calls do without.
   if (started_s_ < 0.0) started_s_ = thread_time_s(CLOCK_THREAD_CPUTIME_ID);
-  const double used_s = thread_time_s(CLOCK_THREAD_CPUTIME_ID) - started_s_;
+  const double used_s =
+      thread_time_s(CLOCK_THREAD_CPUTIME_ID) - started_s_ + common::child_time_s() - children_before_s_;
   const std::atomic<bool>* const stop = context_.options.stop;
   const bool stopped = stop != nullptr && stop->load(std::memory_order_relaxed);
   if (used_s <= (stopped ? std::min(kTimeAfterStop_s, time_limit_s_) : time_limit_s_)) return;
@@ -254,6 +256,7 @@ void Interpreter::call(int arguments, int results, const Budget& budget,
   excess_ = Excess::kInstructions;
   time_limit_s_ = budget.seconds;
   started_s_ = -1.0;
+  children_before_s_ = common::child_time_s();
   last_time_check_ns_ = coarse_time_ns();
   error_location_.clear();
   interval_ = std::min(string_interval_,
@@ -284,7 +287,12 @@ void Interpreter::call(int arguments, int results, const Budget& budget,
     lua_pushlstring(lua_, budget_message_.data(), budget_message_.size());
     throw_input_error(LUA_ERRRUN, fallback_location);
   }
-  if (status != LUA_OK) throw_input_error(status, fallback_location);
+  if (status == LUA_OK) return;
+  if (context_.options.stop != nullptr && context_.options.stop->load(std::memory_order_relaxed)) {
+    lua_settop(lua_, base - 1);
+    throw Interrupted();  // whatever the stop has made fail
+  }
+  throw_input_error(status, fallback_location);
 }
 
 std::optional<Interpreter::LocatedMessage> Interpreter::split_location(const std::string& message) const {

@@ -1,7 +1,9 @@
 """Hostile and mistaken files, names and descriptors: nothing is lost, nothing waits, nothing escapes."""
 import pty
+import resource
 import shutil
 import struct
+import sys
 
 from programs import *
 
@@ -358,6 +360,92 @@ class RecordingLoss(Hostile):
             for loss, word in ((pathlib.Path.unlink, "removed"), (replace, "replaced"), (lambda path: os.truncate(path, 100), "cut")):
                 self.assertIn(f"was {word} while the run recorded it", self.lose(name, loss))
                 (self.folder / name).unlink(missing_ok=True)
+
+
+class Recordings(Hostile):
+    """A recording may hold anything: no reader crashes on it, and running it again reads nothing that the run did not."""
+
+    def test_changed_recordings_are_survived(self):
+        status, out, err = self.run_program(sys.executable, str(ROOT / "scripts/check-recordings"), "--changes", "28", "--bin", str(BIN),
+                                            "--keep", "failed")
+        self.assertEqual(status, 0, out + err)
+
+    def record(self, script):
+        (self.folder / "there").mkdir(exist_ok=True)
+        self.write("there/secret.lua", "a secret line\n")
+        self.write("there/part.lua", "return 1\n")
+        self.write("there/s.lua", TABLE + script)
+        self.assertEqual(self.run_program(SMARTSURF, "run", "there/s.lua", "--no-controller", "--ticks", "5", "--record", "r.h5")[0], 0)
+
+    def test_verification_reads_beside_an_unchanged_script_alone(self):
+        self.record("require 'part'\n")
+        self.assertEqual(self.run_program(SMARTSURF, "replay", "r.h5", "--verify")[0], 0)
+        # Whoever made the recording could name any folder in it.
+        self.record("if option('leak', 0, '') == 0 then return end dofile('secret.lua')\n")
+        self.assertEqual(self.run_program(SMARTSURF, "run", "there/s.lua", "--no-controller", "--ticks", "5", "--record", "r.h5")[0], 0)
+        self.write("there/s.lua", "-- another script\n")
+        data = (self.folder / "r.h5").read_bytes().replace(b"'leak', 0,", b"'leak', 1,")
+        (self.folder / "r.h5").write_bytes(data)
+        status, out, err = self.run_program(SMARTSURF, "replay", "r.h5", "--verify")
+        self.assertEqual(status, 2, out + err)
+        self.assertNotIn("secret line", out + err)
+        self.assertIn("is not beside the script", err)
+
+    def test_irregular_ticks_are_refused(self):
+        self.record("")
+        data = (self.folder / "r.h5").read_bytes()
+        ticks = struct.pack("<6Q", *range(6))
+        self.assertEqual(data.count(ticks), 1)
+        (self.folder / "r.h5").write_bytes(data.replace(ticks, struct.pack("<6Q", 0, 1, 2, 3, 4, 2**60)))
+        status, out, err = self.finish(self.start(SMARTSURF, "replay", "r.h5", "--verify"), 30)
+        self.assertEqual(status, 2, out + err)
+        self.assertIn("instead of 5", err)
+
+
+class Meshes(Hostile):
+    """The importer's memory and time are limited and charged to the run, and its process ends with the run's."""
+
+    def setUp(self):
+        super().setUp()
+        self.write("s.lua", TABLE + "mesh { file = 'a.ply', position = { 1, 1, 5 } }\n")
+
+    def test_a_small_file_cannot_take_all_memory(self):
+        self.write("a.ply", "ply\nformat ascii 1.0\nelement vertex 99999999999\nproperty float x\nproperty float y\n"
+                   "property float z\nelement face 1\nproperty list uchar int vertex_indices\nend_header\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n")
+        before = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss
+        child = self.start("/bin/sh", "-c", 'ulimit -v 16000000; exec "$@"', "sh", SMARTSURF, "check", "s.lua")
+        status, out, err = self.finish(child, 60)
+        self.assertEqual(status, 2, out + err)
+        self.assertRegex(err, "the mesh importer failed|bad_alloc")
+        # In KiB: more than what the program itself needs, less than the file asks for.
+        self.assertLess(resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss, max(before, 2 << 20))
+
+    def slow_mesh(self):
+        # Text that is long to read.
+        with open(self.folder / "a.ply", "w") as file:
+            count = 700_000
+            file.write(f"ply\nformat ascii 1.0\nelement vertex {count}\nproperty float x\nproperty float y\nproperty float z\n"
+                       "element face 1\nproperty list uchar int vertex_indices\nend_header\n")
+            file.writelines("0.123456789 0.987654321 0.555555555\n" for _ in range(count))
+            file.write("3 0 1 2\n")
+
+    def importers(self, parent):
+        children = pathlib.Path(f"/proc/{parent}/task/{parent}/children")
+        return [int(pid) for pid in children.read_text().split()] if children.exists() else []
+
+    def test_stop_and_death_end_the_importer(self):
+        self.slow_mesh()
+        for how in (signal.SIGTERM, signal.SIGKILL):
+            run = self.start(SMARTSURF, "run", "s.lua", "--no-controller", "--ticks", "1")
+            self.wait_for(lambda: self.importers(run.pid) or run.poll() is not None, "the importer")
+            self.assertIsNone(run.poll(), "the importer ended too soon to be stopped")
+            importer = self.importers(run.pid)[0]
+            os.kill(importer, signal.SIGSTOP)  # as one that never ends
+            run.send_signal(how)
+            status, _, err = self.finish(run, 20)
+            self.assertEqual(status, 128 + signal.SIGTERM if how == signal.SIGTERM else -signal.SIGKILL, err)
+            self.wait_for(lambda: not pathlib.Path(f"/proc/{importer}").exists() or
+                          pathlib.Path(f"/proc/{importer}/stat").read_text().rsplit(")", 1)[1].split()[0] == "Z", "the importer's end")
 
 
 if __name__ == "__main__":
