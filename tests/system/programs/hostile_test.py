@@ -420,6 +420,24 @@ class Meshes(Hostile):
         # In KiB: more than what the program itself needs, less than the file asks for.
         self.assertLess(resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss, max(before, 2 << 20))
 
+    def test_meshes_of_many_shells_are_refused(self):
+        self.write("s.lua", TABLE + "mesh { file = 'a.stl', position = { 1, 1, 50 } }\n")
+        corners = ((0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1))
+
+        def write(shells):  # tetrahedra: the first around all others
+            with open(self.folder / "a.stl", "wb") as file:
+                file.write(bytes(80) + struct.pack("<I", 4 * len(shells)))
+                for size, *at in shells:
+                    for face in ((0, 2, 1), (0, 1, 3), (0, 3, 2), (1, 2, 3)):
+                        points = [a + size * c for i in face for a, c in zip(at, corners[i])]
+                        file.write(struct.pack("<12fH", 0, 0, 0, *points, 0))
+        for shells, expected in (([(1, 2 * (i % 40), 2 * (i // 40 % 40), 2 * (i // 1600)) for i in range(60_000)], "at most 20000"),
+                                 ([(4 + 0.001 * i, 0, 0, 0) for i in range(15_000)], "too many shells within others|does not separate|edge")):
+            write(shells)
+            status, out, err = self.run_program(SMARTSURF, "check", "s.lua")
+            self.assertEqual(status, 2, out + err)
+            self.assertRegex(err, expected)
+
     def slow_mesh(self):
         # Text that is long to read.
         with open(self.folder / "a.ply", "w") as file:
