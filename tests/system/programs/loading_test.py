@@ -45,6 +45,18 @@ class Loading(ProgramTest):
         self.assertGreater(len(installed), 6)
         self.assertEqual(bad_run_paths(built + installed), [])
 
+    def test_loaded_code_is_read_only(self):
+        # Position-independent, with full RELRO, and without an executable stack.
+        prefix = self.folder / "prefix"
+        subprocess.run([CMAKE, "--install", str(BIN.parent), "--prefix", str(prefix)], check=True, stdout=subprocess.DEVNULL)
+        for file in elf_files(prefix, BIN.parent / "python"):
+            program = subprocess.run(["readelf", "-lW", "-h", str(file)], text=True, capture_output=True, check=True,
+                                     env={**os.environ, "LC_ALL": "C"}).stdout
+            self.assertRegex(program, r"Type: +DYN", file)
+            self.assertIn("GNU_RELRO", program, file)
+            self.assertRegex(program, r"GNU_STACK .* RW ", file)
+            self.assertRegex(dynamic_section(file), r"BIND_NOW|FLAGS_1.*NOW", file)
+
     def test_programs_load_no_library_of_the_current_folder(self):
         for name in ("smartsurf", "apron", "shm_dump", "fake_surface", "surface_bridge", "device_emulator"):
             program = BIN / name
