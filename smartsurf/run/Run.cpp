@@ -37,11 +37,10 @@ script::LoadOptions make_load_options(const RunOptions& options) {
   load_options.solid_factory = std::make_shared<mesh::SolidLibrary>();
   load_options.stop = &common::stop_flag();
   load_options.end_process = end_for_script;
-  // A script may write only into the folder of the first recording; without recordings, nowhere.
-  if (!options.recording_files.empty()) {
-    const std::filesystem::path folder = std::filesystem::path(options.recording_files.front()).parent_path();
-    load_options.output_folder = folder.empty() ? "." : folder;
-  }
+  // A script may write only into a folder of its own beside the first recording; without recordings, nowhere.
+  if (!options.recording_files.empty())
+    load_options.output_folder =
+        std::filesystem::path(options.recording_files.front()).replace_extension(".files");
   return load_options;
 }
 

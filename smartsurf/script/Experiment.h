@@ -46,7 +46,7 @@ struct LoadOptions {
   // Loads the extension at this path for extension 'x.so'; throws scene::InputError. Null: the script may
   // only name extensions that are loaded.
   std::function<void(const std::filesystem::path&)> load_extension;
-  // Where the script may write files; empty = nowhere.
+  // Where the script may write files, a folder that is created when it first does; empty = nowhere.
   std::filesystem::path output_folder;
   // Receives the output of print and io.write; null = stdout.
   std::function<void(std::string_view)> print_output;

@@ -36,10 +36,21 @@ fs::path canonical_path(const fs::path& path) {
   throw ScriptError(subject + ": '" + to_single_line(path) + "' " + requirement);
 }
 
+// A link would lead the script's files elsewhere.
+void create_output_folder(const fs::path& folder) {
+  std::error_code error;
+  fs::create_directory(folder, error);
+  if (!fs::is_directory(fs::symlink_status(folder, error)))
+    throw ScriptError(
+        "the folder of the script's files, '" + to_single_line(folder.string()) +
+        "', cannot be created: " + (error ? error.message() : "there is another file of this name"));
+}
+
 fs::path resolve_writable_path(const ScriptContext& context, const std::string& subject,
                                const std::string& path) {
   if (context.options.output_folder.empty())
     throw_path_error(subject, path, "cannot be written: this run has no output folder");
+  create_output_folder(context.options.output_folder);
   const fs::path output = canonical_path(context.options.output_folder), real = canonical_path(output / path);
   if (real.empty() || output.empty() || !is_within(real, output))
     throw_path_error(subject, path, "is outside the output folder; --unsafe allows it");

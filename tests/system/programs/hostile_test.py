@@ -149,6 +149,8 @@ class Outputs(Hostile):
         self.write("w.lua", TABLE + "require 'part'\nio.open('part.lua', 'w'):write('gone')\n")
         self.write("w.aps", "!include('inner.aps')\n!register(A)\nio.array.save(A, 'a.csv')\n")
         os.link(self.folder / "inner.aps", self.folder / "a.csv")
+        (self.folder / "x.files").mkdir()
+        os.link(self.folder / "part.lua", self.folder / "x.files/part.lua")
         self.check_refusals(((SMARTSURF, "run", "w.lua", "--no-controller", "--ticks", 3, "--record", "x.h5"),), "is an input of this run")
         before = self.contents()
         status, _, err = self.run_program(APRON, "run", "w.aps")
@@ -360,6 +362,38 @@ class RecordingLoss(Hostile):
             for loss, word in ((pathlib.Path.unlink, "removed"), (replace, "replaced"), (lambda path: os.truncate(path, 100), "cut")):
                 self.assertIn(f"was {word} while the run recorded it", self.lose(name, loss))
                 (self.folder / name).unlink(missing_ok=True)
+
+
+class ScriptFiles(Hostile):
+    """A script writes into a folder of its own beside the recording, and nowhere else."""
+
+    def run_script(self, statement, *flags):
+        self.write("s.lua", TABLE + statement + "\n")
+        return self.run_program(SMARTSURF, "run", "s.lua", "--no-controller", "--ticks", "2", *flags)
+
+    def test_files_are_written_into_their_own_folder(self):
+        status, out, err = self.run_script("local f = io.open('a.csv', 'w') f:write('1,2') f:close() print(io.open('a.csv'):read('a'))",
+                                           "--record", "r.h5")
+        self.assertEqual((status, out), (0, "1,2\n"), err)
+        self.assertEqual((self.folder / "r.files/a.csv").read_text(), "1,2")
+        self.assertFalse((self.folder / "a.csv").exists())
+
+    def test_nothing_else_is_written(self):
+        (self.folder / ".git").mkdir()
+        before = {p for p in self.folder.rglob("*")}
+        for name in ("../.git/config", "../libqhull_r.so.8.0", str(self.folder / "Makefile"), "../r.files/../x", ".git/config"):
+            status, _, err = self.run_script(f"io.open('{name}', 'w'):write('[core]')", "--record", "r.h5")
+            self.assertEqual(status, 2, name)
+            self.assertRegex(err, "outside the output folder|nil value|attempt to index")
+            kept = {p for p in self.folder.rglob("*")} - before
+            self.assertLessEqual({p.name for p in kept}, {"s.lua", "r.h5", "r.files"}, name)
+
+    def test_folder_that_is_a_link_is_refused(self):
+        (self.folder / "home").mkdir()
+        (self.folder / "r.files").symlink_to("home")
+        status, _, err = self.run_script("io.open('.profile', 'w'):write('evil')", "--record", "r.h5")
+        self.assertEqual(status, 2, err)
+        self.assertEqual(list((self.folder / "home").iterdir()), [])
 
 
 class Recordings(Hostile):
