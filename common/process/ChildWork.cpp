@@ -45,7 +45,7 @@ rlim_t mapped_bytes() {
 void limit(__rlimit_resource resource, rlim_t value) {
   rlimit now{};
   if (value == RLIM_INFINITY || ::getrlimit(resource, &now) != 0) return;
-  if (now.rlim_max != RLIM_INFINITY && now.rlim_max < value) value = now.rlim_max;
+  if (now.rlim_cur != RLIM_INFINITY && now.rlim_cur < value) value = now.rlim_cur;
   now.rlim_cur = now.rlim_max = value;
   ::setrlimit(resource, &now);
 }

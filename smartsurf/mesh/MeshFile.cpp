@@ -25,7 +25,7 @@ constexpr std::uintmax_t kMaxFileBytes = 256U << 20;
 constexpr std::size_t kMaxTriangles = 1'000'000;
 constexpr std::size_t kMaxResultBytes = std::size_t{1} << 30;
 // Address space of the importer: a compressed or a text file grows in memory.
-constexpr std::size_t kImporterBytes = std::size_t{512} << 20, kImporterBytesPerByte = 16;
+constexpr std::size_t kImporterBytes = std::size_t{1} << 30, kImporterBytesPerByte = 16;
 
 [[noreturn]] void refuse(const std::string& clause) { throw scene::InputError(clause); }
 
