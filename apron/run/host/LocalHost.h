@@ -1,5 +1,5 @@
-// The VM's host without a surface: console on stdout, media files relative to the current directory in the folders of FileAccess, cameras,
-// frames, parameters and keys from the command line.
+// The VM's host without a surface: console on stdout, media files relative to the current directory, in the
+// folders of FileAccess, cameras, frames, parameters and keys from the command line.
 #pragma once
 
 #include <atomic>

@@ -209,8 +209,7 @@ void Hdf5Recorder::OpenFile::create_series(const scene::Snapshot& first,
 }
 
 void Hdf5Recorder::OpenFile::add_objects(const std::vector<scene::ObjectSpec>& all) {
-  pending_objects.insert(pending_objects.end(), all.begin() + object_count,
-                         all.end());
+  pending_objects.insert(pending_objects.end(), all.begin() + object_count, all.end());
   object_count = all.size();
   if (!series_created || !record.objects) return;
   for (FrameSeries* series : {&*position, &*orientation, &*velocity, &*angular_velocity})

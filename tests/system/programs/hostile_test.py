@@ -167,16 +167,18 @@ class RegularFiles(Hostile):
         program = "!register(A)\n"
         for name, text in (("image.aps", "A = io.image.open('f.png')"), ("array.aps", "A = io.array.open('f.npy')"),
                            ("table.aps", "A = io.array.open('f.csv')"), ("clip.aps", "video.clip.open('f.y4m')"),
-                           ("include.aps", "!include('inc.aps')"), ("camera.aps", "webcam.open(0)\nA = webcam.read"), ("plain.aps", "A = 1")):
+                           ("include.aps", "!include('inc.aps')"), ("camera.aps", "webcam.open(0)\nA = webcam.read"),
+                           ("plain.aps", "A = 1")):
             self.write(name, program + text + "\n")
-        for name, text in (("require.lua", "require 'part'"), ("mesh.lua", "mesh { file = 'f.obj', position = {1, 1, 5} }"), ("model.lua", "urdf { file = 'f.urdf', position = {1, 1, 5} }"),
-                           ("open.lua", "io.open('f.csv')")):
+        for name, text in (("require.lua", "require 'part'"), ("mesh.lua", "mesh { file = 'f.obj', position = {1, 1, 5} }"),
+                           ("model.lua", "urdf { file = 'f.urdf', position = {1, 1, 5} }"), ("open.lua", "io.open('f.csv')")):
             self.write(name, TABLE + text + "\n")
         check, run = (SMARTSURF, "check"), (APRON, "run")
         for command in ((*check, "f.lua"), (*check, "require.lua"), (*check, "mesh.lua"), (*check, "model.lua"), (*check, "open.lua"),
                         (*check, "mesh.lua", "--load", "f.so"), (SMARTSURF, "info", "f.h5"), (SMARTSURF, "plot", "f.h5", "-o", "a.svg"),
                         (SMARTSURF, "plot", "f.json", "-o", "a.svg"), (*run, "f.aps"), (*run, "plain.aps", "--palettes", "f.txt"),
-                        (*run, "plain.aps", "--palettes", "/dev/null", "--cost-model", "f.json", "--profile", "p.json"), (APRON, "import", "f.aps"), (APRON, "fmt", "f.aps")):
+                        (*run, "plain.aps", "--palettes", "/dev/null", "--cost-model", "f.json", "--profile", "p.json"),
+                        (APRON, "import", "f.aps"), (APRON, "fmt", "f.aps")):
             status, out, err = self.finish(self.start(*command), 20)
             self.assertEqual(status, 2, f"{command}: {out}{err}")
             self.assertRegex(err, "regular file", command)
