@@ -7,7 +7,7 @@
 namespace smartsurf::record {
 
 bool completes_in_child(const std::function<void()>& action) {
-  constexpr common::ChildLimits kLimits{.cpu_s = 60.0, .memory_bytes = std::size_t{8} << 30};
+  constexpr common::ChildLimits kLimits{.cpu_s = 15.0, .memory_bytes = std::size_t{8} << 30};
   const auto work = [&] {
     try {
       action();
