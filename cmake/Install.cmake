@@ -38,6 +38,16 @@ install(FILES ${PROJECT_BINARY_DIR}/smartsurf.pc DESTINATION ${CMAKE_INSTALL_LIB
 install(DIRECTORY docs/ DESTINATION ${CMAKE_INSTALL_DOCDIR} FILES_MATCHING PATTERN "*.md" PATTERN "*.png" PATTERN "*.svg"
   PATTERN api EXCLUDE)
 install(FILES shm-protocol/PROTOCOL.md DESTINATION ${CMAKE_INSTALL_DOCDIR})
+# What is linked or contained, with the licences, and as SPDX; in the wheel too.
+find_program(NOTICES_PYTHON python3 REQUIRED)
+execute_process(COMMAND ${NOTICES_PYTHON} ${PROJECT_SOURCE_DIR}/packaging/notices --version ${PROJECT_VERSION}
+  --out ${PROJECT_BINARY_DIR}/notices COMMAND_ERROR_IS_FATAL ANY)
+set_property(DIRECTORY APPEND PROPERTY CMAKE_CONFIGURE_DEPENDS ${PROJECT_SOURCE_DIR}/packaging/third-party.csv)
+set(notices ${PROJECT_BINARY_DIR}/notices/THIRD-PARTY.txt ${PROJECT_BINARY_DIR}/notices/smartsurf.spdx.json)
+install(FILES ${notices} DESTINATION ${CMAKE_INSTALL_DOCDIR})
+if(SKBUILD)
+  install(FILES ${notices} DESTINATION smartsurf COMPONENT python)
+endif()
 # Debian reads a package's license from a file of this name.
 install(FILES LICENSE DESTINATION ${CMAKE_INSTALL_DOCDIR} RENAME copyright)
 # Installed, it lies beside the pages that link to it.

@@ -14,6 +14,8 @@ target_compile_options(project_options INTERFACE
   $<$<CXX_COMPILER_ID:GNU>:-Wno-restrict>
   $<$<COMPILE_LANGUAGE:CXX>:-Wnon-virtual-dtor -Woverloaded-virtual>
   $<$<BOOL:${SMARTSURF_WERROR}>:-Werror>)
+# Addresses of library functions are resolved at the start and then read-only; neither stack nor data can be executed.
+target_link_options(project_options INTERFACE -Wl,-z,relro -Wl,-z,now -Wl,-z,noexecstack)
 target_include_directories(project_options INTERFACE ${PROJECT_SOURCE_DIR})
 target_compile_definitions(project_options INTERFACE SMARTSURF_VERSION="${PROJECT_VERSION}")
 # The instruction sets that vector kernels are compiled for. A copy for SSSE3 alone does not pay: such a CPU runs the

@@ -7,8 +7,10 @@
 #include "apron/run/options/CompiledProgram.h"
 #include "common/error/UserError.h"
 #include "common/process/ExitStatus.h"
+#include "common/process/StandardStreams.h"
 #include "common/process/StopSignals.h"
 #include "common/process/Termination.h"
+#include "common/text/Printable.h"
 
 namespace apron::run {
 namespace {
@@ -38,7 +40,7 @@ int run_subcommand(int argc, char** argv) {
 }
 
 int print_failure(int status, const char* text) noexcept {
-  std::fprintf(stderr, "apron: error: %s\n", text);
+  common::print_error_line("apron: error", text);
   return status;
 }
 
@@ -55,6 +57,7 @@ int status_after_output(int status) noexcept {
 
 int main(int argc, char** argv) {
   using namespace apron::run;
+  common::open_standard_streams();
   common::report_file_size_errors();
   const common::Termination termination("apron");
   try {

@@ -4,6 +4,7 @@
 #include <map>
 #include <optional>
 #include <string>
+#include <utility>
 
 namespace apron::syntax {
 
@@ -17,7 +18,14 @@ class FileReader {
 
 class DiskReader final : public FileReader {
  public:
+  DiskReader() = default;
+  // Of other files than the program only those whose real names end in .aps, so that no include shows the lines of
+  // another file in a message.
+  explicit DiskReader(std::string program) : program_(std::move(program)) {}
   std::optional<std::string> read(const std::string& path) override;
+
+ private:
+  std::optional<std::string> program_;
 };
 
 class MemoryReader final : public FileReader {

@@ -48,7 +48,7 @@ Preprocessor::Preprocessor(PreprocessorOptions options, FileReader& reader, Sour
     if (!options_.prelude.empty()) include_file(options_.prelude, {}, {});
   } else {
     sources_.add_file(options_.file, "", {});
-    report({}, "the file does not exist or cannot be read");
+    report({}, "the file does not exist, is not a regular file or cannot be read");
   }
 }
 

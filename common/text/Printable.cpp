@@ -4,18 +4,23 @@
 
 #include <array>
 #include <cstddef>
+#include <cstdio>
 
 namespace common {
 namespace {
 
+enum class LineBreaks { kKept, kReplaced };  // and tabs
+
 template <class Put>
-void for_each_printable(std::string_view text, Put put) {
+void for_each_printable(std::string_view text, LineBreaks line_breaks, Put put) {
   for (std::size_t i = 0; i < text.size(); ++i) {
     const auto c = static_cast<unsigned char>(text[i]);
     const auto next = static_cast<unsigned char>(i + 1 < text.size() ? text[i + 1] : 0);
     if (c == 0xC2 && next >= 0x80 && next < 0xA0) {  // U+0080 to U+009F
       put('?');
       ++i;
+    } else if (line_breaks == LineBreaks::kKept && (c == '\n' || c == '\t')) {
+      put(static_cast<char>(c));
     } else {
       put(c < 0x20 || c == 0x7F ? '?' : static_cast<char>(c));
     }
@@ -31,30 +36,54 @@ void write_to_standard_error(const char* text, std::size_t bytes) noexcept {
   }
 }
 
-}  // namespace
+// Collects characters, so that a line is written as a whole where it fits.
+class StandardError {
+ public:
+  ~StandardError() { write_to_standard_error(block_.data(), used_); }
+  void put(char c) {
+    block_[used_++] = c;
+    if (used_ < block_.size()) return;
+    write_to_standard_error(block_.data(), used_);
+    used_ = 0;
+  }
 
-std::string printable(std::string_view text) {
+ private:
+  std::array<char, 2048> block_;
+  std::size_t used_ = 0;
+};
+
+std::string made_printable(std::string_view text, LineBreaks line_breaks) {
   std::string result;
   result.reserve(text.size());
-  for_each_printable(text, [&](char c) { result += c; });
+  for_each_printable(text, line_breaks, [&](char c) { result += c; });
   return result;
 }
 
+}  // namespace
+
+std::string printable(std::string_view text) { return made_printable(text, LineBreaks::kReplaced); }
+std::string printable_lines(std::string_view text) { return made_printable(text, LineBreaks::kKept); }
+
+void print_output(std::string_view text) {
+  static const bool is_terminal = ::isatty(STDOUT_FILENO) != 0;
+  if (is_terminal)
+    for_each_printable(text, LineBreaks::kKept, [](char c) { std::putchar(c); });
+  else
+    std::fwrite(text.data(), 1, text.size(), stdout);
+}
+
+void print_message(std::string_view text) noexcept {
+  StandardError out;
+  for_each_printable(text, LineBreaks::kKept, [&](char c) { out.put(c); });
+}
+
 void print_error_line(const char* program, std::string_view text) noexcept {
-  std::array<char, 512> block;
-  std::size_t used = 0;
-  const auto put = [&](char c) {
-    block[used++] = c;
-    if (used < block.size()) return;
-    write_to_standard_error(block.data(), used);
-    used = 0;
-  };
-  for (const char* c = program; *c != '\0'; ++c) put(*c);
-  put(':');
-  put(' ');
-  for_each_printable(text, put);
-  put('\n');
-  write_to_standard_error(block.data(), used);
+  StandardError out;
+  for (const char* c = program; *c != '\0'; ++c) out.put(*c);
+  out.put(':');
+  out.put(' ');
+  for_each_printable(text, LineBreaks::kReplaced, [&](char c) { out.put(c); });
+  out.put('\n');
 }
 
 }  // namespace common

@@ -2,7 +2,10 @@
 
 #include <unistd.h>
 
+#include <algorithm>
 #include <cassert>
+#include <chrono>
+#include <thread>
 #include <utility>
 
 #include "shm-protocol/src/ring/ChunkedTransfer.h"
@@ -39,6 +42,7 @@ struct ControllerEndpoint::Impl {
   Status latest_sensors() noexcept;
   bool is_new(std::uint32_t newest) const noexcept;
   Status take_frame(std::uint32_t newest) noexcept;
+  Status await_after_torn_frame(std::uint32_t torn, const WaitOptions&) noexcept;
   Status copy_newest() noexcept;
   std::span<const std::byte> next_cells(int channel_index, const ssp_channel&, const WaitOptions&) noexcept;
   bool try_next_cells(int channel_index, const ssp_channel&, std::span<const std::byte>& cells) noexcept;
@@ -71,13 +75,20 @@ struct ControllerEndpoint::Impl {
 };
 
 void ControllerEndpoint::Impl::claim() {
+  // A predecessor that is just leaving releases its lock after its claim.
+  constexpr std::chrono::milliseconds kRetryInterval{1};
   for (int attempt = 0; attempt < 100; ++attempt) {
     const ProcessIdentity holder = load_seq_cst(header.claim.controller_process);
-    if (holder != 0 && is_alive(holder))
+    const bool lives = holder != 0 && segment.liveness().is_alive(Side::kController, holder);
+    if (lives && holder == load_seq_cst(header.claim.controller_process))
       throw Error(ErrorCode::kControllerLives,
                   "surface \"" + description.name + "\" already has a controller: process " +
                       std::to_string(pid_of(holder)) + "; end it first",
                   pid_of(holder));
+    if (!segment.liveness().take(Side::kController)) {
+      std::this_thread::sleep_for(kRetryInterval);
+      continue;
+    }
     if (compare_exchange(header.claim.controller_process, holder, own_process)) {
       claimed = true;
       return resume_session();
@@ -114,6 +125,7 @@ void ControllerEndpoint::Impl::close() noexcept {
   store_relaxed(header.controller.state, static_cast<std::uint32_t>(State::kClosing));
   increment(header.claim.detached);
   compare_exchange(header.claim.controller_process, own_process, 0);
+  segment.liveness().release();
   // May be missed between the surface's check and its sleep; the surface then wakes at the end of its slice.
   if (load_seq_cst(header.surface_waiting.flag)) futex_wake(header.actuators.word);
 }
@@ -134,7 +146,9 @@ Status ControllerEndpoint::Impl::surface_status(bool check_liveness) noexcept {
   const std::uint32_t state = load_acquire(header.surface.state);
   if (state == SSP_STATE_CLOSING) return Status::kSurfaceClosed;
   if (state == SSP_STATE_DEAD) return Status::kSurfaceDead;
-  return check_liveness && !is_alive(layout.identity.surface_process) ? Status::kSurfaceDead : Status::kOk;
+  const ProcessIdentity surface = layout.identity.surface_process;
+  return check_liveness && !segment.liveness().is_alive(Side::kSurface, surface) ? Status::kSurfaceDead
+                                                                                 : Status::kOk;
 }
 
 // In time-step mode a frame is new unless this controller or a predecessor answered it.
@@ -201,6 +215,19 @@ Status ControllerEndpoint::Impl::await_sensors(const WaitOptions& options) noexc
     if (take_frame(newest) == Status::kOk) return Status::kOk;
     if (inconsistent) break;  // the user must learn that the chunks are invalid
   }
+  return await_after_torn_frame(newest, options);
+}
+
+// A frame stays torn if its surface is stopped or has ended within it. Waits for the next one for a slice, so that a
+// caller that tries again neither spins nor misses the stop flag and the surface's end.
+Status ControllerEndpoint::Impl::await_after_torn_frame(std::uint32_t torn,
+                                                        const WaitOptions& options) noexcept {
+  if (options.stop && options.stop->load(std::memory_order_relaxed)) return Status::kInterrupted;
+  if (const Status s = surface_status(wait_state.liveness.due()); s != Status::kOk) return s;
+  if (!passive || options.timeout <= options.timeout.zero()) return Status::kTorn;
+  store_seq_cst(header.controller_waiting.flag, 1);
+  futex_wait(header.sensors.word, torn, std::min<std::chrono::nanoseconds>(options.timeout, kSleepSlice));
+  store_relaxed(header.controller_waiting.flag, 0);
   return Status::kTorn;
 }
 
@@ -208,7 +235,10 @@ Status ControllerEndpoint::Impl::latest_sensors() noexcept {
   const std::uint32_t newest = load_acquire(header.sensors.word);
   if (is_new(newest)) {
     answer_due = false;
-    return take_frame(newest);
+    const Status taken = take_frame(newest);
+    if (taken != Status::kTorn) return taken;
+    const Status peer = surface_status(wait_state.liveness.due());
+    return peer == Status::kOk ? taken : peer;
   }
   if (const Status s = surface_status(wait_state.liveness.due()); s != Status::kOk) return s;
   store_relaxed(header.controller.repeated, ++counters.repeated);

@@ -56,7 +56,7 @@ struct ObserverEndpoint::Impl {
 
   Status copy_newest(DirectionReader&) noexcept;
   Status latest(Direction) noexcept;
-  State surface_state(bool check_liveness) const noexcept;
+  State surface_state(bool check_liveness) noexcept;
 
   SegmentLayout layout;
   Segment segment;
@@ -86,21 +86,21 @@ Status ObserverEndpoint::Impl::copy_newest(DirectionReader& reader) noexcept {
 
 Status ObserverEndpoint::Impl::latest(Direction direction) noexcept {
   const Status s = copy_newest(reader(direction));
-  if (s != Status::kRepeated) return s;
+  if (s != Status::kRepeated && s != Status::kTorn) return s;
   switch (surface_state(liveness.due())) {
     case State::kClosing:
       return Status::kSurfaceClosed;
     case State::kDead:
       return Status::kSurfaceDead;
     default:
-      return Status::kRepeated;
+      return s;
   }
 }
 
-State ObserverEndpoint::Impl::surface_state(bool check_liveness) const noexcept {
+State ObserverEndpoint::Impl::surface_state(bool check_liveness) noexcept {
   const auto state = static_cast<State>(load_acquire(header.surface.state));
   if (state == State::kClosing || !check_liveness) return state;
-  return is_alive(layout.identity.surface_process) ? state : State::kDead;
+  return segment.liveness().is_alive(Side::kSurface, layout.identity.surface_process) ? state : State::kDead;
 }
 
 ObserverEndpoint::ObserverEndpoint(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) {}
@@ -150,7 +150,7 @@ State ObserverEndpoint::surface_state() const noexcept { return impl_->surface_s
 State ObserverEndpoint::controller_state() const noexcept {
   const ProcessIdentity controller = load_acquire(impl_->header.claim.controller_process);
   if (controller == 0) return State::kNone;
-  if (!is_alive(controller)) return State::kDead;
+  if (!impl_->segment.liveness().is_alive(Side::kController, controller)) return State::kDead;
   return static_cast<State>(load_acquire(impl_->header.controller.state));
 }
 std::uint32_t ObserverEndpoint::controller_pid() const noexcept {

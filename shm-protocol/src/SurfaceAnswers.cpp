@@ -134,7 +134,9 @@ std::span<const std::byte> SurfaceEndpoint::Impl::next_cells(int channel_index, 
   // Only checks; await_actuators() reports the loss of a controller.
   const auto peer = [&](bool check_liveness) noexcept {
     const ProcessIdentity now = load_acquire(header.claim.controller_process);
-    return now == 0 || (check_liveness && !is_alive(now)) ? Status::kNoController : Status::kOk;
+    return now == 0 || (check_liveness && !segment.liveness().is_alive(Side::kController, now))
+               ? Status::kNoController
+               : Status::kOk;
   };
   const Doorbell bell{header.actuators.word, header.surface_waiting.flag, header.actuators.cpu};
   (void)wait_until(bell, options, cursor.has_started() ? next_chunk_wait_state : wait_state, ready, peer);

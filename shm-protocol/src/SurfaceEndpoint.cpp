@@ -46,8 +46,10 @@ void SurfaceEndpoint::Impl::adopt_controller() noexcept {
     controller_closing = load_acquire(header.controller.state) == SSP_STATE_CLOSING;
     if (load_seq_cst(header.claim.controller_process) == controller &&
         load_seq_cst(header.claim.detached) == known_detached)
-      return;
+      break;
   }
+  (void)segment.liveness().is_alive(Side::kController,
+                                    controller);  // from now on its lock decides, if it has one
 }
 
 // Returns whether a controller that no longer holds the claim closed in good order. ControllerEndpoint::close()
@@ -76,7 +78,7 @@ Status SurfaceEndpoint::Impl::controller_status(bool check_liveness) noexcept {
   if (controller == 0) return Status::kNoController;
   if (load_acquire(header.claim.controller_process) != controller)
     return release_controller(has_detached() ? Status::kControllerClosed : Status::kControllerDead);
-  if (!check_liveness || is_alive(controller)) return Status::kOk;
+  if (!check_liveness || segment.liveness().is_alive(Side::kController, controller)) return Status::kOk;
   // Fails if a new controller has just claimed the role, which it then keeps.
   compare_exchange(header.claim.controller_process, controller, 0);
   return release_controller(Status::kControllerDead);
@@ -177,6 +179,7 @@ Status SurfaceEndpoint::await_controller(const WaitOptions& options) noexcept {
 const FrameInfo& SurfaceEndpoint::actuator_info() const noexcept { return impl_->info; }
 void SurfaceEndpoint::set_state(State state) noexcept { impl_->set_state(state); }
 
+bool SurfaceEndpoint::is_reachable() const noexcept { return impl_->segment.is_in_place(); }
 bool SurfaceEndpoint::has_controller() const noexcept { return controller_pid() != 0; }
 std::uint32_t SurfaceEndpoint::controller_pid() const noexcept {
   return pid_of(load_acquire(impl_->header.claim.controller_process));

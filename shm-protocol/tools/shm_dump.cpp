@@ -17,6 +17,7 @@
 
 #include "Report.h"
 #include "common/process/ExitStatus.h"
+#include "common/process/StandardStreams.h"
 #include "common/process/Termination.h"
 #include "common/text/Printable.h"
 
@@ -231,14 +232,12 @@ int show(Options& o) {
     const Status ended = sample(observer, status);
     if (samples > 1 || !o.follow) status.rates = meter.read();
     if (repaint) std::fputs("\033[H\033[2J", stdout);
-    std::fputs((o.json ? dump::json_report(status, observer, o.format, o.follow)
-                       : dump::text_report(status, observer, o.format))
-                   .c_str(),
-               stdout);
+    common::print_output(o.json ? dump::json_report(status, observer, o.format, o.follow)
+                                : dump::text_report(status, observer, o.format));
     if (o.follow && !o.json && !repaint) std::fputs("\n", stdout);
     if (std::fflush(stdout) != 0) return common::kFailed;
     if (ended != Status::kOk) {
-      std::fprintf(stderr, "shm_dump: %s: %s\n", o.name.c_str(), text(ended));
+      common::print_error_line("shm_dump", o.name + ": " + text(ended));
       return ended == Status::kSurfaceDead ? common::kPeerLost : common::kDone;
     }
     if (!o.follow || stop || (o.count && samples >= o.count)) return common::kDone;
@@ -247,14 +246,14 @@ int show(Options& o) {
 
 int list(const Options& o) {
   const auto segments = list_segments();
-  std::fputs((o.json ? dump::json_list(segments) : dump::text_list(segments)).c_str(), stdout);
+  common::print_output(o.json ? dump::json_list(segments) : dump::text_list(segments));
   return common::kDone;
 }
 
 int clean(const Options& o) {
   const auto removed = remove_orphans(o.clean_prefix);
   if (o.json) {
-    std::fputs(dump::json_list(removed).c_str(), stdout);
+    common::print_output(dump::json_list(removed));
     return common::kDone;
   }
   for (const SegmentInfo& s : removed)
@@ -277,6 +276,7 @@ int exit_status_of(const Error& e) {
 }  // namespace
 
 int main(int argc, char** argv) {
+  common::open_standard_streams();
   const common::Termination termination("shm_dump");
   struct sigaction action {};
   action.sa_handler = [](int) { stop = true; };
@@ -288,13 +288,13 @@ int main(int argc, char** argv) {
     fit_to_terminal(*o);
     return o->list ? list(*o) : o->clean ? clean(*o) : show(*o);
   } catch (const UserError& e) {
-    std::fprintf(stderr, "shm_dump: %s\n", e.what());
+    common::print_error_line("shm_dump", e.what());
     return common::kUserError;
   } catch (const Error& e) {
-    std::fprintf(stderr, "shm_dump: %s\n", e.what());
+    common::print_error_line("shm_dump", e.what());
     return exit_status_of(e);
   } catch (const std::exception& e) {
-    std::fprintf(stderr, "shm_dump: %s\n", common::failure_text(e));
+    common::print_error_line("shm_dump", common::failure_text(e));
     return common::kFailed;
   }
 }

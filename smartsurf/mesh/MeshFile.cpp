@@ -12,7 +12,8 @@
 #include <fstream>
 #include <system_error>
 
-#include "smartsurf/mesh/ChildProcess.h"
+#include "common/files/Inputs.h"
+#include "common/process/ChildWork.h"
 #include "smartsurf/scene/SceneSpec.h"
 
 namespace smartsurf::mesh {
@@ -22,6 +23,9 @@ namespace fs = std::filesystem;
 
 constexpr std::uintmax_t kMaxFileBytes = 256U << 20;
 constexpr std::size_t kMaxTriangles = 1'000'000;
+constexpr std::size_t kMaxResultBytes = std::size_t{1} << 30;
+// Address space of the importer: a compressed or a text file grows in memory.
+constexpr std::size_t kImporterBytes = std::size_t{1} << 30, kImporterBytesPerByte = 16;
 
 [[noreturn]] void refuse(const std::string& clause) { throw scene::InputError(clause); }
 
@@ -57,6 +61,7 @@ void check_readable(const fs::path& file) {
   if (!fs::exists(file, error)) refuse("does not exist");
   if (!fs::is_regular_file(file, error)) refuse("is not a regular file");
   if (fs::file_size(file, error) > kMaxFileBytes) refuse("is larger than 256 MiB");
+  common::note_input(file);
 }
 
 // Rejects a PLY header without an end, in which the importer would loop forever. The importer detects PLY by
@@ -142,10 +147,15 @@ std::string serialize(const TriangleMesh& mesh) {
   return bytes;
 }
 
+// The child has read a hostile file and may return anything.
 TriangleMesh deserialize(const std::string& bytes) {
   TriangleMesh mesh;
-  std::uint64_t counts[2];
-  std::memcpy(counts, bytes.data() + 1, sizeof counts);
+  std::uint64_t counts[2] = {};
+  const std::size_t head = 1 + sizeof counts;
+  if (bytes.size() >= head) std::memcpy(counts, bytes.data() + 1, sizeof counts);
+  if (counts[0] == 0 || counts[0] > kMaxResultBytes || counts[1] > kMaxTriangles ||
+      bytes.size() != head + counts[0] * sizeof(Eigen::Vector3d) + counts[1] * sizeof(mesh.triangles[0]))
+    refuse("is damaged: the mesh importer failed");
   mesh.points.resize(counts[0]);
   mesh.triangles.resize(counts[1]);
   const char* at = bytes.data() + 1 + sizeof counts;
@@ -153,6 +163,11 @@ TriangleMesh deserialize(const std::string& bytes) {
   if (!mesh.points.empty()) std::memcpy(static_cast<void*>(mesh.points.data()), at, point_bytes);
   if (!mesh.triangles.empty())
     std::memcpy(mesh.triangles.data(), at + point_bytes, mesh.triangles.size() * sizeof(mesh.triangles[0]));
+  for (const Eigen::Vector3d& point : mesh.points)
+    if (!point.allFinite()) refuse("is damaged: the mesh importer failed");
+  for (const auto& triangle : mesh.triangles)
+    if (std::max({triangle[0], triangle[1], triangle[2]}) >= mesh.points.size())
+      refuse("is damaged: the mesh importer failed");
   return mesh;
 }
 
@@ -163,7 +178,7 @@ TriangleMesh read_mesh(const fs::path& file) {
   check_extension(file);
   check_readable(file);
   check_header(file);
-  const auto bytes = run_in_child_process(
+  const common::ChildResult read = common::run_in_child(
       [&]() -> std::string {
         try {
           return serialize(import_mesh(file));
@@ -171,10 +186,12 @@ TriangleMesh read_mesh(const fs::path& file) {
           return std::string("e") + e.what();
         }
       },
-      kMaxReadCpu_s);
-  if (!bytes || bytes->empty()) refuse("is damaged or too large: the mesh importer failed");
-  if (bytes->front() == 'e') refuse(bytes->substr(1));
-  return deserialize(*bytes);
+      {kMaxReadCpu_s, kImporterBytes + kImporterBytesPerByte * fs::file_size(file)});
+  if (read.end == common::ChildResult::End::kStopped) refuse("was not read: interrupted");
+  if (read.end != common::ChildResult::End::kReturned || read.bytes.empty())
+    refuse("is damaged or too large: the mesh importer failed");
+  if (read.bytes.front() == 'e') refuse(one_line(read.bytes.substr(1)));
+  return deserialize(read.bytes);
 }
 
 }  // namespace smartsurf::mesh

@@ -3,6 +3,7 @@
 // each shell must be balanced there on its own.
 #include <algorithm>
 #include <cmath>
+#include <cstdint>
 #include <numeric>
 #include <sstream>
 
@@ -11,6 +12,10 @@
 
 namespace smartsurf::mesh {
 namespace {
+
+// Shells are compared in pairs.
+constexpr std::size_t kMaxShells = 20'000;
+constexpr std::int64_t kMaxNestingWork = 50'000'000;  // triangles of shells around others
 
 struct HalfEdge {
   std::uint32_t low, high;  // points of the edge
@@ -171,7 +176,20 @@ void flip(std::array<std::uint32_t, 3>& triangle) { std::swap(triangle[1], trian
 struct Shell {
   TriangleMesh mesh;
   std::vector<std::uint32_t> triangles;  // indices in the source mesh
+  Eigen::AlignedBox3d box;
 };
+
+// Moves the triangles, which refer to `all`, to those of the points that they use, in the same order.
+void take_points(TriangleMesh& mesh, const std::vector<Eigen::Vector3d>& all) {
+  std::vector<std::uint32_t> used;
+  for (const auto& t : mesh.triangles) used.insert(used.end(), t.begin(), t.end());
+  std::sort(used.begin(), used.end());
+  used.erase(std::unique(used.begin(), used.end()), used.end());
+  for (const std::uint32_t p : used) mesh.points.push_back(all[p]);
+  for (auto& t : mesh.triangles)
+    for (std::uint32_t& p : t)
+      p = static_cast<std::uint32_t>(std::lower_bound(used.begin(), used.end(), p) - used.begin());
+}
 
 std::vector<Shell> split_shells(const TriangleMesh& mesh, ShellOrientation& orientation) {
   std::vector<Shell> shells;
@@ -186,19 +204,23 @@ std::vector<Shell> split_shells(const TriangleMesh& mesh, ShellOrientation& orie
     shells[n].mesh.triangles.push_back(mesh.triangles[t]);
   }
   for (Shell& shell : shells) {
-    shell.mesh.points = mesh.points;
-    weld_points(shell.mesh, 0.0);  // removes the points of other shells
+    take_points(shell.mesh, mesh.points);
+    shell.box = bounding_box(shell.mesh);
   }
   return shells;
 }
 
-// The number of shells that enclose this one.
-int nesting_depth(const std::vector<Shell>& shells, std::size_t which) {
+// The number of shells that enclose this one. `work`: what may still be done, in triangles.
+int nesting_depth(const std::vector<Shell>& shells, std::size_t which, std::int64_t& work) {
   constexpr double kInsideThreshold = 0.75;
   const Eigen::Vector3d& point = shells[which].mesh.points.front();
   int depth = 0;
-  for (std::size_t i = 0; i < shells.size(); ++i)
-    depth += i != which && std::abs(winding_number(shells[i].mesh, point)) > kInsideThreshold;
+  for (std::size_t i = 0; i < shells.size(); ++i) {
+    if (i == which || !shells[i].box.contains(point)) continue;
+    work -= static_cast<std::int64_t>(shells[i].mesh.triangles.size());
+    if (work < 0) throw scene::InputError("has too many shells within others: simplify it");
+    depth += std::abs(winding_number(shells[i].mesh, point)) > kInsideThreshold;
+  }
   return depth;
 }
 
@@ -224,9 +246,13 @@ std::vector<std::string> orient_shells(TriangleMesh& mesh) {
                       " against its neighbours: flipped");
 
   const std::vector<Shell> shells = split_shells(mesh, orientation);
+  if (shells.size() > kMaxShells)
+    throw scene::InputError("has " + std::to_string(shells.size()) + " shells: at most " +
+                            std::to_string(kMaxShells) + " are allowed; simplify it");
+  std::int64_t work = kMaxNestingWork;
   std::size_t inverted_shells = 0;
   for (std::size_t i = 0; i < shells.size(); ++i) {
-    const bool cavity = shells.size() > 1 && nesting_depth(shells, i) % 2 == 1;
+    const bool cavity = shells.size() > 1 && nesting_depth(shells, i, work) % 2 == 1;
     if ((signed_volume(shells[i].mesh) < 0.0) == cavity) continue;
     ++inverted_shells;
     for (const std::uint32_t t : shells[i].triangles) flip(mesh.triangles[t]);

@@ -34,6 +34,15 @@ CsvRecorder::CsvRecorder(const std::filesystem::path& path, std::unique_ptr<Pend
   flush_lines();
 }
 
+void CsvRecorder::require_unchanged() {
+  try {
+    pending_->require_unchanged();
+  } catch (const std::runtime_error&) {
+    ::close(std::exchange(fd_, -1));
+    throw;
+  }
+}
+
 template <class Action>
 void CsvRecorder::commit(Action action) {
   try {
@@ -54,6 +63,7 @@ CsvRecorder::~CsvRecorder() {
 void CsvRecorder::close(const RunResult&) {
   if (fd_ < 0) return;
   flush_lines();
+  require_unchanged();
   const int fd = std::exchange(fd_, -1);
   if (::close(fd) != 0) throw std::runtime_error(name_ + ": cannot be written: " + std::strerror(errno));
   commit([](PendingFile& pending) { pending.commit_if_new(); });
@@ -82,6 +92,7 @@ void CsvRecorder::write_frame(const scene::Snapshot& snapshot,
 }
 
 void CsvRecorder::flush_lines() {
+  require_unchanged();
   for (std::size_t written = 0; written < lines_.size();) {
     const ssize_t n = ::write(fd_, lines_.data() + written, lines_.size() - written);
     if (n < 0 && errno == EINTR) continue;
@@ -93,6 +104,7 @@ void CsvRecorder::flush_lines() {
     written += static_cast<std::size_t>(n);
   }
   lines_.clear();
+  pending_->note_length();
   last_flush_ = std::chrono::steady_clock::now();
   if (has_frames_) commit([](PendingFile& pending) { pending.commit(); });
 }

@@ -22,6 +22,7 @@ class CsvRecorder final : public Recorder {
                    std::span<const scene::ChannelData> sensors, std::span<const scene::ChannelData> actuators,
                    std::span<const NamedNumber> metrics) override;
   void flush_lines();
+  void require_unchanged();
   template <class Action>
   void commit(Action action);
 

@@ -1,5 +1,8 @@
 #include "smartsurf/record/PendingFile.h"
 
+#include <sys/stat.h>
+
+#include <stdexcept>
 #include <system_error>
 
 namespace smartsurf::record {
@@ -33,6 +36,25 @@ void PendingFile::own() {
   fs::remove(path_);
   owned_ = true;
   unfinished_.emplace(path_);
+}
+
+void PendingFile::note_length() {
+  struct stat status {};
+  if (!owned_ || ::stat((committed_ ? final_ : path_).c_str(), &status) != 0) return;
+  device_ = status.st_dev;
+  inode_ = status.st_ino;
+  length_ = status.st_size;
+}
+
+void PendingFile::require_unchanged() const {
+  if (!owned_ || inode_ == 0) return;
+  struct stat status {};
+  if (::stat((committed_ ? final_ : path_).c_str(), &status) != 0)
+    throw std::runtime_error(final_.string() + ": was removed while the run recorded it");
+  if (status.st_dev != device_ || status.st_ino != inode_)
+    throw std::runtime_error(final_.string() + ": was replaced while the run recorded it");
+  if (status.st_size < length_)
+    throw std::runtime_error(final_.string() + ": was cut while the run recorded it");
 }
 
 void PendingFile::commit() {

@@ -2,6 +2,8 @@
 // an older recording of that name survives a run that never begins. Internal to this module.
 #pragma once
 
+#include <sys/types.h>
+
 #include <filesystem>
 #include <optional>
 
@@ -24,6 +26,11 @@ class PendingFile {
   void own();
   // True if path() must be created (O_EXCL), false if it is opened as it is.
   bool must_be_new() const { return owned_; }
+  // Call after each write, when the file has the length that it must keep until the next.
+  void note_length();
+  // Call before each write and at the end. Throws std::runtime_error if the file was removed, replaced or cut since: what
+  // is written to it is lost.
+  void require_unchanged() const;
   // Gives the file its final name; only the first call has an effect. Throws std::system_error.
   void commit();
   // Commits, unless that would replace an older file.
@@ -32,6 +39,10 @@ class PendingFile {
  private:
   std::filesystem::path final_, path_;
   bool owned_ = false, committed_ = false;
+  // The file's, from the first note_length().
+  dev_t device_ = 0;
+  ino_t inode_ = 0;
+  off_t length_ = 0;
   std::optional<common::UnfinishedFile> unfinished_;  // while owned and not committed
 };
 

@@ -15,6 +15,7 @@
 #include <thread>
 #include <vector>
 
+#include "common/text/Printable.h"
 #include "smartsurf/scene/SceneSpec.h"
 
 namespace smartsurf::run {
@@ -75,10 +76,11 @@ std::vector<std::string> make_command(const std::string& controller, const std::
   for (const int ignored : {SIGPIPE, SIGXFSZ}) signal(ignored, SIG_DFL);
   execvp(arguments[0], arguments.data());
   if (errno == ENOENT)
-    fmt::print(stderr, "smartsurf: cannot start {}: it is neither beside smartsurf nor on PATH\n",
-               arguments[0]);
+    common::print_message(fmt::format(
+        "smartsurf: cannot start {}: it is neither beside smartsurf nor on PATH\n", arguments[0]));
   else
-    fmt::print(stderr, "smartsurf: cannot start {}: {}\n", arguments[0], std::strerror(errno));
+    common::print_message(
+        fmt::format("smartsurf: cannot start {}: {}\n", arguments[0], std::strerror(errno)));
   _exit(2);
 }
 

@@ -9,6 +9,7 @@
 #include <filesystem>
 #include <thread>
 
+#include "common/files/Inputs.h"
 #include "common/files/ReadFile.h"
 #include "common/process/StopSignals.h"
 #include "smartsurf/extension/Extension.h"
@@ -37,11 +38,10 @@ script::LoadOptions make_load_options(const RunOptions& options) {
   load_options.solid_factory = std::make_shared<mesh::SolidLibrary>();
   load_options.stop = &common::stop_flag();
   load_options.end_process = end_for_script;
-  // A script may write only into the folder of the first recording; without recordings, nowhere.
-  if (!options.recording_files.empty()) {
-    const std::filesystem::path folder = std::filesystem::path(options.recording_files.front()).parent_path();
-    load_options.output_folder = folder.empty() ? "." : folder;
-  }
+  // A script may write only into a folder of its own beside the first recording; without recordings, nowhere.
+  if (!options.recording_files.empty())
+    load_options.output_folder =
+        std::filesystem::path(options.recording_files.front()).replace_extension(".files");
   return load_options;
 }
 
@@ -79,6 +79,8 @@ script::Experiment Run::load(const RunOptions& options) {
   std::vector<std::string> metrics;
   for (const auto& [name, value] : experiment.metrics()) metrics.push_back(name);
   for (const std::string& name : options.render.plotted_metrics) require_metric("--plot", name, metrics);
+  if (is_apron_program(options.controller)) common::note_input(options.controller);
+  common::require_separate_outputs(named_outputs(options));
   return experiment;
 }
 
@@ -272,6 +274,13 @@ bool Run::handle_controller_exit() {
   return true;
 }
 
+void Run::end_without_name() {
+  set_ending(common::kFailed,
+             fmt::format("no controller can attach: another process has removed the shared memory of '{}'",
+                         link_->name()));
+  progress_.print_message(ending_->outcome);
+}
+
 std::string Run::command_to_attach() const {
   return attach_command(options_.experiment, link_->name(), display_->has_window());
 }
@@ -301,6 +310,8 @@ bool Run::wait_for_controller() {
     announced_waiting_ = false;
     had_controller_ = false;
   }
+  if (!link_->endpoint().is_reachable()) end_without_name();
+  if (ending_) return false;
   if (!controller_process_ && !announced_waiting_) {
     progress_.print_message(
         fmt::format("waiting for a controller; attach one with: {}", command_to_attach()));
@@ -317,6 +328,7 @@ bool Run::wait_for_controller() {
     refresh_display();
     if (stop_requested_ || requests_.quit) set_ending(common::kDone, "stopped by the user");
     if (controller_process_ && controller_process_->exit_status()) handle_controller_exit();
+    if (!link_->endpoint().is_reachable()) end_without_name();
     if (ending_) return false;
   }
 }

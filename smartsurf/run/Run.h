@@ -76,6 +76,7 @@ class Run {
   bool handle_controller_exit();
   void check_silence();
   std::string command_to_attach() const;
+  void end_without_name();
   bool continue_without_controller(shm_protocol::Status);
   bool advance_physics();
   bool publish();

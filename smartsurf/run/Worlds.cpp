@@ -3,13 +3,17 @@
 #include <fmt/format.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <chrono>
 #include <filesystem>
+#include <iterator>
 #include <mutex>
 #include <nlohmann/json.hpp>
 #include <thread>
 
+#include "common/files/Inputs.h"
 #include "common/process/StopSignals.h"
+#include "common/text/Printable.h"
 #include "smartsurf/extension/Extension.h"
 #include "smartsurf/run/OutputFile.h"
 #include "smartsurf/run/Run.h"
@@ -98,6 +102,12 @@ RunOptions world_options(const RunOptions& shared, int index, std::uint64_t firs
 int run_worlds(const RunOptions& shared, int count, const std::atomic<bool>& stop) {
   const auto start_time = std::chrono::steady_clock::now();
   const std::uint64_t first_seed = experiment_seed(shared);
+  common::note_input(shared.experiment);
+  std::vector<common::NamedOutput> outputs;
+  for (int i = 0; i < count; ++i)
+    std::ranges::move(named_outputs(world_options(shared, i, first_seed)), std::back_inserter(outputs));
+  if (!shared.stats_file.empty()) outputs.push_back({"--stats", shared.stats_file});
+  common::require_separate_outputs(outputs);
   std::vector<Outcome> outcomes(count);
   {
     std::vector<std::jthread> threads;
@@ -113,7 +123,8 @@ int run_worlds(const RunOptions& shared, int count, const std::atomic<bool>& sto
     // An input error is reported once, although several worlds may have the same.
     if (outcome.status == common::kUserError && !outcome.message.empty())
       throw scene::InputError(fmt::format("world {}: {}", i, outcome.message));
-    if (!outcome.message.empty()) fmt::print(stderr, "smartsurf: world {}: {}\n", i, outcome.message);
+    if (!outcome.message.empty())
+      common::print_message(fmt::format("smartsurf: world {}: {}\n", i, outcome.message));
     if (status == common::kDone) status = outcome.status;
   }
   return status;

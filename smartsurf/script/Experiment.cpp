@@ -244,8 +244,9 @@ Experiment Experiment::load(const std::filesystem::path& path, LoadOptions optio
   }
   ScriptContext& context = impl->session;
   std::error_code error;
-  context.script_folder =
-      std::filesystem::weakly_canonical(std::filesystem::absolute(path, error), error).parent_path();
+  const std::filesystem::path folder =
+      context.options.script_folder.value_or(std::filesystem::absolute(path, error).parent_path());
+  context.script_folder = std::filesystem::weakly_canonical(folder, error);
   context.spec.file = context.file = path.string();
   context.spec.source = std::move(*source);
   if (context.options.seed) context.spec.world.seed = *context.options.seed;

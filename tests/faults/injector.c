@@ -10,6 +10,7 @@
  *   FAULT_CENSUS   file that receives, for each kind, the number of calls and each call as NUMBER:LIBRARY, with the library that
  *                  called, and a star if it is the first from its stack; nothing fails. With FAULT_KIND, which may then
  *                  be a list, of these kinds only
+ *   FAULT_FOLLOW   set: the first process that the program forks does its work, and its calls are those of the census
  *   FAULT_SERVER   set: the process waits before main() for the runs that it is asked for, each in a child (serve())
  *
  * Not seen: calls that the C library makes by itself (stdio, the stack of a thread, sleeps of its locks). A forked child
@@ -40,7 +41,21 @@
 #include <unistd.h>
 #include <unwind.h>
 
-enum Kind { kAlloc, kOpen, kRead, kWrite, kFsync, kMmap, kFtruncate, kRename, kThread, kProcess, kFutex, kPark, kKinds };
+enum Kind {
+  kAlloc,
+  kOpen,
+  kRead,
+  kWrite,
+  kFsync,
+  kMmap,
+  kFtruncate,
+  kRename,
+  kThread,
+  kProcess,
+  kFutex,
+  kPark,
+  kKinds
+};
 static const char* const kNames[kKinds] = {"alloc",     "open",   "read",   "write",   "fsync", "mmap",
                                            "ftruncate", "rename", "thread", "process", "futex", "park"};
 
@@ -69,7 +84,7 @@ struct Site {
   enum Kind kind;
 };
 static struct Site sites[kSites];
-static uint32_t listed[kListed]; /* sites of all calls, in the order of the calls of all kinds */
+static uint32_t listed[kListed];  /* sites of all calls, in the order of the calls of all kinds */
 static uint64_t numbers[kListed]; /* of those calls among the calls of their kind */
 static size_t listed_calls;
 static pthread_mutex_t sites_mutex = PTHREAD_MUTEX_INITIALIZER;
@@ -92,7 +107,8 @@ static uintptr_t calling_frame(const struct Stack* stack) {
     Dl_info info;
     if (!dladdr((void*)stack->frames[i], &info) || !info.dli_fname) continue;
     if (!strstr(info.dli_fname, "fault_injector") && !strstr(info.dli_fname, "/libc.so") &&
-        !strstr(info.dli_fname, "/libstdc++") && !strstr(info.dli_fname, "/ld-linux") && !strstr(info.dli_fname, "/libgcc_s"))
+        !strstr(info.dli_fname, "/libstdc++") && !strstr(info.dli_fname, "/ld-linux") &&
+        !strstr(info.dli_fname, "/libgcc_s"))
       return stack->frames[i];
   }
   return stack->depth ? stack->frames[stack->depth - 1] : 0;
@@ -205,6 +221,7 @@ static void serve(int* argc, char*** argv) {
 }
 
 static int (*program_main)(int, char**, char**);
+static bool follow;
 
 static int counted_main(int argc, char** argv, char** environment) {
   void* warm_up[1];
@@ -225,6 +242,7 @@ static int counted_main(int argc, char** argv, char** environment) {
     always = getenv("FAULT_ALWAYS") != NULL;
     trace = getenv("FAULT_TRACE");
     census = getenv("FAULT_CENSUS");
+    follow = getenv("FAULT_FOLLOW") != NULL;
     counted_process = getpid();
     atomic_store(&armed, true);
   }
@@ -244,9 +262,10 @@ static void* real(void** address, const char* name) {
   return *address;
 }
 
-typedef int StartMain(int (*)(int, char**, char**), int, char**, void (*)(void), void (*)(void), void (*)(void), void*);
-int __libc_start_main(int (*main)(int, char**, char**), int argc, char** argv, void (*init)(void), void (*fini)(void),
-                      void (*rtld_fini)(void), void* stack_end) {
+typedef int StartMain(int (*)(int, char**, char**), int, char**, void (*)(void), void (*)(void),
+                      void (*)(void), void*);
+int __libc_start_main(int (*main)(int, char**, char**), int argc, char** argv, void (*init)(void),
+                      void (*fini)(void), void (*rtld_fini)(void), void* stack_end) {
   program_main = main;
   StartMain* start = (StartMain*)dlsym(RTLD_NEXT, "__libc_start_main");
   return start(counted_main, argc, argv, init, fini, rtld_fini, stack_end);
@@ -256,8 +275,12 @@ int __libc_start_main(int (*main)(int, char**, char**), int argc, char** argv, v
 void* malloc(size_t size) { return fails(kAlloc) ? NULL : __libc_malloc(size); }
 void* calloc(size_t count, size_t size) { return fails(kAlloc) ? NULL : __libc_calloc(count, size); }
 void* realloc(void* old, size_t size) { return fails(kAlloc) ? NULL : __libc_realloc(old, size); }
-void* memalign(size_t alignment, size_t size) { return fails(kAlloc) ? NULL : __libc_memalign(alignment, size); }
-void* aligned_alloc(size_t alignment, size_t size) { return fails(kAlloc) ? NULL : __libc_memalign(alignment, size); }
+void* memalign(size_t alignment, size_t size) {
+  return fails(kAlloc) ? NULL : __libc_memalign(alignment, size);
+}
+void* aligned_alloc(size_t alignment, size_t size) {
+  return fails(kAlloc) ? NULL : __libc_memalign(alignment, size);
+}
 int posix_memalign(void** result, size_t alignment, size_t size) {
   if (fails(kAlloc)) return ENOMEM;
   void* memory = __libc_memalign(alignment, size);
@@ -275,36 +298,34 @@ MMAP(mmap, off_t)
 MMAP(mmap64, off64_t)
 
 /* ---- files ------------------------------------------------------------------------------------------------------ */
-#define MODE(flags, last)                                \
-  mode_t mode = 0;                                       \
-  if ((flags) & (O_CREAT | __O_TMPFILE)) {               \
-    va_list list;                                        \
-    va_start(list, last);                                \
-    mode = va_arg(list, mode_t);                         \
-    va_end(list);                                        \
+#define MODE(flags, last)                  \
+  mode_t mode = 0;                         \
+  if ((flags) & (O_CREAT | __O_TMPFILE)) { \
+    va_list list;                          \
+    va_start(list, last);                  \
+    mode = va_arg(list, mode_t);           \
+    va_end(list);                          \
   }
-#define OPEN(name)                                                   \
-  NEXT(name);                                                        \
-  int name(const char* path, int flags, ...) {                       \
-    MODE(flags, flags)                                               \
-    return fails(kOpen) ? -1 : REAL(name)(path, flags, mode);        \
+#define OPEN(name)                                            \
+  NEXT(name);                                                 \
+  int name(const char* path, int flags, ...) {                \
+    MODE(flags, flags)                                        \
+    return fails(kOpen) ? -1 : REAL(name)(path, flags, mode); \
   }
-#define OPENAT(name)                                                     \
-  NEXT(name);                                                            \
-  int name(int folder, const char* path, int flags, ...) {               \
-    MODE(flags, flags)                                                   \
-    return fails(kOpen) ? -1 : REAL(name)(folder, path, flags, mode);    \
+#define OPENAT(name)                                                  \
+  NEXT(name);                                                         \
+  int name(int folder, const char* path, int flags, ...) {            \
+    MODE(flags, flags)                                                \
+    return fails(kOpen) ? -1 : REAL(name)(folder, path, flags, mode); \
   }
 OPEN(open)
 OPEN(open64)
 OPENAT(openat)
 OPENAT(openat64)
 
-#define FOPEN(name)                                               \
-  NEXT(name);                                                     \
-  FILE* name(const char* path, const char* mode) {                \
-    return fails(kOpen) ? NULL : REAL(name)(path, mode);          \
-  }
+#define FOPEN(name) \
+  NEXT(name);       \
+  FILE* name(const char* path, const char* mode) { return fails(kOpen) ? NULL : REAL(name)(path, mode); }
 FOPEN(fopen)
 FOPEN(fopen64)
 NEXT(opendir);
@@ -316,17 +337,17 @@ static bool is_short(size_t* bytes) {
   return true;
 }
 /* A program whose last line cannot be written has nowhere to say so. */
-#define TRANSFER(name, kind, byte_type)                                                                       \
-  NEXT(name);                                                                                                 \
-  ssize_t name(int file, byte_type* bytes, size_t count) {                                                    \
-    return file != STDERR_FILENO && fails(kind) && !is_short(&count) ? -1 : REAL(name)(file, bytes, count);   \
+#define TRANSFER(name, kind, byte_type)                                                                     \
+  NEXT(name);                                                                                               \
+  ssize_t name(int file, byte_type* bytes, size_t count) {                                                  \
+    return file != STDERR_FILENO && fails(kind) && !is_short(&count) ? -1 : REAL(name)(file, bytes, count); \
   }
 TRANSFER(read, kRead, void)
 TRANSFER(write, kWrite, const void)
-#define TRANSFER_AT(name, kind, byte_type, offset_type)                                        \
-  NEXT(name);                                                                                  \
-  ssize_t name(int file, byte_type* bytes, size_t count, offset_type at) {                     \
-    return fails(kind) && !is_short(&count) ? -1 : REAL(name)(file, bytes, count, at);         \
+#define TRANSFER_AT(name, kind, byte_type, offset_type)                                \
+  NEXT(name);                                                                          \
+  ssize_t name(int file, byte_type* bytes, size_t count, offset_type at) {             \
+    return fails(kind) && !is_short(&count) ? -1 : REAL(name)(file, bytes, count, at); \
   }
 TRANSFER_AT(pread, kRead, void, off_t)
 TRANSFER_AT(pread64, kRead, void, off64_t)
@@ -353,17 +374,17 @@ int msync(void* at, size_t length, int flags) { return fails(kFsync) ? -1 : REAL
   int name(int file, offset_type length) { return fails(kFtruncate) ? -1 : REAL(name)(file, length); }
 TRUNCATE(ftruncate, off_t)
 TRUNCATE(ftruncate64, off64_t)
-#define FALLOCATE(name, offset_type)                                              \
-  NEXT(name);                                                                     \
-  int name(int file, int mode, offset_type from, offset_type length) {            \
-    return fails(kFtruncate) ? -1 : REAL(name)(file, mode, from, length);         \
+#define FALLOCATE(name, offset_type)                                      \
+  NEXT(name);                                                             \
+  int name(int file, int mode, offset_type from, offset_type length) {    \
+    return fails(kFtruncate) ? -1 : REAL(name)(file, mode, from, length); \
   }
 FALLOCATE(fallocate, off_t)
 FALLOCATE(fallocate64, off64_t)
-#define POSIX_FALLOCATE(name, offset_type)                                             \
-  NEXT(name);                                                                          \
-  int name(int file, offset_type from, offset_type length) {                           \
-    return fails(kFtruncate) ? fault_errno : REAL(name)(file, from, length);           \
+#define POSIX_FALLOCATE(name, offset_type)                                   \
+  NEXT(name);                                                                \
+  int name(int file, offset_type from, offset_type length) {                 \
+    return fails(kFtruncate) ? fault_errno : REAL(name)(file, from, length); \
   }
 POSIX_FALLOCATE(posix_fallocate, off_t)
 POSIX_FALLOCATE(posix_fallocate64, off64_t)
@@ -377,17 +398,29 @@ int renameat2(int from_folder, const char* from, int to_folder, const char* to, 
 
 /* ---- threads, processes, waits ---------------------------------------------------------------------------------- */
 NEXT(pthread_create);
-int pthread_create(pthread_t* thread, const pthread_attr_t* attributes, void* (*start)(void*), void* argument) {
+int pthread_create(pthread_t* thread, const pthread_attr_t* attributes, void* (*start)(void*),
+                   void* argument) {
   return fails(kThread) ? fault_errno : REAL(pthread_create)(thread, attributes, start, argument);
 }
 NEXT(fork);
-pid_t fork(void) { return fails(kProcess) ? -1 : REAL(fork)(); }
-#define SPAWN(name)                                                                                     \
-  NEXT(name);                                                                                           \
-  int name(pid_t* child, const char* path, const posix_spawn_file_actions_t* actions,                   \
-           const posix_spawnattr_t* attributes, char* const arguments[], char* const environment[]) {   \
-    return fails(kProcess) ? fault_errno                                                                \
-                           : REAL(name)(child, path, actions, attributes, arguments, environment);      \
+pid_t fork(void) {
+  const pid_t child = fails(kProcess) ? -1 : REAL(fork)();
+  if (child > 0 && follow && getpid() == counted_process) atomic_store(&armed, false);
+  return child;
+}
+
+NEXT(_exit);
+void _exit(int status) {
+  if (follow && getpid() != counted_process && atomic_exchange(&armed, false) && census) write_census();
+  REAL(_exit)(status);
+  __builtin_unreachable();
+}
+#define SPAWN(name)                                                                                   \
+  NEXT(name);                                                                                         \
+  int name(pid_t* child, const char* path, const posix_spawn_file_actions_t* actions,                 \
+           const posix_spawnattr_t* attributes, char* const arguments[], char* const environment[]) { \
+    return fails(kProcess) ? fault_errno                                                              \
+                           : REAL(name)(child, path, actions, attributes, arguments, environment);    \
   }
 SPAWN(posix_spawn)
 SPAWN(posix_spawnp)

@@ -7,7 +7,6 @@
 #include <cstdio>
 #include <filesystem>
 #include <functional>
-#include <iostream>
 #include <new>
 
 #include "apron/program/LocalityCheck.h"
@@ -20,14 +19,16 @@
 #include "apron/vm/Vm.h"
 #include "common/error/UserError.h"
 #include "common/files/AtomicFile.h"
+#include "common/files/Inputs.h"
 #include "common/process/StopSignals.h"
+#include "common/text/Printable.h"
 
 namespace apron::run {
 namespace {
 
 int print_error(int status, const std::string& text) {
   std::fflush(stdout);
-  std::cerr << "apron: " << text << '\n';
+  common::print_message("apron: " + text + "\n");
   return status;
 }
 
@@ -106,7 +107,7 @@ int exit_status(vm::Status status, const std::string& error, const Options& opti
     case vm::Status::kFailed:
       break;
   }
-  std::cerr << error << '\n';
+  common::print_message(error + "\n");
   return status == vm::Status::kRefused ? common::kUserError : common::kFailed;
 }
 
@@ -123,7 +124,7 @@ RunResult run_headless(const Options& options, program::Program program, LocalHo
   result.status = run_until_end(vm, options, result.ticks);
   result.error = vm.error();
   result.profile = vm.profile();
-  result.save_error = save_registers(options.saved, vm, host);
+  result.save_error = save_registers(options.saved, vm);
   return result;
 }
 
@@ -133,6 +134,16 @@ struct UiCallbacks {
   std::function<void()> on_finish;
 };
 
+std::vector<common::NamedOutput> named_outputs(const Options& options) {
+  std::vector<common::NamedOutput> outputs;
+  for (const Screenshot& screenshot : options.screenshots)
+    outputs.push_back({"--screenshot", screenshot.file});
+  if (!options.video.empty()) outputs.push_back({"--video", options.video});
+  for (const SavedRegister& saved : options.saved) outputs.push_back({"--save", saved.file});
+  if (!options.profile.empty()) outputs.push_back({"--profile", options.profile});
+  return outputs;
+}
+
 // Compiles for the array's size, checks the options against the program and runs it. with_host() creates the
 // host and passes it to its argument; it returns the exit status.
 template <class WithHost>
@@ -140,7 +151,7 @@ int compile_and_run(const Options& options, std::uint32_t width, std::uint32_t h
                     const WithHost& with_host) {
   CompilerMessages messages;
   const std::optional<CompiledProgram> compiled = compile_with_sources(options, width, height, messages);
-  std::cerr << messages.text;
+  common::print_message(messages.text);
   if (!compiled) return common::kUserError;
   const program::Program& program = compiled->program;
   check_parameters(options, program);
@@ -155,12 +166,15 @@ int compile_and_run(const Options& options, std::uint32_t width, std::uint32_t h
   if (std::string error; !options.cost_model.empty()) {
     model = read_cost_model(find_library_file(options.cost_model), error);
     if (!model) {
-      std::cerr << error << '\n';
+      common::print_message(error + "\n");
       return common::kUserError;
     }
   }
+  common::require_separate_outputs(named_outputs(options));
+  common::end_of_inputs();
   return with_host([&](LocalHost& host, const UiCallbacks& callbacks) {
-    if (const std::string error = host.load_modules(program.modules, module_search_paths(options));
+    if (const std::string error =
+            host.load_modules(program.modules, options.modules, module_search_paths(options));
         !error.empty())
       throw common::UserError(error);
     RunResult ran;
@@ -185,10 +199,16 @@ const std::atomic<bool>& wait_stop_flag(const Options& options) {
   return options.uses_ui() ? common::interrupt_flag() : common::stop_flag();
 }
 
+FileAccess program_files(const Options& options) {
+  std::vector<std::string> folders = options.allowed_folders;
+  folders.push_back(std::filesystem::path(options.program).parent_path().string());
+  return FileAccess(std::move(folders));
+}
+
 HostEnvironment host_environment(const Options& options) {
   const bool has_clock = options.timers || options.window;
   return {options.cameras, has_clock ? Timers::Clock(wall_clock_s) : Timers::Clock(), options.frame_rate,
-          options.keys};
+          options.keys, program_files(options)};
 }
 
 int run_local(const Options& options) {
@@ -235,7 +255,7 @@ int run_on_surface(const Options& options) {
   for (;;) {
     const int status = run_surface_session(options, timeout);
     if (status != common::kPeerLost || !options.reconnect) return status;
-    std::cerr << "apron: waiting for a new surface '" << options.surface << "'\n";
+    common::print_message("apron: waiting for a new surface '" + options.surface + "'\n");
     timeout = kReconnectTimeout;
   }
 }
@@ -262,35 +282,36 @@ int check_program(const Options& options) {
   if (!program) return common::kUserError;
   if (program::uses_surface(*program)) {
     if (!program::can_reach(*program, program::Opcode::kSurfaceStep)) {
-      std::cerr << options.program
-                << ": warning: the program uses the surface and never reaches surface.step, "
-                << "for which the surface waits\n";
+      common::print_message(options.program +
+                            ": warning: the program uses the surface and never reaches surface.step, "
+                            "for which the surface waits\n");
     } else if (const std::optional<std::size_t> loop = program::find_loop_without_step(*program)) {
       const program::SourceLocation& source = *program::find_location(*program, *loop);
-      std::cerr << program->files[source.file] << ':' << source.line << ": warning: from here the program "
-                << "repeats forever without surface.step, for which the surface waits\n";
+      common::print_message(program->files[source.file] + ":" + std::to_string(source.line) +
+                            ": warning: from here the program repeats forever without surface.step, for "
+                            "which the surface waits\n");
     }
   }
   if (const std::string errors = body_errors(options); !errors.empty()) {
-    std::cerr << errors;
+    common::print_message(errors);
     return common::kUserError;
   }
   if (!options.local_check) return common::kDone;
   const std::vector<program::NonLocalInstruction> nonlocal = program::find_nonlocal_instructions(*program);
   for (const program::NonLocalInstruction& instruction : nonlocal) {
     const program::SourceLocation& source = *program::find_location(*program, instruction.instruction);
-    std::cout << program->files[source.file] << ':' << source.line << ": not local: " << instruction.reason
-              << '\n';
+    common::print_output(program->files[source.file] + ":" + std::to_string(source.line) +
+                         ": not local: " + instruction.reason + "\n");
   }
   if (!nonlocal.empty()) return common::kFailed;
-  std::cout << options.program << ": every instruction is local\n";
+  common::print_output(options.program + ": every instruction is local\n");
   return common::kDone;
 }
 
 int disassemble_program(const Options& options) {
   const std::optional<program::Program> program = compile_or_report(options, options.width, options.height);
   if (!program) return common::kUserError;
-  std::cout << program::disassemble(*program);
+  common::print_output(program::disassemble(*program));
   return common::kDone;
 }
 

@@ -1,8 +1,6 @@
 // `apron fmt`.
 #include "apron/syntax/Formatter.h"
 
-#include <iostream>
-
 #include "apron/run/cli/Commands.h"
 #include "apron/run/media/MediaError.h"
 #include "apron/run/media/MediaFile.h"
@@ -10,6 +8,7 @@
 #include "apron/syntax/Lexer.h"
 #include "apron/syntax/SourceManager.h"
 #include "common/files/ReadFile.h"
+#include "common/text/Printable.h"
 
 namespace apron::run {
 namespace {
@@ -30,22 +29,22 @@ int format_programs(const Options& options) {
     try {
       const std::string text = read_file(file, common::kMaxTextBytes);
       if (const std::string errors = lexical_errors(file, text); !errors.empty()) {
-        std::cerr << errors;
+        common::print_message(errors);
         status = common::kUserError;
         continue;
       }
       const std::string result = syntax::format_source(text);
       if (options.check_only) {
         if (result == text) continue;
-        std::cout << file << '\n';
+        common::print_output(file + "\n");
         if (status == common::kDone) status = common::kFailed;
       } else if (!options.write) {
-        std::cout << result;
+        common::print_output(result);
       } else if (result != text) {
         write_file(file, result);
       }
     } catch (const MediaError& error) {
-      std::cerr << "apron: error: " << error.what() << '\n';
+      common::print_message("apron: error: " + std::string(error.what()) + "\n");
       status = common::kUserError;
     }
   }

@@ -1,11 +1,12 @@
 // `apron import`.
-#include <iostream>
 
 #include "apron/run/cli/Commands.h"
 #include "apron/run/import/KernelImport.h"
 #include "apron/run/media/MediaError.h"
 #include "apron/run/media/MediaFile.h"
 #include "apron/run/options/CompiledProgram.h"
+#include "common/files/Inputs.h"
+#include "common/text/Printable.h"
 
 namespace apron::run {
 
@@ -18,22 +19,23 @@ int import_program(const Options& options) {
         import_kernels(read_file(options.program), vocabulary, {source_name, options.picture});
     bool is_complete = true;
     for (const ImportNote& note : imported.notes) {
-      std::cerr << options.program << ':' << note.line
-                << (note.in_kernel ? ": not translated: " : ": left out: ") << note.text << '\n';
+      common::print_message(options.program + ":" + std::to_string(note.line) +
+                            (note.in_kernel ? ": not translated: " : ": left out: ") + note.text + "\n");
       is_complete = is_complete && !note.in_kernel;
     }
     if (imported.instructions == 0) {
-      std::cerr << options.program << ": error: there is no instruction of a SCAMP-5 kernel\n";
+      common::print_message(options.program + ": error: there is no instruction of a SCAMP-5 kernel\n");
       return common::kUserError;
     }
     if (options.output.empty()) {
-      std::cout << imported.program;
+      common::print_output(imported.program);
     } else {
+      common::require_separate_outputs(std::vector<common::NamedOutput>{{"--output", options.output}});
       write_file(options.output, imported.program);
     }
     return is_complete ? common::kDone : common::kFailed;
   } catch (const MediaError& error) {
-    std::cerr << "apron: error: " << error.what() << '\n';
+    common::print_message("apron: error: " + std::string(error.what()) + "\n");
     return common::kUserError;
   }
 }

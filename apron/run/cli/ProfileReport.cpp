@@ -2,8 +2,9 @@
 
 #include <algorithm>
 #include <cmath>
-#include <fstream>
 #include <nlohmann/json.hpp>
+
+#include "common/files/ReadFile.h"
 
 namespace apron::run {
 namespace {
@@ -211,13 +212,13 @@ ordered_json estimate_json(const ProfileTotals& total, std::uint64_t frame_count
 }  // namespace
 
 std::optional<CostModel> read_cost_model(const std::string& file, std::string& error) {
-  std::ifstream in(file);
-  if (!in) {
-    error = file + ": error: cannot be read";
+  std::string text;
+  if (const std::error_code failure = common::read_file(file, common::kMaxTextBytes, text)) {
+    error = file + ": error: cannot be read: " + failure.message();
     return std::nullopt;
   }
   try {
-    return parse_model(ordered_json::parse(in, nullptr, true, true));
+    return parse_model(ordered_json::parse(text, nullptr, true, true));
   } catch (const CostModelError& model_error) {
     error = file + ": error: " + model_error.text;
   } catch (const nlohmann::json::exception& json_error) {

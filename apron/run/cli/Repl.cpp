@@ -250,7 +250,8 @@ Repl::Outcome Repl::compile_and_run(const std::string& text, std::string& report
     return Outcome::kCompileError;
   }
   ReplHost host(options_, out_);
-  if (const std::string error = host.load_modules(result.program->modules, module_search_paths(options_));
+  if (const std::string error =
+          host.load_modules(result.program->modules, options_.modules, module_search_paths(options_));
       !error.empty()) {
     report = "error: " + error + "\n";
     return Outcome::kRuntimeError;

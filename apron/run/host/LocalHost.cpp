@@ -1,11 +1,13 @@
 #include "apron/run/host/LocalHost.h"
 
+#include <algorithm>
 #include <cstdio>
 
 #include "apron/run/media/ArrayFile.h"
 #include "apron/run/media/CameraSources.h"
 #include "apron/run/media/ImageFile.h"
 #include "apron/run/media/MediaError.h"
+#include "common/text/Printable.h"
 
 namespace apron::run {
 
@@ -21,7 +23,8 @@ LocalHost::LocalHost(Parameters parameters, const std::atomic<bool>& stop, HostE
       cameras_(std::move(environment.cameras)),
       timers_(std::move(environment.clock_s)),
       frames_(environment.frame_rate),
-      keys_(std::move(environment.keys)) {}
+      keys_(std::move(environment.keys)),
+      files_(std::move(environment.files)) {}
 
 void LocalHost::restart() {
   clip_.reset();
@@ -30,7 +33,7 @@ void LocalHost::restart() {
   keys_.restart();
 }
 
-void LocalHost::print(std::string_view text) { std::fwrite(text.data(), 1, text.size(), stdout); }
+void LocalHost::print(std::string_view text) { common::print_output(text); }
 
 std::string LocalHost::message() const { return message_.empty() ? kNoSurface : message_; }
 
@@ -58,21 +61,30 @@ HostStatus LocalHost::guard_media_errors(const Media& operation) {
   }
 }
 
+std::string LocalHost::readable(std::string_view file) const {
+  files_.require_readable(std::string(file));
+  return std::string(file);
+}
+std::string LocalHost::writable(std::string_view file) const {
+  files_.require_writable(std::string(file));
+  return std::string(file);
+}
+
 HostStatus LocalHost::open_array(std::string_view file, vm::Plane to) {
-  return guard_media_errors([&] { read_array(std::string(file), to); });
+  return guard_media_errors([&] { read_array(readable(file), to); });
 }
 HostStatus LocalHost::save_array(std::string_view file, vm::ConstPlane from) {
-  return guard_media_errors([&] { write_array(std::string(file), from); });
+  return guard_media_errors([&] { write_array(writable(file), from); });
 }
 HostStatus LocalHost::open_image(std::string_view file, vm::Plane to) {
-  return guard_media_errors([&] { read_image(std::string(file), to); });
+  return guard_media_errors([&] { read_image(readable(file), to); });
 }
 HostStatus LocalHost::save_image(std::string_view file, vm::ConstPlane from) {
-  return guard_media_errors([&] { write_image(std::string(file), from); });
+  return guard_media_errors([&] { write_image(writable(file), from); });
 }
 
 HostStatus LocalHost::open_clip(std::string_view file) {
-  return guard_media_errors([&] { clip_ = std::make_unique<Y4mReader>(std::string(file)); });
+  return guard_media_errors([&] { clip_ = std::make_unique<Y4mReader>(readable(file)); });
 }
 HostStatus LocalHost::read_clip(vm::Plane to) {
   if (clip_ == nullptr)
@@ -97,7 +109,12 @@ HostStatus LocalHost::wait(double seconds) {
 }
 
 std::string LocalHost::load_modules(const std::vector<std::string>& names,
+                                    const std::vector<std::string>& permitted,
                                     const std::vector<std::string>& directories) {
+  for (const std::string& name : names)
+    if (std::ranges::find(permitted, name) == permitted.end())
+      return "!module('" + name + "') loads native code: --module " + name +
+             " on the command line permits it";
   for (const std::string& name : names)
     if (std::string error = modules_.load(name, directories); !error.empty()) return error;
   return {};

@@ -1,5 +1,5 @@
-// The VM's host without a surface: console on stdout, media files relative to the current directory, cameras,
-// frames, parameters and keys from the command line.
+// The VM's host without a surface: console on stdout, media files relative to the current directory, in the
+// folders of FileAccess, cameras, frames, parameters and keys from the command line.
 #pragma once
 
 #include <atomic>
@@ -7,6 +7,7 @@
 #include <memory>
 #include <string>
 
+#include "apron/run/host/FileAccess.h"
 #include "apron/run/host/FrameClock.h"
 #include "apron/run/host/KeyScript.h"
 #include "apron/run/host/PluginModules.h"
@@ -25,6 +26,7 @@ struct HostEnvironment {
   Timers::Clock clock_s;             // empty: timers read 0
   FrameRate frame_rate = {};         // without a surface
   std::vector<KeyPress> keys = {};   // scripted
+  FileAccess files = {};
 };
 
 class LocalHost : public vm::Host {
@@ -58,8 +60,9 @@ class LocalHost : public vm::Host {
   double read_timer_s(std::string_view name) override { return timers_.read_s(name); }
   vm::HostStatus wait(double seconds) override;
 
-  // Loads the modules that the program names; call before it runs. Returns an error message, or empty.
-  std::string load_modules(const std::vector<std::string>& names,
+  // Loads the modules that the program names, if they are permitted; call before it runs. Returns an error message, or
+  // empty.
+  std::string load_modules(const std::vector<std::string>& names, const std::vector<std::string>& permitted,
                            const std::vector<std::string>& directories);
   vm::HostStatus call_plugin(std::string_view module, int operation,
                              std::span<const vm::PluginArgument> arguments, vm::Plane to,
@@ -87,6 +90,9 @@ class LocalHost : public vm::Host {
 
  private:
   std::uint64_t current_frame() const { return static_cast<std::uint64_t>(tick().value_or(0.0)); }
+  // The name, if the program may read or write the file. Throw MediaError.
+  std::string readable(std::string_view file) const;
+  std::string writable(std::string_view file) const;
   template <class Media>
   vm::HostStatus guard_media_errors(const Media& operation);
 
@@ -99,6 +105,7 @@ class LocalHost : public vm::Host {
   Timers timers_;
   FrameClock frames_;
   KeyScript keys_;
+  FileAccess files_;
   PluginModules modules_;
 };
 

@@ -4,6 +4,8 @@
 #include <csignal>
 #include <cstdio>
 
+#include "common/text/Printable.h"
+
 namespace apron::run {
 namespace {
 
@@ -41,7 +43,7 @@ void StepWatchdog::watch() {
   while (!wake_up_.wait_for(lock, 250ms, [this] { return quit_; })) {
     const std::int64_t armed_ns = armed_ns_;
     if (armed_ns == 0 || steady_ns() - armed_ns < kPatience_ns) continue;
-    std::fputs("apron: warning: the surface has waited 2 s for surface.step\n", stderr);
+    common::print_message("apron: warning: the surface has waited 2 s for surface.step\n");
     warned_ = true;
     return;
   }

@@ -36,6 +36,7 @@ std::string read_file(const std::string& path, std::size_t max_bytes) {
   if (std::filesystem::is_directory(path, error)) throw_refused(path, "is a directory");
   std::string bytes;
   if (const std::error_code failure = common::read_file(path, max_bytes, bytes)) {
+    if (failure == common::not_a_regular_file()) throw_refused(path, "is not a regular file");
     errno = failure.value();
     const bool disk = failure == std::errc::io_error;
     throw_system_error(path, "read", disk ? vm::HostStatus::kFailed : vm::HostStatus::kRefused);

@@ -1,6 +1,10 @@
 #include "apron/run/media/SavedRegisters.h"
 
+#include <new>
+
+#include "apron/run/media/ArrayFile.h"
 #include "apron/run/media/ImageFile.h"
+#include "apron/run/media/MediaError.h"
 #include "apron/run/media/MediaFile.h"
 #include "common/error/UserError.h"
 
@@ -18,12 +22,19 @@ void check_saved(const std::vector<SavedRegister>& saved, const program::Program
   }
 }
 
-std::string save_registers(const std::vector<SavedRegister>& saved, const vm::Vm& vm, vm::Host& host) {
+std::string save_registers(const std::vector<SavedRegister>& saved, const vm::Vm& vm) {
   for (const SavedRegister& one : saved) {
     const vm::Plane plane = vm.plane(*program::find_register(vm.program(), one.name));
-    const vm::HostStatus status =
-        is_image_name(one.file) ? host.save_image(one.file, plane) : host.save_array(one.file, plane);
-    if (status != vm::HostStatus::kOk) return "--save: " + host.message();
+    try {
+      if (is_image_name(one.file))
+        write_image(one.file, plane);
+      else
+        write_array(one.file, plane);
+    } catch (const MediaError& error) {
+      return std::string("--save: ") + error.what();
+    } catch (const std::bad_alloc&) {
+      return "--save: there is not enough memory for '" + one.file + "'";
+    }
   }
   return {};
 }

@@ -5,7 +5,6 @@
 #include <vector>
 
 #include "apron/program/Program.h"
-#include "apron/vm/Host.h"
 #include "apron/vm/Vm.h"
 
 namespace apron::run {
@@ -20,6 +19,6 @@ void check_saved(const std::vector<SavedRegister>&, const program::Program&);
 
 // Writes .npy and .csv files as io.array.save does, and pictures as io.image.save. Returns a one-line error,
 // or empty.
-std::string save_registers(const std::vector<SavedRegister>&, const vm::Vm&, vm::Host&);
+std::string save_registers(const std::vector<SavedRegister>&, const vm::Vm&);
 
 }  // namespace apron::run

@@ -65,8 +65,7 @@ std::unique_ptr<V4l2Device> open_v4l2_device(const std::string& path) {
   if (stat(path.c_str(), &status) != 0 && errno == ENOENT)
     throw MediaError(vm::HostStatus::kRefused,
                      "there is no camera '" + path + "'; select another one, or a .y4m video, with --camera");
-  if (S_ISREG(status.st_mode) || S_ISDIR(status.st_mode))
-    throw_refused(path, "is not a camera; the name of a video must end in .y4m");
+  if (!S_ISCHR(status.st_mode)) throw_refused(path, "is not a camera; the name of a video must end in .y4m");
   const int fd = open(path.c_str(), O_RDWR | O_NONBLOCK | O_CLOEXEC);
   if (fd != -1) return std::make_unique<LinuxV4l2Device>(fd);
   const int error = errno;

@@ -2,9 +2,11 @@
 
 #include <algorithm>
 #include <charconv>
+#include <filesystem>
 #include <sstream>
 
 #include "apron/run/media/MediaFile.h"
+#include "common/files/Inputs.h"
 
 namespace apron::run {
 namespace {
@@ -42,6 +44,10 @@ bool read_line(std::ifstream& file, std::string& line) {
 
 Y4mReader::Y4mReader(const std::string& path) : path_(path) {
   if (extension(path) != "y4m") throw_refused(path, "is not a supported video: the name must end in .y4m");
+  std::error_code error;
+  if (std::filesystem::exists(path, error) && !std::filesystem::is_regular_file(path, error))
+    throw_refused(path, "is not a regular file");
+  common::note_input(path);
   file_.open(path, std::ios::binary);
   if (!file_) throw_refused(path, "cannot be read");
   std::string line, word, format = "420";

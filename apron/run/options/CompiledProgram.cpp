@@ -1,7 +1,6 @@
 #include "apron/run/options/CompiledProgram.h"
 
 #include <filesystem>
-#include <iostream>
 
 #include "apron/compiler/BodyCheck.h"
 #include "apron/compiler/Compiler.h"
@@ -11,6 +10,7 @@
 #include "common/color/PaletteFile.h"
 #include "common/error/UserError.h"
 #include "common/files/ReadFile.h"
+#include "common/text/Printable.h"
 
 namespace apron::run {
 namespace {
@@ -62,7 +62,7 @@ void load_palettes(const Options& options) {
 
 std::optional<CompiledProgram> compile_with_sources(const Options& options, std::uint32_t width,
                                                     std::uint32_t height, CompilerMessages& messages) {
-  syntax::DiskReader reader;
+  syntax::DiskReader reader(options.program);
   compiler::CompileOptions compiler_options = compile_options(options, width, height);
   compiler::CompileResult result = compiler::compile(compiler_options, reader);
   if (options.original && result.program &&
@@ -90,7 +90,7 @@ std::optional<program::Program> compile_or_report(const Options& options, std::u
                                                   std::uint32_t height) {
   CompilerMessages messages;
   std::optional<CompiledProgram> compiled = compile_with_sources(options, width, height, messages);
-  std::cerr << messages.text;
+  common::print_message(messages.text);
   if (!compiled) return std::nullopt;
   return std::move(compiled->program);
 }

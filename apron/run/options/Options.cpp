@@ -6,11 +6,11 @@
 #include <charconv>
 #include <cmath>
 #include <cstdlib>
-#include <iostream>
 #include <limits>
 
 #include "apron/program/Program.h"
 #include "common/cli/ParseErrors.h"
+#include "common/text/Printable.h"
 
 namespace apron::run {
 namespace {
@@ -149,6 +149,8 @@ void add_execution_options(CLI::App& run, RawOptions& raw) {
   add_repeated(run, "--camera", raw.options.cameras, "DEVICE|FILE.y4m|PICTURE|FOLDER",
                "device [/dev/video0], video, picture or folder of pictures that webcam.open(0) opens; repeat "
                "the option for webcam.open(1) and so on");
+  add_repeated(run, "--module", raw.options.modules, "NAME",
+               "let the program load this native module, which it names with !module");
   add_value(run, "--threads", raw.options.threads, "N",
             "worker threads for large arrays; results do not depend on it [1]")
       ->check(whole_number_validator(1, 256));
@@ -196,6 +198,8 @@ void add_run_options(CLI::App& run, RawOptions& raw) {
   add_repeated(run, "--keys", raw.keys, "KEY@FIRST[-LAST]",
                "key that is down during these frames, for io.key; may be repeated");
   add_execution_options(run, raw);
+  add_repeated(run, "--allow", raw.options.allowed_folders, "FOLDER",
+               "let the program read and write files there too, not only in its own folder");
   run.add_flag("--timers", raw.options.timers,
                "timers measure wall time, as with --window; by default they read 0");
   run.add_flag("--reconnect", raw.options.reconnect,
@@ -358,7 +362,7 @@ ParsedOptions parse_options(int argc, char** argv) {
   } catch (const CLI::Success& success) {
     return {raw.options, app.exit(success)};
   } catch (const CLI::ParseError& error) {
-    std::cerr << "apron: error: " << common::describe_parse_error(app, error, argc, argv) << '\n';
+    common::print_message("apron: error: " + common::describe_parse_error(app, error, argc, argv) + "\n");
     return {raw.options, common::kUserError};
   }
 }

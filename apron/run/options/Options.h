@@ -56,10 +56,12 @@ struct Options {
   std::vector<std::string> files;  // the inputs of fmt
   std::string watch;               // a register to show in the terminal; empty for none
 
-  FrameRate frame_rate;              // without a surface
-  std::vector<KeyPress> keys;        // --keys
-  std::vector<std::string> cameras;  // replace /dev/video0, /dev/video1, …
-  bool timers = false;               // timers measure wall time even without a window
+  FrameRate frame_rate;                      // without a surface
+  std::vector<KeyPress> keys;                // --keys
+  std::vector<std::string> allowed_folders;  // --allow: where the program may read and write, besides its own
+  std::vector<std::string> modules;          // --module: native modules that the program may load
+  std::vector<std::string> cameras;          // replace /dev/video0, /dev/video1, …
+  bool timers = false;                       // timers measure wall time even without a window
 
   bool uses_ui() const { return window || !screenshots.empty() || !video.empty(); }
   bool write = false, check_only = false;  // of fmt

@@ -31,7 +31,7 @@ UiRunResult run_with_ui(const UiRun& run) {
   if (common::stop_flag()) result.status = vm::Status::kInterrupted;
   result.error = context.session.vm().error();
   result.ticks = context.session.ticks();
-  result.save_error = save_registers(run.options.saved, context.session.vm(), context.host);
+  result.save_error = save_registers(run.options.saved, context.session.vm());
   result.profile = context.session.vm().profile();
   return result;
 }

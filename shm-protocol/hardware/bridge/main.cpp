@@ -11,8 +11,10 @@
 #include <stdexcept>
 
 #include "common/process/ExitStatus.h"
+#include "common/process/StandardStreams.h"
 #include "common/process/StopSignals.h"
 #include "common/process/Termination.h"
+#include "common/text/Printable.h"
 #include "shm-protocol/hardware/bridge/Bridge.h"
 
 namespace {
@@ -120,7 +122,7 @@ void print(const hardware::BridgeCounters& c) {
 
 int serve(const BridgeOptions& options) {
   Bridge bridge(options, common::catch_stop_signals(),
-                [](const std::string& line) { std::fprintf(stderr, "surface_bridge: %s\n", line.c_str()); });
+                [](const std::string& line) { common::print_error_line("surface_bridge", line); });
   const hardware::Outcome end = bridge.run();
   print(bridge.counters());
   if (std::fflush(stdout) != 0) return common::kFailed;
@@ -140,19 +142,20 @@ int serve(const BridgeOptions& options) {
 }  // namespace
 
 int main(int argc, char** argv) {
+  common::open_standard_streams();
   const common::Termination termination("surface_bridge");
   try {
     const auto options = parse(argc, argv);
     if (!options) return std::fflush(stdout) == 0 ? common::kDone : common::kFailed;
     return serve(*options);
   } catch (const std::invalid_argument& e) {
-    std::fprintf(stderr, "surface_bridge: error: %s\n", e.what());
+    common::print_error_line("surface_bridge: error", e.what());
     return common::kUserError;
   } catch (const shm_protocol::Error& e) {
-    std::fprintf(stderr, "surface_bridge: error: %s\n", e.what());
+    common::print_error_line("surface_bridge: error", e.what());
     return e.code() == shm_protocol::ErrorCode::kSystem ? common::kFailed : common::kUserError;
   } catch (const std::exception& e) {
-    std::fprintf(stderr, "surface_bridge: error: %s\n", common::failure_text(e));
+    common::print_error_line("surface_bridge: error", common::failure_text(e));
     return common::kFailed;
   }
 }

@@ -14,6 +14,7 @@
 #include <stdexcept>
 #include <thread>
 
+#include "common/process/StandardStreams.h"
 #include "shm-protocol/hardware/fake/EmulatedLine.h"
 #include "shm-protocol/hardware/fake/NoisyLine.h"
 #include "shm-protocol/hardware/fake/PillarDevice.h"
@@ -266,6 +267,7 @@ class Emulator {
 }  // namespace
 
 int main(int argc, char** argv) {
+  common::open_standard_streams();
   try {
     const Options o = parse(argc, argv);
     if (o.help) {

@@ -17,7 +17,7 @@ def _candidates():
         if folder.name == "lib":
             yield from map(str, folder.glob(f"*/{_NAME}"))  # … beside lib/x86_64-linux-gnu
         for preset in ("release", "ci", "debug"):
-            yield str(folder / "build" / preset / "shm-protocol" / _NAME)  # in the source tree
+            yield from map(str, (folder / "build" / preset).glob(f"lib*/**/{_NAME}"))  # in the source tree
     yield _NAME  # the loader's search path
 
 

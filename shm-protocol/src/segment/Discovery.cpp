@@ -18,7 +18,7 @@ std::optional<FoundSurface> find_surface(const std::string& name, Access access,
     return std::nullopt;
   }
   const ProcessIdentity surface = layout->identity.surface_process;
-  if (!is_alive(surface)) {
+  if (!segment->liveness().is_alive(Side::kSurface, surface)) {
     why = "surface \"" + name + "\" is dead: process " + std::to_string(pid_of(surface)) +
           " is gone and left " + path_of(name);
     return std::nullopt;

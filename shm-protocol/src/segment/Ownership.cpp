@@ -15,6 +15,7 @@
 #include <string_view>
 #include <thread>
 
+#include "LivenessLock.h"
 #include "SegmentNames.h"
 #include "shm_protocol/layout.h"
 
@@ -32,7 +33,8 @@ SegmentInfo inspect_descriptor(int descriptor, const std::string& file) {
   if (const auto mark = info.name.find(kBuildMarker); mark != std::string::npos) {
     const ProcessIdentity builder = std::strtoull(info.name.c_str() + mark + 1, nullptr, 10);
     info.surface_pid = pid_of(builder);
-    info.ownership = is_alive(builder) ? Ownership::kLiving : Ownership::kOrphan;
+    info.ownership =
+        is_locked(descriptor, Side::kSurface) || is_alive(builder) ? Ownership::kLiving : Ownership::kOrphan;
     return info;
   }
   // Read, not mapped: a truncated file yields fewer bytes instead of a SIGBUS.
@@ -43,13 +45,24 @@ SegmentInfo inspect_descriptor(int descriptor, const std::string& file) {
   info.version_major = static_cast<std::uint16_t>(id.version >> 16);
   info.version_minor = static_cast<std::uint16_t>(id.version & 0xFFFF);
   info.surface_pid = pid_of(id.surface_process);
-  info.ownership = is_alive(id.surface_process) ? Ownership::kLiving : Ownership::kOrphan;
-  if (info.version_major == SSP_VERSION_MAJOR && is_alive(header.claim.controller_process))
+  info.ownership = is_locked(descriptor, Side::kSurface) || is_alive(id.surface_process) ? Ownership::kLiving
+                                                                                         : Ownership::kOrphan;
+  if (info.version_major == SSP_VERSION_MAJOR && header.claim.controller_process != 0 &&
+      (is_locked(descriptor, Side::kController) || is_alive(header.claim.controller_process)))
     info.controller_pid = pid_of(header.claim.controller_process);
   return info;
 }
 
 }  // namespace
+
+// A program without standard streams would print into a file that is opened as one of them.
+FileDescriptor::FileDescriptor(int number) noexcept : number_(number) {
+  if (number < 0 || number > 2) return;
+  number_ = ::fcntl(number, F_DUPFD_CLOEXEC, 3);
+  const int failure = errno;
+  ::close(number);
+  errno = failure;
+}
 
 FileDescriptor::~FileDescriptor() {
   if (number_ >= 0) ::close(number_);

@@ -11,10 +11,12 @@
 
 namespace shm_protocol {
 
-// Owns a file descriptor; -1: none.
+// Owns a file descriptor above those of the standard streams; -1: none.
 class FileDescriptor {
  public:
-  explicit FileDescriptor(int number = -1) noexcept : number_(number) {}
+  FileDescriptor() noexcept = default;
+  // Takes `number`, replacing 0, 1 or 2 by a duplicate. Leaves errno as it is, or says why there is no duplicate.
+  explicit FileDescriptor(int number) noexcept;
   ~FileDescriptor();
   FileDescriptor(FileDescriptor&& other) noexcept : number_(std::exchange(other.number_, -1)) {}
   FileDescriptor& operator=(FileDescriptor&& other) noexcept {
@@ -22,9 +24,10 @@ class FileDescriptor {
     return *this;
   }
   int number() const noexcept { return number_; }
+  int detach() noexcept { return std::exchange(number_, -1); }
 
  private:
-  int number_;
+  int number_ = -1;
 };
 
 // Returns whether the path still names the open file.

@@ -61,6 +61,7 @@ struct Segment::Impl {
   std::string path;            // of the final name
   std::string temporary_path;  // of the private name, until renamed into place
   FileDescriptor file;
+  LivenessLock liveness;
   bip::mapped_region region;
   pid_t builder = 0;
 };
@@ -90,6 +91,8 @@ Segment Segment::create(const std::string& name, std::size_t bytes, ProcessIdent
   impl->file = FileDescriptor(::open(path.c_str(), O_RDWR | O_CREAT | O_EXCL | O_CLOEXEC | O_NOFOLLOW, 0600));
   if (impl->file.number() < 0) system_error("cannot create " + impl->path, errno);
   impl->temporary_path = path;
+  impl->liveness = LivenessLock(path, O_RDWR, impl->file.number());
+  impl->liveness.take(Side::kSurface);
   Segment segment(std::move(impl));
   // Reserve the memory now, so that a full /dev/shm is an error here and not a SIGBUS during a run.
   const FileDescriptor& opened = segment.impl_->file;
@@ -139,9 +142,13 @@ std::optional<Segment> Segment::open(const std::string& name, Access access) {
   // Its owner could truncate the file under this process, which would be a SIGBUS.
   if (!S_ISREG(status.st_mode) || status.st_uid != ::geteuid()) throw_foreign(path);
   if (status.st_size <= 0) throw Error(ErrorCode::kCorrupt, path + ": truncated: 0 bytes");
+  impl->liveness = LivenessLock(path, access == Access::kReadOnly ? O_RDONLY : O_RDWR, descriptor);
   impl->region = map(impl->file, mode, path);
   return Segment(std::move(impl));
 }
+
+LivenessLock& Segment::liveness() noexcept { return impl_->liveness; }
+bool Segment::is_in_place() const noexcept { return is_still(impl_->file.number(), impl_->path); }
 
 std::span<std::byte> Segment::bytes() noexcept {
   return {static_cast<std::byte*>(impl_->region.get_address()), impl_->region.get_size()};

@@ -11,6 +11,7 @@
 #include <span>
 #include <string>
 
+#include "LivenessLock.h"
 #include "ProcessIdentity.h"
 #include "SegmentNames.h"
 
@@ -37,6 +38,11 @@ class Segment {
   void rename_into_place();
   // Removes the file if it is still this segment's.
   void remove() noexcept;
+
+  // The locks of both sides. A created segment holds that of the surface.
+  LivenessLock& liveness() noexcept;
+  // False once the name no longer refers to this segment: somebody has removed the file.
+  bool is_in_place() const noexcept;
 
   std::span<std::byte> bytes() noexcept;  // a write to a read-only mapping is a SIGSEGV
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 import contextlib
 import csv
 import datetime
+import fcntl
 import hashlib
 import itertools
 import json
@@ -26,6 +27,8 @@ from collections.abc import Iterable, Iterator, Sequence
 from .run import command, execute as execute_command
 
 Options = tuple[tuple[str, str], ...]
+
+MAX_NAME_BYTES = 200  # of a folder: file systems take 255, and files in preparation have longer names
 
 
 # Points
@@ -103,13 +106,36 @@ def provenance(version: str, experiment: str, controller: str | None, settings: 
 
 # Execution
 
+def folder_name(text: str) -> str:
+    """A name for a folder: the text where a file system takes it, otherwise its beginning and a hash of the whole."""
+    name = text.replace("/", "_").replace("\0", "_")
+    if len(name.encode()) <= MAX_NAME_BYTES:
+        return name
+    digest = hashlib.sha256(text.encode()).hexdigest()[:16]
+    return name.encode()[:MAX_NAME_BYTES - 17].decode(errors="ignore") + "-" + digest
+
+
+@contextlib.contextmanager
+def locked(folder: pathlib.Path) -> Iterator[bool]:
+    """Whether this process alone works in the folder, which the kernel decides and forgets with the process."""
+    with (folder / ".lock").open("w") as file:
+        try:
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            yield False
+        except OSError:  # a file system without locks
+            yield True
+        else:
+            yield True
+
+
 class Point:
     """One point of the search space with one seed, and its folder."""
 
     def __init__(self, out: pathlib.Path, options: Options, seed: int, digest: str):
         self.options, self.seed, self.digest = options, seed, digest
         name = ",".join([f"{k}={v}" for k, v in options] + [f"seed={seed}"])
-        self.folder = out / "runs" / name.replace("/", "_")
+        self.folder = out / "runs" / folder_name(name)
 
     def status(self) -> int | None:
         """The exit status; None: not run yet, or with other sources."""

@@ -2,6 +2,8 @@
 
 #include <algorithm>
 
+#include "common/files/Inputs.h"
+
 namespace smartsurf::record {
 
 namespace fs = std::filesystem;
@@ -10,7 +12,8 @@ Handle open_for_reading(const fs::path& path) {
   initialise_library();
   std::error_code error;
   if (!fs::exists(path, error)) throw Hdf5Error("no such file");
-  if (!fs::is_regular_file(path, error)) throw Hdf5Error("is not a file");
+  if (!fs::is_regular_file(path, error)) throw Hdf5Error("is not a regular file");
+  common::note_input(path);
   if (path.extension() == ".csv")
     throw Hdf5Error("is a CSV recording, which only holds trajectories: record to a name ending in .h5");
   if (H5Fis_hdf5(path.c_str()) <= 0)

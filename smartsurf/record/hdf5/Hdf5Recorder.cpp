@@ -56,8 +56,9 @@ void interleave_components(const scene::ChannelData& channel, std::span<float> c
 }  // namespace
 
 struct Hdf5Recorder::OpenFile {
-  OpenFile(const PendingFile& pending, const scene::SceneSpec& spec)
-      : record(spec.record),
+  OpenFile(PendingFile& pending_file, const scene::SceneSpec& spec)
+      : pending(pending_file),
+        record(spec.record),
         surface(spec.surface),
         file(create_file(pending)),
         preallocator(pending.path()) {}
@@ -94,6 +95,7 @@ struct Hdf5Recorder::OpenFile {
   void append_inputs(std::span<const scene::ChannelData> actuators);
   void write_buffered();
 
+  PendingFile& pending;
   scene::RecordSpec record;
   scene::SurfaceSpec surface;
   Handle file;
@@ -327,11 +329,13 @@ void Hdf5Recorder::OpenFile::flush() {
   hsize_t length = 0;
   check(H5Fget_filesize(file, &length), "length");
   preallocator.truncate(length);
+  pending.note_length();
 }
 
 // A frame exists once its tick is stored. Ticks are written and flushed after everything else, so a process
 // killed in between cannot leave a partial frame.
 void Hdf5Recorder::OpenFile::write_buffered() {
+  pending.require_unchanged();
   std::uint64_t max_bytes = kMetadataBytes + catalogue->max_bytes(pending_objects);
   if (buffered_frames > 0) {
     for_each_series([&](const FrameSeries& series) { max_bytes += series.max_bytes(); });
@@ -456,6 +460,7 @@ void Hdf5Recorder::mark_user_interaction(std::uint64_t tick) {
   with_open_file([&](OpenFile& content) {
     if (std::exchange(content.interaction_marked, true)) return;
     require_memory(0);
+    pending_->require_unchanged();
     content.preallocator.preallocate(kMetadataBytes);
     write_attribute(open_group(content.file, paths::kMeta), paths::kTouchedByHand, tick);
     content.flush();
@@ -468,6 +473,7 @@ void Hdf5Recorder::close(const RunResult& result) {
     content.preallocator.preallocate(kMetadataBytes + result.outcome.size());
     write_result(content.file, result);
     content.flush();
+    pending_->require_unchanged();
     if (content.written_frames > 0)
       pending_->commit();
     else

@@ -9,6 +9,7 @@
 #include <map>
 
 #include "common/cli/ParseErrors.h"
+#include "common/process/StandardStreams.h"
 #include "common/process/StopSignals.h"
 #include "common/process/Termination.h"
 #include "common/text/Printable.h"
@@ -47,13 +48,18 @@ int parse_and_run(int argc, char** argv) {
 }  // namespace
 
 int main(int argc, char** argv) noexcept {
+  common::open_standard_streams();
   common::report_file_size_errors();
   const common::Termination termination("smartsurf");
+  return run_and_report([=] { return parse_and_run(argc, argv); });
+}
+
+int run_and_report(const std::function<int()>& command) noexcept {
   try {
-    const int status = parse_and_run(argc, argv);
+    const int status = command();
     if (status != common::kDone) return status;
     if (std::fflush(stdout) != 0)
-      std::fprintf(stderr, "smartsurf: cannot write the output: %s\n", std::strerror(errno));
+      common::print_error_line("smartsurf", std::string("cannot write the output: ") + std::strerror(errno));
     else if (std::ferror(stdout) != 0)
       common::print_error_line("smartsurf", "a part of the output could not be written");
     else

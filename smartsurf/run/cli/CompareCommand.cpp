@@ -5,8 +5,10 @@
 #include <filesystem>
 #include <memory>
 
+#include "common/files/Inputs.h"
 #include "common/process/ExitStatus.h"
 #include "common/process/StopSignals.h"
+#include "common/text/Printable.h"
 #include "smartsurf/run/ControllerProcess.h"
 #include "smartsurf/run/cli/Subcommands.h"
 #include "smartsurf/run/compare/Report.h"
@@ -73,8 +75,11 @@ int compare_command(const CompareFlags& flags, const std::string& command_line) 
   const EngineTrace first = trace_run(first_options, stop);
   const EngineTrace second = trace_run(second_options, stop);
   const Comparison comparison = compare(first, second, tolerance);
-  fmt::print("{}", describe(comparison, first, second));
-  if (!flags.out.empty()) write_report(comparison, first, second, flags.experiment, flags.out);
+  common::print_output(describe(comparison, first, second));
+  if (!flags.out.empty()) {
+    common::require_separate_outputs(report_files(flags.out));
+    write_report(comparison, first, second, flags.experiment, flags.out);
+  }
   return common::status_after_signals(common::kDone);
 }
 

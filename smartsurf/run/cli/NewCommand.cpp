@@ -7,6 +7,7 @@
 #include <memory>
 
 #include "common/process/ExitStatus.h"
+#include "common/text/Printable.h"
 #include "smartsurf/run/OutputFile.h"
 #include "smartsurf/run/cli/Subcommands.h"
 #include "smartsurf/scene/SceneSpec.h"
@@ -58,10 +59,10 @@ int new_command(const std::string& name) {
   }
   replace_output_file("new", experiment.string(), kExperiment);
   replace_output_file("new", program.string(), kProgram);
-  fmt::print(
+  common::print_output(fmt::format(
       "wrote {0} and {1}; run them with\n"
       "  {2} run {0} --controller {1} --until 10 --window\n",
-      experiment.string(), program.string(), program_invocation_name);  // as the user has called it
+      experiment.string(), program.string(), program_invocation_name));  // as the user has called it
   return common::kDone;
 }
 

@@ -5,10 +5,13 @@
 #include <CLI/CLI.hpp>
 #include <memory>
 
+#include "common/files/Inputs.h"
 #include "common/process/ExitStatus.h"
+#include "common/text/Printable.h"
 #include "shm_protocol/Segments.h"
 #include "smartsurf/record/Recording.h"
 #include "smartsurf/record/plot/Plot.h"
+#include "smartsurf/run/cli/ReadWorker.h"
 #include "smartsurf/run/cli/Subcommands.h"
 #include "smartsurf/run/options/FlagValues.h"
 #include "smartsurf/web/Page.h"
@@ -16,13 +19,19 @@
 namespace smartsurf::run {
 namespace {
 
+void refuse_to_overwrite(const std::string& input, const std::string& flag, const std::string& output) {
+  common::note_input(input);
+  common::require_separate_outputs(std::vector<common::NamedOutput>{{flag, output}});
+}
+
 int clean_command(const std::string& prefix) {
   for (const auto& segment : shm_protocol::remove_orphans(prefix))
-    fmt::print("removed {} ({} bytes, left by process {})\n", segment.name, segment.bytes,
-               segment.surface_pid);
+    common::print_output(fmt::format("removed {} ({} bytes, left by process {})\n", segment.name,
+                                     segment.bytes, segment.surface_pid));
   for (const auto& segment : shm_protocol::list_segments())
     if (segment.ownership == shm_protocol::Ownership::kLiving && segment.name.starts_with(prefix))
-      fmt::print("kept {}: process {} is running\n", segment.name, segment.surface_pid);
+      common::print_output(
+          fmt::format("kept {}: process {} is running\n", segment.name, segment.surface_pid));
   return common::kDone;
 }
 
@@ -38,10 +47,12 @@ CommandHandler add_info_command(CLI::App& app) {
   info->add_option("recording", flags->file, "The recording")->required()->type_name("FILE.h5");
   info->add_flag("--datasets", flags->datasets, "List its datasets and their extents instead");
   return [flags] {
-    const record::Recording recording = record::Recording::open(flags->file);
-    fmt::print("{}",
-               flags->datasets ? record::list_datasets(recording) : record::describe_recording(recording));
-    return common::kDone;
+    return read_in_worker(flags->file, [&]() -> int {
+      const record::Recording recording = record::Recording::open(flags->file);
+      common::print_output(flags->datasets ? record::list_datasets(recording)
+                                           : record::describe_recording(recording));
+      return common::kDone;
+    });
   };
 }
 
@@ -63,15 +74,18 @@ CommandHandler add_plot_command(CLI::App& app) {
                        fmt::format("One of: {}; or CHANNEL:ROW,COLUMN of a recorded channel",
                                    fmt::join(record::plot_kinds(), ", ")))
           ->type_name("KIND");
-  return [flags, what] {
+  return [flags, what]() -> int {
+    refuse_to_overwrite(flags->file, "-o", flags->output);
     if (flags->file.ends_with(".json")) {
       if (what->count() > 0)
         throw scene::InputError("--what: needs a recording; a chart in JSON says what it shows");
       record::write_chart(flags->file, flags->output);
       return common::kDone;
     }
-    record::write_plot(record::Recording::open(flags->file), flags->what, flags->output);
-    return common::kDone;
+    return read_in_worker(flags->file, [&]() -> int {
+      record::write_plot(record::Recording::open(flags->file), flags->what, flags->output);
+      return common::kDone;
+    });
   };
 }
 
@@ -87,9 +101,12 @@ CommandHandler add_export_command(CLI::App& app) {
   return [flags] {
     if (!flags->output.ends_with(".html"))
       throw scene::InputError(fmt::format("export -o {}: the page's name must end in .html", flags->output));
-    web::write_page(record::Recording::open(flags->file), flags->output,
-                    {parse_positive_number("--fps", flags->fps)});
-    return common::kDone;
+    refuse_to_overwrite(flags->file, "-o", flags->output);
+    const double fps = parse_positive_number("--fps", flags->fps);
+    return read_in_worker(flags->file, [&]() -> int {
+      web::write_page(record::Recording::open(flags->file), flags->output, {fps});
+      return common::kDone;
+    });
   };
 }
 

@@ -4,8 +4,11 @@
 #include <CLI/CLI.hpp>
 #include <memory>
 
+#include "common/files/Inputs.h"
 #include "common/process/ExitStatus.h"
 #include "common/process/StopSignals.h"
+#include "common/text/Printable.h"
+#include "smartsurf/run/cli/ReadWorker.h"
 #include "smartsurf/run/cli/Subcommands.h"
 #include "smartsurf/run/cli/WindowSession.h"
 #include "smartsurf/run/options/FlagValues.h"
@@ -41,8 +44,9 @@ int verify_recording(const record::Recording& recording, const ReplayFlags& flag
     progress.print_message(fmt::format("{}: stopped; identical up to tick {}", file, result.last_tick));
     return common::status_after_signals(common::kDone);
   }
-  fmt::print("{}: identical in {} frames, up to tick {}{}\n", file, result.frames_compared, result.last_tick,
-             recording.result() ? "" : " (the run did not finish)");
+  common::print_output(fmt::format("{}: identical in {} frames, up to tick {}{}\n", file,
+                                   result.frames_compared, result.last_tick,
+                                   recording.result() ? "" : " (the run did not finish)"));
   return common::kDone;
 }
 
@@ -61,6 +65,10 @@ int replay_command(const ReplayFlags& flags) {
     return common::status_after_signals(replay_session(flags.file, pace, render));
   const record::Recording recording = record::Recording::open(flags.file);
   if (flags.verify) return verify_recording(recording, flags);
+  std::vector<common::NamedOutput> outputs;
+  for (const Screenshot& screenshot : screenshots) outputs.push_back({"--screenshot", screenshot.file});
+  if (!flags.video.empty()) outputs.push_back({"--video", flags.video});
+  common::require_separate_outputs(outputs);
   replay_to_media(recording, screenshots, flags.video, render, common::catch_stop_signals());
   return common::status_after_signals(common::kDone);
 }
@@ -87,7 +95,7 @@ CommandHandler add_replay_command(CLI::App& app) {
       ->type_name("N");
   add_extension_flags(*replay, flags->allow_extensions);
   replay->add_flag("--unsafe", flags->unsafe, "Let --verify run a script that was recorded with --unsafe");
-  return [flags] { return replay_command(*flags); };
+  return [flags] { return read_in_worker(flags->file, [&] { return replay_command(*flags); }); };
 }
 
 }  // namespace smartsurf::run

@@ -7,6 +7,7 @@
 #include <memory>
 
 #include "common/process/StopSignals.h"
+#include "common/text/Printable.h"
 #include "smartsurf/extension/Extension.h"
 #include "smartsurf/mesh/SolidLibrary.h"
 #include "smartsurf/run/ControllerProcess.h"
@@ -197,17 +198,18 @@ RunOptions make_run_options(const RunFlags& flags, const std::string& command_li
 
 void print_options(const scene::SceneSpec& scene) {
   if (scene.options.empty()) {
-    fmt::print("{} defines no options.\n", scene.file);
+    common::print_output(fmt::format("{} defines no options.\n", scene.file));
     return;
   }
-  fmt::print("Options of {} (change one with --set NAME=VALUE):\n", scene.file);
+  common::print_output(fmt::format("Options of {} (change one with --set NAME=VALUE):\n", scene.file));
   for (const auto& o : scene.options)
-    fmt::print("  {:<28}{}\n", fmt::format("{} = {}", o.name, o.value), o.help);
+    common::print_output(fmt::format("  {:<28}{}\n", fmt::format("{} = {}", o.name, o.value), o.help));
 }
 
 int run_command(CLI::App& app, const RunFlags& flags, const std::string& command_line) {
   if (flags.help) {
-    fmt::print("{}\n", app.get_parent()->help());  // with the program's name in the usage line
+    common::print_output(
+        fmt::format("{}\n", app.get_parent()->help()));  // with the program's name in the usage line
     if (!flags.experiment.empty()) print_options(load_silently(flags).scene());
     return common::kDone;
   }
@@ -226,8 +228,9 @@ int check_command(const RunFlags& flags) {
   const auto count = [](std::size_t n, const char* what) {
     return fmt::format("{} {}{}", n, what, n == 1 ? "" : "s");
   };
-  fmt::print("{}: ok: {} x {} cells, {}, {}\n", file, scene.surface.rows, scene.surface.columns,
-             count(scene.objects.size(), "object"), count(scene.options.size(), "option"));
+  common::print_output(fmt::format("{}: ok: {} x {} cells, {}, {}\n", file, scene.surface.rows,
+                                   scene.surface.columns, count(scene.objects.size(), "object"),
+                                   count(scene.options.size(), "option")));
   return common::kDone;
 }
 

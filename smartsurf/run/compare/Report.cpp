@@ -12,6 +12,9 @@
 namespace smartsurf::run {
 namespace {
 
+constexpr const char *kDistances = "distances.svg", *kLoads = "loads.svg", *kHeights = "heights.svg",
+                     *kTable = "objects.csv";
+
 constexpr std::size_t kMaxCurves = 7;
 
 // "12.3 and 12.4 (+0.8 %)"
@@ -113,6 +116,12 @@ std::string describe(const Comparison& comparison, const EngineTrace& first, con
   return text + metrics_text(first, second);
 }
 
+std::vector<common::NamedOutput> report_files(const std::filesystem::path& folder) {
+  std::vector<common::NamedOutput> files;
+  for (const char* name : {kDistances, kLoads, kHeights, kTable}) files.push_back({"--out", folder / name});
+  return files;
+}
+
 void write_report(const Comparison& comparison, const EngineTrace& first, const EngineTrace& second,
                   const std::string& experiment, const std::filesystem::path& folder) {
   const std::size_t ticks = std::min(first.time_s.size(), second.time_s.size());
@@ -124,18 +133,18 @@ void write_report(const Comparison& comparison, const EngineTrace& first, const 
   for (std::size_t i = 0; i < std::min(sorted.size(), kMaxCurves); ++i)
     apart.curves.push_back({fmt::format("object {} ({})", sorted[i].id, sorted[i].name),
                             distances(first, second, sorted[i].id)});
-  record::write_curves(time, std::move(apart), subtitle, folder / "distances.svg");
+  record::write_curves(time, std::move(apart), subtitle, folder / kDistances);
   record::write_curves(time,
                        {"Contact load of all objects",
                         "load [mass·u/s²]",
                         {{first.engine, total_load(first)}, {second.engine, total_load(second)}}},
-                       subtitle, folder / "loads.svg");
+                       subtitle, folder / kLoads);
   record::write_curves(time,
                        {"Mean height of the objects",
                         "height [u]",
                         {{first.engine, mean_height(first)}, {second.engine, mean_height(second)}}},
-                       subtitle, folder / "heights.svg");
-  write_file(folder / "objects.csv", table(comparison, first, second));
+                       subtitle, folder / kHeights);
+  write_file(folder / kTable, table(comparison, first, second));
 }
 
 }  // namespace smartsurf::run

@@ -4,6 +4,7 @@
 #include <filesystem>
 #include <string>
 
+#include "common/files/Inputs.h"
 #include "smartsurf/run/compare/Compare.h"
 
 namespace smartsurf::run {
@@ -13,8 +14,9 @@ namespace smartsurf::run {
 inline constexpr std::size_t kMaxReportedObjects = 40;
 std::string describe(const Comparison&, const EngineTrace& first, const EngineTrace& second);
 
-// Writes distances.svg, loads.svg, heights.svg and objects.csv. Throws scene::InputError if one cannot be
-// written.
+// The files that write_report() writes: distances.svg, loads.svg, heights.svg and objects.csv.
+std::vector<common::NamedOutput> report_files(const std::filesystem::path& folder);
+// Throws scene::InputError if one cannot be written.
 void write_report(const Comparison&, const EngineTrace& first, const EngineTrace& second,
                   const std::string& experiment, const std::filesystem::path& folder);
 

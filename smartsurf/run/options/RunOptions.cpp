@@ -4,6 +4,19 @@
 
 namespace smartsurf::run {
 
+std::vector<common::NamedOutput> named_outputs(const RunOptions& options) {
+  std::vector<common::NamedOutput> outputs;
+  for (const std::string& file : options.recording_files) {
+    outputs.push_back({"--record", file});
+    outputs.push_back({"--record", file + ".part"});  // its name until the run ends
+  }
+  if (!options.stats_file.empty()) outputs.push_back({"--stats", options.stats_file});
+  for (const Screenshot& screenshot : options.screenshots)
+    outputs.push_back({"--screenshot", screenshot.file});
+  if (!options.video_file.empty()) outputs.push_back({"--video", options.video_file});
+  return outputs;
+}
+
 RunOptions options_for_opened(const std::string& experiment, const RunOptions& previous) {
   RunOptions options;
   options.experiment = experiment;

@@ -7,6 +7,7 @@
 #include <utility>
 #include <vector>
 
+#include "common/files/Inputs.h"
 #include "smartsurf/run/options/RenderOptions.h"
 
 namespace smartsurf::run {
@@ -47,6 +48,9 @@ struct RunOptions {
   bool allow_extensions = false;
   std::optional<int> world_index;  // nullopt: the only world of this process
 };
+
+// Every file that the run writes.
+std::vector<common::NamedOutput> named_outputs(const RunOptions&);
 
 // The options of an experiment that the user opens in a window: the APRON program beside it that has its name
 // controls it, or else nothing does. previous: the options of the run whose window it is.

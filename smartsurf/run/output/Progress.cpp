@@ -4,13 +4,19 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <cstdio>
 #include <utility>
+
+#include "common/text/Printable.h"
 
 namespace smartsurf::run {
 namespace {
 
 using namespace std::chrono_literals;
 using Clock = std::chrono::steady_clock;
+
+// The only control sequences that are printed, all of them constants of this file.
+void show(const std::string& line) { std::fputs(line.c_str(), stderr); }
 
 }  // namespace
 
@@ -41,13 +47,13 @@ void Progress::print_line(double simulated_s, std::optional<double> until_s, con
   std::string remaining;
   if (until_s && real_time_factor > 0.0)
     remaining = fmt::format("   at most {:.0f} s left", (*until_s - simulated_s) / real_time_factor);
-  fmt::print(stderr, "\r{:9.2f} s simulated   {:6.1f}x real time{}\033[K{}", simulated_s, real_time_factor,
-             remaining, line_end);
+  show(fmt::format("\r{:9.2f} s simulated   {:6.1f}x real time{}\033[K{}", simulated_s, real_time_factor,
+                   remaining, line_end));
 }
 
 void Progress::print_message(const std::string& message) {
-  if (line_visible_) fmt::print(stderr, "\r\033[K");
-  fmt::print(stderr, "smartsurf: {}{}{}\n", label_, label_.empty() ? "" : ": ", message);
+  if (line_visible_) show("\r\033[K");
+  common::print_message(fmt::format("smartsurf: {}{}{}\n", label_, label_.empty() ? "" : ": ", message));
 }
 
 }  // namespace smartsurf::run

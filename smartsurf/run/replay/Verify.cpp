@@ -11,6 +11,7 @@
 #include <new>
 #include <optional>
 
+#include "common/files/ReadFile.h"
 #include "common/files/UnfinishedFile.h"
 #include "smartsurf/extension/Extension.h"
 #include "smartsurf/mesh/SolidLibrary.h"
@@ -105,6 +106,23 @@ void require_matching_inputs(const record::Recording& recording, const simulatio
                                   recording.read_inputs(0).size(), values));
 }
 
+// A recording names its experiment, and could name any file in any folder. Files beside it are read only if it is still
+// there, unchanged: then the folder holds what the run read.
+bool is_in_place(const record::Recording& recording) {
+  std::string text;
+  return !common::read_file(recording.spec().file, common::kMaxTextBytes, text) &&
+         text == recording.spec().source;
+}
+
+// Frames are at regular ticks, so that their number bounds the work.
+void require_regular_ticks(const record::Recording& recording, const scene::SceneSpec& scene) {
+  const auto interval = static_cast<std::uint64_t>(scene.record.tick_interval);
+  for (std::size_t frame = 0; frame < recording.frames(); ++frame)
+    if (recording.ticks()[frame] != frame * interval)
+      throw_input_error(recording, fmt::format("frame {} is of tick {} instead of {}", frame,
+                                               recording.ticks()[frame], frame * interval));
+}
+
 script::Experiment reload_experiment(const record::Recording& recording, const Allowed& allowed,
                                      const fs::path& output_directory, const std::atomic<bool>& stop) {
   script::LoadOptions options;
@@ -118,6 +136,7 @@ script::Experiment reload_experiment(const record::Recording& recording, const A
   if (allowed.extensions || options.unsafe) options.load_extension = extension::load;
   options.source = recording.spec().source;
   options.output_folder = output_directory;
+  if (!options.unsafe && !is_in_place(recording)) options.script_folder = output_directory;
   options.solid_factory = std::make_shared<mesh::SolidLibrary>();
   options.print_output = options.report_warning = [](std::string_view) {};
   return script::Experiment::load(recording.spec().file, std::move(options));
@@ -227,6 +246,7 @@ VerificationResult verify(const record::Recording& recording, int threads, const
   const TemporaryDirectory output_directory;
   script::Experiment experiment = reload_experiment(recording, allowed, output_directory.path(), stop);
   require_extensions(recording, /*may_be_missing=*/false);
+  require_regular_ticks(recording, experiment.scene());
   const bool scripted = recording.meta().driver == "script";
   simulation::Simulation simulation(experiment, threads, scripted);
   require_same_physics(recording, simulation);

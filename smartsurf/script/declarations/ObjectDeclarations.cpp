@@ -5,6 +5,7 @@
 #include <string>
 #include <vector>
 
+#include "common/text/Printable.h"
 #include "smartsurf/scene/SolidFactory.h"
 #include "smartsurf/script/ScriptContext.h"
 #include "smartsurf/script/declarations/Creation.h"
@@ -99,7 +100,7 @@ void report_warnings(const ScriptContext& context, lua_State* L, const std::vect
     if (context.options.report_warning)
       context.options.report_warning(line);
     else
-      std::fprintf(stderr, "%s\n", line.c_str());
+      common::print_message(line + "\n");
   }
 }
 

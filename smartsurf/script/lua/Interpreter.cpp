@@ -11,6 +11,8 @@
 #include <new>
 #include <utility>
 
+#include "common/process/ChildWork.h"
+
 namespace smartsurf::script {
 namespace {
 
@@ -160,7 +162,8 @@ void Interpreter::check_time(lua_State* L) {
   if (watch_) watch_->next();
   // The clock of the thread is a system call, which short calls do without.
   if (started_s_ < 0.0) started_s_ = thread_time_s(CLOCK_THREAD_CPUTIME_ID);
-  const double used_s = thread_time_s(CLOCK_THREAD_CPUTIME_ID) - started_s_;
+  const double used_s =
+      thread_time_s(CLOCK_THREAD_CPUTIME_ID) - started_s_ + common::child_time_s() - children_before_s_;
   const std::atomic<bool>* const stop = sandbox_.options.stop;
   const bool stopped = stop != nullptr && stop->load(std::memory_order_relaxed);
   if (used_s <= (stopped ? std::min(kTimeAfterStop_s, time_limit_s_) : time_limit_s_)) return;
@@ -180,6 +183,7 @@ void Interpreter::raise_budget_error(lua_State* L) {
   else
     lua_pushfstring(L, "%s: the script ran for more than %I instructions: an endless loop?",
                     current_location(L).c_str(), static_cast<LUAI_UACINT>(instruction_budget_));
+  if (budget_message_.empty()) budget_message_ = lua_tostring(L, -1);
   lua_error(L);
   std::abort();  // lua_error does not return
 }
@@ -247,9 +251,11 @@ void Interpreter::call(int arguments, int results, const Budget& budget,
   instruction_budget_ = budget.instructions;
   instructions_used_ = 0;
   budget_exceeded_ = false;
+  budget_message_.clear();
   excess_ = Excess::kInstructions;
   time_limit_s_ = budget.seconds;
   started_s_ = -1.0;
+  children_before_s_ = common::child_time_s();
   last_time_check_ns_ = coarse_time_ns();
   error_location_.clear();
   interval_ = std::min(string_interval_,
@@ -274,7 +280,18 @@ void Interpreter::call(int arguments, int results, const Budget& budget,
     lua_settop(lua_, base - 1);
     std::rethrow_exception(std::exchange(deferred_exception_, nullptr));
   }
-  if (status != LUA_OK) throw_input_error(status, fallback_location);
+  if (budget_exceeded_) {
+    // The end of the call, whatever became of the error: Lua returns it as a value where a coroutine is closed.
+    lua_settop(lua_, base - 1);
+    lua_pushlstring(lua_, budget_message_.data(), budget_message_.size());
+    throw_input_error(LUA_ERRRUN, fallback_location);
+  }
+  if (status == LUA_OK) return;
+  if (sandbox_.options.stop != nullptr && sandbox_.options.stop->load(std::memory_order_relaxed)) {
+    lua_settop(lua_, base - 1);
+    throw Interrupted();  // whatever the stop has made fail
+  }
+  throw_input_error(status, fallback_location);
 }
 
 std::optional<Interpreter::LocatedMessage> Interpreter::split_location(const std::string& message) const {

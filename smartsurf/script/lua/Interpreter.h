@@ -122,8 +122,9 @@ class Interpreter {
   std::size_t memory_limit_, memory_used_ = 0;
   std::uint64_t instruction_budget_ = 0, instructions_used_ = 0;
   bool budget_exceeded_ = false;
+  std::string budget_message_;  // of the first error
   // The processor time that the running call may take, and that at its first check, −1 before.
-  double time_limit_s_ = 0.0, started_s_ = -1.0;
+  double time_limit_s_ = 0.0, started_s_ = -1.0, children_before_s_ = 0.0;
   std::int64_t last_time_check_ns_ = 0;
   enum class Excess { kInstructions, kTime, kStop } excess_ = Excess::kInstructions;
   static constexpr int kHookInterval = 1000;  // with short strings and an ample budget

@@ -8,6 +8,7 @@
 #include <string_view>
 #include <system_error>
 
+#include "common/files/Inputs.h"
 #include "common/files/ReadFile.h"
 #include "smartsurf/script/lua/SandboxFiles.h"
 #include "smartsurf/script/lua/TableReader.h"
@@ -34,15 +35,27 @@ fs::path canonical_path(const fs::path& path) {
   throw ScriptError(subject + ": '" + to_single_line(path) + "' " + requirement);
 }
 
+// A link would lead the script's files elsewhere.
+void create_output_folder(const fs::path& folder) {
+  std::error_code error;
+  fs::create_directory(folder, error);
+  if (!fs::is_directory(fs::symlink_status(folder, error)))
+    throw ScriptError(
+        "the folder of the script's files, '" + to_single_line(folder.string()) +
+        "', cannot be created: " + (error ? error.message() : "there is another file of this name"));
+}
+
 fs::path resolve_writable_path(const Sandbox& sandbox, const std::string& subject, const std::string& path) {
   if (sandbox.options.output_folder.empty())
     throw_path_error(subject, path, "cannot be written: this run has no output folder");
+  create_output_folder(sandbox.options.output_folder);
   const fs::path output = canonical_path(sandbox.options.output_folder), real = canonical_path(output / path);
   if (real.empty() || output.empty() || !is_within(real, output))
     throw_path_error(subject, path, "is outside the output folder; --unsafe allows it");
   std::error_code error;
   if (fs::exists(real, error) && !fs::is_regular_file(real, error))
     throw_path_error(subject, path, "is not a regular file");
+  if (common::is_input(real)) throw_path_error(subject, path, "is an input of this run");
   return real;
 }
 
@@ -179,6 +192,11 @@ void bind_file_access(lua_State* L) {
   lua_register(L, "dofile", guarded<dofile>);
   lua_register(L, "require", guarded<require>);
   luaL_requiref(L, LUA_IOLIBNAME, luaopen_io, 0);
+  // Out of the script's reach: Lua would run a finalizer that it puts there with the count hook disabled.
+  luaL_getmetatable(L, LUA_FILEHANDLE);
+  lua_pushliteral(L, "locked");
+  lua_setfield(L, -2, "__metatable");
+  lua_pop(L, 1);
   lua_newtable(L);
   lua_getfield(L, -2, "open");
   lua_pushcclosure(L, guarded<io_open>, 1);

@@ -9,6 +9,7 @@
 #include <string_view>
 #include <vector>
 
+#include "common/text/Printable.h"
 #include "smartsurf/script/lua/MeteredLibrary.h"
 #include "smartsurf/script/lua/StandardLibrary.h"
 #include "smartsurf/script/lua/TableReader.h"
@@ -24,7 +25,7 @@ void write_output(const Sandbox& sandbox, const std::string& text) {
     sandbox.options.print_output(text);
     return;
   }
-  std::fwrite(text.data(), 1, text.size(), stdout);
+  common::print_output(text);
   std::fflush(stdout);
 }
 

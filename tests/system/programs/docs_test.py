@@ -7,7 +7,7 @@ from programs import *
 PAGES = ["README.md"] + sorted(str(p.relative_to(ROOT)) for p in (ROOT / "docs").glob("*.md"))
 PROGRAMS = ["smartsurf", "apron", "shm_dump", "fake_surface", "device_emulator", "surface_bridge"]
 PYTHON_CLIENT = {**os.environ, "PYTHONPATH": "build/release/python:shm-protocol/python", "PYTHONDONTWRITEBYTECODE": "1", "SMARTSURF": SMARTSURF,
-                 "SHM_PROTOCOL_LIBRARY": str(BIN.parent / "shm-protocol/libshm_protocol_c.so.1")}
+                 "SHM_PROTOCOL_LIBRARY": str(next(BIN.parent.glob("lib*/**/libshm_protocol_c.so.1")))}
 
 
 def steps(page):

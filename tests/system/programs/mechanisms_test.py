@@ -242,7 +242,7 @@ with shm_protocol.Controller(sys.argv[1], timeout=10) as table:
 print(here.tolist(), table.description.positions.shape)
 """)
         client = {"PYTHONPATH": str(ROOT / "shm-protocol/python"),
-                  "SHM_PROTOCOL_LIBRARY": str(BIN.parent / "shm-protocol/libshm_protocol_c.so.1")}
+                  "SHM_PROTOCOL_LIBRARY": str(next(BIN.parent.glob("lib*/**/libshm_protocol_c.so.1")))}
         with unittest.mock.patch.dict(os.environ, client):
             status, out, err = self.run_program(SMARTSURF, "run", surface, "--controller",
                                                 f"{sys.executable} {controller} {{shm}}", "--headless", "--ticks", "3")

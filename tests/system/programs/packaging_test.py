@@ -1,4 +1,5 @@
 """An installation works without the checkout."""
+import csv
 import pty
 import re
 import select
@@ -117,6 +118,29 @@ class Packaging(ProgramTest):
                 shown += os.read(terminal, 4096)
             return expected in shown
         self.wait_for(is_shown, expected)
+
+    def test_notices_name_all_that_is_linked_or_included(self):
+        with open(ROOT / "packaging/third-party.csv", newline="") as file:
+            components = list(csv.DictReader(file))
+        folder = self.prefix / "share/doc/smartsurf"
+        notices, spdx = (folder / "THIRD-PARTY.txt").read_text(), json.loads((folder / "smartsurf.spdx.json").read_text())
+        self.assertEqual({p["name"] for p in spdx["packages"]} - {"smartsurf"}, {row["name"] for row in components})
+        for row in components:
+            self.assertIn(f"{row['name']} ({row['license']}; {row['use']})", notices)
+        self.assertIn("three.js authors", notices)
+        libraries = [word for row in components for word in row["library"].split("|") if word]
+        for file in [p for p in self.prefix.rglob("*") if p.is_file() and p.read_bytes()[:4] == b"\x7fELF"]:
+            needed = subprocess.run(["readelf", "-d", str(file)], text=True, capture_output=True, check=True).stdout
+            for library in re.findall(r"\(NEEDED\).*\[(.*)\]", needed):
+                own = library.startswith(("libsmartsurf", "libshm_protocol"))
+                self.assertTrue(own or library.startswith(tuple(libraries)), f"{file} needs {library}, which no notice names")
+        includes = tuple(word for row in components for word in row["include"].split("|") if word)
+        rules = (ROOT / "tests/architecture/include_rules.py").read_text()
+        private = re.findall(r'r"\^\(?([A-Za-z0-9_]+/?)', rules[rules.index("PRIVATE = ["):rules.index("INCLUDE = ")])
+        self.assertGreater(len(private), 8)
+        for header in private:
+            if header not in ("bt", "EGL", "GL"):
+                self.assertTrue(header.startswith(includes) or any(i.startswith(header) for i in includes), header)
 
     def test_doctor_reports_healthy_machine_and_missing_program(self):
         status, out, err = self.installed("smartsurf-doctor")

@@ -1,6 +1,7 @@
 """scripts/sweep: each point runs once, results form tables, interrupted sweeps resume; smartsurf.run; cluster engines."""
 import concurrent.futures
 import csv
+import fcntl
 import functools
 import multiprocessing
 import pickle
@@ -296,6 +297,38 @@ exec {APRON} run {idle} --shm "$2"
         environment = self.sbatch("#!/bin/sh\necho \"$@\" >sbatch.words\n")
         self.assertIn("2500 runs in 834 array tasks", self.on_slurm(environment, "--slurm=", "--seeds", "1-2500", "-o", "big")[1])
         self.assertIn("--array=1-834", (self.folder / "sbatch.words").read_text().split())
+
+    def test_slurm_jobs_are_not_submitted_twice(self):
+        # Submitted and not yet run; squeue knows it until it has ended.
+        environment = self.sbatch("#!/bin/sh\necho submitted >>submissions\necho 4711\n")
+        squeue = self.folder / "bin/squeue"
+        squeue.write_text("#!/bin/sh\n[ -f ended ] && { echo 'slurm_load_jobs error: Invalid job id specified' >&2; exit 1; }\n"
+                          "echo '4711_[1] PENDING'\n")
+        squeue.chmod(0o755)
+        self.assertEqual(self.on_slurm(environment, "--slurm=")[0], 0)
+        status, _, err = self.on_slurm(environment, "--slurm=")
+        self.assertEqual(status, 2)
+        self.assertEqual(err, "sweep: --slurm: job 4711 of this folder has not ended: wait, or end it with scancel 4711\n")
+        self.write("ended", "")
+        self.assertEqual(self.on_slurm(environment, "--slurm=")[0], 0)
+        self.assertEqual((self.folder / "submissions").read_text().count("submitted"), 2)
+
+    def test_folder_is_of_one_sweep_at_a_time(self):
+        (self.folder / "out").mkdir()
+        with open(self.folder / "out/.lock", "w") as held:
+            fcntl.flock(held, fcntl.LOCK_EX)
+            status, _, err = self.sweep("--seeds", "1")
+            self.assertEqual((status, err), (2, "sweep: --out out: another sweep works in this folder\n"))
+        self.assertEqual(self.sweep("--seeds", "1")[0], 0)
+
+    def test_long_options_have_folders_and_rows(self):
+        long = ["1" + "0" * 300, "2" + "0" * 300]
+        status, _, err = self.sweep("--set", "weight=" + ",".join(long), "--seeds", "1")
+        folders = [p.name for p in (self.folder / "out/runs").iterdir()]
+        self.assertEqual(len(folders), 2, err)
+        self.assertTrue(all(len(name.encode()) < 255 for name in folders))
+        self.assertEqual(len(self.results()), 2)
+        self.assertEqual([r["weight"] for r in self.results()], long)
 
     def test_slurm_errors_report_one_line(self):
         environment = self.sbatch("#!/bin/sh\necho 'sbatch: error: invalid partition specified: x' >&2\nexit 1\n")

@@ -1,7 +1,13 @@
 // Attaching a controller: the description it reads and the cases in which it is rejected.
 #include <gtest/gtest.h>
 #include <shm_protocol/ControllerEndpoint.h>
+#include <shm_protocol/Segments.h>
+#include <sys/wait.h>
+#include <unistd.h>
 
+#include <csignal>
+#include <filesystem>
+#include <memory>
 #include <thread>
 
 #include "tests/unit/shm-protocol/RawSegment.h"
@@ -175,11 +181,45 @@ TEST(Attach, WaitsForTheVersionWord) {
 TEST(Attach, DeadSurfaceIsNotFoundWithReason) {
   const auto config = small_surface(unique_name("dead"));
   auto surface = SurfaceEndpoint::create(config);
-  RawSegment raw(config.name);
+  const std::string copy = config.name + "-copy";  // which nobody holds a lock of
+  std::filesystem::copy_file(file_path(config.name), file_path(copy));
+  RawSegment raw(copy);
   raw.header().identity.surface_process -= std::uint64_t{1} << 22;
   std::string message;
-  EXPECT_EQ(error_of([&] { ControllerEndpoint::attach(config.name); }, &message), ErrorCode::kNotFound);
+  EXPECT_EQ(error_of([&] { ControllerEndpoint::attach(copy); }, &message), ErrorCode::kNotFound);
   EXPECT_NE(message.find("dead"), std::string::npos) << message;
+  EXPECT_EQ(remove_orphans(copy).size(), 1U);
+}
+
+// As from another pid namespace, where the process word means nothing.
+TEST(Attach, LocksTellLivingFromDeadWithoutProcessWords) {
+  const auto config = small_surface(unique_name("locked"));
+  auto surface = std::make_unique<SurfaceEndpoint>(SurfaceEndpoint::create(config));
+  RawSegment raw(config.name);
+  raw.header().identity.surface_process -= std::uint64_t{1} << 22;
+  EXPECT_TRUE(remove_orphans(config.name).empty());
+  auto controller = std::make_unique<ControllerEndpoint>(ControllerEndpoint::attach(config.name));
+  raw.header().claim.controller_process -= std::uint64_t{1} << 22;
+  EXPECT_EQ(error_of([&] { ControllerEndpoint::attach(config.name); }), ErrorCode::kControllerLives);
+  // A forked child does not keep the locks of its parent.
+  int started[2];
+  ASSERT_EQ(::pipe(started), 0);
+  const pid_t child = ::fork();
+  if (child == 0) {
+    ::close(started[1]);
+    ::pause();
+    ::_exit(0);
+  }
+  ::close(started[1]);
+  char none = 0;
+  EXPECT_EQ(::read(started[0], &none, 1), 0);  // the child runs
+  ::close(started[0]);
+  const auto process = raw.header().claim.controller_process;
+  controller.reset();
+  raw.header().claim.controller_process = process;
+  EXPECT_NO_THROW(ControllerEndpoint::attach(config.name));
+  ::kill(child, SIGKILL);
+  ::waitpid(child, nullptr, 0);
 }
 
 TEST(Attach, ReconnectRequiresTheSameLayout) {

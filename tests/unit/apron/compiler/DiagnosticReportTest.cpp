@@ -72,7 +72,7 @@ TEST(Report, MissingMainFile) {
   options.file = "gone.aps";
   options.width = options.height = 4;
   EXPECT_EQ(errors(compile(options, nothing)),
-            "gone.aps: error: the file does not exist or cannot be read\n");
+            "gone.aps: error: the file does not exist, is not a regular file or cannot be read\n");
 }
 
 TEST(LocalProfile, ReportsNonLocalInstructions) {

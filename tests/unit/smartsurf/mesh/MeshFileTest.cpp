@@ -11,7 +11,6 @@
 #include <fstream>
 #include <memory>
 
-#include "smartsurf/mesh/ChildProcess.h"
 #include "smartsurf/mesh/SolidLibrary.h"
 #include "tests/unit/smartsurf/mesh/TestMeshes.h"
 
@@ -126,8 +125,7 @@ TEST_F(MeshFileTest, InvalidFilesGiveOneLineError) {
     return error_message_of([&] { read_mesh(write(name, text)); });
   };
   EXPECT_EQ(error_message_of([&] { read_mesh(folder / "none.stl"); }), "does not exist");
-  EXPECT_EQ(refused("a.txt", ""),
-            "is not a mesh file: must end in .stl, .obj, .ply, .gltf, .glb or .3mf");
+  EXPECT_EQ(refused("a.txt", ""), "is not a mesh file: must end in .stl, .obj, .ply, .gltf, .glb or .3mf");
   for (const char* name : {"a.stl", "a.obj", "a.ply", "a.gltf", "a.glb", "a.3mf"})
     for (const char* text :
          {"", "solid", "garbage\n\n\x01\xff", "ply\nformat ascii 1.0\nelement vertex 9\n"}) {
@@ -153,20 +151,6 @@ TEST_F(MeshFileTest, DamagedFilesDoNotCrash) {
       EXPECT_NO_FATAL_FAILURE(error_message_of([&] { read_mesh(folder / name); }));
     }
   }
-}
-
-TEST(Isolated, ReturnsBytesOrNulloptOnFailure) {
-  EXPECT_EQ(run_in_child_process([] { return std::string(300000, 'x'); }, 10), std::string(300000, 'x'));
-  EXPECT_EQ(run_in_child_process([]() -> std::string { std::abort(); }, 10), std::nullopt);
-  EXPECT_EQ(run_in_child_process([]() -> std::string { throw std::runtime_error("no"); }, 10), std::nullopt);
-  EXPECT_EQ(run_in_child_process(
-                []() -> std::string {
-                  std::atomic<int> count = 0;
-                  while (count >= 0) count = 1;
-                  return "";
-                },
-                0.05),
-            std::nullopt);
 }
 
 TEST_F(MeshFileTest, DoesNotReadOutsideFolder) {

@@ -54,7 +54,7 @@ TEST(Recording, RejectsOtherFiles) {
   const OutputFolder out;
   expect_error(out / "none.h5", "no such file");
   std::filesystem::create_directory(out / "folder.h5");
-  expect_error(out / "folder.h5", "is not a file");
+  expect_error(out / "folder.h5", "is not a regular file");
   write_bytes(out / "empty.h5", "");
   expect_error(out / "empty.h5", "is not an HDF5 file");
   write_bytes(out / "text.h5", "tick,time\n1,2\n");

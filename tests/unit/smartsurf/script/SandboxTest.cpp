@@ -47,8 +47,11 @@ TEST_F(SandboxTest, MetatablesAreProtected) {
   EXPECT_EQ(error_of("setmetatable(_G, nil)"), "t.lua:1: cannot change a protected metatable");
   EXPECT_EQ(error_of("setmetatable({}, {__gc = function() end})"),
             "t.lua:1: setmetatable: __gc is not available in an experiment");
-  load_on_surface("print(getmetatable(cells), getmetatable(pin{}))");
-  EXPECT_EQ(printed, "locked\tlocked\n");
+  write("a.txt", "");
+  EXPECT_EQ(error_of("getmetatable(io.open('a.txt')).__gc = function() while true do end end"),
+            "t.lua:1: attempt to index a string value");
+  load_on_surface("print(getmetatable(cells), getmetatable(pin{}), getmetatable(io.open('a.txt')))");
+  EXPECT_EQ(printed, "locked\tlocked\tlocked\n");
 }
 
 TEST_F(SandboxTest, RequireLoadsFilesBesideScriptOnce) {
@@ -146,6 +149,15 @@ TEST_F(BudgetTest, PcallAndCoroutinesCannotEscape) {
                 .substr(0, 6),
             "t.lua:");
   EXPECT_EQ(error_of("local function f() pcall(f) f() end f()").substr(0, 7), "t.lua:1");
+}
+
+// coroutine.close() returns the error of a __close function instead of raising it.
+TEST_F(BudgetTest, ExcessInClosedCoroutinesEndsTheScript) {
+  EXPECT_EQ(
+      error_of("local forever = setmetatable({}, {__close = function() while true do end end})\n"
+               "local co = coroutine.create(function() local x <close> = forever coroutine.yield() end)\n"
+               "coroutine.resume(co) coroutine.close(co)"),
+      over("t.lua:1"));
 }
 
 TEST_F(BudgetTest, CoroutinesAndXpcallBehaveAsInLua) {

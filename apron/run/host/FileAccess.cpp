@@ -1,0 +1,44 @@
+#include "apron/run/host/FileAccess.h"
+
+#include <algorithm>
+
+#include "apron/run/media/MediaError.h"
+#include "apron/run/media/MediaFile.h"
+#include "common/files/Inputs.h"
+
+namespace apron::run {
+namespace {
+
+namespace fs = std::filesystem;
+
+bool is_within(const fs::path& path, const fs::path& folder) {
+  return std::ranges::mismatch(folder, path).in1 == folder.end();
+}
+
+fs::path real_path(const fs::path& path) {
+  std::error_code error;
+  const fs::path real = fs::weakly_canonical(fs::absolute(path.empty() ? fs::path(".") : path, error), error);
+  return error ? fs::path() : real;
+}
+
+}  // namespace
+
+void FileAccess::require_readable(const std::string& file) const {
+  if (!folders_) return;
+  const fs::path real = real_path(file);
+  const bool allowed = !real.empty() && std::ranges::any_of(*folders_, [&](const std::string& folder) {
+    const fs::path real_folder = real_path(folder);
+    return !real_folder.empty() && is_within(real, real_folder);
+  });
+  if (allowed) return;
+  const fs::path folder = fs::path(file).parent_path();
+  throw_refused(file, "is outside the program's folder; --allow " + (folder.empty() ? "." : folder.string()) +
+                          " on the command line permits it");
+}
+
+void FileAccess::require_writable(const std::string& file) const {
+  require_readable(file);
+  if (common::is_input(file)) throw_refused(file, "is a source of the program, and is not overwritten");
+}
+
+}  // namespace apron::run

@@ -1,0 +1,93 @@
+#include "common/files/Inputs.h"
+
+#include <sys/stat.h>
+
+#include <map>
+#include <mutex>
+#include <new>
+#include <set>
+#include <tuple>
+
+#include "common/error/UserError.h"
+
+namespace common {
+namespace {
+
+namespace fs = std::filesystem;
+
+// Device, inode and "", or, of a file that does not exist, those of its folder and its name.
+using FileIdentity = std::tuple<dev_t, ino_t, std::string>;
+
+std::mutex mutex;
+std::set<FileIdentity> inputs;  // guarded by `mutex`
+bool ended = false;             // likewise
+
+void remember(const struct stat& status) noexcept {
+  if (!S_ISREG(status.st_mode)) return;
+  try {
+    const std::lock_guard lock(mutex);
+    if (!ended) inputs.emplace(status.st_dev, status.st_ino, "");
+  } catch (const std::bad_alloc&) {
+  }
+}
+
+// Of a link to nothing, what it names. False for a pipe or a device, and where there is no such folder.
+bool identify(const fs::path& file, FileIdentity& identity) {
+  struct stat status {};
+  if (::stat(file.c_str(), &status) == 0) {
+    identity = {status.st_dev, status.st_ino, ""};
+    return S_ISREG(status.st_mode);
+  }
+  std::error_code error;
+  fs::path target = fs::weakly_canonical(file, error);
+  if (error) target = file;
+  const fs::path folder = target.parent_path();
+  if (::stat(folder.empty() ? "." : folder.c_str(), &status) != 0) return false;
+  identity = {status.st_dev, status.st_ino, target.filename().string()};
+  return true;
+}
+
+}  // namespace
+
+void note_input(int descriptor) noexcept {
+  struct stat status {};
+  if (::fstat(descriptor, &status) == 0) remember(status);
+}
+
+void note_input(const fs::path& path) noexcept {
+  struct stat status {};
+  if (::stat(path.c_str(), &status) == 0) remember(status);
+}
+
+void end_of_inputs() noexcept {
+  const std::lock_guard lock(mutex);
+  ended = true;
+}
+
+bool is_input(const fs::path& path) noexcept {
+  struct stat status {};
+  if (::stat(path.c_str(), &status) != 0) return false;
+  try {
+    const std::lock_guard lock(mutex);
+    return inputs.contains({status.st_dev, status.st_ino, ""});
+  } catch (const std::bad_alloc&) {
+    return true;
+  }
+}
+
+void require_separate_outputs(std::span<const NamedOutput> outputs) {
+  std::map<FileIdentity, const NamedOutput*> seen;
+  for (const NamedOutput& output : outputs) {
+    const std::string name = output.flag + " " + output.file.string();
+    if (is_input(output.file))
+      throw UserError(name + ": would overwrite an input of this command; choose another name");
+    FileIdentity identity;
+    if (!identify(output.file, identity)) continue;
+    const auto [other, is_new] = seen.emplace(identity, &output);
+    if (!is_new)
+      throw UserError(name + ": is the same file as " + other->second->flag + " " +
+                      other->second->file.string() + "; choose another name");
+  }
+}
+
+}  // namespace common

@@ -1,0 +1,139 @@
+#include "common/process/ChildWork.h"
+
+#include <fcntl.h>
+#include <poll.h>
+#include <sys/prctl.h>
+#include <sys/resource.h>
+#include <sys/time.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <cerrno>
+#include <csignal>
+#include <cstdio>
+#include <cstring>
+#include <exception>
+#include <stdexcept>
+
+#include "common/process/StopSignals.h"
+
+namespace common {
+namespace {
+
+constexpr int kStopInterval_ms = 50;
+
+thread_local double children_s = 0.0;
+
+bool write_all(int fd, const std::string& bytes) {
+  for (std::size_t done = 0; done < bytes.size();) {
+    const ssize_t n = ::write(fd, bytes.data() + done, bytes.size() - done);
+    if (n < 0 && errno != EINTR) return false;
+    if (n > 0) done += static_cast<std::size_t>(n);
+  }
+  return true;
+}
+
+// What the process has mapped, of which the child's limit is a part.
+rlim_t mapped_bytes() {
+  unsigned long long pages = 0;
+  std::FILE* const file = std::fopen("/proc/self/statm", "re");
+  const bool known = file != nullptr && std::fscanf(file, "%llu", &pages) == 1;
+  if (file != nullptr) std::fclose(file);
+  return known ? static_cast<rlim_t>(pages) * static_cast<rlim_t>(::sysconf(_SC_PAGESIZE)) : RLIM_INFINITY;
+}
+
+void limit(__rlimit_resource resource, rlim_t value) {
+  rlimit now{};
+  if (value == RLIM_INFINITY || ::getrlimit(resource, &now) != 0) return;
+  if (now.rlim_cur != RLIM_INFINITY && now.rlim_cur < value) value = now.rlim_cur;
+  now.rlim_cur = now.rlim_max = value;
+  ::setrlimit(resource, &now);
+}
+
+[[noreturn]] void run_child(const std::function<std::string()>& work, const ChildLimits& limits, int fd,
+                            pid_t parent, rlim_t mapped) {
+  ::prctl(PR_SET_PDEATHSIG, SIGKILL);
+  if (::getppid() != parent) ::_exit(1);
+  // Do not inherit the parent's signal handlers.
+  for (const int signal :
+       {SIGSEGV, SIGBUS, SIGABRT, SIGFPE, SIGILL, SIGPROF, SIGTERM, SIGINT, SIGHUP, SIGXCPU, SIGALRM})
+    std::signal(signal, SIG_DFL);
+  limit(RLIMIT_CORE, 0);
+  if (mapped != RLIM_INFINITY) limit(RLIMIT_AS, mapped + limits.memory_bytes);
+  const auto whole_s = static_cast<time_t>(limits.cpu_s);
+  const itimerval once{
+      {0, 0}, {whole_s, static_cast<suseconds_t>(1e6 * (limits.cpu_s - static_cast<double>(whole_s)))}};
+  ::setitimer(ITIMER_PROF, &once, nullptr);
+  ::dup2(fd, STDERR_FILENO + 1);  // the result's pipe, the only descriptor that stays besides the streams
+  ::close_range(STDERR_FILENO + 2, ~0U, 0);
+  if (const int nowhere = ::open("/dev/null", O_RDWR); nowhere >= 0)
+    for (const int stream : {STDIN_FILENO, STDOUT_FILENO, STDERR_FILENO}) ::dup2(nowhere, stream);
+  try {
+    ::_exit(write_all(STDERR_FILENO + 1, work()) ? 0 : 1);
+  } catch (...) {
+    ::_exit(1);
+  }
+}
+
+// Returns whether the child closed the pipe before the stop flag was raised.
+bool read_until_stop(int fd, std::string& bytes) {
+  char block[65536];
+  while (!stop_flag().load(std::memory_order_relaxed)) {
+    pollfd readable{.fd = fd, .events = POLLIN, .revents = 0};
+    if (::poll(&readable, 1, kStopInterval_ms) <= 0) continue;
+    const ssize_t n = ::read(fd, block, sizeof block);
+    if (n > 0)
+      bytes.append(block, static_cast<std::size_t>(n));
+    else if (n == 0 || errno != EINTR)
+      return true;
+  }
+  return false;
+}
+
+double seconds(const timeval& time) {
+  return static_cast<double>(time.tv_sec) + 1e-6 * static_cast<double>(time.tv_usec);
+}
+
+}  // namespace
+
+ChildResult run_in_child(const std::function<std::string()>& work, const ChildLimits& limits) {
+  int pipe_fds[2];
+  const auto refuse = [] {
+    throw std::runtime_error(
+        std::string("a file of unknown origin needs a process of its own, and there is none: ") +
+        std::strerror(errno));
+  };
+  if (::pipe2(pipe_fds, O_CLOEXEC) != 0) refuse();
+  const rlim_t mapped = mapped_bytes();
+  const pid_t parent = ::getpid(), child = ::fork();
+  if (child == 0) run_child(work, limits, pipe_fds[1], parent, mapped);
+  ::close(pipe_fds[1]);
+  if (child < 0) {
+    const int failure = errno;
+    ::close(pipe_fds[0]);
+    errno = failure;
+    refuse();
+  }
+  ChildResult result{};
+  bool ended = false;
+  try {
+    ended = read_until_stop(pipe_fds[0], result.bytes);
+  } catch (const std::bad_alloc&) {
+  }
+  ::close(pipe_fds[0]);
+  if (!ended) ::kill(child, SIGKILL);
+  int status = 0;
+  rusage used{};
+  while (::wait4(child, &status, 0, &used) < 0 && errno == EINTR) {
+  }
+  children_s += seconds(used.ru_utime) + seconds(used.ru_stime);
+  const bool returned = ended && WIFEXITED(status) && WEXITSTATUS(status) == 0;
+  result.end = returned                                      ? ChildResult::End::kReturned
+               : stop_flag().load(std::memory_order_relaxed) ? ChildResult::End::kStopped
+                                                             : ChildResult::End::kFailed;
+  return result;
+}
+
+double child_time_s() noexcept { return children_s; }
+
+}  // namespace common

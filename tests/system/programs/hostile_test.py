@@ -1,0 +1,506 @@
+"""Hostile and mistaken files, names and descriptors: nothing is lost, nothing waits, nothing escapes."""
+import pty
+import resource
+import shutil
+import struct
+import sys
+
+from programs import *
+
+TABLE = "surface { rows = 4, columns = 4, actuator = pin {} }\nsphere { radius = 1, position = {1, 1, 3} }\n"
+
+
+class Hostile(ProgramTest):
+    def shell(self, text, *arguments):
+        """Runs a shell command whose "$@" are the arguments."""
+        return self.run_program("/bin/sh", "-c", text, "sh", *map(str, arguments))
+
+
+class Streams(Hostile):
+    """Descriptors 0, 1 and 2 are never files of the program."""
+
+    def test_recording_without_standard_streams_is_readable(self):
+        table = self.write("table.lua", TABLE + "every(0.1, function() print(('another '):rep(2000)) end)\n")
+        for closed in ("1>&-", "2>&-", "1>&- 2>&-", "0<&- 1>&- 2>&-"):
+            self.shell(f'exec "$@" {closed}', SMARTSURF, "run", table, "--no-controller", "--ticks", 50, "--record", "r.h5",
+                       "--record", "r.csv", "--stats", "s.json")
+            status, out, err = self.run_program(SMARTSURF, "info", "r.h5")
+            self.assertEqual(status, 0, f"{closed}: {out}{err}")
+            self.assertNotIn("another", (self.folder / "r.csv").read_text())
+            self.assertEqual(json.loads((self.folder / "s.json").read_text())["ticks"], 50)
+            (self.folder / "r.h5").unlink()
+
+    def test_output_that_cannot_be_written_is_a_failure(self):
+        table = self.write("table.lua", TABLE)
+        program = self.write("p.aps", "!register(A)\nA = 1\nprint(globalsum(A))\n")
+        for command in ((SMARTSURF, "check", table), (APRON, "run", program)):
+            status, _, err = self.shell('exec "$@" 1>&-', *command)
+            self.assertEqual(status, 1, err)
+
+    def test_surfaces_without_standard_streams_keep_their_header(self):
+        table = self.write("table.lua", TABLE + "every(0.01, function() print(('a line '):rep(2000)) end)\n")
+        surfaces = (
+            (SMARTSURF, "run", table, "--shm", self.shm, "--mode", "passive"),
+            (str(BIN / "fake_surface"), "--shm", self.shm, "--mode", "passive", "--period-ms", "1"))
+        for command in surfaces:
+            child = self.start("/bin/sh", "-c", 'exec "$@" 0<&- 1>&- 2>&-', "sh", *map(str, command))
+            self.wait_for(lambda: self.segment().exists() or child.poll() is not None, "the segment")
+            self.assertTrue(self.segment().exists())
+            time.sleep(0.5)  # of printing
+            with open(self.segment(), "rb") as segment:
+                self.assertEqual(segment.read(8), b"SMRTSURF")
+            child.send_signal(signal.SIGTERM)
+            self.finish(child)
+
+
+class Terminal(Hostile):
+    """Control characters of files and scripts do not reach a terminal."""
+
+    def on_terminal(self, *command):
+        """What the command shows on a terminal."""
+        master, slave = pty.openpty()
+        child = subprocess.Popen([str(word) for word in command], stdin=slave, stdout=slave, stderr=slave, cwd=self.folder)
+        self.children.append(child)
+        os.close(slave)
+        shown = b""
+        try:
+            while block := os.read(master, 4096):
+                shown += block
+        except OSError:  # the end of the last process that has it open
+            pass
+        os.close(master)
+        self.finish(child)
+        return shown
+
+    def test_messages_hold_no_control_characters(self):
+        self.write("a.csv", "1,\x1b]0;title\x07\n")
+        self.write("layout.csv", "x,y,z\n1,\x1b[31m,0\n")
+        program = self.write("p.aps", "!register(A, 2, 1)\nA = io.array.open('a.csv')\n")
+        script = self.write("s.lua", "error('red \\27[31m \\194\\155')\n")
+        layout = self.write("l.lua", "surface { layout = 'layout.csv', actuator = pin {} }\n")
+        for command in ((APRON, "run", program), (SMARTSURF, "check", script), (SMARTSURF, "check", layout),
+                        (APRON, "check", "\x1b[31m.aps"), (SMARTSURF, "info", "\x1b[31m.h5"), (SMARTSURF, "\x1b[31m"),
+                        (str(BIN / "shm_dump"), "\x1b[31m"), (SMARTSURF, "run", script, "--worlds", "2", "--no-controller")):
+            status, out, err = self.run_program(*command)
+            self.assertNotEqual(status, 0)
+            self.assertNotEqual(err, "")
+            for code in ("\x1b", "\x07", "\x9b"):
+                self.assertNotIn(code, out + err, command)
+
+    def test_printed_text_is_escaped_on_terminals_alone(self):
+        script = self.write("s.lua", TABLE + "print('red \\27[31m')\n")
+        program = self.write("p.aps", "print('green')\n")
+        self.assertIn(b"green", self.on_terminal(APRON, "run", program))
+        run = (SMARTSURF, "run", script, "--no-controller", "--ticks", 1)
+        self.assertNotIn(b"\x1b[31m", self.on_terminal(*run))
+        self.assertIn(b"red ?[31m", self.on_terminal(*run))
+        self.assertIn("red \x1b[31m", self.run_program(*map(str, run))[1])
+
+
+class Outputs(Hostile):
+    """No output replaces an input or another output, by whatever name."""
+
+    def setUp(self):
+        super().setUp()
+        self.write("s.lua", TABLE + "require 'part'\n")
+        self.write("part.lua", "-- required\n")
+        self.program = self.write("p.aps", "!include('inner.aps')\n!register(A)\nA = 1\n")
+        self.write("inner.aps", "// included\n")
+        self.assertEqual(self.run_program(SMARTSURF, "run", "s.lua", "--no-controller", "--ticks", "3", "--record", "r.h5")[0], 0)
+
+    def contents(self):
+        return {p.name: p.read_bytes() for p in self.folder.iterdir() if p.is_file() and not p.is_symlink()}
+
+    def check_refusals(self, commands, expected):
+        before = self.contents()
+        for command in commands:
+            status, out, err = self.run_program(*map(str, command))
+            self.assertEqual(status, 2, f"{command}: {out}{err}")
+            self.assertRegex(err, expected, command)
+            self.assertEqual(err.count("\n"), 1, err)
+            self.assertEqual(self.contents(), before, command)
+
+    def test_inputs_are_kept(self):
+        for link, target in (("link.svg", "r.h5"), ("link.csv", "s.lua"), ("link.png", "part.lua"), ("link.npy", "inner.aps")):
+            (self.folder / link).symlink_to(target)
+        os.link(self.folder / "r.h5", self.folder / "hard.html")
+        run = (SMARTSURF, "run", "s.lua", "--no-controller", "--ticks", 3)
+        commands = [(*run, "--stats", "s.lua"), (*run, "--stats", "part.lua"), (*run, "--record", "link.csv"),
+                    (*run, "--stats", "./../" + self.folder.name + "/s.lua"), (*run, "--worlds", 2, "--stats", "s.lua"),
+                    (SMARTSURF, "run", "s.lua", "--controller", "p.aps", "--ticks", 3, "--stats", "p.aps"),
+                    (SMARTSURF, "plot", "r.h5", "-o", "link.svg"), (SMARTSURF, "export", "r.h5", "-o", "hard.html"),
+                    (APRON, "run", "p.aps", "--save", "A=link.npy"), (APRON, "run", "p.aps", "--profile", "p.aps")]
+        if WITH_VIEW:
+            commands += [(*run, "--screenshot", "link.png")]
+        self.check_refusals(commands, "would overwrite an input")
+
+    def test_outputs_are_separate_files(self):
+        run = (SMARTSURF, "run", "s.lua", "--no-controller", "--ticks", 3)
+        self.check_refusals(((*run, "--record", "a.h5", "--stats", "a.h5"), (*run, "--record", "a.h5", "--record", "./a.h5"),
+                             (*run, "--record", "a.csv", "--stats", "a.csv.part"),
+                             (*run, "--worlds", 2, "--record", "a.h5", "--stats", "a-1.h5"),
+                             (APRON, "run", "p.aps", "--save", "A=a.npy", "--save", "A=./a.npy")), "is the same file as")
+
+    def test_devices_may_be_shared(self):
+        status, _, err = self.run_program(SMARTSURF, "run", "s.lua", "--no-controller", "--ticks", "3", "--stats", "/dev/null")
+        self.assertEqual(status, 0, err)
+
+    def test_scripts_and_programs_keep_their_sources(self):
+        self.write("w.lua", TABLE + "require 'part'\nio.open('part.lua', 'w'):write('gone')\n")
+        self.write("w.aps", "!include('inner.aps')\n!register(A)\nio.array.save(A, 'a.csv')\n")
+        os.link(self.folder / "inner.aps", self.folder / "a.csv")
+        (self.folder / "x.files").mkdir()
+        os.link(self.folder / "part.lua", self.folder / "x.files/part.lua")
+        self.check_refusals(((SMARTSURF, "run", "w.lua", "--no-controller", "--ticks", 3, "--record", "x.h5"),), "is an input of this run")
+        before = self.contents()
+        status, _, err = self.run_program(APRON, "run", "w.aps")
+        self.assertEqual((status, self.contents()), (2, before), err)
+
+
+class RegularFiles(Hostile):
+    """A pipe or a device in the place of a file is refused at once."""
+
+    def test_pipes_are_refused(self):
+        for name in ("f.lua", "f.aps", "f.h5", "f.json", "f.csv", "f.png", "f.npy", "f.y4m", "f.obj", "f.urdf", "f.txt", "f.so",
+                     "part.lua", "inc.aps", "palettes.txt", "video9"):
+            os.mkfifo(self.folder / name)
+        program = "!register(A)\n"
+        for name, text in (("image.aps", "A = io.image.open('f.png')"), ("array.aps", "A = io.array.open('f.npy')"),
+                           ("table.aps", "A = io.array.open('f.csv')"), ("clip.aps", "video.clip.open('f.y4m')"),
+                           ("include.aps", "!include('inc.aps')"), ("camera.aps", "webcam.open(0)\nA = webcam.read"),
+                           ("plain.aps", "A = 1")):
+            self.write(name, program + text + "\n")
+        for name, text in (("require.lua", "require 'part'"), ("mesh.lua", "mesh { file = 'f.obj', position = {1, 1, 5} }"),
+                           ("model.lua", "urdf { file = 'f.urdf', position = {1, 1, 5} }"), ("open.lua", "io.open('f.csv')")):
+            self.write(name, TABLE + text + "\n")
+        check, run = (SMARTSURF, "check"), (APRON, "run")
+        for command in ((*check, "f.lua"), (*check, "require.lua"), (*check, "mesh.lua"), (*check, "model.lua"), (*check, "open.lua"),
+                        (*check, "mesh.lua", "--load", "f.so"), (SMARTSURF, "info", "f.h5"), (SMARTSURF, "plot", "f.h5", "-o", "a.svg"),
+                        (SMARTSURF, "plot", "f.json", "-o", "a.svg"), (*run, "f.aps"), (*run, "plain.aps", "--palettes", "f.txt"),
+                        (*run, "plain.aps", "--palettes", "/dev/null", "--cost-model", "f.json", "--profile", "p.json"),
+                        (APRON, "import", "f.aps"), (APRON, "fmt", "f.aps")):
+            status, out, err = self.finish(self.start(*command), 20)
+            self.assertEqual(status, 2, f"{command}: {out}{err}")
+            self.assertRegex(err, "regular file", command)
+        (self.folder / "palettes.txt").unlink()
+        for name in ("image", "array", "table", "clip", "include"):
+            status, out, err = self.finish(self.start(*run, name + ".aps"), 20)
+            self.assertEqual(status, 2, f"{name}: {out}{err}")
+            self.assertRegex(err, "regular file|there is no file", name)
+        for camera in ("video9", "f.png", "f.y4m", "/dev/null"):
+            status, out, err = self.finish(self.start(*run, "camera.aps", "--camera", camera), 20)
+            self.assertEqual(status, 2, f"{camera}: {out}{err}")
+            self.assertRegex(err, "regular file|not a camera", camera)
+
+
+class ApronFiles(Hostile):
+    """A program reads and writes in its own folder and in those of --allow, and loads the modules of --module."""
+
+    def setUp(self):
+        super().setUp()
+        (self.folder / "own/inner").mkdir(parents=True)
+        (self.folder / "other").mkdir()
+
+    def apron(self, text, *flags):
+        self.write("own/p.aps", "!register(A)\nA = 1\n" + text + "\n")
+        return self.run_program(APRON, "run", "own/p.aps", "--size", "2x2", *flags)
+
+    def test_files_outside_the_allowed_folders_are_refused(self):
+        self.write("other/secret.csv", "1,2\n3,4\n")
+        (self.folder / "own/link.csv").symlink_to("../other/secret.csv")
+        (self.folder / "own/folder").symlink_to("../other")
+        before = {p: p.stat().st_mtime_ns for p in self.folder.rglob("*")}
+        for statement in ("io.array.save(A, 'a.csv')", "io.array.save(A, 'own/../a.csv')", "io.array.save(A, 'own/folder/a.csv')",
+                          "io.image.save(A, 'own/../other/a.png')", f"io.array.save(A, '{self.folder}/other/a.npy')",
+                          "A = io.array.open('other/secret.csv')", "A = io.array.open('own/link.csv')", "video.clip.open('other/a.y4m')",
+                          "io.image.savecount(A, 'other/f##.png', 1)"):
+            status, _, err = self.apron(statement)
+            self.assertEqual(status, 2, statement)
+            self.assertIn("--allow", err)
+            self.assertEqual({p for p in self.folder.rglob("*")}, set(before) | {self.folder / "own/p.aps"})
+
+    def test_allowed_folders_are_used(self):
+        for statement, flags, file in (("io.array.save(A, 'own/inner/a.csv')", (), "own/inner/a.csv"),
+                                       ("io.array.save(A, 'a.csv')", ("--allow", "."), "a.csv"),
+                                       ("io.array.save(A, 'other/a.csv')", ("--allow", "elsewhere", "--allow", "other"), "other/a.csv")):
+            status, _, err = self.apron(statement, *flags)
+            self.assertEqual(status, 0, err)
+            self.assertTrue((self.folder / file).exists())
+        status, _, err = self.apron("", "--save", "A=other/saved.csv")  # the user's own choice
+        self.assertEqual(status, 0, err)
+
+    def test_native_code_needs_permission(self):
+        self.write("evil.c", "__attribute__((constructor)) static void run(void) { fclose(fopen(\"ran\", \"w\")); }\n")
+        source = self.folder / "evil.c"
+        source.write_text("#include <stdio.h>\n" + source.read_text())
+        subprocess.run(["cc", "-shared", "-fPIC", "-o", str(self.folder / "own/evil.so"), str(source)], check=True)
+        shutil.copy(self.folder / "own/evil.so", self.folder / "other/evil.so")
+        for name in ("evil", "../other/evil", "../own/evil"):
+            status, _, err = self.apron(f"!module('{name}')\nplugin(?, 0)")
+            self.assertEqual(status, 2)
+            self.assertIn("--module", err)
+            self.assertFalse((self.folder / "ran").exists())
+        _, _, err = self.apron("!module('evil')\nplugin(?, 0)", "--module", "evil")
+        self.assertIn("apron_plugin_version", err)  # it was loaded
+
+    def test_only_sources_are_included(self):
+        self.write("other/notes.txt", "a secret line\n")
+        (self.folder / "own/notes.aps").symlink_to("../other/notes.txt")
+        for name in ("../other/notes.txt", "notes.aps", "/etc/passwd"):
+            status, _, err = self.apron(f"!include('{name}')")
+            self.assertEqual(status, 2)
+            self.assertNotIn("secret", err)
+            self.assertNotIn("root:", err)
+
+
+class Liveness(Hostile):
+    """Who lives is decided by locks that the kernel releases; every wait hears its end."""
+
+    def start_surface(self, *flags):
+        self.write("s.lua", TABLE)
+        surface = self.start(SMARTSURF, "run", "s.lua", "--shm", self.shm, *flags)
+        self.wait_for(lambda: self.segment().exists(), "the segment")
+        return surface
+
+    def start_controller(self):
+        self.write("p.aps", "while(1)\nsurface.actuate('height', 0)\nsurface.step\nendwhile\n")
+        controller = self.start(APRON, "run", "p.aps", "--shm", self.shm)
+        self.wait_for(lambda: self.words("claim") != 0, "the claim")
+        return controller
+
+    def words(self, which):
+        offset = {"claim": 512, "surface": 24, "sensors": 640}[which]
+        with open(self.segment(), "rb") as file:
+            return struct.unpack("<Q", os.pread(file.fileno(), 8, offset))[0]
+
+    def elsewhere(self, *command):
+        """Runs a command in a pid namespace of its own."""
+        return self.run_program("unshare", "--user", "--map-root-user", "--pid", "--fork", "--mount-proc", *command)
+
+    def setUp(self):
+        super().setUp()
+        self.has_namespaces = self.elsewhere("true")[0] == 0
+
+    def test_living_surface_is_kept_across_pid_namespaces(self):
+        if not self.has_namespaces:
+            self.skipTest("this system has no user namespaces")
+        surface = self.start_surface()
+        for command in ((SMARTSURF, "clean", self.shm), (str(BIN / "shm_dump"), "--clean", self.shm)):
+            status, out, err = self.elsewhere(*command)
+            self.assertTrue(self.segment().exists(), out + err)
+        self.start_controller()
+        status, out, err = self.elsewhere(APRON, "run", "p.aps", "--shm", self.shm)
+        self.assertEqual(status, 2, out + err)
+        self.assertIn("already has a controller", err)
+        surface.kill()
+        surface.communicate()
+        self.elsewhere(SMARTSURF, "clean", self.shm)
+        self.assertFalse(self.segment().exists())
+
+    def test_killed_controller_is_noticed_and_replaced(self):
+        surface = self.start_surface()
+        for _ in range(3):
+            controller = self.start_controller()
+            controller.kill()
+            controller.communicate()
+            self.wait_for(lambda: self.words("claim") == 0, "the surface to notice")
+        self.assertIsNone(surface.poll())
+
+    def test_surface_without_its_name_advises_nothing(self):
+        surface = self.start_surface()
+        self.segment().unlink()
+        status, _, err = self.finish(surface, 20)
+        self.assertEqual(status, 1, err)
+        self.assertIn("another process has removed", err.splitlines()[-1])
+
+        surface = self.start_surface()
+        controller = self.start_controller()
+        self.segment().unlink()
+        controller.kill()
+        status, _, err = self.finish(surface, 20)
+        self.assertEqual(status, 1, err)
+        self.assertNotIn("waiting for a controller", err.splitlines()[-1])
+        self.assertIn("another process has removed", err.splitlines()[-1])
+
+    def test_controller_at_a_torn_frame_hears_its_stop_and_the_surface_end(self):
+        for ends_surface in (False, True):
+            surface = self.start_surface("--mode", "passive")
+            controller = self.start_controller()
+            surface.send_signal(signal.SIGSTOP)
+            time.sleep(0.2)
+            with open(self.segment(), "r+b") as file:  # the newest frame is one that no slot holds
+                os.pwrite(file.fileno(), struct.pack("<I", self.words("sensors") % 2**32 + 1000), 640)
+            time.sleep(0.2)
+            if ends_surface:
+                surface.kill()
+                surface.communicate()
+            else:
+                controller.send_signal(signal.SIGTERM)
+            status, _, err = self.finish(controller, 10)
+            self.assertEqual(status, 3 if ends_surface else 128 + signal.SIGTERM, err)
+            surface.kill()
+            surface.communicate()
+
+
+class RecordingLoss(Hostile):
+    """A recording that is removed, replaced or cut while the run writes it is not reported as written."""
+
+    def lose(self, name, loss):
+        self.write("s.lua", TABLE + "local n = 0\nevery(0.05, function() n = n + 1 end)\n")
+        run = self.start(SMARTSURF, "run", "s.lua", "--no-controller", "--pace", "20", "--until", "3600", "--record", name)
+        self.wait_for(lambda: (self.folder / name).exists(), "the recording's name")
+        loss(self.folder / name)
+        run.send_signal(signal.SIGTERM)
+        status, out, err = self.finish(run)
+        self.assertEqual(status, 1, f"{name}: {out}{err}")
+        self.assertNotIn("wrote", err)
+        return err
+
+    def test_loss_is_a_failure(self):
+        def replace(path):
+            path.unlink()
+            path.write_bytes(b"x" * 10_000_000)
+        for name in ("r.h5", "r.csv"):
+            for loss, word in ((pathlib.Path.unlink, "removed"), (replace, "replaced"), (lambda path: os.truncate(path, 100), "cut")):
+                self.assertIn(f"was {word} while the run recorded it", self.lose(name, loss))
+                (self.folder / name).unlink(missing_ok=True)
+
+
+class ScriptFiles(Hostile):
+    """A script writes into a folder of its own beside the recording, and nowhere else."""
+
+    def run_script(self, statement, *flags):
+        self.write("s.lua", TABLE + statement + "\n")
+        return self.run_program(SMARTSURF, "run", "s.lua", "--no-controller", "--ticks", "2", *flags)
+
+    def test_files_are_written_into_their_own_folder(self):
+        status, out, err = self.run_script("local f = io.open('a.csv', 'w') f:write('1,2') f:close() print(io.open('a.csv'):read('a'))",
+                                           "--record", "r.h5")
+        self.assertEqual((status, out), (0, "1,2\n"), err)
+        self.assertEqual((self.folder / "r.files/a.csv").read_text(), "1,2")
+        self.assertFalse((self.folder / "a.csv").exists())
+
+    def test_nothing_else_is_written(self):
+        (self.folder / ".git").mkdir()
+        before = {p for p in self.folder.rglob("*")}
+        for name in ("../.git/config", "../libqhull_r.so.8.0", str(self.folder / "Makefile"), "../r.files/../x", ".git/config"):
+            status, _, err = self.run_script(f"io.open('{name}', 'w'):write('[core]')", "--record", "r.h5")
+            self.assertEqual(status, 2, name)
+            self.assertRegex(err, "outside the output folder|nil value|attempt to index")
+            kept = {p for p in self.folder.rglob("*")} - before
+            self.assertLessEqual({p.name for p in kept}, {"s.lua", "r.h5", "r.files"}, name)
+
+    def test_folder_that_is_a_link_is_refused(self):
+        (self.folder / "home").mkdir()
+        (self.folder / "r.files").symlink_to("home")
+        status, _, err = self.run_script("io.open('.profile', 'w'):write('evil')", "--record", "r.h5")
+        self.assertEqual(status, 2, err)
+        self.assertEqual(list((self.folder / "home").iterdir()), [])
+
+
+class Recordings(Hostile):
+    """A recording may hold anything: no reader crashes on it, and running it again reads nothing that the run did not."""
+
+    def test_changed_recordings_are_survived(self):
+        status, out, err = self.run_program(sys.executable, str(ROOT / "scripts/check-recordings"), "--changes", "28", "--bin", str(BIN),
+                                            "--keep", "failed")
+        self.assertEqual(status, 0, out + err)
+
+    def record(self, script):
+        (self.folder / "there").mkdir(exist_ok=True)
+        self.write("there/secret.lua", "a secret line\n")
+        self.write("there/part.lua", "return 1\n")
+        self.write("there/s.lua", TABLE + script)
+        self.assertEqual(self.run_program(SMARTSURF, "run", "there/s.lua", "--no-controller", "--ticks", "5", "--record", "r.h5")[0], 0)
+
+    def test_verification_reads_beside_an_unchanged_script_alone(self):
+        self.record("require 'part'\n")
+        self.assertEqual(self.run_program(SMARTSURF, "replay", "r.h5", "--verify")[0], 0)
+        # Whoever made the recording could name any folder in it.
+        self.record("if option('leak', 0, '') == 0 then return end dofile('secret.lua')\n")
+        self.assertEqual(self.run_program(SMARTSURF, "run", "there/s.lua", "--no-controller", "--ticks", "5", "--record", "r.h5")[0], 0)
+        self.write("there/s.lua", "-- another script\n")
+        data = (self.folder / "r.h5").read_bytes().replace(b"'leak', 0,", b"'leak', 1,")
+        (self.folder / "r.h5").write_bytes(data)
+        status, out, err = self.run_program(SMARTSURF, "replay", "r.h5", "--verify")
+        self.assertEqual(status, 2, out + err)
+        self.assertNotIn("secret line", out + err)
+        self.assertIn("is not beside the script", err)
+
+    def test_irregular_ticks_are_refused(self):
+        self.record("")
+        data = (self.folder / "r.h5").read_bytes()
+        ticks = struct.pack("<6Q", *range(6))
+        self.assertEqual(data.count(ticks), 1)
+        (self.folder / "r.h5").write_bytes(data.replace(ticks, struct.pack("<6Q", 0, 1, 2, 3, 4, 2**60)))
+        status, out, err = self.finish(self.start(SMARTSURF, "replay", "r.h5", "--verify"), 30)
+        self.assertEqual(status, 2, out + err)
+        self.assertIn("instead of 5", err)
+
+
+class Meshes(Hostile):
+    """The importer's memory and time are limited and charged to the run, and its process ends with the run's."""
+
+    def setUp(self):
+        super().setUp()
+        self.write("s.lua", TABLE + "mesh { file = 'a.ply', position = { 1, 1, 5 } }\n")
+
+    def test_a_small_file_cannot_take_all_memory(self):
+        self.write("a.ply", "ply\nformat ascii 1.0\nelement vertex 99999999999\nproperty float x\nproperty float y\n"
+                   "property float z\nelement face 1\nproperty list uchar int vertex_indices\nend_header\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n")
+        before = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss
+        child = self.start("/bin/sh", "-c", 'ulimit -v 16000000; exec "$@"', "sh", SMARTSURF, "check", "s.lua")
+        status, out, err = self.finish(child, 60)
+        self.assertEqual(status, 2, out + err)
+        self.assertRegex(err, "the mesh importer failed|bad_alloc")
+        # In KiB: more than what the program itself needs, less than the file asks for.
+        self.assertLess(resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss, max(before, 2 << 20))
+
+    def test_meshes_of_many_shells_are_refused(self):
+        self.write("s.lua", TABLE + "mesh { file = 'a.stl', position = { 1, 1, 50 } }\n")
+        corners = ((0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1))
+
+        def write(shells):  # tetrahedra: the first around all others
+            with open(self.folder / "a.stl", "wb") as file:
+                file.write(bytes(80) + struct.pack("<I", 4 * len(shells)))
+                for size, *at in shells:
+                    for face in ((0, 2, 1), (0, 1, 3), (0, 3, 2), (1, 2, 3)):
+                        points = [a + size * c for i in face for a, c in zip(at, corners[i])]
+                        file.write(struct.pack("<12fH", 0, 0, 0, *points, 0))
+        for shells, expected in (([(1, 2 * (i % 40), 2 * (i // 40 % 40), 2 * (i // 1600)) for i in range(60_000)], "at most 20000"),
+                                 ([(4 + 0.001 * i, 0, 0, 0) for i in range(15_000)], "too many shells within others|does not separate|edge")):
+            write(shells)
+            status, out, err = self.run_program(SMARTSURF, "check", "s.lua")
+            self.assertEqual(status, 2, out + err)
+            self.assertRegex(err, expected)
+
+    def slow_mesh(self):
+        # Text that is long to read.
+        with open(self.folder / "a.ply", "w") as file:
+            count = 700_000
+            file.write(f"ply\nformat ascii 1.0\nelement vertex {count}\nproperty float x\nproperty float y\nproperty float z\n"
+                       "element face 1\nproperty list uchar int vertex_indices\nend_header\n")
+            file.writelines("0.123456789 0.987654321 0.555555555\n" for _ in range(count))
+            file.write("3 0 1 2\n")
+
+    def importers(self, parent):
+        children = pathlib.Path(f"/proc/{parent}/task/{parent}/children")
+        return [int(pid) for pid in children.read_text().split()] if children.exists() else []
+
+    def test_stop_and_death_end_the_importer(self):
+        self.slow_mesh()
+        for how in (signal.SIGTERM, signal.SIGKILL):
+            run = self.start(SMARTSURF, "run", "s.lua", "--no-controller", "--ticks", "1")
+            self.wait_for(lambda: self.importers(run.pid) or run.poll() is not None, "the importer")
+            self.assertIsNone(run.poll(), "the importer ended too soon to be stopped")
+            importer = self.importers(run.pid)[0]
+            os.kill(importer, signal.SIGSTOP)  # as one that never ends
+            run.send_signal(how)
+            status, _, err = self.finish(run, 20)
+            self.assertEqual(status, 128 + signal.SIGTERM if how == signal.SIGTERM else -signal.SIGKILL, err)
+            self.wait_for(lambda: not pathlib.Path(f"/proc/{importer}").exists() or
+                          pathlib.Path(f"/proc/{importer}/stat").read_text().rsplit(")", 1)[1].split()[0] == "Z", "the importer's end")
+
+
+if __name__ == "__main__":
+    unittest.main()

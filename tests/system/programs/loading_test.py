@@ -1,0 +1,85 @@
+"""Nothing is loaded from the current folder: neither shared objects nor Python modules."""
+import re
+import shutil
+
+from programs import *
+
+CMAKE = os.environ.get("SMARTSURF_CMAKE", "cmake")
+
+
+def elf_files(*folders):
+    """Programs and shared objects, each once."""
+    found = {}
+    for folder in folders:
+        for path in folder.rglob("*"):
+            if path.is_file() and "CMakeFiles" not in path.parts:
+                with open(path, "rb") as file:
+                    if file.read(4) == b"\x7fELF":
+                        found[path.resolve()] = path
+    return sorted(p for p in found if not p.name.endswith(".o"))
+
+
+def dynamic_section(path):
+    return subprocess.run(["readelf", "-d", str(path)], text=True, capture_output=True, check=True,
+                          env={**os.environ, "LC_ALL": "C"}).stdout
+
+
+def bad_run_paths(files):
+    """Elements of run paths that are empty or relative to the current folder."""
+    bad = []
+    for file in files:
+        for kind, paths in re.findall(r"\((RPATH|RUNPATH)\).*\[(.*)\]", dynamic_section(file)):
+            bad += [f"{file}: {kind} '{paths}'" for element in paths.split(":")
+                    if not element.startswith(("/", "$ORIGIN/", "${ORIGIN}/")) and element != "$ORIGIN"]
+    return bad
+
+
+class Loading(ProgramTest):
+    def test_built_and_installed_files_have_no_relative_run_path(self):
+        prefix = self.folder / "prefix"
+        subprocess.run([CMAKE, "--install", str(BIN.parent), "--prefix", str(prefix)], check=True, stdout=subprocess.DEVNULL)
+        # Of CMake's installed components, the wheel holds the one named python.
+        built = elf_files(BIN, *BIN.parent.glob("lib*"), BIN.parent / "python")
+        installed = elf_files(prefix)
+        self.assertGreater(len(built), 6)
+        self.assertGreater(len(installed), 6)
+        self.assertEqual(bad_run_paths(built + installed), [])
+
+    def test_loaded_code_is_read_only(self):
+        # Position-independent, with full RELRO, and without an executable stack.
+        prefix = self.folder / "prefix"
+        subprocess.run([CMAKE, "--install", str(BIN.parent), "--prefix", str(prefix)], check=True, stdout=subprocess.DEVNULL)
+        for file in elf_files(prefix, BIN.parent / "python"):
+            program = subprocess.run(["readelf", "-lW", "-h", str(file)], text=True, capture_output=True, check=True,
+                                     env={**os.environ, "LC_ALL": "C"}).stdout
+            self.assertRegex(program, r"Type: +DYN", file)
+            self.assertIn("GNU_RELRO", program, file)
+            self.assertRegex(program, r"GNU_STACK .* RW ", file)
+            self.assertRegex(dynamic_section(file), r"BIND_NOW|FLAGS_1.*NOW", file)
+
+    def test_programs_load_no_library_of_the_current_folder(self):
+        for name in ("smartsurf", "apron", "shm_dump", "fake_surface", "surface_bridge", "device_emulator"):
+            program = BIN / name
+            if not program.exists():
+                continue
+            for library in re.findall(r"\(NEEDED\).*\[(.*)\]", dynamic_section(program)):
+                (self.folder / library).write_text("not a library\n")
+            status, out, err = self.run_program(str(program), "--help")
+            self.assertEqual(status, 0, f"{name}: {out}{err}")
+
+    def test_doctor_imports_nothing_of_the_current_folder(self):
+        for module in ("numpy", "ctypes", "json"):
+            self.write(f"{module}.py", "open('imported', 'w')\nraise SystemExit('imported from the current folder')\n")
+        doctor = shutil.copy(ROOT / "scripts/doctor", self.folder / "doctor")
+        for path in (None, "/nowhere"):
+            environment = {k: v for k, v in os.environ.items() if k != "PYTHONPATH"} | ({"PYTHONPATH": path} if path else {})
+            child = subprocess.Popen([str(doctor)], cwd=self.folder, env=environment, text=True, stdout=subprocess.PIPE,
+                                     stderr=subprocess.PIPE)
+            self.children.append(child)
+            _, out, _ = self.finish(child)
+            self.assertNotIn("imported from", out)
+            self.assertFalse((self.folder / "imported").exists(), out)
+
+
+if __name__ == "__main__":
+    unittest.main()

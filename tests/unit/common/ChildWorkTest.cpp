@@ -1,0 +1,50 @@
+#include "common/process/ChildWork.h"
+
+#include <fcntl.h>
+#include <gtest/gtest.h>
+#include <unistd.h>
+
+#include <atomic>
+#include <stdexcept>
+#include <vector>
+
+namespace common {
+namespace {
+
+constexpr ChildLimits kLimits{.cpu_s = 10.0, .memory_bytes = std::size_t{256} << 20};
+
+ChildResult::End end_of(const std::function<std::string()>& work, ChildLimits limits = kLimits) {
+  return run_in_child(work, limits).end;
+}
+
+TEST(ChildWork, ReturnsBytes) {
+  const ChildResult result = run_in_child([] { return std::string(300000, 'x'); }, kLimits);
+  EXPECT_EQ(result.end, ChildResult::End::kReturned);
+  EXPECT_EQ(result.bytes, std::string(300000, 'x'));
+}
+
+TEST(ChildWork, FailsOnCrashesExceptionsAndLimits) {
+  EXPECT_EQ(end_of([]() -> std::string { std::abort(); }), ChildResult::End::kFailed);
+  EXPECT_EQ(end_of([]() -> std::string { throw std::runtime_error("no"); }), ChildResult::End::kFailed);
+  const double before_s = child_time_s();
+  EXPECT_EQ(end_of(
+                []() -> std::string {
+                  std::atomic<int> count = 0;
+                  while (count >= 0) count = 1;
+                  return "";
+                },
+                {.cpu_s = 0.05, .memory_bytes = 1}),
+            ChildResult::End::kFailed);
+  EXPECT_GE(child_time_s() - before_s, 0.04);  // what the child used, at least
+  EXPECT_EQ(end_of([] { return std::string(std::size_t{1} << 30, 'x'); }), ChildResult::End::kFailed);
+}
+
+TEST(ChildWork, HasNoOpenFiles) {
+  const int file = ::fcntl(STDERR_FILENO, F_DUPFD, 100);  // above the descriptor of the result
+  const ChildResult result =
+      run_in_child([&] { return std::string(::fcntl(file, F_GETFD) < 0 ? "closed" : "open"); }, kLimits);
+  EXPECT_EQ(result.bytes, "closed");
+}
+
+}  // namespace
+}  // namespace common
