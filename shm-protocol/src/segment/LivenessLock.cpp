@@ -10,7 +10,7 @@
 #include <cerrno>
 #include <utility>
 
-#include "Ownership.h"
+#include "FileDescriptor.h"
 
 namespace shm_protocol {
 namespace {
