@@ -1,0 +1,111 @@
+// Objects come to rest as statics has it: on cells of any heights, on each other, and under loads of any
+// mass.
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <numeric>
+#include <random>
+
+#include "tests/property/PhysicsFixture.h"
+
+using namespace physics_fixture;
+using namespace smartsurf;
+
+namespace {
+
+double total_load(PhysicsFixture& fixture) {
+  const auto& impulse = fixture.cells().field().impulse;
+  return std::accumulate(impulse.begin(), impulse.end(), 0.0) / fixture.scene.world.dt_s;
+}
+
+// The vertical component of an object's axis.
+double upright(PhysicsFixture& fixture, std::size_t index) {
+  const std::array<float, 4>& q = fixture.snapshot().orientation[index];
+  return 1 - 2 * static_cast<double>(q[0] * q[0] + q[1] * q[1]);
+}
+
+// Draws from a seed; the parameter is the step, s.
+class Rest : public testing::TestWithParam<double> {
+ protected:
+  double draw(double low, double high) { return std::uniform_real_distribution<double>(low, high)(random); }
+  std::mt19937 random{7};
+};
+
+class UnevenBed : public Rest {};
+
+TEST_P(UnevenBed, BearsTheWeightAndHoldsStill) {
+  for (int trial = 0; trial < 6; ++trial) {
+    PhysicsFixture fixture;
+    fixture.scene.world.dt_s = GetParam();
+    fixture.cell_force_limit = trial % 2 == 0 ? 0.0 : 1e6;
+    for (int r = 0; r < 32; ++r)
+      for (int c = 0; c < 32; ++c)
+        fixture.cells().set_target(0, r, c, static_cast<float>(1.0 + draw(-0.1, 0.1)));
+    fixture.run(1.5);
+    scene::ObjectSpec o = trial % 3 == 0 ? cylinder(draw(1, 3), draw(0.5, 2), {})
+                                         : box({draw(2, 6), draw(2, 6), draw(0.5, 2)}, {});
+    o.position = {draw(14, 16), draw(14, 16), 2.5};
+    o.mass = 25;
+    const auto id = fixture.add(o);
+    fixture.run(10.0);
+    const Eigen::Vector3f from = fixture.position(id);
+    double least = 1e9, greatest = 0;
+    fixture.run(2.0, [&] {
+      least = std::min(least, total_load(fixture));
+      greatest = std::max(greatest, total_load(fixture));
+    });
+    EXPECT_NEAR(least, 25 * kGravity, 0.01 * 25 * kGravity) << trial;
+    EXPECT_NEAR(greatest, 25 * kGravity, 0.01 * 25 * kGravity) << trial;
+    EXPECT_LT((fixture.position(id) - from).norm(), 1e-3F) << trial;
+  }
+}
+INSTANTIATE_TEST_SUITE_P(Steps, UnevenBed, testing::Values(1.0 / 60, 1.0 / 240));
+
+class Landing : public Rest {};
+
+// The middle of a box that is dropped flat is over the box below it.
+TEST_P(Landing, StaysFlat) {
+  for (int trial = 0; trial < 8; ++trial) {
+    PhysicsFixture fixture;
+    fixture.scene.world.dt_s = GetParam();
+    const double width = draw(1.5, 3), height = draw(0.5, 2);
+    auto below = box({width, width, height}, {15.5, 15.5, height / 2});
+    auto above =
+        box({draw(1.5, 3), draw(1.5, 3), draw(0.5, 2)},
+            {15.5 + draw(-0.35, 0.35) * width, 15.5 + draw(-0.35, 0.35) * width, height + draw(2, 12)});
+    below.mass = draw(1, 10), above.mass = draw(1, 10);
+    fixture.add(below);
+    fixture.add(above);
+    double least = 1;
+    fixture.run(4.0, [&] { least = std::min(least, upright(fixture, 1)); });
+    EXPECT_GT(least, std::cos(0.3 * M_PI / 180)) << trial;
+  }
+}
+INSTANTIATE_TEST_SUITE_P(Steps, Landing, testing::Values(1.0 / 60, 1.0 / 240));
+
+class HeavyLoad : public Rest {};
+
+// No deeper than the slop at each of the contacts below, and at rest.
+TEST_P(HeavyLoad, StandsOnLightBodies) {
+  for (int trial = 0; trial < 8; ++trial) {
+    PhysicsFixture fixture;
+    fixture.scene.world.dt_s = GetParam();
+    const int count = 2 + trial % 5;
+    double top = 0;
+    scene::ObjectId last{};
+    for (int i = 0; i < count; ++i) {
+      const double height = draw(0.5, 1.5);
+      auto o = box({draw(1.8, 3), draw(1.8, 3), height}, {15.5, 15.5, top + height / 2});
+      o.mass = i + 1 == count ? std::pow(10.0, draw(1.3, 3)) : draw(1, 3);
+      last = fixture.add(o);
+      top += height;
+      if (i + 1 == count) top -= height / 2;
+    }
+    fixture.run(4.0);
+    EXPECT_NEAR(fixture.position(last).z(), top, 0.0021 * count) << trial;
+    EXPECT_LT(fixture.velocity(last).norm(), 1e-3F) << trial;
+  }
+}
+INSTANTIATE_TEST_SUITE_P(Steps, HeavyLoad, testing::Values(1.0 / 60, 1.0 / 120, 1.0 / 240, 1.0 / 960));
+
+}  // namespace
