@@ -60,8 +60,14 @@ class Task:
         while None in metrics:
             observations, _, _, _, infos = self.envs.step(population.commands(observations))
             for world in np.flatnonzero(infos.get("_metrics", ())):
-                metrics[world] = metrics[world] or infos["metrics"][world]
+                metrics[world] = metrics[world] or metrics_of(infos, world)
         return np.reshape([self.score(m) for m in metrics], (len(vectors), -1)).mean(axis=1)
+
+
+def metrics_of(info, world):
+    """The metrics of the episode that has ended in a world, from the info of a VectorEnv."""
+    of = info["metrics"]
+    return {name: float(of[name][world]) for name in of if "_" + name in of and of["_" + name][world]}
 
 
 class NetworkTask(Task):

@@ -11,6 +11,7 @@
 #include <optional>
 #include <stdexcept>
 #include <string>
+#include <tuple>
 #include <utility>
 #include <vector>
 
@@ -248,20 +249,13 @@ class Batch {
   const EnvironmentBatch& batch() const { return *batch_; }
   const Environment& world(int index) const { return batch_->world(check(index)); }
 
-  void bind(Array<float> observations, Array<float> final_observations, Array<double> rewards,
-            Array<std::uint8_t> terminated, Array<std::uint8_t> truncated, Array<std::uint8_t> success,
-            Array<double> info, Array<std::uint64_t> seeds) {
-    arrays_ = {{},
-               writable(observations),
-               writable(final_observations),
-               writable(rewards),
-               writable(terminated),
-               writable(truncated),
-               writable(success),
-               writable(info),
-               writable(seeds)};
-    bound_ = py::make_tuple(observations, final_observations, rewards, terminated, truncated, success, info,
-                            seeds);
+  // Each state: observations, info, seeds, success.
+  using State = std::tuple<Array<float>, Array<double>, Array<std::uint64_t>, Array<std::uint8_t>>;
+  void bind(State state, State final_state, Array<double> rewards, Array<std::uint8_t> terminated,
+            Array<std::uint8_t> truncated) {
+    arrays_ = {
+        {}, views(state), views(final_state), writable(rewards), writable(terminated), writable(truncated)};
+    bound_ = py::make_tuple(state, final_state, rewards, terminated, truncated);
   }
   // Returns whether an episode has ended. Returns None, without a step, if the actions are not a float32 array
   // of worlds × channels × rows × columns.
@@ -302,6 +296,10 @@ class Batch {
   }
 
  private:
+  static simulation::StateArrays views(State& state) {
+    auto& [observations, info, seeds, success] = state;
+    return {writable(observations), writable(info), writable(seeds), writable(success)};
+  }
   static std::unique_ptr<EnvironmentBatch> make_batch(EnvironmentOptions options,
                                                       const std::vector<std::uint64_t>& seeds, int threads,
                                                       simulation::Autoreset autoreset) {

@@ -113,11 +113,13 @@ void EnvironmentBatch::for_each_world(const Work& work) {
   if (!message.empty()) throw scene::InputError(message);
 }
 
-void EnvironmentBatch::write_state(std::size_t i, const BatchArrays& a) {
-  const World& world = worlds_[i];
+void EnvironmentBatch::write_state(std::size_t i, bool success, const StateArrays& a) {
+  Environment& environment = *worlds_[i].environment;
   if (!a.observations.empty())
-    world.environment->observe(a.observations.subspan(i * observation_size_, observation_size_));
-  if (!a.seeds.empty()) a.seeds[i] = world.environment->seed();
+    environment.observe(a.observations.subspan(i * observation_size_, observation_size_));
+  if (info_size_ > 0 && !a.info.empty()) environment.info(a.info.subspan(i * info_size_, info_size_));
+  if (!a.seeds.empty()) a.seeds[i] = environment.seed();
+  if (!a.success.empty()) a.success[i] = success ? 1 : 0;
 }
 
 void EnvironmentBatch::reset(std::span<const std::uint64_t> seeds, std::span<const std::uint8_t> mask,
@@ -127,9 +129,7 @@ void EnvironmentBatch::reset(std::span<const std::uint64_t> seeds, std::span<con
     World& world = worlds_[i];
     world.environment->reset(seeds[i]);
     world.episode_over = false;
-    write_state(i, a);
-    if (info_size_ > 0 && !a.info.empty())
-      world.environment->info(a.info.subspan(i * info_size_, info_size_));
+    write_state(i, false, a.state);
   });
 }
 
@@ -137,7 +137,7 @@ void EnvironmentBatch::restore(int index, std::string_view state, const BatchArr
   const std::size_t i = index;
   worlds_[i].environment->restore(state);
   worlds_[i].episode_over = false;
-  write_state(i, a);
+  write_state(i, false, a.state);
 }
 
 void EnvironmentBatch::step(const BatchArrays& a) {
@@ -148,35 +148,32 @@ void EnvironmentBatch::step_world(std::size_t i, const BatchArrays& a) {
   World& world = worlds_[i];
   Environment& environment = *world.environment;
   StepResult result;
-  const auto write_info = [&] {
-    if (info_size_ > 0 && !a.info.empty()) environment.info(a.info.subspan(i * info_size_, info_size_));
-  };
   if (world.episode_over && autoreset_ == Autoreset::kNextStep) {
     environment.reset(next_seed(environment.seed()));
     world.episode_over = false;
-    write_info();
+    write_state(i, false, a.state);
   } else {
     const std::span<const float> actions = a.actions.subspan(i * action_size_, action_size_);
     for (std::size_t c = 0; c * cells_ < action_size_; ++c)
       environment.set_targets(static_cast<int>(c), actions.subspan(c * cells_, cells_));
     result = environment.step();
-    write_info();
     world.episode_over = result.terminated || result.truncated;
+    const bool resets = world.episode_over && autoreset_ == Autoreset::kSameStep;
+    // Before on_finish, as in Env: it may change what info{} reports.
+    write_state(i, result.success, resets ? a.final_state : a.state);
     if (world.episode_over) {
       environment.finish();
       world.final_metrics = environment.metrics();
-      if (autoreset_ == Autoreset::kSameStep) {
-        environment.observe(a.final_observations.subspan(i * observation_size_, observation_size_));
-        environment.reset(next_seed(environment.seed()));
-        world.episode_over = false;
-      }
+    }
+    if (resets) {
+      environment.reset(next_seed(environment.seed()));
+      world.episode_over = false;
+      write_state(i, false, a.state);
     }
   }
   if (!a.rewards.empty()) a.rewards[i] = result.reward;
   if (!a.terminated.empty()) a.terminated[i] = result.terminated ? 1 : 0;
   if (!a.truncated.empty()) a.truncated[i] = result.truncated ? 1 : 0;
-  if (!a.success.empty()) a.success[i] = result.success ? 1 : 0;
-  write_state(i, a);
 }
 
 }  // namespace smartsurf::simulation

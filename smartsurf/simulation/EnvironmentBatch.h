@@ -22,19 +22,25 @@ namespace smartsurf::simulation {
 // What a step does with a world whose episode has ended (Gymnasium's AutoresetMode).
 enum class Autoreset {
   kNextStep,  // the next step resets it, ignores its actions, and yields the first observation and reward 0
-  kSameStep,  // the same step resets it; the last observation goes to final_observations
+  kSameStep,  // the same step resets it; the last state goes to final_state
   kDisabled,  // nothing; the caller resets it
+};
+
+// What there is of a state, world by world.
+struct StateArrays {
+  std::span<float> observations;   // worlds × observation_size()
+  std::span<double> info;          // worlds × info_size()
+  std::span<std::uint64_t> seeds;  // of the episode
+  std::span<std::uint8_t> success;
 };
 
 // The caller's arrays, world by world. An empty span is not written.
 struct BatchArrays {
-  std::span<const float> actions;       // worlds × actuator channels × rows × columns
-  std::span<float> observations;        // worlds × observation_size()
-  std::span<float> final_observations;  // likewise; kSameStep: written where an episode has ended
+  std::span<const float> actions;  // worlds × actuator channels × rows × columns
+  StateArrays state;
+  StateArrays final_state;  // kSameStep: the last one of an episode, written where one has ended
   std::span<double> rewards;
-  std::span<std::uint8_t> terminated, truncated, success;
-  std::span<double> info;          // worlds × info_size(); of the episode that has ended, where one has
-  std::span<std::uint64_t> seeds;  // of the episode to which the observation belongs
+  std::span<std::uint8_t> terminated, truncated;
 };
 
 class EnvironmentBatch {
@@ -55,7 +61,7 @@ class EnvironmentBatch {
   // Advances every world by one control period. After an exception only reset() of all worlds may follow.
   void step(const BatchArrays&);
 
-  // Call those of the world's Environment. restore() also writes the world's observation.
+  // Call those of the world's Environment. restore() also writes the world's state.
   std::string save(int index) { return worlds_[index].environment->save(); }
   void restore(int index, std::string_view state, const BatchArrays&);
 
@@ -75,7 +81,7 @@ class EnvironmentBatch {
   void for_each_world(const Work&);
   void collapse_huge_pages() const;
   void step_world(std::size_t, const BatchArrays&);
-  void write_state(std::size_t, const BatchArrays&);
+  void write_state(std::size_t, bool success, const StateArrays&);
 
   EnvironmentOptions options_;
   Autoreset autoreset_;

@@ -16,7 +16,7 @@ try:
 except ImportError as error:
     print(f"skipped: {error}; scripts/setup --python installs it where a package index can be reached")
     sys.exit(77)
-from experiments import CROWD, NOISY, ExperimentTest
+from experiments import CROWD, ENDINGS, NOISY, ExperimentTest
 
 
 def sampled(space, seed):
@@ -142,7 +142,7 @@ class VectorEnvironments(ExperimentTest):
                     else:
                         o, r, te, tr, info = env.step(actions[i])
                         if te or tr:
-                            self.assertEqual(infos["metrics"][i], info["metrics"])
+                            self.assertEqual({name: infos["metrics"][name][i] for name in info["metrics"]}, info["metrics"])
                     np.testing.assert_array_equal(o, observations[i])
                     self.assertEqual((r, te, tr), (rewards[i], terminated[i], truncated[i]))
                     over[i] = te or tr
@@ -169,11 +169,74 @@ class VectorEnvironments(ExperimentTest):
             for i in np.flatnonzero(terminated | truncated):
                 ends += 1
                 np.testing.assert_array_equal(infos["final_obs"][i], o2[i])
-                self.assertEqual(infos["metrics"][i], infos2["metrics"][i])
+                for name in ("best", "count"):
+                    self.assertEqual(infos["final_info"]["metrics"][name][i], infos2["metrics"][name][i])
+                self.assertNotIn("metrics", infos)
                 np.testing.assert_array_equal(o[i], smartsurf.Env(path).reset(seed=int(infos["seed"][i]))[0])
             if ends:
                 break
         self.assertGreater(ends, 0)
+
+    def assert_same_infos(self, one, other, path="infos"):
+        self.assertEqual(one.keys(), other.keys(), path)
+        for key, value in one.items():
+            where = f"{path}['{key}']"
+            if isinstance(value, dict):
+                self.assert_same_infos(value, other[key], where)
+            elif value.dtype == object:
+                for a, b in zip(value, other[key], strict=True):
+                    self.assertEqual(type(a), type(b), where)
+                    np.testing.assert_array_equal(a, b, where)
+            else:
+                self.assertEqual(value.dtype, other[key].dtype, where)
+                np.testing.assert_array_equal(value, other[key], where)
+
+    def test_every_autoreset_mode_equals_gymnasiums_vector_of_single_environments(self):
+        class Seeded(gymnasium.Wrapper):  # resets without a seed to the one that the VectorEnv has chosen
+            def reset(self, *, seed=None, options=None):
+                return self.env.reset(seed=self.following if seed is None else seed, options=options)
+        path = self.script(ENDINGS)
+        for mode in AutoresetMode:
+            with self.subTest(mode=mode.value):
+                envs = smartsurf.VectorEnv(path, 4, 2, autoreset_mode=mode)
+                sync = gymnasium.vector.SyncVectorEnv([lambda: Seeded(smartsurf.Env(path))] * 4, autoreset_mode=mode)
+                (observations, infos), (expected, sync_infos) = envs.reset(seed=5), sync.reset(seed=5)
+                np.testing.assert_array_equal(observations, expected)
+                self.assert_same_infos(infos, sync_infos)
+                ends = 0
+                for tick in range(150):
+                    actions = sampled(envs.action_space, tick)
+                    step = envs.step(actions)
+                    for i, env in enumerate(sync.envs):
+                        env.following = int(step[4]["seed"][i])
+                    sync_step = sync.step(actions)
+                    for value, sync_value in zip(step[:4], sync_step[:4]):
+                        self.assertEqual(value.dtype, sync_value.dtype)
+                        np.testing.assert_array_equal(value, sync_value)
+                    self.assert_same_infos(step[4], sync_step[4], f"tick {tick}: infos")
+                    ended = step[2] | step[3]
+                    ends += ended.sum()
+                    if mode == AutoresetMode.DISABLED and ended.any():
+                        seed = [100 * tick + i for i in range(4)]
+                        (observations, infos), (expected, sync_infos) = (
+                            v.reset(seed=seed, options={"reset_mask": ended.copy()}) for v in (envs, sync))
+                        np.testing.assert_array_equal(observations, expected)
+                        self.assert_same_infos(infos, sync_infos)
+                self.assertGreater(ends, 12)
+
+    def test_restore_refreshes_info(self):
+        envs = smartsurf.VectorEnv(self.script(CROWD), 2, 1, copy=False)
+        envs.reset(seed=1)
+        state = envs.save(0)
+        _, first = envs.reset(seed=1)
+        expected = {name: np.copy(first[name][0]) for name in ("seed", "success", "first", "best")}
+        for tick in range(30):
+            *_, infos = envs.step(sampled(envs.action_space, tick))
+        self.assertNotEqual(infos["best"][0], expected["best"])
+        for world in range(2):
+            envs.restore(world, state)
+            for name, value in expected.items():
+                np.testing.assert_array_equal(infos[name][world], value)
 
     def test_disabled_autoreset_with_a_mask(self):
         envs = smartsurf.VectorEnv(self.script(CROWD), 3, 1, autoreset_mode=AutoresetMode.DISABLED)
