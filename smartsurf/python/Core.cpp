@@ -249,8 +249,9 @@ class Batch {
   const EnvironmentBatch& batch() const { return *batch_; }
   const Environment& world(int index) const { return batch_->world(check(index)); }
 
-  // Each state: observations, info, seeds, success.
-  using State = std::tuple<Array<float>, Array<double>, Array<std::uint64_t>, Array<std::uint8_t>>;
+  // Each state: observations, info, seeds, success, actions that are not finite.
+  using State =
+      std::tuple<Array<float>, Array<double>, Array<std::uint64_t>, Array<std::uint8_t>, Array<std::int64_t>>;
   void bind(State state, State final_state, Array<double> rewards, Array<std::uint8_t> terminated,
             Array<std::uint8_t> truncated) {
     arrays_ = {
@@ -297,8 +298,9 @@ class Batch {
 
  private:
   static simulation::StateArrays views(State& state) {
-    auto& [observations, info, seeds, success] = state;
-    return {writable(observations), writable(info), writable(seeds), writable(success)};
+    auto& [observations, info, seeds, success, nonfinite_actions] = state;
+    return {writable(observations), writable(info), writable(seeds), writable(success),
+            writable(nonfinite_actions)};
   }
   static std::unique_ptr<EnvironmentBatch> make_batch(EnvironmentOptions options,
                                                       const std::vector<std::uint64_t>& seeds, int threads,
@@ -376,10 +378,12 @@ PYBIND11_MODULE(_core, m) {
 
   py::class_<Batch>(m, "Batch")
       .def(py::init([](std::string experiment, std::string engine, Overrides overrides,
-                       const std::vector<std::uint64_t>& seeds, int threads, int autoreset) {
-        return std::make_unique<Batch>(
-            make_options(std::move(experiment), std::move(engine), std::move(overrides), std::nullopt, 1),
-            seeds, threads, autoreset);
+                       const std::vector<std::uint64_t>& seeds, int threads, int autoreset,
+                       std::optional<std::uint64_t> max_ticks) {
+        EnvironmentOptions options =
+            make_options(std::move(experiment), std::move(engine), std::move(overrides), std::nullopt, 1);
+        options.max_ticks = max_ticks;
+        return std::make_unique<Batch>(std::move(options), seeds, threads, autoreset);
       }))
       .def("describe", [](const Batch& b) { return describe(b.world(0)); })
       .def_property_readonly("observation_size", [](const Batch& b) { return b.batch().observation_size(); })

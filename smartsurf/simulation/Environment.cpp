@@ -55,9 +55,11 @@ void Environment::start_simulation() {
   failed_ = false;
   simulation_.emplace(*experiment_, options_.threads, /*scripted_actuators=*/true);
   experiment_->update_metrics(0.0, 0);
-  end_tick_.reset();
+  end_tick_ = options_.max_ticks;
   if (const auto seconds = experiment_->episode_s())
-    end_tick_ = static_cast<std::uint64_t>(std::ceil(*seconds / scene().world.control_period_s - 1e-9));
+    end_tick_ =
+        std::min(end_tick_.value_or(UINT64_MAX),
+                 static_cast<std::uint64_t>(std::ceil(*seconds / scene().world.control_period_s - 1e-9)));
 }
 
 void Environment::reset(std::uint64_t seed) {

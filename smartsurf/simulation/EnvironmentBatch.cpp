@@ -4,6 +4,7 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <cmath>
 #include <cstdint>
 #include <exception>
 
@@ -17,6 +18,10 @@ constexpr std::size_t kChunksPerThread = 8;  // evens out worlds of different co
 // The seed of the episode that follows one with that seed. 31 bits: it is easily typed, and exact in any
 // language.
 std::uint64_t next_seed(std::uint64_t seed) { return script::Random(seed).next() >> 33; }
+
+std::int64_t count_nonfinite(std::span<const float> values) {
+  return std::ranges::count_if(values, [](float v) { return !std::isfinite(v); });
+}
 
 constexpr std::uintptr_t kHugePageBytes = 2U << 20U;
 
@@ -113,13 +118,14 @@ void EnvironmentBatch::for_each_world(const Work& work) {
   if (!message.empty()) throw scene::InputError(message);
 }
 
-void EnvironmentBatch::write_state(std::size_t i, bool success, const StateArrays& a) {
+void EnvironmentBatch::write_state(std::size_t i, Outcome outcome, const StateArrays& a) {
   Environment& environment = *worlds_[i].environment;
   if (!a.observations.empty())
     environment.observe(a.observations.subspan(i * observation_size_, observation_size_));
   if (info_size_ > 0 && !a.info.empty()) environment.info(a.info.subspan(i * info_size_, info_size_));
   if (!a.seeds.empty()) a.seeds[i] = environment.seed();
-  if (!a.success.empty()) a.success[i] = success ? 1 : 0;
+  if (!a.success.empty()) a.success[i] = outcome.success ? 1 : 0;
+  if (!a.nonfinite_actions.empty()) a.nonfinite_actions[i] = outcome.nonfinite_actions;
 }
 
 void EnvironmentBatch::reset(std::span<const std::uint64_t> seeds, std::span<const std::uint8_t> mask,
@@ -129,7 +135,7 @@ void EnvironmentBatch::reset(std::span<const std::uint64_t> seeds, std::span<con
     World& world = worlds_[i];
     world.environment->reset(seeds[i]);
     world.episode_over = false;
-    write_state(i, false, a.state);
+    write_state(i, {}, a.state);
   });
 }
 
@@ -137,7 +143,7 @@ void EnvironmentBatch::restore(int index, std::string_view state, const BatchArr
   const std::size_t i = index;
   worlds_[i].environment->restore(state);
   worlds_[i].episode_over = false;
-  write_state(i, false, a.state);
+  write_state(i, {}, a.state);
 }
 
 void EnvironmentBatch::step(const BatchArrays& a) {
@@ -151,7 +157,7 @@ void EnvironmentBatch::step_world(std::size_t i, const BatchArrays& a) {
   if (world.episode_over && autoreset_ == Autoreset::kNextStep) {
     environment.reset(next_seed(environment.seed()));
     world.episode_over = false;
-    write_state(i, false, a.state);
+    write_state(i, {}, a.state);
   } else {
     const std::span<const float> actions = a.actions.subspan(i * action_size_, action_size_);
     for (std::size_t c = 0; c * cells_ < action_size_; ++c)
@@ -160,7 +166,7 @@ void EnvironmentBatch::step_world(std::size_t i, const BatchArrays& a) {
     world.episode_over = result.terminated || result.truncated;
     const bool resets = world.episode_over && autoreset_ == Autoreset::kSameStep;
     // Before on_finish, as in Env: it may change what info{} reports.
-    write_state(i, result.success, resets ? a.final_state : a.state);
+    write_state(i, {result.success, count_nonfinite(actions)}, resets ? a.final_state : a.state);
     if (world.episode_over) {
       environment.finish();
       world.final_metrics = environment.metrics();
@@ -168,7 +174,7 @@ void EnvironmentBatch::step_world(std::size_t i, const BatchArrays& a) {
     if (resets) {
       environment.reset(next_seed(environment.seed()));
       world.episode_over = false;
-      write_state(i, false, a.state);
+      write_state(i, {}, a.state);
     }
   }
   if (!a.rewards.empty()) a.rewards[i] = result.reward;

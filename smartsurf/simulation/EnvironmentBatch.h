@@ -32,6 +32,7 @@ struct StateArrays {
   std::span<double> info;          // worlds × info_size()
   std::span<std::uint64_t> seeds;  // of the episode
   std::span<std::uint8_t> success;
+  std::span<std::int64_t> nonfinite_actions;  // values of the step's actions that were NaN or infinite
 };
 
 // The caller's arrays, world by world. An empty span is not written.
@@ -81,7 +82,11 @@ class EnvironmentBatch {
   void for_each_world(const Work&);
   void collapse_huge_pages() const;
   void step_world(std::size_t, const BatchArrays&);
-  void write_state(std::size_t, bool success, const StateArrays&);
+  struct Outcome {
+    bool success = false;
+    std::int64_t nonfinite_actions = 0;
+  };
+  void write_state(std::size_t, Outcome, const StateArrays&);
 
   EnvironmentOptions options_;
   Autoreset autoreset_;

@@ -11,7 +11,7 @@ from gymnasium.vector import AutoresetMode
 from . import _core
 from ._env import box
 from ._simulation import channels, engine_name, load_extensions, not_picklable, overrides, state_bytes, thread_count
-from ._surface import Closed, checked_seed, draw_seed, real_array, whole
+from ._surface import Closed, checked_options, checked_seed, draw_seed, finite, real_array, whole
 from ._tasks import task_file
 
 _AUTORESET = {AutoresetMode.NEXT_STEP: 0, AutoresetMode.SAME_STEP: 1, AutoresetMode.DISABLED: 2}
@@ -27,8 +27,9 @@ class VectorEnv(gymnasium.vector.VectorEnv):
 
     threads: default: one per core. copy: whether step() and reset() return copies; without, all arrays that they return,
     those of `info` included, are the same ones each time, which the next call overwrites. autoreset_mode: as
-    Gymnasium's; NEXT_STEP by default.
-    `info` is that of Gymnasium's SyncVectorEnv: arrays over the worlds of `seed`, `success` and the values of info{}, and
+    Gymnasium's; NEXT_STEP by default. max_episode_steps: truncates episodes, besides the script's episode{}. strict: as of
+    Env.
+    `info` is that of Gymnasium's SyncVectorEnv: arrays over the worlds of `seed`, `success`, `nonfinite_actions` and the values of info{}, and
     for the worlds whose episode has ended `metrics`, a dict of arrays. With SAME_STEP these describe the new episode, and
     `final_obs` and `final_info` the one that has ended, with its `metrics`.
     """
@@ -38,16 +39,18 @@ class VectorEnv(gymnasium.vector.VectorEnv):
                  set: dict | None = None, engine: str | None = None, seed: int | None = None, copy: bool = True,
                  autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP, render_mode: str | None = None,
                  render_size: tuple[int, int] = (640, 400), camera: str = "iso",
-                 extensions: Sequence[str | os.PathLike] = ()):
+                 extensions: Sequence[str | os.PathLike] = (), max_episode_steps: int | None = None, strict: bool = False):
         load_extensions(extensions)
         num_envs = whole("num_envs", num_envs, 1)
+        if max_episode_steps is not None:
+            max_episode_steps = whole("max_episode_steps", max_episode_steps, 1)
         threads = len(os.sched_getaffinity(0)) if threads is None else thread_count(threads)
         if render_mode not in (None, *self.metadata["render_modes"]):
             raise ValueError(f"render_mode = {render_mode!r}: must be None or 'rgb_array'")
         autoreset_mode = AutoresetMode(autoreset_mode)
         self.num_envs = num_envs
         self._batch = _core.Batch(os.fspath(experiment), engine_name(engine), overrides(set), self._seeds(seed), threads,
-                                  _AUTORESET[autoreset_mode])
+                                  _AUTORESET[autoreset_mode], max_episode_steps)
         d = self._batch.describe()
         self.rows, self.columns, self.pitch, self.period = d["rows"], d["columns"], d["pitch"], d["period"]
         self.sensor_channels, self.actuator_channels = channels(d)
@@ -58,6 +61,7 @@ class VectorEnv(gymnasium.vector.VectorEnv):
         self.action_space = batched(self.single_action_space, num_envs)
         self.metadata = {**self.metadata, "autoreset_mode": autoreset_mode, "render_fps": round(1 / self.period)}
         self.render_mode, self._render_size, self._camera = render_mode, render_size, camera
+        self._strict = strict
         self._copy, self._same_step = copy, autoreset_mode == AutoresetMode.SAME_STEP
         self._rewards = np.zeros(num_envs)
         self._terminated, self._truncated = np.zeros((2, num_envs), np.bool_)
@@ -74,12 +78,12 @@ class VectorEnv(gymnasium.vector.VectorEnv):
         """Arrays that the batch writes: the observations, all of them, and the values of `info` by name."""
         observations = np.zeros((worlds, *self.single_observation_space.shape), np.float32)
         values, seeds = np.zeros((worlds, self._batch.info_size)), np.zeros(worlds, np.uint64)
-        success = np.zeros(worlds, np.bool_)
-        fields, first = {"seed": seeds.view(np.int64), "success": success}, 0
+        success, nonfinite = np.zeros(worlds, np.bool_), np.zeros(worlds, np.int64)
+        fields, first = {"seed": seeds.view(np.int64), "success": success, "nonfinite_actions": nonfinite}, 0
         for name, size in info:
             fields[name] = values[:, first] if size == 1 else values[:, first:first + size]
             first += size
-        return observations, (observations, values, seeds, success.view(np.uint8)), fields
+        return observations, (observations, values, seeds, success.view(np.uint8), nonfinite), fields
 
     def _seeds(self, seed):
         if seed is None:
@@ -97,7 +101,7 @@ class VectorEnv(gymnasium.vector.VectorEnv):
         if seed is None or isinstance(seed, (int, np.integer)):
             super().reset(seed=seed if seed is None else int(seed))
         mask = np.ones(self.num_envs, np.bool_)
-        if options and "reset_mask" in options:
+        if "reset_mask" in checked_options(options, "reset_mask"):
             mask = np.asarray(options["reset_mask"])
             if mask.shape != (self.num_envs,) or mask.dtype != np.bool_ or not mask.any():
                 raise ValueError("options['reset_mask'] must be an array of bool, one per world, with one True")
@@ -105,6 +109,8 @@ class VectorEnv(gymnasium.vector.VectorEnv):
         return self._observed(), self._infos() if mask.all() else _of_worlds(self._fields, mask)
 
     def step(self, actions: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, dict]:
+        if self._strict:
+            finite("the array of actions", real_array("the array of actions", actions), True)
         ended = self._batch.step(actions)
         if ended is None:  # not an array of the right type and shape
             actions = real_array("the array of actions", actions)
@@ -177,5 +183,4 @@ def _of_worlds(fields, mask):
 
 def make(task, num_envs=1, **arguments):
     """The vector entry point of the tasks' Gymnasium ids."""
-    arguments.pop("max_episode_steps", None)
     return VectorEnv(task_file(task), num_envs, **arguments)

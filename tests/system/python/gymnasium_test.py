@@ -203,10 +203,12 @@ class VectorEnvironments(ExperimentTest):
                 (observations, infos), (expected, sync_infos) = envs.reset(seed=5), sync.reset(seed=5)
                 np.testing.assert_array_equal(observations, expected)
                 self.assert_same_infos(infos, sync_infos)
-                ends = 0
+                ends = nonfinite = 0
                 for tick in range(150):
                     actions = sampled(envs.action_space, tick)
+                    actions[tick % 4, 0, :tick % 3, 1] = (np.nan, np.inf, -np.inf)[tick // 3 % 3]
                     step = envs.step(actions)
+                    nonfinite += step[4]["nonfinite_actions"].sum()
                     for i, env in enumerate(sync.envs):
                         env.following = int(step[4]["seed"][i])
                     sync_step = sync.step(actions)
@@ -223,6 +225,56 @@ class VectorEnvironments(ExperimentTest):
                         np.testing.assert_array_equal(observations, expected)
                         self.assert_same_infos(infos, sync_infos)
                 self.assertGreater(ends, 12)
+                self.assertGreater(nonfinite, 100)
+
+    def test_max_episode_steps_truncates(self):
+        for task in ("smartsurf/Relocate-v0", self.script(ENDINGS.replace("limit = random(0.1, 0.9)", "limit = 0.8"))):
+            path = smartsurf.task_file(task) if task.startswith("smartsurf/") else task
+            envs = smartsurf.VectorEnv(path, 2, 1, max_episode_steps=7)
+            envs.reset(seed=1)
+            ends = [envs.step(sampled(envs.action_space, tick))[3].tolist() for tick in range(15)]
+            self.assertEqual([tick for tick, end in enumerate(ends) if all(end)], [6, 14])
+        envs = gymnasium.make_vec("smartsurf/Relocate-v0", num_envs=2, max_episode_steps=3)
+        envs.reset(seed=1)
+        self.assertEqual([envs.step(envs.action_space.sample())[3].tolist() for _ in range(3)], [[False] * 2] * 2 + [[True] * 2])
+        with self.assertRaisesRegex(ValueError, "max_episode_steps = 0: must be a whole number, at least 1"):
+            gymnasium.make_vec("smartsurf/Relocate-v0", max_episode_steps=0)
+
+    def test_nothing_is_ignored(self):
+        path = self.script(ENDINGS)
+        for env in (smartsurf.Env(path), smartsurf.VectorEnv(path, 2, 1)):
+            env.reset(seed=1, options={})
+            with self.assertRaisesRegex(ValueError, r"options\['mask'\]: no such option of reset\(\); known: (none|reset_mask)$"):
+                env.reset(seed=1, options={"mask": 1})
+            with self.assertRaisesRegex(ValueError, r"options = 3: must be a dict"):
+                env.reset(options=3)
+        with self.assertWarnsRegex(UserWarning, "has no options"):
+            smartsurf.parallel_env(path).reset(options={"a": 1})
+        for make in (lambda **a: smartsurf.Env(path, **a), lambda **a: smartsurf.VectorEnv(path, 2, **a),
+                     lambda **a: smartsurf.parallel_env(path, **a), lambda **a: gymnasium.make("smartsurf/Relocate-v0", **a),
+                     lambda **a: gymnasium.make_vec("smartsurf/Relocate-v0", **a)):
+            with self.assertRaisesRegex(TypeError, "unexpected keyword argument '?thread'?"):
+                make(thread=2)
+
+    def test_actions_that_are_not_finite_are_counted_or_refused(self):
+        path = self.script(ENDINGS)
+        for value in (np.nan, np.inf, -np.inf):
+            for env in (smartsurf.Env(path), smartsurf.Env(path, strict=True), smartsurf.VectorEnv(path, 2, 1, strict=True)):
+                env.reset(seed=1)
+                action = sampled(env.action_space, 1)
+                env.step(action)
+                action[..., 2, 1] = value
+                if env._strict:
+                    with self.assertRaisesRegex(ValueError, rf"^the a[^\n]* is {value} at \[(0, )+2, 1\]: must be finite with strict=True$"):
+                        env.step(action)
+                    action[..., 2, 1] = 1
+                    env.step(action)
+                else:
+                    self.assertEqual(env.step(action)[4]["nonfinite_actions"], 1)
+            agents = smartsurf.parallel_env(path, block=4)
+            agents.reset(seed=1)
+            infos = agents.step({"block_0_0": np.full((1, 4, 4), value, np.float32)})[4]
+            self.assertEqual(infos["block_0_0"]["nonfinite_actions"], 16)
 
     def test_restore_refreshes_info(self):
         envs = smartsurf.VectorEnv(self.script(CROWD), 2, 1, copy=False)
