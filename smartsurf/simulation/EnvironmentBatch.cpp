@@ -7,6 +7,7 @@
 #include <cmath>
 #include <cstdint>
 #include <exception>
+#include <limits>
 
 #include "smartsurf/script/Random.h"
 
@@ -47,6 +48,7 @@ EnvironmentBatch::EnvironmentBatch(EnvironmentOptions options, std::span<const s
     EnvironmentOptions own = options_;
     own.seed = seeds[i];
     worlds_[i].environment = std::make_unique<Environment>(std::move(own));
+    worlds_[i].seed = worlds_[i].environment->seed();
   });
   collapse_huge_pages();
   const Environment& first = *worlds_.front().environment;
@@ -88,7 +90,7 @@ EnvironmentBatch::~EnvironmentBatch() {
 }
 
 template <class Work>
-void EnvironmentBatch::for_each_world(const Work& work) {
+void EnvironmentBatch::run_worlds(const Work& work) {
   if (process_ != getpid()) {
     pool_.release();
     pool_ = std::make_unique<common::ThreadPool>(threads_);
@@ -98,6 +100,7 @@ void EnvironmentBatch::for_each_world(const Work& work) {
   const std::size_t chunks = std::min<std::size_t>(count, threads_ * kChunksPerThread);
   const auto run_chunk = [&](std::uint32_t chunk, unsigned) noexcept {
     for (std::size_t i = count * chunk / chunks; i < count * (chunk + 1) / chunks; ++i) {
+      worlds_[i].error.clear();
       try {
         work(i);
       } catch (const std::exception& error) {
@@ -109,13 +112,18 @@ void EnvironmentBatch::for_each_world(const Work& work) {
     for (std::uint32_t chunk = 0; chunk < chunks; ++chunk) run_chunk(chunk, 0);
   else
     pool_->parallel_for(static_cast<std::uint32_t>(chunks), run_chunk);
-  std::string message;
-  for (std::size_t i = 0; i < count; ++i) {
-    if (worlds_[i].error.empty()) continue;
-    if (message.empty()) message = "world " + std::to_string(i) + ": " + worlds_[i].error;
-    worlds_[i].error.clear();
-  }
-  if (!message.empty()) throw scene::InputError(message);
+}
+
+template <class Work>
+void EnvironmentBatch::for_each_world(const Work& work) {
+  run_worlds(work);
+  throw_first_error();
+}
+
+void EnvironmentBatch::throw_first_error() {
+  for (std::size_t i = 0; i < worlds_.size(); ++i)
+    if (!worlds_[i].error.empty())
+      throw scene::InputError("world " + std::to_string(i) + ": " + worlds_[i].error);
 }
 
 void EnvironmentBatch::write_state(std::size_t i, Outcome outcome, const StateArrays& a) {
@@ -133,7 +141,7 @@ void EnvironmentBatch::reset(std::span<const std::uint64_t> seeds, std::span<con
   for_each_world([&](std::size_t i) {
     if (mask[i] == 0) return;
     World& world = worlds_[i];
-    world.environment->reset(seeds[i]);
+    world.environment->reset(world.seed = seeds[i]);
     world.episode_over = false;
     write_state(i, {}, a.state);
   });
@@ -142,22 +150,43 @@ void EnvironmentBatch::reset(std::span<const std::uint64_t> seeds, std::span<con
 void EnvironmentBatch::restore(int index, std::string_view state, const BatchArrays& a) {
   const std::size_t i = index;
   worlds_[i].environment->restore(state);
+  worlds_[i].seed = worlds_[i].environment->seed();
   worlds_[i].episode_over = false;
   write_state(i, {}, a.state);
 }
 
 void EnvironmentBatch::step(const BatchArrays& a) {
-  for_each_world([&](std::size_t i) { step_world(i, a); });
+  run_worlds([&](std::size_t i) {
+    try {
+      step_world(i, a);
+    } catch (const std::exception& error) {
+      worlds_[i].error = error.what();
+      end_failed_episode(i, a);
+      if (autoreset_ != Autoreset::kSameStep) return;
+      try {
+        start_next_episode(i, a);
+      } catch (const std::exception&) {  // the next step tries again
+        if (!a.state.seeds.empty()) a.state.seeds[i] = worlds_[i].seed;
+      }
+    }
+  });
+  if (std::ranges::all_of(worlds_, [](const World& world) { return !world.error.empty(); }))
+    throw_first_error();
+}
+
+void EnvironmentBatch::start_next_episode(std::size_t i, const BatchArrays& a) {
+  World& world = worlds_[i];
+  world.environment->reset(world.seed = next_seed(world.seed));
+  world.episode_over = false;
+  write_state(i, {}, a.state);
 }
 
 void EnvironmentBatch::step_world(std::size_t i, const BatchArrays& a) {
   World& world = worlds_[i];
   Environment& environment = *world.environment;
   StepResult result;
-  if (world.episode_over && autoreset_ == Autoreset::kNextStep) {
-    environment.reset(next_seed(environment.seed()));
-    world.episode_over = false;
-    write_state(i, {}, a.state);
+  if (world.episode_over && autoreset_ != Autoreset::kDisabled) {
+    start_next_episode(i, a);
   } else {
     const std::span<const float> actions = a.actions.subspan(i * action_size_, action_size_);
     for (std::size_t c = 0; c * cells_ < action_size_; ++c)
@@ -171,15 +200,32 @@ void EnvironmentBatch::step_world(std::size_t i, const BatchArrays& a) {
       environment.finish();
       world.final_metrics = environment.metrics();
     }
-    if (resets) {
-      environment.reset(next_seed(environment.seed()));
-      world.episode_over = false;
-      write_state(i, {}, a.state);
-    }
+    if (resets) start_next_episode(i, a);
   }
   if (!a.rewards.empty()) a.rewards[i] = result.reward;
   if (!a.terminated.empty()) a.terminated[i] = result.terminated ? 1 : 0;
   if (!a.truncated.empty()) a.truncated[i] = result.truncated ? 1 : 0;
+}
+
+void EnvironmentBatch::end_failed_episode(std::size_t i, const BatchArrays& a) {
+  World& world = worlds_[i];
+  world.episode_over = true;
+  world.final_metrics.clear();
+  constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
+  const auto write = [&](const StateArrays& state) {
+    if (!state.info.empty()) std::ranges::fill(state.info.subspan(i * info_size_, info_size_), kNan);
+    if (!state.seeds.empty()) state.seeds[i] = world.seed;
+    if (!state.success.empty()) state.success[i] = 0;
+    if (!state.nonfinite_actions.empty()) state.nonfinite_actions[i] = 0;
+  };
+  write(a.state);
+  write(a.final_state);
+  if (!a.final_state.observations.empty())
+    std::ranges::copy(a.state.observations.subspan(i * observation_size_, observation_size_),
+                      a.final_state.observations.subspan(i * observation_size_).begin());
+  if (!a.rewards.empty()) a.rewards[i] = kNan;
+  if (!a.terminated.empty()) a.terminated[i] = 0;
+  if (!a.truncated.empty()) a.truncated[i] = 1;
 }
 
 }  // namespace smartsurf::simulation

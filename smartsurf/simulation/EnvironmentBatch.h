@@ -59,8 +59,12 @@ class EnvironmentBatch {
 
   // Starts new episodes in the worlds whose mask is not 0, with the given seeds.
   void reset(std::span<const std::uint64_t> seeds, std::span<const std::uint8_t> mask, const BatchArrays&);
-  // Advances every world by one control period. After an exception only reset() of all worlds may follow.
+  // Advances every world by one control period. A world that fails ends its episode: truncated, its reward and
+  // info NaN, its observation the last one; its next reset() brings it back. Throws if all fail; then only
+  // reset() of all worlds may follow.
   void step(const BatchArrays&);
+  // Why the world failed in the latest step(); "" if it did not.
+  const std::string& error(int index) const { return worlds_[index].error; }
 
   // Call those of the world's Environment. restore() also writes the world's state.
   std::string save(int index) { return worlds_[index].environment->save(); }
@@ -75,13 +79,20 @@ class EnvironmentBatch {
   struct World {
     std::unique_ptr<Environment> environment;
     std::vector<std::pair<std::string, double>> final_metrics;
+    std::uint64_t seed = 0;  // of the episode, also of one that could not start
     bool episode_over = false;
     std::string error;
   };
+  // Runs the work for every world. Afterwards the worlds whose work has thrown have an error.
+  template <class Work>
+  void run_worlds(const Work&);
   template <class Work>
   void for_each_world(const Work&);
+  void throw_first_error();
   void collapse_huge_pages() const;
+  void start_next_episode(std::size_t, const BatchArrays&);
   void step_world(std::size_t, const BatchArrays&);
+  void end_failed_episode(std::size_t, const BatchArrays&);
   struct Outcome {
     bool success = false;
     std::int64_t nonfinite_actions = 0;

@@ -32,6 +32,9 @@ class VectorEnv(gymnasium.vector.VectorEnv):
     `info` is that of Gymnasium's SyncVectorEnv: arrays over the worlds of `seed`, `success`, `nonfinite_actions` and the values of info{}, and
     for the worlds whose episode has ended `metrics`, a dict of arrays. With SAME_STEP these describe the new episode, and
     `final_obs` and `final_info` the one that has ended, with its `metrics`.
+    A world that fails, by an error of the script or a state that is not finite, ends its episode: it is truncated, its
+    reward and the values of info{} are NaN, and `error` in place of `metrics` says why. The other worlds go on, and the next
+    reset brings it back. If all worlds fail, or one with strict=True, step() raises Error.
     """
     metadata = {"render_modes": ["rgb_array"], "render_fps": 60}
 
@@ -139,7 +142,10 @@ class VectorEnv(gymnasium.vector.VectorEnv):
         reset the world its last observation and info."""
         final = _of_worlds(self._final_fields, ended) if self._same_step else infos
         for i in np.flatnonzero(ended):
-            self._add_info(final, {"metrics": self._batch.final_metrics(int(i))}, i)
+            error = self._batch.error(int(i))
+            if error and self._strict:
+                raise _core.Error(f"world {i}: {error}")
+            self._add_info(final, {"error": error} if error else {"metrics": self._batch.final_metrics(int(i))}, i)
         if self._same_step:
             observations = np.full(self.num_envs, None, object)
             for i in np.flatnonzero(ended):

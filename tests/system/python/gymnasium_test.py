@@ -366,6 +366,66 @@ class VectorEnvironments(ExperimentTest):
         with self.assertRaisesRegex(TypeError, "a VectorEnv cannot be pickled"):
             pickle.dumps(envs)
 
+    def test_a_world_that_fails_comes_back_and_leaves_the_others_alone(self):
+        # In each fourth episode the script fails at 0.1 s, in each eighth it cannot start.
+        fail = "on_tick(function(t) if fails and t > 0.1 then error('late') end end)"
+        start = "on_reset(function() local n = math.random(8) fails = n < 3 if n == 8 then error('early') end"
+        healthy = ENDINGS.replace("on_reset(function()", "on_reset(function() math.random(8)")
+        path = self.script(healthy)
+        failing = self.script(ENDINGS.replace("on_reset(function()", "local fails = false " + fail + start), "failing.lua")
+        seed = next(s for s in range(1000) if not any(self.fails_to_start(failing, s + i) for i in range(6)))
+        for mode in (AutoresetMode.NEXT_STEP, AutoresetMode.SAME_STEP):
+            with self.subTest(mode=mode.value):
+                envs = smartsurf.VectorEnv(failing, 6, 2, seed=seed, autoreset_mode=mode)
+                singles = [smartsurf.Env(path) for _ in range(6)]
+                _, infos = envs.reset(seed=seed)
+                now = infos["seed"].tolist()
+                for i, env in enumerate(singles):
+                    env.reset(seed=now[i])
+                over, broken, errors, steps = [False] * 6, [False] * 6, [], 0
+                for tick in range(300):
+                    actions = sampled(envs.action_space, tick)
+                    observations, rewards, terminated, truncated, infos = envs.step(actions)
+                    self.assertTrue(np.isfinite(observations).all())
+                    final = infos["final_info"] if mode == AutoresetMode.SAME_STEP and "final_info" in infos else infos
+                    failed = final.get("_error", np.zeros(6, bool))
+                    np.testing.assert_array_equal(np.isnan(rewards), failed)
+                    errors += [final["error"][i] for i in np.flatnonzero(failed)]
+                    self.assertTrue(truncated[failed].all() and not terminated[failed].any())
+                    for i, env in enumerate(singles):
+                        if failed[i]:
+                            self.assertTrue(np.isnan(final["limit"][i]))
+                        elif over[i] and mode == AutoresetMode.NEXT_STEP or broken[i]:  # a reset
+                            np.testing.assert_array_equal(env.reset(seed=int(infos["seed"][i]))[0], observations[i])
+                            self.assertEqual(rewards[i], 0)
+                        else:
+                            o, r, te, tr, _ = env.step(actions[i])
+                            self.assertEqual((r, te, tr), (rewards[i], terminated[i], truncated[i]))
+                            steps += 1
+                            if mode == AutoresetMode.NEXT_STEP or not (te or tr):
+                                np.testing.assert_array_equal(o, observations[i])
+                        over[i] = terminated[i] or truncated[i]
+                        if over[i] and mode == AutoresetMode.SAME_STEP:
+                            broken[i] = self.fails_to_start(failing, int(infos["seed"][i]))
+                            if not broken[i]:
+                                np.testing.assert_array_equal(env.reset(seed=int(infos["seed"][i]))[0], observations[i])
+                        else:
+                            broken[i] = False
+                self.assertEqual({error.split(": ")[-1] for error in errors}, {"early", "late"})
+                self.assertGreater(steps, 1000)
+        strict = smartsurf.VectorEnv(failing, 6, 2, seed=seed, strict=True)
+        strict.reset(seed=seed)
+        with self.assertRaisesRegex(smartsurf.Error, r"^world \d: .*failing.lua:\d+:.*(late|early)"):
+            for tick in range(300):
+                strict.step(sampled(strict.action_space, tick))
+
+    def fails_to_start(self, path, seed):
+        try:
+            smartsurf.Simulation(path, seed=seed)
+        except smartsurf.Error:
+            return True
+        return False
+
     def test_actions_of_other_types_are_converted(self):
         path, traces = self.script(CROWD), []
         for convert in (np.asarray, np.ndarray.tolist, np.asfortranarray, lambda a: a.astype(np.float64)):
