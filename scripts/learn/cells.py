@@ -41,7 +41,7 @@ class Cells(Batch):
 
     def __init__(self, task, worlds, seed, threads=1):
         self.env = VectorEnv(str(task.experiment), worlds, threads, set=task.options, seed=seed,
-                             autoreset_mode=AutoresetMode.SAME_STEP, copy=False)
+                             autoreset_mode=AutoresetMode.SAME_STEP, copy=False, strict=True)
         names = [f"{channel.name}.{c}" if channel.components > 1 else channel.name
                  for channel in self.env.sensor_channels for c in "rgb"[:channel.components]]
         self.planes = [names.index(name) for name in task.inputs]

@@ -54,7 +54,7 @@ class Task:
         worlds = len(vectors) * len(seeds)
         if self.envs is None or self.envs.num_envs != worlds:
             from smartsurf import VectorEnv  # needs the compiled package and Gymnasium, unlike the rest
-            self.envs = VectorEnv(self.experiment, worlds, threads, set=self.options, copy=False, autoreset_mode="Disabled")
+            self.envs = VectorEnv(self.experiment, worlds, threads, set=self.options, copy=False, strict=True, autoreset_mode="Disabled")
         population, metrics = self.population(vectors, self.envs), [None] * worlds
         observations, _ = self.envs.reset(seed=[seed for _ in vectors for seed in seeds])
         while None in metrics:
