@@ -18,7 +18,7 @@ constexpr std::size_t kChunksPerThread = 8;  // evens out worlds of different co
 
 // The seed of the episode that follows one with that seed. 31 bits: it is easily typed, and exact in any
 // language.
-std::uint64_t next_seed(std::uint64_t seed) { return script::Random(seed).next() >> 33; }
+std::uint64_t next_seed(std::uint64_t seed) { return script::Random::stream(seed, "episode").next() >> 33; }
 
 std::int64_t count_nonfinite(std::span<const float> values) {
   return std::ranges::count_if(values, [](float v) { return !std::isfinite(v); });

@@ -240,6 +240,16 @@ class VectorEnvironments(ExperimentTest):
         with self.assertRaisesRegex(ValueError, "max_episode_steps = 0: must be a whole number, at least 1"):
             gymnasium.make_vec("smartsurf/Relocate-v0", max_episode_steps=0)
 
+    def test_the_next_seed_does_not_follow_from_what_the_script_draws(self):
+        path = self.script(ENDINGS.replace("info {", "local drawn = random() info { drawn = function() return drawn end,"))
+        envs = smartsurf.VectorEnv(path, 400, 1, max_episode_steps=1)
+        drawn = envs.reset(seed=1)[1]["drawn"]
+        for _ in range(2):  # ends, and begins the next episode
+            infos = envs.step(sampled(envs.action_space, 1))[4]
+        self.assertEqual(len(set(infos["seed"])), 400)
+        for now in (infos["seed"], infos["drawn"], infos["limit"]):
+            self.assertLess(abs(np.corrcoef(drawn, now)[0, 1]), 0.2)
+
     def test_nothing_is_ignored(self):
         path = self.script(ENDINGS)
         for env in (smartsurf.Env(path), smartsurf.VectorEnv(path, 2, 1)):
