@@ -5,7 +5,7 @@ from gymnasium.vector import AutoresetMode
 from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.vec_env import VecEnv
 
-from tasks import LocalPolicy
+from tasks import LocalPolicy, metrics_of
 from smartsurf import VectorEnv
 
 TICKS = 6   # per decision
@@ -41,7 +41,7 @@ class Cells(Batch):
 
     def __init__(self, task, worlds, seed, threads=1):
         self.env = VectorEnv(str(task.experiment), worlds, threads, set=task.options, seed=seed,
-                             autoreset_mode=AutoresetMode.SAME_STEP, copy=False)
+                             autoreset_mode=AutoresetMode.SAME_STEP, copy=False, strict=True)
         names = [f"{channel.name}.{c}" if channel.components > 1 else channel.name
                  for channel in self.env.sensor_channels for c in "rgb"[:channel.components]]
         self.planes = [names.index(name) for name in task.inputs]
@@ -53,7 +53,6 @@ class Cells(Batch):
         self.places = np.array([(r, c) for r in span for c in span if np.hypot(r, c) <= REACH])
         self.world = np.arange(worlds)[:, None, None]
         self.x = None  # progress, worlds × balls
-        self.fresh = np.zeros(worlds, bool)  # worlds that tell their balls' places from the next step on
         super().__init__(worlds * len(self.balls) * len(self.places),
                          spaces.Box(-np.inf, np.inf, (len(self.planes) * len(NEIGHBOURS),), np.float32),
                          spaces.Box(-1, 1, (1,), np.float32))
@@ -92,14 +91,15 @@ class Cells(Batch):
             planes, _, terminated, truncated, info = self.env.step(self.commands)
             over = (terminated | truncated) & ~ended
             for world in np.flatnonzero(over):
-                infos[world] = {"metrics": info["metrics"][world]}
-            now = self.progress(self.positions(info))
-            rewards += np.where((ended | self.fresh)[:, None], 0, now - x)
+                infos[world] = {"metrics": metrics_of(info["final_info"], world)}
+            now = last = self.progress(self.positions(info))
+            if over.any():
+                last = np.where(over[:, None], self.progress(self.positions(info["final_info"])), now)
+            rewards += np.where(ended[:, None], 0, last - x)
             x, ended = now, ended | over
         agents = len(self.balls) * len(self.places)
         # Once for each world, for the callback; the other agents share an empty one.
         each = [infos[k // agents] if k % agents == 0 else {} for k in range(self.num_envs)]
-        self.fresh = ended
         return self.observe(planes, info), np.repeat(rewards.reshape(-1), len(self.places)).astype(np.float32), np.repeat(ended, agents), each
 
 

@@ -54,14 +54,20 @@ class Task:
         worlds = len(vectors) * len(seeds)
         if self.envs is None or self.envs.num_envs != worlds:
             from smartsurf import VectorEnv  # needs the compiled package and Gymnasium, unlike the rest
-            self.envs = VectorEnv(self.experiment, worlds, threads, set=self.options, copy=False, autoreset_mode="Disabled")
+            self.envs = VectorEnv(self.experiment, worlds, threads, set=self.options, copy=False, strict=True, autoreset_mode="Disabled")
         population, metrics = self.population(vectors, self.envs), [None] * worlds
         observations, _ = self.envs.reset(seed=[seed for _ in vectors for seed in seeds])
         while None in metrics:
             observations, _, _, _, infos = self.envs.step(population.commands(observations))
             for world in np.flatnonzero(infos.get("_metrics", ())):
-                metrics[world] = metrics[world] or infos["metrics"][world]
+                metrics[world] = metrics[world] or metrics_of(infos, world)
         return np.reshape([self.score(m) for m in metrics], (len(vectors), -1)).mean(axis=1)
+
+
+def metrics_of(info, world):
+    """The metrics of the episode that has ended in a world, from the info of a VectorEnv."""
+    of = info["metrics"]
+    return {name: float(of[name][world]) for name in of if "_" + name in of and of["_" + name][world]}
 
 
 class NetworkTask(Task):

@@ -11,6 +11,7 @@
 #include <optional>
 #include <stdexcept>
 #include <string>
+#include <tuple>
 #include <utility>
 #include <vector>
 
@@ -249,20 +250,14 @@ class Batch {
   const EnvironmentBatch& batch() const { return *batch_; }
   const Environment& world(int index) const { return batch_->world(check(index)); }
 
-  void bind(Array<float> observations, Array<float> final_observations, Array<double> rewards,
-            Array<std::uint8_t> terminated, Array<std::uint8_t> truncated, Array<std::uint8_t> success,
-            Array<double> info, Array<std::uint64_t> seeds) {
-    arrays_ = {{},
-               writable(observations),
-               writable(final_observations),
-               writable(rewards),
-               writable(terminated),
-               writable(truncated),
-               writable(success),
-               writable(info),
-               writable(seeds)};
-    bound_ = py::make_tuple(observations, final_observations, rewards, terminated, truncated, success, info,
-                            seeds);
+  // Each state: observations, info, seeds, success, actions that are not finite.
+  using State =
+      std::tuple<Array<float>, Array<double>, Array<std::uint64_t>, Array<std::uint8_t>, Array<std::int64_t>>;
+  void bind(State state, State final_state, Array<double> rewards, Array<std::uint8_t> terminated,
+            Array<std::uint8_t> truncated) {
+    arrays_ = {
+        {}, views(state), views(final_state), writable(rewards), writable(terminated), writable(truncated)};
+    bound_ = py::make_tuple(state, final_state, rewards, terminated, truncated);
   }
   // Returns whether an episode has ended. Returns None, without a step, if the actions are not a float32 array
   // of worlds × channels × rows × columns.
@@ -303,6 +298,11 @@ class Batch {
   }
 
  private:
+  static simulation::StateArrays views(State& state) {
+    auto& [observations, info, seeds, success, nonfinite_actions] = state;
+    return {writable(observations), writable(info), writable(seeds), writable(success),
+            writable(nonfinite_actions)};
+  }
   static std::unique_ptr<EnvironmentBatch> make_batch(EnvironmentOptions options,
                                                       const std::vector<std::uint64_t>& seeds, int threads,
                                                       simulation::Autoreset autoreset) {
@@ -379,10 +379,12 @@ PYBIND11_MODULE(_core, m) {
 
   py::class_<Batch>(m, "Batch")
       .def(py::init([](std::string experiment, std::string engine, Overrides overrides,
-                       const std::vector<std::uint64_t>& seeds, int threads, int autoreset) {
-        return std::make_unique<Batch>(
-            make_options(std::move(experiment), std::move(engine), std::move(overrides), std::nullopt, 1),
-            seeds, threads, autoreset);
+                       const std::vector<std::uint64_t>& seeds, int threads, int autoreset,
+                       std::optional<std::uint64_t> max_ticks) {
+        EnvironmentOptions options =
+            make_options(std::move(experiment), std::move(engine), std::move(overrides), std::nullopt, 1);
+        options.max_ticks = max_ticks;
+        return std::make_unique<Batch>(std::move(options), seeds, threads, autoreset);
       }))
       .def("describe", [](const Batch& b) { return describe(b.world(0)); })
       .def_property_readonly("observation_size", [](const Batch& b) { return b.batch().observation_size(); })
@@ -392,6 +394,7 @@ PYBIND11_MODULE(_core, m) {
       .def("reset", &Batch::reset)
       .def("save", &Batch::save)
       .def("restore", &Batch::restore)
+      .def("error", [](const Batch& b, int index) { return b.batch().error(index); })
       .def("final_metrics", &Batch::final_metrics)
       .def("metrics", [](const Batch& b, int index) { return to_dict(b.world(index).metrics()); })
       .def("state_hash",

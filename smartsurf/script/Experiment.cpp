@@ -139,8 +139,8 @@ struct Experiment::Impl {
 
   void archive(common::StateArchive& a) {
     assert(session.options.savable);
-    a(session.time_s, session.tick, session.random, session.random_first_use, session.event_queue,
-      session.on_tick, session.on_leave, session.metrics, finished);
+    a(session.time_s, session.tick, session.random, session.named_random, session.random_first_use,
+      session.event_queue, session.on_tick, session.on_leave, session.metrics, finished);
     session.archive = &a;
     call_unlimited(guarded<archive_script>);
     session.archive = nullptr;
@@ -276,9 +276,10 @@ void Experiment::start(SimulationInterface& simulation) {
   context.simulation = &simulation;
   for (const auto& request : context.deferred_requests) request(simulation);
   if (context.on_reset.empty()) return;
-  context.random.emplace(context.spec.world.seed);
   impl_->set_time(0.0, 0);
+  context.resetting = true;
   for (std::size_t i = 0; i < context.on_reset.size(); ++i) impl_->invoke(context.on_reset[i]);
+  context.resetting = false;
 }
 
 void Experiment::save(common::StateArchive& a) { impl_->archive(a); }
@@ -288,13 +289,14 @@ std::uint64_t Experiment::state_fingerprint() const { return impl_->session.stat
 void Experiment::restart(std::uint64_t seed) {
   ScriptContext& context = impl_->session;
   context.phase = Phase::kLoading;
+  context.resetting = false;  // also after an on_reset that failed
   context.simulation = nullptr;
   context.spec.world.seed = seed;
   common::StateArchive state{std::string_view(impl_->loaded_state)};
   impl_->archive(state);
 }
 
-bool Experiment::has_drawn() const { return impl_->session.random.has_value(); }
+bool Experiment::has_drawn() const { return impl_->session.has_drawn(); }
 bool Experiment::has_reset_hook() const { return !impl_->session.on_reset.empty(); }
 bool Experiment::has_reward() const { return impl_->session.reward.has_value(); }
 std::optional<double> Experiment::episode_s() const { return impl_->session.episode_s; }

@@ -48,7 +48,7 @@ class Experiment {
   // True if start() runs on_reset.
   bool has_reset_hook() const;
 
-  // Call once before the first tick: restarts the random numbers and runs on_reset, if the script has such a
+  // Call once before the first tick: runs on_reset, if the script has such a
   // hook. `simulation` must hold the objects of scene() and outlive all calls of notify_departures, tick and
   // finish. Throws as tick() does.
   void start(SimulationInterface& simulation);

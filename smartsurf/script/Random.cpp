@@ -5,6 +5,12 @@
 
 namespace smartsurf::script {
 
+Random Random::stream(std::uint64_t seed, std::string_view purpose) {
+  std::uint64_t hash = 0xcbf29ce484222325u;  // FNV-1a
+  for (const char c : purpose) hash = (hash ^ static_cast<unsigned char>(c)) * 0x100000001b3u;
+  return Random(Random(Random(seed).next() + hash).next());
+}
+
 std::uint64_t Random::next() {
   state_ += 0x9e3779b97f4a7c15u;
   std::uint64_t z = state_;

@@ -4,12 +4,15 @@
 #pragma once
 
 #include <cstdint>
+#include <string_view>
 
 namespace smartsurf::script {
 
 class Random {
  public:
-  explicit Random(std::uint64_t seed) : state_(seed) {}
+  explicit Random(std::uint64_t seed = 0) : state_(seed) {}
+  // The stream of a seed for one purpose. Streams of different purposes, and Random(seed), are independent.
+  static Random stream(std::uint64_t seed, std::string_view purpose);
 
   std::uint64_t next();
   // In [0, 1), a multiple of 2^-53.

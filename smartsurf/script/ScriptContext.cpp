@@ -1,15 +1,29 @@
 #include "smartsurf/script/ScriptContext.h"
 
+#include <algorithm>
+
 #include "smartsurf/script/lua/TableReader.h"
 
 namespace smartsurf::script {
 
-Random& ScriptContext::random_generator(lua_State* L) {
-  if (!random) {
-    random.emplace(spec.world.seed);
-    random_first_use = interpreter->current_location(L);
-  }
-  return *random;
+Random& ScriptContext::random_stream(lua_State* L) {
+  const Purpose purpose = phase == Phase::kLoading ? Purpose::kLoad
+                          : resetting              ? Purpose::kReset
+                                                   : Purpose::kStep;
+  std::optional<Random>& stream = random[static_cast<std::size_t>(purpose)];
+  if (stream) return *stream;
+  if (!has_drawn()) random_first_use = interpreter->current_location(L);
+  if (purpose == Purpose::kLoad) return stream.emplace(spec.world.seed);
+  return stream.emplace(Random::stream(spec.world.seed, resetting ? "reset" : "step"));
+}
+
+Random& ScriptContext::random_stream(lua_State* L, const std::string& name) {
+  constexpr std::size_t kMaxStreams = 1000;
+  const auto found = std::ranges::find(named_random, name, &std::pair<std::string, Random>::first);
+  if (found != named_random.end()) return found->second;
+  if (named_random.size() >= kMaxStreams) throw ScriptError("random_stream: more than 1000 streams");
+  if (!has_drawn()) random_first_use = interpreter->current_location(L);
+  return named_random.emplace_back(name, Random::stream(spec.world.seed, "named " + name)).second;
 }
 
 int store_callback(ScriptContext& context, lua_State* L, int index, const std::string& subject) {

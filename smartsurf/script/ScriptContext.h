@@ -2,6 +2,7 @@
 // numbers and the simulation. Internal to this module.
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <functional>
 #include <map>
@@ -19,6 +20,9 @@
 namespace smartsurf::script {
 
 enum class Phase { kLoading, kRunning };
+
+// What random numbers are drawn for; each purpose has a stream of its own.
+enum class Purpose : std::size_t { kLoad, kReset, kStep };
 
 // A value of info{}: the state of an object, or what a function returns.
 struct InfoField {
@@ -46,8 +50,12 @@ struct ScriptContext : Sandbox {
   // The Lua type of the script's return value; "" = none. A script that returns a value is probably a module.
   std::string returned_type;
 
-  std::optional<Random> random;  // created at first use
+  // The streams of random numbers, by purpose and by name, created at their first use. The seed names world and
+  // episode.
+  std::array<std::optional<Random>, 3> random;
+  std::vector<std::pair<std::string, Random>> named_random;
   std::string random_first_use;  // "FILE:LINE"
+  bool resetting = false;        // on_reset is running
 
   EventQueue event_queue;
   std::vector<int> on_tick, on_leave, on_finish, on_reset;  // indices into `callbacks`
@@ -69,8 +77,11 @@ struct ScriptContext : Sandbox {
 
   std::vector<float> target_scratch;  // for cells:targets
 
-  // The generator, seeded at its first use. A later world.seed must not differ.
-  Random& random_generator(lua_State* L);
+  // The stream of what the script is doing, or the one with that name, seeded at its first use. A later
+  // world.seed must not differ.
+  Random& random_stream(lua_State* L);
+  Random& random_stream(lua_State* L, const std::string& name);
+  bool has_drawn() const { return !random_first_use.empty(); }
 };
 
 // In all functions below, `name` is the dotted name that error messages start with.
@@ -111,7 +122,7 @@ void bind_declarations(lua_State* L);  // world, material, surface, faults, reco
 void bind_actuators(lua_State* L, const std::string& extension);
 void bind_sensors(lua_State* L, const std::string& extension);
 void bind_extensions(lua_State* L);      // extension
-void bind_options(lua_State* L);         // option, random, math.random
+void bind_options(lua_State* L);         // option, random, random_stream, math.random
 void bind_objects(lua_State* L);         // sphere, box, cylinder, capsule, cone, hull, mesh
 void bind_events(lua_State* L);          // at, every, on_*, time, metric, stop, quit, pause, pace
 void bind_episodes(lua_State* L);        // reward, success, info, episode, on_reset

@@ -13,7 +13,7 @@ namespace smartsurf::simulation {
 namespace {
 
 struct Header {
-  std::array<char, 8> magic{'s', 'm', 'a', 'r', 't', 's', 'r', '3'};
+  std::array<char, 8> magic{'s', 'm', 'a', 'r', 't', 's', 'r', '4'};
   std::uint64_t fingerprint = 0, seed = 0;
   std::uint64_t hash = 0;  // of all that follows
 };
@@ -55,9 +55,11 @@ void Environment::start_simulation() {
   failed_ = false;
   simulation_.emplace(*experiment_, options_.threads, /*scripted_actuators=*/true);
   experiment_->update_metrics(0.0, 0);
-  end_tick_.reset();
+  end_tick_ = options_.max_ticks;
   if (const auto seconds = experiment_->episode_s())
-    end_tick_ = static_cast<std::uint64_t>(std::ceil(*seconds / scene().world.control_period_s - 1e-9));
+    end_tick_ =
+        std::min(end_tick_.value_or(UINT64_MAX),
+                 static_cast<std::uint64_t>(std::ceil(*seconds / scene().world.control_period_s - 1e-9)));
 }
 
 void Environment::reset(std::uint64_t seed) {

@@ -25,13 +25,14 @@ struct EnvironmentOptions {
   std::optional<std::uint64_t> seed;                           // of the first episode; nullopt: the script's
   std::optional<std::string> engine;
   int threads = 1;
+  std::optional<std::uint64_t> max_ticks;  // after which an episode is truncated, besides episode.seconds
 };
 
 // What one step has led to.
 struct StepResult {
   double reward = 0.0;
   bool terminated = false;  // success(), stop() or quit() of the script
-  bool truncated = false;   // episode.seconds are over
+  bool truncated = false;   // episode.seconds or max_ticks are over
   bool success = false;
 };
 

@@ -4,8 +4,10 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <cmath>
 #include <cstdint>
 #include <exception>
+#include <limits>
 
 #include "smartsurf/script/Random.h"
 
@@ -16,7 +18,11 @@ constexpr std::size_t kChunksPerThread = 8;  // evens out worlds of different co
 
 // The seed of the episode that follows one with that seed. 31 bits: it is easily typed, and exact in any
 // language.
-std::uint64_t next_seed(std::uint64_t seed) { return script::Random(seed).next() >> 33; }
+std::uint64_t next_seed(std::uint64_t seed) { return script::Random::stream(seed, "episode").next() >> 33; }
+
+std::int64_t count_nonfinite(std::span<const float> values) {
+  return std::ranges::count_if(values, [](float v) { return !std::isfinite(v); });
+}
 
 constexpr std::uintptr_t kHugePageBytes = 2U << 20U;
 
@@ -42,6 +48,7 @@ EnvironmentBatch::EnvironmentBatch(EnvironmentOptions options, std::span<const s
     EnvironmentOptions own = options_;
     own.seed = seeds[i];
     worlds_[i].environment = std::make_unique<Environment>(std::move(own));
+    worlds_[i].seed = worlds_[i].environment->seed();
   });
   collapse_huge_pages();
   const Environment& first = *worlds_.front().environment;
@@ -83,7 +90,7 @@ EnvironmentBatch::~EnvironmentBatch() {
 }
 
 template <class Work>
-void EnvironmentBatch::for_each_world(const Work& work) {
+void EnvironmentBatch::run_worlds(const Work& work) {
   if (process_ != getpid()) {
     pool_.release();
     pool_ = std::make_unique<common::ThreadPool>(threads_);
@@ -93,6 +100,7 @@ void EnvironmentBatch::for_each_world(const Work& work) {
   const std::size_t chunks = std::min<std::size_t>(count, threads_ * kChunksPerThread);
   const auto run_chunk = [&](std::uint32_t chunk, unsigned) noexcept {
     for (std::size_t i = count * chunk / chunks; i < count * (chunk + 1) / chunks; ++i) {
+      worlds_[i].error.clear();
       try {
         work(i);
       } catch (const std::exception& error) {
@@ -104,20 +112,28 @@ void EnvironmentBatch::for_each_world(const Work& work) {
     for (std::uint32_t chunk = 0; chunk < chunks; ++chunk) run_chunk(chunk, 0);
   else
     pool_->parallel_for(static_cast<std::uint32_t>(chunks), run_chunk);
-  std::string message;
-  for (std::size_t i = 0; i < count; ++i) {
-    if (worlds_[i].error.empty()) continue;
-    if (message.empty()) message = "world " + std::to_string(i) + ": " + worlds_[i].error;
-    worlds_[i].error.clear();
-  }
-  if (!message.empty()) throw scene::InputError(message);
 }
 
-void EnvironmentBatch::write_state(std::size_t i, const BatchArrays& a) {
-  const World& world = worlds_[i];
+template <class Work>
+void EnvironmentBatch::for_each_world(const Work& work) {
+  run_worlds(work);
+  throw_first_error();
+}
+
+void EnvironmentBatch::throw_first_error() {
+  for (std::size_t i = 0; i < worlds_.size(); ++i)
+    if (!worlds_[i].error.empty())
+      throw scene::InputError("world " + std::to_string(i) + ": " + worlds_[i].error);
+}
+
+void EnvironmentBatch::write_state(std::size_t i, Outcome outcome, const StateArrays& a) {
+  Environment& environment = *worlds_[i].environment;
   if (!a.observations.empty())
-    world.environment->observe(a.observations.subspan(i * observation_size_, observation_size_));
-  if (!a.seeds.empty()) a.seeds[i] = world.environment->seed();
+    environment.observe(a.observations.subspan(i * observation_size_, observation_size_));
+  if (info_size_ > 0 && !a.info.empty()) environment.info(a.info.subspan(i * info_size_, info_size_));
+  if (!a.seeds.empty()) a.seeds[i] = environment.seed();
+  if (!a.success.empty()) a.success[i] = outcome.success ? 1 : 0;
+  if (!a.nonfinite_actions.empty()) a.nonfinite_actions[i] = outcome.nonfinite_actions;
 }
 
 void EnvironmentBatch::reset(std::span<const std::uint64_t> seeds, std::span<const std::uint8_t> mask,
@@ -125,58 +141,91 @@ void EnvironmentBatch::reset(std::span<const std::uint64_t> seeds, std::span<con
   for_each_world([&](std::size_t i) {
     if (mask[i] == 0) return;
     World& world = worlds_[i];
-    world.environment->reset(seeds[i]);
+    world.environment->reset(world.seed = seeds[i]);
     world.episode_over = false;
-    write_state(i, a);
-    if (info_size_ > 0 && !a.info.empty())
-      world.environment->info(a.info.subspan(i * info_size_, info_size_));
+    write_state(i, {}, a.state);
   });
 }
 
 void EnvironmentBatch::restore(int index, std::string_view state, const BatchArrays& a) {
   const std::size_t i = index;
   worlds_[i].environment->restore(state);
+  worlds_[i].seed = worlds_[i].environment->seed();
   worlds_[i].episode_over = false;
-  write_state(i, a);
+  write_state(i, {}, a.state);
 }
 
 void EnvironmentBatch::step(const BatchArrays& a) {
-  for_each_world([&](std::size_t i) { step_world(i, a); });
+  run_worlds([&](std::size_t i) {
+    try {
+      step_world(i, a);
+    } catch (const std::exception& error) {
+      worlds_[i].error = error.what();
+      end_failed_episode(i, a);
+      if (autoreset_ != Autoreset::kSameStep) return;
+      try {
+        start_next_episode(i, a);
+      } catch (const std::exception&) {  // the next step tries again
+        if (!a.state.seeds.empty()) a.state.seeds[i] = worlds_[i].seed;
+      }
+    }
+  });
+  if (std::ranges::all_of(worlds_, [](const World& world) { return !world.error.empty(); }))
+    throw_first_error();
+}
+
+void EnvironmentBatch::start_next_episode(std::size_t i, const BatchArrays& a) {
+  World& world = worlds_[i];
+  world.environment->reset(world.seed = next_seed(world.seed));
+  world.episode_over = false;
+  write_state(i, {}, a.state);
 }
 
 void EnvironmentBatch::step_world(std::size_t i, const BatchArrays& a) {
   World& world = worlds_[i];
   Environment& environment = *world.environment;
   StepResult result;
-  const auto write_info = [&] {
-    if (info_size_ > 0 && !a.info.empty()) environment.info(a.info.subspan(i * info_size_, info_size_));
-  };
-  if (world.episode_over && autoreset_ == Autoreset::kNextStep) {
-    environment.reset(next_seed(environment.seed()));
-    world.episode_over = false;
-    write_info();
+  if (world.episode_over && autoreset_ != Autoreset::kDisabled) {
+    start_next_episode(i, a);
   } else {
     const std::span<const float> actions = a.actions.subspan(i * action_size_, action_size_);
     for (std::size_t c = 0; c * cells_ < action_size_; ++c)
       environment.set_targets(static_cast<int>(c), actions.subspan(c * cells_, cells_));
     result = environment.step();
-    write_info();
     world.episode_over = result.terminated || result.truncated;
+    const bool resets = world.episode_over && autoreset_ == Autoreset::kSameStep;
+    // Before on_finish, as in Env: it may change what info{} reports.
+    write_state(i, {result.success, count_nonfinite(actions)}, resets ? a.final_state : a.state);
     if (world.episode_over) {
       environment.finish();
       world.final_metrics = environment.metrics();
-      if (autoreset_ == Autoreset::kSameStep) {
-        environment.observe(a.final_observations.subspan(i * observation_size_, observation_size_));
-        environment.reset(next_seed(environment.seed()));
-        world.episode_over = false;
-      }
     }
+    if (resets) start_next_episode(i, a);
   }
   if (!a.rewards.empty()) a.rewards[i] = result.reward;
   if (!a.terminated.empty()) a.terminated[i] = result.terminated ? 1 : 0;
   if (!a.truncated.empty()) a.truncated[i] = result.truncated ? 1 : 0;
-  if (!a.success.empty()) a.success[i] = result.success ? 1 : 0;
-  write_state(i, a);
+}
+
+void EnvironmentBatch::end_failed_episode(std::size_t i, const BatchArrays& a) {
+  World& world = worlds_[i];
+  world.episode_over = true;
+  world.final_metrics.clear();
+  constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
+  const auto write = [&](const StateArrays& state) {
+    if (!state.info.empty()) std::ranges::fill(state.info.subspan(i * info_size_, info_size_), kNan);
+    if (!state.seeds.empty()) state.seeds[i] = world.seed;
+    if (!state.success.empty()) state.success[i] = 0;
+    if (!state.nonfinite_actions.empty()) state.nonfinite_actions[i] = 0;
+  };
+  write(a.state);
+  write(a.final_state);
+  if (!a.final_state.observations.empty())
+    std::ranges::copy(a.state.observations.subspan(i * observation_size_, observation_size_),
+                      a.final_state.observations.subspan(i * observation_size_).begin());
+  if (!a.rewards.empty()) a.rewards[i] = kNan;
+  if (!a.terminated.empty()) a.terminated[i] = 0;
+  if (!a.truncated.empty()) a.truncated[i] = 1;
 }
 
 }  // namespace smartsurf::simulation

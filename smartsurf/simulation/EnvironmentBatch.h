@@ -22,19 +22,26 @@ namespace smartsurf::simulation {
 // What a step does with a world whose episode has ended (Gymnasium's AutoresetMode).
 enum class Autoreset {
   kNextStep,  // the next step resets it, ignores its actions, and yields the first observation and reward 0
-  kSameStep,  // the same step resets it; the last observation goes to final_observations
+  kSameStep,  // the same step resets it; the last state goes to final_state
   kDisabled,  // nothing; the caller resets it
+};
+
+// What there is of a state, world by world.
+struct StateArrays {
+  std::span<float> observations;   // worlds × observation_size()
+  std::span<double> info;          // worlds × info_size()
+  std::span<std::uint64_t> seeds;  // of the episode
+  std::span<std::uint8_t> success;
+  std::span<std::int64_t> nonfinite_actions;  // values of the step's actions that were NaN or infinite
 };
 
 // The caller's arrays, world by world. An empty span is not written.
 struct BatchArrays {
-  std::span<const float> actions;       // worlds × actuator channels × rows × columns
-  std::span<float> observations;        // worlds × observation_size()
-  std::span<float> final_observations;  // likewise; kSameStep: written where an episode has ended
+  std::span<const float> actions;  // worlds × actuator channels × rows × columns
+  StateArrays state;
+  StateArrays final_state;  // kSameStep: the last one of an episode, written where one has ended
   std::span<double> rewards;
-  std::span<std::uint8_t> terminated, truncated, success;
-  std::span<double> info;          // worlds × info_size(); of the episode that has ended, where one has
-  std::span<std::uint64_t> seeds;  // of the episode to which the observation belongs
+  std::span<std::uint8_t> terminated, truncated;
 };
 
 class EnvironmentBatch {
@@ -52,10 +59,14 @@ class EnvironmentBatch {
 
   // Starts new episodes in the worlds whose mask is not 0, with the given seeds.
   void reset(std::span<const std::uint64_t> seeds, std::span<const std::uint8_t> mask, const BatchArrays&);
-  // Advances every world by one control period. After an exception only reset() of all worlds may follow.
+  // Advances every world by one control period. A world that fails ends its episode: truncated, its reward and
+  // info NaN, its observation the last one; its next reset() brings it back. Throws if all fail; then only
+  // reset() of all worlds may follow.
   void step(const BatchArrays&);
+  // Why the world failed in the latest step(); "" if it did not.
+  const std::string& error(int index) const { return worlds_[index].error; }
 
-  // Call those of the world's Environment. restore() also writes the world's observation.
+  // Call those of the world's Environment. restore() also writes the world's state.
   std::string save(int index) { return worlds_[index].environment->save(); }
   void restore(int index, std::string_view state, const BatchArrays&);
 
@@ -68,14 +79,25 @@ class EnvironmentBatch {
   struct World {
     std::unique_ptr<Environment> environment;
     std::vector<std::pair<std::string, double>> final_metrics;
+    std::uint64_t seed = 0;  // of the episode, also of one that could not start
     bool episode_over = false;
     std::string error;
   };
+  // Runs the work for every world. Afterwards the worlds whose work has thrown have an error.
+  template <class Work>
+  void run_worlds(const Work&);
   template <class Work>
   void for_each_world(const Work&);
+  void throw_first_error();
   void collapse_huge_pages() const;
+  void start_next_episode(std::size_t, const BatchArrays&);
   void step_world(std::size_t, const BatchArrays&);
-  void write_state(std::size_t, const BatchArrays&);
+  void end_failed_episode(std::size_t, const BatchArrays&);
+  struct Outcome {
+    bool success = false;
+    std::int64_t nonfinite_actions = 0;
+  };
+  void write_state(std::size_t, Outcome, const StateArrays&);
 
   EnvironmentOptions options_;
   Autoreset autoreset_;

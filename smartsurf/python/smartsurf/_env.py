@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 import gymnasium
 import numpy as np
 
-from ._surface import Closed, draw_seed, real_array
+from ._surface import Closed, checked_options, draw_seed, finite, real_array
 from ._tasks import task_file
 
 
@@ -28,6 +28,8 @@ class Env(gymnasium.Env):
         controller. It goes on at a reset and takes no seed. timeout: seconds to wait for it and for its frames.
     reward, done: functions of (observation, action) and of (observation): the reward instead of the script's, and
         another end of the episode. gymnasium.wrappers.TimeLimit gives an episode a length.
+    strict: refuse actions with NaN or infinite values. Otherwise NaN becomes the channel's safe value, infinite values are
+        clamped, and `info["nonfinite_actions"]` counts both.
 
     Observations and actions are float32 arrays of planes × rows × columns: all sensor channels, one after the other,
     and all actuator channels, in their units; `simulation.sensor_channels` and `.actuator_channels` name them.
@@ -41,7 +43,7 @@ class Env(gymnasium.Env):
                  engine: str | None = None, render_mode: str | None = None, render_size: tuple[int, int] = (640, 400),
                  camera: str = "iso", extensions: Sequence[str | os.PathLike] = (), *, shm: str | None = None,
                  timeout: float = 30.0, reward: Callable[[np.ndarray, np.ndarray], float] | None = None,
-                 done: Callable[[np.ndarray], bool] | None = None):
+                 done: Callable[[np.ndarray], bool] | None = None, strict: bool = False):
         if (experiment is None) == (shm is None):
             raise ValueError("give either an experiment or shm, the name of a live surface")
         if render_mode not in (None, *self.metadata["render_modes"]):
@@ -54,7 +56,7 @@ class Env(gymnasium.Env):
                 raise ValueError(f"render_mode = {render_mode!r}: a live surface has no picture; must be None")
             from ._live import LiveSurface
             self.simulation = LiveSurface(shm, timeout)
-        self._live, self._reward, self._done = shm is not None, reward, done
+        self._live, self._reward, self._done, self._strict = shm is not None, reward, done, strict
         s = self.simulation
         self.observation_space = box(s.sensor_channels, s.rows, s.columns)
         self.action_space = box(s.actuator_channels, s.rows, s.columns)
@@ -62,16 +64,18 @@ class Env(gymnasium.Env):
         self.render_mode, self._render_size, self._camera, self._window = render_mode, render_size, camera, None
 
     def reset(self, *, seed: int | None = None, options: dict | None = None) -> tuple[np.ndarray, dict]:
+        checked_options(options)
         super().reset(seed=seed)
         self.simulation.reset(draw_seed(self.np_random) if seed is None and not self._live else seed)
         self._show()
-        return self._observation(), self._info(False)
+        return self._observation(), self._info()
 
     def step(self, action: np.ndarray) -> tuple[np.ndarray, float, bool, bool, dict]:
         s = self.simulation
         action = real_array("the action", action)
         if action.shape != s._targets.shape:
             raise ValueError(f"the action has shape {action.shape}: must be {s._targets.shape}")
+        nonfinite = finite("the action", action, self._strict)
         s._targets[...] = action
         reward, terminated, truncated = s.step()
         observation = self._observation()
@@ -79,7 +83,7 @@ class Env(gymnasium.Env):
             reward = float(self._reward(observation, action))
         if self._done is not None:
             terminated = bool(self._done(observation)) or terminated
-        info = self._info(not self._live and s._success)
+        info = self._info(not self._live and s._success, nonfinite)
         if (terminated or truncated) and not self._live:
             info["metrics"] = s.finish()
         self._show()
@@ -88,9 +92,9 @@ class Env(gymnasium.Env):
     def _observation(self):
         return self.simulation._observation.copy()
 
-    def _info(self, success):
+    def _info(self, success=False, nonfinite=0):
         script = {} if self._live else {"seed": self.simulation.seed, "success": bool(success)}
-        return {**script, **self.simulation.info}
+        return {**script, "nonfinite_actions": nonfinite, **self.simulation.info}
 
     def render(self) -> np.ndarray | None:
         if self.render_mode == "rgb_array":

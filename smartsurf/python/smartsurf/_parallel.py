@@ -2,6 +2,7 @@
 from __future__ import annotations
 
 import os
+import warnings
 from collections.abc import Mapping, Sequence
 
 import gymnasium
@@ -11,7 +12,7 @@ from numpy.lib.stride_tricks import sliding_window_view
 
 from ._env import box
 from ._simulation import Simulation
-from ._surface import Closed, draw_seed, real_array, whole
+from ._surface import Closed, draw_seed, finite, real_array, whole
 
 
 class ParallelEnv(pettingzoo.ParallelEnv):
@@ -19,19 +20,20 @@ class ParallelEnv(pettingzoo.ParallelEnv):
 
     An agent observes the sensors of its block and of `radius` cells around it, float32 of planes × side × side with
     side = block + 2·radius, zero beyond the table; it acts on its block: channels × block × block. All agents receive
-    the script's reward, and their episode ends together. Arrays are in the channels' units; row 0 is north.
+    the script's reward, and their episode ends together. Arrays are in the channels' units; row 0 is north. strict: as of
+    Env.
     """
     metadata = {"name": "smartsurf", "render_modes": ["rgb_array"], "is_parallelizable": True}
 
     def __init__(self, experiment: str | os.PathLike, block: int = 1, radius: int = 1, set: dict | None = None,
                  threads: int = 1, engine: str | None = None, render_mode: str | None = None,
-                 extensions: Sequence[str | os.PathLike] = ()):
+                 extensions: Sequence[str | os.PathLike] = (), strict: bool = False):
         self.simulation = s = Simulation(experiment, set=set, threads=threads, engine=engine, extensions=extensions)
         block, radius = whole("block", block, 1), whole("radius", radius, 0)
         if s.rows % block or s.columns % block:
             raise ValueError(f"block = {block}: must divide {s.rows} rows and {s.columns} columns")
         self.render_mode = render_mode
-        self._block, self._radius = block, radius
+        self._block, self._radius, self._strict = block, radius, strict
         self._places = {f"block_{r}_{c}": (r, c) for r in range(s.rows // block) for c in range(s.columns // block)}
         self.possible_agents = list(self._places)
         self.agents = []
@@ -52,30 +54,34 @@ class ParallelEnv(pettingzoo.ParallelEnv):
         return self._action_space
 
     def reset(self, seed: int | None = None, options: dict | None = None) -> tuple[dict, dict]:
+        if options:
+            warnings.warn(f"options = {options!r}: this environment's reset() has no options", stacklevel=2)
         if seed is not None:
             self._random = np.random.default_rng(seed)
         self.simulation.reset(draw_seed(self._random) if seed is None else seed)
         self.agents = list(self.possible_agents)
-        return self._observations(), self._each({"seed": self.simulation.seed, "success": False,
+        return self._observations(), self._each({"seed": self.simulation.seed, "success": False, "nonfinite_actions": 0,
                                                  **self.simulation.info})
 
     def step(self, actions: dict[str, np.ndarray]) -> tuple[dict, dict, dict, dict, dict]:
         s, b = self.simulation, self._block
         if not isinstance(actions, Mapping):
             raise ValueError(f"actions: a {type(actions).__name__}: must be a dict of agents and their actions")
+        nonfinite = 0
         for agent, action in actions.items():
             if agent not in self._places:
                 raise KeyError(f"actions: no agent {agent!r}; there are {self.possible_agents[0]} to "
                                f"{self.possible_agents[-1]}")
             r, c = self._places[agent]
             action = real_array(f"the action of {agent}", action)
+            nonfinite += finite(f"the action of {agent}", action, self._strict)
             try:
                 s._targets[:, r * b:(r + 1) * b, c * b:(c + 1) * b] = action
             except ValueError:
                 raise ValueError(f"the action of {agent} has shape {action.shape}: must be "
                                  f"{self._action_space.shape}") from None
         reward, terminated, truncated = s.step()
-        info = {"seed": s.seed, "success": bool(s._success), **s.info}
+        info = {"seed": s.seed, "success": bool(s._success), "nonfinite_actions": nonfinite, **s.info}
         if terminated or truncated:
             info["metrics"] = s.finish()
         result = (self._observations(), self._each(reward), self._each(terminated), self._each(truncated),

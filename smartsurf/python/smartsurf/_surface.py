@@ -3,6 +3,7 @@ from __future__ import annotations
 
 import dataclasses
 import os
+from collections.abc import Mapping
 
 import numpy as np
 
@@ -41,6 +42,25 @@ def real_array(name, values):
     if array.dtype.kind not in "biuf":
         raise ValueError(f"{name} has values of type {array.dtype}: must be real numbers")
     return array
+
+
+def finite(name, array, strict):
+    """The number of values that are not finite; ValueError if there are any and `strict`."""
+    bad = ~np.isfinite(array)
+    if strict and bad.any():
+        place = tuple(map(int, np.argwhere(bad)[0]))
+        raise ValueError(f"{name} is {array[place]} at {list(place)}: must be finite with strict=True")
+    return int(np.count_nonzero(bad))
+
+
+def checked_options(options, *known):
+    """The options of a reset, or ValueError for those that have no meaning."""
+    if options is not None and not isinstance(options, Mapping):
+        raise ValueError(f"options = {options!r}: must be a dict")
+    for name in options or ():
+        if name not in known:
+            raise ValueError(f"options[{name!r}]: no such option of reset(); known: {', '.join(known) or 'none'}")
+    return options or {}
 
 
 def views(planes, of):

@@ -11,7 +11,7 @@ from gymnasium.vector import AutoresetMode
 from . import _core
 from ._env import box
 from ._simulation import channels, engine_name, load_extensions, not_picklable, overrides, state_bytes, thread_count
-from ._surface import Closed, checked_seed, draw_seed, real_array, whole
+from ._surface import Closed, checked_options, checked_seed, draw_seed, finite, real_array, whole
 from ._tasks import task_file
 
 _AUTORESET = {AutoresetMode.NEXT_STEP: 0, AutoresetMode.SAME_STEP: 1, AutoresetMode.DISABLED: 2}
@@ -27,9 +27,14 @@ class VectorEnv(gymnasium.vector.VectorEnv):
 
     threads: default: one per core. copy: whether step() and reset() return copies; without, all arrays that they return,
     those of `info` included, are the same ones each time, which the next call overwrites. autoreset_mode: as
-    Gymnasium's; NEXT_STEP by default.
-    `info` has arrays over the worlds: `seed`, `success` and the values of info{}, and for the worlds whose episode has
-    ended `metrics`, with SAME_STEP also `final_obs`.
+    Gymnasium's; NEXT_STEP by default. max_episode_steps: truncates episodes, besides the script's episode{}. strict: as of
+    Env.
+    `info` is that of Gymnasium's SyncVectorEnv: arrays over the worlds of `seed`, `success`, `nonfinite_actions` and the values of info{}, and
+    for the worlds whose episode has ended `metrics`, a dict of arrays. With SAME_STEP these describe the new episode, and
+    `final_obs` and `final_info` the one that has ended, with its `metrics`.
+    A world that fails, by an error of the script or a state that is not finite, ends its episode: it is truncated, its
+    reward and the values of info{} are NaN, and `error` in place of `metrics` says why. The other worlds go on, and the next
+    reset brings it back. If all worlds fail, or one with strict=True, step() raises Error.
     """
     metadata = {"render_modes": ["rgb_array"], "render_fps": 60}
 
@@ -37,16 +42,18 @@ class VectorEnv(gymnasium.vector.VectorEnv):
                  set: dict | None = None, engine: str | None = None, seed: int | None = None, copy: bool = True,
                  autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP, render_mode: str | None = None,
                  render_size: tuple[int, int] = (640, 400), camera: str = "iso",
-                 extensions: Sequence[str | os.PathLike] = ()):
+                 extensions: Sequence[str | os.PathLike] = (), max_episode_steps: int | None = None, strict: bool = False):
         load_extensions(extensions)
         num_envs = whole("num_envs", num_envs, 1)
+        if max_episode_steps is not None:
+            max_episode_steps = whole("max_episode_steps", max_episode_steps, 1)
         threads = len(os.sched_getaffinity(0)) if threads is None else thread_count(threads)
         if render_mode not in (None, *self.metadata["render_modes"]):
             raise ValueError(f"render_mode = {render_mode!r}: must be None or 'rgb_array'")
         autoreset_mode = AutoresetMode(autoreset_mode)
         self.num_envs = num_envs
         self._batch = _core.Batch(os.fspath(experiment), engine_name(engine), overrides(set), self._seeds(seed), threads,
-                                  _AUTORESET[autoreset_mode])
+                                  _AUTORESET[autoreset_mode], max_episode_steps)
         d = self._batch.describe()
         self.rows, self.columns, self.pitch, self.period = d["rows"], d["columns"], d["pitch"], d["period"]
         self.sensor_channels, self.actuator_channels = channels(d)
@@ -57,24 +64,29 @@ class VectorEnv(gymnasium.vector.VectorEnv):
         self.action_space = batched(self.single_action_space, num_envs)
         self.metadata = {**self.metadata, "autoreset_mode": autoreset_mode, "render_fps": round(1 / self.period)}
         self.render_mode, self._render_size, self._camera = render_mode, render_size, camera
+        self._strict = strict
         self._copy, self._same_step = copy, autoreset_mode == AutoresetMode.SAME_STEP
-        self._observations = np.zeros(self.observation_space.shape, np.float32)
-        self._final = np.zeros_like(self._observations if self._same_step else self._observations[:0])
         self._rewards = np.zeros(num_envs)
-        self._terminated, self._truncated, self._success = np.zeros((3, num_envs), np.bool_)
-        self._info = np.zeros((num_envs, self._batch.info_size))
-        self._seeds_now = np.zeros(num_envs, np.uint64)
-        self._batch.bind(self._observations, self._final, self._rewards, self._terminated.view(np.uint8),
-                         self._truncated.view(np.uint8), self._success.view(np.uint8), self._info, self._seeds_now)
-        self._fields, first = {"seed": self._seeds_now, "success": self._success}, 0
-        for name, size in d["info"]:
-            self._fields[name] = self._info[:, first] if size == 1 else self._info[:, first:first + size]
-            first += size
+        self._terminated, self._truncated = np.zeros((2, num_envs), np.bool_)
+        self._observations, state, self._fields = self._state(num_envs, d["info"])
+        self._final, final_state, self._final_fields = self._state(num_envs if self._same_step else 0, d["info"])
+        self._batch.bind(state, final_state, self._rewards, self._terminated.view(np.uint8), self._truncated.view(np.uint8))
         every = np.ones(num_envs, np.bool_)
         every.flags.writeable = False
         # A step copies this dict, and the arrays if it is to return copies.
         self._every_info = {key: value for name, values in self._fields.items()
                             for key, value in ((name, values), ("_" + name, every))}
+
+    def _state(self, worlds, info):
+        """Arrays that the batch writes: the observations, all of them, and the values of `info` by name."""
+        observations = np.zeros((worlds, *self.single_observation_space.shape), np.float32)
+        values, seeds = np.zeros((worlds, self._batch.info_size)), np.zeros(worlds, np.uint64)
+        success, nonfinite = np.zeros(worlds, np.bool_), np.zeros(worlds, np.int64)
+        fields, first = {"seed": seeds.view(np.int64), "success": success, "nonfinite_actions": nonfinite}, 0
+        for name, size in info:
+            fields[name] = values[:, first] if size == 1 else values[:, first:first + size]
+            first += size
+        return observations, (observations, values, seeds, success.view(np.uint8), nonfinite), fields
 
     def _seeds(self, seed):
         if seed is None:
@@ -92,15 +104,16 @@ class VectorEnv(gymnasium.vector.VectorEnv):
         if seed is None or isinstance(seed, (int, np.integer)):
             super().reset(seed=seed if seed is None else int(seed))
         mask = np.ones(self.num_envs, np.bool_)
-        if options and "reset_mask" in options:
+        if "reset_mask" in checked_options(options, "reset_mask"):
             mask = np.asarray(options["reset_mask"])
             if mask.shape != (self.num_envs,) or mask.dtype != np.bool_ or not mask.any():
                 raise ValueError("options['reset_mask'] must be an array of bool, one per world, with one True")
         self._batch.reset(self._seeds(seed), mask.astype(np.uint8).tolist())
-        self._success[mask] = False
-        return self._observed(), self._infos()
+        return self._observed(), self._infos() if mask.all() else _of_worlds(self._fields, mask)
 
     def step(self, actions: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, dict]:
+        if self._strict:
+            finite("the array of actions", real_array("the array of actions", actions), True)
         ended = self._batch.step(actions)
         if ended is None:  # not an array of the right type and shape
             actions = real_array("the array of actions", actions)
@@ -125,17 +138,19 @@ class VectorEnv(gymnasium.vector.VectorEnv):
         return infos
 
     def _add_final(self, infos, ended):
-        metrics = np.full(self.num_envs, None, object)
+        """Adds what an episode that has ended leaves, as Gymnasium's SyncVectorEnv: its metrics, and where the same step has
+        reset the world its last observation and info."""
+        final = _of_worlds(self._final_fields, ended) if self._same_step else infos
         for i in np.flatnonzero(ended):
-            metrics[i] = self._batch.final_metrics(int(i))
-        infos["metrics"], infos["_metrics"] = metrics, ended
+            error = self._batch.error(int(i))
+            if error and self._strict:
+                raise _core.Error(f"world {i}: {error}")
+            self._add_info(final, {"error": error} if error else {"metrics": self._batch.final_metrics(int(i))}, i)
         if self._same_step:
-            final = np.full(self.num_envs, None, object)
+            observations = np.full(self.num_envs, None, object)
             for i in np.flatnonzero(ended):
-                final[i] = self._final[i].copy()
-            infos["final_obs"], infos["_final_obs"] = final, ended
-            infos["final_info"] = {name: infos[name] for name in (*self._fields, "metrics")}
-            infos["_final_info"] = ended
+                observations[i] = self._final[i].copy()
+            infos.update(final_obs=observations, _final_obs=ended, final_info=final, _final_info=ended.copy())
 
     def save(self, world: int) -> bytes:
         """The state of one world, as Simulation.save()."""
@@ -163,7 +178,15 @@ class VectorEnv(gymnasium.vector.VectorEnv):
     __reduce_ex__ = not_picklable
 
 
+def _of_worlds(fields, mask):
+    """Copies of the fields of an info with the values of some worlds, and masks that say which."""
+    infos = {}
+    for name, values in fields.items():
+        infos[name], infos["_" + name] = np.zeros_like(values), mask.copy()
+        infos[name][mask] = values[mask]
+    return infos
+
+
 def make(task, num_envs=1, **arguments):
     """The vector entry point of the tasks' Gymnasium ids."""
-    arguments.pop("max_episode_steps", None)
     return VectorEnv(task_file(task), num_envs, **arguments)

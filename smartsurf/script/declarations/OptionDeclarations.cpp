@@ -1,4 +1,5 @@
-// option: values that the command line can override. random, math.random: the experiment's generator.
+// option: values that the command line can override. random, random_stream, math.random: the experiment's random
+// numbers.
 #include <algorithm>
 #include <cctype>
 #include <charconv>
@@ -99,22 +100,45 @@ int option(ScriptContext& context, lua_State* L) {
   return 1;
 }
 
+struct Bounds {
+  double low = 0.0, high = 1.0;
+};
+
+// The arguments at `first` and after it; [0, 1) without these.
+Bounds check_bounds(lua_State* L, int first, const std::string& name) {
+  if (lua_gettop(L) < first) return {};
+  const Bounds b{check_number(L, first, name + ": low"), check_number(L, first + 1, name + ": high")};
+  if (b.low > b.high)
+    throw ScriptError(name + ": low = " + format_value(b.low) + " is above high = " + format_value(b.high));
+  return b;
+}
+
 int random(ScriptContext& context, lua_State* L) {
   const int count = lua_gettop(L);
   if (count != 0 && count != 2) throw ScriptError("random: takes random(low, high), or random() for [0, 1)");
-  const double low = count == 0 ? 0.0 : check_number(L, 1, "random: low");
-  const double high = count == 0 ? 1.0 : check_number(L, 2, "random: high");
-  if (low > high)
-    throw ScriptError("random: low = " + format_value(low) + " is above high = " + format_value(high));
-  lua_pushnumber(L, context.random_generator(L).uniform(low, high));
+  const Bounds b = check_bounds(L, 1, "random");
+  lua_pushnumber(L, context.random_stream(L).uniform(b.low, b.high));
   return 1;
 }
 
-// Replaces Lua's math.random with the experiment's generator; same signatures: (), (n), (low, high).
+int random_stream(ScriptContext& context, lua_State* L) {
+  const int count = lua_gettop(L);
+  if (count != 1 && count != 3)
+    throw ScriptError(
+        "random_stream: takes random_stream(name, low, high), or random_stream(name) for [0, 1)");
+  const std::string name = check_string(L, 1, "random_stream: name");
+  if (!is_option_name(name))
+    throw_invalid_value(L, 1, "random_stream: name", "letters, digits, _ and -, a letter first");
+  const Bounds b = check_bounds(L, 2, "random_stream");
+  lua_pushnumber(L, context.random_stream(L, name).uniform(b.low, b.high));
+  return 1;
+}
+
+// Replaces Lua's math.random with the experiment's random numbers; same signatures: (), (n), (low, high).
 int math_random(ScriptContext& context, lua_State* L) {
   const int count = lua_gettop(L);
   if (count == 0) {
-    lua_pushnumber(L, context.random_generator(L).uniform_unit());
+    lua_pushnumber(L, context.random_stream(L).uniform_unit());
     return 1;
   }
   if (count > 2) throw ScriptError("math.random: takes at most 2 numbers");
@@ -123,7 +147,7 @@ int math_random(ScriptContext& context, lua_State* L) {
   if (low > high)
     throw ScriptError("math.random: low = " + std::to_string(low) +
                       " is above high = " + std::to_string(high));
-  lua_pushinteger(L, context.random_generator(L).uniform_integer(low, high));
+  lua_pushinteger(L, context.random_stream(L).uniform_integer(low, high));
   return 1;
 }
 
@@ -136,6 +160,7 @@ int math_randomseed(ScriptContext&, lua_State*) {
 void bind_options(lua_State* L) {
   lua_register(L, "option", guarded<option>);
   lua_register(L, "random", guarded<random>);
+  lua_register(L, "random_stream", guarded<random_stream>);
   lua_getglobal(L, "math");
   lua_pushcfunction(L, guarded<math_random>);
   lua_setfield(L, -2, "random");

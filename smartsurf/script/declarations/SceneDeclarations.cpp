@@ -53,7 +53,7 @@ int world(ScriptContext& context, lua_State* L) {
   fields.visit("seed", [&](int i, const std::string& name) {
     const auto seed = static_cast<std::uint64_t>(check_integer(L, i, name, 0, INT64_MAX));
     if (context.options.seed) return;  // --seed overrides world.seed
-    if (context.random && seed != spec.seed)
+    if (context.has_drawn() && seed != spec.seed)
       throw ScriptError("world.seed = " + std::to_string(seed) +
                         ": random numbers were already drawn with seed " + std::to_string(spec.seed) +
                         " at " + context.random_first_use + "; declare world{} before that");

@@ -80,7 +80,7 @@ class Tasks(ProgramTest):
         self.assertLess(metrics["bystander_moved_u"], 0.1)
 
     def test_packages_leave_through_their_exits(self):
-        metrics = self.run_task("packages", 14, "count=6")
+        metrics = self.run_task("packages", 16, "count=6")
         self.assertEqual((metrics["delivered"], metrics["wrong_exit"], metrics["collisions"]), (1, 0, 0))
 
     def test_parcels_leave_through_their_exits(self):

@@ -52,6 +52,23 @@ on_tick(function(t) if t < 0.5 then object(0):push { force = {5, 0, 0}, seconds 
 reward(function() return count + #objects() end)
 """
 
+# Episodes of different lengths, which end by success, stop and time; on_finish changes what info{} reports.
+ENDINGS = """
+surface { rows = 4, columns = 4, actuator = pin { range = {0, 2} }, sensors = { proximity { range = 6 } } }
+local ball, limit, finished = sphere { radius = 0.8, position = {1.5, 1.5, 3} }, 0, 0
+on_reset(function()
+  limit = random(0.1, 0.9)
+  object(ball):teleport { position = {random(1, 2), random(1, 2), 3} }
+end)
+episode { seconds = 0.5 }
+success(function(t) return t > limit end)
+on_tick(function(t) if limit < 0.3 and t > 0.15 then stop('early') end end)
+reward(function(t) return t * limit end)
+info { ball = ball, limit = function() return limit end, finished = function() return finished end,
+       none = function() return nil end }
+on_finish(function() finished = 1 metric('limit', limit) if limit > 0.5 then metric('late', 1) end end)
+"""
+
 ACTUATORS = {
     "wheels": "wheels { top = 0.8, max_spin = 20 }", "ball": "ball { radius = 0.4, max_spin = 20 }",
     "rotor": "rotor {}", "force_field": "force_field { max_force = 4, reach = 1 }",

@@ -16,7 +16,7 @@ try:
 except ImportError as error:
     print(f"skipped: {error}; scripts/setup --python installs it where a package index can be reached")
     sys.exit(77)
-from experiments import CROWD, NOISY, ExperimentTest
+from experiments import CROWD, ENDINGS, NOISY, ExperimentTest
 
 
 def sampled(space, seed):
@@ -142,7 +142,7 @@ class VectorEnvironments(ExperimentTest):
                     else:
                         o, r, te, tr, info = env.step(actions[i])
                         if te or tr:
-                            self.assertEqual(infos["metrics"][i], info["metrics"])
+                            self.assertEqual({name: infos["metrics"][name][i] for name in info["metrics"]}, info["metrics"])
                     np.testing.assert_array_equal(o, observations[i])
                     self.assertEqual((r, te, tr), (rewards[i], terminated[i], truncated[i]))
                     over[i] = te or tr
@@ -169,11 +169,136 @@ class VectorEnvironments(ExperimentTest):
             for i in np.flatnonzero(terminated | truncated):
                 ends += 1
                 np.testing.assert_array_equal(infos["final_obs"][i], o2[i])
-                self.assertEqual(infos["metrics"][i], infos2["metrics"][i])
+                for name in ("best", "count"):
+                    self.assertEqual(infos["final_info"]["metrics"][name][i], infos2["metrics"][name][i])
+                self.assertNotIn("metrics", infos)
                 np.testing.assert_array_equal(o[i], smartsurf.Env(path).reset(seed=int(infos["seed"][i]))[0])
             if ends:
                 break
         self.assertGreater(ends, 0)
+
+    def assert_same_infos(self, one, other, path="infos"):
+        self.assertEqual(one.keys(), other.keys(), path)
+        for key, value in one.items():
+            where = f"{path}['{key}']"
+            if isinstance(value, dict):
+                self.assert_same_infos(value, other[key], where)
+            elif value.dtype == object:
+                for a, b in zip(value, other[key], strict=True):
+                    self.assertEqual(type(a), type(b), where)
+                    np.testing.assert_array_equal(a, b, where)
+            else:
+                self.assertEqual(value.dtype, other[key].dtype, where)
+                np.testing.assert_array_equal(value, other[key], where)
+
+    def test_every_autoreset_mode_equals_gymnasiums_vector_of_single_environments(self):
+        class Seeded(gymnasium.Wrapper):  # resets without a seed to the one that the VectorEnv has chosen
+            def reset(self, *, seed=None, options=None):
+                return self.env.reset(seed=self.following if seed is None else seed, options=options)
+        path = self.script(ENDINGS)
+        for mode in AutoresetMode:
+            with self.subTest(mode=mode.value):
+                envs = smartsurf.VectorEnv(path, 4, 2, autoreset_mode=mode)
+                sync = gymnasium.vector.SyncVectorEnv([lambda: Seeded(smartsurf.Env(path))] * 4, autoreset_mode=mode)
+                (observations, infos), (expected, sync_infos) = envs.reset(seed=5), sync.reset(seed=5)
+                np.testing.assert_array_equal(observations, expected)
+                self.assert_same_infos(infos, sync_infos)
+                ends = nonfinite = 0
+                for tick in range(150):
+                    actions = sampled(envs.action_space, tick)
+                    actions[tick % 4, 0, :tick % 3, 1] = (np.nan, np.inf, -np.inf)[tick // 3 % 3]
+                    step = envs.step(actions)
+                    nonfinite += step[4]["nonfinite_actions"].sum()
+                    for i, env in enumerate(sync.envs):
+                        env.following = int(step[4]["seed"][i])
+                    sync_step = sync.step(actions)
+                    for value, sync_value in zip(step[:4], sync_step[:4]):
+                        self.assertEqual(value.dtype, sync_value.dtype)
+                        np.testing.assert_array_equal(value, sync_value)
+                    self.assert_same_infos(step[4], sync_step[4], f"tick {tick}: infos")
+                    ended = step[2] | step[3]
+                    ends += ended.sum()
+                    if mode == AutoresetMode.DISABLED and ended.any():
+                        seed = [100 * tick + i for i in range(4)]
+                        (observations, infos), (expected, sync_infos) = (
+                            v.reset(seed=seed, options={"reset_mask": ended.copy()}) for v in (envs, sync))
+                        np.testing.assert_array_equal(observations, expected)
+                        self.assert_same_infos(infos, sync_infos)
+                self.assertGreater(ends, 12)
+                self.assertGreater(nonfinite, 100)
+
+    def test_max_episode_steps_truncates(self):
+        for task in ("smartsurf/Relocate-v0", self.script(ENDINGS.replace("limit = random(0.1, 0.9)", "limit = 0.8"))):
+            path = smartsurf.task_file(task) if task.startswith("smartsurf/") else task
+            envs = smartsurf.VectorEnv(path, 2, 1, max_episode_steps=7)
+            envs.reset(seed=1)
+            ends = [envs.step(sampled(envs.action_space, tick))[3].tolist() for tick in range(15)]
+            self.assertEqual([tick for tick, end in enumerate(ends) if all(end)], [6, 14])
+        envs = gymnasium.make_vec("smartsurf/Relocate-v0", num_envs=2, max_episode_steps=3)
+        envs.reset(seed=1)
+        self.assertEqual([envs.step(envs.action_space.sample())[3].tolist() for _ in range(3)], [[False] * 2] * 2 + [[True] * 2])
+        with self.assertRaisesRegex(ValueError, "max_episode_steps = 0: must be a whole number, at least 1"):
+            gymnasium.make_vec("smartsurf/Relocate-v0", max_episode_steps=0)
+
+    def test_the_next_seed_does_not_follow_from_what_the_script_draws(self):
+        path = self.script(ENDINGS.replace("info {", "local drawn = random() info { drawn = function() return drawn end,"))
+        envs = smartsurf.VectorEnv(path, 400, 1, max_episode_steps=1)
+        drawn = envs.reset(seed=1)[1]["drawn"]
+        for _ in range(2):  # ends, and begins the next episode
+            infos = envs.step(sampled(envs.action_space, 1))[4]
+        self.assertEqual(len(set(infos["seed"])), 400)
+        for now in (infos["seed"], infos["drawn"], infos["limit"]):
+            self.assertLess(abs(np.corrcoef(drawn, now)[0, 1]), 0.2)
+
+    def test_nothing_is_ignored(self):
+        path = self.script(ENDINGS)
+        for env in (smartsurf.Env(path), smartsurf.VectorEnv(path, 2, 1)):
+            env.reset(seed=1, options={})
+            with self.assertRaisesRegex(ValueError, r"options\['mask'\]: no such option of reset\(\); known: (none|reset_mask)$"):
+                env.reset(seed=1, options={"mask": 1})
+            with self.assertRaisesRegex(ValueError, r"options = 3: must be a dict"):
+                env.reset(options=3)
+        with self.assertWarnsRegex(UserWarning, "has no options"):
+            smartsurf.parallel_env(path).reset(options={"a": 1})
+        for make in (lambda **a: smartsurf.Env(path, **a), lambda **a: smartsurf.VectorEnv(path, 2, **a),
+                     lambda **a: smartsurf.parallel_env(path, **a), lambda **a: gymnasium.make("smartsurf/Relocate-v0", **a),
+                     lambda **a: gymnasium.make_vec("smartsurf/Relocate-v0", **a)):
+            with self.assertRaisesRegex(TypeError, "unexpected keyword argument '?thread'?"):
+                make(thread=2)
+
+    def test_actions_that_are_not_finite_are_counted_or_refused(self):
+        path = self.script(ENDINGS)
+        for value in (np.nan, np.inf, -np.inf):
+            for env in (smartsurf.Env(path), smartsurf.Env(path, strict=True), smartsurf.VectorEnv(path, 2, 1, strict=True)):
+                env.reset(seed=1)
+                action = sampled(env.action_space, 1)
+                env.step(action)
+                action[..., 2, 1] = value
+                if env._strict:
+                    with self.assertRaisesRegex(ValueError, rf"^the a[^\n]* is {value} at \[(0, )+2, 1\]: must be finite with strict=True$"):
+                        env.step(action)
+                    action[..., 2, 1] = 1
+                    env.step(action)
+                else:
+                    self.assertEqual(env.step(action)[4]["nonfinite_actions"], 1)
+            agents = smartsurf.parallel_env(path, block=4)
+            agents.reset(seed=1)
+            infos = agents.step({"block_0_0": np.full((1, 4, 4), value, np.float32)})[4]
+            self.assertEqual(infos["block_0_0"]["nonfinite_actions"], 16)
+
+    def test_restore_refreshes_info(self):
+        envs = smartsurf.VectorEnv(self.script(CROWD), 2, 1, copy=False)
+        envs.reset(seed=1)
+        state = envs.save(0)
+        _, first = envs.reset(seed=1)
+        expected = {name: np.copy(first[name][0]) for name in ("seed", "success", "first", "best")}
+        for tick in range(30):
+            *_, infos = envs.step(sampled(envs.action_space, tick))
+        self.assertNotEqual(infos["best"][0], expected["best"])
+        for world in range(2):
+            envs.restore(world, state)
+            for name, value in expected.items():
+                np.testing.assert_array_equal(infos[name][world], value)
 
     def test_disabled_autoreset_with_a_mask(self):
         envs = smartsurf.VectorEnv(self.script(CROWD), 3, 1, autoreset_mode=AutoresetMode.DISABLED)
@@ -250,6 +375,66 @@ class VectorEnvironments(ExperimentTest):
                 smartsurf.VectorEnv(path, 1, threads)
         with self.assertRaisesRegex(TypeError, "a VectorEnv cannot be pickled"):
             pickle.dumps(envs)
+
+    def test_a_world_that_fails_comes_back_and_leaves_the_others_alone(self):
+        # In each fourth episode the script fails at 0.1 s, in each eighth it cannot start.
+        fail = "on_tick(function(t) if fails and t > 0.1 then error('late') end end)"
+        start = "on_reset(function() local n = math.random(8) fails = n < 3 if n == 8 then error('early') end"
+        healthy = ENDINGS.replace("on_reset(function()", "on_reset(function() math.random(8)")
+        path = self.script(healthy)
+        failing = self.script(ENDINGS.replace("on_reset(function()", "local fails = false " + fail + start), "failing.lua")
+        seed = next(s for s in range(1000) if not any(self.fails_to_start(failing, s + i) for i in range(6)))
+        for mode in (AutoresetMode.NEXT_STEP, AutoresetMode.SAME_STEP):
+            with self.subTest(mode=mode.value):
+                envs = smartsurf.VectorEnv(failing, 6, 2, seed=seed, autoreset_mode=mode)
+                singles = [smartsurf.Env(path) for _ in range(6)]
+                _, infos = envs.reset(seed=seed)
+                now = infos["seed"].tolist()
+                for i, env in enumerate(singles):
+                    env.reset(seed=now[i])
+                over, broken, errors, steps = [False] * 6, [False] * 6, [], 0
+                for tick in range(300):
+                    actions = sampled(envs.action_space, tick)
+                    observations, rewards, terminated, truncated, infos = envs.step(actions)
+                    self.assertTrue(np.isfinite(observations).all())
+                    final = infos["final_info"] if mode == AutoresetMode.SAME_STEP and "final_info" in infos else infos
+                    failed = final.get("_error", np.zeros(6, bool))
+                    np.testing.assert_array_equal(np.isnan(rewards), failed)
+                    errors += [final["error"][i] for i in np.flatnonzero(failed)]
+                    self.assertTrue(truncated[failed].all() and not terminated[failed].any())
+                    for i, env in enumerate(singles):
+                        if failed[i]:
+                            self.assertTrue(np.isnan(final["limit"][i]))
+                        elif over[i] and mode == AutoresetMode.NEXT_STEP or broken[i]:  # a reset
+                            np.testing.assert_array_equal(env.reset(seed=int(infos["seed"][i]))[0], observations[i])
+                            self.assertEqual(rewards[i], 0)
+                        else:
+                            o, r, te, tr, _ = env.step(actions[i])
+                            self.assertEqual((r, te, tr), (rewards[i], terminated[i], truncated[i]))
+                            steps += 1
+                            if mode == AutoresetMode.NEXT_STEP or not (te or tr):
+                                np.testing.assert_array_equal(o, observations[i])
+                        over[i] = terminated[i] or truncated[i]
+                        if over[i] and mode == AutoresetMode.SAME_STEP:
+                            broken[i] = self.fails_to_start(failing, int(infos["seed"][i]))
+                            if not broken[i]:
+                                np.testing.assert_array_equal(env.reset(seed=int(infos["seed"][i]))[0], observations[i])
+                        else:
+                            broken[i] = False
+                self.assertEqual({error.split(": ")[-1] for error in errors}, {"early", "late"})
+                self.assertGreater(steps, 1000)
+        strict = smartsurf.VectorEnv(failing, 6, 2, seed=seed, strict=True)
+        strict.reset(seed=seed)
+        with self.assertRaisesRegex(smartsurf.Error, r"^world \d: .*failing.lua:\d+:.*(late|early)"):
+            for tick in range(300):
+                strict.step(sampled(strict.action_space, tick))
+
+    def fails_to_start(self, path, seed):
+        try:
+            smartsurf.Simulation(path, seed=seed)
+        except smartsurf.Error:
+            return True
+        return False
 
     def test_actions_of_other_types_are_converted(self):
         path, traces = self.script(CROWD), []

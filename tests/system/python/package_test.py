@@ -111,6 +111,62 @@ class Simulations(ExperimentTest):
             smartsurf.Simulation(self.script(CROWD)).render()
 
 
+# One number per purpose of random numbers; nothing moves but the pins.
+PURPOSES = """
+world { gravity = 0 }
+surface { rows = 8, columns = 8, actuator = pin { range = {0, 2}, max_speed = 100 },
+          sensors = { proximity { range = 6, noise = 0.01 } } }
+faults { actuator = { dead = 0.3 } }
+box { size = {12, 12, 1}, position = {3.5, 3.5, 4} }
+local drawn = { load = random() }
+on_reset(function() drawn.reset = random() end)
+on_tick(function() drawn.step, drawn.wind, drawn.wave = random(), random_stream('wind'), random_stream('wave') end)
+info { load = function() return drawn.load end, reset = function() return drawn.reset end,
+       step = function() return drawn.step end, wind = function() return drawn.wind end,
+       wave = function() return drawn.wave end }
+"""
+
+
+class RandomStreams(ExperimentTest):
+    def test_no_two_purposes_correlate_and_episodes_differ(self):
+        simulation = smartsurf.Simulation(self.script(PURPOSES))
+        column, drawn = np.arange(8), []
+        for seed in range(1, 401):
+            simulation.reset(seed)
+            sensors = float(simulation.sensors["proximity"][3, 3])
+            simulation.step(1.0)
+            drawn.append({**simulation.info, "sensors": sensors})
+            for _ in range(20):
+                simulation.step(1.0)
+            dead = simulation.sensors["proximity"] > simulation.sensors["proximity"].mean()
+            self.assertEqual(int(dead.sum()), 19)
+            drawn[-1]["faults"] = float((dead * column).sum())
+        names = list(drawn[0])
+        self.assertEqual(len(names), 7)
+        values = np.array([[episode[name] for name in names] for episode in drawn])
+        self.assertTrue(all(len(set(of)) > 390 for of, name in zip(values.T, names) if name != "faults"))
+        self.assertGreater(len(set(values[:, names.index("faults")])), 10)
+        correlation = np.corrcoef(values.T)
+        for i, one in enumerate(names):
+            for j, other in enumerate(names[:i]):
+                with self.subTest(one=one, other=other):
+                    self.assertLess(abs(correlation[i, j]), 0.2)
+
+    def test_a_stream_with_a_name_does_not_depend_on_other_draws(self):
+        def draws(before):
+            text = PURPOSES.replace("drawn.reset = random()", f"{before} drawn.reset = random_stream('wind', 2, 3)")
+            simulation = smartsurf.Simulation(self.script(text), seed=3)
+            simulation.step()
+            return simulation.info["reset"], simulation.info["wind"]
+        plain = draws("")
+        self.assertEqual(draws("random() random_stream('other')"), plain)
+        self.assertTrue(2 <= plain[0] < 3 and plain[0] - 2 != plain[1])
+        for call, message in (("random_stream()", r"takes random_stream\(name, low, high\)"),
+                              ("random_stream('a b')", "name = 'a b'"), ("random_stream('a', 2, 1)", "low = 2 is above")):
+            with self.assertRaisesRegex(smartsurf.Error, message):
+                draws(call)
+
+
 class SavedStates(ExperimentTest):
     def check_replay(self, path, warm_up, ticks, **arguments):
         s = smartsurf.Simulation(path, seed=11, **arguments)

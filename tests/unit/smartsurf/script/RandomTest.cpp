@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <array>
+#include <set>
 
 #include "ScriptFixture.h"
 
@@ -41,6 +42,16 @@ TEST(Random, IntegersAreUniform) {
   r.uniform_integer(INT64_MIN, INT64_MAX);
 }
 
+// The draws of purposes, of seeds that follow each other, and of Random(seed) are all different.
+TEST(Random, StreamsDoNotMeet) {
+  std::set<std::uint64_t> seen;
+  for (std::uint64_t seed = 0; seed < 100; ++seed)
+    for (Random r : {Random(seed), Random::stream(seed, "reset"), Random::stream(seed, "step"),
+                     Random::stream(seed, "named reset")})
+      for (int i = 0; i < 100; ++i) seen.insert(r.next());
+  EXPECT_EQ(seen.size(), 100u * 4 * 100);
+}
+
 class ScriptRandomTest : public ScriptTest {
  protected:
   std::string draws(const std::string& text) {
@@ -58,6 +69,17 @@ TEST_F(ScriptRandomTest, SameSeedGivesSameSequence) {
   EXPECT_EQ(draws(text), first);
   EXPECT_EQ(first, "3.8676804598393399 0.7523070158382239\t6\t10\n");
   EXPECT_NE(draws("world{seed = 6} print(string.format('%.17g', random(0, 10)))"), first);
+}
+
+TEST_F(ScriptRandomTest, NamedStreamsAreIndependentOfEachOther) {
+  EXPECT_EQ(draws("random_stream('a') print(random_stream('b'), random())"),
+            draws("print(random_stream('b'), random()) random_stream('a')"));
+  EXPECT_NE(draws("print(random_stream('a'))"), draws("print(random_stream('b'))"));
+  EXPECT_EQ(draws("print(random_stream('a', 3, 3))"), "3.0\n");
+  EXPECT_EQ(error_of("random_stream('a', 2, 1)"), "t.lua:1: random_stream: low = 2 is above high = 1");
+  EXPECT_EQ(error_of("local x = random_stream('a')\nworld{seed = 5}"),
+            "t.lua:2: world.seed = 5: random numbers were already drawn with seed 1 at t.lua:1; declare "
+            "world{} before that");
 }
 
 TEST_F(ScriptRandomTest, DefaultSeedIsOne) {

@@ -205,7 +205,7 @@ TEST_P(EnvironmentTest, BatchEqualsSingleEnvironments) {
         std::ranges::copy(targets(cells, tick), std::back_inserter(actions));
       BatchArrays arrays;
       arrays.actions = actions;
-      arrays.observations = observations;
+      arrays.state.observations = observations;
       arrays.rewards = rewards;
       batch.step(arrays);
       for (std::size_t i = 0; i < seeds.size(); ++i) {
