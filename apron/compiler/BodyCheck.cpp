@@ -49,7 +49,8 @@ class AppendingReader final : public syntax::FileReader {
   std::uint32_t first_line_ = 0;
 };
 
-// The kind of operand that a parameter is: the one that its macro states, or a macro to which the body passes it.
+// The kind of operand that a parameter is: the one that its macro states, or a macro to which the body passes
+// it.
 std::string operand_kind(const Macro& macro, std::size_t parameter, const syntax::MacroTable& macros,
                          int depth = 0) {
   constexpr int kMaxDepth = 8;
@@ -90,8 +91,8 @@ std::string_view argument_of_type(const syntax::MacroParameter& parameter) {
   return {};
 }
 
-// Errors are judged by calls with one kind of argument alone, of which each has all; lines of one of the further
-// calls, which mix two or three kinds, may be free of error.
+// Errors are judged by calls with one kind of argument alone, of which each has all; lines of one of the
+// further calls, which mix two or three kinds, may be free of error.
 struct Calls {
   std::vector<std::string> all;
   std::size_t uniform = 0;  // the first ones

@@ -87,7 +87,8 @@ struct Builtin {
     return form == BuiltinForm::kOperands ? program::opcode_info(op).signature.front() != '-'
                                           : form <= BuiltinForm::kPlugin;
   }
-  // The argument that a statement with that many writes, or -1. 'surface.sense' takes its two in either order.
+  // The argument that a statement with that many writes, or -1. 'surface.sense' takes its two in either
+  // order.
   int written_argument(std::size_t count) const noexcept {
     if (form == BuiltinForm::kPlugin) return count > 2 ? 2 : -1;
     const bool writes = returns_value() || form == BuiltinForm::kFor || form == BuiltinForm::kPixelSet;

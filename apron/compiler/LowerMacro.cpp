@@ -1,6 +1,6 @@
 // Macros: their arguments, local names and results. What a body writes under the caller's masks is what it
-// would write without them, selected by the masks: local registers ignore the masks that were in force when the
-// body began, and so do the caller's registers until the body ends.
+// would write without them, selected by the masks: local registers ignore the masks that were in force when
+// the body began, and so do the caller's registers until the body ends.
 #include <algorithm>
 #include <utility>
 
@@ -95,7 +95,7 @@ void Lowering::leave_macro(std::uint32_t expansion) {
   scopes_.erase(scope);
 }
 
-// ---- masks -------------------------------------------------------------------------------------------------
+// ---- masks
 
 // A register that the last statement alone writes needs no merging: nothing in the body sees what it wrote.
 void Lowering::isolate_from_masks(MacroScope& scope, const MacroBody& body, Location location) {
@@ -185,8 +185,8 @@ void Lowering::emit_selection(const Value& target, const Value& value, std::vect
   builder_.release(condition);
 }
 
-// A copy of a where's cells that the body cannot change, if a register that ignores outer masks may be written
-// in it; its block releases it.
+// A copy of a where's cells that the body cannot change, if a register that ignores outer masks may be
+// written in it; its block releases it.
 Value Lowering::where_condition(const Value& mask) {
   if (std::ranges::none_of(scopes_, [](const auto& entry) { return entry.second.mask_base.has_value(); }))
     return {};
@@ -198,7 +198,7 @@ Value Lowering::where_condition(const Value& mask) {
   return copy;
 }
 
-// ---- local names and results -------------------------------------------------------------------------------
+// ---- local names and results
 
 // A macro's local name gets its kind from its first write and lives until the macro ends.
 Value Lowering::create_macro_local(const Expression& target, bool is_register, Shape shape) {

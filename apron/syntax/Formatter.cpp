@@ -97,7 +97,8 @@ bool is_word_operator(std::string_view text) {
   return std::find(std::begin(kWords), std::end(kWords), text) != std::end(kWords);
 }
 
-// The tokens of a line with canonical spacing. previous: the last token of the line that it continues, or null.
+// The tokens of a line with canonical spacing. previous: the last token of the line that it continues, or
+// null.
 std::string join_tokens(const PhysicalLine& line, const FormatToken* previous) {
   std::string text;
   bool last_infix = false, last_prefix = false;

@@ -1,5 +1,5 @@
-// Functions: `function y, z = f(plane a, number n)` … `endfunction`. A function becomes a macro whose parameters
-// are the function's, and whose local names are all those that its lines write.
+// Functions: `function y, z = f(plane a, number n)` … `endfunction`. A function becomes a macro whose
+// parameters are the function's, and whose local names are all those that its lines write.
 #include <algorithm>
 #include <map>
 #include <utility>

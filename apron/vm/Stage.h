@@ -73,8 +73,8 @@ inline bool is_fusible_opcode(program::Opcode op) noexcept {
 
 inline constexpr std::size_t kMaxRowStreams = 14;
 
-// One call of a stage, generated or interpreted: a rectangle of cells, processed in iterations of one or more rows. Rows are 64-byte aligned; columns up to
-// the next multiple of kLanes may be read and written.
+// One call of a stage, generated or interpreted: a rectangle of cells, processed in iterations of one or more
+// rows. Rows are 64-byte aligned; columns up to the next multiple of kLanes may be read and written.
 struct StageCall {
   std::array<float*, kMaxRowStreams> row_start{};               // first cell of each stream's first row
   std::array<std::ptrdiff_t, kMaxRowStreams> row_step_bytes{};  // to the same row of the next iteration

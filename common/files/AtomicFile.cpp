@@ -42,7 +42,8 @@ std::error_code replace_file(const fs::path& path, std::string_view bytes) {
   if (fs::is_directory(path, error)) return std::make_error_code(std::errc::is_a_directory);
   // The process id keeps two processes that write the same file apart.
   const fs::path part = path.string() + ".part" + std::to_string(::getpid());
-  // Removed and then created with O_EXCL, so that the bytes never go through a link that another user put there.
+  // Removed and then created with O_EXCL, so that the bytes never go through a link that another user put
+  // there.
   fs::remove(part, error);
   if (!error) error = write_all(part, bytes, O_EXCL);
   if (!error) fs::rename(part, path, error);

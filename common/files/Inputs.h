@@ -7,8 +7,8 @@
 
 namespace common {
 
-// Remembers a file by device and inode. read_file() does it; other readers call it with the file that they open.
-// May be called on any thread.
+// Remembers a file by device and inode. read_file() does it; other readers call it with the file that they
+// open. May be called on any thread.
 void note_input(int descriptor) noexcept;
 void note_input(const std::filesystem::path&) noexcept;
 // What is read from here on is not remembered, because a program may overwrite what it has loaded itself.
@@ -21,8 +21,8 @@ struct NamedOutput {
   std::string flag;  // "--stats"
   std::filesystem::path file;
 };
-// Call when everything is loaded and before anything is written. Throws UserError if an output is an input, or if
-// two outputs are one file. Pipes and devices may be shared.
+// Call when everything is loaded and before anything is written. Throws UserError if an output is an input,
+// or if two outputs are one file. Pipes and devices may be shared.
 void require_separate_outputs(std::span<const NamedOutput>);
 
 }  // namespace common

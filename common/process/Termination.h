@@ -1,5 +1,5 @@
-// Ends a program in order where no exception may leave: in a destructor, in a library's noexcept function, or in
-// a C library that does not expect an allocation to fail.
+// Ends a program in order where no exception may leave: in a destructor, in a library's noexcept function, or
+// in a C library that does not expect an allocation to fail.
 #pragma once
 
 namespace common {

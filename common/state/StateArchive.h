@@ -1,8 +1,8 @@
 // Saves the state of objects as bytes, and restores it.
 //
-// A class lists its state once, in `void archive(StateArchive&)`, for both directions. Values without pointers
-// are copied bit by bit, so that a restored simulation continues with the same bits. The bytes are for the same
-// program on the same kind of machine. Not thread-safe.
+// A class lists its state once, in `void archive(StateArchive&)`, for both directions. Values without
+// pointers are copied bit by bit, so that a restored simulation continues with the same bits. The bytes are
+// for the same program on the same kind of machine. Not thread-safe.
 #pragma once
 
 #include <array>

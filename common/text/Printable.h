@@ -1,4 +1,5 @@
-// All that the programs print. Control characters of files, scripts and other programs never reach a terminal.
+// All that the programs print. Control characters of files, scripts and other programs never reach a
+// terminal.
 #pragma once
 
 #include <string>
@@ -16,8 +17,8 @@ std::string printable_lines(std::string_view text);
 // ferror(stdout) at the end of the program.
 void print_output(std::string_view text);
 
-// Prints printable_lines() of the text to standard error. A message that cannot be written is lost and does not end
-// the work that it is about.
+// Prints printable_lines() of the text to standard error. A message that cannot be written is lost and does
+// not end the work that it is about.
 void print_message(std::string_view text) noexcept;
 
 // Prints "PROGRAM: TEXT" to standard error as one line, made printable. Allocates nothing and is

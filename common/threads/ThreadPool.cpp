@@ -52,9 +52,9 @@ void ThreadPool::wait_while(const std::atomic<std::uint32_t>& word, std::uint32_
   word.wait(old, std::memory_order_acquire);
 }
 
-// If each thread has a core, the busiest one works or spins nearly all the time. A job whose threads waited for
-// cores is followed by jobs that the caller does alone; their number grows each time, and shrinks after a job
-// that did not wait.
+// If each thread has a core, the busiest one works or spins nearly all the time. A job whose threads waited
+// for cores is followed by jobs that the caller does alone; their number grows each time, and shrinks after a
+// job that did not wait.
 void ThreadPool::judge_job(std::int64_t wall_ns, std::int64_t cpu_ns) noexcept {
   constexpr std::int64_t kMinWait_ns = 200'000;  // more than waking the threads takes
   waited_ = wall_ns - cpu_ns > kMinWait_ns && 3 * wall_ns > 5 * cpu_ns;
@@ -93,7 +93,8 @@ void ThreadPool::finish_one() noexcept {
   if (unfinished_.fetch_sub(1, std::memory_order_acq_rel) == 1) unfinished_.notify_one();
 }
 
-// A late thread may find the claim of a later round. Then this round is over, and the thread joins that one next.
+// A late thread may find the claim of a later round. Then this round is over, and the thread joins that one
+// next.
 void ThreadPool::work_on(std::uint32_t round, unsigned thread) noexcept {
   std::uint64_t claim = claim_.load(std::memory_order_acquire);
   if (claim == (std::uint64_t{round} << 32U | kEveryThread)) {

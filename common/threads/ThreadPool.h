@@ -38,8 +38,8 @@ class ThreadPool {
   // counts, never from a clock, so that it is the same in every run.
   bool pays(double cost_ns) const noexcept { return cost_ns >= min_cost_ns_; }
 
-  // Returns whether to share the next job. Returns false for a while after a job that waited for a thread without
-  // a core: other programs keep the cores busy, and the caller alone is faster. parallel_for() and
+  // Returns whether to share the next job. Returns false for a while after a job that waited for a thread
+  // without a core: other programs keep the cores busy, and the caller alone is faster. parallel_for() and
   // parallel_for_rows() call it themselves. It changes no result.
   bool has_cores() noexcept {
     if (!waited_) return true;

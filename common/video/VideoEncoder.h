@@ -20,7 +20,8 @@ class VideoEncoder {
   VideoEncoder(const VideoEncoder&) = delete;
   VideoEncoder& operator=(const VideoEncoder&) = delete;
 
-  // Both throw UserError when ffmpeg fails. A failure of add() discards the video; finish() then does nothing.
+  // Both throw UserError when ffmpeg fails. A failure of add() discards the video; finish() then does
+  // nothing.
   void add(const Image& image);
   void finish();
 

@@ -218,8 +218,8 @@ Status ControllerEndpoint::Impl::await_sensors(const WaitOptions& options) noexc
   return await_after_torn_frame(newest, options);
 }
 
-// A frame stays torn if its surface is stopped or has ended within it. Waits for the next one for a slice, so that a
-// caller that tries again neither spins nor misses the stop flag and the surface's end.
+// A frame stays torn if its surface is stopped or has ended within it. Waits for the next one for a slice, so
+// that a caller that tries again neither spins nor misses the stop flag and the surface's end.
 Status ControllerEndpoint::Impl::await_after_torn_frame(std::uint32_t torn,
                                                         const WaitOptions& options) noexcept {
   if (options.stop && options.stop->load(std::memory_order_relaxed)) return Status::kInterrupted;

@@ -38,8 +38,8 @@ void SurfaceEndpoint::Impl::preserve_current_frame() noexcept {
 }
 
 void SurfaceEndpoint::Impl::adopt_controller() noexcept {
-  // If the count of departures and the process word are unchanged afterwards, the word and the state belong to one
-  // attachment.
+  // If the count of departures and the process word are unchanged afterwards, the word and the state belong
+  // to one attachment.
   for (int attempt = 0; attempt < 4; ++attempt) {
     known_detached = load_seq_cst(header.claim.detached);
     controller = load_seq_cst(header.claim.controller_process);
@@ -52,8 +52,9 @@ void SurfaceEndpoint::Impl::adopt_controller() noexcept {
                                     controller);  // from now on its lock decides, if it has one
 }
 
-// Returns whether a controller that no longer holds the claim closed in good order. ControllerEndpoint::close()
-// sets the state, increments `detached`, then frees the claim; controller_closing covers an adoption in between.
+// Returns whether a controller that no longer holds the claim closed in good order.
+// ControllerEndpoint::close() sets the state, increments `detached`, then frees the claim; controller_closing
+// covers an adoption in between.
 bool SurfaceEndpoint::Impl::has_detached() const noexcept {
   return controller_closing || load_seq_cst(header.claim.detached) != known_detached;
 }

@@ -97,7 +97,8 @@ py::array_t<std::uint8_t> to_array(const common::Image& image) {
   return py::array_t<std::uint8_t>({image.height, image.width, 3}, image.rgb.data());
 }
 
-// Held during a call: other Python threads run while worlds compute, and may not use the same worlds meanwhile.
+// Held during a call: other Python threads run while worlds compute, and may not use the same worlds
+// meanwhile.
 class Exclusive {
  public:
   explicit Exclusive(std::atomic_flag& in_use) : in_use_(in_use) {
@@ -259,8 +260,8 @@ class Batch {
         {}, views(state), views(final_state), writable(rewards), writable(terminated), writable(truncated)};
     bound_ = py::make_tuple(state, final_state, rewards, terminated, truncated);
   }
-  // Returns whether an episode has ended. Returns None, without a step, if the actions are not a float32 array
-  // of worlds × channels × rows × columns.
+  // Returns whether an episode has ended. Returns None, without a step, if the actions are not a float32
+  // array of worlds × channels × rows × columns.
   py::object step(const py::object& given) {
     const Exclusive use(in_use_);
     if (!py::isinstance<Array<float>>(given)) return py::none();

@@ -26,7 +26,8 @@ bool defines_purity(const scene::SceneSpec& spec);
 
 // The share of the existing objects with a class that are in their own half of the table: within the outline
 // of its cells, and small ones west of the line midway between its west and east ends, large ones east.
-// Requires defines_purity(). times: of the frames, s. read_positions(first, count): Recording::read_positions().
+// Requires defines_purity(). times: of the frames, s. read_positions(first, count):
+// Recording::read_positions().
 PuritySeries compute_purity(
     const scene::SceneSpec& spec, std::span<const double> times,
     const std::function<std::vector<float>(std::size_t first, std::size_t count)>& read_positions);

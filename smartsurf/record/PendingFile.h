@@ -28,8 +28,8 @@ class PendingFile {
   bool must_be_new() const { return owned_; }
   // Call after each write, when the file has the length that it must keep until the next.
   void note_length();
-  // Call before each write and at the end. Throws std::runtime_error if the file was removed, replaced or cut since: what
-  // is written to it is lost.
+  // Call before each write and at the end. Throws std::runtime_error if the file was removed, replaced or cut
+  // since: what is written to it is lost.
   void require_unchanged() const;
   // Gives the file its final name; only the first call has an effect. Throws std::system_error.
   void commit();

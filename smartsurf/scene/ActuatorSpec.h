@@ -58,7 +58,8 @@ struct ActuatorChannel {
 
 using ParameterValues = std::map<std::string, std::vector<double>, std::less<>>;
 
-// Checks all values against the limits of their parameters. Returns "" or one clause that begins with `subject`.
+// Checks all values against the limits of their parameters. Returns "" or one clause that begins with
+// `subject`.
 std::string validate_values(const std::string& subject, std::span<const Parameter>, const ParameterValues&);
 
 // A configured actuator: its model and the values of its parameters.

@@ -1,5 +1,5 @@
-// Sensors as values: what parameters and channels a kind has, and a sensor's parameters. The models themselves
-// are in smartsurf/surface, all kinds in KindRegistry.h.
+// Sensors as values: what parameters and channels a kind has, and a sensor's parameters. The models
+// themselves are in smartsurf/surface, all kinds in KindRegistry.h.
 #pragma once
 
 #include <Eigen/Core>

@@ -189,8 +189,8 @@ struct Experiment::Impl {
     session.tick = tick;
   }
 
-  // Calls a function that judges the state at (t_s, tick). Afterwards the time is again that of the latest tick(), which
-  // on_finish is given.
+  // Calls a function that judges the state at (t_s, tick). Afterwards the time is again that of the latest
+  // tick(), which on_finish is given.
   template <class Function>
   auto judge(double t_s, std::uint64_t tick, Function function) {
     const double time_before_s = session.time_s;

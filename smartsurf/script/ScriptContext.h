@@ -50,8 +50,8 @@ struct ScriptContext : Sandbox {
   // The Lua type of the script's return value; "" = none. A script that returns a value is probably a module.
   std::string returned_type;
 
-  // The streams of random numbers, by purpose and by name, created at their first use. The seed names world and
-  // episode.
+  // The streams of random numbers, by purpose and by name, created at their first use. The seed names world
+  // and episode.
   std::array<std::optional<Random>, 3> random;
   std::vector<std::pair<std::string, Random>> named_random;
   std::string random_first_use;  // "FILE:LINE"

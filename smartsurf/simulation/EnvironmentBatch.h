@@ -59,9 +59,9 @@ class EnvironmentBatch {
 
   // Starts new episodes in the worlds whose mask is not 0, with the given seeds.
   void reset(std::span<const std::uint64_t> seeds, std::span<const std::uint8_t> mask, const BatchArrays&);
-  // Advances every world by one control period. A world that fails ends its episode: truncated, its reward and
-  // info NaN, its observation the last one; its next reset() brings it back. Throws if all fail; then only
-  // reset() of all worlds may follow.
+  // Advances every world by one control period. A world that fails ends its episode: truncated, its reward
+  // and info NaN, its observation the last one; its next reset() brings it back. Throws if all fail; then
+  // only reset() of all worlds may follow.
   void step(const BatchArrays&);
   // Why the world failed in the latest step(); "" if it did not.
   const std::string& error(int index) const { return worlds_[index].error; }

@@ -197,7 +197,8 @@ void SkinShape::plan(double dt_s, Field& field) noexcept {
   }
   for (const std::size_t node : clamped_) values_[node] = 0.0;
   solve(speed_of);
-  // A taut skin is nowhere higher or faster than its supports, whose extremes the actuators have entered in the field.
+  // A taut skin is nowhere higher or faster than its supports, whose extremes the actuators have entered in
+  // the field.
   std::ranges::transform(values_, s.speed.begin(), [](double v) { return static_cast<float>(v); });
 }
 

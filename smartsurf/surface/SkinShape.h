@@ -1,6 +1,6 @@
-// The supports of a skin, and the shape that they give to a taut one: without weight, the height z follows Laplace's
-// equation, ∇²z = 0, between the nodes that actuators or a clamped edge hold; a free edge is level across (∂z/∂n = 0).
-// Linear finite elements, factorised once.
+// The supports of a skin, and the shape that they give to a taut one: without weight, the height z follows
+// Laplace's equation, ∇²z = 0, between the nodes that actuators or a clamped edge hold; a free edge is level
+// across (∂z/∂n = 0). Linear finite elements, factorised once.
 #pragma once
 
 #include <cstdint>
@@ -14,11 +14,12 @@ namespace smartsurf::surface {
 
 class SkinShape {
  public:
-  // Writes Field::skin: its geometry, and its shape over the heights of the field. The surface must have a valid skin.
+  // Writes Field::skin: its geometry, and its shape over the heights of the field. The surface must have a
+  // valid skin.
   SkinShape(const scene::SurfaceSpec&, Field&);
 
-  // Call after the actuators' plan() and commit(). They move a kinematic skin with its actuators, and the supports of an
-  // elastic one. They allocate nothing, and cost nothing while no actuator moves.
+  // Call after the actuators' plan() and commit(). They move a kinematic skin with its actuators, and the
+  // supports of an elastic one. They allocate nothing, and cost nothing while no actuator moves.
   void plan(double dt_s, Field&) noexcept;
   void commit(Field&) noexcept;
 

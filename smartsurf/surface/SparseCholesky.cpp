@@ -28,8 +28,8 @@ void SparseCholesky::solve(std::span<double> b) noexcept {
   work_.setZero();
 }
 
-// The rows that a right side reaches are the ancestors of its own in the elimination tree, in which the parent of a
-// column is its first entry (Gilbert and Peierls 1988).
+// The rows that a right side reaches are the ancestors of its own in the elimination tree, in which the
+// parent of a column is its first entry (Gilbert and Peierls 1988).
 void SparseCholesky::half_solve(std::span<const std::size_t> indices, std::span<const float> values,
                                 HalfSolution& out) {
   const auto& order = factors_.permutationP().indices();

@@ -1,8 +1,8 @@
 // A symmetric positive definite system, A = PᵀL·D·LᵀP, factorised by Eigen.
 //
-// Eigen's own solve() would give the same bits for a whole right side, but it allocates, and the tick path must not.
-// For a right side with few values, of which each contact of a skin has one, Eigen has no solution that costs in
-// proportion to the columns of L that it reaches.
+// Eigen's own solve() would give the same bits for a whole right side, but it allocates, and the tick path
+// must not. For a right side with few values, of which each contact of a skin has one, Eigen has no solution
+// that costs in proportion to the columns of L that it reaches.
 #pragma once
 
 #include <Eigen/SparseCholesky>
@@ -14,8 +14,8 @@ namespace smartsurf::surface {
 
 class SparseCholesky {
  public:
-  // Both read the lower triangle. factorise() may follow with other values in the same places; zeros in these cost
-  // nothing afterwards.
+  // Both read the lower triangle. factorise() may follow with other values in the same places; zeros in these
+  // cost nothing afterwards.
   void analyse(const Eigen::SparseMatrix<double>&);
   void factorise(const Eigen::SparseMatrix<double>&);
 

@@ -146,8 +146,8 @@ json mesh_json(const view::InstancedMesh& mesh) {
           {"translucent", mesh.translucent}};
 }
 
-// The mesh of a skin, whose nodes are row-major, row 0 north, and its first and last nodes around the tops of each row and
-// column of cells; null without one.
+// The mesh of a skin, whose nodes are row-major, row 0 north, and its first and last nodes around the tops of
+// each row and column of cells; null without one.
 json skin_json(const scene::SurfaceSpec& surface, const view::ActuatorGeometry& geometry) {
   if (!surface.skin) return {};
   const auto ranges = [](std::span<const view::ActuatorGeometry::NodeRange> nodes) {

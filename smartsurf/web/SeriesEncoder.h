@@ -14,8 +14,8 @@ namespace smartsurf::web {
 
 // Layout of one array in the stream, frames × values.
 struct SeriesLayout {
-  double low = 0.0, high = 1.0;      // values of code 0 and of the largest code
-  int bytes_per_value = 2;           // 1 or 2; unsigned, with all bits set = no value
+  double low = 0.0, high = 1.0;  // values of code 0 and of the largest code
+  int bytes_per_value = 2;       // 1 or 2; unsigned, with all bits set = no value
   std::size_t values_per_frame = 0;
 };
 

@@ -317,7 +317,8 @@ float CollisionPipeline::compute_query_radii(const BodyStore& bodies, std::span<
 void CollisionPipeline::find_fast_bodies(const BodyStore& bodies) {
   fast_bodies_.clear();
   max_fast_length_ = 0.0F;
-  // Two bodies close by twice the greatest travel at most; a fast body is one that moves by half of its width.
+  // Two bodies close by twice the greatest travel at most; a fast body is one that moves by half of its
+  // width.
   may_any_pass_ = 4.0F * std::ranges::max(max_travel_) > least_thickness_;
   if (!may_any_pass_) return;
   for (std::int32_t body = 0; body < bodies.size(); ++body) {
@@ -332,7 +333,8 @@ void CollisionPipeline::find_fast_bodies(const BodyStore& bodies) {
   std::ranges::stable_sort(fast_bodies_, {}, [](const FastBody& f) { return f.low.x(); });
 }
 
-// Lists a fast body as a neighbour of all that its path may meet: the grid's search around its start would miss them.
+// Lists a fast body as a neighbour of all that its path may meet: the grid's search around its start would
+// miss them.
 void CollisionPipeline::find_fast_neighbours(const BodyStore& bodies) {
   for (const std::int32_t l : grid_->large_bodies()) {
     const Vec3 half =
@@ -484,8 +486,8 @@ void CollisionPipeline::find_support(const BodyStore& bodies, std::size_t i, flo
   match_support_patch(previous, previous.patches[from.patch], supports, patch);
 }
 
-// The static bodies near a body. What it meets in the course of the step is found where it meets the first of them;
-// what would be hit later is left to later steps, because the first impact changes its path.
+// The static bodies near a body. What it meets in the course of the step is found where it meets the first of
+// them; what would be hit later is left to later steps, because the first impact changes its path.
 void CollisionPipeline::collide_static_bodies(const BodyStore& bodies, std::size_t i,
                                               SlabResults& results) const {
   thread_local std::vector<StaticNeighbour> near;

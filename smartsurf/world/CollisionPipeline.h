@@ -36,8 +36,8 @@ class CollisionPipeline {
   // Calls found(other) for every non-static body that `body` may touch in this step.
   template <class Found>
   void for_each_nearby(const BodyStore&, std::size_t body, Found found) const;
-  // Calls found(fast, other) for the bodies that fly farther than their own size in this step, and every other
-  // non-static body that may be in their way.
+  // Calls found(fast, other) for the bodies that fly farther than their own size in this step, and every
+  // other non-static body that may be in their way.
   template <class Found>
   void for_each_in_way(const BodyStore&, Found found) const;
 
@@ -101,8 +101,8 @@ class CollisionPipeline {
   struct LargeNeighbour {
     std::int32_t body, large;
   };
-  // A body that may move farther in this step than by its own bounding radius. The grid knows it by where it starts;
-  // what lies in its way is looked for in this box.
+  // A body that may move farther in this step than by its own bounding radius. The grid knows it by where it
+  // starts; what lies in its way is looked for in this box.
   struct FastBody {
     std::int32_t body;
     Vec3 low, high;
@@ -175,8 +175,8 @@ class CollisionPipeline {
   SpatialPartition partition_;
   std::vector<float> query_radius_, speculative_margin_;
   std::vector<float> travel_;  // of any point of the body in this step, u; 0 for one that is not active
-  // By body: least width of its parts, and the speculative margin from which the body is fast, infinity for bodies
-  // outside the grid's cells, u.
+  // By body: least width of its parts, and the speculative margin from which the body is fast, infinity for
+  // bodies outside the grid's cells, u.
   std::vector<float> thickness_, fast_margin_;
   std::vector<float> max_travel_;           // by member of the team, u
   float least_thickness_ = 0.0F;            // of all bodies, u

@@ -148,7 +148,8 @@ class NativeEngine final : public Engine {
   std::vector<SkinPoint> skin_points_;
   std::vector<std::int32_t> loaded_tips_;  // with an impulse in the last step
   unsigned sleeper_impulse_version_ = 0;   // Sleep::change_count() that sleeper_impulse_ is for
-  // Bodies whose motion in this step ends where they would enter another one, ascending, and after which fraction.
+  // Bodies whose motion in this step ends where they would enter another one, ascending, and after which
+  // fraction.
   struct Stop {
     std::int32_t body;
     float fraction;

@@ -230,8 +230,9 @@ void NativeEngine::solve(const Member& member) {
                 member);
 }
 
-// A body that was swept against others may still enter one: once it has hit something it moves on another path, and a
-// corner that hits makes it spin. Then its motion ends there, and the next step finds the contact.
+// A body that was swept against others may still enter one: once it has hit something it moves on another
+// path, and a corner that hits makes it spin. Then its motion ends there, and the next step finds the
+// contact.
 void NativeEngine::stop_at_bodies() {
   stops_.clear();
   const SpatialPartition& partition = collision_.partition();

@@ -1,7 +1,7 @@
-// MuJoCo as its documentation advises for scenes with many contacts: the CG solver, Euler (nothing is damped), constraint
-// islands and multiccd; one mocap box per pin. A sensor is computed from the positions of the spheres, as a user of
-// MuJoCo would, because a ray per pin searches all geoms. The pins of the workloads move vertically, so geom/surfacevel,
-// which is tangential, does not apply.
+// MuJoCo as its documentation advises for scenes with many contacts: the CG solver, Euler (nothing is
+// damped), constraint islands and multiccd; one mocap box per pin. A sensor is computed from the positions of
+// the spheres, as a user of MuJoCo would, because a ray per pin searches all geoms. The pins of the workloads
+// move vertically, so geom/surfacevel, which is tangential, does not apply.
 #include "tests/bench/PinEngine.h"
 
 #ifdef BENCH_MUJOCO

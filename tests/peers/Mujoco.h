@@ -1,5 +1,5 @@
-// A MuJoCo model built from MJCF, with its state: an independent engine for comparison. Compiles with the newest
-// wheel and with Debian's 2.2.
+// A MuJoCo model built from MJCF, with its state: an independent engine for comparison. Compiles with the
+// newest wheel and with Debian's 2.2.
 #pragma once
 
 #include <mujoco/mujoco.h>

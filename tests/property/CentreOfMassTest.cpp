@@ -1,4 +1,5 @@
-// Bodies whose centre of mass is not the origin of their shape, against closed forms: pendulums, tipping, rolling, flight.
+// Bodies whose centre of mass is not the origin of their shape, against closed forms: pendulums, tipping,
+// rolling, flight.
 #include <gtest/gtest.h>
 
 #include <Eigen/Geometry>
@@ -68,7 +69,8 @@ TEST_P(CentreOfMass, PendulumHasItsPeriod) {
   EXPECT_LT((fixture.position(id).cast<double>() - body.position).norm(), 1e-3);
 }
 
-// On a slope of angle α a box of half width w tips over its lower edge if tan α > w / height of the centre of mass.
+// On a slope of angle α a box of half width w tips over its lower edge if tan α > w / height of the centre of
+// mass.
 TEST_P(CentreOfMass, BoxTipsOnItsSlope) {
   for (const double height : {-0.7, 0.0, 0.8})
     for (const double factor : {0.97, 1.03}) {
@@ -117,7 +119,8 @@ TEST_P(CentreOfMass, LoadedBallRocksWithItsPeriod) {
   EXPECT_NEAR(period / expected, 1.0, 0.01);
 }
 
-// A loaded ball and a loaded capsule right themselves, whatever side they lie on. On Bullet the ball may rest in a gap.
+// A loaded ball and a loaded capsule right themselves, whatever side they lie on. On Bullet the ball may rest
+// in a gap.
 TEST_P(CentreOfMass, LoadedBodiesRightThemselves) {
   std::vector<ObjectSpec> bodies{sphere(1.0, {8, 15, 1.02}), capsule(1.0, 2.2, {20, 15, 1.12})};
   fixture.scene.materials[0].rolling_friction = 0.05;

@@ -201,7 +201,8 @@ TEST_P(YieldingDelta, HeavyLoadOnSoftTipOscillatesAtItsFrequency) {
   auto o = box({1.6, 1.6, 1}, {0.5, 0.5, 2.4});
   o.mass = mass;
   const auto id = fixture.add(o);
-  // Released at the length of the unloaded springs, it turns half a period later, at twice the static deflection.
+  // Released at the length of the unloaded springs, it turns half a period later, at twice the static
+  // deflection.
   double lowest = 10.0, at_s = 0.0, t_s = 0.0;
   fixture.run(1.0, [&] {
     t_s += GetParam();

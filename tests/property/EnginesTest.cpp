@@ -121,8 +121,8 @@ TEST_P(Engines, BallBouncesToItsRestitutionSquared) {
   EXPECT_NEAR(highest - 0.5F, 0.64 * 2.0, 0.05 * 0.64 * 2.0);
 }
 
-// A border is a wall down to the feet of the cells, however high it stands above actuators that do not move. Its face is
-// 0.4 u west of the centres of its cells.
+// A border is a wall down to the feet of the cells, however high it stands above actuators that do not move.
+// Its face is 0.4 u west of the centres of its cells.
 TEST_P(Engines, BorderHigherThanTheActuatorsStopsWhatSlidesBelowItsTop) {
   PhysicsFixture p = make();
   p.scene.surface.pin.max_height = p.scene.surface.pin.min_height = 0.0;

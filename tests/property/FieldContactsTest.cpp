@@ -1,4 +1,5 @@
-// The narrow phase of the field reports every penetration: a body that is in a cell has a contact as deep as that.
+// The narrow phase of the field reports every penetration: a body that is in a cell has a contact as deep as
+// that.
 #include <gtest/gtest.h>
 
 #include <algorithm>

@@ -80,7 +80,8 @@ double penetration_into_field(const surface::Field& f, const Shape& shape, const
   for (int i = 0; i < f.cells(); ++i) {
     const Eigen::Vector2f cell = f.centre(i);
     const float top = f.height[static_cast<std::size_t>(i)];
-    if ((cell - pose.centre.head<2>()).cwiseAbs().maxCoeff() > reach || top < pose.centre.z() - reach) continue;
+    if ((cell - pose.centre.head<2>()).cwiseAbs().maxCoeff() > reach || top < pose.centre.z() - reach)
+      continue;
     for (const Vec3& local : points) {
       const Vec3 p = pose.centre + pose.axes * local;
       deepest = std::max(deepest, std::min({top - p.z(), f.half_top_x - std::abs(p.x() - cell.x()),
@@ -90,8 +91,12 @@ double penetration_into_field(const surface::Field& f, const Shape& shape, const
     for (int k = -kEdgeSamples; k <= kEdgeSamples; ++k) {
       const float u = static_cast<float>(k) / kEdgeSamples;
       for (const float side : {-1.0F, 1.0F}) {
-        deepest = std::max(deepest, depth_of(shape, pose, {cell.x() + side * f.half_top_x, cell.y() + u * f.half_top_y, top}));
-        deepest = std::max(deepest, depth_of(shape, pose, {cell.x() + u * f.half_top_x, cell.y() + side * f.half_top_y, top}));
+        deepest = std::max(
+            deepest,
+            depth_of(shape, pose, {cell.x() + side * f.half_top_x, cell.y() + u * f.half_top_y, top}));
+        deepest = std::max(
+            deepest,
+            depth_of(shape, pose, {cell.x() + u * f.half_top_x, cell.y() + side * f.half_top_y, top}));
       }
     }
   }

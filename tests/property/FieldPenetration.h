@@ -1,5 +1,5 @@
-// The depth by which a convex shape enters the cells of a field, from sample points and closed forms, independently of
-// the engine's narrow phase.
+// The depth by which a convex shape enters the cells of a field, from sample points and closed forms,
+// independently of the engine's narrow phase.
 #pragma once
 
 #include "smartsurf/scene/Snapshot.h"

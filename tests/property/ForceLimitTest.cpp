@@ -131,8 +131,8 @@ TEST(ForceLimit, UnevenLoadStallsOnlyOverloadedPins) {
   EXPECT_GT(fixture.position(plank).z(), 0.7F);
 }
 
-// Loads of the columns of cells, linear in x and within the limit, that bear `total` with the moment `moment` about the
-// middle: least squares.
+// Loads of the columns of cells, linear in x and within the limit, that bear `total` with the moment `moment`
+// about the middle: least squares.
 std::array<double, 5> bounded_loads(double total, double moment, double limit) {
   std::array<double, 5> load{};
   auto sum = [&](double a, double b) {
@@ -157,7 +157,8 @@ std::array<double, 5> bounded_loads(double total, double moment, double limit) {
 }
 
 TEST(ForceLimit, LoadsAreTheLeastSquaresWithinTheLimits) {
-  // A force at `lever` east of the middle of a box on 5 × 5 raised pins: no pin, one column, two columns give all.
+  // A force at `lever` east of the middle of a box on 5 × 5 raised pins: no pin, one column, two columns give
+  // all.
   constexpr double kWeight = 25 * kGravity;
   for (const auto& [force, lever, full] :
        {std::tuple{0.0, 0.0, 0}, {300.0, 1.0, 0}, {400.0, 1.0, 1}, {400.0, 1.3, 2}}) {

@@ -1,5 +1,5 @@
-// Impacts against closed forms, over time steps from 1/60 to 1/960 s: friction on the rebound, chains of balls, flat
-// and off-centre hits, energy over many bounces.
+// Impacts against closed forms, over time steps from 1/60 to 1/960 s: friction on the rebound, chains of
+// balls, flat and off-centre hits, energy over many bounces.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -78,8 +78,8 @@ TEST(Impact, BlowTravelsThroughRowOfBalls) {
 }
 
 TEST(Impact, CueBallPartsTwoBallsSymmetrically) {
-  // Three balls of equal mass, two of them touching: with e = 1 each of the two leaves at 2√3/5 of the speed along
-  // its line of centres, the cue ball at −1/5.
+  // Three balls of equal mass, two of them touching: with e = 1 each of the two leaves at 2√3/5 of the speed
+  // along its line of centres, the cue ball at −1/5.
   for (const double dt_s : kSteps_s) {
     ImpactFixture fixture(dt_s, 1.0, 0.0);
     fixture.scene.world.gravity = {0, 0, 0};
@@ -121,8 +121,8 @@ TEST(Impact, FrictionActsOnTheRebound) {
 }
 
 TEST(Impact, SlidingBoxAndHullKeepTheLaw) {
-  // The torque of friction about the centre moves the load to the front, but not off the face: the body does not turn,
-  // and loses µ·(1 + e)·v_z.
+  // The torque of friction about the centre moves the load to the front, but not off the face: the body does
+  // not turn, and loses µ·(1 + e)·v_z.
   for (const double dt_s : kSteps_s)
     for (const bool hull : {false, true}) {
       ImpactFixture fixture(dt_s, 0.0, 0.1);
@@ -137,8 +137,8 @@ TEST(Impact, SlidingBoxAndHullKeepTheLaw) {
 }
 
 TEST(Impact, OffCentreHitOfBox) {
-  // A box tilted by 30° about y lands on its lower edge: planar rigid body, impulse at r from the centre, Newton's law
-  // of the normal velocity, without friction and with friction enough to stick.
+  // A box tilted by 30° about y lands on its lower edge: planar rigid body, impulse at r from the centre,
+  // Newton's law of the normal velocity, without friction and with friction enough to stick.
   for (const double dt_s : kSteps_s)
     for (const double e : {1.0, 0.5})
       for (const double friction : {0.0, 0.1, 3.0}) {
@@ -257,8 +257,9 @@ TEST(Impact, HeapOfElasticBallsGainsNoEnergy) {
 }
 
 TEST(Impact, BallInClosingWedgeIsNotThrown) {
-  // Pins rise at w against a lid within the friction cones. A ball that bounces between both gains w per round and loses
-  // by e: it tends to w/(1 − e). Without rebound it jams; the push-out then moves it at 4 u/s at most.
+  // Pins rise at w against a lid within the friction cones. A ball that bounces between both gains w per
+  // round and loses by e: it tends to w/(1 − e). Without rebound it jams; the push-out then moves it at 4 u/s
+  // at most.
   for (const double dt_s : {1.0 / 60, 1.0 / 240})
     for (const double e : {0.0, 0.2, 0.5})
       for (const double tilt : {5.0, 15.0}) {
@@ -272,7 +273,8 @@ TEST(Impact, BallInClosingWedgeIsNotThrown) {
         fixture.cells().set_targets(0, std::vector<float>(32 * 32, 6.0F));
         double fastest = 0;
         fixture.run(2.0, [&] { fastest = std::max(fastest, fixture.world().state(id).velocity.norm()); });
-        EXPECT_LT(fastest, e > 0 ? 1.05 * 1.5 / (1 - e) : 4.5) << "e " << e << ", tilt " << tilt << ", 1/" << 1 / dt_s;
+        EXPECT_LT(fastest, e > 0 ? 1.05 * 1.5 / (1 - e) : 4.5)
+            << "e " << e << ", tilt " << tilt << ", 1/" << 1 / dt_s;
       }
 }
 

@@ -135,8 +135,8 @@ TEST(IndependentEngine, SpinningBoxSlidesToRest) {
   o.velocity = {3.5, 2.0, 0};
   o.angular_velocity = {0, 0, 3};
   c.objects = {o};
-  // MuJoCo's box bears on the corners of what it shares with each cell, so that its spin ends earlier, and rocks
-  // slightly at the seams. Support.SpinningBoxSlidesInACurve has the uniform pressure.
+  // MuJoCo's box bears on the corners of what it shares with each cell, so that its spin ends earlier, and
+  // rocks slightly at the seams. Support.SpinningBoxSlidesInACurve has the uniform pressure.
   expect_agreement(c, 0.5, {0.06, 0.2, 1.4});
   expect_agreement(c, 2.0, {0.12, 0.01, 0.01});
 }

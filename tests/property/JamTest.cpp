@@ -49,7 +49,8 @@ class Jam {
     for (int i = 0; i < 14; ++i) add(shape, i);
   }
 
-  // A wall of pins sweeps the objects into the south-western corner; then the pins in the corner go up and down.
+  // A wall of pins sweeps the objects into the south-western corner; then the pins in the corner go up and
+  // down.
   void shovel() {
     constexpr double kSettle_s = 1.0, kSweep_s = 4.0, kShake_s = 3.0, kShakePeriod_s = 0.5;
     run(kSettle_s);

@@ -213,7 +213,8 @@ struct OscillatorFixture : JointFixture {
   }
 };
 
-// Where the period is about that of the steps, the energy varies within a period, and neither grows nor decays.
+// Where the period is about that of the steps, the energy varies within a period, and neither grows nor
+// decays.
 TEST_P(Joints, StiffSpringKeepsItsAmplitude) {
   const double omega = 4.0 / GetParam();
   OscillatorFixture fixture(GetParam(), omega);
@@ -388,7 +389,8 @@ TEST_P(Joints, FixedJointMakesOneBody) {
               2e-3 * 10.0 * rate);
 }
 
-// A hinge whose axis is not principal for the body: what it takes to keep the axis must not slow the rotation down.
+// A hinge whose axis is not principal for the body: what it takes to keep the axis must not slow the rotation
+// down.
 TEST_P(Joints, SkewAxisKeepsTheEnergy) {
   JointFixture fixture(GetParam());
   fixture.scene.world.gravity = Vector3d::Zero();
@@ -504,7 +506,8 @@ TEST_P(Joints, ScaleWithThePitch) {
 
 namespace {
 
-// Slender links in the plane y = 15, hinged along y; each lies in a layer of its own, so that they do not meet.
+// Slender links in the plane y = 15, hinged along y; each lies in a layer of its own, so that they do not
+// meet.
 struct PlanarLinks : JointFixture {
   struct Link {
     double length, width, mass, angle;  // angle: from east upwards
@@ -546,8 +549,8 @@ struct PlanarLinks : JointFixture {
     }
     return sum;
   }
-  // The greatest change of the energy, relative to that of all mass at the chain's length, and the greatest spin
-  // out of the plane.
+  // The greatest change of the energy, relative to that of all mass at the chain's length, and the greatest
+  // spin out of the plane.
   std::pair<double, double> errors_over(double seconds) {
     const double first = energy();
     double error = 0.0, spin = 0.0;
@@ -635,8 +638,8 @@ TEST_P(Joints, ChainsKeepTheirEnergyInTheirPlane) {
   }
 }
 
-// Polygons whose last corner is hinged to the table (four-bar linkages, say), or to the first link. The hinges hold each
-// other's axes: they have more rows than the links can obey one by one.
+// Polygons whose last corner is hinged to the table (four-bar linkages, say), or to the first link. The
+// hinges hold each other's axes: they have more rows than the links can obey one by one.
 TEST_P(Joints, LoopsKeepTheirEnergyInTheirPlane) {
   for (unsigned seed = 0; seed < 8; ++seed) {
     std::mt19937 random(seed);

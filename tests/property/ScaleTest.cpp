@@ -1,5 +1,5 @@
-// A scene described in another unit of length behaves alike: lengths, speeds, gravity and forces scale with the
-// unit, times and masses do not.
+// A scene described in another unit of length behaves alike: lengths, speeds, gravity and forces scale with
+// the unit, times and masses do not.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -54,8 +54,8 @@ struct Track {
   int sleeping = 0;                                 // at the end
 };
 
-// One object of each shape, apart from each other, thrown onto a table that tilts into a ramp, pushed, and put
-// elsewhere.
+// One object of each shape, apart from each other, thrown onto a table that tilts into a ramp, pushed, and
+// put elsewhere.
 Track run_scene(double unit) {
   PhysicsFixture fixture;
   scale_scene(fixture, unit);

@@ -43,8 +43,8 @@ scene::ObjectSpec make_compound(const std::vector<Block>& blocks) {
   return o;
 }
 
-// Blocks of random lengths side by side, with their tops at z = 0, from x = −2 on: one row, or two rows whose seam is
-// under the path y = 0.
+// Blocks of random lengths side by side, with their tops at z = 0, from x = −2 on: one row, or two rows whose
+// seam is under the path y = 0.
 std::vector<Block> random_track(std::mt19937& random, double length) {
   const auto uniform = [&](double low, double high) {
     return std::uniform_real_distribution<double>(low, high)(random);

@@ -71,7 +71,8 @@ class Skin : public testing::TestWithParam<double> {
 };
 INSTANTIATE_TEST_SUITE_P(Steps, Skin, testing::Values(1.0 / 60, 1.0 / 240, 1.0 / 960));
 
-// Points hold the skin in a plane that rises to the east. Its free edges bend it, by e^(−2π) at one pitch from them.
+// Points hold the skin in a plane that rises to the east. Its free edges bend it, by e^(−2π) at one pitch
+// from them.
 SkinCase ramp(double angle) {
   return {5, 24, 0, 0, [=](int, int column) { return std::tan(angle) * column; }, {}};
 }

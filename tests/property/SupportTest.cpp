@@ -1,5 +1,5 @@
-// A flat object loads all the cells that it covers, and each cell rubs with its own load, whether or not the cells have
-// a force limit that they do not reach.
+// A flat object loads all the cells that it covers, and each cell rubs with its own load, whether or not the
+// cells have a force limit that they do not reach.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -107,8 +107,8 @@ TEST_P(Support, SmallBoxesLoadTheirCellsEqually) {
 }
 
 TEST_P(Support, LargePlatesLoadAllTheirCells) {
-  // On a plateau of its own size every cell at its edge, and on every second cell each cell, has contact points of its
-  // own: many more than a manifold's candidates.
+  // On a plateau of its own size every cell at its edge, and on every second cell each cell, has contact
+  // points of its own: many more than a manifold's candidates.
   for (const auto& [size, every] : {std::pair{16, 1}, {20, 1}, {16, 2}, {20, 2}}) {
     SupportFixture fixture;
     for (int r = 0; r < 32; ++r)
@@ -202,7 +202,8 @@ TEST_P(Support, CylindersHullsAndSolidsLoadAllTheirCells) {
     expect_equal_loads(fixture, 5, total_load(fixture));
   }
   {
-    // On its flat: the 9 cells that it covers fully bear alike, the others by the area that they share with the disc.
+    // On its flat: the 9 cells that it covers fully bear alike, the others by the area that they share with
+    // the disc.
     SupportFixture fixture;
     const double radius = 2.25;
     fixture.add(cylinder(radius, 1, {15, 15, 0.5}));
@@ -321,8 +322,9 @@ TEST_P(Support, SpinningBoxSlowsByTheFrictionOfEachCell) {
 }
 
 TEST_P(Support, SpinningBoxSlidesInACurve) {
-  // Sliding moves the centre of the load forward by µ times the height of the centre of mass. The front then rubs more
-  // than the rear, which deflects a spinning box. The reference integrates a linear pressure over the face.
+  // Sliding moves the centre of the load forward by µ times the height of the centre of mass. The front then
+  // rubs more than the rear, which deflects a spinning box. The reference integrates a linear pressure over
+  // the face.
   const Eigen::Vector2d size(3, 2);
   const double height = 0.8, mass = size.prod() * height, inertia = mass * size.squaredNorm() / 12;
   SupportFixture fixture;

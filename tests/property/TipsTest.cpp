@@ -46,7 +46,8 @@ void tilt_tile(PhysicsFixture& fixture, double roll, double pitch) {
   fixture.run(2.0);
 }
 
-// Where a body touches whose underside is `height` below its centre, over the middle of a tile with that pitch.
+// Where a body touches whose underside is `height` below its centre, over the middle of a tile with that
+// pitch.
 Eigen::Vector3d on_slope(double pitch, double height) {
   return {height * std::sin(pitch), 0, height * std::cos(pitch)};
 }

@@ -60,8 +60,8 @@ class LocalHost : public vm::Host {
   double read_timer_s(std::string_view name) override { return timers_.read_s(name); }
   vm::HostStatus wait(double seconds) override;
 
-  // Loads the modules that the program names, if they are permitted; call before it runs. Returns an error message, or
-  // empty.
+  // Loads the modules that the program names, if they are permitted; call before it runs. Returns an error
+  // message, or empty.
   std::string load_modules(const std::vector<std::string>& names, const std::vector<std::string>& permitted,
                            const std::vector<std::string>& directories);
   vm::HostStatus call_plugin(std::string_view module, int operation,

@@ -6,9 +6,9 @@
 #include <utility>
 #include <vector>
 
-#include "common/color/Palette.h"
 #include "apron/debugger/DebugSnapshot.h"
 #include "apron/ui/ViewModel.h"
+#include "common/color/Palette.h"
 
 namespace apron::ui {
 

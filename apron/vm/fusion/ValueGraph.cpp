@@ -260,7 +260,8 @@ class ValueGraphBuilder {
     eliminate_dead_nodes();
   }
 
-  // The value itself, or a copy of it: a stage writes kMaxResults rows, and one value may go to many registers.
+  // The value itself, or a copy of it: a stage writes kMaxResults rows, and one value may go to many
+  // registers.
   std::uint32_t writer_for(std::uint32_t value) {
     auto& [writer, count] = writers_.try_emplace(value, value, 0U).first->second;
     if (++count <= kMaxResults) return writer;

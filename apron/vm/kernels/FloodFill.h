@@ -1,5 +1,5 @@
-// flood, distance, spread.max and spread.sum: the fixed point of their one-step rules (opcodes.def), in a few passes over
-// the array, independent of the distance.
+// flood, distance, spread.max and spread.sum: the fixed point of their one-step rules (opcodes.def), in a few
+// passes over the array, independent of the distance.
 #pragma once
 
 #include <cstdint>

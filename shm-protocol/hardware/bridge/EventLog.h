@@ -10,8 +10,8 @@
 
 namespace hardware {
 
-// A lasting fault of the line or the device repeats the same few lines. Each is printed at once; its repetitions
-// within a second are counted, and the next one printed says how many: "… (57 times more)".
+// A lasting fault of the line or the device repeats the same few lines. Each is printed at once; its
+// repetitions within a second are counted, and the next one printed says how many: "… (57 times more)".
 class EventLog {
  public:
   using Clock = std::chrono::steady_clock;

@@ -1,5 +1,5 @@
-// An array of pillars with touch, on which a ball rolls, like ArrayBot's: 17 mm from pillar to pillar, 55 mm of
-// travel.
+// An array of pillars with touch, on which a ball rolls, like ArrayBot's: 17 mm from pillar to pillar, 55 mm
+// of travel.
 //
 // Channels: pressure (u8, the load of each pillar in tenths of kg·cm/s²) and the actuator height (u8, in cm).
 // The ball, of 10 g, is a point that rolls down the plane through the pillars near it, slows down by rolling

@@ -103,7 +103,8 @@ class SurfaceEndpoint {
   // Adds one to counters().deadline_misses: a control period answered late (hardware surfaces).
   void miss_deadline() noexcept;
 
-  // False if another process has removed the segment's file: the session goes on, but no controller can attach.
+  // False if another process has removed the segment's file: the session goes on, but no controller can
+  // attach.
   bool is_reachable() const noexcept;
   bool has_controller() const noexcept;
   std::uint32_t controller_pid() const noexcept;  // 0: none

@@ -13,8 +13,8 @@ namespace {
 
 constexpr std::size_t kBlock = 4096;  // bytes copied, then checked while still in the L1 cache
 
-// Function multiversioning: the loader selects the variant for the CPU. It is disabled under sanitizers, which
-// are not initialised when the resolvers run.
+// Function multiversioning: the loader selects the variant for the CPU. It is disabled under sanitizers,
+// which are not initialised when the resolvers run.
 #if defined(__x86_64__) && !defined(__clang__) && !defined(__SANITIZE_THREAD__) && \
     !defined(__SANITIZE_ADDRESS__)
 #define FOR_EACH_MACHINE __attribute__((target_clones("default", "avx2", "avx512f")))
@@ -22,8 +22,8 @@ constexpr std::size_t kBlock = 4096;  // bytes copied, then checked while still 
 #define FOR_EACH_MACHINE
 #endif
 
-// Returns whether every value is within the range; false for NaN. Reads only, so that the common case, in which
-// nothing is replaced, costs little more than the copy.
+// Returns whether every value is within the range; false for NaN. Reads only, so that the common case, in
+// which nothing is replaced, costs little more than the copy.
 FOR_EACH_MACHINE bool all_within(const float* values, std::size_t count, float lowest,
                                  float highest) noexcept {
   std::int32_t outside = 0;

@@ -44,7 +44,8 @@ class RingView {
     return info;
   }
 
-  // Returns whether the frame stayed complete since read_info() returned it. Call it after reading the arrays.
+  // Returns whether the frame stayed complete since read_info() returned it. Call it after reading the
+  // arrays.
   bool is_still_valid(const FrameInfo& info) const noexcept {
     // The array reads must not be reordered after this load.
     fence_acquire();

@@ -36,7 +36,7 @@ class StorePolicy {
   }
 
  private:
-  static constexpr int kSamplesPerPolicy = 8;  // the minimum counts, to ignore disturbances
+  static constexpr int kSamplesPerPolicy = 8;                   // the minimum counts, to ignore disturbances
   static constexpr int kMinInterval = 64, kMaxInterval = 1024;  // frames between samplings
 
   bool is_sampling() const noexcept { return sample_ < 2 * kSamplesPerPolicy; }

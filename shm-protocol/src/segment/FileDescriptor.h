@@ -10,7 +10,8 @@ namespace shm_protocol {
 class FileDescriptor {
  public:
   FileDescriptor() noexcept = default;
-  // Takes `number`, replacing 0, 1 or 2 by a duplicate. Leaves errno as it is, or says why there is no duplicate.
+  // Takes `number`, replacing 0, 1 or 2 by a duplicate. Leaves errno as it is, or says why there is no
+  // duplicate.
   explicit FileDescriptor(int number) noexcept;
   ~FileDescriptor();
   FileDescriptor(FileDescriptor&& other) noexcept : number_(std::exchange(other.number_, -1)) {}
@@ -28,8 +29,8 @@ class FileDescriptor {
 // Returns whether the path still names the open file.
 bool is_still(int descriptor, const std::string& path) noexcept;
 
-// Opens a file that anyone may have put there: neither a FIFO without a peer, a file lease nor a symbolic link
-// delays or redirects the call. Returns the descriptor, or -1 with errno.
+// Opens a file that anyone may have put there: neither a FIFO without a peer, a file lease nor a symbolic
+// link delays or redirects the call. Returns the descriptor, or -1 with errno.
 int open_untrusted(const std::string& path, int flags) noexcept;
 
 }  // namespace shm_protocol

@@ -15,7 +15,8 @@
 namespace shm_protocol {
 namespace {
 
-// The descriptors of this process's locks, for a forked child to close: −1 a free slot, −2 one that is being filled.
+// The descriptors of this process's locks, for a forked child to close: −1 a free slot, −2 one that is being
+// filled.
 constexpr int kFree = -1, kBeingFilled = -2;
 constexpr int kSlots = 4096;
 struct Slots {

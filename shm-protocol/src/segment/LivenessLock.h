@@ -1,5 +1,6 @@
-// Liveness by locks: each side of a session holds a lock on one byte of the segment's file, which the kernel releases
-// when its process ends, however it ends. Unlike process words, locks are seen across pid namespaces and without /proc.
+// Liveness by locks: each side of a session holds a lock on one byte of the segment's file, which the kernel
+// releases when its process ends, however it ends. Unlike process words, locks are seen across pid namespaces
+// and without /proc.
 #pragma once
 
 #include <array>
@@ -15,12 +16,13 @@ enum class Side : int { kSurface = 0, kController = 1 };
 // True if another open file description than `descriptor`'s holds the lock of that side.
 bool is_locked(int descriptor, Side) noexcept;
 
-// A descriptor for the locks alone: neither mapped nor inherited by a forked child, since either would keep a lock
-// beyond the end of its holder.
+// A descriptor for the locks alone: neither mapped nor inherited by a forked child, since either would keep a
+// lock beyond the end of its holder.
 class LivenessLock {
  public:
   LivenessLock() noexcept = default;
-  // Opens the file that `path` names if it is the one that `file` refers to; otherwise no lock is held or seen.
+  // Opens the file that `path` names if it is the one that `file` refers to; otherwise no lock is held or
+  // seen.
   LivenessLock(const std::string& path, int flags, int file) noexcept;
   ~LivenessLock() { release(); }
   LivenessLock(LivenessLock&&) noexcept;
@@ -29,8 +31,8 @@ class LivenessLock {
   // False if another process holds it. True, too, where the system has no such locks.
   bool take(Side) noexcept;
   void release() noexcept;
-  // Whether the process of that side, which another one than this object's must be, lives: by the lock, if that process
-  // was ever seen to hold it, otherwise by the process word.
+  // Whether the process of that side, which another one than this object's must be, lives: by the lock, if
+  // that process was ever seen to hold it, otherwise by the process word.
   bool is_alive(Side, ProcessIdentity) noexcept;
 
  private:

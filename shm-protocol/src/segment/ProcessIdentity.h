@@ -14,7 +14,8 @@ ProcessIdentity own_process_identity();
 std::uint32_t pid_of(ProcessIdentity) noexcept;
 
 // Returns whether that process (not another one with a recycled pid) exists and is not a zombie. A stopped
-// process is alive. If /proc hides the process, an existing pid counts as alive. Does not allocate; takes about 10 µs.
+// process is alive. If /proc hides the process, an existing pid counts as alive. Does not allocate; takes
+// about 10 µs.
 bool is_alive(ProcessIdentity) noexcept;
 
 }  // namespace shm_protocol

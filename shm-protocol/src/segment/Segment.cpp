@@ -119,8 +119,8 @@ void Segment::rename_into_place() {
 
 void Segment::remove() noexcept {
   const int descriptor = impl_->file.number();
-  // The lock serialises this with a cleaner that has just found the same file (see remove_if_orphan). A cleaner
-  // holds it for microseconds, and removes nothing while this process lives.
+  // The lock serialises this with a cleaner that has just found the same file (see remove_if_orphan). A
+  // cleaner holds it for microseconds, and removes nothing while this process lives.
   lock_within_bound(descriptor);
   if (is_still(descriptor, impl_->path)) ::unlink(impl_->path.c_str());
   ::flock(descriptor, LOCK_UN);

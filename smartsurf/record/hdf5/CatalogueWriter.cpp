@@ -134,9 +134,7 @@ void CatalogueWriter::append(std::span<const scene::ObjectSpec> objects) {
   solids_.add(objects);
   const auto scalar = [](double v) { return std::vector<double>{v}; };
   const auto vector = [](const Eigen::Vector3d& v) { return std::vector<double>{v.x(), v.y(), v.z()}; };
-  const auto material = [&](const Spec& o) -> const scene::Material& {
-    return materials_.at(o.material);
-  };
+  const auto material = [&](const Spec& o) -> const scene::Material& { return materials_.at(o.material); };
   const auto mass = [&](const Spec& o) { return o.mass.value_or(material(o).density * o.volume()); };
 
   std::vector<std::uint32_t> ids(objects.size());

@@ -8,8 +8,8 @@
 
 namespace smartsurf::record {
 
-// Returns whether the action returns or throws within 15 s of processor time, without a crash. It runs in a forked
-// child, so its side effects are lost. Throws std::runtime_error if no child can be created.
+// Returns whether the action returns or throws within 15 s of processor time, without a crash. It runs in a
+// forked child, so its side effects are lost. Throws std::runtime_error if no child can be created.
 bool completes_in_child(const std::function<void()>& action);
 
 }  // namespace smartsurf::record

@@ -106,8 +106,8 @@ void require_matching_inputs(const record::Recording& recording, const simulatio
                                   recording.read_inputs(0).size(), values));
 }
 
-// A recording names its experiment, and could name any file in any folder. Files beside it are read only if it is still
-// there, unchanged: then the folder holds what the run read.
+// A recording names its experiment, and could name any file in any folder. Files beside it are read only if
+// it is still there, unchanged: then the folder holds what the run read.
 bool is_in_place(const record::Recording& recording) {
   std::string text;
   return !common::read_file(recording.spec().file, common::kMaxTextBytes, text) &&

@@ -1,5 +1,5 @@
-// option: values that the command line can override. random, random_stream, math.random: the experiment's random
-// numbers.
+// option: values that the command line can override. random, random_stream, math.random: the experiment's
+// random numbers.
 #include <algorithm>
 #include <cctype>
 #include <charconv>

@@ -281,7 +281,8 @@ void Interpreter::call(int arguments, int results, const Budget& budget,
     std::rethrow_exception(std::exchange(deferred_exception_, nullptr));
   }
   if (budget_exceeded_) {
-    // The end of the call, whatever became of the error: Lua returns it as a value where a coroutine is closed.
+    // The end of the call, whatever became of the error: Lua returns it as a value where a coroutine is
+    // closed.
     lua_settop(lua_, base - 1);
     lua_pushlstring(lua_, budget_message_.data(), budget_message_.size());
     throw_input_error(LUA_ERRRUN, fallback_location);

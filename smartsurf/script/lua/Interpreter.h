@@ -162,8 +162,8 @@ std::string to_single_line(std::string_view text);
 // Leaves the Lua error value for `e` on the stack.
 void push_error(Sandbox&, lua_State* L, const std::exception& e);
 
-// Wraps a binding, int(Sandbox&, lua_State*) or with a struct derived from Sandbox, as a lua_CFunction that converts
-// exceptions to Lua errors with the script's location.
+// Wraps a binding, int(Sandbox&, lua_State*) or with a struct derived from Sandbox, as a lua_CFunction that
+// converts exceptions to Lua errors with the script's location.
 template <auto binding>
 int guarded(lua_State* L) {
   Sandbox& sandbox = Interpreter::sandbox_of(L);

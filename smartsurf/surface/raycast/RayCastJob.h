@@ -1,4 +1,5 @@
-// What the rays of a surface are cast against, and where the results go. Private to smartsurf/surface/raycast.
+// What the rays of a surface are cast against, and where the results go. Private to
+// smartsurf/surface/raycast.
 #pragma once
 
 #include <Eigen/Core>

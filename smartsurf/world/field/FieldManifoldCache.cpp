@@ -191,9 +191,9 @@ void FieldManifoldCache::collide(const BodyStore& bodies, std::size_t i, float m
   reduce(bodies, i, margin, std::numeric_limits<float>::infinity(), chunk_cache, out);
 }
 
-// Updates the separations of the cached points and appends a reduced manifold per plane of each part. Returns false and
-// appends nothing if the body has slipped too far at any point: each pair of points was aligned along its
-// normal when cached.
+// Updates the separations of the cached points and appends a reduced manifold per plane of each part. Returns
+// false and appends nothing if the body has slipped too far at any point: each pair of points was aligned
+// along its normal when cached.
 bool FieldManifoldCache::reduce(const BodyStore& bodies, std::size_t i, float margin, float slip_limit,
                                 const ChunkCache& chunk_cache, std::vector<Contact>& out) const {
   const CachedManifold& manifold = chunk_cache.manifolds.back();

@@ -81,8 +81,8 @@ struct SupportPatch {
   double force = 0.0;   // sum of the normal impulses for which `load` holds
   double load_sums[3] = {},
          load_stiffness[6] = {};  // of `load`, in its coordinates; stiffness as a symmetric matrix
-  // Offset from the centre of the loads to that of the normal impulses. It is not 0 where the samples cannot balance the
-  // moment, for example if the body overhangs them.
+  // Offset from the centre of the loads to that of the normal impulses. It is not 0 where the samples cannot
+  // balance the moment, for example if the body overhangs them.
   double offset_x = 0.0, offset_y = 0.0;
   double centre_of_force[2] = {};  // of these normal impulses, in the coordinates of `load`
   double response[6] = {}, inverse_response[6] = {};  // see SupportSolver

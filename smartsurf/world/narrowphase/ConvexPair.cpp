@@ -34,7 +34,8 @@ void for_each_escape(const ConvexProxy& c, const Vec3& towards, Try try_directio
   if (const float length = across.norm(); length > 1e-6F) try_direction(Vec3(across / length));
 }
 
-// The direction to separate overlapping cores: that of least penetration among the face normals of both parts.
+// The direction to separate overlapping cores: that of least penetration among the face normals of both
+// parts.
 ContactCandidate find_deepest(const ConvexProxy& a, const ConvexProxy& b) {
   ContactCandidate best{{0, 0, 1}, -std::numeric_limits<float>::max(), {}};
   auto try_direction = [&](const Vec3& n) {

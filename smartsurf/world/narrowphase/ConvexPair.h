@@ -15,8 +15,8 @@ struct PlacedShape {
   const Mat3& axes;
 };
 
-// A box that is much larger than the other body is trimmed to a window around it, because GJK loses precision on
-// long, thin simplices.
+// A box that is much larger than the other body is trimmed to a window around it, because GJK loses precision
+// on long, thin simplices.
 struct TrimmedBox {
   Shape shape;
   Vec3 centre;

@@ -13,8 +13,8 @@ namespace {
 constexpr float kMarked = std::numeric_limits<float>::infinity();
 constexpr float kLevel = 1e-3F;         // faces are level up to this, u
 constexpr float kMinCosine = 0.99999F;  // between the normals of level faces
-// A contact point is at an edge of a face if it is this close to its plane, u: bodies overlap a little, and round
-// off each other's edges by their convex radius.
+// A contact point is at an edge of a face if it is this close to its plane, u: bodies overlap a little, and
+// round off each other's edges by their convex radius.
 constexpr float kEdgeDepth = 0.02F;
 constexpr float kMinTilt =
     3e-4F;  // sine of the angle between face and contact normal of a contact at an edge
@@ -71,8 +71,8 @@ bool is_continued(std::span<const Solid> solids, std::size_t own_solid, const Co
   return found;
 }
 
-// The plane in which a contact at `point`, with the unit normal out of the solids, lies; none if it is no internal
-// edge.
+// The plane in which a contact at `point`, with the unit normal out of the solids, lies; none if it is no
+// internal edge.
 std::optional<Plane> plane_of(std::span<const Solid> solids, const Vec3& point, const Vec3& normal) {
   std::optional<Plane> found;
   for_each_solid_part(solids, [&](std::size_t i, const ConvexPart& part) {

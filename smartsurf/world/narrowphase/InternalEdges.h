@@ -1,5 +1,5 @@
-// Edges that do not exist: where a face of one part is continued by a level face of another, the edge between them
-// is inside a plane, and a contact there must have the normal of that plane.
+// Edges that do not exist: where a face of one part is continued by a level face of another, the edge between
+// them is inside a plane, and a contact there must have the normal of that plane.
 #pragma once
 
 #include <span>
@@ -24,13 +24,13 @@ struct SeamContact {
 
 // A single convex part has no internal edges.
 bool may_have_internal_edges(std::span<const Solid>);
-// Gives contacts on internal edges the normal of the plane, or marks them with an infinite separation if another
-// contact has that normal. The contacts are all those of a body with the solids. `are_b`: the normals point away
-// from the solids. `sphere_radius`: of the body, u; 0 for other shapes.
+// Gives contacts on internal edges the normal of the plane, or marks them with an infinite separation if
+// another contact has that normal. The contacts are all those of a body with the solids. `are_b`: the normals
+// point away from the solids. `sphere_radius`: of the body, u; 0 for other shapes.
 void mark_internal_edges(std::span<const Solid>, bool are_b, float sphere_radius,
                          std::span<const SeamContact>);
-// Does both for the contacts from `first` on, which are all those of two bodies, with anchors from the origin of a.
-// Returns whether any was erased.
+// Does both for the contacts from `first` on, which are all those of two bodies, with anchors from the origin
+// of a. Returns whether any was erased.
 bool correct_internal_edges(const Solid& a, const Solid& b, std::vector<Contact>&, std::size_t first);
 // Erases the marked contacts from `first` on.
 void erase_marked(std::vector<Contact>&, std::size_t first);

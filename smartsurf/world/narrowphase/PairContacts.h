@@ -15,8 +15,8 @@ namespace smartsurf::world {
 void collide_bodies(const BodyStore&, std::size_t a, std::size_t b, float margin, float dt_s,
                     const Vec3* cached_normal, std::vector<Contact>& out);
 
-// Appends the contacts of two shapes with separations up to `margin`, normals from b to a and anchors from a's
-// origin.
+// Appends the contacts of two shapes with separations up to `margin`, normals from b to a and anchors from
+// a's origin.
 void collide_placed(const PlacedShape& a, const PlacedShape& b, float margin, std::vector<Contact>& out);
 
 // Distance by which the centres approach each other within one step, u.

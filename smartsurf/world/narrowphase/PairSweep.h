@@ -1,8 +1,8 @@
 // The motion of two bodies in a step, and when they first touch, by conservative advancement (Mirtich 1996).
 //
-// Both move straight at their velocities and turn uniformly. Contacts found at the time of impact are speculative
-// ones of the start of the step: their separations are what is left to travel, so that the solver lets the
-// bodies travel that far.
+// Both move straight at their velocities and turn uniformly. Contacts found at the time of impact are
+// speculative ones of the start of the step: their separations are what is left to travel, so that the solver
+// lets the bodies travel that far.
 #pragma once
 
 #include <limits>
@@ -26,16 +26,17 @@ class PairSweep {
 
   // Upper bound of the motion of any point of a relative to b in the step, u.
   float travel() const { return travel_; }
-  // The time from the start of the step, s; kNever if they do not meet. Parts that touch each other at the start
-  // and do not approach are left out.
+  // The time from the start of the step, s; kNever if they do not meet. Parts that touch each other at the
+  // start and do not approach are left out.
   float time_of_impact() const;
-  // The time at which parts overlap that did not at the start, by more than contacts that hold let them; kNever if
-  // none do.
+  // The time at which parts overlap that did not at the start, by more than contacts that hold let them;
+  // kNever if none do.
   float time_of_overlap() const;
-  // Appends the contacts of the bodies as they stand at that time, with separations up to `margin`, normals from
-  // b to a, and anchors from the origin of a.
+  // Appends the contacts of the bodies as they stand at that time, with separations up to `margin`, normals
+  // from b to a, and anchors from the origin of a.
   void collide_at(float time_s, float margin, std::vector<Contact>& out) const;
-  // Corrects the contacts from `first` on, found at that time, where a body has several parts (InternalEdges.h).
+  // Corrects the contacts from `first` on, found at that time, where a body has several parts
+  // (InternalEdges.h).
   void correct_internal_edges(float time_s, std::vector<Contact>&, std::size_t first) const;
   // Makes contacts found at that time those of the start of the step.
   void move_to_start(float time_s, std::span<Contact> contacts) const;
@@ -70,7 +71,8 @@ class PairSweep {
   Gap gap(const ConvexPart& part_a, const ConvexPart& part_b, const Placed& a, const Placed& b,
           float reach) const;
   static Gap gap(const ConvexProxy& a, const ConvexProxy& b, float reach);
-  // The first time at which the distance of two parts is in the range, which they are advanced to the middle of.
+  // The first time at which the distance of two parts is in the range, which they are advanced to the middle
+  // of.
   struct Range {
     float low, high;
   };

@@ -17,8 +17,8 @@
 
 #include "smartsurf/world/simd/Lanes.h"
 
-// Files that are compiled once may have fewer instructions than the lanes (sanitized builds): they cannot inline
-// these functions, and need not.
+// Files that are compiled once may have fewer instructions than the lanes (sanitized builds): they cannot
+// inline these functions, and need not.
 #undef WORLD_INLINE
 #ifdef HWY_TARGET_INCLUDE
 #define WORLD_INLINE HWY_INLINE

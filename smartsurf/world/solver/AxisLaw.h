@@ -1,5 +1,5 @@
-// What acts along the axis of a joint in a substep, as an impulse that does not grow with the speed: friction,
-// motor and limits are steps of it, and a spring makes it slope.
+// What acts along the axis of a joint in a substep, as an impulse that does not grow with the speed:
+// friction, motor and limits are steps of it, and a spring makes it slope.
 //
 // Either the speed is that of a step, where the impulse is whatever holds it there, or the impulse is that
 // between two steps. Which of these holds, the place, is found together with the speeds of all joints.
@@ -27,7 +27,8 @@ class AxisLaw {
   double slope() const { return slope_; }
   // The impulse at speed 0, if it went on as between the steps.
   double offset(int place) const;
-  // The place of a step with one of the causes; otherwise the one between the steps to which the speed belongs.
+  // The place of a step with one of the causes; otherwise the one between the steps to which the speed
+  // belongs.
   int place_of(std::uint8_t causes, double speed) const;
   // Where to look next when at `place` the solution has this speed and impulse; `place` if they obey the law.
   int next_place(int place, double speed, double impulse, double speed_tolerance,

@@ -3,8 +3,8 @@
 // Sequential impulses carry a load through a light body in about as many sweeps as the load is heavier than
 // the body, and the springs of its contacts are as soft as the body is light: a tonne sinks into a table on
 // four legs of a kilogram. In such islands the normal impulses are solved at once after each sweep: the
-// velocity changes of all bodies, with the contacts as springs in series with the rigid bodies, and the set of
-// contacts that bear, and of those that stick, by iteration (an active set).
+// velocity changes of all bodies, with the contacts as springs in series with the rigid bodies, and the set
+// of contacts that bear, and of those that stick, by iteration (an active set).
 #pragma once
 
 #include <cstdint>
@@ -28,11 +28,13 @@ class HeavyIslandSolver {
 
   void reset(int member_count);
   // Notes the lanes of a prepared batch in which a body bears a heavy load, or touches a body that much
-  // heavier. `weight_impulse`: of a unit mass in a substep, u/s. Called by the member that prepares the batch.
+  // heavier. `weight_impulse`: of a unit mass in a substep, u/s. Called by the member that prepares the
+  // batch.
   void find_heavy_lanes(const ContactBatch&, ContactKind, const BatchPoints&, const BodyVelocity*,
                         float weight_impulse, int member);
   bool any_heavy_lane() const;
-  // Builds the islands of the noted lanes. Called by one thread after all members have prepared their batches.
+  // Builds the islands of the noted lanes. Called by one thread after all members have prepared their
+  // batches.
   void build(const ConstraintGraph&, const BodyStore&, const SpatialPartition&, const BatchPoints&,
              const BodyVelocity*, std::span<SupportPatches>);
   bool empty() const { return islands_.empty(); }
@@ -45,8 +47,8 @@ class HeavyIslandSolver {
   struct alignas(128) HeavyRows {
     std::vector<std::int32_t> rows;
   };
-  // A spring in series with the rigid bodies: its velocity per velocities of the bodies (linear, angular), its
-  // stiffness (impulse per speed), and the speed that it lacks.
+  // A spring in series with the rigid bodies: its velocity per velocities of the bodies (linear, angular),
+  // its stiffness (impulse per speed), and the speed that it lacks.
   struct Spring {
     double jacobian[2][6], stiffness = 0.0, error = 0.0, impulse = 0.0, change = 0.0;
   };

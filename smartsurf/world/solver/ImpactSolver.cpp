@@ -121,8 +121,8 @@ void ImpactSolver::reset(int member_count) {
   for (Candidates& c : candidates_) c.list.clear();
 }
 
-// Keeps the candidates that touch at the end of the step. Their order depends on the number of members; that of the
-// hits does not.
+// Keeps the candidates that touch at the end of the step. Their order depends on the number of members; that
+// of the hits does not.
 void ImpactSolver::find_hits(const Step& step) {
   hits_.clear();
   for (const Candidates& c : candidates_) hits_.insert(hits_.end(), c.list.begin(), c.list.end());
@@ -347,8 +347,8 @@ void ImpactSolver::add_approaching_points(const Step& step, const ManifoldRef& r
   approaching_.clear();
 }
 
-// Adds the touching contacts without restitution that the blow has made approach: a body that rests on another
-// is not struck as if it hung free. Returns whether there are any.
+// Adds the touching contacts without restitution that the blow has made approach: a body that rests on
+// another is not struck as if it hung free. Returns whether there are any.
 bool ImpactSolver::add_resisting_points(const Step& step) {
   const std::size_t before = points_.size();
   moved_bodies_.insert(moved_bodies_.end(), changed_bodies_.begin(), changed_bodies_.end());

@@ -17,16 +17,16 @@ using Eigen::Matrix3d;
 using Eigen::Quaterniond;
 using Eigen::Vector3d;
 
-// A part of a substep is halved, down to kLeastPart of the substep, when the joints change how far a body turns in it by
-// more than kBend, rad, or when a body turns by more than kUnsolvedTurn and a speed is off by more than kUnsolved, u/s:
-// the whip of a chain's end.
+// A part of a substep is halved, down to kLeastPart of the substep, when the joints change how far a body
+// turns in it by more than kBend, rad, or when a body turns by more than kUnsolvedTurn and a speed is off by
+// more than kUnsolved, u/s: the whip of a chain's end.
 constexpr double kBend = 0.003, kUnsolvedTurn = 0.05, kUnsolved = 1e-6, kLeastPart = 1.0 / 64;
-// Rounds of a stage, and how many of them may change the places of all axes. A stage ends when no speed is off by
-// more than this, u/s, or when a round hardly helps: a loop can contradict itself.
+// Rounds of a stage, and how many of them may change the places of all axes. A stage ends when no speed is
+// off by more than this, u/s, or when a round hardly helps: a loop can contradict itself.
 constexpr int kMaxRounds = 12, kFreeRounds = 8;
 constexpr double kConverged = 1e-8, kStagnation = 0.9;
-// Compliance of a held row, relative to what its two bodies give way by. The rows of a loop can depend on each
-// other; the rounds take out what it lets through.
+// Compliance of a held row, relative to what its two bodies give way by. The rows of a loop can depend on
+// each other; the rounds take out what it lets through.
 constexpr double kCompliance = 1e-12, kLoopCompliance = 1e-6;
 // Baumgarte factor and its speed limit, u/s: joints in loops, and joints and contacts together, can be
 // over-constrained.

@@ -2,8 +2,8 @@
 //
 // A joint has rigid rows, which its kind forbids to move, and at most one axis row, its coordinate
 // (scene/JointSpec.h). All rows of the bodies that joints connect with each other are solved at once
-// (JointEquations.h), on one thread. What acts along an axis is an AxisLaw; the places of the axes are those at
-// which the solution obeys all laws, beginning with those of the last substep.
+// (JointEquations.h), on one thread. What acts along an axis is an AxisLaw; the places of the axes are those
+// at which the solution obeys all laws, beginning with those of the last substep.
 //
 // In each substep solve() finds the impulses, along the constraints at its start, with which they hold at its
 // end, on the curved path of the bodies; relax() removes the velocity across the constraints at its end. This

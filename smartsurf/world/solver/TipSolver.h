@@ -1,14 +1,15 @@
 // Contacts with tips that yield: tips of delta robots that are compliant, or whose joints have limited force.
 //
-// A tip has no mass. Its joints hold it through a spring of stiffness k and a damper c. While it is loaded, the
-// impulse J of all its contacts in a substep h and the rates u of its deflection d before and u' after it
+// A tip has no mass. Its joints hold it through a spring of stiffness k and a damper c. While it is loaded,
+// the impulse J of all its contacts in a substep h and the rates u of its deflection d before and u' after it
 // fulfil
 //   J/h = k·(d + h/4·(u' − u)) + c·u',  d' = d + h·u'
 // The load has the velocity u as well, so this is the trapezoidal rule of the load on its spring: it swings
 // without numerical damping at any stiffness. To its contacts the tip is a body of mass M = h·(c + h·k/4). A
-// rigid tip has 1/M = 0. A tip that its load leaves returns by the implicit Euler method, −k·d/(c + h·k). When the normal impulses add up to
-// F·h, with the force limit F, the joints yield: the tip moves with its load, until the joints reach the
-// boundary of the workspace, which bears any load. (E. Catto, Soft Constraints, GDC 2011.)
+// rigid tip has 1/M = 0. A tip that its load leaves returns by the implicit Euler method, −k·d/(c + h·k).
+// When the normal impulses add up to F·h, with the force limit F, the joints yield: the tip moves with its
+// load, until the joints reach the boundary of the workspace, which bears any load. (E. Catto, Soft
+// Constraints, GDC 2011.)
 //
 // The contacts of a tip share its velocity and are solved one after another, on one thread, in the stages of
 // Solver.h. They are inelastic: what springs back is the tip.

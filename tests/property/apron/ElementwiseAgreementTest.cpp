@@ -1,5 +1,5 @@
-// Every element-wise instruction has one value: folded by the compiler, executed on scalars, executed on registers by
-// the kernels of each instruction set, and by generated code.
+// Every element-wise instruction has one value: folded by the compiler, executed on scalars, executed on
+// registers by the kernels of each instruction set, and by generated code.
 #include <fmt/format.h>
 #include <gtest/gtest.h>
 
@@ -20,8 +20,8 @@ namespace {
 
 constexpr std::size_t kTriples = 400;
 
-// The values at which definitions differ: zeros, halves, denormals, the ends of exactness, infinities, NaN. The square
-// root of 281475010265089 is 16777217, which is no 32-bit float.
+// The values at which definitions differ: zeros, halves, denormals, the ends of exactness, infinities, NaN.
+// The square root of 281475010265089 is 16777217, which is no 32-bit float.
 constexpr double kSpecial[] = {0.0,
                                -0.0,
                                0.5,
@@ -193,8 +193,8 @@ bool is_small(const Triple& triple, std::size_t arity) {
                      [](double value) { return !std::isfinite(value) || std::fabs(value) <= 2048.0; });
 }
 
-// The second line reads the result of the first beyond its own cell, so that generated code computes it in a stage of
-// its own, in the widest vectors.
+// The second line reads the result of the first beyond its own cell, so that generated code computes it in a
+// stage of its own, in the widest vectors.
 TEST(ElementwiseAgreement, ScalarsKernelsAndGeneratedCode) {
   const std::vector<Triple> triples = random_triples(12);
   const std::vector<Config> all = configs();

@@ -1,5 +1,5 @@
-// Random programs of functions compute what a plain interpreter in this file computes: values and registers as
-// parameters, local names, arrays with constant and computed indices, masks within and around calls.
+// Random programs of functions compute what a plain interpreter in this file computes: values and registers
+// as parameters, local names, arrays with constant and computed indices, masks within and around calls.
 #include <gtest/gtest.h>
 
 #include <algorithm>

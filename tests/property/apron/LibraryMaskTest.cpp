@@ -1,5 +1,5 @@
-// Every routine of the library, under any mask, equals the routine without one, selected by the mask: for random
-// planes, in every way to mask it and every way to execute it.
+// Every routine of the library, under any mask, equals the routine without one, selected by the mask: for
+// random planes, in every way to mask it and every way to execute it.
 #include <gtest/gtest.h>
 
 #include <map>

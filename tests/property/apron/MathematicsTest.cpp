@@ -79,7 +79,8 @@ constexpr float kSpecial[] = {0.0F,
 double error_in_ulps(float value, double reference) {
   const auto rounded = static_cast<float>(reference);
   if (std::isnan(reference) || std::isinf(rounded) || std::isinf(value)) {
-    // A result that rounds to infinity may be the largest number, and the other way round, within half a unit.
+    // A result that rounds to infinity may be the largest number, and the other way round, within half a
+    // unit.
     const bool is_same = std::isnan(reference) ? std::isnan(value) : value == rounded;
     return is_same ? 0.0 : INFINITY;
   }

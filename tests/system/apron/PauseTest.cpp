@@ -14,8 +14,8 @@
 #include <thread>
 
 #include "apron/compiler/Compiler.h"
-#include "apron/debugger/SessionThread.h"
 #include "apron/debugger/DebugSession.h"
+#include "apron/debugger/SessionThread.h"
 #include "apron/run/host/SurfaceHost.h"
 
 namespace apron {

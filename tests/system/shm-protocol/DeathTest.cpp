@@ -140,7 +140,8 @@ TEST(Death, SurfaceKilledDuringCreationLeavesNameUsable) {
   for (const auto& s : list_segments()) EXPECT_FALSE(s.name.starts_with(config.name)) << s.name;
 }
 
-// The controller answers each chunk as it arrives; half the answer is in the surface's hands when it is killed.
+// The controller answers each chunk as it arrives; half the answer is in the surface's hands when it is
+// killed.
 Status serve_chunked(ControllerEndpoint& controller, std::vector<float>& out) {
   for (;;) {
     std::size_t at = 0;

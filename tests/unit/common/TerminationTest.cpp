@@ -1,4 +1,5 @@
-// A failed allocation where no exception may leave ends the process in one line, and leaves no unfinished file.
+// A failed allocation where no exception may leave ends the process in one line, and leaves no unfinished
+// file.
 #include "common/process/Termination.h"
 
 #include <gtest/gtest.h>

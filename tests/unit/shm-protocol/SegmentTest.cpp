@@ -252,8 +252,8 @@ TEST(Segment, ListsAndRemovesOnlyOrphans) {
   EXPECT_TRUE(exists(file_path(living.name)));
 }
 
-// Makes all mounts private. The root of a chroot is no mount point, so that the root above it is changed, from a
-// working directory outside.
+// Makes all mounts private. The root of a chroot is no mount point, so that the root above it is changed,
+// from a working directory outside.
 bool make_mounts_private() {
   if (::mount("none", "/", nullptr, MS_REC | MS_PRIVATE, nullptr) == 0) return true;
   const int root = ::open("/", O_RDONLY | O_DIRECTORY | O_CLOEXEC);

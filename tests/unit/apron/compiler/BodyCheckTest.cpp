@@ -1,5 +1,5 @@
-// The bodies of macros that no line calls: errors that do not depend on the arguments are found, others are not
-// reported.
+// The bodies of macros that no line calls: errors that do not depend on the arguments are found, others are
+// not reported.
 #include "apron/compiler/BodyCheck.h"
 
 #include <gtest/gtest.h>

@@ -36,7 +36,8 @@ TEST(Listing, FormsOfOneInstruction) {
 
 // Operands without calls are evaluated both, which needs no jump.
 TEST(Listing, ShortCircuitsOnlyBeforeCalls) {
-  EXPECT_EQ(compiled("a = 1\nb = 2\nc = a > 0 and b > 1"), "copy a, 1\ncopy b, 2\ngt $0, a, 0\ngt $1, b, 1\nand c, $0, $1\n");
+  EXPECT_EQ(compiled("a = 1\nb = 2\nc = a > 0 and b > 1"),
+            "copy a, 1\ncopy b, 2\ngt $0, a, 0\ngt $1, b, 1\nand c, $0, $1\n");
   EXPECT_EQ(compiled("a = 1\nb = a and globalany(A)"),
             "copy a, 1\nne $0, a, 0\njump.eq $0, 0, @5\nglobalany $1, A\nne $0, $1, 0\ncopy b, $0\n");
 }

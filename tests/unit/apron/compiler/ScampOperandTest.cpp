@@ -1,5 +1,5 @@
-// Every instruction of scamp5.aps takes operands of the chip's kinds, and refuses each other kind and one operand more
-// in one line that names it.
+// Every instruction of scamp5.aps takes operands of the chip's kinds, and refuses each other kind and one
+// operand more in one line that names it.
 #include <gtest/gtest.h>
 
 #include <fstream>
@@ -14,8 +14,8 @@
 namespace apron::compiler {
 namespace {
 
-// a: analogue register, x: one that is only read, d: digital register, r: analogue or digital register, v: direction,
-// n: number, s: x or v.
+// a: analogue register, x: one that is only read, d: digital register, r: analogue or digital register, v:
+// direction, n: number, s: x or v.
 struct Instruction {
   const char* mnemonic;
   std::vector<std::string> operands;  // of each overload
@@ -188,7 +188,8 @@ TEST(ScampOperands, MessagesNameTheOtherKindOrTheNearestName) {
       "analogue register (A to F, NEWS)");
 }
 
-// Only instructions pass values between the machine's registers, a copy in a register of one's own is a host's read.
+// Only instructions pass values between the machine's registers, a copy in a register of one's own is a
+// host's read.
 TEST(ScampOperands, AssignmentsBetweenRegistersOfTheChipAreRefused) {
   for (const std::string name : {"R5", "FLAG", "PIX"}) {
     EXPECT_EQ(

@@ -276,11 +276,14 @@ TEST(Reachability, FollowsJumpsCallsAndBothBranches) {
     return p;
   };
   EXPECT_TRUE(can_reach(program({make(Opcode::kSurfaceStep)}), Opcode::kSurfaceStep));
-  EXPECT_FALSE(can_reach(program({make(Opcode::kJump, {}, label(0)), make(Opcode::kSurfaceStep)}), Opcode::kSurfaceStep));
-  EXPECT_TRUE(can_reach(program({make(Opcode::kJumpLt, {}, var(0), var(0), label(0)), make(Opcode::kSurfaceStep)}),
-                        Opcode::kSurfaceStep));
-  EXPECT_TRUE(can_reach(program({make(Opcode::kCall, {}, label(2)), make(Opcode::kEnd), make(Opcode::kSurfaceStep)}),
-                        Opcode::kSurfaceStep));
+  EXPECT_FALSE(can_reach(program({make(Opcode::kJump, {}, label(0)), make(Opcode::kSurfaceStep)}),
+                         Opcode::kSurfaceStep));
+  EXPECT_TRUE(
+      can_reach(program({make(Opcode::kJumpLt, {}, var(0), var(0), label(0)), make(Opcode::kSurfaceStep)}),
+                Opcode::kSurfaceStep));
+  EXPECT_TRUE(
+      can_reach(program({make(Opcode::kCall, {}, label(2)), make(Opcode::kEnd), make(Opcode::kSurfaceStep)}),
+                Opcode::kSurfaceStep));
   EXPECT_FALSE(can_reach(program({make(Opcode::kReturn), make(Opcode::kSurfaceStep)}), Opcode::kSurfaceStep));
 }
 

@@ -1,5 +1,5 @@
-// What `apron import` makes of C++ kernels and of instruction lists, what it reports, and that the result computes
-// what the kernel computes.
+// What `apron import` makes of C++ kernels and of instruction lists, what it reports, and that the result
+// computes what the kernel computes.
 #include "apron/run/import/KernelImport.h"
 
 #include <gtest/gtest.h>

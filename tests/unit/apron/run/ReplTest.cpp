@@ -69,7 +69,8 @@ TEST(Repl, KnowsHelpAndQuitWithoutColon) {
   EXPECT_EQ(run_repl_session("quit\nprintln('never')\n"), "");
   EXPECT_EQ(run_repl_session("exit\nprintln('never')\n"), "");
   // In a block, and assigned to, they are names.
-  EXPECT_EQ(run_repl_session("help = 3\nif(1)\nhelp\nendif\nprintln(help)\n").find(":undo"), std::string::npos);
+  EXPECT_EQ(run_repl_session("help = 3\nif(1)\nhelp\nendif\nprintln(help)\n").find(":undo"),
+            std::string::npos);
 }
 
 TEST(Repl, SavesFilesOnce) {

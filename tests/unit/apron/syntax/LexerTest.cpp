@@ -53,9 +53,7 @@ TEST(Lexer, LineEndsAndContinuations) {
             "a = 1\n");
 }
 
-TEST(Lexer, NamesOfAnyAlphabet) {
-  EXPECT_EQ(words("größe = высота.x + _a1"), "größe = высота.x + _a1\n");
-}
+TEST(Lexer, NamesOfAnyAlphabet) { EXPECT_EQ(words("größe = высота.x + _a1"), "größe = высота.x + _a1\n"); }
 
 TEST(Lexer, Numbers) {
   EXPECT_EQ(number("12"), 12.0F);

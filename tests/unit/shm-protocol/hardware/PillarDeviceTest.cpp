@@ -1,4 +1,5 @@
-// The emulated array of pillars with touch: its ball rolls down what the host commands, and loads the pillars under it.
+// The emulated array of pillars with touch: its ball rolls down what the host commands, and loads the pillars
+// under it.
 #include <gtest/gtest.h>
 
 #include <cmath>

@@ -395,7 +395,8 @@ int record_to_full_disk(const std::filesystem::path& path, const SyntheticRun& r
   return status;
 }
 
-// A disk that is full from the first byte, or soon after. The child's exit runs the library's exit handlers too.
+// A disk that is full from the first byte, or soon after. The child's exit runs the library's exit handlers
+// too.
 TEST(RecorderErrors, SmallDiskIsAnErrorNotACrash) {
   const OutputFolder out;
   const SyntheticRun run;

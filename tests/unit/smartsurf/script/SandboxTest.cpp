@@ -286,8 +286,8 @@ TEST_F(SandboxTest, TextOfValuesIsTheSameInEveryRun) {
             "own\tnil\t1.5\ntrue\n");
 }
 
-// An adversary of quicksort (McIlroy 1999) decides the order while it is asked, so that parts become as uneven as they
-// can. Lua then takes its pivots from the clock.
+// An adversary of quicksort (McIlroy 1999) decides the order while it is asked, so that parts become as
+// uneven as they can. Lua then takes its pivots from the clock.
 TEST_F(SandboxTest, SortComparesTheSameInEveryRun) {
   load_on_surface(R"(
     local function order_found(n)
@@ -310,7 +310,8 @@ TEST_F(SandboxTest, SortComparesTheSameInEveryRun) {
 
 using OverrunDeathTest = ScriptTest;
 
-// The keys of a growing table collide in its next size, so that one assignment takes time in proportion to their square.
+// The keys of a growing table collide in its next size, so that one assignment takes time in proportion to
+// their square.
 constexpr const char* kUninterruptible =
     "local t, step = {}, (1 << 19) - 1 for i = 1, (1 << 18) + 1 do t[i * step] = true end";
 

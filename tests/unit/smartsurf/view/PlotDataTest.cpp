@@ -12,9 +12,8 @@ namespace {
 using Kind = Signal::Kind;
 
 TEST(Signal, TextReadsBack) {
-  for (const char* text :
-       {"speed:3", "x:0", "spin:12", "proximity:4,7", "command: height:0,63", "colour[1]:2,3",
-        "contacts", "objects", "metric:time to sort", "metric:a:b"}) {
+  for (const char* text : {"speed:3", "x:0", "spin:12", "proximity:4,7", "command: height:0,63",
+                           "colour[1]:2,3", "contacts", "objects", "metric:time to sort", "metric:a:b"}) {
     const auto signal = parse_signal(text);
     ASSERT_TRUE(signal) << text;
     EXPECT_EQ(to_string(*signal), text);

@@ -1,5 +1,5 @@
-// A body of unit mass on an axis: the place that next_place() leads to, whatever the first one, is where speed and
-// impulse obey the law.
+// A body of unit mass on an axis: the place that next_place() leads to, whatever the first one, is where
+// speed and impulse obey the law.
 #include "smartsurf/world/solver/AxisLaw.h"
 
 #include <gtest/gtest.h>
@@ -35,7 +35,8 @@ struct RandomLaw {
     if (friction > 0.0) out.add_step(AxisLaw::kFriction, 0.0, friction, -friction);
     return out;
   }
-  // The speed u after the impulse, from u = start + impulse(u), by bisection: the right side does not grow with u.
+  // The speed u after the impulse, from u = start + impulse(u), by bisection: the right side does not grow
+  // with u.
   double speed_after(double start) const {
     auto excess = [&](double u) {
       if (u < lower) return -1.0;

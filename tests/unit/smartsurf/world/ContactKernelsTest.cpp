@@ -137,8 +137,8 @@ TEST(ContactKernels, ConservesMomentumAndSkipsUnusedLanes) {
   }
 }
 
-// Of body 1 of three: what contacts have changed since the last substep, 1 u/s, is kept beside the external change; the
-// rows before and after are left alone.
+// Of body 1 of three: what contacts have changed since the last substep, 1 u/s, is kept beside the external
+// change; the rows before and after are left alone.
 TEST(ContactKernels, IntegratesVelocitiesOfTheRowsGiven) {
   std::vector<BodyVelocity> velocity(3, {{2, 3, 4}, 0.5F, {5, 6, 7}, 0.25F});
   std::vector<BodyVelocity> start(3, {{1, 2, 3}, 9, {4, 5, 6}, 9});

@@ -1,4 +1,5 @@
-// Against the dense solution of the same equations, for graphs drawn from a seed: trees, and trees with loops.
+// Against the dense solution of the same equations, for graphs drawn from a seed: trees, and trees with
+// loops.
 #include "smartsurf/world/solver/JointEquations.h"
 
 #include <gtest/gtest.h>

@@ -42,8 +42,8 @@ scene::SceneSpec heap(double width, double depth) {
   return s;
 }
 
-// Boxes with a sphere on a hinge or a ball joint each, over compliant deltas or over an elastic skin: what one thread solves
-// while the others solve contacts.
+// Boxes with a sphere on a hinge or a ball joint each, over compliant deltas or over an elastic skin: what
+// one thread solves while the others solve contacts.
 scene::SceneSpec linkages(bool on_skin) {
   scene::SceneSpec s;
   s.world.dt_s = 1.0 / 120;
