@@ -1,21 +1,21 @@
-/* clang-format off: comments are tables */
+/* clang-format off */
 /* Fails the n-th call of a kind of system function; preloaded into a program by scripts/check-faults.
  *
- *   FAULT_PROGRAM  the only program that faults are injected into; other processes that inherit the
- * environment run as ever FAULT_KIND     alloc open read write fsync mmap ftruncate rename thread process
- * futex park; futex: a wait with a time limit, as the protocol's; park: without one, as std::atomic's
+ *   FAULT_PROGRAM  the only program that faults are injected into; other processes that inherit the environment run as ever
+ *   FAULT_KIND     alloc open read write fsync mmap ftruncate rename thread process futex park; futex: a wait with a
+ *                  time limit, as the protocol's; park: without one, as std::atomic's
  *   FAULT_AT       number of the call that fails, from 1, counted from the start of main()
  *   FAULT_ERRNO    error number of the call; 0: read or write transfers half of the bytes
  *   FAULT_ALWAYS   set: all later calls of the kind fail as well
  *   FAULT_TRACE    file that receives the call stack of the fault
- *   FAULT_CENSUS   file that receives, for each kind, the number of calls and each call as NUMBER:LIBRARY,
- * with the library that called, and a star if it is the first from its stack; nothing fails. With FAULT_KIND,
- * which may then be a list, of these kinds only FAULT_FOLLOW   set: the first process that the program forks
- * does its work, and its calls are those of the census FAULT_SERVER   set: the process waits before main()
- * for the runs that it is asked for, each in a child (serve())
+ *   FAULT_CENSUS   file that receives, for each kind, the number of calls and each call as NUMBER:LIBRARY, with the library that
+ *                  called, and a star if it is the first from its stack; nothing fails. With FAULT_KIND, which may then
+ *                  be a list, of these kinds only
+ *   FAULT_FOLLOW   set: the first process that the program forks does its work, and its calls are those of the census
+ *   FAULT_SERVER   set: the process waits before main() for the runs that it is asked for, each in a child (serve())
  *
- * Not seen: calls that the C library makes by itself (stdio, the stack of a thread, sleeps of its locks). A
- * forked child inherits the count.
+ * Not seen: calls that the C library makes by itself (stdio, the stack of a thread, sleeps of its locks). A forked child
+ * inherits the count.
  */
 #define _GNU_SOURCE
 #include <dirent.h>
@@ -77,8 +77,7 @@ static atomic_uint_fast64_t calls[kKinds];
 /* Set while the injector itself runs, whose calls do not count. */
 static __thread bool inside __attribute__((tls_model("initial-exec")));
 
-/* ---- census: the calls and their stacks
- * ------------------------------------------------------------------------- */
+/* ---- census: the calls and their stacks ------------------------------------------------------------------------- */
 enum { kDepth = 32, kHashedFrames = 8, kSites = 1 << 17, kListed = 1 << 22 };
 struct Site {
   uint64_t hash, first;
@@ -153,8 +152,7 @@ static void write_census(void) {
   fclose(file);
 }
 
-/* ---- the fault
- * -------------------------------------------------------------------------------------------------- */
+/* ---- the fault -------------------------------------------------------------------------------------------------- */
 static void write_trace(void) {
   const int file = open(trace, O_WRONLY | O_CREAT | O_APPEND | O_CLOEXEC, 0666);
   void* frames[kDepth];
@@ -184,14 +182,12 @@ static bool fails(enum Kind of) {
   return true;
 }
 
-/* ---- runs
- * ------------------------------------------------------------------------------------------------------- */
+/* ---- runs ------------------------------------------------------------------------------------------------------- */
 
-/* A request is a line of fields that tabs separate: a folder to run in, files for standard output and
- * standard error, a limit of the address space in kB or 0, environment variables NAME=VALUE, "--", the
- * arguments of the program. The answers to each, on standard output: the number of the child process, which
- * leads a session of its own, and, when it has ended, its status as wait() returns it. Loading the program
- * and its libraries, half of a short run's time, is done once. Returns in the child. */
+/* A request is a line of fields that tabs separate: a folder to run in, files for standard output and standard error, a limit of
+ * the address space in kB or 0, environment variables NAME=VALUE, "--", the arguments of the program. The answers to each, on
+ * standard output: the number of the child process, which leads a session of its own, and, when it has ended, its status as
+ * wait() returns it. Loading the program and its libraries, half of a short run's time, is done once. Returns in the child. */
 static void serve(int* argc, char*** argv) {
   static char request[1 << 14], *arguments[256];
   unsetenv("FAULT_SERVER");
@@ -276,8 +272,7 @@ int __libc_start_main(int (*main)(int, char**, char**), int argc, char** argv, v
   return start(counted_main, argc, argv, init, fini, rtld_fini, stack_end);
 }
 
-/* ---- memory
- * ----------------------------------------------------------------------------------------------------- */
+/* ---- memory ----------------------------------------------------------------------------------------------------- */
 void* malloc(size_t size) { return fails(kAlloc) ? NULL : __libc_malloc(size); }
 void* calloc(size_t count, size_t size) { return fails(kAlloc) ? NULL : __libc_calloc(count, size); }
 void* realloc(void* old, size_t size) { return fails(kAlloc) ? NULL : __libc_realloc(old, size); }
@@ -303,8 +298,7 @@ int posix_memalign(void** result, size_t alignment, size_t size) {
 MMAP(mmap, off_t)
 MMAP(mmap64, off64_t)
 
-/* ---- files
- * ------------------------------------------------------------------------------------------------------ */
+/* ---- files ------------------------------------------------------------------------------------------------------ */
 #define MODE(flags, last)                  \
   mode_t mode = 0;                         \
   if ((flags) & (O_CREAT | __O_TMPFILE)) { \
@@ -403,8 +397,7 @@ int renameat2(int from_folder, const char* from, int to_folder, const char* to, 
   return fails(kRename) ? -1 : REAL(renameat2)(from_folder, from, to_folder, to, flags);
 }
 
-/* ---- threads, processes, waits
- * ---------------------------------------------------------------------------------- */
+/* ---- threads, processes, waits ---------------------------------------------------------------------------------- */
 NEXT(pthread_create);
 int pthread_create(pthread_t* thread, const pthread_attr_t* attributes, void* (*start)(void*),
                    void* argument) {
