@@ -340,6 +340,7 @@ class Liveness(Hostile):
             self.assertEqual(status, 3 if ends_surface else 128 + signal.SIGTERM, err)
             surface.kill()
             surface.communicate()
+            self.segment().unlink(missing_ok=True)  # or the next controller might find that of the dead surface
 
 
 class RecordingLoss(Hostile):
