@@ -226,7 +226,7 @@ class Round {
     return at.file == 0 && at.line >= reader_.first_line() + kLinesBefore;
   }
 
-  // Of the call that leads to the location.
+  // The call that leads to the location.
   std::uint32_t call_number(Location at) const {
     while (at.expansion != 0) at = sources_.expansion(at.expansion).call;
     return is_appended(at) ? at.line - reader_.first_line() - kLinesBefore : kNone;

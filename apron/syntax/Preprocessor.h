@@ -130,7 +130,7 @@ class Preprocessor {
     std::uint32_t expansion = 0;
     std::map<std::string, Tokens> parameters;
     std::vector<ConditionalBlock> conditionals;
-    // Of the lines of a `!for`.
+    // What a `!for` counts with while its lines repeat.
     std::string loop_variable;
     double loop_value = 0.0, loop_end = 0.0, loop_step = 1.0;
   };

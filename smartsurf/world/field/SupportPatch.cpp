@@ -263,7 +263,7 @@ class FootprintOnCells {
       edge_[i] = {x, y, x * a.x + y * a.y, std::abs(x) * half_x_ + std::abs(y) * half_y_};
     }
   }
-  // Of the face, from the middle of a cell.
+  // How far the face rises from the middle of a cell to its edge, at most, u.
   float greatest_rise() const { return std::abs(f_.slope_x) * half_x_ + std::abs(f_.slope_y) * half_y_; }
   bool share(float x, float y, float top, SharedArea& out) const {
     const float separation = f_.z_at(x, y) - top;

@@ -27,6 +27,13 @@ bool is_bearing(const BatchPoint& p, int lane) {
          (p.normal_impulse[lane] > 0.0F || p.separation[lane] <= kTouchingSeparation);
 }
 
+// True if any point of the lane bears or touches.
+bool any_bearing(const ContactBatch& o, const BatchPoints& points, int lane) {
+  for (int k = o.first_point; k < o.first_point + o.point_count; ++k)
+    if (is_bearing(points.point[k], lane)) return true;
+  return false;
+}
+
 Vector3 load(const float (*from)[kLanes], int lane) { return {from[0][lane], from[1][lane], from[2][lane]}; }
 Vector3 to_double(const float (&v)[3]) { return {v[0], v[1], v[2]}; }
 Eigen::Map<const Eigen::Matrix<double, 6, 1>> row_of(const double (&v)[6]) {
@@ -52,10 +59,7 @@ void HeavyIslandSolver::find_heavy_lanes(const ContactBatch& o, ContactKind kind
     const float lighter = std::max(a, b), heavier = std::min(a, b);
     const bool of_unequal = heavier > 0.0F && lighter > kHeavyLoad * heavier;
     if (load[lane] * lighter <= kHeavyLoad * weight_impulse && !of_unequal) continue;
-    bool touches = false;
-    for (int k = o.first_point; k < o.first_point + o.point_count; ++k)
-      touches |= is_bearing(points.point[k], lane);
-    if (touches) heavy_rows_[member].rows.push_back(a >= b ? o.a[lane] : o.b[lane]);
+    if (any_bearing(o, points, lane)) heavy_rows_[member].rows.push_back(a >= b ? o.a[lane] : o.b[lane]);
   }
 }
 
@@ -76,12 +80,8 @@ void HeavyIslandSolver::for_each_bearing_lane(const ConstraintGraph& graph, cons
   const auto visit = [&](const BatchRange& range) {
     for (int i = range.first; i < range.first + range.count; ++i) {
       const ContactBatch& o = graph.batch(i);
-      for (int lane = 0; lane < o.lane_count; ++lane) {
-        bool touches = false;
-        for (int k = o.first_point; k < o.first_point + o.point_count; ++k)
-          touches |= is_bearing(points.point[k], lane);
-        if (touches) each(o, range.kind, lane);
-      }
+      for (int lane = 0; lane < o.lane_count; ++lane)
+        if (any_bearing(o, points, lane)) each(o, range.kind, lane);
     }
   };
   for (const ConstraintGraph::Colour& c : graph.colours()) visit(c.spheres), visit(c.general);

@@ -8,7 +8,7 @@
 namespace smartsurf::world {
 namespace {
 
-// Of a symmetric positive definite matrix, by sweeps over its columns, which need no pivoting.
+// The matrix is symmetric and positive definite, so sweeps over its columns need no pivoting.
 JointEquations::Matrix6 inverse_of(JointEquations::Matrix6 a) {
   for (int k = 0; k < 6; ++k) {
     const JointEquations::Vector6 column = a.col(k);
