@@ -31,7 +31,8 @@ void remember(const struct stat& status) noexcept {
   }
 }
 
-// A dangling link stands for the file that it names. False for a pipe or a device, and where there is no such folder.
+// A dangling link stands for the file that it names. False for a pipe or a device, and where there is no such
+// folder.
 bool identify(const fs::path& file, FileIdentity& identity) {
   struct stat status {};
   if (::stat(file.c_str(), &status) == 0) {
