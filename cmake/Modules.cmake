@@ -16,6 +16,16 @@ target_compile_options(project_options INTERFACE
   $<$<BOOL:${SMARTSURF_WERROR}>:-Werror>)
 # Addresses of library functions are resolved at the start and then read-only; neither stack nor data can be executed.
 target_link_options(project_options INTERFACE -Wl,-z,relro -Wl,-z,now -Wl,-z,noexecstack)
+# What makes an overflow or an overwritten address end the program.
+set(hardening_options -U_FORTIFY_SOURCE -D_FORTIFY_SOURCE=2 -fstack-protector-strong)
+if(CMAKE_SYSTEM_PROCESSOR MATCHES "x86_64|AMD64")
+  list(APPEND hardening_options -fcf-protection=full)
+elseif(CMAKE_SYSTEM_PROCESSOR MATCHES "aarch64|arm64")
+  list(APPEND hardening_options -mbranch-protection=standard)
+endif()
+if(SMARTSURF_HARDEN AND NOT SMARTSURF_SANITIZE)
+  target_compile_options(project_options INTERFACE ${hardening_options})
+endif()
 target_include_directories(project_options INTERFACE ${PROJECT_SOURCE_DIR})
 target_compile_definitions(project_options INTERFACE SMARTSURF_VERSION="${PROJECT_VERSION}")
 # The instruction sets that vector kernels are compiled for. A copy for SSSE3 alone does not pay: such a CPU runs the

@@ -40,6 +40,8 @@ constexpr Builtin kBuiltins[] = {
     {"distance", Form::kPropagate, 1, 1, Op::kDistance},
     {"spread.max", Form::kPropagate, 2, 2, Op::kSpreadMax},
     {"spread.sum", Form::kPropagate, 2, 2, Op::kSpreadSum},
+    {"scatter.sum", Form::kScatter, 2, 2, Op::kScatter},
+    {"histogram", Form::kScatter, 1, 1, Op::kScatter},
     {"filter.create", Form::kFilterCreate, 3, 3},
     {"filter.setElement", Form::kFilterSet, 4, 4, Op::kFilterSet},
     {"filter.fill3x3", Form::kFilterFill, 10, 10},

@@ -28,6 +28,7 @@ enum class BuiltinForm : std::uint8_t {
   kParameterGet,
   kKey,
   kPropagate,
+  kScatter,
   kFilterDo,
   kFilterGauss,
   kFilterGaussAni,

@@ -53,6 +53,19 @@ Value Lowering::lower_call(const Builtin& builtin, const Expression& call, const
         sources.push_back(lower_register(argument, fmt::format("'{}'", call.text)));
       return emit_out_of_place(builtin.op, sources, {}, destination, call.location);
     }
+    case BuiltinForm::kScatter: {            // a histogram counts 1 for each cell
+      const Shape outer_hint = shape_hint_;  // operands have a shape of their own
+      for (const Expression& argument : arguments)
+        if (find_shape(argument, shape_hint_)) break;
+      const Value at = lower_register(arguments[0], fmt::format("'{}'", call.text));
+      const Value added = arguments.size() > 1 ? lower(arguments[1]) : Value::from_constant(1.0F);
+      check_shapes({at, added}, call.location);
+      const std::vector<Operand> operands{builder_.operand(at), builder_.operand(added)};
+      builder_.release(at);
+      builder_.release(added);
+      shape_hint_ = outer_hint;
+      return emit_to_register(builtin.op, operands, destination);
+    }
     case BuiltinForm::kFilterDo:
     case BuiltinForm::kFilterGauss:
     case BuiltinForm::kFilterGaussAni:

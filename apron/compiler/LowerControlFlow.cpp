@@ -136,14 +136,36 @@ void Lowering::open_for(const Expressions& arguments, Location location) {
   ResultDestination destination{&variable, false};
   const Value counter = resolve_destination(destination, false, {});
   if (counter.is_register()) fail(variable.location, "'for' counts in a scalar, and this is a register");
+  const bool has_fraction = step.is_constant() && step.constant != std::trunc(step.constant);
+  const Value first = has_fraction ? loop_invariant(from) : Value();
   builder_.emit(Opcode::kCopy, builder_.operand(counter), {builder_.operand(from)});
   open_block(BlockKind::kFor, location);
   Block& block = blocks_.back();
   block.counter = counter;
   block.bound = bound;
   block.step = step;
+  if (has_fraction) count_rounds(block, first);
   builder_.bind_label(block.test_label);
   emit_for_test(block);
+}
+
+// Sums of a fraction drift: ten times 0.1 are more than 1. The counter of such a loop is a product instead,
+// and a value that is beyond the bound by rounding alone still has its round.
+void Lowering::count_rounds(Block& block, const Value& first) {
+  constexpr double kRounding = 1e-3;  // of a step
+  block.first = first;
+  block.round = retained(builder_.allocate_scalar_temporary());
+  builder_.emit(Opcode::kCopy, builder_.operand(block.round), {builder_.literal_operand(0.0F)});
+  const double margin = block.step.constant * kRounding;
+  if (block.bound.is_constant()) {
+    block.bound.constant = static_cast<float>(block.bound.constant + margin);
+    return;
+  }
+  const Value limit = retained(builder_.allocate_scalar_temporary());
+  builder_.emit(Opcode::kAdd, builder_.operand(limit),
+                {builder_.operand(block.bound), builder_.literal_operand(static_cast<float>(margin))});
+  builder_.release(block.bound);
+  block.bound = limit;
 }
 
 // A copy of the value that the loop's body cannot change; the caller releases it.
@@ -155,6 +177,10 @@ Value Lowering::loop_invariant(const Value& value) {
 }
 
 void Lowering::emit_for_test(const Block& block) {
+  if (block.round.kind != Value::Kind::kNone)
+    builder_.emit(
+        Opcode::kMac, builder_.operand(block.counter),
+        {builder_.operand(block.round), builder_.operand(block.step), builder_.operand(block.first)});
   if (block.step.is_constant()) {
     Value limit = block.bound;
     limit.is_temporary = false;  // released when the loop ends
@@ -248,14 +274,18 @@ void Lowering::close_block(BlockKind kind, Location location) {
     close_loop(block);
   }
   builder_.bind_label(block.end_label);
-  for (const Value& value : {block.condition, block.counter, block.bound, block.step})
+  for (const Value& value :
+       {block.condition, block.counter, block.bound, block.step, block.first, block.round})
     builder_.release(value);
   blocks_.pop_back();
 }
 
 void Lowering::close_loop(const Block& block) {
   if (block.kind != BlockKind::kWhile) builder_.bind_label(block.continue_label);
-  if (block.kind == BlockKind::kFor) {
+  if (block.kind == BlockKind::kFor && block.round.kind != Value::Kind::kNone) {
+    builder_.emit(Opcode::kAdd, builder_.operand(block.round),
+                  {builder_.operand(block.round), builder_.literal_operand(1.0F)});
+  } else if (block.kind == BlockKind::kFor) {
     builder_.emit(Opcode::kAdd, builder_.operand(block.counter),
                   {builder_.operand(block.counter), builder_.operand(block.step)});
   } else if (block.kind == BlockKind::kRepeat) {

@@ -133,12 +133,14 @@ Value Lowering::lower_plugin(const Expressions& arguments, ResultDestination* de
   return emit_to_either(Opcode::kPlugin, operands, destination);
 }
 
-// plugin(?, n, y, a, b) is y = plugin(?, n, a, b); plugin(?, n) writes nothing.
+// plugin(?, n, y, a, b) is y = plugin(?, n, a, b); plugin(?, n) writes nothing, and neither does plugin(?, n,
+// 5, a), whose third argument is a number.
 void Lowering::lower_plugin_statement(const Expression& call) {
   const Expressions& arguments = call.children;
-  if (arguments.size() == 2) {
+  if (arguments.size() == 2 || arguments[2].kind == ExpressionKind::kNumber) {
     const Operand module_index = module_operand(arguments[0]);
     const Value operation = lower_scalar(arguments[1], "a plugin's operation");
+    emit_plugin_arguments(arguments, 2);
     return builder_.emit(Opcode::kPluginDo, {}, {module_index, builder_.operand(operation)});
   }
   const Expression& target = arguments[2];

@@ -275,7 +275,8 @@ void Lowering::store_result(ResultDestination& destination, const Value& value, 
 // Returns true if the call is one of the original's windows and simulators, which we do not have, and warns
 // once.
 bool Lowering::ignores(const Expression& call) {
-  static constexpr std::string_view kPrefixes[] = {"apron.", "host.", "sim.", "gui."};
+  static constexpr std::string_view kPrefixes[] = {"apron.", "host.", "sim.", "gui.",
+                                                   "usb.",   "ipu.",  "pro.", "spi."};
   const bool foreign = original_ && std::any_of(std::begin(kPrefixes), std::end(kPrefixes),
                                                 [&](auto prefix) { return call.text.starts_with(prefix); });
   if (foreign && ignored_.insert(call.text).second)
@@ -459,7 +460,7 @@ program::Program Lowering::finish() {
     builder_.program().groups[index].members = symbols_.element_indices(name);
   for (std::uint32_t i = 0; sources_.expansion_count() > 1 && i < sources_.expansion_count(); ++i) {
     const syntax::ExpansionInfo& expansion = sources_.expansion(i);
-    builder_.add_expansion(expansion.macro, expansion.call, sources_.file(expansion.call.file).name);
+    builder_.add_expansion(expansion, sources_.file(expansion.call.file).name);
   }
   return builder_.finish();
 }

@@ -63,6 +63,8 @@ class Lowering {
     Shape where_shape;
     Value condition;  // of a where: its cells, if registers that ignore masks may be written in it
     Value counter, bound, step;
+    // A `for` with a fraction as its step computes its counter: first + round · step.
+    Value first, round;
   };
   // A register of the caller that a macro's body writes as if there were no masks.
   struct MergedRegister {
@@ -245,6 +247,7 @@ class Lowering {
   void open_while(const Expressions&, Location);
   void open_for(const Expressions&, Location);
   Value loop_invariant(const Value&);
+  void count_rounds(Block&, const Value& first);
   void emit_for_test(const Block&);
   void open_repeat(const Expressions&, Location);
   void open_where(const Expressions&, Location);

@@ -26,9 +26,9 @@ void ProgramBuilder::set_location(const syntax::Location& location, const std::s
     program_.source_locations.push_back(entry);
 }
 
-void ProgramBuilder::add_expansion(const std::string& macro, const syntax::Location& call,
-                                   const std::string& file) {
-  program_.expansions.push_back({macro, make_source(call, file)});
+void ProgramBuilder::add_expansion(const syntax::ExpansionInfo& expansion, const std::string& file) {
+  program_.expansions.push_back(
+      {expansion.macro, make_source(expansion.call, file), expansion.operand_count});
 }
 
 std::uint32_t ProgramBuilder::add_register(std::string name, Shape shape) {

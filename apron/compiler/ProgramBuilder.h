@@ -59,7 +59,7 @@ class ProgramBuilder {
   void set_location(const syntax::Location& location, const std::string& file);
   const syntax::Location& location() const noexcept { return location_; }
   // Expansions are added in the order of their numbers, from 0.
-  void add_expansion(const std::string& macro, const syntax::Location& call, const std::string& file);
+  void add_expansion(const syntax::ExpansionInfo& expansion, const std::string& file);
 
   // Fail when one of the limits of program/Program.h is hit.
   std::uint32_t add_register(std::string name, Shape);

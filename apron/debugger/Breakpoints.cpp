@@ -3,6 +3,39 @@
 #include <cassert>
 
 namespace apron::debugger {
+namespace {
+
+bool is_at(const program::Program& program, const program::SourceLocation& at, const std::string& file,
+           std::uint32_t line) {
+  return at.line == line && program.files[at.file] == file;
+}
+
+// True if the instruction belongs to a macro that the line uses, directly or through others.
+bool is_used_by(const program::Program& program, std::size_t instruction, const std::string& file,
+                std::uint32_t line) {
+  const program::SourceLocation* at = program::find_location(program, instruction);
+  while (at != nullptr && at->expansion != 0) {
+    at = &program.expansions[at->expansion].call_site;
+    if (is_at(program, *at, file, line)) return true;
+  }
+  return false;
+}
+
+}  // namespace
+
+std::vector<std::size_t> instructions_of_line(const program::Program& program, const std::string& file,
+                                              std::uint32_t line) {
+  std::vector<std::size_t> own, first_of_macros;
+  bool was_used = false;
+  for (std::size_t i = 0; i < program.code.size(); ++i) {
+    const program::SourceLocation* const at = program::find_location(program, i);
+    if (at != nullptr && is_at(program, *at, file, line)) own.push_back(i);
+    const bool is_used = is_used_by(program, i, file, line);
+    if (is_used && !was_used) first_of_macros.push_back(i);
+    was_used = is_used;
+  }
+  return own.empty() ? first_of_macros : own;
+}
 
 Breakpoints::Breakpoints(std::vector<Breakpoint> breakpoints, std::vector<program::Program> conditions,
                          const program::Program& program, const vm::Host& host)
@@ -18,12 +51,8 @@ Breakpoints::Breakpoints(std::vector<Breakpoint> breakpoints, std::vector<progra
     if (!breakpoint.enabled || breakpoint.kind == Breakpoint::Kind::kTick) continue;
     needs_single_steps_ = true;
     if (breakpoint.kind != Breakpoint::Kind::kLine) continue;
-    for (std::size_t i = 0; i < line_breakpoints_.size(); ++i) {
-      const program::SourceLocation* source = program::find_location(program, i);
-      if (source != nullptr && source->line == breakpoint.line &&
-          program.files[source->file] == breakpoint.file)
-        line_breakpoints_[i] = static_cast<std::int32_t>(n);
-    }
+    for (const std::size_t i : instructions_of_line(program, breakpoint.file, breakpoint.line))
+      line_breakpoints_[i] = static_cast<std::int32_t>(n);
   }
 }
 

@@ -23,6 +23,11 @@ struct Breakpoint {
   bool operator==(const Breakpoint&) const = default;
 };
 
+// The instructions at which a breakpoint at that line stops: its own, or, if it only uses macros, the first
+// ones of these. Empty if the line compiles to nothing.
+std::vector<std::size_t> instructions_of_line(const program::Program&, const std::string& file,
+                                              std::uint32_t line);
+
 // The breakpoints of one program. Breakpoints are identified by their index in the list passed to the
 // constructor.
 class Breakpoints {

@@ -28,7 +28,7 @@ SampledRegister sample_register(const vm::Vm& vm, std::size_t reg, std::uint32_t
 DebugSession::DebugSession(program::Program program, const vm::VmOptions& options, vm::Host& host,
                            std::function<void(bool)> on_pause)
     : program_(std::move(program)), options_(options), host_(host), on_pause_(std::move(on_pause)) {
-  options_.fusion.preserve_named_registers = true;
+  options_.fusion.observed.all_named = true;
   create_vm();
   if (on_pause_) on_pause_(true);
 }

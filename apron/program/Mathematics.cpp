@@ -54,11 +54,11 @@ R exponent(R a) {
 R significand(R a) {
   return std::bit_cast<double>((std::bit_cast<std::uint64_t>(a) & 0xFFFFFFFFFFFFFU) | 0x3FF0000000000000U);
 }
-void reduce_large(R x, R& quadrant, R& r) {
+void reduce_large(R x, R* quadrant, R* r) {
   if (std::fabs(x) < 0x1p20) return;
   const ReducedAngle angle = reduce_angle(x);
-  quadrant = angle.quadrant;
-  r = angle.rest;
+  *quadrant = angle.quadrant;
+  *r = angle.rest;
 }
 
 #define APRON_INLINE inline

@@ -108,6 +108,7 @@ struct SourceLocation {
 struct Expansion {
   std::string macro;
   SourceLocation call_site;  // may be inside an earlier expansion
+  std::uint32_t operand_count = 0;
 };
 
 struct Program {

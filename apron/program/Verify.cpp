@@ -106,7 +106,8 @@ class InstructionVerifier {
       return !same_shape(*shape, reg);
     };
     const bool to_variable = signature_.front() == 'D' && instruction_.destination.kind == Kind::kVariable;
-    bool mismatch = differs(instruction_.destination);
+    // A scatter gathers the cells of its operands in a register of any shape.
+    bool mismatch = instruction_.op != Opcode::kScatter && differs(instruction_.destination);
     for (const Operand& operand : instruction_.operands) {
       if (to_variable && operand.kind == Kind::kRegister) return "a register cannot go into a variable";
       mismatch = mismatch || differs(operand);

@@ -32,6 +32,14 @@ int run_subcommand(int argc, char** argv) {
       return format_programs(parsed.options);
     case Subcommand::kImport:
       return import_program(parsed.options);
+    case Subcommand::kCompile:
+      load_palettes(parsed.options);
+      return compile_for_boards(parsed.options);
+    case Subcommand::kDebug:
+      load_palettes(parsed.options);
+      return debug_program(parsed.options);
+    case Subcommand::kLanguageServer:
+      return serve_editors(parsed.options);
     case Subcommand::kRepl:
       load_palettes(parsed.options);
       return run_repl(parsed.options);

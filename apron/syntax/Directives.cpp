@@ -532,6 +532,7 @@ void Preprocessor::handle_operator(const Tokens& tokens) {
     report(target.location, "expected the name of an instruction or macro, as in !operator(+, core.add)");
   } else {
     operators_[symbol.text] = target.text;
+    if (symbol.is("=")) assigning_plainly_ = macros_.all();
   }
 }
 

@@ -56,7 +56,8 @@ std::size_t token_length(std::string_view text, bool first, Kind& kind) {
   }
   if (is_word_character(c)) return scan_word(0);
   if (c == ':' && text.size() > 1 && text[1] == '#') return scan_word(2);
-  if (c == '$' || c == '#' || c == ':') return scan_word(1);
+  const bool joins = text.substr(0, 2) == "##";
+  if (!joins && (c == '$' || c == '#' || c == ':')) return scan_word(1);
   if (c == '!' && first && text.size() > 1 && is_word_character(text[1])) return scan_word(1);
   kind = c == '(' || c == '['   ? Kind::kOpen
          : c == ')' || c == ']' ? Kind::kClose
@@ -64,7 +65,7 @@ std::size_t token_length(std::string_view text, bool first, Kind& kind) {
          : c == '?'             ? Kind::kWord
                                 : Kind::kOperator;
   if (kind != Kind::kOperator) return 1;
-  for (const std::string_view pair : {"<=", ">=", "==", "!=", "&&", "||"})
+  for (const std::string_view pair : {"<=", ">=", "==", "!=", "&&", "||", "##"})
     if (text.substr(0, 2) == pair) return 2;
   return 1;
 }

@@ -153,6 +153,10 @@ class Lexer {
     if (is_digit(c) || (c == '.' && is_digit(peek(1)))) return lex_number();
     if (is_letter(c) || at_foreign_letter()) return add_token(TokenKind::kName, location, lex_name());
     if (c == '\'') return lex_string();
+    if (c == '#' && peek(1) == '#') {
+      advance(2);
+      return add_token(TokenKind::kPunctuator, location, "##");
+    }
     if (c == '$' || c == '#' || c == ':') return lex_sigil(c);
     if (c == '!' && tokens_.empty() && is_letter(peek(1))) {
       advance(1);

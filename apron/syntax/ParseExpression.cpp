@@ -124,10 +124,16 @@ Expression Parser::parse_binary(int level) {
   return left;
 }
 
+// Whether `not` before it is the operator: `not -a`, `not nor(a, b)`, and not the call not(a).
+bool Parser::begins_operand(Cursor first) const {
+  if (first->is("(") || first->is("[")) return false;
+  if (infix_precedence(*first) == 0 || first->is("-") || first->is("+")) return true;
+  return first->kind == TokenKind::kName && first + 1 != end_ && first[1].is("(");
+}
+
 Expression Parser::parse_not() {
-  const bool is_not_operator = !at_end() && cursor_->is_name("not") && cursor_ + 1 != end_ &&
-                               !cursor_[1].is("(") && !cursor_[1].is("[");
-  if (!is_not_operator || infix_precedence(cursor_[1]) > 0) return parse_unary();
+  if (at_end() || !cursor_->is_name("not") || cursor_ + 1 == end_ || !begins_operand(cursor_ + 1))
+    return parse_unary();
   const Token op = *cursor_++;
   return make_expression(ExpressionKind::kUnary, op, children(parse_binary(kNotPrecedence)));
 }
@@ -137,7 +143,19 @@ Expression Parser::parse_unary() {
   const bool is_prefix = !at_end() && (cursor_->is("-") || cursor_->is("+") || cursor_->is("!"));
   if (!is_prefix) return parse_primary();
   const Token op = *cursor_++;
-  return make_expression(ExpressionKind::kUnary, op, children(parse_unary()));
+  Expression operand = parse_unary();
+  // `!operator(-, m)` where m has one operand: -a is m(a).
+  const MacroTable::Handle macro =
+      preprocessor_.macros().find(preprocessor_.operator_target(op.text), 1, true);
+  if (macro != nullptr && operand.kind != ExpressionKind::kNumber && !preprocessor_.is_expanding(macro)) {
+    Token call = op;
+    call.kind = TokenKind::kName;
+    call.text = macro->name;
+    std::vector<MacroArgument> arguments(1);
+    arguments[0].value = std::move(operand);
+    return expand_macro(macro, call, std::move(arguments));
+  }
+  return make_expression(ExpressionKind::kUnary, op, children(std::move(operand)));
 }
 
 Expression Parser::parse_primary() {
@@ -225,10 +243,11 @@ Expression Parser::parse_call(const Token& name) {
   return make_expression(ExpressionKind::kCall, name, std::move(arguments));
 }
 
-// Refuses `not (a) > b`, which reads as the operator `not` and would be the call not(a).
+// Refuses `not (a) > b` and `not (a) + b`, which read as the operator `not` and would be the call not(a).
+// Before `and` and the like both readings are the same.
 void Parser::check_negation(const Token& name) const {
   const Cursor close = find_closing_bracket(cursor_);
-  if (close + 1 == end_ || !is_comparison(close[1])) return;
+  if (close + 1 == end_ || infix_precedence(close[1]) <= kNotPrecedence) return;
   fail_at(name.location,
           "'not (…) {0} …' has two readings: write not ((…) {0} …) or "
           "(not (…)) {0} …",
@@ -259,7 +278,8 @@ Expression Parser::make_binary(const Token& op, Expression left, Expression righ
   const std::string target = constant ? "" : preprocessor_.operator_target(op.text);
   const MacroTable::Handle macro = preprocessor_.macros().find(target, 2, true);
   const bool is_recursive = macro != nullptr && preprocessor_.is_expanding(macro);
-  if (!target.empty() && !is_recursive) {
+  const bool is_prefix = macro == nullptr && preprocessor_.macros().find(target, 1, true) != nullptr;
+  if (!target.empty() && !is_recursive && !is_prefix) {
     Token call = op;
     call.kind = TokenKind::kName;
     call.text = target;
@@ -390,7 +410,7 @@ Expression Parser::expand_macro(const MacroTable::Handle& macro, const Token& ca
             macro->further_results.size() + 1, signature(*macro));
   expansion.macro = macro->name;
   expansion.is_function = macro->is_function;
-  expansion.id = sources_.add_expansion(macro->name, call.location);
+  expansion.id = sources_.add_expansion(macro->name, call.location, macro->parameters.size());
   expansion.result_name = fmt::format("${}:{}", macro->result_parameter, expansion.id);
   std::vector<Tokens> replacements = bind_arguments(expansion, *macro, std::move(arguments), call.location);
   const std::size_t min_depth = preprocessor_.depth();

@@ -167,27 +167,43 @@ Statement Parser::parse_assignment(Cursor equals) {
   return result;
 }
 
-// y = value where `!operator(=, name)` has made it name(y, value), a macro. An instruction of two arguments,
-// such as core.load, assigns as '=' does.
+// y = value where `!operator(=, name)` has made it name(y, value), a macro, or y = name(value). Names without
+// a comma are operands of their own: y = a b is name(y, a, b). An instruction of two arguments, such as
+// core.load, assigns as '=' does.
 std::optional<Statement> Parser::parse_rebound_assignment(Cursor first, Cursor equals, Cursor last) {
   const std::string target = preprocessor_.operator_target("=");
-  if (target.empty() || equals + 1 == last) return std::nullopt;
-  const MacroTable::Handle macro = preprocessor_.macros().find(target, 2, false);
+  if (target.empty() || equals + 1 == last || preprocessor_.assigns_plainly()) return std::nullopt;
+  const MacroTable& macros = preprocessor_.macros();
+  const bool is_list = last - equals > 2 && std::all_of(equals + 1, last, [](const Token& token) {
+                         return token.kind == TokenKind::kName && !token.is_name("not");
+                       });
+  const std::size_t count = is_list ? static_cast<std::size_t>(last - equals) : 2;
+  MacroTable::Handle macro = macros.find(target, count, false);
+  const bool has_result = macro == nullptr && !is_list && macros.find(target, 1, true) != nullptr;
+  if (has_result) macro = macros.find(target, 1, true);
   if (macro == nullptr && !preprocessor_.is_builtin(target)) {
-    fail_at(equals->location, "'=' stands for '{}', which is not an instruction or macro of two arguments",
-            target);
+    fail_at(equals->location, "'=' stands for '{}', which is not an instruction or macro of {} arguments",
+            target, count == 2 ? "two" : std::to_string(count));
   }
   if (macro == nullptr || preprocessor_.is_expanding(macro)) return std::nullopt;
   const auto punctuator = [&](std::string text) {
     return Token{TokenKind::kPunctuator, equals->location, std::move(text), 0.0};
   };
   Tokens call{{TokenKind::kName, equals->location, target, 0.0}, punctuator("(")};
-  call.insert(call.end(), first, equals);
-  call.push_back(punctuator(","));
-  call.insert(call.end(), equals + 1, last);
+  std::vector<Tokens> results;
+  if (has_result) {
+    results.emplace_back(first, equals);
+  } else {
+    call.insert(call.end(), first, equals);
+    call.push_back(punctuator(","));
+  }
+  for (Cursor token = equals + 1; token != last; ++token) {
+    if (is_list && token != equals + 1) call.push_back(punctuator(","));
+    call.push_back(*token);
+  }
   call.push_back(punctuator(")"));
   const Cursor saved_end = std::exchange(end_, call.cend());
-  std::optional<Statement> statement = parse_macro_statement(call.cbegin(), call.cend(), {});
+  std::optional<Statement> statement = parse_macro_statement(call.cbegin(), call.cend(), std::move(results));
   end_ = saved_end;
   return statement;
 }
@@ -220,7 +236,7 @@ std::optional<Statement> Parser::parse_macro_statement(Cursor first, Cursor last
   auto expansion = std::make_shared<MacroExpansion>();
   expansion->macro = macro->name;
   expansion->is_function = macro->is_function;
-  expansion->id = sources_.add_expansion(macro->name, first->location);
+  expansion->id = sources_.add_expansion(macro->name, first->location, macro->parameters.size());
   std::vector<Tokens> replacements =
       bind_arguments(*expansion, *macro, std::move(arguments), first->location);
   Statement statement;

@@ -49,6 +49,7 @@ class Parser {
   // ParseExpression.cpp
   Expression parse_range(Cursor first, Cursor last, Location end_location);
   Expression parse_binary(int level);
+  bool begins_operand(Cursor first) const;
   Expression parse_not();
   Expression parse_unary();
   Expression parse_primary();

@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cmath>
 #include <utility>
 
 namespace apron::syntax {
@@ -120,6 +121,7 @@ bool Preprocessor::process_line(PreprocessedItem& item) {
   }
   const bool defines_macro = is_directive && line.tokens.front().text == "macro_def";
   if (!defines_macro) substitute(line.tokens, frame);
+  if (!defines_macro) join_words(line);
   if (is_directive) {
     handle_directive(line);
     return false;
@@ -128,6 +130,13 @@ bool Preprocessor::process_line(PreprocessedItem& item) {
   item.kind = PreprocessedItem::Kind::kLine;
   item.line = std::move(line);
   return true;
+}
+
+bool Preprocessor::assigns_plainly() const {
+  const auto in_macro = std::ranges::find_if(frames_.rbegin(), frames_.rend(),
+                                             [](const InputFrame& frame) { return frame.macro != nullptr; });
+  return in_macro != frames_.rend() &&
+         std::ranges::find(assigning_plainly_, in_macro->macro) != assigning_plainly_.end();
 }
 
 bool Preprocessor::is_expanding(const MacroTable::Handle& macro) const {
@@ -217,6 +226,37 @@ bool Preprocessor::substitute(const Token& token, const InputFrame& frame, Token
     out.push_back(std::move(text));
   }
   return true;
+}
+
+// a ## b: one word of two, after parameters and the counters of `!for` are replaced.
+void Preprocessor::join_words(Line& line) {
+  Tokens out;
+  for (std::size_t i = 0; i < line.tokens.size(); ++i) {
+    const Token& token = line.tokens[i];
+    if (!token.is("##")) {
+      out.push_back(token);
+      continue;
+    }
+    const Token* right = i + 1 < line.tokens.size() ? &line.tokens[i + 1] : nullptr;
+    const auto is_word = [](const Token& word, bool is_first) {
+      return word.kind == TokenKind::kName || word.kind == TokenKind::kString ||
+             (word.kind == TokenKind::kNumber
+                  ? !is_first && word.number >= 0 && word.number == std::floor(word.number)
+                  : is_first && word.kind == TokenKind::kLabel);
+    };
+    if (out.empty() || right == nullptr || !is_word(out.back(), true) || !is_word(*right, false)) {
+      report(token.location, "'##' joins a name, label or text with a name, text or whole number");
+      line.has_error = true;
+      return;
+    }
+    std::string& text = out.back().text;
+    // A local name ends with the number of its expansion.
+    const std::size_t end =
+        out.back().kind == TokenKind::kString ? text.size() : std::min(text.find(':'), text.size());
+    text.insert(end, right->kind == TokenKind::kNumber ? fmt::format("{:.0f}", right->number) : right->text);
+    ++i;
+  }
+  line.tokens = std::move(out);
 }
 
 bool Preprocessor::expand_defines(Tokens& tokens) {

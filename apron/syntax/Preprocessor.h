@@ -91,6 +91,9 @@ class Preprocessor {
   // The macro that a call means here: none while it is being expanded itself and the language has an
   // instruction of that name.
   MacroTable::Handle find_macro(const std::string& name, std::size_t arguments, bool has_result) const;
+  // True in the body of a macro that was defined before the last `!operator(=, …)`, which leaves its lines
+  // alone.
+  bool assigns_plainly() const;
   bool is_expanding(const MacroTable::Handle&) const;
   const MacroTable& macros() const noexcept { return macros_; }
   bool is_builtin(std::string_view name) const { return options_.is_builtin && options_.is_builtin(name); }
@@ -146,6 +149,7 @@ class Preprocessor {
   static bool repeat_loop(InputFrame&);
   void substitute(Tokens&, const InputFrame&) const;
   bool substitute(const Token&, const InputFrame&, Tokens& out) const;
+  void join_words(Line&);
   bool expand_defines(Tokens&);
   bool expand_defines(const Tokens&, Tokens& out, std::set<std::string>& hide_set, int depth);
 
@@ -202,6 +206,7 @@ class Preprocessor {
   std::map<std::string, OperandKind> operand_kinds_;
   MacroTable macros_;
   std::string module_;
+  std::vector<MacroTable::Handle> assigning_plainly_;  // defined before the last `!operator(=, …)`
   bool original_ = false;
   std::string palette_;
   float scale_ = 0.0F;

@@ -17,8 +17,8 @@ std::uint32_t SourceManager::add_file(std::string name, std::string text, Locati
   return static_cast<std::uint32_t>(files_.size() - 1);
 }
 
-std::uint32_t SourceManager::add_expansion(std::string macro, Location call) {
-  expansions_.push_back({std::move(macro), call});
+std::uint32_t SourceManager::add_expansion(std::string macro, Location call, std::size_t operand_count) {
+  expansions_.push_back({std::move(macro), call, static_cast<std::uint32_t>(operand_count)});
   return static_cast<std::uint32_t>(expansions_.size() - 1);
 }
 

@@ -28,6 +28,7 @@ struct SourceFile {
 struct ExpansionInfo {
   std::string macro;
   Location call;
+  std::uint32_t operand_count = 0;
 };
 
 class SourceManager {
@@ -35,7 +36,7 @@ class SourceManager {
   SourceManager();
 
   std::uint32_t add_file(std::string name, std::string text, Location included_from);
-  std::uint32_t add_expansion(std::string macro, Location call);
+  std::uint32_t add_expansion(std::string macro, Location call, std::size_t operand_count);
 
   const SourceFile& file(std::uint32_t index) const { return files_.at(index); }
   const ExpansionInfo& expansion(std::uint32_t index) const { return expansions_.at(index); }

@@ -19,8 +19,7 @@ DispatchKind dispatch_kind_of(Opcode op, const KernelTable& kernels) {
   if (is_between(Opcode::kMaskOn, Opcode::kMaskPop)) return DispatchKind::kMask;
   if (is_between(Opcode::kGlobalSum, Opcode::kGlobalAny)) return DispatchKind::kReduce;
   if (is_between(Opcode::kPixelGet, Opcode::kCellY)) return DispatchKind::kCellAccess;
-  if (is_between(Opcode::kNearSum, Opcode::kSpreadSum) ||
-      is_between(Opcode::kRandomFloat, Opcode::kResSetReg))
+  if (is_between(Opcode::kNearSum, Opcode::kScatter) || is_between(Opcode::kRandomFloat, Opcode::kResSetReg))
     return DispatchKind::kArrayOp;
   return program::opcode_info(op).locality == program::Locality::Host ? DispatchKind::kHost
                                                                       : DispatchKind::kControlFlow;

@@ -111,6 +111,11 @@ void MaskStack::pop() {
   update_effective_mask();
 }
 
+void MaskStack::clear() {
+  while (!levels_.empty()) pop();
+  clear_base();
+}
+
 // Recomputes the mask in force: the top level, combined with the base mask.
 void MaskStack::update_effective_mask() {
   active_ = levels_.empty() ? Active::kAll : levels_.back().active;

@@ -28,6 +28,8 @@ class MaskStack {
   // Replaces the top level by its complement within the enclosing level.
   void invert_top();
   void pop();
+  // Closes all levels and drops the base mask.
+  void clear();
   std::size_t depth() const noexcept { return levels_.size(); }
 
   enum class Active { kAll, kNone, kSome };

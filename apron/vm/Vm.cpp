@@ -1,10 +1,12 @@
 #include "apron/vm/Vm.h"
 
+#include <time.h>
+
 #include <algorithm>
 #include <cassert>
-#include <chrono>
 #include <cmath>
 #include <map>
+#include <utility>
 
 #include "apron/program/ScalarArithmetic.h"
 #include "apron/vm/NumberFormat.h"
@@ -13,6 +15,17 @@
 namespace apron::vm {
 
 using program::Opcode;
+
+namespace {
+
+// Processor time of the calling thread: waits, and other programs on its core, do not count.
+std::uint64_t thread_time_ns() noexcept {
+  timespec time{};
+  clock_gettime(CLOCK_THREAD_CPUTIME_ID, &time);
+  return static_cast<std::uint64_t>(time.tv_sec) * 1'000'000'000U + static_cast<std::uint64_t>(time.tv_nsec);
+}
+
+}  // namespace
 
 Vm::Vm(program::Program program, VmOptions options, Host& host)
     : program_(std::move(program)),
@@ -40,12 +53,22 @@ Vm::Vm(program::Program program, VmOptions options, Host& host)
         (decoded.masked || decoded.op == Opcode::kPlugin)) {
       decoded.scratch = scratch_plane(*decoded.destination);
     }
+    if (decoded.op == Opcode::kScatter)
+      scatter_sums_.resize(std::max(scatter_sums_.size(), decoded.destination->cell_count()));
     if (decoded.op == Opcode::kFlood || decoded.op == Opcode::kSpreadMax || decoded.op == Opcode::kSpreadSum)
       components_.reserve(decoded.destination->width, decoded.destination->height);
   }
   return_addresses_.reserve(program::kMaxCallDepth);
   plugin_arguments_.reserve(program::kMaxPluginArguments);
   reserve_masks();
+  const auto has = [this](const auto& condition) { return std::ranges::any_of(program_.code, condition); };
+  if (has([](const program::Instruction& i) { return i.op == Opcode::kFilterSet; }))
+    for (const program::Filter& filter : program_.filters)
+      initial_coefficients_.push_back(filter.coefficients);
+  keeps_padding_ = !has([this](const program::Instruction& i) {
+    return i.op == Opcode::kBoundary && program_.literals[i.operands[0].index] != 0.0;
+  }) && std::ranges::all_of(program_.registers,
+                            [](const program::Register& r) { return r.width % kLanes == 0; });
   if (options.enable_profiling) {
     options.fusion.enabled = false;
     set_profiling(true);
@@ -59,6 +82,40 @@ Plane Vm::scratch_plane(const Plane& like) {
   for (const Plane& plane : scratch_planes_)
     if (same_shape(plane, like)) return plane;
   return scratch_planes_.emplace_back(plane_store_.allocate(like.width, like.height));
+}
+
+void Vm::restart() {
+  for (std::size_t i = 0; i < program_.variables.size(); ++i)
+    register_file_.scalars[i] = program_.variables[i].initial_value;
+  for (std::size_t i = 0; i < initial_coefficients_.size(); ++i)
+    program_.filters[i].coefficients = initial_coefficients_[i];
+  masks_.clear();
+  return_addresses_.clear();
+  boundary_ = {};
+  random_stream_ = {};
+  free_stack_planes_.insert(free_stack_planes_.end(), stack_.begin(), stack_.end());
+  stack_.clear();
+  plugin_arguments_.clear();
+  program_counter_ = 0;
+  instructions_executed_ = 0;
+  final_status_ = Status::kRunning;
+  error_.clear();
+}
+
+void Vm::fill_register(std::size_t register_index, float value) noexcept {
+  const Plane plane = register_file_.registers[register_index];
+  for (std::uint32_t y = 0; y < plane.height; ++y) std::fill_n(plane.row(y), plane.width, value);
+}
+
+Vm::Storage Vm::bind_register(std::size_t register_index, const Storage& storage) noexcept {
+  assert(same_shape(register_file_.registers[register_index], storage.front));
+  const Plane back =
+      storage.back.data != nullptr ? fused_traces_->bind_back_buffer(register_index, storage.back) : Plane();
+  return {std::exchange(register_file_.registers[register_index], storage.front), back};
+}
+
+bool Vm::has_back_buffer(std::size_t register_index) const noexcept {
+  return fused_traces_->has_back_buffer(register_index);
 }
 
 // Reserves as many mask planes of each shape as the program can have in force without recursion.
@@ -104,12 +161,10 @@ Status Vm::run(std::uint64_t budget) {
 }
 
 Status Vm::execute_profiled(std::size_t at) {
-  using Clock = std::chrono::steady_clock;
-  const Clock::time_point start = Clock::now();
+  const std::uint64_t start_ns = thread_time_ns();
   const Status status = execute(decoded_[at]);
-  const auto elapsed = std::chrono::duration_cast<std::chrono::nanoseconds>(Clock::now() - start);
   ++profile_[at].executions;
-  profile_[at].nanoseconds += static_cast<std::uint64_t>(elapsed.count());
+  profile_[at].nanoseconds += thread_time_ns() - start_ns;
   return status;
 }
 

@@ -40,7 +40,7 @@ struct VmOptions {
   bool enable_profiling = false;
 };
 
-// Accumulated cost of one instruction of the program.
+// Accumulated cost of one instruction of the program: its processor time on the thread that calls run().
 struct InstructionProfile {
   std::uint64_t executions = 0, nanoseconds = 0;
 };
@@ -71,6 +71,25 @@ class Vm {
   // the next call continues; after kInterrupted it retries the instruction that did not complete. Every other
   // status is final: later calls return it again.
   Status run(std::uint64_t budget = std::numeric_limits<std::uint64_t>::max());
+
+  // Starts again from the first instruction: variables, filters, random numbers, masks and stack are those of
+  // a new VM, and registers keep their cells. With `fill_register(r, 0)` for every register, all that follows
+  // is what a new VM does; without, where the program does not read the old cells (see
+  // FlowAnalysis::is_live()). Does not call Host::restart().
+  void restart();
+  void fill_register(std::size_t register_index, float value) noexcept;
+
+  // Exchanges the storage of a register, of the register's shape and with the padding of PlaneStore, which
+  // the program overwrites unless keeps_padding(). `back`, null unless has_back_buffer(): where the program
+  // may leave the register's new cells, so that plane() is one of the two afterwards. The storage must
+  // outlive the VM or the next exchange. Returns the previous storage.
+  struct Storage {
+    Plane front, back;
+  };
+  Storage bind_register(std::size_t register_index, const Storage& storage) noexcept;
+  bool has_back_buffer(std::size_t register_index) const noexcept;
+  // True if the padding of all planes stays zero, and must be zero in the storage of bind_register().
+  bool keeps_padding() const noexcept { return keeps_padding_; }
 
   // One line, "file:line: error: ..."; empty unless the status is kRefused or kFailed.
   const std::string& error() const noexcept { return error_; }
@@ -110,6 +129,7 @@ class Vm {
   Status write_cell_coordinates(const DecodedInstruction& decoded);
   Status execute_array_op(const DecodedInstruction& decoded);
   Status execute_neighbourhood(const DecodedInstruction& decoded);
+  Status scatter(const DecodedInstruction&);
   void copy_plane(Plane y, ConstPlane a, const float* mask) noexcept;
   Status set_filter_coefficient(const DecodedInstruction& decoded);
   Status fill_random(const DecodedInstruction& decoded);
@@ -150,12 +170,15 @@ class Vm {
   std::vector<std::uint32_t> return_addresses_;
   BoundaryCondition boundary_{};
   RandomStream random_stream_{};
+  std::vector<double> scatter_sums_;  // of the largest destination of a scatter
   ConnectedComponents components_;
   std::vector<Plane> stack_, free_stack_planes_;
   std::size_t stack_bytes_ = 0;
   std::vector<PluginArgument> plugin_arguments_;
   std::size_t program_counter_ = 0;
   std::uint64_t instructions_executed_ = 0;
+  std::vector<std::vector<float>> initial_coefficients_;  // of the filters, if the program changes them
+  bool keeps_padding_ = false;
   bool profiling_enabled_ = false;
   std::vector<InstructionProfile> profile_;
   Status final_status_ = Status::kRunning;  // any other value is final

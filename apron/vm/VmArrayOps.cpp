@@ -1,4 +1,5 @@
 // Instructions on neighbourhoods, filters, random numbers, the register stack and group members.
+#include <algorithm>
 #include <bit>
 #include <cmath>
 #include <new>
@@ -36,9 +37,39 @@ Status Vm::execute_array_op(const DecodedInstruction& decoded) {
     case Opcode::kResGetReg:
     case Opcode::kResSetReg:
       return access_group_member(decoded);
+    case Opcode::kScatter:
+      return scatter(decoded);
     default:
       return execute_neighbourhood(decoded);
   }
+}
+
+// The destination has a shape of its own, and may be a source.
+Status Vm::scatter(const DecodedInstruction& decoded) {
+  const float* mask = nullptr;
+  const WriteAccess access = check_write_access(decoded, mask);
+  if (access != WriteAccess::kAllowed) return skip_write(access, *decoded.destination);
+  const ConstPlane at = *decoded.planes[0];
+  const Plane to = *decoded.destination;
+  const std::size_t count = to.cell_count();
+  std::fill_n(scatter_sums_.begin(), count, 0.0);
+  const auto scalar = decoded.scalars[1] != nullptr ? static_cast<float>(*decoded.scalars[1]) : 0.0F;
+  for (std::uint32_t row = 0; row < at.height; ++row) {
+    const float* index = at.row(row);
+    const float* added = decoded.planes[1] != nullptr ? ConstPlane(*decoded.planes[1]).row(row) : nullptr;
+    for (std::uint32_t x = 0; x < at.width; ++x) {
+      const double k = index[x];
+      if (!(k >= 0.0 && k < static_cast<double>(count))) continue;
+      scatter_sums_[static_cast<std::size_t>(k)] += static_cast<double>(added != nullptr ? added[x] : scalar);
+    }
+  }
+  for (std::uint32_t row = 0; row < to.height; ++row) {
+    float* cells = to.row(row);
+    const double* sums = scatter_sums_.data() + static_cast<std::size_t>(row) * to.width;
+    for (std::uint32_t x = 0; x < to.width; ++x)
+      if (mask == nullptr || mask[cells - to.data + x] != 0.0F) cells[x] = static_cast<float>(sums[x]);
+  }
+  return Status::kRunning;
 }
 
 Status Vm::execute_neighbourhood(const DecodedInstruction& decoded) {

@@ -4,7 +4,10 @@
 #include <unistd.h>
 
 #include <cerrno>
+#include <optional>
 #include <string>
+
+#include "common/files/PreparedOutputs.h"
 
 namespace common {
 namespace {
@@ -36,21 +39,22 @@ bool is_special_file(const fs::path& path) noexcept {
   return fs::exists(status) && !fs::is_regular_file(status) && !fs::is_directory(status);
 }
 
+// The process id keeps two processes that write the same file apart.
+fs::path part_of(const fs::path& path) { return path.string() + ".part" + std::to_string(::getpid()); }
+
 std::error_code replace_file(const fs::path& path, std::string_view bytes) {
   if (is_special_file(path)) return write_all(path, bytes, O_TRUNC);
   std::error_code error;
   if (fs::is_directory(path, error)) return std::make_error_code(std::errc::is_a_directory);
-  // The process id keeps two processes that write the same file apart.
-  const fs::path part = path.string() + ".part" + std::to_string(::getpid());
+  const std::optional<fs::path> prepared = prepared_part(path);
+  const fs::path part = prepared ? *prepared : part_of(path);
+  error.clear();
   // Removed and then created with O_EXCL, so that the bytes never go through a link that another user put
   // there.
-  fs::remove(part, error);
-  if (!error) error = write_all(part, bytes, O_EXCL);
-  if (!error) fs::rename(part, path, error);
-  if (error) {
-    std::error_code ignored;
-    fs::remove(part, ignored);
-  }
+  if (!prepared) fs::remove(part, error);
+  if (!error) error = write_all(part, bytes, prepared ? O_TRUNC : O_EXCL);
+  if (!error) error = rename_part(part, path);
+  if (error) discard_part(part);
   return error;
 }
 

@@ -12,6 +12,9 @@ namespace common {
 // replaced by a file.
 [[nodiscard]] std::error_code replace_file(const std::filesystem::path& path, std::string_view bytes);
 
+// The temporary file.
+std::filesystem::path part_of(const std::filesystem::path& path);
+
 // True for what replace_file() writes in place.
 bool is_special_file(const std::filesystem::path& path) noexcept;
 

@@ -17,6 +17,7 @@ struct Slot {
 };
 constexpr pid_t kFree = 0, kBeingWritten = -1;
 constinit std::array<Slot, 16> slots;
+constinit std::atomic<void (*)()> at_removal{nullptr};
 
 }  // namespace
 
@@ -42,6 +43,9 @@ void remove_unfinished_files() noexcept {
   const pid_t self = ::getpid();
   for (const Slot& slot : slots)
     if (slot.owner.load() == self && ::unlink(slot.path.data()) != 0) ::rmdir(slot.path.data());
+  if (auto* const then = at_removal.load()) then();
 }
+
+void at_removal_of_unfinished_files(void (*then)()) noexcept { at_removal.store(then); }
 
 }  // namespace common

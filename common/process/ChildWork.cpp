@@ -15,6 +15,7 @@
 #include <exception>
 #include <stdexcept>
 
+#include "common/confine/Confinement.h"
 #include "common/process/StopSignals.h"
 
 namespace common {
@@ -23,6 +24,7 @@ namespace {
 constexpr int kStopInterval_ms = 50;
 
 thread_local double children_s = 0.0;
+bool is_child = false;
 
 bool write_all(int fd, const std::string& bytes) {
   for (std::size_t done = 0; done < bytes.size();) {
@@ -54,6 +56,7 @@ void limit(__rlimit_resource resource, rlim_t value) {
                             pid_t parent, rlim_t mapped) {
   ::prctl(PR_SET_PDEATHSIG, SIGKILL);
   if (::getppid() != parent) ::_exit(1);
+  is_child = true;
   // Do not inherit the parent's signal handlers.
   for (const int signal :
        {SIGSEGV, SIGBUS, SIGABRT, SIGFPE, SIGILL, SIGPROF, SIGTERM, SIGINT, SIGHUP, SIGXCPU, SIGALRM})
@@ -69,6 +72,10 @@ void limit(__rlimit_resource resource, rlim_t value) {
   if (const int nowhere = ::open("/dev/null", O_RDWR); nowhere >= 0)
     for (const int stream : {STDIN_FILENO, STDOUT_FILENO, STDERR_FILENO}) ::dup2(nowhere, stream);
   try {
+    Confinement confinement;
+    confinement.read = limits.readable;
+    add_system_files(confinement);
+    confine(confinement);
     ::_exit(write_all(STDERR_FILENO + 1, work()) ? 0 : 1);
   } catch (...) {
     ::_exit(1);
@@ -97,6 +104,7 @@ double seconds(const timeval& time) {
 }  // namespace
 
 ChildResult run_in_child(const std::function<std::string()>& work, const ChildLimits& limits) {
+  (void)confinement_mode();  // a mistake in it is reported here
   int pipe_fds[2];
   const auto refuse = [] {
     throw std::runtime_error(
@@ -105,6 +113,11 @@ ChildResult run_in_child(const std::function<std::string()>& work, const ChildLi
   };
   if (::pipe2(pipe_fds, O_CLOEXEC) != 0) refuse();
   const rlim_t mapped = mapped_bytes();
+  if (mapped == RLIM_INFINITY) {  // without it the child's memory would have no limit
+    ::close(pipe_fds[0]);
+    ::close(pipe_fds[1]);
+    refuse();
+  }
   const pid_t parent = ::getpid(), child = ::fork();
   if (child == 0) run_child(work, limits, pipe_fds[1], parent, mapped);
   ::close(pipe_fds[1]);
@@ -133,6 +146,8 @@ ChildResult run_in_child(const std::function<std::string()>& work, const ChildLi
                                                              : ChildResult::End::kFailed;
   return result;
 }
+
+bool is_in_child() noexcept { return is_child; }
 
 double child_time_s() noexcept { return children_s; }
 

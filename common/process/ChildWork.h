@@ -3,14 +3,17 @@
 #pragma once
 
 #include <cstddef>
+#include <filesystem>
 #include <functional>
 #include <string>
+#include <vector>
 
 namespace common {
 
 struct ChildLimits {
   double cpu_s;
-  std::size_t memory_bytes;  // of address space, beyond what this process has
+  std::size_t memory_bytes;                          // of address space, beyond what this process has
+  std::vector<std::filesystem::path> readable = {};  // files, and folders with all that is below
 };
 
 struct ChildResult {
@@ -20,10 +23,13 @@ struct ChildResult {
   std::string bytes;  // what `work` returned
 };
 
-// Runs `work` in a child, which has no other effect on this process, no open files but the standard streams,
-// which lead nowhere, and ends with this process. Throws std::runtime_error if there can be no child: the
-// work is not done here then.
+// Runs `work` in a child, which is confined to reading what the limits name (Confinement.h), has no open
+// files but the standard streams, which lead nowhere, and ends with this process. Throws std::runtime_error
+// if there can be no child: the work is not done here then.
 ChildResult run_in_child(const std::function<std::string()>& work, const ChildLimits&);
+
+// Whether this process is such a child, which can have none of its own.
+bool is_in_child() noexcept;
 
 // Processor time of the children that the calling thread has waited for here.
 double child_time_s() noexcept;

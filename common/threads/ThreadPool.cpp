@@ -52,18 +52,29 @@ void ThreadPool::wait_while(const std::atomic<std::uint32_t>& word, std::uint32_
   word.wait(old, std::memory_order_acquire);
 }
 
-// If each thread has a core, the busiest one works or spins nearly all the time. A job whose threads waited
-// for cores is followed by jobs that the caller does alone; their number grows each time, and shrinks after a
-// job that did not wait.
-void ThreadPool::judge_job(std::int64_t wall_ns, std::int64_t cpu_ns) noexcept {
-  constexpr std::int64_t kMinWait_ns = 200'000;  // more than waking the threads takes
-  waited_ = wall_ns - cpu_ns > kMinWait_ns && 3 * wall_ns > 5 * cpu_ns;
-  if (waited_) {
-    jobs_alone_ = next_jobs_alone_;
-    next_jobs_alone_ = std::min(4 * next_jobs_alone_, kMaxJobsAlone);
-  } else {
-    next_jobs_alone_ = std::max(next_jobs_alone_ / 2, kMinJobsAlone);
-  }
+void ThreadPool::refill_budget(std::int64_t now_ns) noexcept {
+  budget_ns_ = std::min(kMostBudget_ns, budget_ns_ + (now_ns - refilled_at_ns_) / kBudgetShare);
+  refilled_at_ns_ = now_ns;
+}
+
+// If each thread has a core, the busiest one works or spins nearly all the time, and one thread alone would
+// take at most thread_count() times as long. What the job took beyond that is lost.
+void ThreadPool::charge_job(std::int64_t begin_ns, std::int64_t busiest_ns) noexcept {
+  if (min_cost_ns_ == 0) return;
+  const std::int64_t now_ns = clock_ns(CLOCK_MONOTONIC);
+  refill_budget(now_ns);
+  budget_ns_ -= std::max<std::int64_t>(0, now_ns - begin_ns - thread_count() * busiest_ns);
+  if (budget_ns_ < 0) alone_ = true;
+}
+
+bool ThreadPool::shares_again() noexcept {
+  refill_budget(clock_ns(CLOCK_MONOTONIC));
+  if (budget_ns_ < kMostBudget_ns / 2) return false;
+  alone_ = false;
+  // A thread that has slept for long often gets a core at once, and loses it soon.
+  constexpr int kEmptyJobs = 8;
+  for (int job = 0; job < kEmptyJobs && !alone_; ++job) fork_join([](int) {});
+  return !alone_;
 }
 
 // The job stays in place until every call of it has returned; only then may the next one replace it.
@@ -85,8 +96,7 @@ void ThreadPool::run(const Job& job) noexcept {
     wait_while(unfinished_, left);
   if (workers_.empty()) return;
   const std::int64_t own_ns = clock_ns(CLOCK_THREAD_CPUTIME_ID) - cpu_begin_ns;
-  judge_job(clock_ns(CLOCK_MONOTONIC) - wall_begin_ns,
-            std::max(own_ns, busiest_worker_ns_.load(std::memory_order_relaxed)));
+  charge_job(wall_begin_ns, std::max(own_ns, busiest_worker_ns_.load(std::memory_order_relaxed)));
 }
 
 void ThreadPool::finish_one() noexcept {

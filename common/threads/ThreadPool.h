@@ -38,20 +38,12 @@ class ThreadPool {
   // counts, never from a clock, so that it is the same in every run.
   bool pays(double cost_ns) const noexcept { return cost_ns >= min_cost_ns_; }
 
-  // Returns whether to share the next job. Returns false for a while after a job that waited for a thread
-  // without a core: other programs keep the cores busy, and the caller alone is faster. parallel_for() and
-  // parallel_for_rows() call it themselves. It changes no result.
-  bool has_cores() noexcept {
-    if (!waited_) return true;
-    if (jobs_alone_ > 0) {
-      --jobs_alone_;
-      return false;
-    }
-    const int next_jobs_alone = next_jobs_alone_;
-    fork_join([](int) {});  // waits for a core once; a step would wait at each of its barriers
-    if (!waited_) next_jobs_alone_ = next_jobs_alone;  // the job itself decides, not this empty one
-    return !waited_;
-  }
+  // Returns whether to share the next job. Other programs may keep the cores busy, so that shared jobs wait
+  // for threads without a core and the caller alone is faster. A budget bounds what such waits cost: 1/25 of
+  // the time that passes, and kMostBudget_ns at once. While it is spent the caller works alone; empty jobs
+  // then show whether the threads have cores again. parallel_for() and parallel_for_rows() call this
+  // themselves. It changes no result. A pool with min_cost_ns 0 always shares.
+  bool has_cores() noexcept { return !alone_ || shares_again(); }
 
   // Fork/join: calls work(thread) once on every thread, all at the same time, so that they may wait for each
   // other.
@@ -104,7 +96,7 @@ class ThreadPool {
 
  private:
   static constexpr std::uint32_t kEveryThread = 0xFFFFFFFF;
-  static constexpr int kMinJobsAlone = 8, kMaxJobsAlone = 1024;
+  static constexpr std::int64_t kMostBudget_ns = 5'000'000, kBudgetShare = 25;
 
   struct Job {
     void (*call)(const void* of, std::uint32_t index, unsigned thread) noexcept;
@@ -117,13 +109,15 @@ class ThreadPool {
   void serve(unsigned thread) noexcept;
   void finish_one() noexcept;
   void stop() noexcept;
-  void judge_job(std::int64_t wall_ns, std::int64_t cpu_ns) noexcept;
+  void refill_budget(std::int64_t now_ns) noexcept;
+  void charge_job(std::int64_t begin_ns, std::int64_t busiest_ns) noexcept;
+  bool shares_again() noexcept;
   void wait_while(const std::atomic<std::uint32_t>& word, std::uint32_t old) const noexcept;
 
   double min_cost_ns_;
-  bool waited_ = false;  // the last shared job waited for a thread without a core
-  int jobs_alone_ = 0;   // jobs that the caller does alone before it shares one again
-  int next_jobs_alone_ = kMinJobsAlone;
+  std::int64_t budget_ns_ = kMostBudget_ns;  // that waits for cores may still cost
+  std::int64_t refilled_at_ns_ = 0;
+  bool alone_ = false;  // the budget is spent
   int spins_;  // before a waiting thread sleeps; 0 where the threads outnumber the cores
   std::vector<std::thread> workers_;
   Job job_{};

@@ -16,6 +16,7 @@
 #include <vector>
 
 #include "common/error/UserError.h"
+#include "common/files/PreparedOutputs.h"
 
 namespace common {
 namespace {
@@ -45,8 +46,10 @@ std::vector<std::string> ffmpeg_command(const fs::path& file, int width, int hei
 
 }  // namespace
 
+fs::path VideoEncoder::part_of(const fs::path& file) { return file.string() + ".part.mp4"; }
+
 VideoEncoder::VideoEncoder(const fs::path& file, int width, int height, int frames_per_second)
-    : file_(file), part_(file.string() + ".part.mp4"), unfinished_(part_), width_(width), height_(height) {
+    : file_(file), part_(part_of(file)), unfinished_(part_), width_(width), height_(height) {
   assert(width % 2 == 0 && height % 2 == 0);
   const std::string name = file.string();
   if (file.extension() != ".mp4") throw UserError(name + ": a video's name must end in .mp4");
@@ -86,7 +89,10 @@ void VideoEncoder::start(int frames_per_second) {
 
 // Ends ffmpeg's input and returns its wait status, or -1 when it was not running.
 int VideoEncoder::close_and_wait() {
-  if (socket_ >= 0) ::close(socket_);
+  if (socket_ >= 0) {
+    ::shutdown(socket_, SHUT_WR);  // other processes of the run may hold the socket, too
+    ::close(socket_);
+  }
   socket_ = -1;
   int status = -1;
   if (child_ > 0)
@@ -99,8 +105,7 @@ int VideoEncoder::close_and_wait() {
 void VideoEncoder::abandon() {
   if (child_ < 0) return;
   close_and_wait();
-  std::error_code ignored;
-  fs::remove(part_, ignored);
+  discard_part(part_);
 }
 
 VideoEncoder::~VideoEncoder() { abandon(); }
@@ -124,10 +129,10 @@ void VideoEncoder::finish() {
   if (child_ < 0) return;  // add() has failed
   std::error_code error;
   const bool encoded = close_and_wait() == 0;
-  if (encoded) fs::rename(part_, file_, error);
+  if (encoded) error = rename_part(part_, file_);
   if (encoded && !error) return;
   const std::string reason = encoded ? error.message() : "ffmpeg failed";
-  fs::remove(part_, error);
+  discard_part(part_);
   throw UserError(file_.string() + ": " + reason);
 }
 

@@ -20,6 +20,8 @@ class VideoEncoder {
   VideoEncoder(const VideoEncoder&) = delete;
   VideoEncoder& operator=(const VideoEncoder&) = delete;
 
+  static std::filesystem::path part_of(const std::filesystem::path& file);
+
   // Both throw UserError when ffmpeg fails. A failure of add() discards the video; finish() then does
   // nothing.
   void add(const Image& image);

@@ -1,5 +1,6 @@
 #include "shm_protocol/ObserverEndpoint.h"
 
+#include <algorithm>
 #include <array>
 #include <cassert>
 #include <chrono>
@@ -54,8 +55,12 @@ struct ObserverEndpoint::Impl {
   }
   DirectionReader& reader(Direction d) noexcept { return d == Direction::kSensor ? sensors : actuators; }
 
+  bool copy(DirectionReader&, std::uint32_t frame) noexcept;
   Status copy_newest(DirectionReader&) noexcept;
-  Status latest(Direction) noexcept;
+  Status copy_next(DirectionReader&) noexcept;
+  Status latest(Direction direction) noexcept { return with_state(copy_newest(reader(direction))); }
+  Status next(Direction direction) noexcept { return with_state(copy_next(reader(direction))); }
+  Status with_state(Status) noexcept;
   State surface_state(bool check_liveness) noexcept;
 
   SegmentLayout layout;
@@ -66,26 +71,45 @@ struct ObserverEndpoint::Impl {
   LivenessTimer liveness;
 };
 
+// Copies the frame whose low 32 bits are given. Returns false if it is not in its slot, or did not stay
+// there.
+bool ObserverEndpoint::Impl::copy(DirectionReader& reader, std::uint32_t frame) noexcept {
+  const FrameInfo taken = reader.ring.read_info(frame);
+  if (taken.frame == 0) return false;
+  const FrameArrays& to = reader.frames[1 - reader.current];
+  for (const auto& c : layout.channels)
+    if (c.direction == static_cast<std::uint32_t>(reader.direction))
+      copy_frame(to.array(c), reader.ring.array(frame, c).data(), c.bytes);
+  if (!reader.ring.is_still_valid(taken)) return false;
+  reader.current = 1 - reader.current;
+  reader.info = taken;
+  return true;
+}
+
 Status ObserverEndpoint::Impl::copy_newest(DirectionReader& reader) noexcept {
   for (int attempt = 0; attempt < kMaxAttempts; ++attempt) {
     const std::uint32_t newest = load_acquire(reader.line.word);
     if (newest == static_cast<std::uint32_t>(reader.info.frame)) return Status::kRepeated;
-    const FrameInfo taken = reader.ring.read_info(newest);
-    if (taken.frame == 0) continue;
-    const FrameArrays& to = reader.frames[1 - reader.current];
-    for (const auto& c : layout.channels)
-      if (c.direction == static_cast<std::uint32_t>(reader.direction))
-        copy_frame(to.array(c), reader.ring.array(newest, c).data(), c.bytes);
-    if (!reader.ring.is_still_valid(taken)) continue;
-    reader.current = 1 - reader.current;
-    reader.info = taken;
-    return Status::kOk;
+    if (copy(reader, newest)) return Status::kOk;
   }
   return Status::kTorn;
 }
 
-Status ObserverEndpoint::Impl::latest(Direction direction) noexcept {
-  const Status s = copy_newest(reader(direction));
+// Frames that the writer overwrites meanwhile are passed over.
+Status ObserverEndpoint::Impl::copy_next(DirectionReader& reader) noexcept {
+  if (reader.info.frame == 0) return copy_newest(reader);
+  for (int attempt = 0; attempt < kMaxAttempts; ++attempt) {
+    const std::uint32_t newest = load_acquire(reader.line.word);
+    const auto behind = newest - static_cast<std::uint32_t>(reader.info.frame);
+    if (behind == 0) return Status::kRepeated;
+    const auto readable = static_cast<std::uint32_t>(reader.ring.slot_count());
+    for (std::uint32_t frame = newest - std::min(behind, readable) + 1; frame != newest + 1; ++frame)
+      if (copy(reader, frame)) return Status::kOk;
+  }
+  return Status::kTorn;
+}
+
+Status ObserverEndpoint::Impl::with_state(Status s) noexcept {
   if (s != Status::kRepeated && s != Status::kTorn) return s;
   switch (surface_state(liveness.due())) {
     case State::kClosing:
@@ -120,6 +144,8 @@ ObserverEndpoint ObserverEndpoint::attach(const std::string& name, const AttachO
 const Description& ObserverEndpoint::description() const noexcept { return impl_->description; }
 
 Status ObserverEndpoint::latest(Direction direction) noexcept { return impl_->latest(direction); }
+
+Status ObserverEndpoint::next(Direction direction) noexcept { return impl_->next(direction); }
 
 Status ObserverEndpoint::await(Direction direction, const WaitOptions& options) noexcept {
   const auto start = Clock::now();

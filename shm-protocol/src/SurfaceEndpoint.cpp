@@ -125,7 +125,6 @@ SurfaceEndpoint SurfaceEndpoint::create(const SurfaceConfig& config) {
   SegmentLayout layout = plan_layout(config);
   layout.identity.surface_process = own_process_identity();
   layout.identity.session = random_session();
-  reclaim_or_throw(config.name);  // before memory for a second segment is reserved
   return SurfaceEndpoint(std::make_unique<Impl>(config, std::move(layout)));
 }
 

@@ -20,7 +20,9 @@ namespace shm_protocol {
 struct SurfaceEndpoint::Impl {
   Impl(const SurfaceConfig& config, SegmentLayout planned)
       : layout(std::move(planned)),
-        segment(Segment::create(config.name, layout.identity.segment_bytes, layout.identity.surface_process)),
+        segment(
+            Segment::create(config.reserved ? config.reserved : std::make_shared<SurfaceName>(config.name),
+                            layout.identity.segment_bytes)),
         header(*reinterpret_cast<ssp_header*>(segment.bytes().data())),
         sensors(layout, SSP_SENSOR, segment.bytes().data()),
         actuators(layout, SSP_ACTUATOR, segment.bytes().data()),

@@ -186,7 +186,9 @@ TriangleMesh read_mesh(const fs::path& file) {
           return std::string("e") + e.what();
         }
       },
-      {kMaxReadCpu_s, kImporterBytes + kImporterBytesPerByte * fs::file_size(file)});
+      {kMaxReadCpu_s,
+       kImporterBytes + kImporterBytesPerByte * fs::file_size(file),
+       {file, fs::weakly_canonical(file).parent_path()}});
   if (read.end == common::ChildResult::End::kStopped) refuse("was not read: interrupted");
   if (read.end != common::ChildResult::End::kReturned || read.bytes.empty())
     refuse("is damaged or too large: the mesh importer failed");

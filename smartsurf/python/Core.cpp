@@ -15,13 +15,18 @@
 #include <utility>
 #include <vector>
 
+#include "common/controller/Controller.h"
 #include "common/error/UserError.h"
 #include "smartsurf/extension/Extension.h"
+#include "smartsurf/record/OpenRecorder.h"
 #include "smartsurf/scene/KindRegistry.h"
 #include "smartsurf/simulation/Environment.h"
 #include "smartsurf/simulation/EnvironmentBatch.h"
+#include "smartsurf/simulation/EpisodeRandom.h"
 #include "smartsurf/view/model/Camera.h"
 #include "smartsurf/view/output/OffscreenView.h"
+#include "smartsurf/view/output/RangeImage.h"
+#include "smartsurf/view/window/Window.h"
 
 namespace py = pybind11;
 
@@ -64,6 +69,8 @@ py::dict describe(const Environment& environment) {
         py::make_tuple(channel.name, channel.minimum, channel.maximum, channel.safe_value, channel.unit));
   for (const auto& field : environment.experiment().info_fields())
     info.append(py::make_tuple(field.name, field.size));
+  py::list objects;  // the labels of the declared ones
+  for (const scene::ObjectSpec& object : scene.objects) objects.append(object.label);
   py::dict options;
   for (const scene::OptionSpec& option : scene.options) options[py::str(option.name)] = option.value;
   using namespace py::literals;
@@ -72,29 +79,119 @@ py::dict describe(const Environment& environment) {
                   "steps_per_tick"_a = scene.world.steps_per_tick(), "sensors"_a = sensors,
                   "actuators"_a = actuators, "info"_a = info, "options"_a = options,
                   "has_reward"_a = environment.experiment().has_reward(),
-                  "episode_seconds"_a = environment.experiment().episode_s(),
+                  "episode_seconds"_a = environment.experiment().episode_s(), "objects"_a = objects,
                   "engine"_a = environment.simulation().engine().name());
 }
 
+// What a picture shows: a preset or "X,Y,Z:X,Y,Z", where the camera is and its target, and the object that it
+// follows, or −1.
+using CameraChoice = std::pair<std::string, int>;
+
+view::CameraView camera_view(const std::string& text) {
+  view::CameraView view;
+  if (text == "top" || text == "side")
+    view.preset = text == "top" ? view::CameraPreset::kTop : view::CameraPreset::kSide;
+  else if (text != "iso" && !(view.pose = view::parse_camera_pose(text)))
+    throw common::UserError("camera = '" + text +
+                            "': must be 'iso', 'top', 'side', or a position above a target");
+  return view;
+}
+
+view::Camera make_camera(const Environment& environment, const CameraChoice& choice, int width, int height) {
+  view::Camera camera = view::Camera::from_view(environment.scene().surface, camera_view(choice.first),
+                                                static_cast<double>(width) / std::max(height, 1));
+  if (choice.second < 0) return camera;
+  const scene::Snapshot& snapshot = environment.simulation().snapshot();
+  const auto it = std::ranges::lower_bound(snapshot.id, static_cast<scene::ObjectId>(choice.second));
+  if (it == snapshot.id.end() || *it != static_cast<scene::ObjectId>(choice.second))
+    throw common::UserError("camera: object " + std::to_string(choice.second) + " is not alive");
+  const auto& p = snapshot.position[it - snapshot.id.begin()];
+  camera.look_at({p[0], p[1], p[2]});
+  return camera;
+}
+
 common::Image render(const Environment& environment, std::unique_ptr<view::OffscreenView>& view, int width,
-                     int height, const std::string& camera) {
+                     int height, const CameraChoice& camera, bool fast) {
   view::OffscreenView::require_available();
-  const auto preset =
-      camera == "iso"   ? view::CameraPreset::kIso
-      : camera == "top" ? view::CameraPreset::kTop
-      : camera == "side"
-          ? view::CameraPreset::kSide
-          : throw common::UserError("render: camera = '" + camera + "': must be 'iso', 'top' or 'side'");
   const scene::SceneSpec& scene = environment.scene();
-  if (!view) view = std::make_unique<view::OffscreenView>(scene, view::Detail::kVideo);
-  const auto fitted =
-      view::Camera::fit_to_surface(scene.surface, preset, static_cast<double>(width) / std::max(height, 1));
-  return view->render(environment.simulation().snapshot(), environment.simulation().catalogue(), fitted, {},
-                      width, height);
+  if (!view)
+    view = std::make_unique<view::OffscreenView>(scene, fast ? view::Detail::kFast : view::Detail::kVideo);
+  return view->render(environment.simulation().snapshot(), environment.simulation().catalogue(),
+                      make_camera(environment, camera, width, height), {}, width, height);
+}
+
+// (depth, segmentation)
+py::tuple render_range(const Environment& environment, int width, int height, const CameraChoice& camera) {
+  view::RangeImage image;
+  {
+    py::gil_scoped_release release;
+    image = view::capture_range(environment.scene().surface,
+                                {environment.simulation().snapshot(), environment.simulation().catalogue()},
+                                make_camera(environment, camera, width, height), width, height);
+  }
+  const std::vector<py::ssize_t> shape{height, width};
+  return py::make_tuple(py::array_t<float>(shape, image.depth.data()),
+                        py::array_t<std::int32_t>(shape, image.segmentation.data()));
 }
 
 py::array_t<std::uint8_t> to_array(const common::Image& image) {
   return py::array_t<std::uint8_t>({image.height, image.width, 3}, image.rgb.data());
+}
+
+// ---- the parameters and the state of one world, whose arrays the Python files have checked
+
+// (shape, the numbers, whether they are whole, whether a fault of cells)
+py::tuple parameter(const Environment& environment, const std::string& name) {
+  const simulation::SceneParameter found = environment.find_parameter(name);
+  return py::make_tuple(found.shape(), environment.parameter(found), found.is_whole(), found.is_per_cell());
+}
+
+void set_parameter(Environment& environment, const std::string& name, std::span<const double> values) {
+  const simulation::SceneParameter found = environment.find_parameter(name);
+  if (values.size() != found.size())
+    throw common::UserError("parameter '" + name + "' has " + std::to_string(found.size()) +
+                            " numbers in this world");
+  environment.set_parameter(found, values);
+}
+
+void randomise(Environment& environment, const std::string& name, std::span<const double> low,
+               std::span<const double> high) {
+  const simulation::SceneParameter found = environment.find_parameter(name);
+  if (!low.empty() && low.size() != found.size())
+    throw common::UserError("parameter '" + name + "' has " + std::to_string(found.size()) +
+                            " numbers in this world");
+  environment.randomise(found, low, high);
+}
+
+void require_alive(bool alive, std::uint32_t id) {
+  if (!alive) throw common::UserError("object " + std::to_string(id) + " is not alive");
+}
+
+void place(Environment& environment, const std::string& field, const std::vector<std::uint32_t>& ids,
+           std::span<const double> values) {
+  const std::size_t size = ids.empty() ? 0 : values.size() / ids.size();
+  for (std::size_t i = 0; i < ids.size(); ++i) {
+    const double* const v = &values[i * size];
+    scene::ObjectStateUpdate update;
+    if (field == "position")
+      update.position = Eigen::Vector3d(v);
+    else if (field == "orientation")
+      update.orientation = Eigen::Quaterniond(Eigen::Vector4d(v)).normalized();
+    else if (field == "velocity")
+      update.velocity = Eigen::Vector3d(v);
+    else
+      update.angular_velocity = Eigen::Vector3d(v);
+    require_alive(environment.place(ids[i], update), ids[i]);
+  }
+}
+
+void set_wrenches(Environment& environment, const std::vector<std::uint32_t>& ids,
+                  std::span<const double> values) {
+  for (std::size_t i = 0; i < ids.size(); ++i) {
+    const Eigen::Map<const Eigen::Matrix<double, 6, 1>> v(&values[i * 6]);
+    const surface::Wrench wrench{v.head<3>().cast<float>(), v.tail<3>().cast<float>()};
+    require_alive(environment.set_wrench(ids[i], wrench), ids[i]);
+  }
 }
 
 // Held during a call: other Python threads run while worlds compute, and may not use the same worlds
@@ -180,10 +277,15 @@ class Simulation {
       result = environment_.step();
     }
     refresh();
+    if (recorder_) {
+      if (result.success && !success_s_) success_s_ = environment_.simulation().snapshot().time_s;
+      record_frame();
+    }
     return py::make_tuple(result.reward, result.terminated, result.truncated, result.success);
   }
   void reset(std::uint64_t seed) {
     const Exclusive use(in_use_);
+    close_recording();
     {
       py::gil_scoped_release release;
       environment_.reset(seed);
@@ -194,14 +296,64 @@ class Simulation {
     const Exclusive use(in_use_);
     environment_.finish();
   }
+  // Records from the start of an episode to stop_recording(), or its end by reset() or restore().
+  void record(const std::string& path, const std::string& command_line,
+              const std::vector<std::pair<std::string, std::string>>& overrides) {
+    const Exclusive use(in_use_);
+    if (environment_.simulation().snapshot().tick != 0)
+      throw common::UserError(path +
+                              ": a recording starts with an episode: call record() before its first step");
+    close_recording();
+    record::RunMetadata meta;
+    meta.command_line = command_line;
+    meta.mode = "time-step";
+    meta.driver = "controller";
+    for (const auto& [name, value] : overrides) meta.overrides.push_back({name, value});
+    meta.declares_success = environment_.experiment().declares_success();
+    meta.versions = {{"physics", environment_.simulation().engine().version()}};
+    for (const scene::Extension& extension : environment_.scene().surface.extensions())
+      meta.extensions.push_back({extension.name, extension.hash});
+    recorder_ = record::open_recorder(path, meta, environment_.scene());
+    success_s_.reset();
+    record_frame();
+    if (environment_.has_parameters()) recorder_->mark_user_interaction(0);
+  }
+  void stop_recording() {
+    const Exclusive use(in_use_);
+    close_recording();
+  }
   py::bytes save() {
     const Exclusive use(in_use_);
     return environment_.save();
   }
   void restore(const py::bytes& state) {
     const Exclusive use(in_use_);
+    close_recording();
     environment_.restore(std::string_view(state));
     refresh();
+  }
+  py::tuple parameter(const std::string& name) {
+    const Exclusive use(in_use_);
+    return python::parameter(environment_, name);
+  }
+  void set_parameter(const std::string& name, const Array<double>& values) {
+    const Exclusive use(in_use_);
+    python::set_parameter(environment_, name, readable(values));
+  }
+  void randomise(const std::string& name, const Array<double>& low, const Array<double>& high) {
+    const Exclusive use(in_use_);
+    python::randomise(environment_, name, readable(low), readable(high));
+  }
+  void place(const std::string& field, const std::vector<std::uint32_t>& ids, const Array<double>& values) {
+    const Exclusive use(in_use_);
+    python::place(environment_, field, ids, readable(values));
+    mark_intervention();
+    objects_.update(environment_.simulation().snapshot());
+  }
+  void set_wrenches(const std::vector<std::uint32_t>& ids, const Array<double>& values) {
+    const Exclusive use(in_use_);
+    python::set_wrenches(environment_, ids, readable(values));
+    mark_intervention();
   }
   std::vector<double> info(std::size_t size) {
     const Exclusive use(in_use_);
@@ -209,9 +361,13 @@ class Simulation {
     environment_.info(values);
     return values;
   }
-  py::array_t<std::uint8_t> render(int width, int height, const std::string& camera) {
+  py::array_t<std::uint8_t> render(int width, int height, const CameraChoice& camera, bool fast) {
     const Exclusive use(in_use_);
-    return to_array(python::render(environment_, view_, width, height, camera));
+    return to_array(python::render(environment_, fast ? fast_view_ : view_, width, height, camera, fast));
+  }
+  py::tuple render_range(int width, int height, const CameraChoice& camera) {
+    const Exclusive use(in_use_);
+    return python::render_range(environment_, width, height, camera);
   }
   // The actuator targets in effect: channels × rows × columns, a copy.
   Array<float> targets() const {
@@ -225,6 +381,28 @@ class Simulation {
   }
 
  private:
+  void record_frame() {
+    const simulation::Simulation& s = environment_.simulation();
+    const scene::RecordSpec& spec = s.scene().record;
+    recorder_->record_inputs(s.actuators());
+    recorder_->record_frame(
+        s.snapshot(), s.catalogue(), spec.sensors ? s.sensors() : std::span<const scene::ChannelData>{},
+        spec.actuators ? s.actuators() : std::span<const scene::ChannelData>{}, environment_.metrics());
+  }
+  // The script does not repeat what Python has changed.
+  void mark_intervention() {
+    if (recorder_) recorder_->mark_user_interaction(environment_.simulation().snapshot().tick);
+  }
+  void close_recording() {
+    if (!recorder_) return;
+    const std::unique_ptr<record::Recorder> recorder = std::move(recorder_);
+    const scene::Snapshot& last = environment_.simulation().snapshot();
+    record::RunResult result{
+        .outcome = "done", .ticks = last.tick, .simulated_s = last.time_s, .state_hash = last.state_hash};
+    if (environment_.experiment().declares_success()) result.success = success_s_.has_value();
+    result.success_s = success_s_;
+    recorder->close(result);
+  }
   void refresh() {
     environment_.observe(writable(observation_));
     objects_.update(environment_.simulation().snapshot());
@@ -234,15 +412,45 @@ class Simulation {
   Environment environment_;
   Array<float> observation_;  // of the latest tick: planes × rows × columns
   ObjectArrays objects_;
-  std::unique_ptr<view::OffscreenView> view_;
+  std::unique_ptr<view::OffscreenView> view_, fast_view_;
+  std::unique_ptr<record::Recorder> recorder_;
+  std::optional<double> success_s_;  // of the recorded episode
+};
+
+// The simulator's window, which shows a simulation that Python steps. Main thread only, one per process.
+class Window {
+ public:
+  Window(const Simulation& simulation, const std::string& title, int width, int height,
+         const CameraChoice& camera)
+      : window_(simulation.environment().scene(), title, width, height) {
+    view::ViewSettings settings;
+    settings.camera = camera_view(camera.first);
+    window_.apply(settings);
+  }
+  // False once the user has closed it or the display is lost; then it must not be called again.
+  bool show(const Simulation& simulation) {
+    const Environment& environment = simulation.environment();
+    view::Status status;
+    status.mode = "Python";
+    status.metrics = environment.metrics();
+    const view::Commands commands = window_.render_frame(
+        {environment.simulation().snapshot(), environment.simulation().catalogue()}, status);
+    return !commands.quit && !commands.display_lost;
+  }
+
+ private:
+  view::Window window_;
 };
 
 // The arrays of a batch are NumPy arrays that the caller allocates once and the batch keeps.
 class Batch {
  public:
-  Batch(EnvironmentOptions options, const std::vector<std::uint64_t>& seeds, int threads, int autoreset)
-      : batch_(
-            make_batch(std::move(options), seeds, threads, static_cast<simulation::Autoreset>(autoreset))) {
+  using Overrides = std::vector<EnvironmentBatch::Overrides>;
+  Batch(EnvironmentOptions options, const std::vector<std::uint64_t>& seeds, int threads, int autoreset,
+        const Overrides& overrides)
+      : has_controller_(options.controller != nullptr),
+        batch_(make_batch(std::move(options), seeds, threads, static_cast<simulation::Autoreset>(autoreset),
+                          overrides)) {
     const Environment& first = batch_->world(0);
     action_shape_ = {batch_->world_count(), static_cast<py::ssize_t>(first.simulation().actuators().size()),
                      first.scene().surface.rows, first.scene().surface.columns};
@@ -251,25 +459,28 @@ class Batch {
   const EnvironmentBatch& batch() const { return *batch_; }
   const Environment& world(int index) const { return batch_->world(check(index)); }
 
-  // Each state: observations, info, seeds, success, actions that are not finite.
-  using State =
-      std::tuple<Array<float>, Array<double>, Array<std::uint64_t>, Array<std::uint8_t>, Array<std::int64_t>>;
+  // Each state: observations, info, seeds, success, actions that are not finite, objects, time. Empty arrays
+  // are not written.
+  using State = std::tuple<Array<float>, Array<double>, Array<std::uint64_t>, Array<std::uint8_t>,
+                           Array<std::int64_t>, Array<float>, Array<double>>;
   void bind(State state, State final_state, Array<double> rewards, Array<std::uint8_t> terminated,
             Array<std::uint8_t> truncated) {
     arrays_ = {
         {}, views(state), views(final_state), writable(rewards), writable(terminated), writable(truncated)};
     bound_ = py::make_tuple(state, final_state, rewards, terminated, truncated);
   }
-  // Returns whether an episode has ended. Returns None, without a step, if the actions are not a float32
-  // array of worlds × channels × rows × columns.
+  // Returns whether an episode has ended. Without a controller it returns None, and makes no step, if the
+  // actions are not a float32 array of worlds × channels × rows × columns.
   py::object step(const py::object& given) {
     const Exclusive use(in_use_);
-    if (!py::isinstance<Array<float>>(given)) return py::none();
-    const auto actions = py::reinterpret_borrow<Array<float>>(given);
-    if (actions.ndim() != 4 || !std::equal(action_shape_.begin(), action_shape_.end(), actions.shape()))
-      return py::none();
     simulation::BatchArrays arrays = arrays_;
-    arrays.actions = readable(actions);
+    if (!has_controller_) {
+      if (!py::isinstance<Array<float>>(given)) return py::none();
+      const auto actions = py::reinterpret_borrow<Array<float>>(given);
+      if (actions.ndim() != 4 || !std::equal(action_shape_.begin(), action_shape_.end(), actions.shape()))
+        return py::none();
+      arrays.actions = readable(actions);
+    }
     {
       py::gil_scoped_release release;
       batch_->step(arrays);
@@ -292,23 +503,83 @@ class Batch {
     const Exclusive use(in_use_);
     batch_->restore(check(index), std::string_view(state), arrays_);
   }
-  py::dict final_metrics(int index) const { return to_dict(batch_->final_metrics(check(index))); }
-  py::array_t<std::uint8_t> render(int index, int width, int height, const std::string& camera) {
+  void end_episodes(const std::vector<std::uint8_t>& mask) {
     const Exclusive use(in_use_);
-    return to_array(python::render(world(index), view_, width, height, camera));
+    py::gil_scoped_release release;
+    batch_->end_episodes(mask, arrays_);
+  }
+  // ---- parameters and states of some worlds; `worlds` are indices, the values' first axis
+
+  py::list parameter(const std::string& name) {
+    const Exclusive use(in_use_);
+    py::list out;
+    for (int i = 0; i < batch_->world_count(); ++i)
+      out.append(python::parameter(batch_->mutable_world(i), name));
+    return out;
+  }
+  void set_parameter(const std::string& name, const std::vector<int>& worlds, const Array<double>& values) {
+    const Exclusive use(in_use_);
+    for_each(worlds, values.size(), [&](int world, std::size_t row, std::size_t size) {
+      python::set_parameter(batch_->mutable_world(world), name, readable(values).subspan(row * size, size));
+    });
+  }
+  void randomise(const std::string& name, const std::vector<int>& worlds, const Array<double>& low,
+                 const Array<double>& high) {
+    const Exclusive use(in_use_);
+    for_each(worlds, low.size(), [&](int world, std::size_t row, std::size_t size) {
+      python::randomise(batch_->mutable_world(world), name, readable(low).subspan(row * size, size),
+                        readable(high).subspan(row * size, size));
+    });
+  }
+  // values: worlds × ids × numbers of the field.
+  void place(const std::string& field, const std::vector<int>& worlds, const std::vector<std::uint32_t>& ids,
+             const Array<double>& values) {
+    const Exclusive use(in_use_);
+    for_each(worlds, values.size(), [&](int world, std::size_t row, std::size_t size) {
+      python::place(batch_->mutable_world(world), field, ids, readable(values).subspan(row * size, size));
+    });
+    batch_->observe_objects(arrays_.state);
+  }
+  // values: worlds × ids × 6, force and torque.
+  void set_wrenches(const std::vector<int>& worlds, const std::vector<std::uint32_t>& ids,
+                    const Array<double>& values) {
+    const Exclusive use(in_use_);
+    for_each(worlds, values.size(), [&](int world, std::size_t row, std::size_t size) {
+      python::set_wrenches(batch_->mutable_world(world), ids, readable(values).subspan(row * size, size));
+    });
+  }
+  void observe_objects() { batch_->observe_objects(arrays_.state); }
+
+  py::dict final_metrics(int index) const { return to_dict(batch_->final_metrics(check(index))); }
+  py::array_t<std::uint8_t> render(int index, int width, int height, const CameraChoice& camera) {
+    const Exclusive use(in_use_);
+    return to_array(python::render(world(index), view_, width, height, camera, /*fast=*/true));
   }
 
  private:
   static simulation::StateArrays views(State& state) {
-    auto& [observations, info, seeds, success, nonfinite_actions] = state;
-    return {writable(observations), writable(info), writable(seeds), writable(success),
-            writable(nonfinite_actions)};
+    auto& [observations, info, seeds, success, nonfinite_actions, objects, time] = state;
+    return {writable(observations),      writable(info),    writable(seeds), writable(success),
+            writable(nonfinite_actions), writable(objects), writable(time)};
   }
   static std::unique_ptr<EnvironmentBatch> make_batch(EnvironmentOptions options,
                                                       const std::vector<std::uint64_t>& seeds, int threads,
-                                                      simulation::Autoreset autoreset) {
+                                                      simulation::Autoreset autoreset,
+                                                      const Overrides& overrides) {
     py::gil_scoped_release release;
-    return std::make_unique<EnvironmentBatch>(std::move(options), seeds, threads, autoreset);
+    return std::make_unique<EnvironmentBatch>(std::move(options), seeds, threads, autoreset, overrides);
+  }
+  // Calls work(world, row of the values, numbers in a row) for each world; an error gets its number.
+  template <class Work>
+  void for_each(const std::vector<int>& worlds, std::size_t numbers, const Work& work) {
+    for (std::size_t row = 0; row < worlds.size(); ++row) {
+      const int world = check(worlds[row]);
+      try {
+        work(world, row, numbers / worlds.size());
+      } catch (const common::UserError& error) {
+        throw common::UserError("world " + std::to_string(world) + ": " + error.what());
+      }
+    }
   }
   int check(int index) const {
     if (index < 0 || index >= batch_->world_count())
@@ -318,6 +589,7 @@ class Batch {
   }
 
   std::atomic_flag in_use_;
+  bool has_controller_;
   std::unique_ptr<EnvironmentBatch> batch_;
   std::array<py::ssize_t, 4> action_shape_{};
   simulation::BatchArrays arrays_;
@@ -325,16 +597,38 @@ class Batch {
   std::unique_ptr<view::OffscreenView> view_;
 };
 
+// Row i: the numbers of seed i.
+Array<double> draw_uniform(const std::vector<std::uint64_t>& seeds, const std::string& purpose, int count) {
+  Array<double> out({static_cast<py::ssize_t>(seeds.size()), static_cast<py::ssize_t>(count)});
+  const std::span<double> numbers = writable(out);
+  for (std::size_t i = 0; i < seeds.size(); ++i)
+    simulation::draw_uniform(seeds[i], purpose, numbers.subspan(i * count, count));
+  return out;
+}
+
 EnvironmentOptions make_options(std::string experiment, std::string engine,
                                 std::vector<std::pair<std::string, std::string>> overrides,
-                                std::optional<std::uint64_t> seed, int threads) {
+                                std::optional<std::uint64_t> seed, int threads,
+                                std::optional<std::string> source) {
   EnvironmentOptions options;
+  options.source = std::move(source);
   options.experiment = std::move(experiment);
   options.overrides = std::move(overrides);
   options.seed = seed;
   if (!engine.empty()) options.engine = std::move(engine);
   options.threads = threads;
   return options;
+}
+
+// What a capsule of the package `apron` holds; null for None.
+std::shared_ptr<const common::ControllerFactory> controller_factory(const py::object& capsule) {
+  if (capsule.is_none()) return nullptr;
+  void* const factory = PyCapsule_GetPointer(capsule.ptr(), common::kControllerCapsule);
+  if (factory == nullptr) {
+    PyErr_Clear();
+    throw py::type_error("the packages apron and smartsurf are of different versions: install them together");
+  }
+  return *static_cast<std::shared_ptr<const common::ControllerFactory>*>(factory);
 }
 
 }  // namespace
@@ -345,13 +639,16 @@ PYBIND11_MODULE(_core, m) {
       "An error in an experiment, a value or a file, in one line.";
 
   m.def("load_extension", [](const std::string& path) { extension::load(path); });
+  m.def("next_seed", &simulation::next_seed);
+  m.def("draw_uniform", &draw_uniform);
 
   using Overrides = std::vector<std::pair<std::string, std::string>>;
   py::class_<Simulation>(m, "Simulation")
       .def(py::init([](std::string experiment, std::string engine, Overrides overrides,
-                       std::optional<std::uint64_t> seed, int threads) {
-        return std::make_unique<Simulation>(
-            make_options(std::move(experiment), std::move(engine), std::move(overrides), seed, threads));
+                       std::optional<std::uint64_t> seed, int threads, std::optional<std::string> source) {
+        return std::make_unique<Simulation>(make_options(std::move(experiment), std::move(engine),
+                                                         std::move(overrides), seed, threads,
+                                                         std::move(source)));
       }))
       .def("describe", [](const Simulation& s) { return describe(s.environment()); })
       .def_property_readonly("observation", &Simulation::observation)
@@ -373,23 +670,57 @@ PYBIND11_MODULE(_core, m) {
       .def("step", &Simulation::step)
       .def("reset", &Simulation::reset)
       .def("finish", &Simulation::finish)
+      .def("record", &Simulation::record)
+      .def("stop_recording", &Simulation::stop_recording)
       .def("save", &Simulation::save)
       .def("restore", &Simulation::restore)
       .def("info", &Simulation::info)
-      .def("render", &Simulation::render);
+      .def("parameter_names",
+           [](const Simulation& s) { return simulation::SceneParameter::names(s.environment().scene()); })
+      .def("parameter", &Simulation::parameter)
+      .def("set_parameter", &Simulation::set_parameter)
+      .def("randomise", &Simulation::randomise)
+      .def("place", &Simulation::place)
+      .def("set_wrenches", &Simulation::set_wrenches)
+      .def("render", &Simulation::render)
+      .def("render_range", &Simulation::render_range);
+
+  py::class_<Window>(m, "Window")
+      .def(py::init<const Simulation&, const std::string&, int, int, const CameraChoice&>())
+      .def("show", &Window::show);
 
   py::class_<Batch>(m, "Batch")
       .def(py::init([](std::string experiment, std::string engine, Overrides overrides,
                        const std::vector<std::uint64_t>& seeds, int threads, int autoreset,
-                       std::optional<std::uint64_t> max_ticks) {
-        EnvironmentOptions options =
-            make_options(std::move(experiment), std::move(engine), std::move(overrides), std::nullopt, 1);
+                       std::optional<std::uint64_t> max_ticks, const Batch::Overrides& of_worlds,
+                       std::optional<std::string> source, const py::object& controllers) {
+        EnvironmentOptions options = make_options(std::move(experiment), std::move(engine),
+                                                  std::move(overrides), std::nullopt, 1, std::move(source));
         options.max_ticks = max_ticks;
-        return std::make_unique<Batch>(std::move(options), seeds, threads, autoreset);
+        options.controller = controller_factory(controllers);
+        return std::make_unique<Batch>(std::move(options), seeds, threads, autoreset, of_worlds);
       }))
       .def("describe", [](const Batch& b) { return describe(b.world(0)); })
       .def_property_readonly("observation_size", [](const Batch& b) { return b.batch().observation_size(); })
       .def_property_readonly("info_size", [](const Batch& b) { return b.batch().info_size(); })
+      .def_property_readonly("object_count", [](const Batch& b) { return b.batch().object_count(); })
+      .def_property_readonly("thread_count", [](const Batch& b) { return b.batch().thread_count(); })
+      .def("options",
+           [](const Batch& b, int index) {
+             py::dict options;
+             for (const scene::OptionSpec& option : b.world(index).scene().options)
+               options[py::str(option.name)] = option.value;
+             return options;
+           })
+      .def("end_episodes", &Batch::end_episodes)
+      .def("parameter_names",
+           [](const Batch& b) { return simulation::SceneParameter::names(b.world(0).scene()); })
+      .def("parameter", &Batch::parameter)
+      .def("set_parameter", &Batch::set_parameter)
+      .def("randomise", &Batch::randomise)
+      .def("place", &Batch::place)
+      .def("set_wrenches", &Batch::set_wrenches)
+      .def("observe_objects", &Batch::observe_objects)
       .def("bind", &Batch::bind)
       .def("step", &Batch::step)
       .def("reset", &Batch::reset)

@@ -36,6 +36,10 @@ bool is_locked(const fs::path& path) {
   return locked;
 }
 
+[[noreturn]] void refuse_second_writer(const fs::path& path) {
+  throw scene::InputError(path.string() + ": another process is writing it: give another name");
+}
+
 // A second run with the same --record must not destroy the file of the first.
 void require_writable(const fs::path& path, const fs::path& pending) {
   const std::string name = path.string();
@@ -45,25 +49,39 @@ void require_writable(const fs::path& path, const fs::path& pending) {
     throw scene::InputError(name + ": cannot be written: there is no directory " + directory.string());
   if (fs::is_directory(path, error))
     throw scene::InputError(name + ": is a directory: give the name of a file in it");
-  if (is_locked(path) || is_locked(pending))
-    throw scene::InputError(name + ": another process is writing it: give another name");
+  if (is_locked(path) || is_locked(pending)) refuse_second_writer(path);
   const bool exists = ::access(path.c_str(), F_OK) == 0;
   for (const fs::path& target : {pending != path ? directory : path, exists ? path : directory})
     if (::access(target.c_str(), W_OK) != 0)
       throw scene::InputError(name + ": cannot be written: " + std::strerror(errno));
 }
 
-}  // namespace
-
-std::unique_ptr<Recorder> open_recorder(const fs::path& path, const RunMetadata& meta,
-                                        const scene::SceneSpec& spec) {
+bool is_hdf5(const fs::path& path) {
   const std::string extension = lowercase_extension(path);
   const bool hdf5 = extension == ".h5" || extension == ".hdf5";
   if (!hdf5 && extension != ".csv")
     throw scene::InputError(path.string() + ": unknown kind of recording '" + extension +
                             "': the name must end in .h5 or .hdf5 (everything) or .csv (trajectories)");
+  return hdf5;
+}
+
+}  // namespace
+
+common::PreparedOutput prepare_recording(const fs::path& path) {
+  (void)is_hdf5(path);
+  const PendingFile pending(path);
+  require_writable(path, pending.path());
+  return common::prepare_output(path.string(), pending.final_path(), pending.path());
+}
+
+std::unique_ptr<Recorder> open_recorder(const fs::path& path, const RunMetadata& meta,
+                                        const scene::SceneSpec& spec) {
+  const bool hdf5 = is_hdf5(path);
   auto pending = std::make_unique<PendingFile>(path);
-  require_writable(path, pending->path());
+  if (!common::is_prepared(pending->path()))
+    require_writable(path, pending->path());
+  else if (is_locked(pending->path()))
+    refuse_second_writer(path);
   try {
     pending->own();
   } catch (const std::system_error& error) {

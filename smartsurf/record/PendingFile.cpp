@@ -5,6 +5,8 @@
 #include <stdexcept>
 #include <system_error>
 
+#include "common/files/PreparedOutputs.h"
+
 namespace smartsurf::record {
 namespace {
 
@@ -27,13 +29,13 @@ PendingFile::PendingFile(const fs::path& name) : final_(link_target(name)), path
 }
 
 PendingFile::~PendingFile() {
-  std::error_code error;
-  if (owned_ && !committed_) fs::remove(path_, error);
+  if (owned_ && !committed_) common::discard_part(path_);
 }
 
 void PendingFile::own() {
   if (committed_) return;
-  fs::remove(path_);
+  must_be_new_ = !common::is_prepared(path_);
+  if (must_be_new_) fs::remove(path_);
   owned_ = true;
   unfinished_.emplace(path_);
 }
@@ -59,7 +61,8 @@ void PendingFile::require_unchanged() const {
 
 void PendingFile::commit() {
   if (committed_) return;
-  fs::rename(path_, final_);
+  if (const std::error_code error = common::rename_part(path_, final_))
+    throw std::system_error(error, path_.string());
   unfinished_.reset();
   committed_ = true;
 }

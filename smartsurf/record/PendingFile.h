@@ -21,11 +21,12 @@ class PendingFile {
 
   // The path to write to. Fixed, so that a file left by a killed run is overwritten by the next.
   const std::filesystem::path& path() const { return path_; }
+  const std::filesystem::path& final_path() const { return final_; }
   // Call before writing: removes what a killed run left, so that the file can be created again, never through
   // a link that someone else put there. From here on the file is this object's. Throws std::system_error.
   void own();
-  // True if path() must be created (O_EXCL), false if it is opened as it is.
-  bool must_be_new() const { return owned_; }
+  // True if path() must be created (O_EXCL), false if it is opened as it is: a pipe, or prepared before.
+  bool must_be_new() const { return must_be_new_; }
   // Call after each write, when the file has the length that it must keep until the next.
   void note_length();
   // Call before each write and at the end. Throws std::runtime_error if the file was removed, replaced or cut
@@ -38,7 +39,7 @@ class PendingFile {
 
  private:
   std::filesystem::path final_, path_;
-  bool owned_ = false, committed_ = false;
+  bool owned_ = false, committed_ = false, must_be_new_ = false;
   // The file's, from the first note_length().
   dev_t device_ = 0;
   ino_t inode_ = 0;

@@ -33,6 +33,21 @@ struct NamedText {
 
 using NamedNumber = std::pair<std::string, double>;
 
+// A channel of a live surface, which no sensor or actuator of the SceneSpec describes.
+struct LiveChannel {
+  std::string name;
+  bool sensor = true;
+  std::string unit;
+  double minimum = 0.0, maximum = 1.0;
+};
+
+// Numbers of a frame beside its channels: a row of the dataset /group/name. Either words or reals.
+struct LiveRow {
+  std::string_view group, name;  // group "": the root
+  std::span<const std::uint64_t> words;
+  std::span<const float> reals;
+};
+
 // What a recording stores about a run besides its SceneSpec.
 struct RunMetadata {
   std::string command_line;
@@ -46,7 +61,8 @@ struct RunMetadata {
   std::optional<bool> declares_success = {};
   // Versions of the components that computed the run: {"physics", "0.1.0"}, …; the recorder adds its own.
   std::vector<NamedText> versions;
-  std::vector<NamedText> extensions;  // the hashes of the extensions' files, by the files' names
+  std::vector<NamedText> extensions;            // the hashes of the extensions' files, by the files' names
+  std::vector<LiveChannel> live_channels = {};  // of a surface that was observed, not simulated
 };
 
 // The end of a run.
@@ -72,6 +88,11 @@ class Recorder {
   // Notes that the user intervened after this tick, so that the run cannot be reproduced. Only the first call
   // has an effect.
   virtual void mark_user_interaction(std::uint64_t) {}
+
+  // The numbers that belong to the next frame; every frame has the same rows. With tick_interval 1 only.
+  virtual void record_live(std::span<const LiveRow>) {}
+  // Writes what is buffered.
+  virtual void flush() {}
 
   // Call at every tick; keeps the first frame and then every `spec.record.tick_interval`-th.
   // catalogue: every object ever created, index = id; it only grows.

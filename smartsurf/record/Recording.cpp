@@ -185,7 +185,7 @@ Recording Recording::open(const fs::path& path) {
     recording.read_snapshot(0);
     recording.read_snapshot(recording.frames() - 1);
   };
-  if (!completes_in_child(read_first_and_last))
+  if (!completes_in_child(path, read_first_and_last))
     throw scene::InputError(path.string() + ": is damaged: the HDF5 library cannot read it");
   return read();
 }

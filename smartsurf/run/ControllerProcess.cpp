@@ -13,6 +13,7 @@
 #include <sstream>
 #include <system_error>
 #include <thread>
+#include <utility>
 #include <vector>
 
 #include "common/text/Printable.h"
@@ -74,6 +75,10 @@ std::vector<std::string> make_command(const std::string& controller, const std::
   // Ends the controller even if the simulator is killed by SIGKILL.
   prctl(PR_SET_PDEATHSIG, SIGTERM);
   for (const int ignored : {SIGPIPE, SIGXFSZ}) signal(ignored, SIG_DFL);
+  sigset_t deferred;  // where another process starts controllers, in that
+  sigemptyset(&deferred);
+  for (const int signal : {SIGINT, SIGTERM, SIGHUP, SIGXCPU}) sigaddset(&deferred, signal);
+  sigprocmask(SIG_UNBLOCK, &deferred, nullptr);
   execvp(arguments[0], arguments.data());
   if (errno == ENOENT)
     common::print_message(fmt::format(
@@ -113,20 +118,30 @@ ControllerProcess::ControllerProcess(const std::string& controller, const std::s
   if (pid_ == 0) exec_command(arguments, shm_name);
 }
 
+ControllerProcess::ControllerProcess(Remote remote) : remote_(std::move(remote)) { remote_->start(); }
+
 ControllerProcess::~ControllerProcess() {
   for (const int signal : {SIGTERM, SIGKILL}) {
     if (exit_status()) return;
-    kill(pid_, signal);
+    send_signal(signal);
     if (wait_for_exit(2s)) return;
   }
 }
 
 std::optional<int> ControllerProcess::exit_status() {
   if (status_) return status_;
+  if (remote_) return status_ = remote_->exit_status();
   int wait_status = 0;
   if (waitpid(pid_, &wait_status, WNOHANG) == pid_)
     status_ = WIFEXITED(wait_status) ? WEXITSTATUS(wait_status) : 128 + WTERMSIG(wait_status);
   return status_;
+}
+
+void ControllerProcess::send_signal(int signal) {
+  if (remote_)
+    remote_->send_signal(signal);
+  else if (!exit_status())
+    kill(pid_, signal);
 }
 
 std::optional<int> ControllerProcess::wait_for_exit(std::chrono::milliseconds timeout) {

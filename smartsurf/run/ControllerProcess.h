@@ -4,6 +4,7 @@
 #include <sys/types.h>
 
 #include <chrono>
+#include <functional>
 #include <optional>
 #include <string>
 #include <vector>
@@ -20,6 +21,13 @@ class ControllerProcess {
   // switches; apron validates them.
   ControllerProcess(const std::string& controller, const std::string& shm_name, bool with_window = false,
                     const std::vector<std::string>& overrides = {});
+  // The controller of another process, which starts it here.
+  struct Remote {
+    std::function<void()> start;
+    std::function<std::optional<int>()> exit_status;
+    std::function<void(int)> send_signal;
+  };
+  explicit ControllerProcess(Remote);
   // Sends SIGTERM and, if the process is still running after 2 s, SIGKILL.
   ~ControllerProcess();
   ControllerProcess(const ControllerProcess&) = delete;
@@ -29,8 +37,10 @@ class ControllerProcess {
   std::optional<int> exit_status();
   // Waits up to `timeout` for the process to exit.
   std::optional<int> wait_for_exit(std::chrono::milliseconds timeout);
+  void send_signal(int signal);
 
  private:
+  std::optional<Remote> remote_;
   pid_t pid_ = -1;
   std::optional<int> status_;
 };

@@ -12,11 +12,14 @@
 #include "common/files/Inputs.h"
 #include "common/files/ReadFile.h"
 #include "common/process/StopSignals.h"
+#include "common/text/Printable.h"
 #include "smartsurf/extension/Extension.h"
 #include "smartsurf/mesh/SolidLibrary.h"
 #include "smartsurf/record/OpenRecorder.h"
+#include "smartsurf/run/ConfinedRuns.h"
 #include "smartsurf/run/OutputFile.h"
 #include "smartsurf/run/ScriptOverrun.h"
+#include "smartsurf/scene/UnlikelyPlacements.h"
 
 namespace smartsurf::run {
 namespace {
@@ -38,10 +41,7 @@ script::LoadOptions make_load_options(const RunOptions& options) {
   load_options.solid_factory = std::make_shared<mesh::SolidLibrary>();
   load_options.stop = &common::stop_flag();
   load_options.end_process = end_for_script;
-  // A script may write only into a folder of its own beside the first recording; without recordings, nowhere.
-  if (!options.recording_files.empty())
-    load_options.output_folder =
-        std::filesystem::path(options.recording_files.front()).replace_extension(".files");
+  load_options.output_folder = script_output_folder(options);
   return load_options;
 }
 
@@ -58,12 +58,6 @@ std::optional<std::uint64_t> end_tick(const RunOptions& options, const scene::Wo
   return static_cast<std::uint64_t>(std::ceil(*options.until_s / world.control_period_s - 1e-9));
 }
 
-std::string segment_name(const RunOptions& options) {
-  if (!options.shm.empty()) return options.shm;
-  // A name for the user to type is needed only if the controller is attached by hand.
-  return options.controller.empty() ? "surface" : fmt::format("run-{}", getpid());
-}
-
 std::unique_ptr<Display> reuse_or_open_display(const RunOptions& options,
                                                const simulation::Simulation& simulation,
                                                std::unique_ptr<Display> previous) {
@@ -76,6 +70,9 @@ std::unique_ptr<Display> reuse_or_open_display(const RunOptions& options,
 
 script::Experiment Run::load(const RunOptions& options) {
   script::Experiment experiment = script::Experiment::load(options.experiment, make_load_options(options));
+  if (options.world_index.value_or(0) == 0)
+    for (const std::string& line : scene::unlikely_placements(experiment.scene()))
+      common::print_error_line("smartsurf", "warning: " + line);
   std::vector<std::string> metrics;
   for (const auto& [name, value] : experiment.metrics()) metrics.push_back(name);
   for (const std::string& name : options.render.plotted_metrics) require_metric("--plot", name, metrics);
@@ -91,15 +88,22 @@ Run::Run(const RunOptions& options, const std::atomic<bool>& stop_requested, scr
       experiment_(std::move(experiment)),
       simulation_(experiment_, options.threads, options.no_controller),
       display_(reuse_or_open_display(options, simulation_, std::move(display))),
-      media_(options.screenshots, options.video_file, options.render, experiment_.scene()),
+      media_(options.screenshots,
+             options.confined ? options.confined->take_video(options.confined_number)
+                              : start_video(options.video_file, options.render),
+             options.render, experiment_.scene()),
       progress_(options.world_index ? fmt::format("world {}", *options.world_index) : ""),
       pacer_(options.pace),
       end_tick_(end_tick(options, experiment_.scene().world)) {
   if (!options.no_controller)
-    link_ = std::make_unique<SurfaceLink>(segment_name(options), options.mode, experiment_.scene());
+    link_ = std::make_unique<SurfaceLink>(
+        segment_name(options), options.mode, experiment_.scene(),
+        options.confined ? options.confined->surface_name(options.confined_number) : nullptr);
   open_recordings();
   requests_.paused = options.paused && display_->has_window();
-  if (link_ && !options.controller.empty())
+  if (link_ && !options.controller.empty() && options.confined)
+    controller_process_ = options.confined->start_controller(options.confined_number);
+  else if (link_ && !options.controller.empty())
     controller_process_ = std::make_unique<ControllerProcess>(options.controller, link_->name(),
                                                               options.window, options.controller_overrides);
 }
@@ -464,10 +468,11 @@ RunSummary Run::summary() const {
   if (!success_s_ && s.success == true) s.success_s = snapshot.time_s;
   s.off_surface = simulation_.departures().off_table_count();
   s.left_table = simulation_.departures().total_departures();
+  s.actuator_values_clamped = simulation_.clamped_targets();
   if (link_) {
     s.sensor_frames_skipped = link_->endpoint().controller_counters().skipped;
     s.actuator_frames_repeated = link_->endpoint().counters().repeated;
-    s.actuator_values_clamped = link_->endpoint().counters().clamped;
+    s.actuator_values_clamped += link_->endpoint().counters().clamped;
   }
   return s;
 }
@@ -484,6 +489,10 @@ std::vector<std::string> Run::written_files() const {
 void Run::print_summary() {
   if (!options_.summary || ending_->exit_status != common::kDone) return;
   const RunSummary s = summary();
+  if (s.actuator_values_clamped > 0)
+    progress_.print_message(
+        fmt::format("warning: {} commands were outside their channel's range and clamped to it",
+                    s.actuator_values_clamped));
   const std::vector<std::string> files = written_files();
   progress_.print_message(fmt::format("{}: {:.2f} s simulated in {:.1f} s ({:.3g}x real time){}{}",
                                       ending_->outcome, s.simulated_s, s.wall_s, s.real_time_factor(),

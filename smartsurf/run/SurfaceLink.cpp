@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 #include "smartsurf/scene/KindRegistry.h"
 
@@ -21,7 +22,8 @@ std::vector<std::array<float, 3>> cell_positions(const scene::SurfaceSpec& surfa
 }
 
 shm_protocol::SurfaceConfig make_surface_config(const std::string& name, RunMode mode,
-                                                const scene::SceneSpec& scene) {
+                                                const scene::SceneSpec& scene,
+                                                std::shared_ptr<shm_protocol::SurfaceName> reserved) {
   using namespace shm_protocol;
   SurfaceConfig config;
   config.name = name;
@@ -44,6 +46,7 @@ shm_protocol::SurfaceConfig make_surface_config(const std::string& name, RunMode
                                channel.minimum, channel.maximum, channel.safe_value});
   config.answers_in_place = true;  // the actuators copy and check the values
   config.positions = cell_positions(scene.surface);
+  config.reserved = std::move(reserved);
   return config;
 }
 
@@ -56,22 +59,32 @@ std::vector<float> occupancy_mask(const scene::SurfaceSpec& surface) {
   return mask;
 }
 
-shm_protocol::SurfaceEndpoint create_endpoint(const shm_protocol::SurfaceConfig& config) {
+// Calls a function of the protocol that takes the surface's name.
+auto with_name(const auto& function) {
   try {
-    return shm_protocol::SurfaceEndpoint::create(config);
+    return function();
   } catch (const shm_protocol::Error& e) {
     if (e.code() == shm_protocol::ErrorCode::kSystem) throw;
     throw scene::InputError(std::string("--shm: ") + e.what());
   }
 }
 
+shm_protocol::SurfaceEndpoint create_endpoint(const shm_protocol::SurfaceConfig& config) {
+  return with_name([&] { return shm_protocol::SurfaceEndpoint::create(config); });
+}
+
 }  // namespace
 
-SurfaceLink::SurfaceLink(const std::string& name, RunMode mode, const scene::SceneSpec& scene)
+std::shared_ptr<shm_protocol::SurfaceName> reserve_name(const std::string& name) {
+  return with_name([&] { return std::make_shared<shm_protocol::SurfaceName>(name); });
+}
+
+SurfaceLink::SurfaceLink(const std::string& name, RunMode mode, const scene::SceneSpec& scene,
+                         std::shared_ptr<shm_protocol::SurfaceName> reserved)
     : name_(name),
       mode_(mode),
       segment_("/dev/shm/smartsurf." + name),
-      endpoint_(create_endpoint(make_surface_config(name, mode, scene))),
+      endpoint_(create_endpoint(make_surface_config(name, mode, scene, std::move(reserved)))),
       occupancy_(occupancy_mask(scene.surface)),
       // make_surface_config() lists the sensors first, then the occupancy, then the actuators.
       first_actuator_channel_(static_cast<int>(scene.surface.sensor_channels().size()) +

@@ -2,8 +2,10 @@
 #pragma once
 
 #include <shm_protocol/SurfaceEndpoint.h>
+#include <shm_protocol/SurfaceName.h>
 #include <atomic>
 #include <chrono>
+#include <memory>
 #include <optional>
 #include <span>
 #include <string>
@@ -17,12 +19,17 @@
 
 namespace smartsurf::run {
 
+// Reserves the name of a surface for a process that will not be able to create files. Throws
+// scene::InputError if the name is invalid or in use.
+std::shared_ptr<shm_protocol::SurfaceName> reserve_name(const std::string&);
+
 class SurfaceLink {
  public:
   // Creates the segment. Its channels are those of the sensors; `occupancy`, 1 for a cell and 0 for an empty
   // one, if any cell is empty; and those of the actuators. Throws scene::InputError if the name is invalid or
-  // in use.
-  SurfaceLink(const std::string& name, RunMode, const scene::SceneSpec&);
+  // in use. reserved: that name, if the process may no longer create files.
+  SurfaceLink(const std::string& name, RunMode, const scene::SceneSpec&,
+              std::shared_ptr<shm_protocol::SurfaceName> reserved = nullptr);
 
   // Writes the sensor frames to shared memory and publishes them.
   [[nodiscard]] shm_protocol::Status publish(std::uint64_t tick, double time_s,

@@ -15,6 +15,7 @@
 #include "common/process/StopSignals.h"
 #include "common/text/Printable.h"
 #include "smartsurf/extension/Extension.h"
+#include "smartsurf/run/ConfinedRuns.h"
 #include "smartsurf/run/OutputFile.h"
 #include "smartsurf/run/Run.h"
 #include "smartsurf/run/ScriptOverrun.h"
@@ -99,20 +100,26 @@ RunOptions world_options(const RunOptions& shared, int index, std::uint64_t firs
   return options;
 }
 
-int run_worlds(const RunOptions& shared, int count, const std::atomic<bool>& stop) {
+int run_worlds(const RunOptions& shared, int count) {
+  std::vector<RunOptions> runs;
+  for (int i = 0; i < count; ++i) runs.push_back(world_options(shared, i, 0));
+  std::vector<common::NamedOutput> others;
+  if (!shared.stats_file.empty()) others.push_back({"--stats", shared.stats_file});
+  const std::unique_ptr<ConfinedRuns> confined = ConfinedRuns::confine(runs, others);
+  const std::atomic<bool>& stop = common::catch_stop_signals();
   const auto start_time = std::chrono::steady_clock::now();
   const std::uint64_t first_seed = experiment_seed(shared);
   common::note_input(shared.experiment);
-  std::vector<common::NamedOutput> outputs;
-  for (int i = 0; i < count; ++i)
-    std::ranges::move(named_outputs(world_options(shared, i, first_seed)), std::back_inserter(outputs));
-  if (!shared.stats_file.empty()) outputs.push_back({"--stats", shared.stats_file});
+  std::vector<common::NamedOutput> outputs = others;
+  for (int i = 0; i < count; ++i) {
+    runs[i].seed = world_options(shared, i, first_seed).seed;
+    std::ranges::move(named_outputs(runs[i]), std::back_inserter(outputs));
+  }
   common::require_separate_outputs(outputs);
   std::vector<Outcome> outcomes(count);
   {
     std::vector<std::jthread> threads;
-    for (int i = 0; i < count; ++i)
-      threads.emplace_back([&, i] { outcomes[i] = run_world(world_options(shared, i, first_seed), stop); });
+    for (int i = 0; i < count; ++i) threads.emplace_back([&, i] { outcomes[i] = run_world(runs[i], stop); });
   }
   if (!shared.stats_file.empty())
     write_stats(shared.stats_file, outcomes,

@@ -17,6 +17,6 @@ RunOptions world_options(const RunOptions& shared, int index, std::uint64_t firs
 // Runs all worlds to their ends; a failed world does not stop the others. Returns the first exit status, in
 // order of worlds, that is not kDone. --stats writes one file for all worlds. If worlds ended with an input
 // error, throws that of the first as scene::InputError after all have ended.
-int run_worlds(const RunOptions& shared, int count, const std::atomic<bool>& stop);
+int run_worlds(const RunOptions& shared, int count);
 
 }  // namespace smartsurf::run

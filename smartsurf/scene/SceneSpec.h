@@ -131,10 +131,18 @@ struct FaultMapFile {
   std::string text;  // the file's content
 };
 
+// A fault of one cell, besides those of the table.
+struct CellFault {
+  int row = 0, column = 0;
+  std::string channel, fault;
+  std::optional<double> value;
+};
+
 struct FaultSpec {
   ActuatorFaultSpec actuator;
   ParameterValues sensor_errors;  // defaults of sensor_error_parameters() for all sensors
   std::optional<FaultMapFile> fault_map;
+  std::vector<CellFault> cells;  // apply after the table
 };
 
 // A skin over the actuators, which hold or support it. Its nodes form a grid over the cells inside the

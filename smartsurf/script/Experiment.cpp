@@ -7,6 +7,7 @@
 #include <limits>
 #include <system_error>
 
+#include "common/files/FileKind.h"
 #include "smartsurf/script/ScriptContext.h"
 #include "smartsurf/script/lua/Interpreter.h"
 #include "smartsurf/script/lua/MeteredLibrary.h"
@@ -230,11 +231,27 @@ Experiment::Experiment(Experiment&&) noexcept = default;
 Experiment& Experiment::operator=(Experiment&&) noexcept = default;
 Experiment::~Experiment() = default;
 
+// What Lua would call an unexpected symbol.
+static void refuse_other_kinds(const std::filesystem::path& path, std::string_view text) {
+  const std::string name = to_single_line(path.string());
+  switch (common::file_kind(path, text)) {
+    case common::FileKind::kRecording:
+      throw scene::InputError(name + ": is a recording, not an experiment: smartsurf replay " + name +
+                              " shows it");
+    case common::FileKind::kProgram:
+      throw scene::InputError(name + ": is an APRON program, not an experiment: apron run " + name +
+                              " runs it, or smartsurf run EXPERIMENT.lua --controller " + name);
+    default:
+      break;
+  }
+}
+
 Experiment Experiment::load(const std::filesystem::path& path, LoadOptions options) {
   std::string reason;
   std::optional<std::string> source =
       options.source ? std::move(options.source) : read_text_file(path, reason);
   if (!source) throw scene::InputError(to_single_line(path.string()) + ": the experiment " + reason);
+  refuse_other_kinds(path, *source);
   std::unique_ptr<Impl> impl;
   try {
     impl = std::make_unique<Impl>(std::move(options));
@@ -256,6 +273,7 @@ Experiment Experiment::load(const std::filesystem::path& path, LoadOptions optio
 }
 
 const scene::SceneSpec& Experiment::scene() const { return impl_->session.spec; }
+scene::SceneSpec& Experiment::mutable_scene() { return impl_->session.spec; }
 
 const std::vector<std::pair<std::string, double>>& Experiment::metrics() const {
   return impl_->session.metrics;

@@ -31,8 +31,11 @@ class Experiment {
   Experiment& operator=(Experiment&&) noexcept;
   ~Experiment();
 
-  // The declared scene; constant after load().
+  // The declared scene.
   const scene::SceneSpec& scene() const;
+  // Between load() or restart() and start(), the scene may be changed into another one that the script could
+  // have declared, with the same objects, channels and seed.
+  scene::SceneSpec& mutable_scene();
   // True if any callback is registered.
   bool has_callbacks() const;
 

@@ -7,13 +7,15 @@
 #include <iterator>
 
 #include "smartsurf/mesh/SolidLibrary.h"
+#include "smartsurf/scene/KindRegistry.h"
+#include "smartsurf/script/Random.h"
 #include "smartsurf/world/StateHash.h"
 
 namespace smartsurf::simulation {
 namespace {
 
 struct Header {
-  std::array<char, 8> magic{'s', 'm', 'a', 'r', 't', 's', 'r', '4'};
+  std::array<char, 8> magic{'s', 'm', 'a', 'r', 't', 's', 'r', '5'};
   std::uint64_t fingerprint = 0, seed = 0;
   std::uint64_t hash = 0;  // of all that follows
 };
@@ -27,11 +29,24 @@ std::uint64_t hash_of(std::string_view text) {
   return hash.value();
 }
 
+// Sets the parameters in the scene. Throws scene::InputError, one clause.
+void apply(const std::vector<std::pair<std::string, std::vector<double>>>& values, scene::SceneSpec& scene) {
+  std::vector<SceneParameter> parameters;
+  for (const auto& [name, numbers] : values) {
+    parameters.push_back(SceneParameter::find(scene, name));
+    if (numbers.size() != parameters.back().size())
+      throw scene::InputError("parameter '" + name + "': the script declares another number of objects");
+    parameters.back().set(scene, numbers);
+  }
+  for (const SceneParameter& parameter : parameters) parameter.check(scene);
+}
+
 }  // namespace
 
 Environment::Environment(EnvironmentOptions options)
     : options_(std::move(options)), solids_(std::make_shared<mesh::SolidLibrary>()) {
   load(options_.seed);
+  start_simulation();
 }
 
 Environment::~Environment() = default;
@@ -47,13 +62,39 @@ void Environment::load(std::optional<std::uint64_t> seed) {
   script::Experiment experiment = script::Experiment::load(options_.experiment, std::move(load_options));
   simulation_.reset();
   experiment_.emplace(std::move(experiment));
+  applied_values_.clear();
   draws_while_loading_ = experiment_->has_drawn();
+}
+
+void Environment::start_episode(std::uint64_t seed, const Values& values) {
+  const auto is_set = [&](const auto& applied) {
+    return std::ranges::find(values, applied.first, &Values::value_type::first) != values.end();
+  };
+  // Only the script knows the values that are no longer set.
+  if (draws_while_loading_ || !std::ranges::all_of(applied_values_, is_set)) {
+    load(seed);
+  } else {
+    simulation_.reset();
+    experiment_->restart(seed);
+  }
+  if (!values.empty()) {
+    applied_values_ = values;
+    try {
+      apply(values, experiment_->mutable_scene());
+    } catch (const scene::InputError& error) {
+      throw scene::InputError(scene().file + ": " + error.what());
+    }
+  }
   start_simulation();
 }
 
 void Environment::start_simulation() {
   failed_ = false;
-  simulation_.emplace(*experiment_, options_.threads, /*scripted_actuators=*/true);
+  simulation_.emplace(*experiment_, options_.threads, /*scripted_actuators=*/options_.controller == nullptr);
+  if (options_.controller) {
+    if (!controller_) controller_.emplace(options_.controller);
+    controller_->start_episode(scene());
+  }
   experiment_->update_metrics(0.0, 0);
   end_tick_ = options_.max_ticks;
   if (const auto seconds = experiment_->episode_s())
@@ -63,10 +104,99 @@ void Environment::start_simulation() {
 }
 
 void Environment::reset(std::uint64_t seed) {
-  if (draws_while_loading_) return load(seed);
-  simulation_.reset();
-  experiment_->restart(seed);
-  start_simulation();
+  if (ranges_.empty()) return start_episode(seed, set_values_);
+  start_episode(seed, draw_values(seed));
+}
+
+Environment::Values Environment::draw_values(std::uint64_t seed) const {
+  Values values = set_values_;
+  for (const auto& [parameter, low, high] : ranges_) {
+    script::Random random = script::Random::stream(seed, "randomise " + parameter.name());
+    std::vector<double> drawn(low.size());
+    for (std::size_t i = 0; i < drawn.size(); ++i)
+      drawn[i] = parameter.is_whole()
+                     ? static_cast<double>(random.uniform_integer(static_cast<std::int64_t>(low[i]),
+                                                                  static_cast<std::int64_t>(high[i])))
+                     : random.uniform(low[i], high[i]);
+    values.emplace_back(parameter.name(), std::move(drawn));
+  }
+  return values;
+}
+
+SceneParameter Environment::find_parameter(std::string_view name) const {
+  try {
+    return SceneParameter::find(scene(), name);
+  } catch (const scene::InputError& error) {
+    throw scene::InputError(scene().file + ": " + error.what());
+  }
+}
+
+std::vector<double> Environment::parameter(const SceneParameter& parameter) const {
+  std::vector<double> numbers(parameter.size());
+  if (set_values_ == applied_values_) {
+    parameter.get(scene(), numbers);
+    return numbers;
+  }
+  scene::SceneSpec next = scene();
+  apply(set_values_, next);
+  parameter.get(next, numbers);
+  return numbers;
+}
+
+// Refuses values with which no episode could start, or with other channels.
+void Environment::require_valid(const Values& values) const {
+  try {
+    scene::SceneSpec next = scene();
+    apply(values, next);
+    const auto same_actuator = [](const scene::ActuatorChannel& a, const scene::ActuatorChannel& b) {
+      return a.name == b.name && a.minimum == b.minimum && a.maximum == b.maximum &&
+             a.safe_value == b.safe_value;
+    };
+    const auto same_sensor = [](const scene::SensorChannel& a, const scene::SensorChannel& b) {
+      return a.name == b.name && a.minimum == b.minimum && a.maximum == b.maximum &&
+             a.components == b.components;
+    };
+    if (!std::ranges::equal(scene().surface.actuator_channels(), next.surface.actuator_channels(),
+                            same_actuator) ||
+        !std::ranges::equal(scene::collect_channels(scene().surface.sensors),
+                            scene::collect_channels(next.surface.sensors), same_sensor))
+      throw scene::InputError(
+          "parameter '" + values.back().first +
+          "': the value changes the range of a channel: give it to the script by an option");
+    validate_surface(next);
+  } catch (const scene::InputError& error) {
+    throw scene::InputError(scene().file + ": " + error.what());
+  }
+}
+
+void Environment::set_parameter(const SceneParameter& parameter, std::span<const double> numbers) {
+  const auto is_this = [&](const auto& value) { return value.first == parameter.name(); };
+  Values values = set_values_;
+  std::erase_if(values, is_this);
+  values.emplace_back(parameter.name(), std::vector<double>(numbers.begin(), numbers.end()));
+  require_valid(values);
+  set_values_ = std::move(values);
+}
+
+void Environment::randomise(const SceneParameter& parameter, std::span<const double> low,
+                            std::span<const double> high) {
+  const auto is_this = [&](const Range& range) { return range.parameter.name() == parameter.name(); };
+  for (const std::span<const double> end : {low, high}) {
+    if (end.empty()) continue;
+    Values values = set_values_;
+    values.emplace_back(parameter.name(), std::vector<double>(end.begin(), end.end()));
+    require_valid(values);
+  }
+  std::erase_if(ranges_, is_this);
+  if (!low.empty()) ranges_.push_back({parameter, {low.begin(), low.end()}, {high.begin(), high.end()}});
+}
+
+bool Environment::place(scene::ObjectId id, const scene::ObjectStateUpdate& update) {
+  return running().place(id, update);
+}
+
+bool Environment::set_wrench(scene::ObjectId id, const surface::Wrench& wrench) {
+  return running().set_wrench(id, wrench);
 }
 
 // Differs for everything that makes a saved state useless: another program, script or option.
@@ -78,10 +208,17 @@ std::uint64_t Environment::fingerprint() const {
   return hash_of(text) ^ experiment_->state_fingerprint();
 }
 
+void Environment::refuse_controller(const char* call) const {
+  if (options_.controller)
+    throw scene::InputError(scene().file + ": " + call + ": the state of a controller cannot be saved");
+}
+
 std::string Environment::save() {
+  refuse_controller("save");
   Simulation& s = running();
   std::string payload;
   common::StateArchive archive(payload);
+  archive(applied_values_);
   experiment_->save(archive);
   s.archive(archive);
   Header header{.fingerprint = fingerprint(), .seed = seed(), .hash = hash_of(payload)};
@@ -90,6 +227,7 @@ std::string Environment::save() {
 }
 
 void Environment::restore(std::string_view bytes) {
+  refuse_controller("restore");
   Header header;
   common::StateArchive start(bytes.substr(0, std::min(bytes.size(), sizeof header)));
   const std::string prefix = scene().file + ": restore: ";
@@ -99,10 +237,13 @@ void Environment::restore(std::string_view bytes) {
     throw scene::InputError(prefix + "the state is of another experiment, option, engine or version");
   const std::string_view payload = bytes.substr(sizeof header);
   if (header.hash != hash_of(payload)) throw scene::InputError(prefix + "the state is damaged");
-  // What the seed determines besides the state: faults, and what the script draws while it loads.
-  if (header.seed != seed()) reset(header.seed);
-  failed_ = true;  // until everything is restored
   common::StateArchive archive(payload);
+  Values values;
+  archive(values);
+  // What seed and parameters determine besides the state: faults, actuators, shapes, and what the script
+  // draws while it loads.
+  if (header.seed != seed() || values != applied_values_) start_episode(header.seed, values);
+  failed_ = true;  // until everything is restored
   experiment_->restore(archive);
   simulation_->archive(archive);
   failed_ = false;
@@ -128,10 +269,19 @@ void Environment::finish() {
   experiment_->finish();
 }
 
-void Environment::advance() {
+std::span<const float> Environment::controller_targets() const {
+  return controller_ ? controller_->targets() : std::span<const float>();
+}
+
+// Returns false if the controller has left.
+bool Environment::advance() {
   Simulation& s = running();
   failed_ = true;  // until the end of the tick
   s.run_script();
+  if (controller_ && !controller_->command(s)) {
+    failed_ = false;
+    return false;
+  }
   for (int i = 0; i < s.scene().world.steps_per_tick(); ++i) {
     s.plan_actuators();
     if (!s.step_physics()) break;
@@ -142,10 +292,11 @@ void Environment::advance() {
   s.sense();
   experiment_->update_metrics(s.snapshot().time_s, s.snapshot().tick);
   failed_ = false;
+  return true;
 }
 
 StepResult Environment::step() {
-  advance();
+  const bool has_advanced = advance();
   Simulation& s = running();
   const double time_s = s.snapshot().time_s;
   const std::uint64_t tick = s.snapshot().tick;
@@ -154,7 +305,7 @@ StepResult Environment::step() {
   result.success = experiment_->success(time_s, tick).has_value();
   const ScriptRequests requests = s.take_requests();
   result.terminated = result.success || requests.stop || requests.quit;
-  result.truncated = end_tick_ && tick >= *end_tick_;
+  result.truncated = !has_advanced || (end_tick_ && tick >= *end_tick_);
   return result;
 }
 

@@ -14,6 +14,8 @@
 #include <utility>
 #include <vector>
 
+#include "smartsurf/simulation/ControllerLink.h"
+#include "smartsurf/simulation/SceneParameter.h"
 #include "smartsurf/simulation/Simulation.h"
 
 namespace smartsurf::simulation {
@@ -26,6 +28,8 @@ struct EnvironmentOptions {
   std::optional<std::string> engine;
   int threads = 1;
   std::optional<std::uint64_t> max_ticks;  // after which an episode is truncated, besides episode.seconds
+  // Commands the actuators in place of set_targets(), and begins anew with each episode; null: nobody.
+  std::shared_ptr<const common::ControllerFactory> controller;
 };
 
 // What one step has led to.
@@ -61,12 +65,36 @@ class Environment {
   std::string save();
   void restore(std::string_view);
 
+  // The parameters of SceneParameter.h. Values apply from the next reset on, in the order of the calls, to
+  // what the script declares: the episode is that of a script that declares them. All throw
+  // scene::InputError, one line, and change nothing, for a name or a value that does not fit, and for a value
+  // that changes a channel.
+  SceneParameter find_parameter(std::string_view name) const;
+  // The value of the next episode, if it is set, else of this one.
+  std::vector<double> parameter(const SceneParameter&) const;
+  void set_parameter(const SceneParameter&, std::span<const double> values);
+  // Whether this episode has values of parameters that the script does not declare.
+  bool has_parameters() const { return !applied_values_.empty(); }
+  // Each reset draws the numbers from [low, high), independently, from streams of the episode's seed. Both
+  // empty: no longer.
+  void randomise(const SceneParameter&, std::span<const double> low, std::span<const double> high);
+
+  // Between two steps, as the script's teleport; observations follow with the next step. False if the object
+  // is not alive.
+  bool place(scene::ObjectId, const scene::ObjectStateUpdate&);
+  // Force and torque about the object's origin, in the world frame, in each step until the next call or the
+  // end of the episode.
+  bool set_wrench(scene::ObjectId, const surface::Wrench&);
+
   // Sets the targets of one actuator channel: rows × columns, row-major, row 0 north. Clamps as ActuatorArray
   // does.
   void set_targets(int channel, std::span<const float> targets);
-  // Advances by one control period. Throws scene::InputError also for a state that is not finite. After an
-  // exception it throws until reset() or restore().
+  // Advances by one control period. Throws scene::InputError also for a state that is not finite, and if the
+  // controller fails. After an exception it throws until reset() or restore(). A controller that has left
+  // ends the episode: truncated, and nothing moves any more.
   StepResult step();
+  // The values that the controller has set in the latest step: channels × rows × columns; empty without one.
+  std::span<const float> controller_targets() const;
   // Runs on_finish, whose metrics are final; once per episode.
   void finish();
 
@@ -79,18 +107,33 @@ class Environment {
   void observe(std::span<float> values) const;
 
  private:
+  // The values of parameters by name, in the order in which they apply.
+  using Values = std::vector<std::pair<std::string, std::vector<double>>>;
+  struct Range {
+    SceneParameter parameter;
+    std::vector<double> low, high;
+  };
+
   void load(std::optional<std::uint64_t> seed);
+  void start_episode(std::uint64_t seed, const Values&);
   void start_simulation();
+  Values draw_values(std::uint64_t seed) const;
+  void require_valid(const Values&) const;
   Simulation& running();
-  void advance();
+  bool advance();
+  void refuse_controller(const char* call) const;
   std::uint64_t fingerprint() const;
 
   EnvironmentOptions options_;
   std::shared_ptr<scene::SolidFactory> solids_;
   std::optional<script::Experiment> experiment_;
   std::optional<Simulation> simulation_;  // refers to experiment_
+  std::optional<ControllerLink> controller_;
   bool draws_while_loading_ = false;
-  bool failed_ = false;  // in this episode
+  Values set_values_;  // of the next episode
+  std::vector<Range> ranges_;
+  Values applied_values_;  // of this episode, which the scene has
+  bool failed_ = false;    // in this episode
   std::optional<std::uint64_t> end_tick_;
 };
 

@@ -9,16 +9,12 @@
 #include <exception>
 #include <limits>
 
-#include "smartsurf/script/Random.h"
+#include "smartsurf/simulation/EpisodeRandom.h"
 
 namespace smartsurf::simulation {
 namespace {
 
 constexpr std::size_t kChunksPerThread = 8;  // evens out worlds of different cost
-
-// The seed of the episode that follows one with that seed. 31 bits: it is easily typed, and exact in any
-// language.
-std::uint64_t next_seed(std::uint64_t seed) { return script::Random::stream(seed, "episode").next() >> 33; }
 
 std::int64_t count_nonfinite(std::span<const float> values) {
   return std::ranges::count_if(values, [](float v) { return !std::isfinite(v); });
@@ -36,23 +32,26 @@ void collapse_huge_page(std::uintptr_t page) {
 }  // namespace
 
 EnvironmentBatch::EnvironmentBatch(EnvironmentOptions options, std::span<const std::uint64_t> seeds,
-                                   int threads, Autoreset autoreset)
+                                   int threads, Autoreset autoreset, std::span<const Overrides> overrides)
     : options_(std::move(options)),
       autoreset_(autoreset),
-      threads_(threads),
-      pool_(std::make_unique<common::ThreadPool>(threads)),
+      threads_(std::min(threads, std::max(1, static_cast<int>(seeds.size())))),
+      pool_(std::make_unique<common::ThreadPool>(threads_)),
       process_(getpid()),
       worlds_(seeds.size()) {
   options_.threads = 1;
   for_each_world([&](std::size_t i) {
     EnvironmentOptions own = options_;
     own.seed = seeds[i];
+    if (!overrides.empty())
+      own.overrides.insert(own.overrides.end(), overrides[i].begin(), overrides[i].end());
     worlds_[i].environment = std::make_unique<Environment>(std::move(own));
     worlds_[i].seed = worlds_[i].environment->seed();
   });
   collapse_huge_pages();
   const Environment& first = *worlds_.front().environment;
   observation_size_ = first.observation_size();
+  object_count_ = first.scene().objects.size();
   for (const auto& field : first.experiment().info_fields()) info_size_ += field.size;
   cells_ = first.scene().surface.cell_count();
   action_size_ = first.simulation().actuators().size() * cells_;
@@ -63,7 +62,7 @@ EnvironmentBatch::EnvironmentBatch(EnvironmentOptions options, std::span<const s
         world.environment->simulation().actuators().size() * cells_ != action_size_)
       throw scene::InputError(
           options_.experiment +
-          ": the surface, its sensors or info{} depend on the seed: the worlds of a batch "
+          ": the surface, its sensors or info{} depend on the seed or on an option: the worlds of a batch "
           "must have the same channels");
   }
 }
@@ -100,7 +99,6 @@ void EnvironmentBatch::run_worlds(const Work& work) {
   const std::size_t chunks = std::min<std::size_t>(count, threads_ * kChunksPerThread);
   const auto run_chunk = [&](std::uint32_t chunk, unsigned) noexcept {
     for (std::size_t i = count * chunk / chunks; i < count * (chunk + 1) / chunks; ++i) {
-      worlds_[i].error.clear();
       try {
         work(i);
       } catch (const std::exception& error) {
@@ -133,17 +131,73 @@ void EnvironmentBatch::write_state(std::size_t i, Outcome outcome, const StateAr
   if (info_size_ > 0 && !a.info.empty()) environment.info(a.info.subspan(i * info_size_, info_size_));
   if (!a.seeds.empty()) a.seeds[i] = environment.seed();
   if (!a.success.empty()) a.success[i] = outcome.success ? 1 : 0;
+  if (!a.time.empty()) a.time[i] = environment.simulation().snapshot().time_s;
+  write_objects(i, a);
   if (!a.nonfinite_actions.empty()) a.nonfinite_actions[i] = outcome.nonfinite_actions;
 }
 
 void EnvironmentBatch::reset(std::span<const std::uint64_t> seeds, std::span<const std::uint8_t> mask,
                              const BatchArrays& a) {
   for_each_world([&](std::size_t i) {
-    if (mask[i] == 0) return;
     World& world = worlds_[i];
+    world.error.clear();
+    if (mask[i] == 0) return;
     world.environment->reset(world.seed = seeds[i]);
     world.episode_over = false;
     write_state(i, {}, a.state);
+  });
+}
+
+void EnvironmentBatch::write_objects(std::size_t i, const StateArrays& a) const {
+  if (a.objects.empty()) return;
+  const scene::Snapshot& snapshot = worlds_[i].environment->simulation().snapshot();
+  const std::size_t size = object_count_ * kObjectStateSize;
+  const std::span<float> out = a.objects.subspan(i * size, size);
+  if (snapshot.object_count() < object_count_ || snapshot.id[object_count_ - 1] != object_count_ - 1)
+    std::ranges::fill(out, std::numeric_limits<float>::quiet_NaN());
+  for (std::size_t k = 0; k < snapshot.object_count() && snapshot.id[k] < object_count_; ++k) {
+    auto to = out.begin() + static_cast<std::ptrdiff_t>(snapshot.id[k] * kObjectStateSize);
+    to = std::ranges::copy(snapshot.position[k], to).out;
+    to = std::ranges::copy(snapshot.orientation[k], to).out;
+    to = std::ranges::copy(snapshot.velocity[k], to).out;
+    std::ranges::copy(snapshot.angular_velocity[k], to);
+  }
+}
+
+void EnvironmentBatch::observe_objects(const StateArrays& a) const {
+  for (std::size_t i = 0; i < worlds_.size(); ++i)
+    if (worlds_[i].error.empty()) write_objects(i, a);
+}
+
+void EnvironmentBatch::copy_state(std::size_t i, const StateArrays& from, const StateArrays& to) const {
+  const auto copy = [i](auto source, auto target, std::size_t size) {
+    if (!source.empty() && !target.empty())
+      std::ranges::copy(source.subspan(i * size, size), target.subspan(i * size, size).begin());
+  };
+  copy(from.observations, to.observations, observation_size_);
+  copy(from.info, to.info, info_size_);
+  copy(from.seeds, to.seeds, 1);
+  copy(from.success, to.success, 1);
+  copy(from.nonfinite_actions, to.nonfinite_actions, 1);
+  copy(from.objects, to.objects, object_count_ * kObjectStateSize);
+  copy(from.time, to.time, 1);
+}
+
+void EnvironmentBatch::end_episodes(std::span<const std::uint8_t> mask, const BatchArrays& a) {
+  run_worlds([&](std::size_t i) {
+    if (mask[i] == 0) return;
+    World& world = worlds_[i];
+    world.episode_over = true;
+    try {
+      world.environment->finish();
+      world.final_metrics = world.environment->metrics();
+      if (autoreset_ != Autoreset::kSameStep) return;
+      copy_state(i, a.state, a.final_state);
+      start_next_episode(i, a);
+    } catch (const std::exception& error) {
+      world.error = error.what();
+      end_failed_episode(i, a);
+    }
   });
 }
 
@@ -157,6 +211,7 @@ void EnvironmentBatch::restore(int index, std::string_view state, const BatchArr
 
 void EnvironmentBatch::step(const BatchArrays& a) {
   run_worlds([&](std::size_t i) {
+    worlds_[i].error.clear();
     try {
       step_world(i, a);
     } catch (const std::exception& error) {
@@ -188,10 +243,14 @@ void EnvironmentBatch::step_world(std::size_t i, const BatchArrays& a) {
   if (world.episode_over && autoreset_ != Autoreset::kDisabled) {
     start_next_episode(i, a);
   } else {
-    const std::span<const float> actions = a.actions.subspan(i * action_size_, action_size_);
-    for (std::size_t c = 0; c * cells_ < action_size_; ++c)
-      environment.set_targets(static_cast<int>(c), actions.subspan(c * cells_, cells_));
+    std::span<const float> actions;
+    if (!options_.controller) {
+      actions = a.actions.subspan(i * action_size_, action_size_);
+      for (std::size_t c = 0; c * cells_ < action_size_; ++c)
+        environment.set_targets(static_cast<int>(c), actions.subspan(c * cells_, cells_));
+    }
     result = environment.step();
+    if (options_.controller) actions = environment.controller_targets();
     world.episode_over = result.terminated || result.truncated;
     const bool resets = world.episode_over && autoreset_ == Autoreset::kSameStep;
     // Before on_finish, as in Env: it may change what info{} reports.
@@ -217,6 +276,9 @@ void EnvironmentBatch::end_failed_episode(std::size_t i, const BatchArrays& a) {
     if (!state.seeds.empty()) state.seeds[i] = world.seed;
     if (!state.success.empty()) state.success[i] = 0;
     if (!state.nonfinite_actions.empty()) state.nonfinite_actions[i] = 0;
+    const std::size_t size = object_count_ * kObjectStateSize;
+    if (!state.objects.empty())
+      std::ranges::fill(state.objects.subspan(i * size, size), std::numeric_limits<float>::quiet_NaN());
   };
   write(a.state);
   write(a.final_state);

@@ -33,11 +33,15 @@ struct StateArrays {
   std::span<std::uint64_t> seeds;  // of the episode
   std::span<std::uint8_t> success;
   std::span<std::int64_t> nonfinite_actions;  // values of the step's actions that were NaN or infinite
+  // worlds × object_count() × kObjectStateSize: position, orientation x y z w, velocity, angular velocity of
+  // the declared objects; NaN of those that are gone.
+  std::span<float> objects;
+  std::span<double> time;  // since the start of the episode, s
 };
 
 // The caller's arrays, world by world. An empty span is not written.
 struct BatchArrays {
-  std::span<const float> actions;  // worlds × actuator channels × rows × columns
+  std::span<const float> actions;  // worlds × actuator channels × rows × columns; unused with a controller
   StateArrays state;
   StateArrays final_state;  // kSameStep: the last one of an episode, written where one has ended
   std::span<double> rewards;
@@ -46,16 +50,22 @@ struct BatchArrays {
 
 class EnvironmentBatch {
  public:
-  // One world per seed. `options.seed` and `options.threads` are ignored: a world computes on one thread.
+  // One world per seed. `options.seed` and `options.threads` are ignored: a world computes on one thread, and
+  // there are at most as many threads as worlds.
   // Throws as Environment does, the message preceded by the world's number if worlds differ.
+  // `overrides`: besides those of the options, for each world, or empty.
+  using Overrides = std::vector<std::pair<std::string, std::string>>;
   EnvironmentBatch(EnvironmentOptions options, std::span<const std::uint64_t> seeds, int threads,
-                   Autoreset autoreset);
+                   Autoreset autoreset, std::span<const Overrides> overrides = {});
   ~EnvironmentBatch();
 
   int world_count() const { return static_cast<int>(worlds_.size()); }
   const Environment& world(int index) const { return *worlds_[index].environment; }
   std::size_t observation_size() const { return observation_size_; }
   std::size_t info_size() const { return info_size_; }
+  static constexpr int kObjectStateSize = script::Experiment::kObjectStateSize;
+  std::size_t object_count() const { return object_count_; }  // that the script of the first world declares
+  int thread_count() const { return threads_; }
 
   // Starts new episodes in the worlds whose mask is not 0, with the given seeds.
   void reset(std::span<const std::uint64_t> seeds, std::span<const std::uint8_t> mask, const BatchArrays&);
@@ -63,12 +73,20 @@ class EnvironmentBatch {
   // and info NaN, its observation the last one; its next reset() brings it back. Throws if all fail; then
   // only reset() of all worlds may follow.
   void step(const BatchArrays&);
+  // Ends the episodes of the worlds whose mask is not 0, by a goal or a limit of the caller: after a step()
+  // from whose end they still run. Then does with them what step() does at the end of an episode.
+  void end_episodes(std::span<const std::uint8_t> mask, const BatchArrays&);
+  // Writes the objects' states anew, after changes between two steps.
+  void observe_objects(const StateArrays&) const;
   // Why the world failed in the latest step(); "" if it did not.
   const std::string& error(int index) const { return worlds_[index].error; }
 
   // Call those of the world's Environment. restore() also writes the world's state.
   std::string save(int index) { return worlds_[index].environment->save(); }
   void restore(int index, std::string_view state, const BatchArrays&);
+
+  // To call what changes a world between two steps.
+  Environment& mutable_world(int index) { return *worlds_[index].environment; }
 
   // The metrics of the last episode that ended in the world.
   const std::vector<std::pair<std::string, double>>& final_metrics(int index) const {
@@ -88,6 +106,8 @@ class EnvironmentBatch {
   void run_worlds(const Work&);
   template <class Work>
   void for_each_world(const Work&);
+  void write_objects(std::size_t, const StateArrays&) const;
+  void copy_state(std::size_t, const StateArrays& from, const StateArrays& to) const;
   void throw_first_error();
   void collapse_huge_pages() const;
   void start_next_episode(std::size_t, const BatchArrays&);
@@ -105,7 +125,7 @@ class EnvironmentBatch {
   std::unique_ptr<common::ThreadPool> pool_;
   pid_t process_;  // that has the pool's threads
   std::vector<World> worlds_;
-  std::size_t observation_size_ = 0, info_size_ = 0, action_size_ = 0, cells_ = 0;
+  std::size_t observation_size_ = 0, info_size_ = 0, action_size_ = 0, cells_ = 0, object_count_ = 0;
 };
 
 }  // namespace smartsurf::simulation

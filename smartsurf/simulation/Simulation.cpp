@@ -18,8 +18,8 @@ std::string describe_object(const scene::ObjectSpec& object) {
 }
 
 surface::FaultMap load_fault_map(const scene::SurfaceSpec& surface) {
-  if (!surface.faults.fault_map) return {};
-  surface::FaultMap map(*surface.faults.fault_map, surface.rows, surface.columns);
+  if (!surface.faults.fault_map && surface.faults.cells.empty()) return {};
+  surface::FaultMap map(surface.faults, surface.rows, surface.columns);
   std::vector<std::string> channels = surface.sensor_channels();
   for (const auto& channel : surface.actuator_channels()) channels.push_back(channel.name);
   map.require_channels(channels);
@@ -88,10 +88,42 @@ void Simulation::plan_actuators() noexcept {
 bool Simulation::step_physics() {
   if (actuator_array_.exerts_forces())
     actuator_array_.add_forces(scene().world.dt_s, engine_->bodies(), catalogue_, engine_->wrenches());
+  if (!wrenches_.empty()) add_wrenches();
   engine_->step();
   const surface::Field& field = actuator_array_.field();
   sensor_array_.accumulate_impulses(field.impulse, field.tip_impulse, field.skin.impulse);
   return !engine_->is_overloaded();
+}
+
+void Simulation::add_wrenches() {
+  const std::span<const scene::ObjectId> ids = engine_->bodies().id;
+  const std::span<surface::Wrench> wrenches = engine_->wrenches();
+  for (const ObjectWrench& w : wrenches_) {
+    const auto it = std::ranges::lower_bound(ids, w.id);
+    if (it == ids.end() || *it != w.id) continue;  // removed by the script
+    surface::Wrench& of_body = wrenches[it - ids.begin()];
+    of_body.force += w.wrench.force;
+    of_body.torque += w.wrench.torque;
+  }
+}
+
+bool Simulation::place(scene::ObjectId id, const script::ObjectStateUpdate& update) {
+  if (!engine_->place(id, update)) return false;
+  take_snapshot();
+  return true;
+}
+
+bool Simulation::set_wrench(scene::ObjectId id, const surface::Wrench& wrench) {
+  if (!engine_->alive(id)) return false;
+  const auto it = std::ranges::lower_bound(wrenches_, id, {}, &ObjectWrench::id);
+  const bool is_known = it != wrenches_.end() && it->id == id;
+  if (wrench.is_zero() && is_known)
+    wrenches_.erase(it);
+  else if (is_known)
+    it->wrench = wrench;
+  else if (!wrench.is_zero())
+    wrenches_.insert(it, {id, wrench});
+  return true;
 }
 
 void Simulation::commit_actuators() noexcept { actuator_array_.commit(scene().world.dt_s); }
@@ -144,6 +176,7 @@ void Simulation::archive(common::StateArchive& a) {
   actuator_array_.archive(a);
   engine_->archive(a, catalogue_, declared);
   departures_.archive(a);
+  a(wrenches_);
   a(snapshot_.tick, snapshot_.time_s);
   const std::uint64_t hash = a.value(snapshot_.state_hash);
   if (!a.saves()) {
@@ -223,12 +256,12 @@ int Simulation::find_actuator_channel(const std::string& name) const {
 
 void Simulation::set_target(const std::string& channel, int row, int column, float value) {
   require_scripted_actuators();
-  actuator_array_.set_target(find_actuator_channel(channel), row, column, value);
+  clamped_targets_ += actuator_array_.set_target(find_actuator_channel(channel), row, column, value);
 }
 
 void Simulation::set_targets(const std::string& channel, std::span<const float> values) {
   require_scripted_actuators();
-  actuator_array_.set_targets(find_actuator_channel(channel), values);
+  clamped_targets_ += actuator_array_.set_targets(find_actuator_channel(channel), values);
 }
 
 int Simulation::find_sensor_channel(const std::string& name) const {

@@ -47,6 +47,10 @@ class Simulation final : public script::SimulationInterface {
 
   // Runs the script's event handlers. Throws scene::InputError for an error in the script.
   void run_script();
+  // As the script's teleport; updates the snapshot. False if the object is not alive.
+  bool place(scene::ObjectId, const script::ObjectStateUpdate&);
+  // Of every coming step, in addition to those of actuators and script. False if the object is not alive.
+  bool set_wrench(scene::ObjectId, const surface::Wrench&);
   // Receives the targets of the tick by set_targets(), indexed by channel of actuators().
   surface::ActuatorArray& actuator_array() noexcept { return actuator_array_; }
   // Sets and returns the target of one cell, independent of what drives the actuators; for user interaction.
@@ -73,6 +77,8 @@ class Simulation final : public script::SimulationInterface {
   // The load-bearing contacts of the last physics step. Allocates.
   std::vector<world::ContactPoint> contacts() const { return engine_->contacts(); }
   const DepartureTracker& departures() const noexcept { return departures_; }
+  // How many of the script's targets were outside their channel's range, or NaN, and replaced.
+  std::uint64_t clamped_targets() const noexcept { return clamped_targets_; }
   std::span<const scene::ChannelData> sensors() const noexcept { return sensors_; }
   std::span<const scene::ChannelData> actuators() const noexcept { return actuators_; }
   ScriptRequests take_requests() noexcept;
@@ -113,6 +119,7 @@ class Simulation final : public script::SimulationInterface {
   void set_real_time_factor(std::optional<double> factor) override;
 
  private:
+  void add_wrenches();
   void require_scripted_actuators() const;
   void collect_channels();
   void take_snapshot();
@@ -130,6 +137,12 @@ class Simulation final : public script::SimulationInterface {
   std::vector<scene::ObjectSpec> catalogue_;
   std::vector<scene::JointSpec> joints_;  // every joint ever created, index = id
   DepartureTracker departures_;
+  std::uint64_t clamped_targets_ = 0;
+  struct ObjectWrench {
+    scene::ObjectId id;
+    surface::Wrench wrench;
+  };
+  std::vector<ObjectWrench> wrenches_;  // of set_wrench(), but those that are zero, ascending by id
   scene::Snapshot snapshot_;
   bool tick_started_ = false;  // actuator_array_.begin_tick() was called for the current tick
   std::vector<scene::ChannelData> sensors_, actuators_;

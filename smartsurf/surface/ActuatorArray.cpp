@@ -221,8 +221,8 @@ std::uint64_t ActuatorArray::set_targets(int channel, std::span<const float> tar
   return replaced;
 }
 
-void ActuatorArray::set_target(int channel, int row, int column, float target) noexcept {
-  set_targets(channel, {&target, 1}, field_.index(row, column));
+std::uint64_t ActuatorArray::set_target(int channel, int row, int column, float target) noexcept {
+  return set_targets(channel, {&target, 1}, field_.index(row, column));
 }
 
 // Writes the effective commands of the route's cells to the newest frame.

@@ -45,7 +45,7 @@ class ActuatorArray {
   // and replaces NaN by the channel's safe value; returns the number of values changed that way. Cells
   // without this channel keep their values. Precondition: first_cell + targets.size() ≤ number of cells.
   std::uint64_t set_targets(int channel, std::span<const float> targets, int first_cell = 0) noexcept;
-  void set_target(int channel, int row, int column, float target) noexcept;
+  std::uint64_t set_target(int channel, int row, int column, float target) noexcept;
 
   // Call once per control period, before its first plan(): advances the delay lines of delayed commands.
   void begin_tick() noexcept;

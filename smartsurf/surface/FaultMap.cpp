@@ -40,7 +40,16 @@ FaultMap::FaultMap(const scene::FaultMapFile& file, int rows, int columns) : nam
   }
 }
 
+FaultMap::FaultMap(const scene::FaultSpec& faults, int rows, int columns) {
+  if (faults.fault_map) *this = FaultMap(*faults.fault_map, rows, columns);
+  for (const scene::CellFault& c : faults.cells)
+    entries_.push_back({c.row, c.column, c.channel, c.fault, c.value, 0});
+}
+
 void FaultMap::refuse(const FaultEntry& entry, const std::string& clause) const {
+  if (entry.line == 0)
+    throw scene::InputError("faults." + entry.channel + "." + entry.fault + " of cell (" +
+                            std::to_string(entry.row) + ", " + std::to_string(entry.column) + "): " + clause);
   throw scene::InputError(name_ + ":" + std::to_string(entry.line) + ": " + clause);
 }
 

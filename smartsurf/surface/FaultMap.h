@@ -36,6 +36,8 @@ class FaultMap {
   FaultMap() = default;  // no entries
   // Throws scene::InputError "FILE:LINE: …" unless the file is a valid table for a surface of this size.
   FaultMap(const scene::FaultMapFile&, int rows, int columns);
+  // The entries of the table, if there is one, then those of single cells.
+  FaultMap(const scene::FaultSpec&, int rows, int columns);
 
   std::span<const FaultEntry> entries() const noexcept { return entries_; }
 

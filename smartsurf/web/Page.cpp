@@ -15,6 +15,7 @@
 #include "smartsurf/scene/PinTip.h"
 #include "smartsurf/view/model/ActuatorGeometry.h"
 #include "smartsurf/web/Assets.h"
+#include "smartsurf/web/Frames.h"
 #include "smartsurf/web/SeriesEncoder.h"
 
 namespace smartsurf::web {
@@ -26,20 +27,6 @@ using record::Recording;
 
 constexpr std::size_t kMaxUnpackedBytes = std::size_t{400} << 20;  // in the browser's memory
 constexpr const char* kShapeNames[] = {"sphere", "box", "cylinder", "capsule", "cone", "solid"};
-
-// The recorded frames that the page shows.
-std::vector<std::size_t> select_frames(const Recording& recording, double frames_per_second) {
-  std::vector<std::size_t> selected;
-  double next_s = -std::numeric_limits<double>::infinity();
-  for (std::size_t frame = 0; frame < recording.frames(); ++frame) {
-    const double now_s = recording.times()[frame];
-    if (now_s < next_s - 1e-6 && frame + 1 < recording.frames()) continue;
-    selected.push_back(frame);
-    next_s = std::isfinite(next_s) ? std::max(next_s + 1.0 / frames_per_second, now_s)
-                                   : now_s + 1.0 / frames_per_second;
-  }
-  return selected;
-}
 
 // A channel with one value per cell, its group in the recording and its unit ("": none).
 struct CellChannel {

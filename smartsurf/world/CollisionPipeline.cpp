@@ -18,9 +18,6 @@
 namespace smartsurf::world {
 namespace {
 
-// Contacts up to this separation are always kept, so that resting contacts do not flicker, u.
-constexpr float kMinSpeculativeMargin = 0.02F;
-
 // A contact matches one of the previous step with the same value. Support patches are found after matching.
 std::int32_t match_key(const Contact& c) {
   return static_cast<std::int32_t>(c.partner == Partner::kSupportedCell ? Partner::kCell : c.partner);
@@ -123,24 +120,38 @@ void anchor_at_centre_of_mass(const BodyStore& bodies, std::size_t i, std::vecto
 
 }  // namespace
 
-void CollisionPipeline::update_broadphase(const BodyStore& bodies, const Member& member) {
-  member.single([&] {
-    grid_ = &UniformGrid::of_this_thread();
-    overloaded_ = false;
-    max_travel_.assign(member.member_count, 0.0F);
-    if (large_radius_ >= 0.0F) return;
+void CollisionPipeline::update_sleepers(const BodyStore& bodies, unsigned version) {
+  if (large_radius_ >= 0.0F && sleeper_version_ == version) return;
+  sleeper_version_ = version;
+  if (large_radius_ < 0.0F) {
     compute_large_radius(bodies);
     measure_bodies(bodies);
     query_radius_.resize(bodies.bounding_radius.size());
     speculative_margin_.resize(bodies.bounding_radius.size());
     half_extents_.resize(bodies.bounding_radius.size());
     travel_.resize(bodies.bounding_radius.size());
-  });
-  const auto own = own_bodies(member);
-  max_travel_[member.index] = compute_query_radii(bodies, own);
-  grid_->build({bodies.position, query_radius_, large_radius_}, own, member);
+  }
+  thread_local std::vector<std::int32_t> sleepers;
+  sleepers.clear();
+  grid_bodies_.clear();
+  for (const std::int32_t i : body_indices_) (bodies.asleep[i] ? sleepers : grid_bodies_).push_back(i);
+  compute_query_radii(bodies, sleepers);
+  Barrier alone(1);
+  sleeper_grid_.build({bodies.position, query_radius_, large_radius_, sleepers}, sleepers, {0, 1, alone});
+}
+
+void CollisionPipeline::update_broadphase(const BodyStore& bodies, const Member& member) {
   member.single([&] {
-    partition_.build(*grid_);
+    grid_ = &UniformGrid::of_this_thread();
+    overloaded_ = false;
+    max_travel_.assign(member.member_count, 0.0F);
+    update_sleepers(bodies, sleeper_version_);
+  });
+  const auto own = own_bodies_in_grid(member);
+  max_travel_[member.index] = compute_query_radii(bodies, own);
+  grid_->build({bodies.position, query_radius_, large_radius_, grid_bodies_}, own, member);
+  member.single([&] {
+    partition_.build(*grid_, bodies.size());
     find_fast_bodies(bodies);
     // With the same number of slabs, the previous contact counts are a good estimate of the work.
     if (contacts_per_slab_.size() == static_cast<std::size_t>(partition_.slab_count()))
@@ -153,6 +164,19 @@ std::span<const std::int32_t> CollisionPipeline::own_bodies(const Member& member
     return partition_.bodies_of(member);
   const IndexRange share = member.share(static_cast<int>(body_indices_.size()));
   return std::span(body_indices_).subspan(share.begin, share.end - share.begin);
+}
+
+// As own_bodies(), without the sleepers.
+std::span<const std::int32_t> CollisionPipeline::own_bodies_in_grid(const Member& member) const {
+  if (!has_sleepers()) return own_bodies(member);
+  const IndexRange share = member.share(static_cast<int>(grid_bodies_.size()));
+  return std::span(grid_bodies_).subspan(share.begin, share.end - share.begin);
+}
+
+std::size_t CollisionPipeline::tested_pairs() const {
+  std::size_t sum = 0;
+  for (const SlabResults& results : slab_results_) sum += results.tested_pairs;
+  return sum;
 }
 
 // Makes the contacts and caches of the last step the previous ones and empties the output buffers.
@@ -169,6 +193,8 @@ void CollisionPipeline::begin_detection(ContactList& pair_contacts, ContactList&
     slab_results_[s].expected_pair = 0;
     slab_results_[s].pair_contacts.clear();
     slab_results_[s].swept_pairs.clear();
+    slab_results_[s].touched_sleepers.clear();
+    slab_results_[s].tested_pairs = 0;
     slab_results_[s].static_contacts.clear();
     pair_cache_.swap_in(static_cast<int>(s), slab_results_[s].cached_pairs);
     field_cache_.swap_in(static_cast<int>(s), slab_results_[s].cached_field);
@@ -187,13 +213,11 @@ void CollisionPipeline::swap_supports(int bodies) {
     supports_[s].clear();
     slab_results_[s].supports = &supports_[s];
   }
-  previous_support_of_body_.clear();
+  previous_support_of_body_.clear(bodies);
   for (std::size_t s = 0; s < previous_slabs; ++s)
-    for (std::size_t k = 0; k < previous_supports_[s].patches.size(); ++k) {
-      if (previous_support_of_body_.empty()) previous_support_of_body_.assign(bodies, {-1, -1});
-      const Index body = previous_supports_[s].patches[k].body;
-      previous_support_of_body_[body] = {static_cast<std::int32_t>(s), static_cast<std::int32_t>(k)};
-    }
+    for (std::size_t k = 0; k < previous_supports_[s].patches.size(); ++k)
+      previous_support_of_body_.set(previous_supports_[s].patches[k].body,
+                                    {static_cast<std::int32_t>(s), static_cast<std::int32_t>(k)});
 }
 
 void CollisionPipeline::find_contacts(const BodyStore& bodies, ContactList& pair_contacts,
@@ -224,6 +248,7 @@ void CollisionPipeline::find_contacts(const BodyStore& bodies, ContactList& pair
     assign_output_offsets(pair_output_, pair_contacts, pair_ranges_);
     assign_output_offsets(static_output_, static_contacts, static_ranges_);
     update_slab_weights();
+    if (has_sleepers()) add_rows_of_sleepers(bodies);
   });
   if (overloaded_) return;
   for (int s = own_slabs.begin; s < own_slabs.end; ++s) {
@@ -294,16 +319,18 @@ void CollisionPipeline::measure_bodies(const BodyStore& bodies) {
   }
 }
 
+float CollisionPipeline::travel_of(const BodyStore& bodies, std::size_t i) const {
+  if (!bodies.is_active(i)) return 0.0F;
+  float speed = bodies.velocity(i).norm();
+  if (!bodies.is_sphere[i]) speed += bodies.angular_velocity(i).norm() * bodies.bounding_radius[i];
+  return speed * dt_s_;
+}
+
 float CollisionPipeline::compute_query_radii(const BodyStore& bodies, std::span<const std::int32_t> own) {
   float max_travel = 0.0F;
   for (const std::int32_t i : own) {
-    float travel = 0.0F;
-    if (bodies.is_active(i)) {
-      travel = bodies.velocity(i).norm();
-      if (!bodies.is_sphere[i]) travel += bodies.angular_velocity(i).norm() * bodies.bounding_radius[i];
-    }
-    travel_[i] = travel * dt_s_;
-    speculative_margin_[i] = std::max(kMinSpeculativeMargin, travel * dt_s_);
+    travel_[i] = travel_of(bodies, i);
+    speculative_margin_[i] = std::max(kMinSpeculativeMargin, travel_[i]);
     max_travel = std::max(max_travel, travel_[i]);
     if (!bodies.is_sphere[i]) half_extents_[i] = bodies.axes[i].cwiseAbs() * bodies.shape[i]->half_extents;
     // Static bodies count as large: other bodies query them, and they do not query others.
@@ -321,29 +348,33 @@ void CollisionPipeline::find_fast_bodies(const BodyStore& bodies) {
   // width.
   may_any_pass_ = 4.0F * std::ranges::max(max_travel_) > least_thickness_;
   if (!may_any_pass_) return;
-  for (std::int32_t body = 0; body < bodies.size(); ++body) {
-    const Index i = body;
+  for (const std::int32_t i : grid_bodies_) {
     if (!is_fast(i) || !bodies.position[i].allFinite()) continue;
-    const Vec3 path = dt_s_ * bodies.velocity(i),
-               reach = Vec3::Constant(bodies.bounding_radius[i] + kMinSpeculativeMargin);
-    const Vec3 from = bodies.position[i], to = from + path;
-    fast_bodies_.push_back({body, from.cwiseMin(to) - reach, from.cwiseMax(to) + reach});
-    max_fast_length_ = std::max(max_fast_length_, std::abs(path.x()) + 2.0F * reach.x());
+    const FastBody& f = fast_bodies_.emplace_back(fast_body(bodies, i));
+    max_fast_length_ = std::max(max_fast_length_, f.high.x() - f.low.x());
   }
   std::ranges::stable_sort(fast_bodies_, {}, [](const FastBody& f) { return f.low.x(); });
+}
+
+CollisionPipeline::FastBody CollisionPipeline::fast_body(const BodyStore& bodies, std::size_t i) const {
+  const Vec3 reach = Vec3::Constant(bodies.bounding_radius[i] + kMinSpeculativeMargin);
+  const Vec3 from = bodies.position[i], to = from + dt_s_ * bodies.velocity(i);
+  return {static_cast<std::int32_t>(i), from.cwiseMin(to) - reach, from.cwiseMax(to) + reach};
 }
 
 // Lists a fast body as a neighbour of all that its path may meet: the grid's search around its start would
 // miss them.
 void CollisionPipeline::find_fast_neighbours(const BodyStore& bodies) {
-  for (const std::int32_t l : grid_->large_bodies()) {
+  const auto add_large = [&](std::int32_t l) {
     const Vec3 half =
         bodies.axes[l].cwiseAbs() * bodies.shape[l]->half_extents + Vec3::Constant(speculative_margin_[l]);
     const Vec3 centre = bodies.origin(l);
     for_each_fast_in_box(centre - half, centre + half, 0, [&](std::int32_t fast) {
       large_neighbours_.push_back({fast, l});
     });
-  }
+  };
+  std::ranges::for_each(grid_->large_bodies(), add_large);
+  std::ranges::for_each(sleeper_grid_.large_bodies(), add_large);
   for (std::size_t k = 0; k < fast_bodies_.size(); ++k) {
     const FastBody& f = fast_bodies_[k];
     grid_->for_each_in_box(f.low, f.high, [&](std::int32_t body) {
@@ -352,30 +383,42 @@ void CollisionPipeline::find_fast_neighbours(const BodyStore& bodies) {
     for_each_fast_in_box(f.low, f.high, k + 1, [&](std::int32_t other) {
       large_neighbours_.push_back({other, f.body});
     });
+    sleeper_grid_.for_each_in_box(f.low, f.high, [&](std::int32_t sleeper) {
+      large_neighbours_.push_back({f.body, sleeper});
+    });
   }
 }
 
 void CollisionPipeline::find_large_neighbours(const BodyStore& bodies) {
-  const bool is_index_clear = large_neighbours_.empty() &&
-                              first_large_neighbour_.size() == static_cast<std::size_t>(bodies.size()) + 1;
-  if (grid_->large_bodies().empty() && fast_bodies_.empty() && is_index_clear) return;
+  if (large_neighbours_of_.size() != bodies.id.size())
+    large_neighbours_of_.assign(bodies.id.size(), {0, 0});
+  else
+    for (const LargeNeighbour& n : large_neighbours_) large_neighbours_of_[n.body] = {0, 0};
   large_neighbours_.clear();
-  for (const std::int32_t l : grid_->large_bodies()) {
-    const Index i = l;
-    const Vec3 half =
-        bodies.axes[i].cwiseAbs() * bodies.shape[i]->half_extents + Vec3::Constant(speculative_margin_[i]);
-    const Vec3 centre = bodies.origin(i);
-    grid_->for_each_in_box(centre - half, centre + half, [&](std::int32_t body) {
+  const auto add_large = [&](std::int32_t l) {
+    for_each_in_reach_of_large(bodies, *grid_, l, [&](std::int32_t body) {
       if (fast_bodies_.empty() || !is_fast(body)) large_neighbours_.push_back({body, l});
     });
-  }
+  };
+  std::ranges::for_each(grid_->large_bodies(), add_large);
+  std::ranges::for_each(sleeper_grid_.large_bodies(), add_large);
   if (!fast_bodies_.empty()) find_fast_neighbours(bodies);
   std::stable_sort(large_neighbours_.begin(), large_neighbours_.end(),
                    [](const LargeNeighbour& a, const LargeNeighbour& b) { return a.body < b.body; });
-  first_large_neighbour_.assign(static_cast<std::size_t>(bodies.size()) + 1, 0);
-  for (const LargeNeighbour& n : large_neighbours_) ++first_large_neighbour_[n.body + 1];
-  for (std::size_t i = 1; i < first_large_neighbour_.size(); ++i)
-    first_large_neighbour_[i] += first_large_neighbour_[i - 1];
+  for (int k = 0; k < static_cast<int>(large_neighbours_.size()); ++k) {
+    IndexRange& range = large_neighbours_of_[large_neighbours_[k].body];
+    if (range.end == 0) range.begin = k;
+    range.end = k + 1;
+  }
+}
+
+// Solvers read the bodies that contacts and joints connect by their rows.
+void CollisionPipeline::add_rows_of_sleepers(const BodyStore& bodies) {
+  for (const SlabResults& results : slab_results_)
+    for (const std::int32_t sleeper : results.touched_sleepers) partition_.add_row(sleeper);
+  for (const BodyLink& link : bodies.links)
+    for (const std::int32_t body : {link.a, link.b})
+      if (body >= 0 && bodies.asleep[body]) partition_.add_row(body);
 }
 
 void CollisionPipeline::collide_slab(const BodyStore& bodies, int slab, SlabResults& results) {
@@ -401,11 +444,20 @@ void CollisionPipeline::collide_body_run(const BodyStore& bodies, const SpatialP
                                          SlabResults& results) const {
   for (int k = run.begin; k < run.end; ++k) {
     const Index i = grid_->body(k);
-    if (bodies.is_active(i)) collide_static(bodies, i, results);
-    for (int n = first_large_neighbour_[i]; n < first_large_neighbour_[i + 1]; ++n) {
+    collide_static(bodies, i, results);
+    const IndexRange neighbours = large_neighbours_of_[i];
+    for (int n = neighbours.begin; n < neighbours.end; ++n) {
       const Index large = large_neighbours_[n].large;
       if (!bodies.is_static(large)) collide_pair(bodies, i, large, results);
     }
+    // The sleepers in the way of a fast body are among the neighbours above.
+    if (!has_sleepers() || (!fast_bodies_.empty() && is_fast(i))) continue;
+    const Vec3 half = Vec3::Constant(query_radius_[i]);
+    sleeper_grid_.for_each_in_box(bodies.position[i] - half, bodies.position[i] + half, [&](std::int32_t j) {
+      const float radius_sum = query_radius_[i] + query_radius_[j];
+      if ((bodies.position[i] - bodies.position[j]).squaredNorm() < radius_sum * radius_sum)
+        collide_pair(bodies, i, j, results);
+    });
   }
   // The pairs of fast bodies are among the neighbours above.
   if (fast_bodies_.empty())
@@ -422,11 +474,15 @@ void CollisionPipeline::collide_large_bodies(const BodyStore& bodies, SlabResult
   for (std::size_t k = 0; k < large.size(); ++k) {
     const Index i = large[k];
     if (bodies.is_static(i)) continue;
-    if (bodies.is_active(i)) collide_static(bodies, i, results);
+    collide_static(bodies, i, results);
     for (std::size_t other = k + 1; other < large.size(); ++other) {
       const Index j = large[other];
       if (!bodies.is_static(j)) collide_pair(bodies, i, j, results);
     }
+    if (!has_sleepers()) continue;
+    const auto collide = [&](std::int32_t sleeper) { collide_pair(bodies, i, sleeper, results); };
+    for_each_in_reach_of_large(bodies, sleeper_grid_, i, collide);
+    std::ranges::for_each(sleeper_grid_.large_bodies(), collide);
   }
 }
 
@@ -447,7 +503,7 @@ void CollisionPipeline::collide_static(const BodyStore& bodies, std::size_t i, S
   if (centre.z() - bodies.bounding_radius[i] - margin < ground_height_)
     collide_shape_with_ground(*bodies.shape[i], centre, bodies.axes[i], ground_height_, margin, out.contacts);
   const bool in_cells = query_radius_[i] <= large_radius_;
-  if (!in_cells || first_large_neighbour_[i] < first_large_neighbour_[i + 1])
+  if (!in_cells || large_neighbours_of_[i].begin < large_neighbours_of_[i].end)
     collide_static_bodies(bodies, i, results);
   const auto count = static_cast<std::int32_t>(out.contacts.size()) - first;
   if (count == 0) return;
@@ -479,7 +535,6 @@ void CollisionPipeline::find_support(const BodyStore& bodies, std::size_t i, flo
     const Index point = supports.points[k];
     contacts[point].partner = Partner::kSupportedCell;
   }
-  if (previous_support_of_body_.empty()) return;
   const SupportReference from = previous_support_of_body_[i];
   if (from.slab < 0) return;
   const SupportPatches& previous = previous_supports_[from.slab];
@@ -497,7 +552,7 @@ void CollisionPipeline::collide_static_bodies(const BodyStore& bodies, std::size
       near.push_back({.body = static_cast<std::size_t>(other)});
   };
   if (query_radius_[i] <= large_radius_)
-    for (int n = first_large_neighbour_[i]; n < first_large_neighbour_[i + 1]; ++n)
+    for (int n = large_neighbours_of_[i].begin; n < large_neighbours_of_[i].end; ++n)
       add(large_neighbours_[n].large);
   else
     std::ranges::for_each(grid_->large_bodies(), add);
@@ -560,7 +615,7 @@ void CollisionPipeline::correct_internal_edges(const BodyStore& bodies, std::siz
 
 void CollisionPipeline::collide_pair(const BodyStore& bodies, std::size_t i, std::size_t j,
                                      SlabResults& results) const {
-  if (!bodies.is_active(i) && !bodies.is_active(j)) return;
+  ++results.tested_pairs;
   if (!bodies.may_touch(i, j)) return;
   const std::size_t a = std::min(i, j), b = std::max(i, j);
   const bool has_sphere = bodies.is_sphere[a] || bodies.is_sphere[b];
@@ -592,6 +647,8 @@ void CollisionPipeline::collide_pair(const BodyStore& bodies, std::size_t i, std
   if (count == 0) return;
   pair_contacts.manifolds.push_back(
       {static_cast<std::int32_t>(a), static_cast<std::int32_t>(b), first, count});
+  for (const std::size_t body : {a, b})
+    if (bodies.asleep[body]) results.touched_sleepers.push_back(static_cast<std::int32_t>(body));
   anchor_at_centre_of_mass(bodies, a, pair_contacts.contacts, first);
   // A sphere has a single contact per partner, whose anchor may move far in one step.
   const float tolerance = has_sphere ? bodies.bounding_radius[a] : 0.15F * bodies.bounding_radius[a];

@@ -4,6 +4,9 @@
 // In each step the members of a team call update_broadphase() and find_contacts() together. Members work on
 // whole slabs of the partition; contact lists are merged in grid order, so they do not depend on the number
 // of threads.
+//
+// Sleepers are in a grid of their own, which stays as it is until a body falls asleep or wakes. A step costs
+// what the bodies in the other grid cost, and those sleepers that they touch.
 #pragma once
 
 #include <algorithm>
@@ -11,6 +14,7 @@
 #include <vector>
 
 #include "smartsurf/surface/Field.h"
+#include "smartsurf/world/body/BodyIndex.h"
 #include "smartsurf/world/body/BodyStore.h"
 #include "smartsurf/world/broadphase/SpatialPartition.h"
 #include "smartsurf/world/broadphase/UniformGrid.h"
@@ -31,19 +35,23 @@ class CollisionPipeline {
   CollisionPipeline(const surface::Field& field, float dt_s, float ground)
       : field_(field), dt_s_(dt_s), ground_height_(ground), collider_(field), field_cache_(field) {}
 
-  // Computes query radii, rebuilds the grid and cuts it into slabs. Called first in a step, by all members.
+  // Takes over the set of sleepers, unless `version` and the bodies are those of the last call. Called by one
+  // thread before the other functions, in each step in which bodies may have fallen asleep or woken.
+  void update_sleepers(const BodyStore&, unsigned version);
+  // Calls found(sleeper) for every sleeper that `body`, which is awake, may touch in this step.
+  template <class Found>
+  void for_each_sleeper_in_reach(const BodyStore&, std::size_t body, Found found) const;
+  // Computes query radii, rebuilds the grid of the bodies that do not sleep and cuts it into slabs. Called by
+  // all members.
   void update_broadphase(const BodyStore&, const Member&);
-  // Calls found(other) for every non-static body that `body` may touch in this step.
-  template <class Found>
-  void for_each_nearby(const BodyStore&, std::size_t body, Found found) const;
-  // Calls found(fast, other) for the bodies that fly farther than their own size in this step, and every
-  // other non-static body that may be in their way.
-  template <class Found>
-  void for_each_in_way(const BodyStore&, Found found) const;
 
   // The bodies of a member: those in its slabs in the previous step, which are still in its cache, or an even
   // share by index if there is no previous step. Every body belongs to exactly one member.
   std::span<const std::int32_t> own_bodies(const Member&) const;
+  // The bodies that do not sleep, static ones included, ascending, and the pairs of bodies that the narrow
+  // phase looked at in the last step: what the step cost.
+  std::span<const std::int32_t> bodies_in_grid() const { return grid_bodies_; }
+  std::size_t tested_pairs() const;
 
   // Replaces the contacts of the previous step in the lists by those of this step, for all active bodies, and
   // copies the impulses of matching contacts. The order of the contacts depends on the bodies only. Called by
@@ -63,6 +71,13 @@ class CollisionPipeline {
   // The support patches of the last find_contacts(), one list per slab of the partition.
   std::span<SupportPatches> supports() { return std::span(supports_).first(support_slabs_); }
   std::span<const SupportPatches> supports() const { return std::span(supports_).first(support_slabs_); }
+  // A list of patches of the previous step, to which those of woken bodies may be added before
+  // update_broadphase().
+  SupportPatches& previous_supports() {
+    if (supports_.empty()) supports_.emplace_back();
+    if (support_slabs_ == 0) supports_[0].clear(), support_slabs_ = 1;
+    return supports_[0];
+  }
   // Calls visit(a, b) for the pairs of bodies, b may be static, that were swept in the last find_contacts().
   template <class Visit>
   void for_each_swept_pair(Visit visit) const {
@@ -95,6 +110,8 @@ class CollisionPipeline {
   void archive(common::StateArchive&, int bodies);
 
  private:
+  // Contacts up to this separation are always kept, so that resting contacts do not flicker, u.
+  static constexpr float kMinSpeculativeMargin = 0.02F;
   // Each of equal spheres touches at most twelve others, and the smaller of two unequal ones has few larger
   // neighbours. That makes six pairs per body, and some more within the margin.
   static constexpr std::size_t kMaxPairsPerBody = 64;
@@ -122,6 +139,8 @@ class CollisionPipeline {
     SupportPatches* supports = nullptr;
     ContactList pair_contacts, static_contacts;
     std::vector<std::pair<std::int32_t, std::int32_t>> swept_pairs;
+    std::vector<std::int32_t> touched_sleepers;
+    std::size_t tested_pairs = 0;
     PairManifoldCache::ChunkCache cached_pairs;
     FieldManifoldCache::ChunkCache cached_field;
   };
@@ -135,9 +154,17 @@ class CollisionPipeline {
 
   void compute_large_radius(const BodyStore&);
   void measure_bodies(const BodyStore&);
+  bool has_sleepers() const { return grid_bodies_.size() < body_indices_.size(); }
+  std::span<const std::int32_t> own_bodies_in_grid(const Member&) const;
+  float travel_of(const BodyStore&, std::size_t body) const;
+  // Calls found(other) for the bodies of a grid's cells that a large body may touch in this step.
+  template <class Found>
+  void for_each_in_reach_of_large(const BodyStore&, const UniformGrid&, std::size_t large, Found found) const;
+  void add_rows_of_sleepers(const BodyStore&);
   // Returns the greatest travel.
   float compute_query_radii(const BodyStore&, std::span<const std::int32_t> own);
   bool is_fast(std::size_t body) const { return speculative_margin_[body] > fast_margin_[body]; }
+  FastBody fast_body(const BodyStore&, std::size_t body) const;
   void find_fast_bodies(const BodyStore&);
   template <class Found>
   void for_each_fast_in_box(const Vec3& low, const Vec3& high, std::size_t from, Found found) const;
@@ -172,6 +199,9 @@ class CollisionPipeline {
   FieldCollider collider_;
   float large_radius_ = -1.0F;  // bodies with a larger query radius stay outside the grid's cells; < 0: stale
   UniformGrid* grid_ = nullptr;  // of the thread that steps, from update_broadphase() to the end of the step
+  UniformGrid sleeper_grid_;
+  unsigned sleeper_version_ = 0;           // see update_sleepers()
+  std::vector<std::int32_t> grid_bodies_;  // in `grid_`, ascending: those that do not sleep
   SpatialPartition partition_;
   std::vector<float> query_radius_, speculative_margin_;
   std::vector<float> travel_;  // of any point of the body in this step, u; 0 for one that is not active
@@ -187,7 +217,7 @@ class CollisionPipeline {
   std::vector<Vec3> half_extents_;          // of a non-sphere's bounding box in world axes, u
   std::vector<std::int32_t> body_indices_;  // 0, 1, …, bodies − 1
   std::vector<LargeNeighbour> large_neighbours_;
-  std::vector<std::int32_t> first_large_neighbour_;  // indexed by body: first entry in large_neighbours_
+  std::vector<IndexRange> large_neighbours_of_;  // by body: range in large_neighbours_
   PreviousContacts previous_contacts_;
   std::vector<SlabResults> slab_results_;                     // one per slab
   std::vector<SupportPatches> supports_, previous_supports_;  // one per slab
@@ -197,7 +227,7 @@ class CollisionPipeline {
   struct SupportReference {
     std::int32_t slab, patch;  // slab < 0: none
   };
-  std::vector<SupportReference> previous_support_of_body_;  // empty if there was no patch
+  BodyIndex<SupportReference> previous_support_of_body_{{-1, -1}};
   std::vector<BodyRunOutput> pair_output_, static_output_;  // one per body run
   SlabRanges pair_ranges_, static_ranges_;
   std::vector<std::size_t> contacts_per_slab_;  // in the last find_contacts()
@@ -206,16 +236,40 @@ class CollisionPipeline {
 };
 
 template <class Found>
-void CollisionPipeline::for_each_nearby(const BodyStore& bodies, std::size_t body, Found found) const {
-  auto test = [&](std::int32_t other) {
-    const auto j = static_cast<std::size_t>(other);
-    if (j == body || bodies.is_static(j)) return;
-    const float radius_sum = query_radius_[body] + query_radius_[j];
-    if ((bodies.position[body] - bodies.position[j]).squaredNorm() < radius_sum * radius_sum) found(j);
+void CollisionPipeline::for_each_sleeper_in_reach(const BodyStore& bodies, std::size_t body,
+                                                  Found found) const {
+  const float travel = travel_of(bodies, body), margin = std::max(kMinSpeculativeMargin, travel);
+  const float radius = bodies.bounding_radius[body];
+  const Vec3& at = bodies.position[body];
+  auto test = [&](std::int32_t sleeper) {
+    const float radius_sum = radius + std::min(margin, radius) + query_radius_[sleeper];
+    if ((at - bodies.position[sleeper]).squaredNorm() < radius_sum * radius_sum) found(sleeper);
   };
-  const Vec3 half = Vec3::Constant(query_radius_[body]);
-  grid_->for_each_in_box(bodies.position[body] - half, bodies.position[body] + half, test);
-  for (const std::int32_t large : grid_->large_bodies()) test(large);
+  const Vec3 half = Vec3::Constant(radius + std::min(margin, radius));
+  sleeper_grid_.for_each_in_box(at - half, at + half, test);
+  std::ranges::for_each(sleeper_grid_.large_bodies(), test);
+  if (margin <= fast_margin_[body]) return;
+  // What lies in the way of a body that flies farther than its own size.
+  const Vec3 path = dt_s_ * bodies.velocity(body);
+  const float length = std::max(path.squaredNorm(), 1e-20F);
+  auto test_path = [&](std::int32_t sleeper) {
+    const Vec3 offset = bodies.position[sleeper] - at;
+    const float along = std::clamp(offset.dot(path) / length, 0.0F, 1.0F),
+                reach = radius + query_radius_[sleeper];
+    if ((offset - along * path).squaredNorm() < reach * reach) found(sleeper);
+  };
+  const FastBody fast = fast_body(bodies, body);
+  sleeper_grid_.for_each_in_box(fast.low, fast.high, test_path);
+  std::ranges::for_each(sleeper_grid_.large_bodies(), test_path);
+}
+
+template <class Found>
+void CollisionPipeline::for_each_in_reach_of_large(const BodyStore& bodies, const UniformGrid& grid,
+                                                   std::size_t large, Found found) const {
+  const Vec3 half = bodies.axes[large].cwiseAbs() * bodies.shape[large]->half_extents +
+                    Vec3::Constant(speculative_margin_[large]);
+  const Vec3 centre = bodies.origin(large);
+  grid.for_each_in_box(centre - half, centre + half, found);
 }
 
 template <class Found>
@@ -226,25 +280,6 @@ void CollisionPipeline::for_each_fast_in_box(const Vec3& low, const Vec3& high, 
                                               [](const FastBody& f) { return f.low.x(); });
   for (auto f = first; f != fast_bodies_.end() && f->low.x() <= high.x(); ++f)
     if ((f->low.array() <= high.array()).all() && (f->high.array() >= low.array()).all()) found(f->body);
-}
-
-template <class Found>
-void CollisionPipeline::for_each_in_way(const BodyStore& bodies, Found found) const {
-  for (const FastBody& f : fast_bodies_) {
-    const Index i = f.body;
-    const Vec3 path = dt_s_ * bodies.velocity(i);
-    const float length = std::max(path.squaredNorm(), 1e-20F);
-    const auto test = [&](std::int32_t other) {
-      const Index j = other;
-      if (j == i || bodies.is_static(j)) return;
-      const Vec3 offset = bodies.position[j] - bodies.position[i];
-      const float along = std::clamp(offset.dot(path) / length, 0.0F, 1.0F),
-                  reach = bodies.bounding_radius[i] + query_radius_[j];
-      if ((offset - along * path).squaredNorm() < reach * reach) found(i, j);
-    };
-    grid_->for_each_in_box(f.low, f.high, test);
-    for (const std::int32_t large : grid_->large_bodies()) test(large);
-  }
 }
 
 }  // namespace smartsurf::world

@@ -56,6 +56,7 @@ void NativeEngine::wake_with_neighbours(std::int32_t body) {
 scene::ObjectId NativeEngine::add(const scene::ObjectSpec& spec) {
   bodies_.add(next_id_, unit_.to_world(spec, scene_materials_[spec.material]), materials_[spec.material]);
   collision_.on_bodies_changed(bodies_.size());
+  active_version_.reset();
   wake_with_neighbours(bodies_.size() - 1);
   return next_id_++;
 }
@@ -65,6 +66,8 @@ bool NativeEngine::remove(scene::ObjectId id) {
   if (index < 0) return false;
   wake_with_neighbours(index);
   bodies_.erase(index);
+  active_version_.reset();
+  active_bodies_.clear();
   remove_body(pair_contacts_, index);
   remove_body(static_contacts_, index);
   sleep_.on_body_removed(index);
@@ -162,28 +165,34 @@ std::vector<ContactPoint> NativeEngine::contacts() const {
   std::vector<ContactPoint> out;
   // Bodies that fell asleep in the last step are in both pairs of lists; they count as sleepers.
   auto sleeps = [&](std::int32_t i) { return bodies_.asleep[i] != 0; };
-  for (const ContactList* list :
-       {&pair_contacts_, &static_contacts_, &sleep_.pair_contacts(), &sleep_.static_contacts()})
-    for (const Manifold& m : list->manifolds) {
-      const bool is_sleeping = sleeps(m.a) && (m.b < 0 || sleeps(m.b));
-      if (is_sleeping && (list == &pair_contacts_ || list == &static_contacts_)) continue;
-      for (const Contact& c : list->contacts_of(m)) {
-        const std::int32_t other = other_body(m, c);
-        if (c.total_normal_impulse <= 0.0F || c.partner == Partner::kSupportedCell) continue;
-        out.push_back({unit_.to_scene(Vec3(bodies_.position[m.a] + c.anchor)), c.normal,
-                       unit_.to_scene(c.total_normal_impulse), bodies_.id[m.a],
-                       other >= 0 ? std::optional(bodies_.id[other]) : std::nullopt});
-      }
+  const auto add_contacts = [&](const Manifold& m, std::span<const Contact> contacts) {
+    for (const Contact& c : contacts) {
+      const std::int32_t other = other_body(m, c);
+      if (c.total_normal_impulse <= 0.0F || c.partner == Partner::kSupportedCell) continue;
+      out.push_back({unit_.to_scene(Vec3(bodies_.position[m.a] + c.anchor)), c.normal,
+                     unit_.to_scene(c.total_normal_impulse), bodies_.id[m.a],
+                     other >= 0 ? std::optional(bodies_.id[other]) : std::nullopt});
     }
-  auto add_support = [&](std::int32_t body, const Vec3& anchor, float impulse) {
-    out.push_back({unit_.to_scene(Vec3(bodies_.position[body] + anchor)), Vec3::UnitZ(),
-                   unit_.to_scene(impulse), bodies_.id[body], std::nullopt});
   };
-  for_each_awake_support([&](const SupportPatch& p, const SupportSamples& s, Index i) {
-    add_support(p.body, {s.x[i], s.y[i], p.z}, s.load[i]);
-  });
-  for (const Sleep::SupportLoad& l : sleep_.support_loads()) add_support(l.body, l.anchor, l.impulse);
+  for (const ContactList* list : {&pair_contacts_, &static_contacts_})
+    for (const Manifold& m : list->manifolds)
+      if (!sleeps(m.a) || (m.b >= 0 && !sleeps(m.b))) add_contacts(m, list->contacts_of(m));
+  sleep_.contacts().for_each_pair(add_contacts);
+  sleep_.contacts().for_each_static(add_contacts);
+  const auto add_support = [&](const SupportPatch& p, const SupportSamples& s, Index i) {
+    out.push_back({unit_.to_scene(Vec3(bodies_.position[p.body] + Vec3(s.x[i], s.y[i], p.z))), Vec3::UnitZ(),
+                   unit_.to_scene(s.load[i]), bodies_.id[p.body], std::nullopt});
+  };
+  for_each_awake_support(add_support);
+  sleep_.contacts().for_each_loaded_sample(add_support);
   return out;
+}
+
+NativeEngine::StepWork NativeEngine::step_work() const {
+  if (active_bodies_.empty()) return {};
+  return {active_bodies_.size(), collision_.bodies_in_grid().size(),
+          static_cast<std::size_t>(collision_.partition().row_count()), collision_.tested_pairs(),
+          pair_contacts_.contacts.size() + static_contacts_.contacts.size()};
 }
 
 void NativeEngine::snapshot(scene::Snapshot& out) const {
@@ -210,8 +219,7 @@ void NativeEngine::snapshot(scene::Snapshot& out) const {
   out.skin_height = scene_field_.skin.height;
   out.state_hash = hash.value();
   out.contact_count = static_cast<std::uint32_t>(
-      pair_contacts_.contacts.size() + static_contacts_.contacts.size() +
-      sleep_.pair_contacts().contacts.size() + sleep_.static_contacts().contacts.size());
+      pair_contacts_.contacts.size() + static_contacts_.contacts.size() + sleep_.contacts().contact_count());
 }
 
 void NativeEngine::archive(common::StateArchive& a, std::span<const scene::ObjectSpec> catalogue,
@@ -223,6 +231,8 @@ void NativeEngine::archive(common::StateArchive& a, std::span<const scene::Objec
   if (!unit_.is_one()) field_copy_.archive_motion(a);
   if (a.saves()) return;
   field_changed_ = true;
+  active_version_.reset();
+  active_bodies_.clear();
   loaded_tips_.clear();
   for (std::size_t i = 0; i < scene_field_.tip_impulse.size(); ++i)
     if (!scene_field_.tip_impulse[i].isZero(0.0F)) loaded_tips_.push_back(static_cast<std::int32_t>(i));
@@ -243,7 +253,7 @@ void NativeEngine::archive(common::StateArchive& a, std::span<const scene::Objec
 
 std::optional<scene::ObjectId> NativeEngine::first_non_finite() const {
   const BodyStore& b = bodies_;
-  for (std::size_t i = 0; i < b.id.size(); ++i)
+  for (const std::int32_t i : active_bodies_)  // no other body has moved
     if (!b.position[i].allFinite() || !b.velocity(i).allFinite() || !b.angular_velocity(i).allFinite())
       return b.id[i];
   return std::nullopt;

@@ -31,7 +31,7 @@ class NativeEngine final : public Engine {
 
   std::string name() const override { return "native"; }
   // The number after "physics" is raised whenever equal inputs give other bits.
-  std::string version() const override { return SMARTSURF_VERSION "+physics7"; }
+  std::string version() const override { return SMARTSURF_VERSION "+physics8"; }
   scene::ObjectId add(const scene::ObjectSpec&) override;
   bool alive(scene::ObjectId id) const override { return bodies_.find(id) >= 0; }
   bool remove(scene::ObjectId) override;
@@ -49,6 +49,15 @@ class NativeEngine final : public Engine {
   std::span<surface::Wrench> wrenches() override;
   void step() override;
   std::vector<ContactPoint> contacts() const override;
+  // What the last step went through: grows with what moves, and with what touches that, only.
+  struct StepWork {
+    std::size_t active = 0;    // bodies that moved
+    std::size_t in_grid = 0;   // bodies in the broad phase: those, and static ones
+    std::size_t rows = 0;      // bodies that the solver read: those, and the sleepers that they touch
+    std::size_t pairs = 0;     // pairs of bodies that the narrow phase looked at
+    std::size_t contacts = 0;  // points in contact lists
+  };
+  StepWork step_work() const;
   int sleeping_count() const override { return sleep_.sleeping_count(); }
   void snapshot(scene::Snapshot&) const override;
   bool is_overloaded() const override { return collision_.is_overloaded(); }
@@ -74,10 +83,11 @@ class NativeEngine final : public Engine {
   void apply_forces();
   void predict_skin();
   void wake_disturbed();
+  void wake_hit_sleepers();
+  void restore_contacts();
   void collect_active_bodies();
   void clear_contacts();
   void update_broadphase(const Member&);
-  void wake_hit_sleepers();
   void find_contacts(const Member&);
   void share_force_limits();
   void collect_tip_contacts();
@@ -119,6 +129,7 @@ class NativeEngine final : public Engine {
   };
   std::vector<TimedForce> timed_forces_;
   std::vector<std::int32_t> active_bodies_;
+  std::optional<unsigned> active_version_;  // Sleep::set_version() that active_bodies_ is for
   ContactList pair_contacts_, static_contacts_;
   Sleep sleep_;
   CollisionPipeline collision_;
@@ -147,7 +158,7 @@ class NativeEngine final : public Engine {
   };
   std::vector<SkinPoint> skin_points_;
   std::vector<std::int32_t> loaded_tips_;  // with an impulse in the last step
-  unsigned sleeper_impulse_version_ = 0;   // Sleep::change_count() that sleeper_impulse_ is for
+  unsigned sleeper_impulse_version_ = 0;   // Sleep::contacts_version() that sleeper_impulse_ is for
   // Bodies whose motion in this step ends where they would enter another one, ascending, and after which
   // fraction.
   struct Stop {

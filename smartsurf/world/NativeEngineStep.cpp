@@ -55,11 +55,12 @@ const NativeEngine::Stage NativeEngine::Stage::kAll[] = {
     {"apply forces",           kCaller,    call<&E::apply_forces>},
     {"predict skin",           kCaller,    call<&E::predict_skin>,           has_elastic_skin},
     {"wake disturbed bodies",  kCaller,    call<&E::wake_disturbed>,         any_asleep},
+    {"wake hit sleepers",      kCaller,    call<&E::wake_hit_sleepers>,      any_asleep},
+    {"restore contacts",       kCaller,    call<&E::restore_contacts>},
     {"collect active bodies",  kCaller,    call<&E::collect_active_bodies>},
     {"clear contacts",         kCaller,    call<&E::clear_contacts>,         none_active},
     // ---- contacts
     {"broad phase",            kTeam,      call<&E::update_broadphase>},
-    {"wake hit sleepers",      kOneOfTeam, call<&E::wake_hit_sleepers>},
     {"narrow phase",           kTeam,      call<&E::find_contacts>},
     {"share force limits",     kOneOfTeam, call<&E::share_force_limits>,     has_limits},
     {"collect tip contacts",   kOneOfTeam, call<&E::collect_tip_contacts>,   has_soft_tips},
@@ -147,7 +148,25 @@ void NativeEngine::wake_disturbed() {
   sleep_.wake_on_moving_cells(bodies_);
 }
 
+// Wakes sleepers within reach of a fast body, so that the collision moves them.
+void NativeEngine::wake_hit_sleepers() {
+  collision_.update_sleepers(bodies_, sleep_.set_version());
+  hit_sleepers_.clear();
+  for (const std::int32_t i : collision_.bodies_in_grid())
+    if (bodies_.is_active(i) && Sleep::is_fast(bodies_, i))
+      collision_.for_each_sleeper_in_reach(
+          bodies_, i, [this](std::int32_t sleeper) { hit_sleepers_.push_back(sleeper); });
+  for (const std::int32_t i : hit_sleepers_) sleep_.wake_island(bodies_, i);
+}
+
+void NativeEngine::restore_contacts() {
+  sleep_.restore_contacts(pair_contacts_, static_contacts_, collision_.previous_supports());
+  collision_.update_sleepers(bodies_, sleep_.set_version());
+}
+
 void NativeEngine::collect_active_bodies() {
+  if (active_version_ == sleep_.set_version()) return;
+  active_version_ = sleep_.set_version();
   active_bodies_.clear();
   for (std::int32_t i = 0; i < bodies_.size(); ++i)
     if (bodies_.is_active(i)) active_bodies_.push_back(i);
@@ -165,35 +184,6 @@ void NativeEngine::clear_contacts() {
 // ---- contacts
 
 void NativeEngine::update_broadphase(const Member& member) { collision_.update_broadphase(bodies_, member); }
-
-// Wakes sleepers within reach of a fast body, so that the collision moves them. Queries from the smaller of
-// the two sets.
-void NativeEngine::wake_hit_sleepers() {
-  if (sleep_.any_asleep()) {
-    hit_sleepers_.clear();
-    const auto is_fast = [this](std::size_t i) { return !bodies_.asleep[i] && Sleep::is_fast(bodies_, i); };
-    if (sleep_.sleeping_count() < std::ssize(active_bodies_)) {
-      for (std::int32_t j = 0; j < bodies_.size(); ++j) {
-        if (!bodies_.asleep[j]) continue;
-        bool hit = false;
-        collision_.for_each_nearby(bodies_, j, [&](std::size_t i) { hit |= is_fast(i); });
-        if (hit) hit_sleepers_.push_back(j);
-      }
-    } else {
-      for (const std::int32_t i : active_bodies_)
-        if (is_fast(i))
-          collision_.for_each_nearby(bodies_, i, [this](std::size_t j) {
-            if (bodies_.asleep[j]) hit_sleepers_.push_back(static_cast<std::int32_t>(j));
-          });
-    }
-    collision_.for_each_in_way(bodies_, [&](std::size_t i, std::size_t j) {
-      if (bodies_.asleep[j] && is_fast(i)) hit_sleepers_.push_back(static_cast<std::int32_t>(j));
-    });
-    for (const std::int32_t i : hit_sleepers_) sleep_.wake_island(bodies_, i);
-    if (!hit_sleepers_.empty()) collect_active_bodies();
-  }
-  sleep_.restore_contacts(bodies_, pair_contacts_, static_contacts_);
-}
 
 void NativeEngine::find_contacts(const Member& member) {
   collision_.find_contacts(bodies_, pair_contacts_, static_contacts_, member);
@@ -357,7 +347,7 @@ void NativeEngine::advance_skin() {
 
 // Sleepers keep the impulses that they had when they fell asleep.
 void NativeEngine::update_sleeper_impulses() {
-  sleeper_impulse_version_ = sleep_.change_count();
+  sleeper_impulse_version_ = sleep_.contacts_version();
   sleeper_impulse_.resize(scene_field_.impulse.size(), 0.0F);
   for (const std::int32_t cell : sleeper_cells_) sleeper_impulse_[cell] = scene_field_.impulse[cell] = 0.0F;
   sleeper_cells_.clear();
@@ -365,9 +355,12 @@ void NativeEngine::update_sleeper_impulses() {
     sleeper_impulse_[cell] += unit_.to_scene(impulse);
     sleeper_cells_.push_back(cell);
   };
-  for (const Contact& c : sleep_.static_contacts().contacts)
-    if (c.loads_cell()) add_load(c.feature_id, c.total_normal_impulse);
-  for (const Sleep::SupportLoad& l : sleep_.support_loads()) add_load(l.cell, l.impulse);
+  sleep_.contacts().for_each_static([&](const Manifold&, std::span<const Contact> contacts) {
+    for (const Contact& c : contacts)
+      if (c.loads_cell()) add_load(c.feature_id, c.total_normal_impulse);
+  });
+  sleep_.contacts().for_each_loaded_sample(
+      [&](const SupportPatch&, const SupportSamples& s, Index i) { add_load(s.cell[i], s.load[i]); });
   for (const std::int32_t cell : sleeper_cells_) scene_field_.impulse[cell] = sleeper_impulse_[cell];
   // Bodies that fell asleep in this step count as sleepers.
   for (const Manifold& m : static_contacts_.manifolds)
@@ -375,7 +368,7 @@ void NativeEngine::update_sleeper_impulses() {
 }
 
 void NativeEngine::write_cell_impulses() {
-  if (sleeper_impulse_version_ != sleep_.change_count()) update_sleeper_impulses();
+  if (sleeper_impulse_version_ != sleep_.contacts_version()) update_sleeper_impulses();
   for (const std::int32_t cell : loaded_cells_)
     scene_field_.impulse[cell] = sleeper_impulse_.empty() ? 0.0F : sleeper_impulse_[cell];
   loaded_cells_.clear();
@@ -395,22 +388,20 @@ void NativeEngine::write_tip_impulses() {
   for (const std::int32_t cell : loaded_tips_) impulse[cell].setZero();
   loaded_tips_.clear();
   const auto substeps = static_cast<float>(settings_.substeps);
-  const auto add_loads = [&](const ContactList& list, bool of_sleepers) {
-    for (const Manifold& m : list.manifolds) {
-      if ((bodies_.asleep[m.a] != 0) != of_sleepers) continue;
-      for (const Contact& c : list.contacts_of(m)) {
-        const std::int32_t cell = c.feature_id;
-        if (c.total_normal_impulse == 0.0F || !c.loads_cell() || field_.is_column(cell) ||
-            !field_.tip_at(cell).moves_sideways())
-          continue;
-        impulse[cell] -=
-            unit_.to_scene(Vec3(c.total_normal_impulse * c.normal + substeps * c.friction_impulse));
-        loaded_tips_.push_back(cell);
-      }
+  const auto add_loads = [&](const Manifold&, std::span<const Contact> contacts) {
+    for (const Contact& c : contacts) {
+      const std::int32_t cell = c.feature_id;
+      if (c.total_normal_impulse == 0.0F || !c.loads_cell() || field_.is_column(cell) ||
+          !field_.tip_at(cell).moves_sideways())
+        continue;
+      impulse[cell] -=
+          unit_.to_scene(Vec3(c.total_normal_impulse * c.normal + substeps * c.friction_impulse));
+      loaded_tips_.push_back(cell);
     }
   };
-  add_loads(static_contacts_, false);
-  add_loads(sleep_.static_contacts(), true);
+  for (const Manifold& m : static_contacts_.manifolds)
+    if (!bodies_.asleep[m.a]) add_loads(m, static_contacts_.contacts_of(m));
+  sleep_.contacts().for_each_static(add_loads);
 }
 
 // The friction of a step is taken as in write_tip_impulses().
@@ -424,9 +415,10 @@ void NativeEngine::write_skin_impulses() {
   };
   for (const SkinPoint& p : skin_points_)
     if (!bodies_.asleep[p.body]) add_load(p.at, static_contacts_.contacts[p.contact]);
-  for (const Manifold& m : sleep_.static_contacts().manifolds)
-    for (const Contact& c : sleep_.static_contacts().contacts_of(m))
+  sleep_.contacts().for_each_static([&](const Manifold& m, std::span<const Contact> contacts) {
+    for (const Contact& c : contacts)
       if (c.touches_skin()) add_load(location_on_skin(m, c), c);
+  });
 }
 
 void NativeEngine::return_lowered_speeds() {

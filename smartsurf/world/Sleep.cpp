@@ -28,20 +28,6 @@ bool accelerates(const BodyStore& b, std::size_t i, float dt_s) {
   return change > kMaxSleepAcceleration * kHalf_s * kHalf_s;
 }
 
-// Appends the manifolds for which predicate(manifold) holds to another list.
-template <class Predicate>
-void copy_manifolds(const ContactList& from, ContactList& to, Predicate predicate) {
-  for (const Manifold& m : from.manifolds)
-    if (predicate(m)) to.append(from, m);
-}
-
-template <class Predicate>
-void move_manifolds(ContactList& from, ContactList& to, Predicate predicate) {
-  ContactList kept;
-  for (const Manifold& m : from.manifolds) (predicate(m) ? to : kept).append(from, m);
-  from = std::move(kept);
-}
-
 }  // namespace
 
 bool Sleep::is_fast(const BodyStore& b, std::size_t i) { return max_point_speed(b, i) > kWakeIslandSpeed; }
@@ -56,29 +42,26 @@ void Sleep::wake(BodyStore& b, std::size_t i) {
   if (b.is_sphere[i]) b.body_velocity[i].inverse_inertia = b.inverse_inertia_of_sphere(i);
   b.update_axes(i);
   --sleeping_count_;
-  ++change_count_;
-  any_woken_ = true;
+  ++set_version_, ++contacts_version_;
+  woken_.push_back(static_cast<std::int32_t>(i));
 }
 
 void Sleep::wake_island(BodyStore& b, std::size_t body) {
   if (!b.asleep[body]) return wake(b, body);
-  wake(b, body);
-  // Flood fill over the contact graph: repeat until no contact joins an awake and a sleeping body.
-  for (bool changed = true; changed;) {
-    changed = false;
-    for (const Manifold& m : pair_contacts_.manifolds) {
-      const Index i = m.a, j = m.b;
-      if (b.asleep[i] == b.asleep[j]) continue;
-      wake(b, b.asleep[i] ? i : j);
-      changed = true;
-    }
-    for (const BodyLink& link : b.links) {
-      if (link.b < 0) continue;
-      const Index i = link.a, j = link.b;
-      if (b.asleep[i] == b.asleep[j] || b.is_static(i) || b.is_static(j)) continue;
-      wake(b, b.asleep[i] ? i : j);
-      changed = true;
-    }
+  // Flood fill over the contact graph and the joints.
+  std::vector<std::int32_t> reached;
+  const auto reach = [&](std::int32_t i) {
+    if (!b.asleep[i]) return;
+    wake(b, i);
+    reached.push_back(i);
+  };
+  reach(static_cast<std::int32_t>(body));
+  for (std::size_t k = 0; k < reached.size(); ++k) {
+    contacts_.for_each_neighbour(reached[k], reach);
+    if (!b.is_jointed[reached[k]]) continue;
+    for (const BodyLink& link : b.links)
+      if (link.b >= 0 && (link.a == reached[k] || link.b == reached[k]))
+        reach(link.a == reached[k] ? link.b : link.a);
   }
 }
 
@@ -89,13 +72,12 @@ void Sleep::wake_with_neighbours(BodyStore& b, std::size_t body, const ContactLi
   if (b.is_static(body))
     for (std::size_t i = 0; i < b.asleep.size(); ++i) wake(b, i);
   wake(b, body);
-  for (const ContactList* list : {&pair_contacts, &static_cast<const ContactList&>(pair_contacts_)})
-    for (const Manifold& m : list->manifolds)
-      if (m.a == index || m.b == index) wake(b, m.a == index ? m.b : m.a);
-  for (const ContactList* list : {&static_contacts, &static_cast<const ContactList&>(static_contacts_)})
-    for (const Manifold& m : list->manifolds)
-      for (const Contact& c : list->contacts_of(m))
-        if (c.partner == Partner{index}) wake(b, m.a);
+  for (const Manifold& m : pair_contacts.manifolds)
+    if (m.a == index || m.b == index) wake(b, m.a == index ? m.b : m.a);
+  contacts_.for_each_neighbour(index, [&](std::int32_t other) { wake(b, other); });
+  for (const Manifold& m : static_contacts.manifolds)
+    for (const Contact& c : static_contacts.contacts_of(m))
+      if (c.partner == Partner{index}) wake(b, m.a);
   for (const BodyLink& link : b.links)
     if (link.b >= 0 && (link.a == index || link.b == index)) wake(b, link.a == index ? link.b : link.a);
 }
@@ -135,8 +117,18 @@ void Sleep::wake_on_moving_cells(BodyStore& b) {
   const bool wake_all =
       (!field_.is_rectangular() && std::count(row_moves_.begin(), row_moves_.end(), 1) > 0) ||
       (field_.has_skin() && field_.skin.supports_move);
-  for (std::size_t i = 0; i < b.asleep.size(); ++i)
-    if (b.asleep[i] && (wake_all || any_cell_moves(cells_near_sleeper_[i]))) wake(b, i);
+  for (const std::int32_t i : sleepers(b))
+    if (wake_all || any_cell_moves(cells_near_sleeper_[i])) wake(b, i);
+}
+
+const std::vector<std::int32_t>& Sleep::sleepers(const BodyStore& b) {
+  if (has_sleeper_list_ && sleeper_version_ == set_version_) return sleepers_;
+  sleepers_.clear();
+  for (std::int32_t i = 0; i < b.size(); ++i)
+    if (b.asleep[i]) sleepers_.push_back(i);
+  sleeper_version_ = set_version_;
+  has_sleeper_list_ = true;
+  return sleepers_;
 }
 
 bool Sleep::any_cell_moves(const CellRect& cells) const {
@@ -156,14 +148,12 @@ bool Sleep::any_cell_moves(const CellRect& cells) const {
   return false;
 }
 
-void Sleep::restore_contacts(const BodyStore& b, ContactList& pair_contacts, ContactList& static_contacts) {
-  if (!any_woken_) return;
-  any_woken_ = false;
-  ++change_count_;
-  auto awake = [&b](std::int32_t i) { return !b.asleep[i]; };
-  move_manifolds(pair_contacts_, pair_contacts, [&](const Manifold& m) { return awake(m.a) || awake(m.b); });
-  move_manifolds(static_contacts_, static_contacts, [&](const Manifold& m) { return awake(m.a); });
-  std::erase_if(support_loads_, [&](const SupportLoad& l) { return awake(l.body); });
+void Sleep::restore_contacts(ContactList& pair_contacts, ContactList& static_contacts,
+                             SupportPatches& supports) {
+  if (woken_.empty()) return;
+  ++contacts_version_;
+  for (const std::int32_t i : woken_) contacts_.take_out(i, pair_contacts, static_contacts, supports);
+  woken_.clear();
 }
 
 // ---- falling asleep
@@ -213,9 +203,14 @@ void Sleep::update_sleeping_set(BodyStore& b, const std::vector<std::int32_t>& a
   const bool any_ready = std::any_of(active_bodies.begin(), active_bodies.end(),
                                      [&b](std::int32_t i) { return b.sleep_timer_s[i] >= kTimeToSleep_s; });
   if (!is_enabled_ || (!any_ready && !any_asleep())) return;
-  has_active_neighbour_.assign(b.asleep.size(), 0);
+  // What these hold of sleepers and static bodies is not read.
+  has_active_neighbour_.resize(b.asleep.size());
+  is_supported_.resize(b.asleep.size());
   std::vector<char>& is_supported = is_supported_;
-  is_supported.assign(b.asleep.size(), gravity_.isZero(0.0F));
+  for (const std::int32_t i : active_bodies) {
+    has_active_neighbour_[i] = 0;
+    is_supported[i] = static_cast<char>(gravity_.isZero(0.0F));
+  }
   // A body that touches a moving body, or has a joint with one, stays awake, or is woken. Bodies that may lie
   // on each other fall asleep together: a sleeper is immovable, and would go on bearing the load of that
   // moment while the rest settles.
@@ -249,16 +244,13 @@ void Sleep::update_sleeping_set(BodyStore& b, const std::vector<std::int32_t>& a
   }
   if (sleeping_count_ == count_before) return;
   auto asleep = [&b](std::int32_t i) { return b.asleep[i] != 0; };
-  copy_manifolds(pair_contacts, pair_contacts_,
-                 [&](const Manifold& m) { return asleep(m.a) && asleep(m.b); });
-  copy_manifolds(static_contacts, static_contacts_, [&](const Manifold& m) { return asleep(m.a); });
+  for (const Manifold& m : pair_contacts.manifolds)
+    if (asleep(m.a) && asleep(m.b)) contacts_.add(pair_contacts, m, b.size());
+  for (const Manifold& m : static_contacts.manifolds)
+    if (asleep(m.a)) contacts_.add(static_contacts, m, b.size());
   for (const SupportPatches& list : supports)
-    for (const SupportPatch& p : list.patches) {
-      if (!asleep(p.body)) continue;
-      const SupportSamples& s = list.samples;
-      for (Index i = p.first; i < p.first + p.count; ++i)
-        if (s.load[i] > 0.0F) support_loads_.push_back({p.body, s.cell[i], {s.x[i], s.y[i], p.z}, s.load[i]});
-    }
+    for (const SupportPatch& p : list.patches)
+      if (asleep(p.body)) contacts_.add(list, p, b.size());
 }
 
 // What lies on a body that cannot sleep yet, at whatever height, stays awake as well: a sleeper bears itself,
@@ -290,7 +282,7 @@ void Sleep::put_to_sleep(BodyStore& b, std::size_t i) {
   cells_near_sleeper_.resize(b.asleep.size());
   cells_near_sleeper_[i] = cells_near(b, i);
   ++sleeping_count_;
-  ++change_count_;
+  ++set_version_, ++contacts_version_;
 }
 
 // The cells under the body and a margin of one cell, whose motion may reach the body too.
@@ -309,14 +301,13 @@ Sleep::CellRect Sleep::cells_near(const BodyStore& b, std::size_t i) const {
 }
 
 void Sleep::on_body_removed(std::int32_t body) {
-  remove_body(pair_contacts_, body);
-  remove_body(static_contacts_, body);
-  std::erase_if(support_loads_, [body](const SupportLoad& l) { return l.body == body; });
-  for (SupportLoad& l : support_loads_)
-    if (l.body > body) --l.body;
+  contacts_.on_body_removed(body);
+  std::erase(woken_, body);
+  for (std::int32_t& i : woken_)
+    if (i > body) --i;
   if (static_cast<std::size_t>(body) < cells_near_sleeper_.size())
     cells_near_sleeper_.erase(cells_near_sleeper_.begin() + body);
-  ++change_count_;
+  ++set_version_, ++contacts_version_;
 }
 
 }  // namespace smartsurf::world

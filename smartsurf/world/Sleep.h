@@ -14,6 +14,7 @@
 #include <vector>
 
 #include "smartsurf/surface/Field.h"
+#include "smartsurf/world/SleepingContacts.h"
 #include "smartsurf/world/body/BodyStore.h"
 #include "smartsurf/world/contact/Contact.h"
 #include "smartsurf/world/field/SupportPatch.h"
@@ -29,18 +30,12 @@ class Sleep {
 
   bool any_asleep() const { return sleeping_count_ > 0; }
   int sleeping_count() const { return sleeping_count_; }
-  // Contacts between sleeping bodies, and their static contacts, as of the moment they fell asleep.
-  const ContactList& pair_contacts() const { return pair_contacts_; }
-  const ContactList& static_contacts() const { return static_contacts_; }
-  // The loads of the support patches of sleeping bodies, likewise.
-  struct SupportLoad {
-    std::int32_t body, cell;
-    Vec3 anchor;    // as Contact::anchor
-    float impulse;  // over the step, mass·u/s
-  };
-  const std::vector<SupportLoad>& support_loads() const { return support_loads_; }
-  // Version number of the sleeping set.
-  unsigned change_count() const { return change_count_; }
+  // Contacts between sleeping bodies, their static contacts and support patches, as of the moment
+  // they fell asleep.
+  const SleepingContacts& contacts() const { return contacts_; }
+  // Version numbers of the sleeping set, and of its contacts.
+  unsigned set_version() const { return set_version_; }
+  unsigned contacts_version() const { return contacts_version_; }
 
   // ---- before a step; `pair_contacts` and `static_contacts` are those of the previous step
   void wake(BodyStore&, std::size_t body);
@@ -53,8 +48,9 @@ class Sleep {
   // Wakes bodies with a nonzero wrench.
   void wake_forced(BodyStore&);
   void wake_on_moving_cells(BodyStore&);
-  // Moves the contacts of woken bodies back to the lists, so that they warm-start the solver.
-  void restore_contacts(const BodyStore&, ContactList& pair_contacts, ContactList& static_contacts);
+  // Moves the contacts and support patches of woken bodies back to the lists, so that they warm-start the
+  // solver.
+  void restore_contacts(ContactList& pair_contacts, ContactList& static_contacts, SupportPatches& supports);
 
   // ---- after a step, in this order: per active body, per range of static manifolds, once. The first two may
   // run concurrently for different bodies.
@@ -70,8 +66,8 @@ class Sleep {
   void on_body_removed(std::int32_t body);
 
   void archive(common::StateArchive& a) {
-    a(sleeping_count_, change_count_, any_woken_, pair_contacts_, static_contacts_, support_loads_,
-      cells_near_sleeper_);
+    a(sleeping_count_, set_version_, contacts_version_, woken_, contacts_, cells_near_sleeper_);
+    has_sleeper_list_ = false;
   }
 
   // True if the body is fast enough that a hit must wake the whole island.
@@ -86,20 +82,23 @@ class Sleep {
   void put_to_sleep(BodyStore&, std::size_t body);
   CellRect cells_near(const BodyStore&, std::size_t body) const;
   bool any_cell_moves(const CellRect&) const;
+  const std::vector<std::int32_t>& sleepers(const BodyStore&);
 
   const surface::Field& field_;
   float dt_s_;
   Vec3 gravity_;
   bool is_enabled_;
   int sleeping_count_ = 0;
-  unsigned change_count_ = 0;
-  bool any_woken_ = false;  // since the last restore_contacts()
-  ContactList pair_contacts_, static_contacts_;
-  std::vector<SupportLoad> support_loads_;
+  unsigned set_version_ = 0, contacts_version_ = 0;
+  std::vector<std::int32_t> woken_;  // since the last restore_contacts()
+  SleepingContacts contacts_;
   std::vector<char> has_active_neighbour_;    // touches a moving body
   std::vector<char> is_supported_;            // touches anything, or there is no gravity
   std::vector<CellRect> cells_near_sleeper_;  // under and beside each sleeper; indexed by body
   std::vector<std::uint8_t> row_moves_;       // whether any cell of the field's row moves
+  std::vector<std::int32_t> sleepers_;        // ascending, as of sleeper_version_
+  unsigned sleeper_version_ = 0;              // of set_version_
+  bool has_sleeper_list_ = false;
 };
 
 }  // namespace smartsurf::world

@@ -11,11 +11,13 @@ import sys
 MODULES = {
     "common/error": set(),
     "common/index": set(),
+    "common/controller": set(),
     "common/color": {"common/error"},
     "common/csv": set(),
     "common/state": {"common/error"},
     "common/files": {"common/error"},
-    "common/process": {"common/files", "common/text"},
+    "common/confine": {"common/error", "common/files"},
+    "common/process": {"common/confine", "common/error", "common/files", "common/text"},
     "common/text": set(),
     "common/cli": {"common/text"},
     "common/gl": {"common/error", "common/image"},
@@ -39,17 +41,21 @@ MODULES = {
     "smartsurf/web": {"common", "smartsurf/scene", "smartsurf/record", "smartsurf/view"},
     "smartsurf/simulation": {"common", "smartsurf/scene", "smartsurf/mesh", "smartsurf/script", "smartsurf/surface",
                              "smartsurf/world"},
-    "smartsurf/python": {"common", "smartsurf/scene", "smartsurf/extension", "smartsurf/simulation", "smartsurf/view"},
+    "smartsurf/python": {"common", "smartsurf/scene", "smartsurf/extension", "smartsurf/record", "smartsurf/simulation", "smartsurf/view"},
     "smartsurf/run": {"common", "smartsurf/scene", "smartsurf/mesh", "smartsurf/extension", "smartsurf/script", "smartsurf/surface",
                       "smartsurf/world", "smartsurf/simulation", "smartsurf/record", "smartsurf/view", "smartsurf/web", "shm-protocol"},
     "apron/program": {"common"},
     "apron/syntax": {"common"},
     "apron/compiler": {"common", "apron/syntax", "apron/program"},
+    "apron/target_c": {"common", "apron/program"},
     "apron/vm": {"common", "apron/program"},
+    "apron/library": {"common", "apron/syntax", "apron/program", "apron/compiler", "apron/vm"},
+    "apron/language_server": {"common", "apron/syntax", "apron/program", "apron/compiler"},
+    "apron/python": {"common", "apron/program", "apron/vm", "apron/library"},
     "apron/debugger": {"common", "apron/vm", "apron/program"},
     "apron/ui": {"common", "apron/debugger", "apron/vm", "apron/program"},
-    "apron/run": {"common", "apron/syntax", "apron/program", "apron/compiler", "apron/vm", "apron/debugger",
-                  "apron/ui", "shm-protocol"},
+    "apron/run": {"common", "apron/syntax", "apron/program", "apron/compiler", "apron/target_c", "apron/vm", "apron/library",
+                  "apron/language_server", "apron/debugger", "apron/ui", "shm-protocol"},
 }
 
 # The layers of a module: its sub-folders from the lowest to the highest, "" for its own loose files. A file may include those
@@ -67,11 +73,13 @@ PRIVATE = [
     (r"^(hdf5|H5|fontconfig/)", {"smartsurf/record"}),
     (r"^(assimp|libqhull)", {"smartsurf/mesh"}),
     (r"^tinyxml2", {"smartsurf/model"}),
+    (r"^toml\+\+", {"shm-protocol/hardware/bridge"}),
     (r"^boost/", {"shm-protocol"}),
     (r"^hwy/", {"apron/vm", "smartsurf/surface", "smartsurf/world"}),
     (r"^xbyak/", {"apron/vm"}),
+    (r"^seccomp", {"common/confine"}),
     (r"^zlib", {"smartsurf/web"}),
-    (r"^pybind11/", {"smartsurf/python"}),
+    (r"^pybind11/", {"smartsurf/python", "apron/python"}),
     (r"^CLI/", {"common/cli", "smartsurf/run", "apron/run"}),
 ]
 
@@ -86,7 +94,7 @@ def module_of(path):
 def module_of_include(name):
     if name.startswith("shm_protocol/"):
         return "shm-protocol"
-    match = re.match(r"(common|smartsurf|apron)/[a-z0-9]+", name)
+    match = re.match(r"(common|smartsurf|apron)/[a-z0-9_]+", name)
     return match.group(0) if match else None
 
 

@@ -52,6 +52,15 @@ void PhysicsFixture::run(double seconds, const std::function<void()>& after_each
   }
 }
 
+void PhysicsFixture::take_over() {
+  std::string bytes;
+  common::StateArchive saved(bytes);
+  world().archive(saved, objects_, 0);
+  world_ = world::make_engine(scene, cells().field(), pool_.get());
+  common::StateArchive restored{std::string_view(bytes)};
+  world_->archive(restored, objects_, 0);
+}
+
 const scene::Snapshot& PhysicsFixture::snapshot() {
   world().snapshot(snapshot_);
   return snapshot_;

@@ -25,6 +25,8 @@ class PhysicsFixture {
 
   smartsurf::scene::ObjectId add(const smartsurf::scene::ObjectSpec&);
   void run(double seconds, const std::function<void()>& after_each_step = {});
+  // Continues with a new engine, from the state that the present one saves.
+  void take_over();
   // The current state; valid until the next call of this or of an accessor below.
   const smartsurf::scene::Snapshot& snapshot();
 

@@ -407,6 +407,9 @@ GROUPS = [
             absolute("pins", "deepest in a pin", "0", 0.05, "u", margin=2.0)], "no penetration", {"shape": shape},
             overlap="pins", seeds=3, quick=False, slow=True, mujoco=NO_PINS)
           for shape, title in (("box", "boxes"), ("sphere", "spheres"))],
+        Case("ring", "Eighteen mixed objects inside a ring of pins that rise and fall at 4 u/s, three seeds", "ring", 7, [
+            absolute("pins", "deepest in a pin", "0", 0.05, "u", margin=2.0)], "no penetration", overlap="pins", seeds=3,
+            quick=False, slow=True, mujoco=NO_PINS),
         Case("heap", "Sixty boxes in a pit", "heap", 6, [
             absolute("mean", "mean overlap of touching boxes, at rest", "0", 0.002, "u", margin=2.0),
             absolute("deepest", "greatest overlap, at rest", "0", 0.02, "u", margin=2.0)], "no penetration",

@@ -1,4 +1,5 @@
-"""How deep bodies of a recording are in pins or in one another: boxes by separating axes, spheres in closed form.
+"""How deep bodies of a recording are in pins or in one another: boxes by separating axes, spheres in closed form, other
+round bodies by the least overlap along any direction.
 
   overlap.py pins|bodies RECORDING.h5     prints the metrics as JSON
 """
@@ -44,6 +45,57 @@ def sphere_depth(p, radius, corner, size):
     return radius - float(numpy.linalg.norm(p - numpy.clip(p, corner, corner + size)))
 
 
+def reach_of(shape, radius, height, directions):
+    """How far a round body reaches from its centre of mass along each direction, in its own axes; z is its axis."""
+    along, across = directions[:, 2], numpy.hypot(directions[:, 0], directions[:, 1])
+    if shape == "cylinder":
+        return radius * across + height / 2 * numpy.abs(along)
+    if shape == "capsule":
+        return radius + (height / 2 - radius) * numpy.abs(along)
+    if shape == "cone":
+        return numpy.maximum(0.75 * height * along, radius * across - 0.25 * height * along)
+    raise ValueError(f"overlap.py: no reach of a {shape}")
+
+
+def spread_directions():
+    """Unit vectors all over the upper hemisphere."""
+    z, angle = (numpy.arange(400) + 0.5) / 400, numpy.arange(400) * numpy.pi * (3 - 5**0.5)
+    across = numpy.sqrt(1 - z * z)
+    return numpy.stack([across * numpy.cos(angle), across * numpy.sin(angle), z], axis=1)
+
+
+SPREAD = spread_directions()
+
+
+def round_depth(shape, radius, height, p, axes, centre, half, top, known):
+    """The least translation, not downwards, that takes a round body out of a bottomless column; or an upper bound of it
+    that does not exceed `known`."""
+    def depth(n):
+        return (numpy.abs(n[:, :2]) @ half + n[:, 2] * top + n[:, :2] @ centre - n @ p
+                + reach_of(shape, radius, height, -n @ axes))
+    flat = numpy.array([[1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0], [0, 0, 1]], "f8")
+    own = numpy.vstack([axes.T, -axes.T, numpy.cross(axes[:, 2], numpy.eye(3)), -numpy.cross(axes[:, 2], numpy.eye(3))])
+    own = own[(own[:, 2] >= 0) & (numpy.linalg.norm(own, axis=1) > 1e-6)]
+    n = numpy.vstack([flat, own / numpy.linalg.norm(own, axis=1, keepdims=True)])
+    if depth(n).min() <= known:
+        return known
+    n = numpy.vstack([n, SPREAD])
+    d = depth(n)
+    least = d.min()
+    for start in n[numpy.argsort(d)[:6]] if least > 0 else ():
+        width = 0.15
+        while width > 1e-4 and least > 0:
+            near = start + width * SPREAD_AROUND
+            near[:, 2] = numpy.maximum(near[:, 2], 0)
+            near /= numpy.linalg.norm(near, axis=1, keepdims=True)
+            found = depth(near)
+            start, least, width = near[found.argmin()], min(least, found.min()), width / 2
+    return max(0.0, float(least))
+
+
+SPREAD_AROUND = numpy.vstack([SPREAD[::8], -SPREAD[::8], numpy.zeros((1, 3))])
+
+
 def in_pins(file):
     """The greatest depth of any body in any pin, over all frames."""
     with h5py.File(file) as f:
@@ -52,7 +104,9 @@ def in_pins(file):
         rows, columns, pitch, top, length = (surface[k] for k in ("rows", "columns", "pitch", "top", "length"))
         heights = heights_of(f["surface/changes"], frames, rows * columns)
         position, orientation = f["objects/position"][:frames].astype("f8"), f["objects/orientation"][:frames].astype("f8")
-        half, round_ = f["objects/extents"][:] / 2, [s in (b"sphere", "sphere") for s in f["objects/shape"][:]]
+        half = f["objects/extents"][:] / 2
+        shape = [s.decode() if isinstance(s, bytes) else s for s in f["objects/shape"][:]]
+        radius, length_of = f["objects/radius"][:], f["objects/height"][:]
     deepest = 0.0
     size = numpy.array([top[0], top[1], length])
     for p, q, height in zip(position, orientation, heights):
@@ -61,14 +115,17 @@ def in_pins(file):
             reach = float(numpy.linalg.norm(half[i]))
             first_c, last_c = (int(numpy.clip(v, 0, columns - 1)) for v in ((p[i][0] - reach) // pitch, (p[i][0] + reach) // pitch + 1))
             first_r, last_r = (int(numpy.clip(rows - 1 - v, 0, rows - 1)) for v in ((p[i][1] + reach) // pitch + 1, (p[i][1] - reach) // pitch))
-            axes = None if round_[i] else axes_of(q[i])
+            axes = axes_of(q[i])
             for r, c in itertools.product(range(first_r, last_r + 1), range(first_c, last_c + 1)):
                 h = height[r, c]
                 if h < p[i][2] - reach:
                     continue
                 centre = numpy.array([c * pitch, (rows - 1 - r) * pitch, h - length / 2])
-                if round_[i]:
+                if shape[i] == "sphere":
                     depth = sphere_depth(p[i], half[i][0], centre - size / 2, size)
+                elif shape[i] != "box":
+                    depth = round_depth(shape[i], radius[i], length_of[i], p[i], axes, centre[:2], size[:2] / 2, h,
+                                        deepest)
                 else:
                     depth = box_depth(p[i], axes, half[i], centre, numpy.eye(3), size / 2)
                 deepest = max(deepest, depth)

@@ -11,6 +11,7 @@
 
 #include "apron/program/LocalityCheck.h"
 #include "apron/program/Reachability.h"
+#include "apron/run/cli/ConfinedProgram.h"
 #include "apron/run/cli/ProfileReport.h"
 #include "apron/run/cli/TerminalMonitor.h"
 #include "apron/run/host/SurfaceHost.h"
@@ -24,15 +25,7 @@
 #include "common/text/Printable.h"
 
 namespace apron::run {
-namespace {
 
-int print_error(int status, const std::string& text) {
-  std::fflush(stdout);
-  common::print_message("apron: " + text + "\n");
-  return status;
-}
-
-// Throws common::UserError unless every --set names a slider or switch of the program.
 void check_parameters(const Options& options, const program::Program& program) {
   for (const auto& [name, value] : options.parameters) {
     const auto& all = program.parameters;
@@ -42,6 +35,20 @@ void check_parameters(const Options& options, const program::Program& program) {
     throw common::UserError("--set: the program has no slider or switch '" + name + "'; it has " +
                             (known.empty() ? "none" : known));
   }
+}
+
+HostEnvironment host_environment(const Options& options) {
+  const bool has_clock = options.timers || options.window;
+  return {options.cameras, has_clock ? Timers::Clock(wall_clock_s) : Timers::Clock(), options.frame_rate,
+          options.keys, FileAccess(program_folders(options))};
+}
+
+namespace {
+
+int print_error(int status, const std::string& text) {
+  std::fflush(stdout);
+  common::print_message("apron: " + text + "\n");
+  return status;
 }
 
 bool is_endless_without_frames(const program::Program& program) {
@@ -111,14 +118,25 @@ int exit_status(vm::Status status, const std::string& error, const Options& opti
   return status == vm::Status::kRefused ? common::kUserError : common::kFailed;
 }
 
+// The registers of --watch and --save, which may be read wherever the run stops.
+std::vector<std::uint32_t> observed_registers(const Options& options, const program::Program& program) {
+  std::vector<std::uint32_t> observed;
+  const auto add = [&](const std::string& name) {
+    if (const auto index = program::find_register(program, name))
+      observed.push_back(static_cast<std::uint32_t>(*index));
+  };
+  if (!options.watch.empty()) add(options.watch);
+  for (const SavedRegister& saved : options.saved) add(saved.name);
+  return observed;
+}
+
 RunResult run_headless(const Options& options, program::Program program, LocalHost& host) {
   vm::VmOptions vm_options;
   vm_options.threads = options.threads;
   vm_options.isa = options.isa;
   vm_options.stop = &common::stop_flag();
   vm_options.enable_profiling = !options.profile.empty();
-  // Only --watch and --save read registers that the program itself no longer uses.
-  vm_options.fusion.preserve_named_registers = !options.watch.empty() || !options.saved.empty();
+  vm_options.fusion.observed = {false, observed_registers(options, program), {}};
   vm::Vm vm(std::move(program), vm_options, host);
   RunResult result;
   result.status = run_until_end(vm, options, result.ticks);
@@ -177,6 +195,7 @@ int compile_and_run(const Options& options, std::uint32_t width, std::uint32_t h
             host.load_modules(program.modules, options.modules, module_search_paths(options));
         !error.empty())
       throw common::UserError(error);
+    const ConfinedProgram confined(options, named_outputs(options));
     RunResult ran;
     if (options.uses_ui()) {
       UiRunResult ui_result =
@@ -197,18 +216,6 @@ int compile_and_run(const Options& options, std::uint32_t width, std::uint32_t h
 
 const std::atomic<bool>& wait_stop_flag(const Options& options) {
   return options.uses_ui() ? common::interrupt_flag() : common::stop_flag();
-}
-
-FileAccess program_files(const Options& options) {
-  std::vector<std::string> folders = options.allowed_folders;
-  folders.push_back(std::filesystem::path(options.program).parent_path().string());
-  return FileAccess(std::move(folders));
-}
-
-HostEnvironment host_environment(const Options& options) {
-  const bool has_clock = options.timers || options.window;
-  return {options.cameras, has_clock ? Timers::Clock(wall_clock_s) : Timers::Clock(), options.frame_rate,
-          options.keys, program_files(options)};
 }
 
 int run_local(const Options& options) {

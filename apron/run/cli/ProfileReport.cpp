@@ -115,12 +115,20 @@ double cell_count(const program::Program& program, const program::Instruction& i
   return 0.0;
 }
 
+// What the model charges for a macro: the price of its form with that many operands, or of all its forms.
+const InstructionCost* macro_cost(const CostModel& model, const program::Expansion& expansion) {
+  if (model.macros.empty()) return nullptr;
+  auto found = model.macros.find(expansion.macro + "/" + std::to_string(expansion.operand_count));
+  if (found == model.macros.end()) found = model.macros.find(expansion.macro);
+  return found == model.macros.end() ? nullptr : &found->second;
+}
+
 // The outermost expansion around an instruction whose macro the model prices; 0 if there is none.
 std::uint32_t priced_expansion(const program::Program& program, std::size_t index, const CostModel& model) {
   std::uint32_t priced = 0;
   std::uint32_t expansion = program.source_locations[program.code[index].source_location].expansion;
   while (expansion != 0) {
-    if (model.macros.contains(program.expansions[expansion].macro)) priced = expansion;
+    if (macro_cost(model, program.expansions[expansion]) != nullptr) priced = expansion;
     expansion = program.expansions[expansion].call_site.expansion;
   }
   return priced;
@@ -151,7 +159,7 @@ class MacroBilling {
     const Entry& entry = entries_[index];
     if (!entry.is_first) return true;
     const std::string& name = program_.expansions[entry.expansion].macro;
-    const InstructionCost& cost = model_.macros.at(name);
+    const InstructionCost& cost = *macro_cost(model_, program_.expansions[entry.expansion]);
     const auto times = static_cast<double>(executions);
     totals.cycles = times * (cost.cycles + cost.cycles_per_cell * cells);
     totals.energy_j = times * (cost.energy_j + cost.energy_j_per_cell * cells);

@@ -3,7 +3,6 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <charconv>
 #include <cmath>
 #include <limits>
 #include <thread>
@@ -18,19 +17,6 @@ using shm_protocol::Status;
 using vm::HostStatus;
 
 namespace {
-
-// Parses "[k]", or ".r", ".g" and ".b" of a channel with three components.
-bool parse_component(std::string_view suffix, std::uint32_t components, std::size_t& component) {
-  constexpr std::string_view kColours = "rgb";
-  if (suffix.size() == 2 && suffix[0] == '.' && components == 3) {
-    component = kColours.find(suffix[1]);
-    return component != std::string_view::npos;
-  }
-  if (suffix.size() < 3 || suffix.front() != '[' || suffix.back() != ']') return false;
-  const char* const end = suffix.data() + suffix.size() - 1;
-  const auto [next, error] = std::from_chars(suffix.data() + 1, end, component);
-  return error == std::errc{} && next == end && component < components;
-}
 
 // A register's value as the channel carries it. In integer channels values are rounded and clamped, and NaN
 // becomes the safe value; float channels pass it on.
@@ -52,6 +38,8 @@ SurfaceHost::SurfaceHost(shm_protocol::ControllerEndpoint& surface, const std::a
     : LocalHost(std::move(parameters), stop, std::move(environment)),
       surface_(surface),
       is_complete_(surface.description().channels.size()) {
+  for (const ChannelSpec& channel : surface.description().channels)
+    channel_names_.push_back({channel.name, channel.direction == Direction::kSensor, channel.components});
   if (surface.description().mode == Mode::kTimeStep) watchdog_.emplace();
 }
 
@@ -78,7 +66,7 @@ void SurfaceHost::close() noexcept {
 
 Status SurfaceHost::publish() {
   const std::vector<ChannelSpec>& channels = surface_.description().channels;
-  for (int i = 0; i < std::ssize(channels); ++i)
+  for (std::size_t i = 0; i < channels.size(); ++i)
     if (channels[i].direction == Direction::kActuator && !is_complete_[i]) continue_frame(i);
   const Status status = surface_.publish();
   if (status != Status::kOk) return status;  // the frame is still the next one
@@ -131,40 +119,10 @@ HostStatus SurfaceHost::to_host_status(Status status) {
 
 // ---- channels ---------------------------------------------------------------------------------------------
 
-// A channel's own name may contain a dot, so the whole name is looked up before it is split.
 HostStatus SurfaceHost::resolve_channel(Direction direction, std::string_view name,
-                                        ChannelComponent& target) {
-  const shm_protocol::Description& surface = surface_.description();
-  std::string_view channel = name, component;
-  target.channel = surface.channel(direction, name);
-  if (target.channel < 0) {
-    const std::size_t bracket = name.find('[');
-    const std::size_t suffix = std::min(bracket != name.npos ? bracket : name.rfind('.'), name.size());
-    channel = name.substr(0, suffix);
-    component = name.substr(suffix);
-    target.channel = surface.channel(direction, channel);
-  }
-  if (target.channel < 0)
-    return report_status(HostStatus::kRefused, unknown_channel_message(direction, channel));
-  const std::uint32_t components = surface.channels[target.channel].components;
-  if (component.empty() ? components == 1 : parse_component(component, components, target.component))
-    return HostStatus::kOk;
-  return report_status(
-      HostStatus::kRefused,
-      components == 1
-          ? fmt::format("channel '{0}' has one component per cell, not '{1}': write '{0}'", channel, name)
-          : fmt::format("channel '{0}' has {1} components per cell, not '{2}': write '{0}[0]' to '{0}[{3}]'",
-                        channel, components, name, components - 1));
-}
-
-std::string SurfaceHost::unknown_channel_message(Direction direction, std::string_view name) const {
-  const std::string_view kind = direction == Direction::kSensor ? "sensor" : "actuator";
-  std::string list;
-  for (const ChannelSpec& c : surface_.description().channels)
-    if (c.direction == direction) list += (list.empty() ? "" : ", ") + c.name;
-  return fmt::format("the surface has no {0} channel '{1}'; {2}", kind, name,
-                     list.empty() ? fmt::format("it has no {} channels", kind)
-                                  : fmt::format("its {} channels: {}", kind, list));
+                                        library::ChannelComponent& target) {
+  std::string error = library::resolve_channel(channel_names_, direction == Direction::kSensor, name, target);
+  return error.empty() ? HostStatus::kOk : report_status(HostStatus::kRefused, std::move(error));
 }
 
 HostStatus SurfaceHost::check_shape(std::string_view name, const vm::ConstPlane& plane) {
@@ -189,14 +147,14 @@ std::optional<double> SurfaceHost::tick() const { return static_cast<double>(sur
 // ---- frames -----------------------------------------------------------------------------------------------
 
 template <class T>
-void SurfaceHost::copy_sensor(const ChannelComponent& target, const vm::Plane& to) const {
+void SurfaceHost::copy_sensor(const library::ChannelComponent& target, const vm::Plane& to) const {
   const T* from = surface_.sensor<T>(target.channel).data() + target.component * to.cell_count();
   for (std::uint32_t y = 0; y < to.height; ++y, from += to.width)
     std::transform(from, from + to.width, to.row(y), [](T value) { return static_cast<float>(value); });
 }
 
 HostStatus SurfaceHost::sense(std::string_view channel, vm::Plane to) {
-  ChannelComponent target;
+  library::ChannelComponent target;
   // The program was restarted during an interrupted step(): the answered frame may no longer be read.
   HostStatus status = answered_ ? await_frame() : HostStatus::kOk;
   if (status == HostStatus::kOk) status = resolve_channel(Direction::kSensor, channel, target);
@@ -207,7 +165,7 @@ HostStatus SurfaceHost::sense(std::string_view channel, vm::Plane to) {
   return HostStatus::kOk;
 }
 
-void SurfaceHost::continue_frame(int channel) {
+void SurfaceHost::continue_frame(std::size_t channel) {
   const ChannelSpec& spec = surface_.description().channels[channel];
   shm_protocol::with_element_type(spec.dtype, [&]<class T>(T) {
     const std::span<T> next = surface_.actuator<T>(channel);
@@ -221,7 +179,7 @@ void SurfaceHost::continue_frame(int channel) {
 template <class Write>
 HostStatus SurfaceHost::write_plane(std::string_view name, const vm::ConstPlane* shape, Write write) {
   if (closed_) return HostStatus::kClosed;
-  ChannelComponent target;
+  library::ChannelComponent target;
   HostStatus status = resolve_channel(Direction::kActuator, name, target);
   if (status == HostStatus::kOk && shape != nullptr) status = check_shape(name, *shape);
   if (status != HostStatus::kOk) return status;

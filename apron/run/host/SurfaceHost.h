@@ -9,6 +9,7 @@
 
 #include <shm_protocol/ControllerEndpoint.h>
 
+#include "apron/library/ChannelName.h"
 #include "apron/run/host/LocalHost.h"
 #include "apron/run/host/StepWatchdog.h"
 
@@ -53,29 +54,23 @@ class SurfaceHost final : public LocalHost {
   bool has(std::string_view channel) const override;
 
  private:
-  // One component plane of a channel.
-  struct ChannelComponent {
-    int channel = -1;
-    std::size_t component = 0;
-  };
-
   shm_protocol::Status publish();
   vm::HostStatus await_frame();
   vm::HostStatus resolve_channel(shm_protocol::Direction direction, std::string_view name,
-                                 ChannelComponent& target);
-  std::string unknown_channel_message(shm_protocol::Direction direction, std::string_view name) const;
+                                 library::ChannelComponent& target);
   vm::HostStatus check_shape(std::string_view name, const vm::ConstPlane& plane);
   template <class T>
-  void copy_sensor(const ChannelComponent& target, const vm::Plane& to) const;
+  void copy_sensor(const library::ChannelComponent& target, const vm::Plane& to) const;
   // Fills the next frame of an actuator channel with the values that it continues.
-  void continue_frame(int channel);
+  void continue_frame(std::size_t channel);
   // Calls write(cells, spec) with the component's plane in the next frame, an array of the channel's type.
   template <class Write>
   vm::HostStatus write_plane(std::string_view channel, const vm::ConstPlane* shape, Write write);
   vm::HostStatus to_host_status(shm_protocol::Status status);
 
   shm_protocol::ControllerEndpoint& surface_;
-  std::optional<StepWatchdog> watchdog_;  // of a surface that waits for the program
+  std::optional<StepWatchdog> watchdog_;              // of a surface that waits for the program
+  std::vector<library::NamedChannel> channel_names_;  // indexed by channel number
   std::vector<bool> is_complete_;  // per channel: every component of its next actuator frame has its value
   bool has_published_ = false;     // at least one frame
   bool free_run_ = false;

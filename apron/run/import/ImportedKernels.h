@@ -2,7 +2,9 @@
 #pragma once
 
 #include <cstddef>
+#include <functional>
 #include <map>
+#include <optional>
 #include <set>
 #include <string>
 #include <vector>
@@ -20,7 +22,10 @@ struct KernelVocabulary {
 struct ImportNote {
   std::size_t line = 0;
   std::string text;
-  bool in_kernel = false;  // false for the program around the kernels, which runs on the controller
+  bool in_kernel = false;   // false for the program around the kernels, which runs on the controller
+  bool is_error = false;    // without the line the program would compute something else
+  bool is_warning = false;  // the line is translated, and the chip computes something else
+  std::string file;         // the included file, "" for the kernel's own
 };
 
 struct ImportedKernels {
@@ -32,6 +37,9 @@ struct ImportedKernels {
 struct ImportOptions {
   std::string source_name;  // for the comment at the top
   std::string picture;      // a file that becomes the light; "" for none
+  // The text of a file that `#include "name"` names, relative to the kernel's folder; nothing if it is not
+  // there.
+  std::function<std::optional<std::string>(const std::string& name)> read_include;
 };
 
 }  // namespace apron::run

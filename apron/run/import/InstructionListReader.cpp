@@ -37,12 +37,12 @@ void InstructionListReader::translate_row() {
   const std::size_t line = peek().line;
   try {
     if (peek().kind == Kind::kName && peek(1).is("=") && peek(2).kind == Kind::kName && peek(3).is("(")) {
-      const std::string target = operand(peek(), line);
+      const KernelToken target = peek();
       const std::string name = peek(2).text;
       position_ += 3;
       std::vector<KernelTokenList> arguments = parse_arguments();
-      arguments.insert(arguments.begin(), KernelTokenList{KernelToken{Kind::kName, target, line}});
-      main_.push_back(call_text(name, arguments, line, false));
+      arguments.insert(arguments.begin(), KernelTokenList{target});
+      call_statement(name, arguments, line, main_, 0);
     } else {
       while (!at_end()) translate_statement();
     }

@@ -24,6 +24,7 @@ KernelVocabulary read_vocabulary(std::string_view library) {
       if (has_result) line.erase(0, line.find('=') + 2);
       const std::string name = line.substr(0, line.find('('));
       const std::size_t arity = static_cast<std::size_t>(std::ranges::count(line, '$'));
+      if (has_result && arity == 0) vocabulary.names.insert(name);  // XN, which is read as a register
       (has_result ? vocabulary.values : vocabulary.statements)[name].insert(arity);
     } else if (open != std::string::npos &&
                (line.starts_with("!register(") || line.starts_with("!machine_register("))) {
@@ -42,11 +43,11 @@ KernelVocabulary read_vocabulary(std::string_view library) {
 
 ImportedKernels import_kernels(std::string_view text, const KernelVocabulary& vocabulary,
                                const ImportOptions& options) {
-  KernelTokenList tokens = scan_kernel_source(text);
+  const KernelTokenList tokens = scan_kernel_source(text);
   const bool is_list = std::ranges::none_of(
       tokens, [](const KernelToken& token) { return token.is("{") || token.is_name("scamp5_kernel_begin"); });
   return is_list ? InstructionListReader(vocabulary, options).translate(text)
-                 : KernelSourceReader(vocabulary, options).translate(std::move(tokens));
+                 : KernelSourceReader(vocabulary, options).translate(text);
 }
 
 }  // namespace apron::run

@@ -13,22 +13,29 @@ using Kind = KernelTokenKind;
 
 namespace {
 
-bool is_type_word(const KernelToken& token) {
-  static const std::set<std::string> kWords = {
-      "int",     "float",  "double",   "bool",    "char",     "unsigned", "signed",    "long",
-      "short",   "const",  "static",   "auto",    "void",     "volatile", "constexpr", "inline",
-      "uint8_t", "int8_t", "uint16_t", "int16_t", "uint32_t", "int32_t",  "size_t"};
-  return token.kind == Kind::kName && kWords.contains(token.text);
-}
-
 bool mentions(const KernelTokenList& tokens, const std::string& name) {
   return std::ranges::any_of(tokens, [&](const KernelToken& token) { return token.is_name(name); });
 }
 
+bool is_assignment(const KernelToken& token) {
+  return token.kind == Kind::kPunctuator && token.text.back() == '=' && !token.is("==") && !token.is("<=") &&
+         !token.is(">=") && !token.is("!=");
+}
+
+// Reads of registers for the host, and calls that only the host's window sees.
+bool is_output(const std::string& name) {
+  static const std::set<std::string> kPrefixes = {"scamp5_output", "scamp5_display", "scamp5_scan",
+                                                  "scamp5_read",   "scamp5_global",  "vs_"};
+  return std::ranges::any_of(kPrefixes, [&](const std::string& prefix) { return name.starts_with(prefix); });
+}
+
 }  // namespace
 
-ImportedKernels KernelSourceReader::translate(KernelTokenList tokens) {
-  tokens_ = std::move(tokens);
+ImportedKernels KernelSourceReader::translate(std::string_view text) {
+  KernelPreprocessor preprocessor(vocabulary_, options_);
+  tokens_ = preprocessor.run(text);
+  files_ = preprocessor.files();
+  notes_ = preprocessor.notes();
   collect_functions();
   translate_file();
   return finish();
@@ -50,6 +57,34 @@ void KernelSourceReader::skip_statement() {
   }
 }
 
+// ---- functions
+
+std::vector<KernelSourceReader::Parameter> KernelSourceReader::read_parameters(std::size_t open,
+                                                                               std::size_t close) const {
+  std::vector<Parameter> parameters;
+  for (const KernelTokenList& words : split_arguments(tokens_, open + 1, close - 1)) {
+    Parameter parameter;
+    bool is_const = false;
+    std::size_t i = 0;
+    const auto type = read_type(words, i, &is_const);
+    parameter.type = type.value_or(CppType::kOther);
+    if (parameter.type == CppType::kVoid && words.size() == 1) continue;
+    if (!type && !words.empty() && words[0].kind == Kind::kName) ++i;
+    while (i < words.size() && (words[i].is("&") || words[i].is("*") || words[i].is_name("const"))) {
+      if (words[i].is("*")) parameter.type = CppType::kOther;
+      if (words[i].is("&") && !is_const && is_scalar(parameter.type)) parameter.is_reference = true;
+      ++i;
+    }
+    if (i < words.size() && words[i].kind == Kind::kName) parameter.name = words[i++].text;
+    if (i < words.size() && words[i].is("[")) parameter.type = CppType::kOther;
+    const auto equals = std::ranges::find_if(words, [](const KernelToken& word) { return word.is("="); });
+    if (equals != words.end()) parameter.initial = KernelTokenList(equals + 1, words.end());
+    if (parameter.name.empty()) parameter.name = fmt::format("unnamed{}", parameters.size());
+    parameters.push_back(std::move(parameter));
+  }
+  return parameters;
+}
+
 std::optional<KernelSourceReader::Function> KernelSourceReader::function_at(std::size_t first) const {
   std::size_t i = first;
   while (tokens_[i].kind == Kind::kName || tokens_[i].is("*") || tokens_[i].is("&") || tokens_[i].is("::"))
@@ -62,23 +97,17 @@ std::optional<KernelSourceReader::Function> KernelSourceReader::function_at(std:
          tokens_[body].kind == Kind::kComment)
     ++body;
   if (!tokens_[body].is("{")) return std::nullopt;
-  Function function{tokens_[i - 1].text, {}, body, behind_bracket(body), {}};
-  std::string last;
-  bool is_default = false;
-  for (std::size_t k = i + 1; k < close; ++k) {
-    if (tokens_[k].is(",") || k + 1 == close) {
-      if (!last.empty() && last != "void") function.parameters.push_back(last);
-      last.clear();
-      is_default = false;
-    } else if (tokens_[k].is("=")) {
-      is_default = true;
-      function.defaults.emplace_back();
-    } else if (is_default) {
-      function.defaults.back().push_back(tokens_[k]);
-    } else if (tokens_[k].kind == Kind::kName) {
-      last = tokens_[k].text;
-    }
-  }
+  Function function;
+  function.name = tokens_[i - 1].text;
+  function.signature.name = function.name;
+  function.signature.parameters = read_parameters(i, close);
+  std::size_t at = 0;
+  const KernelTokenList words(tokens_.begin() + static_cast<long>(first),
+                              tokens_.begin() + static_cast<long>(i - 1));
+  const auto type = read_type(words, at);
+  function.signature.result = type && is_scalar(*type) && !mentions(words, "*") ? *type : CppType::kVoid;
+  function.body = body;
+  function.end = behind_bracket(body);
   return function;
 }
 
@@ -90,7 +119,13 @@ std::optional<KernelSourceReader::Function> KernelSourceReader::kernel_object_at
   std::size_t body = behind_bracket(i + 3);
   if (tokens_[body].is("(")) body = behind_bracket(body);
   if (!tokens_[body].is("{")) return std::nullopt;
-  return Function{tokens_[i + 1].text, {}, body, behind_bracket(i + 2), {}};
+  Function function;
+  function.name = tokens_[i + 1].text;
+  function.signature.name = function.name;
+  function.body = body;
+  function.end = behind_bracket(i + 2);
+  function.is_kernel = true;
+  return function;
 }
 
 bool KernelSourceReader::has_instruction(const KernelTokenList& tokens, std::size_t first,
@@ -98,10 +133,25 @@ bool KernelSourceReader::has_instruction(const KernelTokenList& tokens, std::siz
   for (std::size_t i = first; i + 1 < last; ++i) {
     const std::string& name = tokens[i].text;
     if (tokens[i].is_name("scamp5_kernel_begin")) return true;
-    if (tokens[i].kind == Kind::kName && tokens[i + 1].is("(") &&
-        (vocabulary_.statements.contains(name) || vocabulary_.values.contains(name) ||
+    if (tokens[i].kind == Kind::kName && tokens[i + 1].is("(") && (i == first || !tokens[i - 1].is(".")) &&
+        ((vocabulary_.statements.contains(name) && name != "abs") || vocabulary_.values.contains(name) ||
          functions_.contains(name)))
       return true;
+  }
+  return false;
+}
+
+bool KernelSourceReader::concerns_registers(std::size_t first, std::size_t last) const {
+  for (std::size_t i = first; i + 1 < last; ++i) {
+    if (tokens_[i].kind != Kind::kName || !tokens_[i + 1].is("(")) continue;
+    if (is_output(tokens_[i].text)) {
+      i = behind_bracket(i + 1) - 1;
+      continue;
+    }
+    if (has_instruction(tokens_, i, i + 2)) return true;
+    for (const KernelTokenList& argument : split_arguments(tokens_, i + 2, behind_bracket(i + 1) - 1))
+      if (argument.size() == 1 && argument[0].kind == Kind::kName && is_register(argument[0].text))
+        return true;
   }
   return false;
 }
@@ -109,85 +159,178 @@ bool KernelSourceReader::has_instruction(const KernelTokenList& tokens, std::siz
 std::optional<KernelSourceReader::FunctionMacro> KernelSourceReader::function_macro(
     const KernelToken& directive) const {
   if (!directive.text.starts_with("define ")) return std::nullopt;
-  FunctionMacro macro{{}, {}, scan_kernel_source(directive.text.substr(7), directive.line), 0};
-  const KernelTokenList& words = macro.words;
+  KernelTokenList words = scan_kernel_source(directive.text.substr(7), directive.line, directive.file);
   if (words.size() < 3 || words[0].kind != Kind::kName || !words[1].is("(")) return std::nullopt;
+  FunctionMacro macro;
   macro.name = words[0].text;
   // With a blank before it, the bracket belongs to the value.
-  if (!directive.text.substr(directive.text.find(macro.name) + macro.name.size()).starts_with('('))
+  if (!directive.text.substr(directive.text.find(macro.name, 7) + macro.name.size()).starts_with('('))
     return std::nullopt;
-  for (macro.body = 2; macro.body < words.size() && !words[macro.body].is(")"); ++macro.body)
-    if (words[macro.body].kind == Kind::kName) macro.parameters.push_back(words[macro.body].text);
-  macro.body = std::min(macro.body + 1, words.size() - 1);
+  std::size_t body = 2;
+  for (; body < words.size() && !words[body].is(")"); ++body)
+    if (words[body].kind == Kind::kName) macro.parameters.push_back(words[body].text);
+  macro.body.assign(words.begin() + static_cast<long>(std::min(body + 1, words.size() - 1)), words.end());
   return macro;
 }
 
+void KernelSourceReader::collect(const Function& function) {
+  const auto [first, last] = functions_.equal_range(function.name);
+  for (auto one = first; one != last; ++one)
+    if (one->second.parameters.size() == function.signature.parameters.size()) return;
+  functions_.emplace(function.name, function.signature);
+}
+
 void KernelSourceReader::collect_functions() {
+  for (std::size_t i = 0; i + 1 < tokens_.size(); ++i) {
+    auto function = kernel_object_at(i);
+    if (!function && tokens_[i].kind == Kind::kName && (i == 0 || !tokens_[i - 1].is(".")))
+      function = function_at(i);
+    if (!function) continue;
+    const bool exists =
+        vocabulary_.statements.contains(function->name) || vocabulary_.values.contains(function->name);
+    if (exists) function->signature.name = function->name + "_";
+    i = (function->is_kernel ? function->end : function->end) - 1;
+    all_functions_.push_back(std::move(*function));
+  }
   for (bool found = true; found;) {  // until the functions that call functions are found, too
     found = false;
-    for (std::size_t i = 0; i + 1 < tokens_.size(); ++i) {
-      if (const auto kernel = kernel_object_at(i)) {
-        found = functions_[kernel->name].insert(0).second || found;
-        i = kernel->end - 1;
+    for (const KernelToken& token : tokens_) {
+      if (token.kind != Kind::kDirective) continue;
+      const auto macro = function_macro(token);
+      if (!macro || functions_.contains(macro->name) || !has_instruction(macro->body, 0, macro->body.size()))
         continue;
-      }
-      if (tokens_[i].kind == Kind::kDirective) {
-        const auto macro = function_macro(tokens_[i]);
-        if (macro && has_instruction(macro->words, macro->body, macro->words.size()))
-          found = functions_[macro->name].insert(macro->parameters.size()).second || found;
-      }
-      if (tokens_[i].kind != Kind::kName) continue;
-      const auto function = function_at(i);
-      if (!function) continue;
-      if (function->name != "main" && has_instruction(tokens_, function->body, function->end)) {
-        for (std::size_t left_out = 0; left_out <= function->defaults.size(); ++left_out)
-          found = functions_[function->name].insert(function->parameters.size() - left_out).second || found;
-        defaults_[function->name] = function->defaults;
-      }
-      i = function->end - 1;
+      Signature signature;
+      signature.name = macro->name;
+      for (const std::string& name : macro->parameters)
+        signature.parameters.push_back({name, CppType::kOther, false, true, {}});
+      functions_.emplace(macro->name, std::move(signature));
+      found = true;
+    }
+    for (Function& function : all_functions_) {
+      if (function.has_instruction || function.name == "main") continue;
+      if (!function.is_kernel && !has_instruction(tokens_, function.body, function.end)) continue;
+      function.has_instruction = true;
+      collect(function);
+      found = true;
     }
   }
 }
 
-void KernelSourceReader::translate_function(const Function& function, bool is_kernel) {
-  const auto known = functions_.find(function.name);
+bool KernelSourceReader::require_function(const std::string& name, std::size_t count) {
+  if (is_in_definition_) return false;
+  for (Function& function : all_functions_) {
+    if (function.name != name || !function.signature.accepts(count) || function.has_instruction) continue;
+    if (function.is_translated) return false;
+    collect(function);
+    const std::size_t notes = notes_.size();
+    auto scopes = std::exchange(scopes_, {scopes_.front()});
+    auto loops = std::exchange(loops_, {});
+    const std::size_t position = position_;
+    const bool in_macro = in_macro_, in_kernel = in_kernel_, returns_early = returns_early_;
+    const Function* const current = current_;
+    translate_function(function);
+    current_ = current;
+    in_macro_ = in_macro;
+    in_kernel_ = in_kernel;
+    returns_early_ = returns_early;
+    position_ = position;
+    scopes.front() = scopes_.front();
+    scopes_ = std::move(scopes);
+    loops_ = std::move(loops);
+    if (notes_.size() == notes) return true;
+    const std::string reason = notes_.back().text;
+    notes_.resize(notes);
+    functions_.erase(name);
+    give_up("'{}' runs on the controller: {}", name, reason);
+  }
+  return false;
+}
+
+// Parameters are values: one that the function, or what it calls, may change has a variable of its own.
+void KernelSourceReader::declare_parameters(const Function& function, ProgramLines& body) {
+  bool may_change_globals = false;
+  for (const auto& [name, variable] : scopes_.front())
+    may_change_globals =
+        may_change_globals || (is_scalar(variable.type) && may_change(name, function.body, function.end));
+  const bool has_references =
+      std::ranges::any_of(function.signature.parameters, [](const Parameter& p) { return p.is_reference; });
+  for (const Parameter& parameter : function.signature.parameters) {
+    Variable variable;
+    variable.type = parameter.type;
+    variable.range = range_of(parameter.type);
+    variable.text = "$" + parameter.name;
+    const bool is_value = is_scalar(parameter.type) && !parameter.is_reference;
+    if (is_value &&
+        (may_change_globals || has_references || may_change(parameter.name, function.body, function.end))) {
+      variable.text = new_name(parameter.name);
+      emit(body, 0, fmt::format("{} = ${}", variable.text, parameter.name));
+    }
+    scopes_.back()[parameter.name] = variable;
+  }
+}
+
+void KernelSourceReader::translate_function(Function& function) {
   const bool is_main = function.name == "main";
   const std::size_t line = tokens_[function.body].line;
-  if (!is_main && known == functions_.end()) {
+  const bool is_known = find_function(function.name, function.signature.parameters.size()) != nullptr;
+  if (std::exchange(function.is_translated, true)) {
+    position_ = function.end;
+    return;
+  }
+  if (!is_main && !is_known) {
+    function.is_translated = false;  // it is translated when an expression needs it
+    position_ = function.body;
     note(line, fmt::format("the function '{}' has no instruction of the chip", function.name));
     position_ = function.end;
     return;
   }
   has_main_ = has_main_ || is_main;
-  const bool exists = vocabulary_.statements.contains(function.name) &&
-                      vocabulary_.statements.at(function.name).contains(function.parameters.size());
-  if (exists) {
-    note(line, fmt::format("scamp5.aps has an instruction '{}' of {} arguments, which is used instead",
-                           function.name, function.parameters.size()));
+  const auto same = [&](const Function& other) {
+    return &other != &function && other.is_translated && other.name == function.name &&
+           other.signature.parameters.size() == function.signature.parameters.size();
+  };
+  if (!is_main && std::ranges::any_of(all_functions_, same)) {
+    position_ = function.body;
+    note(line,
+         fmt::format("another function '{}' has as many parameters: only their types tell them apart",
+                     function.name),
+         true);
     position_ = function.end;
     return;
   }
   ProgramLines body;
   position_ = function.body;
-  parameters_ = {function.parameters.begin(), function.parameters.end()};
-  in_kernel_ = is_kernel;
+  in_kernel_ = function.is_kernel;
   in_macro_ = !is_main;
-  translate_statement(is_main ? main_ : body, 0);
+  current_ = &function;
+  returns_early_ = false;
+  scopes_.emplace_back();
+  if (!is_main) declare_parameters(function, body);
+  translate_block(is_main ? main_ : body, 0);
+  scopes_.pop_back();
+  if (returns_early_) body.emplace_back(":#return");
   in_kernel_ = in_macro_ = false;
-  parameters_.clear();
+  current_ = nullptr;
   position_ = function.end;
   if (is_main) return;
-  uncalled_.push_back({function.name, function.parameters.size()});
-  add_macro(function.name, function.parameters, body, line);
+  std::string pattern = function.signature.name;
+  for (std::size_t i = 0; i < function.signature.parameters.size(); ++i)
+    pattern += (i == 0 ? "($" : ", $") + function.signature.parameters[i].name;
+  if (!function.signature.parameters.empty()) pattern += ')';
+  if (is_scalar(function.signature.result)) {
+    body.insert(body.begin(), "$result = 0");
+    pattern = "$result = " + pattern;
+  } else {
+    uncalled_.push_back({function.signature.name, function.signature.parameters.size()});
+  }
+  add_macro(pattern, function.name, line, body);
 }
 
-void KernelSourceReader::add_macro(const std::string& name, const std::vector<std::string>& parameters,
-                                   const ProgramLines& body, std::size_t line) {
+void KernelSourceReader::add_macro(const std::string& pattern, const std::string& name, std::size_t line,
+                                   const ProgramLines& body) {
   macros_.push_back(fmt::format("// {}, line {}", name, line));
   macros_.emplace_back("!macro_def");
-  std::string pattern = name;
-  for (std::size_t i = 0; i < parameters.size(); ++i) pattern += (i == 0 ? "($" : ", $") + parameters[i];
-  macros_.push_back(pattern + (parameters.empty() ? "" : ")"));
+  macros_.push_back(pattern);
   macros_.emplace_back("!macro_begin");
   macros_.insert(macros_.end(), body.begin(), body.end());
   if (body.empty()) macros_.emplace_back("nop");
@@ -195,43 +338,83 @@ void KernelSourceReader::add_macro(const std::string& name, const std::vector<st
   macros_.emplace_back("");
 }
 
+// ---- the file
+
 void KernelSourceReader::translate_file() {
   while (!at_end()) {
+    const std::size_t start = position_;
     if (peek().kind == Kind::kDirective) {
       translate_directive();
     } else if (peek().kind == Kind::kComment || peek().is(";") || peek().is("}")) {
       ++position_;
     } else if (peek().is_name_of({"using", "typedef", "template"})) {
       skip_statement();
+      if (has_instruction(tokens_, start, position_))
+        note(tokens_[start].line,
+             fmt::format("'{}' with instructions of the chip has no counterpart", tokens_[start].text), true);
     } else if (peek().is_name_of({"namespace", "extern"})) {
       while (!at_end() && !peek().is("{") && !peek().is(";")) ++position_;
       ++position_;
-    } else if (peek().is_name_of({"class", "struct", "enum"})) {
-      note(peek().line, fmt::format("the {} '{}' is left out", peek().text, peek(1).text));
+    } else if (peek().is_name("enum")) {
+      translate_enum();
+    } else if (peek().is_name_of({"class", "struct"})) {
+      const std::string what = peek().text, name = peek(1).text;
       skip_statement();
-    } else if (const auto kernel = kernel_object_at(position_)) {
-      translate_function(*kernel, true);
-      consume(";");
-    } else if (const auto function = function_at(position_)) {
-      translate_function(*function, false);
+      note(tokens_[start].line, fmt::format("the {} '{}' is left out", what, name),
+           has_instruction(tokens_, start, position_));
     } else {
-      translate_statement(main_, 0);
+      auto kernel = kernel_object_at(position_);
+      if (!kernel) kernel = function_at(position_);
+      const auto known = std::ranges::find_if(
+          all_functions_, [&](const Function& function) { return kernel && function.body == kernel->body; });
+      if (known != all_functions_.end()) {
+        translate_function(*known);
+        if (known->is_kernel) consume(";");
+      } else {
+        translate_statement(main_, 0);
+      }
     }
   }
+}
+
+void KernelSourceReader::translate_enum() {
+  while (!at_end() && !peek().is("{") && !peek().is(";")) ++position_;
+  if (!peek().is("{")) return skip_statement();
+  const std::size_t end = behind_bracket(position_);
+  double next = 0;
+  for (const KernelTokenList& words : split_arguments(tokens_, position_ + 1, end - 1)) {
+    if (words.empty() || words[0].kind != Kind::kName) continue;
+    if (words.size() > 2) {
+      try {
+        if (const auto value = plain_expression({words.begin() + 2, words.end()}); value && value->constant)
+          next = *value->constant;
+      } catch (const Untranslatable& error) {
+        note(words[0].line, fmt::format("the enumerator '{}': {}", words[0].text, error.reason), true);
+      }
+    }
+    scopes_.back()[words[0].text] = {fmt::format("{:.0f}", next), CppType::kInt, {next, next}, next, true};
+    ++next;
+  }
+  position_ = end;
+  consume(";");
 }
 
 void KernelSourceReader::translate_directive() {
   const KernelToken directive = tokens_[position_++];
   if (!directive.text.starts_with("define ")) return;
   if (const auto macro = function_macro(directive)) return translate_function_macro(*macro, directive.line);
-  const KernelTokenList words = scan_kernel_source(directive.text.substr(7), directive.line);
+  KernelTokenList words = scan_kernel_source(directive.text.substr(7), directive.line, directive.file);
+  std::erase_if(words, [](const KernelToken& word) { return word.kind == Kind::kComment; });
   if (words.size() < 3 || words[0].kind != Kind::kName) return;
   const std::string& name = words[0].text;
   try {
-    defines_.push_back(
-        fmt::format("!define({}, {})", name, expression({words.begin() + 1, words.end() - 1})));
-    known_names_.insert(name);
-    constants_.emplace(name, name);
+    ProgramLines lines;
+    const CppValue value = expression({words.begin() + 1, words.end() - 1}, lines, 0);
+    if (!value.constant) give_up("it is no number");
+    const std::string text = new_name(name);
+    defines_.push_back(fmt::format("!define({}, {})", text, value.text));
+    scopes_.front()[name] = {text, value.type, value.range, value.constant, true};
+    constants_.emplace(name, text);
   } catch (const Untranslatable& error) {
     note(directive.line, fmt::format("#define {}: {}", name, error.reason));
   }
@@ -240,40 +423,75 @@ void KernelSourceReader::translate_directive() {
 void KernelSourceReader::translate_function_macro(const FunctionMacro& macro, std::size_t line) {
   if (!functions_.contains(macro.name))
     return note(line, fmt::format("the macro '{}' has no instruction of the chip", macro.name));
-  const auto existing = vocabulary_.statements.find(macro.name);
-  if (existing != vocabulary_.statements.end() && existing->second.contains(macro.parameters.size())) return;
-  KernelTokenList saved_tokens = std::exchange(tokens_, macro.words);
-  const std::size_t saved_position = std::exchange(position_, macro.body);
+  KernelTokenList saved_tokens = std::exchange(tokens_, macro.body);
+  const std::size_t saved_position = std::exchange(position_, 0);
   ProgramLines body;
-  parameters_ = {macro.parameters.begin(), macro.parameters.end()};
-  in_kernel_ = in_macro_ = true;
+  const bool in_kernel = std::exchange(in_kernel_, true), in_macro = std::exchange(in_macro_, true);
+  scopes_.emplace_back();
+  std::string pattern = macro.name;
+  for (const std::string& name : macro.parameters) {
+    // What an operand is, is known where the macro is called.
+    scopes_.back()[name] = {"$" + name, CppType::kRegister, {}, std::nullopt, true};
+    pattern += (&name == &macro.parameters.front() ? "($" : ", $") + name;
+  }
+  is_in_definition_ = true;
   consume("(");  // of ({ … })
   while (!at_end()) {
     if (peek().is(")")) ++position_;
     if (!at_end()) translate_statement(body, 0);
   }
-  in_kernel_ = in_macro_ = false;
-  parameters_.clear();
-  add_macro(macro.name, macro.parameters, body, line);
+  is_in_definition_ = false;
+  scopes_.pop_back();
+  in_kernel_ = in_kernel;
+  in_macro_ = in_macro;
+  add_macro(macro.parameters.empty() ? pattern : pattern + ")", macro.name, line, body);
   tokens_ = std::move(saved_tokens);
   position_ = saved_position;
 }
 
+// ---- statements
+
+void KernelSourceReader::leave_out(std::size_t start, const std::string& reason, ProgramLines& out,
+                                   int depth) {
+  const KernelToken& first = tokens_[start];
+  const bool is_block = first.is_name_of({"for", "while", "if", "switch", "do"});
+  position_ = start;
+  const std::size_t line = first.line;
+  if (is_block && first.text != "do") position_ = behind_bracket(position_ + 1);
+  if (is_block && first.text == "do") ++position_;
+  skip_statement();
+  if (first.is_name("do") && peek().is_name("while")) skip_statement();
+  while (first.is_name("if") && peek().is_name("else")) {
+    ++position_;
+    if (peek().is_name("if")) position_ = behind_bracket(position_ + 1);
+    skip_statement();
+  }
+  if (position_ == start) ++position_;
+  const bool is_error = !in_kernel_ && concerns_registers(start, position_);
+  const std::size_t end = std::exchange(position_, start);
+  note(line, reason, is_error);
+  position_ = end;
+  if (in_kernel_ || is_block) emit(out, depth, fmt::format("// not translated (line {}): {}", line, reason));
+}
+
 void KernelSourceReader::translate_statement(ProgramLines& out, int depth) {
-  const std::size_t line = peek().line;
-  const std::size_t start = position_;
+  const std::size_t start = position_, lines = out.size(), scopes = scopes_.size(), loops = loops_.size();
   try {
     dispatch_statement(out, depth);
   } catch (const Untranslatable& error) {
-    const bool is_block = tokens_[start].is_name_of({"for", "while", "if", "switch", "do"});
-    note(line, error.reason);
-    if (in_kernel_ || is_block)
-      emit(out, depth, fmt::format("// not translated (line {}): {}", line, error.reason));
-    position_ = start;
-    if (is_block) position_ = behind_bracket(position_ + (tokens_[start].is_name("do") ? 0 : 1));
-    skip_statement();
-    if (position_ == start) ++position_;
+    scopes_.resize(scopes);
+    loops_.resize(loops);
+    out.resize(std::min(out.size(), lines));
+    leave_out(start, error.reason, out, depth);
   }
+}
+
+void KernelSourceReader::translate_block(ProgramLines& out, int depth) {
+  consume("{");
+  scopes_.emplace_back();
+  while (!at_end() && !peek().is("}")) translate_statement(out, depth);
+  ++position_;
+  scopes_.pop_back();
 }
 
 void KernelSourceReader::dispatch_statement(ProgramLines& out, int depth) {
@@ -281,31 +499,30 @@ void KernelSourceReader::dispatch_statement(ProgramLines& out, int depth) {
   if (first.kind == Kind::kComment) return emit_comment(out, depth);
   if (first.kind == Kind::kDirective) return translate_directive();
   if (consume(";")) return;
-  if (consume("{")) {
-    while (!at_end() && !peek().is("}")) translate_statement(out, depth);
-    ++position_;
-    return;
-  }
+  if (first.is("{")) return translate_block(out, depth);
   if (first.is_name("for")) return translate_for(out, depth);
   if (first.is_name("while")) return translate_while(out, depth);
+  if (first.is_name("do")) return translate_do(out, depth);
   if (first.is_name("if")) return translate_if(out, depth);
-  if (first.is_name_of({"do", "switch", "case"})) give_up("'{}' has no counterpart", first.text);
+  if (first.is_name("enum")) return translate_enum();
+  if (first.is_name_of({"switch", "case", "goto", "struct", "class"}))
+    give_up("'{}' has no counterpart", first.text);
   if (first.is_name_of({"break", "continue"}) && peek(1).is(";")) {
-    emit(out, depth, first.text);
     position_ += 2;
-    return;
+    if (first.text == "continue" && !loops_.empty() && !loops_.back().continue_label.empty()) {
+      loops_.back().is_used = true;
+      return emit(out, depth, fmt::format("jump({})", loops_.back().continue_label));
+    }
+    return emit(out, depth, first.text);
   }
-  if (first.is_name("return")) {
-    skip_statement();
-    return;
-  }
+  if (first.is_name("return")) return translate_return(out, depth);
   if (first.is_name("using")) return skip_statement();
-  if (is_type_word(first)) return translate_declaration(out, depth);
-  if (first.kind != Kind::kName) give_up("'{}' begins no statement", first.text);
-  while (peek(1).is("::")) position_ += 2;
-  if (peek(1).is("(")) return translate_call(out, depth);
-  translate_assignment(out, depth, statement_end(position_));
-  consume(";");
+  if (is_declaration()) return translate_declaration(out, depth);
+  if (first.kind != Kind::kName && !first.is("++") && !first.is("--") && !first.is("("))
+    give_up("'{}' begins no statement", first.text);
+  while (peek().kind == Kind::kName && peek(1).is("::")) position_ += 2;
+  if (peek(1).is("(") && peek().kind == Kind::kName) return translate_call(out, depth);
+  translate_expression(out, depth);
 }
 
 std::size_t KernelSourceReader::statement_end(std::size_t first) const {
@@ -315,26 +532,90 @@ std::size_t KernelSourceReader::statement_end(std::size_t first) const {
   return i;
 }
 
+bool KernelSourceReader::is_declaration() const {
+  std::size_t i = position_;
+  if (!read_type(tokens_, i)) return false;
+  while (tokens_[i].is("*") || tokens_[i].is("&") || tokens_[i].is_name("const")) ++i;
+  return tokens_[i].kind == Kind::kName || i > position_ + 1;
+}
+
 void KernelSourceReader::translate_declaration(ProgramLines& out, int depth) {
-  while (is_type_word(peek()) || peek().is("*") || peek().is("&")) ++position_;
+  const bool is_static = peek().is_name("static") || peek(1).is_name("static");
+  bool is_const = false;
+  CppType type = *read_type(tokens_, position_, &is_const);
+  if (peek().is("*")) type = CppType::kOther;
+  while (peek().is("*") || peek().is("&")) ++position_;
   if (peek().kind != Kind::kName) give_up("a declaration without a name");
-  if (peek(1).is("(")) return skip_statement();  // a prototype
+  if (peek(1).is("(") && (scopes_.size() == 1 || !is_scalar(type))) {
+    std::size_t inside = position_ + 2;
+    if (tokens_[inside].is(")") || read_type(tokens_, inside)) return skip_statement();  // a prototype
+  }
   const std::size_t end = statement_end(position_);
   do {
+    const bool is_pointer = peek().is("*");
     while (peek().is("*") || peek().is("&")) ++position_;
     if (peek().kind != Kind::kName) give_up("a declaration without a name");
-    if (peek(1).is("[")) arrays_.insert(peek().text);
-    const std::size_t declarator_end = argument_end(position_, end);
-    if (position_ + 1 < declarator_end) {
-      translate_assignment(out, depth, declarator_end);
-    } else {
-      known_names_.insert(peek().text);
-      constants_.emplace(peek().text, "0");
-      emit(out, depth, fmt::format("{} = 0", peek().text));
-      position_ = declarator_end;
-    }
+    translate_declarator(is_pointer ? CppType::kOther : type, is_const, is_static,
+                         argument_end(position_, end), out, depth);
   } while (consume(","));
   consume(";");
+}
+
+void KernelSourceReader::translate_declarator(CppType type, bool is_const, bool is_static, std::size_t end,
+                                              ProgramLines& out, int depth) {
+  const std::string name = peek().text;
+  if (peek(1).is("[")) {
+    scopes_.back()[name] = {name, CppType::kOther, {}, std::nullopt, true};
+    give_up("'{} [ …' is code of the controller", name);
+  }
+  KernelTokenList words = tokens_between(position_ + 1, end);
+  position_ = end;
+  if (!words.empty() && words[0].is("=")) words.erase(words.begin());
+  // int n{5}, int n(5)
+  while (words.size() > 1 && (words.front().is("{") || words.front().is("(")) &&
+         run::behind_bracket(words, 0) >= words.size() - 1 && words.back().closes_bracket())
+    words = KernelTokenList(words.begin() + 1, words.end() - 1);
+  if (type == CppType::kOther || type == CppType::kRegister) {  // auto, or a name for a register
+    if (words.empty()) give_up("'{}' names no register", name);
+    if (words.size() > 1 && words[0].is("&")) words.erase(words.begin());
+    const CppValue value = settle(expression(words, out, depth), out, depth);
+    if (value.type == CppType::kRegister) {
+      if (!is_const && may_change(name, position_, tokens_.size() - 1))
+        give_up("'{}' names another register later", name);
+      scopes_.back()[name] = {value.text, CppType::kRegister, {}, std::nullopt, true};
+      return;
+    }
+    if (type == CppType::kRegister) give_up("'{}' names no register", name);
+    type = value.type == CppType::kBool || value.type == CppType::kFloat
+               ? value.type
+               : cpp_common_type(value.type, CppType::kInt);
+  }
+  CppValue value = words.empty() ? cpp_constant(0, type) : expression(words, out, depth);
+  if (!is_scalar(value.type)) give_up("'{}' is no number", plain_text(words));
+  value = cpp_convert(
+      value.is_call && value.type != type ? settle(std::move(value), out, depth) : std::move(value), type);
+  Variable& variable = declare(name, type);
+  if (is_const && value.constant && *value.constant == value.range.low) {
+    variable.constant = value.constant;
+    variable.is_const = true;
+  }
+  if (is_number(words)) constants_.emplace(name, value.text);
+  if (is_static && in_macro_) {  // keeps its value between the calls
+    if (!value.constant) give_up("the first value of the static '{}' is known at run time only", name);
+    const bool in_macro = std::exchange(in_macro_, false);
+    variable.text = new_name(name + "_" + (current_ != nullptr ? current_->name : "static"));
+    in_macro_ = in_macro;
+    statics_.push_back(fmt::format("{} = {}", variable.text, value.text));
+    return;
+  }
+  if (is_static && !value.constant && scopes_.size() > 1)
+    give_up("the first value of the static '{}' is known at run time only", name);
+  if (is_static && scopes_.size() > 1) {
+    statics_.push_back(fmt::format("{} = {}", variable.text, value.text));
+    return;
+  }
+  emit(out, depth, fmt::format("{} = {}", variable.text, value.text));
+  if (variable.constant) variable.text = value.text;
 }
 
 // The next ',' outside brackets, at most end.
@@ -344,30 +625,109 @@ std::size_t KernelSourceReader::argument_end(std::size_t first, std::size_t end)
   return std::min(i, end);
 }
 
-void KernelSourceReader::translate_assignment(ProgramLines& out, int depth, std::size_t end) {
-  const std::string name = peek().text;
-  const KernelToken op = peek(1);
-  const std::string target = parameters_.contains(name) ? "$" + name : name;
-  if ((op.is("++") || op.is("--")) && position_ + 2 == end) {
-    emit(out, depth, fmt::format("{0} = {0} {1} 1", target, op.text.substr(1)));
-  } else if (op.is("=") || op.is("+=") || op.is("-=") || op.is("*=")) {
-    const KernelTokenList words = tokens_between(position_ + 2, end);
-    const std::string value = expression(words);
-    if (is_number(words)) constants_.emplace(name, value);
-    const bool is_compound = op.text.size() == 2;
-    emit(out, depth,
-         is_compound ? fmt::format("{0} = {0} {1} ({2})", target, op.text.substr(0, 1), value)
-                     : fmt::format("{} = {}", target, value));
-  } else {
-    give_up("'{} {} …' is code of the controller", name, op.text);
+void KernelSourceReader::translate_expression(ProgramLines& out, int depth) {
+  const std::size_t start = position_, end = statement_end(position_);
+  const KernelTokenList words = tokens_between(start, end);
+  if (words.empty()) {
+    if (consume(";")) return;
+    give_up("'{}' where an expression is expected", peek().text);
   }
-  known_names_.insert(name);
+  const bool counts =
+      words.size() == 2 && (words[1].is("++") || words[1].is("--") || words[0].is("++") || words[0].is("--"));
+  const KernelToken& name = words[0].kind == Kind::kName ? words[0] : words.back();
+  Variable* variable = name.kind == Kind::kName ? find_variable(name.text) : nullptr;
+  const bool assigns = words.size() > 2 && is_assignment(words[1]);
+  if ((counts || assigns) && (variable == nullptr || !is_scalar(variable->type)) &&
+      !(variable == nullptr && assigns && scopes_.size() > 1 && words[1].is("=")))
+    give_up("'{} {} …' is code of the controller", words[0].text, words[1].text);
+  if (assigns && variable == nullptr)
+    give_up("'{} {} …' is code of the controller", words[0].text, words[1].text);
+  if (counts) {
+    const std::string op = words[0].kind == Kind::kName ? words[1].text : words[0].text;
+    CppValue value;
+    value.text = variable->text;
+    value.type = variable->type;
+    value.range = range_of(variable->type);
+    variable->range = value.range;
+    if (variable->is_const) give_up("'{}' is const", name.text);
+    emit(out, depth,
+         fmt::format(
+             "{} = {}", value.text,
+             cpp_convert(*cpp_binary(value, op.substr(1), cpp_constant(1, CppType::kInt)), value.type).text));
+  } else if (assigns && (words[1].is("+=") || words[1].is("-=") || words[1].is("*=")) &&
+             variable->type == CppType::kInt && !variable->is_const) {
+    CppValue value = settle(expression({words.begin() + 2, words.end()}, out, depth), out, depth);
+    if (!is_integer(value.type) || value.type == CppType::kUint) {
+      expression(words, out, depth);
+    } else {
+      variable->range = range_of(variable->type);
+      emit(out, depth,
+           fmt::format("{0} = {0} {1} ({2})", variable->text, words[1].text.substr(0, 1), value.text));
+    }
+  } else {
+    const CppValue value = expression(words, out, depth);
+    if (assigns && is_number({words.begin() + 2, words.end()})) constants_.emplace(words[0].text, value.text);
+  }
   position_ = end;
+  consume(";");
 }
 
 void KernelSourceReader::translate_body(ProgramLines& out, int depth) {
+  scopes_.emplace_back();
   translate_statement(out, depth + 1);
+  scopes_.pop_back();
   while (peek().kind == Kind::kComment && peek(1).is_name("else")) ++position_;
+}
+
+std::string KernelSourceReader::label(const std::string& stem) {
+  return fmt::format("{}#{}{}", in_macro_ ? ":" : "", stem, ++labels_);
+}
+
+void KernelSourceReader::loop_body(ProgramLines& out, int depth, std::string continue_label) {
+  loops_.push_back({std::move(continue_label), false});
+  translate_body(out, depth);
+  const Loop loop = loops_.back();
+  loops_.pop_back();
+  if (loop.is_used) emit(out, depth + 1, loop.continue_label);
+}
+
+bool KernelSourceReader::may_change(const std::string& name, std::size_t first, std::size_t last) const {
+  std::set<std::size_t> visited;
+  return may_change(name, first, last, visited);
+}
+
+bool KernelSourceReader::may_change(const std::string& name, std::size_t first, std::size_t last,
+                                    std::set<std::size_t>& visited) const {
+  for (std::size_t i = first; i < last && i + 1 < tokens_.size(); ++i) {
+    if (tokens_[i].is_name(name)) {
+      const KernelToken& next = tokens_[i + 1];
+      if (is_assignment(next) || next.is("++") || next.is("--")) return true;
+      if (i > 0 && (tokens_[i - 1].is("++") || tokens_[i - 1].is("--") || tokens_[i - 1].is("&")))
+        return true;
+      // An argument that a function may take by reference.
+      const bool is_argument =
+          i > 0 && (tokens_[i - 1].is("(") || tokens_[i - 1].is(",")) && (next.is(")") || next.is(","));
+      if (is_argument && std::ranges::any_of(all_functions_, [](const Function& function) {
+            return std::ranges::any_of(function.signature.parameters,
+                                       [](const Parameter& p) { return p.is_reference; });
+          }))
+        return true;
+    }
+    if (tokens_[i].kind != Kind::kName || !tokens_[i + 1].is("(")) continue;
+    for (const Function& function : all_functions_) {
+      if (function.name != tokens_[i].text || !visited.insert(function.body).second) continue;
+      if (function.body <= first && first < function.end) continue;
+      if (may_change(name, function.body, function.end, visited)) return true;
+    }
+  }
+  return false;
+}
+
+bool KernelSourceReader::may_change_any(const KernelTokenList& names, std::size_t first,
+                                        std::size_t last) const {
+  return std::ranges::any_of(names, [&](const KernelToken& token) {
+    return token.kind == Kind::kName && may_change(token.text, first, last);
+  });
 }
 
 void KernelSourceReader::translate_for(ProgramLines& out, int depth) {
@@ -377,63 +737,132 @@ void KernelSourceReader::translate_for(ProgramLines& out, int depth) {
     position_ = close;
     return translate_frames(out, depth);
   }
-  const CountedLoop loop = counted_loop(tokens_between(position_ + 2, close - 1));
+  const std::size_t open = position_ + 2;
+  const KernelTokenList header = tokens_between(open, close - 1);
+  const std::size_t body_end = tokens_[close].is("{") ? behind_bracket(close) : statement_end(close);
+  const auto loop = counted_loop(header, close, body_end);
   position_ = close;
-  known_names_.insert(loop.variable);
-  const std::size_t body_end = peek().is("{") ? behind_bracket(position_) : statement_end(position_);
+  if (!loop) return translate_other_for(header, open, out, depth);
+  scopes_.emplace_back();
   const bool is_plain =
-      !loop.repetitions.empty() && !mentions(tokens_between(position_, body_end), loop.variable);
+      !loop->repetitions.empty() && !mentions(tokens_between(close, body_end), loop->variable);
   if (is_plain) {
-    emit(out, depth, fmt::format("repeat({})", loop.repetitions));
+    emit(out, depth, fmt::format("repeat({})", loop->repetitions));
   } else {
-    const std::string stride = loop.stride == "1" ? "" : ", " + loop.stride;
-    emit(out, depth, fmt::format("for({}, {}, {}{})", loop.variable, loop.first, loop.last, stride));
+    Variable& variable = declare(loop->variable, loop->type);
+    variable.range = loop->range;
+    const std::string stride = loop->stride == "1" ? "" : ", " + loop->stride;
+    emit(out, depth, fmt::format("for({}, {}, {}{})", variable.text, loop->first, loop->last, stride));
   }
-  translate_body(out, depth);
+  loop_body(out, depth, "");
   emit(out, depth, is_plain ? "endrepeat" : "endfor");
+  scopes_.pop_back();
 }
 
-KernelSourceReader::CountedLoop KernelSourceReader::counted_loop(const KernelTokenList& header) {
-  const Untranslatable other{"this 'for' is not for(i = a; i < b; i++)"};
+std::optional<KernelSourceReader::CountedLoop> KernelSourceReader::counted_loop(const KernelTokenList& header,
+                                                                                std::size_t body,
+                                                                                std::size_t body_end) {
   std::vector<KernelTokenList> parts(1);
   for (const KernelToken& token : header) {
-    if (token.is(";")) {
+    if (token.is(";"))
       parts.emplace_back();
-    } else if (!is_type_word(token)) {
+    else
       parts.back().push_back(token);
-    }
   }
-  if (parts.size() != 3) throw other;
+  if (parts.size() != 3) return std::nullopt;
   const auto& [init, test, step] = std::tie(parts[0], parts[1], parts[2]);
-  if (init.size() < 3 || init[0].kind != Kind::kName || !init[1].is("=")) throw other;
   CountedLoop loop;
-  loop.variable = init[0].text;
+  std::size_t at = 0;
+  // A variable that is declared outside keeps its last value after the loop.
+  const auto type = read_type(init, at);
+  if (!type || !is_integer(*type) || *type == CppType::kBool || init.size() < at + 3 || !init[at + 1].is("="))
+    return std::nullopt;
+  loop.type = *type;
+  loop.variable = init[at].text;
   if (test.size() < 3 || !test[0].is_name(loop.variable) || step.size() < 2 || !mentions(step, loop.variable))
-    throw other;
-  if (step.size() == 2)
-    loop.stride = plain_text(step).find("++") != std::string::npos ? "1" : "-1";
-  else if (step[1].is("+=") || step[1].is("-="))
-    loop.stride = (step[1].is("-=") ? "-" : "") + expression({step.begin() + 2, step.end()});
-  else
-    throw other;
-  const bool upward = loop.stride[0] != '-';
+    return std::nullopt;
+  const KernelTokenList bound(test.begin() + 2, test.end()),
+      first(init.begin() + static_cast<long>(at) + 2, init.end());
+  if (mentions(bound, loop.variable) || mentions(first, ",")) return std::nullopt;
+  for (const KernelToken& token : init)
+    if (token.is(",")) return std::nullopt;
+  double stride = 0;
+  if (step.size() == 2) {
+    const std::string op = step[0].kind == Kind::kPunctuator ? step[0].text : step[1].text;
+    stride = op == "++" ? 1 : op == "--" ? -1 : 0;
+  } else if ((step[1].is("+=") || step[1].is("-=")) && step[0].is_name(loop.variable)) {
+    const auto value = plain_expression({step.begin() + 2, step.end()});
+    if (value && value->constant && value->type != CppType::kFloat)
+      stride = step[1].is("+=") ? *value->constant : -*value->constant;
+  }
   const KernelToken& op = test[1];
-  const bool fits = upward ? op.is("<") || op.is("<=") || op.is("!=") : op.is(">") || op.is(">=");
-  if (!fits) throw other;
-  loop.first = expression({init.begin() + 2, init.end()});
-  const KernelTokenList bound(test.begin() + 2, test.end());
-  const std::string end = expression(bound);
-  const bool exclusive = op.is("<") || op.is(">") || op.is("!=");
-  if (!exclusive)
-    loop.last = end;
-  else if (is_number(bound))
-    loop.last = std::to_string(std::strtol(end.c_str(), nullptr, 0) + (upward ? -1 : 1));
-  else
-    loop.last = end + (upward ? " - 1" : " + 1");
-  // A variable that is declared outside may be read by a function.
-  if (is_type_word(header.front()) && loop.stride == "1" && loop.first == "0")
-    loop.repetitions = end + (exclusive ? "" : " + 1");
+  const bool upward = stride > 0;
+  const bool fits =
+      upward ? op.is("<") || op.is("<=") || op.is("!=") : op.is(">") || op.is(">=") || op.is("!=");
+  if (stride == 0 || !fits || may_change(loop.variable, body, body_end) ||
+      may_change_any(bound, body, body_end))
+    return std::nullopt;
+  const auto begin = plain_expression(first), end = plain_expression(bound);
+  if (!begin || !end || !is_integer(begin->type) || !is_integer(end->type)) return std::nullopt;
+  if (begin->type == CppType::kUint || end->type == CppType::kUint) return std::nullopt;
+  const CppRange limits = range_of(loop.type);
+  const bool is_exclusive = op.is("<") || op.is(">") || op.is("!=");
+  if (op.is("!=") && (!begin->constant || !end->constant || (stride != 1 && stride != -1) ||
+                      (*end->constant - *begin->constant) * stride < 0))
+    return std::nullopt;
+  // A counter that wraps never ends.
+  if (!begin->range.within(limits)) return std::nullopt;
+  if (upward ? end->range.high + stride - (is_exclusive ? 1 : 0) > limits.high && loop.type != CppType::kInt
+             : end->range.low + stride + (is_exclusive ? 1 : 0) < limits.low && loop.type != CppType::kInt)
+    return std::nullopt;
+  loop.stride = fmt::format("{:.0f}", stride);
+  loop.first = begin->text;
+  const auto last =
+      is_exclusive ? *cpp_binary(*end, upward ? "-" : "+", cpp_constant(1, CppType::kInt)) : *end;
+  loop.last = last.text;
+  loop.range = upward ? CppRange{begin->range.low, std::max(begin->range.low, last.range.high)}
+                      : CppRange{std::min(begin->range.high, last.range.low), begin->range.high};
+  if (stride == 1 && begin->constant && *begin->constant == 0)
+    loop.repetitions = is_exclusive ? end->text : cpp_binary(*end, "+", cpp_constant(1, CppType::kInt))->text;
   return loop;
+}
+
+// Any other loop: while, with the step at its end.
+void KernelSourceReader::translate_other_for(const KernelTokenList& header, std::size_t open,
+                                             ProgramLines& out, int depth) {
+  std::vector<KernelTokenList> parts(1);
+  for (const KernelToken& token : header) {
+    if (token.is(";"))
+      parts.emplace_back();
+    else
+      parts.back().push_back(token);
+  }
+  if (parts.size() != 3) give_up("this 'for' is not for(i = a; i < b; i++)");
+  scopes_.emplace_back();
+  const std::size_t body = position_;
+  if (!parts[0].empty()) {
+    position_ = open;
+    dispatch_statement(out, depth);
+    position_ = body;
+  }
+  emit(out, depth, "while(1)");
+  if (!parts[1].empty()) emit_leave_unless(parts[1], out, depth + 1);
+  loop_body(out, depth, label("continue"));
+  if (!parts[2].empty()) {
+    const auto steps = split_arguments(parts[2], 0, parts[2].size());
+    for (const KernelTokenList& one : steps) expression(one, out, depth + 1);
+  }
+  emit(out, depth, "endwhile");
+  scopes_.pop_back();
+}
+
+void KernelSourceReader::emit_leave_unless(const KernelTokenList& condition, ProgramLines& out, int depth) {
+  const CppValue value = cpp_not(settle(expression(condition, out, depth), out, depth));
+  if (!is_scalar(value.type)) give_up("'{}' is no condition", plain_text(condition));
+  if (value.constant && *value.constant == 0.0) return;
+  emit(out, depth, fmt::format("if({})", value.text));
+  emit(out, depth + 1, "break");
+  emit(out, depth, "endif");
 }
 
 void KernelSourceReader::translate_frames(ProgramLines& out, int depth) {
@@ -441,7 +870,7 @@ void KernelSourceReader::translate_frames(ProgramLines& out, int depth) {
   emit(out, depth, "repeat(FRAMES)");
   if (!options_.picture.empty())
     emit(out, depth + 1, fmt::format("PIX = io.image.open('{}')", options_.picture));
-  translate_body(out, depth);
+  loop_body(out, depth, "");
   emit(out, depth, "endrepeat");
 }
 
@@ -451,14 +880,28 @@ void KernelSourceReader::translate_while(ProgramLines& out, int depth) {
   const std::size_t close = behind_bracket(open);
   const KernelTokenList condition = tokens_between(open + 1, close - 1);
   const bool endless = condition.size() == 1 && (condition[0].is_name("true") || condition[0].text == "1");
-  if (endless) {
-    position_ = close;
-    return translate_frames(out, depth);
-  }
-  const std::string text = expression(condition);
   position_ = close;
-  emit(out, depth, fmt::format("while({})", text));
-  translate_body(out, depth);
+  if (endless) return translate_frames(out, depth);
+  if (const auto plain = plain_expression(condition); plain && is_scalar(plain->type)) {
+    emit(out, depth, fmt::format("while({})", plain->text));
+    loop_body(out, depth, "");
+  } else {
+    emit(out, depth, "while(1)");
+    emit_leave_unless(condition, out, depth + 1);
+    loop_body(out, depth, "");
+  }
+  emit(out, depth, "endwhile");
+}
+
+void KernelSourceReader::translate_do(ProgramLines& out, int depth) {
+  ++position_;
+  emit(out, depth, "while(1)");
+  loop_body(out, depth, label("continue"));
+  if (!peek().is_name("while")) give_up("'do' without 'while'");
+  const std::size_t open = position_ + 1, close = behind_bracket(open);
+  emit_leave_unless(tokens_between(open + 1, close - 1), out, depth + 1);
+  position_ = close;
+  consume(";");
   emit(out, depth, "endwhile");
 }
 
@@ -466,9 +909,11 @@ void KernelSourceReader::translate_if(ProgramLines& out, int depth) {
   ++position_;
   const std::size_t open = position_;
   const std::size_t close = behind_bracket(open);
-  const std::string text = expression(tokens_between(open + 1, close - 1));
+  const CppValue condition = settle(expression(tokens_between(open + 1, close - 1), out, depth), out, depth);
+  if (!is_scalar(condition.type))
+    give_up("'{}' is no condition", plain_text(tokens_between(open + 1, close - 1)));
   position_ = close;
-  emit(out, depth, fmt::format("if({})", text));
+  emit(out, depth, fmt::format("if({})", condition.text));
   translate_body(out, depth);
   if (peek().is_name("else")) {
     ++position_;
@@ -476,6 +921,25 @@ void KernelSourceReader::translate_if(ProgramLines& out, int depth) {
     translate_body(out, depth);
   }
   emit(out, depth, "endif");
+}
+
+void KernelSourceReader::translate_return(ProgramLines& out, int depth) {
+  const std::size_t end = statement_end(position_);
+  const KernelTokenList words = tokens_between(position_ + 1, end);
+  const bool is_last =
+      current_ != nullptr && end + 1 < tokens_.size() && end + 2 == current_->end && depth == 0;
+  if (current_ != nullptr && current_->name != "main" && is_scalar(current_->signature.result) &&
+      !words.empty()) {
+    CppValue value = settle(expression(words, out, depth), out, depth);
+    emit(out, depth,
+         fmt::format("$result = {}", cpp_convert(std::move(value), current_->signature.result).text));
+  }
+  position_ = end;
+  consume(";");
+  if (is_last || current_ == nullptr) return;
+  if (!in_macro_) return emit(out, depth, "end");
+  returns_early_ = true;
+  emit(out, depth, "jump(:#return)");
 }
 
 }  // namespace apron::run

@@ -1,7 +1,10 @@
 #include "apron/run/import/KernelTokens.h"
 
 #include <algorithm>
+#include <array>
 #include <cctype>
+#include <cstdlib>
+#include <set>
 
 namespace apron::run {
 namespace {
@@ -23,6 +26,9 @@ std::string convert_number(std::string text) {
   while (!text.empty() && std::string_view("uUlL").find(text.back()) != std::string_view::npos)
     text.pop_back();
   if (!is_hex && !text.empty() && (text.back() == 'f' || text.back() == 'F')) text.pop_back();
+  const bool is_octal =
+      text.size() > 1 && text[0] == '0' && text.find_first_not_of("01234567") == std::string::npos;
+  if (is_octal) return std::to_string(std::strtoull(text.c_str(), nullptr, 8));
   if (!is_binary) return text;
   std::uint64_t value = 0;
   for (std::size_t i = 2; i < text.size(); ++i) value = value * 2 + (text[i] == '1' ? 1U : 0U);
@@ -31,7 +37,8 @@ std::string convert_number(std::string text) {
 
 class Scanner {
  public:
-  Scanner(std::string_view text, std::size_t line) : text_(text), line_(line) {}
+  Scanner(std::string_view text, std::size_t line, std::size_t file)
+      : text_(text), line_(line), file_(file) {}
 
   std::vector<KernelToken> scan() {
     while (!text_.empty()) scan_one();
@@ -40,7 +47,9 @@ class Scanner {
   }
 
  private:
-  void add(KernelTokenKind kind, std::string text) { tokens_.push_back({kind, std::move(text), line_}); }
+  void add(KernelTokenKind kind, std::string text) {
+    tokens_.push_back({kind, std::move(text), line_, file_});
+  }
 
   void skip(std::size_t count) {
     count = std::min(count, text_.size());
@@ -72,7 +81,10 @@ class Scanner {
                (c == '.' && text_.size() > 1 && std::isdigit(static_cast<unsigned char>(text_[1])) != 0)) {
       std::size_t end = 1;
       while (end < text_.size() && (is_word(text_[end]) || text_[end] == '.' || text_[end] == '\'')) ++end;
-      add(KernelTokenKind::kNumber, convert_number(std::string(text_.substr(0, end))));
+      const std::string literal(text_.substr(0, end));
+      add(KernelTokenKind::kNumber, convert_number(literal));
+      const bool is_hex = literal.starts_with("0x") || literal.starts_with("0X");
+      tokens_.back().is_unsigned = literal.find_first_of("uU", is_hex ? 2 : 0) != std::string::npos;
       skip(end);
     } else if (is_word(c)) {
       std::size_t end = 1;
@@ -81,9 +93,10 @@ class Scanner {
       skip(end);
     } else {
       std::size_t size = 1;
-      for (const std::string_view pair :
-           {"<=", ">=", "==", "!=", "&&", "||", "++", "--", "+=", "-=", "*=", "/=", "<<", ">>", "->", "::"})
-        if (text_.starts_with(pair)) size = 2;
+      for (const std::string_view symbol :
+           {"<=", ">=", "==", "!=", "&&", "||", "++", "--", "+=", "-=",  "*=", "/=",
+            "%=", "&=", "|=", "^=", "<<", ">>", "->", "::", "##", "<<=", ">>="})
+        if (text_.starts_with(symbol)) size = symbol.size();
       add(KernelTokenKind::kPunctuator, std::string(text_.substr(0, size)));
       skip(size);
     }
@@ -104,7 +117,7 @@ class Scanner {
       if (!continued || text_.empty()) break;
       skip(1);
     }
-    tokens_.push_back({KernelTokenKind::kDirective, logical, line});
+    tokens_.push_back({KernelTokenKind::kDirective, logical, line, file_});
   }
 
   void scan_quoted(char quote) {
@@ -117,15 +130,33 @@ class Scanner {
   }
 
   std::string_view text_;
-  std::size_t line_;
+  std::size_t line_, file_;
   bool at_line_start_ = true;
   std::vector<KernelToken> tokens_;
 };
 
 }  // namespace
 
-std::vector<KernelToken> scan_kernel_source(std::string_view text, std::size_t first_line) {
-  return Scanner(text, first_line).scan();
+std::vector<KernelToken> scan_kernel_source(std::string_view text, std::size_t first_line, std::size_t file) {
+  return Scanner(text, first_line, file).scan();
+}
+
+BinaryOperator binary_operator(const KernelToken& token) {
+  static const std::array<std::set<std::string_view>, 10> kPrecedences = {{{"||"},
+                                                                           {"&&"},
+                                                                           {"|"},
+                                                                           {"^"},
+                                                                           {"&"},
+                                                                           {"==", "!="},
+                                                                           {"<", ">", "<=", ">="},
+                                                                           {"<<", ">>"},
+                                                                           {"+", "-"},
+                                                                           {"*", "/", "%"}}};
+  BinaryOperator result{token.is_name("and") ? "&&" : token.is_name("or") ? "||" : token.text};
+  if (token.kind != KernelTokenKind::kPunctuator && result.symbol == token.text) return result;
+  for (std::size_t level = 0; level < kPrecedences.size(); ++level)
+    if (kPrecedences[level].contains(result.symbol)) result.precedence = static_cast<int>(level);
+  return result;
 }
 
 }  // namespace apron::run

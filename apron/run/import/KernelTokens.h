@@ -25,6 +25,8 @@ struct KernelToken {
   KernelTokenKind kind = KernelTokenKind::kEnd;
   std::string text;  // of a comment: its line without the slashes; of a directive: the logical line after '#'
   std::size_t line = 0;
+  std::size_t file = 0;      // of the files that the reader has opened: 0 is the kernel's own
+  bool is_unsigned = false;  // a number with the suffix u
 
   bool is(std::string_view symbol) const { return kind == KernelTokenKind::kPunctuator && text == symbol; }
   bool is_name(std::string_view name) const { return kind == KernelTokenKind::kName && text == name; }
@@ -37,6 +39,13 @@ struct KernelToken {
 
 // Ends with a kEnd token. Unknown characters are punctuators of their own. Binary and digit-separated numbers
 // are rewritten as decimals, and the suffixes of integers are dropped.
-std::vector<KernelToken> scan_kernel_source(std::string_view text, std::size_t first_line = 1);
+std::vector<KernelToken> scan_kernel_source(std::string_view text, std::size_t first_line = 1,
+                                            std::size_t file = 0);
+
+struct BinaryOperator {
+  std::string symbol;   // of `and` and `or`: && and ||
+  int precedence = -1;  // 0 (||) to 9 (* / %); −1: not a binary operator
+};
+BinaryOperator binary_operator(const KernelToken&);
 
 }  // namespace apron::run

@@ -4,8 +4,6 @@
 
 #include <algorithm>
 
-#include "common/text/Suggestion.h"
-
 namespace apron::run {
 
 using Kind = KernelTokenKind;
@@ -23,29 +21,87 @@ std::string plain_text(const KernelTokenList& tokens) {
 
 namespace {
 
-// The arguments between two positions, which commas outside brackets separate. Leaves comments out.
-std::vector<KernelTokenList> split_arguments(const KernelTokenList& tokens, std::size_t first,
-                                             std::size_t last) {
-  std::vector<KernelTokenList> arguments(1);
-  int depth = 0;
-  for (std::size_t i = first; i < last; ++i) {
-    const KernelToken& token = tokens[i];
-    if (token.kind == Kind::kComment) continue;
-    if (token.opens_bracket()) ++depth;
-    if (token.closes_bracket()) --depth;
-    if (depth == 0 && token.is(","))
-      arguments.emplace_back();
-    else
-      arguments.back().push_back(token);
-  }
-  if (arguments.size() == 1 && arguments[0].empty()) arguments.clear();
-  return arguments;
-}
-
-std::string counts(const std::set<std::size_t>& arities) {
-  std::string text;
-  for (const std::size_t arity : arities) text += (text.empty() ? "" : " or ") + std::to_string(arity);
-  return text;
+// Words of APRON that a variable of the kernel cannot be called.
+const std::set<std::string>& reserved_words() {
+  static const std::set<std::string> kWords = {"if",
+                                               "else",
+                                               "endif",
+                                               "while",
+                                               "endwhile",
+                                               "for",
+                                               "endfor",
+                                               "repeat",
+                                               "endrepeat",
+                                               "break",
+                                               "continue",
+                                               "jump",
+                                               "jumpif",
+                                               "call",
+                                               "callif",
+                                               "return",
+                                               "end",
+                                               "nop",
+                                               "where",
+                                               "elsewhere",
+                                               "endwhere",
+                                               "boundary",
+                                               "function",
+                                               "endfunction",
+                                               "load",
+                                               "copy",
+                                               "add",
+                                               "sub",
+                                               "mul",
+                                               "div",
+                                               "mod",
+                                               "min",
+                                               "max",
+                                               "abs",
+                                               "neg",
+                                               "sign",
+                                               "pow",
+                                               "clamp",
+                                               "mac",
+                                               "select",
+                                               "lt",
+                                               "le",
+                                               "gt",
+                                               "ge",
+                                               "eq",
+                                               "ne",
+                                               "and",
+                                               "or",
+                                               "xor",
+                                               "nand",
+                                               "nor",
+                                               "not",
+                                               "shift",
+                                               "north",
+                                               "east",
+                                               "south",
+                                               "west",
+                                               "rotate",
+                                               "flood",
+                                               "distance",
+                                               "print",
+                                               "println",
+                                               "plugin",
+                                               "globalsum",
+                                               "globalmean",
+                                               "globalmin",
+                                               "globalmax",
+                                               "globalcount",
+                                               "globalany",
+                                               "r",
+                                               "v",
+                                               "alldir",
+                                               "on",
+                                               "off",
+                                               "none",
+                                               "SURFACE_WIDTH",
+                                               "SURFACE_HEIGHT",
+                                               "FRAMES"};
+  return kWords;
 }
 
 }  // namespace
@@ -62,16 +118,6 @@ bool KernelTranslation::consume(std::string_view symbol) {
   return true;
 }
 
-std::size_t KernelTranslation::behind_bracket(std::size_t open) const {
-  int depth = 0;
-  for (std::size_t i = open; i < tokens_.size(); ++i) {
-    const KernelToken& token = tokens_[i];
-    if (token.opens_bracket()) ++depth;
-    if (token.closes_bracket() && --depth == 0) return i + 1;
-  }
-  return tokens_.size() - 1;
-}
-
 KernelTokenList KernelTranslation::tokens_between(std::size_t first, std::size_t last) const {
   KernelTokenList out;
   for (std::size_t i = first; i < last; ++i)
@@ -85,98 +131,109 @@ std::vector<KernelTokenList> KernelTranslation::parse_arguments() {  // at the '
   return split_arguments(tokens_, first, position_ - 1);
 }
 
-void KernelTranslation::note(std::size_t line, std::string text) {
-  notes_.push_back({line, std::move(text), in_kernel_});
+void KernelTranslation::note(std::size_t line, std::string text, bool is_error) {
+  notes_.push_back(
+      {line, std::move(text), in_kernel_, is_error, false, files_[std::min(peek().file, files_.size() - 1)]});
 }
 
-std::string KernelTranslation::operand(const KernelToken& token, std::size_t line) {
-  if (token.text == "true") return "1";
-  if (token.text == "false") return "0";
-  if (parameters_.contains(token.text)) return "$" + token.text;
-  if (arrays_.contains(token.text)) give_up("the array '{}' belongs to the controller", token.text);
-  const bool is_known = vocabulary_.names.contains(token.text) || known_names_.contains(token.text);
-  if (!is_known && unset_.insert(token.text).second) {
-    note(line == 0 ? token.line : line, fmt::format("'{}' has no value in the kernels; it is 0", token.text));
-    unset_lines_.push_back(fmt::format("{} = 0  // of the program around the kernels", token.text));
+// ---- names
+
+KernelTranslation::Variable* KernelTranslation::find_variable(const std::string& name) {
+  for (auto scope = scopes_.rbegin(); scope != scopes_.rend(); ++scope)
+    if (const auto found = scope->find(name); found != scope->end()) return &found->second;
+  return nullptr;
+}
+
+bool KernelTranslation::is_register(const std::string& name) const {
+  static const std::set<std::string> kDirections = {"north", "east", "south", "west", "alldir"};
+  for (auto scope = scopes_.rbegin(); scope != scopes_.rend(); ++scope)
+    if (const auto found = scope->find(name); found != scope->end())
+      return found->second.type == CppType::kRegister;
+  return vocabulary_.names.contains(name) && !kDirections.contains(name);
+}
+
+std::string KernelTranslation::new_name(const std::string& stem) {
+  const bool is_taken = vocabulary_.names.contains(stem) || vocabulary_.statements.contains(stem) ||
+                        vocabulary_.values.contains(stem) || reserved_words().contains(stem) ||
+                        functions_.contains(stem) || stem == "value" || stem == "unused" || stem == "kept";
+  std::string name = stem;
+  for (int k = 1; (k == 1 && is_taken) || names_.contains(name); ++k) name = fmt::format("{}_{}", stem, k);
+  names_.insert(name);
+  return (in_macro_ ? ":" : "") + name;
+}
+
+KernelTranslation::Variable& KernelTranslation::declare(const std::string& name, CppType type) {
+  Variable variable;
+  variable.type = type;
+  variable.range = range_of(type);
+  variable.text = name;
+  if (is_scalar(type)) {
+    // Names of variables whose scope has ended are used again.
+    bool is_live = false;
+    for (const Scope& scope : scopes_)
+      for (const auto& [other, known] : scope)
+        is_live = is_live || known.text == name || known.text == ":" + name || known.text == "$" + name;
+    if (!is_live) names_.erase(name);
+    variable.text = new_name(name);
   }
-  return token.text;
+  return scopes_.back()[name] = variable;
 }
 
-std::string KernelTranslation::expression(const KernelTokenList& tokens, std::size_t line) {
-  std::string text;
-  bool after_value = false;
-  for (std::size_t i = 0; i < tokens.size(); ++i) {
-    const KernelToken& token = tokens[i];
-    if (token.kind == Kind::kName && i + 1 < tokens.size() && tokens[i + 1].is("::")) {
-      ++i;
+std::optional<CppType> KernelTranslation::read_type(const KernelTokenList& tokens, std::size_t& i,
+                                                    bool* is_const) {
+  static const std::map<std::string, CppType> kTypes = {
+      {"void", CppType::kVoid},       {"bool", CppType::kBool},       {"float", CppType::kFloat},
+      {"double", CppType::kFloat},    {"int8_t", CppType::kInt8},     {"uint8_t", CppType::kUint8},
+      {"int16_t", CppType::kInt16},   {"uint16_t", CppType::kUint16}, {"int32_t", CppType::kInt},
+      {"uint32_t", CppType::kUint},   {"size_t", CppType::kUint},     {"areg_t", CppType::kRegister},
+      {"aref_t", CppType::kRegister}, {"dreg_t", CppType::kRegister}, {"dref_t", CppType::kRegister},
+      {"AREG", CppType::kRegister},   {"ASRC", CppType::kRegister},   {"DREG", CppType::kRegister},
+      {"DSRC", CppType::kRegister},   {"news_t", CppType::kRegister}, {"auto", CppType::kOther},
+      {"vs_handle", CppType::kOther}};
+  static const std::set<std::string> kQualifiers = {"const",     "static", "volatile",
+                                                    "constexpr", "inline", "register"};
+  std::optional<CppType> type;
+  bool is_unsigned = false;
+  int width = 0;
+  bool has_word = false;
+  std::size_t k = i;
+  for (; k < tokens.size() && tokens[k].kind == Kind::kName; ++k) {
+    const std::string& word = tokens[k].text;
+    if (kQualifiers.contains(word)) {
+      if (is_const != nullptr && (word == "const" || word == "constexpr")) *is_const = true;
       continue;
     }
-    if (token.kind == Kind::kName && i + 1 < tokens.size() && tokens[i + 1].is("(")) {
-      text += nested_call(tokens, i);
-      after_value = true;
-      continue;
+    if (word == "unsigned" || word == "signed") {
+      is_unsigned = word == "unsigned";
+      has_word = true;
+    } else if (word == "int" || word == "long" || word == "short" || word == "char") {
+      if (word != "int") width = word == "short" ? 16 : word == "char" ? 8 : width;
+      has_word = true;
+    } else if (word == "std" && k + 1 < tokens.size() && tokens[k + 1].is("::")) {
+      ++k;
+    } else if (const auto found = kTypes.find(word); found != kTypes.end() && !type && !has_word) {
+      type = found->second;
+    } else {
+      break;
     }
-    if (token.kind == Kind::kNumber || token.kind == Kind::kName) {
-      text += token.kind == Kind::kName ? operand(token, line) : token.text;
-      after_value = true;
-      continue;
-    }
-    static const std::set<std::string> kInfix = {"+",  "-",  "*",  "/",  "%",  "<", ">",
-                                                 "<=", ">=", "==", "!=", "&&", "||"};
-    const bool bracket = token.is("(") || token.is(")");
-    if (token.kind != Kind::kPunctuator || (!bracket && !token.is("!") && !kInfix.contains(token.text)))
-      give_up("'{}' in an expression has no counterpart", token.text);
-    const bool infix = kInfix.contains(token.text) && after_value;
-    text += infix ? " " + token.text + " " : token.text;
-    after_value = token.is(")");
   }
-  if (text.empty()) give_up("a value is missing");
-  return text;
+  if (has_word)
+    type = width == 8    ? (is_unsigned ? CppType::kUint8 : CppType::kInt8)
+           : width == 16 ? (is_unsigned ? CppType::kUint16 : CppType::kInt16)
+                         : (is_unsigned ? CppType::kUint : CppType::kInt);
+  if (type) i = k;
+  return type;
 }
 
-std::string KernelTranslation::nested_call(const KernelTokenList& tokens, std::size_t& i) {
-  const std::string name = tokens[i].text;
-  int depth = 0;
-  std::size_t end = i + 1;
-  for (; end < tokens.size(); ++end) {
-    if (tokens[end].is("(")) ++depth;
-    if (tokens[end].is(")") && --depth == 0) break;
-  }
-  const std::vector<KernelTokenList> arguments = split_arguments(tokens, i + 2, end);
-  const std::size_t line = tokens[i].line;
-  i = end;
-  return call_text(name, arguments, line, true);
+const KernelTranslation::Signature* KernelTranslation::find_function(const std::string& name,
+                                                                     std::size_t count) const {
+  const auto [first, last] = functions_.equal_range(name);
+  for (auto one = first; one != last; ++one)
+    if (one->second.accepts(count)) return &one->second;
+  return nullptr;
 }
 
-std::string KernelTranslation::call_text(const std::string& name,
-                                         const std::vector<KernelTokenList>& arguments, std::size_t line,
-                                         bool value) {
-  const auto& table = value ? vocabulary_.values : vocabulary_.statements;
-  const auto found = table.find(name);
-  const auto function = functions_.find(name);
-  const bool is_function =
-      !value && function != functions_.end() && function->second.contains(arguments.size());
-  if (found == table.end() && !is_function) {
-    std::vector<std::string> known;
-    for (const auto& [mnemonic, arities] : table) known.push_back(mnemonic);
-    if (in_kernel_) give_up("scamp5.aps has no instruction '{}'{}", name, common::did_you_mean(name, known));
-    give_up("'{}' runs on the controller or host", name);
-  }
-  if (!is_function && !found->second.contains(arguments.size()))
-    give_up("'{}' takes {} arguments, not {}", name, counts(found->second), arguments.size());
-  std::string text;
-  const auto append = [&](const KernelTokenList& argument) {
-    text += (text.empty() ? "(" : ", ") + expression(argument, line);
-  };
-  for (const KernelTokenList& argument : arguments) append(argument);
-  if (const auto defaults = defaults_.find(name); is_function && defaults != defaults_.end()) {
-    const std::size_t given = arguments.size() + defaults->second.size() - *function->second.rbegin();
-    for (std::size_t i = given; i < defaults->second.size(); ++i) append(defaults->second[i]);
-  }
-  if (is_function) called_.insert(name);
-  if (!is_function) ++instructions_;
-  return name + text + (text.empty() ? "" : ")");
-}
+// ---- statements that both readers have
 
 void KernelTranslation::emit_comment(ProgramLines& out, int depth) {
   const std::string& text = peek().text;
@@ -202,10 +259,34 @@ void KernelTranslation::translate_call(ProgramLines& out, int depth) {
   }
   if (name.starts_with("vs_gui_add_s") && translate_control(name, arguments)) return;
   if (name == "scamp5_output_image" && !arguments.empty())
-    return emit(out, depth, fmt::format("sim.show({})", expression(arguments[0])));
+    return emit(out, depth, fmt::format("sim.show({})", register_argument(arguments[0])));
   if (name == "DNEWS" && arguments.size() >= 3 && arguments[2].size() > 1)
     return translate_directions(out, depth, arguments);
-  emit(out, depth, call_text(name, arguments, line, false));
+  call_statement(name, arguments, line, out, depth);
+}
+
+void KernelTranslation::note_shared_operands(const std::string& name,
+                                             const std::vector<KernelTokenList>& arguments,
+                                             std::size_t line) {
+  // The operands of the transfer that each instruction ends or begins with.
+  const bool reads_target =
+      name == "sub" || name == "neg" || name == "divq" || name == "bus" || name == "subx";
+  const bool sums = name == "add" || name == "addx" || name == "bus" || name == "bus2";
+  if (find_function(name, arguments.size()) != nullptr || (!reads_target && !sums)) return;
+  std::set<std::string> seen;
+  for (std::size_t i = 0; i < arguments.size(); ++i) {
+    if (arguments[i].size() != 1 || !is_register(arguments[i][0].text)) continue;
+    const std::string& text = arguments[i][0].text;
+    const bool is_target = i == 0 || (name == "bus2" && i == 1);
+    const bool is_first_of_sub = (name == "sub" || name == "subx") && i == 1;
+    if (is_target ? reads_target : !is_first_of_sub) {
+      if (seen.insert(text).second) continue;
+      note(line, fmt::format("the chip connects '{}' once in '{}' and computes something else", text, name));
+      notes_.back().in_kernel = false;
+      notes_.back().is_warning = true;
+      return;
+    }
+  }
 }
 
 bool KernelTranslation::translate_control(const std::string& name,
@@ -217,14 +298,20 @@ bool KernelTranslation::translate_control(const std::string& name,
   std::string values;
   for (std::size_t i = 1; i + 1 < count; ++i) {
     const auto constant = constants_.find(plain_text(arguments[i]));
-    if (is_slider && !is_number(arguments[i]) && constant == constants_.end()) return false;
-    values += ", " + (is_number(arguments[i]) ? plain_text(arguments[i])
-                      : is_slider             ? constant->second
-                                              : "0");
+    std::optional<CppValue> value;
+    if (constant == constants_.end() && arguments[i][0].kind != Kind::kString) {
+      const bool is_known = arguments[i].size() > 1 || arguments[i][0].kind == Kind::kNumber;
+      if (is_known) value = plain_expression(arguments[i]);
+    }
+    const bool has_number = value && value->constant;
+    if (is_slider && !has_number && constant == constants_.end()) return false;
+    values += ", " + (has_number ? value->text : is_slider ? constant->second : "0");
   }
   controls_.push_back(fmt::format("sim.{}.add('{}'{})", is_slider ? "slider" : "switch", variable, values));
-  main_.push_back(fmt::format("{0} = sim.{1}.get('{0}')", variable, is_slider ? "slider" : "switch"));
-  known_names_.insert(variable);
+  if (find_variable(variable) == nullptr)
+    scopes_[0][variable] = {variable, CppType::kInt, range_of(CppType::kInt), {}, false};
+  main_.push_back(fmt::format("{} = sim.{}.get('{}')", find_variable(variable)->text,
+                              is_slider ? "slider" : "switch", variable));
   return true;
 }
 
@@ -234,39 +321,47 @@ void KernelTranslation::translate_directions(ProgramLines& out, int depth,
       {"south", "RS"}, {"west", "RW"}, {"north", "RN"}, {"east", "RE"}};
   std::string selected;
   for (const KernelToken& token : arguments[2]) {
-    if (token.is("|")) continue;
+    if (token.is("|") || token.is("(") || token.is(")")) continue;
     const auto selector = kSelectors.find(token.text);
     if (selector == kSelectors.end()) give_up("'{}' is no direction", plain_text(arguments[2]));
     selected += (selected.empty() ? "" : ", ") + selector->second;
   }
-  const bool edge =
-      arguments.size() > 3 && plain_text(arguments[3]) != "0" && plain_text(arguments[3]) != "false";
+  bool edge = false;
+  if (arguments.size() > 3) {
+    const CppValue value = cpp_condition(expression(arguments[3], out, depth));
+    if (!value.constant)
+      give_up("the edge of DNEWS, '{}', is known at run time only", plain_text(arguments[3]));
+    edge = *value.constant != 0.0;
+  }
+  const std::string target = register_argument(arguments[0]), source = register_argument(arguments[1]);
   emit(out, depth, "CLR(RS, RW, RN, RE)");
   emit(out, depth, fmt::format("SET({})", selected));
-  emit(out, depth,
-       fmt::format("DNEWS{}({}, {})", edge ? 1 : 0, expression(arguments[0]), expression(arguments[1])));
+  emit(out, depth, fmt::format("DNEWS{}({}, {})", edge ? 1 : 0, target, source));
   instructions_ += 3;
 }
 
 ImportedKernels KernelTranslation::finish() {
-  std::string text =
-      fmt::format("// Imported from {} by apron import.\n!include('scamp5.aps')\n", options_.source_name);
-  if (uses_frames_) text += "!define(FRAMES, 1)\n";
-  const auto append = [&](const ProgramLines& lines) {
-    for (const std::string& line : lines) text += line + '\n';
-  };
+  ProgramLines all;
+  const auto append = [&](const ProgramLines& lines) { all.insert(all.end(), lines.begin(), lines.end()); };
   append(defines_);
   append(controls_);
   append(unset_lines_);
-  text += '\n';
+  append(statics_);
+  all.emplace_back("");
   append(macros_);
   if (!options_.picture.empty() && !uses_frames_)
-    text += fmt::format("PIX = io.image.open('{}')\n", options_.picture);
+    all.push_back(fmt::format("PIX = io.image.open('{}')", options_.picture));
   append(main_);
   if (!has_main_) {  // the kernels in the order of the text
     for (const auto& [name, arity] : uncalled_)
-      if (arity == 0 && !called_.contains(name)) text += name + '\n';
+      if (arity == 0 && !called_.contains(name)) all.push_back(name);
   }
+  const bool uses_arithmetic = std::ranges::any_of(
+      all, [](const std::string& line) { return line.find("cpp.") != std::string::npos; });
+  std::string text =
+      fmt::format("// Imported from {} by apron import.\n!include('scamp5.aps')\n{}{}", options_.source_name,
+                  uses_arithmetic ? "!include('cpp.aps')\n" : "", uses_frames_ ? "!define(FRAMES, 1)\n" : "");
+  for (const std::string& line : all) text += line + '\n';
   return {std::move(text), std::move(notes_), instructions_};
 }
 

@@ -9,20 +9,12 @@
 #include "apron/syntax/FileReader.h"
 #include "common/color/PaletteFile.h"
 #include "common/error/UserError.h"
+#include "common/files/FileKind.h"
 #include "common/files/ReadFile.h"
 #include "common/text/Printable.h"
 
 namespace apron::run {
 namespace {
-
-// The library installed with the executable (../share/smartsurf/apron), or else the source tree's.
-std::string library_path() {
-  std::error_code error;
-  const std::filesystem::path self = std::filesystem::read_symlink("/proc/self/exe", error);
-  const std::filesystem::path installed = self.parent_path().parent_path() / "share" / "smartsurf" / "apron";
-  if (!error && std::filesystem::is_directory(installed, error)) return installed.string();
-  return APRON_SOURCE_LIBRARY;
-}
 
 void append_messages(const std::vector<syntax::Diagnostic>& diagnostics, const syntax::SourceManager& sources,
                      CompilerMessages& messages) {
@@ -35,6 +27,14 @@ void append_messages(const std::vector<syntax::Diagnostic>& diagnostics, const s
 }
 
 }  // namespace
+
+std::string library_path() {
+  std::error_code error;
+  const std::filesystem::path self = std::filesystem::read_symlink("/proc/self/exe", error);
+  const std::filesystem::path installed = self.parent_path().parent_path() / "share" / "smartsurf" / "apron";
+  if (!error && std::filesystem::is_directory(installed, error)) return installed.string();
+  return APRON_SOURCE_LIBRARY;
+}
 
 compiler::CompileOptions compile_options(const Options& options, std::uint32_t width, std::uint32_t height) {
   compiler::CompileOptions result;
@@ -60,8 +60,21 @@ void load_palettes(const Options& options) {
   common::add_palettes(common::parse_palettes(text, path.string()));
 }
 
+// What the parser would report line by line.
+void refuse_other_kinds(const std::string& file) {
+  std::string text;
+  if (common::read_file(file, common::kMaxTextBytes, text)) return;
+  const common::FileKind kind = common::file_kind(file, text);
+  if (kind == common::FileKind::kRecording)
+    throw common::UserError(file + ": is a recording, not a program: smartsurf info " + file +
+                            " describes it");
+  if (kind == common::FileKind::kExperiment)
+    throw common::UserError(file + ": is an experiment, not a program: smartsurf run " + file + " runs it");
+}
+
 std::optional<CompiledProgram> compile_with_sources(const Options& options, std::uint32_t width,
                                                     std::uint32_t height, CompilerMessages& messages) {
+  if (!options.program.empty()) refuse_other_kinds(options.program);
   syntax::DiskReader reader(options.program);
   compiler::CompileOptions compiler_options = compile_options(options, width, height);
   compiler::CompileResult result = compiler::compile(compiler_options, reader);

@@ -13,6 +13,9 @@
 
 namespace apron::run {
 
+// The library installed with the executable (../share/smartsurf/apron), or else the source tree's.
+std::string library_path();
+
 compiler::CompileOptions compile_options(const Options& options, std::uint32_t width, std::uint32_t height);
 
 struct CompiledProgram {

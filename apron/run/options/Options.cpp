@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
+#include <algorithm>
 #include <charconv>
 #include <cmath>
 #include <cstdlib>
@@ -66,8 +67,10 @@ void add_repeated(CLI::App& command, const std::string& name, Target& target, co
 struct RawOptions {
   Options options;
   std::string size, profile, isa, pace, frames_per_s;
+  std::string target, tile, link, rate, turnaround, channels;
   std::vector<std::string> sets, keys, saves;
   std::string geometry;
+  bool uses_standard_streams = true;
   std::vector<std::string> screenshots;
 };
 
@@ -81,6 +84,19 @@ void parse_size(RawOptions& raw) {
   if (!valid)
     refuse("--size", "'{}' is not WIDTHxHEIGHT, such as 64x64, of at most {} cells", raw.size,
            program::kMaxCells);
+}
+
+// "1M", "250k" or "9600".
+double parse_baud(const std::string& text) {
+  double unit = 1.0;
+  std::string_view number = text;
+  if (!number.empty() && (number.back() == 'M' || number.back() == 'k')) {
+    unit = number.back() == 'M' ? 1e6 : 1e3;
+    number.remove_suffix(1);
+  }
+  double value = 0;
+  if (parse_number(number, value) && value > 0.0 && value * unit <= 1e12) return value * unit;
+  refuse("--link", "'{}' is not a number of baud, such as 115200, 250k or 4M", text);
 }
 
 void parse_parameter(RawOptions& raw, const std::string& text) {
@@ -225,7 +241,7 @@ void add_run_options(CLI::App& run, RawOptions& raw) {
       ->excludes("--screenshot")
       ->excludes("--video");
   add_value(run, "--profile", raw.options.profile, "FILE",
-            "write execution counts and times per instruction and line to this file, as JSON");
+            "write execution counts and processor time per instruction and line to this file, as JSON");
   add_value(run, "--cost-model", raw.options.cost_model, "FILE",
             "with --profile: add the estimated cost on the processor array that this file describes");
 }
@@ -238,6 +254,81 @@ void add_import_options(CLI::App& import, RawOptions& raw) {
             "write the program to this file instead of standard output");
   add_value(import, "--picture", raw.options.picture, "FILE",
             "picture that the imported program takes as its light");
+}
+
+void add_compile_options(CLI::App& compile, RawOptions& raw) {
+  add_common_options(compile, raw);
+  add_value(compile, "--target", raw.target, "NAME", "what the boards compile: c")->required();
+  add_value(compile, "-o", raw.options.output, "FILE.c", "write the C there, and its header beside it")
+      ->required();
+  add_value(compile, "--tile", raw.tile, "WxH", "columns and rows of one board [the whole table, --size]");
+  add_value(compile, "--halo", raw.options.halo, "N",
+            "cells that one exchange brings from each neighbour [1]")
+      ->check(whole_number_validator(1, 16));
+  add_value(compile, "--name", raw.options.name, "NAME", "prefix of the names in the C [from FILE]");
+  add_value(compile, "--channels", raw.channels, "NAME,...",
+            "channels that the surface has [those that the program senses or actuates]");
+  add_repeated(compile, "--set", raw.sets, "NAME=VALUE", "value of a slider or switch");
+  add_value(compile, "--unroll", raw.options.unroll, "N",
+            "instructions after which a loop is a loop of the C as well; results do not depend on it [20000]")
+      ->check(whole_number_validator(1, 1000000));
+  add_value(compile, "--link", raw.link, "BAUD",
+            "refuse the program if its edges take longer than a tick over such a serial link to each "
+            "neighbour, such as 4M");
+  add_value(compile, "--rate", raw.rate, "HZ", "with --link: ticks per second [60]");
+  add_value(compile, "--turnaround", raw.turnaround, "MICROSECONDS",
+            "with --link: from the end of a message to the start of the answer [20]");
+}
+
+void parse_compile_options(RawOptions& raw) {
+  Options& options = raw.options;
+  if (raw.target != "c") refuse("--target", "'{}' is unknown; known: c", raw.target);
+  if (options.output.size() < 3 || !options.output.ends_with(".c"))
+    refuse("-o", "'{}' does not end in .c", options.output);
+  options.tile_width = options.width;
+  options.tile_height = options.height;
+  if (!raw.tile.empty()) {
+    const std::size_t x = raw.tile.find('x');
+    const std::string_view text = raw.tile;
+    if (x == std::string::npos || !parse_number(text.substr(0, x), options.tile_width) ||
+        !parse_number(text.substr(x + 1), options.tile_height) || options.tile_width == 0 ||
+        options.tile_height == 0 || options.tile_width > options.width ||
+        options.tile_height > options.height)
+      refuse("--tile", "'{}' is not WIDTHxHEIGHT, such as 8x8, of at most the table's {}x{}", raw.tile,
+             options.width, options.height);
+  }
+  if (!raw.channels.empty()) {
+    options.channels.emplace();
+    for (std::size_t begin = 0; begin <= raw.channels.size();) {
+      const std::size_t end = std::min(raw.channels.find(',', begin), raw.channels.size());
+      options.channels->push_back(raw.channels.substr(begin, end - begin));
+      begin = end + 1;
+    }
+  }
+  if (!raw.link.empty()) options.link_baud = parse_baud(raw.link);
+  if (raw.link.empty() && (!raw.rate.empty() || !raw.turnaround.empty()))
+    refuse(raw.rate.empty() ? "--turnaround" : "--rate", "requires --link");
+  if (!raw.rate.empty())
+    options.rate_hz = parse_positive("--rate", raw.rate, 1e6, "a number of ticks per second, such as 60");
+  if (!raw.turnaround.empty())
+    options.turnaround_s =
+        1e-6 * parse_positive("--turnaround", raw.turnaround, 1e9, "a time in microseconds, such as 20");
+  const auto is_letter = [](char c) { return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || c == '_'; };
+  const auto is_digit = [](char c) { return c >= '0' && c <= '9'; };
+  if (options.name.empty()) {
+    const std::size_t slash = options.output.find_last_of('/');
+    for (const char c : options.output.substr(slash == std::string::npos ? 0 : slash + 1))
+      if (c == '.')
+        break;
+      else
+        options.name += is_letter(c) || is_digit(c) ? c : '_';
+    if (!options.name.empty() && is_digit(options.name.front())) options.name.insert(0, 1, '_');
+  }
+  const bool is_identifier =
+      !options.name.empty() && is_letter(options.name.front()) &&
+      std::ranges::all_of(options.name, [&](char c) { return is_letter(c) || is_digit(c); });
+  if (!is_identifier)
+    refuse("--name", "'{}' is not a C identifier of ASCII letters, digits and _", options.name);
 }
 
 void parse_geometry(RawOptions& raw) {
@@ -338,9 +429,23 @@ ParsedOptions parse_options(int argc, char** argv) {
   add_format_options(format, raw);
   CLI::App& import = *app.add_subcommand("import", "translate SCAMP-5 kernels into a program");
   add_import_options(import, raw);
+  CLI::App& compile =
+      *app.add_subcommand("compile", "translate a local program to C for the boards of a table");
+  add_compile_options(compile, raw);
   CLI::App& repl = *app.add_subcommand("repl", "run a program interactively, line by line");
   add_common_options(repl, raw, false);
   add_execution_options(repl, raw);
+  CLI::App& debug = *app.add_subcommand("debug", "debug a program by commands from standard input");
+  add_common_options(debug, raw);
+  add_execution_options(debug, raw);
+  add_repeated(debug, "--allow", raw.options.allowed_folders, "FOLDER",
+               "let the program read and write files there too, not only in its own folder");
+  CLI::App& server =
+      *app.add_subcommand("lsp", "serve editors by the Language Server Protocol on standard input");
+  add_repeated(server, "-I", raw.options.include_paths, "DIR",
+               "search this directory for included files before the installed library");
+  add_value(server, "--size", raw.size, "WxH", "size of the surface for which programs are compiled [64x64]");
+  server.add_flag("--stdio", raw.uses_standard_streams, "the default; for editors that say so");
   try {
     app.parse(argc, argv);
     if (!raw.size.empty()) parse_size(raw);
@@ -348,13 +453,20 @@ ParsedOptions parse_options(int argc, char** argv) {
     if (check.parsed() && !raw.profile.empty() && raw.profile != "local")
       refuse("--profile", "'{}' is unknown; known: local", raw.profile);
     raw.options.local_check |= check.parsed() && !raw.profile.empty();
-    raw.options.subcommand = run.parsed()      ? Subcommand::kRun
-                             : check.parsed()  ? Subcommand::kCheck
-                             : format.parsed() ? Subcommand::kFormat
-                             : repl.parsed()   ? Subcommand::kRepl
-                             : import.parsed() ? Subcommand::kImport
-                                               : Subcommand::kDisassemble;
-    if (repl.parsed()) {
+    raw.options.subcommand = run.parsed()       ? Subcommand::kRun
+                             : check.parsed()   ? Subcommand::kCheck
+                             : format.parsed()  ? Subcommand::kFormat
+                             : repl.parsed()    ? Subcommand::kRepl
+                             : import.parsed()  ? Subcommand::kImport
+                             : compile.parsed() ? Subcommand::kCompile
+                             : debug.parsed()   ? Subcommand::kDebug
+                             : server.parsed()  ? Subcommand::kLanguageServer
+                                                : Subcommand::kDisassemble;
+    if (compile.parsed()) {
+      parse_compile_options(raw);
+      for (const std::string& set : raw.sets) parse_parameter(raw, set);
+    }
+    if (repl.parsed() || debug.parsed()) {
       parse_instruction_set(raw);
       for (const std::string& set : raw.sets) parse_parameter(raw, set);
     }

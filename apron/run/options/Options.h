@@ -14,7 +14,17 @@
 
 namespace apron::run {
 
-enum class Subcommand { kRun, kCheck, kDisassemble, kFormat, kRepl, kImport };
+enum class Subcommand {
+  kRun,
+  kCheck,
+  kDisassemble,
+  kFormat,
+  kRepl,
+  kImport,
+  kCompile,
+  kDebug,
+  kLanguageServer
+};
 
 // An off-screen picture of the window's contents.
 struct Screenshot {
@@ -62,6 +72,13 @@ struct Options {
   std::vector<std::string> modules;          // --module: native modules that the program may load
   std::vector<std::string> cameras;          // replace /dev/video0, /dev/video1, …
   bool timers = false;                       // timers measure wall time even without a window
+
+  // Of compile.
+  std::uint32_t tile_width = 0, tile_height = 0;  // --tile; 0: the whole table
+  std::uint32_t halo = 1, unroll = 20000;
+  std::string name;                                  // --name; empty: from the output file
+  std::optional<std::vector<std::string>> channels;  // --channels
+  double link_baud = 0.0, rate_hz = 60.0, turnaround_s = 20e-6;
 
   bool uses_ui() const { return window || !screenshots.empty() || !video.empty(); }
   bool write = false, check_only = false;  // of fmt

@@ -36,7 +36,7 @@ bool overwrites_every_cell(const Instruction& in, bool has_masks) {
 
 }  // namespace
 
-FlowAnalysis::FlowAnalysis(const program::Program& program, bool preserve_named_registers)
+FlowAnalysis::FlowAnalysis(const program::Program& program, const ObservedRegisters& observed)
     : program_(program), branch_targets_(program.code.size(), false), boundary_(program.code.size()) {
   find_branch_targets();
   // A return has an edge to every return site. Above the limit the analysis is skipped and assumes nothing.
@@ -44,7 +44,7 @@ FlowAnalysis::FlowAnalysis(const program::Program& program, bool preserve_named_
       std::ranges::count_if(program.code, [](const Instruction& in) { return in.op == Opcode::kReturn; }));
   if (returns * return_sites_.size() > kMaxReturnEdges) return;
   compute_boundaries();
-  compute_liveness(preserve_named_registers);
+  compute_liveness(observed);
 }
 
 void FlowAnalysis::find_branch_targets() {
@@ -106,28 +106,37 @@ bool FlowAnalysis::is_live(std::size_t at, std::uint32_t reg) const {
 
 // Backward data-flow analysis to the fixed point. If the program is too large or the analysis does not
 // converge in kMaxPasses, every register counts as live everywhere.
-void FlowAnalysis::compute_liveness(bool preserve_named_registers) {
+void FlowAnalysis::compute_liveness(const ObservedRegisters& observed) {
   const std::size_t n = bitset_words(program_);
   if (n == 0 || program_.code.size() > kMaxLiveWords / n) return;
-  std::vector<std::uint64_t> always_live(n, 0);
-  for (std::size_t r = 0; preserve_named_registers && r < program_.registers.size(); ++r)
-    if (program_.registers[r].name.substr(0, 1) != "$") always_live[r / 64] |= std::uint64_t{1} << (r % 64);
+  std::vector<std::uint64_t> always_live(n, 0), live_at_end(n, 0);
+  const auto add = [](std::vector<std::uint64_t>& set, std::size_t r) {
+    set[r / 64] |= std::uint64_t{1} << (r % 64);
+  };
+  for (std::size_t r = 0; observed.all_named && r < program_.registers.size(); ++r)
+    if (program_.registers[r].name.substr(0, 1) != "$") add(always_live, r);
+  for (const std::uint32_t r : observed.any_time) add(always_live, r);
+  for (const std::uint32_t r : observed.at_end) add(live_at_end, r);
   // Group members are accessed by an index known only at run time.
   for (const program::OperandGroup& group : program_.groups)
     for (std::size_t i = 0; !group.is_variable_group && i < group.members.size(); ++i)
       always_live[group.members[i] / 64] |= std::uint64_t{1} << (group.members[i] % 64);
   live_bits_.assign(program_.code.size() * n, 0);
   for (int pass = 0; pass < kMaxPasses; ++pass)
-    if (!liveness_pass(n, always_live)) return;
+    if (!liveness_pass(always_live, live_at_end)) return;
   live_bits_.clear();
 }
 
-bool FlowAnalysis::liveness_pass(std::size_t n, const std::vector<std::uint64_t>& always_live) {
+bool FlowAnalysis::liveness_pass(const std::vector<std::uint64_t>& always_live,
+                                 const std::vector<std::uint64_t>& live_at_end) {
+  const std::size_t n = always_live.size();
   bool changed = false;
   std::vector<std::uint64_t> live_here(n);
   for (std::size_t at = program_.code.size(); at-- > 0;) {
     const Instruction& in = program_.code[at];
     live_here = always_live;
+    if (in.op == Opcode::kEnd || in.op == Opcode::kReturn || in.op == Opcode::kSurfaceStep)
+      for (std::size_t w = 0; w < n; ++w) live_here[w] |= live_at_end[w];
     for_each_successor(at, [&](std::size_t next) {
       for (std::size_t w = 0; w < n; ++w) live_here[w] |= live_bits_[next * n + w];
     });

@@ -10,11 +10,18 @@
 
 namespace apron::vm {
 
+// The registers whose cells are read from outside of the program, which keeps their values alive.
+struct ObservedRegisters {
+  bool all_named = true;                // all that the user named, at any time
+  std::vector<std::uint32_t> any_time;  // these, at any time
+  // These, when the program ends or completes a surface.step, and unless it fails.
+  std::vector<std::uint32_t> at_end;
+};
+
 class FlowAnalysis {
  public:
-  // The program must be verified and must outlive this object. preserve_named_registers treats registers that
-  // the user named as always live, because an observer may read them at any time. Allocates.
-  FlowAnalysis(const program::Program& program, bool preserve_named_registers);
+  // The program must be verified and must outlive this object. Allocates.
+  FlowAnalysis(const program::Program& program, const ObservedRegisters& observed);
 
   // True if an instruction other than the preceding one may transfer control to `at`.
   bool is_branch_target(std::size_t at) const { return branch_targets_[at]; }
@@ -43,8 +50,9 @@ class FlowAnalysis {
   }
   void find_branch_targets();
   void compute_boundaries();
-  void compute_liveness(bool preserve_named_registers);
-  bool liveness_pass(std::size_t words, const std::vector<std::uint64_t>& always_live);
+  void compute_liveness(const ObservedRegisters& observed);
+  bool liveness_pass(const std::vector<std::uint64_t>& always_live,
+                     const std::vector<std::uint64_t>& live_at_end);
 
   const program::Program& program_;
   std::vector<bool> branch_targets_;

@@ -22,7 +22,7 @@ struct FusedTraceCache::Builder {
   const FusionOptions& options;
   unsigned threads;
   std::size_t parallel_cells;
-  FlowAnalysis flow{program, options.preserve_named_registers};
+  FlowAnalysis flow{program, options.observed};
   FilterPrediction filters{program, decoded, register_file};
   std::size_t node_count = 0, traced_instructions = 0, memory_bytes = 0;
 

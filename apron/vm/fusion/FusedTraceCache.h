@@ -3,6 +3,7 @@
 
 #include <cstdint>
 #include <memory>
+#include <utility>
 #include <vector>
 
 #include "apron/vm/MaskStack.h"
@@ -13,8 +14,8 @@ namespace apron::vm {
 
 struct FusionOptions {
   bool enabled = true;  // false executes one instruction at a time
-  // False allows registers that the program does not read again to be out of date.
-  bool preserve_named_registers = true;
+  // All other registers may be out of date where the program does not read them again.
+  ObservedRegisters observed{};
   bool enable_jit = true;                           // false interprets the stages
   std::uint32_t strip_columns = 0, block_rows = 0;  // tile size; 0 is automatic
   std::uint32_t rows_per_iteration = 0;             // of generated code; 0 is automatic
@@ -42,6 +43,15 @@ class FusedTraceCache {
     const bool fits =
         trace == entry.unmasked || (mask.width == trace->width() && mask.height == trace->height());
     return fits ? trace : nullptr;
+  }
+
+  // The buffer that a register exchanges with its own when a trace writes it. bind_back_buffer() requires one
+  // and returns the previous one.
+  bool has_back_buffer(std::size_t register_index) const noexcept {
+    return !back_buffers_.empty() && back_buffers_[register_index].data != nullptr;
+  }
+  Plane bind_back_buffer(std::size_t register_index, const Plane& plane) noexcept {
+    return std::exchange(back_buffers_[register_index], plane);
   }
 
  private:

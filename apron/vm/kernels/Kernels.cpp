@@ -151,9 +151,9 @@ HWY_NOINLINE void reduce_large_lanes(R x, R& quadrant, R& r) {
   quadrant.v = hn::Load(d, quadrants);
   r.v = hn::Load(d, rests);
 }
-HWY_INLINE void reduce_large(R x, R& quadrant, R& r) {
+HWY_INLINE void reduce_large(R x, R* quadrant, R* r) {
   if (HWY_UNLIKELY(!hn::AllTrue(DR(), less(magnitude(x), constant(0x1p20)))))
-    reduce_large_lanes(x, quadrant, r);
+    reduce_large_lanes(x, *quadrant, *r);
 }
 
 #define APRON_INLINE HWY_INLINE

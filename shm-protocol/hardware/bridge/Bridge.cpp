@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cstdio>
 #include <thread>
 #include <utility>
 
@@ -33,6 +34,18 @@ std::string seconds(milliseconds t) {
 }
 
 }  // namespace
+
+std::string limits_text(const DeviceChannel& c) {
+  const ssw_limits& l = c.limits;
+  if (!(l.slew > 0 || l.acceleration > 0 || l.soft_start > 0 || l.most_moving > 0)) return {};
+  char line[256];
+  std::snprintf(line, sizeof line,
+                "  limits of %s: range %g … %g slew %g acceleration %g soft_start %g most_moving %u\n",
+                c.name.c_str(), static_cast<double>(c.minimum), static_cast<double>(c.maximum),
+                static_cast<double>(l.slew), static_cast<double>(l.acceleration),
+                static_cast<double>(l.soft_start), static_cast<unsigned>(l.most_moving));
+  return line;
+}
 
 Bridge::Bridge(BridgeOptions options, const std::atomic<bool>& stop, EventLog::Print log)
     : options_(std::move(options)), stop_(stop), log_(std::move(log)) {}
@@ -102,6 +115,7 @@ std::optional<Outcome> Bridge::end_of_fault() {
 void Bridge::on_line_lost(const std::string& reason) {
   port_.reset();
   link_.reset();
+  handshakes_ = 0;
   out_.clear();
   seen_frame_ = false;
   frame_ready_ = false;
@@ -137,6 +151,7 @@ void Bridge::create_surface() {
                                static_cast<double>(c.minimum), static_cast<double>(c.maximum),
                                static_cast<double>(c.safe)});
   surface_.emplace(shm_protocol::SurfaceEndpoint::create(config));
+  control_.emplace(options_.surface);
   actuators_.assign(link_.actuator_elements(), 0.0F);
   log_.add("device '" + device_->name + "', " + std::to_string(device_->rows) + " rows of " +
            std::to_string(device_->columns) + " cells, every " + std::to_string(device_->period_us) +
@@ -179,6 +194,8 @@ void Bridge::on_event(DeviceLink::Event event) {
   switch (event) {
     case DeviceLink::Event::kNothing:
     case DeviceLink::Event::kAlive:
+    case DeviceLink::Event::kClock:
+    case DeviceLink::Event::kStatus:
       return;
     case DeviceLink::Event::kDescribed:
       return on_description();
@@ -209,7 +226,11 @@ void Bridge::send_handshake() {
   const auto now = Clock::now();
   if (now - last_handshake_ < kHandshakeInterval || out_.size() > 4096) return;
   last_handshake_ = now;
-  link_.write(SSW_DESCRIBE, device_tick_, out_);
+  // Version 2 is asked for twice, then both in turn; a device that has described itself stays with its
+  // version.
+  const bool second = device_ ? device_->version == 2 : handshakes_ < 2 || handshakes_ % 2 == 0;
+  ++handshakes_;
+  link_.write(second ? SSW_DESCRIBE2 : SSW_DESCRIBE, device_tick_, out_);
   if (!surface_ || !link_.described()) return;
   link_.write(SSW_START, device_tick_, out_);
   if (!silent_) return;
@@ -237,6 +258,8 @@ std::optional<Outcome> Bridge::serve_once() {
   const bool passive = options_.mode == Mode::kPassive;
   poll_line(awaiting_answer_ ? milliseconds(0) : passive ? kAnswerPoll : kIdlePoll);
   if (const auto end = end_of_fault()) return end;
+  if (control_) control_->serve([this](const std::string& command) { return answer(command); });
+  check_emergency_stop();
   if (frame_ready_ && !awaiting_answer_) publish();
   if (awaiting_answer_) poll_answer();
   if (passive) poll_latest();
@@ -265,7 +288,10 @@ void Bridge::on_frame() {
     counters_.lost += step - 1;
     status_ |= kFramesLost;
   }
+  flags_ = frame.flags;
   if (frame.flags & SSW_SAFE) status_ |= kSafeValuesActive;
+  if (frame.flags & SSW_LIMITED) status_ |= kLimited;
+  if (frame.flags & SSW_SOFT_START) status_ |= kSoftStart;
   tick_ += seen_frame_ || counters_.frames != 0 ? step : 0;
   device_tick_ = frame.tick;
   seen_frame_ = true;
@@ -294,6 +320,7 @@ void Bridge::publish() {
     else
       std::ranges::copy(from, surface_->sensor<float>(i).begin());
   }
+  if (emergency_.active()) status_ |= kStopped;
   const double time_s = static_cast<double>(tick_) * device_->period_us * 1e-6;
   if (surface_->publish(tick_, time_s, status_) != Status::kOk) return;
   surface_->set_state(State::kRunning);
@@ -364,9 +391,67 @@ void Bridge::send_actuators(std::uint32_t device_tick) {
     ++counters_.unsent;
     return;
   }
-  fill_actuators(false);
+  fill_actuators(emergency_.active());
   link_.write_frame(device_tick, actuators_, out_);
   flush();
+}
+
+void Bridge::check_emergency_stop() {
+  if (!seen_frame_ || silent_) return;
+  const bool was_active = emergency_.active();
+  const std::uint8_t packet = emergency_.packet_for(flags_, device_->name);
+  if (!was_active && emergency_.active()) log_.add("emergency stop by the device");
+  // Repeated each period until the device's frames show that it has arrived.
+  if (packet == 0 || device_->version < 2 || stop_sent_tick_ == device_tick_) return;
+  stop_sent_tick_ = device_tick_;
+  link_.write_reason(packet, packet == SSW_STOP_NOW ? emergency_.reason() : SSW_NONE, out_);
+  flush();
+}
+
+std::string Bridge::answer(const std::string& command) {
+  if (command == "stop") {
+    emergency_.stop(SSW_STOP_BY_HOST, "the user");
+    log_.add("emergency stop by the user");
+    if (port_ && link_.described()) {
+      if (device_->version >= 2) link_.write_reason(SSW_STOP_NOW, SSW_STOP_BY_HOST, out_);
+      fill_actuators(true);
+      link_.write_frame(device_tick_, actuators_, out_);
+      flush();
+    }
+    return "stopped\n";
+  }
+  if (command == "arm") {
+    if (emergency_.active()) log_.add("the emergency stop is released");
+    emergency_.arm();
+    if (port_ && link_.described() && device_->version >= 2) {
+      link_.write_reason(SSW_ARM, SSW_NONE, out_);
+      flush();
+    }
+    return "armed\n";
+  }
+  if (command == "status") return status_text();
+  return "error: unknown command\n";
+}
+
+std::string Bridge::status_text() const {
+  const auto flag = [this](std::uint32_t bit, const char* name) {
+    return (flags_ & bit) ? std::string(" ") + name : "";
+  };
+  const ssw_status& s = link_.status();
+  std::string text = "device " + device_->name + " tick " + std::to_string(device_tick_) + " frames " +
+                     std::to_string(counters_.frames) + "\nemergency_stop " +
+                     (emergency_.active() ? "by " + emergency_.cause() : std::string("none")) + "\nboard " +
+                     (device_->id.empty() ? device_->name : device_->id) +
+                     (!port_    ? " unplugged"
+                      : silent_ ? " silent"
+                                : " live") +
+                     flag(SSW_SAFE, "safe") + flag(SSW_STOPPED, "stopped") + flag(SSW_LIMITED, "limited") +
+                     flag(SSW_SOFT_START, "soft_start") + " frames " + std::to_string(counters_.frames) +
+                     " lost " + std::to_string(counters_.lost) + " dropped " + std::to_string(s.dropped) +
+                     " clamped " + std::to_string(s.clamped) + " limited " + std::to_string(s.limited) + "\n";
+  for (const DeviceChannel& c : device_->channels)
+    if (!c.sensor) text += limits_text(c);
+  return text;
 }
 
 void Bridge::check_silence() {

@@ -13,7 +13,9 @@
 #include <string>
 #include <vector>
 
+#include "shm-protocol/hardware/bridge/ControlSocket.h"
 #include "shm-protocol/hardware/bridge/DeviceLink.h"
+#include "shm-protocol/hardware/bridge/EmergencyStop.h"
 #include "shm-protocol/hardware/bridge/EventLog.h"
 #include "shm-protocol/hardware/bridge/Port.h"
 
@@ -24,7 +26,11 @@ enum FrameStatus : std::uint32_t {
   kMissedDeadline = 1,    // a control period before this frame ended without the controller's answer
   kFramesLost = 2,        // earlier frames of the device were lost or skipped
   kSafeValuesActive = 4,  // the device holds its safe values
-  kAfterSilence = 8       // the first frame after the device was silent or unplugged
+  kAfterSilence = 8,      // the first frame after the device was silent or unplugged
+  kStopped = 16,          // an emergency stop is in effect
+  kLimited = 32,          // a limit of the device held back an actuator
+  kSoftStart = 64,        // the actuators approach their first targets slowly
+  kBoardNotValid = 128    // cells of a table are not valid: see its channel `valid`
 };
 
 struct BridgeOptions {
@@ -49,6 +55,9 @@ struct BridgeCounters {
   std::uint64_t reconnections = 0;  // times the line was lost and restored
   std::uint64_t damaged_packets = 0, lost_packets = 0;
 };
+
+// A line of `surface_bridge status`; empty if the device limits nothing.
+std::string limits_text(const DeviceChannel&);
 
 enum class Outcome { kDone, kStopped, kDeviceLost, kFailed };
 
@@ -92,6 +101,9 @@ class Bridge {
   bool may_send(std::uint64_t answered_tick) const;
   void send_stop();
   void fill_actuators(bool safe);
+  void check_emergency_stop();
+  std::string answer(const std::string& command);
+  std::string status_text() const;
   bool flush();
 
   BridgeOptions options_;
@@ -101,9 +113,14 @@ class Bridge {
   DeviceLink link_;
   std::optional<DeviceDescription> device_;  // as first described
   std::optional<shm_protocol::SurfaceEndpoint> surface_;
-  std::vector<std::uint8_t> out_;  // bytes not yet written to the line
-  std::vector<float> actuators_;   // the frame being sent to the device
-  std::string fault_;              // why the device is unusable; "": it is usable
+  std::optional<ControlSocket> control_;
+  EmergencyStop emergency_;
+  unsigned handshakes_ = 0;           // since the line was opened
+  std::uint32_t stop_sent_tick_ = 0;  // of the device, when the last SSW_STOP_NOW or SSW_ARM was sent
+  std::uint32_t flags_ = 0;           // of the newest sensor frame
+  std::vector<std::uint8_t> out_;     // bytes not yet written to the line
+  std::vector<float> actuators_;      // the frame being sent to the device
+  std::string fault_;                 // why the device is unusable; "": it is usable
 
   bool seen_frame_ = false;        // since the line was opened
   std::uint32_t device_tick_ = 0;  // of the newest sensor frame

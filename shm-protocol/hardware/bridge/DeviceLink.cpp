@@ -54,9 +54,17 @@ void put_value(const DeviceChannel& c, float value, std::uint8_t* to) {
 
 }  // namespace
 
+bool DeviceChannel::is_compatible_with(const DeviceChannel& o) const {
+  return name == o.name && unit == o.unit && sensor == o.sensor && dtype == o.dtype &&
+         components == o.components && minimum == o.minimum && maximum == o.maximum && safe == o.safe &&
+         scale == o.scale && offset == o.offset && flags == o.flags;
+}
+
 bool DeviceDescription::is_compatible_with(const DeviceDescription& o) const {
   return name == o.name && rows == o.rows && columns == o.columns && period_us == o.period_us &&
-         pitch == o.pitch && channels == o.channels;
+         pitch == o.pitch && version == o.version && id == o.id && abilities == o.abilities &&
+         mask == o.mask && positions == o.positions &&
+         std::ranges::equal(channels, o.channels, &DeviceChannel::is_compatible_with);
 }
 
 DeviceLink::DeviceLink() { reset(); }
@@ -66,7 +74,7 @@ void DeviceLink::reset() {
   ssw_receiver_init(&receiver_);
   receiver_.damaged = damaged;
   described_ = in_frame_ = has_sequence_ = false;
-  channels_remaining_ = 0;
+  channels_remaining_ = mask_remaining_ = positions_remaining_ = 0;
 }
 
 void DeviceLink::count_sequence(std::uint8_t sequence) {
@@ -86,8 +94,17 @@ DeviceLink::Event DeviceLink::handle_packet(const ssw_packet& packet) {
   switch (packet.type) {
     case SSW_HELLO:
       return handle_hello(packet);
+    case SSW_HELLO2:
+      return handle_hello2(packet);
     case SSW_CHANNEL:
+    case SSW_CHANNEL2:
       return handle_channel(packet);
+    case SSW_CELLS:
+      return handle_cells(packet);
+    case SSW_CLOCK:
+      return ssw_get_clock(&packet, &clock_) ? Event::kClock : Event::kAlive;
+    case SSW_STATUS:
+      return ssw_get_status(&packet, &status_) ? Event::kStatus : Event::kAlive;
     case SSW_SENSOR_DATA:
       return handle_data(packet);
     case SSW_SENSOR_END:
@@ -116,21 +133,60 @@ DeviceLink::Event DeviceLink::handle_hello(const ssw_packet& packet) {
   if (hello.version != SSW_VERSION)
     return reject("the device speaks version " + std::to_string(hello.version) +
                   " of the byte protocol, not " + std::to_string(SSW_VERSION));
+  return begin_description(hello, 1);
+}
+
+DeviceLink::Event DeviceLink::handle_hello2(const ssw_packet& packet) {
+  ssw_hello2 board;
+  if (!ssw_get_hello2(&packet, &board)) return Event::kAlive;
+  if (board.hello.version != SSW_VERSION_2)
+    return reject("the device speaks version " + std::to_string(board.hello.version) +
+                  " of the byte protocol; 1 and 2 are known");
+  const Event event = begin_description(board.hello, 2);
+  if (event == Event::kRejected) return event;
+  DeviceDescription& d = incoming_description_;
+  d.id = text_of(board.id);
+  d.abilities = board.abilities;
+  d.program_hash = board.program_hash;
+  d.sense_delay_us = board.sense_delay_us;
+  d.actuate_delay_us = board.actuate_delay_us;
+  const std::size_t cells = std::size_t{d.rows} * d.columns;
+  if (d.abilities & SSW_HAS_MASK) mask_remaining_ = cells;
+  if (d.abilities & SSW_HAS_POSITIONS) positions_remaining_ = cells;
+  return event;
+}
+
+DeviceLink::Event DeviceLink::begin_description(const ssw_hello& hello, int version) {
   const std::size_t cells = std::size_t{hello.rows} * hello.columns;
   if (hello.channels < 1 || hello.channels > SSW_MAX_CHANNELS)
     return reject("the device has " + std::to_string(hello.channels) + " channels; 1 to 8 are possible");
   if (cells == 0 || cells > kMaxElements) return reject("the device has an impossible number of cells");
   if (hello.period_us == 0) return reject("the device's control period is 0");
   if (!std::isfinite(hello.pitch) || !(hello.pitch > 0)) return reject("the device's pitch is not above 0");
-  incoming_description_ = {text_of(hello.name), hello.rows, hello.columns, hello.period_us, hello.pitch,
-                           hello.boot,          {}};
+  incoming_description_ = {};
+  incoming_description_.name = text_of(hello.name);
+  incoming_description_.rows = hello.rows;
+  incoming_description_.columns = hello.columns;
+  incoming_description_.period_us = hello.period_us;
+  incoming_description_.pitch = hello.pitch;
+  incoming_description_.boot = hello.boot;
+  incoming_description_.version = version;
   channels_remaining_ = hello.channels;
+  mask_remaining_ = positions_remaining_ = 0;
   return Event::kAlive;
 }
 
 DeviceLink::Event DeviceLink::handle_channel(const ssw_packet& packet) {
-  ssw_channel c;
-  if (!ssw_get_channel(&packet, &c) || channels_remaining_ == 0) return Event::kAlive;
+  ssw_channel2 channel{};
+  const bool second = packet.type == SSW_CHANNEL2;
+  if (!(second ? ssw_get_channel2(&packet, &channel) : ssw_get_channel(&packet, &channel.channel)) ||
+      channels_remaining_ == 0 || second != (incoming_description_.version == 2))
+    return Event::kAlive;
+  return add_channel(channel);
+}
+
+DeviceLink::Event DeviceLink::add_channel(const ssw_channel2& channel) {
+  const ssw_channel& c = channel.channel;
   if (c.index != incoming_description_.channels.size()) {
     channels_remaining_ = 0;  // an earlier channel was lost; the description is requested again
     return Event::kAlive;
@@ -146,9 +202,43 @@ DeviceLink::Event DeviceLink::handle_channel(const ssw_packet& packet) {
     if (before.sensor == sensor) first += before.elements;
   if (first + elements > kMaxElements) return reject("the device's frames are too large");
   incoming_description_.channels.push_back({name, text_of(c.unit), sensor, c.dtype, c.components, c.minimum,
-                                            c.maximum, c.safe, c.scale, c.offset, elements, first});
-  if (--channels_remaining_ != 0) return Event::kAlive;
+                                            c.maximum, c.safe, c.scale, c.offset, elements, first,
+                                            channel.limits, channel.flags});
+  --channels_remaining_;
+  return end_description_if_complete();
+}
 
+// Chunks ascend; after a loss, the description is requested again.
+DeviceLink::Event DeviceLink::handle_cells(const ssw_packet& packet) {
+  if (packet.payload_bytes <= SSW_CELLS_HEADER || channels_remaining_ != 0) return Event::kAlive;
+  const std::size_t first = ssw_get_u16(packet.payload), bytes = packet.payload_bytes - SSW_CELLS_HEADER;
+  const std::uint8_t* from = packet.payload + SSW_CELLS_HEADER;
+  if (packet.payload[2] == SSW_MASK) {
+    std::vector<std::uint8_t>& mask = incoming_description_.mask;
+    if (first != mask.size() || bytes > mask_remaining_) return Event::kAlive;
+    for (std::size_t i = 0; i < bytes; ++i) mask.push_back(from[i] != 0);
+    mask_remaining_ -= bytes;
+  } else if (packet.payload[2] == SSW_POSITIONS) {
+    auto& positions = incoming_description_.positions;
+    const std::size_t count = bytes / 12;
+    if (first != positions.size() || bytes % 12 != 0 || count > positions_remaining_) return Event::kAlive;
+    for (std::size_t i = 0; i < count; ++i) {
+      std::array<float, 3> at;
+      for (std::size_t k = 0; k < 3; ++k) at[k] = ssw_get_f32(from + 12 * i + 4 * k);
+      if (!std::ranges::all_of(at, [](float x) { return std::isfinite(x); }))
+        return reject("the position of cell " + std::to_string(first + i) + " of the device is not finite");
+      positions.push_back(at);
+    }
+    positions_remaining_ -= count;
+  } else {
+    return Event::kAlive;
+  }
+  return end_description_if_complete();
+}
+
+DeviceLink::Event DeviceLink::end_description_if_complete() {
+  if (channels_remaining_ != 0 || mask_remaining_ != 0 || positions_remaining_ != 0) return Event::kAlive;
+  if (incoming_description_.channels.empty()) return Event::kAlive;
   description_ = incoming_description_;
   described_ = true;
   sensor_elements_ = actuator_elements_ = 0;
@@ -208,6 +298,18 @@ void DeviceLink::append(const ssw_packet& packet, std::vector<std::uint8_t>& to)
 
 void DeviceLink::write(std::uint8_t type, std::uint32_t tick, std::vector<std::uint8_t>& to) {
   append({type, sequence_++, tick, nullptr, 0}, to);
+}
+
+void DeviceLink::write_sync(const ssw_sync& sync, std::uint32_t tick, std::vector<std::uint8_t>& to) {
+  std::array<std::uint8_t, SSW_SYNC_BYTES> payload;
+  ssw_put_sync(&sync, payload.data());
+  append({SSW_SYNC, sequence_++, tick, payload.data(), payload.size()}, to);
+}
+
+void DeviceLink::write_reason(std::uint8_t type, std::uint32_t reason, std::vector<std::uint8_t>& to) {
+  std::array<std::uint8_t, SSW_STOP_NOW_BYTES> payload;
+  ssw_put_u32(payload.data(), reason);
+  append({type, sequence_++, 0, payload.data(), payload.size()}, to);
 }
 
 void DeviceLink::write_frame(std::uint32_t tick, std::span<const float> values,

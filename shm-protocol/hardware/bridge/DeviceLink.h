@@ -5,6 +5,7 @@
 // except in the caller's buffer.
 #pragma once
 
+#include <array>
 #include <cstddef>
 #include <cstdint>
 #include <span>
@@ -24,8 +25,11 @@ struct DeviceChannel {
   float scale = 1, offset = 0;    // value = offset + scale × raw
   std::size_t elements = 0;       // components × rows × columns
   std::size_t first_element = 0;  // index of its first element in a frame of its direction
+  ssw_limits limits{};            // that the device keeps; 0: none
+  std::uint16_t flags = 0;        // SSW_VECTOR, SSW_AXIAL_VECTOR
 
-  bool operator==(const DeviceChannel&) const = default;
+  // Returns whether all fields except the limits are equal.
+  bool is_compatible_with(const DeviceChannel&) const;
 };
 
 struct DeviceDescription {
@@ -35,8 +39,16 @@ struct DeviceDescription {
   float pitch = 1;
   std::uint32_t boot = 0;  // changes at every start of the device
   std::vector<DeviceChannel> channels;
+  // Version 2 of the byte protocol.
+  int version = 1;
+  std::string id;
+  std::uint32_t abilities = 0, program_hash = 0;
+  std::uint32_t sense_delay_us = 0, actuate_delay_us = 0;
+  std::vector<std::uint8_t> mask;               // by cell, 1: it exists; empty: all exist
+  std::vector<std::array<float, 3>> positions;  // by cell, from the board's north-west cell; empty: a grid
 
-  // Returns whether all fields except `boot` are equal.
+  bool can_sync() const { return (abilities & SSW_CAN_SYNC) != 0; }
+  // Returns whether all fields except `boot`, `program_hash`, delays and limits are equal.
   bool is_compatible_with(const DeviceDescription&) const;
 };
 
@@ -57,6 +69,8 @@ class DeviceLink {
     kDescribed,  // description() was updated
     kRejected,   // the device's description is invalid or of another version: see message()
     kFrame,      // frame() was updated
+    kClock,      // clock() was updated
+    kStatus,     // status() was updated
     kFault       // the device reports a fault: see message()
   };
 
@@ -69,11 +83,16 @@ class DeviceLink {
   const DeviceDescription& description() const { return description_; }
   const SensorFrame& frame() const { return frame_; }
   const std::string& message() const { return message_; }
+  const ssw_clock& clock() const { return clock_; }
+  const ssw_status& status() const { return status_; }
   // Discards the description and all partial input after the line was lost.
   void reset();
 
-  // Appends a packet without payload: SSW_DESCRIBE, SSW_START, SSW_STOP, SSW_HEARTBEAT.
+  // Appends a packet without payload: SSW_DESCRIBE, SSW_DESCRIBE2, SSW_START, SSW_STOP, SSW_HEARTBEAT.
   void write(std::uint8_t type, std::uint32_t tick, std::vector<std::uint8_t>& to);
+  void write_sync(const ssw_sync&, std::uint32_t tick, std::vector<std::uint8_t>& to);
+  // Appends SSW_STOP_NOW or SSW_ARM.
+  void write_reason(std::uint8_t type, std::uint32_t reason, std::vector<std::uint8_t>& to);
   // Appends an actuator frame that answers the sensor frame of that tick. `values`: all actuator channels,
   // concatenated in the device's order; each value is clamped to its channel's range and rounded to the
   // nearest raw value.
@@ -88,7 +107,12 @@ class DeviceLink {
  private:
   Event handle_packet(const ssw_packet&);
   Event handle_hello(const ssw_packet&);
+  Event handle_hello2(const ssw_packet&);
+  Event begin_description(const ssw_hello&, int version);
   Event handle_channel(const ssw_packet&);
+  Event add_channel(const ssw_channel2&);
+  Event handle_cells(const ssw_packet&);
+  Event end_description_if_complete();
   Event handle_data(const ssw_packet&);
   Event handle_end(const ssw_packet&);
   Event reject(const std::string& reason);
@@ -97,7 +121,7 @@ class DeviceLink {
 
   ssw_receiver receiver_{};
   DeviceDescription description_, incoming_description_;
-  std::size_t channels_remaining_ = 0;
+  std::size_t channels_remaining_ = 0, mask_remaining_ = 0, positions_remaining_ = 0;
   bool described_ = false;
   std::size_t sensor_elements_ = 0, actuator_elements_ = 0;
 
@@ -106,6 +130,8 @@ class DeviceLink {
   bool in_frame_ = false;
 
   std::string message_;
+  ssw_clock clock_{};
+  ssw_status status_{};
   std::uint8_t sequence_ = 0, expected_ = 0;
   bool has_sequence_ = false;
   std::uint64_t lost_ = 0;

@@ -1,13 +1,17 @@
 // surface_bridge: the surface role for a physical device on a serial line or behind TCP.
 #include <getopt.h>
 #include <shm_protocol/Error.h>
+#include <signal.h>
+#include <sys/wait.h>
 #include <unistd.h>
 
+#include <cerrno>
 #include <charconv>
 #include <cstdint>
 #include <cstdio>
 #include <cstring>
 #include <exception>
+#include <filesystem>
 #include <stdexcept>
 
 #include "common/process/ExitStatus.h"
@@ -16,6 +20,7 @@
 #include "common/process/Termination.h"
 #include "common/text/Printable.h"
 #include "shm-protocol/hardware/bridge/Bridge.h"
+#include "shm-protocol/hardware/bridge/TableBridge.h"
 
 namespace {
 
@@ -25,17 +30,25 @@ using std::chrono::milliseconds;
 
 constexpr const char* kUsage =
     "usage: surface_bridge DEVICE [flags]\n"
+    "       surface_bridge --table TABLE.toml [flags]\n"
+    "       surface_bridge stop|arm|status NAME\n"
     "The surface role for a physical device. DEVICE is a serial line (/dev/ttyUSB0) or tcp:HOST:PORT; the "
     "device\n"
-    "describes itself, and its clock drives the session (docs/hardware.md).\n"
+    "describes itself, and its clock drives the session (docs/hardware.md). stop is the emergency stop of a "
+    "running\n"
+    "bridge, which arm releases; status prints the state of its boards.\n"
+    "  --table FILE     many boards as one surface, whose name and boards are in FILE; the host's clock "
+    "drives the "
+    "session\n"
     "  --baud N         speed of a serial line [115200]\n"
-    "  --shm NAME       name for controllers to attach to [surface]\n"
+    "  --shm NAME       name for controllers to attach to [surface; the table's]\n"
     "  --mode MODE      time-step (one answer to each sensor frame) or passive (whoever is ready) "
     "[time-step]\n"
     "  --ticks N        end after N sensor frames [never]\n"
     "  --silence S      seconds without a sensor frame after which the device is silent [0.5]\n"
     "  --connect S      seconds to wait for the device at the start [10]\n"
     "  --replug S       seconds to wait for a device that was lost [for ever]\n"
+    "  --record FILE    record the session, as smartsurf record does\n"
     "  --hold           without a controller the device keeps the last frame [it gets the safe values]\n"
     "Exit status: 0 done; 1 failed; 2 wrong input; 3 the device did not come, or not come back; 128 + n "
     "after\n"
@@ -62,14 +75,21 @@ shm_protocol::Mode parse_mode(const std::string& text) {
   throw std::invalid_argument("--mode: '" + text + "' is neither time-step nor passive");
 }
 
+struct Arguments {
+  BridgeOptions bridge;
+  std::optional<std::string> table, record;
+};
+
 // Returns nothing if --help was requested and printed.
-std::optional<BridgeOptions> parse(int argc, char** argv) {
-  static const option kKnown[] = {{"baud", 1, nullptr, 'b'},    {"shm", 1, nullptr, 's'},
-                                  {"mode", 1, nullptr, 'm'},    {"ticks", 1, nullptr, 't'},
-                                  {"silence", 1, nullptr, 'q'}, {"connect", 1, nullptr, 'c'},
-                                  {"replug", 1, nullptr, 'r'},  {"hold", 0, nullptr, 'o'},
-                                  {"help", 0, nullptr, 'h'},    {nullptr, 0, nullptr, 0}};
-  BridgeOptions o;
+std::optional<Arguments> parse(int argc, char** argv) {
+  static const option kKnown[] = {
+      {"baud", 1, nullptr, 'b'},   {"shm", 1, nullptr, 's'},     {"mode", 1, nullptr, 'm'},
+      {"ticks", 1, nullptr, 't'},  {"silence", 1, nullptr, 'q'}, {"connect", 1, nullptr, 'c'},
+      {"replug", 1, nullptr, 'r'}, {"table", 1, nullptr, 'T'},   {"record", 1, nullptr, 'R'},
+      {"hold", 0, nullptr, 'o'},   {"help", 0, nullptr, 'h'},    {nullptr, 0, nullptr, 0}};
+  Arguments arguments;
+  BridgeOptions& o = arguments.bridge;
+  bool named = false;
   unsigned baud = 115200;
   for (int flag; (flag = ::getopt_long(argc, argv, "h", kKnown, nullptr)) != -1;) {
     switch (flag) {
@@ -78,6 +98,13 @@ std::optional<BridgeOptions> parse(int argc, char** argv) {
         break;
       case 's':
         o.surface = ::optarg;
+        named = true;
+        break;
+      case 'R':
+        arguments.record = ::optarg;
+        break;
+      case 'T':
+        arguments.table = ::optarg;
         break;
       case 'm':
         o.mode = parse_mode(::optarg);
@@ -104,27 +131,68 @@ std::optional<BridgeOptions> parse(int argc, char** argv) {
         throw std::invalid_argument("see --help");
     }
   }
+  if (arguments.table) {
+    if (::optind != argc) throw std::invalid_argument("the devices of a table are in its file");
+    if (!named) o.surface.clear();
+    return arguments;
+  }
   if (::optind + 1 != argc)
     throw std::invalid_argument("one DEVICE is needed: a serial line or tcp:HOST:PORT");
   o.port = hardware::PortAddress::parse(argv[::optind], baud);
-  return o;
+  return arguments;
 }
 
-void print(const hardware::BridgeCounters& c) {
+std::string report(const hardware::BridgeCounters& c) {
   const auto n = [](std::uint64_t value) { return static_cast<unsigned long long>(value); };
-  std::printf(
-      "frames %llu answers %llu lost %llu passed_over %llu missed %llu unsent %llu silences %llu "
-      "reconnections %llu "
-      "damaged_packets %llu lost_packets %llu\n",
-      n(c.frames), n(c.answers), n(c.lost), n(c.skipped), n(c.missed_deadlines), n(c.unsent), n(c.silences),
-      n(c.reconnections), n(c.damaged_packets), n(c.lost_packets));
+  char text[512];
+  std::snprintf(text, sizeof text,
+                "frames %llu answers %llu lost %llu passed_over %llu missed %llu unsent %llu silences %llu "
+                "reconnections %llu damaged_packets %llu lost_packets %llu\n",
+                n(c.frames), n(c.answers), n(c.lost), n(c.skipped), n(c.missed_deadlines), n(c.unsent),
+                n(c.silences), n(c.reconnections), n(c.damaged_packets), n(c.lost_packets));
+  return text;
 }
 
-int serve(const BridgeOptions& options) {
-  Bridge bridge(options, common::catch_stop_signals(),
-                [](const std::string& line) { common::print_error_line("surface_bridge", line); });
-  const hardware::Outcome end = bridge.run();
-  print(bridge.counters());
+// `smartsurf record`, which ends with the surface. Its lines go to the standard error.
+class RecorderProcess {
+ public:
+  RecorderProcess(const std::string& surface, const std::string& file) {
+    pid_ = ::fork();
+    if (pid_ < 0)
+      throw std::runtime_error(std::string("cannot start smartsurf record: ") + std::strerror(errno));
+    if (pid_ != 0) return;
+    ::dup2(STDERR_FILENO, STDOUT_FILENO);
+    std::error_code none;
+    const auto beside = std::filesystem::read_symlink("/proc/self/exe", none).parent_path() / "smartsurf";
+    const std::string program = std::filesystem::exists(beside, none) ? beside.string() : "smartsurf";
+    ::execlp(program.c_str(), "smartsurf", "record", "--shm", surface.c_str(), "-o", file.c_str(), "--wait",
+             "1000000", nullptr);
+    common::print_error_line("surface_bridge",
+                             "cannot start smartsurf record: " + std::string(std::strerror(errno)));
+    ::_exit(common::kFailed);
+  }
+  ~RecorderProcess() {
+    if (pid_ > 0) finish(true);
+  }
+  RecorderProcess(const RecorderProcess&) = delete;
+  RecorderProcess& operator=(const RecorderProcess&) = delete;
+
+  // Waits for its end. Returns whether it recorded all. `stop`: it may still wait for a surface that never
+  // was.
+  bool finish(bool stop) {
+    if (stop) ::kill(pid_, SIGTERM);
+    int status = 0;
+    while (::waitpid(pid_, &status, 0) < 0 && errno == EINTR) {
+    }
+    pid_ = 0;
+    return WIFEXITED(status) && (WEXITSTATUS(status) == common::kDone || WEXITSTATUS(status) > 128);
+  }
+
+ private:
+  pid_t pid_ = 0;
+};
+
+int exit_status(hardware::Outcome end) {
   if (std::fflush(stdout) != 0) return common::kFailed;
   switch (end) {
     case hardware::Outcome::kDone:
@@ -139,12 +207,55 @@ int serve(const BridgeOptions& options) {
   return common::kFailed;
 }
 
+void print_event(const std::string& line) { common::print_error_line("surface_bridge", line); }
+
+int serve(const Arguments& arguments) {
+  std::optional<RecorderProcess> recorder;
+  const auto start_recorder = [&](const std::string& surface) {
+    if (arguments.record) recorder.emplace(surface, *arguments.record);
+  };
+  const auto finish = [&](hardware::Outcome end, bool served, const std::string& report) {
+    const bool recorded = !recorder || recorder->finish(!served);
+    std::fputs(report.c_str(), stdout);
+    const int status = exit_status(end);
+    return recorded || status != common::kDone ? status : common::kFailed;
+  };
+  if (arguments.table) {
+    const hardware::TableSpec table = hardware::read_table(*arguments.table);
+    start_recorder(arguments.bridge.surface.empty() ? table.name : arguments.bridge.surface);
+    hardware::TableBridge bridge(table, arguments.bridge, common::catch_stop_signals(), print_event);
+    const hardware::Outcome end = bridge.run();
+    return finish(end, bridge.served(), bridge.report());
+  }
+  start_recorder(arguments.bridge.surface);
+  Bridge bridge(arguments.bridge, common::catch_stop_signals(), print_event);
+  const hardware::Outcome end = bridge.run();
+  return finish(end, bridge.counters().frames != 0, report(bridge.counters()));
+}
+
+bool is_command(const char* word) {
+  return std::strcmp(word, "stop") == 0 || std::strcmp(word, "arm") == 0 || std::strcmp(word, "status") == 0;
+}
+
+int ask(int argc, char** argv) {
+  if (argc != 3)
+    throw std::invalid_argument(std::string(argv[1]) + " needs the NAME of a running bridge's surface");
+  try {
+    std::fputs(hardware::ask_bridge(argv[2], argv[1]).c_str(), stdout);
+  } catch (const std::runtime_error& e) {
+    common::print_error_line("surface_bridge: error", e.what());
+    return common::kPeerLost;
+  }
+  return std::fflush(stdout) == 0 ? common::kDone : common::kFailed;
+}
+
 }  // namespace
 
 int main(int argc, char** argv) {
   common::open_standard_streams();
   const common::Termination termination("surface_bridge");
   try {
+    if (argc > 1 && is_command(argv[1])) return ask(argc, argv);
     const auto options = parse(argc, argv);
     if (!options) return std::fflush(stdout) == 0 ? common::kDone : common::kFailed;
     return serve(*options);

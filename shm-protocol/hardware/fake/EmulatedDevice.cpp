@@ -1,5 +1,7 @@
 #include "shm-protocol/hardware/fake/EmulatedDevice.h"
 
+#include <signal.h>
+
 #include <algorithm>
 #include <cstring>
 #include <utility>
@@ -12,6 +14,23 @@ template <std::size_t kSize>
 void set_text(char (&field)[kSize], const char* text) {
   std::copy_n(text, std::min(std::strlen(text), kSize), field);
 }
+
+// Keeps the interrupts of device_emulator, which a timer's signal stands for, away while it lives.
+class InterruptLock {
+ public:
+  InterruptLock() {
+    sigset_t alarm;
+    sigemptyset(&alarm);
+    sigaddset(&alarm, SIGALRM);
+    pthread_sigmask(SIG_BLOCK, &alarm, &before_);
+  }
+  ~InterruptLock() { pthread_sigmask(SIG_SETMASK, &before_, nullptr); }
+  InterruptLock(const InterruptLock&) = delete;
+  InterruptLock& operator=(const InterruptLock&) = delete;
+
+ private:
+  sigset_t before_{};
+};
 
 }  // namespace
 
@@ -41,7 +60,19 @@ ssw_channel EmulatedDevice::describe(ssw_direction direction, ssw_dtype dtype, c
 
 void EmulatedDevice::set_channels(std::vector<ssd_channel> sensors, const ssw_channel& height) {
   channels_ = std::move(sensors);
-  channels_.push_back({height, height_.data(), height_next_.data()});
+  channels_.push_back({height, pins_, height_next_.data()});
+  restart();
+}
+
+void EmulatedDevice::become(Board board) {
+  board_ = std::move(board);
+  motion_.resize(board_.limits ? cell_count() : 0);
+  restart();
+}
+
+void EmulatedDevice::keep_pins_in(std::uint8_t* pins) {
+  pins_ = pins;
+  channels_.back().values = pins;
   restart();
 }
 
@@ -53,13 +84,21 @@ void EmulatedDevice::restart() {
   hello.pitch = pitch_;
   hello.boot = ++boot_;
   set_text(hello.name, name_);
+  const InterruptLock lock;
   reset();
   ssd_init(
       &device_, &hello, channels_.data(), static_cast<std::uint8_t>(channels_.size()),
       [](void* self, const std::uint8_t* bytes, std::size_t count) {
-        static_cast<EmulatedDevice*>(self)->write_(bytes, count);
+        return static_cast<int>(static_cast<EmulatedDevice*>(self)->write_(bytes, count));
       },
       this);
+  set_text(device_.board.id, board_.id.c_str());
+  if (board_.micros)
+    device_.micros = [](void* self) { return static_cast<EmulatedDevice*>(self)->board_.micros(); };
+  if (!board_.mask.empty()) device_.mask = board_.mask.data();
+  if (!board_.positions.empty()) device_.positions = board_.positions.data();
+  if (board_.limits)
+    ssd_limit(&device_, static_cast<std::uint8_t>(channels_.size() - 1), &*board_.limits, motion_.data());
 }
 
 void EmulatedDevice::period() {

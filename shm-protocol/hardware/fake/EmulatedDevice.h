@@ -4,6 +4,9 @@
 
 #include <cstdint>
 #include <functional>
+#include <optional>
+#include <span>
+#include <string>
 #include <vector>
 
 #include "shm-protocol/hardware/firmware/device.h"
@@ -12,7 +15,17 @@ namespace hardware {
 
 class EmulatedDevice {
  public:
-  using Write = std::function<void(const std::uint8_t*, std::size_t)>;
+  // Takes a whole packet, or returns false and takes nothing.
+  using Write = std::function<bool(const std::uint8_t*, std::size_t)>;
+
+  // What version 2 of the byte protocol adds to a device.
+  struct Board {
+    std::string id;
+    std::optional<ssw_limits> limits;       // of the channel `height`
+    std::function<std::uint32_t()> micros;  // the device's clock; empty: it has none
+    std::vector<std::uint8_t> mask;         // by cell, 1: it exists; empty: all exist
+    std::vector<float> positions;           // x, y, z by cell; empty: a grid
+  };
 
   EmulatedDevice(const EmulatedDevice&) = delete;
   EmulatedDevice& operator=(const EmulatedDevice&) = delete;
@@ -24,9 +37,19 @@ class EmulatedDevice {
   // Simulates a power failure: new boot number, all pins down.
   void restart();
   void report(const char* text) { ssd_report(&device_, text); }
+  // Restarts the device as that board.
+  void become(Board);
+  // Keeps the active frame in `pins`, one byte per cell, and restarts the device.
+  void keep_pins_in(std::uint8_t* pins);
+  // What a timer's and a stop line's interrupts do; may be called from a signal handler.
+  void watchdog(std::uint32_t elapsed_us) { ssd_watchdog(&device_, elapsed_us); }
+  void press_stop() { ssd_stop(&device_, SSW_STOP_BY_LINE); }
+  // The length of the period that has begun. Call once after each period().
+  std::uint32_t period_us() { return ssd_period_us(&device_); }
 
   const ssd_device& firmware() const { return device_; }
-  const std::vector<std::uint8_t>& heights() const { return height_; }  // active frame, raw
+  // The active frame, raw.
+  std::span<const std::uint8_t> heights() const { return {pins_, cell_count()}; }
 
  protected:
   EmulatedDevice(const char* name, std::uint16_t rows, std::uint16_t columns, float pitch,
@@ -49,7 +72,10 @@ class EmulatedDevice {
   float pitch_;
   std::uint32_t period_us_, boot_ = 0;
   Write write_;
+  Board board_;
   std::vector<std::uint8_t> height_, height_next_;
+  std::uint8_t* pins_ = height_.data();
+  std::vector<ssd_motion> motion_;
   std::vector<ssd_channel> channels_;
   ssd_device device_{};
 };

@@ -31,6 +31,7 @@ class EmulatedLine {
   void read(std::vector<std::uint8_t>& to);
   // Sends what the line accepts without blocking and queues the rest.
   void write(const std::vector<std::uint8_t>& bytes);
+  std::size_t pending_bytes() const { return pending_.size(); }
 
  private:
   EmulatedLine(std::string link, std::uint16_t port, bool tcp);

@@ -38,19 +38,27 @@ class NoisyLine {
       burst.bytes.push_back(byte);
     }
     last_ = burst.due;
+    pending_bytes_ += burst.bytes.size();
     bursts_.push_back(std::move(burst));
   }
 
   // Appends to `to` the bytes that have arrived by `now`.
   void receive(Time now, std::vector<std::uint8_t>& to) {
-    for (; !bursts_.empty() && bursts_.front().due <= now; bursts_.pop_front())
+    for (; !bursts_.empty() && bursts_.front().due <= now; bursts_.pop_front()) {
       to.insert(to.end(), bursts_.front().bytes.begin(), bursts_.front().bytes.end());
+      pending_bytes_ -= bursts_.front().bytes.size();
+    }
   }
   // Arrival time of the next burst.
   std::optional<Time> next_arrival() const {
     return bursts_.empty() ? std::nullopt : std::optional(bursts_.front().due);
   }
-  void clear() { bursts_.clear(); }
+  void clear() {
+    bursts_.clear();
+    pending_bytes_ = 0;
+  }
+  std::size_t pending_bytes() const { return pending_bytes_; }
+  void set_noise(double drop, double corrupt) { options_.drop = drop, options_.corrupt = corrupt; }
 
   std::uint64_t dropped = 0, corrupted = 0;
 
@@ -70,6 +78,7 @@ class NoisyLine {
   NoiseOptions options_;
   std::mt19937_64 random_;
   std::deque<Burst> bursts_;
+  std::size_t pending_bytes_ = 0;
   Time last_{0};
 };
 

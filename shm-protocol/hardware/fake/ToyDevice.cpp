@@ -35,7 +35,7 @@ void ToyDevice::sense(std::uint64_t tick) {
                                    static_cast<float>(heights()[cell]) * kHeightScale);
       pin_[cell] = static_cast<std::uint16_t>(std::lround(pin / kPinScale));
     }
-  echo_ = heights();
+  std::ranges::copy(heights(), echo_.begin());
 }
 
 }  // namespace hardware

@@ -1,66 +1,85 @@
 // device_emulator: the reference firmware on an emulated device, behind a pseudo-terminal or TCP, with
 // configurable line faults.
+#include <fcntl.h>
 #include <getopt.h>
 #include <poll.h>
+#include <sys/mman.h>
+#include <sys/time.h>
+#include <unistd.h>
 
 #include <algorithm>
+#include <array>
 #include <atomic>
+#include <cerrno>
 #include <charconv>
+#include <cmath>
 #include <csignal>
 #include <cstdio>
 #include <cstring>
 #include <memory>
 #include <optional>
+#include <random>
 #include <stdexcept>
 #include <thread>
 
 #include "common/process/StandardStreams.h"
-#include "shm-protocol/hardware/fake/EmulatedLine.h"
-#include "shm-protocol/hardware/fake/NoisyLine.h"
+#include "shm-protocol/hardware/fake/EmulatedBoard.h"
 #include "shm-protocol/hardware/fake/PillarDevice.h"
 #include "shm-protocol/hardware/fake/ToyDevice.h"
 
 namespace {
 
-using hardware::NoisyLine;
-using Clock = std::chrono::steady_clock;
+using hardware::EmulatedBoard;
 using std::chrono::milliseconds;
 
 constexpr const char* kUsage =
     "usage: device_emulator --pty LINK | --tcp PORT [flags]\n"
-    "A surface of real hardware, emulated for surface_bridge; prints the DEVICE to give it. The line gets "
-    "worse:\n"
-    "  --pty LINK       a pseudo-terminal, found through this symbolic link\n"
-    "  --tcp PORT       a server on 127.0.0.1; 0: any free port\n"
+    "Boards of a surface, emulated for surface_bridge; prints the DEVICE of each.\n"
+    "  --pty LINK       a pseudo-terminal, found through this symbolic link; of several boards, LINK-0, "
+    "LINK-1, …\n"
+    "  --tcp PORT       a server on 127.0.0.1; of several boards, on successive ports; 0: any free ports\n"
     "  --device NAME    toy: discs that drift by themselves; pillars: a ball rolls on pillars with touch "
     "[toy]\n"
-    "  --size WxH       cells, 1 to 1024 each way [16x16]\n"
-    "  --period-ms N    control period [10]\n"
-    "  --ticks N        end after N periods [never]\n"
-    "  --once           end when the host has closed the line and not opened it again for a second\n"
+    "  --size WxH       cells of a board, 1 to 1024 each way [16x16]\n"
+    "  --boards WxH     boards of the table, 1 to 64 each way [1x1]\n"
+    "  --table FILE     write the table for surface_bridge --table, of the name --name [table]\n"
+    "  --period-ms N    control period, 0.5 to 60000 [10]\n"
+    "  --ticks N        end after N periods of the first board [never]\n"
+    "  --once           end when the host has closed every line and not opened it again for a second\n"
+    "  --pins FILE      keep the first board's active heights in FILE, one byte per cell\n"
+    "The boards:\n"
+    "  --slew V, --acceleration A, --soft-start V, --most-moving N    limits of the height [none]\n"
+    "  --drift-ppm N    each clock is up to N millionths fast or slow [0]\n"
+    "  --version-1      the boards speak version 1 of the byte protocol only\n"
+    "  --queue BYTES    for the host; a full queue drops sensor frames [65536]\n"
+    "  --blocking       writes wait for the host, as firmware must not\n"
+    "  --stop-at N      press the first board's emergency stop in its Nth period\n"
+    "The line gets worse:\n"
     "  --drop P         probability that a byte is lost [0]\n"
     "  --corrupt P      probability that a byte is changed [0]\n"
     "  --delay-ms N     each piece comes up to N late [0]\n"
-    "  --seed N         of the noise [1]\n"
+    "  --seed N         of noise, clocks and storm [1]\n"
     "  --silent-at N    say nothing from the Nth period on, for --silent-for N periods [50]\n"
     "  --unplug-at N    cut the line at the Nth period, for --unplug-for N periods [50]\n"
     "  --restart        the device starts anew while it is unplugged\n"
-    "SIGUSR1 makes it silent, and SIGUSR2 cuts the line, from the next period on. At the end it prints its "
-    "counts and the\n"
-    "latency: from a sensor frame to the last byte of its answer.\n"
+    "  --storm N        N times a second, unplug, restart, silence or disturb a random board\n"
+    "SIGUSR1 makes the first board silent, and SIGUSR2 cuts its line, from the next period on. A timer "
+    "interrupt runs the\n"
+    "watchdog. At the end the emulator prints its counts and the latency: from a sensor frame to the last "
+    "byte of its "
+    "answer.\n"
     "Exit status: 0 done, also on SIGINT and SIGTERM; 1 failed; 2 wrong input.\n";
 
 std::atomic<bool> stop{false}, fall_silent{false}, cut{false};
 
 struct Options {
-  std::string link, device = "toy";
-  int tcp = -1;
-  std::uint16_t rows = 16, columns = 16;
-  std::uint32_t period_ms = 10;
-  std::uint64_t ticks = 0;
-  hardware::NoiseOptions noise;
-  std::uint64_t silent_at = 0, silent_for = 50, unplug_at = 0, unplug_for = 50;  // *_at 0: never
-  bool once = false, restart = false, help = false;
+  std::string device = "toy", table, name = "table", pins;
+  hardware::EmulatedBoardOptions board;
+  std::uint16_t rows = 16, columns = 16, board_rows = 1, board_columns = 1;
+  std::uint64_t ticks = 0, stop_at = 0;
+  std::optional<ssw_limits> limits;
+  double drift_ppm = 0, storm = 0;
+  bool once = false, help = false;
 };
 
 template <class Number>
@@ -73,43 +92,72 @@ Number parse(const std::string& flag, const char* text, Number least, Number mos
   return value;
 }
 
-void parse_size(const std::string& text, Options& o) {
+void parse_size(const std::string& flag, const std::string& text, unsigned most, std::uint16_t& rows,
+                std::uint16_t& columns) {
   const std::size_t x = text.find('x');
-  if (x == std::string::npos) throw std::invalid_argument("--size: '" + text + "' is not WxH");
-  o.columns = parse<std::uint16_t>("size", text.substr(0, x).c_str(), 1, 1024);
-  o.rows = parse<std::uint16_t>("size", text.substr(x + 1).c_str(), 1, 1024);
+  if (x == std::string::npos) throw std::invalid_argument("--" + flag + ": '" + text + "' is not WxH");
+  columns = parse<std::uint16_t>(flag, text.substr(0, x).c_str(), 1, static_cast<std::uint16_t>(most));
+  rows = parse<std::uint16_t>(flag, text.substr(x + 1).c_str(), 1, static_cast<std::uint16_t>(most));
+}
+
+void set_limit(const std::string& flag, const char* text, Options& o) {
+  if (!o.limits) o.limits = ssw_limits{};
+  const auto positive = [&] { return static_cast<float>(parse(flag, text, 1e-6, 1e9)); };
+  if (flag == "slew") o.limits->slew = positive();
+  if (flag == "acceleration") o.limits->acceleration = positive();
+  if (flag == "soft-start") o.limits->soft_start = positive();
+  if (flag == "most-moving") o.limits->most_moving = parse<std::uint16_t>(flag, text, 1, 65535);
 }
 
 void set(const std::string& flag, Options& o) {
   const char* text = ::optarg;
   const auto count = [&] { return parse<std::uint64_t>(flag, text, 1, ~0ull); };
-  if (flag == "pty") o.link = text;
-  if (flag == "tcp") o.tcp = parse(flag, text, 0, 65535);
+  hardware::EmulatedBoardOptions& b = o.board;
+  if (flag == "pty") b.link = text;
+  if (flag == "tcp") b.tcp = parse(flag, text, 0, 65535);
   if (flag == "device") o.device = text;
-  if (flag == "size") parse_size(text, o);
-  if (flag == "period-ms") o.period_ms = parse<std::uint32_t>(flag, text, 1, 60000);
+  if (flag == "size") parse_size(flag, text, 1024, o.rows, o.columns);
+  if (flag == "boards") parse_size(flag, text, 64, o.board_rows, o.board_columns);
+  if (flag == "table") o.table = text;
+  if (flag == "name") o.name = text;
+  if (flag == "pins") o.pins = text;
+  if (flag == "period-ms")
+    b.period_us = static_cast<std::uint32_t>(parse(flag, text, 0.5, 60000.0) * 1e3 + 0.5);
   if (flag == "ticks") o.ticks = count();
   if (flag == "once") o.once = true;
-  if (flag == "drop") o.noise.drop = parse(flag, text, 0.0, 1.0);
-  if (flag == "corrupt") o.noise.corrupt = parse(flag, text, 0.0, 1.0);
-  if (flag == "delay-ms") o.noise.delay = milliseconds(parse<unsigned>(flag, text, 0, 60000));
-  if (flag == "seed") o.noise.seed = parse<std::uint64_t>(flag, text, 0, ~0ull);
-  if (flag == "silent-at") o.silent_at = count();
-  if (flag == "silent-for") o.silent_for = count();
-  if (flag == "unplug-at") o.unplug_at = count();
-  if (flag == "unplug-for") o.unplug_for = count();
-  if (flag == "restart") o.restart = true;
+  if (flag == "slew" || flag == "acceleration" || flag == "soft-start" || flag == "most-moving")
+    set_limit(flag, text, o);
+  if (flag == "drift-ppm") o.drift_ppm = parse(flag, text, 0.0, 10000.0);
+  if (flag == "version-1") b.version_1 = true;
+  if (flag == "queue") b.queue_bytes = parse<std::size_t>(flag, text, 0, std::size_t{1} << 30);
+  if (flag == "blocking") b.blocking = true;
+  if (flag == "stop-at") o.stop_at = count();
+  if (flag == "drop") b.noise.drop = parse(flag, text, 0.0, 1.0);
+  if (flag == "corrupt") b.noise.corrupt = parse(flag, text, 0.0, 1.0);
+  if (flag == "delay-ms") b.noise.delay = milliseconds(parse<unsigned>(flag, text, 0, 60000));
+  if (flag == "seed") b.noise.seed = parse<std::uint64_t>(flag, text, 0, ~0ull);
+  if (flag == "silent-at") b.silent_at = count();
+  if (flag == "silent-for") b.silent_for = count();
+  if (flag == "unplug-at") b.unplug_at = count();
+  if (flag == "unplug-for") b.unplug_for = count();
+  if (flag == "restart") b.restart_unplugged = true;
+  if (flag == "storm") o.storm = parse(flag, text, 0.0, 1000.0);
   if (flag == "help") o.help = true;
 }
 
 Options parse(int argc, char** argv) {
   static const option kKnown[] = {
-      {"pty", 1, nullptr, 1},       {"tcp", 1, nullptr, 1},        {"size", 1, nullptr, 1},
-      {"device", 1, nullptr, 1},    {"period-ms", 1, nullptr, 1},  {"ticks", 1, nullptr, 1},
-      {"drop", 1, nullptr, 1},      {"corrupt", 1, nullptr, 1},    {"delay-ms", 1, nullptr, 1},
-      {"seed", 1, nullptr, 1},      {"silent-at", 1, nullptr, 1},  {"silent-for", 1, nullptr, 1},
-      {"unplug-at", 1, nullptr, 1}, {"unplug-for", 1, nullptr, 1}, {"restart", 0, nullptr, 1},
-      {"once", 0, nullptr, 1},      {"help", 0, nullptr, 1},       {nullptr, 0, nullptr, 0}};
+      {"pty", 1, nullptr, 1},          {"tcp", 1, nullptr, 1},        {"size", 1, nullptr, 1},
+      {"device", 1, nullptr, 1},       {"period-ms", 1, nullptr, 1},  {"ticks", 1, nullptr, 1},
+      {"drop", 1, nullptr, 1},         {"corrupt", 1, nullptr, 1},    {"delay-ms", 1, nullptr, 1},
+      {"seed", 1, nullptr, 1},         {"silent-at", 1, nullptr, 1},  {"silent-for", 1, nullptr, 1},
+      {"unplug-at", 1, nullptr, 1},    {"unplug-for", 1, nullptr, 1}, {"restart", 0, nullptr, 1},
+      {"once", 0, nullptr, 1},         {"boards", 1, nullptr, 1},     {"table", 1, nullptr, 1},
+      {"name", 1, nullptr, 1},         {"pins", 1, nullptr, 1},       {"slew", 1, nullptr, 1},
+      {"acceleration", 1, nullptr, 1}, {"soft-start", 1, nullptr, 1}, {"most-moving", 1, nullptr, 1},
+      {"drift-ppm", 1, nullptr, 1},    {"version-1", 0, nullptr, 1},  {"queue", 1, nullptr, 1},
+      {"blocking", 0, nullptr, 1},     {"stop-at", 1, nullptr, 1},    {"storm", 1, nullptr, 1},
+      {"help", 0, nullptr, 1},         {nullptr, 0, nullptr, 0}};
   Options o;
   for (int index = 0, flag; (flag = ::getopt_long(argc, argv, "", kKnown, &index)) != -1;) {
     if (flag != 1) throw std::invalid_argument("see --help");
@@ -118,148 +166,202 @@ Options parse(int argc, char** argv) {
   if (o.help) return o;
   if (o.device != "toy" && o.device != "pillars")
     throw std::invalid_argument("--device: '" + o.device + "' must be toy or pillars");
-  if (::optind != argc || o.link.empty() == (o.tcp < 0))
+  if (::optind != argc || o.board.link.empty() == (o.board.tcp < 0))
     throw std::invalid_argument("either --pty LINK or --tcp PORT is needed; see --help");
   return o;
 }
 
+// The boards that the timer interrupt watches.
+std::vector<std::unique_ptr<EmulatedBoard>> boards;
+EmulatedBoard::Time last_interrupt{};
+
+void interrupt(int) {
+  const int error = errno;
+  const EmulatedBoard::Time now = EmulatedBoard::now();
+  const auto elapsed = std::chrono::duration_cast<std::chrono::microseconds>(now - last_interrupt);
+  last_interrupt = now;
+  for (const auto& board : boards) board->device().watchdog(static_cast<std::uint32_t>(elapsed.count()));
+  errno = error;
+}
+
+// The bytes of a file, mapped to memory until the process ends.
+std::uint8_t* map_file(const std::string& path, std::size_t bytes) {
+  const int file = ::open(path.c_str(), O_CREAT | O_RDWR | O_CLOEXEC, 0600);
+  void* memory = MAP_FAILED;
+  if (file >= 0 && ::ftruncate(file, static_cast<off_t>(bytes)) == 0)
+    memory = ::mmap(nullptr, bytes, PROT_READ | PROT_WRITE, MAP_SHARED, file, 0);
+  if (file >= 0) ::close(file);
+  if (memory == MAP_FAILED) throw std::runtime_error("cannot write " + path + ": " + std::strerror(errno));
+  return static_cast<std::uint8_t*>(memory);
+}
+
 class Emulator {
  public:
-  explicit Emulator(const Options& o)
-      : o_(o),
-        line_(o.tcp < 0 ? hardware::EmulatedLine::terminal(o.link)
-                        : hardware::EmulatedLine::tcp(static_cast<std::uint16_t>(o.tcp))),
-        from_host_(o.noise),
-        to_host_(other_seed(o.noise)),
-        device_(make_device()) {}
+  explicit Emulator(const Options& o) : o_(o), random_(o.board.noise.seed ^ 0x5DEECE66Du) {
+    const int count = o.board_rows * o.board_columns;
+    for (int index = 0; index < count; ++index) boards.push_back(make_board(index, count));
+    for (const auto& board : boards) std::printf("device %s\n", board->line().name().c_str());
+    if (!o.table.empty()) write_table();
+    std::fflush(stdout);
+    if (!o.pins.empty()) boards[0]->device().keep_pins_in(map_file(o.pins, std::size_t{o.rows} * o.columns));
+    boards[0]->on_period = [this] { on_first_boards_period(); };
+    start_interrupts();
+  }
+  ~Emulator() { set_interrupts(0); }
+  Emulator(const Emulator&) = delete;
+  Emulator& operator=(const Emulator&) = delete;
 
   void run() {
-    std::printf("device %s\n", line_.name().c_str());
-    std::fflush(stdout);
-    while (!stop.load() && (o_.ticks == 0 || period_ < o_.ticks) && !(o_.once && host_has_left())) {
+    while (!stop.load() && (o_.ticks == 0 || boards[0]->periods() < o_.ticks) &&
+           !(o_.once && hosts_have_left())) {
       wait();
-      carry();
-      if (now() >= milliseconds(o_.period_ms) * (period_ + 1)) next_period();
+      if (fall_silent.exchange(false)) boards[0]->fall_silent();
+      if (cut.exchange(false)) boards[0]->cut_line();
+      if (o_.storm > 0) storm();
+      for (const auto& board : boards) board->step();
     }
-    std::printf("periods %llu dropped %llu corrupted %llu missed %u\n",
-                static_cast<unsigned long long>(period_),
-                static_cast<unsigned long long>(from_host_.dropped + to_host_.dropped),
-                static_cast<unsigned long long>(from_host_.corrupted + to_host_.corrupted),
-                device_->firmware().missed);
-    print_latency();
+    report();
+  }
+
+ private:
+  static constexpr double kSettled_s = 4.0;  // after the ball was placed
+
+  double uniform() { return static_cast<double>(random_() >> 11) * 0x1p-53; }
+
+  std::unique_ptr<EmulatedBoard> make_board(int index, int count) {
+    hardware::EmulatedBoardOptions b = o_.board;
+    b.noise.seed += static_cast<std::uint64_t>(index) * 0x9E3779B9u;
+    if (b.tcp > 0) b.tcp += index;
+    if (count > 1 && !b.link.empty()) b.link += "-" + std::to_string(index);
+    if (index > 0) b.silent_at = b.unplug_at = 0;
+    b.drift_ppm = o_.drift_ppm * (2 * uniform() - 1);
+    b.clock_start_us = static_cast<std::uint32_t>(random_());
+    const auto make =
+        [this](hardware::EmulatedDevice::Write write) -> std::unique_ptr<hardware::EmulatedDevice> {
+      if (o_.device == "toy")
+        return std::make_unique<hardware::ToyDevice>(o_.rows, o_.columns, o_.board.period_us, write);
+      auto pillars = std::make_unique<hardware::PillarDevice>(o_.rows, o_.columns, o_.board.period_us, write);
+      pillars_ = pillars_ ? pillars_ : pillars.get();
+      return pillars;
+    };
+    auto board = std::make_unique<EmulatedBoard>(b, make);
+    EmulatedBoard* const at = board.get();
+    board->device().become({board_id(index), o_.limits, [at] { return at->micros(); }, {}, {}});
+    return board;
+  }
+
+  static std::string board_id(int index) { return "b" + std::to_string(index); }
+
+  void write_table() const {
+    std::FILE* file = std::fopen(o_.table.c_str(), "w");
+    if (!file) throw std::runtime_error("cannot write " + o_.table + ": " + std::strerror(errno));
+    std::fprintf(file, "name = \"%s\"\npitch = %g\nperiod_us = %u\n", o_.name.c_str(),
+                 static_cast<double>(boards[0]->device().firmware().hello.pitch), o_.board.period_us);
+    for (int i = 0; i < std::ssize(boards); ++i) {
+      const std::string id = o_.board.version_1 ? "" : "id = \"" + board_id(i) + "\"\n";
+      std::fprintf(file, "\n[[board]]\n%sdevice = \"%s\"\nat = [%d, %d]\n", id.c_str(),
+                   boards[i]->line().name().c_str(), i / o_.board_columns * o_.rows,
+                   i % o_.board_columns * o_.columns);
+    }
+    if (std::fclose(file) != 0) throw std::runtime_error("cannot write " + o_.table);
+  }
+
+  static void set_interrupts(std::uint32_t interval_us) {
+    itimerval timer{};
+    timer.it_interval.tv_sec = timer.it_value.tv_sec = interval_us / 1'000'000;
+    timer.it_interval.tv_usec = timer.it_value.tv_usec = interval_us % 1'000'000;
+    ::setitimer(ITIMER_REAL, &timer, nullptr);
+  }
+
+  void start_interrupts() {
+    struct sigaction action {};
+    action.sa_handler = interrupt;
+    action.sa_flags = SA_RESTART;
+    ::sigaction(SIGALRM, &action, nullptr);
+    last_interrupt = EmulatedBoard::now();
+    set_interrupts(std::max(o_.board.period_us / 2, 1000u));
+  }
+
+  static bool hosts_have_left() {
+    return std::ranges::all_of(boards, [](const auto& board) { return board->host_has_left(); });
+  }
+
+  void wait() {
+    EmulatedBoard::Time until = boards[0]->next_event();
+    lines_.clear();
+    for (const auto& board : boards) {
+      until = std::min(until, board->next_event());
+      lines_.push_back({board->line().descriptor(), POLLIN, 0});
+    }
+    const auto left = std::max(until - EmulatedBoard::now(), EmulatedBoard::Time(0));
+    const timespec time{static_cast<time_t>(left.count() / 1'000'000'000),
+                        static_cast<long>(left.count() % 1'000'000'000)};
+    // A pseudo-terminal that no process has opened reports a hang-up immediately.
+    if (::ppoll(lines_.data(), lines_.size(), &time, nullptr) > 0 &&
+        std::ranges::none_of(lines_, [](const pollfd& line) { return line.revents & POLLIN; }))
+      std::this_thread::sleep_for(std::min<EmulatedBoard::Time>(left, milliseconds(1)));
+  }
+
+  // Disturbs a random board, --storm times a second on average.
+  void storm() {
+    const auto now = EmulatedBoard::now();
+    if (next_storm_ == EmulatedBoard::Time{}) next_storm_ = now;
+    while (next_storm_ <= now) {
+      next_storm_ +=
+          EmulatedBoard::Time(static_cast<std::int64_t>(-std::log(1 - uniform()) * 1e9 / o_.storm));
+      EmulatedBoard& board = *boards[static_cast<std::ptrdiff_t>(random_() % boards.size())];
+      const std::uint64_t periods = 5 + random_() % 95;
+      const auto kind = random_() % 5;
+      ++storm_counts_[static_cast<std::ptrdiff_t>(kind)];
+      board.set_faults(periods, periods, kind == 1);
+      if (kind <= 1) board.cut_line();
+      if (kind == 2) board.fall_silent();
+      if (kind == 3) board.restart();
+      if (kind == 4) board.set_noise(uniform() * 2e-3, uniform() * 2e-3);
+      if (kind != 4) board.set_noise(o_.board.noise.drop, o_.board.noise.corrupt);
+    }
+  }
+
+  void on_first_boards_period() {
+    if (o_.stop_at != 0 && boards[0]->periods() == o_.stop_at) boards[0]->device().press_stop();
+    if (!pillars_ || pillars_->seconds_since_placed() <= kSettled_s) return;
+    distance_sum_ += pillars_->distance();
+    ++distance_count_;
+  }
+
+  void report() {
+    unsigned long long dropped = 0, corrupted = 0, missed = 0, unsent = 0;
+    std::vector<std::uint32_t> latency_us;
+    for (const auto& board : boards) {
+      dropped += board->dropped();
+      corrupted += board->corrupted();
+      missed += board->device().firmware().missed;
+      unsent += board->device().firmware().dropped;
+      latency_us.insert(latency_us.end(), board->latencies().begin(), board->latencies().end());
+    }
+    std::printf("periods %llu dropped %llu corrupted %llu missed %llu unsent %llu\n",
+                static_cast<unsigned long long>(boards[0]->periods()), dropped, corrupted, missed, unsent);
+    if (o_.storm > 0)
+      std::printf("storm unplugged %u unplugged_and_restarted %u silent %u restarted %u noisy %u\n",
+                  storm_counts_[0], storm_counts_[1], storm_counts_[2], storm_counts_[3], storm_counts_[4]);
+    if (!latency_us.empty()) {
+      std::ranges::sort(latency_us);
+      const auto quantile = [&](double share) {
+        return latency_us[static_cast<std::ptrdiff_t>(share * static_cast<double>(latency_us.size() - 1))];
+      };
+      std::printf("answers %zu latency_us median %u p99 %u max %u\n", latency_us.size(), quantile(0.5),
+                  quantile(0.99), quantile(1.0));
+    }
     if (distance_count_ > 0)
       std::printf("ball distance_cm %.2f\n", distance_sum_ / static_cast<double>(distance_count_));
   }
 
- private:
-  static constexpr std::size_t kMaxLatencies = 10'000'000;
-  static constexpr double kSettled_s = 4.0;  // after the ball was placed
-
-  std::unique_ptr<hardware::EmulatedDevice> make_device() {
-    auto write = [this](const std::uint8_t* bytes, std::size_t count) {
-      if (!silent()) to_host_.send(bytes, count, now());
-    };
-    const std::uint32_t period_us = o_.period_ms * 1000;
-    if (o_.device == "toy")
-      return std::make_unique<hardware::ToyDevice>(o_.rows, o_.columns, period_us, write);
-    auto pillars = std::make_unique<hardware::PillarDevice>(o_.rows, o_.columns, period_us, write);
-    pillars_ = pillars.get();
-    return pillars;
-  }
-
-  void print_latency() {
-    if (latency_us_.empty()) return;
-    std::ranges::sort(latency_us_);
-    const auto quantile = [&](double share) {
-      return latency_us_[static_cast<std::ptrdiff_t>(share * static_cast<double>(latency_us_.size() - 1))];
-    };
-    std::printf("answers %zu latency_us median %u p99 %u max %u\n", latency_us_.size(), quantile(0.5),
-                quantile(0.99), quantile(1.0));
-  }
-
-  // Records the latency of the answer to this period's frame, once the answer is complete.
-  void measure_latency() {
-    const ssd_device& firmware = device_->firmware();
-    if (firmware.ready_tick != firmware.tick || answered_tick_ == firmware.tick) return;
-    answered_tick_ = firmware.tick;
-    const auto latency = std::chrono::duration_cast<std::chrono::microseconds>(now() - sent_at_);
-    if (latency_us_.size() < kMaxLatencies)
-      latency_us_.push_back(static_cast<std::uint32_t>(latency.count()));
-  }
-
-  static hardware::NoiseOptions other_seed(hardware::NoiseOptions noise) {
-    noise.seed += 0x9E3779B97F4A7C15u;
-    return noise;
-  }
-  NoisyLine::Time now() const { return Clock::now() - start_; }
-  bool within(std::uint64_t at, std::uint64_t length) const {
-    return at != 0 && period_ >= at && period_ < at + length;
-  }
-  bool silent() const { return within(o_.silent_at, o_.silent_for); }
-
-  // Returns whether the host closed the line and did not open it again within a second.
-  bool host_has_left() const { return host_seen_at_ && now() > *host_seen_at_ + std::chrono::seconds(1); }
-
-  void wait() {
-    NoisyLine::Time until = milliseconds(o_.period_ms) * (period_ + 1);
-    for (const NoisyLine* line : {&from_host_, &to_host_})
-      if (const auto due = line->next_arrival()) until = std::min(until, *due);
-    const auto left = std::chrono::ceil<milliseconds>(until - now());
-    pollfd line{line_.descriptor(), POLLIN, 0};
-    const int wait_ms = static_cast<int>(std::max<milliseconds::rep>(left.count(), 0));
-    // A pseudo-terminal that no process has opened reports a hang-up immediately.
-    if (::poll(&line, 1, wait_ms) == 1 && !(line.revents & POLLIN))
-      std::this_thread::sleep_for(milliseconds(std::min(wait_ms, 1)));
-  }
-
-  void carry() {
-    bytes_.clear();
-    line_.read(bytes_);
-    if (line_.has_host() || (host_seen_at_ && !line_.plugged())) host_seen_at_ = now();
-    if (!bytes_.empty()) from_host_.send(bytes_.data(), bytes_.size(), now());
-    bytes_.clear();
-    from_host_.receive(now(), bytes_);
-    for (const std::uint8_t byte : bytes_) {
-      device_->receive(byte);
-      measure_latency();
-    }
-    bytes_.clear();
-    to_host_.receive(now(), bytes_);
-    line_.write(bytes_);
-  }
-
-  void next_period() {
-    ++period_;
-    if (fall_silent.exchange(false)) o_.silent_at = period_;
-    if (cut.exchange(false)) o_.unplug_at = period_;
-    if (within(o_.unplug_at, o_.unplug_for)) {
-      line_.unplug();
-      from_host_.clear();
-      to_host_.clear();
-      if (o_.restart && period_ == o_.unplug_at) device_->restart();
-    } else {
-      line_.plug();
-    }
-    sent_at_ = now();
-    device_->period();
-    if (pillars_ && pillars_->seconds_since_placed() > kSettled_s) {
-      distance_sum_ += pillars_->distance();
-      ++distance_count_;
-    }
-  }
-
   Options o_;
-  Clock::time_point start_ = Clock::now();
-  std::uint64_t period_ = 0;
-  hardware::EmulatedLine line_;
-  NoisyLine from_host_, to_host_;
-  hardware::PillarDevice* pillars_ = nullptr;  // device_, if it is one
-  std::unique_ptr<hardware::EmulatedDevice> device_;
-  std::vector<std::uint8_t> bytes_;
-  std::optional<NoisyLine::Time> host_seen_at_;  // last; moves on while the line is unplugged
-  NoisyLine::Time sent_at_{};                    // when the last sensor frame was sent
-  std::uint32_t answered_tick_ = 0;              // tick whose latency was measured last
-  std::vector<std::uint32_t> latency_us_;
+  std::mt19937_64 random_;
+  std::vector<pollfd> lines_;
+  hardware::PillarDevice* pillars_ = nullptr;  // the first board's, if it is one
+  EmulatedBoard::Time next_storm_{};
+  std::array<unsigned, 5> storm_counts_{};
   double distance_sum_ = 0.0;  // of the settled ball from the middle, cm
   std::uint64_t distance_count_ = 0;
 };
@@ -279,7 +381,7 @@ int main(int argc, char** argv) {
       (number == SIGUSR1 ? fall_silent : number == SIGUSR2 ? cut : stop).store(true);
     };
     for (const int number : {SIGINT, SIGTERM, SIGUSR1, SIGUSR2}) sigaction(number, &action, nullptr);
-    std::make_unique<Emulator>(o)->run();
+    Emulator(o).run();
     return 0;
   } catch (const std::invalid_argument& e) {
     std::fprintf(stderr, "device_emulator: error: %s\n", e.what());

@@ -14,15 +14,18 @@ static uint32_t frame_elements(const ssd_device* d, uint8_t direction) {
   return sum;
 }
 
-static void send(ssd_device* d, uint8_t type, const uint8_t* payload, size_t bytes) {
+/* A packet that finds no room is not sent: its sequence number goes to the next one. */
+static int send(ssd_device* d, uint8_t type, const uint8_t* payload, size_t bytes) {
   uint8_t framed[SSW_MAX_ENCODED + 2];
   ssw_packet packet;
   packet.type = type;
-  packet.sequence = d->sequence++;
+  packet.sequence = d->sequence;
   packet.tick = d->tick;
   packet.payload = payload;
   packet.payload_bytes = bytes;
-  d->write(d->context, framed, ssw_write(&packet, framed));
+  if (!d->write(d->context, framed, ssw_write(&packet, framed))) return 0;
+  ++d->sequence;
+  return 1;
 }
 
 /* Convert an element to the wire's byte order and back. Elements may be unaligned, hence memcpy. */
@@ -54,25 +57,82 @@ static void from_wire(const uint8_t* from, uint8_t dtype, void* values, uint32_t
   }
 }
 
+/* An element as a raw number, and back: rounded to the nearest. */
+static float element(const void* values, uint32_t index, uint8_t dtype) {
+  uint8_t wire[4];
+  to_wire(values, index, dtype, wire);
+  return dtype == SSW_F32 ? ssw_get_f32(wire) : dtype == SSW_U16 ? (float)ssw_get_u16(wire) : (float)*wire;
+}
+
+static void put_element(void* values, uint32_t index, uint8_t dtype, float raw) {
+  uint8_t wire[4];
+  if (dtype == SSW_F32)
+    ssw_put_f32(wire, raw);
+  else
+    ssw_put_u32(wire, raw > 0.0f ? (uint32_t)(raw + 0.5f) : 0u);
+  from_wire(wire, dtype, values, index);
+}
+
 /* ---- actuators ---- */
 
-static void apply_safe_values(ssd_device* d) {
-  uint8_t i, wire[4];
+/* Without floating point, because interrupts call it. */
+static void set_safe_values(ssd_device* d) {
+  uint8_t i;
   uint32_t e;
   for (i = 0; i < d->hello.channels; ++i) {
     ssd_channel* c = &d->channels[i];
+    const size_t size = ssw_dtype_bytes(c->info.dtype);
+    uint8_t* to = (uint8_t*)c->values;
     if (c->info.direction != SSW_ACTUATOR) continue;
-    if (c->info.dtype == SSW_F32) {
-      ssw_put_f32(wire, c->info.safe);
-    } else {
-      const float raw = (c->info.safe - c->info.offset) / c->info.scale + 0.5f;
-      ssw_put_u32(wire, raw > 0.0f ? (uint32_t)raw : 0u);
+    for (e = 0; e < elements_of(d, c); ++e) memcpy(to + (size_t)e * size, d->state[i].safe, size);
+  }
+}
+
+static void apply_safe_values(ssd_device* d) {
+  uint8_t i;
+  uint32_t e;
+  set_safe_values(d);
+  for (i = 0; i < d->hello.channels; ++i) {
+    const ssd_channel* c = &d->channels[i];
+    ssd_motion* motion = d->state[i].motion;
+    if (!motion) continue;
+    for (e = 0; e < elements_of(d, c); ++e) {
+      motion[e].at = motion[e].target = element(c->values, e, c->info.dtype);
+      motion[e].speed = 0.0f;
+      motion[e].turn = 0;
     }
-    for (e = 0; e < elements_of(d, c); ++e) from_wire(wire, c->info.dtype, c->values, e);
   }
   d->in_force = SSW_NONE;
   d->ready_tick = SSW_NONE;
   d->frame_tick = SSW_NONE;
+}
+
+/* Completes what an interrupt has begun. */
+static void settle(ssd_device* d) {
+  if (!d->tripped) return;
+  d->tripped = 0;
+  apply_safe_values(d);
+}
+
+static float raw_limit(const ssw_channel* c, float value) {
+  const float most = c->dtype == SSW_U16 ? 65535.0f : 255.0f, raw = (value - c->offset) / c->scale;
+  if (c->dtype == SSW_F32) return value;
+  return raw < 0.0f ? 0.0f : raw > most ? most : (float)(uint32_t)(raw + 0.5f);
+}
+
+/* Brings a received element into the channel's range. */
+static void clamp(ssd_device* d, uint8_t channel, uint32_t e) {
+  const ssd_channel* c = &d->channels[channel];
+  const ssd_state* s = &d->state[channel];
+  const float raw = element(c->next, e, c->info.dtype);
+  if (raw >= s->lowest && raw <= s->highest) return;
+  ++d->clamped;
+  if (raw < s->lowest)
+    put_element(c->next, e, c->info.dtype, s->lowest);
+  else if (raw > s->highest)
+    put_element(c->next, e, c->info.dtype, s->highest);
+  else /* not a number */
+    put_element(c->next, e, c->info.dtype, c->info.safe);
 }
 
 /* A serial line preserves order: if the chunks of a frame do not arrive in sequence, one was lost and the
@@ -103,8 +163,10 @@ static void handle_data(ssd_device* d, const ssw_packet* p) {
     d->frame_tick = SSW_NONE;
     return;
   }
-  for (e = 0; e < count; ++e)
+  for (e = 0; e < count; ++e) {
     from_wire(p->payload + SSW_DATA_HEADER + (size_t)e * size, c->info.dtype, c->next, first + e);
+    clamp(d, channel, first + e);
+  }
   d->frame_elements += count;
 }
 
@@ -118,18 +180,127 @@ static void handle_end(ssd_device* d, const ssw_packet* p) {
 
 static void activate_frame(ssd_device* d) {
   uint8_t i;
+  uint32_t e;
   for (i = 0; i < d->hello.channels; ++i) {
     ssd_channel* c = &d->channels[i];
-    if (c->info.direction == SSW_ACTUATOR)
+    ssd_state* s = &d->state[i];
+    if (c->info.direction != SSW_ACTUATOR) continue;
+    if (!s->motion) {
       memcpy(c->values, c->next, (size_t)elements_of(d, c) * ssw_dtype_bytes(c->info.dtype));
+      continue;
+    }
+    for (e = 0; e < elements_of(d, c); ++e) s->motion[e].target = element(c->next, e, c->info.dtype);
+    if (d->in_force == SSW_NONE &&
+        s->limits.soft_start > 0.0f) { /* at most the time that the whole range takes */
+      const float step = s->limits.soft_start / c->info.scale * (1e-6f * (float)d->hello.period_us);
+      const float periods = (s->highest - s->lowest) / step;
+      s->soft_periods = periods < 1e9f ? (uint32_t)periods + 1u : 1000000000u;
+    }
   }
   d->in_force = d->ready_tick;
   d->ready_tick = SSW_NONE;
 }
 
+/* The way of an element of speed v > 0 that moves now, and then brakes by a in each period: v + (v - a) + …
+ */
+static float braking_way(float v, float a) {
+  const float ratio = v / a, n = ratio < 1e9f ? (float)(uint32_t)ratio : ratio;
+  return (n + 1.0f) * (v - 0.5f * a * n);
+}
+
+/* The speed of an element in its next period, `distance` away from its target, with acceleration a (0: any).
+ */
+static float next_speed(float distance, float speed, float fastest, float a) {
+  const int back = distance < 0.0f;
+  const float d = back ? -distance : distance, v = back ? -speed : speed;
+  float next;
+  if (a <= 0.0f) {
+    next = d < fastest ? d : fastest;
+  } else if (d <= a && d <= fastest && d - v <= a && v - d <= a) {
+    return distance;
+  } else {
+    next = v + a < fastest ? v + a : fastest;
+    if (next < v - a) next = v - a; /* faster than is allowed now */
+    if (next > 0.0f && braking_way(next, a) > d) next = v > 0.0f ? v : 0.0f;
+    if (next > 0.0f && braking_way(next, a) > d) next = v - a;
+  }
+  return back ? -next : next;
+}
+
+/* Moves the elements of a channel towards their targets by one period. Returns how many have not arrived. */
+static uint32_t move_channel(ssd_device* d, uint8_t channel) {
+  const ssd_channel* c = &d->channels[channel];
+  ssd_state* s = &d->state[channel];
+  const uint32_t count = elements_of(d, c), most = s->limits.most_moving ? s->limits.most_moving : count;
+  const float seconds = 1e-6f * (float)d->hello.period_us, scale = c->info.scale;
+  const float a = s->limits.acceleration / scale * seconds * seconds;
+  float fastest = s->limits.slew > 0.0f ? s->limits.slew / scale * seconds : 3e38f;
+  uint32_t moving = 0, away = 0, k, e, first = s->cursor;
+  if (s->soft_periods > 0) {
+    const float soft = s->limits.soft_start / scale * seconds;
+    if (soft < fastest) fastest = soft;
+  }
+  for (e = 0; e < count; ++e) moving += s->motion[e].turn != 0;
+  for (k = 0; k < count; ++k) {
+    ssd_motion* m;
+    int leaving;
+    float before;
+    e = first + k < count ? first + k : first + k - count;
+    m = &s->motion[e];
+    if (m->turn == 0) {
+      if (m->at == m->target) continue;
+      if (moving >= most) {
+        ++away;
+        continue;
+      }
+      ++moving;
+      s->cursor = e + 1 < count ? e + 1 : 0;
+    }
+    leaving = most < count && m->turn >= SSD_TURN;
+    before = m->speed;
+    if (!leaving) {
+      m->speed = next_speed(m->target - m->at, m->speed, fastest, a);
+    } else if (a <= 0.0f || (before <= a && before >= -a)) {
+      m->speed = 0.0f;
+    } else {
+      m->speed = before > 0.0f ? before - a : before + a;
+    }
+    if (!leaving && m->speed == m->target - m->at)
+      m->at = m->target;
+    else
+      m->at += m->speed;
+    if (m->at < s->lowest || m->at > s->highest) { /* braking overshot the range by rounding */
+      m->at = m->at < s->lowest ? s->lowest : s->highest;
+    }
+    if (a <= 0.0f && m->at == m->target) m->speed = 0.0f;
+    if (m->speed == 0.0f && (leaving || m->at == m->target))
+      m->turn = 0;
+    else if (m->turn < 255)
+      ++m->turn;
+    away += m->at != m->target;
+    put_element(c->values, e, c->info.dtype, m->at);
+  }
+  if (s->soft_periods > 0 && (away == 0 || --s->soft_periods == 0)) s->soft_periods = 0;
+  return away;
+}
+
+/* Moves the actuators that have limits. Returns flags of the sensor frame. */
+static uint32_t move_actuators(ssd_device* d) {
+  uint32_t flags = 0, away;
+  uint8_t i;
+  for (i = 0; i < d->hello.channels; ++i) {
+    if (!d->state[i].motion) continue;
+    if (d->state[i].soft_periods > 0) flags |= SSW_SOFT_START;
+    away = move_channel(d, i);
+    d->limited += away;
+    if (away != 0) flags |= SSW_LIMITED;
+  }
+  return flags;
+}
+
 /* ---- sensors ---- */
 
-static void send_channel(ssd_device* d, uint8_t index) {
+static int send_channel(ssd_device* d, uint8_t index) {
   const ssd_channel* c = &d->channels[index];
   const size_t size = ssw_dtype_bytes(c->info.dtype);
   const uint32_t all = elements_of(d, c), most = (uint32_t)(SSW_MAX_DATA / size);
@@ -142,20 +313,35 @@ static void send_channel(ssd_device* d, uint8_t index) {
     ssw_put_u32(payload + 2, first);
     for (e = 0; e < count; ++e)
       to_wire(c->values, first + e, c->info.dtype, payload + SSW_DATA_HEADER + (size_t)e * size);
-    send(d, SSW_SENSOR_DATA, payload, SSW_DATA_HEADER + (size_t)count * size);
+    if (!send(d, SSW_SENSOR_DATA, payload, SSW_DATA_HEADER + (size_t)count * size)) return 0;
   }
+  return 1;
 }
 
-static void send_frame(ssd_device* d, uint32_t flags) {
+static int send_frame(ssd_device* d) {
   uint8_t payload[SSW_SENSOR_END_BYTES], i;
   for (i = 0; i < d->hello.channels; ++i)
-    if (d->channels[i].info.direction == SSW_SENSOR) send_channel(d, i);
+    if (d->channels[i].info.direction == SSW_SENSOR && !send_channel(d, i)) return 0;
   ssw_put_u32(payload, frame_elements(d, SSW_SENSOR));
-  ssw_put_u32(payload + 4, flags);
+  ssw_put_u32(payload + 4, d->flags);
   ssw_put_u32(payload + 8, d->missed);
   ssw_put_u32(payload + 12, d->in_force);
-  send(d, SSW_SENSOR_END, payload, sizeof payload);
+  return send(d, SSW_SENSOR_END, payload, sizeof payload);
 }
+
+static void send_status(ssd_device* d) {
+  uint8_t payload[SSW_STATUS_BYTES];
+  ssw_status status;
+  status.flags = d->flags;
+  status.stop_reason = d->stopped ? d->stop_reason : 0;
+  status.dropped = d->dropped;
+  status.clamped = d->clamped;
+  status.limited = d->limited;
+  ssw_put_status(&status, payload);
+  send(d, SSW_STATUS, payload, sizeof payload);
+}
+
+/* ---- description ---- */
 
 static void describe(ssd_device* d) {
   uint8_t payload[SSW_CHANNEL_BYTES], i;
@@ -167,11 +353,86 @@ static void describe(ssd_device* d) {
   }
 }
 
+static void send_cells(ssd_device* d, uint8_t kind, size_t size) {
+  const uint32_t all = (uint32_t)d->hello.rows * d->hello.columns;
+  const uint32_t most = (uint32_t)((SSW_MAX_PAYLOAD - SSW_CELLS_HEADER) / size);
+  uint8_t payload[SSW_MAX_PAYLOAD];
+  uint32_t first = 0, count, e;
+  for (; first < all; first += count) {
+    count = all - first < most ? all - first : most;
+    ssw_put_u16(payload, (uint16_t)first);
+    payload[2] = kind;
+    payload[3] = 0;
+    for (e = 0; e < count; ++e) {
+      uint8_t* to = payload + SSW_CELLS_HEADER + (size_t)e * size;
+      uint32_t k;
+      if (kind == SSW_MASK)
+        *to = d->mask[first + e];
+      else
+        for (k = 0; k < 3; ++k) ssw_put_f32(to + 4 * k, d->positions[3 * (first + e) + k]);
+    }
+    send(d, SSW_CELLS, payload, SSW_CELLS_HEADER + (size_t)count * size);
+  }
+}
+
+static void describe_board(ssd_device* d) {
+  uint8_t payload[SSW_CHANNEL2_BYTES], i;
+  ssw_channel2 channel;
+  d->board.hello = d->hello;
+  d->board.hello.version = SSW_VERSION_2;
+  d->board.abilities = (d->micros ? SSW_CAN_SYNC : 0u) | (d->mask ? SSW_HAS_MASK : 0u) |
+                       (d->positions ? SSW_HAS_POSITIONS : 0u);
+  ssw_put_hello2(&d->board, payload);
+  send(d, SSW_HELLO2, payload, SSW_HELLO2_BYTES);
+  for (i = 0; i < d->hello.channels; ++i) {
+    channel.channel = d->channels[i].info;
+    channel.limits = d->state[i].limits;
+    channel.flags = d->state[i].flags;
+    ssw_put_channel2(&channel, payload);
+    send(d, SSW_CHANNEL2, payload, SSW_CHANNEL2_BYTES);
+  }
+  if (d->mask) send_cells(d, SSW_MASK, 1);
+  if (d->positions) send_cells(d, SSW_POSITIONS, 12);
+}
+
+/* ---- the table's clock ---- */
+
+static void follow(ssd_device* d, const ssw_packet* p) {
+  const int32_t most = 10000000; /* 1 % */
+  uint8_t payload[SSW_CLOCK_BYTES];
+  ssw_sync sync;
+  ssw_clock clock;
+  if (!d->micros || !ssw_get_sync(p, &sync)) return;
+  clock.received = d->micros(d->context);
+  d->table_tick_offset = sync.table_tick - d->tick;
+  if (sync.correction_us != SSW_KEEP) {
+    d->correction_us = sync.correction_us;
+    d->rate_ppb = sync.rate_ppb > most ? most : sync.rate_ppb < -most ? -most : sync.rate_ppb;
+  }
+  clock.t1 = sync.t1;
+  clock.tick = d->tick;
+  clock.sent = d->micros(d->context);
+  clock.into_us = clock.sent - d->period_started;
+  ssw_put_clock(&clock, payload);
+  send(d, SSW_CLOCK, payload, sizeof payload);
+}
+
+/* ---- emergency stop ---- */
+
+static void release_stop(ssd_device* d, const ssw_packet* p) {
+  uint32_t reason;
+  if (p->payload_bytes != SSW_STOP_NOW_BYTES || !d->stopped) return;
+  reason = ssw_get_u32(p->payload);
+  if (reason != SSW_NONE && reason != d->stop_reason) return;
+  d->stopped = 0;
+  apply_safe_values(d); /* the coming frame starts softly */
+}
+
 /* ---- public functions ---- */
 
-void ssd_init(ssd_device* d, const ssw_hello* hello, ssd_channel* channels, uint8_t count, ssd_write write,
-              void* context) {
-  uint8_t i;
+void ssd_init(ssd_device* d, const ssw_hello* hello, ssd_channel* channels, uint8_t count,
+              ssd_try_write write, void* context) {
+  uint8_t i, wire[4];
   memset(d, 0, sizeof *d);
   d->hello = *hello;
   d->hello.version = SSW_VERSION;
@@ -179,18 +440,45 @@ void ssd_init(ssd_device* d, const ssw_hello* hello, ssd_channel* channels, uint
   d->channels = channels;
   d->write = write;
   d->context = context;
-  for (i = 0; i < count; ++i) channels[i].info.index = i;
+  d->version = 1;
+  for (i = 0; i < count; ++i) {
+    ssw_channel* c = &channels[i].info;
+    ssd_state* s = &d->state[i];
+    c->index = i;
+    s->lowest = raw_limit(c, c->minimum);
+    s->highest = raw_limit(c, c->maximum);
+    if (c->dtype == SSW_F32)
+      ssw_put_f32(wire, c->safe);
+    else
+      ssw_put_u32(wire, (uint32_t)raw_limit(c, c->safe));
+    from_wire(wire, c->dtype, s->safe, 0);
+  }
   ssw_receiver_init(&d->receiver);
+  apply_safe_values(d);
+}
+
+void ssd_limit(ssd_device* d, uint8_t channel, const ssw_limits* limits, ssd_motion* motion) {
+  d->state[channel].limits = *limits;
+  d->state[channel].motion = motion;
   apply_safe_values(d);
 }
 
 void ssd_receive(ssd_device* d, uint8_t byte) {
   ssw_packet packet;
   if (!ssw_receive(&d->receiver, byte, &packet)) return;
-  d->silent = 0;
+  settle(d);
+  if (packet.type != SSW_EDGE) { /* a neighbour's, whose life says nothing of the host's */
+    d->silent = 0;
+    d->fed = 1;
+  }
   switch (packet.type) {
     case SSW_DESCRIBE:
+      d->version = 1;
       describe(d);
+      break;
+    case SSW_DESCRIBE2:
+      d->version = 2;
+      describe_board(d);
       break;
     case SSW_START:
       d->running = 1;
@@ -205,6 +493,16 @@ void ssd_receive(ssd_device* d, uint8_t byte) {
     case SSW_ACTUATOR_END:
       handle_end(d, &packet);
       break;
+    case SSW_SYNC:
+      follow(d, &packet);
+      break;
+    case SSW_STOP_NOW:
+      if (packet.payload_bytes == SSW_STOP_NOW_BYTES && !d->stopped) ssd_stop(d, ssw_get_u32(packet.payload));
+      settle(d);
+      break;
+    case SSW_ARM:
+      release_stop(d, &packet);
+      break;
     default:
       break; /* a heartbeat, or a packet of a newer version */
   }
@@ -212,7 +510,9 @@ void ssd_receive(ssd_device* d, uint8_t byte) {
 
 void ssd_period(ssd_device* d) {
   uint32_t flags = 0;
+  if (d->micros) d->period_started = d->micros(d->context);
   if (!d->running) return;
+  settle(d);
   if (d->silent < SSD_PATIENCE) ++d->silent;
   if (d->silent >= SSD_PATIENCE) apply_safe_values(d);
   /* A frame for an earlier period is late, but newer than the active one. */
@@ -221,11 +521,55 @@ void ssd_period(ssd_device* d) {
       ++d->missed;
       flags |= SSW_MISSED;
     }
-    if (d->ready_tick != SSW_NONE) activate_frame(d);
+    if (d->ready_tick != SSW_NONE && !d->stopped) activate_frame(d);
   }
+  if (d->in_force != SSW_NONE && !d->stopped) flags |= move_actuators(d);
+  settle(d); /* an interrupt in the middle of the above */
+  if (d->stopped) flags |= SSW_STOPPED;
   if (d->in_force == SSW_NONE) flags |= SSW_SAFE;
   ++d->tick;
-  send_frame(d, flags);
+  {
+    const uint32_t changed = (d->flags ^ flags) & SSW_STOPPED;
+    d->flags = flags;
+    if (!send_frame(d)) ++d->dropped;
+    if (d->version >= 2 && (changed != 0 || d->tick % 16u == 1u)) send_status(d);
+  }
+}
+
+uint32_t ssd_period_us(ssd_device* d) {
+  const int32_t most = (int32_t)(d->hello.period_us / 100u) + 1;
+  const int32_t step = d->correction_us > most ? most : d->correction_us < -most ? -most : d->correction_us;
+  const int64_t parts = (int64_t)d->hello.period_us * d->rate_ppb + d->remainder;
+  const int32_t drift = (int32_t)(parts / 1000000000);
+  d->remainder = (int32_t)(parts % 1000000000);
+  d->correction_us -= step;
+  return (uint32_t)((int32_t)d->hello.period_us + drift + step);
+}
+
+uint32_t ssd_table_tick(const ssd_device* d) { return d->tick + d->table_tick_offset; }
+
+int ssd_watchdog(ssd_device* d, uint32_t elapsed_us) {
+  const uint32_t patience = SSD_PATIENCE * d->hello.period_us;
+  if (d->fed) {
+    d->fed = 0;
+    d->quiet_us = 0;
+    d->expired = 0;
+    return 0;
+  }
+  if (d->expired) return 0;
+  d->quiet_us = patience - d->quiet_us > elapsed_us ? d->quiet_us + elapsed_us : patience;
+  if (d->quiet_us < patience) return 0;
+  d->expired = 1;
+  set_safe_values(d);
+  d->tripped = 1;
+  return 1;
+}
+
+void ssd_stop(ssd_device* d, uint32_t reason) {
+  if (!d->stopped) d->stop_reason = reason;
+  d->stopped = 1;
+  set_safe_values(d);
+  d->tripped = 1;
 }
 
 void ssd_report(ssd_device* d, const char* text) {

@@ -138,9 +138,7 @@ void ssw_put_hello(const ssw_hello* hello, uint8_t to[SSW_HELLO_BYTES]) {
   memcpy(to + 18, hello->name, sizeof hello->name);
 }
 
-int ssw_get_hello(const ssw_packet* packet, ssw_hello* hello) {
-  const uint8_t* from = packet->payload;
-  if (packet->type != SSW_HELLO || packet->payload_bytes != SSW_HELLO_BYTES) return 0;
+static void get_hello(const uint8_t* from, ssw_hello* hello) {
   hello->version = from[0];
   hello->channels = from[1];
   hello->rows = ssw_get_u16(from + 2);
@@ -149,6 +147,37 @@ int ssw_get_hello(const ssw_packet* packet, ssw_hello* hello) {
   hello->pitch = ssw_get_f32(from + 10);
   hello->boot = ssw_get_u32(from + 14);
   memcpy(hello->name, from + 18, sizeof hello->name);
+}
+
+int ssw_get_hello(const ssw_packet* packet, ssw_hello* hello) {
+  if (packet->type != SSW_HELLO || packet->payload_bytes != SSW_HELLO_BYTES) return 0;
+  get_hello(packet->payload, hello);
+  return 1;
+}
+
+void ssw_put_hello2(const ssw_hello2* board, uint8_t to[SSW_HELLO2_BYTES]) {
+  ssw_put_hello(&board->hello, to);
+  memcpy(to + 34, board->id, sizeof board->id);
+  ssw_put_u32(to + 50, board->abilities);
+  ssw_put_u32(to + 54, board->program_hash);
+  ssw_put_u16(to + 58, board->sense_delay_us);
+  ssw_put_u16(to + 60, board->actuate_delay_us);
+  to[62] = board->links;
+  to[63] = 0;
+  ssw_put_u16(to + 64, board->queue);
+}
+
+int ssw_get_hello2(const ssw_packet* packet, ssw_hello2* board) {
+  const uint8_t* from = packet->payload;
+  if (packet->type != SSW_HELLO2 || packet->payload_bytes != SSW_HELLO2_BYTES) return 0;
+  get_hello(from, &board->hello);
+  memcpy(board->id, from + 34, sizeof board->id);
+  board->abilities = ssw_get_u32(from + 50);
+  board->program_hash = ssw_get_u32(from + 54);
+  board->sense_delay_us = ssw_get_u16(from + 58);
+  board->actuate_delay_us = ssw_get_u16(from + 60);
+  board->links = from[62];
+  board->queue = ssw_get_u16(from + 64);
   return 1;
 }
 
@@ -166,9 +195,7 @@ void ssw_put_channel(const ssw_channel* channel, uint8_t to[SSW_CHANNEL_BYTES]) 
   memcpy(to + 56, channel->unit, sizeof channel->unit);
 }
 
-int ssw_get_channel(const ssw_packet* packet, ssw_channel* channel) {
-  const uint8_t* from = packet->payload;
-  if (packet->type != SSW_CHANNEL || packet->payload_bytes != SSW_CHANNEL_BYTES) return 0;
+static void get_channel(const uint8_t* from, ssw_channel* channel) {
   channel->index = from[0];
   channel->direction = from[1];
   channel->dtype = from[2];
@@ -180,6 +207,88 @@ int ssw_get_channel(const ssw_packet* packet, ssw_channel* channel) {
   channel->offset = ssw_get_f32(from + 20);
   memcpy(channel->name, from + 24, sizeof channel->name);
   memcpy(channel->unit, from + 56, sizeof channel->unit);
+}
+
+int ssw_get_channel(const ssw_packet* packet, ssw_channel* channel) {
+  if (packet->type != SSW_CHANNEL || packet->payload_bytes != SSW_CHANNEL_BYTES) return 0;
+  get_channel(packet->payload, channel);
+  return 1;
+}
+
+void ssw_put_channel2(const ssw_channel2* channel, uint8_t to[SSW_CHANNEL2_BYTES]) {
+  ssw_put_channel(&channel->channel, to);
+  ssw_put_f32(to + 72, channel->limits.slew);
+  ssw_put_f32(to + 76, channel->limits.acceleration);
+  ssw_put_f32(to + 80, channel->limits.soft_start);
+  ssw_put_u16(to + 84, channel->limits.most_moving);
+  ssw_put_u16(to + 86, channel->flags);
+}
+
+int ssw_get_channel2(const ssw_packet* packet, ssw_channel2* channel) {
+  const uint8_t* from = packet->payload;
+  if (packet->type != SSW_CHANNEL2 || packet->payload_bytes != SSW_CHANNEL2_BYTES) return 0;
+  get_channel(from, &channel->channel);
+  channel->limits.slew = ssw_get_f32(from + 72);
+  channel->limits.acceleration = ssw_get_f32(from + 76);
+  channel->limits.soft_start = ssw_get_f32(from + 80);
+  channel->limits.most_moving = ssw_get_u16(from + 84);
+  channel->flags = ssw_get_u16(from + 86);
+  return 1;
+}
+
+void ssw_put_sync(const ssw_sync* sync, uint8_t to[SSW_SYNC_BYTES]) {
+  ssw_put_u32(to, sync->t1);
+  ssw_put_u32(to + 4, sync->table_tick);
+  ssw_put_u32(to + 8, (uint32_t)sync->correction_us);
+  ssw_put_u32(to + 12, (uint32_t)sync->rate_ppb);
+}
+
+int ssw_get_sync(const ssw_packet* packet, ssw_sync* sync) {
+  const uint8_t* from = packet->payload;
+  if (packet->type != SSW_SYNC || packet->payload_bytes != SSW_SYNC_BYTES) return 0;
+  sync->t1 = ssw_get_u32(from);
+  sync->table_tick = ssw_get_u32(from + 4);
+  sync->correction_us = (int32_t)ssw_get_u32(from + 8);
+  sync->rate_ppb = (int32_t)ssw_get_u32(from + 12);
+  return 1;
+}
+
+/* SSW_CLOCK and SSW_STATUS are five u32 each. */
+static void put_five(const uint32_t* words, uint8_t* to) {
+  unsigned i;
+  for (i = 0; i < 5; ++i) ssw_put_u32(to + 4 * i, words[i]);
+}
+
+void ssw_put_clock(const ssw_clock* clock, uint8_t to[SSW_CLOCK_BYTES]) {
+  const uint32_t words[5] = {clock->t1, clock->received, clock->sent, clock->tick, clock->into_us};
+  put_five(words, to);
+}
+
+int ssw_get_clock(const ssw_packet* packet, ssw_clock* clock) {
+  const uint8_t* from = packet->payload;
+  if (packet->type != SSW_CLOCK || packet->payload_bytes != SSW_CLOCK_BYTES) return 0;
+  clock->t1 = ssw_get_u32(from);
+  clock->received = ssw_get_u32(from + 4);
+  clock->sent = ssw_get_u32(from + 8);
+  clock->tick = ssw_get_u32(from + 12);
+  clock->into_us = ssw_get_u32(from + 16);
+  return 1;
+}
+
+void ssw_put_status(const ssw_status* status, uint8_t to[SSW_STATUS_BYTES]) {
+  const uint32_t words[5] = {status->flags, status->stop_reason, status->dropped, status->clamped,
+                             status->limited};
+  put_five(words, to);
+}
+
+int ssw_get_status(const ssw_packet* packet, ssw_status* status) {
+  const uint8_t* from = packet->payload;
+  if (packet->type != SSW_STATUS || packet->payload_bytes != SSW_STATUS_BYTES) return 0;
+  status->flags = ssw_get_u32(from);
+  status->stop_reason = ssw_get_u32(from + 4);
+  status->dropped = ssw_get_u32(from + 8);
+  status->clamped = ssw_get_u32(from + 12);
+  status->limited = ssw_get_u32(from + 16);
   return 1;
 }
 

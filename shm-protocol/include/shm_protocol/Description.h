@@ -4,6 +4,7 @@
 #include <array>
 #include <cstddef>
 #include <cstdint>
+#include <memory>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -50,6 +51,8 @@ struct SurfaceConfig {
   // surface that copies and checks the values itself and reports replaced ones with count_clamped(). Passive
   // mode always copies and checks, because the controller may overwrite the slot being read.
   bool answers_in_place = false;
+  // A reservation of `name` (SurfaceName.h); null: the endpoint creates, names and removes the file itself.
+  std::shared_ptr<class SurfaceName> reserved = nullptr;
 };
 
 // A surface as read from its segment.

@@ -38,6 +38,11 @@ class ObserverEndpoint {
   // kSurfaceClosed if there is no newer frame and none will follow.
   [[nodiscard]] Status latest(Direction) noexcept;
 
+  // Copies the oldest complete frame that is newer than the last copy and still in the ring, or else as
+  // latest(). The first call copies the newest frame. A gap in info().frame counts the frames that were
+  // overwritten before.
+  [[nodiscard]] Status next(Direction) noexcept;
+
   // Polls once per millisecond for a newer frame. Returns as latest(), or kTimeout or kInterrupted.
   [[nodiscard]] Status await(Direction, const WaitOptions& = {}) noexcept;
 

@@ -32,6 +32,8 @@ class RingView {
     return {reinterpret_cast<const std::byte*>(&slot(frame)) + c.offset, static_cast<std::size_t>(c.bytes)};
   }
 
+  std::uint64_t slot_count() const noexcept { return mask_ + 1; }
+
   // Returns the metadata of the frame whose low 32 bits are `word`; frame 0 if the slot holds another frame
   // or an incomplete one.
   FrameInfo read_info(std::uint32_t word) const noexcept {

@@ -14,6 +14,7 @@
 #include "LivenessLock.h"
 #include "ProcessIdentity.h"
 #include "SegmentNames.h"
+#include "shm_protocol/SurfaceName.h"
 
 namespace shm_protocol {
 
@@ -24,12 +25,12 @@ enum class Access { kReadWrite, kReadOnly };
 
 class Segment {
  public:
-  // Creates a zeroed segment under a private name, with its memory reserved. Throws Error(kSystem).
-  static Segment create(const std::string& name, std::size_t bytes, ProcessIdentity owner);
+  // Makes a zeroed segment of the reserved file, with its memory reserved. Throws Error(kSystem).
+  static Segment create(std::shared_ptr<SurfaceName>, std::size_t bytes);
   // Maps an existing segment; nothing if there is none. Throws Error(kSystem) if it cannot be mapped, or
   // kCorrupt if it is empty.
   static std::optional<Segment> open(const std::string& name, Access = Access::kReadWrite);
-  ~Segment();  // unmaps; removes the file only if it was never renamed into place
+  ~Segment();  // unmaps; SurfaceName removes a file that was never renamed into place
   Segment(Segment&&) noexcept;
   Segment& operator=(Segment&&) noexcept;
 

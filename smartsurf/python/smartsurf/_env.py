@@ -2,16 +2,26 @@
 from __future__ import annotations
 
 import os
+import pathlib
+import time
 from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING, Any
 
 import gymnasium
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
-from ._surface import Closed, checked_options, draw_seed, finite, real_array
+from ._surface import Channel, Closed, FloatArray, checked_options, draw_seed, finite, real_array
 from ._tasks import task_file
 
+if TYPE_CHECKING:
+    from ._picture import CameraLike
+    from ._simulation import Options, PathName, Simulation
 
-def box(channels, rows, columns):
+Info = dict[str, Any]
+
+
+def box(channels: Sequence[Channel], rows: int, columns: int) -> gymnasium.spaces.Box[np.float32]:
     """The space of several channels: planes × rows × columns."""
     low = np.concatenate([np.full(c.components, c.minimum) for c in channels] or [np.zeros(0)])
     high = np.concatenate([np.full(c.components, c.maximum) for c in channels] or [np.zeros(0)])
@@ -20,7 +30,7 @@ def box(channels, rows, columns):
                                 np.broadcast_to(high[:, None, None], shape).astype(np.float32), shape, np.float32)
 
 
-class Env(gymnasium.Env):
+class Env(gymnasium.Env[FloatArray, ArrayLike]):
     """An experiment, or a surface that another process runs, as an environment.
 
     experiment: a script, computed in this process; reward, success and episode length are the script's.
@@ -28,6 +38,7 @@ class Env(gymnasium.Env):
         controller. It goes on at a reset and takes no seed. timeout: seconds to wait for it and for its frames.
     reward, done: functions of (observation, action) and of (observation): the reward instead of the script's, and
         another end of the episode. gymnasium.wrappers.TimeLimit gives an episode a length.
+    record: a folder, in which each episode is recorded as episode-000001.h5, … (docs/recordings.md).
     strict: refuse actions with NaN or infinite values. Otherwise NaN becomes the channel's safe value, infinite values are
         clamped, and `info["nonfinite_actions"]` counts both.
 
@@ -39,38 +50,56 @@ class Env(gymnasium.Env):
     """
     metadata = {"render_modes": ["rgb_array", "human"], "render_fps": 60}
 
-    def __init__(self, experiment: str | os.PathLike | None = None, set: dict | None = None, threads: int = 1,
+    simulation: Simulation  # with shm, a LiveSurface, which has the same arrays
+
+    def __init__(self, experiment: PathName | None = None, set: Options | None = None, threads: int = 1,
                  engine: str | None = None, render_mode: str | None = None, render_size: tuple[int, int] = (640, 400),
-                 camera: str = "iso", extensions: Sequence[str | os.PathLike] = (), *, shm: str | None = None,
-                 timeout: float = 30.0, reward: Callable[[np.ndarray, np.ndarray], float] | None = None,
-                 done: Callable[[np.ndarray], bool] | None = None, strict: bool = False):
+                 camera: CameraLike = "iso", extensions: Sequence[PathName] = (), *, shm: str | None = None,
+                 timeout: float = 30.0, reward: Callable[[FloatArray, NDArray[Any]], float] | None = None,
+                 done: Callable[[FloatArray], bool] | None = None, strict: bool = False, source: str | None = None,
+                 record: PathName | None = None):
         if (experiment is None) == (shm is None):
             raise ValueError("give either an experiment or shm, the name of a live surface")
+        if shm is not None and record is not None:
+            raise ValueError("record: the process of a live surface records it: smartsurf run --record FILE")
         if render_mode not in (None, *self.metadata["render_modes"]):
             raise ValueError(f"render_mode = {render_mode!r}: must be None, 'rgb_array' or 'human'")
-        if shm is None:
+        if experiment is not None:
             from ._simulation import Simulation
-            self.simulation = Simulation(experiment, set=set, threads=threads, engine=engine, extensions=extensions)
+            self.simulation = Simulation(experiment, set=set, threads=threads, engine=engine, extensions=extensions,
+                                         source=source)
         else:
             if render_mode is not None:
                 raise ValueError(f"render_mode = {render_mode!r}: a live surface has no picture; must be None")
             from ._live import LiveSurface
-            self.simulation = LiveSurface(shm, timeout)
+            assert shm is not None
+            self.simulation = LiveSurface(shm, timeout)  # type: ignore[assignment]
         self._live, self._reward, self._done, self._strict = shm is not None, reward, done, strict
+        self._record, self._episodes = None if record is None else pathlib.Path(record), 0
+        self._arguments: Info = dict(render_mode=render_mode, render_size=render_size, camera=camera, reward=reward, done=done,
+                                     strict=strict)
         s = self.simulation
         self.observation_space = box(s.sensor_channels, s.rows, s.columns)
         self.action_space = box(s.actuator_channels, s.rows, s.columns)
         self.metadata = {**self.metadata, "render_fps": round(1 / s.period)}
-        self.render_mode, self._render_size, self._camera, self._window = render_mode, render_size, camera, None
+        self.render_mode, self._render_size, self._camera = render_mode, render_size, camera
+        self._window: _Window | None = None
 
-    def reset(self, *, seed: int | None = None, options: dict | None = None) -> tuple[np.ndarray, dict]:
+    def reset(self, *, seed: int | None = None, options: Info | None = None) -> tuple[FloatArray, Info]:
         checked_options(options)
         super().reset(seed=seed)
-        self.simulation.reset(draw_seed(self.np_random) if seed is None and not self._live else seed)
+        if self._live:
+            self.simulation.reset(seed)
+        else:
+            self.simulation.reset(draw_seed(self.np_random) if seed is None else seed)
+            if self._record is not None:
+                self._episodes += 1
+                self._record.mkdir(parents=True, exist_ok=True)
+                self.simulation.record(self._record / f"episode-{self._episodes:06d}.h5")
         self._show()
         return self._observation(), self._info()
 
-    def step(self, action: np.ndarray) -> tuple[np.ndarray, float, bool, bool, dict]:
+    def step(self, action: ArrayLike) -> tuple[FloatArray, float, bool, bool, Info]:
         s = self.simulation
         action = real_array("the action", action)
         if action.shape != s._targets.shape:
@@ -86,59 +115,72 @@ class Env(gymnasium.Env):
         info = self._info(not self._live and s._success, nonfinite)
         if (terminated or truncated) and not self._live:
             info["metrics"] = s.finish()
+            s.stop_recording()
         self._show()
         return observation, reward, terminated, truncated, info
 
-    def _observation(self):
+    def _observation(self) -> FloatArray:
         return self.simulation._observation.copy()
 
-    def _info(self, success=False, nonfinite=0):
+    def _info(self, success: bool = False, nonfinite: int = 0) -> Info:
         script = {} if self._live else {"seed": self.simulation.seed, "success": bool(success)}
         return {**script, "nonfinite_actions": nonfinite, **self.simulation.info}
 
-    def render(self) -> np.ndarray | None:
+    def __reduce__(self) -> tuple[Any, ...]:
+        if self._live:
+            raise TypeError("an Env of a live surface cannot be pickled: attach where the surface is needed")
+        return _unpickled, (type(self), self.simulation, self._arguments, self._np_random, self._np_random_seed)
+
+    def render(self) -> Any:
         if self.render_mode == "rgb_array":
             return self.simulation.render(*self._render_size, self._camera)
         return None
 
-    def _show(self):
-        if self.render_mode != "human":
-            return
-        if self._window is None:
-            self._window = _Window(*self._render_size)
-        self._window.show(self.simulation.render(*self._render_size, self._camera))
+    def _show(self) -> None:
+        if self.render_mode == "human":
+            if self._window is None:
+                self._window = _Window(self.simulation, self._render_size, self._camera)
+            self._window.show(self.simulation)
 
-    def close(self):
+    def close(self) -> None:
         if self._window is not None:
             self._window.close()
             self._window = None
         if self._live:
-            self.simulation.close()
-        self.simulation = Closed()
+            self.simulation.close()  # type: ignore[attr-defined]
+        elif not isinstance(self.simulation, Closed):
+            self.simulation.stop_recording()
+        self.simulation = Closed()  # type: ignore[assignment]
+
+
+def _unpickled(cls: type[Env], simulation: Simulation, arguments: Info, random: Any, seed: int | None) -> Env:
+    env = cls(**simulation._arguments, **arguments)
+    env.simulation = simulation
+    env._np_random, env._np_random_seed = random, seed
+    return env
 
 
 class _Window:
-    """The window of render_mode="human"; Tk is part of Python."""
+    """The simulator's own window, of render_mode="human", in real time. When the user closes it, the episode goes on."""
 
-    def __init__(self, width, height):
-        try:
-            import tkinter
-            self._root = tkinter.Tk()
-        except Exception as error:
-            raise RuntimeError(f"render_mode='human' needs Tk and a display ({error}); use 'rgb_array'") from None
-        self._root.title("smartsurf")
-        self._image = tkinter.PhotoImage(master=self._root, width=width, height=height)
-        tkinter.Label(self._root, image=self._image, borderwidth=0).pack()
+    def __init__(self, simulation: Simulation, size: tuple[int, int], camera: CameraLike):
+        from . import _core
+        self._core: _core.Window | None = _core.Window(simulation._core, os.path.basename(simulation.experiment), *size,
+                                                       simulation._camera(camera))
+        self._due = time.monotonic()
 
-    def show(self, pixels):
-        height, width, _ = pixels.shape
-        self._image.configure(data=b"P6 %d %d 255 " % (width, height) + pixels.tobytes())
-        self._root.update()
+    def show(self, simulation: Simulation) -> None:
+        if self._core is None:
+            return
+        self._due = max(self._due + simulation.period, time.monotonic() - simulation.period)
+        time.sleep(max(0.0, self._due - time.monotonic()))
+        if not self._core.show(simulation._core):
+            self._core = None
 
-    def close(self):
-        self._root.destroy()
+    def close(self) -> None:
+        self._core = None
 
 
-def make(task, **arguments):
+def make(task: str, **arguments: Any) -> Env:
     """The entry point of the tasks' Gymnasium ids."""
     return Env(task_file(task), **arguments)

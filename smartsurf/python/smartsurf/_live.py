@@ -1,9 +1,11 @@
 """A surface that runs elsewhere, such as hardware or `smartsurf run --shm NAME`, through shared memory."""
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
-from ._surface import Channel, Surface, views
+from ._surface import Actions, Channel, Surface, views
 
 try:
     from shm_protocol import Controller
@@ -22,7 +24,9 @@ class LiveSurface(Surface):
     def __init__(self, name: str, timeout: float = 30.0):
         self._controller, self._timeout, self.closed = Controller(name, timeout), timeout, False
         d = self._controller.description
-        self.name, self.pitch, self.period = name, d.pitch, d.period
+        self.name = name
+        self.pitch: float = d.pitch
+        self.period: float = d.period
         sensors, actuators = (tuple(Channel(c.name, c.unit, c.minimum, c.maximum, c.components, c.safe)
                                     for c in d.channels if c.direction == of) for of in ("sensor", "actuator"))
         observation, targets = (np.zeros((sum(c.components for c in of), d.rows, d.columns), np.float32)
@@ -38,11 +42,21 @@ class LiveSurface(Surface):
             self.close()
             raise
 
-    tick = property(lambda self: self._controller.tick, doc="The tick of the latest frame.")
-    time = property(lambda self: self._controller.time, doc="The surface's time in the latest frame, s.")
-    info = property(lambda self: {"tick": self.tick, "time": self.time, "surface_closed": self.closed})
+    @property
+    def tick(self) -> int:
+        """The tick of the latest frame."""
+        return int(self._controller.tick)
 
-    def step(self, actions: dict | np.ndarray | float | None = None) -> tuple[float, bool, bool]:
+    @property
+    def time(self) -> float:
+        """The surface's time in the latest frame, s."""
+        return float(self._controller.time)
+
+    @property
+    def info(self) -> dict[str, Any]:
+        return {"tick": self.tick, "time": self.time, "surface_closed": self.closed}
+
+    def step(self, actions: Actions | None = None) -> tuple[float, bool, bool]:
         """Answers the latest frame and waits for the next. Returns (0.0, whether the surface has closed, False); the
         last readings stay. actions: as of Simulation.step(); values beyond a channel's range are clamped.
 
@@ -59,13 +73,13 @@ class LiveSurface(Surface):
         self._await_frame()
         return 0.0, self.closed, False
 
-    def _await_frame(self):
+    def _await_frame(self) -> None:
         self.closed = not self._controller.wait(self._timeout)
         if not self.closed:
             for name, array in self._readings.items():
                 array[...] = self._controller.sensors[name]
 
-    def reset(self, seed: None = None) -> None:
+    def reset(self, seed: int | None = None) -> None:
         """Returns the targets to the channels' safe values, which the next step() sends. The surface goes on: it cannot be
         reset to a seed."""
         if seed is not None:
@@ -80,7 +94,7 @@ class LiveSurface(Surface):
     def __enter__(self) -> LiveSurface:
         return self
 
-    def __exit__(self, *_) -> None:
+    def __exit__(self, *_: object) -> None:
         self.close()
 
 

@@ -1,61 +1,66 @@
 """One experiment in this process."""
 from __future__ import annotations
 
+import html as html_module
 import os
-from collections.abc import Mapping, Sequence
+import shlex
+import sys
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any, Union
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
-from . import _core
-from ._surface import Channel, Surface, checked_seed, draw_seed, whole
+from . import _core, _parameters
+from ._parameters import Numbers, Range
+from ._picture import CameraLike, core_camera, html, png
+from ._surface import Actions, Channel, Surface, checked_seed, draw_seed, whole
+
+Options = Mapping[str, object]
+PathName = Union[str, "os.PathLike[str]"]
 
 
-def thread_count(threads):
+def thread_count(threads: Any) -> int:
     if isinstance(threads, (int, np.integer)) and threads > 1024:
         raise ValueError(f"threads = {threads!r}: must be at most 1024")
     return whole("threads", threads, 1)
 
 
-def engine_name(engine):
+def engine_name(engine: Any) -> str:
     if engine is not None and not isinstance(engine, str):
         raise ValueError(f"engine = {engine!r}: must be 'native' or 'bullet'")
     return engine or ""
 
 
-def state_bytes(state):
+def state_bytes(state: Any) -> bytes:
     if not isinstance(state, (bytes, bytearray, memoryview)):
         raise ValueError(f"restore: a {type(state).__name__} is not a saved state: give the bytes of save()")
     return bytes(state)
 
 
-def not_picklable(self, protocol=None):
-    raise TypeError(f"a {type(self).__name__} cannot be pickled: send what save() returns, and restore it in one that the "
-                    "other process makes")
-
-
-def overrides(options):
+def overrides(options: Options | None) -> list[tuple[str, str]]:
     """The value of `set`, a dict, as the list of strings that the core takes."""
     if options is not None and not isinstance(options, Mapping):
         raise ValueError(f"set = {options!r}: must be a dict of options and their values")
 
-    def text(value):
+    def text(value: object) -> str:
         return str(value).lower() if isinstance(value, (bool, np.bool_)) else str(value)
     return [(str(name), text(value)) for name, value in (options or {}).items()]
 
 
-def load_extension(path: str | os.PathLike) -> None:
+def load_extension(path: PathName) -> None:
     """Loads an extension, a shared object with actuators and sensors, for the rest of this process."""
     _core.load_extension(os.fspath(path))
 
 
-def load_extensions(paths):
+def load_extensions(paths: Iterable[PathName]) -> None:
     if isinstance(paths, (str, bytes, os.PathLike)):
         raise ValueError(f"extensions = {paths!r}: must be a list of paths")
     for path in paths:
         load_extension(path)
 
 
-def channels(description):
+def channels(description: Mapping[str, Any]) -> tuple[tuple[Channel, ...], tuple[Channel, ...]]:
     """The sensor and the actuator channels of an experiment."""
     sensors = tuple(Channel(name, unit, low, high, components)
                     for name, components, low, high, unit in description["sensors"])
@@ -69,6 +74,7 @@ class Simulation(Surface):
 
     experiment: path of the Lua script. seed: of its random numbers; default: the script's. set: values of its
     options, a dict. threads: of the physics. engine: "native" or "bullet". extensions: paths of shared objects to load.
+    source: the script's text, if it is not that of the file; files that it names are looked for beside `experiment`.
 
     Arrays have rows × columns, row 0 north, column 0 west, or components × rows × columns. They are float32 views of
     memory that the simulation overwrites in each step: copy what must last. Equal experiment, seed, options and
@@ -77,26 +83,38 @@ class Simulation(Surface):
     Errors of the experiment raise smartsurf.Error, a ValueError with one line that names file and line.
     """
 
-    def __init__(self, experiment: str | os.PathLike, seed: int | None = None, set: dict | None = None,
-                 threads: int = 1, engine: str | None = None, extensions: Sequence[str | os.PathLike] = ()):
+    def __init__(self, experiment: PathName, seed: int | None = None, set: Options | None = None,
+                 threads: int = 1, engine: str | None = None, extensions: Sequence[PathName] = (),
+                 source: str | None = None):
         threads = thread_count(threads)
         load_extensions(extensions)
-        self._core = _core.Simulation(os.fspath(experiment), engine_name(engine), overrides(set), checked_seed(seed), threads)
+        self._core = _core.Simulation(os.fspath(experiment), engine_name(engine), overrides(set),
+                                      None if seed is None else checked_seed(seed), threads, source)
         self._process, self._threads = os.getpid(), threads
+        self._arguments: dict[str, Any] = dict(experiment=os.fspath(experiment), set=dict(set or {}), threads=threads,
+                                               engine=engine, extensions=[os.fspath(path) for path in extensions],
+                                               source=source)
+        self._set_values: dict[str, Numbers] = {}
+        self._ranges: dict[str, tuple[Numbers, Numbers]] = {}
+        self._success = False
         self.experiment = os.fspath(experiment)
         self._description = self._core.describe()
-        self.pitch = self._description["pitch"]    # distance of neighbouring cells, u
-        self.period = self._description["period"]  # of a tick, s
+        self.pitch: float = self._description["pitch"]    # distance of neighbouring cells, u
+        self.period: float = self._description["period"]  # of a tick, s
         super().__init__(*channels(self._description), self._core.observation, self._core.targets)
 
     # ---- the state after the latest tick
 
     @property
-    def objects(self) -> dict[str, np.ndarray]:
+    def objects(self) -> dict[str, NDArray[Any]]:
         """The live objects as arrays by name, ascending by id: `id` (objects), `position` (objects × 3, u),
         `orientation` (objects × 4, unit quaternions x y z w), `velocity` (objects × 3, u/s) and `angular_velocity`
-        (objects × 3, rad/s). An array follows the simulation until objects appear or vanish: then fetch it again."""
-        return self._core.objects
+        (objects × 3, rad/s). Read-only; teleport() moves objects. An array follows the simulation until objects appear or
+        vanish: then fetch it again."""
+        objects = {name: values.view() for name, values in self._core.objects.items()}
+        for values in objects.values():
+            values.flags.writeable = False
+        return objects
 
     def label(self, id: int) -> str:
         """The label of an object."""
@@ -108,11 +126,12 @@ class Simulation(Surface):
         return self._core.metrics
 
     @property
-    def info(self) -> dict[str, float | np.ndarray]:
+    def info(self) -> dict[str, float | Numbers]:
         """The values of the script's info{}, by name: a float, or the 13 numbers of an object's state (position,
         orientation x y z w, velocity, angular velocity)."""
         fields = self._description["info"]
-        values, out = np.array(self._core.info(sum(size for _, size in fields))), {}
+        values = np.array(self._core.info(sum(size for _, size in fields)))
+        out: dict[str, float | Numbers] = {}
         for name, size in fields:
             out[name], values = (float(values[0]) if size == 1 else values[:size]), values[size:]
         return out
@@ -122,15 +141,34 @@ class Simulation(Surface):
         """A 64-bit hash of all poses, velocities, pin heights and pin speeds; as in recordings."""
         return self._core.state_hash
 
-    tick = property(lambda self: self._core.tick, doc="The number of ticks since the start of the episode.")
-    time = property(lambda self: self._core.time, doc="The simulated time since then, s.")
-    seed = property(lambda self: self._core.seed, doc="The seed of the episode.")
-    engine = property(lambda self: self._description["engine"], doc='The physics engine, "native" or "bullet".')
-    options = property(lambda self: dict(self._description["options"]), doc="The script's options, as text.")
+    @property
+    def tick(self) -> int:
+        """The number of ticks since the start of the episode."""
+        return self._core.tick
+
+    @property
+    def time(self) -> float:
+        """The simulated time since then, s."""
+        return self._core.time
+
+    @property
+    def seed(self) -> int:
+        """The seed of the episode."""
+        return self._core.seed
+
+    @property
+    def engine(self) -> str:
+        """The physics engine, "native" or "bullet"."""
+        return str(self._description["engine"])
+
+    @property
+    def options(self) -> dict[str, str]:
+        """The script's options, as text."""
+        return dict(self._description["options"])
 
     # ---- running
 
-    def step(self, actions: dict | np.ndarray | float | None = None) -> tuple[float, bool, bool]:
+    def step(self, actions: Actions | None = None) -> tuple[float, bool, bool]:
         """Advances by one tick and returns (reward, terminated, truncated) of the script's reward(), success() and
         episode{}.
 
@@ -174,14 +212,117 @@ class Simulation(Surface):
         self._core.finish()
         return self.metrics
 
-    def render(self, width: int = 640, height: int = 400, camera: str = "iso") -> np.ndarray:
-        """A picture of the current state: height × width × 3, uint8, row 0 at the top. camera: "iso", "top", "side".
-        Raises smartsurf.Error in a build without the view, RuntimeError where OpenGL is missing."""
-        return self._core.render(whole("width", width, 1), whole("height", height, 1), str(camera))
+    def record(self, path: PathName) -> None:
+        """Records this episode, from its start to stop_recording() or the next reset() or restore(), in a file that
+        `smartsurf replay` and all other tools read: HDF5 (.h5) or CSV (.csv). Call it before the first step. The file is
+        complete after its end. `smartsurf replay --verify` repeats the episode unless parameters, teleport() or push() have
+        changed it."""
+        self._core.record(os.fspath(path), shlex.join(sys.argv), overrides(self._arguments["set"]))
 
-    __reduce_ex__ = not_picklable
+    def stop_recording(self) -> None:
+        """Completes the file of record()."""
+        self._core.stop_recording()
 
-    def _check_process(self):
+    def render(self, width: int = 640, height: int = 400, camera: CameraLike = "iso",
+               fast: bool = False) -> NDArray[np.uint8]:
+        """A picture of the current state: height × width × 3, uint8, row 0 at the top. camera: "iso", "top" or "side",
+        (position, target), or a Camera, which may follow an object. fast: without smooth edges and
+        soft shadows. Raises smartsurf.Error in a build without the view, RuntimeError where OpenGL is missing."""
+        return self._core.render(whole("width", width, 1), whole("height", height, 1), self._camera(camera), fast)
+
+    def render_depth(self, width: int = 640, height: int = 400, camera: CameraLike = "iso") -> NDArray[np.float32]:
+        """The depth of each pixel of render() along the camera's axis, u; infinite where nothing is. Needs no OpenGL."""
+        return self._core.render_range(whole("width", width, 1), whole("height", height, 1), self._camera(camera))[0]
+
+    def render_segmentation(self, width: int = 640, height: int = 400, camera: CameraLike = "iso") -> NDArray[np.int32]:
+        """What each pixel of render() shows: the id of an object, −1 for nothing, −2 − k for cell k = row · columns + column.
+        Needs no OpenGL."""
+        return self._core.render_range(whole("width", width, 1), whole("height", height, 1), self._camera(camera))[1]
+
+    def _camera(self, camera: CameraLike) -> tuple[str, int]:
+        return core_camera(camera, self._description["objects"])
+
+    def _repr_html_(self) -> str:
+        """For notebooks: a picture, where OpenGL is, and what the simulation is."""
+        caption = (f"{html_module.escape(os.path.basename(self.experiment))}: tick {self.tick}, {self.time:.2f} s, seed "
+                   f"{self.seed}, {self.rows} × {self.columns} cells, {len(self.objects['id'])} objects")
+        try:
+            return f"{html(png([self.render(480, 300)]), 480)}<br/>{caption}"
+        except (_core.Error, RuntimeError):
+            return caption
+
+    # ---- what differs between episodes
+
+    @property
+    def parameters(self) -> tuple[str, ...]:
+        """The names of the parameters that set_parameter() and randomise() take; docs/python.md explains them. An object is
+        also named by its id, "object.#3.mass"."""
+        return tuple(self._core.parameter_names())
+
+    def get_parameter(self, name: str) -> Numbers:
+        """The value of a parameter in the next episode, NaN where there is none. One that is randomised: that of this
+        episode."""
+        shape, values, _, _ = self._core.parameter(name)
+        return np.array(values).reshape(shape)
+
+    def set_parameter(self, name: str, values: ArrayLike) -> None:
+        """Sets a parameter from the next reset() on, as if the script declared the value. Raises Error for a value that the
+        script could not declare."""
+        shape, _, _, per_cell = self._core.parameter(name)
+        checked = _parameters.numbers(name, values, tuple(shape), per_cell)
+        self._core.set_parameter(name, checked)
+        self._set_values.pop(name, None)  # later calls apply later
+        self._set_values[name] = checked
+
+    def randomise(self, ranges: Mapping[str, Range | None]) -> None:
+        """Draws parameters at each reset() from the range (low, high), uniformly, each number by itself, from a stream of
+        the episode's seed and the name. None ends it. Call it again to change the ranges."""
+        for name, given in _parameters.checked_ranges(ranges).items():
+            shape, _, is_whole, per_cell = self._core.parameter(name)
+            if per_cell:
+                raise ValueError(f"randomise: {name}: is a value for each cell; randomise faults.actuator or faults.sensor")
+            if given is None:
+                self._core.randomise(name, np.zeros(0), np.zeros(0))
+                self._ranges.pop(name, None)
+                continue
+            low, high = _parameters.limits(name, given, tuple(shape), is_whole)
+            self._core.randomise(name, low, high)
+            self._ranges[name] = low, high
+
+    def teleport(self, object: str | int | Sequence[int] | None = None, *, position: ArrayLike | None = None,
+                 orientation: ArrayLike | None = None, velocity: ArrayLike | None = None,
+                 angular_velocity: ArrayLike | None = None) -> None:
+        """Moves objects now: all declared ones, those with a label, or by id. Arrays of (3,) or (4,), quaternions x y z w, or
+        objects × that. Sensors follow with the next step()."""
+        ids, several = _parameters.object_ids(self._description["objects"], object)
+        for name, values in (("position", position), ("orientation", orientation), ("velocity", velocity),
+                             ("angular_velocity", angular_velocity)):
+            if values is not None:
+                self._core.place(name, ids, _parameters.pose(name, values, (), len(ids), several))
+
+    def push(self, object: str | int | Sequence[int] | None = None, *, force: ArrayLike | None = None,
+             torque: ArrayLike | None = None) -> None:
+        """Applies a force (mass·u/s²) at the object's origin and a torque (mass·u²/s²), world axes, until the next push() of
+        the object or the end of the episode. Without values: none any more."""
+        ids, several = _parameters.object_ids(self._description["objects"], object)
+        self._core.set_wrenches(ids, _parameters.pushes(force, torque, (), len(ids), several))
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return _unpickled, (self._arguments, self._set_values, self._ranges, self.save(), self._targets.copy(), self._success)
+
+    def _check_process(self) -> None:
         if self._threads > 1 and self._process != os.getpid():
             raise RuntimeError("this simulation's threads belong to the process that created it: create it after the "
                                "fork, or with threads=1")
+
+
+def _unpickled(arguments: dict[str, Any], values: dict[str, Numbers], ranges: dict[str, tuple[Numbers, Numbers]], state: bytes,
+               targets: NDArray[np.float32], success: bool) -> Simulation:
+    simulation = Simulation(**arguments)
+    for name, numbers in values.items():
+        simulation.set_parameter(name, numbers)
+    simulation.randomise(ranges)
+    simulation.restore(state)
+    simulation._targets[...] = targets
+    simulation._success = success
+    return simulation

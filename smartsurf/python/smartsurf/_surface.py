@@ -3,9 +3,14 @@ from __future__ import annotations
 
 import dataclasses
 import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from typing import Any, NoReturn, Union
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+FloatArray = NDArray[np.float32]
+Actions = Union[Mapping[str, ArrayLike], ArrayLike]
 
 
 @dataclasses.dataclass(frozen=True)
@@ -22,18 +27,18 @@ class Channel:
 class Closed:
     """Stands for the core of an environment that was closed."""
 
-    def __getattr__(self, name):
+    def __getattr__(self, name: str) -> NoReturn:
         raise ValueError("the environment is closed: make a new one")
 
 
-def whole(name, value, least):
+def whole(name: str, value: Any, least: int) -> int:
     """The int, or ValueError."""
     if isinstance(value, (int, np.integer)) and not isinstance(value, bool) and least <= value < 2**31:
         return int(value)
     raise ValueError(f"{name} = {value!r}: must be a whole number, at least {least}")
 
 
-def real_array(name, values):
+def real_array(name: str, values: ArrayLike) -> NDArray[Any]:
     """The values as an array of real numbers, or ValueError."""
     try:
         array = np.asarray(values)
@@ -44,7 +49,7 @@ def real_array(name, values):
     return array
 
 
-def finite(name, array, strict):
+def finite(name: str, array: NDArray[Any], strict: bool) -> int:
     """The number of values that are not finite; ValueError if there are any and `strict`."""
     bad = ~np.isfinite(array)
     if strict and bad.any():
@@ -53,7 +58,7 @@ def finite(name, array, strict):
     return int(np.count_nonzero(bad))
 
 
-def checked_options(options, *known):
+def checked_options(options: Any, *known: str) -> Mapping[str, Any]:
     """The options of a reset, or ValueError for those that have no meaning."""
     if options is not None and not isinstance(options, Mapping):
         raise ValueError(f"options = {options!r}: must be a dict")
@@ -63,9 +68,10 @@ def checked_options(options, *known):
     return options or {}
 
 
-def views(planes, of):
+def views(planes: FloatArray, of: Sequence[Channel]) -> dict[str, FloatArray]:
     """The planes of each channel by name: rows × columns, or components × rows × columns. Views, not copies."""
-    out, first = {}, 0
+    out: dict[str, FloatArray] = {}
+    first = 0
     for channel in of:
         out[channel.name] = planes[first] if channel.components == 1 else planes[first:first + channel.components]
         first += channel.components
@@ -76,7 +82,13 @@ class Surface:
     """The arrays of a surface: one block of planes for the sensors and one for the actuators' targets, both float32,
     and views of their channels by name."""
 
-    def __init__(self, sensor_channels, actuator_channels, observation, targets):
+    rows: int
+    columns: int
+    sensor_channels: tuple[Channel, ...]
+    actuator_channels: tuple[Channel, ...]
+
+    def __init__(self, sensor_channels: tuple[Channel, ...], actuator_channels: tuple[Channel, ...],
+                 observation: FloatArray, targets: FloatArray):
         self.sensor_channels, self.actuator_channels = sensor_channels, actuator_channels
         self._observation, self._targets = observation, targets
         self.rows, self.columns = targets.shape[1:]
@@ -85,17 +97,17 @@ class Surface:
             array.flags.writeable = False
 
     @property
-    def sensors(self) -> dict[str, np.ndarray]:
+    def sensors(self) -> dict[str, FloatArray]:
         """The readings by channel name: read-only views, each in its channel's unit."""
         return self._sensors
 
     @property
-    def actuators(self) -> dict[str, np.ndarray]:
+    def actuators(self) -> dict[str, FloatArray]:
         """The actuator targets by channel name, in the channel's unit: writable views that the next step() sends."""
         return self._actuators
 
-    def _take(self, actions):
-        if not isinstance(actions, dict):
+    def _take(self, actions: Actions) -> None:
+        if not isinstance(actions, Mapping):
             if len(self.actuator_channels) != 1:
                 raise ValueError("actions: the surface has the channels "
                                  f"{', '.join(c.name for c in self.actuator_channels)}: give a dict")
@@ -112,14 +124,12 @@ class Surface:
                                  f"{self._actuators[name].shape}") from None
 
 
-def checked_seed(seed):
-    if seed is None:
-        return None
+def checked_seed(seed: Any) -> int:
     if not isinstance(seed, (int, np.integer)) or isinstance(seed, bool) or not 0 <= seed < 2**63:
         raise ValueError(f"seed = {seed!r}: must be a whole number from 0 to 2**63 - 1")
     return int(seed)
 
 
-def draw_seed(random=None):
+def draw_seed(random: np.random.Generator | None = None) -> int:
     """A new seed, of 31 bits, from a NumPy generator or the operating system."""
     return int(random.integers(2**31)) if random is not None else int.from_bytes(os.urandom(4), "little") >> 1

@@ -4,13 +4,13 @@ import pathlib
 
 
 @dataclasses.dataclass(frozen=True)
-class Task:
+class RegisteredTask:
     """A task: its Gymnasium id and its script, which declares surface, reward, success and length of an episode."""
     id: str
     script: str
 
 
-TASKS = tuple(Task(f"smartsurf/{name}-v0", script) for name, script in (
+TASKS = tuple(RegisteredTask(f"smartsurf/{name}-v0", script) for name, script in (
     ("SizeSort", "size_sort.lua"), ("ColourSort", "colour_sort.lua"), ("PartSort", "part_sort.lua"),
     ("Relocate", "relocate.lua"), ("Track", "track.lua"), ("Parallel", "parallel.lua"), ("Packages", "packages.lua"),
     ("Air", "air.lua"), ("Magnets", "magnets.lua"), ("Squeeze", "squeeze.lua"), ("Excitable", "excitable.lua"),

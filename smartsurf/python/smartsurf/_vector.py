@@ -2,22 +2,32 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from typing import Any, Union
 
 import gymnasium
 import numpy as np
 from gymnasium.vector import AutoresetMode
+from gymnasium.vector.utils import batch_space
+from numpy.typing import ArrayLike, NDArray
 
-from . import _core
+from . import _core, _parameters
 from ._env import box
-from ._simulation import channels, engine_name, load_extensions, not_picklable, overrides, state_bytes, thread_count
-from ._surface import Closed, checked_options, checked_seed, draw_seed, finite, real_array, whole
+from ._parameters import Numbers, Range
+from ._picture import CameraLike, core_camera
+from ._simulation import Options, PathName, channels, engine_name, load_extensions, overrides, state_bytes, thread_count
+from ._surface import Closed, FloatArray, checked_options, checked_seed, draw_seed, finite, real_array, whole
 from ._tasks import task_file
+
+Info = dict[str, Any]
+Flags = NDArray[np.bool_]
+Worlds = Union[ArrayLike, None]  # numbers of worlds, a mask, or None for all
+Stepped = tuple[FloatArray, Numbers, Flags, Flags, Info]
 
 _AUTORESET = {AutoresetMode.NEXT_STEP: 0, AutoresetMode.SAME_STEP: 1, AutoresetMode.DISABLED: 2}
 
 
-class VectorEnv(gymnasium.vector.VectorEnv):
+class VectorEnv(gymnasium.vector.VectorEnv[Any, Any, Any]):
     """`num_envs` worlds of one experiment in this process, computed by `threads` threads.
 
     Observations have shape (num_envs, planes, rows, columns), actions (num_envs, channels, rows, columns), both
@@ -25,25 +35,35 @@ class VectorEnv(gymnasium.vector.VectorEnv):
     seeds. reset(seed=s) gives the worlds the seeds s, s + 1, …; later episodes have seeds derived from these, so that
     a seed determines all that follows.
 
-    threads: default: one per core. copy: whether step() and reset() return copies; without, all arrays that they return,
+    set: options of the script, a dict, or one for each world; a value (low, high) stands for one number of that range for
+    each world, uniformly drawn by the option's name and the world's number. threads: default: one per core; never more than
+    worlds. copy: whether step() and reset() return copies; without, all arrays that they return,
     those of `info` included, are the same ones each time, which the next call overwrites. autoreset_mode: as
     Gymnasium's; NEXT_STEP by default. max_episode_steps: truncates episodes, besides the script's episode{}. strict: as of
     Env.
-    `info` is that of Gymnasium's SyncVectorEnv: arrays over the worlds of `seed`, `success`, `nonfinite_actions` and the values of info{}, and
-    for the worlds whose episode has ended `metrics`, a dict of arrays. With SAME_STEP these describe the new episode, and
-    `final_obs` and `final_info` the one that has ended, with its `metrics`.
+    `info` is that of Gymnasium's SyncVectorEnv: arrays over the worlds of `seed`, `success`, `nonfinite_actions` and the
+    values of info{}, and for the worlds whose episode has ended `metrics`, a dict of arrays. With SAME_STEP these describe
+    the new episode, and `final_obs` and `final_info` the one that has ended, with its `metrics`.
     A world that fails, by an error of the script or a state that is not finite, ends its episode: it is truncated, its
     reward and the values of info{} are NaN, and `error` in place of `metrics` says why. The other worlds go on, and the next
     reset brings it back. If all worlds fail, or one with strict=True, step() raises Error.
+    controller: an APRON program that commands the actuators of every world, in this process; step() then takes no
+    actions. It starts anew with each episode, and each world computes what `smartsurf run --controller` computes with its
+    seed. An episode whose program ends is truncated. Such worlds are neither saved nor restored. controller_set: values of
+    the program's sliders and switches.
     """
     metadata = {"render_modes": ["rgb_array"], "render_fps": 60}
 
-    def __init__(self, experiment: str | os.PathLike, num_envs: int = 1, threads: int | None = None,
-                 set: dict | None = None, engine: str | None = None, seed: int | None = None, copy: bool = True,
+    def __init__(self, experiment: PathName, num_envs: int = 1, threads: int | None = None,
+                 set: Options | Sequence[Options] | None = None, engine: str | None = None,
+                 seed: int | Sequence[int] | None = None, copy: bool = True,
                  autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP, render_mode: str | None = None,
-                 render_size: tuple[int, int] = (640, 400), camera: str = "iso",
-                 extensions: Sequence[str | os.PathLike] = (), max_episode_steps: int | None = None, strict: bool = False):
+                 render_size: tuple[int, int] = (640, 400), camera: CameraLike = "iso",
+                 extensions: Sequence[PathName] = (), max_episode_steps: int | None = None, strict: bool = False,
+                 source: str | None = None, controller: PathName | None = None,
+                 controller_set: Mapping[str, float] | None = None):
         load_extensions(extensions)
+        controllers = _controllers(controller, controller_set)
         num_envs = whole("num_envs", num_envs, 1)
         if max_episode_steps is not None:
             max_episode_steps = whole("max_episode_steps", max_episode_steps, 1)
@@ -52,43 +72,68 @@ class VectorEnv(gymnasium.vector.VectorEnv):
             raise ValueError(f"render_mode = {render_mode!r}: must be None or 'rgb_array'")
         autoreset_mode = AutoresetMode(autoreset_mode)
         self.num_envs = num_envs
-        self._batch = _core.Batch(os.fspath(experiment), engine_name(engine), overrides(set), self._seeds(seed), threads,
-                                  _AUTORESET[autoreset_mode], max_episode_steps)
-        d = self._batch.describe()
-        self.rows, self.columns, self.pitch, self.period = d["rows"], d["columns"], d["pitch"], d["period"]
+        of_worlds = _options_of_worlds(set, num_envs)
+        self._arguments: dict[str, Any] = dict(
+            experiment=os.fspath(experiment), num_envs=num_envs, threads=threads, set=of_worlds, engine=engine, copy=copy,
+            autoreset_mode=autoreset_mode, render_mode=render_mode, render_size=render_size, camera=camera,
+            extensions=[os.fspath(path) for path in extensions], max_episode_steps=max_episode_steps, strict=strict,
+            source=source, controller=controller, controller_set=controller_set)
+        self._batch = _core.Batch(os.fspath(experiment), engine_name(engine), [], self._seeds(seed), threads,
+                                  _AUTORESET[autoreset_mode], max_episode_steps,
+                                  [overrides(options) for options in of_worlds], source, controllers)
+        self._description = d = self._batch.describe()
+        self.rows: int = d["rows"]
+        self.columns: int = d["columns"]
+        self.pitch: float = d["pitch"]
+        self.period: float = d["period"]
         self.sensor_channels, self.actuator_channels = channels(d)
         self.single_observation_space = box(self.sensor_channels, self.rows, self.columns)
         self.single_action_space = box(self.actuator_channels, self.rows, self.columns)
-        batched = gymnasium.vector.utils.batch_space
-        self.observation_space = batched(self.single_observation_space, num_envs)
-        self.action_space = batched(self.single_action_space, num_envs)
+        self.observation_space = batch_space(self.single_observation_space, num_envs)
+        self.action_space = batch_space(self.single_action_space, num_envs)
         self.metadata = {**self.metadata, "autoreset_mode": autoreset_mode, "render_fps": round(1 / self.period)}
         self.render_mode, self._render_size, self._camera = render_mode, render_size, camera
-        self._strict = strict
+        self._strict, self._has_controller = strict, controllers is not None
         self._copy, self._same_step = copy, autoreset_mode == AutoresetMode.SAME_STEP
+        # By name: the values and the worlds that have them, in the order in which they apply.
+        self._set_values: dict[str, tuple[Numbers, Flags]] = {}
+        self._ranges: dict[str, tuple[Numbers, Numbers, Flags]] = {}
         self._rewards = np.zeros(num_envs)
         self._terminated, self._truncated = np.zeros((2, num_envs), np.bool_)
-        self._observations, state, self._fields = self._state(num_envs, d["info"])
-        self._final, final_state, self._final_fields = self._state(num_envs if self._same_step else 0, d["info"])
-        self._batch.bind(state, final_state, self._rewards, self._terminated.view(np.uint8), self._truncated.view(np.uint8))
+        self._object_states: FloatArray | None = None
+        self._observations, self._state_arrays, self._fields = self._state(num_envs, d["info"])
+        self._final, self._final_arrays, self._final_fields = self._state(num_envs if self._same_step else 0, d["info"])
+        self._bind()
         every = np.ones(num_envs, np.bool_)
         every.flags.writeable = False
         # A step copies this dict, and the arrays if it is to return copies.
-        self._every_info = {key: value for name, values in self._fields.items()
-                            for key, value in ((name, values), ("_" + name, every))}
+        self._every_info: Info = {key: value for name, values in self._fields.items()
+                                  for key, value in ((name, values), ("_" + name, every))}
 
-    def _state(self, worlds, info):
-        """Arrays that the batch writes: the observations, all of them, and the values of `info` by name."""
-        observations = np.zeros((worlds, *self.single_observation_space.shape), np.float32)
+    def _state(self, worlds: int, info: Any) -> tuple[FloatArray, tuple[Any, ...], Info]:
+        """Arrays that the batch writes: the observations, all of them but the objects, and the values of `info` by name."""
+        observations = np.zeros((worlds, len(self._planes()), self.rows, self.columns), np.float32)
         values, seeds = np.zeros((worlds, self._batch.info_size)), np.zeros(worlds, np.uint64)
         success, nonfinite = np.zeros(worlds, np.bool_), np.zeros(worlds, np.int64)
-        fields, first = {"seed": seeds.view(np.int64), "success": success, "nonfinite_actions": nonfinite}, 0
+        fields: Info = {"seed": seeds.view(np.int64), "success": success, "nonfinite_actions": nonfinite}
+        first = 0
         for name, size in info:
             fields[name] = values[:, first] if size == 1 else values[:, first:first + size]
             first += size
         return observations, (observations, values, seeds, success.view(np.uint8), nonfinite), fields
 
-    def _seeds(self, seed):
+    def _planes(self) -> list[str]:
+        return [channel.name for channel in self.sensor_channels for _ in range(channel.components)]
+
+    def _bind(self, objects: FloatArray | None = None, time: Numbers | None = None) -> None:
+        """Tells the batch where to write."""
+        no_objects, no_time = np.zeros(0, np.float32), np.zeros(0)
+        self._batch.bind((*self._state_arrays, no_objects if objects is None else objects,
+                          no_time if time is None else time),
+                         (*self._final_arrays, no_objects, no_time),
+                         self._rewards, self._terminated.view(np.uint8), self._truncated.view(np.uint8))
+
+    def _seeds(self, seed: Any) -> list[int]:
         if seed is None:
             return [draw_seed(self.np_random) for _ in range(self.num_envs)]
         if isinstance(seed, (int, np.integer)):
@@ -100,26 +145,20 @@ class VectorEnv(gymnasium.vector.VectorEnv):
         return [draw_seed(self.np_random) if s is None else checked_seed(s) for s in seed]
 
     def reset(self, *, seed: int | list[int | None] | None = None,
-              options: dict | None = None) -> tuple[np.ndarray, dict]:
+              options: dict[str, Any] | None = None) -> tuple[FloatArray, Info]:
         if seed is None or isinstance(seed, (int, np.integer)):
             super().reset(seed=seed if seed is None else int(seed))
         mask = np.ones(self.num_envs, np.bool_)
-        if "reset_mask" in checked_options(options, "reset_mask"):
-            mask = np.asarray(options["reset_mask"])
+        given = checked_options(options, "reset_mask")
+        if "reset_mask" in given:
+            mask = np.asarray(given["reset_mask"])
             if mask.shape != (self.num_envs,) or mask.dtype != np.bool_ or not mask.any():
                 raise ValueError("options['reset_mask'] must be an array of bool, one per world, with one True")
         self._batch.reset(self._seeds(seed), mask.astype(np.uint8).tolist())
         return self._observed(), self._infos() if mask.all() else _of_worlds(self._fields, mask)
 
-    def step(self, actions: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, dict]:
-        if self._strict:
-            finite("the array of actions", real_array("the array of actions", actions), True)
-        ended = self._batch.step(actions)
-        if ended is None:  # not an array of the right type and shape
-            actions = real_array("the array of actions", actions)
-            if actions.shape != self.action_space.shape:
-                raise ValueError(f"the actions have shape {actions.shape}: must be {self.action_space.shape}")
-            ended = self._batch.step(np.ascontiguousarray(actions, np.float32))
+    def step(self, actions: ArrayLike | None = None) -> Stepped:
+        ended = self._advance(actions)
         infos = self._infos()
         if ended:
             self._add_final(infos, self._terminated | self._truncated)
@@ -127,17 +166,33 @@ class VectorEnv(gymnasium.vector.VectorEnv):
             return self._observations, self._rewards, self._terminated, self._truncated, infos
         return (self._observations.copy(), self._rewards.copy(), self._terminated.copy(), self._truncated.copy(), infos)
 
-    def _observed(self):
+    def _advance(self, actions: ArrayLike | None) -> bool:
+        """Computes the step. Returns whether an episode has ended."""
+        given: Any = actions
+        if self._has_controller:
+            if given is not None:
+                raise ValueError("the controller commands the actuators: step() takes no actions")
+        elif self._strict:
+            finite("the array of actions", real_array("the array of actions", given), True)
+        ended = self._batch.step(given)
+        if ended is None:  # not an array of the right type and shape
+            array = real_array("the array of actions", given)
+            if array.shape != self.action_space.shape:
+                raise ValueError(f"the actions have shape {array.shape}: must be {self.action_space.shape}")
+            ended = self._batch.step(np.ascontiguousarray(array, np.float32))
+        return bool(ended)
+
+    def _observed(self) -> FloatArray:
         return self._observations.copy() if self._copy else self._observations
 
-    def _infos(self):
+    def _infos(self) -> Info:
         infos = self._every_info.copy()
         if self._copy:
             for name, values in self._fields.items():
                 infos[name] = values.copy()
         return infos
 
-    def _add_final(self, infos, ended):
+    def _add_final(self, infos: Info, ended: Flags) -> None:
         """Adds what an episode that has ended leaves, as Gymnasium's SyncVectorEnv: its metrics, and where the same step has
         reset the world its last observation and info."""
         final = _of_worlds(self._final_fields, ended) if self._same_step else infos
@@ -145,7 +200,7 @@ class VectorEnv(gymnasium.vector.VectorEnv):
             error = self._batch.error(int(i))
             if error and self._strict:
                 raise _core.Error(f"world {i}: {error}")
-            self._add_info(final, {"error": error} if error else {"metrics": self._batch.final_metrics(int(i))}, i)
+            self._add_info(final, {"error": error} if error else {"metrics": self._batch.final_metrics(int(i))}, int(i))
         if self._same_step:
             observations = np.full(self.num_envs, None, object)
             for i in np.flatnonzero(ended):
@@ -156,37 +211,189 @@ class VectorEnv(gymnasium.vector.VectorEnv):
         """The state of one world, as Simulation.save()."""
         return self._batch.save(whole("world", world, 0))
 
-    def restore(self, world: int, state: bytes) -> np.ndarray:
+    def restore(self, world: int, state: bytes) -> FloatArray:
         """Continues one world from a state, that of any world or Simulation of the same experiment and options. Returns
         its observation."""
         self._batch.restore(whole("world", world, 0), state_bytes(state))
-        return self._observations[world].copy() if self._copy else self._observations[world]
+        observation: FloatArray = self._observations[world]
+        return observation.copy() if self._copy else observation
 
     def state_hash(self, world: int) -> int:
         """The state hash of one world, as Simulation.state_hash."""
         return self._batch.state_hash(whole("world", world, 0))
 
-    def render(self) -> list[np.ndarray] | None:
+    def render(self) -> Any:
         """A list with a picture of each world (rgb_array), or None."""
         if self.render_mode is None:
             return None
-        return [self._batch.render(i, *self._render_size, self._camera) for i in range(self.num_envs)]
+        camera = core_camera(self._camera, self._description["objects"])
+        return [self._batch.render(i, *self._render_size, camera) for i in range(self.num_envs)]
 
-    def close_extras(self, **arguments):
-        self._batch = Closed()
+    # ---- worlds that differ
 
-    __reduce_ex__ = not_picklable
+    @property
+    def options(self) -> list[dict[str, str]]:
+        """The script's options of each world, as text."""
+        return [self._batch.options(i) for i in range(self.num_envs)]
+
+    @property
+    def parameters(self) -> tuple[str, ...]:
+        """The names of the parameters, as Simulation.parameters."""
+        return tuple(self._batch.parameter_names())
+
+    def get_parameter(self, name: str) -> Numbers:
+        """The values of a parameter in the next episodes, worlds × its shape; where it is randomised, those of the running
+        episodes."""
+        shape, _, _, _ = self._parameter(name)
+        return np.array([values for _, values, _, _ in self._batch.parameter(name)]).reshape(self.num_envs, *shape)
+
+    def set_parameter(self, name: str, values: ArrayLike, worlds: Worlds = None) -> None:
+        """Sets a parameter from the next reset of each world on: values broadcast to worlds × its shape. Else as
+        Simulation.set_parameter()."""
+        which = _parameters.world_numbers(worlds, self.num_envs)
+        shape, _, _, per_cell = self._parameter(name)
+        checked = _parameters.numbers(name, values, (len(which), *shape), per_cell)
+        if not which:
+            return
+        self._batch.set_parameter(name, which, checked)
+        all_values, mask = self._set_values.pop(name, (np.zeros((self.num_envs, *shape)), np.zeros(self.num_envs, np.bool_)))
+        all_values[which], mask[which] = checked, True
+        self._set_values[name] = all_values, mask
+
+    def randomise(self, ranges: Mapping[str, Range | None], worlds: Worlds = None) -> None:
+        """Draws parameters at each reset, as Simulation.randomise(); low and high broadcast to worlds × the parameter's
+        shape."""
+        which = _parameters.world_numbers(worlds, self.num_envs)
+        for name, given in _parameters.checked_ranges(ranges).items():
+            shape, _, is_whole, per_cell = self._parameter(name)
+            if per_cell:
+                raise ValueError(f"randomise: {name}: is a value for each cell; randomise faults.actuator or faults.sensor")
+            if not which:
+                continue
+            nothing = (np.zeros((self.num_envs, *shape)), np.zeros((self.num_envs, *shape)), np.zeros(self.num_envs, np.bool_))
+            lows, highs, mask = self._ranges.pop(name, nothing)
+            if given is None:
+                self._batch.randomise(name, which, np.zeros((len(which), 0)), np.zeros((len(which), 0)))
+                mask[which] = False
+            else:
+                low, high = _parameters.limits(name, given, (len(which), *shape), is_whole)
+                self._batch.randomise(name, which, low, high)
+                lows[which], highs[which], mask[which] = low, high, True
+            if mask.any():
+                self._ranges[name] = lows, highs, mask
+
+    def _parameter(self, name: str) -> tuple[tuple[int, ...], list[float], bool, bool]:
+        shape, values, is_whole, per_cell = self._batch.parameter(name)[0]
+        return tuple(shape), values, is_whole, per_cell
+
+    @property
+    def objects(self) -> dict[str, FloatArray]:
+        """The states of the declared objects in all worlds: `position`, `orientation`, `velocity` and `angular_velocity`, each
+        worlds × objects × 3 or 4, as Simulation.objects; NaN of objects that are gone. Read-only views, which each step
+        overwrites."""
+        if self._object_states is None:
+            self._object_states = np.zeros((self.num_envs, self._batch.object_count, 13), np.float32)
+            self._bind(self._object_states)
+            self._batch.observe_objects()
+        readable = self._object_states.view()
+        readable.flags.writeable = False
+        return {name: readable[..., first:last] for name, (first, last) in _parameters.STATE.items()}
+
+    def teleport(self, object: str | int | Sequence[int] | None = None, *, position: ArrayLike | None = None,
+                 orientation: ArrayLike | None = None, velocity: ArrayLike | None = None,
+                 angular_velocity: ArrayLike | None = None, worlds: Worlds = None) -> None:
+        """Moves objects now, as Simulation.teleport(), in all or some worlds: the values broadcast to worlds × objects × 3
+        or 4, for one object to worlds × 3 or 4."""
+        which = _parameters.world_numbers(worlds, self.num_envs)
+        ids, several = _parameters.object_ids(self._description["objects"], object)
+        for name, values in (("position", position), ("orientation", orientation), ("velocity", velocity),
+                             ("angular_velocity", angular_velocity)):
+            if values is not None and which:
+                self._batch.place(name, which, ids, _parameters.pose(name, values, (len(which),), len(ids), several))
+
+    def push(self, object: str | int | Sequence[int] | None = None, *, force: ArrayLike | None = None,
+             torque: ArrayLike | None = None, worlds: Worlds = None) -> None:
+        """Applies forces and torques, as Simulation.push(), in all or some worlds."""
+        which = _parameters.world_numbers(worlds, self.num_envs)
+        ids, several = _parameters.object_ids(self._description["objects"], object)
+        if which:
+            self._batch.set_wrenches(which, ids, _parameters.pushes(force, torque, (len(which),), len(ids), several))
+
+    def close_extras(self, **arguments: Any) -> None:
+        self._batch = Closed()  # type: ignore[assignment]
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        failed = [bool(self._batch.error(i)) for i in range(self.num_envs)]
+        states = [b"" if failed[i] else self._batch.save(i) for i in range(self.num_envs)]
+        arrays = [array.copy() for array in (*self._state_arrays, self._rewards, self._terminated, self._truncated)]
+        return _unpickled, (type(self), self._arguments, self._set_values, self._ranges, states, arrays,
+                            getattr(self, "_np_random", None), self._object_states is not None)
 
 
-def _of_worlds(fields, mask):
+def _unpickled(cls: type[VectorEnv], arguments: dict[str, Any], values: dict[str, tuple[Numbers, Flags]],
+               ranges: dict[str, tuple[Numbers, Numbers, Flags]], states: list[bytes], arrays: list[Any], random: Any,
+               has_objects: bool) -> VectorEnv:
+    *state_arrays, rewards, terminated, truncated = arrays
+    envs = cls(seed=[int(seed) for seed in state_arrays[2]], **arguments)
+    for name, (numbers, mask) in values.items():
+        envs.set_parameter(name, numbers[mask], mask)
+    for name, (low, high, mask) in ranges.items():
+        envs.randomise({name: (low[mask], high[mask])}, mask)
+    for i, state in enumerate(states):
+        if state:
+            envs._batch.restore(i, state)
+    if has_objects:
+        envs.objects
+    for to, saved in zip((*envs._state_arrays, envs._rewards, envs._terminated, envs._truncated), arrays):
+        to[...] = saved
+    if not envs._same_step:  # those that the next step resets
+        over = terminated | truncated
+        envs._batch.end_episodes(over.astype(np.uint8).tolist())
+    envs._np_random = random
+    return envs
+
+
+def _options_of_worlds(given: Any, count: int) -> list[Options]:
+    """The options of each world."""
+    if given is None or isinstance(given, Mapping):
+        given = [given or {}] * count
+    elif not isinstance(given, Sequence) or isinstance(given, str) or len(given) != count:
+        raise ValueError(f"set = {given!r}: must be a dict, or a list of one per world, {count}")
+    return [{name: _drawn(name, value, i) for name, value in options.items()} if isinstance(options, Mapping) else options
+            for i, options in enumerate(given)]
+
+
+def _drawn(name: str, value: Any, world: int) -> Any:
+    """The value of an option in a world: that of a range (low, high) is drawn; of whole numbers, a whole one."""
+    if not isinstance(value, tuple):
+        return value
+    if len(value) != 2 or not all(isinstance(end, (int, float)) for end in value) or not value[0] <= value[1]:
+        raise ValueError(f"set: {name} = {value!r}: a range must be (low, high), two numbers")
+    low, high = value
+    share = float(_core.draw_uniform([world], f"option {name}", 1)[0, 0])
+    if isinstance(low, int) and isinstance(high, int):
+        return low + int(share * (high - low + 1))
+    return low + share * (high - low)
+
+
+def _controllers(program: PathName | None, parameters: Mapping[str, float] | None) -> Any:
+    if program is None:
+        if parameters is not None:
+            raise ValueError("controller_set needs a controller")
+        return None
+    import apron  # of the same wheel; environments without a controller do without
+    return apron._controllers(program, parameters)
+
+
+def _of_worlds(fields: Info, mask: Flags) -> Info:
     """Copies of the fields of an info with the values of some worlds, and masks that say which."""
-    infos = {}
+    infos: Info = {}
     for name, values in fields.items():
         infos[name], infos["_" + name] = np.zeros_like(values), mask.copy()
         infos[name][mask] = values[mask]
     return infos
 
 
-def make(task, num_envs=1, **arguments):
+def make(task: str, num_envs: int = 1, **arguments: Any) -> VectorEnv:
     """The vector entry point of the tasks' Gymnasium ids."""
     return VectorEnv(task_file(task), num_envs, **arguments)

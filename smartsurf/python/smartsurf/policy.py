@@ -9,9 +9,13 @@ from __future__ import annotations
 import os
 import re
 from collections.abc import Mapping, Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple, Union
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+FloatArray = NDArray[np.float32]
+PathName = Union[str, "os.PathLike[str]"]
 
 TAPS = ("own", "north", "east", "south", "west")
 # Places of the taps in a 3×3 kernel, row 0 north.
@@ -25,7 +29,7 @@ class Action(NamedTuple):
     high: float
 
 
-def cross(kernel: np.ndarray) -> np.ndarray:
+def cross(kernel: ArrayLike) -> FloatArray:
     """(out, in, 3, 3) or (out, in, 1, 1), as torch.nn.Conv2d.weight → (out, in, 5), in the order of TAPS.
 
     Raises ValueError if a corner is not 0: diagonal neighbours are not local."""
@@ -59,7 +63,7 @@ class LocalPolicy:
     """
 
     def __init__(self, inputs: Sequence[str], actions: Sequence[tuple[str, float, float]],
-                 layers: Sequence[tuple[np.ndarray, np.ndarray]], memory: int = 0):
+                 layers: Sequence[tuple[ArrayLike, ArrayLike]], memory: int = 0):
         self.inputs, self.actions, self.memory = tuple(inputs), tuple(Action(*a) for a in actions), memory
         self.layers = [(np.array(w, np.float32), np.array(b, np.float32)) for w, b in layers]
         for name in (*self.inputs, *(action.channel for action in self.actions)):
@@ -89,7 +93,7 @@ class LocalPolicy:
         return sum(n * (5 * m + 1) for m, n in zip(sizes, sizes[1:]))
 
     @classmethod
-    def from_vector(cls, vector: np.ndarray, inputs: Sequence[str], actions: Sequence[tuple[str, float, float]],
+    def from_vector(cls, vector: NDArray[Any], inputs: Sequence[str], actions: Sequence[tuple[str, float, float]],
                     hidden: Sequence[int] = (), memory: int = 0) -> LocalPolicy:
         """The network whose weights, then biases, layer by layer, are the vector's values."""
         sizes, layers, at = [len(inputs) + memory, *hidden, len(actions) + memory], [], 0
@@ -103,9 +107,9 @@ class LocalPolicy:
 
     def reset(self) -> None:
         """Forgets: the memory is 0 again."""
-        self._memory = [np.float32(0)] * self.memory
+        self._memory: list[Any] = [np.float32(0)] * self.memory
 
-    def __call__(self, observation: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
+    def __call__(self, observation: Mapping[str, NDArray[Any]]) -> dict[str, FloatArray]:
         """One tick. observation: channel → array (…, rows, columns); 'colour.r' is also found as component 0, 1 or 2 of an
         array 'colour' of shape (…, 3, rows, columns). Returns channel → float32 array (…, rows, columns)."""
         sensed = {name: _plane(observation, name) for name in self.inputs if name not in ("row", "column")}
@@ -121,7 +125,7 @@ class LocalPolicy:
         return {a.channel: _clamp(p, a.low, a.high) for a, p in zip(self.actions, planes)}
 
 
-def _plane(observation, name):
+def _plane(observation: Mapping[str, NDArray[Any]], name: str) -> FloatArray:
     if name in observation:
         plane = np.asarray(observation[name], np.float32)
         if plane.ndim < 2:
@@ -133,14 +137,14 @@ def _plane(observation, name):
     raise KeyError(f"there is no sensor '{name}' in the observation; there are {', '.join(observation)}")
 
 
-def _coordinate(name, shape):
+def _coordinate(name: str, shape: tuple[int, ...]) -> FloatArray:
     rows, columns = shape[-2:]
     if name == "row":
         return np.broadcast_to((np.arange(rows, dtype=np.float32) - np.float32((rows - 1) * 0.5))[:, None], shape)
     return np.broadcast_to(np.arange(columns, dtype=np.float32) - np.float32((columns - 1) * 0.5), shape)
 
 
-def _neighbour(plane, tap):
+def _neighbour(plane: FloatArray, tap: int) -> FloatArray:
     """The value of that neighbour, 0 beyond the edge."""
     if tap == 0:
         return plane
@@ -151,8 +155,8 @@ def _neighbour(plane, tap):
     return padded[..., 1 + row:1 + row + rows, 1 + column:1 + column + columns]
 
 
-def _convolve(planes, weights, biases):
-    used = weights.any(axis=0)
+def _convolve(planes: list[FloatArray], weights: FloatArray, biases: FloatArray) -> list[FloatArray]:
+    used = np.asarray(weights.any(axis=0))
     taps = [[_neighbour(plane, tap) if used[k, tap] else None for tap in range(5)] for k, plane in enumerate(planes)]
     outputs = []
     for kernel, bias in zip(weights, biases):
@@ -165,11 +169,11 @@ def _convolve(planes, weights, biases):
     return outputs
 
 
-def _clamp(plane, low, high):
+def _clamp(plane: FloatArray, low: float, high: float) -> FloatArray:
     return np.minimum(np.maximum(plane, np.float32(low)), np.float32(high))
 
 
-def export_policy(policy: LocalPolicy, path: str | os.PathLike, title: str = "A learned local policy.") -> None:
+def export_policy(policy: LocalPolicy, path: PathName, title: str = "A learned local policy.") -> None:
     """Writes the policy as an APRON program, which commands the surface tick by tick like policy(observation).
 
     The program passes `apron check --local`, works on arrays of any size, and gives the same float32 commands to
@@ -177,7 +181,7 @@ def export_policy(policy: LocalPolicy, path: str | os.PathLike, title: str = "A 
     registers: list[str] = []
     body: list[str] = []
 
-    def register(name):
+    def register(name: str) -> str:
         registers.append(name)
         return name
 
@@ -229,3 +233,82 @@ def _literal(value: float) -> str:
     """The float32 value, exactly."""
     text = repr(float(np.float32(value)))
     return text.removesuffix(".0")
+
+
+def export_onnx(policy: LocalPolicy, path: PathName) -> None:
+    """Writes the policy as an ONNX model, which gives the same float32 commands to the bit in onnxruntime. Needs the package
+    onnx.
+
+    Inputs are the sensor channels by name ('colour.r' is one), then MEMORY0, …: float32, worlds × rows × columns. Outputs are
+    the command channels, then NEXT_MEMORY0, …, the memory of the next tick, which starts at 0."""
+    try:
+        import onnx
+        from onnx import TensorProto, helper, numpy_helper
+    except ImportError as error:
+        raise ImportError("export_onnx needs onnx: pip install onnx") from error
+    nodes: list[Any] = []
+    constants: dict[str, Any] = {}
+
+    def constant(value: Any, kind: Any = np.float32) -> str:
+        array = np.asarray(value, kind)
+        name = f"constant{len(constants)}"
+        constants[name] = numpy_helper.from_array(array, name)
+        return name
+
+    def apply(operator: str, *inputs: str, output: str | None = None, **attributes: Any) -> str:
+        name = output or f"value{len(nodes)}"
+        nodes.append(helper.make_node(operator, list(inputs), [name], **attributes))
+        return name
+
+    sensed = [name for name in policy.inputs if name not in ("row", "column")]
+    memory = [f"MEMORY{k}" for k in range(policy.memory)]
+    if not sensed and not memory:
+        raise ValueError("export_onnx: the policy has no inputs but row and column: a model has no shape without one")
+    shape = apply("Shape", (sensed + memory)[0])
+
+    def coordinate(name: str) -> str:
+        axis = 1 if name == "row" else 2
+        size = apply("Squeeze", apply("Gather", shape, constant([axis], np.int64), axis=0))
+        count = apply("Cast", size, to=TensorProto.FLOAT)
+        places = apply("Cast", apply("Range", constant(0, np.int64), size, constant(1, np.int64)), to=TensorProto.FLOAT)
+        middle = apply("Mul", apply("Sub", count, constant(1)), constant(0.5))
+        line = apply("Sub", places, middle)
+        axes = constant([0, 2] if name == "row" else [0, 1], np.int64)
+        return apply("Expand", apply("Unsqueeze", line, axes), shape)
+
+    def neighbour(plane: str, tap: int) -> str:
+        if tap == 0:
+            return plane
+        row, column = (place - 1 for place in _CROSS[tap])
+        # One line of zeros on the side from which the values come, one line less on the other.
+        pads = [0, max(-row, 0), max(-column, 0), 0, max(row, 0), max(column, 0)]
+        padded = apply("Pad", plane, constant(pads, np.int64), constant(0))
+        starts, ends = [max(row, 0), max(column, 0)], [-1 if row < 0 else 2**31, -1 if column < 0 else 2**31]
+        return apply("Slice", padded, constant(starts, np.int64), constant(ends, np.int64), constant([1, 2], np.int64))
+
+    planes = [name if name in sensed else coordinate(name) for name in policy.inputs] + memory
+    for number, (weights, biases) in enumerate(policy.layers):
+        near: dict[tuple[int, int], str] = {}
+        outputs = []
+        for kernel, bias in zip(weights, biases):
+            total = apply("Expand", constant(bias + np.float32(0)), shape)
+            for k, row_of_taps in enumerate(kernel):
+                for tap, weight in enumerate(row_of_taps):
+                    if weight != 0:
+                        if (k, tap) not in near:
+                            near[k, tap] = neighbour(planes[k], tap)
+                        total = apply("Add", total, apply("Mul", near[k, tap], constant(weight)))
+            outputs.append(total if number + 1 == len(policy.layers) else apply("Max", total, constant(0)))
+        planes = outputs
+    results = [(action.channel, action.low, action.high) for action in policy.actions]
+    results += [(f"NEXT_{name}", -1, 1) for name in memory]
+    for (name, low, high), plane in zip(results, planes):
+        apply("Min", apply("Max", plane, constant(low)), constant(high), output=name)
+
+    def values(names: Sequence[str]) -> list[Any]:
+        return [helper.make_tensor_value_info(name, TensorProto.FLOAT, ["worlds", "rows", "columns"]) for name in names]
+    graph = helper.make_graph(nodes, "policy", values([*dict.fromkeys(sensed), *memory]),
+                              values([name for name, _, _ in results]), initializer=list(constants.values()))
+    model = helper.make_model(graph, opset_imports=[helper.make_opsetid("", 17)], ir_version=8)
+    onnx.checker.check_model(model)
+    onnx.save(model, os.fspath(path))

@@ -19,7 +19,7 @@ from typing import Any
 TIMED_OUT = 124  # the exit status of timeout(1)
 _GRACE_S = 5.0   # between SIGTERM and SIGKILL
 
-_running: set[subprocess.Popen] = set()
+_running: set[subprocess.Popen[bytes]] = set()
 
 
 class RunError(RuntimeError):
@@ -33,10 +33,10 @@ class RunError(RuntimeError):
         self.status = status
 
     def __str__(self) -> str:
-        return self.args[0]
+        return str(self.args[0])
 
 
-def program(given: str | os.PathLike | None = None) -> str:
+def program(given: str | os.PathLike[str] | None = None) -> str:
     """The path of the program smartsurf: the given one, else $SMARTSURF, that of this build or checkout, that which pip
     installed beside Python, or that of PATH.
 
@@ -52,7 +52,7 @@ def program(given: str | os.PathLike | None = None) -> str:
     return os.path.abspath(path)
 
 
-def plot(chart: Mapping[str, Any], file: str | os.PathLike, smartsurf: str | os.PathLike | None = None) -> None:
+def plot(chart: Mapping[str, Any], file: str | os.PathLike[str], smartsurf: str | os.PathLike[str] | None = None) -> None:
     """Draws a chart as SVG or PNG. chart: its description, as docs/recordings.md has it."""
     with tempfile.TemporaryDirectory(prefix="smartsurf-plot-") as folder:
         description = pathlib.Path(folder, "chart.json")
@@ -64,10 +64,10 @@ def _text(value: Any) -> str:
     return str(value).lower() if isinstance(value, bool) else str(value)
 
 
-def command(experiment: str | os.PathLike, controller: str | None = None, seed: int | None = None,
+def command(experiment: str | os.PathLike[str], controller: str | None = None, seed: int | None = None,
             set: Mapping[str, Any] | None = None, *, until: float | None = None, engine: str | None = None,
-            threads: int | None = None, worlds: int | None = None, record: str | os.PathLike | None = None,
-            extensions: Sequence[str | os.PathLike] = (), smartsurf: str | os.PathLike | None = None) -> list[str]:
+            threads: int | None = None, worlds: int | None = None, record: str | os.PathLike[str] | None = None,
+            extensions: Sequence[str | os.PathLike[str]] = (), smartsurf: str | os.PathLike[str] | None = None) -> list[str]:
     """The command line of a run; arguments as in `run`."""
     words = [program(smartsurf), "run", os.fspath(experiment)]
     words += ["--controller", os.fspath(controller)] if controller else ["--no-controller"]
@@ -81,7 +81,7 @@ def command(experiment: str | os.PathLike, controller: str | None = None, seed: 
     return words
 
 
-def execute(words: list[str], timeout: float | None = None) -> tuple[int, dict | None, str]:
+def execute(words: list[str], timeout: float | None = None) -> tuple[int, dict[str, Any] | None, str]:
     """Runs the command → exit status, statistics (None if there are none), what it wrote to stdout and then stderr.
 
     A run longer than timeout (wall-clock seconds) is ended; its status is 124."""
@@ -110,7 +110,7 @@ def execute(words: list[str], timeout: float | None = None) -> tuple[int, dict |
             return status, None, "".join(texts)
 
 
-def _end(process: subprocess.Popen) -> None:
+def _end(process: subprocess.Popen[bytes]) -> None:
     if process.poll() is not None:
         return
     process.terminate()  # the simulator ends its controller
@@ -127,11 +127,11 @@ def end_all() -> None:
         process.terminate()
 
 
-def run(experiment: str | os.PathLike, controller: str | None = None, seed: int | None = None,
+def run(experiment: str | os.PathLike[str], controller: str | None = None, seed: int | None = None,
         set: Mapping[str, Any] | None = None, *, until: float | None = None, engine: str | None = None,
-        threads: int | None = None, worlds: int | None = None, record: str | os.PathLike | None = None,
-        extensions: Sequence[str | os.PathLike] = (), timeout: float | None = None,
-        smartsurf: str | os.PathLike | None = None) -> dict[str, Any]:
+        threads: int | None = None, worlds: int | None = None, record: str | os.PathLike[str] | None = None,
+        extensions: Sequence[str | os.PathLike[str]] = (), timeout: float | None = None,
+        smartsurf: str | os.PathLike[str] | None = None) -> dict[str, Any]:
     """Runs an experiment to its end and returns the statistics of `smartsurf run --stats`.
 
     experiment: the Lua file.

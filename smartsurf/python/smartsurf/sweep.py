@@ -23,10 +23,15 @@ import statistics
 import sys
 import time
 from collections.abc import Iterable, Iterator, Sequence
+from typing import Any
 
 from .run import command, execute as execute_command
+from .success import Step, success_curve, time_of_share, wilson
 
 Options = tuple[tuple[str, str], ...]
+
+SUCCESS_TIMES = ("success_s", "sorted_at_s")  # figures: when the run succeeded; null if it did not
+LOSSES = ("left_table", "off_surface", "lost")  # figures: objects lost
 
 MAX_NAME_BYTES = 200  # of a folder: file systems take 255, and files in preparation have longer names
 
@@ -89,7 +94,7 @@ def sources(path: pathlib.Path, known: dict[pathlib.Path, bytes] | None = None) 
     return known
 
 
-def provenance(version: str, experiment: str, controller: str | None, settings: Iterable[str]) -> dict:
+def provenance(version: str, experiment: str, controller: str | None, settings: Iterable[str]) -> dict[str, Any]:
     """The version, the sources with their SHA-256, and the digest of all that results depend on besides options and
     seed."""
     files = sources(pathlib.Path(experiment).resolve())
@@ -145,20 +150,21 @@ class Point:
         except (OSError, ValueError):
             return None
 
-    def read(self, name: str) -> dict:
+    def read(self, name: str) -> dict[str, Any]:
         """One of the folder's JSON files; empty if there is none."""
         try:
-            return json.loads((self.folder / name).read_text())
+            stored: dict[str, Any] = json.loads((self.folder / name).read_text())
+            return stored
         except (OSError, ValueError):
             return {}
 
-    def figures(self) -> dict:
+    def figures(self) -> dict[str, Any]:
         """The statistics, nested names joined by dots, metrics by their own names; empty if not run."""
         if self.status() is None:
             return {}
-        flat = {}
+        flat: dict[str, Any] = {}
 
-        def walk(prefix, value):
+        def walk(prefix: str, value: Any) -> None:
             if isinstance(value, dict):
                 for key, inner in value.items():
                     walk(f"{prefix}.{key}" if prefix else key, inner)
@@ -176,8 +182,8 @@ class Point:
             return "no message"
 
 
-def tasks(points: Sequence[Point], arguments: dict, worlds: int = 1, timeout: float | None = None, retry: int = 0,
-          record: bool = False) -> list[dict]:
+def tasks(points: Sequence[Point], arguments: dict[str, Any], worlds: int = 1, timeout: float | None = None, retry: int = 0,
+          record: bool = False) -> list[dict[str, Any]]:
     """Packs points with equal options and consecutive seeds into tasks of up to `worlds` points."""
     packs: list[list[Point]] = []
     for point in points:
@@ -191,7 +197,7 @@ def tasks(points: Sequence[Point], arguments: dict, worlds: int = 1, timeout: fl
             for pack in packs]
 
 
-def execute(task: dict) -> None:
+def execute(task: dict[str, Any]) -> None:
     """Runs a task and writes each run's stats.json, log, provenance.json and, last, its status.
 
     A pack is one process. If it fails, its runs are repeated one by one, so that each has its own status and log."""
@@ -200,8 +206,8 @@ def execute(task: dict) -> None:
         folder.mkdir(parents=True, exist_ok=True)
         for name in ("status", "stats.json"):
             (folder / name).unlink(missing_ok=True)
-    pack = {"worlds": len(folders)} if len(folders) > 1 else {}
-    record = {"record": str(folders[0] / "recording.h5")} if task["record"] else {}
+    pack: dict[str, Any] = {"worlds": len(folders)} if len(folders) > 1 else {}
+    record: dict[str, Any] = {"record": str(folders[0] / "recording.h5")} if task["record"] else {}
     words = command(**task["arguments"], seed=task["seed"], **pack, **record)
     started, start = datetime.datetime.now(datetime.timezone.utc).isoformat(timespec="seconds"), time.monotonic()
     for attempt in range(1, task["retry"] + 2):
@@ -227,17 +233,6 @@ def execute(task: dict) -> None:
 
 # Tables
 
-def wilson(successes: int, runs: int, confidence: float = 0.95) -> tuple[float, float]:
-    """Wilson's score interval of a success rate (Wilson 1927). (0, 1) without runs."""
-    if runs == 0:
-        return 0.0, 1.0
-    z = statistics.NormalDist().inv_cdf(0.5 + confidence / 2)
-    rate, scale = successes / runs, 1 + z * z / runs
-    middle = (rate + z * z / (2 * runs)) / scale
-    half = z / scale * math.sqrt(rate * (1 - rate) / runs + z * z / (4 * runs * runs))
-    return max(0.0, middle - half), min(1.0, middle + half)
-
-
 def quantile(values: Sequence[float], share: float) -> float:
     """The quantile, interpolated linearly between order statistics (as NumPy's default)."""
     ordered = sorted(values)
@@ -246,7 +241,7 @@ def quantile(values: Sequence[float], share: float) -> float:
     return ordered[low] + (ordered[math.ceil(place)] - ordered[low]) * (place - low)
 
 
-def rows(points: Iterable[Point]) -> list[dict]:
+def rows(points: Iterable[Point]) -> list[dict[str, Any]]:
     """One dict per point: options, seed, exit_status, figures. A metric with the name of an option is metrics.NAME."""
     table = []
     for p in points:
@@ -255,26 +250,58 @@ def rows(points: Iterable[Point]) -> list[dict]:
     return table
 
 
-def summary(points: Sequence[Point], success: str, shares: Sequence[float]) -> list[dict]:
-    """One dict per combination of options: number of runs and of failed ones; rate and 95 % Wilson interval of the
-    completed runs whose figure `success` is 1; median and quantiles of each numeric figure over the completed runs."""
+def outcomes(points: Iterable[Point], success: str) -> list[bool]:
+    """Whether each completed run succeeded: its figure `success` is 1 or true. Runs without that figure are left out."""
+    values = [p.figures().get(success) for p in points if p.status() == 0]
+    return [value == 1 for value in values if isinstance(value, (int, float))]
+
+
+def time_to_success(points: Iterable[Point], time: str, until: float | None = None) -> list[Step]:
+    """The share of the completed runs that succeed within a time, from their figure `time`. A run that ends without
+    success stays one of those that have not succeeded until `until` or, without it, until the longest run ends: its
+    experiment may have given up early. Empty if a run succeeds at an unknown time or none succeeds."""
+    done = [f for f in (p.figures() for p in points if p.status() == 0) if isinstance(f.get("success"), (int, float))]
+    times = [f[time] if is_number(f.get(time)) else None for f in done]
+    if any(f["success"] and known is None for f, known in zip(done, times)):
+        return []
+    end = max([until or 0.0, *(f.get("simulated_s") or 0.0 for f in done)])
+    return success_curve(times, [end] * len(times))
+
+
+def groups_of(points: Iterable[Point]) -> dict[Options, list[Point]]:
+    """The points of each combination of options."""
     groups: dict[Options, list[Point]] = {}
     for point in points:
         groups.setdefault(point.options, []).append(point)
+    return groups
+
+
+def summary(points: Sequence[Point], success: str, shares: Sequence[float], until: float | None = None) -> list[dict[str, Any]]:
+    """One dict per combination of options, over its completed runs: their number and that of the failed ones; rate and
+    95 % Wilson interval of those whose figure `success` is 1; median and quantiles of each numeric figure, of times to
+    success with the runs that do not succeed (None: not reached); `missing`: the runs without that figure; of counts of
+    objects lost, their sum and the runs that lose any."""
     table = []
-    for options, members in groups.items():
+    for options, members in groups_of(points).items():
         done = [p.figures() for p in members if p.status() == 0]
-        row = {**dict(options), "runs": len(members), "failed": len(members) - len(done)}
-        outcomes = [f[success] for f in done if is_number(f.get(success))]
-        if outcomes:
-            won = sum(value == 1 for value in outcomes)
-            low, high = wilson(won, len(outcomes))
-            row |= {"success_rate": won / len(outcomes), "success_low": low, "success_high": high}
+        row: dict[str, object] = {**dict(options), "runs": len(members), "failed": len(members) - len(done)}
+        won = outcomes(members, success)
+        if won:
+            low, high = wilson(sum(won), len(won))
+            row |= {"succeeded": sum(won), "success_rate": sum(won) / len(won), "success_low": low,
+                    "success_high": high}
         for name in dict.fromkeys(key for figures in done for key in figures):
             values = [f[name] for f in done if is_number(f.get(name))]
-            if values:
+            if name in SUCCESS_TIMES and (curve := time_to_success(members, name, until)):
+                row[f"{name}.median"], row[f"{name}.median_low"], row[f"{name}.median_high"] = time_of_share(curve, 0.5)
+                row |= {f"{name}.q{100 * share:g}": time_of_share(curve, share)[0] for share in shares}
+            elif values:
                 row[f"{name}.median"] = statistics.median(values)
                 row |= {f"{name}.q{100 * share:g}": quantile(values, share) for share in shares}
+            if values and len(values) < len(done):
+                row[f"{name}.missing"] = len(done) - len(values)
+            if values and name in LOSSES:
+                row |= {f"{name}.sum": sum(values), f"{name}.runs": sum(value > 0 for value in values)}
         table.append(row)
     return table
 
@@ -299,11 +326,11 @@ def replaced(path: pathlib.Path) -> Iterator[pathlib.Path]:
     part.replace(path)
 
 
-def columns(table: Iterable[dict]) -> list[str]:
+def columns(table: Iterable[dict[str, Any]]) -> list[str]:
     return list(dict.fromkeys(key for row in table for key in row))
 
 
-def write_csv(path: pathlib.Path, table: Sequence[dict]) -> None:
+def write_csv(path: pathlib.Path, table: Sequence[dict[str, Any]]) -> None:
     names = columns(table)
     with replaced(path) as part, part.open("w", newline="") as file:
         writer = csv.writer(file)
@@ -321,15 +348,15 @@ def write_jsonl(path: pathlib.Path, points: Iterable[Point]) -> None:
                                    "provenance": p.read("provenance.json") if known else {}}) + "\n")
 
 
-def write_parquet(path: pathlib.Path, table: Sequence[dict], provenance: dict) -> None:
+def write_parquet(path: pathlib.Path, table: Sequence[dict[str, Any]], provenance: dict[str, Any]) -> None:
     """The rows as typed columns, the provenance in the file's metadata. Needs pyarrow: raises ImportError without."""
     import pyarrow
     import pyarrow.parquet
     arrays = {}
     for name in columns(table):
-        values = [row.get(name) for row in table]
+        values: list[Any] = [row.get(name) for row in table]
         if all(isinstance(v, str) and is_numeric(v) for v in values):  # an option
-            values = [float(v) for v in values]
+            values = [float(str(v)) for v in values]
         elif any(isinstance(v, str) for v in values):
             values = [None if v is None else str(v) for v in values]
         elif any(isinstance(v, float) for v in values):
@@ -340,7 +367,7 @@ def write_parquet(path: pathlib.Path, table: Sequence[dict], provenance: dict) -
         pyarrow.parquet.write_table(pyarrow.table(arrays).replace_schema_metadata(metadata), part)
 
 
-def read_tasks(path: pathlib.Path, index: int, chunk: int) -> Iterator[dict]:
+def read_tasks(path: pathlib.Path, index: int, chunk: int) -> Iterator[dict[str, Any]]:
     with path.open() as file:
         yield from map(json.loads, itertools.islice(file, (index - 1) * chunk, index * chunk))
 

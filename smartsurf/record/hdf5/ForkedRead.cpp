@@ -6,8 +6,12 @@
 
 namespace smartsurf::record {
 
-bool completes_in_child(const std::function<void()>& action) {
-  constexpr common::ChildLimits kLimits{.cpu_s = 15.0, .memory_bytes = std::size_t{8} << 30};
+bool completes_in_child(const std::filesystem::path& file, const std::function<void()>& action) {
+  if (common::is_in_child()) {
+    action();
+    return true;
+  }
+  const common::ChildLimits limits{.cpu_s = 15.0, .memory_bytes = std::size_t{8} << 30, .readable = {file}};
   const auto work = [&] {
     try {
       action();
@@ -15,7 +19,7 @@ bool completes_in_child(const std::function<void()>& action) {
     }
     return std::string();
   };
-  const common::ChildResult::End end = common::run_in_child(work, kLimits).end;
+  const common::ChildResult::End end = common::run_in_child(work, limits).end;
   if (end == common::ChildResult::End::kStopped) throw std::runtime_error("interrupted");
   return end == common::ChildResult::End::kReturned;
 }

@@ -1,7 +1,9 @@
 #include "smartsurf/record/hdf5/Hdf5Reading.h"
 
 #include <algorithm>
+#include <fstream>
 
+#include "common/files/FileKind.h"
 #include "common/files/Inputs.h"
 
 namespace smartsurf::record {
@@ -16,8 +18,16 @@ Handle open_for_reading(const fs::path& path) {
   common::note_input(path);
   if (path.extension() == ".csv")
     throw Hdf5Error("is a CSV recording, which only holds trajectories: record to a name ending in .h5");
-  if (H5Fis_hdf5(path.c_str()) <= 0)
+  if (H5Fis_hdf5(path.c_str()) <= 0) {
+    std::string text(64, '\0');
+    std::ifstream(path, std::ios::binary).read(text.data(), static_cast<std::streamsize>(text.size()));
+    const common::FileKind kind = common::file_kind(path, text);
+    if (kind == common::FileKind::kExperiment)
+      throw Hdf5Error("is an experiment, not a recording: smartsurf run " + path.string() +
+                      " --record FILE.h5 makes one");
+    if (kind == common::FileKind::kProgram) throw Hdf5Error("is an APRON program, not a recording");
     throw Hdf5Error("is not an HDF5 file: smartsurf run --record writes one");
+  }
   const Handle access(H5Pcreate(H5P_FILE_ACCESS), H5Pclose, "file properties");
   check(H5Pset_file_locking(access, false, true), "file properties");  // a running recorder holds the lock
   return Handle(H5Fopen(path.c_str(), H5F_ACC_RDONLY, access), H5Fclose, "is damaged or truncated");

@@ -64,6 +64,7 @@ struct Hdf5Recorder::OpenFile {
         preallocator(pending.path()) {}
 
   void write_declarations(const RunMetadata& meta, const scene::SceneSpec& spec) {
+    live_channels = meta.live_channels;
     preallocator.preallocate(kMetadataBytes + 2 * (meta.program_text.size() + spec.source.size()));
     write_meta(file, meta, spec);
     write_surface(file, spec.surface);
@@ -93,6 +94,9 @@ struct Hdf5Recorder::OpenFile {
   template <class Number>
   FrameSeries make_number_series(hid_t parent, const std::string& name, Number no_value);
   void append_inputs(std::span<const scene::ChannelData> actuators);
+  void keep_live(std::span<const LiveRow> rows);
+  void create_live_series();
+  void buffer_live();
   void write_buffered();
 
   PendingFile& pending;
@@ -111,6 +115,14 @@ struct Hdf5Recorder::OpenFile {
   std::optional<FrameSeries> tick, time, hash, contacts, position, orientation, velocity, angular_velocity,
       height;
   std::vector<FrameSeries> sensor_series, actuator_series;
+  struct LiveSeries {
+    std::string group, name;
+    std::vector<std::uint64_t> words;  // of the next frame
+    std::vector<float> reals;
+    std::optional<FrameSeries> series;
+  };
+  std::vector<LiveSeries> live;
+  std::vector<LiveChannel> live_channels;
   Handle metrics_group;
   std::vector<std::optional<FrameSeries>> metric_series;  // empty: its name cannot be that of a dataset
   std::optional<DeltaWriter> inputs, heights, motion, skin;
@@ -195,15 +207,24 @@ void Hdf5Recorder::OpenFile::create_series(const scene::Snapshot& first,
     velocity.emplace(make_pose_series(paths::kVelocity, 3));
     angular_velocity.emplace(make_pose_series(paths::kAngularVelocity, 3));
   }
+  create_live_series();
   heights.emplace(file, paths::kHeightChanges, static_cast<std::size_t>(surface.cell_count()));
   if (!first.actuator_state.empty())
     motion.emplace(file, paths::kMotion,
                    kValuesPerActuatorState * static_cast<std::size_t>(surface.cell_count()));
   if (surface.skin) skin.emplace(file, paths::kSkinHeight, first.skin_height.size());
-  if (record.sensors)
+  std::vector<LiveChannel> live_sensors, live_actuators;
+  for (const LiveChannel& channel : live_channels)
+    (channel.sensor ? live_sensors : live_actuators).push_back(channel);
+  if (record.sensors && !live_channels.empty())
+    create_channels(paths::kSensors, sensors, live_sensors, sensor_series);
+  else if (record.sensors)
     create_channels(paths::kSensors, sensors, scene::collect_channels(surface.sensors), sensor_series);
   if (record.actuators) {
-    create_channels(paths::kActuators, actuators, surface.actuator_channels(), actuator_series);
+    if (!live_channels.empty())
+      create_channels(paths::kActuators, actuators, live_actuators, actuator_series);
+    else
+      create_channels(paths::kActuators, actuators, surface.actuator_channels(), actuator_series);
     height.emplace(make_grid_series(file, paths::kHeight, surface.rows, surface.columns, 1));
   }
   series_created = true;
@@ -268,6 +289,7 @@ void Hdf5Recorder::OpenFile::buffer_frame(const scene::Snapshot& snapshot,
   hash->row<std::uint64_t>(buffered_frames)[0] = snapshot.state_hash;
   contacts->row<std::uint32_t>(buffered_frames)[0] = snapshot.contact_count;
   buffer_metrics(metrics);
+  buffer_live();
   if (record.objects) buffer_objects(snapshot);
   if (record.sensors) buffer_channels(sensors, sensor_series);
   if (record.actuators) {
@@ -298,7 +320,46 @@ void Hdf5Recorder::OpenFile::for_each_series(Action action) {
   for (FrameSeries& series : actuator_series) action(series);
   for (auto& series : metric_series)
     if (series) action(*series);
+  for (LiveSeries& series : live) action(*series.series);
   for (auto* series : {&contacts, &hash, &time}) action(**series);
+}
+
+void Hdf5Recorder::OpenFile::keep_live(std::span<const LiveRow> rows) {
+  if (live.empty())
+    for (const LiveRow& row : rows)
+      live.push_back({std::string(row.group), std::string(row.name), {}, {}, {}});
+  assert(live.size() == rows.size());
+  for (std::size_t i = 0; i < rows.size(); ++i) {
+    live[i].words.assign(rows[i].words.begin(), rows[i].words.end());
+    live[i].reals.assign(rows[i].reals.begin(), rows[i].reals.end());
+  }
+}
+
+void Hdf5Recorder::OpenFile::create_live_series() {
+  std::string last_group;
+  Handle group;
+  for (LiveSeries& s : live) {
+    if (!s.group.empty() && s.group != last_group) group = create_group(file, s.group.c_str());
+    last_group = s.group;
+    const bool reals = !s.reals.empty();
+    FrameSeries::Layout layout{
+        .type = reals ? H5T_NATIVE_FLOAT : H5T_NATIVE_UINT64,
+        .chunk_frames = buffer_capacity,
+        .compress = true,
+        .fill_value = reals ? FrameSeries::to_bytes(kNaN) : FrameSeries::to_bytes(std::uint64_t{0})};
+    const std::size_t width = reals ? s.reals.size() : s.words.size();
+    if (width != 1) layout.row = {static_cast<hsize_t>(width)};
+    s.series.emplace(s.group.empty() ? static_cast<hid_t>(file) : static_cast<hid_t>(group), s.name,
+                     std::move(layout), buffer_capacity);
+  }
+}
+
+void Hdf5Recorder::OpenFile::buffer_live() {
+  for (LiveSeries& s : live)
+    if (s.reals.empty())
+      std::ranges::copy(s.words, s.series->row<std::uint64_t>(buffered_frames).begin());
+    else
+      std::ranges::copy(s.reals, s.series->row<float>(buffered_frames).begin());
 }
 
 void Hdf5Recorder::OpenFile::append_inputs(std::span<const scene::ChannelData> actuators) {
@@ -453,6 +514,18 @@ void Hdf5Recorder::record_inputs(std::span<const scene::ChannelData> actuators) 
     content.append_inputs(actuators);
     // Inputs are recorded every tick, but frames may be far apart.
     if (content.inputs->buffered_changes() > kMaxBufferedChanges) content.write_buffered();
+  });
+}
+
+void Hdf5Recorder::record_live(std::span<const LiveRow> rows) {
+  with_open_file([&](OpenFile& content) { content.keep_live(rows); });
+}
+
+void Hdf5Recorder::flush() {
+  with_open_file([&](OpenFile& content) {
+    if (content.buffered_frames == 0) return;
+    content.write_buffered();
+    pending_->commit();
   });
 }
 

@@ -129,7 +129,10 @@ std::vector<std::string> plot_kinds() {
 
 void write_plot(const Recording& recording, const std::string& what, const fs::path& path) {
   require_picture_name(path);
-  if (!recording.has_objects())
+  // The others read poses only if they show objects.
+  const std::string kind = split_at_colons(what).front();
+  const bool shows_objects = kind == "trajectories" || kind == "time-spent";
+  if (recording.frames() == 0 || (shows_objects && !recording.has_objects()))
     throw scene::InputError(recording.path().string() +
                             ": has no object poses: the run recorded no frame, or its "
                             "experiment sets record { objects = false }");

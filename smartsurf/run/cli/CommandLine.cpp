@@ -29,6 +29,7 @@ int parse_and_run(int argc, char** argv) {
 
   const std::map<std::string, CommandHandler> handlers = {{"run", add_run_command(app, command_line)},
                                                           {"compare", add_compare_command(app, command_line)},
+                                                          {"record", add_record_command(app, command_line)},
                                                           {"replay", add_replay_command(app)},
                                                           {"info", add_info_command(app)},
                                                           {"plot", add_plot_command(app)},

@@ -2,6 +2,7 @@
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
+#include <array>
 #include <filesystem>
 #include <memory>
 
@@ -9,6 +10,7 @@
 #include "common/process/ExitStatus.h"
 #include "common/process/StopSignals.h"
 #include "common/text/Printable.h"
+#include "smartsurf/run/ConfinedRuns.h"
 #include "smartsurf/run/ControllerProcess.h"
 #include "smartsurf/run/cli/Subcommands.h"
 #include "smartsurf/run/compare/Report.h"
@@ -68,16 +70,21 @@ int compare_command(const CompareFlags& flags, const std::string& command_line) 
   if (!flags.controller_set.empty() && !is_apron_program(flags.controller))
     throw scene::InputError(
         "--controller-set: needs --controller PROGRAM.aps, whose sliders and switches it sets");
-  const RunOptions first_options = make_run_options(flags, first_engine, command_line);
-  const RunOptions second_options = make_run_options(flags, second_engine, command_line);
-  if (!flags.out.empty()) create_folder(flags.out);
+  std::array runs{make_run_options(flags, first_engine, command_line),
+                  make_run_options(flags, second_engine, command_line)};
+  std::vector<common::NamedOutput> reports;
+  if (!flags.out.empty()) {
+    create_folder(flags.out);
+    reports = report_files(flags.out);
+  }
+  const std::unique_ptr<ConfinedRuns> confined = ConfinedRuns::confine(runs, reports);
   const auto& stop = common::catch_stop_signals();
-  const EngineTrace first = trace_run(first_options, stop);
-  const EngineTrace second = trace_run(second_options, stop);
+  const EngineTrace first = trace_run(runs[0], stop);
+  const EngineTrace second = trace_run(runs[1], stop);
   const Comparison comparison = compare(first, second, tolerance);
   common::print_output(describe(comparison, first, second));
   if (!flags.out.empty()) {
-    common::require_separate_outputs(report_files(flags.out));
+    common::require_separate_outputs(reports);
     write_report(comparison, first, second, flags.experiment, flags.out);
   }
   return common::status_after_signals(common::kDone);

@@ -9,7 +9,9 @@
 #include <csignal>
 #include <cstring>
 #include <stdexcept>
+#include <vector>
 
+#include "common/confine/OutputServices.h"
 #include "smartsurf/run/cli/CommandLine.h"
 #include "smartsurf/scene/SceneSpec.h"
 
@@ -47,26 +49,62 @@ class PassingOn {
   struct sigaction before_[3] = {};
 };
 
+int run_worker(const ReadJob& job, int socket) {
+  common::Broker broker(socket);
+  common::use_outputs_of(broker, job.outputs);
+  if (job.prepare) job.prepare();
+  if (job.confinement) {
+    common::Confinement confinement = *job.confinement;
+    if (confinement.calls == common::Confinement::Calls::kReader)
+      confinement.calls = common::Confinement::Calls::kSimulator;
+    common::add_system_files(confinement);
+    confinement.read.emplace_back(job.recording);
+    common::add_outputs(confinement, job.outputs);
+    common::confine(confinement);
+  }
+  const int status = job.command();
+  common::use_prepared_outputs({}, {});
+  return status;
+}
+
+// Removes the parts that got no name.
+class Parts {
+ public:
+  explicit Parts(const std::vector<common::PreparedOutput>& outputs) : outputs_(outputs) {}
+  ~Parts() { common::remove_unnamed(outputs_); }
+  Parts(const Parts&) = delete;
+  Parts& operator=(const Parts&) = delete;
+
+ private:
+  const std::vector<common::PreparedOutput>& outputs_;
+};
+
 }  // namespace
 
-int read_in_worker(const std::string& recording, const std::function<int()>& command) {
+int read_in_worker(const ReadJob& job) {
+  const Parts parts(job.outputs);
+  const auto [here, there] = common::Broker::sockets();
   const pid_t parent = ::getpid(), child = ::fork();
   if (child < 0)
-    throw std::runtime_error(recording +
+    throw std::runtime_error(job.recording +
                              ": is read by a process of its own, and there is none: " + std::strerror(errno));
   if (child == 0) {
+    ::close(here);
     ::prctl(PR_SET_PDEATHSIG, SIGTERM);
     if (::getppid() != parent) ::_exit(1);
-    ::_exit(run_and_report(command));
+    ::_exit(run_and_report([&, socket = there] { return run_worker(job, socket); }));
   }
+  ::close(there);
   const PassingOn passing_on(child);
+  common::Broker::serve(here, common::output_services(job.outputs));
   int status = 0;
   while (::waitpid(child, &status, 0) < 0 && errno == EINTR) {
   }
   if (WIFEXITED(status)) return WEXITSTATUS(status);
   const int signal = WTERMSIG(status);
-  if (signal == SIGSEGV || signal == SIGBUS || signal == SIGABRT || signal == SIGFPE || signal == SIGILL)
-    throw scene::InputError(recording + ": is damaged: the HDF5 library cannot read it");
+  for (const int crash : {SIGSEGV, SIGBUS, SIGABRT, SIGFPE, SIGILL, SIGSYS})
+    if (signal == crash)
+      throw scene::InputError(job.recording + ": is damaged: the HDF5 library cannot read it");
   return 128 + signal;
 }
 

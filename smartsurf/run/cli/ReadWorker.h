@@ -1,15 +1,30 @@
-// Commands that read a recording run as a whole in a forked process, because HDF5 does not validate
-// everything that it reads: any statement may crash on a damaged file, not only opening it.
+// Commands that read a recording run as a whole in a forked and confined process, because HDF5 does not
+// validate everything that it reads: any statement may crash on a damaged file, not only opening it.
 #pragma once
 
 #include <functional>
+#include <optional>
 #include <string>
+#include <vector>
+
+#include "common/confine/Confinement.h"
+#include "common/files/PreparedOutputs.h"
 
 namespace smartsurf::run {
 
+struct ReadJob {
+  std::string recording;
+  std::function<int()> command;
+  std::vector<common::PreparedOutput> outputs = {};
+  // What it may read and write besides; nullopt: it is not confined.
+  std::optional<common::Confinement> confinement = common::Confinement();
+  // Runs before `command`, unconfined.
+  std::function<void()> prepare = nullptr;
+};
+
 // Runs the command in a child, which ends with this process, and returns its exit status. Stop signals are
-// passed on. Throws scene::InputError if it crashes, and std::runtime_error if there can be no child. Call it
-// on the main thread.
-int read_in_worker(const std::string& recording, const std::function<int()>& command);
+// passed on. This process names the outputs. Throws scene::InputError if the child crashes, and
+// std::runtime_error if there can be no child. Call it on the main thread.
+int read_in_worker(const ReadJob&);
 
 }  // namespace smartsurf::run

@@ -11,9 +11,11 @@
 #include "shm_protocol/Segments.h"
 #include "smartsurf/record/Recording.h"
 #include "smartsurf/record/plot/Plot.h"
+#include "smartsurf/run/ConfinedRuns.h"
 #include "smartsurf/run/cli/ReadWorker.h"
 #include "smartsurf/run/cli/Subcommands.h"
 #include "smartsurf/run/options/FlagValues.h"
+#include "smartsurf/web/GltfFile.h"
 #include "smartsurf/web/Page.h"
 
 namespace smartsurf::run {
@@ -47,12 +49,12 @@ CommandHandler add_info_command(CLI::App& app) {
   info->add_option("recording", flags->file, "The recording")->required()->type_name("FILE.h5");
   info->add_flag("--datasets", flags->datasets, "List its datasets and their extents instead");
   return [flags] {
-    return read_in_worker(flags->file, [&]() -> int {
-      const record::Recording recording = record::Recording::open(flags->file);
-      common::print_output(flags->datasets ? record::list_datasets(recording)
-                                           : record::describe_recording(recording));
-      return common::kDone;
-    });
+    return read_in_worker({flags->file, [&]() -> int {
+                             const record::Recording recording = record::Recording::open(flags->file);
+                             common::print_output(flags->datasets ? record::list_datasets(recording)
+                                                                  : record::describe_recording(recording));
+                             return common::kDone;
+                           }});
   };
 }
 
@@ -76,16 +78,22 @@ CommandHandler add_plot_command(CLI::App& app) {
           ->type_name("KIND");
   return [flags, what]() -> int {
     refuse_to_overwrite(flags->file, "-o", flags->output);
-    if (flags->file.ends_with(".json")) {
-      if (what->count() > 0)
-        throw scene::InputError("--what: needs a recording; a chart in JSON says what it shows");
-      record::write_chart(flags->file, flags->output);
-      return common::kDone;
-    }
-    return read_in_worker(flags->file, [&]() -> int {
-      record::write_plot(record::Recording::open(flags->file), flags->what, flags->output);
-      return common::kDone;
-    });
+    const bool is_chart = flags->file.ends_with(".json");
+    if (is_chart && what->count() > 0)
+      throw scene::InputError("--what: needs a recording; a chart in JSON says what it shows");
+    common::Confinement fonts;
+    common::add_picture_files(fonts);
+    return read_in_worker({flags->file,
+                           [&]() -> int {
+                             if (is_chart)
+                               record::write_chart(flags->file, flags->output);
+                             else
+                               record::write_plot(record::Recording::open(flags->file), flags->what,
+                                                  flags->output);
+                             return common::kDone;
+                           },
+                           {prepare_replaced_file({"-o", flags->output})},
+                           fonts});
   };
 }
 
@@ -93,20 +101,31 @@ CommandHandler add_export_command(CLI::App& app) {
   struct Flags {
     std::string file, output, fps = "30";
   };
-  CLI::App* page = app.add_subcommand("export", "Make a web page that plays a recording in any browser");
+  CLI::App* command = app.add_subcommand(
+      "export", "Make a web page that plays a recording in any browser, or an animated 3-D model");
   const auto flags = std::make_shared<Flags>();
-  page->add_option("recording", flags->file, "The recording")->required()->type_name("FILE.h5");
-  page->add_option("-o,--output", flags->output, "The page")->required()->type_name("FILE.html");
-  page->add_option("--fps", flags->fps, "Maximum frames per recorded second (default: 30)")->type_name("N");
+  command->add_option("recording", flags->file, "The recording")->required()->type_name("FILE.h5");
+  command->add_option("-o,--output", flags->output, "The page, or the model for Blender and others")
+      ->required()
+      ->type_name("FILE.html|FILE.glb");
+  command->add_option("--fps", flags->fps, "Maximum frames per recorded second (default: 30)")
+      ->type_name("N");
   return [flags] {
-    if (!flags->output.ends_with(".html"))
-      throw scene::InputError(fmt::format("export -o {}: the page's name must end in .html", flags->output));
+    const bool is_model = flags->output.ends_with(".glb");
+    if (!is_model && !flags->output.ends_with(".html"))
+      throw scene::InputError(fmt::format("export -o {}: the name must end in .html or .glb", flags->output));
     refuse_to_overwrite(flags->file, "-o", flags->output);
     const double fps = parse_positive_number("--fps", flags->fps);
-    return read_in_worker(flags->file, [&]() -> int {
-      web::write_page(record::Recording::open(flags->file), flags->output, {fps});
-      return common::kDone;
-    });
+    return read_in_worker({flags->file,
+                           [&, is_model]() -> int {
+                             const record::Recording recording = record::Recording::open(flags->file);
+                             if (is_model)
+                               web::write_gltf(recording, flags->output, {fps});
+                             else
+                               web::write_page(recording, flags->output, {fps});
+                             return common::kDone;
+                           },
+                           {prepare_replaced_file({"-o", flags->output})}});
   };
 }
 

@@ -2,19 +2,23 @@
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
+#include <filesystem>
 #include <memory>
 
 #include "common/files/Inputs.h"
 #include "common/process/ExitStatus.h"
 #include "common/process/StopSignals.h"
 #include "common/text/Printable.h"
+#include "smartsurf/run/ConfinedRuns.h"
 #include "smartsurf/run/cli/ReadWorker.h"
 #include "smartsurf/run/cli/Subcommands.h"
 #include "smartsurf/run/cli/WindowSession.h"
 #include "smartsurf/run/options/FlagValues.h"
+#include "smartsurf/run/output/MediaWriter.h"
 #include "smartsurf/run/output/Progress.h"
 #include "smartsurf/run/replay/Replay.h"
 #include "smartsurf/run/replay/Verify.h"
+#include "smartsurf/scene/KindRegistry.h"
 
 namespace smartsurf::run {
 namespace {
@@ -27,12 +31,13 @@ struct ReplayFlags {
   int threads = 1;
 };
 
-int verify_recording(const record::Recording& recording, const ReplayFlags& flags) {
+int verify_recording(const record::Recording& recording, const ReplayFlags& flags,
+                     const std::filesystem::path& output_folder) {
   const auto& stop = common::catch_stop_signals();
   Progress progress;
   const double until_s = recording.frames() > 0 ? recording.times().back() : 0.0;
   const VerificationResult result =
-      verify(recording, flags.threads, {flags.unsafe, flags.allow_extensions}, stop,
+      verify(recording, flags.threads, {flags.unsafe, flags.allow_extensions}, output_folder, stop,
              [&](double simulated_s) { progress.update(simulated_s, until_s); });
   const std::string file = recording.path().string();
   if (result.first_different_tick) {
@@ -50,6 +55,26 @@ int verify_recording(const record::Recording& recording, const ReplayFlags& flag
   return common::kDone;
 }
 
+int verify_in_worker(const ReplayFlags& flags) {
+  const TemporaryFolder output_folder;
+  ReadJob job{.recording = flags.file, .command = [&] {
+                return verify_recording(record::Recording::open(flags.file), flags, output_folder.path());
+              }};
+  const std::string reason = flags.unsafe                          ? "with --unsafe"
+                             : flags.allow_extensions              ? "with --allow-extensions"
+                             : !scene::loaded_extensions().empty() ? "with --load"
+                                                                   : "";
+  if (reason.empty()) {
+    job.confinement->write_folders.push_back(output_folder.path());
+    if (const auto experiment = find_unchanged_experiment(flags.file))
+      add_experiment_files(*job.confinement, experiment->string());
+  } else {
+    common::leave_unconfined(reason);
+    job.confinement = std::nullopt;
+  }
+  return read_in_worker(job);
+}
+
 int replay_command(const ReplayFlags& flags) {
   const bool writes_media = !flags.video.empty() || !flags.screenshot.empty();
   reject_both(flags.window && writes_media, "--window and --video or --screenshot");
@@ -61,16 +86,30 @@ int replay_command(const ReplayFlags& flags) {
   if (!flags.render.plots.empty() && (flags.verify || writes_media))
     throw scene::InputError("--plot: needs the window; smartsurf plot draws the signals of a recording");
   const RenderOptions render = parse_render_options(flags.render);
-  if (!flags.verify && !writes_media)
-    return common::status_after_signals(replay_session(flags.file, pace, render));
-  const record::Recording recording = record::Recording::open(flags.file);
-  if (flags.verify) return verify_recording(recording, flags);
+  if (flags.verify) return verify_in_worker(flags);
+  ReadJob job{.recording = flags.file, .command = nullptr};
+  if (!writes_media) {
+    common::leave_unconfined("with a window");
+    job.confinement = std::nullopt;
+    job.command = [&] { return common::status_after_signals(replay_session(flags.file, pace, render)); };
+    return read_in_worker(job);
+  }
   std::vector<common::NamedOutput> outputs;
   for (const Screenshot& screenshot : screenshots) outputs.push_back({"--screenshot", screenshot.file});
   if (!flags.video.empty()) outputs.push_back({"--video", flags.video});
+  common::note_input(std::filesystem::path(flags.file));
   common::require_separate_outputs(outputs);
-  replay_to_media(recording, screenshots, flags.video, render, common::catch_stop_signals());
-  return common::status_after_signals(common::kDone);
+  job.outputs = prepare_media(screenshots, flags.video);
+  job.confinement->calls = common::Confinement::Calls::kPictures;
+  common::add_picture_files(*job.confinement);
+  std::unique_ptr<common::VideoEncoder> video;
+  job.prepare = [&] { video = start_video(flags.video, render); };
+  job.command = [&] {
+    const record::Recording recording = record::Recording::open(flags.file);
+    replay_to_media(recording, screenshots, std::move(video), render, common::catch_stop_signals());
+    return common::status_after_signals(common::kDone);
+  };
+  return read_in_worker(job);
 }
 
 }  // namespace
@@ -95,7 +134,7 @@ CommandHandler add_replay_command(CLI::App& app) {
       ->type_name("N");
   add_extension_flags(*replay, flags->allow_extensions);
   replay->add_flag("--unsafe", flags->unsafe, "Let --verify run a script that was recorded with --unsafe");
-  return [flags] { return read_in_worker(flags->file, [&] { return replay_command(*flags); }); };
+  return [flags] { return replay_command(*flags); };
 }
 
 }  // namespace smartsurf::run

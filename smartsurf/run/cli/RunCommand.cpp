@@ -10,6 +10,7 @@
 #include "common/text/Printable.h"
 #include "smartsurf/extension/Extension.h"
 #include "smartsurf/mesh/SolidLibrary.h"
+#include "smartsurf/run/ConfinedRuns.h"
 #include "smartsurf/run/ControllerProcess.h"
 #include "smartsurf/run/OutputFile.h"
 #include "smartsurf/run/Run.h"
@@ -18,6 +19,7 @@
 #include "smartsurf/run/cli/Subcommands.h"
 #include "smartsurf/run/cli/WindowSession.h"
 #include "smartsurf/run/options/FlagValues.h"
+#include "smartsurf/scene/UnlikelyPlacements.h"
 #include "smartsurf/simulation/Simulation.h"
 #include "smartsurf/world/bullet/EngineFactory.h"
 
@@ -131,6 +133,7 @@ std::optional<double> parse_pace(const RunFlags& flags) {
 
 // Loads an experiment to inspect it, discarding what the script prints.
 script::Experiment load_silently(const RunFlags& flags) {
+  confine_to_experiment(flags.experiment, flags.allow_extensions);
   script::LoadOptions options;
   options.overrides = parse_assignments(flags.set);
   options.seed = flags.seed;
@@ -214,9 +217,8 @@ int run_command(CLI::App& app, const RunFlags& flags, const std::string& command
     return common::kDone;
   }
   const RunOptions options = make_run_options(flags, command_line);
-  return common::status_after_signals(flags.worlds > 0
-                                          ? run_worlds(options, flags.worlds, common::catch_stop_signals())
-                                          : run_session(options));
+  return common::status_after_signals(flags.worlds > 0 ? run_worlds(options, flags.worlds)
+                                                       : run_session(options));
 }
 
 int check_command(const RunFlags& flags) {
@@ -225,6 +227,8 @@ int check_command(const RunFlags& flags) {
   const auto& scene = experiment.scene();
   simulation::validate_surface(scene);
   world::require_engine(scene);
+  for (const std::string& line : scene::unlikely_placements(scene))
+    common::print_error_line("smartsurf", "warning: " + line);
   const auto count = [](std::size_t n, const char* what) {
     return fmt::format("{} {}{}", n, what, n == 1 ? "" : "s");
   };

@@ -16,6 +16,7 @@ using CommandHandler = std::function<int()>;
 // command_line: as typed; stored in recordings.
 CommandHandler add_run_command(CLI::App& app, const std::string& command_line);
 CommandHandler add_compare_command(CLI::App& app, const std::string& command_line);
+CommandHandler add_record_command(CLI::App& app, const std::string& command_line);
 CommandHandler add_replay_command(CLI::App& app);
 CommandHandler add_info_command(CLI::App& app);
 CommandHandler add_plot_command(CLI::App& app);

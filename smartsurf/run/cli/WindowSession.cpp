@@ -2,10 +2,12 @@
 
 #include <memory>
 #include <optional>
+#include <span>
 #include <utility>
 
 #include "common/process/ExitStatus.h"
 #include "common/process/StopSignals.h"
+#include "smartsurf/run/ConfinedRuns.h"
 #include "smartsurf/run/Run.h"
 #include "smartsurf/run/replay/Replay.h"
 
@@ -23,6 +25,7 @@ RenderOptions without_signals(RenderOptions render) {
 }  // namespace
 
 int run_session(RunOptions options) {
+  const std::unique_ptr<ConfinedRuns> confined = ConfinedRuns::confine(std::span(&options, 1));
   const auto& stop = common::catch_stop_signals();
   script::Experiment experiment = Run::load(options);
   std::unique_ptr<Display> display;

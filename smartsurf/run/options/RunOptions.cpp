@@ -17,6 +17,17 @@ std::vector<common::NamedOutput> named_outputs(const RunOptions& options) {
   return outputs;
 }
 
+std::string segment_name(const RunOptions& options) {
+  if (!options.shm.empty()) return options.shm;
+  // A name for the user to type is needed only if the controller is attached by hand.
+  return options.controller.empty() ? "surface" : fmt::format("run-{}", getpid());
+}
+
+std::filesystem::path script_output_folder(const RunOptions& options) {
+  if (options.recording_files.empty()) return {};
+  return std::filesystem::path(options.recording_files.front()).replace_extension(".files");
+}
+
 RunOptions options_for_opened(const std::string& experiment, const RunOptions& previous) {
   RunOptions options;
   options.experiment = experiment;

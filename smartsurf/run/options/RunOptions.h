@@ -1,7 +1,9 @@
 // The options of `smartsurf run`.
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
+#include <filesystem>
 #include <optional>
 #include <string>
 #include <utility>
@@ -47,7 +49,15 @@ struct RunOptions {
   bool unsafe = false;
   bool allow_extensions = false;
   std::optional<int> world_index;  // nullopt: the only world of this process
+  // What the run must leave to another process, and its number there (ConfinedRuns.h); null: nothing.
+  class ConfinedRuns* confined = nullptr;
+  std::size_t confined_number = 0;
 };
+
+// The name of the surface of a run with a controller.
+std::string segment_name(const RunOptions&);
+// Where the script may write: a folder of its own beside the first recording; empty: nowhere.
+std::filesystem::path script_output_folder(const RunOptions&);
 
 // Every file that the run writes.
 std::vector<common::NamedOutput> named_outputs(const RunOptions&);

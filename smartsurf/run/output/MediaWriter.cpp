@@ -26,18 +26,21 @@ common::PixelSize video_size(const RenderOptions& render_options) {
 
 }  // namespace
 
-MediaWriter::MediaWriter(std::vector<Screenshot> screenshots, const std::string& video_file,
+std::unique_ptr<common::VideoEncoder> start_video(const std::string& file, const RenderOptions& options) {
+  if (file.empty()) return nullptr;
+  const common::PixelSize size = video_size(options);
+  return std::make_unique<common::VideoEncoder>(file, size.width, size.height, kVideoFramesPerSecond);
+}
+
+MediaWriter::MediaWriter(std::vector<Screenshot> screenshots, std::unique_ptr<common::VideoEncoder> video,
                          const RenderOptions& render_options, const scene::SceneSpec& scene)
     : scene_(scene),
       render_options_(render_options),
       overlay_(scene.surface),
-      pending_screenshots_(std::move(screenshots)) {
-  if (!pending_screenshots_.empty() || !video_file.empty()) view::OffscreenView::require_available();
+      pending_screenshots_(std::move(screenshots)),
+      video_writer_(std::move(video)) {
+  if (!pending_screenshots_.empty() || video_writer_) view::OffscreenView::require_available();
   overlay_.settings = render_options.view.overlay;
-  if (video_file.empty()) return;
-  const common::PixelSize size = video_size(render_options);
-  video_writer_ =
-      std::make_unique<common::VideoEncoder>(video_file, size.width, size.height, kVideoFramesPerSecond);
 }
 
 MediaWriter::~MediaWriter() = default;

@@ -17,10 +17,13 @@ class OffscreenView;
 
 namespace smartsurf::run {
 
+// Starts the encoder of a video. Throws scene::InputError if it cannot be written.
+std::unique_ptr<common::VideoEncoder> start_video(const std::string& file, const RenderOptions&);
+
 class MediaWriter {
  public:
-  // Opens the video if video_file is not empty. Throws scene::InputError if it cannot be written.
-  MediaWriter(std::vector<Screenshot>, const std::string& video_file, const RenderOptions&,
+  // video: null for none. Throws scene::InputError if pictures cannot be drawn.
+  MediaWriter(std::vector<Screenshot>, std::unique_ptr<common::VideoEncoder> video, const RenderOptions&,
               const scene::SceneSpec&);
   ~MediaWriter();
 

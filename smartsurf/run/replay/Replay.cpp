@@ -59,14 +59,14 @@ std::string reason_not_to_open(const std::string& file) {
 }  // namespace
 
 bool replay_to_media(const record::Recording& recording, const std::vector<Screenshot>& screenshots,
-                     const std::string& video_file, const RenderOptions& render_options,
+                     std::unique_ptr<common::VideoEncoder> video, const RenderOptions& render_options,
                      const std::atomic<bool>& stop) {
   require_poses(recording);
   for (const Screenshot& screenshot : screenshots)
     if (screenshot.time_s && *screenshot.time_s > recording.times().back() + 1e-9)
       throw scene::InputError(fmt::format("--screenshot {}@{}: the recording ends at {} s", screenshot.file,
                                           *screenshot.time_s, recording.times().back()));
-  MediaWriter media(screenshots, video_file, render_options, recording.spec());
+  MediaWriter media(screenshots, std::move(video), render_options, recording.spec());
   Progress progress;
   RecordedFrames frames(recording);
   for (std::size_t frame = 0; frame < recording.frames() && !media.only_final_left(); ++frame) {

@@ -2,9 +2,11 @@
 #pragma once
 
 #include <atomic>
+#include <memory>
 #include <string>
 #include <vector>
 
+#include "common/video/VideoEncoder.h"
 #include "smartsurf/record/Recording.h"
 #include "smartsurf/run/options/RunOptions.h"
 
@@ -12,8 +14,9 @@ namespace smartsurf::run {
 
 // Writes the video and the screenshots as the run itself would have. Throws scene::InputError if a time lies
 // after the recording's end or a file cannot be written. Returns false if interrupted by `stop`.
-bool replay_to_media(const record::Recording&, const std::vector<Screenshot>&, const std::string& video_file,
-                     const RenderOptions&, const std::atomic<bool>& stop);
+bool replay_to_media(const record::Recording&, const std::vector<Screenshot>&,
+                     std::unique_ptr<common::VideoEncoder> video, const RenderOptions&,
+                     const std::atomic<bool>& stop);
 
 // Plays the recording in a window until the user closes it or opens another file there, which is returned; it
 // can be the same. pace: recorded seconds per wall second, > 0. Throws scene::InputError if there is no

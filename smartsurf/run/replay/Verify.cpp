@@ -12,7 +12,7 @@
 #include <optional>
 
 #include "common/files/ReadFile.h"
-#include "common/files/UnfinishedFile.h"
+#include "common/process/ChildWork.h"
 #include "smartsurf/extension/Extension.h"
 #include "smartsurf/mesh/SolidLibrary.h"
 #include "smartsurf/run/ScriptOverrun.h"
@@ -24,31 +24,6 @@ namespace smartsurf::run {
 namespace {
 
 namespace fs = std::filesystem;
-
-// A temporary directory for the script's output, removed by the destructor.
-class TemporaryDirectory {
- public:
-  TemporaryDirectory() : path_((fs::temp_directory_path() / "smartsurf-verify-XXXXXX").string()) {
-    if (::mkdtemp(path_.data()) == nullptr)
-      throw std::runtime_error("cannot create a folder in " + fs::temp_directory_path().string());
-    unfinished_.emplace(path_);
-  }
-  ~TemporaryDirectory() {
-    try {
-      std::error_code ignored;
-      fs::remove_all(path_, ignored);
-    } catch (const std::bad_alloc&) {  // it needs memory to look for files, of which there may be none
-      ::rmdir(path_.c_str());
-    }
-  }
-  TemporaryDirectory(const TemporaryDirectory&) = delete;
-  TemporaryDirectory& operator=(const TemporaryDirectory&) = delete;
-  fs::path path() const { return path_; }
-
- private:
-  std::string path_;
-  std::optional<common::UnfinishedFile> unfinished_;
-};
 
 [[noreturn]] void throw_input_error(const record::Recording& recording, const std::string& why) {
   throw scene::InputError(fmt::format("{}: cannot be run again: {}", recording.path().string(), why));
@@ -106,12 +81,9 @@ void require_matching_inputs(const record::Recording& recording, const simulatio
                                   recording.read_inputs(0).size(), values));
 }
 
-// A recording names its experiment, and could name any file in any folder. Files beside it are read only if
-// it is still there, unchanged: then the folder holds what the run read.
-bool is_in_place(const record::Recording& recording) {
+bool is_in_place(const std::string& file, const std::string& source) {
   std::string text;
-  return !common::read_file(recording.spec().file, common::kMaxTextBytes, text) &&
-         text == recording.spec().source;
+  return !common::read_file(file, common::kMaxTextBytes, text) && text == source;
 }
 
 // Frames are at regular ticks, so that their number bounds the work.
@@ -136,7 +108,8 @@ script::Experiment reload_experiment(const record::Recording& recording, const A
   if (allowed.extensions || options.unsafe) options.load_extension = extension::load;
   options.source = recording.spec().source;
   options.output_folder = output_directory;
-  if (!options.unsafe && !is_in_place(recording)) options.script_folder = output_directory;
+  if (!options.unsafe && !is_in_place(recording.spec().file, recording.spec().source))
+    options.script_folder = output_directory;
   options.solid_factory = std::make_shared<mesh::SolidLibrary>();
   options.print_output = options.report_warning = [](std::string_view) {};
   return script::Experiment::load(recording.spec().file, std::move(options));
@@ -238,13 +211,44 @@ std::string describe_difference(const record::Recording& recording, std::size_t 
 
 }  // namespace
 
+TemporaryFolder::TemporaryFolder() : path_((fs::temp_directory_path() / "smartsurf-verify-XXXXXX").string()) {
+  if (::mkdtemp(path_.data()) == nullptr)
+    throw std::runtime_error("cannot create a folder in " + fs::temp_directory_path().string());
+  unfinished_.emplace(path_);
+}
+
+TemporaryFolder::~TemporaryFolder() {
+  try {
+    std::error_code ignored;
+    fs::remove_all(path_, ignored);
+  } catch (const std::bad_alloc&) {  // it needs memory to look for files, of which there may be none
+    ::rmdir(path_.c_str());
+  }
+}
+
+std::optional<fs::path> find_unchanged_experiment(const fs::path& recording) {
+  const common::ChildLimits limits{
+      .cpu_s = 15.0, .memory_bytes = std::size_t{8} << 30, .readable = {recording}};
+  const common::ChildResult read = common::run_in_child(
+      [&] {
+        const scene::SceneSpec spec = record::Recording::open(recording).spec();
+        return spec.file + '\0' + spec.source;
+      },
+      limits);
+  const std::size_t end = read.bytes.find('\0');
+  if (read.end != common::ChildResult::End::kReturned || end == std::string::npos) return std::nullopt;
+  const std::string file = read.bytes.substr(0, end);
+  if (!is_in_place(file, read.bytes.substr(end + 1))) return std::nullopt;
+  return file;
+}
+
 VerificationResult verify(const record::Recording& recording, int threads, const Allowed& allowed,
-                          const std::atomic<bool>& stop, const std::function<void(double)>& progress) {
+                          const fs::path& output_folder, const std::atomic<bool>& stop,
+                          const std::function<void(double)>& progress) {
   require_reproducible(recording, allowed);
   require_engine(recording);
   require_extensions(recording, /*may_be_missing=*/allowed.extensions || recording.meta().unsafe);
-  const TemporaryDirectory output_directory;
-  script::Experiment experiment = reload_experiment(recording, allowed, output_directory.path(), stop);
+  script::Experiment experiment = reload_experiment(recording, allowed, output_folder, stop);
   require_extensions(recording, /*may_be_missing=*/false);
   require_regular_ticks(recording, experiment.scene());
   const bool scripted = recording.meta().driver == "script";

@@ -18,8 +18,9 @@ constexpr float kReferenceHeight_px = 720.0f;  // image height at which the lege
 
 struct OffscreenView::State {
   State(const scene::SceneSpec& spec, Detail detail)
-      : renderer(std::make_unique<Renderer>(
-            spec, detail == Detail::kStill ? RenderQuality::fine() : RenderQuality::video())),
+      : renderer(std::make_unique<Renderer>(spec, detail == Detail::kStill   ? RenderQuality::fine()
+                                                  : detail == Detail::kVideo ? RenderQuality::video()
+                                                                             : RenderQuality::preview())),
         target(std::make_unique<RenderTarget>()),
         driver(reinterpret_cast<const char*>(glGetString(GL_RENDERER))) {
     context.release();

@@ -17,7 +17,8 @@
 namespace smartsurf::view {
 
 // kStill: highest quality, about one second per image on a software renderer. kVideo: about a tenth of that.
-enum class Detail { kStill, kVideo };
+// kFast: some milliseconds for a small image, without smooth edges.
+enum class Detail { kStill, kVideo, kFast };
 
 class OffscreenView {
  public:

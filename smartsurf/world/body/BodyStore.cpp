@@ -88,9 +88,16 @@ void BodyStore::add(scene::ObjectId new_id, const scene::ObjectSpec& spec, const
   delta_pose.emplace_back();
   world_inverse_inertia.emplace_back();
   update_axes(id.size() - 1);
+  count_kind(id.size() - 1, 1);
+}
+
+void BodyStore::count_kind(std::size_t i, int count) {
+  if (!is_sphere[i]) non_spheres += count;
+  if (surface_material[i].restitution > 0.0F) restituting += count;
 }
 
 void BodyStore::erase(std::size_t i) {
+  count_kind(i, -1);
   erase_at(i, id, position, orientation, body_velocity, mass, shape, bounding_radius, is_sphere,
            is_axisymmetric, rolls_unevenly, width, surface_material, inertia, rotation_state, wrench, asleep,
            sleep_timer_s, rest_motion, is_jointed, local_origin, origin_offset, axes, delta_pose,

@@ -72,6 +72,7 @@ struct BodyStore {
   std::vector<char> is_jointed;         // whether any link has the body
   std::vector<Vec3> local_origin;       // of the shape, from the centre of mass, body axes, u; 0 for a sphere
   bool has_offsets = false;             // whether any body's centre of mass is not its origin
+  int non_spheres = 0, restituting = 0;  // numbers of bodies
 
   // One link per joint, in the order of the joints; JointSolver keeps them.
   std::vector<BodyLink> links;
@@ -109,7 +110,7 @@ struct BodyStore {
     a(id, position, orientation, body_velocity, mass, bounding_radius, is_sphere, is_axisymmetric,
       rolls_unevenly, width, surface_material, inertia, rotation_state, wrench, asleep, sleep_timer_s,
       rest_motion, is_jointed, links, excluded_pairs_, axes, delta_pose, world_inverse_inertia, local_origin,
-      has_offsets, origin_offset);
+      has_offsets, origin_offset, non_spheres, restituting);
   }
 
   // The id must exceed all ids in the store.
@@ -144,6 +145,8 @@ struct BodyStore {
  private:
   using BodyPair = std::array<std::int32_t, 2>;  // ascending
   bool is_excluded(std::size_t i, std::size_t j) const;
+  // Adds to the numbers of bodies of the body's kinds.
+  void count_kind(std::size_t i, int count);
   void integrate_rotations(std::span<const Rotating>);
 
   std::vector<BodyPair> excluded_pairs_;  // ascending

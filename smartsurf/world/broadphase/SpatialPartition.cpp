@@ -10,7 +10,10 @@ constexpr int kMinLines = 24;                           // cut along y if there 
 
 }  // namespace
 
-void SpatialPartition::build(const UniformGrid& grid) {
+void SpatialPartition::build(const UniformGrid& grid, int bodies) {
+  if (row_of_body_.size() != static_cast<std::size_t>(bodies)) row_of_body_.assign(bodies, 0);
+  if (!first_row_.empty()) first_row_.back() -= added_rows_;
+  added_rows_ = 0;
   // A single slab of the grid's bodies depends on their number only.
   const auto large_count = static_cast<int>(grid.large_bodies().size());
   if (grid.sorted_count() < 2 * kMinBodiesPerSlab && slab_count() == 2 &&
@@ -30,7 +33,6 @@ void SpatialPartition::build(const UniformGrid& grid) {
   weight_prefix_.assign(first_row_.begin(), first_row_.end());
   active_end_.resize(slabs);
   body_of_row_.resize(row_count());
-  row_of_body_.resize(body_of_row_.size());
 }
 
 void SpatialPartition::count_bodies_on_lines(const UniformGrid& grid, int axis) {
@@ -128,6 +130,16 @@ IndexRange SpatialPartition::share(const Member& member) const {
   };
   return {member.index == 0 ? 0 : slab_at(member.index),
           member.index + 1 == member.member_count ? slab_count() : slab_at(member.index + 1)};
+}
+
+void SpatialPartition::add_row(std::int32_t body) {
+  const std::int32_t first_added = row_count() - added_rows_, known = row_of_body_[body];
+  if (known >= first_added && known < row_count() && body_of_row_[known] == body) return;
+  row_of_body_[body] = row_count();
+  body_of_row_.resize(row_count());
+  body_of_row_.push_back(body);
+  ++first_row_.back();
+  ++added_rows_;
 }
 
 void SpatialPartition::assign_rows(const BodyStore& bodies, const UniformGrid& grid, const Member& member) {

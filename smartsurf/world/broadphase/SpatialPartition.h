@@ -36,8 +36,9 @@ class SpatialPartition {
     int begin, end, slab;
   };
 
-  // Partitions the bodies of the grid. Its large bodies form the last slab, which has the last body run.
-  void build(const UniformGrid&);
+  // Partitions the bodies of the grid, which are some of `bodies`. Its large bodies form the last slab, which
+  // has the last body run.
+  void build(const UniformGrid&, int bodies);
 
   int slab_count() const { return static_cast<int>(first_row_.size()) - 1; }
   // In sorted order of the grid.
@@ -60,6 +61,9 @@ class SpatialPartition {
   // ---- rows: one per body, ordered by slab; within a slab active bodies come first
   // Assigns the rows of the member's slabs. Members must pass a barrier before they read rows of others.
   void assign_rows(const BodyStore&, const UniformGrid&, const Member&);
+  // Adds a row for a body that is not in the grid and not active, unless it has one: it moves no more than a
+  // static body, but solvers read it. After assign_rows(), from one thread.
+  void add_row(std::int32_t body);
   int row_count() const { return first_row_.empty() ? 0 : first_row_.back(); }
   IndexRange rows_of(int slab) const { return {first_row_[slab], first_row_[slab + 1]}; }
   IndexRange rows_of(IndexRange slabs) const { return {first_row_[slabs.begin], first_row_[slabs.end]}; }
@@ -88,6 +92,7 @@ class SpatialPartition {
   std::vector<std::int32_t> runs_by_slab_;  // indices in body_run_, grouped by slab
   std::vector<std::size_t> first_run_of_slab_;
   std::vector<std::int32_t> first_row_, active_end_;  // indexed by slab; first_row_ has one more at the end
+  std::int32_t added_rows_ = 0;                       // by add_row(), at the end
   std::vector<std::int32_t> body_of_row_, row_of_body_;
   std::vector<long> weight_prefix_;  // indexed by slab: total weight of earlier slabs; one more at the end
 };

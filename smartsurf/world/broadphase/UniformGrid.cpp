@@ -23,10 +23,13 @@ UniformGrid& UniformGrid::of_this_thread() {
 void UniformGrid::build(const Input& in, std::span<const std::int32_t> own, const Member& member) {
   member.single([&] {
     member_state_.resize(member.member_count);
-    cell_of_body_.resize(in.position.size());
+    if (cell_of_body_.size() < in.position.size()) cell_of_body_.resize(in.position.size());
   });
   compute_bounds(in, own, member_state_[member.index]);
-  member.single([&] { resize_cells(in.position.size()); });
+  member.single([&] {
+    resize_cells(in.bodies.size());
+    if (!is_dense_ && key_of_body_.size() < cell_of_body_.size()) key_of_body_.resize(cell_of_body_.size());
+  });
   if (is_dense_)
     sort_dense(in, own, member);
   else
@@ -58,10 +61,10 @@ void UniformGrid::sort_sparse(const Input& in, std::span<const std::int32_t> own
     const auto x = static_cast<std::uint64_t>(cell_of(p.x(), 0)),
                y = static_cast<std::uint64_t>(cell_of(p.y(), 1)),
                z = static_cast<std::uint64_t>(cell_of(p.z(), 2));
-    keys_[i] = {(z * ny + y) * nx + x, body};
+    key_of_body_[i] = (z * ny + y) * nx + x;
   }
-  member.single([this] {
-    collect_keys();
+  member.single([&] {
+    collect_keys(in.bodies);
     sort_keys();
     find_rows();
   });
@@ -119,7 +122,7 @@ void UniformGrid::resize_cells(std::size_t bodies) {
   if (is_dense_)
     cell_start_.resize(static_cast<std::size_t>(cell_count_[0] * cell_count_[1] * cell_count_[2]) + 1);
   else
-    keys_.resize(bodies), sorted_keys_.reserve(bodies), rows_.reserve(small + 1);
+    keys_.resize(small), sorted_keys_.resize(small), rows_.reserve(small + 1);
   sorted_bodies_.resize(small);
   column_.resize(small);
   for (std::vector<float>* coordinates : {&x_, &y_, &z_, &radius_}) coordinates->resize(small + kSimdPadding);
@@ -182,13 +185,10 @@ void UniformGrid::fill_spheres(const Input& in, IndexRange sorted) {
 
 // ---- sparse
 
-// Closes the gaps that large bodies leave.
-void UniformGrid::collect_keys() {
+void UniformGrid::collect_keys(std::span<const std::int32_t> bodies) {
   std::size_t count = 0;
-  for (std::size_t i = 0; i < keys_.size(); ++i)
-    if (cell_of_body_[i] >= 0) keys_[count++] = keys_[i];
-  keys_.resize(count);
-  sorted_keys_.resize(count);
+  for (const std::int32_t body : bodies)
+    if (cell_of_body_[body] >= 0) keys_[count++] = {key_of_body_[body], body};
 }
 
 void UniformGrid::sort_keys() {

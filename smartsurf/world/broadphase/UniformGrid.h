@@ -21,17 +21,19 @@ namespace smartsurf::world {
 
 class UniformGrid {
  public:
-  // All bodies: position, and radius of the sphere within which the body can touch anything in this step, u.
-  // Bodies with radius > large_radius or a non-finite position go to large_bodies().
+  // By body: position, and radius of the sphere within which it can touch anything in this step, u. Of these
+  // bodies the grid holds those in `bodies`, ascending; those with radius > large_radius or a non-finite
+  // position go to large_bodies(). The cost depends on the bodies in the grid only.
   struct Input {
     std::span<const Vec3> position;
     std::span<const float> radius;
     float large_radius;
+    std::span<const std::int32_t> bodies;
   };
   // The calling thread's grid. A grid keeps nothing from step to step, so the worlds that a thread steps in
   // turn share its memory, which stays in the cache.
   static UniformGrid& of_this_thread();
-  // Called by all members of the team; the `own` lists together contain every body once. Fastest if the
+  // Called by all members of the team; the `own` lists together are Input::bodies. Fastest if the
   // bodies of a member lie close together. A single member must list them in ascending order. Members must
   // pass a barrier before they query the grid.
   void build(const Input&, std::span<const std::int32_t> own, const Member&);
@@ -93,7 +95,7 @@ class UniformGrid {
   void compute_member_slots(std::size_t member);
   void fill_cell_lines(const Input&, IndexRange lines);
   void sort_sparse(const Input&, std::span<const std::int32_t> own, const Member&);
-  void collect_keys();
+  void collect_keys(std::span<const std::int32_t> bodies);
   void sort_keys();
   void find_rows();
   void fill_spheres(const Input&, IndexRange sorted);
@@ -126,10 +128,11 @@ class UniformGrid {
   std::vector<Row> rows_;
   std::vector<std::int32_t> sorted_bodies_, large_bodies_;  // body indices
   std::vector<std::int32_t> column_;                        // by sorted position
-  std::vector<float> x_, y_, z_, radius_;   // by sorted position, kSimdPadding more at the end
-  std::vector<MemberState> member_state_;   // one per member
-  std::vector<std::int32_t> cell_of_body_;  // by body; −1: large
-  std::vector<BodyKey> keys_, sorted_keys_;
+  std::vector<float> x_, y_, z_, radius_;    // by sorted position, kSimdPadding more at the end
+  std::vector<MemberState> member_state_;    // one per member
+  std::vector<std::int32_t> cell_of_body_;   // by body; −1: large
+  std::vector<std::uint64_t> key_of_body_;   // by body; sparse only
+  std::vector<BodyKey> keys_, sorted_keys_;  // by sorted position
 };
 
 template <class Found>

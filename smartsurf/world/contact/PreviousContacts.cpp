@@ -31,15 +31,15 @@ void PreviousContacts::for_each_own(const ContactList& list, const SlabRanges& r
 void PreviousContacts::build_index(std::size_t bodies, const SlabRanges& pair_ranges,
                                    const SlabRanges& static_ranges, const Member& member) {
   MemberIndex& own_index = index_[member.index];
-  own_index.first_pair.assign(bodies, -1);
-  own_index.static_manifold.assign(bodies, -1);
+  own_index.first_pair.clear(bodies);
+  own_index.static_manifold.clear(bodies);
   for_each_own(pair_contacts_, pair_ranges, member, [&](Index i) {
-    std::int32_t& first = own_index.first_pair[pair_contacts_.manifolds[i].a];
-    next_pair_[i] = first;
-    first = static_cast<std::int32_t>(i);
+    const Index a = pair_contacts_.manifolds[i].a;
+    next_pair_[i] = own_index.first_pair[a];
+    own_index.first_pair.set(a, static_cast<std::int32_t>(i));
   });
   for_each_own(static_contacts_, static_ranges, member, [&](Index i) {
-    own_index.static_manifold[static_contacts_.manifolds[i].a] = static_cast<std::int32_t>(i);
+    own_index.static_manifold.set(static_contacts_.manifolds[i].a, static_cast<std::int32_t>(i));
   });
 }
 

@@ -6,6 +6,7 @@
 
 #include <vector>
 
+#include "smartsurf/world/body/BodyIndex.h"
 #include "smartsurf/world/broadphase/SpatialPartition.h"
 #include "smartsurf/world/contact/Contact.h"
 #include "smartsurf/world/parallel/Team.h"
@@ -40,8 +41,8 @@ class PreviousContacts {
 
  private:
   struct alignas(128) MemberIndex {
-    IndexRange slabs{0, 0};                                 // in which the member found its manifolds
-    std::vector<std::int32_t> first_pair, static_manifold;  // indexed by body a; −1 if none
+    IndexRange slabs{0, 0};                                       // in which the member found its manifolds
+    BodyIndex<std::int32_t> first_pair{-1}, static_manifold{-1};  // by body a; −1 if none
   };
   template <class Each>
   void for_each_own(const ContactList&, const SlabRanges&, const Member&, Each each) const;

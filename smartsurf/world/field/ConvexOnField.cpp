@@ -477,7 +477,8 @@ class PartOnField {
   Candidates& candidates_ = empty_candidates();
 };
 
-// Calls visit(part_on_field) for the convex parts of a shape, unless the shape is above all cells under it.
+// Calls visit(part_on_field) for the convex parts of a shape, unless the shape is above all cells under it. A
+// part that is narrower than the gaps enters them, however wide the shape is.
 template <class Visit>
 void for_each_part_on_field(const Columns& columns, const Shape& shape, const Vec3& centre, const Mat3& axes,
                             float margin, Visit visit) {
@@ -487,7 +488,8 @@ void for_each_part_on_field(const Columns& columns, const Shape& shape, const Ve
                                                  centre.y() - extent.y(), centre.y() + extent.y());
   if (centre.z() - extent.z() > columns.max_height(cells)) return;
   for_each_part(shape, [&](const ConvexPart& part) {
-    PartOnField part_on_field(columns, part, centre, axes, margin);
+    const Columns columns_of_part(columns.field(), part.hull ? part.hull->width : shape.width);
+    PartOnField part_on_field(columns_of_part, part, centre, axes, margin);
     visit(part_on_field);
   });
 }

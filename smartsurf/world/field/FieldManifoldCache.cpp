@@ -43,12 +43,12 @@ void FieldManifoldCache::swap_in(int chunk, ChunkCache& chunk_cache) {
 }
 
 void FieldManifoldCache::build_index(int bodies) {
-  manifold_of_body_.assign(bodies, nullptr);
+  manifold_of_body_.clear(bodies);
   for (ChunkCache& chunk_cache : previous_)
     for (CachedManifold& k : chunk_cache.manifolds) {
       k.points = chunk_cache.points.data() + k.first_point;
       k.heights = chunk_cache.heights.data() + k.first_height;
-      manifold_of_body_[k.body] = &k;
+      manifold_of_body_.set(k.body, &k);
     }
 }
 

@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "smartsurf/surface/Field.h"
+#include "smartsurf/world/body/BodyIndex.h"
 #include "smartsurf/world/body/BodyStore.h"
 #include "smartsurf/world/contact/Contact.h"
 #include "smartsurf/world/field/Columns.h"
@@ -74,8 +75,8 @@ class FieldManifoldCache {
               const ChunkCache& chunk_cache, std::vector<Contact>& out) const;
 
   const surface::Field& field_;
-  std::vector<ChunkCache> previous_;                     // one per chunk
-  std::vector<const CachedManifold*> manifold_of_body_;  // indexed by body
+  std::vector<ChunkCache> previous_;  // one per chunk
+  BodyIndex<const CachedManifold*> manifold_of_body_{nullptr};
 };
 
 }  // namespace smartsurf::world

@@ -594,6 +594,27 @@ void match_support_patch(const SupportPatches& previous, const SupportPatch& fro
   }
 }
 
+void append_patch(const SupportPatches& from, const SupportPatch& p, SupportPatches& to) {
+  SupportPatch& copy = to.patches.emplace_back(p);
+  copy.first = static_cast<std::int32_t>(to.samples.size());
+  copy.first_point = static_cast<std::int32_t>(to.points.size());
+  copy.point_count = 0;
+  to.samples.resize(to.samples.size() + static_cast<std::size_t>(p.count), !to.samples.limit.empty());
+  const auto copy_samples = [&](const auto& source, auto& target) {
+    std::copy_n(source.begin() + p.first, p.count, target.begin() + copy.first);
+  };
+  const SupportSamples& s = from.samples;
+  SupportSamples& t = to.samples;
+  copy_samples(s.cell, t.cell);
+  for (const auto values :
+       {&SupportSamples::x, &SupportSamples::y, &SupportSamples::arm, &SupportSamples::velocity_x,
+        &SupportSamples::velocity_y, &SupportSamples::spin, &SupportSamples::weight, &SupportSamples::load})
+    copy_samples(s.*values, t.*values);
+  for (std::size_t i = 0; i < s.friction.size(); ++i)
+    for (std::size_t axis = 0; axis < s.friction[i].size(); ++axis)
+      copy_samples(s.friction[i][axis], t.friction[i][axis]);
+}
+
 void remove_body(SupportPatches& list, std::int32_t body) {
   std::erase_if(list.patches, [body](const SupportPatch& p) { return p.body == body; });
   for (SupportPatch& p : list.patches)

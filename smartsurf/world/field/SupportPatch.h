@@ -132,6 +132,9 @@ void remove_points_without_share(SupportPatches& list, Remove remove) {
 void match_support_patch(const SupportPatches& previous, const SupportPatch& from, SupportPatches& current,
                          SupportPatch& to);
 
+// Appends a copy of another list's patch, without its points.
+void append_patch(const SupportPatches& from, const SupportPatch&, SupportPatches& to);
+
 // Prepares the patches for the removal of `body`, as remove_body(ContactList&).
 void remove_body(SupportPatches&, std::int32_t body);
 

@@ -113,14 +113,13 @@ void PairManifoldCache::swap_in(int chunk, ChunkCache& chunk_cache) {
 }
 
 void PairManifoldCache::build_index(int bodies) {
-  first_manifold_.assign(bodies, nullptr);
+  first_manifold_.clear(bodies);
   for (ChunkCache& chunk_cache : previous_)
     for (CachedManifold& k : chunk_cache.manifolds) {
-      const CachedManifold*& first = first_manifold_[k.a];
-      k.next = first;
+      k.next = first_manifold_[k.a];
       k.points = chunk_cache.points.data() + k.first_point;
       k.simplex_cache = k.simplex < 0 ? nullptr : chunk_cache.simplices.data() + k.simplex;
-      first = &k;
+      first_manifold_.set(k.a, &k);
     }
 }
 

@@ -31,7 +31,11 @@ void ConstraintGraph::build(const BodyStore& bodies, const ContactList& pair_con
 
 // Greedy colouring in list order: the lowest colour that neither body has yet, or kMaxColours for overflow.
 void ConstraintGraph::colour_pairs(const BodyStore& bodies, const ContactList& pair_contacts) {
-  body_colours_.assign(bodies.size(), 0);
+  const bool are_few = 2 * pair_contacts.manifolds.size() < bodies.id.size();
+  if (are_few && body_colours_.size() >= bodies.id.size())
+    for (const Manifold& m : pair_contacts.manifolds) body_colours_[m.a] = body_colours_[m.b] = 0;
+  else
+    body_colours_.assign(bodies.size(), 0);
   manifold_colour_.resize(pair_contacts.manifolds.size());
   int last = -1;
   for (std::size_t i = 0; i < pair_contacts.manifolds.size(); ++i) {

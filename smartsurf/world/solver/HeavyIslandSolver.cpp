@@ -21,6 +21,9 @@ constexpr double kSteadyShare = 0.8;
 // The greatest deflection of a contact under its load, u.
 constexpr float kMaxDeflection = 0.5F * kSlop;
 constexpr int kMaxPasses = 12;
+// A contact bears no more than this many times the weight, the forces and the momentum of its island; what
+// does is wedged, and its stresses are no load.
+constexpr double kGreatestLeverage = 8.0;
 
 bool is_bearing(const BatchPoint& p, int lane) {
   return p.normal_mass[lane] > 0.0F &&
@@ -90,7 +93,8 @@ void HeavyIslandSolver::for_each_bearing_lane(const ConstraintGraph& graph, cons
 
 void HeavyIslandSolver::build(const ConstraintGraph& graph, const BodyStore& bodies,
                               const SpatialPartition& partition, const BatchPoints& points,
-                              const BodyVelocity* velocity, std::span<SupportPatches> supports) {
+                              const BodyVelocity* velocity, std::span<SupportPatches> supports,
+                              const Vec3& gravity, float h_s) {
   const auto row_count = static_cast<std::size_t>(partition.row_count());
   const auto moves = [&](std::int32_t row) { return velocity[row].inverse_mass > 0.0F; };
   parent_.resize(row_count);
@@ -153,10 +157,18 @@ void HeavyIslandSolver::build(const ConstraintGraph& graph, const BodyStore& bod
   }
   rows_.resize(bodies_so_far);
   for (std::size_t i = 0; i < row_count; ++i)
-    if (body_of_row_[i] >= 0 && islands_[island_of_row_[i]].body_count == 0)
-      body_of_row_[i] = kNone;
-    else if (body_of_row_[i] >= 0)
-      rows_[islands_[island_of_row_[i]].first_body + body_of_row_[i]] = static_cast<std::int32_t>(i);
+    if (body_of_row_[i] >= 0) {
+      Island& island = islands_[island_of_row_[i]];
+      if (island.body_count == 0) {
+        body_of_row_[i] = kNone;
+        continue;
+      }
+      rows_[island.first_body + body_of_row_[i]] = static_cast<std::int32_t>(i);
+      const float force = bodies.wrench[partition.body(static_cast<int>(i))].force.norm();
+      const float speed = h_s * gravity.norm() + Vec3(velocity[i].velocity).norm();
+      island.greatest_impulse +=
+          kGreatestLeverage * static_cast<double>(speed / velocity[i].inverse_mass + h_s * force);
+    }
   points_.clear();
   for_each_bearing_lane(graph, points, [&](const ContactBatch& o, ContactKind kind, int lane) {
     const bool of_pair = is_pair(kind);
@@ -360,6 +372,10 @@ void HeavyIslandSolver::solve_island(const Island& island, const BatchPoints& po
       for (Spring& s : f.spring)
         if (f.patch->is_lumped) s.change = s.stiffness * lacking_speed(s, {f.body, -1});
   }
+  if (std::ranges::any_of(of_island, [&](const Point& p) {
+        return p.normal.impulse + p.normal.change > island.greatest_impulse;
+      }))
+    return;
   const auto apply = [&](const Spring& s, std::int32_t row, int side) {
     BodyVelocity& m = rows.velocity[row];
     const auto change = static_cast<float>(s.change);

@@ -36,7 +36,7 @@ class HeavyIslandSolver {
   // Builds the islands of the noted lanes. Called by one thread after all members have prepared their
   // batches.
   void build(const ConstraintGraph&, const BodyStore&, const SpatialPartition&, const BatchPoints&,
-             const BodyVelocity*, std::span<SupportPatches>);
+             const BodyVelocity*, std::span<SupportPatches>, const Vec3& gravity, float h_s);
   bool empty() const { return islands_.empty(); }
 
   // Corrects the impulses after a sweep of the solve stage (soft) or the relax stage.
@@ -69,6 +69,7 @@ class HeavyIslandSolver {
   };
   struct Island {
     std::int32_t first_body, body_count, first_point, point_count, first_patch, patch_count;
+    double greatest_impulse = 0.0;  // of a contact, mass·u/s in a substep
   };
 
   std::int32_t find_root(std::int32_t row);

@@ -62,10 +62,7 @@ void Solver::step(BodyStore& bodies, const Input& input, const Member& member) {
     resize_buffers(input.partition, member.member_count, !input.cell_limits.empty());
   });
   const float h_s = settings_.dt_s / static_cast<float>(settings_.substeps);
-  const bool any_restitution = settings_.field_restitution > 0.0F ||
-                               std::ranges::any_of(bodies.surface_material, [](const SurfaceMaterial& m) {
-                                 return m.restitution > 0;
-                               });
+  const bool any_restitution = settings_.field_restitution > 0.0F || bodies.restituting > 0;
   StepContext context{
       .bodies = bodies,
       .input = input,
@@ -77,7 +74,7 @@ void Solver::step(BodyStore& bodies, const Input& input, const Member& member) {
       .static_params = make_substep_params(h_s, kStaticContactHertz, settings_.substeps),
       .kernels = contact_kernels(),
       .any_restitution = any_restitution,
-      .all_spheres = std::ranges::find(bodies.is_sphere, 0) == bodies.is_sphere.end(),
+      .all_spheres = bodies.non_spheres == 0,
       // Adding 0 turns −0 into +0, as the sum with a zero wrench in external_velocity_change() does.
       .gravity_change = velocity_change(settings_.gravity + Vec3::Zero(), h_s),
       .deep_contacts = deep_contacts_[member.index]};
@@ -128,7 +125,7 @@ void Solver::run_stages(StepContext& context, const Member& member) {
   if (heavy_islands_.any_heavy_lane())
     member.single([&] {
       heavy_islands_.build(graph_, context.bodies, context.partition, batch_points(), velocity_.data(),
-                           context.input.supports);
+                           context.input.supports, settings_.gravity, h_s);
     });
   integrate_velocities(context, true);
   member.arrive();

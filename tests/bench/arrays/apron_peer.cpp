@@ -68,7 +68,7 @@ std::shared_ptr<ApronRun> compile(const std::string& file, int n, unsigned threa
   apron::vm::VmOptions options;
   options.threads = threads;
   options.isa = isa;
-  options.fusion.preserve_named_registers = false;
+  options.fusion.observed.all_named = false;
   return std::make_shared<ApronRun>(std::move(*result.program), options);
 }
 

@@ -50,10 +50,22 @@ class Death(ProgramTest):
     def test_killed_child_controller_gives_status_3(self):
         surface = self.start(SMARTSURF, "run", SORT_LUA, "--controller", "exec sleep 600", "--until", "600")
         time.sleep(0.5)
-        subprocess.run(["pkill", "-9", "-P", str(surface.pid)], check=False)
+        # The controller is a child of the run's broker, or of an unconfined run itself.
+        broker = subprocess.run(["pgrep", "-P", str(surface.pid)], capture_output=True, text=True).stdout.split()[0]
+        if subprocess.run(["pkill", "-9", "-P", broker], check=False).returncode:
+            os.kill(int(broker), signal.SIGKILL)
         status, _, err = self.finish(surface, 20)
         self.assertEqual(status, 3, err)
         self.assertIn("signal 9", err)
+
+    def test_killed_broker_ends_the_run_and_the_controller(self):
+        surface = self.start(SMARTSURF, "run", SORT_LUA, "--shm", self.shm, "--controller", "exec sleep 600", "--until", "600")
+        self.wait_for(self.segment().exists, "the segment")
+        time.sleep(0.3)
+        subprocess.run(["pkill", "-9", "-P", str(surface.pid)], check=False)
+        status, _, err = self.finish(surface, 20)
+        self.assertEqual(status, 3, err)
+        self.assertEqual(err.count("\n"), 1, err)
 
     def test_silent_controller_is_reported_by_both_programs(self):
         program = self.folder / "silent.aps"

@@ -29,6 +29,14 @@ def without_pictures(arguments):
     return [word for i, word in enumerate(arguments) if i not in drawn]
 
 
+def datasets(group, path=""):
+    for name, item in group.items():
+        if hasattr(item, "items"):
+            yield from datasets(item, path + "/" + name)
+        else:
+            yield path + "/" + name, item
+
+
 class Docs(ProgramTest):
     def test_programs_of_the_language_page_give_what_their_comments_say(self):
         page = (ROOT / "docs/apron-language.md").read_text()
@@ -44,6 +52,33 @@ class Docs(ProgramTest):
                 status, out, err = self.finish(self.start(APRON, "run", "--size", "8x8", str(file)))
                 self.assertEqual((status, err, out.splitlines()), (0, "", wanted), program)
         self.assertGreaterEqual(results, 4)
+
+    def test_the_language_page_begins_with_a_program_that_does_what_its_comments_say(self):
+        import h5py
+        import numpy as np
+        page = (ROOT / "docs/apron-language.md").read_text()
+        (self.folder / "first.aps").write_text(re.search(r"^```\n(.*?)^```$", page, re.DOTALL | re.MULTILINE)[1])
+        (self.folder / "first.lua").write_text(
+            "surface { rows = 20, columns = 24, actuator = pin { range = {0, 4} }, sensors = { proximity { range = 6 } } }\n"
+            "sphere { radius = 4.6, position = {11, 9, 9}, fixed = true }\nrecord { sensors = true, actuators = true }\n")
+        status, _, err = self.run_program(SMARTSURF, "run", "first.lua", "--controller", "first.aps", "--ticks", "3", "--record", "first.h5")
+        self.assertEqual(status, 0, err)
+        with h5py.File(self.folder / "first.h5") as file:
+            def last(name):
+                return np.squeeze([item[-1] for path, item in datasets(file) if path.endswith(name)][0])
+            seen, height = last("proximity_hit") > 0, last("actuators/height")
+        steps, inside = np.zeros(seen.shape), seen
+        while inside.any():  # steps to the border, beyond which there is nothing
+            steps += inside
+            padded = np.pad(inside, 1)
+            inside = inside & padded[:-2, 1:-1] & padded[2:, 1:-1] & padded[1:-1, :-2] & padded[1:-1, 2:]
+        self.assertTrue(20 < seen.sum() < 200 and (steps > 2).any())
+        np.testing.assert_array_equal(height, np.where(steps > 2, 0, 4))
+
+    def test_shipped_programs_are_formatted(self):
+        programs = sorted(str(path) for path in (ROOT / "scripts").rglob("*.aps"))
+        self.assertGreater(len(programs), 60)
+        self.assertEqual(self.run_program(APRON, "fmt", "--check", *programs)[:2], (0, ""))
 
     def test_commands_of_pages_run_in_order(self):
         # Runs each page in a separate folder with links to the checkout's scripts.

@@ -343,12 +343,13 @@ class Kernels(ProgramTest):
             self.assertEqual(re.findall(r"'(\w+)' runs on", left_out), ["vs_init", "vs_frame_loop_control"])
 
     def test_imported_sobel_with_errors(self):
-        """Each write adds its error, times its weight in the result: the standard deviation is that of their sum."""
+        """Each transfer adds its error, times its weight in the result: the standard deviation is that of their sum."""
         image = self.scene() // 4
         got, _ = self.imported(SOBEL_CPP, image, "D", "scamp5.errors(on)")
         ideal = sobel(image)
-        # The image enters with Sobel's weights, a row's sum on both sides, and each of the last four writes once.
-        weights = np.sqrt(12 + 5 * 2 + 4)
+        # The image, of three transfers, enters with Sobel's weights; a row's sum of ten on both sides; two moves, the
+        # difference and the absolute value have two each.
+        weights = np.sqrt(3 * 12 + 2 * (5 * 2 + 4))
         error = got - ideal
         self.assertGreater(error.std(), 0.5 * write_error(0) * weights)
         self.assertLess(error.std(), write_error(4 * abs(image).max()) * weights + 0.004 * 8 * ideal.max())
@@ -363,15 +364,15 @@ class Kernels(ProgramTest):
         self.assertGreater(found, 10)
 
     def test_imported_fast_with_errors(self):
-        """Only corners whose contrast is within the error of a walk of 24 moves, or whose run is within that of nine steps, may
-        change."""
-        image = self.noise(-2, 2) - 40
+        """Only corners whose contrast is within the error of a walk of 24 moves of two transfers, or whose run is within that
+        of nine steps, may change."""
+        image = self.noise(-1, 1) - 40
         for x, y in ((7, 8), (18, 9), (12, 20)):
             image[y:y + 6, x:x + 7] += 80
-        inner, moves, largest = slice(6, SIZE - 6), 24, abs(image).max()
+        inner, transfers, largest = slice(6, SIZE - 6), 2 * 24, abs(image).max()
         got = self.imported(FAST_CPP, image, "R8", "scamp5.errors(on)")[0][inner, inner] != 0
-        margin = 0.004 * moves * largest + 4 * write_error(largest) * np.sqrt(moves)
-        runs = 4 * write_error(12) * 9 / 12  # the step's own error counts nine times
+        margin = 0.004 * transfers * largest + 3 * write_error(largest) * np.sqrt(transfers)
+        runs = 4 * write_error(12) * np.sqrt(2) * 9 / 12  # the step's own error counts nine times
         surest, possible = (fast16(image, 20 + sign * margin, 9 + sign * round(runs))[inner, inner] for sign in (1, -1))
         self.assertTrue((got >= surest).all())
         self.assertTrue((got <= possible).all())

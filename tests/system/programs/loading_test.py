@@ -1,4 +1,5 @@
 """Nothing is loaded from the current folder: neither shared objects nor Python modules."""
+import platform
 import re
 import shutil
 
@@ -34,7 +35,29 @@ def bad_run_paths(files):
     return bad
 
 
+def missing_hardening(file):
+    """What the file has not of stack protectors, FORTIFY and control-flow protection."""
+    symbols = subprocess.run(["readelf", "--dyn-syms", "-W", str(file)], text=True, capture_output=True, check=True).stdout
+    missing = [] if "__stack_chk_fail" in symbols else ["stack protector"]
+    missing += [] if re.search(r"__\w+_chk@", symbols.replace("__stack_chk_fail@", "")) else ["FORTIFY"]
+    if platform.machine() == "x86_64" and file.read_bytes().count(b"\xf3\x0f\x1e\xfa") < 3:  # endbr64
+        missing.append("control-flow protection")
+    return missing
+
+
 class Loading(ProgramTest):
+    def test_release_builds_are_hardened(self):
+        self.assertEqual(missing_hardening(BIN / "hardening_probe"), [])
+        bare = self.folder / "bare"
+        subprocess.run(["cc", "-O2", "-U_FORTIFY_SOURCE", "-fno-stack-protector", "-o", bare,
+                        *(["-fcf-protection=none"] if platform.machine() == "x86_64" else []),
+                        ROOT / "tests/system/programs/hardening_probe.c"], check=True)
+        self.assertIn("stack protector", missing_hardening(bare))
+        self.assertIn("FORTIFY", missing_hardening(bare))
+        if "SMARTSURF_HARDEN:BOOL=ON" in (BIN.parent / "CMakeCache.txt").read_text():
+            for file in [BIN / "smartsurf", BIN / "apron", *BIN.parent.glob("lib/libsmartsurf.so")]:
+                self.assertEqual(missing_hardening(file), [], file)
+
     def test_built_and_installed_files_have_no_relative_run_path(self):
         prefix = self.folder / "prefix"
         subprocess.run([CMAKE, "--install", str(BIN.parent), "--prefix", str(prefix)], check=True, stdout=subprocess.DEVNULL)

@@ -258,6 +258,48 @@ on_finish(function() metric('left', left) end)""")
         # Border cells have no actuator.
         self.assertEqual(json.loads(stats.read_text())["actuator_values_clamped"], 20 * 62 * 62)
 
+    def test_a_file_for_another_program_is_recognised(self):
+        self.write("plain.lua", "surface { rows = 4, columns = 4, actuator = pin {} }")
+        self.write("named.txt", "-- An experiment.\nsurface { rows = 4, columns = 4, actuator = pin {} }")
+        self.write("program.aps", "println(1)")
+        self.write("commented.txt", "// A program.\nprintln(1)")
+        self.assertEqual(self.run_program(SMARTSURF, "run", "plain.lua", "--no-controller", "--until", "0.1", "--record", "run.h5")[0], 0)
+        for command, message in (
+                ((SMARTSURF, "run", "run.h5"), "smartsurf: run.h5: is a recording, not an experiment: smartsurf replay run.h5 shows it"),
+                ((SMARTSURF, "check", "program.aps"), "smartsurf: program.aps: is an APRON program, not an experiment: apron run program.aps runs it, "
+                                                      "or smartsurf run EXPERIMENT.lua --controller program.aps"),
+                ((SMARTSURF, "check", "commented.txt"), "smartsurf: commented.txt: is an APRON program, not an experiment: apron run commented.txt "
+                                                        "runs it, or smartsurf run EXPERIMENT.lua --controller commented.txt"),
+                ((SMARTSURF, "info", "plain.lua"), "smartsurf: plain.lua: is an experiment, not a recording: smartsurf run plain.lua --record FILE.h5 "
+                                                   "makes one"),
+                ((APRON, "run", "plain.lua"), "apron: error: plain.lua: is an experiment, not a program: smartsurf run plain.lua runs it"),
+                ((APRON, "check", "named.txt"), "apron: error: named.txt: is an experiment, not a program: smartsurf run named.txt runs it"),
+                ((APRON, "run", "run.h5"), "apron: error: run.h5: is a recording, not a program: smartsurf info run.h5 describes it")):
+            status, _, err = self.run_program(*command)
+            self.assertEqual((status, err), (2, message + "\n"))
+
+    def test_unlikely_placements_and_clamped_commands_are_told(self):
+        self.write("table.lua", """
+            surface { rows = 8, columns = 8, actuator = pin { range = {0, 2} } }
+            sphere { radius = 1, position = {4, 4, 3} }
+            sphere { radius = 1, position = {4.5, 4, 3}, label = 'twin' }
+            sphere { radius = 1, position = {40, 4, 3} }
+            on_tick(function(t, tick) if tick < 2 then cells:target('height', 1, 1, 7) end end)""")
+        warnings = ["smartsurf: warning: object 2 at (40, 4, 3) is beside the table (x -0.5 … 7.5, y -0.5 … 7.5) and will fall",
+                    "smartsurf: warning: object 0 at (4, 4, 3) is inside object 1 'twin': they will be thrown apart"]
+        status, out, err = self.run_program(SMARTSURF, "check", "table.lua")
+        self.assertEqual((status, err.splitlines()), (0, warnings))
+        status, out, err = self.run_program(SMARTSURF, "run", "table.lua", "--no-controller", "--until", "0.1")
+        self.assertEqual((status, err.splitlines()[:2]), (0, warnings))
+        self.assertRegex(out + err, r"warning: [12] commands were outside their channel's range and clamped to it")
+
+    def test_shipped_experiments_are_told_nothing(self):
+        for folder in ("case-study", "tasks", "examples"):
+            for experiment in sorted((ROOT / "scripts" / folder).glob("*.lua")):
+                if experiment.with_suffix('.aps').exists() or folder != "tasks":  # not a module
+                    status, _, err = self.run_program(SMARTSURF, "check", str(experiment))
+                    self.assertEqual((status, err), (0, ""), experiment.name)
+
 
 if __name__ == "__main__":
     unittest.main()

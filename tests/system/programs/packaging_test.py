@@ -77,7 +77,7 @@ class Packaging(ProgramTest):
         script = self.prefix / "share/bash-completion/completions/smartsurf"
         ask = ("source {0}; PATH={1}:$PATH; COMP_WORDS=({2}); COMP_CWORD=$((${{#COMP_WORDS[@]}} - 1)); _smartsurf; "
                "echo ${{COMPREPLY[*]}}")
-        for typed, expected in (("smartsurf re", "replay"), ("smartsurf run --scr", "--screenshot"),
+        for typed, expected in (("smartsurf rep", "replay"), ("smartsurf run --scr", "--screenshot"),
                                 ("smartsurf run --mode p", "passive"), ("apron di", "disasm")):
             out = subprocess.run(["bash", "-c", ask.format(script, self.prefix / "bin", typed)], text=True,
                                  stdout=subprocess.PIPE, check=True).stdout
@@ -85,7 +85,7 @@ class Packaging(ProgramTest):
 
     @unittest.skipUnless(shutil.which("fish"), "fish is not installed")
     def test_fish_completion_offers_commands_and_flags(self):
-        for typed, expected in (("smartsurf re", "replay"), ("smartsurf run --scr", "--screenshot"),
+        for typed, expected in (("smartsurf rep", "replay"), ("smartsurf run --scr", "--screenshot"),
                                 ("smartsurf run --mode p", "passive"), ("apron di", "disasm"), ("shm_dump --fo", "--follow")):
             script = self.prefix / "share/fish/vendor_completions.d" / (typed.split()[0] + ".fish")
             out = subprocess.run(["fish", "--no-config", "-c", f"source {script}; complete -C '{typed}'"], text=True,

@@ -6,7 +6,7 @@ from programs import *
 PAGES = ["README.md", "shm-protocol/PROTOCOL.md"] + sorted(str(p.relative_to(ROOT)) for p in (ROOT / "docs").glob("*.md"))
 # Flags of third-party programs in commands on the pages.
 FOREIGN = {"--build", "--preset", "--target", "--install", "--prefix", "--component", "--cflags", "--libs", "--shm-size",
-           "--time", "--partition", "--exclusive"}
+           "--time", "--partition", "--exclusive", "--strict"}
 # Written by the commands of the pages.
 MADE = ("build/", "out/")
 
@@ -62,14 +62,14 @@ class Pages(ProgramTest):
 
     def test_named_flags_exist(self):
         known = set(FOREIGN)
-        for program, commands in (("smartsurf", "run replay info plot export check clean compare new"),
-                                  ("apron", "run check disasm fmt repl")):
+        for program, commands in (("smartsurf", "run record replay info plot export check clean compare new"),
+                                  ("apron", "run check compile disasm fmt repl debug lsp")):
             for command in commands.split():
                 known |= self.flags_of(str(BIN / program), command, "--help")
         for program in ("shm_dump", "fake_surface", "surface_bridge", "device_emulator"):
             known |= self.flags_of(str(BIN / program), "--help")
         scripts = [p for p in (ROOT / "scripts").iterdir() if p.is_file()]
-        for folder in ("scripts/cluster", "scripts/learn"):
+        for folder in ("scripts/boards", "scripts/cluster", "scripts/learn", "scripts/tasks"):
             scripts += [p for p in (ROOT / folder).iterdir() if p.is_file()]
         scripts += (ROOT / "tests/bench").rglob("*.cpp")
         for script in scripts:
@@ -80,7 +80,7 @@ class Pages(ProgramTest):
 
     def test_command_line_page_lists_exactly_all_flags(self):
         rows = re.findall(r"^\| `(\w+)(?: ([a-z]+))?[^`]*` \|.*\|([^|]*)\|$", text_of("docs/cli.md"), re.MULTILINE)
-        self.assertEqual(len(rows), 19)
+        self.assertEqual(len(rows), 23)
         for program, command, flags in rows:
             there = self.flags_of(str(BIN / program), *([command] if command else []), "--help")
             shown = set(re.findall(r"--[a-z][a-z-]*", flags))

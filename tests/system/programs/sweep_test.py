@@ -3,8 +3,10 @@ import concurrent.futures
 import csv
 import fcntl
 import functools
+import math
 import multiprocessing
 import pickle
+import random
 import shutil
 import sys
 
@@ -12,6 +14,7 @@ from programs import *
 
 sys.path.insert(0, str(ROOT / "smartsurf/python"))
 from smartsurf.run import RunError, run  # noqa: E402
+from smartsurf.success import success_curve, time_of_share  # noqa: E402
 from smartsurf.sweep import quantile, samples, wilson  # noqa: E402
 
 SWEEP = str(ROOT / "scripts/sweep")
@@ -92,6 +95,36 @@ class SweepStatistics(unittest.TestCase):
             self.assertAlmostEqual(interval[1], high, places=4)
         self.assertEqual(wilson(0, 0), (0, 1))
 
+    def test_product_limit_matches_published_values(self):
+        # Freireich et al. 1963, 6-MP: weeks in remission, + still so; survival and log(-log) interval as in Kalbfleisch and
+        # Prentice 2002, example 1.1, and in the usual packages.
+        weeks = "6 6 6 6+ 7 9+ 10 10+ 11+ 13 16 17+ 19+ 20+ 22 23 25+ 32+ 32+ 34+ 35+".split()
+        curve = success_curve([None if week.endswith("+") else float(week) for week in weeks], [float(week.rstrip("+")) for week in weeks])
+        expected = [(6, .8571, .6197, .9516), (7, .8067, .5631, .9228), (10, .7529, .5032, .8894), (13, .6902, .4316, .8491),
+                    (16, .6275, .3675, .8049), (22, .5378, .2678, .7468), (23, .4482, .1881, .6801)]
+        self.assertEqual([(step.time_s, round(1 - step.share, 4), round(1 - step.high, 4), round(1 - step.low, 4)) for step in curve], expected)
+        self.assertEqual(time_of_share(curve, 0.5), (23, 13, None))
+
+    def test_product_limit_is_the_share_where_all_are_watched_to_the_end(self):
+        source = random.Random(5)
+        for runs in range(1, 40):
+            times = [round(source.expovariate(1), 1) if source.random() < 0.7 else None for _ in range(runs)]
+            curve = success_curve(times, [100.0] * runs)
+            for step in curve:
+                self.assertAlmostEqual(step.share, sum(t is not None and t <= step.time_s for t in times) / runs)
+                self.assertTrue(0 <= step.low <= step.share <= step.high <= 1, step)
+        self.assertEqual(success_curve([None, None], [1, 2]), [])
+        self.assertEqual(time_of_share([], 0.5), (None, None, None))
+
+    def test_median_interval_covers_the_median(self):
+        # 400 draws of 30 exponential times, watched for one mean: the true median is ln 2.
+        source, covered = random.Random(11), 0
+        for _ in range(400):
+            times = [source.expovariate(1) for _ in range(30)]
+            _, low, high = time_of_share(success_curve([t if t < 1 else None for t in times], [1.0] * 30), 0.5)
+            covered += (low or 0) <= math.log(2) and (high is None or high >= math.log(2))
+        self.assertTrue(0.92 * 400 <= covered <= 0.99 * 400, covered)
+
     def test_quantiles_interpolate(self):
         self.assertEqual([quantile([4, 1, 3, 2], q) for q in (0, 0.25, 0.5, 1)], [1, 1.75, 2.5, 4])
 
@@ -156,6 +189,42 @@ class Sweep(ProgramTest):
         self.assertEqual(status, 0, err)
         self.assertIn("2 runs, 0 done before", out)
         self.assertEqual([float(r["product"]) for r in self.results()], [100, 200])
+
+    def test_runs_without_success_count_in_times_and_plots(self):
+        # Succeeds at 10 × seed ms up to seed 3, of five; every run loses its ball at weight 2.
+        self.write("table.lua", """
+            local weight, seed = option('weight', 1.0, 'a number'), option('number', 1.0, 'a number')
+            surface { rows = 4, columns = 4, actuator = pin {} }
+            if weight > 1 then sphere { radius = .3, position = {20, 0, 1} } end
+            success(function(t) return seed <= 3 and t >= seed / 10 and t or nil end)
+            """)
+        status, out, err = self.run_program(SWEEP, self.experiment, "--smartsurf", SMARTSURF, "--until", "1", "-o", "out", "--set", "weight=1,2",
+                                            "--set", "number=1,2,3,4,5", "--y", "success_s", "--x", "number")
+        self.assertEqual(status, 0, out + err)
+        first, last = (next(row for row in self.results("summary.csv") if row["weight"] == "1" and row["number"] == n) for n in "15")
+        self.assertEqual((first["succeeded"], float(first["success_s.median"])), ("1", 0.1))
+        self.assertEqual((last["succeeded"], last["success_s.median"]), ("0", ""))
+        self.assertIn("weight = 1, number = 5: 0 of 1 succeed (0.00 … 0.79)", out)
+        picture = (self.folder / "out/results.svg").read_text()
+        # Three runs and the legend in the light colour of each weight, two runs without success in grey.
+        for colour, least in (("rgb(49.80", 4), ("rgb(91.76", 4), ("rgb(73.33", 4)):
+            self.assertGreaterEqual(picture.count(colour), least, colour)
+
+    def test_median_time_includes_runs_without_success(self):
+        self.write("table.lua", """
+            local late = random(0, 1)
+            surface { rows = 4, columns = 4, actuator = pin {} }
+            success(function(t) return late < 0.5 and t >= late and t or nil end)
+            """)
+        status, out, err = self.run_program(SWEEP, self.experiment, "--smartsurf", SMARTSURF, "--until", "1", "-o", "out", "--seeds", "1-20")
+        self.assertEqual(status, 0, out + err)
+        times = [row["success_s"] for row in self.results()]
+        known, row = sorted(float(t) for t in times if t), self.results("summary.csv")[0]
+        self.assertTrue(0 < len(known) < 20, times)
+        self.assertEqual((row["succeeded"], row["success_s.missing"]), (str(len(known)), str(20 - len(known))))
+        self.assertEqual(row["success_s.q25"], str(known[4]))
+        self.assertEqual(row["success_s.median"], str(known[9]) if len(known) >= 10 else "")
+        self.assertTrue((self.folder / "out/success.svg").exists())
 
     def test_summary_has_rates_medians_and_quantiles(self):
         self.write("table.lua", TABLE.replace("metric('chance'", "metric('success', weight > 1 and seed_digit > 0.2 and 1 or 0) "
@@ -348,8 +417,8 @@ exec {APRON} run {idle} --shm "$2"
         self.assertEqual(status, 0, err)
         drawing = (self.folder / "out/results.svg").read_text()
         # Text is drawn as outlines. Six runs and three medians, in their colours, each with its entry in the legend.
-        self.assertGreaterEqual(drawing.count("rgb(53.3"), 7)
-        self.assertGreaterEqual(drawing.count("rgb(12.1"), 4)
+        self.assertGreaterEqual(drawing.count("rgb(49.80"), 7)
+        self.assertGreaterEqual(drawing.count("rgb(0%,44.70"), 4)
 
     def test_invalid_arguments_report_one_line(self):
         for arguments, message in (

@@ -3,6 +3,7 @@ import csv
 import importlib.machinery
 import importlib.util
 import math
+import random
 import re
 import shutil
 import sys
@@ -87,6 +88,24 @@ class Truth(ProgramTest):
         self.assertAlmostEqual(truth.order_of([(r, 3 / r**2) for r in (60, 120, 240, 960)]), 2)
         self.assertAlmostEqual(truth.order_of([(r, 0.1) for r in (60, 120, 240, 960)]), 0)
         self.assertIsNone(truth.order_of([(r, 1e-9) for r in (60, 120, 240, 960)]))
+
+    def test_overlap_of_round_bodies_is_the_least_shift_that_parts_them_from_a_column(self):
+        import numpy
+        half, top, draw = numpy.array([0.4, 0.3]), 2.0, random.Random(3)
+        def depth(shape, radius, height, p, q):
+            return overlap.round_depth(shape, radius, height, numpy.array(p), overlap.axes_of(q), numpy.zeros(2), half, top, 0.0)
+        level, lying = [0, 0, 0, 1], [0, math.sin(math.pi / 4), 0, math.cos(math.pi / 4)]
+        self.assertAlmostEqual(depth("cylinder", 0.5, 1.0, [0, 0, 2.4], level), 0.1)
+        self.assertAlmostEqual(depth("cylinder", 0.5, 1.0, [0.85, 0, 0], level), 0.05)
+        self.assertAlmostEqual(depth("cylinder", 0.5, 1.0, [0.1, 0, 2.3], lying), 0.2)
+        self.assertAlmostEqual(depth("cone", 0.5, 1.0, [0, 0, 2.2], level), 0.05)
+        self.assertAlmostEqual(depth("cone", 0.5, 1.0, [0, 0, 2.7], [1, 0, 0, 0]), 0.05)
+        self.assertEqual(depth("capsule", 0.2, 1.0, [1.0, 0, 0], level), 0.0)
+        # A capsule without a cylinder is a sphere.
+        for _ in range(50):
+            p = [draw.uniform(-0.8, 0.8), draw.uniform(-0.8, 0.8), draw.uniform(2.0, 2.6)]
+            sphere = overlap.sphere_depth(numpy.array(p), 0.5, numpy.array([-0.4, -0.3, 0.0]), numpy.array([0.8, 0.6, 2.0]))
+            self.assertAlmostEqual(depth("capsule", 0.5, 1.0, p, level), max(0.0, sphere), places=3)
 
     def test_overlap_of_boxes_is_the_least_shift_that_parts_them(self):
         import numpy

@@ -1,9 +1,13 @@
 """Gymnasium and PettingZoo environments: their own checks, and what this package promises besides."""
+import copy
+import gc
+import multiprocessing
 import os
 import pickle
 import subprocess
 import sys
 import threading
+import time
 import unittest
 import warnings
 
@@ -112,6 +116,94 @@ class Environments(ExperimentTest):
         self.assertEqual(info["metrics"].keys(), {"best", "count"})
 
 
+    def test_a_pickled_or_copied_environment_continues_with_the_same_bits(self):
+        path = self.script(CROWD)
+        env, cells = smartsurf.Env(path), smartsurf.parallel_env(path, block=4)
+        env.reset(seed=2)
+        cells.reset(seed=2)
+        for tick in range(20):
+            env.step(sampled(env.action_space, tick))
+            cells.step({agent: cells.action_space(agent).sample() for agent in cells.agents})
+        cells.simulation.restore(env.simulation.save())
+        env.simulation.actuators["height"][3, 4] = 1.5
+        for copied in (lambda env: pickle.loads(pickle.dumps(env)), copy.deepcopy):
+            again, state = copied(env), env.simulation.save()
+            self.assertEqual(again.simulation.actuators["height"][3, 4], 1.5)
+            for tick in range(20):
+                one, other = (e.step(sampled(env.action_space, tick)) for e in (env, again))
+                np.testing.assert_array_equal(one[0], other[0])
+                self.assertEqual(one[1:4], other[1:4])
+                self.assertEqual(env.simulation.state_hash, again.simulation.state_hash)
+            self.assertEqual(env.reset()[1]["seed"], again.reset()[1]["seed"])
+            env.simulation.restore(state)
+            env.simulation.actuators["height"][3, 4] = 1.5
+        again = pickle.loads(pickle.dumps(cells))
+        self.assertEqual(again.agents, cells.agents)
+        actions = {agent: cells.action_space(agent).sample() for agent in cells.agents}
+        for one, other in zip(cells.step(actions)[0].values(), again.step(actions)[0].values(), strict=True):
+            np.testing.assert_array_equal(one, other)
+
+    def test_episodes_are_recorded(self):
+        folder = self.folder / "episodes"
+        env = smartsurf.Env(self.script(ENDINGS), record=folder)
+        for seed in (1, 2):
+            env.reset(seed=seed)
+            over = False
+            while not over:
+                _, _, terminated, truncated, info = env.step(sampled(env.action_space, seed))
+                over = terminated or truncated
+        env.reset(seed=3)
+        env.step(sampled(env.action_space, 1))
+        env.close()
+        env.close()
+        files = sorted(path.name for path in folder.iterdir())
+        self.assertEqual(files, [f"episode-00000{i}.h5" for i in (1, 2, 3)])
+        for name in files:
+            verified = subprocess.run([os.environ["SMARTSURF"], "replay", str(folder / name), "--verify"],
+                                      capture_output=True, text=True, timeout=120)
+            self.assertEqual(verified.returncode, 0, verified.stderr)
+        with self.assertRaisesRegex(ValueError, "record: the process of a live surface"):
+            smartsurf.Env(shm="none", record=folder, timeout=0.1)
+
+    def test_a_spawned_process_continues_an_environment(self):
+        env = smartsurf.Env(self.script(CROWD))
+        env.reset(seed=2)
+        with multiprocessing.get_context("spawn").Pool(1) as pool:
+            there = pool.apply(state_after, (env, 10))
+        self.assertEqual(there, state_after(env, 10))
+
+    def test_arrays_are_shared_without_copies(self):
+        s = smartsurf.Simulation(self.script(CROWD))
+        for array in (*s.sensors.values(), *s.objects.values()):
+            with self.assertRaises(ValueError):
+                array[...] = 0
+        position = s.objects["position"]
+        before = position.copy()
+        s.step()
+        self.assertFalse(np.array_equal(before, position))  # follows
+        envs = smartsurf.VectorEnv(self.script(CROWD), 2, 1, copy=False)
+        observations, _ = envs.reset(seed=1)
+        shared = np.from_dlpack(observations)
+        envs.step(sampled(envs.action_space, 1))
+        np.testing.assert_array_equal(shared, envs._observations)
+        self.assertTrue(np.shares_memory(shared, observations))
+        with self.assertRaises(ValueError):
+            envs.objects["position"][...] = 0
+        try:
+            import torch
+        except ImportError:
+            return
+        tensor = torch.from_dlpack(observations)
+        envs.step(sampled(envs.action_space, 2))
+        np.testing.assert_array_equal(tensor.numpy(), observations)
+
+
+def state_after(env, ticks):
+    for tick in range(ticks):
+        env.step(np.full(env.action_space.shape, tick / ticks, np.float32))
+    return env.simulation.state_hash
+
+
 class VectorEnvironments(ExperimentTest):
     def run_vector(self, path, num_envs, threads, ticks, mode=AutoresetMode.NEXT_STEP):
         envs = smartsurf.VectorEnv(path, num_envs, threads, autoreset_mode=mode)
@@ -147,6 +239,23 @@ class VectorEnvironments(ExperimentTest):
                     self.assertEqual((r, te, tr), (rewards[i], terminated[i], truncated[i]))
                     over[i] = te or tr
             self.assertTrue(resets > 0 or text is NOISY)
+
+    def test_threads_are_not_more_than_worlds_and_small_work_stays_on_one(self):
+        path = self.script(CROWD)
+        gc.collect()  # the threads of earlier environments end
+        before = len(os.listdir("/proc/self/task"))
+        envs = smartsurf.VectorEnv(path, 1, 4)
+        self.assertEqual((envs._batch.thread_count, len(os.listdir("/proc/self/task"))), (1, before))
+        self.assertEqual(smartsurf.VectorEnv(path, 3, 8)._batch.thread_count, 3)
+        one, two = (smartsurf.Simulation(path, seed=1, threads=n) for n in (1, 2))
+
+        def processor_time(simulation):
+            start = time.process_time()
+            for tick in range(150):
+                simulation.step({"height": tick % 4})
+            return time.process_time() - start
+        ratios = [processor_time(two) / processor_time(one) for _ in range(5)]
+        self.assertLess(min(ratios), 1.2)  # a second thread that waits would double it
 
     def test_threads_do_not_change_the_bits(self):
         for text in (CROWD, NOISY):
@@ -373,8 +482,6 @@ class VectorEnvironments(ExperimentTest):
         for threads, message in ((0, "threads = 0: must be"), (10**9, "threads = 1000000000: must be at most 1024")):
             with self.assertRaisesRegex(ValueError, message):
                 smartsurf.VectorEnv(path, 1, threads)
-        with self.assertRaisesRegex(TypeError, "a VectorEnv cannot be pickled"):
-            pickle.dumps(envs)
 
     def test_a_world_that_fails_comes_back_and_leaves_the_others_alone(self):
         # In each fourth episode the script fails at 0.1 s, in each eighth it cannot start.

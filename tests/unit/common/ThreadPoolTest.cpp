@@ -94,29 +94,47 @@ TEST(ThreadPool, AlternatesParallelForAndForkJoin) {
 }
 
 // A thread that gets no core is a sleeping thread, as far as the caller can see.
-TEST(ThreadPool, CallerWorksAloneAfterJobsThatWaited) {
+TEST(ThreadPool, WaitsForCoresCostABoundedShareOfTheTime) {
+  using namespace std::chrono_literals;
   ThreadPool pool(2);
-  const auto wait = [&pool] {
-    pool.fork_join([](int thread) {
-      if (thread == 1) std::this_thread::sleep_for(std::chrono::milliseconds(2));
-    });
-  };
-  const auto jobs_alone = [&pool] {
-    int jobs = 0;
-    for (int bands = 1; bands == 1; ++jobs) {
-      std::atomic<int> count = 0;
-      pool.parallel_for_rows(8, [&](int, int) { ++count; });
-      bands = count;
+  const auto start = std::chrono::steady_clock::now();
+  int shared = 0, alone = 0;
+  for (auto now = start; now - start < 400ms; now = std::chrono::steady_clock::now()) {
+    if (pool.has_cores()) {
+      ++shared;
+      pool.fork_join([](int thread) {
+        if (thread == 1) std::this_thread::sleep_for(2ms);
+      });
+    } else {
+      ++alone;
+      std::this_thread::sleep_for(1ms);
     }
-    return jobs - 1;
-  };
-  EXPECT_EQ(jobs_alone(), 0);
-  wait();
-  EXPECT_GE(jobs_alone(), 8);
-  int most = 0;
-  for (int round = 0; round < 8; ++round) {
-    wait();
-    most = std::max(most, jobs_alone());
   }
-  EXPECT_GE(most, 32);  // and jobs are shared again at some time, or jobs_alone() would not return
+  const std::chrono::duration<double, std::milli> time = std::chrono::steady_clock::now() - start;
+  EXPECT_GT(alone, 0);
+  EXPECT_GE(shared, 1);
+  EXPECT_LE(2.0 * shared, 0.04 * time.count() + 5.0 + 2.0);
+}
+
+TEST(ThreadPool, SharesAgainWhenTheCoresAreFree) {
+  ThreadPool pool(2);
+  for (int job = 0; pool.has_cores() && job < 100; ++job)
+    pool.fork_join([](int thread) {
+      if (thread == 1) std::this_thread::sleep_for(std::chrono::milliseconds(4));
+    });
+  int waits = 0;
+  for (; !pool.has_cores() && waits < 10'000; ++waits)
+    std::this_thread::sleep_for(std::chrono::milliseconds(1));
+  EXPECT_LT(waits, 10'000);
+}
+
+TEST(ThreadPool, OneWithoutLeastCostAlwaysShares) {
+  ThreadPool pool(2, 0.0);
+  for (int job = 0; job < 5; ++job) {
+    EXPECT_TRUE(pool.has_cores());
+    pool.fork_join([](int thread) {
+      if (thread == 1) std::this_thread::sleep_for(std::chrono::milliseconds(4));
+    });
+  }
+  EXPECT_TRUE(pool.has_cores());
 }

@@ -150,11 +150,16 @@ TEST_F(Cli, WarnsOfProgramsThatNeverStep) {
 }
 
 TEST_F(Cli, ImportsKernels) {
-  const std::string kernel =
-      file("k.cpp", "scamp5_kernel_begin();\nscamp5_in(A, 3);\nadd(B, A, A);\nscamp5_kernel_end();\n");
+  const std::string kernel = file(
+      "k.cpp", "scamp5_kernel_begin();\nscamp5_in(A, 3);\nmov(C, A);\nadd(B, A, C);\nscamp5_kernel_end();\n");
   const ProcessResult imported = run({"import", kernel});
   EXPECT_EQ(imported.status, 0) << imported.err;
   EXPECT_EQ(imported.err, "");
+  const ProcessResult warned =
+      run({"import", file("w.cpp", "scamp5_kernel_begin();\nadd(B, A, A);\nscamp5_kernel_end();\n")});
+  EXPECT_EQ(warned.status, 0);
+  EXPECT_EQ(warned.err,
+            path("w.cpp") + ":2: warning: the chip connects 'A' once in 'add' and computes something else\n");
   const ProcessResult ran = run({"run", file("k.aps", imported.out + "println(B)\n"), "--size", "2x1"});
   EXPECT_EQ(ran.out, "6 6\n");
   const ProcessResult partial =
@@ -163,6 +168,12 @@ TEST_F(Cli, ImportsKernels) {
   EXPECT_EQ(partial.err, path("p.cpp") + ":3: not translated: scamp5.aps has no instruction 'fly'\n");
   EXPECT_EQ(run({"check", path("p.aps")}).status, 0);
   EXPECT_EQ(run({"import", file("e.cpp", "int main(){}\n")}).status, 2);
+  const ProcessResult unresolved =
+      run({"import", file("u.cpp", "int main(){ scamp5_in(A, 1);\n  rect(S0, 3);\n}\n"), "--output",
+           path("u.aps")});
+  EXPECT_EQ(unresolved.status, 2);
+  EXPECT_EQ(unresolved.err, path("u.cpp") + ":2: error: 'rect' runs on the controller or host\n");
+  EXPECT_FALSE(std::filesystem::exists(path("u.aps")));
   EXPECT_EQ(run({"import", path("absent.cpp")}).status, 2);
 }
 

@@ -22,7 +22,7 @@ std::string library_text() {
 
 ImportedKernels import_text(const std::string& text, const std::string& picture = "") {
   static const KernelVocabulary vocabulary = read_vocabulary(library_text());
-  return import_kernels(text, vocabulary, {"kernel.cpp", picture});
+  return import_kernels(text, vocabulary, {"kernel.cpp", picture, {}});
 }
 
 // Without the lines that every program begins with.
@@ -87,7 +87,7 @@ TEST(KernelImport, FunctionsMacrosAndKernelObjectsBecomeMacros) {
       "// twice, line 2\n!macro_def\ntwice($X, $Y)\n!macro_begin\nmov(F, $Y)\nadd($X, $Y, F)\n!macro_end\n\n"
       "// edge, line 7\n!macro_def\nedge($out, $from)\n!macro_begin\nsubx($out, $from, east, $from)\n"
       "twice($out, $out)\n!macro_end\n\n"
-      "// blur, line 13\n!macro_def\nblur\n!macro_begin\ndivq(B, A)\nwest(A, B)\n!macro_end\n\n"
+      "// blur, line 13\n!macro_def\nblur\n!macro_begin\ndivq(B, A)\nmov(A, B, west)\n!macro_end\n\n"
       "blur\nedge(B, A)\n");
   EXPECT_EQ(notes(imported), "18 host: the function 'host_only' has no instruction of the chip\n");
 }
@@ -109,8 +109,9 @@ TEST(KernelImport, LoopsConditionsAndScalars) {
       "  for(int i = 8; i > 0; --i) scamp5_in(B, -i);\n"
       "  if(steps > 3 && steps != 7) { all(); } else steps += 1;\n  while(steps < 9) steps++;\n}\n");
   EXPECT_EQ(body(imported),
-            "\nn = 4\nm = 0\nk = n * (2 + m)\nsteps = 5\nrepeat(3)\n  res(A)\nendrepeat\nfor(i, 1, steps, "
-            "2)\n  scamp5_in(A, i * 2 - 1)\nendfor\n"
+            "!include('cpp.aps')\n\nn = 4\nm = 0\nk = n * (2 + m)\nsteps = 5\nrepeat(3)\n  "
+            "res(A)\nendrepeat\nfor(i, 1, steps, "
+            "2)\n  scamp5_in(A, cpp.signed(i * 2 - 1, 8))\nendfor\n"
             "for(i, 8, 1, -1)\n  scamp5_in(B, -i)\nendfor\nif(steps > 3 && steps != 7)\n  all\nelse\n"
             "  steps = steps + (1)\nendif\nwhile(steps < 9)\n  steps = steps + 1\nendwhile\n");
   EXPECT_EQ(notes(imported), "");
@@ -132,9 +133,11 @@ TEST(KernelImport, SlidersDirectionsAndOutput) {
       "  scamp5_kernel_begin();\n  DNEWS(S1, S0, south|east, 1);\n  scamp5_kernel_end();\n"
       "  scamp5_output_image(S1, display);\n  scamp5_in(F, other);\n}\n");
   EXPECT_EQ(body(imported),
-            "sim.slider.add('level', -20, 127, 10)\nother = 0  // of the program around the kernels\n\n"
-            "level = sim.slider.get('level')\nscamp5_in(E, level)\nCLR(RS, RW, RN, RE)\nSET(RS, RE)\n"
-            "DNEWS1(S1, S0)\nsim.show(S1)\nscamp5_in(F, other)\n");
+            "!include('cpp.aps')\nsim.slider.add('level', -20, 127, 10)\nother = 0  // of the program around "
+            "the kernels\n\n"
+            "level = sim.slider.get('level')\nscamp5_in(E, cpp.signed(level, 8))\nCLR(RS, RW, RN, "
+            "RE)\nSET(RS, RE)\n"
+            "DNEWS1(S1, S0)\nsim.show(S1)\nscamp5_in(F, cpp.signed(other, 8))\n");
   EXPECT_EQ(notes(imported), "8 host: 'other' has no value in the kernels; it is 0\n");
 }
 
@@ -143,11 +146,12 @@ TEST(KernelImport, DefaultArgumentsAndFirstValuesOfSliders) {
       "void step(AREG y, int n = 3, int m = -1){ scamp5_in(y, n); scamp5_in(y, m); }\n"
       "int main(){\n  int level = 20;\n  vs_gui_add_slider(\"level\", 0, 127, level, &level);\n"
       "  step(A);\n  step(B, 5);\n  step(C, 5, level);\n  uint8_t box[4];\n  scamp5_in(A, box[1]);\n}\n");
-  EXPECT_EQ(
-      body(imported),
-      "sim.slider.add('level', 0, 127, 20)\n\n// step, line 1\n!macro_def\nstep($y, $n, $m)\n!macro_begin\n"
-      "scamp5_in($y, $n)\nscamp5_in($y, $m)\n!macro_end\n\nlevel = 20\nlevel = sim.slider.get('level')\n"
-      "step(A, 3, -1)\nstep(B, 5, -1)\nstep(C, 5, level)\n");
+  EXPECT_EQ(body(imported),
+            "!include('cpp.aps')\nsim.slider.add('level', 0, 127, 20)\n\n// step, line "
+            "1\n!macro_def\nstep($y, $n, $m)\n!macro_begin\n"
+            "scamp5_in($y, cpp.signed($n, 8))\nscamp5_in($y, cpp.signed($m, 8))\n!macro_end\n\nlevel = "
+            "20\nlevel = sim.slider.get('level')\n"
+            "step(A, 3, -1)\nstep(B, 5, -1)\nstep(C, 5, level)\n");
   EXPECT_EQ(
       notes(imported),
       "8 host: 'box [ …' is code of the controller\n9 host: the array 'box' belongs to the controller\n");
@@ -156,7 +160,7 @@ TEST(KernelImport, DefaultArgumentsAndFirstValuesOfSliders) {
 TEST(KernelImport, NamesWhatItCannotTranslate) {
   const ImportedKernels imported = import_text(
       "scamp5_kernel_begin();\nmovx(A, B);\nmovy(A, B, north);\nadd(A, B, table[3]);\nint k = p->x;\n"
-      "do { res(A); } while(k);\nres(C);\nscamp5_kernel_end();\n");
+      "switch(1) { case 1: res(A); }\nres(C);\nscamp5_kernel_end();\n");
   EXPECT_EQ(notes(imported),
             "2 kernel: 'movx' takes 3 arguments, not 2\n"
             "3 kernel: scamp5.aps has no instruction 'movy'; did you mean 'mov'?\n"
@@ -164,7 +168,7 @@ TEST(KernelImport, NamesWhatItCannotTranslate) {
             "4 kernel: '[' in an expression has no counterpart\n"
             "5 kernel: 'p' has no value in the kernels; it is 0\n"
             "5 kernel: '->' in an expression has no counterpart\n"
-            "6 kernel: 'do' has no counterpart\n");
+            "6 kernel: 'switch' has no counterpart\n");
   EXPECT_NE(imported.program.find("// not translated (line 2): 'movx' takes 3 arguments, not 2\n"),
             std::string::npos);
   EXPECT_NE(imported.program.find("\nres(C)\n"), std::string::npos);

@@ -95,12 +95,34 @@ TEST(ProfileReport, BillsMacrosAsInstructionsOfTheMachine) {
   EXPECT_DOUBLE_EQ(p["estimate"]["per_frame"]["cycles"], 2.0);
 }
 
+TEST(ProfileReport, BillsFormsOfAMacroByTheirOperands) {
+  program::Program program = loop_program().finish();
+  program.files = {"f"};
+  program.expansions = {{}, {"not", {}, 1}, {"not", {}, 2}, {"res", {}, 2}};
+  program.source_locations = {{0, 1, 1, 1}, {0, 2, 1, 2}, {0, 3, 1, 3}, {0, 4, 1, 0}, {0, 5, 1, 0}};
+  for (std::uint32_t i = 0; i < program.code.size(); ++i) program.code[i].source_location = i;
+  std::vector<vm::InstructionProfile> profile(program.code.size());
+  for (vm::InstructionProfile& entry : profile) entry.executions = 1;
+  CostModel model;
+  model.clock_hz = 10;
+  model.default_cost.cycles = 0;
+  model.macros = {{"not", {1}}, {"not/1", {2}}, {"res/2", {30}}};
+  const json p = json::parse(profile_json(program, profile, 0, model));
+  EXPECT_EQ(p["machine"]["instructions"]["not"]["count"], 2);
+  EXPECT_DOUBLE_EQ(p["machine"]["instructions"]["not"]["cycles"], 3.0);
+  EXPECT_DOUBLE_EQ(p["machine"]["cycles"], 33.0);
+}
+
 TEST(ProfileReport, ReadsScampModel) {
   std::string error;
   const auto model = read_cost_model(APRON_SCAMP_MODEL, error);
   ASSERT_TRUE(model) << error;
   EXPECT_EQ(model->clock_hz, 1e7);
   EXPECT_EQ(model->macros.at("add").cycles, 2);
+  const std::pair<const char*, int> kHeader[] = {
+      {"AND", 4},  {"NAND", 4}, {"XOR", 6},  {"MUX", 5}, {"NOT", 1}, {"NOT/1", 2}, {"OR/2", 2},
+      {"diva", 5}, {"div", 5},  {"divq", 2}, {"abs", 6}, {"res", 2}, {"res/2", 3}};
+  for (const auto& [name, cycles] : kHeader) EXPECT_EQ(model->macros.at(name).cycles, cycles) << name;
   // 535 GOPS/W
   EXPECT_NEAR(model->macros.at("add").energy_j_per_cell * 535e9, 2.0, 0.01);
   EXPECT_EQ(model->default_cost.cycles, 0);

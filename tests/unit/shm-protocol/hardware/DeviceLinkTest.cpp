@@ -34,8 +34,10 @@ std::vector<float> command(std::uint64_t tick) {
 
 struct Pair {
   explicit Pair(std::uint16_t rows = kRows, std::uint16_t columns = kColumns)
-      : device(rows, columns, 10'000,
-               [this](const std::uint8_t* b, std::size_t n) { up.insert(up.end(), b, b + n); }) {}
+      : device(rows, columns, 10'000, [this](const std::uint8_t* b, std::size_t n) {
+          up.insert(up.end(), b, b + n);
+          return true;
+        }) {}
 
   // Carries what lies on the line; the events of the host, without those that mean nothing.
   std::vector<Event> carry() {

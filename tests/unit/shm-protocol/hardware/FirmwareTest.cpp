@@ -13,8 +13,10 @@ using Bytes = std::vector<std::uint8_t>;
 
 struct FirmwareHarness {
   FirmwareHarness()
-      : device(4, 5, 1000,
-               [this](const std::uint8_t* b, std::size_t n) { out.insert(out.end(), b, b + n); }) {
+      : device(4, 5, 1000, [this](const std::uint8_t* b, std::size_t n) {
+          out.insert(out.end(), b, b + n);
+          return true;
+        }) {
     link.write(SSW_DESCRIBE, 0, in);
     link.write(SSW_START, 0, in);
     deliver();
@@ -45,8 +47,10 @@ struct FirmwareHarness {
 
 TEST(Firmware, SendsNoFramesBeforeStart) {
   Bytes out;
-  ToyDevice device(4, 5, 1000,
-                   [&](const std::uint8_t* b, std::size_t n) { out.insert(out.end(), b, b + n); });
+  ToyDevice device(4, 5, 1000, [&](const std::uint8_t* b, std::size_t n) {
+    out.insert(out.end(), b, b + n);
+    return true;
+  });
   for (int i = 0; i < 5; ++i) device.period();
   EXPECT_TRUE(out.empty());
 }
@@ -149,7 +153,7 @@ TEST(Firmware, SafeValuesAreScaledForEachType) {
   const ssw_hello hello{0, 0, 1, 1, 1000, 1, 0, "odd"};
   ssd_device device;
   ssd_init(
-      &device, &hello, channels, 3, [](void*, const std::uint8_t*, std::size_t) {}, nullptr);
+      &device, &hello, channels, 3, [](void*, const std::uint8_t*, std::size_t) { return 1; }, nullptr);
   EXPECT_EQ(ssw_get_f32(memory + 1), 0.25F);
   EXPECT_EQ(ssw_get_u16(memory + 9), 1250);
   EXPECT_EQ(memory[13], 50);

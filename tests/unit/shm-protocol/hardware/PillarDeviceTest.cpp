@@ -17,8 +17,10 @@ constexpr std::uint16_t kEdge = 16;  // pillars along each edge
 
 struct PillarHarness {
   PillarHarness()
-      : device(kEdge, kEdge, 10'000,
-               [this](const std::uint8_t* b, std::size_t n) { out.insert(out.end(), b, b + n); }) {
+      : device(kEdge, kEdge, 10'000, [this](const std::uint8_t* b, std::size_t n) {
+          out.insert(out.end(), b, b + n);
+          return true;
+        }) {
     link.write(SSW_DESCRIBE, 0, in);
     link.write(SSW_START, 0, in);
     deliver();

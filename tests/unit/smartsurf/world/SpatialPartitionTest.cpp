@@ -34,8 +34,8 @@ struct Heap {
     std::vector<std::int32_t> all(static_cast<std::size_t>(n));
     std::iota(all.begin(), all.end(), 0);
     Barrier alone(1);
-    grid.build({bodies.position, reach, 10.0F}, all, Member{0, 1, alone});
-    slabs.build(grid);
+    grid.build({bodies.position, reach, 10.0F, all}, all, Member{0, 1, alone});
+    slabs.build(grid, n);
   }
   void list(int members) {
     Barrier alone(1);

@@ -7,6 +7,7 @@
 #include <algorithm>
 #include <limits>
 #include <map>
+#include <numeric>
 #include <random>
 #include <set>
 #include <tuple>
@@ -41,11 +42,13 @@ using Pairs = std::multiset<std::pair<int, int>>;
 void build(UniformGrid& grid, const Cloud& cloud, int members = 1) {
   common::ThreadPool pool(members);
   Team team(&pool);
+  std::vector<std::int32_t> all(cloud.position.size());
+  std::iota(all.begin(), all.end(), 0);
   team.run(true, [&](const Member& member) {
     std::vector<std::int32_t> own;
     for (int i = member.index; i < static_cast<int>(cloud.position.size()); i += member.member_count)
       own.push_back(i);
-    grid.build({cloud.position, cloud.reach, 10.0F}, own, member);
+    grid.build({cloud.position, cloud.reach, 10.0F, all}, own, member);
   });
 }
 

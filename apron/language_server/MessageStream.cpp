@@ -1,0 +1,66 @@
+#include "apron/language_server/MessageStream.h"
+
+#include <algorithm>
+#include <cctype>
+#include <charconv>
+#include <istream>
+#include <ostream>
+
+#include "common/error/UserError.h"
+
+namespace apron::language_server {
+namespace {
+
+constexpr std::size_t kMaxHeaderBytes = 4096;
+
+// Reads a line without its end; false at the end of the input.
+bool read_line(std::istream& in, std::string& line) {
+  line.clear();
+  for (int c = in.get(); c != std::istream::traits_type::eof(); c = in.get()) {
+    if (c == '\n') {
+      if (!line.empty() && line.back() == '\r') line.pop_back();
+      return true;
+    }
+    if (line.size() == kMaxHeaderBytes)
+      throw common::UserError("apron lsp: a header line has more than " + std::to_string(kMaxHeaderBytes) +
+                              " bytes");
+    line += static_cast<char>(c);
+  }
+  return false;
+}
+
+}  // namespace
+
+std::optional<std::string> MessageStream::read() {
+  constexpr std::string_view kLength = "content-length:";
+  std::optional<std::size_t> length;
+  std::string line;
+  while (true) {
+    if (!read_line(in_, line)) return std::nullopt;
+    if (line.empty()) {
+      if (length) break;
+      continue;  // an empty line between messages
+    }
+    std::string name = line.substr(0, kLength.size());
+    std::ranges::transform(name, name.begin(), [](unsigned char c) { return std::tolower(c); });
+    if (name != kLength) continue;
+    std::string_view digits = std::string_view(line).substr(kLength.size());
+    digits.remove_prefix(std::min(digits.find_first_not_of(' '), digits.size()));
+    std::size_t value = 0;
+    const auto [end, error] = std::from_chars(digits.data(), digits.data() + digits.size(), value);
+    if (error != std::errc{} || end != digits.data() + digits.size() || value > kMaxMessageBytes)
+      throw common::UserError("apron lsp: '" + line + "': must be a number of at most " +
+                              std::to_string(kMaxMessageBytes) + " bytes");
+    length = value;
+  }
+  std::string text(*length, '\0');
+  in_.read(text.data(), static_cast<std::streamsize>(text.size()));
+  if (static_cast<std::size_t>(in_.gcount()) != text.size()) return std::nullopt;
+  return text;
+}
+
+void MessageStream::write(const std::string& message) {
+  out_ << "Content-Length: " << message.size() << "\r\n\r\n" << message << std::flush;
+}
+
+}  // namespace apron::language_server

@@ -1,0 +1,285 @@
+#include "apron/language_server/SourceIndex.h"
+
+#include <algorithm>
+#include <map>
+#include <set>
+
+#include "apron/compiler/Builtins.h"
+#include "apron/syntax/Lexer.h"
+
+namespace apron::language_server {
+
+using syntax::Line;
+using syntax::Token;
+using syntax::TokenKind;
+
+std::uint32_t character_count(std::string_view text) {
+  return static_cast<std::uint32_t>(
+      std::ranges::count_if(text, [](char c) { return (static_cast<unsigned char>(c) & 0xC0U) != 0x80U; }));
+}
+
+namespace {
+
+constexpr std::uint32_t kProgram = 0;
+
+// The characters before a token's name: "#", ":#", "$".
+std::uint32_t sigil_length(TokenKind kind) {
+  switch (kind) {
+    case TokenKind::kParameter:
+    case TokenKind::kLocalName:
+    case TokenKind::kLabel:
+    case TokenKind::kDirective:
+    case TokenKind::kString:
+      return 1;
+    case TokenKind::kLocalLabel:
+      return 2;
+    default:
+      return 0;
+  }
+}
+
+// How a symbol is looked up: names, labels, parameters and locals of macros are kept apart.
+std::string key_of(TokenKind kind, const std::string& name) {
+  switch (kind) {
+    case TokenKind::kLabel:
+      return "#" + name;
+    case TokenKind::kLocalLabel:
+      return ":#" + name;
+    case TokenKind::kParameter:
+      return "$" + name;
+    case TokenKind::kLocalName:
+      return ":" + name;
+    default:
+      return name;
+  }
+}
+
+// The comment lines directly above a line, without their slashes.
+std::string comment_above(const syntax::SourceManager& sources, const syntax::Location& at) {
+  std::vector<std::string> lines;
+  for (std::uint32_t line = at.line; line > 1; --line) {
+    std::string_view text = sources.line_text(at.file, line - 1);
+    text.remove_prefix(std::min(text.find_first_not_of(" \t"), text.size()));
+    if (!text.starts_with("//")) break;
+    text.remove_prefix(std::min<std::size_t>(text.starts_with("// ") ? 3 : 2, text.size()));
+    lines.emplace_back(text);
+  }
+  std::string comment;
+  for (auto line = lines.rbegin(); line != lines.rend(); ++line)
+    comment += (comment.empty() ? "" : "\n") + *line;
+  return comment;
+}
+
+bool is_assignment(const syntax::Tokens& tokens) {
+  return tokens.size() > 1 && tokens[0].kind == TokenKind::kName && tokens[1].is("=");
+}
+
+}  // namespace
+
+class SourceIndex::Builder {
+ public:
+  Builder(SourceIndex& index, const syntax::SourceManager& sources) : index_(index), sources_(sources) {}
+
+  void build() {
+    std::set<std::string> seen;
+    for (std::uint32_t file = 0; file < sources_.file_count(); ++file) {
+      if (!seen.insert(sources_.file(file).name).second) continue;
+      syntax::Diagnostics ignored;
+      files_.push_back(syntax::lex(sources_, file, ignored));
+    }
+    for (const std::vector<Line>& lines : files_) {
+      scan(lines, [this](const Line& line) { declare(line); });
+    }
+    for (const std::vector<Line>& lines : files_) {
+      scan(lines, [this](const Line& line) { use(line); });
+    }
+  }
+
+ private:
+  // Calls visit for each line, with scope_ set to the body that it belongs to.
+  template <class Visit>
+  void scan(const std::vector<Line>& lines, const Visit& visit) {
+    scope_ = kProgram;
+    macro_header_ = false;
+    for (const Line& line : lines) {
+      const Token& first = line.tokens.front();
+      const bool is_directive = first.kind == TokenKind::kDirective;
+      const bool begins_function =
+          first.is_name("function") && line.tokens.size() > 1 && line.tokens[1].kind == TokenKind::kName;
+      if ((is_directive && first.text == "macro_def") || begins_function) {
+        scope_ = scope_of(first.location);
+        in_function_ = begins_function;
+        // The signature follows the directive, on its line or the next one.
+        macro_header_ = is_directive;
+        if (line.tokens.size() == 1) {
+          visit_nothing(line);
+          continue;
+        }
+      }
+      visit(line);
+      if (is_directive && first.text == "macro_begin") macro_header_ = false;
+      if ((is_directive && first.text == "macro_end") || first.is_name("endfunction")) {
+        scope_ = kProgram;
+        macro_header_ = in_function_ = false;
+      }
+    }
+    scope_ = kProgram;
+    in_function_ = false;
+  }
+  static void visit_nothing(const Line&) {}
+
+  std::uint32_t scope_of(const syntax::Location& location) {
+    return scopes_.try_emplace({location.file, location.line}, static_cast<std::uint32_t>(scopes_.size() + 1))
+        .first->second;
+  }
+
+  void add(Symbol::Kind kind, const Token& name, std::uint32_t scope, const Line& line) {
+    const auto key = std::pair(scope, key_of(name.kind, name.text));
+    if (name.text.empty() || !table_.try_emplace(key, index_.symbols_.size()).second) return;
+    Symbol symbol;
+    symbol.kind = kind;
+    symbol.name = name.text;
+    symbol.location = name.location;
+    symbol.text = std::string(sources_.line_text(name.location.file, name.location.line));
+    symbol.text.erase(0, std::min(symbol.text.find_first_not_of(" \t"), symbol.text.size()));
+    symbol.scope = scope;
+    symbol.comment =
+        comment_above(sources_, macro_header_ && kind == Symbol::Kind::kMacro
+                                    ? syntax::Location{line.location.file, line.location.line - 1, 1, 0}
+                                    : line.location);
+    index_.symbols_.push_back(std::move(symbol));
+  }
+
+  void declare_directive(const Line& line) {
+    const syntax::Tokens& tokens = line.tokens;
+    const std::string& directive = tokens[0].text;
+    const auto argument = [&](std::size_t i) -> const Token* {
+      return i < tokens.size() ? &tokens[i] : nullptr;
+    };
+    if (directive == "register" || directive == "scalar" || directive == "machine_register") {
+      const auto kind = directive == "scalar" ? Symbol::Kind::kScalar : Symbol::Kind::kRegister;
+      for (std::size_t i = 1; i < tokens.size(); ++i)
+        if ((tokens[i].kind == TokenKind::kName || tokens[i].kind == TokenKind::kLocalName) &&
+            (tokens[i - 1].is("(") || tokens[i - 1].is(",")))
+          add(kind, tokens[i], tokens[i].kind == TokenKind::kLocalName || in_function_ ? scope_ : kProgram,
+              line);
+    } else if (directive == "define" && argument(2) != nullptr) {
+      add(Symbol::Kind::kDefine, tokens[2], kProgram, line);
+    } else if (directive == "create" && argument(2) != nullptr && tokens[2].kind == TokenKind::kString) {
+      const bool variable = tokens.size() > 4 && tokens[4].is_name("VARIABLE");
+      add(variable ? Symbol::Kind::kScalar : Symbol::Kind::kRegister, tokens[2], kProgram, line);
+    } else if (directive == "object" && argument(4) != nullptr) {
+      add(Symbol::Kind::kClass, tokens[2], kProgram, line);
+      add(Symbol::Kind::kClass, tokens[4], kProgram, line);
+    } else if (directive == "for" && argument(2) != nullptr) {
+      add(Symbol::Kind::kDefine, tokens[2], in_function_ ? scope_ : kProgram, line);
+    }
+  }
+
+  // "y = f(a, b)" of a macro or function, from this token on.
+  void declare_signature(const Line& line, std::size_t first, Symbol::Kind kind) {
+    const syntax::Tokens& tokens = line.tokens;
+    std::size_t name = first;
+    for (std::size_t i = first; i + 1 < tokens.size(); ++i)
+      if (tokens[i].is("=")) name = i + 1;
+    if (name >= tokens.size()) return;
+    add(kind, tokens[name], kProgram, line);
+    for (std::size_t i = first; i < tokens.size(); ++i) {
+      if (i == name) continue;
+      const bool last_word = i + 1 == tokens.size() || tokens[i + 1].is(",") || tokens[i + 1].is(")") ||
+                             tokens[i + 1].is("=") || tokens[i + 1].is("[");
+      if (tokens[i].kind == TokenKind::kParameter || (tokens[i].kind == TokenKind::kName && last_word))
+        add(Symbol::Kind::kParameter, tokens[i], scope_, line);
+    }
+  }
+
+  void declare(const Line& line) {
+    const syntax::Tokens& tokens = line.tokens;
+    const Token& first = tokens[0];
+    if (first.kind == TokenKind::kDirective) {
+      if (first.text == "macro_def") return declare_signature(line, 1, Symbol::Kind::kMacro);
+      return declare_directive(line);
+    }
+    if (macro_header_) return declare_signature(line, 0, Symbol::Kind::kMacro);
+    if (first.is_name("function") && tokens.size() > 1)
+      return declare_signature(line, 1, Symbol::Kind::kFunction);
+    if ((first.kind == TokenKind::kLabel || first.kind == TokenKind::kLocalLabel) && tokens.size() == 1)
+      return add(Symbol::Kind::kLabel, first,
+                 first.kind == TokenKind::kLocalLabel || in_function_ ? scope_ : kProgram, line);
+    // A name that is written: in a function it is local.
+    const std::uint32_t own_scope = in_function_ ? scope_ : kProgram;
+    if (is_assignment(tokens) && (in_function_ || !table_.contains({kProgram, first.text})))
+      add(Symbol::Kind::kScalar, first, own_scope, line);
+    if (first.kind == TokenKind::kLocalName) add(Symbol::Kind::kScalar, first, scope_, line);
+    if (first.is_name("for") && tokens.size() > 2) {
+      const bool local = tokens[2].kind == TokenKind::kLocalName;
+      if (local || tokens[2].kind == TokenKind::kName)
+        add(Symbol::Kind::kScalar, tokens[2], local ? scope_ : own_scope, line);
+    }
+    if (tokens.size() > 2 && tokens[2].kind == TokenKind::kString) {
+      if (first.is_name("filter.create") || first.is_name("filter.kernel.gabor"))
+        add(Symbol::Kind::kFilter, tokens[2], kProgram, line);
+      if (first.is_name("sim.slider.add") || first.is_name("sim.switch.add"))
+        add(Symbol::Kind::kParameter, tokens[2], kProgram, line);
+    }
+  }
+
+  void use(const Line& line) {
+    for (std::size_t i = 0; i < line.tokens.size(); ++i) {
+      const Token& token = line.tokens[i];
+      if (token.kind == TokenKind::kNumber || token.kind == TokenKind::kPunctuator) continue;
+      const std::uint32_t length = character_count(token.text);
+      syntax::Location start = token.location;
+      start.column += sigil_length(token.kind);
+      if (token.kind == TokenKind::kName || token.kind == TokenKind::kDirective)
+        index_.words_.push_back({token.location, length + (token.kind == TokenKind::kDirective ? 1 : 0),
+                                 (token.kind == TokenKind::kDirective ? "!" : "") + token.text});
+      const std::string key = key_of(token.kind, token.text);
+      auto found = table_.find({scope_, key});
+      if (found == table_.end()) found = table_.find({kProgram, key});
+      if (found == table_.end()) continue;
+      // A text is a name only where it declares one, or where an instruction takes the name of a filter or
+      // slider.
+      const Symbol& symbol = index_.symbols_[found->second];
+      const bool named_by_text = symbol.kind == Symbol::Kind::kFilter ||
+                                 symbol.kind == Symbol::Kind::kParameter ||
+                                 symbol.kind == Symbol::Kind::kClass;
+      if (token.kind == TokenKind::kString && !named_by_text && !(token.location == symbol.location))
+        continue;
+      index_.occurrences_.push_back({start, length, found->second});
+    }
+  }
+
+  SourceIndex& index_;
+  const syntax::SourceManager& sources_;
+  std::vector<std::vector<Line>> files_;
+  std::map<std::pair<std::uint32_t, std::string>, std::size_t> table_;
+  std::map<std::pair<std::uint32_t, std::uint32_t>, std::uint32_t> scopes_;
+  std::uint32_t scope_ = kProgram;
+  bool in_function_ = false, macro_header_ = false;
+};
+
+SourceIndex::SourceIndex(const syntax::SourceManager& sources) { Builder(*this, sources).build(); }
+
+const Occurrence* SourceIndex::find(std::uint32_t file, std::uint32_t line, std::uint32_t column) const {
+  const auto covers = [&](const Occurrence& o) {
+    return o.location.file == file && o.location.line == line && o.location.column <= column &&
+           column <= o.location.column + o.length;
+  };
+  const auto found = std::ranges::find_if(occurrences_, covers);
+  return found == occurrences_.end() ? nullptr : &*found;
+}
+
+std::string SourceIndex::name_at(std::uint32_t file, std::uint32_t line, std::uint32_t column,
+                                 std::uint32_t& start) const {
+  for (const Word& word : words_) {
+    if (word.location.file != file || word.location.line != line || column < word.location.column ||
+        column > word.location.column + word.length)
+      continue;
+    start = word.location.column;
+    return word.name;
+  }
+  return {};
+}
+
+}  // namespace apron::language_server

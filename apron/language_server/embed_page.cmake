@@ -1,0 +1,13 @@
+# Writes a page as a C++ source. Raw strings are cut where compilers limit their length.
+file(READ ${PAGE} text)
+set(source "// Written by embed_page.cmake.\n#include \"apron/language_server/InstructionPages.h\"\n\n")
+string(APPEND source "namespace apron::language_server {\n\nconst char* const kLanguagePage =\n")
+string(LENGTH "${text}" length)
+set(at 0)
+while(at LESS length)
+  string(SUBSTRING "${text}" ${at} 8000 part)
+  string(APPEND source "R\"page~(${part})page~\"\n")
+  math(EXPR at "${at} + 8000")
+endwhile()
+string(APPEND source ";\n\n}  // namespace apron::language_server\n")
+file(WRITE ${OUTPUT} "${source}")

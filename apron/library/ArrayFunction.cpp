@@ -1,0 +1,158 @@
+#include "apron/library/ArrayFunction.h"
+
+#include <algorithm>
+
+#include "apron/program/Reachability.h"
+#include "common/error/UserError.h"
+
+namespace apron::library {
+
+using program::Opcode;
+using program::OperandKind;
+
+namespace {
+
+bool is_named(const std::string& name) {
+  return !program::is_temporary(name) && name.find(':') == std::string::npos;
+}
+
+// By register: whether an instruction may write it.
+std::vector<bool> written_registers(const program::Program& program) {
+  std::vector<bool> written(program.registers.size(), false);
+  for (const program::Instruction& instruction : program.code) {
+    if (instruction.destination.kind == OperandKind::kRegister) written[instruction.destination.index] = true;
+    if (instruction.op != Opcode::kResSetReg) continue;
+    for (const program::Operand& operand : instruction.operands)
+      if (operand.kind == OperandKind::kGroup)
+        for (const std::uint32_t member : program.groups[operand.index].members) written[member] = true;
+  }
+  return written;
+}
+
+vm::VmOptions vm_options(const FunctionOptions& options) {
+  vm::VmOptions result;
+  result.threads = options.threads;
+  result.isa = options.isa;
+  result.fusion.observed = {false, {}, options.results};
+  return result;
+}
+
+// Instructions between two returns of advance(), so that a caller can interrupt a long run.
+std::uint64_t instructions_per_advance(const program::Program& program) {
+  constexpr std::uint64_t kMinimum = 4096, kMaximum = std::uint64_t{1} << 20, kCells = std::uint64_t{1} << 32;
+  std::uint64_t cells = 1;
+  for (const program::Register& r : program.registers)
+    cells = std::max(cells, std::uint64_t{r.width} * r.height);
+  return std::clamp(kCells / cells, kMinimum, kMaximum);
+}
+
+}  // namespace
+
+FunctionSignature find_signature(const program::Program& program) {
+  const std::vector<bool> written = written_registers(program);
+  FunctionSignature signature;
+  for (std::uint32_t i = 0; i < program.registers.size(); ++i)
+    if (is_named(program.registers[i].name)) (written[i] ? signature.outputs : signature.inputs).push_back(i);
+  for (std::uint32_t i = 0; i < program.variables.size(); ++i)
+    if (is_named(program.variables[i].name)) signature.scalars.push_back(i);
+  return signature;
+}
+
+ArrayFunction::ArrayFunction(program::Program program, const FunctionOptions& options,
+                             EmbeddedHost::Print print)
+    : host_(std::move(print)),
+      ticks_(options.ticks),
+      vm_(std::move(program), vm_options(options), host_),
+      is_written_(written_registers(vm_.program())),
+      blocks_(vm_.program().registers.size()),
+      has_input_(vm_.program().registers.size()),
+      budget_(instructions_per_advance(vm_.program())) {
+  const vm::FlowAnalysis flow(vm_.program(), {false, {}, options.results});
+  for (std::uint32_t i = 0; i < vm_.program().registers.size(); ++i)
+    if (flow.is_live(0, i)) zeroed_.push_back(i);
+  bound_inputs_.reserve(vm_.program().registers.size());
+}
+
+void ArrayFunction::start(ParameterValues parameters) {
+  vm_.restart();
+  host_.restart();
+  host_.set_parameters(std::move(parameters));
+  ticks_done_ = 0;
+  has_input_.assign(has_input_.size(), false);
+}
+
+vm::Plane ArrayFunction::input(std::uint32_t reg) {
+  has_input_[reg] = true;
+  return vm_.plane(reg);
+}
+
+void ArrayFunction::set_input(std::uint32_t reg, float value) {
+  has_input_[reg] = true;
+  vm_.fill_register(reg, value);
+}
+
+bool ArrayFunction::bind_input(std::uint32_t reg, const PlaneBlock& block) {
+  if (is_written_[reg] || !vm_.keeps_padding() || !block.has_zero_padding() ||
+      !vm::same_shape(block.plane(), vm_.plane(reg)))
+    return false;
+  has_input_[reg] = true;
+  bound_inputs_.emplace_back(reg, vm_.bind_register(reg, {block.plane(), {}}));
+  return true;
+}
+
+bool ArrayFunction::advance() {
+  if (vm_.instructions_executed() == 0)
+    for (const std::uint32_t reg : zeroed_)
+      if (!has_input_[reg]) vm_.fill_register(reg, 0.0F);
+  const std::uint64_t end = vm_.instructions_executed() + budget_;
+  while (vm_.instructions_executed() < end) {
+    switch (vm_.run(end - vm_.instructions_executed())) {
+      case vm::Status::kTick:
+        if (++ticks_done_ == ticks_) return false;
+        break;
+      case vm::Status::kRunning:
+        return true;
+      case vm::Status::kEnded:
+      case vm::Status::kClosed:
+        return false;
+      default:
+        throw common::UserError(vm_.error());
+    }
+  }
+  return true;
+}
+
+SharedBlock ArrayFunction::new_block(std::uint32_t width, std::uint32_t height) const {
+  SharedBlock block = acquire_block(width, height);
+  if (!vm_.keeps_padding()) block->mark_padding_written();
+  return block;
+}
+
+ArrayFunction::OwnedBlocks& ArrayFunction::own_blocks(std::uint32_t reg) {
+  OwnedBlocks& blocks = blocks_[reg];
+  if (blocks.front) return blocks;
+  // The program has just run in its own storage, from which the cells move over.
+  const vm::ConstPlane cells = vm_.plane(reg);
+  blocks.front = new_block(cells.width, cells.height);
+  if (vm_.has_back_buffer(reg)) blocks.back = new_block(cells.width, cells.height);
+  for (std::uint32_t y = 0; y < cells.height; ++y)
+    std::copy_n(cells.row(y), cells.width, blocks.front->plane().row(y));
+  vm_.bind_register(reg, {blocks.front->plane(), blocks.back ? blocks.back->plane() : vm::Plane()});
+  return blocks;
+}
+
+SharedBlock ArrayFunction::take_result(std::uint32_t reg) {
+  OwnedBlocks& blocks = own_blocks(reg);
+  if (blocks.back && vm_.plane(reg).data == blocks.back->plane().data) std::swap(blocks.front, blocks.back);
+  const vm::Plane plane = vm_.plane(reg);
+  SharedBlock next = new_block(plane.width, plane.height);
+  vm_.bind_register(reg, {next->plane(), {}});
+  return std::exchange(blocks.front, std::move(next));
+}
+
+void ArrayFunction::finish() noexcept {
+  for (const auto& [reg, storage] : bound_inputs_) vm_.bind_register(reg, storage);
+  bound_inputs_.clear();
+}
+
+}  // namespace apron::library

@@ -1,0 +1,67 @@
+#include "apron/library/ProgramSource.h"
+
+#include <algorithm>
+
+#include "apron/compiler/Compiler.h"
+#include "apron/program/Reachability.h"
+#include "apron/syntax/Diagnostic.h"
+#include "apron/syntax/FileReader.h"
+#include "common/error/UserError.h"
+
+namespace apron::library {
+namespace {
+
+// Reads the program from its text, if it has one, and all other files from the disk.
+class SourceReader final : public syntax::FileReader {
+ public:
+  explicit SourceReader(const ProgramSource& source) : source_(source), disk_(source.file) {}
+  std::optional<std::string> read(const std::string& path) override {
+    return source_.text && path == source_.file ? source_.text : disk_.read(path);
+  }
+
+ private:
+  const ProgramSource& source_;
+  syntax::DiskReader disk_;
+};
+
+std::string without_last_newline(std::string text) {
+  while (!text.empty() && text.back() == '\n') text.pop_back();
+  return text;
+}
+
+}  // namespace
+
+SizedProgram compile(const ProgramSource& source, std::uint32_t width, std::uint32_t height) {
+  SourceReader reader(source);
+  compiler::CompileOptions options;
+  options.file = source.file;
+  options.width = width;
+  options.height = height;
+  options.include_paths = source.include_paths;
+  options.library_path = source.library_path;
+  if (source.original) options.prelude = "original.aps";
+  compiler::CompileResult result = compiler::compile(options, reader);
+  if (source.original && result.program &&
+      !program::can_reach(*result.program, program::Opcode::kSurfaceStep)) {
+    options.prelude = "original-frames.aps";
+    result = compiler::compile(options, reader);
+  }
+  if (!result.program)
+    throw common::UserError(
+        without_last_newline(syntax::format_diagnostics(result.diagnostics, result.sources)));
+  return {std::move(*result.program), syntax::format_diagnostics(result.warnings, result.sources)};
+}
+
+void require_parameters(const program::Program& program, const ParameterValues& values,
+                        const std::string& file) {
+  for (const auto& [name, value] : values) {
+    if (std::ranges::find(program.parameters, name, &program::Parameter::name) != program.parameters.end())
+      continue;
+    std::string known;
+    for (const program::Parameter& p : program.parameters) known += (known.empty() ? "" : ", ") + p.name;
+    throw common::UserError(file + ": the program has no slider or switch '" + name + "'; it has " +
+                            (known.empty() ? "none" : known));
+  }
+}
+
+}  // namespace apron::library

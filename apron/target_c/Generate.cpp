@@ -1,0 +1,567 @@
+// Writes the C of a tile.
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <functional>
+#include <numeric>
+
+#include "apron/target_c/KernelWriter.h"
+#include "apron/target_c/RuntimeText.h"
+#include "apron/target_c/Schedule.h"
+#include "common/error/UserError.h"
+
+namespace apron::target_c {
+namespace {
+
+using program::Opcode;
+
+constexpr std::size_t kFrameBytes = 14;  // around an edge: packet header, tick, round, checksum
+constexpr double kBitsPerByte = 10.0;    // of a serial line, with start and stop bit
+constexpr std::size_t kMaxPositions = 65000;
+
+void replace_all(std::string& text, const std::string& from, const std::string& to) {
+  for (std::size_t at = text.find(from); at != std::string::npos; at = text.find(from, at + to.size()))
+    text.replace(at, from.size(), to);
+}
+
+// The functions of mathematics.def with a prefix, as C.
+std::string mathematics_text() {
+  std::string text(runtime::kMathematics);
+  const std::size_t begin = text.find("// 1 / a to 2^-46");
+  std::string body = expand(text.substr(begin == std::string::npos ? 0 : begin), "real_", {});
+  for (const char* const directive : {"#define APRON_FUNCTION", "#undef APRON_FUNCTION"})
+    if (const std::size_t at = body.find(directive); at != std::string::npos)
+      body.erase(at, body.find('\n', at) - at);
+  return "#define R double\n#define B int\n#define APRON_FUNCTION static inline\n" + body +
+         "\n#undef R\n#undef B\n#undef APRON_FUNCTION\n";
+}
+
+class Generator {
+ public:
+  Generator(const program::Program& program, const Options& options, const std::string& header_file)
+      : options_(options),
+        header_file_(header_file),
+        source_(program.files.empty() ? options.name : program.files.front()),
+        tile_(trace(program, options)),
+        schedule_(schedule(tile_, options.halo)),
+        writer_(tile_),
+        is_whole_(options.tile_columns == options.columns && options.tile_rows == options.rows) {}
+
+  Generated run() {
+    check_tile();
+    check_channels();
+    number_scalars();
+    write_regions();
+    Generated generated;
+    measure(generated.report);
+    check_link(generated.report);
+    generated.source = source_text(generated.report);
+    generated.header = header_text();
+    generated.warnings = tile_.warnings;
+    return generated;
+  }
+
+ private:
+  void check_tile() const {
+    const auto check = [&](const char* what, std::uint32_t cells, std::uint32_t table) {
+      if (cells == table || cells >= options_.halo) return;
+      throw common::UserError(
+          fmt::format("{}: error: --halo {}: the tile has {} {}; the halo comes from the next tile alone",
+                      source_, options_.halo, cells, what));
+    };
+    check("columns", options_.tile_columns, options_.columns);
+    check("rows", options_.tile_rows, options_.rows);
+  }
+
+  // Two names may become one in C.
+  void check_channels() const {
+    std::map<std::string, std::string> members;
+    for (const Channel& channel : tile_.channels)
+      if (const auto [found, is_new] = members.try_emplace(channel_member(channel), channel.name); !is_new)
+        throw common::UserError(
+            fmt::format("{}: error: the channels '{}' and '{}' have the same name in C, {}", source_,
+                        found->second, channel.name, found->first));
+  }
+
+  // ---- scalars ----
+
+  void number_scalars() {
+    for (std::size_t slot = 0; slot < schedule_.scalar_is_live.size(); ++slot)
+      slot_.push_back(schedule_.scalar_is_live[slot] ? static_cast<int>(live_slots_++) : -1);
+    for (const RegionSchedule& region : schedule_.regions)
+      temporaries_ = std::max(temporaries_, region.scalars.size());
+    uses_scalars_ = live_slots_ > 0 || temporaries_ > 0;
+  }
+  static std::string temporary(std::size_t index) { return fmt::format("s->t[{}]", index); }
+
+  std::string scalar_text(const Region& region, NodeId id) const {
+    const Node& node = region.nodes[id];
+    return node.kind == NodeKind::kLiteral ? wide_text(node.literal) : scalar_names_.at(id);
+  }
+
+  std::string scalar_value(const Region& region, NodeId id) {
+    const Node& node = region.nodes[id];
+    const auto operand = [&](std::size_t k) { return scalar_text(region, node.operands[k]); };
+    switch (node.kind) {
+      case NodeKind::kScalarEntry:
+        return fmt::format("s->v[{}]", slot_[node.index]);
+      case NodeKind::kClock:
+        return fmt::format("to_scalar(wide_of_clock(s->{}))", kClockNames[node.index]);
+      case NodeKind::kScalarRandom: {
+        const char* const function = node.op == Opcode::kRandomFloat   ? "random_uniform"
+                                     : node.op == Opcode::kRandomGauss ? "random_normal"
+                                                                       : "random_integer";
+        scalar_random_integers_ |= node.op == Opcode::kRandomInt;
+        return fmt::format(
+            "wide_of_float({}(0, 0, {}{}ULL, bits_of_float(float_of_wide({})), float_of_wide({}), "
+            "float_of_wide({})))",
+            function, node.draws_follow ? "s->draws + " : "", node.draw, operand(2), operand(0), operand(1));
+      }
+      default:
+        break;
+    }
+    std::vector<std::string> from;
+    for (std::size_t k = 0; k < node.operands.size() && node.operands[k] != kNoNode; ++k)
+      from.push_back(operand(k));
+    const OperationText& operation = operation_text(node.op);
+    if (!operation.is_mathematics) return expand(operation.value, "scalar_", from);
+    mathematics_.insert(node.op);
+    if (from.size() < 2) from.emplace_back("scalar_zero()");
+    return fmt::format("wide_of_float({}(float_of_wide({}), float_of_wide({})))",
+                       mathematics_function(node.op), from[0], from[1]);
+  }
+
+  // ---- regions ----
+
+  // A statement, or the call of a kernel, which is only known once all kernels are.
+  struct Line {
+    std::string text;
+    std::size_t call = kNoCall;
+  };
+  static constexpr std::size_t kNoCall = ~std::size_t{0};
+
+  void say(const std::string& text) { lines_.push_back({"        " + text + "\n", kNoCall}); }
+
+  void write_regions() {
+    std::size_t position = 0;
+    for (const RegionSchedule& region : schedule_.regions) {
+      first_position_.push_back(position);
+      position += 1;
+      if (!is_whole_)
+        position += static_cast<std::size_t>(std::ranges::count_if(
+            region.steps, [](const Step& step) { return step.kind == Step::Kind::kExchange; }));
+    }
+    if (position > kMaxPositions)
+      throw common::UserError(
+          fmt::format("{}: error: the program exchanges edges at more than {} places: lower --unroll",
+                      source_, kMaxPositions));
+    for (std::size_t i = 0; i < schedule_.regions.size(); ++i) write_region(i);
+  }
+
+  void write_region(std::size_t index) {
+    const Region& region = tile_.regions[index];
+    const RegionSchedule& plan = schedule_.regions[index];
+    std::size_t position = first_position_[index];
+    scalar_names_.clear();
+    begin_case(position);
+    for (std::size_t k = 0; k < plan.scalars.size(); ++k) {
+      say(fmt::format("{} = {};", temporary(k), scalar_value(region, plan.scalars[k])));
+      scalar_names_[plan.scalars[k]] = temporary(k);
+    }
+    for (const Step& step : plan.steps) {
+      switch (step.kind) {
+        case Step::Kind::kKernel:
+          lines_.push_back({{}, writer_.add(region, plan, step, scalar_names_)});
+          break;
+        case Step::Kind::kImpose:
+          lines_.push_back({{}, writer_.add_imposition(region, step, scalar_names_)});
+          break;
+        case Step::Kind::kExchange:
+          if (is_whole_) break;
+          say(fmt::format("start_exchange(s, {});", add_plan(index, step)));
+          say(fmt::format("s->position = {};", ++position));
+          say("break;");
+          begin_case(position);
+          break;
+      }
+    }
+    for (const NodeId id : region.actuations)
+      say(fmt::format("s->written_{} = 1;",
+                      channel_member(tile_.channels[region.nodes[id].index]).substr(8)));
+    for (const Move& move : plan.moves) lines_.push_back({{}, writer_.add_move(move)});
+    for (const auto& [slot, id] : plan.scalars_out)
+      say(fmt::format("s->v[{}] = {};", slot_[slot], scalar_text(region, id)));
+    write_ending(region);
+  }
+
+  void begin_case(std::size_t position) {
+    lines_.push_back({fmt::format("      case {}:\n", position), kNoCall});
+  }
+
+  void write_ending(const Region& region) {
+    std::string next;
+    if (region.ending == Ending::kBranch) {
+      // Comparisons are conditions of elementwise.def: "as_number(...)".
+      const std::string comparison = expand(operation_text(region.comparison).value, "scalar_",
+                                            {scalar_text(region, region.a), scalar_text(region, region.b)});
+      next = fmt::format("scalar_is_true({}) == {} ? {} : {}", comparison, region.expected ? 1 : 0,
+                         first_position_[region.next[0]], first_position_[region.next[1]]);
+    } else if (region.ending != Ending::kEnd) {
+      next = std::to_string(first_position_[region.next[0]]);
+    }
+    if (tile_.uses_random)
+      say(region.draws_follow ? fmt::format("s->draws += {}ULL;", region.draws)
+                              : fmt::format("s->draws = {}ULL;", region.draws));
+    switch (region.ending) {
+      case Ending::kJump:
+      case Ending::kBranch:
+        say(fmt::format("s->position = (uint16_t)({});", next));
+        say("break;");
+        return;
+      case Ending::kStep:
+        say(fmt::format("end_tick(s, {});", next));
+        say("return PROGRAM_DONE;");
+        return;
+      case Ending::kEnd:
+        say("s->position = HAS_ENDED;");
+        say("return PROGRAM_ENDED;");
+        return;
+    }
+  }
+
+  // ---- exchanges ----
+
+  struct Plan {
+    std::string strips;
+    std::size_t count = 0, slot = 0, side_bytes = 0;
+    bool corners = false, keeps = false;
+  };
+
+  std::size_t side_bytes(const Step& step) const {
+    std::array<std::size_t, 2> bytes{};
+    for (const Strip& strip : step.exchange.strips) {
+      const bool is_truth = step.places.at(strip.value).layout.is_truth;
+      const std::size_t tall = std::size_t{strip.depth} * options_.tile_rows,
+                        wide = std::size_t{strip.depth} *
+                               (options_.tile_columns +
+                                (step.exchange.has_corners ? 2 * std::size_t{strip.depth} : 0));
+      bytes[0] += is_truth ? (tall + 7) / 8 : tall * 4;
+      bytes[1] += is_truth ? (wide + 7) / 8 : wide * 4;
+    }
+    const std::size_t most = std::max(bytes[0], bytes[1]);
+    if (most > 65535)
+      throw common::UserError(fmt::format(
+          "{}: error: an edge has {} bytes, of at most 65535: lower --halo or --tile", source_, most));
+    return most;
+  }
+
+  std::size_t add_plan(std::size_t region, const Step& step) {
+    Plan plan;
+    for (const Strip& strip : step.exchange.strips) {
+      const Place& place = step.places.at(strip.value);
+      plan.strips += fmt::format("{}{{{}, {}, {}}}", plan.count++ == 0 ? "" : ", ",
+                                 place.layout.is_truth ? 1 : 0, strip.depth, place.index);
+    }
+    plan.corners = step.exchange.has_corners;
+    plan.side_bytes = side_bytes(step);
+    // What runs once has no previous tick, and shares its place.
+    plan.keeps = !tile_.regions[region].is_start;
+    if (plan.keeps) {
+      plan.slot = slot_bytes_;
+      slot_bytes_ += plan.side_bytes;
+    }
+    max_edge_ = std::max(max_edge_, plan.side_bytes);
+    plans_.push_back(plan);
+    return plans_.size() - 1;
+  }
+
+  std::string plans_text() const {
+    std::string text;
+    for (std::size_t i = 0; i < plans_.size(); ++i)
+      text += fmt::format("static const edge_strip strips_{}[] = {{{}}};\n", i, plans_[i].strips);
+    text += "static const edge_plan edge_plans[] = {\n";
+    for (std::size_t i = 0; i < plans_.size(); ++i)
+      text += fmt::format("    {{strips_{}, {}, {}, {}, {}}},\n", i, plans_[i].count,
+                          plans_[i].corners ? 1 : 0, plans_[i].keeps ? 1 : 0, plans_[i].slot);
+    return text + "};\n";
+  }
+
+  // ---- cost ----
+
+  struct Cost {
+    std::size_t rounds = 0, waits = 0, bytes = 0, packets = 0;
+    Cost& operator+=(const Cost& other) {
+      rounds += other.rounds;
+      waits += other.waits;
+      bytes += other.bytes;
+      packets += other.packets;
+      return *this;
+    }
+  };
+
+  Cost region_cost(std::size_t index) const {
+    Cost cost;
+    for (const Step& step : schedule_.regions[index].steps) {
+      if (step.kind != Step::Kind::kExchange) continue;
+      ++cost.rounds;
+      cost.waits += step.exchange.has_corners ? 2 : 1;
+      cost.packets += 1;
+      cost.bytes += side_bytes(step);
+    }
+    return cost;
+  }
+
+  // The dearest way from a region to the end of its tick.
+  Cost tick_cost(std::size_t index, std::vector<int>& mark, std::vector<Cost>& known, bool& loops) const {
+    if (mark[index] == 2) return known[index];
+    if (mark[index] == 1) {
+      loops = true;
+      return {};
+    }
+    mark[index] = 1;
+    const Region& region = tile_.regions[index];
+    Cost dearest;
+    if (region.ending == Ending::kJump || region.ending == Ending::kBranch)
+      for (std::size_t k = 0; k < region.successor_count(); ++k) {
+        const Cost next = tick_cost(region.next[k], mark, known, loops);
+        if (next.bytes + next.rounds > dearest.bytes + dearest.rounds) dearest = next;
+      }
+    dearest += region_cost(index);
+    mark[index] = 2;
+    return known[index] = dearest;
+  }
+
+  void measure(Report& report) {
+    std::vector<int> mark(tile_.regions.size(), 0);
+    std::vector<Cost> known(tile_.regions.size());
+    Cost most;
+    bool has_ticks = false;
+    for (const Region& region : tile_.regions) has_ticks |= region.ending == Ending::kStep;
+    for (std::size_t i = 0; i < tile_.regions.size(); ++i) {
+      const bool begins_tick =
+          has_ticks ? std::ranges::any_of(tile_.regions,
+                                          [&](const Region& from) {
+                                            return from.ending == Ending::kStep && from.next[0] == i;
+                                          })
+                    : i == 0;
+      if (!begins_tick || is_whole_) continue;
+      const Cost cost = tick_cost(i, mark, known, report.has_open_loops);
+      if (cost.bytes + cost.rounds > most.bytes + most.rounds) most = cost;
+    }
+    report.rounds = most.rounds;
+    report.waits = most.waits;
+    report.edge_bytes = most.bytes;
+    report.edge_packets = most.packets;
+    report.plane_bytes = 0;
+    for (const auto& [layout, count] : schedule_.planes)
+      report.plane_bytes += count * plane_cells(layout) * (layout.is_truth ? 1 : 4);
+    report.strip_bytes = plans_.empty() ? 0 : 4 * std::max(slot_bytes_, max_edge_) + max_edge_;
+    report.scalar_bytes = 8 * (live_slots_ + temporaries_) + (tile_.uses_random ? 8 : 0);
+    report.channel_bytes = tile_.channels.size() * 4 * options_.tile_columns * options_.tile_rows;
+    report.regions = tile_.regions.size();
+    report.kernels = writer_.function_count();
+    report.needs_double = !all_mathematics().empty();
+  }
+
+  void check_link(const Report& report) const {
+    if (options_.link_baud <= 0.0 || is_whole_) return;
+    const double bytes = static_cast<double>(report.edge_bytes + kFrameBytes * report.waits);
+    const double seconds =
+        bytes * kBitsPerByte / options_.link_baud + static_cast<double>(report.waits) * options_.turnaround_s;
+    if (report.has_open_loops)
+      throw common::UserError(
+          fmt::format("{}: error: --link: a loop of the program exchanges edges as often as only run time "
+                      "tells, so that a tick has no bound",
+                      source_));
+    if (seconds * options_.rate_hz <= 1.0) return;
+    throw common::UserError(fmt::format(
+        "{}: error: the edges of a tick take {:.3g} ms over a link of {:g} baud ({} rounds, {} waits of {:g} "
+        "us, {} bytes "
+        "a side, {:.0f} framed), and a tick at {:g} Hz has {:.3g} ms: a faster --link, another --halo or a "
+        "lower --rate",
+        source_, 1e3 * seconds, options_.link_baud, report.rounds, report.waits, 1e6 * options_.turnaround_s,
+        report.edge_bytes, bytes, options_.rate_hz, 1e3 / options_.rate_hz));
+  }
+
+  // ---- text ----
+
+  std::size_t plane_cells(const Layout& layout) const {
+    const std::size_t margin = layout.has_margin ? 2 * margin_width() : 0;
+    return (options_.tile_columns + margin) * (options_.tile_rows + margin);
+  }
+  std::size_t margin_width() const { return std::max<std::size_t>(options_.halo, 1); }
+
+  std::set<Opcode> all_mathematics() const {
+    std::set<Opcode> all = mathematics_;
+    all.insert(writer_.mathematics().begin(), writer_.mathematics().end());
+    return all;
+  }
+  bool uses_random_integers() const { return scalar_random_integers_ || writer_.uses_random_integers(); }
+  bool uses_wide() const { return uses_scalars_ || uses_random_integers() || !all_mathematics().empty(); }
+  bool has_exchanges() const { return !plans_.empty(); }
+
+  std::string state_members() const {
+    std::string text;
+    for (const auto& [layout, count] : schedule_.planes)
+      text += fmt::format("  {} {}[{}][{}];\n", layout.is_truth ? "uint8_t" : "float", plane_array(layout),
+                          count, plane_cells(layout));
+    if (live_slots_ > 0) text += fmt::format("  program_wide v[{}];\n", live_slots_);
+    if (temporaries_ > 0) text += fmt::format("  program_wide t[{}];\n", temporaries_);
+    if (tile_.uses_random) text += "  uint64_t draws;\n";
+    if (has_exchanges())
+      text += fmt::format("  uint8_t edges[4][{}], message[{}];\n",
+                          std::max({slot_bytes_, max_edge_, std::size_t{1}}),
+                          std::max<std::size_t>(max_edge_, 1));
+    return text;
+  }
+  static std::string plane_array(const Layout& layout) {
+    return std::string(layout.has_margin ? "" : "own_") + (layout.is_truth ? "truths" : "numbers");
+  }
+
+  // Without what would end a comment.
+  static std::string comment_text(std::string text) {
+    replace_all(text, "*/", "* /");
+    return text;
+  }
+
+  std::string channel_members() const {
+    std::string text;
+    for (const Channel& channel : tile_.channels) {
+      text += fmt::format("  float {}[PROGRAM_ROWS * PROGRAM_COLUMNS]; /* {} */\n", channel_member(channel),
+                          comment_text(channel.name));
+      if (!channel.is_sensor)
+        text += fmt::format("  uint8_t written_{};\n", channel_member(channel).substr(8));
+    }
+    for (std::size_t k = 0; k < 3; ++k)
+      if (tile_.uses_clock[k]) text += fmt::format("  double {}; /* written by begin() */\n", kClockNames[k]);
+    return text;
+  }
+
+  std::string renamed(std::string text) const {
+    std::string upper = options_.name;
+    std::ranges::transform(upper, upper.begin(),
+                           [](unsigned char c) { return static_cast<char>(std::toupper(c)); });
+    replace_all(text, "program_", options_.name + "_");
+    replace_all(text, "PROGRAM_", upper + "_");
+    return text;
+  }
+
+  std::string filled(std::string text) const {
+    replace_all(text, "@HEADER@", header_file_);
+    replace_all(text, "@TILE_COLUMNS@", std::to_string(options_.tile_columns));
+    replace_all(text, "@TILE_ROWS@", std::to_string(options_.tile_rows));
+    replace_all(text, "@COLUMNS@", std::to_string(options_.columns));
+    replace_all(text, "@ROWS@", std::to_string(options_.rows));
+    replace_all(text, "@BUFFER@", std::to_string(std::max<std::size_t>(max_edge_, 1)));
+    return text;
+  }
+
+  std::string header_text() const {
+    std::string text = renamed(filled(std::string(runtime::kHeader)));
+    replace_all(text, "@SOURCE@", comment_text(source_));
+    replace_all(text, "@CHANNELS@\n", renamed(channel_members()));
+    replace_all(text, "@STATE@\n", renamed(state_members()));
+    return text;
+  }
+
+  std::string body_text() const {
+    std::string text;
+    for (const Line& line : lines_)
+      text += line.call == kNoCall ? line.text : "        " + writer_.call(line.call) + "\n";
+    return text;
+  }
+
+  std::string start_text() const {
+    std::string text;
+    for (std::size_t slot = 0; slot < slot_.size(); ++slot)
+      if (slot_[slot] >= 0)
+        text += fmt::format("  s->v[{}] = {};\n", slot_[slot],
+                            wide_text(static_cast<double>(tile_.scalar_start[slot])));
+    return text;
+  }
+
+  std::string source_text(const Report&) {
+    std::string text = filled(std::string(runtime::kSource));
+    text += fmt::format(
+        "enum {{ TABLE_COLUMNS = {}, TABLE_ROWS = {}, MARGIN = {}, PITCH = PROGRAM_COLUMNS + 2 * MARGIN, "
+        "HAS_ENDED "
+        "= 65535 }};\n",
+        options_.columns, options_.rows, margin_width());
+    text +=
+        "#define NUMBERS(i) (s->numbers[i] + MARGIN * PITCH + MARGIN)\n#define TRUTHS(i) (s->truths[i] + "
+        "MARGIN * PITCH + MARGIN)\n"
+        "#define OWN_NUMBERS(i) (s->own_numbers[i])\n#define OWN_TRUTHS(i) (s->own_truths[i])\n\n";
+    text += runtime::kArithmetic;
+    const std::set<Opcode> mathematics = all_mathematics();
+    if (uses_wide()) text += runtime::kWide;
+    if (!mathematics.empty()) {
+      text += runtime::kDouble;
+      text += runtime::kAngle;
+      text += mathematics_text();
+      for (const Opcode op : mathematics)
+        text += fmt::format(
+            "static float {}(float first, float second) {{\n  const double a = (double)first, b = "
+            "(double)second;\n  (void)b;\n"
+            "  return (float)({});\n}}\n",
+            mathematics_function(op), expand(operation_text(op).value, "real_", {}));
+    }
+    if (tile_.uses_random) text += runtime::kRandom;
+    if (uses_random_integers()) text += runtime::kRandomInteger;
+    std::string exchange(runtime::kExchange);
+    const bool has_numbers = schedule_.planes.count({false, true}) != 0,
+               has_truths = schedule_.planes.count({true, true}) != 0;
+    const std::size_t edge = exchange.find("/* ---- the table's edge");
+    std::string impose = exchange.substr(edge);
+    exchange.resize(edge);
+    if (has_exchanges()) {
+      replace_all(exchange, "@PLANS@\n", plans_text());
+      // A program without planes of one kind has no array of it.
+      if (!has_numbers) replace_all(exchange, "NUMBERS(strip->plane)", "((float *)0)");
+      if (!has_truths) replace_all(exchange, "TRUTHS(strip->plane)", "((uint8_t *)0)");
+      text += exchange;
+    }
+    if (has_numbers || has_truths) {
+      text += "enum { WEST_AND_EAST_OUTER = 3 };\n";
+      replace_all(impose, "WEST_AND_EAST", "WEST_AND_EAST_OUTER");
+      text += impose;
+      if (has_numbers) text += "IMPOSE(impose_numbers, float)\n";
+      if (has_truths) text += "IMPOSE(impose_truths, uint8_t)\n";
+    }
+    text += "\n/* ---- kernels ---- */\n\n" + writer_.functions();
+    std::string run(runtime::kRun);
+    if (!has_exchanges())
+      replace_all(run, "    if (s->phase != 0 && !exchange(s)) return PROGRAM_EDGES;\n", "");
+    replace_all(run, "@START@\n", start_text());
+    replace_all(run, "@BODY@\n", body_text());
+    text += run;
+    text = renamed(std::move(text));
+    replace_all(text, "@SOURCE@", comment_text(source_));
+    return text;
+  }
+
+  static constexpr std::array<const char*, 3> kClockNames{"tick", "time_s", "period_s"};
+
+  const Options& options_;
+  const std::string header_file_, source_;
+  TileProgram tile_;
+  Schedule schedule_;
+  KernelWriter writer_;
+  const bool is_whole_;  // one tile: nothing is exchanged
+  std::vector<int> slot_;
+  std::size_t live_slots_ = 0, temporaries_ = 0;
+  bool uses_scalars_ = false, scalar_random_integers_ = false;
+  std::set<Opcode> mathematics_;
+  std::map<NodeId, std::string> scalar_names_;
+  std::vector<std::size_t> first_position_;
+  std::vector<Line> lines_;
+  std::vector<Plan> plans_;
+  std::size_t slot_bytes_ = 0, max_edge_ = 0;
+};
+
+}  // namespace
+
+Generated generate(const program::Program& program, const Options& options, const std::string& header_file) {
+  return Generator(program, options, header_file).run();
+}
+
+}  // namespace apron::target_c

@@ -1,0 +1,86 @@
+// Orders the values of a region into exchanges between neighbours and kernels over the cells of a tile, and
+// gives planes their places in memory.
+#pragma once
+
+#include <cstdint>
+#include <map>
+#include <vector>
+
+#include "apron/target_c/TileGraph.h"
+
+namespace apron::target_c {
+
+// The storage of a plane: truths take a byte per cell, numbers a float; planes that neighbours read have a
+// margin.
+struct Layout {
+  bool is_truth = false, has_margin = false;
+  auto operator<=>(const Layout&) const = default;
+};
+
+// A plane of the tile's state: number `index` of those of its layout.
+struct Place {
+  Layout layout;
+  std::uint32_t index = 0;
+  auto operator<=>(const Place&) const = default;
+};
+
+// Computes nodes for all cells of the tile and `extent` cells around it.
+struct Kernel {
+  std::vector<NodeId>
+      nodes;  // in order; includes those that the kernel computes again instead of loading them
+  std::vector<NodeId> outputs;  // nodes that are stored, in order
+  std::uint32_t extent = 0;
+};
+
+// Gives the cells beyond the table's edge the values of the boundary rule of a read.
+struct Imposition {
+  NodeId value = kNoNode;
+  NodeId read = kNoNode;  // a kRead: its rule
+};
+
+// The cells within `depth` of each border go to the neighbour there.
+struct Strip {
+  NodeId value = kNoNode;
+  std::uint32_t depth = 0;
+};
+
+// One round of messages. With corners west and east come first, then north and south with what west and east
+// brought.
+struct Exchange {
+  std::vector<Strip> strips;
+  bool has_corners = false;
+};
+
+struct Step {
+  enum class Kind : std::uint8_t { kKernel, kImpose, kExchange } kind = Kind::kKernel;
+  Kernel kernel;
+  Imposition imposition;
+  Exchange exchange;
+  std::map<NodeId, Place> places;  // of the values that the step loads and stores
+};
+
+// A plane that is copied where the region ends.
+struct Move {
+  Place from, to;
+};
+
+struct RegionSchedule {
+  std::vector<NodeId> scalars;  // known at run time only: computed where the region begins
+  std::vector<Step> steps;
+  std::vector<Move> moves;
+  std::vector<bool> is_truth;                                 // by node
+  std::vector<std::pair<std::uint32_t, NodeId>> scalars_out;  // those that a later region reads
+};
+
+struct Schedule {
+  std::vector<RegionSchedule> regions;
+  std::map<Layout, std::uint32_t> planes;  // how many
+  std::map<std::uint32_t, Place> homes;    // of the homes that some region reads
+  std::vector<bool> scalar_is_live;        // by slot
+};
+
+// `halo`: the cells that an exchange brings; a value is computed again beyond the tile's border until they
+// are used up.
+Schedule schedule(TileProgram& program, std::uint32_t halo);
+
+}  // namespace apron::target_c

@@ -1,0 +1,101 @@
+#include "common/files/PreparedOutputs.h"
+
+#include <fcntl.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <cstring>
+#include <exception>
+#include <string>
+
+#include "common/error/UserError.h"
+
+namespace common {
+namespace {
+
+namespace fs = std::filesystem;
+
+std::vector<PreparedOutput> outputs;
+PreparedOutputKeeper keeper;
+
+std::size_t find(const fs::path& part) noexcept {
+  return static_cast<std::size_t>(std::ranges::find(outputs, part, &PreparedOutput::part) - outputs.begin());
+}
+
+// A file that this user's process has left, and not a link that leads elsewhere.
+bool is_own_file(const fs::path& path) noexcept {
+  struct stat status {};
+  return ::lstat(path.c_str(), &status) == 0 && S_ISREG(status.st_mode) && status.st_nlink == 1 &&
+         status.st_uid == ::geteuid();
+}
+
+}  // namespace
+
+PreparedOutput prepare_output(const std::string& subject, const fs::path& name, const fs::path& part) {
+  PreparedOutput output{.name = name, .part = part};
+  std::error_code error;
+  if (const fs::file_status status = fs::symlink_status(name, error);
+      fs::exists(status) && !fs::is_regular_file(status)) {
+    output.in_place = true;
+    output.part = fs::weakly_canonical(name, error);
+    if (error) output.part = name;
+    if (fs::exists(output.part, error)) return output;
+  } else if (is_own_file(part)) {
+    return output;
+  }
+  if (!output.in_place) fs::remove(part, error);
+  const int file = error ? -1 : ::open(output.part.c_str(), O_WRONLY | O_CLOEXEC | O_CREAT | O_EXCL, 0666);
+  if (file < 0)
+    throw UserError(subject + ": cannot be written: " + (error ? error.message() : std::strerror(errno)));
+  ::close(file);
+  output.created = true;
+  return output;
+}
+
+std::error_code name_part(const PreparedOutput& output) noexcept {
+  if (output.in_place || ::rename(output.part.c_str(), output.name.c_str()) == 0) return {};
+  return {errno, std::generic_category()};
+}
+
+void remove_part(const PreparedOutput& output) noexcept {
+  struct stat status {};
+  if (!output.in_place)
+    ::unlink(output.part.c_str());
+  else if (output.created && ::lstat(output.part.c_str(), &status) == 0 && status.st_size == 0)
+    ::unlink(output.part.c_str());
+}
+
+void use_prepared_outputs(std::vector<PreparedOutput> prepared, PreparedOutputKeeper with) {
+  outputs = std::move(prepared);
+  keeper = std::move(with);
+}
+
+std::optional<fs::path> prepared_part(const fs::path& name) {
+  const auto output = std::ranges::find(outputs, name, &PreparedOutput::name);
+  return output != outputs.end() ? std::optional(output->part) : std::nullopt;
+}
+
+bool is_prepared(const fs::path& part) noexcept { return find(part) < outputs.size(); }
+
+std::error_code rename_part(const fs::path& part, const fs::path& name) {
+  if (const std::size_t number = find(part); number < outputs.size()) return keeper.name(number);
+  std::error_code error;
+  fs::rename(part, name, error);
+  return error;
+}
+
+void discard_part(const fs::path& part) noexcept {
+  if (const std::size_t number = find(part); number < outputs.size()) {
+    try {
+      keeper.remove(number);
+    } catch (const std::exception&) {  // that process has ended, and has removed it
+    }
+    return;
+  }
+  std::error_code ignored;
+  fs::remove(part, ignored);
+}
+
+}  // namespace common

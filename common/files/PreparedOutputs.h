@@ -1,0 +1,43 @@
+// Outputs of a process that gives up its right to create, rename and remove files before it reads foreign
+// ones. Each is written to a file that exists before, its part; another process then gives that its name.
+#pragma once
+
+#include <cstddef>
+#include <filesystem>
+#include <functional>
+#include <optional>
+#include <string>
+#include <system_error>
+#include <vector>
+
+namespace common {
+
+struct PreparedOutput {
+  std::filesystem::path name, part;
+  bool in_place = false;  // a link, a pipe or a device: `part` is what the name leads to
+  bool created = false;   // here, and to be removed if it gets no name or, in place, no content
+};
+
+// Creates the part of an output, or takes one that a killed process of this user has left, as it is. Throws
+// UserError, which begins with `subject`.
+PreparedOutput prepare_output(const std::string& subject, const std::filesystem::path& name,
+                              const std::filesystem::path& part);
+// For the process that keeps the rights.
+std::error_code name_part(const PreparedOutput&) noexcept;
+void remove_part(const PreparedOutput&) noexcept;
+
+// From here on the functions below pass these outputs, by their numbers, to `name` and `remove`.
+struct PreparedOutputKeeper {
+  std::function<std::error_code(std::size_t)> name;
+  std::function<void(std::size_t)> remove;
+};
+void use_prepared_outputs(std::vector<PreparedOutput>, PreparedOutputKeeper);
+
+// The part of the output of that name; nullopt: it is not prepared.
+std::optional<std::filesystem::path> prepared_part(const std::filesystem::path& name);
+bool is_prepared(const std::filesystem::path& part) noexcept;
+// As rename() and remove(), for parts that are prepared and for others.
+std::error_code rename_part(const std::filesystem::path& part, const std::filesystem::path& name);
+void discard_part(const std::filesystem::path& part) noexcept;
+
+}  // namespace common

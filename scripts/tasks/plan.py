@@ -1,0 +1,106 @@
+"""The test plan of docs/tasks.md and docs/case-study.md, frozen.toml, and the mark under each table that says what made it.
+
+    python3 scripts/tasks/plan.py            prints the digests of all scenes, for frozen.toml
+"""
+import hashlib
+import json
+import pathlib
+import re
+import sys
+import tomllib
+
+HERE = pathlib.Path(__file__).resolve().parent
+sys.path.insert(0, str(HERE.parent.parent / "smartsurf/python"))
+
+from smartsurf.run import run  # noqa: E402
+
+CASE_STUDY = HERE.parent / "case-study"
+FILE = HERE / "frozen.toml"
+OLDER = "*Made with an older physics than today's, or by older programs.*\n"
+
+
+def load():
+    with FILE.open("rb") as file:
+        return tomllib.load(file)
+
+
+def without_comments(text):
+    """The text of a Lua or APRON file with comments and spaces left out: what can change a result."""
+    text = re.sub(r"--\[\[.*?\]\]|--[^\n]*|//[^\n]*", "", text, flags=re.DOTALL)
+    return re.sub(r"\s+", " ", text)
+
+
+def digest(*texts):
+    return hashlib.sha256("\0".join(texts).encode()).hexdigest()[:16]
+
+
+def scene_files():
+    """Of each experiment of the plan: the file, and those that it requires or loads."""
+    def closure(path, known):
+        if path.is_file() and path not in known:
+            known.append(path)
+            if path.suffix == ".lua":
+                for word in re.findall(r"['\"]([\w./-]+)['\"]", path.read_text()):
+                    for name in (word, f"{word}.lua"):
+                        closure(path.parent / name, known)
+        return known
+    return {name: closure((CASE_STUDY if name == "sort" else HERE) / f"{name}.lua", []) for name in load()["scenes"]}
+
+
+def scene_digests():
+    return {name: digest(*(without_comments(path.read_text()) for path in files)) for name, files in scene_files().items()}
+
+
+def table_programs_digest(name):
+    """Of the programs that a table's runs are controlled by."""
+    names = {"tasks": load()["tasks"], "waves": ["waves"], "faults": ["relocate", "size_sort"]}.get(name)
+    programs = [HERE / f"{task}.aps" for task in names] if names else sorted(CASE_STUDY.glob("*.aps"))
+    return digest(*(without_comments(program.read_text()) for program in programs))
+
+
+def section_digest(name):
+    """Of the part of the plan that a table is made with: its section, the first seeds and its scenes."""
+    plan = load()
+    section = plan[name]
+    rows = section.get("rows", section)
+    scenes = {"tasks": list(rows), "waves": ["waves"], "faults": ["relocate", "size_sort"]}.get(name, ["sort"])
+    return digest(json.dumps([section, plan["first_seed"], {scene: plan["scenes"][scene] for scene in scenes}], sort_keys=True))
+
+
+def physics_digest(smartsurf):
+    """Of the states that the probe ends in: a change of the physics changes it."""
+    return run(HERE / "probe.lua", until=3, threads=1, smartsurf=smartsurf)["state_hash"]
+
+
+def changes(name):
+    """The changes of a table's plan, with both results, as lines below it."""
+    return [f"\n*Changed {entry['date']}: {entry['what']}. Before: {entry['before']}; after: {entry['after']}.*\n"
+            for entry in load()["changed"] if entry["table"] == name]
+
+
+def mark(name, smartsurf):
+    """The line under a table."""
+    return f"\n<!-- made with plan {section_digest(name)}, physics {physics_digest(smartsurf)}, programs {table_programs_digest(name)} -->\n"
+
+
+MARK = re.compile(r"<!-- (\w+): written by scripts/tasks/table -->(?:(?!<!-- end of).)*?"
+                  r"<!-- made with plan (\w+), physics (\w+), programs (\w+) -->\n", re.DOTALL)
+
+
+def marks(page):
+    """Of each table of a page: its name, and plan, physics and programs that made it."""
+    return {found[1]: found.groups()[1:] for found in MARK.finditer(page)}
+
+
+def mark_older(docs, pages, smartsurf):
+    """Adds a sentence to the tables that another physics or other programs made, and takes it from the others."""
+    physics = physics_digest(smartsurf)
+    for page in pages:
+        text = (docs / page).read_text().replace("\n" + OLDER, "")
+        (docs / page).write_text(MARK.sub(
+            lambda found: found[0] if found.groups()[2:] == (physics, table_programs_digest(found[1])) else found[0] + "\n" + OLDER, text))
+
+
+if __name__ == "__main__":
+    for scene, value in scene_digests().items():
+        print(f'{scene} = "{value}"')

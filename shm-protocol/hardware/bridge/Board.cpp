@@ -1,0 +1,274 @@
+#include "shm-protocol/hardware/bridge/Board.h"
+
+#include <poll.h>
+
+#include <algorithm>
+#include <thread>
+#include <utility>
+
+namespace hardware {
+namespace {
+
+constexpr std::int64_t kHandshake_us = 200'000, kReopen_us = 100'000;
+constexpr std::size_t kMaxPendingBytes = 1 << 16;
+
+}  // namespace
+
+Board::Board(const TableBoard& spec, std::uint32_t period_us, std::chrono::microseconds silence)
+    : spec_(spec),
+      title_(spec.title()),
+      period_us_(period_us),
+      silence_us_(silence.count()),
+      sync_(period_us) {}
+
+std::int64_t Board::now() {
+  return std::chrono::duration_cast<std::chrono::microseconds>(Clock::now().time_since_epoch()).count();
+}
+
+// ---- line
+
+void Board::open_line() {
+  using namespace std::chrono_literals;
+  if (opening_.valid()) {
+    if (opening_.wait_for(0s) != std::future_status::ready) return;
+    auto [port, why] = opening_.get();
+    port_ = std::move(port);
+    if (!port_) {
+      why_ = why;
+      return;
+    }
+    if (ever_connected_) ++counters_.reconnections;
+    ever_connected_ = true;
+    handshakes_ = 0;
+    last_handshake_ = 0;
+    last_frame_ = now();
+    why_ = "no device describes itself there";
+    return;
+  }
+  if (now() - last_open_ < kReopen_us) return;
+  last_open_ = now();
+  opening_ = std::async(std::launch::async, [address = spec_.port] {
+    std::string why;
+    auto port = Port::open(address, why);
+    return std::pair{std::move(port), std::move(why)};
+  });
+}
+
+void Board::on_line_lost() {
+  port_.reset();
+  link_.reset();
+  out_.clear();
+  why_ = "its line is cut";
+  enter_silence();
+  if (accepted_) events.push_back("board '" + title_ + "': the line is cut; its cells are not valid");
+  accepted_ = false;
+}
+
+bool Board::flush() {
+  if (!port_ || out_.empty()) return true;
+  const auto written = port_->write(out_);
+  if (!written) return false;
+  out_.erase(out_.begin(), out_.begin() + static_cast<std::ptrdiff_t>(*written));
+  return true;
+}
+
+void Board::enter_silence() {
+  silent_ = true;
+  seen_frame_ = false;
+  for (Frame& frame : waiting_) spare_.push_back(std::move(frame.values));
+  waiting_.clear();
+  sync_.reset();
+}
+
+// Version 2 is asked for twice, then both versions in turn; a board with an id is hardly ever asked for
+// version 1, whose error message it would get on a bad line, and a board that has described itself stays with
+// its version.
+void Board::handshake(bool session) {
+  if (now() - last_handshake_ < kHandshake_us || out_.size() > kMaxPendingBytes) return;
+  last_handshake_ = now();
+  const bool known = description_.has_value();
+  const bool second = known              ? description_->version == 2
+                      : spec_.id.empty() ? handshakes_ < 2 || handshakes_ % 2 == 0
+                                         : handshakes_ % 16 != 15;
+  ++handshakes_;
+  link_.write(second ? SSW_DESCRIBE2 : SSW_DESCRIBE, device_tick_, out_);
+  if (!session || !accepted_ || !link_.described()) return;
+  link_.write(SSW_START, device_tick_, out_);
+  send_safe();
+}
+
+void Board::maintain(std::int64_t epoch, bool session) {
+  if (!port_) open_line();
+  if (!port_) return;
+  const std::int64_t t = now();
+  if (!link_.described() || silent_) handshake(session);
+  if (!silent_ && t - last_frame_ > silence_us_) {
+    enter_silence();
+    ++counters_.silences;
+    events.push_back("board '" + title_ + "' is silent; its cells are not valid");
+  }
+  if (session && accepted_ && !silent_ && description_->can_sync() && t >= sync_.due())
+    link_.write_sync(sync_.next(t, epoch), device_tick_, out_);
+  if (!flush()) on_line_lost();
+}
+
+void Board::receive(std::int64_t epoch) {
+  if (!port_) return;
+  std::array<std::uint8_t, 4096> bytes;
+  for (int round = 0; round < 16; ++round) {
+    const auto got = port_->read(bytes);
+    if (!got) return on_line_lost();
+    for (std::size_t i = 0; i < *got; ++i) on_event(link_.receive(bytes[i]), epoch);
+    if (*got < bytes.size()) break;
+  }
+  if (!flush()) on_line_lost();
+}
+
+// ---- what the board says
+
+void Board::on_event(DeviceLink::Event event, std::int64_t epoch) {
+  switch (event) {
+    case DeviceLink::Event::kNothing:
+    case DeviceLink::Event::kAlive:
+      return;
+    case DeviceLink::Event::kDescribed:
+      return on_description();
+    case DeviceLink::Event::kRejected:
+      return refuse(link_.message());
+    case DeviceLink::Event::kFault:
+      events.push_back("board '" + title_ + "' reports: " + link_.message());
+      return;
+    case DeviceLink::Event::kClock:
+      return sync_.receive(link_.clock(), now(), epoch);
+    case DeviceLink::Event::kStatus:
+      status_ = link_.status();
+      return;
+    case DeviceLink::Event::kFrame:
+      return on_frame();
+  }
+}
+
+void Board::on_description() {
+  const DeviceDescription& d = link_.description();
+  if (description_ && d.boot != boot_) {
+    ++counters_.restarts;
+    enter_silence();
+    last_handshake_ = 0;
+    events.push_back("board '" + title_ + "' was restarted");
+  }
+  boot_ = d.boot;
+  if (description_ && accepted_ && d.is_compatible_with(*description_)) return;
+  description_ = d;
+  accepted_ = false;
+  newly_described = true;
+}
+
+void Board::accept() {
+  accepted_ = true;
+  refusal_.clear();
+  last_handshake_ = 0;
+}
+
+void Board::refuse(std::string why) {
+  accepted_ = false;
+  if (why != refusal_) events.push_back(why);
+  refusal_ = std::move(why);
+}
+
+void Board::on_frame() {
+  if (!accepted_) return;
+  const SensorFrame& frame = link_.frame();
+  last_frame_ = now();
+  if (silent_) is_back = true;
+  silent_ = false;
+  const std::uint32_t step = seen_frame_ ? frame.tick - device_tick_ : 1;
+  if (step == 0 || step > 1u << 30)
+    enter_silence(), silent_ = false;  // ticks began anew before the description came
+  if (step > 1 && step < 1u << 20) counters_.lost += step - 1;
+  if (seen_frame_ && step != 0) counters_.missed += std::min(frame.missed - device_missed_, step);
+  device_missed_ = frame.missed;
+  device_tick_ = frame.tick;
+  seen_frame_ = true;
+  flags_ = frame.flags;
+  ++counters_.frames;
+  Frame next{frame.tick, frame.flags, last_frame_, {}};
+  if (!spare_.empty()) {
+    next.values = std::move(spare_.back());
+    spare_.pop_back();
+  }
+  next.values.assign(frame.values.begin(), frame.values.end());
+  waiting_.push_back(std::move(next));
+  while (waiting_.size() > 2) {
+    spare_.push_back(std::move(waiting_.front().values));
+    waiting_.pop_front();
+  }
+}
+
+// ---- ticks of the table
+
+bool Board::has_frame(std::int64_t tick, std::int64_t epoch) const {
+  if (waiting_.empty()) return false;
+  const auto at = sync_.table_tick(waiting_.back().tick, epoch);
+  return !at || *at >= tick;
+}
+
+const Board::Frame* Board::take(std::int64_t tick, std::int64_t epoch) {
+  if (waiting_.empty()) {
+    ++counters_.late;
+    return nullptr;
+  }
+  // A board in phase may be early for the next tick; its older frames are out of date.
+  if (sync_.phase_us()) {
+    while (waiting_.size() > 1 && sync_.table_tick(waiting_[1].tick, epoch).value_or(tick) <= tick) {
+      spare_.push_back(std::move(waiting_.front().values));
+      waiting_.pop_front();
+    }
+  }
+  spare_.push_back(std::move(taken_.values));
+  taken_ = std::move(waiting_.front());
+  waiting_.pop_front();
+  return &taken_;
+}
+
+// ---- to the board
+
+void Board::send(std::span<const float> values) {
+  if (!accepted_ || silent_ || !link_.described()) return;
+  if (!out_.empty() && (!flush() || !out_.empty())) {
+    ++counters_.unsent;
+    return;
+  }
+  link_.write_frame(taken_.tick, values, out_);
+  flush();
+}
+
+void Board::send_safe() {
+  if (!accepted_ || !link_.described() || out_.size() > kMaxPendingBytes) return;
+  std::vector<float> values(link_.actuator_elements());
+  for (const DeviceChannel& c : link_.description().channels)
+    if (!c.sensor)
+      std::fill_n(values.begin() + static_cast<std::ptrdiff_t>(c.first_element), c.elements, c.safe);
+  link_.write_frame(device_tick_, values, out_);
+  flush();
+}
+
+void Board::send_heartbeat() {
+  if (!port_ || out_.size() > kMaxPendingBytes) return;
+  link_.write(SSW_HEARTBEAT, device_tick_, out_);
+  flush();
+}
+
+void Board::send_reason(std::uint8_t type, std::uint32_t reason) {
+  if (!port_) return;
+  link_.write_reason(type, reason, out_);
+  flush();
+}
+
+void Board::send_stop() {
+  if (!port_) return;
+  link_.write(SSW_STOP, device_tick_, out_);
+  for (int attempt = 0; attempt < 50 && flush() && !out_.empty(); ++attempt)
+    std::this_thread::sleep_for(std::chrono::milliseconds(1));
+}
+
+}  // namespace hardware

@@ -1,0 +1,127 @@
+// One board of a table: its line, which may be cut and opened again, its description, frames and clock.
+//
+// Never blocks, except while a TCP connection is opened (a thread does that). One thread at a time.
+#pragma once
+
+#include <array>
+#include <chrono>
+#include <cstdint>
+#include <deque>
+#include <future>
+#include <optional>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "shm-protocol/hardware/bridge/ClockSync.h"
+#include "shm-protocol/hardware/bridge/DeviceLink.h"
+#include "shm-protocol/hardware/bridge/TableFile.h"
+
+namespace hardware {
+
+struct BoardCounters {
+  std::uint64_t frames = 0;         // complete sensor frames
+  std::uint64_t lost = 0;           // that did not arrive completely
+  std::uint64_t late = 0;           // ticks of the table without a frame of this board
+  std::uint64_t missed = 0;         // deadlines that the board counted
+  std::uint64_t unsent = 0;         // actuator frames dropped because the line is too slow
+  std::uint64_t silences = 0;       // times that it fell silent
+  std::uint64_t reconnections = 0;  // times that its line was cut and restored
+  std::uint64_t restarts = 0;
+};
+
+class Board {
+ public:
+  using Clock = std::chrono::steady_clock;
+
+  struct Frame {
+    std::uint32_t tick = 0, flags = 0;
+    std::int64_t arrived = 0;  // µs
+    std::vector<float> values;
+  };
+
+  Board(const TableBoard&, std::uint32_t period_us, std::chrono::microseconds silence);
+
+  static std::int64_t now();  // µs of the steady clock
+
+  // Opens the line if it is not open, sends what is due: handshakes, SSW_SYNC, pending bytes.
+  void maintain(std::int64_t epoch, bool session);
+  // Reads what has arrived.
+  void receive(std::int64_t epoch);
+  int descriptor() const { return port_ ? port_->descriptor() : -1; }
+  bool wants_to_write() const { return !out_.empty(); }
+
+  const std::string& title() const { return title_; }
+  // Set after each complete description; the table clears it when it has accepted or refused the board.
+  bool newly_described = false;
+  // The table has accepted the description. Boards that it has not accepted get no frames.
+  void accept();
+  void refuse(std::string why);
+  bool accepted() const { return accepted_; }
+  const std::string& refusal() const { return refusal_; }
+  const DeviceDescription& description() const { return *description_; }
+  bool described() const { return description_.has_value(); }
+  bool connected() const { return port_.has_value(); }
+  bool silent() const { return silent_; }
+  const std::string& reason() const { return why_; }  // why the line is not open
+
+  // The frame for the table's tick, or null: the newest of a board in phase; of others, the oldest that
+  // waits.
+  const Frame* take(std::int64_t tick, std::int64_t epoch);
+  bool has_frame(std::int64_t tick, std::int64_t epoch) const;
+  // The board's tick in the last frame taken.
+  std::uint32_t frame_tick() const { return taken_.tick; }
+  // Flags of the newest frame.
+  std::uint32_t flags() const { return flags_; }
+
+  // Sends an actuator frame that answers the last frame taken.
+  void send(std::span<const float> values);
+  void send_safe();
+  void send_heartbeat();
+  void send_reason(std::uint8_t type, std::uint32_t reason);
+  void send_stop();  // and waits a moment for the line to take it
+  std::size_t actuator_elements() const { return link_.actuator_elements(); }
+
+  const ClockSync& clock() const { return sync_; }
+  const ssw_status& status() const { return status_; }
+  const BoardCounters& counters() const { return counters_; }
+  std::uint64_t damaged_packets() const { return link_.damaged_packets(); }
+  std::uint64_t lost_packets() const { return link_.lost_packets(); }
+  std::int64_t stop_sent_tick = -1;  // of the table, when the last SSW_STOP_NOW or SSW_ARM was sent
+  bool is_back = false;              // set with the first frame after a silence or a cut; the table clears it
+  std::vector<std::string> events;   // lines for the log; the table takes them
+
+ private:
+  void open_line();
+  void on_line_lost();
+  void handshake(bool session);
+  void on_event(DeviceLink::Event, std::int64_t epoch);
+  void on_description();
+  void on_frame();
+  bool flush();
+  void enter_silence();
+
+  TableBoard spec_;
+  std::string title_;
+  std::uint32_t period_us_;
+  std::int64_t silence_us_;
+  std::optional<Port> port_;
+  std::future<std::pair<std::optional<Port>, std::string>> opening_;
+  std::string why_ = "its line is not open";
+  DeviceLink link_;
+  std::optional<DeviceDescription> description_;
+  bool accepted_ = false, silent_ = true, seen_frame_ = false, ever_connected_ = false;
+  std::string refusal_;
+  std::vector<std::uint8_t> out_;
+  std::deque<Frame> waiting_;  // at most two
+  std::vector<std::vector<float>> spare_;
+  Frame taken_;
+  std::uint32_t flags_ = 0, device_tick_ = 0, device_missed_ = 0, boot_ = 0;
+  unsigned handshakes_ = 0;
+  std::int64_t last_frame_ = 0, last_handshake_ = 0, last_open_ = 0;
+  ClockSync sync_;
+  ssw_status status_{};
+  BoardCounters counters_;
+};
+
+}  // namespace hardware

@@ -1,0 +1,103 @@
+#include "shm-protocol/hardware/bridge/ControlSocket.h"
+
+#include <poll.h>
+#include <sys/socket.h>
+#include <sys/un.h>
+#include <unistd.h>
+
+#include <array>
+#include <cerrno>
+#include <cstring>
+#include <stdexcept>
+
+namespace hardware {
+namespace {
+
+constexpr std::size_t kMaxAnswer = std::size_t{1} << 16;
+
+struct Address {
+  sockaddr_un at{};
+  socklen_t bytes = 0;
+};
+
+Address address_of(const std::string& surface) {
+  const std::string name = "smartsurf." + std::to_string(::geteuid()) + "." + surface;
+  Address a;
+  a.at.sun_family = AF_UNIX;
+  const std::size_t count = std::min(name.size(), sizeof a.at.sun_path - 1);
+  std::memcpy(a.at.sun_path + 1, name.data(), count);  // after a zero byte: no file
+  a.bytes = static_cast<socklen_t>(offsetof(sockaddr_un, sun_path) + 1 + count);
+  return a;
+}
+
+bool is_trusted(int socket) {
+  ucred peer{};
+  socklen_t size = sizeof peer;
+  return ::getsockopt(socket, SOL_SOCKET, SO_PEERCRED, &peer, &size) == 0 &&
+         (peer.uid == ::geteuid() || peer.uid == 0);
+}
+
+}  // namespace
+
+ControlSocket::ControlSocket(const std::string& surface)
+    : listener_(::socket(AF_UNIX, SOCK_SEQPACKET | SOCK_NONBLOCK | SOCK_CLOEXEC, 0)) {
+  const Address a = address_of(surface);
+  if (listener_ < 0 || ::bind(listener_, reinterpret_cast<const sockaddr*>(&a.at), a.bytes) != 0 ||
+      ::listen(listener_, 8) != 0) {
+    const int error = errno;
+    if (listener_ >= 0) ::close(listener_);
+    throw std::runtime_error("cannot listen for commands to surface '" + surface +
+                             "': " + std::strerror(error));
+  }
+}
+
+ControlSocket::~ControlSocket() {
+  for (const int client : clients_) ::close(client);
+  ::close(listener_);
+}
+
+void ControlSocket::serve(const std::function<std::string(const std::string&)>& answer) {
+  for (int client; (client = ::accept4(listener_, nullptr, nullptr, SOCK_NONBLOCK | SOCK_CLOEXEC)) >= 0;) {
+    if (is_trusted(client) && clients_.size() < 16)
+      clients_.push_back(client);
+    else
+      ::close(client);
+  }
+  for (std::size_t i = 0; i < clients_.size();) {
+    std::array<char, 256> command;
+    const ssize_t got = ::recv(clients_[i], command.data(), command.size(), 0);
+    if (got < 0 && (errno == EAGAIN || errno == EINTR)) {
+      ++i;
+      continue;
+    }
+    if (got > 0) {
+      const std::string text = answer({command.data(), static_cast<std::size_t>(got)}).substr(0, kMaxAnswer);
+      if (::send(clients_[i], text.data(), text.size(), MSG_NOSIGNAL) < 0 && errno == EAGAIN) continue;
+    }
+    ::close(clients_[i]);
+    clients_.erase(clients_.begin() + static_cast<std::ptrdiff_t>(i));
+  }
+}
+
+std::string ask_bridge(const std::string& surface, const std::string& command) {
+  const int socket = ::socket(AF_UNIX, SOCK_SEQPACKET | SOCK_CLOEXEC, 0);
+  const Address a = address_of(surface);
+  const auto fail = [&](const std::string& what) {
+    if (socket >= 0) ::close(socket);
+    throw std::runtime_error(what);
+  };
+  if (socket < 0 || ::connect(socket, reinterpret_cast<const sockaddr*>(&a.at), a.bytes) != 0)
+    fail("no bridge serves surface '" + surface + "'");
+  if (::send(socket, command.data(), command.size(), MSG_NOSIGNAL) < 0)
+    fail("the bridge of surface '" + surface + "' has ended");
+  pollfd ready{socket, POLLIN, 0};
+  if (::poll(&ready, 1, 10'000) != 1) fail("the bridge of surface '" + surface + "' does not answer");
+  std::string text(kMaxAnswer, '\0');
+  const ssize_t got = ::recv(socket, text.data(), text.size(), 0);
+  if (got < 0) fail("the bridge of surface '" + surface + "' does not answer: " + std::strerror(errno));
+  ::close(socket);
+  text.resize(static_cast<std::size_t>(got));
+  return text;
+}
+
+}  // namespace hardware

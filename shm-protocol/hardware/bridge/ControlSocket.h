@@ -1,0 +1,33 @@
+// How other processes stop a running bridge and ask for its status: a local socket in the abstract namespace,
+// named after surface and user. Only processes of the same user, or root, are answered.
+#pragma once
+
+#include <functional>
+#include <string>
+#include <vector>
+
+namespace hardware {
+
+// The bridge's end. Never blocks.
+class ControlSocket {
+ public:
+  // Throws std::runtime_error if the name is taken.
+  explicit ControlSocket(const std::string& surface);
+  ~ControlSocket();
+  ControlSocket(const ControlSocket&) = delete;
+  ControlSocket& operator=(const ControlSocket&) = delete;
+
+  int descriptor() const { return listener_; }
+  // Answers every waiting process with answer(command).
+  void serve(const std::function<std::string(const std::string& command)>& answer);
+
+ private:
+  int listener_ = -1;
+  std::vector<int> clients_;
+};
+
+// Sends a command to the bridge of that surface and returns its answer. Throws std::runtime_error with one
+// line if there is no such bridge, or it does not answer within ten seconds.
+std::string ask_bridge(const std::string& surface, const std::string& command);
+
+}  // namespace hardware

@@ -1,0 +1,93 @@
+// The surface role for a table of many boards: one surface in shared memory, whose ticks the host's clock
+// paces.
+//
+// A tick closes when every live board has sent its frame, at the latest after 40 % of the period. Cells of
+// other boards keep their values, with `valid` 0 and a growing `age`. Single-threaded, except for opening TCP
+// connections.
+#pragma once
+
+#include <shm_protocol/SurfaceEndpoint.h>
+
+#include <atomic>
+#include <chrono>
+#include <cstdint>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "shm-protocol/hardware/bridge/Board.h"
+#include "shm-protocol/hardware/bridge/Bridge.h"
+#include "shm-protocol/hardware/bridge/ControlSocket.h"
+#include "shm-protocol/hardware/bridge/EmergencyStop.h"
+#include "shm-protocol/hardware/bridge/Quantiles.h"
+#include "shm-protocol/hardware/bridge/TableMap.h"
+
+namespace hardware {
+
+class TableBridge {
+ public:
+  // `options.port` and `options.silence_timeout` unless set are not used.
+  TableBridge(TableSpec, BridgeOptions, const std::atomic<bool>& stop, EventLog::Print);
+  ~TableBridge();
+
+  // As Bridge::run(). Throws std::invalid_argument with one line if the boards are not as the table says.
+  Outcome run();
+
+  // Returns whether frames were published.
+  bool served() const { return counters_.frames != 0; }
+  // Lines of statistics.
+  std::string report() const;
+
+ private:
+  using Clock = std::chrono::steady_clock;
+
+  std::optional<Outcome> await_boards();
+  void mount_described_boards();
+  void create_surface();
+  void serve();
+  void poll_lines(std::int64_t until);
+  void log_events();
+  bool is_complete() const;
+  void close_tick();
+  void skip_tick();
+  void fill_planes();
+  void publish_boards();
+  void poll_answer();
+  void poll_latest();
+  void send_answers();
+  void keep_boards_alive();
+  void check_emergency_stop();
+  void measure_spread();
+  std::uint32_t status_of_boards();
+  std::string answer(const std::string& command);
+  std::string status_text() const;
+  std::int64_t tick_start(std::int64_t tick) const { return epoch_ + tick * period_us_; }
+
+  TableSpec spec_;
+  BridgeOptions options_;
+  const std::atomic<bool>& stop_;
+  EventLog log_;
+  TableMap map_;
+  std::vector<std::unique_ptr<Board>> boards_;
+  std::optional<shm_protocol::SurfaceEndpoint> surface_, board_surface_;
+  std::optional<ControlSocket> control_;
+  EmergencyStop emergency_;
+  std::int64_t period_us_, epoch_ = 0;
+  std::int64_t tick_ = 0;  // that is being collected
+  bool awaiting_answer_ = false;
+  std::uint64_t published_tick_ = 0;
+  std::int64_t published_at_ = 0;
+  std::uint32_t status_ = 0;
+  std::vector<std::vector<float>> planes_;  // by channel of the table: the newest values of all sensors
+  std::vector<std::uint8_t> valid_, age_;   // by cell
+  std::vector<std::uint32_t> board_age_;    // ticks
+  std::vector<std::uint64_t> board_missed_;
+  std::vector<float> frame_;  // the actuators of one board
+  double spread_us_ = 0;
+  std::vector<std::uint64_t> valid_ticks_;
+  Quantiles close_us_, answer_us_, spread_quantiles_, phase_quantiles_;
+  BridgeCounters counters_;
+};
+
+}  // namespace hardware

@@ -1,0 +1,490 @@
+"""Tasks in Python: the scene is Lua, all that judges it is a function of arrays over all worlds."""
+from __future__ import annotations
+
+import copy
+import importlib
+import os
+from collections.abc import Mapping, Sequence
+from typing import Any, ClassVar, Union
+
+import gymnasium
+import numpy as np
+from gymnasium.vector import AutoresetMode
+from gymnasium.vector.utils import batch_space
+from numpy.typing import ArrayLike, NDArray
+
+from . import _core, _parameters
+from ._env import box
+from ._parameters import Numbers, Range
+from ._surface import Channel, Closed, FloatArray, checked_options, real_array, views
+from ._vector import Flags, Info, VectorEnv, _of_worlds
+
+Array = Any  # NDArray, or the counterpart of Task.arrays
+Observation = Union[Array, dict[str, Array]]
+
+
+class State:
+    """What a task's functions see: the arrays of all worlds after a step. Read-only.
+
+    sensors: readings by channel, worlds × rows × columns or worlds × components × rows × columns. actions: the commands of
+    the step by channel, likewise; those of the surface's start after a reset. goals: the numbers of Task.goals, worlds × …
+    time: since the start of the episode, s. ticks: the same in steps. period: of a step, s.
+    position, orientation (x y z w), velocity, angular_velocity: of the declared objects, worlds × objects × 3 or 4, ascending
+    by id; NaN of objects that are gone. info: the values of the script's info{}.
+    """
+
+    def __init__(self, sensors: dict[str, Array], actions: dict[str, Array], goals: dict[str, Array], time: Array, ticks: Array,
+                 period: float, objects: dict[str, Array] | None, labels: Sequence[str], info: dict[str, Array], to: Any):
+        self.sensors, self.actions, self.goals, self.info = sensors, actions, goals, info
+        self.time, self.ticks, self.period = time, ticks, period
+        self._objects, self._labels, self._to = objects, labels, to
+
+    def _of(self, field: str, object: str | int | None) -> Array:
+        if self._objects is None:
+            raise ValueError(f"{field}: a live surface does not know its objects; use sensors, goals and actions")
+        values = self._objects[field]
+        if object is None:
+            return values
+        ids, several = _parameters.object_ids(self._labels, object)
+        return values[:, ids] if several else values[:, ids[0]]
+
+    def position(self, object: str | int | None = None) -> Array:
+        """Of all objects, worlds × objects × 3, or of one, by label or id, worlds × 3; u."""
+        return self._of("position", object)
+
+    def orientation(self, object: str | int | None = None) -> Array:
+        """Likewise, unit quaternions x y z w."""
+        return self._of("orientation", object)
+
+    def velocity(self, object: str | int | None = None) -> Array:
+        """Likewise, u/s."""
+        return self._of("velocity", object)
+
+    def angular_velocity(self, object: str | int | None = None) -> Array:
+        """Likewise, rad/s."""
+        return self._of("angular_velocity", object)
+
+    def yaw(self, object: str | int | None = None) -> Array:
+        """The angle about z, rad: without the last axis of orientation()."""
+        q = np.asarray(self.orientation(object))
+        x, y, z, w = (q[..., i] for i in range(4))
+        return self._to(np.arctan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z)))
+
+
+class Task:
+    """A task. Subclasses give `script` or `scene`, and override what judges the state; all arrays are over all worlds.
+
+    script: path of an experiment; scene: its text instead. Both may have events, reward and info{} of their own.
+    set: options of the script. parameters: values of parameters (`Simulation.parameters`), randomise: ranges of parameters,
+    drawn at each reset. goals: name → (low, high), numbers or arrays, drawn at each reset too; State.goals has them.
+    episode_seconds: the length of an episode. arrays: "numpy"; "torch" and "jax" give the functions tensors that share the
+    memory of NumPy's arrays, as DLPack defines it.
+
+    The functions are pure: they must not write to what they are given.
+    """
+    script: ClassVar[str | os.PathLike[str] | None] = None
+    scene: ClassVar[str | None] = None
+    set: ClassVar[Mapping[str, Any]] = {}
+    parameters: ClassVar[Mapping[str, ArrayLike]] = {}
+    randomise: ClassVar[Mapping[str, Range]] = {}
+    goals: ClassVar[Mapping[str, tuple[ArrayLike, ArrayLike]]] = {}
+    episode_seconds: ClassVar[float | None] = None
+    arrays: ClassVar[str] = "numpy"
+
+    def reward(self, state: State) -> Array:
+        """The reward of a step, (worlds,)."""
+        return 0.0
+
+    def success(self, state: State) -> Array:
+        """Whether the goal is reached, (worlds,); this ends the episode. NumPy's booleans."""
+        return False
+
+    def failure(self, state: State) -> Array:
+        """Whether the episode ends without success, (worlds,)."""
+        return False
+
+    def observation(self, state: State) -> Observation:
+        """What the learner sees: an array of worlds × …, or a dict of such. Default: the planes of all sensors, worlds ×
+        planes × rows × columns, as those of Env and VectorEnv."""
+        return planes(state)
+
+    def metrics(self, state: State) -> Mapping[str, Array]:
+        """Values of the end of an episode, by name, each (worlds,)."""
+        return {}
+
+    # ---- environments
+
+    def make_vec(self, num_envs: int = 1, **arguments: Any) -> TaskVectorEnv:
+        """Many worlds; arguments as those of VectorEnv."""
+        return TaskVectorEnv(self, num_envs, **arguments)
+
+    def make(self, **arguments: Any) -> TaskEnv:
+        """One world, or with shm=NAME a live surface."""
+        return TaskEnv(self, **arguments)
+
+    @classmethod
+    def register(cls, id: str) -> None:
+        """Makes gymnasium.make(id) and gymnasium.make_vec(id) work in this process."""
+        gymnasium.register(id, entry_point=lambda **a: cls().make(**a),
+                           vector_entry_point=lambda num_envs=1, **a: cls().make_vec(num_envs, **a))
+
+
+def planes(state: State) -> Array:
+    """The planes of all sensors: worlds × planes × rows × columns."""
+    blocks = [values if values.ndim == 4 else values[:, None] for values in state.sensors.values()]
+    if len(blocks) == 1:
+        return blocks[0]
+    return np.concatenate([np.asarray(block) for block in blocks], axis=1)
+
+
+def _to(arrays: str) -> Any:
+    """The function that gives NumPy's arrays the type that a task wants, without copies."""
+    if arrays == "numpy":
+        return lambda values: values
+    if arrays == "torch":
+        return importlib.import_module("torch").from_numpy
+    if arrays == "jax":
+        return importlib.import_module("jax").numpy.asarray
+    raise ValueError(f"arrays = {arrays!r}: must be 'numpy', 'torch' or 'jax'")
+
+
+def _space(values: NDArray[Any]) -> gymnasium.spaces.Box[Any]:
+    return gymnasium.spaces.Box(-np.inf, np.inf, values.shape[1:], np.float32)
+
+
+class _Judge:
+    """The functions of a task, their results checked."""
+
+    def __init__(self, task: Task, worlds: int):
+        self.task, self.worlds, self._to = task, worlds, _to(task.arrays)
+        self.scene = dict(experiment=task.script, source=None)
+        if (task.script is None) == (task.scene is None):
+            raise ValueError(f"{type(task).__name__}: give either script, a path, or scene, the text of a script")
+        if task.scene is not None:
+            self.scene = dict(experiment=f"{type(task).__name__}.lua", source=task.scene)
+        self.ranges = {name: _goal_range(name, given) for name, given in task.goals.items()}
+        self.goals = {name: np.zeros((worlds, *low.shape)) for name, (low, _) in self.ranges.items()}
+
+    def draw_goals(self, seeds: NDArray[Any], mask: Flags) -> None:
+        """New goals for the worlds of the mask, from the seeds of their episodes."""
+        which = np.flatnonzero(mask)
+        for name, (low, high) in self.ranges.items():
+            if which.size:
+                shares = _core.draw_uniform([int(s) for s in seeds[which]], f"goal {name}", max(low.size, 1))
+                self.goals[name][which] = low + (high - low) * shares.reshape(len(which), *low.shape)
+
+    def state(self, sensors: dict[str, FloatArray], actions: dict[str, FloatArray], time: Numbers, ticks: NDArray[Any],
+              period: float, objects: dict[str, FloatArray] | None, labels: Sequence[str], info: Info) -> State:
+        def readable(values: Mapping[str, NDArray[Any]]) -> dict[str, Array]:
+            out = {}
+            for name, array in values.items():
+                out[name] = array.view()
+                out[name].flags.writeable = self.task.arrays == "torch"  # which has no arrays that are read-only
+            return {name: self._to(array) for name, array in out.items()}
+        return State(readable(sensors), readable(actions), readable(self.goals), self._to(time), self._to(ticks), period,
+                     None if objects is None else readable(objects), labels, readable(info), self._to)
+
+    def flags(self, name: str, values: Array) -> Flags:
+        return self._each(name, np.asarray(values, np.bool_))
+
+    def numbers(self, name: str, values: Array) -> Numbers:
+        return self._each(name, real_array(name, np.asarray(values)).astype(np.float64))
+
+    def _each(self, name: str, array: NDArray[Any]) -> NDArray[Any]:
+        if array.shape not in ((), (self.worlds,)):
+            raise ValueError(f"{type(self.task).__name__}.{name} returned an array of shape {array.shape}: must be one value per "
+                             f"world, ({self.worlds},)")
+        return np.broadcast_to(array, (self.worlds,)).copy()
+
+    def observation(self, state: State) -> Any:
+        def checked(name: str, values: Array) -> FloatArray:
+            array = np.array(real_array(name, np.asarray(values)), np.float32)
+            if array.ndim < 1 or array.shape[0] != self.worlds:
+                raise ValueError(f"{type(self.task).__name__}.{name} has shape {array.shape}: must be ({self.worlds}, …), "
+                                 "worlds first")
+            return array
+        given = self.task.observation(state)
+        if isinstance(given, Mapping):
+            return {str(name): checked(f"observation['{name}']", values) for name, values in given.items()}
+        return checked("observation", given)
+
+    def space(self, observation: Any, of_planes: gymnasium.Space[Any]) -> gymnasium.Space[Any]:
+        """Of one world. The planes have the limits of their channels."""
+        if isinstance(observation, dict):
+            return gymnasium.spaces.Dict({name: _space(values) for name, values in observation.items()})
+        return of_planes if type(self.task).observation is Task.observation else _space(observation)
+
+
+def _goal_range(name: str, given: Any) -> tuple[Numbers, Numbers]:
+    if not isinstance(given, (tuple, list)) or len(given) != 2:
+        raise ValueError(f"goals: {name} = {given!r}: must be (low, high)")
+    shape = np.broadcast_shapes(*(real_array(f"goals: {name}", end).shape for end in given))
+    return _parameters.limits(f"goals: {name}", given, shape, False)
+
+
+class TaskVectorEnv(VectorEnv):
+    """A task in many worlds; made by Task.make_vec(). Arguments as those of VectorEnv, of which `set` adds to the task's.
+
+    Rewards are the task's plus those of the script; episodes end when either says so. A world that fails is ended as
+    VectorEnv does it. `infos` has the goals besides the values of info{}.
+    """
+
+    def __init__(self, task: Task, num_envs: int = 1, *, set: Any = None,
+                 autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP, **arguments: Any):
+        self.task = task
+        self._judge = _Judge(task, num_envs)
+        arguments = {**self._judge.scene, **{k: v for k, v in arguments.items() if k not in self._judge.scene}}
+        options = set if isinstance(set, Sequence) else {**task.set, **(set or {})}
+        self._resets_itself = AutoresetMode(autoreset_mode) == AutoresetMode.SAME_STEP
+        # The batch itself resets with NEXT_STEP only: a task's end of an episode follows its step.
+        super().__init__(num_envs=num_envs, set=options, autoreset_mode=AutoresetMode.DISABLED if self._resets_itself
+                         else autoreset_mode, **arguments)
+        self.metadata["autoreset_mode"] = AutoresetMode(autoreset_mode)
+        self._arguments = {**self._arguments, "autoreset_mode": AutoresetMode(autoreset_mode)}
+        self._arguments["task"] = task
+        self._time = np.zeros(num_envs)
+        self._over = np.zeros(num_envs, np.bool_)
+        self._object_states = np.zeros((num_envs, self._batch.object_count, 13), np.float32)
+        self._bind(self._object_states, self._time)
+        self._limit = (None if task.episode_seconds is None
+                       else int(np.ceil(task.episode_seconds / self.period - 1e-9)))
+        for name, values in task.parameters.items():
+            self.set_parameter(name, values)
+        VectorEnv.randomise(self, task.randomise)
+        self._actions = np.zeros((num_envs, len(self.actuator_channels), self.rows, self.columns), np.float32)
+        self._safe = np.array([channel.safe for channel in self.actuator_channels], np.float32)[:, None, None]
+        self._restart(self._seeds(arguments.get("seed")), np.ones(num_envs, np.bool_))
+        observation = self._judge.observation(self.state())
+        self.single_observation_space = self._judge.space(observation, self.single_observation_space)
+        self.observation_space = batch_space(self.single_observation_space, num_envs)
+
+    def _restart(self, seeds: list[int], mask: Flags) -> None:
+        self._batch.reset(seeds, mask.astype(np.uint8).tolist())
+        self._begin(mask)
+
+    def _begin(self, mask: Flags) -> None:
+        """After the reset of some worlds."""
+        self._judge.draw_goals(self._fields["seed"], mask)
+        self._actions[mask] = self._safe
+        self._over[mask] = False
+
+    def state(self) -> State:
+        """The state of all worlds."""
+        def by_channel(of: Sequence[Channel], values: FloatArray) -> dict[str, FloatArray]:
+            return {name: plane.swapaxes(0, 1) if plane.ndim == 4 else plane
+                    for name, plane in views(values.swapaxes(0, 1), of).items()}
+        own = ("seed", "success", "nonfinite_actions")
+        return self._judge.state(by_channel(self.sensor_channels, self._observations),
+                                 by_channel(self.actuator_channels, self._actions), self._time,
+                                 np.rint(self._time / self.period).astype(np.int64), self.period, self.objects,
+                                 self._description["objects"],
+                                 {name: values for name, values in self._fields.items() if name not in own})
+
+    def _task_infos(self) -> Info:
+        infos = {name: values.copy() for name, values in self._fields.items()}
+        infos.update({name: values.copy() for name, values in self._judge.goals.items() if name not in infos})
+        return infos
+
+    def reset(self, *, seed: int | list[int | None] | None = None,
+              options: dict[str, Any] | None = None) -> tuple[Any, Info]:
+        if seed is None or isinstance(seed, (int, np.integer)):
+            gymnasium.vector.VectorEnv.reset(self, seed=seed if seed is None else int(seed))
+        given = checked_options(options, "reset_mask")
+        mask = np.ones(self.num_envs, np.bool_)
+        if "reset_mask" in given:
+            mask = np.asarray(given["reset_mask"])
+            if mask.shape != (self.num_envs,) or mask.dtype != np.bool_ or not mask.any():
+                raise ValueError("options['reset_mask'] must be an array of bool, one per world, with one True")
+        self._restart(self._seeds(seed), mask)
+        return self._judge.observation(self.state()), _of_worlds(self._task_infos(), mask)
+
+    def step(self, actions: ArrayLike | None = None) -> Any:
+        given: Any = actions
+        fresh = self._over & (not self._resets_itself) & (self.metadata["autoreset_mode"] != AutoresetMode.DISABLED)
+        self._advance(given)
+        script_over = self._terminated | self._truncated
+        self._actions[...] = np.asarray(given, np.float32)
+        if fresh.any():
+            self._begin(fresh)
+        failed = np.isnan(self._rewards)
+        runs = ~fresh & ~failed
+        state = self.state()
+        success = self._judge.flags("success", self.task.success(state)) & runs
+        rewards = np.where(runs, self._rewards + self._judge.numbers("reward", self.task.reward(state)), self._rewards)
+        terminated = self._terminated | success | (self._judge.flags("failure", self.task.failure(state)) & runs)
+        truncated = self._truncated.copy()
+        if self._limit is not None:
+            truncated |= runs & (np.rint(self._time / self.period) >= self._limit)
+        self._fields["success"][...] |= success
+        over = terminated | truncated
+        ends = over & ~script_over
+        if ends.any():
+            self._batch.end_episodes(ends.astype(np.uint8).tolist())
+        observation, infos = self._judge.observation(state), self._task_infos()
+        infos.update({"_" + name: np.ones(self.num_envs, np.bool_) for name in list(infos)})
+        final: Info = {}
+        if over.any():
+            final = _of_worlds(self._task_infos(), over) if self._resets_itself else infos
+            self._add_metrics(final, state, over)
+        self._over = over.copy()
+        if self._resets_itself and over.any():
+            last = observation
+            seeds = [_core.next_seed(int(s)) for s in self._fields["seed"]]
+            self._restart(seeds, over)
+            observation, infos = self._judge.observation(self.state()), self._task_infos()
+            infos.update({"_" + name: np.ones(self.num_envs, np.bool_) for name in list(infos)})
+            final_obs = np.full(self.num_envs, None, object)
+            for i in np.flatnonzero(over):
+                final_obs[i] = {name: values[i] for name, values in last.items()} if isinstance(last, dict) else last[i]
+            infos.update(final_obs=final_obs, _final_obs=over.copy(), final_info=final, _final_info=over.copy())
+        return observation, rewards, terminated, truncated, infos
+
+    def _add_metrics(self, infos: Info, state: State, over: Flags) -> None:
+        own = {name: self._judge.numbers(f"metrics['{name}']", values)
+               for name, values in self.task.metrics(state).items()}
+        for i in np.flatnonzero(over):
+            error = self._batch.error(int(i))
+            if error and self._strict:
+                raise _core.Error(f"world {i}: {error}")
+            metrics = {**self._batch.final_metrics(int(i)), **{name: float(values[i]) for name, values in own.items()}}
+            self._add_info(infos, {"error": error} if error else {"metrics": metrics}, int(i))
+
+    def restore(self, world: int, state: bytes) -> Any:
+        """As VectorEnv.restore(); the goals are those of the state's seed."""
+        super().restore(world, state)
+        mask = np.arange(self.num_envs) == world
+        self._begin(mask)
+        observation = self._judge.observation(self.state())
+        return ({name: values[world] for name, values in observation.items()} if isinstance(observation, dict)
+                else observation[world])
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        function, (cls, arguments, *rest) = super().__reduce__()
+        arguments = {k: v for k, v in arguments.items() if k not in ("experiment", "source")}
+        goals = {name: values.copy() for name, values in self._judge.goals.items()}
+        return _unpickled_task, (function, cls, arguments, rest, goals, self._actions.copy(), self._over.copy(),
+                                 self._time.copy())
+
+
+def _unpickled_task(function: Any, cls: Any, arguments: Info, rest: Any, goals: dict[str, Numbers], actions: FloatArray,
+                    over: Flags, time: Numbers) -> TaskVectorEnv:
+    envs: TaskVectorEnv = function(cls, arguments, *rest)
+    envs._judge.goals.update(goals)
+    envs._actions[...], envs._over, envs._time[...] = actions, over, time
+    if not envs._resets_itself:
+        envs._batch.end_episodes(over.astype(np.uint8).tolist())
+    return envs
+
+
+class TaskEnv(gymnasium.Env[Any, ArrayLike]):
+    """A task in one world, or on a live surface (shm=NAME), made by Task.make().
+
+    Observations are those of TaskVectorEnv without the first axis, in both. A live surface has no states of objects and no
+    info{}: functions that use them raise ValueError. Its reset takes no seed and draws new goals.
+    """
+    metadata = {"render_modes": ["rgb_array"], "render_fps": 60}
+
+    def __init__(self, task: Task, *, shm: str | None = None, timeout: float = 30.0, render_mode: str | None = None,
+                 **arguments: Any):
+        self.task, self.render_mode = task, render_mode
+        self._live: Any = None
+        if shm is None:
+            self._envs = TaskVectorEnv(task, 1, autoreset_mode=AutoresetMode.DISABLED, render_mode=render_mode, **arguments)
+            self.observation_space = self._envs.single_observation_space
+            self.action_space = self._envs.single_action_space
+            self.metadata = {**self.metadata, "render_fps": round(1 / self._envs.period)}
+            return
+        from ._live import LiveSurface
+        if arguments or render_mode is not None:
+            raise ValueError(f"{', '.join(arguments) or 'render_mode'}: a live surface has no such argument")
+        self._live, self._judge = LiveSurface(shm, timeout), _Judge(task, 1)
+        self._limit = None if task.episode_seconds is None else int(np.ceil(task.episode_seconds / self._live.period - 1e-9))
+        self._start = self._live.tick
+        self._judge.draw_goals(np.zeros(1, np.int64), np.ones(1, np.bool_))
+        self.observation_space = self._judge.space(self._judge.observation(self._live_state()), box(
+            self._live.sensor_channels, self._live.rows, self._live.columns))
+        self.action_space = box(self._live.actuator_channels, self._live.rows, self._live.columns)
+
+    def _live_state(self) -> State:
+        s = self._live
+        ticks = np.array([s.tick - self._start])
+        return self._judge.state({name: values[None] for name, values in s.sensors.items()},
+                                 {name: values[None] for name, values in s.actuators.items()},
+                                 ticks * s.period, ticks, s.period, None, (), {})
+
+    def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Any, Info]:
+        super().reset(seed=seed)
+        checked_options(options)
+        if self._live is None:
+            drawn = int(self.np_random.integers(2**31)) if seed is None else seed
+            observation, infos = self._envs.reset(seed=[drawn])
+            return _first(observation), _first_infos(infos)
+        self._live.reset(seed)
+        self._start = self._live.tick
+        self._judge.draw_goals(self.np_random.integers(2**31, size=1), np.ones(1, np.bool_))
+        return _first(self._judge.observation(self._live_state())), self._live_info()
+
+    def _live_info(self) -> Info:
+        return {**self._live.info, **{name: values[0] for name, values in self._judge.goals.items()}}
+
+    def step(self, action: ArrayLike) -> tuple[Any, float, bool, bool, Info]:
+        if self._live is None:
+            observation, rewards, terminated, truncated, infos = self._envs.step(np.asarray(action)[None])
+            if "error" in infos:
+                raise _core.Error(str(infos["error"][0]))
+            return _first(observation), float(rewards[0]), bool(terminated[0]), bool(truncated[0]), _first_infos(infos)
+        self._live._targets[...] = np.asarray(action, np.float32)
+        _, closed, _ = self._live.step()
+        state = self._live_state()
+        success = bool(self._judge.flags("success", self.task.success(state))[0])
+        failure = bool(self._judge.flags("failure", self.task.failure(state))[0])
+        reward = float(self._judge.numbers("reward", self.task.reward(state))[0])
+        truncated = self._limit is not None and self._live.tick - self._start >= self._limit
+        info = {**self._live_info(), "success": success}
+        if success or failure or truncated or closed:
+            info["metrics"] = {name: float(np.asarray(values).reshape(-1)[0])
+                               for name, values in self.task.metrics(state).items()}
+        return _first(self._judge.observation(state)), reward, success or failure or closed, truncated, info
+
+    @property
+    def worlds(self) -> TaskVectorEnv:
+        """The vector environment of one world that computes this one: its parameters, objects and pushes."""
+        return self._envs
+
+    def render(self) -> Any:
+        pictures = None if self._live is not None else self._envs.render()
+        return pictures[0] if pictures else None
+
+    def close(self) -> None:
+        if self._live is not None:
+            self._live.close()
+        else:
+            self._envs.close()
+        self._live = Closed()
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        if self._live is not None:
+            raise TypeError("an environment of a live surface cannot be pickled: attach where the surface is needed")
+        return _unpickled_env, (copy.copy(self.__dict__),)
+
+
+def _unpickled_env(members: dict[str, Any]) -> TaskEnv:
+    env = TaskEnv.__new__(TaskEnv)
+    env.__dict__.update(members)
+    return env
+
+
+def _first(observation: Any) -> Any:
+    return {name: values[0] for name, values in observation.items()} if isinstance(observation, dict) else observation[0]
+
+
+def _first_infos(infos: Info) -> Info:
+    out: Info = {}
+    for name, values in infos.items():
+        if name.startswith("_"):
+            continue
+        if isinstance(values, dict):
+            out[name] = _first_infos(values)
+        else:
+            out[name] = values[0].item() if values[0].ndim == 0 and hasattr(values[0], "item") else values[0]
+    return out

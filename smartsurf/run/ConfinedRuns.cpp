@@ -1,0 +1,281 @@
+#include "smartsurf/run/ConfinedRuns.h"
+
+#include <fmt/format.h>
+#include <shm_protocol/SurfaceName.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <csignal>
+#include <filesystem>
+#include <optional>
+#include <stdexcept>
+#include <system_error>
+#include <utility>
+
+#include "common/confine/OutputServices.h"
+#include "common/files/AtomicFile.h"
+#include "smartsurf/record/OpenRecorder.h"
+#include "smartsurf/run/OutputFile.h"
+#include "smartsurf/run/SurfaceLink.h"
+#include "smartsurf/run/output/MediaWriter.h"
+#include "smartsurf/scene/KindRegistry.h"
+
+namespace smartsurf::run {
+namespace {
+
+namespace fs = std::filesystem;
+
+// The services of a run; those of the outputs come first.
+enum RunService : std::size_t {
+  kPutInPlace,
+  kRemoveSegment,
+  kStartController,
+  kControllerStatus,
+  kTerminateController,
+  kKillController,
+  kRunServices
+};
+constexpr int kStillRuns = -1;
+// Somebody has killed the broker, which takes its controller along.
+constexpr int kLostWithBroker = 128 + SIGKILL;
+
+// Why these runs cannot be confined; empty if they can.
+std::string reason_for_freedom(const RunOptions& options) {
+  if (options.unsafe) return "with --unsafe";
+  if (options.allow_extensions) return "with --allow-extensions";
+  if (!scene::loaded_extensions().empty()) return "with --load";
+  if (options.window) return "with --window";
+  return "";
+}
+
+}  // namespace
+
+struct ConfinedRuns::Prepared {
+  struct OneRun {
+    RunOptions options;
+    std::shared_ptr<shm_protocol::SurfaceName> surface_name;  // null with --no-controller
+    std::unique_ptr<common::VideoEncoder> video;
+  };
+  std::vector<OneRun> runs;
+  std::vector<common::PreparedOutput> outputs;
+  std::vector<fs::path> script_folders, created_folders;
+  common::Confinement confinement;
+
+  // Removes what was created and got no name. Called where the rights to do so are.
+  void clean() noexcept {
+    common::remove_unnamed(outputs);
+    for (const fs::path& folder : created_folders) ::rmdir(folder.c_str());
+  }
+
+  void prepare(const RunOptions& options);
+  void prepare_script_folder(const fs::path& folder);
+};
+
+void ConfinedRuns::Prepared::prepare_script_folder(const fs::path& folder) {
+  if (::mkdir(folder.c_str(), 0777) == 0) created_folders.push_back(folder);
+  // A link would lead the script's files elsewhere.
+  std::error_code error;
+  if (fs::is_directory(fs::symlink_status(folder, error))) script_folders.push_back(folder);
+}
+
+void ConfinedRuns::Prepared::prepare(const RunOptions& options) {
+  runs.push_back({options, nullptr, nullptr});
+  for (const std::string& file : options.recording_files) outputs.push_back(record::prepare_recording(file));
+  if (!options.recording_files.empty()) prepare_script_folder(script_output_folder(options));
+  if (!options.stats_file.empty()) outputs.push_back(prepare_replaced_file({"--stats", options.stats_file}));
+  for (common::PreparedOutput& output : prepare_media(options.screenshots, options.video_file))
+    outputs.push_back(std::move(output));
+  runs.back().video = start_video(options.video_file, options.render);
+  if (!options.no_controller) runs.back().surface_name = reserve_name(segment_name(options));
+}
+
+std::unique_ptr<ConfinedRuns> ConfinedRuns::confine(std::span<RunOptions> runs,
+                                                    const std::vector<common::NamedOutput>& others) {
+  if (common::confinement_mode() == common::ConfinementMode::kOff) return nullptr;
+  if (const std::string reason = reason_for_freedom(runs.front()); !reason.empty()) {
+    common::leave_unconfined(reason);
+    return nullptr;
+  }
+  return std::unique_ptr<ConfinedRuns>(new ConfinedRuns(runs, others));
+}
+
+ConfinedRuns::ConfinedRuns(std::span<RunOptions> runs, const std::vector<common::NamedOutput>& others)
+    : prepared_(std::make_unique<Prepared>()) {
+  common::Confinement& confinement = prepared_->confinement;
+  confinement.calls = common::Confinement::Calls::kSimulator;
+  common::add_system_files(confinement);
+  add_experiment_files(confinement, runs.front().experiment);
+  common::note_input(fs::path(runs.front().experiment));
+  std::vector<common::NamedOutput> named = others;
+  for (const RunOptions& options : runs) {
+    if (is_apron_program(options.controller)) {
+      common::note_input(fs::path(options.controller));
+      confinement.read.emplace_back(options.controller);
+    }
+    for (common::NamedOutput& output : named_outputs(options)) named.push_back(std::move(output));
+  }
+  common::require_separate_outputs(named);
+  {
+    const common::SignalsDeferred deferred;
+    try {
+      for (const RunOptions& options : runs) prepared_->prepare(options);
+      for (const common::NamedOutput& output : others)
+        prepared_->outputs.push_back(prepare_replaced_file(output));
+      if (needs_broker()) start_broker();
+    } catch (...) {
+      prepared_->clean();
+      throw;
+    }
+  }
+  common::add_outputs(confinement, prepared_->outputs);
+  for (const fs::path& folder : prepared_->script_folders) confinement.write_folders.push_back(folder);
+  // The segment's file, and the process table, which tells whether a controller without a lock lives.
+  for (const Prepared::OneRun& run : prepared_->runs) {
+    if (run.surface_name) {
+      confinement.write.emplace_back(run.surface_name->file());
+      confinement.read.emplace_back("/proc");
+    }
+    if (!run.options.screenshots.empty() || run.video) {
+      confinement.calls = common::Confinement::Calls::kPictures;
+      common::add_picture_files(confinement);
+    }
+  }
+  if (!others.empty()) common::add_picture_files(confinement);  // reports have figures
+  common::confine(confinement);
+  for (std::size_t i = 0; i < runs.size(); ++i) {
+    runs[i].confined = this;
+    runs[i].confined_number = i;
+  }
+}
+
+bool ConfinedRuns::needs_broker() const {
+  return !prepared_->outputs.empty() || !prepared_->created_folders.empty() ||
+         std::ranges::any_of(prepared_->runs, [](const auto& run) { return run.surface_name != nullptr; });
+}
+
+// The services run in the forked broker, on its copy of what is prepared.
+void ConfinedRuns::start_broker() {
+  std::vector<common::Broker::Service> services = common::output_services(prepared_->outputs);
+  auto controllers =
+      std::make_shared<std::vector<std::unique_ptr<ControllerProcess>>>(prepared_->runs.size());
+  for (std::size_t i = 0; i < prepared_->runs.size(); ++i) {
+    Prepared::OneRun& run = prepared_->runs[i];
+    const auto signal = [controllers, i](int number) {
+      if (auto& controller = (*controllers)[i]) controller->send_signal(number);
+      return 0;
+    };
+    services.emplace_back([&run] {
+      if (run.surface_name) run.surface_name->put_in_place();
+      return 0;
+    });
+    services.emplace_back([&run] {
+      if (run.surface_name) run.surface_name->remove();
+      return 0;
+    });
+    services.emplace_back([controllers, i, &run] {
+      (*controllers)[i] = std::make_unique<ControllerProcess>(
+          run.options.controller, run.surface_name->name(), false, run.options.controller_overrides);
+      return 0;
+    });
+    services.emplace_back([controllers, i] {
+      auto& controller = (*controllers)[i];
+      return controller ? controller->exit_status().value_or(kStillRuns) : 0;
+    });
+    services.emplace_back([signal] { return signal(SIGTERM); });
+    services.emplace_back([signal] { return signal(SIGKILL); });
+  }
+  Prepared* const prepared = prepared_.get();
+  broker_ = std::make_unique<common::Broker>(std::move(services), [prepared, controllers](bool ordered) {
+    for (const Prepared::OneRun& run : prepared->runs)
+      if (ordered && run.surface_name) run.surface_name->remove();
+    controllers->clear();
+    for (const Prepared::OneRun& run : prepared->runs)
+      if (run.surface_name) ::unlink(run.surface_name->file().c_str());
+    prepared->clean();
+  });
+  common::use_outputs_of(*broker_, prepared->outputs);
+}
+
+ConfinedRuns::~ConfinedRuns() {
+  common::use_prepared_outputs({}, {});
+  broker_.reset();
+}
+
+std::size_t ConfinedRuns::first_service_of(std::size_t run) const {
+  return common::output_services(prepared_->outputs).size() + run * kRunServices;
+}
+
+std::shared_ptr<shm_protocol::SurfaceName> ConfinedRuns::surface_name(std::size_t run) const {
+  const auto& name = prepared_->runs[run].surface_name;
+  const std::size_t first = first_service_of(run);
+  if (name)
+    name->delegate([broker = broker_.get(), first] { broker->ask(first + kPutInPlace); },
+                   [broker = broker_.get(), first] { broker->ask(first + kRemoveSegment); });
+  return name;
+}
+
+std::unique_ptr<common::VideoEncoder> ConfinedRuns::take_video(std::size_t run) {
+  return std::move(prepared_->runs[run].video);
+}
+
+std::unique_ptr<ControllerProcess> ConfinedRuns::start_controller(std::size_t run) {
+  const std::size_t first = first_service_of(run);
+  common::Broker* const broker = broker_.get();
+  return std::make_unique<ControllerProcess>(ControllerProcess::Remote{
+      [broker, first] { broker->ask(first + kStartController); },
+      [broker, first]() -> std::optional<int> {
+        try {
+          const int status = broker->ask(first + kControllerStatus);
+          return status == kStillRuns ? std::nullopt : std::optional(status);
+        } catch (const std::runtime_error&) {
+          return kLostWithBroker;
+        }
+      },
+      [broker, first](int signal) {
+        try {
+          broker->ask(first + (signal == SIGKILL ? kKillController : kTerminateController));
+        } catch (const std::runtime_error&) {
+        }
+      }});
+}
+
+void add_experiment_files(common::Confinement& confinement, const std::string& experiment) {
+  std::error_code error;
+  const fs::path path = fs::absolute(experiment, error);
+  confinement.read.push_back(path);
+  confinement.read.push_back(path.parent_path());
+}
+
+void confine_to_experiment(const std::string& experiment, bool allow_extensions) {
+  RunOptions options;
+  options.allow_extensions = allow_extensions;
+  if (const std::string reason = reason_for_freedom(options); !reason.empty()) {
+    common::leave_unconfined(reason);
+    return;
+  }
+  common::Confinement confinement;
+  confinement.calls = common::Confinement::Calls::kSimulator;
+  common::add_system_files(confinement);
+  add_experiment_files(confinement, experiment);
+  common::confine(confinement);
+}
+
+common::PreparedOutput prepare_replaced_file(const common::NamedOutput& output) {
+  require_writable(output.flag, output.file.string());
+  return common::prepare_output(output.flag + " " + output.file.string(), output.file,
+                                common::part_of(output.file));
+}
+
+std::vector<common::PreparedOutput> prepare_media(std::span<const Screenshot> screenshots,
+                                                  const std::string& video_file) {
+  std::vector<common::PreparedOutput> outputs;
+  for (const Screenshot& screenshot : screenshots)
+    outputs.push_back(prepare_replaced_file({"--screenshot", screenshot.file}));
+  if (!video_file.empty())  // the encoder creates its file
+    outputs.push_back(
+        {.name = video_file, .part = common::VideoEncoder::part_of(video_file), .created = true});
+  return outputs;
+}
+
+}  // namespace smartsurf::run

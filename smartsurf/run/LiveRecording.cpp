@@ -1,0 +1,308 @@
+#include "smartsurf/run/LiveRecording.h"
+
+#include <fmt/format.h>
+#include <shm_protocol/ObserverEndpoint.h>
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <memory>
+#include <thread>
+#include <vector>
+
+#include "common/process/ExitStatus.h"
+#include "common/process/StopSignals.h"
+#include "common/text/Printable.h"
+#include "smartsurf/record/OpenRecorder.h"
+#include "smartsurf/record/Recorder.h"
+
+namespace smartsurf::run {
+namespace {
+
+using shm_protocol::ChannelSpec;
+using shm_protocol::Description;
+using shm_protocol::Direction;
+using shm_protocol::ObserverEndpoint;
+using shm_protocol::Status;
+using std::chrono::steady_clock;
+
+constexpr std::uint64_t kUnknown = std::numeric_limits<std::uint64_t>::max();
+
+std::uint64_t host_ns() {
+  const auto since = std::chrono::system_clock::now().time_since_epoch();
+  return static_cast<std::uint64_t>(std::chrono::duration_cast<std::chrono::nanoseconds>(since).count());
+}
+
+// The scene that a live surface stands for: its cells and the range of its heights, and no objects.
+scene::SceneSpec scene_of(const Description& d) {
+  scene::SceneSpec spec;
+  spec.surface.rows = static_cast<int>(d.rows);
+  spec.surface.columns = static_cast<int>(d.columns);
+  spec.surface.pitch = d.pitch;
+  scene::PinSpec& pin = spec.surface.pin;
+  pin.top_x = pin.top_y = d.pitch;
+  if (const int height = d.channel(Direction::kActuator, "height"); height >= 0) {
+    pin.min_height = d.channels[height].minimum;
+    pin.max_height = d.channels[height].maximum;
+  }
+  for (const auto& [x, y, z] : d.positions)
+    spec.surface.cell_poses.push_back({static_cast<double>(x), static_cast<double>(y), 0.0});
+  spec.world.control_period_s = spec.world.dt_s = static_cast<double>(d.period_ns) * 1e-9;
+  spec.record.objects = false;
+  spec.record.sensors = spec.record.actuators = true;
+  return spec;
+}
+
+record::RunMetadata metadata_of(const Description& d, const LiveRecordingOptions& options) {
+  record::RunMetadata meta;
+  meta.command_line = options.command_line;
+  meta.mode = d.mode == shm_protocol::Mode::kPassive ? "passive" : "time-step";
+  meta.driver = "controller";
+  meta.declares_success = false;
+  for (const ChannelSpec& c : d.channels)
+    meta.live_channels.push_back({c.name, c.direction == Direction::kSensor, c.unit, c.minimum, c.maximum});
+  return meta;
+}
+
+// The channels of one direction as plain numbers.
+class Planes {
+ public:
+  Planes(const Description& d, Direction direction) : description_(d), direction_(direction) {
+    for (int i = 0; i < std::ssize(d.channels); ++i) {
+      const ChannelSpec& c = d.channels[i];
+      if (c.direction != direction) continue;
+      channels_.push_back(i);
+      values_.emplace_back(d.cells() * c.components, static_cast<float>(c.safe));
+    }
+    for (std::size_t i = 0; i < channels_.size(); ++i) {
+      const ChannelSpec& c = d.channels[channels_[i]];
+      data_.push_back({c.name, static_cast<int>(d.rows), static_cast<int>(d.columns),
+                       static_cast<int>(c.components), values_[i]});
+    }
+  }
+  void copy(const ObserverEndpoint& observer) {
+    for (std::size_t i = 0; i < channels_.size(); ++i)
+      shm_protocol::with_element_type(description_.channels[channels_[i]].dtype, [&]<class T>(T) {
+        std::ranges::transform(observer.array<T>(channels_[i]), values_[i].begin(),
+                               [](T value) { return static_cast<float>(value); });
+      });
+  }
+  const std::vector<scene::ChannelData>& data() const { return data_; }
+  std::span<const float> find(std::string_view name) const {
+    const auto at = std::ranges::find(data_, name, &scene::ChannelData::name);
+    return at == data_.end() ? std::span<const float>() : at->values;
+  }
+
+ private:
+  const Description& description_;
+  Direction direction_;
+  std::vector<int> channels_;
+  std::vector<std::vector<float>> values_;
+  std::vector<scene::ChannelData> data_;
+};
+
+// What a bridge publishes of its boards, as a surface of its own with one row.
+class Boards {
+ public:
+  explicit Boards(const std::string& surface) {
+    try {
+      observer_.emplace(
+          ObserverEndpoint::attach(surface + ".boards", {.timeout = std::chrono::milliseconds(0)}));
+    } catch (const shm_protocol::Error&) {
+      return;  // the surface is no table of boards
+    }
+    const Description& d = observer_->description();
+    for (const char* name : {"tick", "device_us", "offset_us", "age", "valid"})
+      if (d.channel(Direction::kSensor, name) < 0) {
+        observer_.reset();
+        return;
+      }
+    for (auto& words : words_) words.resize(d.cells());
+    offset_us_.resize(d.cells());
+  }
+  // Reads the state at that tick. Without it, all is unknown.
+  void read(std::uint64_t tick) {
+    if (!observer_) return;
+    while (observer_->info(Direction::kSensor).frame == 0 || observer_->info(Direction::kSensor).tick < tick)
+      if (observer_->next(Direction::kSensor) != Status::kOk) break;
+    const bool known =
+        observer_->info(Direction::kSensor).frame != 0 && observer_->info(Direction::kSensor).tick == tick;
+    const Description& d = observer_->description();
+    constexpr const char* kWords[] = {"tick", "device_us", "age", "valid"};
+    for (std::size_t i = 0; i < words_.size(); ++i) {
+      const auto from = observer_->array<std::uint32_t>(d.channel(Direction::kSensor, kWords[i]));
+      std::ranges::transform(from, words_[i].begin(), [&](std::uint32_t w) { return known ? w : kUnknown; });
+    }
+    const auto offset = observer_->array<float>(d.channel(Direction::kSensor, "offset_us"));
+    std::ranges::transform(offset, offset_us_.begin(),
+                           [&](float us) { return known ? us : std::numeric_limits<float>::quiet_NaN(); });
+  }
+  void append(std::vector<record::LiveRow>& rows) const {
+    if (!observer_) return;
+    rows.push_back({"boards", "tick", words_[0], {}});
+    rows.push_back({"boards", "device_us", words_[1], {}});
+    rows.push_back({"boards", "offset_us", {}, offset_us_});
+    rows.push_back({"boards", "age", words_[2], {}});
+    rows.push_back({"boards", "valid", words_[3], {}});
+  }
+
+ private:
+  std::optional<ObserverEndpoint> observer_;
+  std::array<std::vector<std::uint64_t>, 4> words_;
+  std::vector<float> offset_us_;
+};
+
+class LiveRecording {
+ public:
+  explicit LiveRecording(const LiveRecordingOptions& options, ObserverEndpoint observer)
+      : options_(options),
+        observer_(std::move(observer)),
+        spec_(scene_of(observer_.description())),
+        sensors_(observer_.description(), Direction::kSensor),
+        actuators_(observer_.description(), Direction::kActuator),
+        boards_(options.surface),
+        recorder_(record::open_recorder(options.file, metadata_of(observer_.description(), options), spec_)) {
+    snapshot_.height.assign(static_cast<std::size_t>(spec_.surface.cell_count()), 0.0F);
+    const auto period = std::chrono::nanoseconds(observer_.description().period_ns);
+    poll_ = std::clamp<std::chrono::nanoseconds>(period / 20, std::chrono::microseconds(100),
+                                                 std::chrono::milliseconds(1));
+  }
+
+  int run() {
+    Status end = Status::kOk;
+    auto last = steady_clock::now();
+    bool flushed = true;
+    while (!common::stop_flag() && !(options_.frames && frames_ >= *options_.frames)) {
+      const Status sensed = observer_.next(Direction::kSensor);
+      if (sensed == Status::kOk) {
+        finish_frame();
+        if (options_.frames && frames_ >= *options_.frames) break;
+        begin_frame();
+        last = steady_clock::now();
+        flushed = false;
+      }
+      follow_answers();
+      if (sensed == Status::kOk) continue;
+      if (sensed != Status::kRepeated && sensed != Status::kTorn) {
+        end = sensed;
+        break;
+      }
+      if (!flushed && steady_clock::now() - last > record::kMaxFlushInterval) {
+        finish_frame();
+        recorder_->flush();
+        flushed = true;
+      }
+      std::this_thread::sleep_for(poll_);
+    }
+    finish_frame();
+    return close(end);
+  }
+
+ private:
+  void begin_frame() {
+    const shm_protocol::FrameInfo& info = observer_.info(Direction::kSensor);
+    lost_ = last_frame_ == 0 ? 0 : info.frame - last_frame_ - 1;
+    last_frame_ = info.frame;
+    lost_frames_ += lost_;
+    // A surface that started anew under the same name is another session, and this observer's segment closed.
+    sensors_.copy(observer_);
+    snapshot_.tick = info.tick;
+    snapshot_.time_s = info.time_s;
+    status_ = info.status;
+    seen_ns_ = host_ns();
+    seen_at_ = steady_clock::now();
+    latency_us_ = std::numeric_limits<float>::quiet_NaN();
+    open_ = true;
+  }
+
+  // The newest commands, and how long the answer to the open frame took.
+  void follow_answers() {
+    for (Status s = observer_.next(Direction::kActuator); s == Status::kOk;
+         s = observer_.next(Direction::kActuator)) {
+      const shm_protocol::FrameInfo& info = observer_.info(Direction::kActuator);
+      actuators_.copy(observer_);
+      answered_tick_ = info.tick;
+      if (!open_ || info.answers != last_frame_ || !std::isnan(latency_us_)) continue;
+      latency_us_ = std::chrono::duration<float, std::micro>(steady_clock::now() - seen_at_).count();
+    }
+  }
+
+  void finish_frame() {
+    if (!open_) return;
+    open_ = false;
+    set_heights();
+    boards_.read(snapshot_.tick);
+    const std::uint64_t status = status_;
+    std::vector<record::LiveRow> rows{{"clock", "host_ns", {&seen_ns_, 1}, {}},
+                                      {"answers", "tick", {&answered_tick_, 1}, {}},
+                                      {"answers", "latency_us", {}, {&latency_us_, 1}},
+                                      {"", "status", {&status, 1}, {}},
+                                      {"", "lost", {&lost_, 1}, {}}};
+    boards_.append(rows);
+    recorder_->record_live(rows);
+    recorder_->record_frame(snapshot_, {}, sensors_.data(), actuators_.data());
+    ++frames_;
+    end_s_ = snapshot_.time_s;
+  }
+
+  // Sensed heights if the surface senses them, or else the commanded ones.
+  void set_heights() {
+    std::span<const float> from = sensors_.find("pin_height");
+    if (from.empty()) from = actuators_.find("height");
+    if (from.size() == snapshot_.height.size()) std::ranges::copy(from, snapshot_.height.begin());
+  }
+
+  int close(Status end) {
+    const std::string outcome = end == Status::kSurfaceDead     ? "the surface died"
+                                : end == Status::kSurfaceClosed ? "the surface closed"
+                                : common::stop_flag()           ? "stopped by the user"
+                                                                : "done";
+    recorder_->close({.outcome = outcome, .ticks = frames_ + lost_frames_, .simulated_s = end_s_});
+    common::print_output(fmt::format("frames {} lost {}: {}\n", frames_, lost_frames_, outcome));
+    if (end == Status::kSurfaceDead) {
+      common::print_error_line("smartsurf", "surface '" + options_.surface +
+                                                "' died; what was recorded is in " + options_.file.string());
+      return common::kPeerLost;
+    }
+    return common::status_after_signals(common::kDone);
+  }
+
+  const LiveRecordingOptions& options_;
+  ObserverEndpoint observer_;
+  scene::SceneSpec spec_;
+  Planes sensors_, actuators_;
+  Boards boards_;
+  std::unique_ptr<record::Recorder> recorder_;
+  scene::Snapshot snapshot_;
+  std::chrono::nanoseconds poll_{0};
+  bool open_ = false;  // a sensor frame waits for its answer, or for the next frame
+  std::uint64_t last_frame_ = 0, lost_ = 0, lost_frames_ = 0, frames_ = 0;
+  std::uint64_t status_ = 0, seen_ns_ = 0, answered_tick_ = kUnknown;
+  steady_clock::time_point seen_at_;
+  float latency_us_ = 0;
+  double end_s_ = 0;
+};
+
+}  // namespace
+
+int record_live_surface(const LiveRecordingOptions& options) {
+  common::catch_stop_signals();
+  std::optional<ObserverEndpoint> observer;
+  try {
+    observer.emplace(
+        ObserverEndpoint::attach(options.surface, {.timeout = options.wait, .stop = &common::stop_flag()}));
+  } catch (const shm_protocol::Error& e) {
+    switch (e.code()) {
+      case shm_protocol::ErrorCode::kInterrupted:
+        return common::status_after_signals(common::kDone);
+      case shm_protocol::ErrorCode::kNotFound:
+        common::print_error_line("smartsurf", std::string("record: ") + e.what());
+        return common::kPeerLost;
+      default:
+        throw scene::InputError(std::string("record: ") + e.what());
+    }
+  }
+  return LiveRecording(options, std::move(*observer)).run();
+}
+
+}  // namespace smartsurf::run

@@ -1,0 +1,168 @@
+#include "smartsurf/scene/UnlikelyPlacements.h"
+
+#include <fmt/format.h>
+
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <numeric>
+#include <optional>
+
+#include "smartsurf/scene/SurfaceBounds.h"
+
+namespace smartsurf::scene {
+namespace {
+
+// As shares of the smaller object's smallest edge.
+constexpr double kAllowedDepth = 0.25;
+constexpr int kMaxTests = 1'000'000;  // of pairs: thousands of objects at one place are told soon enough
+
+// What an object certainly contains: a box about the origin (half edges, body frame) or, with half edges of 0
+// across, a segment along z, grown by a radius.
+struct Core {
+  Eigen::Vector3d half;
+  double radius;
+  double smallest_edge() const {
+    const double across = std::min(half.x(), half.y());
+    return 2 * (radius + (across > 0 ? std::min(across, half.z()) : 0.0));
+  }
+};
+
+std::optional<Core> core_of(const ObjectSpec& o) {
+  switch (o.shape) {
+    case ShapeKind::kSphere:
+      return Core{Eigen::Vector3d::Zero(), o.radius};
+    case ShapeKind::kCapsule:
+      return Core{{0, 0, o.height / 2 - o.radius}, o.radius};
+    case ShapeKind::kBox:
+      return Core{o.size / 2, 0};
+    case ShapeKind::kCylinder:
+      return Core{{o.radius / std::sqrt(2.0), o.radius / std::sqrt(2.0), o.height / 2}, 0};
+    case ShapeKind::kCone:
+    case ShapeKind::kSolid:
+      return std::nullopt;
+  }
+  return std::nullopt;
+}
+
+// How far one of two cores must move along an axis until they part; the least over the axes on which boxes
+// and segments part.
+double overlap_depth(const ObjectSpec& a, const Core& core_a, const ObjectSpec& b, const Core& core_b) {
+  const Eigen::Matrix3d axes_a = a.orientation.toRotationMatrix(), axes_b = b.orientation.toRotationMatrix();
+  const Eigen::Vector3d between = b.position - a.position;
+  double least = std::numeric_limits<double>::infinity();
+  const auto test = [&](const Eigen::Vector3d& direction) {
+    const double length = direction.norm();
+    if (length < 1e-9) return;
+    const Eigen::Vector3d axis = direction / length;
+    const double reach = (axes_a.transpose() * axis).cwiseAbs().dot(core_a.half) + core_a.radius +
+                         (axes_b.transpose() * axis).cwiseAbs().dot(core_b.half) + core_b.radius;
+    least = std::min(least, reach - std::abs(between.dot(axis)));
+  };
+  for (int i = 0; i < 3; ++i) {
+    test(axes_a.col(i)), test(axes_b.col(i));
+    for (int k = 0; k < 3; ++k) test(axes_a.col(i).cross(axes_b.col(k)));
+  }
+  // Where a core is round, its closest point to the other one gives the axis.
+  const auto closest = [](const ObjectSpec& from, const Core& core, const Eigen::Vector3d& point) {
+    const Eigen::Vector3d local = from.orientation.conjugate() * (point - from.position);
+    return Eigen::Vector3d(from.position + from.orientation * local.cwiseMax(-core.half).cwiseMin(core.half));
+  };
+  if (core_a.radius > 0 || core_b.radius > 0) {
+    Eigen::Vector3d on_a = a.position, on_b = b.position;
+    for (int round = 0; round < 20; ++round) on_b = closest(b, core_b, on_a), on_a = closest(a, core_a, on_b);
+    test(on_b - on_a);
+  }
+  return least;
+}
+
+std::string name_of(const SceneSpec& scene, std::size_t i) {
+  const ObjectSpec& o = scene.objects[i];
+  return fmt::format("object {}{} at ({:.4g}, {:.4g}, {:.4g})", i,
+                     o.label.empty() ? "" : " '" + o.label + "'", o.position.x(), o.position.y(),
+                     o.position.z());
+}
+
+// The first of several, and how many more.
+struct Mistake {
+  std::string first;
+  int others = 0;
+
+  void add(const std::string& what) {
+    if (first.empty())
+      first = what;
+    else
+      ++others;
+  }
+  void report(std::vector<std::string>& lines) const {
+    if (first.empty()) return;
+    lines.push_back(others == 0 ? first : fmt::format("{}; and {} more", first, others));
+  }
+};
+
+}  // namespace
+
+std::vector<std::string> unlikely_placements(const SceneSpec& scene) {
+  const SurfaceBounds bounds = compute_surface_bounds(scene.surface);
+  const double diagonal = std::hypot(bounds.width(), bounds.height());
+  const double feet = scene.surface.pin.min_height - scene.surface.pin.length;
+  std::vector<bool> may_be_anywhere(scene.objects.size());
+  for (const JointSpec& joint : scene.joints) {
+    may_be_anywhere[joint.a] = true;
+    if (joint.b) may_be_anywhere[*joint.b] = true;
+  }
+  Mistake large, beside, below, inside;
+  for (std::size_t i = 0; i < scene.objects.size(); ++i) {
+    const ObjectSpec& o = scene.objects[i];
+    if (o.fixed || may_be_anywhere[i]) continue;
+    const double radius = o.half_extents().norm();
+    const Eigen::Vector3d& p = o.position;
+    const double dx = std::max({bounds.west - p.x(), 0.0, p.x() - bounds.east}),
+                 dy = std::max({bounds.south - p.y(), 0.0, p.y() - bounds.north});
+    if (o.half_extents().minCoeff() > diagonal)
+      large.add(fmt::format("{} is larger than the table", name_of(scene, i)));
+    else if (std::hypot(dx, dy) > radius && o.velocity.isZero())
+      beside.add(fmt::format("{} is beside the table (x {:.4g} … {:.4g}, y {:.4g} … {:.4g}) and will fall",
+                             name_of(scene, i), bounds.west, bounds.east, bounds.south, bounds.north));
+    else if (p.z() < feet && std::hypot(dx, dy) == 0)
+      below.add(fmt::format("{} is below the cells, whose feet are at z = {:.4g}", name_of(scene, i), feet));
+  }
+  // Sweep along x over the objects' extents.
+  std::vector<std::size_t> order(scene.objects.size());
+  std::iota(order.begin(), order.end(), std::size_t{0});
+  const auto west = [&](std::size_t i) {
+    return scene.objects[i].position.x() - scene.objects[i].half_extents().norm();
+  };
+  std::ranges::sort(order, {}, west);
+  std::vector<std::pair<std::size_t, std::size_t>> overlaps;
+  int tests = 0;
+  for (std::size_t k = 0; k < order.size() && tests < kMaxTests; ++k) {
+    const std::size_t i = order[k];
+    const ObjectSpec& a = scene.objects[i];
+    const std::optional<Core> core_a = core_of(a);
+    if (!core_a || may_be_anywhere[i]) continue;
+    const double reach = a.half_extents().norm();
+    for (std::size_t n = k + 1; n < order.size() && west(order[n]) < a.position.x() + reach; ++n) {
+      ++tests;
+      const std::size_t j = order[n];
+      const ObjectSpec& b = scene.objects[j];
+      if ((a.fixed && b.fixed) || may_be_anywhere[j]) continue;
+      if ((a.position - b.position).norm() > reach + b.half_extents().norm()) continue;
+      const std::optional<Core> core_b = core_of(b);
+      if (!core_b) continue;
+      const double allowed = kAllowedDepth * std::min(core_a->smallest_edge(), core_b->smallest_edge());
+      if (overlap_depth(a, *core_a, b, *core_b) > allowed)
+        overlaps.emplace_back(std::min(i, j), std::max(i, j));
+    }
+  }
+  std::ranges::sort(overlaps);
+  for (const auto& [i, j] : overlaps)
+    inside.add(fmt::format("{} is inside object {}{}: they will be thrown apart", name_of(scene, i), j,
+                           scene.objects[j].label.empty() ? "" : " '" + scene.objects[j].label + "'"));
+  std::vector<std::string> lines;
+  for (const Mistake& mistake : {large, beside, below, inside}) mistake.report(lines);
+  return lines;
+}
+
+}  // namespace smartsurf::scene

@@ -1,0 +1,18 @@
+// Random numbers of episodes outside the script, each a function of the episode's seed and a purpose.
+#pragma once
+
+#include <cstdint>
+#include <span>
+#include <string_view>
+
+namespace smartsurf::simulation {
+
+// The seed of the episode that follows one with that seed. 31 bits: it is easily typed, and exact in any
+// language.
+std::uint64_t next_seed(std::uint64_t seed);
+
+// Uniform in [0, 1). Streams of different seeds or purposes are independent of each other and of the
+// script's.
+void draw_uniform(std::uint64_t seed, std::string_view purpose, std::span<double> numbers);
+
+}  // namespace smartsurf::simulation

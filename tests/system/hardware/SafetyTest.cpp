@@ -1,0 +1,89 @@
+// The pins of an emulated device are safe after 16 periods without the bridge, although its line stays open
+// and nobody reads it: with firmware whose main loop goes on, and with firmware whose main loop hangs in a
+// write.
+#include <fcntl.h>
+#include <gtest/gtest.h>
+#include <shm_protocol/ControllerEndpoint.h>
+#include <sys/mman.h>
+
+#include <algorithm>
+#include <chrono>
+#include <cstdint>
+#include <span>
+#include <thread>
+
+#include "tests/system/hardware/Program.h"
+
+namespace hardware {
+namespace {
+
+using namespace std::chrono_literals;
+using Clock = std::chrono::steady_clock;
+
+constexpr std::size_t kPins = 4096;
+
+// What the emulated device keeps in the file of --pins.
+class Pins {
+ public:
+  explicit Pins(const std::string& path) {
+    const int file = ::open(path.c_str(), O_RDONLY | O_CLOEXEC);
+    void* memory = ::mmap(nullptr, kPins, PROT_READ, MAP_SHARED, file, 0);
+    ::close(file);
+    if (memory != MAP_FAILED) bytes_ = static_cast<const volatile std::uint8_t*>(memory);
+  }
+  ~Pins() { ::munmap(const_cast<std::uint8_t*>(bytes_), kPins); }
+  Pins(const Pins&) = delete;
+  Pins& operator=(const Pins&) = delete;
+
+  std::size_t up() const {
+    std::size_t count = 0;
+    for (std::size_t i = 0; i < kPins; ++i) count += bytes_[i] != 0;
+    return count;
+  }
+
+ private:
+  const volatile std::uint8_t* bytes_ = nullptr;
+};
+
+class UnreadPort : public testing::TestWithParam<const char*> {};
+
+TEST_P(UnreadPort, PinsAreSafeAfterSixteenPeriods) {
+  constexpr auto kPeriod = 20ms;
+  const std::string name = surface_name(std::string("unread") + GetParam()), line = line_path(name);
+  const std::string file = line + ".pins";
+  std::vector<std::string> flags{"--pty", line,      "--size", "64x64",  "--period-ms",
+                                 "20",    "--queue", "32768",  "--pins", file};
+  if (std::string(GetParam()) == "Blocking") flags.push_back("--blocking");
+  Device device(flags);
+  const Pins pins(file);
+  ::unlink(file.c_str());
+  Program bridge({SURFACE_BRIDGE, device.name, "--shm", name});
+  {
+    auto controller = shm_protocol::ControllerEndpoint::attach(name, {.timeout = 20s});
+    const int height = controller.description().channel(shm_protocol::Direction::kActuator, "height");
+    while (pins.up() < kPins) {
+      ASSERT_EQ(controller.await_sensors({.timeout = 20s}), shm_protocol::Status::kOk);
+      std::ranges::fill(controller.actuator(height), 2.0F);
+      ASSERT_EQ(controller.publish(), shm_protocol::Status::kOk);
+    }
+    // Keeps the line open, as a terminal that another program has opened does.
+    const int line_end = ::open(device.name.c_str(), O_RDWR | O_NOCTTY | O_NONBLOCK | O_CLOEXEC);
+    ASSERT_GE(line_end, 0);
+    bridge.signal(SIGKILL);
+    const auto killed = Clock::now();
+    EXPECT_EQ(bridge.wait(), -SIGKILL);
+    while (pins.up() > 0 && Clock::now() - killed < 20s) std::this_thread::sleep_for(1ms);
+    // What the bridge wrote before its end may still arrive; the rest is the scheduler's.
+    EXPECT_LT(Clock::now() - killed, 16 * kPeriod + 1s) << pins.up() << " of " << kPins << " pins are up";
+    EXPECT_EQ(pins.up(), 0u);
+    std::this_thread::sleep_for(10 * kPeriod);
+    EXPECT_EQ(pins.up(), 0u) << "and stay there";
+    ::close(line_end);
+  }
+  ::unlink(("/dev/shm/smartsurf." + name).c_str());
+}
+INSTANTIATE_TEST_SUITE_P(Firmware, UnreadPort, testing::Values("Dropping", "Blocking"),
+                         [](const auto& firmware) { return std::string(firmware.param); });
+
+}  // namespace
+}  // namespace hardware

@@ -1,0 +1,236 @@
+// surface_bridge --table with emulated boards: one surface, faults that cost one board's cells only,
+// emergency stop, a storm.
+#include <gtest/gtest.h>
+#include <shm_protocol/ControllerEndpoint.h>
+#include <shm_protocol/ObserverEndpoint.h>
+
+#include <algorithm>
+#include <chrono>
+#include <filesystem>
+#include <fstream>
+
+#include "tests/system/hardware/Program.h"
+
+namespace hardware {
+namespace {
+
+using namespace std::chrono_literals;
+using Clock = std::chrono::steady_clock;
+using shm_protocol::ControllerEndpoint;
+using shm_protocol::Direction;
+using shm_protocol::Status;
+
+// FrameInfo::status, as docs/hardware.md has it.
+constexpr std::uint32_t kStopped = 16, kBoardNotValid = 128;
+
+// An emulator of several boards of 4×4 cells, its table and the bridge.
+struct Table {
+  explicit Table(const std::string& what, const std::string& boards, std::vector<std::string> flags = {},
+                 std::vector<std::string> bridge_flags = {})
+      : name(surface_name("table-" + what)),
+        file(line_path(name) + ".toml"),
+        device(emulator(boards, flags)) {
+    std::vector<std::string> words{SURFACE_BRIDGE, "--table", file, "--shm", name};
+    words.insert(words.end(), bridge_flags.begin(), bridge_flags.end());
+    bridge.emplace(words);
+  }
+  ~Table() { std::filesystem::remove(file); }
+  std::vector<std::string> emulator(const std::string& boards, std::vector<std::string> flags) const {
+    for (const char* word : {"--tcp", "0", "--size", "4x4", "--period-ms", "20", "--boards"})
+      flags.push_back(word);
+    flags.push_back(boards);
+    flags.push_back("--table");
+    flags.push_back(file);
+    return flags;
+  }
+  std::string ask(const std::string& command) const {
+    Program program({SURFACE_BRIDGE, command, name});
+    EXPECT_EQ(program.wait(), 0) << program.output();
+    return program.output();
+  }
+
+  std::string name, file;
+  Device device;
+  std::optional<Program> bridge;
+};
+
+// Commands a height to each cell that depends on cell and tick, and checks what the boards had in force.
+class Checker {
+ public:
+  explicit Checker(const std::string& name)
+      : controller(ControllerEndpoint::attach(name, {.timeout = 60s})),
+        echo(controller.description().channel(Direction::kSensor, "target_echo")),
+        valid(controller.description().channel(Direction::kSensor, "valid")),
+        age(controller.description().channel(Direction::kSensor, "age")),
+        height(controller.description().channel(Direction::kActuator, "height")),
+        columns(controller.description().columns),
+        cells(controller.description().cells()) {}
+
+  static std::uint32_t commanded(std::uint64_t phase, std::size_t cell) {
+    return static_cast<std::uint32_t>((phase + cell * 7) % 200 + 1);
+  }
+
+  void tick() {
+    ASSERT_EQ(controller.await_sensors({.timeout = 60s}), Status::kOk);
+    const auto raw = controller.sensor<std::uint8_t>(echo), ok = controller.sensor<std::uint8_t>(valid),
+               ages = controller.sensor<std::uint8_t>(age);
+    if (frames++ != 0) {
+      EXPECT_GT(controller.sensor_info().tick, last_tick);
+    }
+    last_tick = controller.sensor_info().tick;
+    valid_cells = safe_cells = 0;
+    for (std::size_t cell = 0; cell < cells; ++cell) {
+      EXPECT_EQ(ok[cell] != 0, ages[cell] == 0);
+      valid_cells += ok[cell];
+      safe_cells += ok[cell] != 0 && raw[cell] == 0;
+      // A board has safe values in force, or one whole frame of ours.
+      const std::size_t corner = cell / columns / 4 * 4 * columns + cell % columns / 4 * 4;
+      if (raw[corner] == 0) {
+        ASSERT_EQ(raw[cell], 0) << cell;
+      } else {
+        ASSERT_EQ((raw[cell] + 400 - raw[corner]) % 200, (cell - corner) * 7 % 200) << cell;
+      }
+    }
+    const auto to = controller.actuator(height);
+    for (std::size_t cell = 0; cell < cells; ++cell)
+      to[cell] = static_cast<float>(commanded(last_tick, cell)) * 0.02F;
+    const Status status = controller.publish();
+    ASSERT_TRUE(status == Status::kOk || status == Status::kTorn) << text(status);
+  }
+  template <class Condition>
+  void tick_until(Condition condition, Clock::duration most = 30s) {
+    const auto until = Clock::now() + most;
+    do ASSERT_NO_FATAL_FAILURE(tick());
+    while (!condition() && Clock::now() < until);
+    EXPECT_TRUE(condition()) << valid_cells << " valid, " << safe_cells << " safe";
+  }
+  bool all_move() const { return valid_cells == cells && safe_cells == 0; }
+  bool board_valid(std::uint32_t row, std::uint32_t column) const {
+    return controller.sensor<std::uint8_t>(valid)[4 * row * columns + 4 * column] != 0;
+  }
+
+  ControllerEndpoint controller;
+  int echo, valid, age, height;
+  std::uint32_t columns;
+  std::size_t cells, valid_cells = 0, safe_cells = 0;
+  std::uint64_t frames = 0, last_tick = 0;
+};
+
+class Versions : public testing::TestWithParam<const char*> {};
+
+TEST_P(Versions, ManyBoardsAreOneSurface) {
+  std::vector<std::string> flags{"--drift-ppm", "200"};
+  if (std::string(GetParam()) == "One") flags.push_back("--version-1");
+  Table table(std::string("one") + GetParam(), "3x2", flags);
+  Checker checker(table.name);
+  EXPECT_EQ(checker.controller.description().rows, 8u);
+  EXPECT_EQ(checker.controller.description().columns, 12u);
+  checker.tick_until([&] { return checker.all_move(); });
+  const std::string status = table.ask("status");
+  EXPECT_NE(status.find(" live "), std::string::npos) << status;
+  std::size_t whole = 0;
+  for (int i = 0; i < 100; ++i) {
+    checker.tick();
+    whole += checker.all_move();
+  }
+  EXPECT_GT(whole, 60u);
+  table.bridge->signal(SIGINT);
+  EXPECT_EQ(table.bridge->wait(), 130) << table.bridge->output();
+  EXPECT_FALSE(segment_exists(table.name));
+  EXPECT_FALSE(segment_exists(table.name + ".boards"));
+}
+INSTANTIATE_TEST_SUITE_P(Table, Versions, testing::Values("One", "Two"),
+                         [](const auto& version) { return std::string(version.param); });
+
+TEST(Table, UnpluggedBoardCostsItsOwnCellsAndComesBack) {
+  Table table("unplug", "2x2", {"--unplug-for", "60", "--restart"});
+  Checker checker(table.name);
+  checker.tick_until([&] { return checker.all_move(); });
+  table.device.program.signal(SIGUSR2);
+  checker.tick_until(
+      [&] { return checker.controller.sensor_info().status & kBoardNotValid && !checker.board_valid(0, 0); });
+  int others = 0, ticks = 0;
+  checker.tick_until([&] {
+    ++ticks;
+    others += checker.board_valid(0, 1) + checker.board_valid(1, 0) + checker.board_valid(1, 1);
+    return checker.board_valid(0, 0);
+  });
+  EXPECT_GT(ticks, 20);
+  EXPECT_GT(others, 3 * ticks * 3 / 4) << "of " << 3 * ticks;
+  checker.tick_until([&] { return checker.all_move(); });
+}
+
+TEST(Table, EmergencyStopHoldsAllBoardsUntilItIsReleased) {
+  Table table("stop", "2x2");
+  Checker checker(table.name);
+  checker.tick_until([&] { return checker.all_move(); });
+  EXPECT_EQ(table.ask("stop"), "stopped\n");
+  checker.tick_until([&] { return checker.safe_cells == checker.cells; });
+  for (int i = 0; i < 30; ++i) {
+    checker.tick();
+    EXPECT_EQ(checker.safe_cells, checker.valid_cells) << "the stop latches";
+    EXPECT_TRUE(checker.controller.sensor_info().status & kStopped);
+  }
+  EXPECT_NE(table.ask("status").find("emergency_stop by the user"), std::string::npos);
+  EXPECT_EQ(table.ask("arm"), "armed\n");
+  checker.tick_until([&] { return checker.all_move(); });
+  EXPECT_FALSE(checker.controller.sensor_info().status & kStopped);
+}
+
+TEST(Table, LineOfOneBoardStopsAll) {
+  Table table("line", "2x1", {"--stop-at", "150"});
+  Checker checker(table.name);
+  checker.tick_until([&] { return (checker.controller.sensor_info().status & kStopped) != 0; });
+  checker.tick_until([&] { return checker.safe_cells == checker.cells; });
+  EXPECT_NE(table.ask("status").find("emergency_stop by board 'b0'"), std::string::npos);
+  table.ask("arm");
+  checker.tick_until([&] { return checker.all_move(); });
+}
+
+// Boards are unplugged, restarted, silenced and disturbed at random; frames stay whole, ticks go on, and each
+// board comes back. scripts/check-boards lets it last ten minutes.
+TEST(Table, StormCostsCellsOnly) {
+  Table table("storm", "4x2", {"--storm", "4", "--seed", "3", "--delay-ms", "2", "--drift-ppm", "100"},
+              {"--silence", "0.2"});
+  Checker checker(table.name);
+  checker.tick_until([&] { return checker.all_move(); });
+  const auto until = Clock::now() + 6s;
+  std::vector<int> seen(8, 0);
+  while (Clock::now() < until && !HasFatalFailure()) {
+    checker.tick();
+    for (std::uint32_t board = 0; board < 8; ++board)
+      seen[static_cast<std::ptrdiff_t>(board)] += checker.board_valid(board / 4, board % 4);
+  }
+  for (const int count : seen) EXPECT_GT(count, 20);
+  table.bridge->signal(SIGINT);
+  EXPECT_EQ(table.bridge->wait(), 130) << table.bridge->output();
+}
+
+TEST(Table, BadTableIsOneLine) {
+  Table table("bad", "2x1");
+  std::ifstream in(table.file);
+  std::string text((std::istreambuf_iterator<char>(in)), {});
+  const std::string file = table.file + ".bad";
+  const auto expect = [&](const std::string& from, const std::string& to, const std::string& message) {
+    std::string changed = text;
+    const std::size_t at = changed.rfind(from);
+    ASSERT_NE(at, std::string::npos);
+    std::ofstream(file) << changed.replace(at, from.size(), to);
+    Program bridge({SURFACE_BRIDGE, "--table", file, "--shm", table.name + "-bad"});
+    EXPECT_EQ(bridge.wait(), 2);
+    const std::string said = bridge.output();
+    EXPECT_EQ(std::count(said.begin(), said.end(), '\n'), 1) << said;
+    EXPECT_NE(said.find(message), std::string::npos) << said;
+  };
+  table.bridge.reset();  // a device serves one host
+  expect("at = [0, 4]", "at = [0, 3]",
+         ".bad:10: board 'b1': overlaps board 'b0' of line 5 at row 0, column 3");
+  expect("at = [0, 4]", "at = [0, 5]", "no board covers row 0, column 4");
+  expect("id = \"b1\"", "id = \"b9\"", ":10: board 'b9': the device is board 'b1'");
+  expect("period_us = 20000", "period_us = 10000", "control period is 20000 µs");
+  expect("at = [0, 4]", "at = [0, 4]\nturn = 10", ":14: board 'b1': turn is 10");
+  std::filesystem::remove(file);
+}
+
+}  // namespace
+}  // namespace hardware

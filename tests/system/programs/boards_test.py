@@ -1,0 +1,117 @@
+"""Programs on boards: one process per tile, against the simulator as the world."""
+import re
+import shutil
+import sys
+
+from programs import *
+
+BOARDS = str(ROOT / "scripts/boards/boards")
+WORLD = """
+surface { rows = 16, columns = 20, pitch = 1.0, actuator = pin { range = { 0, 4 }, max_speed = 6 }, sensors = { proximity {} } }
+for i = 1, 4 do sphere { radius = 1.5, position = { 3 * i, 2 * i + 3, 6 } } end
+"""
+
+
+@unittest.skipUnless(shutil.which("cc"), "no C compiler")
+class Boards(ProgramTest):
+    def run_boards(self, experiment, program, *flags):
+        status, out, err = self.run_program(sys.executable, BOARDS, experiment, program, "--bin", str(BIN), *flags)
+        return status, out, err
+
+    def check(self, *flags, program=str(ROOT / "scripts/case-study/sort.aps")):
+        status, out, err = self.run_boards(self.write("world.lua", WORLD), program, "--ticks", "40", *flags)
+        self.assertEqual(status, 0, out + err)
+        return out
+
+    def test_boards_end_in_the_state_of_the_host(self):
+        out = self.check("--tile", "8x8")
+        self.assertIn("6 boards, 40 ticks", out)
+        self.assertIn(": equal", out)
+        self.assertIn("edges lost 0, dropped 0", out)
+
+    def test_repeated_edges_change_nothing(self):
+        out = self.check("--tile", "10x8", "--repeat", "0.2")
+        self.assertIn(": equal", out)
+        self.assertRegex(out, r"edges lost 0, dropped [1-9]")
+
+    def test_lost_and_late_edges_are_counted_and_repeat(self):
+        runs = {self.check("--tile", "10x8", "--loss", "0.01", "--delay", "0.01", "--no-host") for _ in range(2)}
+        self.assertEqual(len(runs), 1, runs)
+        self.assertRegex(runs.pop(), r"edges lost [1-9]")
+
+    def test_wide_halos(self):
+        self.assertIn(": equal", self.check("--tile", "10x16", "--halo", "3",
+                                            program=str(ROOT / "scripts/case-study/sort-paper.aps")))
+
+
+class Compiling(ProgramTest):
+    def refused(self, text, *flags):
+        file = self.write("a.aps", text)
+        status, out, err = self.run_program(APRON, "compile", file, "--target", "c", "-o", str(self.folder / "a.c"), *flags)
+        self.assertEqual((status, out), (2, ""), err)
+        self.assertFalse((self.folder / "a.c").exists())
+        return err.replace(file, "a.aps")
+
+    def test_what_boards_cannot_do_is_refused_with_its_line(self):
+        for line, reason in [("A = globalsum(A)", "globalsum needs the whole array"),
+                             ("A = rotate.north(A)", "rotate by (0, -1) joins opposite edges of the array"),
+                             ("A = shift(A, 2, 0)", "shift by (2, 0) reaches beyond"),
+                             ("boundary('wrap')", "boundary('wrap') joins opposite edges of the table"),
+                             ("k = io.key", "io.key needs a host"),
+                             ("A = io.image.open('a.png')", "io.image.open needs a host"),
+                             ("surface.free_run(1)", "surface.free_run needs a host"),
+                             ("A = stack.pop_reg", "stack.pop_reg finds the stack empty")]:
+            text = "!register(A, B)\nn = 0\n" + (line.replace("A = globalsum", "n = globalsum")) + "\nsurface.actuate('height', A)\n"
+            self.assertRegex(self.refused(text), r"^a\.aps:3: error: .*" + re.escape(reason), line)
+
+    def test_recursion_and_other_sizes(self):
+        self.assertRegex(self.refused("!register(A)\n#a\ncall(#a)\n"), r"a\.aps:3: error: calls are nested more than 256 deep")
+        self.assertRegex(self.refused("!create('B', REGISTER, 4, 4)\nr[B] = 1\n"), r"a\.aps:2: error: the register B of 4x4")
+        self.assertRegex(self.refused("!register(A)\nwhile(1)\nA = A + 1\nendwhile\n"), r"repeats forever without surface\.step")
+
+    def test_channels_of_one_name_in_c(self):
+        text = "!register(A)\nsurface.actuate('a.b', A)\nsurface.actuate('a_b', A)\nsurface.step\n"
+        self.assertEqual(self.refused(text), "a.aps: error: the channels 'a.b' and 'a_b' have the same name in C, actuate_a_b\n")
+
+    def test_a_slow_link_is_refused(self):
+        flags = ["compile", SORT_APS, "--target", "c", "-o", str(self.folder / "s.c"), "--tile", "8x8"]
+        status, _, err = self.run_program(APRON, *flags, "--link", "1M", "--rate", "60")
+        self.assertEqual(status, 2)
+        self.assertRegex(err, r"error: the edges of a tick take \S+ ms over a link of 1e\+06 baud \(67 rounds, ")
+        status, out, err = self.run_program(APRON, *flags, "--link", "10M", "--rate", "60")
+        self.assertEqual(status, 0, err)
+        self.assertIn("67 rounds", out)
+
+    def test_invalid_flags(self):
+        for flags in (["--tile", "8"], ["--tile", "65x8"], ["--halo", "0"], ["--halo", "9", "--tile", "8x8"], ["--link", "fast"],
+                      ["--rate", "60"], ["--name", "1x"], ["--set", "speed=1"], ["--target", "rust"]):
+            self.assertIn("error: ", self.refused("!register(A)\nA = north(A)\nsurface.actuate('height', A)\n", *flags), flags)
+
+    def test_print_is_left_out_with_a_warning(self):
+        file = self.write("a.aps", "!register(A)\nprintln(1)\nsurface.actuate('height', A)\n")
+        status, _, err = self.run_program(APRON, "compile", file, "--target", "c", "-o", str(self.folder / "a.c"))
+        self.assertEqual(status, 0)
+        self.assertEqual(err, f"{file}:2: warning: a board has no console: print is left out\n")
+
+
+class CrossBuilds(ProgramTest):
+    def test_programs_build_for_microcontrollers(self):
+        programs = [str(ROOT / "scripts/case-study" / name) for name in ("sort.aps", "sort-paper.aps")]
+        status, out, err = self.run_program(sys.executable, str(ROOT / "scripts/boards/cross"), "--bin", str(BIN), *programs)
+        if status == 77:
+            self.skipTest(out.strip())
+        self.assertEqual(status, 0, err)
+        self.assertRegex(out, r"(?m)^\| `sort-paper` \| [\d.]+ kB, [\d.]+ kB")
+
+
+class Emulated(ProgramTest):
+    def test_emulated_boards_give_the_bits_of_the_host(self):
+        programs = [str(ROOT / "scripts" / name) for name in ("case-study/sort-paper.aps", "tasks/rain.aps")]
+        status, out, err = self.run_program(sys.executable, str(ROOT / "scripts/boards/emulate"), "--bin", str(BIN), *programs)
+        if status == 77:
+            self.skipTest(out.strip())
+        self.assertEqual(status, 0, out + err)
+
+
+if __name__ == "__main__":
+    unittest.main()

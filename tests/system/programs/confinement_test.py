@@ -1,0 +1,186 @@
+"""What foreign code in a reader or an interpreter could do: a preloaded library (attack.c) tries it from inside."""
+import ctypes
+import re
+import shutil
+
+from programs import *
+
+TABLE = "surface { rows = 4, columns = 4, actuator = pin {} }\nsphere { radius = 1, position = {1, 1, 3} }\n"
+LANDLOCK = ctypes.CDLL(None, use_errno=True).syscall(444, None, 0, 1)
+# Calls that another layer of this machine refuses anyway, with or without confinement.
+FOREIGN = {"new_user_namespace", "io_ring", "read_environment"}
+NEEDS_6_12 = {"signal_parent"}
+TETRAHEDRON = """solid a
+facet normal 0 0 -1\n outer loop\n vertex 0 0 0\n vertex 0 1 0\n vertex 1 0 0\n endloop\nendfacet
+facet normal 0 -1 0\n outer loop\n vertex 0 0 0\n vertex 1 0 0\n vertex 0 0 1\n endloop\nendfacet
+facet normal -1 0 0\n outer loop\n vertex 0 0 0\n vertex 0 0 1\n vertex 0 1 0\n endloop\nendfacet
+facet normal 1 1 1\n outer loop\n vertex 1 0 0\n vertex 0 1 0\n vertex 0 0 1\n endloop\nendfacet
+endsolid a
+"""
+
+
+@unittest.skipUnless(shutil.which("cc"), "needs a C compiler")
+@unittest.skipUnless(LANDLOCK >= 3, "the kernel has no Landlock, or an old one")
+class Confinement(ProgramTest):
+    @classmethod
+    def setUpClass(cls):
+        cls.tools = tempfile.TemporaryDirectory(prefix="smartsurf-attack-")
+        cls.library = pathlib.Path(cls.tools.name) / "attack.so"
+        subprocess.run(["cc", "-shared", "-fPIC", "-O1", "-o", cls.library, ROOT / "tests/system/programs/attack.c", "-ldl"],
+                       check=True)
+
+    @classmethod
+    def tearDownClass(cls):
+        cls.tools.cleanup()
+
+    def setUp(self):
+        super().setUp()
+        self.home = self.folder / "work"  # where the commands run
+        self.home.mkdir()
+        (self.home / "s.lua").write_text(TABLE)
+        (self.home / "p.aps").write_text("!register(A)\nA = 1\nprint(globalsum(A))\n")
+        self.restore()
+        self.make_recording()
+
+    def restore(self):
+        """The folder that no command may write to."""
+        target = self.home / "target"
+        shutil.rmtree(target, ignore_errors=True)
+        (target / ".git").mkdir(parents=True)
+        (target / ".git/config").write_text("[core]\n")
+        for name in ("kept", "moved"):
+            (target / name).write_text("kept\n")
+        (target / "link-to-passwd").symlink_to("/etc/passwd")
+        return target
+
+    def make_recording(self):
+        status, _, err = self.run_here(SMARTSURF, "run", "s.lua", "--no-controller", "--ticks", "3", "--record", "r.h5")
+        self.assertEqual(status, 0, err)
+
+    def run_here(self, *command, **environment):
+        child = subprocess.Popen([str(word) for word in command], cwd=self.home, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
+                                 text=True, env={**os.environ, **environment})
+        self.children.append(child)
+        return self.finish(child)
+
+    def attack(self, command, confine="require", **environment):
+        """What the attacks inside the command gave: name -> done, refused or another error."""
+        target = self.restore()
+        status, out, err = self.run_here(*command, LD_PRELOAD=str(self.library), ATTACK_TARGET=str(target),
+                                         SMARTSURF_CONFINE=confine, **environment)
+        outcomes = dict(re.findall(r"\b([a-z_0-9]+)=(done|refused|[A-Z]\w[\w ]*)", out + err))
+        return status, outcomes, out + err
+
+    COMMANDS = {
+        "run": ((SMARTSURF, "run", "s.lua", "--no-controller", "--ticks", 2, "--record", "n.h5", "--stats", "n.json"), {}),
+        "worlds": ((SMARTSURF, "run", "s.lua", "--no-controller", "--ticks", 2, "--worlds", 2), {}),
+        "compare": ((SMARTSURF, "compare", "s.lua", "--until", 0.1, "--out", "out"), {}),
+        "check": ((SMARTSURF, "check", "s.lua"), {}),
+        "help": ((SMARTSURF, "run", "s.lua", "--help"), {}),
+        "info": ((SMARTSURF, "info", "r.h5"), {}),
+        "plot": ((SMARTSURF, "plot", "r.h5", "-o", "r.svg"), {}),
+        "export": ((SMARTSURF, "export", "r.h5", "-o", "r.html"), {}),
+        "verify": ((SMARTSURF, "replay", "--verify", "r.h5"), {}),
+        "mesh": ((SMARTSURF, "check", "m.lua"), {"ATTACK_MESH": "1"}),
+        "apron": ((APRON, "run", "p.aps", "--save", "A=a.npy"), {"ATTACK_APRON": "1"}),
+    }
+    # The script's or program's own folder may be read; that of an APRON program may be written.
+    PICTURES = {"executable_memory", "memory_file"}
+
+    def commands(self):
+        (self.home / "m.stl").write_text(TETRAHEDRON)
+        (self.home / "m.lua").write_text(TABLE + "mesh { file = 'm.stl', position = {2, 2, 3} }\n")
+        for name, (command, environment) in self.COMMANDS.items():
+            if name == "compare" and not has_bullet():
+                continue
+            yield name, command, environment
+
+    def test_nothing_outside_is_reached(self):
+        for name, command, environment in self.commands():
+            with self.subTest(command=name):
+                folder = self.home / "apart" if name == "apron" else self.home
+                folder.mkdir(exist_ok=True)
+                if name == "apron":  # it may write below its own folder
+                    shutil.copy(self.home / "p.aps", folder)
+                    command = (APRON, "run", "apart/p.aps", "--save", "A=a.npy")
+                status, outcomes, text = self.attack(command, **environment)
+                self.assertGreater(len(outcomes), 20, text)
+                allowed = self.PICTURES if name == "apron" else set()
+                allowed |= NEEDS_6_12 if LANDLOCK < 6 else set()
+                # Reads below the script's folder are allowed; the link leads outside.
+                self.assertEqual({n for n, o in outcomes.items() if o == "done"} - allowed, set(), text)
+                self.assertEqual((self.home / "target/.git/config").read_text(), "[core]\n")
+                self.assertEqual((self.home / "target/kept").read_text(), "kept\n")
+                if name != "mesh":  # which gives the attack's text for its result
+                    self.assertEqual(status, 0, text)
+
+    def test_unconfined_the_attacks_succeed(self):
+        """The tests above can fail."""
+        for name, command, environment in self.commands():
+            with self.subTest(command=name):
+                _, outcomes, text = self.attack(command, confine="off", **environment)
+                self.assertEqual({n for n, o in outcomes.items() if o != "done"} - FOREIGN, set(), text)
+                self.assertNotEqual((self.home / "target/kept").exists(), True)
+
+    def test_another_program_ends_the_process(self):
+        for name in ("run", "info", "check"):
+            command, environment = self.COMMANDS[name]
+            for attack in ("execute", "trace_itself"):
+                status, outcomes, text = self.attack(command, ATTACK=attack, **environment)
+                self.assertNotEqual(status, 0, text)
+                self.assertEqual(outcomes, {}, text)
+        # Nothing is left behind by a run that ended so.
+        self.assertEqual([p.name for p in self.home.iterdir() if "part" in p.name or p.name.endswith(".files")], [])
+
+    def test_results_are_those_without_confinement(self):
+        hashes = set()
+        for mode in ("require", "off"):
+            status, _, err = self.run_here(SMARTSURF, "run", SORT_LUA, "--controller", SORT_APS, "--ticks", "200", "--stats",
+                                           "h.json", "--record", f"{mode}.h5", "--shm", self.shm, SMARTSURF_CONFINE=mode)
+            self.assertEqual(status, 0, err)
+            hashes.add(json.loads((self.home / "h.json").read_text())["state_hash"])
+        self.assertEqual(len(hashes), 1)
+        self.assertFalse(self.segment().exists())
+
+    def test_required_confinement_is_not_left_out(self):
+        for command, reason in (((SMARTSURF, "run", "s.lua", "--no-controller", "--ticks", "1", "--unsafe"), "--unsafe"),
+                                ((SMARTSURF, "check", "s.lua", "--allow-extensions"), "--allow-extensions"),
+                                ((SMARTSURF, "replay", "--verify", "r.h5", "--unsafe"), "--unsafe")):
+            status, _, err = self.run_here(*command, SMARTSURF_CONFINE="require")
+            self.assertEqual(status, 2, err)
+            self.assertIn(reason, err)
+            self.assertEqual(self.run_here(*command)[0], 0)
+        status, _, err = self.run_here(SMARTSURF, "info", "r.h5", SMARTSURF_CONFINE="maybe")
+        self.assertEqual(status, 2, err)
+        self.assertIn("SMARTSURF_CONFINE", err)
+
+    def test_killed_run_leaves_no_part(self):
+        (self.home / "long.lua").write_text(TABLE + "io.open('x', 'w'):write('y'):close()\n")
+        child = subprocess.Popen([SMARTSURF, "run", "long.lua", "--shm", self.shm, "--record", "k.h5", "--stats", "k.json",
+                                  "--controller", "sleep 600"], cwd=self.home, stderr=subprocess.PIPE, text=True)
+        self.children.append(child)
+        self.wait_for(self.segment().exists, "the segment")
+        self.assertEqual((self.home / "k.files/x").read_text(), "y")
+        child.kill()
+        child.wait()
+        self.wait_for(lambda: not [p for p in self.home.iterdir() if ".part" in p.name], "the broker")
+        self.assertTrue(self.segment().exists())  # the next run, or `clean`, removes it
+
+    def test_script_writes_in_its_folder_alone(self):
+        (self.home / "w.lua").write_text(TABLE + "io.open('x.csv', 'w'):write('1\\n'):close()\n")
+        self.assertEqual(self.run_here(SMARTSURF, "run", "w.lua", "--no-controller", "--ticks", "2", "--record", "w.h5")[0], 0)
+        self.assertEqual((self.home / "w.files/x.csv").read_text(), "1\n")
+        self.assertEqual(self.run_here(SMARTSURF, "run", "s.lua", "--no-controller", "--ticks", "2", "--record", "e.h5")[0], 0)
+        self.assertFalse((self.home / "e.files").exists())  # a folder without files is none
+
+    @needs_view
+    def test_pictures_are_drawn(self):
+        status, outcomes, text = self.attack((SMARTSURF, "run", "s.lua", "--no-controller", "--ticks", 2, "--screenshot", "a.png"))
+        self.assertEqual(status, 0, text)
+        allowed = self.PICTURES | (NEEDS_6_12 if LANDLOCK < 6 else set())
+        self.assertEqual({n for n, o in outcomes.items() if o == "done"} - allowed, set(), text)
+        self.assertTrue((self.home / "a.png").read_bytes().startswith(b"\x89PNG"))
+
+
+if __name__ == "__main__":
+    unittest.main()

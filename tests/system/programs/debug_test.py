@@ -1,0 +1,126 @@
+"""apron debug, by commands from its standard input."""
+import os
+import pathlib
+import random
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+import unittest
+
+APRON = os.path.join(os.environ["SMARTSURF_BIN"], "apron")
+
+PROGRAM = """!macro_def
+$y = twice($a)
+!macro_begin
+:t = $a
+$y = :t + $a
+!macro_end
+!register(A, B)
+n = 0
+while(n < 5)
+  n = n + 1
+  A = cell.x * n
+  B = twice(A)
+  call(#routine)
+  surface.step
+endwhile
+end
+#routine
+B = B + 100
+return
+"""
+
+
+class Debug(unittest.TestCase):
+    def setUp(self):
+        self.folder = pathlib.Path(self.enterContext(tempfile.TemporaryDirectory(prefix="apron-debug-")))
+        self.write(PROGRAM)
+
+    def write(self, text):
+        (self.folder / "p.aps").write_text(text)
+
+    def debug(self, *commands, status=0, options=("--size", "4x3")):
+        run = subprocess.run([APRON, "debug", "p.aps", *options], input="\n".join(commands) + "\n", cwd=self.folder,
+                             capture_output=True, text=True, timeout=60)
+        self.assertEqual(run.returncode, status, run.stdout + run.stderr)
+        return run.stdout.splitlines()
+
+    def test_a_session(self):
+        out = self.debug("break 12", "c", "print n", "plane A", "c", "print A 3 1", "delete 1", "c")
+        self.assertEqual(out, ["p.aps:8: n = 0", "breakpoint 1: p.aps:12", "breakpoint 1", "p.aps:4: :t = $a", "n = 1",
+                               "0 1 2 3", "0 1 2 3", "0 1 2 3", "breakpoint 1", "p.aps:4: :t = $a", "A(3, 1) = 6",
+                               "the program has ended"])
+
+    def lines(self, out):
+        return [int(line.split(":")[1]) for line in out if line.startswith("p.aps:")]
+
+    def test_step_and_next(self):
+        self.assertEqual(self.lines(self.debug("b 11", "c", *["next"] * 6)), [8, 11, 12, 13, 14, 15, 9, 10])
+        self.assertEqual(self.lines(self.debug("b 12", "c", *["step"] * 6)), [8, 4, 5, 13, 18, 19, 14, 15])
+        out = self.debug("b 4", "c", "where")
+        self.assertEqual(out[-2:], ["p.aps:4: :t = $a", "  in twice, used at p.aps:12"])
+        out = self.debug("b 18", "c", "where", "next", "next")
+        self.assertIn("  in a routine, 1 calls deep", out)
+        self.assertEqual(self.lines(out)[-2:], [19, 14])
+
+    def test_ticks_conditions_and_restart(self):
+        out = self.debug("break tick 3", "c", "print n", "restart", "print n", "break if n == 2", "delete 1", "c", "print n", "breakpoints")
+        self.assertEqual([line for line in out if line.startswith("n = ")], ["n = 3", "n = 0", "n = 2"])
+        self.assertEqual(out[-1], "1  if n == 2")
+        self.assertEqual(self.debug("break if globalmax(B) > 110", "c", "print B 3 0")[-1], "B(3, 0) = 112")
+        self.assertEqual(self.debug("tick", "tick", "p n")[-1], "n = 2")
+
+    def test_values(self):
+        out = self.debug("tick", "plane B 1 0 2 2", "picture A", "names", "save B b.csv", "save A a.png")
+        self.assertIn("102 104", out)
+        self.assertIn("A 4x3", out)
+        self.assertIn("n = 1", out)
+        self.assertEqual((self.folder / "b.csv").read_text().splitlines()[0], "100,102,104,106")
+        self.assertTrue((self.folder / "a.png").read_bytes().startswith(b"\x89PNG"))
+        self.assertTrue(any(set(line) <= set(" .:-=+*#%@") and "@" in line for line in out), out)
+
+    def test_stepping_changes_no_result(self):
+        whole = self.debug("c", "plane B", "p n")[2:]
+        random_ = random.Random(1)
+        for _ in range(8):
+            commands = [random_.choice(["step", "next", "stepi", "tick"]) for _ in range(random_.randrange(5, 60))]
+            self.assertEqual(self.final(commands), whole)
+
+    def final(self, commands):
+        """The values at the end, wherever the commands have led; those after the end are refused."""
+        run = subprocess.run([APRON, "debug", "p.aps", "--size", "4x3"], input="\n".join([*commands, "c", "plane B", "p n"]) + "\n",
+                             cwd=self.folder, capture_output=True, text=True, timeout=60)
+        return run.stdout.splitlines()[-4:]
+
+    def test_mistakes(self):
+        for command, text in (("fly", "no command 'fly'"), ("print X", "no register 'X'"), ("print A 9 9", "outside a register of 4x3"),
+                              ("plane A 0 0", "plane takes"), ("print A -1 0", "not a whole number"), ("break 999", "has instructions"),
+                              ("break q.aps:1", "no file 'q.aps'"), ("break if X > 1", "X"), ("break if A", "'A'"), ("break tick 0", "number of a tick"),
+                              ("delete 3", "no breakpoint"), ("save A a.xyz", "must end in"), ("save Q a.npy", "'Q'"), ("print", "other arguments"),
+                              ("step now", "other arguments")):
+            out = self.debug(command, "p n", status=2)
+            self.assertIn(text, out[1], command)
+            self.assertTrue(out[1].startswith("error: "), out)
+            self.assertEqual(out[2], "n = 0")  # the session goes on
+        self.assertIn("restart", self.debug("c", "step", status=2)[-1])
+        self.write("!register(A)\nx = pixel.get(A, 99, 0)\n")
+        self.assertIn("p.aps:2: error: pixel.get", self.debug("c", status=1)[-1])
+        self.write("A = 1 +\n")
+        self.debug(status=2)
+        self.debug(status=2, options=("--set", "speed=1"))
+
+    def test_an_endless_loop_is_interrupted(self):
+        self.write("n = 0\nwhile(n < 9)\n  n = n * 1\nendwhile\n")
+        process = subprocess.Popen([APRON, "debug", "p.aps"], stdin=subprocess.PIPE, stdout=subprocess.PIPE, cwd=self.folder, text=True)
+        process.stdin.write("c\np n\nq\n")
+        process.stdin.flush()
+        time.sleep(0.5)
+        process.send_signal(signal.SIGINT)
+        out, _ = process.communicate(timeout=20)
+        self.assertEqual((process.returncode, out.splitlines()[-1], "interrupted" in out), (0, "n = 0", True))
+
+
+if __name__ == "__main__":
+    unittest.main()

@@ -1,0 +1,148 @@
+"""smartsurf record: a recording of a surface that another process drives."""
+import signal
+import time
+
+import h5py
+import numpy
+
+from programs import *
+
+BRIDGE, EMULATOR, FAKE = BIN / "surface_bridge", BIN / "device_emulator", BIN / "fake_surface"
+PROGRAM = ROOT / "scripts/hardware/raise.aps"
+
+
+class LiveRecordings(ProgramTest):
+    def record(self, *flags, file="live.h5"):
+        return self.start(SMARTSURF, "record", "--shm", self.shm, "-o", str(self.folder / file), *flags)
+
+    def read(self, file="live.h5"):
+        return h5py.File(self.folder / file, locking=False)
+
+    def fake(self, *flags):
+        return self.start(str(FAKE), "--shm", self.shm, "--size", "12x8", "--mode", "passive", "--period-ms", "10", *flags)
+
+    def controller(self):
+        return self.start(APRON, "run", str(PROGRAM), "--shm", self.shm)
+
+    def controller_that_waits(self):
+        return self.start(APRON, "run", str(PROGRAM), "--shm", self.shm, "--wait", "60")
+
+    def test_equals_what_the_surface_and_its_controller_exchanged(self):
+        recorder, controller = self.record("--wait", "60"), self.controller_that_waits()
+        time.sleep(1)
+        surface = self.fake("--ticks", "200")
+        status, out, err = self.finish(recorder)
+        self.assertEqual((status, err), (0, ""))
+        self.finish(surface), self.finish(controller)
+        with self.read() as f:
+            tick, lost = f["tick"][:], f["lost"][:]
+            self.assertGreater(len(tick), 50)
+            self.assertEqual(len(tick), int(out.split()[1]))
+            self.assertEqual(lost.sum(), int(out.split()[3].rstrip(":")))
+            numpy.testing.assert_array_equal(numpy.diff(tick.astype(int)), lost[1:].astype(int) + 1)
+            self.assertTrue((numpy.diff(f["clock/host_ns"][:].astype(float)) > 0).all())
+            # The commands are those of the program at the tick that they answer.
+            height, answered = f["actuators/height"][:], f["answers/tick"][:]
+            row, column = numpy.mgrid[0:8, 0:12].astype("f4")
+            for n in numpy.flatnonzero(answered == tick)[:40]:
+                phase = (column + row * 0.5 + float(tick[n]) * 0.25) * 0.2
+                numpy.testing.assert_allclose(height[n], 1 + numpy.sin(phase), atol=1e-4)
+            latency = f["answers/latency_us"][:]
+            self.assertTrue((latency[numpy.isfinite(latency)] >= 0).all())
+            self.assertGreater(numpy.isfinite(latency).sum(), 30)
+            self.assertEqual(f["sensors/proximity_hit"].attrs["maximum"], 1)
+            self.assertEqual(f["meta"].attrs["outcome"], "the surface closed")
+        self.check_commands("live.h5")
+
+    def check_commands(self, file):
+        path = str(self.folder / file)
+        status, out, err = self.run_program(SMARTSURF, "info", path)
+        self.assertEqual((status, err), (0, ""))
+        self.assertIn("8 rows × 12 columns", out)
+        for command in (["plot", path, "-o", str(self.folder / "p.svg"), "--what", "height:2,3"],
+                        ["plot", path, "-o", str(self.folder / "q.svg"), "--what", "proximity_hit:1,1"],
+                        ["export", path, "-o", str(self.folder / "p.html")]):
+            status, _, err = self.run_program(SMARTSURF, *command)
+            self.assertEqual((status, err), (0, ""), command)
+        status, _, err = self.run_program(SMARTSURF, "replay", path, "--verify")
+        self.assertEqual((status, len(err.splitlines())), (2, 1), err)
+
+    def test_simulator_is_recorded_as_by_itself(self):
+        own = self.folder / "own.h5"
+        script = self.folder / "s.lua"
+        script.write_text("record { sensors = true, actuators = true }\n" + (ROOT / "scripts/hardware/pillars.lua").read_text())
+        surface = self.start(SMARTSURF, "run", str(script), "--shm", self.shm, "--headless", "--until", "2", "--pace", "1", "--record", str(own))
+        recorder = self.record()
+        time.sleep(0.5)
+        controller = self.start(APRON, "run", str(ROOT / "scripts/hardware/pillars.aps"), "--shm", self.shm)
+        self.assertEqual(self.finish(recorder)[0], 0)
+        self.finish(surface), self.finish(controller)
+        with self.read() as live, h5py.File(own, locking=False) as simulated:
+            shared, a, b = numpy.intersect1d(live["tick"][:], simulated["tick"][:], return_indices=True)
+            self.assertGreater(len(shared), 30)
+            for name in simulated["sensors"]:
+                numpy.testing.assert_array_equal(live["sensors"][name][:][a], simulated["sensors"][name][:][b], name)
+
+    def test_killed_recorder_leaves_a_readable_file(self):
+        self.fake()
+        self.controller()
+        recorder = self.record()
+        time.sleep(2.5)
+        recorder.kill()
+        recorder.wait()
+        with self.read() as f:
+            self.assertGreater(len(f["tick"]), 60)
+            self.assertNotIn("outcome", f["meta"].attrs)
+        self.check_commands("live.h5")
+
+    def test_vanishing_surface_is_one_line_and_status_3(self):
+        surface = self.fake()
+        self.controller()
+        recorder = self.record()
+        time.sleep(1)
+        surface.kill()
+        status, out, err = self.finish(recorder)
+        self.assertEqual((status, len(err.splitlines())), (3, 1), err)
+        with self.read() as f:
+            self.assertEqual(len(f["tick"]), int(out.split()[1]))
+        status, _, err = self.finish(self.record("--wait", "0.1", file="none.h5"))
+        self.assertEqual((status, len(err.splitlines())), (3, 1), err)
+        self.assertFalse((self.folder / "none.h5").exists())
+
+    def test_end_by_signal_and_by_number_of_frames(self):
+        self.fake()
+        self.controller()
+        status, out, _ = self.finish(self.record("--frames", "20"))
+        self.assertEqual((status, out.split()[1]), (0, "20"))
+        recorder = self.record(file="b.h5")
+        time.sleep(1)
+        recorder.send_signal(signal.SIGINT)
+        self.assertEqual(self.finish(recorder)[0], 130)
+        with self.read("b.h5") as f:
+            self.assertEqual(f["meta"].attrs["outcome"], "stopped by the user")
+
+    def test_bridge_records_its_table(self):
+        self.shm = f"tb-{os.getpid()}"  # leaves room for .boards
+        table = self.folder / "t.toml"
+        self.start(str(EMULATOR), "--tcp", "0", "--boards", "2x1", "--size", "4x4", "--period-ms", "20", "--table", str(table))
+        while not table.exists():
+            time.sleep(0.05)
+        time.sleep(0.1)
+        bridge = self.start(str(BRIDGE), "--table", str(table), "--shm", self.shm, "--ticks", "150", "--record", str(self.folder / "live.h5"))
+        self.controller_that_waits()
+        status, out, err = self.finish(bridge)
+        self.assertEqual(status, 0, err)
+        with self.read() as f:
+            self.assertEqual(f["boards/valid"].shape, (len(f["tick"]), 2))
+            # Frames from before the recorder was there are neither recorded nor counted.
+            self.assertLessEqual(len(f["tick"]) + f["lost"][:].sum(), 150)
+            self.assertGreater(len(f["tick"]) + f["lost"][:].sum(), 110)
+            valid = f["sensors/valid"][:]
+            known = f["boards/valid"][:, 0] <= 1
+            self.assertGreater(known.sum(), 60)
+            numpy.testing.assert_array_equal(valid[known, 0, 0], f["boards/valid"][:, 0][known])
+            self.assertTrue((f["boards/tick"][:, 1][known][1:] >= f["boards/tick"][:, 1][known][:-1]).all())
+
+
+if __name__ == "__main__":
+    unittest.main()

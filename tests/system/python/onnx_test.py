@@ -1,0 +1,56 @@
+"""Local policies as ONNX models: onnxruntime gives the commands of the NumPy policy, to the bit."""
+import sys
+import unittest
+
+try:
+    import numpy as np
+    import onnxruntime
+    from smartsurf.policy import LocalPolicy, export_onnx
+except ImportError as error:
+    print(f"skipped: {error}; scripts/setup --python installs it where a package index can be reached")
+    sys.exit(77)
+from experiments import ExperimentTest
+
+INPUTS = ["proximity", "colour.g", "row", "column", "proximity"]
+ACTIONS = [("height", 0, 4), ("spin_a", -3.0, 2.0), ("flow", 0, 1e-3)]
+
+
+class Onnx(ExperimentTest):
+    def test_random_policies_give_equal_commands(self):
+        random = np.random.default_rng(1)
+        for case in range(40):
+            inputs, actions = INPUTS[:random.integers(1, 6)], ACTIONS[:random.integers(1, 4)]
+            if case % 5 == 4:
+                inputs = ["column", "proximity", "row"]
+            memory, hidden = int(random.integers(0, 3)), tuple(random.integers(1, 6, size=random.integers(0, 3)))
+            count = LocalPolicy.parameters(len(inputs), len(actions), hidden, memory)
+            vector = random.standard_normal(count) * (random.random(count) < random.choice([0.1, 0.7, 1]))
+            policy = LocalPolicy.from_vector(vector, inputs, actions, hidden, memory)
+            path = self.folder / f"{case}.onnx"
+            export_onnx(policy, path)
+            session = onnxruntime.InferenceSession(str(path), providers=["CPUExecutionProvider"])
+            for shape in ((1, 1, 1), (3, 5, 7), (2, 1, 9)):
+                policy.reset()
+                kept = [np.zeros(shape, np.float32)] * memory
+                for tick in range(3):
+                    observation = {"proximity": random.standard_normal(shape).astype(np.float32) * 5,
+                                   "colour": random.random((shape[0], 3, *shape[1:])).astype(np.float32)}
+                    sensed = {"proximity": observation["proximity"], "colour.g": observation["colour"][:, 1]}
+                    feed = {i.name: sensed[i.name] if i.name in sensed else kept[int(i.name.removeprefix("MEMORY"))]
+                            for i in session.get_inputs()}
+                    outputs = session.run(None, feed)
+                    self.assertEqual([o.name for o in session.get_outputs()],
+                                     [a[0] for a in actions] + [f"NEXT_MEMORY{k}" for k in range(memory)])
+                    for output, (channel, *_), command in zip(outputs, actions, policy(observation).values()):
+                        self.assertEqual(output.shape, shape)
+                        np.testing.assert_array_equal(output.view(np.int32), command.view(np.int32), f"{case}, {channel}")
+                    kept = outputs[len(actions):]
+
+    def test_a_policy_without_a_shape_is_refused(self):
+        policy = LocalPolicy(["row"], [("height", 0, 4)], [(np.zeros((1, 1, 5)), [1])])
+        with self.assertRaisesRegex(ValueError, "no inputs but row and column"):
+            export_onnx(policy, self.folder / "a.onnx")
+
+
+if __name__ == "__main__":
+    unittest.main()

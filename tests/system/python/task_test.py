@@ -1,0 +1,291 @@
+"""Tasks in Python: the same in one world, in many and on a live surface."""
+import os
+import pickle
+import subprocess
+import sys
+import unittest
+import warnings
+
+try:
+    import gymnasium
+    import numpy as np
+    import smartsurf
+    from gymnasium.vector import AutoresetMode
+except ImportError as error:
+    print(f"skipped: {error}; scripts/setup --python installs it where a package index can be reached")
+    sys.exit(77)
+from experiments import ExperimentTest
+
+SCENE = """
+surface { rows = 6, columns = 8, border = { height = 4 }, actuator = pin { range = {0, 2} },
+          sensors = { proximity { range = 6 }, colour { range = 6 } } }
+box { size = {1.6, 1.2, 1}, position = {3.5, 2.5, 3}, label = 'box' }
+sphere { radius = 0.6, position = {5, 3, 3}, label = 'ball' }
+sphere { radius = 0.5, position = {2, 3, 3}, label = 'ball' }
+"""
+
+
+class Reach(smartsurf.Task):
+    """Observes a dict; ends in all ways."""
+    scene = SCENE
+    episode_seconds = 0.5
+    parameters = {"surface.friction": 0.3}
+    randomise = {"object.box.mass": (1, 4), "object.box.position": ((3, 2, 3), (4, 3, 3))}
+    goals = {"place": ((3, 2), (5, 4)), "height": (0.2, 1.2)}
+
+    def reward(self, s):
+        return -np.linalg.norm(s.position("box")[:, :2] - s.goals["place"], axis=1) + s.actions["height"].mean(axis=(1, 2))
+
+    def success(self, s):
+        return (s.time > 0.2) & (s.position("box")[:, 2] < s.goals["height"] + 1.4)
+
+    def failure(self, s):
+        return (s.ticks > 5) & (s.position("ball")[:, 0, 0] > 5.02)
+
+    def observation(self, s):
+        return {"planes": smartsurf.planes(s), "pose": np.column_stack([s.position("box"), s.yaw("box"), s.goals["place"]]),
+                "clock": np.column_stack([s.time, s.actions["height"].mean(axis=(1, 2))])}
+
+    def metrics(self, s):
+        return {"x": s.position("box")[:, 0], "speed": np.linalg.norm(s.velocity(2), axis=-1)}
+
+
+class Sensed(smartsurf.Task):
+    """Sees, and is judged by, what a live surface has too."""
+    scene = SCENE
+    goals = {"level": (0, 1)}
+    episode_seconds = 0.3
+
+    def reward(self, s):
+        return s.sensors["proximity"].mean(axis=(1, 2)) - s.goals["level"] + s.actions["height"][:, 2, 3]
+
+    def metrics(self, s):
+        return {"colour": s.sensors["colour"].sum(axis=(1, 2, 3)), "tick": s.ticks}
+
+
+def command(tick, shape):
+    return np.random.default_rng(tick // 3).uniform(0, 2, shape).astype(np.float32)
+
+
+def flat(observation):
+    return list(observation.values()) if isinstance(observation, dict) else [observation]
+
+
+class Tasks(ExperimentTest):
+    def assert_same(self, one, other):
+        for a, b in zip(flat(one), flat(other), strict=True):
+            np.testing.assert_array_equal(a, b)
+
+    def test_worlds_equal_single_environments_in_every_autoreset_mode(self):
+        for mode in AutoresetMode:
+            with self.subTest(mode=mode.value):
+                task, n = Reach(), 5
+                envs = task.make_vec(n, threads=2, autoreset_mode=mode)
+                singles = [task.make() for _ in range(n)]
+                observations, infos = envs.reset(seed=4)
+                for i, env in enumerate(singles):
+                    observation, info = env.reset(seed=4 + i)
+                    self.assert_same({k: v[i] for k, v in observations.items()}, observation)
+                    np.testing.assert_array_equal(info["place"], infos["place"][i])
+                over, ends = np.zeros(n, bool), {"success": 0, "failure": 0, "time": 0}
+                for tick in range(90):
+                    actions = command(tick, envs.action_space.shape)
+                    observations, rewards, terminated, truncated, infos = envs.step(actions)
+                    ended = terminated | truncated
+                    last = infos["final_info"] if "final_info" in infos else infos
+                    for i, env in enumerate(singles):
+                        if over[i] and mode == AutoresetMode.NEXT_STEP:
+                            expected = (env.reset(seed=int(infos["seed"][i]))[0], 0.0, False, False)
+                        else:
+                            *expected, info = env.step(actions[i])
+                            if ended[i]:
+                                self.assertEqual({k: v[i] for k, v in last["metrics"].items() if not k.startswith("_")},
+                                                 info["metrics"])
+                                kind = "time" if truncated[i] else "success" if info["success"] else "failure"
+                                ends[kind] += 1
+                                self.assertEqual(bool(last["success"][i]), info["success"])
+                        self.assertEqual((rewards[i], terminated[i], truncated[i]), tuple(expected[1:]))
+                        if ended[i] and mode == AutoresetMode.SAME_STEP:
+                            self.assert_same(infos["final_obs"][i], expected[0])
+                            self.assertEqual(int(last["seed"][i]), env._envs._fields["seed"][0])
+                            expected[0] = env.reset(seed=int(infos["seed"][i]))[0]
+                        self.assert_same({k: v[i] for k, v in observations.items()}, expected[0])
+                    over = ended
+                    if mode == AutoresetMode.DISABLED and ended.any():
+                        seeds = [100 * tick + i for i in range(n)]
+                        envs.reset(seed=seeds, options={"reset_mask": ended})
+                        for i in np.flatnonzero(ended):
+                            singles[i].reset(seed=seeds[i])
+                        over[:] = False
+                self.assertTrue(all(ends.values()), ends)
+
+    def test_gymnasium_accepts_tasks(self):
+        from gymnasium.utils.env_checker import check_env
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            for task in (Reach(), Sensed()):
+                check_env(task.make(), skip_render_check=True)
+            Reach.register("Reach-v0")
+            self.assertEqual(gymnasium.make("Reach-v0").unwrapped.task.episode_seconds, 0.5)
+            envs = gymnasium.make_vec("Reach-v0", num_envs=3)
+        observations, _ = envs.reset(seed=1)
+        self.assertIn(observations, envs.observation_space)
+
+    def test_the_default_observation_is_that_of_env_and_vector_env(self):
+        path = self.script(SCENE)
+        task, plain, env = Sensed().make_vec(3, threads=1), smartsurf.VectorEnv(path, 3, 1), smartsurf.Env(path)
+        self.assertEqual(task.observation_space, plain.observation_space)
+        self.assertEqual(Sensed().make().observation_space, env.observation_space)
+        self.assert_same(task.reset(seed=1)[0], plain.reset(seed=1)[0])
+        for tick in range(10):
+            actions = command(tick, plain.action_space.shape)
+            self.assert_same(task.step(actions)[0], plain.step(actions)[0])
+
+    def test_cells_as_agents_see_and_are_rewarded_as_the_task_says(self):
+        from pettingzoo.test import parallel_api_test
+        cells, env = smartsurf.parallel_env(Sensed(), block=2, radius=0), Sensed().make()
+        for seed in (3, 4):
+            observations, infos = cells.reset(seed=seed)
+            whole, info = env.reset(seed=seed)
+            over = False
+            while not over:
+                for agent, seen in observations.items():
+                    row, column = (2 * int(part) for part in agent.split("_")[1:])
+                    np.testing.assert_array_equal(seen, whole[:, row:row + 2, column:column + 2])
+                action = command(int(info["success"]) + seed, env.action_space.shape)
+                observations, rewards, terminated, truncated, infos = cells.step(
+                    {agent: action[:, 2 * r:2 * r + 2, 2 * c:2 * c + 2] for agent, (r, c) in cells._places.items()})
+                whole, reward, *ends, info = env.step(action)
+                self.assertEqual(set(rewards.values()), {reward})
+                self.assertEqual([terminated["block_0_0"], truncated["block_0_0"]], ends)
+                over = any(ends)
+            self.assertEqual(infos["block_0_0"]["metrics"], info["metrics"])
+        parallel_api_test(smartsurf.parallel_env(Sensed(), block=2, radius=1), num_cycles=30)
+
+    def test_goals_follow_from_the_seed_and_are_independent(self):
+        envs = Reach().make_vec(300, threads=2)
+        _, infos = envs.reset(seed=1)
+        place, height = infos["place"], infos["height"]
+        for values, low, high in ((place[:, 0], 3, 5), (place[:, 1], 2, 4), (height, 0.2, 1.2)):
+            self.assertTrue(low <= values.min() < low + 0.1 * (high - low) and high - 0.1 * (high - low) < values.max() <= high)
+        drawn = np.column_stack([place, height, envs.get_parameter("object.box.mass"),
+                                 envs.get_parameter("object.box.position")[:, :2]])
+        self.assertLess(np.abs(np.corrcoef(drawn, rowvar=False) - np.eye(6)).max(), 0.25)
+        again = Reach().make_vec(2, threads=1)
+        _, infos = again.reset(seed=[300, 17])
+        np.testing.assert_array_equal(infos["place"], place[[299, 16]])
+
+    def test_a_live_surface_has_the_same_observations_and_rewards(self):
+        path, name = self.script(SCENE), f"task-{os.getpid()}"
+        here = Sensed().make()
+        here.reset(seed=3)
+        simulator = subprocess.Popen([os.environ["SMARTSURF"], "run", path, "--shm", name, "--seed", "3", "--until", "0.5"])
+        self.addCleanup(simulator.wait)
+        self.addCleanup(simulator.kill)
+        env = Sensed().make(shm=name)
+        self.assertEqual((env.observation_space, env.action_space), (here.observation_space, here.action_space))
+        observation, info = env.reset(seed=None)
+        here.worlds._judge.goals["level"][0] = info["level"]
+        for tick in range(18):
+            action = command(tick, env.action_space.shape)
+            one, other = env.step(action), here.step(action)
+            np.testing.assert_array_equal(one[0], other[0])
+            self.assertEqual(one[1:4], other[1:4])
+        self.assertTrue(one[3])
+        self.assertEqual(one[4]["metrics"], other[4]["metrics"])
+        env.close()
+        with self.assertRaisesRegex(ValueError, "a live surface does not know its objects"):
+            smartsurf.State({}, {}, {}, 0, 0, 1, None, (), {}, None).position("box")
+
+    def test_a_pickled_copy_continues_with_the_same_bits(self):
+        for mode in (AutoresetMode.NEXT_STEP, AutoresetMode.SAME_STEP):
+            envs = Reach().make_vec(4, threads=2, autoreset_mode=mode)
+            envs.reset(seed=6)
+            for ticks in (4, 14, 1, 1, 11):
+                for tick in range(ticks):
+                    envs.step(command(tick, envs.action_space.shape))
+                copy = pickle.loads(pickle.dumps(envs))
+                for tick in range(40):
+                    a, b = (one.step(command(tick, envs.action_space.shape)) for one in (envs, copy))
+                    self.assert_same(a[0], b[0])
+                    for x, y in zip(a[1:4], b[1:4]):
+                        np.testing.assert_array_equal(x, y)
+                    np.testing.assert_array_equal(a[4]["place"], b[4]["place"])
+        env = Sensed().make()
+        env.reset(seed=1)
+        again = pickle.loads(pickle.dumps(env))
+        self.assert_same(env.step(command(1, env.action_space.shape))[0], again.step(command(1, env.action_space.shape))[0])
+
+    def test_a_world_that_fails_is_quarantined(self):
+        class Failing(Sensed):
+            scene = SCENE + "local bad = false\n" \
+                            "on_reset(function() bad = random() < 0.3 end)\n" \
+                            "on_tick(function(t) if bad and t > 0.1 then error('broken') end end)"
+        for mode in (AutoresetMode.NEXT_STEP, AutoresetMode.SAME_STEP):
+            envs = Failing().make_vec(8, threads=2, autoreset_mode=mode)
+            envs.reset(seed=1)
+            failures = 0
+            for tick in range(60):
+                _, rewards, terminated, truncated, infos = envs.step(command(tick, envs.action_space.shape))
+                failed = np.isnan(rewards)
+                self.assertFalse((failed & ~truncated).any())
+                if failed.any():
+                    final = infos.get("final_info", infos)
+                    self.assertTrue(all("broken" in final["error"][i] for i in np.flatnonzero(failed)))
+                    failures += int(failed.sum())
+            self.assertGreater(failures, 3)
+            self.assertLess(failures, 120)
+
+    def test_mistakes_name_the_function(self):
+        def changed(**members):
+            return type("Mine", (Sensed,), members)()
+        for task, message in (
+                (changed(scene=None), "Mine: give either script, a path, or scene"),
+                (changed(script="a.lua"), "give either"),
+                (changed(goals={"level": 3}), r"goals: level = 3: must be \(low, high\)"),
+                (changed(goals={"level": (2, 1)}), "low must not be above high"),
+                (changed(arrays="cupy"), "arrays = 'cupy': must be"),
+                (changed(randomise={"object.cup.mass": (1, 2)}), "no 'cup'"),
+                (changed(parameters={"surface.friction": -1}), "friction = -1"),
+                (changed(observation=lambda self, s: np.zeros(7)), r"Mine.observation has shape \(7,\): must be \(2, …\)")):
+            with self.assertRaisesRegex(ValueError, message) as raised:
+                task.make_vec(2)
+            self.assertNotIn("\n", str(raised.exception))
+        for members, message in (({"reward": lambda self, s: np.zeros((2, 2))}, r"Mine.reward returned an array of shape \(2, 2\)"),
+                                 ({"success": lambda self, s: [True]}, "Mine.success returned"),
+                                 ({"reward": lambda self, s: "much"}, "must be real numbers")):
+            envs = changed(**members).make_vec(2)
+            envs.reset(seed=1)
+            with self.assertRaisesRegex(ValueError, message):
+                envs.step(np.zeros(envs.action_space.shape, np.float32))
+
+        def writes(self, s):
+            s.sensors["proximity"][...] = 0
+        envs = changed(reward=writes).make_vec(2)
+        with self.assertRaisesRegex(ValueError, "read-only"):
+            envs.step(np.zeros(envs.action_space.shape, np.float32))
+
+    def test_torch(self):
+        try:
+            import torch
+        except ImportError:
+            self.skipTest("PyTorch is not installed")
+
+        class Tensors(Reach):
+            arrays = "torch"
+
+            def reward(self, s):
+                return (-torch.linalg.norm(s.position("box")[:, :2] - s.goals["place"].float(), dim=1)
+                        + s.actions["height"].mean(dim=(1, 2)))
+
+            def observation(self, s):
+                return torch.cat([s.position("box"), s.yaw("box")[:, None]], dim=1)
+        envs, numpy = Tensors().make_vec(3, threads=1), Reach().make_vec(3, threads=1)
+        envs.reset(seed=1), numpy.reset(seed=1)
+        for tick in range(10):
+            actions = command(tick, envs.action_space.shape)
+            np.testing.assert_allclose(envs.step(actions)[1], numpy.step(actions)[1], rtol=1e-5)
+
+
+if __name__ == "__main__":
+    unittest.main()
