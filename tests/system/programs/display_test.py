@@ -6,17 +6,13 @@ from programs import *
 RAIN = str(ROOT / "scripts/examples/rain.lua")
 
 
-@unittest.skipUnless(shutil.which("Xvfb"), "Xvfb is not installed")
+@unittest.skipUnless(HAS_XVFB, "Xvfb is not installed")
 class Windows(ProgramTest):
     def open_display(self):
-        """Starts a private X server and returns its process."""
-        read, write = os.pipe()
-        server = subprocess.Popen(["Xvfb", "-displayfd", str(write), "-screen", "0", "640x480x24", "-nolisten", "tcp"],
-                                  pass_fds=(write,), stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
-        os.close(write)
-        self.addCleanup(lambda: (server.kill(), server.wait()))
-        with os.fdopen(read) as numbers:
-            self.display = ":" + numbers.readline().strip()
+        """Starts a private X server."""
+        server = Display("640x480")
+        self.addCleanup(server.close)
+        self.display = server.name
         return server
 
     def start_window(self, *flags):
@@ -34,8 +30,7 @@ class Windows(ProgramTest):
         recording = self.folder / "run.h5"
         child = self.start_window("--until", "3", "--record", str(recording))
         self.wait_for_recording(recording)
-        server.kill()
-        server.wait()
+        server.close()
         status, _, err = self.finish(child)
         self.assertEqual(status, 0, err)
         self.assertIn("the display was lost; the run continues without a window", err)
@@ -46,8 +41,7 @@ class Windows(ProgramTest):
         recording = self.folder / "run.h5"
         child = self.start_window("--record", str(recording), "--set", "count=100000")
         self.wait_for_recording(recording)
-        server.kill()
-        server.wait()
+        server.close()
         status, _, err = self.finish(child)
         self.assertEqual(status, 1, err)
         self.assertIn("the display was lost; the run ends", err)

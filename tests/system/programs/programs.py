@@ -4,11 +4,15 @@ import os
 import pathlib
 import signal
 import subprocess
+import sys
 import tempfile
 import time
 import unittest
 
 ROOT = pathlib.Path(__file__).resolve().parents[3]
+sys.path.append(str(ROOT / "tests/system"))
+from display import HAS_XVFB, Display  # noqa: E402
+
 BIN = pathlib.Path(os.environ.get("SMARTSURF_BIN", ROOT / "build/release/bin"))
 SMARTSURF, APRON = str(BIN / "smartsurf"), str(BIN / "apron")
 SORT_LUA, SORT_APS = str(ROOT / "scripts/case-study/sort.lua"), str(ROOT / "scripts/case-study/sort.aps")

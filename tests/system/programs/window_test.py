@@ -69,22 +69,16 @@ class ApronPictures(ProgramTest):
         self.assertEqual([p.name for p in self.folder.iterdir()], ["a.aps"])
 
 
-@unittest.skipUnless(shutil.which("Xvfb"), "no virtual display")
+@unittest.skipUnless(HAS_XVFB, "no virtual display")
 class ApronWindow(ProgramTest):
     def setUp(self):
         super().setUp()
-        read, write = os.pipe()
-        # Without -noreset, Xvfb resets when its last client leaves, and refuses connections meanwhile.
-        self.display = subprocess.Popen(["Xvfb", "-displayfd", str(write), "-screen", "0", "1280x800x24", "-noreset"],
-                                        pass_fds=[write], stderr=subprocess.DEVNULL)
-        os.close(write)
-        with os.fdopen(read) as number:
-            os.environ["DISPLAY"] = ":" + number.readline().strip()
+        self.display = Display("1280x800")
+        os.environ["DISPLAY"] = self.display.name
 
     def tearDown(self):
         super().tearDown()
-        self.display.kill()
-        self.display.wait()
+        self.display.close()
         os.environ.pop("DISPLAY")
 
     def read_line(self, child):

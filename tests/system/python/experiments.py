@@ -1,10 +1,13 @@
 """Scripts that the tests of the Python package share, and a base class with a folder for them."""
 import os
 import pathlib
+import sys
 import tempfile
 import unittest
 
 ROOT = pathlib.Path(os.environ["SOURCE_ROOT"])
+sys.path.append(str(ROOT / "tests/system"))
+from display import HAS_XVFB, Display  # noqa: E402, F401
 
 # Draws in on_reset: Lua does not run again. Ten objects of all kinds, which roll, tumble, pile up and sleep.
 CROWD = """

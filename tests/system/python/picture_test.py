@@ -1,6 +1,5 @@
 """Pictures, depth, segmentation, films for notebooks, and the window."""
 import os
-import shutil
 import struct
 import subprocess
 import sys
@@ -14,7 +13,7 @@ try:
 except ImportError as error:
     print(f"skipped: {error}; scripts/setup --python installs it where a package index can be reached")
     sys.exit(77)
-from experiments import ExperimentTest
+from experiments import HAS_XVFB, Display, ExperimentTest
 
 SCENE = """
 surface { rows = 8, columns = 10, actuator = pin { range = {0, 2} } }
@@ -128,18 +127,14 @@ class Pictures(ExperimentTest):
         envs.reset(seed=1)
         self.assertEqual([p.shape for p in envs.render()], [(48, 64, 3)] * 2)
 
-    @unittest.skipUnless(HAS_VIEW and shutil.which("Xvfb"), "no view or no virtual display")
+    @unittest.skipUnless(HAS_VIEW and HAS_XVFB, "no view or no virtual display")
     def test_the_window(self):
-        read, write = os.pipe()
-        display = subprocess.Popen(["Xvfb", "-displayfd", str(write), "-screen", "0", "800x600x24", "-noreset"],
-                                   pass_fds=[write], stderr=subprocess.DEVNULL)
-        self.addCleanup(display.wait)
-        self.addCleanup(display.kill)
-        number = os.read(read, 16).decode().strip()
+        display = Display("800x600")
+        self.addCleanup(display.close)
         program = (f"import smartsurf\nenv = smartsurf.Env({self.script(SCENE)!r}, render_mode='human', render_size=(320, 240))\n"
                    "env.reset(seed=1)\nfor _ in range(5): env.step(env.action_space.sample())\n"
                    "print(env.simulation.tick, env._window._core is not None)\nenv.close()")
-        environment = {**os.environ, "DISPLAY": f":{number}"}
+        environment = {**os.environ, "DISPLAY": display.name}
         shown = subprocess.run([sys.executable, "-c", program], env=environment, capture_output=True, text=True, timeout=120)
         self.assertEqual((shown.stdout.split(), shown.returncode), (["5", "True"], 0), shown.stderr)
         self.assertNotIn("tkinter", shown.stderr)

@@ -2,8 +2,10 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cstdlib>
 #include <fstream>
+#include <limits>
 #include <stdexcept>
 #include <string>
 
@@ -13,6 +15,7 @@
 namespace smartsurf::view {
 namespace {
 
+// Shown scenes are paused: those that run are drawn at a resolution that depends on the time that a frame takes.
 class WindowTest : public testing::Test {
  protected:
   void SetUp() override {
@@ -52,6 +55,7 @@ TEST_F(WindowTest, ShowsScenePanelAndHelp) {
   Window window(scene.spec, "test", 800, 600);
   Status status;
   status.mode = "time-step";
+  status.paused = true;
   const auto shown = [&] {
     common::Image image;
     for (int i = 0; i < 3; ++i) image = window.capture_frame({scene.snapshot, scene.spec.objects}, status);
@@ -114,6 +118,7 @@ TEST_F(WindowTest, MemoryStaysConstantOverManyFrames) {
   for (int i = 0; i < 20; ++i) scene.add_sphere(0.5 * i, 3.0, 6.0, 0.5, {0.2f, 0.6f, 0.9f});
   Window window(scene.spec, "test", 320, 240);
   Status status;
+  status.paused = true;
   status.timeline = Timeline{10, 3, 0.0, 1.0, true, {}};
   window.perform(UiAction::kTrails);
   window.perform(UiAction::kWireframe);
@@ -125,10 +130,15 @@ TEST_F(WindowTest, MemoryStaysConstantOverManyFrames) {
       window.render_frame({scene.snapshot, scene.spec.objects}, status);
     }
   };
+  // A leak grows in each round, a driver's cache in one.
+  std::size_t least_growth = std::numeric_limits<std::size_t>::max();
   frames(100);
-  const std::size_t before = memory_kB();
-  frames(100);
-  EXPECT_LT(memory_kB(), before + 2000) << "leaks more than 20 kB per frame";
+  for (int round = 0; round < 3 && least_growth >= 2000; ++round) {
+    const std::size_t before = memory_kB();
+    frames(100);
+    least_growth = std::min(least_growth, std::max(memory_kB(), before) - before);
+  }
+  EXPECT_LT(least_growth, 2000u) << "leaks more than 20 kB per frame";
 }
 
 TEST_F(WindowTest, ClickSelectsAndControlDragPulls) {
@@ -137,6 +147,7 @@ TEST_F(WindowTest, ClickSelectsAndControlDragPulls) {
   Window window(scene.spec, "test", 800, 600);
   Status status;
   status.accepts_interaction = true;
+  status.paused = true;
   Eigen::Vector2d at;
   const auto point = [&](PointerEvent::Kind kind, double dx, bool control) {
     window.add_pointer_event({kind, PointerEvent::Button::kLeft, at.x() + dx, at.y(), control, false});
@@ -172,6 +183,7 @@ TEST_F(WindowTest, ShowsPlotsOfTheStoredHistoryListAndEventMarks) {
   Window window(scene.spec, "test", 800, 600);
   Status status;
   status.timeline = Timeline{200, 199, 0.0, 19.9, false, {}};
+  status.paused = true;
   const FrameInput input{scene.snapshot, scene.spec.objects, {}, {}, &history};
   const auto shown = [&] {
     common::Image image;
@@ -215,13 +227,20 @@ TEST_F(WindowTest, NeedsRedrawAfterInput) {
   TestScene scene(4, 4);
   Window window(scene.spec, "test", 320, 240);
   const auto draw = [&] { window.render_frame({scene.snapshot, scene.spec.objects}, {}); };
-  // The window system sends events after the window opens.
-  for (int i = 0; i < 20 && (i < 3 || window.needs_redraw()); ++i) draw();
-  EXPECT_FALSE(window.needs_redraw());
+  // The window system sends events after the window opens, as late as it likes: quiet are ten frames without
+  // any.
+  const auto becomes_quiet = [&] {
+    for (int i = 0, quiet = 0; i < 1000; ++i) {
+      draw();
+      quiet = window.needs_redraw() ? 0 : quiet + 1;
+      if (quiet == 10) return true;
+    }
+    return false;
+  };
+  ASSERT_TRUE(becomes_quiet());
   window.perform(UiAction::kGrid);
   EXPECT_TRUE(window.needs_redraw());
-  draw();
-  EXPECT_FALSE(window.needs_redraw());
+  ASSERT_TRUE(becomes_quiet());
   window.add_pointer_event({PointerEvent::Kind::kMove, PointerEvent::Button::kLeft, 10, 10, false, false});
   EXPECT_TRUE(window.needs_redraw());
 }
