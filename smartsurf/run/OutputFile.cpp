@@ -23,6 +23,7 @@ namespace fs = std::filesystem;
 }  // namespace
 
 void require_writable(const std::string& flag, const std::string& file) {
+  if (file == "-") throw_input_error(flag, file, "is no file's name (./- is one; /dev/stdout for a pipe)");
   std::error_code ignored;
   if (fs::is_directory(file, ignored))
     throw_input_error(flag, file, "is a folder: give the name of a file in it");

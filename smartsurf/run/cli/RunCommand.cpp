@@ -107,7 +107,8 @@ void add_run_flags(CLI::App& app, RunFlags& flags) {
   app.add_option("--record", flags.record, "Record the run, as HDF5 or CSV")
       ->type_name("FILE.h5|FILE.csv")
       ->allow_extra_args(false);
-  app.add_option("--stats", flags.stats, "Write statistics of the run as JSON")->type_name("FILE.json");
+  app.add_option("--stats", flags.stats, "Write statistics of the run as JSON (-: to standard output)")
+      ->type_name("FILE.json");
   app.add_option("--screenshot", flags.screenshot, "Write a picture at a simulated time, or at the end")
       ->type_name("FILE.png[@SECONDS]")
       ->allow_extra_args(false);
@@ -165,7 +166,8 @@ RunOptions make_run_options(const RunFlags& flags, const std::string& command_li
   if (flags.worlds > 0 && renders)
     throw scene::InputError(
         "--worlds: cannot be combined with --window, --screenshot or --video; use --record");
-  if (!flags.stats.empty()) require_writable("--stats", flags.stats);
+  const std::string stats = flags.stats == "-" ? "/dev/stdout" : flags.stats;
+  if (!stats.empty()) require_writable("--stats", stats);
   if (!flags.video.empty()) require_writable("--video", flags.video);
   RunOptions options;
   options.experiment = flags.experiment;
@@ -187,7 +189,7 @@ RunOptions make_run_options(const RunFlags& flags, const std::string& command_li
   options.overrides = parse_assignments(flags.set);
   options.threads = flags.threads;
   options.recording_files = flags.record;
-  options.stats_file = flags.stats;
+  options.stats_file = stats;
   for (const auto& text : flags.screenshot) {
     options.screenshots.push_back(parse_screenshot(text));
     require_writable("--screenshot", options.screenshots.back().file);

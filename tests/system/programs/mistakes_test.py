@@ -96,7 +96,8 @@ class Mistakes(ProgramTest):
     def test_unwritable_output_is_refused_before_the_run(self):
         path = self.write("says.lua", TABLE + "on_finish(function() print('ran') end)\n")
         for flag, file, fact in (("--stats", ".", "is a folder"), ("--stats", "none/s.json", "no folder none"),
-                                 ("--screenshot", "none/a.png", "no folder none"), ("--video", "none/a.mp4", "no folder none")):
+                                 ("--screenshot", "none/a.png", "no folder none"), ("--video", "-", "no file's name"),
+                                 ("--video", "none/a.mp4", "no folder none")):
             command = [SMARTSURF, "run", path, "--no-controller", "--ticks", "1", flag, file]
             self.refused(command, flag, file, fact)
             self.assertEqual(self.run_program(*command)[1], "")
@@ -138,7 +139,8 @@ class Mistakes(ProgramTest):
         (self.folder / "link.json").symlink_to("real.json")
         (self.folder / "real.json").write_text("")
         run = [SMARTSURF, "run", path, "--no-controller", "--ticks", "1", "--stats"]
-        self.assertEqual(json.loads(self.run_program(*run, "/dev/stdout")[1])["ticks"], 1)
+        for stdout in "/dev/stdout", "-":
+            self.assertEqual(json.loads(self.run_program(*run, stdout)[1])["ticks"], 1)
         self.assertEqual(self.run_program(*run, "link.json")[0], 0)
         self.assertTrue((self.folder / "link.json").is_symlink())
         self.assertEqual(json.loads((self.folder / "real.json").read_text())["ticks"], 1)
