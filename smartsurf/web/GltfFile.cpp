@@ -133,9 +133,11 @@ class GltfFile {
         {{"sampler", samplers_.size() - 1}, {"target", {{"node", node_index}, {"path", path}}}});
   }
 
-  // The whole file. Throws scene::InputError if it is too large.
-  std::string bytes(const std::string& title, const std::filesystem::path& path) const {
+  // The whole file. Throws scene::InputError if it is too large. frames: those of the recording at times_s().
+  std::string bytes(const std::string& title, std::span<const std::size_t> frames,
+                    const std::filesystem::path& path) const {
     json file = {{"asset", {{"version", "2.0"}, {"generator", "smartsurf " SMARTSURF_VERSION}}},
+                 {"extras", {{"frames", frames}, {"times_s", times_s_}}},
                  {"scene", 0},
                  {"scenes", {{{"name", title}, {"nodes", {root_}}}}},
                  {"nodes", nodes_},
@@ -436,7 +438,7 @@ void write_gltf(const Recording& recording, const std::filesystem::path& path, c
   if (recording.has_objects()) add_objects(file, recording, frames);
   add_table(file, recording, frames);
   const std::string title = std::filesystem::path(recording.spec().file).filename().string();
-  if (const std::error_code error = common::replace_file(path, file.bytes(title, path)))
+  if (const std::error_code error = common::replace_file(path, file.bytes(title, frames, path)))
     throw scene::InputError(path.string() + ": cannot be written: " + error.message());
 }
 

@@ -17,8 +17,9 @@ struct GltfOptions {
 // turns z up into glTF's y up; 1 u is 1 m. The animation "run" starts at the first recorded frame. Key frames
 // that the linear interpolation of their neighbours gives are left out: positions are exact to 0.001 u, pins
 // to 0.002 u, rotations to 0.4°. An object that does not exist has a scale of 0. A skin has its form of
-// the first frame. Throws scene::InputError if the file cannot be written, the recording has nothing to show,
-// or the file would be larger than glTF allows.
+// the first frame. `extras` has the numbers of the recorded frames that are shown, and their times. Throws
+// scene::InputError if the file cannot be written, the recording has nothing to show, or the file would be
+// larger than glTF allows.
 void write_gltf(const record::Recording& recording, const std::filesystem::path& path,
                 const GltfOptions& options = {});
 

@@ -15,15 +15,18 @@ class Display:
     """An X server with one screen, WIDTHxHEIGHT pixels; `name` is the value of DISPLAY."""
 
     def __init__(self, size="1280x1024"):
-        read, write = os.pipe()
-        # Without -noreset, Xvfb resets when its last client leaves, and refuses connections meanwhile.
-        self.server = subprocess.Popen(["Xvfb", "-displayfd", str(write), "-screen", "0", f"{size}x24", "-noreset", "-nolisten",
-                                        "tcp"], pass_fds=[write], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
-        os.close(write)
-        with os.fdopen(read) as number:
-            self.name = ":" + number.readline().strip()
-        if self.name == ":":
-            raise RuntimeError("Xvfb does not start")
+        for _ in range(5):  # of two servers that search for a free number at once, one may find none
+            read, write = os.pipe()
+            # Without -noreset, Xvfb resets when its last client leaves, and refuses connections meanwhile.
+            self.server = subprocess.Popen(["Xvfb", "-displayfd", str(write), "-screen", "0", f"{size}x24", "-noreset", "-nolisten",
+                                            "tcp"], pass_fds=[write], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+            os.close(write)
+            with os.fdopen(read) as number:
+                self.name = ":" + number.readline().strip()
+            if self.name != ":":
+                return
+            self.close()
+        raise RuntimeError("Xvfb does not start")
 
     def close(self):
         self.server.kill()

@@ -1,0 +1,393 @@
+// The functions of FMI 3.0 for co-simulation over smartsurf.h: what the shared object in an FMU exports
+// (smartsurf/python/smartsurf/fmu.py, which also writes modelDescription.xml, whose value references stand in
+// `Reference`). An FMU's resources hold the script, and a file `start` with the token and the options.
+#include <algorithm>
+#include <cmath>
+#include <cstdint>
+#include <cstring>
+#include <exception>
+#include <fstream>
+#include <limits>
+#include <memory>
+#include <optional>
+#include <stdexcept>
+#include <string>
+#include <type_traits>
+#include <vector>
+
+#include "smartsurf/library/smartsurf.h"
+
+// The types of the standard's headers.
+extern "C" {
+enum fmi3Status { fmi3OK, fmi3Warning, fmi3Discard, fmi3Error, fmi3Fatal };
+using fmi3ValueReference = std::uint32_t;
+using fmi3LogMessageCallback = void (*)(void* environment, fmi3Status, const char* category,
+                                        const char* message);
+}
+
+namespace {
+
+enum Reference : fmi3ValueReference {
+  kTime,
+  kSeed,
+  kTick,
+  kReward,
+  kTerminated,
+  kSuccess,
+  kStateHash,
+  kPosition = 10,
+  kOrientation,
+  kVelocity,
+  kAngularVelocity,
+  kFirstActuator = 100,
+  kFirstSensor = 1000
+};
+
+// A state that the importer keeps: that of the environment, and the inputs.
+struct State {
+  std::string bytes;
+  std::vector<std::vector<float>> inputs;
+  double time_s;
+  smartsurf_result result;
+};
+
+void require(smartsurf_status status) {
+  if (status != SMARTSURF_OK) throw std::runtime_error(smartsurf_error());
+}
+
+class Instance {
+ public:
+  Instance(std::string resources, std::string token, void* environment, fmi3LogMessageCallback log_message)
+      : resources_(std::move(resources)), environment_(environment), log_(log_message) {
+    std::ifstream file(resources_ + "start");
+    std::string line;
+    if (!std::getline(file, line) || line != token)
+      throw std::runtime_error("the instantiation token is not that of modelDescription.xml");
+    std::getline(file, script_);
+    while (std::getline(file, line)) set_.push_back(line);
+    load();
+  }
+
+  void load() {
+    std::vector<const char*> set;
+    for (const std::string& assignment : set_) set.push_back(assignment.c_str());
+    const std::string file = resources_ + script_;
+    smartsurf_options options{};
+    options.size = sizeof options;
+    options.file = file.c_str();
+    options.set = set.data();
+    options.set_count = set.size();
+    options.seed = seed_ ? &*seed_ : nullptr;
+    smartsurf_environment* made = nullptr;
+    require(smartsurf_create(&options, &made));
+    table_.reset(made);
+    time_s_ = 0;
+    result_ = {};
+    inputs_.clear();
+    for (std::size_t i = 0; i < smartsurf_channel_count(made, SMARTSURF_ACTUATORS); ++i) {
+      const smartsurf_channel actuator = channel(SMARTSURF_ACTUATORS, i);
+      inputs_.emplace_back(actuator.values, actuator.values + cells());
+    }
+    object_count_ = state().object_count;
+  }
+
+  void set_seed(std::uint64_t seed) { seed_ = seed; }
+
+  // Takes the steps that end by `until_s`: outputs are those of the latest control period.
+  void advance(double until_s) {
+    const double period_s = state().period_s;
+    const auto ticks = static_cast<std::uint64_t>(std::max(0.0, std::floor(until_s / period_s + 1e-6)));
+    while (state().tick < ticks) {
+      for (std::size_t i = 0; i < inputs_.size(); ++i)
+        require(smartsurf_set_targets(table_.get(), i, inputs_[i].data(), inputs_[i].size()));
+      result_.size = sizeof result_;
+      require(smartsurf_step(table_.get(), &result_));
+    }
+    time_s_ = until_s;
+  }
+
+  State save() {
+    const void* bytes = nullptr;
+    std::size_t count = 0;
+    require(smartsurf_save(table_.get(), &bytes, &count));
+    return {std::string(static_cast<const char*>(bytes), count), inputs_, time_s_, result_};
+  }
+  void restore(const State& saved) {
+    require(smartsurf_restore(table_.get(), saved.bytes.data(), saved.bytes.size()));
+    inputs_ = saved.inputs;
+    time_s_ = saved.time_s;
+    result_ = saved.result;
+  }
+
+  // Appends the variable's values; throws if it has another type.
+  template <class T>
+  void read(fmi3ValueReference reference, std::vector<T>& values) const {
+    const smartsurf_state now = state();
+    if constexpr (std::is_same_v<T, double>) {
+      if (reference == kTime) return values.push_back(time_s_);
+      if (reference == kReward) return values.push_back(result_.reward);
+    } else if constexpr (std::is_same_v<T, std::uint64_t>) {
+      if (reference == kSeed) return values.push_back(seed_.value_or(now.seed));
+      if (reference == kTick) return values.push_back(now.tick);
+      if (reference == kStateHash) return values.push_back(now.hash);
+    } else if constexpr (std::is_same_v<T, bool>) {
+      if (reference == kTerminated) return values.push_back(result_.terminated != 0);
+      if (reference == kSuccess) return values.push_back(result_.success != 0);
+    } else {
+      if (reference >= kPosition && reference <= kAngularVelocity)
+        return read_objects(now, reference, values);
+      if (reference >= kFirstSensor &&
+          reference - kFirstSensor < smartsurf_channel_count(table_.get(), SMARTSURF_SENSORS)) {
+        const smartsurf_channel sensor = channel(SMARTSURF_SENSORS, reference - kFirstSensor);
+        values.insert(values.end(), sensor.values,
+                      sensor.values + static_cast<std::size_t>(sensor.components) * cells());
+        return;
+      }
+      if (reference >= kFirstActuator && reference - kFirstActuator < inputs_.size()) {
+        const std::vector<float>& input = inputs_[reference - kFirstActuator];
+        values.insert(values.end(), input.begin(), input.end());
+        return;
+      }
+    }
+    throw std::runtime_error("no variable of this type has the value reference " + std::to_string(reference));
+  }
+
+  // The input's values, to be written.
+  std::vector<float>& input(fmi3ValueReference reference) {
+    if (reference < kFirstActuator || reference - kFirstActuator >= inputs_.size())
+      throw std::runtime_error("the value reference " + std::to_string(reference) + " is not an input");
+    return inputs_[reference - kFirstActuator];
+  }
+
+  void log(const char* message) const {
+    if (log_ != nullptr) log_(environment_, fmi3Error, "logStatusError", message);
+  }
+
+ private:
+  smartsurf_state state() const {
+    smartsurf_state now{};
+    now.size = sizeof now;
+    require(smartsurf_get_state(table_.get(), &now));
+    return now;
+  }
+  smartsurf_channel channel(smartsurf_direction direction, std::size_t index) const {
+    smartsurf_channel found{};
+    found.size = sizeof found;
+    require(smartsurf_get_channel(table_.get(), direction, index, &found));
+    return found;
+  }
+  std::size_t cells() const {
+    const smartsurf_state now = state();
+    return static_cast<std::size_t>(now.rows) * static_cast<std::size_t>(now.columns);
+  }
+
+  // Rows of the objects that the experiment starts with, by id; NaN for one that is gone.
+  void read_objects(const smartsurf_state& now, fmi3ValueReference reference,
+                    std::vector<float>& values) const {
+    const float* const sources[] = {now.position, now.orientation, now.velocity, now.angular_velocity};
+    const float* const from = sources[reference - kPosition];
+    const std::size_t width = reference == kOrientation ? 4 : 3, begin = values.size();
+    values.resize(begin + object_count_ * width, std::numeric_limits<float>::quiet_NaN());
+    for (std::size_t i = 0; i < now.object_count; ++i)
+      if (now.id[i] < object_count_)
+        std::copy_n(from + i * width, width,
+                    values.begin() + static_cast<std::ptrdiff_t>(begin + now.id[i] * width));
+  }
+
+  std::string resources_, script_;
+  std::vector<std::string> set_;
+  void* environment_;
+  fmi3LogMessageCallback log_;
+  std::optional<std::uint64_t> seed_;  // none: the script's
+  std::unique_ptr<smartsurf_environment, decltype(&smartsurf_destroy)> table_{nullptr, smartsurf_destroy};
+  std::vector<std::vector<float>> inputs_;  // of each actuator channel
+  smartsurf_result result_{};               // of the latest step
+  std::size_t object_count_ = 0;            // at the start
+  double time_s_ = 0;
+};
+
+Instance& of(void* instance) { return *static_cast<Instance*>(instance); }
+
+// Runs the work of a function of the interface: an exception becomes a logged error.
+template <class Work>
+fmi3Status guarded(void* instance, const Work& work) noexcept {
+  try {
+    if (instance == nullptr) return fmi3Error;
+    work(of(instance));
+    return fmi3OK;
+  } catch (const std::exception& error) {
+    of(instance).log(error.what());
+    return fmi3Error;
+  }
+}
+
+template <class T>
+fmi3Status get(void* instance, const fmi3ValueReference* references, std::size_t count, T* values,
+               std::size_t value_count) {
+  return guarded(instance, [&](const Instance& it) {
+    std::vector<T> found;
+    for (std::size_t i = 0; i < count; ++i) it.read(references[i], found);
+    if (found.size() != value_count)
+      throw std::runtime_error("the variables have " + std::to_string(found.size()) + " values, not " +
+                               std::to_string(value_count));
+    std::copy(found.begin(), found.end(), values);
+  });
+}
+
+}  // namespace
+
+#define FMI3 extern "C" __attribute__((visibility("default")))
+
+FMI3 const char* fmi3GetVersion() { return "3.0"; }
+FMI3 fmi3Status fmi3SetDebugLogging(void*, bool, std::size_t, const char* const*) { return fmi3OK; }
+
+FMI3 void* fmi3InstantiateCoSimulation(const char*, const char* token, const char* resources, bool, bool,
+                                       bool, bool, const fmi3ValueReference*, std::size_t, void* environment,
+                                       fmi3LogMessageCallback log, void*) {
+  try {
+    std::string folder = resources != nullptr ? resources : "";
+    if (!folder.empty() && folder.back() != '/') folder += '/';
+    return new Instance(std::move(folder), token != nullptr ? token : "", environment, log);
+  } catch (const std::exception& error) {
+    if (log != nullptr) log(environment, fmi3Error, "logStatusError", error.what());
+    return nullptr;
+  }
+}
+FMI3 void fmi3FreeInstance(void* instance) { delete static_cast<Instance*>(instance); }
+
+FMI3 fmi3Status fmi3EnterInitializationMode(void*, bool, double, double start_s, bool, double) {
+  return start_s == 0 ? fmi3OK : fmi3Error;
+}
+FMI3 fmi3Status fmi3ExitInitializationMode(void*) { return fmi3OK; }
+FMI3 fmi3Status fmi3Terminate(void*) { return fmi3OK; }
+FMI3 fmi3Status fmi3Reset(void* instance) {
+  return guarded(instance, [](Instance& it) { it.load(); });
+}
+
+FMI3 fmi3Status fmi3DoStep(void* instance, double from_s, double step_s, bool, bool* event_needed,
+                           bool* terminate, bool* early_return, double* last_time_s) {
+  *event_needed = *terminate = *early_return = false;
+  return guarded(instance, [&](Instance& it) {
+    it.advance(from_s + step_s);
+    *last_time_s = from_s + step_s;
+  });
+}
+
+FMI3 fmi3Status fmi3GetFloat32(void* i, const fmi3ValueReference* r, std::size_t n, float* v, std::size_t m) {
+  return get(i, r, n, v, m);
+}
+FMI3 fmi3Status fmi3GetFloat64(void* i, const fmi3ValueReference* r, std::size_t n, double* v,
+                               std::size_t m) {
+  return get(i, r, n, v, m);
+}
+FMI3 fmi3Status fmi3GetUInt64(void* i, const fmi3ValueReference* r, std::size_t n, std::uint64_t* v,
+                              std::size_t m) {
+  return get(i, r, n, v, m);
+}
+FMI3 fmi3Status fmi3GetBoolean(void* i, const fmi3ValueReference* r, std::size_t n, bool* v, std::size_t m) {
+  return get(i, r, n, v, m);
+}
+FMI3 fmi3Status fmi3SetFloat32(void* instance, const fmi3ValueReference* references, std::size_t count,
+                               const float* values, std::size_t value_count) {
+  return guarded(instance, [&](Instance& it) {
+    std::size_t expected = 0;
+    for (std::size_t i = 0; i < count; ++i) expected += it.input(references[i]).size();
+    if (expected != value_count)
+      throw std::runtime_error("the inputs have " + std::to_string(expected) + " values, not " +
+                               std::to_string(value_count));
+    for (std::size_t i = 0; i < count; ++i) {
+      std::vector<float>& input = it.input(references[i]);
+      std::copy_n(values, input.size(), input.begin());
+      values += input.size();
+    }
+  });
+}
+FMI3 fmi3Status fmi3SetUInt64(void* instance, const fmi3ValueReference* references, std::size_t count,
+                              const std::uint64_t* values, std::size_t value_count) {
+  return guarded(instance, [&](Instance& it) {
+    for (std::size_t i = 0; i < count; ++i)
+      if (references[i] != kSeed) throw std::runtime_error("only the seed can be set");
+    if (count == 0 || value_count != count) throw std::runtime_error("the seed is one number");
+    it.set_seed(values[value_count - 1]);
+    it.load();
+  });
+}
+
+FMI3 fmi3Status fmi3GetFMUState(void* instance, void** state) {
+  return guarded(instance, [&](Instance& it) {
+    State saved = it.save();
+    if (*state != nullptr)
+      *static_cast<State*>(*state) = std::move(saved);
+    else
+      *state = new State(std::move(saved));
+  });
+}
+FMI3 fmi3Status fmi3SetFMUState(void* instance, void* state) {
+  return guarded(instance, [&](Instance& it) { it.restore(*static_cast<const State*>(state)); });
+}
+FMI3 fmi3Status fmi3FreeFMUState(void*, void** state) {
+  delete static_cast<State*>(*state);
+  *state = nullptr;
+  return fmi3OK;
+}
+
+// What the standard wants exported and this FMU's modelDescription.xml denies, whatever their arguments.
+#define UNSUPPORTED(name) \
+  FMI3 fmi3Status name() { return fmi3Error; }
+FMI3 void* fmi3InstantiateModelExchange() { return nullptr; }
+FMI3 void* fmi3InstantiateScheduledExecution() { return nullptr; }
+UNSUPPORTED(fmi3EnterEventMode)
+UNSUPPORTED(fmi3GetInt8)
+UNSUPPORTED(fmi3GetUInt8)
+UNSUPPORTED(fmi3GetInt16)
+UNSUPPORTED(fmi3GetUInt16)
+UNSUPPORTED(fmi3GetInt32)
+UNSUPPORTED(fmi3GetUInt32)
+UNSUPPORTED(fmi3GetInt64)
+UNSUPPORTED(fmi3GetString)
+UNSUPPORTED(fmi3GetBinary)
+UNSUPPORTED(fmi3GetClock)
+UNSUPPORTED(fmi3SetFloat64)
+UNSUPPORTED(fmi3SetInt8)
+UNSUPPORTED(fmi3SetUInt8)
+UNSUPPORTED(fmi3SetInt16)
+UNSUPPORTED(fmi3SetUInt16)
+UNSUPPORTED(fmi3SetInt32)
+UNSUPPORTED(fmi3SetUInt32)
+UNSUPPORTED(fmi3SetInt64)
+UNSUPPORTED(fmi3SetBoolean)
+UNSUPPORTED(fmi3SetString)
+UNSUPPORTED(fmi3SetBinary)
+UNSUPPORTED(fmi3SetClock)
+UNSUPPORTED(fmi3GetNumberOfVariableDependencies)
+UNSUPPORTED(fmi3GetVariableDependencies)
+UNSUPPORTED(fmi3SerializedFMUStateSize)
+UNSUPPORTED(fmi3SerializeFMUState)
+UNSUPPORTED(fmi3DeserializeFMUState)
+UNSUPPORTED(fmi3GetDirectionalDerivative)
+UNSUPPORTED(fmi3GetAdjointDerivative)
+UNSUPPORTED(fmi3EnterConfigurationMode)
+UNSUPPORTED(fmi3ExitConfigurationMode)
+UNSUPPORTED(fmi3GetIntervalDecimal)
+UNSUPPORTED(fmi3GetIntervalFraction)
+UNSUPPORTED(fmi3GetShiftDecimal)
+UNSUPPORTED(fmi3GetShiftFraction)
+UNSUPPORTED(fmi3SetIntervalDecimal)
+UNSUPPORTED(fmi3SetIntervalFraction)
+UNSUPPORTED(fmi3SetShiftDecimal)
+UNSUPPORTED(fmi3SetShiftFraction)
+UNSUPPORTED(fmi3EvaluateDiscreteStates)
+UNSUPPORTED(fmi3UpdateDiscreteStates)
+UNSUPPORTED(fmi3EnterContinuousTimeMode)
+UNSUPPORTED(fmi3CompletedIntegratorStep)
+UNSUPPORTED(fmi3SetTime)
+UNSUPPORTED(fmi3SetContinuousStates)
+UNSUPPORTED(fmi3GetContinuousStateDerivatives)
+UNSUPPORTED(fmi3GetEventIndicators)
+UNSUPPORTED(fmi3GetContinuousStates)
+UNSUPPORTED(fmi3GetNominalsOfContinuousStates)
+UNSUPPORTED(fmi3GetNumberOfEventIndicators)
+UNSUPPORTED(fmi3GetNumberOfContinuousStates)
+UNSUPPORTED(fmi3EnterStepMode)
+UNSUPPORTED(fmi3GetOutputDerivatives)
+UNSUPPORTED(fmi3ActivateModelPartition)
