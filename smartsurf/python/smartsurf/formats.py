@@ -4,7 +4,7 @@
     python -m smartsurf.formats run.h5 -o run.rrd        needs rerun-sdk
     python -m smartsurf.formats run.h5 -o run.mcap       needs mcap and mcap-ros2-support
 
-`smartsurf export` does the same. Each format is written by its own library: `pip install NAME[usd]`, `[rerun]` or `[mcap]`.
+`smartsurf export` does the same. Each format is written by its own library: the extras `usd`, `rerun` and `mcap`.
 Shapes, colours and poses are those of the glTF model that the program smartsurf exports; channels and metrics are the
 recording's. Lengths are in u, z points up, and time 0 is the first recorded frame.
 """
