@@ -170,5 +170,23 @@ class LuaReference(ProgramTest):
         self.assert_documented("globals", ours)
 
 
+class Site(ProgramTest):
+    @unittest.skipUnless((ROOT / "build/site-venv/bin/mkdocs").exists(), "no MkDocs: scripts/setup --site")
+    def test_site_is_whole(self):
+        (self.folder / "run.html").write_text("<p>a recording</p>")
+        site = str(ROOT / "scripts/site")
+        status, out, err = self.run_program(site, "-o", str(self.folder / "site"), "--player", str(self.folder / "run.html"))
+        self.assertEqual((status, out), (0, f"wrote {self.folder}/site/index.html\n"), err)
+        for page in (ROOT / "docs").glob("*.md"):
+            name = "index" if page.stem == "README" else page.stem
+            self.assertTrue((self.folder / f"site/{name}.html").exists(), name)
+        self.assertIn("player.html", (self.folder / "site/index.html").read_text())
+        self.assertIn("step(", re.sub("<[^>]*>", "", (self.folder / "site/api-smartsurf.html").read_text()))
+        for page in (self.folder / "site").glob("*.html"):
+            self.assertNotRegex(page.read_text(), r'<(script|link)[^>]*(src|href)="https?://(?!squidfunk)', page.name)
+        status, out, err = self.run_program(site, "--player", "none.html")
+        self.assertEqual((status, out, len(err.splitlines())), (2, "", 1), err)
+
+
 if __name__ == "__main__":
     unittest.main()
