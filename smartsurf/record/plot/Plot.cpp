@@ -1,5 +1,6 @@
 #include "smartsurf/record/plot/Plot.h"
 
+#include <cairo-pdf.h>
 #include <cairo-svg.h>
 #include <fontconfig/fontconfig.h>
 #include <unistd.h>
@@ -84,6 +85,18 @@ std::string render_svg(const Figure& figure) {
   return bytes;
 }
 
+// Equal figures give equal bytes: the date of creation, otherwise now, is a fixed one.
+std::string render_pdf(const Figure& figure) {
+  std::string bytes;
+  const CairoSurface surface(
+      cairo_pdf_surface_create_for_stream(append_bytes, &bytes, figure.width(), figure.height()));
+  cairo_pdf_surface_set_metadata(surface.get(), CAIRO_PDF_METADATA_CREATE_DATE, "2000-01-01T00:00:00Z");
+  draw_figure(surface.get(), figure, 1.0);
+  cairo_surface_finish(surface.get());
+  check_cairo(cairo_surface_status(surface.get()));
+  return bytes;
+}
+
 std::string render_png(const Figure& figure) {
   std::string bytes;
   const CairoSurface surface(cairo_image_surface_create(
@@ -96,9 +109,9 @@ std::string render_png(const Figure& figure) {
 
 void require_picture_name(const fs::path& path) {
   const std::string extension = path.extension().string();
-  if (extension != ".svg" && extension != ".png")
+  if (extension != ".svg" && extension != ".pdf" && extension != ".png")
     throw scene::InputError(path.string() + ": unknown kind of picture '" + extension +
-                            "': the name must end in .svg or .png");
+                            "': the name must end in .svg, .pdf or .png");
 }
 
 // Cairo and FcInit() have fontconfig try for ever to load its configuration where there is no memory.
@@ -114,8 +127,10 @@ void load_fonts() {
 
 void write_figure(const Figure& figure, const fs::path& path) {
   load_fonts();
-  if (const std::error_code error =
-          common::replace_file(path, path.extension() == ".svg" ? render_svg(figure) : render_png(figure)))
+  const std::string extension = path.extension().string();
+  if (const std::error_code error = common::replace_file(path, extension == ".svg"   ? render_svg(figure)
+                                                               : extension == ".pdf" ? render_pdf(figure)
+                                                                                     : render_png(figure)))
     throw scene::InputError(path.string() + ": cannot be written: " + error.message());
 }
 

@@ -68,9 +68,9 @@ CommandHandler add_plot_command(CLI::App& app) {
   plot->add_option("recording", flags->file, "The recording, or a chart in JSON")
       ->required()
       ->type_name("FILE.h5|FILE.json");
-  plot->add_option("-o,--output", flags->output, "The figure, .svg or .png")
+  plot->add_option("-o,--output", flags->output, "The figure, .svg, .pdf or .png")
       ->required()
-      ->type_name("FIG.svg|FIG.png");
+      ->type_name("FIG.svg|FIG.pdf|FIG.png");
   const CLI::Option* const what =
       plot->add_option("--what", flags->what,
                        fmt::format("One of: {}; or CHANNEL:ROW,COLUMN of a recorded channel",

@@ -84,11 +84,14 @@ class Products(ProgramTest):
         for fact in ("64 rows", "20 'large'", "20 'small'", "seed        1"):
             self.assertIn(fact, out)
         for what in ("trajectories", "purity"):
-            for kind in ("svg", "png"):
-                figure = self.folder / f"{what}.{kind}"
-                status, _, err = self.run_program(SMARTSURF, "plot", recording, "--what", what, "-o", str(figure))
-                self.assertEqual(status, 0, err)
-                self.assertGreater(figure.stat().st_size, 2000)
+            for kind, start in (("svg", b"<?xml"), ("pdf", b"%PDF-"), ("png", b"\x89PNG")):
+                figures = [self.folder / f"{what}-{i}.{kind}" for i in range(2)]
+                for figure in figures:
+                    status, _, err = self.run_program(SMARTSURF, "plot", recording, "--what", what, "-o", str(figure))
+                    self.assertEqual(status, 0, err)
+                self.assertEqual(figures[0].read_bytes(), figures[1].read_bytes())
+                self.assertGreater(figures[0].stat().st_size, 2000)
+                self.assertTrue(figures[0].read_bytes().startswith(start))
         self.assertIn("tick,time,id,label", (self.folder / "sort.csv").read_text()[:100])
 
     def test_success_is_that_of_the_experiment(self):
