@@ -12,7 +12,7 @@ using py::detail::npy_api;
 
 constexpr const char* kBlockCapsule = "apron.plane_block";
 
-std::int64_t cell_bytes(vm::CellType type) { return static_cast<std::int64_t>(program::cell_bytes(type)); }
+std::int64_t bytes_of(vm::CellType type) { return static_cast<std::int64_t>(program::cell_bytes(type)); }
 
 // As NumPy names it.
 std::string type_name(vm::CellType type) {
@@ -97,7 +97,7 @@ ArrayView view_of(py::handle array, vm::CellType type, const std::string& what) 
   library::PlaneBlock* const block = first == 0 ? find_block(array) : nullptr;
   if (block != nullptr && view.data == reinterpret_cast<char*>(block->plane().data) &&
       block->plane().type == type && view.has_shape(block->plane().width, block->plane().height) &&
-      view.column_stride == cell_bytes(type) && view.row_stride == block->plane().pitch * cell_bytes(type))
+      view.column_stride == bytes_of(type) && view.row_stride == block->plane().pitch * bytes_of(type))
     view.block = block;
   return view;
 }
@@ -150,7 +150,7 @@ bool may_overlap(const ArrayView& a, const ArrayView& b) noexcept {
     extend(view.count, view.batch_stride);
     extend(view.rows, view.row_stride);
     extend(view.columns, view.column_stride);
-    return std::pair(first, last + cell_bytes(view.type));
+    return std::pair(first, last + bytes_of(view.type));
   };
   const auto [a_first, a_last] = bounds(a);
   const auto [b_first, b_last] = bounds(b);
@@ -162,7 +162,7 @@ py::object new_array(std::int64_t count, std::int64_t rows, std::int64_t columns
   const Py_intptr_t shape[] = {count, rows, columns};
   const int first = count > 0 ? 0 : 1;
   py::object array = allocate(dtype_of(type), 3 - first, shape + first);
-  const std::int64_t size = cell_bytes(type);
+  const std::int64_t size = bytes_of(type);
   view = {array_proxy(array.ptr())->data,
           count,
           rows,
@@ -188,7 +188,7 @@ py::object array_of(const library::SharedBlock& block) {
   const py::capsule owner(new library::SharedBlock(block), kBlockCapsule, [](PyObject* capsule) {
     delete static_cast<library::SharedBlock*>(PyCapsule_GetPointer(capsule, kBlockCapsule));
   });
-  const std::int64_t size = cell_bytes(plane.type);
+  const std::int64_t size = bytes_of(plane.type);
   return py::array(
       dtype_of(plane.type), {static_cast<py::ssize_t>(plane.height), static_cast<py::ssize_t>(plane.width)},
       {static_cast<py::ssize_t>(plane.pitch * size), static_cast<py::ssize_t>(size)}, plane.data, owner);

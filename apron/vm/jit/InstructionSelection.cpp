@@ -168,8 +168,10 @@ void StageAssembler::emit_select(const MicroOp& op, RegisterAssignment& y) {
       vpblendmw(to | Opmask(mask), no, yes);
     else if (has_masks_)
       vblendmps(to | Opmask(mask), no, yes);
-    else
+    else if (is_integer_)
       vpblendvb(to, no, yes, vector(mask));
+    else
+      vblendvps(to, no, yes, vector(mask));
   });
 }
 
