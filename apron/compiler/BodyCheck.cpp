@@ -25,9 +25,21 @@ using syntax::Macro;
 constexpr std::string_view kRegister = "apron.trial", kNumber = "1", kText = "'text'", kOperator = "<",
                            kLabel = "#apron.trial", kRegisters = "apron.trial.planes",
                            kNumbers = "apron.trial.numbers";
-constexpr std::array kArguments = {
-    kRegister, kNumber, kText, kOperator, kLabel, std::string_view("VARIABLE"), std::string_view("REGISTER")};
-constexpr std::string_view kTargets[] = {kRegister, "apron.trial.number"};
+// Registers of the other types of cells.
+constexpr std::array<std::string_view, 3> kIntegers{"apron.trial.int32", "apron.trial.uint16",
+                                                    "apron.trial.uint8"};
+constexpr std::array kArguments = {kRegister,
+                                   kNumber,
+                                   kText,
+                                   kOperator,
+                                   kLabel,
+                                   std::string_view("VARIABLE"),
+                                   std::string_view("REGISTER"),
+                                   kIntegers[0],
+                                   kIntegers[1],
+                                   kIntegers[2]};
+constexpr std::string_view kTargets[] = {kRegister, "apron.trial.number", kIntegers[0], kIntegers[1],
+                                         kIntegers[2]};
 
 // Serves the program with lines appended to its main file.
 class AppendingReader final : public syntax::FileReader {
@@ -114,6 +126,10 @@ Calls calls_of(const Macro& macro, const syntax::Preprocessor& preprocessor) {
   const bool has_free =
       std::ranges::any_of(stated, [](const std::string& operand) { return operand.empty(); });
   const auto base = [&](std::string_view kind) { return std::vector<std::string_view>(count, kind); };
+  if (!has_free) {
+    lists.push_back(base(kRegister));
+    for (const std::string_view kind : kIntegers) lists.push_back(base(kind));
+  }
   for (const std::string_view kind : kArguments) lists.push_back(base(kind));
   for (std::size_t i = 0; i < count; ++i) {
     for (const std::string_view most : {kRegister, kNumber})
@@ -130,12 +146,15 @@ Calls calls_of(const Macro& macro, const syntax::Preprocessor& preprocessor) {
       }
     }
   }
-  lists.resize(has_free ? std::min(lists.size(), kMaxLists) : 1);
+  // A plane may be of any type.
+  const bool has_plane = std::ranges::find(stated, kRegister) != stated.end();
+  lists.resize(has_free ? std::min(lists.size(), kMaxLists) : has_plane ? 1 + kIntegers.size() : 1);
   Calls result;
   for (const std::vector<std::string_view>& list : lists) {
     std::string call = macro.name;
     for (std::size_t i = 0; i < count; ++i)
-      call += fmt::format("{}{}", i == 0 ? "(" : ", ", stated[i].empty() ? list[i] : stated[i]);
+      call += fmt::format("{}{}", i == 0 ? "(" : ", ",
+                          stated[i].empty() || (!has_free && stated[i] == kRegister) ? list[i] : stated[i]);
     if (count > 0) call += ')';
     if (macro.result_parameter.empty()) {
       result.all.push_back(std::move(call));
@@ -146,7 +165,7 @@ Calls calls_of(const Macro& macro, const syntax::Preprocessor& preprocessor) {
         result.all.push_back(fmt::format("{} = {}", targets, call));
       }
     }
-    if (&list == &lists[lists.size() > 1 ? 1 : 0]) result.uniform = result.all.size();
+    if (&list == &lists[has_free && lists.size() > 1 ? 1 : 0]) result.uniform = result.all.size();
   }
   return result;
 }
@@ -190,8 +209,10 @@ class Round {
  public:
   Round(const CompileOptions& options, syntax::FileReader& reader, const std::string& calls)
       : reader_(reader, options.file,
-                fmt::format("!register({}, {}[99])\n!scalar({}, {}[99])\n{}\n{}", kRegister, kRegisters,
-                            kTargets[1], kNumbers, kLabel, calls)),
+                fmt::format(
+                    "!register({}, {}[99])\n!scalar({}, {}[99])\n!int32({})\n!uint16({})\n!uint8({})\n{}\n{}",
+                    kRegister, kRegisters, kTargets[1], kNumbers, kIntegers[0], kIntegers[1], kIntegers[2],
+                    kLabel, calls)),
         preprocessor_(preprocessing(options), reader_, sources_, diagnostics_),
         statements_(syntax::Parser(preprocessor_, sources_, diagnostics_).parse()) {
     Lowering(  // the whole program
@@ -220,7 +241,7 @@ class Round {
 
  private:
   static constexpr std::uint32_t kNone = UINT32_MAX;
-  static constexpr std::uint32_t kLinesBefore = 3;
+  static constexpr std::uint32_t kLinesBefore = 6;
 
   bool is_appended(const Location& at) const {
     return at.file == 0 && at.line >= reader_.first_line() + kLinesBefore;

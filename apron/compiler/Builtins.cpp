@@ -13,6 +13,15 @@ using Op = program::Opcode;
 
 constexpr Builtin kBuiltins[] = {
     {"load", Form::kElementwise, 1, 1, Op::kCopy},
+    {"float", Form::kConvert, 1, 1, Op::kConvert, 0, 0, program::CellType::kFloat32},
+    {"int32", Form::kConvert, 1, 1, Op::kConvert, 0, 0, program::CellType::kInt32},
+    {"uint16", Form::kConvert, 1, 1, Op::kConvert, 0, 0, program::CellType::kUint16},
+    {"uint8", Form::kConvert, 1, 1, Op::kConvert, 0, 0, program::CellType::kUint8},
+    {"sat.int32", Form::kConvert, 1, 1, Op::kConvertSaturated, 0, 0, program::CellType::kInt32},
+    {"sat.uint16", Form::kConvert, 1, 1, Op::kConvertSaturated, 0, 0, program::CellType::kUint16},
+    {"sat.uint8", Form::kConvert, 1, 1, Op::kConvertSaturated, 0, 0, program::CellType::kUint8},
+    {"sat.add", Form::kElementwise, 2, 2, Op::kAddSaturated},
+    {"sat.sub", Form::kElementwise, 2, 2, Op::kSubSaturated},
     {"mask.and", Form::kElementwise, 2, 2, Op::kAnd},
     {"mask.or", Form::kElementwise, 2, 2, Op::kOr},
     {"mask.not", Form::kElementwise, 1, 1, Op::kNot},
@@ -90,20 +99,20 @@ constexpr Builtin kBuiltins[] = {
     {"surface.time", Form::kOperands, 0, 0, Op::kSurfaceTime},
     {"surface.dt", Form::kOperands, 0, 0, Op::kSurfaceDt},
     {"surface.tick", Form::kOperands, 0, 0, Op::kSurfaceTick},
-    {"surface.has", Form::kOperands, 1, 1, Op::kSurfaceHas, 0, 0, "a channel's name"},
-    {"surface.sense", Form::kOperands, 1, 1, Op::kSurfaceSense, 0, 0, "a channel's name"},
-    {"surface.actuate", Form::kSurfaceActuate, 2, 2, Op::kSurfaceActuate, 0, 0, "a channel's name"},
+    {"surface.has", Form::kOperands, 1, 1, Op::kSurfaceHas, 0, 0, {}, "a channel's name"},
+    {"surface.sense", Form::kOperands, 1, 1, Op::kSurfaceSense, 0, 0, {}, "a channel's name"},
+    {"surface.actuate", Form::kSurfaceActuate, 2, 2, Op::kSurfaceActuate, 0, 0, {}, "a channel's name"},
     {"surface.step", Form::kOperands, 0, 0, Op::kSurfaceStep},
     {"sim.frame", Form::kOperands, 0, 0, Op::kSurfaceStep},
     {"surface.free_run", Form::kOperands, 1, 1, Op::kSurfaceFreeRun},
     {"io.key", Form::kKey, 0, 1, Op::kKeyDown},
-    {"io.array.open", Form::kOperands, 1, 1, Op::kArrayOpen, 0, 0, "a file name"},
-    {"io.array.save", Form::kOperands, 2, 2, Op::kArraySave, 0, 0, "a file name"},
-    {"io.image.open", Form::kOperands, 1, 1, Op::kImageOpen, 0, 0, "a file name"},
-    {"io.image.save", Form::kOperands, 2, 2, Op::kImageSave, 0, 0, "a file name"},
-    {"io.image.opencount", Form::kOperands, 2, 2, Op::kImageOpenCount, 0, 0, "a file name"},
-    {"io.image.savecount", Form::kOperands, 3, 3, Op::kImageSaveCount, 0, 0, "a file name"},
-    {"video.clip.open", Form::kOperands, 1, 1, Op::kClipOpen, 0, 0, "a file name"},
+    {"io.array.open", Form::kOperands, 1, 1, Op::kArrayOpen, 0, 0, {}, "a file name"},
+    {"io.array.save", Form::kOperands, 2, 2, Op::kArraySave, 0, 0, {}, "a file name"},
+    {"io.image.open", Form::kOperands, 1, 1, Op::kImageOpen, 0, 0, {}, "a file name"},
+    {"io.image.save", Form::kOperands, 2, 2, Op::kImageSave, 0, 0, {}, "a file name"},
+    {"io.image.opencount", Form::kOperands, 2, 2, Op::kImageOpenCount, 0, 0, {}, "a file name"},
+    {"io.image.savecount", Form::kOperands, 3, 3, Op::kImageSaveCount, 0, 0, {}, "a file name"},
+    {"video.clip.open", Form::kOperands, 1, 1, Op::kClipOpen, 0, 0, {}, "a file name"},
     {"video.clip.read", Form::kOperands, 0, 0, Op::kClipRead},
     {"video.clip.close", Form::kOperands, 0, 0, Op::kClipClose},
     {"webcam.open", Form::kOperands, 0, 1, Op::kWebcamOpen},
@@ -111,18 +120,18 @@ constexpr Builtin kBuiltins[] = {
     {"webcam.close", Form::kOperands, 0, 0, Op::kWebcamClose},
     {"print", Form::kPrint, 0, kVariadic},
     {"println", Form::kPrint, 0, kVariadic, Op::kPrintLine},
-    {"sim.show", Form::kOperands, 1, 2, Op::kShow, 0, 0, "a title"},
-    {"sim.display", Form::kOperands, 1, 2, Op::kDisplay, 0, 0, "a title"},
+    {"sim.show", Form::kOperands, 1, 2, Op::kShow, 0, 0, {}, "a title"},
+    {"sim.display", Form::kOperands, 1, 2, Op::kDisplay, 0, 0, {}, "a title"},
     {"sim.tile", Form::kTile, 0, 2, Op::kTile},
     {"sim.label", Form::kLabel, 0, kVariadic},
     {"sim.slider.add", Form::kSliderAdd, 3, 4},
     {"sim.slider.get", Form::kParameterGet, 1, 1, Op::kParameter},
     {"sim.switch.add", Form::kSwitchAdd, 1, 2},
     {"sim.switch.get", Form::kParameterGet, 1, 1, Op::kParameter},
-    {"timer.start", Form::kOperands, 0, 1, Op::kTimerStart, 0, 0, "a timer's name"},
-    {"timer.stop", Form::kOperands, 0, 1, Op::kTimerStop, 0, 0, "a timer's name"},
-    {"timer.reset", Form::kOperands, 0, 1, Op::kTimerReset, 0, 0, "a timer's name"},
-    {"timer.read", Form::kOperands, 0, 1, Op::kTimerRead, 0, 0, "a timer's name"},
+    {"timer.start", Form::kOperands, 0, 1, Op::kTimerStart, 0, 0, {}, "a timer's name"},
+    {"timer.stop", Form::kOperands, 0, 1, Op::kTimerStop, 0, 0, {}, "a timer's name"},
+    {"timer.reset", Form::kOperands, 0, 1, Op::kTimerReset, 0, 0, {}, "a timer's name"},
+    {"timer.read", Form::kOperands, 0, 1, Op::kTimerRead, 0, 0, {}, "a timer's name"},
     {"timer.wait", Form::kOperands, 1, 1, Op::kTimerWait},
     {"nop", Form::kOperands, 0, 0, Op::kNop},
     {"end", Form::kOperands, 0, 0, Op::kEnd},
@@ -152,6 +161,7 @@ constexpr Builtin kBuiltins[] = {
 std::vector<Builtin> make_builtins() {
   static constexpr Builtin kInstructions[] = {
 #define APRON_ELEMENTWISE(name, arity, value) {{}, Form::kElementwise, arity, arity, Op::k##name},
+#define APRON_INTEGER APRON_ELEMENTWISE
 #define APRON_MATHEMATICS(name, arity, value) {{}, Form::kElementwise, arity, arity, Op::k##name},
 #include "apron/program/elementwise.def"
   };
@@ -201,10 +211,11 @@ std::vector<std::string> builtin_names() {
 
 program::Opcode infix_opcode(std::string_view op) {
   static constexpr std::pair<std::string_view, Op> kInfix[] = {
-      {"+", Op::kAdd},   {"-", Op::kSub},     {"*", Op::kMul},  {"/", Op::kDiv}, {"%", Op::kMod},
-      {"<", Op::kLt},    {"<=", Op::kLe},     {">", Op::kGt},   {">=", Op::kGe}, {"==", Op::kEq},
-      {"!=", Op::kNe},   {"and", Op::kAnd},   {"&&", Op::kAnd}, {"or", Op::kOr}, {"||", Op::kOr},
-      {"xor", Op::kXor}, {"nand", Op::kNand}, {"nor", Op::kNor}};
+      {"+", Op::kAdd},    {"-", Op::kSub},      {"*", Op::kMul},      {"/", Op::kDiv},    {"%", Op::kMod},
+      {"<", Op::kLt},     {"<=", Op::kLe},      {">", Op::kGt},       {">=", Op::kGe},    {"==", Op::kEq},
+      {"!=", Op::kNe},    {"and", Op::kAnd},    {"&&", Op::kAnd},     {"or", Op::kOr},    {"||", Op::kOr},
+      {"xor", Op::kXor},  {"nand", Op::kNand},  {"nor", Op::kNor},    {"&", Op::kBitAnd}, {"|", Op::kBitOr},
+      {"^", Op::kBitXor}, {"<<", Op::kBitLeft}, {">>", Op::kBitRight}};
   for (const auto& [text, opcode] : kInfix) {
     if (text == op) return opcode;
   }

@@ -18,6 +18,7 @@ enum class BuiltinForm : std::uint8_t {
   // Values: y = f(…) and f(y, …).
   kElementwise,
   kMac,
+  kConvert,
   kShift,    // by (dx, dy) times the distance
   kShiftBy,  // shift(A, dx, dy), rotate(A, dx, dy)
   kNeighbourhood,
@@ -81,8 +82,9 @@ struct Builtin {
   BuiltinForm form = BuiltinForm::kElementwise;
   std::uint8_t min_arguments = 0, max_arguments = 0;  // arguments, a destination not counted
   program::Opcode op = program::Opcode::kNop;
-  std::int8_t dx = 0, dy = 0;          // of one step of a shift: cells east and south
-  std::string_view text_meaning = {};  // of kOperands: what its text is, for messages
+  std::int8_t dx = 0, dy = 0;                            // of one step of a shift: cells east and south
+  program::CellType type = program::CellType::kFloat32;  // of kConvert
+  std::string_view text_meaning = {};                    // of kOperands: what its text is, for messages
 
   bool returns_value() const noexcept {
     return form == BuiltinForm::kOperands ? program::opcode_info(op).signature.front() != '-'

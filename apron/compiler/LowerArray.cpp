@@ -90,6 +90,7 @@ Value Lowering::emit_out_of_place(Opcode op, const std::vector<Value>& sources,
                                   std::vector<program::Operand> extra_operands,
                                   ResultDestination* destination, Location location) {
   check_machine_read(op, sources, location);
+  check_types(op, sources, location);
   check_shapes(sources, location);
   const Shape shape = builder_.shape(sources.front());
   Value result;
@@ -138,6 +139,7 @@ void Lowering::lower_pixel_set(const Expressions& arguments) {
   const Value y = lower_scalar(arguments[2], "'pixel.set'");
   const Value value = lower_scalar(arguments[3], "'pixel.set'");
   const Value written = resolve_destination(destination, true, builder_.shape(lower(target)));
+  check_cell_values(builder_.shape(written), {value}, arguments[3].location);
   const std::vector<program::Operand> operands{builder_.operand(x), builder_.operand(y),
                                                builder_.operand(value)};
   std::vector<Value> conditions = conditions_since(mask_base(written));

@@ -34,6 +34,8 @@ Value Lowering::lower_call(const Builtin& builtin, const Expression& call, const
       for (const Expression& argument : arguments) values.push_back(lower(argument));
       return emit_elementwise(builtin.op, values, call.location, destination);
     }
+    case BuiltinForm::kConvert:
+      return lower_conversion(builtin, arguments[0], call.location, destination);
     case BuiltinForm::kShift:
     case BuiltinForm::kShiftBy:
       return lower_shift(builtin, arguments, call.location, destination);
@@ -59,6 +61,7 @@ Value Lowering::lower_call(const Builtin& builtin, const Expression& call, const
         if (find_shape(argument, shape_hint_)) break;
       const Value at = lower_register(arguments[0], fmt::format("'{}'", call.text));
       const Value added = arguments.size() > 1 ? lower(arguments[1]) : Value::from_constant(1.0F);
+      check_types(builtin.op, {at, added}, call.location);
       check_shapes({at, added}, call.location);
       const std::vector<Operand> operands{builder_.operand(at), builder_.operand(added)};
       builder_.release(at);
@@ -111,6 +114,7 @@ std::vector<Operand> Lowering::lower_operands(const Builtin& builtin, const Expr
       operands.push_back(builder_.operand(values.back()));
     }
   }
+  check_types(builtin.op, values, call.location);
   for (const Value& value : values) builder_.release(value);
   return operands;
 }
@@ -163,8 +167,12 @@ Value Lowering::emit_to_scalar(Opcode op, std::vector<Operand> operands, ResultD
 
 // For instructions that fill a register without a source of its shape.
 Value Lowering::emit_to_register(Opcode op, std::vector<Operand> operands, ResultDestination* destination) {
-  const Value result = destination != nullptr ? resolve_destination(*destination, true, shape_hint_)
-                                              : builder_.allocate_temporary(shape_hint_);
+  // Within an expression, what the host and cell.x give is float.
+  const bool is_stored = op == Opcode::kStackPop || op == Opcode::kResGetReg;
+  const Shape shape = is_stored ? shape_hint_ : shape_hint_.of_type(program::CellType::kFloat32);
+  const Value result = destination != nullptr ? resolve_destination(*destination, true, shape)
+                                              : builder_.allocate_temporary(shape);
+  check_types(op, {result}, builder_.location());
   builder_.emit(op, builder_.operand(result), std::move(operands), destination != nullptr);
   return result;
 }

@@ -20,8 +20,9 @@ Value Lowering::emit_to_either(Opcode op, const std::vector<Operand>& operands,
   const bool is_register =
       destination != nullptr ? find_shape(*destination->target, shape) : is_register_statement_;
   const Value result = destination != nullptr ? resolve_destination(*destination, is_register, shape)
-                       : is_register          ? builder_.allocate_temporary(shape)
-                                              : builder_.allocate_scalar_temporary();
+                       : is_register ? builder_.allocate_temporary(shape.of_type(program::CellType::kFloat32))
+                                     : builder_.allocate_scalar_temporary();
+  check_types(op, {result}, builder_.location());
   builder_.emit(op, builder_.operand(result), operands, destination != nullptr);
   return result;
 }
@@ -118,6 +119,7 @@ void Lowering::emit_plugin_arguments(const Expressions& arguments, std::size_t f
   }
   std::vector<Value> values;
   for (std::size_t i = first; i < arguments.size(); ++i) values.push_back(lower(arguments[i]));
+  check_types(Opcode::kPluginWith, values, builder_.location());
   for (const Value& value : values) {
     builder_.emit(Opcode::kPluginWith, {}, {builder_.operand(value)});
     builder_.release(value);

@@ -129,8 +129,10 @@ const Symbol* Lowering::find_element_or_null(const Expression& expression) const
 Value Lowering::lower_unary(const Expression& expression, ResultDestination* destination) {
   const Value value = lower(expression.children.front());
   if (expression.text == "+") return value;
-  return emit_elementwise(expression.text == "-" ? Opcode::kNeg : Opcode::kNot, {value}, expression.location,
-                          destination);
+  const Opcode op = expression.text == "-"   ? Opcode::kNeg
+                    : expression.text == "~" ? Opcode::kBitNot
+                                             : Opcode::kNot;
+  return emit_elementwise(op, {value}, expression.location, destination);
 }
 
 Value Lowering::lower_binary(const Expression& expression, ResultDestination* destination) {
@@ -231,6 +233,10 @@ Value Lowering::lower_short_circuit(Opcode op, const Expression& expression) {
 
 Value Lowering::emit_elementwise(Opcode op, const std::vector<Value>& values, Location location,
                                  ResultDestination* destination) {
+  const bool is_saturated = op == Opcode::kAddSaturated || op == Opcode::kSubSaturated;
+  if (is_saturated && std::ranges::none_of(values, &Value::is_register))
+    fail(location, "'{}' takes a register of integers, and these are numbers",
+         program::opcode_info(op).mnemonic);
   if (std::ranges::all_of(values, &Value::is_constant)) {
     std::array<double, program::kMaxOperands> in{};
     std::ranges::transform(values, in.begin(), &Value::constant);
@@ -241,6 +247,8 @@ Value Lowering::emit_elementwise(Opcode op, const std::vector<Value>& values, Lo
   const auto array_value = std::ranges::find_if(values, &Value::is_register);
   const bool is_register = array_value != values.end();
   const Shape shape = is_register ? builder_.shape(*array_value) : Shape{};
+  check_types(op, values, location);
+  check_cell_values(shape, values, location);
   std::vector<program::Operand> operands;
   for (const Value& value : values) operands.push_back(builder_.operand(value));
   Value result;
@@ -251,7 +259,44 @@ Value Lowering::emit_elementwise(Opcode op, const std::vector<Value>& values, Lo
   for (const Value& value : values) builder_.release(value);
   if (destination == nullptr)
     result = is_register ? builder_.allocate_temporary(shape) : builder_.allocate_scalar_temporary();
+  if (!is_register &&
+      builder_.shape(result).is_integer()) {  // computed as a number, of which a cell must hold the value
+    const Value number = builder_.allocate_scalar_temporary();
+    builder_.emit(op, builder_.operand(number), operands, false);
+    builder_.emit(Opcode::kCopy, builder_.operand(result), {builder_.operand(number)});
+    builder_.release(number);
+    return result;
+  }
   builder_.emit(op, builder_.operand(result), operands, destination != nullptr);
+  return result;
+}
+
+// uint8(A) and the like. What is converted has a type of its own.
+Value Lowering::lower_conversion(const Builtin& builtin, const Expression& argument, Location location,
+                                 ResultDestination* destination) {
+  const Shape outer_hint = shape_hint_;
+  shape_hint_ = shape_hint_.of_type(program::CellType::kFloat32);
+  find_shape(argument, shape_hint_);
+  const Value value = lower(argument);
+  shape_hint_ = outer_hint;
+  if (!value.is_register())
+    fail(location, "'{}' converts registers; a number takes the type of the registers that it meets",
+         builtin.name);
+  check_machine_read(builtin.op, {value}, location);
+  const Shape shape = builder_.shape(value).of_type(builtin.type);
+  if (shape == builder_.shape(value)) return value;
+  Value result;
+  if (destination != nullptr) {
+    result = resolve_destination(*destination, true, shape);
+    if (builder_.shape(result) != shape) {
+      const Value converted = builder_.allocate_temporary(shape);
+      check_shapes({result, converted}, location);
+    }
+  } else {
+    result = builder_.allocate_temporary(shape);
+  }
+  builder_.emit(builtin.op, builder_.operand(result), {builder_.operand(value)}, destination != nullptr);
+  builder_.release(value);
   return result;
 }
 
@@ -360,10 +405,13 @@ const std::string& Lowering::string_literal(const Expression& expression, std::s
   return expression.text;
 }
 
-std::string Lowering::describe_shape(const Value& value) const {
+std::string Lowering::describe_name(const Value& value) const {
   const Symbol* symbol = symbols_.find_register(value.index);
-  return fmt::format("{} is {}", symbol == nullptr ? "another operand" : fmt::format("'{}'", symbol->name),
-                     show(builder_.shape(value)));
+  return symbol == nullptr ? "another operand is" : fmt::format("'{}' is", symbol->name);
+}
+
+std::string Lowering::describe_shape(const Value& value) const {
+  return fmt::format("{} {}", describe_name(value), show(builder_.shape(value)));
 }
 
 void Lowering::check_shapes(const std::vector<Value>& values, Location location) const {
@@ -371,9 +419,41 @@ void Lowering::check_shapes(const std::vector<Value>& values, Location location)
   for (const Value& value : values) {
     if (!value.is_register()) continue;
     if (first == nullptr) first = &value;
-    if (builder_.shape(*first) == builder_.shape(value)) continue;
+    const Shape a = builder_.shape(*first), b = builder_.shape(value);
+    if (a == b) continue;
+    if (a.has_size_of(b))
+      fail(location,
+           "the registers of one instruction have one type, but {} {} and {} {}: convert one, {}(…) or {}(…)",
+           describe_name(*first), program::cell_type_name(a.type), describe_name(value),
+           program::cell_type_name(b.type), program::cell_type_name(a.type), program::cell_type_name(b.type));
     fail(location, "the registers of one instruction have one shape, but {} and {}", describe_shape(*first),
          describe_shape(value));
+  }
+}
+
+// What the instruction does not take: registers of integers or of floats.
+void Lowering::check_types(Opcode op, const std::vector<Value>& registers, Location location) const {
+  for (const Value& value : registers) {
+    if (!value.is_register()) continue;
+    const bool is_integer = builder_.shape(value).is_integer();
+    if (is_integer ? program::takes_integers(op) : !program::takes_only_integers(op)) continue;
+    fail(location, "'{}' takes registers of {}, and {} {}: {}", program::opcode_info(op).mnemonic,
+         is_integer ? "floats" : "integers", describe_name(value),
+         program::cell_type_name(builder_.shape(value).type),
+         is_integer              ? "write float(…)"
+         : op == Opcode::kBitXor ? "write int32(…); a power is pow(a, b)"
+                                 : "write int32(…)");
+  }
+}
+
+// Numbers that meet registers of integers are values of their cells. Others are checked when the program
+// runs.
+void Lowering::check_cell_values(Shape shape, const std::vector<Value>& values, Location location) const {
+  for (const Value& value : values) {
+    if (!value.is_constant() || program::is_cell_value(shape.type, value.constant)) continue;
+    fail(location, "{} is no {}, the type of the registers that it meets: a whole number from {} to {}",
+         value.constant, program::cell_type_name(shape.type), program::lowest_cell(shape.type),
+         program::highest_cell(shape.type));
   }
 }
 
@@ -381,8 +461,8 @@ void Lowering::check_where_shape(Shape shape, Location location, std::optional<s
   std::size_t wheres = open_wheres();
   for (auto block = blocks_.rbegin(); block != blocks_.rend() && wheres > mask_base.value_or(0); ++block) {
     if (block->kind == BlockKind::kWhere) --wheres;
-    if (block->where_shape == Shape{}) continue;
-    if (block->where_shape == shape) return;
+    if (block->where_shape.has_size_of({})) continue;
+    if (block->where_shape.has_size_of(shape)) return;
     fail(location, "a register of {} is written inside a 'where' over {}", show(shape),
          show(block->where_shape));
   }

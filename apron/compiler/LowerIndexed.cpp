@@ -92,6 +92,7 @@ void Lowering::assign_array_element(const Expression& target, const Value& value
     return builder_.emit(Opcode::kResSetVar, {}, std::move(operands));
   }
   check_shapes({first, value}, location);
+  check_cell_values(builder_.shape(first), {value}, location);
   const std::optional<std::size_t> base = mask_base(first);
   check_where_shape(builder_.shape(first), location, base);
   if (std::vector<Value> conditions = conditions_since(base); !conditions.empty()) {

@@ -177,12 +177,28 @@ std::vector<Value> Lowering::conditions_since(std::optional<std::size_t> mask_ba
 // target = value where all conditions hold.
 void Lowering::emit_selection(const Value& target, const Value& value, std::vector<Value> conditions,
                               Location location) {
-  Value condition = conditions.front();
+  const program::CellType type = builder_.shape(target).type;
+  Value condition = truth_of_type(conditions.front(), type, location);
   for (std::size_t i = 1; i < conditions.size(); ++i)
-    condition = emit_elementwise(Opcode::kAnd, {condition, conditions[i]}, location, nullptr);
+    condition = emit_elementwise(Opcode::kAnd, {condition, truth_of_type(conditions[i], type, location)},
+                                 location, nullptr);
   builder_.emit(Opcode::kSelect, builder_.operand(target),
                 {builder_.operand(condition), builder_.operand(value), builder_.operand(target)}, false);
   builder_.release(condition);
+}
+
+// The condition, or where it holds as 0 and 1 of that type.
+Value Lowering::truth_of_type(const Value& condition, program::CellType type, Location location) {
+  if (!condition.is_register() || builder_.shape(condition).type == type) {
+    if (condition.is_register() || type == program::CellType::kFloat32) return condition;
+    return emit_elementwise(Opcode::kNe, {condition, Value::from_constant(0.0)}, location, nullptr);
+  }
+  const Value truth =
+      emit_elementwise(Opcode::kNe, {condition, Value::from_constant(0.0)}, location, nullptr);
+  const Value result = builder_.allocate_temporary(builder_.shape(truth).of_type(type));
+  builder_.emit(Opcode::kConvert, builder_.operand(result), {builder_.operand(truth)}, false);
+  builder_.release(truth);
+  return result;
 }
 
 // A copy of a where's cells that the body cannot change, if a register that ignores outer masks may be

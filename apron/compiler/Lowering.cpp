@@ -189,7 +189,8 @@ Symbol Lowering::declare_element(const syntax::Declaration& declaration, const s
   const bool is_scalar =
       declaration.of_variables || (declaration.kind == syntax::Declaration::Kind::kElement &&
                                    symbols_.holds_variables(declaration.class_name, declaration.location));
-  const Shape shape{declaration.width, declaration.height};
+  const Shape shape{declaration.width, declaration.height,
+                    program::find_cell_type(declaration.cell_type).value_or(program::CellType::kFloat32)};
   Symbol symbol{{}, declaration.location, true, name, true};
   if (declaration.owner == 0) {
     symbol.value.kind = is_scalar ? Value::Kind::kScalar : Value::Kind::kRegister;
@@ -265,6 +266,7 @@ void Lowering::store_result(ResultDestination& destination, const Value& value, 
   check_shapes({value}, location);
   const Value target = resolve_destination(destination, value.is_register(), builder_.shape(value));
   if (value.is_register()) check_shapes({target, value}, location);
+  check_cell_values(builder_.shape(target), {value}, location);
   check_machine_copy(target, value, location);
   if (std::vector<Value> conditions = conditions_since(mask_base(target)); !conditions.empty())
     return emit_selection(target, value, std::move(conditions), location);

@@ -173,8 +173,13 @@ class Lowering {
   int integer_constant(const Expression&, std::string_view subject);
   float number_constant(const Expression&, std::string_view subject);
   const std::string& string_literal(const Expression&, std::string_view subject) const;
+  std::string describe_name(const Value&) const;
   std::string describe_shape(const Value&) const;
   void check_shapes(const std::vector<Value>&, Location) const;
+  void check_types(program::Opcode, const std::vector<Value>& registers, Location) const;
+  void check_cell_values(Shape, const std::vector<Value>&, Location) const;
+  Value lower_conversion(const Builtin&, const Expression& argument, Location, ResultDestination*);
+  Value truth_of_type(const Value& condition, program::CellType, Location);
   void check_where_shape(Shape, Location, std::optional<std::size_t> mask_base) const;
   bool find_shape(const Expression&, Shape&) const;
   bool may_be_masked() const;

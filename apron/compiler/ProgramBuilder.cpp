@@ -40,11 +40,11 @@ std::uint32_t ProgramBuilder::add_register(std::string name, Shape shape) {
   if (program_.registers.size() >= program::kMaxRegisters) {
     fail(location_, "the program needs more than {} registers", program::kMaxRegisters);
   }
-  register_bytes_ += cells * sizeof(float);
+  register_bytes_ += cells * program::cell_bytes(shape.type);
   if (register_bytes_ > program::kMaxMemoryBytes) {
     fail(location_, "the registers take more than {} bytes", program::kMaxMemoryBytes);
   }
-  program_.registers.push_back({std::move(name), shape.width, shape.height});
+  program_.registers.push_back({std::move(name), shape.width, shape.height, shape.type});
   return static_cast<std::uint32_t>(program_.registers.size() - 1);
 }
 
@@ -132,7 +132,7 @@ Operand ProgramBuilder::text_operand(const std::string& value) {
 Shape ProgramBuilder::shape(const Value& value) const {
   if (!value.is_register()) return {};
   const program::Register& reg = program_.registers[value.index];
-  return {reg.width, reg.height};
+  return {reg.width, reg.height, reg.type};
 }
 
 void ProgramBuilder::emit(program::Opcode op, Operand destination, std::vector<Operand> operands,

@@ -16,11 +16,18 @@
 
 namespace apron::compiler {
 
+// The size of a register and the type of its cells.
 struct Shape {
   std::uint32_t width = 0, height = 0;
+  program::CellType type = program::CellType::kFloat32;
 
   bool operator==(const Shape&) const = default;
   auto operator<=>(const Shape&) const = default;
+  bool is_integer() const noexcept { return program::is_integer(type); }
+  bool has_size_of(const Shape& other) const noexcept {
+    return width == other.width && height == other.height;
+  }
+  Shape of_type(program::CellType other) const noexcept { return {width, height, other}; }
 };
 
 // The result of an expression.

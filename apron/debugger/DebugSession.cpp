@@ -19,7 +19,8 @@ SampledRegister sample_register(const vm::Vm& vm, std::size_t reg, std::uint32_t
   sample.height = (plane.height + sample.stride - 1) / sample.stride;
   sample.cells.reserve(std::size_t{sample.width} * sample.height);
   for (std::uint32_t y = 0; y < plane.height; y += sample.stride)
-    for (std::uint32_t x = 0; x < plane.width; x += sample.stride) sample.cells.push_back(plane.row(y)[x]);
+    for (std::uint32_t x = 0; x < plane.width; x += sample.stride)
+      sample.cells.push_back(vm::cell_as_float(plane, x, y));
   return sample;
 }
 

@@ -8,7 +8,7 @@ namespace {
 
 float value_or_nan(const vm::Plane& plane, std::int64_t x, std::int64_t y) {
   if (x < 0 || y < 0 || x >= plane.width || y >= plane.height) return std::numeric_limits<float>::quiet_NaN();
-  return plane.row(static_cast<std::uint32_t>(y))[x];
+  return vm::cell_as_float(plane, static_cast<std::uint32_t>(x), static_cast<std::uint32_t>(y));
 }
 
 }  // namespace

@@ -486,12 +486,15 @@ class LanguageServer {
                        {"kind", block ? kKeyword : kFunction},
                        {"documentation", {{"kind", "markdown"}, {"value", instruction_page(name)}}}});
     }
-    for (const std::string_view directive :
-         {"!include",      "!define",  "!if",        "!else",          "!endif",
-          "!for",          "!endfor",  "!macro_def", "!macro_begin",   "!macro_end",
-          "!register",     "!scalar",  "!create",    "!object",        "!machine_register",
-          "!operand_kind", "!error",   "!operator",  "!compatibility", "!default_palette",
-          "!module",       "!max_addr"})
+    for (const std::string_view directive : {"!include",       "!define",          "!if",
+                                             "!else",          "!endif",           "!for",
+                                             "!endfor",        "!macro_def",       "!macro_begin",
+                                             "!macro_end",     "!register",        "!int32",
+                                             "!uint16",        "!uint8",           "!scalar",
+                                             "!create",        "!object",          "!machine_register",
+                                             "!operand_kind",  "!error",           "!operator",
+                                             "!compatibility", "!default_palette", "!module",
+                                             "!max_addr"})
       items.push_back({{"label", directive}, {"kind", kKeyword}});
     return {{"isIncomplete", false}, {"items", items}};
   }

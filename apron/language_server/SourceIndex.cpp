@@ -156,7 +156,8 @@ class SourceIndex::Builder {
     const auto argument = [&](std::size_t i) -> const Token* {
       return i < tokens.size() ? &tokens[i] : nullptr;
     };
-    if (directive == "register" || directive == "scalar" || directive == "machine_register") {
+    if (directive == "register" || directive == "scalar" || directive == "machine_register" ||
+        directive == "int32" || directive == "uint16" || directive == "uint8") {
       const auto kind = directive == "scalar" ? Symbol::Kind::kScalar : Symbol::Kind::kRegister;
       for (std::size_t i = 1; i < tokens.size(); ++i)
         if ((tokens[i].kind == TokenKind::kName || tokens[i].kind == TokenKind::kLocalName) &&

@@ -86,14 +86,14 @@ vm::Plane ArrayFunction::input(std::uint32_t reg) {
   return vm_.plane(reg);
 }
 
-void ArrayFunction::set_input(std::uint32_t reg, float value) {
+void ArrayFunction::set_input(std::uint32_t reg, double value) {
   has_input_[reg] = true;
   vm_.fill_register(reg, value);
 }
 
 bool ArrayFunction::bind_input(std::uint32_t reg, const PlaneBlock& block) {
   if (is_written_[reg] || !vm_.keeps_padding() || !block.has_zero_padding() ||
-      !vm::same_shape(block.plane(), vm_.plane(reg)))
+      !vm::same_shape_and_type(block.plane(), vm_.plane(reg)))
     return false;
   has_input_[reg] = true;
   bound_inputs_.emplace_back(reg, vm_.bind_register(reg, {block.plane(), {}}));
@@ -122,8 +122,8 @@ bool ArrayFunction::advance() {
   return true;
 }
 
-SharedBlock ArrayFunction::new_block(std::uint32_t width, std::uint32_t height) const {
-  SharedBlock block = acquire_block(width, height);
+SharedBlock ArrayFunction::new_block(const vm::ConstPlane& like) const {
+  SharedBlock block = acquire_block(like.width, like.height, like.type);
   if (!vm_.keeps_padding()) block->mark_padding_written();
   return block;
 }
@@ -133,10 +133,10 @@ ArrayFunction::OwnedBlocks& ArrayFunction::own_blocks(std::uint32_t reg) {
   if (blocks.front) return blocks;
   // The program has just run in its own storage, from which the cells move over.
   const vm::ConstPlane cells = vm_.plane(reg);
-  blocks.front = new_block(cells.width, cells.height);
-  if (vm_.has_back_buffer(reg)) blocks.back = new_block(cells.width, cells.height);
+  blocks.front = new_block(cells);
+  if (vm_.has_back_buffer(reg)) blocks.back = new_block(cells);
   for (std::uint32_t y = 0; y < cells.height; ++y)
-    std::copy_n(cells.row(y), cells.width, blocks.front->plane().row(y));
+    std::copy_n(cells.row_bytes(y), cells.width * cells.cell_bytes(), blocks.front->plane().row_bytes(y));
   vm_.bind_register(reg, {blocks.front->plane(), blocks.back ? blocks.back->plane() : vm::Plane()});
   return blocks;
 }
@@ -145,7 +145,7 @@ SharedBlock ArrayFunction::take_result(std::uint32_t reg) {
   OwnedBlocks& blocks = own_blocks(reg);
   if (blocks.back && vm_.plane(reg).data == blocks.back->plane().data) std::swap(blocks.front, blocks.back);
   const vm::Plane plane = vm_.plane(reg);
-  SharedBlock next = new_block(plane.width, plane.height);
+  SharedBlock next = new_block(plane);
   vm_.bind_register(reg, {next->plane(), {}});
   return std::exchange(blocks.front, std::move(next));
 }

@@ -43,7 +43,8 @@ class ArrayFunction {
   void start(ParameterValues parameters);
   // Where to write an input's cells: rows at the plane's pitch.
   vm::Plane input(std::uint32_t reg);
-  void set_input(std::uint32_t reg, float value);
+  // The value must be one of the register's cells.
+  void set_input(std::uint32_t reg, double value);
   // An input without a copy; false if it must be copied. The block must last until the call ends.
   bool bind_input(std::uint32_t reg, const PlaneBlock&);
 
@@ -63,7 +64,7 @@ class ArrayFunction {
   struct OwnedBlocks {
     SharedBlock front, back;  // back: null unless the register has a back buffer
   };
-  SharedBlock new_block(std::uint32_t width, std::uint32_t height) const;
+  SharedBlock new_block(const vm::ConstPlane& like) const;
   OwnedBlocks& own_blocks(std::uint32_t reg);
 
   FrameCountingHost host_;

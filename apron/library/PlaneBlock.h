@@ -10,7 +10,8 @@ namespace apron::library {
 
 class PlaneBlock {
  public:
-  PlaneBlock(std::uint32_t width, std::uint32_t height) : plane_(store_.allocate(width, height)) {}
+  PlaneBlock(std::uint32_t width, std::uint32_t height, vm::CellType type)
+      : plane_(store_.allocate(width, height, type)) {}
 
   const vm::Plane& plane() const noexcept { return plane_; }
   // False once a program may have written the padding.
@@ -28,6 +29,7 @@ class PlaneBlock {
 // because the system takes longer to provide memory than a program to fill it. Thread-safe.
 using SharedBlock = std::shared_ptr<PlaneBlock>;
 // Cells have any values, the padding is zero. Throws std::bad_alloc.
-SharedBlock acquire_block(std::uint32_t width, std::uint32_t height);
+SharedBlock acquire_block(std::uint32_t width, std::uint32_t height,
+                          vm::CellType type = vm::CellType::kFloat32);
 
 }  // namespace apron::library

@@ -48,11 +48,24 @@ std::string operand_list(const Program& program, const Instruction& instruction)
   return list;
 }
 
+// With the type of the cells, if they are integers: that of the destination, or else of the first register.
+std::string mnemonic(const Program& program, const Instruction& instruction) {
+  std::string text(opcode_info(instruction.op).mnemonic);
+  const Operand* reg = &instruction.destination;
+  for (const Operand& operand : instruction.operands)
+    if (reg->kind != OperandKind::kRegister) reg = &operand;
+  if (reg->kind != OperandKind::kRegister) return text;
+  const CellType type = program.registers.at(reg->index).type;
+  if (is_integer(type) || instruction.op == Opcode::kConvert || instruction.op == Opcode::kConvertSaturated)
+    text.append(".").append(cell_type_name(type));
+  return text;
+}
+
 }  // namespace
 
 std::string disassemble(const Program& program, std::size_t index) {
   const Instruction& instruction = program.code.at(index);
-  std::string line = fmt::format("{:>5}  {:<15} {}", index, opcode_info(instruction.op).mnemonic,
+  std::string line = fmt::format("{:>5}  {:<15} {}", index, mnemonic(program, instruction),
                                  operand_list(program, instruction));
   if (const SourceLocation* source = find_location(program, index); source != nullptr && source->line > 0)
     line = fmt::format("{:<55} ; {}:{}", line, program.files.at(source->file), source->line);

@@ -23,6 +23,32 @@ bool requires_out_of_place(Opcode op) noexcept {
          op == Opcode::kSpreadSum;
 }
 
+bool takes_integers(Opcode op) noexcept {
+  if (op <= Opcode::kSubSaturated) return op != Opcode::kPow && op != Opcode::kAtan2;
+  switch (op) {
+    case Opcode::kConvert:
+    case Opcode::kConvertSaturated:
+    case Opcode::kShift:
+    case Opcode::kRotate:
+    case Opcode::kMaskOn:
+    case Opcode::kMaskPush:
+    case Opcode::kPixelGet:
+    case Opcode::kPixelSet:
+    case Opcode::kStackPush:
+    case Opcode::kStackPop:
+    case Opcode::kResGetReg:
+    case Opcode::kResSetReg:
+      return true;
+    case Opcode::kPluginWith:
+    case Opcode::kPlugin:
+      return false;
+    default:
+      return (op >= Opcode::kNearSum && op <= Opcode::kNearAll) ||
+             (op >= Opcode::kGlobalSum && op <= Opcode::kGlobalAny) ||
+             opcode_info(op).locality == Locality::Host;
+  }
+}
+
 std::size_t opcode_count() noexcept { return std::size(kOpcodeTable); }
 
 const SourceLocation* find_location(const Program& program, std::size_t instruction) noexcept {

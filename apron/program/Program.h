@@ -1,4 +1,4 @@
-// A compiled APRON program: an immutable list of instructions over registers (2-D float arrays), variables
+// A compiled APRON program: an immutable list of instructions over registers (2-D arrays), variables
 // (scalars), literals and texts. The compiler produces it, verify() proves it safe, and the VM executes it
 // without further checks.
 #pragma once
@@ -10,6 +10,8 @@
 #include <string>
 #include <string_view>
 #include <vector>
+
+#include "apron/program/CellType.h"
 
 namespace apron::program {
 
@@ -67,6 +69,7 @@ struct Instruction {
 struct Register {
   std::string name;  // as the user wrote it; temporaries begin with '$'
   std::uint32_t width = 0, height = 0;
+  CellType type = CellType::kFloat32;
 };
 
 struct Variable {
@@ -140,8 +143,9 @@ inline constexpr std::size_t kMaxPluginArguments = 16;               // per call
 
 // Returns "" if the program is safe to execute, otherwise one line that names the instruction and the error.
 // Checks that every operand is in range and of the kind that the opcode's signature takes, the registers of
-// an instruction have one shape, instructions that read neighbours do not work in place, labels are inside
-// the code, masks balance on every path, the limits above hold, and the code ends with kEnd.
+// an instruction have one shape and type of cells, which the opcode takes, instructions that read neighbours
+// do not work in place, labels are inside the code, masks balance on every path, the limits above hold, and
+// the code ends with kEnd.
 std::string verify(const Program&);
 
 // One line per instruction: index, mnemonic, operands by name, source line. The operands must be in range.
@@ -162,5 +166,11 @@ std::string unknown_register(const Program&, const std::string& name);
 
 // True if the destination must not be a source as well, because the instruction reads other cells.
 bool requires_out_of_place(Opcode) noexcept;
+
+// Whether the instruction takes registers of integers; kBitAnd to kSubSaturated take no others.
+bool takes_integers(Opcode) noexcept;
+constexpr bool takes_only_integers(Opcode op) noexcept {
+  return op >= Opcode::kBitAnd && op <= Opcode::kSubSaturated;
+}
 
 }  // namespace apron::program

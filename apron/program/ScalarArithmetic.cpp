@@ -37,6 +37,21 @@ bool differ(double a, double b) { return a != b; }
 bool both(bool a, bool b) { return a && b; }
 bool either(bool a, bool b) { return a || b; }
 bool one_of(bool a, bool b) { return a != b; }
+// Bits are those of 64-bit integers; a number that is none has those of its whole part, or none.
+std::int64_t whole(double a) { return std::fabs(a) <= kMaxWholeScalar ? static_cast<std::int64_t>(a) : 0; }
+double from_whole(std::int64_t a) { return to_scalar(static_cast<double>(a)); }
+double bit_and(double a, double b) { return from_whole(whole(a) & whole(b)); }
+double bit_or(double a, double b) { return from_whole(whole(a) | whole(b)); }
+double bit_xor(double a, double b) { return from_whole(whole(a) ^ whole(b)); }
+double bit_not(double a) { return from_whole(~whole(a)); }
+double bit_left(double a, double b) {
+  const bool within = b >= 0.0 && b < 64.0;
+  const auto bits = static_cast<std::uint64_t>(whole(a));
+  return within ? from_whole(static_cast<std::int64_t>(bits << static_cast<unsigned>(b))) : 0.0;
+}
+double bit_right(double a, double b) {
+  return from_whole(whole(a) >> static_cast<unsigned>(b >= 0.0 && b < 63.0 ? b : 63.0));
+}
 
 }  // namespace
 
@@ -45,6 +60,9 @@ double evaluate_scalar(Opcode op, double a, double b, double c) noexcept {
   switch (op) {
 #define APRON_ELEMENTWISE(name, arity, value) \
   case Opcode::k##name:                       \
+    return value;
+#define APRON_INTEGER(name, arity, value) \
+  case Opcode::k##name:                   \
     return value;
 #include "apron/program/elementwise.def"
     default:

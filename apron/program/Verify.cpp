@@ -30,6 +30,7 @@ class InstructionVerifier {
       if (auto error = check_source(i); !error.empty()) return error;
     }
     if (auto error = check_shapes(); !error.empty()) return error;
+    if (auto error = check_types(); !error.empty()) return error;
     return check_opcode();
   }
 
@@ -68,6 +69,7 @@ class InstructionVerifier {
     static constexpr std::pair<char, unsigned> kAccepted[] = {{'R', kRegister},
                                                               {'V', kVariable},
                                                               {'D', kRegister | kVariable},
+                                                              {'I', kRegister | kVariable},
                                                               {'E', kRegister | kVariable},
                                                               {'r', kRegister},
                                                               {'s', kScalar},
@@ -105,7 +107,8 @@ class InstructionVerifier {
       if (shape == nullptr) shape = &reg;
       return !same_shape(*shape, reg);
     };
-    const bool to_variable = signature_.front() == 'D' && instruction_.destination.kind == Kind::kVariable;
+    const bool to_variable = (signature_.front() == 'D' || signature_.front() == 'I') &&
+                             instruction_.destination.kind == Kind::kVariable;
     // A scatter gathers the cells of its operands in a register of any shape.
     bool mismatch = instruction_.op != Opcode::kScatter && differs(instruction_.destination);
     for (const Operand& operand : instruction_.operands) {
@@ -113,6 +116,33 @@ class InstructionVerifier {
       mismatch = mismatch || differs(operand);
     }
     return mismatch ? "its registers differ in shape" : "";
+  }
+
+  // The registers have one type of cells, which the opcode takes, and literals are values of it.
+  std::string check_types() const {
+    const Register* first = nullptr;
+    bool mixed = false;
+    const auto visit = [&](const Operand& operand) {
+      if (operand.kind != Kind::kRegister) return;
+      const Register& reg = program_.registers[operand.index];
+      if (first == nullptr) first = &reg;
+      mixed = mixed || reg.type != first->type;
+    };
+    visit(instruction_.destination);
+    std::ranges::for_each(instruction_.operands, visit);
+    if (first == nullptr) return {};
+    if (instruction_.op == Opcode::kConvert || instruction_.op == Opcode::kConvertSaturated)
+      return mixed ? "" : "it converts a register to its own type";
+    if (mixed) return "its registers differ in type";
+    if (is_integer(first->type) && !takes_integers(instruction_.op))
+      return "it takes no registers of integers";
+    if (!is_integer(first->type) && takes_only_integers(instruction_.op))
+      return "it takes registers of integers";
+    if (instruction_.op > Opcode::kSubSaturated) return {};
+    for (const Operand& operand : instruction_.operands)
+      if (operand.kind == Kind::kLiteral && !is_cell_value(first->type, program_.literals[operand.index]))
+        return fmt::format("its literal is no {}", cell_type_name(first->type));
+    return {};
   }
 
   bool is_integer_literal(const Operand& operand) const {
@@ -196,7 +226,9 @@ std::string verify_registers(const Program& program) {
     const std::uint64_t cells = std::uint64_t{reg.width} * reg.height;
     if (cells == 0) return fmt::format("register '{}' has no cells", reg.name);
     if (cells > kMaxCells) return fmt::format("register '{}' has more than {} cells", reg.name, kMaxCells);
-    memory += cells * sizeof(float);
+    if (static_cast<std::size_t>(reg.type) >= kCellTypeCount)
+      return fmt::format("register '{}' has cells of an unknown type", reg.name);
+    memory += cells * cell_bytes(reg.type);
   }
   return memory > kMaxMemoryBytes ? fmt::format("the registers take more than {} bytes", kMaxMemoryBytes)
                                   : "";

@@ -1,6 +1,7 @@
 #include "apron/python/Arrays.h"
 
 #include <algorithm>
+#include <array>
 #include <cstring>
 
 namespace apron::python {
@@ -10,18 +11,26 @@ using py::detail::array_proxy;
 using py::detail::npy_api;
 
 constexpr const char* kBlockCapsule = "apron.plane_block";
-constexpr std::int64_t kCellBytes = sizeof(float);
 
-// The descriptor of float32, which NumPy shares among its arrays.
-const py::dtype& float32_type() {
-  static const auto* const type =
-      new py::dtype(py::dtype::of<float>());  // never destroyed: Python ends first
-  return *type;
+std::int64_t bytes_of(vm::CellType type) { return static_cast<std::int64_t>(program::cell_bytes(type)); }
+
+// As NumPy names it.
+std::string type_name(vm::CellType type) {
+  return type == vm::CellType::kFloat32 ? "float32" : std::string(program::cell_type_name(type));
 }
 
-bool has_float32(py::handle array) {
+// The descriptor, which NumPy shares among its arrays.
+const py::dtype& dtype_of(vm::CellType type) {
+  static const auto* const types = new std::array<py::dtype, program::kCellTypeCount>{
+      py::dtype::of<float>(), py::dtype::of<std::int32_t>(), py::dtype::of<std::uint16_t>(),
+      py::dtype::of<std::uint8_t>()};  // never destroyed: Python ends first
+  return (*types)[static_cast<std::size_t>(type)];
+}
+
+bool has_type(py::handle array, vm::CellType wanted) {
   PyObject* const type = array_proxy(array.ptr())->descr;
-  return type == float32_type().ptr() || npy_api::get().PyArray_EquivTypes_(type, float32_type().ptr());
+  PyObject* const other = dtype_of(wanted).ptr();
+  return type == other || npy_api::get().PyArray_EquivTypes_(type, other);
 }
 
 std::string shape_text(py::handle array) {
@@ -54,17 +63,21 @@ py::object allocate(const py::dtype& type, int dimensions, const Py_intptr_t* sh
 
 bool is_array(py::handle object) noexcept { return npy_api::get().PyArray_Check_(object.ptr()); }
 
-py::object to_float32(py::handle array, const std::string& what) {
-  if (has_float32(array)) return py::reinterpret_borrow<py::object>(array);
+py::object to_cells(py::handle array, vm::CellType type, const std::string& what) {
+  if (has_type(array, type)) return py::reinterpret_borrow<py::object>(array);
   const auto dtype = py::reinterpret_borrow<py::object>(array_proxy(array.ptr())->descr);
   const auto kind = py::cast<std::string>(dtype.attr("kind"));
-  if (kind.find_first_of("biuf") == std::string::npos)
-    throw py::type_error(what + " is an array of " + py::cast<std::string>(py::str(dtype)) +
-                         ": must be of booleans, integers or floats");
-  return array.attr("astype")(float32_type());
+  const auto given = py::cast<std::string>(py::str(dtype));
+  if (!program::is_integer(type) && kind.find_first_of("biuf") == std::string::npos)
+    throw py::type_error(what + " is an array of " + given + ": must be of booleans, integers or floats");
+  if (program::is_integer(type) &&
+      !py::cast<bool>(py::module_::import("numpy").attr("can_cast")(dtype, dtype_of(type), "safe")))
+    throw py::type_error(what + " is an array of " + given + ": must be of " + type_name(type) +
+                         ", which array.astype(numpy." + type_name(type) + ") makes");
+  return array.attr("astype")(dtype_of(type));
 }
 
-ArrayView view_of(py::handle array, const std::string& what) {
+ArrayView view_of(py::handle array, vm::CellType type, const std::string& what) {
   const auto* const a = array_proxy(array.ptr());
   if (a->nd != 2 && a->nd != 3)
     throw py::value_error(what + " has shape " + shape_text(array) +
@@ -77,50 +90,54 @@ ArrayView view_of(py::handle array, const std::string& what) {
                  first == 1 ? static_cast<std::int64_t>(a->strides[0]) : 0,
                  a->strides[first],
                  a->strides[first + 1],
-                 nullptr};
+                 nullptr,
+                 type};
   if (first == 1 && view.count == 0)
     throw py::value_error(what + " has shape " + shape_text(array) + ": there is nothing to run");
   library::PlaneBlock* const block = first == 0 ? find_block(array) : nullptr;
   if (block != nullptr && view.data == reinterpret_cast<char*>(block->plane().data) &&
-      view.has_shape(block->plane().width, block->plane().height) && view.column_stride == kCellBytes &&
-      view.row_stride == block->plane().pitch * kCellBytes)
+      block->plane().type == type && view.has_shape(block->plane().width, block->plane().height) &&
+      view.column_stride == bytes_of(type) && view.row_stride == block->plane().pitch * bytes_of(type))
     view.block = block;
   return view;
 }
 
-ArrayView writable_view_of(py::handle array, const std::string& what) {
-  if (!is_array(array) || !has_float32(array))
-    throw py::type_error(what + " must be an array of float32, into which the result is written");
+ArrayView writable_view_of(py::handle array, vm::CellType type, const std::string& what) {
+  if (!is_array(array) || !has_type(array, type))
+    throw py::type_error(what + " must be an array of " + type_name(type) +
+                         ", into which the result is written");
   if ((array_proxy(array.ptr())->flags & npy_api::NPY_ARRAY_WRITEABLE_) == 0)
     throw py::value_error(what + " is read-only: the result cannot be written into it");
-  return view_of(array, what);
+  return view_of(array, type, what);
 }
 
 void copy_in(const ArrayView& from, std::int64_t index, vm::Plane to) noexcept {
+  const std::size_t size = to.cell_bytes();
   const char* row = from.data + index * from.batch_stride;
   for (std::uint32_t y = 0; y < to.height; ++y, row += from.row_stride) {
-    float* const cells = to.row(y);
-    if (from.column_stride == kCellBytes) {
-      std::memcpy(cells, row, to.width * sizeof(float));
+    std::byte* const cells = to.row_bytes(y);
+    if (from.column_stride == static_cast<std::int64_t>(size)) {
+      std::memcpy(cells, row, to.width * size);
       continue;
     }
     const char* cell = row;
     for (std::uint32_t x = 0; x < to.width; ++x, cell += from.column_stride)
-      std::memcpy(&cells[x], cell, sizeof(float));
+      std::memcpy(cells + x * size, cell, size);
   }
 }
 
 void copy_out(vm::ConstPlane from, const ArrayView& to, std::int64_t index) noexcept {
+  const std::size_t size = from.cell_bytes();
   char* row = to.data + index * to.batch_stride;
   for (std::uint32_t y = 0; y < from.height; ++y, row += to.row_stride) {
-    const float* const cells = from.row(y);
-    if (to.column_stride == kCellBytes) {
-      std::memcpy(row, cells, from.width * sizeof(float));
+    const std::byte* const cells = from.row_bytes(y);
+    if (to.column_stride == static_cast<std::int64_t>(size)) {
+      std::memcpy(row, cells, from.width * size);
       continue;
     }
     char* cell = row;
     for (std::uint32_t x = 0; x < from.width; ++x, cell += to.column_stride)
-      std::memcpy(cell, &cells[x], sizeof(float));
+      std::memcpy(cell, cells + x * size, size);
   }
 }
 
@@ -133,19 +150,28 @@ bool may_overlap(const ArrayView& a, const ArrayView& b) noexcept {
     extend(view.count, view.batch_stride);
     extend(view.rows, view.row_stride);
     extend(view.columns, view.column_stride);
-    return std::pair(first, last + kCellBytes);
+    return std::pair(first, last + bytes_of(view.type));
   };
   const auto [a_first, a_last] = bounds(a);
   const auto [b_first, b_last] = bounds(b);
   return a_first < b_last && b_first < a_last;
 }
 
-py::object new_array(std::int64_t count, std::int64_t rows, std::int64_t columns, ArrayView& view) {
+py::object new_array(std::int64_t count, std::int64_t rows, std::int64_t columns, vm::CellType type,
+                     ArrayView& view) {
   const Py_intptr_t shape[] = {count, rows, columns};
   const int first = count > 0 ? 0 : 1;
-  py::object array = allocate(float32_type(), 3 - first, shape + first);
-  view = {array_proxy(array.ptr())->data, count,      rows,   columns, rows * columns * kCellBytes,
-          columns * kCellBytes,           kCellBytes, nullptr};
+  py::object array = allocate(dtype_of(type), 3 - first, shape + first);
+  const std::int64_t size = bytes_of(type);
+  view = {array_proxy(array.ptr())->data,
+          count,
+          rows,
+          columns,
+          rows * columns * size,
+          columns * size,
+          size,
+          nullptr,
+          type};
   return array;
 }
 
@@ -162,10 +188,10 @@ py::object array_of(const library::SharedBlock& block) {
   const py::capsule owner(new library::SharedBlock(block), kBlockCapsule, [](PyObject* capsule) {
     delete static_cast<library::SharedBlock*>(PyCapsule_GetPointer(capsule, kBlockCapsule));
   });
-  return py::array(float32_type(),
-                   {static_cast<py::ssize_t>(plane.height), static_cast<py::ssize_t>(plane.width)},
-                   {static_cast<py::ssize_t>(plane.pitch * kCellBytes), static_cast<py::ssize_t>(kCellBytes)},
-                   plane.data, owner);
+  const std::int64_t size = bytes_of(plane.type);
+  return py::array(
+      dtype_of(plane.type), {static_cast<py::ssize_t>(plane.height), static_cast<py::ssize_t>(plane.width)},
+      {static_cast<py::ssize_t>(plane.pitch * size), static_cast<py::ssize_t>(size)}, plane.data, owner);
 }
 
 }  // namespace apron::python

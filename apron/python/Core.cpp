@@ -63,8 +63,11 @@ py::capsule make_controllers(std::string file, std::string library_path,
 }
 
 // An array of one plane in a block, which programs take and give without a copy.
-py::object make_array(std::uint32_t rows, std::uint32_t columns) {
-  return array_of(library::acquire_block(columns, rows));
+py::object make_array(std::uint32_t rows, std::uint32_t columns, const std::string& type) {
+  const auto cells = type == "float32" ? vm::CellType::kFloat32 : program::find_cell_type(type);
+  if (!cells || type == "float")
+    throw py::type_error("dtype = " + type + ": must be float32, int32, uint16 or uint8");
+  return array_of(library::acquire_block(columns, rows, *cells));
 }
 
 }  // namespace

@@ -7,6 +7,7 @@
 #include <exception>
 
 #include "apron/program/Reachability.h"
+#include "apron/vm/NumberFormat.h"
 #include "common/error/UserError.h"
 
 namespace apron::python {
@@ -260,8 +261,9 @@ void Function::add_argument(const Variant& variant, Arguments& arguments, const 
     if (is_array(value) && py::detail::array_proxy(value.ptr())->nd > 0) {
       Argument argument;
       argument.reg = reg;
-      argument.array = to_float32(value, describe(variant, reg));
-      argument.view = view_of(argument.array, describe(variant, reg));
+      const vm::CellType type = variant.program.registers[reg].type;
+      argument.array = to_cells(value, type, describe(variant, reg));
+      argument.view = view_of(argument.array, type, describe(variant, reg));
       arguments.inputs.push_back(std::move(argument));
       return;
     }
@@ -277,7 +279,12 @@ void Function::add_argument(const Variant& variant, Arguments& arguments, const 
   if (name.kind == Name::Kind::kRegister) {
     Argument argument;
     argument.reg = name.index;
-    argument.number = static_cast<float>(number);
+    argument.number = number;
+    const vm::CellType type = variant.program.registers[name.index].type;
+    if (!program::is_cell_value(type, number))
+      throw py::value_error(describe(variant, name.index) + " = " + py::cast<std::string>(py::repr(value)) +
+                            ": must be a whole number from " + vm::format_number(program::lowest_cell(type)) +
+                            " to " + vm::format_number(program::highest_cell(type)));
     arguments.inputs.push_back(std::move(argument));
   } else {
     arguments.parameters.emplace_back(variant.program.parameters[name.index].name,
@@ -371,7 +378,7 @@ void Function::add_results(const Variant& variant, py::handle out, const Argumen
       const std::string what = configuration_.source.file + ": out[" + quoted(key) + "]";
       const program::Register& reg = variant.program.registers[result->index];
       const std::size_t i = result - variant.results.begin();
-      views[i] = writable_view_of(value, what);
+      views[i] = writable_view_of(value, reg.type, what);
       if (!views[i].has_shape(reg.width, reg.height) || views[i].count != arguments.count)
         throw py::value_error(what + " must have the shape (" +
                               (arguments.count > 0 ? std::to_string(arguments.count) + ", " : std::string()) +
@@ -385,7 +392,7 @@ void Function::add_results(const Variant& variant, py::handle out, const Argumen
     const bool is_input = std::ranges::find(variant.signature.inputs, variant.results[i].index) !=
                           variant.signature.inputs.end();
     if (is_input || arguments.count > 0 || std::size_t{reg.width} * reg.height < kMinBlockCells)
-      arrays[i] = new_array(arguments.count, reg.height, reg.width, views[i]);
+      arrays[i] = new_array(arguments.count, reg.height, reg.width, reg.type, views[i]);
   }
 }
 
@@ -435,7 +442,7 @@ py::object Function::run_batch(const std::shared_ptr<Variant>& shared, Arguments
           return view.data != nullptr && may_overlap(view, input.view);
         })) {
       input.array = input.array.attr("copy")();
-      input.view = view_of(input.array, "");
+      input.view = view_of(input.array, input.view.type, "");
     }
   std::vector<std::unique_ptr<Lease>> instances;
   for (unsigned i = 0; i < threads; ++i) instances.push_back(std::make_unique<Lease>(*this, shared, 1));

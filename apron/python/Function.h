@@ -78,7 +78,7 @@ class Function {
     std::uint32_t reg = 0;
     py::object array;  // null: a number
     ArrayView view;
-    float number = 0.0F;
+    double number = 0.0;
   };
   struct Arguments {
     std::vector<Argument> inputs;

@@ -15,8 +15,9 @@
 namespace apron::syntax {
 namespace {
 
-constexpr std::string_view kOperators[] = {"=",  "+",  "-",  "*",  "/",   "%",  "<",   "<=",   ">",  ">=",
-                                           "==", "!=", "&&", "||", "and", "or", "xor", "nand", "nor"};
+constexpr std::string_view kOperators[] = {"=",   "+",    "-",   "*",  "/",  "%",  "<",   "<=",
+                                           ">",   ">=",   "==",  "!=", "&&", "||", "and", "or",
+                                           "xor", "nand", "nor", "&",  "|",  "^",  "<<",  ">>"};
 
 std::string normalize_path(const std::string& path) {
   return std::filesystem::path(path).lexically_normal().string();
@@ -125,6 +126,9 @@ void Preprocessor::handle_directive(Line& line) {
                                           {"endfor", &Preprocessor::handle_stray_macro_line},
                                           {"include", &Preprocessor::handle_include, false},
                                           {"register", &Preprocessor::handle_register, false},
+                                          {"int32", &Preprocessor::handle_register, false},
+                                          {"uint16", &Preprocessor::handle_register, false},
+                                          {"uint8", &Preprocessor::handle_register, false},
                                           {"scalar", &Preprocessor::handle_register, false},
                                           {"machine_register", &Preprocessor::handle_register, false},
                                           {"error", &Preprocessor::handle_error, false},
@@ -394,6 +398,7 @@ void Preprocessor::handle_register(const Tokens& tokens) {
     Declaration request = make_declaration(Declaration::Kind::kRegister, token.location);
     request.name = token.text;
     request.of_variables = directive == "scalar";
+    if (directive == "int32" || directive == "uint16" || directive == "uint8") request.cell_type = directive;
     request.is_machine_register = directive == "machine_register";
     request.owner = is_local ? token.owner : 0;
     if (is_array && !parse_array_size({argument->begin() + 2, argument->end() - 1}, request.count)) continue;
@@ -494,14 +499,20 @@ bool Preprocessor::parse_size_argument(const Tokens& tokens, Location location, 
 void Preprocessor::handle_create(const Tokens& tokens) {
   Arguments list;
   Declaration request = make_declaration(Declaration::Kind::kElement, tokens.front().location);
-  if (!parse_arguments(tokens, 2, 4, list) || !parse_string_argument(list[0], request.name, "a name")) return;
+  if (!parse_arguments(tokens, 2, 5, list) || !parse_string_argument(list[0], request.name, "a name")) return;
   if (list.size() == 3) return report(request.location, "'!create' takes a width and a height, or neither");
   const Token& token = list[1].front();
   if (list[1].size() != 1 || (token.kind != TokenKind::kName && token.kind != TokenKind::kString))
     return report(token.location, "expected a class: REGISTER, VARIABLE or one made by !object");
   request.class_name = token.text;
   request.location = list[0].front().location;
-  if (list.size() == 4 && (!parse_size_argument(list[2], request.location, request.width) ||
+  if (list.size() == 5) {
+    static constexpr std::string_view kTypes[] = {"float", "int32", "uint16", "uint8"};
+    request.cell_type = list[4].front().text;
+    if (list[4].size() != 1 || std::ranges::find(kTypes, request.cell_type) == std::end(kTypes))
+      return report(list[4].front().location, "the type of a register is float, int32, uint16 or uint8");
+  }
+  if (list.size() >= 4 && (!parse_size_argument(list[2], request.location, request.width) ||
                            !parse_size_argument(list[3], request.location, request.height)))
     return;
   pending_declarations_.push_back(std::move(request));

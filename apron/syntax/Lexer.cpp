@@ -57,12 +57,6 @@ std::string_view foreign_syntax_hint(char c) {
     case '{':
     case '}':
       return ": blocks end with a word, as in if(…) … endif";
-    case '^':
-      return ": a power is pow(a, b), an exclusive or is 'xor'";
-    case '&':
-      return ": write 'and'";
-    case '|':
-      return ": write 'or'";
     default:
       return "";
   }
@@ -289,8 +283,8 @@ class Lexer {
   }
 
   void lex_punctuator() {
-    static constexpr std::string_view kPairs[] = {"<=", ">=", "==", "!=", "&&", "||"};
-    static constexpr std::string_view kSingles = "+-*/%<>=()[],!?";
+    static constexpr std::string_view kPairs[] = {"<=", ">=", "==", "!=", "&&", "||", "<<", ">>"};
+    static constexpr std::string_view kSingles = "+-*/%<>=()[],!?&|^~";
     const Location location = current_location();
     for (const std::string_view pair : kPairs) {
       if (text_.substr(position_, 2) == pair) {

@@ -19,8 +19,8 @@ int infix_precedence(const Token& token) {
   static constexpr std::pair<std::string_view, int> kWords[] = {
       {"or", 1}, {"nor", 1}, {"xor", 2}, {"and", 3}, {"nand", 3}};
   static constexpr std::pair<std::string_view, int> kSymbols[] = {
-      {"||", 1}, {"&&", 3}, {"<", 5}, {"<=", 5}, {">", 5}, {">=", 5}, {"==", 5},
-      {"!=", 5}, {"+", 6},  {"-", 6}, {"*", 7},  {"/", 7}, {"%", 7}};
+      {"||", 1}, {"&&", 3}, {"<", 5},  {"<=", 5}, {">", 5},  {">=", 5}, {"==", 5}, {"!=", 5}, {"|", 6},
+      {"^", 7},  {"&", 8},  {"<<", 9}, {">>", 9}, {"+", 10}, {"-", 10}, {"*", 11}, {"/", 11}, {"%", 11}};
   if (token.kind == TokenKind::kName) {
     for (const auto& [text, level] : kWords) {
       if (token.text == text) return level;
@@ -140,7 +140,8 @@ Expression Parser::parse_not() {
 
 Expression Parser::parse_unary() {
   const DepthGuard nested(*this);
-  const bool is_prefix = !at_end() && (cursor_->is("-") || cursor_->is("+") || cursor_->is("!"));
+  const bool is_prefix =
+      !at_end() && (cursor_->is("-") || cursor_->is("+") || cursor_->is("!") || cursor_->is("~"));
   if (!is_prefix) return parse_primary();
   const Token op = *cursor_++;
   Expression operand = parse_unary();

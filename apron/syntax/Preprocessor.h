@@ -62,6 +62,7 @@ struct Declaration {
   bool of_variables = false;
   bool is_machine_register = false;     // only lines of the declaring file compute with it
   std::uint32_t width = 0, height = 0;  // cells
+  std::string cell_type;                // of a register: "int32" and the like; "": float
   std::string palette;                  // `!default_palette` in force; "" for none
   float scale = 0.0F;
 };

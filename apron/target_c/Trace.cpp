@@ -759,7 +759,35 @@ class Tracer {
 
 }  // namespace
 
+namespace {
+
+// The code for boards has cells and numbers of floating point alone.
+void refuse_integers(const Program& program) {
+  const auto name_of = [&](const program::Operand& operand) -> const program::Register* {
+    if (operand.kind != program::OperandKind::kRegister) return nullptr;
+    const program::Register& reg = program.registers[operand.index];
+    return program::is_integer(reg.type) ? &reg : nullptr;
+  };
+  for (std::size_t i = 0; i < program.code.size(); ++i) {
+    const program::Instruction& in = program.code[i];
+    const program::Register* reg = name_of(in.destination);
+    for (const program::Operand& operand : in.operands)
+      if (reg == nullptr) reg = name_of(operand);
+    const std::string_view mnemonic = program::opcode_info(in.op).mnemonic;
+    if (reg != nullptr)
+      throw common::UserError(at(program, i,
+                                 fmt::format("error: '{}' on {}: boards have registers of floats only",
+                                             mnemonic, program::cell_type_name(reg->type))));
+    if (program::takes_only_integers(in.op))
+      throw common::UserError(at(
+          program, i, fmt::format("error: '{}' of a number that is computed: boards have none", mnemonic)));
+  }
+}
+
+}  // namespace
+
 TileProgram trace(const Program& program, const Options& options) {
+  refuse_integers(program);
   std::string errors;
   for (const program::NonLocalInstruction& nonlocal : program::find_nonlocal_instructions(program))
     errors += (errors.empty() ? "" : "\n") +

@@ -12,7 +12,9 @@ using program::Opcode;
 using program::OperandKind;
 
 DispatchKind dispatch_kind_of(Opcode op, const KernelTable& kernels) {
-  if (kernels.kernel(op, 0, false) != nullptr) return DispatchKind::kElementwise;
+  if (kernels.kernel(op, 0, false) != nullptr || program::takes_only_integers(op))
+    return DispatchKind::kElementwise;
+  if (op == Opcode::kConvert || op == Opcode::kConvertSaturated) return DispatchKind::kConvert;
   // opcodes.def lists the instructions of a kind one after the other.
   const auto is_between = [op](Opcode first, Opcode last) { return op >= first && op <= last; };
   if (op == Opcode::kShift || op == Opcode::kRotate) return DispatchKind::kShift;
@@ -94,11 +96,20 @@ DecodedInstruction decode(const program::Program& program, const program::Instru
   decoded.dispatch = dispatch_kind_of(decoded.op, kernels);
   d.decode_destination(instruction.destination);
   for (std::size_t k = 0; k < instruction.operands.size(); ++k) d.decode_source(k, instruction.operands[k]);
+  const Plane* first = decoded.destination;
+  for (const Plane* plane : decoded.planes)
+    if (first == nullptr) first = plane;
+  if (first != nullptr) decoded.type = first->type;
   if (decoded.dispatch == DispatchKind::kElementwise) {
     if (decoded.destination_variable != nullptr) decoded.dispatch = DispatchKind::kScalar;
-    decoded.kernels = {kernels.kernel(decoded.op, d.scalar_bits, false),
-                       kernels.kernel(decoded.op, d.scalar_bits, true)};
-    assert(decoded.kernels[0] != nullptr);
+    decoded.kernels = {kernels.kernel(decoded.op, d.scalar_bits, false, decoded.type),
+                       kernels.kernel(decoded.op, d.scalar_bits, true, decoded.type)};
+    assert(decoded.kernels[0] != nullptr || decoded.dispatch == DispatchKind::kScalar);
+  }
+  if (decoded.dispatch == DispatchKind::kConvert) {
+    const bool saturated = decoded.op == Opcode::kConvertSaturated;
+    decoded.kernels = {kernels.conversion(decoded.planes[0]->type, decoded.type, saturated, false),
+                       kernels.conversion(decoded.planes[0]->type, decoded.type, saturated, true)};
   }
   if (decoded.dispatch == DispatchKind::kShift) {
     decoded.has_variable_offset = instruction.operands[1].kind == OperandKind::kVariable ||

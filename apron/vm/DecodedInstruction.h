@@ -15,6 +15,7 @@ namespace apron::vm {
 enum class DispatchKind : std::uint8_t {
   kElementwise,  // register destination
   kScalar,       // element-wise on variables
+  kConvert,
   kShift,
   kMask,
   kReduce,
@@ -30,8 +31,9 @@ struct DecodedInstruction {
   program::Opcode op = program::Opcode::kNop;
   DispatchKind dispatch = DispatchKind::kControlFlow;
   bool masked = false;
-  std::uint32_t jump_target = 0;    // instruction index
-  std::array<Kernel, 2> kernels{};  // unmasked, masked
+  CellType type = CellType::kFloat32;  // of the destination, or else of the first register
+  std::uint32_t jump_target = 0;       // instruction index
+  std::array<Kernel, 2> kernels{};     // unmasked, masked
   // Registers are referenced through pointers to their planes: double buffering exchanges the buffers.
   const Plane* destination = nullptr;
   std::array<const Plane*, program::kMaxOperands> planes{};
@@ -41,7 +43,7 @@ struct DecodedInstruction {
   Offset offset{};  // shifts by literals
   bool has_variable_offset = false;
   BoundaryCondition boundary{};
-  Plane scratch{};  // staging for masked reads and plugin results
+  Plane scratch{}, second_scratch{};  // staging, see Vm::allocate_scratch()
   std::string_view text{};
   std::uint32_t table_index = 0;  // of the filter, group or module
   float default_value = 0.0F;     // parameters

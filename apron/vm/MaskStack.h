@@ -1,6 +1,8 @@
 // The active-cell masks: the base mask (mask.on) and the stack of `where` conditions, all of which must hold.
+// A mask has the type of cells of its condition; it is converted where a register of another type is written.
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <vector>
 
@@ -16,7 +18,7 @@ class MaskStack {
   explicit MaskStack(Executor& executor) : executor_(executor) {}
 
   // Allocates `planes` more mask planes of one shape, so that later calls need not allocate.
-  void reserve(std::uint32_t width, std::uint32_t height, std::size_t planes);
+  void reserve(std::uint32_t width, std::uint32_t height, CellType type, std::size_t planes);
 
   // Copies `mask`. Returns false and changes nothing if an open level has another shape.
   [[nodiscard]] bool set_base(ConstPlane mask);
@@ -36,6 +38,8 @@ class MaskStack {
   Active active() const noexcept { return active_; }
   // The mask in force, valid only with kSome: writes go to its non-zero cells.
   const ConstPlane& mask() const noexcept { return mask_; }
+  // The same with cells of that type; valid until the masks change. The first call of a type may allocate.
+  ConstPlane mask_as(CellType type);
 
  private:
   struct Level {
@@ -50,7 +54,8 @@ class MaskStack {
   ConstPlane enclosing_mask() const noexcept;
   void inherit_enclosing(Level& level, bool on);
   void update_effective_mask();
-  Plane acquire_plane(std::uint32_t width, std::uint32_t height);
+  Plane acquire_plane(std::uint32_t width, std::uint32_t height, CellType type);
+  void combine(program::Opcode op, Plane y, ConstPlane a, ConstPlane b);
   void apply_kernel(program::Opcode op, Plane y, ConstPlane a, ConstPlane b);
 
   Executor& executor_;
@@ -62,6 +67,7 @@ class MaskStack {
   Plane combined_{};  // base AND top level; used when both exist
   Active active_ = Active::kAll;
   ConstPlane mask_{};
+  std::array<Plane, program::kCellTypeCount> converted_{};  // mask_ in other types; null: not yet
 };
 
 }  // namespace apron::vm

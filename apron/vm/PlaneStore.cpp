@@ -16,13 +16,13 @@ std::size_t round_up(std::size_t n, std::size_t unit) { return (n + unit - 1) / 
 
 }  // namespace
 
-Plane PlaneStore::allocate(std::uint32_t width, std::uint32_t height) {
+Plane PlaneStore::allocate(std::uint32_t width, std::uint32_t height, CellType type) {
   assert(width > 0 && height > 0);
-  const std::size_t pitch = round_up(width, kLanes) + kLanes;
+  const std::size_t pitch = round_up(width, lanes(type)) + lanes(type);  // in cells
   // Large allocations begin on a page boundary. If every plane did too, the same cell of all registers would
   // map to one cache set, so each plane starts two cache lines later than the previous one.
   const std::size_t lead = kLanes + 2 * kLanes * (allocations_.size() % 31);
-  const std::size_t floats = lead + pitch * height + kLanes;
+  const std::size_t floats = lead + pitch * program::cell_bytes(type) * height / sizeof(float) + kLanes;
   // Huge pages avoid TLB misses when sweeping large planes.
   const bool large = floats * sizeof(float) >= 2 * kHugePage;
   const std::size_t bytes = round_up(floats * sizeof(float), kAlignment);
@@ -32,7 +32,7 @@ Plane PlaneStore::allocate(std::uint32_t width, std::uint32_t height) {
   if (large) madvise(block, bytes, MADV_HUGEPAGE);  // best effort
   std::memset(block, 0, bytes);
   allocations_.emplace_back(block);
-  return {block + lead, width, height, static_cast<std::ptrdiff_t>(pitch)};
+  return {block + lead, width, height, static_cast<std::ptrdiff_t>(pitch), type};
 }
 
 }  // namespace apron::vm

@@ -8,6 +8,7 @@
 
 #include "apron/program/Program.h"
 #include "apron/program/ScalarArithmetic.h"
+#include "apron/vm/Plane.h"
 
 namespace apron::vm {
 
@@ -28,7 +29,7 @@ struct RowBuffer {
   std::uint32_t pad_columns = 0;  // columns read beyond the west and east edge
   // The number of constant rows beyond the north and south edge of a kRing that holds every row.
   std::uint32_t margin_rows = 0;
-  std::size_t offset = 0;  // floats from the start of the worker's memory to row 0 of a kRing
+  std::size_t offset = 0;  // cells from the start of the worker's memory to row 0 of a kRing
 };
 
 // The rows that a stage reads or writes: row r + dy of a buffer when computing row r.
@@ -49,10 +50,12 @@ struct MicroOperand {
 struct MicroOp {
   program::Opcode op = program::Opcode::kCopy;
   std::array<MicroOperand, program::kMaxOperands> operands{};
+  std::int64_t immediate = -1;  // of a bit shift: its distance, if that is a literal
 };
 
 // Operations fused into one loop over rows. All results are written after all operations have read.
 struct Stage {
+  CellType type = CellType::kFloat32;
   std::vector<RowStream> streams;
   std::vector<MicroOp> ops;
   struct Result {
@@ -74,13 +77,14 @@ inline bool is_fusible_opcode(program::Opcode op) noexcept {
 inline constexpr std::size_t kMaxRowStreams = 14;
 
 // One call of a stage, generated or interpreted: a rectangle of cells, processed in iterations of one or more
-// rows. Rows are 64-byte aligned; columns up to the next multiple of kLanes may be read and written.
+// rows. Rows are 64-byte aligned; columns up to the next multiple of 64 bytes may be read and written.
 struct StageCall {
-  std::array<float*, kMaxRowStreams> row_start{};               // first cell of each stream's first row
+  std::array<std::byte*, kMaxRowStreams> row_start{};           // first cell of each stream's first row
   std::array<std::ptrdiff_t, kMaxRowStreams> row_step_bytes{};  // to the same row of the next iteration
   std::int64_t iterations = 0;
-  std::int64_t row_bytes = 0;  // columns rounded up to kLanes, in bytes
-  const float* scalar_slots = nullptr;
+  std::int64_t row_bytes = 0;  // columns rounded up to 64 bytes
+  // The bits of the scalars: of a float, or those of an integer as often as 32 bits hold them.
+  const std::uint32_t* scalar_slots = nullptr;
 };
 
 }  // namespace apron::vm

@@ -6,6 +6,8 @@
 #include <cassert>
 #include <cmath>
 #include <map>
+#include <numeric>
+#include <tuple>
 #include <utility>
 
 #include "apron/program/ScalarArithmetic.h"
@@ -36,10 +38,12 @@ Vm::Vm(program::Program program, VmOptions options, Host& host)
       masks_(executor_) {
   std::uint32_t rows = 0;
   for (const program::Register& r : program_.registers) {
-    register_file_.registers.push_back(plane_store_.allocate(r.width, r.height));
+    register_file_.registers.push_back(plane_store_.allocate(r.width, r.height, r.type));
     rows = std::max(rows, r.height);
   }
   row_results_.resize(rows);
+  if (std::ranges::any_of(program_.registers, [](const auto& r) { return program::is_integer(r.type); }))
+    integer_row_results_.resize(rows);
   for (const program::Variable& v : program_.variables) register_file_.scalars.push_back(v.initial_value);
   register_file_.scalars.insert(register_file_.scalars.end(), program_.literals.begin(),
                                 program_.literals.end());
@@ -49,10 +53,7 @@ Vm::Vm(program::Program program, VmOptions options, Host& host)
         decoded_.emplace_back(decode(program_, i, register_file_, executor_.kernels()));
     const bool needs_scratch =
         decoded.dispatch == DispatchKind::kHost || decoded.dispatch == DispatchKind::kArrayOp;
-    if (needs_scratch && decoded.destination != nullptr &&
-        (decoded.masked || decoded.op == Opcode::kPlugin)) {
-      decoded.scratch = scratch_plane(*decoded.destination);
-    }
+    if (needs_scratch) allocate_scratch(decoded);
     if (decoded.op == Opcode::kScatter)
       scatter_sums_.resize(std::max(scatter_sums_.size(), decoded.destination->cell_count()));
     if (decoded.op == Opcode::kFlood || decoded.op == Opcode::kSpreadMax || decoded.op == Opcode::kSpreadSum)
@@ -68,7 +69,7 @@ Vm::Vm(program::Program program, VmOptions options, Host& host)
   keeps_padding_ = !has([this](const program::Instruction& i) {
     return i.op == Opcode::kBoundary && program_.literals[i.operands[0].index] != 0.0;
   }) && std::ranges::all_of(program_.registers,
-                            [](const program::Register& r) { return r.width % kLanes == 0; });
+                            [](const program::Register& r) { return r.width % lanes(r.type) == 0; });
   if (options.enable_profiling) {
     options.fusion.enabled = false;
     set_profiling(true);
@@ -78,10 +79,29 @@ Vm::Vm(program::Program program, VmOptions options, Host& host)
                                                     std::max(options.threads, 1U), options.parallel_cells);
 }
 
-Plane Vm::scratch_plane(const Plane& like) {
+// Staging for masked reads, the results of plugins, sums of neighbours, and the floats of a host that reads
+// or writes a register of integers. io.array.… take the register's own type.
+void Vm::allocate_scratch(DecodedInstruction& decoded) {
+  const bool exchanges_floats = decoded.dispatch == DispatchKind::kHost && decoded.op != Opcode::kArrayOpen &&
+                                decoded.op != Opcode::kArraySave;
+  const bool is_converted = program::is_integer(decoded.type) && exchanges_floats;
+  const CellType type = is_converted ? CellType::kFloat32 : decoded.type;
+  const Plane* from = decoded.planes[0] != nullptr ? decoded.planes[0] : decoded.planes[1];
+  if (decoded.destination != nullptr &&
+      (decoded.masked || decoded.op == Opcode::kPlugin || program::is_integer(decoded.type)))
+    decoded.scratch = scratch_plane(*decoded.destination, type, 0);
+  else if (decoded.destination == nullptr && from != nullptr && is_converted)
+    decoded.scratch = scratch_plane(*from, type, 0);
+  if (decoded.dispatch == DispatchKind::kArrayOp && decoded.destination != nullptr &&
+      program::is_integer(decoded.type))
+    decoded.second_scratch = scratch_plane(*decoded.destination, type, 1);
+}
+
+// The number-th plane of that shape and type.
+Plane Vm::scratch_plane(const Plane& like, CellType type, int number) {
   for (const Plane& plane : scratch_planes_)
-    if (same_shape(plane, like)) return plane;
-  return scratch_planes_.emplace_back(plane_store_.allocate(like.width, like.height));
+    if (same_shape(plane, like) && plane.type == type && number-- == 0) return plane;
+  return scratch_planes_.emplace_back(plane_store_.allocate(like.width, like.height, type));
 }
 
 void Vm::restart() {
@@ -102,13 +122,18 @@ void Vm::restart() {
   error_.clear();
 }
 
-void Vm::fill_register(std::size_t register_index, float value) noexcept {
+void Vm::fill_register(std::size_t register_index, double value) noexcept {
   const Plane plane = register_file_.registers[register_index];
-  for (std::uint32_t y = 0; y < plane.height; ++y) std::fill_n(plane.row(y), plane.width, value);
+  assert(program::is_cell_value(plane.type, value));
+  with_cell_type(plane.type, [&](auto cell) {
+    using T = decltype(cell);
+    for (std::uint32_t y = 0; y < plane.height; ++y)
+      std::fill_n(plane.cells<T>(y), plane.width, static_cast<T>(value));
+  });
 }
 
 Vm::Storage Vm::bind_register(std::size_t register_index, const Storage& storage) noexcept {
-  assert(same_shape(register_file_.registers[register_index], storage.front));
+  assert(same_shape_and_type(register_file_.registers[register_index], storage.front));
   const Plane back =
       storage.back.data != nullptr ? fused_traces_->bind_back_buffer(register_index, storage.back) : Plane();
   return {std::exchange(register_file_.registers[register_index], storage.front), back};
@@ -120,15 +145,16 @@ bool Vm::has_back_buffer(std::size_t register_index) const noexcept {
 
 // Reserves as many mask planes of each shape as the program can have in force without recursion.
 void Vm::reserve_masks() {
-  std::map<std::pair<std::uint32_t, std::uint32_t>, std::size_t> planes;
+  std::map<std::tuple<std::uint32_t, std::uint32_t, CellType>, std::size_t> planes;
   for (const DecodedInstruction& decoded : decoded_) {
     const Plane* condition = decoded.planes[0];
     if (decoded.dispatch != DispatchKind::kMask || condition == nullptr) continue;
-    std::size_t& count = planes[{condition->width, condition->height}];
+    std::size_t& count = planes[{condition->width, condition->height, condition->type}];
     if (count == 0) count = 2;  // the base mask, and the base mask combined with a condition
     if (decoded.op == Opcode::kMaskPush) count = std::min(count + 1, program::kMaxMaskDepth + 2);
   }
-  for (const auto& [shape, count] : planes) masks_.reserve(shape.first, shape.second, count);
+  for (const auto& [key, count] : planes)
+    masks_.reserve(std::get<0>(key), std::get<1>(key), std::get<2>(key), count);
 }
 
 void Vm::set_profiling(bool on) {
@@ -141,11 +167,12 @@ Status Vm::run(std::uint64_t budget) {
   for (; budget > 0; --budget) {
     if (stop_ != nullptr && stop_->load(std::memory_order_relaxed)) return Status::kInterrupted;
     if (FusedTrace* fused = profiling_enabled_ ? nullptr : find_fused_trace(budget)) {
-      fused->run(masks_.mask());
-      program_counter_ = fused->exit();
-      instructions_executed_ += fused->instruction_count();
-      budget -= fused->instruction_count() - 1;
-      continue;
+      if (fused->run(masks_.mask())) {
+        program_counter_ = fused->exit();
+        instructions_executed_ += fused->instruction_count();
+        budget -= fused->instruction_count() - 1;
+        continue;
+      }
     }
     const std::size_t at = program_counter_;
     const Status status =
@@ -189,6 +216,8 @@ Status Vm::execute(const DecodedInstruction& decoded) {
       *decoded.destination_variable = program::evaluate_scalar(decoded.op, value(0), value(1), value(2));
       return Status::kRunning;
     }
+    case DispatchKind::kConvert:
+      return execute_conversion(decoded);
     case DispatchKind::kShift:
       return execute_shift(decoded);
     case DispatchKind::kMask:
@@ -208,12 +237,12 @@ Status Vm::execute(const DecodedInstruction& decoded) {
   return Status::kFailed;
 }
 
-Vm::WriteAccess Vm::check_write_access(const DecodedInstruction& decoded, const float*& mask) const noexcept {
+Vm::WriteAccess Vm::check_write_access(const DecodedInstruction& decoded, const float*& mask) {
   mask = nullptr;
   if (!decoded.masked || masks_.active() == MaskStack::Active::kAll) return WriteAccess::kAllowed;
   if (masks_.active() == MaskStack::Active::kNone) return WriteAccess::kSuppressed;
   if (!same_shape(masks_.mask(), *decoded.destination)) return WriteAccess::kShapeMismatch;
-  mask = masks_.mask().data;
+  mask = masks_.mask_as(decoded.destination->type).data;
   return WriteAccess::kAllowed;
 }
 
@@ -224,10 +253,41 @@ Status Vm::execute_elementwise(const DecodedInstruction& decoded) {
   Block block(*decoded.destination, mask);
   for (std::size_t k = 0; k < program::kMaxOperands; ++k) {
     if (decoded.planes[k] != nullptr) block.source[k] = decoded.planes[k]->data;
-    if (decoded.scalars[k] != nullptr) block.scalar[k] = static_cast<float>(*decoded.scalars[k]);
+    if (decoded.scalars[k] == nullptr) continue;
+    if (!program::is_cell_value(decoded.type, *decoded.scalars[k]))
+      return fail_cell_value(*decoded.scalars[k], decoded.type);
+    if (program::is_integer(decoded.type))
+      block.integer[k] = static_cast<std::int32_t>(*decoded.scalars[k]);
+    else
+      block.scalar[k] = static_cast<float>(*decoded.scalars[k]);
   }
   executor_.run_kernel(decoded.kernels[block.mask != nullptr ? 1 : 0], block);
   return Status::kRunning;
+}
+
+Status Vm::fail_cell_value(double value, CellType type) {
+  NumberBuffer buffer;
+  return fail(Status::kFailed, std::string(format_number(value, buffer)) + " is no " +
+                                   std::string(program::cell_type_name(type)) +
+                                   ", the type of the registers that it meets: a whole number from " +
+                                   format_number(program::lowest_cell(type)) + " to " +
+                                   format_number(program::highest_cell(type)));
+}
+
+Status Vm::execute_conversion(const DecodedInstruction& decoded) {
+  const float* mask = nullptr;
+  const WriteAccess access = check_write_access(decoded, mask);
+  if (access != WriteAccess::kAllowed) return skip_write(access, *decoded.destination);
+  convert_plane(executor_, *decoded.destination, *decoded.planes[0], decoded.op == Opcode::kConvertSaturated,
+                mask);
+  return Status::kRunning;
+}
+
+// True if the boundary's value is one of the cells.
+bool Vm::has_boundary_value(CellType type) const noexcept {
+  return !program::is_integer(type) || boundary_.rule != program::BoundaryRule::kValue ||
+         (boundary_number_ == static_cast<double>(boundary_.value) &&
+          program::is_cell_value(type, boundary_number_));
 }
 
 Status Vm::execute_shift(const DecodedInstruction& decoded) {
@@ -242,6 +302,8 @@ Status Vm::execute_shift(const DecodedInstruction& decoded) {
                                        std::string(format_number(std::fabs(dx != std::trunc(dx) ? dx : dy))));
     offset = {to_offset(dx), to_offset(dy)};
   }
+  if (decoded.op == Opcode::kShift && !has_boundary_value(decoded.type))
+    return fail_cell_value(boundary_number_, decoded.type);
   const BoundaryCondition wrap{program::BoundaryRule::kWrap, 0.0F};
   shift(executor_, *decoded.destination, *decoded.planes[0], offset,
         decoded.op == Opcode::kRotate ? wrap : boundary_, mask);
@@ -255,6 +317,7 @@ Status Vm::execute_reduction(const DecodedInstruction& decoded) {
                          : decoded.op == Opcode::kGlobalMin ? Reduction::kMin
                          : decoded.op == Opcode::kGlobalMax ? Reduction::kMax
                                                             : Reduction::kCount;
+  if (program::is_integer(a.type)) return execute_integer_reduction(decoded, kind);
   const RowReduction row_reduction = executor_.kernels().reduction(kind);
   executor_.parallel_for_rows(a.height, a.width, [&](std::uint32_t first, std::uint32_t last) {
     row_reduction(a.row(first), a.pitch, last - first, a.width, &row_results_[first]);
@@ -273,6 +336,28 @@ Status Vm::execute_reduction(const DecodedInstruction& decoded) {
   if (decoded.op == Opcode::kGlobalMean)
     value = static_cast<float>(result) / static_cast<float>(a.cell_count());
   if (decoded.op == Opcode::kGlobalAny) value = value != 0.0 ? 1.0 : 0.0;
+  *decoded.destination_variable = value;
+  return Status::kRunning;
+}
+
+// Exact up to 2^53, and the nearest number beyond.
+Status Vm::execute_integer_reduction(const DecodedInstruction& decoded, Reduction kind) {
+  const ConstPlane a = *decoded.planes[0];
+  const IntegerRowReduction reduction = executor_.kernels()
+                                            .integers[static_cast<std::size_t>(a.type)]
+                                            .reductions[static_cast<std::size_t>(kind)];
+  executor_.parallel_for_rows(a.height, a.width, [&](std::uint32_t first, std::uint32_t last) {
+    reduction(reinterpret_cast<const float*>(a.row_bytes(first)), a.pitch, last - first, a.width,
+              &integer_row_results_[first]);
+  });
+  const auto begin = integer_row_results_.begin(), end = begin + a.height;
+  const std::int64_t result = kind == Reduction::kMin   ? *std::min_element(begin, end)
+                              : kind == Reduction::kMax ? *std::max_element(begin, end)
+                                                        : std::accumulate(begin, end, std::int64_t{0});
+  double value = program::to_scalar(static_cast<double>(result));
+  if (decoded.op == Opcode::kGlobalMean)
+    value = static_cast<float>(static_cast<double>(result) / static_cast<double>(a.cell_count()));
+  if (decoded.op == Opcode::kGlobalAny) value = result != 0 ? 1.0 : 0.0;
   *decoded.destination_variable = value;
   return Status::kRunning;
 }
@@ -320,15 +405,20 @@ Status Vm::access_pixel(const DecodedInstruction& decoded) {
                                      format_shape(get ? *decoded.planes[0] : *decoded.destination));
   const auto column = static_cast<std::uint32_t>(x), row = static_cast<std::uint32_t>(y);
   if (get) {
-    *decoded.destination_variable = decoded.planes[0]->row(row)[column];
+    *decoded.destination_variable = cell_value(*decoded.planes[0], column, row);
     return Status::kRunning;
   }
   const float* mask = nullptr;
   const WriteAccess access = check_write_access(decoded, mask);
   if (access == WriteAccess::kShapeMismatch) return report_mask_mismatch(*decoded.destination);
-  float* cell = &decoded.destination->row(row)[column];
-  if (access == WriteAccess::kAllowed && (mask == nullptr || mask[cell - decoded.destination->data] != 0.0F))
-    *cell = static_cast<float>(*decoded.scalars[2]);
+  const double value = *decoded.scalars[2];
+  if (!program::is_cell_value(decoded.type, value)) return fail_cell_value(value, decoded.type);
+  with_cell_type(decoded.type, [&](auto zero) {
+    using T = decltype(zero);
+    const std::ptrdiff_t at = static_cast<std::ptrdiff_t>(row) * decoded.destination->pitch + column;
+    if (access == WriteAccess::kAllowed && (mask == nullptr || reinterpret_cast<const T*>(mask)[at] != T{0}))
+      decoded.destination->cells<T>(0)[at] = static_cast<T>(value);
+  });
   return Status::kRunning;
 }
 
@@ -353,6 +443,7 @@ Status Vm::execute_control_flow(const DecodedInstruction& decoded) {
       return Status::kRunning;
     case Opcode::kBoundary:
       boundary_ = {decoded.boundary.rule, static_cast<float>(*decoded.scalars[1])};
+      boundary_number_ = *decoded.scalars[1];
       return Status::kRunning;
     case Opcode::kCall:
       return execute_call(decoded);

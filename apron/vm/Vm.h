@@ -1,5 +1,4 @@
-// Executes a verified program: every register is a 2-D float array, and one instruction operates on all its
-// cells.
+// Executes a verified program: every register is a 2-D array, and one instruction operates on all its cells.
 #pragma once
 
 #include <atomic>
@@ -58,7 +57,8 @@ enum class Status {
 
 // Results depend only on the program and on the host's data: not on the number of threads, nor on the CPU
 // (except for a NaN's sign and payload). Not thread-safe. Only the constructor allocates, except for error
-// messages, file names of numbered images, routines that recurse inside a `where`, and a register stack that
+// messages, file names of numbered images, routines that recurse inside a `where`, the first
+// write under a mask of another type of cells, and a register stack that
 // grows beyond its previous maximum.
 class Vm {
  public:
@@ -77,7 +77,8 @@ class Vm {
   // is what a new VM does; without, where the program does not read the old cells (see
   // FlowAnalysis::is_live()). Does not call Host::restart().
   void restart();
-  void fill_register(std::size_t register_index, float value) noexcept;
+  // The value must be one of the cells' type.
+  void fill_register(std::size_t register_index, double value) noexcept;
 
   // Exchanges the storage of a register, of the register's shape and with the padding of PlaneStore, which
   // the program overwrites unless keeps_padding(). `back`, null unless has_back_buffer(): where the program
@@ -111,19 +112,23 @@ class Vm {
  private:
   void reserve_masks();
   FusedTrace* find_fused_trace(std::uint64_t budget) const noexcept;
-  Plane scratch_plane(const Plane& like);
+  void allocate_scratch(DecodedInstruction& decoded);
+  Plane scratch_plane(const Plane& like, CellType type, int number);
 
   // True if the active mask allows a write to the destination; on kAllowed, `mask` is the mask to apply or
-  // null for all cells.
+  // null for all cells: the cells have the destination's type.
   enum class WriteAccess { kAllowed, kSuppressed, kShapeMismatch };
-  WriteAccess check_write_access(const DecodedInstruction& decoded, const float*& mask) const noexcept;
+  WriteAccess check_write_access(const DecodedInstruction& decoded, const float*& mask);
 
   // Each returns kRunning to continue at program_counter_.
   Status execute(const DecodedInstruction& decoded);
   Status execute_profiled(std::size_t at);
   Status execute_elementwise(const DecodedInstruction& decoded);
+  Status execute_conversion(const DecodedInstruction& decoded);
+  bool has_boundary_value(CellType type) const noexcept;
   Status execute_shift(const DecodedInstruction& decoded);
   Status execute_reduction(const DecodedInstruction& decoded);
+  Status execute_integer_reduction(const DecodedInstruction& decoded, Reduction kind);
   Status execute_mask_op(const DecodedInstruction& decoded);
   Status access_pixel(const DecodedInstruction& decoded);
   Status write_cell_coordinates(const DecodedInstruction& decoded);
@@ -131,6 +136,7 @@ class Vm {
   Status execute_neighbourhood(const DecodedInstruction& decoded);
   Status scatter(const DecodedInstruction&);
   void copy_plane(Plane y, ConstPlane a, const float* mask) noexcept;
+  Status reduce_integer_neighbours(const DecodedInstruction& decoded, const float* mask);
   Status set_filter_coefficient(const DecodedInstruction& decoded);
   Status fill_random(const DecodedInstruction& decoded);
   Status push_register(const DecodedInstruction& decoded);
@@ -141,6 +147,7 @@ class Vm {
   Status execute_call(const DecodedInstruction& decoded);
   Status execute_host_op(const DecodedInstruction& decoded);
   Status execute_host_read(const DecodedInstruction& decoded);
+  ConstPlane floats_for_host(const DecodedInstruction& decoded, std::size_t operand);
   void notify_host(const DecodedInstruction& decoded);
   Status read_host_scalar(const DecodedInstruction& decoded);
   std::optional<double> host_scalar(const DecodedInstruction& decoded);
@@ -154,6 +161,7 @@ class Vm {
   // For access that is not kAllowed: nothing is written, or the masks' shape is an error.
   Status skip_write(WriteAccess access, const Plane& plane);
   Status report_mask_mismatch(const Plane& plane);
+  Status fail_cell_value(double value, CellType type);
   Status fail(Status status, const std::string& text);
 
   program::Program program_;
@@ -162,13 +170,15 @@ class Vm {
   Executor executor_;
   PlaneStore plane_store_;
   RegisterFile register_file_;
-  std::vector<Plane> scratch_planes_;  // one per shape; staging for masked reads and plugin results
+  std::vector<Plane> scratch_planes_;
   std::vector<float> row_results_;
+  std::vector<std::int64_t> integer_row_results_;
   MaskStack masks_;
   std::vector<DecodedInstruction> decoded_;
   std::unique_ptr<FusedTraceCache> fused_traces_;
   std::vector<std::uint32_t> return_addresses_;
   BoundaryCondition boundary_{};
+  double boundary_number_ = 0.0;  // the boundary's value, unrounded
   RandomStream random_stream_{};
   std::vector<double> scatter_sums_;  // of the largest destination of a scatter
   ConnectedComponents components_;

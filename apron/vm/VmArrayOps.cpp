@@ -1,5 +1,6 @@
 // Instructions on neighbourhoods, filters, random numbers, the register stack and group members.
 #include <algorithm>
+#include <array>
 #include <bit>
 #include <cmath>
 #include <new>
@@ -76,6 +77,7 @@ Status Vm::execute_neighbourhood(const DecodedInstruction& decoded) {
   const float* mask = nullptr;
   const WriteAccess access = check_write_access(decoded, mask);
   if (access != WriteAccess::kAllowed) return skip_write(access, *decoded.destination);
+  if (program::is_integer(decoded.type)) return reduce_integer_neighbours(decoded, mask);
   const ConstPlane a = *decoded.planes[0];
   const Plane to = mask == nullptr ? *decoded.destination : decoded.scratch;
   switch (decoded.op) {
@@ -106,11 +108,33 @@ Status Vm::execute_neighbourhood(const DecodedInstruction& decoded) {
   return Status::kRunning;
 }
 
-// Copies all cells, or those where the mask is non-zero. All planes have the same shape and pitch.
+// near.sum to near.all of integers: one shift for each neighbour. Sums modulo 2^n have no order.
+Status Vm::reduce_integer_neighbours(const DecodedInstruction& decoded, const float* mask) {
+  if (!has_boundary_value(decoded.type)) return fail_cell_value(boundary_number_, decoded.type);
+  static constexpr std::array<Offset, 8> kOffsets{
+      {{1, 0}, {-1, 0}, {0, 1}, {0, -1}, {1, 1}, {-1, 1}, {1, -1}, {-1, -1}}};
+  static constexpr std::array<Opcode, 5> kCombine{Opcode::kAdd, Opcode::kMin, Opcode::kMax, Opcode::kOr,
+                                                  Opcode::kAnd};
+  const Opcode combine =
+      kCombine[static_cast<std::size_t>(decoded.op) - static_cast<std::size_t>(Opcode::kNearSum)];
+  const Plane sum = decoded.scratch, neighbour = decoded.second_scratch;
+  const std::size_t count = *decoded.scalars[1] == 8.0 ? 8 : 4;
+  for (std::size_t i = 0; i < count; ++i) {
+    shift(executor_, i == 0 ? sum : neighbour, *decoded.planes[0], kOffsets[i], boundary_, nullptr);
+    if (i == 0) continue;
+    Block block(sum);
+    block.source = {sum.data, neighbour.data, nullptr};
+    executor_.run_kernel(executor_.kernels().kernel(combine, 0, false, decoded.type), block);
+  }
+  copy_plane(*decoded.destination, sum, mask);
+  return Status::kRunning;
+}
+
+// Copies all cells, or those where the mask is non-zero. All planes have the same shape, pitch and type.
 void Vm::copy_plane(Plane y, ConstPlane a, const float* mask) noexcept {
   Block block(y, mask);
   block.source[0] = a.data;
-  executor_.run_kernel(executor_.kernels().kernel(Opcode::kCopy, 0, mask != nullptr), block);
+  executor_.run_kernel(executor_.kernels().kernel(Opcode::kCopy, 0, mask != nullptr, y.type), block);
 }
 
 Status Vm::set_filter_coefficient(const DecodedInstruction& decoded) {
@@ -152,14 +176,15 @@ Status Vm::push_register(const DecodedInstruction& decoded) {
     return fail(Status::kFailed,
                 "more than " + std::to_string(program::kMaxStackDepth) + " registers are on the stack");
   auto slot = free_stack_planes_.begin();
-  while (slot != free_stack_planes_.end() && !same_shape(*slot, a)) ++slot;
+  while (slot != free_stack_planes_.end() && !same_shape_and_type(*slot, a)) ++slot;
   if (slot == free_stack_planes_.end()) {
-    stack_bytes_ += a.cell_count() * sizeof(float);
+    stack_bytes_ += a.cell_count() * a.cell_bytes();
     if (stack_bytes_ > program::kMaxStackBytes)
       return fail(Status::kFailed,
                   "the stack takes more than " + std::to_string(program::kMaxStackBytes) + " bytes");
     try {
-      slot = free_stack_planes_.insert(free_stack_planes_.end(), plane_store_.allocate(a.width, a.height));
+      slot = free_stack_planes_.insert(free_stack_planes_.end(),
+                                       plane_store_.allocate(a.width, a.height, a.type));
     } catch (const std::bad_alloc&) {
       return fail(Status::kFailed, "there is not enough memory for the stack");
     }
@@ -176,6 +201,10 @@ Status Vm::pop_register(const DecodedInstruction& decoded) {
   if (!same_shape(top, *decoded.destination))
     return fail(Status::kFailed, "stack.pop_reg finds a register of " + format_shape(top) +
                                      ", and the destination is " + format_shape(*decoded.destination));
+  if (top.type != decoded.type)
+    return fail(Status::kFailed,
+                "stack.pop_reg finds a register of " + std::string(program::cell_type_name(top.type)) +
+                    ", and the destination is " + std::string(program::cell_type_name(decoded.type)));
   const float* mask = nullptr;
   const WriteAccess access = check_write_access(decoded, mask);
   if (access == WriteAccess::kShapeMismatch) return report_mask_mismatch(*decoded.destination);
@@ -213,6 +242,12 @@ Status Vm::access_group_register(const DecodedInstruction& decoded, Plane reg) {
   if (a.data != nullptr && !same_shape(y, a))
     return fail(Status::kFailed,
                 "a register of " + format_shape(a) + " does not go into one of " + format_shape(y));
+  if (a.data != nullptr && a.type != y.type)
+    return fail(Status::kFailed, "a register of " + std::string(program::cell_type_name(a.type)) +
+                                     " does not go into one of " +
+                                     std::string(program::cell_type_name(y.type)));
+  if (a.data == nullptr && !program::is_cell_value(y.type, *decoded.scalars[2]))
+    return fail_cell_value(*decoded.scalars[2], y.type);
   const float* mask = nullptr;
   DecodedInstruction write = decoded;
   write.destination = &y;
@@ -223,8 +258,11 @@ Status Vm::access_group_register(const DecodedInstruction& decoded, Plane reg) {
     return Status::kRunning;
   }
   Block block(y, mask);
-  block.scalar[0] = static_cast<float>(*decoded.scalars[2]);
-  executor_.run_kernel(executor_.kernels().kernel(Opcode::kCopy, 1, mask != nullptr), block);
+  if (program::is_integer(y.type))
+    block.integer[0] = static_cast<std::int32_t>(*decoded.scalars[2]);
+  else
+    block.scalar[0] = static_cast<float>(*decoded.scalars[2]);
+  executor_.run_kernel(executor_.kernels().kernel(Opcode::kCopy, 1, mask != nullptr, y.type), block);
   return Status::kRunning;
 }
 

@@ -40,8 +40,8 @@ Status Vm::execute_host_op(const DecodedInstruction& decoded) {
   if (destination == 'R') return execute_host_read(decoded);
   switch (decoded.op) {
     case Opcode::kImageSaveCount:
-      return to_status(
-          host_.save_image(numbered_file_name(decoded.text, *decoded.scalars[2]), *decoded.planes[0]));
+      return to_status(host_.save_image(numbered_file_name(decoded.text, *decoded.scalars[2]),
+                                        floats_for_host(decoded, 0)));
     case Opcode::kClipOpen:
       return to_status(host_.open_clip(decoded.text));
     case Opcode::kWebcamOpen: {
@@ -58,11 +58,11 @@ Status Vm::execute_host_op(const DecodedInstruction& decoded) {
     case Opcode::kArraySave:
       return to_status(host_.save_array(decoded.text, *decoded.planes[0]));
     case Opcode::kImageSave:
-      return to_status(host_.save_image(decoded.text, *decoded.planes[0]));
+      return to_status(host_.save_image(decoded.text, floats_for_host(decoded, 0)));
     case Opcode::kSurfaceActuate:
       return to_status(decoded.scalars[1] != nullptr
                            ? host_.actuate(decoded.text, static_cast<float>(*decoded.scalars[1]))
-                           : host_.actuate(decoded.text, *decoded.planes[1]));
+                           : host_.actuate(decoded.text, floats_for_host(decoded, 1)));
     case Opcode::kSurfaceStep: {
       const HostStatus status = host_.step();
       return status == HostStatus::kOk ? Status::kTick : to_status(status);
@@ -71,6 +71,13 @@ Status Vm::execute_host_op(const DecodedInstruction& decoded) {
       notify_host(decoded);
       return Status::kRunning;
   }
+}
+
+// The operand's cells as floats, which are all that images and surfaces know.
+ConstPlane Vm::floats_for_host(const DecodedInstruction& decoded, std::size_t operand) {
+  if (!program::is_integer(decoded.type)) return *decoded.planes[operand];
+  convert_plane(executor_, decoded.scratch, *decoded.planes[operand]);
+  return decoded.scratch;
 }
 
 // The instructions that cannot fail.
@@ -157,11 +164,13 @@ Status Vm::execute_host_read(const DecodedInstruction& decoded) {
   if (access == WriteAccess::kShapeMismatch) return report_mask_mismatch(*decoded.destination);
   // A masked read goes through a scratch plane. The host is called even if no cell is active, so that a wrong
   // name is reported independently of the data.
-  const bool direct = access == WriteAccess::kAllowed && mask == nullptr;
+  const bool is_converted = program::is_integer(decoded.type) && decoded.op != Opcode::kArrayOpen;
+  const bool direct = access == WriteAccess::kAllowed && mask == nullptr && !is_converted;
   const Plane to = direct ? *decoded.destination : decoded.scratch;
   const HostStatus status = read_from_host(decoded, to);
   if (status != HostStatus::kOk) return to_status(status);
-  if (mask != nullptr) copy_plane(*decoded.destination, to, mask);
+  if (access == WriteAccess::kAllowed && !direct)
+    convert_plane(executor_, *decoded.destination, to, false, mask);
   return Status::kRunning;
 }
 
@@ -232,7 +241,8 @@ void Vm::print_value(const DecodedInstruction& decoded) {
     if (y > 0) host_.print("\n");
     for (std::uint32_t x = 0; x < plane.width; ++x) {
       if (x > 0) host_.print(" ");
-      host_.print(format_number(plane.row(y)[x], buffer));
+      host_.print(program::is_integer(plane.type) ? format_number(cell_value(plane, x, y), buffer)
+                                                  : format_number(plane.row(y)[x], buffer));
     }
   }
 }

@@ -85,15 +85,15 @@ def compile(source: str | os.PathLike[str], *, results: Iterable[str] | None = N
     return function
 
 
-def empty(shape: tuple[int, int]) -> np.ndarray:
-    """An array of float32 with any values, (rows, columns), laid out as programs lay out their registers: a function
+def empty(shape: tuple[int, int], dtype: Any = np.float32) -> np.ndarray:
+    """An array of float32, int32, uint16 or uint8 with any values, (rows, columns), laid out as programs lay out their registers: a function
     takes it without a copy. Its rows lie farther apart than it is wide, so that it is not C-contiguous."""
-    return _core.make_array(*_shape(shape))
+    return _core.make_array(*_shape(shape), np.dtype(dtype).name)
 
 
-def zeros(shape: tuple[int, int]) -> np.ndarray:
+def zeros(shape: tuple[int, int], dtype: Any = np.float32) -> np.ndarray:
     """As `empty`, with zeros."""
-    array = empty(shape)
+    array = empty(shape, dtype)
     array[...] = 0
     return array
 

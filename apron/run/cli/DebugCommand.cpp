@@ -377,8 +377,12 @@ class Debugger {
     if (at[0] >= plane.width || at[1] >= plane.height)
       return refuse("column " + words[2] + ", row " + words[3] + " is outside a register of " +
                     vm::format_shape(plane));
-    say(words[1] + "(" + words[2] + ", " + words[3] +
-        ") = " + vm::format_number(plane.row(static_cast<std::uint32_t>(at[1]))[at[0]]) + "\n");
+    say(words[1] + "(" + words[2] + ", " + words[3] + ") = " + format_cell(plane, at[0], at[1]) + "\n");
+  }
+  static std::string format_cell(const vm::Plane& plane, std::uint64_t x, std::uint64_t y) {
+    const auto column = static_cast<std::uint32_t>(x), row = static_cast<std::uint32_t>(y);
+    return program::is_integer(plane.type) ? vm::format_number(vm::cell_value(plane, column, row))
+                                           : vm::format_number(plane.row(row)[column]);
   }
   void print_plane(const Words& words) {
     const std::optional<std::size_t> reg = find_plane(words[1]);
@@ -397,8 +401,7 @@ class Debugger {
     for (std::uint64_t y = part[1]; y < south; ++y) {
       std::string row;
       for (std::uint64_t x = part[0]; x < east; ++x)
-        row += (row.empty() ? "" : " ") +
-               std::string(vm::format_number(plane.row(static_cast<std::uint32_t>(y))[x]));
+        row += (row.empty() ? "" : " ") + format_cell(plane, x, y);
       say(row + "\n");
     }
   }

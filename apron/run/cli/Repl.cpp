@@ -279,7 +279,7 @@ Repl::Outcome Repl::compile_and_run(const std::string& text, std::string& report
     NamedValue value{program.registers[i].name, plane.width, plane.height, {}};
     if (program::is_temporary(value.name)) continue;
     for (std::uint32_t y = 0; y < plane.height; ++y)
-      value.cells.insert(value.cells.end(), plane.row(y), plane.row(y) + plane.width);
+      for (std::uint32_t x = 0; x < plane.width; ++x) value.cells.push_back(vm::cell_as_float(plane, x, y));
     values_.push_back(std::move(value));
   }
   for (std::size_t i = 0; i < program.variables.size(); ++i) {

@@ -31,7 +31,7 @@ double block_mean(const vm::ConstPlane& plane, std::uint32_t x, std::uint32_t y,
   std::size_t count = 0;
   for (std::uint32_t row = y; row < std::min(y + block, plane.height); ++row)
     for (std::uint32_t column = x; column < std::min(x + block, plane.width); ++column)
-      if (const float cell = plane.row(row)[column]; std::isfinite(cell)) {
+      if (const float cell = vm::cell_as_float(plane, column, row); std::isfinite(cell)) {
         sum += static_cast<double>(cell);
         ++count;
       }

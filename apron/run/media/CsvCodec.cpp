@@ -18,10 +18,17 @@ std::string_view split_off(std::string_view& rest, char separator) {
   return head;
 }
 
+// Floats are rounded once; integers are exact.
+std::optional<double> parse_cell(std::string_view field, vm::CellType type) {
+  if (program::is_integer(type)) return common::parse_csv_number<double>(field);
+  const auto value = common::parse_csv_number<float>(field);
+  return value ? std::optional<double>(*value) : std::nullopt;
+}
+
 }  // namespace
 
 void decode_csv(const std::string& path, std::string_view text, const vm::Plane& to) {
-  std::vector<float> cells;
+  std::vector<double> cells;
   std::size_t width = 0, height = 0, line = 0;
   while (!text.empty()) {
     ++line;
@@ -30,7 +37,7 @@ void decode_csv(const std::string& path, std::string_view text, const vm::Plane&
     std::size_t columns = 0;
     for (const std::string_view field : common::split_csv_line(row)) {
       ++columns;
-      const auto value = common::parse_csv_number<float>(field);
+      const auto value = parse_cell(field, to.type);
       if (!value)
         throw_refused(
             path, fmt::format("line {}, field {}: '{}' is not a number", line, columns, field.substr(0, 40)));
@@ -44,7 +51,8 @@ void decode_csv(const std::string& path, std::string_view text, const vm::Plane&
   }
   require_shape(path, width, height, to);
   for (std::uint32_t y = 0; y < to.height; ++y)
-    for (std::uint32_t x = 0; x < to.width; ++x) to.row(y)[x] = cells[std::size_t{y} * to.width + x];
+    for (std::uint32_t x = 0; x < to.width; ++x)
+      store_cell(path, to, x, y, cells[std::size_t{y} * to.width + x]);
 }
 
 std::string encode_csv(const vm::ConstPlane& from) {
@@ -52,7 +60,8 @@ std::string encode_csv(const vm::ConstPlane& from) {
   vm::NumberBuffer buffer;
   for (std::uint32_t y = 0; y < from.height; ++y)
     for (std::uint32_t x = 0; x < from.width; ++x) {
-      text += vm::format_number(from.row(y)[x], buffer);
+      text += program::is_integer(from.type) ? vm::format_number(vm::cell_value(from, x, y), buffer)
+                                             : vm::format_number(from.row(y)[x], buffer);
       text += x + 1 < from.width ? ',' : '\n';
     }
   return text;

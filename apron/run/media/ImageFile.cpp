@@ -50,7 +50,7 @@ void write_image(const std::string& path, const vm::ConstPlane& from) {
   std::vector<std::uint8_t> pixels;
   pixels.reserve(from.cell_count());
   for (std::uint32_t y = 0; y < from.height; ++y)
-    for (std::uint32_t x = 0; x < from.width; ++x) pixels.push_back(to_byte(from.row(y)[x]));
+    for (std::uint32_t x = 0; x < from.width; ++x) pixels.push_back(to_byte(vm::cell_as_float(from, x, y)));
   write_file(path, image_codec.encode(path, pixels, from.width, from.height));
 }
 

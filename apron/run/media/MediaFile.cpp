@@ -7,6 +7,7 @@
 
 #include "apron/program/Program.h"
 #include "apron/run/media/MediaError.h"
+#include "apron/vm/NumberFormat.h"
 #include "common/files/AtomicFile.h"
 #include "common/files/ReadFile.h"
 
@@ -67,6 +68,18 @@ void require_shape(const std::string& path, std::uint64_t width, std::uint64_t h
   if (width != plane.width || height != plane.height)
     throw_refused(path, "is " + std::to_string(width) + "x" + std::to_string(height) +
                             ", but the register is " + vm::format_shape(plane));
+}
+
+void store_cell(const std::string& path, const vm::Plane& to, std::uint32_t x, std::uint32_t y,
+                double value) {
+  if (!program::is_cell_value(to.type, value))
+    throw_refused(path, "holds " + vm::format_number(value) + " at column " + std::to_string(x) + ", row " +
+                            std::to_string(y) + ", which is no " +
+                            std::string(program::cell_type_name(to.type)));
+  vm::with_cell_type(to.type, [&](auto cell) {
+    using T = decltype(cell);
+    to.cells<T>(y)[x] = static_cast<T>(value);
+  });
 }
 
 }  // namespace apron::run

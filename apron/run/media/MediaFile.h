@@ -25,6 +25,9 @@ std::string extension(std::string_view path);
 void require_shape(const std::string& path, std::uint64_t width, std::uint64_t height,
                    const vm::Plane& plane);
 
+// Writes one cell. Refuses a value that is none of its type.
+void store_cell(const std::string& path, const vm::Plane& to, std::uint32_t x, std::uint32_t y, double value);
+
 // If there is a plane, refuses another shape; otherwise an image without pixels or with more than
 // program::kMaxCells.
 void require_size(const std::string& path, std::uint64_t width, std::uint64_t height, const vm::Plane* plane);

@@ -1,6 +1,7 @@
 #include "apron/run/media/NpyCodec.h"
 
 #include <algorithm>
+#include <array>
 #include <bit>
 #include <charconv>
 #include <cstdint>
@@ -92,22 +93,22 @@ NpyHeader parse_header(const std::string& path, std::string_view bytes) {
 }
 
 template <class T>
-float read_element(const char* source, bool swap) {
+double read_element(const char* source, bool swap) {
   char raw[sizeof(T)];
   std::memcpy(raw, source, sizeof(T));
   if (swap) std::reverse(raw, raw + sizeof(T));
   T value;
   std::memcpy(&value, raw, sizeof(T));
-  return static_cast<float>(value);
+  return static_cast<double>(value);
 }
 
-float read_element(const NpyHeader& header, const char* source) {
+double read_element(const NpyHeader& header, const char* source) {
   switch (header.type_kind) {
     case 'f':
       return header.element_size == 4 ? read_element<float>(source, header.big_endian)
                                       : read_element<double>(source, header.big_endian);
     case 'b':
-      return *source != 0 ? 1.0F : 0.0F;
+      return *source != 0 ? 1.0 : 0.0;
     case 'i':
       return header.element_size == 1   ? read_element<std::int8_t>(source, false)
              : header.element_size == 2 ? read_element<std::int16_t>(source, header.big_endian)
@@ -132,22 +133,25 @@ void decode_npy(const std::string& path, std::string_view bytes, const vm::Plane
                     stride_y = header.fortran_order ? 1 : to.width;
   for (std::uint32_t y = 0; y < to.height; ++y)
     for (std::uint32_t x = 0; x < to.width; ++x)
-      to.row(y)[x] =
-          read_element(header, header.data.data() + (x * stride_x + y * stride_y) * header.element_size);
+      store_cell(
+          path, to, x, y,
+          read_element(header, header.data.data() + (x * stride_x + y * stride_y) * header.element_size));
 }
 
 std::string encode_npy(const vm::ConstPlane& from) {
   constexpr std::size_t kPrefixBytes = 10, kAlignment = 64;  // the header is padded to kAlignment
-  std::string dictionary = "{'descr': '<f4', 'fortran_order': False, 'shape': (" +
-                           std::to_string(from.height) + ", " + std::to_string(from.width) + "), }";
+  static constexpr std::array<std::string_view, program::kCellTypeCount> kTypes{"<f4", "<i4", "<u2", "|u1"};
+  std::string dictionary = "{'descr': '" + std::string(kTypes[static_cast<std::size_t>(from.type)]) +
+                           "', 'fortran_order': False, 'shape': (" + std::to_string(from.height) + ", " +
+                           std::to_string(from.width) + "), }";
   dictionary.append(kAlignment - (kPrefixBytes + dictionary.size() + 1) % kAlignment, ' ').push_back('\n');
   std::string bytes(kMagic);
   bytes += {'\x01', '\x00', static_cast<char>(dictionary.size() & 0xFF),
             static_cast<char>(dictionary.size() >> 8)};
   bytes += dictionary;
-  bytes.reserve(bytes.size() + from.cell_count() * sizeof(float));
+  bytes.reserve(bytes.size() + from.cell_count() * from.cell_bytes());
   for (std::uint32_t y = 0; y < from.height; ++y)
-    bytes.append(reinterpret_cast<const char*>(from.row(y)), from.width * sizeof(float));
+    bytes.append(reinterpret_cast<const char*>(from.row_bytes(y)), from.width * from.cell_bytes());
   return bytes;
 }
 

@@ -37,11 +37,12 @@ std::string condition_source(const std::string& condition, const program::Progra
   };
   for (const program::Register& r : debuggee.registers) {
     if (!declare_once(r.name)) continue;
+    const std::string type(program::cell_type_name(r.type));
     if (r.width == width && r.height == height)
-      text += "!register(" + r.name + ")\n";
+      text += "!" + (program::is_integer(r.type) ? type : "register") + "(" + r.name + ")\n";
     else
       text += "!create('" + r.name + "', REGISTER, " + std::to_string(r.width) + ", " +
-              std::to_string(r.height) + ")\n";
+              std::to_string(r.height) + ", " + type + ")\n";
   }
   for (const program::Variable& v : debuggee.variables)
     if (declare_once(v.name)) text += "!create('" + v.name + "', VARIABLE)\n";

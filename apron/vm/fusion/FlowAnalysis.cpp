@@ -30,8 +30,10 @@ bool overwrites_every_cell(const Instruction& in, bool has_masks) {
   if (in.op == Opcode::kPixelSet) return false;
   const char letter = program::opcode_info(in.op).signature.front();
   if (program::requires_out_of_place(in.op)) return true;
-  const bool whole = in.op == Opcode::kCellX || in.op == Opcode::kCellY || in.op == Opcode::kSurfaceSense;
-  return letter == 'D' || whole;
+  const bool whole = in.op == Opcode::kConvert || in.op == Opcode::kConvertSaturated ||
+                     in.op == Opcode::kAddSaturated || in.op == Opcode::kSubSaturated ||
+                     in.op == Opcode::kCellX || in.op == Opcode::kCellY || in.op == Opcode::kSurfaceSense;
+  return letter == 'D' || letter == 'I' || whole;
 }
 
 }  // namespace

@@ -1,6 +1,7 @@
 #include "apron/vm/fusion/FusedTrace.h"
 
 #include <algorithm>
+#include <bit>
 #include <limits>
 #include <numeric>
 
@@ -12,14 +13,9 @@ using program::BoundaryRule;
 
 namespace {
 
-constexpr std::int64_t kLaneCount = kLanes;
-
 // Arrays in which the time to bind a stage's rows matters, and the number of calls that are kept for them.
 constexpr std::uint32_t kMaxScheduledRows = 64;
 constexpr std::size_t kMaxScheduledCalls = 128, kCallsPerStageAndBlock = 4;
-
-std::int64_t round_down_to_lanes(std::int64_t n) { return n / kLaneCount * kLaneCount; }
-std::int64_t round_up_to_lanes(std::int64_t n) { return (n + kLaneCount - 1) / kLaneCount * kLaneCount; }
 
 // row mod rows, not negative.
 std::int64_t modulo(std::int64_t row, std::int64_t rows) {
@@ -54,6 +50,8 @@ FusedTrace::FusedTrace(const Trace& trace, ValueGraph graph, FusionPlan plan, co
       graph_(std::move(graph)),
       stage_scalars_(graph_.scalar_slots.size()),
       plan_(std::move(plan)),
+      cell_bytes_(static_cast<std::ptrdiff_t>(program::cell_bytes(plan_.type))),
+      lanes_(lanes(plan_.type)),
       executor_(environment.executor),
       register_file_(environment.register_file),
       back_buffers_(environment.back_buffers),
@@ -63,6 +61,11 @@ FusedTrace::FusedTrace(const Trace& trace, ValueGraph graph, FusionPlan plan, co
                                                  common_vector_count(stage), plan_.rows_per_iteration));
     stage_interpreters_.emplace_back(stage, plan_.buffers, executor_.kernels());
   }
+  for (const Stage& stage : plan_.stages)
+    for (const MicroOp& op : stage.ops)
+      for (const MicroOperand& arg : op.operands)
+        if (program::is_integer(plan_.type) && arg.kind == MicroOperand::Kind::kScalar)
+          integer_operands_.push_back(arg.index);
   allocate_workers();
   allocate_schedules();
 }
@@ -92,7 +95,7 @@ const FusedTrace::Schedule* FusedTrace::find_schedule(const Worker& worker) noex
   for (const Schedule& schedule : schedules_)
     if (!schedule.calls.empty() &&
         std::equal(schedule.addresses.begin(), schedule.addresses.end(), worker.views.begin(),
-                   [](const float* address, const BufferView& view) { return address == view.data; }))
+                   [](const std::byte* address, const BufferView& view) { return address == view.data; }))
       return &schedule;
   Schedule& schedule = schedules_[oldest_schedule_];
   oldest_schedule_ = 1 - oldest_schedule_;
@@ -111,7 +114,9 @@ void FusedTrace::allocate_workers() {
   std::size_t scratch = 0;
   for (std::size_t s = 0; s < stage_interpreters_.size(); ++s)
     if (!compiled_stages_[s]) scratch = std::max(scratch, stage_interpreters_[s].scratch_floats());
-  const std::size_t rings = (plan_.worker_floats + 2 * kLanes + kLanes - 1) / kLanes * kLanes;
+  const std::size_t ring_floats =
+      plan_.worker_cells * static_cast<std::size_t>(cell_bytes_) / sizeof(float) + 2 * kLanes;
+  const std::size_t rings = (ring_floats + kLanes - 1) / kLanes * kLanes;
   worker_floats_ = rings + scratch + kLanes;
   workers_.resize(plan_.threads);
   for (Worker& worker : workers_) {
@@ -119,11 +124,14 @@ void FusedTrace::allocate_workers() {
     worker.scratch = worker.rings + rings;
     worker.views.resize(plan_.buffers.size());
   }
-  const std::size_t columns = plan_.width + 4 * kLanes;
-  boundary_row_ = plane_store_.allocate(static_cast<std::uint32_t>(columns), 1).data;
+  const auto columns = plan_.width + 4 * static_cast<std::uint32_t>(lanes_);
+  const Plane row = plane_store_.allocate(columns, 1, plan_.type);
   const float value = plan_.boundary.rule == BoundaryRule::kValue ? plan_.boundary.value : 0.0F;
-  std::fill_n(boundary_row_, columns, value);
-  boundary_row_ += 2 * kLanes;
+  with_cell_type(plan_.type, [&](auto cell) {
+    using T = decltype(cell);
+    std::fill_n(row.cells<T>(0), columns, static_cast<T>(value));
+  });
+  boundary_row_ = row.row_bytes(0) + 2 * lanes_ * cell_bytes_;
   fill_index_planes();
   for (Worker& worker : workers_) {
     bind_buffers(worker, {});
@@ -142,7 +150,7 @@ void FusedTrace::fill_index_planes() {
     plane = plane_store_.allocate(plan_.width, columns ? 1 : plan_.height);
     for (std::uint32_t y = 0; y < plane.height; ++y) {
       for (std::uint32_t x = 0; x < plane.width; ++x) plane.row(y)[x] = static_cast<float>(columns ? x : y);
-      pad_row(plane.row(y), buffer.pad_columns, true, true);
+      pad_row(plane.row_bytes(y), buffer.pad_columns, true, true);
     }
     index_plane_floats_ += plane.cell_count();
   }
@@ -165,11 +173,11 @@ std::size_t FusedTrace::memory_bytes() const noexcept {
 // of kLanes for them not to overwrite it.
 bool FusedTrace::has_constant_boundary() const noexcept {
   return (plan_.boundary.rule == BoundaryRule::kZero || plan_.boundary.rule == BoundaryRule::kValue) &&
-         plan_.width % kLanes == 0;
+         plan_.width % static_cast<std::uint32_t>(lanes_) == 0;
 }
 
-void FusedTrace::run(const ConstPlane& mask) noexcept {
-  evaluate_scalars();
+bool FusedTrace::run(const ConstPlane& mask) noexcept {
+  if (!evaluate_scalars()) return false;
   for (Worker& worker : workers_) bind_buffers(worker, mask);
   if (!pads_stay_zero_) pad_inputs();
   if (const Schedule* schedule = find_schedule(workers_[0])) {
@@ -184,12 +192,13 @@ void FusedTrace::run(const ConstPlane& mask) noexcept {
     if (buffer.kind == RowBuffer::Kind::kDoubleBuffered)
       std::swap(register_file_.registers[buffer.reg], back_buffers_[buffer.reg]);
   for (const auto& [variable, slot] : graph_.variable_stores) *variable = graph_.scalar_slots[slot];
+  return true;
 }
 
 // The columns [west, east) that a stage computes for a strip: with its halo, west aligned to whole vectors.
 void FusedTrace::stage_columns(const Stage& stage, const Strip& strip, std::int64_t& west,
                                std::int64_t& east) const noexcept {
-  west = std::max<std::int64_t>(0, round_down_to_lanes(strip.first - stage.halo_x + kLaneCount) - kLaneCount);
+  west = std::max<std::int64_t>(0, round_down(strip.first - stage.halo_x + lanes_) - lanes_);
   east = std::min<std::int64_t>(plan_.width, strip.last + stage.halo_x);
 }
 
@@ -200,7 +209,7 @@ std::uint32_t FusedTrace::common_vector_count(const Stage& stage) const noexcept
     std::int64_t west = 0, east = 0;
     stage_columns(stage, {column, std::min<std::int64_t>(column + plan_.strip_columns, plan_.width), 0}, west,
                   east);
-    common = std::gcd(common, round_up_to_lanes(east - west) / kLaneCount);
+    common = std::gcd(common, round_up(east - west) / lanes_);
   }
   return static_cast<std::uint32_t>(common);
 }
@@ -210,17 +219,34 @@ void FusedTrace::fill_margins(const Worker& worker) noexcept {
   for (const BufferView& view : worker.views)
     for (std::int64_t k = 1; k <= -view.first_row; ++k)
       for (const std::int64_t row : {-k, static_cast<std::int64_t>(plan_.height) - 1 + k})
-        std::fill_n(view.data + row * view.pitch - kLaneCount, view.pitch + kLaneCount, value);
+        with_cell_type(plan_.type, [&](auto cell) {
+          using T = decltype(cell);
+          std::fill_n(reinterpret_cast<T*>(view.data + row * view.pitch) - lanes_,
+                      view.pitch / cell_bytes_ + lanes_, static_cast<T>(value));
+        });
 }
 
-void FusedTrace::evaluate_scalars() noexcept {
+bool FusedTrace::evaluate_scalars() noexcept {
   for (const auto& [slot, variable] : graph_.variable_loads) graph_.scalar_slots[slot] = *variable;
   for (const ScalarInstruction& instruction : graph_.scalar_instructions)
     graph_.scalar_slots[instruction.destination] = program::evaluate_scalar(
         instruction.op, graph_.scalar_slots[instruction.sources[0]],
         graph_.scalar_slots[instruction.sources[1]], graph_.scalar_slots[instruction.sources[2]]);
   for (std::size_t i = 0; i < stage_scalars_.size(); ++i)
-    stage_scalars_[i] = static_cast<float>(graph_.scalar_slots[i]);
+    stage_scalars_[i] = std::bit_cast<std::uint32_t>(static_cast<float>(graph_.scalar_slots[i]));
+  for (const std::uint32_t slot : integer_operands_) {
+    const double value = graph_.scalar_slots[slot];
+    if (!program::is_cell_value(plan_.type, value)) return false;
+    const auto bits = static_cast<std::uint32_t>(static_cast<std::int64_t>(value));
+    stage_scalars_[slot] = bits * (cell_bytes_ == 1 ? 0x01010101U : cell_bytes_ == 2 ? 0x00010001U : 1U);
+  }
+  return true;
+}
+
+FusedTrace::BufferView FusedTrace::plane_view(const ConstPlane& plane) const noexcept {
+  // Never written where the plane is a mask or an input.
+  return {reinterpret_cast<std::byte*>(const_cast<float*>(plane.data)), plane.pitch * cell_bytes_, 0, 0,
+          static_cast<std::int64_t>(plan_.height)};
 }
 
 void FusedTrace::bind_buffers(Worker& worker, const ConstPlane& mask) const noexcept {
@@ -231,26 +257,25 @@ void FusedTrace::bind_buffers(Worker& worker, const ConstPlane& mask) const noex
     switch (buffer.kind) {
       case RowBuffer::Kind::kRegister:
       case RowBuffer::Kind::kInPlace:
-        view = {register_file_.registers[buffer.reg].data, register_file_.registers[buffer.reg].pitch, 0, 0,
-                height};
+        view = plane_view(register_file_.registers[buffer.reg]);
         break;
       case RowBuffer::Kind::kDoubleBuffered:
-        if (!back_buffers_.empty())
-          view = {back_buffers_[buffer.reg].data, back_buffers_[buffer.reg].pitch, 0, 0, height};
+        if (!back_buffers_.empty()) view = plane_view(back_buffers_[buffer.reg]);
         break;
       case RowBuffer::Kind::kMask:
-        // Never written: no result goes to a mask.
-        view = {const_cast<float*>(mask.data), mask.pitch, 0, 0, height};
+        view = plane_view(mask);
         break;
       case RowBuffer::Kind::kColumnIndex:
-        view = {column_index_plane_.data, 0, 0, 0, height};
+        view = plane_view(column_index_plane_);
+        view.pitch = 0;
         break;
       case RowBuffer::Kind::kRowIndex:
-        view = {row_index_plane_.data, row_index_plane_.pitch, 0, 0, height};
+        view = plane_view(row_index_plane_);
         break;
       case RowBuffer::Kind::kRing: {
-        view = {worker.rings + buffer.offset + kLanes, static_cast<std::ptrdiff_t>(plan_.ring_pitch),
-                buffer.ring_rows, 0, 0};
+        view = {reinterpret_cast<std::byte*>(worker.rings + kLanes) +
+                    static_cast<std::ptrdiff_t>(buffer.offset) * cell_bytes_,
+                static_cast<std::ptrdiff_t>(plan_.ring_pitch) * cell_bytes_, buffer.ring_rows, 0, 0};
         const bool holds_array =
             buffer.ring_rows == plan_.height && plan_.boundary.rule != BoundaryRule::kWrap;
         if (holds_array) {
@@ -267,15 +292,23 @@ void FusedTrace::pad_inputs() noexcept {
   for (const RowBuffer& buffer : plan_.buffers) {
     if (buffer.kind != RowBuffer::Kind::kRegister || buffer.pad_columns == 0) continue;
     const Plane& plane = register_file_.registers[buffer.reg];
-    for (std::uint32_t y = 0; y < plan_.height; ++y) pad_row(plane.row(y), buffer.pad_columns, true, true);
+    for (std::uint32_t y = 0; y < plan_.height; ++y)
+      pad_row(plane.row_bytes(y), buffer.pad_columns, true, true);
   }
 }
 
 // Fills the padding of one row from its own cells under the boundary rule. `row` points to its first cell.
-void FusedTrace::pad_row(float* row, std::uint32_t pad_columns, bool west, bool east) const noexcept {
+void FusedTrace::pad_row(std::byte* row, std::uint32_t pad_columns, bool west, bool east) const noexcept {
+  with_cell_type(plan_.type, [&](auto cell) {
+    pad_row_of(reinterpret_cast<decltype(cell)*>(row), pad_columns, west, east);
+  });
+}
+
+template <class T>
+void FusedTrace::pad_row_of(T* row, std::uint32_t pad_columns, bool west, bool east) const noexcept {
   const std::ptrdiff_t width = plan_.width;
   for (std::ptrdiff_t k = 1; k <= static_cast<std::ptrdiff_t>(pad_columns); ++k) {
-    float w = plan_.boundary.rule == BoundaryRule::kValue ? plan_.boundary.value : 0.0F, e = w;
+    T w = plan_.boundary.rule == BoundaryRule::kValue ? static_cast<T>(plan_.boundary.value) : T{0}, e = w;
     if (plan_.boundary.rule == BoundaryRule::kReplicate) {
       if (west) w = row[0];
       if (east) e = row[width - 1];
@@ -291,10 +324,10 @@ void FusedTrace::pad_row(float* row, std::uint32_t pad_columns, bool west, bool 
   }
 }
 
-float* FusedTrace::cell_address(const BufferView& view, const Strip& strip, std::int64_t row,
-                                std::int64_t column) const noexcept {
-  if (view.ring_rows == 0) return view.data + row * view.pitch + column;
-  return view.data + modulo(row, view.ring_rows) * view.pitch + (column - strip.ring_origin);
+std::byte* FusedTrace::cell_address(const BufferView& view, const Strip& strip, std::int64_t row,
+                                    std::int64_t column) const noexcept {
+  if (view.ring_rows == 0) return view.data + row * view.pitch + column * cell_bytes_;
+  return view.data + modulo(row, view.ring_rows) * view.pitch + (column - strip.ring_origin) * cell_bytes_;
 }
 
 void FusedTrace::pad_rings(const Worker& worker, const Strip& strip) const noexcept {
@@ -343,7 +376,7 @@ void FusedTrace::run_stage(std::size_t index, const Worker& worker, const Strip&
   stage_columns(stage, strip, west, east);
   StageCall call;
   call.scalar_slots = stage_scalars_.data();
-  call.row_bytes = round_up_to_lanes(east - west) * static_cast<std::int64_t>(sizeof(float));
+  call.row_bytes = round_up(east - west) * cell_bytes_;
   while (first < last) {
     const StageJit::CompiledLoop* loop =
         compiled_stages_[index] ? &compiled_stages_[index]->loop_for(last - first) : nullptr;
@@ -377,13 +410,14 @@ std::int64_t FusedTrace::bind_row_streams(const std::vector<RowStream>& row_stre
     std::ptrdiff_t pitch = view.pitch;
     std::int64_t rows_available = 0;
     if (at >= view.first_row && at < view.end_row) {
-      call.row_start[s] = view.data + at * pitch + column - (view.ring_rows > 0 ? strip.ring_origin : 0);
+      call.row_start[s] =
+          view.data + at * pitch + (column - (view.ring_rows > 0 ? strip.ring_origin : 0)) * cell_bytes_;
       rows_available = view.end_row - at;
     } else {
       rows_available = locate_row(row_streams[s], worker, strip, at, column, call.row_start[s], pitch);
     }
     iterations = std::min(iterations, (rows_available - 1) / rows + 1);
-    call.row_step_bytes[s] = pitch * rows * static_cast<std::ptrdiff_t>(sizeof(float));
+    call.row_step_bytes[s] = pitch * rows;
   }
   return iterations;
 }
@@ -391,20 +425,21 @@ std::int64_t FusedTrace::bind_row_streams(const std::vector<RowStream>& row_stre
 // Sets the address of the row's cell at `column` and its pitch, for a row that is not among those at a fixed
 // distance. Returns the number of rows from there on that are addressed by that pitch.
 std::int64_t FusedTrace::locate_row(const RowStream& stream, const Worker& worker, const Strip& strip,
-                                    std::int64_t row, std::int64_t column, float*& first,
+                                    std::int64_t row, std::int64_t column, std::byte*& first,
                                     std::ptrdiff_t& pitch) const noexcept {
   const auto height = static_cast<std::int64_t>(plan_.height);
   const BufferView& view = worker.views[stream.buffer];
   pitch = view.pitch;
   if (plan_.boundary.rule == BoundaryRule::kWrap) {
     const std::int64_t rows = view.ring_rows > 0 ? view.ring_rows : height, at = modulo(row, rows);
-    first = view.data + at * view.pitch + column;
+    first = view.data + at * view.pitch + column * cell_bytes_;
     return rows - at;
   }
   if (row >= 0 && row < height) {
     const auto at = static_cast<std::uint32_t>(row);
     const std::uint32_t ring_row = at < view.ring_rows ? at : at % view.ring_rows;
-    first = view.data + static_cast<std::ptrdiff_t>(ring_row) * view.pitch + (column - strip.ring_origin);
+    first = view.data + static_cast<std::ptrdiff_t>(ring_row) * view.pitch +
+            (column - strip.ring_origin) * cell_bytes_;
     return std::min<std::int64_t>(height - row, view.ring_rows - ring_row);
   }
   switch (plan_.boundary.rule) {

@@ -33,8 +33,9 @@ class FusedTrace {
   FusedTrace(const Trace& trace, ValueGraph graph, FusionPlan plan, const Environment& environment);
 
   // Leaves registers and variables as if the trace had been executed instruction by instruction. `mask` is
-  // the mask in force, for a trace that reads it.
-  void run(const ConstPlane& mask) noexcept;
+  // the mask in force, for a trace that reads it. Does nothing and returns false if a number meets registers
+  // of integers that cannot hold it, which is an error of one of the instructions.
+  [[nodiscard]] bool run(const ConstPlane& mask) noexcept;
 
   // The trace is valid only while the filter, which must outlive it, has these coefficients. Allocates.
   void require_filter(const program::Filter& filter, const std::vector<float>& coefficients) {
@@ -55,6 +56,7 @@ class FusedTrace {
   std::size_t call_depth() const noexcept { return call_depth_; }
   std::uint32_t width() const noexcept { return plan_.width; }
   std::uint32_t height() const noexcept { return plan_.height; }
+  CellType type() const noexcept { return plan_.type; }
   // The registers that the trace writes to a back buffer.
   std::vector<std::uint32_t> double_buffered_registers() const;
   std::size_t memory_bytes() const noexcept;
@@ -64,9 +66,9 @@ class FusedTrace {
     const program::Filter* filter;
     std::vector<float> coefficients;
   };
-  struct BufferView {       // a row buffer as seen by one worker
-    float* data = nullptr;  // row 0, column 0 of the array; for a ring, of the strip
-    std::ptrdiff_t pitch = 0;
+  struct BufferView {             // a row buffer as seen by one worker
+    std::byte* data = nullptr;    // row 0, column 0 of the array; for a ring, of the strip
+    std::ptrdiff_t pitch = 0;     // in bytes
     std::uint32_t ring_rows = 0;  // 0 unless a ring
     // The rows [first_row, end_row) are stored one after the other, with the margins beyond the edges.
     std::int64_t first_row = 0, end_row = 0;
@@ -87,7 +89,7 @@ class FusedTrace {
   };
   // The calls of a pass over the array while the buffers have these addresses.
   struct Schedule {
-    std::vector<float*> addresses;
+    std::vector<std::byte*> addresses;
     std::vector<BoundCall> calls;
   };
 
@@ -100,7 +102,12 @@ class FusedTrace {
                      std::int64_t& east) const noexcept;
   void fill_index_planes();
   void fill_margins(const Worker& worker) noexcept;
-  void evaluate_scalars() noexcept;
+  bool evaluate_scalars() noexcept;
+  template <class T>
+  void pad_row_of(T* row, std::uint32_t pad_columns, bool west, bool east) const noexcept;
+  std::int64_t round_down(std::int64_t columns) const noexcept { return columns / lanes_ * lanes_; }
+  std::int64_t round_up(std::int64_t columns) const noexcept { return round_down(columns + lanes_ - 1); }
+  BufferView plane_view(const ConstPlane& plane) const noexcept;
   void bind_buffers(Worker& worker, const ConstPlane& mask) const noexcept;
   void pad_inputs() noexcept;
   void run_slice(unsigned slice, const Worker& worker) noexcept;
@@ -110,13 +117,13 @@ class FusedTrace {
                                 const Worker& worker, const Strip& strip, std::int64_t row,
                                 std::int64_t column, StageCall& call) const noexcept;
   std::int64_t locate_row(const RowStream& stream, const Worker& worker, const Strip& strip, std::int64_t row,
-                          std::int64_t column, float*& first, std::ptrdiff_t& pitch) const noexcept;
-  float* cell_address(const BufferView& view, const Strip& strip, std::int64_t row,
-                      std::int64_t column) const noexcept;
+                          std::int64_t column, std::byte*& first, std::ptrdiff_t& pitch) const noexcept;
+  std::byte* cell_address(const BufferView& view, const Strip& strip, std::int64_t row,
+                          std::int64_t column) const noexcept;
   void pad_results(const Stage& stage, const Worker& worker, const Strip& strip, std::int64_t first,
                    std::int64_t last, std::int64_t west, std::int64_t east) const noexcept;
   void pad_rings(const Worker& worker, const Strip& strip) const noexcept;
-  void pad_row(float* row, std::uint32_t pad_columns, bool west, bool east) const noexcept;
+  void pad_row(std::byte* row, std::uint32_t pad_columns, bool west, bool east) const noexcept;
   bool has_constant_boundary() const noexcept;
 
   std::uint32_t exit_;
@@ -124,8 +131,11 @@ class FusedTrace {
   std::size_t mask_depth_, call_depth_;
   std::vector<RequiredFilter> required_filters_;
   ValueGraph graph_;
-  std::vector<float> stage_scalars_;  // the slots as 32-bit floats, for the array pass
+  std::vector<std::uint32_t> stage_scalars_;     // the slots' bits, for the array pass
+  std::vector<std::uint32_t> integer_operands_;  // the slots that meet registers of integers
   FusionPlan plan_;
+  const std::ptrdiff_t cell_bytes_;
+  const std::int64_t lanes_;
   Executor& executor_;
   RegisterFile& register_file_;
   std::vector<Plane>& back_buffers_;
@@ -139,7 +149,7 @@ class FusedTrace {
   std::array<Schedule, 2> schedules_;
   std::size_t oldest_schedule_ = 0;
   Schedule* recorded_schedule_ = nullptr;  // takes the calls instead of their execution
-  float* boundary_row_ = nullptr;          // a row filled with the constant boundary value
+  std::byte* boundary_row_ = nullptr;      // a row filled with the constant boundary value
   // One row that holds the column indices; a plane that holds each cell's row index.
   Plane column_index_plane_, row_index_plane_;
   std::size_t worker_floats_ = 0, index_plane_floats_ = 0;

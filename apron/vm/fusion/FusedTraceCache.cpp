@@ -72,8 +72,9 @@ struct FusedTraceCache::Builder {
     plan_options.block_rows = options.block_rows;
     plan_options.rows_per_iteration = options.rows_per_iteration;
     FusionPlan plan = make_fusion_plan(graph, trace.width, trace.height, plan_options);
-    FusedTrace::Environment environment{executor, register_file, cache.back_buffers_, code_isa,
-                                        flow.has_only_zero_boundaries() && trace.width % kLanes == 0};
+    FusedTrace::Environment environment{
+        executor, register_file, cache.back_buffers_, code_isa,
+        flow.has_only_zero_boundaries() && trace.width % lanes(trace.type) == 0};
     auto fused_trace = std::make_unique<FusedTrace>(trace, std::move(graph), std::move(plan), environment);
     for (const std::uint32_t at : trace.instructions)
       if (decoded[at].op == program::Opcode::kFilterDo) {
@@ -83,7 +84,8 @@ struct FusedTraceCache::Builder {
     memory_bytes += fused_trace->memory_bytes();
     for (const std::uint32_t reg : fused_trace->double_buffered_registers()) {
       Plane& back_buffer = cache.back_buffers_[reg];
-      if (back_buffer.data == nullptr) back_buffer = cache.plane_store_.allocate(trace.width, trace.height);
+      if (back_buffer.data == nullptr)
+        back_buffer = cache.plane_store_.allocate(trace.width, trace.height, trace.type);
     }
     Entry& entry = cache.entries_[trace.entry];
     (masked ? entry.masked : entry.unmasked) = fused_trace.get();

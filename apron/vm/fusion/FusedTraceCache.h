@@ -41,7 +41,8 @@ class FusedTraceCache {
     if (trace == nullptr || !trace->filters_match()) return nullptr;
     const ConstPlane& mask = masks.mask();
     const bool fits =
-        trace == entry.unmasked || (mask.width == trace->width() && mask.height == trace->height());
+        trace == entry.unmasked ||
+        (mask.type == trace->type() && mask.width == trace->width() && mask.height == trace->height());
     return fits ? trace : nullptr;
   }
 

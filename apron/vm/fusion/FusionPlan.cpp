@@ -15,7 +15,7 @@ using program::Opcode;
 using NodeGroup = StagePartition::NodeGroup;
 
 // The rings' share of the second-level cache.
-constexpr std::size_t kRingCacheFloats = 800 * 1024 / sizeof(float);
+constexpr std::size_t kRingCacheBytes = 800 * 1024;
 // A slice has at least kMinSliceRows rows, and at least kMinRowsPerHaloRow for each row of its halo.
 constexpr std::uint32_t kMinSliceRows = 128, kMinRowsPerHaloRow = 48, kMaxSlicesPerThread = 4;
 constexpr std::uint32_t kRowsPerIteration = 4;
@@ -34,7 +34,9 @@ class FusionPlanner {
         groups_(partition_.groups),
         stage_of_(partition_.stage_of),
         users_(partition_.users),
-        buffer_of_(graph.nodes.size(), kNoBuffer) {
+        buffer_of_(graph.nodes.size(), kNoBuffer),
+        lanes_(lanes(graph.type)) {
+    plan_.type = graph.type;
     plan_.width = width;
     plan_.height = height;
     plan_.boundary = graph.boundary;
@@ -50,7 +52,8 @@ class FusionPlanner {
     assign_buffers();
     emit_stages();
     lay_out_rings();
-    select_non_temporal_stores(plan_.stages, plan_.buffers, std::size_t{plan_.width} * plan_.height);
+    select_non_temporal_stores(plan_.stages, plan_.buffers,
+                               std::size_t{plan_.width} * plan_.height * program::cell_bytes(plan_.type));
     return std::move(plan_);
   }
 
@@ -101,7 +104,7 @@ class FusionPlanner {
         });
     std::uint32_t max_halo = 0;
     for (const Stage& stage : plan_.stages) max_halo = std::max(max_halo, stage.halo_x);
-    plan_.ring_halo = round_up(max_halo, kLanes);
+    plan_.ring_halo = round_up(max_halo, lanes_);
   }
 
   // The largest skew at which a row of the value is read: rows further behind are dead.
@@ -217,22 +220,24 @@ class FusionPlanner {
     plan_.strip_columns = whole;
     plan_.block_rows = plan_.height;
     if (plan_.stages.size() > 1) {
-      plan_.block_rows = std::clamp(8192U / std::min(whole, 1024U), 4U, 64U);
+      const std::uint32_t density = lanes_ / kLanes;  // cells in the bytes of a float
+      plan_.block_rows = std::clamp(8192U * density / std::min(whole, 1024U * density), 4U, 64U);
       if (options_.block_rows == 0 && plan_.height <= plan_.block_rows) run_stages_one_by_one();
       std::vector<std::uint32_t> ring_of;
       std::size_t rows = 0;
       for (const RingAllocation& ring : allocate_rings(inter_stage_values(), ring_of))
         rows += ring_rows(ring, plan_.block_rows);
       // Take the widest strip whose rings fit the cache.
-      for (const std::uint32_t columns : {whole, 2048U, 1024U, 512U, 256U}) {
+      for (const std::uint32_t columns :
+           {whole, 2048U * density, 1024U * density, 512U * density, 256U * density}) {
         if (columns > whole || (wraps() && columns != whole)) continue;
         plan_.strip_columns = columns;
         const std::uint32_t halo = columns < whole ? plan_.ring_halo : 0;
-        if (rows * (columns + 2 * halo + kLanes) <= kRingCacheFloats) break;
+        if (rows * (columns + 2 * halo + lanes_) * program::cell_bytes(plan_.type) <= kRingCacheBytes) break;
       }
     }
     if (options_.strip_columns > 0 && !wraps())
-      plan_.strip_columns = std::min(round_up(options_.strip_columns, kLanes), whole);
+      plan_.strip_columns = std::min(round_up(options_.strip_columns, lanes_), whole);
     plan_.rows_per_iteration =
         options_.rows_per_iteration > 0 ? options_.rows_per_iteration : kRowsPerIteration;
     if (options_.block_rows > 0) plan_.block_rows = std::min(options_.block_rows, plan_.height);
@@ -335,6 +340,7 @@ class FusionPlanner {
     for (std::uint32_t s = 0; s < groups_.size(); ++s) emit_stage(s);
     for (const auto& [value, store] : copies_) {
       Stage copy;
+      copy.type = plan_.type;
       copy.skew = plan_.stages[stage_of_[value]].skew;
       copy.ops.push_back(
           {Opcode::kCopy,
@@ -346,9 +352,15 @@ class FusionPlanner {
 
   void emit_stage(std::uint32_t s) {
     Stage& stage = plan_.stages[s];
+    stage.type = plan_.type;
     std::map<std::uint32_t, std::uint32_t> op_of;
     for (const std::uint32_t node : groups_[s]) {
       MicroOp op{graph_.nodes[node].op, {}};
+      const ValueRef& distance = graph_.nodes[node].operands[1];
+      if ((op.op == Opcode::kBitLeft || op.op == Opcode::kBitRight) &&
+          distance.kind == ValueRef::Kind::kScalar && graph_.is_literal[distance.index] &&
+          graph_.scalar_slots[distance.index] >= 0.0)
+        op.immediate = static_cast<std::int64_t>(graph_.scalar_slots[distance.index]);
       for (std::size_t k = 0; k < op.operands.size(); ++k) {
         const ValueRef& arg = graph_.nodes[node].operands[k];
         if (arg.kind == ValueRef::Kind::kScalar) {
@@ -370,7 +382,7 @@ class FusionPlanner {
 
   void lay_out_rings() {
     // As in every plane, the padding east of a row is also the padding west of the next row.
-    plan_.ring_pitch = round_up(plan_.strip_columns, kLanes) + 2 * plan_.ring_halo + kLanes;
+    plan_.ring_pitch = round_up(plan_.strip_columns, lanes_) + 2 * plan_.ring_halo + lanes_;
     std::vector<std::uint32_t> values, ring_of;
     for (const NodeGroup& group : groups_)
       for (const std::uint32_t node : group)
@@ -381,9 +393,10 @@ class FusionPlanner {
     const std::vector<RingAllocation> rings = allocate_rings(values, ring_of);
     for (const RingAllocation& ring : rings) {
       // Loads that match a recent store in the page offset stall on it (4K aliasing), so rings are staggered.
-      constexpr std::size_t kPageFloats = 1024, kRingStagger = 336;
-      const std::size_t wanted = offsets.size() * kRingStagger % kPageFloats;
-      offset += (wanted + kPageFloats - offset % kPageFloats) % kPageFloats;
+      const std::size_t page = 4096 / program::cell_bytes(plan_.type),
+                        stagger = 1344 / program::cell_bytes(plan_.type);
+      const std::size_t wanted = offsets.size() * stagger % page;
+      offset += (wanted + page - offset % page) % page;
       const std::size_t above = std::size_t{margin_rows(ring)} * plan_.ring_pitch;
       offsets.push_back(offset + above);
       offset += std::size_t{ring_rows(ring, plan_.block_rows)} * plan_.ring_pitch + 2 * above;
@@ -394,7 +407,7 @@ class FusionPlanner {
       buffer.offset = offsets[ring_of[i]];
       buffer.margin_rows = margin_rows(rings[ring_of[i]]);
     }
-    plan_.worker_floats = offset + 2 * kLanes;
+    plan_.worker_cells = offset + 2 * std::size_t{lanes_};
   }
 
   const ValueGraph& graph_;
@@ -408,6 +421,7 @@ class FusionPlanner {
   std::vector<std::pair<std::uint32_t, std::uint32_t>> copies_;  // value, buffer
   std::uint32_t max_row_offset_ = 0;                             // largest |dy| of any operand
   bool is_single_block_ = false;                                 // each stage ends before the next one begins
+  const std::uint32_t lanes_;
   bool has_whole_rings_ = false;  // of all rows, although there are several blocks
   FusionPlan plan_;
 };

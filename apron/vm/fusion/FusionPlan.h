@@ -25,16 +25,17 @@ struct FusionPlanOptions {
 struct FusionPlan {
   std::uint32_t width = 0, height = 0;
   BoundaryCondition boundary{};
+  CellType type = CellType::kFloat32;
   std::vector<RowBuffer> buffers;
   std::vector<Stage> stages;
   unsigned threads = 1;
   unsigned slices = 1;              // a multiple of the threads if there are enough rows
-  std::uint32_t strip_columns = 0;  // a multiple of kLanes, or the whole width
+  std::uint32_t strip_columns = 0;  // a multiple of lanes(type), or the whole width
   std::uint32_t block_rows = 0;
   std::uint32_t rows_per_iteration = 1;  // upper limit for generated code
-  std::uint32_t ring_halo = 0;           // columns of the rings beyond a strip's own, a multiple of kLanes
-  std::uint32_t ring_pitch = 0;          // floats between rows of a ring
-  std::size_t worker_floats = 0;         // size of one worker's rings
+  std::uint32_t ring_halo = 0;   // columns of the rings beyond a strip's own, a multiple of lanes(type)
+  std::uint32_t ring_pitch = 0;  // cells between rows of a ring
+  std::size_t worker_cells = 0;  // size of one worker's rings
 };
 
 // Schedules the graph over arrays of width x height. Allocates.

@@ -5,7 +5,7 @@
 namespace apron::vm {
 namespace {
 
-constexpr std::size_t kLastLevelCacheFloats = 32 * 1024 * 1024 / sizeof(float);
+constexpr std::size_t kLastLevelCacheBytes = std::size_t{32} * 1024 * 1024;
 
 bool reads_stream(const Stage& stage, std::uint32_t stream) {
   return std::ranges::any_of(stage.ops, [&](const MicroOp& op) {
@@ -31,10 +31,10 @@ bool is_read_by_stage(const std::vector<Stage>& stages, const std::vector<RowBuf
 }  // namespace
 
 void select_non_temporal_stores(std::vector<Stage>& stages, const std::vector<RowBuffer>& buffers,
-                                std::size_t cells) {
+                                std::size_t bytes) {
   const auto planes = std::ranges::count_if(
       buffers, [](const RowBuffer& store) { return store.kind != RowBuffer::Kind::kRing; });
-  if (static_cast<std::size_t>(planes) * cells <= kLastLevelCacheFloats) return;
+  if (static_cast<std::size_t>(planes) * bytes <= kLastLevelCacheBytes) return;
   for (Stage& stage : stages)
     for (Stage::Result& result : stage.results) {
       const RowBuffer& to = buffers[stage.streams[result.stream].buffer];

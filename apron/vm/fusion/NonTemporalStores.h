@@ -9,8 +9,8 @@
 
 namespace apron::vm {
 
-// Sets Stage::Result::non_temporal of complete stages on planes of `cells` cells.
+// Sets Stage::Result::non_temporal of complete stages on planes of that many bytes.
 void select_non_temporal_stores(std::vector<Stage>& stages, const std::vector<RowBuffer>& buffers,
-                                std::size_t cells);
+                                std::size_t bytes);
 
 }  // namespace apron::vm

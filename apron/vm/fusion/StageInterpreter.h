@@ -35,6 +35,7 @@ class StageInterpreter {
   struct Tile;
   void run_tile(const StageCall& call, const Tile& at, float* scratch) const noexcept;
 
+  CellType type_;
   std::vector<ScratchOp> ops_;
   std::vector<Stage::Result> deferred_copies_;  // copied from the scratch after all operations
   Kernel copy_kernel_;

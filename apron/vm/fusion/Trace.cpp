@@ -113,12 +113,21 @@ class TraceBuilder {
     if (trace_.width == 0) {
       trace_.width = plane.width;
       trace_.height = plane.height;
+      trace_.type = plane.type;
     }
-    return plane.width == trace_.width && plane.height == trace_.height;
+    return plane.width == trace_.width && plane.height == trace_.height && plane.type == trace_.type;
+  }
+
+  // A boundary's value that integers cannot hold is an error of the instruction.
+  bool has_boundary(const DecodedInstruction& decoded) const {
+    constexpr float kExact = 16777216.0F;
+    return boundary_ && (!program::is_integer(decoded.type) || boundary_->rule != BoundaryRule::kValue ||
+                         (program::is_cell_value(decoded.type, boundary_->value) &&
+                          boundary_->value <= kExact && boundary_->value >= -kExact));
   }
 
   bool can_fuse_shift(const DecodedInstruction& decoded) const {
-    if (decoded.op != Opcode::kShift || decoded.has_variable_offset || !boundary_) return false;
+    if (decoded.op != Opcode::kShift || decoded.has_variable_offset || !has_boundary(decoded)) return false;
     const auto short_way = [](std::int64_t d, std::uint32_t n) {
       return d >= -kMaxFusedShift && d <= kMaxFusedShift && (d < 0 ? -d : d) < static_cast<std::int64_t>(n);
     };
@@ -131,7 +140,8 @@ class TraceBuilder {
   // applied to them.
   bool can_fuse_neighbours(const DecodedInstruction& decoded) const {
     if (decoded.op < Opcode::kNearSum || decoded.op > Opcode::kNearAll) return false;
-    if (!boundary_ || decoded.destination->width < 2 || decoded.destination->height < 2) return false;
+    if (!has_boundary(decoded) || decoded.destination->width < 2 || decoded.destination->height < 2)
+      return false;
     const bool rows = *decoded.scalars[1] == 8.0 && boundary_->rule == BoundaryRule::kValue;
     return !rows || decoded.op == Opcode::kNearMin || decoded.op == Opcode::kNearMax;
   }

@@ -20,6 +20,7 @@ class ValueGraphBuilder {
                     const FlowAnalysis& flow, const FilterPrediction& filters, const Trace& trace,
                     bool masked)
       : program_(program), decoded_(decoded), flow_(flow), filters_(filters), trace_(trace) {
+    graph_.type = trace.type;
     if (const auto& boundary = flow.boundary_at(trace.entry)) graph_.boundary = *boundary;
     if (masked) entry_mask_ = value_ref(add_node(ValueNode{ValueNode::Kind::kMask}));
   }
@@ -53,8 +54,9 @@ class ValueGraphBuilder {
   }
 
   // ---- scalars ----
-  std::uint32_t add_slot(double value) {
+  std::uint32_t add_slot(double value, bool is_literal = false) {
     graph_.scalar_slots.push_back(value);
+    graph_.is_literal.push_back(is_literal);
     return static_cast<std::uint32_t>(graph_.scalar_slots.size() - 1);
   }
 
@@ -62,7 +64,7 @@ class ValueGraphBuilder {
     const auto [place, added] = scalar_slots_.try_emplace(scalar, 0);
     if (added) {
       const bool literal = operand.kind == OperandKind::kLiteral;
-      place->second = add_slot(literal ? *scalar : 0.0);
+      place->second = add_slot(literal ? *scalar : 0.0, literal);
       if (!literal) graph_.variable_loads.emplace_back(place->second, scalar);
     }
     return place->second;

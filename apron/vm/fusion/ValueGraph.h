@@ -64,9 +64,11 @@ struct ValueGraph {
   };
   std::vector<Output> outputs;   // live registers with a new value at exit; every value is a kCompute node
   BoundaryCondition boundary{};  // applies to every shifted operand
+  CellType type = CellType::kFloat32;
 
   // Scalar code runs once per execution, before the array pass.
   std::vector<double> scalar_slots;                                     // initialised with the literals
+  std::vector<bool> is_literal;                                         // by slot
   std::vector<std::pair<std::uint32_t, const double*>> variable_loads;  // slot, variable read at entry
   std::vector<ScalarInstruction> scalar_instructions;                   // in program order
   std::vector<std::pair<double*, std::uint32_t>> variable_stores;       // variable written at exit, slot

@@ -22,7 +22,7 @@ void StageAssembler::emit_operation(std::size_t index) {
 }
 
 void StageAssembler::emit_opcode(const MicroOp& op, RegisterAssignment& y) {
-  using Instruction = void (StageAssembler::*)(const Xbyak::Xmm&, const Operand&, const Operand&);
+  if (is_integer_) return emit_integer(op, y);
   static constexpr struct {
     Opcode opcode;
     Instruction instruction;
@@ -30,26 +30,11 @@ void StageAssembler::emit_opcode(const MicroOp& op, RegisterAssignment& y) {
                  {Opcode::kMul, &StageAssembler::vmulps}, {Opcode::kDiv, &StageAssembler::vdivps},
                  {Opcode::kMin, &StageAssembler::vminps}, {Opcode::kMax, &StageAssembler::vmaxps}};
   for (const auto& [opcode, instruction] : kBinary)
-    if (op.op == opcode)
-      return emit_binary(op, y, [&, emit = instruction](const Vector& to, const Vector& a, const Operand& b) {
-        (this->*emit)(to, a, b);
-      });
+    if (op.op == opcode) return emit_binary_instruction(op, y, instruction);
   if (op.op == Opcode::kCopy) return emit_copy(op, y);
   if (op.op >= Opcode::kLt && op.op <= Opcode::kNe) return emit_compare(op, y);
   if (op.op >= Opcode::kAnd && op.op <= Opcode::kNot) return emit_logic(op, y);
   emit_compound(op, y);
-}
-
-template <class Emit>
-void StageAssembler::emit_binary(const MicroOp& op, RegisterAssignment& y, const Emit& instruction) {
-  MicroOperand first = op.operands[0], second = op.operands[1];
-  const bool commutes = op.op == Opcode::kAdd || op.op == Opcode::kMul;
-  // Only the second operand may be in memory.
-  if (commutes && second.kind != MicroOperand::Kind::kStream && first.kind == MicroOperand::Kind::kStream)
-    std::swap(first, second);
-  const Vector a = vector_operand(first);
-  const Vector to = allocate_result(y);
-  with_operand(second, [&](const Operand& b) { instruction(to, a, b); });
 }
 
 void StageAssembler::emit_compare(const MicroOp& op, RegisterAssignment& y) {
@@ -84,14 +69,25 @@ void StageAssembler::emit_mask_compare(int mask, const Vector& a, const Operand&
 }
 
 void StageAssembler::emit_mask_as_number(const Vector& to, int mask) {
+  if (has_masks_ && is_integer_) {
+    const Vector one = vector(constants_.at(one_bits()).vector_register);
+    if (cell_bytes_ == 1) return vmovdqu8(to | Opmask(mask) | T_z, one);
+    if (cell_bytes_ == 2) return vmovdqu16(to | Opmask(mask) | T_z, one);
+    return vmovdqu32(to | Opmask(mask) | T_z, one);
+  }
   if (has_masks_)
     vmovaps(to | Opmask(mask) | T_z, vector(constants_.at(kOneBits).vector_register));
   else
-    with_constant(kOneBits, [&](const Operand& one) { vandps(to, vector(mask), one); });
+    with_constant(one_bits(), [&](const Operand& one) { vandps(to, vector(mask), one); });
 }
 
 void StageAssembler::emit_mask_logic(Opcode op, int to, int a, int b) {
   const bool conjunction = op == Opcode::kAnd || op == Opcode::kNand;
+  if (has_masks_ && is_integer_) {  // up to 64 lanes
+    if (conjunction) return kandq(Opmask(to), Opmask(a), Opmask(b));
+    if (op == Opcode::kXor) return kxorq(Opmask(to), Opmask(a), Opmask(b));
+    return korq(Opmask(to), Opmask(a), Opmask(b));
+  }
   if (has_masks_) {
     if (conjunction) return kandw(Opmask(to), Opmask(a), Opmask(b));
     if (op == Opcode::kXor) return kxorw(Opmask(to), Opmask(a), Opmask(b));
@@ -103,7 +99,9 @@ void StageAssembler::emit_mask_logic(Opcode op, int to, int a, int b) {
 }
 
 void StageAssembler::emit_mask_not(int to, int a) {
-  if (has_masks_)
+  if (has_masks_ && is_integer_)
+    knotq(Opmask(to), Opmask(a));
+  else if (has_masks_)
     knotw(Opmask(to), Opmask(a));
   else
     with_constant(kAllBits, [&](const Operand& all) { vxorps(vector(to), vector(a), all); });
@@ -164,8 +162,14 @@ void StageAssembler::emit_select(const MicroOp& op, RegisterAssignment& y) {
   const Vector no = vector_operand(op.operands[2]);
   const Vector to = allocate_result(y);
   with_operand(op.operands[1], [&](const Operand& yes) {
-    if (has_masks_)
+    if (has_masks_ && is_integer_ && cell_bytes_ == 1)
+      vpblendmb(to | Opmask(mask), no, yes);
+    else if (has_masks_ && is_integer_ && cell_bytes_ == 2)
+      vpblendmw(to | Opmask(mask), no, yes);
+    else if (has_masks_)
       vblendmps(to | Opmask(mask), no, yes);
+    else if (is_integer_)
+      vpblendvb(to, no, yes, vector(mask));
     else
       vblendvps(to, no, yes, vector(mask));
   });

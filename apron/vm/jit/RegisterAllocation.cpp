@@ -117,8 +117,7 @@ void StageAssembler::materialize_mask(RegisterAssignment& temp) {
 }
 
 StageAssembler::Address StageAssembler::address(std::uint32_t row_stream, int cells) const {
-  return ptr[row_pointer(row_stream) + Xbyak::util::rcx +
-             (displacement_bytes_ + cells * static_cast<int>(sizeof(float)))];
+  return ptr[row_pointer(row_stream) + Xbyak::util::rcx + (displacement_bytes_ + cells * cell_bytes_)];
 }
 
 int StageAssembler::load_vector(std::uint32_t row_stream, int cells) {
@@ -134,12 +133,12 @@ int StageAssembler::load_vector(std::uint32_t row_stream, int cells) {
     const SlidingWindow& r = window->second;
     const bool west = cells < 0;
     const Vector high = vector(west ? r.centre : r.east), low = vector(west ? r.west : r.centre);
-    const int step = window_step_bytes_ / static_cast<int>(sizeof(float));
+    const int step = window_step_bytes_ / cell_bytes_;
     const auto from_low = static_cast<std::uint8_t>(west ? step + cells : cells);
     if (has_masks_)
       valignd(to, high, low, from_low);
     else  // in each half of 16 bytes
-      vpalignr(to, high, low, static_cast<std::uint8_t>(from_low * sizeof(float)));
+      vpalignr(to, high, low, static_cast<std::uint8_t>(from_low * cell_bytes_));
   }
   return load.vector_register;
 }
@@ -171,7 +170,7 @@ StageAssembler::Vector StageAssembler::vector_operand(const MicroOperand& arg) {
 
 bool StageAssembler::is_memory_operand(const MicroOperand& arg) const {
   if (arg.kind == MicroOperand::Kind::kScalar)
-    return has_masks_ && scalars_.at(arg.index).vector_register < 0;
+    return has_masks_ && cell_bytes_ == 4 && scalars_.at(arg.index).vector_register < 0;
   if (arg.kind != MicroOperand::Kind::kStream) return false;
   const std::uint32_t from = row_stream(arg.index);
   const RegisterAssignment& load = loads_.at({from, column_of(arg)});
@@ -192,7 +191,9 @@ int StageAssembler::mask_operand(const MicroOperand& arg) {
   if (k < 0) {
     k = allocate_mask();
     pinned_masks_.push_back(k);
-    if (has_masks_) {
+    if (is_integer_) {
+      emit_nonzero(k, vector_operand(arg));
+    } else if (has_masks_) {
       with_operand(arg, [&](const Operand& x) {
         vcmpps(Opmask(k), vector(constants_.at(kZeroBits).vector_register), x, kNotEqual);
       });

@@ -12,9 +12,9 @@ using Xbyak::Reg64;
 namespace {
 
 constexpr std::size_t kInitialCodeBytes = 4096;
-constexpr int kMaskRegisters = 8;        // k0 cannot be a predicate
-constexpr std::size_t kMaxWindows = 5;   // row streams with a sliding window
-constexpr int kMaxHalfVectorOffset = 4;  // columns that a window of AVX2 covers west and east
+constexpr int kMaskRegisters = 8;       // k0 cannot be a predicate
+constexpr std::size_t kMaxWindows = 5;  // row streams with a sliding window
+constexpr int kHalfVectorBytes = 16;    // that a window of AVX2 covers west and east
 constexpr int kMinScalarsForPairs = 4;
 constexpr int kMaxSpillSlots = 32;
 constexpr std::uint32_t kMaxUnrolledVectors = 8;
@@ -36,6 +36,8 @@ StageAssembler::StageAssembler(const Stage& stage, InstructionSet isa, std::uint
     : CodeGenerator(kInitialCodeBytes, Xbyak::AutoGrow),
       stage_(stage),
       has_masks_(isa == InstructionSet::kAvx512),
+      is_integer_(program::is_integer(stage.type)),
+      cell_bytes_(static_cast<int>(program::cell_bytes(stage.type))),
       vector_bytes_(has_masks_ ? 64 : 32),
       vector_registers_(has_masks_ ? 32 : 16),
       window_step_bytes_(has_masks_ ? 64 : 16),
@@ -124,13 +126,14 @@ void StageAssembler::allocate_fixed_registers() {
   };
   const bool boolean = needs_boolean_constants();
   if (boolean) {
-    take_constant(kOneBits);
+    take_constant(one_bits());
     if (has_masks_) take_constant(kZeroBits);
   }
   for (const MicroOp& op : stage_.ops) {
-    if (op.op == Opcode::kAbs) take_constant(kMagnitudeMask);
-    if (op.op == Opcode::kNeg) take_constant(kSignMask);
+    if (op.op == Opcode::kAbs && !is_integer_) take_constant(kMagnitudeMask);
+    if (op.op == Opcode::kNeg && !is_integer_) take_constant(kSignMask);
   }
+  if (is_integer_) take_integer_constants();
   for (auto& [slot, value] : scalars_) {
     take(value);
     needs_scalar_pointer_ = needs_scalar_pointer_ || value.vector_register < 0;
@@ -149,10 +152,11 @@ void StageAssembler::allocate_fixed_registers() {
 // AVX-512 the window is three adjacent vectors, one aligned load each. With AVX2 it is the vector and those
 // 16 bytes west and east of it, two loads; there is room for one.
 void StageAssembler::allocate_windows() {
-  std::map<std::uint32_t, int> widest;  // offset by row stream
+  if (has_masks_ && cell_bytes_ < 4) return;  // no instruction moves narrower cells across all of a vector
+  std::map<std::uint32_t, int> widest;        // offset by row stream
   for (const auto& [key, load] : loads_)
     if (key.second != 0) widest[key.first] = std::max(widest[key.first], std::abs(key.second));
-  if (!has_masks_ && (widest.size() != 1 || widest.begin()->second > kMaxHalfVectorOffset)) return;
+  if (!has_masks_ && (widest.size() != 1 || widest.begin()->second * cell_bytes_ > kHalfVectorBytes)) return;
   for (const auto& [stream, offset] : widest) {
     if (windows_.size() == kMaxWindows) break;
     SlidingWindow& r = windows_[stream];
@@ -191,7 +195,7 @@ void StageAssembler::emit_prologue() {
       vbroadcastss(vector(value.vector_register), ptr[rsi + slot * sizeof(float)]);
   mov(rcx, rdi);  // rdi and rsi may become row pointers
   for (std::uint32_t i = 0; i < row_streams_.size(); ++i)
-    mov(row_pointer(i), ptr[rcx + offsetof(StageCall, row_start) + i * sizeof(float*)]);
+    mov(row_pointer(i), ptr[rcx + offsetof(StageCall, row_start) + i * sizeof(std::byte*)]);
 }
 
 void StageAssembler::emit_loops() {

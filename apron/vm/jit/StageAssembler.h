@@ -1,6 +1,6 @@
-// Code generation for one stage: a loop over vectors of 16 (AVX-512) or 8 (AVX2) cells that computes one or
-// more rows at once, with intermediate values in registers. Loads shared by two rows are done once. Include
-// only where Xbyak is available.
+// Code generation for one stage: a loop over vectors of 64 (AVX-512) or 32 (AVX2) bytes of cells that
+// computes one or more rows at once, with intermediate values in registers. Loads shared by two rows are done
+// once. Include only where Xbyak is available.
 //
 // AVX-512 has 32 vector registers, 8 mask registers and broadcast memory operands. AVX2 has 16 vector
 // registers, which also hold truth values (all bits of a lane set or clear); constants are memory operands.
@@ -11,6 +11,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <map>
+#include <utility>
 #include <vector>
 
 #include "apron/vm/InstructionSet.h"
@@ -39,6 +40,8 @@ class StageAssembler : private Xbyak::CodeGenerator {
   using Operand = Xbyak::Operand;
   using Opmask = Xbyak::Opmask;
   using Vector = Xbyak::Xmm;  // a ymm or zmm register: the encoder goes by the size that the object carries
+
+  using Instruction = void (StageAssembler::*)(const Xbyak::Xmm&, const Operand&, const Operand&);
 
   // Predicates of vcmpps. With a NaN, only kNotEqual (NEQ_UQ) is true.
   enum Compare : std::uint8_t {
@@ -113,7 +116,7 @@ class StageAssembler : private Xbyak::CodeGenerator {
   int column_of(const MicroOperand& stream) const {
     return stream.dx + static_cast<int>(current_vector_) * lanes();
   }
-  int lanes() const { return vector_bytes_ / static_cast<int>(sizeof(float)); }
+  int lanes() const { return vector_bytes_ / cell_bytes_; }
   Vector allocate_result(RegisterAssignment& y);
   Vector allocate_temporary();
   // Calls emit() with a vector of the constant, a register or a memory operand.
@@ -148,11 +151,35 @@ class StageAssembler : private Xbyak::CodeGenerator {
   void emit_sign(const Vector& to, const Vector& a);
   template <class Emit>
   void emit_binary(const MicroOp& op, RegisterAssignment& y, const Emit& instruction);
+  template <class InstructionOf>
+  void emit_binary_instruction(const MicroOp& op, RegisterAssignment& y, InstructionOf instruction);
   void emit_mask_compare(int mask, const Vector& a, const Operand& b, Compare predicate);
   void emit_mask_as_number(const Vector& to, int mask);
   void emit_mask_logic(program::Opcode op, int to, int a, int b);
   void emit_mask_not(int to, int a);
   void emit_round(const Vector& to, const Vector& a, std::uint8_t mode);
+
+  // ---- operations on integers: IntegerSelection.cpp ----
+  // The form of an instruction for cells of 8, 16 or 32 bits.
+  using PackedInstruction = void (StageAssembler::*)(const Xbyak::Xmm&, const Xbyak::Xmm&, const Operand&);
+  PackedInstruction form(PackedInstruction bytes, PackedInstruction words,
+                         PackedInstruction doublewords) const {
+    return cell_bytes_ == 1 ? bytes : cell_bytes_ == 2 ? words : doublewords;
+  }
+  void emit_integer(const MicroOp& op, RegisterAssignment& y);
+  void emit_integer_unary(const MicroOp& op, RegisterAssignment& y);
+  void emit_integer_compare(const MicroOp& op, RegisterAssignment& y);
+  void emit_integer_product(const Vector& to, const Vector& a, const Vector& b);
+  void emit_bit_shift(const MicroOp& op, RegisterAssignment& y);
+  void emit_nonzero(int mask, const Vector& a);
+  void take_integer_constants();
+  // The cell's bits as often as 32 bits hold them.
+  std::uint32_t repeated(std::uint32_t cell) const {
+    return cell_bytes_ == 1   ? (cell & 0xFFU) * 0x01010101U
+           : cell_bytes_ == 2 ? (cell & 0xFFFFU) * 0x00010001U
+                              : cell;
+  }
+  std::uint32_t one_bits() const { return is_integer_ ? repeated(1) : kOneBits; }
 
   static constexpr std::uint32_t kZeroBits = 0, kOneBits = 0x3F800000U, kMagnitudeMask = 0x7FFFFFFFU,
                                  kSignMask = 0x80000000U, kAllBits = 0xFFFFFFFFU;
@@ -163,7 +190,8 @@ class StageAssembler : private Xbyak::CodeGenerator {
 
   const Stage& stage_;
   const bool has_masks_;  // AVX-512
-  const int vector_bytes_, vector_registers_, window_step_bytes_;
+  const bool is_integer_;
+  const int cell_bytes_, vector_bytes_, vector_registers_, window_step_bytes_;
   const std::uint32_t rows_per_iteration_;
   std::vector<RowStream> row_streams_;
   std::vector<std::uint32_t> row_stream_of_;            // indexed [row of the iteration][stream]
@@ -185,5 +213,24 @@ class StageAssembler : private Xbyak::CodeGenerator {
   std::vector<std::uint32_t> loaded_scalars_;       // likewise, of all vectors
   void (*entry_point_)(const StageCall*) = nullptr;
 };
+
+template <class Emit>
+void StageAssembler::emit_binary(const MicroOp& op, RegisterAssignment& y, const Emit& instruction) {
+  MicroOperand first = op.operands[0], second = op.operands[1];
+  const bool commutes = op.op == program::Opcode::kAdd || op.op == program::Opcode::kMul;
+  // Only the second operand may be in memory.
+  if (commutes && second.kind != MicroOperand::Kind::kStream && first.kind == MicroOperand::Kind::kStream)
+    std::swap(first, second);
+  const Vector a = vector_operand(first);
+  const Vector to = allocate_result(y);
+  with_operand(second, [&](const Operand& b) { instruction(to, a, b); });
+}
+
+template <class InstructionOf>
+void StageAssembler::emit_binary_instruction(const MicroOp& op, RegisterAssignment& y,
+                                             InstructionOf instruction) {
+  emit_binary(op, y,
+              [&](const Vector& to, const Vector& a, const Operand& b) { (this->*instruction)(to, a, b); });
+}
 
 }  // namespace apron::vm

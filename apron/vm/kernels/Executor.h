@@ -55,4 +55,8 @@ class Executor {
   common::ThreadPool pool_;
 };
 
+// y = a, both of one shape and of any types. mask is null or has y's cells and pitch.
+void convert_plane(Executor& executor, Plane y, ConstPlane a, bool saturated = false,
+                   const float* mask = nullptr) noexcept;
+
 }  // namespace apron::vm

@@ -12,23 +12,27 @@
 namespace apron::vm {
 
 // A kernel's arguments: rows x columns cells of y, up to three sources and the mask, each with its own start
-// and pitch (in floats; a source pitch of 0 repeats one row). y and mask are 64-byte aligned; sources need
-// not be. Kernels may read and write columns up to the next multiple of kLanes. y may be identical to a
-// source or the mask, but must not overlap them otherwise.
+// and pitch (in cells; a source pitch of 0 repeats one row). y and mask are 64-byte aligned; sources need
+// not be. Kernels may read and write columns up to the next multiple of 64 bytes. y may be identical to a
+// source or the mask, but must not overlap them otherwise. Integers stand at the same addresses, and the mask
+// has the cells of y.
 struct Block {
   float* y = nullptr;
-  std::array<const float*, program::kMaxOperands> source{};  // null for scalar operands
-  std::array<float, program::kMaxOperands> scalar{};         // values of scalar operands
-  const float* mask = nullptr;                               // masked kernels write only where it is non-zero
-  std::ptrdiff_t pitch = 0;                                  // of y
+  std::array<const float*, program::kMaxOperands> source{};   // null for scalar operands
+  std::array<float, program::kMaxOperands> scalar{};          // values of scalar operands
+  std::array<std::int32_t, program::kMaxOperands> integer{};  // of integers: the value
+  const float* mask = nullptr;  // masked kernels write only where it is non-zero
+  std::ptrdiff_t pitch = 0;     // of y
   std::array<std::ptrdiff_t, program::kMaxOperands> source_pitch{};
   std::ptrdiff_t mask_pitch = 0;
   std::uint32_t rows = 0, columns = 0;
+  std::uint8_t cell_bytes = sizeof(float), source_bytes = sizeof(float);  // of y and the mask; of the sources
 
   Block() = default;
   // Over all cells of a plane, whose pitch the sources and the mask share.
   explicit Block(const Plane& plane, const float* mask_cells = nullptr) noexcept
       : y(plane.data), mask(mask_cells), rows(plane.height), columns(plane.width) {
+    cell_bytes = source_bytes = static_cast<std::uint8_t>(plane.cell_bytes());
     set_pitch(plane.pitch);
   }
 
@@ -43,6 +47,10 @@ using Kernel = void (*)(const Block&) noexcept;
 // Reduces each row r of a to one float, to[r], in the order that opcodes.def specifies.
 using RowReduction = void (*)(const float* a, std::ptrdiff_t pitch, std::uint32_t rows, std::uint32_t columns,
                               float* to) noexcept;
+
+// The same of integers, exactly.
+using IntegerRowReduction = void (*)(const float* a, std::ptrdiff_t pitch, std::uint32_t rows,
+                                     std::uint32_t columns, std::int64_t* to) noexcept;
 
 enum class Reduction : std::uint8_t { kSum, kMin, kMax, kCount };
 inline constexpr std::size_t kReductionCount = 4;
@@ -63,6 +71,13 @@ using RandomWordsKernel = void (*)(const RandomCells& cells, std::uint32_t* to) 
 // The cells' values of random.float.rand or random.float.gauss with operands a and b.
 using RandomFloatKernel = void (*)(const RandomCells& cells, float a, float b, float* to) noexcept;
 
+// The kernels of one type of integers.
+struct IntegerKernels {
+  // Indexed [opcode][masked]; an operand without a source is a scalar. Null as in KernelTable::elementwise.
+  std::array<std::array<Kernel, 2>, kOpcodeCount> elementwise{};
+  std::array<IntegerRowReduction, kReductionCount> reductions{};
+};
+
 struct KernelTable {
   // Indexed [opcode][bit k set: operand k is a scalar][masked]; null if the opcode is not element-wise.
   std::array<std::array<std::array<Kernel, 2>, 8>, kOpcodeCount> elementwise{};
@@ -71,8 +86,23 @@ struct KernelTable {
   RandomWordsKernel random_words = nullptr;
   RandomFloatKernel random_uniform = nullptr, random_normal = nullptr;
 
-  Kernel kernel(program::Opcode op, unsigned scalars, bool masked) const noexcept {
-    return elementwise[static_cast<std::size_t>(op)][scalars][masked ? 1 : 0];
+  std::array<IntegerKernels, program::kCellTypeCount> integers{};  // by type; of float empty
+  // Indexed [type of the source][type of y][saturated][masked]; null where both types are one.
+  std::array<std::array<std::array<std::array<Kernel, 2>, 2>, program::kCellTypeCount>,
+             program::kCellTypeCount>
+      conversions{};
+
+  Kernel kernel(program::Opcode op, unsigned scalars, bool masked,
+                program::CellType type = program::CellType::kFloat32) const noexcept {
+    const auto index = static_cast<std::size_t>(op);
+    return program::is_integer(type)
+               ? integers[static_cast<std::size_t>(type)].elementwise[index][masked ? 1 : 0]
+               : elementwise[index][scalars][masked ? 1 : 0];
+  }
+  Kernel conversion(program::CellType from, program::CellType to, bool saturated,
+                    bool masked) const noexcept {
+    return conversions[static_cast<std::size_t>(from)][static_cast<std::size_t>(to)][saturated ? 1 : 0]
+                      [masked ? 1 : 0];
   }
   RowReduction reduction(Reduction r) const noexcept { return reductions[static_cast<std::size_t>(r)]; }
 };

@@ -17,6 +17,9 @@
 HWY_BEFORE_NAMESPACE();
 namespace apron::vm {
 namespace HWY_NAMESPACE {
+
+void add_integer_kernels(KernelTable& table);  // IntegerKernels.cpp
+
 namespace {
 
 namespace hn = hwy::HWY_NAMESPACE;
@@ -611,6 +614,7 @@ KernelTable make_table() {
   table.random_words = random_words;
   table.random_uniform = random_uniform;
   table.random_normal = random_normal;
+  add_integer_kernels(table);
   return table;
 }
 

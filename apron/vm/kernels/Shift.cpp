@@ -1,6 +1,7 @@
 #include "apron/vm/kernels/Shift.h"
 
 #include <algorithm>
+#include <type_traits>
 
 #include "apron/vm/PlaneStore.h"
 
@@ -10,46 +11,54 @@ namespace {
 using program::BoundaryRule;
 using program::Opcode;
 
+// Of cells of type T.
+template <class T>
 struct PlaneShifter {
+  static constexpr std::int64_t kVectorCells = kVectorBytes / sizeof(T);
   const KernelTable& kernels;
   Plane y;
   ConstPlane a;
-  const float* mask;
+  const T* mask;
   Offset offset;
   BoundaryRule rule;
-  float fill;
+  T fill;
+
+  T* to() const { return y.cells<T>(0); }
+  const T* from() const { return a.cells<T>(0); }
 
   std::int64_t width() const { return y.width; }
   std::int64_t height() const { return y.height; }
 
   void copy_block(std::int64_t row, std::int64_t rows, std::int64_t column, std::int64_t columns,
-                  const float* from) const {
+                  const T* source) const {
     const std::ptrdiff_t at = row * y.pitch + column;
-    Block block;
-    block.y = y.data + at;
-    block.source[0] = from;
-    block.scalar[0] = fill;
-    block.mask = mask != nullptr ? mask + at : nullptr;
-    block.set_pitch(y.pitch);
+    Block block(y);
+    block.y = reinterpret_cast<float*>(to() + at);
+    block.source[0] = reinterpret_cast<const float*>(source);
+    if constexpr (std::is_same_v<T, float>)
+      block.scalar[0] = fill;
+    else
+      block.integer[0] = fill;
+    block.mask = mask != nullptr ? reinterpret_cast<const float*>(mask + at) : nullptr;
     block.rows = static_cast<std::uint32_t>(rows);
     block.columns = static_cast<std::uint32_t>(columns);
-    kernels.kernel(Opcode::kCopy, from == nullptr ? 1U : 0U, mask != nullptr)(block);
+    kernels.kernel(Opcode::kCopy, source == nullptr ? 1U : 0U, mask != nullptr, y.type)(block);
   }
 
   // Columns [first, last) of `rows` rows, whose sources lie beyond the west or east edge.
   void fill_boundary_columns(std::int64_t row, std::int64_t rows, std::int64_t source_row, std::int64_t first,
                              std::int64_t last) const {
     for (std::int64_t x = first; x < last; ++x) {
-      const std::int64_t from = resolve_boundary_index(x - offset.dx, width(), rule);
-      const float* source = from == kOutside ? &fill : a.data + source_row * a.pitch + from;
-      const std::ptrdiff_t source_pitch = from == kOutside ? 0 : a.pitch;
+      const std::int64_t index = resolve_boundary_index(x - offset.dx, width(), rule);
+      const T* source = index == kOutside ? &fill : from() + source_row * a.pitch + index;
+      const std::ptrdiff_t source_pitch = index == kOutside ? 0 : a.pitch;
       const std::ptrdiff_t at = row * y.pitch + x;
       if (mask == nullptr) {
-        float* to = y.data + at;
-        for (std::int64_t r = 0; r < rows; ++r, to += y.pitch, source += source_pitch) *to = *source;
+        T* cell = to() + at;
+        for (std::int64_t r = 0; r < rows; ++r, cell += y.pitch, source += source_pitch) *cell = *source;
       } else {
         for (std::ptrdiff_t i = at, end = at + rows * y.pitch; i < end; i += y.pitch, source += source_pitch)
-          if (mask[i] != 0.0F) y.data[i] = *source;
+          if (mask[i] != T{0}) to()[i] = *source;
       }
     }
   }
@@ -60,8 +69,8 @@ struct PlaneShifter {
     const std::int64_t west = std::clamp<std::int64_t>(offset.dx, 0, width());
     const std::int64_t east = std::clamp<std::int64_t>(width() + offset.dx, 0, width());
     if (west < east) {
-      const std::int64_t first = west / kLanes * kLanes;
-      copy_block(row, rows, first, east - first, a.data + source_row * a.pitch + first - offset.dx);
+      const std::int64_t first = west / kVectorCells * kVectorCells;
+      copy_block(row, rows, first, east - first, from() + source_row * a.pitch + first - offset.dx);
     }
     fill_boundary_columns(row, rows, source_row, 0, west);
     fill_boundary_columns(row, rows, source_row, std::max(east, west), width());
@@ -108,10 +117,14 @@ std::int64_t resolve_boundary_index(std::int64_t i, std::int64_t n, BoundaryRule
 
 void shift(Executor& executor, Plane y, ConstPlane a, Offset offset, BoundaryCondition boundary,
            const float* mask) noexcept {
-  const float fill = boundary.rule == BoundaryRule::kValue ? boundary.value : 0.0F;
-  const PlaneShifter shifter{executor.kernels(), y, a, mask, offset, boundary.rule, fill};
-  executor.parallel_for_rows(y.height, y.width,
-                             [&](std::uint32_t first, std::uint32_t last) { shifter(first, last); });
+  with_cell_type(y.type, [&](auto cell) {
+    using T = decltype(cell);
+    const T fill = boundary.rule == BoundaryRule::kValue ? static_cast<T>(boundary.value) : T{0};
+    const PlaneShifter<T> shifter{executor.kernels(), y,   a, reinterpret_cast<const T*>(mask), offset,
+                                  boundary.rule,      fill};
+    executor.parallel_for_rows(y.height, y.width,
+                               [&](std::uint32_t first, std::uint32_t last) { shifter(first, last); });
+  });
 }
 
 }  // namespace apron::vm

@@ -25,8 +25,9 @@ std::int64_t resolve_boundary_index(std::int64_t i, std::int64_t n, program::Bou
 
 // y(x, row) = a(x - dx, row - dy). Indices beyond the edge follow the boundary rule, for columns and rows
 // separately: replicate reads the edge cell, wrap the opposite side, reflect the mirror image about the edge
-// cell (which is not repeated), zero and value a constant. y and a have the same shape and must not alias.
-// mask is null or has y's pitch: only its non-zero cells are written. Does not allocate.
+// cell (which is not repeated), zero and value a constant, which is one of the cells' type. y and a have the
+// same shape and type and must not alias. mask is null or has y's pitch: only its non-zero cells are written.
+// Does not allocate.
 void shift(Executor& executor, Plane y, ConstPlane a, Offset offset, BoundaryCondition boundary,
            const float* mask) noexcept;
 

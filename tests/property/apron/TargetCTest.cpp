@@ -3,7 +3,9 @@
 // late.
 #include <dlfcn.h>
 #include <gtest/gtest.h>
+
 #include <unistd.h>
+#include <functional>
 
 #include <bit>
 #include <cstdlib>
@@ -490,6 +492,31 @@ TEST(TargetC, ElementwiseInstructionsMatchTheVmForAllFloats) {
   generate_tiles(one, library);
   ASSERT_TRUE(library.build());
   check_case(one, library);
+}
+
+TEST(TargetC, RefusesIntegers) {
+  const auto error_of = [](const std::function<void(TestProgram&)>& write) -> std::string {
+    TestProgram build;
+    write(build);
+    build.add(Opcode::kSurfaceStep);
+    try {
+      target_c::generate(build.finish(), {}, "program.h");
+    } catch (const common::UserError& error) {
+      return error.what();
+    }
+    return "";
+  };
+  EXPECT_EQ(error_of([](TestProgram& build) {
+              const Operand a = build.reg(64, 64);
+              build.program.registers[a.index].type = program::CellType::kUint8;
+              build.add(Opcode::kCopy, a, build.lit(1));
+            }),
+            "test.aps:1: error: 'copy' on uint8: boards have registers of floats only");
+  EXPECT_EQ(error_of([](TestProgram& build) {
+              const Operand n = build.var();
+              build.add(Opcode::kBitNot, n, n);
+            }),
+            "test.aps:1: error: 'bit.not' of a number that is computed: boards have none");
 }
 
 // ---- the programs of the tasks ----

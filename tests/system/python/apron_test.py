@@ -186,6 +186,38 @@ class Functions(unittest.TestCase):
         gc.collect()
         self.assert_bits(want, kept)              # and outlives the function
 
+    def test_integers(self):
+        for name, dtype in (("uint8", np.uint8), ("uint16", np.uint16), ("int32", np.int32)):
+            f = apron.compile(f"!{name}(A, B, Y, Z)\nY = A * 3 + B\nZ = sat.add(A, north(B)) ^ (A >> 2)\nn = globalsum(A)\n")
+            low, high = np.iinfo(dtype).min, np.iinfo(dtype).max
+            for shape in ((5, 7), (160, 256), (130, 33)):
+                a, b = (self.random.integers(low, high, shape, dtype, endpoint=True) for _ in range(2))
+                north = np.vstack([np.zeros_like(b[:1]), b[:-1]]).astype(np.int64)
+                want = {"Y": (a.astype(np.int64) * 3 + b).astype(dtype),
+                        "Z": np.clip(a + north, low, high).astype(dtype) ^ (a >> 2)}
+                laid_out = apron.empty(shape, dtype)
+                laid_out[...] = a
+                for given in (a, laid_out, np.asfortranarray(a), np.repeat(a, 2, axis=1)[:, ::2]):
+                    got = f(given, b)
+                    self.assertEqual(got["n"], a.sum(dtype=np.int64))
+                    for key, value in want.items():
+                        self.assertEqual(got[key].dtype, dtype)
+                        np.testing.assert_array_equal(got[key], value)
+                batch = f(np.stack([a, b]), b)["Y"]
+                np.testing.assert_array_equal(batch[0], want["Y"])
+                out = np.zeros(shape, dtype)
+                f(a, b, out={"Y": out})
+                np.testing.assert_array_equal(out, want["Y"])
+            np.testing.assert_array_equal(f(np.array([[True, False]]), 1)["Y"], [[4, 1]])
+            for wrong, error, text in ((np.zeros((2, 2)), TypeError, f"float64: must be of {name}"), (-2**31 - 1, ValueError, "whole"),
+                                       (0.5, ValueError, "must be a whole number")):
+                with self.assertRaisesRegex(error, text):
+                    f(wrong, 1)
+            with self.assertRaisesRegex(TypeError, f"of {name}"):
+                f(a, b, out={"Y": np.zeros(shape, np.float32)})
+        with self.assertRaisesRegex(TypeError, "float64"):
+            apron.empty((2, 2), np.float64)
+
     def test_batches(self):
         f = apron.compile(SMOOTH)
         a, b = self.cells(21, 9, 14), self.cells(9, 14)

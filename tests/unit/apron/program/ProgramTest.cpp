@@ -262,7 +262,7 @@ TEST(Locality, OpcodeSignaturesAreWellFormed) {
   for (std::size_t i = 0; i < opcode_count(); ++i) {
     const OpcodeInfo& one = opcode_info(static_cast<Opcode>(i));
     ASSERT_FALSE(one.signature.empty()) << one.mnemonic;
-    EXPECT_NE(std::string("RVDE-").find(one.signature.front()), std::string::npos) << one.mnemonic;
+    EXPECT_NE(std::string("RVDIE-").find(one.signature.front()), std::string::npos) << one.mnemonic;
     EXPECT_LE(one.signature.size(), kMaxOperands + 1) << one.mnemonic;
     EXPECT_EQ(one.signature.substr(1).find_first_not_of("rsxtlkgm"), std::string_view::npos) << one.mnemonic;
   }
