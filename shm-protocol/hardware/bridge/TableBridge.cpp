@@ -1,5 +1,6 @@
 #include "shm-protocol/hardware/bridge/TableBridge.h"
 
+#include <shm_protocol/layout.h>
 #include <sys/resource.h>
 
 #include <algorithm>
@@ -22,7 +23,12 @@ namespace {
 constexpr std::uint32_t kPatience = 16;  // periods without a packet until a board applies its safe values
 constexpr std::uint32_t kExpected = 3;   // periods that a missing board is waited for
 constexpr double kLatestClosing = 0.4;   // of the period
-constexpr const char* kBoardChannels[] = {"tick", "device_us", "offset_us", "age", "valid", "in_force"};
+// What each board says of itself; after these come the limits of its actuators.
+enum OwnChannel { kTick, kDeviceTime, kOffset, kAge, kValid, kInForce, kFlags, kHeldBack, kOwnChannels };
+constexpr const char* kBoardChannels[kOwnChannels] = {"tick",  "device_us", "offset_us", "age",
+                                                      "valid", "in_force",  "flags",     "limited"};
+constexpr std::size_t kMostLimitedName = 18;  // so that "acceleration." and a name are the name of a channel
+constexpr const char* kLimits[] = {"slew", "acceleration", "soft_start", "most_moving"};
 
 double cpu_seconds() {
   rusage used{};
@@ -157,6 +163,16 @@ void TableBridge::create_surface() {
     const bool real = std::string_view(name) == "offset_us";
     of_boards.channels.push_back({name, Direction::kSensor, real ? DType::kF32 : DType::kU32, 1, "",
                                   real ? -1e9 : 0.0, real ? 1e9 : 4294967295.0, 0});
+  }
+  for (std::size_t i = 0; i < map_.channels().size(); ++i) {
+    const TableChannel& c = map_.channels()[i];
+    if (c.sensor || c.name.size() > kMostLimitedName ||
+        of_boards.channels.size() + std::size(kLimits) > SSP_MAX_CHANNELS)
+      continue;
+    shown_limits_.push_back(i);
+    for (const char* limit : kLimits)
+      of_boards.channels.push_back(
+          {std::string(limit) + "." + c.name, Direction::kSensor, DType::kF32, 1, "", 0, 1e9, 0});
   }
   board_surface_.emplace(shm_protocol::SurfaceEndpoint::create(of_boards));
 
@@ -326,18 +342,36 @@ void TableBridge::publish_boards() {
   const auto words = [&](int channel) { return board_surface_->sensor<std::uint32_t>(channel); };
   for (std::size_t i = 0; i < boards_.size(); ++i) {
     const Board& board = *boards_[i];
-    words(0)[i] = board.frame_tick();
-    words(1)[i] = board.clock().phase_us() ? board.clock().board_clock(board.frame_tick()) : 0;
-    board_surface_->sensor<float>(2)[i] =
-        static_cast<float>(board.clock().phase_us().value_or(std::numeric_limits<double>::quiet_NaN()));
-    words(3)[i] = std::min<std::uint32_t>(board_age_[i], 255);
-    words(4)[i] = board_age_[i] == 0;
+    const auto phase = board.clock().phase_us();
     const auto in_force = board.tick_in_force();
-    words(5)[i] = in_force ? static_cast<std::uint32_t>(*in_force) : SSW_NONE;
+    words(kTick)[i] = board.frame_tick();
+    words(kDeviceTime)[i] = phase ? board.clock().board_clock(board.frame_tick()) : 0;
+    board_surface_->sensor<float>(kOffset)[i] =
+        static_cast<float>(phase.value_or(std::numeric_limits<double>::quiet_NaN()));
+    words(kAge)[i] = std::min<std::uint32_t>(board_age_[i], 255);
+    words(kValid)[i] = board_age_[i] == 0;
+    words(kInForce)[i] = in_force ? static_cast<std::uint32_t>(*in_force) : SSW_NONE;
+    words(kFlags)[i] = board.flags();
+    words(kHeldBack)[i] = board.status().limited;
+    publish_limits(i);
   }
   const auto tick = static_cast<std::uint64_t>(tick_ - 1);
   (void)board_surface_->publish(tick, static_cast<double>(tick) * static_cast<double>(period_us_) * 1e-6,
                                 status_);
+}
+
+// The limits that the board keeps itself; 0: none.
+void TableBridge::publish_limits(std::size_t board) {
+  int channel = kOwnChannels;
+  for (const std::size_t c : shown_limits_) {
+    ssw_limits limits{};
+    for (const BoardChannel& own : map_.boards()[board].channels)
+      if (own.table_channel == c && boards_[board]->described())
+        limits = boards_[board]->description().channels[own.device_channel].limits;
+    for (const float value :
+         {limits.slew, limits.acceleration, limits.soft_start, static_cast<float>(limits.most_moving)})
+      board_surface_->sensor<float>(channel++)[board] = value;
+  }
 }
 
 // The spread: how far apart the boards in phase begin their periods.

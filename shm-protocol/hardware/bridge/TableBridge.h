@@ -78,6 +78,7 @@ class TableBridge {
   void skip_tick();
   void fill_planes();
   void publish_boards();
+  void publish_limits(std::size_t board);
   void poll_answer();
   void poll_latest();
   void receive_commands();
@@ -116,7 +117,8 @@ class TableBridge {
   std::vector<std::uint8_t> valid_, age_;  // by cell
   std::vector<std::uint32_t> board_age_;   // ticks
   std::vector<std::uint64_t> board_missed_;
-  std::vector<float> frame_;  // the actuators of one board
+  std::vector<std::size_t> shown_limits_;  // the table's actuators whose limits the boards' surface has
+  std::vector<float> frame_;               // the actuators of one board
   double spread_us_ = 0;
   std::vector<std::uint64_t> valid_ticks_;
   Quantiles close_us_, answer_us_, spread_quantiles_, phase_quantiles_;
