@@ -151,7 +151,7 @@ class ViewModel {
   debugger::Cell probed_cell;
   std::optional<std::size_t> enlarged_history;  // of a register, at the size of the panel
   bool probe_shown = false, profile_shown = false, temporaries_shown = false, help_shown = false,
-       reload_requested = false;
+       reload_requested = false, emergency_stop_requested = false;
   bool follow_current_line = true;     // scroll the listing to the current line
   bool speed_shown = true;             // measure and show ticks per second
   int steps_per_s = 4;                 // walking speed

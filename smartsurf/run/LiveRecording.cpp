@@ -101,7 +101,7 @@ class Planes {
   std::vector<scene::ChannelData> data_;
 };
 
-// What a bridge publishes of its boards, as a surface of its own with one row.
+// What a bridge publishes of its boards, as a surface of its own with one row: all of its channels.
 class Boards {
  public:
   explicit Boards(const std::string& surface) {
@@ -112,13 +112,18 @@ class Boards {
       return;  // the surface is no table of boards
     }
     const Description& d = observer_->description();
-    for (const char* name : {"tick", "device_us", "offset_us", "age", "valid"})
-      if (d.channel(Direction::kSensor, name) < 0) {
-        observer_.reset();
-        return;
-      }
-    for (auto& words : words_) words.resize(d.cells());
-    offset_us_.resize(d.cells());
+    for (int i = 0; i < std::ssize(d.channels); ++i) {
+      const ChannelSpec& c = d.channels[i];
+      const bool real = c.dtype == shm_protocol::DType::kF32;
+      if (c.direction != Direction::kSensor || c.components != 1 ||
+          (!real && c.dtype != shm_protocol::DType::kU32))
+        continue;
+      channels_.push_back({i, c.name, {}, {}});
+      if (real)
+        channels_.back().reals.resize(d.cells());
+      else
+        channels_.back().words.resize(d.cells());
+    }
   }
   // Reads the state at that tick. Without it, all is unknown.
   void read(std::uint64_t tick) {
@@ -127,29 +132,30 @@ class Boards {
       if (observer_->next(Direction::kSensor) != Status::kOk) break;
     const bool known =
         observer_->info(Direction::kSensor).frame != 0 && observer_->info(Direction::kSensor).tick == tick;
-    const Description& d = observer_->description();
-    constexpr const char* kWords[] = {"tick", "device_us", "age", "valid"};
-    for (std::size_t i = 0; i < words_.size(); ++i) {
-      const auto from = observer_->array<std::uint32_t>(d.channel(Direction::kSensor, kWords[i]));
-      std::ranges::transform(from, words_[i].begin(), [&](std::uint32_t w) { return known ? w : kUnknown; });
+    for (Channel& c : channels_) {
+      if (!known) {
+        std::ranges::fill(c.words, kUnknown);
+        std::ranges::fill(c.reals, std::numeric_limits<float>::quiet_NaN());
+      } else if (c.reals.empty()) {
+        std::ranges::copy(observer_->array<std::uint32_t>(c.index), c.words.begin());
+      } else {
+        std::ranges::copy(observer_->array<float>(c.index), c.reals.begin());
+      }
     }
-    const auto offset = observer_->array<float>(d.channel(Direction::kSensor, "offset_us"));
-    std::ranges::transform(offset, offset_us_.begin(),
-                           [&](float us) { return known ? us : std::numeric_limits<float>::quiet_NaN(); });
   }
   void append(std::vector<record::LiveRow>& rows) const {
-    if (!observer_) return;
-    rows.push_back({"boards", "tick", words_[0], {}});
-    rows.push_back({"boards", "device_us", words_[1], {}});
-    rows.push_back({"boards", "offset_us", {}, offset_us_});
-    rows.push_back({"boards", "age", words_[2], {}});
-    rows.push_back({"boards", "valid", words_[3], {}});
+    for (const Channel& c : channels_) rows.push_back({"boards", c.name, c.words, c.reals});
   }
 
  private:
+  struct Channel {
+    int index;
+    std::string name;
+    std::vector<std::uint64_t> words;  // one of both is empty
+    std::vector<float> reals;
+  };
   std::optional<ObserverEndpoint> observer_;
-  std::array<std::vector<std::uint64_t>, 4> words_;
-  std::vector<float> offset_us_;
+  std::vector<Channel> channels_;
 };
 
 class LiveRecording {

@@ -5,6 +5,8 @@
 #include <cstdio>
 #include <filesystem>
 #include <map>
+#include <stdexcept>
+#include <utility>
 
 #include "apron/debugger/SessionThread.h"
 #include "apron/run/ui/LayoutFile.h"
@@ -12,6 +14,7 @@
 #include "common/files/AtomicFile.h"
 #include "common/files/ReadFile.h"
 #include "common/process/StopSignals.h"
+#include "shm-protocol/hardware/bridge/ControlSocket.h"
 
 namespace apron::run {
 namespace {
@@ -106,6 +109,7 @@ class WindowLoop {
       }
       if (!window_.render_frame(model_)) return;
       std::fflush(stdout);  // a program without frames never flushes its output
+      if (std::exchange(model_.emergency_stop_requested, false)) stop_boards();
       if (const auto request = model_.editor.take_save_request()) save_source(*request);
       if (model_.take_reload_request() || file_monitor_.poll_changed()) reload();
       for (ui::ViewModel::SessionCommand& command : model_.take_commands())
@@ -131,6 +135,18 @@ class WindowLoop {
         model_.running() || !was_idle_ ? std::max(kFrame_s, 3.0 * draw_time_s) : kIdleFrame_s;
     was_idle_ = !model_.running();
     window_.wait_events(std::max(0.001, frame_time_s - draw_time_s));
+  }
+
+  void stop_boards() {
+    const std::string& surface = context_.run.options.surface;
+    if (surface.empty()) return;
+    try {
+      hardware::ask_bridge(surface, "stop");
+      model_.notice = "Emergency stop. 'surface_bridge arm " + surface + "' releases it.";
+    } catch (const std::runtime_error& e) {
+      model_.notice = std::string("No emergency stop: ") + e.what();
+    }
+    context_.panel.note(model_.notice);
   }
 
   // Writes an edited file and reloads the program.

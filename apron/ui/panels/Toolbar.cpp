@@ -122,7 +122,8 @@ void pass_keys_to_program(ViewModel& model) {
 
 void handle_keys(ViewModel& model) {
   ImGuiIO& io = ImGui::GetIO();
-  constexpr int kF5 = 294;  // GLFW's code
+  constexpr int kF5 = 294, kF9 = 298;  // GLFW's codes
+  if (ImGui::IsKeyPressed(kF9, false)) model.emergency_stop_requested = true;
   if (ImGui::IsKeyPressed(kF5, false) && !model.finished()) model.toggle_running();
   if (io.KeyCtrl && ImGui::IsKeyPressed('F', false) && !model.takes_keys()) model.focus_search = true;
   if (io.KeyCtrl && ImGui::IsKeyPressed('E', false) && !model.takes_keys())
@@ -148,20 +149,22 @@ void handle_keys(ViewModel& model) {
 }
 
 void draw_help(DrawContext& context) {
-  static constexpr const char* kHelp[][2] = {{"Space   F5", "run, or stop at the end of the tick"},
-                                             {"\u2192   \u2193   I", "one tick, one line, one instruction"},
-                                             {"W", "walk, line by line or tick by tick"},
-                                             {"Other keys", "io.key, while a program that reads it runs"},
-                                             {"R", "reset"},
-                                             {"Ctrl-F", "find in the program, or go to a line"},
-                                             {"Ctrl-E   Ctrl-S", "edit the program, save and restart it"},
-                                             {"Drag between two panes", "resize; double click: default"},
-                                             {"Click a small register", "show it large"},
-                                             {"Wheel, drag on the large one", "zoom, pan; double click: fit"},
-                                             {"Click on the large one", "probe that cell"},
-                                             {"Click left of a line's number", "breakpoint"},
-                                             {"Click a triangle", "fold or unfold an include or a macro"},
-                                             {"F1   ?   Esc", "this help"}};
+  static constexpr const char* kHelp[][2] = {
+      {"Space   F5", "run, or stop at the end of the tick"},
+      {"\u2192   \u2193   I", "one tick, one line, one instruction"},
+      {"W", "walk, line by line or tick by tick"},
+      {"Other keys", "io.key, while a program that reads it runs"},
+      {"R", "reset"},
+      {"Ctrl-F", "find in the program, or go to a line"},
+      {"F9", "emergency stop of the boards, if the surface is a bridge's"},
+      {"Ctrl-E   Ctrl-S", "edit the program, save and restart it"},
+      {"Drag between two panes", "resize; double click: default"},
+      {"Click a small register", "show it large"},
+      {"Wheel, drag on the large one", "zoom, pan; double click: fit"},
+      {"Click on the large one", "probe that cell"},
+      {"Click left of a line's number", "breakpoint"},
+      {"Click a triangle", "fold or unfold an include or a macro"},
+      {"F1   ?   Esc", "this help"}};
   const ImVec2 size = ImGui::GetIO().DisplaySize;
   ImGui::SetNextWindowPos({size.x / 2.0F, size.y / 2.0F}, ImGuiCond_Always, {0.5F, 0.5F});
   ImGui::SetNextWindowFocus();

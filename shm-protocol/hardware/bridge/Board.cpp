@@ -19,7 +19,9 @@ Board::Board(const TableBoard& spec, std::uint32_t period_us, std::chrono::micro
       title_(spec.title()),
       period_us_(period_us),
       silence_us_(silence.count()),
-      sync_(period_us) {}
+      sync_(period_us) {
+  out_.reserve(kMaxPendingBytes);
+}
 
 std::int64_t Board::now() {
   return std::chrono::duration_cast<std::chrono::microseconds>(Clock::now().time_since_epoch()).count();
@@ -75,8 +77,8 @@ bool Board::flush() {
 void Board::enter_silence() {
   silent_ = true;
   seen_frame_ = false;
-  for (Frame& frame : waiting_) spare_.push_back(std::move(frame.values));
-  waiting_.clear();
+  waiting_count_ = 0;
+  answers_.fill({});
   sync_.reset();
 }
 
@@ -94,7 +96,7 @@ void Board::handshake(bool session) {
   link_.write(second ? SSW_DESCRIBE2 : SSW_DESCRIBE, device_tick_, out_);
   if (!session || !accepted_ || !link_.described()) return;
   link_.write(SSW_START, device_tick_, out_);
-  send_safe();
+  if (is_driven) send_safe();
 }
 
 void Board::maintain(std::int64_t epoch, bool session) {
@@ -191,64 +193,68 @@ void Board::on_frame() {
   seen_frame_ = true;
   flags_ = frame.flags;
   ++counters_.frames;
-  Frame next{frame.tick, frame.flags, last_frame_, {}};
-  if (!spare_.empty()) {
-    next.values = std::move(spare_.back());
-    spare_.pop_back();
-  }
+  if (waiting_count_ == waiting_.size()) drop_oldest();
+  Frame& next = waiting_[waiting_count_++];
+  next.tick = frame.tick;
+  next.in_force = frame.active_tick;
   next.values.assign(frame.values.begin(), frame.values.end());
-  waiting_.push_back(std::move(next));
-  while (waiting_.size() > 2) {
-    spare_.push_back(std::move(waiting_.front().values));
-    waiting_.pop_front();
-  }
+}
+
+void Board::drop_oldest() {
+  std::rotate(waiting_.begin(), waiting_.begin() + 1, waiting_.end());  // swaps: no allocation
+  --waiting_count_;
 }
 
 // ---- ticks of the table
 
 bool Board::has_frame(std::int64_t tick, std::int64_t epoch) const {
-  if (waiting_.empty()) return false;
-  const auto at = sync_.table_tick(waiting_.back().tick, epoch);
+  if (waiting_count_ == 0) return false;
+  const auto at = sync_.table_tick(waiting_[waiting_count_ - 1].tick, epoch);
   return !at || *at >= tick;
 }
 
 const Board::Frame* Board::take(std::int64_t tick, std::int64_t epoch) {
-  if (waiting_.empty()) {
+  if (waiting_count_ == 0) {
     ++counters_.late;
     return nullptr;
   }
   // A board in phase may be early for the next tick; its older frames are out of date.
   if (sync_.phase_us()) {
-    while (waiting_.size() > 1 && sync_.table_tick(waiting_[1].tick, epoch).value_or(tick) <= tick) {
-      spare_.push_back(std::move(waiting_.front().values));
-      waiting_.pop_front();
-    }
+    while (waiting_count_ > 1 && sync_.table_tick(waiting_[1].tick, epoch).value_or(tick) <= tick)
+      drop_oldest();
   }
-  spare_.push_back(std::move(taken_.values));
-  taken_ = std::move(waiting_.front());
-  waiting_.pop_front();
+  std::swap(taken_, waiting_[0]);
+  drop_oldest();
   return &taken_;
+}
+
+std::optional<std::int64_t> Board::tick_in_force() const {
+  const Answer& answer = answers_[taken_.in_force % answers_.size()];
+  if (taken_.in_force == SSW_NONE || answer.tick != taken_.in_force) return std::nullopt;
+  return answer.table_tick;
 }
 
 // ---- to the board
 
-void Board::send(std::span<const float> values) {
+void Board::send(std::span<const float> values, std::int64_t tick) {
   if (!accepted_ || silent_ || !link_.described()) return;
   if (!out_.empty() && (!flush() || !out_.empty())) {
     ++counters_.unsent;
     return;
   }
   link_.write_frame(taken_.tick, values, out_);
+  answers_[taken_.tick % answers_.size()] = {taken_.tick, tick};
   flush();
 }
 
 void Board::send_safe() {
   if (!accepted_ || !link_.described() || out_.size() > kMaxPendingBytes) return;
-  std::vector<float> values(link_.actuator_elements());
+  safe_.resize(link_.actuator_elements());
   for (const DeviceChannel& c : link_.description().channels)
     if (!c.sensor)
-      std::fill_n(values.begin() + static_cast<std::ptrdiff_t>(c.first_element), c.elements, c.safe);
-  link_.write_frame(device_tick_, values, out_);
+      std::fill_n(safe_.begin() + static_cast<std::ptrdiff_t>(c.first_element), c.elements, c.safe);
+  link_.write_frame(device_tick_, safe_, out_);
+  answers_[device_tick_ % answers_.size()] = {};
   flush();
 }
 

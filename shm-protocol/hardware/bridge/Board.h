@@ -1,12 +1,12 @@
 // One board of a table: its line, which may be cut and opened again, its description, frames and clock.
 //
-// Never blocks, except while a TCP connection is opened (a thread does that). One thread at a time.
+// Never blocks, except while a TCP connection is opened (a thread does that). One thread at a time. Frames
+// and clocks allocate nothing once the board is described; events do.
 #pragma once
 
 #include <array>
 #include <chrono>
 #include <cstdint>
-#include <deque>
 #include <future>
 #include <optional>
 #include <span>
@@ -35,8 +35,8 @@ class Board {
   using Clock = std::chrono::steady_clock;
 
   struct Frame {
-    std::uint32_t tick = 0, flags = 0;
-    std::int64_t arrived = 0;  // µs
+    std::uint32_t tick = 0;
+    std::uint32_t in_force = SSW_NONE;  // the board's tick whose answer is in force from this frame on
     std::vector<float> values;
   };
 
@@ -71,11 +71,14 @@ class Board {
   bool has_frame(std::int64_t tick, std::int64_t epoch) const;
   // The board's tick in the last frame taken.
   std::uint32_t frame_tick() const { return taken_.tick; }
+  // The table's tick whose answer is in force since the last frame taken; nothing: safe values are, or it is
+  // long ago.
+  std::optional<std::int64_t> tick_in_force() const;
   // Flags of the newest frame.
   std::uint32_t flags() const { return flags_; }
 
-  // Sends an actuator frame that answers the last frame taken.
-  void send(std::span<const float> values);
+  // Sends an actuator frame that answers the last frame taken, which is of the table's tick `tick`.
+  void send(std::span<const float> values, std::int64_t tick);
   void send_safe();
   void send_heartbeat();
   void send_reason(std::uint8_t type, std::uint32_t reason);
@@ -88,6 +91,7 @@ class Board {
   std::uint64_t damaged_packets() const { return link_.damaged_packets(); }
   std::uint64_t lost_packets() const { return link_.lost_packets(); }
   std::int64_t stop_sent_tick = -1;  // of the table, when the last SSW_STOP_NOW or SSW_ARM was sent
+  bool is_driven = true;             // false: handshakes do not send safe values
   bool is_back = false;              // set with the first frame after a silence or a cut; the table clears it
   std::vector<std::string> events;   // lines for the log; the table takes them
 
@@ -100,6 +104,7 @@ class Board {
   void on_frame();
   bool flush();
   void enter_silence();
+  void drop_oldest();
 
   TableBoard spec_;
   std::string title_;
@@ -113,9 +118,15 @@ class Board {
   bool accepted_ = false, silent_ = true, seen_frame_ = false, ever_connected_ = false;
   std::string refusal_;
   std::vector<std::uint8_t> out_;
-  std::deque<Frame> waiting_;  // at most two
-  std::vector<std::vector<float>> spare_;
+  std::array<Frame, 2> waiting_;  // oldest first
+  std::size_t waiting_count_ = 0;
   Frame taken_;
+  struct Answer {
+    std::uint32_t tick = SSW_NONE;  // of the board
+    std::int64_t table_tick = 0;
+  };
+  std::array<Answer, 32> answers_;  // the last ones, by the board's tick
+  std::vector<float> safe_;         // the safe values of all actuators
   std::uint32_t flags_ = 0, device_tick_ = 0, device_missed_ = 0, boot_ = 0;
   unsigned handshakes_ = 0;
   std::int64_t last_frame_ = 0, last_handshake_ = 0, last_open_ = 0;

@@ -1,6 +1,6 @@
 #include "shm-protocol/hardware/bridge/TableBridge.h"
 
-#include <poll.h>
+#include <shm_protocol/layout.h>
 #include <sys/resource.h>
 
 #include <algorithm>
@@ -23,7 +23,12 @@ namespace {
 constexpr std::uint32_t kPatience = 16;  // periods without a packet until a board applies its safe values
 constexpr std::uint32_t kExpected = 3;   // periods that a missing board is waited for
 constexpr double kLatestClosing = 0.4;   // of the period
-constexpr const char* kBoardChannels[] = {"tick", "device_us", "offset_us", "age", "valid"};
+// What each board says of itself; after these come the limits of its actuators.
+enum OwnChannel { kTick, kDeviceTime, kOffset, kAge, kValid, kInForce, kFlags, kHeldBack, kOwnChannels };
+constexpr const char* kBoardChannels[kOwnChannels] = {"tick",  "device_us", "offset_us", "age",
+                                                      "valid", "in_force",  "flags",     "limited"};
+constexpr std::size_t kMostLimitedName = 18;  // so that "acceleration." and a name are the name of a channel
+constexpr const char* kLimits[] = {"slew", "acceleration", "soft_start", "most_moving"};
 
 double cpu_seconds() {
   rusage used{};
@@ -42,15 +47,24 @@ std::chrono::microseconds silence_of(const TableSpec& spec, const BridgeOptions&
 }  // namespace
 
 TableBridge::TableBridge(TableSpec spec, BridgeOptions options, const std::atomic<bool>& stop,
-                         EventLog::Print log)
+                         EventLog::Print log, TableDriver* driver)
     : spec_(std::move(spec)),
       options_(std::move(options)),
       stop_(stop),
       log_(std::move(log)),
+      driver_(driver),
       map_(spec_),
       period_us_(spec_.period_us) {
-  for (const TableBoard& board : spec_.boards)
+  if (spec_.calibration && !driver_) {
+    calibration_ = Calibration::read(*spec_.calibration);
+    calibration_->require_table(spec_);
+    spec_.calibrated_channels = {calibration_->sensor, calibration_->actuator};
+  }
+  for (const TableBoard& board : spec_.boards) {
     boards_.push_back(std::make_unique<Board>(board, spec_.period_us, silence_of(spec_, options_)));
+    boards_.back()->is_driven = !driver_ || !driver_->begins_at_rest();
+  }
+  lines_.reserve(boards_.size() + 1);
   board_age_.assign(boards_.size(), std::numeric_limits<std::uint32_t>::max());
   board_missed_.assign(boards_.size(), 0);
   valid_ticks_.assign(boards_.size(), 0);
@@ -61,10 +75,12 @@ TableBridge::~TableBridge() = default;
 Outcome TableBridge::run() {
   if (const auto end = await_boards()) return *end;
   map_.freeze();
+  if (calibration_) calibration_->require_map(map_);
   create_surface();
   epoch_ = Board::now();
   tick_ = 1;
-  while (!stop_.load() && !(options_.ticks && counters_.frames >= *options_.ticks && !awaiting_answer_))
+  while (!stop_.load() && !driver_ended_ &&
+         !(options_.ticks && counters_.frames >= *options_.ticks && !awaiting_answer_))
     serve();
   const bool stopped = stop_.load();
   for (const auto& board : boards_) {
@@ -148,11 +164,20 @@ void TableBridge::create_surface() {
     of_boards.channels.push_back({name, Direction::kSensor, real ? DType::kF32 : DType::kU32, 1, "",
                                   real ? -1e9 : 0.0, real ? 1e9 : 4294967295.0, 0});
   }
+  for (std::size_t i = 0; i < map_.channels().size(); ++i) {
+    const TableChannel& c = map_.channels()[i];
+    if (c.sensor || c.name.size() > kMostLimitedName ||
+        of_boards.channels.size() + std::size(kLimits) > SSP_MAX_CHANNELS)
+      continue;
+    shown_limits_.push_back(i);
+    for (const char* limit : kLimits)
+      of_boards.channels.push_back(
+          {std::string(limit) + "." + c.name, Direction::kSensor, DType::kF32, 1, "", 0, 1e9, 0});
+  }
   board_surface_.emplace(shm_protocol::SurfaceEndpoint::create(of_boards));
 
   const std::size_t cells = std::size_t{map_.rows()} * map_.columns();
-  for (const TableChannel& c : map_.channels())
-    planes_.emplace_back(c.sensor ? cells * c.components : 0, c.safe);
+  for (const TableChannel& c : map_.channels()) planes_.emplace_back(cells * c.components, c.safe);
   valid_.assign(cells, 0);
   age_.assign(cells, 255);
   log_.add("table '" + spec_.name + "', " + std::to_string(boards_.size()) + " boards, " +
@@ -163,26 +188,27 @@ void TableBridge::create_surface() {
 // ---- lines
 
 void TableBridge::poll_lines(std::int64_t until) {
-  std::vector<pollfd> lines;
-  lines.reserve(boards_.size() + 1);
+  lines_.clear();
   for (const auto& board : boards_) {
     board->maintain(epoch_, surface_.has_value());
-    lines.push_back(
+    lines_.push_back(
         {board->descriptor(), static_cast<short>(POLLIN | (board->wants_to_write() ? POLLOUT : 0)), 0});
   }
-  if (control_) lines.push_back({control_->descriptor(), POLLIN, 0});
+  if (control_) lines_.push_back({control_->descriptor(), POLLIN, 0});
   const std::int64_t left = std::max<std::int64_t>(until - Board::now(), 0);
   const timespec time{static_cast<time_t>(left / 1'000'000), static_cast<long>(left % 1'000'000 * 1000)};
-  if (::ppoll(lines.data(), lines.size(), &time, nullptr) > 0)
+  if (::ppoll(lines_.data(), lines_.size(), &time, nullptr) > 0)
     for (std::size_t i = 0; i < boards_.size(); ++i)
-      if (lines[i].revents != 0) boards_[i]->receive(epoch_);
+      if (lines_[i].revents != 0) boards_[i]->receive(epoch_);
   if (control_) control_->serve([this](const std::string& command) { return answer(command); });
   log_events();
 }
 
 void TableBridge::log_events() {
-  for (const auto& board : boards_)
-    for (const std::string& line : std::exchange(board->events, {})) log_.add(line);
+  for (const auto& board : boards_) {
+    for (const std::string& line : board->events) log_.add(line);
+    board->events.clear();
+  }
 }
 
 // ---- ticks
@@ -282,6 +308,8 @@ void TableBridge::close_tick() {
                              [](float v) { return static_cast<std::uint8_t>(v); });
     else
       std::ranges::copy(planes_[i], surface_->sensor<float>(i).begin());
+    if (calibration_ && channels[i].name == calibration_->sensor)
+      calibration_->correct_readings(surface_->sensor<float>(i));
   }
   const int own = static_cast<int>(channels.size());
   std::ranges::copy(valid_, surface_->sensor<std::uint8_t>(own).begin());
@@ -297,6 +325,7 @@ void TableBridge::close_tick() {
   ++counters_.frames;
   status_ = 0;
   published_tick_ = tick;
+  if (driver_) return ask_driver();
   awaiting_answer_ = options_.mode == Mode::kTimeStep;
   if (!awaiting_answer_) keep_boards_alive();
 }
@@ -313,16 +342,36 @@ void TableBridge::publish_boards() {
   const auto words = [&](int channel) { return board_surface_->sensor<std::uint32_t>(channel); };
   for (std::size_t i = 0; i < boards_.size(); ++i) {
     const Board& board = *boards_[i];
-    words(0)[i] = board.frame_tick();
-    words(1)[i] = board.clock().phase_us() ? board.clock().board_clock(board.frame_tick()) : 0;
-    board_surface_->sensor<float>(2)[i] =
-        static_cast<float>(board.clock().phase_us().value_or(std::numeric_limits<double>::quiet_NaN()));
-    words(3)[i] = std::min<std::uint32_t>(board_age_[i], 255);
-    words(4)[i] = board_age_[i] == 0;
+    const auto phase = board.clock().phase_us();
+    const auto in_force = board.tick_in_force();
+    words(kTick)[i] = board.frame_tick();
+    words(kDeviceTime)[i] = phase ? board.clock().board_clock(board.frame_tick()) : 0;
+    board_surface_->sensor<float>(kOffset)[i] =
+        static_cast<float>(phase.value_or(std::numeric_limits<double>::quiet_NaN()));
+    words(kAge)[i] = std::min<std::uint32_t>(board_age_[i], 255);
+    words(kValid)[i] = board_age_[i] == 0;
+    words(kInForce)[i] = in_force ? static_cast<std::uint32_t>(*in_force) : SSW_NONE;
+    words(kFlags)[i] = board.flags();
+    words(kHeldBack)[i] = board.status().limited;
+    publish_limits(i);
   }
   const auto tick = static_cast<std::uint64_t>(tick_ - 1);
   (void)board_surface_->publish(tick, static_cast<double>(tick) * static_cast<double>(period_us_) * 1e-6,
                                 status_);
+}
+
+// The limits that the board keeps itself; 0: none.
+void TableBridge::publish_limits(std::size_t board) {
+  int channel = kOwnChannels;
+  for (const std::size_t c : shown_limits_) {
+    ssw_limits limits{};
+    for (const BoardChannel& own : map_.boards()[board].channels)
+      if (own.table_channel == c && boards_[board]->described())
+        limits = boards_[board]->description().channels[own.device_channel].limits;
+    for (const float value :
+         {limits.slew, limits.acceleration, limits.soft_start, static_cast<float>(limits.most_moving)})
+      board_surface_->sensor<float>(channel++)[board] = value;
+  }
 }
 
 // The spread: how far apart the boards in phase begin their periods.
@@ -383,34 +432,62 @@ void TableBridge::poll_latest() {
   send_answers();
 }
 
+// The controller's frame, as commands for the boards.
+void TableBridge::receive_commands() {
+  const auto& channels = map_.channels();
+  for (int i = 0; i < std::ssize(channels); ++i) {
+    if (channels[i].sensor) continue;
+    if (channels[i].plain_u8)
+      std::ranges::copy(surface_->actuator<std::uint8_t>(i), planes_[i].begin());
+    else
+      std::ranges::copy(surface_->actuator<float>(i), planes_[i].begin());
+    if (calibration_ && channels[i].name == calibration_->actuator)
+      calibration_->correct_commands(planes_[i]);
+  }
+}
+
+void TableBridge::ask_driver() {
+  const auto answer = driver_->drive(
+      {static_cast<std::int64_t>(published_tick_), map_, boards_, board_age_, planes_, emergency_.active()});
+  driver_ended_ = answer == TableDriver::Answer::kEnd;
+  if (answer == TableDriver::Answer::kNothing) return keep_boards_alive();
+  for (std::size_t i = 0; i < boards_.size(); ++i) {
+    boards_[i]->is_driven = true;
+    // One answer to each frame, so that what is in force is known.
+    if (driver_ended_ || !boards_[i]->accepted() || boards_[i]->silent()) continue;
+    if (board_age_[i] != 0)
+      boards_[i]->send_heartbeat();
+    else
+      send_commands(*boards_[i], map_.boards()[i]);
+  }
+}
+
 void TableBridge::send_answers() {
-  const std::size_t cells = valid_.size();
   const bool own_safe_values = surface_->actuator_info().frame == 0;
+  if (!own_safe_values) receive_commands();
   for (std::size_t i = 0; i < boards_.size(); ++i) {
     Board& board = *boards_[i];
     if (!board.accepted() || board.silent() || board_age_[i] > kPatience) continue;
-    if (emergency_.active() || own_safe_values) {
+    if (emergency_.active() || own_safe_values)
       board.send_safe();
-      continue;
-    }
-    const MountedBoard& mounted = map_.boards()[i];
-    frame_.assign(board.actuator_elements(), 0.0F);
-    for (const DeviceChannel& c : board.description().channels)
-      if (!c.sensor)
-        std::fill_n(frame_.begin() + static_cast<std::ptrdiff_t>(c.first_element), c.elements, c.safe);
-    for (const BoardChannel& c : mounted.channels) {
-      const DeviceChannel& device = board.description().channels[c.device_channel];
-      if (device.sensor) continue;
-      const int channel = static_cast<int>(c.table_channel);
-      float* const to = frame_.data() + device.first_element;
-      if (map_.channels()[c.table_channel].plain_u8)
-        copy_to_board(mounted, c, device.components, surface_->actuator<std::uint8_t>(channel).data(), cells,
-                      to);
-      else
-        copy_to_board(mounted, c, device.components, surface_->actuator<float>(channel).data(), cells, to);
-    }
-    board.send(frame_);
+    else
+      send_commands(board, map_.boards()[i]);
   }
+}
+
+// Elements without a channel of the table get their safe values.
+void TableBridge::send_commands(Board& board, const MountedBoard& mounted) {
+  frame_.assign(board.actuator_elements(), 0.0F);
+  for (const DeviceChannel& c : board.description().channels)
+    if (!c.sensor)
+      std::fill_n(frame_.begin() + static_cast<std::ptrdiff_t>(c.first_element), c.elements, c.safe);
+  for (const BoardChannel& c : mounted.channels) {
+    const DeviceChannel& device = board.description().channels[c.device_channel];
+    if (!device.sensor)
+      copy_to_board(mounted, c, device.components, planes_[c.table_channel].data(), valid_.size(),
+                    frame_.data() + device.first_element);
+  }
+  board.send(frame_, static_cast<std::int64_t>(published_tick_));
 }
 
 void TableBridge::keep_boards_alive() {

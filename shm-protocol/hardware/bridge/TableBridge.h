@@ -3,9 +3,10 @@
 //
 // A tick closes when every live board has sent its frame, at the latest after 40 % of the period. Cells of
 // other boards keep their values, with `valid` 0 and a growing `age`. Single-threaded, except for opening TCP
-// connections.
+// connections. Ticks allocate nothing.
 #pragma once
 
+#include <poll.h>
 #include <shm_protocol/SurfaceEndpoint.h>
 
 #include <atomic>
@@ -18,6 +19,7 @@
 
 #include "shm-protocol/hardware/bridge/Board.h"
 #include "shm-protocol/hardware/bridge/Bridge.h"
+#include "shm-protocol/hardware/bridge/Calibration.h"
 #include "shm-protocol/hardware/bridge/ControlSocket.h"
 #include "shm-protocol/hardware/bridge/EmergencyStop.h"
 #include "shm-protocol/hardware/bridge/Quantiles.h"
@@ -25,10 +27,33 @@
 
 namespace hardware {
 
+// A tick of the table as a driver sees it.
+struct TableTick {
+  std::int64_t tick;
+  const TableMap& map;
+  const std::vector<std::unique_ptr<Board>>& boards;
+  std::span<const std::uint32_t> board_age;  // 0: the board's frame came
+  std::vector<std::vector<float>>& planes;   // by channel: the sensors' values, and the commands to be sent
+  bool stopped;                              // an emergency stop is in effect
+};
+
+// Answers the ticks of a table within the bridge, instead of a controller.
+class TableDriver {
+ public:
+  enum class Answer { kCommands, kNothing, kEnd };
+  virtual ~TableDriver() = default;
+  // Whether boards get no frame, not even of safe values, before the first commands.
+  virtual bool begins_at_rest() const = 0;
+  // Reads the tick and writes the commands, or says that there are none yet, or that the session ends.
+  virtual Answer drive(TableTick) = 0;
+};
+
 class TableBridge {
  public:
-  // `options.port` and `options.silence_timeout` unless set are not used.
-  TableBridge(TableSpec, BridgeOptions, const std::atomic<bool>& stop, EventLog::Print);
+  // `options.port` and `options.silence_timeout` unless set are not used. A calibration file that the table
+  // names is read here. Throws std::invalid_argument with one line if it cannot be, or is another table's.
+  TableBridge(TableSpec, BridgeOptions, const std::atomic<bool>& stop, EventLog::Print,
+              TableDriver* driver = nullptr);
   ~TableBridge();
 
   // As Bridge::run(). Throws std::invalid_argument with one line if the boards are not as the table says.
@@ -53,9 +78,13 @@ class TableBridge {
   void skip_tick();
   void fill_planes();
   void publish_boards();
+  void publish_limits(std::size_t board);
   void poll_answer();
   void poll_latest();
+  void receive_commands();
+  void ask_driver();
   void send_answers();
+  void send_commands(Board&, const MountedBoard&);
   void keep_boards_alive();
   void check_emergency_stop();
   void measure_spread();
@@ -68,6 +97,9 @@ class TableBridge {
   BridgeOptions options_;
   const std::atomic<bool>& stop_;
   EventLog log_;
+  TableDriver* driver_;
+  bool driver_ended_ = false;
+  std::optional<Calibration> calibration_;
   TableMap map_;
   std::vector<std::unique_ptr<Board>> boards_;
   std::optional<shm_protocol::SurfaceEndpoint> surface_, board_surface_;
@@ -79,11 +111,14 @@ class TableBridge {
   std::uint64_t published_tick_ = 0;
   std::int64_t published_at_ = 0;
   std::uint32_t status_ = 0;
-  std::vector<std::vector<float>> planes_;  // by channel of the table: the newest values of all sensors
-  std::vector<std::uint8_t> valid_, age_;   // by cell
-  std::vector<std::uint32_t> board_age_;    // ticks
+  // By channel of the table: the newest values of all sensors, and commands, as the boards have them.
+  std::vector<std::vector<float>> planes_;
+  std::vector<pollfd> lines_;
+  std::vector<std::uint8_t> valid_, age_;  // by cell
+  std::vector<std::uint32_t> board_age_;   // ticks
   std::vector<std::uint64_t> board_missed_;
-  std::vector<float> frame_;  // the actuators of one board
+  std::vector<std::size_t> shown_limits_;  // the table's actuators whose limits the boards' surface has
+  std::vector<float> frame_;               // the actuators of one board
   double spread_us_ = 0;
   std::vector<std::uint64_t> valid_ticks_;
   Quantiles close_us_, answer_us_, spread_quantiles_, phase_quantiles_;

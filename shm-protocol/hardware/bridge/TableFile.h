@@ -30,7 +30,9 @@ struct TableSpec {
   std::string file, name;
   std::optional<double> pitch;  // nothing: that of the boards
   std::uint32_t period_us = 0;
-  bool holes = false;  // cells without a board are allowed
+  bool holes = false;                            // cells without a board are allowed
+  std::optional<std::string> calibration;        // file of the calibration
+  std::vector<std::string> calibrated_channels;  // whose values are real numbers, whatever the boards send
   std::vector<TableBoard> boards;
 
   // "FILE:LINE: board 'b1': " for messages about a board.

@@ -112,10 +112,11 @@ void TableMap::mount(std::size_t index, const DeviceDescription& d) {
     auto known = std::ranges::find_if(
         channels, [&](const TableChannel& t) { return t.sensor == c.sensor && t.name == c.name; });
     const std::string title = std::string(direction(c.sensor)) + " '" + c.name + "'";
+    const bool plain_u8 = is_plain_u8(c) && std::ranges::find(spec_.calibrated_channels, c.name) ==
+                                                spec_.calibrated_channels.end();
     if (known == channels.end()) {
       if (frozen_) fail(index, "the " + title + " was not there when the session began");
-      channels.push_back(
-          {c.name, c.unit, c.sensor, is_plain_u8(c), c.components, c.minimum, c.maximum, c.safe});
+      channels.push_back({c.name, c.unit, c.sensor, plain_u8, c.components, c.minimum, c.maximum, c.safe});
       known = channels.end() - 1;
     }
     if (known->unit != c.unit || known->components != c.components)
@@ -123,9 +124,9 @@ void TableMap::mount(std::size_t index, const DeviceDescription& d) {
                       " components; that of other boards has '" + known->unit + "' and " +
                       std::to_string(known->components));
     if (frozen_ &&
-        (c.minimum < known->minimum || c.maximum > known->maximum || (known->plain_u8 && !is_plain_u8(c))))
+        (c.minimum < known->minimum || c.maximum > known->maximum || (known->plain_u8 && !plain_u8)))
       fail(index, "the " + title + " has another range or type than when the session began");
-    known->plain_u8 = known->plain_u8 && is_plain_u8(c);
+    known->plain_u8 = known->plain_u8 && plain_u8;
     known->minimum = std::min(known->minimum, c.minimum);
     known->maximum = std::max(known->maximum, c.maximum);
     const bool vector = (c.flags & (SSW_VECTOR | SSW_AXIAL_VECTOR)) != 0;
@@ -220,47 +221,32 @@ float turned(const VectorTurn& t, std::uint32_t k, float x, float y, float z) {
 
 }  // namespace
 
-template <class Table>
 void copy_to_table(const MountedBoard& board, const BoardChannel& channel, std::uint32_t components,
-                   const float* from, Table* to, std::size_t table_cells) {
+                   const float* from, float* to, std::size_t table_cells) {
   const std::size_t cells = board.cells.size();
   for (std::uint32_t k = 0; k < components; ++k) {
     const float* plane = from + k * cells;
-    Table* const out = to + k * table_cells;
+    float* const out = to + k * table_cells;
     const bool turns = channel.vector && k < 3;
     for (std::size_t i = 0; i < cells; ++i)
       if (board.exists[i])
-        out[board.cells[i]] = static_cast<Table>(
-            turns ? turned(channel.turn, k, from[i], from[cells + i], plane[i]) : plane[i]);
+        out[board.cells[i]] = turns ? turned(channel.turn, k, from[i], from[cells + i], plane[i]) : plane[i];
   }
 }
 
-template <class Table>
 void copy_to_board(const MountedBoard& board, const BoardChannel& channel, std::uint32_t components,
-                   const Table* from, std::size_t table_cells, float* to) {
+                   const float* from, std::size_t table_cells, float* to) {
   const std::size_t cells = board.cells.size();
   const VectorTurn back = inverse(channel.turn);
   for (std::uint32_t k = 0; k < components; ++k) {
-    const Table* plane = from + k * table_cells;
+    const float* plane = from + k * table_cells;
     const bool turns = channel.vector && k < 3;
     for (std::size_t i = 0; i < cells; ++i) {
       const std::size_t at = board.cells[i];
       if (!board.exists[i]) continue;
-      to[k * cells + i] =
-          turns ? turned(back, k, static_cast<float>(from[at]), static_cast<float>(from[table_cells + at]),
-                         static_cast<float>(plane[at]))
-                : static_cast<float>(plane[at]);
+      to[k * cells + i] = turns ? turned(back, k, from[at], from[table_cells + at], plane[at]) : plane[at];
     }
   }
 }
-
-template void copy_to_table(const MountedBoard&, const BoardChannel&, std::uint32_t, const float*, float*,
-                            std::size_t);
-template void copy_to_table(const MountedBoard&, const BoardChannel&, std::uint32_t, const float*,
-                            std::uint8_t*, std::size_t);
-template void copy_to_board(const MountedBoard&, const BoardChannel&, std::uint32_t, const float*,
-                            std::size_t, float*);
-template void copy_to_board(const MountedBoard&, const BoardChannel&, std::uint32_t, const std::uint8_t*,
-                            std::size_t, float*);
 
 }  // namespace hardware

@@ -82,11 +82,9 @@ class TableMap {
 
 // Copies a channel's values between a board and the table, planes of components × cells. Cells that do not
 // exist keep the values at the destination.
-template <class Table>
 void copy_to_table(const MountedBoard&, const BoardChannel&, std::uint32_t components, const float* from,
-                   Table* to, std::size_t table_cells);
-template <class Table>
-void copy_to_board(const MountedBoard&, const BoardChannel&, std::uint32_t components, const Table* from,
+                   float* to, std::size_t table_cells);
+void copy_to_board(const MountedBoard&, const BoardChannel&, std::uint32_t components, const float* from,
                    std::size_t table_cells, float* to);
 
 }  // namespace hardware

@@ -14,12 +14,14 @@
 #include <filesystem>
 #include <stdexcept>
 
+#include "common/files/AtomicFile.h"
 #include "common/process/ExitStatus.h"
 #include "common/process/StandardStreams.h"
 #include "common/process/StopSignals.h"
 #include "common/process/Termination.h"
 #include "common/text/Printable.h"
 #include "shm-protocol/hardware/bridge/Bridge.h"
+#include "shm-protocol/hardware/bridge/Calibrator.h"
 #include "shm-protocol/hardware/bridge/TableBridge.h"
 
 namespace {
@@ -31,6 +33,7 @@ using std::chrono::milliseconds;
 constexpr const char* kUsage =
     "usage: surface_bridge DEVICE [flags]\n"
     "       surface_bridge --table TABLE.toml [flags]\n"
+    "       surface_bridge calibrate TABLE.toml -o FILE.toml [--rest HEIGHT] [--hold S] [flags]\n"
     "       surface_bridge stop|arm|status NAME\n"
     "The surface role for a physical device. DEVICE is a serial line (/dev/ttyUSB0) or tcp:HOST:PORT; the "
     "device\n"
@@ -40,6 +43,7 @@ constexpr const char* kUsage =
     "  --table FILE     many boards as one surface, whose name and boards are in FILE; the host's clock "
     "drives the "
     "session\n"
+    "  --calibration FILE  of the table, instead of the one that its file names\n"
     "  --baud N         speed of a serial line [115200]\n"
     "  --shm NAME       name for controllers to attach to [surface; the table's]\n"
     "  --mode MODE      time-step (one answer to each sensor frame) or passive (whoever is ready) "
@@ -50,6 +54,14 @@ constexpr const char* kUsage =
     "  --replug S       seconds to wait for a device that was lost [for ever]\n"
     "  --record FILE    record the session, as smartsurf record does\n"
     "  --hold           without a controller the device keeps the last frame [it gets the safe values]\n"
+    "calibrate drives all cells of the table through their range and fits how each answers:\n"
+    "  -o FILE          the calibration; pictures of it go beside it, with the ending .svg\n"
+    "  --rest HEIGHT    all cells lie at HEIGHT, undriven since the boards were switched on: tells the "
+    "sensors' "
+    "zeros from\n"
+    "                   those of the actuators\n"
+    "  --hold S         that a step is held, 0.01 to 60: a full stroke, and five lags [1]\n"
+    "  --actuator NAME, --sensor NAME    [the only ones of one component and equal unit]\n"
     "Exit status: 0 done; 1 failed; 2 wrong input; 3 the device did not come, or not come back; 128 + n "
     "after\n"
     "signal n.\n";
@@ -77,7 +89,11 @@ shm_protocol::Mode parse_mode(const std::string& text) {
 
 struct Arguments {
   BridgeOptions bridge;
-  std::optional<std::string> table, record;
+  std::optional<std::string> table, record, calibration;
+  // calibrate
+  bool calibrate = false;
+  std::string output;
+  hardware::CalibratorOptions calibrator;
 };
 
 // Returns nothing if --help was requested and printed.
@@ -86,7 +102,8 @@ std::optional<Arguments> parse(int argc, char** argv) {
       {"baud", 1, nullptr, 'b'},   {"shm", 1, nullptr, 's'},     {"mode", 1, nullptr, 'm'},
       {"ticks", 1, nullptr, 't'},  {"silence", 1, nullptr, 'q'}, {"connect", 1, nullptr, 'c'},
       {"replug", 1, nullptr, 'r'}, {"table", 1, nullptr, 'T'},   {"record", 1, nullptr, 'R'},
-      {"hold", 0, nullptr, 'o'},   {"help", 0, nullptr, 'h'},    {nullptr, 0, nullptr, 0}};
+      {"hold", 0, nullptr, 'o'},   {"help", 0, nullptr, 'h'},    {"calibration", 1, nullptr, 'C'},
+      {nullptr, 0, nullptr, 0}};
   Arguments arguments;
   BridgeOptions& o = arguments.bridge;
   bool named = false;
@@ -102,6 +119,9 @@ std::optional<Arguments> parse(int argc, char** argv) {
         break;
       case 'R':
         arguments.record = ::optarg;
+        break;
+      case 'C':
+        arguments.calibration = ::optarg;
         break;
       case 'T':
         arguments.table = ::optarg;
@@ -136,9 +156,65 @@ std::optional<Arguments> parse(int argc, char** argv) {
     if (!named) o.surface.clear();
     return arguments;
   }
+  if (arguments.calibration) throw std::invalid_argument("--calibration needs --table");
   if (::optind + 1 != argc)
     throw std::invalid_argument("one DEVICE is needed: a serial line or tcp:HOST:PORT");
   o.port = hardware::PortAddress::parse(argv[::optind], baud);
+  return arguments;
+}
+
+// Of `surface_bridge calibrate`.
+std::optional<Arguments> parse_calibrate(int argc, char** argv) {
+  static const option kKnown[] = {{"output", 1, nullptr, 'o'},   {"rest", 1, nullptr, 'r'},
+                                  {"hold", 1, nullptr, 'H'},     {"shm", 1, nullptr, 's'},
+                                  {"actuator", 1, nullptr, 'a'}, {"sensor", 1, nullptr, 'y'},
+                                  {"help", 0, nullptr, 'h'},     {"connect", 1, nullptr, 'c'},
+                                  {"silence", 1, nullptr, 'q'},  {nullptr, 0, nullptr, 0}};
+  Arguments arguments;
+  arguments.calibrate = true;
+  BridgeOptions& o = arguments.bridge;
+  o.surface.clear();
+  o.mode = shm_protocol::Mode::kPassive;
+  for (int flag; (flag = ::getopt_long(argc, argv, "o:h", kKnown, nullptr)) != -1;) {
+    switch (flag) {
+      case 'o':
+        arguments.output = ::optarg;
+        break;
+      case 'r':
+        arguments.calibrator.rest = parse("rest", ::optarg, -1e6, 1e6, "a height");
+        break;
+      case 'H':
+        arguments.calibrator.hold_s =
+            parse("hold", ::optarg, 0.01, 60.0, "a time in seconds from 0.01 to 60");
+        break;
+      case 's':
+        o.surface = ::optarg;
+        break;
+      case 'a':
+        arguments.calibrator.actuator = ::optarg;
+        break;
+      case 'y':
+        arguments.calibrator.sensor = ::optarg;
+        break;
+      case 'c':
+        o.connect_timeout = parse_seconds("connect", ::optarg);
+        break;
+      case 'q':
+        o.silence_timeout = parse_seconds("silence", ::optarg);
+        break;
+      case 'h':
+        std::fputs(kUsage, stdout);
+        return std::nullopt;
+      default:
+        throw std::invalid_argument("see --help");
+    }
+  }
+  if (::optind + 1 != argc) throw std::invalid_argument("calibrate needs one TABLE.toml");
+  if (arguments.output.empty()) throw std::invalid_argument("calibrate needs -o FILE.toml");
+  arguments.table = argv[::optind];
+  std::error_code none;
+  if (std::filesystem::equivalent(*arguments.table, arguments.output, none))
+    throw std::invalid_argument("-o " + arguments.output + " is the table itself");
   return arguments;
 }
 
@@ -221,7 +297,8 @@ int serve(const Arguments& arguments) {
     return recorded || status != common::kDone ? status : common::kFailed;
   };
   if (arguments.table) {
-    const hardware::TableSpec table = hardware::read_table(*arguments.table);
+    hardware::TableSpec table = hardware::read_table(*arguments.table);
+    if (arguments.calibration) table.calibration = *arguments.calibration;
     start_recorder(arguments.bridge.surface.empty() ? table.name : arguments.bridge.surface);
     hardware::TableBridge bridge(table, arguments.bridge, common::catch_stop_signals(), print_event);
     const hardware::Outcome end = bridge.run();
@@ -231,6 +308,32 @@ int serve(const Arguments& arguments) {
   Bridge bridge(arguments.bridge, common::catch_stop_signals(), print_event);
   const hardware::Outcome end = bridge.run();
   return finish(end, bridge.counters().frames != 0, report(bridge.counters()));
+}
+
+void write_file(const std::filesystem::path& path, const std::string& text) {
+  if (const std::error_code error = common::replace_file(path, text))
+    throw std::runtime_error("cannot write " + path.string() + ": " + error.message());
+}
+
+int calibrate(const Arguments& arguments) {
+  const hardware::TableSpec table = hardware::read_table(*arguments.table);
+  hardware::Calibrator calibrator(table, arguments.calibrator);
+  hardware::TableBridge bridge(table, arguments.bridge, common::catch_stop_signals(), print_event,
+                               &calibrator);
+  const hardware::Outcome end = bridge.run();
+  if (!calibrator.failure().empty()) {
+    common::print_error_line("surface_bridge: error", calibrator.failure());
+    return common::kFailed;
+  }
+  if (!calibrator.done()) return exit_status(end);
+  const hardware::Calibration fitted = calibrator.fit();
+  write_file(arguments.output, fitted.text());
+  write_file(std::filesystem::path(arguments.output).replace_extension(".svg"),
+             hardware::calibration_maps(fitted));
+  const auto adjust = hardware::cells_to_adjust(fitted, calibrator.lowest(), calibrator.highest());
+  std::printf("%zu cells, %zu to be adjusted or repaired\n", fitted.cells(), adjust.size());
+  for (const std::string& line : adjust) std::printf("%s\n", common::printable(line).c_str());
+  return exit_status(end);
 }
 
 bool is_command(const char* word) {
@@ -256,6 +359,11 @@ int main(int argc, char** argv) {
   const common::Termination termination("surface_bridge");
   try {
     if (argc > 1 && is_command(argv[1])) return ask(argc, argv);
+    if (argc > 1 && std::strcmp(argv[1], "calibrate") == 0) {
+      const auto options = parse_calibrate(argc - 1, argv + 1);
+      if (options) return calibrate(*options);
+      return std::fflush(stdout) == 0 ? common::kDone : common::kFailed;
+    }
     const auto options = parse(argc, argv);
     if (!options) return std::fflush(stdout) == 0 ? common::kDone : common::kFailed;
     return serve(*options);

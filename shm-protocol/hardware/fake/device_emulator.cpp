@@ -22,6 +22,7 @@
 #include <stdexcept>
 #include <thread>
 
+#include "common/files/AtomicFile.h"
 #include "common/process/StandardStreams.h"
 #include "shm-protocol/hardware/fake/EmulatedBoard.h"
 #include "shm-protocol/hardware/fake/PillarDevice.h"
@@ -53,6 +54,12 @@ constexpr const char* kUsage =
     "  --version-1      the boards speak version 1 of the byte protocol only\n"
     "  --queue BYTES    for the host; a full queue drops sensor frames [65536]\n"
     "  --blocking       writes wait for the host, as firmware must not\n"
+    "  --errors SEED    toy: each cell has zero, slope, dead band, speeds, lag, delay and sensor of its own, "
+    "some "
+    "are stuck or dead\n"
+    "  --truth FILE     write these secrets: row, column, zero, slope, play, speeds up and down, lag, delay, "
+    "zero "
+    "and noise of the sensor, state\n"
     "  --stop-at N      press the first board's emergency stop in its Nth period\n"
     "The line gets worse:\n"
     "  --drop P         probability that a byte is lost [0]\n"
@@ -78,6 +85,8 @@ struct Options {
   std::uint16_t rows = 16, columns = 16, board_rows = 1, board_columns = 1;
   std::uint64_t ticks = 0, stop_at = 0;
   std::optional<ssw_limits> limits;
+  std::optional<std::uint64_t> errors;
+  std::string truth;
   double drift_ppm = 0, storm = 0;
   bool once = false, help = false;
 };
@@ -131,6 +140,8 @@ void set(const std::string& flag, Options& o) {
   if (flag == "version-1") b.version_1 = true;
   if (flag == "queue") b.queue_bytes = parse<std::size_t>(flag, text, 0, std::size_t{1} << 30);
   if (flag == "blocking") b.blocking = true;
+  if (flag == "errors") o.errors = parse<std::uint64_t>(flag, text, 0, ~0ull);
+  if (flag == "truth") o.truth = text;
   if (flag == "stop-at") o.stop_at = count();
   if (flag == "drop") b.noise.drop = parse(flag, text, 0.0, 1.0);
   if (flag == "corrupt") b.noise.corrupt = parse(flag, text, 0.0, 1.0);
@@ -157,7 +168,8 @@ Options parse(int argc, char** argv) {
       {"acceleration", 1, nullptr, 1}, {"soft-start", 1, nullptr, 1}, {"most-moving", 1, nullptr, 1},
       {"drift-ppm", 1, nullptr, 1},    {"version-1", 0, nullptr, 1},  {"queue", 1, nullptr, 1},
       {"blocking", 0, nullptr, 1},     {"stop-at", 1, nullptr, 1},    {"storm", 1, nullptr, 1},
-      {"help", 0, nullptr, 1},         {nullptr, 0, nullptr, 0}};
+      {"errors", 1, nullptr, 1},       {"truth", 1, nullptr, 1},      {"help", 0, nullptr, 1},
+      {nullptr, 0, nullptr, 0}};
   Options o;
   for (int index = 0, flag; (flag = ::getopt_long(argc, argv, "", kKnown, &index)) != -1;) {
     if (flag != 1) throw std::invalid_argument("see --help");
@@ -166,6 +178,8 @@ Options parse(int argc, char** argv) {
   if (o.help) return o;
   if (o.device != "toy" && o.device != "pillars")
     throw std::invalid_argument("--device: '" + o.device + "' must be toy or pillars");
+  if (o.errors && o.device != "toy") throw std::invalid_argument("--errors needs --device toy");
+  if (!o.truth.empty() && !o.errors) throw std::invalid_argument("--truth needs --errors SEED");
   if (::optind != argc || o.board.link.empty() == (o.board.tcp < 0))
     throw std::invalid_argument("either --pty LINK or --tcp PORT is needed; see --help");
   return o;
@@ -201,7 +215,11 @@ class Emulator {
     const int count = o.board_rows * o.board_columns;
     for (int index = 0; index < count; ++index) boards.push_back(make_board(index, count));
     for (const auto& board : boards) std::printf("device %s\n", board->line().name().c_str());
-    if (!o.table.empty()) write_table();
+    if (!o.truth.empty())
+      write_file(o.truth,
+                 "row,column,zero,slope,play,speed_up,speed_down,lag,delay,sensor_zero,sensor_noise,state\n" +
+                     truth_);
+    if (!o.table.empty()) write_file(o.table, table_text());
     std::fflush(stdout);
     if (!o.pins.empty()) boards[0]->device().keep_pins_in(map_file(o.pins, std::size_t{o.rows} * o.columns));
     boards[0]->on_period = [this] { on_first_boards_period(); };
@@ -237,9 +255,17 @@ class Emulator {
     b.drift_ppm = o_.drift_ppm * (2 * uniform() - 1);
     b.clock_start_us = static_cast<std::uint32_t>(random_());
     const auto make =
-        [this](hardware::EmulatedDevice::Write write) -> std::unique_ptr<hardware::EmulatedDevice> {
-      if (o_.device == "toy")
-        return std::make_unique<hardware::ToyDevice>(o_.rows, o_.columns, o_.board.period_us, write);
+        [this, index](hardware::EmulatedDevice::Write write) -> std::unique_ptr<hardware::EmulatedDevice> {
+      if (o_.device == "toy") {
+        std::optional<std::uint64_t> errors = o_.errors;
+        if (errors) *errors = *errors * 4096 + static_cast<std::uint64_t>(index);
+        auto toy =
+            std::make_unique<hardware::ToyDevice>(o_.rows, o_.columns, o_.board.period_us, write, errors);
+        if (errors)
+          truth_ += toy->imperfect()->truth(o_.columns, std::size_t{o_.rows} * (index / o_.board_columns),
+                                            std::size_t{o_.columns} * (index % o_.board_columns));
+        return toy;
+      }
       auto pillars = std::make_unique<hardware::PillarDevice>(o_.rows, o_.columns, o_.board.period_us, write);
       pillars_ = pillars_ ? pillars_ : pillars.get();
       return pillars;
@@ -252,18 +278,22 @@ class Emulator {
 
   static std::string board_id(int index) { return "b" + std::to_string(index); }
 
-  void write_table() const {
-    std::FILE* file = std::fopen(o_.table.c_str(), "w");
-    if (!file) throw std::runtime_error("cannot write " + o_.table + ": " + std::strerror(errno));
-    std::fprintf(file, "name = \"%s\"\npitch = %g\nperiod_us = %u\n", o_.name.c_str(),
-                 static_cast<double>(boards[0]->device().firmware().hello.pitch), o_.board.period_us);
-    for (int i = 0; i < std::ssize(boards); ++i) {
-      const std::string id = o_.board.version_1 ? "" : "id = \"" + board_id(i) + "\"\n";
-      std::fprintf(file, "\n[[board]]\n%sdevice = \"%s\"\nat = [%d, %d]\n", id.c_str(),
-                   boards[i]->line().name().c_str(), i / o_.board_columns * o_.rows,
-                   i % o_.board_columns * o_.columns);
-    }
-    if (std::fclose(file) != 0) throw std::runtime_error("cannot write " + o_.table);
+  std::string table_text() const {
+    char text[256];
+    std::snprintf(text, sizeof text, "pitch = %g\nperiod_us = %u\n",
+                  static_cast<double>(boards[0]->device().firmware().hello.pitch), o_.board.period_us);
+    std::string all = "name = \"" + o_.name + "\"\n" + text;
+    for (int i = 0; i < std::ssize(boards); ++i)
+      all += "\n[[board]]\n" + (o_.board.version_1 ? "" : "id = \"" + board_id(i) + "\"\n") + "device = \"" +
+             boards[i]->line().name() + "\"\nat = [" + std::to_string(i / o_.board_columns * o_.rows) + ", " +
+             std::to_string(i % o_.board_columns * o_.columns) + "]\n";
+    return all;
+  }
+
+  // As a whole: a program may wait for the file.
+  static void write_file(const std::string& path, const std::string& text) {
+    if (const std::error_code error = common::replace_file(path, text))
+      throw std::runtime_error("cannot write " + path + ": " + error.message());
   }
 
   static void set_interrupts(std::uint32_t interval_us) {
@@ -359,6 +389,7 @@ class Emulator {
   Options o_;
   std::mt19937_64 random_;
   std::vector<pollfd> lines_;
+  std::string truth_;                          // CSV of all boards' errors
   hardware::PillarDevice* pillars_ = nullptr;  // the first board's, if it is one
   EmulatedBoard::Time next_storm_{};
   std::array<unsigned, 5> storm_counts_{};

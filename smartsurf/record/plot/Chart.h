@@ -1,83 +1,33 @@
-// Axes with round tick values, text and lines on a Cairo context, shared by all plots. Internal to this
+// What all plots of recordings share: the drawing of common/chart, and their subtitle. Internal to this
 // module.
-//
-// Coordinates are in points from the figure's upper left corner; a PNG has two pixels per point.
 #pragma once
 
-#include <cairo.h>
-
 #include <string>
-#include <vector>
+
+#include "common/chart/Chart.h"
 
 namespace smartsurf::record {
 
 class Recording;
 
-struct Rgba {
-  double r, g, b, a = 1.0;
-};
-constexpr Rgba kBlack{0.13, 0.13, 0.13}, kGrey{0.45, 0.45, 0.45}, kLightGrey{0.88, 0.88, 0.88},
-    kWhite{1, 1, 1};
-// Line colours for colour-blind readers (Okabe and Ito), and a grey.
-constexpr Rgba kLineColours[] = {{0.00, 0.45, 0.70}, {0.84, 0.37, 0.00}, {0.00, 0.62, 0.45},
-                                 {0.80, 0.47, 0.65}, {0.34, 0.71, 0.91}, {0.90, 0.62, 0.00},
-                                 {0.35, 0.35, 0.35}};
-
-enum class Align { kLeft, kCentre, kRight };
-
-struct Axis {
-  double min, max;  // in the data's unit; min > max: the axis is reversed
-  std::string title;
-  bool log = false;                          // 0 < min
-  std::vector<std::string> categories = {};  // at 0, 1, …, instead of numbers
-  // The position of a value: 0 at min, 1 at max.
-  double fraction(double value) const;
-};
-
-struct PlotArea {
-  double left, top, width, height;  // points
-  double right() const { return left + width; }
-  double bottom() const { return top + height; }
-};
-
-// A picture that can be drawn on any Cairo context.
-class Figure {
- public:
-  virtual ~Figure() = default;
-  virtual double width() const = 0;  // points
-  virtual double height() const = 0;
-  virtual void draw(cairo_t* cr) const = 0;
-};
-
-// Maps data coordinates to points and draws the axes.
-class Chart {
- public:
-  Chart(PlotArea area, Axis x, Axis y) : area_(area), x_(std::move(x)), y_(std::move(y)) {}
-  const PlotArea& area() const { return area_; }
-  double px(double x) const { return area_.left + x_.fraction(x) * area_.width; }
-  double py(double y) const { return area_.bottom() - y_.fraction(y) * area_.height; }
-  // Draws the frame, tick marks, tick labels and axis titles.
-  void draw_axes(cairo_t* cr) const;
-  void draw_grid(cairo_t* cr) const;  // a line at each tick of y
-  void clip(cairo_t* cr) const;       // clips to the area until cairo_restore()
-
- private:
-  PlotArea area_;
-  Axis x_, y_;
-};
-
-// Round numbers in [from, to], about five to nine of them.
-std::vector<double> tick_values(double from, double to);
-// Draws pixels, row by row from the top, as rectangles that fill the area.
-void draw_pixels(cairo_t* cr, const PlotArea& area, int columns, const std::vector<Rgba>& pixels);
-std::string format_number(double value);  // as by %g: "0.2", "45.25"
-
-void set_pen(cairo_t* cr, const Rgba& colour, double line_width = 1.0);
-void draw_line(cairo_t* cr, double x1, double y1, double x2, double y2);
-// Draws text with its baseline at y, scaled down if necessary to be no wider than `max_width`.
-void draw_text(cairo_t* cr, double x, double y, const std::string& text, double size, Align align,
-               bool bold = false, double max_width = 1e9);
-double text_width(cairo_t* cr, const std::string& text, double size);
+using common::Align;
+using common::Axis;
+using common::Chart;
+using common::draw_line;
+using common::draw_pixels;
+using common::draw_text;
+using common::Figure;
+using common::format_number;
+using common::kBlack;
+using common::kGreyPen;
+using common::kLightGreyPen;
+using common::kLineColours;
+using common::kWhite;
+using common::PlotArea;
+using common::Rgba;
+using common::set_pen;
+using common::text_width;
+using common::tick_values;
 
 // The subtitle of every figure: "sort.lua · seed 1 · 0 to 45.2 s".
 std::string subtitle(const Recording& recording);

@@ -192,7 +192,7 @@ void ChartFigure::Panel::draw(cairo_t* cr) const {
   const double width = axes.area().width;
   set_pen(cr, kBlack);
   draw_text(cr, kLeft, 28.0, spec.title, 17.0, Align::kLeft, true, width);
-  set_pen(cr, kGrey);
+  set_pen(cr, kGreyPen);
   draw_text(cr, kLeft, 48.0, spec.subtitle, 12.0, Align::kLeft, false, width);
   draw_legend(cr);
 }

@@ -128,7 +128,7 @@ void TimeSpentPlot::draw(cairo_t* cr) const {
   set_pen(cr, kBlack);
   const double max_width = chart_.area().width + kRightMargin - 20.0;
   draw_text(cr, chart_.area().left, 28.0, title_, 17.0, Align::kLeft, true, max_width);
-  set_pen(cr, kGrey);
+  set_pen(cr, kGreyPen);
   draw_text(cr, chart_.area().left, 48.0, subtitle_, 12.0, Align::kLeft, false, max_width);
 }
 

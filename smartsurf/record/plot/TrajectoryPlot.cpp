@@ -180,7 +180,7 @@ void TrajectoryPlot::draw_cells(cairo_t* cr) const {
     }
     cairo_close_path(cr);
   }
-  set_pen(cr, kLightGrey);
+  set_pen(cr, kLightGreyPen);
   cairo_fill(cr);
 }
 
@@ -193,7 +193,7 @@ void TrajectoryPlot::draw_surface(cairo_t* cr) const {
     cairo_rectangle(cr, x, y, chart_.px(west + wide - inset) - x, chart_.py(south + inset) - y);
   };
   rectangle(0.0);
-  set_pen(cr, s.border_height && s.cell_poses.empty() ? kLightGrey : kWhite);
+  set_pen(cr, s.border_height && s.cell_poses.empty() ? kLightGreyPen : kWhite);
   cairo_fill(cr);
   if (!s.cell_poses.empty()) draw_cells(cr);
   if (s.border_height && s.cell_poses.empty() && s.rows > 2 && s.columns > 2) {
@@ -202,13 +202,13 @@ void TrajectoryPlot::draw_surface(cairo_t* cr) const {
     cairo_fill(cr);
   }
   rectangle(0.0);
-  set_pen(cr, kGrey, 1.2);
+  set_pen(cr, kGreyPen, 1.2);
   cairo_stroke(cr);
   if (!has_size_classes_) return;
   const double centre = chart_.px((outline.west + outline.east) / 2.0);
   const double dots[] = {1.5, 3.0};
   cairo_set_dash(cr, dots, 2, 0.0);
-  set_pen(cr, kGrey, 1.0);
+  set_pen(cr, kGreyPen, 1.0);
   draw_line(cr, centre, chart_.py(south + high), centre, chart_.py(south));
   cairo_set_dash(cr, nullptr, 0, 0.0);
 }
@@ -268,7 +268,7 @@ void TrajectoryPlot::draw(cairo_t* cr) const {
   chart_.draw_axes(cr);
   set_pen(cr, kBlack);
   draw_text(cr, area.left, 28.0, "Trajectories", 17.0, Align::kLeft, true);
-  set_pen(cr, kGrey);
+  set_pen(cr, kGreyPen);
   draw_text(cr, area.left, 48.0, subtitle_, 12.0, Align::kLeft, false, area.width);
   draw_legend(cr);
 }

@@ -124,7 +124,8 @@ class LiveRecordings(ProgramTest):
     def test_bridge_records_its_table(self):
         self.shm = f"tb-{os.getpid()}"  # leaves room for .boards
         table = self.folder / "t.toml"
-        self.start(str(EMULATOR), "--tcp", "0", "--boards", "2x1", "--size", "4x4", "--period-ms", "20", "--table", str(table))
+        self.start(str(EMULATOR), "--tcp", "0", "--boards", "2x1", "--size", "4x4", "--period-ms", "20", "--table", str(table),
+                   "--slew", "3", "--most-moving", "5")
         while not table.exists():
             time.sleep(0.05)
         time.sleep(0.1)
@@ -141,6 +142,14 @@ class LiveRecordings(ProgramTest):
             known = f["boards/valid"][:, 0] <= 1
             self.assertGreater(known.sum(), 60)
             numpy.testing.assert_array_equal(valid[known, 0, 0], f["boards/valid"][:, 0][known])
+            # Limits, and the command in force: what the board echoes a tick later.
+            self.assertTrue((f["boards/slew.height"][:][known] == 3).all() and (f["boards/most_moving.height"][:][known] == 5).all())
+            self.assertTrue((f["boards/acceleration.height"][:][known] == 0).all())
+            self.assertTrue((f["boards/limited"][:, 0][known][-1] > 0) and (f["boards/flags"][:, 0][known] & 8).any())
+            in_force = f["boards/in_force"][:, 0]
+            follows = known & (in_force < 2**32 - 1)
+            self.assertGreater(follows.sum(), 40)
+            self.assertTrue((in_force[follows] < f["tick"][:][follows]).all())
             self.assertTrue((f["boards/tick"][:, 1][known][1:] >= f["boards/tick"][:, 1][known][:-1]).all())
 
 

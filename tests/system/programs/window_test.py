@@ -1,4 +1,5 @@
 """The APRON window on a virtual display, and its screenshots and videos."""
+import ctypes
 import shutil
 
 from programs import *
@@ -124,6 +125,58 @@ class ApronWindow(ProgramTest):
         finally:
             os.environ.pop("XDG_CONFIG_HOME")
         self.assertEqual(sorted(p.name for p in self.folder.iterdir()), ["a.aps", "config"])
+
+    def press(self, keysym):
+        """Sends a press and a release of a key to the only window of the display."""
+        x = ctypes.CDLL("libX11.so.6")
+        x.XOpenDisplay.restype = ctypes.c_void_p
+        x.XDefaultRootWindow.argtypes, x.XDefaultRootWindow.restype = [ctypes.c_void_p], ctypes.c_ulong
+        x.XCloseDisplay.argtypes = [ctypes.c_void_p]
+
+        class Key(ctypes.Structure):
+            _fields_ = [("type", ctypes.c_int), ("serial", ctypes.c_ulong), ("sent", ctypes.c_int), ("display", ctypes.c_void_p),
+                        ("window", ctypes.c_ulong), ("root", ctypes.c_ulong), ("subwindow", ctypes.c_ulong), ("time", ctypes.c_ulong),
+                        ("at", ctypes.c_int * 4), ("state", ctypes.c_uint), ("keycode", ctypes.c_uint), ("same_screen", ctypes.c_int),
+                        ("rest", ctypes.c_char * 128)]
+
+        display = ctypes.c_void_p(x.XOpenDisplay(None))
+        root, parent, count = ctypes.c_ulong(), ctypes.c_ulong(), ctypes.c_uint()
+        windows = ctypes.POINTER(ctypes.c_ulong)()
+        x.XQueryTree(display, ctypes.c_ulong(x.XDefaultRootWindow(display)), ctypes.byref(root), ctypes.byref(parent),
+                     ctypes.byref(windows), ctypes.byref(count))
+        for window in windows[:count.value]:
+            for time_ms, kind in enumerate((2, 3)):  # KeyPress, KeyRelease
+                key = Key(type=kind, display=display, window=window, root=root, time=1000 + 50 * time_ms, same_screen=1,
+                          keycode=x.XKeysymToKeycode(display, ctypes.c_ulong(keysym)))
+                x.XSendEvent(display, ctypes.c_ulong(window), 1, ctypes.c_long(kind - 1), ctypes.byref(key))
+                x.XFlush(display)
+                time.sleep(0.2)
+        x.XCloseDisplay(display)
+
+    def test_f9_stops_the_boards_of_a_bridge(self):
+        bridge, emulator, table = BIN / "surface_bridge", BIN / "device_emulator", self.folder / "t.toml"
+        surface = f"f9-{os.getpid()}"  # leaves room for .boards
+        self.start(str(emulator), "--tcp", "0", "--boards", "2x1", "--size", "4x4", "--period-ms", "20", "--table", str(table))
+        while not table.exists():
+            time.sleep(0.05)
+        self.start(str(bridge), "--table", str(table), "--shm", surface)
+        window = self.start(APRON, "run", str(ROOT / "scripts/hardware/raise.aps"), "--shm", surface, "--window", "--wait", "30")
+
+        def status(word, seconds=30):
+            until = time.monotonic() + seconds
+            while time.monotonic() < until:
+                text = subprocess.run([bridge, "status", surface], capture_output=True, text=True).stdout
+                if word in text:
+                    return True
+                time.sleep(0.2)
+            return False
+        self.assertTrue(status("emergency_stop none"))
+        for attempt in range(20):  # until the window is there
+            self.press(0xFFC6)
+            if status("emergency_stop by the user", 0.5):
+                break
+        self.assertTrue(status("emergency_stop by the user", 0.5))
+        self.assertIsNone(window.poll())
 
     def test_both_windows_open_and_end_with_the_run(self):
         child = self.start(SMARTSURF, "run", SORT_LUA, "--controller", SORT_APS, "--window", "--close", "--pace", "max",

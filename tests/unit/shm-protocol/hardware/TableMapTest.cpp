@@ -170,9 +170,9 @@ TEST(TableMap, BoardsMayDifferInChannelsAndMaskCells) {
   map.freeze();
   ASSERT_EQ(map.channels().size(), 4u);
   std::vector<float> from{1, 2, 3, 4};
-  std::vector<std::uint8_t> to(8, 9);
+  std::vector<float> to(8, 9);
   copy_to_table(map.boards()[1], map.boards()[1].channels[0], 1, from.data(), to.data(), 8);
-  EXPECT_EQ(to, (std::vector<std::uint8_t>{9, 9, 1, 9, 9, 9, 3, 4}));
+  EXPECT_EQ(to, (std::vector<float>{9, 9, 1, 9, 9, 9, 3, 4}));
   // After the start, a board that comes back must fit.
   EXPECT_NO_THROW(map.mount(1, cells));
   EXPECT_THROW(map.mount(1, board_of(3, 2)), std::invalid_argument);

@@ -1,0 +1,63 @@
+// The calibration of a table: what `surface_bridge calibrate` has fitted for each cell, its file, and its use
+// by the bridge.
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "shm-protocol/hardware/bridge/CellModel.h"
+#include "shm-protocol/hardware/bridge/TableFile.h"
+#include "shm-protocol/hardware/bridge/TableMap.h"
+
+namespace hardware {
+
+class Calibration {
+ public:
+  // Where a board was when it was calibrated.
+  struct Place {
+    std::string id;
+    std::uint32_t row = 0, column = 0;
+    int turn = 0;
+    bool mirror = false;
+    std::size_t line = 0;  // of the file; 0: none
+  };
+
+  // Throws std::invalid_argument with one line that names file, line, key and value.
+  static Calibration read(const std::filesystem::path&);
+  // The file's text.
+  std::string text() const;
+
+  // Throws std::invalid_argument likewise if the calibration is of another table.
+  void require_table(const TableSpec&) const;
+  void require_map(const TableMap&);
+
+  // Subtracts the sensors' zeros. `readings`: the sensor's plane, by the table's cells.
+  void correct_readings(std::span<float> readings) const;
+  // Replaces heights by the commands under which the cells reach them: (height - zero ± play / 2) / slope,
+  // with + if the cell's height rose last. `heights`: the actuator's plane.
+  void correct_commands(std::span<float> heights);
+
+  std::size_t cells() const { return std::size_t{rows} * columns; }
+
+  std::string file, table, actuator, sensor, unit;
+  std::uint32_t rows = 0, columns = 0, period_us = 0;
+  bool has_rest = false;  // the zero of the sensors was measured
+  std::vector<Place> boards;
+  std::vector<CellFit> fits;  // by the table's cells
+
+ private:
+  std::vector<float> last_;           // heights
+  std::vector<std::int8_t> upwards_;  // 1 or -1: where the height went last; 0: nowhere yet
+};
+
+// A line for each cell that someone with a screwdriver should look at: it does not answer, does not reach the
+// ends of the range, from `lowest` to `highest`, or is far from the other cells.
+std::vector<std::string> cells_to_adjust(const Calibration&, double lowest, double highest);
+
+// A map of the states and of each parameter, as SVG.
+std::string calibration_maps(const Calibration&);
+
+}  // namespace hardware

@@ -1,0 +1,258 @@
+// Calibration: fits of secret pins against their secrets, the file, and its use in both directions.
+#include "shm-protocol/hardware/bridge/Calibration.h"
+
+#include <gtest/gtest.h>
+#include <unistd.h>
+
+#include <cmath>
+#include <filesystem>
+#include <fstream>
+#include <random>
+
+#include "shm-protocol/hardware/bridge/Calibrator.h"
+#include "shm-protocol/hardware/fake/ImperfectPins.h"
+
+namespace hardware {
+namespace {
+
+constexpr double kRange = 4, kPeriod_s = 0.01, kResolution = 0.001;
+
+// What a calibration would record of these pins, with every twentieth frame lost.
+struct Recording {
+  Recording(ImperfectPins& pins, std::uint32_t seed, const std::vector<float>& plan) {
+    std::mt19937 random(seed);
+    const std::size_t cells = pins.cells().size();
+    at_rest.resize(cells);
+    readings.resize(cells);
+    for (int k = 0; k < 100; ++k)
+      for (std::size_t cell = 0; cell < cells; ++cell) at_rest[cell].push_back(read(pins, cell));
+    std::vector<float> u(cells);
+    const auto drive = [&](float value) {
+      std::ranges::fill(u, value);
+      pins.advance(u);
+    };
+    for (int k = 0; k < 100; ++k) drive(0.05F * kRange);
+    for (int k = 0; k < 100; ++k) drive(plan[0] * static_cast<float>(kRange));
+    for (const float fraction : plan) {
+      command.push_back(fraction * static_cast<float>(kRange));
+      drive(command.back());
+      valid.push_back(random() % 20 != 0);
+      for (std::size_t cell = 0; cell < cells; ++cell) readings[cell].push_back(read(pins, cell));
+    }
+  }
+  static float read(ImperfectPins& pins, std::size_t cell) {
+    return static_cast<float>(std::round(pins.read(cell) / kResolution) * kResolution);
+  }
+  CellFit fit(std::size_t cell) const {
+    return fit_cell({kPeriod_s, command, readings[cell], valid, true, at_rest[cell], 0, kResolution});
+  }
+  std::vector<float> command;
+  std::vector<std::uint8_t> valid;
+  std::vector<std::vector<float>> readings, at_rest;
+};
+
+std::array<double, CellFit::kCount> secrets(const ImperfectPins::Cell& c) {
+  return {c.zero,        c.slope, c.play, c.speed_up, c.speed_down, c.lag_s, static_cast<double>(c.delay),
+          c.sensor_zero, c.noise};
+}
+
+// CALIBRATION_TEST_SEEDS=50 tries 50 tables.
+TEST(Calibration, IntervalsHoldTheSecretsOfAllButOneInTwenty) {
+  int held = 0, all = 0;
+  const char* const seeds = std::getenv("CALIBRATION_TEST_SEEDS");
+  for (std::uint32_t seed = 1; seed <= (seeds ? std::stoul(seeds) : 2); ++seed) {
+    ImperfectPins pins(40, kRange, kPeriod_s, seed);
+    const Recording recording(pins, seed, calibration_plan(20));
+    for (std::size_t cell = 0; cell < pins.cells().size(); ++cell) {
+      const ImperfectPins::Cell& secret = pins.cells()[cell];
+      const CellFit fit = recording.fit(cell);
+      ASSERT_EQ(static_cast<int>(fit.state), secret.state) << seed << " " << cell;
+      if (secret.state != 0) continue;
+      const auto truth = secrets(secret);
+      EXPECT_EQ(fit.value[CellFit::kDelay], secret.delay) << seed << " " << cell;
+      for (std::size_t p = 0; p < CellFit::kCount; ++p) {
+        if (p == CellFit::kDelay) continue;
+        ++all;
+        held += std::abs(fit.value[p] - truth[p]) <= 1.96 * fit.error[p];
+        EXPECT_LE(std::abs(fit.value[p] - truth[p]), 5 * fit.error[p])
+            << kCellParameters[p].name << " " << cell;
+        // An interval that holds everything says nothing.
+        EXPECT_LE(fit.error[p],
+                  p == CellFit::kLag || p == CellFit::kPlay ? 0.002 : 0.03 * std::abs(truth[p]) + 0.002)
+            << kCellParameters[p].name << " " << cell;
+      }
+    }
+  }
+  EXPECT_GT(held, 0.92 * all) << "of " << all;
+  EXPECT_LT(held, 0.98 * all) << "of " << all;
+}
+
+TEST(Calibration, SpeedThatWasNeverReachedIsNotReported) {
+  CellModel model;
+  model.lag_s = 0.05;
+  const auto plan = calibration_plan(20);
+  CellMotion motion(model, kPeriod_s, static_cast<double>(plan[0]), true);
+  std::mt19937 random(3);
+  std::vector<float> readings;
+  for (const float u : plan)
+    readings.push_back(static_cast<float>(motion.advance(static_cast<double>(u)) +
+                                          1e-3 * (static_cast<double>(random() % 1000) / 1000 - 0.5)));
+  const std::vector<std::uint8_t> valid(plan.size(), 1);
+  const CellFit fit = fit_cell({kPeriod_s, plan, readings, valid, true, {}, 0, 0});
+  EXPECT_EQ(fit.value[CellFit::kSpeedUp], 0);
+  EXPECT_EQ(fit.value[CellFit::kSpeedDown], 0);
+  EXPECT_NEAR(fit.value[CellFit::kLag], 0.05, 0.001);
+  EXPECT_EQ(fit.error[CellFit::kSensorZero], 0) << "not known without rest";
+}
+
+class CalibrationFile : public testing::Test {
+ protected:
+  CalibrationFile() {
+    pins_.emplace(6, kRange, kPeriod_s, 11);
+    calibration_.table = "t";
+    calibration_.actuator = "height";
+    calibration_.sensor = "pin_height";
+    calibration_.unit = "u";
+    calibration_.rows = 2;
+    calibration_.columns = 3;
+    calibration_.period_us = 10000;
+    calibration_.boards = {{"a", 0, 0, 0, false, 0}};
+    for (const ImperfectPins::Cell& c : pins_->cells()) {
+      CellFit fit;
+      fit.state = CellState::kGood;
+      fit.value = secrets(c);
+      fit.error.fill(0.25);
+      calibration_.fits.push_back(fit);
+    }
+  }
+  ~CalibrationFile() override { std::filesystem::remove(path_); }
+  const std::string& write(const std::string& text) {
+    std::ofstream(path_) << text;
+    return path_;
+  }
+  std::string error(const std::string& text, const TableSpec* spec = nullptr) {
+    try {
+      const Calibration c = Calibration::read(write(text));
+      if (spec) c.require_table(*spec);
+    } catch (const std::invalid_argument& e) {
+      const std::string line = e.what();
+      EXPECT_EQ(line.find('\n'), line.npos) << line;
+      EXPECT_TRUE(line.starts_with(path_ + ":")) << line;
+      return line.substr(std::min(line.size(), path_.size() + 1));
+    }
+    return "none";
+  }
+  static std::string replaced(std::string text, const std::string& from, const std::string& to) {
+    const std::size_t at = text.find(from);
+    EXPECT_NE(at, text.npos) << from;
+    return text.replace(at, from.size(), to);
+  }
+
+  std::string path_ = testing::TempDir() + "calibration-" + std::to_string(::getpid()) + ".toml";
+  std::optional<ImperfectPins> pins_;
+  Calibration calibration_;
+};
+
+TEST_F(CalibrationFile, IsReadAsWritten) {
+  const Calibration read = Calibration::read(write(calibration_.text()));
+  EXPECT_EQ(read.table, "t");
+  ASSERT_EQ(read.fits.size(), 6u);
+  for (std::size_t cell = 0; cell < 6; ++cell)
+    for (std::size_t p = 0; p < CellFit::kCount; ++p) {
+      EXPECT_NEAR(read.fits[cell].value[p], calibration_.fits[cell].value[p],
+                  1e-5 * std::abs(calibration_.fits[cell].value[p]));
+      EXPECT_EQ(read.fits[cell].error[p], 0.25);
+    }
+  EXPECT_EQ(read.text(), calibration_.text());
+}
+
+TEST_F(CalibrationFile, MistakesAreNamedWithTheirLine) {
+  const std::string text = calibration_.text();
+  EXPECT_EQ(error(replaced(text, "0.25", "nan")),
+            "30: zero: error of row 0, column 0 is nan, must be a number from -1e+06 to 1e+06");
+  EXPECT_EQ(error(replaced(text, "0.25, 0.25", "0.25, 1e300")),
+            "30: zero: error of row 0, column 1 is 1e+300, must be a number from -1e+06 to 1e+06");
+  EXPECT_EQ(error(replaced(text, "0.25, ", "")),
+            "30: zero: error has a row of 2; 2 rows of 3 numbers are needed");
+  EXPECT_EQ(error(replaced(text, "0.25", "\"much\"")).substr(0, 54),
+            "30: zero: error of row 0, column 0 is not a number, mu");
+  EXPECT_EQ(error(replaced(text, "0.25", "-0.25")), "30: zero: error -0.25 must not be negative");
+  EXPECT_EQ(error(replaced(text, "size = [2, 3]", "size = [60000, 60000]")),
+            "18: state: value must have 60000 rows");
+  EXPECT_EQ(error(replaced(text, "[0, 0, 0]", "[0, 7, 0]")),
+            "20: state: value of row 0, column 1 is 7.0, must be a number from -2.0 to 2.0");
+  EXPECT_EQ(error(replaced(text, "smartsurf calibration 1", "smartsurf calibration 9")).substr(0, 23),
+            "3: format must be \"smar");
+  EXPECT_EQ(error(replaced(text, "[lag]", "[leg]")), "1: [lag] is missing: the file is not whole");
+}
+
+// Cut at any place, a file is refused in one line, or at the end whole.
+TEST_F(CalibrationFile, CutIsRefused) {
+  const std::string text = calibration_.text();
+  for (std::size_t length = 0; length + 3 < text.size(); length += 13)
+    EXPECT_NE(error(text.substr(0, length)), "none") << length;
+}
+
+TEST_F(CalibrationFile, OfAnotherTableIsRefused) {
+  TableSpec spec;
+  spec.file = "table.toml";
+  spec.period_us = 10000;
+  TableBoard board;
+  board.id = "a";
+  board.line = 5;
+  spec.boards = {board};
+  const std::string text = calibration_.text();
+  EXPECT_EQ(error(text, &spec), "none");
+  spec.boards[0].turn = 90;
+  EXPECT_EQ(error(text, &spec),
+            "12: is the calibration of another table: table.toml has no board 'a' at [0, 0], turn 0");
+  spec.boards = {board, board};
+  spec.boards[1].id = "b";
+  EXPECT_EQ(error(text, &spec),
+            " is the calibration of another table: it has no board 'b' at [0, 0], turn 0 (table.toml:5)");
+  spec.boards = {board};
+  spec.period_us = 5000;
+  EXPECT_EQ(error(text, &spec),
+            " is the calibration of another table: period_us is 10000, that of table.toml is 5000");
+}
+
+TEST_F(CalibrationFile, LeadsTheCellsWhereTheyAreSent) {
+  Calibration c = Calibration::read(write(calibration_.text()));
+  ImperfectPins uncorrected(6, kRange, kPeriod_s, 11);
+  std::vector<float> heights(6), commands(6), readings(6);
+  double with = 0, without = 0;
+  for (const float target : {2.0F, 3.0F, 1.5F, 1.0F, 2.5F}) {
+    std::ranges::fill(heights, target);
+    for (int k = 0; k < 200; ++k) {
+      commands = heights;
+      c.correct_commands(commands);
+      pins_->advance(commands);
+      uncorrected.advance(heights);
+    }
+    for (std::size_t cell = 0; cell < 6; ++cell) readings[cell] = static_cast<float>(pins_->read(cell));
+    c.correct_readings(readings);
+    for (std::size_t cell = 0; cell < 6; ++cell) {
+      if (pins_->cells()[cell].state != 0) continue;
+      // Before its first change, a height has no direction.
+      if (target == 2.0F) continue;
+      EXPECT_NEAR(readings[cell], target, 0.06F) << cell;
+      with += std::abs(static_cast<double>(readings[cell] - target));
+      without += std::abs(uncorrected.read(cell) - static_cast<double>(target));
+    }
+  }
+  EXPECT_LT(with, without / 3);
+}
+
+TEST_F(CalibrationFile, NamesTheCellsToAdjust) {
+  for (CellFit& fit : calibration_.fits) fit.value = {0, 1, 0.01, 10, 10, 0.02, 0, 0, 0.004};
+  EXPECT_TRUE(cells_to_adjust(calibration_, 0, kRange).empty());
+  calibration_.fits[0].state = CellState::kStuck;
+  calibration_.fits[2].value[CellFit::kSlope] = 0.8;
+  calibration_.fits[4].value[CellFit::kSpeedUp] = 4;
+  EXPECT_EQ(cells_to_adjust(calibration_, 0, kRange),
+            (std::vector<std::string>{"row 0 column 0: stuck", "row 0 column 2: reaches 3.2 u of 4.0",
+                                      "row 1 column 1: slow upwards"}));
+}
+
+}  // namespace
+}  // namespace hardware
