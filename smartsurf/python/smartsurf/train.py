@@ -27,7 +27,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("task", metavar="TASK")
     parser.add_argument("--method", choices=("cem", "ppo"), default="cem", help="[cem]")
     parser.add_argument("--policy", choices=("local", "cnn", "mlp"), default="local", help="cem: local only [local]")
-    parser.add_argument("--hidden", type=_sizes, metavar="N,…", help="units of the hidden layers [cem 4, ppo 16]")
+    parser.add_argument("--hidden", type=_sizes, metavar="N,…", help="units of the hidden layers, 0 for none [cem 4, ppo 16]")
     parser.add_argument("--iterations", type=_whole, default=30, help="generations or updates [30]")
     parser.add_argument("--seed", type=int, default=1, help="of everything random [1]")
     parser.add_argument("--threads", type=_whole, default=len(os.sched_getaffinity(0)), help="that compute worlds [one per core]")
@@ -38,10 +38,11 @@ def main(arguments: Sequence[str] | None = None) -> None:
     of_cem.add_argument("--deviation", type=float, default=0.5, help="of the parameters at the start [0.5]")
     of_cem.add_argument("--memory", type=int, default=0, help="values that each cell remembers [0]")
     of_cem.add_argument("--substeps", type=_whole, default=1, help="how often the network is applied in a tick; needs memory [1]")
-    of_cem.add_argument("--diagonal", action="store_true", help="cells also read their four diagonal neighbours")
+    of_cem.add_argument("--neighbours", type=int, choices=(0, 4, 8), default=4, help="that each cell reads [4]")
     of_ppo = parser.add_argument_group("ppo")
     of_ppo.add_argument("--worlds", type=_whole, default=32, help="[32]")
-    of_ppo.add_argument("--horizon", type=_whole, default=64, help="ticks between two updates [64]")
+    of_ppo.add_argument("--horizon", type=_whole, default=64, help="decisions between two updates [64]")
+    of_ppo.add_argument("--hold", type=_whole, default=6, help="ticks of a decision, while it learns [6]")
     of_ppo.add_argument("--epochs", type=_whole, default=4, help="of an update [4]")
     of_ppo.add_argument("--discount", type=float, default=0.98, help="[0.98]")
     of_ppo.add_argument("--learning-rate", type=float, default=1e-3, help="[0.001], which falls to 0")
@@ -68,7 +69,7 @@ def _whole(text: str) -> int:
 
 
 def _sizes(text: str) -> tuple[int, ...]:
-    return tuple(_whole(part) for part in text.split(","))
+    return () if text == "0" else tuple(_whole(part) for part in text.split(","))
 
 
 if __name__ == "__main__":

@@ -151,14 +151,22 @@ def train_cem(make: Make, how: argparse.Namespace, folder: pathlib.Path, title: 
     channels = envs.actuator_channels
     inputs = [*input_names(envs.sensor_channels), "row", "column"]
     actions = [(c.name, c.minimum, c.maximum) for c in channels]
-    sizes = (tuple(how.hidden), how.memory)
-    count = LocalPolicy.parameters(len(inputs), len(actions), *sizes, how.diagonal)
+    sizes, diagonal = (tuple(how.hidden), how.memory), how.neighbours == 8
+    everything = LocalPolicy.parameters(len(inputs), len(actions), *sizes, diagonal)
+    # Which numbers of a network's vector the search varies; without neighbours, the weights of the own cell and the biases.
+    varied = np.arange(everything)
+    if how.neighbours == 0:
+        numbered = LocalPolicy.from_vector(1.0 + varied, inputs, actions, *sizes)
+        varied = np.concatenate([part.ravel() for w, b in numbered.layers for part in (w[:, :, 0], b)]).astype(int) - 1
+    count = len(varied)
     # Inputs of about 1, and outputs around the middle of the range of commands, for numbers of about 1.
     scales = [_scale(c.minimum, c.maximum) for c in envs.sensor_channels for _ in range(c.components)]
     scales += [2 / envs.rows, 2 / envs.columns]
 
     def policy(vector: Vector) -> LocalPolicy:
-        made = LocalPolicy.from_vector(vector, inputs, actions, *sizes, how.substeps, how.diagonal)
+        numbers = np.zeros(everything)
+        numbers[varied] = vector
+        made = LocalPolicy.from_vector(numbers, inputs, actions, *sizes, how.substeps, diagonal)
         first, last = made.layers[0][0], made.layers[-1]
         first[:, :len(scales)] *= np.array(scales, np.float32)[:, None]
         for k, (_, low, high) in enumerate(actions):
@@ -296,7 +304,8 @@ def train_ppo(make: Make, how: argparse.Namespace, folder: pathlib.Path, title: 
         for group in optimizer.param_groups:
             group["lr"] = how.learning_rate * (1 - iteration / how.iterations)
         seen, taken, logs, values, rewards, ends = [], [], [], [], [], []
-        returns, won = [], []
+        returns: list[float] = []
+        won: list[bool] = []
         for _ in range(how.horizon):
             with torch.no_grad():
                 noise = torch.distributions.Normal(mean(observation), log_std.exp())
@@ -305,23 +314,28 @@ def train_ppo(make: Make, how: argparse.Namespace, folder: pathlib.Path, title: 
                 taken.append(action)
                 logs.append(noise.log_prob(action))
                 values.append(critic(observation)[:, 0])
-            commands = (high + low) / 2 + (high - low) / 2 * np.clip(action.numpy(), -1, 1)
-            after, reward, terminated, truncated, infos = envs.step(commands.astype(np.float32))
-            reward, over = np.nan_to_num(reward), terminated | truncated
-            running += reward
-            if over.any():
-                returns += list(running[over])
-                won += list(infos["final_info"]["success"][over])
-                running[over] = 0
-                cut = truncated & ~terminated
-                if cut.any():  # an end by time is none: the value of the last state goes on
-                    last = tensor(np.stack([infos["final_obs"][i] for i in np.flatnonzero(cut)]))
-                    with torch.no_grad():
-                        reward[cut] += how.discount * critic(last)[:, 0].numpy() / share
+            commands = ((high + low) / 2 + (high - low) / 2 * np.clip(action.numpy(), -1, 1)).astype(np.float32)
+            reward, over = np.zeros(worlds), np.zeros(worlds, np.bool_)
+            for _ in range(how.hold):
+                after, tick_reward, terminated, truncated, infos = envs.step(commands)
+                tick_reward = np.where(over, 0, np.nan_to_num(tick_reward))  # those of the next episode count from its decision on
+                reward += tick_reward / how.hold
+                running += tick_reward
+                samples += int((~over).sum())
+                ends_now = (terminated | truncated) & ~over
+                if ends_now.any():
+                    returns += list(running[ends_now])
+                    won += list(infos["final_info"]["success"][ends_now])
+                    running[ends_now] = 0
+                    cut = ends_now & truncated & ~terminated
+                    if cut.any():  # an end by time is none: the value of the last state goes on
+                        last = tensor(np.stack([infos["final_obs"][i] for i in np.flatnonzero(cut)]))
+                        with torch.no_grad():
+                            reward[cut] += how.discount * critic(last)[:, 0].numpy() / share
+                    over |= ends_now
             rewards.append(torch.tensor(reward * share, dtype=torch.float32))
             ends.append(torch.tensor(over, dtype=torch.float32))
             observation = tensor(after)
-            samples += worlds
         with torch.no_grad():  # generalised advantage estimation
             value, advantage, advantages = critic(observation)[:, 0], torch.zeros(worlds), []
             for t in reversed(range(how.horizon)):

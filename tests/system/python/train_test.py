@@ -67,7 +67,7 @@ class Training(ExperimentTest):
         return simulation.state_hash
 
     def test_cem_learns_the_same_policy_with_any_number_of_threads(self):
-        script, how = self.script(PLATE), ["--iterations", 2, "--candidates", 6, "--runs", 1, "--hidden", 2, "--diagonal", "--memory", 1,
+        script, how = self.script(PLATE), ["--iterations", 2, "--candidates", 6, "--runs", 1, "--hidden", 2, "--neighbours", 8, "--memory", 1,
                                            "--substeps", 2]
         rows = self.train(script, *how, "--threads", 1, folder="one")
         self.assertEqual([row["episodes"] for row in rows], ["6", "12"])
@@ -156,9 +156,9 @@ class Training(ExperimentTest):
         script, task = self.script(PLATE), f"{self.script(TASK, 'task.py')}:East"
         for policy, of in (("local", script), ("cnn", script), ("mlp", task)):
             with self.subTest(policy=policy):
-                how = ["--method", "ppo", "--policy", policy, "--hidden", 4, "--iterations", 3, "--worlds", 4, "--horizon", 70]
+                how = ["--method", "ppo", "--policy", policy, "--hidden", 4, "--iterations", 3, "--worlds", 4, "--horizon", 12]
                 rows = self.train(of, *how, "--threads", 1, folder=policy)
-                self.assertEqual([row["samples"] for row in rows], ["280", "560", "840"])
+                self.assertEqual([row["samples"] for row in rows], ["288", "576", "864"])
                 again = self.train(of, *how, "--threads", 2, folder="again")
                 self.assertEqual([row["return"] for row in rows], [row["return"] for row in again])
                 if HAS_ONNX and policy != "mlp":
