@@ -40,7 +40,8 @@ class OnnxPolicy:
         planes = {name if count == 1 else f"{name}.{'rgb'[k]}" for name, count in sensors.items() for k in range(min(count, 3))}
         for name in self._inputs:
             if name not in ("observation", *planes) and not name.startswith("MEMORY"):
-                raise ValueError(f"{path}: its input '{name}' is no sensor channel: there are observation, {', '.join(sorted(planes))}")
+                raise ValueError(f"{path}: its input '{name}' is no sensor channel: there are observation, "
+                                 f"{', '.join(sorted(planes))}")
         for name in self._outputs:
             if name not in ("action", *actuators) and not name.startswith("NEXT_MEMORY"):
                 raise ValueError(f"{path}: its output '{name}' is no actuator channel: there are action, {', '.join(actuators)}")

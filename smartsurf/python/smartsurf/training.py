@@ -216,6 +216,21 @@ def _scale(low: float, high: float) -> float:
     return 1 / size if np.isfinite(size) and size > 0 else 1.0
 
 
+def local_policy(layers: Sequence[tuple[NDArray[Any], NDArray[Any]]], sensors: Sequence[Channel], actuators: Sequence[Channel],
+                 rows: int, columns: int) -> LocalPolicy:
+    """The LocalPolicy that computes what a network of convolutions does. Its inputs are all sensor planes, each divided by the
+    largest size of its channel's values, then row and column from −1 to 1; its outputs from −1 to 1 are the channels' ranges."""
+    weights = [square(w).astype(np.float64) for w, _ in layers]
+    biases = [np.asarray(b, np.float64) for _, b in layers]
+    scales = [_scale(c.minimum, c.maximum) for c in sensors for _ in range(c.components)]
+    weights[0] *= np.array([*scales, 2 / rows, 2 / columns])[:, None]
+    half, middle = (np.array([c.maximum + sign * c.minimum for c in actuators]) / 2 for sign in (-1, 1))
+    weights[-1] = weights[-1] * half[:, None, None]
+    biases[-1] = biases[-1] * half + middle
+    return LocalPolicy([*input_names(sensors), "row", "column"], [(c.name, c.minimum, c.maximum) for c in actuators],
+                       list(zip(weights, biases)))
+
+
 # ---- proximal policy optimization
 
 
@@ -244,25 +259,24 @@ def train_ppo(make: Make, how: argparse.Namespace, folder: pathlib.Path, title: 
                            for _ in range(c.components)], np.float32)[:, None, None]
     cells = len(channels) * rows * columns
 
-    def convolutions(inputs: int, outputs: int) -> Any:
+    def hidden(layer: Callable[[int, int], Any], inputs: int) -> list[Any]:
         sizes = [inputs, *how.hidden]
-        layers = [part for m, n in zip(sizes, sizes[1:]) for part in (nn.Conv2d(m, n, 3, padding=1), nn.ReLU())]
-        return nn.Sequential(*layers, nn.Conv2d(sizes[-1], outputs, 3, padding=1))
+        return [part for m, n in zip(sizes, sizes[1:]) for part in (layer(m, n), nn.ReLU())]
+
+    def convolution(inputs: int, outputs: int) -> Any:
+        return nn.Conv2d(inputs, outputs, 3, padding=1)
 
     def dense(inputs: int, outputs: int) -> Any:
-        sizes = [inputs, *how.hidden]
-        layers = [part for m, n in zip(sizes, sizes[1:]) for part in (nn.Linear(m, n), nn.ReLU())]
-        return nn.Sequential(nn.Flatten(), *layers, nn.Linear(sizes[-1], outputs))
+        return nn.Sequential(nn.Flatten(), *hidden(nn.Linear, inputs), nn.Linear([inputs, *how.hidden][-1], outputs))
 
     planes = shape[0] + 2 if how.policy == "local" else shape[0]
+    last_planes = [planes, *how.hidden][-1]
     if how.policy == "mlp":
         actor = dense(int(np.prod(shape)), cells)
     elif how.policy == "cnn":  # convolutions, then one layer that sees all
-        sizes = [planes, *how.hidden]
-        layers = [part for m, n in zip(sizes, sizes[1:]) for part in (nn.Conv2d(m, n, 3, padding=1), nn.ReLU())]
-        actor = nn.Sequential(*layers, nn.Flatten(), nn.Linear(sizes[-1] * rows * columns, cells))
+        actor = nn.Sequential(*hidden(convolution, planes), nn.Flatten(), nn.Linear(last_planes * rows * columns, cells))
     else:
-        actor = convolutions(planes, len(channels))
+        actor = nn.Sequential(*hidden(convolution, planes), convolution(last_planes, len(channels)))
     critic = dense(int(np.prod(shape)), 1)
     final = [part for part in actor if isinstance(part, (nn.Linear, nn.Conv2d))][-1]
     nn.init.orthogonal_(final.weight, 0.01)
@@ -271,7 +285,7 @@ def train_ppo(make: Make, how: argparse.Namespace, folder: pathlib.Path, title: 
     parameters = [*actor.parameters(), *critic.parameters(), log_std]
     optimizer = torch.optim.Adam(parameters, lr=how.learning_rate, eps=1e-5)
     row, column = np.mgrid[0:rows, 0:columns]
-    places = torch.tensor(2 * np.stack([(row - (rows - 1) / 2) / rows, (column - (columns - 1) / 2) / columns]), dtype=torch.float32)
+    places = torch.tensor(np.stack([(2 * row - rows + 1) / rows, (2 * column - columns + 1) / columns]), dtype=torch.float32)
 
     def tensor(observation: Any) -> Any:
         return torch.from_numpy(np.ascontiguousarray(observation, np.float32) / scale)
@@ -286,16 +300,7 @@ def train_ppo(make: Make, how: argparse.Namespace, folder: pathlib.Path, title: 
                   for part in actor if isinstance(part, (nn.Linear, nn.Conv2d))]
         if how.policy != "local":
             return NetworkPolicy(layers, shape, (len(channels), rows, columns), low, high, scale)
-        weights = [square(w).astype(np.float64) for w, _ in layers]
-        weights[0][:, :-2] /= scale[:, 0, 0][:, None]
-        weights[0][:, -2] *= 2 / rows
-        weights[0][:, -1] *= 2 / columns
-        half, middle = ((high + s * low)[:, 0, 0] / 2 for s in (-1, 1))
-        weights[-1] = weights[-1] * half[:, None, None]
-        biases = [b for _, b in layers]
-        biases[-1] = biases[-1] * half + middle
-        return LocalPolicy([*input_names(envs.sensor_channels), "row", "column"],
-                           [(c.name, c.minimum, c.maximum) for c in channels], list(zip(weights, biases)))
+        return local_policy(layers, envs.sensor_channels, channels, rows, columns)
 
     log, samples, episodes = Log(folder), 0, 0
     observation = tensor(envs.reset(seed=how.seed)[0])

@@ -152,6 +152,26 @@ class Training(ExperimentTest):
             self.assertEqual(training.find_task(task.id)[0], training.find_task(task.id.split("/")[1][:-3])[0])
 
     @needs_torch
+    def test_convolutions_become_local_policies(self):
+        import torch
+        random, rows, columns = np.random.default_rng(6), 5, 7
+        sensors = [smartsurf.Channel("proximity", "u", 0, 4, 1), smartsurf.Channel("colour", "", 0, 1, 3)]
+        actuators = [smartsurf.Channel("a", "u", 0, 3, 1), smartsurf.Channel("b", "u", -20, 10, 1)]
+        layers = [(random.normal(0, 0.3, (n, m, 3, 3)), random.normal(0, 0.1, n)) for m, n in ((6, 5), (5, 4), (4, 2))]
+        policy = training.local_policy(layers, sensors, actuators, rows, columns)
+        sensed = {"proximity": random.uniform(0, 4, (rows, columns)), "colour": random.random((3, rows, columns))}
+        row, column = np.mgrid[0:rows, 0:columns]
+        value = torch.tensor(np.stack([sensed["proximity"] / 4, *sensed["colour"], (2 * row - rows + 1) / rows,
+                                       (2 * column - columns + 1) / columns])[None])
+        for number, (weights, biases) in enumerate(layers):
+            value = torch.relu(value) if number else value
+            value = torch.nn.functional.conv2d(value, torch.tensor(weights), torch.tensor(biases), padding=1)
+        expected = np.clip(value[0].numpy(), -1, 1)
+        self.assertGreater((np.abs(expected) < 1).mean(), 0.5)
+        for (_, command), middle, half, plane in zip(policy(sensed).items(), (1.5, -5), (1.5, 15), expected):
+            np.testing.assert_allclose(command, middle + half * plane, rtol=0, atol=1e-4)
+
+    @needs_torch
     def test_ppo_of_each_policy(self):
         script, task = self.script(PLATE), f"{self.script(TASK, 'task.py')}:East"
         for policy, of in (("local", script), ("cnn", script), ("mlp", task)):
