@@ -3,33 +3,14 @@ import numpy as np
 from gymnasium import spaces
 from gymnasium.vector import AutoresetMode
 from stable_baselines3.common.callbacks import BaseCallback
-from stable_baselines3.common.vec_env import VecEnv
 
 from tasks import LocalPolicy, metrics_of
 from smartsurf import VectorEnv
+from smartsurf.sb3 import Batch
 
 TICKS = 6   # per decision
 REACH = 3.2  # cells; those at most so far from the middle of a ball are its agents
 NEIGHBOURS = ((0, 0), (-1, 0), (0, 1), (1, 0), (0, -1))  # rows and columns, in the order of smartsurf.policy.TAPS
-
-
-class Batch(VecEnv):
-    """What stable-baselines3 asks of environments that one smartsurf.VectorEnv, `env`, computes."""
-
-    def close(self):
-        self.env.close()
-
-    def env_is_wrapped(self, wrapper_class, indices=None):
-        return [False] * self.num_envs
-
-    def get_attr(self, name, indices=None):
-        return [getattr(self, name, None)] * self.num_envs
-
-    def set_attr(self, name, value, indices=None):
-        raise NotImplementedError
-
-    def env_method(self, name, *arguments, indices=None, **keywords):
-        raise NotImplementedError
 
 
 class Cells(Batch):

@@ -1,5 +1,6 @@
 // The compiled part of the Python package `smartsurf` (docs/python.md): environments and batches as NumPy
 // arrays. The classes below are private to the package; its Python files wrap them.
+#include <fmt/format.h>
 #include <pybind11/numpy.h>
 #include <pybind11/pybind11.h>
 #include <pybind11/stl.h>
@@ -8,6 +9,7 @@
 #include <array>
 #include <atomic>
 #include <memory>
+#include <mutex>
 #include <optional>
 #include <stdexcept>
 #include <string>
@@ -194,6 +196,119 @@ void set_wrenches(Environment& environment, const std::vector<std::uint32_t>& id
   }
 }
 
+// The recording of one episode of an environment, from its start to its end.
+class EpisodeRecording {
+ public:
+  using Overrides = EnvironmentBatch::Overrides;
+
+  // Before the episode's first step. overrides: the options that were given.
+  void start(const std::string& path, const Environment& environment, const std::string& command_line,
+             std::span<const Overrides::value_type> overrides) {
+    if (environment.simulation().snapshot().tick != 0)
+      throw common::UserError(path +
+                              ": a recording starts with an episode: call record() before its first step");
+    stop(environment);
+    record::RunMetadata meta;
+    meta.command_line = command_line;
+    meta.mode = "time-step";
+    meta.driver = "controller";
+    for (const auto& [name, value] : overrides) meta.overrides.push_back({name, value});
+    meta.declares_success = environment.experiment().declares_success();
+    meta.versions = {{"physics", environment.simulation().engine().version()}};
+    for (const scene::Extension& extension : environment.scene().surface.extensions())
+      meta.extensions.push_back({extension.name, extension.hash});
+    recorder_ = record::open_recorder(path, meta, environment.scene());
+    success_s_.reset();
+    record_frame(environment);
+    if (environment.has_parameters()) recorder_->mark_user_interaction(0);
+  }
+  // After a step.
+  void add(const Environment& environment, const simulation::StepResult& result) {
+    if (!recorder_) return;
+    if (result.success && !success_s_) success_s_ = environment.simulation().snapshot().time_s;
+    record_frame(environment);
+  }
+  // The script does not repeat what Python has changed.
+  void mark_intervention(const Environment& environment) {
+    if (recorder_) recorder_->mark_user_interaction(environment.simulation().snapshot().tick);
+  }
+  void stop(const Environment& environment) {
+    if (!recorder_) return;
+    const std::unique_ptr<record::Recorder> recorder = std::move(recorder_);
+    const scene::Snapshot& last = environment.simulation().snapshot();
+    record::RunResult result{
+        .outcome = "done", .ticks = last.tick, .simulated_s = last.time_s, .state_hash = last.state_hash};
+    if (environment.experiment().declares_success()) result.success = success_s_.has_value();
+    result.success_s = success_s_;
+    recorder->close(result);
+  }
+
+ private:
+  void record_frame(const Environment& environment) {
+    const simulation::Simulation& s = environment.simulation();
+    const scene::RecordSpec& spec = s.scene().record;
+    recorder_->record_inputs(s.actuators());
+    recorder_->record_frame(
+        s.snapshot(), s.catalogue(), spec.sensors ? s.sensors() : std::span<const scene::ChannelData>{},
+        spec.actuators ? s.actuators() : std::span<const scene::ChannelData>{}, environment.metrics());
+  }
+
+  std::unique_ptr<record::Recorder> recorder_;
+  std::optional<double> success_s_;
+};
+
+// Records episodes of some worlds of a batch, one file for each. Worlds run on several threads, HDF5 on one
+// at a time.
+class BatchRecorder final : public simulation::EpisodeObserver {
+ public:
+  // worlds: which; every: the episodes 1, 1 + every, … of each. overrides: the options of each world.
+  BatchRecorder(std::string folder, std::string command_line, const std::vector<int>& worlds,
+                std::uint64_t every, std::vector<EnvironmentBatch::Overrides> overrides)
+      : folder_(std::move(folder)),
+        command_line_(std::move(command_line)),
+        every_(every),
+        overrides_(std::move(overrides)),
+        worlds_(overrides_.size()) {
+    for (const int world : worlds) worlds_.at(world) = std::make_unique<World>();
+  }
+
+  void on_start(int world, const Environment& environment) override {
+    if (!worlds_[world]) return;
+    World& own = *worlds_[world];
+    if (own.episodes++ % every_ != 0) return;
+    const std::scoped_lock lock(mutex_);
+    own.recording.start(fmt::format("{}/world-{:04}-episode-{:06}.h5", folder_, world, own.episodes),
+                        environment, command_line_, overrides_[world]);
+  }
+  void on_step(int world, const Environment& environment, const simulation::StepResult& result) override {
+    with(world, [&](EpisodeRecording& recording) { recording.add(environment, result); });
+  }
+  void on_intervention(int world, const Environment& environment) override {
+    with(world, [&](EpisodeRecording& recording) { recording.mark_intervention(environment); });
+  }
+  void on_end(int world, const Environment& environment) override {
+    with(world, [&](EpisodeRecording& recording) { recording.stop(environment); });
+  }
+
+ private:
+  struct World {
+    std::uint64_t episodes = 0;  // that have started
+    EpisodeRecording recording;
+  };
+  template <class Work>
+  void with(int world, const Work& work) {
+    if (!worlds_[world]) return;
+    const std::scoped_lock lock(mutex_);
+    work(worlds_[world]->recording);
+  }
+
+  std::string folder_, command_line_;
+  std::uint64_t every_;
+  std::vector<EnvironmentBatch::Overrides> overrides_;
+  std::vector<std::unique_ptr<World>> worlds_;  // null: not recorded
+  std::mutex mutex_;
+};
+
 // Held during a call: other Python threads run while worlds compute, and may not use the same worlds
 // meanwhile.
 class Exclusive {
@@ -277,15 +392,12 @@ class Simulation {
       result = environment_.step();
     }
     refresh();
-    if (recorder_) {
-      if (result.success && !success_s_) success_s_ = environment_.simulation().snapshot().time_s;
-      record_frame();
-    }
+    recording_.add(environment_, result);
     return py::make_tuple(result.reward, result.terminated, result.truncated, result.success);
   }
   void reset(std::uint64_t seed) {
     const Exclusive use(in_use_);
-    close_recording();
+    recording_.stop(environment_);
     {
       py::gil_scoped_release release;
       environment_.reset(seed);
@@ -298,29 +410,13 @@ class Simulation {
   }
   // Records from the start of an episode to stop_recording(), or its end by reset() or restore().
   void record(const std::string& path, const std::string& command_line,
-              const std::vector<std::pair<std::string, std::string>>& overrides) {
+              const EpisodeRecording::Overrides& overrides) {
     const Exclusive use(in_use_);
-    if (environment_.simulation().snapshot().tick != 0)
-      throw common::UserError(path +
-                              ": a recording starts with an episode: call record() before its first step");
-    close_recording();
-    record::RunMetadata meta;
-    meta.command_line = command_line;
-    meta.mode = "time-step";
-    meta.driver = "controller";
-    for (const auto& [name, value] : overrides) meta.overrides.push_back({name, value});
-    meta.declares_success = environment_.experiment().declares_success();
-    meta.versions = {{"physics", environment_.simulation().engine().version()}};
-    for (const scene::Extension& extension : environment_.scene().surface.extensions())
-      meta.extensions.push_back({extension.name, extension.hash});
-    recorder_ = record::open_recorder(path, meta, environment_.scene());
-    success_s_.reset();
-    record_frame();
-    if (environment_.has_parameters()) recorder_->mark_user_interaction(0);
+    recording_.start(path, environment_, command_line, overrides);
   }
   void stop_recording() {
     const Exclusive use(in_use_);
-    close_recording();
+    recording_.stop(environment_);
   }
   py::bytes save() {
     const Exclusive use(in_use_);
@@ -328,7 +424,7 @@ class Simulation {
   }
   void restore(const py::bytes& state) {
     const Exclusive use(in_use_);
-    close_recording();
+    recording_.stop(environment_);
     environment_.restore(std::string_view(state));
     refresh();
   }
@@ -347,13 +443,13 @@ class Simulation {
   void place(const std::string& field, const std::vector<std::uint32_t>& ids, const Array<double>& values) {
     const Exclusive use(in_use_);
     python::place(environment_, field, ids, readable(values));
-    mark_intervention();
+    recording_.mark_intervention(environment_);
     objects_.update(environment_.simulation().snapshot());
   }
   void set_wrenches(const std::vector<std::uint32_t>& ids, const Array<double>& values) {
     const Exclusive use(in_use_);
     python::set_wrenches(environment_, ids, readable(values));
-    mark_intervention();
+    recording_.mark_intervention(environment_);
   }
   std::vector<double> info(std::size_t size) {
     const Exclusive use(in_use_);
@@ -381,28 +477,6 @@ class Simulation {
   }
 
  private:
-  void record_frame() {
-    const simulation::Simulation& s = environment_.simulation();
-    const scene::RecordSpec& spec = s.scene().record;
-    recorder_->record_inputs(s.actuators());
-    recorder_->record_frame(
-        s.snapshot(), s.catalogue(), spec.sensors ? s.sensors() : std::span<const scene::ChannelData>{},
-        spec.actuators ? s.actuators() : std::span<const scene::ChannelData>{}, environment_.metrics());
-  }
-  // The script does not repeat what Python has changed.
-  void mark_intervention() {
-    if (recorder_) recorder_->mark_user_interaction(environment_.simulation().snapshot().tick);
-  }
-  void close_recording() {
-    if (!recorder_) return;
-    const std::unique_ptr<record::Recorder> recorder = std::move(recorder_);
-    const scene::Snapshot& last = environment_.simulation().snapshot();
-    record::RunResult result{
-        .outcome = "done", .ticks = last.tick, .simulated_s = last.time_s, .state_hash = last.state_hash};
-    if (environment_.experiment().declares_success()) result.success = success_s_.has_value();
-    result.success_s = success_s_;
-    recorder->close(result);
-  }
   void refresh() {
     environment_.observe(writable(observation_));
     objects_.update(environment_.simulation().snapshot());
@@ -413,8 +487,7 @@ class Simulation {
   Array<float> observation_;  // of the latest tick: planes × rows × columns
   ObjectArrays objects_;
   std::unique_ptr<view::OffscreenView> view_, fast_view_;
-  std::unique_ptr<record::Recorder> recorder_;
-  std::optional<double> success_s_;  // of the recorded episode
+  EpisodeRecording recording_;
 };
 
 // The simulator's window, which shows a simulation that Python steps. Main thread only, one per process.
@@ -539,6 +612,7 @@ class Batch {
       python::place(batch_->mutable_world(world), field, ids, readable(values).subspan(row * size, size));
     });
     batch_->observe_objects(arrays_.state);
+    mark_intervention(worlds);
   }
   // values: worlds × ids × 6, force and torque.
   void set_wrenches(const std::vector<int>& worlds, const std::vector<std::uint32_t>& ids,
@@ -547,6 +621,22 @@ class Batch {
     for_each(worlds, values.size(), [&](int world, std::size_t row, std::size_t size) {
       python::set_wrenches(batch_->mutable_world(world), ids, readable(values).subspan(row * size, size));
     });
+    mark_intervention(worlds);
+  }
+  // Records the episodes of these worlds from the next resets on.
+  void record(const std::string& folder, const std::string& command_line, const std::vector<int>& worlds,
+              std::uint64_t every, const Overrides& overrides) {
+    const Exclusive use(in_use_);
+    for (const int world : worlds) check(world);
+    recorder_ = std::make_unique<BatchRecorder>(folder, command_line, worlds, every, overrides);
+    batch_->observe_episodes(recorder_.get());
+  }
+  void stop_recording() {
+    const Exclusive use(in_use_);
+    batch_->observe_episodes(nullptr);
+    if (!recorder_) return;
+    for (int i = 0; i < batch_->world_count(); ++i) recorder_->on_end(i, batch_->world(i));
+    recorder_.reset();
   }
   void observe_objects() { batch_->observe_objects(arrays_.state); }
 
@@ -581,6 +671,10 @@ class Batch {
       }
     }
   }
+  void mark_intervention(const std::vector<int>& worlds) {
+    if (!recorder_) return;
+    for (const int world : worlds) recorder_->on_intervention(world, batch_->world(world));
+  }
   int check(int index) const {
     if (index < 0 || index >= batch_->world_count())
       throw py::index_error("world " + std::to_string(index) + ": there are " +
@@ -593,6 +687,7 @@ class Batch {
   std::unique_ptr<EnvironmentBatch> batch_;
   std::array<py::ssize_t, 4> action_shape_{};
   simulation::BatchArrays arrays_;
+  std::unique_ptr<BatchRecorder> recorder_;
   py::tuple bound_;  // owns the arrays that arrays_ views
   std::unique_ptr<view::OffscreenView> view_;
 };
@@ -720,6 +815,8 @@ PYBIND11_MODULE(_core, m) {
       .def("randomise", &Batch::randomise)
       .def("place", &Batch::place)
       .def("set_wrenches", &Batch::set_wrenches)
+      .def("record", &Batch::record)
+      .def("stop_recording", &Batch::stop_recording)
       .def("observe_objects", &Batch::observe_objects)
       .def("bind", &Batch::bind)
       .def("step", &Batch::step)

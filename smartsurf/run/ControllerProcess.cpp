@@ -11,12 +11,14 @@
 #include <cstring>
 #include <filesystem>
 #include <sstream>
+#include <string_view>
 #include <system_error>
 #include <thread>
 #include <utility>
 #include <vector>
 
 #include "common/text/Printable.h"
+#include "smartsurf/run/PythonModule.h"
 #include "smartsurf/scene/SceneSpec.h"
 
 namespace smartsurf::run {
@@ -51,9 +53,12 @@ std::string typed_name(const fs::path& executable) {
 
 std::vector<std::string> make_command(const std::string& controller, const std::string& shm_name,
                                       bool with_window, const std::vector<std::string>& overrides) {
+  const bool is_model = is_onnx_model(controller);
+  if ((is_model || is_apron_program(controller)) && !fs::is_regular_file(controller))
+    throw scene::InputError(
+        fmt::format("--controller {}: no such {}", controller, is_model ? "model" : "program"));
+  if (is_model) return python_command("onnx_controller", {controller, "--shm", shm_name});
   if (is_apron_program(controller)) {
-    if (!fs::is_regular_file(controller))
-      throw scene::InputError(fmt::format("--controller {}: no such program", controller));
     std::vector<std::string> command = {apron_executable(), "run", controller, "--shm", shm_name};
     if (with_window) command.insert(command.end(), {"--window", "--geometry", "beside"});
     for (const std::string& assignment : overrides) command.insert(command.end(), {"--set", assignment});
@@ -89,6 +94,11 @@ std::vector<std::string> make_command(const std::string& controller, const std::
   _exit(2);
 }
 
+// Not a command.
+bool is_file_name(const std::string& controller, std::string_view extension) {
+  return controller.ends_with(extension) && controller.find_first_of(" \t;|&<>$") == std::string::npos;
+}
+
 std::string likely_program(const fs::path& experiment) {
   const fs::path same_name = fs::path(experiment).replace_extension(".aps");
   std::error_code error;
@@ -103,9 +113,9 @@ std::string likely_program(const fs::path& experiment) {
 
 }  // namespace
 
-bool is_apron_program(const std::string& controller) {
-  return controller.ends_with(".aps") && controller.find_first_of(" \t;|&<>$") == std::string::npos;
-}
+bool is_apron_program(const std::string& controller) { return is_file_name(controller, ".aps"); }
+
+bool is_onnx_model(const std::string& controller) { return is_file_name(controller, ".onnx"); }
 
 ControllerProcess::ControllerProcess(const std::string& controller, const std::string& shm_name,
                                      bool with_window, const std::vector<std::string>& overrides) {

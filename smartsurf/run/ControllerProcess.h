@@ -13,12 +13,13 @@ namespace smartsurf::run {
 
 class ControllerProcess {
  public:
-  // Starts `controller`, which is either an APRON program (*.aps), run by the apron beside this executable,
-  // or a shell command, in which {shm} stands for the segment's name. SMARTSURF_SHM holds that name too.
-  // Throws scene::InputError if the program does not exist, std::system_error if no process can be created.
-  // If the command cannot be executed, the child reports it and exits with status 2. with_window: an APRON
-  // program also opens its window, beside that of the run. overrides: NAME=VALUE of the program's sliders and
-  // switches; apron validates them.
+  // Starts `controller`, which is an APRON program (*.aps), run by the apron beside this executable, a
+  // network
+  // (*.onnx), run by the Python package, or a shell command, in which {shm} stands for the segment's name.
+  // SMARTSURF_SHM holds that name too. Throws scene::InputError if the program does not exist,
+  // std::system_error if no process can be created. If the command cannot be executed, the child reports it
+  // and exits with status 2. with_window: an APRON program also opens its window, beside that of the run.
+  // overrides: NAME=VALUE of the program's sliders and switches; apron validates them.
   ControllerProcess(const std::string& controller, const std::string& shm_name, bool with_window = false,
                     const std::vector<std::string>& overrides = {});
   // The controller of another process, which starts it here.
@@ -47,6 +48,9 @@ class ControllerProcess {
 
 // Returns whether --controller names an APRON program, which can have a window.
 bool is_apron_program(const std::string& controller);
+
+// Returns whether it names an ONNX model.
+bool is_onnx_model(const std::string& controller);
 
 // The shell command that attaches a controller to a waiting surface, shown to the user. It names the APRON
 // program beside the experiment that has its name, else the only one there, else PROGRAM.aps.

@@ -141,10 +141,7 @@ void EnvironmentBatch::reset(std::span<const std::uint64_t> seeds, std::span<con
   for_each_world([&](std::size_t i) {
     World& world = worlds_[i];
     world.error.clear();
-    if (mask[i] == 0) return;
-    world.environment->reset(world.seed = seeds[i]);
-    world.episode_over = false;
-    write_state(i, {}, a.state);
+    if (mask[i] != 0) start_episode(i, seeds[i], a);
   });
 }
 
@@ -191,6 +188,7 @@ void EnvironmentBatch::end_episodes(std::span<const std::uint8_t> mask, const Ba
     try {
       world.environment->finish();
       world.final_metrics = world.environment->metrics();
+      end_observed(i);
       if (autoreset_ != Autoreset::kSameStep) return;
       copy_state(i, a.state, a.final_state);
       start_next_episode(i, a);
@@ -203,6 +201,7 @@ void EnvironmentBatch::end_episodes(std::span<const std::uint8_t> mask, const Ba
 
 void EnvironmentBatch::restore(int index, std::string_view state, const BatchArrays& a) {
   const std::size_t i = index;
+  end_observed(i);
   worlds_[i].environment->restore(state);
   worlds_[i].seed = worlds_[i].environment->seed();
   worlds_[i].episode_over = false;
@@ -229,11 +228,21 @@ void EnvironmentBatch::step(const BatchArrays& a) {
     throw_first_error();
 }
 
-void EnvironmentBatch::start_next_episode(std::size_t i, const BatchArrays& a) {
+void EnvironmentBatch::start_episode(std::size_t i, std::uint64_t seed, const BatchArrays& a) {
   World& world = worlds_[i];
-  world.environment->reset(world.seed = next_seed(world.seed));
+  end_observed(i);
+  world.environment->reset(world.seed = seed);
   world.episode_over = false;
   write_state(i, {}, a.state);
+  if (observer_ != nullptr) observer_->on_start(static_cast<int>(i), *world.environment);
+}
+
+void EnvironmentBatch::start_next_episode(std::size_t i, const BatchArrays& a) {
+  start_episode(i, next_seed(worlds_[i].seed), a);
+}
+
+void EnvironmentBatch::end_observed(std::size_t i) {
+  if (observer_ != nullptr) observer_->on_end(static_cast<int>(i), *worlds_[i].environment);
 }
 
 void EnvironmentBatch::step_world(std::size_t i, const BatchArrays& a) {
@@ -250,6 +259,7 @@ void EnvironmentBatch::step_world(std::size_t i, const BatchArrays& a) {
         environment.set_targets(static_cast<int>(c), actions.subspan(c * cells_, cells_));
     }
     result = environment.step();
+    if (observer_ != nullptr) observer_->on_step(static_cast<int>(i), environment, result);
     if (options_.controller) actions = environment.controller_targets();
     world.episode_over = result.terminated || result.truncated;
     const bool resets = world.episode_over && autoreset_ == Autoreset::kSameStep;
@@ -258,6 +268,7 @@ void EnvironmentBatch::step_world(std::size_t i, const BatchArrays& a) {
     if (world.episode_over) {
       environment.finish();
       world.final_metrics = environment.metrics();
+      end_observed(i);
     }
     if (resets) start_next_episode(i, a);
   }
@@ -288,6 +299,7 @@ void EnvironmentBatch::end_failed_episode(std::size_t i, const BatchArrays& a) {
   if (!a.rewards.empty()) a.rewards[i] = kNan;
   if (!a.terminated.empty()) a.terminated[i] = 0;
   if (!a.truncated.empty()) a.truncated[i] = 1;
+  end_observed(i);
 }
 
 }  // namespace smartsurf::simulation

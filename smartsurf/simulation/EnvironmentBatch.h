@@ -48,6 +48,17 @@ struct BatchArrays {
   std::span<std::uint8_t> terminated, truncated;
 };
 
+// Is told of the episodes of a batch's worlds, by the thread that computes the world: for different worlds at
+// the same time. What on_start and on_step throw is an error of the world.
+class EpisodeObserver {
+ public:
+  virtual ~EpisodeObserver() = default;
+  virtual void on_start(int world, const Environment&) = 0;  // after the reset
+  virtual void on_step(int world, const Environment&, const StepResult&) = 0;
+  virtual void on_intervention(int world, const Environment&) = 0;  // a change between two steps
+  virtual void on_end(int world, const Environment&) = 0;           // also of an episode that is given up
+};
+
 class EnvironmentBatch {
  public:
   // One world per seed. `options.seed` and `options.threads` are ignored: a world computes on one thread, and
@@ -85,6 +96,9 @@ class EnvironmentBatch {
   std::string save(int index) { return worlds_[index].environment->save(); }
   void restore(int index, std::string_view state, const BatchArrays&);
 
+  // Null: nobody. The observer must outlive its use.
+  void observe_episodes(EpisodeObserver* observer) { observer_ = observer; }
+
   // To call what changes a world between two steps.
   Environment& mutable_world(int index) { return *worlds_[index].environment; }
 
@@ -110,7 +124,9 @@ class EnvironmentBatch {
   void copy_state(std::size_t, const StateArrays& from, const StateArrays& to) const;
   void throw_first_error();
   void collapse_huge_pages() const;
+  void start_episode(std::size_t, std::uint64_t seed, const BatchArrays&);
   void start_next_episode(std::size_t, const BatchArrays&);
+  void end_observed(std::size_t);
   void step_world(std::size_t, const BatchArrays&);
   void end_failed_episode(std::size_t, const BatchArrays&);
   struct Outcome {
@@ -121,6 +137,7 @@ class EnvironmentBatch {
 
   EnvironmentOptions options_;
   Autoreset autoreset_;
+  EpisodeObserver* observer_ = nullptr;
   int threads_;
   std::unique_ptr<common::ThreadPool> pool_;
   pid_t process_;  // that has the pool's threads

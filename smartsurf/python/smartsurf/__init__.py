@@ -26,6 +26,8 @@ if TYPE_CHECKING:
     from ._core import Error, __version__
     from ._env import Env
     from ._live import attach
+    from ._minari import MinariCollector
+    from ._network import NetworkPolicy
     from ._parallel import ParallelEnv, parallel_env
     from ._picture import Camera, Video
     from ._simulation import Simulation, load_extension
@@ -34,17 +36,18 @@ if TYPE_CHECKING:
     from ._vector import VectorEnv
     from .policy import LocalPolicy, export_onnx, export_policy
 
-__all__ = ["Camera", "Channel", "Env", "Error", "LocalPolicy", "ParallelEnv", "RunError", "Simulation", "State", "TASKS",
-           "Task", "TaskEnv", "TaskVectorEnv", "VectorEnv", "Video", "__version__", "attach", "export_onnx", "export_policy",
-           "load_extension", "parallel_env", "planes", "run", "task_file"]
+__all__ = ["Camera", "Channel", "Env", "Error", "LocalPolicy", "MinariCollector", "NetworkPolicy", "ParallelEnv", "RunError",
+           "Simulation", "State", "TASKS", "Task", "TaskEnv", "TaskVectorEnv", "VectorEnv", "Video", "__version__", "attach",
+           "export_onnx", "export_policy", "load_extension", "parallel_env", "planes", "run", "task_file"]
 
 # Imported at their first use: runs and sweeps need neither the compiled part nor NumPy, live surfaces not the former.
 _MODULES = {"Camera": "._picture", "Video": "._picture", "Channel": "._surface", "Error": "._core",
-            "LocalPolicy": ".policy", "Simulation": "._simulation",
+            "LocalPolicy": ".policy", "NetworkPolicy": "._network", "Simulation": "._simulation",
             "__version__": "._core", "attach": "._live", "export_onnx": ".policy", "export_policy": ".policy",
             "load_extension": "._simulation"}
 
-_NEEDS = {"Env": ("gymnasium", "._env"), "VectorEnv": ("gymnasium", "._vector"), "State": ("gymnasium", "._task"),
+_NEEDS = {"Env": ("gymnasium", "._env"), "MinariCollector": ("gymnasium", "._minari"),
+          "VectorEnv": ("gymnasium", "._vector"), "State": ("gymnasium", "._task"),
           "Task": ("gymnasium", "._task"), "TaskEnv": ("gymnasium", "._task"), "TaskVectorEnv": ("gymnasium", "._task"),
           "planes": ("gymnasium", "._task"),
           "ParallelEnv": ("pettingzoo", "._parallel"), "parallel_env": ("pettingzoo", "._parallel")}

@@ -285,7 +285,7 @@ class TaskVectorEnv(VectorEnv):
         infos.update({name: values.copy() for name, values in self._judge.goals.items() if name not in infos})
         return infos
 
-    def reset(self, *, seed: int | list[int | None] | None = None,
+    def reset(self, *, seed: int | Sequence[int | None] | None = None,
               options: dict[str, Any] | None = None) -> tuple[Any, Info]:
         if seed is None or isinstance(seed, (int, np.integer)):
             gymnasium.vector.VectorEnv.reset(self, seed=seed if seed is None else int(seed))
@@ -303,7 +303,7 @@ class TaskVectorEnv(VectorEnv):
         fresh = self._over & (not self._resets_itself) & (self.metadata["autoreset_mode"] != AutoresetMode.DISABLED)
         self._advance(given)
         script_over = self._terminated | self._truncated
-        self._actions[...] = np.asarray(given, np.float32)
+        self._actions[...] = self._safe if given is None else np.asarray(given, np.float32)  # None: a controller's are its own
         if fresh.any():
             self._begin(fresh)
         failed = np.isnan(self._rewards)

@@ -2,6 +2,8 @@
 from __future__ import annotations
 
 import os
+import shlex
+import sys
 from collections.abc import Mapping, Sequence
 from typing import Any, Union
 
@@ -16,7 +18,7 @@ from ._env import box
 from ._parameters import Numbers, Range
 from ._picture import CameraLike, core_camera
 from ._simulation import Options, PathName, channels, engine_name, load_extensions, overrides, state_bytes, thread_count
-from ._surface import Closed, FloatArray, checked_options, checked_seed, draw_seed, finite, real_array, whole
+from ._surface import Closed, FloatArray, aligned_zeros, checked_options, checked_seed, draw_seed, finite, real_array, whole
 from ._tasks import task_file
 
 Info = dict[str, Any]
@@ -51,6 +53,8 @@ class VectorEnv(gymnasium.vector.VectorEnv[Any, Any, Any]):
     actions. It starts anew with each episode, and each world computes what `smartsurf run --controller` computes with its
     seed. An episode whose program ends is truncated. Such worlds are neither saved nor restored. controller_set: values of
     the program's sliders and switches.
+    record: a folder, in which episodes are recorded, world 3's first one as world-0003-episode-000001.h5 (docs/recordings.md).
+    record_worlds: which worlds, numbers or a mask [all]. record_every: the episodes 1, 1 + record_every, … of each [1].
     """
     metadata = {"render_modes": ["rgb_array"], "render_fps": 60}
 
@@ -61,7 +65,8 @@ class VectorEnv(gymnasium.vector.VectorEnv[Any, Any, Any]):
                  render_size: tuple[int, int] = (640, 400), camera: CameraLike = "iso",
                  extensions: Sequence[PathName] = (), max_episode_steps: int | None = None, strict: bool = False,
                  source: str | None = None, controller: PathName | None = None,
-                 controller_set: Mapping[str, float] | None = None):
+                 controller_set: Mapping[str, float] | None = None, record: PathName | None = None,
+                 record_worlds: Worlds = None, record_every: int = 1):
         load_extensions(extensions)
         controllers = _controllers(controller, controller_set)
         num_envs = whole("num_envs", num_envs, 1)
@@ -81,6 +86,10 @@ class VectorEnv(gymnasium.vector.VectorEnv[Any, Any, Any]):
         self._batch = _core.Batch(os.fspath(experiment), engine_name(engine), [], self._seeds(seed), threads,
                                   _AUTORESET[autoreset_mode], max_episode_steps,
                                   [overrides(options) for options in of_worlds], source, controllers)
+        if record is not None:
+            os.makedirs(record, exist_ok=True)
+            self._batch.record(os.fspath(record), shlex.join(sys.argv), _parameters.world_numbers(record_worlds, num_envs),
+                               whole("record_every", record_every, 1), [overrides(options) for options in of_worlds])
         self._description = d = self._batch.describe()
         self.rows: int = d["rows"]
         self.columns: int = d["columns"]
@@ -112,7 +121,7 @@ class VectorEnv(gymnasium.vector.VectorEnv[Any, Any, Any]):
 
     def _state(self, worlds: int, info: Any) -> tuple[FloatArray, tuple[Any, ...], Info]:
         """Arrays that the batch writes: the observations, all of them but the objects, and the values of `info` by name."""
-        observations = np.zeros((worlds, len(self._planes()), self.rows, self.columns), np.float32)
+        observations = aligned_zeros((worlds, len(self._planes()), self.rows, self.columns))
         values, seeds = np.zeros((worlds, self._batch.info_size)), np.zeros(worlds, np.uint64)
         success, nonfinite = np.zeros(worlds, np.bool_), np.zeros(worlds, np.int64)
         fields: Info = {"seed": seeds.view(np.int64), "success": success, "nonfinite_actions": nonfinite}
@@ -144,7 +153,7 @@ class VectorEnv(gymnasium.vector.VectorEnv[Any, Any, Any]):
             raise ValueError(f"seed has {len(seed)} values: must have one per world, {self.num_envs}")
         return [draw_seed(self.np_random) if s is None else checked_seed(s) for s in seed]
 
-    def reset(self, *, seed: int | list[int | None] | None = None,
+    def reset(self, *, seed: int | Sequence[int | None] | None = None,
               options: dict[str, Any] | None = None) -> tuple[FloatArray, Info]:
         if seed is None or isinstance(seed, (int, np.integer)):
             super().reset(seed=seed if seed is None else int(seed))
@@ -320,6 +329,8 @@ class VectorEnv(gymnasium.vector.VectorEnv[Any, Any, Any]):
             self._batch.set_wrenches(which, ids, _parameters.pushes(force, torque, (len(which),), len(ids), several))
 
     def close_extras(self, **arguments: Any) -> None:
+        if not isinstance(self._batch, Closed):
+            self._batch.stop_recording()
         self._batch = Closed()  # type: ignore[assignment]
 
     def __reduce__(self) -> tuple[Any, ...]:

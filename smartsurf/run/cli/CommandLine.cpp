@@ -36,7 +36,8 @@ int parse_and_run(int argc, char** argv) {
                                                           {"export", add_export_command(app)},
                                                           {"check", add_check_command(app)},
                                                           {"clean", add_clean_command(app)},
-                                                          {"new", add_new_command(app)}};
+                                                          {"new", add_new_command(app)},
+                                                          {"train", add_train_command(app)}};
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& e) {

@@ -104,7 +104,7 @@ CommandHandler add_compare_command(CLI::App& app, const std::string& command_lin
   compare
       ->add_option("--controller", flags->controller,
                    "Start this controller with each run; without it, the script sets the actuators")
-      ->type_name("PROGRAM.aps|COMMAND");
+      ->type_name("PROGRAM.aps|POLICY.onnx|COMMAND");
   compare
       ->add_option("--controller-set", flags->controller_set, "Set a slider or switch of the APRON program")
       ->type_name("NAME=VALUE")

@@ -85,11 +85,11 @@ void add_run_flags(CLI::App& app, RunFlags& flags) {
       ->type_name("N");
   app.add_option("--shm", flags.shm, "Name of the shared-memory surface (default: surface)")
       ->type_name("NAME");
-  app.add_option(
-         "--controller", flags.controller,
-         "Start this controller and end it with the run: an APRON program, or a shell command in which {shm} "
-         "is the surface's name")
-      ->type_name("PROGRAM.aps|COMMAND");
+  app.add_option("--controller", flags.controller,
+                 "Start this controller and end it with the run: an APRON program, an ONNX model, or a shell "
+                 "command in which {shm} "
+                 "is the surface's name")
+      ->type_name("PROGRAM.aps|POLICY.onnx|COMMAND");
   app.add_option("--controller-set", flags.controller_set, "Set a slider or switch of the APRON program")
       ->type_name("NAME=VALUE")
       ->allow_extra_args(false);

@@ -204,10 +204,8 @@ Eigen::Vector3d Camera::project(const Eigen::Vector3d& point, double width, doub
   return {(clip.x() / clip.w() + 1.0) * 0.5 * width, (1.0 - clip.y() / clip.w()) * 0.5 * height, clip.w()};
 }
 
-Ray Camera::ray(double x, double y, double width, double height) const {
-  const double k = std::tan(field_of_view_ / 2.0);
-  const double across = (2.0 * x / width - 1.0) * k * width / height, upward = (1.0 - 2.0 * y / height) * k;
-  return {eye(), (forward() + across * right() + upward * up()).normalized()};
+Camera::PixelRays Camera::rays(double width, double height) const {
+  return {eye(), forward(), right(), up(), std::tan(field_of_view_ / 2.0), width, height};
 }
 
 }  // namespace smartsurf::view

@@ -87,7 +87,18 @@ class Camera {
   // Eye to OpenGL clip coordinates (depth −1 … 1).
   Eigen::Matrix4d projection_matrix(double aspect) const;
   // The ray from the eye through pixel (x, y) of a width × height image; inverse of project().
-  Ray ray(double x, double y, double width, double height) const;
+  Ray ray(double x, double y, double width, double height) const { return rays(width, height).at(x, y); }
+  // Those of all pixels, without computing the camera's axes for each.
+  struct PixelRays {
+    Eigen::Vector3d eye, forward, right, up;
+    double slope, width, height;  // slope: of the image's upper edge
+    Ray at(double x, double y) const {
+      const double across = (2.0 * x / width - 1.0) * slope * width / height,
+                   upward = (1.0 - 2.0 * y / height) * slope;
+      return {eye, (forward + across * right + upward * up).normalized()};
+    }
+  };
+  PixelRays rays(double width, double height) const;
   // Moves the target; direction and distance stay.
   void look_at(const Eigen::Vector3d& target) { target_ = target; }
   // Pixel coordinates of a world point in a width × height image, y down from the top edge; z: depth along

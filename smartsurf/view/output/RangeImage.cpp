@@ -16,15 +16,15 @@ RangeImage capture_range(const scene::SurfaceSpec& surface, const FrameInput& in
   const auto count = static_cast<std::size_t>(width) * static_cast<std::size_t>(height);
   RangeImage out{std::vector<float>(count, std::numeric_limits<float>::infinity()),
                  std::vector<std::int32_t>(count, -1)};
-  const Eigen::Vector3d forward = camera.forward();
+  const Camera::PixelRays rays = camera.rays(width, height);
   for (int y = 0; y < height; ++y)
     for (int x = 0; x < width; ++x) {
-      const Ray ray = camera.ray(x + 0.5, y + 0.5, width, height);
+      const Ray ray = rays.at(x + 0.5, y + 0.5);
       const auto hit = pick(ray, surface, input);
       if (!hit) continue;
       const auto i =
           static_cast<std::size_t>(y) * static_cast<std::size_t>(width) + static_cast<std::size_t>(x);
-      out.depth[i] = static_cast<float>(hit->distance * ray.direction.dot(forward));
+      out.depth[i] = static_cast<float>(hit->distance * ray.direction.dot(rays.forward));
       out.segmentation[i] = hit->item.kind == SceneItem::Kind::kObject
                                 ? static_cast<std::int32_t>(hit->item.object)
                                 : -2 - surface.index(hit->item.row, hit->item.column);

@@ -621,6 +621,53 @@ class VectorEnvironments(ExperimentTest):
                 env.reset(seed=1)
 
 
+class RecordedWorlds(ExperimentTest):
+    """VectorEnv(record=…): one file per episode of the selected worlds, which smartsurf replay --verify repeats."""
+
+    def verify(self, path):
+        return subprocess.run([os.environ["SMARTSURF"], "replay", str(path), "--verify"], capture_output=True, text=True, timeout=120)
+
+    def test_each_selected_episode_is_repeated_to_the_bit(self):
+        for mode in ("NextStep", "SameStep"):
+            with self.subTest(mode=mode):
+                folder = self.folder / mode
+                envs = smartsurf.VectorEnv(self.script(ENDINGS), 3, threads=2, autoreset_mode=mode, record=folder,
+                                           record_worlds=[0, 2], record_every=2)
+                envs.reset(seed=5)
+                random, started = np.random.default_rng(1), np.ones(3, int)
+                for _ in range(70):
+                    actions = random.uniform(0, 2, envs.action_space.shape).astype(np.float32)
+                    _, _, terminated, truncated, _ = envs.step(actions)
+                    over = terminated | truncated
+                    started += over
+                if mode == "NextStep":  # one that has ended starts with the next step
+                    started -= over
+                envs.close()
+                expected = {f"world-{w:04}-episode-{e:06}.h5" for w in (0, 2) for e in range(1, started[w] + 1, 2)}
+                self.assertEqual({path.name for path in folder.iterdir()}, expected)
+                self.assertGreaterEqual(len(expected), 4)
+                for path in sorted(folder.iterdir())[:4]:
+                    verified = self.verify(path)
+                    self.assertEqual(verified.returncode, 0, verified.stdout + verified.stderr)
+
+    def test_interventions_are_marked_and_mistakes_named(self):
+        path = self.script(CROWD)
+        envs = smartsurf.VectorEnv(path, 2, record=self.folder / "r")
+        envs.reset(seed=1)
+        for tick in range(12):
+            if tick == 6:
+                envs.teleport(0, velocity=(3, 0, 0), worlds=[1])
+            envs.step(np.ones(envs.action_space.shape, np.float32))
+        envs.close()
+        results = [self.verify(self.folder / f"r/world-{w:04}-episode-000001.h5").returncode for w in range(2)]
+        self.assertEqual(results[0], 0)
+        self.assertNotEqual(results[1], 0)
+        with self.assertRaisesRegex(ValueError, r"worlds = \[2\]: must be"):
+            smartsurf.VectorEnv(path, 2, record=self.folder / "r", record_worlds=[2])
+        with self.assertRaisesRegex(ValueError, "record_every = 0"):
+            smartsurf.VectorEnv(path, 2, record=self.folder / "r", record_every=0)
+
+
 class Agents(ExperimentTest):
     def test_pettingzoo_accepts_it(self):
         from pettingzoo.test import parallel_api_test, parallel_seed_test

@@ -18,14 +18,15 @@ ACTIONS = [("height", 0, 4), ("spin_a", -3.0, 2.0), ("flow", 0, 1e-3)]
 class Onnx(ExperimentTest):
     def test_random_policies_give_equal_commands(self):
         random = np.random.default_rng(1)
-        for case in range(40):
+        for case in range(24):
             inputs, actions = INPUTS[:random.integers(1, 6)], ACTIONS[:random.integers(1, 4)]
             if case % 5 == 4:
                 inputs = ["column", "proximity", "row"]
             memory, hidden = int(random.integers(0, 3)), tuple(random.integers(1, 6, size=random.integers(0, 3)))
-            count = LocalPolicy.parameters(len(inputs), len(actions), hidden, memory)
+            diagonal, steps = bool(case % 2), int(random.integers(1, 3)) if memory else 1
+            count = LocalPolicy.parameters(len(inputs), len(actions), hidden, memory, diagonal)
             vector = random.standard_normal(count) * (random.random(count) < random.choice([0.1, 0.7, 1]))
-            policy = LocalPolicy.from_vector(vector, inputs, actions, hidden, memory)
+            policy = LocalPolicy.from_vector(vector, inputs, actions, hidden, memory, steps, diagonal)
             path = self.folder / f"{case}.onnx"
             export_onnx(policy, path)
             session = onnxruntime.InferenceSession(str(path), providers=["CPUExecutionProvider"])

@@ -284,7 +284,7 @@ class Tasks(ExperimentTest):
         envs.reset(seed=1), numpy.reset(seed=1)
         for tick in range(10):
             actions = command(tick, envs.action_space.shape)
-            np.testing.assert_allclose(envs.step(actions)[1], numpy.step(actions)[1], rtol=1e-5)
+            np.testing.assert_allclose(envs.step(actions)[1], numpy.step(actions)[1], rtol=1e-5, atol=1e-6)
 
 
 if __name__ == "__main__":

@@ -1,4 +1,7 @@
-"""Type checkers see the package: mypy --strict accepts it, accepts a user's script, and finds all mistakes planted in it."""
+"""Type checkers see the package: mypy --strict accepts it; mypy and pyright accept a user's script, and find all mistakes planted
+in it. pyright is that of the package basedpyright, which brings its JavaScript runtime as a wheel."""
+import importlib.util
+import json
 import os
 import pathlib
 import re
@@ -113,10 +116,29 @@ class Types(ExperimentTest):
         self.assertIn(result.returncode, (0, 1), output)
         return [int(line) for line in re.findall(r"^script.py:(\d+): error", output, re.MULTILINE)], output
 
-    def test_every_planted_mistake_is_found_and_nothing_else(self):
+    def check_with_pyright(self, script):
+        """As check(), of pyright's own rules."""
+        config = {"typeCheckingMode": "standard", "pythonVersion": "3.11",
+                  "extraPaths": [os.path.abspath(path) for path in os.environ["PYTHONPATH"].split(os.pathsep)]}
+        (self.folder / "pyrightconfig.json").write_text(json.dumps(config))
+        result = subprocess.run([sys.executable, "-m", "basedpyright", "--outputjson", "--pythonpath", sys.executable, script],
+                                capture_output=True, text=True, cwd=self.folder)
+        self.assertIn(result.returncode, (0, 1), result.stdout + result.stderr)
+        errors = [d for d in json.loads(result.stdout)["generalDiagnostics"] if d["severity"] == "error"]
+        lines = [d["range"]["start"]["line"] + 1 for d in errors]
+        return lines, "\n".join(f"{line}: {d['message']}" for line, d in zip(lines, errors))
+
+    def test_mypy_finds_every_planted_mistake_and_nothing_else(self):
+        self.finds_every_mistake(self.check)
+
+    @unittest.skipUnless(importlib.util.find_spec("basedpyright"), "basedpyright is missing: scripts/setup --python installs it")
+    def test_pyright_finds_every_planted_mistake_and_nothing_else(self):
+        self.finds_every_mistake(self.check_with_pyright)
+
+    def finds_every_mistake(self, check):
         text = GOOD + MISTAKES.lstrip("\n")
         (self.folder / "script.py").write_text(text)
-        found, output = self.check("script.py")
+        found, output = check("script.py")
         first = GOOD.count("\n") + 1
         expected = range(first, text.count("\n") + 1)
         lines = text.splitlines()

@@ -1,0 +1,81 @@
+"""Policies of the whole surface: dense and convolutional networks, as ONNX models."""
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from typing import Any, Union
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+PathName = Union[str, "os.PathLike[str]"]
+FloatArray = NDArray[np.float32]
+
+
+class NetworkPolicy:
+    """A network that commands the whole surface: action = clip(middle + half · network(observation / scale), low, high).
+
+    layers: weights and biases; (out, in) of a dense layer, which sees all that is before it as one vector, (out, in, 3, 3) of a
+        convolution with zeros beyond the edge. max(x, 0) between them. All float32.
+    scale: of the observations, broadcast to their shape. low, high: of the actions, broadcast to their shape; middle and half
+        are those of this range.
+    observation_shape, action_shape: without worlds, such as (planes, rows, columns) of an `Env`.
+    """
+
+    def __init__(self, layers: Sequence[tuple[ArrayLike, ArrayLike]], observation_shape: Sequence[int],
+                 action_shape: Sequence[int], low: ArrayLike, high: ArrayLike, scale: ArrayLike = 1.0):
+        self.layers = [(np.array(w, np.float32), np.array(b, np.float32)) for w, b in layers]
+        self.observation_shape, self.action_shape = tuple(observation_shape), tuple(action_shape)
+        self.low, self.high = (np.broadcast_to(np.asarray(end, np.float32), self.action_shape).copy() for end in (low, high))
+        self.scale = np.broadcast_to(np.asarray(scale, np.float32), self.observation_shape).copy()
+        shape: tuple[int, ...] = self.observation_shape
+        for number, (weights, biases) in enumerate(self.layers):
+            convolves = weights.ndim == 4 and len(shape) == 3
+            needed = (shape[0], 3, 3) if convolves else (int(np.prod(shape)),)
+            after = (len(biases), *shape[1:]) if convolves else (len(biases),)
+            if weights.shape[1:] != needed or biases.shape != weights.shape[:1]:
+                raise ValueError(f"layer {number}: weights {weights.shape} and biases {biases.shape} do not fit its input {shape}")
+            shape = after
+        if int(np.prod(shape)) != int(np.prod(self.action_shape)):
+            raise ValueError(f"the last layer has outputs {shape}: must be as many as the actions {self.action_shape}")
+
+    def export(self, path: PathName) -> None:
+        """Writes an ONNX model, from `observation`, float32 (worlds, *observation_shape), to `action`, float32 (worlds,
+        *action_shape). `smartsurf run --controller` runs it, where the observation is that of an `Env`. Needs the package onnx.
+        """
+        try:
+            import onnx
+            from onnx import TensorProto, helper, numpy_helper
+        except ImportError as error:
+            raise ImportError("export needs onnx: pip install onnx") from error
+        nodes: list[Any] = []
+        constants: list[Any] = []
+
+        def constant(value: Any, kind: Any = np.float32) -> str:
+            constants.append(numpy_helper.from_array(np.ascontiguousarray(value, kind), f"constant{len(constants)}"))
+            return str(constants[-1].name)
+
+        def apply(operator: str, *inputs: str, output: str | None = None, **attributes: Any) -> str:
+            name = output or f"value{len(nodes)}"
+            nodes.append(helper.make_node(operator, list(inputs), [name], **attributes))
+            return name
+
+        value = apply("Div", "observation", constant(self.scale))
+        for number, (weights, biases) in enumerate(self.layers):
+            if weights.ndim == 4:
+                value = apply("Conv", value, constant(weights), constant(biases), pads=[1, 1, 1, 1], kernel_shape=[3, 3])
+            else:
+                value = apply("Gemm", apply("Flatten", value), constant(weights), constant(biases), transB=1)
+            if number + 1 < len(self.layers):
+                value = apply("Relu", value)
+        value = apply("Reshape", value, constant([0, *self.action_shape] if self.action_shape else [0], np.int64))
+        value = apply("Add", apply("Mul", value, constant((self.high - self.low) / 2)), constant((self.high + self.low) / 2))
+        apply("Min", apply("Max", value, constant(self.low)), constant(self.high), output="action")
+
+        def described(name: str, shape: Sequence[int]) -> Any:
+            return helper.make_tensor_value_info(name, TensorProto.FLOAT, ["worlds", *shape])
+        graph = helper.make_graph(nodes, "policy", [described("observation", self.observation_shape)],
+                                  [described("action", self.action_shape)], initializer=constants)
+        model = helper.make_model(graph, opset_imports=[helper.make_opsetid("", 17)], ir_version=8)
+        onnx.checker.check_model(model)
+        onnx.save(model, os.fspath(path))

@@ -1,0 +1,47 @@
+#include "smartsurf/run/PythonModule.h"
+
+#include <fmt/format.h>
+#include <unistd.h>
+
+#include <cstdlib>
+#include <filesystem>
+#include <system_error>
+
+namespace smartsurf::run {
+namespace {
+
+namespace fs = std::filesystem;
+
+// `-m` would put the current folder first on the path. Arguments: the build's package or "", the program's
+// name.
+constexpr const char* kStart =
+    R"(import runpy, sys
+package, module = sys.argv[1:3]
+sys.path[:] = ([package] if package else []) + [entry for entry in sys.path if entry]
+sys.argv[:3] = [module]
+try:
+    import smartsurf
+except ModuleNotFoundError as error:
+    print(f'smartsurf: {module} needs the Python package smartsurf: {error}; pip install smartsurf', file=sys.stderr)
+    sys.exit(2)
+runpy.run_module(module, run_name='__main__'))";
+
+}  // namespace
+
+std::vector<std::string> python_command(const std::string& module,
+                                        const std::vector<std::string>& arguments) {
+  std::error_code error;
+  const fs::path folder = fs::read_symlink("/proc/self/exe", error).parent_path();
+  const fs::path sibling = folder / "python3", package = folder.parent_path() / "python";
+  const char* const chosen = std::getenv("SMARTSURF_PYTHON");
+  std::vector<std::string> command = {
+      chosen != nullptr && *chosen != '\0' ? chosen
+      : access(sibling.c_str(), X_OK) == 0 ? sibling.string()
+                                           : "python3",
+      "-c", kStart, fs::exists(package / "smartsurf" / "__init__.py", error) ? package.string() : "",
+      "smartsurf." + module};
+  command.insert(command.end(), arguments.begin(), arguments.end());
+  return command;
+}
+
+}  // namespace smartsurf::run

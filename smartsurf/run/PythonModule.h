@@ -1,0 +1,14 @@
+// The modules of the Python package `smartsurf` that are programs.
+#pragma once
+
+#include <string>
+#include <vector>
+
+namespace smartsurf::run {
+
+// The command that runs smartsurf.NAME with these arguments, by the interpreter that SMARTSURF_PYTHON in the
+// environment names, the one beside this program, where pip has installed both, or the one on PATH. In a
+// build folder the package is that of the build. Nothing is loaded from the current folder.
+std::vector<std::string> python_command(const std::string& module, const std::vector<std::string>& arguments);
+
+}  // namespace smartsurf::run

@@ -1,0 +1,218 @@
+"""smartsurf train, its adapters, and networks that command a surface: equal commands wherever a policy runs."""
+import csv
+import importlib.util
+import os
+import subprocess
+import sys
+import unittest
+
+try:
+    import gymnasium  # noqa: F401
+    import numpy as np
+    import smartsurf
+    from smartsurf import training
+except ImportError as error:
+    print(f"skipped: {error}; scripts/setup --python installs it where a package index can be reached")
+    sys.exit(77)
+from experiments import ExperimentTest
+
+# A ball is to come to the east.
+PLATE = """
+surface { rows = 6, columns = 8, actuator = pin { range = {0, 3}, max_speed = 8 }, border = { height = 5 },
+          sensors = { proximity { range = 4 }, colour { range = 4 } } }
+local ball = sphere { radius = 0.9, position = {3, 2.5, 4}, label = 'ball', colour = 'red' }
+on_reset(function() object(ball):teleport { position = {random(1, 4), random(1, 4), 3} } end)
+episode { seconds = 1 }
+reward(function() local x = object(ball):position() return x / 8 end)
+success(function() local x = object(ball):position() return x > 6 end)
+"""
+TASK = """
+import numpy as np
+import smartsurf
+
+
+class East(smartsurf.Task):
+    scene = '''%s'''
+    goals = {"east": (5.0, 6.0)}
+
+    def observation(self, state):
+        return np.column_stack([state.position("ball"), state.goals["east"]])
+""" % PLATE
+HAS_ONNX = importlib.util.find_spec("onnx") and importlib.util.find_spec("onnxruntime")
+needs_onnx = unittest.skipUnless(HAS_ONNX, "onnx or onnxruntime is missing: scripts/setup --python installs them")
+needs_torch = unittest.skipUnless(importlib.util.find_spec("torch"), "torch is missing: scripts/setup --learn installs it")
+
+
+class Training(ExperimentTest):
+    def setUp(self):
+        super().setUp()
+        os.environ["SMARTSURF_PYTHON"] = sys.executable
+
+    def train(self, *arguments, folder="out"):
+        """The rows of the curve of `smartsurf train`."""
+        result = subprocess.run([os.environ["SMARTSURF"], "train", *map(str, arguments), "-o", str(self.folder / folder)],
+                                capture_output=True, text=True, timeout=250, cwd=self.folder)
+        self.assertEqual(result.returncode, 0, result.stderr[-2000:])
+        with open(self.folder / folder / "curve.csv", newline="") as file:
+            return list(csv.DictReader(file))
+
+    def hash_of_run(self, script, controller, seed=5, until=1.0):
+        return int(smartsurf.run(script, str(controller), seed=seed, until=until)["state_hash"], 16)
+
+    def hash_of_policy(self, script, policy, seed=5, ticks=60):
+        """policy: of (observation, sensors)."""
+        simulation = smartsurf.Simulation(script, seed=seed)
+        for _ in range(ticks):
+            simulation.step(policy(simulation._observation, simulation.sensors))
+        return simulation.state_hash
+
+    def test_cem_learns_the_same_policy_with_any_number_of_threads(self):
+        script, how = self.script(PLATE), ["--iterations", 2, "--candidates", 6, "--runs", 1, "--hidden", 2, "--neighbours", 8, "--memory", 1,
+                                           "--substeps", 2]
+        rows = self.train(script, *how, "--threads", 1, folder="one")
+        self.assertEqual([row["episodes"] for row in rows], ["6", "12"])
+        self.assertTrue(all(float(row["best_return"]) > float(row["return"]) > 0 for row in rows))
+        samples = [int(row["samples"]) for row in rows]
+        self.assertTrue(0 < samples[0] < samples[1] <= 12 * 60)
+        again = self.train(script, *how, "--threads", 2, folder="two")
+        for name in ("return", "best_return", "samples", "success_rate"):
+            self.assertEqual([row[name] for row in rows], [row[name] for row in again])
+        for name in ("policy.aps", *(["policy.onnx"] if HAS_ONNX else [])):
+            self.assertEqual((self.folder / "one" / name).read_bytes(), (self.folder / "two" / name).read_bytes())
+        check = subprocess.run([os.environ["APRON"], "check", "--local", str(self.folder / "one/policy.aps")], capture_output=True,
+                               text=True)
+        self.assertEqual(check.returncode, 0, check.stdout + check.stderr)
+        if HAS_ONNX:  # as NumPy, so everywhere
+            self.assertEqual(self.hash_of_run(script, self.folder / "one/policy.onnx"),
+                             self.hash_of_run(script, self.folder / "one/policy.aps"))
+
+    def network(self, convolutions):
+        random, layers, planes = np.random.default_rng(4), [], 5
+        for units in convolutions:
+            layers.append((random.normal(0, 0.4, (units, planes, 3, 3)), random.normal(0, 0.4, units)))
+            planes = units
+        layers.append((random.normal(0, 0.1, (12, planes * 48)), random.normal(0, 0.4, 12)))
+        layers.append((random.normal(0, 0.6, (48, 12)), random.normal(0, 0.6, 48)))
+        return smartsurf.NetworkPolicy(layers, (5, 6, 8), (1, 6, 8), 0, 3, np.full((5, 1, 1), 4))
+
+    @needs_onnx
+    def test_networks_of_the_whole_surface_command_the_same_everywhere(self):
+        from smartsurf.onnx_controller import OnnxPolicy
+        script = self.script(PLATE)
+        for convolutions in ((), (3,)):
+            path = self.folder / "policy.onnx"
+            self.network(convolutions).export(path)
+            policy = OnnxPolicy(str(path), {"proximity": 1, "proximity_hit": 1, "colour": 3}, ("height",))
+            observation = np.random.default_rng(2).random((5, 6, 8)).astype(np.float32)
+            heights = policy(observation, {})["height"]
+            self.assertEqual(heights.shape, (6, 8))
+            self.assertTrue(0 <= heights.min() < heights.max() <= 3)
+            self.assertEqual(self.hash_of_run(script, path), self.hash_of_policy(script, policy))
+
+    @needs_onnx
+    def test_networks_compute_what_their_layers_say(self):
+        network = self.network(())
+        network.export(self.folder / "policy.onnx")
+        import onnxruntime
+        session = onnxruntime.InferenceSession(str(self.folder / "policy.onnx"), providers=["CPUExecutionProvider"])
+        observation = np.random.default_rng(3).normal(0, 3, (4, 5, 6, 8)).astype(np.float32)
+        value = (observation / 4).reshape(4, -1)
+        for number, (weights, biases) in enumerate(network.layers):
+            value = np.maximum(value, 0) if number else value
+            value = value @ weights.T + biases
+        action, = session.run(["action"], {"observation": observation})
+        np.testing.assert_allclose(action, np.clip(value * 1.5 + 1.5, 0, 3).reshape(4, 1, 6, 8), rtol=0, atol=1e-4)
+
+    def failing_run(self, controller, **environment):
+        result = subprocess.run([os.environ["SMARTSURF"], "run", self.script(PLATE), "--controller", str(controller), "--until", "1"],
+                                capture_output=True, text=True, timeout=120, env={**os.environ, **environment})
+        self.assertNotEqual(result.returncode, 0)
+        return result.stderr
+
+    @needs_onnx
+    def test_mistakes_are_one_line(self):
+        policy = smartsurf.LocalPolicy(["light"], [("height", 0, 3)], [(np.zeros((1, 1, 5)), [1])])
+        smartsurf.export_onnx(policy, self.folder / "wrong.onnx")
+        (self.folder / "onnxruntime.py").write_text("raise ImportError('none')\n")
+        self.assertIn("no such model", self.failing_run(self.folder / "none.onnx"))
+        self.assertIn("its input 'light' is no sensor channel", self.failing_run(self.folder / "wrong.onnx"))
+        path = os.pathsep.join([str(self.folder), os.environ["PYTHONPATH"]])
+        self.assertIn("an ONNX model needs onnxruntime: pip install onnxruntime",
+                      self.failing_run(self.folder / "wrong.onnx", PYTHONPATH=path))
+        with self.assertRaisesRegex(ValueError, r"layer 1: weights .* do not fit its input \(12,\)"):
+            smartsurf.NetworkPolicy([(np.zeros((12, 48)), np.zeros(12)), (np.zeros((48, 9)), np.zeros(48))], (1, 6, 8), (1, 6, 8), 0, 1)
+        for task, message in (("Nowhere", "must be EXPERIMENT.lua, FILE.py:CLASS or one of SizeSort"),
+                              ("none.py:A", "there is no file none.py")):
+            result = subprocess.run([os.environ["SMARTSURF"], "train", task], capture_output=True, text=True, cwd=self.folder)
+            self.assertEqual((result.returncode, result.stderr.count("\n")), (2, 1), result.stderr)
+            self.assertIn(message, result.stderr)
+
+    def test_every_task_is_found_by_name(self):
+        for task in smartsurf.TASKS:
+            self.assertEqual(training.find_task(task.id)[0], training.find_task(task.id.split("/")[1][:-3])[0])
+
+    @needs_torch
+    def test_convolutions_become_local_policies(self):
+        import torch
+        random, rows, columns = np.random.default_rng(6), 5, 7
+        sensors = [smartsurf.Channel("proximity", "u", 0, 4, 1), smartsurf.Channel("colour", "", 0, 1, 3)]
+        actuators = [smartsurf.Channel("a", "u", 0, 3, 1), smartsurf.Channel("b", "u", -20, 10, 1)]
+        layers = [(random.normal(0, 0.3, (n, m, 3, 3)), random.normal(0, 0.1, n)) for m, n in ((6, 5), (5, 4), (4, 2))]
+        policy = training.local_policy(layers, sensors, actuators, rows, columns)
+        sensed = {"proximity": random.uniform(0, 4, (rows, columns)), "colour": random.random((3, rows, columns))}
+        row, column = np.mgrid[0:rows, 0:columns]
+        value = torch.tensor(np.stack([sensed["proximity"] / 4, *sensed["colour"], (2 * row - rows + 1) / rows,
+                                       (2 * column - columns + 1) / columns])[None])
+        for number, (weights, biases) in enumerate(layers):
+            value = torch.relu(value) if number else value
+            value = torch.nn.functional.conv2d(value, torch.tensor(weights), torch.tensor(biases), padding=1)
+        expected = np.clip(value[0].numpy(), -1, 1)
+        self.assertGreater((np.abs(expected) < 1).mean(), 0.5)
+        for (_, command), middle, half, plane in zip(policy(sensed).items(), (1.5, -5), (1.5, 15), expected):
+            np.testing.assert_allclose(command, middle + half * plane, rtol=0, atol=1e-4)
+
+    @needs_torch
+    def test_ppo_of_each_policy(self):
+        script, task = self.script(PLATE), f"{self.script(TASK, 'task.py')}:East"
+        for policy, of in (("local", script), ("cnn", script), ("mlp", task)):
+            with self.subTest(policy=policy):
+                how = ["--method", "ppo", "--policy", policy, "--hidden", 4, "--iterations", 3, "--worlds", 4, "--horizon", 12]
+                rows = self.train(of, *how, "--threads", 1, folder=policy)
+                self.assertEqual([row["samples"] for row in rows], ["288", "576", "864"])
+                again = self.train(of, *how, "--threads", 2, folder="again")
+                self.assertEqual([row["return"] for row in rows], [row["return"] for row in again])
+                if HAS_ONNX and policy != "mlp":
+                    self.hash_of_run(script, self.folder / policy / "policy.onnx")
+                if HAS_ONNX and policy == "local":
+                    self.assertEqual(self.hash_of_run(script, self.folder / "local/policy.onnx"),
+                                     self.hash_of_run(script, self.folder / "local/policy.aps"))
+
+    @unittest.skipUnless(importlib.util.find_spec("stable_baselines3"), "no stable-baselines3: scripts/setup --learn installs it")
+    def test_stable_baselines3_sees_the_same_worlds(self):
+        from smartsurf import sb3
+        from stable_baselines3 import PPO
+        script = self.script(PLATE)
+        envs = sb3.VecEnv(smartsurf.VectorEnv(script, 3, autoreset_mode="SameStep"))
+        twin = smartsurf.VectorEnv(script, 3, autoreset_mode="SameStep")
+        envs.seed(7)
+        np.testing.assert_array_equal(envs.reset(), twin.reset(seed=[7, 8, 9])[0])
+        random, ended = np.random.default_rng(1), 0
+        for _ in range(120):
+            actions = random.uniform(0, 3, twin.action_space.shape).astype(np.float32)
+            observations, rewards, over, infos = envs.step(actions)
+            expected, expected_rewards, terminated, truncated, _ = twin.step(actions)
+            np.testing.assert_array_equal(observations, expected)
+            np.testing.assert_array_equal(rewards, expected_rewards.astype(np.float32))
+            np.testing.assert_array_equal(over, terminated | truncated)
+            for i in np.flatnonzero(over):
+                ended += 1
+                self.assertEqual(infos[i]["TimeLimit.truncated"], truncated[i])
+                self.assertEqual(infos[i]["terminal_observation"].shape, (5, 6, 8))
+        self.assertGreater(ended, 2)
+        PPO("MlpPolicy", envs, n_steps=8, batch_size=24, seed=1, device="cpu").learn(48)
+        with self.assertRaisesRegex(ValueError, "SameStep"):
+            sb3.VecEnv(smartsurf.VectorEnv(script, 2))
+
+
+if __name__ == "__main__":
+    unittest.main()
