@@ -67,8 +67,7 @@ py::dict describe(const Environment& environment) {
   for (const scene::ActuatorChannel& channel : scene.surface.actuator_channels())
     actuators.append(
         py::make_tuple(channel.name, channel.minimum, channel.maximum, channel.safe_value, channel.unit));
-  for (const auto& field : environment.experiment().info_fields())
-    info.append(py::make_tuple(field.name, field.size));
+  for (const auto& field : environment.info_fields()) info.append(py::make_tuple(field.name, field.size));
   py::list objects;  // the labels of the declared ones
   for (const scene::ObjectSpec& object : scene.objects) objects.append(object.label);
   py::dict options;
@@ -309,6 +308,7 @@ class Simulation {
     meta.mode = "time-step";
     meta.driver = "controller";
     for (const auto& [name, value] : overrides) meta.overrides.push_back({name, value});
+    meta.varied = environment_.simulation().nuisances();
     meta.declares_success = environment_.experiment().declares_success();
     meta.versions = {{"physics", environment_.simulation().engine().version()}};
     for (const scene::Extension& extension : environment_.scene().surface.extensions())
