@@ -322,8 +322,11 @@ def rate_chart(x: str, lines: dict[str, list[tuple[float, int, int]]]) -> dict[s
         at, ends = [value for value, _, _ in points], [wilson(won, runs) for _, won, runs in points]
         layers += [{"mark": "line", "color": lighter(colour), "x": at, "y": [end[k] for end in ends]} for k in (0, 1)]
         layers.append({"mark": "line", "point": True, "name": name, "color": colour, "x": at, "y": [won / runs for _, won, runs in points]})
+    values = [value for points in lines.values() for value, _, _ in points]
+    margin = 0.03 * (max(values) - min(values)) or 1.0
     return {"title": "Runs that succeed", "subtitle": "share and its 95 % interval", "width": 720, "height": 420,
-            "x": {"title": x}, "y": {"title": "share of the runs", "domain": [0, 1]}, "layers": layers}
+            "x": {"title": x, "domain": [min(values) - margin, max(values) + margin]},
+            "y": {"title": "share of the runs", "domain": [-0.03, 1.03]}, "layers": layers}
 
 
 def is_number(value: object) -> bool:
