@@ -19,7 +19,7 @@ end
 local lowest, within = math.huge, nil
 on_tick(function(t)
   if t > 1 then lowest = math.min(lowest, gap_u()) end
-  within = error_u() < 1 and (within or t) or nil
+  within = error_u() < 1 and object(sheet):on_table() and (within or t) or nil
 end)
 on_finish(function()
   metric('success', within and lowest > 0 and 1 or 0)

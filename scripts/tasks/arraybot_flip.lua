@@ -9,10 +9,7 @@ local before  -- how it lay
 at(1, function() before = arraybot.upright(thing) end)
 -- By how much it is turned, in degrees; 0 where it fell off.
 local function turned()
-  local px, py, z = object(thing):position()
-  local half = 8 * arraybot.pitch
-  local on_table = z > 0 and math.abs(px - arraybot.middle) < half and math.abs(py - arraybot.middle) < half
-  return before and on_table and arraybot.turned(thing, before) or 0
+  return before and object(thing):on_table() and arraybot.turned(thing, before) or 0
 end
 local function speed()
   local vx, vy, vz = object(thing):velocity()

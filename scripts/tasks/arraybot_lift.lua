@@ -24,7 +24,7 @@ on_finish(function()
   local moved = math.max(xs.greatest() - xs.least(), ys.greatest() - ys.least())
   metric('lifted_cm', up)
   metric('moved_cm', moved)
-  metric('success', up > 3 and moved < 1 and 1 or 0)
+  metric('success', up > 3 and moved < 1 and object(thing):on_table() and 1 or 0)
   metric('score', sum / ticks + math.min(up, 3.5) - math.min(moved, 3))
 end)
 

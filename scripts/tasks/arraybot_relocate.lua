@@ -23,7 +23,7 @@ end)
 on_finish(function()
   local error = last.greatest()
   metric('error_cm', error)
-  metric('success', error < 2 and 1 or 0)
+  metric('success', error < 2 and object(thing):on_table() and 1 or 0)
   metric('score', -sum / ticks - error)
 end)
 

@@ -47,7 +47,7 @@ end
 local since
 local function aligned()
   local distance, angle = off()
-  return distance < 0.3 and angle < 5
+  return distance < 0.3 and angle < 5 and object(thing):on_table()
 end
 on_tick(function(t) since = aligned() and (since or t) or nil end)
 on_finish(function()

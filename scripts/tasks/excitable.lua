@@ -13,15 +13,15 @@ at(0, function() for id = 0, 2 do start[id] = object(id):position() end end)
 on_tick(function(t)
   for id = 0, 2 do
     local x = object(id):position()
-    if not speed[id] and x > goal then speed[id], arrived = (x - start[id]) / t, arrived + 1 end
+    if not speed[id] and x > goal and object(id):on_table() then speed[id], arrived = (x - start[id]) / t, arrived + 1 end
   end
 end)
 on_finish(function(t)
   local sum, on_table = 0, 0
   for id = 0, 2 do
-    local x, _, z = object(id):position()
+    local x = object(id):position()
     sum = sum + (speed[id] or (x - start[id]) / t)
-    if z > 0 then on_table = on_table + 1 end
+    if object(id):on_table() then on_table = on_table + 1 end
   end
   metric('success', arrived == 3 and on_table == 3 and 1 or 0)
   metric('speed_u_s', sum / 3)

@@ -14,10 +14,10 @@ local travellers = { ball('red', 5, 27.5), ball('blue', 34, 11.5), ball('green',
 local bystander = ball('grey', 19.5, 19.5)
 
 local function arrived(id)
-  local x, y, z = object(id):position()
+  local x, y = object(id):position()
   local label = object(id):label()
   local beyond = ({ red = x, blue = n - 1 - x, green = y })[label]
-  return z > 0 and beyond > n - 3 - radius
+  return object(id):on_table() and beyond > n - 3 - radius
 end
 
 local from_x, from_y, done_at
@@ -32,7 +32,7 @@ on_finish(function()
   local x, y = object(bystander):position()
   if done_at then metric('time_s', done_at) end
   local moved = math.sqrt((x - from_x)^2 + (y - from_y)^2)
-  metric('success', done_at and moved < 0.5 and 1 or 0)
+  metric('success', done_at and moved < 0.5 and object(bystander):on_table() and 1 or 0)
   metric('bystander_moved_u', moved)
 end)
 

@@ -53,7 +53,7 @@ def scene_digests():
 
 def table_programs_digest(name):
     """Of the programs that a table's runs are controlled by."""
-    names = {"tasks": load()["tasks"], "waves": ["waves"], "faults": ["relocate", "size_sort"]}.get(name)
+    names = {"tasks": load()["tasks"], "vary": load()["tasks"], "waves": ["waves"], "faults": ["relocate", "size_sort"]}.get(name)
     programs = [HERE / f"{task}.aps" for task in names] if names else sorted(CASE_STUDY.glob("*.aps"))
     return digest(*(without_comments(program.read_text()) for program in programs))
 
@@ -63,7 +63,7 @@ def section_digest(name):
     plan = load()
     section = plan[name]
     rows = section.get("rows", section)
-    scenes = {"tasks": list(rows), "waves": ["waves"], "faults": ["relocate", "size_sort"]}.get(name, ["sort"])
+    scenes = {"tasks": list(rows), "vary": list(plan["tasks"]), "waves": ["waves"], "faults": ["relocate", "size_sort"]}.get(name, ["sort"])
     return digest(json.dumps([section, plan["first_seed"], {scene: plan["scenes"][scene] for scene in scenes}], sort_keys=True))
 
 
@@ -76,6 +76,11 @@ def changes(name):
     """The changes of a table's plan, with both results, as lines below it."""
     return [f"\n*Changed {entry['date']}: {entry['what']}. Before: {entry['before']}; after: {entry['after']}.*\n"
             for entry in load()["changed"] if entry["table"] == name]
+
+
+def plans_of(name):
+    """The digests of the plan with which a table may have been made: today's, and one that a change names."""
+    return {section_digest(name), *(entry["made_with"] for entry in load()["changed"] if entry["table"] == name and "made_with" in entry)}
 
 
 def mark(name, smartsurf):

@@ -15,7 +15,7 @@ local function error_u()
   local x, y = object(0):position()
   return math.sqrt((x - goal_x)^2 + (y - goal_y)^2)
 end
-on_tick(function(t) within = error_u() < 0.5 and (within or t) or nil end)
+on_tick(function(t) within = error_u() < 0.5 and object(0):on_table() and (within or t) or nil end)
 on_finish(function()
   metric('error_u', error_u())
   metric('success', within and 1 or 0)

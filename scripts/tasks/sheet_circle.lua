@@ -48,7 +48,7 @@ on_tick(function(t)
   if t > settle then distances, ticks = distances + distance(), ticks + 1 end
 end)
 local function laps() return turned / (2 * math.pi) end
-local function succeeds() return laps() >= 2 and distances < 2 * ticks end
+local function succeeds() return laps() >= 2 and distances < 2 * ticks and object(apple):on_table() end
 on_finish(function()
   metric('laps', laps())
   metric('hand_overs', hand_overs)

@@ -11,9 +11,13 @@ local function errors()
   local turned = (2 * math.atan(qz, qw)) % math.pi - math.pi / 2
   return math.abs(math.deg(turned)), math.sqrt((x - 11.5)^2 + (y - 11.5)^2)
 end
+local function lies()
+  local angle_error, error_u = errors()
+  return angle_error < 5 and error_u < 0.5 and object(rod):on_table()
+end
 on_finish(function()
   local angle_error, error_u = errors()
-  metric('success', angle_error < 5 and error_u < 0.5 and 1 or 0)
+  metric('success', lies() and 1 or 0)
   metric('angle_error_deg', angle_error)
   metric('error_u', error_u)
 end)
@@ -24,8 +28,5 @@ reward(function()
   local angle_error, error_u = errors()
   return -error_u - angle_error / 45
 end)
-success(function()
-  local angle_error, error_u = errors()
-  return angle_error < 5 and error_u < 0.5
-end)
+success(lies)
 info { rod = rod }

@@ -30,6 +30,7 @@ return function(task)
   end
   -- The share of the goal that the T covers.
   local function coverage()
+    if not object(tee):on_table() then return 0 end
     local dx, dy, turn = pose()
     local c, s, covered = math.cos(turn), math.sin(turn), 0
     -- The shift in the goal's axes; then every point of the goal in the axes of the T.

@@ -14,15 +14,14 @@ function two_kinds.scatter(n, count, reach, make)
   end
 end
 
--- Purity: the share of the objects in their own half, by their labels 'east' and 'west'. Sorted: at least 0.95, for
+-- Purity: the share of the objects in their own half of the table, by their labels 'east' and 'west'. Sorted: at least 0.95, for
 -- five seconds on end; then the run ends.
 function two_kinds.measure(n, count)
   local now, purity, sorted_at = 0, 0, nil
   metric('purity', function()
     local right = 0
     for _, part in ipairs(objects()) do
-      local x, _, z = part:position()
-      if z > 0 and (x > (n - 1) / 2) == (part:label() == 'east') then right = right + 1 end
+      if part:on_table() and (part:position() > (n - 1) / 2) == (part:label() == 'east') then right = right + 1 end
     end
     now = right / (2 * count)
     return now

@@ -69,8 +69,7 @@ py::dict describe(const Environment& environment) {
   for (const scene::ActuatorChannel& channel : scene.surface.actuator_channels())
     actuators.append(
         py::make_tuple(channel.name, channel.minimum, channel.maximum, channel.safe_value, channel.unit));
-  for (const auto& field : environment.experiment().info_fields())
-    info.append(py::make_tuple(field.name, field.size));
+  for (const auto& field : environment.info_fields()) info.append(py::make_tuple(field.name, field.size));
   py::list objects;  // the labels of the declared ones
   for (const scene::ObjectSpec& object : scene.objects) objects.append(object.label);
   py::dict options;
@@ -213,6 +212,7 @@ class EpisodeRecording {
     meta.mode = "time-step";
     meta.driver = "controller";
     for (const auto& [name, value] : overrides) meta.overrides.push_back({name, value});
+    meta.varied = environment.simulation().nuisances();
     meta.declares_success = environment.experiment().declares_success();
     meta.versions = {{"physics", environment.simulation().engine().version()}};
     for (const scene::Extension& extension : environment.scene().surface.extensions())

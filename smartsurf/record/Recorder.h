@@ -21,6 +21,7 @@
 #include "smartsurf/scene/ChannelData.h"
 #include "smartsurf/scene/SceneSpec.h"
 #include "smartsurf/scene/Snapshot.h"
+#include "smartsurf/scene/Variation.h"
 
 namespace smartsurf::record {
 
@@ -62,6 +63,7 @@ struct RunMetadata {
   // Versions of the components that computed the run: {"physics", "0.1.0"}, …; the recorder adds its own.
   std::vector<NamedText> versions;
   std::vector<NamedText> extensions;            // the hashes of the extensions' files, by the files' names
+  std::vector<scene::Variation> varied = {};    // the nuisances of the episode, with the values drawn
   std::vector<LiveChannel> live_channels = {};  // of a surface that was observed, not simulated
 };
 

@@ -49,6 +49,13 @@ std::string options_text(const Recording& recording) {
   return join_texts(texts, " = ");
 }
 
+std::string variations_text(const std::vector<scene::Variation>& all) {
+  std::vector<NamedText> texts;
+  for (const scene::Variation& v : all)
+    texts.push_back({v.name, concat(v.drawn.value_or(NAN), " (", to_text(v), ")")});
+  return join_texts(texts, " = ");
+}
+
 std::string surface_text(const scene::SurfaceSpec& s) {
   std::string models;
   bool has_pins = false;
@@ -171,6 +178,7 @@ std::string describe_recording(const Recording& recording) {
   write_line(out, "experiment", recording.spec().file);
   write_line(out, "program", recording.meta().program_file);
   write_line(out, "options", options_text(recording));
+  if (!recording.meta().varied.empty()) write_line(out, "varied", variations_text(recording.meta().varied));
   write_line(out, "seed", concat(recording.spec().world.seed));
   write_line(out, "physics", physics_text(recording));
   write_line(out, "surface", surface_text(recording.spec().surface));

@@ -70,6 +70,7 @@ std::unique_ptr<Display> reuse_or_open_display(const RunOptions& options,
 
 script::Experiment Run::load(const RunOptions& options) {
   script::Experiment experiment = script::Experiment::load(options.experiment, make_load_options(options));
+  simulation::Nuisances::check(experiment.scene(), experiment.variations());
   if (options.world_index.value_or(0) == 0)
     for (const std::string& line : scene::unlikely_placements(experiment.scene()))
       common::print_error_line("smartsurf", "warning: " + line);
@@ -118,6 +119,7 @@ void Run::open_recordings() {
   if (options_.controller.ends_with(".aps")) meta.program_text = read_program(options_.controller);
   meta.driver = options_.no_controller ? "script" : "controller";
   for (const auto& [name, value] : options_.overrides) meta.overrides.push_back({name, value});
+  meta.varied = simulation_.nuisances();
   meta.unsafe = options_.unsafe;
   meta.declares_success = experiment_.declares_success();
   meta.versions = {{"physics", simulation_.engine().version()}};
@@ -462,6 +464,8 @@ RunSummary Run::summary() const {
   s.objects = snapshot.object_count();
   s.contacts = snapshot.contact_count;
   s.metrics = experiment_.metrics();
+  for (const scene::Variation& v : simulation_.nuisances())
+    s.varied.emplace_back(v.name, v.drawn.value_or(0.0));
   s.state_hash = snapshot.state_hash;
   s.success = success();
   s.success_s = success_s_;

@@ -51,7 +51,8 @@ TableFootprint::TableFootprint(const SurfaceSpec& surface)
       max_x_((surface.columns - 0.5) * surface.pitch),
       max_y_((surface.rows - 0.5) * surface.pitch) {
   const std::vector<CellPose> poses = collect_cell_poses(surface);
-  if (surface.cell_poses.empty() && std::ssize(poses) == surface.cell_count()) return;
+  // A skin lies over the empty cells too.
+  if (surface.cell_poses.empty() && (surface.skin || std::ssize(poses) == surface.cell_count())) return;
   const double half_side = surface.cell_poses.empty()
                                ? surface.pitch / 2.0
                                : std::max(surface.pitch, median_cell_spacing(poses)) / 2.0;

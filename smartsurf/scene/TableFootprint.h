@@ -2,8 +2,9 @@
 //
 // Each cell covers a square, rotated with the cell, whose edge is the pitch or the median distance to the
 // nearest neighbour, whichever is larger. Gaps and notches narrower than two pitches between the squares
-// belong to the table, as do enclosed holes. A rectangular grid without empty cells is an exact rectangle.
-// Other outlines are rasterized with tiles of a quarter of the pitch, coarser for huge surfaces.
+// belong to the table, as do enclosed holes. A rectangular grid without empty cells, or under a skin, is an
+// exact rectangle. Other outlines are rasterized with tiles of a quarter of the pitch, coarser for huge
+// surfaces.
 #pragma once
 
 #include <cstdint>

@@ -82,6 +82,22 @@ Eigen::Vector3d rotate_gravity(const Eigen::Vector3d& gravity, const Eigen::Vect
   return tilt.conjugate() * gravity;
 }
 
+constexpr std::string_view kVaryPrefix = "vary.";
+
+// The nuisances of the options take the place of the script's with their names.
+void add_variations(ScriptContext& context) {
+  std::vector<scene::Variation>& all = context.vary;
+  for (const auto& [name, value] : context.options.overrides) {
+    if (!name.starts_with(kVaryPrefix)) continue;
+    const std::string nuisance = name.substr(kVaryPrefix.size());
+    std::erase_if(all, [&](const scene::Variation& v) { return v.name == nuisance; });
+    all.push_back(scene::parse_variation(nuisance, value,
+                                         to_single_line(context.spec.file + ": --vary " +
+                                                        nuisance.substr(0, 60) + "=" + value.substr(0, 60))));
+  }
+  std::ranges::sort(all, {}, &scene::Variation::name);
+}
+
 void validate_declarations(const ScriptContext& context) {
   const std::string& file = context.spec.file;
   std::vector<std::string> names, assignments;
@@ -90,6 +106,7 @@ void validate_declarations(const ScriptContext& context) {
     assignments.push_back(option.name + "=" + to_single_line(option.value));
   }
   for (const auto& [name, value] : context.options.overrides) {
+    if (name.starts_with(kVaryPrefix)) continue;
     if (std::find(names.begin(), names.end(), name) != names.end()) continue;
     throw scene::InputError(file + ": --set " + to_single_line(name + "=" + value) +
                             ": the script has no option '" + to_single_line(name) + "'" +
@@ -126,6 +143,7 @@ struct Experiment::Impl {
     lua_pushcfunction(L, guarded<run_script>);
     interpreter.call(0, 0, budget, session.spec.file);
     validate_declarations(session);
+    add_variations(session);
     session.spec.world.gravity = rotate_gravity(session.spec.world.gravity, session.spec.surface.tilt_rad);
     if (!session.options.savable) return;
     call_unlimited(guarded<number_script>);
@@ -274,6 +292,7 @@ Experiment Experiment::load(const std::filesystem::path& path, LoadOptions optio
 
 const scene::SceneSpec& Experiment::scene() const { return impl_->session.spec; }
 scene::SceneSpec& Experiment::mutable_scene() { return impl_->session.spec; }
+const std::vector<scene::Variation>& Experiment::variations() const { return impl_->session.vary; }
 
 const std::vector<std::pair<std::string, double>>& Experiment::metrics() const {
   return impl_->session.metrics;

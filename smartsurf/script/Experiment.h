@@ -16,6 +16,7 @@
 
 #include "common/state/StateArchive.h"
 #include "smartsurf/scene/SceneSpec.h"
+#include "smartsurf/scene/Variation.h"
 #include "smartsurf/script/LoadOptions.h"
 #include "smartsurf/script/SimulationInterface.h"
 
@@ -36,6 +37,8 @@ class Experiment {
   // Between load() or restart() and start(), the scene may be changed into another one that the script could
   // have declared, with the same objects, channels and seed.
   scene::SceneSpec& mutable_scene();
+  // The nuisances that the script and the options declare, ascending by name; none is drawn.
+  const std::vector<scene::Variation>& variations() const;
   // True if any callback is registered.
   bool has_callbacks() const;
 

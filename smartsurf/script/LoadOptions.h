@@ -19,7 +19,8 @@
 namespace smartsurf::script {
 
 struct LoadOptions {
-  // --set name=value, in order; the last assignment to a name wins.
+  // --set name=value, in order; the last assignment to a name wins. vary.NAME=RANGE adds a nuisance or takes
+  // the place of the script's, as --vary NAME=RANGE does.
   std::vector<std::pair<std::string, std::string>> overrides;
   // --seed; overrides world.seed.
   std::optional<std::uint64_t> seed;

@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "smartsurf/scene/SceneSpec.h"
+#include "smartsurf/scene/Variation.h"
 #include "smartsurf/script/EventQueue.h"
 #include "smartsurf/script/Random.h"
 #include "smartsurf/script/SimulationInterface.h"
@@ -35,6 +36,7 @@ struct ScriptContext : Sandbox {
   explicit ScriptContext(LoadOptions load_options) { options = std::move(load_options); }
 
   scene::SceneSpec spec;
+  std::vector<scene::Variation> vary;
 
   Phase phase = Phase::kLoading;
   SimulationInterface* simulation = nullptr;  // null while loading
@@ -122,7 +124,7 @@ void bind_declarations(lua_State* L);  // world, material, surface, faults, reco
 void bind_actuators(lua_State* L, const std::string& extension);
 void bind_sensors(lua_State* L, const std::string& extension);
 void bind_extensions(lua_State* L);      // extension
-void bind_options(lua_State* L);         // option, random, random_stream, math.random
+void bind_options(lua_State* L);         // option, vary, random, random_stream, math.random
 void bind_objects(lua_State* L);         // sphere, box, cylinder, capsule, cone, hull, mesh
 void bind_events(lua_State* L);          // at, every, on_*, time, metric, stop, quit, pause, pace
 void bind_episodes(lua_State* L);        // reward, success, info, episode, on_reset

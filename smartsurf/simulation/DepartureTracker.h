@@ -21,6 +21,8 @@ class DepartureTracker {
   // only when the catalogue has grown or more objects leave at once than ever before.
   void update(const scene::Snapshot&, const std::vector<scene::ObjectSpec>& catalogue);
 
+  bool is_on_table(const std::array<float, 3>& position) const noexcept;
+
   // The ids that left between the last two snapshots, ascending.
   std::span<const scene::ObjectId> departed() const noexcept { return departed_; }
   std::uint64_t total_departures() const noexcept { return total_departures_; }
@@ -30,8 +32,6 @@ class DepartureTracker {
   void archive(common::StateArchive& a) { a(was_on_table_, departed_, total_departures_, off_table_count_); }
 
  private:
-  bool is_on_table(const std::array<float, 3>& position) const noexcept;
-
   scene::TableFootprint footprint_;
   double min_height_;
   std::vector<char> was_on_table_;  // index = id

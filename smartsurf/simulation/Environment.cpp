@@ -8,7 +8,8 @@
 
 #include "smartsurf/mesh/SolidLibrary.h"
 #include "smartsurf/scene/KindRegistry.h"
-#include "smartsurf/script/Random.h"
+#include "smartsurf/simulation/EpisodeRandom.h"
+#include "smartsurf/simulation/Nuisances.h"
 #include "smartsurf/world/StateHash.h"
 
 namespace smartsurf::simulation {
@@ -46,6 +47,7 @@ void apply(const std::vector<std::pair<std::string, std::vector<double>>>& value
 Environment::Environment(EnvironmentOptions options)
     : options_(std::move(options)), solids_(std::make_shared<mesh::SolidLibrary>()) {
   load(options_.seed);
+  Nuisances::check(scene(), experiment_->variations());
   start_simulation();
 }
 
@@ -64,6 +66,8 @@ void Environment::load(std::optional<std::uint64_t> seed) {
   experiment_.emplace(std::move(experiment));
   applied_values_.clear();
   draws_while_loading_ = experiment_->has_drawn();
+  declared_.reset();
+  if (!experiment_->variations().empty()) declared_ = scene();
 }
 
 void Environment::start_episode(std::uint64_t seed, const Values& values) {
@@ -75,6 +79,7 @@ void Environment::start_episode(std::uint64_t seed, const Values& values) {
     load(seed);
   } else {
     simulation_.reset();
+    if (declared_) experiment_->mutable_scene() = *declared_;
     experiment_->restart(seed);
   }
   if (!values.empty()) {
@@ -111,13 +116,8 @@ void Environment::reset(std::uint64_t seed) {
 Environment::Values Environment::draw_values(std::uint64_t seed) const {
   Values values = set_values_;
   for (const auto& [parameter, low, high] : ranges_) {
-    script::Random random = script::Random::stream(seed, "randomise " + parameter.name());
     std::vector<double> drawn(low.size());
-    for (std::size_t i = 0; i < drawn.size(); ++i)
-      drawn[i] = parameter.is_whole()
-                     ? static_cast<double>(random.uniform_integer(static_cast<std::int64_t>(low[i]),
-                                                                  static_cast<std::int64_t>(high[i])))
-                     : random.uniform(low[i], high[i]);
+    draw_parameter(seed, parameter.name(), parameter.is_whole(), low, high, drawn);
     values.emplace_back(parameter.name(), std::move(drawn));
   }
   return values;
@@ -137,7 +137,7 @@ std::vector<double> Environment::parameter(const SceneParameter& parameter) cons
     parameter.get(scene(), numbers);
     return numbers;
   }
-  scene::SceneSpec next = scene();
+  scene::SceneSpec next = declared();
   apply(set_values_, next);
   parameter.get(next, numbers);
   return numbers;
@@ -146,20 +146,9 @@ std::vector<double> Environment::parameter(const SceneParameter& parameter) cons
 // Refuses values with which no episode could start, or with other channels.
 void Environment::require_valid(const Values& values) const {
   try {
-    scene::SceneSpec next = scene();
+    scene::SceneSpec next = declared();
     apply(values, next);
-    const auto same_actuator = [](const scene::ActuatorChannel& a, const scene::ActuatorChannel& b) {
-      return a.name == b.name && a.minimum == b.minimum && a.maximum == b.maximum &&
-             a.safe_value == b.safe_value;
-    };
-    const auto same_sensor = [](const scene::SensorChannel& a, const scene::SensorChannel& b) {
-      return a.name == b.name && a.minimum == b.minimum && a.maximum == b.maximum &&
-             a.components == b.components;
-    };
-    if (!std::ranges::equal(scene().surface.actuator_channels(), next.surface.actuator_channels(),
-                            same_actuator) ||
-        !std::ranges::equal(scene::collect_channels(scene().surface.sensors),
-                            scene::collect_channels(next.surface.sensors), same_sensor))
+    if (!have_same_channels(declared(), next))
       throw scene::InputError(
           "parameter '" + values.back().first +
           "': the value changes the range of a channel: give it to the script by an option");
@@ -203,6 +192,7 @@ bool Environment::set_wrench(scene::ObjectId id, const surface::Wrench& wrench) 
 std::uint64_t Environment::fingerprint() const {
   std::string text = simulation().engine().version() + '\0' + scene().source;
   for (const scene::OptionSpec& option : scene().options) text += '\0' + option.name + '=' + option.value;
+  for (const scene::Variation& v : experiment_->variations()) text += '\0' + v.name + '=' + to_text(v);
   for (const scene::Extension& extension : scene().surface.extensions())
     text += '\0' + extension.name + '=' + extension.hash;
   return hash_of(text) ^ experiment_->state_fingerprint();
@@ -309,9 +299,18 @@ StepResult Environment::step() {
   return result;
 }
 
+std::vector<script::Experiment::InfoField> Environment::info_fields() const {
+  std::vector<script::Experiment::InfoField> fields = experiment_->info_fields();
+  for (const scene::Variation& v : experiment_->variations()) fields.push_back({"varied." + v.name, 1});
+  return fields;
+}
+
 void Environment::info(std::span<double> values) {
   const scene::Snapshot& snapshot = running().snapshot();
-  experiment_->info(snapshot.time_s, snapshot.tick, values);
+  const std::vector<scene::Variation>& vary = simulation_->nuisances();
+  experiment_->info(snapshot.time_s, snapshot.tick, values.first(values.size() - vary.size()));
+  std::ranges::transform(vary, values.last(vary.size()).begin(),
+                         [](const auto& v) { return v.drawn.value_or(NAN); });
 }
 
 std::size_t Environment::observation_size() const {

@@ -98,7 +98,9 @@ class Environment {
   // Runs on_finish, whose metrics are final; once per episode.
   void finish();
 
-  // The values of info{}, one after the other, see script::Experiment::info_fields().
+  // The values of info{}, and of the episode's nuisances as "varied.NAME".
+  std::vector<script::Experiment::InfoField> info_fields() const;
+  // Their values, one after the other.
   void info(std::span<double> values);
   const std::vector<std::pair<std::string, double>>& metrics() const { return experiment_->metrics(); }
 
@@ -119,6 +121,7 @@ class Environment {
   void start_simulation();
   Values draw_values(std::uint64_t seed) const;
   void require_valid(const Values&) const;
+  const scene::SceneSpec& declared() const { return declared_ ? *declared_ : scene(); }
   Simulation& running();
   bool advance();
   void refuse_controller(const char* call) const;
@@ -127,7 +130,8 @@ class Environment {
   EnvironmentOptions options_;
   std::shared_ptr<scene::SolidFactory> solids_;
   std::optional<script::Experiment> experiment_;
-  std::optional<Simulation> simulation_;  // refers to experiment_
+  std::optional<scene::SceneSpec> declared_;  // before the nuisances of an episode, if the scene has any
+  std::optional<Simulation> simulation_;      // refers to experiment_
   std::optional<ControllerLink> controller_;
   bool draws_while_loading_ = false;
   Values set_values_;  // of the next episode

@@ -52,12 +52,12 @@ EnvironmentBatch::EnvironmentBatch(EnvironmentOptions options, std::span<const s
   const Environment& first = *worlds_.front().environment;
   observation_size_ = first.observation_size();
   object_count_ = first.scene().objects.size();
-  for (const auto& field : first.experiment().info_fields()) info_size_ += field.size;
+  for (const auto& field : first.info_fields()) info_size_ += field.size;
   cells_ = first.scene().surface.cell_count();
   action_size_ = first.simulation().actuators().size() * cells_;
   for (const World& world : worlds_) {
     std::size_t info_size = 0;
-    for (const auto& field : world.environment->experiment().info_fields()) info_size += field.size;
+    for (const auto& field : world.environment->info_fields()) info_size += field.size;
     if (world.environment->observation_size() != observation_size_ || info_size != info_size_ ||
         world.environment->simulation().actuators().size() * cells_ != action_size_)
       throw scene::InputError(

@@ -15,4 +15,9 @@ std::uint64_t next_seed(std::uint64_t seed);
 // script's.
 void draw_uniform(std::uint64_t seed, std::string_view purpose, std::span<double> numbers);
 
+// The numbers that a nuisance or a randomised parameter has in an episode: each uniform in [low, high), or,
+// if whole, in [low, high]. The three have one size.
+void draw_parameter(std::uint64_t seed, std::string_view name, bool is_whole, std::span<const double> low,
+                    std::span<const double> high, std::span<double> numbers);
+
 }  // namespace smartsurf::simulation

@@ -295,6 +295,7 @@ SceneParameter SceneParameter::find(const SceneSpec& s, std::string_view name) {
     const std::vector<std::size_t> ids = objects_of(s, name, group);
     if (group == "*" || ids.size() > 1) out.shape_.push_back(ids.size());
     if (f->size > 1) out.shape_.push_back(f->size);
+    out.components_ = f->size;
     out.get_ = [ids, f](const SceneSpec& from, std::span<double> to) {
       for (std::size_t i = 0; i < ids.size(); ++i) f->get(from, from.objects[ids[i]], &to[i * f->size]);
     };
@@ -324,7 +325,7 @@ SceneParameter SceneParameter::find(const SceneSpec& s, std::string_view name) {
     out.check_ = [](const SceneSpec& scene) { require_valid_material(scene, scene.surface.material); };
   } else if (kind == "world") {
     if (rest != "gravity") refuse_unknown(name, rest, {"gravity"});
-    out.shape_ = {3};
+    out.shape_ = {out.components_ = 3};
     out.get_ = [](const SceneSpec& from, std::span<double> to) {
       std::copy_n(from.world.gravity.data(), 3, to.begin());
     };
@@ -349,7 +350,8 @@ SceneParameter SceneParameter::find(const SceneSpec& s, std::string_view name) {
       if (parameter == nullptr)
         refuse_unknown(name, field, settable_names(scene::find_actuator_kind(model)->parameters));
     }
-    if (numbers_of(*parameter) > 1) out.shape_ = {numbers_of(*parameter)};
+    out.components_ = numbers_of(*parameter);
+    if (out.components_ > 1) out.shape_ = {out.components_};
     out.get_ = [model, parameter](const SceneSpec& from, std::span<double> to) {
       const auto all = from.surface.effective_actuators();
       get_values(std::ranges::find(all, model, &scene::ActuatorSpec::model)->values, *parameter, to);
@@ -385,7 +387,8 @@ SceneParameter SceneParameter::find(const SceneSpec& s, std::string_view name) {
       refuse_unknown(name, field, known);
     }
     const auto index = static_cast<std::size_t>(it - s.surface.sensors.begin());
-    if (numbers_of(*parameter) > 1) out.shape_ = {numbers_of(*parameter)};
+    out.components_ = numbers_of(*parameter);
+    if (out.components_ > 1) out.shape_ = {out.components_};
     out.get_ = [index, parameter](const SceneSpec& from, std::span<double> to) {
       get_values(from.surface.sensors[index].values, *parameter, to);
     };

@@ -34,8 +34,9 @@ class SceneParameter {
   // several objects have), rows × columns, components.
   const std::vector<std::size_t>& shape() const { return shape_; }
   std::size_t size() const;
-  bool is_whole() const { return is_whole_; }        // takes whole numbers only
-  bool is_per_cell() const { return is_per_cell_; }  // a fault of cells, NaN: none
+  std::size_t components() const { return components_; }  // 1: a number, or one for each object or cell
+  bool is_whole() const { return is_whole_; }             // takes whole numbers only
+  bool is_per_cell() const { return is_per_cell_; }       // a fault of cells, NaN: none
 
   // NaN where the script has declared no value and there is no default.
   void get(const scene::SceneSpec&, std::span<double>) const;
@@ -48,6 +49,7 @@ class SceneParameter {
  private:
   std::string name_;
   std::vector<std::size_t> shape_;
+  std::size_t components_ = 1;
   bool is_whole_ = false, is_per_cell_ = false;
   std::function<void(const scene::SceneSpec&)> check_;
   std::function<void(const scene::SceneSpec&, std::span<double>)> get_;

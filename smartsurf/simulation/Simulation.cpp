@@ -44,6 +44,7 @@ void validate_surface(const scene::SceneSpec& scene) {
 
 Simulation::Simulation(script::Experiment& experiment, int threads, bool scripted_actuators)
     : experiment_(experiment),
+      nuisances_(experiment.mutable_scene(), experiment.variations()),
       scripted_actuators_(scripted_actuators),
       pool_(threads),
       actuator_array_(experiment.scene().surface, load_fault_map(experiment.scene().surface),
@@ -208,8 +209,10 @@ void Simulation::stop(std::string message, std::optional<bool> success) {
 }
 
 scene::ObjectId Simulation::spawn(const scene::ObjectSpec& spec) {
-  const scene::ObjectId id = engine_->add(spec);
-  catalogue_.push_back(spec);
+  scene::ObjectSpec varied = spec;
+  nuisances_.apply(scene(), varied);
+  const scene::ObjectId id = engine_->add(varied);
+  catalogue_.push_back(std::move(varied));
   assert(id + 1 == catalogue_.size());
   return id;
 }
@@ -223,6 +226,11 @@ void Simulation::remove(scene::ObjectId id) { engine_->remove(id); }
 bool Simulation::is_alive(scene::ObjectId id) const { return engine_->alive(id); }
 
 script::ObjectState Simulation::state(scene::ObjectId id) const { return engine_->state(id); }
+
+bool Simulation::is_on_table(scene::ObjectId id) const {
+  const Eigen::Vector3f p = engine_->state(id).position.cast<float>();
+  return departures_.is_on_table({p.x(), p.y(), p.z()});
+}
 
 std::string Simulation::label(scene::ObjectId id) const { return catalogue_[id].label; }
 

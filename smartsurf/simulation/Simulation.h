@@ -15,6 +15,7 @@
 #include "smartsurf/script/Experiment.h"
 #include "smartsurf/script/SimulationInterface.h"
 #include "smartsurf/simulation/DepartureTracker.h"
+#include "smartsurf/simulation/Nuisances.h"
 #include "smartsurf/surface/ActuatorArray.h"
 #include "smartsurf/surface/SensorArray.h"
 #include "smartsurf/world/Engine.h"
@@ -35,9 +36,10 @@ void validate_surface(const scene::SceneSpec&);
 
 class Simulation final : public script::SimulationInterface {
  public:
+  // Draws the nuisances of the experiment's scene and sets them in it.
   // scripted_actuators: the script sets the actuators; otherwise cells:target() and cells:targets() throw
   // scene::InputError. The experiment must outlive the simulation. Throws scene::InputError if this build
-  // lacks the scene's engine.
+  // lacks the scene's engine, and as Nuisances does.
   Simulation(script::Experiment&, int threads, bool scripted_actuators);
 
   const scene::SceneSpec& scene() const { return experiment_.scene(); }
@@ -76,6 +78,8 @@ class Simulation final : public script::SimulationInterface {
   const std::vector<scene::ObjectSpec>& catalogue() const noexcept { return catalogue_; }
   // The load-bearing contacts of the last physics step. Allocates.
   std::vector<world::ContactPoint> contacts() const { return engine_->contacts(); }
+  // Those of the episode, with the values drawn.
+  const std::vector<scene::Variation>& nuisances() const noexcept { return nuisances_.drawn(); }
   const DepartureTracker& departures() const noexcept { return departures_; }
   // How many of the script's targets were outside their channel's range, or NaN, and replaced.
   std::uint64_t clamped_targets() const noexcept { return clamped_targets_; }
@@ -92,6 +96,7 @@ class Simulation final : public script::SimulationInterface {
   void remove(scene::ObjectId) override;
   bool is_alive(scene::ObjectId) const override;
   script::ObjectState state(scene::ObjectId) const override;
+  bool is_on_table(scene::ObjectId) const override;
   std::string label(scene::ObjectId) const override;
   std::vector<scene::ObjectId> find_objects(const std::optional<std::string>& label) const override;
   void apply_force(scene::ObjectId, const Eigen::Vector3d& force, const std::optional<Eigen::Vector3d>& point,
@@ -129,6 +134,7 @@ class Simulation final : public script::SimulationInterface {
   std::size_t plane_index(int row, int column, int component) const;
 
   script::Experiment& experiment_;
+  Nuisances nuisances_;  // before all that reads the scene
   bool scripted_actuators_;
   common::ThreadPool pool_;
   surface::ActuatorArray actuator_array_;

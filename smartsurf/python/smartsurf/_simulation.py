@@ -44,6 +44,8 @@ def overrides(options: Options | None) -> list[tuple[str, str]]:
         raise ValueError(f"set = {options!r}: must be a dict of options and their values")
 
     def text(value: object) -> str:
+        if isinstance(value, (tuple, list)):  # of a nuisance: (low, high) or (low, high, mode)
+            return ":".join(map(text, value))
         return str(value).lower() if isinstance(value, (bool, np.bool_)) else str(value)
     return [(str(name), text(value)) for name, value in (options or {}).items()]
 

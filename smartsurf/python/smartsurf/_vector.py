@@ -376,7 +376,7 @@ def _options_of_worlds(given: Any, count: int) -> list[Options]:
 
 def _drawn(name: str, value: Any, world: int) -> Any:
     """The value of an option in a world: that of a range (low, high) is drawn; of whole numbers, a whole one."""
-    if not isinstance(value, tuple):
+    if not isinstance(value, tuple) or name.startswith("vary."):  # which each episode draws
         return value
     if len(value) != 2 or not all(isinstance(end, (int, float)) for end in value) or not value[0] <= value[1]:
         raise ValueError(f"set: {name} = {value!r}: a range must be (low, high), two numbers")

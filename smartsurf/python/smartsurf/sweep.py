@@ -33,6 +33,8 @@ Options = tuple[tuple[str, str], ...]
 SUCCESS_TIMES = ("success_s", "sorted_at_s")  # figures: when the run succeeded; null if it did not
 LOSSES = ("left_table", "off_surface", "lost")  # figures: objects lost
 
+COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#000000", "#999999")  # Okabe and Ito 2008
+
 MAX_NAME_BYTES = 200  # of a folder: file systems take 255, and files in preparation have longer names
 
 
@@ -304,6 +306,27 @@ def summary(points: Sequence[Point], success: str, shares: Sequence[float], unti
                 row |= {f"{name}.sum": sum(values), f"{name}.runs": sum(value > 0 for value in values)}
         table.append(row)
     return table
+
+
+def lighter(colour: str) -> str:
+    """A colour '#rrggbb', halfway to white."""
+    return "#" + "".join(f"{(255 + int(colour[at:at + 2], 16)) // 2:02x}" for at in (1, 3, 5))
+
+
+def rate_chart(x: str, lines: dict[str, list[tuple[float, int, int]]]) -> dict[str, Any]:
+    """A chart, as smartsurf.run.plot() draws it, of success rates over x. lines: by name, points of (x, successes, runs); each
+    is a line through the rates and two lighter ones through the ends of Wilson's interval."""
+    layers: list[dict[str, Any]] = []
+    for (name, points), colour in zip(lines.items(), itertools.cycle(COLOURS)):
+        points = sorted(points)
+        at, ends = [value for value, _, _ in points], [wilson(won, runs) for _, won, runs in points]
+        layers += [{"mark": "line", "color": lighter(colour), "x": at, "y": [end[k] for end in ends]} for k in (0, 1)]
+        layers.append({"mark": "line", "point": True, "name": name, "color": colour, "x": at, "y": [won / runs for _, won, runs in points]})
+    values = [value for points in lines.values() for value, _, _ in points]
+    margin = 0.03 * (max(values) - min(values)) or 1.0
+    return {"title": "Runs that succeed", "subtitle": "share and its 95 % interval", "width": 720, "height": 420,
+            "x": {"title": x, "domain": [min(values) - margin, max(values) + margin]},
+            "y": {"title": "share of the runs", "domain": [-0.03, 1.03]}, "layers": layers}
 
 
 def is_number(value: object) -> bool:

@@ -80,6 +80,19 @@ std::string actuator_names(const scene::SurfaceSpec& surface) {
   return names;
 }
 
+std::vector<scene::Variation> read_variations(hid_t meta) {
+  std::vector<scene::Variation> all;
+  const Handle drawn = open_group(meta, paths::kVaried);
+  const AttributeReader read(drawn);
+  for (const NamedText& range : read_string_attributes(meta, paths::kVary)) {
+    all.push_back(scene::parse_variation(range.name, range.value, "meta/vary"));
+    double number = 0.0;
+    read(range.name.c_str(), number);
+    all.back().drawn = number;
+  }
+  return all;
+}
+
 }  // namespace
 
 void write_meta(hid_t file, const RunMetadata& meta, const scene::SceneSpec& spec) {
@@ -92,6 +105,13 @@ void write_meta(hid_t file, const RunMetadata& meta, const scene::SceneSpec& spe
   const Handle options = create_group(group, paths::kOptions);
   for (const scene::OptionSpec& option : spec.options)
     write_attribute(options, option.name.c_str(), option.value);
+  if (!meta.varied.empty()) {
+    const Handle ranges = create_group(group, paths::kVary), drawn = create_group(group, paths::kVaried);
+    for (const scene::Variation& v : meta.varied) {
+      write_attribute(ranges, v.name.c_str(), to_text(v));
+      if (v.drawn) write_attribute(drawn, v.name.c_str(), *v.drawn);
+    }
+  }
   const Handle set = create_group(group, paths::kSet);
   for (const NamedText& setting : meta.overrides) {
     if (has_attribute(set, setting.name.c_str())) H5Adelete(set, setting.name.c_str());  // the last one wins
@@ -139,6 +159,7 @@ RecordedMeta read_meta(hid_t file, scene::SceneSpec& spec) {
   read(paths::kTouchedByHand, recorded.first_interaction_tick);
   for (NamedText& option : read_string_attributes(group, paths::kOptions))
     spec.options.push_back({std::move(option.name), std::move(option.value), ""});
+  if (has_link(group, paths::kVary)) recorded.meta.varied = read_variations(group);
   if (has_attribute(group, "state_hash")) archive_result(read, recorded.result.emplace());
   return recorded;
 }

@@ -5,7 +5,7 @@
 namespace smartsurf::record::paths {
 
 inline constexpr const char *kMeta = "meta", *kOptions = "options", *kSet = "set", *kVersions = "versions",
-                            *kExtensions = "extensions";
+                            *kVary = "vary", *kVaried = "varied", *kExtensions = "extensions";
 inline constexpr const char* kTouchedByHand = "touched_by_hand";  // an attribute that is added during the run
 
 inline constexpr const char *kTick = "tick", *kTime = "time", *kHash = "hash", *kContacts = "contacts";

@@ -21,7 +21,7 @@ namespace {
 
 struct CompareFlags {
   std::string experiment, engines = "native,bullet", controller, until = "10", tolerance = "0.1", out;
-  std::vector<std::string> set, controller_set;
+  std::vector<std::string> set, vary, controller_set;
   std::optional<std::uint64_t> seed;
   bool unsafe = false, allow_extensions = false;
 };
@@ -56,7 +56,7 @@ RunOptions make_run_options(const CompareFlags& flags, const std::string& engine
   options.controller_overrides = flags.controller_set;
   options.no_controller = flags.controller.empty();
   options.seed = flags.seed;
-  options.overrides = parse_assignments(flags.set);
+  options.overrides = parse_overrides(flags.set, flags.vary);
   options.unsafe = flags.unsafe;
   options.allow_extensions = flags.allow_extensions;
   options.engine = engine;
@@ -113,6 +113,9 @@ CommandHandler add_compare_command(CLI::App& app, const std::string& command_lin
       ->type_name("N");
   compare->add_option("--set", flags->set, "Set an option that the script defines")
       ->type_name("NAME=VALUE")
+      ->allow_extra_args(false);
+  compare->add_option("--vary", flags->vary, "Draw a quantity of the scene from a range, as in a run")
+      ->type_name("NAME=LOW:HIGH[:MODE]")
       ->allow_extra_args(false);
   compare
       ->add_option("--until", flags->until, "End at this simulated time (default: 10), if not stopped before")

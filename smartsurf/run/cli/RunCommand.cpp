@@ -31,7 +31,7 @@ struct RunFlags {
   std::string experiment, mode = "time-step", pace, controller, shm, stats, video;
   bool window = false, headless = false, paused = false, close = false, no_controller = false, unsafe = false,
        help = false, allow_extensions = false;
-  std::vector<std::string> set, controller_set, record, screenshot;
+  std::vector<std::string> set, vary, controller_set, record, screenshot;
   RenderFlags render;
   std::optional<std::uint64_t> seed, ticks;
   std::optional<std::string> engine;
@@ -57,6 +57,11 @@ void add_script_flags(CLI::App& app, RunFlags& flags) {
       ->type_name("N");
   app.add_option("--set", flags.set, "Set an option that the script defines")
       ->type_name("NAME=VALUE")
+      ->allow_extra_args(false);
+  app.add_option(
+         "--vary", flags.vary,
+         "Draw a quantity of the scene from a range, as the script's vary{} does; MODE is factor or offset")
+      ->type_name("NAME=LOW:HIGH[:MODE]")
       ->allow_extra_args(false);
   app.add_option("--engine", flags.engine, "Physics engine, instead of the script's: native or bullet")
       ->check(CLI::IsMember(
@@ -136,7 +141,7 @@ std::optional<double> parse_pace(const RunFlags& flags) {
 script::Experiment load_silently(const RunFlags& flags) {
   confine_to_experiment(flags.experiment, flags.allow_extensions);
   script::LoadOptions options;
-  options.overrides = parse_assignments(flags.set);
+  options.overrides = parse_overrides(flags.set, flags.vary);
   options.seed = flags.seed;
   options.engine = flags.engine;
   options.print_output = [](std::string_view) {};
@@ -186,7 +191,7 @@ RunOptions make_run_options(const RunFlags& flags, const std::string& command_li
   options.no_controller = flags.no_controller;
   options.seed = flags.seed;
   options.engine = flags.engine;
-  options.overrides = parse_assignments(flags.set);
+  options.overrides = parse_overrides(flags.set, flags.vary);
   options.threads = flags.threads;
   options.recording_files = flags.record;
   options.stats_file = stats;
@@ -228,6 +233,7 @@ int check_command(const RunFlags& flags) {
   const std::string& file = flags.experiment;
   const auto& scene = experiment.scene();
   simulation::validate_surface(scene);
+  simulation::Nuisances::check(scene, experiment.variations());
   world::require_engine(scene);
   for (const std::string& line : scene::unlikely_placements(scene))
     common::print_error_line("smartsurf", "warning: " + line);

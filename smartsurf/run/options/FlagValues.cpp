@@ -36,15 +36,18 @@ Screenshot parse_screenshot(const std::string& text) {
   return screenshot;
 }
 
-std::vector<std::pair<std::string, std::string>> parse_assignments(
-    const std::vector<std::string>& assignments) {
+std::vector<std::pair<std::string, std::string>> parse_overrides(const std::vector<std::string>& set,
+                                                                 const std::vector<std::string>& vary) {
   std::vector<std::pair<std::string, std::string>> pairs;
-  for (const auto& assignment : assignments) {
+  const auto add = [&](const std::string& flag, const std::string& form, const std::string& prefix,
+                       const std::string& assignment) {
     const auto equals = assignment.find('=');
     if (equals == std::string::npos || equals == 0)
-      throw scene::InputError(fmt::format("--set {}: must be NAME=VALUE", assignment));
-    pairs.emplace_back(assignment.substr(0, equals), assignment.substr(equals + 1));
-  }
+      throw scene::InputError(fmt::format("{} {}: must be {}", flag, assignment, form));
+    pairs.emplace_back(prefix + assignment.substr(0, equals), assignment.substr(equals + 1));
+  };
+  for (const std::string& assignment : set) add("--set", "NAME=VALUE", "", assignment);
+  for (const std::string& assignment : vary) add("--vary", "NAME=LOW:HIGH[:MODE]", "vary.", assignment);
   return pairs;
 }
 

@@ -76,6 +76,7 @@ std::string to_json(const RunSummary& run, const PhaseTimes& times) {
                     {"actuator_frames_repeated", run.actuator_frames_repeated},
                     {"actuator_values_clamped", run.actuator_values_clamped},
                     {"metrics", metrics}};
+  for (const auto& [name, value] : run.varied) json["varied"][name] = value;
   // Earlier versions wrote these names for every experiment.
   if (const auto purity = metrics.find(std::string(record::kPurity)); purity != metrics.end()) {
     json[std::string(record::kPurity)] = *purity;

@@ -63,6 +63,7 @@ struct RunSummary {
   std::optional<double> success_s;
   std::uint64_t sensor_frames_skipped = 0, actuator_frames_repeated = 0, actuator_values_clamped = 0;
   std::vector<std::pair<std::string, double>> metrics;  // from the script's metric()
+  std::vector<std::pair<std::string, double>> varied;   // the episode's nuisances
   std::size_t off_surface = 0;                          // objects not over the surface at the end
   std::uint64_t left_table = 0;                         // total departures
   std::uint64_t frames_drawn = 0;                       // in the window

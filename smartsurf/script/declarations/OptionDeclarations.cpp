@@ -1,5 +1,5 @@
-// option: values that the command line can override. random, random_stream, math.random: the experiment's
-// random numbers.
+// option: values that the command line can override. vary: what each episode draws anew. random,
+// random_stream, math.random: the experiment's random numbers.
 #include <algorithm>
 #include <cctype>
 #include <charconv>
@@ -100,6 +100,43 @@ int option(ScriptContext& context, lua_State* L) {
   return 1;
 }
 
+// {LOW, HIGH} or {LOW, HIGH, MODE} at the top of the stack.
+scene::Variation check_variation(const ScriptContext& context, lua_State* L, const std::string& nuisance) {
+  const std::string name = "vary." + nuisance,
+                    requirement = "{low, high} or {low, high, 'factor' or 'offset'}";
+  const int table = lua_gettop(L);
+  const auto size = static_cast<std::size_t>(lua_istable(L, table) ? lua_rawlen(L, table) : 0);
+  if (size != 2 && size != 3) throw_invalid_value(L, table, name, requirement);
+  for (lua_pushnil(L); lua_next(L, table) != 0; lua_pop(L, 1))
+    if (lua_isinteger(L, -2) == 0) throw_invalid_value(L, table, name, requirement);
+  scene::Variation v{.name = nuisance, .subject = context.interpreter->current_location(L) + ": " + name};
+  for_each_element(L, table, name, [&](int i, const std::string& element) {
+    if (element.ends_with("[3]")) {
+      const auto mode = scene::find_variation_mode(check_string(L, i, element));
+      if (!mode) throw_invalid_value(L, i, element, "'absolute', 'factor' or 'offset'");
+      v.mode = *mode;
+    } else {
+      (element.ends_with("[1]") ? v.low : v.high) = check_number(L, i, element);
+    }
+  });
+  throw_if_invalid(validate(v), name + ": ");
+  return v;
+}
+
+// Whether the scene knows the name is seen when it is complete: simulation::Nuisances.
+int vary(ScriptContext& context, lua_State* L) {
+  declare_once(context, L, "vary");
+  if (!lua_istable(L, 1)) throw_invalid_value(L, 1, "vary", "a table, vary{friction = {0.5, 1.5, 'factor'}}");
+  for (lua_pushnil(L); lua_next(L, 1) != 0; lua_pop(L, 1)) {
+    if (lua_type(L, -2) != LUA_TSTRING)
+      throw_invalid_value(L, -2, "vary", "by name: vary{friction = {0.5, 1.5, 'factor'}}");
+    const std::string name = lua_tostring(L, -2);
+    if (context.vary.size() >= kMaxOptions) throw ScriptError("vary: more than 1000 nuisances");
+    context.vary.push_back(check_variation(context, L, to_single_line(name.substr(0, 60))));
+  }
+  return 0;
+}
+
 struct Bounds {
   double low = 0.0, high = 1.0;
 };
@@ -159,6 +196,7 @@ int math_randomseed(ScriptContext&, lua_State*) {
 
 void bind_options(lua_State* L) {
   lua_register(L, "option", guarded<option>);
+  lua_register(L, "vary", guarded<vary>);
   lua_register(L, "random", guarded<random>);
   lua_register(L, "random_stream", guarded<random_stream>);
   lua_getglobal(L, "math");

@@ -37,6 +37,14 @@ int alive(ScriptContext& context, lua_State* L) {
   return 1;
 }
 
+// False for an object that is gone: it is not on the table either.
+int on_table(ScriptContext& context, lua_State* L) {
+  if (context.phase != Phase::kRunning) require_running(context, "object:on_table");
+  const scene::ObjectId id = check_handle(L, kTypeName, "on_table");
+  lua_pushboolean(L, context.simulation->is_alive(id) && context.simulation->is_on_table(id) ? 1 : 0);
+  return 1;
+}
+
 int label(ScriptContext& context, lua_State* L) {
   const std::string text = context.simulation->label(check_live_object(context, L, "label"));
   lua_pushlstring(L, text.data(), text.size());
@@ -159,8 +167,9 @@ int objects(ScriptContext& context, lua_State* L) {
 }  // namespace
 
 void bind_object_handles(lua_State* L) {
-  constexpr std::array<luaL_Reg, 10> kMethods{{{"id", guarded<id>},
+  constexpr std::array<luaL_Reg, 11> kMethods{{{"id", guarded<id>},
                                                {"alive", guarded<alive>},
+                                               {"on_table", guarded<on_table>},
                                                {"label", guarded<label>},
                                                {"position", guarded<position>},
                                                {"velocity", guarded<velocity>},

@@ -100,7 +100,7 @@ class RecordingReference(ProgramTest):
     def test_every_name_in_a_recording_is_documented(self):
         import h5py
         path = self.write("all.lua", "surface { rows = 4, columns = 4, sensors = { colour {} }, border = { height = 2 },\n"
-                                     "  skin = { edge = { height = 0 } } }\nrecord { sensors = true, actuators = true }\nlocal n = option('n', 1)\n"
+                                     "  skin = { edge = { height = 0 } } }\nrecord { sensors = true, actuators = true }\nvary { friction = {0, 1} }\nlocal n = option('n', 1)\n"
                                      "sphere { radius = 1, position = {1, 1, 2} }\n"
                                      "hull { points = {{0,0,0}, {1,0,0}, {0,1,0}, {0,0,1}}, position = {2, 2, 4} }\n")
         status, _, err = self.run_program(SMARTSURF, "run", path, "--no-controller", "--ticks", "2", "--record", "all.h5",
@@ -110,7 +110,7 @@ class RecordingReference(ProgramTest):
         with h5py.File(self.folder / "all.h5") as file:
             # Excludes names chosen by scripts and libraries.
             file.visititems(lambda name, item: names.update(
-                [name.split("/")[-1]] + ([] if name.startswith(("meta/options", "meta/set", "meta/versions")) else list(item.attrs))))
+                [name.split("/")[-1]] + ([] if name.startswith(("meta/options", "meta/set", "meta/vary", "meta/varied", "meta/versions")) else list(item.attrs))))
         names -= {"0", "colour"}
         self.assertGreater(len(names), 60)
         self.assertEqual(sorted(names - words_of_code(text_of("docs/recordings.md"))), [])
@@ -140,6 +140,9 @@ class LuaReference(ProgramTest):
     def test_declarations(self):
         for name in ("world", "material", "surface", "faults", "record"):
             self.assert_documented(name, self.names_known(f"{name} {{ qqqqqq = 1 }}\n"))
+
+    def test_nuisances(self):
+        self.assert_documented("vary", self.names_known(f"{self.TABLE}vary {{ qqqqqq = {{0, 1}} }}\n"))
 
     def test_objects(self):
         for name in ("sphere", "box", "cylinder", "capsule", "cone", "hull", "mesh"):

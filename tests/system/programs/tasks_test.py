@@ -5,6 +5,40 @@ from programs import *
 TASKS = ROOT / "scripts/tasks"
 
 
+# Of each task whose objects must stay: seconds, changes of its text, and Lua that holds its objects, each tick, where they
+# succeed; `put(id, x, y, z, yaw, roll, stays)` puts them there, or beside the table unless it stays, or below it.
+PLACED = {
+    "size_sort": (0.2, {}, "for id = 0, 3 do put(id, object(id):label() == 'east' and 25 or 6, 4 + 7 * id, 8) end"),
+    "colour_sort": (0.2, {}, "for id = 0, 5 do put(id, object(id):label() == 'east' and 18 or 5, 3 + 3.5 * id, 7) end"),
+    "part_sort": (0.2, {}, "for id = 0, 3 do put(id, object(id):label() == 'east' and 22 or 7, 5 + 6 * id, 3) end"),
+    "relocate": (0.2, {}, "put(0, 11, 5, 8)"),
+    "track": (10, {"leg = 20": "leg = 3"}, "local x, y = point(t) put(0, 11.5 + x, 11.5 + y, 8)"),
+    "parallel": (1.5, {}, "put(0, 37, 27, 8) put(1, 2, 11, 8) put(2, 30, 37, 8) put(3, 9, 37, 8) put(4, 19.5, 19.5, 8)"),
+    "air": (1.2, {}, "put(sheet, 26, 20, 2)"),
+    "magnets": (0.2, {}, "put(pulled, 8, 6, 1, nil, nil, true) put(pushed, 14.4, 2, 1)"),
+    "squeeze": (0.2, {}, "put(rod, 11.5, 11.5, 1, math.pi / 2)"),
+    "excitable": (0.2, {}, "for id = 0, 2 do put(id, 36, 4 + 5 * id, 8) end"),
+    "push_t": (0.2, {}, "put(0, 15.5, 15.5, 2, -math.pi / 4)"),
+    "push_t_pins": (0.2, {}, "put(0, 15.5, 16.5 - 15 / 14, 8, 0)"),
+    "arraybot_lift": (1.3, {}, "put(thing, 12, 12, height / 2 + 4)"),
+    "arraybot_flip": (2.5, {"at(1, ": "at(0.2, "}, "put(thing, 12, 12, 7, 0, t > 0.5 and math.pi / 2 or 0)"),
+    "arraybot_relocate": (1.3, {}, "put(thing, goal_x, goal_y, 7)"),
+    "delta_align": (0.2, {}, "put(thing, 7, 7, 3, -axis)"),
+    "sheet_circle": (1.9, {"settle = 5": "settle = 0.2"}, "put(apple, middle + circle * math.cos(9 * t), middle + circle * math.sin(9 * t), 25)"),
+}
+HOLD = """
+local where = option('where', 'on')
+local function put(id, x, y, z, yaw, roll, stays)
+  if where == 'beside' and not stays then x = x < 15 and x - 400 or x + 400 elseif where == 'below' then z = -40 end
+  local o = object(id)
+  o:teleport { position = { x, y, z }, velocity = { 0, 0, 0 }, angular_velocity = { 0, 0, 0 } }
+  if yaw then o:teleport { orientation = { roll = roll or 0, pitch = 0, yaw = yaw } } end
+end
+on_tick(function(t) BODY end)
+"""
+SMALL = {"size_sort": ("n=32", "count=2"), "colour_sort": ("n=24", "count=3"), "part_sort": ("n=30", "count=2")}
+
+
 class Tasks(ProgramTest):
     def run_task(self, name, seconds, *options, seed=1):
         """Runs the task and returns its metrics."""
@@ -47,6 +81,29 @@ class Tasks(ProgramTest):
         for path in TASKS.glob("*.aps"):
             if path.with_suffix(".lua").exists():
                 self.assertIn(path.stem, err)
+
+    def test_an_object_off_the_table_succeeds_nowhere(self):
+        for file in [*TASKS.glob("*.lua"), TASKS / "tee.obj"]:
+            (self.folder / file.name).write_bytes(file.read_bytes())
+        arraybot = self.folder / "arraybot.lua"  # without gravity an object that is held is at rest
+        arraybot.write_text(arraybot.read_text().replace("world { unit = 'cm',", "world { unit = 'cm', gravity = 0,"))
+        tasks = {path.stem for path in TASKS.glob("*.lua") if path.with_suffix(".aps").exists()}
+        self.assertEqual(tasks - set(PLACED), {"packages", "parcels", "rain", "waves"})  # which leave it, or have no success
+        for task, (seconds, changes, body) in PLACED.items():
+            text = (TASKS / f"{task}.lua").read_text()
+            for old, new in changes.items():
+                self.assertIn(old, text, task)
+                text = text.replace(old, new)
+            experiment = self.write(f"held_{task}.lua", text + HOLD.replace("BODY", body))
+            success = {}
+            for where in ("on", "beside", "below"):
+                settings = [word for option in (f"where={where}", *SMALL.get(task, ())) for word in ("--set", option)]
+                status, _, err = self.run_program(SMARTSURF, "run", experiment, "--no-controller", "--until", str(seconds), "--stats",
+                                                  "held.json", *settings)
+                self.assertEqual(status, 0, f"{task}: {err}")
+                success[where] = json.loads((self.folder / "held.json").read_text())["metrics"]["success"]
+            with self.subTest(task):
+                self.assertEqual(success, {"on": 1, "beside": 0, "below": 0})
 
     def test_balls_are_sorted_by_size(self):
         metrics = self.run_task("size_sort", 40, "n=32", "count=2")
@@ -130,7 +187,8 @@ class Tasks(ProgramTest):
         self.assertGreater(metrics["least_gap_u"], 0.1)
 
     def test_magnets_attract_one_polarity_and_repel_the_other(self):
-        self.assertEqual(self.run_task("magnets", 6)["success"], 1)
+        metrics = self.run_task("magnets", 6)
+        self.assertEqual((metrics["success"], metrics["on_table"]), (1, 1))
 
     def test_rod_reaches_unique_pose_without_sensors(self):
         for seed in (1, 2):

@@ -265,6 +265,44 @@ class Parameters(ExperimentTest):
                 traces.append(trace)
             self.assertEqual(*traces)
 
+    def test_nuisances_of_a_batch_are_those_of_its_worlds_and_of_each_seed(self):
+        path = self.script("vary { mass = {0.5, 2, 'factor'} }\n" + scene())
+        nuisances = {"vary.friction": (0.5, 1.5, "factor"), "vary.latency": (0, 3)}
+        batches = [smartsurf.VectorEnv(path, 6, threads, set=nuisances) for threads in (1, 4)]
+        drawn = {}
+        for seed in (3, 100):
+            infos = [envs.reset(seed=seed)[1] for envs in batches]
+            for name in ("varied.friction", "varied.latency", "varied.mass"):
+                np.testing.assert_array_equal(infos[0][name], infos[1][name])
+                drawn.setdefault(name, []).extend(infos[0][name])
+            traces = [[envs.step(command(tick, 1, envs.action_space.shape))[0].tobytes() for tick in range(20)] for envs in batches]
+            self.assertEqual(*traces)
+            one = smartsurf.Env(path, set=nuisances)
+            for k in (0, 5):
+                _, info = one.reset(seed=seed + k)
+                self.assertEqual([info[name] for name in drawn], [infos[0][name][k] for name in drawn])
+                for tick in range(20):
+                    one.step(command(tick, 1, batches[0].action_space.shape)[k])
+                self.assertEqual(one.simulation.state_hash, batches[0].state_hash(k))
+                self.assertAlmostEqual(one.simulation.get_parameter("object.box.mass"), 2 * info["varied.mass"])
+                self.assertAlmostEqual(one.simulation.get_parameter("object.box.friction"), 0.6 * info["varied.friction"])
+        self.assertEqual(len(set(drawn["varied.mass"])), 12)
+        # A state belongs to its seed's draws.
+        state = batches[0].save(2)
+        batches[0].step(command(0, 1, batches[0].action_space.shape))
+        expected = batches[0].state_hash(2)
+        one.reset(seed=1)
+        one.simulation.restore(state)
+        self.assertEqual(one.simulation.info["varied.mass"], drawn["varied.mass"][8])
+        one.step(command(0, 1, batches[0].action_space.shape)[2])
+        self.assertEqual(one.simulation.state_hash, expected)
+        # What is set is what a factor changes.
+        one.simulation.set_parameter("object.box.mass", 3)
+        _, info = one.reset(seed=9)
+        self.assertAlmostEqual(one.simulation.get_parameter("object.box.mass"), 3 * info["varied.mass"])
+        with self.assertRaisesRegex(smartsurf.Error, "--vary frction=0:1: no nuisance"):
+            smartsurf.Env(path, set={"vary.frction": (0, 1)})
+
     def test_options_that_differ_between_worlds(self):
         path = self.script("local radius = option('radius', 1) local count = option('count', 1)\n"
                            "surface { rows = 6, columns = 6, actuator = pin {} }\n"

@@ -51,6 +51,18 @@ TEST(TableOutline, RectangularGridIsExact) {
   EXPECT_FALSE(outline.contains(std::numeric_limits<double>::quiet_NaN(), 3));
 }
 
+TEST(TableOutline, SkinCoversEmptyCells) {
+  SurfaceSpec surface = grid(21, 21, 2.5);
+  for (int i = 0; i < surface.cell_count(); ++i)
+    surface.actuator_of_cell.push_back(i / 21 % 20 == 0 && i % 21 % 20 == 0 ? std::int8_t{0} : kEmptyCell);
+  EXPECT_FALSE(TableFootprint(surface).contains(25, 25));
+  surface.skin.emplace();
+  const TableFootprint outline(surface);
+  EXPECT_TRUE(outline.contains(25, 25));
+  EXPECT_TRUE(outline.contains(51.2, 10));
+  EXPECT_FALSE(outline.contains(51.3, 10));
+}
+
 TEST(TableOutline, HexLayoutFollowsRows) {
   const double pitch = 2.0;
   const TableFootprint outline(hex(10, 12, pitch));

@@ -40,6 +40,7 @@ class FakeSimulation : public SimulationInterface {
     const auto& o = objects_.at(id);
     return {o.position, o.orientation, o.velocity, o.angular_velocity};
   }
+  bool is_on_table(scene::ObjectId id) const override { return objects_.at(id).position.z() > 0.0; }
   std::string label(scene::ObjectId id) const override { return objects_.at(id).label; }
   std::vector<scene::ObjectId> find_objects(const std::optional<std::string>& label) const override {
     std::vector<scene::ObjectId> ids;
