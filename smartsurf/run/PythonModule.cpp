@@ -3,9 +3,13 @@
 #include <fmt/format.h>
 #include <unistd.h>
 
+#include <cerrno>
 #include <cstdlib>
+#include <cstring>
 #include <filesystem>
 #include <system_error>
+
+#include "smartsurf/scene/SceneSpec.h"
 
 namespace smartsurf::run {
 namespace {
@@ -42,6 +46,17 @@ std::vector<std::string> python_command(const std::string& module,
       "smartsurf." + module};
   command.insert(command.end(), arguments.begin(), arguments.end());
   return command;
+}
+
+void run_python(const std::string& module, const std::vector<std::string>& given) {
+  const std::vector<std::string> command = python_command(module, given);
+  std::vector<char*> arguments;
+  for (const std::string& argument : command) arguments.push_back(const_cast<char*>(argument.c_str()));
+  arguments.push_back(nullptr);
+  std::error_code error;
+  setenv("SMARTSURF", fs::read_symlink("/proc/self/exe", error).c_str(), 0);
+  execvp(arguments[0], arguments.data());
+  throw scene::InputError(fmt::format("{}: cannot start {}: {}", module, command[0], std::strerror(errno)));
 }
 
 }  // namespace smartsurf::run

@@ -10,5 +10,8 @@ namespace smartsurf::run {
 // environment names, the one beside this program, where pip has installed both, or the one on PATH. In a
 // build folder the package is that of the build. Nothing is loaded from the current folder.
 std::vector<std::string> python_command(const std::string& module, const std::vector<std::string>& arguments);
+// Becomes that program, which finds this one as SMARTSURF. Throws scene::InputError if there is no
+// interpreter.
+[[noreturn]] void run_python(const std::string& module, const std::vector<std::string>& arguments);
 
 }  // namespace smartsurf::run

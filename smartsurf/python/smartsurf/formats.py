@@ -429,7 +429,7 @@ def export(recording: str | os.PathLike[str], output: str | os.PathLike[str], fp
     source, target = pathlib.Path(recording), pathlib.Path(output)
     kind = EXTENSIONS.get(target.suffix.lower())
     if kind is None:
-        raise FormatError(f"export -o {target}: the name must end in one of {', '.join(EXTENSIONS)}, .html, .glb")
+        raise FormatError(f"export -o {target}: the name must end in one of {', '.join(EXTENSIONS)}")
     for module, package in _MODULES[kind].items():
         try:
             importlib.import_module(module)

@@ -37,7 +37,8 @@ int parse_and_run(int argc, char** argv) {
                                                           {"check", add_check_command(app)},
                                                           {"clean", add_clean_command(app)},
                                                           {"new", add_new_command(app)},
-                                                          {"train", add_train_command(app)}};
+                                                          {"train", add_train_command(app)},
+                                                          {"fmu", add_fmu_command(app)}};
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& e) {

@@ -3,6 +3,7 @@
 #include <fmt/ranges.h>
 
 #include <CLI/CLI.hpp>
+#include <filesystem>
 #include <memory>
 
 #include "common/files/Inputs.h"
@@ -12,6 +13,7 @@
 #include "smartsurf/record/Recording.h"
 #include "smartsurf/record/plot/Plot.h"
 #include "smartsurf/run/ConfinedRuns.h"
+#include "smartsurf/run/PythonModule.h"
 #include "smartsurf/run/cli/ReadWorker.h"
 #include "smartsurf/run/cli/Subcommands.h"
 #include "smartsurf/run/options/FlagValues.h"
@@ -102,20 +104,28 @@ CommandHandler add_export_command(CLI::App& app) {
     std::string file, output, fps = "30";
   };
   CLI::App* command = app.add_subcommand(
-      "export", "Make a web page that plays a recording in any browser, or an animated 3-D model");
+      "export", "Make a web page that plays a recording in any browser, or a file for other tools");
   const auto flags = std::make_shared<Flags>();
   command->add_option("recording", flags->file, "The recording")->required()->type_name("FILE.h5");
-  command->add_option("-o,--output", flags->output, "The page, or the model for Blender and others")
+  command
+      ->add_option("-o,--output", flags->output,
+                   "The page; a glTF model; or, with the Python package, a USD scene, a Rerun recording or a "
+                   "log of ROS 2 messages")
       ->required()
-      ->type_name("FILE.html|FILE.glb");
+      ->type_name("FILE.html|glb|usd|rrd|mcap");
   command->add_option("--fps", flags->fps, "Maximum frames per recorded second (default: 30)")
       ->type_name("N");
   return [flags] {
-    const bool is_model = flags->output.ends_with(".glb");
-    if (!is_model && !flags->output.ends_with(".html"))
-      throw scene::InputError(fmt::format("export -o {}: the name must end in .html or .glb", flags->output));
+    const std::string extension = std::filesystem::path(flags->output).extension().string();
+    const bool is_model = extension == ".glb";
     refuse_to_overwrite(flags->file, "-o", flags->output);
     const double fps = parse_positive_number("--fps", flags->fps);
+    for (const char* const other : {".usd", ".usda", ".usdc", ".rrd", ".mcap"})
+      if (extension == other) run_python("formats", {flags->file, "-o", flags->output, "--fps", flags->fps});
+    if (!is_model && extension != ".html")
+      throw scene::InputError(
+          fmt::format("export -o {}: the name must end in .html, .glb, .usd, .usda, .usdc, .rrd or .mcap",
+                      flags->output));
     return read_in_worker({flags->file,
                            [&, is_model]() -> int {
                              const record::Recording recording = record::Recording::open(flags->file);

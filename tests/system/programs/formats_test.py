@@ -10,7 +10,7 @@ from programs import *
 
 VENV = ROOT / "build/formats"
 PACKAGE = BIN.parent / "python"
-EXPORT = [VENV / "bin/python", "-m", "smartsurf.formats"]
+EXPORT = [SMARTSURF, "export"]
 
 
 def needs(package):
@@ -47,7 +47,7 @@ def scene(seed):
 class FormatTest(ProgramTest):
     def run_python(self, *command):
         done = subprocess.run([str(c) for c in command], cwd=self.folder, capture_output=True, text=True, timeout=PATIENCE,
-                              env={**os.environ, "PYTHONPATH": str(PACKAGE), "SMARTSURF": SMARTSURF,
+                              env={**os.environ, "PYTHONPATH": str(PACKAGE), "SMARTSURF_PYTHON": str(VENV / "bin/python"),
                                    "HOME": str(self.folder), "PYTHONDONTWRITEBYTECODE": "1"})
         return done.returncode, done.stdout, done.stderr
 
@@ -197,7 +197,7 @@ class Fmu(FormatTest):
     @needs("fmpy")
     def test_unit_is_the_experiment(self):
         self.write("table.lua", TABLE)
-        pack = [VENV / "bin/python", "-m", "smartsurf.fmu", "table.lua", "-o"]
+        pack = [SMARTSURF, "fmu", "table.lua", "-o"]
         for name, more in (("a.fmu", ()), ("b.fmu", ()), ("c.fmu", ("--set", "count=2"))):
             self.assertEqual(self.run_python(*pack, name, *more), (0, "", ""))
         self.assertEqual((self.folder / "a.fmu").read_bytes(), (self.folder / "b.fmu").read_bytes())
@@ -262,7 +262,7 @@ class Fmu(FormatTest):
                                 (["table.lua", "-o", "a.fmu", "--set", "count"], "NAME=VALUE"),
                                 (["table.lua", "-o", "a.fmu", "--set", "size=2"], "size"),
                                 (["table.lua", "-o", "a.fmu", "--with", "/etc/passwd"], "below")):
-            status, out, err = self.run_python(VENV / "bin/python", "-m", "smartsurf.fmu", *arguments)
+            status, out, err = self.run_python(SMARTSURF, "fmu", *arguments)
             self.assertEqual((status, out, len(err.splitlines())), (2, "", 1), err)
             self.assertIn(word, err)
         self.assertEqual(sorted(p.name for p in self.folder.iterdir()), ["broken.lua", "table.lua"])

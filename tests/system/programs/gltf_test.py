@@ -138,7 +138,7 @@ class Gltf(ProgramTest):
     def test_wrong_name_is_refused(self):
         self.write("scene.lua", "surface { rows = 4, columns = 4, actuator = pin {} }")
         self.run_program(SMARTSURF, "run", "scene.lua", "--no-controller", "--until", "0.1", "--record", "run.h5")
-        for name, message in (("run.gltf", "export -o run.gltf: the name must end in .html or .glb"),):
+        for name, message in (("run.gltf", "export -o run.gltf: the name must end in .html, .glb, .usd, .usda, .usdc, .rrd or .mcap"),):
             self.assertEqual(self.run_program(SMARTSURF, "export", "run.h5", "-o", name)[::2], (2, f"smartsurf: {message}\n"))
 
 
