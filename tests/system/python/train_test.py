@@ -180,6 +180,8 @@ class Training(ExperimentTest):
                 how = ["--method", "ppo", "--policy", policy, "--hidden", 4, "--iterations", 3, "--worlds", 4, "--horizon", 12]
                 rows = self.train(of, *how, "--threads", 1, folder=policy)
                 self.assertEqual([row["samples"] for row in rows], ["288", "576", "864"])
+                if importlib.util.find_spec("tensorboard"):
+                    self.assertTrue(list((self.folder / policy).glob("events.out.tfevents*")))
                 again = self.train(of, *how, "--threads", 2, folder="again")
                 self.assertEqual([row["return"] for row in rows], [row["return"] for row in again])
                 if HAS_ONNX and policy != "mlp":
