@@ -295,6 +295,7 @@ class TaskVectorEnv(VectorEnv):
             mask = np.asarray(given["reset_mask"])
             if mask.shape != (self.num_envs,) or mask.dtype != np.bool_ or not mask.any():
                 raise ValueError("options['reset_mask'] must be an array of bool, one per world, with one True")
+        self._start_recording()
         self._restart(self._seeds(seed), mask)
         return self._judge.observation(self.state()), _of_worlds(self._task_infos(), mask)
 

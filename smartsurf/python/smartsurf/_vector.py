@@ -86,9 +86,9 @@ class VectorEnv(gymnasium.vector.VectorEnv[Any, Any, Any]):
         self._batch = _core.Batch(os.fspath(experiment), engine_name(engine), [], self._seeds(seed), threads,
                                   _AUTORESET[autoreset_mode], max_episode_steps,
                                   [overrides(options) for options in of_worlds], source, controllers)
+        self._recording: tuple[Any, ...] | None = None  # what the first reset() starts
         if record is not None:
-            os.makedirs(record, exist_ok=True)
-            self._batch.record(os.fspath(record), shlex.join(sys.argv), _parameters.world_numbers(record_worlds, num_envs),
+            self._recording = (os.fspath(record), shlex.join(sys.argv), _parameters.world_numbers(record_worlds, num_envs),
                                whole("record_every", record_every, 1), [overrides(options) for options in of_worlds])
         self._description = d = self._batch.describe()
         self.rows: int = d["rows"]
@@ -163,8 +163,15 @@ class VectorEnv(gymnasium.vector.VectorEnv[Any, Any, Any]):
             mask = np.asarray(given["reset_mask"])
             if mask.shape != (self.num_envs,) or mask.dtype != np.bool_ or not mask.any():
                 raise ValueError("options['reset_mask'] must be an array of bool, one per world, with one True")
+        self._start_recording()
         self._batch.reset(self._seeds(seed), mask.astype(np.uint8).tolist())
         return self._observed(), self._infos() if mask.all() else _of_worlds(self._fields, mask)
+
+    def _start_recording(self) -> None:
+        if self._recording is not None:
+            os.makedirs(self._recording[0], exist_ok=True)
+            self._batch.record(*self._recording)
+            self._recording = None
 
     def step(self, actions: ArrayLike | None = None) -> Stepped:
         ended = self._advance(actions)

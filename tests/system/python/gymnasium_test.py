@@ -650,6 +650,40 @@ class RecordedWorlds(ExperimentTest):
                     verified = self.verify(path)
                     self.assertEqual(verified.returncode, 0, verified.stdout + verified.stderr)
 
+    def test_a_task_ends_its_recordings(self):
+        class Brief(smartsurf.Task):
+            scene = CROWD
+            goals = {"ticks": (5, 12)}
+
+            def success(self, state):
+                return state.ticks >= state.goals["ticks"]
+
+        for mode in ("NextStep", "SameStep"):
+            envs = Brief().make_vec(2, record=self.folder / mode, autoreset_mode=mode)
+            envs.reset(seed=1)
+            lengths, running = [], np.zeros(2, int)
+            for _ in range(30):
+                _, _, terminated, truncated, _ = envs.step(np.ones(envs.action_space.shape, np.float32))
+                running += 1
+                lengths += list(running[terminated | truncated])
+                running[terminated | truncated] = 0 if mode == "SameStep" else -1
+            envs.close()
+            files = sorted((self.folder / mode).iterdir())
+            self.assertGreaterEqual(len(files), len(lengths))
+            for path in files[:3]:
+                self.assertEqual(self.verify(path).returncode, 0)
+            try:
+                import h5py
+            except ImportError:
+                self.skipTest("h5py is missing")
+            recorded = []
+            for path in files:
+                with h5py.File(path) as file:
+                    recorded.append(int(file["tick"][-1]))
+            for length in lengths:
+                recorded.remove(length)
+            self.assertLessEqual(len(recorded), 2)  # those that run
+
     def test_interventions_are_marked_and_mistakes_named(self):
         path = self.script(CROWD)
         envs = smartsurf.VectorEnv(path, 2, record=self.folder / "r")

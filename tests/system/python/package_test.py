@@ -370,7 +370,7 @@ class Errors(ExperimentTest):
                 (["proximity"], [("height", 4, 0)], 0, "the range 4 … 0 must be finite and ascending"),
                 (["proximity"], [("height", 0, np.nan)], 0, "must be finite"),
                 (["proximity"], [("height", 0, 4)], -1, "memory = -1: must be"),
-                (["proximity", "row"], [("height", 0, 4)], 0, r"must be \(out, 2, 5\)")):
+                (["proximity", "row"], [("height", 0, 4)], 0, r"must be \(out, 2, 5 or 9\)")):
             with self.assertRaisesRegex(ValueError, message):
                 smartsurf.LocalPolicy(inputs, actions, layers, memory)
         with self.assertRaisesRegex(ValueError, r"'proximity' has shape \(4,\)"):

@@ -141,6 +141,7 @@ class Training(ExperimentTest):
                       self.failing_run(self.folder / "wrong.onnx", PYTHONPATH=path))
         with self.assertRaisesRegex(ValueError, r"layer 1: weights .* do not fit its input \(12,\)"):
             smartsurf.NetworkPolicy([(np.zeros((12, 48)), np.zeros(12)), (np.zeros((48, 9)), np.zeros(48))], (1, 6, 8), (1, 6, 8), 0, 1)
+        (self.folder / "numpy.py").write_text("raise SystemExit('the current folder was searched')\n")
         for task, message in (("Nowhere", "must be EXPERIMENT.lua, FILE.py:CLASS or one of SizeSort"),
                               ("none.py:A", "there is no file none.py")):
             result = subprocess.run([os.environ["SMARTSURF"], "train", task], capture_output=True, text=True, cwd=self.folder)
@@ -179,6 +180,8 @@ class Training(ExperimentTest):
                 how = ["--method", "ppo", "--policy", policy, "--hidden", 4, "--iterations", 3, "--worlds", 4, "--horizon", 12]
                 rows = self.train(of, *how, "--threads", 1, folder=policy)
                 self.assertEqual([row["samples"] for row in rows], ["288", "576", "864"])
+                if importlib.util.find_spec("tensorboard"):
+                    self.assertTrue(list((self.folder / policy).glob("events.out.tfevents*")))
                 again = self.train(of, *how, "--threads", 2, folder="again")
                 self.assertEqual([row["return"] for row in rows], [row["return"] for row in again])
                 if HAS_ONNX and policy != "mlp":

@@ -35,6 +35,7 @@ observation, info = env.reset(seed=1)
 env.simulation.teleport("ball", position=(0.0, 1.0, 2.0))
 envs = smartsurf.VectorEnv("plate.lua", 64, threads=2, set=[{"size": 1}] * 64)
 observations, infos = envs.reset(seed=[1] * 64)
+recorded = smartsurf.VectorEnv("plate.lua", 64, record="episodes", record_worlds=[0, 3], record_every=10)
 observations, rewards, ended, cut, infos = envs.step(np.zeros((64, 1, 4, 4), np.float32))
 mass: float = float(envs.get_parameter("object.#0.mass").sum()) + float(rewards.sum())
 
@@ -96,6 +97,10 @@ smartsurf.run("plate.lua", seed="1")
 smartsurf.attach(3)
 smartsurf.export_policy("policy.aps")
 smartsurf.load_extension(3)
+smartsurf.VectorEnv("plate.lua", 64, record=3)
+envs.reset(seed="1")
+smartsurf.NetworkPolicy([], (2, 4, 4), low=0, high=4)
+smartsurf.MinariCollector(env)
 """
 
 
