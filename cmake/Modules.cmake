@@ -64,6 +64,18 @@ if(SMARTSURF_SANITIZE)
   endif()
   target_link_options(project_options INTERFACE -fsanitize=${SMARTSURF_SANITIZE})
 endif()
+if(SMARTSURF_FUZZ)
+  # What guides libFuzzer.
+  if(CMAKE_CXX_COMPILER_ID MATCHES Clang)
+    target_compile_options(project_options INTERFACE -fsanitize=fuzzer-no-link)
+  else()
+    add_library(edge_counter STATIC ${PROJECT_SOURCE_DIR}/tests/fuzz/EdgeCounter.cpp)
+    set_target_properties(edge_counter PROPERTIES POSITION_INDEPENDENT_CODE ON)
+    target_compile_options(project_options INTERFACE -fsanitize-coverage=trace-pc,trace-cmp)
+    target_link_libraries(project_options INTERFACE edge_counter)
+    target_link_options(project_options INTERFACE -Wl,--wrap=__sanitizer_cov_trace_pc)
+  endif()
+endif()
 
 # add_module(<program> <module> SOURCES … [MODULES …] [PRIVATE …] [PUBLIC …])
 #   MODULES: modules that this one may include (targets); PRIVATE: third-party libraries that only this module sees;

@@ -24,7 +24,6 @@ namespace {
 constexpr int kStopInterval_ms = 50;
 
 thread_local double children_s = 0.0;
-bool is_child = false;
 
 bool write_all(int fd, const std::string& bytes) {
   for (std::size_t done = 0; done < bytes.size();) {
@@ -56,7 +55,6 @@ void limit(__rlimit_resource resource, rlim_t value) {
                             pid_t parent, rlim_t mapped) {
   ::prctl(PR_SET_PDEATHSIG, SIGKILL);
   if (::getppid() != parent) ::_exit(1);
-  is_child = true;
   // Do not inherit the parent's signal handlers.
   for (const int signal :
        {SIGSEGV, SIGBUS, SIGABRT, SIGFPE, SIGILL, SIGPROF, SIGTERM, SIGINT, SIGHUP, SIGXCPU, SIGALRM})
@@ -147,7 +145,9 @@ ChildResult run_in_child(const std::function<std::string()>& work, const ChildLi
   return result;
 }
 
-bool is_in_child() noexcept { return is_child; }
+void limit_address_space(std::size_t bytes) noexcept {
+  if (const rlim_t mapped = mapped_bytes(); mapped != RLIM_INFINITY) limit(RLIMIT_AS, mapped + bytes);
+}
 
 double child_time_s() noexcept { return children_s; }
 

@@ -28,8 +28,9 @@ struct ChildResult {
 // if there can be no child: the work is not done here then.
 ChildResult run_in_child(const std::function<std::string()>& work, const ChildLimits&);
 
-// Whether this process is such a child, which can have none of its own.
-bool is_in_child() noexcept;
+// Limits this process's address space to what it has now and `bytes` more; not at all where the former is
+// unknown.
+void limit_address_space(std::size_t bytes) noexcept;
 
 // Processor time of the children that the calling thread has waited for here.
 double child_time_s() noexcept;

@@ -171,23 +171,31 @@ Recording::Recording(Recording&&) noexcept = default;
 Recording& Recording::operator=(Recording&&) noexcept = default;
 Recording::~Recording() = default;
 
+std::size_t memory_to_read(const fs::path& path) {
+  constexpr std::size_t kBytes = std::size_t{2} << 30, kTimesFile = 16;
+  std::error_code error;
+  const std::uintmax_t file_bytes = fs::file_size(path, error);
+  return kBytes + (error ? 0 : kTimesFile * file_bytes);
+}
+
 Recording Recording::open(const fs::path& path) {
-  const auto read = [&] {
-    try {
-      return Recording(std::make_unique<Contents>(path));
-    } catch (const Hdf5Error& error) {
-      throw scene::InputError(path.string() + ": " + error.what());
-    }
-  };
   const auto read_first_and_last = [&] {
-    const Recording recording = read();
+    const Recording recording = open_here(path);
     if (recording.frames() == 0) return;
     recording.read_snapshot(0);
     recording.read_snapshot(recording.frames() - 1);
   };
-  if (!completes_in_child(path, read_first_and_last))
+  if (!completes_in_child(path, memory_to_read(path), read_first_and_last))
     throw scene::InputError(path.string() + ": is damaged: the HDF5 library cannot read it");
-  return read();
+  return open_here(path);
+}
+
+Recording Recording::open_here(const fs::path& path) {
+  try {
+    return Recording(std::make_unique<Contents>(path));
+  } catch (const Hdf5Error& error) {
+    throw scene::InputError(path.string() + ": " + error.what());
+  }
 }
 
 const fs::path& Recording::path() const { return contents_->path; }

@@ -6,6 +6,7 @@
 // A file that a run is still writing can be read up to its last flush. One thread at a time.
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 #include <filesystem>
 #include <memory>
@@ -22,6 +23,10 @@ namespace smartsurf::record {
 
 struct PuritySeries;
 
+// Address space for reading the file: HDF5 1.10 allocates the length that a text has by its reference, up to
+// 4 GiB, before it looks for the text.
+std::size_t memory_to_read(const std::filesystem::path& path);
+
 class Recording {
  public:
   struct ChannelInfo {
@@ -34,6 +39,8 @@ class Recording {
   };
 
   static Recording open(const std::filesystem::path& path);
+  // The same without the child: for processes that may crash.
+  static Recording open_here(const std::filesystem::path& path);
   Recording(Recording&&) noexcept;
   Recording& operator=(Recording&&) noexcept;
   ~Recording();

@@ -13,8 +13,6 @@ constexpr const char *kEnd = "end", *kCell = "cell", *kValue = "value";
 constexpr hsize_t kChunkChanges = 8192, kChunkRows = 1024;
 constexpr std::uint64_t kBlockChanges = 1u << 16;  // changes read at once
 constexpr std::size_t kMinKeyframeInterval = 256, kMaxKeyframeBytes = std::size_t{64} << 20;
-// Deflate compresses at most about 1030:1, so a stored byte holds at most this many changes.
-constexpr std::uint64_t kMaxChangesPerStoredByte = 1100 / sizeof(std::uint32_t);
 
 template <class Number>
 Handle create_growing_dataset(hid_t group, const char* name, hsize_t chunk, bool compress) {
@@ -92,9 +90,7 @@ DeltaReader::DeltaReader(hid_t parent, const char* name, std::size_t row_size)
   const Handle ends = open_dataset(group_, kEnd, 1);
   row_ends_ = read_block<std::uint64_t>(ends, {0}, {stored_entries(ends, 8)}, name_ + "/end");
   const std::uint64_t changes = std::min(extents(cell_dataset_)[0], extents(value_dataset_)[0]);
-  // A damaged file may declare any extent; the compression ratio bounds what it can hold.
-  if (changes / kMaxChangesPerStoredByte > H5Dget_storage_size(cell_dataset_) + kChunkChanges)
-    throw Hdf5Error("dataset " + name_ + "/cell declares more entries than it can hold");
+  require_stored(cell_dataset_, changes, name_ + "/cell");
   // A run killed during a write may leave rows whose changes are missing.
   while (!row_ends_.empty() && row_ends_.back() > changes) row_ends_.pop_back();
   std::uint64_t previous_end = 0;

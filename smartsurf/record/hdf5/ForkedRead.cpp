@@ -6,12 +6,9 @@
 
 namespace smartsurf::record {
 
-bool completes_in_child(const std::filesystem::path& file, const std::function<void()>& action) {
-  if (common::is_in_child()) {
-    action();
-    return true;
-  }
-  const common::ChildLimits limits{.cpu_s = 15.0, .memory_bytes = std::size_t{8} << 30, .readable = {file}};
+bool completes_in_child(const std::filesystem::path& file, std::size_t memory_bytes,
+                        const std::function<void()>& action) {
+  const common::ChildLimits limits{.cpu_s = 15.0, .memory_bytes = memory_bytes, .readable = {file}};
   const auto work = [&] {
     try {
       action();

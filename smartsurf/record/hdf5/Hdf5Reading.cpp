@@ -52,8 +52,24 @@ Handle open_dataset(hid_t parent, const std::string& name, int rank) {
   return dataset;
 }
 
+hsize_t stored_bytes(hid_t dataset) {
+  const Handle file(H5Iget_file_id(dataset), H5Fclose, "file");
+  hsize_t file_bytes = 0;
+  check(H5Fget_filesize(file, &file_bytes), "file size");
+  return std::min(H5Dget_storage_size(dataset), file_bytes);
+}
+
+void require_stored(hid_t dataset, hsize_t count, const std::string& name) {
+  // Deflate compresses at most about 1030:1. A chunk that was never written stores nothing.
+  constexpr hsize_t kMostExpansion = 1100, kFreeEntries = 65536;
+  const Handle type(H5Dget_type(dataset), H5Tclose, name);
+  const hsize_t entry_bytes = std::max<hsize_t>(H5Tget_size(type), 1);
+  if (count > kFreeEntries && (count - kFreeEntries) / kMostExpansion > stored_bytes(dataset) / entry_bytes)
+    throw Hdf5Error("dataset " + name + " declares more entries than it can hold");
+}
+
 hsize_t stored_entries(hid_t dataset, std::size_t bytes_per_entry) {
-  return std::min(extents(dataset).at(0), H5Dget_storage_size(dataset) / bytes_per_entry);
+  return std::min(extents(dataset).at(0), stored_bytes(dataset) / bytes_per_entry);
 }
 
 std::vector<std::string> read_strings(hid_t parent, const std::string& name, hsize_t count) {

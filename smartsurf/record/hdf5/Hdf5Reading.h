@@ -17,6 +17,10 @@ Handle open_group(hid_t parent, const char* name);
 // A dataset that is stored in another file is refused.
 Handle open_dataset(hid_t parent, const std::string& name);
 Handle open_dataset(hid_t parent, const std::string& name, int rank);
+// What a dataset takes in the file: at most the file's size, whatever the dataset declares.
+hsize_t stored_bytes(hid_t dataset);
+// Throws if `count` entries cannot come from what the file stores, compressed as well as can be.
+void require_stored(hid_t dataset, hsize_t count, const std::string& name);
 // Number of entries along the first axis of an uncompressed dataset that the file really stores. The extent
 // alone is not trustworthy.
 hsize_t stored_entries(hid_t dataset, std::size_t bytes_per_entry);
@@ -26,12 +30,13 @@ std::vector<std::string> read_strings(hid_t parent, const std::string& name, hsi
 // Reads the string attributes of a group, sorted by name.
 std::vector<NamedText> read_string_attributes(hid_t parent, const char* group_name);
 
-// Reads the block at `start` with extents `size`. The caller must bound `size`.
+// Reads the block at `start` with extents `size`, whose product the caller must keep from overflowing.
 template <class Number>
 std::vector<Number> read_block(hid_t dataset, std::vector<hsize_t> start, const std::vector<hsize_t>& size,
                                const std::string& name) {
   hsize_t count = 1;
   for (const hsize_t n : size) count *= n;
+  require_stored(dataset, count, name);
   std::vector<Number> values(count);
   if (count == 0) return values;
   require_memory(0);

@@ -33,7 +33,7 @@ std::vector<Number> read_table(hid_t group, const char* name, hsize_t width) {
   if (size.size() != (width == 1 ? 1U : 2U) || (width > 1 && size[1] != width))
     throw Hdf5Error(std::string("dataset ") + name + " of a solid has the wrong shape");
   // These datasets are never compressed, so the stored size bounds the extent.
-  if (size[0] > kMaxValues / width || H5Dget_storage_size(dataset) < size[0] * width)
+  if (size[0] > kMaxValues / width || stored_bytes(dataset) < size[0] * width)
     throw Hdf5Error(std::string("dataset ") + name + " of a solid is incomplete");
   std::vector<Number> numbers(size[0] * width);
   if (!numbers.empty())

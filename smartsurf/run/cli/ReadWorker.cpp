@@ -12,6 +12,8 @@
 #include <vector>
 
 #include "common/confine/OutputServices.h"
+#include "common/process/ChildWork.h"
+#include "smartsurf/record/Recording.h"
 #include "smartsurf/run/cli/CommandLine.h"
 #include "smartsurf/scene/SceneSpec.h"
 
@@ -62,6 +64,7 @@ int run_worker(const ReadJob& job, int socket) {
     common::add_outputs(confinement, job.outputs);
     common::confine(confinement);
   }
+  if (job.only_reads) common::limit_address_space(record::memory_to_read(job.recording));
   const int status = job.command();
   common::use_prepared_outputs({}, {});
   return status;

@@ -57,9 +57,11 @@ int verify_recording(const record::Recording& recording, const ReplayFlags& flag
 
 int verify_in_worker(const ReplayFlags& flags) {
   const TemporaryFolder output_folder;
-  ReadJob job{.recording = flags.file, .command = [&] {
-                return verify_recording(record::Recording::open(flags.file), flags, output_folder.path());
-              }};
+  ReadJob job{
+      .recording = flags.file,
+      .command =
+          [&] { return verify_recording(record::Recording::open(flags.file), flags, output_folder.path()); },
+      .only_reads = false};
   const std::string reason = flags.unsafe                          ? "with --unsafe"
                              : flags.allow_extensions              ? "with --allow-extensions"
                              : !scene::loaded_extensions().empty() ? "with --load"
@@ -87,7 +89,7 @@ int replay_command(const ReplayFlags& flags) {
     throw scene::InputError("--plot: needs the window; smartsurf plot draws the signals of a recording");
   const RenderOptions render = parse_render_options(flags.render);
   if (flags.verify) return verify_in_worker(flags);
-  ReadJob job{.recording = flags.file, .command = nullptr};
+  ReadJob job{.recording = flags.file, .command = nullptr, .only_reads = false};
   if (!writes_media) {
     common::leave_unconfined("with a window");
     job.confinement = std::nullopt;

@@ -228,10 +228,10 @@ TemporaryFolder::~TemporaryFolder() {
 
 std::optional<fs::path> find_unchanged_experiment(const fs::path& recording) {
   const common::ChildLimits limits{
-      .cpu_s = 15.0, .memory_bytes = std::size_t{8} << 30, .readable = {recording}};
+      .cpu_s = 15.0, .memory_bytes = record::memory_to_read(recording), .readable = {recording}};
   const common::ChildResult read = common::run_in_child(
       [&] {
-        const scene::SceneSpec spec = record::Recording::open(recording).spec();
+        const scene::SceneSpec spec = record::Recording::open_here(recording).spec();
         return spec.file + '\0' + spec.source;
       },
       limits);
