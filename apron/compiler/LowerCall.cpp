@@ -172,7 +172,7 @@ Value Lowering::emit_to_register(Opcode op, std::vector<Operand> operands, Resul
   const Shape shape = is_stored ? shape_hint_ : shape_hint_.of_type(program::CellType::kFloat32);
   const Value result = destination != nullptr ? resolve_destination(*destination, true, shape)
                                               : builder_.allocate_temporary(shape);
-  check_types(op, {result}, builder_.location());
+  check_result_type(op, result);
   builder_.emit(op, builder_.operand(result), std::move(operands), destination != nullptr);
   return result;
 }

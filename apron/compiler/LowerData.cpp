@@ -22,7 +22,7 @@ Value Lowering::emit_to_either(Opcode op, const std::vector<Operand>& operands,
   const Value result = destination != nullptr ? resolve_destination(*destination, is_register, shape)
                        : is_register ? builder_.allocate_temporary(shape.of_type(program::CellType::kFloat32))
                                      : builder_.allocate_scalar_temporary();
-  check_types(op, {result}, builder_.location());
+  check_result_type(op, result);
   builder_.emit(op, builder_.operand(result), operands, destination != nullptr);
   return result;
 }

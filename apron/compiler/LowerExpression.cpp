@@ -446,6 +446,14 @@ void Lowering::check_types(Opcode op, const std::vector<Value>& registers, Locat
   }
 }
 
+void Lowering::check_result_type(Opcode op, const Value& result) const {
+  if (!builder_.shape(result).is_integer() || program::takes_integers(op)) return;
+  const std::string_view type = program::cell_type_name(builder_.shape(result).type);
+  const std::string_view mnemonic = program::opcode_info(op).mnemonic;
+  fail(builder_.location(), "'{}' gives floats, and {} {}: write {}({}…)", mnemonic, describe_name(result),
+       type, type, mnemonic);
+}
+
 // Numbers that meet registers of integers are values of their cells. Others are checked when the program
 // runs.
 void Lowering::check_cell_values(Shape shape, const std::vector<Value>& values, Location location) const {

@@ -177,6 +177,7 @@ class Lowering {
   std::string describe_shape(const Value&) const;
   void check_shapes(const std::vector<Value>&, Location) const;
   void check_types(program::Opcode, const std::vector<Value>& registers, Location) const;
+  void check_result_type(program::Opcode, const Value& result) const;
   void check_cell_values(Shape, const std::vector<Value>&, Location) const;
   Value lower_conversion(const Builtin&, const Expression& argument, Location, ResultDestination*);
   Value truth_of_type(const Value& condition, program::CellType, Location);

@@ -34,6 +34,13 @@ std::string checked(const std::string& text) {
 const std::string kHead = "!register(A)\n!operand_kind(analogue, 'an analogue register', A)\n" +
                           macro("move(analogue $y, analogue $a)", "$y = $a") + "A = 1\n";
 
+// A plane may be of integers.
+TEST(BodyCheck, TriesAllTypesOfCells) {
+  EXPECT_EQ(checked("function y = f(plane a)\n  y = a & 3 | 1\nendfunction\n"), "");
+  EXPECT_EQ(checked(macro("$y = f($a)", "$y = uint16($a) << 4 ^ 0xFFFF")), "");
+  EXPECT_NE(checked("function y = f(plane a)\n  y = math.sin(a & 3)\nendfunction\n"), "");
+}
+
 TEST(BodyCheck, FindsErrorsThatEveryCallHas) {
   EXPECT_EQ(checked(macro("f($a, $n)", ":t = Missing * $n\n$a = :t")),
             "main.aps:4:6: error: 'Missing' is not a register, and no line writes it as a scalar; before it "

@@ -28,6 +28,32 @@ constexpr Wrong kWrong[] = {
      "main.aps:2:5: error: there is no instruction or macro 'foo'; did you mean 'for'?"},
     {"!register(Image)|Image = Imgae + 1",
      "main.aps:2:9: error: 'Imgae' is not a register, and no line writes it as a scalar; did you mean 'Image'?"},
+    {"!uint8(A)|A = A + 256",
+     "main.aps:2:7: error: 256 is no uint8, the type of the registers that it meets: a whole number from 0 to 255"},
+    {"!int32(A)|A = 0.5",
+     "main.aps:2:5: error: 0.5 is no int32, the type of the registers that it meets: a whole number from "
+     "-2147483648 to 2147483647"},
+    {"!uint16(A)|pixel.set(A, 0, 0, -1)",
+     "main.aps:2:20: error: -1 is no uint16, the type of the registers that it meets: a whole number from 0 to 65535"},
+    {"!uint8(A)|!register(F)|A = F",
+     "main.aps:3:5: error: the registers of one instruction have one type, but 'A' is uint8 and 'F' is float: "
+     "convert one, uint8(…) or float(…)"},
+    {"!uint8(A)|!int32(B)|A = select(B > 0, A, 1)",
+     "main.aps:3:5: error: the registers of one instruction have one type, but another operand is int32 and 'A' is "
+     "uint8: convert one, int32(…) or uint8(…)"},
+    {"!register(F)|F = F ^ 2",
+     "main.aps:2:7: error: 'bit.xor' takes registers of integers, and 'F' is float: write int32(…); a power is "
+     "pow(a, b)"},
+    {"!uint8(A)|A = math.sqrt(A)",
+     "main.aps:2:5: error: 'sqrt' takes registers of floats, and 'A' is uint8: write float(…)"},
+    {"!uint8(A)|A = cell.x",
+     "main.aps:2:1: error: 'cell.x' gives floats, and 'A' is uint8: write uint8(cell.x…)"},
+    {"!uint8(A)|A = random.float.white",
+     "main.aps:2:1: error: 'random.float.rand' gives floats, and 'A' is uint8: write uint8(random.float.rand…)"},
+    {"!uint8(A)|A = uint8(3)",
+     "main.aps:2:5: error: 'uint8' converts registers; a number takes the type of the registers that it meets"},
+    {"!create('A', REGISTER, 4, 4, uint9)",
+     "main.aps:1:30: error: the type of a register is float, int32, uint16 or uint8"},
     {"x = y",
      "main.aps:1:5: error: 'y' is not a register, and no line writes it as a scalar; before it is read, "
      "!register(y) or y = 0 makes it one"},
