@@ -17,6 +17,7 @@ install(DIRECTORY scripts/apron scripts/apron-examples scripts/scamp5 scripts/ca
 install(DIRECTORY shm-protocol/examples/ DESTINATION ${CMAKE_INSTALL_DATADIR}/smartsurf/controllers
   PATTERN __pycache__ EXCLUDE)
 install(DIRECTORY shm-protocol/hardware/firmware DESTINATION ${CMAKE_INSTALL_DATADIR}/smartsurf)
+install(FILES shm-protocol/hardware/boards/servo_board.c DESTINATION ${CMAKE_INSTALL_DATADIR}/smartsurf/firmware)
 install(FILES apron/run/apron_plugin.h DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/apron)
 
 # What find_package(smartsurf) and pkg-config find: the library, and the header of extensions.

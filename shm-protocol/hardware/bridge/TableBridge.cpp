@@ -537,6 +537,7 @@ std::string TableBridge::status_text() const {
   std::string text = "table " + spec_.name + " tick " + std::to_string(tick_) + " frames " +
                      std::to_string(counters_.frames) + "\nemergency_stop " +
                      (emergency_.active() ? "by " + emergency_.cause() : std::string("none")) + "\n";
+  if (calibration_) text += "calibration " + calibration_->file + "\n";
   std::snprintf(line, sizeof line, "spread_us %.0f\n", spread_us_);
   text += line;
   for (std::size_t i = 0; i < boards_.size(); ++i) {

@@ -222,6 +222,10 @@ TEST(Table, CalibrationLeadsTheCellsWhereTheyAreSent) {
     words.insert(words.end(), flags.begin(), flags.end());
     Program bridge(words);
     ControllerEndpoint controller = ControllerEndpoint::attach(name, {.timeout = 60s});
+    Program asked({SURFACE_BRIDGE, "status", name});
+    EXPECT_EQ(asked.wait(), 0);
+    EXPECT_EQ(asked.output().find("\ncalibration " + calibration + "\n") != std::string::npos,
+              !flags.empty());
     const int pin = controller.description().channel(Direction::kSensor, "pin_height");
     const int height = controller.description().channel(Direction::kActuator, "height");
     // The least median: a busy host lets the watchdog lower the pins, and some are stuck or dead.

@@ -4,10 +4,16 @@
 #include <gtest/gtest.h>
 #include <unistd.h>
 
+#include <algorithm>
+#include <array>
 #include <cmath>
+#include <cstdlib>
 #include <filesystem>
 #include <fstream>
+#include <optional>
 #include <random>
+#include <string>
+#include <vector>
 
 #include "shm-protocol/hardware/bridge/Calibrator.h"
 #include "shm-protocol/hardware/fake/ImperfectPins.h"

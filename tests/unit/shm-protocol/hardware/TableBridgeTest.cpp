@@ -8,8 +8,15 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <atomic>
+#include <cmath>
+#include <functional>
 #include <memory>
+#include <optional>
+#include <string>
+#include <utility>
+#include <vector>
 
 #include "shm-protocol/hardware/fake/EmulatedBoard.h"
 #include "shm-protocol/hardware/fake/ToyDevice.h"
