@@ -61,11 +61,6 @@ FusedTrace::FusedTrace(const Trace& trace, ValueGraph graph, FusionPlan plan, co
                                                  common_vector_count(stage), plan_.rows_per_iteration));
     stage_interpreters_.emplace_back(stage, plan_.buffers, executor_.kernels());
   }
-  for (const Stage& stage : plan_.stages)
-    for (const MicroOp& op : stage.ops)
-      for (const MicroOperand& arg : op.operands)
-        if (program::is_integer(plan_.type) && arg.kind == MicroOperand::Kind::kScalar)
-          integer_operands_.push_back(arg.index);
   allocate_workers();
   allocate_schedules();
 }
@@ -234,7 +229,7 @@ bool FusedTrace::evaluate_scalars() noexcept {
         graph_.scalar_slots[instruction.sources[1]], graph_.scalar_slots[instruction.sources[2]]);
   for (std::size_t i = 0; i < stage_scalars_.size(); ++i)
     stage_scalars_[i] = std::bit_cast<std::uint32_t>(static_cast<float>(graph_.scalar_slots[i]));
-  for (const std::uint32_t slot : integer_operands_) {
+  for (const std::uint32_t slot : graph_.cell_slots) {
     const double value = graph_.scalar_slots[slot];
     if (!program::is_cell_value(plan_.type, value)) return false;
     const auto bits = static_cast<std::uint32_t>(static_cast<std::int64_t>(value));

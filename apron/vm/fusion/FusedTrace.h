@@ -131,8 +131,7 @@ class FusedTrace {
   std::size_t mask_depth_, call_depth_;
   std::vector<RequiredFilter> required_filters_;
   ValueGraph graph_;
-  std::vector<std::uint32_t> stage_scalars_;     // the slots' bits, for the array pass
-  std::vector<std::uint32_t> integer_operands_;  // the slots that meet registers of integers
+  std::vector<std::uint32_t> stage_scalars_;  // the slots' bits, for the array pass
   FusionPlan plan_;
   const std::ptrdiff_t cell_bytes_;
   const std::int64_t lanes_;

@@ -102,7 +102,9 @@ class ValueGraphBuilder {
   ValueRef lower_operand(const DecodedInstruction& decoded, const Instruction& in, std::size_t k) {
     if (decoded.planes[k] != nullptr) return read_register(in.operands[k].index);
     if (decoded.scalars[k] == nullptr) return {};
-    return {ValueRef::Kind::kScalar, 0, 0, scalar_slot(decoded.scalars[k], in.operands[k])};
+    const std::uint32_t slot = scalar_slot(decoded.scalars[k], in.operands[k]);
+    if (program::is_integer(graph_.type)) graph_.cell_slots.push_back(slot);
+    return {ValueRef::Kind::kScalar, 0, 0, slot};
   }
 
   void write_register(const Instruction& in, ValueRef value) {

@@ -67,8 +67,9 @@ struct ValueGraph {
   CellType type = CellType::kFloat32;
 
   // Scalar code runs once per execution, before the array pass.
-  std::vector<double> scalar_slots;                                     // initialised with the literals
-  std::vector<bool> is_literal;                                         // by slot
+  std::vector<double> scalar_slots;       // initialised with the literals
+  std::vector<bool> is_literal;           // by slot
+  std::vector<std::uint32_t> cell_slots;  // that meet registers of integers, of removed values as well
   std::vector<std::pair<std::uint32_t, const double*>> variable_loads;  // slot, variable read at entry
   std::vector<ScalarInstruction> scalar_instructions;                   // in program order
   std::vector<std::pair<double*, std::uint32_t>> variable_stores;       // variable written at exit, slot

@@ -489,7 +489,7 @@ TEST(Integers, ProgramsGiveWhatCellsGiveOneByOne) {
   }
 }
 
-// A number that a cell cannot hold stops the program, fused or not, before it is used.
+// A number that a cell cannot hold stops the program, fused or not, and whether its result is read or not.
 TEST(Integers, NumbersOutsideOfTheTypeFail) {
   for (const bool fused : {false, true}) {
     TestProgram build;
@@ -503,6 +503,9 @@ TEST(Integers, NumbersOutsideOfTheTypeFail) {
     VmOptions options;
     options.fusion.enabled = fused;
     FakeHost host;
+    VmOptions unread = options;
+    unread.fusion.observed.all_named = false;
+    EXPECT_EQ(Vm(program, unread, host).run(), Status::kFailed);
     Vm vm(program, options, host);
     EXPECT_EQ(vm.run(), Status::kFailed);
     EXPECT_NE(vm.error().find("test.aps:3: error: 256 is no uint8"), std::string::npos) << vm.error();
