@@ -4,6 +4,8 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstddef>
+#include <cstdio>
 #include <limits>
 #include <memory>
 #include <stdexcept>
@@ -22,23 +24,34 @@ Rgba colour(double t) {
   return {static_cast<double>(c[0]), static_cast<double>(c[1]), static_cast<double>(c[2])};
 }
 
+std::string rounded(double value) {
+  char digits[32];
+  std::snprintf(digits, sizeof digits, "%.3g", value);
+  return digits;
+}
+
 void draw_map(cairo_t* cr, const PlotArea& area, int columns, const CellMap& map) {
   double least = std::numeric_limits<double>::infinity(), most = -least;
   for (const double v : map.values)
     if (std::isfinite(v)) least = std::min(least, v), most = std::max(most, v);
+  // A cell is many pixels, because viewers blur the edges of large ones.
+  const int rows = static_cast<int>(std::ssize(map.values)) / columns, size = std::max(1, 320 / columns);
   std::vector<Rgba> pixels;
-  for (const double v : map.values)
-    pixels.push_back(!std::isfinite(v) ? kGreyPen
-                                       : colour(most > least ? (v - least) / (most - least) : 0.5));
+  for (int y = 0; y < rows * size; ++y)
+    for (int x = 0; x < columns * size; ++x) {
+      const double v = map.values[y / size * columns + x / size];
+      pixels.push_back(!std::isfinite(v) ? kGreyPen
+                                         : colour(most > least ? (v - least) / (most - least) : 0.5));
+    }
   draw_text(cr, area.left, area.top - 8, map.title, 12, Align::kLeft, true, area.width);
-  draw_pixels(cr, area, columns, pixels);
+  draw_pixels(cr, area, columns * size, pixels);
   if (!std::isfinite(least)) return;
   const PlotArea bar{area.left, area.bottom() + 8, area.width, kBar};
   std::vector<Rgba> scale;
   for (int i = 0; i < 64; ++i) scale.push_back(colour(i / 63.0));
   draw_pixels(cr, bar, 64, scale);
-  draw_text(cr, bar.left, bar.bottom() + 13, format_number(least), 11, Align::kLeft);
-  draw_text(cr, bar.right(), bar.bottom() + 13, format_number(most), 11, Align::kRight);
+  draw_text(cr, bar.left, bar.bottom() + 13, rounded(least), 11, Align::kLeft);
+  draw_text(cr, bar.right(), bar.bottom() + 13, rounded(most), 11, Align::kRight);
 }
 
 }  // namespace

@@ -78,7 +78,6 @@ void Board::enter_silence() {
   silent_ = true;
   seen_frame_ = false;
   waiting_count_ = 0;
-  answers_.fill({});
   sync_.reset();
 }
 
@@ -154,6 +153,8 @@ void Board::on_description() {
   const DeviceDescription& d = link_.description();
   if (description_ && d.boot != boot_) {
     ++counters_.restarts;
+    answers_.fill({});
+    heard_.fill({});
     enter_silence();
     last_handshake_ = 0;
     events.push_back("board '" + title_ + "' was restarted");
@@ -193,6 +194,7 @@ void Board::on_frame() {
   seen_frame_ = true;
   flags_ = frame.flags;
   ++counters_.frames;
+  heard_[frame.tick % heard_.size()] = {frame.tick, frame.active_tick};
   if (waiting_count_ == waiting_.size()) drop_oldest();
   Frame& next = waiting_[waiting_count_++];
   next.tick = frame.tick;
@@ -228,10 +230,16 @@ const Board::Frame* Board::take(std::int64_t tick, std::int64_t epoch) {
   return &taken_;
 }
 
-std::optional<std::int64_t> Board::tick_in_force() const {
-  const Answer& answer = answers_[taken_.in_force % answers_.size()];
-  if (taken_.in_force == SSW_NONE || answer.tick != taken_.in_force) return std::nullopt;
+std::optional<std::int64_t> Board::table_tick_of(std::uint32_t answered) const {
+  const Answer& answer = answers_[answered % answers_.size()];
+  if (answered == SSW_NONE || answer.tick != answered) return std::nullopt;
   return answer.table_tick;
+}
+
+std::optional<std::int64_t> Board::in_force_since(std::uint32_t board_tick) const {
+  const Heard& frame = heard_[board_tick % heard_.size()];
+  if (frame.tick != board_tick) return std::nullopt;
+  return frame.in_force == SSW_NONE ? kSafeValues : table_tick_of(frame.in_force);
 }
 
 // ---- to the board
@@ -254,7 +262,7 @@ void Board::send_safe() {
     if (!c.sensor)
       std::fill_n(safe_.begin() + static_cast<std::ptrdiff_t>(c.first_element), c.elements, c.safe);
   link_.write_frame(device_tick_, safe_, out_);
-  answers_[device_tick_ % answers_.size()] = {};
+  answers_[device_tick_ % answers_.size()] = {device_tick_, kSafeValues};
   flush();
 }
 

@@ -73,7 +73,11 @@ class Board {
   std::uint32_t frame_tick() const { return taken_.tick; }
   // The table's tick whose answer is in force since the last frame taken; nothing: safe values are, or it is
   // long ago.
-  std::optional<std::int64_t> tick_in_force() const;
+  std::optional<std::int64_t> tick_in_force() const { return table_tick_of(taken_.in_force); }
+  // The same since a period of the board, of the last 64, whose frame came, whether it was taken or not;
+  // kSafeValues: safe values.
+  static constexpr std::int64_t kSafeValues = -1;
+  std::optional<std::int64_t> in_force_since(std::uint32_t board_tick) const;
   // Flags of the newest frame.
   std::uint32_t flags() const { return flags_; }
 
@@ -125,8 +129,13 @@ class Board {
     std::uint32_t tick = SSW_NONE;  // of the board
     std::int64_t table_tick = 0;
   };
-  std::array<Answer, 32> answers_;  // the last ones, by the board's tick
-  std::vector<float> safe_;         // the safe values of all actuators
+  std::optional<std::int64_t> table_tick_of(std::uint32_t answered) const;
+  std::array<Answer, 64> answers_;  // the last ones, by the board's tick
+  struct Heard {
+    std::uint32_t tick = SSW_NONE, in_force = SSW_NONE;
+  };
+  std::array<Heard, 64> heard_;  // of the last frames, by their tick
+  std::vector<float> safe_;      // the safe values of all actuators
   std::uint32_t flags_ = 0, device_tick_ = 0, device_missed_ = 0, boot_ = 0;
   unsigned handshakes_ = 0;
   std::int64_t last_frame_ = 0, last_handshake_ = 0, last_open_ = 0;

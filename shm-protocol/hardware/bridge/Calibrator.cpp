@@ -5,13 +5,16 @@
 #include <random>
 #include <stdexcept>
 
+#include "shm-protocol/hardware/firmware/device.h"
+
 namespace hardware {
 namespace {
 
 constexpr double kLowest = 0.15, kHighest = 0.85, kBelow = 0.05;  // of the range
 constexpr int kSteps = 6, kShortSteps = 64;
 constexpr double kShortStep = 0.04;
-constexpr int kTail = 16;  // ticks after the plan, for late frames
+constexpr int kTail = 16;                           // ticks after the plan, for late frames
+constexpr std::size_t kMostGuessed = SSD_PATIENCE;  // periods in a row
 constexpr std::size_t kRestSamples = 200;
 constexpr std::int64_t kMostSettling_s = 120;
 
@@ -109,7 +112,7 @@ void Calibrator::begin(const TableTick& tick) {
     r.resolution = y.dtype == SSW_F32 ? 0 : static_cast<double>(y.scale);
     const std::size_t ticks = plan_.size() + kTail;
     r.valid.assign(ticks, 0);
-    r.in_force.assign(ticks, -1);
+    r.in_force.assign(ticks, std::nullopt);
     r.readings.assign(ticks * mounted_[i].cells.size(), 0.0F);
     r.at_rest.reserve(kRestSamples * mounted_[i].cells.size());
   }
@@ -154,12 +157,22 @@ bool Calibrator::record(const TableTick& tick) {
       failure_ = "board '" + board.title() + "' was restarted; calibrate again";
       return false;
     }
+    // Frames that were too late to be taken say what was in force too.
+    for (std::uint32_t t = r.begun ? r.last_tick + 1 : r.first_tick; t <= board.frame_tick(); ++t)
+      if (t - r.first_tick < r.in_force.size()) r.in_force[t - r.first_tick] = board.in_force_since(t);
+    const bool safe = (board.flags() & SSW_SAFE) != 0 || board.counters().silences != r.silences;
+    if (r.begun && safe) {
+      failure_ =
+          "board '" + board.title() +
+          "' was silent or applied its safe values meanwhile, as if the host was suspended; calibrate again";
+      return false;
+    }
+    r.silences = board.counters().silences;
     r.begun = true;
     r.last_tick = board.frame_tick();
     const std::size_t k = r.last_tick - r.first_tick;
     if (k >= r.valid.size()) continue;
     r.valid[k] = 1;
-    r.in_force[k] = board.tick_in_force().value_or(-1);
     for (std::size_t cell = 0; cell < cells.size(); ++cell)
       r.readings[k * cells.size() + cell] = plane[cells[cell]];
   }
@@ -207,6 +220,33 @@ TableDriver::Answer Calibrator::drive(TableTick tick) {
   return Answer::kCommands;
 }
 
+// What was in force, period by period. A frame that did not come had no answer, so that what the next one
+// says holds for it too.
+std::vector<std::int64_t> Calibrator::commands_in_force(const BoardRecord& r, std::size_t ticks) {
+  std::vector<std::int64_t> in_force(ticks, Board::kSafeValues);
+  for (std::size_t k = ticks; k-- > 0;)
+    in_force[k] = r.in_force[k] ? *r.in_force[k] : k + 1 < ticks ? in_force[k + 1] : Board::kSafeValues;
+  return in_force;
+}
+
+// A board may have applied its safe values in periods that are not known: the readings of these, and those
+// until the cells have forgotten them, are left out.
+void Calibrator::leave_out_guesses(const BoardRecord& r, std::vector<std::uint8_t>& valid) const {
+  std::size_t unknown = 0;
+  for (std::size_t k = 0; k < valid.size(); ++k) {
+    if (!r.in_force[k]) {
+      ++unknown;
+      continue;
+    }
+    if (unknown > 0 && (unknown >= kMostGuessed || *r.in_force[k] == Board::kSafeValues)) {
+      const std::size_t end = std::min(k + static_cast<std::size_t>(2 * hold_), valid.size());
+      std::fill(valid.begin() + static_cast<std::ptrdiff_t>(k - unknown),
+                valid.begin() + static_cast<std::ptrdiff_t>(end), std::uint8_t{0});
+    }
+    unknown = 0;
+  }
+}
+
 Calibration Calibrator::fit() const {
   Calibration all;
   all.table = spec_.name;
@@ -228,21 +268,17 @@ Calibration Calibrator::fit() const {
       for (const std::uint32_t cell : mounted_[i].cells) all.fits[cell] = CellFit{};
       continue;
     }
-    // What was in force is known with each frame; a frame that did not come had no answer, so that what the
-    // next one says holds for it too.
     const std::size_t ticks = std::min<std::size_t>(r.valid.size(), r.last_tick - r.first_tick + 1);
+    const std::vector<std::int64_t> in_force = commands_in_force(r, ticks);
     std::vector<float> command(ticks - 1), reading(ticks - 1);
     std::vector<std::uint8_t> valid(ticks - 1);
-    std::vector<std::int64_t> in_force(r.in_force.begin(),
-                                       r.in_force.begin() + static_cast<std::ptrdiff_t>(ticks));
-    for (std::size_t k = ticks - 1; k-- > 0;)
-      if (!r.valid[k]) in_force[k] = in_force[k + 1];
     for (std::size_t k = 0; k + 1 < ticks; ++k) {
       double u = in_force[k] < 0 ? r.safe : command_of(in_force[k]);
       if (r.scale > 0) u = r.offset + r.scale * std::round((u - r.offset) / r.scale);
       command[k] = static_cast<float>(u);
       valid[k] = r.valid[k + 1];
     }
+    leave_out_guesses(r, valid);
     std::vector<float> at_rest(r.at_rest.size() / cells);
     for (std::size_t cell = 0; cell < cells; ++cell) {
       if (!mounted_[i].exists[cell]) continue;

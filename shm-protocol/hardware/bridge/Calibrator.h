@@ -46,11 +46,12 @@ class Calibrator final : public TableDriver {
   struct BoardRecord {
     std::uint32_t first_tick = 0, last_tick = 0;
     bool begun = false;
+    std::uint64_t silences = 0;                              // before it began
     double scale = 0, offset = 0, safe = 0, resolution = 0;  // of its channels
     bool has_channels = false;
-    std::vector<std::uint8_t> valid;  // by tick
-    std::vector<std::int64_t>
-        in_force;                 // table's tick whose answer is in force from there on; -1: safe values
+    std::vector<std::uint8_t> valid;  // by tick: the reading is known
+    // By tick: the table's tick whose answer is in force from there on; nothing: unknown.
+    std::vector<std::optional<std::int64_t>> in_force;
     std::vector<float> readings;  // [tick][cell of the board]
     std::vector<float> at_rest;   // [sample][cell of the board]
   };
@@ -60,6 +61,8 @@ class Calibrator final : public TableDriver {
   bool record(const TableTick&);
   bool has_settled(const TableTick&) const;
   double command_of(std::int64_t tick) const;
+  static std::vector<std::int64_t> commands_in_force(const BoardRecord&, std::size_t ticks);
+  void leave_out_guesses(const BoardRecord&, std::vector<std::uint8_t>& valid) const;
 
   const TableSpec& spec_;
   CalibratorOptions options_;
