@@ -73,7 +73,10 @@ class Board {
   std::uint32_t frame_tick() const { return taken_.tick; }
   // The table's tick whose answer is in force since the last frame taken; nothing: safe values are, or it is
   // long ago.
-  std::optional<std::int64_t> tick_in_force() const { return table_tick_of(taken_.in_force); }
+  std::optional<std::int64_t> tick_in_force() const {
+    const auto tick = table_tick_of(taken_.in_force);
+    return tick == kSafeValues ? std::nullopt : tick;
+  }
   // The same since a period of the board, of the last 64, whose frame came, whether it was taken or not;
   // kSafeValues: safe values.
   static constexpr std::int64_t kSafeValues = -1;

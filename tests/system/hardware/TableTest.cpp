@@ -212,10 +212,19 @@ TEST(Table, CalibrationLeadsTheCellsWhereTheyAreSent) {
                     calibration = base + "-calibration.toml";
   Device device({"--tcp", "0", "--size", "4x4", "--boards", "2x1", "--period-ms", "10", "--errors", "5",
                  "--table", file});
-  Program calibrate(
-      {SURFACE_BRIDGE, "calibrate", file, "-o", calibration, "--rest", "0", "--hold", "0.2", "--shm", name});
-  ASSERT_EQ(calibrate.wait(), 0) << calibrate.output();
-  EXPECT_NE(calibrate.output().find("32 cells, "), std::string::npos) << calibrate.output();
+  std::string said;
+  int status = 1;
+  // A host that is busy for too long is told to calibrate again; the pins are then no longer at rest.
+  for (int attempt = 0; attempt < 4 && status == 1; ++attempt) {
+    std::vector<std::string> words{SURFACE_BRIDGE, "calibrate", file,    "-o", calibration,
+                                   "--hold",       "0.2",       "--shm", name};
+    if (attempt == 0) words.insert(words.end(), {"--rest", "0"});
+    Program calibrate(words);
+    status = calibrate.wait();
+    said = calibrate.output();
+  }
+  ASSERT_EQ(status, 0) << said;
+  EXPECT_NE(said.find("32 cells, "), std::string::npos) << said;
   EXPECT_TRUE(std::filesystem::exists(base + "-calibration.svg"));
   const auto error = [&](const std::vector<std::string>& flags) {
     std::vector<std::string> words{SURFACE_BRIDGE, "--table", file, "--shm", name};
