@@ -757,10 +757,6 @@ class Tracer {
   Operand member_;
 };
 
-}  // namespace
-
-namespace {
-
 // The code for boards has cells and numbers of floating point alone.
 void refuse_integers(const Program& program) {
   const auto name_of = [&](const program::Operand& operand) -> const program::Register* {

@@ -133,7 +133,7 @@ def read_model(data: bytes) -> Model:
 
 
 def _add_data(model: Model, recording: pathlib.Path) -> None:
-    import h5py  # type: ignore[import-not-found,unused-ignore]
+    import h5py  # type: ignore[import-not-found,import-untyped,unused-ignore]
     with h5py.File(recording, locking=False) as file:
         for group in ("sensors", "actuators"):
             for name, values in file.get(group, {}).items():
@@ -171,7 +171,7 @@ def _constant(nodes: list[Node]) -> bool:
 def write_usd(model: Model, path: pathlib.Path) -> None:
     """A stage, z up, 1 u = 1 m, 100 time codes a second: /table/objects/NAME are meshes with a transform, /table/cells/MESH are
     point instancers, one instance a cell."""
-    from pxr import Gf, Sdf, Usd, UsdGeom, Vt  # type: ignore[import-not-found,unused-ignore]
+    from pxr import Gf, Sdf, Usd, UsdGeom, Vt  # type: ignore[import-not-found,import-untyped,unused-ignore]
     codes_per_second = 100.0
     stage = Usd.Stage.CreateNew(str(path))
     UsdGeom.SetStageUpAxis(stage, UsdGeom.Tokens.z)
@@ -242,7 +242,7 @@ def write_usd(model: Model, path: pathlib.Path) -> None:
 
 def write_rrd(model: Model, path: pathlib.Path) -> None:
     """table/objects/NAME and table/cells/MESH on the timeline `time`; sensors/NAME, actuators/NAME as tensors; metrics/NAME."""
-    import rerun as rr  # type: ignore[import-not-found,unused-ignore]
+    import rerun as rr  # type: ignore[import-not-found,import-untyped,unused-ignore]
     stream = rr.RecordingStream("smartsurf", recording_id="smartsurf", send_properties=False)
     stream.save(str(path))
     stream.disable_timeline("log_time")
@@ -346,7 +346,7 @@ def _definition(message: str) -> str:
 def write_mcap(model: Model, path: pathlib.Path) -> None:
     """ROS 2 messages; the log's time is the simulated one. /tf: a frame for each object, in the frame `table`. /objects and /cells:
     markers of both. /sensors/NAME, /actuators/NAME: images of 32-bit floats, row 0 north. /metrics/NAME: numbers."""
-    from mcap_ros2.writer import Writer  # type: ignore[import-not-found,unused-ignore]
+    from mcap_ros2.writer import Writer  # type: ignore[import-not-found,import-untyped,unused-ignore]
     with path.open("wb") as file:
         writer = Writer(file)
         schemas = {name: writer.register_msgdef(name.replace("/", "/msg/"), _definition(name)) for name in _MESSAGES}

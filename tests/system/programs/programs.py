@@ -88,5 +88,5 @@ class ProgramTest(unittest.TestCase):
         return pathlib.Path("/dev/shm") / f"smartsurf.{name or self.shm}"
 
 
-__all__ = ["APRON", "BIN", "PATIENCE", "ProgramTest", "ROOT", "SMARTSURF", "SORT_APS", "SORT_LUA", "WITH_VIEW", "has_bullet",
-           "json", "needs_view", "os", "pathlib", "signal", "subprocess", "tempfile", "time", "unittest"]
+__all__ = ["APRON", "BIN", "Display", "HAS_XVFB", "PATIENCE", "ProgramTest", "ROOT", "SMARTSURF", "SORT_APS", "SORT_LUA", "WITH_VIEW",
+           "has_bullet", "json", "needs_view", "os", "pathlib", "signal", "subprocess", "tempfile", "time", "unittest"]

@@ -228,7 +228,7 @@ TEST(Plot, RejectsInvalidRequests) {
   EXPECT_NE(error_of("purity", out / "a.png").find("--what purity: unknown kind of plot"), std::string::npos);
   EXPECT_EQ(error_of("time-spent:smal", out / "a.png"),
             "--what time-spent:smal: no object has this label; did you mean 'small'?");
-  EXPECT_NE(error_of("lift", out / "a.pdf").find("a.pdf: unknown kind of picture '.pdf'"), std::string::npos);
+  EXPECT_NE(error_of("lift", out / "a.gif").find("a.gif: unknown kind of picture '.gif'"), std::string::npos);
   EXPECT_NE(error_of("lift", out / "none/a.png").find("No such file or directory"), std::string::npos);
   std::filesystem::create_directory(out / "folder.png");
   EXPECT_NE(error_of("lift", out / "folder.png").find("Is a directory"), std::string::npos);
