@@ -104,7 +104,7 @@ class ApronWindow(ProgramTest):
         child = self.start(APRON, "run", program, "--window", "--hold", "--size", "4x4")
         time.sleep(1)
         self.assertIsNone(child.poll())
-        self.display.kill()
+        self.display.close()
         status, out, _ = self.finish(child, 30)
         self.assertNotEqual(status, 0)
         self.assertEqual(out, "")
