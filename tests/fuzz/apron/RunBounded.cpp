@@ -44,8 +44,11 @@ class StubHost final : public vm::Host {
 
  private:
   static vm::HostStatus fill(vm::Plane to) {
-    for (std::uint32_t y = 0; y < to.height; ++y)
-      for (std::uint32_t x = 0; x < to.width; ++x) to.row(y)[x] = static_cast<float>((x * 7 + y * 3) % 5);
+    vm::with_cell_type(to.type, [&to]<class Cell>(Cell) {
+      for (std::uint32_t y = 0; y < to.height; ++y)
+        for (std::uint32_t x = 0; x < to.width; ++x)
+          to.cells<Cell>(y)[x] = static_cast<Cell>((x * 7 + y * 3) % 5);
+    });
     return vm::HostStatus::kOk;
   }
 };
