@@ -36,7 +36,7 @@ file(RELATIVE_PATH smartsurf_prefix "/${CMAKE_INSTALL_LIBDIR}/pkgconfig" "/")
 configure_file(smartsurf/library/smartsurf.pc.in smartsurf.pc @ONLY)
 install(FILES ${PROJECT_BINARY_DIR}/smartsurf.pc DESTINATION ${CMAKE_INSTALL_LIBDIR}/pkgconfig COMPONENT library)
 
-install(DIRECTORY docs/ DESTINATION ${CMAKE_INSTALL_DOCDIR} FILES_MATCHING PATTERN "*.md" PATTERN "*.png" PATTERN "*.svg"
+install(DIRECTORY docs/ DESTINATION ${CMAKE_INSTALL_DOCDIR} FILES_MATCHING PATTERN "*.md" PATTERN "*.png" PATTERN "*.svg" PATTERN "*.webp"
   PATTERN api EXCLUDE)
 install(FILES shm-protocol/PROTOCOL.md DESTINATION ${CMAKE_INSTALL_DOCDIR})
 # What is linked or contained, with the licences, and as SPDX; in the wheel too.
