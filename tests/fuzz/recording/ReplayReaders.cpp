@@ -39,6 +39,35 @@ using Input = std::vector<std::uint8_t>;
 constexpr int kCrashOfLibrary = 87;
 constexpr itimerval kPatience = {{0, 0}, {60, 0}};  // of processor time, for an input
 
+#ifdef __SANITIZE_ADDRESS__
+
+extern "C" void __asan_set_error_report_callback(void (*)(const char*));
+
+// The report's first stack tells, innermost frame first, one a line: "    #1 0x… in NAME (FILE+0x…)".
+bool crashed_in_hdf5(std::string_view report) {
+  const auto is_of_c = [](std::string_view frame) {
+    return std::ranges::any_of(
+        std::initializer_list<const char*>{"libsanitizer", "libasan", "libubsan", "libc.so", "sysdeps"},
+        [&](const char* name) { return frame.find(name) != frame.npos; });
+  };
+  for (std::size_t at = report.find("    #0 "); at != report.npos && at < report.size();) {
+    const std::size_t end = std::min(report.find('\n', at), report.size());
+    const std::string_view frame = report.substr(at, end - at);
+    if (!frame.starts_with("    #")) return false;
+    if (!is_of_c(frame)) return frame.find("libhdf5") != frame.npos;
+    at = end + 1;
+  }
+  return false;
+}
+
+void watch_crashes() {
+  __asan_set_error_report_callback([](const char* report) {
+    if (crashed_in_hdf5(report)) ::_exit(kCrashOfLibrary);
+  });
+}
+
+#else
+
 bool is_in(const void* address, std::initializer_list<const char*> libraries) {
   Dl_info info{};
   if (::dladdr(address, &info) == 0 || info.dli_fname == nullptr) return false;
@@ -46,16 +75,12 @@ bool is_in(const void* address, std::initializer_list<const char*> libraries) {
   return std::ranges::any_of(libraries, [&](const char* name) { return file.find(name) != file.npos; });
 }
 
-#ifdef __SANITIZE_ADDRESS__
-bool manages_heap(const void*) { return false; }  // AddressSanitizer does, and tells whose fault it is
-#else
 bool manages_heap(const void* address) {
   Dl_info info{};
   if (::dladdr(address, &info) == 0 || info.dli_sname == nullptr) return false;
   const std::string_view function = info.dli_sname;
   return function.find("alloc") != function.npos || function.find("free") != function.npos;
 }
-#endif
 
 // Called where a crash is handled, on top of the stack that crashed. A heap that malloc() or free() finds
 // corrupt counts as HDF5's work: whether it is tells AddressSanitizer.
@@ -63,7 +88,7 @@ bool crashed_in_hdf5() {
   void* frames[64];
   const int count = ::backtrace(frames, static_cast<int>(std::size(frames)));
   const auto is_of_c = [](const void* frame) {
-    return is_in(frame, {"libc.so", "libasan", "libubsan", "libgcc_s", "linux-vdso", "libstdc++"});
+    return is_in(frame, {"libc.so", "libgcc_s", "linux-vdso", "libstdc++"});
   };
   int i = 0;
   while (i < count && !is_of_c(frames[i])) ++i;  // the handler's own
@@ -72,20 +97,12 @@ bool crashed_in_hdf5() {
   return i < count && is_in(frames[i], {"libhdf5"});
 }
 
-void judge_crash() {
-  if (crashed_in_hdf5()) ::_exit(kCrashOfLibrary);
-}
-
 extern "C" void handle_crash(int signal) {
-  judge_crash();
+  if (crashed_in_hdf5()) ::_exit(kCrashOfLibrary);
   ::signal(signal, SIG_DFL);
   ::raise(signal);
 }
 
-#ifdef __SANITIZE_ADDRESS__
-extern "C" void __sanitizer_set_death_callback(void (*)());
-void watch_crashes() { __sanitizer_set_death_callback(judge_crash); }
-#else
 void watch_crashes() {
   common::limit_address_space(std::size_t{2} << 30);
   static std::array<char, 1 << 16> stack;
@@ -96,6 +113,7 @@ void watch_crashes() {
   action.sa_flags = SA_ONSTACK;
   for (const int crash : {SIGSEGV, SIGBUS, SIGABRT, SIGFPE, SIGILL}) ::sigaction(crash, &action, nullptr);
 }
+
 #endif
 
 std::vector<Input> corpus(int argc, char** argv) {
