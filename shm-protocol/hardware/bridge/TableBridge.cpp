@@ -99,11 +99,12 @@ std::optional<Outcome> TableBridge::await_boards() {
   for (;;) {
     if (stop_.load()) return Outcome::kStopped;
     poll_lines(Board::now() + 5000);
-    mount_described_boards();
+    const bool is_late = Clock::now() >= until;
+    mount_described_boards(is_late);
     // A board that has described itself may be unplugged again: it comes back in the session.
     if (std::ranges::all_of(map_.boards(), [](const MountedBoard& b) { return b.rows != 0; }))
       return std::nullopt;
-    if (Clock::now() < until) continue;
+    if (!is_late) continue;
     for (std::size_t i = 0; i < boards_.size(); ++i) {
       if (map_.boards()[i].rows != 0) continue;
       const std::string line =
@@ -115,10 +116,13 @@ std::optional<Outcome> TableBridge::await_boards() {
   }
 }
 
-// Before the session, a board that does not fit ends the bridge; later, it stays without frames.
-void TableBridge::mount_described_boards() {
+// Before the session, a board that does not fit ends the bridge, and boards are mounted in the order of the
+// file, whichever comes first, so that channels and errors depend on the file alone; a missing one is passed
+// over with `pass_over`. Later, a board that does not fit stays without frames.
+void TableBridge::mount_described_boards(bool pass_over) {
   for (std::size_t i = 0; i < boards_.size(); ++i) {
     Board& board = *boards_[i];
+    if (!pass_over && !board.newly_described && map_.boards()[i].rows == 0) return;
     if (!std::exchange(board.newly_described, false)) continue;
     try {
       map_.mount(i, board.description());
@@ -220,7 +224,7 @@ void TableBridge::serve() {
   poll_lines(awaiting_answer_
                  ? Board::now()
                  : std::min(latest, Board::now() + (options_.mode == Mode::kPassive ? 1000 : 20'000)));
-  mount_described_boards();
+  mount_described_boards(true);
   check_emergency_stop();
   if (awaiting_answer_) poll_answer();
   if (options_.mode == Mode::kPassive && counters_.frames != 0) poll_latest();

@@ -68,7 +68,7 @@ class TableBridge {
   using Clock = std::chrono::steady_clock;
 
   std::optional<Outcome> await_boards();
-  void mount_described_boards();
+  void mount_described_boards(bool pass_over);
   void create_surface();
   void serve();
   void poll_lines(std::int64_t until);
