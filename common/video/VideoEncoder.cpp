@@ -69,9 +69,11 @@ void VideoEncoder::start(int frames_per_second) {
   std::array<int, 2> ends{};
   if (::socketpair(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0, ends.data()) != 0)
     throw UserError(file_.string() + ": cannot start ffmpeg: " + std::strerror(errno));
+  const pid_t parent = ::getpid();
   child_ = ::fork();
   if (child_ == 0) {
     ::prctl(PR_SET_PDEATHSIG, SIGKILL);  // or it would write the file that its parent has just removed
+    if (::getppid() != parent) ::_exit(1);
     ::dup2(ends[0], STDIN_FILENO);
     std::signal(SIGXFSZ, SIG_DFL);
     // A process group without the terminal's Ctrl-C, which ffmpeg would catch: it ends with its input.

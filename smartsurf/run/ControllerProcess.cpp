@@ -74,11 +74,13 @@ std::vector<std::string> make_command(const std::string& controller, const std::
 
 // Becomes the command. An exception would unwind the simulator's stack in its child, and remove its files
 // there.
-[[noreturn]] void exec_command(const std::vector<char*>& arguments, const std::string& shm_name) noexcept {
+[[noreturn]] void exec_command(const std::vector<char*>& arguments, const std::string& shm_name,
+                               pid_t parent) noexcept {
   // Set in the child only, because several worlds share the parent's environment.
   setenv("SMARTSURF_SHM", shm_name.c_str(), 1);
   // Ends the controller even if the simulator is killed by SIGKILL.
   prctl(PR_SET_PDEATHSIG, SIGTERM);
+  if (getppid() != parent) _exit(1);  // it was killed before
   for (const int ignored : {SIGPIPE, SIGXFSZ}) signal(ignored, SIG_DFL);
   sigset_t deferred;  // where another process starts controllers, in that
   sigemptyset(&deferred);
@@ -123,9 +125,10 @@ ControllerProcess::ControllerProcess(const std::string& controller, const std::s
   std::vector<char*> arguments;
   for (const std::string& argument : command) arguments.push_back(const_cast<char*>(argument.c_str()));
   arguments.push_back(nullptr);
+  const pid_t parent = getpid();
   pid_ = fork();
   if (pid_ < 0) throw std::system_error(errno, std::generic_category(), "cannot start the controller");
-  if (pid_ == 0) exec_command(arguments, shm_name);
+  if (pid_ == 0) exec_command(arguments, shm_name, parent);
 }
 
 ControllerProcess::ControllerProcess(Remote remote) : remote_(std::move(remote)) { remote_->start(); }

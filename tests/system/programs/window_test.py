@@ -156,6 +156,8 @@ class ApronWindow(ProgramTest):
     def test_f9_stops_the_boards_of_a_bridge(self):
         bridge, emulator, table = BIN / "surface_bridge", BIN / "device_emulator", self.folder / "t.toml"
         surface = f"f9-{os.getpid()}"  # leaves room for .boards
+        for name in surface, f"{surface}.boards":  # of a bridge that is killed
+            self.addCleanup(self.segment(name).unlink, missing_ok=True)
         self.start(str(emulator), "--tcp", "0", "--boards", "2x1", "--size", "4x4", "--period-ms", "20", "--table", str(table))
         while not table.exists():
             time.sleep(0.05)
