@@ -78,7 +78,9 @@ std::vector<std::string> make_command(const std::string& controller, const std::
                                pid_t parent) noexcept {
   // Set in the child only, because several worlds share the parent's environment.
   setenv("SMARTSURF_SHM", shm_name.c_str(), 1);
-  // Ends the controller even if the simulator is killed by SIGKILL.
+  // Ends the controller even if the simulator is killed by SIGKILL; the simulator's handler, which stands
+  // until the command does, would swallow it.
+  signal(SIGTERM, SIG_DFL);
   prctl(PR_SET_PDEATHSIG, SIGTERM);
   if (getppid() != parent) _exit(1);  // it was killed before
   for (const int ignored : {SIGPIPE, SIGXFSZ}) signal(ignored, SIG_DFL);

@@ -157,7 +157,7 @@ class Confinement(ProgramTest):
     def test_killed_run_leaves_no_part(self):
         (self.home / "long.lua").write_text(TABLE + "io.open('x', 'w'):write('y'):close()\n")
         child = subprocess.Popen([SMARTSURF, "run", "long.lua", "--shm", self.shm, "--record", "k.h5", "--stats", "k.json",
-                                  "--controller", "sleep 600"], cwd=self.home, stderr=subprocess.PIPE, text=True)
+                                  "--controller", "sleep 20"], cwd=self.home, stderr=subprocess.DEVNULL)
         self.children.append(child)
         self.wait_for(self.segment().exists, "the segment")
         self.assertEqual((self.home / "k.files/x").read_text(), "y")
