@@ -35,6 +35,19 @@ std::string apron_executable() {
   return !error && access(sibling.c_str(), X_OK) == 0 ? sibling.string() : "apron";
 }
 
+// Whether the shell command runs one program, which may then take the shell's place: signals end the shell
+// alone, and what it has started would stay.
+bool is_one_program(const std::string& command) {
+  if (command.find_first_of(";|&<>()`\n") != std::string::npos) return false;
+  const std::string program = command.substr(0, command.find(' '));
+  if (program.find('/') != std::string::npos) return access(program.c_str(), X_OK) == 0;
+  const char* const path = std::getenv("PATH");
+  std::istringstream folders(path != nullptr ? path : "");
+  for (std::string folder; !program.empty() && std::getline(folders, folder, ':');)
+    if (access((folder + "/" + program).c_str(), X_OK) == 0) return true;
+  return false;
+}
+
 // Names the program as a user would type it: by its name alone if PATH leads to it, else by a path relative
 // to the current folder if it lies below that.
 std::string typed_name(const fs::path& executable) {
@@ -69,7 +82,7 @@ std::vector<std::string> make_command(const std::string& controller, const std::
   for (std::size_t position = 0; (position = command.find(kShmPlaceholder, position)) != std::string::npos;
        position += shm_name.size())
     command.replace(position, kShmPlaceholder.size(), shm_name);
-  return {"/bin/sh", "-c", command};
+  return {"/bin/sh", "-c", (is_one_program(command) ? "exec " : "") + command};
 }
 
 // Becomes the command. An exception would unwind the simulator's stack in its child, and remove its files

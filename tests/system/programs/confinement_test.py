@@ -154,16 +154,18 @@ class Confinement(ProgramTest):
         self.assertEqual(status, 2, err)
         self.assertIn("SMARTSURF_CONFINE", err)
 
-    def test_killed_run_leaves_no_part(self):
+    def test_killed_run_leaves_no_part_and_no_controller(self):
+        controller = f"sleep {10**6 + os.getpid()}"
         (self.home / "long.lua").write_text(TABLE + "io.open('x', 'w'):write('y'):close()\n")
         child = subprocess.Popen([SMARTSURF, "run", "long.lua", "--shm", self.shm, "--record", "k.h5", "--stats", "k.json",
-                                  "--controller", "sleep 20"], cwd=self.home, stderr=subprocess.DEVNULL)
+                                  "--controller", controller], cwd=self.home, stderr=subprocess.PIPE, text=True)
         self.children.append(child)
         self.wait_for(self.segment().exists, "the segment")
         self.assertEqual((self.home / "k.files/x").read_text(), "y")
         child.kill()
         child.wait()
         self.wait_for(lambda: not [p for p in self.home.iterdir() if ".part" in p.name], "the broker")
+        self.wait_for(lambda: subprocess.run(["pgrep", "-f", controller], stdout=subprocess.DEVNULL).returncode == 1, "the controller's end")
         self.assertTrue(self.segment().exists())  # the next run, or `clean`, removes it
 
     def test_script_writes_in_its_folder_alone(self):
