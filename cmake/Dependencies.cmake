@@ -13,6 +13,9 @@ if(CMAKE_SYSTEM_PROCESSOR MATCHES "aarch64|arm64")
   target_include_directories(Eigen3::Eigen BEFORE INTERFACE ${PROJECT_BINARY_DIR}/eigen)
   target_compile_options(Eigen3::Eigen INTERFACE -U__ARM_FEATURE_FMA)
 endif()
+if(POLICY CMP0167)
+  cmake_policy(SET CMP0167 NEW)                   # Boost's own package, where CMake has no module
+endif()
 find_package(Boost REQUIRED)                      # Interprocess, header only
 find_package(fmt REQUIRED)
 find_package(nlohmann_json REQUIRED)

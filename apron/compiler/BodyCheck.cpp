@@ -279,7 +279,7 @@ class Round {
 
 CompileResult check_macro_bodies(const CompileOptions& options, syntax::FileReader& reader) {
   const auto is_installed = [&](const Location& at, const syntax::SourceManager& sources) {
-    return !options.library_path.empty() &&
+    return at.file != 0 && !options.library_path.empty() &&
            sources.file(at.file).name.starts_with(options.library_path + '/');
   };
   CompileResult result;

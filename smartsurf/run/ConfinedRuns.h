@@ -32,7 +32,7 @@ class ConfinedRuns {
   ConfinedRuns(const ConfinedRuns&) = delete;
   ConfinedRuns& operator=(const ConfinedRuns&) = delete;
 
-  // Of the run of that number.
+  // The surface name, the video encoder (handed over) and the controller (started) of the run of that number.
   std::shared_ptr<shm_protocol::SurfaceName> surface_name(std::size_t run) const;
   std::unique_ptr<common::VideoEncoder> take_video(std::size_t run);
   std::unique_ptr<ControllerProcess> start_controller(std::size_t run);

@@ -92,8 +92,9 @@ class Program {
 inline std::string surface_name(const std::string& what) {
   return "test-" + what + "-" + std::to_string(::getpid());
 }
+inline std::string segment_path(const std::string& name) { return "/dev/shm/smartsurf." + name; }
 inline bool segment_exists(const std::string& name) {
-  return ::access(("/dev/shm/smartsurf." + name).c_str(), F_OK) == 0;
+  return ::access(segment_path(name).c_str(), F_OK) == 0;
 }
 inline std::string line_path(const std::string& what) {
   return ::testing::TempDir() + "line-" + what + "-" + std::to_string(::getpid());

@@ -34,7 +34,11 @@ struct Table {
     words.insert(words.end(), bridge_flags.begin(), bridge_flags.end());
     bridge.emplace(words);
   }
-  ~Table() { std::filesystem::remove(file); }
+  ~Table() {
+    bridge.reset();  // killed, it leaves its segments
+    for (const char* suffix : {"", ".boards"}) ::unlink(segment_path(name + suffix).c_str());
+    std::filesystem::remove(file);
+  }
   std::vector<std::string> emulator(const std::string& boards, std::vector<std::string> flags) const {
     for (const char* word : {"--tcp", "0", "--size", "4x4", "--period-ms", "20", "--boards"})
       flags.push_back(word);
@@ -249,6 +253,8 @@ TEST(Table, CalibrationLeadsTheCellsWhereTheyAreSent) {
       std::ranges::fill(controller.actuator(height), target);
       (void)controller.publish();
     }
+    bridge.signal(SIGINT);
+    EXPECT_EQ(bridge.wait(), 130) << bridge.output();
     return least;
   };
   const float with = error({"--calibration", calibration}), without = error({});

@@ -9,6 +9,20 @@ from programs import *
 EXAMPLES = ROOT / "scripts/apron-examples"
 
 
+class ShippedPrograms(ProgramTest):
+    def test_are_formatted(self):
+        programs = sorted(str(path) for path in (ROOT / "scripts").rglob("*.aps"))
+        self.assertGreater(len(programs), 60)
+        self.assertEqual(self.run_program(APRON, "fmt", "--check", *programs)[:2], (0, ""))
+
+    def test_no_routine_of_the_library_fails_in_every_call(self):
+        files = sorted((ROOT / "scripts/apron").glob("*.aps"))
+        self.assertGreater(len(files), 8)
+        for file in files:
+            status, _, err = self.run_program(APRON, "check", str(file), "--size", "16x16")
+            self.assertEqual((status, err), (0, ""), file.name)
+
+
 class ApronExamples(ProgramTest):
     def example(self, name, registers, *flags, ticks=100000, size="32x32"):
         """Runs a program; returns its output and the registers as lists of rows, from the north."""

@@ -75,11 +75,6 @@ class Docs(ProgramTest):
         self.assertTrue(20 < seen.sum() < 200 and (steps > 2).any())
         np.testing.assert_array_equal(height, np.where(steps > 2, 0, 4))
 
-    def test_shipped_programs_are_formatted(self):
-        programs = sorted(str(path) for path in (ROOT / "scripts").rglob("*.aps"))
-        self.assertGreater(len(programs), 60)
-        self.assertEqual(self.run_program(APRON, "fmt", "--check", *programs)[:2], (0, ""))
-
     def test_commands_of_pages_run_in_order(self):
         # Runs each page in a separate folder with links to the checkout's scripts.
         total = 0
@@ -113,9 +108,15 @@ class Docs(ProgramTest):
                 elif "--shm surface" in " ".join(arguments):
                     arguments[arguments.index("--shm") + 1] = self.shm
                 executable = sys.executable if program == "python3" else str(BIN / program)
-                child = subprocess.Popen([executable, *(a for a in arguments if a != "&")], cwd=folder, text=True, env=PYTHON_CLIENT,
-                                         stdout=subprocess.PIPE, stderr=subprocess.PIPE)
-                self.children.append(child)
+                command = [executable, *(a for a in arguments if a != "&")]
+
+                def start():
+                    child = subprocess.Popen(command, cwd=folder, text=True, env=PYTHON_CLIENT, stdout=subprocess.PIPE,
+                                             stderr=subprocess.PIPE)
+                    self.children.append(child)
+                    return child
+
+                child = start()
                 if arguments[-1] == "&":
                     behind.append(child)
                     continue
@@ -123,6 +124,9 @@ class Docs(ProgramTest):
                     waiting = child
                     continue
                 status, _, err = self.finish(child)
+                for _ in range(3):
+                    if "calibrate again" in err:  # the host was busy for too long
+                        status, _, err = self.finish(start())
                 self.assertEqual(status, 0, f"{page}: {program} {' '.join(arguments)}\n{err}")
                 if waiting:
                     self.assertEqual(self.finish(waiting)[0], 0, page)

@@ -1,5 +1,6 @@
 """Tasks in Python: the same in one world, in many and on a live surface."""
 import os
+import pathlib
 import pickle
 import subprocess
 import sys
@@ -180,6 +181,7 @@ class Tasks(ExperimentTest):
         here = Sensed().make()
         here.reset(seed=3)
         simulator = subprocess.Popen([os.environ["SMARTSURF"], "run", path, "--shm", name, "--seed", "3", "--until", "0.5"])
+        self.addCleanup(pathlib.Path(f"/dev/shm/smartsurf.{name}").unlink, missing_ok=True)  # a killed surface leaves its segment
         self.addCleanup(simulator.wait)
         self.addCleanup(simulator.kill)
         env = Sensed().make(shm=name)

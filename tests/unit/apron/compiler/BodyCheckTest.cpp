@@ -4,8 +4,6 @@
 
 #include <gtest/gtest.h>
 
-#include <filesystem>
-
 #include "tests/unit/apron/compiler/CompileText.h"
 
 namespace apron::compiler {
@@ -70,36 +68,6 @@ TEST(BodyCheck, AcceptsBodiesThatSomeArgumentsSuit) {
         macro("f($n)", "if(4, >, $n)\nf2($n)\nendif") + macro("f2($n)", "shift(A, A, $n, 1)")}) {
     EXPECT_EQ(checked("!register(A)\nfilter.create('text', 3, 3)\n" + text), "") << text;
   }
-}
-
-// The disk, with a main program in memory.
-struct LibraryReader final : syntax::FileReader {
-  std::optional<std::string> read(const std::string& path) override {
-    return path == "main.aps" ? text : disk.read(path);
-  }
-  std::string text;
-  syntax::DiskReader disk;
-};
-
-// No routine of the library fails in every call.
-TEST(BodyCheck, LibraryIsFreeOfErrors) {
-  std::size_t count = 0;
-  for (const auto& entry : std::filesystem::directory_iterator(APRON_SCRIPTS)) {
-    const std::string name = entry.path().filename().string();
-    if (entry.path().extension() != ".aps") continue;
-    LibraryReader reader;
-    reader.text = "!include('" + name + "')\n";
-    if (name == "scamp5.aps") reader.text += "scamp5_draw_begin(R9)\n";
-    CompileOptions options;
-    options.file = "main.aps";
-    options.width = options.height = 16;
-    options.include_paths = {APRON_SCRIPTS};
-    EXPECT_TRUE(compile(options, reader).program) << name;
-    const CompileResult result = check_macro_bodies(options, reader);
-    EXPECT_EQ(syntax::format_diagnostics(result.diagnostics, result.sources), "") << name;
-    ++count;
-  }
-  EXPECT_GT(count, 8U);
 }
 
 }  // namespace

@@ -1,0 +1,139 @@
+// Recordings of the episodes of environments that Python steps.
+#pragma once
+
+#include <fmt/format.h>
+
+#include <cstdint>
+#include <memory>
+#include <mutex>
+#include <optional>
+#include <span>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "common/error/UserError.h"
+#include "smartsurf/record/OpenRecorder.h"
+#include "smartsurf/simulation/Environment.h"
+#include "smartsurf/simulation/EnvironmentBatch.h"
+
+namespace smartsurf::python {
+
+using simulation::Environment;
+using simulation::EnvironmentBatch;
+
+// The recording of one episode of an environment, from its start to its end.
+class EpisodeRecording {
+ public:
+  using Overrides = EnvironmentBatch::Overrides;
+
+  // Before the episode's first step. overrides: the options that were given.
+  void start(const std::string& path, const Environment& environment, const std::string& command_line,
+             std::span<const Overrides::value_type> overrides) {
+    if (environment.simulation().snapshot().tick != 0)
+      throw common::UserError(path +
+                              ": a recording starts with an episode: call record() before its first step");
+    stop(environment);
+    record::RunMetadata meta;
+    meta.command_line = command_line;
+    meta.mode = "time-step";
+    meta.driver = "controller";
+    for (const auto& [name, value] : overrides) meta.overrides.push_back({name, value});
+    meta.varied = environment.simulation().nuisances();
+    meta.declares_success = environment.experiment().declares_success();
+    meta.versions = {{"physics", environment.simulation().engine().version()}};
+    for (const scene::Extension& extension : environment.scene().surface.extensions())
+      meta.extensions.push_back({extension.name, extension.hash});
+    recorder_ = record::open_recorder(path, meta, environment.scene());
+    success_s_.reset();
+    record_frame(environment);
+    if (environment.has_parameters()) recorder_->mark_user_interaction(0);
+  }
+  // After a step.
+  void add(const Environment& environment, const simulation::StepResult& result) {
+    if (!recorder_) return;
+    if (result.success && !success_s_) success_s_ = environment.simulation().snapshot().time_s;
+    record_frame(environment);
+  }
+  // The script does not repeat what Python has changed.
+  void mark_intervention(const Environment& environment) {
+    if (recorder_) recorder_->mark_user_interaction(environment.simulation().snapshot().tick);
+  }
+  void stop(const Environment& environment) {
+    if (!recorder_) return;
+    const std::unique_ptr<record::Recorder> recorder = std::move(recorder_);
+    const scene::Snapshot& last = environment.simulation().snapshot();
+    record::RunResult result{
+        .outcome = "done", .ticks = last.tick, .simulated_s = last.time_s, .state_hash = last.state_hash};
+    if (environment.experiment().declares_success()) result.success = success_s_.has_value();
+    result.success_s = success_s_;
+    recorder->close(result);
+  }
+
+ private:
+  void record_frame(const Environment& environment) {
+    const simulation::Simulation& s = environment.simulation();
+    const scene::RecordSpec& spec = s.scene().record;
+    recorder_->record_inputs(s.actuators());
+    recorder_->record_frame(
+        s.snapshot(), s.catalogue(), spec.sensors ? s.sensors() : std::span<const scene::ChannelData>{},
+        spec.actuators ? s.actuators() : std::span<const scene::ChannelData>{}, environment.metrics());
+  }
+
+  std::unique_ptr<record::Recorder> recorder_;
+  std::optional<double> success_s_;
+};
+
+// Records episodes of some worlds of a batch, one file for each. Worlds run on several threads, HDF5 on one
+// at a time.
+class BatchRecorder final : public simulation::EpisodeObserver {
+ public:
+  // worlds: which; every: the episodes 1, 1 + every, … of each. overrides: the options of each world.
+  BatchRecorder(std::string folder, std::string command_line, const std::vector<int>& worlds,
+                std::uint64_t every, std::vector<EnvironmentBatch::Overrides> overrides)
+      : folder_(std::move(folder)),
+        command_line_(std::move(command_line)),
+        every_(every),
+        overrides_(std::move(overrides)),
+        worlds_(overrides_.size()) {
+    for (const int world : worlds) worlds_.at(world) = std::make_unique<World>();
+  }
+
+  void on_start(int world, const Environment& environment) override {
+    if (!worlds_[world]) return;
+    World& own = *worlds_[world];
+    if (own.episodes++ % every_ != 0) return;
+    const std::scoped_lock lock(mutex_);
+    own.recording.start(fmt::format("{}/world-{:04}-episode-{:06}.h5", folder_, world, own.episodes),
+                        environment, command_line_, overrides_[world]);
+  }
+  void on_step(int world, const Environment& environment, const simulation::StepResult& result) override {
+    with(world, [&](EpisodeRecording& recording) { recording.add(environment, result); });
+  }
+  void on_intervention(int world, const Environment& environment) override {
+    with(world, [&](EpisodeRecording& recording) { recording.mark_intervention(environment); });
+  }
+  void on_end(int world, const Environment& environment) override {
+    with(world, [&](EpisodeRecording& recording) { recording.stop(environment); });
+  }
+
+ private:
+  struct World {
+    std::uint64_t episodes = 0;  // that have started
+    EpisodeRecording recording;
+  };
+  template <class Work>
+  void with(int world, const Work& work) {
+    if (!worlds_[world]) return;
+    const std::scoped_lock lock(mutex_);
+    work(worlds_[world]->recording);
+  }
+
+  std::string folder_, command_line_;
+  std::uint64_t every_;
+  std::vector<EnvironmentBatch::Overrides> overrides_;
+  std::vector<std::unique_ptr<World>> worlds_;  // null: not recorded
+  std::mutex mutex_;
+};
+
+}  // namespace smartsurf::python
