@@ -130,6 +130,23 @@ end)""", 3.5)
         self.assertAlmostEqual(vy, 0.5, delta=1e-3)
         self.assertAlmostEqual(z, 0.55, delta=0.002)
 
+    def test_neighbours_in_a_hexagonal_layout(self):
+        # docs/actuators.md: which rows are shifted, and which of the eight array neighbours touch.
+        for rows in (5, 6):
+            numbers = self.run_scene(f"""
+surface {{ rows = {rows}, columns = 6, layout = 'hex' }}
+on_finish(function()
+  for row = 1, {rows} do for column = 1, 6 do print(string.format('%.6f %.6f', cells:centre(row, column))) end end
+end)""", 0.05)
+            at = {divmod(i, 6): numbers[2 * i:2 * i + 2] for i in range(rows * 6)}
+            for row in range(1, rows - 1):
+                shifted = row % 2 == (0 if rows % 2 == 0 else 1)
+                self.assertAlmostEqual(at[row, 0][0], 0.5 if shifted else 0, places=5)
+                apart = {(r, c): math.dist(at[row, 2], at[row + r, 2 + c]) for r in (-1, 0, 1) for c in (-1, 0, 1) if (r, c) != (0, 0)}
+                far = {(-1, -1), (1, -1)} if shifted else {(-1, 1), (1, 1)}
+                for neighbour, distance in apart.items():
+                    self.assertAlmostEqual(distance, math.sqrt(3) if neighbour in far else 1, places=5)
+
     def test_all_on_one_table(self):
         status, out, err = self.run_program(SMARTSURF, "run", str(ROOT / "scripts/conveyors/mixed.lua"), "--no-controller", "--headless",
                                             "--until", "30")
