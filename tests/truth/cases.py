@@ -174,7 +174,7 @@ def conveyor_cases():
     feed = {"v1": 2.0, "v2": 1.5, "mu": 0.4, "angle": 60.0}
     ways = slip_way(**feed)
     half = {"v1": 40.0, "mu": 0.5, "length": 4.0, "width": 3.0}
-    common = {"script": "conveyor", "mujoco": "its belts are not set up for these cases"}
+    common = {"script": "conveyor", "mujoco": "its belts are not set up for these cases", "slow": True}
     return [
         *[Case(f"conveyor_{name}", f"Box from a belt to a {name}er one", seconds=6, settings={"kind": "transfer", **values},
                constants={"way": transfer(**values)}, source="the belts' loads differ by how far the box is over the seam; Coulomb friction",
