@@ -2,6 +2,7 @@
 
     python3 scripts/tasks/plan.py            prints the digests of all scenes, for frozen.toml
 """
+import functools
 import hashlib
 import json
 import pathlib
@@ -53,7 +54,8 @@ def scene_digests():
 
 def table_programs_digest(name):
     """Of the programs that a table's runs are controlled by."""
-    names = {"tasks": load()["tasks"], "vary": load()["tasks"], "waves": ["waves"], "faults": ["relocate", "size_sort"]}.get(name)
+    names = {"tasks": load()["tasks"], "vary": load()["tasks"], "waves": ["waves"], "faults": ["relocate", "size_sort"],
+             "logistics": ["hexsort"]}.get(name)
     programs = [HERE / f"{task}.aps" for task in names] if names else sorted(CASE_STUDY.glob("*.aps"))
     return digest(*(without_comments(program.read_text()) for program in programs))
 
@@ -63,13 +65,23 @@ def section_digest(name):
     plan = load()
     section = plan[name]
     rows = section.get("rows", section)
-    scenes = {"tasks": list(rows), "vary": list(plan["tasks"]), "waves": ["waves"], "faults": ["relocate", "size_sort"]}.get(name, ["sort"])
+    scenes = {"tasks": list(rows), "vary": list(plan["tasks"]), "waves": ["waves"], "faults": ["relocate", "size_sort"],
+              "logistics": ["movers", "hexsort"]}.get(name, ["sort"])
     return digest(json.dumps([section, plan["first_seed"], {scene: plan["scenes"][scene] for scene in scenes}], sort_keys=True))
 
 
-def physics_digest(smartsurf):
-    """Of the states that the probe ends in: a change of the physics changes it."""
-    return run(HERE / "probe.lua", until=3, threads=1, smartsurf=smartsurf)["state_hash"]
+PINS_ALONE = ("case_study", "crowding", "radii", "faults")  # the tables whose scenes hold pins and nothing that drives
+
+
+@functools.cache
+def state_of(probe, smartsurf):
+    return run(HERE / f"{probe}.lua", until=3, threads=1, smartsurf=smartsurf)["state_hash"]
+
+
+def physics_digest(smartsurf, table=""):
+    """Of the states that the probes end in: a change of the physics changes it."""
+    pins = state_of("probe", smartsurf)
+    return pins if table in PINS_ALONE else digest(pins, state_of("probe_driven", smartsurf))
 
 
 def changes(name):
@@ -85,7 +97,7 @@ def plans_of(name):
 
 def mark(name, smartsurf):
     """The line under a table."""
-    return f"\n<!-- made with plan {section_digest(name)}, physics {physics_digest(smartsurf)}, programs {table_programs_digest(name)} -->\n"
+    return f"\n<!-- made with plan {section_digest(name)}, physics {physics_digest(smartsurf, name)}, programs {table_programs_digest(name)} -->\n"
 
 
 MARK = re.compile(r"<!-- (\w+): written by scripts/tasks/table -->(?:(?!<!-- end of).)*?"
@@ -99,11 +111,10 @@ def marks(page):
 
 def mark_older(docs, pages, smartsurf):
     """Adds a sentence to the tables that another physics or other programs made, and takes it from the others."""
-    physics = physics_digest(smartsurf)
     for page in pages:
         text = (docs / page).read_text().replace("\n" + OLDER, "")
         (docs / page).write_text(MARK.sub(
-            lambda found: found[0] if found.groups()[2:] == (physics, table_programs_digest(found[1])) else found[0] + "\n" + OLDER, text))
+            lambda found: found[0] if found.groups()[2:] == (physics_digest(smartsurf, found[1]), table_programs_digest(found[1])) else found[0] + "\n" + OLDER, text))
 
 
 if __name__ == "__main__":

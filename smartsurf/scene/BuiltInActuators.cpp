@@ -153,6 +153,33 @@ ActuatorKind wheels_kind() {
       }};
 }
 
+ActuatorKind conveyor_kind() {
+  return {.name = "conveyor",
+          .parameters = with_body_parameters(
+              {positive_parameter("max_speed", 5.0, "greatest speed of the top along x and along y, u/s"),
+               positive_parameter("max_acceleration", 50.0, "greatest change of either speed, u/s²"),
+               positive_parameter("max_turn", 10.0, "greatest spin about the cell's centre, rad/s"),
+               positive_parameter("max_turn_acceleration", 100.0, "greatest change of the spin, rad/s²"),
+               lag_parameter(0.0), range_parameter("lift", 0.0, 0.0, "lowest and highest lift of the top, u"),
+               positive_parameter("lift_speed", 1.0, "greatest speed of the lift, u/s"),
+               positive_parameter("lift_acceleration", 50.0, "greatest acceleration of the lift, u/s²")}),
+          .channels = [](const ActuatorSpec& s) -> std::vector<ActuatorChannel> {
+            const double speed = s.number("max_speed");
+            std::vector<ActuatorChannel> all{symmetric_channel("drive_x", "u/s", speed),
+                                             symmetric_channel("drive_y", "u/s", speed),
+                                             symmetric_channel("turn", "rad/s", s.number("max_turn"))};
+            const auto& lift = s.numbers("lift");
+            if (lift[0] < lift[1])
+              all.push_back({"lift", "u", lift[0], lift[1], std::clamp(0.0, lift[0], lift[1])});
+            return all;
+          },
+          .height_limits =
+              [](const ActuatorSpec& s) {
+                const auto& lift = s.numbers("lift");
+                return std::array{s.number("height") + lift[0], s.number("height") + lift[1]};
+              }};
+}
+
 std::string check_rotor(const ActuatorSpec& s) {
   const auto& axis = s.numbers("axis");
   if (std::hypot(axis[0], axis[1], axis[2]) < 1e-6) return "rotor.axis: must not be of length 0";
@@ -380,8 +407,8 @@ std::string check_tip_size(const ActuatorSpec& s) {
 }
 
 std::vector<ActuatorKind> built_in_actuators() {
-  return {pin_kind(),    ball_kind(),    wheels_kind(), rotor_kind(), force_field_kind(),
-          magnet_kind(), air_jet_kind(), tile_kind(),   delta_kind()};
+  return {pin_kind(),         ball_kind(),   wheels_kind(),  conveyor_kind(), rotor_kind(),
+          force_field_kind(), magnet_kind(), air_jet_kind(), tile_kind(),     delta_kind()};
 }
 
 }  // namespace smartsurf::scene

@@ -107,6 +107,7 @@ export function makeMechanisms(scene, series, world, placeOf) {
         arrows.paint(i, shade, shade);
       };
     },
+    conveyor(spec, cells) { return makers.force_field(spec, cells); },
     magnet({ meshes: [mesh] }, cells) {
       const coils = addKind(mesh, cells.length);
       return (i, at, m) => {

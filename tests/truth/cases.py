@@ -103,6 +103,29 @@ def domino_speed(h, d, gap, n=60):
     return (gap + d) / duration
 
 
+def transfer(v1, v2, mu, length):
+    """How far a box is ahead of one that went on at v2, once it has gone from a belt at v1 to one at v2.
+
+    The first belt holds it until half of it is over the seam. Then the belts' loads differ by 2·s/length of the weight, s
+    being how far its middle is over: s" = ±k²·s, until it has the speed or is over; then it slips at µ·g.
+    """
+    k, sign = math.sqrt(2 * mu * G / length), math.copysign(1, v2 - v1)
+    inverse = math.acosh if v2 > v1 else math.acos
+    way, time = math.sqrt(abs(v2 * v2 - v1 * v1)) / k, inverse(v2 / v1) / k
+    if way > length / 2:
+        over = math.sqrt(v1 * v1 + sign * (k * length / 2)**2)
+        time = inverse(over / v1) / k + abs(v2 - over) / (mu * G)
+        way = length / 2 + abs(v2 * v2 - over * over) / (2 * mu * G)
+    return way - v2 * time
+
+
+def slip_way(v1, v2, mu, angle):
+    """The way along x and y of a box on a belt at v2 along x, fed at v1 under that angle (degrees), in the belt's frame."""
+    x, y = v1 * math.cos(math.radians(angle)) - v2, v1 * math.sin(math.radians(angle))
+    slip = math.hypot(x, y)
+    return x * slip / (2 * mu * G), y * slip / (2 * mu * G)
+
+
 FLIPS = half_period_of_flips([13 / 12, 10 / 12, 5 / 12], 0.01, 10.0)
 LANDAU = "Landau and Lifshitz, Mechanics, §37"
 GOLDSTEIN = "Goldstein, Classical Mechanics"
@@ -143,6 +166,39 @@ def limited_case(name, title, full, **settings):
         absolute("worst", "worst cell, of the limit", "0", 0.01, ""),
         absolute("full", "pins that give all", str(full), 0.5, "")], f"{COMPLIANCE} within the limits",
         {"force": 300.0, "lever": 1.0, "limit": 40.0, **settings}, mujoco=NO_LIMIT)
+
+
+def conveyor_cases():
+    """Of boxes on belts whose tops leave no gaps. tests/system/programs/conveyors_test.py draws others."""
+    fast, slow = {"v1": 1.0, "v2": 3.0, "mu": 0.5, "length": 4.0}, {"v1": 3.0, "v2": 1.0, "mu": 0.4, "length": 3.0}
+    feed = {"v1": 2.0, "v2": 1.5, "mu": 0.4, "angle": 60.0}
+    ways = slip_way(**feed)
+    half = {"v1": 40.0, "mu": 0.5, "length": 4.0, "width": 3.0}
+    common = {"script": "conveyor", "mujoco": "its belts are not set up for these cases", "slow": True}
+    return [
+        *[Case(f"conveyor_{name}", f"Box from a belt to a {name}er one", seconds=6, settings={"kind": "transfer", **values},
+               constants={"way": transfer(**values)}, source="the belts' loads differ by how far the box is over the seam; Coulomb friction",
+               quantities=[absolute("ahead", "ahead of a box that went on at the second speed", "way", 0.01, "u"),
+                           absolute("v", "speed", "v2", 0.001, "u/s")], **common) for name, values in (("fast", fast), ("slow", slow))],
+        Case("conveyor_feed", "Box fed under 60° onto a belt", seconds=2, settings={"kind": "feed", **feed},
+             constants={"way_x": ways[0], "way_y": ways[1]}, source="Coulomb friction in the belt's frame",
+             quantities=[absolute("aside", "slip aside", "way_y", 0.01, "u"), absolute("ahead", "slip along", "way_x", 0.01, "u"),
+                         absolute("spin", "spin", "0", 0.001, "rad/s")], **common),
+        Case("conveyor_centre", "Box between belts that drive it to the seam", seconds=8,
+             settings={"kind": "centre", "v1": 1.0, "v2": 20.0, "mu": 0.5, "width": 3.0, "offset": 0.7},
+             source="the belts' loads differ by the offset: a friction oscillator (Timoshenko)",
+             quantities=[relative("period", "period of its swing", "2*pi*sqrt(width/(2*mu*g))", 0.01, "s"),
+                         absolute("ahead", "ahead of the belts", "0", 0.01, "u")], **common),
+        Case("conveyor_straddle", "Box half on each of two belts that run apart", seconds=0.05, settings={"kind": "straddle", **half},
+             source="Coulomb friction at full slip; moment of inertia m·(l² + w²)/12",
+             quantities=[relative("rate", "mean angular acceleration", "3*mu*g*width/(length**2 + width**2)", 0.01, "rad/s²")], **common),
+        Case("conveyor_straddle_disc", "Disc half on each of two belts that run apart", seconds=0.1, settings={"kind": "straddle_disc", **half},
+             source="Coulomb friction at full slip; moment of inertia m·r²/2",
+             quantities=[relative("rate", "mean angular acceleration", "16*mu*g/(3*pi*width)", 0.02, "rad/s²")], **common),
+        Case("conveyor_turntable", "Box rides on a turntable", seconds=6,
+             settings={"kind": "turntable", "v2": 1.0, "offset": 3.0, "mu": 0.5, "length": 3.0, "width": 2.0}, source="it does not slip: ω²·r < µ·g",
+             quantities=[absolute("turned", "turned about the middle", "v2*t", 0.02, "rad"), relative("radius", "distance from the middle", "offset", 0.01, "u"),
+                         absolute("spin", "spin", "v2", 0.001, "rad/s")], **common)]
 
 
 def drive_case(name, title, vx, vy, **settings):
@@ -355,6 +411,7 @@ GROUPS = [
         pattern_case("pattern_inner", "Plate on 7 × 7 cells, the inner 25 drive", 25, 24),
         pattern_case("pattern_rim", "… the 24 cells of the rim drive", 0, 0),
         pattern_case("pattern_half", "… 28 of 49 cells drive, every other row", 28, 21),
+        *conveyor_cases(),
     ]),
     ("Fields of force", [
         Case("force_field", "Nine cells of a force field push a box", "field", 0.5, [

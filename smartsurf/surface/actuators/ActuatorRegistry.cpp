@@ -22,6 +22,7 @@ scene::Registry<NamedActuator>& actuator_factories() {
   static scene::Registry<NamedActuator> all({{"pin", make_pins},
                                              {"ball", make_ball},
                                              {"wheels", make_wheels},
+                                             {"conveyor", make_conveyors},
                                              {"rotor", make_rotors},
                                              {"force_field", make_force_fields},
                                              {"magnet", make_magnets},

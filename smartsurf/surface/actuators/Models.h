@@ -7,6 +7,7 @@ namespace smartsurf::surface {
 
 std::unique_ptr<Actuator> make_air_jets(const ActuatorContext&);
 std::unique_ptr<Actuator> make_ball(const ActuatorContext&);
+std::unique_ptr<Actuator> make_conveyors(const ActuatorContext&);
 std::unique_ptr<Actuator> make_deltas(const ActuatorContext&);
 std::unique_ptr<Actuator> make_force_fields(const ActuatorContext&);
 std::unique_ptr<Actuator> make_magnets(const ActuatorContext&);

@@ -246,7 +246,7 @@ ActuatorGeometry::InstanceBuilder ActuatorGeometry::make_builder(const scene::Ac
   if (spec.model == "ball") return ball_builder(spec);
   if (spec.model == "wheels") return wheel_builder(spec);
   if (spec.model == "rotor") return rotor_builder(spec);
-  if (spec.model == "force_field") return arrow_builder();
+  if (spec.model == "force_field" || spec.model == "conveyor") return arrow_builder();
   if (spec.model == "magnet") return coil_builder();
   if (spec.model == "air_jet") return jet_builder(spec);
   if (spec.model == "tile")

@@ -495,6 +495,19 @@ bool add_shares(const SupportPatch& patch, std::span<const Contact> contacts, Su
   return any;
 }
 
+// Finds out if the cells move, and if they do as one belt.
+void set_motion(const surface::Field& field, const SupportSamples& s, SupportPatch& patch) {
+  const std::size_t first = patch.first;
+  patch.belt_x = s.velocity_x[first], patch.belt_y = s.velocity_y[first];
+  patch.is_one_belt = true;
+  for (std::size_t i = first; i < s.cell.size(); ++i) {
+    const bool turns_or_rises = s.spin[i] != 0.0F || field.speed[s.cell[i]] != 0.0F;
+    patch.moves |= s.velocity_x[i] != 0.0F || s.velocity_y[i] != 0.0F || turns_or_rises;
+    patch.is_one_belt &=
+        !turns_or_rises && s.velocity_x[i] == patch.belt_x && s.velocity_y[i] == patch.belt_y;
+  }
+}
+
 bool may_be_flat(const Shape& s, const Mat3& axes) {
   if (s.kind == ShapeKind::kBox) return axes.row(2).cwiseAbs().maxCoeff() > kUpright;
   if (!s.is_axisymmetric()) return true;
@@ -567,9 +580,7 @@ bool add_support_patch(const surface::Field& field, const FreeLayoutField* free_
     out.shares.resize(patch.has_shares ? out.points.size() : 0);
     return false;
   }
-  for (std::size_t i = first; i < out.samples.cell.size(); ++i)
-    patch.moves |= out.samples.velocity_x[i] != 0.0F || out.samples.velocity_y[i] != 0.0F ||
-                   out.samples.spin[i] != 0.0F || field.speed[out.samples.cell[i]] != 0.0F;
+  set_motion(field, out.samples, patch);
   out.samples.resize((out.samples.cell.size() + kLanes - 1) / kLanes * kLanes, patch.has_shares);
   out.patches.push_back(patch);
   return true;

@@ -61,10 +61,14 @@ struct SupportPatch {
   std::int32_t first_point = 0, point_count = 0;  // in SupportPatches::points
   float z = 0.0F;                                 // of the samples, from the centre of mass
   bool moves = false;                             // whether any of its cells moves or has a surface velocity
-  bool has_friction = false;                      // whether the friction impulses of the last step were found
-  bool has_shares = false;                        // whether its points are in SupportPatches::shares
-  // True if `friction_sum` alone is valid, not the friction of the samples: the cells rest and none of them
-  // slips.
+  // True if all its cells have one surface velocity, that of the belt, which may be 0, and do not turn or
+  // rise.
+  bool is_one_belt = false;
+  float belt_x = 0.0F, belt_y = 0.0F;  // u/s
+  bool has_friction = false;           // whether the friction impulses of the last step were found
+  bool has_shares = false;             // whether its points are in SupportPatches::shares
+  // True if `friction_sum` alone is valid, not the friction of the samples: the cells are one belt, on which
+  // none of them slips.
   bool is_lumped = false;
   int current = 0;  // the valid copy of SupportSamples::friction
 

@@ -274,7 +274,7 @@ void set_extent(const SupportSamples& s, SupportPatch& p, double polar) {
   p.gyration_squared = (std::max(0.0, polar) + arms) / p.total_weight;
 }
 
-bool may_lump(const SupportPatch& p) { return !p.moves && !p.has_shares; }
+bool may_lump(const SupportPatch& p) { return p.is_one_belt && !p.has_shares; }
 
 // Shares the friction impulse of a lumped patch among its samples, as a planar field.
 void spread_friction(SupportSamples& s, SupportPatch& p) {
@@ -367,7 +367,8 @@ void solve_support(SupportPatches& list, SupportPatch& p, BatchPoints points, bo
   if (may_lump(p)) {
     // The impulse of a proximal step of all samples.
     constexpr double kStep = kTangentMassFactor / (1.0 + kTangentMassFactor);
-    const Vector3 impulse = old_impulse - kStep * (inverse_k * now);
+    const Vector3 slip = now - Vec3(p.belt_x, p.belt_y, 0.0F).cast<double>();
+    const Vector3 impulse = old_impulse - kStep * (inverse_k * slip);
     if (can_stick(p, target, impulse)) {
       p.is_lumped = true;
       for (int i = 0; i < 3; ++i) p.friction_sum[i] = impulse[i];

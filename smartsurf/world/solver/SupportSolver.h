@@ -8,8 +8,9 @@
 // proximal step). Few iterations of a majorised Newton method suffice, because the solution changes little
 // from stage to stage.
 //
-// On cells at rest, a patch that its cells can hold has q = 0, whichever way they share the friction. That is
-// lumped: one impulse, which is shared among the samples when the patch begins to slip.
+// On cells at rest, a patch that its cells can hold has q = 0, whichever way they share the friction; on
+// cells that move as one belt it has the belt's velocity. That is lumped: one impulse, which is shared among
+// the samples when the patch begins to slip.
 #pragma once
 
 #include <span>

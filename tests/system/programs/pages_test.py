@@ -121,7 +121,7 @@ class LuaReference(ProgramTest):
 
     PAGES = ("experiments", "actuators", "sensors", "objects")
     TABLE = "surface { rows = 2, columns = 2 }\n"
-    ACTUATORS = ("pin", "ball", "wheels", "rotor", "force_field", "magnet", "air_jet", "tile", "delta")
+    ACTUATORS = ("pin", "ball", "wheels", "conveyor", "rotor", "force_field", "magnet", "air_jet", "tile", "delta")
     SENSORS = ("proximity", "colour", "object_type", "light", "pressure", "camera", "joint_position", "tip_force",
                "skin_height", "skin_strain", "skin_contact")
 

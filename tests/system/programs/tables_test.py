@@ -1,5 +1,9 @@
 #!/usr/bin/env python3
 """The tables of docs/tasks.md and docs/case-study.md are made as the test plan says, and by today's physics, or say that not."""
+import fnmatch
+import importlib.machinery
+import importlib.util
+import re
 import sys
 
 from programs import *
@@ -18,7 +22,7 @@ def tables():
 
 class Tables(unittest.TestCase):
     def test_every_table_has_its_plan(self):
-        self.assertEqual({table for table, _, _ in tables()}, {"tasks", "vary", "waves", "faults", "case_study", "radii", "crowding"})
+        self.assertEqual({table for table, _, _ in tables()}, {"tasks", "logistics", "vary", "waves", "faults", "case_study", "radii", "crowding"})
         for table, _, (made_with, _, _) in tables():
             self.assertIn(made_with, plan.plans_of(table),
                           f"{table}: made with another plan: run scripts/tasks/table --only {table}; a change of the plan gets a new date")
@@ -29,15 +33,71 @@ class Tables(unittest.TestCase):
             self.assertEqual(now[scene], planned, f"{scene}.lua differs from the scene of scripts/tasks/frozen.toml: a changed scene gets a new date there")
 
     def test_a_table_of_another_physics_says_so(self):
-        physics = plan.physics_digest(SMARTSURF)
         for table, text, (_, made_by, programs) in tables():
-            if (made_by, programs) != (physics, plan.table_programs_digest(table)):
+            if (made_by, programs) != (plan.physics_digest(SMARTSURF, table), plan.table_programs_digest(table)):
                 self.assertIn(plan.OLDER, text, f"{table}: run scripts/tasks/table --only {table}, or --mark")
 
     def test_comments_do_not_change_a_scene_and_numbers_do(self):
         scene = "local n = 3 -- cells\nsurface { rows = n }\n"
         self.assertEqual(plan.without_comments(scene), plan.without_comments("local n = 3\nsurface { rows = n } -- all\n"))
         self.assertNotEqual(plan.without_comments(scene), plan.without_comments(scene.replace("3", "4")))
+
+
+class Reproducing(unittest.TestCase):
+    """docs/reproducing.md lists every table and picture, and a table of another physics is found."""
+
+    @classmethod
+    def setUpClass(cls):
+        loader = importlib.machinery.SourceFileLoader("reproduce", str(ROOT / "scripts/reproduce"))
+        spec = importlib.util.spec_from_loader("reproduce", loader)
+        cls.reproduce = importlib.util.module_from_spec(spec)
+        loader.exec_module(cls.reproduce)
+        cls.tables = cls.reproduce.listing()["table"]
+
+    def stale(self, docs):
+        """The tables of a folder of pages that another physics made, or none knows which, and that do not say so."""
+        found = []
+        for table in self.tables:
+            if "physics" not in table:
+                continue
+            text = (docs / table["page"]).read_text()
+            begin, end = self.reproduce.block_of(text, table["block"])
+            made_by, _ = self.reproduce.made_by(text[begin:end])
+            today = plan.physics_digest(SMARTSURF, self.reproduce.PROBES[table["physics"]])
+            if made_by != today and (made_by is None or plan.OLDER not in text[begin:end]):
+                found.append(self.reproduce.name_of(table))
+        return found
+
+    def test_every_generated_block_is_listed(self):
+        blocks = {f"{page.stem}/{name}" for page in (ROOT / "docs").glob("*.md")
+                  for name in re.findall(r"<!-- ([\w-]+): written by ", page.read_text())}
+        self.assertEqual(blocks - {"reproducing/list"}, {self.reproduce.name_of(table) for table in self.tables})
+
+    def test_every_picture_is_listed(self):
+        patterns = [image for entry in (*self.tables, self.reproduce.listing()["pictures"]) for image in entry.get("images", ())]
+        for page in [*(ROOT / "docs").glob("*.md"), ROOT / "README.md"]:
+            for image in re.findall(r"\]\((?:docs/)?images/([^)]+)\)", page.read_text()):
+                self.assertTrue(any(fnmatch.fnmatch(image, pattern) for pattern in patterns), f"{page.name}: {image}")
+
+    def test_commands_exist(self):
+        for table in self.tables:
+            self.assertTrue(os.access(ROOT / table["command"].split()[0], os.X_OK), table["command"])
+
+    def test_no_table_is_older_than_its_physics_unsaid(self):
+        self.assertEqual(self.stale(ROOT / "docs"), [], "run scripts/reproduce NAME…, or scripts/reproduce --mark")
+
+    def test_a_table_of_another_physics_is_found(self):
+        with tempfile.TemporaryDirectory() as folder:
+            docs = pathlib.Path(folder)
+            for page in {table["page"] for table in self.tables}:
+                text = (ROOT / "docs" / page).read_text().replace("\n" + plan.OLDER, "")
+                (docs / page).write_text(re.sub(r"physics \w+(, p)", r"physics 0123456789abcdef\1", text))
+            self.assertEqual(sorted(self.stale(docs)), sorted(self.reproduce.name_of(table) for table in self.tables if "physics" in table))
+
+    def test_list_is_todays(self):
+        page = (ROOT / "docs/reproducing.md").read_text()
+        for table in self.tables:
+            self.assertIn(f"`{table['command']}`", page)
 
 
 if __name__ == "__main__":

@@ -88,7 +88,7 @@ class Tasks(ProgramTest):
         arraybot = self.folder / "arraybot.lua"  # without gravity an object that is held is at rest
         arraybot.write_text(arraybot.read_text().replace("world { unit = 'cm',", "world { unit = 'cm', gravity = 0,"))
         tasks = {path.stem for path in TASKS.glob("*.lua") if path.with_suffix(".aps").exists()}
-        self.assertEqual(tasks - set(PLACED), {"packages", "parcels", "rain", "waves"})  # which leave it, or have no success
+        self.assertEqual(tasks - set(PLACED), {"packages", "parcels", "hexsort", "rain", "waves"})  # which leave it, or have no success
         for task, (seconds, changes, body) in PLACED.items():
             text = (TASKS / f"{task}.lua").read_text()
             for old, new in changes.items():
@@ -143,6 +143,20 @@ class Tasks(ProgramTest):
     def test_parcels_leave_through_their_exits(self):
         metrics = self.run_task("parcels", 45, "count=24")
         self.assertEqual((metrics["delivered"], metrics["wrong_exit"]), (1, 0))
+
+    def test_hexagons_merge_and_sort(self):
+        metrics = self.run_task("hexsort", 40, "count=10")
+        self.assertEqual((metrics["goals"], metrics["wrong_exit"], metrics["collisions"], metrics["success"]), (10, 0, 0, 1))
+
+    def test_movers_reach_their_goals_without_touching(self):
+        stats = self.folder / "stats.json"
+        for layout in (1, 8):
+            status, _, err = self.run_program(SMARTSURF, "run", str(TASKS / "movers.lua"), "--no-controller", "--headless", "--seed", "2",
+                                              "--until", "60", "--set", f"layout={layout}", "--set", "goals=2", "--stats", str(stats))
+            self.assertEqual(status, 0, err)
+            metrics = json.loads(stats.read_text())["metrics"]
+            self.assertEqual((metrics["success"], metrics["collisions"], metrics["goals"]), (1, 0, {1: 6, 8: 10}[layout]), layout)
+            self.assertGreater(metrics["least_gap_cm"], 1)
 
     def test_tee_covers_its_goal(self):
         metrics = self.run_task("push_t", 25)
