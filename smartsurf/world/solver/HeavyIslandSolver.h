@@ -14,6 +14,8 @@
 #include "smartsurf/world/body/BodyStore.h"
 #include "smartsurf/world/broadphase/SpatialPartition.h"
 #include "smartsurf/world/field/SupportPatch.h"
+#include "smartsurf/world/parallel/Team.h"
+#include "smartsurf/world/solver/BlockCholesky.h"
 #include "smartsurf/world/solver/ConstraintGraph.h"
 #include "smartsurf/world/solver/ContactBatch.h"
 
@@ -23,8 +25,8 @@ class HeavyIslandSolver {
  public:
   // A load heavier than this many times the weight of the body that bears it makes an island heavy.
   static constexpr float kHeavyLoad = 16.0F;
-  // Larger islands, and those beyond the sum, are left to the sweeps: the cost of one grows as the cube.
-  static constexpr int kMaxBodies = 32, kMaxBodiesInAll = 256;
+  // Larger islands, and those beyond the sum, are left to the sweeps.
+  static constexpr int kMaxBodies = BlockCholesky::kMaxRows, kMaxBodiesInAll = 256;
 
   void reset(int member_count);
   // Notes the lanes of a prepared batch in which a body bears a heavy load, or touches a body that much
@@ -39,58 +41,75 @@ class HeavyIslandSolver {
              const BodyVelocity*, std::span<SupportPatches>, const Vec3& gravity, float h_s);
   bool empty() const { return islands_.empty(); }
 
-  // Corrects the impulses after a sweep of the solve stage (soft) or the relax stage.
+  // Corrects the impulses after a sweep of the solve stage (soft) or the relax stage. Called by all members,
+  // each of which solves some of the islands; nobody may use the bodies of the islands meanwhile.
   void solve(const BatchPoints&, const SolverBodies&, const SubstepParams& pair_params,
-             const SubstepParams& static_params, bool is_soft);
+             const SubstepParams& static_params, bool is_soft, const Member&);
 
  private:
-  struct alignas(128) HeavyRows {
-    std::vector<std::int32_t> rows;
+  struct alignas(128) MemberData {
+    std::vector<std::int32_t> heavy_rows;
+    BlockCholesky matrix;  // of the island that the member solves
+    double right_side[BlockCholesky::kSize * kMaxBodies];
   };
-  // A spring in series with the rigid bodies: its velocity per velocities of the bodies (linear, angular),
-  // its stiffness (impulse per speed), and the speed that it lacks.
+  // A spring in series with the rigid bodies: its stiffness (impulse per speed) and the speed that it lacks.
   struct Spring {
-    double jacobian[2][6], stiffness = 0.0, error = 0.0, impulse = 0.0, change = 0.0;
+    double stiffness = 0.0, error = 0.0, impulse = 0.0, change = 0.0;
   };
-  struct Point {
+  // Three springs between two bodies, and their velocities per velocities of the bodies (linear, angular).
+  struct Springs {
+    std::int32_t body[2];  // in the island; −1: immovable
+    BlockCholesky::Rows jacobian[2];
+    Spring spring[3];
+    bool in_matrix[3];
+
+    // The speed that a spring still lacks with the velocity changes of the bodies.
+    double lacking_speed(int k, const double* changes) const;
+    void add_force(const double (&force)[3], double* right_side) const;
+    // Adds the springs that are to be in the matrix and are not yet, and removes the others.
+    void update(const bool (&wanted)[3], BlockCholesky& matrix);
+  };
+  // Along the normal and two tangents.
+  struct Point : Springs {
     std::int32_t index, lane;  // in the batch points
     std::int32_t row[2];       // −1: static
-    std::int32_t body[2];      // in the island; −1: immovable
     bool is_sphere;            // its anchor is along the normal
     bool bears, sticks;
     double steady_impulse;  // normal, of the last relax stage
-    Spring normal, tangent[2];
+    Spring& normal() { return spring[0]; }
   };
   // The friction of a support patch whose cells rest and none of which slips: along x and y, and about z.
-  struct PatchFriction {
+  struct PatchFriction : Springs {
     SupportPatch* patch;
-    std::int32_t body;
-    Spring spring[3];
   };
   struct Island {
-    std::int32_t first_body, body_count, first_point, point_count, first_patch, patch_count;
+    std::int32_t body_count, first_body, first_point, point_count, first_patch, patch_count;
     double greatest_impulse = 0.0;  // of a contact, mass·u/s in a substep
+  };
+  // A lane with a point that bears or touches.
+  struct BearingLane {
+    const ContactBatch* batch;
+    ContactKind kind;
+    std::int32_t lane;
   };
 
   std::int32_t find_root(std::int32_t row);
-  template <class Each>
-  static void for_each_bearing_lane(const ConstraintGraph&, const BatchPoints&, Each each);
+  void collect_bearing_lanes(const ConstraintGraph&, const BatchPoints&);
+  void collect_points(const BatchPoints&, const BodyVelocity*);
+  void collect_patches(std::span<SupportPatches>);
   void solve_island(const Island&, const BatchPoints&, const SolverBodies&, const SubstepParams& pair_params,
-                    const SubstepParams& static_params, bool is_soft);
+                    const SubstepParams& static_params, bool is_soft, MemberData&);
   static void set_up(Point&, const BatchPoints&, const SolverBodies&, const SubstepParams&, bool is_soft);
   static void set_up(PatchFriction&, const SolverBodies&);
-  void add(const Spring&, const std::int32_t (&body)[2], bool is_stiff, double force);
-  double lacking_speed(const Spring&, const std::int32_t (&body)[2]) const;
 
-  std::vector<HeavyRows> heavy_rows_;  // one list per member
-  std::vector<std::int32_t> parent_;   // by row: union-find
+  std::vector<MemberData> members_;
+  std::vector<BearingLane> lanes_;
+  std::vector<std::int32_t> parent_;  // by row: union-find
   std::vector<std::int32_t> island_of_row_, body_of_row_;
   std::vector<Island> islands_;
   std::vector<std::int32_t> rows_;  // of the islands' bodies
   std::vector<Point> points_;
   std::vector<PatchFriction> patches_;
-  std::vector<double> matrix_, right_side_;  // of the current island
-  int size_ = 0;
 };
 
 }  // namespace smartsurf::world

@@ -75,6 +75,22 @@ scene::SceneSpec linkages(bool on_skin) {
   return s;
 }
 
+// Boxes that bear others fifty times as heavy: islands that a direct solver takes.
+scene::SceneSpec loaded_boxes() {
+  scene::SceneSpec s;
+  s.world.dt_s = 1.0 / 60;
+  s.surface.rows = s.surface.columns = 60;
+  for (int i = 0; i < 600; ++i) {
+    scene::ObjectSpec o;
+    o.shape = scene::ShapeKind::kBox;
+    o.size = {1.5, 1.5, 1.0};
+    o.mass = i % 2 == 0 ? 1.0 : 50.0;
+    o.position = {2.0 + 3.0 * (i / 2 % 19), 2.0 + 3.0 * (i / 2 / 19), 0.5 + 1.0 * (i % 2)};
+    s.objects.push_back(o);
+  }
+  return s;
+}
+
 std::uint64_t hash_after(const scene::SceneSpec& scene, int steps, int threads) {
   common::ThreadPool pool(threads);
   surface::ActuatorArray cells(scene.surface, {}, 1, &pool);
@@ -97,7 +113,8 @@ std::uint64_t hash_after(const scene::SceneSpec& scene, int steps, int threads) 
 }  // namespace
 
 TEST(Threads, SameStateHashForAnyThreadCount) {
-  for (const scene::SceneSpec& scene : {heap(24, 48), heap(48, 24), linkages(false), linkages(true)}) {
+  for (const scene::SceneSpec& scene :
+       {heap(24, 48), heap(48, 24), linkages(false), linkages(true), loaded_boxes()}) {
     ASSERT_EQ(scene::validate(scene.surface), "");
     const std::uint64_t alone = hash_after(scene, 20, 1);
     for (const int threads : {2, 3}) EXPECT_EQ(hash_after(scene, 20, threads), alone) << threads;

@@ -1,0 +1,160 @@
+#include "smartsurf/world/solver/BlockCholesky.h"
+
+#include <algorithm>
+#include <bit>
+#include <cassert>
+#include <cmath>
+
+namespace smartsurf::world {
+namespace {
+
+constexpr int kSize = BlockCholesky::kSize;
+
+// Calls each(i) for the bits of a mask, ascending.
+template <class Each>
+void for_each_bit(std::uint32_t mask, Each each) {
+  for (; mask != 0; mask &= mask - 1) each(std::countr_zero(mask));
+}
+
+// c −= a·bᵀ
+void subtract_product(const double* __restrict a, const double* __restrict b, double* __restrict c) {
+  for (int j = 0; j < kSize; ++j) {
+    double sum[kSize] = {};
+    for (int k = 0; k < kSize; ++k)
+      for (int i = 0; i < kSize; ++i) sum[i] += a[k * kSize + i] * b[k * kSize + j];
+    for (int i = 0; i < kSize; ++i) c[j * kSize + i] -= sum[i];
+  }
+}
+
+// Replaces the lower triangle by its factor, with the inverse of the diagonal. False if it has none.
+bool factor_block(double* a) {
+  for (int j = 0; j < kSize; ++j) {
+    double pivot = a[j * kSize + j];
+    for (int k = 0; k < j; ++k) pivot -= a[k * kSize + j] * a[k * kSize + j];
+    if (!(pivot > 0.0)) return false;
+    const double inverse = 1.0 / std::sqrt(pivot);
+    a[j * kSize + j] = inverse;
+    for (int i = j + 1; i < kSize; ++i) {
+      double sum = a[j * kSize + i];
+      for (int k = 0; k < j; ++k) sum -= a[k * kSize + i] * a[k * kSize + j];
+      a[j * kSize + i] = sum * inverse;
+    }
+  }
+  return true;
+}
+
+// a := a·l⁻ᵀ
+void divide_by_factor(const double* __restrict l, double* __restrict a) {
+  for (int j = 0; j < kSize; ++j) {
+    for (int k = 0; k < j; ++k)
+      for (int i = 0; i < kSize; ++i) a[j * kSize + i] -= a[k * kSize + i] * l[k * kSize + j];
+    for (int i = 0; i < kSize; ++i) a[j * kSize + i] *= l[j * kSize + j];
+  }
+}
+
+}  // namespace
+
+void BlockCholesky::reset(int rows) {
+  assert(rows <= kMaxRows);
+  rows_ = rows;
+  std::fill_n(neighbours_, rows, 0);
+}
+
+// Eliminates the row with the fewest neighbours, which become neighbours of each other.
+void BlockCholesky::analyse() {
+  std::uint32_t left = rows_ == kMaxRows ? ~std::uint32_t{0} : bit(rows_) - 1;
+  std::uint32_t fill[kMaxRows], below_row[kMaxRows];
+  for (int i = 0; i < rows_; ++i) fill[i] = neighbours_[i] & ~bit(i);
+  for (int at = 0; at < rows_; ++at) {
+    int next = std::countr_zero(left);
+    for_each_bit(left, [&](int i) {
+      if (std::popcount(fill[i]) < std::popcount(fill[next])) next = i;
+    });
+    left &= ~bit(next);
+    row_at_[at] = next, position_[next] = at;
+    below_row[at] = fill[next];
+    for_each_bit(fill[next], [&](int i) { fill[i] = (fill[i] | fill[next]) & ~bit(i) & ~bit(next); });
+  }
+  first_block_[0] = 0;
+  for (int at = 0; at < rows_; ++at) {
+    below_[at] = 0;
+    for_each_bit(below_row[at], [&](int i) { below_[at] |= bit(position_[i]); });
+    first_block_[at + 1] = first_block_[at] + 1 + std::popcount(below_[at]);
+  }
+  matrix_.assign(first_block_[rows_], Block{});
+}
+
+// Index of the block at two positions, `row` after `column`.
+int BlockCholesky::below(int row, int column) const {
+  assert(below_[column] & bit(row));
+  return first_block_[column] + 1 + std::popcount(below_[column] & (bit(row) - 1));
+}
+
+void BlockCholesky::add(int i, int j, const double (&weight)[3], const Rows& a, const Rows& b) {
+  const int at_i = position_[i], at_j = position_[j];
+  const bool is_below = at_i >= at_j;
+  const Rows &down = is_below ? a : b, &across = is_below ? b : a;
+  const int index = at_i == at_j ? diagonal(at_i) : is_below ? below(at_i, at_j) : below(at_j, at_i);
+  double* const to = matrix_[index].data();
+  for (int c = 0; c < kSize; ++c) {
+    const double w[3] = {weight[0] * across[0][c], weight[1] * across[1][c], weight[2] * across[2][c]};
+    for (int r = 0; r < kSize; ++r)
+      to[c * kSize + r] += w[0] * down[0][r] + w[1] * down[1][r] + w[2] * down[2][r];
+  }
+}
+
+bool BlockCholesky::factor() {
+  factor_.assign(matrix_.begin(), matrix_.end());
+  for (int column = 0; column < rows_; ++column) {
+    double* const pivot = factor_[diagonal(column)].data();
+    if (!factor_block(pivot)) return false;
+    Block* const blocks = &factor_[diagonal(column) + 1];
+    const int count = std::popcount(below_[column]);
+    for (int k = 0; k < count; ++k) divide_by_factor(pivot, blocks[k].data());
+    int from = 0;
+    for_each_bit(below_[column], [&](int j) {
+      subtract_product(blocks[from].data(), blocks[from].data(), factor_[diagonal(j)].data());
+      int k = from + 1;
+      for_each_bit(below_[column] & ~(bit(j) | (bit(j) - 1)), [&](int i) {
+        subtract_product(blocks[k++].data(), blocks[from].data(), factor_[below(i, j)].data());
+      });
+      ++from;
+    });
+  }
+  return true;
+}
+
+void BlockCholesky::solve(double* right_side) {
+  double* const x = right_side_;
+  for (int at = 0; at < rows_; ++at) std::copy_n(right_side + kSize * row_at_[at], kSize, x + kSize * at);
+  for (int column = 0; column < rows_; ++column) {
+    const double* block = factor_[diagonal(column)].data();
+    double* const own = x + kSize * column;
+    for (int j = 0; j < kSize; ++j) {
+      own[j] *= block[j * kSize + j];
+      for (int i = j + 1; i < kSize; ++i) own[i] -= block[j * kSize + i] * own[j];
+    }
+    for_each_bit(below_[column], [&](int row) {
+      block += kSize * kSize;
+      for (int j = 0; j < kSize; ++j)
+        for (int i = 0; i < kSize; ++i) x[kSize * row + i] -= block[j * kSize + i] * own[j];
+    });
+  }
+  for (int column = rows_ - 1; column >= 0; --column) {
+    const double* block = factor_[diagonal(column)].data();
+    double* const own = x + kSize * column;
+    const double* next = block;
+    for_each_bit(below_[column], [&](int row) {
+      next += kSize * kSize;
+      for (int j = 0; j < kSize; ++j)
+        for (int i = 0; i < kSize; ++i) own[j] -= next[j * kSize + i] * x[kSize * row + i];
+    });
+    for (int j = kSize - 1; j >= 0; --j) {
+      for (int i = j + 1; i < kSize; ++i) own[j] -= block[j * kSize + i] * own[i];
+      own[j] *= block[j * kSize + j];
+    }
+  }
+  for (int at = 0; at < rows_; ++at) std::copy_n(x + kSize * at, kSize, right_side + kSize * row_at_[at]);
+}
+
+}  // namespace smartsurf::world

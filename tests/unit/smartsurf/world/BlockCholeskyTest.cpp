@@ -1,0 +1,78 @@
+#include "smartsurf/world/solver/BlockCholesky.h"
+
+#include <gtest/gtest.h>
+
+#include <Eigen/Cholesky>
+#include <random>
+#include <vector>
+
+namespace smartsurf::world {
+namespace {
+
+constexpr int kSize = BlockCholesky::kSize;
+
+// A random matrix of springs between bodies, in both forms.
+struct Springs {
+  int rows;
+  BlockCholesky sparse;
+  Eigen::MatrixXd dense;
+
+  Springs(int n, double density, std::mt19937& random) : rows(n), dense(kSize * n, kSize * n) {
+    std::uniform_real_distribution<double> u(0.0, 1.0);
+    sparse.reset(n);
+    std::vector<std::pair<int, int>> links;
+    for (int i = 0; i < n; ++i)
+      for (int j = 0; j < n; ++j)
+        if (i != j && u(random) < density) {
+          links.emplace_back(i, j);
+          sparse.connect(i, j);
+        }
+    sparse.analyse();
+    dense.setZero();
+    for (int i = 0; i < kSize * n; ++i) {
+      const double mass = 0.1 + u(random);
+      sparse.add_to_diagonal(i / kSize, i % kSize, i % kSize, mass);
+      dense(i, i) += mass;
+    }
+    for (const auto& [i, j] : links) {
+      BlockCholesky::Rows a, b;
+      for (auto* rows_of : {&a, &b})
+        for (auto& row : *rows_of)
+          for (double& x : row) x = 2.0 * u(random) - 1.0;
+      const double weight[3] = {1e3 * u(random), u(random), 0.0};
+      sparse.add(i, i, weight, a, a), sparse.add(j, j, weight, b, b), sparse.add(i, j, weight, a, b);
+      for (int k = 0; k < 3; ++k) {
+        Eigen::VectorXd row = Eigen::VectorXd::Zero(kSize * n);
+        for (int c = 0; c < kSize; ++c) row[kSize * i + c] = a[k][c], row[kSize * j + c] = b[k][c];
+        dense += weight[k] * row * row.transpose();
+      }
+    }
+  }
+};
+
+TEST(BlockCholesky, SolvesAsADenseFactorDoes) {
+  std::mt19937 random(5);
+  for (int n = 1; n <= BlockCholesky::kMaxRows; ++n)
+    for (const double density : {0.0, 0.05, 0.2, 1.0}) {
+      Springs m(n, density, random);
+      const Eigen::VectorXd right_side = Eigen::VectorXd::Random(kSize * n);
+      const Eigen::VectorXd expected = m.dense.llt().solve(right_side);
+      for (int time = 0; time < 2; ++time) {  // the matrix stays as it is
+        Eigen::VectorXd solution = right_side;
+        ASSERT_TRUE(m.sparse.factor());
+        m.sparse.solve(solution.data());
+        ASSERT_LT((solution - expected).norm(), 1e-7 * expected.norm()) << n << " rows, density " << density;
+      }
+    }
+}
+
+TEST(BlockCholesky, RefusesWhatIsNotPositiveDefinite) {
+  BlockCholesky m;
+  m.reset(1);
+  m.analyse();
+  for (int i = 0; i < kSize; ++i) m.add_to_diagonal(0, i, i, i == 4 ? -1.0 : 1.0);
+  EXPECT_FALSE(m.factor());
+}
+
+}  // namespace
+}  // namespace smartsurf::world
