@@ -168,16 +168,22 @@ Statement Parser::parse_assignment(Cursor equals) {
 }
 
 // y = value where `!operator(=, name)` has made it name(y, value), a macro, or y = name(value). Names without
-// a comma are operands of their own: y = a b is name(y, a, b). An instruction of two arguments, such as
-// core.load, assigns as '=' does.
+// a comma are operands of their own: y = a b is name(y, a, b), y = nothing is name(y), and y z = a is
+// name2(y, z, a). An instruction of two arguments, such as core.load, assigns as '=' does.
 std::optional<Statement> Parser::parse_rebound_assignment(Cursor first, Cursor equals, Cursor last) {
-  const std::string target = preprocessor_.operator_target("=");
-  if (target.empty() || equals + 1 == last || preprocessor_.assigns_plainly()) return std::nullopt;
+  std::string target = preprocessor_.operator_target("=");
+  if (target.empty() || preprocessor_.assigns_plainly()) return std::nullopt;
   const MacroTable& macros = preprocessor_.macros();
-  const bool is_list = last - equals > 2 && std::all_of(equals + 1, last, [](const Token& token) {
-                         return token.kind == TokenKind::kName && !token.is_name("not");
-                       });
-  const std::size_t count = is_list ? static_cast<std::size_t>(last - equals) : 2;
+  const auto are_names = [](Cursor from, Cursor to) {
+    return std::all_of(
+        from, to, [](const Token& token) { return token.kind == TokenKind::kName && !token.is_name("not"); });
+  };
+  const bool has_targets = equals - first > 1 && are_names(first, equals);
+  const bool is_list = (has_targets || last - equals != 2) && are_names(equals + 1, last);
+  if (equals + 1 == last && macros.find(target, 1, false) == nullptr) return std::nullopt;
+  if (has_targets) target += std::to_string(equals - first);
+  const std::size_t count =
+      is_list ? static_cast<std::size_t>(last - equals - 1 + (has_targets ? equals - first : 1)) : 2;
   MacroTable::Handle macro = macros.find(target, count, false);
   const bool has_result = macro == nullptr && !is_list && macros.find(target, 1, true) != nullptr;
   if (has_result) macro = macros.find(target, 1, true);
@@ -194,8 +200,11 @@ std::optional<Statement> Parser::parse_rebound_assignment(Cursor first, Cursor e
   if (has_result) {
     results.emplace_back(first, equals);
   } else {
-    call.insert(call.end(), first, equals);
-    call.push_back(punctuator(","));
+    for (Cursor token = first; token != equals; ++token) {
+      if (has_targets && token != first) call.push_back(punctuator(","));
+      call.push_back(*token);
+    }
+    if (equals + 1 != last) call.push_back(punctuator(","));
   }
   for (Cursor token = equals + 1; token != last; ++token) {
     if (is_list && token != equals + 1) call.push_back(punctuator(","));

@@ -240,13 +240,14 @@ class Generator {
   std::size_t side_bytes(const Step& step) const {
     std::array<std::size_t, 2> bytes{};
     for (const Strip& strip : step.exchange.strips) {
-      const bool is_truth = step.places.at(strip.value).layout.is_truth;
+      const Layout& layout = step.places.at(strip.value).layout;
+      const std::size_t cell = storage_info(layout.storage).bytes;
       const std::size_t tall = std::size_t{strip.depth} * options_.tile_rows,
                         wide = std::size_t{strip.depth} *
                                (options_.tile_columns +
                                 (step.exchange.has_corners ? 2 * std::size_t{strip.depth} : 0));
-      bytes[0] += is_truth ? (tall + 7) / 8 : tall * 4;
-      bytes[1] += is_truth ? (wide + 7) / 8 : wide * 4;
+      bytes[0] += layout.is_truth() ? (tall + 7) / 8 : tall * cell;
+      bytes[1] += layout.is_truth() ? (wide + 7) / 8 : wide * cell;
     }
     const std::size_t most = std::max(bytes[0], bytes[1]);
     if (most > 65535)
@@ -260,7 +261,7 @@ class Generator {
     for (const Strip& strip : step.exchange.strips) {
       const Place& place = step.places.at(strip.value);
       plan.strips += fmt::format("{}{{{}, {}, {}}}", plan.count++ == 0 ? "" : ", ",
-                                 place.layout.is_truth ? 1 : 0, strip.depth, place.index);
+                                 static_cast<int>(place.layout.storage), strip.depth, place.index);
     }
     plan.corners = step.exchange.has_corners;
     plan.side_bytes = side_bytes(step);
@@ -354,7 +355,7 @@ class Generator {
     report.edge_packets = most.packets;
     report.plane_bytes = 0;
     for (const auto& [layout, count] : schedule_.planes)
-      report.plane_bytes += count * plane_cells(layout) * (layout.is_truth ? 1 : 4);
+      report.plane_bytes += count * plane_cells(layout) * storage_info(layout.storage).bytes;
     report.strip_bytes = plans_.empty() ? 0 : 4 * std::max(slot_bytes_, max_edge_) + max_edge_;
     report.scalar_bytes = 8 * (live_slots_ + temporaries_) + (tile_.uses_random ? 8 : 0);
     report.channel_bytes = tile_.channels.size() * 4 * options_.tile_columns * options_.tile_rows;
@@ -398,12 +399,17 @@ class Generator {
   }
   bool uses_random_integers() const { return scalar_random_integers_ || writer_.uses_random_integers(); }
   bool uses_wide() const { return uses_scalars_ || uses_random_integers() || !all_mathematics().empty(); }
+  template <class Condition>
+  bool has_nodes(const Condition& condition) const {
+    return std::ranges::any_of(
+        tile_.regions, [&](const Region& region) { return std::ranges::any_of(region.nodes, condition); });
+  }
   bool has_exchanges() const { return !plans_.empty(); }
 
   std::string state_members() const {
     std::string text;
     for (const auto& [layout, count] : schedule_.planes)
-      text += fmt::format("  {} {}[{}][{}];\n", layout.is_truth ? "uint8_t" : "float", plane_array(layout),
+      text += fmt::format("  {} {}[{}][{}];\n", storage_info(layout.storage).c_type, plane_array(layout),
                           count, plane_cells(layout));
     if (live_slots_ > 0) text += fmt::format("  program_wide v[{}];\n", live_slots_);
     if (temporaries_ > 0) text += fmt::format("  program_wide t[{}];\n", temporaries_);
@@ -415,7 +421,7 @@ class Generator {
     return text;
   }
   static std::string plane_array(const Layout& layout) {
-    return std::string(layout.has_margin ? "" : "own_") + (layout.is_truth ? "truths" : "numbers");
+    return std::string(layout.has_margin ? "" : "own_") + storage_info(layout.storage).name;
   }
 
   // Without what would end a comment.
@@ -487,13 +493,19 @@ class Generator {
         "HAS_ENDED "
         "= 65535 }};\n",
         options_.columns, options_.rows, margin_width());
-    text +=
-        "#define NUMBERS(i) (s->numbers[i] + MARGIN * PITCH + MARGIN)\n#define TRUTHS(i) (s->truths[i] + "
-        "MARGIN * PITCH + MARGIN)\n"
-        "#define OWN_NUMBERS(i) (s->own_numbers[i])\n#define OWN_TRUTHS(i) (s->own_truths[i])\n\n";
+    for (const auto& [layout, count] : schedule_.planes)
+      text += fmt::format("#define {}(i) (s->{}[i]{})\n", plane_macro(layout), plane_array(layout),
+                          layout.has_margin ? " + MARGIN * PITCH + MARGIN" : "");
+    text += "\n";
     text += runtime::kArithmetic;
+    if (has_nodes([](const Node& node) { return program::is_integer(node.type); }))
+      text += runtime::kIntegers;
     const std::set<Opcode> mathematics = all_mathematics();
     if (uses_wide()) text += runtime::kWide;
+    if (uses_wide() && has_nodes([](const Node& node) {
+          return program::is_integer(node.type) || program::takes_only_integers(node.op);
+        }))
+      text += runtime::kWhole;
     if (!mathematics.empty()) {
       text += runtime::kDouble;
       text += runtime::kAngle;
@@ -508,24 +520,32 @@ class Generator {
     if (tile_.uses_random) text += runtime::kRandom;
     if (uses_random_integers()) text += runtime::kRandomInteger;
     std::string exchange(runtime::kExchange);
-    const bool has_numbers = schedule_.planes.count({false, true}) != 0,
-               has_truths = schedule_.planes.count({true, true}) != 0;
     const std::size_t edge = exchange.find("/* ---- the table's edge");
-    std::string impose = exchange.substr(edge);
+    std::string impose = exchange.substr(edge), loads, stores, impositions;
     exchange.resize(edge);
+    // A program without planes of one storage has no array of it.
+    for (const Storage storage : kStorages) {
+      const Layout layout{storage, true};
+      if (schedule_.planes.count(layout) == 0) continue;
+      const bool is_float = storage == Storage::kFloat;
+      const auto [name, c_type, bytes] = storage_info(storage);
+      const std::string cell = plane_macro(layout) + "(strip->plane)[at]";
+      loads += fmt::format("    case {}: return {}({});\n", static_cast<int>(storage),
+                           is_float ? "bits_of_float" : "(uint32_t)", cell);
+      stores += fmt::format("    case {}: {} = {}(bits); break;\n", static_cast<int>(storage), cell,
+                            is_float ? "float_of_bits" : fmt::format("({})", c_type));
+      impositions += fmt::format("IMPOSE(impose_{}, {})\n", name, c_type);
+    }
     if (has_exchanges()) {
       replace_all(exchange, "@PLANS@\n", plans_text());
-      // A program without planes of one kind has no array of it.
-      if (!has_numbers) replace_all(exchange, "NUMBERS(strip->plane)", "((float *)0)");
-      if (!has_truths) replace_all(exchange, "TRUTHS(strip->plane)", "((uint8_t *)0)");
+      replace_all(exchange, "@LOADS@\n", loads);
+      replace_all(exchange, "@STORES@\n", stores);
       text += exchange;
     }
-    if (has_numbers || has_truths) {
+    if (!impositions.empty()) {
       text += "enum { WEST_AND_EAST_OUTER = 3 };\n";
       replace_all(impose, "WEST_AND_EAST", "WEST_AND_EAST_OUTER");
-      text += impose;
-      if (has_numbers) text += "IMPOSE(impose_numbers, float)\n";
-      if (has_truths) text += "IMPOSE(impose_truths, uint8_t)\n";
+      text += impose + impositions;
     }
     text += "\n/* ---- kernels ---- */\n\n" + writer_.functions();
     std::string run(runtime::kRun);

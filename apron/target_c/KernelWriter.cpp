@@ -11,6 +11,7 @@
 namespace apron::target_c {
 
 using program::BoundaryRule;
+using program::CellType;
 using program::Opcode;
 
 namespace {
@@ -21,7 +22,10 @@ std::array<OperationText, 256> make_operation_texts() {
   texts[static_cast<std::size_t>(Opcode::k##name)] = {#value, false};
 #define APRON_MATHEMATICS(name, arity, value) \
   texts[static_cast<std::size_t>(Opcode::k##name)] = {#value, true};
+#define APRON_INTEGER APRON_ELEMENTWISE
 #include "apron/program/elementwise.def"
+  texts[static_cast<std::size_t>(Opcode::kAddSaturated)] = {"add_saturated(a, b)", false};
+  texts[static_cast<std::size_t>(Opcode::kSubSaturated)] = {"subtract_saturated(a, b)", false};
   return texts;
 }
 
@@ -89,9 +93,32 @@ std::string float_text(float value) {
 }
 
 std::string plane_text(const Place& place) {
-  const char* const name = place.layout.has_margin ? (place.layout.is_truth ? "TRUTHS" : "NUMBERS")
-                                                   : (place.layout.is_truth ? "OWN_TRUTHS" : "OWN_NUMBERS");
-  return fmt::format("{}({})", name, place.index);
+  return fmt::format("{}({})", plane_macro(place.layout), place.index);
+}
+
+std::string plane_macro(const Layout& layout) {
+  std::string name = layout.has_margin ? "" : "own_";
+  name += storage_info(layout.storage).name;
+  std::ranges::transform(name, name.begin(), [](unsigned char c) { return std::toupper(c); });
+  return name;
+}
+
+std::string type_prefix(program::CellType type) {
+  return program::is_integer(type) ? std::string(program::cell_type_name(type)) + "_" : "cell_";
+}
+
+std::string scalar_as_cell(program::CellType type, const std::string& scalar) {
+  return fmt::format("{}_of_wide({})", program::cell_type_name(type), scalar);
+}
+
+std::string cell_text(program::CellType type, double value) {
+  if (!program::is_integer(type)) return float_text(static_cast<float>(value));
+  const double held = std::isnan(value) ? 0.0
+                                        : std::min(std::max(std::trunc(value), program::lowest_cell(type)),
+                                                   program::highest_cell(type));
+  // C has no literal of the least int32.
+  if (held == program::lowest_cell(CellType::kInt32)) return "(-2147483647L - 1L)";
+  return fmt::format("{:.0f}{}", held, type == CellType::kInt32 ? "L" : "U");
 }
 
 std::string channel_member(const Channel& channel) {
@@ -114,8 +141,7 @@ class KernelWriter::Body {
     for (const NodeId id : kernel.nodes) write_node(id);
     for (const NodeId id : kernel.outputs) {
       const Place& place = step_.places.at(id);
-      const std::string y = pointer(plane_text(place), place.layout.is_truth ? "uint8_t *" : "float *");
-      store(y, place.layout, locals_.at(id));
+      store(pointer(plane_text(place), mutable_pointer(place.layout)), place.layout, locals_.at(id));
     }
     const std::string range = [&](const char* cells) {
       return kernel.extent == 0 ? fmt::format("= 0; % < {}; ++%", cells)
@@ -134,11 +160,15 @@ class KernelWriter::Body {
     text += lines_ + "    }\n  }\n";
     return writer_.add_call(std::move(parameters_), std::move(arguments_), text, std::move(constants_));
   }
+  static std::string mutable_pointer(const Layout& layout) {
+    return std::string(storage_info(layout.storage).c_type) + " *";
+  }
 
  private:
   struct Local {
     std::string name;
     bool is_truth = false;
+    CellType type = CellType::kFloat32;
   };
 
   std::string pointer(const std::string& argument, const std::string& type) {
@@ -168,54 +198,59 @@ class KernelWriter::Body {
     (layout.has_margin ? uses_at_ : uses_own_) = true;
     return layout.has_margin ? "at" : "own";
   }
-  std::string own_index() { return index({false, false}); }
+  std::string own_index() { return index({}); }
 
   void line(const std::string& text) { lines_ += "      " + text + "\n"; }
-  std::string define(bool is_truth, const std::string& value) {
+  Local define(bool is_truth, CellType type, const std::string& value) {
     const std::string name = fmt::format("t{}", local_count_++);
-    line(fmt::format("const {} {} = {};", is_truth ? "int" : "float", name, value));
-    return name;
+    line(fmt::format("const {} {} = {};", is_truth ? "int" : c_type(type), name, value));
+    return {name, is_truth, type};
   }
+  static const char* c_type(CellType type) { return storage_info(storage_of(type, false)).c_type; }
 
-  std::string constant(double value) {
-    constants_.push_back(static_cast<double>(static_cast<float>(value)));
+  std::string constant(CellType type, double value) {
+    constants_.push_back({cell_text(type, value), c_type(type)});
     return fmt::format("\x01{}\x02", constants_.size() - 1);
   }
-  static std::string as_number(const Local& local) {
-    return local.is_truth ? "(float)" + local.name : local.name;
+  static std::string as_number(const Local& local, CellType type) {
+    if (local.is_truth ? program::is_integer(type) : local.type == type) return local.name;
+    return fmt::format("({}){}", c_type(type), local.name);
   }
   static std::string as_truth(const Local& local) {
-    return local.is_truth ? local.name : "(" + local.name + " != 0.0f)";
+    if (local.is_truth) return local.name;
+    return fmt::format("({} != {})", local.name, program::is_integer(local.type) ? "0" : "0.0f");
   }
 
   const Node& node(NodeId id) const { return region_.nodes[id]; }
 
-  // An operand of a kernel: a local variable, a plane's cell, or a scalar.
-  Local operand(NodeId id) {
+  // An operand of a kernel: a local variable, a plane's cell, or a scalar as a number of the type.
+  Local operand(NodeId id, CellType type = CellType::kFloat32) {
     if (const auto found = locals_.find(id); found != locals_.end()) return found->second;
     if (node(id).is_scalar()) {
       if (node(id).kind != NodeKind::kLiteral)
-        return {parameter("float_of_wide(" + scalars_.at(id) + ")", "const float"), false};
-      if (schedule_.is_truth[id]) return {node(id).literal == 0.0 ? "0" : "1", true};
-      return {constant(node(id).literal), false};
+        return {parameter(scalar_as_cell(type, scalars_.at(id)), std::string("const ") + c_type(type)), false,
+                type};
+      if (schedule_.is_truth[id]) return {node(id).literal == 0.0 ? "0" : "1", true, type};
+      return {constant(type, node(id).literal), false, type};
     }
     const Place& place = step_.places.at(id);
     const std::string from = load_pointer(place);
-    const Local local{define(place.layout.is_truth, fmt::format("{}[{}]", from, index(place.layout))),
-                      place.layout.is_truth};
-    return locals_[id] = local;
+    return locals_[id] = define(place.layout.is_truth(), node(id).type,
+                                fmt::format("{}[{}]", from, index(place.layout)));
   }
   std::string load_pointer(const Place& place) {
     // A plane that the kernel also overwrites keeps one pointer.
     for (const NodeId id : step_.kernel.outputs)
-      if (step_.places.at(id) == place)
-        return pointer(plane_text(place), place.layout.is_truth ? "uint8_t *" : "float *");
-    return pointer(plane_text(place), place.layout.is_truth ? "const uint8_t *" : "const float *");
+      if (step_.places.at(id) == place) return pointer(plane_text(place), mutable_pointer(place.layout));
+    return pointer(plane_text(place), "const " + mutable_pointer(place.layout));
   }
 
   void store(const std::string& y, const Layout& layout, const Local& value) {
-    line(fmt::format("{}[{}] = {};", y, index(layout),
-                     layout.is_truth ? "(uint8_t)" + as_truth(value) : as_number(value)));
+    const StorageInfo info = storage_info(layout.storage);
+    const bool converts = layout.is_truth() || (value.is_truth && info.bytes < 4);
+    std::string cell = layout.is_truth() ? as_truth(value) : as_number(value, type_of(layout, value.type));
+    line(fmt::format("{}[{}] = {}{};", y, index(layout), converts ? fmt::format("({})", info.c_type) : "",
+                     cell));
   }
 
   void write_node(NodeId id) {
@@ -226,27 +261,26 @@ class KernelWriter::Body {
         std::string at = index(place.layout);
         if (n.dy != 0) at += n.dy < 0 ? " - PITCH" : " + PITCH";
         if (n.dx != 0) at += n.dx < 0 ? " - 1" : " + 1";
-        locals_[id] = {define(place.layout.is_truth, fmt::format("{}[{}]", load_pointer(place), at)),
-                       place.layout.is_truth};
+        locals_[id] = define(place.layout.is_truth(), n.type, fmt::format("{}[{}]", load_pointer(place), at));
         return;
       }
       case NodeKind::kSense: {
         const std::string from =
             pointer("s->" + channel_member(writer_.program_.channels[n.index]), "const float *");
-        locals_[id] = {define(false, fmt::format("{}[{}]", from, own_index())), false};
+        locals_[id] = define(false, n.type, fmt::format("{}[{}]", from, own_index()));
         return;
       }
       case NodeKind::kCellX:
-        locals_[id] = {define(false, fmt::format("(float)({}->column + c)", state())), false};
+        locals_[id] = define(false, n.type, fmt::format("(float)({}->column + c)", state()));
         return;
       case NodeKind::kCellY:
-        locals_[id] = {define(false, fmt::format("(float)({}->row + r)", state())), false};
+        locals_[id] = define(false, n.type, fmt::format("(float)({}->row + r)", state()));
         return;
       case NodeKind::kRandom:
         return write_random(id);
       case NodeKind::kActuate: {
         const std::string y = pointer("s->" + channel_member(writer_.program_.channels[n.index]), "float *");
-        return store(y, {false, false}, operand(n.operands[0]));
+        return store(y, {}, operand(n.operands[0]));
       }
       default:
         return write_operation(id);
@@ -268,10 +302,10 @@ class KernelWriter::Body {
         parameter(fmt::format("{}{}ULL", n.draws_follow ? "s->draws + " : "", n.draw), "const uint64_t");
     const std::string key = parameter("bits_of_float(" + seed_text + ")", "const uint32_t");
     const Local a = operand(n.operands[0]), b = operand(n.operands[1]);
-    locals_[id] = {
-        define(false, fmt::format("{}((uint32_t)({}->column + c), (uint32_t)({}->row + r), {}, {}, {}, {})",
-                                  function, s, s, draw, key, as_number(a), as_number(b))),
-        false};
+    locals_[id] =
+        define(false, n.type,
+               fmt::format("{}((uint32_t)({}->column + c), (uint32_t)({}->row + r), {}, {}, {}, {})",
+                           function, s, s, draw, key, as_number(a, n.type), as_number(b, n.type)));
   }
 
   void write_operation(NodeId id) {
@@ -279,31 +313,31 @@ class KernelWriter::Body {
     const OperationText& operation = operation_text(n.op);
     std::vector<Local> from;
     for (const NodeId k : n.operands)
-      if (k != kNoNode) from.push_back(operand(k));
-    if (schedule_.is_truth[id] && (n.op == Opcode::kCopy || n.op == Opcode::kMin || n.op == Opcode::kMax ||
-                                   n.op == Opcode::kMul || n.op == Opcode::kSelect)) {
+      if (k != kNoNode) from.push_back(operand(k, n.type));
+    const bool converts = n.op == Opcode::kConvert || n.op == Opcode::kConvertSaturated;
+    if (const char* const join = truth_join(n.op); schedule_.is_truth[id] && join != nullptr) {
       std::string value = as_truth(from[0]);
-      if (n.op == Opcode::kMin || n.op == Opcode::kMul) value += " & " + as_truth(from[1]);
-      if (n.op == Opcode::kMax) value += " | " + as_truth(from[1]);
-      if (n.op == Opcode::kSelect) value += " ? " + as_truth(from[1]) + " : " + as_truth(from[2]);
-      locals_[id] = {define(true, value), true};
+      if (n.op == Opcode::kSelect)
+        value += " ? " + as_truth(from[1]) + " : " + as_truth(from[2]);
+      else if (*join != '\0')
+        value += join + as_truth(from[1]);
+      locals_[id] = define(true, n.type, value);
       return;
     }
+    if (converts) return convert(id, from[0]);
     std::vector<std::string> numbers;
-    for (const Local& local : from) numbers.push_back(as_number(local));
+    for (const Local& local : from) numbers.push_back(as_number(local, n.type));
     if (operation.is_mathematics) {
       writer_.mathematics_.insert(n.op);
       if (numbers.size() < 2) numbers.emplace_back("0.0f");
-      locals_[id] = {
-          define(false, fmt::format("{}({}, {})", mathematics_function(n.op), numbers[0], numbers[1])),
-          false};
+      locals_[id] = define(false, n.type,
+                           fmt::format("{}({}, {})", mathematics_function(n.op), numbers[0], numbers[1]));
       return;
     }
     std::string text = operation.value;
-    // Truths are conditions themselves.
+    // Truths are conditions themselves, and the operands of a mask's conjunction may differ in type.
     for (std::size_t k = 0; k < from.size(); ++k)
-      if (from[k].is_truth)
-        replace_all(text, fmt::format("is_true({})", "abc"[k]), fmt::format("({}{})", '@', k));
+      replace_all(text, fmt::format("is_true({})", "abc"[k]), fmt::format("({}{})", '@', k));
     bool is_truth = false;
     if (const std::string condition = condition_of(text, "as_number"); !condition.empty()) {
       is_truth = true;
@@ -312,9 +346,52 @@ class KernelWriter::Body {
       is_truth = true;
       text = "!" + inverse;
     }
-    text = expand(text, "cell_", numbers);
-    for (std::size_t k = 0; k < from.size(); ++k) replace_all(text, fmt::format("(@{})", k), from[k].name);
-    locals_[id] = {define(is_truth, text), is_truth};
+    text = expand(text, type_prefix(n.type), numbers);
+    for (std::size_t k = 0; k < from.size(); ++k)
+      replace_all(text, fmt::format("(@{})", k), as_truth(from[k]));
+    locals_[id] = define(is_truth, n.type, text);
+  }
+
+  // What joins operands that are 0 or 1 in an instruction whose result is; null for other instructions.
+  static const char* truth_join(Opcode op) {
+    switch (op) {
+      case Opcode::kCopy:
+      case Opcode::kConvert:
+      case Opcode::kConvertSaturated:
+      case Opcode::kSelect:
+        return "";
+      case Opcode::kMin:
+      case Opcode::kMul:
+      case Opcode::kBitAnd:
+        return " & ";
+      case Opcode::kMax:
+      case Opcode::kBitOr:
+        return " | ";
+      case Opcode::kBitXor:
+        return " ^ ";
+      default:
+        return nullptr;
+    }
+  }
+
+  void convert(NodeId id, const Local& from) {
+    const Node& n = node(id);
+    const CellType source = node(n.operands[0]).type;
+    std::string value = as_number(from, source);
+    if (!program::is_integer(n.type))
+      value = fmt::format("(float){}", value);
+    else if (!program::is_integer(source))
+      value = fmt::format("{}_of_float({})", program::cell_type_name(n.type), value);
+    else if (n.op == Opcode::kConvertSaturated)
+      value = fmt::format("{}_limit({})", program::cell_type_name(n.type), value);
+    else
+      value = fmt::format("{}_wrap((uint32_t){})", program::cell_type_name(n.type), value);
+    locals_[id] = define(false, n.type, value);
+  }
+
+  // The type of a plane that holds the value.
+  static CellType type_of(const Layout& layout, CellType type) {
+    return layout.is_truth() ? type : static_cast<CellType>(static_cast<int>(layout.storage) - 1);
   }
 
   KernelWriter& writer_;
@@ -325,7 +402,7 @@ class KernelWriter::Body {
   std::map<NodeId, Local> locals_;
   std::map<std::string, std::string> pointers_;
   std::vector<std::string> parameters_, arguments_;
-  std::vector<double> constants_;
+  std::vector<Constant> constants_;
   std::string lines_;
   int local_count_ = 0;
   bool uses_at_ = false, uses_own_ = false;
@@ -340,18 +417,16 @@ std::size_t KernelWriter::add_move(const Move& move) {
   const auto index = [](const Layout& layout) {
     return layout.has_margin ? "r * PITCH + c" : "r * PROGRAM_COLUMNS + c";
   };
-  const auto type = [](const Layout& layout) {
-    return std::string(layout.is_truth ? "uint8_t *" : "float *");
-  };
-  const std::string value = move.from.layout.is_truth == move.to.layout.is_truth ? "{}"
-                            : move.to.layout.is_truth                            ? "{} != 0.0f"
-                                                                                 : "(float){}";
-  const std::string from = fmt::format(fmt::runtime(value), fmt::format("p0[{}]", index(move.from.layout)));
+  const std::string to_type = storage_info(move.to.layout.storage).c_type,
+                    from_type = storage_info(move.from.layout.storage).c_type;
+  std::string from = fmt::format("p0[{}]", index(move.from.layout));
+  if (move.from.layout.storage != move.to.layout.storage)
+    from = move.to.layout.is_truth() ? from + " != 0" : fmt::format("({}){}", to_type, from);
   const std::string body = fmt::format(
       "  int r, c;\n  for (r = 0; r < PROGRAM_ROWS; ++r)\n    for (c = 0; c < PROGRAM_COLUMNS; ++c) p1[{}] = "
       "{};\n",
       index(move.to.layout), from);
-  return add_call({"const " + type(move.from.layout) + "p0", type(move.to.layout) + "p1"},
+  return add_call({"const " + from_type + " *p0", to_type + " *p1"},
                   {plane_text(move.from), plane_text(move.to)}, body, {});
 }
 
@@ -362,25 +437,25 @@ std::size_t KernelWriter::add_imposition(const Region& region, const Step& step,
   const Node& value = region.nodes[read.operands[1]];
   const bool by_value = read.rule == BoundaryRule::kValue;
   std::string number = "0";
-  if (by_value && value.kind == NodeKind::kLiteral) number = float_text(static_cast<float>(value.literal));
-  if (by_value && value.kind != NodeKind::kLiteral)
-    number = "float_of_wide(" + scalars.at(read.operands[1]) + ")";
-  if (place.layout.is_truth) number = by_value && value.literal != 0.0 ? "1" : "0";
+  if (by_value)
+    number = value.kind == NodeKind::kLiteral ? cell_text(read.type, value.literal)
+                                              : scalar_as_cell(read.type, scalars.at(read.operands[1]));
+  if (place.layout.is_truth()) number = by_value && value.literal != 0.0 ? "1" : "0";
   const char* const rule = by_value                                ? "BY_VALUE"
                            : read.rule == BoundaryRule::kReplicate ? "BY_REPLICATION"
                                                                    : "BY_REFLECTION";
-  calls_.push_back(
-      {0,
-       0,
-       {},
-       fmt::format("impose_{}(s, {}, MARGIN, {}, {});", place.layout.is_truth ? "truths" : "numbers",
-                   plane_text(place), rule, number)});
+  calls_.push_back({0,
+                    0,
+                    {},
+                    fmt::format("impose_{}(s, {}, MARGIN, {}, {});", storage_info(place.layout.storage).name,
+                                plane_text(place), rule, number)});
   return calls_.size() - 1;
 }
 
 std::size_t KernelWriter::add_call(std::vector<std::string> parameters, std::vector<std::string> arguments,
-                                   const std::string& body, std::vector<double> constants) {
+                                   const std::string& body, std::vector<Constant> constants) {
   std::string key = body;
+  for (const Constant& constant : constants) key += std::string("\n") + constant.c_type;
   for (const std::string& parameter : parameters) key += "\n" + parameter;
   const auto [found, is_new] = index_.try_emplace(key, shapes_.size());
   if (is_new) shapes_.push_back({std::move(parameters), body, {}, {}});
@@ -400,17 +475,13 @@ std::string KernelWriter::functions() {
     shape.parameter_of.assign(count, -1);
     int next = 0;
     for (std::size_t k = 0; k < count; ++k) {
-      const auto bits = [&](const std::vector<double>& constants) {
-        return std::bit_cast<std::uint64_t>(constants[k]);
-      };
-      const bool same = std::ranges::all_of(shape.constants, [&](const std::vector<double>& other) {
-        return bits(other) == bits(shape.constants.front());
-      });
-      std::string value = float_text(static_cast<float>(shape.constants.front()[k]));
+      auto [value, c_type] = shape.constants.front()[k];
+      const bool same = std::ranges::all_of(
+          shape.constants, [&](const std::vector<Constant>& other) { return other[k].text == value; });
       if (!same) {
         shape.parameter_of[k] = next;
         value = fmt::format("c{}", next++);
-        parameters.push_back("const float " + value);
+        parameters.push_back(fmt::format("const {} {}", c_type, value));
       }
       replace_all(body, fmt::format("\x01{}\x02", k), value);
     }
@@ -425,8 +496,7 @@ std::string KernelWriter::call(std::size_t index) const {
   const Shape& shape = shapes_[call.shape];
   std::vector<std::string> arguments = call.arguments;
   for (std::size_t k = 0; k < shape.parameter_of.size(); ++k)
-    if (shape.parameter_of[k] >= 0)
-      arguments.push_back(float_text(static_cast<float>(shape.constants[call.instance][k])));
+    if (shape.parameter_of[k] >= 0) arguments.push_back(shape.constants[call.instance][k].text);
   return fmt::format("kernel_{}({});", call.shape, fmt::join(arguments, ", "));
 }
 

@@ -25,9 +25,15 @@ std::string expand(const std::string& text, const std::string& prefix,
 // "math_sin": the function of a mathematical instruction in the generated code.
 std::string mathematics_function(program::Opcode op);
 
-// A float, or a scalar, as a C literal.
+// A float, a scalar, or a cell of that type, as a C literal. Integers are limited to the type's values.
 std::string float_text(float value);
 std::string wide_text(double value);
+std::string cell_text(program::CellType type, double value);
+
+// "uint8_": the prefix of the functions of that type.
+std::string type_prefix(program::CellType type);
+// The expression of a scalar as a cell of that type.
+std::string scalar_as_cell(program::CellType type, const std::string& scalar);
 
 class KernelWriter {
  public:
@@ -51,11 +57,15 @@ class KernelWriter {
 
  private:
   // A kernel but for its constants, which are numbered in the text between \1 and \2.
+  struct Constant {
+    std::string text;
+    const char* c_type;
+  };
   struct Shape {
     std::vector<std::string> parameters;
     std::string body;
-    std::vector<std::vector<double>> constants;  // of each call
-    std::vector<int> parameter_of;               // of a constant: its number among the parameters, or -1
+    std::vector<std::vector<Constant>> constants;  // of each call
+    std::vector<int> parameter_of;                 // of a constant: its number among the parameters, or -1
   };
   struct Call {
     std::size_t shape = 0, instance = 0;
@@ -65,7 +75,7 @@ class KernelWriter {
   class Body;
 
   std::size_t add_call(std::vector<std::string> parameters, std::vector<std::string> arguments,
-                       const std::string& body, std::vector<double> constants);
+                       const std::string& body, std::vector<Constant> constants);
 
   const TileProgram& program_;
   std::map<std::string, std::size_t> index_;
@@ -75,8 +85,9 @@ class KernelWriter {
   bool uses_random_integers_ = false;
 };
 
-// The plane's pointer to the cell at row 0, column 0.
+// The plane's pointer to the cell at row 0, column 0, by the macro of its layout: "OWN_TRUTHS(3)".
 std::string plane_text(const Place& place);
+std::string plane_macro(const Layout& layout);
 // "sense_colour_r"
 std::string channel_member(const Channel& channel);
 

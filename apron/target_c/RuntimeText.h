@@ -5,7 +5,7 @@
 
 namespace apron::target_c::runtime {
 
-extern const std::string_view kHeader, kSource, kArithmetic, kWide, kDouble, kAngle, kMathematics, kRandom,
-    kRandomInteger, kExchange, kRun;
+extern const std::string_view kHeader, kSource, kArithmetic, kIntegers, kWide, kWhole, kDouble, kAngle,
+    kMathematics, kRandom, kRandomInteger, kExchange, kRun;
 
 }  // namespace apron::target_c::runtime

@@ -51,11 +51,16 @@ std::vector<bool> find_truths(const Region& region, const std::set<std::uint32_t
       case NodeKind::kPlaneOp:
         switch (node.op) {
           case Opcode::kCopy:
+          case Opcode::kConvert:
+          case Opcode::kConvertSaturated:
             truth[id] = is(0);
             break;
           case Opcode::kMin:
           case Opcode::kMax:
           case Opcode::kMul:
+          case Opcode::kBitAnd:
+          case Opcode::kBitOr:
+          case Opcode::kBitXor:
             truth[id] = is(0) && is(1);
             break;
           case Opcode::kSelect:
@@ -186,6 +191,7 @@ void separate_rules(Region& region) {
           Node copied;
           copied.kind = NodeKind::kPlaneOp;
           copied.op = Opcode::kCopy;
+          copied.type = region.nodes[id].type;
           copied.operands[0] = value;
           nodes.push_back(copied);
         }
@@ -519,8 +525,8 @@ class Allocation {
     for (std::uint32_t t = 0; t < end; ++t) {
       for (const Place& place : released[t]) free[place.layout].insert(place.index);
       for (const NodeId id : to.steps[t].kernel.outputs) {
-        places[id] =
-            place_output(id, t, truth[id], scheduler.has_margin(id), targets, busy_until, free, last_use);
+        places[id] = place_output(id, t, {storage_of(nodes[id].type, truth[id]), scheduler.has_margin(id)},
+                                  targets, busy_until, free);
         const bool is_home = home_places_.count(places[id]) != 0;
         const bool in_step = last_shifted_use.count(id) != 0 && last_shifted_use[id] == last_use[id];
         if (!is_home && last_use[id] < end) {
@@ -552,22 +558,21 @@ class Allocation {
   }
 
  private:
-  Place place_output(NodeId id, std::uint32_t t, bool truth, bool margin,
+  Place place_output(NodeId id, std::uint32_t t, const Layout& layout,
                      const std::map<NodeId, std::vector<std::uint32_t>>& targets,
                      std::map<std::uint32_t, std::uint32_t>& busy_until,
-                     std::map<Layout, std::set<std::uint32_t>>& free,
-                     const std::map<NodeId, std::uint32_t>& last_use) {
+                     std::map<Layout, std::set<std::uint32_t>>& free) {
     if (const auto found = targets.find(id); found != targets.end()) {
       for (const std::uint32_t home : found->second) {
         const Place& place = all_.homes.at(home);
         const auto busy = busy_until.find(home);
-        const bool fits = (place.layout.has_margin || !margin) && (truth || !place.layout.is_truth);
+        const bool fits = (place.layout.has_margin || !layout.has_margin) &&
+                          (layout.is_truth() || place.layout.storage == layout.storage);
         if (!fits || (busy != busy_until.end() && busy->second > t)) continue;
         busy_until[home] = kNever;
         return place;
       }
     }
-    const Layout layout{truth, margin};
     std::set<std::uint32_t>& list = free[layout];
     if (list.empty()) {
       free_[layout].insert(all_.planes[layout]);
@@ -575,7 +580,6 @@ class Allocation {
     }
     const std::uint32_t index = *list.begin();
     list.erase(list.begin());
-    (void)last_use;
     return {layout, index};
   }
 
@@ -642,7 +646,8 @@ Schedule schedule(TileProgram& program, std::uint32_t halo) {
     for (const auto& [home, id] : regions[i].homes_out)
       if (homes_after.count(home) != 0) layouts[home].has_margin |= schedulers.back().has_margin(id);
   }
-  for (auto& [home, layout] : layouts) layout.is_truth = numbers.count(home) == 0;
+  for (auto& [home, layout] : layouts)
+    layout.storage = storage_of(program.homes.type(home), numbers.count(home) == 0);
   Allocation allocation(result);
   allocation.place_homes(layouts);
   for (std::size_t i = 0; i < regions.size(); ++i) {

@@ -2,6 +2,7 @@
 // gives planes their places in memory.
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <map>
 #include <vector>
@@ -10,10 +11,31 @@
 
 namespace apron::target_c {
 
-// The storage of a plane: truths take a byte per cell, numbers a float; planes that neighbours read have a
-// margin.
+// How a plane lies in memory. Values that are 0 or 1 take a byte per cell whatever their type.
+enum class Storage : std::uint8_t { kTruth, kFloat, kInt32, kUint16, kUint8 };
+inline constexpr std::array kStorages{Storage::kTruth, Storage::kFloat, Storage::kInt32, Storage::kUint16,
+                                      Storage::kUint8};
+struct StorageInfo {
+  const char *name, *c_type;  // of the array in the state; of its cells
+  std::size_t bytes;
+};
+constexpr StorageInfo storage_info(Storage storage) {
+  constexpr std::array<StorageInfo, 5> kInfos{{{"truths", "uint8_t", 1},
+                                               {"numbers", "float", 4},
+                                               {"int32s", "int32_t", 4},
+                                               {"uint16s", "uint16_t", 2},
+                                               {"uint8s", "uint8_t", 1}}};
+  return kInfos[static_cast<std::size_t>(storage)];
+}
+constexpr Storage storage_of(program::CellType type, bool is_truth) {
+  return is_truth ? Storage::kTruth : static_cast<Storage>(1 + static_cast<int>(type));
+}
+
+// Planes that neighbours read have a margin.
 struct Layout {
-  bool is_truth = false, has_margin = false;
+  Storage storage = Storage::kFloat;
+  bool has_margin = false;
+  bool is_truth() const { return storage == Storage::kTruth; }
   auto operator<=>(const Layout&) const = default;
 };
 

@@ -41,6 +41,8 @@ struct Node {
   NodeKind kind = NodeKind::kLiteral;
   program::Opcode op = program::Opcode::kNop;
   std::array<NodeId, 3> operands{kNoNode, kNoNode, kNoNode};
+  // Of a plane's cells. An element-wise instruction takes scalars as numbers of this type.
+  program::CellType type = program::CellType::kFloat32;
   double literal = 0.0;
   std::uint32_t index = 0;  // slot, home, channel or clock
   std::int8_t dx = 0, dy = 0;
@@ -55,11 +57,25 @@ struct Node {
 // Where planes live between regions: registers, then the masks of nested blocks, the base mask, and the
 // register stack.
 struct Homes {
-  std::uint32_t registers = 0;
-  std::uint32_t level(std::size_t depth) const { return registers + static_cast<std::uint32_t>(depth); }
-  std::uint32_t base() const { return registers + static_cast<std::uint32_t>(program::kMaxMaskDepth); }
-  std::uint32_t stacked(std::size_t depth) const { return base() + 1 + static_cast<std::uint32_t>(depth); }
-  std::uint32_t count() const { return stacked(program::kMaxStackDepth); }
+  std::vector<program::CellType> registers;
+  std::uint32_t register_count() const { return static_cast<std::uint32_t>(registers.size()); }
+  std::uint32_t level(std::size_t depth) const {
+    return register_count() + static_cast<std::uint32_t>(depth);
+  }
+  std::uint32_t base() const { return register_count() + static_cast<std::uint32_t>(program::kMaxMaskDepth); }
+  // Each type of cells has places of its own on the stack.
+  std::uint32_t stacked(std::size_t depth, program::CellType type) const {
+    return base() + 1 +
+           static_cast<std::uint32_t>(type) * static_cast<std::uint32_t>(program::kMaxStackDepth) +
+           static_cast<std::uint32_t>(depth);
+  }
+  // Masks are 0 or 1, and have no type of their own.
+  program::CellType type(std::uint32_t home) const {
+    if (home < register_count()) return registers[home];
+    if (home <= base()) return program::CellType::kFloat32;
+    return static_cast<program::CellType>((home - base() - 1) /
+                                          static_cast<std::uint32_t>(program::kMaxStackDepth));
+  }
 };
 
 enum class Ending : std::uint8_t { kJump, kBranch, kStep, kEnd };

@@ -9,13 +9,14 @@
 #include "apron/program/LocalityCheck.h"
 #include "apron/program/Reachability.h"
 #include "apron/program/ScalarArithmetic.h"
-#include "apron/target_c/TileGraph.h"
+#include "apron/target_c/GraphBuilder.h"
 #include "common/error/UserError.h"
 
 namespace apron::target_c {
 namespace {
 
 using program::BoundaryRule;
+using program::CellType;
 using program::Instruction;
 using program::Opcode;
 using program::Operand;
@@ -44,7 +45,7 @@ struct Place {
   std::vector<bool> uniform_levels;  // of the nested blocks: the condition is a scalar
   bool has_base = false;
   BoundaryRule rule = BoundaryRule::kZero;
-  std::size_t stacked = 0;
+  std::vector<CellType> stacked;
 
   auto operator<=>(const Place&) const = default;
 };
@@ -75,79 +76,11 @@ struct Slots {
   std::vector<std::uint32_t> filters;  // the first element of each
 };
 
-// Nodes with equal operands are one.
-class GraphBuilder {
- public:
-  explicit GraphBuilder(std::vector<Node>& nodes) : nodes_(nodes) {}
-
-  NodeId add(const Node& node) {
-    const Key key{static_cast<std::uint64_t>(node.kind) | static_cast<std::uint64_t>(node.op) << 8U |
-                      static_cast<std::uint64_t>(static_cast<std::uint8_t>(node.dx)) << 16U |
-                      static_cast<std::uint64_t>(static_cast<std::uint8_t>(node.dy)) << 24U |
-                      static_cast<std::uint64_t>(node.rule) << 32U |
-                      static_cast<std::uint64_t>(node.draws_follow) << 40U,
-                  node.operands[0],
-                  node.operands[1],
-                  node.operands[2],
-                  std::bit_cast<std::uint64_t>(node.literal),
-                  node.index,
-                  node.draw};
-    const auto [found, is_new] = index_.try_emplace(key, static_cast<NodeId>(nodes_.size()));
-    if (is_new) nodes_.push_back(node);
-    return found->second;
-  }
-  NodeId literal(double value) {
-    Node node;
-    node.literal = value;
-    return add(node);
-  }
-  std::optional<double> value(NodeId id) const {
-    if (nodes_[id].kind != NodeKind::kLiteral) return std::nullopt;
-    return nodes_[id].literal;
-  }
-  const Node& node(NodeId id) const { return nodes_[id]; }
-  bool is_scalar(NodeId id) const { return nodes_[id].is_scalar(); }
-  std::size_t size() const { return nodes_.size(); }
-
-  NodeId apply(Opcode op, NodeId a, NodeId b = kNoNode, NodeId c = kNoNode) {
-    Node node;
-    node.op = op;
-    node.operands = {a, b, c};
-    bool scalar = true, literal = true;
-    for (const NodeId id : node.operands) {
-      if (id == kNoNode) continue;
-      scalar = scalar && is_scalar(id);
-      literal = literal && value(id).has_value();
-    }
-    if (scalar && literal) {
-      const auto number = [&](NodeId id) { return id == kNoNode ? 0.0 : *value(id); };
-      return this->literal(program::evaluate_scalar(op, number(a), number(b), number(c)));
-    }
-    if (op == Opcode::kCopy) return a;
-    node.kind = scalar ? NodeKind::kScalarOp : NodeKind::kPlaneOp;
-    return add(node);
-  }
-  // The same on registers: scalars become 32-bit floats first.
-  NodeId apply_plane(Opcode op, NodeId a, NodeId b = kNoNode, NodeId c = kNoNode) {
-    if (op == Opcode::kCopy && !is_scalar(a)) return a;
-    Node node;
-    node.kind = NodeKind::kPlaneOp;
-    node.op = op;
-    node.operands = {a, b, c};
-    return add(node);
-  }
-
- private:
-  using Key = std::array<std::uint64_t, 7>;
-  std::vector<Node>& nodes_;
-  std::map<Key, NodeId> index_;
-};
-
 class Tracer {
  public:
   Tracer(const Program& program, const Options& options)
       : program_(program), options_(options), slots_(program) {
-    result_.homes.registers = static_cast<std::uint32_t>(program.registers.size());
+    for (const program::Register& reg : program.registers) result_.homes.registers.push_back(reg.type);
     for (const program::Variable& v : program.variables) result_.scalar_start.push_back(v.initial_value);
     result_.scalar_start.resize(slots_.count, 0.0F);
     for (std::size_t f = 0; f < program.filters.size(); ++f)
@@ -216,8 +149,9 @@ class Tracer {
     Node node;
     node.kind = NodeKind::kHome;
     node.index = index;
+    node.type = result_.homes.type(index);
     const NodeId id =
-        is_start_ ? graph_->apply_plane(Opcode::kCopy, graph_->literal(0.0)) : graph_->add(node);
+        is_start_ ? graph_->apply_plane(node.type, Opcode::kCopy, graph_->literal(0.0)) : graph_->add(node);
     homes_[index] = id;
     return id;
   }
@@ -242,9 +176,7 @@ class Tracer {
   }
 
   NodeId both(NodeId mask, NodeId condition) {
-    if (mask == kNoNode)
-      return graph_->is_scalar(condition) ? graph_->apply(Opcode::kNe, condition, graph_->literal(0.0))
-                                          : graph_->apply_plane(Opcode::kNe, condition, graph_->literal(0.0));
+    if (mask == kNoNode) return graph_->apply(Opcode::kNe, condition, graph_->literal(0.0));
     return graph_->apply(Opcode::kAnd, condition, mask);
   }
   void inherit(std::size_t depth) {
@@ -262,12 +194,13 @@ class Tracer {
     write_home(to.index, value, masked);
   }
   void write_home(std::uint32_t index, NodeId value, bool masked) {
-    if (graph_->is_scalar(value)) value = graph_->apply_plane(Opcode::kCopy, value);
+    const CellType type = result_.homes.type(index);
+    if (graph_->is_scalar(value)) value = graph_->apply_plane(type, Opcode::kCopy, value);
     const NodeId mask = masked ? mask_in_force() : kNoNode;
     if (mask != kNoNode) {
       const auto known = graph_->value(mask);
       if (known && *known == 0.0) return;
-      if (!known) value = graph_->apply_plane(Opcode::kSelect, mask, value, home(index));
+      if (!known) value = graph_->apply_plane(type, Opcode::kSelect, mask, value, home(index));
     }
     homes_[index] = value;
   }
@@ -276,6 +209,7 @@ class Tracer {
     if (dx == 0 && dy == 0) return a;
     Node node;
     node.kind = NodeKind::kRead;
+    node.type = graph_->node(a).type;
     node.operands = {a, rule_ == BoundaryRule::kValue ? scalars_[slots_.boundary()] : graph_->literal(0.0),
                      kNoNode};
     node.dx = static_cast<std::int8_t>(dx);
@@ -296,7 +230,7 @@ class Tracer {
   NodeId neighbours(Opcode near, NodeId a, bool eight) {
     static constexpr Opcode kOps[] = {Opcode::kAdd, Opcode::kMin, Opcode::kMax, Opcode::kOr, Opcode::kAnd};
     const Opcode op = kOps[static_cast<std::size_t>(near) - static_cast<std::size_t>(Opcode::kNearSum)];
-    const auto join = [&](NodeId x, NodeId y) { return graph_->apply_plane(op, x, y); };
+    const auto join = [&](NodeId x, NodeId y) { return graph_->apply(op, x, y); };
     const NodeId sides = join(read(a, -1, 0), read(a, 1, 0));
     if (!eight) return join(sides, join(read(a, 0, -1), read(a, 0, 1)));
     const auto row = [&](int dy) { return join(join(read(a, -1, dy), read(a, 1, dy)), read(a, 0, dy)); };
@@ -313,9 +247,8 @@ class Tracer {
         const auto value = graph_->value(element);
         if (value && static_cast<float>(*value) == 0.0F) continue;
         const NodeId cell = read(a, static_cast<int>(i) - west, static_cast<int>(j) - north);
-        const NodeId next =
-            graph_->apply_plane(Opcode::kAdd, sum, graph_->apply_plane(Opcode::kMul, element, cell));
-        sum = value ? next : graph_->apply_plane(Opcode::kSelect, element, next, sum);
+        const NodeId next = graph_->apply(Opcode::kAdd, sum, graph_->apply(Opcode::kMul, element, cell));
+        sum = value ? next : graph_->apply(Opcode::kSelect, element, next, sum);
       }
     }
     return sum;
@@ -380,6 +313,44 @@ class Tracer {
 
   // ---- instructions ----
 
+  void push_plane(NodeId value) {
+    if (stacked_.size() == program::kMaxStackDepth)
+      refuse(fmt::format("more than {} registers are on the stack", program::kMaxStackDepth));
+    const CellType type = graph_->node(value).type;
+    homes_[result_.homes.stacked(stacked_.size(), type)] = value;
+    stacked_.push_back(type);
+  }
+  NodeId pop_plane(const Operand& to) {
+    if (stacked_.empty()) refuse("stack.pop_reg finds the stack empty");
+    const CellType type = stacked_.back();
+    stacked_.pop_back();
+    return same_type(home(result_.homes.stacked(stacked_.size(), type)), to);
+  }
+  // The value, which goes into a register of its own type only.
+  NodeId same_type(NodeId value, const Operand& to) const {
+    const CellType from = graph_->node(value).type, type = program_.registers[to.index].type;
+    if (!graph_->is_scalar(value) && from != type)
+      refuse(fmt::format("a register of {} does not go into one of {}", program::cell_type_name(from),
+                         program::cell_type_name(type)));
+    return value;
+  }
+
+  // An operand of an element-wise instruction. A number that the register's type does not hold is limited,
+  // where the virtual machine stops the program.
+  NodeId number(const Instruction& instruction, std::size_t operand) {
+    const NodeId id = source(instruction.operands[operand]);
+    const CellType type = program_.registers[instruction.destination.index].type;
+    if (id == kNoNode || !graph_->is_scalar(id) || !program::is_integer(type)) return id;
+    if (const auto value = graph_->value(id); value && !program::is_cell_value(type, *value))
+      warn(fmt::format("warning: {:g} is no {}: a board limits it to the type's values", *value,
+                       program::cell_type_name(type)));
+    return id;
+  }
+  void warn(const std::string& text) {
+    const std::string warning = at(program_, at_, text);
+    if (warned_.insert(warning).second) result_.warnings.push_back(warning);
+  }
+
   void execute_data(const Instruction& instruction) {
     const Opcode op = instruction.op;
     const auto& from = instruction.operands;
@@ -428,15 +399,12 @@ class Tracer {
         draws_ = 0;
         return;
       case Opcode::kStackPush:
-        if (stacked_ == program::kMaxStackDepth)
-          refuse(fmt::format("more than {} registers are on the stack", program::kMaxStackDepth));
-        homes_[result_.homes.stacked(stacked_++)] = source(from[0]);
+        push_plane(source(from[0]));
         return;
       case Opcode::kStackPop:
-        if (stacked_ == 0) refuse("stack.pop_reg finds the stack empty");
-        return write_register(to, home(result_.homes.stacked(--stacked_)), instruction.masked);
+        return write_register(to, pop_plane(to), instruction.masked);
       case Opcode::kStackClear:
-        stacked_ = 0;
+        stacked_.clear();
         return;
       case Opcode::kResGetVar:
         scalars_[to.index] = source(group_member(instruction));
@@ -445,23 +413,27 @@ class Tracer {
         scalars_[group_member(instruction).index] = source(from[2]);
         return;
       case Opcode::kResGetReg:
-        return write_register(to, source(group_member(instruction)), instruction.masked);
-      case Opcode::kResSetReg:
-        return write_register(group_member(instruction), source(from[2]), instruction.masked);
+        return write_register(to, same_type(source(group_member(instruction)), to), instruction.masked);
+      case Opcode::kResSetReg: {
+        const Operand member = group_member(instruction);
+        return write_register(member, same_type(source(from[2]), member), instruction.masked);
+      }
       default:
         break;
     }
     if (to.kind == OperandKind::kVariable)
       scalars_[to.index] = graph_->apply(op, source(from[0]), source(from[1]), source(from[2]));
     else
-      write_register(to, graph_->apply_plane(op, source(from[0]), source(from[1]), source(from[2])),
+      write_register(to,
+                     graph_->apply_plane(program_.registers[to.index].type, op, number(instruction, 0),
+                                         number(instruction, 1), number(instruction, 2)),
                      instruction.masked);
   }
 
   void execute_mask(const Instruction& instruction) {
     switch (instruction.op) {
       case Opcode::kMaskOn:
-        base_ = source(instruction.operands[0]);
+        base_ = graph_->apply(Opcode::kNe, source(instruction.operands[0]), graph_->literal(0.0));
         has_base_ = true;
         return;
       case Opcode::kMaskOff:
@@ -499,6 +471,12 @@ class Tracer {
     }
   }
 
+  // Frames are floats.
+  NodeId converted(NodeId value, CellType type) {
+    if (graph_->is_scalar(value) || graph_->node(value).type == type) return value;
+    return graph_->apply_plane(type, Opcode::kConvert, value);
+  }
+
   NodeId clock(std::uint32_t index) {
     result_.uses_clock[index] = true;
     Node node;
@@ -515,10 +493,11 @@ class Tracer {
         Node node;
         node.kind = NodeKind::kSense;
         node.index = channel(text(), true);
-        return write_register(instruction.destination, graph_->add(node), instruction.masked);
+        return write_register(instruction.destination, converted(graph_->add(node), result_.homes.type(to)),
+                              instruction.masked);
       }
       case Opcode::kSurfaceActuate:
-        actuations_[channel(text(), false)] = source(instruction.operands[1]);
+        actuations_[channel(text(), false)] = converted(source(instruction.operands[1]), CellType::kFloat32);
         return;
       case Opcode::kSurfaceTick:
       case Opcode::kSurfaceTime:
@@ -545,8 +524,7 @@ class Tracer {
       case Opcode::kPrintText:
       case Opcode::kPrintValue:
       case Opcode::kPrintLine: {
-        const std::string warning = at(program_, at_, "warning: a board has no console: print is left out");
-        if (warned_.insert(warning).second) result_.warnings.push_back(warning);
+        warn("warning: a board has no console: print is left out");
         return;
       }
       case Opcode::kShow:
@@ -619,7 +597,7 @@ class Tracer {
         scalars_[slots_.levels() + depth] = levels_[depth].enabled;
       } else {
         NodeId mask = levels_[depth].mask;
-        if (graph_->is_scalar(mask)) mask = graph_->apply_plane(Opcode::kCopy, mask);
+        if (graph_->is_scalar(mask)) mask = graph_->apply_plane(CellType::kFloat32, Opcode::kCopy, mask);
         homes_[result_.homes.level(depth)] = mask;
       }
     }
@@ -751,39 +729,15 @@ class Tracer {
   NodeId base_ = kNoNode;
   std::vector<std::uint32_t> calls_;
   BoundaryRule rule_ = BoundaryRule::kZero;
-  std::size_t stacked_ = 0;
+  std::vector<CellType> stacked_;
   bool draws_follow_ = false;
   std::uint64_t draws_ = 0;
   Operand member_;
 };
 
-// The code for boards has cells and numbers of floating point alone.
-void refuse_integers(const Program& program) {
-  const auto name_of = [&](const program::Operand& operand) -> const program::Register* {
-    if (operand.kind != program::OperandKind::kRegister) return nullptr;
-    const program::Register& reg = program.registers[operand.index];
-    return program::is_integer(reg.type) ? &reg : nullptr;
-  };
-  for (std::size_t i = 0; i < program.code.size(); ++i) {
-    const program::Instruction& in = program.code[i];
-    const program::Register* reg = name_of(in.destination);
-    for (const program::Operand& operand : in.operands)
-      if (reg == nullptr) reg = name_of(operand);
-    const std::string_view mnemonic = program::opcode_info(in.op).mnemonic;
-    if (reg != nullptr)
-      throw common::UserError(at(program, i,
-                                 fmt::format("error: '{}' on {}: boards have registers of floats only",
-                                             mnemonic, program::cell_type_name(reg->type))));
-    if (program::takes_only_integers(in.op))
-      throw common::UserError(at(
-          program, i, fmt::format("error: '{}' of a number that is computed: boards have none", mnemonic)));
-  }
-}
-
 }  // namespace
 
 TileProgram trace(const Program& program, const Options& options) {
-  refuse_integers(program);
   std::string errors;
   for (const program::NonLocalInstruction& nonlocal : program::find_nonlocal_instructions(program))
     errors += (errors.empty() ? "" : "\n") +

@@ -17,12 +17,6 @@ namespace {
 constexpr std::size_t kMaxNesting = 200;
 const KernelToken kNoToken;
 
-bool is_assignment(const KernelToken& token) {
-  static const std::set<std::string> kOperators = {
-      "=", "+=", "-=", "*=", "/=", "%=", "&=", "|=", "^=", "<<=", ">>="};
-  return token.kind == Kind::kPunctuator && kOperators.contains(token.text);
-}
-
 bool is_plain(const std::string& text) { return text.find("cpp.") == std::string::npos; }
 
 CppValue value_of(const std::string& text, CppType type, CppRange range) {
@@ -311,8 +305,13 @@ CppValue KernelTranslation::parse_primary(Cursor& cursor) {
 }
 
 CppValue KernelTranslation::parse_name(Cursor& cursor) {
-  while (cursor.peek(1).is("::")) cursor.i += 2;
-  const KernelToken token = cursor.peek();
+  KernelToken token = cursor.peek();
+  while (cursor.peek(1).is("::")) {
+    const std::string scope = cursor.peek().text + "::";
+    cursor.i += 2;
+    token = cursor.peek();
+    if (find_variable(scope + token.text) != nullptr) token.text = scope + token.text;  // of an enum class
+  }
   ++cursor.i;
   if (cursor.peek().is("(")) {
     const std::size_t end = run::behind_bracket(cursor.tokens, cursor.i);

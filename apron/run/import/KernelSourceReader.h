@@ -63,6 +63,7 @@ class KernelSourceReader final : KernelTranslation {
   void collect(const Function&);
   bool require_function(const std::string& name, std::size_t count) override;
   void translate_function(Function& function);
+  bool calls_itself(const Function& function) const;
   void declare_parameters(const Function&, ProgramLines& body);
   void add_macro(const std::string& pattern, const std::string& name, std::size_t line,
                  const ProgramLines& body);

@@ -159,4 +159,13 @@ BinaryOperator binary_operator(const KernelToken& token) {
   return result;
 }
 
+bool mentions(const std::vector<KernelToken>& tokens, const std::string& name) {
+  return std::ranges::any_of(tokens, [&](const KernelToken& token) { return token.is_name(name); });
+}
+
+bool is_assignment(const KernelToken& token) {
+  return token.kind == KernelTokenKind::kPunctuator && token.text.back() == '=' && !token.is("==") &&
+         !token.is("<=") && !token.is(">=") && !token.is("!=");
+}
+
 }  // namespace apron::run

@@ -48,4 +48,8 @@ struct BinaryOperator {
 };
 BinaryOperator binary_operator(const KernelToken&);
 
+// True if the name is among the tokens; if the token is = or += and its kin.
+bool mentions(const std::vector<KernelToken>& tokens, const std::string& name);
+bool is_assignment(const KernelToken& token);
+
 }  // namespace apron::run

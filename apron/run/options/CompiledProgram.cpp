@@ -43,7 +43,7 @@ compiler::CompileOptions compile_options(const Options& options, std::uint32_t w
   result.height = height;
   result.include_paths = options.include_paths;
   result.library_path = library_path();
-  if (options.original) result.prelude = "original.aps";
+  if (!options.original.empty()) result.prelude = options.original + ".aps";
   return result;
 }
 
@@ -78,9 +78,9 @@ std::optional<CompiledProgram> compile_with_sources(const Options& options, std:
   syntax::DiskReader reader(options.program);
   compiler::CompileOptions compiler_options = compile_options(options, width, height);
   compiler::CompileResult result = compiler::compile(compiler_options, reader);
-  if (options.original && result.program &&
+  if (!options.original.empty() && result.program &&
       !program::can_reach(*result.program, program::Opcode::kSurfaceStep)) {
-    compiler_options.prelude = "original-frames.aps";
+    compiler_options.prelude = options.original + "-frames.aps";
     result = compiler::compile(compiler_options, reader);
   }
   messages = {};

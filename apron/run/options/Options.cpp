@@ -153,8 +153,11 @@ void add_common_options(CLI::App& command, RawOptions& raw, bool takes_program =
   if (takes_program) add_value(command, "program", raw.options.program, "FILE", "APRON program")->required();
   add_repeated(command, "-I", raw.options.include_paths, "DIR",
                "search this directory for included files before the installed library");
-  command.add_flag("--original", raw.options.original,
-                   "the program is one of APRON 2.9: include original.aps before its first line");
+  command
+      .add_flag("--original{original}", raw.options.original,
+                "the program is one of APRON 2.9: include original.aps, or with --original=scamp5c "
+                "scamp5c.aps, before its first line")
+      ->check(CLI::IsMember({"original", "scamp5c"}));
   add_value(command, "--palettes", raw.options.palettes, "FILE",
             "file of custom palettes [palettes.txt beside the program, if there is one]");
   add_value(command, "--size", raw.size, "WxH", "array size without a surface [64x64]");

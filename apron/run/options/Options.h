@@ -52,7 +52,7 @@ struct Options {
   vm::InstructionSet isa = vm::best_instruction_set();
   bool reconnect = false;
   bool local_check = false;  // check --local
-  bool original = false;     // --original
+  std::string original;      // --original: the library that stands for the original's, or ""
   std::vector<std::string> include_paths;
   std::string palettes;  // a file; empty for palettes.txt beside the program, if there is one
   double wait_s = 5.0;

@@ -1,6 +1,7 @@
 // Programs of random instructions, and cells for them.
 #pragma once
 
+#include <array>
 #include <string>
 
 #include "tests/unit/apron/vm/TestProgram.h"
@@ -10,23 +11,24 @@ namespace apron::vm::test {
 using program::BoundaryRule;
 
 // A program of random instructions. kLocal: one that boards can execute, which senses, actuates and steps,
-// with scalars, branches and loops that depend on the tick.
-enum class Reach { kAnywhere, kLocal };
+// with scalars, branches and loops that depend on the tick. kLocalTyped: also with registers of integers.
+enum class Reach { kAnywhere, kLocal, kLocalTyped };
 
 class RandomProgram : public TestProgram {
  public:
   RandomProgram(unsigned seed, Size size, Reach reach = Reach::kAnywhere)
-      : rng_(seed), local_(reach == Reach::kLocal) {
+      : rng_(seed), local_(reach != Reach::kAnywhere), typed_(reach == Reach::kLocalTyped) {
     // Half of the registers are temporaries, which fusion may leave out of date at the end.
     for (int i = 0; i < kRegisters; ++i) {
       registers.push_back(reg(size.width, size.height));
       if (i >= kRegisters / 2) program.registers.back().name[0] = '$';
     }
     for (int i = 0; i < 3; ++i) variables.push_back(var(static_cast<float>(i) - 0.5F));
+    if (typed_) add_integer_registers(size);
     const std::uint32_t smallest = local_ ? 1 : 3;
     for (std::uint32_t side = smallest; side < smallest + 3; ++side)
       filters.push_back(make_filter(side, one_in(2) ? side : 2));
-    if (one_in(2)) add(Opcode::kBoundary, {}, any_rule(), lit(1.75F));
+    if (one_in(2)) add(Opcode::kBoundary, {}, any_rule(), typed_ ? lit(7) : lit(1.75F));
     if (local_) {
       add_ticks();
       return;
@@ -55,9 +57,17 @@ class RandomProgram : public TestProgram {
     add(Opcode::kSurfaceSense, registers[0], text("numbers"));
     add(Opcode::kSurfaceSense, registers[1], text("truths"));
     if (one_in(2)) add(Opcode::kNe, registers[1], registers[1], lit(0));
+    if (typed_) {
+      for (const auto& of_type : integers_) add(Opcode::kSurfaceSense, of_type[0], text("numbers"));
+      add(Opcode::kSurfaceTick, whole_);
+      add(Opcode::kBitAnd, whole_, whole_, lit(7));
+    }
     add_block(static_cast<int>(rng_() % 30) + 8, 0);
     for (std::size_t i = 0; i < registers.size(); ++i)
       add(Opcode::kSurfaceActuate, {}, text("r" + std::to_string(i)), registers[i]);
+    for (std::size_t t = 0; typed_ && t < integers_.size(); ++t)
+      for (std::size_t i = 0; i < integers_[t].size(); ++i)
+        add(Opcode::kSurfaceActuate, {}, text("i" + std::to_string(t) + std::to_string(i)), integers_[t][i]);
     add(Opcode::kSurfaceActuate, {}, text("scalar"), variables[0]);
     add(Opcode::kSurfaceStep);
     add(Opcode::kJump, {}, label(top));
@@ -74,6 +84,7 @@ class RandomProgram : public TestProgram {
   }
 
   void add_instruction(int depth) {
+    if (typed_ && one_in(2)) return add_integer(depth);
     switch (rng_() % 17) {
       case 16:
         return add_filter();
@@ -159,7 +170,7 @@ class RandomProgram : public TestProgram {
   }
 
   void add_where(int depth) {
-    add(Opcode::kMaskPush, {}, any_register());
+    add(Opcode::kMaskPush, {}, any_condition());
     add_block(static_cast<int>(rng_() % 6), depth + 1);
     if (one_in(2)) {
       add(Opcode::kMaskElse);
@@ -186,7 +197,7 @@ class RandomProgram : public TestProgram {
     if (local_ && one_in(2)) return add_local(depth);
     switch (rng_() % 7) {
       case 0:
-        add(Opcode::kMaskOn, {}, any_register());
+        add(Opcode::kMaskOn, {}, any_condition());
         break;
       case 1:
         add(Opcode::kMaskOff);
@@ -195,7 +206,7 @@ class RandomProgram : public TestProgram {
         if (!local_) add(Opcode::kGlobalSum, variables[0], any_register());
         break;
       case 3:
-        add(Opcode::kBoundary, {}, any_rule(), any_scalar());
+        add(Opcode::kBoundary, {}, any_rule(), typed_ ? any_whole() : any_scalar());
         break;
       case 4:
         add(Opcode::kMaskPush, {}, any_scalar());
@@ -208,6 +219,71 @@ class RandomProgram : public TestProgram {
       default:
         if (!local_) add(Opcode::kPixelSet, any_register(), lit(0), lit(0), any_scalar());
         break;
+    }
+  }
+
+  // ---- integers ----
+
+  static constexpr std::array kIntegers{program::CellType::kUint8, program::CellType::kUint16,
+                                        program::CellType::kInt32};
+
+  void add_integer_registers(Size size) {
+    whole_ = var(3);
+    for (std::size_t t = 0; t < kIntegers.size(); ++t)
+      for (Operand& one : integers_[t]) {
+        one = reg(size.width, size.height);
+        program.registers.back().type = kIntegers[t];
+      }
+  }
+  Operand any_integer(std::size_t type) { return integers_[type][rng_() % integers_[type].size()]; }
+  Operand any_condition() { return typed_ && one_in(2) ? any_integer(rng_() % 3) : any_register(); }
+  // A number that every type holds; known at compile time or not.
+  Operand any_whole() { return one_in(3) ? whole_ : lit(static_cast<float>(rng_() % 20)); }
+  Operand any_integer_operand(std::size_t type) {
+    if (!one_in(4)) return any_integer(type);
+    return one_in(2) ? any_whole() : lit(type == 2 ? -5.0F : 200.0F);
+  }
+
+  void add_integer(int depth) {
+    const std::size_t type = rng_() % 3;
+    const Operand y = any_integer(type), a = any_integer(type);
+    const bool masked = !one_in(3);
+    switch (rng_() % 12) {
+      case 0:
+      case 1:
+        if (y == a) return;
+        return (void)add(Opcode::kShift, y, a, lit(static_cast<float>(static_cast<int>(rng_() % 3) - 1)),
+                         lit(0), masked);
+      case 2:
+        if (y == a) return;
+        return (void)add(static_cast<Opcode>(static_cast<unsigned>(Opcode::kNearSum) + rng_() % 5), y, a,
+                         lit(one_in(2) ? 4.0F : 8.0F), {}, masked);
+      case 3:
+      case 4: {
+        const Opcode op = one_in(2) ? Opcode::kConvert : Opcode::kConvertSaturated;
+        if (one_in(3)) return (void)add(op, any_register(), a, {}, {}, masked);
+        if (one_in(3)) return (void)add(op, y, any_register(), {}, {}, masked);
+        return (void)add(op, y, any_integer((type + 1 + rng_() % 2) % 3), {}, {}, masked);
+      }
+      case 5:
+        if (depth > 2) return;
+        add(Opcode::kStackPush, {}, a);
+        add_block(static_cast<int>(rng_() % 4), depth + 1);
+        return (void)add(Opcode::kStackPop, y, {}, {}, {}, masked);
+      case 6: {
+        const auto op = static_cast<Opcode>(static_cast<unsigned>(Opcode::kBitAnd) + rng_() % 6);
+        return (void)add(op, variables[rng_() % variables.size()], any_scalar(),
+                         op == Opcode::kBitNot ? Operand{} : any_scalar());
+      }
+      default: {
+        auto op = Opcode::kPow;
+        while (!program::takes_integers(op))
+          op = static_cast<Opcode>(rng_() % (static_cast<unsigned>(Opcode::kSubSaturated) + 1));
+        const std::size_t arity = program::opcode_info(op).signature.size() - 1;
+        Operand from[3] = {};
+        for (std::size_t k = 0; k < arity; ++k) from[k] = any_integer_operand(type);
+        add(op, y, from[0], from[1], from[2], masked);
+      }
     }
   }
 
@@ -281,7 +357,9 @@ class RandomProgram : public TestProgram {
   }
 
   std::mt19937 rng_;
-  const bool local_;
+  const bool local_, typed_;
+  std::array<std::array<Operand, 3>, 3> integers_;  // by type
+  Operand whole_;
 };
 
 // Mostly finite values: NaN propagates and hides differences.

@@ -412,7 +412,7 @@ Case make_case(unsigned seed, Library& library) {
   Case made;
   made.seed = seed;
   made.size = kShapes[seed % std::size(kShapes)];
-  made.program = RandomProgram(seed, made.size, Reach::kLocal).finish();
+  made.program = RandomProgram(seed, made.size, seed % 3 == 0 ? Reach::kLocal : Reach::kLocalTyped).finish();
   EXPECT_EQ(program::verify(made.program), "") << seed;
   std::mt19937 rng(seed);
   made.split = random_split(made.size, rng);
@@ -494,29 +494,77 @@ TEST(TargetC, ElementwiseInstructionsMatchTheVmForAllFloats) {
   check_case(one, library);
 }
 
-TEST(TargetC, RefusesIntegers) {
-  const auto error_of = [](const std::function<void(TestProgram&)>& write) -> std::string {
-    TestProgram build;
-    write(build);
-    build.add(Opcode::kSurfaceStep);
-    try {
-      target_c::generate(build.finish(), {}, "program.h");
-    } catch (const common::UserError& error) {
-      return error.what();
-    }
-    return "";
+// Every instruction on integers, on cells of all bits, the least and the largest values, and distances.
+TEST(TargetC, ElementwiseInstructionsMatchTheVmForIntegers) {
+  constexpr Size kSize{37, 23};
+  TestProgram build;
+  const auto make = [&](program::CellType type) {
+    const Operand made = build.reg(kSize.width, kSize.height);
+    build.program.registers.back().type = type;
+    return made;
   };
-  EXPECT_EQ(error_of([](TestProgram& build) {
-              const Operand a = build.reg(64, 64);
-              build.program.registers[a.index].type = program::CellType::kUint8;
-              build.add(Opcode::kCopy, a, build.lit(1));
-            }),
-            "test.aps:1: error: 'copy' on uint8: boards have registers of floats only");
-  EXPECT_EQ(error_of([](TestProgram& build) {
-              const Operand n = build.var();
-              build.add(Opcode::kBitNot, n, n);
-            }),
-            "test.aps:1: error: 'bit.not' of a number that is computed: boards have none");
+  const Operand x = make(program::CellType::kFloat32), numbers = make(program::CellType::kFloat32),
+                floats = make(program::CellType::kFloat32);
+  const std::size_t top = build.next_index();
+  build.add(Opcode::kCellX, x);
+  build.add(Opcode::kSurfaceSense, numbers, build.text("numbers"));
+  build.add(Opcode::kSurfaceSense, floats, build.text("bits"));
+  int channel = 0;
+  const auto show = [&](const Operand& y) {
+    build.add(Opcode::kSurfaceActuate, {}, build.text("y" + std::to_string(channel++)), y);
+  };
+  for (const auto type : {program::CellType::kUint8, program::CellType::kUint16, program::CellType::kInt32}) {
+    const Operand a = make(type), b = make(type), c = make(type), y = make(type);
+    build.add(Opcode::kConvert, a, x);
+    build.add(Opcode::kConvert, c, floats);  // mostly the type's limits and 0
+    build.add(Opcode::kConvert, b, numbers);
+    for (int k = 0; k < 5; ++k) {  // a row of sums that wrap
+      build.add(Opcode::kMul, a, a, build.lit(type == program::CellType::kInt32 ? 1664525.0F : 77.0F));
+      build.add(Opcode::kAdd, a, a, b);
+    }
+    for (unsigned i = 0; i <= static_cast<unsigned>(Opcode::kSubSaturated); ++i) {
+      const auto op = static_cast<Opcode>(i);
+      if (!program::takes_integers(op)) continue;
+      const std::size_t arity = program::opcode_info(op).signature.size() - 1;
+      for (const auto& [first, second] : {std::pair{a, b}, {a, c}, {c, a}, {c, build.lit(3)}}) {
+        build.add(op, y, first, arity > 1 ? second : Operand{}, arity > 2 ? b : Operand{});
+        show(y);
+      }
+    }
+    for (const auto to : {program::CellType::kUint8, program::CellType::kUint16, program::CellType::kInt32})
+      for (const Opcode op : {Opcode::kConvert, Opcode::kConvertSaturated}) {
+        if (to == type) continue;
+        const Operand other = make(to);
+        build.add(op, other, a);
+        show(other);
+      }
+    show(a);
+  }
+  build.add(Opcode::kSurfaceStep);
+  build.add(Opcode::kJump, {}, TestProgram::label(top));
+  Case one;
+  one.seed = 4;
+  one.size = kSize;
+  one.program = build.finish();
+  EXPECT_EQ(program::verify(one.program), "");
+  one.split.widths = {kSize.width};
+  one.split.heights = {kSize.height};
+  Library library;
+  generate_tiles(one, library);
+  ASSERT_TRUE(library.build());
+  check_case(one, library);
+}
+
+TEST(TargetC, SaysWhatAnIntegerCannotHold) {
+  TestProgram build;
+  const Operand a = build.reg(64, 64), n = build.var(300.0F);
+  build.program.registers.back().type = program::CellType::kUint8;
+  build.add(Opcode::kCopy, a, n);
+  build.add(Opcode::kSurfaceActuate, {}, build.text("y"), a);
+  build.add(Opcode::kSurfaceStep);
+  EXPECT_EQ(target_c::generate(build.finish(), {}, "program.h").warnings,
+            std::vector<std::string>{
+                "test.aps:1: warning: 300 is no uint8: a board limits it to the type's values"});
 }
 
 // ---- the programs of the tasks ----

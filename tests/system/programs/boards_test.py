@@ -94,9 +94,33 @@ class Compiling(ProgramTest):
         self.assertEqual(err, f"{file}:2: warning: a board has no console: print is left out\n")
 
 
+INTEGERS = """!uint8(I, C)
+!uint16(S)
+!int32(D)
+!register(P)
+n = 0
+#frame
+surface.step
+P = surface.sense('proximity')
+I = uint8(P * 40)
+S = uint16(I) * 257 + near.sum(S, 8)
+D = int32(S) - int32(east(S)) * 1000 + n
+D = D / 7 % 1000 + (D >> 3) ^ (D << 2)
+n = (surface.tick << 3 | 5) & 127
+C = sat.add(I, n) ^ (I >> 3)
+where(C > 100)
+  I = C
+elsewhere
+  I = I + 77
+endwhere
+surface.actuate('height', float(D & 0xFFFF) / 65536 + float(C))
+jump(#frame)
+"""
+
+
 class CrossBuilds(ProgramTest):
     def test_programs_build_for_microcontrollers(self):
-        programs = [str(ROOT / "scripts/case-study" / name) for name in ("sort.aps", "sort-paper.aps")]
+        programs = [str(ROOT / "scripts/case-study" / name) for name in ("sort.aps", "sort-paper.aps")] + [self.write("integers.aps", INTEGERS)]
         status, out, err = self.run_program(sys.executable, str(ROOT / "scripts/boards/cross"), "--bin", str(BIN), *programs)
         if status == 77:
             self.skipTest(out.strip())
@@ -107,6 +131,7 @@ class CrossBuilds(ProgramTest):
 class Emulated(ProgramTest):
     def test_emulated_boards_give_the_bits_of_the_host(self):
         programs = [str(ROOT / "scripts" / name) for name in ("case-study/sort-paper.aps", "tasks/rain.aps")]
+        programs.append(self.write("integers.aps", INTEGERS))
         status, out, err = self.run_program(sys.executable, str(ROOT / "scripts/boards/emulate"), "--bin", str(BIN), *programs)
         if status == 77:
             self.skipTest(out.strip())

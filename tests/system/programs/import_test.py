@@ -39,6 +39,8 @@ FORMS = {
               "#define PUT(y, v) { scamp5_in(y, v * 2); }\n#define JOIN(a, b) a##b\n#define CLEAN(x, y) { mov(x, y); add(x, x, y); }\n"
               "int main(){ scamp5_in(A, N * 2); scamp5_in(B, M * 2); scamp5_in(C, SQUARE(1 + 2)); scamp5_in(D, MAXIMUM(3, N));"
               " PUT(E, 1 + 1); JOIN(mo, v)(F, E); CLEAN(B, C); }",
+    "scoped": "enum class Choice { A, B = 5, R5 }; enum struct Other { A = 7 }; int main(){ int k = (int)Choice::B; scamp5_in(A, k);"
+              " scamp5_in(B, (int)Other::A); mov(C, A); add(D, B, C); if ((int)Choice::R5 == 6) { MOV(R5, FLAG); } }",
     "conditions": "#define FAST 1\n#if FAST && !defined(SLOW) && (3 > 2)\nint k = 1;\n#else\nint k = 2;\n#endif\n#ifdef SLOW\nint m = 9;\n"
                   "#elif FAST == 2\nint m = 8;\n#else\nint m = 7;\n#endif\n#if 0\nbroken(\n#endif\n"
                   "int main(){ scamp5_in(A, k); scamp5_in(B, m); }",
@@ -228,6 +230,7 @@ class Import(ProgramTest):
         self.check_status(main % "objects[2].draw(S1);", 2, "error: ")
         self.check_status("void f(AREG y){ res(y); } " + main % "f(regs[1]);", 2, "error: ")
         self.check_status("void f(AREG y){ res(y); } void f(DREG y){ CLR(y); } " + main % "f(A);", 2, "another function 'f'")
+        self.check_status("void add(AREG y, AREG a, AREG b){ add(y, a, b); } " + main % "add(C, A, B);", 2, "'add' calls itself: rename it")
         self.check_status("class Pen { void draw(){ res(B); } }; " + main % "", 2, "the class 'Pen' is left out")
         self.check_status("void show(DREG y, vs_handle display){ SET(y); scamp5_output_image(y, display); } int main(){ auto d = vs_gui_add_display(\"a\");"
                           " show(S0, d); vs_on_gui_update(3, [&](int32_t v){ res(A); }); }", 0, "left out: 'vs_gui_add_display'")

@@ -1,0 +1,277 @@
+// Loops and other control flow of kernels.
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <tuple>
+#include <utility>
+
+#include "apron/run/import/KernelSourceReader.h"
+
+namespace apron::run {
+
+using Kind = KernelTokenKind;
+
+std::string KernelSourceReader::label(const std::string& stem) {
+  return fmt::format("{}#{}{}", in_macro_ ? ":" : "", stem, ++labels_);
+}
+
+void KernelSourceReader::loop_body(ProgramLines& out, int depth, std::string continue_label) {
+  loops_.push_back({std::move(continue_label), false});
+  translate_body(out, depth);
+  const Loop loop = loops_.back();
+  loops_.pop_back();
+  if (loop.is_used) emit(out, depth + 1, loop.continue_label);
+}
+
+bool KernelSourceReader::may_change(const std::string& name, std::size_t first, std::size_t last) const {
+  std::set<std::size_t> visited;
+  return may_change(name, first, last, visited);
+}
+
+bool KernelSourceReader::may_change(const std::string& name, std::size_t first, std::size_t last,
+                                    std::set<std::size_t>& visited) const {
+  for (std::size_t i = first; i < last && i + 1 < tokens_.size(); ++i) {
+    if (tokens_[i].is_name(name)) {
+      const KernelToken& next = tokens_[i + 1];
+      if (is_assignment(next) || next.is("++") || next.is("--")) return true;
+      if (i > 0 && (tokens_[i - 1].is("++") || tokens_[i - 1].is("--") || tokens_[i - 1].is("&")))
+        return true;
+      // An argument that a function may take by reference.
+      const bool is_argument =
+          i > 0 && (tokens_[i - 1].is("(") || tokens_[i - 1].is(",")) && (next.is(")") || next.is(","));
+      if (is_argument && std::ranges::any_of(all_functions_, [](const Function& function) {
+            return std::ranges::any_of(function.signature.parameters,
+                                       [](const Parameter& p) { return p.is_reference; });
+          }))
+        return true;
+    }
+    if (tokens_[i].kind != Kind::kName || !tokens_[i + 1].is("(")) continue;
+    for (const Function& function : all_functions_) {
+      if (function.name != tokens_[i].text || !visited.insert(function.body).second) continue;
+      if (function.body <= first && first < function.end) continue;
+      if (may_change(name, function.body, function.end, visited)) return true;
+    }
+  }
+  return false;
+}
+
+bool KernelSourceReader::may_change_any(const KernelTokenList& names, std::size_t first,
+                                        std::size_t last) const {
+  return std::ranges::any_of(names, [&](const KernelToken& token) {
+    return token.kind == Kind::kName && may_change(token.text, first, last);
+  });
+}
+
+void KernelSourceReader::translate_for(ProgramLines& out, int depth) {
+  const std::size_t close = behind_bracket(position_ + 1);
+  const bool is_endless = close == position_ + 5 && peek(2).is(";") && peek(3).is(";");
+  if (is_endless) {
+    position_ = close;
+    return translate_frames(out, depth);
+  }
+  const std::size_t open = position_ + 2;
+  const KernelTokenList header = tokens_between(open, close - 1);
+  const std::size_t body_end = tokens_[close].is("{") ? behind_bracket(close) : statement_end(close);
+  const auto loop = counted_loop(header, close, body_end);
+  position_ = close;
+  if (!loop) return translate_other_for(header, open, out, depth);
+  scopes_.emplace_back();
+  const bool is_plain =
+      !loop->repetitions.empty() && !mentions(tokens_between(close, body_end), loop->variable);
+  if (is_plain) {
+    emit(out, depth, fmt::format("repeat({})", loop->repetitions));
+  } else {
+    Variable& variable = declare(loop->variable, loop->type);
+    variable.range = loop->range;
+    const std::string stride = loop->stride == "1" ? "" : ", " + loop->stride;
+    emit(out, depth, fmt::format("for({}, {}, {}{})", variable.text, loop->first, loop->last, stride));
+  }
+  loop_body(out, depth, "");
+  emit(out, depth, is_plain ? "endrepeat" : "endfor");
+  scopes_.pop_back();
+}
+
+std::optional<KernelSourceReader::CountedLoop> KernelSourceReader::counted_loop(const KernelTokenList& header,
+                                                                                std::size_t body,
+                                                                                std::size_t body_end) {
+  std::vector<KernelTokenList> parts(1);
+  for (const KernelToken& token : header) {
+    if (token.is(";"))
+      parts.emplace_back();
+    else
+      parts.back().push_back(token);
+  }
+  if (parts.size() != 3) return std::nullopt;
+  const auto& [init, test, step] = std::tie(parts[0], parts[1], parts[2]);
+  CountedLoop loop;
+  std::size_t at = 0;
+  // A variable that is declared outside keeps its last value after the loop.
+  const auto type = read_type(init, at);
+  if (!type || !is_integer(*type) || *type == CppType::kBool || init.size() < at + 3 || !init[at + 1].is("="))
+    return std::nullopt;
+  loop.type = *type;
+  loop.variable = init[at].text;
+  if (test.size() < 3 || !test[0].is_name(loop.variable) || step.size() < 2 || !mentions(step, loop.variable))
+    return std::nullopt;
+  const KernelTokenList bound(test.begin() + 2, test.end()),
+      first(init.begin() + static_cast<long>(at) + 2, init.end());
+  if (mentions(bound, loop.variable) || mentions(first, ",")) return std::nullopt;
+  for (const KernelToken& token : init)
+    if (token.is(",")) return std::nullopt;
+  double stride = 0;
+  if (step.size() == 2) {
+    const std::string op = step[0].kind == Kind::kPunctuator ? step[0].text : step[1].text;
+    stride = op == "++" ? 1 : op == "--" ? -1 : 0;
+  } else if ((step[1].is("+=") || step[1].is("-=")) && step[0].is_name(loop.variable)) {
+    const auto value = plain_expression({step.begin() + 2, step.end()});
+    if (value && value->constant && value->type != CppType::kFloat)
+      stride = step[1].is("+=") ? *value->constant : -*value->constant;
+  }
+  const KernelToken& op = test[1];
+  const bool upward = stride > 0;
+  const bool fits =
+      upward ? op.is("<") || op.is("<=") || op.is("!=") : op.is(">") || op.is(">=") || op.is("!=");
+  if (stride == 0 || !fits || may_change(loop.variable, body, body_end) ||
+      may_change_any(bound, body, body_end))
+    return std::nullopt;
+  const auto begin = plain_expression(first), end = plain_expression(bound);
+  if (!begin || !end || !is_integer(begin->type) || !is_integer(end->type)) return std::nullopt;
+  if (begin->type == CppType::kUint || end->type == CppType::kUint) return std::nullopt;
+  const CppRange limits = range_of(loop.type);
+  const bool is_exclusive = op.is("<") || op.is(">") || op.is("!=");
+  if (op.is("!=") && (!begin->constant || !end->constant || (stride != 1 && stride != -1) ||
+                      (*end->constant - *begin->constant) * stride < 0))
+    return std::nullopt;
+  // A counter that wraps never ends.
+  if (!begin->range.within(limits)) return std::nullopt;
+  if (upward ? end->range.high + stride - (is_exclusive ? 1 : 0) > limits.high && loop.type != CppType::kInt
+             : end->range.low + stride + (is_exclusive ? 1 : 0) < limits.low && loop.type != CppType::kInt)
+    return std::nullopt;
+  loop.stride = fmt::format("{:.0f}", stride);
+  loop.first = begin->text;
+  const auto last =
+      is_exclusive ? *cpp_binary(*end, upward ? "-" : "+", cpp_constant(1, CppType::kInt)) : *end;
+  loop.last = last.text;
+  loop.range = upward ? CppRange{begin->range.low, std::max(begin->range.low, last.range.high)}
+                      : CppRange{std::min(begin->range.high, last.range.low), begin->range.high};
+  if (stride == 1 && begin->constant && *begin->constant == 0)
+    loop.repetitions = is_exclusive ? end->text : cpp_binary(*end, "+", cpp_constant(1, CppType::kInt))->text;
+  return loop;
+}
+
+// Any other loop: while, with the step at its end.
+void KernelSourceReader::translate_other_for(const KernelTokenList& header, std::size_t open,
+                                             ProgramLines& out, int depth) {
+  std::vector<KernelTokenList> parts(1);
+  for (const KernelToken& token : header) {
+    if (token.is(";"))
+      parts.emplace_back();
+    else
+      parts.back().push_back(token);
+  }
+  if (parts.size() != 3) give_up("this 'for' is not for(i = a; i < b; i++)");
+  scopes_.emplace_back();
+  const std::size_t body = position_;
+  if (!parts[0].empty()) {
+    position_ = open;
+    dispatch_statement(out, depth);
+    position_ = body;
+  }
+  emit(out, depth, "while(1)");
+  if (!parts[1].empty()) emit_leave_unless(parts[1], out, depth + 1);
+  loop_body(out, depth, label("continue"));
+  if (!parts[2].empty()) {
+    const auto steps = split_arguments(parts[2], 0, parts[2].size());
+    for (const KernelTokenList& one : steps) expression(one, out, depth + 1);
+  }
+  emit(out, depth, "endwhile");
+  scopes_.pop_back();
+}
+
+void KernelSourceReader::emit_leave_unless(const KernelTokenList& condition, ProgramLines& out, int depth) {
+  const CppValue value = cpp_not(settle(expression(condition, out, depth), out, depth));
+  if (!is_scalar(value.type)) give_up("'{}' is no condition", plain_text(condition));
+  if (value.constant && *value.constant == 0.0) return;
+  emit(out, depth, fmt::format("if({})", value.text));
+  emit(out, depth + 1, "break");
+  emit(out, depth, "endif");
+}
+
+void KernelSourceReader::translate_frames(ProgramLines& out, int depth) {
+  uses_frames_ = true;
+  emit(out, depth, "repeat(FRAMES)");
+  if (!options_.picture.empty())
+    emit(out, depth + 1, fmt::format("PIX = io.image.open('{}')", options_.picture));
+  loop_body(out, depth, "");
+  emit(out, depth, "endrepeat");
+}
+
+void KernelSourceReader::translate_while(ProgramLines& out, int depth) {
+  ++position_;
+  const std::size_t open = position_;
+  const std::size_t close = behind_bracket(open);
+  const KernelTokenList condition = tokens_between(open + 1, close - 1);
+  const bool endless = condition.size() == 1 && (condition[0].is_name("true") || condition[0].text == "1");
+  position_ = close;
+  if (endless) return translate_frames(out, depth);
+  if (const auto plain = plain_expression(condition); plain && is_scalar(plain->type)) {
+    emit(out, depth, fmt::format("while({})", plain->text));
+    loop_body(out, depth, "");
+  } else {
+    emit(out, depth, "while(1)");
+    emit_leave_unless(condition, out, depth + 1);
+    loop_body(out, depth, "");
+  }
+  emit(out, depth, "endwhile");
+}
+
+void KernelSourceReader::translate_do(ProgramLines& out, int depth) {
+  ++position_;
+  emit(out, depth, "while(1)");
+  loop_body(out, depth, label("continue"));
+  if (!peek().is_name("while")) give_up("'do' without 'while'");
+  const std::size_t open = position_ + 1, close = behind_bracket(open);
+  emit_leave_unless(tokens_between(open + 1, close - 1), out, depth + 1);
+  position_ = close;
+  consume(";");
+  emit(out, depth, "endwhile");
+}
+
+void KernelSourceReader::translate_if(ProgramLines& out, int depth) {
+  ++position_;
+  const std::size_t open = position_;
+  const std::size_t close = behind_bracket(open);
+  const CppValue condition = settle(expression(tokens_between(open + 1, close - 1), out, depth), out, depth);
+  if (!is_scalar(condition.type))
+    give_up("'{}' is no condition", plain_text(tokens_between(open + 1, close - 1)));
+  position_ = close;
+  emit(out, depth, fmt::format("if({})", condition.text));
+  translate_body(out, depth);
+  if (peek().is_name("else")) {
+    ++position_;
+    emit(out, depth, "else");
+    translate_body(out, depth);
+  }
+  emit(out, depth, "endif");
+}
+
+void KernelSourceReader::translate_return(ProgramLines& out, int depth) {
+  const std::size_t end = statement_end(position_);
+  const KernelTokenList words = tokens_between(position_ + 1, end);
+  const bool is_last =
+      current_ != nullptr && end + 1 < tokens_.size() && end + 2 == current_->end && depth == 0;
+  if (current_ != nullptr && current_->name != "main" && is_scalar(current_->signature.result) &&
+      !words.empty()) {
+    CppValue value = settle(expression(words, out, depth), out, depth);
+    emit(out, depth,
+         fmt::format("$result = {}", cpp_convert(std::move(value), current_->signature.result).text));
+  }
+  position_ = end;
+  consume(";");
+  if (is_last || current_ == nullptr) return;
+  if (!in_macro_) return emit(out, depth, "end");
+  returns_early_ = true;
+  emit(out, depth, "jump(:#return)");
+}
+
+}  // namespace apron::run
