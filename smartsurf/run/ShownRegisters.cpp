@@ -11,10 +11,10 @@ std::string ShownRegisters::argument() const { return fmt::format("{}:{}", plane
 
 std::vector<std::string> ShownRegisters::expected_names() const {
   std::vector<std::string> names;
-  if (names_ == "all") return names;
   for (std::size_t begin = 0; begin <= names_.size();) {
     const std::size_t end = std::min(names_.find(',', begin), names_.size());
-    names.push_back(names_.substr(begin, end - begin));
+    std::string name = names_.substr(begin, end - begin);
+    if (name != "all") names.push_back(std::move(name));
     begin = end + 1;
   }
   return names;

@@ -13,7 +13,7 @@ namespace smartsurf::run {
 
 class ShownRegisters {
  public:
-  // names: separated by commas, or "all".
+  // names: separated by commas; the first may be "all".
   explicit ShownRegisters(std::string names) : names_(std::move(names)) {}
 
   // The value of apron's --show-registers.

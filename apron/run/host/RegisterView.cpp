@@ -30,22 +30,22 @@ RegisterView::RegisterView(int descriptor, const std::string& names, const progr
                            std::uint32_t width, std::uint32_t height)
     : descriptor_(descriptor), width_(width), height_(height) {
   const auto fits = [&](const program::Register& reg) { return reg.width == width && reg.height == height; };
-  if (names == "all") {
-    for (const program::Register& reg : program.registers)
-      if (is_named(reg) && fits(reg)) names_.push_back(reg.name);
-  } else {
-    for (const std::string& name : split_names(names)) {
-      const auto index = program::find_register(program, name);
-      if (!index)
-        throw common::UserError("--record-registers: the program has no register " +
-                                program::unknown_register(program, name));
-      const program::Register& reg = program.registers[*index];
-      if (!fits(reg))
-        throw common::UserError(fmt::format(
-            "--record-registers: register '{}' is {}x{}; one of the surface's size, {}x{}, can be recorded",
-            name, reg.width, reg.height, width, height));
-      if (std::ranges::find(names_, reg.name) == names_.end()) names_.push_back(reg.name);
+  for (const std::string& name : split_names(names)) {
+    if (name == "all") {
+      for (const program::Register& reg : program.registers)
+        if (is_named(reg) && fits(reg)) names_.push_back(reg.name);
+      continue;
     }
+    const auto index = program::find_register(program, name);
+    if (!index)
+      throw common::UserError("--record-registers: the program has no register " +
+                              program::unknown_register(program, name));
+    const program::Register& reg = program.registers[*index];
+    if (!fits(reg))
+      throw common::UserError(fmt::format(
+          "--record-registers: register '{}' is {}x{}; one of the surface's size, {}x{}, can be recorded",
+          name, reg.width, reg.height, width, height));
+    if (std::ranges::find(names_, reg.name) == names_.end()) names_.push_back(reg.name);
   }
   if (names_.size() > common::SharedPlanes::kMaxPlanes)
     throw common::UserError(

@@ -12,7 +12,7 @@ namespace apron::run {
 
 class RegisterView {
  public:
-  // names: separated by commas, or "all", which is every named register of the surface's size.
+  // names: separated by commas; the first may be "all", which is every named register of the surface's size.
   // Throws common::UserError if the program has no such register, or one of another size.
   RegisterView(int descriptor, const std::string& names, const program::Program& program, std::uint32_t width,
                std::uint32_t height);

@@ -172,7 +172,7 @@ std::string shown_registers(const RunFlags& flags) {
       std::ranges::none_of(flags.record, [](const auto& file) { return !file.ends_with(".csv"); }))
     throw scene::InputError("--record-registers: needs --record FILE.h5, in which they are recorded");
   const std::string drawn = draws ? flags.render.cells.substr(kPrefix.size()) : "";
-  if (drawn.empty() || flags.record_registers == "all") return flags.record_registers;
+  if (drawn.empty()) return flags.record_registers;
   return flags.record_registers.empty() ? drawn : flags.record_registers + "," + drawn;
 }
 

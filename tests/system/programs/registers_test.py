@@ -79,7 +79,7 @@ class Registers(ProgramTest):
     def test_painted_cells_are_those_of_the_replay(self):
         ours, theirs = self.folder / "run.png", self.folder / "replay.png"
         look = ["--cells", "apron:MIX", "--quality", "low", "--picture-size", "320x200"]
-        recording, _ = self.run_drawn(random.Random(7), "MIX", "--screenshot", f"{ours}@1", *look)
+        recording, _ = self.run_drawn(random.Random(7), "all", "--screenshot", f"{ours}@1", *look)
         status, _, err = self.run_program(SMARTSURF, "replay", str(recording), "--screenshot", f"{theirs}@1", *look)
         self.assertEqual(status, 0, err)
         self.assertEqual(ours.read_bytes(), theirs.read_bytes())
