@@ -91,6 +91,10 @@ class Recorder {
   // has an effect.
   virtual void mark_user_interaction(std::uint64_t) {}
 
+  // The registers with which the controller's program led to the next frame. None until it has answered;
+  // then always the same, in the same order.
+  virtual void record_registers(std::span<const scene::ChannelData>) {}
+
   // The numbers that belong to the next frame; every frame has the same rows. With tick_interval 1 only.
   virtual void record_live(std::span<const LiveRow>) {}
   // Writes what is buffered.

@@ -175,7 +175,8 @@ void ConfinedRuns::start_broker() {
     });
     services.emplace_back([controllers, i, &run] {
       (*controllers)[i] = std::make_unique<ControllerProcess>(
-          run.options.controller, run.surface_name->name(), false, run.options.controller_overrides);
+          run.options.controller, run.surface_name->name(), false, run.options.controller_overrides,
+          run.options.registers ? run.options.registers->argument() : "");
       return 0;
     });
     services.emplace_back([controllers, i] {

@@ -65,7 +65,8 @@ std::string typed_name(const fs::path& executable) {
 }
 
 std::vector<std::string> make_command(const std::string& controller, const std::string& shm_name,
-                                      bool with_window, const std::vector<std::string>& overrides) {
+                                      bool with_window, const std::vector<std::string>& overrides,
+                                      const std::string& show_registers) {
   const bool is_model = is_onnx_model(controller);
   if ((is_model || is_apron_program(controller)) && !fs::is_regular_file(controller))
     throw scene::InputError(
@@ -75,6 +76,7 @@ std::vector<std::string> make_command(const std::string& controller, const std::
     std::vector<std::string> command = {apron_executable(), "run", controller, "--shm", shm_name};
     if (with_window) command.insert(command.end(), {"--window", "--geometry", "beside"});
     for (const std::string& assignment : overrides) command.insert(command.end(), {"--set", assignment});
+    if (!show_registers.empty()) command.insert(command.end(), {"--show-registers", show_registers});
     return command;
   }
   std::string command = controller;
@@ -135,8 +137,10 @@ bool is_apron_program(const std::string& controller) { return is_file_name(contr
 bool is_onnx_model(const std::string& controller) { return is_file_name(controller, ".onnx"); }
 
 ControllerProcess::ControllerProcess(const std::string& controller, const std::string& shm_name,
-                                     bool with_window, const std::vector<std::string>& overrides) {
-  const std::vector<std::string> command = make_command(controller, shm_name, with_window, overrides);
+                                     bool with_window, const std::vector<std::string>& overrides,
+                                     const std::string& show_registers) {
+  const std::vector<std::string> command =
+      make_command(controller, shm_name, with_window, overrides, show_registers);
   std::vector<char*> arguments;
   for (const std::string& argument : command) arguments.push_back(const_cast<char*>(argument.c_str()));
   arguments.push_back(nullptr);

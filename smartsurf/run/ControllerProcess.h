@@ -20,8 +20,9 @@ class ControllerProcess {
   // std::system_error if no process can be created. If the command cannot be executed, the child reports it
   // and exits with status 2. with_window: an APRON program also opens its window, beside that of the run.
   // overrides: NAME=VALUE of the program's sliders and switches; apron validates them.
+  // show_registers: the value of apron's --show-registers; "": none.
   ControllerProcess(const std::string& controller, const std::string& shm_name, bool with_window = false,
-                    const std::vector<std::string>& overrides = {});
+                    const std::vector<std::string>& overrides = {}, const std::string& show_registers = "");
   // The controller of another process, which starts it here.
   struct Remote {
     std::function<void()> start;

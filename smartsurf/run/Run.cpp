@@ -100,13 +100,16 @@ Run::Run(const RunOptions& options, const std::atomic<bool>& stop_requested, scr
     link_ = std::make_unique<SurfaceLink>(
         segment_name(options), options.mode, experiment_.scene(),
         options.confined ? options.confined->surface_name(options.confined_number) : nullptr);
+  channels_ = ViewChannels(options.registers);
+  if (options.registers) options.registers->restart();
   open_recordings();
   requests_.paused = options.paused && display_->has_window();
   if (link_ && !options.controller.empty() && options.confined)
     controller_process_ = options.confined->start_controller(options.confined_number);
   else if (link_ && !options.controller.empty())
-    controller_process_ = std::make_unique<ControllerProcess>(options.controller, link_->name(),
-                                                              options.window, options.controller_overrides);
+    controller_process_ = std::make_unique<ControllerProcess>(
+        options.controller, link_->name(), options.window, options.controller_overrides,
+        options.registers ? options.registers->argument() : "");
 }
 
 Run::~Run() = default;
@@ -175,6 +178,7 @@ bool Run::tick() {
   phase_times_.lap(Phase::kActuate);
   if (link_) {
     if (!receive_targets()) return false;
+    if (options_.registers) options_.registers->read(simulation_.scene().surface);
   }
   apply_user_interaction();
   if (!advance_physics()) return false;
@@ -360,6 +364,7 @@ void Run::record_tick() {
   const scene::RecordSpec& record_spec = simulation_.scene().record;
   for (const auto& recorder : recorders_) {
     recorder->record_inputs(simulation_.actuators());
+    if (options_.registers) recorder->record_registers(options_.registers->values());
     recorder->record_frame(
         snapshot, simulation_.catalogue(),
         record_spec.sensors ? simulation_.sensors() : std::span<const scene::ChannelData>{},

@@ -8,6 +8,7 @@
 
 #include <Eigen/Geometry>
 #include <algorithm>
+#include <array>
 #include <cstdint>
 #include <memory>
 #include <optional>
@@ -31,6 +32,17 @@ struct Colour {
   float r = 0.93f, g = 0.62f, b = 0.22f;  // sRGB in [0, 1]; the default is amber, visible on any surface
 };
 
+// The values of `material.look`: how the view shades objects of the material. The first is the default.
+inline constexpr std::array<const char*, 6> kLookNames = {"plain",     "steel", "rubber",
+                                                          "porcelain", "wood",  "acrylic"};
+// The colours of objects that do not choose one, by the look of their material.
+inline constexpr std::array<Colour, 6> kLookColours = {Colour{},
+                                                       {0.78f, 0.79f, 0.80f},
+                                                       {0.16f, 0.16f, 0.17f},
+                                                       {0.93f, 0.92f, 0.89f},
+                                                       {0.66f, 0.45f, 0.26f},
+                                                       {0.62f, 0.80f, 0.86f}};
+
 // A contact uses the geometric mean of the two frictions and the larger of the two restitutions.
 struct Material {
   std::string name = "default";
@@ -38,6 +50,7 @@ struct Material {
   double rolling_friction = 0.01;  // lever arm of the rolling resistance, u, ≥ 0
   double restitution = 0.2;        // [0, 1]
   double density = 1.0;            // mass per u³, > 0
+  int look = 0;                    // index into kLookNames; of no effect on the physics
 };
 
 enum class OffTablePolicy { kKeep, kRemove };

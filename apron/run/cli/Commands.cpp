@@ -14,6 +14,7 @@
 #include "apron/run/cli/ConfinedProgram.h"
 #include "apron/run/cli/ProfileReport.h"
 #include "apron/run/cli/TerminalMonitor.h"
+#include "apron/run/host/RegisterView.h"
 #include "apron/run/host/SurfaceHost.h"
 #include "apron/run/options/CompiledProgram.h"
 #include "apron/run/ui/RunWithUi.h"
@@ -118,8 +119,10 @@ int exit_status(vm::Status status, const std::string& error, const Options& opti
   return status == vm::Status::kRefused ? common::kUserError : common::kFailed;
 }
 
-// The registers of --watch and --save, which may be read wherever the run stops.
-std::vector<std::uint32_t> observed_registers(const Options& options, const program::Program& program) {
+// The registers of --watch and --save and those that the simulator records, which may be read wherever the
+// run stops.
+std::vector<std::uint32_t> observed_registers(const Options& options, const program::Program& program,
+                                              const RegisterView* shown) {
   std::vector<std::uint32_t> observed;
   const auto add = [&](const std::string& name) {
     if (const auto index = program::find_register(program, name))
@@ -127,19 +130,24 @@ std::vector<std::uint32_t> observed_registers(const Options& options, const prog
   };
   if (!options.watch.empty()) add(options.watch);
   for (const SavedRegister& saved : options.saved) add(saved.name);
+  if (shown != nullptr)
+    for (const std::string& name : shown->names()) add(name);
   return observed;
 }
 
-RunResult run_headless(const Options& options, program::Program program, LocalHost& host) {
+RunResult run_headless(const Options& options, program::Program program, LocalHost& host,
+                       RegisterView* shown) {
   vm::VmOptions vm_options;
   vm_options.threads = options.threads;
   vm_options.isa = options.isa;
   vm_options.stop = &common::stop_flag();
   vm_options.enable_profiling = !options.profile.empty();
-  vm_options.fusion.observed = {false, observed_registers(options, program), {}};
+  vm_options.fusion.observed = {false, observed_registers(options, program, shown), {}};
   vm::Vm vm(std::move(program), vm_options, host);
+  if (shown != nullptr) host.before_answer([&] { shown->write(vm); });
   RunResult result;
   result.status = run_until_end(vm, options, result.ticks);
+  host.before_answer({});
   result.error = vm.error();
   result.profile = vm.profile();
   result.save_error = save_registers(options.saved, vm);
@@ -190,6 +198,10 @@ int compile_and_run(const Options& options, std::uint32_t width, std::uint32_t h
   }
   common::require_separate_outputs(named_outputs(options));
   common::end_of_inputs();
+  std::optional<RegisterView> shown;
+  if (options.shown_descriptor >= 0)
+    shown.emplace(options.shown_descriptor, options.shown_registers, program, width, height);
+  RegisterView* const shown_registers = shown ? &*shown : nullptr;
   return with_host([&](LocalHost& host, const UiCallbacks& callbacks) {
     if (const std::string error =
             host.load_modules(program.modules, options.modules, module_search_paths(options));
@@ -198,12 +210,12 @@ int compile_and_run(const Options& options, std::uint32_t width, std::uint32_t h
     const ConfinedProgram confined(options, named_outputs(options));
     RunResult ran;
     if (options.uses_ui()) {
-      UiRunResult ui_result =
-          run_with_ui({options, *compiled, width, height, host, callbacks.on_pause, callbacks.on_finish});
+      UiRunResult ui_result = run_with_ui({options, *compiled, width, height, host, callbacks.on_pause,
+                                           callbacks.on_finish, shown_registers});
       if (!ui_result.ui_error.empty()) throw common::UserError(ui_result.ui_error);
       ran = std::move(ui_result);
     } else {
-      ran = run_headless(options, program, host);
+      ran = run_headless(options, program, host, shown_registers);
     }
     const int exit = exit_status(ran.status, ran.error, options);
     if (!ran.save_error.empty())

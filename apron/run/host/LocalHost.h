@@ -3,6 +3,7 @@
 #pragma once
 
 #include <atomic>
+#include <functional>
 #include <map>
 #include <memory>
 #include <string>
@@ -79,6 +80,9 @@ class LocalHost : public vm::Host {
   std::optional<double> tick() const override { return static_cast<double>(frames_.frame()); }
   bool has(std::string_view) const override { return false; }
 
+  // Called before each answer to the surface, on the VM's thread.
+  void before_answer(std::function<void()> action) { before_answer_ = std::move(action); }
+
   // True if a surface has waited for the program's next surface.step long enough for a warning.
   virtual bool surface_overdue() const { return false; }
 
@@ -87,6 +91,10 @@ class LocalHost : public vm::Host {
   vm::HostStatus report_status(vm::HostStatus status, std::string message);
   void flush_output();
   const std::atomic<bool>& stop() const { return stop_; }
+
+  void notify_before_answer() const {
+    if (before_answer_) before_answer_();
+  }
 
  private:
   std::uint64_t current_frame() const { return static_cast<std::uint64_t>(tick().value_or(0.0)); }
@@ -107,6 +115,7 @@ class LocalHost : public vm::Host {
   KeyScript keys_;
   FileAccess files_;
   PluginModules modules_;
+  std::function<void()> before_answer_;
 };
 
 }  // namespace apron::run

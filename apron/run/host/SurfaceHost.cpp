@@ -90,6 +90,7 @@ HostStatus SurfaceHost::step() {
   flush_output();
   if (closed_) return HostStatus::kClosed;
   if (!answered_) {
+    notify_before_answer();
     const Status published = publish();
     // kTorn: the surface no longer waits for the answer to this frame, and another frame will follow.
     if (published != Status::kOk && published != Status::kTorn) return to_host_status(published);

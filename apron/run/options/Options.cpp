@@ -66,7 +66,7 @@ void add_repeated(CLI::App& command, const std::string& name, Target& target, co
 // Options as typed by the user, before validation.
 struct RawOptions {
   Options options;
-  std::string size, profile, isa, pace, frames_per_s;
+  std::string size, profile, show_registers, isa, pace, frames_per_s;
   std::string target, tile, link, rate, turnaround, channels;
   std::vector<std::string> sets, keys, saves;
   std::string geometry;
@@ -138,6 +138,18 @@ void parse_saves(RawOptions& raw) {
       refuse("--save", "'{}' is not REGISTER=FILE, such as A=a.npy", text);
     raw.options.saved.push_back({text.substr(0, equals), text.substr(equals + 1)});
   }
+}
+
+void parse_shown_registers(RawOptions& raw) {
+  const std::string& text = raw.show_registers;
+  if (text.empty()) return;
+  const std::size_t colon = std::min(text.find(':'), text.size());
+  int& descriptor = raw.options.shown_descriptor;
+  const auto [end, error] = std::from_chars(text.data(), text.data() + colon, descriptor);
+  if (error != std::errc() || end != text.data() + colon || descriptor < 0 || colon + 1 >= text.size())
+    refuse("--show-registers", "'{}' is not DESCRIPTOR:NAMES; smartsurf run --record-registers passes it",
+           text);
+  raw.options.shown_registers = text.substr(colon + 1);
 }
 
 void parse_keys(RawOptions& raw) {
@@ -238,6 +250,7 @@ void add_run_options(CLI::App& run, RawOptions& raw) {
             "record a video of the window, 30 frames per second of the surface's or program's time");
   add_repeated(run, "--save", raw.saves, "REGISTER=FILE",
                "write this register to a .npy, .csv or picture file at the end");
+  add_value(run, "--show-registers", raw.show_registers, "DESCRIPTOR:NAMES", "")->group("");
   add_value(run, "--watch", raw.options.watch, "REGISTER",
             "draw this register while the program runs; if stdout is not a terminal, once at the end")
       ->excludes("--window")
@@ -407,6 +420,7 @@ void validate_run_options(RawOptions& raw) {
   if (raw.options.surface.empty() && raw.size.empty() && environment_name != nullptr)
     raw.options.surface = environment_name;
   parse_frame_rate(raw);
+  parse_shown_registers(raw);
   parse_keys(raw);
   parse_saves(raw);
 }

@@ -65,6 +65,10 @@ struct Options {
   std::vector<SavedRegister> saved;
   std::vector<std::string> files;  // the inputs of fmt
   std::string watch;               // a register to show in the terminal; empty for none
+  // --show-registers: names for the simulator that started this process, and where it reads them; −1:
+  // nowhere.
+  std::string shown_registers;
+  int shown_descriptor = -1;
 
   FrameRate frame_rate;                      // without a surface
   std::vector<KeyPress> keys;                // --keys

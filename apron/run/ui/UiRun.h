@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "apron/run/host/LocalHost.h"
+#include "apron/run/host/RegisterView.h"
 #include "apron/run/options/CompiledProgram.h"
 #include "apron/run/options/Options.h"
 #include "apron/vm/Vm.h"
@@ -16,10 +17,11 @@ namespace apron::run {
 struct UiRun {
   const Options& options;
   CompiledProgram compiled;
-  std::uint32_t width = 0, height = 0;  // default size of registers
-  LocalHost& host;                      // its waits must poll common::interrupt_flag()
-  std::function<void(bool)> on_pause;   // see debugger::DebugSession
-  std::function<void()> on_finish;      // in a window: the program has ended, and the window stays open
+  std::uint32_t width = 0, height = 0;      // default size of registers
+  LocalHost& host;                          // its waits must poll common::interrupt_flag()
+  std::function<void(bool)> on_pause;       // see debugger::DebugSession
+  std::function<void()> on_finish;          // in a window: the program has ended, and the window stays open
+  RegisterView* shown_registers = nullptr;  // written before each answer; null: none
 };
 
 // The result of a run, with or without a user interface.

@@ -31,6 +31,8 @@ UiRunContext::UiRunContext(const UiRun& ui_run)
       session(ui_run.compiled.program, vm_options(ui_run.options), host, ui_run.on_pause),
       model(panel, condition_compiler(ui_run)) {
   for (const auto& [name, value] : ui_run.options.parameters) panel.set_parameter(name, value);
+  if (run.shown_registers != nullptr)
+    run.host.before_answer([this] { run.shown_registers->write(session.vm()); });
   if (ui_run.options.ticks) session.limit_ticks(*ui_run.options.ticks);
   if (!ui_run.options.profile.empty()) session.set_profiling(true);
   model.show_program(ui_run.compiled.program, ui_run.compiled.sources, 1);

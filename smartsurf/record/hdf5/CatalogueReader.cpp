@@ -100,6 +100,18 @@ int find_or_add_material(const std::string& name, std::vector<scene::Material>& 
   return static_cast<int>(index);
 }
 
+// The looks of materials by name; recordings of plain materials have none.
+void read_looks(hid_t file, std::vector<scene::Material>& materials) {
+  const Handle meta = open_group(file, paths::kMeta);
+  if (!has_link(meta, paths::kLooks)) return;
+  for (const NamedText& entry : read_string_attributes(meta, paths::kLooks)) {
+    const auto look = std::ranges::find(scene::kLookNames, std::string_view(entry.value));
+    const auto material = std::ranges::find(materials, entry.name, &scene::Material::name);
+    if (look != scene::kLookNames.end() && material != materials.end())
+      material->look = static_cast<int>(look - scene::kLookNames.begin());
+  }
+}
+
 }  // namespace
 
 void read_catalogue(hid_t file, scene::SceneSpec& spec) {
@@ -111,6 +123,7 @@ void read_catalogue(hid_t file, scene::SceneSpec& spec) {
     if (const std::string problem = scene::validate(object); !problem.empty())
       throw Hdf5Error("object " + std::to_string(i) + ": " + problem);
   }
+  read_looks(file, spec.materials);
 }
 
 }  // namespace smartsurf::record

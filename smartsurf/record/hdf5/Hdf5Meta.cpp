@@ -1,5 +1,6 @@
 #include "smartsurf/record/hdf5/Hdf5Meta.h"
 
+#include <algorithm>
 #include <cstring>
 
 #include "smartsurf/record/hdf5/AttributeArchive.h"
@@ -111,6 +112,11 @@ void write_meta(hid_t file, const RunMetadata& meta, const scene::SceneSpec& spe
       write_attribute(ranges, v.name.c_str(), to_text(v));
       if (v.drawn) write_attribute(drawn, v.name.c_str(), *v.drawn);
     }
+  }
+  if (std::ranges::any_of(spec.materials, &scene::Material::look)) {
+    const Handle looks = create_group(group, paths::kLooks);
+    for (const scene::Material& material : spec.materials)
+      write_attribute(looks, material.name.c_str(), std::string(scene::kLookNames.at(material.look)));
   }
   const Handle set = create_group(group, paths::kSet);
   for (const NamedText& setting : meta.overrides) {

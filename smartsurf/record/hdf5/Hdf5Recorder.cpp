@@ -91,6 +91,7 @@ struct Hdf5Recorder::OpenFile {
   void buffer_frame(const scene::Snapshot& snapshot, std::span<const scene::ChannelData> sensors,
                     std::span<const scene::ChannelData> actuators, std::span<const NamedNumber> metrics);
   void buffer_metrics(std::span<const NamedNumber> metrics);
+  void keep_registers(std::span<const scene::ChannelData> all);
   template <class Number>
   FrameSeries make_number_series(hid_t parent, const std::string& name, Number no_value);
   void append_inputs(std::span<const scene::ChannelData> actuators);
@@ -114,7 +115,8 @@ struct Hdf5Recorder::OpenFile {
   bool series_created = false;
   std::optional<FrameSeries> tick, time, hash, contacts, position, orientation, velocity, angular_velocity,
       height;
-  std::vector<FrameSeries> sensor_series, actuator_series;
+  std::vector<FrameSeries> sensor_series, actuator_series, register_series;
+  std::span<const scene::ChannelData> registers;  // of the next frame
   struct LiveSeries {
     std::string group, name;
     std::vector<std::uint64_t> words;  // of the next frame
@@ -280,6 +282,17 @@ void Hdf5Recorder::OpenFile::buffer_metrics(std::span<const NamedNumber> metrics
     if (metric_series[i]) metric_series[i]->row<double>(buffered_frames)[0] = metrics[i].second;
 }
 
+// The frames before the program's first answer are NaN.
+void Hdf5Recorder::OpenFile::keep_registers(std::span<const scene::ChannelData> all) {
+  registers = all;
+  if (registers.empty() || !register_series.empty() || !series_created) return;
+  const std::size_t bytes = registers.size() * registers[0].values.size_bytes();
+  require_memory(bytes);
+  write_buffered();
+  buffer_capacity = std::min(buffer_capacity, frames_that_fit(kMaxBufferBytes, bytes));
+  create_channels(paths::kRegisters, registers, std::vector<LiveChannel>(), register_series);
+}
+
 void Hdf5Recorder::OpenFile::buffer_frame(const scene::Snapshot& snapshot,
                                           std::span<const scene::ChannelData> sensors,
                                           std::span<const scene::ChannelData> actuators,
@@ -290,6 +303,7 @@ void Hdf5Recorder::OpenFile::buffer_frame(const scene::Snapshot& snapshot,
   contacts->row<std::uint32_t>(buffered_frames)[0] = snapshot.contact_count;
   buffer_metrics(metrics);
   buffer_live();
+  if (!register_series.empty()) buffer_channels(registers, register_series);
   if (record.objects) buffer_objects(snapshot);
   if (record.sensors) buffer_channels(sensors, sensor_series);
   if (record.actuators) {
@@ -317,6 +331,7 @@ void Hdf5Recorder::OpenFile::for_each_series(Action action) {
   for (auto* series : {&position, &orientation, &velocity, &angular_velocity, &height})
     if (*series) action(**series);
   for (FrameSeries& series : sensor_series) action(series);
+  for (FrameSeries& series : register_series) action(series);
   for (FrameSeries& series : actuator_series) action(series);
   for (auto& series : metric_series)
     if (series) action(*series);
@@ -515,6 +530,10 @@ void Hdf5Recorder::record_inputs(std::span<const scene::ChannelData> actuators) 
     // Inputs are recorded every tick, but frames may be far apart.
     if (content.inputs->buffered_changes() > kMaxBufferedChanges) content.write_buffered();
   });
+}
+
+void Hdf5Recorder::record_registers(std::span<const scene::ChannelData> registers) {
+  with_open_file([&](OpenFile& content) { content.keep_registers(registers); });
 }
 
 void Hdf5Recorder::record_live(std::span<const LiveRow> rows) {

@@ -26,6 +26,7 @@ class Hdf5Recorder final : public Recorder {
   ~Hdf5Recorder() override;
   void record_inputs(std::span<const scene::ChannelData> actuators) override;
   void mark_user_interaction(std::uint64_t tick) override;
+  void record_registers(std::span<const scene::ChannelData> registers) override;
   void record_live(std::span<const LiveRow> rows) override;
   void flush() override;
   void close(const RunResult& result) override;

@@ -5,7 +5,8 @@
 namespace smartsurf::record::paths {
 
 inline constexpr const char *kMeta = "meta", *kOptions = "options", *kSet = "set", *kVersions = "versions",
-                            *kVary = "vary", *kVaried = "varied", *kExtensions = "extensions";
+                            *kVary = "vary", *kVaried = "varied", *kExtensions = "extensions",
+                            *kLooks = "looks";
 inline constexpr const char* kTouchedByHand = "touched_by_hand";  // an attribute that is added during the run
 
 inline constexpr const char *kTick = "tick", *kTime = "time", *kHash = "hash", *kContacts = "contacts";
@@ -20,7 +21,7 @@ inline constexpr const char *kSurface = "surface", *kHeightChanges = "surface/ch
 
 inline constexpr const char *kInputs = "inputs", *kInputChanges = "inputs/changes", *kInputValues = "values",
                             *kSensors = "sensors", *kActuators = "actuators", *kMetrics = "metrics",
-                            *kSolids = "solids";
+                            *kRegisters = "registers", *kSolids = "solids";
 
 // Columns of /objects: one entry per object.
 namespace column {

@@ -2,6 +2,7 @@
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
+#include <algorithm>
 #include <charconv>
 #include <iterator>
 #include <memory>
@@ -28,7 +29,7 @@ namespace {
 
 // The flags of `run` as given on the command line, before validation.
 struct RunFlags {
-  std::string experiment, mode = "time-step", pace, controller, shm, stats, video;
+  std::string experiment, mode = "time-step", pace, controller, shm, stats, video, record_registers;
   bool window = false, headless = false, paused = false, close = false, no_controller = false, unsafe = false,
        help = false, allow_extensions = false;
   std::vector<std::string> set, vary, controller_set, record, screenshot;
@@ -112,6 +113,9 @@ void add_run_flags(CLI::App& app, RunFlags& flags) {
   app.add_option("--record", flags.record, "Record the run, as HDF5 or CSV")
       ->type_name("FILE.h5|FILE.csv")
       ->allow_extra_args(false);
+  app.add_option("--record-registers", flags.record_registers,
+                 "With --record FILE.h5: also these registers of the APRON program, such as A,B, or all")
+      ->type_name("NAMES");
   app.add_option("--stats", flags.stats, "Write statistics of the run as JSON (-: to standard output)")
       ->type_name("FILE.json");
   app.add_option("--screenshot", flags.screenshot, "Write a picture at a simulated time, or at the end")
@@ -151,6 +155,27 @@ script::Experiment load_silently(const RunFlags& flags) {
   return script::Experiment::load(flags.experiment, options);
 }
 
+// The registers that a run records or draws: those of --record-registers and that of --cells apron:NAME.
+std::string shown_registers(const RunFlags& flags) {
+  constexpr std::string_view kPrefix = view::kRegisterPrefix;
+  const bool draws = flags.render.cells.starts_with(kPrefix);
+  const char* const flag = draws ? "--cells apron:NAME" : "--record-registers";
+  if (!draws && flags.record_registers.empty()) return "";
+  if (!is_apron_program(flags.controller))
+    throw scene::InputError(
+        fmt::format("{}: needs --controller PROGRAM.aps, whose registers it shows", flag));
+  if (flags.mode == "passive")
+    throw scene::InputError(
+        fmt::format("{}: needs --mode time-step, in which the table waits for the program", flag));
+  if (flags.worlds > 0) throw scene::InputError(fmt::format("{}: cannot be combined with --worlds", flag));
+  if (!flags.record_registers.empty() &&
+      std::ranges::none_of(flags.record, [](const auto& file) { return !file.ends_with(".csv"); }))
+    throw scene::InputError("--record-registers: needs --record FILE.h5, in which they are recorded");
+  const std::string drawn = draws ? flags.render.cells.substr(kPrefix.size()) : "";
+  if (drawn.empty()) return flags.record_registers;
+  return flags.record_registers.empty() ? drawn : flags.record_registers + "," + drawn;
+}
+
 RunOptions make_run_options(const RunFlags& flags, const std::string& command_line) {
   if (flags.experiment.empty())
     throw scene::InputError("run: no experiment given; usage: smartsurf run EXPERIMENT.lua");
@@ -188,6 +213,8 @@ RunOptions make_run_options(const RunFlags& flags, const std::string& command_li
   options.shm = flags.shm;
   options.controller = flags.controller;
   options.controller_overrides = flags.controller_set;
+  if (const std::string names = shown_registers(flags); !names.empty())
+    options.registers = std::make_shared<ShownRegisters>(names);
   options.no_controller = flags.no_controller;
   options.seed = flags.seed;
   options.engine = flags.engine;

@@ -30,7 +30,7 @@ bool expects_controller_window(const RunOptions& options) {
 }  // namespace
 
 Display::Display(const RunOptions& options, const simulation::Simulation& simulation)
-    : scene_(simulation.scene()), history_(scene_.surface.columns) {
+    : scene_(simulation.scene()), history_(scene_.surface.columns), channels_(options.registers) {
   if (!options.window) return;
   const view::ViewSettings& settings = options.render.view;
   const std::span<const view::Channel> channels = channels_.update(simulation);
@@ -54,7 +54,7 @@ void Display::restart(const RunOptions& options, const scene::SceneSpec& scene) 
   history_ = RunHistory(scene_.surface.columns);
   marks_.clear();
   history_index_.reset();
-  channels_ = {};
+  channels_ = ViewChannels(options.registers);
   frames_drawn_ = 0;
   if (!window_) return;
   window_->set_scene(scene_, window_title(scene_));

@@ -4,6 +4,7 @@
 #include <fmt/ranges.h>
 
 #include <algorithm>
+#include <limits>
 
 #include "common/text/Suggestion.h"
 #include "smartsurf/scene/KindRegistry.h"
@@ -41,6 +42,10 @@ std::string component_name(const std::string& name, int component, int component
   return components == 1 ? name : name + "[" + std::to_string(component) + "]";
 }
 
+view::Channel register_channel(const std::string& name) {
+  return {view::kRegisterPrefix + name, "", {}, 0.0F, 0.0F};
+}
+
 void ViewChannels::init_channels(const simulation::Simulation& simulation) {
   const scene::SurfaceSpec& surface = simulation.scene().surface;
   channels_ = {height_channel(surface)};
@@ -52,10 +57,23 @@ void ViewChannels::init_channels(const simulation::Simulation& simulation) {
   };
   for (const scene::ChannelData& sensor : simulation.sensors()) add(sensor, sensor_channel);
   for (const scene::ChannelData& actuator : simulation.actuators()) add(actuator, actuator_channel);
+  if (!registers_) return;
+  for (const std::string& name : registers_->expected_names()) {
+    channels_.push_back(register_channel(name));
+    ++register_count_;
+  }
+  missing_.assign(static_cast<std::size_t>(surface.cell_count()), std::numeric_limits<float>::quiet_NaN());
 }
 
 std::span<const view::Channel> ViewChannels::update(const simulation::Simulation& simulation) {
   if (channels_.empty()) init_channels(simulation);
+  const auto registers = registers_ ? registers_->values() : std::span<const scene::ChannelData>();
+  for (view::Channel& channel : std::span(channels_).last(register_count_)) {
+    const auto shown = std::ranges::find_if(registers, [&](const scene::ChannelData& data) {
+      return channel.name.substr(std::string_view(view::kRegisterPrefix).size()) == data.name;
+    });
+    channel.values = shown != registers.end() ? shown->values : std::span<const float>(missing_);
+  }
   channels_[0].values = simulation.snapshot().height;
   std::size_t next = 1;
   for (const auto& group : {simulation.sensors(), simulation.actuators()})

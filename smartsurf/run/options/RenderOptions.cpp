@@ -15,6 +15,9 @@ std::size_t index_of(const std::vector<std::string>& names, const std::string& n
   return static_cast<std::size_t>(std::find(names.begin(), names.end(), name) - names.begin());
 }
 
+const std::vector<std::string> kStages(view::kStageNames.begin(), view::kStageNames.end());
+const std::vector<std::string> kQualities = {"auto", "high", "medium", "low"};
+
 constexpr int kMinEdge = 16, kMaxEdge = 8192;  // pixels
 
 common::PixelSize parse_pixel_size(const std::string& text) {
@@ -47,6 +50,13 @@ void add_render_flags(CLI::App& app, RenderFlags& flags) {
   app.add_option("--palette", flags.palette, "Palette of --cells")
       ->check(CLI::IsMember(kPalettes))
       ->type_name("NAME");
+  app.add_option("--stage", flags.stage, "Ground, background and light: light or dark")
+      ->check(CLI::IsMember(kStages))
+      ->type_name("NAME");
+  app.add_option("--quality", flags.quality,
+                 "How much work a frame may be: low, medium, high, or auto: what suits the driver")
+      ->check(CLI::IsMember(kQualities))
+      ->type_name("NAME");
   app.add_option("--trails", flags.trails_s, "Draw trails of the last SECONDS")
       ->check(CLI::Range(0.0, 1e6))
       ->type_name("SECONDS");
@@ -65,6 +75,9 @@ RenderOptions parse_render_options(const RenderFlags& flags) {
   RenderOptions options;
   options.view.camera = parse_camera(flags.camera);
   if (flags.wireframe) options.view.fill_mode = view::FillMode::kWireframe;
+  options.view.stage = static_cast<view::Stage>(index_of(kStages, flags.stage));
+  if (flags.quality != kQualities[0])
+    options.view.detail = static_cast<view::Detail>(index_of(kQualities, flags.quality) - 1);
   view::OverlaySettings& overlay = options.view.overlay;
   overlay.channel = flags.cells;
   overlay.palette = view::kPalettes[index_of(kPalettes, flags.palette)];

@@ -1,5 +1,6 @@
-// How pictures, videos and the window show the scene: --camera, --wires, --cells, --palette, --trails, --plot
-// and --picture-size.
+// How pictures, videos and the window show the scene: --camera, --wires, --cells, --palette, --trails,
+// --plot,
+// --stage, --quality and --picture-size.
 #pragma once
 
 #include <memory>
@@ -25,7 +26,7 @@ struct RenderOptions {
 
 // The flags as given on the command line.
 struct RenderFlags {
-  std::string camera = "iso", cells, palette = "viridis", size;
+  std::string camera = "iso", cells, palette = "viridis", size, stage = "light", quality = "auto";
   bool wireframe = false;
   double trails_s = 0.0;
   std::vector<std::string> plots;

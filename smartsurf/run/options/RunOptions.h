@@ -4,12 +4,14 @@
 #include <cstddef>
 #include <cstdint>
 #include <filesystem>
+#include <memory>
 #include <optional>
 #include <string>
 #include <utility>
 #include <vector>
 
 #include "common/files/Inputs.h"
+#include "smartsurf/run/ShownRegisters.h"
 #include "smartsurf/run/options/RenderOptions.h"
 
 namespace smartsurf::run {
@@ -36,6 +38,7 @@ struct RunOptions {
   std::string shm;                                // segment name; "": chosen by the run
   std::string controller;                         // "": wait for one to attach
   std::vector<std::string> controller_overrides;  // NAME=VALUE, validated by apron
+  std::shared_ptr<ShownRegisters> registers;      // of the APRON program; null: it shows none
   bool no_controller = false;
   std::optional<std::uint64_t> seed;
   std::optional<std::string> engine;  // nullopt: the script's

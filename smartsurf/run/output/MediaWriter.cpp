@@ -70,6 +70,7 @@ common::Image MediaWriter::render(view::OffscreenView& view, const view::FrameIn
   if (!settings.overlay.channel.empty()) require_channel("--cells", settings.overlay.channel, frame.channels);
   view::DrawOptions options;
   options.fill_mode = settings.fill_mode;
+  options.stage = settings.stage;
   overlay_.apply(frame, nullptr, options);
   if (overlay_.colour_scale()) options.legend = &*overlay_.colour_scale();
   const view::Camera camera =
@@ -78,7 +79,9 @@ common::Image MediaWriter::render(view::OffscreenView& view, const view::FrameIn
 }
 
 void MediaWriter::write_screenshot(const view::FrameInput& frame, const std::string& file) {
-  if (!screenshot_view_) screenshot_view_ = std::make_unique<view::OffscreenView>(scene_);
+  if (!screenshot_view_)
+    screenshot_view_ = std::make_unique<view::OffscreenView>(
+        scene_, render_options_.view.detail.value_or(view::Detail::kStill));
   common::write_png(
       file, render(*screenshot_view_, frame, render_options_.pixel_size.value_or(kDefaultScreenshotSize)));
 }
@@ -87,7 +90,9 @@ void MediaWriter::write_screenshot(const view::FrameInput& frame, const std::str
 void MediaWriter::write_video_frames(const view::FrameInput& frame) {
   const double frames_due = frame.snapshot.time_s * kVideoFramesPerSecond + 1e-6;
   if (frames_due < static_cast<double>(video_frames_written_)) return;
-  if (!video_view_) video_view_ = std::make_unique<view::OffscreenView>(scene_, view::Detail::kVideo);
+  if (!video_view_)
+    video_view_ = std::make_unique<view::OffscreenView>(
+        scene_, render_options_.view.detail.value_or(view::Detail::kVideo));
   const common::Image image = render(*video_view_, frame, video_size(render_options_));
   // If a control period is longer than a video frame, the image is repeated.
   for (; frames_due >= static_cast<double>(video_frames_written_); ++video_frames_written_)

@@ -14,6 +14,7 @@ RecordedFrames::RecordedFrames(const record::Recording& recording) : recording_(
   channels_ = {height_channel(surface)};
   add_channels("sensors", "");
   add_channels("actuators", "command: ");
+  add_channels("registers", view::kRegisterPrefix);
   if (const auto time_s = recording.success_s())
     marks_.push_back({view::EventMark::Kind::kSuccess, *time_s, "success"});
   if (const auto tick = recording.first_interaction_tick()) {

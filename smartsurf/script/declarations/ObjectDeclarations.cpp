@@ -66,12 +66,13 @@ void read_common(const ScriptContext& context, lua_State* L, const TableReader& 
                [&](int i, const std::string& name) { object.inertia = check_inertia(L, i, name); });
   fields.read("friction", object.friction);
   fields.read("fixed", object.fixed);
-  fields.read("colour", object.colour);
   fields.read("pole", object.magnetic_pole);
   fields.read("moment", object.magnetic_moment);
   fields.visit("material", [&](int i, const std::string& name) {
     object.material = check_material(context, L, i, name);
   });
+  object.colour = scene::kLookColours.at(context.spec.materials.at(object.material).look);
+  fields.read("colour", object.colour);
   fields.visit("label", [&](int i, const std::string& name) {
     object.label = check_string(L, i, name);
     if (object.label.size() > kMaxLabelLength || to_single_line(object.label) != object.label)

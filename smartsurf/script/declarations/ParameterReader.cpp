@@ -7,14 +7,6 @@ namespace {
 
 using Type = scene::Parameter::Type;
 
-double check_choice(lua_State* L, int index, const std::string& name,
-                    const std::vector<std::string>& choices) {
-  const std::string chosen = lua_type(L, index) == LUA_TSTRING ? check_string(L, index, name) : "";
-  const auto it = std::ranges::find(choices, chosen);
-  if (it == choices.end()) throw_invalid_value(L, index, name, "one of " + join_names(choices));
-  return static_cast<double>(it - choices.begin());
-}
-
 std::vector<double> check_points(lua_State* L, int index, const std::string& name) {
   if (lua_type(L, index) != LUA_TTABLE) throw_invalid_value(L, index, name, "a list of points {x, y, z}");
   std::vector<double> coordinates;
@@ -46,7 +38,7 @@ std::vector<double> check_parameter_value(lua_State* L, int index, const std::st
       return {v.x(), v.y(), v.z()};
     }
     case Type::kChoice:
-      return {check_choice(L, index, name, p.choices)};
+      return {static_cast<double>(check_choice(L, index, name, p.choices))};
     case Type::kPointList:
       return check_points(L, index, name);
   }
@@ -69,6 +61,13 @@ std::vector<scene::Parameter> members_of(const std::string& group,
 }
 
 }  // namespace
+
+int check_choice(lua_State* L, int index, const std::string& name, const std::vector<std::string>& choices) {
+  const std::string chosen = lua_type(L, index) == LUA_TSTRING ? check_string(L, index, name) : "";
+  const auto it = std::ranges::find(choices, chosen);
+  if (it == choices.end()) throw_invalid_value(L, index, name, "one of " + join_names(choices));
+  return static_cast<int>(it - choices.begin());
+}
 
 std::vector<std::string> parameter_names(std::span<const scene::Parameter> parameters) {
   std::vector<std::string> names;

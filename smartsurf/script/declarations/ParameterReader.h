@@ -10,6 +10,9 @@
 
 namespace smartsurf::script {
 
+// The index of the string at `index` among `choices`. Throws ScriptError if it is none of them.
+int check_choice(lua_State* L, int index, const std::string& name, const std::vector<std::string>& choices);
+
 std::vector<std::string> parameter_names(std::span<const scene::Parameter>);
 
 // Sets the values whose fields are present. Throws ScriptError for a value of the wrong type. Does not check

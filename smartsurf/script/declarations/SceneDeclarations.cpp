@@ -7,6 +7,7 @@
 
 #include "smartsurf/scene/KindRegistry.h"
 #include "smartsurf/script/ScriptContext.h"
+#include "smartsurf/script/declarations/ParameterReader.h"
 #include "smartsurf/script/lua/SandboxFiles.h"
 #include "smartsurf/script/lua/TableReader.h"
 #include "smartsurf/script/lua/Userdata.h"
@@ -66,7 +67,7 @@ int world(ScriptContext& context, lua_State* L) {
 int material(ScriptContext& context, lua_State* L) {
   require_loading(context, "material");
   const TableReader fields(L, 1, "material",
-                           {"name", "friction", "rolling_friction", "restitution", "density"});
+                           {"name", "friction", "rolling_friction", "restitution", "density", "look"});
   fields.require("name");
   scene::Material m;
   fields.read("name", m.name);
@@ -74,6 +75,10 @@ int material(ScriptContext& context, lua_State* L) {
   fields.read("rolling_friction", m.rolling_friction);
   fields.read("restitution", m.restitution);
   fields.read("density", m.density);
+  fields.visit("look", [&](int i, const std::string& name) {
+    const std::vector<std::string> looks(scene::kLookNames.begin(), scene::kLookNames.end());
+    m.look = check_choice(L, i, name, looks);
+  });
   throw_if_invalid(validate(m));
   declare_once(context, L, "material '" + to_single_line(m.name.substr(0, 60)) + "'");
   auto& all = context.spec.materials;

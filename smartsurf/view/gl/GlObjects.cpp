@@ -31,6 +31,19 @@ class Shader {
   GLuint id_;
 };
 
+// Of the bound texture.
+void set_nearest_filter() {
+  glTexParameteri(GL_TEXTURE_2D, GL_TEXTURE_MIN_FILTER, GL_NEAREST);
+  glTexParameteri(GL_TEXTURE_2D, GL_TEXTURE_MAG_FILTER, GL_NEAREST);
+}
+
+// Of the bound framebuffer.
+void require_complete(int width, int height) {
+  if (glCheckFramebufferStatus(GL_FRAMEBUFFER) != GL_FRAMEBUFFER_COMPLETE)
+    throw std::runtime_error("OpenGL: the driver cannot render an image of " + std::to_string(width) + " × " +
+                             std::to_string(height) + " pixels");
+}
+
 }  // namespace
 
 ShaderProgram link_program(std::string_view name, const std::string& vertex, const std::string& fragment) {
@@ -49,11 +62,9 @@ ShaderProgram link_program(std::string_view name, const std::string& vertex, con
   }
   const GLuint block = glGetUniformBlockIndex(program.id(), "Frame");
   if (block != GL_INVALID_INDEX) glUniformBlockBinding(program.id(), block, 0);
-  const GLint shadow = glGetUniformLocation(program.id(), "shadow_map");
-  if (shadow >= 0) {
-    glUseProgram(program.id());
-    glUniform1i(shadow, 0);
-  }
+  glUseProgram(program.id());
+  for (const auto& [sampler, unit] : {std::pair{"shadow_map", 0}, std::pair{"shadow_depth", 3}})
+    if (const GLint at = glGetUniformLocation(program.id(), sampler); at >= 0) glUniform1i(at, unit);
   return program;
 }
 
@@ -61,19 +72,32 @@ void RenderTarget::resize(int new_width, int new_height) {
   if (new_width == width && new_height == height) return;
   framebuffer = make_framebuffer();
   colour = make_texture();
-  depth = make_renderbuffer();
+  depth = make_texture();
   glBindTexture(GL_TEXTURE_2D, colour.id());
   glTexImage2D(GL_TEXTURE_2D, 0, GL_RGBA8, new_width, new_height, 0, GL_RGBA, GL_UNSIGNED_BYTE, nullptr);
-  glTexParameteri(GL_TEXTURE_2D, GL_TEXTURE_MIN_FILTER, GL_NEAREST);
-  glTexParameteri(GL_TEXTURE_2D, GL_TEXTURE_MAG_FILTER, GL_NEAREST);
-  glBindRenderbuffer(GL_RENDERBUFFER, depth.id());
-  glRenderbufferStorage(GL_RENDERBUFFER, GL_DEPTH_COMPONENT24, new_width, new_height);
+  set_nearest_filter();
+  glBindTexture(GL_TEXTURE_2D, depth.id());
+  glTexImage2D(GL_TEXTURE_2D, 0, GL_DEPTH_COMPONENT24, new_width, new_height, 0, GL_DEPTH_COMPONENT,
+               GL_UNSIGNED_INT, nullptr);
+  set_nearest_filter();
   glBindFramebuffer(GL_FRAMEBUFFER, framebuffer.id());
   glFramebufferTexture2D(GL_FRAMEBUFFER, GL_COLOR_ATTACHMENT0, GL_TEXTURE_2D, colour.id(), 0);
-  glFramebufferRenderbuffer(GL_FRAMEBUFFER, GL_DEPTH_ATTACHMENT, GL_RENDERBUFFER, depth.id());
-  if (glCheckFramebufferStatus(GL_FRAMEBUFFER) != GL_FRAMEBUFFER_COMPLETE)
-    throw std::runtime_error("OpenGL: the driver cannot render an image of " + std::to_string(new_width) +
-                             " × " + std::to_string(new_height) + " pixels");
+  glFramebufferTexture2D(GL_FRAMEBUFFER, GL_DEPTH_ATTACHMENT, GL_TEXTURE_2D, depth.id(), 0);
+  require_complete(new_width, new_height);
+  width = new_width;
+  height = new_height;
+}
+
+void ColourTarget::resize(int new_width, int new_height) {
+  if (new_width == width && new_height == height) return;
+  framebuffer = make_framebuffer();
+  colour = make_texture();
+  glBindTexture(GL_TEXTURE_2D, colour.id());
+  glTexImage2D(GL_TEXTURE_2D, 0, GL_RG16F, new_width, new_height, 0, GL_RG, GL_FLOAT, nullptr);
+  set_nearest_filter();
+  glBindFramebuffer(GL_FRAMEBUFFER, framebuffer.id());
+  glFramebufferTexture2D(GL_FRAMEBUFFER, GL_COLOR_ATTACHMENT0, GL_TEXTURE_2D, colour.id(), 0);
+  require_complete(new_width, new_height);
   width = new_width;
   height = new_height;
 }

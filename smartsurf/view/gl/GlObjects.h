@@ -36,14 +36,14 @@ inline void free_buffer(GLuint id) { glDeleteBuffers(1, &id); }
 inline void free_vertex_array(GLuint id) { glDeleteVertexArrays(1, &id); }
 inline void free_texture(GLuint id) { glDeleteTextures(1, &id); }
 inline void free_framebuffer(GLuint id) { glDeleteFramebuffers(1, &id); }
-inline void free_renderbuffer(GLuint id) { glDeleteRenderbuffers(1, &id); }
+inline void free_sampler(GLuint id) { glDeleteSamplers(1, &id); }
 inline void free_program(GLuint id) { glDeleteProgram(id); }
 
 using Buffer = GlHandle<free_buffer>;
 using VertexArray = GlHandle<free_vertex_array>;
 using Texture = GlHandle<free_texture>;
 using Framebuffer = GlHandle<free_framebuffer>;
-using Renderbuffer = GlHandle<free_renderbuffer>;
+using Sampler = GlHandle<free_sampler>;
 using ShaderProgram = GlHandle<free_program>;
 
 template <class Handle, class Make>
@@ -56,7 +56,13 @@ inline Buffer make_buffer() { return make<Buffer>(glGenBuffers); }
 inline VertexArray make_vertex_array() { return make<VertexArray>(glGenVertexArrays); }
 inline Texture make_texture() { return make<Texture>(glGenTextures); }
 inline Framebuffer make_framebuffer() { return make<Framebuffer>(glGenFramebuffers); }
-inline Renderbuffer make_renderbuffer() { return make<Renderbuffer>(glGenRenderbuffers); }
+inline Sampler make_sampler() { return make<Sampler>(glGenSamplers); }
+
+// Blending by the source's alpha. The target's alpha keeps the share of its colour that is subject to ambient
+// occlusion.
+inline void blend_over() {
+  glBlendFuncSeparate(GL_SRC_ALPHA, GL_ONE_MINUS_SRC_ALPHA, GL_ZERO, GL_ONE_MINUS_SRC_ALPHA);
+}
 
 // Declares an attribute of `size` components of the bound buffer, which holds one Instance for each instance
 // drawn. Bytes are scaled to [0, 1].
@@ -69,19 +75,27 @@ void set_instance_attribute(GLuint location, GLint size, GLenum type, std::size_
 }
 
 // Compiles and links a program. The uniform block `Frame` is bound to binding point 0 and the sampler
-// `shadow_map` to texture unit 0, if the program uses them. A failure is a bug here or in the driver: throws
-// std::runtime_error with `name` and the driver's log.
+// `shadow_map` to texture unit 0, `shadow_depth` to unit 3, if the program uses them. A failure is a bug here
+// or in the driver: throws std::runtime_error with `name` and the driver's log.
 ShaderProgram link_program(std::string_view name, const std::string& vertex, const std::string& fragment);
 
 // An off-screen framebuffer: single-sampled, RGBA8 colour and 24-bit depth.
 struct RenderTarget {
   Framebuffer framebuffer;
-  Texture colour;
-  Renderbuffer depth;
+  Texture colour, depth;
   int width = 0, height = 0;
 
   // Reallocates the buffers if the size changes. Throws std::runtime_error if the driver refuses the size.
   void resize(int new_width, int new_height);
+};
+
+// An off-screen framebuffer of two 16-bit floats per pixel.
+struct ColourTarget {
+  Framebuffer framebuffer;
+  Texture colour;
+  int width = 0, height = 0;
+
+  void resize(int new_width, int new_height);  // as RenderTarget
 };
 
 // Reads the framebuffer's colours, row 0 at the top. Its context must be current.

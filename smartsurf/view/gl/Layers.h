@@ -55,6 +55,7 @@ struct ObjectInstance {
   std::array<float, 3> half_extent;  // sphere: the radius three times; cylinder: radius, radius, half height
   std::array<float, 4> orientation;  // x y z w
   std::array<float, 4> colour;       // linear light; [3]: z of the pins around the object, u
+  std::array<float, 4> finish;       // as lit_material() in ShaderChunks.cpp takes it
 };
 
 // The objects, one draw call per shape and one per solid. Call order within a frame: clear_instances(),

@@ -23,7 +23,7 @@ void LineLayer::upload(std::span<const Line> lines) {
 void LineLayer::draw(float width, int viewport_width, int viewport_height) const {
   if (line_count_ == 0) return;
   glEnable(GL_BLEND);
-  glBlendFunc(GL_SRC_ALPHA, GL_ONE_MINUS_SRC_ALPHA);
+  blend_over();
   glUseProgram(program_.id());
   const auto draw_pass = [&](float pass_width, float is_halo, float opacity) {
     glUniform3f(glGetUniformLocation(program_.id(), "picture"), static_cast<float>(viewport_width),

@@ -30,6 +30,7 @@ void bind_instance_attributes(GLuint buffer, GLsizei first = 0) {
   set_instance_attribute<ObjectInstance>(2, 3, GL_FLOAT, start + offsetof(ObjectInstance, half_extent));
   set_instance_attribute<ObjectInstance>(3, 4, GL_FLOAT, start + offsetof(ObjectInstance, orientation));
   set_instance_attribute<ObjectInstance>(4, 4, GL_FLOAT, start + offsetof(ObjectInstance, colour));
+  set_instance_attribute<ObjectInstance>(6, 4, GL_FLOAT, start + offsetof(ObjectInstance, finish));
 }
 
 // The octagon around the unit circle, x, y per corner. Fewer fragments are discarded than with a square.

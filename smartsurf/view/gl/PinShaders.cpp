@@ -21,9 +21,11 @@ out float beyond;       // along a side of the outermost ring, 1 at the pin's ed
 out vec4 shade;         // screen colour before the darkening towards the foot; w: z
 #else
 out vec3 world;
-flat out vec3 normal;
+out vec2 place_on_top;  // from the pin's axis, in the pin's frame
+flat out vec3 facing;   // the face's normal, in the pin's frame
+flat out vec3 rotation; // of the pin: cosine and sine; z of its top
 flat out vec3 albedo;
-out float sky;
+out float open_sky;
 #endif
 vec4 bytes(uint b) { return vec4(b & 255u, (b >> 8) & 255u, (b >> 16) & 255u, b >> 24) / 255.0; }
 void main() {
@@ -41,7 +43,7 @@ void main() {
   vec2 towards = (eye.w > 0.5 ? eye.xy - place : -ray.xy) * turn;
   vec2 s = vec2(towards.x < 0.0 ? -1.0 : 1.0, towards.y < 0.0 ? -1.0 : 1.0);
   vec2 at = corner.xy * s;
-  vec3 n = corner.w < 0.5 ? vec3(0, 0, 1) : vec3(turn * (corner.w < 1.5 ? vec2(s.x, 0) : vec2(0, s.y)), 0);
+  vec3 own = corner.w < 0.5 ? vec3(0, 0, 1) : corner.w < 1.5 ? vec3(s.x, 0, 0) : vec3(0, s.y, 0);
   float beside = corner.w < 1.5 ? (s.x < 0.0 ? neighbour.x : neighbour.y)
                                 : (s.y < 0.0 ? neighbour.z : neighbour.w);
   float foot = colour.a > 0.5 ? base : max(base, min(beside, height) - sunk);
@@ -79,12 +81,14 @@ void main() {
   levels = vec2(height - pin.z, corner.w < 0.5 ? -1e30 : beside);
   float open = at.y < 0.0 ? (at.x < 0.0 ? corner_sky.x : corner_sky.y) : (at.x < 0.0 ? corner_sky.z : corner_sky.w);
 #ifdef FAST
-  shade = vec4(lit(colour.rgb, n, p, open), p.z);
+  shade = vec4(lit(colour.rgb, vec3(turn * own.xy, own.z), p, open), p.z);
 #else
   world = p;
-  normal = n;
+  place_on_top = at * half_top;
+  facing = own;
+  rotation = vec3(placed.zw, height);
   albedo = colour.rgb;
-  sky = open;
+  open_sky = open;
 #endif
   gl_Position = clip_from_world * vec4(p, 1.0);
 }
@@ -99,23 +103,34 @@ float gap_sky(float below) {
 
 constexpr const char* kPinFragment = R"(
 in vec3 world;
-flat in vec3 normal;
+in vec2 place_on_top;
+flat in vec3 facing;
+flat in vec3 rotation;
 flat in vec3 albedo;
 flat in vec2 levels;
-in float sky;
+in float open_sky;
 in float beyond;
 uniform vec4 pin;
 uniform float base;
 out vec4 pixel;
+// The edges of a pin are rounded: towards an edge, the normal turns to halfway between the two faces.
+vec3 bevelled() {
+  float width = 0.2 * min(pin.x, pin.y);
+  vec3 inside = vec3(pin.xy - abs(place_on_top), rotation.z - world.z);
+  vec3 tilt = clamp(1.0 - inside / width, 0.0, 1.0);
+  tilt *= tilt * vec3(sign(place_on_top), 1.0);
+  vec3 n = normalize(mix(tilt, facing, abs(facing)));
+  return vec3(mat2(rotation.x, rotation.y, -rotation.y, rotation.x) * n.xy, n.z);
+}
 void main() {
-  float open = sky;
+  float open = open_sky;
   vec3 c = albedo;
   if (abs(beyond) > 1.0) c *= 0.15;
-  if (normal.z < 0.5) {
+  if (facing.z < 0.5) {
     open *= gap_sky((levels.y - world.z) / pin.w);
     if (world.z < levels.x) c *= 0.55;   // the shaft below the pin
   }
-  pixel = vec4(lit(c, normal, world, open), 1.0);
+  pixel = vec4(lit_material(c, bevelled(), world, open, vec4(0.5, 0.0, 0.04, 0.0)), 1.0);
 }
 )";
 

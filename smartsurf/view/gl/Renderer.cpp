@@ -18,9 +18,45 @@ namespace {
 // Mirrors the uniform block "Frame" in ShaderChunks.cpp (std140).
 struct FrameUniforms {
   Eigen::Matrix4f clip_from_world, shadow_from_world;
-  std::array<float, 4> eye, ray, light, fog, table;
+  std::array<float, 4> eye, ray, light, fog, table, sun, sky, bounce, floor_paint, horizon, zenith;
 };
-static_assert(sizeof(FrameUniforms) == 2 * 64 + 5 * 16);
+static_assert(sizeof(FrameUniforms) == 2 * 64 + 11 * 16);
+
+// Light and background, as FrameUniforms has them. Lights are linear, backgrounds screen colours.
+struct StageLight {
+  std::array<float, 3> sun, sky, bounce;
+  float lamps;  // brightness of the lamps that glossy surfaces mirror
+  std::array<float, 3> floor_paint;
+  float grid;  // 1: darker lines, −1: brighter ones
+  std::array<float, 3> horizon, zenith;
+};
+constexpr StageLight kStages[] = {
+    {{0.94f, 0.88f, 0.78f},
+     {0.40f, 0.43f, 0.51f},
+     {0.24f, 0.225f, 0.21f},
+     4.0f,
+     {0.56f, 0.57f, 0.585f},
+     1.0f,
+     {0.80f, 0.81f, 0.825f},
+     {0.93f, 0.94f, 0.95f}},
+    {{1.04f, 0.96f, 0.84f},
+     {0.21f, 0.235f, 0.29f},
+     {0.07f, 0.07f, 0.08f},
+     4.0f,
+     {0.045f, 0.048f, 0.055f},
+     -4.0f,
+     {0.15f, 0.16f, 0.18f},
+     {0.06f, 0.065f, 0.075f}},
+};
+
+// Roughness, share of metal, reflectance head-on and pattern (1 grain, 2 see-through), by scene::kLookNames.
+constexpr std::array<float, 4> kFinishes[] = {
+    {0.32f, 0.0f, 0.045f, 0.0f}, {0.24f, 1.0f, 0.0f, 0.0f},  {0.85f, 0.0f, 0.025f, 0.0f},
+    {0.14f, 0.0f, 0.06f, 0.0f},  {0.48f, 0.0f, 0.04f, 1.0f}, {0.10f, 0.0f, 0.05f, 2.0f},
+};
+static_assert(std::size(kFinishes) == scene::kLookNames.size());
+constexpr double kOcclusionReach = 2.5;       // radius, pitches
+constexpr float kMostOcclusionReach = 0.12f;  // radius, share of the picture's height
 
 // If a cell at the camera's target is narrower than this, its gaps may be painted (draw_closed_gaps).
 constexpr double kDistantCell_px = 24.0;
@@ -44,8 +80,11 @@ std::array<float, 4> to_float4(const Eigen::Vector3d& v, double w) {
 
 ObjectInstance axis_aligned_box(const Eigen::Vector3d& low, const Eigen::Vector3d& high, const Rgb& srgb) {
   const Rgb c = linear_light(srgb);
-  return {
-      to_float3((low + high) / 2.0), to_float3((high - low) / 2.0), {0, 0, 0, 1}, {c[0], c[1], c[2], -1e9f}};
+  return {to_float3((low + high) / 2.0),
+          to_float3((high - low) / 2.0),
+          {0, 0, 0, 1},
+          {c[0], c[1], c[2], -1e9f},
+          kFinishes[0]};
 }
 
 }  // namespace
@@ -62,8 +101,13 @@ struct Renderer::State {
         objects(colour_pass),
         ground(s.surface, colour_pass),
         uniform_buffer(make_buffer()) {
-    const auto source = downsample_shaders();
-    downsample = link_program("average", source.vertex, source.fragment);
+    if (quality.supersample < 2) return;
+    const auto source = resolve_shaders();
+    resolve = link_program("average", source.vertex, source.fragment);
+    if (quality.occlusion) {
+      const auto obscurance = occlusion_shaders();
+      occlusion = link_program("occlusion", obscurance.vertex, obscurance.fragment);
+    }
     empty_vertex_array = make_vertex_array();
   }
 
@@ -74,11 +118,14 @@ struct Renderer::State {
                                const scene::ObjectSpec& object);
   void upload_uniforms(const FrameUniforms& uniforms);
   FrameUniforms shadow_uniforms() const;
-  FrameUniforms camera_uniforms(const Camera& camera, int width, int height) const;
+  FrameUniforms camera_uniforms(const Camera& camera, const DrawOptions& options, int width,
+                                int height) const;
   void draw_shadow_pass(const DrawOptions& options);
   void draw_colour_pass(const Camera& camera, const DrawOptions& options, int width, int height);
   void draw_pins(RenderPass pass, const PinLayer::EyePosition& eye);
   void draw_translucent();
+  void draw_occlusion(const Camera& camera, int width, int height);
+  void resolve_samples(int width, int height) const;
 
   scene::SceneSpec spec;
   RenderQuality quality;
@@ -91,9 +138,10 @@ struct Renderer::State {
   GroundLayer ground;
   LineLayer lines;
   Buffer uniform_buffer;
-  ShaderProgram downsample;
+  ShaderProgram occlusion, resolve;
   VertexArray empty_vertex_array;
   RenderTarget supersample_target;
+  ColourTarget occlusion_target;
   StageCallback stage_callback;
   bool shadow_update_due() const { return frames_drawn % quality.frames_per_shadow_update == 0; }
   void report_stage(std::string_view stage) const {
@@ -129,7 +177,9 @@ ObjectInstance Renderer::State::make_instance(const scene::Snapshot& snapshot, s
   const auto& p = snapshot.position[i];
   const float surrounding_height =
       shading.mean_height_around(snapshot, p[0], p[1], 1.25f * std::max(half[0], half[1]));
-  return {p, half, snapshot.orientation[i], {c[0], c[1], c[2], surrounding_height}};
+  const auto material = static_cast<std::size_t>(object.material);
+  const int look = material < spec.materials.size() ? spec.materials[material].look : 0;
+  return {p, half, snapshot.orientation[i], {c[0], c[1], c[2], surrounding_height}, kFinishes[look]};
 }
 
 void Renderer::State::upload(const scene::Snapshot& snapshot, const std::vector<scene::ObjectSpec>& catalogue,
@@ -178,7 +228,8 @@ FrameUniforms Renderer::State::shadow_uniforms() const {
   return u;
 }
 
-FrameUniforms Renderer::State::camera_uniforms(const Camera& camera, int width, int height) const {
+FrameUniforms Renderer::State::camera_uniforms(const Camera& camera, const DrawOptions& options, int width,
+                                               int height) const {
   FrameUniforms u{};
   const double aspect = static_cast<double>(width) / height;
   u.clip_from_world = (camera.projection_matrix(aspect) * camera.view_matrix()).cast<float>();
@@ -193,6 +244,16 @@ FrameUniforms Renderer::State::camera_uniforms(const Camera& camera, int width, 
            static_cast<float>(height)};
   u.table = {static_cast<float>(box.min().x()), static_cast<float>(box.min().y()),
              static_cast<float>(box.max().x()), static_cast<float>(box.max().y())};
+  const StageLight& stage = kStages[static_cast<int>(options.stage)];
+  const auto with = [](const std::array<float, 3>& v, double w) {
+    return std::array<float, 4>{v[0], v[1], v[2], static_cast<float>(w)};
+  };
+  u.sun = with(stage.sun, shadow.penumbra_spread());
+  u.sky = with(stage.sky, stage.lamps);
+  u.bounce = with(stage.bounce, 0.0);
+  u.floor_paint = with(stage.floor_paint, stage.grid);
+  u.horizon = with(stage.horizon, 0.0);
+  u.zenith = with(stage.zenith, quality.supersample);
   return u;
 }
 
@@ -219,6 +280,7 @@ void Renderer::State::draw_colour_pass(const Camera& camera, const DrawOptions& 
                                        int height) {
   glViewport(0, 0, width, height);
   glClear(GL_DEPTH_BUFFER_BIT);
+  if (colour_pass == RenderPass::kColourFine) shadow.bind_depths(3);
   shadow.bind(0);
   draw_pins(colour_pass, {camera.eye().head<2>().cast<float>(), false});
   actuators.draw(colour_pass, false);
@@ -235,7 +297,7 @@ void Renderer::State::draw_colour_pass(const Camera& camera, const DrawOptions& 
   glDepthFunc(GL_LESS);
   if (options.fill_mode == FillMode::kWireframe) {
     glEnable(GL_BLEND);
-    glBlendFunc(GL_SRC_ALPHA, GL_ONE_MINUS_SRC_ALPHA);
+    blend_over();
     objects.draw_wireframes(1.3f * static_cast<float>(quality.supersample),
                             static_cast<int>(static_box_count));
     glDisable(GL_BLEND);
@@ -248,11 +310,52 @@ void Renderer::State::draw_colour_pass(const Camera& camera, const DrawOptions& 
 // No depth writes: translucent parts do not hide each other.
 void Renderer::State::draw_translucent() {
   glEnable(GL_BLEND);
-  glBlendFunc(GL_SRC_ALPHA, GL_ONE_MINUS_SRC_ALPHA);
+  blend_over();
   glDepthMask(GL_FALSE);
   actuators.draw(colour_pass, true);
   glDepthMask(GL_TRUE);
   glDisable(GL_BLEND);
+}
+
+void Renderer::State::draw_occlusion(const Camera& camera, int width, int height) {
+  occlusion_target.resize(width, height);
+  const Eigen::Matrix4d projection = camera.projection_matrix(static_cast<double>(width) / height);
+  const double reach = kOcclusionReach * spec.surface.pitch;
+  glBindFramebuffer(GL_FRAMEBUFFER, occlusion_target.framebuffer.id());
+  glViewport(0, 0, width, height);
+  glDisable(GL_DEPTH_TEST);
+  glActiveTexture(GL_TEXTURE1);
+  glBindTexture(GL_TEXTURE_2D, supersample_target.depth.id());
+  const GLuint program = occlusion.id();
+  glUseProgram(program);
+  glUniform1i(glGetUniformLocation(program, "depths"), 1);
+  glUniform4f(glGetUniformLocation(program, "lens"), static_cast<float>(1.0 / projection(0, 0)),
+              static_cast<float>(1.0 / projection(1, 1)), static_cast<float>(projection(2, 2)),
+              static_cast<float>(projection(2, 3)));
+  glUniform4f(glGetUniformLocation(program, "reach"), static_cast<float>(reach),
+              static_cast<float>(reach * projection(1, 1) * height / 2.0),
+              kMostOcclusionReach * static_cast<float>(height), static_cast<float>(quality.supersample));
+  glBindVertexArray(empty_vertex_array.id());
+  glDrawArrays(GL_TRIANGLES, 0, 3);
+}
+
+// Into the bound framebuffer.
+void Renderer::State::resolve_samples(int width, int height) const {
+  glViewport(0, 0, width, height);
+  glDisable(GL_DEPTH_TEST);
+  glActiveTexture(GL_TEXTURE2);
+  glBindTexture(GL_TEXTURE_2D, occlusion_target.colour.id());
+  glActiveTexture(GL_TEXTURE1);
+  glBindTexture(GL_TEXTURE_2D, supersample_target.colour.id());
+  const GLuint program = resolve.id();
+  glUseProgram(program);
+  glUniform1i(glGetUniformLocation(program, "picture"), 1);
+  glUniform1i(glGetUniformLocation(program, "occlusion"), 2);
+  glUniform1i(glGetUniformLocation(program, "block"), quality.supersample);
+  glUniform1f(glGetUniformLocation(program, "occluded"), quality.occlusion ? 1.0f : 0.0f);
+  glBindVertexArray(empty_vertex_array.id());
+  glDrawArrays(GL_TRIANGLES, 0, 3);
+  glActiveTexture(GL_TEXTURE0);
 }
 
 Renderer::Renderer(const scene::SceneSpec& spec, const RenderQuality& quality) {
@@ -288,20 +391,13 @@ void Renderer::draw(const scene::Snapshot& snapshot, const std::vector<scene::Ob
   ++s.frames_drawn;
   if (supersample > 1) s.supersample_target.resize(width * supersample, height * supersample);
   glBindFramebuffer(GL_FRAMEBUFFER, supersample > 1 ? s.supersample_target.framebuffer.id() : framebuffer);
-  s.upload_uniforms(s.camera_uniforms(camera, width * supersample, height * supersample));
+  s.upload_uniforms(s.camera_uniforms(camera, options, width * supersample, height * supersample));
   s.draw_colour_pass(camera, options, width * supersample, height * supersample);
   if (supersample > 1) {
+    if (s.quality.occlusion) s.draw_occlusion(camera, width, height);
+    s.report_stage("occlusion");
     glBindFramebuffer(GL_FRAMEBUFFER, framebuffer);
-    glViewport(0, 0, width, height);
-    glDisable(GL_DEPTH_TEST);
-    glActiveTexture(GL_TEXTURE1);
-    glBindTexture(GL_TEXTURE_2D, s.supersample_target.colour.id());
-    glUseProgram(s.downsample.id());
-    glUniform1i(glGetUniformLocation(s.downsample.id(), "picture"), 1);
-    glUniform1i(glGetUniformLocation(s.downsample.id(), "block"), supersample);
-    glBindVertexArray(s.empty_vertex_array.id());
-    glDrawArrays(GL_TRIANGLES, 0, 3);
-    glActiveTexture(GL_TEXTURE0);
+    s.resolve_samples(width, height);
     s.report_stage("average");
   }
   glBindVertexArray(0);

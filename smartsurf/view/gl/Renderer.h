@@ -23,16 +23,18 @@ struct RenderQuality {
   int shadow_map_size = 2048;
   RenderPass colour_pass = RenderPass::kColour;
   int frames_per_shadow_update = 1;  // the shadow map is redrawn every n-th frame
+  // Ambient occlusion between all that is drawn, not only above pins. Needs supersample > 1.
+  bool occlusion = false;
 
   // A window on a software renderer.
   static RenderQuality fast() { return {1, 1024, RenderPass::kColourFast, 2}; }
   // Many small images on a software renderer, each a function of its snapshot alone.
   static RenderQuality preview() { return {1, 1024, RenderPass::kColourFast}; }
   // A window on a GPU.
-  static RenderQuality gpu() { return {2, 4096, RenderPass::kColourFine}; }
-  static RenderQuality video() { return {2, 2048, RenderPass::kColour}; }
+  static RenderQuality gpu() { return {2, 4096, RenderPass::kColourFine, 1, true}; }
+  static RenderQuality video() { return {2, 2048, RenderPass::kColour, 1, true}; }
   // Still images.
-  static RenderQuality fine() { return {3, 4096, RenderPass::kColourFine}; }
+  static RenderQuality fine() { return {3, 4096, RenderPass::kColourFine, 1, true}; }
 };
 
 class Renderer {

@@ -11,7 +11,7 @@ namespace smartsurf::view {
 // FAST: minimal work per fragment.
 std::string shader_preamble(RenderPass pass);
 
-// lit(), lit_glossy() and their helpers: linear light in, screen colours out.
+// lit(), lit_material() and their helpers: linear light in, screen colours out.
 extern const char* const kLighting;
 
 // The instance attributes of an object, rotate() and placed().

@@ -12,6 +12,8 @@ out vec3 world;
 out vec3 normal;
 flat out vec4 paint;
 flat out float size;
+flat out vec4 look;
+out vec3 own;           // position in the object's frame
 void main() {
   world = centre + rotate(orientation, placed(corner));
 #ifdef CAPSULE
@@ -20,6 +22,8 @@ void main() {
   normal = rotate(orientation, normalize(corner_normal / half_extent));
 #endif
   paint = colour;
+  look = finish;
+  own = placed(corner);
   size = min(half_extent.x, min(half_extent.y, half_extent.z));
   gl_Position = clip_from_world * vec4(world, 1.0);
 }
@@ -30,9 +34,19 @@ in vec3 world;
 in vec3 normal;
 flat in vec4 paint;
 flat in float size;
+flat in vec4 look;
+in vec3 own;
 out vec4 pixel;
 void main() {
-  pixel = vec4(lit_glossy(paint.rgb, normalize(normal), world, pocket_sky(world, paint.w, 2.0 * size), 0.12), 1.0);
+  vec3 n = normalize(normal), c = paint.rgb;
+  float open = pocket_sky(world, paint.w, 2.0 * size);
+#ifdef FAST
+  pixel = vec4(lit(c, n, world, open), 1.0);
+#else
+  if (see_through(look, abs(dot(n, normalize(eye.xyz - world))))) discard;
+  if (look.w > 0.5 && look.w < 1.5) c = grain(c, own.yzx, 1.2 * size);
+  pixel = vec4(lit_material(c, n, world, open, look), 1.0);
+#endif
 }
 )";
 
@@ -66,18 +80,31 @@ layout(location = 5) in vec3 z;
 layout(location = 6) in vec3 centre;
 layout(location = 7) in vec4 paint;
 layout(location = 8) in vec4 mark;
+out vec4 colour;
+#ifndef FAST
 out vec3 world;
 out vec3 normal;
-out vec4 colour;
+#endif
 void main() {
-  world = centre + x * corner.x + y * corner.y + z * corner.z;
-  normal = cross(y, z) * corner_normal.x + cross(z, x) * corner_normal.y + cross(x, y) * corner_normal.z;
+  vec3 p = centre + x * corner.x + y * corner.y + z * corner.z;
+  vec3 n = cross(y, z) * corner_normal.x + cross(z, x) * corner_normal.y + cross(x, y) * corner_normal.z;
   colour = mix(paint, mark, weight);
-  gl_Position = clip_from_world * vec4(world, 1.0);
+#ifdef FAST
+  colour.rgb = colour.a < 0.99 ? to_screen(colour.rgb) : lit(colour.rgb, normalize(n), p, 0.95);
+#else
+  world = p;
+  normal = n;
+#endif
+  gl_Position = clip_from_world * vec4(p, 1.0);
 }
 )";
 
 constexpr const char* kTwoColourFragment = R"(
+#ifdef FAST
+in vec4 colour;
+out vec4 pixel;
+void main() { pixel = colour; }
+#else
 in vec3 world;
 in vec3 normal;
 in vec4 colour;
@@ -86,8 +113,9 @@ void main() {
   if (colour.a < 0.99)
     pixel = vec4(to_screen(colour.rgb), colour.a);
   else
-    pixel = vec4(lit_glossy(colour.rgb, normalize(normal), world, 0.95, 0.08), 1.0);
+    pixel = vec4(lit_material(colour.rgb, normalize(normal), world, 0.95, vec4(0.45, 0.0, 0.04, 0.0)), 1.0);
 }
+#endif
 )";
 
 constexpr const char* kGroundVertex = R"(
@@ -104,14 +132,14 @@ void main() {
   vec2 far = 0.5 * (table.xy + table.zw) + reach * sign(corner);
   world = vec3(abs(corner.x) > 1.5 ? far : near, base);
 #ifdef UNSHADED
-  plain = lit(kGround, vec3(0, 0, 1), world, 1.0);
+  plain = lit(floor_paint.rgb, vec3(0, 0, 1), world, 1.0);
 #endif
   gl_Position = clip_from_world * vec4(world, 1.0);
 }
 )";
 
 constexpr const char* kBackdropFunction = R"(
-vec3 backdrop(float y) { return mix(vec3(0.86, 0.88, 0.905), vec3(0.965, 0.972, 0.98), clamp(y, 0.0, 1.0)); }
+vec3 backdrop(float y) { return mix(horizon.rgb, zenith.rgb, clamp(y, 0.0, 1.0)); }
 )";
 
 constexpr const char* kGroundFragment = R"(
@@ -127,12 +155,13 @@ void main() {
 #else
   vec2 out_of_table = max(max(table.xy - world.xy, world.xy - table.zw), 0.0);
   float sky = 0.62 + 0.38 * smoothstep(0.0, 6.0, length(out_of_table));
-  vec3 c = lit(kGround, vec3(0, 0, 1), world, sky);
+  vec3 c = lit(floor_paint.rgb, vec3(0, 0, 1), world, sky);
 #endif
   if (spacing > 0.0) {
     vec2 at = world.xy / spacing, pixel_wide = fwidth(at);
     vec2 line = smoothstep(0.0, 1.0, 1.0 - abs(fract(at - 0.5) - 0.5) / max(pixel_wide, 1e-6));
-    c *= 1.0 - 0.14 * max(line.x, line.y) * (1.0 - smoothstep(0.08, 0.35, max(pixel_wide.x, pixel_wide.y)));
+    c *= 1.0 - floor_paint.w * 0.1 * max(line.x, line.y) *
+                   (1.0 - smoothstep(0.08, 0.35, max(pixel_wide.x, pixel_wide.y)));
   }
 #ifdef FAST
   float away = 1.0 / gl_FragCoord.w;   // view-space depth
@@ -140,8 +169,12 @@ void main() {
   float away = length(world - eye.xyz);
 #endif
   float far = smoothstep(fog.x, fog.y, away);
-  pixel = vec4(mix(c, backdrop(gl_FragCoord.y / fog.w), far), 1.0);
+  pixel = vec4(mix(c, backdrop(gl_FragCoord.y / fog.w), far), 1.0 - far);
 }
+)";
+
+constexpr const char* kFullScreenVertex = R"(#version 330 core
+void main() { gl_Position = vec4(gl_VertexID == 1 ? 3.0 : -1.0, gl_VertexID == 2 ? 3.0 : -1.0, 0.0, 1.0); }
 )";
 
 std::string shape_define(bool capsule) { return capsule ? "#define CAPSULE\n" : ""; }
@@ -162,10 +195,15 @@ ShaderSources wireframe_shaders(bool capsule) {
 }
 
 ShaderSources two_colour_mesh_shaders(RenderPass pass) {
-  return {
-      shader_preamble(pass) + kTwoColourVertex,
-      shader_preamble(pass) + (pass == RenderPass::kShadow ? std::string(kEmptyFragment)
-                                                           : std::string(kLighting) + kTwoColourFragment)};
+  const std::string head = shader_preamble(pass);
+  switch (pass) {
+    case RenderPass::kShadow:
+      return {head + kTwoColourVertex, head + kEmptyFragment};
+    case RenderPass::kColourFast:
+      return {head + kLighting + kTwoColourVertex, head + kTwoColourFragment};
+    default:
+      return {head + kTwoColourVertex, head + kLighting + kTwoColourFragment};
+  }
 }
 
 ShaderSources line_shaders() {
@@ -197,8 +235,7 @@ void main() {
 }
 
 ShaderSources ground_shaders(RenderPass pass, bool shadowed) {
-  const std::string head = shader_preamble(pass) + (shadowed ? "" : "#define UNSHADED\n") +
-                           "const vec3 kGround = vec3(0.66, 0.675, 0.70);\n";
+  const std::string head = shader_preamble(pass) + (shadowed ? "" : "#define UNSHADED\n");
   return {head + (shadowed ? "" : kLighting) + kGroundVertex,
           head + kLighting + kBackdropFunction + kGroundFragment};
 }
@@ -209,24 +246,85 @@ void main() { gl_Position = vec4(gl_VertexID == 1 ? 3.0 : -1.0, gl_VertexID == 2
 )",
           shader_preamble(RenderPass::kColour) + kBackdropFunction + R"(
 out vec4 pixel;
-void main() { pixel = vec4(backdrop(gl_FragCoord.y / fog.w), 1.0); }
+void main() { pixel = vec4(backdrop(gl_FragCoord.y / fog.w), 0.0); }
 )"};
 }
 
-ShaderSources downsample_shaders() {
-  return {R"(#version 330 core
-void main() { gl_Position = vec4(gl_VertexID == 1 ? 3.0 : -1.0, gl_VertexID == 2 ? 3.0 : -1.0, 0.0, 1.0); }
-)",
-          R"(#version 330 core
-uniform sampler2D picture;
-uniform int block;
+ShaderSources occlusion_shaders() {
+  return {kFullScreenVertex, R"(#version 330 core
+uniform sampler2D depths;   // of the samples
+uniform vec4 lens;          // x, y: half the picture's edges at distance 1; z, w: entries of the projection
+uniform vec4 reach;         // radius, u, and in pixels at distance 1; pixels at most; samples along a pixel's edge
 out vec4 pixel;
+// Beside the picture nothing is near.
+float distance_at(ivec2 at) {
+  ivec2 size = textureSize(depths, 0), centre = at * int(reach.w) + int(reach.w) / 2;
+  if (any(lessThan(centre, ivec2(0))) || any(greaterThanEqual(centre, size))) return 1e6;
+  return lens.w / (2.0 * texelFetch(depths, centre, 0).r - 1.0 + lens.z);
+}
+vec3 position(ivec2 at) {
+  float away = distance_at(at);
+  vec2 size = vec2(textureSize(depths, 0)) / reach.w;
+  return vec3(((vec2(at) + 0.5) / size * 2.0 - 1.0) * lens.xy, -1.0) * away;
+}
+// The difference to the nearer of two neighbours lies in the surface at the pixel, also at its edge.
+vec3 slope(vec3 p, vec3 before, vec3 after) {
+  return abs(before.z - p.z) < abs(after.z - p.z) ? p - before : after - p;
+}
+// Scalable ambient obscurance (McGuire et al., 2012): points of a spiral around the pixel that lie above its
+// tangent plane, weighted by their distance.
 void main() {
+  const int kSamples = 14;
+  ivec2 at = ivec2(gl_FragCoord.xy);
+  vec3 p = position(at);
+  vec3 x = slope(p, position(at - ivec2(1, 0)), position(at + ivec2(1, 0)));
+  vec3 y = slope(p, position(at - ivec2(0, 1)), position(at + ivec2(0, 1)));
+  vec3 n = normalize(cross(x, y));
+  float disc = min(reach.y / -p.z, reach.z), radius2 = reach.x * reach.x;
+  ivec2 cell = at & 3;
+  float turn = 0.3927 * float((cell.x * 5 + cell.y * 10 + (cell.x >> 1)) & 15);
+  float sum = 0.0;
+  for (int i = 0; i < kSamples; ++i) {
+    float share = (float(i) + 0.5) / float(kSamples), angle = turn + 2.39996 * float(i);
+    vec3 v = position(at + ivec2(round(share * disc * vec2(cos(angle), sin(angle))))) - p;
+    float d2 = dot(v, v), near = max(radius2 - d2, 0.0) / radius2;
+    sum += near * near * near * max(dot(v, n) - 0.01 * reach.x, 0.0) / (d2 + 0.003 * radius2);
+  }
+  pixel = vec4(clamp(1.0 - 1.9 * reach.x * sum / float(kSamples), 0.0, 1.0), -p.z, 0.0, 1.0);
+}
+)"};
+}
+
+ShaderSources resolve_shaders() {
+  return {kFullScreenVertex, R"(#version 330 core
+uniform sampler2D picture;     // alpha: share of the colour that is subject to occlusion
+uniform sampler2D occlusion;   // visibility of the surroundings, distance from the eye
+uniform int block;
+uniform float occluded;        // 0: no occlusion was drawn
+out vec4 pixel;
+// The mean over the 4 × 4 pixels that share the spiral's turns, without those of other surfaces.
+float visibility(ivec2 at) {
+  ivec2 last = textureSize(occlusion, 0) - 1;
+  float away = texelFetch(occlusion, at, 0).g, sum = 0.0, weights = 0.0;
+  for (int y = -2; y < 2; ++y)
+    for (int x = -2; x < 2; ++x) {
+      vec2 other = texelFetch(occlusion, clamp(at + ivec2(x, y), ivec2(0), last), 0).rg;
+      float weight = max(0.0, 1.0 - 60.0 * abs(other.g - away) / away) + 1e-4;
+      sum += weight * other.r;
+      weights += weight;
+    }
+  return sum / weights;
+}
+void main() {
+  float open = occluded > 0.5 ? pow(visibility(ivec2(gl_FragCoord.xy)), 0.8) : 1.0;
   ivec2 first = ivec2(gl_FragCoord.xy) * block;
-  vec4 sum = vec4(0.0);
+  vec3 sum = vec3(0.0);
   for (int y = 0; y < block; ++y)
-    for (int x = 0; x < block; ++x) sum += texelFetch(picture, first + ivec2(x, y), 0);
-  pixel = sum / float(block * block);
+    for (int x = 0; x < block; ++x) {
+      vec4 c = texelFetch(picture, first + ivec2(x, y), 0);
+      sum += c.rgb * mix(1.0, open, c.a);
+    }
+  pixel = vec4(sum / float(block * block), 1.0);
 }
 )"};
 }

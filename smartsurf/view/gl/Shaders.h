@@ -25,7 +25,9 @@ ShaderSources line_shaders();
 // shadowed: with the shadow map and the table's ambient occlusion.
 ShaderSources ground_shaders(RenderPass pass, bool shadowed);
 ShaderSources backdrop_shaders();
-// Averages blocks of `block` × `block` pixels of the texture at unit 1 (supersampling).
-ShaderSources downsample_shaders();
+// Ambient occlusion of each pixel by what the depths of its surroundings show: visibility and distance.
+ShaderSources occlusion_shaders();
+// Averages blocks of `block` × `block` samples (supersampling), darkened by the occlusion.
+ShaderSources resolve_shaders();
 
 }  // namespace smartsurf::view

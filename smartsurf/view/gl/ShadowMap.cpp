@@ -5,7 +5,11 @@
 
 namespace smartsurf::view {
 
-ShadowMap::ShadowMap(int size) : size_(size), depth_(make_texture()), framebuffer_(make_framebuffer()) {
+ShadowMap::ShadowMap(int size)
+    : size_(size), depth_(make_texture()), depth_sampler_(make_sampler()), framebuffer_(make_framebuffer()) {
+  glSamplerParameteri(depth_sampler_.id(), GL_TEXTURE_COMPARE_MODE, GL_NONE);
+  glSamplerParameteri(depth_sampler_.id(), GL_TEXTURE_MIN_FILTER, GL_NEAREST);
+  glSamplerParameteri(depth_sampler_.id(), GL_TEXTURE_MAG_FILTER, GL_NEAREST);
   glBindTexture(GL_TEXTURE_2D, depth_.id());
   glTexImage2D(GL_TEXTURE_2D, 0, GL_DEPTH_COMPONENT24, size, size, 0, GL_DEPTH_COMPONENT, GL_UNSIGNED_INT,
                nullptr);
@@ -46,7 +50,8 @@ void ShadowMap::fit(const Eigen::AlignedBox3d& box, double pitch) {
   clip_from_world_.block<3, 3>(0, 0) = scale.asDiagonal() * rotation;
   clip_from_world_.block<3, 1>(0, 3) = -scale.cwiseProduct(light_space_box.center());
   texel_size_ = side / size_;
-  penumbra_radius_ = std::max(0.16 * pitch, 1.5 * texel_size_);
+  penumbra_radius_ = std::max(0.10 * pitch, 1.5 * texel_size_);
+  depth_range_ = depth;
   fitted_box_ = box;
 }
 
@@ -75,6 +80,15 @@ void ShadowMap::begin() const {
 }
 
 void ShadowMap::end() const { glDisable(GL_POLYGON_OFFSET_FILL); }
+
+// The sun of the pictures is a lamp of about ten times the real one's angular radius.
+double ShadowMap::penumbra_spread() const { return 0.055 * depth_range_; }
+
+void ShadowMap::bind_depths(int unit) const {
+  bind(unit);
+  glBindSampler(static_cast<GLuint>(unit), depth_sampler_.id());
+  glActiveTexture(GL_TEXTURE0);
+}
 
 void ShadowMap::bind(int unit) const {
   glActiveTexture(GL_TEXTURE0 + static_cast<GLenum>(unit));

@@ -9,6 +9,7 @@ out vec3 world;
 flat out vec4 ball;     // centre, radius
 flat out vec4 paint;    // colour, rim
 flat out vec4 spin;
+flat out vec4 look;
 void main() {
   float radius = half_extent.x;
   vec3 back = -ray.xyz;
@@ -25,6 +26,7 @@ void main() {
   ball = vec4(centre, radius);
   paint = colour;
   spin = orientation;
+  look = finish;
   gl_Position = clip_from_world * vec4(world, 1.0);
 }
 )";
@@ -45,6 +47,7 @@ in vec3 world;
 flat in vec4 ball;
 flat in vec4 paint;
 flat in vec4 spin;
+flat in vec4 look;
 out vec4 pixel;
 vec3 unrotate(vec4 q, vec3 v) { return v + 2.0 * cross(-q.xyz, cross(-q.xyz, v) + q.w * v); }
 void main() {
@@ -57,10 +60,12 @@ void main() {
   vec4 clip = clip_from_world * vec4(hit, 1.0);
   gl_FragDepth = 0.5 + 0.5 * clip.z / clip.w;
   vec3 n = (hit - ball.xyz) / ball.w;
+  if (see_through(look, max(-dot(n, direction), 0.0))) discard;
   // A thin lighter band around the equator makes rolling visible.
-  float latitude = abs(unrotate(spin, n).z);
-  vec3 c = mix(paint.rgb, vec3(1.0), 0.22 * (1.0 - smoothstep(0.04, 0.07, latitude)));
-  pixel = vec4(lit_glossy(c, n, hit, pocket_sky(hit, paint.w, 1.6 * ball.w), 0.22), 1.0);
+  vec3 own = unrotate(spin, n);
+  vec3 c = look.w > 0.5 && look.w < 1.5 ? grain(paint.rgb, own, 1.0) : paint.rgb;
+  c = mix(c, vec3(1.0), 0.22 * (1.0 - smoothstep(0.04, 0.07, abs(own.z))));
+  pixel = vec4(lit_material(c, n, hit, pocket_sky(hit, paint.w, 1.6 * ball.w), look), 1.0);
 }
 )";
 
@@ -71,9 +76,10 @@ void main() {
 constexpr const char* kSphereVertexFast = R"(
 layout(location = 0) in vec2 corner;
 out vec2 place;             // position on the disc of radius 1
-out float sun;              // visibility of the sun
-flat out vec3 sun_way, half_way, zenith, axis;   // in the disc's frame: right, up, towards the eye
+out float lit_share;        // visibility of the sun
+flat out vec3 sun_way, half_way, up_way, axis;   // in the disc's frame: right, up, towards the eye
 flat out vec3 paint;
+flat out float gloss;       // strength of the highlight
 flat out vec2 pocket;       // depth of the centre below the rim and radius, in units of pocket_sky's size
 void main() {
   float radius = half_extent.x;
@@ -85,39 +91,42 @@ void main() {
   place = corner;
   sun_way = light.xyz * frame;
   half_way = normalize(sun_way + vec3(0, 0, 1));
-  zenith = vec3(0, 0, 1) * frame;
+  up_way = vec3(0, 0, 1) * frame;
   axis = rotate(orientation, vec3(0, 0, 1)) * frame;
   paint = colour.rgb;
+  gloss = 0.5 * (1.0 - finish.x) * (1.0 - finish.x) + finish.y;
   pocket = vec2(colour.w - centre.z, radius) / (1.6 * radius);
   // Sample on the sunward side of the sphere's own shadow disc.
   vec3 seen = centre + 0.7 * (p - centre);
   seen += light.xyz * max(0.0, 0.3 * radius - dot(seen - centre, light.xyz));
-  sun = sun_visibility(seen, light.xyz);
+  lit_share = sun_visibility(seen, light.xyz);
 }
 )";
 
 constexpr const char* kSphereFragmentFast = R"(
 in vec2 place;
-in float sun;
-flat in vec3 sun_way, half_way, zenith, axis;
+in float lit_share;
+flat in vec3 sun_way, half_way, up_way, axis;
 flat in vec3 paint;
+flat in float gloss;
 flat in vec2 pocket;
 out vec4 pixel;
 void main() {
   float reach = dot(place, place);
   if (reach > 1.0) discard;
   vec3 n = vec3(place, sqrt(1.0 - reach));
-  float up = dot(n, zenith);
-  float sky = 1.0 - 0.55 * clamp(pocket.x - pocket.y * up, 0.0, 1.0);
+  float up = dot(n, up_way);
+  float open = 1.0 - 0.55 * clamp(pocket.x - pocket.y * up, 0.0, 1.0);
   float band = clamp((0.07 - abs(dot(n, axis))) / 0.03, 0.0, 1.0);
   vec3 albedo = mix(paint, vec3(1.0), 0.22 * band);
   float facing = max(dot(n, sun_way), 0.0);
   float shine = max(dot(n, half_way), 0.0);
   shine *= shine; shine *= shine; shine *= shine; shine *= shine;   // to the 16th power
   shine *= shine * shine;
-  vec3 c = mix(kBounce, kSky, 0.5 + 0.5 * up) * sky * albedo;
-  c += kSun * (albedo * facing + (facing > 0.0 ? 0.22 * shine : 0.0)) * sun_share(sun, sky);
-  pixel = vec4(to_screen(c / (1.0 + 0.12 * c)), 1.0);
+  float grazing = 1.0 - n.z;
+  vec3 c = ambient(up) * (albedo + gloss * 0.5 * grazing * grazing) * open;
+  c += sun.rgb * (albedo * facing + (facing > 0.0 ? gloss * shine : 0.0)) * sun_share(lit_share, open);
+  pixel = vec4(to_screen(c), 1.0);
 }
 )";
 

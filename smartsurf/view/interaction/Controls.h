@@ -73,6 +73,9 @@ struct Status {
 struct ViewSettings {
   CameraView camera;
   FillMode fill_mode = FillMode::kSolid;
+  Stage stage = Stage::kLight;
+  // Default: kStill for pictures, kVideo for videos, and what the driver draws fast enough in a window.
+  std::optional<Detail> detail;
   OverlaySettings overlay;
   std::vector<Signal> plots;
 };

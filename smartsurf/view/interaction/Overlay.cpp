@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 #include "smartsurf/view/model/Meshes.h"
 #include "smartsurf/view/model/PlotData.h"
@@ -116,13 +117,26 @@ void Overlay::apply_cell_colours(const FrameInput& input, DrawOptions& options) 
     scale.low = settings.low;
     scale.high = settings.high;
   } else if (!(scale.low < scale.high)) {
-    const auto [least, most] = std::minmax_element(channel->values.begin(), channel->values.end());
-    scale.low = *least;
-    scale.high = *most;
+    scale.low = std::numeric_limits<float>::infinity();
+    scale.high = -scale.low;
+    for (const float value : channel->values) {
+      if (!std::isfinite(value)) continue;
+      scale.low = std::min(scale.low, value);
+      scale.high = std::max(scale.high, value);
+    }
+    if (!(scale.low <= scale.high)) scale.low = scale.high = 0.0F;
   }
   if (!(scale.high != scale.low)) scale.high = scale.low + 1.0F;
   if (settings.reverse_palette) std::swap(scale.low, scale.high);
   options.cell_values = channel->values;
+  if (const Channel* const hit = find_channel(input, channel->name + "_hit"); hit && !hit->values.empty()) {
+    // A distance sensor that sees nothing reports its range, which is not a distance.
+    seen_.resize(channel->values.size());
+    for (std::size_t i = 0; i < seen_.size(); ++i)
+      seen_[i] = hit->values[i] > 0.5F ? channel->values[i] : std::numeric_limits<float>::quiet_NaN();
+    options.cell_values = seen_;
+    scale.has_gaps = true;
+  }
   options.palette = scale.palette;
   options.low = scale.low;
   options.high = scale.high;

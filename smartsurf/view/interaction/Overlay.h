@@ -62,6 +62,7 @@ class Overlay {
   scene::SurfaceSpec surface_;
   Trails trails_;
   std::vector<Line> lines_;
+  std::vector<float> seen_;  // the values of a distance channel, NaN where nothing is seen
   std::optional<ColourScale> colour_scale_;
   std::optional<ForceScale> force_scale_;
 };

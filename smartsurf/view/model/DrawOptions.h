@@ -15,6 +15,14 @@ enum class FillMode {
   kWireframe,  // objects as wireframes, which leaves the cells under them visible
 };
 
+// The ground, the background and the light.
+enum class Stage { kLight, kDark };
+inline constexpr std::array<const char*, 2> kStageNames = {"light", "dark"};
+
+// How much work a frame may be. kStill: smooth edges, soft shadows, ambient occlusion; about a second for a
+// picture on a software renderer. kVideo: about a tenth of that. kFast: some milliseconds for a small image.
+enum class Detail { kStill, kVideo, kFast };
+
 // A straight line of constant width in pixels.
 struct Line {
   std::array<float, 3> from, to;       // u
@@ -26,10 +34,12 @@ struct ColourScale {
   std::string channel, unit;
   Palette palette = Palette::kViridis;
   float low = 0.0F, high = 1.0F;  // values at the palette's dark and bright end
+  bool has_gaps = false;          // cells without a value are grey: a distance sensor that sees nothing
 };
 
 struct DrawOptions {
   FillMode fill_mode = FillMode::kSolid;
+  Stage stage = Stage::kLight;
 
   // Values that colour the pins: rows × columns, row-major, row 0 north, in the channel's unit. `low` maps to
   // the palette's dark end, `high` to its bright end; low > high reverses the palette. Empty: pins are

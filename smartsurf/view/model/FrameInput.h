@@ -10,6 +10,9 @@
 
 namespace smartsurf::view {
 
+// The names of channels that are registers of the APRON program begin with this.
+inline constexpr const char* kRegisterPrefix = "apron:";
+
 // One channel over the surface, for heat maps and cell plots.
 struct Channel {
   std::string name;               // for example "height"

@@ -9,8 +9,10 @@
 namespace smartsurf::view {
 namespace {
 
-constexpr float kConeBase = -1.0F / 3.0F;  // z of the base if the tip is at 1 and the centre of mass at 0
-constexpr float kCapSeam = 1e-4F;          // |z| of a capsule's two equators
+constexpr float kConeBase = -1.0F / 3.0F;    // z of the base if the tip is at 1 and the centre of mass at 0
+constexpr float kCapSeam = 1e-4F;            // |z| of a capsule's two equators
+constexpr float kSmoothCosine = 0.766F;      // faces that meet at less than 40° are one curved surface
+constexpr std::size_t kMaxSmoothFaces = 64;  // around a corner; more are drawn flat
 constexpr int kWireframeSteps = 36, kWireframeMeridians = 12;
 
 std::array<float, 2> circle_point(int step, int steps) {
@@ -147,12 +149,34 @@ Mesh capsule_mesh(int segments) {
 }
 
 Mesh solid_mesh(const scene::Solid& solid) {
-  Mesh mesh;
+  // Faces by the position of a corner: files often repeat a vertex for each of its faces.
+  std::map<std::array<float, 3>, std::vector<std::size_t>> faces_at;
+  std::vector<Eigen::Vector3f> normals;
+  normals.reserve(solid.triangles.size());
+  const auto place = [&](std::uint32_t vertex) {
+    const Eigen::Vector3f& p = solid.vertices[vertex];
+    return std::array<float, 3>{p.x(), p.y(), p.z()};
+  };
   for (const auto& triangle : solid.triangles) {
-    const Eigen::Vector3f n = face_normal(solid, triangle);
+    for (const std::uint32_t vertex : triangle) faces_at[place(vertex)].push_back(normals.size());
+    normals.push_back(face_normal(solid, triangle));
+  }
+  // The mean normal of the faces around a corner that continue this face smoothly.
+  const auto smooth_normal = [&](std::size_t face, std::uint32_t vertex) {
+    const std::vector<std::size_t>& around = faces_at[place(vertex)];
+    Eigen::Vector3f sum = normals[face];
+    if (around.size() > kMaxSmoothFaces) return sum;
+    for (const std::size_t other : around)
+      if (other != face && normals[other].dot(normals[face]) > kSmoothCosine) sum += normals[other];
+    return Eigen::Vector3f(sum.normalized());
+  };
+  Mesh mesh;
+  for (std::size_t face = 0; face < solid.triangles.size(); ++face) {
+    const auto& triangle = solid.triangles[face];
     std::array<std::uint32_t, 3> corners{};
     for (std::size_t i = 0; i < 3; ++i) {
       const Eigen::Vector3f& p = solid.vertices[triangle[i]];
+      const Eigen::Vector3f n = smooth_normal(face, triangle[i]);
       corners[i] = mesh.add_vertex(p.x(), p.y(), p.z(), n.x(), n.y(), n.z());
     }
     mesh.add_triangle(corners[0], corners[1], corners[2]);

@@ -14,7 +14,7 @@ constexpr double kLoweredWall = 0.3;       // drawn share of the height of a wal
 constexpr float kCornerOcclusion = 0.62f;  // strength of occlusion by neighbouring pins
 
 // sRGB: lowest pins, highest pins, the border.
-constexpr Rgb kLowColour{0.36f, 0.42f, 0.50f}, kHighColour{0.86f, 0.87f, 0.88f},
+constexpr Rgb kLowColour{0.36f, 0.42f, 0.50f}, kHighColour{0.80f, 0.805f, 0.81f},
     kBorderColour{0.31f, 0.34f, 0.39f};
 
 std::uint8_t to_byte(float value) {

@@ -16,10 +16,6 @@
 
 namespace smartsurf::view {
 
-// kStill: highest quality, about one second per image on a software renderer. kVideo: about a tenth of that.
-// kFast: some milliseconds for a small image, without smooth edges.
-enum class Detail { kStill, kVideo, kFast };
-
 class OffscreenView {
  public:
   // Throws scene::InputError with a one-line message in a build without the view. Call it before a run, so

@@ -147,28 +147,30 @@ void draw_event_marks(const Timeline& timeline, const ImVec2& low, const ImVec2&
   if (ImGui::IsMouseClicked(ImGuiMouseButton_Left)) controls.seek_time(hovered->time_s);
 }
 
-// The keys that switch something, highlighted while it is on.
+// What can be switched on and off, highlighted while it is on, in two rows.
 void draw_toggles(const Status& status, Controls& controls, float width) {
   struct Toggle {
     const char* label;
     UiAction action;
     const char* tooltip;
   };
-  static constexpr Toggle kToggles[] = {{"W", UiAction::kWireframe, "W: wireframe objects"},
-                                        {"G", UiAction::kGrid, "G: grid on the ground"},
-                                        {"T", UiAction::kTrails, "T: trails"},
-                                        {"F", UiAction::kContactForces, "F: contact forces"},
-                                        {"S", UiAction::kSensorRays, "S: sensor rays"},
-                                        {"L", UiAction::kLabels, "L: labels"},
-                                        {"H", UiAction::kNextChannel, "H: the next channel as a heat map"},
-                                        {"O", UiAction::kFollow, "O: follow the selected object"},
-                                        {"E", UiAction::kEntities, "E: list of channels and objects"},
-                                        {"D", UiAction::kPlots, "D: plots of data over time"}};
-  const float gap = 3.0f;
-  const float button = (width - gap * (IM_ARRAYSIZE(kToggles) - 1)) / IM_ARRAYSIZE(kToggles);
-  ImGui::PushStyleVar(ImGuiStyleVar_ItemSpacing, {gap, ImGui::GetStyle().ItemSpacing.y});
+  static constexpr Toggle kToggles[] = {
+      {"wires", UiAction::kWireframe, "wireframe objects: W"},
+      {"grid", UiAction::kGrid, "grid on the ground: G"},
+      {"trails", UiAction::kTrails, "trails of the objects: T"},
+      {"forces", UiAction::kContactForces, "contact forces: F"},
+      {"sensors", UiAction::kSensorRays, "sensor rays: S"},
+      {"labels", UiAction::kLabels, "labels of the objects: L"},
+      {"cells", UiAction::kNextChannel, "colour the cells by the next channel: H"},
+      {"follow", UiAction::kFollow, "follow the selected object: O"},
+      {"list", UiAction::kEntities, "list of channels and objects: E"},
+      {"plots", UiAction::kPlots, "plots of data over time: D"}};
+  constexpr int kColumns = IM_ARRAYSIZE(kToggles) / 2;
+  const float gap = 3.0f, button = (width - gap * (kColumns - 1)) / kColumns;
+  ImGui::PushStyleVar(ImGuiStyleVar_ItemSpacing, {gap, gap});
   ImGui::PushStyleVar(ImGuiStyleVar_FramePadding, {0.0f, ImGui::GetStyle().FramePadding.y});
-  for (const Toggle& toggle : kToggles) {
+  for (int i = 0; i < IM_ARRAYSIZE(kToggles); ++i) {
+    const Toggle& toggle = kToggles[i];
     const bool on = controls.is_on(toggle.action);
     if (on) {
       ImGui::PushStyleColor(ImGuiCol_Button, {0.16f, 0.42f, 0.72f, 1.0f});
@@ -178,7 +180,7 @@ void draw_toggles(const Status& status, Controls& controls, float width) {
     if (on) ImGui::PopStyleColor(2);
     if (pressed) controls.perform(toggle.action, status);
     if (ImGui::IsItemHovered()) ImGui::SetTooltip("%s (%s)", toggle.tooltip, on ? "on" : "off");
-    if (&toggle != &kToggles[IM_ARRAYSIZE(kToggles) - 1]) ImGui::SameLine();
+    if (i % kColumns != kColumns - 1) ImGui::SameLine();
   }
   ImGui::PopStyleVar(2);
 }
@@ -354,6 +356,19 @@ void draw_banner(const Banner& banner, const ImVec2& panel, float right, float b
   ImGui::PopStyleVar();
 }
 
+// What is switched on and has nothing to show, in words; "": nothing.
+std::string missing_lines(const FrameInput& input, const OverlaySettings& settings, const Status& status) {
+  const char* const where = status.timeline && status.timeline->is_recording ? "in this recording" : "here";
+  std::string missing;
+  const bool has_rays = std::ranges::any_of(input.channels, [&](const Channel& channel) {
+    return std::ranges::find(input.channels, channel.name + "_hit", &Channel::name) != input.channels.end();
+  });
+  if (settings.sensor_rays && !has_rays) missing += std::string("no distance sensors ") + where + "\n";
+  if (settings.contact_forces && !status.has_contacts)
+    missing += std::string("no contact forces ") + where + "\n";
+  return missing;
+}
+
 }  // namespace
 
 void draw_hud(const FrameInput& input, const Status& status, const scene::SurfaceSpec& surface,
@@ -388,7 +403,8 @@ void draw_hud(const FrameInput& input, const Status& status, const scene::Surfac
   }
   const float lines_bottom = narrow ? free_bottom : bottom;
   const float lines_top =
-      draw_line_legend(overlay.settings, overlay.force_scale(), right, lines_bottom, scale);
+      draw_line_legend(overlay.settings, overlay.force_scale(),
+                       missing_lines(input, overlay.settings, status), right, lines_bottom, scale);
   if (lines_top < lines_bottom) free_bottom = std::min(free_bottom, lines_top - 8.0f * scale);
   if (status.banner) draw_banner(*status.banner, panel, inspector, free_bottom, scale);
 }

@@ -34,14 +34,24 @@ float draw_legend(const ColourScale& colour_scale, float bottom, float scale) {
   ImGui::SetCursorPosX(ImGui::GetCursorPosX() + bar.x - ImGui::GetItemRectSize().x -
                        ImGui::CalcTextSize(high).x - ImGui::GetStyle().ItemSpacing.x);
   ImGui::TextUnformatted(high);
+  if (colour_scale.has_gaps) {
+    const ImVec2 box = ImGui::GetCursorScreenPos();
+    const float edge = ImGui::GetTextLineHeight();
+    ImGui::GetWindowDrawList()->AddRectFilled(
+        box, {box.x + edge, box.y + edge},
+        ImGui::ColorConvertFloat4ToU32({kNanColour[0], kNanColour[1], kNanColour[2], 1.0f}));
+    ImGui::Dummy({edge, edge});
+    ImGui::SameLine();
+    ImGui::TextUnformatted("nothing seen");
+  }
   const float top = ImGui::GetWindowPos().y;
   ImGui::End();
   return top;
 }
 
-float draw_line_legend(const OverlaySettings& overlay, const std::optional<ForceScale>& forces, float right,
-                       float bottom, float scale) {
-  if (!overlay.trails && !overlay.sensor_rays && !forces) return bottom;
+float draw_line_legend(const OverlaySettings& overlay, const std::optional<ForceScale>& forces,
+                       const std::string& missing, float right, float bottom, float scale) {
+  if (!overlay.trails && !overlay.sensor_rays && !forces && missing.empty()) return bottom;
   ImGui::SetNextWindowPos({right, bottom}, ImGuiCond_Always, {1.0f, 1.0f});
   ImGui::SetNextWindowBgAlpha(0.88f);
   ImGui::Begin("lines", nullptr,
@@ -59,10 +69,12 @@ float draw_line_legend(const OverlaySettings& overlay, const std::optional<Force
   const auto packed = [](const std::array<std::uint8_t, 4>& c) { return IM_COL32(c[0], c[1], c[2], 255); };
   if (forces)
     row(packed(kContactColour), "contact force: %g mass·u/s² is %g u long", forces->force, forces->length);
-  if (overlay.sensor_rays) row(packed(kSensorRayColour), "sensor ray, to what it detects");
+  if (overlay.sensor_rays && missing.find("sensors") == missing.npos)
+    row(packed(kSensorRayColour), "sensor ray, to what it detects");
   if (overlay.trails)
     row(IM_COL32(110, 116, 124, 255), "trail of the last %.1f s, in the object's colour",
         overlay.trail_length_s);
+  if (!missing.empty()) ImGui::TextUnformatted(missing.c_str(), missing.c_str() + missing.size() - 1);
   const float top = ImGui::GetWindowPos().y;
   ImGui::End();
   return top;

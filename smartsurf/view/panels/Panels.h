@@ -53,9 +53,9 @@ std::optional<double> draw_chart(const PlotData& data, const Chart& chart, float
 
 // The colour scale at the right; bottom: y of its lower edge, pixels. Returns the y of its upper edge.
 float draw_legend(const ColourScale& colour_scale, float bottom, float scale);
-// Explains the lines in the scene. right, bottom: its lower right corner, pixels. Returns the y of its upper
-// edge, or `bottom` if there are none.
-float draw_line_legend(const OverlaySettings& overlay, const std::optional<ForceScale>& forces, float right,
-                       float bottom, float scale);
+// Explains the lines in the scene. missing: lines of text about what cannot be shown, or "". right, bottom:
+// its lower right corner, pixels. Returns the y of its upper edge, or `bottom` if there are none.
+float draw_line_legend(const OverlaySettings& overlay, const std::optional<ForceScale>& forces,
+                       const std::string& missing, float right, float bottom, float scale);
 
 }  // namespace smartsurf::view

@@ -33,6 +33,16 @@ WindowRect left_screen_area() {
   return area;
 }
 
+// Sizes and positions are those of the contents: without room for the frame, the title bar would lie above
+// the screen.
+void place_left(GLFWwindow* window) {
+  int left = 0, top = 0, right = 0, bottom = 0;
+  glfwGetWindowFrameSize(window, &left, &top, &right, &bottom);
+  const WindowRect area = left_screen_area();
+  glfwSetWindowSize(window, std::max(area.width - left - right, 1), std::max(area.height - top - bottom, 1));
+  glfwSetWindowPos(window, area.x + left, area.y + top);
+}
+
 }  // namespace
 
 GlfwContext::GlfwContext(const std::string& title, int width, int height, WindowPlacement placement) {
@@ -42,11 +52,7 @@ GlfwContext::GlfwContext(const std::string& title, int width, int height, Window
   glfwWindowHint(GLFW_CONTEXT_VERSION_MINOR, 3);
   glfwWindowHint(GLFW_OPENGL_PROFILE, GLFW_OPENGL_CORE_PROFILE);
   glfwWindowHint(GLFW_SCALE_TO_MONITOR, placement == WindowPlacement::kDefault ? GLFW_TRUE : GLFW_FALSE);
-  const WindowRect left = left_screen_area();
-  if (placement == WindowPlacement::kLeft) {
-    width = left.width;
-    height = left.height;
-  }
+  glfwWindowHint(GLFW_VISIBLE, GLFW_FALSE);
   window_ = glfwCreateWindow(width, height, title.c_str(), nullptr, nullptr);
   if (!window_) {
     glfwTerminate();
@@ -54,7 +60,8 @@ GlfwContext::GlfwContext(const std::string& title, int width, int height, Window
         "the display offers no OpenGL 3.3: install the packages libgl1-mesa-dri libegl1, or run with "
         "--headless");
   }
-  if (placement == WindowPlacement::kLeft) glfwSetWindowPos(window_, left.x, left.y);
+  if (placement == WindowPlacement::kLeft) place_left(window_);
+  glfwShowWindow(window_);
   glfwMakeContextCurrent(window_);
   detect_display_loss();
   glfwSwapInterval(0);  // the simulation must not block on vertical sync
@@ -71,11 +78,7 @@ float GlfwContext::content_scale() const {
   return std::max(x, y);
 }
 
-void GlfwContext::move_to_left() {
-  const WindowRect left = left_screen_area();
-  glfwSetWindowSize(window_, left.width, left.height);
-  glfwSetWindowPos(window_, left.x, left.y);
-}
+void GlfwContext::move_to_left() { place_left(window_); }
 
 bool GlfwContext::minimised() const { return glfwGetWindowAttrib(window_, GLFW_ICONIFIED) == GLFW_TRUE; }
 

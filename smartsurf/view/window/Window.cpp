@@ -58,6 +58,7 @@ struct Window::State {
   GLFWwindow* install_callbacks();  // before ImGui installs its own, which chain these
   void queue_pointer_event(PointerEvent event, int mods);
   void set_scene(const scene::SceneSpec& s);
+  void set_detail(Detail detail);
   Commands take_commands();
   // Returns false without drawing if the display is lost or the window is minimised. copy: receives the
   // frame; may be null.
@@ -92,6 +93,7 @@ struct Window::State {
   ImGuiBackend imgui;
   bool software_rendering;
   RenderQuality quality;
+  Stage stage = Stage::kLight;
   AdaptiveResolution resolution;
   RenderTarget low_res_target;  // the scene at reduced resolution
   std::unique_ptr<Renderer> renderer;
@@ -154,6 +156,14 @@ void Window::State::queue_pointer_event(PointerEvent event, int mods) {
   event.control = (mods & GLFW_MOD_CONTROL) != 0;
   event.shift = (mods & GLFW_MOD_SHIFT) != 0;
   pointer_events.push_back(event);
+}
+
+void Window::State::set_detail(Detail detail) {
+  const ScopedGlContext scope(glfw.window());
+  quality = detail == Detail::kStill   ? RenderQuality::gpu()
+            : detail == Detail::kVideo ? RenderQuality::video()
+                                       : RenderQuality::fast();
+  renderer = std::make_unique<Renderer>(spec, quality);
 }
 
 void Window::State::set_scene(const scene::SceneSpec& s) {
@@ -240,6 +250,7 @@ void Window::State::handle_pointer(const FrameInput& input) {
 DrawOptions Window::State::make_draw_options(const FrameInput& input, bool show_selection) {
   DrawOptions options;
   options.fill_mode = controls.fill_mode();
+  options.stage = stage;
   options.grid = controls.grid_shown();
   options.line_width = 2.0f * ui_scale;
   overlay.settings = controls.overlay();
@@ -399,6 +410,8 @@ void Window::set_scene(const scene::SceneSpec& spec, const std::string& title) {
 void Window::move_to_left() { state_->glfw.move_to_left(); }
 void Window::apply(const ViewSettings& settings) {
   state_->controls.apply(settings);
+  state_->stage = settings.stage;
+  if (settings.detail) state_->set_detail(*settings.detail);
   state_->hud.plotted.set(settings.plots);
 }
 void Window::show_message(const std::string& message) { state_->hud.message = message; }

@@ -3,6 +3,8 @@
 #include <gtest/gtest.h>
 
 #include <Eigen/Geometry>
+#include <cmath>
+#include <numbers>
 
 namespace smartsurf::view {
 namespace {
@@ -73,6 +75,43 @@ TEST(Meshes, SolidHasFlatFacesAndUniqueEdges) {
   EXPECT_EQ(mesh.vertices.size() / 6, 36u);
   expect_face_normals(mesh, 0.999);
   EXPECT_EQ(solid_wireframe(cube).size(), 12u * 2 * 3) << "face diagonals are not edges";
+}
+
+// A prism over a regular polygon, whose sides meet at 360°/n: up to 8 sides are flat, from 10 sides on round.
+TEST(Meshes, FacesThatMeetAtLessThan40DegreesAreCurved) {
+  for (std::uint32_t sides = 3; sides < 24; ++sides) {
+    if (sides == 9) continue;  // 40°
+    scene::Solid prism;
+    for (std::uint32_t i = 0; i < sides; ++i)
+      for (const float z : {-1.0f, 1.0f}) {
+        const double angle = 2.0 * std::numbers::pi * i / sides;
+        prism.vertices.push_back(
+            {static_cast<float>(std::cos(angle)), static_cast<float>(std::sin(angle)), z});
+      }
+    for (std::uint32_t i = 0; i < sides; ++i) {
+      const std::uint32_t low = 2 * i, next = 2 * ((i + 1) % sides);
+      prism.triangles.push_back({low, next, next + 1});
+      prism.triangles.push_back({low, next + 1, low + 1});
+      if (i > 0 && i + 1 < sides) {
+        prism.triangles.push_back({0, next, low});
+        prism.triangles.push_back({1, low + 1, next + 1});
+      }
+    }
+    const Mesh mesh = solid_mesh(prism);
+    for (std::uint32_t i = 0; i < mesh.vertices.size() / 6; ++i) {
+      const Eigen::Vector3d n = normal(mesh, i), at = vertex(mesh, i);
+      if (std::abs(n.z()) > 0.5) {
+        EXPECT_NEAR(std::abs(n.z()), 1.0, 1e-6) << "a cap stays flat";
+        continue;
+      }
+      const double off_radius = std::acos(std::min(n.dot(Eigen::Vector3d(at.x(), at.y(), 0.0)), 1.0));
+      // The two triangles of a side share the weight of its normal, at one of its corners unequally.
+      if (sides >= 10)
+        EXPECT_LT(off_radius, std::numbers::pi / sides / 2.0) << sides;
+      else
+        EXPECT_NEAR(off_radius, std::numbers::pi / sides, 1e-3) << sides;
+    }
+  }
 }
 
 }  // namespace

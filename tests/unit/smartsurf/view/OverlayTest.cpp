@@ -2,6 +2,9 @@
 
 #include <gtest/gtest.h>
 
+#include <cmath>
+#include <random>
+
 #include "smartsurf/view/model/OptionEdit.h"
 #include "tests/unit/smartsurf/view/TestScene.h"
 
@@ -32,7 +35,7 @@ TEST_F(OverlayTest, ColoursCellsByChannel) {
   overlay.settings.channel = "proximity";
   overlay.settings.palette = Palette::kFlame;
   const DrawOptions options = apply();
-  EXPECT_EQ(options.cell_values.data(), distance.data());
+  EXPECT_EQ(options.cell_values.size(), distance.size());
   EXPECT_EQ(options.high, 8.0f);
   EXPECT_EQ(options.palette, Palette::kFlame);
   ASSERT_TRUE(overlay.colour_scale());
@@ -40,6 +43,27 @@ TEST_F(OverlayTest, ColoursCellsByChannel) {
   overlay.settings.reverse_palette = true;
   EXPECT_EQ(apply().low, 8.0f);
   EXPECT_EQ(apply().high, 0.0f);
+}
+
+// A distance sensor reports its range where it sees nothing: that is not a distance.
+TEST_F(OverlayTest, CellsThatSeeNothingHaveNoValue) {
+  std::mt19937 draw(5);
+  for (std::size_t i = 0; i < mask.size(); ++i) {
+    mask[i] = draw() % 2 == 0 ? 1.0f : 0.0f;
+    distance[i] = mask[i] > 0.5f ? static_cast<float>(draw() % 7) : 8.0f;
+  }
+  overlay.settings.channel = "proximity";
+  const DrawOptions options = apply();
+  for (std::size_t i = 0; i < mask.size(); ++i) {
+    if (mask[i] > 0.5f)
+      EXPECT_EQ(options.cell_values[i], distance[i]);
+    else
+      EXPECT_TRUE(std::isnan(options.cell_values[i]));
+  }
+  EXPECT_TRUE(overlay.colour_scale()->has_gaps);
+  overlay.settings.channel = "proximity_hit";
+  EXPECT_EQ(apply().cell_values.data(), mask.data());
+  EXPECT_FALSE(overlay.colour_scale()->has_gaps);
 }
 
 TEST_F(OverlayTest, UsesRangeOfValuesIfChannelHasNone) {

@@ -1,0 +1,89 @@
+"""Registers of APRON programs in recordings and pictures: --record-registers, --cells apron:NAME."""
+import random
+
+import h5py
+import numpy
+
+from programs import *
+
+SCENE = """
+surface {{ rows = {rows}, columns = {columns}, actuator = pin {{}}, sensors = {{ proximity {{ range = 6 }} }} }}
+record {{ sensors = true, actuators = true, every = {every} }}
+sphere {{ radius = 1.1, position = {{ {x}, {y}, 4 }} }}
+"""
+
+# SEEN is what the sensors say, COUNT the number of answers, and H what the pins are told.
+PROGRAM = """
+!register(SEEN, COUNT, MIX, H)
+COUNT = 0
+while(1)
+  SEEN = surface.sense('proximity')
+  COUNT = COUNT + 1
+  MIX = {a} * SEEN + {b} * cell.x
+  H = clamp(0.1 * MIX + {c} * COUNT, 0, 2)
+  surface.actuate('height', H)
+  surface.step
+endwhile
+"""
+
+
+class Registers(ProgramTest):
+    def run_drawn(self, draw, names, *flags):
+        """Runs a drawn table and program; returns the recording's path and `every`."""
+        every = draw.choice([1, 3])
+        scene = self.write("scene.lua", SCENE.format(rows=draw.randint(5, 12), columns=draw.randint(5, 12), every=every,
+                                                     x=draw.uniform(1, 4), y=draw.uniform(1, 4)))
+        program = self.write("program.aps", PROGRAM.format(a=round(draw.uniform(-1, 1), 3), b=round(draw.uniform(-1, 1), 3),
+                                                           c=round(draw.uniform(0, 0.2), 3)))
+        recording = self.folder / "run.h5"
+        status, _, err = self.run_program(SMARTSURF, "run", scene, "--controller", program, "--shm", self.shm, "--ticks", "90",
+                                          "--record", str(recording), "--record-registers", names, *flags)
+        self.assertEqual(status, 0, err)
+        return recording, every
+
+    def test_registers_are_those_that_led_to_the_frame(self):
+        for seed in range(4):
+            draw = random.Random(seed)
+            recording, every = self.run_drawn(draw, draw.choice(["all", "COUNT,H,SEEN"]))
+            with self.subTest(seed=seed), h5py.File(recording) as file:
+                ticks, registers = file["tick"][:], file["registers"]
+                for name in ("COUNT", "H", "SEEN"):
+                    self.assertEqual(registers[name].shape, file["sensors/proximity"].shape)
+                    self.assertTrue(numpy.isnan(registers[name][0]).all(), "before the first answer")
+                for frame in range(1, len(ticks)):
+                    self.assertTrue((registers["COUNT"][frame] == ticks[frame]).all())
+                numpy.testing.assert_array_equal(registers["H"][1:], file["actuators/height"][1:])
+                if every == 1:
+                    numpy.testing.assert_array_equal(registers["SEEN"][1:], file["sensors/proximity"][:-1])
+
+    def test_mistakes_are_one_line(self):
+        scene = self.write("scene.lua", SCENE.format(rows=5, columns=5, every=1, x=2, y=2))
+        program = self.write("program.aps", PROGRAM.format(a=1, b=1, c=1))
+        base = [SMARTSURF, "run", scene, "--ticks", "3"]
+        controlled = [*base, "--shm", self.shm, "--controller", program]
+        for command, expected in (
+                ([*base, "--no-controller", "--record", "x.h5", "--record-registers", "H"], "needs --controller PROGRAM.aps"),
+                ([*controlled, "--record-registers", "H"], "needs --record FILE.h5"),
+                ([*controlled, "--record", "x.csv", "--record-registers", "H"], "needs --record FILE.h5"),
+                ([*controlled, "--mode", "passive", "--record", "x.h5", "--record-registers", "H"], "needs --mode time-step"),
+                ([*base, "--no-controller", "--screenshot", "x.png", "--cells", "apron:H"], "needs --controller PROGRAM.aps")):
+            status, _, err = self.run_program(*command)
+            self.assertEqual(status, 2, err)
+            self.assertEqual(err.count("\n"), 1, err)
+            self.assertIn(expected, err)
+        status, _, err = self.run_program(*controlled, "--record", "x.h5", "--record-registers", "HH")
+        self.assertEqual(status, 2, err)
+        self.assertIn("--record-registers: the program has no register 'HH'", err)
+
+    @needs_view
+    def test_painted_cells_are_those_of_the_replay(self):
+        ours, theirs = self.folder / "run.png", self.folder / "replay.png"
+        look = ["--cells", "apron:MIX", "--quality", "low", "--picture-size", "320x200"]
+        recording, _ = self.run_drawn(random.Random(7), "all", "--screenshot", f"{ours}@1", *look)
+        status, _, err = self.run_program(SMARTSURF, "replay", str(recording), "--screenshot", f"{theirs}@1", *look)
+        self.assertEqual(status, 0, err)
+        self.assertEqual(ours.read_bytes(), theirs.read_bytes())
+
+
+if __name__ == "__main__":
+    unittest.main()
