@@ -62,7 +62,7 @@ class Pages(ProgramTest):
 
     def test_named_flags_exist(self):
         known = set(FOREIGN)
-        for program, commands in (("smartsurf", "run record replay info plot export check clean compare new train fmu"),
+        for program, commands in (("smartsurf", "run record replay info plot export check clean compare new train identify fmu"),
                                   ("apron", "run check compile disasm fmt repl debug lsp")):
             for command in commands.split():
                 known |= self.flags_of(str(BIN / program), command, "--help")
@@ -122,7 +122,7 @@ class LuaReference(ProgramTest):
     PAGES = ("experiments", "actuators", "sensors", "objects")
     TABLE = "surface { rows = 2, columns = 2 }\n"
     ACTUATORS = ("pin", "ball", "wheels", "rotor", "force_field", "magnet", "air_jet", "tile", "delta")
-    SENSORS = ("proximity", "colour", "object_type", "light", "pressure", "camera", "joint_position", "tip_force",
+    SENSORS = ("proximity", "colour", "object_type", "light", "pressure", "camera", "pin_height", "joint_position", "tip_force",
                "skin_height", "skin_strain", "skin_contact")
 
     def names_known(self, script):
