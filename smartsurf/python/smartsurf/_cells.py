@@ -157,11 +157,11 @@ class _Search:
     def search(self) -> None:
         if self.shared[2] <= 0:
             self.shared[2] = 0.5 * self.period
-        self.levenberg_marquardt()
+        self.levenberg_marquardt(most=4)
         self.set_outliers()
         for _ in range(4):
             self.drop_flat()
-            cost = self.levenberg_marquardt()
+            cost = self.levenberg_marquardt(most=4)
             before = self.state()
             # Lag and delay stand for each other in part: the neighbouring delays, each with its own best lag.
             kept = True
@@ -169,14 +169,66 @@ class _Search:
                 if (self.fit.delay + step)[self.good].min() < 0:
                     continue
                 self.fit.delay = np.maximum(self.fit.delay + step, 0)
-                other = self.levenberg_marquardt(choose=False)
+                other = self.levenberg_marquardt(choose=False, most=4)
                 if other < cost - 9:
                     kept = False
                     break
                 self.set_state(before)
             if kept:
                 break
+        self.try_dropped()
+        for _ in range(2):
+            self.search_cells()
+            self.set_outliers()
+            self.levenberg_marquardt(most=6)
+        self.search_cells()
         self.finish()
+
+    def search_cells(self) -> None:
+        """Levenberg and Marquardt for each cell by itself, with a damping of its own: one that is far off does not hold up the
+        others, nor do they outvote it."""
+        free, self.free = self.free, []
+        damping = np.full(self.p.cells, 1e-3)
+        base, left = self.base, np.inf
+        for _ in range(8):
+            r = (self.p.y - self.p.late(base, self.fit.delay)) * self.use
+            squares = (r * r).sum(0)
+            _, _, matrix, vector, _ = self.normal(base, self.derivatives(base))
+            matrix = matrix + (damping[:, None, None] * matrix + 1e-12) * np.eye(2)
+            step = np.zeros_like(vector)
+            step[self.good] = np.linalg.solve(matrix[self.good], vector[self.good][..., None])[..., 0]
+            gain, offset = self.fit.gain, self.fit.offset
+            trial = self.heights(gain=gain + step[:, 0], offset=offset + step[:, 1])
+            r = (self.p.y - self.p.late(trial, self.fit.delay)) * self.use
+            better = (r * r).sum(0) < squares
+            self.fit.gain, self.fit.offset = np.where(better, gain + step[:, 0], gain), np.where(better, offset + step[:, 1], offset)
+            base = np.where(better, trial, base)
+            damping = np.where(better, damping / 5, damping * 10)
+            left = ((squares - (r * r).sum(0)) / np.maximum(self.variance, 1e-18))[better & self.good].max(initial=0)
+            if left < 1e-3:
+                break
+        self.free, self.base = free, base
+        self.set_variance(base)
+        self.slopes = self.derivatives(base)
+
+    def try_dropped(self) -> None:
+        """What was flat at the start of the search may not be so at its end."""
+        for i in [k for k in range(3) if k not in self.free]:
+            before, free, unknown = self.state(), list(self.free), dict(self.fit.unknown)
+            cost = self.likelihood()
+            self.free = sorted([*free, i])
+            del self.fit.unknown[SHARED[i]]
+            if i == 2:
+                self.shared[2] = 0.5 * self.period
+            new = self.levenberg_marquardt(choose=False, most=8)
+            self.drop_flat()
+            if i not in self.free or new > cost - 9:
+                self.set_state(before)
+                self.free, self.fit.unknown = free, unknown
+
+    def likelihood(self) -> float:
+        """Minus twice the logarithm, each cell with a variance of its own, so that two fits compare."""
+        return float((self.use.sum(0) * np.log(np.maximum(self.variance, 1e-18)))[self.good].sum())
 
     def state(self) -> tuple[Any, ...]:
         return self.fit.delay, self.shared.copy(), self.fit.gain, self.fit.offset, self.variance, self.base, self.slopes
@@ -196,9 +248,10 @@ class _Search:
             changed = self.shared.copy()
             changed[i] *= 1.002
             all_of_them.append((self.heights(shared=changed) - base) / np.log(1.002))
-        all_of_them.append((self.heights(gain=self.fit.gain + 1e-3) - base) / 1e-3)
         span = np.ptp(self.p.y[:, self.good]) or 1.0
-        all_of_them.append((self.heights(offset=self.fit.offset + 1e-3 * span) - base) / (1e-3 * span))
+        for name, step in (("gain", 5e-4), ("offset", 5e-4 * span)):
+            ends = [self.heights(**{name: getattr(self.fit, name) + s}) for s in (step, -step)]
+            all_of_them.append((ends[0] - ends[1]) / (2 * step))
         return all_of_them
 
     def choose_delays(self, base: Array, own: list[Array]) -> None:
@@ -254,12 +307,12 @@ class _Search:
         own = np.einsum("cij,cj->ci", inverse, c_vector - np.einsum("cij,i->cj", m_matrix, step))
         return np.clip(step, -1, 1), own
 
-    def levenberg_marquardt(self, choose: bool = True) -> float:
+    def levenberg_marquardt(self, choose: bool = True, most: int = 25) -> float:
         damping = 1e-3
         base = self.heights()
         self.set_variance(base)
         cost = self.cost(base)
-        for iteration in range(25):
+        for iteration in range(most):
             slopes = self.derivatives(base)
             if choose:
                 before = self.fit.delay
@@ -283,13 +336,13 @@ class _Search:
                     break
                 self.shared, self.fit.gain, self.fit.offset = held
                 damping *= 5
-            if gained < 1e-3 * (1 + 0.0 * cost) and iteration > 0:
+            if gained < 0.05 and iteration > 0:
                 break
         self.base, self.slopes = base, self.derivatives(base)
-        # Likelihood with each cell's own variance: n log σ², so that two fits compare.
-        return float((self.use.sum(0) * np.log(np.maximum(self.variance, 1e-18)))[self.good].sum())
+        return self.likelihood()
 
     def set_outliers(self) -> None:
+        self.use = self.p.use & self.good
         r = self.p.y - self.p.late(self.base, self.fit.delay)
         scale = 1.4826 * np.array([np.median(np.abs(r[self.use[:, c], c])) if self.use[:, c].any() else 0
                                    for c in range(self.p.cells)])

@@ -64,7 +64,7 @@ def identify(recordings: Sequence[str | pathlib.Path], experiment: str | pathlib
     proximity = _proximity(rerun, read_in)
     motion = None
     if label is not None:
-        motion = _fit_object(rerun, read_in, label, known, proximity, fit, seconds)
+        motion = _fit_object(rerun, read_in, label, known, _as_likely(cells, known), proximity, fit, seconds)
         known = dict(known, **{f"object.{label}.{name}": value for name, (value, _) in motion.values.items()})
     if proximity is not None:
         name, span = proximity
@@ -134,6 +134,21 @@ def _cell_values(cells: CellFit, channel: str, prefix: str) -> dict[str, Any]:
     return known
 
 
+def _as_likely(cells: CellFit | None, known: Mapping[str, Any], count: int = 8) -> list[dict[str, Any]]:
+    """The parameters of cells, changed by their errors."""
+    if cells is None:
+        return []
+    random = np.random.default_rng(1)
+    drawn = []
+    for _ in range(count):
+        changed = dict(known)
+        for name, error in (("gain", cells.gain_error), ("offset", cells.offset_error)):
+            key = f"faults.{cells.channel}.{name}"
+            changed[key] = known[key] + error * random.standard_normal(error.shape)
+        drawn.append(changed)
+    return drawn
+
+
 def _proximity(rerun: Rerun, recordings: Sequence[Recorded]) -> tuple[str, float] | None:
     """The first proximity sensor that looks up, and its range."""
     for channel in rerun.simulation.sensor_channels:
@@ -145,7 +160,7 @@ def _proximity(rerun: Rerun, recordings: Sequence[Recorded]) -> tuple[str, float
 
 
 def _fit_object(rerun: Rerun, recordings: Sequence[Recorded], label: str, known: Mapping[str, Any],
-                proximity: tuple[str, float] | None, fit: Sequence[str], seconds: float | None) -> MotionFit:
+                also: Sequence[Mapping[str, Any]], proximity: tuple[str, float] | None, fit: Sequence[str], seconds: float | None) -> MotionFit:
     if f"object.{label}.mass" not in rerun.parameters:
         labels = sorted({name.split(".")[1] for name in rerun.parameters if name.startswith("object.")} - {"*"})
         raise RecordingError(f"--object {label}: {rerun.experiment} has no such object (it has {', '.join(labels) or 'none with a label'})")
@@ -154,7 +169,7 @@ def _fit_object(rerun: Rerun, recordings: Sequence[Recorded], label: str, known:
     if proximity is None and force is None:
         raise RecordingError(f"{recordings[0].path}: no proximity and no pressure sensor sees the object")
     near, span = proximity or (None, 0.0)
-    return fit_motion(rerun, label, known, near, span, force, fit, seconds)
+    return fit_motion(rerun, label, known, near, span, force, fit, seconds, also)
 
 
 def _write(out: pathlib.Path, experiment: str | pathlib.Path, recordings: Sequence[Recorded], values: dict[str, tuple[float, float]],
