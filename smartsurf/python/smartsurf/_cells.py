@@ -56,7 +56,7 @@ class _Problem:
         middle = np.median([self.y[:-2], self.y[1:-1], self.y[2:]], axis=0)
         noise = 1.4826 * np.median(np.abs(np.diff(self.y, axis=0)), axis=0) + 1e-9
         self.use[1:-1] &= (self.y[1:-1] != 0) | (np.abs(middle) < 6 * noise)
-        self.fastest = np.abs(np.diff(middle, axis=0))
+        self.fastest = np.abs(middle[3:] - middle[:-3]) / 3
 
     def heights(self, shared: Array, gain: Array, offset: Array) -> Array:
         """Without delay. shared: speed, acceleration, lag."""
@@ -122,18 +122,19 @@ def _start(problem: _Problem, declared: Array, state: Array) -> tuple[Array, Arr
     y, use, cells = problem.y, problem.use, problem.cells
     good = state == GOOD
     period = problem.rerun.recordings[0].period_s
-    fastest = np.median(np.quantile(problem.fastest[:, good], 0.99, axis=0)) / period if good.any() else declared[0]
+    fastest = np.median(np.quantile(problem.fastest[:, good], 0.97, axis=0)) / period if good.any() else declared[0]
     speed = float(np.clip(fastest, 0.05 * declared[0], 20 * declared[0]))
+    whole = _line(np.zeros_like(y), y, use)[2]
     best = (np.inf, declared, np.ones(cells), np.zeros(cells), np.zeros(cells, int))
-    for factor in (0.3, 1, 3):
-        for lag in (0, 1, 2, 4):
+    for factor in (0.25, 0.5, 1, 2):
+        for lag in (0, 1, 2, 3, 4.5):
             shared = np.array([speed, declared[1] * factor, lag * period])
             moved = problem.heights(shared, np.ones(cells), np.zeros(cells))
             lines = [_line(problem.late(moved, np.full(cells, d)), y, use) for d in range(LONGEST_DELAY + 1)]
             squares = np.array([line[2] for line in lines])
             delay = squares.argmin(0)
             # A cell counts by how much of its motion is left over, not by how far it moves.
-            cost = float(np.median((squares.min(0) / np.maximum(squares.max(0), 1e-12))[good])) if good.any() else 0.0
+            cost = float(np.median((squares.min(0) / np.maximum(whole, 1e-12))[good])) if good.any() else 0.0
             if cost < best[0]:
                 pick = lambda k: np.array([line[k] for line in lines])[delay, np.arange(cells)]  # noqa: E731
                 best = (cost, shared, pick(0), pick(1), delay)
@@ -249,7 +250,7 @@ class _Search:
             changed[i] *= 1.002
             all_of_them.append((self.heights(shared=changed) - base) / np.log(1.002))
         span = np.ptp(self.p.y[:, self.good]) or 1.0
-        for name, step in (("gain", 5e-4), ("offset", 5e-4 * span)):
+        for name, step in (("gain", 2e-3), ("offset", 1e-3 * span)):
             ends = [self.heights(**{name: getattr(self.fit, name) + s}) for s in (step, -step)]
             all_of_them.append((ends[0] - ends[1]) / (2 * step))
         return all_of_them

@@ -143,7 +143,7 @@ def fit_motion(rerun: Rerun, label: str, known: Mapping[str, Any], near: str | N
         for size in (0.03, 0.01):
             corners = np.vstack([best[free], best[free] + size * np.eye(len(free))])
             found = optimize.minimize(lambda v: _robust(of_free(v)), best[free], method="Nelder-Mead",
-                                      options={"initial_simplex": corners, "xatol": 1e-4, "fatol": 0.5, "maxfev": 60 * len(free)})
+                                      options={"initial_simplex": corners, "xatol": 1e-4, "fatol": 0.5, "maxfev": 45 * len(free)})
             best[free] = np.clip(found.x, *limits[free].T)
         jacobian, r = slopes(best[free]), of_free(best[free])
         others = [residuals(best, changed) for changed in also]

@@ -162,6 +162,13 @@ def fit_proximity(name: str, span: float, sensed: Sequence[Array], ideal: Sequen
     out.values["dropout"] = Estimate.fraction(n - int(seen[rest].sum()), n)
     use = hit & sure & rest
     r = (y - x)[use]
+    # Near its limits a reading is cut off.
+    rough = 1.4826 * float(np.median(np.abs(r - np.median(r))))
+    use &= (x > 4 * rough) & (x < span - 4 * rough)
+    r = (y - x)[use]
+    if len(r) < 30:
+        out.unknown["noise"] = out.unknown["bias"] = "too few distances between the sensor's limits"
+        return out
     middle = np.median(r)
     kept = np.abs(r - middle) < 6 * max(1.4826 * np.median(np.abs(r - middle)), 1e-9)
     r = r[kept]

@@ -113,7 +113,8 @@ class Docs(ProgramTest):
                 elif "--shm surface" in " ".join(arguments):
                     arguments[arguments.index("--shm") + 1] = self.shm
                 executable = sys.executable if program == "python3" else str(BIN / program)
-                child = subprocess.Popen([executable, *(a for a in arguments if a != "&")], cwd=folder, text=True, env=PYTHON_CLIENT,
+                child = subprocess.Popen([executable, *(a for a in arguments if a != "&")], cwd=folder, text=True,
+                                         env={**PYTHON_CLIENT, "SMARTSURF_PYTHON": sys.executable} if arguments[0] == "identify" else PYTHON_CLIENT,
                                          stdout=subprocess.PIPE, stderr=subprocess.PIPE)
                 self.children.append(child)
                 if arguments[-1] == "&":
