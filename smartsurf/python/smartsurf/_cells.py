@@ -136,8 +136,8 @@ def _start(problem: _Problem, declared: Array, state: Array) -> tuple[Array, Arr
             # A cell counts by how much of its motion is left over, not by how far it moves.
             cost = float(np.median((squares.min(0) / np.maximum(whole, 1e-12))[good])) if good.any() else 0.0
             if cost < best[0]:
-                pick = lambda k: np.array([line[k] for line in lines])[delay, np.arange(cells)]  # noqa: E731
-                best = (cost, shared, pick(0), pick(1), delay)
+                gain, offset = (np.array([line[k] for line in lines])[delay, np.arange(cells)] for k in (0, 1))
+                best = (cost, shared, gain, offset, delay)
     _, shared, gain, offset, delay = best
     gain = np.where(good & (np.abs(gain - 1) < 0.9), gain, 1.0)
     return shared, gain, np.where(good, offset, 0.0), delay
@@ -153,6 +153,9 @@ class _Search:
         self.period = problem.rerun.recordings[0].period_s
         self.dt = self.period / 64
         self.free = [0, 1, 2]
+        self.base: Array
+        self.slopes: list[Array]
+        self.variance: Array
         self.use = problem.use & good
 
     def search(self) -> None:

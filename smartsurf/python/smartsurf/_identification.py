@@ -52,11 +52,10 @@ def identify(recordings: Sequence[str | pathlib.Path], experiment: str | pathlib
         good = cells.state == GOOD
         if good.any():
             least_delay = int(cells.delay[good].min())
-            mask = lambda parts: np.concatenate([p[:, good] for p in parts])  # noqa: E731
-            y = mask(readings)
-            near = np.abs(y - mask(cells.predicted)) < 6 * cells.noise[good]
-            rms["rms of heights, recording − as declared"] = _identified._rms(np.where(near, y - mask(declared), np.nan))
-            rms["rms of heights, recording − identified"] = _identified._rms(np.where(near, y - mask(cells.predicted), np.nan))
+            y, before, after = (np.concatenate([p[:, good] for p in parts]) for parts in (readings, declared, cells.predicted))
+            near = np.abs(y - after) < 6 * cells.noise[good]
+            rms["rms of heights, recording − as declared"] = _identified.rms_of(np.where(near, y - before, np.nan))
+            rms["rms of heights, recording − identified"] = _identified.rms_of(np.where(near, y - after, np.nan))
         known = _cell_values(cells, channel, prefix)
     sensors = []
     if cells is not None and height:
@@ -110,8 +109,8 @@ def _check_output(out: pathlib.Path, experiment: str | pathlib.Path, recordings:
 def _height_channel(recordings: Sequence[Recorded], sensor: str, channel: str) -> str | None:
     for recording in recordings:
         if channel not in recording.commands:
-            raise RecordingError(f"{recording.path}: no actuator channel '{channel}' (it has {', '.join(sorted(recording.commands)) or 'none'}); "
-                                 "--channel names another")
+            there = ", ".join(sorted(recording.commands)) or "none"
+            raise RecordingError(f"{recording.path}: no actuator channel '{channel}' (it has {there}); --channel names another")
     for name in (sensor, ""):
         if all(name in recording.readings for recording in recordings):
             return name
@@ -163,7 +162,8 @@ def _fit_object(rerun: Rerun, recordings: Sequence[Recorded], label: str, known:
                 also: Sequence[Mapping[str, Any]], proximity: tuple[str, float] | None, fit: Sequence[str], seconds: float | None) -> MotionFit:
     if f"object.{label}.mass" not in rerun.parameters:
         labels = sorted({name.split(".")[1] for name in rerun.parameters if name.startswith("object.")} - {"*"})
-        raise RecordingError(f"--object {label}: {rerun.experiment} has no such object (it has {', '.join(labels) or 'none with a label'})")
+        there = ", ".join(labels) or "none with a label"
+        raise RecordingError(f"--object {label}: {rerun.experiment} has no such object (it has {there})")
     force = next((c.name for c in rerun.simulation.sensor_channels if c.unit.startswith("mass") and c.components == 1
                   and all(c.name in r.readings for r in recordings)), None)
     if proximity is None and force is None:

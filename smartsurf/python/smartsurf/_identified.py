@@ -97,7 +97,7 @@ def map_text(rows: Rows) -> str:
     return "\n".join(["row,column,channel,fault,value", *body]) + "\n"
 
 
-def _rms(values: Array) -> float:
+def rms_of(values: Array) -> float:
     known = values[np.isfinite(values)]
     return math.sqrt(float((known * known).mean())) if known.size else math.nan
 
@@ -119,9 +119,10 @@ def summary(fit: CellFit | None, sensors: Sequence[SensorFit], motion: MotionFit
             delays, counts = np.unique(fit.delay[good], return_counts=True)
             out.append(f"  {'delay, ticks (cells)':28} {', '.join(f'{d} ({n})' for d, n in zip(delays, counts))}"
                        + (f"; {int((~fit.delay_sure & good).sum())} of them uncertain by one" if (~fit.delay_sure & good).any() else ""))
-            for name, value, error in (("gain", fit.gain, fit.gain_error), ("offset", fit.offset, fit.offset_error)):
-                out.append(f"  {name + ' of cells':28} {number(float(np.median(value[good])), 4):>12}   from {number(float(value[good].min()), 4)} "
-                           f"to {number(float(value[good].max()), 4)}, each ± {number(1.96 * float(np.median(error[good])), 2)}")
+            for name, of_cells, errors in (("gain", fit.gain, fit.gain_error), ("offset", fit.offset, fit.offset_error)):
+                least, middle, most = (number(float(v), 4) for v in np.quantile(of_cells[good], (0, 0.5, 1)))
+                out.append(f"  {name + ' of cells':28} {middle:>12}   from {least} to {most}, "
+                           f"each ± {number(1.96 * float(np.median(errors[good])), 2)}")
         out += [f"  {name:28} not identified: {why}" for name, why in fit.unknown.items()]
         out.append(f"  {'quantisation of commands':28} not identified: the simulator's actuators have none")
         out.append(f"  readings {fit.samples}, of which {fit.outliers} far off were left out")
@@ -138,7 +139,7 @@ def summary(fit: CellFit | None, sensors: Sequence[SensorFit], motion: MotionFit
             line(name, value, error)
         out += [f"  {name:28} not identified: {why}" for name, why in motion.unknown.items()]
         for k, name in enumerate(motion.names):
-            out.append(f"  {'rms residual of ' + name:45} {number(_rms(np.concatenate([s[:, k] - p[:, k] for s, p in motion.tracks])), 4)}")
+            out.append(f"  {'rms residual of ' + name:45} {number(rms_of(np.concatenate([s[:, k] - p[:, k] for s, p in motion.tracks])), 4)}")
     return "\n".join(out) + "\n"
 
 

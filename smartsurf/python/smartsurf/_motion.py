@@ -13,7 +13,8 @@ from ._recorded import Array
 from ._rerun import Rerun
 
 PARAMETERS = {"friction": (1e-3, 3.0), "rolling_friction": (1e-4, 2.0), "restitution": (1e-2, 0.99), "mass": (1e-6, 1e6)}
-_WHY = {"friction": "nothing slides", "rolling_friction": "nothing rolls far enough", "restitution": "nothing bounces, or the table's own is larger",
+_WHY = {"friction": "nothing slides", "rolling_friction": "nothing rolls far enough",
+        "restitution": "nothing bounces, or the table's own is larger",
         "mass": "no sensor feels a weight, and the motion does not depend on it"}
 _ORDER = ("restitution", "mass", "rolling_friction", "friction")  # what comes first in a motion comes first
 _BLOCK_S = 0.1    # residuals this far apart count as independent
@@ -65,7 +66,8 @@ class _View:
     def weight(self, planes: Mapping[str, Array]) -> Array:
         """The sum of all forces that are more than noise, frame by frame."""
         force = np.nan_to_num(planes[self.force or ""].astype(np.float64))
-        return np.where(force > self.floor, force, 0).sum((1, 2))
+        total: Array = np.where(force > self.floor, force, 0).sum((1, 2))
+        return total
 
     def residuals(self, sensed: Mapping[str, Array], predicted: Mapping[str, Array]) -> Array:
         """Frames × numbers, each about 1 where all is known. Distances count where both have one; a cell that only one of them
@@ -106,7 +108,8 @@ class _View:
 
 def fit_motion(rerun: Rerun, label: str, known: Mapping[str, Any], near: str | None, span: float, force: str | None,
                wanted: Sequence[str], first_s: float | None = None, also: Sequence[Mapping[str, Any]] = ()) -> MotionFit:
-    """known: the parameters of cells, identified before; also: others that are as likely. near, force: channels of a proximity and of a pressure sensor."""
+    """known: the parameters of cells, identified before; also: others that are as likely. near, force: channels of a proximity
+    and of a pressure sensor."""
     names = tuple(f"object.{label}.{name}" for name in wanted)
     fit = MotionFit(label)
     period = rerun.recordings[0].period_s

@@ -10,7 +10,7 @@ from scipy import ndimage, stats
 
 from ._cells import FROZEN, GOOD, CellFit
 from ._recorded import Array
-from .sweep import wilson
+from .success import wilson
 
 
 @dataclass

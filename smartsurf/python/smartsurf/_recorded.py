@@ -85,7 +85,8 @@ def _read(name: str, file: h5py.File) -> Recorded:
             full = np.full((frames, *values.shape[1:]), np.nan, np.float32)
             full[at] = values
             return full
-        return values[np.searchsorted(at, np.arange(frames), side="right") - 1]
+        held: Array = values[np.searchsorted(at, np.arange(frames), side="right") - 1]
+        return held
 
     commands = {key: plane(data, False) for key, data in file["actuators"].items() if data.ndim == 3}
     readings = {key: plane(data, True) for key, data in file["sensors"].items() if data.ndim == 3}
@@ -102,7 +103,7 @@ def _read(name: str, file: h5py.File) -> Recorded:
     for values in commands.values():
         if not np.isfinite(values).all():
             values[...] = np.where(np.isfinite(values), values, np.nanmin(values))
+    options = {key: _text(value) for key, value in file["meta/options"].attrs.items()} if "meta/options" in file else {}
     return Recorded(name, rows, columns, float(surface["pitch"]), float(meta["control_period_s"]),
-                    _text(meta.get("experiment_file", "")), int(meta.get("seed", 1)),
-                    {key: _text(value) for key, value in file["meta/options"].attrs.items()} if "meta/options" in file else {}, not is_live and int(ticks[0]) == 0, commands,
-                    readings, frames - len(ticks))
+                    _text(meta.get("experiment_file", "")), int(meta.get("seed", 1)), options,
+                    not is_live and int(ticks[0]) == 0, commands, readings, frames - len(ticks))
