@@ -94,9 +94,9 @@ void ActuatorFaults::apply_entry(const FaultMap& map, const FaultEntry& entry, C
   } else if (entry.fault == "gain" || entry.fault == "offset") {
     const bool is_gain = entry.fault == "gain";
     const auto value = static_cast<float>(is_gain ? require_value(-1e3, 1e3) : require_value(-1e6, 1e6));
-    const bool has = !channel.gain.empty();
-    set_cell(channel, cell, is_gain ? value : has ? channel.gain[cell] : 1.0F,
-             !is_gain ? value : has ? channel.offset[cell] : 0.0F);
+    const float gain = channel.gain.empty() ? 1.0F : channel.gain[cell];
+    const float offset = channel.offset.empty() ? 0.0F : channel.offset[cell];
+    set_cell(channel, cell, is_gain ? value : gain, is_gain ? offset : value);
   } else if (entry.fault == "late") {
     if (channel.latency.empty()) channel.latency.assign(cells_, static_cast<std::uint16_t>(common_latency_));
     const auto latency = common_latency_ + static_cast<int>(require_value(0.0, 1000.0));
