@@ -10,8 +10,8 @@
 #include "smartsurf/surface/sensors/JointPositionSensor.h"
 #include "smartsurf/surface/sensors/LightSensor.h"
 #include "smartsurf/surface/sensors/ObjectTypeSensor.h"
-#include "smartsurf/surface/sensors/ProximitySensor.h"
 #include "smartsurf/surface/sensors/PinHeightSensor.h"
+#include "smartsurf/surface/sensors/ProximitySensor.h"
 #include "smartsurf/surface/sensors/SkinSensors.h"
 
 namespace smartsurf::surface {
