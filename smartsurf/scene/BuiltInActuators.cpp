@@ -102,6 +102,7 @@ ActuatorKind pin_kind() {
                                "lowest and highest height of the top, u"),
                positive_parameter("max_speed", kPin.max_speed, "greatest speed, u/s"),
                positive_parameter("max_acceleration", kPin.max_acceleration, "greatest acceleration, u/s²"),
+               lag_parameter(0.0),
                optional(
                    force_parameter(0.0, "load at which a rising pin stalls, mass·u/s²; unlimited if absent")),
                choice_parameter("tip.shape", kTipShapes, "of the pin's upper end"),

@@ -123,6 +123,12 @@ SensorKind signed_vector_kind(std::string name, std::string unit, double range, 
           }};
 }
 
+SensorKind pin_height_kind() {
+  return {.name = "pin_height", .channels = [](const SensorSpec& s) -> std::vector<SensorChannel> {
+            return {{s.name, "u", -1e6, 1e6}};
+          }};
+}
+
 SensorKind joint_position_kind() {
   return signed_vector_kind("joint_position", "u", 1e6, "greatest size of the readings, u");
 }
@@ -157,6 +163,7 @@ std::vector<SensorKind> built_in_sensors() {
           light_kind(),
           pressure_kind(),
           camera_kind(),
+          pin_height_kind(),
           joint_position_kind(),
           tip_force_kind(),
           skin_kind("skin_height", "u", -1e6, 1e6),

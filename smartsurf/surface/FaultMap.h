@@ -19,7 +19,7 @@
 namespace smartsurf::surface {
 
 // The faults that an entry may name.
-inline const std::vector<std::string> kActuatorFaults{"stuck", "dead", "weak", "late"};
+inline const std::vector<std::string> kActuatorFaults{"stuck", "dead", "weak", "late", "gain", "offset"};
 inline const std::vector<std::string> kSensorFaults{"dead",       "stuck", "stuck_low",
                                                     "stuck_high", "gain",  "offset"};
 

@@ -38,6 +38,7 @@ int parse_and_run(int argc, char** argv) {
                                                           {"clean", add_clean_command(app)},
                                                           {"new", add_new_command(app)},
                                                           {"train", add_train_command(app)},
+                                                          {"identify", add_identify_command(app)},
                                                           {"fmu", add_fmu_command(app)}};
   try {
     app.parse(argc, argv);

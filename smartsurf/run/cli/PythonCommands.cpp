@@ -1,4 +1,4 @@
-// Commands of the Python package, which take their own arguments: `smartsurf train`, `smartsurf fmu`.
+// Commands of the Python package, which take their own arguments: `smartsurf train`, `identify`, `fmu`.
 #include <CLI/CLI.hpp>
 
 #include "smartsurf/run/PythonModule.h"
@@ -19,6 +19,13 @@ CommandHandler add_python_command(CLI::App& app, const char* name, const char* d
 CommandHandler add_train_command(CLI::App& app) {
   return add_python_command(app, "train",
                             "Learn a policy of a task (smartsurf train --help); needs the Python package");
+}
+
+CommandHandler add_identify_command(CLI::App& app) {
+  return add_python_command(
+      app, "identify",
+      "Find the parameters with which an experiment behaves like a recorded table (smartsurf identify "
+      "--help); needs the Python package, SciPy and h5py");
 }
 
 CommandHandler add_fmu_command(CLI::App& app) {

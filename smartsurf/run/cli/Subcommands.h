@@ -25,6 +25,7 @@ CommandHandler add_check_command(CLI::App& app);
 CommandHandler add_clean_command(CLI::App& app);
 CommandHandler add_new_command(CLI::App& app);
 CommandHandler add_train_command(CLI::App& app);
+CommandHandler add_identify_command(CLI::App& app);
 CommandHandler add_fmu_command(CLI::App& app);
 
 // --load, which loads an extension while the command line is parsed, and --allow-extensions.

@@ -28,9 +28,10 @@ ActuatorFaults::ActuatorFaults(const scene::SurfaceSpec& surface,
   draw_faults(surface.faults.actuator, actuated_cells, seed);
   for (const FaultEntry& entry : map.entries())
     for (ChannelFaults& channel : channels_) {
-      if (entry.channel != channel.info.name &&
-          !(entry.channel.empty() && std::ranges::count(kActuatorFaults, entry.fault)))
-        continue;
+      // Sensors have gains and offsets, too: an entry of all channels means theirs.
+      const bool is_of_all = entry.channel.empty() && entry.fault != "gain" && entry.fault != "offset" &&
+                             std::ranges::count(kActuatorFaults, entry.fault) > 0;
+      if (entry.channel != channel.info.name && !is_of_all) continue;
       apply_entry(map, entry, channel, surface.index(entry.row, entry.column));
     }
 }
@@ -90,6 +91,12 @@ void ActuatorFaults::apply_entry(const FaultMap& map, const FaultEntry& entry, C
   } else if (entry.fault == "weak") {
     const double gain = require_value(0.0, 1.0);
     set_cell(channel, cell, static_cast<float>(gain), static_cast<float>((1.0 - gain) * info.safe_value));
+  } else if (entry.fault == "gain" || entry.fault == "offset") {
+    const bool is_gain = entry.fault == "gain";
+    const auto value = static_cast<float>(is_gain ? require_value(-1e3, 1e3) : require_value(-1e6, 1e6));
+    const float gain = channel.gain.empty() ? 1.0F : channel.gain[cell];
+    const float offset = channel.offset.empty() ? 0.0F : channel.offset[cell];
+    set_cell(channel, cell, is_gain ? value : gain, is_gain ? offset : value);
   } else if (entry.fault == "late") {
     if (channel.latency.empty()) channel.latency.assign(cells_, static_cast<std::uint16_t>(common_latency_));
     const auto latency = common_latency_ + static_cast<int>(require_value(0.0, 1000.0));

@@ -4,6 +4,8 @@
 //   stuck  0·c + value
 //   dead   0·c + safe
 //   weak   g·c + (1 − g)·safe
+//   gain   g·c + offset
+//   offset gain·c + o
 //   late   an older command
 #pragma once
 

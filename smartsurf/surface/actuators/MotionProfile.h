@@ -11,7 +11,8 @@ namespace smartsurf::surface {
 //
 // A cell that brakes by s = a·dt per step from the speed k·s + f, 0 ≤ f < s, covers
 // ((k + 1)·f + s·k·(k + 1)/2)·dt until it stops. Solving this for the remaining distance gives the speed of
-// the coming step. PinKernels holds a vectorised copy that must stay bit-identical.
+// the coming step. With a lag it covers at most the part of the distance that a first-order lag covers in a
+// step. PinKernels holds a vectorised copy that must stay bit-identical.
 class MotionProfile {
  public:
   struct Constants {
@@ -19,10 +20,16 @@ class MotionProfile {
     float inverse_dt;
     float max_speed;
     float max_units;  // cap of distance/(speed_step·dt): max_speed binds beyond it; keeps k small
+    float most_part;  // of the distance that one step covers; above 1 without a lag, so that it never binds
   };
 
-  MotionProfile(float max_speed, float max_acceleration, float dt_s)
-      : c_{max_acceleration * dt_s, 1.0F / (max_acceleration * dt_s), 1.0F / dt_s, max_speed, 0.0F} {
+  MotionProfile(float max_speed, float max_acceleration, float dt_s, float lag_s = 0.0F)
+      : c_{max_acceleration * dt_s,
+           1.0F / (max_acceleration * dt_s),
+           1.0F / dt_s,
+           max_speed,
+           0.0F,
+           lag_s > 0.0F ? -std::expm1(-dt_s / lag_s) : 2.0F} {
     const float max_steps = std::min(max_speed * c_.inverse_speed_step, 1e6F) + 1.0F;
     c_.max_units = (max_steps + 1.0F) * (max_steps + 2.0F);
   }
@@ -38,8 +45,9 @@ class MotionProfile {
     const float k = std::trunc(0.5F * (std::sqrt(1.0F + 8.0F * units) - 1.0F));
     const float stopping_speed =
         k * c_.speed_step + (arrival_speed - 0.5F * c_.speed_step * k * (k + 1.0F)) / (k + 1.0F);
-    const float desired =
-        std::copysign(stopping_speed < c_.max_speed ? stopping_speed : c_.max_speed, distance);
+    const float lagging_speed = arrival_speed * c_.most_part;
+    const float most_speed = lagging_speed < c_.max_speed ? lagging_speed : c_.max_speed;
+    const float desired = std::copysign(stopping_speed < most_speed ? stopping_speed : most_speed, distance);
     const float low = speed - c_.speed_step, high = speed + c_.speed_step;
     const float at_least_low = desired > low ? desired : low;
     return at_least_low < high ? at_least_low : high;

@@ -50,8 +50,10 @@ HWY_INLINE V profile_speed(D d, const MotionProfile::Constants& c, V distance, V
   const V k = hn::Trunc(hn::Mul(half, hn::Sub(root, one))), next = hn::Add(k, one);
   const V braking_loss = hn::Mul(hn::Mul(hn::Set(d, 0.5F * c.speed_step), k), next);
   const V stopping_speed = hn::Add(hn::Mul(k, step), hn::Div(hn::Sub(arrival_speed, braking_loss), next));
+  const V lagging_speed = hn::Mul(arrival_speed, hn::Set(d, c.most_part));
+  const V most_speed = hn::IfThenElse(hn::Lt(lagging_speed, max_speed), lagging_speed, max_speed);
   const V desired =
-      hn::CopySign(hn::IfThenElse(hn::Lt(stopping_speed, max_speed), stopping_speed, max_speed), distance);
+      hn::CopySign(hn::IfThenElse(hn::Lt(stopping_speed, most_speed), stopping_speed, most_speed), distance);
   const V low = hn::Sub(speed, step), high = hn::Add(speed, step);
   const V at_least_low = hn::IfThenElse(hn::Gt(desired, low), desired, low);
   return hn::IfThenElse(hn::Lt(at_least_low, high), at_least_low, high);

@@ -55,6 +55,7 @@ class Pins final : public Actuator {
             std::transform_reduce(runs_.begin(), runs_.end(), std::size_t{0}, std::plus<>(), length_of)),
         max_speed_(context.number("max_speed")),
         max_acceleration_(context.number("max_acceleration")),
+        lag_s_(context.number("lag")),
         min_height_(static_cast<float>(context.spec.numbers("range")[0])),
         tip_(make_tip(context)),
         base_(context.field.height),
@@ -93,7 +94,7 @@ class Pins final : public Actuator {
     const auto dt = static_cast<float>(dt_s);
     // The load may push any pin with a force limit, so all of them are planned in every step.
     if (force_limit_) std::ranges::fill(moving_, std::uint8_t{1});
-    const MotionProfile profile(max_speed_, max_acceleration_, dt);
+    const MotionProfile profile(max_speed_, max_acceleration_, dt, lag_s_);
     for_each_moving_group(kPlanCost_ns, [&](std::size_t g) { plan_group(g, profile, dt, field); });
     for (std::size_t g = 0; g < groups_.size(); ++g) {
       field.max_height = std::max(field.max_height, group_max_height_[g]);
@@ -203,7 +204,7 @@ class Pins final : public Actuator {
   std::vector<Group> groups_;
   common::ThreadPool* pool_;
   std::size_t pin_count_;
-  float max_speed_, max_acceleration_;
+  float max_speed_, max_acceleration_, lag_s_;
   float min_height_;  // lower end of the range, u above the base
   std::optional<float> force_limit_;
   std::optional<TipKind> tip_;

@@ -10,6 +10,7 @@
 #include "smartsurf/surface/sensors/JointPositionSensor.h"
 #include "smartsurf/surface/sensors/LightSensor.h"
 #include "smartsurf/surface/sensors/ObjectTypeSensor.h"
+#include "smartsurf/surface/sensors/PinHeightSensor.h"
 #include "smartsurf/surface/sensors/ProximitySensor.h"
 #include "smartsurf/surface/sensors/SkinSensors.h"
 
@@ -33,6 +34,7 @@ scene::Registry<NamedSensor>& sensor_factories() {
                                            {"light", make<LightSensor>},
                                            {"pressure", make<PressureSensor>},
                                            {"camera", make<CameraSensor>},
+                                           {"pin_height", make<PinHeightSensor>},
                                            {"joint_position", make<JointPositionSensor>},
                                            {"tip_force", make<TipForceSensor>},
                                            {"skin_height", make<SkinHeightSensor>},

@@ -110,8 +110,10 @@ class Docs(ProgramTest):
                 executable = sys.executable if program == "python3" else str(BIN / program)
                 command = [executable, *(a for a in arguments if a != "&")]
 
+                environment = {**PYTHON_CLIENT, "SMARTSURF_PYTHON": sys.executable} if arguments[0] == "identify" else PYTHON_CLIENT
+
                 def start():
-                    child = subprocess.Popen(command, cwd=folder, text=True, env=PYTHON_CLIENT, stdout=subprocess.PIPE,
+                    child = subprocess.Popen(command, cwd=folder, text=True, env=environment, stdout=subprocess.PIPE,
                                              stderr=subprocess.PIPE)
                     self.children.append(child)
                     return child

@@ -62,7 +62,7 @@ class Pages(ProgramTest):
 
     def test_named_flags_exist(self):
         known = set(FOREIGN)
-        for program, commands in (("smartsurf", "run record replay info plot export check clean compare new train fmu"),
+        for program, commands in (("smartsurf", "run record replay info plot export check clean compare new train identify fmu"),
                                   ("apron", "run check compile disasm fmt repl debug lsp")):
             for command in commands.split():
                 known |= self.flags_of(str(BIN / program), command, "--help")
@@ -80,7 +80,7 @@ class Pages(ProgramTest):
 
     def test_command_line_page_lists_exactly_all_flags(self):
         rows = re.findall(r"^\| `(\w+)(?: ([a-z]+))?[^`]*` \|.*\|([^|]*)\|$", text_of("docs/cli.md"), re.MULTILINE)
-        self.assertEqual(len(rows), 25)
+        self.assertEqual(len(rows), 26)
         for program, command, flags in rows:
             there = self.flags_of(str(BIN / program), *([command] if command else []), "--help")
             shown = set(re.findall(r"--[a-z][a-z-]*", flags))
@@ -122,7 +122,7 @@ class LuaReference(ProgramTest):
     PAGES = ("experiments", "actuators", "sensors", "objects")
     TABLE = "surface { rows = 2, columns = 2 }\n"
     ACTUATORS = ("pin", "ball", "wheels", "conveyor", "rotor", "force_field", "magnet", "air_jet", "tile", "delta")
-    SENSORS = ("proximity", "colour", "object_type", "light", "pressure", "camera", "joint_position", "tip_force",
+    SENSORS = ("proximity", "colour", "object_type", "light", "pressure", "camera", "pin_height", "joint_position", "tip_force",
                "skin_height", "skin_strain", "skin_contact")
 
     def names_known(self, script):

@@ -57,10 +57,11 @@ void for_every_target(const std::function<void()>& test) {
 }
 
 struct Limits {
-  float speed, acceleration;
-  MotionProfile profile() const { return {speed, acceleration, kPinStep}; }
+  float speed, acceleration, lag = 0.0F;
+  MotionProfile profile() const { return {speed, acceleration, kPinStep, lag}; }
 };
-const Limits kLimits[] = {{4.0F, 60.0F}, {6.0F, 1e4F}, {1e9F, 3.0F}, {0.5F, 0.01F}};
+const Limits kLimits[] = {{4.0F, 60.0F}, {6.0F, 1e4F},         {1e9F, 3.0F},
+                          {0.5F, 0.01F}, {4.0F, 60.0F, 0.02F}, {1e9F, 1e7F, 0.1F}};
 
 }  // namespace
 

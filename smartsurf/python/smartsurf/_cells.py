@@ -1,0 +1,421 @@
+"""How the cells answer their commands: least squares of what the experiment does against what the table did.
+
+The law is the simulator's own: a re-run of the commands gives the heights and, with one parameter changed at a time, their
+derivatives. Cells do not disturb each other, so one re-run has the derivatives of all cells by their own gains, or offsets.
+"""
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from ._recorded import Array
+from ._rerun import HEIGHT, Rerun
+
+SHARED = ("max_speed", "max_acceleration", "lag")  # of all cells
+LONGEST_DELAY = 12                                 # ticks
+GOOD, STUCK, FROZEN, IDLE = range(4)               # FROZEN: the sensor always says the same; IDLE: not commanded
+STATES = ("good", "stuck", "frozen", "idle")
+
+
+@dataclass
+class CellFit:
+    """What is known of the cells of one channel; arrays of rows × columns. An error of 0: not identified."""
+    channel: str
+    state: Array                              # GOOD, …
+    gain: Array
+    gain_error: Array
+    offset: Array
+    offset_error: Array
+    delay: Array                              # ticks
+    delay_sure: Array                         # the next best delay fits worse by more than chance
+    noise: Array                              # standard deviation of the residual
+    level: Array                              # mean reading, of cells that are stuck or frozen
+    shared: dict[str, tuple[float, float]]    # value and standard error
+    unknown: dict[str, str]                   # name and why it is not identified
+    of_cells: dict[str, tuple[Array, Array]]  # the shared ones by cell, each from its own readings alone, with their errors
+    samples: int = 0
+    outliers: int = 0
+    predicted: list[Array] = field(default_factory=list)  # by recording
+
+
+class _Problem:
+    """Readings of all recordings one after the other, frames × cells, and re-runs in the same form."""
+
+    def __init__(self, rerun: Rerun, channel: str, prefix: str, readings: Sequence[Array]):
+        self.rerun, self.channel, self.prefix = rerun, channel, prefix
+        self.y = np.concatenate([r.reshape(len(r), -1) for r in readings]).astype(np.float64)
+        self.lengths = [len(r) for r in readings]
+        self.cells = self.y.shape[1]
+        self.shape = readings[0].shape[1:]
+        self.use = np.isfinite(self.y)
+        self.y[~self.use] = 0
+        # A sensor that misses says 0, between readings that are not near 0.
+        middle = np.median([self.y[:-2], self.y[1:-1], self.y[2:]], axis=0)
+        noise = 1.4826 * np.median(np.abs(np.diff(self.y, axis=0)), axis=0) + 1e-9
+        self.use[1:-1] &= (self.y[1:-1] != 0) | (np.abs(middle) < 6 * noise)
+        self.fastest = np.abs(middle[3:] - middle[:-3]) / 3
+
+    def heights(self, shared: Array, gain: Array, offset: Array) -> Array:
+        """Without delay. shared: speed, acceleration, lag."""
+        values = {self.prefix + name: max(value, 1e-9) if name != "lag" else value for name, value in zip(SHARED, shared)}
+        values[f"faults.{self.channel}.gain"] = gain.reshape(self.shape)
+        values[f"faults.{self.channel}.offset"] = offset.reshape(self.shape)
+        return np.concatenate([out[HEIGHT].reshape(-1, self.cells) for out in self.rerun.run(values)]).astype(np.float64)
+
+    def late(self, heights: Array, delay: Array) -> Array:
+        """The same, each cell late by its delay, ticks. Before a recording's first frame its first height holds."""
+        out = np.empty_like(heights)
+        begin = 0
+        for length in self.lengths:
+            part = heights[begin:begin + length]
+            for ticks in np.unique(delay):
+                cells = delay == ticks
+                late = np.maximum(np.arange(length) - ticks, 0)
+                out[begin:begin + length, cells] = part[late][:, cells]
+            begin += length
+        return out
+
+
+def _line(x: Array, y: Array, use: Array) -> tuple[Array, Array, Array]:
+    """Slope, intercept and sum of squares of y over x, of each column."""
+    n = np.maximum(use.sum(0), 1)
+    mx, my = (x * use).sum(0) / n, (y * use).sum(0) / n
+    dx, dy = (x - mx) * use, (y - my) * use
+    slope = (dx * dy).sum(0) / np.maximum((dx * dx).sum(0), 1e-12)
+    return slope, my - slope * mx, ((dy - slope * dx) ** 2).sum(0)
+
+
+def fit_cells(rerun: Rerun, channel: str, prefix: str, readings: Sequence[Array]) -> CellFit:
+    """Fits the cells of the channel. prefix: of the actuator's parameters. readings: heights by recording, NaN: unknown."""
+    problem = _Problem(rerun, channel, prefix, readings)
+    y, use, cells = problem.y, problem.use, problem.cells
+    commands = np.concatenate([r.commands[channel].reshape(r.frames, -1) for r in rerun.recordings]).astype(np.float64)
+    count = np.maximum(use.sum(0), 1)
+    level = (y * use).sum(0) / count
+    spread = np.sqrt((((y - level) * use) ** 2).sum(0) / count)
+    state = np.where(np.ptp(commands, axis=0) == 0, IDLE, GOOD)
+    state[(spread < 1e-9) & (state == GOOD)] = FROZEN
+    declared = np.array([float(rerun.simulation.get_parameter(prefix + name)) for name in SHARED])
+    shared, gain, offset, delay = _start(problem, declared, state)
+    nothing = _line(np.zeros_like(y), y, use)[2]
+    moved = problem.late(problem.heights(shared, np.ones(cells), np.zeros(cells)), delay)
+    stuck = (_line(moved, y, use)[2] > 0.9 * nothing) & (state == GOOD)
+    state[stuck] = STUCK
+    limits = next(c for c in rerun.simulation.actuator_channels if c.name == channel)
+    level[stuck] = np.clip(level[stuck], limits.minimum, limits.maximum)
+    good = state == GOOD
+    fit = CellFit(channel, state, gain, np.zeros(cells), offset, np.zeros(cells), delay, np.zeros(cells, bool), spread, level,
+                  {}, {}, {})
+    if good.any():
+        _Search(problem, fit, shared, good).search()
+    for name, value in list(vars(fit).items()):
+        if isinstance(value, np.ndarray):
+            setattr(fit, name, value.reshape(problem.shape))
+    return fit
+
+
+def _start(problem: _Problem, declared: Array, state: Array) -> tuple[Array, Array, Array, Array]:
+    """The best of a few speeds, accelerations and lags, with the line through the readings of each cell."""
+    y, use, cells = problem.y, problem.use, problem.cells
+    good = state == GOOD
+    period = problem.rerun.recordings[0].period_s
+    fastest = np.median(np.quantile(problem.fastest[:, good], 0.97, axis=0)) / period if good.any() else declared[0]
+    speed = float(np.clip(fastest, 0.05 * declared[0], 20 * declared[0]))
+    whole = _line(np.zeros_like(y), y, use)[2]
+    best = (np.inf, declared, np.ones(cells), np.zeros(cells), np.zeros(cells, int))
+    for factor in (0.25, 0.5, 1, 2):
+        for lag in (0, 1, 2, 3, 4.5):
+            shared = np.array([speed, declared[1] * factor, lag * period])
+            moved = problem.heights(shared, np.ones(cells), np.zeros(cells))
+            lines = [_line(problem.late(moved, np.full(cells, d)), y, use) for d in range(LONGEST_DELAY + 1)]
+            squares = np.array([line[2] for line in lines])
+            delay = squares.argmin(0)
+            # A cell counts by how much of its motion is left over, not by how far it moves.
+            cost = float(np.median((squares.min(0) / np.maximum(whole, 1e-12))[good])) if good.any() else 0.0
+            if cost < best[0]:
+                gain, offset = (np.array([line[k] for line in lines])[delay, np.arange(cells)] for k in (0, 1))
+                best = (cost, shared, gain, offset, delay)
+    _, shared, gain, offset, delay = best
+    gain = np.where(good & (np.abs(gain - 1) < 0.9), gain, 1.0)
+    return shared, gain, np.where(good, offset, 0.0), delay
+
+
+class _Search:
+    """Levenberg and Marquardt over the shared parameters' logarithms and each cell's gain and offset; the cells' own parameters
+    are eliminated from the normal equations, which are then as small as the shared ones."""
+
+    def __init__(self, problem: _Problem, fit: CellFit, shared: Array, good: Array):
+        self.p, self.fit, self.good = problem, fit, good
+        self.shared = shared.copy()
+        self.period = problem.rerun.recordings[0].period_s
+        self.dt = self.period / 64
+        self.free = [0, 1, 2]
+        self.base: Array
+        self.slopes: list[Array]
+        self.variance: Array
+        self.use = problem.use & good
+
+    def search(self) -> None:
+        if self.shared[2] <= 0:
+            self.shared[2] = 0.5 * self.period
+        self.levenberg_marquardt(most=4)
+        self.set_outliers()
+        for _ in range(4):
+            self.drop_flat()
+            cost = self.levenberg_marquardt(most=4)
+            before = self.state()
+            # Lag and delay stand for each other in part: the neighbouring delays, each with its own best lag.
+            kept = True
+            for step in (-1, 1):
+                if (self.fit.delay + step)[self.good].min() < 0:
+                    continue
+                self.fit.delay = np.maximum(self.fit.delay + step, 0)
+                other = self.levenberg_marquardt(choose=False, most=4)
+                if other < cost - 9:
+                    kept = False
+                    break
+                self.set_state(before)
+            if kept:
+                break
+        self.try_dropped()
+        for _ in range(2):
+            self.search_cells()
+            self.set_outliers()
+            self.levenberg_marquardt(most=6)
+        self.search_cells()
+        self.finish()
+
+    def search_cells(self) -> None:
+        """Levenberg and Marquardt for each cell by itself, with a damping of its own: one that is far off does not hold up the
+        others, nor do they outvote it."""
+        free, self.free = self.free, []
+        damping = np.full(self.p.cells, 1e-3)
+        base, left = self.base, np.inf
+        for _ in range(8):
+            r = (self.p.y - self.p.late(base, self.fit.delay)) * self.use
+            squares = (r * r).sum(0)
+            _, _, matrix, vector, _ = self.normal(base, self.derivatives(base))
+            matrix = matrix + (damping[:, None, None] * matrix + 1e-12) * np.eye(2)
+            step = np.zeros_like(vector)
+            step[self.good] = np.linalg.solve(matrix[self.good], vector[self.good][..., None])[..., 0]
+            gain, offset = self.fit.gain, self.fit.offset
+            trial = self.heights(gain=gain + step[:, 0], offset=offset + step[:, 1])
+            r = (self.p.y - self.p.late(trial, self.fit.delay)) * self.use
+            better = (r * r).sum(0) < squares
+            self.fit.gain, self.fit.offset = np.where(better, gain + step[:, 0], gain), np.where(better, offset + step[:, 1], offset)
+            base = np.where(better, trial, base)
+            damping = np.where(better, damping / 5, damping * 10)
+            left = ((squares - (r * r).sum(0)) / np.maximum(self.variance, 1e-18))[better & self.good].max(initial=0)
+            if left < 1e-3:
+                break
+        self.free, self.base = free, base
+        self.set_variance(base)
+        self.slopes = self.derivatives(base)
+
+    def try_dropped(self) -> None:
+        """What was flat at the start of the search may not be so at its end."""
+        for i in [k for k in range(3) if k not in self.free]:
+            before, free, unknown = self.state(), list(self.free), dict(self.fit.unknown)
+            cost = self.likelihood()
+            self.free = sorted([*free, i])
+            del self.fit.unknown[SHARED[i]]
+            if i == 2:
+                self.shared[2] = 0.5 * self.period
+            new = self.levenberg_marquardt(choose=False, most=8)
+            self.drop_flat()
+            if i not in self.free or new > cost - 9:
+                self.set_state(before)
+                self.free, self.fit.unknown = free, unknown
+
+    def likelihood(self) -> float:
+        """Minus twice the logarithm, each cell with a variance of its own, so that two fits compare."""
+        return float((self.use.sum(0) * np.log(np.maximum(self.variance, 1e-18)))[self.good].sum())
+
+    def state(self) -> tuple[Any, ...]:
+        return self.fit.delay, self.shared.copy(), self.fit.gain, self.fit.offset, self.variance, self.base, self.slopes
+
+    def set_state(self, state: tuple[Any, ...]) -> None:
+        self.fit.delay, self.shared, self.fit.gain, self.fit.offset, self.variance, self.base, self.slopes = state
+        self.shared = self.shared.copy()
+
+    def heights(self, shared: Array | None = None, gain: Array | None = None, offset: Array | None = None) -> Array:
+        return self.p.heights(self.shared if shared is None else shared, self.fit.gain if gain is None else gain,
+                              self.fit.offset if offset is None else offset)
+
+    def derivatives(self, base: Array) -> list[Array]:
+        """By the logarithm of each free shared parameter, by gain, by offset; without delay."""
+        all_of_them = []
+        for i in self.free:
+            changed = self.shared.copy()
+            changed[i] *= 1.002
+            all_of_them.append((self.heights(shared=changed) - base) / np.log(1.002))
+        span = np.ptp(self.p.y[:, self.good]) or 1.0
+        for name, step in (("gain", 2e-3), ("offset", 1e-3 * span)):
+            ends = [self.heights(**{name: getattr(self.fit, name) + s}) for s in (step, -step)]
+            all_of_them.append((ends[0] - ends[1]) / (2 * step))
+        return all_of_them
+
+    def choose_delays(self, base: Array, own: list[Array]) -> None:
+        """The delay of each cell that leaves least, after the best small change of its gain and offset."""
+        squares = []
+        for d in range(LONGEST_DELAY + 1):
+            delay = np.full(self.p.cells, d)
+            r = (self.p.y - self.p.late(base, delay)) * self.use
+            a, b = (self.p.late(k, delay) * self.use for k in own)
+            aa, bb, ab = (a * a).sum(0), (b * b).sum(0), (a * b).sum(0)
+            ra, rb = (r * a).sum(0), (r * b).sum(0)
+            det = np.maximum(aa * bb - ab * ab, 1e-30)
+            squares.append((r * r).sum(0) - (ra * (bb * ra - ab * rb) + rb * (aa * rb - ab * ra)) / det)
+        table = np.array(squares)
+        self.fit.delay = table.argmin(0)
+        ordered = np.sort(table, axis=0)
+        dof = np.maximum(self.use.sum(0) - 2, 1)
+        self.fit.delay_sure = ordered[1] - ordered[0] > 9 * ordered[0] / dof
+
+    def normal(self, base: Array, slopes: list[Array]) -> tuple[Array, ...]:
+        """Weighted normal equations: shared S, s; of cells C (cells × 2 × 2), c; between them M (cells × shared × 2)."""
+        r = (self.p.y - self.p.late(base, self.fit.delay)) * self.use
+        j = np.array([self.p.late(k, self.fit.delay) * self.use for k in slopes])
+        n = len(self.free)
+        w = np.where(self.good, 1 / np.maximum(self.variance, 1e-18), 0)
+        s_matrix = np.einsum("ifc,jfc,c->ij", j[:n], j[:n], w)
+        s_vector = np.einsum("ifc,fc,c->i", j[:n], r, w)
+        c_matrix = np.einsum("ifc,jfc,c->cij", j[n:], j[n:], w)
+        c_vector = np.einsum("ifc,fc,c->ci", j[n:], r, w)
+        m_matrix = np.einsum("ifc,jfc,c->cij", j[:n], j[n:], w)
+        return s_matrix, s_vector, c_matrix, c_vector, m_matrix
+
+    def set_variance(self, base: Array) -> None:
+        r = (self.p.y - self.p.late(base, self.fit.delay)) * self.use
+        n = np.maximum(self.use.sum(0) - 2 - len(self.free) / max(self.good.sum(), 1), 1)
+        self.variance = (r * r).sum(0) / n + 1e-14 * (1 + self.p.y ** 2).mean(0)
+
+    def cost(self, base: Array) -> float:
+        r = (self.p.y - self.p.late(base, self.fit.delay)) * self.use
+        return float(((r * r).sum(0) / np.maximum(self.variance, 1e-18))[self.good].sum())
+
+    def solve(self, equations: tuple[Array, ...], damping: float) -> tuple[Array, Array]:
+        s_matrix, s_vector, c_matrix, c_vector, m_matrix = equations
+        n = len(s_vector)
+        two = np.eye(2)
+        c_damped = c_matrix + (damping * c_matrix + 1e-12) * two
+        inverse = np.zeros_like(c_damped)
+        inverse[self.good] = np.linalg.inv(c_damped[self.good])
+        s_damped = s_matrix + damping * np.diag(np.diag(s_matrix)) + 1e-9 * np.eye(n)
+        reduced = s_damped - np.einsum("cij,cjk,clk->il", m_matrix, inverse, m_matrix)
+        right = s_vector - np.einsum("cij,cjk,ck->i", m_matrix, inverse, c_vector)
+        step = np.linalg.solve(reduced, right) if n else np.zeros(0)
+        own = np.einsum("cij,cj->ci", inverse, c_vector - np.einsum("cij,i->cj", m_matrix, step))
+        return np.clip(step, -1, 1), own
+
+    def levenberg_marquardt(self, choose: bool = True, most: int = 25) -> float:
+        damping = 1e-3
+        base = self.heights()
+        self.set_variance(base)
+        cost = self.cost(base)
+        for iteration in range(most):
+            slopes = self.derivatives(base)
+            if choose:
+                before = self.fit.delay
+                self.choose_delays(base, slopes[-2:])
+                if (before != self.fit.delay).any():
+                    self.set_variance(base)
+                    cost = self.cost(base)
+            equations = self.normal(base, slopes)
+            gained = 0.0
+            while damping < 1e6:
+                step, own = self.solve(equations, damping)
+                held = self.shared.copy(), self.fit.gain, self.fit.offset
+                self.shared[self.free] *= np.exp(step)
+                self.fit.gain, self.fit.offset = held[1] + own[:, 0], held[2] + own[:, 1]
+                trial = self.heights()
+                new = self.cost(trial)
+                if new <= cost:
+                    gained, base, damping = cost - new, trial, max(damping / 5, 1e-6)
+                    self.set_variance(base)
+                    cost = self.cost(base)
+                    break
+                self.shared, self.fit.gain, self.fit.offset = held
+                damping *= 5
+            if gained < 0.05 and iteration > 0:
+                break
+        self.base, self.slopes = base, self.derivatives(base)
+        return self.likelihood()
+
+    def set_outliers(self) -> None:
+        self.use = self.p.use & self.good
+        r = self.p.y - self.p.late(self.base, self.fit.delay)
+        scale = 1.4826 * np.array([np.median(np.abs(r[self.use[:, c], c])) if self.use[:, c].any() else 0
+                                   for c in range(self.p.cells)])
+        far = (np.abs(r) > 6 * np.maximum(scale, 1e-9)) & self.use
+        # A model that is far off everywhere has no outliers.
+        far[:, far.sum(0) > 0.2 * np.maximum(self.use.sum(0), 1)] = False
+        self.use = self.use & ~far
+        self.fit.outliers = int(far.sum())
+
+    def errors(self) -> tuple[Array, Array]:
+        """Standard errors of the shared logarithms, and of each cell's gain and offset."""
+        s_matrix, _, c_matrix, _, m_matrix = self.normal(self.base, self.slopes)
+        inverse = np.zeros_like(c_matrix)
+        inverse[self.good] = np.linalg.inv(c_matrix[self.good] + 1e-12 * np.eye(2))
+        n = len(self.free)
+        reduced = s_matrix - np.einsum("cij,cjk,clk->il", m_matrix, inverse, m_matrix)
+        covariance = np.linalg.pinv(reduced + 1e-9 * np.eye(n)) if n else np.zeros((0, 0))
+        gain = np.einsum("cij,ckj->cik", inverse, m_matrix)  # cells × 2 × shared
+        own = inverse + np.einsum("cij,jk,clk->cil", gain, covariance, gain)
+        return np.sqrt(np.maximum(np.diag(covariance), 0)), np.sqrt(np.maximum(np.einsum("cii->ci", own), 0))
+
+    def drop_flat(self) -> None:
+        """Takes parameters out of the search on which the readings do not depend."""
+        why = {0: "no motion reached the greatest speed", 1: "the motion does not depend on the acceleration",
+               2: "too short for the readings, if any"}
+        while self.free:
+            errors, _ = self.errors()
+            short = 2 in self.free and self.shared[2] < 0.1 * self.period
+            worst = self.free.index(2) if short else int(errors.argmax())
+            if not short and errors[worst] < 0.25:
+                return
+            i = self.free[worst]
+            self.fit.unknown[SHARED[i]] = why[i]
+            self.free.remove(i)
+            if i == 2:
+                self.shared[2] = 0
+            self.base = self.heights()
+            self.set_variance(self.base)
+            self.slopes = self.derivatives(self.base)
+
+    def finish(self) -> None:
+        f, p = self.fit, self.p
+        self.choose_delays(self.base, self.slopes[-2:])
+        errors, own = self.errors()
+        f.shared = {SHARED[i]: (float(self.shared[i]), float(self.shared[i] * errors[k])) for k, i in enumerate(self.free)}
+        f.gain_error, f.offset_error = np.where(self.good, own[:, 0], 0), np.where(self.good, own[:, 1], 0)
+        f.gain, f.offset = np.where(self.good, f.gain, 1), np.where(self.good, f.offset, 0)
+        f.noise = np.where(self.good, np.sqrt(self.variance), f.noise)
+        f.samples = int(self.use.sum())
+        self.by_cell()
+        late = p.late(self.base, f.delay)
+        begin = 0
+        for length in p.lengths:
+            f.predicted.append(late[begin:begin + length].reshape(length, *p.shape))
+            begin += length
+
+    def by_cell(self) -> None:
+        """One step of Newton from the common values, for each cell by itself."""
+        n = len(self.free)
+        if n == 0:
+            return
+        r = (self.p.y - self.p.late(self.base, self.fit.delay)) * self.use
+        j = np.array([self.p.late(k, self.fit.delay) * self.use for k in self.slopes])
+        matrix = np.einsum("ifc,jfc->cij", j, j) + 1e-12 * np.eye(n + 2)
+        inverse = np.linalg.pinv(matrix)
+        step = np.einsum("cij,cj->ci", inverse, np.einsum("ifc,fc->ci", j, r))
+        error = np.sqrt(np.maximum(np.einsum("cii->ci", inverse), 0) * self.variance[:, None])
+        for k, i in enumerate(self.free):
+            value = self.shared[i] * np.exp(np.clip(step[:, k], -2, 2))
+            known = self.good & (error[:, k] < 0.25)
+            self.fit.of_cells[SHARED[i]] = (np.where(known, value, np.nan).reshape(self.p.shape),
+                                            np.where(known, self.shared[i] * error[:, k], 0).reshape(self.p.shape))

@@ -1,0 +1,188 @@
+"""Identification of a table: `smartsurf identify` as a function."""
+from __future__ import annotations
+
+import pathlib
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from . import _identified
+from ._cells import GOOD, STUCK, CellFit, fit_cells
+from ._core import Error
+from ._motion import PARAMETERS, MotionFit, fit_motion
+from ._readings import SensorFit, fit_height_sensor, fit_proximity
+from ._recorded import Array, Recorded, RecordingError, read
+from ._rerun import HEIGHT, Rerun
+from ._simulation import Simulation
+
+
+@dataclass
+class Identified:
+    """The result of identify(). values: of each parameter its value and standard error."""
+    values: dict[str, tuple[float, float]]
+    cells: CellFit | None
+    sensors: list[SensorFit]
+    motion: MotionFit | None
+    report: str
+
+
+def identify(recordings: Sequence[str | pathlib.Path], experiment: str | pathlib.Path, output: str | pathlib.Path,
+             channel: str = "height", sensor: str = "pin_height", label: str | None = None, fit: Sequence[str] = tuple(PARAMETERS),
+             seconds: float | None = None, set: Mapping[str, str] | None = None) -> Identified:
+    """The command as a function. channel, sensor: of the actuators' commands and heights. label: of the object, fit: its
+    parameters. seconds: of its motion that count [all]. set: options of the experiment. Raises ValueError with one line."""
+    out = pathlib.Path(output)
+    _check_output(out, experiment, recordings)
+    read_in = [read(path) for path in recordings]
+    rerun = Rerun(experiment, read_in, set)
+    prefix = "actuator." if "actuator.max_speed" in rerun.parameters else "actuator.pin."
+    height = _height_channel(read_in, sensor, channel)
+    cells, least_delay, known = None, 0, {}
+    rms: dict[str, float] = {}
+    declared: list[Array] | None = None
+    if height is not None and prefix + "max_speed" in rerun.parameters and channel in {c.name for c in rerun.simulation.actuator_channels}:
+        if all(np.ptp(r.commands[channel], axis=0).max() == 0 for r in read_in if channel in r.commands):
+            raise RecordingError(f"{read_in[0].path}: no excitation: the commands of '{channel}' never change")
+        readings = [r.readings[height] for r in read_in]
+        declared = [result[HEIGHT] for result in rerun.run({})]
+        rerun.run({prefix + "latency": 0}, most_frames=1)
+        cells = fit_cells(rerun, channel, prefix, readings)
+        good = cells.state == GOOD
+        if good.any():
+            least_delay = int(cells.delay[good].min())
+            y, before, after = (np.concatenate([p[:, good] for p in parts]) for parts in (readings, declared, cells.predicted))
+            near = np.abs(y - after) < 6 * cells.noise[good]
+            rms["rms of heights, recording − as declared"] = _identified.rms_of(np.where(near, y - before, np.nan))
+            rms["rms of heights, recording − identified"] = _identified.rms_of(np.where(near, y - after, np.nan))
+        known = _cell_values(cells, channel, prefix)
+    sensors = []
+    if cells is not None and height:
+        sensors.append(fit_height_sensor(height, cells, [r.readings[height] for r in read_in], read_in[0].period_s))
+    proximity = _proximity(rerun, read_in)
+    motion = None
+    if label is not None:
+        motion = _fit_object(rerun, read_in, label, known, _as_likely(cells, known), proximity, fit, seconds)
+        known = dict(known, **{f"object.{label}.{name}": value for name, (value, _) in motion.values.items()})
+    if proximity is not None:
+        name, span = proximity
+        ideal = [result[name] for result in rerun.run(known, (name,))]
+        sensors.append(fit_proximity(name, span, [r.readings[name] for r in read_in], ideal))
+    if cells is None and motion is None and not sensors:
+        raise RecordingError(f"{read_in[0].path}: no sensor measures what the actuators do, and no --object is named: nothing to identify")
+    values = _identified.values(cells, prefix, least_delay, sensors, motion, rerun.parameters)
+    rows = _identified.cell_faults(cells, least_delay) if cells is not None else []
+    declared_sensors = {c.name for c in rerun.simulation.sensor_channels}
+    for found in sensors:
+        if found.name in declared_sensors:
+            rows += found.faults
+            rows += _bias(found, rerun)
+    report = _identified.summary(cells, sensors, motion, rms)
+    _write(out, experiment, read_in, values, rows, report, set)
+    out.with_suffix(".json").write_text(_identified.as_json(read_in, cells, sensors, motion, values, rms))
+    _identified.draw(out.with_suffix(".svg"), read_in, cells, height or "", motion, declared)
+    return Identified(values, cells, sensors, motion, report)
+
+
+def _bias(sensor: SensorFit, rerun: Rerun) -> _identified.Rows:
+    """A bias of all cells, as entries of the map."""
+    bias = sensor.values.get("bias")
+    if bias is None or bias.low <= 0 <= bias.high:
+        return []
+    rows, columns = rerun.simulation.rows, rerun.simulation.columns
+    return [(r, c, sensor.name, "offset", bias.value) for r in range(rows) for c in range(columns)]
+
+
+def _check_output(out: pathlib.Path, experiment: str | pathlib.Path, recordings: Sequence[str | pathlib.Path]) -> None:
+    if out.suffix != ".lua":
+        raise RecordingError(f"{out}: the identified experiment must be called NAME.lua")
+    if not out.parent.is_dir():
+        raise RecordingError(f"{out}: no such folder")
+    for path in (experiment, *recordings):
+        for suffix in (".lua", ".csv", ".txt", ".json", ".svg"):
+            target = out.with_suffix(suffix)
+            if target.exists() and pathlib.Path(path).exists() and target.samefile(path):
+                raise RecordingError(f"{target}: would overwrite what is read")
+
+
+def _height_channel(recordings: Sequence[Recorded], sensor: str, channel: str) -> str | None:
+    for recording in recordings:
+        if channel not in recording.commands:
+            there = ", ".join(sorted(recording.commands)) or "none"
+            raise RecordingError(f"{recording.path}: no actuator channel '{channel}' (it has {there}); --channel names another")
+    for name in (sensor, ""):
+        if all(name in recording.readings for recording in recordings):
+            return name
+    if sensor != "pin_height":
+        raise RecordingError(f"{recordings[0].path}: no sensor channel '{sensor}' (it has {', '.join(sorted(recordings[0].readings))})")
+    return None
+
+
+def _cell_values(cells: CellFit, channel: str, prefix: str) -> dict[str, Any]:
+    """The parameters of cells for re-runs."""
+    good = cells.state == GOOD
+    nan = np.full(cells.state.shape, np.nan)
+    known: dict[str, Any] = {prefix + name: pair[0] for name, pair in cells.shared.items()}
+    if "lag" in cells.unknown:
+        known[prefix + "lag"] = 0.0
+    known[f"faults.{channel}.gain"] = np.where(good, cells.gain, nan)
+    known[f"faults.{channel}.offset"] = np.where(good, cells.offset, nan)
+    known[f"faults.{channel}.late"] = np.where(good & (cells.delay > 0), cells.delay, nan)
+    known[f"faults.{channel}.stuck"] = np.where(cells.state == STUCK, cells.level, nan)
+    return known
+
+
+def _as_likely(cells: CellFit | None, known: Mapping[str, Any], count: int = 8) -> list[dict[str, Any]]:
+    """The parameters of cells, changed by their errors."""
+    if cells is None:
+        return []
+    random = np.random.default_rng(1)
+    drawn = []
+    for _ in range(count):
+        changed = dict(known)
+        for name, error in (("gain", cells.gain_error), ("offset", cells.offset_error)):
+            key = f"faults.{cells.channel}.{name}"
+            changed[key] = known[key] + error * random.standard_normal(error.shape)
+        drawn.append(changed)
+    return drawn
+
+
+def _proximity(rerun: Rerun, recordings: Sequence[Recorded]) -> tuple[str, float] | None:
+    """The first proximity sensor that looks up, and its range."""
+    for channel in rerun.simulation.sensor_channels:
+        if f"sensor.{channel.name}.false_hits" in rerun.parameters and f"sensor.{channel.name}.range" in rerun.parameters \
+                and any(c.name == channel.name + "_hit" for c in rerun.simulation.sensor_channels) \
+                and all(channel.name in r.readings for r in recordings):
+            return channel.name, float(np.float32(channel.maximum))
+    return None
+
+
+def _fit_object(rerun: Rerun, recordings: Sequence[Recorded], label: str, known: Mapping[str, Any],
+                also: Sequence[Mapping[str, Any]], proximity: tuple[str, float] | None, fit: Sequence[str], seconds: float | None) -> MotionFit:
+    if f"object.{label}.mass" not in rerun.parameters:
+        labels = sorted({name.split(".")[1] for name in rerun.parameters if name.startswith("object.")} - {"*"})
+        there = ", ".join(labels) or "none with a label"
+        raise RecordingError(f"--object {label}: {rerun.experiment} has no such object (it has {there})")
+    force = next((c.name for c in rerun.simulation.sensor_channels if c.unit.startswith("mass") and c.components == 1
+                  and all(c.name in r.readings for r in recordings)), None)
+    if proximity is None and force is None:
+        raise RecordingError(f"{recordings[0].path}: no proximity and no pressure sensor sees the object")
+    near, span = proximity or (None, 0.0)
+    return fit_motion(rerun, label, known, near, span, force, fit, seconds, also)
+
+
+def _write(out: pathlib.Path, experiment: str | pathlib.Path, recordings: Sequence[Recorded], values: dict[str, tuple[float, float]],
+           rows: _identified.Rows, report: str, set: Mapping[str, str] | None) -> None:
+    map_file = out.with_suffix(".csv")
+    original = pathlib.Path(experiment).read_text()
+    text = _identified.experiment_text(original, pathlib.Path(experiment).name, recordings, values, map_file.name if rows else None)
+    if rows:
+        map_file.write_text(_identified.map_text(rows))
+    out.write_text(text)
+    out.with_suffix(".txt").write_text(report)
+    try:
+        Simulation(out, set=dict(set or {}))
+    except Error as error:
+        out.unlink()
+        raise RecordingError(f"{out}: {error}; the files of {experiment} must be beside it") from error

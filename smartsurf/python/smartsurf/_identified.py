@@ -1,0 +1,208 @@
+"""The files that identification writes: an experiment that runs, its map of single cells, a report, a plot."""
+from __future__ import annotations
+
+import json
+import math
+import pathlib
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from ._cells import GOOD, IDLE, STUCK, CellFit
+from ._motion import MotionFit
+from ._readings import SensorFit
+from ._recorded import Array, Recorded
+from .run import plot
+
+Rows = list[tuple[int, int, str, str, "float | None"]]
+
+
+def number(value: float, digits: int = 6) -> str:
+    return f"{value:.{digits}g}"
+
+
+def cell_faults(fit: CellFit, least_delay: int) -> Rows:
+    """What makes each cell different, as entries of a map of faults."""
+    rows: Rows = []
+    for r, c in np.argwhere(fit.state != IDLE):
+        at = (int(r), int(c), fit.channel)
+        if fit.state[r, c] == STUCK:
+            rows.append((*at, "stuck", float(fit.level[r, c])))
+        if fit.state[r, c] != GOOD:
+            continue
+        rows += [(*at, "gain", float(fit.gain[r, c])), (*at, "offset", float(fit.offset[r, c]))]
+        if fit.delay[r, c] > least_delay:
+            rows.append((*at, "late", float(fit.delay[r, c] - least_delay)))
+    return rows
+
+
+def values(fit: CellFit | None, prefix: str, least_delay: int, sensors: Sequence[SensorFit], motion: MotionFit | None,
+           parameters: set[str]) -> dict[str, tuple[float, float]]:
+    """Values and standard errors of all parameters of the whole table, by name."""
+    found: dict[str, tuple[float, float]] = {}
+    if fit is not None:
+        found.update({prefix + name: pair for name, pair in fit.shared.items()})
+        found[prefix + "latency"] = (float(least_delay), 0.0)
+        found.update({f"faults.actuator.{name}": (0.0, 0.0) for name in ("stuck", "dead", "weak", "latency")})
+    for sensor in sensors:
+        for name, estimate in sensor.values.items():
+            if f"sensor.{sensor.name}.{name}" in parameters:
+                found[f"sensor.{sensor.name}.{name}"] = (estimate.value, estimate.error)
+        for name in ("dead", "stuck_low", "stuck_high"):
+            if f"sensor.{sensor.name}.{name}" in parameters:
+                found[f"sensor.{sensor.name}.{name}"] = (0.0, 0.0)
+    if motion is not None:
+        found.update({f"object.{motion.label}.{name}": pair for name, pair in motion.values.items()})
+    return found
+
+
+def experiment_text(original: str, original_name: str, recordings: Sequence[Recorded], found: dict[str, tuple[float, float]],
+                    map_name: str | None) -> str:
+    """The original script between what gives it the values."""
+    lines = [f"-- {original_name} with what smartsurf identify has found in {', '.join(pathlib.Path(r.path).name for r in recordings)}."]
+    lines += ["-- Each parameter: its value and its standard error. With --set uncertainty=2 each run draws from two errors to both sides.",
+              "local uncertainty = option('uncertainty', 0, 'half width of the identified ranges, in standard errors')",
+              "local identified = {"]
+    lines += [f"  ['{name}'] = {{ {number(value, 9)}, {number(error, 4)} }}," for name, (value, error) in found.items()]
+    lines += ["}", "local script_vary, script_faults, has_faults, ranges, labels = vary, faults, false, {}, {}",
+              "for name, pair in pairs(identified) do",
+              "  local width = uncertainty * pair[2]",
+              "  ranges[name] = { math.max(pair[1] - width, math.min(pair[1], 0)), pair[1] + width }",
+              "end",
+              "function vary(of_script)",
+              "  for name, range in pairs(of_script) do ranges[name] = ranges[name] or range end",
+              "end",
+              "for _, shape in ipairs { 'sphere', 'box', 'cylinder', 'capsule', 'cone', 'hull', 'mesh' } do",
+              "  local create = _G[shape]",
+              "  _G[shape] = function(fields)",
+              "    if fields.label then labels[fields.label] = true end",
+              "    return create(fields)",
+              "  end",
+              "end",
+              "function faults(fields)",
+              "  has_faults = true"]
+    if map_name is not None:
+        lines.append(f"  fields.map = '{map_name}'  -- single cells")
+    lines += ["  return script_faults(fields)", "end", f"-- {'-' * 20} {original_name}"]
+    return "\n".join(lines) + "\n" + original + ("" if original.endswith("\n") else "\n") \
+        + "\n".join(["", "if not has_faults then faults {} end", "for name in pairs(ranges) do",
+                     "  local label = name:match('^object%.(.*)%.')",
+                     "  if label and label ~= '*' and not labels[label] then ranges[name] = nil end  -- not in this run", "end",
+                     "script_vary(ranges)", ""])
+
+
+def map_text(rows: Rows) -> str:
+    body = [f"{r},{c},{channel},{fault},{'' if value is None else number(value, 9)}" for r, c, channel, fault, value in rows]
+    return "\n".join(["row,column,channel,fault,value", *body]) + "\n"
+
+
+def rms_of(values: Array) -> float:
+    known = values[np.isfinite(values)]
+    return math.sqrt(float((known * known).mean())) if known.size else math.nan
+
+
+def summary(fit: CellFit | None, sensors: Sequence[SensorFit], motion: MotionFit | None, rms: dict[str, float]) -> str:
+    """The report, in lines."""
+    out = []
+
+    def line(name: str, value: float, error: float, note: str = "") -> None:
+        out.append(f"  {name:28} {number(value, 5):>12} ± {number(1.96 * error, 2):10} {note}".rstrip())
+    out.append("each value with the half width of its 95 % interval")
+    if fit is not None:
+        good = fit.state == GOOD
+        out.append(f"actuator channel {fit.channel}: {int(good.sum())} cells answer, {int((fit.state == STUCK).sum())} stuck, "
+                   f"{int((fit.state == IDLE).sum())} not commanded")
+        for name, (value, error) in fit.shared.items():
+            line(name, value, error, _cells_differ(fit, name))
+        if good.any():
+            delays, counts = np.unique(fit.delay[good], return_counts=True)
+            out.append(f"  {'delay, ticks (cells)':28} {', '.join(f'{d} ({n})' for d, n in zip(delays, counts))}"
+                       + (f"; {int((~fit.delay_sure & good).sum())} of them uncertain by one" if (~fit.delay_sure & good).any() else ""))
+            for name, of_cells, errors in (("gain", fit.gain, fit.gain_error), ("offset", fit.offset, fit.offset_error)):
+                least, middle, most = (number(float(v), 4) for v in np.quantile(of_cells[good], (0, 0.5, 1)))
+                out.append(f"  {name + ' of cells':28} {middle:>12}   from {least} to {most}, "
+                           f"each ± {number(1.96 * float(np.median(errors[good])), 2)}")
+        out += [f"  {name:28} not identified: {why}" for name, why in fit.unknown.items()]
+        out.append(f"  {'quantisation of commands':28} not identified: the simulator's actuators have none")
+        out.append(f"  readings {fit.samples}, of which {fit.outliers} far off were left out")
+    for name, value in rms.items():
+        out.append(f"  {name:45} {number(value, 4)}")
+    for sensor in sensors:
+        out.append(f"sensor {sensor.name}: {sensor.samples} readings, {len([f for f in sensor.faults if f[3] != 'offset'])} dead or stuck cells")
+        for name, e in sensor.values.items():
+            out.append(f"  {name:28} {number(e.value, 5):>12}   from {number(e.low, 4)} to {number(e.high, 4)}")
+        out += [f"  {name:28} not identified: {why}" for name, why in sensor.unknown.items()]
+    if motion is not None:
+        out.append(f"object {motion.label}: {motion.samples} frames")
+        for name, (value, error) in motion.values.items():
+            line(name, value, error)
+        out += [f"  {name:28} not identified: {why}" for name, why in motion.unknown.items()]
+        for k, name in enumerate(motion.names):
+            out.append(f"  {'rms residual of ' + name:45} {number(rms_of(np.concatenate([s[:, k] - p[:, k] for s, p in motion.tracks])), 4)}")
+    return "\n".join(out) + "\n"
+
+
+def _cells_differ(fit: CellFit, name: str) -> str:
+    """Whether the cells' own values scatter more than their errors say."""
+    if name not in fit.of_cells:
+        return ""
+    value, error = fit.of_cells[name]
+    known = np.isfinite(value) & (error > 0)
+    if known.sum() < 8:
+        return ""
+    z = (value[known] - fit.shared[name][0]) / error[known]
+    ratio = float((z * z).mean())
+    if ratio < 1 + 4 * math.sqrt(2 / int(known.sum())):
+        return "(cells agree)"
+    spread = math.sqrt(max(float(np.var(value[known]) - (error[known] ** 2).mean()), 0))
+    return f"(cells differ by {number(spread, 2)}: one value for all is an average)"
+
+
+def as_json(recordings: Sequence[Recorded], fit: CellFit | None, sensors: Sequence[SensorFit], motion: MotionFit | None,
+            found: dict[str, tuple[float, float]], rms: dict[str, float]) -> str:
+    document: dict[str, Any] = {"recordings": [r.path for r in recordings], "rms": rms,
+                                "parameters": {name: {"value": v, "error": e} for name, (v, e) in found.items()}}
+    if fit is not None:
+        cells = {name: getattr(fit, name).tolist() for name in ("state", "gain", "gain_error", "offset", "offset_error", "delay", "noise", "level")}
+        cells["delay_sure"] = fit.delay_sure.tolist()
+        for name, (value, error) in fit.of_cells.items():
+            cells[name], cells[name + "_error"] = np.where(np.isfinite(value), value, 0).tolist(), error.tolist()
+        document["cells"] = cells
+        document["not_identified"] = {f"actuator.{name}": why for name, why in fit.unknown.items()}
+    document["sensors"] = {s.name: {"values": {k: vars(e) for k, e in s.values.items()}, "not_identified": s.unknown,
+                                    "cells": [list(f) for f in s.faults]} for s in sensors}
+    if motion is not None:
+        document["object"] = {"label": motion.label, "not_identified": motion.unknown}
+    return json.dumps(document, indent=1) + "\n"
+
+
+def draw(path: pathlib.Path, recordings: Sequence[Recorded], fit: CellFit | None, height: str, motion: MotionFit | None,
+         declared: Sequence[Array] | None) -> None:
+    """The recording beside the re-run: the cell of median residual, the worst one, and the object."""
+    panels = []
+    r = recordings[0]
+    if fit is not None and (fit.state == GOOD).any():
+        order = np.argsort(np.where(fit.state == GOOD, fit.noise, np.inf).ravel())
+        good = int((fit.state == GOOD).sum())
+        n = min(r.frames, int(3 / r.period_s))
+        t = (np.arange(n) * r.period_s).tolist()
+        for title, index in (("median cell", order[good // 2]), ("worst cell", order[good - 1])):
+            row, column = divmod(int(index), r.columns)
+            layers = [_layer("point", "recorded", "#999999", t, r.readings[height][:n, row, column])]
+            if declared is not None:
+                layers.append(_layer("line", "as declared", "#d08040", t, declared[0][:n, row, column]))
+            layers.append(_layer("line", "identified", "#1f4e79", t, fit.predicted[0][:n, row, column]))
+            panels.append({"title": f"{title}: row {row}, column {column}", "x": {"title": "time, s"}, "y": {"title": "height, u"}, "layers": layers})
+    if motion is not None and motion.tracks:
+        sensed, predicted = motion.tracks[0]
+        t = (np.arange(len(sensed)) * r.period_s).tolist()
+        for k, name in enumerate(motion.names):
+            panels.append({"title": motion.label, "x": {"title": "time, s"}, "y": {"title": name},
+                           "layers": [_layer("point", "recorded", "#999999", t, sensed[:, k]), _layer("line", "identified", "#1f4e79", t, predicted[:, k])]})
+    if panels:
+        plot({"title": "Recording and re-run", "columns": 2, "panels": panels}, path)
+
+
+def _layer(mark: str, name: str, color: str, x: list[float], y: Array) -> dict[str, Any]:
+    return {"mark": mark, "name": name, "color": color, "x": x, "y": [float(v) if math.isfinite(v) else None for v in y]}

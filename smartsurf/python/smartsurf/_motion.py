@@ -1,0 +1,214 @@
+"""Mass, friction, rolling friction and restitution of an object, from how the sensors saw it move over known cells."""
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from scipy import ndimage, optimize
+
+from ._recorded import Array
+from ._rerun import Rerun
+
+PARAMETERS = {"friction": (1e-3, 3.0), "rolling_friction": (1e-4, 2.0), "restitution": (1e-2, 0.99), "mass": (1e-6, 1e6)}
+_WHY = {"friction": "nothing slides", "rolling_friction": "nothing rolls far enough",
+        "restitution": "nothing bounces, or the table's own is larger",
+        "mass": "no sensor feels a weight, and the motion does not depend on it"}
+_ORDER = ("restitution", "mass", "rolling_friction", "friction")  # what comes first in a motion comes first
+_BLOCK_S = 0.1    # residuals this far apart count as independent
+_FARTHEST = 10.0  # a residual counts at most as this
+_ROBUST = 3.0     # residuals beyond count less than their squares
+_CHANGE = 0.01    # of logarithms, for derivatives
+
+
+@dataclass
+class MotionFit:
+    """Values and standard errors of an object's parameters."""
+    label: str
+    values: dict[str, tuple[float, float]] = field(default_factory=dict)
+    unknown: dict[str, str] = field(default_factory=dict)
+    tracks: list[tuple[Array, Array]] = field(default_factory=list)  # by recording: sensed and predicted _View.track()
+    names: tuple[str, ...] = ()                                      # of its columns
+    samples: int = 0
+
+
+class _View:
+    """What the sensors tell about an object: near, a proximity sensor of the range span, and force, a pressure sensor."""
+
+    def __init__(self, near: str | None, span: float, force: str | None, sensed: Sequence[Mapping[str, Array]]):
+        self.near, self.span, self.force = near, span, force
+        self.channels = [name for name in (near, force) if name is not None]
+        self.floor = 0.0  # forces below are noise
+        if near is not None:
+            self.near_noise = max(self._noise([planes[near] for planes in sensed], span), 5e-4 * span)
+        if force is not None:
+            quiet = np.concatenate([planes[force].ravel() for planes in sensed])
+            quiet = quiet[np.isfinite(quiet) & (quiet <= np.nanquantile(quiet, 0.9))]
+            self.floor = 10 * float(quiet.mean()) if len(quiet) else 0.0
+            sums = [self.weight(planes) for planes in sensed]
+            steps = np.concatenate([np.diff(s, 2)[(s[2:] > 0) & (s[1:-1] > 0) & (s[:-2] > 0)] for s in sums])
+            typical = np.concatenate([s[s > 0] for s in sums])
+            self.force_noise = 1.4826 * float(np.median(np.abs(steps))) / math.sqrt(6) if len(steps) else 1.0
+            self.force_noise = max(self.force_noise, 0.01 * float(np.median(typical)) if len(typical) else 1.0)
+
+    @staticmethod
+    def _noise(planes: Sequence[Array], span: float) -> float:
+        parts = []
+        for y in planes:
+            steps = np.diff(y.astype(np.float64), 2, axis=0)
+            hit = y < span
+            parts.append(steps[hit[2:] & hit[1:-1] & hit[:-2]])
+        all_of_them = np.concatenate(parts)
+        return 1.4826 * float(np.median(np.abs(all_of_them))) / math.sqrt(6) if len(all_of_them) else 0.0
+
+    def weight(self, planes: Mapping[str, Array]) -> Array:
+        """The sum of all forces that are more than noise, frame by frame."""
+        force = np.nan_to_num(planes[self.force or ""].astype(np.float64))
+        total: Array = np.where(force > self.floor, force, 0).sum((1, 2))
+        return total
+
+    def residuals(self, sensed: Mapping[str, Array], predicted: Mapping[str, Array]) -> Array:
+        """Frames × numbers, each about 1 where all is known. Distances count where both have one; a cell that only one of them
+        sees counts as a miss, however far off it is, because sensors do miss."""
+        parts = []
+        if self.near is not None:
+            y, x = sensed[self.near].astype(np.float64), predicted[self.near].astype(np.float64)
+            hit, there, known = y < self.span, x < self.span, np.isfinite(y)
+            r = np.where(hit & there, np.clip((y - x) / self.near_noise, -_FARTHEST, _FARTHEST), (hit ^ there) * _FARTHEST * 0.5)
+            parts.append(np.where(known, r, 0).reshape(len(y), -1))
+        if self.force is not None:
+            f, p = self.weight(sensed), self.weight(predicted)
+            # Of an impact between two ticks each has its part.
+            parts.append(np.clip((f - p) / (self.force_noise + 0.02 * np.maximum(f, p)), -_FARTHEST, _FARTHEST)[:, None])
+        return np.concatenate(parts, axis=1)
+
+    def track(self, planes: Mapping[str, Array]) -> Array:
+        """For the plot: frames × (x, y, gap, force); NaN where nothing is sensed."""
+        columns = []
+        if self.near is not None:
+            y = np.nan_to_num(planes[self.near].astype(np.float64), nan=self.span)
+            hit = y < self.span
+            around = ndimage.convolve(hit.astype(np.uint8), np.ones((1, 3, 3), np.uint8), mode="constant")
+            weight = np.where(hit & (around > 2), self.span - y, 0.0)
+            total = weight.sum((1, 2))
+            row, column = np.mgrid[0:y.shape[1], 0:y.shape[2]]
+            for value in ((weight * column).sum((1, 2)), (weight * row).sum((1, 2))):
+                columns.append(np.where(total > 0, value / np.where(total > 0, total, 1), np.nan))
+            columns.append(np.where(total > 0, self.span - weight.max((1, 2)), np.nan))
+        if self.force is not None:
+            columns.append(self.weight(planes))
+        return np.array(columns).T
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        return (("column", "row", "least distance, u") if self.near else ()) + (("force",) if self.force else ())
+
+
+def fit_motion(rerun: Rerun, label: str, known: Mapping[str, Any], near: str | None, span: float, force: str | None,
+               wanted: Sequence[str], first_s: float | None = None, also: Sequence[Mapping[str, Any]] = ()) -> MotionFit:
+    """known: the parameters of cells, identified before; also: others that are as likely. near, force: channels of a proximity
+    and of a pressure sensor."""
+    names = tuple(f"object.{label}.{name}" for name in wanted)
+    fit = MotionFit(label)
+    period = rerun.recordings[0].period_s
+    used = [i for i, s in enumerate(rerun.simulations) if names[0] in rerun.names[s]]
+    recordings = [rerun.recordings[i] for i in used]
+    keep = [r.frames if first_s is None else min(r.frames, int(first_s / period)) for r in recordings]
+    sensed = [{name: r.readings[name][:n] for name in (near, force) if name is not None} for r, n in zip(recordings, keep)]
+    view = _View(near, span, force, sensed)
+    fit.names = view.names
+    declared = [float(np.ravel(rerun.simulations[used[0]].get_parameter(name))[0]) for name in names]
+    limits = np.log([PARAMETERS[name] for name in wanted])
+    start = np.clip(np.log(np.maximum(declared, 1e-9)), limits[:, 0] + 1e-6, limits[:, 1] - 1e-6)
+
+    def predict(log: Array, cells: Mapping[str, Any] = known) -> list[dict[str, Array]]:
+        values = dict(cells, **{name: float(np.exp(v)) for name, v in zip(names, log)})
+        runs = rerun.run(values, view.channels, max(keep), used)
+        return [{name: plane[:n] for name, plane in out.items()} for out, n in zip(runs, keep)]
+
+    def residuals(log: Array, cells: Mapping[str, Any] = known) -> Array:
+        return np.concatenate([view.residuals(s, p).ravel() for s, p in zip(sensed, predict(log, cells))])
+
+    # Contacts make the sum of squares rough: no derivatives but for the errors.
+    best = _grid(lambda log: _robust(residuals(log)), start, limits, sorted(range(len(wanted)), key=lambda i: _ORDER.index(wanted[i])))
+    free = list(range(len(names)))
+    while free:
+        def of_free(values: Array) -> Array:
+            full = best.copy()
+            full[free] = np.clip(values, *limits[free].T)
+            return residuals(full)
+
+        def slopes(values: Array) -> Array:
+            # Over a change that is large beside the contacts' rounding.
+            return np.array([(of_free(values + c) - of_free(values - c)) / (2 * _CHANGE) for c in _CHANGE * np.eye(len(free))]).T
+        for size in (0.03, 0.01):
+            corners = np.vstack([best[free], best[free] + size * np.eye(len(free))])
+            found = optimize.minimize(lambda v: _robust(of_free(v)), best[free], method="Nelder-Mead",
+                                      options={"initial_simplex": corners, "xatol": 1e-4, "fatol": 0.5, "maxfev": 45 * len(free)})
+            best[free] = np.clip(found.x, *limits[free].T)
+        jacobian, r = slopes(best[free]), of_free(best[free])
+        others = [residuals(best, changed) for changed in also]
+        error = _errors(jacobian, r, others, keep, period)
+        for k in range(len(free)):
+            # One that counts to one side only is hidden by the table's own, as a restitution below that of the table is.
+            step = _CHANGE * np.eye(len(free))[k]
+            sides = [float(np.abs(of_free(best[free] + s) - of_free(best[free])).sum()) for s in (step, -step)]
+            if min(sides) < 0.02 * max(sides) or max(sides) == 0:
+                error[k] = math.inf
+        worst = int(error.argmax())
+        if error[worst] < 0.3:
+            fit.values = {wanted[i]: (math.exp(best[i]), math.exp(best[i]) * float(error[k])) for k, i in enumerate(free)}
+            break
+        fit.unknown[wanted[free[worst]]] = _WHY[wanted[free[worst]]]
+        best[free[worst]] = start[free[worst]]
+        del free[worst]
+    fit.tracks = [(view.track(s), view.track(p)) for s, p in zip(sensed, predict(best))]
+    fit.samples = sum(keep)
+    return fit
+
+
+def _robust(r: Array) -> float:
+    return float((2 * _ROBUST ** 2 * (np.sqrt(1 + (r / _ROBUST) ** 2) - 1)).sum())
+
+
+def _grid(cost: Callable[[Array], float], start: Array, limits: Array, order: Sequence[int]) -> Array:
+    """The best of some values of each parameter by itself, three times, the last with finer steps: where impacts come at the
+    wrong time, nothing leads to the right one."""
+    best, lowest = start.copy(), cost(start)
+    for factors in (1.13 ** np.arange(-10, 11), 1.13 ** np.arange(-10, 11), 1.02 ** np.arange(-7, 8)):
+        for i in order:
+            middle = best[i]
+            for factor in factors:
+                trial = best.copy()
+                trial[i] = np.clip(middle + math.log(factor), *limits[i])
+                found = cost(trial)
+                if found < lowest:
+                    lowest, best = found, trial
+    return best
+
+
+def _errors(jacobian: Array, r: Array, others: Sequence[Array], lengths: Sequence[int], period: float) -> Array:
+    """Standard errors of a robust fit (Huber 1981), for residuals that depend on their neighbours: each block of ticks counts
+    once. others: the residuals with other cells, as likely as those of the fit: what these shift is uncertain, too."""
+    n, k = jacobian.shape
+    root = np.sqrt(1 + (r / _ROBUST) ** 2)
+    score, weight = r / root, root ** -3  # first and second derivative of the loss
+    bread = np.linalg.pinv((jacobian * weight[:, None]).T @ jacobian + 1e-9 * np.eye(k))
+    width = n // sum(lengths)  # numbers of a frame
+    block = max(round(_BLOCK_S / period), 1) * width
+    sums = []
+    begin = 0
+    for length in lengths:
+        end = begin + length * width
+        for first in range(begin, end, block):
+            last = min(first + block, end)
+            sums.append(jacobian[first:last].T @ score[first:last])
+        begin = end
+    meat = np.array(sums).T @ np.array(sums) * len(sums) / max(len(sums) - k, 1)
+    plain = (jacobian * (score ** 2)[:, None]).T @ jacobian
+    both = [np.diag(bread @ m @ bread) for m in (meat, plain)]
+    shifts = [bread @ (jacobian.T @ (o / np.sqrt(1 + (o / _ROBUST) ** 2) - score)) for o in others]
+    between = np.mean(np.square(shifts), axis=0) if shifts else 0.0
+    return np.sqrt(np.maximum(np.maximum(*both), 0) + between)

@@ -1,0 +1,184 @@
+"""What the sensors of a table add to what they sense, from recordings and re-runs."""
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from scipy import ndimage, stats
+
+from ._cells import FROZEN, GOOD, CellFit
+from ._recorded import Array
+from .success import wilson
+
+
+@dataclass
+class Estimate:
+    """A number with its standard error and 95 % interval."""
+    value: float
+    error: float
+    low: float
+    high: float
+
+    @staticmethod
+    def normal(value: float, error: float) -> "Estimate":
+        return Estimate(value, error, value - 1.96 * error, value + 1.96 * error)
+
+    @staticmethod
+    def deviation(value: float, samples: int, quantum: float = 0.0) -> "Estimate":
+        """Of a standard deviation, by the χ² distribution; a quantum's share of the variance is subtracted."""
+        samples = max(samples, 2)
+        ends = [value ** 2 * samples / stats.chi2.ppf(p, samples) - quantum ** 2 / 12 for p in (0.975, 0.025)]
+        own = value ** 2 - quantum ** 2 / 12
+        root = [math.sqrt(max(v, 0)) for v in (own, *ends)]
+        return Estimate(root[0], (root[2] - root[1]) / 3.92, root[1], root[2])
+
+    @staticmethod
+    def fraction(hits: int, of: int) -> "Estimate":
+        low, high = wilson(hits, of)
+        share = hits / max(of, 1)
+        return Estimate(share, math.sqrt(share * (1 - share) / max(of, 1)), low, high)
+
+
+@dataclass
+class SensorFit:
+    """Errors of a sensor. faults: row, column, channel, fault, value of single cells."""
+    name: str
+    values: dict[str, Estimate] = field(default_factory=dict)
+    unknown: dict[str, str] = field(default_factory=dict)
+    faults: list[tuple[int, int, str, str, float | None]] = field(default_factory=list)
+    samples: int = 0
+
+
+def quantum(values: Array) -> float:
+    """The step of which all values are multiples, or 0."""
+    unique = np.unique(values)
+    if len(unique) < 3 or len(unique) > len(values) / 8:
+        return 0.0
+    step = float(np.diff(unique).min())
+    # The least difference is rounded to float32; that of the whole span is exact enough.
+    step = float((unique[-1] - unique[0]) / np.rint((unique[-1] - unique[0]) / step))
+    multiples = unique / step
+    return step if step > 0 and np.abs(multiples - np.rint(multiples)).max() < 1e-2 else 0.0
+
+
+def fit_height_sensor(name: str, fit: CellFit, readings: Sequence[Array], period_s: float) -> SensorFit:
+    """Noise, resolution, drift, misses and dead cells of the sensor of the heights."""
+    out = SensorFit(name)
+    good = fit.state == GOOD
+    for row, column in np.argwhere(fit.state == FROZEN):
+        level = float(fit.level[row, column])
+        out.faults.append((int(row), int(column), name, *(("dead", None) if level == 0 else ("stuck", level))))
+    if not good.any():
+        out.unknown["noise"] = "no cell answers its commands"
+        return out
+    y = np.concatenate(readings)[:, good].astype(np.float64)
+    r = y - np.concatenate(fit.predicted)[:, good]
+    noise = np.maximum(fit.noise[good], 1e-9)
+    known = np.isfinite(y)
+    miss = known & (y == 0) & (np.abs(r) > 6 * noise)
+    near = known & (np.abs(r) <= 6 * noise)
+    out.samples = int(near.sum())
+    # Where 0 is a reading of its own, a miss does not show.
+    tellable = known & (np.abs(y - r) > 6 * noise)
+    out.values["dropout"] = Estimate.fraction(int((miss & tellable).sum()), int(tellable.sum()))
+    step = quantum(y[near])
+    if step > 0:
+        out.values["quantize"] = Estimate(step, 0.0, step, step)
+    else:
+        out.unknown["quantize"] = "the readings have no common step"
+    r = np.where(near, r, np.nan)
+    dof = out.samples - 2 * int(good.sum()) - len(fit.shared)
+    spread = math.sqrt(np.nansum(r * r) / max(dof, 1))
+    # A random walk makes distant residuals differ by more than neighbouring ones.
+    far = max(len(r) // 4, 2)
+    apart = [np.nanmean((r[h:] - r[:-h]) ** 2, axis=0) for h in (1, far)]
+    walk = (apart[1] - apart[0]) / ((far - 1) * period_s)
+    mean, error = float(walk.mean()), float(walk.std() / math.sqrt(max(len(walk), 2)))
+    if mean > 4 * error and mean * far * period_s > 0.02 * spread ** 2:
+        out.values["drift"] = Estimate(math.sqrt(mean), error / (2 * math.sqrt(mean)), math.sqrt(max(mean - 1.96 * error, 0)),
+                                       math.sqrt(mean + 1.96 * error))
+        spread = math.sqrt(max(float(apart[0].mean()) - mean * period_s, 0) / 2)
+    else:
+        out.unknown["drift"] = f"less than {math.sqrt(max(mean + 1.96 * error, 0)):.2g} per √s, if any"
+    if step > 0 and spread < 0.7 * step:
+        out.values["noise"] = _noise_below_quantum(r[near], y[near] - r[near], step)
+    else:
+        out.values["noise"] = Estimate.deviation(spread, dof, step)
+    out.unknown["offset, gain"] = "stand for those of the actuator, which are given in their place; a gauge would tell them apart"
+    out.unknown["latency"] = "stands for the delay of the actuator, which is given in its place"
+    return out
+
+
+def _noise_below_quantum(residual: Array, predicted: Array, step: float) -> Estimate:
+    """Maximum likelihood of rounded readings."""
+    low, high = residual - step / 2, residual + step / 2
+
+    def loss(sigma: float) -> float:
+        share = stats.norm.cdf(high / sigma) - stats.norm.cdf(low / sigma)
+        return -float(np.log(np.maximum(share, 1e-12)).sum())
+    grid = step * np.geomspace(0.05, 2, 60)
+    losses = np.array([loss(sigma) for sigma in grid])
+    best = int(losses.argmin())
+    inside = grid[losses <= losses[best] + 1.92]
+    return Estimate(float(grid[best]), float(inside[-1] - inside[0]) / 3.92, float(inside[0]), float(inside[-1]))
+
+
+def fit_proximity(name: str, span: float, sensed: Sequence[Array], ideal: Sequence[Array]) -> SensorFit:
+    """Noise, bias, misses, false hits and dead cells of a proximity sensor. span: its range, which nothing reads. ideal: what
+    the re-run senses without errors."""
+    out = SensorFit(name)
+    y, x = np.concatenate(sensed).astype(np.float64), np.concatenate(ideal).astype(np.float64)
+    known = np.isfinite(y)
+    hit, there = known & (y < span), x < span
+    both, either = (hit & there).sum((1, 2)), (hit | there).sum((1, 2))
+    # Ticks in which the re-run has the objects where the table had them; a third may be false or missed.
+    agrees = (both >= 0.6 * either) | (there.sum((1, 2)) == 0)
+    around = np.ones((3, 3, 3), bool)
+    near_nothing = ~ndimage.binary_dilation(there, around)
+    cross = ndimage.generate_binary_structure(2, 1)[None]
+    inside = ndimage.binary_erosion(there, cross)
+    nothing, sure = (mask & agrees[:, None, None] & known for mask in (near_nothing, inside))
+    false_by_cell, n_by_cell = (hit & nothing).sum(0), nothing.sum(0)
+    always = (n_by_cell >= 20) & (false_by_cell > 0.9 * n_by_cell)
+    for row, column in np.argwhere(always):
+        out.faults.append((int(row), int(column), name, "stuck", float(np.median(y[:, row, column]))))
+    seen, shown = (hit & sure).sum(0), sure.sum(0)
+    blind = (shown >= 20) & (seen == 0) & ~always
+    for row, column in np.argwhere(blind):
+        out.faults.append((int(row), int(column), name, "dead", None))
+    rest = ~(always | blind)
+    n = int(n_by_cell[rest].sum())
+    if n >= 100:
+        out.values["false_hits"] = Estimate.fraction(int(false_by_cell[rest].sum()), n)
+    else:
+        out.unknown["false_hits"] = "no cells without objects"
+    n = int(shown[rest].sum())
+    if n < 100:
+        for what in ("noise", "bias", "dropout"):
+            out.unknown[what] = "no object stays over a cell and its neighbours, where the re-run agrees"
+        return out
+    out.values["dropout"] = Estimate.fraction(n - int(seen[rest].sum()), n)
+    use = hit & sure & rest
+    r = (y - x)[use]
+    # Near its limits a reading is cut off.
+    rough = 1.4826 * float(np.median(np.abs(r - np.median(r))))
+    use &= (x > 4 * rough) & (x < span - 4 * rough)
+    r = (y - x)[use]
+    if len(r) < 30:
+        out.unknown["noise"] = out.unknown["bias"] = "too few distances between the sensor's limits"
+        return out
+    middle = np.median(r)
+    kept = np.abs(r - middle) < 6 * max(1.4826 * np.median(np.abs(r - middle)), 1e-9)
+    r = r[kept]
+    out.samples = len(r)
+    step = quantum(y[use])
+    if step > 0:
+        out.values["quantize"] = Estimate(step, 0.0, step, step)
+    out.values["noise"] = Estimate.deviation(float(r.std()), len(r), step)
+    out.values["bias"] = Estimate.normal(float(r.mean()), float(r.std() / math.sqrt(len(r))))
+    hidden = int((~((shown >= 20) | always))[rest].sum())
+    if hidden:
+        out.unknown["dead cells"] = f"{hidden} cells never have an object over them and their neighbours for 20 ticks"
+    return out

@@ -1,0 +1,143 @@
+"""smartsurf identify: finds what a recorded table has and an experiment does not say."""
+import importlib.util
+import random
+import sys
+
+from programs import *
+
+os.environ.setdefault("SMARTSURF_PYTHON", sys.executable)
+HAS_ALL = all(importlib.util.find_spec(name) for name in ("h5py", "scipy")) and (BIN.parent / "python/smartsurf").is_dir()
+
+PUBLIC = """
+world {{ control_period = 0.01, dt = 0.005, seed = 3 }}
+surface {{ rows = {rows}, columns = 4, actuator = pin {{ range = {{0, 5}}, max_speed = 10, max_acceleration = 150 }},
+          sensors = {{ pin_height {{}} }} }}
+record {{ sensors = true, actuators = {actuators} }}
+local heights, left = {{}}, {{}}
+on_tick(function()
+  for cell = 1, cells.rows * cells.columns do
+    left[cell] = (left[cell] or 0) - 1
+    if {moves} and left[cell] <= 0 then
+      local small = random() < 0.5
+      heights[cell] = small and math.min(4.5, math.max(0.5, (heights[cell] or 2) + random(-0.3, 0.3))) or random(0.5, 4.5)
+      left[cell] = small and random(3, 15) or random(20, 60)
+    end
+    heights[cell] = heights[cell] or 0
+  end
+  cells:targets('height', heights)
+end)
+at(5, quit)
+"""
+
+
+def public(rows=4, actuators="true", moves="true"):
+    return PUBLIC.format(rows=rows, actuators=actuators, moves=moves)
+
+
+class LaggingPins(ProgramTest):
+    def test_a_pin_with_a_lag_follows_its_closed_form(self):
+        import h5py
+        import numpy as np
+        draw = random.Random(2)
+        for _ in range(3):
+            lag, target, gain, offset = draw.uniform(0.01, 0.2), draw.uniform(1, 2.5), draw.uniform(0.8, 1.2), draw.uniform(0, 0.3)
+            self.write("faults.csv", f"row,column,channel,fault,value\n0,0,height,gain,{gain}\n0,0,height,offset,{offset}\n1,1,height,late,3\n")
+            script = self.write("lag.lua", f"""world {{ control_period = 0.01, dt = 0.005 }}
+                surface {{ rows = 2, columns = 2, actuator = pin {{ range = {{0, 4}}, max_speed = 1e4, max_acceleration = 1e6, lag = {lag} }},
+                          sensors = {{ pin_height {{}} }} }}
+                faults {{ map = 'faults.csv' }}
+                record {{ sensors = true, actuators = true }}
+                on_tick(function() for row = 1, 2 do for column = 1, 2 do cells:target('height', row, column, {target}) end end end)""")
+            status, _, err = self.run_program(SMARTSURF, "run", script, "--no-controller", "--headless", "--ticks", "60", "--record", "lag.h5")
+            self.assertEqual(status, 0, err)
+            with h5py.File(self.folder / "lag.h5") as file:
+                height, commands = file["sensors/pin_height"][:], file["actuators/height"][:]
+            begin = int(np.flatnonzero(commands[:, 0, 1] > 0)[0]) - 1  # the last frame at rest
+            part = 1 - np.exp(-0.01 * np.arange(len(height) - begin) / lag)
+            np.testing.assert_allclose(height[begin:, 0, 1], target * part, atol=2e-5)
+            # With gain and offset, from the height of the lowest command; late by three ticks.
+            np.testing.assert_allclose(height[begin:, 0, 0], offset + gain * target * part, atol=2e-5)
+            np.testing.assert_allclose(height[begin + 3:, 1, 1], height[begin:-3, 0, 1], atol=1e-6)
+
+
+@unittest.skipUnless(HAS_ALL, "needs SciPy, h5py and the Python package")
+class IdentifyTest(ProgramTest):
+    def record(self, name, script, *flags):
+        path = self.write(f"{name}.lua", script)
+        status, _, err = self.run_program(SMARTSURF, "run", path, "--no-controller", "--headless", "--record", f"{name}.h5", *flags)
+        self.assertEqual(status, 0, err)
+        return f"{name}.h5"
+
+    def identify(self, *words):
+        return self.run_program(SMARTSURF, "identify", *words)
+
+    def refused(self, expected, *words):
+        status, _, err = self.identify(*words)
+        self.assertEqual(status, 2, err)
+        self.assertRegex(err, r"\Asmartsurf identify: [^\n]*\n\Z")
+        self.assertIn(expected, err)
+        self.assertFalse((self.folder / "identified.lua").exists())
+
+    def test_a_secret_table_is_found(self):
+        draw = random.Random(5)
+        speed, acceleration, lag, noise = draw.uniform(5, 8), draw.uniform(70, 140), draw.uniform(0.015, 0.03), draw.uniform(0.004, 0.01)
+        cells = [(r, c, draw.uniform(0.93, 1.04), draw.uniform(-0.1, 0.1), draw.randrange(4)) for r in range(4) for c in range(4)]
+        rows = ["row,column,channel,fault,value"]
+        for r, c, gain, offset, delay in cells[:-2]:
+            rows += [f"{r},{c},height,gain,{gain}", f"{r},{c},height,offset,{offset}", f"{r},{c},height,late,{delay}"]
+        rows += ["3,2,height,stuck,2.5", "3,3,pin_height,dead,"]
+        self.write("secret.csv", "\n".join(rows) + "\n")
+        recording = self.record("secret", public() + "faults { map = 'secret.csv' }\n", *(
+            word for name, value in (("actuator.max_speed", speed), ("actuator.max_acceleration", acceleration), ("actuator.lag", lag),
+                                     ("sensor.pin_height.noise", noise), ("sensor.pin_height.dropout", 0.01)) for word in ("--vary", f"{name}={value}")))
+        self.write("public.lua", public())
+        status, out, err = self.identify(recording, "--experiment", "public.lua", "-o", "identified.lua")
+        self.assertEqual(status, 0, err)
+        found = json.loads((self.folder / "identified.json").read_text())
+
+        def near(value, error, truth):
+            self.assertLess(abs(value - truth), 4 * error + 1e-9)
+            self.assertLess(error, 0.05 * abs(truth) + 0.01)
+        for name, truth in (("max_speed", speed), ("max_acceleration", acceleration), ("lag", lag)):
+            near(*found["parameters"][f"actuator.{name}"].values(), truth)
+        near(*found["parameters"]["sensor.pin_height.noise"].values(), noise)
+        self.assertLess(abs(found["parameters"]["sensor.pin_height.dropout"]["value"] - 0.01), 0.005)
+        of = found["cells"]
+        self.assertEqual((of["state"][3][2], of["state"][3][3]), (1, 2))
+        for r, c, gain, offset, delay in cells[:-2]:
+            near(of["gain"][r][c], of["gain_error"][r][c], gain)
+            near(of["offset"][r][c], of["offset_error"][r][c], offset)
+            self.assertEqual(of["delay"][r][c], delay)
+        # The identified experiment runs, and does what the recorded table did.
+        status, _, err = self.run_program(SMARTSURF, "run", "identified.lua", "--no-controller", "--headless", "--record", "again.h5")
+        self.assertEqual(status, 0, err)
+        import h5py
+        with h5py.File(self.folder / recording) as a, h5py.File(self.folder / "again.h5") as b:
+            apart = abs(a["surface/height"][:] - b["surface/height"][:])[:, :3]
+        self.assertLess((apart ** 2).mean() ** 0.5, 0.01)
+        self.assertIn("± ", out)
+        self.assertIn("<svg", (self.folder / "identified.svg").read_text())
+
+    def test_what_does_not_fit_is_refused(self):
+        recording = self.record("table", public())
+        self.write("other.lua", public(rows=5))
+        self.refused("rows 4, but other.lua has 5: is of another table", recording, "--experiment", "other.lua", "-o", "identified.lua")
+        self.write("wheels.lua", "world { control_period = 0.01, dt = 0.005 } surface { rows = 4, columns = 4, actuator = wheels {} }")
+        self.refused("actuator channel 'height', which wheels.lua does not have", recording, "--experiment", "wheels.lua", "-o", "identified.lua")
+        self.refused("nothing.h5: no such file", "nothing.h5", "--experiment", "table.lua", "-o", "identified.lua")
+        self.refused("nowhere.lua: No such file", recording, "--experiment", "nowhere.lua", "-o", "identified.lua")
+        self.refused("no such object", recording, "--experiment", "table.lua", "-o", "identified.lua", "--object", "ball")
+        self.refused("no actuator channel 'depth'", recording, "--experiment", "table.lua", "-o", "identified.lua", "--channel", "depth")
+        self.refused("would overwrite", recording, "--experiment", "table.lua", "-o", "table.lua")
+        whole = (self.folder / recording).read_bytes()
+        for part in (0, 100, len(whole) // 2, len(whole) - 1):
+            (self.folder / "cut.h5").write_bytes(whole[:part])
+            self.refused("cut.h5: cannot be read as a recording", "cut.h5", "--experiment", "table.lua", "-o", "identified.lua")
+        self.refused("the commands of 'height' never change", self.record("still", public(moves="false")), "--experiment", "table.lua",
+                     "-o", "identified.lua")
+        self.refused("record with record { actuators = true }", self.record("mute", public(actuators="false")), "--experiment", "table.lua",
+                     "-o", "identified.lua")
+
+
+if __name__ == "__main__":
+    unittest.main()
