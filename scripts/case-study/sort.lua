@@ -10,6 +10,8 @@ local pin_acceleration = option('pin_acceleration', 60.0, 'greatest acceleration
 local dead_sensors = option('dead_sensors', 0.0, 'fraction of the sensors that report nothing')
 local dropout      = option('dropout', 0.0, 'fraction of the readings that report nothing')
 local false_hits   = option('false_hits', 0.0, 'fraction of the readings without an object that report one')
+local restitution  = option('restitution', 0.1, 'restitution of spheres and pins')
+local spread       = option('spread', 0.0, 'by which share of its radius a sphere differs from others of its size, at most')
 local stuck_pins   = option('stuck_pins', 0.0, 'fraction of the pins that stand still at a random height')
 local hold         = option('hold', 5.0, 'seconds of sortedness after which the run ends; 0 = run on')
 
@@ -17,7 +19,7 @@ local rows, columns, up, wall = 64, 64, 4.0, 6.0
 
 world { gravity = -9.81, dt = 1/240, iterations = 10, control_period = 1/60 }
 
-material { name = 'plastic', friction = 0.25, rolling_friction = 0.01, restitution = 0.1, density = 1.0 }
+material { name = 'plastic', friction = 0.25, rolling_friction = 0.01, restitution = restitution, density = 1.0 }
 
 surface { rows = rows, columns = columns, pitch = 1.0,
           actuator = pin { top = {0.8, 0.8}, length = 2.0, range = {0, wall},
@@ -42,6 +44,7 @@ local function free(x, y, z, r)
 end
 
 local function drop(radius, label, colour)
+  if spread > 0 then radius = radius * random(1 - spread, 1 + spread) end
   local z, margin, tries = up + radius + 1.0, 1.0 + radius, 0
   local x, y
   repeat

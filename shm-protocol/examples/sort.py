@@ -8,10 +8,10 @@ import numpy as np
 import shm_protocol
 
 DOWN, RISE, TALLEST = np.float32(1), np.float32(2), np.float32(5)
-PIN_SPEED, NOTHING, RIDGE = np.float32(0.1), np.float32(20), np.float32(0.5)
+SINKING, RAISING, NOTHING, RIDGE = np.float32(0.2), np.float32(0.07), np.float32(20), np.float32(0.5)
 MAX_STEPS, SHARE, GROWTH, DECAY = 8, 0.77, 0.01, 0.002
 MAX_QUEUE, NEAR, BEHIND = 8, 6, 12
-REACH, DETOUR, SHY, WALL = 8, 12, 4, 1000
+REACH, WALL = 8, 1000
 PATIENCE, HEATING, COOLING, LOUDER, FARTHEST, ALARM = 240, 0.2, 0.01, 15, 16, 6
 LIFTING, MAX_LIFT, ROUND, RAMP, SHORE, BANK = 0.1, 3, 6, 0.5, 8, 0.3
 EAST, SOUTH, NORTH, WEST = 1, 2, 3, 4
@@ -117,10 +117,13 @@ def pocket_of(moving, ahead):
     return ahead(np.maximum(widened(moving, ahead), ahead(moving)))
 
 
-def long_pocket_of(moving, ahead):
-    """Runs ahead by three cells."""
+def long_pocket_of(moving, ahead, cells):
+    """The footprint, two cells longer, so many cells ahead."""
     wide = widened(moving, ahead)
-    return ahead(ahead(np.maximum(np.maximum(wide, ahead(wide)), ahead(ahead(moving)))))
+    pocket = np.maximum(np.maximum(wide, ahead(wide)), ahead(ahead(moving)))
+    for _ in range(cells):
+        pocket = ahead(pocket)
+    return pocket
 
 
 def as_number(truth):
@@ -145,15 +148,16 @@ class Sort:
     def heights(self, proximity, proximity_hit):
         inside = self.inside
 
-        # (a) Sensor data: the footprint of whatever lies on the surface. A sensor that all four neighbours contradict is
-        # overruled: it is dead, has missed the object, or reports one that is not there.
-        sensed = proximity_hit * inside
-        sensed = np.maximum(np.minimum(sensed, greatest(sensed)), least(sensed))
+        # (a) Sensor data: the footprint of whatever lies on the surface. A sensor that three neighbours contradict
+        # has missed the object or is dead; one that all four contradict reports an object that is not there.
+        hit = proximity_hit * inside
+        covered = north(hit) + south(hit) + east(hit) + west(hit)
+        sensed = as_number((hit * covered > 0) | (covered > 2))
 
         # Where objects touch, the lower of their undersides, which the sensors see, has a ridge; the underside of one sphere
         # has none. Ridges part the footprints. A height that all eight neighbours contradict is overruled, and so is a
         # ridge of a single cell: the sensor is wrong, or the pin is not where it should be.
-        underside = np.where(sensed != 0, self.pin + proximity, NOTHING)
+        underside = np.where(sensed != 0, hit * (self.pin + proximity), NOTHING)
         underside = np.clip(underside, np.minimum(least(underside), least_diagonal(underside)),
                             np.maximum(greatest(underside), greatest_diagonal(underside)))
         ridges = sensed * (ridge(underside, east, west) | ridge(underside, north, south))
@@ -197,12 +201,9 @@ class Sort:
             ahead = np.maximum(ahead, east(ahead))
         halt = np.maximum(np.maximum(halt_small, halt_large), heard(large * ahead, large, BEHIND))
 
-        # The others take the shortest way, round objects of the other kind and round places where one of their kind
-        # stalled.
-        self.way_small = way(self.way_small, 1 + WALL * (1 - inside - self.wall_west) + DETOUR * around(large, 1)
-                             + self.heat_small)
-        self.way_large = way(self.way_large, 1 + WALL * (1 - inside - self.wall_east) + SHY * around(small, 2)
-                             + self.heat_large)
+        # The others take the shortest way round places where one of their kind stalled.
+        self.way_small = way(self.way_small, 1 + WALL * (1 - inside - self.wall_west) + self.heat_small)
+        self.way_large = way(self.way_large, 1 + WALL * (1 - inside - self.wall_east) + self.heat_large)
         turn = core * (1 - halt) * np.where(large != 0, downhill(self.way_large, EAST, WEST),
                                             downhill(self.way_small, WEST, EAST))
 
@@ -222,14 +223,15 @@ class Sort:
         self.heat_large = np.maximum(self.heat_large - cooling, 0) + heating * front(large * (turn * stalled), 2)
 
         # (g) Actuators: pockets go down, everything else up. Who moves has a pocket that runs ahead of its footprint, by
-        # one cell, large ones to the east by three, so that the pins behind it push; who halts sinks into one that
-        # surrounds it. Under objects so tall that they reach over the wall the whole table is lower.
+        # one cell, large ones to the east by three and small ones to the west by two, so that the pins behind it push; who
+        # halts sinks into one that surrounds it. Under objects so tall that they reach over the wall the whole table is lower.
         turn = told(turn, core, uphill)
         pocket = around(sensed * (turn == 0), 1)
         for direction, shift in ((WEST, shift_west), (EAST, shift_east), (NORTH, shift_north), (SOUTH, shift_south)):
-            moving = as_number(turn == direction) * (small if direction == EAST else 1)
+            moving = as_number(turn == direction) * {EAST: small, WEST: large}.get(direction, 1)
             pocket = np.maximum(pocket, pocket_of(moving, shift))
-        pocket = np.maximum(pocket, long_pocket_of(large * (turn == EAST), shift_east))
+        pocket = np.maximum(pocket, long_pocket_of(large * (turn == EAST), shift_east, 2))
+        pocket = np.maximum(pocket, long_pocket_of(small * (turn == WEST), shift_west, 1))
         level = np.clip(TALLEST - self.largest, np.float32(0), DOWN)
         height = level + np.where(pocket != 0, np.float32(0), RISE)
 
@@ -240,9 +242,10 @@ class Sort:
             lift = np.maximum(lift, greatest(lift) - np.float32(RAMP))
         height = height + lift
 
-        # No sensor tells how far up a pin is: it follows its target at its speed.
-        self.pin = self.pin + np.clip(height - self.pin, -PIN_SPEED, PIN_SPEED)
-        return height
+        # Pins are led, so that fast ones do not throw the spheres. No sensor tells how far up a pin is: it is where it is led
+        # to.
+        self.pin = self.pin + np.clip(height - self.pin, -SINKING, RAISING)
+        return self.pin
 
 
 def run(name, timeout=10.0):
