@@ -70,7 +70,7 @@ def section_digest(name):
     return digest(json.dumps([section, plan["first_seed"], {scene: plan["scenes"][scene] for scene in scenes}], sort_keys=True))
 
 
-PINS_ALONE = ("case_study", "crowding", "radii", "faults")  # the tables whose scenes hold pins and nothing that drives
+PINS_ALONE = ("case_study", "conditions", "crowding", "radii", "faults")  # the tables whose scenes hold pins and nothing that drives
 
 
 @functools.cache

@@ -57,7 +57,7 @@ std::vector<CellChannel> collect_cell_channels(const Recording& recording,
     channels.push_back(
         {"height", "", "u", {surface.pin.min_height, surface.max_top_height(), 1, cell_count}});
   }
-  for (const char* group : {"sensors", "actuators"})
+  for (const char* group : {"sensors", "actuators", "registers"})
     for (const std::string& name : recording.channel_names(group)) {
       CellChannel channel{name, group, recording.channel_info(group, name).unit, {0.0, 1.0, 1, cell_count}};
       if (recording.read_channel(group, name, frames.front()).size() != cell_count)
@@ -313,7 +313,7 @@ void require_size_limit(const Recording& recording, std::size_t frames) {
     bytes_per_frame += 6 * static_cast<std::size_t>(skin->rows) * static_cast<std::size_t>(skin->columns);
   bytes_per_frame +=
       cells * (1 + (recording.has_motion() ? 6 : 0) + recording.channel_names("sensors").size() +
-               recording.channel_names("actuators").size());
+               recording.channel_names("actuators").size() + recording.channel_names("registers").size());
   if (bytes_per_frame * frames <= kMaxUnpackedBytes) return;
   const double fraction =
       static_cast<double>(kMaxUnpackedBytes) / static_cast<double>(bytes_per_frame * frames);

@@ -236,7 +236,7 @@ TimeSeries time_series(const Recording& recording, const std::string& kind, cons
     if (kind == definition.name) return definition.make(recording, kind, arguments);
     known.emplace_back(definition.name);
   }
-  for (const char* group : {"sensors", "actuators"})
+  for (const char* group : {"sensors", "actuators", "registers"})
     for (const std::string& name : recording.channel_names(group)) {
       if (kind == name) return channel_series(recording, group, name, arguments);
       if (std::ranges::find(known, name) == known.end()) known.push_back(name);
