@@ -61,7 +61,7 @@ class LaggingPins(ProgramTest):
 
 
 @unittest.skipUnless(HAS_ALL, "needs SciPy, h5py and the Python package")
-class IdentifyTest(ProgramTest):
+class Identification(ProgramTest):
     def record(self, name, script, *flags):
         path = self.write(f"{name}.lua", script)
         status, _, err = self.run_program(SMARTSURF, "run", path, "--no-controller", "--headless", "--record", f"{name}.h5", *flags)
