@@ -21,6 +21,9 @@ _BLOCK_S = 0.1    # residuals this far apart count as independent
 _FARTHEST = 10.0  # a residual counts at most as this
 _ROBUST = 3.0     # residuals beyond count less than their squares
 _CHANGE = 0.01    # of logarithms, for derivatives
+_STARTS = 5       # searches besides the one from the best of the grid,
+_SPREAD = 0.1     # the standard deviation of the logarithms they start from,
+_ALIKE = 1.02     # and how much higher a minimum may be to be as likely
 
 
 @dataclass
@@ -134,6 +137,7 @@ def fit_motion(rerun: Rerun, label: str, known: Mapping[str, Any], near: str | N
     # Contacts make the sum of squares rough: no derivatives but for the errors.
     best = _grid(lambda log: _robust(residuals(log)), start, limits, sorted(range(len(wanted)), key=lambda i: _ORDER.index(wanted[i])))
     free = list(range(len(names)))
+    random = np.random.default_rng(1)
     while free:
         def of_free(values: Array) -> Array:
             full = best.copy()
@@ -143,14 +147,20 @@ def fit_motion(rerun: Rerun, label: str, known: Mapping[str, Any], near: str | N
         def slopes(values: Array) -> Array:
             # Over a change that is large beside the contacts' rounding.
             return np.array([(of_free(values + c) - of_free(values - c)) / (2 * _CHANGE) for c in _CHANGE * np.eye(len(free))]).T
-        for size in (0.03, 0.01):
-            corners = np.vstack([best[free], best[free] + size * np.eye(len(free))])
-            found = optimize.minimize(lambda v: _robust(of_free(v)), best[free], method="Nelder-Mead",
+        def lower(begin: Array, size: float) -> tuple[float, Array]:
+            corners = np.vstack([begin, begin + size * np.eye(len(free))])
+            found = optimize.minimize(lambda v: _robust(of_free(v)), begin, method="Nelder-Mead",
                                       options={"initial_simplex": corners, "xatol": 1e-4, "fatol": 0.5, "maxfev": 45 * len(free)})
-            best[free] = np.clip(found.x, *limits[free].T)
+            return float(found.fun), np.clip(found.x, *limits[free].T)
+
+        # Local minima lie side by side: the lowest of several counts, and those that are as low say how far it can be off.
+        begins = best[free] + _SPREAD * np.vstack([np.zeros(len(free)), random.standard_normal((_STARTS, len(free)))])
+        minima = sorted((lower(np.clip(begin, *limits[free].T), 0.03) for begin in begins), key=lambda found: found[0])
+        lowest, best[free] = lower(minima[0][1], 0.01)
+        alike = [values for value, values in minima if value < _ALIKE * lowest]
         jacobian, r = slopes(best[free]), of_free(best[free])
         others = [residuals(best, changed) for changed in also]
-        error = _errors(jacobian, r, others, keep, period)
+        error = np.hypot(_errors(jacobian, r, others, keep, period), np.sqrt(np.mean(np.square(alike - best[free]), axis=0)) if alike else 0.0)
         for k in range(len(free)):
             # One that counts to one side only is hidden by the table's own, as a restitution below that of the table is.
             step = _CHANGE * np.eye(len(free))[k]

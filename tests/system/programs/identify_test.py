@@ -118,6 +118,23 @@ class Identification(ProgramTest):
         self.assertIn("± ", out)
         self.assertIn("<svg", (self.folder / "identified.svg").read_text())
 
+    def test_a_secret_ball_is_found(self):
+        draw = random.Random(8)
+        secret = {"rolling_friction": draw.uniform(0.03, 0.12), "restitution": draw.uniform(0.25, 0.55)}
+        self.write("table.lua", (ROOT / "scripts/hardware/identify.lua").read_text())
+        varied = {f"object.ball.{name}": value for name, value in secret.items()} | {"sensor.proximity.noise": 0.02, "sensor.pressure.noise": 0.05}
+        status, _, err = self.run_program(SMARTSURF, "run", "table.lua", "--no-controller", "--headless", "--set", "drive=ball", "--set", "seconds=3",
+                                          "--record", "ball.h5", *(word for name, value in varied.items() for word in ("--vary", f"{name}={value}")))
+        self.assertEqual(status, 0, err)
+        status, _, err = self.identify("ball.h5", "--experiment", "table.lua", "-o", "identified.lua", "--object", "ball",
+                                       "--fit", "restitution,rolling_friction")
+        self.assertEqual(status, 0, err)
+        found = json.loads((self.folder / "identified.json").read_text())["parameters"]
+        for name, truth in secret.items():
+            value, error = found[f"object.ball.{name}"].values()
+            self.assertLess(abs(value - truth), 0.03 * truth, name)
+            self.assertLess(error, 0.03 * truth, name)
+
     def test_what_does_not_fit_is_refused(self):
         recording = self.record("table", public())
         self.write("other.lua", public(rows=5))
