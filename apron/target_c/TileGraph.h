@@ -41,7 +41,7 @@ struct Node {
   NodeKind kind = NodeKind::kLiteral;
   program::Opcode op = program::Opcode::kNop;
   std::array<NodeId, 3> operands{kNoNode, kNoNode, kNoNode};
-  // Of a plane's cells. An element-wise instruction takes scalars as numbers of this type.
+  // The type of a plane's cells; an element-wise instruction takes scalars as numbers of it.
   program::CellType type = program::CellType::kFloat32;
   double literal = 0.0;
   std::uint32_t index = 0;  // slot, home, channel or clock

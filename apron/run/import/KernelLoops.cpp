@@ -11,6 +11,22 @@ namespace apron::run {
 
 using Kind = KernelTokenKind;
 
+namespace {
+
+// The parts of a for's header, between its semicolons.
+std::vector<KernelTokenList> split_header(const KernelTokenList& header) {
+  std::vector<KernelTokenList> parts(1);
+  for (const KernelToken& token : header) {
+    if (token.is(";"))
+      parts.emplace_back();
+    else
+      parts.back().push_back(token);
+  }
+  return parts;
+}
+
+}  // namespace
+
 std::string KernelSourceReader::label(const std::string& stem) {
   return fmt::format("{}#{}{}", in_macro_ ? ":" : "", stem, ++labels_);
 }
@@ -94,13 +110,7 @@ void KernelSourceReader::translate_for(ProgramLines& out, int depth) {
 std::optional<KernelSourceReader::CountedLoop> KernelSourceReader::counted_loop(const KernelTokenList& header,
                                                                                 std::size_t body,
                                                                                 std::size_t body_end) {
-  std::vector<KernelTokenList> parts(1);
-  for (const KernelToken& token : header) {
-    if (token.is(";"))
-      parts.emplace_back();
-    else
-      parts.back().push_back(token);
-  }
+  std::vector<KernelTokenList> parts = split_header(header);
   if (parts.size() != 3) return std::nullopt;
   const auto& [init, test, step] = std::tie(parts[0], parts[1], parts[2]);
   CountedLoop loop;
@@ -162,13 +172,7 @@ std::optional<KernelSourceReader::CountedLoop> KernelSourceReader::counted_loop(
 // Any other loop: while, with the step at its end.
 void KernelSourceReader::translate_other_for(const KernelTokenList& header, std::size_t open,
                                              ProgramLines& out, int depth) {
-  std::vector<KernelTokenList> parts(1);
-  for (const KernelToken& token : header) {
-    if (token.is(";"))
-      parts.emplace_back();
-    else
-      parts.back().push_back(token);
-  }
+  std::vector<KernelTokenList> parts = split_header(header);
   if (parts.size() != 3) give_up("this 'for' is not for(i = a; i < b; i++)");
   scopes_.emplace_back();
   const std::size_t body = position_;

@@ -147,6 +147,7 @@ def fit_motion(rerun: Rerun, label: str, known: Mapping[str, Any], near: str | N
         def slopes(values: Array) -> Array:
             # Over a change that is large beside the contacts' rounding.
             return np.array([(of_free(values + c) - of_free(values - c)) / (2 * _CHANGE) for c in _CHANGE * np.eye(len(free))]).T
+
         def lower(begin: Array, size: float) -> tuple[float, Array]:
             corners = np.vstack([begin, begin + size * np.eye(len(free))])
             found = optimize.minimize(lambda v: _robust(of_free(v)), begin, method="Nelder-Mead",

@@ -31,13 +31,13 @@ class Shader {
   GLuint id_;
 };
 
-// Of the bound texture.
+// Sets the filter of the bound texture.
 void set_nearest_filter() {
   glTexParameteri(GL_TEXTURE_2D, GL_TEXTURE_MIN_FILTER, GL_NEAREST);
   glTexParameteri(GL_TEXTURE_2D, GL_TEXTURE_MAG_FILTER, GL_NEAREST);
 }
 
-// Of the bound framebuffer.
+// Throws if the bound framebuffer is not complete.
 void require_complete(int width, int height) {
   if (glCheckFramebufferStatus(GL_FRAMEBUFFER) != GL_FRAMEBUFFER_COMPLETE)
     throw std::runtime_error("OpenGL: the driver cannot render an image of " + std::to_string(width) + " × " +

@@ -460,6 +460,16 @@ TEST(TargetC, RandomProgramsOnRandomTilesMatchTheVm) {
   }
 }
 
+// Checks a program on a surface that is one tile.
+void check_as_one_tile(Case& one) {
+  one.split.widths = {one.size.width};
+  one.split.heights = {one.size.height};
+  Library library;
+  generate_tiles(one, library);
+  ASSERT_TRUE(library.build());
+  check_case(one, library);
+}
+
 // Every element-wise instruction on floats of every size, and the functions on angles that are reduced
 // exactly.
 TEST(TargetC, ElementwiseInstructionsMatchTheVmForAllFloats) {
@@ -486,12 +496,7 @@ TEST(TargetC, ElementwiseInstructionsMatchTheVmForAllFloats) {
   one.seed = 3;  // numbers are random_cells()
   one.size = kSize;
   one.program = build.finish();
-  one.split.widths = {kSize.width};
-  one.split.heights = {kSize.height};
-  Library library;
-  generate_tiles(one, library);
-  ASSERT_TRUE(library.build());
-  check_case(one, library);
+  check_as_one_tile(one);
 }
 
 // Every instruction on integers, on cells of all bits, the least and the largest values, and distances.
@@ -547,12 +552,7 @@ TEST(TargetC, ElementwiseInstructionsMatchTheVmForIntegers) {
   one.size = kSize;
   one.program = build.finish();
   EXPECT_EQ(program::verify(one.program), "");
-  one.split.widths = {kSize.width};
-  one.split.heights = {kSize.height};
-  Library library;
-  generate_tiles(one, library);
-  ASSERT_TRUE(library.build());
-  check_case(one, library);
+  check_as_one_tile(one);
 }
 
 TEST(TargetC, SaysWhatAnIntegerCannotHold) {
