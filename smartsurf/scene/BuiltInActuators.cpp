@@ -32,6 +32,12 @@ Parameter force_parameter(double default_value, std::string description) {
   return force;
 }
 
+Parameter stiffness_parameter(std::string description) {
+  Parameter stiffness = positive_parameter("stiffness", 0.0, std::move(description));
+  stiffness.maximum = 1e12;
+  return stiffness;
+}
+
 Parameter number_parameter(std::string name, double default_value, double minimum, double maximum,
                            std::string description) {
   return {.name = std::move(name),
@@ -90,6 +96,12 @@ std::string check_tip(const ActuatorSpec& s) {
   };
   if (s.has("max_force") && shape != "flat")
     return "pin.max_force: a tip of the shape '" + shape + "' has none; only flat pins are of limited force";
+  if (s.has("stiffness") && shape != "flat")
+    return "pin.stiffness: a tip of the shape '" + shape + "' has none; only flat pins yield";
+  if (s.has("stiffness") && s.has("max_force"))
+    return "pin.stiffness: excludes pin.max_force; a pin has one of them";
+  if (s.has("damping") && !s.has("stiffness"))
+    return "pin.damping: needs pin.stiffness; a rigid pin has none";
   if (auto p = only_with("tip.radius", {"hemisphere", "cone"}); !p.empty()) return p;
   if (auto p = only_with("tip.half_angle", {"cone"}); !p.empty()) return p;
   return only_with("tip.corner_radius", {"rounded_square"});
@@ -105,6 +117,11 @@ ActuatorKind pin_kind() {
                lag_parameter(0.0),
                optional(
                    force_parameter(0.0, "load at which a rising pin stalls, mass·u/s²; unlimited if absent")),
+               optional(
+                   stiffness_parameter("of the pin under a load on its whole top, mass/s²; rigid if absent")),
+               optional(number_parameter(
+                   "damping", 0.0, 0.0, 1e12,
+                   "of a pin with a stiffness, mass/s; 0.02 s times the stiffness if absent")),
                choice_parameter("tip.shape", kTipShapes, "of the pin's upper end"),
                optional(positive_parameter(
                    "tip.radius", 0.0,

@@ -317,7 +317,7 @@ namespace {
 
 // True if a skin can lie over the actuator: its top does not drive what lies on it, and bears any load.
 bool can_hold_skin(const ActuatorSpec& a) {
-  if (a.model == "pin") return !a.has("max_force");
+  if (a.model == "pin") return !a.has("max_force") && !a.has("stiffness");
   if (a.model == "delta") return !a.has("stiffness") && !a.has("max_force");
   return a.model == "tile" && a.number("command") == 1.0;  // a pose
 }

@@ -162,6 +162,7 @@ void ActuatorArray::init_tips() {
     tilts |= kind->tip.shape == CellTip::Shape::kPlate;
     moves_sideways |= kind->tip.moves_sideways();
     yields |= kind->tip.yields();
+    field_.has_elastic_tops |= kind->tip.shape == CellTip::Shape::kElasticTop;
   }
   const std::size_t cells = field_.height.size();
   if (moves_sideways) {

@@ -30,18 +30,20 @@ struct CellTip {
     kPlate,            // the cell's top as a plate, `height` thick; while it is level, a bottomless column
     kSphere,           // of `radius`; moves in all directions
     kRoundedCylinder,  // upright, `height` long, both ends hemispheres of `radius`; moves in all directions
+    kElasticTop,       // a bottomless column whose top yields as springs do
   };
   Shape shape = Shape::kHemisphere;
   float radius = 0.0F, height = 0.0F;  // u
-  // ---- of a tip that moves sideways
-  // How it yields: the stiffness and damping with which joints hold it, mass/s² and mass/s; the greatest
-  // normal force, mass·u/s², within a cylindrical workspace, relative to the cell's base, u.
+  // The stiffness and damping with which joints hold a tip that moves sideways, or those of an elastic top,
+  // mass/s² and mass/s.
   float stiffness = std::numeric_limits<float>::infinity(), damping = 0.0F;
+  // ---- of a tip that moves sideways: the greatest normal force, mass·u/s², within a cylindrical workspace,
+  // relative to the cell's base, u.
   float max_force = std::numeric_limits<float>::infinity();
   float workspace_radius = 0.0F, workspace_low = 0.0F, workspace_high = 0.0F;
 
   bool moves_sideways() const { return shape == Shape::kSphere || shape == Shape::kRoundedCylinder; }
-  bool yields() const { return std::isfinite(stiffness) || std::isfinite(max_force); }
+  bool yields() const { return moves_sideways() && (std::isfinite(stiffness) || std::isfinite(max_force)); }
 };
 
 // The motion of a tip that yields: its position is that in which its joints hold it, plus its deflection.
@@ -69,6 +71,7 @@ struct Field {
   // columns.
   std::vector<CellTip> tips;
   std::vector<std::int8_t> tip_of_cell;
+  bool has_elastic_tops = false;  // whether any cell's top is elastic
   // Upper bound of the horizontal distance of a tip's points from its cell's centre, u.
   float tip_reach = 0.0F;
   Skin skin;  // over the cells; has no nodes if there is none
@@ -139,8 +142,14 @@ struct Field {
   // True if the cell is a bottomless column with a level top.
   bool is_column(std::size_t cell) const {
     if (!has_tips() || tip_of_cell[cell] < 0) return true;
+    if (is_elastic(cell)) return true;
     return tip_at(cell).shape == CellTip::Shape::kPlate && tilt[cell].is_zero() && tilt_rate[cell].is_zero();
   }
+  bool is_elastic(std::size_t cell) const {
+    return has_elastic_tops && tip_of_cell[cell] >= 0 && tip_at(cell).shape == CellTip::Shape::kElasticTop;
+  }
+  // True if objects touch the cells one by one, because each answers to its own load.
+  bool has_contacts_per_cell() const { return has_force_limit() || has_elastic_tops; }
   bool yields(std::size_t cell) const { return !is_column(cell) && tip_at(cell).yields(); }
   // Precondition: the cell has a tip.
   const CellTip& tip_at(std::size_t cell) const { return tips[tip_of_cell[cell]]; }

@@ -20,7 +20,8 @@ namespace {
 
 // A contact matches one of the previous step with the same value. Support patches are found after matching.
 std::int32_t match_key(const Contact& c) {
-  return static_cast<std::int32_t>(c.partner == Partner::kSupportedCell ? Partner::kCell : c.partner);
+  const bool is_supported = c.partner == Partner::kSupportedCell || c.partner == Partner::kElasticTop;
+  return static_cast<std::int32_t>(is_supported ? Partner::kCell : c.partner);
 }
 
 // Anchors of at most `capacity` contacts of the previous step, four at a time.
@@ -493,7 +494,7 @@ void CollisionPipeline::collide_static(const BodyStore& bodies, std::size_t i, S
   const float margin = std::max(kMinSpeculativeMargin, speculative_margin_[i] + field_.max_speed * dt_s_);
   if (bodies.is_sphere[i] && !collider_.free_layout())
     collide_sphere_with_field(field_, centre, bodies.bounding_radius[i], margin, out.contacts);
-  else if (collider_.free_layout() || field_.has_force_limit() || bodies.rolls_unevenly[i])
+  else if (collider_.free_layout() || field_.has_contacts_per_cell() || bodies.rolls_unevenly[i])
     collider_.collide_columns(*bodies.shape[i], centre, bodies.axes[i], margin, out.contacts);
   else
     field_cache_.collide(bodies, i, margin, results.cached_field, out.contacts);
@@ -533,7 +534,8 @@ void CollisionPipeline::find_support(const BodyStore& bodies, std::size_t i, flo
     });
   for (int k = patch.first_point; k < patch.first_point + patch.point_count; ++k) {
     const Index point = supports.points[k];
-    contacts[point].partner = Partner::kSupportedCell;
+    contacts[point].partner = patch.is_elastic ? Partner::kElasticTop : Partner::kSupportedCell;
+    if (patch.is_elastic) contacts[point].normal_impulse = 0.0F;
   }
   const SupportReference from = previous_support_of_body_[i];
   if (from.slab < 0) return;

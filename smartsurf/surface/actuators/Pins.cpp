@@ -19,6 +19,8 @@ namespace {
 constexpr float kRetryDelay_s = 0.1F;
 constexpr float kStopTolerance = 1e-4F;  // u
 
+constexpr float kDampingTime_s = 0.02F;  // damping per stiffness by default
+
 // Short runs are moved together with the cells between them, up to this many: a call for each would take
 // longer.
 constexpr std::size_t kMaxGroupCells = 64;
@@ -32,8 +34,13 @@ std::optional<TipKind> make_tip(const ActuatorContext& context) {
   const scene::PinTip tip =
       scene::pin_tip(context.spec, 2.0 * static_cast<double>(half_x), 2.0 * static_cast<double>(half_y));
   switch (tip.shape) {
-    case scene::TipShape::kFlat:
-      break;
+    case scene::TipShape::kFlat: {
+      if (!context.spec.has("stiffness")) break;
+      CellTip top{Shape::kElasticTop};
+      top.stiffness = context.number("stiffness");
+      top.damping = context.spec.has("damping") ? context.number("damping") : kDampingTime_s * top.stiffness;
+      return TipKind{top, std::hypot(half_x, half_y)};
+    }
     case scene::TipShape::kHemisphere:
       return TipKind{{Shape::kHemisphere, tip.radius, tip.height}, tip.radius};
     case scene::TipShape::kCone:

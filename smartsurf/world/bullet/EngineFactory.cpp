@@ -25,11 +25,15 @@ void require_engine(const scene::SceneSpec& scene) {
         "engine 'bullet': this build has no Bullet; install libbullet-dev (scripts/setup) and build again");
   if (scene.surface.skin)
     throw scene::InputError("engine 'bullet': has no skins; remove surface.skin, or use the engine 'native'");
-  for (const scene::ActuatorSpec& actuator : scene.surface.actuators)
+  for (const scene::ActuatorSpec& actuator : scene.surface.effective_actuators()) {
+    if (actuator.model == "pin" && actuator.has("stiffness"))
+      throw scene::InputError(
+          "engine 'bullet': has rigid pins only; remove pin.stiffness, or use the engine 'native'");
     if (actuator.model == "delta" && (actuator.has("stiffness") || actuator.has("max_force")))
       throw scene::InputError(
           "engine 'bullet': has rigid tips only; remove delta.stiffness and delta.max_force, or use the "
           "engine 'native'");
+  }
 }
 
 std::unique_ptr<Engine> make_engine(const scene::SceneSpec& scene, surface::Field& field,

@@ -20,6 +20,7 @@ enum class Partner : std::int32_t {
   kYieldingTip = -5,    // a tip on springs (solver/TipSolver.h)
   kSkin = -6,           // a kinematic skin over the cells (field/SkinContacts.h)
   kElasticSkin = -7,    // an elastic one (solver/SkinSolver.h)
+  kElasticTop = -8,  // a cell with an elastic top, whose load a support patch finds (solver/SupportSprings.h)
 };
 
 // One contact point.
@@ -44,7 +45,10 @@ struct Contact {
   bool touches_cell() const { return partner == Partner::kCell || partner == Partner::kSupportedCell; }
   bool touches_skin() const { return partner == Partner::kSkin || partner == Partner::kElasticSkin; }
   // True if the partner moves under the load.
-  bool gives_way() const { return partner == Partner::kYieldingTip || partner == Partner::kElasticSkin; }
+  bool gives_way() const {
+    return partner == Partner::kYieldingTip || partner == Partner::kElasticSkin ||
+           partner == Partner::kElasticTop;
+  }
   // True if the surface moves exactly as the cell `feature_id` does.
   bool moves_with_cell() const { return touches_cell() || partner == Partner::kSkin; }
   // True if the impulse is a load of the cell `feature_id`. That on a supported cell is not: its patch has

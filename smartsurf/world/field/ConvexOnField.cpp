@@ -175,7 +175,7 @@ class PartOnField {
   template <class Each>
   void for_each_plateau(Each each) const {
     const CellRange& cells = cells_below_;
-    const bool each_cell = columns_.field().has_force_limit();
+    const bool each_cell = columns_.field().has_contacts_per_cell();
     for (int c = cells.column_begin; c < cells.column_end; ++c)
       for (int r = cells.row_begin; r < cells.row_end; ++r) {
         if (columns_.top(r, c) < low_.z() - margin_) continue;
@@ -509,7 +509,7 @@ void collide_shape_with_field(const surface::Field& field, const Shape& shape, c
     set_surface_velocity(columns, c.tag / field.columns, c.tag % field.columns, c.point, contact);
   };
   for_each_part_on_field(columns, shape, centre, axes, margin, [&](PartOnField& part_on_field) {
-    if (field.has_force_limit())
+    if (field.has_contacts_per_cell())
       part_on_field.search_each_cell(take);
     else
       reduce_planes(part_on_field.search(), take);

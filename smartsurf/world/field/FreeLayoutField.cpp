@@ -117,7 +117,7 @@ surface::Field FreeLayoutField::make_local_grid() const {
   f.height.assign(9, surface::kNoCellHeight);
   f.speed.assign(9, 0.0F);
   if (field_.has_surface_velocity()) f.surface_velocity_x = f.surface_velocity_y = f.surface_spin = f.speed;
-  if (field_.has_force_limit())
+  if (field_.has_contacts_per_cell())
     f.force_limit = f.speed;  // the values are unused; a non-empty array selects manifolds per cell
   return f;
 }
@@ -188,7 +188,7 @@ void FreeLayoutField::collide(const Shape& shape, const Vec3& centre, const Mat3
     reducer.reduce([&](const Contact& c) { out.push_back(c); });
     return;
   }
-  if (field_.has_force_limit()) {
+  if (field_.has_contacts_per_cell()) {
     out.insert(out.end(), contacts.begin(), contacts.end());
     return;
   }

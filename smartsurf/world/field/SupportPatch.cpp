@@ -36,6 +36,7 @@ struct Footprint {
   int count = 0;                                   // 2: a line
   float z = 0.0F, slope_x = 0.0F, slope_y = 0.0F;  // z + slope_x·(x − corner[0].x) + …
   float west = 0, east = 0, south = 0, north = 0;
+  bool is_on_elastic_tops = false;
 
   bool is_line() const { return count == 2; }
   // Rise of the plane from one point to another.
@@ -158,10 +159,10 @@ struct SharedArea {
 
 // A face bears on the whole area that it shares with a cell if it touches it everywhere, and on the lowest
 // corners if it tilts: a corner bears the less the farther it is above the cell's top, or above the lowest
-// corner if that is higher, down to nothing at kBearingGap, u.
+// corner if that is higher, down to nothing at `gap`, u.
 constexpr float kBearingGap = 1e-3F;
-float weight_of_corner(float separation, float lowest) {
-  return std::clamp(1.0F - (separation - std::max(lowest, 0.0F)) / kBearingGap, 0.0F, 1.0F);
+float weight_of_corner(float separation, float lowest, float gap = kBearingGap) {
+  return std::clamp(1.0F - (separation - std::max(lowest, 0.0F)) / gap, 0.0F, 1.0F);
 }
 
 // Moves the point at which an area bears from its centre to the corners that bear. `separation`: of the face
@@ -170,9 +171,15 @@ void move_to_bearing_corners(const Footprint& f, float separation, const Point2*
                              SharedArea& area) {
   float lowest = std::numeric_limits<float>::max(), least = 1.0F, sum = 0.0F;
   for (int i = 0; i < count; ++i) lowest = std::min(lowest, separation + f.rise(corner[i].x, corner[i].y));
+  // On an elastic top, the corners bear that are in it; the weight counts from the lowest.
+  float gap = kBearingGap;
+  if (f.is_on_elastic_tops && lowest < 0.0F) {
+    gap = std::max(gap, -2.0F * lowest);
+    separation -= lowest, lowest = 0.0F;
+  }
   Point2 bearing{0.0F, 0.0F};
   for (int i = 0; i < count; ++i) {
-    const float weight = weight_of_corner(separation + f.rise(corner[i].x, corner[i].y), lowest);
+    const float weight = weight_of_corner(separation + f.rise(corner[i].x, corner[i].y), lowest, gap);
     least = std::min(least, weight);
     sum += weight, bearing.x += weight * corner[i].x, bearing.y += weight * corner[i].y;
   }
@@ -302,9 +309,11 @@ struct BearingContacts {
   float min_separation = std::numeric_limits<float>::max();
   float min_top = std::numeric_limits<float>::max();
   float margin = 0.0F;
-  bool bears(float separation, float top) const {
-    return separation <= margin &&
-           (separation <= min_separation + kSeparationTolerance || top >= min_top - kLevelTolerance);
+  const surface::Field* elastic_field = nullptr;  // if elastic tops bear the body; then they alone do
+  bool bears(float separation, float top, std::int32_t cell) const {
+    if (separation > margin) return false;
+    if (elastic_field) return elastic_field->is_elastic(cell);
+    return (separation <= min_separation + kSeparationTolerance || top >= min_top - kLevelTolerance);
   }
 };
 
@@ -323,13 +332,14 @@ BearingContacts bearing_contacts(const surface::Field& field, std::span<const Co
 }
 
 void add_sample(const surface::Field& field, std::int32_t cell, const Vec3& centre, const Point2& cell_centre,
-                const SharedArea& shared, SupportSamples& out) {
+                const SharedArea& shared, float separation, SupportSamples& out) {
   const Index i = cell;
   out.cell.push_back(cell);
   out.x.push_back(cell_centre.x + shared.x - centre.x());
   out.y.push_back(cell_centre.y + shared.y - centre.y());
   out.arm.push_back(shared.arm);
   out.weight.push_back(shared.weight);
+  out.separation.push_back(separation);
   float vx = 0.0F, vy = 0.0F, spin = 0.0F;
   if (field.has_surface_velocity()) {
     if (!field.surface_spin.empty()) spin = field.surface_spin[i];
@@ -350,11 +360,14 @@ void add_samples(const surface::Field& field, const Footprint& f, const Vec3& ce
   for (int r = cells.row_begin; r < cells.row_end; ++r)
     for (int c = cells.column_begin; c < cells.column_end; ++c) {
       const float x = columns.x(c), y = columns.y(r), top = columns.top(r, c);
+      const int cell = columns.index(r, c);
       SharedArea shared;
-      if (!bearing.bears(f.z_at(x, y) - on_cells.greatest_rise() - top, top) ||
-          !on_cells.share(x, y, top, shared) || !bearing.bears(f.z_at(x + shared.x, y + shared.y) - top, top))
+      if (!bearing.bears(f.z_at(x, y) - on_cells.greatest_rise() - top, top, cell) ||
+          !on_cells.share(x, y, top, shared))
         continue;
-      add_sample(field, columns.index(r, c), centre, {x, y}, shared, out);
+      const float separation = f.z_at(x + shared.x, y + shared.y) - top;
+      if (bearing.bears(separation, top, cell))
+        add_sample(field, cell, centre, {x, y}, shared, separation, out);
     }
 }
 
@@ -380,14 +393,14 @@ void add_samples(const surface::Field& field, const FreeLayoutField& layout, con
     const float x = shared.x;
     shared.x = cosine * x - sine * shared.y;
     shared.y = sine * x + cosine * shared.y;
-    if (!bearing.bears(f.z_at(at.x + shared.x, at.y + shared.y) - top, top)) continue;
-    add_sample(field, cell, centre, at, shared, out);
+    const float separation = f.z_at(at.x + shared.x, at.y + shared.y) - top;
+    if (bearing.bears(separation, top, cell)) add_sample(field, cell, centre, at, shared, separation, out);
   }
 }
 
 // Merges samples on the same cell, which several parts of a body share, and restores the order.
 void merge_cells(SupportSamples& s, std::size_t first) {
-  const std::array all{&s.x, &s.y, &s.arm, &s.weight, &s.velocity_x, &s.velocity_y, &s.spin};
+  const std::array all{&s.x, &s.y, &s.arm, &s.weight, &s.velocity_x, &s.velocity_y, &s.spin, &s.separation};
   thread_local std::vector<std::size_t> order;
   order.clear();
   for (std::size_t i = first; i < s.cell.size(); ++i) order.push_back(i);
@@ -407,7 +420,7 @@ void merge_cells(SupportSamples& s, std::size_t first) {
       // The arm stands for the size of the area.
       const float a = s.arm[to - 1] * s.arm[to - 1], b = s.arm[i] * s.arm[i],
                   share = b / std::max(1e-12F, a + b);
-      for (std::vector<float>* values : {&s.x, &s.y, &s.velocity_x, &s.velocity_y})
+      for (std::vector<float>* values : {&s.x, &s.y, &s.velocity_x, &s.velocity_y, &s.separation})
         (*values)[to - 1] += share * ((*values)[i] - (*values)[to - 1]);
       s.arm[to - 1] = std::sqrt(a + b);
       s.weight[to - 1] = std::min(1.0F, s.weight[to - 1] + s.weight[i]);
@@ -508,6 +521,18 @@ void set_motion(const surface::Field& field, const SupportSamples& s, SupportPat
   }
 }
 
+void add_springs(const surface::Field& field, const SupportPatch& patch, SupportPatches& out) {
+  const SupportSamples& s = out.samples;
+  out.springs.resize(s.cell.size());
+  for (auto i = static_cast<std::size_t>(patch.first); i < s.cell.size(); ++i) {
+    const surface::CellTip& top = field.tip_at(s.cell[i]);
+    out.springs[i] = {.separation = s.separation[i],
+                      .rise = field.speed[s.cell[i]],
+                      .stiffness = s.weight[i] * top.stiffness,
+                      .damping = s.weight[i] * top.damping};
+  }
+}
+
 bool may_be_flat(const Shape& s, const Mat3& axes) {
   if (s.kind == ShapeKind::kBox) return axes.row(2).cwiseAbs().maxCoeff() > kUpright;
   if (!s.is_axisymmetric()) return true;
@@ -520,7 +545,8 @@ bool may_be_flat(const Shape& s, const Mat3& axes) {
 void SupportSamples::resize(std::size_t n, bool has_limits) {
   cell.resize(n, -1);
   limit.resize(has_limits ? n : 0, kUnlimitedLoad);
-  for (std::vector<float>* values : {&x, &y, &arm, &velocity_x, &velocity_y, &spin, &weight, &load})
+  for (std::vector<float>* values :
+       {&x, &y, &arm, &velocity_x, &velocity_y, &spin, &weight, &load, &separation})
     values->resize(n, 0.0F);
   for (auto& copy : friction)
     for (auto& values : copy) values.resize(n, 0.0F);
@@ -530,6 +556,7 @@ void SupportPatches::clear() {
   patches.clear();
   points.clear();
   shares.clear();
+  springs.clear();
   if (!samples.cell.empty()) samples.resize(0, false);
 }
 
@@ -538,16 +565,21 @@ bool add_support_patch(const surface::Field& field, const FreeLayoutField* free_
                        float margin, std::span<const Contact> contacts, SupportPatches& out) {
   if (contacts.size() < 2 || !may_be_flat(shape, axes)) return false;
   if (std::count_if(contacts.begin(), contacts.end(), is_upright) < 2) return false;
-  const BearingContacts bearing = bearing_contacts(field, contacts, margin);
   SupportPatch patch;
   patch.body = body;
-  patch.has_shares = field.has_force_limit();
+  patch.is_elastic = std::ranges::any_of(
+      contacts, [&](const Contact& c) { return is_upright(c) && field.is_elastic(c.feature_id); });
+  patch.has_shares = field.has_force_limit() && !patch.is_elastic;
+  const bool has_limits = field.has_contacts_per_cell();
+  BearingContacts bearing = bearing_contacts(field, contacts, margin);
+  if (patch.is_elastic) bearing.elastic_field = &field;
   patch.first = static_cast<std::int32_t>(out.samples.size());
   patch.first_point = static_cast<std::int32_t>(out.points.size());
   int footprints = 0;
   for_each_part(shape, [&](const ConvexPart& part) {
     Footprint f;
     if (!find_footprint(part, origin, axes, f)) return;
+    f.is_on_elastic_tops = patch.is_elastic;
     // All samples of a patch lie in one plane; feet at other heights keep their contact points.
     const float middle_z = f.z_at(0.5F * (f.west + f.east), 0.5F * (f.south + f.north)) - centre.z();
     if (footprints > 0 && std::abs(middle_z - patch.z) > kFaceTolerance) return;
@@ -557,7 +589,9 @@ bool add_support_patch(const surface::Field& field, const FreeLayoutField* free_
       const auto index = static_cast<std::int32_t>(k);
       if (!is_upright(c) || !f.has_near(centre + c.anchor)) continue;
       // A lower cell has points of its own.
-      if (patch.has_shares && !bearing.bears(c.separation, field.column_height()[c.feature_id])) continue;
+      if ((patch.has_shares || patch.is_elastic) &&
+          !bearing.bears(c.separation, field.column_height()[c.feature_id], c.feature_id))
+        continue;
       touches = true;
       if (footprints == 0 ||
           std::find(out.points.begin() + patch.first_point, out.points.end(), index) == out.points.end())
@@ -575,13 +609,14 @@ bool add_support_patch(const surface::Field& field, const FreeLayoutField* free_
   patch.count = static_cast<std::int32_t>(out.samples.cell.size()) - patch.first;
   patch.point_count = static_cast<std::int32_t>(out.points.size()) - patch.first_point;
   if (patch.count < 1 || patch.point_count < 2 || (patch.has_shares && !add_shares(patch, contacts, out))) {
-    out.samples.resize(first, patch.has_shares);
+    out.samples.resize(first, has_limits);
     out.points.resize(patch.first_point);
-    out.shares.resize(patch.has_shares ? out.points.size() : 0);
+    if (!out.shares.empty()) out.shares.resize(out.points.size());
     return false;
   }
   set_motion(field, out.samples, patch);
-  out.samples.resize((out.samples.cell.size() + kLanes - 1) / kLanes * kLanes, patch.has_shares);
+  if (patch.is_elastic) add_springs(field, patch, out);
+  out.samples.resize((out.samples.cell.size() + kLanes - 1) / kLanes * kLanes, has_limits);
   out.patches.push_back(patch);
   return true;
 }
@@ -589,20 +624,27 @@ bool add_support_patch(const surface::Field& field, const FreeLayoutField* free_
 void match_support_patch(const SupportPatches& previous, const SupportPatch& from, SupportPatches& current,
                          SupportPatch& to) {
   to.has_friction = true;
+  // Calls each(sample of `from`, sample of `to`) for the cells of both.
+  const auto for_each_common = [&](auto each) {
+    auto i = static_cast<std::size_t>(from.first);
+    const std::size_t end = i + static_cast<std::size_t>(from.count);
+    for (Index k = to.first; k < to.first + to.count; ++k) {
+      while (i < end && previous.samples.cell[i] < current.samples.cell[k]) ++i;
+      if (i < end && previous.samples.cell[i] == current.samples.cell[k]) each(i, k);
+    }
+  };
+  if (to.is_elastic)
+    for_each_common([&](Index i, Index k) { current.samples.load[k] = previous.samples.load[i]; });
   if (from.is_lumped) {
     std::copy_n(from.friction_sum, 3, to.friction_sum);
     to.is_lumped = true;
     return;
   }
-  auto i = static_cast<std::size_t>(from.first);
-  const std::size_t end = i + static_cast<std::size_t>(from.count);
   const auto& old_friction = previous.samples.friction[from.current];
   auto& friction = current.samples.friction[to.current];
-  for (Index k = to.first; k < to.first + to.count; ++k) {
-    while (i < end && previous.samples.cell[i] < current.samples.cell[k]) ++i;
-    if (i == end || previous.samples.cell[i] != current.samples.cell[k]) continue;
+  for_each_common([&](Index i, Index k) {
     for (std::size_t axis = 0; axis < 3; ++axis) friction[axis][k] = old_friction[axis][i];
-  }
+  });
 }
 
 void append_patch(const SupportPatches& from, const SupportPatch& p, SupportPatches& to) {

@@ -10,6 +10,9 @@
 //
 // If cells have force limits, each cell has contact points of its own, N_i is at most what the cell can give,
 // and the points take over these loads.
+//
+// Elastic tops are springs of finite stiffness: N_i follows from how deep the face is in the top, and the
+// points bear nothing (solver/SupportSprings.h).
 #pragma once
 
 #include <array>
@@ -34,8 +37,10 @@ struct SupportSamples {
   std::vector<float> velocity_x, velocity_y, spin;  // of the cell's surface there, u/s, rad/s
   std::vector<float> weight;                        // stiffness: the covered part of the top
   std::vector<float> load;                          // normal impulse over the step, mass·u/s
-  // Greatest load of the cell in the substep, mass·u/s; infinite: kUnlimitedLoad. Empty without force limits.
+  // Greatest load of the cell in the substep, mass·u/s; infinite: kUnlimitedLoad. Empty without force limits
+  // and elastic tops.
   std::vector<float> limit;
+  std::vector<float> separation;  // of the face from the top, u
   // Friction impulse of the last substep along x and y, and its torque about z divided by `arm`; two copies,
   // of which SupportPatch::current is valid.
   std::array<std::array<std::vector<float>, 3>, 2> friction;
@@ -47,6 +52,13 @@ struct SupportSamples {
   }
 };
 inline constexpr float kUnlimitedLoad = 1e30F;
+
+// The elastic top under a sample.
+struct SupportSpring {
+  float separation = 0.0F, rise = 0.0F;    // of the face from the top, u; speed of the top, u/s
+  float stiffness = 0.0F, damping = 0.0F;  // of the covered part of the top, mass/s² and mass/s
+  float depth = 0.0F, step_load = 0.0F;    // at the start of the substep, u; sum over the step, mass·u/s
+};
 
 // How a patch's point takes part in the load of its cell: by share + share_x·x + share_y·y, if the load acts
 // at (x, y) from the cell's sample, u.
@@ -67,6 +79,7 @@ struct SupportPatch {
   float belt_x = 0.0F, belt_y = 0.0F;  // u/s
   bool has_friction = false;           // whether the friction impulses of the last step were found
   bool has_shares = false;             // whether its points are in SupportPatches::shares
+  bool is_elastic = false;             // whether its cells have elastic tops
   // True if `friction_sum` alone is valid, not the friction of the samples: the cells are one belt, on which
   // none of them slips.
   bool is_lumped = false;
@@ -93,6 +106,10 @@ struct SupportPatch {
   double response[6] = {}, inverse_response[6] = {};  // see SupportSolver
   double tangent_mass = 0.0;                          // of one sample
   double friction_sum[3] = {};                        // applied: force along x and y, torque about z
+  // Of an elastic patch: the sum of the loads and their moments Σ N·(1, x, y), applied; the velocity of the
+  // face at (x, y) as a + b·x + c·y, at the end of the last substep and of the solve stage.
+  double spring_wrench[3] = {}, last_motion[3] = {}, solve_motion[3] = {};
+  double implicit_share = 0.0;  // w in solver/SupportSprings.h
 };
 
 struct SupportPatches {
@@ -100,6 +117,7 @@ struct SupportPatches {
   std::vector<std::int32_t> points;  // contacts of the patches, as indices in their body's manifold
   std::vector<PointShare> shares;    // one per point; empty without force limits
   SupportSamples samples;
+  std::vector<SupportSpring> springs;  // one per sample; empty without elastic tops
   void clear();
   void archive(common::StateArchive& a) { a(patches, points, shares, samples); }
 };

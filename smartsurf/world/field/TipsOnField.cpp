@@ -159,6 +159,8 @@ TipParts::TipParts(const surface::Field& field, const surface::CellTip& tip, flo
     case TipShape::kRoundedCylinder:
       add(round(ShapeKind::kCapsule, h), {0, 0, -0.5F * h});
       break;
+    case TipShape::kElasticTop:
+      break;  // a column
   }
 }
 

@@ -6,6 +6,7 @@
 
 #include "smartsurf/world/solver/SupportPoints.h"
 #include "smartsurf/world/solver/SupportSolver.h"
+#include "smartsurf/world/solver/SupportSprings.h"
 
 namespace smartsurf::world {
 namespace {
@@ -287,19 +288,26 @@ void Solver::run_supports(StepContext& context, const Member& member, SupportSta
   member.wait();
   for_each_own_support(context, [&](SupportPatches& list, SupportPatch& p) {
     const std::int32_t row = p.row;
-    if (support_stage == SupportStage::kWarmStart)
+    if (support_stage == SupportStage::kWarmStart) {
+      if (p.is_elastic) warm_start_springs(p, velocity_[row], inverse_inertia_[row]);
       return warm_start_support(p, velocity_[row], inverse_inertia_[row]);
+    }
     const bool is_soft = support_stage == SupportStage::kSolve;
     auto solve_points = [&] {
+      if (p.is_elastic)
+        return solve_springs(list, p, static_params, is_soft, velocity_[row], delta_pose_[row],
+                             inverse_inertia_[row]);
       solve_support_points(list, p, batch_points(), static_params, is_soft, velocity_[row], delta_pose_[row],
                            inverse_inertia_[row]);
     };
     solve_points();
     solve_support(list, p, batch_points(), is_soft, velocity_[row], inverse_inertia_[row]);
     // Friction tilts the body: again, because the normal constraints must hold at the end of the step.
-    if (is_soft) return;
-    solve_points();
-    share_loads(list, p, batch_points());
+    if (!is_soft) {
+      solve_points();
+      share_loads(list, p, batch_points());
+    }
+    if (p.is_elastic) end_spring_stage(list, p, is_soft, velocity_[row]);
   });
   member.arrive();
 }
@@ -344,6 +352,7 @@ void Solver::prepare_supports(StepContext& context) {
     prepare_support(list, p, velocity_[row], inverse_inertia_[row],
                     material_[row].friction_root * field_material_.friction_root,
                     context.static_params.substep_fraction, contacts_of_row(context, p.row));
+    if (p.is_elastic) prepare_springs(list, p, velocity_[row], context.static_params.substep_fraction);
   });
 }
 

@@ -41,7 +41,7 @@ SupportSampleView view(SupportSamples& s, const SupportPatch& p) {
           .friction = {&friction[0][first], &friction[1][first], &friction[2][first]},
           .new_friction = {&new_friction[0][first], &new_friction[1][first], &new_friction[2][first]},
           .load = &s.load[first],
-          .limit = p.has_shares ? &s.limit[first] : nullptr,
+          .limit = p.has_shares || p.is_elastic ? &s.limit[first] : nullptr,
           .count = (p.count + kLanes - 1) / kLanes * kLanes};
 }
 
@@ -190,6 +190,11 @@ Vector3 wrench_of_points(const SupportPatches& list, const SupportPatch& p, Batc
   return scaled_wrench(p, force, moment_x, moment_y);
 }
 
+Vector3 wrench_of(const SupportPatches& list, const SupportPatch& p, BatchPoints points) {
+  const double(&w)[3] = p.spring_wrench;
+  return p.is_elastic ? scaled_wrench(p, w[0], w[1], w[2]) : wrench_of_points(list, p, points);
+}
+
 // Distributes the normal impulses of a patch's points over its samples, within what their cells can give. The
 // points of each cell take over its load if `is_final`. The contact solver's own loads remain if the new ones
 // are not in equilibrium with them, which happens where a body tips over its last cell.
@@ -274,7 +279,7 @@ void set_extent(const SupportSamples& s, SupportPatch& p, double polar) {
   p.gyration_squared = (std::max(0.0, polar) + arms) / p.total_weight;
 }
 
-bool may_lump(const SupportPatch& p) { return p.is_one_belt && !p.has_shares; }
+bool may_lump(const SupportPatch& p) { return p.is_one_belt && !p.has_shares && !p.is_elastic; }
 
 // Shares the friction impulse of a lumped patch among its samples, as a planar field.
 void spread_friction(SupportSamples& s, SupportPatch& p) {
@@ -357,7 +362,7 @@ void warm_start_support(const SupportPatch& p, BodyVelocity& m, const InverseIne
 void solve_support(SupportPatches& list, SupportPatch& p, BatchPoints points, bool is_soft, BodyVelocity& m,
                    const InverseInertia& w) {
   const SupportSampleView samples = view(list.samples, p);
-  const Vector3 target = wrench_of_points(list, p, points);
+  const Vector3 target = wrench_of(list, p, points);
   const double force = target[0];
   const Vector3 old_impulse(p.friction_sum);
   const Vector3 now(static_cast<double>(m.velocity[0] + p.z * m.angular_velocity[1]),
@@ -376,9 +381,11 @@ void solve_support(SupportPatches& list, SupportPatch& p, BatchPoints points, bo
     }
     if (p.is_lumped) spread_friction(list.samples, p);
   }
-  double moved[2] = {};  // the centre of force since the loads were distributed
-  const bool keeps_loads = p.force > 0.0 && force > 0.0;
-  for (int i = 0; i < 2 && keeps_loads; ++i) moved[i] = target[i + 1] / force - p.centre_of_force[i];
+  if (p.is_elastic) p.force = force;  // with the loads of its springs
+  double moved[2] = {};               // the centre of force since the loads were distributed
+  const bool keeps_loads = p.is_elastic || (p.force > 0.0 && force > 0.0);
+  for (int i = 0; i < 2 && keeps_loads && !p.is_elastic; ++i)
+    moved[i] = target[i + 1] / force - p.centre_of_force[i];
   const bool has_moved = std::max(std::abs(moved[0]), std::abs(moved[1])) > kCentreTolerance;
   if (!keeps_loads || (!is_soft && has_moved && !p.has_shares)) {
     if (p.has_shares)
@@ -389,7 +396,7 @@ void solve_support(SupportPatches& list, SupportPatch& p, BatchPoints points, bo
   }
   float cone[3] = {};
   const double friction = static_cast<double>(p.friction) * (p.force > 0.0 ? force / p.force : 0.0);
-  if (p.has_shares)
+  if (p.has_shares || p.is_elastic)
     cone[0] = static_cast<float>(friction);
   else if (p.force > 0.0)
     in_world_axes(p, p.load, friction, cone);
@@ -435,7 +442,9 @@ void store_support(SupportPatches& list, SupportPatch& p, std::span<Contact> con
     force += impulse, moment_x += impulse * at_x, moment_y += impulse * at_y;
     x += at_x, y += at_y, squares += at_x * at_x + at_y * at_y;
   }
-  if (p.has_shares) {
+  if (p.is_elastic) {
+    for (Index i = 0; i < p.count; ++i) samples.load[i] = list.springs[p.first + i].step_load;
+  } else if (p.has_shares) {
     std::fill_n(samples.load, p.count, 0.0F);
     for (int i = 0; i < p.point_count; ++i) {
       const std::int32_t k = p.first_point + i;

@@ -203,6 +203,12 @@ INSTANTIATE_TEST_SUITE_P(
         Mistake{"pin{max_force = 9, tip = {shape = 'cone'}}",
                 "t.lua:1: pin.max_force: a tip of the shape 'cone' has none; only flat pins are of limited "
                 "force"},
+        Mistake{"pin{stiffness = 9, tip = {shape = 'cone'}}",
+                "t.lua:1: pin.stiffness: a tip of the shape 'cone' has none; only flat pins yield"},
+        Mistake{"pin{stiffness = 9, max_force = 9}",
+                "t.lua:1: pin.stiffness: excludes pin.max_force; a pin has one of them"},
+        Mistake{"pin{stiffness = 0}", "t.lua:1: pin.stiffness = 0: must be greater than 0"},
+        Mistake{"pin{damping = 1}", "t.lua:1: pin.damping: needs pin.stiffness; a rigid pin has none"},
         Mistake{"pin{tip = {radius = 0.2}}", "t.lua:1: pin.tip.radius: a tip of the shape 'flat' has none"},
         Mistake{
             "surface{pitch = 2, actuator = pin{top = {1, 1.5}, tip = {shape = 'hemisphere', radius = 0.6}}}",

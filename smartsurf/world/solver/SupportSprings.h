@@ -1,0 +1,34 @@
+// Flat faces on elastic tops: each cell of the patch is a spring of its own.
+//
+// A top has the stiffness k and the damping c; the part of it that the face covers has that part of both.
+// With the depth d of the face in the top, its rate u before the substep h and u' after it, the cell bears
+//   J = max(0, h·(k·(d + h·(α·u' − β·u)) + c·u'))
+// With α = β = 1/4 this is the trapezoidal rule of the load on its springs, which adds no damping. A load
+// that swings faster than the substeps can follow is damped: κ = h²·Σk/m is that of the body on its springs,
+// w = κ²/(1 + κ²), α = (1 + 3w)/4 and β = (1 − w)/4. With n substeps in a period the logarithmic decrement
+// is about π·(2π/n)⁵.
+// A top that the face reaches within the substep takes up the implicit load of the depth there, and the relax
+// stage begins from that depth at rest.
+//
+// The velocity of the face has three unknowns, v = a + b·x + c·y. They fulfil the body's momentum with the
+// loads J(v), the gradient of a convex, piecewise quadratic function: Newton's method finds them exactly in
+// few steps, whatever the stiffness.
+#pragma once
+
+#include "smartsurf/world/field/SupportPatch.h"
+#include "smartsurf/world/solver/ContactBatch.h"
+
+namespace smartsurf::world {
+
+// Preconditions of the following: the patch is elastic.
+
+// Before the external forces of the first substep. The loads of the last step warm-start this one.
+void prepare_springs(SupportPatches&, SupportPatch&, const BodyVelocity&, float substep_fraction);
+void warm_start_springs(const SupportPatch&, BodyVelocity&, const InverseInertia&);
+// Solves the loads of all cells of the patch at once.
+void solve_springs(SupportPatches&, SupportPatch&, const SubstepParams&, bool is_soft, BodyVelocity&,
+                   const DeltaPose&, const InverseInertia&);
+// At the end of the solve stage or of the relax stage.
+void end_spring_stage(SupportPatches&, SupportPatch&, bool is_soft, const BodyVelocity&);
+
+}  // namespace smartsurf::world
