@@ -15,7 +15,9 @@ target_compile_options(project_options INTERFACE
   $<$<COMPILE_LANGUAGE:CXX>:-Wnon-virtual-dtor -Woverloaded-virtual>
   $<$<BOOL:${SMARTSURF_WERROR}>:-Werror>)
 # Addresses of library functions are resolved at the start and then read-only; neither stack nor data can be executed.
-target_link_options(project_options INTERFACE -Wl,-z,relro -Wl,-z,now -Wl,-z,noexecstack)
+if(NOT EMSCRIPTEN)
+  target_link_options(project_options INTERFACE -Wl,-z,relro -Wl,-z,now -Wl,-z,noexecstack)
+endif()
 # What makes an overflow or an overwritten address end the program.
 set(hardening_options -U_FORTIFY_SOURCE -D_FORTIFY_SOURCE=2 -fstack-protector-strong)
 if(CMAKE_SYSTEM_PROCESSOR MATCHES "x86_64|AMD64")
@@ -43,6 +45,8 @@ elseif(CMAKE_SYSTEM_PROCESSOR MATCHES "aarch64|arm64")
   # Vectors are members of structures, which SVE's vectors without a size cannot be: NEON alone.
   target_compile_definitions(project_options INTERFACE
     "HWY_DISABLED_TARGETS=(HWY_SVE|HWY_SVE2|HWY_SVE_256|HWY_SVE2_128)")
+elseif(EMSCRIPTEN)
+  target_compile_definitions(project_options INTERFACE HWY_COMPILE_ONLY_STATIC)
 else()
   target_compile_definitions(project_options INTERFACE HWY_DISABLED_TARGETS=HWY_SSSE3)
 endif()
