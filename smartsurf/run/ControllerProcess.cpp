@@ -17,6 +17,7 @@
 #include <utility>
 #include <vector>
 
+#include "common/files/Installation.h"
 #include "common/text/Printable.h"
 #include "smartsurf/run/PythonModule.h"
 #include "smartsurf/scene/SceneSpec.h"
@@ -29,10 +30,8 @@ using namespace std::chrono_literals;
 
 // Prefers the apron built or installed with this smartsurf to the one on PATH.
 std::string apron_executable() {
-  std::error_code error;
-  const fs::path executable = fs::read_symlink("/proc/self/exe", error);
-  const fs::path sibling = executable.parent_path() / "apron";
-  return !error && access(sibling.c_str(), X_OK) == 0 ? sibling.string() : "apron";
+  const fs::path sibling = common::program_path().parent_path() / "apron";
+  return sibling.has_root_path() && access(sibling.c_str(), X_OK) == 0 ? sibling.string() : "apron";
 }
 
 // Whether the shell command runs one program, which may then take the shell's place: signals end the shell

@@ -58,7 +58,7 @@ class GlfwContext {
     if (window_ == nullptr) {
       glfwTerminate();
       throw common::UserError(
-          "the display offers no OpenGL 3.3: install the packages libgl1-mesa-dri libegl1");
+          "the display offers no OpenGL 3.3: install the packages libgl1 libgl1-mesa-dri libegl1");
     }
     glfwSetWindowSizeLimits(window_, kMinWidth, kMinHeight, GLFW_DONT_CARE, GLFW_DONT_CARE);
     if (placement.has_position) glfwSetWindowPos(window_, placement.x, placement.y);

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <utility>
 
+#include "common/process/WindowLibrary.h"
 #include "smartsurf/run/ControllerProcess.h"
 #include "smartsurf/run/display/PlotFile.h"
 #include "smartsurf/view/output/OffscreenView.h"
@@ -38,6 +39,7 @@ Display::Display(const RunOptions& options, const simulation::Simulation& simula
   for (const view::Signal& signal : settings.plots)
     require_signal("--plot", signal, scene_.surface, channels);
   view::OffscreenView::require_available();
+  common::require_window_library();
   if (!view::Window::display_available())
     throw scene::InputError("--window: there is no display here; run without it, or set DISPLAY");
   beside_controller_window_ = expects_controller_window(options);

@@ -6,6 +6,7 @@
 #include <memory>
 #include <thread>
 
+#include "common/process/WindowLibrary.h"
 #include "smartsurf/run/Run.h"
 #include "smartsurf/run/display/PlotFile.h"
 #include "smartsurf/run/display/ViewChannels.h"
@@ -91,6 +92,7 @@ std::string replay_in_window(const record::Recording& recording, double pace,
       require_metric("--plot", signal.quantity, recording.metric_names());
     else
       require_signal("--plot", signal, recording.spec().surface, frames.channels());
+  common::require_window_library();
   if (!view::Window::display_available())
     throw scene::InputError(
         "--window: there is no display here; use --video or --screenshot, or set DISPLAY");

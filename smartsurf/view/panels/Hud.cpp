@@ -6,18 +6,16 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
-#include <filesystem>
 #include <ranges>
 #include <string>
 
+#include "common/files/Installation.h"
 #include "smartsurf/view/model/Axes.h"
 #include "smartsurf/view/panels/Panels.h"
 
 namespace smartsurf::view {
 namespace {
 
-// Debian's fonts-dejavu-core installs it. Without it, ImGui's built-in bitmap font is used.
-constexpr const char* kFontFile = "/usr/share/fonts/truetype/dejavu/DejaVuSans.ttf";
 constexpr float kFontSize_px = 14.0f, kTitleSize_px = 20.0f;
 constexpr float kPanelWidth = 270.0f;   // of the contents of the run panel, pixels, unscaled
 constexpr std::size_t kMaxMetrics = 8;  // in the run panel
@@ -227,9 +225,10 @@ float draw_timeline(const Timeline& timeline, const Status& status, Controls& co
 void setup_imgui_style(float scale) {
   ImGuiIO& io = ImGui::GetIO();
   io.IniFilename = nullptr;
-  if (std::filesystem::exists(kFontFile)) {
-    io.Fonts->AddFontFromFileTTF(kFontFile, kFontSize_px * scale);
-    io.Fonts->AddFontFromFileTTF(kFontFile, kTitleSize_px * scale);
+  // Without it, ImGui's built-in bitmap font is used.
+  if (const std::string font = common::font_file("DejaVuSans.ttf").string(); !font.empty()) {
+    io.Fonts->AddFontFromFileTTF(font.c_str(), kFontSize_px * scale);
+    io.Fonts->AddFontFromFileTTF(font.c_str(), kTitleSize_px * scale);
   } else {
     io.Fonts->AddFontDefault();
     io.FontGlobalScale = scale;

@@ -57,7 +57,7 @@ GlfwContext::GlfwContext(const std::string& title, int width, int height, Window
   if (!window_) {
     glfwTerminate();
     throw std::runtime_error(
-        "the display offers no OpenGL 3.3: install the packages libgl1-mesa-dri libegl1, or run with "
+        "the display offers no OpenGL 3.3: install the packages libgl1 libgl1-mesa-dri libegl1, or run with "
         "--headless");
   }
   if (placement == WindowPlacement::kLeft) place_left(window_);

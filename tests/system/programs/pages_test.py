@@ -62,7 +62,7 @@ class Pages(ProgramTest):
 
     def test_named_flags_exist(self):
         known = set(FOREIGN)
-        for program, commands in (("smartsurf", "run record replay info plot export check clean compare new train identify fmu"),
+        for program, commands in (("smartsurf", "run record replay info plot export check clean compare new demo train identify fmu"),
                                   ("apron", "run check compile disasm fmt repl debug lsp")):
             for command in commands.split():
                 known |= self.flags_of(str(BIN / program), command, "--help")
@@ -80,7 +80,7 @@ class Pages(ProgramTest):
 
     def test_command_line_page_lists_exactly_all_flags(self):
         rows = re.findall(r"^\| `(\w+)(?: ([a-z]+))?[^`]*` \|.*\|([^|]*)\|$", text_of("docs/cli.md"), re.MULTILINE)
-        self.assertEqual(len(rows), 26)
+        self.assertEqual(len(rows), 27)
         for program, command, flags in rows:
             there = self.flags_of(str(BIN / program), *([command] if command else []), "--help")
             shown = set(re.findall(r"--[a-z][a-z-]*", flags))
