@@ -13,7 +13,7 @@ namespace {
 }  // namespace
 
 struct OffscreenView::State {};
-void OffscreenView::require_available() { throw_not_built(); }
+void OffscreenView::require_available(Detail) { throw_not_built(); }
 OffscreenView::OffscreenView(const scene::SceneSpec&, Detail) { throw_not_built(); }
 OffscreenView::~OffscreenView() = default;
 common::Image OffscreenView::render(const scene::Snapshot&, const std::vector<scene::ObjectSpec>&,

@@ -411,7 +411,7 @@ void Window::move_to_left() { state_->glfw.move_to_left(); }
 void Window::apply(const ViewSettings& settings) {
   state_->controls.apply(settings);
   state_->stage = settings.stage;
-  if (settings.detail) state_->set_detail(*settings.detail);
+  if (settings.detail && *settings.detail != Detail::kFinal) state_->set_detail(*settings.detail);
   state_->hud.plotted.set(settings.plots);
 }
 void Window::show_message(const std::string& message) { state_->hud.message = message; }
