@@ -12,8 +12,8 @@ endif()
 install(PROGRAMS scripts/doctor DESTINATION ${CMAKE_INSTALL_BINDIR} RENAME smartsurf-doctor)
 
 # Where an installed apron looks for its library: ../share/smartsurf/apron (apron/run/options/CompiledProgram.cpp).
-install(DIRECTORY scripts/apron scripts/apron-examples scripts/scamp5 scripts/case-study scripts/conveyors scripts/examples scripts/tasks
-  DESTINATION ${CMAKE_INSTALL_DATADIR}/smartsurf PATTERN table EXCLUDE)
+install(DIRECTORY scripts/apron scripts/apron-examples scripts/scamp5 scripts/case-study scripts/conveyors scripts/examples scripts/gallery
+  scripts/tasks DESTINATION ${CMAKE_INSTALL_DATADIR}/smartsurf PATTERN table EXCLUDE)
 install(DIRECTORY shm-protocol/examples/ DESTINATION ${CMAKE_INSTALL_DATADIR}/smartsurf/controllers
   PATTERN __pycache__ EXCLUDE)
 install(DIRECTORY shm-protocol/hardware/firmware DESTINATION ${CMAKE_INSTALL_DATADIR}/smartsurf)

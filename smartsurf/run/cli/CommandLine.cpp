@@ -16,7 +16,9 @@
 #include "common/process/Termination.h"
 #include "common/text/Printable.h"
 #include "smartsurf/run/Run.h"
+#include "smartsurf/run/cli/StartCommand.h"
 #include "smartsurf/run/cli/Subcommands.h"
+#include "smartsurf/view/window/Window.h"
 
 namespace smartsurf::run {
 namespace {
@@ -30,6 +32,7 @@ int run_arguments(const std::vector<std::string>& arguments) {
 }
 
 int parse_and_run(int argc, const char* const* argv) {
+  if (argc == 1 && view::Window::display_available()) return start_command();
   CLI::App app{"Simulates a smart surface: a table of actuators and sensors that moves the objects on it.",
                "smartsurf"};
   app.set_version_flag("--version", "smartsurf " SMARTSURF_VERSION);

@@ -65,6 +65,10 @@ void Display::restart(const RunOptions& options, const scene::SceneSpec& scene) 
   if (beside_controller_window_ && !had_controller_window) window_->move_to_left();
 }
 
+void Display::show_message(const std::string& message) {
+  if (window_) window_->show_message(message);
+}
+
 void Display::record_tick(const simulation::Simulation& simulation,
                           std::span<const std::pair<std::string, double>> metrics) {
   if (!window_) return;
@@ -186,6 +190,7 @@ void Display::apply_commands(const view::Commands& commands, DisplayRequests& re
     requests.changed_options = commands.options;
   }
   if (!commands.open_file.empty()) requests.open_file = commands.open_file;
+  requests.start_program |= commands.start_program;
   if (commands.plot_export && !commands.display_lost)
     window_->show_message(write_plot_file(*commands.plot_export, scene_.file));
   if (!commands.display_lost) return;
