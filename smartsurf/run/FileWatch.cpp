@@ -2,7 +2,10 @@
 
 #include <sys/stat.h>
 
+#include <string>
 #include <utility>
+
+#include "common/files/ReadFile.h"
 
 namespace smartsurf::run {
 namespace {
@@ -10,8 +13,11 @@ using namespace std::chrono_literals;
 constexpr auto kInterval = 100ms, kQuiet = 200ms;
 }  // namespace
 
-FileWatch::FileWatch(std::filesystem::path file)
-    : file_(std::move(file)), reported_(read()), last_(reported_), looked_at_(), changed_at_() {}
+FileWatch::FileWatch(std::filesystem::path file, std::string_view text)
+    : file_(std::move(file)), reported_(read()), last_(reported_) {
+  std::string now;
+  if (common::read_file(file_, common::kMaxTextBytes, now) || now != text) reported_ = {};
+}
 
 bool FileWatch::changed() {
   const auto now = std::chrono::steady_clock::now();

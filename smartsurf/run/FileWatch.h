@@ -4,13 +4,15 @@
 #include <chrono>
 #include <cstdint>
 #include <filesystem>
+#include <string_view>
 #include <tuple>
 
 namespace smartsurf::run {
 
 class FileWatch {
  public:
-  explicit FileWatch(std::filesystem::path file);
+  // text: what was read; a file that has another by now has changed.
+  FileWatch(std::filesystem::path file, std::string_view text);
   // True once after each change, when the file has not changed for a fifth of a second: editors write in
   // steps. Looks at the file at most ten times a second.
   bool changed();

@@ -1,16 +1,19 @@
 #include "smartsurf/run/cli/StartCommand.h"
 
-#include <fmt/format.h>
+#include <poll.h>
+#include <sys/prctl.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
 #include <algorithm>
 #include <array>
+#include <atomic>
 #include <cerrno>
-#include <cstdio>
+#include <csignal>
 #include <filesystem>
 #include <sstream>
 #include <system_error>
+#include <utility>
 #include <vector>
 
 #include "common/error/UserError.h"
@@ -75,8 +78,9 @@ std::vector<std::string> command_for(const std::string& file) {
   return {self, "run", file, "--window", "--controller", options.controller};
 }
 
-// Passes what the child writes to standard error on, and returns the last line if the child fails.
-std::string run_and_wait(const std::vector<std::string>& command) {
+// Passes what the child writes to standard error on, and returns the last line if the child fails. Ends it on
+// `stop`.
+std::string run_and_wait(const std::vector<std::string>& command, const std::atomic<bool>& stop) {
   std::vector<char*> arguments;
   for (const std::string& argument : command) arguments.push_back(const_cast<char*>(argument.c_str()));
   arguments.push_back(nullptr);
@@ -86,6 +90,7 @@ std::string run_and_wait(const std::vector<std::string>& command) {
   const pid_t child = fork();
   if (child < 0) throw std::system_error(errno, std::generic_category(), "cannot start the run");
   if (child == 0) {
+    prctl(PR_SET_PDEATHSIG, SIGTERM);
     dup2(errors[1], STDERR_FILENO);
     close(errors[0]);
     close(errors[1]);
@@ -95,8 +100,14 @@ std::string run_and_wait(const std::vector<std::string>& command) {
   close(errors[1]);
   std::string line, last;
   char byte = 0;
-  for (ssize_t got = 0; (got = read(errors[0], &byte, 1)) == 1 || (got < 0 && errno == EINTR);) {
-    if (got < 0) continue;
+  bool told = false;
+  while (true) {
+    constexpr int kTimeout_ms = 100;
+    pollfd ready{errors[0], POLLIN, 0};
+    const int events = poll(&ready, 1, kTimeout_ms);
+    if (stop && !std::exchange(told, true)) kill(child, SIGTERM);
+    if (events <= 0) continue;
+    if (read(errors[0], &byte, 1) != 1) break;
     if (write(STDERR_FILENO, &byte, 1) < 0) continue;  // a closed terminal does not end the run
     if (byte != '\n') {
       line += byte;
@@ -134,7 +145,7 @@ int start_command() {
     if (!message.empty()) contents.message = message;
     const std::string file = view::choose_file(contents, stop);
     if (file.empty()) return common::status_after_signals(common::kDone);
-    message = run_and_wait(command_for(file));
+    message = run_and_wait(command_for(file), stop);
     if (stop) return common::status_after_signals(common::kDone);
   }
 }

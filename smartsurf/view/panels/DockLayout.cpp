@@ -8,7 +8,7 @@ namespace smartsurf::view {
 namespace {
 
 constexpr float kTallAspect = 1.2f;  // a window that is narrower for its height is tall
-constexpr DockSizes kDefaults{290.0f, 280.0f, 320.0f, 190.0f}, kLeast{180.0f, 120.0f, 200.0f, 90.0f};
+constexpr DockSizes kDefaults{290.0f, 230.0f, 320.0f, 190.0f}, kLeast{180.0f, 120.0f, 200.0f, 90.0f};
 constexpr float kMostOfWidth = 0.5f, kMostOfHeight = 2.0f / 3.0f;  // of all docks together
 constexpr float kMaxPoints = 10'000.0f;
 

@@ -98,8 +98,9 @@ void draw_option_edit(OptionEdit& edit) {
 
 // The speed, and the requested one where that is another.
 std::string format_speed(double actual, double requested) {
-  char text[64] = "measuring";
-  if (actual > 0.0) std::snprintf(text, sizeof(text), "%.2f× real time", actual);
+  if (actual <= 0.0) return format_pace(requested) + " wanted";
+  char text[64];
+  std::snprintf(text, sizeof(text), "%.2f× real time", actual);
   const bool kept = requested > 0.0 && std::abs(actual - requested) < 0.05 * requested;
   return kept ? text : text + (" (" + format_pace(requested) + " wanted)");
 }

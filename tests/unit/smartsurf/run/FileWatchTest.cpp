@@ -31,7 +31,7 @@ class FileWatchTest : public testing::Test {
 
 TEST_F(FileWatchTest, ReportsEachSaveOnce) {
   write("a", "one");
-  FileWatch watch(folder / "a");
+  FileWatch watch(folder / "a", "one");
   EXPECT_EQ(changes(watch, 400ms), 0);
   write("a", "second");
   EXPECT_EQ(changes(watch, 600ms), 1);
@@ -41,9 +41,15 @@ TEST_F(FileWatchTest, ReportsEachSaveOnce) {
   EXPECT_EQ(changes(watch, 300ms), 0);
 }
 
+TEST_F(FileWatchTest, ReportsAChangeBetweenReadingAndWatching) {
+  write("a", "two");
+  FileWatch watch(folder / "a", "one");
+  EXPECT_EQ(changes(watch, 600ms), 1);
+}
+
 TEST_F(FileWatchTest, WaitsForAFileThatIsGoneAndForOneThatIsWrittenInSteps) {
   write("a", "one");
-  FileWatch watch(folder / "a");
+  FileWatch watch(folder / "a", "one");
   fs::remove(folder / "a");
   EXPECT_EQ(changes(watch, 500ms), 0);
   for (int i = 0; i < 5; ++i) {

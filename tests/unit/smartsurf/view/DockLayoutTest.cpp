@@ -47,8 +47,10 @@ TEST(DockLayout, AreasFillTheWindowWithoutOverlap) {
       EXPECT_GE(a.y, -0.01f);
       EXPECT_LE(a.right(), width + 0.01f);
       EXPECT_LE(a.bottom(), height + 0.01f);
-      for (const DockRect& b : areas)
-        if (&a != &b && !a.empty() && !b.empty()) ASSERT_FALSE(overlap(a, b)) << round;
+      for (const DockRect& b : areas) {
+        if (&a == &b || a.empty() || b.empty()) continue;
+        ASSERT_FALSE(overlap(a, b)) << round;
+      }
     }
     ASSERT_NEAR(sum / (width * height), 1.0f, 1e-3f) << round;
     ASSERT_GE(docks.scene.width, 0.499f * width);
