@@ -6,6 +6,7 @@
 #include <array>
 #include <cmath>
 #include <tuple>
+#include <vector>
 
 #include "smartsurf/scene/KindRegistry.h"
 #include "tests/property/PhysicsFixture.h"
@@ -58,6 +59,32 @@ TEST(ForceLimit, WeightRisesOnlyIfItsPinsCanBearIt) {
     EXPECT_NEAR(lift_height(columns, rows, 1.1), 0.0, 0.02) << columns << " by " << rows;
     EXPECT_NEAR(lift_height(columns, rows, 2.0), 0.0, 0.02) << columns << " by " << rows;
   }
+}
+
+// Whatever acceleration a pin may have without a load, its force alone decides if it leaves its lower stop.
+TEST(ForceLimit, LoadRisesFromTheLowerStopByTheMotorsLine) {
+  constexpr double kMaxSpeed = 6.0, kDt_s = 1e-4, kRise = 1.0;
+  for (const double max_acceleration : {10.0, 400.0})
+    for (const double share : {0.3, 0.6, 0.95}) {
+      SCOPED_TRACE(testing::Message() << max_acceleration << " u/s², " << share << " of the force");
+      double right_s = 0.0;
+      for (double z = 0.0, v = 0.0; z < kRise; z += v * kDt_s, right_s += kDt_s)
+        v += kDt_s * std::min(max_acceleration, kGravity * ((1.0 - v / kMaxSpeed) / share - 1.0));
+      PhysicsFixture fixture;
+      fixture.scene.world.dt_s = 1.0 / 240;
+      use_force_limited_pins(fixture);
+      fixture.scene.surface.actuators[0].values["max_acceleration"] = {max_acceleration};
+      const auto id = fixture.add(with_weight(box_over(1, 1), share * kMaxForce));
+      fixture.run(1.0);
+      std::vector<float> targets(fixture.cells().field().height.size(), 0.0F);
+      targets[fixture.cells().field().index(21, 10)] = kRaisedHeight;
+      fixture.cells().set_targets(0, targets);
+      double taken_s = 0.0;
+      fixture.run(right_s + 0.1, [&] {
+        if (fixture.position(id).z() < 0.5 + kRise) taken_s += fixture.scene.world.dt_s;
+      });
+      EXPECT_NEAR(taken_s, right_s, 0.015 * right_s);
+    }
 }
 
 TEST(ForceLimit, RaisedPinNeverExceedsItsForce) {

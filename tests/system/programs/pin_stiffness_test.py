@@ -141,7 +141,7 @@ on_tick(function() local _, _, z = object(id):position() print(string.format('%.
                     z = self.swing(rate, 25 * G / 36 / sink, 0, drop, 3)
                     touched = int(numpy.argmax(z < 0.01))
                     self.assertLess(z[touched:].max(), drop + 0.005)
-                    self.assertGreater(z.min(), -1.02 * (sink + math.sqrt(sink**2 + 2 * sink * drop)) - 1e-4)
+                    self.assertGreater(z.min(), -1.02 * (sink + math.sqrt(sink**2 + 2 * sink * drop)) - 1e-4 - G / rate**2)
 
     def test_same_bits_with_two_threads(self):
         b = self.bed()
