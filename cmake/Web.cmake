@@ -1,7 +1,7 @@
 # The live page's WebAssembly (docs/live-page.md): the modules that simulate and those that compile and run programs, for one
 # thread and without windows, HDF5, Bullet, mesh files and native modules. `emcmake cmake --preset web` selects it.
 #
-# Debian has no libraries for this machine: Lua, Qhull, TinyXML-2, fmt and Highway are compiled from its source packages
+# Debian has no libraries for this machine: Lua, Qhull, TinyXML-2, fmt, Highway and parts of newlib are compiled from its source packages
 # (scripts/setup --web). Eigen, nlohmann-json and fast_float are headers.
 include(cmake/Precompiled.cmake)
 include(cmake/Unity.cmake)
@@ -18,15 +18,21 @@ endfunction()
 
 set(web_headers ${PROJECT_BINARY_DIR}/headers)  # those of /usr/include that are of no machine
 file(MAKE_DIRECTORY ${web_headers})
-foreach(folder Eigen nlohmann fast_float)
-  set(from /usr/include/${folder})
-  if(folder STREQUAL Eigen)
-    set(from /usr/include/eigen3/Eigen)
+foreach(folder nlohmann fast_float eigen3)
+  if(NOT IS_DIRECTORY /usr/include/${folder})
+    message(FATAL_ERROR "/usr/include/${folder} is missing: scripts/setup --web installs it")
   endif()
-  if(NOT IS_DIRECTORY ${from})
-    message(FATAL_ERROR "${from} is missing: scripts/setup --web installs it")
+endforeach()
+file(CREATE_LINK /usr/include/nlohmann ${web_headers}/nlohmann SYMBOLIC)
+file(CREATE_LINK /usr/include/fast_float ${web_headers}/fast_float SYMBOLIC)
+# Eigen's results are those on x86-64, as on aarch64 (cmake/Dependencies.cmake): its headers are followed by the order of sums.
+foreach(header Cholesky Core Eigenvalues Geometry LU SparseCholesky)
+  set(followed "#include \"${PROJECT_SOURCE_DIR}/cmake/EigenSums.h\"\n")
+  if(header STREQUAL Geometry)
+    string(APPEND followed "#include \"${PROJECT_SOURCE_DIR}/cmake/EigenQuaternions.h\"\n")
   endif()
-  file(CREATE_LINK ${from} ${web_headers}/${folder} SYMBOLIC)
+  file(CONFIGURE OUTPUT ${web_headers}/Eigen/${header}
+    CONTENT "#pragma once\n#include \"/usr/include/eigen3/Eigen/${header}\"\n${followed}")
 endforeach()
 
 # Code of others: without our warnings, and with the same arithmetic.
@@ -65,6 +71,16 @@ add_foreign(web_hwy SOURCES ${highway}/hwy/aligned_allocator.cc ${highway}/hwy/p
 add_library(hwy::hwy ALIAS web_hwy)
 file(CREATE_LINK ${highway}/hwy ${web_headers}/hwy SYMBOLIC)  # headers of the modules include some of it
 file(WRITE ${CMAKE_FIND_PACKAGE_REDIRECTS_DIR}/hwy-config.cmake "")  # the modules look for the package
+
+# glibc's sine and cosine of floats, which it shares with newlib (smartsurf/web/live/Libm.cpp). Without newlib's other headers.
+find_source(newlib newlib-*)
+set(newlib_sources sinf.c cosf.c sincosf_data.c)
+foreach(file ${newlib_sources} sincosf.h math_config.h)
+  configure_file(${newlib}/newlib/libm/common/${file} ${PROJECT_BINARY_DIR}/newlib/${file} COPYONLY)
+endforeach()
+file(CONFIGURE OUTPUT ${PROJECT_BINARY_DIR}/newlib/fdlibm.h CONTENT "#define __OBSOLETE_MATH 0\n")
+list(TRANSFORM newlib_sources PREPEND ${PROJECT_BINARY_DIR}/newlib/)
+add_foreign(web_newlib SOURCES ${newlib_sources} OPTIONS -O2)
 
 foreach(headers Eigen3::Eigen nlohmann_json::nlohmann_json)
   add_library(${headers} INTERFACE IMPORTED)

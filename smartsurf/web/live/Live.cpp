@@ -13,6 +13,7 @@
 
 #include "apron/library/SurfaceProgram.h"
 #include "common/error/UserError.h"
+#include "common/text/Printable.h"
 #include "smartsurf/scene/KindRegistry.h"
 #include "smartsurf/simulation/Environment.h"
 #include "smartsurf/web/SceneJson.h"
@@ -48,11 +49,6 @@ Live& live() {
 }
 
 const char* give(std::string text) { return (live().text = std::move(text)).c_str(); }
-
-void print(std::string_view text) {
-  std::fwrite(text.data(), 1, text.size(), stdout);
-  std::fflush(stdout);
-}
 
 // NAME=VALUE, one a line.
 std::vector<std::pair<std::string, std::string>> parse_overrides(std::string_view text) {
@@ -160,7 +156,8 @@ const char* live_start(const char* experiment, const char* program, const char* 
       apron::library::ProgramSource source;
       source.file = program;
       source.library_path = kProgramLibrary;
-      options.controller = apron::library::make_controller_factory(std::move(source), {}, print);
+      options.controller =
+          apron::library::make_controller_factory(std::move(source), {}, common::print_output);
     }
     live().environment = std::make_unique<Environment>(std::move(options));
   }));
