@@ -14,15 +14,15 @@ class PathSampler {
   // sample: below `samples`.
   PathSampler(std::uint32_t x, std::uint32_t y, std::uint32_t sample, std::uint32_t samples,
               std::uint32_t seed)
-      : index_(interleaved(x & kTileMask, y & kTileMask) * std::bit_ceil(samples) + sample),
+      : index_(reversed(interleaved(x & kTileMask, y & kTileMask) * std::bit_ceil(samples) + sample)),
         seed_(mixed(seed ^ mixed((x / kTile) ^ mixed(y / kTile)))) {}
 
   // Both in [0, 1).
   Eigen::Vector2f next() {
     const std::uint32_t seed = mixed(seed_ + dimension_++ * 0x9e3779b9U);
-    const std::uint32_t index = scrambled(index_, seed);
-    return {to_unit(scrambled(reversed(index), mixed(seed ^ 0xa5a5a5a5U))),
-            to_unit(scrambled(second_sobol(index), mixed(seed ^ 0x5a5a5a5aU)))};
+    const std::uint32_t index = reversed(scrambled(index_, seed));
+    return {to_unit(reversed(scrambled(index, mixed(seed ^ 0xa5a5a5a5U)))),
+            to_unit(reversed(scrambled(pascal(index), mixed(seed ^ 0x5a5a5a5aU))))};
   }
 
  private:
@@ -44,24 +44,26 @@ class PathSampler {
     x = ((x & 0x33333333U) << 2) | ((x >> 2) & 0x33333333U);
     return ((x & 0x55555555U) << 1) | ((x >> 1) & 0x55555555U);
   }
-  static std::uint32_t second_sobol(std::uint32_t index) {
-    std::uint32_t x = 0;
-    for (std::uint32_t v = 1U << 31; index != 0; index >>= 1, v ^= v >> 1)
-      if (index & 1U) x ^= v;
-    return x;
+  // The second Sobol sequence with its bits in reverse: the index times Pascal's triangle modulo 2.
+  static std::uint32_t pascal(std::uint32_t index) {
+    index ^= (index >> 1) & 0x55555555U;
+    index ^= (index >> 2) & 0x33333333U;
+    index ^= (index >> 4) & 0x0f0f0f0fU;
+    index ^= (index >> 8) & 0x00ff00ffU;
+    return index ^ (index >> 16);
   }
-  // Owen's scrambling: each bit is flipped by a hash of those above it.
+  // Owen's scrambling of a number with its bits in reverse: each bit is flipped by a hash of those below it.
   static std::uint32_t scrambled(std::uint32_t x, std::uint32_t seed) {
-    x = reversed(x) + seed;
+    x += seed;
     x ^= x * 0x6c50b47cU;
     x ^= x * 0xb82f1e52U;
     x ^= x * 0xc7afe638U;
-    x ^= x * 0x8d22f6e6U;
-    return reversed(x);
+    return x ^ (x * 0x8d22f6e6U);
   }
   static float to_unit(std::uint32_t x) { return static_cast<float>(x >> 8) * 0x1p-24F; }
 
-  std::uint32_t index_, seed_, dimension_ = 0;
+  std::uint32_t index_;  // with its bits in reverse
+  std::uint32_t seed_, dimension_ = 0;
 };
 
 }  // namespace smartsurf::view

@@ -17,11 +17,13 @@ namespace {
 using Vec = Eigen::Vector3f;
 
 constexpr float kPi = std::numbers::pi_v<float>;
-constexpr int kMaxBounces = 6, kSureBounces = 3;  // later ones end with the probability of what they lose
+constexpr int kMaxBounces = 6, kSureBounces = 1;  // later ones end with the probability of what they lose
 constexpr int kMaxLayers = 32;                    // translucent surfaces in a row
 constexpr float kMostIndirect = 6.0F;             // radiance that one bounced path adds to a pixel's sample
 constexpr float kRefraction = 1.49F;              // of acrylic
 constexpr float kAcrylicShade = 0.5F;  // share of the sun that acrylic keeps from what lies behind it
+constexpr float kLampShare =
+    0.6F;  // of the lamps' brightness; the OpenGL renderer dims them on rough surfaces
 constexpr int kTile_px = 16;
 constexpr std::uint32_t kSeed = 0x5eed;
 
@@ -37,7 +39,7 @@ class Environment {
       : sun_(vec(light.sun) / static_cast<float>(std::pow(std::sin(kSunRadius), 2))),
         sky_(vec(light.sky)),
         bounce_(vec(light.bounce)),
-        lamps_(light.lamps * Vec(1.0F, 0.98F, 0.95F)),
+        lamps_(kLampShare * light.lamps * Vec(1.0F, 0.98F, 0.95F)),
         towards_sun_(towards_sun().cast<float>()),
         least_cosine_(static_cast<float>(std::cos(kSunRadius))) {}
 

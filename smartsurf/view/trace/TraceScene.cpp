@@ -455,7 +455,6 @@ void TraceScene::update(const scene::Snapshot& snapshot, const std::vector<scene
                         float pixel_slope) {
   State& s = *state_;
   s.frame.reset(rtcNewScene(s.device.get()));
-  rtcSetSceneFlags(s.frame.get(), RTC_SCENE_FLAG_ROBUST);
   s.parts.clear();
   s.placed_meshes.clear();
   s.balls.clear();

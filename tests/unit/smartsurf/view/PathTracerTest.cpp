@@ -165,7 +165,7 @@ TEST(PathTracerTest, LensIsFocusedOnTheTarget) {
   const Camera camera = camera_at(scene, {11.5, -25, 20}, {11.5, 3, 6});
   const auto red_share = [&](double aperture, double y) {
     const TracedImage image = trace(scene, camera, stage_light(Stage::kLight),
-                                    {.samples = 32, .aperture = aperture}, kAcross, kDown);
+                                    {.samples = 16, .aperture = aperture}, kAcross, kDown);
     const Eigen::Vector3d at = camera.project({11.5, y, 6}, kAcross, kDown);
     const Vec& c =
         image.radiance[static_cast<std::size_t>(at.y()) * kAcross + static_cast<std::size_t>(at.x())];
