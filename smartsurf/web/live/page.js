@@ -178,6 +178,7 @@ byId('stop').addEventListener('click', () => {
   setRunning(false);
   startWorker();
   byId('stop').hidden = true;
+  state.ended = true;
   say('ended: the script did not answer', 'error');
 });
 byId('speed').addEventListener('change', () => { if (state.running) send('run', { factor: factor() }); });

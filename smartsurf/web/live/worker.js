@@ -1,7 +1,7 @@
 // Runs the simulation and the program in the live page's worker. The page ends the worker of a script that does not answer.
 // `makeLive` is emscripten's; see Live.cpp for the functions.
 const kSlice_ms = 24, kFrameEvery_ms = 30;
-let live, speed = 0, behind_s = 0, last_ms = 0, drawn = true, frameAt_ms = 0, objects = 0, scheduled = false;
+let live, started = false, speed = 0, behind_s = 0, last_ms = 0, drawn = true, frameAt_ms = 0, objects = 0, scheduled = false;
 
 const text = (name, ...given) => live.ccall(name, 'string', given.map(() => 'string'), given);
 const say = (stream) => (line) => postMessage({ [stream]: line });
@@ -73,9 +73,11 @@ const orders = {
   },
   start({ files, experiment, program, seed, overrides }) {
     speed = 0;
+    started = false;
     write(files);
     const error = text('live_start', experiment, program, seed, overrides ?? '');
     if (error) return postMessage({ error });
+    started = true;
     const scene = text('live_scene');
     live.period = JSON.parse(scene).period;
     objects = live._live_objects();
@@ -83,18 +85,20 @@ const orders = {
     sendFrame();
   },
   run({ factor }) {
+    if (!started) return;
     speed = factor;
     behind_s = 0;
     last_ms = performance.now();
     schedule(0);
   },
   step() {
-    if (tick()) sendFrame();
+    if (started && tick()) sendFrame();
   },
   drawn() { drawn = true; },
   // As fast as possible to a simulated time; for tests.
   until({ seconds }) {
     speed = 0;
+    if (!started) return;
     for (let more = true; more && live._live_time() < seconds - 1e-9;) more = live._live_tick() === 0;
     postMessage({ hash: text('live_hash'), time: live._live_time(), message: text('live_message') });
   },
