@@ -84,7 +84,7 @@ endif()
 # add_module(<program> <module> SOURCES … [MODULES …] [PRIVATE …] [PUBLIC …])
 #   MODULES: modules that this one may include (targets); PRIVATE: third-party libraries that only this module sees;
 #   PUBLIC: third-party libraries that appear in its headers.
-#   OPTIMISED: it computes over arrays, and sanitizer builds optimise it too; they compile the others in the least time.
+#   OPTIMISED: it computes over arrays: compiled with SMARTSURF_OPTIMISED_OPTIONS where the others take the least time.
 # The target is <program>_<module>.
 function(add_module program module)
   cmake_parse_arguments(M "OPTIMISED" "" "SOURCES;MODULES;PRIVATE;PUBLIC" ${ARGN})
@@ -93,6 +93,7 @@ function(add_module program module)
   target_link_libraries(${target} PUBLIC project_options ${M_MODULES} ${M_PUBLIC} PRIVATE ${M_PRIVATE})
   if(M_OPTIMISED AND SMARTSURF_OPTIMISED_OPTIONS)  # a precompiled header is of one level of optimisation
     target_compile_options(${target} PRIVATE ${SMARTSURF_OPTIMISED_OPTIONS})
+    set_target_properties(${target} PROPERTIES IS_OPTIMISED ON)
   elseif(program STREQUAL smartsurf)
     precompile(${target} precompiled_smartsurf)
   else()
@@ -134,6 +135,15 @@ function(add_module_test name)
     set_property(GLOBAL APPEND PROPERTY threaded_tests ${name})
     list(APPEND T_LABEL threads)
   endif()
+  # Of an inline function the linker keeps the first copy that it meets: the optimised modules' own, not that of a test.
+  foreach(library IN LISTS T_LIBS)
+    if(TARGET ${library})
+      get_target_property(optimised ${library} IS_OPTIMISED)
+      if(optimised)
+        target_link_options(${name} PRIVATE "LINKER:--whole-archive,$<TARGET_FILE:${library}>,--no-whole-archive")
+      endif()
+    endif()
+  endforeach()
   target_link_libraries(${name} PRIVATE project_options ${T_LIBS} GTest::gtest GTest::gtest_main)
   if(NOT T_OPTIMISED)
     if("${T_LIBS}" MATCHES "smartsurf_")
