@@ -61,7 +61,8 @@ def _in_force(values: Array, row: Array) -> Array:
     known, the last ones known."""
     last = np.maximum.accumulate(np.where(row >= 0, np.arange(len(row)), -1))
     rows = np.where(last >= 0, row[np.maximum(last, 0)], 0)
-    return values[np.concatenate([rows[:1], rows[:-1]])]
+    in_force: Array = values[np.concatenate([rows[:1], rows[:-1]])]
+    return in_force
 
 
 def _unsure_cells(commands: Mapping[str, Array], row: Array, settles: int) -> Array:

@@ -288,7 +288,7 @@ void main() {
     float share = (float(i) + 0.5) / float(kSamples), angle = turn + 2.39996 * float(i);
     vec3 v = position(at + ivec2(round(share * disc * vec2(cos(angle), sin(angle))))) - p;
     float d2 = dot(v, v), near = max(radius2 - d2, 0.0) / radius2;
-    sum += near * near * near * max(dot(v, n) - 0.01 * reach.x, 0.0) * 0.6333 * reach.x / (d2 + 0.003 * radius2);
+    sum += near * near * near * max(dot(v, n) - 0.01 * reach.x, 0.0) * inversesqrt(d2 + 0.003 * radius2);
   }
   pixel = vec4(clamp(1.0 - 3.0 * sum / float(kSamples), 0.0, 1.0), -p.z, 0.0, 1.0);
 }

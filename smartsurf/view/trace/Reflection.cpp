@@ -65,7 +65,8 @@ Reflection::Value Reflection::evaluate(const Vec& in) const {
   // What the microfacets reflect does not reach the diffuse part, on the way in and on the way out.
   value.all =
       value.mirrored +
-      diffuse_ * (in.z() / kPi);
+      diffuse_.cwiseProduct((Vec::Ones() - fresnel(in.z())).cwiseProduct(Vec::Ones() - fresnel(out_.z()))) *
+          (in.z() / kPi);
   return value;
 }
 

@@ -69,7 +69,7 @@ class Pages(ProgramTest):
         for program in ("shm_dump", "fake_surface", "surface_bridge", "device_emulator"):
             known |= self.flags_of(str(BIN / program), "--help")
         scripts = [p for p in (ROOT / "scripts").iterdir() if p.is_file()]
-        for folder in ("scripts/boards", "scripts/cluster", "scripts/learn", "scripts/tasks"):
+        for folder in ("scripts/boards", "scripts/cluster", "scripts/hardware", "scripts/learn", "scripts/tasks"):
             scripts += [p for p in (ROOT / folder).iterdir() if p.is_file()]
         scripts += (ROOT / "tests/bench").rglob("*.cpp")
         for script in scripts:
