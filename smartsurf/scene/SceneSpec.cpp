@@ -185,6 +185,24 @@ Eigen::Vector3d ObjectSpec::half_extents() const {
   return Eigen::Vector3d::Zero();
 }
 
+CellPose hexagonal_pose(int row_from_south, int column, double pitch) {
+  return {(column + 0.5 * (row_from_south % 2)) * pitch, row_from_south * pitch * std::numbers::sqrt3 / 2.0,
+          0.0};
+}
+
+bool SurfaceSpec::has_hexagonal_tops() const {
+  if (cell_poses.empty() || rows < 2 || actuators.empty()) return false;
+  for (const ActuatorSpec& a : actuators)
+    if (a.model == "pin" || a.model == "tile" || a.model == "delta") return false;
+  for (int row = 0; row < rows; ++row)
+    for (int column = 0; column < columns; ++column) {
+      const CellPose &there = cell_poses[index(row, column)],
+                     right = hexagonal_pose(rows - 1 - row, column, pitch);
+      if (there.angle != 0.0 || std::hypot(there.x - right.x, there.y - right.y) > 1e-4 * pitch) return false;
+    }
+  return true;
+}
+
 ActuatorSpec make_pin_actuator(const PinSpec& pin) {
   ActuatorSpec spec = find_actuator_kind("pin")->default_spec();
   spec.values["top"] = {pin.top_x, pin.top_y};

@@ -125,6 +125,9 @@ struct CellPose {
   double x = 0.0, y = 0.0;  // centre of the top, u
   double angle = 0.0;       // rotation about z, rad
 };
+// That of a cell in a hexagonal grid: every second row, counted from the south, begins half a pitch further
+// east.
+CellPose hexagonal_pose(int row_from_south, int column, double pitch);
 
 inline constexpr std::int8_t kEmptyCell = -1;
 // The sensor channel that shows which cells exist; its name is reserved on surfaces with empty cells.
@@ -220,6 +223,10 @@ struct SurfaceSpec {
   bool is_empty(int row, int column) const {
     return !actuator_of_cell.empty() && actuator_of_cell[index(row, column)] == kEmptyCell;
   }
+  // True if the rows are those of a hexagonal grid and no top rises by itself or tilts, as a pin's or a
+  // tile's does: views draw the tops as hexagons, `pin.top_x` wide between the sides in the west and in the
+  // east. O(cells).
+  bool has_hexagonal_tops() const;
   // True if the surface has the occupancy channel. O(cells).
   bool has_empty_cells() const;
   Eigen::Vector2d centre(int row, int column) const {

@@ -8,6 +8,7 @@
 #include <limits>
 #include <map>
 #include <nlohmann/json.hpp>
+#include <numbers>
 #include <optional>
 #include <span>
 #include <string>
@@ -17,6 +18,7 @@
 #include "smartsurf/view/model/ActuatorGeometry.h"
 #include "smartsurf/view/model/Meshes.h"
 #include "smartsurf/view/model/Palette.h"
+#include "smartsurf/view/model/PinShading.h"
 #include "smartsurf/web/Frames.h"
 
 namespace smartsurf::web {
@@ -306,15 +308,23 @@ void add_objects(GltfFile& file, const Recording& recording, const std::vector<s
 int add_pin_mesh(GltfFile& file, const scene::SurfaceSpec& s, const char* name, double length) {
   const view::Mesh mesh = view::box_mesh();
   std::vector<float> positions, normals;
-  const Eigen::Vector3d half(s.pin.top_x / 2, s.pin.top_y / 2, length / 2);
-  for (std::size_t i = 0; i + 5 < mesh.vertices.size(); i += 6) {
-    const auto at = [&](std::size_t c) {
-      return static_cast<float>(half[static_cast<Eigen::Index>(c)]) * mesh.vertices[i + c];
-    };
-    positions.insert(positions.end(), {at(0), at(1), at(2) - static_cast<float>(half.z())});
-    normals.insert(normals.end(), {mesh.vertices[i + 3], mesh.vertices[i + 4], mesh.vertices[i + 5]});
+  const auto [half_x, half_y] = view::prism_half_edges(s);
+  const Eigen::Vector3f half(half_x, half_y, static_cast<float>(length / 2));
+  std::vector<std::uint32_t> indices;
+  for (int turn = 0; turn < view::prisms_per_cell(s); ++turn) {
+    const Eigen::AngleAxisf rotation(static_cast<float>(turn) * std::numbers::pi_v<float> / 3.0F,
+                                     Eigen::Vector3f::UnitZ());
+    const auto first = static_cast<std::uint32_t>(positions.size() / 3);
+    for (const auto index : mesh.indices) indices.push_back(first + index);
+    for (std::size_t i = 0; i + 5 < mesh.vertices.size(); i += 6) {
+      const Eigen::Map<const Eigen::Vector3f> place(&mesh.vertices[i]), normal(&mesh.vertices[i + 3]);
+      const Eigen::Vector3f at = rotation * half.cwiseProduct(place - Eigen::Vector3f::UnitZ()),
+                            facing = rotation * normal;
+      positions.insert(positions.end(), at.begin(), at.end());
+      normals.insert(normals.end(), facing.begin(), facing.end());
+    }
   }
-  return file.add_mesh(name, positions, normals, {}, mesh.indices,
+  return file.add_mesh(name, positions, normals, {}, indices,
                        file.material({kPinColour[0], kPinColour[1], kPinColour[2], 1.0}));
 }
 

@@ -124,9 +124,16 @@ export function makeTable(scene, series, renderer, state) {
   }
 
   // ---- Pins: columns down to the table
+  // Its top is at z = 0, 1 wide along x.
+  function pinGeometry(hexagonal) {
+    if (!hexagonal) return new THREE.BoxGeometry(1, 1, 1).translate(0, 0, -0.5);
+    const prism = new THREE.CylinderGeometry(1 / Math.sqrt(3), 1 / Math.sqrt(3), 1, 6).toNonIndexed();
+    prism.computeVertexNormals();
+    return prism.rotateX(Math.PI / 2).translate(0, 0, -0.5);
+  }
   const cells = scene.rows * scene.columns, base = scene.low - scene.length;
   // The offset in depth grows with the slope of a face: without it sides that are seen edge-on show through what is in front.
-  const pins = new THREE.InstancedMesh(new THREE.BoxGeometry(1, 1, 1).translate(0, 0, -0.5),
+  const pins = new THREE.InstancedMesh(pinGeometry(scene.hexagonal),
     new THREE.MeshLambertMaterial({ polygonOffset: true, polygonOffsetFactor: 2 }), cells);
   pins.castShadow = pins.receiveShadow = true;
   pins.frustumCulled = false;
@@ -177,7 +184,7 @@ export function makeTable(scene, series, renderer, state) {
       if (height !== shownHeight[cell]) {
         shownHeight[cell] = height;
         const place = places[cell], hidden = place.mechanism < 0 || (walls.length > 0 && isBorder(cell));
-        matrix.makeRotationZ(place.angle).scale(scale.set(scene.top[0], scene.top[1], Math.max(height - base, 0.01)));
+        matrix.makeRotationZ(place.angle).scale(scale.set(scene.top[0], scene.top[scene.hexagonal ? 0 : 1], Math.max(height - base, 0.01)));
         matrix.setPosition(place.x, place.y, height);
         pins.setMatrixAt(cell, hidden ? nowhere : matrix);
         pins.instanceMatrix.needsUpdate = true;

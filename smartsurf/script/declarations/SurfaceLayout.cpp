@@ -118,12 +118,9 @@ std::int8_t check_actuator_index(lua_State* L, int index, const std::string& nam
 }
 
 void append_hex_poses(scene::SurfaceSpec& s) {
-  const double row_spacing = s.pitch * std::sqrt(3.0) / 2.0;
   for (int r = 0; r < s.rows; ++r)
-    for (int c = 0; c < s.columns; ++c) {
-      const int row_from_south = s.rows - 1 - r;
-      s.cell_poses.push_back({(c + 0.5 * (row_from_south % 2)) * s.pitch, row_from_south * row_spacing, 0.0});
-    }
+    for (int c = 0; c < s.columns; ++c)
+      s.cell_poses.push_back(scene::hexagonal_pose(s.rows - 1 - r, c, s.pitch));
 }
 
 scene::CellPose check_cell_pose(lua_State* L, int index, const std::string& name) {

@@ -41,7 +41,8 @@ class PinLayer {
 
   std::array<float, 4> pin_size_;
   float ground_z_, max_side_depth_, level_tolerance_;
-  bool sealed_;  // the outermost ring closes its gaps; not in free layouts
+  bool sealed_;     // the outermost ring closes its gaps; not in free layouts
+  bool hexagonal_;  // three prisms are a hexagon
   std::span<const PinInstance> pins_;
   VertexArray vertex_array_;
   Buffer index_buffer_, pin_buffer_, visible_index_buffer_;

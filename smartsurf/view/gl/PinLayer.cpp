@@ -44,12 +44,13 @@ void append_face(std::vector<GLuint>& indices, std::size_t pin, std::size_t face
 }  // namespace
 
 PinLayer::PinLayer(const scene::SurfaceSpec& s, RenderPass colour_pass)
-    : pin_size_{static_cast<float>(s.pin.top_x / 2.0), static_cast<float>(s.pin.top_y / 2.0),
-                static_cast<float>(s.pin.length), static_cast<float>(s.pitch)},
+    : pin_size_{prism_half_edges(s)[0], prism_half_edges(s)[1], static_cast<float>(s.pin.length),
+                static_cast<float>(s.pitch)},
       ground_z_(static_cast<float>(ground_height(s))),
       max_side_depth_(max_side_depth(s, colour_pass)),
       level_tolerance_(static_cast<float>(kLevelTolerance * s.pitch)),
       sealed_(s.cell_poses.empty()),
+      hexagonal_(s.has_hexagonal_tops()),
       vertex_array_(make_vertex_array()),
       index_buffer_(make_buffer()),
       pin_buffer_(make_buffer()),
@@ -65,7 +66,8 @@ PinLayer::PinLayer(const scene::SurfaceSpec& s, RenderPass colour_pass)
     closed_colour_ = link_program("pin, closed", closed_colour.vertex, closed_colour.fragment);
     visible_indices_.reserve(static_cast<std::size_t>(s.cell_count()) * kIndicesPerPin);
   }
-  const std::vector<GLuint> triangles = make_pin_indices(static_cast<std::size_t>(s.cell_count()));
+  const std::vector<GLuint> triangles =
+      make_pin_indices(static_cast<std::size_t>(s.cell_count() * prisms_per_cell(s)));
   glBindVertexArray(vertex_array_.id());
   glBindBuffer(GL_ELEMENT_ARRAY_BUFFER, index_buffer_.id());
   glBufferData(GL_ELEMENT_ARRAY_BUFFER, static_cast<GLsizeiptr>(triangles.size() * sizeof(GLuint)),
@@ -115,6 +117,7 @@ void PinLayer::draw(const ShaderProgram& shader, GLuint triangles, GLsizei indic
   glUniform1f(glGetUniformLocation(program, "sunk"), max_side_depth_);
   glUniform1f(glGetUniformLocation(program, "level"), level_tolerance_);
   glUniform1f(glGetUniformLocation(program, "sealed"), sealed_ ? 1.0f : 0.0f);
+  glUniform1f(glGetUniformLocation(program, "hexagonal"), hexagonal_ ? 1.0f : 0.0f);
   glUniform1i(glGetUniformLocation(program, "pins"), kPinTextureUnit);
   glActiveTexture(GL_TEXTURE0 + kPinTextureUnit);
   glBindTexture(GL_TEXTURE_BUFFER, pin_texture_.id());

@@ -112,13 +112,21 @@ in float open_sky;
 in float beyond;
 uniform vec4 pin;
 uniform float base;
+uniform float hexagonal;  // 1: the sides across x of three prisms, 60° apart, are those of a hexagon; 0: one prism
 out vec4 pixel;
 // The edges of a pin are rounded: towards an edge, the normal turns to halfway between the two faces.
 vec3 bevelled() {
   float width = 0.2 * min(pin.x, pin.y);
   vec3 inside = vec3(pin.xy - abs(place_on_top), rotation.z - world.z);
+  vec3 towards = vec3(sign(place_on_top), 1.0);
+  if (hexagonal > 0.5) {
+    vec2 p = abs(place_on_top), oblique = vec2(0.5, 0.8660254);
+    vec2 side = p.x > dot(p, oblique) ? vec2(1, 0) : oblique;
+    inside.xy = vec2(pin.x - dot(p, side));
+    towards.xy *= side;
+  }
   vec3 tilt = clamp(1.0 - inside / width, 0.0, 1.0);
-  tilt *= tilt * vec3(sign(place_on_top), 1.0);
+  tilt *= tilt * towards;
   vec3 n = normalize(mix(tilt, facing, abs(facing)));
   return vec3(mat2(rotation.x, rotation.y, -rotation.y, rotation.x) * n.xy, n.z);
 }

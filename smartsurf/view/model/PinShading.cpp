@@ -2,14 +2,16 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numbers>
 
 #include "smartsurf/view/model/Palette.h"
 
 namespace smartsurf::view {
 namespace {
 
-constexpr float kOcclusionRange = 1.6f;    // an object darkens pins within this many radii
-constexpr float kObjectOcclusion = 0.8f;   // strength of occlusion by objects
+constexpr float kOcclusionRange = 1.6f;   // an object darkens pins within this many radii
+constexpr float kObjectOcclusion = 0.8f;  // strength of occlusion by objects
+constexpr float kCosine60 = 0.5f, kSine60 = 0.8660254f;
 constexpr double kLoweredWall = 0.3;       // drawn share of the height of a wall that faces the camera
 constexpr float kCornerOcclusion = 0.62f;  // strength of occlusion by neighbouring pins
 
@@ -30,6 +32,14 @@ double ground_height(const scene::SurfaceSpec& surface) {
   return surface.pin.min_height - surface.pin.length;
 }
 
+int prisms_per_cell(const scene::SurfaceSpec& surface) { return surface.has_hexagonal_tops() ? 3 : 1; }
+
+std::array<float, 2> prism_half_edges(const scene::SurfaceSpec& surface) {
+  const auto half_x = static_cast<float>(surface.pin.top_x / 2.0);
+  if (surface.has_hexagonal_tops()) return {half_x, half_x / std::numbers::sqrt3_v<float>};
+  return {half_x, static_cast<float>(surface.pin.top_y / 2.0)};
+}
+
 PinShading::PinShading(const scene::SurfaceSpec& surface)
     : surface_(surface),
       base_(static_cast<float>(ground_height(surface))),
@@ -38,7 +48,8 @@ PinShading::PinShading(const scene::SurfaceSpec& surface)
           kLoweredWall * (surface.border_height.value_or(surface.pin.max_height) - surface.pin.min_height))),
       colour_tables_(make_colour_tables()),
       sky_visibility_(surface.cell_count()),
-      pins_(surface.cell_count()) {}
+      prisms_(prisms_per_cell(surface)),
+      pins_(static_cast<std::size_t>(prisms_ * surface.cell_count())) {}
 
 float PinShading::height_at(const scene::Snapshot& snapshot, int row, int column) const {
   if (row < 0 || column < 0 || row >= surface_.rows || column >= surface_.columns) return base_;
@@ -61,10 +72,11 @@ PinShading::CornerValues PinShading::sky_visibility(const scene::Snapshot& snaps
           corner(north, west, wall(-1, -1)), corner(north, east, wall(-1, 1))};
 }
 
-// Darkens the corners of the pins below a sphere. Positions that are far away or not finite are ignored
-// before the conversion to int.
+// Darkens the corners of the pins below a sphere, on a rectangular grid. Positions that are far away or not
+// finite are ignored before the conversion to int.
 void PinShading::apply_object_occlusion(const scene::Snapshot& snapshot, const std::array<float, 3>& centre,
                                         float radius) {
+  if (!surface_.cell_poses.empty()) return;
   const float pitch = static_cast<float>(surface_.pitch), range = kOcclusionRange * radius + pitch;
   const auto cell = [pitch](float length) { return length / pitch; };
   const float south_row = static_cast<float>(surface_.rows - 1);
@@ -171,6 +183,11 @@ std::span<const PinInstance> PinShading::update(const scene::Snapshot& snapshot,
         pin.corner_sky_visibility[corner] = to_byte(sky_visibility_[surface_.index(row, column)][corner]);
       pin.neighbour = {drawn_height(row, column - 1), drawn_height(row, column + 1),
                        drawn_height(row + 1, column), drawn_height(row - 1, column)};
+      for (int turn = 1; turn < prisms_; ++turn) {
+        pins_[next] = pins_[next - 1];
+        const auto [cosine, sine] = pins_[next - 1].rotation;
+        pins_[next++].rotation = {kCosine60 * cosine - kSine60 * sine, kSine60 * cosine + kCosine60 * sine};
+      }
     }
   return std::span<const PinInstance>(pins_).first(next);
 }

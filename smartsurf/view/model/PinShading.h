@@ -15,6 +15,12 @@
 
 namespace smartsurf::view {
 
+// The prisms with which a cell is drawn, at turns of 60°: three that overlap, and together are a hexagon, or
+// one.
+int prisms_per_cell(const scene::SurfaceSpec&);
+// Half edges of their tops, u.
+std::array<float, 2> prism_half_edges(const scene::SurfaceSpec&);
+
 // Three texels of 16 bytes, as kPinVertex fetches them.
 struct PinInstance {
   std::array<float, 2> position;       // centre, u
@@ -36,7 +42,7 @@ class PinShading {
  public:
   explicit PinShading(const scene::SurfaceSpec& surface);
 
-  // Returns one record per pin, none for empty cells, in drawing order: rows from south to north
+  // Returns one record per prism of a pin, none for empty cells, in drawing order: rows from south to north
   // (north_first: reversed), within a row from west to east (east_first: reversed). Valid until the next
   // call.
   //
@@ -72,6 +78,7 @@ class PinShading {
   float wall_height_;  // drawn z of a wall that faces the camera, u
   ColourTables colour_tables_;
   std::vector<CornerValues> sky_visibility_;  // rows × columns, row-major, row 0 north
+  int prisms_;                                // per cell
   std::vector<PinInstance> pins_;
 };
 

@@ -212,10 +212,8 @@ void TraceScene::State::add_pins(std::span<const PinInstance> instances, float c
   pins = instances;
   if (pins.empty()) return;
   const scene::SurfaceSpec& s = spec.surface;
-  pin_mesh = PinMesh(static_cast<float>(s.pin.top_x / 2.0), static_cast<float>(s.pin.top_y / 2.0),
-                     cell_px < 20.0F   ? 1
-                     : cell_px < 80.0F ? 2
-                                       : 4);
+  const auto [half_x, half_y] = prism_half_edges(s);
+  pin_mesh = PinMesh(half_x, half_y, cell_px < 20.0F ? 1 : cell_px < 80.0F ? 2 : 4);
   const auto ground = static_cast<float>(ground_height(s));
   RTCGeometry geometry = rtcNewGeometry(device.get(), RTC_GEOMETRY_TYPE_TRIANGLE);
   auto* position =

@@ -2,8 +2,13 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <cmath>
 #include <limits>
+#include <numbers>
+#include <random>
 
+#include "smartsurf/scene/KindRegistry.h"
 #include "smartsurf/view/model/Palette.h"
 #include "tests/unit/smartsurf/view/TestScene.h"
 
@@ -55,6 +60,61 @@ TEST(PinShading, SphereDarkensOnlyPinsBelowIt) {
   DrawOptions wires;
   wires.fill_mode = FillMode::kWireframe;
   EXPECT_EQ(sky(shading.update(scene.snapshot, scene.spec.objects, wires, true, false)[7 * 15 + 7]), 255);
+}
+
+// Three prisms at turns of 60° are one hexagon, as wide as the top.
+TEST(PinShading, HexagonalCellsAreHexagons) {
+  TestScene scene(4, 5);
+  scene::SurfaceSpec& s = scene.spec.surface;
+  s.actuators = {scene::find_actuator_kind("conveyor")->default_spec()};
+  for (int row = 0; row < s.rows; ++row)
+    for (int column = 0; column < s.columns; ++column)
+      s.cell_poses.push_back(scene::hexagonal_pose(s.rows - 1 - row, column, s.pitch));
+  ASSERT_TRUE(s.has_hexagonal_tops());
+  PinShading shading(s);
+  const auto prisms = shading.update(scene.snapshot, {}, {}, true, false);
+  ASSERT_EQ(prisms.size(), 3u * 4u * 5u);
+  const auto [half_x, half_y] = prism_half_edges(s);
+  EXPECT_FLOAT_EQ(half_x, static_cast<float>(s.pin.top_x / 2));
+  std::mt19937 random(1);
+  std::uniform_real_distribution<float> offset(-0.7f * half_x * 2, 0.7f * half_x * 2);
+  for (int i = 0; i < 2000; ++i) {
+    const std::size_t cell = random() % 20;
+    const float x = offset(random), y = offset(random);
+    float farthest = 0;  // along the normals of the hexagon's sides
+    for (const float angle : {0.0f, 60.0f, 120.0f}) {
+      const float rad = angle * std::numbers::pi_v<float> / 180;
+      farthest = std::max(farthest, std::abs(x * std::cos(rad) + y * std::sin(rad)));
+    }
+    if (std::abs(farthest - half_x) < 1e-4f) continue;
+    bool covered = false;
+    for (std::size_t k = 3 * cell; k < 3 * cell + 3; ++k) {
+      const auto [cosine, sine] = prisms[k].rotation;
+      EXPECT_EQ(prisms[k].position, prisms[3 * cell].position);
+      covered |= std::abs(cosine * x + sine * y) <= half_x && std::abs(cosine * y - sine * x) <= half_y;
+    }
+    EXPECT_EQ(covered, farthest < half_x) << x << ", " << y;
+  }
+}
+
+TEST(PinShading, PinsAndTurnedCellsAreNoHexagons) {
+  TestScene scene(4, 5);
+  scene::SurfaceSpec& s = scene.spec.surface;
+  EXPECT_FALSE(s.has_hexagonal_tops());
+  for (int row = 0; row < s.rows; ++row)
+    for (int column = 0; column < s.columns; ++column)
+      s.cell_poses.push_back(scene::hexagonal_pose(s.rows - 1 - row, column, s.pitch));
+  for (const char* kind : {"pin", "tile", "delta"}) {
+    s.actuators = {scene::find_actuator_kind(kind)->default_spec()};
+    EXPECT_FALSE(s.has_hexagonal_tops()) << kind;
+  }
+  s.actuators = {scene::find_actuator_kind("wheels")->default_spec()};
+  EXPECT_TRUE(s.has_hexagonal_tops());
+  s.cell_poses[7].angle = 0.1;
+  EXPECT_FALSE(s.has_hexagonal_tops());
+  s.cell_poses[7].angle = 0, s.cell_poses[7].x += 0.01;
+  EXPECT_FALSE(s.has_hexagonal_tops());
+  EXPECT_EQ(prisms_per_cell(s), 1);
 }
 
 TEST(PinShading, IgnoresDistantAndNonFiniteObjects) {
