@@ -7,13 +7,22 @@ set_target_properties(fake_surface PROPERTIES INSTALL_RPATH "$ORIGIN/../${CMAKE_
 install(TARGETS smartsurf apron surface_bridge fake_surface device_emulator)
 if(SKBUILD)  # the wheel of the Python package, whose smartsurf.run() starts them
   install(TARGETS smartsurf apron RUNTIME DESTINATION ${SKBUILD_SCRIPTS_DIR} COMPONENT python)
-  install(DIRECTORY scripts/apron DESTINATION ${SKBUILD_DATA_DIR}/share/smartsurf COMPONENT python)
+  install(DIRECTORY scripts/apron scripts/apron-examples scripts/case-study scripts/conveyors scripts/examples
+    DESTINATION ${SKBUILD_DATA_DIR}/share/smartsurf COMPONENT python PATTERN table EXCLUDE)
+endif()
+# Where scripts/wheel has built the libraries that it links in: the wheel names them all in its notices, and brings a font.
+set(SMARTSURF_WHEEL "" CACHE PATH "Folder of the libraries' source packages, for a wheel that needs no other package")
+if(SMARTSURF_WHEEL)
+  foreach(font DejaVuSans DejaVuSans-Bold DejaVuSansMono)
+    install(FILES /usr/share/fonts/truetype/dejavu/${font}.ttf DESTINATION ${SKBUILD_DATA_DIR}/share/smartsurf/fonts COMPONENT python)
+  endforeach()
+  set(notices_of_wheel --wheel ${SMARTSURF_WHEEL})
 endif()
 install(PROGRAMS scripts/doctor DESTINATION ${CMAKE_INSTALL_BINDIR} RENAME smartsurf-doctor)
 
 # Where an installed apron looks for its library: ../share/smartsurf/apron (apron/run/options/CompiledProgram.cpp).
-install(DIRECTORY scripts/apron scripts/apron-examples scripts/scamp5 scripts/case-study scripts/conveyors scripts/examples scripts/tasks
-  DESTINATION ${CMAKE_INSTALL_DATADIR}/smartsurf PATTERN table EXCLUDE)
+install(DIRECTORY scripts/apron scripts/apron-examples scripts/scamp5 scripts/case-study scripts/conveyors scripts/examples scripts/gallery
+  scripts/tasks DESTINATION ${CMAKE_INSTALL_DATADIR}/smartsurf PATTERN table EXCLUDE)
 install(DIRECTORY shm-protocol/examples/ DESTINATION ${CMAKE_INSTALL_DATADIR}/smartsurf/controllers
   PATTERN __pycache__ EXCLUDE)
 install(DIRECTORY shm-protocol/hardware/firmware DESTINATION ${CMAKE_INSTALL_DATADIR}/smartsurf)
@@ -42,7 +51,7 @@ install(FILES shm-protocol/PROTOCOL.md DESTINATION ${CMAKE_INSTALL_DOCDIR})
 # What is linked or contained, with the licences, and as SPDX; in the wheel too.
 find_program(NOTICES_PYTHON python3 REQUIRED)
 execute_process(COMMAND ${NOTICES_PYTHON} ${PROJECT_SOURCE_DIR}/packaging/notices --version ${PROJECT_VERSION}
-  --out ${PROJECT_BINARY_DIR}/notices COMMAND_ERROR_IS_FATAL ANY)
+  --out ${PROJECT_BINARY_DIR}/notices ${notices_of_wheel} COMMAND_ERROR_IS_FATAL ANY)
 set_property(DIRECTORY APPEND PROPERTY CMAKE_CONFIGURE_DEPENDS ${PROJECT_SOURCE_DIR}/packaging/third-party.csv)
 set(notices ${PROJECT_BINARY_DIR}/notices/THIRD-PARTY.txt ${PROJECT_BINARY_DIR}/notices/smartsurf.spdx.json)
 install(FILES ${notices} DESTINATION ${CMAKE_INSTALL_DOCDIR})

@@ -15,7 +15,9 @@ target_compile_options(project_options INTERFACE
   $<$<COMPILE_LANGUAGE:CXX>:-Wnon-virtual-dtor -Woverloaded-virtual>
   $<$<BOOL:${SMARTSURF_WERROR}>:-Werror>)
 # Addresses of library functions are resolved at the start and then read-only; neither stack nor data can be executed.
-target_link_options(project_options INTERFACE -Wl,-z,relro -Wl,-z,now -Wl,-z,noexecstack)
+if(NOT EMSCRIPTEN)
+  target_link_options(project_options INTERFACE -Wl,-z,relro -Wl,-z,now -Wl,-z,noexecstack)
+endif()
 # What makes an overflow or an overwritten address end the program.
 set(hardening_options -U_FORTIFY_SOURCE -D_FORTIFY_SOURCE=2 -fstack-protector-strong)
 if(CMAKE_SYSTEM_PROCESSOR MATCHES "x86_64|AMD64")
@@ -43,6 +45,8 @@ elseif(CMAKE_SYSTEM_PROCESSOR MATCHES "aarch64|arm64")
   # Vectors are members of structures, which SVE's vectors without a size cannot be: NEON alone.
   target_compile_definitions(project_options INTERFACE
     "HWY_DISABLED_TARGETS=(HWY_SVE|HWY_SVE2|HWY_SVE_256|HWY_SVE2_128)")
+elseif(EMSCRIPTEN)
+  target_compile_definitions(project_options INTERFACE HWY_COMPILE_ONLY_STATIC)
 else()
   target_compile_definitions(project_options INTERFACE HWY_DISABLED_TARGETS=HWY_SSSE3)
 endif()
@@ -87,18 +91,12 @@ function(add_module program module)
   set(target ${program}_${module})
   add_library(${target} STATIC ${M_SOURCES})
   target_link_libraries(${target} PUBLIC project_options ${M_MODULES} ${M_PUBLIC} PRIVATE ${M_PRIVATE})
-  if(SMARTSURF_SANITIZE AND NOT M_OPTIMISED)
-    target_compile_options(${target} PRIVATE -O0)
-  elseif(M_OPTIMISED)
+  if(M_OPTIMISED AND SMARTSURF_OPTIMISED_OPTIONS)  # a precompiled header is of one level of optimisation
     target_compile_options(${target} PRIVATE ${SMARTSURF_OPTIMISED_OPTIONS})
-  endif()
-  # A precompiled header is of one level of optimisation.
-  if(NOT (M_OPTIMISED AND (SMARTSURF_SANITIZE OR SMARTSURF_OPTIMISED_OPTIONS)))
-    if(program STREQUAL smartsurf)
-      precompile(${target} precompiled_smartsurf)
-    else()
-      precompile(${target} precompiled_standard)
-    endif()
+  elseif(program STREQUAL smartsurf)
+    precompile(${target} precompiled_smartsurf)
+  else()
+    precompile(${target} precompiled_standard)
   endif()
   cmake_language(EVAL CODE "cmake_language(DEFER CALL join_sources ${target})")  # once all of its sources are known
 endfunction()

@@ -5,8 +5,8 @@ option(SMARTSURF_UNITY "Compile the files of a target together" OFF)
 set(unity_batch_size 16)
 if(SMARTSURF_UNITY)
   target_compile_options(project_options INTERFACE
-    $<$<COMPILE_LANGUAGE:CXX>:-Wno-subobject-linkage>  # takes a joined file's anonymous namespace for a header's
-    $<$<CXX_COMPILER_ID:GNU>:-Wno-stringop-overflow>)  # GCC 12: false overruns of moved std::strings
+    $<$<COMPILE_LANG_AND_ID:CXX,GNU>:-Wno-subobject-linkage>  # takes a joined file's anonymous namespace for a header's
+    $<$<COMPILE_LANG_AND_ID:CXX,GNU>:-Wno-stringop-overflow>)  # GCC 12: false overruns of moved std::strings
 endif()
 
 # read_private_names(<file> <variable>): the names that may occur once in a batch: a file's macros, and what its anonymous

@@ -133,7 +133,8 @@ struct Program {
 inline constexpr std::size_t kMaxInstructions = 1'000'000;
 inline constexpr std::size_t kMaxRegisters = 4096;
 inline constexpr std::size_t kMaxCells = std::size_t{1} << 26;        // per register
-inline constexpr std::size_t kMaxMemoryBytes = std::size_t{1} << 33;  // all registers together
+// Of all registers together.
+inline constexpr std::size_t kMaxMemoryBytes = std::size_t{1} << (sizeof(std::size_t) == 8 ? 33 : 31);
 inline constexpr std::size_t kMaxCallDepth = 256;
 inline constexpr std::size_t kMaxMaskDepth = 64;
 inline constexpr std::size_t kMaxFilterExtent = 255;                 // columns or rows

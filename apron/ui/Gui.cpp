@@ -5,24 +5,26 @@
 
 #include <algorithm>
 #include <cmath>
-#include <filesystem>
+#include <string>
+
+#include "common/files/Installation.h"
 
 namespace apron::ui {
 namespace {
 
-// These fonts are in Debian's fonts-dejavu-core. Without them ImGui's built-in bitmap font is used.
-constexpr const char* kTextFontFile = "/usr/share/fonts/truetype/dejavu/DejaVuSans.ttf";
-constexpr const char* kCodeFontFile = "/usr/share/fonts/truetype/dejavu/DejaVuSansMono.ttf";
+// Without them ImGui's built-in bitmap font is used.
+constexpr const char* kTextFontFile = "DejaVuSans.ttf";
+constexpr const char* kCodeFontFile = "DejaVuSansMono.ttf";
 constexpr float kTextPixels = 15.0F, kCodePixels = 14.0F, kSmallPixels = 12.0F;
 
 // Glyph ranges: Latin, Greek, punctuation, arrows, minus, comparison signs, geometric shapes.
 constexpr ImWchar kGlyphs[] = {0x20,   0x17F,  0x370,  0x3FF,  0x2010, 0x2030, 0x2190, 0x2195,
                                0x2212, 0x2212, 0x2264, 0x2265, 0x25A0, 0x25CF, 0};
 
-ImFont* load_font(const char* file, float pixels) {
+ImFont* load_font(const char* name, float pixels) {
   ImFontAtlas& fonts = *ImGui::GetIO().Fonts;
-  if (std::filesystem::exists(file))
-    return fonts.AddFontFromFileTTF(file, std::round(pixels), nullptr, kGlyphs);
+  if (const std::string file = common::font_file(name).string(); !file.empty())
+    return fonts.AddFontFromFileTTF(file.c_str(), std::round(pixels), nullptr, kGlyphs);
   ImFontConfig config;
   config.SizePixels = std::round(pixels);
   return fonts.AddFontDefault(&config);

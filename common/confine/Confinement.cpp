@@ -9,6 +9,7 @@
 #include "common/confine/Landlock.h"
 #include "common/confine/SystemCalls.h"
 #include "common/error/UserError.h"
+#include "common/files/Installation.h"
 
 #if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
 #define SMARTSURF_SANITIZED 1
@@ -83,6 +84,8 @@ void add_picture_files(Confinement& confinement) {
       for (const char* const below : {".fonts", ".fonts.conf", ".config/fontconfig", ".cache/fontconfig",
                                       ".local/share/fonts", "fontconfig", "fonts"})
         confinement.read.push_back(std::filesystem::path(home) / below);
+  if (const std::filesystem::path fonts = installed_file("fonts"); !fonts.empty())
+    confinement.read.push_back(fonts);
   confinement.write_folders.emplace_back("/dev/dri");
 }
 

@@ -20,11 +20,39 @@ std::int64_t clock_ns(clockid_t clock) noexcept {
   return std::int64_t{now.tv_sec} * 1'000'000'000 + now.tv_nsec;
 }
 
+// The least of several, because another program may take the core in between.
+double measure_spin_ns() noexcept {
+  constexpr int kTries = 3, kPauses = 200;
+  std::int64_t least_ns = 1'000'000;
+  for (int attempt = 0; attempt < kTries; ++attempt) {
+    const std::int64_t begin_ns = clock_ns(CLOCK_MONOTONIC);
+    for (int i = 0; i < kPauses; ++i) spin_pause();
+    least_ns = std::min(least_ns, clock_ns(CLOCK_MONOTONIC) - begin_ns);
+  }
+  return static_cast<double>(least_ns) / kPauses;
+}
+
+// Processor time of this thread without its spins.
+class WorkClock {
+ public:
+  explicit WorkClock(double spin_ns) noexcept : spin_ns_(spin_ns) {}
+  std::int64_t elapsed_ns() const noexcept {
+    const double spun_ns = static_cast<double>(spins_of_this_thread - spins_begin_) * spin_ns_;
+    return std::max<std::int64_t>(
+        0, clock_ns(CLOCK_THREAD_CPUTIME_ID) - cpu_begin_ns_ - static_cast<std::int64_t>(spun_ns));
+  }
+
+ private:
+  double spin_ns_;
+  std::int64_t spins_begin_ = spins_of_this_thread, cpu_begin_ns_ = clock_ns(CLOCK_THREAD_CPUTIME_ID);
+};
+
 }  // namespace
 
 ThreadPool::ThreadPool(int threads, double min_cost_ns)
     : min_cost_ns_(min_cost_ns),
-      spins_(static_cast<unsigned>(threads) <= std::thread::hardware_concurrency() ? kSpins : 0) {
+      spins_(static_cast<unsigned>(threads) <= std::thread::hardware_concurrency() ? kSpins : 0),
+      spin_ns_(threads > 1 ? measure_spin_ns() : 0.0) {
   try {
     for (unsigned thread = 1; thread < static_cast<unsigned>(threads); ++thread)
       workers_.emplace_back([this, thread] { serve(thread); });
@@ -57,13 +85,13 @@ void ThreadPool::refill_budget(std::int64_t now_ns) noexcept {
   refilled_at_ns_ = now_ns;
 }
 
-// If each thread has a core, the busiest one works or spins nearly all the time, and one thread alone would
-// take at most thread_count() times as long. What the job took beyond that is lost.
-void ThreadPool::charge_job(std::int64_t begin_ns, std::int64_t busiest_ns) noexcept {
+// The caller alone would take about as long as all threads work together. What the job took beyond that is
+// lost.
+void ThreadPool::charge_job(std::int64_t begin_ns, std::int64_t worked_ns) noexcept {
   if (min_cost_ns_ == 0) return;
   const std::int64_t now_ns = clock_ns(CLOCK_MONOTONIC);
   refill_budget(now_ns);
-  budget_ns_ -= std::max<std::int64_t>(0, now_ns - begin_ns - thread_count() * busiest_ns);
+  budget_ns_ -= std::max<std::int64_t>(0, now_ns - begin_ns - worked_ns);
   if (budget_ns_ < 0) alone_ = true;
 }
 
@@ -79,55 +107,54 @@ bool ThreadPool::shares_again() noexcept {
 
 // The job stays in place until every call of it has returned; only then may the next one replace it.
 void ThreadPool::run(const Job& job) noexcept {
-  const std::int64_t wall_begin_ns = clock_ns(CLOCK_MONOTONIC),
-                     cpu_begin_ns = clock_ns(CLOCK_THREAD_CPUTIME_ID);
+  const std::int64_t begin_ns = clock_ns(CLOCK_MONOTONIC);
+  const WorkClock clock(spin_ns_);
   job_ = job;
   const std::uint32_t calls =
       job.count == kEveryThread ? static_cast<std::uint32_t>(thread_count()) : job.count;
   const std::uint32_t round = round_.load(std::memory_order_relaxed) + 1;
   unfinished_.store(calls, std::memory_order_relaxed);
-  busiest_worker_ns_.store(0, std::memory_order_relaxed);
+  worked_ns_.store(0, std::memory_order_relaxed);
   claim_.store(std::uint64_t{round} << 32U | job.count, std::memory_order_release);
   round_.store(round, std::memory_order_release);
   round_.notify_all();
-  work_on(round, 0);
+  const std::uint32_t own_calls = work_on(round, 0);
+  const std::int64_t own_ns = clock.elapsed_ns();
   for (std::uint32_t left = unfinished_.load(std::memory_order_acquire); left != 0;
        left = unfinished_.load(std::memory_order_acquire))
     wait_while(unfinished_, left);
-  if (workers_.empty()) return;
-  const std::int64_t own_ns = clock_ns(CLOCK_THREAD_CPUTIME_ID) - cpu_begin_ns;
-  charge_job(wall_begin_ns, std::max(own_ns, busiest_worker_ns_.load(std::memory_order_relaxed)));
+  if (workers_.empty() || own_calls == 0) return;
+  // Indices are too short to be timed by each thread: those of the others take as long as the caller's.
+  charge_job(begin_ns, job.count == kEveryThread ? own_ns + worked_ns_.load(std::memory_order_relaxed)
+                                                 : own_ns * calls / own_calls);
 }
 
 void ThreadPool::finish_one() noexcept {
   if (unfinished_.fetch_sub(1, std::memory_order_acq_rel) == 1) unfinished_.notify_one();
 }
 
-// A late thread may find the claim of a later round. Then this round is over, and the thread joins that one
-// next.
-void ThreadPool::work_on(std::uint32_t round, unsigned thread) noexcept {
+// Returns the number of calls that this thread made. A late thread may find the claim of a later round. Then
+// this round is over, and the thread joins that one next.
+std::uint32_t ThreadPool::work_on(std::uint32_t round, unsigned thread) noexcept {
   std::uint64_t claim = claim_.load(std::memory_order_acquire);
   if (claim == (std::uint64_t{round} << 32U | kEveryThread)) {
     if (thread == 0) {
       job_.call(job_.of, thread, thread);
     } else {
-      const std::int64_t begin_ns = clock_ns(CLOCK_THREAD_CPUTIME_ID);
+      const WorkClock clock(spin_ns_);
       job_.call(job_.of, thread, thread);
-      const std::int64_t used_ns = clock_ns(CLOCK_THREAD_CPUTIME_ID) - begin_ns;
-      std::int64_t busiest_ns = busiest_worker_ns_.load(std::memory_order_relaxed);
-      while (used_ns > busiest_ns &&
-             !busiest_worker_ns_.compare_exchange_weak(busiest_ns, used_ns, std::memory_order_relaxed)) {
-      }
+      worked_ns_.fetch_add(clock.elapsed_ns(), std::memory_order_relaxed);
     }
     finish_one();
-    return;
+    return 1;
   }
-  for (;;) {
+  for (std::uint32_t calls = 0;;) {
     const auto left = static_cast<std::uint32_t>(claim);
-    if (claim >> 32U != round || left == 0) return;
+    if (claim >> 32U != round || left == 0) return calls;
     if (!claim_.compare_exchange_weak(claim, claim - 1, std::memory_order_acq_rel)) continue;
     job_.call(job_.of, job_.count - left, thread);
     finish_one();
+    ++calls;
     claim = claim_.load(std::memory_order_acquire);
   }
 }

@@ -20,6 +20,9 @@ inline void spin_pause() noexcept {
 #endif
 }
 
+// Calls of spin_pause() by this thread while it waited for another member of a shared job.
+inline thread_local std::int64_t spins_of_this_thread = 0;
+
 class ThreadPool {
  public:
   // Waking the other threads takes some tens of microseconds: work below this is done before they run.
@@ -38,25 +41,23 @@ class ThreadPool {
   // counts, never from a clock, so that it is the same in every run.
   bool pays(double cost_ns) const noexcept { return cost_ns >= min_cost_ns_; }
 
-  // Returns whether to share the next job. Other programs may keep the cores busy, so that shared jobs wait
-  // for threads without a core and the caller alone is faster. A budget bounds what such waits cost: 1/25 of
-  // the time that passes, and kMostBudget_ns at once. While it is spent the caller works alone; empty jobs
-  // then show whether the threads have cores again. parallel_for() and parallel_for_rows() call this
-  // themselves. It changes no result. A pool with min_cost_ns 0 always shares.
-  bool has_cores() noexcept { return !alone_ || shares_again(); }
-
   // Fork/join: calls work(thread) once on every thread, all at the same time, so that they may wait for each
-  // other.
+  // other. Returns false, and calls nothing, where the caller alone is faster: other programs may keep the
+  // cores busy, so that shared jobs wait for threads without a core. A budget bounds what such waits cost:
+  // 1/25 of the time that passes, and kMostBudget_ns at once. While it is spent no job is shared; empty jobs
+  // then show whether the threads have cores again. Threads that wait inside a job count their spins in
+  // spins_of_this_thread, so that waiting is not taken for work. This changes no result. A pool with
+  // min_cost_ns 0 always shares.
   template <class Work>
-  void fork_join(const Work& work) noexcept {
-    run({[](const void* of, std::uint32_t thread, unsigned) noexcept {
-           (*static_cast<const Work*>(of))(static_cast<int>(thread));
-         },
-         &work, kEveryThread});
+  [[nodiscard]] bool try_fork_join(const Work& work) noexcept {
+    if (!has_cores()) return false;
+    fork_join(work);
+    return true;
   }
 
   // Calls work(index, thread) once for every index below `count`. Threads claim indices one by one, so that a
-  // thread without a core does not delay the others.
+  // thread without a core does not delay the others. The caller works alone where try_fork_join() would
+  // refuse.
   template <class Work>
   void parallel_for(std::uint32_t count, const Work& work) noexcept {
     if (!has_cores()) {
@@ -74,15 +75,13 @@ class ThreadPool {
   template <class Work>
   void parallel_for_rows(int rows, const Work& work) {
     const long n = thread_count();
-    if (n == 1 || rows < 2 * n || !has_cores()) {
-      if (rows > 0) work(0, rows);
-      return;
-    }
-    fork_join([&work, rows, n](int thread) {
+    const auto work_on_band = [&work, rows, n](int thread) {
       const int begin = static_cast<int>(rows * static_cast<long>(thread) / n);
       const int end = static_cast<int>(rows * (static_cast<long>(thread) + 1) / n);
       if (begin < end) work(begin, end);
-    });
+    };
+    if (n > 1 && rows >= 2 * n && try_fork_join(work_on_band)) return;
+    if (rows > 0) work(0, rows);
   }
 
   // The same, on the caller alone where it does not pay.
@@ -104,13 +103,21 @@ class ThreadPool {
     std::uint32_t count;  // indices to claim, or kEveryThread
   };
 
+  bool has_cores() noexcept { return !alone_ || shares_again(); }
+  template <class Work>
+  void fork_join(const Work& work) noexcept {
+    run({[](const void* of, std::uint32_t thread, unsigned) noexcept {
+           (*static_cast<const Work*>(of))(static_cast<int>(thread));
+         },
+         &work, kEveryThread});
+  }
   void run(const Job&) noexcept;
-  void work_on(std::uint32_t round, unsigned thread) noexcept;
+  std::uint32_t work_on(std::uint32_t round, unsigned thread) noexcept;
   void serve(unsigned thread) noexcept;
   void finish_one() noexcept;
   void stop() noexcept;
   void refill_budget(std::int64_t now_ns) noexcept;
-  void charge_job(std::int64_t begin_ns, std::int64_t busiest_ns) noexcept;
+  void charge_job(std::int64_t begin_ns, std::int64_t worked_ns) noexcept;
   bool shares_again() noexcept;
   void wait_while(const std::atomic<std::uint32_t>& word, std::uint32_t old) const noexcept;
 
@@ -118,7 +125,8 @@ class ThreadPool {
   std::int64_t budget_ns_ = kMostBudget_ns;  // that waits for cores may still cost
   std::int64_t refilled_at_ns_ = 0;
   bool alone_ = false;  // the budget is spent
-  int spins_;  // before a waiting thread sleeps; 0 where the threads outnumber the cores
+  int spins_;           // before a waiting thread sleeps; 0 where the threads outnumber the cores
+  double spin_ns_;      // of one spin_pause()
   std::vector<std::thread> workers_;
   Job job_{};
   std::atomic<bool> stop_{false};
@@ -127,7 +135,7 @@ class ThreadPool {
   // round << 32 | indices not claimed yet, or kEveryThread
   alignas(128) std::atomic<std::uint64_t> claim_{0};
   alignas(128) std::atomic<std::uint32_t> unfinished_{0};  // calls
-  std::atomic<std::int64_t> busiest_worker_ns_{0};         // processor time in the job, of a fork/join
+  std::atomic<std::int64_t> worked_ns_{0};  // processor time of all threads but the caller, of a fork/join
 };
 
 }  // namespace common

@@ -17,6 +17,7 @@
 #include <utility>
 #include <vector>
 
+#include "common/files/Installation.h"
 #include "common/text/Printable.h"
 #include "smartsurf/run/PythonModule.h"
 #include "smartsurf/scene/SceneSpec.h"
@@ -29,10 +30,8 @@ using namespace std::chrono_literals;
 
 // Prefers the apron built or installed with this smartsurf to the one on PATH.
 std::string apron_executable() {
-  std::error_code error;
-  const fs::path executable = fs::read_symlink("/proc/self/exe", error);
-  const fs::path sibling = executable.parent_path() / "apron";
-  return !error && access(sibling.c_str(), X_OK) == 0 ? sibling.string() : "apron";
+  const fs::path sibling = common::program_path().parent_path() / "apron";
+  return sibling.has_root_path() && access(sibling.c_str(), X_OK) == 0 ? sibling.string() : "apron";
 }
 
 // Whether the shell command runs one program, which may then take the shell's place: signals end the shell
@@ -118,18 +117,6 @@ bool is_file_name(const std::string& controller, std::string_view extension) {
   return controller.ends_with(extension) && controller.find_first_of(" \t;|&<>$") == std::string::npos;
 }
 
-std::string likely_program(const fs::path& experiment) {
-  const fs::path same_name = fs::path(experiment).replace_extension(".aps");
-  std::error_code error;
-  if (fs::is_regular_file(same_name, error)) return same_name.string();
-  std::vector<std::string> programs;
-  const fs::path folder = experiment.has_parent_path() ? experiment.parent_path() : fs::path(".");
-  for (const fs::directory_entry& entry : fs::directory_iterator(folder, error))
-    if (entry.path().extension() == ".aps")
-      programs.push_back((experiment.parent_path() / entry.path().filename()).string());
-  return programs.size() == 1 ? programs.front() : "PROGRAM.aps";
-}
-
 }  // namespace
 
 bool is_apron_program(const std::string& controller) { return is_file_name(controller, ".aps"); }
@@ -182,9 +169,22 @@ std::optional<int> ControllerProcess::wait_for_exit(std::chrono::milliseconds ti
   return status_;
 }
 
+std::string program_beside(const std::string& experiment) {
+  const fs::path folder = fs::path(experiment).parent_path(),
+                 same_name = fs::path(experiment).replace_extension(".aps");
+  std::error_code error;
+  if (fs::is_regular_file(same_name, error)) return same_name.string();
+  std::vector<std::string> programs;
+  for (const fs::directory_entry& entry :
+       fs::directory_iterator(folder.empty() ? fs::path(".") : folder, error))
+    if (entry.path().extension() == ".aps") programs.push_back((folder / entry.path().filename()).string());
+  return programs.size() == 1 ? programs.front() : "";
+}
+
 std::string attach_command(const std::string& experiment, const std::string& shm_name, bool with_window) {
-  return fmt::format("{} run {} --shm {}{}", typed_name(apron_executable()), likely_program(experiment),
-                     shm_name, with_window ? " --window" : "");
+  const std::string program = program_beside(experiment);
+  return fmt::format("{} run {} --shm {}{}", typed_name(apron_executable()),
+                     program.empty() ? "PROGRAM.aps" : program, shm_name, with_window ? " --window" : "");
 }
 
 }  // namespace smartsurf::run

@@ -53,8 +53,11 @@ bool is_apron_program(const std::string& controller);
 // Returns whether it names an ONNX model.
 bool is_onnx_model(const std::string& controller);
 
-// The shell command that attaches a controller to a waiting surface, shown to the user. It names the APRON
-// program beside the experiment that has its name, else the only one there, else PROGRAM.aps.
+// The APRON program beside the experiment that has its name, else the only one there, else "".
+std::string program_beside(const std::string& experiment);
+
+// The shell command that attaches a controller to a waiting surface, shown to the user: program_beside(), or
+// else PROGRAM.aps.
 std::string attach_command(const std::string& experiment, const std::string& shm_name, bool with_window);
 
 }  // namespace smartsurf::run

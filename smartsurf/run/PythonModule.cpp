@@ -9,6 +9,7 @@
 #include <filesystem>
 #include <system_error>
 
+#include "common/files/Installation.h"
 #include "smartsurf/scene/SceneSpec.h"
 
 namespace smartsurf::run {
@@ -26,7 +27,7 @@ sys.argv[:3] = [module]
 try:
     import smartsurf
 except ModuleNotFoundError as error:
-    print(f'smartsurf: {module} needs the Python package smartsurf: {error}; pip install smartsurf', file=sys.stderr)
+    print(f'smartsurf: {module} needs the Python package smartsurf: {error}; pip install smartsurf-apron', file=sys.stderr)
     sys.exit(2)
 runpy.run_module(module, run_name='__main__'))";
 
@@ -35,7 +36,7 @@ runpy.run_module(module, run_name='__main__'))";
 std::vector<std::string> python_command(const std::string& module,
                                         const std::vector<std::string>& arguments) {
   std::error_code error;
-  const fs::path folder = fs::read_symlink("/proc/self/exe", error).parent_path();
+  const fs::path folder = common::program_path().parent_path();
   const fs::path sibling = folder / "python3", package = folder.parent_path() / "python";
   const char* const chosen = std::getenv("SMARTSURF_PYTHON");
   std::vector<std::string> command = {
@@ -53,8 +54,7 @@ void run_python(const std::string& module, const std::vector<std::string>& given
   std::vector<char*> arguments;
   for (const std::string& argument : command) arguments.push_back(const_cast<char*>(argument.c_str()));
   arguments.push_back(nullptr);
-  std::error_code error;
-  setenv("SMARTSURF", fs::read_symlink("/proc/self/exe", error).c_str(), 0);
+  setenv("SMARTSURF", common::program_path().c_str(), 0);
   execvp(arguments[0], arguments.data());
   throw scene::InputError(fmt::format("{}: cannot start {}: {}", module, command[0], std::strerror(errno)));
 }

@@ -95,6 +95,7 @@ Run::Run(const RunOptions& options, const std::atomic<bool>& stop_requested, scr
              options.render, experiment_.scene()),
       progress_(options.world_index ? fmt::format("world {}", *options.world_index) : ""),
       pacer_(options.pace),
+      experiment_file_(options.experiment, experiment_.scene().source),
       end_tick_(end_tick(options, experiment_.scene().world)) {
   if (!options.no_controller)
     link_ = std::make_unique<SurfaceLink>(
@@ -144,7 +145,9 @@ int Run::execute() {
     set_ending(common::kUserError, error.what());
     finish();
     keep_window_open();
-    throw;
+    if (!restart_) throw;
+    progress_.print_message(error.what());
+    return common::kUserError;
   }
   finish();
   print_summary();

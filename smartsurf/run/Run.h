@@ -13,6 +13,7 @@
 #include "common/process/ExitStatus.h"
 #include "smartsurf/record/Recorder.h"
 #include "smartsurf/run/ControllerProcess.h"
+#include "smartsurf/run/FileWatch.h"
 #include "smartsurf/run/Pacer.h"
 #include "smartsurf/run/SurfaceLink.h"
 #include "smartsurf/run/display/Display.h"
@@ -83,14 +84,18 @@ class Run {
   void record_tick();
   void apply_script_requests();
   void apply_user_interaction();
+  RunOptions options_of_restart() const;  // the options of this run, paused and paced as it is
   void prepare_restart();
   void prepare_restart(RunOptions);
+  void reload();         // the experiment, which was saved
+  void start_program();  // that of waiting_banner()
   void open_file(const std::string& file);
   void mark_events();  // of this tick, and adds it to the window's history
   void mark_controller_lost();
   void keep_window_open();  // shows the result until the user closes the window
   bool controller_has_window() const;
   view::Banner result_banner() const;
+  view::Banner waiting_banner() const;
   std::vector<std::string> written_files() const;
   void print_summary();
   void handle_display_loss();
@@ -122,6 +127,7 @@ class Run {
   Progress progress_;
   Pacer pacer_;
   DisplayRequests requests_;
+  FileWatch experiment_file_;
   UserInteraction interaction_;
   std::optional<std::uint64_t> first_interaction_tick_;  // the tick after which the user intervened
   std::string notice_;

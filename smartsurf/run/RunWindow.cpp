@@ -31,17 +31,17 @@ void Run::refresh_display() {
     status.notice = "the controller is paused; the run waits for it";
   if (status.notice.empty()) status.notice = silence_;
   status.run_ended = ending_.has_value();
-  if (!ending_ && announced_waiting_ && !had_controller_ && link_ && !link_->endpoint().has_controller())
-    status.banner = view::Banner{view::Banner::Tone::kNeutral,
-                                 "Waiting for a controller",
-                                 {"Run this in another terminal:"},
-                                 command_to_attach()};
+  if (!ending_ && announced_waiting_ && !had_controller_ && !controller_process_ && link_ &&
+      !link_->endpoint().has_controller())
+    status.banner = waiting_banner();
   if (ending_ && !restart_) status.banner = result_banner();
   display_->refresh(simulation_, status, requests_);
   if (requests_.display_lost) handle_display_loss();
   if (std::exchange(requests_.restart, false) && !restart_) prepare_restart();
   if (const std::string file = std::exchange(requests_.open_file, ""); !file.empty() && !restart_)
     open_file(file);
+  if (std::exchange(requests_.start_program, false)) start_program();
+  if (experiment_file_.changed() && !restart_) reload();
   if (std::exchange(requests_.pace_changed, false)) pacer_.set_factor(requests_.pace);
   if (link_ && was_paused != requests_.paused)
     link_->endpoint().set_state(requests_.paused ? shm_protocol::State::kPaused
@@ -88,13 +88,38 @@ void Run::mark_controller_lost() {
       {view::EventMark::Kind::kControllerLost, simulation_.snapshot().time_s, "the controller was lost"});
 }
 
-void Run::prepare_restart() {
+RunOptions Run::options_of_restart() const {
   RunOptions options = options_;
-  for (const auto& [name, value] : std::exchange(requests_.changed_options, {}))
-    options.overrides.emplace_back(name, value);
   options.paused = requests_.paused && !ending_;
   options.pace = pacer_.factor();
+  return options;
+}
+
+void Run::prepare_restart() {
+  RunOptions options = options_of_restart();
+  for (const auto& [name, value] : std::exchange(requests_.changed_options, {}))
+    options.overrides.emplace_back(name, value);
   prepare_restart(std::move(options));
+}
+
+void Run::reload() {
+  if (!can_restart()) {
+    notice_ = options_.experiment + " has changed; a run that writes files is not reloaded";
+    return;
+  }
+  prepare_restart(options_of_restart());
+  if (restart_)
+    display_->show_message("reloaded " + options_.experiment);
+  else
+    notice_ = "not reloaded: " + notice_;
+}
+
+void Run::start_program() {
+  const std::string program = program_beside(options_.experiment);
+  if (program.empty() || !link_ || controller_process_ || ending_) return;
+  controller_process_ = std::make_unique<ControllerProcess>(program, link_->name(), options_.window,
+                                                            options_.controller_overrides);
+  options_.controller = program;
 }
 
 // Loads the new experiment before the old run ends, so that an invalid one leaves the run unchanged.
@@ -130,6 +155,16 @@ bool Run::controller_has_window() const {
   return controller_process_ && options_.window && is_apron_program(options_.controller);
 }
 
+view::Banner Run::waiting_banner() const {
+  view::Banner banner;
+  banner.title = "Waiting for a controller";
+  banner.program = program_beside(options_.experiment);
+  banner.lines = {banner.program.empty() ? "Run this in another terminal:"
+                                         : "Start it here, or run this in another terminal:"};
+  banner.command = command_to_attach();
+  return banner;
+}
+
 view::Banner Run::result_banner() const {
   const RunSummary s = summary();
   std::optional<bool> success = s.success;
@@ -144,9 +179,7 @@ view::Banner Run::result_banner() const {
   for (const auto& [name, value] : s.metrics | std::views::take(kMaxMetrics))
     banner.lines.push_back(fmt::format("{}: {:.6g}", name, value));
   for (const std::string& file : written_files()) banner.lines.push_back("wrote " + file);
-  banner.lines.push_back(can_restart()
-                             ? "The timeline looks back.  Backspace runs it again, Q closes the window."
-                             : "The timeline looks back.  Q closes the window.");
+  banner.lines.push_back("The timeline looks back.  Q closes the window.");
   return banner;
 }
 

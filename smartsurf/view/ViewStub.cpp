@@ -1,6 +1,7 @@
 // The drawing interface in a build with -DSMARTSURF_VIEW=OFF: every function throws scene::InputError.
 #include "smartsurf/scene/SceneSpec.h"
 #include "smartsurf/view/output/OffscreenView.h"
+#include "smartsurf/view/window/StartScreen.h"
 #include "smartsurf/view/window/Window.h"
 
 namespace smartsurf::view {
@@ -13,7 +14,7 @@ namespace {
 }  // namespace
 
 struct OffscreenView::State {};
-void OffscreenView::require_available() { throw_not_built(); }
+void OffscreenView::require_available(Detail) { throw_not_built(); }
 OffscreenView::OffscreenView(const scene::SceneSpec&, Detail) { throw_not_built(); }
 OffscreenView::~OffscreenView() = default;
 common::Image OffscreenView::render(const scene::Snapshot&, const std::vector<scene::ObjectSpec>&,
@@ -44,5 +45,7 @@ void Window::apply(const ViewSettings&) { throw_not_built(); }
 void Window::show_message(const std::string&) { throw_not_built(); }
 void Window::set_scene(const scene::SceneSpec&, const std::string&) { throw_not_built(); }
 void Window::move_to_left() { throw_not_built(); }
+
+std::string choose_file(const StartContents&, const std::atomic<bool>&) { return ""; }
 
 }  // namespace smartsurf::view

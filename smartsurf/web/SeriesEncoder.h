@@ -1,5 +1,5 @@
-// Encodes frames for the page: values are quantized to 8 or 16 bits, delta-encoded between frames, compressed
-// and base64-encoded. Internal to this module.
+// Encodes frames for the page: values are quantized to 8 or 16 bits, delta-encoded between frames
+// and compressed. Internal to this module.
 //
 // Arrays are stored one after another, because similar data compress better together.
 #pragma once
@@ -7,7 +7,6 @@
 #include <cstddef>
 #include <cstdint>
 #include <span>
-#include <string>
 #include <vector>
 
 namespace smartsurf::web {
@@ -37,6 +36,5 @@ class SeriesEncoder {
 
 // Compresses to the zlib format, which browsers call "deflate". Throws std::runtime_error on failure.
 std::vector<std::uint8_t> compress(std::span<const std::uint8_t> bytes);
-std::string base64(std::span<const std::uint8_t> bytes);
 
 }  // namespace smartsurf::web

@@ -40,6 +40,7 @@ MODULES = {
     "smartsurf/record": {"common", "smartsurf/scene"},
     "smartsurf/view": {"common", "smartsurf/scene"},
     "smartsurf/web": {"common", "smartsurf/scene", "smartsurf/record", "smartsurf/view"},
+    "smartsurf/web/live": {"common", "smartsurf/scene", "smartsurf/simulation", "smartsurf/web", "apron/library"},
     "smartsurf/simulation": {"common", "smartsurf/scene", "smartsurf/mesh", "smartsurf/script", "smartsurf/surface",
                              "smartsurf/world"},
     "smartsurf/python": {"common", "smartsurf/scene", "smartsurf/extension", "smartsurf/record", "smartsurf/simulation", "smartsurf/view"},

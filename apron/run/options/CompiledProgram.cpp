@@ -10,6 +10,7 @@
 #include "common/color/PaletteFile.h"
 #include "common/error/UserError.h"
 #include "common/files/FileKind.h"
+#include "common/files/Installation.h"
 #include "common/files/ReadFile.h"
 #include "common/text/Printable.h"
 
@@ -28,13 +29,7 @@ void append_messages(const std::vector<syntax::Diagnostic>& diagnostics, const s
 
 }  // namespace
 
-std::string library_path() {
-  std::error_code error;
-  const std::filesystem::path self = std::filesystem::read_symlink("/proc/self/exe", error);
-  const std::filesystem::path installed = self.parent_path().parent_path() / "share" / "smartsurf" / "apron";
-  if (!error && std::filesystem::is_directory(installed, error)) return installed.string();
-  return APRON_SOURCE_LIBRARY;
-}
+std::string library_path() { return common::installed_file("apron").string(); }
 
 compiler::CompileOptions compile_options(const Options& options, std::uint32_t width, std::uint32_t height) {
   compiler::CompileOptions result;

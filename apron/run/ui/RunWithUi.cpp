@@ -4,11 +4,14 @@
 #include "apron/ui/window/Window.h"
 #include "common/error/UserError.h"
 #include "common/process/StopSignals.h"
+#include "common/process/WindowLibrary.h"
 
 namespace apron::run {
 
 std::string ui_unavailable_reason(const Options& options) {
-  if (!options.window || ui::Window::display_available()) return {};
+  if (!options.window) return {};
+  common::require_window_library();
+  if (ui::Window::display_available()) return {};
   return "--window: there is no display to open a window on: set DISPLAY, or use --screenshot or --video";
 }
 

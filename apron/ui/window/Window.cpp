@@ -58,10 +58,13 @@ class GlfwContext {
     if (window_ == nullptr) {
       glfwTerminate();
       throw common::UserError(
-          "the display offers no OpenGL 3.3: install the packages libgl1-mesa-dri libegl1");
+          "the display offers no OpenGL 3.3: install the packages libgl1 libgl1-mesa-dri libegl1");
     }
     glfwSetWindowSizeLimits(window_, kMinWidth, kMinHeight, GLFW_DONT_CARE, GLFW_DONT_CARE);
-    if (placement.has_position) glfwSetWindowPos(window_, placement.x, placement.y);
+    if (placement.beside_simulator)
+      place_with_frame(placement);
+    else if (placement.has_position)
+      glfwSetWindowPos(window_, placement.x, placement.y);
     glfwShowWindow(window_);
     glfwMakeContextCurrent(window_);
     glfwSwapInterval(0);  // frames are paced by the caller
@@ -90,6 +93,16 @@ class GlfwContext {
     if (placement.width == 0) placement.width = fit_to_work_area(kWidth, area.width, area.scale_x);
     if (placement.height == 0) placement.height = fit_to_work_area(kHeight, area.height, area.scale_y);
     return placement;
+  }
+
+  // Positions are those of the contents: without room for the frame, the title bar would lie above the
+  // screen.
+  void place_with_frame(const WindowPlacement& placement) {
+    int left = 0, top = 0, right = 0, bottom = 0;
+    glfwGetWindowFrameSize(window_, &left, &top, &right, &bottom);
+    glfwSetWindowSize(window_, std::max(placement.width - left - right, kMinWidth),
+                      std::max(placement.height - top - bottom, kMinHeight));
+    glfwSetWindowPos(window_, placement.x + left, placement.y + top);
   }
 
   GLFWwindow* window_ = nullptr;

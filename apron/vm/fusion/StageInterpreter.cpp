@@ -71,7 +71,7 @@ StageInterpreter::StageInterpreter(const Stage& stage, const std::vector<RowBuff
 }
 
 void StageInterpreter::run(const StageCall& call, float* scratch) const noexcept {
-  const auto cell_bytes = static_cast<std::int64_t>(program::cell_bytes(type_));
+  const auto cell_bytes = static_cast<std::ptrdiff_t>(program::cell_bytes(type_));
   const std::int64_t columns = call.row_bytes / cell_bytes;
   constexpr auto kCells = static_cast<std::int64_t>(kTileCells);
   const std::int64_t rows_at_once = std::max<std::int64_t>(1, kCells / columns);

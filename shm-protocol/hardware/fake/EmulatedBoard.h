@@ -58,6 +58,8 @@ class EmulatedBoard {
   // does.
   std::uint32_t micros() const;
   std::uint64_t periods() const { return period_; }
+  // When the current period ends.
+  Time period_end() const { return period_end_; }
   EmulatedDevice& device() { return *device_; }
   const EmulatedDevice& device() const { return *device_; }
   const EmulatedLine& line() const { return line_; }

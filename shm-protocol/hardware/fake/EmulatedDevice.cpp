@@ -41,9 +41,7 @@ EmulatedDevice::EmulatedDevice(const char* name, std::uint16_t rows, std::uint16
       name_(name),
       pitch_(pitch),
       period_us_(period_us),
-      write_(std::move(write)),
-      height_(cell_count()),
-      height_next_(cell_count()) {}
+      write_(std::move(write)) {}
 
 ssw_channel EmulatedDevice::describe(ssw_direction direction, ssw_dtype dtype, const char* name,
                                      const char* unit, float maximum, float scale) {
@@ -58,21 +56,34 @@ ssw_channel EmulatedDevice::describe(ssw_direction direction, ssw_dtype dtype, c
   return c;
 }
 
-void EmulatedDevice::set_channels(std::vector<ssd_channel> sensors, const ssw_channel& height) {
+std::size_t EmulatedDevice::bytes_of(const ssw_channel& c) const {
+  const std::size_t of_element = c.dtype == SSW_F32 ? 4 : c.dtype == SSW_U16 ? 2 : 1;
+  return of_element * c.components * cell_count();
+}
+
+void EmulatedDevice::set_channels(std::vector<ssd_channel> sensors,
+                                  const std::vector<ssw_channel>& actuators) {
   channels_ = std::move(sensors);
-  channels_.push_back({height, pins_, height_next_.data()});
+  sensors_ = channels_.size();
+  frames_.reserve(2 * actuators.size());
+  for (const ssw_channel& actuator : actuators) {
+    auto& active = frames_.emplace_back(bytes_of(actuator));
+    auto& next = frames_.emplace_back(bytes_of(actuator));
+    channels_.push_back({actuator, active.data(), next.data()});
+  }
+  pins_ = frames_.front().data();
   restart();
 }
 
 void EmulatedDevice::become(Board board) {
   board_ = std::move(board);
-  motion_.resize(board_.limits ? cell_count() : 0);
+  motion_.resize(board_.limits ? cell_count() * channels_[sensors_].info.components : 0);
   restart();
 }
 
 void EmulatedDevice::keep_pins_in(std::uint8_t* pins) {
   pins_ = pins;
-  channels_.back().values = pins;
+  channels_[sensors_].values = pins;
   restart();
 }
 
@@ -98,7 +109,7 @@ void EmulatedDevice::restart() {
   if (!board_.mask.empty()) device_.mask = board_.mask.data();
   if (!board_.positions.empty()) device_.positions = board_.positions.data();
   if (board_.limits)
-    ssd_limit(&device_, static_cast<std::uint8_t>(channels_.size() - 1), &*board_.limits, motion_.data());
+    ssd_limit(&device_, static_cast<std::uint8_t>(sensors_), &*board_.limits, motion_.data());
 }
 
 void EmulatedDevice::period() {

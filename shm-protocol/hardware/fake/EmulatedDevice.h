@@ -21,7 +21,7 @@ class EmulatedDevice {
   // What version 2 of the byte protocol adds to a device.
   struct Board {
     std::string id;
-    std::optional<ssw_limits> limits;       // of the channel `height`
+    std::optional<ssw_limits> limits;       // of the first actuator
     std::function<std::uint32_t()> micros;  // the device's clock; empty: it has none
     std::vector<std::uint8_t> mask;         // by cell, 1: it exists; empty: all exist
     std::vector<float> positions;           // x, y, z by cell; empty: a grid
@@ -39,7 +39,7 @@ class EmulatedDevice {
   void report(const char* text) { ssd_report(&device_, text); }
   // Restarts the device as that board.
   void become(Board);
-  // Keeps the active frame in `pins`, one byte per cell, and restarts the device.
+  // Keeps the first actuator's active frame, of dtype u8, in `pins`, and restarts the device.
   void keep_pins_in(std::uint8_t* pins);
   // What a timer's and a stop line's interrupts do; may be called from a signal handler.
   void watchdog(std::uint32_t elapsed_us) { ssd_watchdog(&device_, elapsed_us); }
@@ -48,15 +48,20 @@ class EmulatedDevice {
   std::uint32_t period_us() { return ssd_period_us(&device_); }
 
   const ssd_device& firmware() const { return device_; }
-  // The active frame, raw.
+  // The first actuator's active frame, raw, of dtype u8.
   std::span<const std::uint8_t> heights() const { return {pins_, cell_count()}; }
 
  protected:
   EmulatedDevice(const char* name, std::uint16_t rows, std::uint16_t columns, float pitch,
                  std::uint32_t period_us, Write);
   std::size_t cell_count() const { return std::size_t{rows_} * columns_; }
-  // The channels: sensors first, then the only actuator, `height`, of dtype u8. Constructors call it once.
-  void set_channels(std::vector<ssd_channel> sensors, const ssw_channel& height);
+  // Constructors call it once.
+  void set_channels(std::vector<ssd_channel> sensors, const std::vector<ssw_channel>& actuators);
+  std::size_t bytes_of(const ssw_channel&) const;
+  // The active frame of the actuator `index`.
+  std::span<const std::uint8_t> active(std::size_t index) const {
+    return {static_cast<const std::uint8_t*>(channels_[sensors_ + index].values), frames_[2 * index].size()};
+  }
   static ssw_channel describe(ssw_direction, ssw_dtype, const char* name, const char* unit, float maximum,
                               float scale);
 
@@ -73,10 +78,11 @@ class EmulatedDevice {
   std::uint32_t period_us_, boot_ = 0;
   Write write_;
   Board board_;
-  std::vector<std::uint8_t> height_, height_next_;
-  std::uint8_t* pins_ = height_.data();
+  std::vector<std::vector<std::uint8_t>> frames_;  // of each actuator the active and the next one
+  std::uint8_t* pins_ = nullptr;                   // the first actuator's active frame
   std::vector<ssd_motion> motion_;
   std::vector<ssd_channel> channels_;
+  std::size_t sensors_ = 0;  // the first channels
   ssd_device device_{};
 };
 

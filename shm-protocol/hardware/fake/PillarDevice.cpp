@@ -25,7 +25,7 @@ PillarDevice::PillarDevice(std::uint16_t rows, std::uint16_t columns, std::uint3
       pressure_(cell_count()) {
   set_channels({{describe(SSW_SENSOR, SSW_U8, "pressure", "kg*cm/s^2", 25.5F, kPressureScale),
                  pressure_.data(), nullptr}},
-               describe(SSW_ACTUATOR, SSW_U8, "height", "cm", static_cast<float>(kTravel), kHeightScale));
+               {describe(SSW_ACTUATOR, SSW_U8, "height", "cm", static_cast<float>(kTravel), kHeightScale)});
 }
 
 double PillarDevice::distance() const {

@@ -29,7 +29,7 @@ ToyDevice::ToyDevice(std::uint16_t rows, std::uint16_t columns, std::uint32_t pe
   set_channels({{describe(SSW_SENSOR, SSW_U8, "proximity_hit", "", 1, 1), hit_.data(), nullptr},
                 {pin, pin_.data(), nullptr},
                 {describe(SSW_SENSOR, SSW_U8, "target_echo", "", 255, 1), echo_.data(), nullptr}},
-               describe(SSW_ACTUATOR, SSW_U8, "height", "u", TOY_HIGHEST, kHeightScale));
+               {describe(SSW_ACTUATOR, SSW_U8, "height", "u", TOY_HIGHEST, kHeightScale)});
 }
 
 void ToyDevice::reset() {

@@ -27,6 +27,7 @@
 #include "shm-protocol/hardware/fake/EmulatedBoard.h"
 #include "shm-protocol/hardware/fake/PillarDevice.h"
 #include "shm-protocol/hardware/fake/ToyDevice.h"
+#include "shm-protocol/hardware/fake/World.h"
 
 namespace {
 
@@ -41,6 +42,10 @@ constexpr const char* kUsage =
     "  --tcp PORT       a server on 127.0.0.1; of several boards, on successive ports; 0: any free ports\n"
     "  --device NAME    toy: discs that drift by themselves; pillars: a ball rolls on pillars with touch "
     "[toy]\n"
+    "  --world NAME     instead of a device: the surface NAME of a simulator, in time-step mode, lies under "
+    "the "
+    "boards. It\n"
+    "                   begins with the host's first frame; its period and channels are the boards'\n"
     "  --size WxH       cells of a board, 1 to 1024 each way [16x16]\n"
     "  --boards WxH     boards of the table, 1 to 64 each way [1x1]\n"
     "  --table FILE     write the table for surface_bridge --table, of the name --name [table]\n"
@@ -80,7 +85,7 @@ constexpr const char* kUsage =
 std::atomic<bool> stop{false}, fall_silent{false}, cut{false};
 
 struct Options {
-  std::string device = "toy", table, name = "table", pins;
+  std::string device, table, name = "table", pins, world;
   hardware::EmulatedBoardOptions board;
   std::uint16_t rows = 16, columns = 16, board_rows = 1, board_columns = 1;
   std::uint64_t ticks = 0, stop_at = 0;
@@ -88,7 +93,7 @@ struct Options {
   std::optional<std::uint64_t> errors;
   std::string truth;
   double drift_ppm = 0, storm = 0;
-  bool once = false, help = false;
+  bool once = false, help = false, has_period = false;
 };
 
 template <class Number>
@@ -130,8 +135,11 @@ void set(const std::string& flag, Options& o) {
   if (flag == "table") o.table = text;
   if (flag == "name") o.name = text;
   if (flag == "pins") o.pins = text;
-  if (flag == "period-ms")
+  if (flag == "world") o.world = text;
+  if (flag == "period-ms") {
     b.period_us = static_cast<std::uint32_t>(parse(flag, text, 0.5, 60000.0) * 1e3 + 0.5);
+    o.has_period = true;
+  }
   if (flag == "ticks") o.ticks = count();
   if (flag == "once") o.once = true;
   if (flag == "slew" || flag == "acceleration" || flag == "soft-start" || flag == "most-moving")
@@ -169,13 +177,18 @@ Options parse(int argc, char** argv) {
       {"drift-ppm", 1, nullptr, 1},    {"version-1", 0, nullptr, 1},  {"queue", 1, nullptr, 1},
       {"blocking", 0, nullptr, 1},     {"stop-at", 1, nullptr, 1},    {"storm", 1, nullptr, 1},
       {"errors", 1, nullptr, 1},       {"truth", 1, nullptr, 1},      {"help", 0, nullptr, 1},
-      {nullptr, 0, nullptr, 0}};
+      {"world", 1, nullptr, 1},        {nullptr, 0, nullptr, 0}};
   Options o;
   for (int index = 0, flag; (flag = ::getopt_long(argc, argv, "", kKnown, &index)) != -1;) {
     if (flag != 1) throw std::invalid_argument("see --help");
     set(kKnown[index].name, o);
   }
   if (o.help) return o;
+  if (!o.world.empty() && !(o.device.empty() && o.pins.empty() && !o.errors && !o.has_period))
+    throw std::invalid_argument("--world: the surface '" + o.world +
+                                "' takes the place of --device, --errors, "
+                                "--pins and --period-ms");
+  if (o.device.empty()) o.device = "toy";
   if (o.device != "toy" && o.device != "pillars")
     throw std::invalid_argument("--device: '" + o.device + "' must be toy or pillars");
   if (o.errors && o.device != "toy") throw std::invalid_argument("--errors needs --device toy");
@@ -212,6 +225,7 @@ std::uint8_t* map_file(const std::string& path, std::size_t bytes) {
 class Emulator {
  public:
   explicit Emulator(const Options& o) : o_(o), random_(o.board.noise.seed ^ 0x5DEECE66Du) {
+    if (!o.world.empty()) attach_world();
     const int count = o.board_rows * o.board_columns;
     for (int index = 0; index < count; ++index) boards.push_back(make_board(index, count));
     for (const auto& board : boards) std::printf("device %s\n", board->line().name().c_str());
@@ -231,10 +245,11 @@ class Emulator {
 
   void run() {
     while (!stop.load() && (o_.ticks == 0 || boards[0]->periods() < o_.ticks) &&
-           !(o_.once && hosts_have_left())) {
+           !(o_.once && hosts_have_left()) && !(world_ && world_->has_ended())) {
       wait();
       if (fall_silent.exchange(false)) boards[0]->fall_silent();
       if (cut.exchange(false)) boards[0]->cut_line();
+      if (world_ && EmulatedBoard::now() >= world_due_) step_world();
       if (o_.storm > 0) storm();
       for (const auto& board : boards) board->step();
     }
@@ -246,8 +261,28 @@ class Emulator {
 
   double uniform() { return static_cast<double>(random_() >> 11) * 0x1p-53; }
 
+  void attach_world() {
+    world_ = std::make_unique<hardware::World>(o_.world, stop);
+    const auto& d = world_->description();
+    const unsigned rows = o_.rows * o_.board_rows, columns = o_.columns * o_.board_columns;
+    if (d.rows != rows || d.columns != columns)
+      throw std::invalid_argument("--world: surface '" + o_.world + "' has " + std::to_string(d.columns) +
+                                  "x" + std::to_string(d.rows) + " cells, but --boards and --size give " +
+                                  std::to_string(columns) + "x" + std::to_string(rows));
+    o_.board.period_us = world_->period_us();
+  }
+
+  // In the middle of the first board's period: the frames of all boards are in force by then, although their
+  // periods do not end at the same moment, and all of them send what they sense of the same step.
+  void step_world() {
+    world_->step();
+    world_due_ = EmulatedBoard::Time::max();
+  }
+
   std::unique_ptr<EmulatedBoard> make_board(int index, int count) {
     hardware::EmulatedBoardOptions b = o_.board;
+    const std::size_t first_row = std::size_t{o_.rows} * (index / o_.board_columns),
+                      first_column = std::size_t{o_.columns} * (index % o_.board_columns);
     b.noise.seed += static_cast<std::uint64_t>(index) * 0x9E3779B9u;
     if (b.tcp > 0) b.tcp += index;
     if (count > 1 && !b.link.empty()) b.link += "-" + std::to_string(index);
@@ -255,15 +290,16 @@ class Emulator {
     b.drift_ppm = o_.drift_ppm * (2 * uniform() - 1);
     b.clock_start_us = static_cast<std::uint32_t>(random_());
     const auto make =
-        [this, index](hardware::EmulatedDevice::Write write) -> std::unique_ptr<hardware::EmulatedDevice> {
+        [&, this](hardware::EmulatedDevice::Write write) -> std::unique_ptr<hardware::EmulatedDevice> {
+      if (world_)
+        return std::make_unique<hardware::WorldDevice>(*world_, first_row, first_column, o_.rows, o_.columns,
+                                                       write);
       if (o_.device == "toy") {
         std::optional<std::uint64_t> errors = o_.errors;
         if (errors) *errors = *errors * 4096 + static_cast<std::uint64_t>(index);
         auto toy =
             std::make_unique<hardware::ToyDevice>(o_.rows, o_.columns, o_.board.period_us, write, errors);
-        if (errors)
-          truth_ += toy->imperfect()->truth(o_.columns, std::size_t{o_.rows} * (index / o_.board_columns),
-                                            std::size_t{o_.columns} * (index % o_.board_columns));
+        if (errors) truth_ += toy->imperfect()->truth(o_.columns, first_row, first_column);
         return toy;
       }
       auto pillars = std::make_unique<hardware::PillarDevice>(o_.rows, o_.columns, o_.board.period_us, write);
@@ -317,7 +353,7 @@ class Emulator {
   }
 
   void wait() {
-    EmulatedBoard::Time until = boards[0]->next_event();
+    EmulatedBoard::Time until = std::min(boards[0]->next_event(), world_due_);
     lines_.clear();
     for (const auto& board : boards) {
       until = std::min(until, board->next_event());
@@ -353,6 +389,7 @@ class Emulator {
   }
 
   void on_first_boards_period() {
+    if (world_) world_due_ = boards[0]->period_end() - std::chrono::microseconds(o_.board.period_us) / 2;
     if (o_.stop_at != 0 && boards[0]->periods() == o_.stop_at) boards[0]->device().press_stop();
     if (!pillars_ || pillars_->seconds_since_placed() <= kSettled_s) return;
     distance_sum_ += pillars_->distance();
@@ -371,6 +408,7 @@ class Emulator {
     }
     std::printf("periods %llu dropped %llu corrupted %llu missed %llu unsent %llu\n",
                 static_cast<unsigned long long>(boards[0]->periods()), dropped, corrupted, missed, unsent);
+    if (world_) std::printf("world steps %llu\n", static_cast<unsigned long long>(world_->steps()));
     if (o_.storm > 0)
       std::printf("storm unplugged %u unplugged_and_restarted %u silent %u restarted %u noisy %u\n",
                   storm_counts_[0], storm_counts_[1], storm_counts_[2], storm_counts_[3], storm_counts_[4]);
@@ -389,8 +427,10 @@ class Emulator {
   Options o_;
   std::mt19937_64 random_;
   std::vector<pollfd> lines_;
-  std::string truth_;                          // CSV of all boards' errors
-  hardware::PillarDevice* pillars_ = nullptr;  // the first board's, if it is one
+  std::string truth_;                                           // CSV of all boards' errors
+  hardware::PillarDevice* pillars_ = nullptr;                   // the first board's, if it is one
+  std::unique_ptr<hardware::World> world_;                      // null: none
+  EmulatedBoard::Time world_due_ = EmulatedBoard::Time::max();  // when it steps next
   EmulatedBoard::Time next_storm_{};
   std::array<unsigned, 5> storm_counts_{};
   double distance_sum_ = 0.0;  // of the settled ball from the middle, cm

@@ -149,7 +149,7 @@ class _Search:
 
     def __init__(self, problem: _Problem, fit: CellFit, shared: Array, good: Array):
         self.p, self.fit, self.good = problem, fit, good
-        self.shared = shared.copy()
+        self.shared, self.started = shared.copy(), shared.copy()
         self.period = problem.rerun.recordings[0].period_s
         self.dt = self.period / 64
         self.free = [0, 1, 2]
@@ -222,8 +222,8 @@ class _Search:
             cost = self.likelihood()
             self.free = sorted([*free, i])
             del self.fit.unknown[SHARED[i]]
-            if i == 2:
-                self.shared[2] = 0.5 * self.period
+            # Where it is now the motion does not depend on it: a speed may have gone far beyond all that is reached.
+            self.shared[i] = 0.5 * self.period if i == 2 else self.started[i]
             new = self.levenberg_marquardt(choose=False, most=8)
             self.drop_flat()
             if i not in self.free or new > cost - 9:
@@ -366,7 +366,9 @@ class _Search:
         covariance = np.linalg.pinv(reduced + 1e-9 * np.eye(n)) if n else np.zeros((0, 0))
         gain = np.einsum("cij,ckj->cik", inverse, m_matrix)  # cells × 2 × shared
         own = inverse + np.einsum("cij,jk,clk->cil", gain, covariance, gain)
-        return np.sqrt(np.maximum(np.diag(covariance), 0)), np.sqrt(np.maximum(np.einsum("cii->ci", own), 0))
+        # Of a flat parameter rounding leaves a negative variance.
+        variance = np.diag(covariance)
+        return np.sqrt(np.where(variance > 0, variance, np.inf)), np.sqrt(np.maximum(np.einsum("cii->ci", own), 0))
 
     def drop_flat(self) -> None:
         """Takes parameters out of the search on which the readings do not depend."""

@@ -32,11 +32,22 @@ def identify(recordings: Sequence[str | pathlib.Path], experiment: str | pathlib
              channel: str = "height", sensor: str = "pin_height", label: str | None = None, fit: Sequence[str] = tuple(PARAMETERS),
              seconds: float | None = None, set: Mapping[str, str] | None = None) -> Identified:
     """The command as a function. channel, sensor: of the actuators' commands and heights. label: of the object, fit: its
-    parameters. seconds: of its motion that count [all]. set: options of the experiment. Raises ValueError with one line."""
+    parameters. seconds: of its motion that count [all]. set: options of the experiment; those of a single recording follow its name:
+    run.h5,NAME=VALUE. Raises ValueError with one line."""
     out = pathlib.Path(output)
+    scenes = [_scene(path) for path in recordings]
+    recordings = [path for path, _ in scenes]
     _check_output(out, experiment, recordings)
     read_in = [read(path) for path in recordings]
+    for recording, (_, options) in zip(read_in, scenes):
+        recording.options.update(options)
     rerun = Rerun(experiment, read_in, set)
+    for path, options in scenes:
+        for name in options.keys() - rerun.simulation.options.keys():
+            raise RecordingError(f"{path},{name}={options[name]}: {experiment} has no option '{name}' "
+                                 f"(it has {', '.join(sorted(rerun.simulation.options)) or 'none'})")
+    proximity = _proximity(rerun, read_in)
+    force = _object_sensor(rerun, read_in, label, proximity) if label is not None else None
     prefix = "actuator." if "actuator.max_speed" in rerun.parameters else "actuator.pin."
     height = _height_channel(read_in, sensor, channel)
     cells, least_delay, known = None, 0, {}
@@ -60,10 +71,10 @@ def identify(recordings: Sequence[str | pathlib.Path], experiment: str | pathlib
     sensors = []
     if cells is not None and height:
         sensors.append(fit_height_sensor(height, cells, [r.readings[height] for r in read_in], read_in[0].period_s))
-    proximity = _proximity(rerun, read_in)
     motion = None
     if label is not None:
-        motion = _fit_object(rerun, read_in, label, known, _as_likely(cells, known), proximity, fit, seconds)
+        near, span = proximity or (None, 0.0)
+        motion = fit_motion(rerun, label, known, near, span, force, fit, seconds, _as_likely(cells, known))
         known = dict(known, **{f"object.{label}.{name}": value for name, (value, _) in motion.values.items()})
     if proximity is not None:
         name, span = proximity
@@ -83,6 +94,17 @@ def identify(recordings: Sequence[str | pathlib.Path], experiment: str | pathlib
     out.with_suffix(".json").write_text(_identified.as_json(read_in, cells, sensors, motion, values, rms))
     _identified.draw(out.with_suffix(".svg"), read_in, cells, height or "", motion, declared)
     return Identified(values, cells, sensors, motion, report)
+
+
+def _scene(recording: str | pathlib.Path) -> tuple[str | pathlib.Path, dict[str, str]]:
+    """A recording's file and the options that follow its name."""
+    if pathlib.Path(recording).exists():
+        return recording, {}
+    path, *pairs = str(recording).split(",")
+    for pair in pairs:
+        if "=" not in pair:
+            raise RecordingError(f"{recording}: {pair or 'nothing'} after the comma must be NAME=VALUE, an option of the experiment")
+    return path, {name: value for name, _, value in (pair.partition("=") for pair in pairs)}
 
 
 def _bias(sensor: SensorFit, rerun: Rerun) -> _identified.Rows:
@@ -158,8 +180,8 @@ def _proximity(rerun: Rerun, recordings: Sequence[Recorded]) -> tuple[str, float
     return None
 
 
-def _fit_object(rerun: Rerun, recordings: Sequence[Recorded], label: str, known: Mapping[str, Any],
-                also: Sequence[Mapping[str, Any]], proximity: tuple[str, float] | None, fit: Sequence[str], seconds: float | None) -> MotionFit:
+def _object_sensor(rerun: Rerun, recordings: Sequence[Recorded], label: str, proximity: tuple[str, float] | None) -> str | None:
+    """The sensor that feels the weight of the object, if any. Refuses an object that is not there or that nothing senses."""
     if f"object.{label}.mass" not in rerun.parameters:
         labels = sorted({name.split(".")[1] for name in rerun.parameters if name.startswith("object.")} - {"*"})
         there = ", ".join(labels) or "none with a label"
@@ -168,8 +190,7 @@ def _fit_object(rerun: Rerun, recordings: Sequence[Recorded], label: str, known:
                   and all(c.name in r.readings for r in recordings)), None)
     if proximity is None and force is None:
         raise RecordingError(f"{recordings[0].path}: no proximity and no pressure sensor sees the object")
-    near, span = proximity or (None, 0.0)
-    return fit_motion(rerun, label, known, near, span, force, fit, seconds, also)
+    return force
 
 
 def _write(out: pathlib.Path, experiment: str | pathlib.Path, recordings: Sequence[Recorded], values: dict[str, tuple[float, float]],

@@ -3,6 +3,7 @@ from __future__ import annotations
 
 import os
 import pathlib
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -12,6 +13,7 @@ from numpy.typing import NDArray
 
 Array = NDArray[Any]
 LEAST_FRAMES = 20
+SETTLES_S = 0.5  # after a command whose time is not known
 
 
 class RecordingError(ValueError):
@@ -38,6 +40,39 @@ class Recorded:
     @property
     def frames(self) -> int:
         return len(next(iter(self.commands.values())))
+
+
+def _answers(file: h5py.File, ticks: Array, frames: int) -> Array:
+    """For each tick from the first one on, which row of /actuators answers it; −1: none that was seen, or one that a board did
+    not follow from the next tick on."""
+    answered = file["answers/tick"][:len(ticks)].astype(np.int64) if "answers/tick" in file else ticks
+    row = np.full(frames, -1)
+    known = (answered >= ticks[0]) & (answered < ticks[0] + frames)
+    row[answered[known] - ticks[0]] = np.flatnonzero(known)
+    if "boards/in_force" in file:
+        in_force, valid = (file["boards/" + name][:len(ticks)].astype(np.int64) for name in ("in_force", "valid"))
+        late = ((in_force != ticks[:, None] - 1) & (valid == 1)).any(1)
+        row[np.maximum(ticks[late] - 1 - ticks[0], 0)] = -1
+    return row
+
+
+def _in_force(values: Array, row: Array) -> Array:
+    """The commands in force in the tick that ends with each frame: those that answered the previous one, or, where these are not
+    known, the last ones known."""
+    last = np.maximum.accumulate(np.where(row >= 0, np.arange(len(row)), -1))
+    rows = np.where(last >= 0, row[np.maximum(last, 0)], 0)
+    return values[np.concatenate([rows[:1], rows[:-1]])]
+
+
+def _unsure_cells(commands: Mapping[str, Array], row: Array, settles: int) -> Array:
+    """Frames × rows × columns: where a command changed at a time that is not known, until the cell has settled."""
+    unsure = np.zeros(next(iter(commands.values())).shape, bool)
+    gaps = np.flatnonzero(np.diff(np.concatenate([[False], row < 0, [False]]).astype(int)))
+    for begin, end in gaps.reshape(-1, 2):  # ticks without a known answer
+        after = min(end + 1, len(row) - 1)  # the first frame whose commands are known again
+        for values in commands.values():
+            unsure[begin:after + settles] |= values[max(begin, 0)] != values[after]
+    return unsure
 
 
 def _text(value: Any) -> str:
@@ -98,8 +133,13 @@ def _read(name: str, file: h5py.File) -> Recorded:
         for values in readings.values():
             values[valid == 0] = np.nan
     if is_live:
-        # The commands in a live frame answer it: they are in force in the next tick.
-        commands = {key: np.concatenate([values[:1], values[:-1]]) for key, values in commands.items()}
+        sure = _answers(file, ticks, frames)
+        for key, data in file["actuators"].items():
+            if data.ndim == 3:
+                commands[key] = _in_force(data[:len(ticks)].astype(np.float32), sure)
+        unsure = _unsure_cells(commands, sure, round(SETTLES_S / float(meta["control_period_s"])))
+        for values in readings.values():
+            values[unsure] = np.nan
     for values in commands.values():
         if not np.isfinite(values).all():
             values[...] = np.where(np.isfinite(values), values, np.nanmin(values))

@@ -1,9 +1,10 @@
 """Finds the parameters with which an experiment behaves like a recorded table; `smartsurf identify`, or
 python -m smartsurf.identify.
 
-    smartsurf identify run.h5 [more.h5 …] --experiment table.lua -o identified.lua
+    smartsurf identify run.h5[,NAME=VALUE…] [more.h5 …] --experiment table.lua -o identified.lua
 
-The recordings have commands, readings and every tick: record { sensors = true, actuators = true }, or smartsurf record of a live
+A recording of a live surface does not know the options of the experiment with which it is to be compared, such as which object lay on
+the table: they follow its name. The recordings have commands, readings and every tick: record { sensors = true, actuators = true }, or smartsurf record of a live
 surface. Their commands are repeated in the experiment, in which nothing else happens, and its parameters are changed until what it
 does is closest to what was recorded: those of the actuators by cell, those of sensors, and with --object those of one object that
 moves. Writes the experiment with the identified values, which runs as the original does (identified.lua, and for single cells

@@ -15,6 +15,7 @@
 #include <utility>
 
 #include "common/files/AtomicFile.h"
+#include "common/files/Installation.h"
 #include "smartsurf/record/plot/ChartFile.h"
 #include "smartsurf/record/plot/CurveChart.h"
 #include "smartsurf/record/plot/TimeSpentPlot.h"
@@ -114,11 +115,23 @@ void require_picture_name(const fs::path& path) {
                             "': the name must end in .svg, .pdf or .png");
 }
 
+void add_installed_fonts(FcConfig* configuration) {
+  for (const char* const name : {"DejaVuSans.ttf", "DejaVuSans-Bold.ttf"})
+    if (const std::string file = common::font_file(name).string(); !file.empty())
+      FcConfigAppFontAddFile(configuration, reinterpret_cast<const FcChar8*>(file.c_str()));
+}
+
 // Cairo and FcInit() have fontconfig try for ever to load its configuration where there is no memory.
 void load_fonts() {
   static const bool once = [] {
-    FcConfig* const configuration = FcInitLoadConfigAndFonts();
-    if (configuration == nullptr || !FcConfigSetCurrent(configuration)) throw std::bad_alloc();
+    // Without a configuration it would print an error and find no font.
+    FcChar8* const file = FcConfigGetFilename(nullptr, nullptr);
+    FcConfig* const configuration = file != nullptr ? FcInitLoadConfigAndFonts() : FcConfigCreate();
+    FcStrFree(file);
+    if (configuration == nullptr) throw std::bad_alloc();
+    const FcFontSet* const fonts = FcConfigGetFonts(configuration, FcSetSystem);
+    if (fonts == nullptr || fonts->nfont == 0) add_installed_fonts(configuration);
+    if (!FcConfigSetCurrent(configuration)) throw std::bad_alloc();
     FcConfigDestroy(configuration);  // the current one holds a reference of its own
     return true;
   }();

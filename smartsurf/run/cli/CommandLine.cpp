@@ -7,6 +7,8 @@
 #include <cstdio>
 #include <cstring>
 #include <map>
+#include <string>
+#include <vector>
 
 #include "common/cli/ParseErrors.h"
 #include "common/process/StandardStreams.h"
@@ -14,12 +16,23 @@
 #include "common/process/Termination.h"
 #include "common/text/Printable.h"
 #include "smartsurf/run/Run.h"
+#include "smartsurf/run/cli/StartCommand.h"
 #include "smartsurf/run/cli/Subcommands.h"
+#include "smartsurf/view/window/Window.h"
 
 namespace smartsurf::run {
 namespace {
 
-int parse_and_run(int argc, char** argv) {
+int parse_and_run(int argc, const char* const* argv);
+
+int run_arguments(const std::vector<std::string>& arguments) {
+  std::vector<const char*> argv = {"smartsurf"};
+  for (const std::string& argument : arguments) argv.push_back(argument.c_str());
+  return parse_and_run(static_cast<int>(argv.size()), argv.data());
+}
+
+int parse_and_run(int argc, const char* const* argv) {
+  if (argc == 1 && view::Window::display_available()) return start_command();
   CLI::App app{"Simulates a smart surface: a table of actuators and sensors that moves the objects on it.",
                "smartsurf"};
   app.set_version_flag("--version", "smartsurf " SMARTSURF_VERSION);
@@ -39,7 +52,8 @@ int parse_and_run(int argc, char** argv) {
                                                           {"new", add_new_command(app)},
                                                           {"train", add_train_command(app)},
                                                           {"identify", add_identify_command(app)},
-                                                          {"fmu", add_fmu_command(app)}};
+                                                          {"fmu", add_fmu_command(app)},
+                                                          {"demo", add_demo_command(app, run_arguments)}};
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& e) {

@@ -41,16 +41,6 @@ struct RunFlags {
   int worlds = 0;  // 0: no --worlds
 };
 
-CLI::Validator whole_number_validator() {
-  return {[](std::string& text) {
-            std::uint64_t value = 0;
-            const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
-            if (error == std::errc{} && end == text.data() + text.size()) return std::string();
-            return fmt::format("'{}' is not a whole number from 0 to {}", text, UINT64_MAX);
-          },
-          ""};
-}
-
 void add_script_flags(CLI::App& app, RunFlags& flags) {
   add_extension_flags(app, flags.allow_extensions);
   app.add_option("--seed", flags.seed, "Seed of everything random, instead of the script's")
@@ -274,6 +264,16 @@ int check_command(const RunFlags& flags) {
 }
 
 }  // namespace
+
+CLI::Validator whole_number_validator() {
+  return {[](std::string& text) {
+            std::uint64_t value = 0;
+            const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
+            if (error == std::errc{} && end == text.data() + text.size()) return std::string();
+            return fmt::format("'{}' is not a whole number from 0 to {}", text, UINT64_MAX);
+          },
+          ""};
+}
 
 void add_extension_flags(CLI::App& app, bool& allow_extensions) {
   app.add_option("--load", "Load an extension: a shared object that adds actuators and sensors")

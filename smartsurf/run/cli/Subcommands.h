@@ -4,10 +4,12 @@
 
 #include <functional>
 #include <string>
+#include <vector>
 
 namespace CLI {
 class App;
-}
+class Validator;
+}  // namespace CLI
 
 namespace smartsurf::run {
 
@@ -27,7 +29,11 @@ CommandHandler add_new_command(CLI::App& app);
 CommandHandler add_train_command(CLI::App& app);
 CommandHandler add_identify_command(CLI::App& app);
 CommandHandler add_fmu_command(CLI::App& app);
+// run: executes another command line, without the program's name.
+CommandHandler add_demo_command(CLI::App& app, std::function<int(const std::vector<std::string>&)> run);
 
+// Accepts an unsigned 64-bit integer.
+CLI::Validator whole_number_validator();
 // --load, which loads an extension while the command line is parsed, and --allow-extensions.
 void add_extension_flags(CLI::App& app, bool& allow_extensions);
 

@@ -9,6 +9,7 @@
 #include "common/process/StopSignals.h"
 #include "smartsurf/run/ConfinedRuns.h"
 #include "smartsurf/run/Run.h"
+#include "smartsurf/run/cli/StartCommand.h"
 #include "smartsurf/run/replay/Replay.h"
 
 namespace smartsurf::run {
@@ -28,6 +29,7 @@ int run_session(RunOptions options) {
   const std::unique_ptr<ConfinedRuns> confined = ConfinedRuns::confine(std::span(&options, 1));
   const auto& stop = common::catch_stop_signals();
   script::Experiment experiment = Run::load(options);
+  if (options.window) note_recent(options.experiment);
   std::unique_ptr<Display> display;
   while (true) {
     std::string recording;
@@ -52,6 +54,7 @@ int replay_session(const std::string& recording, double pace, const RenderOption
   std::string next;
   {
     const record::Recording opened = record::Recording::open(recording);
+    note_recent(recording);
     next = replay_in_window(opened, pace, render.view, stop);
   }
   if (next.empty()) return common::kDone;

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <utility>
 
+#include "common/process/WindowLibrary.h"
 #include "smartsurf/run/ControllerProcess.h"
 #include "smartsurf/run/display/PlotFile.h"
 #include "smartsurf/view/output/OffscreenView.h"
@@ -38,6 +39,7 @@ Display::Display(const RunOptions& options, const simulation::Simulation& simula
   for (const view::Signal& signal : settings.plots)
     require_signal("--plot", signal, scene_.surface, channels);
   view::OffscreenView::require_available();
+  common::require_window_library();
   if (!view::Window::display_available())
     throw scene::InputError("--window: there is no display here; run without it, or set DISPLAY");
   beside_controller_window_ = expects_controller_window(options);
@@ -61,6 +63,10 @@ void Display::restart(const RunOptions& options, const scene::SceneSpec& scene) 
   const bool had_controller_window =
       std::exchange(beside_controller_window_, expects_controller_window(options));
   if (beside_controller_window_ && !had_controller_window) window_->move_to_left();
+}
+
+void Display::show_message(const std::string& message) {
+  if (window_) window_->show_message(message);
 }
 
 void Display::record_tick(const simulation::Simulation& simulation,
@@ -184,6 +190,7 @@ void Display::apply_commands(const view::Commands& commands, DisplayRequests& re
     requests.changed_options = commands.options;
   }
   if (!commands.open_file.empty()) requests.open_file = commands.open_file;
+  requests.start_program |= commands.start_program;
   if (commands.plot_export && !commands.display_lost)
     window_->show_message(write_plot_file(*commands.plot_export, scene_.file));
   if (!commands.display_lost) return;

@@ -34,6 +34,7 @@ struct DisplayRequests {
   bool pace_changed = false;
   std::optional<double> pace;  // nullopt: as fast as possible
   std::string open_file;       // an experiment or recording to open instead, or ""
+  bool start_program = false;  // of the banner
 };
 
 // The contents of the window besides the scene.
@@ -61,6 +62,8 @@ class Display {
   std::uint64_t frames_drawn() const { return frames_drawn_; }  // of this run
   // Reuses the window for another run; makes room if only this one has a controller's window beside it.
   void restart(const RunOptions&, const scene::SceneSpec&);
+  // Shows one line in the panel until the next.
+  void show_message(const std::string& message);
   // Adds the state of the current tick to the history. metrics: in an order that stays. Does nothing
   // without a window.
   void record_tick(const simulation::Simulation&, std::span<const std::pair<std::string, double>> metrics);

@@ -16,8 +16,9 @@ std::size_t index_of(const std::vector<std::string>& names, const std::string& n
 }
 
 const std::vector<std::string> kStages(view::kStageNames.begin(), view::kStageNames.end());
-const std::vector<std::string> kQualities = {"auto", "high", "medium", "low"};
+const std::vector<std::string> kQualities = {"auto", "high", "medium", "low", "final"};
 
+constexpr int kMostSamples = 16384;
 constexpr int kMinEdge = 16, kMaxEdge = 8192;  // pixels
 
 common::PixelSize parse_pixel_size(const std::string& text) {
@@ -54,9 +55,18 @@ void add_render_flags(CLI::App& app, RenderFlags& flags) {
       ->check(CLI::IsMember(kStages))
       ->type_name("NAME");
   app.add_option("--quality", flags.quality,
-                 "How much work a frame may be: low, medium, high, or auto: what suits the driver")
+                 "How much work a frame may be: low, medium, high, auto: what suits the driver, or final: "
+                 "path-traced")
       ->check(CLI::IsMember(kQualities))
       ->type_name("NAME");
+  app.add_option(
+         "--aperture", flags.aperture,
+         "With --quality final: diameter of the lens, u; sharp is what the camera looks at (default: all)")
+      ->check(CLI::Range(0.0, 1e6))
+      ->type_name("U");
+  app.add_option("--samples", flags.samples, "With --quality final: paths per pixel (default: 32)")
+      ->check(CLI::Range(1, kMostSamples))
+      ->type_name("N");
   app.add_option("--trails", flags.trails_s, "Draw trails of the last SECONDS")
       ->check(CLI::Range(0.0, 1e6))
       ->type_name("SECONDS");
@@ -78,6 +88,12 @@ RenderOptions parse_render_options(const RenderFlags& flags) {
   options.view.stage = static_cast<view::Stage>(index_of(kStages, flags.stage));
   if (flags.quality != kQualities[0])
     options.view.detail = static_cast<view::Detail>(index_of(kQualities, flags.quality) - 1);
+  const bool traced = options.view.detail == view::Detail::kFinal;
+  if (!traced && (flags.aperture != 0.0 || flags.samples != view::kDefaultSamples))
+    throw scene::InputError("--aperture and --samples: need --quality final");
+  if (traced && flags.wireframe) throw scene::InputError("--wires: not with --quality final");
+  options.aperture = flags.aperture;
+  options.samples = flags.samples;
   view::OverlaySettings& overlay = options.view.overlay;
   overlay.channel = flags.cells;
   overlay.palette = view::kPalettes[index_of(kPalettes, flags.palette)];

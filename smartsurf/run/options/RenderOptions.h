@@ -1,6 +1,5 @@
 // How pictures, videos and the window show the scene: --camera, --wires, --cells, --palette, --trails,
-// --plot,
-// --stage, --quality and --picture-size.
+// --plot, --stage, --quality, --aperture, --samples and --picture-size.
 #pragma once
 
 #include <memory>
@@ -22,13 +21,17 @@ struct RenderOptions {
   // Those of view.plots that --plot names without "metric:": the experiment must declare them.
   std::vector<std::string> plotted_metrics;
   std::optional<common::PixelSize> pixel_size;  // default: pictures 1600 × 1000, videos 1280 × 720
+  // Of path-traced pictures, as in view::DrawOptions.
+  double aperture = 0.0;
+  int samples = view::kDefaultSamples;
 };
 
 // The flags as given on the command line.
 struct RenderFlags {
   std::string camera = "iso", cells, palette = "viridis", size, stage = "light", quality = "auto";
   bool wireframe = false;
-  double trails_s = 0.0;
+  double trails_s = 0.0, aperture = 0.0;
+  int samples = view::kDefaultSamples;
   std::vector<std::string> plots;
 };
 

@@ -39,7 +39,7 @@ MediaWriter::MediaWriter(std::vector<Screenshot> screenshots, std::unique_ptr<co
       overlay_(scene.surface),
       pending_screenshots_(std::move(screenshots)),
       video_writer_(std::move(video)) {
-  if (!pending_screenshots_.empty() || video_writer_) view::OffscreenView::require_available();
+  if (!pending_screenshots_.empty() || video_writer_) view::OffscreenView::require_available(render_options.view.detail.value_or(view::Detail::kStill));
   overlay_.settings = render_options.view.overlay;
 }
 
@@ -71,6 +71,8 @@ common::Image MediaWriter::render(view::OffscreenView& view, const view::FrameIn
   view::DrawOptions options;
   options.fill_mode = settings.fill_mode;
   options.stage = settings.stage;
+  options.aperture = render_options_.aperture;
+  options.samples = render_options_.samples;
   overlay_.apply(frame, nullptr, options);
   if (overlay_.colour_scale()) options.legend = &*overlay_.colour_scale();
   const view::Camera camera =

@@ -17,6 +17,7 @@ class Player {
   std::size_t frame() const;  // the latest frame that is due
   bool paused() const { return paused_; }
   double pace() const { return pace_; }
+  double position_s() const { return position_s_; }  // recorded time
 
   // Steps and seeks are clamped to the recording. Resuming at the last frame restarts from the first.
   void apply(const view::Commands& commands);

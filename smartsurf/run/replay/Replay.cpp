@@ -6,6 +6,8 @@
 #include <memory>
 #include <thread>
 
+#include "common/process/WindowLibrary.h"
+#include "smartsurf/run/Pacer.h"
 #include "smartsurf/run/Run.h"
 #include "smartsurf/run/display/PlotFile.h"
 #include "smartsurf/run/display/ViewChannels.h"
@@ -28,8 +30,9 @@ void require_poses(const record::Recording& recording) {
 }
 
 view::Status make_view_status(const record::Recording& recording, const RecordedFrames& frames,
-                              const Player& player) {
+                              const Player& player, double actual_pace) {
   view::Status status;
+  status.actual_pace = actual_pace;
   status.mode = "recording";
   status.paused = player.paused();
   status.requested_pace = player.pace();
@@ -91,16 +94,19 @@ std::string replay_in_window(const record::Recording& recording, double pace,
       require_metric("--plot", signal.quantity, recording.metric_names());
     else
       require_signal("--plot", signal, recording.spec().surface, frames.channels());
+  common::require_window_library();
   if (!view::Window::display_available())
     throw scene::InputError(
         "--window: there is no display here; use --video or --screenshot, or set DISPLAY");
   view::Window window(recording.spec(), "smartsurf: " + recording.path().filename().string());
   window.apply(settings);
   Player player(recording.times(), pace);
+  Pacer speed(std::nullopt);
   auto last_time = Clock::now();
   while (!stop) {
-    const view::Commands commands =
-        window.render_frame(frames.frame_input(player.frame()), make_view_status(recording, frames, player));
+    const view::Commands commands = window.render_frame(
+        frames.frame_input(player.frame()),
+        make_view_status(recording, frames, player, speed.update_real_time_factor(player.position_s())));
     if (commands.quit || commands.display_lost) return "";
     if (commands.reset) return recording.path().string();
     if (!commands.open_file.empty()) {
@@ -112,6 +118,7 @@ std::string replay_in_window(const record::Recording& recording, double pace,
     if (commands.plot_export)
       window.show_message(write_plot_file(*commands.plot_export, recording.path().string()));
     player.apply(commands);
+    if (player.paused() || commands.seek || commands.seek_time_s) speed = Pacer(std::nullopt);
     const auto now = Clock::now();
     player.advance(std::chrono::duration<double>(now - last_time).count());
     last_time = now;

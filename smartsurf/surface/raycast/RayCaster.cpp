@@ -134,9 +134,8 @@ void RayCaster::cast(const RayBodies& bodies, std::span<const float> tags, float
     };
     cast_rows(params.job, first_row, end_row, std::cref(prepare));
   };
-  if (bands > 1 && pool.pays(cost_ns(bodies.size())))
-    pool.fork_join([&cast_bands](int band) { cast_bands(band, band + 1); });
-  else
+  const auto cast_band = [&cast_bands](int band) { cast_bands(band, band + 1); };
+  if (!(bands > 1 && pool.pays(cost_ns(bodies.size())) && pool.try_fork_join(cast_band)))
     cast_bands(0, bands);
 }
 

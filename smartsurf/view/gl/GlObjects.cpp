@@ -88,6 +88,14 @@ void RenderTarget::resize(int new_width, int new_height) {
   height = new_height;
 }
 
+void RenderTarget::set_picture(const common::Image& image) {
+  glBindTexture(GL_TEXTURE_2D, colour.id());
+  glPixelStorei(GL_UNPACK_ALIGNMENT, 1);
+  for (int y = 0; y < image.height; ++y)
+    glTexSubImage2D(GL_TEXTURE_2D, 0, 0, height - 1 - y, image.width, 1, GL_RGB, GL_UNSIGNED_BYTE,
+                    image.pixel(0, y));
+}
+
 void ColourTarget::resize(int new_width, int new_height) {
   if (new_width == width && new_height == height) return;
   framebuffer = make_framebuffer();

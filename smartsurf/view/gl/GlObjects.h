@@ -85,6 +85,8 @@ struct RenderTarget {
   Texture colour, depth;
   int width = 0, height = 0;
 
+  // Copies a picture of the target's size.
+  void set_picture(const common::Image& image);
   // Reallocates the buffers if the size changes. Throws std::runtime_error if the driver refuses the size.
   void resize(int new_width, int new_height);
 };

@@ -3,7 +3,7 @@
 #include <cstddef>
 
 #include "smartsurf/view/gl/Layers.h"
-#include "smartsurf/view/model/Camera.h"
+#include "smartsurf/view/model/StageModel.h"
 #include "smartsurf/view/model/TableBounds.h"
 
 namespace smartsurf::view {
@@ -23,14 +23,11 @@ GroundLayer::GroundLayer(const scene::SurfaceSpec& surface, RenderPass colour_pa
     : occluded_area_(surface_bounding_box(surface).min().head<2>().array() - kOcclusionMargin,
                      surface_bounding_box(surface).max().head<2>().array() + kOcclusionMargin),
       ground_z_(static_cast<float>(ground_height(surface))),
-      half_extent_(static_cast<float>(20.0 * surface_bounding_box(surface).diagonal().norm())),
+      half_extent_(static_cast<float>(ground_half_edge(surface))),
+      grid_spacing_(static_cast<float>(grid_spacing(surface))),
       vertex_array_(make_vertex_array()),
       vertex_buffer_(make_buffer()),
       index_buffer_(make_buffer()) {
-  // One line every 1, 10, 100 … pitches, so that about ten lines cross the table.
-  const double cells = std::max(surface.rows, surface.columns);
-  const double decade = std::pow(10.0, std::max(0.0, std::round(std::log10(cells / 6.0))));
-  grid_spacing_ = static_cast<float>(surface.pitch * decade);
   const auto shadowed = ground_shaders(colour_pass, true), backdrop = backdrop_shaders();
   shadowed_program_ = link_program("ground", shadowed.vertex, shadowed.fragment);
   backdrop_program_ = link_program("backdrop", backdrop.vertex, backdrop.fragment);

@@ -130,7 +130,7 @@ void main() {
     open *= gap_sky((levels.y - world.z) / pin.w);
     if (world.z < levels.x) c *= 0.55;   // the shaft below the pin
   }
-  pixel = vec4(lit_material(c, bevelled(), world, open, vec4(0.5, 0.0, 0.04, 0.0)), 1.0);
+  pixel = vec4(lit_material(c, bevelled(), world, open, PIN_FINISH), 1.0);
 }
 )";
 

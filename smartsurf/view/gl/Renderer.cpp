@@ -8,8 +8,8 @@
 
 #include "smartsurf/view/gl/Layers.h"
 #include "smartsurf/view/gl/ShadowMap.h"
-#include "smartsurf/view/model/Axes.h"
 #include "smartsurf/view/model/Palette.h"
+#include "smartsurf/view/model/StageModel.h"
 #include "smartsurf/view/model/TableBounds.h"
 
 namespace smartsurf::view {
@@ -22,47 +22,11 @@ struct FrameUniforms {
 };
 static_assert(sizeof(FrameUniforms) == 2 * 64 + 11 * 16);
 
-// Light and background, as FrameUniforms has them. Lights are linear, backgrounds screen colours.
-struct StageLight {
-  std::array<float, 3> sun, sky, bounce;
-  float lamps;  // brightness of the lamps that glossy surfaces mirror
-  std::array<float, 3> floor_paint;
-  float grid;  // 1: darker lines, −1: brighter ones
-  std::array<float, 3> horizon, zenith;
-};
-constexpr StageLight kStages[] = {
-    {{0.94f, 0.88f, 0.78f},
-     {0.40f, 0.43f, 0.51f},
-     {0.24f, 0.225f, 0.21f},
-     4.0f,
-     {0.56f, 0.57f, 0.585f},
-     1.0f,
-     {0.80f, 0.81f, 0.825f},
-     {0.93f, 0.94f, 0.95f}},
-    {{1.04f, 0.96f, 0.84f},
-     {0.21f, 0.235f, 0.29f},
-     {0.07f, 0.07f, 0.08f},
-     4.0f,
-     {0.045f, 0.048f, 0.055f},
-     -4.0f,
-     {0.15f, 0.16f, 0.18f},
-     {0.06f, 0.065f, 0.075f}},
-};
-
-// Roughness, share of metal, reflectance head-on and pattern (1 grain, 2 see-through), by scene::kLookNames.
-constexpr std::array<float, 4> kFinishes[] = {
-    {0.32f, 0.0f, 0.045f, 0.0f}, {0.24f, 1.0f, 0.0f, 0.0f},  {0.85f, 0.0f, 0.025f, 0.0f},
-    {0.14f, 0.0f, 0.06f, 0.0f},  {0.48f, 0.0f, 0.04f, 1.0f}, {0.10f, 0.0f, 0.05f, 2.0f},
-};
-static_assert(std::size(kFinishes) == scene::kLookNames.size());
 constexpr double kOcclusionReach = 2.5;       // radius, pitches
 constexpr float kMostOcclusionReach = 0.12f;  // radius, share of the picture's height
 
 // If a cell at the camera's target is narrower than this, its gaps may be painted (draw_closed_gaps).
 constexpr double kDistantCell_px = 24.0;
-
-constexpr Rgb kBoardColour{0.20f, 0.21f, 0.23f};
-constexpr Rgb kAxisColours[3] = {{0.80f, 0.16f, 0.14f}, {0.16f, 0.58f, 0.22f}, {0.14f, 0.32f, 0.82f}};
 
 std::array<float, 3> to_float3(const Eigen::Vector3d& v) {
   return {static_cast<float>(v.x()), static_cast<float>(v.y()), static_cast<float>(v.z())};
@@ -84,7 +48,7 @@ ObjectInstance axis_aligned_box(const Eigen::Vector3d& low, const Eigen::Vector3
           to_float3((high - low) / 2.0),
           {0, 0, 0, 1},
           {c[0], c[1], c[2], -1e9f},
-          kFinishes[0]};
+          kPlainFinish};
 }
 
 }  // namespace
@@ -154,20 +118,9 @@ struct Renderer::State {
 };
 
 void Renderer::State::add_static_boxes(const DrawOptions& options) {
-  const Eigen::AlignedBox3d box = surface_bounding_box(spec.surface);
-  const double pitch = spec.surface.pitch, margin = kBoardMargin * pitch, thickness = 0.12 * pitch;
-  const Eigen::Vector3d low = box.min() - Eigen::Vector3d(margin, margin, 0.0);
-  objects.add_box(axis_aligned_box(low, {box.max().x() + margin, box.max().y() + margin, low.z() + thickness},
-                                   kBoardColour));
-  static_box_count = 1;
-  if (options.axes) {
-    const Axes axes = make_axes(spec.surface);
-    const Eigen::Vector3d half = Eigen::Vector3d::Constant(axes.half_width);
-    for (int i = 0; i < 3; ++i)
-      objects.add_box(axis_aligned_box(
-          axes.origin - half, axes.origin + half + axes.length * Eigen::Vector3d::Unit(i), kAxisColours[i]));
-    static_box_count += 3;
-  }
+  const std::vector<StaticBox> boxes = static_boxes(spec.surface, options.axes);
+  for (const StaticBox& box : boxes) objects.add_box(axis_aligned_box(box.low, box.high, box.colour));
+  static_box_count = boxes.size();
 }
 
 ObjectInstance Renderer::State::make_instance(const scene::Snapshot& snapshot, std::size_t i,
@@ -177,9 +130,7 @@ ObjectInstance Renderer::State::make_instance(const scene::Snapshot& snapshot, s
   const auto& p = snapshot.position[i];
   const float surrounding_height =
       shading.mean_height_around(snapshot, p[0], p[1], 1.25f * std::max(half[0], half[1]));
-  const auto material = static_cast<std::size_t>(object.material);
-  const int look = material < spec.materials.size() ? spec.materials[material].look : 0;
-  return {p, half, snapshot.orientation[i], {c[0], c[1], c[2], surrounding_height}, kFinishes[look]};
+  return {p, half, snapshot.orientation[i], {c[0], c[1], c[2], surrounding_height}, finish_of(spec, object)};
 }
 
 void Renderer::State::upload(const scene::Snapshot& snapshot, const std::vector<scene::ObjectSpec>& catalogue,
@@ -187,11 +138,8 @@ void Renderer::State::upload(const scene::Snapshot& snapshot, const std::vector<
   // Front to back, so that the depth test rejects hidden fragments before they are shaded.
   const bool north_first = camera.forward().y() < 0.0, east_first = camera.forward().x() < 0.0;
   const std::span<const float> recess = actuators.upload(snapshot);
-  constexpr double kFacing = 0.3;  // of the component of the viewing direction that faces a wall
-  const Eigen::Vector3d forward = camera.forward();
-  const NearWalls near_walls{forward.x() > kFacing, forward.x() < -kFacing, forward.y() > kFacing,
-                             forward.y() < -kFacing};
-  pins.upload(shading.update(snapshot, catalogue, options, north_first, east_first, recess, near_walls));
+  pins.upload(
+      shading.update(snapshot, catalogue, options, north_first, east_first, recess, near_walls(camera)));
   objects.clear_instances();
   add_static_boxes(options);
   // The shadow map covers the table and the objects near it. A far object would cost all others resolution.
@@ -224,7 +172,7 @@ void Renderer::State::upload_uniforms(const FrameUniforms& uniforms) {
 FrameUniforms Renderer::State::shadow_uniforms() const {
   FrameUniforms u{};
   u.clip_from_world = shadow.clip_from_world();
-  u.ray = to_float4(-ShadowMap::towards_light(), 0.0);
+  u.ray = to_float4(-towards_sun(), 0.0);
   return u;
 }
 
@@ -236,15 +184,14 @@ FrameUniforms Renderer::State::camera_uniforms(const Camera& camera, const DrawO
   u.shadow_from_world = shadow.texture_from_world();
   u.eye = to_float4(camera.eye(), 1.0);
   u.ray = to_float4(camera.forward(), shadow.penumbra_radius());
-  u.light = to_float4(ShadowMap::towards_light(), shadow.texel_size());
+  u.light = to_float4(towards_sun(), shadow.texel_size());
   const Eigen::AlignedBox3d box = surface_bounding_box(spec.surface);
-  const double radius = 0.5 * box.diagonal().norm();
-  u.fog = {static_cast<float>(camera.distance() + 1.5 * radius),
-           static_cast<float>(camera.distance() + 9.0 * radius), static_cast<float>(width),
+  const auto [clear, faded] = fading_distances(spec.surface, camera);
+  u.fog = {static_cast<float>(clear), static_cast<float>(faded), static_cast<float>(width),
            static_cast<float>(height)};
   u.table = {static_cast<float>(box.min().x()), static_cast<float>(box.min().y()),
              static_cast<float>(box.max().x()), static_cast<float>(box.max().y())};
-  const StageLight& stage = kStages[static_cast<int>(options.stage)];
+  const StageLight& stage = stage_light(options.stage);
   const auto with = [](const std::array<float, 3>& v, double w) {
     return std::array<float, 4>{v[0], v[1], v[2], static_cast<float>(w)};
   };
@@ -267,7 +214,7 @@ void Renderer::State::draw_pins(RenderPass pass, const PinLayer::EyePosition& ey
 void Renderer::State::draw_shadow_pass(const DrawOptions& options) {
   upload_uniforms(shadow_uniforms());
   shadow.begin();
-  draw_pins(RenderPass::kShadow, {ShadowMap::towards_light().head<2>().cast<float>(), true});
+  draw_pins(RenderPass::kShadow, {towards_sun().head<2>().cast<float>(), true});
   actuators.draw(RenderPass::kShadow, false);
   if (options.fill_mode == FillMode::kSolid)
     objects.draw(RenderPass::kShadow);

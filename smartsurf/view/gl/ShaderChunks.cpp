@@ -1,5 +1,7 @@
 #include "smartsurf/view/gl/ShaderChunks.h"
 
+#include "smartsurf/view/model/StageModel.h"
+
 namespace smartsurf::view {
 namespace {
 
@@ -20,13 +22,20 @@ layout(std140) uniform Frame {
 };
 )";
 
+std::string define(const char* name, const Finish& finish) {
+  std::string text = "#define " + std::string(name) + " vec4(";
+  for (std::size_t i = 0; i < finish.size(); ++i) text += (i > 0 ? ", " : "") + std::to_string(finish[i]);
+  return text + ")\n";
+}
+
 }  // namespace
 
 std::string shader_preamble(RenderPass pass) {
-  const char* define = pass == RenderPass::kColourFine   ? "#define FINE\n"
-                       : pass == RenderPass::kColourFast ? "#define FAST\n"
-                                                         : "";
-  return std::string(kFrameBlock) + define;
+  const char* quality = pass == RenderPass::kColourFine   ? "#define FINE\n"
+                        : pass == RenderPass::kColourFast ? "#define FAST\n"
+                                                          : "";
+  return std::string(kFrameBlock) + quality + define("PIN_FINISH", kPinFinish) +
+         define("ACTUATOR_FINISH", kActuatorFinish);
 }
 
 const char* const kLighting = R"(
@@ -117,7 +126,7 @@ vec3 environment(vec3 d, float rough) {
   return c + sky.w * vec3(1.0, 0.98, 0.95) * (lamp + 0.8 * strip) / (1.0 + 6.0 * rough);
 }
 
-// look: roughness, share of metal, reflectance head-on, pattern (kLooks in Renderer.cpp).
+// look: roughness, share of metal, reflectance head-on, pattern (Finish in StageModel.h).
 vec3 lit_material(vec3 albedo, vec3 n, vec3 p, float open, vec4 look) {
   vec3 back = normalize(eye.xyz - p);
   float rough = look.x;

@@ -113,7 +113,7 @@ void main() {
   if (colour.a < 0.99)
     pixel = vec4(to_screen(colour.rgb), colour.a);
   else
-    pixel = vec4(lit_material(colour.rgb, normalize(normal), world, 0.95, vec4(0.45, 0.0, 0.04, 0.0)), 1.0);
+    pixel = vec4(lit_material(colour.rgb, normalize(normal), world, 0.95, ACTUATOR_FINISH), 1.0);
 }
 #endif
 )";
@@ -271,8 +271,8 @@ vec3 position(ivec2 at) {
 vec3 slope(vec3 p, vec3 before, vec3 after) {
   return abs(before.z - p.z) < abs(after.z - p.z) ? p - before : after - p;
 }
-// Scalable ambient obscurance (McGuire et al., 2012): points of a spiral around the pixel that lie above its
-// tangent plane, weighted by their distance.
+// As scalable ambient obscurance (McGuire et al., 2012): points of a spiral around the pixel that lie above its
+// tangent plane. Each counts by the sine of its elevation, so that a small hollow is no darker than a large one.
 void main() {
   const int kSamples = 14;
   ivec2 at = ivec2(gl_FragCoord.xy);
@@ -288,9 +288,9 @@ void main() {
     float share = (float(i) + 0.5) / float(kSamples), angle = turn + 2.39996 * float(i);
     vec3 v = position(at + ivec2(round(share * disc * vec2(cos(angle), sin(angle))))) - p;
     float d2 = dot(v, v), near = max(radius2 - d2, 0.0) / radius2;
-    sum += near * near * near * max(dot(v, n) - 0.01 * reach.x, 0.0) / (d2 + 0.003 * radius2);
+    sum += near * near * near * max(dot(v, n) - 0.01 * reach.x, 0.0) * 0.6333 * reach.x / (d2 + 0.003 * radius2);
   }
-  pixel = vec4(clamp(1.0 - 1.9 * reach.x * sum / float(kSamples), 0.0, 1.0), -p.z, 0.0, 1.0);
+  pixel = vec4(clamp(1.0 - 3.0 * sum / float(kSamples), 0.0, 1.0), -p.z, 0.0, 1.0);
 }
 )"};
 }

@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <stdexcept>
 
+#include "smartsurf/view/model/StageModel.h"
+
 namespace smartsurf::view {
 
 ShadowMap::ShadowMap(int size)
@@ -28,11 +30,9 @@ ShadowMap::ShadowMap(int size)
   glBindFramebuffer(GL_FRAMEBUFFER, 0);
 }
 
-Eigen::Vector3d ShadowMap::towards_light() { return Eigen::Vector3d(-0.52, -0.30, 0.80).normalized(); }
-
 // An orthographic projection along the light. The area is a square, so that texels are square in the world.
 void ShadowMap::fit(const Eigen::AlignedBox3d& box, double pitch) {
-  const Eigen::Vector3d to_light = towards_light();
+  const Eigen::Vector3d to_light = towards_sun();
   const Eigen::Vector3d right = Eigen::Vector3d::UnitZ().cross(to_light).normalized(),
                         up = to_light.cross(right);
   Eigen::Matrix3d rotation;
@@ -57,7 +57,7 @@ void ShadowMap::fit(const Eigen::AlignedBox3d& box, double pitch) {
 
 // The footprint of the box, extended by where its top edge casts its shadow.
 Eigen::AlignedBox2d ShadowMap::shadow_footprint(double z) const {
-  const Eigen::Vector3d light = towards_light();
+  const Eigen::Vector3d light = towards_sun();
   const Eigen::Vector2d offset = -light.head<2>() * (fitted_box_.max().z() - z) / light.z();
   const Eigen::AlignedBox2d footprint(fitted_box_.min().head<2>(), fitted_box_.max().head<2>());
   return footprint.merged(footprint.translated(offset));
@@ -81,8 +81,7 @@ void ShadowMap::begin() const {
 
 void ShadowMap::end() const { glDisable(GL_POLYGON_OFFSET_FILL); }
 
-// The sun of the pictures is a lamp of about ten times the real one's angular radius.
-double ShadowMap::penumbra_spread() const { return 0.055 * depth_range_; }
+double ShadowMap::penumbra_spread() const { return kSunRadius * depth_range_; }
 
 void ShadowMap::bind_depths(int unit) const {
   bind(unit);

@@ -1,4 +1,4 @@
-// The shadow map of a directional light from the south-west, fitted to the lit region. Internal to
+// The shadow map of the sun, fitted to the lit region. Internal to
 // smartsurf/view.
 #pragma once
 
@@ -12,8 +12,6 @@ class ShadowMap {
  public:
   // size: edge of the map, texels. Throws std::runtime_error if the driver refuses it.
   explicit ShadowMap(int size);
-
-  static Eigen::Vector3d towards_light();  // unit vector
 
   // Fits the light's projection to `box` (u) and the penumbra to the surface's pitch (u).
   void fit(const Eigen::AlignedBox3d& box, double pitch);

@@ -202,17 +202,16 @@ void Controls::handle_scroll(double notches) {
   camera_.zoom(notches);
 }
 
-void Controls::resize(double aspect, const ViewInsets& insets) {
-  if (aspect == aspect_ && insets == insets_) return;
+void Controls::resize(double aspect) {
+  if (aspect == aspect_) return;
   aspect_ = aspect;
-  insets_ = insets;
   if (!camera_moved_) apply_view(view_);
 }
 
 void Controls::apply_view(const CameraView& view) {
   view_ = view;
   followed_.reset();
-  camera_ = Camera::from_view(surface_, view, aspect_, insets_);
+  camera_ = Camera::from_view(surface_, view, aspect_);
   camera_moved_ = false;
 }
 

@@ -48,6 +48,7 @@ struct Banner {
   std::string title;
   std::vector<std::string> lines;
   std::string command;  // a shell command to copy, or ""
+  std::string program;  // a program that a button starts, or ""
 };
 
 // The simulator's state for the status panel, besides the snapshot.
@@ -98,6 +99,7 @@ struct Commands {
   bool reset = false;               // restart the run with these options
   std::vector<NamedValue> options;  // changed options
   std::string open_file;            // an experiment or recording to open instead, or ""
+  bool start_program = false;       // the banner's
   std::optional<PlotExport> plot_export;
 };
 
@@ -158,14 +160,15 @@ class Controls {
   // dx, dy: pointer movement, pixels, y down. height: image height, pixels.
   void orbit_or_pan(PointerDrag kind, double dx, double dy, double height);
   void handle_scroll(double notches);
-  // Sets the image's aspect ratio (width / height) and the insets. If they change and the camera has not been
-  // moved since its preset was applied, the preset is applied again.
-  void resize(double aspect, const ViewInsets& insets = {});
+  // Sets the image's aspect ratio (width / height). If it changes and the camera has not been moved since its
+  // preset was applied, the preset is applied again.
+  void resize(double aspect);
 
   void apply(const ViewSettings& settings);
   void seek(std::size_t frame) { commands_.seek = frame; }
   void seek_time(double time_s) { commands_.seek_time_s = time_s; }
   void open_file(const std::string& file) { commands_.open_file = file; }
+  void start_program() { commands_.start_program = true; }
   void export_plot(PlotExport plot) { commands_.plot_export = std::move(plot); }
   // Moves the camera as parse_camera_pose() reads the text; false if it cannot be read.
   bool paste_camera(std::string_view text);
@@ -212,7 +215,6 @@ class Controls {
   Camera camera_;
   CameraView view_;
   double aspect_ = 16.0 / 9.0;
-  ViewInsets insets_;
   bool camera_moved_ = false, help_ = false, grid_ = true, screenshot_requested_ = false;
   bool video_requested_ = false, panels_ = true, labels_ = false, entities_ = false, plots_ = false;
   FillMode fill_mode_ = FillMode::kSolid;

@@ -30,21 +30,18 @@ std::array<Eigen::Vector3d, 8> corners(const Eigen::AlignedBox3d& box) {
 }
 
 // Fits two opposite frustum planes (left and right, or bottom and top) to points. With the eye at (e, d), d
-// towards the viewer, a point (p, z) is inside if −slope_low·(d − z) ≤ p − e ≤ slope_high·(d − z).
-// distance() is the smallest d for which some e satisfies this for all points; offset(d) is the middle of
-// those e.
+// towards the viewer, a point (p, z) is inside if |p − e| ≤ slope·(d − z). distance() is the smallest d for
+// which some e satisfies this for all points; offset() is the middle of those e.
 struct FrustumFit {
-  double slope_low, slope_high;
+  double slope;
   double low = -std::numeric_limits<double>::infinity();
   double high = -std::numeric_limits<double>::infinity();
   void add(double p, double z) {
-    high = std::max(high, p + slope_high * z);
-    low = std::max(low, -p + slope_low * z);
+    high = std::max(high, p + slope * z);
+    low = std::max(low, -p + slope * z);
   }
-  double distance() const { return (high + low) / (slope_low + slope_high); }
-  double min_offset(double d) const { return high - slope_high * d; }
-  double max_offset(double d) const { return slope_low * d - low; }
-  double offset(double d) const { return 0.5 * (min_offset(d) + max_offset(d)); }
+  double distance() const { return (high + low) / (2.0 * slope); }
+  double offset() const { return 0.5 * (high - low); }
 };
 
 // "X,Y,Z" with finite numbers.
@@ -78,8 +75,7 @@ std::optional<CameraPose> parse_camera_pose(std::string_view text) {
   return CameraPose{*position, *target};
 }
 
-Camera Camera::fit_to_surface(const scene::SurfaceSpec& surface, CameraPreset preset, double aspect,
-                              const ViewInsets& insets) {
+Camera Camera::fit_to_surface(const scene::SurfaceSpec& surface, CameraPreset preset, double aspect) {
   Camera camera;
   camera.azimuth_ = 0.0;
   camera.elevation_ = preset == CameraPreset::kTop   ? kMaxElevation
@@ -89,16 +85,11 @@ Camera Camera::fit_to_surface(const scene::SurfaceSpec& surface, CameraPreset pr
   camera.scene_radius_ = 0.5 * box.diagonal().norm();
   const double k_y = std::tan(camera.field_of_view_ / 2.0) / kFramingMargin;
   const double k_x = k_y * aspect;
-  const double k_below = k_y * (1.0 - 2.0 * insets.bottom);
-  FrustumFit y{k_below, k_y}, y_unobstructed{k_below, k_y * (1.0 - 2.0 * insets.top)};
-  const double k_left = k_x * (1.0 - 2.0 * insets.left), k_right = k_x * (1.0 - 2.0 * insets.right);
-  FrustumFit x[2][2] = {{{k_x, k_x}, {k_x, k_right}},
-                        {{k_left, k_x}, {k_left, k_right}}};  // beside neither … both
+  FrustumFit x{k_x}, y{k_y};
   const auto include = [&](const Eigen::Vector3d& point) {
     const double depth = -point.dot(camera.forward());
-    for (FrustumFit* fit : {&x[0][0], &x[0][1], &x[1][0], &x[1][1]})
-      fit->add(point.dot(camera.right()), depth);
-    for (FrustumFit* fit : {&y, &y_unobstructed}) fit->add(point.dot(camera.up()), depth);
+    x.add(point.dot(camera.right()), depth);
+    y.add(point.dot(camera.up()), depth);
   };
   for (const Eigen::Vector3d& corner : corners(box)) include(corner);
   const double margin = kBoardMargin * surface.pitch;
@@ -108,33 +99,15 @@ Camera Camera::fit_to_surface(const scene::SurfaceSpec& surface, CameraPreset pr
   const Axes axes = make_axes(surface);
   include(axes.origin);
   for (int i = 0; i < 3; ++i) include(axes.origin + axes.length * Eigen::Vector3d::Unit(i));
-  double eye_depth = std::max(x[0][0].distance(), y.distance());
+  const double eye_depth = std::max(x.distance(), y.distance());
   const double target_depth = -box.center().dot(camera.forward());
-  double offset_x = x[0][0].offset(eye_depth);
-  for (const bool beside_right : {true, false}) {
-    if ((beside_right ? insets.right : insets.left) <= 0.0) continue;
-    const double max_distance = (beside_right ? 2.0 : 1.25) * (eye_depth - target_depth);
-    const double beside = std::max(x[1][beside_right].distance(), y.distance());
-    const double below = std::max(x[0][beside_right].distance(), y_unobstructed.distance());
-    const bool fits = std::min(beside, below) - target_depth <= max_distance;
-    if (beside_right && !fits) continue;
-    if (fits) eye_depth = std::min(beside, below);
-    const bool is_beside = beside <= below;
-    offset_x = std::min(std::max(x[is_beside][beside_right].offset(eye_depth), x[0][0].min_offset(eye_depth)),
-                        x[0][0].max_offset(eye_depth));
-    if (is_beside) y_unobstructed = y;
-    break;
-  }
   camera.distance_ = camera.reference_distance_ = eye_depth - target_depth;
-  camera.target_ = camera.right() * offset_x +
-                   camera.up() * std::min(y_unobstructed.offset(eye_depth), y.max_offset(eye_depth)) -
-                   camera.forward() * target_depth;
+  camera.target_ = camera.right() * x.offset() + camera.up() * y.offset() - camera.forward() * target_depth;
   return camera;
 }
 
-Camera Camera::from_view(const scene::SurfaceSpec& surface, const CameraView& view, double aspect,
-                         const ViewInsets& insets) {
-  Camera camera = fit_to_surface(surface, view.preset, aspect, insets);
+Camera Camera::from_view(const scene::SurfaceSpec& surface, const CameraView& view, double aspect) {
+  Camera camera = fit_to_surface(surface, view.preset, aspect);
   if (view.pose) camera.set_pose(*view.pose);
   return camera;
 }

@@ -33,18 +33,6 @@ struct Ray {
   Eigen::Vector3d origin, direction;
 };
 
-// Fractions of the image covered by panels: a bar along its lower edge, a panel in its upper left corner, and
-// one along its right edge. Each at most 0.4.
-struct ViewInsets {
-  double bottom = 0.0;  // of the height; kept free
-  double top = 0.0;     // of the height; without `left`, kept free only as far as the table need not shrink
-  // A share of the width. The table is framed beside or below the corner panel if it shrinks by at most a
-  // quarter.
-  double left = 0.0;
-  double right = 0.0;  // of the width; kept free if the table shrinks by at most a half
-  bool operator==(const ViewInsets&) const = default;
-};
-
 class Camera {
  public:
   static constexpr double kMinElevation = 0.02;    // rad: never below the table
@@ -53,12 +41,10 @@ class Camera {
   // The camera for which the whole table (the pins over their full travel, the board and the axes) fills an
   // image of aspect ratio `aspect` (width / height) with a small margin. kTop: from above, north up. kIso:
   // from the south, 40° above the horizon. kSide: from the south, just above the horizon.
-  static Camera fit_to_surface(const scene::SurfaceSpec& surface, CameraPreset preset, double aspect,
-                               const ViewInsets& insets = {});
+  static Camera fit_to_surface(const scene::SurfaceSpec& surface, CameraPreset preset, double aspect);
 
   // The view's pose, if it has one, with the zoom limits of the preset; else fit_to_surface().
-  static Camera from_view(const scene::SurfaceSpec& surface, const CameraView& view, double aspect,
-                          const ViewInsets& insets = {});
+  static Camera from_view(const scene::SurfaceSpec& surface, const CameraView& view, double aspect);
 
   // Rotates about the target. dx, dy: pointer movement, pixels, y down. The scene follows the pointer.
   void orbit(double dx, double dy);

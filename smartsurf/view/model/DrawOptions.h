@@ -21,7 +21,8 @@ inline constexpr std::array<const char*, 2> kStageNames = {"light", "dark"};
 
 // How much work a frame may be. kStill: smooth edges, soft shadows, ambient occlusion; about a second for a
 // picture on a software renderer. kVideo: about a tenth of that. kFast: some milliseconds for a small image.
-enum class Detail { kStill, kVideo, kFast };
+// kFinal: path-traced, some seconds for a picture.
+enum class Detail { kStill, kVideo, kFast, kFinal };
 
 // A straight line of constant width in pixels.
 struct Line {
@@ -36,6 +37,8 @@ struct ColourScale {
   float low = 0.0F, high = 1.0F;  // values at the palette's dark and bright end
   bool has_gaps = false;          // cells without a value are grey: a distance sensor that sees nothing
 };
+
+inline constexpr int kDefaultSamples = 32;
 
 struct DrawOptions {
   FillMode fill_mode = FillMode::kSolid;
@@ -53,6 +56,11 @@ struct DrawOptions {
 
   // Drawn in the lower right corner of off-screen images. Must outlive the call.
   const ColourScale* legend = nullptr;
+
+  // Of path-traced pictures: the lens's diameter, u, whose focus is the camera's target (0: everything is sharp), and the
+  // paths per pixel.
+  double aperture = 0.0;
+  int samples = kDefaultSamples;
 
   bool grid = true;  // on the ground
   bool axes = true;  // x red, y green, z blue, at the south-west corner

@@ -2,11 +2,13 @@
 
 #include <algorithm>
 #include <cstring>
+#include <thread>
 
 #include "common/gl/EglContext.h"
 #include "smartsurf/view/gl/GlObjects.h"
 #include "smartsurf/view/gl/Renderer.h"
 #include "smartsurf/view/panels/LegendRenderer.h"
+#include "smartsurf/view/trace/PathTracer.h"
 
 namespace smartsurf::view {
 namespace {
@@ -17,19 +19,31 @@ constexpr float kReferenceHeight_px = 720.0f;  // image height at which the lege
 }  // namespace
 
 struct OffscreenView::State {
-  State(const scene::SceneSpec& spec, Detail detail)
-      : renderer(std::make_unique<Renderer>(spec, detail == Detail::kStill   ? RenderQuality::fine()
-                                                  : detail == Detail::kVideo ? RenderQuality::video()
-                                                                             : RenderQuality::preview())),
-        target(std::make_unique<RenderTarget>()),
-        driver(reinterpret_cast<const char*>(glGetString(GL_RENDERER))) {
-    context.release();
+  State(const scene::SceneSpec& spec, Detail detail) {
+    if (detail == Detail::kFinal) {
+      tracer = std::make_unique<PathTracer>(spec);
+      return;
+    }
+    open_context();
+    renderer = std::make_unique<Renderer>(spec, detail == Detail::kStill   ? RenderQuality::fine()
+                                                : detail == Detail::kVideo ? RenderQuality::video()
+                                                                           : RenderQuality::preview());
+    driver = reinterpret_cast<const char*>(glGetString(GL_RENDERER));
+    context->release();
   }
   ~State() {
-    context.make_current();
+    if (!context) return;
+    context->make_current();
     legend_renderer.reset();
     renderer.reset();
     target.reset();
+  }
+
+  // Leaves it current.
+  void open_context() {
+    if (context) return context->make_current();
+    context = std::make_unique<common::EglContext>();
+    target = std::make_unique<RenderTarget>();
   }
 
   void draw_legend(const ColourScale& colour_scale, int width, int height) {
@@ -39,14 +53,36 @@ struct OffscreenView::State {
     legend_renderer->draw(colour_scale, target->framebuffer.id(), width, height);
   }
 
-  common::EglContext context;
+  common::Image trace(const scene::Snapshot& snapshot, const std::vector<scene::ObjectSpec>& catalogue,
+                      const Camera& camera, const DrawOptions& options, int width, int height) {
+    const TraceSettings settings{options.samples, options.aperture,
+                                 static_cast<int>(std::max(1U, std::thread::hardware_concurrency()))};
+    const common::Image image = tracer->render(snapshot, catalogue, camera, options, settings, width, height);
+    if (!options.legend) return image;
+    open_context();
+    target->resize(width, height);
+    target->set_picture(image);
+    draw_legend(*options.legend, width, height);
+    return read_and_release(width, height);
+  }
+
+  common::Image read_and_release(int width, int height) {
+    common::Image image = read_framebuffer(target->framebuffer.id(), width, height);
+    context->release();
+    return image;
+  }
+
+  std::unique_ptr<common::EglContext> context;  // a traced picture needs it for its legend alone
   std::unique_ptr<Renderer> renderer;
+  std::unique_ptr<PathTracer> tracer;  // instead of the renderer
   std::unique_ptr<RenderTarget> target;
   std::unique_ptr<LegendRenderer> legend_renderer;  // created for the first image with a legend
-  std::string driver;
+  std::string driver = "Embree";
 };
 
-void OffscreenView::require_available() {}
+void OffscreenView::require_available(Detail detail) {
+  if (detail == Detail::kFinal) PathTracer::require_available();
+}
 
 OffscreenView::OffscreenView(const scene::SceneSpec& spec, Detail detail)
     : state_(std::make_unique<State>(spec, detail)) {}
@@ -60,13 +96,12 @@ common::Image OffscreenView::render(const scene::Snapshot& snapshot,
     throw scene::InputError("picture of " + std::to_string(width) + "x" + std::to_string(height) +
                             " pixels: each edge must be 1 to " + std::to_string(kMaxEdge_px));
   State& s = *state_;
-  s.context.make_current();
+  if (s.tracer) return s.trace(snapshot, catalogue, camera, options, width, height);
+  s.context->make_current();
   s.target->resize(width, height);
   s.renderer->draw(snapshot, catalogue, camera, options, s.target->framebuffer.id(), width, height);
   if (options.legend) s.draw_legend(*options.legend, width, height);
-  common::Image image = read_framebuffer(s.target->framebuffer.id(), width, height);
-  s.context.release();
-  return image;
+  return s.read_and_release(width, height);
 }
 
 std::string OffscreenView::driver_name() const { return state_->driver; }

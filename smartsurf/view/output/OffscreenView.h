@@ -1,4 +1,4 @@
-// Renders images off-screen through EGL.
+// Renders images off-screen: through EGL, or by tracing paths on the processor.
 //
 // Identical snapshots, cameras, options and sizes give identical bytes on the same driver. Any thread, one at
 // a time. No context stays current between calls, so an OffscreenView can coexist with a Window.
@@ -18,9 +18,9 @@ namespace smartsurf::view {
 
 class OffscreenView {
  public:
-  // Throws scene::InputError with a one-line message in a build without the view. Call it before a run, so
-  // that the run fails early.
-  static void require_available();
+  // Throws scene::InputError with a one-line message in a build without the view, or without Embree where the
+  // detail needs it. Call it before a run, so that the run fails early.
+  static void require_available(Detail detail = Detail::kStill);
 
   // Throws std::runtime_error with a one-line message that names the missing packages if OpenGL 3.3 is not
   // available.
@@ -33,7 +33,7 @@ class OffscreenView {
   common::Image render(const scene::Snapshot& snapshot, const std::vector<scene::ObjectSpec>& catalogue,
                        const Camera& camera, const DrawOptions& options, int width, int height);
 
-  // The driver's GL_RENDERER string, for logs.
+  // The driver's GL_RENDERER string, or "Embree", for logs.
   std::string driver_name() const;
 
  private:

@@ -18,7 +18,7 @@ class VideoCapture {
   const std::string& file() const { return file_; }
   // True if a frame is due at that simulated time; then call add().
   bool frame_due(double time_s) const { return time_s >= next_frame_s_ - 1e-6; }
-  // Adds a frame, cropped to the video's size. A smaller image (after a window resize) is ignored.
+  // Adds a frame; one of another size (after a resize) is cropped, or framed in black.
   void add(const common::Image& image, double time_s);
   void finish() { encoder_.finish(); }
 

@@ -46,9 +46,7 @@ void draw_entities_section(const FrameInput& input, const scene::SurfaceSpec& su
     state.entity_query = query;
   const std::vector<Entity>& entities = state.entities.find(state.entity_query, surface, input);
   const float line = ImGui::GetTextLineHeightWithSpacing();
-  const float space =
-      state.free_bottom - ImGui::GetCursorScreenPos().y - 4.0f * line;  // above the panel's last lines
-  ImGui::BeginChild("entities", {0.0f, std::clamp(space, 3.0f * line, 9.0f * line)});
+  ImGui::BeginChild("entities", {0.0f, std::max(ImGui::GetContentRegionAvail().y, 6.0f * line)});
   ImGuiListClipper clipper;
   clipper.Begin(static_cast<int>(entities.size()));
   while (clipper.Step())

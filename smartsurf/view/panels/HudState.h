@@ -7,6 +7,7 @@
 #include "smartsurf/view/interaction/Controls.h"
 #include "smartsurf/view/model/EntityList.h"
 #include "smartsurf/view/model/PlotData.h"
+#include "smartsurf/view/panels/DockLayout.h"
 
 namespace smartsurf::view {
 
@@ -14,9 +15,9 @@ struct HudState {
   double render_ms = 0.0, interval_ms = 0.0;  // smoothed time to draw a frame and between frames
   std::string message;                        // path of the last screenshot or video, or the error
   bool recording_video = false;
-  ViewInsets insets;  // of the timeline, the plots, the inspector and the run panel's initial size
-  float free_bottom =
-      0.0f;  // the upper edge of the timeline and the plots in the last frame, pixels; 0: unknown
+  DockSizes sizes;
+  DockLayout docks;                                   // of this frame
+  float bar_height = 56.0f, message_height = 110.0f;  // of the contents in the last frame
   std::vector<OptionEdit> option_edits;
   PlotData inspected;        // all signals of the selected item
   PlotData plotted;          // those that the user has chosen

@@ -36,7 +36,7 @@ void draw_object_rows(const FrameInput& input, scene::ObjectId id, Controls& con
   if (!std::isnan(input.snapshot.angular_velocity[*i][0]))
     draw_vector_row("spin", "rad/s", input.snapshot.angular_velocity[*i]);
   bool following = controls.followed() == id;
-  if (ImGui::Checkbox("follow (O)", &following))
+  if (ImGui::Checkbox("follow with the camera", &following))
     controls.follow(following ? std::optional(id) : std::nullopt);
 }
 
@@ -87,19 +87,12 @@ std::optional<double> draw_signal(const FrameInput& input, std::size_t index, Hu
 
 }  // namespace
 
-float draw_inspector_panel(const FrameInput& input, const Status& status, const scene::SurfaceSpec& surface,
-                           HudState& state, Controls& controls, const InspectorSpace& space, float scale) {
+void draw_inspector_panel(const FrameInput& input, const Status& status, const scene::SurfaceSpec& surface,
+                          const DockRect& area, HudState& state, Controls& controls, float scale) {
   const auto& item = controls.tools().selected();
-  if (!item) return ImGui::GetIO().DisplaySize.x;
-  const float right = ImGui::GetIO().DisplaySize.x - 12.0f * scale, width = 300.0f * scale;
-  ImGui::SetNextWindowPos({right, space.top}, ImGuiCond_Always, {1.0f, 0.0f});
-  ImGui::SetNextWindowSizeConstraints({0.0f, 0.0f},
-                                      {1e6f, std::max(space.bottom - space.top, 100.0f * scale)});
-  ImGui::SetNextWindowBgAlpha(0.88f);
-  ImGui::Begin("inspect", nullptr,
-               ImGuiWindowFlags_NoTitleBar | ImGuiWindowFlags_NoResize | ImGuiWindowFlags_AlwaysAutoResize |
-                   ImGuiWindowFlags_NoSavedSettings | ImGuiWindowFlags_NoFocusOnAppearing |
-                   ImGuiWindowFlags_NoNav | ImGuiWindowFlags_NoMove);
+  if (!item) return;
+  begin_dock("inspect", area);
+  const float width = ImGui::GetContentRegionAvail().x;
   if (item->kind == SceneItem::Kind::kObject)
     draw_object_rows(input, item->object, controls);
   else
@@ -117,7 +110,6 @@ float draw_inspector_panel(const FrameInput& input, const Status& status, const 
   else
     ImGui::TextColored(kDimTextColour, "Esc: close");
   ImGui::End();
-  return right - width - 2.0f * ImGui::GetStyle().WindowPadding.x;
 }
 
 }  // namespace smartsurf::view

@@ -6,16 +6,9 @@
 
 namespace smartsurf::view {
 
-float draw_legend(const ColourScale& colour_scale, float bottom, float scale) {
+void draw_colour_scale(const ColourScale& colour_scale, float width, float scale) {
   constexpr int kSteps = 64;
-  const ImVec2 bar(240.0f * scale, 12.0f * scale);
-  ImGui::SetNextWindowPos({ImGui::GetIO().DisplaySize.x - 12.0f * scale, bottom}, ImGuiCond_Always,
-                          {1.0f, 1.0f});
-  ImGui::SetNextWindowBgAlpha(0.88f);
-  ImGui::Begin("legend", nullptr,
-               ImGuiWindowFlags_NoDecoration | ImGuiWindowFlags_AlwaysAutoResize |
-                   ImGuiWindowFlags_NoSavedSettings | ImGuiWindowFlags_NoInputs | ImGuiWindowFlags_NoNav |
-                   ImGuiWindowFlags_NoFocusOnAppearing);
+  const ImVec2 bar(width, 12.0f * scale);
   ImGui::Text("%s%s%s%s", colour_scale.channel.c_str(), colour_scale.unit.empty() ? "" : " [",
               colour_scale.unit.c_str(), colour_scale.unit.empty() ? "" : "]");
   const ImVec2 at = ImGui::GetCursorScreenPos();
@@ -44,27 +37,30 @@ float draw_legend(const ColourScale& colour_scale, float bottom, float scale) {
     ImGui::SameLine();
     ImGui::TextUnformatted("nothing seen");
   }
-  const float top = ImGui::GetWindowPos().y;
-  ImGui::End();
-  return top;
 }
 
-float draw_line_legend(const OverlaySettings& overlay, const std::optional<ForceScale>& forces,
-                       const std::string& missing, float right, float bottom, float scale) {
-  if (!overlay.trails && !overlay.sensor_rays && !forces && missing.empty()) return bottom;
-  ImGui::SetNextWindowPos({right, bottom}, ImGuiCond_Always, {1.0f, 1.0f});
+void draw_legend(const ColourScale& colour_scale, float bottom, float scale) {
+  ImGui::SetNextWindowPos({ImGui::GetIO().DisplaySize.x - 12.0f * scale, bottom}, ImGuiCond_Always,
+                          {1.0f, 1.0f});
   ImGui::SetNextWindowBgAlpha(0.88f);
-  ImGui::Begin("lines", nullptr,
+  ImGui::Begin("legend", nullptr,
                ImGuiWindowFlags_NoDecoration | ImGuiWindowFlags_AlwaysAutoResize |
                    ImGuiWindowFlags_NoSavedSettings | ImGuiWindowFlags_NoInputs | ImGuiWindowFlags_NoNav |
                    ImGuiWindowFlags_NoFocusOnAppearing);
+  draw_colour_scale(colour_scale, 240.0f * scale, scale);
+  ImGui::End();
+}
+
+void draw_line_legend(const OverlaySettings& overlay, const std::optional<ForceScale>& forces,
+                      const std::string& missing, float scale) {
+  ImGui::PushTextWrapPos(0.0f);
   const auto row = [&](ImU32 colour, const char* format, auto... values) {
     const ImVec2 at = ImGui::GetCursorScreenPos();
     const float y = at.y + 0.5f * ImGui::GetTextLineHeight(), length = 28.0f * scale;
     ImGui::GetWindowDrawList()->AddLine({at.x, y}, {at.x + length, y}, colour, 3.0f * scale);
     ImGui::Dummy({length, 1.0f});
     ImGui::SameLine();
-    ImGui::Text(format, values...);
+    ImGui::TextWrapped(format, values...);
   };
   const auto packed = [](const std::array<std::uint8_t, 4>& c) { return IM_COL32(c[0], c[1], c[2], 255); };
   if (forces)
@@ -75,9 +71,7 @@ float draw_line_legend(const OverlaySettings& overlay, const std::optional<Force
     row(IM_COL32(110, 116, 124, 255), "trail of the last %.1f s, in the object's colour",
         overlay.trail_length_s);
   if (!missing.empty()) ImGui::TextUnformatted(missing.c_str(), missing.c_str() + missing.size() - 1);
-  const float top = ImGui::GetWindowPos().y;
-  ImGui::End();
-  return top;
+  ImGui::PopTextWrapPos();
 }
 
 }  // namespace smartsurf::view

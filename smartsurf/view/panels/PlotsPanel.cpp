@@ -11,7 +11,6 @@
 namespace smartsurf::view {
 namespace {
 
-constexpr float kStripHeight = 190.0f;  // pixels, unscaled
 constexpr ImU32 kAxisColour = IM_COL32(150, 158, 168, 255), kGridColour = IM_COL32(205, 211, 218, 255),
                 kTextColour = IM_COL32(70, 78, 90, 255), kNowColour = IM_COL32(40, 44, 52, 200),
                 kPaperColour = IM_COL32(255, 255, 255, 235);
@@ -293,19 +292,14 @@ std::optional<double> draw_chart(const PlotData& data, const Chart& chart, float
   return active ? std::optional(time_s) : std::nullopt;
 }
 
-float draw_plots_panel(const FrameInput& input, const Status& status, HudState& state, Controls& controls,
-                       float bottom, float scale) {
-  const float width = ImGui::GetIO().DisplaySize.x - 24.0f * scale, height = kStripHeight * scale;
-  ImGui::SetNextWindowPos({12.0f * scale, bottom - height});
-  ImGui::SetNextWindowSize({width, height});
-  ImGui::SetNextWindowBgAlpha(0.92f);
-  ImGui::Begin("plots", nullptr,
-               ImGuiWindowFlags_NoDecoration | ImGuiWindowFlags_NoSavedSettings |
-                   ImGuiWindowFlags_NoFocusOnAppearing | ImGuiWindowFlags_NoNav | ImGuiWindowFlags_NoMove);
+void draw_plots_panel(const FrameInput& input, const Status& status, const DockRect& area, HudState& state,
+                      Controls& controls) {
+  begin_dock("plots", area);
   draw_toolbar(input, state, controls);
   if (state.plotted.empty() || state.plotted.times().empty()) {
     ImGui::TextDisabled(
-        "Choose a signal, drag an object from the list (E) here, or click an object or a cell and then "
+        "Choose a signal, drag an object from the list of objects here, or click an object or a cell and "
+        "then "
         "'plot' beside one "
         "of its quantities.");
   } else {
@@ -327,7 +321,6 @@ float draw_plots_panel(const FrameInput& input, const Status& status, HudState& 
   }
   accept_dragged_signals(state.plotted);
   ImGui::End();
-  return bottom - height;
 }
 
 }  // namespace smartsurf::view

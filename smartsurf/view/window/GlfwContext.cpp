@@ -43,6 +43,24 @@ void place_left(GLFWwindow* window) {
   glfwSetWindowPos(window, area.x + left, area.y + top);
 }
 
+// In the middle of the screen, and no larger.
+void place_in_middle(GLFWwindow* window) {
+  GLFWmonitor* const monitor = glfwGetPrimaryMonitor();
+  if (!monitor) return;
+  WindowRect area, size;
+  glfwGetMonitorWorkarea(monitor, &area.x, &area.y, &area.width, &area.height);
+  glfwGetWindowSize(window, &size.width, &size.height);
+  int left = 0, top = 0, right = 0, bottom = 0;
+  glfwGetWindowFrameSize(window, &left, &top, &right, &bottom);
+  area.width -= left + right;
+  area.height -= top + bottom;
+  size.width = std::max(std::min(size.width, area.width), 1);
+  size.height = std::max(std::min(size.height, area.height), 1);
+  glfwSetWindowSize(window, size.width, size.height);
+  glfwSetWindowPos(window, area.x + left + (area.width - size.width) / 2,
+                   area.y + top + (area.height - size.height) / 2);
+}
+
 }  // namespace
 
 GlfwContext::GlfwContext(const std::string& title, int width, int height, WindowPlacement placement) {
@@ -57,10 +75,13 @@ GlfwContext::GlfwContext(const std::string& title, int width, int height, Window
   if (!window_) {
     glfwTerminate();
     throw std::runtime_error(
-        "the display offers no OpenGL 3.3: install the packages libgl1-mesa-dri libegl1, or run with "
+        "the display offers no OpenGL 3.3: install the packages libgl1 libgl1-mesa-dri libegl1, or run with "
         "--headless");
   }
-  if (placement == WindowPlacement::kLeft) place_left(window_);
+  if (placement == WindowPlacement::kLeft)
+    place_left(window_);
+  else
+    place_in_middle(window_);
   glfwShowWindow(window_);
   glfwMakeContextCurrent(window_);
   detect_display_loss();

@@ -15,10 +15,9 @@ constexpr CharacterBinding kCharacterBindings[] = {
     {'-', UiAction::kSlower},        {'_', UiAction::kSlower},     {'m', UiAction::kMaxPace},
     {'1', UiAction::kTop},           {'2', UiAction::kIso},        {'3', UiAction::kSide},
     {'w', UiAction::kWireframe},     {'g', UiAction::kGrid},       {'t', UiAction::kTrails},
-    {'f', UiAction::kContactForces}, {'s', UiAction::kSensorRays}, {'h', UiAction::kNextChannel},
-    {'l', UiAction::kLabels},        {'o', UiAction::kFollow},     {'p', UiAction::kScreenshot},
-    {'v', UiAction::kVideo},         {'e', UiAction::kEntities},   {'d', UiAction::kPlots},
-    {'q', UiAction::kQuit}};
+    {'f', UiAction::kContactForces}, {'s', UiAction::kSensorRays}, {'c', UiAction::kNextChannel},
+    {'l', UiAction::kLabels},        {'o', UiAction::kEntities},   {'p', UiAction::kPlots},
+    {'v', UiAction::kVideo},         {'q', UiAction::kQuit}};
 
 struct KeyCodeBinding {
   int code;
@@ -28,7 +27,8 @@ struct KeyCodeBinding {
 constexpr KeyCodeBinding kKeyCodeBindings[] = {
     {GLFW_KEY_RIGHT, UiAction::kStep, true},       {GLFW_KEY_LEFT, UiAction::kStepBack, true},
     {GLFW_KEY_BACKSPACE, UiAction::kReset, false}, {GLFW_KEY_TAB, UiAction::kPanels, false},
-    {GLFW_KEY_F1, UiAction::kHelp, false},         {GLFW_KEY_ESCAPE, UiAction::kEscape, false}};
+    {GLFW_KEY_F12, UiAction::kScreenshot, false},  {GLFW_KEY_F1, UiAction::kHelp, false},
+    {GLFW_KEY_ESCAPE, UiAction::kEscape, false}};
 
 }  // namespace
 

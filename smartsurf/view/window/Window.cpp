@@ -15,6 +15,7 @@
 #include <stdexcept>
 #include <utility>
 
+#include "common/files/UserFile.h"
 #include "common/image/Png.h"
 #include "smartsurf/view/gl/GlObjects.h"
 #include "smartsurf/view/gl/Renderer.h"
@@ -30,6 +31,8 @@ namespace smartsurf::view {
 namespace {
 
 using Clock = std::chrono::steady_clock;
+
+constexpr const char* kLayoutFile = "window.layout";
 
 double milliseconds_since(Clock::time_point start) {
   return std::chrono::duration<double, std::milli>(Clock::now() - start).count();
@@ -49,8 +52,11 @@ struct Window::State {
         software_rendering(is_software_renderer()),
         quality(software_rendering ? RenderQuality::fast() : RenderQuality::gpu()),
         renderer(std::make_unique<Renderer>(s, quality)) {
+    saved_sizes = hud.sizes = parse_sizes(common::read_user_file(kLayoutFile));
     glfwGetFramebufferSize(glfw.window(), &width, &height);
-    if (width > 0 && height > 0) controls.resize(static_cast<double>(width) / height);
+    hud.bar_height *= ui_scale;
+    hud.message_height *= ui_scale;
+    update_layout();
     hud.option_edits = make_option_edits(spec.options);
     glfwMakeContextCurrent(nullptr);
   }
@@ -60,6 +66,8 @@ struct Window::State {
   void set_scene(const scene::SceneSpec& s);
   void set_detail(Detail detail);
   Commands take_commands();
+  void update_layout();
+  void save_layout();
   // Returns false without drawing if the display is lost or the window is minimised. copy: receives the
   // frame; may be null.
   bool render_frame(const FrameInput& input, const Status& new_status, common::Image* copy);
@@ -88,14 +96,17 @@ struct Window::State {
   double pointer_x = 0.0, pointer_y = 0.0;
   bool needs_redraw = true;  // input or a window-system event since the last frame
   Clock::time_point last_frame_at = Clock::now();
-  int width = 0, height = 0;  // of the framebuffer, pixels
+  int width = 0, height = 0;              // of the framebuffer, pixels
+  int height_points = 1;                  // of the window
+  int scene_width = 1, scene_height = 1;  // of the scene in it
+  DockSizes saved_sizes;
   float ui_scale;
   ImGuiBackend imgui;
   bool software_rendering;
   RenderQuality quality;
   Stage stage = Stage::kLight;
   AdaptiveResolution resolution;
-  RenderTarget low_res_target;  // the scene at reduced resolution
+  RenderTarget scene_target;
   std::unique_ptr<Renderer> renderer;
   std::unique_ptr<Renderer> still_renderer;  // created for the first screenshot
   std::unique_ptr<VideoCapture> video_capture;
@@ -198,8 +209,8 @@ bool Window::State::render_frame(const FrameInput& input, const Status& new_stat
   if (display_lost() || width < 1 || height < 1 || minimised) return false;
   const auto start = Clock::now();
   const ScopedGlContext scope(glfw.window());
-  controls.resize(static_cast<double>(width) / height, hud.insets);
   handle_pointer(input);
+  update_layout();
   controls.update_camera(input.snapshot);
   controls.set_channels(input.channels);
   update_plots(input);
@@ -222,28 +233,53 @@ bool Window::State::needs_full_resolution() const { return status.paused || stat
 void Window::State::draw_scene(const FrameInput& input) {
   const double scale = software_rendering && !needs_full_resolution() ? resolution.scale_factor() : 1.0;
   DrawOptions shown = make_draw_options(input, true);
-  if (scale >= 1.0) {
-    renderer->draw(input.snapshot, input.catalogue, controls.camera(), shown, 0, width, height);
-    return;
-  }
-  const int w = std::max(1, static_cast<int>(scale * width)),
-            h = std::max(1, static_cast<int>(scale * height));
-  low_res_target.resize(w, h);
+  const int w = std::max(1, static_cast<int>(scale * scene_width)),
+            h = std::max(1, static_cast<int>(scale * scene_height));
+  scene_target.resize(w, h);
   shown.line_width *= static_cast<float>(scale);
-  renderer->draw(input.snapshot, input.catalogue, controls.camera(), shown, low_res_target.framebuffer.id(),
-                 w, h);
-  glBindFramebuffer(GL_READ_FRAMEBUFFER, low_res_target.framebuffer.id());
+  renderer->draw(input.snapshot, input.catalogue, controls.camera(), shown, scene_target.framebuffer.id(), w,
+                 h);
+  const float pixels_per_point = static_cast<float>(height) / static_cast<float>(height_points);
+  const int left = static_cast<int>(hud.docks.scene.x * pixels_per_point),
+            low = height - static_cast<int>(hud.docks.scene.y * pixels_per_point) - scene_height;
+  glBindFramebuffer(GL_READ_FRAMEBUFFER, scene_target.framebuffer.id());
   glBindFramebuffer(GL_DRAW_FRAMEBUFFER, 0);
-  glBlitFramebuffer(0, 0, w, h, 0, 0, width, height, GL_COLOR_BUFFER_BIT, GL_LINEAR);
+  glBlitFramebuffer(0, 0, w, h, left, low, left + scene_width, low + scene_height, GL_COLOR_BUFFER_BIT,
+                    scale < 1.0 ? GL_LINEAR : GL_NEAREST);
   glBindFramebuffer(GL_FRAMEBUFFER, 0);
   glViewport(0, 0, width, height);
 }
 
 void Window::State::handle_pointer(const FrameInput& input) {
+  const DockRect& scene = hud.docks.scene;
+  for (PointerEvent event : std::exchange(pointer_events, {})) {
+    event.x -= scene.x;
+    event.y -= scene.y;
+    controls.handle_pointer(event, input, status, scene.width, scene.height);
+  }
+}
+
+// From the panels that are shown, so that the scene is drawn and framed beside them.
+void Window::State::update_layout() {
   int window_width = 1, window_height = 1;
   glfwGetWindowSize(glfw.window(), &window_width, &window_height);
-  for (const PointerEvent& event : std::exchange(pointer_events, {}))
-    controls.handle_pointer(event, input, status, window_width, window_height);
+  height_points = std::max(window_height, 1);
+  const DockContents contents{.panels = controls.panels_shown(),
+                              .inspector = controls.tools().selected().has_value(),
+                              .plots = controls.plots_shown(),
+                              .bar_height = hud.bar_height,
+                              .message_height = status.banner ? hud.message_height : 0.0f};
+  hud.docks = lay_out_docks(static_cast<float>(window_width), static_cast<float>(window_height), contents,
+                            hud.sizes, ui_scale);
+  const float pixels_per_point = static_cast<float>(height) / static_cast<float>(height_points);
+  scene_width = std::max(1, static_cast<int>(hud.docks.scene.width * pixels_per_point));
+  scene_height = std::max(1, static_cast<int>(hud.docks.scene.height * pixels_per_point));
+  controls.resize(static_cast<double>(scene_width) / scene_height);
+}
+
+void Window::State::save_layout() {
+  if (hud.sizes != saved_sizes) common::write_user_file(kLayoutFile, format_sizes(hud.sizes));
+  saved_sizes = hud.sizes;
 }
 
 // show_selection: also the selection and the spring of a pull, which screenshots omit.
@@ -284,9 +320,8 @@ void Window::State::draw_panels(const FrameInput& input) {
   ImGui_ImplGlfw_NewFrame();
   if (display_lost()) return;  // the display size that the backend read is invalid
   ImGui::NewFrame();
-  const ImVec2 size = ImGui::GetIO().DisplaySize;
-  draw_axis_labels(spec.surface, controls.camera(), size.x, size.y);
-  if (controls.labels_shown()) draw_object_labels(input, controls.camera(), size.x, size.y);
+  draw_axis_labels(spec.surface, controls.camera(), hud.docks.scene);
+  if (controls.labels_shown()) draw_object_labels(input, controls.camera(), hud.docks.scene);
   draw_hud(input, status, spec.surface, overlay, hud, controls, ui_scale);
   if (controls.help_shown()) draw_help_overlay(ui_scale);
   ImGui::Render();
@@ -296,7 +331,8 @@ void Window::State::draw_panels(const FrameInput& input) {
 void Window::State::record_video_frame(const FrameInput& input) {
   if (!video_capture || !video_capture->frame_due(input.snapshot.time_s)) return;
   try {
-    video_capture->add(read_framebuffer(0, width, height), input.snapshot.time_s);
+    video_capture->add(read_framebuffer(scene_target.framebuffer.id(), scene_width, scene_height),
+                       input.snapshot.time_s);
   } catch (const std::runtime_error& error) {
     video_capture.reset();
     hud.recording_video = false;
@@ -310,8 +346,8 @@ void Window::State::toggle_video(const FrameInput& input) {
       film->finish();
       hud.message = "wrote " + film->file();
     } else {
-      video_capture = std::make_unique<VideoCapture>(output_file_name(input, ".mp4"), width, height,
-                                                     input.snapshot.time_s);
+      video_capture = std::make_unique<VideoCapture>(output_file_name(input, ".mp4"), scene_width,
+                                                     scene_height, input.snapshot.time_s);
       hud.message.clear();
     }
   } catch (const std::runtime_error& error) {
@@ -344,7 +380,7 @@ common::Image Window::State::render_still(const FrameInput& input, const DrawOpt
 void Window::State::save_screenshot(const FrameInput& input, Commands& commands) {
   const std::string path = output_file_name(input, ".png");
   try {
-    common::write_png(path, render_still(input, make_draw_options(input, false), width, height));
+    common::write_png(path, render_still(input, make_draw_options(input, false), scene_width, scene_height));
     commands.screenshot_path = path;
     hud.message = "wrote " + path;
   } catch (const std::runtime_error& error) {
@@ -361,6 +397,7 @@ Window::Window(const scene::SceneSpec& spec, const std::string& title, int width
     : state_(std::make_unique<State>(spec, title, width, height, placement)) {}
 
 Window::~Window() {
+  state_->save_layout();
   // After a display loss everything is leaked: the driver would wait for replies that never come.
   if (display_lost())
     static_cast<void>(state_.release());
@@ -411,7 +448,7 @@ void Window::move_to_left() { state_->glfw.move_to_left(); }
 void Window::apply(const ViewSettings& settings) {
   state_->controls.apply(settings);
   state_->stage = settings.stage;
-  if (settings.detail) state_->set_detail(*settings.detail);
+  if (settings.detail && *settings.detail != Detail::kFinal) state_->set_detail(*settings.detail);
   state_->hud.plotted.set(settings.plots);
 }
 void Window::show_message(const std::string& message) { state_->hud.message = message; }

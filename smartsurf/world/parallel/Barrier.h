@@ -1,11 +1,11 @@
 // A split-phase barrier for a fixed number of threads.
 #pragma once
 
-#include <hwy/cache_control.h>
-
 #include <algorithm>
 #include <atomic>
 #include <vector>
+
+#include "common/threads/ThreadPool.h"
 
 namespace smartsurf::world {
 
@@ -68,11 +68,13 @@ class Barrier {
   void wait_for(const ArrivalSlot& other, unsigned target, int& spin_budget) {
     for (int spin = 0; spin < spin_budget; ++spin) {
       if (other.has_reached(target)) {
+        common::spins_of_this_thread += spin;
         if (spin_budget < kMaxSpins) spin_budget += kSpinIncrement;
         return;
       }
-      hwy::Pause();
+      common::spin_pause();
     }
+    common::spins_of_this_thread += spin_budget;
     spin_budget = std::max(kMinSpins, spin_budget / 2);
     sleeping_.fetch_add(1, std::memory_order_relaxed);
     full_fence();

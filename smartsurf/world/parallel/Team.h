@@ -50,15 +50,12 @@ class Team {
   // itself in its cache.
   template <class Work>
   void run(bool parallel, Work work) {
-    const bool shares = parallel && pool_ && pool_->thread_count() > 1 && pool_->has_cores();
-    const int member_count = shares ? pool_->thread_count() : 1;
-    if (member_count == 1) {
-      work(Member{0, 1, serial_barrier_});
-      return;
-    }
-    pool_->fork_join([&](int thread) {
+    const int member_count = pool_ ? pool_->thread_count() : 1;
+    const auto work_as_member = [&](int thread) {
       work(Member{member_count - 1 - thread, member_count, team_barrier_});
-    });
+    };
+    if (!(parallel && member_count > 1 && pool_->try_fork_join(work_as_member)))
+      work(Member{0, 1, serial_barrier_});
   }
 
  private:

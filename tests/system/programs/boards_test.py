@@ -1,4 +1,5 @@
 """Programs on boards: one process per tile, against the simulator as the world."""
+import random
 import re
 import shutil
 import sys
@@ -42,6 +43,29 @@ class Boards(ProgramTest):
     def test_wide_halos(self):
         self.assertIn(": equal", self.check("--tile", "10x16", "--halo", "3",
                                             program=str(ROOT / "scripts/case-study/sort-paper.aps")))
+
+    def test_calibrated_boards_reach_the_heights_of_their_program(self):
+        draw = random.Random(4)
+        gain, offset = ([[draw.uniform(*ends) for _ in range(6)] for _ in range(4)] for ends in ((0.8, 1.2), (-0.2, 0.2)))
+        self.write("cells.csv", "\n".join(["row,column,channel,fault,value", *(
+            f"{r},{c},height,{name},{of[r][c]}" for r in range(4) for c in range(6) for name, of in (("gain", gain), ("offset", offset)))]))
+        world = self.write("pins.lua", """surface { rows = 4, columns = 6, actuator = pin { range = { 0, 5 } }, sensors = { pin_height {} } }
+            faults { map = 'cells.csv' }
+            on_finish(function() for r = 1, 4 do for c = 1, 6 do metric('h' .. r - 1 .. c - 1, cells:sense('pin_height', r, c)) end end end)""")
+        program = self.write("steps.aps", "while(1)\n surface.actuate('height', 1 + cell.col * 0.5 + cell.row * 0.1)\n surface.step\nendwhile\n")
+        zero = [[0.0] * 6] * 4
+        matrices = {"zero": offset, "slope": gain, "play": zero, "sensor_zero": zero}
+        text = 'actuator = "height"\nsensor = "pin_height"\n' + "".join(f"[{name}]\nvalue = {of}\n" for name, of in matrices.items())
+        status, out, err = self.run_boards(world, program, "--tile", "3x2", "--ticks", "120", "--no-host", "--stats", "stats.json",
+                                           "--calibration", self.write("calibration.toml", text))
+        self.assertEqual(status, 0, out + err)
+        metrics = json.loads((self.folder / "stats.json").read_text())["metrics"]
+        for r in range(4):
+            for c in range(6):
+                self.assertAlmostEqual(metrics[f"h{r}{c}"], 1 + 0.5 * c + 0.1 * r, delta=1e-4)
+        status, _, err = self.run_boards(world, program, "--no-host", "--calibration", self.write("small.toml", text.replace("zero", "Zero")))
+        self.assertEqual(status, 1, err)
+        self.assertRegex(err, r"\nboards: error: \S*small.toml: is no calibration of surface_bridge: 'zero'\n\Z")
 
 
 class Compiling(ProgramTest):

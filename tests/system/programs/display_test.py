@@ -53,6 +53,41 @@ class Windows(ProgramTest):
         self.assertEqual(status, 2)
         self.assertEqual(err.count("\n"), 1, err)
 
+    def test_a_saved_experiment_is_reloaded_and_one_with_an_error_is_not(self):
+        self.open_display()
+        text = pathlib.Path(RAIN).read_text()
+        script = pathlib.Path(self.write("rain.lua", text + "print('first')\n"))
+        child = subprocess.Popen([SMARTSURF, "run", str(script), "--no-controller", "--window", "--set", "count=5"], text=True,
+                                 stdout=subprocess.PIPE, stderr=subprocess.STDOUT, cwd=self.folder,
+                                 env={**os.environ, "DISPLAY": self.display, "XDG_CONFIG_HOME": str(self.folder / "config")})
+        self.children.append(child)
+
+        def wait_for_line(word):
+            for line in child.stdout:
+                if word in line:
+                    return
+            self.fail(f"no {word}")
+        wait_for_line("first")
+        script.write_text(text + "print('broken'\n")
+        time.sleep(1)
+        self.assertIsNone(child.poll())
+        script.write_text(text + "print('second')\n")
+        wait_for_line("second")
+        self.assertEqual((self.folder / "config/smartsurf/recent").read_text(), f"{script}\n")
+        child.send_signal(signal.SIGTERM)
+        self.assertEqual(child.wait(30), 143)
+
+    def test_start_screen_without_arguments_ends_on_a_signal(self):
+        self.open_display()
+        environment = {**os.environ, "DISPLAY": self.display, "XDG_CONFIG_HOME": "/proc/nowhere"}
+        child = subprocess.Popen([SMARTSURF], text=True, stdout=subprocess.PIPE, stderr=subprocess.PIPE, env=environment)
+        self.children.append(child)
+        time.sleep(2)
+        self.assertIsNone(child.poll())
+        child.send_signal(signal.SIGTERM)
+        status, out, err = self.finish(child)
+        self.assertEqual((status, out, err), (143, "", ""))
+
     @unittest.skipUnless(shutil.which("xdotool"), "xdotool is not installed")
     def test_q_ends_run_cleanly(self):
         self.open_display()

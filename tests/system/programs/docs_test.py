@@ -107,6 +107,8 @@ class Docs(ProgramTest):
                     arguments += ["--shm", self.shm]
                 elif "--shm surface" in " ".join(arguments):
                     arguments[arguments.index("--shm") + 1] = self.shm
+                if program == "surface_bridge" and "--table" in arguments:  # a person types more slowly than emulators start
+                    self.wait_for((folder / arguments[arguments.index("--table") + 1]).exists, "the emulator's table")
                 executable = sys.executable if program == "python3" else str(BIN / program)
                 command = [executable, *(a for a in arguments if a != "&")]
 

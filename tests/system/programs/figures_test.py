@@ -69,6 +69,26 @@ class Figures(ProgramTest):
             self.assertIn(f"--picture-size {size}", err)
             self.assertFalse((self.folder / file).exists())
 
+    def test_traced_pictures_and_videos(self):
+        wave = [SMARTSURF, "run", str(ROOT / "scripts/examples/wave.lua"), "--no-controller", "--ticks", "2"]
+        final = ["--quality", "final", "--samples", "2", "--aperture", "2", "--picture-size", "124x46"]
+        for name in ("a", "b"):
+            status, _, err = self.run_program(*wave, *final, "--cells", "height", "--trails", "1", "--screenshot", f"{name}.png",
+                                              "--video", f"{name}.mp4")
+            if "built without Embree" in err:
+                self.assertEqual((status, err.count("\n")), (2, 1), err)
+                self.skipTest("built without Embree")
+            self.assertEqual(status, 0, err)
+        self.assertEqual(size_of(self.folder / "a.png"), (124, 46))
+        for kind in ("png", "mp4"):
+            self.assertEqual((self.folder / f"a.{kind}").read_bytes(), (self.folder / f"b.{kind}").read_bytes())
+        for flags, words in ((["--aperture", "2"], "need --quality final"), (["--samples", "8"], "need --quality final"),
+                             ([*final, "--wires"], "--wires: not with --quality final"), (["--quality", "final", "--samples", "0"], "--samples")):
+            status, _, err = self.run_program(*wave, *flags, "--screenshot", "c.png")
+            self.assertEqual((status, err.count("\n")), (2, 1), err)
+            self.assertIn(words, err)
+            self.assertFalse((self.folder / "c.png").exists())
+
     def test_page_names_every_figure_and_pictures_exist(self):
         page = PAGE.read_text()
         for n in "156789":

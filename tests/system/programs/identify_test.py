@@ -135,6 +135,42 @@ class Identification(ProgramTest):
             self.assertLess(abs(value - truth), 0.03 * truth, name)
             self.assertLess(error, 0.03 * truth, name)
 
+    def test_a_live_recording_with_lost_frames_says_the_same(self):
+        """Of a simulated one: the commands of a live frame answer it, and those of lost frames are not known."""
+        import h5py
+        import numpy as np
+        draw = random.Random(8)
+        truth = {"max_speed": draw.uniform(5, 8), "max_acceleration": draw.uniform(70, 140), "lag": draw.uniform(0.015, 0.03)}
+        text = public().replace("left[cell] or 0", "left[cell] or 100").replace("at(5,", "at(8,")
+        self.record("table", text, *(word for name, value in (*((f"actuator.{name}", value) for name, value in truth.items()),
+                                                              ("sensor.pin_height.noise", 0.006)) for word in ("--vary", f"{name}={value}")))
+        with h5py.File(self.folder / "table.h5") as whole, h5py.File(self.folder / "live.h5", "w") as live:
+            count = len(whole["tick"]) - 1
+            keep = np.array([k for k in range(40, count) if draw.random() > 0.04])
+            for name in ("meta", "surface"):
+                whole.copy(name, live)
+            live["tick"], live["answers/tick"], live["clock/host_ns"] = (whole["tick"][:][keep] for _ in range(3))
+            live["sensors/pin_height"] = whole["sensors/pin_height"][:][keep]
+            live["actuators/height"] = whole["actuators/height"][:][keep + 1]
+        status, _, err = self.identify("live.h5", "--experiment", "table.lua", "-o", "identified.lua")
+        self.assertEqual(status, 0, err)
+        found = json.loads((self.folder / "identified.json").read_text())["parameters"]
+        for name, value in truth.items():
+            estimate, error = found[f"actuator.{name}"].values()
+            self.assertLess(abs(estimate - value), 4 * error + 1e-9, name)
+            self.assertLess(error, 0.05 * value, name)
+
+    def test_a_recording_is_of_the_scene_that_follows_its_name(self):
+        text = public().replace("on_tick", "if option('load', 0, 'a weight') > 0 then sphere { radius = 1, position = { 1.5, 1.5, 6 }, label = 'load' } end\n"
+                                           "on_tick", 1)
+        recording = self.record("table", text)
+        self.refused("no such object (it has none with a label)", recording, "--experiment", "table.lua", "-o", "identified.lua", "--object", "load")
+        # With the option the object is there; no sensor sees it.
+        self.refused("no proximity and no pressure sensor sees the object", f"{recording},load=1", "--experiment", "table.lua", "-o",
+                     "identified.lua", "--object", "load")
+        self.refused("table.lua has no option 'lead' (it has load)", f"{recording},lead=1", "--experiment", "table.lua", "-o", "identified.lua")
+        self.refused("1 after the comma must be NAME=VALUE", f"{recording},1", "--experiment", "table.lua", "-o", "identified.lua")
+
     def test_what_does_not_fit_is_refused(self):
         recording = self.record("table", public())
         self.write("other.lua", public(rows=5))

@@ -53,7 +53,7 @@ class Mistakes(ProgramTest):
         self.refused([SMARTSURF, "run", str(self.folder / "none.lua")], "none.lua")
         self.refused([SMARTSURF, "run"], "EXPERIMENT.lua")
         self.refused([SMARTSURF, "fly"], "fly")
-        self.refused([SMARTSURF])
+        self.refused(["env", "-u", "DISPLAY", "-u", "WAYLAND_DISPLAY", SMARTSURF])  # on a display: the start screen
         self.refused(run + ["--spede", "2"], "--spede", "(see smartsurf run --help)")
         self.refused([SMARTSURF, "run", path, "--untill", "5"], "unknown flag '--untill'; did you mean '--until'?")
         self.refused(run + ["--verify"], "'--verify'; it is a flag of smartsurf replay")

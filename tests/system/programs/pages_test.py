@@ -62,7 +62,7 @@ class Pages(ProgramTest):
 
     def test_named_flags_exist(self):
         known = set(FOREIGN)
-        for program, commands in (("smartsurf", "run record replay info plot export check clean compare new train identify fmu"),
+        for program, commands in (("smartsurf", "run record replay info plot export check clean compare new demo train identify fmu"),
                                   ("apron", "run check compile disasm fmt repl debug lsp")):
             for command in commands.split():
                 known |= self.flags_of(str(BIN / program), command, "--help")
@@ -80,7 +80,7 @@ class Pages(ProgramTest):
 
     def test_command_line_page_lists_exactly_all_flags(self):
         rows = re.findall(r"^\| `(\w+)(?: ([a-z]+))?[^`]*` \|.*\|([^|]*)\|$", text_of("docs/cli.md"), re.MULTILINE)
-        self.assertEqual(len(rows), 26)
+        self.assertEqual(len(rows), 27)
         for program, command, flags in rows:
             there = self.flags_of(str(BIN / program), *([command] if command else []), "--help")
             shown = set(re.findall(r"--[a-z][a-z-]*", flags))
@@ -176,14 +176,17 @@ class LuaReference(ProgramTest):
 class Site(ProgramTest):
     @unittest.skipUnless((ROOT / "build/site-venv/bin/mkdocs").exists(), "no MkDocs: scripts/setup --site")
     def test_site_is_whole(self):
-        (self.folder / "run.html").write_text("<p>a recording</p>")
+        for name in ("run.html", "live.html"):
+            (self.folder / name).write_text("<p>a page</p>")
         site = str(ROOT / "scripts/site")
-        status, out, err = self.run_program(site, "-o", str(self.folder / "site"), "--player", str(self.folder / "run.html"))
+        status, out, err = self.run_program(site, "-o", str(self.folder / "site"), "--player", str(self.folder / "run.html"),
+                                            "--live", str(self.folder / "live.html"))
         self.assertEqual((status, out), (0, f"wrote {self.folder}/site/index.html\n"), err)
         for page in (ROOT / "docs").glob("*.md"):
             name = "index" if page.stem == "README" else page.stem
             self.assertTrue((self.folder / f"site/{name}.html").exists(), name)
         self.assertIn("player.html", (self.folder / "site/index.html").read_text())
+        self.assertIn('src="live.html"', (self.folder / "site/first-surface.html").read_text())
         self.assertIn("step(", re.sub("<[^>]*>", "", (self.folder / "site/api-smartsurf.html").read_text()))
         for page in (self.folder / "site").glob("*.html"):
             self.assertNotRegex(page.read_text(), r'<(script|link)[^>]*(src|href)="https?://(?!squidfunk)', page.name)

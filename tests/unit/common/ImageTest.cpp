@@ -23,6 +23,23 @@ TEST(Png, RoundTrips) {
   ASSERT_NE(png_image_finish_read(&png, nullptr, rgb.data(), 0, nullptr), 0);
   EXPECT_EQ(rgb, image.rgb);
   EXPECT_EQ(folder.entries(), 1);
+  const Image read = read_png(path);
+  EXPECT_EQ(read.width, 2);
+  EXPECT_EQ(read.height, 1);
+  EXPECT_EQ(read.rgb, image.rgb);
+}
+
+TEST(Png, RefusesWhatIsNotAPicture) {
+  const TemporaryFolder folder;
+  const auto path = folder.path() / "a.png";
+  EXPECT_THROW(static_cast<void>(read_png(path)), UserError);
+  write_png(path, {2, 1, {1, 2, 3, 250, 251, 252}});
+  const auto size = std::filesystem::file_size(path);
+  for (std::uintmax_t bytes = 0; bytes < size - 12; bytes += 5) {  // the last chunk is empty
+    std::filesystem::resize_file(path, bytes);
+    EXPECT_THROW(static_cast<void>(read_png(path)), UserError) << bytes;
+    write_png(path, {2, 1, {1, 2, 3, 250, 251, 252}});
+  }
 }
 
 TEST(Png, ErrorNamesTheFile) {

@@ -54,15 +54,15 @@ TEST(ThreadPool, WakesSleepingThreads) {
 
 TEST(ThreadPool, ForkJoinRunsOnAllThreadsConcurrently) {
   constexpr int kThreads = 4;
-  ThreadPool pool(kThreads);
+  ThreadPool pool(kThreads, 0.0);
   for (int round = 0; round < 100; ++round) {
     std::atomic<int> arrived = 0;
     std::array<std::atomic<int>, kThreads> calls{};
-    pool.fork_join([&](int thread) {
+    ASSERT_TRUE(pool.try_fork_join([&](int thread) {
       ++calls[static_cast<std::size_t>(thread)];
       ++arrived;
       while (arrived < kThreads) std::this_thread::yield();  // returns only if all threads are inside
-    });
+    }));
     for (const auto& c : calls) ASSERT_EQ(c, 1) << round;
   }
 }
@@ -84,27 +84,31 @@ TEST(ThreadPool, ParallelForProcessesEachIndexOnce) {
 }
 
 TEST(ThreadPool, AlternatesParallelForAndForkJoin) {
-  ThreadPool pool(3);
+  ThreadPool pool(3, 0.0);
   std::atomic<long> sum = 0;
   for (int round = 0; round < 2000; ++round) {
     pool.parallel_for(5, [&](std::uint32_t index, unsigned) { sum += index; });
-    pool.fork_join([&](int thread) { sum += thread; });
+    ASSERT_TRUE(pool.try_fork_join([&](int thread) { sum += thread; }));
   }
   EXPECT_EQ(sum, 2000 * (10 + 3));
 }
 
-// A thread that gets no core is a sleeping thread, as far as the caller can see.
-TEST(ThreadPool, WaitsForCoresCostABoundedShareOfTheTime) {
+// A thread that gets no core is a sleeping thread, as far as the caller can see. `wait` is what the caller
+// does meanwhile.
+template <class Wait>
+void expect_bounded_waits(const Wait& wait) {
   using namespace std::chrono_literals;
   ThreadPool pool(2);
   const auto start = std::chrono::steady_clock::now();
   int shared = 0, alone = 0;
   for (auto now = start; now - start < 400ms; now = std::chrono::steady_clock::now()) {
-    if (pool.has_cores()) {
+    std::atomic<bool> slept = false;
+    if (pool.try_fork_join([&](int thread) {
+          if (thread == 0) return wait(slept);
+          std::this_thread::sleep_for(2ms);
+          slept = true;
+        })) {
       ++shared;
-      pool.fork_join([](int thread) {
-        if (thread == 1) std::this_thread::sleep_for(2ms);
-      });
     } else {
       ++alone;
       std::this_thread::sleep_for(1ms);
@@ -116,14 +120,24 @@ TEST(ThreadPool, WaitsForCoresCostABoundedShareOfTheTime) {
   EXPECT_LE(2.0 * shared, 0.04 * time.count() + 5.0 + 2.0);
 }
 
+TEST(ThreadPool, WaitsForCoresCostABoundedShareOfTheTime) {
+  expect_bounded_waits([](const std::atomic<bool>&) {});
+}
+
+TEST(ThreadPool, SpinsInsideAJobCountAsWaits) {
+  expect_bounded_waits([](const std::atomic<bool>& slept) {
+    for (; !slept; ++common::spins_of_this_thread) common::spin_pause();
+  });
+}
+
 TEST(ThreadPool, SharesAgainWhenTheCoresAreFree) {
   ThreadPool pool(2);
-  for (int job = 0; pool.has_cores() && job < 100; ++job)
-    pool.fork_join([](int thread) {
-      if (thread == 1) std::this_thread::sleep_for(std::chrono::milliseconds(4));
-    });
+  const auto wait = [](int thread) {
+    if (thread == 1) std::this_thread::sleep_for(std::chrono::milliseconds(4));
+  };
+  for (int job = 0; pool.try_fork_join(wait) && job < 100;) ++job;
   int waits = 0;
-  for (; !pool.has_cores() && waits < 10'000; ++waits)
+  for (; !pool.try_fork_join([](int) {}) && waits < 10'000; ++waits)
     std::this_thread::sleep_for(std::chrono::milliseconds(1));
   EXPECT_LT(waits, 10'000);
 }
@@ -131,10 +145,8 @@ TEST(ThreadPool, SharesAgainWhenTheCoresAreFree) {
 TEST(ThreadPool, OneWithoutLeastCostAlwaysShares) {
   ThreadPool pool(2, 0.0);
   for (int job = 0; job < 5; ++job) {
-    EXPECT_TRUE(pool.has_cores());
-    pool.fork_join([](int thread) {
+    EXPECT_TRUE(pool.try_fork_join([](int thread) {
       if (thread == 1) std::this_thread::sleep_for(std::chrono::milliseconds(4));
-    });
+    }));
   }
-  EXPECT_TRUE(pool.has_cores());
 }

@@ -110,6 +110,36 @@ TEST_F(RendererTest, OcclusionDarkensOnlyWhatIsNear) {
     EXPECT_NEAR(with.rgb[i], without.rgb[i], 2);
 }
 
+// At the bottom of a conical pit whose walls rise at 30° three quarters of the sky are visible, however small
+// it is.
+TEST_F(RendererTest, OcclusionInAShallowPitIsMild) {
+  constexpr int kNodes = 61;
+  constexpr double kSlope = 0.57735;
+  for (const double radius : {0.6, 1.5, 3.0}) {
+    TestScene scene(16, 16);
+    scene.spec.surface.skin.emplace().rows = kNodes;
+    scene.spec.surface.skin->columns = kNodes;
+    const Eigen::AlignedBox2d extent = scene.spec.surface.skin_extent();
+    const Eigen::Vector2d middle = extent.center();
+    for (int row = 0; row < kNodes; ++row)
+      for (int column = 0; column < kNodes; ++column) {
+        const Eigen::Vector2d at =
+            extent.min() +
+            Eigen::Vector2d(column, kNodes - 1 - row).cwiseProduct(extent.sizes() / (kNodes - 1));
+        const double below = std::max(radius - (at - middle).norm(), 0.0) * kSlope;
+        scene.snapshot.skin_height.push_back(static_cast<float>(4.0 - below));
+      }
+    RenderQuality quality = RenderQuality::video();
+    const common::Image with = render(scene, quality);
+    quality.occlusion = false;
+    const common::Image without = render(scene, quality);
+    for (std::size_t i = 0; i < with.rgb.size(); ++i)
+      if (without.rgb[i] > 100) {
+        ASSERT_GE(with.rgb[i], 0.6 * without.rgb[i]) << "pit of radius " << radius;
+      }
+  }
+}
+
 TEST_F(RendererTest, FastQualityResemblesFullQuality) {
   const TestScene scene = make_crowd(24, 40);
   const common::Image cheap = render(scene, RenderQuality::fast()),

@@ -20,6 +20,7 @@ class WindowTest : public testing::Test {
  protected:
   void SetUp() override {
     if (!Window::display_available()) GTEST_SKIP() << "no display";
+    setenv("XDG_CONFIG_HOME", testing::TempDir().c_str(), 1);  // the layout of the user is not read
   }
   static int different_pixels(const common::Image& a, const common::Image& b) {
     int count = 0;
@@ -80,6 +81,8 @@ TEST_F(WindowTest, CoexistsWithOffscreenRendering) {
   scene.add_sphere(3.5, 3.5, 6.0, 2.0, {0.86f, 0.12f, 0.10f});
   Window window(scene.spec, "test", 400, 300);
   const Camera camera = Camera::fit_to_surface(scene.spec.surface, CameraPreset::kIso, 4.0 / 3.0);
+  window.perform(UiAction::kPanels);  // the scene has the whole window
+  window.render_frame({scene.snapshot, scene.spec.objects}, {});
   const common::Image of_window = window.capture_scene({scene.snapshot, scene.spec.objects}, 400, 300);
   const common::Image alone =
       render_image(scene.spec, scene.snapshot, scene.spec.objects, camera, {}, 400, 300);

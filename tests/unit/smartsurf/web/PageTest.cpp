@@ -8,6 +8,7 @@
 
 #include "smartsurf/scene/KindRegistry.h"
 #include "smartsurf/view/model/ActuatorGeometry.h"
+#include "smartsurf/web/Base64.h"
 #include "smartsurf/web/SeriesEncoder.h"
 #include "tests/unit/smartsurf/record/SyntheticRun.h"
 

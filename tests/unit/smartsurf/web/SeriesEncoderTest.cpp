@@ -5,6 +5,8 @@
 
 #include <cmath>
 
+#include "smartsurf/web/Base64.h"
+
 namespace smartsurf::web {
 namespace {
 
