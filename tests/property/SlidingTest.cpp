@@ -51,7 +51,7 @@ TEST(Sliding, BoxSlidesOnlyAboveFrictionAngle) {
   }
 }
 
-// A box 4 u or longer that slides over pins at height 1 from column 2 on, towards the east; `height(column)`
+// A box that slides over pins at height 1 with its middle from x = 5 on, towards the east; `height(column)`
 // is that of a column's pins. Returns by how much it comes to rest before the friction distance, as a
 // fraction of that.
 template <class Height>
@@ -93,14 +93,22 @@ TEST(Sliding, EdgeThatSankALittleIntoAGapRidesUp) {
 }
 
 TEST(Sliding, RealStepsStopABox) {
-  for (const double step : {0.006, 0.01, 0.03})
-    for (const double dt_s : {1.0 / 60, 1.0 / 240}) {
-      SCOPED_TRACE(testing::Message() << step << " u, " << dt_s << " s");
-      // The side of column 20 is at 19.6; the box begins at 5 with its middle.
-      EXPECT_NEAR(shortfall(dt_s, {3, 3, 1}, 0.0, 0.2, 16.0,
-                            [&](int column) { return static_cast<float>(column < 20 ? 1.0 : 1.0 + step); }),
-                  1.0 - (19.6 - 1.5 - 5.0) / 16.0, 0.01);
-    }
+  std::mt19937 random(5);
+  const auto uniform = [&](double low, double high) {
+    return std::uniform_real_distribution<double>(low, high)(random);
+  };
+  for (int draw = 0; draw < 12; ++draw) {
+    const double step = 0.006 * std::pow(10.0, uniform(0, 1)), speed = uniform(1, 4), mu = uniform(0.15, 0.4);
+    const double dt_s = 1.0 / (draw % 2 == 0 ? 60 : 240);
+    SCOPED_TRACE(testing::Message() << step << " u, " << speed << " u/s, " << dt_s << " s");
+    const Eigen::Vector3d size(uniform(2.2, 5), uniform(2.2, 5), uniform(0.3, 0.8));
+    // The side of column 20 is at 19.6; the box begins at 5 with its middle, and has `speed` at the step.
+    const double reach = 19.6 - 0.5 * size.x() - 5.0;
+    const double distance = reach + speed * speed / (2 * mu * kGravity);
+    EXPECT_NEAR(shortfall(dt_s, size, 0.0, mu, distance,
+                          [&](int column) { return static_cast<float>(column < 20 ? 1.0 : 1.0 + step); }),
+                1.0 - reach / distance, 0.02 / distance);
+  }
 }
 
 class Rolling : public testing::TestWithParam<double> {};
