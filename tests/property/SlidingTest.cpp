@@ -92,6 +92,21 @@ TEST(Sliding, EdgeThatSankALittleIntoAGapRidesUp) {
   }
 }
 
+TEST(Sliding, SmallStepsAreRiddenUp) {
+  std::mt19937 random(7);
+  const auto uniform = [&](double low, double high) {
+    return std::uniform_real_distribution<double>(low, high)(random);
+  };
+  for (int draw = 0; draw < 6; ++draw) {
+    const double step = uniform(0.0005, 0.003), mu = uniform(0.15, 0.4);
+    SCOPED_TRACE(testing::Message() << step << " u");
+    const Eigen::Vector3d size(uniform(2.2, 5), uniform(2.2, 5), uniform(0.3, 0.8));
+    EXPECT_NEAR(shortfall(draw % 2 == 0 ? 1.0 / 60 : 1.0 / 240, size, 0.0, mu, uniform(16, 25),
+                          [&](int column) { return static_cast<float>(column < 20 ? 1.0 : 1.0 + step); }),
+                0.0, 0.005);
+  }
+}
+
 TEST(Sliding, RealStepsStopABox) {
   std::mt19937 random(5);
   const auto uniform = [&](double low, double high) {
