@@ -1,6 +1,8 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <random>
+#include <vector>
 
 #include "tests/property/PhysicsFixture.h"
 
@@ -46,6 +48,81 @@ TEST(Sliding, BoxSlidesOnlyAboveFrictionAngle) {
     fixture.run(2.0);
     const double expected = tangent < mu ? 0.0 : 0.5 * g * (std::sin(angle) - mu * std::cos(angle)) * 4.0;
     EXPECT_NEAR(fixture.position(id).x() - 6, expected, 0.03 + 0.03 * expected);
+  }
+}
+
+// A box that slides over pins at height 1 with its middle from x = 5 on, towards the east; `height(column)`
+// is that of a column's pins. Returns by how much it comes to rest before the friction distance, as a
+// fraction of that.
+template <class Height>
+double shortfall(double dt_s, const Eigen::Vector3d& size, double yaw, double mu, double distance,
+                 Height height) {
+  PhysicsFixture fixture;
+  fixture.scene.world.dt_s = dt_s;
+  fixture.scene.surface.columns = 64;
+  fixture.scene.surface.rows = 16;
+  fixture.scene.materials[0].friction = mu;
+  std::vector<float> heights(fixture.cells().field().height.size());
+  for (std::size_t i = 0; i < heights.size(); ++i) heights[i] = height(static_cast<int>(i % 64));
+  fixture.cells().set_targets(0, heights);
+  fixture.run(1.0);
+  auto object = box(size, {5, 7.5, 1 + 0.5 * size.z()});
+  object.orientation = Eigen::AngleAxisd(yaw, Eigen::Vector3d::UnitZ());
+  object.velocity = {std::sqrt(2 * mu * kGravity * distance), 0, 0};
+  const auto id = fixture.add(object);
+  fixture.run(object.velocity.x() / (mu * kGravity) + 0.3);
+  return 1.0 - (fixture.position(id).x() - 5.0) / distance;
+}
+
+TEST(Sliding, EdgeThatSankALittleIntoAGapRidesUp) {
+  std::mt19937 random(3);
+  const auto uniform = [&](double low, double high) {
+    return std::uniform_real_distribution<double>(low, high)(random);
+  };
+  for (int draw = 0; draw < 6; ++draw) {
+    SCOPED_TRACE(draw);
+    const Eigen::Vector3d size(uniform(4.6, 7), uniform(1.5, 5), uniform(0.3, 1));
+    const double yaw = draw % 2 == 0 ? 0.0 : uniform(-3, 3), mu = uniform(0.15, 0.4),
+                 distance = uniform(10, 30);
+    const int every = 4 + draw % 3;
+    const double dt_s = draw < 3 ? 1.0 / 60 : 1.0 / 240;
+    EXPECT_NEAR(shortfall(dt_s, size, yaw, mu, distance,
+                          [&](int column) { return column > 9 && column % every == 0 ? 0.5F : 1.0F; }),
+                0.0, 0.005);
+  }
+}
+
+TEST(Sliding, SmallStepsAreRiddenUp) {
+  std::mt19937 random(7);
+  const auto uniform = [&](double low, double high) {
+    return std::uniform_real_distribution<double>(low, high)(random);
+  };
+  for (int draw = 0; draw < 6; ++draw) {
+    const double step = uniform(0.0005, 0.003), mu = uniform(0.15, 0.4);
+    SCOPED_TRACE(testing::Message() << step << " u");
+    const Eigen::Vector3d size(uniform(2.2, 5), uniform(2.2, 5), uniform(0.3, 0.8));
+    EXPECT_NEAR(shortfall(draw % 2 == 0 ? 1.0 / 60 : 1.0 / 240, size, 0.0, mu, uniform(16, 25),
+                          [&](int column) { return static_cast<float>(column < 20 ? 1.0 : 1.0 + step); }),
+                0.0, 0.005);
+  }
+}
+
+TEST(Sliding, RealStepsStopABox) {
+  std::mt19937 random(5);
+  const auto uniform = [&](double low, double high) {
+    return std::uniform_real_distribution<double>(low, high)(random);
+  };
+  for (int draw = 0; draw < 12; ++draw) {
+    const double step = 0.006 * std::pow(10.0, uniform(0, 1)), speed = uniform(1, 4), mu = uniform(0.15, 0.4);
+    const double dt_s = 1.0 / (draw % 2 == 0 ? 60 : 240);
+    SCOPED_TRACE(testing::Message() << step << " u, " << speed << " u/s, " << dt_s << " s");
+    const Eigen::Vector3d size(uniform(2.2, 5), uniform(2.2, 5), uniform(0.3, 0.8));
+    // The side of column 20 is at 19.6; the box begins at 5 with its middle, and has `speed` at the step.
+    const double reach = 19.6 - 0.5 * size.x() - 5.0;
+    const double distance = reach + speed * speed / (2 * mu * kGravity);
+    EXPECT_NEAR(shortfall(dt_s, size, 0.0, mu, distance,
+                          [&](int column) { return static_cast<float>(column < 20 ? 1.0 : 1.0 + step); }),
+                1.0 - reach / distance, 0.02 / distance);
   }
 }
 

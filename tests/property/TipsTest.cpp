@@ -3,6 +3,7 @@
 
 #include <cmath>
 #include <numbers>
+#include <random>
 
 #include "smartsurf/scene/KindRegistry.h"
 #include "tests/property/PhysicsFixture.h"
@@ -64,6 +65,39 @@ INSTANTIATE_TEST_SUITE_P(Steps, Tilt, testing::Values(1.0 / 60, 1.0 / 240, 1.0 /
 const double kPocket = std::sqrt(0.5);  // from the middle of four cells to their centres, u
 
 }  // namespace
+
+// Plates with riders that fall on moving pins with a stiffness, enough of them for parallel steps, in one
+// engine and in another that takes over its state every now and then.
+TEST(PinStiffness, SavedStatesAndThreadsGiveTheSameBits) {
+  const auto hash_after = [](int threads, bool takes_over) {
+    PhysicsFixture fixture;
+    fixture.threads = threads;
+    fixture.scene.world.dt_s = 1.0 / 60;
+    set_surface(fixture, "pin", 48, 1.0, 0.8, {{"stiffness", {3000}}, {"damping", {5}}});
+    std::mt19937 random(11);
+    const auto uniform = [&](double low, double high) {
+      return std::uniform_real_distribution<double>(low, high)(random);
+    };
+    for (int i = 0; i < 225; ++i) {
+      const Eigen::Vector3d at(2.0 + i % 15 * 3.0, 2.0 + i / 15 * 3.0, uniform(0.3, 1.0));
+      const Eigen::Vector3d size(uniform(1.2, 2.6), uniform(1.2, 2.6), 0.4);
+      fixture.add(box(size, at));
+      fixture.add(box({0.6, 0.6, 0.4}, at + Eigen::Vector3d(uniform(-0.3, 0.3), uniform(-0.3, 0.3), 0.45)));
+    }
+    std::uint64_t sum = 0;
+    for (int k = 0; k < 8; ++k) {
+      fixture.run(0.2, [&] {
+        fixture.cells().set_target(0, static_cast<int>(random() % 48), static_cast<int>(random() % 48),
+                                   static_cast<float>(uniform(0, 0.02)));
+      });
+      sum = 31 * sum + fixture.snapshot().state_hash;
+      if (takes_over) fixture.take_over();
+    }
+    return sum;
+  };
+  const std::uint64_t hash = hash_after(1, false);
+  for (const int threads : {1, 2, 4}) EXPECT_EQ(hash_after(threads, true), hash) << threads;
+}
 
 TEST_P(Tips, SphereRestsOnFourHemispheres) {
   const double radius = 1.5, tip = 0.4;

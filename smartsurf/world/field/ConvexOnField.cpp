@@ -496,10 +496,22 @@ void for_each_part_on_field(const Columns& columns, const Shape& shape, const Ve
 
 }  // namespace
 
+bool rides_up(const Vec3& normal, float top, float lowest) {
+  constexpr float kEdgeRadius = 0.004F;  // u
+  constexpr float kMaxSideNormalZ = 0.1F;
+  return normal.z() < kMaxSideNormalZ && lowest > top - kEdgeRadius;
+}
+
+float lowest_point(const Shape& shape, const Vec3& centre, const Mat3& axes) {
+  return centre.z() - axes.row(2).cwiseAbs().dot(shape.half_extents);
+}
+
 void collide_shape_with_field(const surface::Field& field, const Shape& shape, const Vec3& centre,
                               const Mat3& axes, float margin, std::vector<Contact>& out) {
   const Columns columns(field, shape.width);
+  const float lowest = lowest_point(shape, centre, axes);
   const auto take = [&](const ManifoldCandidate& c) {
+    if (rides_up(c.normal, field.column_height()[c.tag], lowest)) return;
     Contact& contact = out.emplace_back();
     contact.normal = c.normal;
     contact.anchor = c.point + c.normal * c.separation - centre;

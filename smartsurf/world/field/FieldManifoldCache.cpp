@@ -200,6 +200,7 @@ bool FieldManifoldCache::reduce(const BodyStore& bodies, std::size_t i, float ma
   const Columns columns(field_, bodies.width[i]);
   const Vec3 centre = bodies.origin(i);
   const std::size_t first_contact = out.size();
+  const float lowest = lowest_point(*bodies.shape[i], centre, bodies.axes[i]);
   auto height_change = [&](const CachedPoint& p) { return field_.column_height()[p.cell] - p.top; };
   float slip_squared = 0.0F;  // the greatest, u²
   const CachedPoint* const end = chunk_cache.points.data() + manifold.first_point + manifold.point_count;
@@ -214,7 +215,9 @@ bool FieldManifoldCache::reduce(const BodyStore& bodies, std::size_t i, float ma
       const Vec3 offset = on_body - end_of_plane->on_cell - Vec3(0, 0, height_change(*end_of_plane));
       const float separation = end_of_plane->normal.dot(offset);
       slip_squared = std::max(slip_squared, offset.squaredNorm() - separation * separation);
-      points.add(on_body, separation <= margin ? separation : std::numeric_limits<float>::infinity());
+      const bool bears = separation <= margin &&
+                         !rides_up(end_of_plane->normal, field_.column_height()[end_of_plane->cell], lowest);
+      points.add(on_body, bears ? separation : std::numeric_limits<float>::infinity());
     }
     if (slip_squared > slip_limit * slip_limit) {
       out.resize(first_contact);

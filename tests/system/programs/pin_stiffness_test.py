@@ -104,7 +104,6 @@ end)"""
                     self.assertLess(abs(got - right).max(), 0.01 * weight)
                     self.assertEqual(speed, 0)  # asleep
 
-
     def swing(self, rate, stiffness, damping, drop, seconds):
         """The heights of a plate of mass 25 over 36 level pins, from where it touches them or `drop` above, and its weight's depth."""
         out = self.run_scene(f"""
@@ -142,6 +141,20 @@ on_tick(function() local _, _, z = object(id):position() print(string.format('%.
                     touched = int(numpy.argmax(z < 0.01))
                     self.assertLess(z[touched:].max(), drop + 0.005)
                     self.assertGreater(z.min(), -1.02 * (sink + math.sqrt(sink**2 + 2 * sink * drop)) - 1e-4 - G / rate**2)
+
+    def test_nuisances_change_stiffness(self):
+        scene = self.write("scene.lua", """
+surface { rows = 12, columns = 12, actuator = pin { stiffness = 1e3 } }
+local id = box { size = { 5.8, 5.8, 0.5 }, mass = 25, position = { 5.5, 5.5, 0.25 } }
+on_finish(function() local _, _, z = object(id):position() print(25 * 9.81 / 36 / (0.25 - z)) end)""")
+        for word, low, high in (("2e3", 2e3, 2e3), ("0.5:2:factor", 500, 2e3), ("100:900:offset", 1100, 1900)):
+            with self.subTest(word):
+                out = self.run_program(SMARTSURF, "run", scene, "--no-controller", "--headless", "--until", "3", "--vary", f"actuator.stiffness={word}")[1]
+                self.assertTrue(0.999 * low <= float(out) <= 1.001 * high, out)
+        for word, line in (("stiffness=0", "pin.stiffness = 0: must be greater than 0"), ("stiffness=nan", "nan: must be a finite number"), ("stiffness=1e3:inf", "inf: must be a finite number"), ("damping=-1:5", "pin.damping = -1: must be in [0, 1e+12]")):
+            with self.subTest(word):
+                status, _, err = self.run_program(SMARTSURF, "check", scene, "--vary", f"actuator.{word}")
+                self.assertEqual((status, err), (2, f"smartsurf: {scene}: --vary actuator.{word}: {line}\n"))
 
     def test_same_bits_with_two_threads(self):
         b = self.bed()
