@@ -86,6 +86,27 @@ Value Lowering::lower_neighbourhood(const Builtin& builtin, const Expressions& a
                            destination, location);
 }
 
+// Computed with floats, which hold all results. Seeds and masks are truths of any type; flood and distance
+// give registers of the mask's type, and what spreads is of its own.
+Value Lowering::lower_propagation(const Builtin& builtin, const Expressions& arguments, Location location,
+                                  ResultDestination* destination) {
+  using program::CellType;
+  std::vector<Value> sources;
+  for (const Expression& argument : arguments)
+    sources.push_back(lower_register(argument, fmt::format("'{}'", builtin.name)));
+  const bool spreads = builtin.op == Opcode::kSpreadMax || builtin.op == Opcode::kSpreadSum;
+  const CellType type = builder_.shape(spreads ? sources.front() : sources.back()).type;
+  const bool is_short = type == CellType::kUint8 || type == CellType::kUint16;
+  if (builtin.op == Opcode::kSpreadMax && is_short)
+    sources[0] = emit_conversion(Opcode::kConvert, sources[0], CellType::kFloat32, nullptr, location);
+  if (spreads) check_types(builtin.op, {sources.front()}, location);
+  for (std::size_t i = spreads ? 1 : 0; i < sources.size(); ++i)
+    sources[i] = truth_of_type(sources[i], CellType::kFloat32, location);
+  if (type == CellType::kFloat32) return emit_out_of_place(builtin.op, sources, {}, destination, location);
+  const Value result = emit_out_of_place(builtin.op, sources, {}, nullptr, location);
+  return emit_conversion(Opcode::kConvert, result, type, destination, location);
+}
+
 Value Lowering::emit_out_of_place(Opcode op, const std::vector<Value>& sources,
                                   std::vector<program::Operand> extra_operands,
                                   ResultDestination* destination, Location location) {

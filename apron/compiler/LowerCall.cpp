@@ -49,17 +49,16 @@ Value Lowering::lower_call(const Builtin& builtin, const Expression& call, const
       return lower_register_property(builtin, arguments);
     case BuiltinForm::kParameterGet:
       return lower_parameter(arguments[0], destination);
-    case BuiltinForm::kPropagate: {
-      std::vector<Value> sources;
-      for (const Expression& argument : arguments)
-        sources.push_back(lower_register(argument, fmt::format("'{}'", call.text)));
-      return emit_out_of_place(builtin.op, sources, {}, destination, call.location);
-    }
+    case BuiltinForm::kPropagate:
+      return lower_propagation(builtin, arguments, call.location, destination);
     case BuiltinForm::kScatter: {            // a histogram counts 1 for each cell
       const Shape outer_hint = shape_hint_;  // operands have a shape of their own
       for (const Expression& argument : arguments)
         if (find_shape(argument, shape_hint_)) break;
-      const Value at = lower_register(arguments[0], fmt::format("'{}'", call.text));
+      Value at = lower_register(arguments[0], fmt::format("'{}'", call.text));
+      if (const auto type = builder_.shape(at).type;
+          type == program::CellType::kUint8 || type == program::CellType::kUint16)
+        at = emit_conversion(Opcode::kConvert, at, program::CellType::kFloat32, nullptr, call.location);
       const Value added = arguments.size() > 1 ? lower(arguments[1]) : Value::from_constant(1.0F);
       check_types(builtin.op, {at, added}, call.location);
       check_shapes({at, added}, call.location);
@@ -172,9 +171,29 @@ Value Lowering::emit_to_register(Opcode op, std::vector<Operand> operands, Resul
   const Shape shape = is_stored ? shape_hint_ : shape_hint_.of_type(program::CellType::kFloat32);
   const Value result = destination != nullptr ? resolve_destination(*destination, true, shape)
                                               : builder_.allocate_temporary(shape);
-  check_result_type(op, result);
-  builder_.emit(op, builder_.operand(result), std::move(operands), destination != nullptr);
+  emit_fill(op, result, std::move(operands), destination != nullptr);
   return result;
+}
+
+// Whole numbers become cells of a register of integers, of which the constant ones must be values.
+void Lowering::emit_fill(Opcode op, const Value& result, std::vector<Operand> operands, bool masked) {
+  const Shape shape = builder_.shape(result);
+  const bool is_whole = op == Opcode::kCellX || op == Opcode::kCellY || op == Opcode::kRandomInt;
+  if (!shape.is_integer() || !is_whole) {
+    check_result_type(op, result);
+    return builder_.emit(op, builder_.operand(result), std::move(operands), masked);
+  }
+  std::vector<Value> numbers;
+  for (const Operand& operand : operands)
+    if (operand.kind == program::OperandKind::kLiteral)
+      numbers.push_back(Value::from_constant(builder_.program().literals[operand.index]));
+  if (op != Opcode::kRandomInt)
+    numbers.push_back(Value::from_constant((op == Opcode::kCellX ? shape.width : shape.height) - 1));
+  check_cell_values(shape, numbers, builder_.location());
+  const Value filled = builder_.allocate_temporary(shape.of_type(program::CellType::kFloat32));
+  builder_.emit(op, builder_.operand(filled), std::move(operands), false);
+  builder_.emit(Opcode::kConvert, builder_.operand(result), {builder_.operand(filled)}, masked);
+  builder_.release(filled);
 }
 
 }  // namespace apron::compiler

@@ -22,8 +22,7 @@ Value Lowering::emit_to_either(Opcode op, const std::vector<Operand>& operands,
   const Value result = destination != nullptr ? resolve_destination(*destination, is_register, shape)
                        : is_register ? builder_.allocate_temporary(shape.of_type(program::CellType::kFloat32))
                                      : builder_.allocate_scalar_temporary();
-  check_result_type(op, result);
-  builder_.emit(op, builder_.operand(result), operands, destination != nullptr);
+  emit_fill(op, result, operands, destination != nullptr);
   return result;
 }
 
@@ -50,7 +49,10 @@ Value Lowering::lower_random(const Builtin& builtin, const Expressions& argument
   if (destination != nullptr) is_register_statement_ = find_shape(*destination->target, shape);
   const Value drawn = emit_random(builtin.op, a, b, nullptr);
   is_register_statement_ = saved;
-  return emit_elementwise(Opcode::kRound, {drawn}, location, destination);
+  if (!drawn.is_register() || !shape.is_integer())
+    return emit_elementwise(Opcode::kRound, {drawn}, location, destination);
+  const Value rounded = emit_elementwise(Opcode::kRound, {drawn}, location, nullptr);
+  return emit_conversion(Opcode::kConvert, rounded, shape.type, destination, location);
 }
 
 // reg.setPalette(A, 'name') or (A, scale, 'name'); reg.setScale(A, high) or (A, low, high).

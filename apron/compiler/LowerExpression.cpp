@@ -283,8 +283,13 @@ Value Lowering::lower_conversion(const Builtin& builtin, const Expression& argum
     fail(location, "'{}' converts registers; a number takes the type of the registers that it meets",
          builtin.name);
   check_machine_read(builtin.op, {value}, location);
-  const Shape shape = builder_.shape(value).of_type(builtin.type);
-  if (shape == builder_.shape(value)) return value;
+  if (builder_.shape(value).type == builtin.type) return value;
+  return emit_conversion(builtin.op, value, builtin.type, destination, location);
+}
+
+Value Lowering::emit_conversion(Opcode op, const Value& value, program::CellType type,
+                                ResultDestination* destination, Location location) {
+  const Shape shape = builder_.shape(value).of_type(type);
   Value result;
   if (destination != nullptr) {
     result = resolve_destination(*destination, true, shape);
@@ -295,7 +300,7 @@ Value Lowering::lower_conversion(const Builtin& builtin, const Expression& argum
   } else {
     result = builder_.allocate_temporary(shape);
   }
-  builder_.emit(builtin.op, builder_.operand(result), {builder_.operand(value)}, destination != nullptr);
+  builder_.emit(op, builder_.operand(result), {builder_.operand(value)}, destination != nullptr);
   builder_.release(value);
   return result;
 }

@@ -178,8 +178,10 @@ class Lowering {
   void check_shapes(const std::vector<Value>&, Location) const;
   void check_types(program::Opcode, const std::vector<Value>& registers, Location) const;
   void check_result_type(program::Opcode, const Value& result) const;
+  void emit_fill(program::Opcode, const Value& result, std::vector<program::Operand>, bool masked);
   void check_cell_values(Shape, const std::vector<Value>&, Location) const;
   Value lower_conversion(const Builtin&, const Expression& argument, Location, ResultDestination*);
+  Value emit_conversion(program::Opcode, const Value&, program::CellType, ResultDestination*, Location);
   Value truth_of_type(const Value& condition, program::CellType, Location);
   void check_where_shape(Shape, Location, std::optional<std::size_t> mask_base) const;
   bool find_shape(const Expression&, Shape&) const;
@@ -209,6 +211,7 @@ class Lowering {
   void lower_pixel_set(const Expressions&);
 
   // For instructions that read other cells: the destination is none of the sources.
+  Value lower_propagation(const Builtin&, const Expressions&, Location, ResultDestination*);
   Value emit_out_of_place(program::Opcode, const std::vector<Value>& sources,
                           std::vector<program::Operand> extra_operands, ResultDestination*, Location);
 

@@ -16,10 +16,6 @@ using vm::HostStatus;
 
 namespace {
 
-// A program that executes as many instructions without surface.step never answers: its surface would wait
-// forever.
-constexpr std::uint64_t kMaxInstructionsPerAnswer = 100'000'000;
-
 // Gives the program the frame of the current answer() and takes what it actuates.
 class ControlledSurfaceHost final : public EmbeddedHost {
  public:
@@ -110,16 +106,12 @@ class SurfaceProgram final : public common::Controller {
   ControllerStatus answer(const common::SensorFrame& frame,
                           std::span<const std::span<float>> targets) noexcept override {
     host_.bind(frame, targets);
-    switch (vm_.run(kMaxInstructionsPerAnswer)) {
+    switch (vm_.run()) {
       case vm::Status::kTick:
         return ControllerStatus::kAnswered;
       case vm::Status::kEnded:
       case vm::Status::kClosed:
         return ControllerStatus::kEnded;
-      case vm::Status::kRunning:
-        error_ = "the program has executed " + std::to_string(kMaxInstructionsPerAnswer) +
-                 " instructions without surface.step, for which the surface waits";
-        return ControllerStatus::kFailed;
       default:
         error_ = vm_.error();
         return ControllerStatus::kFailed;
@@ -131,6 +123,7 @@ class SurfaceProgram final : public common::Controller {
   static vm::VmOptions vm_options() {
     vm::VmOptions options;
     options.fusion.observed.all_named = false;
+    options.refuse_endless_ticks = true;
     return options;
   }
 

@@ -57,4 +57,17 @@ std::optional<std::size_t> find_loop_without_step(const Program& program) {
   return std::nullopt;
 }
 
+std::optional<std::size_t> find_endless_loop(const Program& program) {
+  const std::vector<bool> reachable = find_reachable(program);
+  std::optional<std::size_t> last;
+  for (std::size_t index = 0; index < reachable.size(); ++index) {
+    if (!reachable[index]) continue;
+    const Opcode op = program.code[index].op;
+    if (op == Opcode::kSurfaceStep || op == Opcode::kEnd || op == Opcode::kReturn) return std::nullopt;
+    if (std::ranges::any_of(successors(program, index), [&](std::size_t next) { return next <= index; }))
+      last = index;
+  }
+  return last;
+}
+
 }  // namespace apron::program

@@ -10,6 +10,7 @@
 #include <tuple>
 #include <utility>
 
+#include "apron/program/CallSite.h"
 #include "apron/program/ScalarArithmetic.h"
 #include "apron/vm/NumberFormat.h"
 #include "apron/vm/kernels/Shift.h"
@@ -27,11 +28,20 @@ std::uint64_t thread_time_ns() noexcept {
   return static_cast<std::uint64_t>(time.tv_sec) * 1'000'000'000U + static_cast<std::uint64_t>(time.tv_nsec);
 }
 
+std::uint64_t max_tick_instructions(const program::Program& program) noexcept {
+  constexpr std::uint64_t kLeast = 500'000, kMost = 100'000'000, kCells = 200'000'000'000;
+  std::uint64_t cells = 1;
+  for (const program::Register& r : program.registers)
+    cells = std::max(cells, std::uint64_t{r.width} * r.height);
+  return std::clamp(kCells / cells, kLeast, kMost);
+}
+
 }  // namespace
 
 Vm::Vm(program::Program program, VmOptions options, Host& host)
     : program_(std::move(program)),
       stop_(options.stop),
+      max_tick_instructions_(options.refuse_endless_ticks ? max_tick_instructions(program_) : 0),
       host_(host),
       executor_(options.kernels != nullptr ? *options.kernels : *kernel_table(options.isa),
                 std::max(options.threads, 1U), options.parallel_cells),
@@ -117,7 +127,7 @@ void Vm::restart() {
   stack_.clear();
   plugin_arguments_.clear();
   program_counter_ = 0;
-  instructions_executed_ = 0;
+  instructions_executed_ = executed_before_tick_ = 0;
   final_status_ = Status::kRunning;
   error_.clear();
 }
@@ -164,6 +174,9 @@ void Vm::set_profiling(bool on) {
 
 Status Vm::run(std::uint64_t budget) {
   if (final_status_ != Status::kRunning) return final_status_;
+  const std::uint64_t left = max_tick_instructions_ - (instructions_executed_ - executed_before_tick_);
+  const bool is_limited = max_tick_instructions_ != 0 && left <= budget;
+  if (is_limited) budget = left;
   for (; budget > 0; --budget) {
     if (stop_ != nullptr && stop_->load(std::memory_order_relaxed)) return Status::kInterrupted;
     if (FusedTrace* fused = profiling_enabled_ ? nullptr : find_fused_trace(budget)) {
@@ -179,12 +192,22 @@ Status Vm::run(std::uint64_t budget) {
         profiling_enabled_ ? execute_profiled(program_counter_++) : execute(decoded_[program_counter_++]);
     ++instructions_executed_;
     if (status == Status::kRunning) continue;
-    if (status == Status::kTick) return status;
+    if (status == Status::kTick) {
+      executed_before_tick_ = instructions_executed_;
+      return status;
+    }
     program_counter_ = at;
     if (status != Status::kInterrupted) final_status_ = status;
     return status;
   }
-  return Status::kRunning;
+  return is_limited ? final_status_ = refuse_endless_tick() : Status::kRunning;
+}
+
+Status Vm::refuse_endless_tick() {
+  error_ = program::format_call_site(program_, program_counter_) +
+           "error: " + std::to_string(max_tick_instructions_) +
+           " instructions without surface.step or sim.frame, which end a tick: an endless loop?";
+  return Status::kRefused;
 }
 
 Status Vm::execute_profiled(std::size_t at) {

@@ -29,6 +29,9 @@ struct VmOptions {
   std::size_t parallel_cells = std::size_t{1} << 15;
   // Polled between instructions, so that a signal handler can stop an endless loop; may be null.
   const std::atomic<bool>* stop = nullptr;
+  // Refuses, as an endless loop, a tick of more than 10^8 instructions, or fewer for arrays of more than
+  // 2000 cells: seconds to a minute of a core.
+  bool refuse_endless_ticks = false;
   // The CPU must support it. Never changes a result.
   InstructionSet isa = best_instruction_set();
   // Null selects the kernels of `isa`; for tests.
@@ -163,9 +166,11 @@ class Vm {
   Status report_mask_mismatch(const Plane& plane);
   Status fail_cell_value(double value, CellType type);
   Status fail(Status status, const std::string& text);
+  Status refuse_endless_tick();
 
   program::Program program_;
   const std::atomic<bool>* stop_;
+  const std::uint64_t max_tick_instructions_;  // 0: no limit
   Host& host_;
   Executor executor_;
   PlaneStore plane_store_;
@@ -186,7 +191,7 @@ class Vm {
   std::size_t stack_bytes_ = 0;
   std::vector<PluginArgument> plugin_arguments_;
   std::size_t program_counter_ = 0;
-  std::uint64_t instructions_executed_ = 0;
+  std::uint64_t instructions_executed_ = 0, executed_before_tick_ = 0;
   std::vector<std::vector<float>> initial_coefficients_;  // of the filters, if the program changes them
   bool keeps_padding_ = false;
   bool profiling_enabled_ = false;

@@ -9,6 +9,7 @@
 #include <functional>
 #include <new>
 
+#include "apron/program/CallSite.h"
 #include "apron/program/LocalityCheck.h"
 #include "apron/program/Reachability.h"
 #include "apron/run/cli/ConfinedProgram.h"
@@ -50,12 +51,6 @@ int print_error(int status, const std::string& text) {
   std::fflush(stdout);
   common::print_message("apron: " + text + "\n");
   return status;
-}
-
-bool is_endless_without_frames(const program::Program& program) {
-  using program::Opcode;
-  return !program::can_reach(program, Opcode::kSurfaceStep) && !program::can_reach(program, Opcode::kEnd) &&
-         !program::can_reach(program, Opcode::kReturn);
 }
 
 // Instructions between two updates of the monitor; larger than any fused segment.
@@ -141,6 +136,7 @@ RunResult run_headless(const Options& options, program::Program program, LocalHo
   vm_options.threads = options.threads;
   vm_options.isa = options.isa;
   vm_options.stop = &common::stop_flag();
+  vm_options.refuse_endless_ticks = options.ticks.has_value();
   vm_options.enable_profiling = !options.profile.empty();
   vm_options.fusion.observed = {false, observed_registers(options, program, shown), {}};
   vm::Vm vm(std::move(program), vm_options, host);
@@ -185,9 +181,11 @@ int compile_and_run(const Options& options, std::uint32_t width, std::uint32_t h
     throw common::UserError("--watch: the program has no register " +
                             program::unknown_register(program, options.watch));
   check_saved(options.saved, program);
-  if (options.ticks && is_endless_without_frames(program))
-    throw common::UserError("--ticks " + std::to_string(*options.ticks) + ": " + options.program +
-                            " repeats forever without a frame: surface.step or sim.frame ends a tick");
+  if (const auto loop = program::find_endless_loop(program); options.ticks && loop)
+    throw common::UserError(
+        program::format_call_site(program, *loop) +
+        "the program repeats forever without a frame, which --ticks counts: surface.step or "
+        "sim.frame ends one");
   std::optional<CostModel> model;
   if (std::string error; !options.cost_model.empty()) {
     model = read_cost_model(find_library_file(options.cost_model), error);

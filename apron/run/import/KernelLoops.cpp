@@ -52,6 +52,8 @@ bool KernelSourceReader::may_change(const std::string& name, std::size_t first, 
       if (is_assignment(next) || next.is("++") || next.is("--")) return true;
       if (i > 0 && (tokens_[i - 1].is("++") || tokens_[i - 1].is("--") || tokens_[i - 1].is("&")))
         return true;
+      // A variable of which a reference may change it.
+      if (i > 2 && tokens_[i - 1].is("=") && tokens_[i - 3].is("&")) return true;
       // An argument that a function may take by reference.
       const bool is_argument =
           i > 0 && (tokens_[i - 1].is("(") || tokens_[i - 1].is(",")) && (next.is(")") || next.is(","));

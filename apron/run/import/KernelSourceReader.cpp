@@ -552,25 +552,29 @@ void KernelSourceReader::translate_declaration(ProgramLines& out, int depth) {
   bool is_const = false;
   CppType type = *read_type(tokens_, position_, &is_const);
   if (peek().is("*")) type = CppType::kOther;
-  while (peek().is("*") || peek().is("&")) ++position_;
-  if (peek().kind != Kind::kName) give_up("a declaration without a name");
+  bool is_reference = false;
+  const auto read_declarator_signs = [&] {
+    for (is_reference = false; peek().is("*") || peek().is("&"); ++position_) is_reference = peek().is("&");
+    if (peek().kind != Kind::kName) give_up("a declaration without a name");
+  };
+  read_declarator_signs();
   if (peek(1).is("(") && (scopes_.size() == 1 || !is_scalar(type))) {
     std::size_t inside = position_ + 2;
     if (tokens_[inside].is(")") || read_type(tokens_, inside)) return skip_statement();  // a prototype
   }
   const std::size_t end = statement_end(position_);
-  do {
-    const bool is_pointer = peek().is("*");
-    while (peek().is("*") || peek().is("&")) ++position_;
-    if (peek().kind != Kind::kName) give_up("a declaration without a name");
-    translate_declarator(is_pointer ? CppType::kOther : type, is_const, is_static,
+  for (bool is_pointer = false;; read_declarator_signs()) {
+    translate_declarator(is_pointer ? CppType::kOther : type, {is_const, is_static, is_reference},
                          argument_end(position_, end), out, depth);
-  } while (consume(","));
+    if (!consume(",")) break;
+    is_pointer = peek().is("*");
+  }
   consume(";");
 }
 
-void KernelSourceReader::translate_declarator(CppType type, bool is_const, bool is_static, std::size_t end,
+void KernelSourceReader::translate_declarator(CppType type, Qualifiers qualifiers, std::size_t end,
                                               ProgramLines& out, int depth) {
+  const auto [is_const, is_static, is_reference] = qualifiers;
   const std::string name = peek().text;
   if (peek(1).is("[")) {
     scopes_.back()[name] = {name, CppType::kOther, {}, std::nullopt, true};
@@ -583,12 +587,25 @@ void KernelSourceReader::translate_declarator(CppType type, bool is_const, bool 
   while (words.size() > 1 && (words.front().is("{") || words.front().is("(")) &&
          run::behind_bracket(words, 0) >= words.size() - 1 && words.back().closes_bracket())
     words = KernelTokenList(words.begin() + 1, words.end() - 1);
+  // Another name for a variable.
+  if (is_reference && words.size() == 1) {
+    if (const Variable* variable = find_variable(words[0].text); variable && is_scalar(variable->type)) {
+      if (type != variable->type && type != CppType::kOther) {
+        if (!is_const) give_up("'{}' names a variable of another type, '{}'", name, words[0].text);
+      } else {
+        Variable same = *variable;
+        same.is_const = same.is_const || is_const;
+        scopes_.back()[name] = same;
+        return;
+      }
+    }
+  }
   if (type == CppType::kOther || type == CppType::kRegister) {  // auto, or a name for a register
     if (words.empty()) give_up("'{}' names no register", name);
     if (words.size() > 1 && words[0].is("&")) words.erase(words.begin());
     const CppValue value = settle(expression(words, out, depth), out, depth);
     if (value.type == CppType::kRegister) {
-      if (!is_const && may_change(name, position_, tokens_.size() - 1))
+      if (!is_const && !is_reference && may_change(name, position_, tokens_.size() - 1))
         give_up("'{}' names another register later", name);
       scopes_.back()[name] = {value.text, CppType::kRegister, {}, std::nullopt, true};
       return;
@@ -668,6 +685,7 @@ void KernelSourceReader::translate_expression(ProgramLines& out, int depth) {
     if (!is_integer(value.type) || value.type == CppType::kUint) {
       expression(words, out, depth);
     } else {
+      variable = find_variable(name.text);  // a function that the expression needs has been translated
       variable->range = range_of(variable->type);
       emit(out, depth,
            fmt::format("{0} = {0} {1} ({2})", variable->text, words[1].text.substr(0, 1), value.text));

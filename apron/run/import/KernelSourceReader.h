@@ -79,7 +79,10 @@ class KernelSourceReader final : KernelTranslation {
   std::size_t statement_end(std::size_t first) const;
   bool is_declaration() const;
   void translate_declaration(ProgramLines& out, int depth);
-  void translate_declarator(CppType type, bool is_const, bool is_static, std::size_t end, ProgramLines& out,
+  struct Qualifiers {
+    bool is_const, is_static, is_reference;
+  };
+  void translate_declarator(CppType type, Qualifiers qualifiers, std::size_t end, ProgramLines& out,
                             int depth);
   void translate_expression(ProgramLines& out, int depth);
   std::size_t argument_end(std::size_t first, std::size_t end) const;

@@ -11,6 +11,7 @@ vm::VmOptions vm_options(const Options& options) {
   result.threads = options.threads;
   result.isa = options.isa;
   result.stop = &common::interrupt_flag();
+  result.refuse_endless_ticks = options.ticks.has_value();
   return result;
 }
 

@@ -2,6 +2,7 @@
 run. All registers must be equal to the bit. APRON_IMPORT_KERNELS=1000 tries more random kernels than the test does."""
 import os
 import random
+import re
 import shutil
 
 import numpy as np
@@ -32,6 +33,10 @@ FORMS = {
                          " f(D, k * 2.5f); }",
     "references": "void twice(int& n){ n = n * 2; } void both(int& n, int m){ n += m; scamp5_in(B, m); n += m; }"
                   "int main(){ int n = 3; twice(n); scamp5_in(A, n); both(n, n); scamp5_in(C, n); }",
+    "names of variables": "int g = 3; void f(AREG y, int n){ int& m = n; m += 2; int& k = g; k--; scamp5_in(y, n); }"
+                          "int main(){ int n = 1, &r = n; r = 300; uint8_t b = n; scamp5_in(A, b); f(B, n); const int& w = g; g += 4;"
+                          " scamp5_in(C, w); for (int i = 0; i < 6; i++) { int& j = i; j++; add(D, D, A); scamp5_in(A, 1); } auto& q = b; q += 250;"
+                          " scamp5_in(E, b); const uint8_t& old = n; n = 7; scamp5_in(F, old); }",
     "aliases": "const areg_t& image = A; areg_t& other = B; \n#define TARGET C\n#define COPY(x, y) mov(x, y)\n"
                "dreg_t& where_it_is = S3; int main(){ auto& again = image; scamp5_in(image, 5); mov(other, image); COPY(TARGET, again);"
                " where(other); MOV(where_it_is, FLAG); all(); MOV(S4, where_it_is); }",
@@ -77,33 +82,56 @@ FORMS = {
 
 
 class Writer:
-    """A random kernel: scalars of all types, loops, conditions, functions and instructions."""
+    """A random kernel: scalars of all types, loops, conditions, functions, macros, names of registers and instructions, in one file
+    and its headers. The order in which C++ evaluates operands shows nowhere: what an expression calls changes nothing else."""
 
     def __init__(self, seed):
         self.random = random.Random(seed)
+        self.seed = seed
         self.count = 0
-        self.functions = []
+        self.functions = []   # name and parameters: a analogue, d digital, n number, r int&
+        self.computing = []   # name and number of parameters of functions that return an int
+        self.macros = []      # the same of macros
+        self.constants = []
 
     def pick(self, *choices):
         return self.random.choice(choices)
 
+    @staticmethod
+    def typed(name, kind):
+        """The name, whose end tells a type other than int."""
+        return name if kind == "int" else name + kind[0] + kind[-3]
+
+    @staticmethod
+    def integers(names):
+        return [name for name in names if re.fullmatch(r"v\d_\d|[ngrq]\d+|p\d", name)]
+
     def value(self, names, depth=0):
         kind = self.random.random()
         if depth > 2 or kind < 0.3:
-            return str(self.random.randint(-9, 60)) if not names or self.random.random() < 0.4 else self.random.choice(names)[0]
+            if self.constants and self.random.random() < 0.2:
+                return self.pick(*self.constants)
+            number = self.random.randint(-9, 60)
+            return self.pick(str(number), str(number), hex(number), f"0{abs(number):o}") if not names or self.random.random() < 0.4 \
+                else self.random.choice(names)[0]
         a, b = self.value(names, depth + 1), self.value(names, depth + 1)
         if kind < 0.6:
             return f"({a} {self.pick('+', '-', '+', '-')} {b})"
-        if kind < 0.66:
+        if kind < 0.63:
             return f"(({a}) % 50 * ({self.random.randint(-5, 5)}))"
+        if kind < 0.66:
+            return f"({a} * {b})"
         if kind < 0.76:
             return f"({a} {self.pick('/', '%')} {self.pick('3', '7', '-4', '16')})"
         if kind < 0.82:
             return f"(({a} & 31) << {self.random.randint(0, 3)})" if self.random.random() < 0.5 else f"({a} >> {self.random.randint(1, 3)})"
         if kind < 0.88:
             return f"({a} {self.pick('&', '|', '^')} {b})"
-        if kind < 0.94:
+        if kind < 0.92:
             return f"({self.condition(names, depth + 1)} ? {a} : {b})"
+        if kind < 0.95 and self.computing + self.macros:
+            name, count = self.random.choice(self.computing + self.macros)
+            return f"({name}({', '.join(self.value(names, depth + 1) for _ in range(count))}))"
         return f"({self.pick('-', '~', '!')}({a}))" if self.random.random() < 0.6 else f"({self.pick('uint8_t', 'int8_t', 'unsigned', 'int')})({a})"
 
     def condition(self, names, depth=0):
@@ -127,14 +155,24 @@ class Writer:
             writable = [name for name, is_counter in names if not is_counter]
             if kind < 0.2:
                 self.count += 1
-                name = f"v{self.random.randint(0, 3)}_{depth}" if self.random.random() < 0.5 else f"n{self.count}"
+                kind = self.pick(*TYPES)
+                name = self.typed(f"v{self.random.randint(0, 3)}_{depth}" if self.random.random() < 0.5 else f"n{self.count}", kind)
                 if name not in [known for known, _ in names]:
-                    lines.append(f"{self.pick(*TYPES)} {name} = {self.value(names)};")
+                    first = self.value(names)
+                    if writable and self.random.random() < 0.2:
+                        other = self.random.choice(writable)
+                        first = self.pick(f"{other}++", f"--{other}", f"{other} += 3") if not other.endswith("bo") else f"{other} = 1"
+                    lines.append(f"{kind} {name} = {first};")
                     names.append((name, False))
+            elif kind < 0.23 and self.integers(writable):
+                self.count += 1
+                lines.append(f"{self.pick('int&', 'auto&', 'const int&')} r{self.count} = {self.random.choice(self.integers(writable))};")
+                names.append((f"r{self.count}", "const" in lines[-1]))
             elif kind < 0.35 and writable:
                 target = self.random.choice(writable)
-                lines.append(self.pick(f"{target} {self.pick('=', '+=', '-=', '^=')} {self.value(names)};", f"{target} += 1;", f"{target} -= 1;",
-                                       f"{target} %= 37;"))
+                lines.append(self.pick(f"{target} {self.pick('=', '+=', '-=', '^=', '*=', '|=', '&=')} {self.value(names)};",
+                                       f"{target} {self.pick('/= 3', '%= 37', '>>= 1', '<<= 2', '/= -7')};",
+                                       f"{target} += 1;" if target.endswith("bo") else f"{target}{self.pick('++', '--')};"))
             elif kind < 0.45 and depth < 3:
                 lines.append(f"if ({self.condition(names)}) {self.block(names, depth + 1, registers, bits)}"
                              + (f" else {self.block(names, depth + 1, registers, bits)}" if self.random.random() < 0.5 else ""))
@@ -146,29 +184,84 @@ class Writer:
                 if self.random.random() < 0.3:
                     inner = inner[:-1] + f" if ({self.condition(names)}) {self.pick('break', 'continue')}; {self.instruction(names, registers, bits)} }}"
                 lines.append(f"for ({head}) {inner}")
-            elif kind < 0.62 and self.functions:
+            elif kind < 0.59 and depth < 2:
+                self.count += 1
+                i, n = f"w{self.count}", self.random.randint(1, 4)
+                inner = self.block(names + [(i, True)], depth + 1, registers, bits)
+                lines.append(f"{{ int {i} = {n}; " + (f"while ({i} > 0) {inner[:-1]} {i}--; }} }}" if self.random.random() < 0.5
+                                                      else f"do {inner} while (--{i} > 0); }}"))
+            elif kind < 0.66 and self.functions:
                 function, parameters = self.random.choice(self.functions)
-                arguments = [self.random.choice(registers) if p == "a" else self.random.choice(bits) if p == "d" else self.value(names) for p in parameters]
-                lines.append(f"{function}({', '.join(arguments)});")
+                integers = self.integers(writable)
+                arguments = [self.random.choice(registers) if p == "a" else self.random.choice(bits) if p == "d"
+                             else self.value(names) if p == "n" or not integers else self.random.choice(integers) for p in parameters]
+                if "r" not in parameters or integers:
+                    lines.append(f"{function}({', '.join(arguments)});")
             else:
                 lines.append(self.instruction(names, registers, bits))
         return "{ " + " ".join(lines) + " }"
 
+    def function(self, name, names):
+        """One with instructions."""
+        parameters = [self.pick("a", "a", "n", "n", "d", "r") for _ in range(self.random.randint(1, 3))]
+        words, inner, registers, bits = [], list(names), list("EF"), DIGITAL[-2:]
+        for i, kind in enumerate(parameters):
+            scalar = self.pick(*TYPES)
+            words.append({"a": f"AREG y{i}", "d": f"DREG d{i}", "n": f"{scalar} {self.typed(f'p{i}', scalar)}", "r": f"int& q{i}"}[kind])
+            if kind in "nr":
+                inner.append((self.typed(f"p{i}", scalar) if kind == "n" else f"q{i}", False))
+            else:
+                (registers if kind == "a" else bits).append(f"{'y' if kind == 'a' else 'd'}{i}")
+        start = ""
+        if self.random.random() < 0.3:
+            start = f" static int s = {self.random.randint(-3, 9)}; s += {self.random.randint(1, 5)};"
+            inner.append(("s", False))
+        if self.random.random() < 0.3:
+            start += f" {self.instruction(inner, registers, bits)} if ({self.condition(inner)}) return;"
+        text = f"void {name}({', '.join(words)}) {{{start} {self.block(inner, 1, registers, bits)[1:]}\n"
+        self.functions.append((name, parameters))
+        return text
+
+    def computed(self, name):
+        """One that returns an int and changes nothing but its own parameters."""
+        count = self.random.randint(1, 3)
+        names = [(f"p{i}", False) for i in range(count)]
+        words = ", ".join(f"{self.pick(*TYPES, 'const int&')} p{i}" for i in range(count))
+        text = f"{self.pick('int', 'int', 'uint8_t', 'unsigned', 'bool')} {name}({words}) {{ int k = {self.value(names)};"
+        if self.random.random() < 0.5:
+            text += f" if ({self.condition(names)}) return {self.value(names)};"
+        if self.random.random() < 0.5:
+            text += f" for (int i = 0; i < {self.random.randint(1, 5)}; i++) {{ k {self.pick('+=', '-=', '^=')} {self.value(names)}; if (k > 900) break; }}"
+        self.computing.append((name, count))
+        return text + f" return k {self.pick('', '% 50', '+ p0')}; }}\n"
+
     def kernel(self):
+        """The text of the kernel and its headers by name."""
+        seed, names, analogue, digital = self.seed, [("g0", False), ("g1", False)], list(ANALOGUE), list(DIGITAL)
         text = "".join(f"int g{k} = {self.random.randint(-5, 20)};\n" for k in range(2))
-        names = [("g0", False), ("g1", False)]
+        parts = [f"enum {{ FIRST{seed} = {self.random.randint(-3, 9)}, SECOND{seed}, THIRD{seed} = SECOND{seed} * 2 }};\n"
+                 f"{self.pick('const int', 'constexpr int', 'static const uint8_t')} LIMIT{seed} = THIRD{seed} * 7 - 90;\n"]
+        self.constants = [f"SECOND{seed}", f"THIRD{seed}", f"LIMIT{seed}"]
+        parts.append(f"#define SUM{seed} 3 + {self.random.randint(1, 9)}\n#define SQUARE{seed}(x) ((x) * (x))\n#define LESS{seed}(x, y) x - y\n"
+                     f"#define MOST{seed}(x, y) ((x) > (y) ? (x) : (y))\n#define TARGET{seed} {self.pick(*ANALOGUE)}\n")
+        self.constants.append(f"SUM{seed}")
+        self.macros = [(f"SQUARE{seed}", 1), (f"LESS{seed}", 2), (f"MOST{seed}", 2)]
+        parts.append(f"{self.pick('const areg_t&', 'areg_t&')} image = {self.pick(*ANALOGUE)};\ndreg_t& spot = {self.pick(*DIGITAL)};\n")
+        for k in range(self.random.randint(0, 2)):
+            parts.append(self.computed(f"c{k}"))
         for k in range(self.random.randint(0, 3)):
-            parameters = [self.pick("a", "a", "n", "n", "d") for _ in range(self.random.randint(1, 3))]
-            words, inner, registers, bits = [], list(names), list("EF"), DIGITAL[-2:]
-            for i, kind in enumerate(parameters):
-                words.append({"a": f"AREG y{i}", "d": f"DREG d{i}", "n": f"{self.pick(*TYPES)} p{i}"}[kind])
-                if kind == "n":
-                    inner.append((f"p{i}", False))
-                else:
-                    (registers if kind == "a" else bits).append(f"{'y' if kind == 'a' else 'd'}{i}")
-            text += f"void f{k}({', '.join(words)}) {self.block(inner, 1, registers, bits)}\n"
-            self.functions.append((f"f{k}", parameters))
-        return text + f"int main() {{ {self.block(names, 0)} scamp5_in(E, g0); scamp5_in(F, g1); }}\n"
+            parts.append(self.function(f"f{k}", names))
+        analogue += [f"TARGET{seed}", "image"]
+        digital.append("spot")
+        cut = sorted(self.random.randint(0, len(parts)) for _ in range(2))
+        inner, outer, rest = parts[:cut[0]], parts[cut[0]:cut[1]], parts[cut[1]:]
+        files = {f"sub/inner{seed}.hpp": "#pragma once\n" + "".join(inner),
+                 f"outer{seed}.hpp": f"#ifndef OUTER{seed}\n#define OUTER{seed}\n#include \"sub/inner{seed}.hpp\"\n" + "".join(outer) + "#endif\n"}
+        text += f"#include \"outer{seed}.hpp\"\n" * self.random.randint(1, 2) + "".join(rest)
+        here = self.pick("auto& here = image; ", "")
+        if here:
+            analogue.append("here")
+        return text + f"int main() {{ {here}{self.block(names, 0, analogue, digital)} scamp5_in(E, g0); scamp5_in(F, g1); }}\n", files
 
 
 @unittest.skipUnless(shutil.which("g++"), "needs g++")
@@ -176,8 +269,10 @@ class Import(ProgramTest):
     def compiled(self, kernels):
         """The registers that each kernel leaves, by the compiler."""
         parts = ['#include "scamp5_reference.hpp"\n#define main kernel_main\n']
-        for k, (_, text) in enumerate(kernels):
-            (self.folder / f"kernel{k}.cpp").write_text(text)
+        (self.folder / "sub").mkdir(exist_ok=True)
+        for k, (_, text, files) in enumerate(kernels):
+            for name, content in {**files, f"kernel{k}.cpp": text}.items():
+                self.write(name, content)
             parts.append(f'namespace kernel{k} {{\n#include "kernel{k}.cpp"\n}}\n'
                          "#undef N\n#undef M\n#undef SQUARE\n#undef TARGET\n#undef FAST\n#undef PUT\n#undef COPY\n#undef JOIN\n#undef CLEAN\n#undef MAXIMUM\n")
         parts.append("#undef main\nint main() {\n" + "".join(
@@ -200,18 +295,19 @@ class Import(ProgramTest):
         return np.array([np.load(self.folder / f"{name}.npy") for name in NAMES]), program.read_text()
 
     def compare(self, kernels):
-        for k, ((label, text), wanted) in enumerate(zip(kernels, self.compiled(kernels))):
+        for k, ((label, text, files), wanted) in enumerate(zip(kernels, self.compiled(kernels))):
+            text += "".join(f"// {name}\n{content}" for name, content in files.items())
             got, program = self.imported(k, label, text)
             for name, a, b in zip(NAMES, got, wanted):
                 np.testing.assert_array_equal(a, b, f"{label}: {name}\n{text}\n{program}")
 
     def test_forms(self):
-        self.compare(list(FORMS.items()))
+        self.compare([(label, text, {}) for label, text in FORMS.items()])
 
     def test_random_kernels(self):
         count = int(os.environ.get("APRON_IMPORT_KERNELS", "30"))
         for first in range(0, count, 50):
-            self.compare([(f"seed {seed}", Writer(seed).kernel()) for seed in range(first, min(first + 50, count))])
+            self.compare([(f"seed {seed}", *Writer(seed).kernel()) for seed in range(first, min(first + 50, count))])
 
     def check_status(self, text, wanted, message, files=()):
         for name, content in files:
