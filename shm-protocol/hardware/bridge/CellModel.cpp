@@ -251,8 +251,9 @@ CellFit fit_cell(const CellRecording& c, int most_delay) {
   const auto error = [&](int i) { return std::sqrt(std::max(covariance(i, i), 0.0)); };
   fit.value[CellFit::kSlope] = best[1];
   fit.error[CellFit::kSlope] = error(1);
-  fit.value[CellFit::kPlay] = best[2];
   fit.error[CellFit::kPlay] = error(2);
+  // Play that may be none is none: to correct it would only add its error to each command.
+  fit.value[CellFit::kPlay] = best[2] > 2 * error(2) ? best[2] : 0;
   const auto set_speed = [&](int parameter, int i) {  // v = 1 / x: dv = v² dx
     const double v = 1 / best[i];
     fit.value[static_cast<std::size_t>(parameter)] = v;

@@ -111,6 +111,26 @@ TEST(Calibration, SpeedThatWasNeverReachedIsNotReported) {
   EXPECT_EQ(fit.error[CellFit::kSensorZero], 0) << "not known without rest";
 }
 
+TEST(Calibration, CellsWithoutPlayHaveNone) {
+  const auto plan = calibration_plan(20);
+  const std::vector<std::uint8_t> valid(plan.size(), 1);
+  std::mt19937 random(5);
+  std::normal_distribution<> noise(0, 0.01);
+  int found = 0;
+  for (int cell = 0; cell < 40; ++cell) {
+    CellModel model;
+    model.lag_s = 0.03;
+    CellMotion motion(model, kPeriod_s, static_cast<double>(plan[0]), true);
+    std::vector<float> readings;
+    for (const float u : plan)
+      readings.push_back(static_cast<float>(motion.advance(static_cast<double>(u)) + noise(random)));
+    const CellFit fit = fit_cell({kPeriod_s, plan, readings, valid, true, {}, 0, 0});
+    found += fit.value[CellFit::kPlay] > 0;
+    EXPECT_GT(fit.error[CellFit::kPlay], 0);
+  }
+  EXPECT_LE(found, 4) << "of 40";
+}
+
 class CalibrationFile : public testing::Test {
  protected:
   CalibrationFile() {
