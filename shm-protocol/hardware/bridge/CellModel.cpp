@@ -177,6 +177,20 @@ Matrix covariance_of(const Eigen::Matrix<double, Eigen::Dynamic, kFree>& jacobia
          (units.asDiagonal() * Matrix(normal.ldlt().solve(Matrix::Identity())) * units.asDiagonal());
 }
 
+// Residuals that depend on their neighbours, as those of a law that leaves something out do, raise the
+// variance of what is fitted by this factor: their integrated autocorrelation, up to the first that may be
+// chance.
+double dependence_of(const Eigen::VectorXd& r) {
+  const double squares = r.squaredNorm(), chance = 2 / std::sqrt(static_cast<double>(r.size()));
+  double sum = 1;
+  for (Eigen::Index k = 1; squares > 0 && k < r.size() / 4; ++k) {
+    const double correlation = r.head(r.size() - k).dot(r.tail(r.size() - k)) / squares;
+    if (correlation < chance) break;
+    sum += 2 * correlation;
+  }
+  return sum;
+}
+
 }  // namespace
 
 CellFit fit_cell(const CellRecording& c, int most_delay) {
@@ -247,12 +261,13 @@ CellFit fit_cell(const CellRecording& c, int most_delay) {
   const bool up = at_best.limited_up > 0, down = at_best.limited_down > 0;
   if (!up) j.col(3).setZero();
   if (!down) j.col(4).setZero();
-  const Matrix covariance = covariance_of(j, scale, variance);
+  const Matrix covariance = covariance_of(j, scale, variance * dependence_of(at_best.of));
   const auto error = [&](int i) { return std::sqrt(std::max(covariance(i, i), 0.0)); };
   fit.value[CellFit::kSlope] = best[1];
   fit.error[CellFit::kSlope] = error(1);
-  fit.value[CellFit::kPlay] = best[2];
   fit.error[CellFit::kPlay] = error(2);
+  // Play that may be none is none: to correct it would only add its error to each command.
+  fit.value[CellFit::kPlay] = best[2] > 2 * error(2) ? best[2] : 0;
   const auto set_speed = [&](int parameter, int i) {  // v = 1 / x: dv = v² dx
     const double v = 1 / best[i];
     fit.value[static_cast<std::size_t>(parameter)] = v;

@@ -56,7 +56,8 @@ class _Problem:
         middle = np.median([self.y[:-2], self.y[1:-1], self.y[2:]], axis=0)
         noise = 1.4826 * np.median(np.abs(np.diff(self.y, axis=0)), axis=0) + 1e-9
         self.use[1:-1] &= (self.y[1:-1] != 0) | (np.abs(middle) < 6 * noise)
-        self.fastest = np.abs(middle[3:] - middle[:-3]) / 3
+        known = np.all([self.use[k:len(self.use) - 5 + k] for k in range(6)], axis=0)  # where nothing is known y is 0
+        self.fastest = np.where(known, np.abs(middle[3:] - middle[:-3]) / 3, np.nan)
 
     def heights(self, shared: Array, gain: Array, offset: Array) -> Array:
         """Without delay. shared: speed, acceleration, lag."""
@@ -122,7 +123,8 @@ def _start(problem: _Problem, declared: Array, state: Array) -> tuple[Array, Arr
     y, use, cells = problem.y, problem.use, problem.cells
     good = state == GOOD
     period = problem.rerun.recordings[0].period_s
-    fastest = np.median(np.quantile(problem.fastest[:, good], 0.97, axis=0)) / period if good.any() else declared[0]
+    fast = problem.fastest[:, good & np.isfinite(problem.fastest).any(0)]
+    fastest = np.median(np.nanquantile(fast, 0.97, axis=0)) / period if fast.size else declared[0]
     speed = float(np.clip(fastest, 0.05 * declared[0], 20 * declared[0]))
     whole = _line(np.zeros_like(y), y, use)[2]
     best = (np.inf, declared, np.ones(cells), np.zeros(cells), np.zeros(cells, int))

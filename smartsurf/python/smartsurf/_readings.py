@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-from scipy import ndimage, stats
+from scipy import ndimage, optimize, special, stats
 
 from ._cells import FROZEN, GOOD, CellFit
 from ._recorded import Array
@@ -103,7 +103,7 @@ def fit_height_sensor(name: str, fit: CellFit, readings: Sequence[Array], period
     else:
         out.unknown["drift"] = f"less than {math.sqrt(max(mean + 1.96 * error, 0)):.2g} per √s, if any"
     if step > 0 and spread < 0.7 * step:
-        out.values["noise"] = _noise_below_quantum(r[near], y[near] - r[near], step)
+        out.values["noise"] = _noise_below_quantum(r[near], step)
     else:
         out.values["noise"] = Estimate.deviation(spread, dof, step)
     out.unknown["offset, gain"] = "stand for those of the actuator, which are given in their place; a gauge would tell them apart"
@@ -111,18 +111,22 @@ def fit_height_sensor(name: str, fit: CellFit, readings: Sequence[Array], period
     return out
 
 
-def _noise_below_quantum(residual: Array, predicted: Array, step: float) -> Estimate:
+def _noise_below_quantum(residual: Array, step: float) -> Estimate:
     """Maximum likelihood of rounded readings."""
-    low, high = residual - step / 2, residual + step / 2
+    lower, upper = residual - step / 2, residual + step / 2
 
     def loss(sigma: float) -> float:
-        share = stats.norm.cdf(high / sigma) - stats.norm.cdf(low / sigma)
+        share = special.ndtr(upper / sigma) - special.ndtr(lower / sigma)
         return -float(np.log(np.maximum(share, 1e-12)).sum())
-    grid = step * np.geomspace(0.05, 2, 60)
-    losses = np.array([loss(sigma) for sigma in grid])
-    best = int(losses.argmin())
-    inside = grid[losses <= losses[best] + 1.92]
-    return Estimate(float(grid[best]), float(inside[-1] - inside[0]) / 3.92, float(inside[0]), float(inside[-1]))
+    grid = step * np.geomspace(0.05, 2, 30)
+    near = int(np.argmin([loss(sigma) for sigma in grid]))
+    found = optimize.minimize_scalar(loss, bounds=(grid[max(near - 1, 0)], grid[min(near + 1, len(grid) - 1)]), method="bounded",
+                                     options={"xatol": 1e-6 * step})
+    best, limit = float(found.x), float(found.fun) + 1.92
+    # Where the likelihood falls by half the 95 % quantile of χ².
+    low, high = (float(optimize.brentq(lambda sigma: loss(sigma) - limit, best, end)) if loss(end) > limit else float(end)
+                 for end in (0.02 * step, 4 * step))
+    return Estimate(best, (high - low) / 3.92, low, high)
 
 
 def fit_proximity(name: str, span: float, sensed: Sequence[Array], ideal: Sequence[Array]) -> SensorFit:

@@ -160,6 +160,41 @@ class Identification(ProgramTest):
             self.assertLess(abs(estimate - value), 4 * error + 1e-9, name)
             self.assertLess(error, 0.05 * value, name)
 
+    def test_readings_that_are_not_known_are_no_motion(self):
+        import h5py
+        import numpy as np
+        draw = random.Random(4)
+        truth = {"max_speed": draw.uniform(14, 18), "max_acceleration": draw.uniform(250, 400), "lag": draw.uniform(0.03, 0.04)}
+        text = public().replace("max_speed = 10, max_acceleration = 150", "max_speed = 20, max_acceleration = 400")
+        self.record("table", text, *(word for name, value in (*((f"actuator.{name}", value) for name, value in truth.items()),
+                                                              ("sensor.pin_height.noise", 0.006)) for word in ("--vary", f"{name}={value}")))
+        with h5py.File(self.folder / "table.h5", "r+") as file:
+            readings = file["sensors/pin_height"][:]
+            lost = np.random.default_rng(1).random((len(readings) // 10 + 1, *readings.shape[1:])) < 0.12
+            readings[np.repeat(lost, 10, axis=0)[:len(readings)]] = np.nan
+            file["sensors/pin_height"][:] = readings
+        status, _, err = self.identify("table.h5", "--experiment", "table.lua", "-o", "identified.lua")
+        self.assertEqual(status, 0, err)
+        found = json.loads((self.folder / "identified.json").read_text())["parameters"]
+        for name, value in truth.items():
+            estimate, error = found[f"actuator.{name}"].values()
+            self.assertLess(abs(estimate - value), 4 * error, name)
+            self.assertLess(error, 0.01 * value, name)
+
+    def test_noise_below_the_resolution_has_an_interval(self):
+        import numpy as np
+        sys.path.insert(0, str(BIN.parent / "python"))
+        from smartsurf._readings import _noise_below_quantum
+        random_numbers, held, draws = np.random.default_rng(3), 0, 200
+        for _ in range(draws):
+            step, sigma = random_numbers.uniform(0.002, 0.01), random_numbers.uniform(0.3, 0.7)
+            truth = random_numbers.uniform(0, 1, 3000)
+            reading = np.rint((truth + random_numbers.normal(0, sigma * step, len(truth))) / step) * step
+            found = _noise_below_quantum(reading - truth, step)
+            self.assertTrue(found.low < found.value < found.high)
+            held += found.low <= sigma * step <= found.high
+        self.assertTrue(0.90 * draws <= held <= 0.99 * draws, held)
+
     def test_a_recording_is_of_the_scene_that_follows_its_name(self):
         text = public().replace("on_tick", "if option('load', 0, 'a weight') > 0 then sphere { radius = 1, position = { 1.5, 1.5, 6 }, label = 'load' } end\n"
                                            "on_tick", 1)

@@ -111,6 +111,57 @@ TEST(Calibration, SpeedThatWasNeverReachedIsNotReported) {
   EXPECT_EQ(fit.error[CellFit::kSensorZero], 0) << "not known without rest";
 }
 
+TEST(Calibration, CellsWithoutPlayHaveNone) {
+  const auto plan = calibration_plan(20);
+  const std::vector<std::uint8_t> valid(plan.size(), 1);
+  std::mt19937 random(5);
+  std::normal_distribution<> noise(0, 0.01);
+  int found = 0;
+  for (int cell = 0; cell < 40; ++cell) {
+    CellModel model;
+    model.lag_s = 0.03;
+    CellMotion motion(model, kPeriod_s, static_cast<double>(plan[0]), true);
+    std::vector<float> readings;
+    for (const float u : plan)
+      readings.push_back(static_cast<float>(motion.advance(static_cast<double>(u)) + noise(random)));
+    const CellFit fit = fit_cell({kPeriod_s, plan, readings, valid, true, {}, 0, 0});
+    found += fit.value[CellFit::kPlay] > 0;
+    EXPECT_GT(fit.error[CellFit::kPlay], 0);
+  }
+  EXPECT_LE(found, 4) << "of 40";
+}
+
+// The law has no acceleration; cells have.
+TEST(Calibration, IntervalsAreWiderWhereTheLawLeavesSomethingOut) {
+  const auto plan = calibration_plan(20);
+  const std::vector<std::uint8_t> valid(plan.size(), 1);
+  std::mt19937 random(6);
+  std::normal_distribution<> noise(0, 0.004);
+  std::uniform_real_distribution<> uniform(-1, 1);
+  constexpr int kCells = 40, kSteps = 8;
+  int held = 0, with_play = 0;
+  for (int cell = 0; cell < kCells; ++cell) {
+    const double zero = 0.05 * uniform(random), slope = 1 + 0.05 * uniform(random), lag_s = 0.03;
+    double p = zero + slope * static_cast<double>(plan[0]), v = 0;
+    std::vector<float> readings;
+    for (const float u : plan) {
+      for (int k = 0; k < kSteps; ++k) {
+        const double dt = kPeriod_s / kSteps, change = 60 * dt,
+                     wanted = std::clamp((zero + slope * static_cast<double>(u) - p) / lag_s, -5.0, 5.0);
+        v += std::clamp(wanted - v, -change, change);
+        p += v * dt;
+      }
+      readings.push_back(static_cast<float>(p + noise(random)));
+    }
+    const CellFit fit = fit_cell({kPeriod_s, plan, readings, valid, true, {}, 0, 0});
+    held += std::abs(fit.value[CellFit::kZero] - zero) <= 1.96 * fit.error[CellFit::kZero];
+    held += std::abs(fit.value[CellFit::kSlope] - slope) <= 1.96 * fit.error[CellFit::kSlope];
+    with_play += fit.value[CellFit::kPlay] > 0;
+  }
+  EXPECT_GE(held, 0.9 * 2 * kCells);
+  EXPECT_LE(with_play, 0.1 * kCells);
+}
+
 class CalibrationFile : public testing::Test {
  protected:
   CalibrationFile() {
