@@ -7,7 +7,7 @@ set_target_properties(fake_surface PROPERTIES INSTALL_RPATH "$ORIGIN/../${CMAKE_
 install(TARGETS smartsurf apron surface_bridge fake_surface device_emulator)
 if(SKBUILD)  # the wheel of the Python package, whose smartsurf.run() starts them
   install(TARGETS smartsurf apron RUNTIME DESTINATION ${SKBUILD_SCRIPTS_DIR} COMPONENT python)
-  install(DIRECTORY scripts/apron scripts/apron-examples scripts/case-study scripts/conveyors scripts/examples
+  install(DIRECTORY scripts/apron scripts/apron-examples scripts/case-study scripts/conveyors scripts/examples scripts/gallery scripts/tasks
     DESTINATION ${SKBUILD_DATA_DIR}/share/smartsurf COMPONENT python PATTERN table EXCLUDE)
 endif()
 # Where scripts/wheel has built the libraries that it links in: the wheel names them all in its notices, and brings a font.
@@ -16,7 +16,6 @@ if(SMARTSURF_WHEEL)
   foreach(font DejaVuSans DejaVuSans-Bold DejaVuSansMono)
     install(FILES /usr/share/fonts/truetype/dejavu/${font}.ttf DESTINATION ${SKBUILD_DATA_DIR}/share/smartsurf/fonts COMPONENT python)
   endforeach()
-  set(notices_of_wheel --wheel ${SMARTSURF_WHEEL})
 endif()
 install(PROGRAMS scripts/doctor DESTINATION ${CMAKE_INSTALL_BINDIR} RENAME smartsurf-doctor)
 
@@ -48,10 +47,17 @@ install(FILES ${PROJECT_BINARY_DIR}/smartsurf.pc DESTINATION ${CMAKE_INSTALL_LIB
 install(DIRECTORY docs/ DESTINATION ${CMAKE_INSTALL_DOCDIR} FILES_MATCHING PATTERN "*.md" PATTERN "*.png" PATTERN "*.svg" PATTERN "*.webp"
   PATTERN api EXCLUDE)
 install(FILES shm-protocol/PROTOCOL.md DESTINATION ${CMAKE_INSTALL_DOCDIR})
-# What is linked or contained, with the licences, and as SPDX; in the wheel too.
+# What is linked or contained, with the licences, and as SPDX; in the wheel too, where the linker's maps tell it.
 find_program(NOTICES_PYTHON python3 REQUIRED)
-execute_process(COMMAND ${NOTICES_PYTHON} ${PROJECT_SOURCE_DIR}/packaging/notices --version ${PROJECT_VERSION}
-  --out ${PROJECT_BINARY_DIR}/notices ${notices_of_wheel} COMMAND_ERROR_IS_FATAL ANY)
+set(write_notices ${NOTICES_PYTHON} ${PROJECT_SOURCE_DIR}/packaging/notices --version ${PROJECT_VERSION}
+  --out ${PROJECT_BINARY_DIR}/notices)
+if(SMARTSURF_WHEEL)
+  list(APPEND write_notices --wheel ${SMARTSURF_WHEEL} --maps ${PROJECT_BINARY_DIR})
+  list(JOIN write_notices "\" \"" write_notices)
+  install(CODE "execute_process(COMMAND \"${write_notices}\" COMMAND_ERROR_IS_FATAL ANY)" COMPONENT python)
+else()
+  execute_process(COMMAND ${write_notices} COMMAND_ERROR_IS_FATAL ANY)
+endif()
 set_property(DIRECTORY APPEND PROPERTY CMAKE_CONFIGURE_DEPENDS ${PROJECT_SOURCE_DIR}/packaging/third-party.csv)
 set(notices ${PROJECT_BINARY_DIR}/notices/THIRD-PARTY.txt ${PROJECT_BINARY_DIR}/notices/smartsurf.spdx.json)
 install(FILES ${notices} DESTINATION ${CMAKE_INSTALL_DOCDIR})

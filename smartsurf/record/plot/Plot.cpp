@@ -125,9 +125,13 @@ void add_installed_fonts(FcConfig* configuration) {
 void load_fonts() {
   static const bool once = [] {
     // Without a configuration it would print an error and find no font.
-    FcChar8* const file = FcConfigGetFilename(nullptr, nullptr);
-    FcConfig* const configuration = file != nullptr ? FcInitLoadConfigAndFonts() : FcConfigCreate();
-    FcStrFree(file);
+    FcConfig* configuration = FcConfigCreate();  // without one, the question below loads what it asks for
+    if (configuration == nullptr) throw std::bad_alloc();
+    if (FcChar8* const file = FcConfigGetFilename(configuration, nullptr); file != nullptr) {
+      FcStrFree(file);
+      FcConfigDestroy(configuration);
+      configuration = FcInitLoadConfigAndFonts();
+    }
     if (configuration == nullptr) throw std::bad_alloc();
     const FcFontSet* const fonts = FcConfigGetFonts(configuration, FcSetSystem);
     if (fonts == nullptr || fonts->nfont == 0) add_installed_fonts(configuration);

@@ -150,6 +150,19 @@ class Packaging(ProgramTest):
             if header not in ("bt", "EGL", "GL"):
                 self.assertTrue(header.startswith(includes) or any(i.startswith(header) for i in includes), header)
 
+    def test_notices_of_a_wheel_name_what_the_linker_took(self):
+        link_map, out = self.folder / "smartsurf.map", self.folder / "notices"
+        command = [str(ROOT / "packaging/notices"), "--version", "1", "--out", str(out), "--wheel", str(self.folder), "--maps", str(self.folder)]
+        link_map.write_text("/prefix/lib/libz.a(inflate.o)\n    common/libcommon_text.a(Printable.o)\n"
+                            "/usr/lib/gcc/12/libgcc.a(cpuinfo.o)\nLOAD /prefix/lib/libpng16.a\n")
+        self.assertEqual(self.run_program(*command)[0], 0)
+        named = set(re.findall(r"(?m)^(.*) \(.*; contained\)$", (out / "THIRD-PARTY.txt").read_text()))
+        self.assertEqual(named & {"zlib", "Eigen", "libpng", "Embree"}, {"zlib", "Eigen"})
+        link_map.write_text("/prefix/lib/libnew.a(new.o)\n")
+        status, _, err = self.run_program(*command)
+        self.assertEqual(status, 1)
+        self.assertRegex(err, r"\Anotices: packaging/third-party.csv does not name libnew\.a[^\n]*\n\Z")
+
     def test_doctor_reports_healthy_machine_and_missing_program(self):
         status, out, err = self.installed("smartsurf-doctor")
         self.assertEqual(status, 0, out + err)
