@@ -18,7 +18,8 @@ void collide_shape_with_field(const surface::Field&, const Shape&, const Vec3& c
                               float margin, std::vector<Contact>& out);
 
 // True for a contact with the side of a column whose top the body's lowest point is just below. Edges are
-// round: one that sank a little into a gap rides up on the next top, which then bears it, instead of catching.
+// round: one that sank a little into a gap rides up on the next top, which then bears it, instead of
+// catching.
 bool rides_up(const Vec3& normal, float top, float lowest);
 // The lowest point of a body, or a bound below it.
 float lowest_point(const Shape&, const Vec3& centre, const Mat3& axes);
