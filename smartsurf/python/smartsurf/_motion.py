@@ -24,6 +24,7 @@ _CHANGE = 0.01    # of logarithms, for derivatives
 _STARTS = 5       # searches besides the one from the best of the grid,
 _SPREAD = 0.1     # the standard deviation of the logarithms they start from,
 _ALIKE = 1.02     # and how much higher a minimum may be to be as likely
+_ASTRAY = 0.25    # cells between where the object was and where the best re-run has it, from where on nothing follows from it
 
 
 @dataclass
@@ -177,7 +178,17 @@ def fit_motion(rerun: Rerun, label: str, known: Mapping[str, Any], near: str | N
         del free[worst]
     fit.tracks = [(view.track(s), view.track(p)) for s, p in zip(sensed, predict(best))]
     fit.samples = sum(keep)
+    astray = _astray(fit.tracks) if near is not None else 0.0
+    if astray > _ASTRAY:
+        fit.values, fit.unknown = {}, dict.fromkeys(wanted, f"the re-run strays from the object, by {astray:.2f} cells")
     return fit
+
+
+def _astray(tracks: Sequence[tuple[Array, Array]]) -> float:
+    """The larger rms difference of columns and rows."""
+    apart = np.concatenate([(sensed - predicted)[:, :2] for sensed, predicted in tracks])
+    apart = apart[np.isfinite(apart).all(axis=1)]
+    return float(np.sqrt((apart ** 2).mean(axis=0)).max()) if len(apart) else 0.0
 
 
 def _robust(r: Array) -> float:

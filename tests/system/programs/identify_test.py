@@ -135,6 +135,16 @@ class Identification(ProgramTest):
             self.assertLess(abs(value - truth), 0.03 * truth, name)
             self.assertLess(error, 0.03 * truth, name)
 
+    def test_nothing_follows_from_a_rerun_that_strays(self):
+        table = (ROOT / "scripts/hardware/identify.lua").read_text()
+        self.write("table.lua", table)
+        self.record("elsewhere", table.replace("velocity = { 1.8, 1.5, 0 }", "velocity = { 1.8, 0.9, 0 }"), "--set", "drive=ball", "--set", "seconds=2",
+                    "--vary", "sensor.proximity.noise=0.02")
+        status, out, err = self.identify("elsewhere.h5", "--experiment", "table.lua", "-o", "identified.lua", "--object", "ball",
+                                         "--fit", "rolling_friction")
+        self.assertEqual(status, 0, err)
+        self.assertRegex(out, r"rolling_friction +not identified: the re-run strays from the object, by \d")
+
     def test_a_live_recording_with_lost_frames_says_the_same(self):
         """Of a simulated one: the commands of a live frame answer it, and those of lost frames are not known."""
         import h5py
