@@ -485,8 +485,14 @@ class Meshes(Hostile):
             file.write("3 0 1 2\n")
 
     def importers(self, parent):
+        """Those that have let go of the parent's streams: before that a new process may not yet have asked to end with it."""
+        def ready(pid):
+            try:
+                return os.readlink(f"/proc/{pid}/fd/1") == "/dev/null"
+            except OSError:
+                return False
         children = pathlib.Path(f"/proc/{parent}/task/{parent}/children")
-        return [int(pid) for pid in children.read_text().split()] if children.exists() else []
+        return [int(pid) for pid in children.read_text().split() if ready(pid)] if children.exists() else []
 
     def test_stop_and_death_end_the_importer(self):
         self.slow_mesh()
