@@ -53,8 +53,8 @@ class ProgramTest(unittest.TestCase):
         path.write_text(text)
         return str(path)
 
-    def start(self, *command):
-        child = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, cwd=self.folder)
+    def start(self, *command, stderr=subprocess.PIPE):
+        child = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=stderr, text=True, cwd=self.folder)
         self.children.append(child)
         return child
 
