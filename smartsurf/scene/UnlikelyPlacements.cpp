@@ -14,7 +14,7 @@
 namespace smartsurf::scene {
 namespace {
 
-// As shares of the smaller object's smallest edge.
+// Fractions of the smaller object's smallest edge.
 constexpr double kAllowedDepth = 0.25;
 constexpr int kMaxTests = 1'000'000;  // of pairs: thousands of objects at one place are told soon enough
 

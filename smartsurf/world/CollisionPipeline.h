@@ -183,7 +183,7 @@ class CollisionPipeline {
   void collide_static_body(const BodyStore&, std::size_t body, StaticNeighbour&, SlabResults& results) const;
   void correct_internal_edges(const BodyStore&, std::size_t body, std::span<const StaticNeighbour>,
                               std::vector<Contact>&) const;
-  // Whether the bodies may close more than half of the thinner one's width in this step.
+  // True if the bodies may close more than half of the thinner one's width in this step.
   bool may_pass(std::size_t a, std::size_t b) const {
     return travel_[a] + travel_[b] > 0.5F * std::min(thickness_[a], thickness_[b]);
   }

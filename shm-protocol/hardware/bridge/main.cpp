@@ -163,7 +163,7 @@ std::optional<Arguments> parse(int argc, char** argv) {
   return arguments;
 }
 
-// Of `surface_bridge calibrate`.
+// Arguments of `surface_bridge calibrate`.
 std::optional<Arguments> parse_calibrate(int argc, char** argv) {
   static const option kKnown[] = {{"output", 1, nullptr, 'o'},   {"rest", 1, nullptr, 'r'},
                                   {"hold", 1, nullptr, 'H'},     {"shm", 1, nullptr, 's'},

@@ -326,7 +326,7 @@ class Emulator {
     return all;
   }
 
-  // As a whole: a program may wait for the file.
+  // Written at once: a program may wait for the file.
   static void write_file(const std::string& path, const std::string& text) {
     if (const std::error_code error = common::replace_file(path, text))
       throw std::runtime_error("cannot write " + path + ": " + error.message());
