@@ -28,7 +28,7 @@ struct EnvironmentOptions {
   std::optional<std::string> engine;
   int threads = 1;
   std::optional<std::uint64_t> max_ticks;  // after which an episode is truncated, besides episode.seconds
-  // Commands the actuators in place of set_targets(), and begins anew with each episode; null: nobody.
+  // Commands the actuators in place of set_targets(), and restarts with each episode; null: none.
   std::shared_ptr<const common::ControllerFactory> controller;
 };
 

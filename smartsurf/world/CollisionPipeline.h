@@ -49,7 +49,7 @@ class CollisionPipeline {
   // share by index if there is no previous step. Every body belongs to exactly one member.
   std::span<const std::int32_t> own_bodies(const Member&) const;
   // The bodies that do not sleep, static ones included, ascending, and the pairs of bodies that the narrow
-  // phase looked at in the last step: what the step cost.
+  // phase tested in the last step: what the step cost.
   std::span<const std::int32_t> bodies_in_grid() const { return grid_bodies_; }
   std::size_t tested_pairs() const;
 

@@ -54,7 +54,7 @@ class NativeEngine final : public Engine {
     std::size_t active = 0;    // bodies that moved
     std::size_t in_grid = 0;   // bodies in the broad phase: those, and static ones
     std::size_t rows = 0;      // bodies that the solver read: those, and the sleepers that they touch
-    std::size_t pairs = 0;     // pairs of bodies that the narrow phase looked at
+    std::size_t pairs = 0;     // pairs of bodies that the narrow phase tested
     std::size_t contacts = 0;  // points in contact lists
   };
   StepWork step_work() const;

@@ -1,4 +1,4 @@
-// option: values that the command line can override. vary: what each episode draws anew. random,
+// option: values that the command line can override. vary: what each episode draws. random,
 // random_stream, math.random: the experiment's random numbers.
 #include <algorithm>
 #include <cctype>
