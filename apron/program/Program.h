@@ -152,6 +152,8 @@ std::string verify(const Program&);
 // One line per instruction: index, mnemonic, operands by name, source line. The operands must be in range.
 std::string disassemble(const Program&);
 std::string disassemble(const Program&, std::size_t instruction);
+// A legend, then one line per instruction of the machine: mnemonic, operands, reach, what it does.
+std::string instruction_table();
 
 // The names of the registers and variables that the compiler creates begin with '$', and those of a macro's
 // local names contain a ':'.
