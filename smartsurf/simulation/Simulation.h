@@ -49,9 +49,9 @@ class Simulation final : public script::SimulationInterface {
 
   // Runs the script's event handlers. Throws scene::InputError for an error in the script.
   void run_script();
-  // Does what the script's teleport does, and updates the snapshot. Returns false if the object is not alive.
+  // Does what the script's teleport does, updates the snapshot. Returns false if the object is not alive.
   bool place(scene::ObjectId, const script::ObjectStateUpdate&);
-  // Applied in every coming step, besides those of actuators and script. Returns false if the object is not alive.
+  // Applied in every coming step, besides those of actuators and script. False if the object is not alive.
   bool set_wrench(scene::ObjectId, const surface::Wrench&);
   // Receives the targets of the tick by set_targets(), indexed by channel of actuators().
   surface::ActuatorArray& actuator_array() noexcept { return actuator_array_; }

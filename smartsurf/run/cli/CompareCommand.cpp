@@ -93,8 +93,8 @@ int compare_command(const CompareFlags& flags, const std::string& command_line) 
 }  // namespace
 
 CommandHandler add_compare_command(CLI::App& app, const std::string& command_line) {
-  CLI::App* compare =
-      app.add_subcommand("compare", "Run an experiment on two engines and report where their results diverge");
+  CLI::App* compare = app.add_subcommand(
+      "compare", "Run an experiment on two engines and report where their results diverge");
   const auto flags = std::make_shared<CompareFlags>();
   compare->add_option("experiment", flags->experiment, "The experiment")
       ->required()
