@@ -7,7 +7,7 @@ set_target_properties(fake_surface PROPERTIES INSTALL_RPATH "$ORIGIN/../${CMAKE_
 install(TARGETS smartsurf apron surface_bridge fake_surface device_emulator)
 if(SKBUILD)  # the wheel of the Python package, whose smartsurf.run() starts them
   install(TARGETS smartsurf apron RUNTIME DESTINATION ${SKBUILD_SCRIPTS_DIR} COMPONENT python)
-  install(DIRECTORY scripts/apron scripts/apron-examples scripts/case-study scripts/conveyors scripts/examples scripts/gallery scripts/tasks
+  install(DIRECTORY scripts/apron scripts/apron-examples scripts/case-study scripts/conveyors scripts/examples scripts/extensions scripts/gallery scripts/tasks
     DESTINATION ${SKBUILD_DATA_DIR}/share/smartsurf COMPONENT python PATTERN table EXCLUDE)
 endif()
 # Where scripts/wheel has built the libraries that it links in: the wheel names them all in its notices, and brings a font.
@@ -20,7 +20,7 @@ endif()
 install(PROGRAMS scripts/doctor DESTINATION ${CMAKE_INSTALL_BINDIR} RENAME smartsurf-doctor)
 
 # Where an installed apron looks for its library: ../share/smartsurf/apron (apron/run/options/CompiledProgram.cpp).
-install(DIRECTORY scripts/apron scripts/apron-examples scripts/scamp5 scripts/case-study scripts/conveyors scripts/examples scripts/gallery
+install(DIRECTORY scripts/apron scripts/apron-examples scripts/scamp5 scripts/case-study scripts/conveyors scripts/examples scripts/extensions scripts/gallery
   scripts/tasks DESTINATION ${CMAKE_INSTALL_DATADIR}/smartsurf PATTERN table EXCLUDE)
 install(DIRECTORY shm-protocol/examples/ DESTINATION ${CMAKE_INSTALL_DATADIR}/smartsurf/controllers
   PATTERN __pycache__ EXCLUDE)

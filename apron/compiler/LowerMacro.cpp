@@ -144,7 +144,7 @@ std::optional<std::size_t> Lowering::mask_base(const Value& value) const {
   return found == mask_bases_.end() ? std::nullopt : std::optional(found->second);
 }
 
-// That of a macro's local name before its first write is its macro's.
+// Before its first write, a macro's local name has its macro's mask base.
 std::optional<std::size_t> Lowering::mask_base(const Expression& target) const {
   const Symbol* symbol =
       target.kind == ExpressionKind::kElement ? find_element_or_null(target) : symbols_.find(target.text);

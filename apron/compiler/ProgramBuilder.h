@@ -88,7 +88,7 @@ class ProgramBuilder {
 
   void emit(program::Opcode, program::Operand destination = {}, std::vector<program::Operand> = {},
             bool masked = true);
-  // Whether instructions that write the register obey masks; until its release. They do unless told.
+  // Sets whether instructions that write the register obey masks, until its release. The default is true.
   void obey_masks(const Value& reg, bool);
   // Lets the last instruction write `target` instead of its temporary. Returns false, and changes nothing,
   // unless it wrote all of the temporary, is the only predecessor of this point, and does not read neighbours

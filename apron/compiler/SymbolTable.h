@@ -76,7 +76,7 @@ class SymbolTable {
   std::map<std::string, std::string> aliases_;  // includes each class under its own name
 };
 
-// As syntax::display_name(): without the suffix that makes a macro's local names unique.
+// Like syntax::display_name(): without the suffix that makes a macro's local names unique.
 std::string display_name(const std::string& name);
 bool is_macro_name(const std::string& name);
 

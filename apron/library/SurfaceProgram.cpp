@@ -24,7 +24,7 @@ class ControlledSurfaceHost final : public EmbeddedHost {
         sensor_count_(surface.sensors.size()),
         rows_(surface.rows),
         columns_(surface.columns),
-        // As the protocol transfers it: whole nanoseconds.
+        // Rounded to whole nanoseconds, as in the protocol.
         period_s_(static_cast<double>(std::llround(surface.period_s * 1e9)) * 1e-9) {
     const auto add = [&](const common::ControllerChannel& channel, bool is_sensor) {
       channels_.push_back({channel.name, is_sensor, static_cast<std::size_t>(channel.components)});

@@ -17,7 +17,7 @@ constexpr bool is_integer(CellType type) noexcept { return type != CellType::kFl
 constexpr std::size_t cell_bytes(CellType type) noexcept {
   return type == CellType::kUint8 ? 1 : type == CellType::kUint16 ? 2 : 4;
 }
-// As the language writes it.
+// The type's name in the language.
 constexpr std::string_view cell_type_name(CellType type) noexcept {
   constexpr std::array<std::string_view, kCellTypeCount> kNames{"float", "int32", "uint16", "uint8"};
   return kNames[static_cast<std::size_t>(type)];

@@ -133,7 +133,7 @@ struct Program {
 inline constexpr std::size_t kMaxInstructions = 1'000'000;
 inline constexpr std::size_t kMaxRegisters = 4096;
 inline constexpr std::size_t kMaxCells = std::size_t{1} << 26;        // per register
-// Of all registers together.
+// Limit of all registers together.
 inline constexpr std::size_t kMaxMemoryBytes = std::size_t{1} << (sizeof(std::size_t) == 8 ? 33 : 31);
 inline constexpr std::size_t kMaxCallDepth = 256;
 inline constexpr std::size_t kMaxMaskDepth = 64;
@@ -152,6 +152,8 @@ std::string verify(const Program&);
 // One line per instruction: index, mnemonic, operands by name, source line. The operands must be in range.
 std::string disassemble(const Program&);
 std::string disassemble(const Program&, std::size_t instruction);
+// A legend, then one line per instruction of the machine: mnemonic, operands, reach, what it does.
+std::string instruction_table();
 
 // The names of the registers and variables that the compiler creates begin with '$', and those of a macro's
 // local names contain a ':'.
@@ -168,7 +170,7 @@ std::string unknown_register(const Program&, const std::string& name);
 // True if the destination must not be a source as well, because the instruction reads other cells.
 bool requires_out_of_place(Opcode) noexcept;
 
-// Whether the instruction takes registers of integers; kBitAnd to kSubSaturated take no others.
+// True if the instruction takes registers of integers; kBitAnd to kSubSaturated take no others.
 bool takes_integers(Opcode) noexcept;
 constexpr bool takes_only_integers(Opcode op) noexcept {
   return op >= Opcode::kBitAnd && op <= Opcode::kSubSaturated;

@@ -38,7 +38,7 @@ bool uses_surface(const Program&);
 // verify().
 std::optional<std::size_t> find_loop_without_step(const Program&);
 
-// Of a program that repeats forever, whatever its conditions yield, without surface.step: the last jump back
+// For a program that loops forever without surface.step, whatever its conditions yield: the last jump back
 // that a run can reach. Empty if a run can reach surface.step or the end. The program must pass verify().
 std::optional<std::size_t> find_endless_loop(const Program&);
 

@@ -14,7 +14,7 @@ constexpr const char* kBlockCapsule = "apron.plane_block";
 
 std::int64_t bytes_of(vm::CellType type) { return static_cast<std::int64_t>(program::cell_bytes(type)); }
 
-// As NumPy names it.
+// NumPy's name of the type.
 std::string type_name(vm::CellType type) {
   return type == vm::CellType::kFloat32 ? "float32" : std::string(program::cell_type_name(type));
 }

@@ -74,7 +74,7 @@ py::object make_array(std::uint32_t rows, std::uint32_t columns, const std::stri
 
 PYBIND11_MODULE(_core, m) {
   m.attr("__version__") = SMARTSURF_VERSION;
-  // Of this module alone: smartsurf has errors of its own.
+  // Local to this module: smartsurf has errors of its own.
   py::register_local_exception_translator([](std::exception_ptr error) {
     try {
       std::rethrow_exception(std::move(error));

@@ -19,7 +19,7 @@ class FileReader {
 class DiskReader final : public FileReader {
  public:
   DiskReader() = default;
-  // Of other files than the program only those whose real names end in .aps, so that no include shows the
+  // Apart from the program only files whose real names end in .aps, so that no include shows the
   // lines of another file in a message.
   explicit DiskReader(std::string program) : program_(std::move(program)) {}
   std::optional<std::string> read(const std::string& path) override;

@@ -124,7 +124,7 @@ Expression Parser::parse_binary(int level) {
   return left;
 }
 
-// Whether `not` before it is the operator: `not -a`, `not nor(a, b)`, and not the call not(a).
+// True if a `not` before it is the operator (`not -a`, `not nor(a, b)`) rather than the call not(a).
 bool Parser::begins_operand(Cursor first) const {
   if (first->is("(") || first->is("[")) return false;
   if (infix_precedence(*first) == 0 || first->is("-") || first->is("+")) return true;

@@ -322,7 +322,7 @@ class RegionScheduler {
   const std::vector<Node>& nodes() const { return region_.nodes; }
 
   bool is_plane(NodeId id) const { return live_[id] && !nodes()[id].is_scalar(); }
-  // Cheaper to compute than to load, and needed by nobody as a plane.
+  // Cheaper to compute than to load, and not needed as a plane.
   bool is_inlined(NodeId id) const {
     const Node& node = nodes()[id];
     const bool cheap = node.kind == NodeKind::kCellX || node.kind == NodeKind::kCellY ||
@@ -583,7 +583,7 @@ class Allocation {
     return {layout, index};
   }
 
-  // A plane is overwritten only when nobody waits for its old value.
+  // A plane is overwritten only when no move needs its old value.
   void order_moves(std::vector<Move> pending, std::vector<Move>& ordered) {
     while (!pending.empty()) {
       const auto is_free = [&](const Move& move) {

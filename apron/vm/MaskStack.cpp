@@ -32,7 +32,7 @@ void MaskStack::apply_kernel(Opcode op, Plane y, ConstPlane a, ConstPlane b) {
       block);
 }
 
-// As apply_kernel() with a b of any type.
+// Like apply_kernel(), with a b of any type.
 void MaskStack::combine(Opcode op, Plane y, ConstPlane a, ConstPlane b) {
   if (b.type == y.type) return apply_kernel(op, y, a, b);
   const Plane scratch = acquire_plane(y.width, y.height, y.type);

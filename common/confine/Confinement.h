@@ -33,7 +33,7 @@ void leave_unconfined(const std::string& what);
 void confine(const Confinement&);
 bool is_confined() noexcept;
 
-// What a program needs of the system whatever it does: its processor, random numbers, /dev/null.
+// What every program needs of the system: its processor, random numbers, /dev/null.
 void add_system_files(Confinement&);
 // Likewise to draw pictures: libraries, fonts, drivers.
 void add_picture_files(Confinement&);

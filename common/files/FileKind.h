@@ -1,4 +1,4 @@
-// What a file is, so that a user who gives it to the wrong program is told the right one.
+// Recognises files by their content, so that a message can name the program for which they are.
 #pragma once
 
 #include <filesystem>

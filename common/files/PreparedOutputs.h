@@ -36,7 +36,7 @@ void use_prepared_outputs(std::vector<PreparedOutput>, PreparedOutputKeeper);
 // The part of the output of that name; nullopt: it is not prepared.
 std::optional<std::filesystem::path> prepared_part(const std::filesystem::path& name);
 bool is_prepared(const std::filesystem::path& part) noexcept;
-// As rename() and remove(), for parts that are prepared and for others.
+// Like rename() and remove(), for prepared parts and for others.
 std::error_code rename_part(const std::filesystem::path& part, const std::filesystem::path& name);
 void discard_part(const std::filesystem::path& part) noexcept;
 

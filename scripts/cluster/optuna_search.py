@@ -26,7 +26,7 @@ def objective(trial):
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--trials", type=int, default=20, help="[20]")
-    parser.add_argument("--storage", help="of a study that several processes share [this process]")
+    parser.add_argument("--storage", help="storage of a study that several processes share [this process]")
     how = parser.parse_args()
     optuna.logging.set_verbosity(optuna.logging.WARNING)
     study = optuna.create_study(study_name="wave", storage=how.storage, load_if_exists=True, direction="maximize",

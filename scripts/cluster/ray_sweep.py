@@ -17,7 +17,7 @@ TASKS = pathlib.Path(__file__).resolve().parent.parent / "tasks"
 
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--address", help="of a running cluster, or auto [this machine]")
+    parser.add_argument("--address", help="address of a running cluster, or auto [this machine]")
     parser.add_argument("--seeds", type=int, default=8, help="runs per share of dead pins [8]")
     how = parser.parse_args()
     ray.init(how.address, include_dashboard=False, log_to_driver=False)

@@ -27,27 +27,27 @@ using namespace shm_protocol;
 using namespace std::chrono_literals;
 using dump::SurfaceStatus;
 
-constexpr const char* kHelp = R"(shm_dump - look at the shared memory between a surface and its controller
+constexpr const char* kHelp = R"(shm_dump - show the shared memory between a surface and its controller
 
   shm_dump NAME [options]    header, channels, states, counters and rates of surface NAME
   shm_dump --list            all surfaces of this machine, living and dead
   shm_dump --clean[=PREFIX]  remove the segments that dead surfaces left (their owners are
-                             checked first); with PREFIX only names that begin so
+                             checked first); with PREFIX only those with this prefix
 
   -n, --numbers              the arrays of the newest frames, as numbers
   -m, --map                  the same as heat maps
-  -c, --channel CHANNEL      only this channel's array (may be given again); implies --map
+  -c, --channel CHANNEL      only this channel's array (repeatable); implies --map
                              unless --numbers is given
   -a, --all                  large arrays of numbers in full
-  -f, --follow[=SECONDS]     look again and again, every 0.5 s or as said, until the surface ends
-  -k, --count N              end after N looks (with --follow)
-  -w, --wait SECONDS         wait so long for the surface to appear
+  -f, --follow[=SECONDS]     repeat every SECONDS (default: 0.5) until the surface ends
+  -k, --count N              with --follow: stop after N times
+  -w, --wait SECONDS         how long to wait for the surface to appear
       --colour=WHEN          auto (default), always, never
   -j, --json                 JSON; with --follow one object a line
   -h, --help                 this text
   -V, --version              version
 
-It maps the segment read-only and never slows or disturbs the two.
+It maps the segment read-only and never slows or disturbs either side.
 Exit status: 0 done, 1 failed, 2 wrong input, 3 no such surface, or it died.
 )";
 

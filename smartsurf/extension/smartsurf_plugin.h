@@ -75,7 +75,7 @@ typedef struct smartsurf_plugin_configuration {
   uint32_t size;
   uint32_t channel_count;
   smartsurf_plugin_channel* channels; /* minimum, maximum, neutral, components and flags may be changed */
-  /* Of an actuator: the least and greatest z of the cells' tops above their base, u. On entry both are the
+  /* Actuators only: the least and greatest z of the cells' tops above their base, u. On entry both are the
    * parameter `height`, at which the tops rest. */
   double min_height, max_height;
   char* message;
@@ -132,7 +132,7 @@ typedef struct smartsurf_plugin_actuator_context {
   uint32_t size;
   uint32_t cell_count;
   const smartsurf_plugin_surface* surface;
-  /* Of the actuator's parameters, in their order; valid as long as the instance. */
+  /* Values of the actuator's parameters, in their order; valid as long as the instance. */
   const smartsurf_plugin_value* values;
   const uint32_t* cells; /* the actuator's cells, ascending; valid as long as the instance */
   const float* height;   /* rows × columns: z of the tops at rest, u */
@@ -150,7 +150,7 @@ typedef struct smartsurf_plugin_motion {
   const float* impulse;        /* normal impulse on each cell in the last step, mass·u/s */
   float* height;               /* z of the tops, u; to be written by snap() only */
   float* speed;                /* upward speed of the tops, u/s */
-  /* Of the top's surface, u/s; null unless SMARTSURF_MOVES_SURFACE. */
+  /* Velocity of the top's surface, u/s; null unless SMARTSURF_MOVES_SURFACE. */
   float *surface_velocity_x, *surface_velocity_y;
   float* surface_spin; /* of it about z, rad/s; likewise */
   /* Greatest upward force at rest, mass·u/s²; null unless SMARTSURF_LIMITS_FORCE. */
@@ -208,7 +208,7 @@ typedef struct smartsurf_plugin_sensor_context smartsurf_plugin_sensor_context;
 struct smartsurf_plugin_sensor_context {
   uint32_t size;
   const smartsurf_plugin_surface* surface;
-  /* Of the sensor's parameters, in their order; valid as long as the instance. */
+  /* Values of the sensor's parameters, in their order; valid as long as the instance. */
   const smartsurf_plugin_value* values;
   /* Prepares a ray that sense() casts. Returns its number: 0, 1, … */
   uint32_t (*add_ray)(const smartsurf_plugin_sensor_context* context, const smartsurf_plugin_ray* ray);
@@ -251,7 +251,7 @@ typedef struct smartsurf_plugin_sensor {
   /* Writes the true values, by channel: components × rows × columns. The program clamps them to the channel's
    * range, and replaces NaN by its neutral value. */
   void (*sense)(void* instance, const smartsurf_plugin_scene* scene, float* const* readings);
-  /* As those of an actuator, for what does not follow from the latest state of the world. Both may be null.
+  /* Like an actuator's save() and restore(), for state that the world's does not determine. Both may be null.
    * restore() is called after a sense() of the restored world, in which the impulses are 0. */
   uint64_t (*save)(void* instance, void* bytes, uint64_t room);
   int (*restore)(void* instance, const void* bytes, uint64_t count);

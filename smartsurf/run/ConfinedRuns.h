@@ -55,7 +55,7 @@ void confine_to_experiment(const std::string& experiment, bool allow_extensions)
 
 // Prepares a file that replace_file() writes. Throws scene::InputError.
 common::PreparedOutput prepare_replaced_file(const common::NamedOutput&);
-// Those of --screenshot and --video.
+// Prepares the outputs of --screenshot and --video.
 std::vector<common::PreparedOutput> prepare_media(std::span<const Screenshot>, const std::string& video_file);
 
 }  // namespace smartsurf::run

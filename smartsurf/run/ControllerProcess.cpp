@@ -34,8 +34,8 @@ std::string apron_executable() {
   return sibling.has_root_path() && access(sibling.c_str(), X_OK) == 0 ? sibling.string() : "apron";
 }
 
-// Whether the shell command runs one program, which may then take the shell's place: signals end the shell
-// alone, and what it has started would stay.
+// True if the shell command runs one program, which may then replace the shell: signals end the shell
+// alone, and its children would remain.
 bool is_one_program(const std::string& command) {
   if (command.find_first_of(";|&<>()`\n") != std::string::npos) return false;
   const std::string program = command.substr(0, command.find(' '));

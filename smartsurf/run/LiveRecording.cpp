@@ -210,7 +210,7 @@ class LiveRecording {
     lost_ = last_frame_ == 0 ? 0 : info.frame - last_frame_ - 1;
     last_frame_ = info.frame;
     lost_frames_ += lost_;
-    // A surface that started anew under the same name is another session, and this observer's segment closed.
+    // A surface that restarted under the same name is another session, and this observer's segment closed.
     sensors_.copy(observer_);
     snapshot_.tick = info.tick;
     snapshot_.time_s = info.time_s;

@@ -46,7 +46,7 @@ struct JointSpec {
   double friction = 0.0;  // Coulomb friction: the greatest effort, ≥ 0
   std::optional<JointSpring> spring = {};
   std::optional<JointMotor> motor = {};
-  bool collide = false;  // whether a and b touch each other besides
+  bool collide = false;  // whether a and b collide as well
 
   bool has_coordinate() const { return kind == JointKind::kHinge || kind == JointKind::kSlider; }
 };

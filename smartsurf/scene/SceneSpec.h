@@ -125,7 +125,7 @@ struct CellPose {
   double x = 0.0, y = 0.0;  // centre of the top, u
   double angle = 0.0;       // rotation about z, rad
 };
-// That of a cell in a hexagonal grid: every second row, counted from the south, begins half a pitch further
+// The centre of a cell in a hexagonal grid: every second row from the south begins half a pitch further
 // east.
 CellPose hexagonal_pose(int row_from_south, int column, double pitch);
 

@@ -14,9 +14,9 @@
 namespace smartsurf::scene {
 namespace {
 
-// As shares of the smaller object's smallest edge.
+// Fractions of the smaller object's smallest edge.
 constexpr double kAllowedDepth = 0.25;
-constexpr int kMaxTests = 1'000'000;  // of pairs: thousands of objects at one place are told soon enough
+constexpr int kMaxTests = 1'000'000;  // pairs tested: enough to find thousands of objects at one place
 
 // What an object certainly contains: a box about the origin (half edges, body frame) or, with half edges of 0
 // across, a segment along z, grown by a radius.

@@ -1,4 +1,4 @@
-// A nuisance of an experiment: a quantity that each episode draws anew, as vary{} or --vary declares it.
+// A nuisance of an experiment: a quantity that each episode draws, declared by vary{} or --vary.
 #pragma once
 
 #include <optional>

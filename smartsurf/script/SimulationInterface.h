@@ -34,7 +34,7 @@ class SimulationInterface {
   virtual void remove(scene::ObjectId) = 0;
   virtual bool is_alive(scene::ObjectId) const = 0;
   virtual ObjectState state(scene::ObjectId) const = 0;
-  // Whether the object's centre is over the cells and no lower than the lowest top.
+  // True if the object's centre is over the cells and no lower than the lowest top.
   virtual bool is_on_table(scene::ObjectId) const = 0;
   virtual std::string label(scene::ObjectId) const = 0;
   virtual bool is_fixed(scene::ObjectId) const = 0;

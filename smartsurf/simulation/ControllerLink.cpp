@@ -44,7 +44,7 @@ bool ControllerLink::command(Simulation& simulation) {
   for (std::size_t i = 0; i < sensors.size(); ++i) {
     frame_[i] = sensors[i].values;
     if (!is_whole_[i]) continue;
-    // As the protocol transfers the channel.
+    // In the type in which the protocol transfers the channel.
     std::ranges::transform(sensors[i].values, whole_readings_[i].begin(),
                            [](float value) { return static_cast<float>(static_cast<std::uint32_t>(value)); });
     frame_[i] = whole_readings_[i];

@@ -18,7 +18,7 @@ class ControllerLink {
   explicit ControllerLink(std::shared_ptr<const common::ControllerFactory> factory)
       : factory_(std::move(factory)) {}
 
-  // The controller begins anew: another one if the surface is not that of the previous episode. Throws
+  // Restarts the controller; creates another one if the surface is not that of the previous episode. Throws
   // common::UserError if it cannot control this surface.
   void start_episode(const scene::SceneSpec&);
 

@@ -28,7 +28,7 @@ struct EnvironmentOptions {
   std::optional<std::string> engine;
   int threads = 1;
   std::optional<std::uint64_t> max_ticks;  // after which an episode is truncated, besides episode.seconds
-  // Commands the actuators in place of set_targets(), and begins anew with each episode; null: nobody.
+  // Commands the actuators in place of set_targets(), and restarts with each episode; null: none.
   std::shared_ptr<const common::ControllerFactory> controller;
 };
 
@@ -73,7 +73,7 @@ class Environment {
   // The value of the next episode, if it is set, else of this one.
   std::vector<double> parameter(const SceneParameter&) const;
   void set_parameter(const SceneParameter&, std::span<const double> values);
-  // Whether this episode has values of parameters that the script does not declare.
+  // True if this episode has parameter values that the script does not declare.
   bool has_parameters() const { return !applied_values_.empty(); }
   // Each reset draws the numbers from [low, high), independently, from streams of the episode's seed. Both
   // empty: no longer.

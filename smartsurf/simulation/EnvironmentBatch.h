@@ -87,7 +87,7 @@ class EnvironmentBatch {
   // Ends the episodes of the worlds whose mask is not 0, by a goal or a limit of the caller: after a step()
   // from whose end they still run. Then does with them what step() does at the end of an episode.
   void end_episodes(std::span<const std::uint8_t> mask, const BatchArrays&);
-  // Writes the objects' states anew, after changes between two steps.
+  // Updates the objects' states after changes between two steps.
   void observe_objects(const StateArrays&) const;
   // Why the world failed in the latest step(); "" if it did not.
   const std::string& error(int index) const { return worlds_[index].error; }
@@ -96,7 +96,7 @@ class EnvironmentBatch {
   std::string save(int index) { return worlds_[index].environment->save(); }
   void restore(int index, std::string_view state, const BatchArrays&);
 
-  // Null: nobody. The observer must outlive its use.
+  // Null removes the observer, which must outlive its use.
   void observe_episodes(EpisodeObserver* observer) { observer_ = observer; }
 
   // To call what changes a world between two steps.

@@ -42,7 +42,7 @@ class Nuisances {
   std::vector<std::pair<std::shared_ptr<const scene::Solid>, std::shared_ptr<const scene::Solid>>> scaled_;
 };
 
-// Whether actuators and sensors of both scenes exchange the same channels, with the same limits.
+// True if actuators and sensors of both scenes exchange the same channels, with the same limits.
 bool have_same_channels(const scene::SceneSpec&, const scene::SceneSpec&);
 
 }  // namespace smartsurf::simulation

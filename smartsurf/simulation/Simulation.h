@@ -49,9 +49,9 @@ class Simulation final : public script::SimulationInterface {
 
   // Runs the script's event handlers. Throws scene::InputError for an error in the script.
   void run_script();
-  // As the script's teleport; updates the snapshot. False if the object is not alive.
+  // Does what the script's teleport does, updates the snapshot. Returns false if the object is not alive.
   bool place(scene::ObjectId, const script::ObjectStateUpdate&);
-  // Of every coming step, in addition to those of actuators and script. False if the object is not alive.
+  // Applied in every coming step, besides those of actuators and script. False if the object is not alive.
   bool set_wrench(scene::ObjectId, const surface::Wrench&);
   // Receives the targets of the tick by set_targets(), indexed by channel of actuators().
   surface::ActuatorArray& actuator_array() noexcept { return actuator_array_; }
@@ -78,7 +78,7 @@ class Simulation final : public script::SimulationInterface {
   const std::vector<scene::ObjectSpec>& catalogue() const noexcept { return catalogue_; }
   // The load-bearing contacts of the last physics step. Allocates.
   std::vector<world::ContactPoint> contacts() const { return engine_->contacts(); }
-  // Those of the episode, with the values drawn.
+  // The episode's nuisances, with the values drawn.
   const std::vector<scene::Variation>& nuisances() const noexcept { return nuisances_.drawn(); }
   const DepartureTracker& departures() const noexcept { return departures_; }
   // How many of the script's targets were outside their channel's range, or NaN, and replaced.

@@ -17,7 +17,7 @@ float height_on_top(const TopTilt& tilt, float dx, float dy) {
 
 int nearest(float u, int count) { return std::clamp(static_cast<int>(std::lround(u)), 0, count - 1); }
 
-// Whether a cell holds the nodes over its whole top, or one at its highest point.
+// True if the cell holds the nodes over its whole top, false if it holds one at its highest point.
 bool is_flat(const Field& field, std::size_t cell) {
   if (!field.has_tips() || field.tip_of_cell[cell] < 0) return true;
   const CellTip::Shape shape = field.tip_at(cell).shape;

@@ -167,7 +167,7 @@ std::span<const std::int32_t> CollisionPipeline::own_bodies(const Member& member
   return std::span(body_indices_).subspan(share.begin, share.end - share.begin);
 }
 
-// As own_bodies(), without the sleepers.
+// Returns own_bodies() without the sleepers.
 std::span<const std::int32_t> CollisionPipeline::own_bodies_in_grid(const Member& member) const {
   if (!has_sleepers()) return own_bodies(member);
   const IndexRange share = member.share(static_cast<int>(grid_bodies_.size()));

@@ -49,7 +49,7 @@ class CollisionPipeline {
   // share by index if there is no previous step. Every body belongs to exactly one member.
   std::span<const std::int32_t> own_bodies(const Member&) const;
   // The bodies that do not sleep, static ones included, ascending, and the pairs of bodies that the narrow
-  // phase looked at in the last step: what the step cost.
+  // phase tested in the last step: what the step cost.
   std::span<const std::int32_t> bodies_in_grid() const { return grid_bodies_; }
   std::size_t tested_pairs() const;
 
@@ -183,7 +183,7 @@ class CollisionPipeline {
   void collide_static_body(const BodyStore&, std::size_t body, StaticNeighbour&, SlabResults& results) const;
   void correct_internal_edges(const BodyStore&, std::size_t body, std::span<const StaticNeighbour>,
                               std::vector<Contact>&) const;
-  // Whether the bodies may close more than half of the thinner one's width in this step.
+  // True if the bodies may close more than half of the thinner one's width in this step.
   bool may_pass(std::size_t a, std::size_t b) const {
     return travel_[a] + travel_[b] > 0.5F * std::min(thickness_[a], thickness_[b]);
   }

@@ -49,12 +49,12 @@ class NativeEngine final : public Engine {
   std::span<surface::Wrench> wrenches() override;
   void step() override;
   std::vector<ContactPoint> contacts() const override;
-  // What the last step went through: grows with what moves, and with what touches that, only.
+  // Work of the last step, which grows only with what moves and what touches it.
   struct StepWork {
     std::size_t active = 0;    // bodies that moved
     std::size_t in_grid = 0;   // bodies in the broad phase: those, and static ones
     std::size_t rows = 0;      // bodies that the solver read: those, and the sleepers that they touch
-    std::size_t pairs = 0;     // pairs of bodies that the narrow phase looked at
+    std::size_t pairs = 0;     // pairs of bodies that the narrow phase tested
     std::size_t contacts = 0;  // points in contact lists
   };
   StepWork step_work() const;

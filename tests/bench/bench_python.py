@@ -216,11 +216,11 @@ def measurements(how):
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--json", action="store_true", help="one JSON object a line")
-    parser.add_argument("--seconds", type=float, default=0.7, help="of one spell")
+    parser.add_argument("--seconds", type=float, default=0.7, help="seconds of one measurement")
     parser.add_argument("--cases", type=lambda text: text.split(","), default=CASES)
     parser.add_argument("--who", type=lambda text: text.split(","), default=["vector", "surface", "mujoco"])
     parser.add_argument("--threads", type=lambda text: [int(n) for n in text.split(",")], default=[1, 2],
-                        help="of VectorEnv and of MuJoCo; several give a row each")
+                        help="threads of VectorEnv and of MuJoCo; several give a row each")
     parser.add_argument("--smartsurf", default="smartsurf", help="the program, for single environments")
     how = parser.parse_args()
     if "mujoco" in how.who and not has_mujoco("bench_python"):

@@ -117,7 +117,7 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--json", action="store_true", help="one JSON object a line")
     parser.add_argument("--cases", type=lambda text: [int(k) for k in text.split(",")], default=[100, 300], help="numbers of boxes")
-    parser.add_argument("--steps", type=int, default=240, help="of one spell")
+    parser.add_argument("--steps", type=int, default=240, help="steps of one measurement")
     how = parser.parse_args()
     how.mujoco = has_mujoco("bench_wheels")
     for line in measurements(how):

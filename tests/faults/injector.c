@@ -102,7 +102,7 @@ static _Unwind_Reason_Code add_frame(struct _Unwind_Context* context, void* of) 
   return _URC_NO_REASON;
 }
 
-/* Of the innermost frame that is neither the injector's nor the C or C++ library's. */
+/* Address of the innermost frame that is neither the injector's nor the C or C++ library's. */
 static uintptr_t calling_frame(const struct Stack* stack) {
   for (int i = 0; i < stack->depth; ++i) {
     Dl_info info;
@@ -161,7 +161,7 @@ static void write_trace(void) {
   close(file);
 }
 
-/* Whether this call of the kind is to fail; errno is then set. */
+/* True if this call of the kind is to fail; errno is then set. */
 static bool fails(enum Kind of) {
   if (!atomic_load_explicit(&armed, memory_order_relaxed) || inside || (census ? !counted[of] : of != kind))
     return false;

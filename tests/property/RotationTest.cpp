@@ -12,7 +12,7 @@ using Eigen::Vector3d;
 
 namespace {
 
-// Of a solid box of density 1.
+// Principal moments of a solid box of density 1.
 Vector3d box_moments(const Vector3d& size) {
   const Vector3d s = size.cwiseAbs2();
   return size.prod() / 12.0 * Vector3d(s.y() + s.z(), s.x() + s.z(), s.x() + s.y());

@@ -220,7 +220,7 @@ Values jams(Draw& draw) {
         deepest = std::max(deepest, depth_in_columns(draw.fixture.cells().field(), specs[i], s, i));
     });
   }
-  // Of two engines that are right to 0.05 u at 1/240 s neither is deeper than this: pins rise by 4 u/s in a
+  // If both engines are right to 0.05 u at 1/240 s, neither is deeper than this: pins rise by 4 u/s in a
   // step.
   const double bound = 0.04 + 4.0 * draw.fixture.scene.world.dt_s;
   return {{"stays out of the pins", std::max(0.0, deepest - bound), 0.01}};

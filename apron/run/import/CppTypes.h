@@ -72,7 +72,7 @@ std::optional<CppValue> cpp_binary(CppValue a, std::string_view op, CppValue b);
 CppValue cpp_negative(CppValue);
 CppValue cpp_complement(CppValue);
 CppValue cpp_not(CppValue);
-// As the condition of an `if`.
+// Converts to the condition of an `if`.
 CppValue cpp_condition(CppValue);
 // The type of both operands of an arithmetic operator.
 CppType cpp_common_type(CppType a, CppType b);

@@ -442,6 +442,8 @@ ParsedOptions parse_options(int argc, char** argv) {
   check.add_option("--profile", raw.profile)->group("");  // alias of --local
   CLI::App& disassemble = *app.add_subcommand("disasm", "list a program's instructions");
   add_common_options(disassemble, raw);
+  disassemble.set_version_flag("--instructions", program::instruction_table,
+                               "list the machine's instructions, with operands and reach, and exit");
   CLI::App& format = *app.add_subcommand("fmt", "format programs");
   add_format_options(format, raw);
   CLI::App& import = *app.add_subcommand("import", "translate SCAMP-5 kernels into a program");

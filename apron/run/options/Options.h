@@ -77,7 +77,7 @@ struct Options {
   std::vector<std::string> cameras;          // replace /dev/video0, /dev/video1, …
   bool timers = false;                       // timers measure wall time even without a window
 
-  // Of compile.
+  // Options of `apron compile`.
   std::uint32_t tile_width = 0, tile_height = 0;  // --tile; 0: the whole table
   std::uint32_t halo = 1, unroll = 20000;
   std::string name;                                  // --name; empty: from the output file

@@ -381,7 +381,7 @@ class FusionPlanner {
   }
 
   void lay_out_rings() {
-    // As in every plane, the padding east of a row is also the padding west of the next row.
+    // The padding east of a row is also the padding west of the next row, as in every plane.
     plan_.ring_pitch = round_up(plan_.strip_columns, lanes_) + 2 * plan_.ring_halo + lanes_;
     std::vector<std::uint32_t> values, ring_of;
     for (const NodeGroup& group : groups_)

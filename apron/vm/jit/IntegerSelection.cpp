@@ -98,7 +98,7 @@ void StageAssembler::emit_integer_unary(const MicroOp& op, RegisterAssignment& y
   }
 }
 
-// Of bytes: the products of the even and of the odd ones as words.
+// Bytes: the products of the even and of the odd ones as words.
 void StageAssembler::emit_integer_product(const Vector& to, const Vector& a, const Vector& b) {
   if (cell_bytes_ == 2) return vpmullw(to, a, b);
   if (cell_bytes_ == 4) return vpmulld(to, a, b);

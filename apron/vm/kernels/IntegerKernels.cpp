@@ -229,7 +229,7 @@ HWY_INLINE To convert_cell(From a) {
   }
 }
 
-// Of exactly the columns: a row of the source may end before the vector of y does.
+// Handles exactly the columns: a row of the source may end before the vector of y does.
 template <class From, class To, bool kSaturated, bool kMasked>
 void convert(const Block& block) noexcept {
   const From* a = cells_of<From>(block.source[0]);

@@ -11,7 +11,7 @@ namespace {
 using program::BoundaryRule;
 using program::Opcode;
 
-// Of cells of type T.
+// For cells of type T.
 template <class T>
 struct PlaneShifter {
   static constexpr std::int64_t kVectorCells = kVectorBytes / sizeof(T);

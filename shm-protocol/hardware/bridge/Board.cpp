@@ -186,7 +186,7 @@ void Board::on_frame() {
   silent_ = false;
   const std::uint32_t step = seen_frame_ ? frame.tick - device_tick_ : 1;
   if (step == 0 || step > 1u << 30)
-    enter_silence(), silent_ = false;  // ticks began anew before the description came
+    enter_silence(), silent_ = false;  // ticks restarted before the description came
   if (step > 1 && step < 1u << 20) counters_.lost += step - 1;
   if (seen_frame_ && step != 0) counters_.missed += std::min(frame.missed - device_missed_, step);
   device_missed_ = frame.missed;

@@ -214,7 +214,7 @@ void Bridge::on_description() {
     device_ = link_.description();
     boot_id_ = device_->boot;
   } else if (!link_.description().is_compatible_with(*device_)) {
-    fault_ = "another device came back: it has other cells or channels; start anew";
+    fault_ = "another device came back: it has other cells or channels; restart the bridge";
   } else if (link_.description().boot != boot_id_) {
     boot_id_ = link_.description().boot;
     seen_frame_ = false;  // its ticks restart

@@ -42,7 +42,7 @@ class TableDriver {
  public:
   enum class Answer { kCommands, kNothing, kEnd };
   virtual ~TableDriver() = default;
-  // Whether boards get no frame, not even of safe values, before the first commands.
+  // True if boards get no frame, not even of safe values, before the first commands.
   virtual bool begins_at_rest() const = 0;
   // Reads the tick and writes the commands, or says that there are none yet, or that the session ends.
   virtual Answer drive(TableTick) = 0;
@@ -56,7 +56,7 @@ class TableBridge {
               TableDriver* driver = nullptr);
   ~TableBridge();
 
-  // As Bridge::run(). Throws std::invalid_argument with one line if the boards are not as the table says.
+  // Like Bridge::run(). Throws std::invalid_argument with one line if the boards are not as the table says.
   Outcome run();
 
   // Returns whether frames were published.

@@ -46,7 +46,7 @@ constexpr const char* kUsage =
     "  --calibration FILE  of the table, instead of the one that its file names\n"
     "  --baud N         speed of a serial line [115200]\n"
     "  --shm NAME       name for controllers to attach to [surface; the table's]\n"
-    "  --mode MODE      time-step (one answer to each sensor frame) or passive (whoever is ready) "
+    "  --mode MODE      time-step (one answer to each sensor frame) or passive (no side waits) "
     "[time-step]\n"
     "  --ticks N        end after N sensor frames [never]\n"
     "  --silence S      seconds without a sensor frame after which the device is silent [0.5]\n"
@@ -60,9 +60,9 @@ constexpr const char* kUsage =
     "sensors' "
     "zeros from\n"
     "                   those of the actuators\n"
-    "  --hold S         that a step is held, 0.01 to 60: a full stroke, and five lags [1]\n"
+    "  --hold S         seconds that a step is held, 0.01 to 60: at least a full stroke and five lags [1]\n"
     "  --actuator NAME, --sensor NAME    [the only ones of one component and equal unit]\n"
-    "Exit status: 0 done; 1 failed; 2 wrong input; 3 the device did not come, or not come back; 128 + n "
+    "Exit status: 0 done; 1 failed; 2 wrong input; 3 the device did not appear or return; 128 + n "
     "after\n"
     "signal n.\n";
 
@@ -163,7 +163,7 @@ std::optional<Arguments> parse(int argc, char** argv) {
   return arguments;
 }
 
-// Of `surface_bridge calibrate`.
+// Arguments of `surface_bridge calibrate`.
 std::optional<Arguments> parse_calibrate(int argc, char** argv) {
   static const option kKnown[] = {{"output", 1, nullptr, 'o'},   {"rest", 1, nullptr, 'r'},
                                   {"hold", 1, nullptr, 'H'},     {"shm", 1, nullptr, 's'},

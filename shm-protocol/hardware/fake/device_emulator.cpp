@@ -73,7 +73,7 @@ constexpr const char* kUsage =
     "  --seed N         of noise, clocks and storm [1]\n"
     "  --silent-at N    say nothing from the Nth period on, for --silent-for N periods [50]\n"
     "  --unplug-at N    cut the line at the Nth period, for --unplug-for N periods [50]\n"
-    "  --restart        the device starts anew while it is unplugged\n"
+    "  --restart        the device restarts while it is unplugged\n"
     "  --storm N        N times a second, unplug, restart, silence or disturb a random board\n"
     "SIGUSR1 makes the first board silent, and SIGUSR2 cuts its line, from the next period on. A timer "
     "interrupt runs the\n"
@@ -326,7 +326,7 @@ class Emulator {
     return all;
   }
 
-  // As a whole: a program may wait for the file.
+  // Written at once: a program may wait for the file.
   static void write_file(const std::string& path, const std::string& text) {
     if (const std::error_code error = common::replace_file(path, text))
       throw std::runtime_error("cannot write " + path + ": " + error.message());

@@ -25,7 +25,7 @@ static const char kUsage[] =
     "  --period-ms N    control period; time-step does not wait for it [16]\n"
     "  --mode MODE      time-step (waits for each answer) or passive (runs by the clock) [time-step]\n"
     "  --ticks N        end after N periods [never]\n"
-    "  --without        go on without a controller too, instead of waiting for one\n"
+    "  --without        run without a controller instead of waiting for one\n"
     "Exit status: 0 done; 1 failed; 2 wrong input; 128 + n after signal n.\n";
 
 typedef struct Options {

@@ -84,7 +84,7 @@ class MinariCollector(gymnasium.vector.VectorWrapper):
 
     def create_dataset(self, dataset_id: str, **keywords: Any) -> Any:
         """Writes the episodes as the data set DATASET_ID, such as "table/flat-v0", to Minari's folder (MINARI_DATASETS_PATH), and
-        returns it. Begins anew with the next reset. keywords: those of minari.create_dataset_from_buffers, such as
+        returns it. The next reset starts another one. keywords: those of minari.create_dataset_from_buffers, such as
         algorithm_name, author, description and env, a Gymnasium id."""
         import dataclasses
 

@@ -50,7 +50,7 @@ class VectorEnv(gymnasium.vector.VectorEnv[Any, Any, Any]):
     reward and the values of info{} are NaN, and `error` in place of `metrics` says why. The other worlds go on, and the next
     reset brings it back. If all worlds fail, or one with strict=True, step() raises Error.
     controller: an APRON program that commands the actuators of every world, in this process; step() then takes no
-    actions. It starts anew with each episode, and each world computes what `smartsurf run --controller` computes with its
+    actions. It restarts with each episode, and each world computes what `smartsurf run --controller` computes with its
     seed. An episode whose program ends is truncated. Such worlds are neither saved nor restored. controller_set: values of
     the program's sliders and switches.
     record: a folder, in which episodes are recorded, world 3's first one as world-0003-episode-000001.h5 (docs/recordings.md).

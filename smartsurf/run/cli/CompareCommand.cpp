@@ -93,8 +93,8 @@ int compare_command(const CompareFlags& flags, const std::string& command_line) 
 }  // namespace
 
 CommandHandler add_compare_command(CLI::App& app, const std::string& command_line) {
-  CLI::App* compare =
-      app.add_subcommand("compare", "Run an experiment on two engines and say where they part");
+  CLI::App* compare = app.add_subcommand(
+      "compare", "Run an experiment on two engines and report where their results diverge");
   const auto flags = std::make_shared<CompareFlags>();
   compare->add_option("experiment", flags->experiment, "The experiment")
       ->required()
@@ -122,7 +122,7 @@ CommandHandler add_compare_command(CLI::App& app, const std::string& command_lin
       ->type_name("SECONDS");
   compare
       ->add_option("--tolerance", flags->tolerance,
-                   "Distance from which an object has parted, u (default: 0.1)")
+                   "Distance at which an object counts as diverged, u (default: 0.1)")
       ->type_name("LENGTH");
   compare->add_option("--out", flags->out, "Write recordings, figures and a table to this folder")
       ->type_name("FOLDER");

@@ -16,9 +16,9 @@ struct ReadJob {
   std::string recording;
   std::function<int()> command;
   std::vector<common::PreparedOutput> outputs = {};
-  // What it may read and write besides; nullopt: it is not confined.
+  // What else it may read and write; nullopt: it is not confined.
   std::optional<common::Confinement> confinement = common::Confinement();
-  // Whether it only reads, within memory_to_read().
+  // True if it only reads, within memory_to_read().
   bool only_reads = true;
   // Runs before `command`, unconfined.
   std::function<void()> prepare = nullptr;

@@ -34,7 +34,7 @@ std::string verdict_text(const Verdict& v, double tolerance) {
                      pair_text(v.load[0], v.load[1]));
 }
 
-// Those that part first, then those farthest apart.
+// Earliest divergence first, then the farthest apart.
 std::vector<Verdict> sorted_by_parting(std::vector<Verdict> verdicts) {
   std::ranges::stable_sort(verdicts, [](const Verdict& a, const Verdict& b) {
     const double at_a = a.parts_s.value_or(HUGE_VAL), at_b = b.parts_s.value_or(HUGE_VAL);

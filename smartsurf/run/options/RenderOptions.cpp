@@ -55,13 +55,12 @@ void add_render_flags(CLI::App& app, RenderFlags& flags) {
       ->check(CLI::IsMember(kStages))
       ->type_name("NAME");
   app.add_option("--quality", flags.quality,
-                 "How much work a frame may be: low, medium, high, auto: what suits the driver, or final: "
-                 "path-traced")
+                 "Rendering quality: low, medium, high, auto (what suits the driver) or final (path-traced)")
       ->check(CLI::IsMember(kQualities))
       ->type_name("NAME");
   app.add_option(
          "--aperture", flags.aperture,
-         "With --quality final: diameter of the lens, u; sharp is what the camera looks at (default: all)")
+         "With --quality final: lens diameter, u, focused on the camera's target (default: all in focus)")
       ->check(CLI::Range(0.0, 1e6))
       ->type_name("U");
   app.add_option("--samples", flags.samples, "With --quality final: paths per pixel (default: 32)")

@@ -18,10 +18,10 @@ namespace smartsurf::run {
 
 struct RenderOptions {
   view::ViewSettings view;
-  // Those of view.plots that --plot names without "metric:": the experiment must declare them.
+  // The view.plots that --plot names without "metric:": the experiment must declare them.
   std::vector<std::string> plotted_metrics;
   std::optional<common::PixelSize> pixel_size;  // default: pictures 1600 × 1000, videos 1280 × 720
-  // Of path-traced pictures, as in view::DrawOptions.
+  // For path-traced pictures, as in view::DrawOptions.
   double aperture = 0.0;
   int samples = view::kDefaultSamples;
 };

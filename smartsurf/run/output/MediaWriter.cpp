@@ -39,7 +39,8 @@ MediaWriter::MediaWriter(std::vector<Screenshot> screenshots, std::unique_ptr<co
       overlay_(scene.surface),
       pending_screenshots_(std::move(screenshots)),
       video_writer_(std::move(video)) {
-  if (!pending_screenshots_.empty() || video_writer_) view::OffscreenView::require_available(render_options.view.detail.value_or(view::Detail::kStill));
+  if (!pending_screenshots_.empty() || video_writer_)
+    view::OffscreenView::require_available(render_options.view.detail.value_or(view::Detail::kStill));
   overlay_.settings = render_options.view.overlay;
 }
 

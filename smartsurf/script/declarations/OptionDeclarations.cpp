@@ -1,4 +1,4 @@
-// option: values that the command line can override. vary: what each episode draws anew. random,
+// option: values that the command line can override. vary: what each episode draws. random,
 // random_stream, math.random: the experiment's random numbers.
 #include <algorithm>
 #include <cctype>
@@ -123,7 +123,7 @@ scene::Variation check_variation(const ScriptContext& context, lua_State* L, con
   return v;
 }
 
-// Whether the scene knows the name is seen when it is complete: simulation::Nuisances.
+// simulation::Nuisances checks the name once the scene is complete.
 int vary(ScriptContext& context, lua_State* L) {
   declare_once(context, L, "vary");
   if (!lua_istable(L, 1)) throw_invalid_value(L, 1, "vary", "a table, vary{friction = {0.5, 1.5, 'factor'}}");

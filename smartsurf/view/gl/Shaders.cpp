@@ -271,7 +271,7 @@ vec3 position(ivec2 at) {
 vec3 slope(vec3 p, vec3 before, vec3 after) {
   return abs(before.z - p.z) < abs(after.z - p.z) ? p - before : after - p;
 }
-// As scalable ambient obscurance (McGuire et al., 2012): points of a spiral around the pixel that lie above its
+// Scalable ambient obscurance (McGuire et al., 2012): points of a spiral around the pixel that lie above its
 // tangent plane. Each counts by the sine of its elevation, so that a small hollow is no darker than a large one.
 void main() {
   const int kSamples = 14;

@@ -62,7 +62,7 @@ class ActuatorGeometry {
   // Rebuilds the instances. Without an actuator state in the snapshot, all parts are at rest.
   void update(const scene::Snapshot&);
   std::span<const InstancedMesh> meshes() const { return meshes_; }
-  // Those of one of the surface's effective_actuators().
+  // The meshes of one of the surface's effective_actuators().
   std::span<const InstancedMesh> meshes_of(std::size_t actuator) const {
     return std::span(meshes_).subspan(first_mesh_[actuator],
                                       first_mesh_[actuator + 1] - first_mesh_[actuator]);

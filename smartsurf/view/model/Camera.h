@@ -74,7 +74,7 @@ class Camera {
   Eigen::Matrix4d projection_matrix(double aspect) const;
   // The ray from the eye through pixel (x, y) of a width × height image; inverse of project().
   Ray ray(double x, double y, double width, double height) const { return rays(width, height).at(x, y); }
-  // Those of all pixels, without computing the camera's axes for each.
+  // The rays of all pixels, without computing the camera's axes for each.
   struct PixelRays {
     Eigen::Vector3d eye, forward, right, up;
     double slope, width, height;  // slope: of the image's upper edge

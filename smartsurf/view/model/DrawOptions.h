@@ -57,7 +57,7 @@ struct DrawOptions {
   // Drawn in the lower right corner of off-screen images. Must outlive the call.
   const ColourScale* legend = nullptr;
 
-  // Of path-traced pictures: the lens's diameter, u, whose focus is the camera's target (0: everything is sharp), and the
+  // Path-traced pictures: the lens diameter, u, focused on the camera's target (0: everything is sharp), and the
   // paths per pixel.
   double aperture = 0.0;
   int samples = kDefaultSamples;

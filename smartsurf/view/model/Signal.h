@@ -29,7 +29,7 @@ inline constexpr std::array kObjectQuantities = {"x", "y", "z", "speed", "spin"}
 inline constexpr std::array kRunQuantities = {"contacts", "objects"};
 
 // The notation of `smartsurf plot --what`: "speed:ID", "CHANNEL:ROW,COLUMN", "contacts", "metric:NAME". A
-// name alone that is none of kRunQuantities is that of a metric, too.
+// name alone that is not among kRunQuantities also names a metric.
 std::string to_string(const Signal& signal);
 // Empty if the text has none of these forms.
 std::optional<Signal> parse_signal(std::string_view text);

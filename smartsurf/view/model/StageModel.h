@@ -15,7 +15,7 @@ namespace smartsurf::view {
 
 // Light and background. Lights are linear, backgrounds screen colours.
 struct StageLight {
-  // Of the sun: irradiance of a face towards it, divided by π; of the sky and of the ground: radiance.
+  // The sun's irradiance of a face towards it, divided by π; the radiance of sky and ground.
   std::array<float, 3> sun, sky, bounce;
   float lamps;  // brightness of the lamps that glossy surfaces mirror
   std::array<float, 3> floor_paint;

@@ -9,7 +9,7 @@ namespace smartsurf::view {
 
 inline Eigen::Vector3f vec(const std::array<float, 3>& v) { return {v[0], v[1], v[2]}; }
 
-// As in GLSL.
+// GLSL's smoothstep.
 inline float smoothstep(float from, float to, float x) {
   const float t = std::clamp((x - from) / (to - from), 0.0F, 1.0F);
   return t * t * (3.0F - 2.0F * t);

@@ -1,4 +1,4 @@
-// Random numbers of a path: Owen-scrambled Sobol points, shuffled anew for every pair of dimensions (Burley
+// Random numbers of a path: Owen-scrambled Sobol points, shuffled for every pair of dimensions (Burley
 // 2020). A number is a function of the pixel, the sample and its place in the path alone. Pixels that are
 // near each other take parts of the same sequence, so that their errors differ (Ahmed and Wonka 2020).
 #pragma once

@@ -22,7 +22,7 @@ class Reflection {
   Reflection(const Eigen::Vector3f& albedo, const Finish& finish, const Eigen::Vector3f& out);
 
   struct Value {
-    // Of the radiance, times the cosine of the angle of incidence; mirrored: the part of the microfacets.
+    // Reflected share of the radiance, times the cosine of incidence; mirrored: the microfacets' part.
     Eigen::Vector3f all = Eigen::Vector3f::Zero(), mirrored = Eigen::Vector3f::Zero();
     float density = 0.0F;  // with which sample() chooses `in`, 1/sr
   };

@@ -118,7 +118,7 @@ struct TraceScene::State {
   std::map<std::shared_ptr<const scene::Solid>, MeshTree> solids;
   std::vector<MeshTree> actuator_meshes;
 
-  // Of the frame.
+  // The frame's geometry.
   SceneHandle frame;
   struct Part {
     enum class Kind { kPins, kBalls, kPlaced, kGround, kLines } kind;

@@ -46,7 +46,7 @@ struct RestMotion {
 // Two bodies that a joint connects.
 struct BodyLink {
   std::int32_t a, b;  // b = −1: the table
-  bool collide;       // whether they touch each other besides
+  bool collide;       // whether they collide as well
 };
 
 struct BodyStore {

@@ -39,7 +39,7 @@ struct TipFrame {
 
 // Appends the contacts with separations up to `margin` ≥ 0. A sphere has at most four
 // (SphereManifoldReducer), another convex body four, chosen among those of all tips; a body of several convex
-// parts has at most four for each pair of parts. Contacts with tips that move sideways are kept besides,
+// parts has at most four for each pair of parts. Contacts with tips that move sideways are kept in addition,
 // because each pushes in a direction of its own. Cost: proportional to the tips near the body. `layout`: null
 // for a rectangular one.
 void collide_with_tips(const surface::Field&, const FreeLayoutField* layout, const Shape&, const Vec3& centre,

@@ -380,7 +380,7 @@ void ImpactSolver::set_target(Point& p, float speed, float blow_speed) {
     if (body >= 0) blow_speed_[body] = std::max(blow_speed_[body], p.blow_speed);
 }
 
-// Whether the contact is one of the current generation's points.
+// The contact's flag: nonzero if it is a point of the current generation.
 char& ImpactSolver::is_point(const Step& step, bool is_pair, const Contact& c) {
   return is_point_[is_pair][&c - step.list(is_pair).contacts.data()];
 }

@@ -141,7 +141,7 @@ class JointSolver {
     double spring_impulse = 0.0;  // likewise; within solve() that at speed 0
     AxisLaw law;
     int place = 0;  // in the law
-    // Of the axis when its tree was factored; negative: then it had no row.
+    // The axis's compliance when its tree was factored; negative: it had no row.
     double factored_compliance = -1.0;
   };
   struct TreeState {

@@ -6,7 +6,7 @@
 //   A·v' = M·(v + dt·g) − dt·T·K·(z − dt/4·v) + J,  A = M + dt·(dt/4·T + c)·K,  z' = z + dt·v'
 // This is the trapezoidal rule, which neither damps nor excites an oscillation, at any tension.
 // Nodes that a support holds have its velocity. Attached, they stay held; otherwise a support lets go of a
-// node that it would pull down, and holds one that would enter it. A is factorised anew only where that
+// node that it would pull down, and holds one that would enter it. A is factorised again only where that
 // changes.
 //
 // To the impulses J = W·λ of contacts with the barycentric weights W, the sheet answers with the velocities

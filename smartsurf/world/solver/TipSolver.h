@@ -59,7 +59,7 @@ class TipSolver {
 
     Vec3 deflection_rate() const;
     void begin_substep(float h_s);
-    // That of the free return unless the tip is loaded.
+    // Returns the rate of the free return unless the tip is loaded.
     Vec3 rate_in_substep(float h_s) const;
     void add_load(const Vec3& impulse, const Vec3& normal_impulse) {
       load += impulse, normal_load += normal_impulse;

@@ -104,7 +104,7 @@ std::vector<std::function<void(const Recording&)>> make_readers() {
 }  // namespace
 
 #ifdef __SANITIZE_ADDRESS__
-// As the programs, which limit the address space.
+// The limits of the programs, which bound the address space.
 extern "C" [[gnu::visibility("default")]] const char* __asan_default_options() {
   return "allocator_may_return_null=1:max_allocation_size_mb=2048:hard_rss_limit_mb=4096:"
          "quarantine_size_mb=16:detect_leaks=0";

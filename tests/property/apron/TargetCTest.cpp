@@ -77,7 +77,7 @@ class SurfaceFrames : public FakeHost {
 
   std::vector<std::map<std::string, Cells>> frames;
 
-  // As the generated code: every channel that the program names.
+  // Like the generated code: every channel that the program names.
   bool has(std::string_view) const override { return true; }
 
  private:

@@ -3,6 +3,7 @@
 import os
 import pathlib
 import re
+import shutil
 import subprocess
 import sys
 import tempfile
@@ -16,9 +17,13 @@ STRICT = ["-std=c11", "-Wall", "-Wextra", "-Wpedantic", "-Werror"]
 
 
 def extract(page, folder):
-    """Writes every fenced block of the page whose first line is a comment with a file name; the names."""
-    names = []
-    for block in re.findall(r"^```\w+\n(.*?)^```", (ROOT / page).read_text(), re.DOTALL | re.MULTILINE):
+    """Writes every fenced block of the page whose first line is a comment with a file name, and copies the extensions that it
+    names; the names."""
+    text = (ROOT / page).read_text()
+    names = re.findall(r"`scripts/extensions/([\w.]+)`", text)
+    for name in names:
+        shutil.copy(ROOT / "scripts/extensions" / name, folder)
+    for block in re.findall(r"^```\w+\n(.*?)^```", text, re.DOTALL | re.MULTILINE):
         name = re.match(r"(?://|--|#) ([\w.]+\.(?:c|cpp|lua|txt))\n", block)
         if name:
             (folder / name[1]).write_text(block)

@@ -85,7 +85,7 @@ class Checker {
   void answer() {
     const auto to = controller.actuator(height);
     for (std::uint32_t c = 0; c < kCells; ++c) to[c] = static_cast<float>(commanded(last_tick, c)) * 0.02F;
-    // Of a device nobody can stop, the bridge gives up a frame whose answer comes too late.
+    // If a device cannot be stopped, the bridge gives up a frame whose answer comes too late.
     const Status status = controller.publish();
     ASSERT_TRUE(status == Status::kOk || status == Status::kTorn) << text(status);
   }

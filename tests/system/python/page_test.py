@@ -34,7 +34,7 @@ class Page(unittest.TestCase):
         sys.path.insert(0, folder.name)
         self.addCleanup(sys.path.remove, folder.name)
         importlib.invalidate_caches()
-        os.environ.update(GENERATIONS="1", SMARTSURF_PYTHON=sys.executable)  # the former as the page says
+        os.environ.update(SMARTSURF_PYTHON=sys.executable)
         names, blocks, commands = {}, 0, 0
         for file, language, content, _ in STEP.findall(text):
             if file:

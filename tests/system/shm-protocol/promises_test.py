@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Every test that PROTOCOL.md names for a promise exists, and every promise names one.
+"""Every test that promises.md names for a promise of the protocol exists, and every promise names one.
 
 usage: promises_test.py SOURCE_ROOT CTEST_FOLDER
 """
@@ -9,8 +9,7 @@ import subprocess
 import sys
 
 root, build = pathlib.Path(sys.argv[1]), sys.argv[2]
-page = (root / "shm-protocol/PROTOCOL.md").read_text(encoding="utf-8")
-table = page.split("## What each promise rests on")[1]
+table = pathlib.Path(__file__).with_name("promises.md").read_text(encoding="utf-8")
 promises = re.findall(r"^\| (?!promise)([^|-][^|]*) \| (.*) \|$", table, re.M)
 
 tests = set()  # Suite.Test, from the sources: soak tests and the like too

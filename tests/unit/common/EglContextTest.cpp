@@ -12,7 +12,7 @@ using common::EglContext;
 
 namespace {
 
-// Whether OpenGL commands reach the context; after its display is terminated, there is no version string.
+// True if OpenGL commands reach the context; after its display is terminated, there is no version string.
 bool is_usable(EglContext& context) {
   context.make_current();
   return glGetString(GL_VERSION) != nullptr && glGetError() == GL_NO_ERROR;

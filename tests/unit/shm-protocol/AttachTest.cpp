@@ -191,7 +191,7 @@ TEST(Attach, DeadSurfaceIsNotFoundWithReason) {
   EXPECT_EQ(remove_orphans(copy).size(), 1U);
 }
 
-// As from another pid namespace, where the process word means nothing.
+// Like a peer in another pid namespace, where the process word means nothing.
 TEST(Attach, LocksTellLivingFromDeadWithoutProcessWords) {
   const auto config = small_surface(unique_name("locked"));
   auto surface = std::make_unique<SurfaceEndpoint>(SurfaceEndpoint::create(config));

@@ -115,25 +115,5 @@ TEST(Manual, NamesEveryInstruction) {
   }
 }
 
-// The page of the machine's instructions is the table, row by row.
-TEST(Manual, MatchesOpcodeTable) {
-  std::ifstream stream(APRON_INSTRUCTIONS);
-  std::string line;
-  while (std::getline(stream, line) && line.compare(0, 4, "|---") != 0) {
-  }
-  for (std::size_t i = 0; i < program::opcode_count(); ++i) {
-    const program::OpcodeInfo& one = program::opcode_info(static_cast<program::Opcode>(i));
-    static constexpr std::string_view kReach[] = {"Cell", "News", "Far", "Global", "Control", "Host"};
-    std::string text;
-    for (const char c : one.description) text += c == '|' ? std::string("\\|") : std::string(1, c);
-    std::string wanted = "| `";
-    wanted.append(one.mnemonic).append("` | ").append(one.signature).append(" | ");
-    wanted.append(kReach[static_cast<std::size_t>(one.locality)]).append(" | ").append(text).append(" |");
-    ASSERT_TRUE(std::getline(stream, line)) << "the page ends before " << wanted;
-    EXPECT_EQ(line, wanted);
-  }
-  EXPECT_FALSE(std::getline(stream, line)) << line;
-}
-
 }  // namespace
 }  // namespace apron::compiler

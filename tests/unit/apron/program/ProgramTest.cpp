@@ -4,7 +4,9 @@
 #include <gtest/gtest.h>
 
 #include <functional>
+#include <sstream>
 #include <string>
+#include <string_view>
 
 #include "apron/program/LocalityCheck.h"
 #include "apron/program/Reachability.h"
@@ -285,6 +287,25 @@ TEST(Reachability, FollowsJumpsCallsAndBothBranches) {
       can_reach(program({make(Opcode::kCall, {}, label(2)), make(Opcode::kEnd), make(Opcode::kSurfaceStep)}),
                 Opcode::kSurfaceStep));
   EXPECT_FALSE(can_reach(program({make(Opcode::kReturn), make(Opcode::kSurfaceStep)}), Opcode::kSurfaceStep));
+}
+
+TEST(InstructionTable, HasALineForEachInstruction) {
+  static constexpr std::string_view kReach[] = {"Cell", "News", "Far", "Global", "Control", "Host"};
+  const std::string table = instruction_table();
+  std::istringstream lines(table.substr(table.find("\n\n") + 2));
+  std::string line, mnemonic, signature, reach, description;
+  for (std::size_t i = 0; i < opcode_count(); ++i) {
+    const OpcodeInfo& one = opcode_info(static_cast<Opcode>(i));
+    ASSERT_TRUE(std::getline(lines, line)) << "the table ends before " << one.mnemonic;
+    std::istringstream words(line);
+    words >> mnemonic >> signature >> reach >> std::ws;
+    std::getline(words, description);
+    EXPECT_EQ(mnemonic, one.mnemonic);
+    EXPECT_EQ(signature, one.signature);
+    EXPECT_EQ(reach, kReach[static_cast<std::size_t>(one.locality)]);
+    EXPECT_EQ(description, one.description);
+  }
+  EXPECT_FALSE(std::getline(lines, line)) << line;
 }
 
 }  // namespace

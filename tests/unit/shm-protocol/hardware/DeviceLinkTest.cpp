@@ -28,7 +28,7 @@ std::uint8_t commanded(std::uint64_t tick, std::size_t cell) {
 std::vector<float> command(std::uint64_t tick) {
   std::vector<float> values(kCells);
   for (std::size_t i = 0; i < kCells; ++i) values[i] = static_cast<float>(commanded(tick, i)) * 0.02F;
-  // Of the range 0 … 4 and steps of 0.02: 200 is the highest raw value.
+  // With the range 0 … 4 and steps of 0.02, 200 is the highest raw value.
   return values;
 }
 

@@ -61,7 +61,7 @@ class Image {
         cairo_image_surface_get_data(surface_) + row * cairo_image_surface_get_stride(surface_);
     return reinterpret_cast<const std::uint32_t*>(line)[column] & 0xFFFFFFu;
   }
-  // Whether blue clearly dominates red, and vice versa.
+  // True if blue clearly dominates red, and vice versa.
   bool is_blue(double x, double y) const { return (pixel_at(x, y) & 0xFF) > (pixel_at(x, y) >> 16) + 80; }
   bool is_orange(double x, double y) const { return (pixel_at(x, y) >> 16) > (pixel_at(x, y) & 0xFF) + 80; }
 

@@ -28,7 +28,7 @@ class WindowTest : public testing::Test {
       count += std::abs(a.rgb[i] - b.rgb[i]) + std::abs(a.rgb[i + 1] - b.rgb[i + 1]) > 12 ? 1 : 0;
     return count;
   }
-  // Of the red object, pixels. A selection moves the scene beside its panel.
+  // Centre of the red object, pixels. A selection moves the scene beside its panel.
   static Eigen::Vector2d centre_of_red(const common::Image& image) {
     Eigen::Vector2d sum(0, 0);
     int count = 0;
