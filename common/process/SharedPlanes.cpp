@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <array>
 #include <cerrno>
+#include <string_view>
 #include <system_error>
 
 namespace common {
@@ -21,6 +22,12 @@ struct Header {
 
 bool write_all(int descriptor, const void* from, std::size_t bytes, std::size_t at) {
   return ::pwrite(descriptor, from, bytes, static_cast<off_t>(at)) == static_cast<ssize_t>(bytes);
+}
+
+// Recordings use a name as that of a dataset, and pictures print it.
+bool is_plane_name(std::string_view name) {
+  return !name.empty() && name != "." && name != ".." &&
+         std::ranges::all_of(name, [](char c) { return c > ' ' && c <= '~' && c != '/'; });
 }
 
 }  // namespace
@@ -40,7 +47,9 @@ std::optional<PlaneNames> SharedPlanes::names(std::uint32_t rows, std::uint32_t 
   PlaneNames planes{{}, rows, columns};
   for (std::uint32_t i = 0; i < header.count; ++i) {
     const auto& name = header.names.at(i);
-    planes.names.emplace_back(name.begin(), std::find(name.begin(), name.end(), '\0'));
+    std::string text(name.begin(), std::find(name.begin(), name.end(), '\0'));
+    if (!is_plane_name(text) || std::ranges::find(planes.names, text) != planes.names.end()) return std::nullopt;
+    planes.names.push_back(std::move(text));
   }
   return planes;
 }
