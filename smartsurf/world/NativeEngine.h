@@ -94,6 +94,7 @@ class NativeEngine final : public Engine {
   void collect_skin_contacts();
   void solve(const Member&);
   void stop_at_bodies();
+  void stop_jointed();
   void finalize_bodies(const Member&);
   void store_tips_and_skin();
   void yield_overloaded_cells();

@@ -239,11 +239,27 @@ void NativeEngine::stop_at_bodies() {
     for (const std::size_t i : {a, b})
       if (bodies_.is_active(i)) stops_.push_back({static_cast<std::int32_t>(i), time_s / settings_.dt_s});
   });
+  if (!joints_.empty()) stop_jointed();
   if (stops_.empty()) return;
   std::ranges::sort(stops_, {}, [](const Stop& s) { return std::pair(s.body, s.fraction); });
   const auto later = std::ranges::unique(stops_, {}, &Stop::body);
   stops_.erase(later.begin(), later.end());
   for (const Stop& s : stops_) solver_->shorten_motion(partition.row(s.body), s.fraction);
+}
+
+// Bodies that joints connect stop together, where the first of them meets the field or another body: one that stopped
+// alone would be off its joints.
+void NativeEngine::stop_jointed() {
+  joints_.for_each_jointed([&](std::int32_t body) {
+    const float fraction = fraction_until_impact(collision_.field_collider(), bodies_, body,
+                                                 solver_->motion(collision_.partition().row(body)));
+    if (fraction < 1.0F) stops_.push_back({body, fraction});
+  });
+  for (std::size_t k = 0, count = stops_.size(); k < count; ++k) {
+    const Stop s = stops_[k];
+    if (bodies_.is_jointed[static_cast<std::size_t>(s.body)])
+      joints_.for_each_connected(s.body, [&](std::int32_t other) { stops_.push_back({other, s.fraction}); });
+  }
 }
 
 // Moves the bodies by what the solver found, and collects what depends on one body or contact alone.
@@ -276,7 +292,7 @@ void NativeEngine::finalize_bodies(const Member& member) {
         // A clipped body must end in the pose in which it was found to touch, one with joints in that where
         // they hold.
         const bool is_clipped =
-            clip_to_time_of_impact(collision_.field_collider(), bodies_, i) ||
+            (!bodies_.is_jointed[i] && clip_to_time_of_impact(collision_.field_collider(), bodies_, i)) ||
             std::ranges::binary_search(stops_, static_cast<std::int32_t>(i), {}, &Stop::body);
         rotating[count++] = {i, is_clipped || bodies_.is_jointed[i] ? 0.0F : settings_.dt_s};
         if (count == rotating.size()) flush_rotations();

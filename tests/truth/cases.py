@@ -135,7 +135,6 @@ ROUTH = "Routh's impact with Coulomb friction (Stronge, Impact Mechanics, ch. 3)
 NEWTON = "Newton's impact law"
 NO_CELLS = "it has no such actuator"
 NO_PINS = "moving pins are not set up"
-NO_TOPS = "its cells leave no gaps"
 NO_LIMIT = "pins of limited force are not set up"
 # A cell's centre from the middle of a 5 × 5 box, in the mean.
 MEAN_R = sum(math.hypot(x, y) for x in range(-2, 3) for y in range(-2, 3)) / 25
@@ -174,7 +173,7 @@ def conveyor_cases():
     feed = {"v1": 2.0, "v2": 1.5, "mu": 0.4, "angle": 60.0}
     ways = slip_way(**feed)
     half = {"v1": 40.0, "mu": 0.5, "length": 4.0, "width": 3.0}
-    common = {"script": "conveyor", "mujoco": "its belts are not set up for these cases", "slow": True}
+    common = {"script": "conveyor", "slow": True}
     return [
         *[Case(f"conveyor_{name}", f"Box from a belt to a {name}er one", seconds=6, settings={"kind": "transfer", **values},
                constants={"way": transfer(**values)}, source="the belts' loads differ by how far the box is over the seam; Coulomb friction",
@@ -390,7 +389,7 @@ GROUPS = [
         plate_case("plate_20", "Box on 20 × 20 level cells", slow=True, n=20),
         Case("disc", "Cylinder upright on 21 cells, 12 of them in part", "disc_loads", 2, [
             relative("load", "sum of the loads", "mass*g", 0.001, "mass·u/s²"),
-            absolute("worst", "worst cell, of the mean load", "0", 0.01, "")], COMPLIANCE, {"mass": 21.0}, mujoco=NO_TOPS),
+            absolute("worst", "worst cell, of the mean load", "0", 0.01, "")], COMPLIANCE, {"mass": 21.0}),
         stack_case("stack", "Stack of ten boxes", 5),
         stack_case("stack_ratio", "Box of mass 100 on four of mass 1", 6, n=5, ratio=100.0),
         stack_case("tower", "Tower of thirty boxes", 6, drift=0.02, slow=True, n=30),
@@ -470,7 +469,7 @@ GROUPS = [
         Case("heap", "Sixty boxes in a pit", "heap", 6, [
             absolute("mean", "mean overlap of touching boxes, at rest", "0", 0.002, "u", margin=2.0),
             absolute("deepest", "greatest overlap, at rest", "0", 0.02, "u", margin=2.0)], "no penetration",
-            overlap="bodies", quick=False, slow=True, mujoco="not set up"),
+            overlap="bodies", quick=False, slow=True),
     ]),
     ("Springs that yield", [
         Case("tips", "Box on four compliant tips swings", "tips", 8, [
@@ -488,47 +487,45 @@ GROUPS = [
         Case("uneven", "Box on three pins of different heights", "uneven", 9, [
             relative("load", "sum of the loads", "25*g", 0.01, "mass·u/s²"),
             absolute("worst", "worst pin, of the weight", "0", 0.01, ""),
-            absolute("creep", "moves in 2 s", "0", 0.001, "u")], "the lever law at the pose in which it lies",
-            mujoco="not set up", quick=False),
+            absolute("creep", "moves in 2 s", "0", 0.001, "u")], "the lever law at the pose in which it lies", quick=False),
         Case("bed", "Box on pins at random heights, three beds", "bed", 25, [
             relative("load", "sum of the loads", "25*g", 0.01, "mass·u/s²"),
-            absolute("creep", "moves in 15 s", "0", 0.001, "u")], "a body at rest stays so", mujoco="not set up", seeds=3,
+            absolute("creep", "moves in 15 s", "0", 0.001, "u")], "a body at rest stays so", seeds=3,
             quick=False, slow=True),
         *[Case(f"chain_{name}", title, "chain", 20, [
             absolute("energy", "energy, of n·m·g·l", "0", 0.01, ""),
             absolute("out", "spin out of the plane", "0", 0.01, "rad/s")], "conservation; symmetry",
-            {"n": n, "h": h}, mujoco="not set up")
+            {"n": n, "h": h})
           for name, title, n, h in (("thick", "Two hinged rods of 0.2", 2, 0.2), ("thin", "… of 0.1", 2, 0.1),
                                     ("thinner", "… of 0.05", 2, 0.05))],
         Case("landing", "Box dropped flat on a box, 0.1 u beside its middle", "landing", 4, [
             absolute("tilt", "greatest tilt", "0", 0.1, "°"), absolute("spin", "greatest spin", "0", 0.1, "rad/s")],
-            "its middle is over the lower box", mujoco="not set up", quick=False),
+            "its middle is over the lower box", quick=False),
         Case("towers", "Nine towers of twelve dropped boxes, three seeds", "towers", 16, [
-            absolute("fallen", "towers that fall", "0", 0.5, "", margin=2.0)], "every middle is over the box below",
-            mujoco="not set up", seeds=3, quick=False, slow=True),
+            absolute("fallen", "towers that fall", "0", 0.5, "", margin=2.0)], "every middle is over the box below", seeds=3, quick=False, slow=True),
         Case("seam_roll", "Ball rolls over fixed boxes side by side", "seams", 3, [
             relative("v", "speed", "speed", 0.005, "u/s"), absolute("hop", "greatest hop", "0", 0.002, "u")],
-            "one level plane", {"body": "ball", "speed": 7.0}, mujoco="not set up", quick=False),
+            "one level plane", {"body": "ball", "speed": 7.0}, quick=False),
         Case("seam_slide", "Box slides over fixed boxes side by side", "seams", 4, [
             relative("x", "distance", "speed**2/(2*0.2*g)", 0.005, "u"), absolute("turned", "turned by", "0", 0.5, "°"),
             absolute("hop", "greatest hop", "0", 0.002, "u")], "Coulomb: v²/2µg on one level plane",
-            {"body": "box", "speed": 7.0}, mujoco="not set up"),
+            {"body": "box", "speed": 7.0}),
         *[Case(f"wall_{name}", f"Twelve balls of 0.1 at {speed} u/s against a wall of {thickness}", "wall", 1, [
             absolute("passed", "balls that pass", "0", 0.5, "")], "no penetration",
-            {"speed": float(speed), "thickness": thickness}, mujoco="not set up")
+            {"speed": float(speed), "thickness": thickness})
           for name, speed, thickness in (("30", 30, 0.05), ("100", 100, 0.05), ("200", 200, 0.05), ("thin", 200, 0.002))],
         Case("wall_rebound", "… at 150 u/s against a wall of 0.05, e = 0.8", "wall", 1, [
             absolute("passed", "balls that pass", "0", 0.5, ""),
             relative("least", "slowest rebound", "e*speed", 0.002, "u/s"),
             relative("greatest", "fastest rebound", "e*speed", 0.002, "u/s")], NEWTON,
-            {"speed": 150.0, "thickness": 0.05, "e": 0.8}, mujoco="not set up"),
+            {"speed": 150.0, "thickness": 0.05, "e": 0.8}),
         Case("legs", "Plate of mass 1000 on four boxes of mass 1", "legs", 8, [
             relative("load", "sum of the loads", "(mass + 4)*g", 0.001, "mass·u/s²"),
             absolute("sink", "sinks by", "0", 0.01, "u"), absolute("speed", "speed", "0", 0.001, "u/s")],
-            "equilibrium", {"mass": 1000.0}, mujoco="not set up", quick=False),
+            "equilibrium", {"mass": 1000.0}, quick=False),
         *[Case(f"ratio_{name}", title, "ratio", 10, [
             absolute("sink", "sinks by", "0", 0.01, "u"), absolute("speed", "speed in the last 2 s", "0", 0.001, "u/s")],
-            "equilibrium", settings, mujoco="not set up", quick=False)
+            "equilibrium", settings, quick=False)
           for name, title, settings in (
               ("light", "Box of mass 1000 on four of mass 1", {"ratio": 1000.0}),
               ("growing", "Five boxes whose masses grow from 1 to 1000", {"ratio": 1000.0, "growing": True}),

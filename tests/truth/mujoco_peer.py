@@ -1,7 +1,7 @@
 """The cases of scripts/truth on MuJoCo's newest wheel, set up as its users would.
 
-  mujoco_peer.py SCRIPT RATE SECONDS SETTINGS     prints the metrics of tests/truth/SCRIPT.lua as JSON
-  mujoco_peer.py --version                        prints MuJoCo's version and the scripts that are here
+  mujoco_peer.py SCRIPT RATE SECONDS SEED SETTINGS     prints the metrics of tests/truth/SCRIPT.lua as JSON
+  mujoco_peer.py --version                             prints MuJoCo's version and the scripts that are here
 
 Newton's solver, elliptic cones; implicitfast integration, RK4 where there is no floor. Level cells are a plane; where single cells matter they are
 boxes. Contacts are as stiff as the step allows: a time constant of two steps, or, where a case needs restitution, a
@@ -13,6 +13,8 @@ import sys
 
 import mujoco
 import numpy
+
+import overlap
 
 G = 9.81
 
@@ -52,6 +54,12 @@ def geom_of(b, i):
         shape = f'type="{b["kind"]}" size="{b["size"][0]} {b["size"][1] / 2}"'
     mass = f'mass="{b["mass"]}"' if b["mass"] else 'density="1"'
     friction = f'friction="{b["mu"]} 0 0"' if b["mu"] else ""
+    if "raised" in b:
+        x, y, z = b["size"] if b["kind"] == "box" else (b["size"][0] * 3**0.5, b["size"][0] * 3**0.5, b["size"][1])
+        volume = x * y * z if b["kind"] == "box" else math.pi * b["size"][0]**2 * z
+        inertia = " ".join(str(volume / 12 * v) for v in (y * y + z * z, x * x + z * z, x * x + y * y))
+        return (f'<inertial pos="0 0 0" mass="{volume}" diaginertia="{inertia}"/>'
+                f'<geom name="body{i}" {shape} pos="0 0 {b["raised"]}" {friction}/>')
     return f'<geom name="body{i}" {shape} {mass} {friction}/>'
 
 
@@ -229,11 +237,11 @@ def slope(s):
 
 
 def roll(s):
-    if s.get("top", 1) != 1:
-        raise SystemExit("the gaps between cells are not modelled")
-    shape, r, lying = s["shape"], 1.5, (math.pi / 2, 1, 0, 0)
+    shape, r, lying, top = s["shape"], 1.5, (math.pi / 2, 1, 0, 0), s.get("top", 1) / 2
     b = body("sphere", r, (0, 0, r)) if shape == "sphere" else body(shape, (r, 4), (0, 0, r), turn=lying)
-    sim, keep = Sim(s, [b], slope_gravity(s["angle"])), {"highest": 0.0}
+    cells = "".join(f'<geom type="box" size="{top} {top} 1" pos="{x} {y} -1"/>' for x in range(-3, 60) for y in (-1, 0, 1))
+    gaps = dict(floor=False, world=cells) if top != 0.5 else {}
+    sim, keep = Sim(s, [b], slope_gravity(s["angle"]), **gaps), {"highest": 0.0}
 
     def sample(t):
         keep["highest"] = max(keep["highest"], sim.position()[2])
@@ -485,17 +493,248 @@ def pattern(s):
     return {"gain": (vb - va) / (tb - ta), "v": sim.velocity()[0]}
 
 
+def pins_of(pins, half=0.4):
+    """Columns with square tops: x, y and height of each."""
+    return "".join(f'<geom type="box" size="{half} {half} 0.5" pos="{x} {y} {z - 0.5}"/>' for x, y, z in pins)
+
+
+def uneven(s):
+    pins = [(4, 4, 1.3), (8, 4, 1.32), (6, 8, 1.35)]
+    sim = Sim(s, [body("box", (5, 5, 1), (6, 6, 1.85), 25)], floor=False, world=pins_of(pins))
+    # The box comes after a second.
+    loads, keep, weight = [], {}, 25 * G
+
+    def sample(t):
+        if t >= 6:
+            keep.setdefault("from", sim.position())
+            loads.append(sim.loads()[:3])
+
+    sim.run(sample, s["seconds"] - 1)
+    up, middle = sim.axes()[:, 2], sim.position()
+    x, y = ([p[k] + math.copysign(0.4, up[k]) - middle[k] for p in pins] for k in (0, 1))
+    shares = numpy.linalg.solve(numpy.array([[1, 1, 1], x, y]), [weight, 0, 0])
+    mean = numpy.mean(loads, axis=0)
+    return {"load": mean.sum(), "worst": abs(mean - shares).max() / weight,
+            "creep": numpy.linalg.norm(middle - keep["from"])}
+
+
+def bed(s):
+    random = numpy.random.default_rng(s["seed"])
+    pins = [(x, y, 1 + random.uniform(-0.1, 0.1)) for x in range(12) for y in range(12)]
+    sim = Sim(s, [body("box", (5, 5, 1), (5.5, 5.5, 1.7), 25)], floor=False, world=pins_of(pins))
+    loads, keep = [], {}
+
+    def sample(t):
+        if t >= 9:
+            keep.setdefault("from", sim.position())
+        if t >= 19:
+            loads.append(sim.loads().sum())
+
+    sim.run(sample, s["seconds"] - 1)
+    return {"load": sum(loads) / len(loads), "creep": numpy.linalg.norm(sim.position() - keep["from"])}
+
+
+def chain(s):
+    n, h = s["n"], s["h"]
+    lying, standing = (0.5, 0, 0), (0, 0, 0.5)
+    text = ""
+    for i in range(n):
+        at, half = ((50, 0, 50), (0.5, h / 2, h / 2)) if i == 0 else ((1, 0, 0) if i == 1 else (0, 0, 1), (h / 2, h / 2, 0.5))
+        text += (f'<body pos="{at[0]} {at[1]} {at[2]}"><joint type="hinge" axis="0 1 0"/><geom type="box" mass="1" contype="0" '
+                 f'conaffinity="0" size="{half[0]} {half[1]} {half[2]}" pos="{" ".join(map(str, lying if i == 0 else standing))}"/>')
+    text += "</body>" * n
+    model = mujoco.MjModel.from_xml_string(
+        f'<mujoco><option timestep="{1 / s["rate"]!r}" gravity="0 0 {-G}" integrator="RK4"><flag energy="enable"/></option>'
+        f"<worldbody>{text}</worldbody></mujoco>")
+    data, worst, first = mujoco.MjData(model), 0.0, None
+    for _ in range(round(s["seconds"] * s["rate"]) + 1):
+        mujoco.mj_forward(model, data)
+        first = data.energy.sum() if first is None else first
+        worst = max(worst, abs(data.energy.sum() - first))
+        mujoco.mj_step(model, data)
+    # In the coordinates of the hinges nothing can leave the plane.
+    return {"energy": worst / (n * G), "out": 0.0}
+
+
+def top(s):
+    """On a ball joint: what the closed form is about. MuJoCo has no cones."""
+    tilt, spin, l = math.radians(s["tilt"]), s["spin"], 0.75
+    i3, i1 = 0.3, 0.15 + 0.0375
+    about_tip = i1 + l * l
+    a, b = about_tip * math.cos(tilt), i3 * spin
+    rate = (b - math.sqrt(b * b - 4 * a * G * l)) / (2 * a)
+    model = mujoco.MjModel.from_xml_string(
+        f'<mujoco><option timestep="{1 / s["rate"]!r}" gravity="0 0 {-G}" integrator="RK4"/><compiler angle="radian"/><worldbody>'
+        f'<body axisangle="0 1 0 {tilt}"><joint type="ball"/><inertial pos="0 0 {l}" mass="1" diaginertia="{i1} {i1} {i3}"/></body>'
+        f"</worldbody></mujoco>")
+    data, turning, least, greatest = mujoco.MjData(model), Turning(), 180.0, 0.0
+    # In body axes: ω = rate·z + (spin − rate·cos(tilt))·axis.
+    data.qvel[:] = (-rate * math.sin(tilt), 0, spin)
+    for _ in range(round(s["seconds"] * s["rate"]) + 1):
+        mujoco.mj_kinematics(model, data)
+        axis = data.xmat[1].reshape(3, 3)[:, 2]
+        degrees = math.degrees(math.acos(min(1, axis[2])))
+        least, greatest = min(least, degrees), max(greatest, degrees)
+        turning.add(math.atan2(axis[1], axis[0]))
+        mujoco.mj_step(model, data)
+    return {"least": least, "greatest": greatest, "rate": turning.angle / s["seconds"]}
+
+
+def landing(s):
+    sim, keep = Sim(s, [body("box", (2, 2, 2), (0, 0, 1)), body("box", (2, 2, 2), (0.1, 0, 7.5))]), {"tilt": 0.0, "spin": 0.0}
+
+    def sample(t):
+        keep["tilt"] = max(keep["tilt"], math.degrees(math.acos(min(1, sim.axes(1)[2, 2]))))
+        keep["spin"] = max(keep["spin"], float(numpy.linalg.norm(sim.spin(1))))
+
+    sim.run(sample)
+    return keep
+
+
+def towers(s):
+    random, bodies, tops = numpy.random.default_rng(s["seed"]), [], []
+    for k in range(9):
+        height, side = 0.0, random.uniform(1.5, 3)
+        for i in range(1, 13):
+            bodies.append(body("box", (side, side, side), (16 * (k % 3) + random.uniform(-0.1, 0.1), 16 * (k // 3) + random.uniform(-0.1, 0.1),
+                                                           height + 3 * i + side / 2)))
+            height += side
+        tops.append(height - side / 2)
+    sim = Sim(s, bodies).run()
+    return {"fallen": sum(sim.position(12 * k + 11)[2] < height - 0.5 for k, height in enumerate(tops))}
+
+
+def seams(s):
+    world = "".join(f'<geom type="box" size="1.25 2 0.5" pos="{1.25 + 2.5 * i} 1.5 5.5"/>' for i in range(12))
+    speed, is_ball = s["speed"], s["body"] == "ball"
+    rest = 6.4 if is_ball else 6.3
+    b = (body("sphere", 0.4, (1, 1.5, rest), velocity=(speed, 0, 0), spin=(0, speed / 0.4, 0)) if is_ball else
+         body("box", (1.3, 1, 0.6), (1, 1.5, rest), velocity=(speed, 0, 0)))
+    sim, keep = Sim(s, [b], mu=0.2, floor=False, world=world), {"hop": 0.0}
+
+    def sample(t):
+        keep["hop"] = max(keep["hop"], sim.position()[2] - rest)
+
+    sim.run(sample)
+    p = sim.position()
+    return {"v": sim.velocity()[0], "x": p[0] - 1, "y": p[1] - 1.5, "hop": keep["hop"],
+            "turned": 0.0 if is_ball else math.degrees(math.acos(min(1, abs(sim.axes()[0, 0]))))}
+
+
+def wall(s):
+    speed, thickness = s["speed"], s["thickness"]
+    balls = [body("sphere", 0.1, (5 + speed / 720 * i, 2 * i - 1, 20), velocity=(speed, 0, 0)) for i in range(1, 13)]
+    sim = Sim(s, balls, (0, 0, 0), e=s.get("e", 0.0), floor=False,
+              world=f'<geom type="box" size="{thickness / 2} 15 2" pos="10 12 20"/>').run()
+    away = [-sim.velocity(i)[0] for i in range(12)]
+    return {"passed": sum(sim.position(i)[0] > 10 for i in range(12)), "least": min(away), "greatest": max(away)}
+
+
+def legs(s):
+    at = [(x, y, 0.5) for x in (-2, 2) for y in (-2, 2)]
+    sim = Sim(s, [body("box", (1, 1, 1), p, 1) for p in at] + [body("box", (6, 6, 1), (0, 0, 1.5), s["mass"])]).run()
+    return {"load": sim.loads().sum(), "sink": 1.5 - sim.position(4)[2], "speed": numpy.linalg.norm(sim.velocity(4))}
+
+
+def ratio(s):
+    n, greatest = s.get("n", 5), s["ratio"]
+    masses = [greatest**(i / (n - 1)) if s.get("growing") else greatest if i == n - 1 else 1 for i in range(n)]
+    sim = Sim(s, [body("box", (2, 2, 1), (0, 0, i + 0.5), m) for i, m in enumerate(masses)])
+    keep = {"speed": 0.0}
+
+    def sample(t):
+        if t >= 8:
+            keep["speed"] = max(keep["speed"], *(float(numpy.linalg.norm(sim.velocity(i))) for i in range(n)))
+
+    sim.run(sample)
+    return {"sink": n - 0.5 - sim.position(n - 1)[2], "speed": keep["speed"]}
+
+
+def heap(s):
+    random = numpy.random.default_rng(s["seed"])
+    # The pit is 12 u wide, with its middle at (5.5, 5.5).
+    walls = "".join(f'<geom type="box" size="{1 if x else 8} {1 if y else 8} 3" pos="{5.5 + 7 * x} {5.5 + 7 * y} 3"/>'
+                    for x, y in ((1, 0), (-1, 0), (0, 1), (0, -1)))
+    size = numpy.array([1.4, 1.2, 1])
+    sim = Sim(s, [body("box", size, (2.4 + 1.8 * (k % 4) + random.uniform(0, 0.2), 2.4 + 1.8 * (k // 4 % 4), 1 + 1.7 * (k // 16)),
+                       turn=(random.uniform(0, 3), 0, 0, 1)) for k in range(60)], world=walls).run()
+    depths = [overlap.box_depth(sim.position(i), sim.axes(i), size / 2, sim.position(k), sim.axes(k), size / 2)
+              for i in range(60) for k in range(i) if numpy.linalg.norm(sim.position(i) - sim.position(k)) < 2.1]
+    depths = [d for d in depths if d > 0]
+    return {"mean": sum(depths) / max(1, len(depths)), "deepest": max(depths, default=0.0)}
+
+
+def disc_loads(s):
+    n, radius, mass = 9, 2.2, s["mass"]
+    loads = mean_loads(s, [body("cylinder", (radius, 1), (0, 0, 0.5), mass)], n)
+    at = (numpy.arange(100) + 0.5) / 100 - 0.5
+
+    def share(x, y):
+        return numpy.mean((x + 0.8 * at[:, None])**2 + (y + 0.8 * at[None, :])**2 <= radius**2)
+
+    shares = numpy.array([[share(c - 4, r - 4) for c in range(n)] for r in range(n)])
+    right = mass * G * shares / shares.sum()
+    return {"load": loads.sum(), "worst": abs(loads - right).max() * shares.sum() / (mass * G)}
+
+
+def conveyor(s):
+    """Belts are boxes with a surface velocity; the body's centre of mass is at its underside."""
+    kind, v1, v2, mu = s["kind"], s.get("v1", 1.0), s.get("v2", 3.0), s["mu"]
+    length, width, offset, height = s.get("length", 4.0), s.get("width", 3.0), s.get("offset", 0.5), 0.4
+    angle = math.radians(s.get("angle", 30.0))
+
+    def belt(x, y, sx, sy, vx, vy, turn=0.0):
+        return f'<geom type="box" size="{sx} {sy} 1" pos="{x} {y} -1" surfacevel="{vx} {vy} 0 0 0 {turn}"/>'
+
+    def carry(world, x, y, velocity=(0, 0, 0), spin=0.0):
+        if kind == "straddle_disc":
+            b = body("cylinder", (width / 2, height), (x, y, 0), velocity=velocity)
+        else:
+            b = body("box", (length, width, height), (x, y, 0), velocity=velocity, spin=(0, 0, spin))
+        b["raised"] = height / 2
+        return Sim(s, [b], mu=mu, floor=False, world=world)
+
+    if kind == "transfer":
+        sim = carry(belt(-30, 0, 30, 8, v1, 0) + belt(30, 0, 30, 8, v2, 0), -length / 2 - 0.5, 0, (v1, 0, 0)).run()
+        return {"ahead": sim.position()[0] - v2 * (s["seconds"] - (length / 2 + 0.5) / v1), "v": sim.velocity()[0]}
+    if kind == "feed":
+        sim = carry(belt(0, 0, 60, 8, v2, 0), 0, 0, (v1 * math.cos(angle), v1 * math.sin(angle), 0)).run()
+        return {"aside": sim.position()[1], "ahead": sim.position()[0] - v2 * s["seconds"], "spin": sim.spin()[2]}
+    if kind == "centre":
+        sim = carry(belt(0, -8, 60, 8, v1, v2) + belt(0, 8, 60, 8, v1, -v2), 0, offset, (v1, 0, 0))
+        before, crossings = offset, []
+
+        def sample(t):
+            nonlocal before
+            y = sim.position()[1]
+            if (before < 0) != (y < 0):
+                crossings.append(t - sim.dt * y / (y - before))
+            before = y
+
+        sim.run(sample)
+        period = 2 * (crossings[-1] - crossings[0]) / (len(crossings) - 1) if len(crossings) > 1 else 0.0
+        return {"period": period, "ahead": sim.position()[0] - v1 * s["seconds"]}
+    if kind in ("straddle", "straddle_disc"):
+        sim = carry(belt(0, -8, 60, 8, v1, 0) + belt(0, 8, 60, 8, -v1, 0), 0, 0).run()
+        return {"rate": sim.spin()[2] / s["seconds"]}
+    x, y = offset * math.cos(angle), offset * math.sin(angle)
+    sim, turning = carry(belt(0, 0, 12, 12, 0, 0, v2), x, y, (-v2 * y, v2 * x, 0), v2), Turning()
+    sim.run(lambda t: turning.add(math.atan2(sim.position()[1], sim.position()[0])))
+    return {"turned": turning.angle, "radius": math.hypot(*sim.position()[:2]), "spin": sim.spin()[2]}
+
+
 SCRIPTS = {f.__name__: f for f in (flight, push, tumble, precession, slide, threshold, slope, roll, coast, skid, topple, dominoes, bounce,
                                    bouncing, oblique, collide, cradle, offcentre, superball, flat_drop, rest_sphere,
-                                   plate_loads, spin_brake, stack, drive, driven_sphere, pattern)}
+                                   plate_loads, spin_brake, stack, drive, driven_sphere, pattern, uneven, bed, chain, top, landing,
+                                   towers, seams, wall, legs, ratio, heap, disc_loads, conveyor)}
 
 
 def main():
     if sys.argv[1:] == ["--version"]:
         print(mujoco.__version__, *SCRIPTS)
         return
-    script, rate, seconds, settings = sys.argv[1:]
-    s = {"rate": int(rate), "seconds": float(seconds), **json.loads(settings)}
+    script, rate, seconds, seed, settings = sys.argv[1:]
+    s = {"rate": int(rate), "seconds": float(seconds), "seed": int(seed), **json.loads(settings)}
     print(json.dumps({name: float(value) for name, value in SCRIPTS[script](s).items()}))
 
 

@@ -7,7 +7,6 @@ import itertools
 import json
 import sys
 
-import h5py
 import numpy
 
 
@@ -98,6 +97,7 @@ SPREAD_AROUND = numpy.vstack([SPREAD[::8], -SPREAD[::8], numpy.zeros((1, 3))])
 
 def in_pins(file):
     """The greatest depth of any body in any pin, over all frames."""
+    import h5py
     with h5py.File(file) as f:
         frames = len(f["tick"])
         surface = f["surface"].attrs
@@ -134,6 +134,7 @@ def in_pins(file):
 
 def of_bodies(file):
     """Mean and greatest overlap of the boxes that touch, in the last frame."""
+    import h5py
     with h5py.File(file) as f:
         last = len(f["tick"]) - 1
         position, orientation = f["objects/position"][last].astype("f8"), f["objects/orientation"][last].astype("f8")

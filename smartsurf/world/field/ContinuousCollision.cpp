@@ -12,15 +12,15 @@ constexpr int kMaxSweepSteps = 64, kBisections = 6;
 // The motion of one body during the step; fraction 0 is its start, 1 its end.
 class BodySweep {
  public:
-  BodySweep(const FieldCollider& field, const BodyStore& bodies, std::size_t body)
+  BodySweep(const FieldCollider& field, const BodyStore& bodies, std::size_t body, const DeltaPose& motion)
       : field_(field),
         shape_(*bodies.shape[body]),
         start_(bodies.position[body]),
         local_origin_(bodies.local_origin[body]),
         bounding_radius_(bodies.bounding_radius[body]),
         orientation_(bodies.orientation[body]),
-        translation_(bodies.delta_pose[body].translation),
-        rotation_(bodies.delta_pose[body].rotation) {}
+        translation_(motion.translation),
+        rotation_(motion.rotation) {}
 
   bool may_hit_field() const {
     const Vec3 to = start_ + translation_, reach = Vec3::Constant(bounding_radius_);
@@ -56,33 +56,38 @@ class BodySweep {
 };
 
 // Upper bound of the distance that any point of the body moves in the step.
-float max_travel(const BodyStore& bodies, std::size_t body) {
-  const DeltaPose& shift = bodies.delta_pose[body];
+float max_travel(const BodyStore& bodies, std::size_t body, const DeltaPose& shift) {
   return Vec3(shift.translation).norm() + Vec3(shift.rotation).norm() * bodies.bounding_radius[body];
 }
 
 }  // namespace
 
-bool clip_to_time_of_impact(const FieldCollider& field, BodyStore& bodies, std::size_t body) {
-  if (bodies.is_sphere[body]) return false;
-  const float travel = max_travel(bodies, body);
-  if (!(travel > 0.25F * bodies.width[body])) return false;
-  const BodySweep sweep(field, bodies, body);
-  if (!sweep.may_hit_field()) return false;
+float fraction_until_impact(const FieldCollider& field, const BodyStore& bodies, std::size_t body,
+                            const DeltaPose& motion) {
+  constexpr float kAll = 1.0F;
+  if (bodies.is_sphere[body]) return kAll;
+  const float travel = max_travel(bodies, body, motion);
+  if (!(travel > 0.25F * bodies.width[body])) return kAll;
+  const BodySweep sweep(field, bodies, body, motion);
+  if (!sweep.may_hit_field()) return kAll;
   // Advance by at most half a column per step, so that no column is skipped.
   const int steps = std::min(kMaxSweepSteps, 1 + static_cast<int>(travel / field.min_half_top()));
   const float allowed = std::max(kAllowedPenetration, sweep.penetration_at(0.0F));
   for (int i = 1; i <= steps; ++i) {
     const float end = static_cast<float>(i) / static_cast<float>(steps);
-    if (sweep.penetration_at(end) <= allowed) continue;
-    const float fraction =
-        sweep.bisect_impact(allowed, static_cast<float>(i - 1) / static_cast<float>(steps), end);
-    DeltaPose& delta = bodies.delta_pose[body];
-    for (int axis = 0; axis < 3; ++axis)
-      delta.translation[axis] *= fraction, delta.rotation[axis] *= fraction;
-    return true;
+    if (sweep.penetration_at(end) > allowed)
+      return sweep.bisect_impact(allowed, static_cast<float>(i - 1) / static_cast<float>(steps), end);
   }
-  return false;
+  return kAll;
+}
+
+bool clip_to_time_of_impact(const FieldCollider& field, BodyStore& bodies, std::size_t body) {
+  DeltaPose& delta = bodies.delta_pose[body];
+  const float fraction = fraction_until_impact(field, bodies, body, delta);
+  if (fraction == 1.0F) return false;
+  for (int axis = 0; axis < 3; ++axis)
+    delta.translation[axis] *= fraction, delta.rotation[axis] *= fraction;
+  return true;
 }
 
 }  // namespace smartsurf::world

@@ -76,7 +76,7 @@ template <bool kPair, bool kSpheres>
 HWY_INLINE V soft_normal_impulse(const ContactLanes<kPair, kSpheres>& l, const PointRef& q, V speed,
                                  V separation, const SubstepParams& params) {
   const int at = l.lane;
-  const V target_speed = push_out_speed(separation, params);
+  const V target_speed = push_out_speed(separation, params, kPair && !kSpheres ? kPairSlop : kSlop);
   store(relax_target_speed(separation, target_speed), q.point.relax_target_speed, at);
   const V mass = load(q.point.normal_mass, at) * if_positive(separation, set(1.0F), set(params.mass_scale));
   const V old_impulse = load(q.point.normal_impulse, at);

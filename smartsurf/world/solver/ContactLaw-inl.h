@@ -30,9 +30,9 @@ WORLD_INLINE V zero() { return constant<V>(0); }
 // The normal speed that a contact is given in the solve stage. While separated it may close its gap within
 // the substep; an overlap is pushed out as by a damped spring.
 template <class F>
-WORLD_INLINE F push_out_speed(F separation, const SubstepParams& params) {
+WORLD_INLINE F push_out_speed(F separation, const SubstepParams& params, float slop = kSlop) {
   const F zero = constant<F>(0);
-  const F overlap = min(separation + constant<F>(kSlop), zero);
+  const F overlap = min(separation + constant<F>(slop), zero);
   const F push = min(zero - overlap * constant<F>(params.bias_rate), constant<F>(params.max_bias_velocity));
   return if_positive(separation, zero - separation * constant<F>(params.inverse_h), push);
 }

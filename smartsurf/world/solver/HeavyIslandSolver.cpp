@@ -18,8 +18,10 @@ constexpr float kTouchingSeparation = 1e-3F;
 constexpr double kCompliance = 1e-3;
 // The part of a steady load that deflects no spring; see SubstepParams::steady_share.
 constexpr double kSteadyShare = 0.8;
+// How far two bodies overlap without being pushed out.
+float slop_of(bool of_pair, bool of_spheres) { return of_pair && !of_spheres ? kPairSlop : kSlop; }
 // The greatest deflection of a contact under its load, u.
-constexpr float kMaxDeflection = 0.5F * kSlop;
+float max_deflection(bool of_pair, bool of_spheres) { return 0.5F * slop_of(of_pair, of_spheres); }
 constexpr int kMaxPasses = 12;
 // A contact bears no more than this many times the weight, the forces and the momentum of its island; what
 // does is wedged, and its stresses are no load.
@@ -53,7 +55,8 @@ void HeavyIslandSolver::reset(int member_count) {
 }
 
 void HeavyIslandSolver::find_heavy_lanes(const ContactBatch& o, ContactKind kind, const BatchPoints& points,
-                                         const BodyVelocity* velocity, float weight_impulse, int member) {
+                                         const BodyVelocity* velocity, const SubstepParams& params,
+                                         float weight_impulse, int member) {
   float load[kLanes] = {};
   for (int k = o.first_point; k < o.first_point + o.point_count; ++k)
     for (int lane = 0; lane < kLanes; ++lane) load[lane] += points.point[k].normal_impulse[lane];
@@ -62,7 +65,12 @@ void HeavyIslandSolver::find_heavy_lanes(const ContactBatch& o, ContactKind kind
                 b = is_pair(kind) ? velocity[o.b[lane]].inverse_mass : 0.0F;
     const float lighter = std::max(a, b), heavier = std::min(a, b);
     const bool of_unequal = heavier > 0.0F && lighter > kHeavyLoad * heavier;
-    if (load[lane] * lighter <= kHeavyLoad * weight_impulse && !of_unequal) continue;
+    // The speed that the load gives to its bearer in a substep. Spheres have springs that nothing stiffens.
+    const float loading = load[lane] * lighter;
+    const float deflection = (1.0F - params.steady_share) * params.impulse_scale * loading /
+                             (params.mass_scale * params.bias_rate);
+    const bool sinks = !is_sphere_kind(kind) && is_pair(kind) && deflection > max_deflection(true, false);
+    if (loading <= kHeavyLoad * weight_impulse && !of_unequal && !sinks) continue;
     if (BearingMask(o, points).lane[lane])
       members_[member].heavy_rows.push_back(a >= b ? o.a[lane] : o.b[lane]);
   }
@@ -272,11 +280,12 @@ void HeavyIslandSolver::set_up(Point& p, const BatchPoints& points, const Solver
   double target = static_cast<double>(q.relax_target_speed[p.lane]);
   if (is_soft) {
     const float separation = q.separation[p.lane] + static_cast<float>(displacement);
-    target = static_cast<double>(law::push_out_speed(separation, params));
+    const bool of_pair = p.row[1] >= 0;
+    target = static_cast<double>(law::push_out_speed(separation, params, slop_of(of_pair, p.is_sphere)));
     if (separation <= 0.0F) {
       const double soft = static_cast<double>(params.impulse_scale /
                                               (params.mass_scale * q.normal_mass[p.lane])),
-                   capped = static_cast<double>(params.bias_rate * kMaxDeflection) /
+                   capped = static_cast<double>(params.bias_rate * max_deflection(of_pair, p.is_sphere)) /
                             std::max(p.steady_impulse, 1e-12);
       const double compliance = std::max(std::min(soft, capped), 1.0 / hard);
       target -= compliance * (normal.impulse - kSteadyShare * p.steady_impulse);

@@ -23,7 +23,8 @@ namespace smartsurf::world {
 
 class HeavyIslandSolver {
  public:
-  // A load heavier than this many times the weight of the body that bears it makes an island heavy.
+  // A load heavier than this many times the weight of the body that bears it makes an island heavy, and so does one that
+  // would press the springs of its contacts deeper than they yield here.
   static constexpr float kHeavyLoad = 16.0F;
   // Larger islands, and those beyond the sum, are left to the sweeps.
   static constexpr int kMaxBodies = BlockCholesky::kMaxRows, kMaxBodiesInAll = 256;
@@ -33,7 +34,7 @@ class HeavyIslandSolver {
   // heavier. `weight_impulse`: of a unit mass in a substep, u/s. Called by the member that prepares the
   // batch.
   void find_heavy_lanes(const ContactBatch&, ContactKind, const BatchPoints&, const BodyVelocity*,
-                        float weight_impulse, int member);
+                        const SubstepParams&, float weight_impulse, int member);
   bool any_heavy_lane() const;
   // Builds the islands of the noted lanes. Called by one thread after all members have prepared their
   // batches.

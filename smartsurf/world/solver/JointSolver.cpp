@@ -321,6 +321,7 @@ void JointSolver::set_law_of_part(Joint& j, Block& block, double h_s) {
   const double elastic = 0.25 * h_s * h_s * j.spring.stiffness, viscous = 0.5 * h_s * j.spring.damping;
   block.spring_impulse =
       -h_s * j.spring.stiffness * (j.coordinate - j.spring.rest) + (elastic - viscous) * block.speed_before;
+  block.spring_at_rest = block.spring_impulse;
   set_law(j, block, Stage::kSolve, h_s, block.spring_impulse, elastic + viscous);
 }
 
@@ -421,8 +422,13 @@ void JointSolver::hold_at_end_of_part() {
     if (j.has_coordinate()) set_law_of_part(j, block, h_s);
   });
   solve_trees(Stage::kSolve);
+  note_springs();
+}
+
+void JointSolver::note_springs() {
   for_each_selected([&](Joint& j, Block& block, double) {
-    if (j.has_spring) block.spring_impulse -= block.law.slope() * speeds(block)[kAxis];
+    if (j.has_spring)
+      block.spring_impulse = block.spring_at_rest - block.law.slope() * speeds(block)[kAxis];
   });
 }
 
@@ -432,15 +438,47 @@ void JointSolver::relax_part() {
     if (j.has_coordinate()) set_law(j, block, Stage::kRelax, h_s, block.spring_impulse, 0.0);
   });
   solve_trees(Stage::kRelax);
+  add_efforts(1.0);
+}
+
+void JointSolver::add_efforts(double sign) {
   for_each_selected([&](Joint& j, Block& block, double) {
     for (int r = 0; r < block.rigid_rows; ++r)
-      j.force_impulse += block.impulse[r] * block.jacobian_a.row(r).head<3>().transpose();
-    if (j.has_coordinate()) j.effort_impulse += block.impulse[kAxis];
+      j.force_impulse += sign * block.impulse[r] * block.jacobian_a.row(r).head<3>().transpose();
+    if (j.has_coordinate()) j.effort_impulse += sign * block.impulse[kAxis];
   });
 }
 
+void JointSolver::select_touched(std::span<const char> touched_rows) {
+  for (std::size_t t = 0; t < tree_states_.size(); ++t) {
+    TreeState& s = tree_states_[t];
+    s.is_touched = s.is_active && std::ranges::any_of(bodies_of(equations_.trees()[t]), [&](std::int32_t i) {
+      return bodies_[i].is_active && touched_rows[static_cast<std::size_t>(bodies_[i].row)] != 0;
+    });
+  }
+}
+
+bool JointSolver::solve_again(const Rows& rows, double tolerance) {
+  load_velocities(rows);
+  for (TreeState& s : tree_states_) s.is_selected = s.is_touched;
+  const bool any = solve_trees(Stage::kSolve, tolerance);
+  if (any) note_springs(), store_velocities(rows);
+  return any;
+}
+
+bool JointSolver::relax_again(const Rows& rows, double tolerance) {
+  load_velocities(rows);
+  for (TreeState& s : tree_states_) s.is_selected = s.is_touched;
+  add_efforts(-1.0);
+  const bool any = solve_trees(Stage::kRelax, tolerance);
+  add_efforts(1.0);
+  if (any) store_velocities(rows);
+  return any;
+}
+
 // Rounds of Newton's method, with the matrix of the pose at which the rows were built.
-void JointSolver::solve_trees(Stage stage) {
+bool JointSolver::solve_trees(Stage stage, double tolerance) {
+  bool any_off = false;
   for (TreeState& s : tree_states_)
     s.is_open = s.is_selected, s.residual = std::numeric_limits<double>::max();
   for (int round = 0;; ++round) {
@@ -460,7 +498,8 @@ void JointSolver::solve_trees(Stage stage) {
       const double before = s.residual;
       s.residual = set_residuals(equations_.trees()[t], stage, s.h_s);
       const bool is_done = !s.has_changed && (s.residual < kConverged || s.residual > kStagnation * before);
-      if (round > 0 && (is_done || round == kMaxRounds)) {
+      if (round == 0 && s.residual > tolerance) any_off = true;
+      if (round > 0 ? is_done || round == kMaxRounds || s.residual < tolerance : s.residual <= tolerance) {
         s.is_open = false;
         continue;
       }
@@ -473,6 +512,7 @@ void JointSolver::solve_trees(Stage stage) {
   for_each_selected([](Joint& j, const Block& block, double) {
     if (j.has_coordinate()) j.held_by = AxisLaw::is_held(block.place) ? block.law.causes(block.place) : 0;
   });
+  return any_off;
 }
 
 // Sets what the speeds along the rows lack, and returns the greatest of it.

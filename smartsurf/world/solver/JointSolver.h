@@ -12,6 +12,7 @@
 // joints rotate substep by substep.
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <cstdint>
 #include <span>
@@ -66,6 +67,26 @@ class JointSolver {
   // Call after the rows were moved: rotates the bodies, and removes the velocity that the constraints forbid.
   // Writes the rotations of delta_pose.
   void relax(const Rows&);
+  // Both again, for the trees with a body in a touched row, after contacts have changed the velocities. Return whether
+  // any joint was off by more than `tolerance`, u/s.
+  void select_touched(std::span<const char> touched_rows);
+  bool solve_again(const Rows&, double tolerance);
+  bool relax_again(const Rows&, double tolerance);
+  // Calls visit(body) for the active bodies with joints, and visit(other) for those that joints connect with one.
+  template <class Visit>
+  void for_each_jointed(Visit visit) const {
+    for (const Body& b : bodies_)
+      if (b.is_active) visit(b.body);
+  }
+  template <class Visit>
+  void for_each_connected(std::int32_t body, Visit visit) const {
+    for (const JointEquations::Tree& tree : equations_.trees()) {
+      const auto members = bodies_of(tree);
+      if (std::ranges::any_of(members, [&](std::int32_t i) { return bodies_[i].body == body; }))
+        for (const std::int32_t i : members)
+          if (bodies_[i].is_active) visit(bodies_[i].body);
+    }
+  }
   // Appends, after the step, the active bodies of joints that contacts hold off their constraints by
   // `min_depth`, u, or more, with that distance. Allocates while the list grows.
   void find_strained(const BodyStore&, float min_depth, std::vector<DeepContact>&) const;
@@ -139,6 +160,7 @@ class JointSolver {
     RowVector impulse = RowVector::Zero();                                  // in this substep
     double speed_before = 0.0;    // of the spring's coordinate, before gravity and joints act in the part
     double spring_impulse = 0.0;  // likewise; within solve() that at speed 0
+    double spring_at_rest = 0.0;  // of the part, at speed 0
     AxisLaw law;
     int place = 0;  // in the law
     // The axis's compliance when its tree was factored; negative: it had no row.
@@ -147,7 +169,7 @@ class JointSolver {
   struct TreeState {
     bool is_active, is_selected;  // is_selected: the present stage is about it
     bool is_open, is_factored, has_changed;
-    bool is_unfinished;
+    bool is_unfinished, is_touched;
     double residual;     // of the last round
     double time_left_s;  // of the substep
     double h_s;          // of a part
@@ -192,7 +214,10 @@ class JointSolver {
   void hold_at_end_of_part();
   // Removes the speeds across the joints at the present pose.
   void relax_part();
-  void solve_trees(Stage);
+  // Trees that are off by no more than `tolerance`, u/s, stay as they are. Returns whether any was off by more.
+  bool solve_trees(Stage, double tolerance = -1.0);
+  void note_springs();
+  void add_efforts(double sign);
   double set_residuals(const JointEquations::Tree&, Stage, double h_s);
   bool is_factored(std::int32_t tree) const;
   void factor(std::int32_t tree);

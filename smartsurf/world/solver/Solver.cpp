@@ -112,6 +112,7 @@ void Solver::run_stages(StepContext& context, const Member& member) {
     if (context.may_impact()) find_impact_candidates(context, kind, batch, member);
     if (!context.all_spheres)
       heavy_islands_.find_heavy_lanes(graph_.batch(batch), kind, batch_points(), velocity_.data(),
+                                      is_pair(kind) ? context.pair_params : context.static_params,
                                       h_s * settings_.gravity.norm(), member.index);
   });
   member.arrive_and_wait();
@@ -141,7 +142,12 @@ void Solver::run_stages(StepContext& context, const Member& member) {
                              .delta_pose = delta_pose_.data(),
                              .material = material_.data()};
   run_caller_stage(
-      context, member, [&] { joints.begin_step(context.bodies, context.partition, joint_rows()); },
+      context, member,
+      [&] {
+        joints.begin_step(context.bodies, context.partition, joint_rows());
+        jointed_contacts_.collect(graph_, context.bodies, context.partition, batch_points(), velocity_.data());
+        if (!jointed_contacts_.empty()) joints.select_touched(jointed_contacts_.touched_rows());
+      },
       [&](auto& points) { points.begin_step(point_step); });
   const ContactKernelTable& k = context.kernels;
   run_contact_stage(context, member, k.warm_start, 0.0F, SupportStage::kWarmStart);
@@ -157,6 +163,7 @@ void Solver::run_stages(StepContext& context, const Member& member) {
         context, member, [&] { joints.solve(context.bodies, joint_rows(), substep); },
         [&](auto& points) { points.solve(point_step); });
     run_contact_stage(context, member, k.solve, static_cast<float>(s) * h_s, SupportStage::kSolve);
+    settle_jointed_contacts(context, member, true);
     member.wait();
     integrate_positions(context);
     member.arrive();
@@ -164,9 +171,10 @@ void Solver::run_stages(StepContext& context, const Member& member) {
         context, member, [&] { joints.relax(joint_rows()); },
         [&](auto& points) { points.relax(point_step); });
     run_contact_stage(context, member, k.relax, 0.0F, SupportStage::kRelax);
+    settle_jointed_contacts(context, member, false);
   }
-  // Support patches and heavy islands change impulses in batches of other members.
-  if (has_supports_ || !heavy_islands_.empty()) member.wait();
+  // Support patches, heavy islands and jointed bodies change impulses in batches of other members.
+  if (has_supports_ || !heavy_islands_.empty() || !joints.empty()) member.wait();
   for_each_own_batch(context, member,
                      [&](ContactKind kind, int batch) { store_impulses(context, kind, batch); });
   if (context.may_impact())
@@ -323,6 +331,31 @@ void Solver::run_caller_stage(const StepContext& context, const Member& member, 
     if (!context.input.joints.empty()) on_joints();
     if (!context.input.tips.empty()) on_points(context.input.tips);
     if (!context.input.skin.empty()) on_points(context.input.skin);
+  }
+  member.arrive();
+}
+
+// Joints and the contacts of their bodies take turns until the contacts leave the joints where they hold.
+void Solver::settle_jointed_contacts(StepContext& context, const Member& member, bool is_soft) {
+  constexpr int kMaxTurns = 30;
+  constexpr double kHolds = 1e-4;  // u/s
+  JointSolver& joints = context.input.joints;
+  if (joints.empty()) return;
+  member.wait();
+  if (member.is_caller() && !jointed_contacts_.empty()) {
+    const BatchPoints points = batch_points();
+    jointed_contacts_.begin_stage(points, context.solver_bodies, context.pair_params, context.static_params, is_soft);
+    for (int turn = 0; turn < kMaxTurns; ++turn) {
+      if (!(is_soft ? joints.solve_again(joint_rows(), kHolds) : joints.relax_again(joint_rows(), kHolds))) break;
+      jointed_contacts_.sweep(points, context.solver_bodies, context.pair_params, context.static_params, is_soft);
+      for (SupportPatches& list : context.input.supports)
+        for (SupportPatch& p : list.patches) {
+          if (p.is_elastic || !context.bodies.is_jointed[static_cast<std::size_t>(p.body)]) continue;
+          solve_support_points(list, p, points, context.static_params, is_soft, velocity_[p.row], delta_pose_[p.row],
+                               inverse_inertia_[p.row]);
+          solve_support(list, p, points, is_soft, velocity_[p.row], inverse_inertia_[p.row]);
+        }
+    }
   }
   member.arrive();
 }

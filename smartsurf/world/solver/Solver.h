@@ -23,6 +23,7 @@
 #include "smartsurf/world/solver/HeavyIslandSolver.h"
 #include "smartsurf/world/solver/ImpactSolver.h"
 #include "smartsurf/world/solver/JointSolver.h"
+#include "smartsurf/world/solver/JointedContacts.h"
 #include "smartsurf/world/solver/SharedBatches.h"
 #include "smartsurf/world/solver/SkinSolver.h"
 #include "smartsurf/world/solver/TipSolver.h"
@@ -138,6 +139,7 @@ class Solver {
   template <class OnJoints, class OnPoints>
   void run_caller_stage(const StepContext&, const Member&, OnJoints, OnPoints);
   JointSolver::Rows joint_rows() { return {velocity_.data(), start_velocity_.data(), delta_pose_.data()}; }
+  void settle_jointed_contacts(StepContext&, const Member&, bool is_soft);
   std::span<Contact> contacts_of_row(StepContext&, int row) const;
   void prepare_supports(StepContext&);
   void store_supports(StepContext&);
@@ -152,6 +154,7 @@ class Solver {
   BatchRangesByColour serial_batches_;  // of a single member
   ImpactSolver impacts_;
   HeavyIslandSolver heavy_islands_;
+  JointedContacts jointed_contacts_;
   std::vector<BatchPoint> point_;
   std::vector<BatchPointDetail> detail_;
   std::vector<BatchPointLimit> limit_;  // empty without force limits

@@ -100,7 +100,11 @@ void Solver::find_impact_candidates(StepContext& context, ContactKind kind, int 
     const int manifold = graph_.manifold(index, lane);
     const Manifold& m = list.manifolds[manifold];
     constexpr float kFlatness = 0.9F;
-    bool lands_flat = !is_sphere_kind(kind) && m.count > 1 && least_speed[lane] < -plastic_threshold;
+    // An impact is solved as if there were no joints, and sets the bodies back one by one: off their joints.
+    const bool is_jointed =
+        context.bodies.is_jointed[m.a] || (m.b >= 0 && context.bodies.is_jointed[m.b]);
+    bool lands_flat =
+        !is_jointed && !is_sphere_kind(kind) && m.count > 1 && least_speed[lane] < -plastic_threshold;
     for (int k = 0; lands_flat && k < m.count; ++k)
       lands_flat = point_[o.first_point + k].approach_speed[lane] < kFlatness * least_speed[lane];
     for (int k = 0; k < m.count; ++k) {

@@ -1,0 +1,132 @@
+#include "smartsurf/world/solver/JointedContacts.h"
+
+#include <Eigen/Geometry>
+
+#include "smartsurf/world/solver/ContactLaw-inl.h"
+
+namespace smartsurf::world {
+namespace {
+
+Vec3 load(const float (*from)[kLanes], int lane) { return {from[0][lane], from[1][lane], from[2][lane]}; }
+
+}  // namespace
+
+Vec3 JointedContacts::Point::velocity(const BodyVelocity* rows) const {
+  Vec3 sum = Vec3::Zero();
+  for (int side = 0; side < 2; ++side) {
+    if (row[side] < 0) continue;
+    const BodyVelocity& m = rows[row[side]];
+    const Vec3 v = Vec3(m.velocity) + Vec3(m.angular_velocity).cross(anchor[side]);
+    sum += side == 0 ? v : Vec3(-v);
+  }
+  return sum;
+}
+
+void JointedContacts::Point::apply(const Vec3& impulse, BodyVelocity* rows) const {
+  for (int side = 0; side < 2; ++side) {
+    if (row[side] < 0) continue;
+    BodyVelocity& m = rows[row[side]];
+    if (m.inverse_mass == 0.0F) continue;
+    const Vec3 on_body = side == 0 ? impulse : Vec3(-impulse);
+    Eigen::Map<Vec3>(m.velocity) += m.inverse_mass * on_body;
+    Eigen::Map<Vec3>(m.angular_velocity) += inverse_inertia[side] * anchor[side].cross(on_body);
+  }
+}
+
+void JointedContacts::collect(const ConstraintGraph& graph, const BodyStore& bodies,
+                              const SpatialPartition& partition, BatchPoints points, const BodyVelocity* rows) {
+  points_.clear();
+  is_touched_.assign(static_cast<std::size_t>(partition.row_count()), 0);
+  const auto is_jointed = [&](std::int32_t row) {
+    const std::size_t body = partition.body(row);
+    return bodies.is_jointed[body] && bodies.is_active(body);
+  };
+  const auto add_lane = [&](const ContactBatch& o, ContactKind kind, int lane) {
+    const std::int32_t a = o.a[lane], b = is_pair(kind) ? o.b[lane] : -1;
+    const bool of_a = is_jointed(a), of_b = b >= 0 && is_jointed(b);
+    if (!of_a && !of_b) return;
+    for (int k = o.first_point; k < o.first_point + o.point_count; ++k) {
+      const BatchPoint& q = points.point[k];
+      const BatchPointDetail& d = points.detail[k];
+      if (!(q.normal_mass[lane] > 0.0F)) continue;
+      // A cell of limited force yields by laws of its own.
+      if (o.has_impulse_limit && points.limit[k].stall_impulse[lane] < BatchPointLimit::kUnlimited) continue;
+      Point p;
+      p.index = k, p.lane = lane, p.is_pair = b >= 0, p.is_sphere = is_sphere_kind(kind);
+      p.row[0] = a, p.row[1] = b;
+      p.normal = load(q.normal, lane);
+      for (int side = 0; side < 2; ++side) {
+        if (p.row[side] < 0) continue;
+        const std::size_t body = partition.body(p.row[side]);
+        if (is_sphere_kind(kind))
+          p.anchor[side] = p.normal * (side == 0 ? -q.radius_a[lane] : q.radius_b[lane]);
+        else
+          p.anchor[side] = load(side == 0 ? d.anchor_a : d.anchor_b, lane);
+        p.inverse_inertia[side] = bodies.is_sphere[body]
+                                      ? Mat3(rows[p.row[side]].inverse_inertia * Mat3::Identity())
+                                      : to_matrix(bodies.world_inverse_inertia[body]);
+        is_touched_[static_cast<std::size_t>(p.row[side])] = 1;
+      }
+      points_.push_back(p);
+    }
+  };
+  const auto visit = [&](const BatchRange& range) {
+    for (int i = range.first; i < range.first + range.count; ++i)
+      for (int lane = 0; lane < graph.batch(i).lane_count; ++lane) add_lane(graph.batch(i), range.kind, lane);
+  };
+  for (const ConstraintGraph::Colour& c : graph.colours()) visit(c.spheres), visit(c.general);
+  visit(graph.sphere_static()), visit(graph.general_static());
+}
+
+void JointedContacts::begin_stage(BatchPoints points, const SolverBodies& rows, const SubstepParams& pair_params,
+                                  const SubstepParams& static_params, bool is_soft) {
+  if (!is_soft) return;
+  for (Point& p : points_) {
+    Vec3 moved = Vec3::Zero();
+    for (int side = 0; side < 2; ++side) {
+      if (p.row[side] < 0) continue;
+      const DeltaPose& delta = rows.delta_pose[p.row[side]];
+      const Vec3 by = Vec3(delta.translation) + Vec3(delta.rotation).cross(p.anchor[side]);
+      moved += side == 0 ? by : Vec3(-by);
+    }
+    const SubstepParams& params = p.is_pair ? pair_params : static_params;
+    if (!p.is_pair)
+      moved -= params.elapsed_s * load(points.detail[p.index].surface_velocity, p.lane);
+    p.separation = points.point[p.index].separation[p.lane] + p.normal.dot(moved);
+  }
+}
+
+void JointedContacts::sweep(BatchPoints points, const SolverBodies& rows, const SubstepParams& pair_params,
+                            const SubstepParams& static_params, bool is_soft) {
+  for (Point& p : points_) {
+    const SubstepParams& params = p.is_pair ? pair_params : static_params;
+    BatchPoint& q = points.point[p.index];
+    const BatchPointDetail& d = points.detail[p.index];
+    const int lane = p.lane;
+    const Vec3 surface = p.is_pair ? Vec3(Vec3::Zero()) : load(d.surface_velocity, lane);
+    const float old_impulse = q.normal_impulse[lane], speed = p.normal.dot(p.velocity(rows.velocity) - surface);
+    float impulse = 0.0F;
+    if (!is_soft) {
+      impulse = law::normal_impulse(old_impulse, q.normal_mass[lane], speed, q.relax_target_speed[lane]);
+      q.total_normal_impulse[lane] += impulse - old_impulse;
+    } else {
+      const bool is_apart = p.separation > 0.0F;
+      const float deflecting =
+          law::deflecting_impulse(old_impulse, p.is_sphere ? 0.0F : d.steady_impulse[lane], params);
+      impulse = law::normal_impulse(old_impulse, q.normal_mass[lane] * (is_apart ? 1.0F : params.mass_scale), speed,
+                                    law::push_out_speed(p.separation, params, p.is_pair && !p.is_sphere ? kPairSlop : kSlop),
+                                    is_apart ? 0.0F : params.impulse_scale * deflecting);
+    }
+    q.normal_impulse[lane] = impulse;
+    if (impulse != old_impulse) p.apply((impulse - old_impulse) * p.normal, rows.velocity);
+    if (q.friction[lane] == 0.0F) continue;
+    const Vec3 velocity = p.velocity(rows.velocity) - surface, old_friction = load(q.friction_impulse, lane);
+    const Vec3 slip = velocity - p.normal * p.normal.dot(velocity);
+    const Vec3 friction =
+        law::friction_impulse(old_friction, slip, q.tangent_mass[lane], q.friction[lane] * impulse);
+    for (int i = 0; i < 3; ++i) q.friction_impulse[i][lane] = friction[i];
+    p.apply(friction - old_friction, rows.velocity);
+  }
+}
+
+}  // namespace smartsurf::world

@@ -1,0 +1,52 @@
+// Contacts of bodies with joints.
+//
+// A stage solves the joints of a tree exactly and then sweeps the contacts once, which takes the bodies off their joints
+// again: a heavy chain would sink into what it meets, and what puts its joints right afterwards turns into energy. Here
+// the two take turns until they agree. Each turn removes what is left of one kind of error without adding energy; what is
+// left is greatest where one contact bears many links, and the impulses carry over to the next substep.
+#pragma once
+
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "smartsurf/world/body/BodyStore.h"
+#include "smartsurf/world/broadphase/SpatialPartition.h"
+#include "smartsurf/world/solver/ConstraintGraph.h"
+#include "smartsurf/world/solver/ContactBatch.h"
+
+namespace smartsurf::world {
+
+class JointedContacts {
+ public:
+  // Notes the contacts of active bodies with joints. Call once all batches are prepared.
+  void collect(const ConstraintGraph&, const BodyStore&, const SpatialPartition&, BatchPoints, const BodyVelocity*);
+  bool empty() const { return points_.empty(); }
+  // By row: whether a noted contact touches the body.
+  std::span<const char> touched_rows() const { return is_touched_; }
+
+  // Where the bodies stand at the beginning of the stage.
+  void begin_stage(BatchPoints, const SolverBodies&, const SubstepParams& pair_params,
+                   const SubstepParams& static_params, bool is_soft);
+  // One sweep over the contacts.
+  void sweep(BatchPoints, const SolverBodies&, const SubstepParams& pair_params, const SubstepParams& static_params,
+             bool is_soft);
+
+ private:
+  struct Point {
+    std::int32_t index, lane;  // in the batch points
+    std::int32_t row[2];       // −1: does not move
+    bool is_pair, is_sphere;
+    Vec3 normal, anchor[2];
+    Mat3 inverse_inertia[2];
+    float separation = 0.0F;  // at the beginning of the stage
+
+    Vec3 velocity(const BodyVelocity*) const;
+    void apply(const Vec3& impulse, BodyVelocity*) const;
+  };
+
+  std::vector<Point> points_;
+  std::vector<char> is_touched_;
+};
+
+}  // namespace smartsurf::world
