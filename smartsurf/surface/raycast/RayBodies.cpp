@@ -10,7 +10,7 @@
 namespace smartsurf::surface {
 namespace {
 
-constexpr double kBodyUpdateCost_ns = 10.0;  // per body
+constexpr double kBodyUpdateCost_ns = 25.0;  // per body, with the order of the bodies
 
 Eigen::Vector3f dimensions_of(const scene::ObjectSpec& o) {
   if (o.shape == scene::ShapeKind::kCone)

@@ -1,8 +1,10 @@
 #include "smartsurf/world/solver/HeavyIslandSolver.h"
 
 #include <algorithm>
+#include <atomic>
 #include <cmath>
 #include <numeric>
+#include <tuple>
 #include <utility>
 
 #include "smartsurf/world/solver/ContactLaw-inl.h"
@@ -27,6 +29,9 @@ constexpr int kMaxPasses = 12;
 // does is wedged, and its stresses are no load.
 constexpr double kGreatestLeverage = 8.0;
 
+// Of a set of rows that contacts connect: a body in it bears a heavy load; the sweeps solve it.
+constexpr std::uint8_t kHeavy = 1, kExcluded = 2;
+
 bool is_bearing(const BatchPoint& p, int lane) {
   return p.normal_mass[lane] > 0.0F &&
          (p.normal_impulse[lane] > 0.0F || p.separation[lane] <= kTouchingSeparation);
@@ -48,8 +53,10 @@ Vector3 to_double(const float (&v)[3]) { return {v[0], v[1], v[2]}; }
 
 }  // namespace
 
-void HeavyIslandSolver::reset(int member_count) {
+void HeavyIslandSolver::reset(int member_count, int row_count) {
   members_.resize(member_count);
+  parent_.resize(static_cast<std::size_t>(row_count));
+  flags_.resize(parent_.size());
   for (MemberData& m : members_) m.heavy_rows.clear();
   islands_.clear();
 }
@@ -80,48 +87,82 @@ bool HeavyIslandSolver::any_heavy_lane() const {
   return std::ranges::any_of(members_, [](const MemberData& m) { return !m.heavy_rows.empty(); });
 }
 
+// ---- sets of rows, which all members unite at once
+
 std::int32_t HeavyIslandSolver::find_root(std::int32_t row) {
-  auto parent = [this](std::int32_t i) -> std::int32_t& { return parent_[i]; };
-  while (parent(row) != row) row = parent(row) = parent(parent(row));
-  return row;
-}
-
-void HeavyIslandSolver::collect_bearing_lanes(const ConstraintGraph& graph, const BatchPoints& points) {
-  lanes_.clear();
-  const auto visit = [&](const BatchRange& range) {
-    for (int i = range.first; i < range.first + range.count; ++i) {
-      const ContactBatch& o = graph.batch(i);
-      const BearingMask bears(o, points);
-      for (int lane = 0; lane < o.lane_count; ++lane)
-        if (bears.lane[lane]) lanes_.push_back({&o, range.kind, lane});
-    }
-  };
-  for (const ConstraintGraph::Colour& c : graph.colours()) visit(c.spheres), visit(c.general);
-  visit(graph.sphere_static()), visit(graph.general_static());
-}
-
-void HeavyIslandSolver::build(const ConstraintGraph& graph, const BodyStore& bodies,
-                              const SpatialPartition& partition, const BatchPoints& points,
-                              const BodyVelocity* velocity, std::span<SupportPatches> supports,
-                              const Vec3& gravity, float h_s) {
-  const auto row_count = static_cast<std::size_t>(partition.row_count());
-  const auto moves = [&](std::int32_t row) { return velocity[row].inverse_mass > 0.0F; };
-  parent_.resize(row_count);
-  std::iota(parent_.begin(), parent_.end(), 0);
-  collect_bearing_lanes(graph, points);
-  for (const auto& [o, kind, lane] : lanes_) {
-    if (!is_pair(kind) || !moves(o->a[lane]) || !moves(o->b[lane])) continue;
-    const std::int32_t a = find_root(o->a[lane]), b = find_root(o->b[lane]);
-    parent_[std::max(a, b)] = std::min(a, b);
+  const auto parent = [this](std::int32_t i) { return std::atomic_ref(parent_[i]); };
+  for (;;) {
+    const std::int32_t next = parent(row).load(std::memory_order_relaxed);
+    if (next == row) return row;
+    const std::int32_t after = parent(next).load(std::memory_order_relaxed);
+    // Any ancestor will do, and a row that has one never becomes a root again.
+    if (after != next) parent(row).store(after, std::memory_order_relaxed);
+    row = after;
   }
-  constexpr std::int32_t kNone = -1, kHeavy = -2;
-  island_of_row_.assign(row_count, kNone);
-  body_of_row_.assign(row_count, kNone);
-  for (const MemberData& m : members_)
-    for (const std::int32_t row : m.heavy_rows)
-      if (moves(row)) island_of_row_[find_root(row)] = kHeavy;
-  // Bodies with joints, and cells that yield, have solvers of their own. Where surfaces move, or press from
-  // the side or down, the loads are those of a squeeze, which has no solution that holds everything.
+}
+
+void HeavyIslandSolver::unite(std::int32_t row, std::int32_t other) {
+  for (;;) {
+    row = find_root(row), other = find_root(other);
+    if (row == other) return;
+    if (row < other) std::swap(row, other);
+    std::int32_t expected = row;
+    if (std::atomic_ref(parent_[row]).compare_exchange_strong(expected, other, std::memory_order_relaxed)) return;
+  }
+}
+
+// Of the set.
+void HeavyIslandSolver::mark(std::int32_t row, std::uint8_t flag) {
+  const std::atomic_ref flags(flags_[find_root(row)]);
+  if ((flags.load(std::memory_order_relaxed) & flag) == 0) flags.fetch_or(flag, std::memory_order_relaxed);
+}
+
+// ---- islands
+
+void HeavyIslandSolver::build(const Step& step, IndexRange own_rows, const Member& member) {
+  std::iota(parent_.begin() + own_rows.begin, parent_.begin() + own_rows.end, own_rows.begin);
+  std::fill(flags_.begin() + own_rows.begin, flags_.begin() + own_rows.end, std::uint8_t{0});
+  member.arrive_and_wait();
+  find_own_lanes(step, member);
+  member.arrive_and_wait();
+  mark_islands(step, own_rows, member);
+  member.single([&] { number_islands(step); });
+  if (islands_.empty()) return;
+  std::erase_if(members_[member.index].lanes, [&](const BearingLane& l) {
+    const ContactBatch& o = step.graph.batch(l.batch);
+    return body_of(step, o.a[l.lane]) < 0 && (!is_pair(l.kind) || body_of(step, o.b[l.lane]) < 0);
+  });
+  member.single([&] {
+    collect_points(step);
+    collect_patches(step.supports);
+    std::erase_if(islands_, [](const Island& island) { return island.body_count == 0; });
+    share_islands();
+  });
+}
+
+void HeavyIslandSolver::find_own_lanes(const Step& step, const Member& member) {
+  std::vector<BearingLane>& lanes = members_[member.index].lanes;
+  lanes.clear();
+  const auto moves = [&](std::int32_t row) { return step.velocity[row].inverse_mass > 0.0F; };
+  for (const BatchRange& range : step.graph.own_batches(member))
+    for (int i = range.first; i < range.first + range.count; ++i) {
+      const ContactBatch& o = step.graph.batch(i);
+      const BearingMask bears(o, step.points);
+      for (int lane = 0; lane < o.lane_count; ++lane) {
+        if (!bears.lane[lane]) continue;
+        lanes.push_back({i, lane, range.kind});
+        if (is_pair(range.kind) && moves(o.a[lane]) && moves(o.b[lane])) unite(o.a[lane], o.b[lane]);
+      }
+    }
+}
+
+// Bodies with joints, and cells that yield, have solvers of their own. Where surfaces move, or press from the
+// side or down, the loads are those of a squeeze, which has no solution that holds everything.
+void HeavyIslandSolver::mark_islands(const Step& step, IndexRange own_rows, const Member& member) {
+  const BatchPoints& points = step.points;
+  const MemberData& own = members_[member.index];
+  for (const std::int32_t row : own.heavy_rows)
+    if (step.velocity[row].inverse_mass > 0.0F) mark(row, kHeavy);
   const auto is_squeezed = [&](std::int32_t k, int lane) {
     constexpr float kLeastNormalZ = 0.5F, kGreatestDepth = 0.02F;
     const BatchPoint& p = points.point[k];
@@ -130,27 +171,39 @@ void HeavyIslandSolver::build(const ConstraintGraph& graph, const BodyStore& bod
            (p.normal[2][lane] < kLeastNormalZ || p.separation[lane] < -kGreatestDepth ||
             surface[0][lane] != 0.0F || surface[1][lane] != 0.0F || surface[2][lane] != 0.0F);
   };
-  for (const auto& [o, kind, lane] : lanes_) {
+  for (const auto& [batch, lane, kind] : own.lanes) {
     if (is_pair(kind)) continue;
-    for (int k = o->first_point; k < o->first_point + o->point_count; ++k)
+    const ContactBatch& o = step.graph.batch(batch);
+    for (int k = o.first_point; k < o.first_point + o.point_count; ++k)
       if (is_squeezed(k, lane) ||
-          (o->has_impulse_limit && points.limit[k].stall_impulse[lane] < BatchPointLimit::kUnlimited))
-        island_of_row_[find_root(o->a[lane])] = kNone;
+          (o.has_impulse_limit && points.limit[k].stall_impulse[lane] < BatchPointLimit::kUnlimited))
+        mark(o.a[lane], kExcluded);
   }
   const auto is_fast = [&](std::size_t row) {
     constexpr double kFast = 1.0;  // u/s: a blow is no load
-    return to_double(velocity[row].velocity).squaredNorm() > kFast * kFast;
+    return to_double(step.velocity[row].velocity).squaredNorm() > kFast * kFast;
   };
-  for (std::size_t row = 0; row < row_count; ++row)
-    if (bodies.is_jointed[partition.body(static_cast<int>(row))] || is_fast(row))
-      island_of_row_[find_root(static_cast<std::int32_t>(row))] = kNone;
-  // The root of an island is its first row, and comes before the others.
+  for (int row = own_rows.begin; row < own_rows.end; ++row)
+    if (step.bodies.is_jointed[step.partition.body(row)] || is_fast(static_cast<std::size_t>(row)))
+      mark(row, kExcluded);
+}
+
+void HeavyIslandSolver::number_islands(const Step& step) {
+  const auto& [graph, bodies, partition, points, velocity, supports, gravity, h_s] = step;
   islands_.clear();
+  const auto is_heavy = [this](std::int32_t row) { return flags_[find_root(row)] == kHeavy; };
+  if (std::ranges::none_of(members_, [&](const MemberData& m) { return std::ranges::any_of(m.heavy_rows, is_heavy); }))
+    return;
+  const std::size_t row_count = parent_.size();
+  constexpr std::int32_t kNone = -1;
+  island_of_row_.assign(row_count, kNone);
+  body_of_row_.assign(row_count, kNone);
+  // The root of an island is its first row, and comes before the others.
   for (std::size_t i = 0; i < row_count; ++i) {
     const auto row = static_cast<std::int32_t>(i);
-    if (!moves(row)) continue;
+    if (!(velocity[row].inverse_mass > 0.0F)) continue;
     const std::int32_t root = find_root(row);
-    if (island_of_row_[root] == kNone) continue;
+    if (flags_[root] != kHeavy) continue;
     if (root == row) {
       island_of_row_[row] = static_cast<std::int32_t>(islands_.size());
       islands_.push_back({});
@@ -179,29 +232,27 @@ void HeavyIslandSolver::build(const ConstraintGraph& graph, const BodyStore& bod
       island.greatest_impulse +=
           kGreatestLeverage * static_cast<double>(speed / velocity[i].inverse_mass + h_s * force);
     }
-  collect_points(points, velocity);
-  collect_patches(supports);
-  std::erase_if(islands_, [](const Island& island) { return island.body_count == 0; });
 }
 
 // Island by island, in the order of the lanes.
-void HeavyIslandSolver::collect_points(const BatchPoints& points, const BodyVelocity* velocity) {
+void HeavyIslandSolver::collect_points(const Step& step) {
+  const BatchPoints& points = step.points;
+  lanes_.clear();
+  for (const MemberData& m : members_) lanes_.insert(lanes_.end(), m.lanes.begin(), m.lanes.end());
+  std::ranges::sort(lanes_, {}, [](const BearingLane& l) { return std::tuple(l.batch, l.lane); });
   // Calls each(point, its island).
   const auto for_each_point = [&](auto each) {
-    for (const auto& [o, kind, lane] : lanes_) {
-      const auto body_of = [&](std::int32_t row) {
-        return velocity[row].inverse_mass > 0.0F ? body_of_row_[row] : -1;
-      };
+    for (const auto& [batch, lane, kind] : lanes_) {
+      const ContactBatch& o = step.graph.batch(batch);
       const bool of_pair = is_pair(kind);
-      const std::int32_t a = body_of(o->a[lane]), b = of_pair ? body_of(o->b[lane]) : -1;
-      if (a < 0 && b < 0) continue;
-      Island& island = islands_[island_of_row_[a >= 0 ? o->a[lane] : o->b[lane]]];
-      for (int k = o->first_point; k < o->first_point + o->point_count; ++k) {
+      const std::int32_t a = body_of(step, o.a[lane]), b = of_pair ? body_of(step, o.b[lane]) : -1;
+      Island& island = islands_[island_of_row_[a >= 0 ? o.a[lane] : o.b[lane]]];
+      for (int k = o.first_point; k < o.first_point + o.point_count; ++k) {
         if (!is_bearing(points.point[k], lane)) continue;
         Point p;
         p.body[0] = a, p.body[1] = b;
         p.index = k, p.lane = lane;
-        p.row[0] = o->a[lane], p.row[1] = of_pair ? o->b[lane] : -1;
+        p.row[0] = o.a[lane], p.row[1] = of_pair ? o.b[lane] : -1;
         p.is_sphere = is_sphere_kind(kind);
         p.steady_impulse = static_cast<double>(points.point[k].normal_impulse[lane]);
         each(p, island);
@@ -235,6 +286,19 @@ void HeavyIslandSolver::collect_patches(std::span<SupportPatches> supports) {
     f.patch = &p;
     f.body[0] = body_of_row_[p.row], f.body[1] = -1;
   });
+}
+
+// The largest first, each to the member that has least to do.
+void HeavyIslandSolver::share_islands() {
+  const auto work_of = [](const Island& island) { return island.point_count + 4 * island.body_count; };
+  std::vector<std::int32_t> order(islands_.size()), work(members_.size(), 0);
+  std::iota(order.begin(), order.end(), 0);
+  std::ranges::stable_sort(order, std::ranges::greater(), [&](std::int32_t i) { return work_of(islands_[i]); });
+  for (const std::int32_t i : order) {
+    const auto least = std::ranges::min_element(work);
+    islands_[i].member = static_cast<std::int32_t>(least - work.begin());
+    *least += work_of(islands_[i]);
+  }
 }
 
 void HeavyIslandSolver::set_up(Point& p, const BatchPoints& points, const SolverBodies& rows,
@@ -463,8 +527,9 @@ void HeavyIslandSolver::solve_island(const Island& island, const BatchPoints& po
 void HeavyIslandSolver::solve(const BatchPoints& points, const SolverBodies& rows,
                               const SubstepParams& pair_params, const SubstepParams& static_params,
                               bool is_soft, const Member& member) {
-  for (std::size_t i = member.index; i < islands_.size(); i += static_cast<std::size_t>(member.member_count))
-    solve_island(islands_[i], points, rows, pair_params, static_params, is_soft, members_[member.index]);
+  for (const Island& island : islands_)
+    if (island.member == member.index)
+      solve_island(island, points, rows, pair_params, static_params, is_soft, members_[member.index]);
 }
 
 }  // namespace smartsurf::world

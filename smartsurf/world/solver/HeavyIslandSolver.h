@@ -29,17 +29,25 @@ class HeavyIslandSolver {
   // Larger islands, and those beyond the sum, are left to the sweeps.
   static constexpr int kMaxBodies = BlockCholesky::kMaxRows, kMaxBodiesInAll = 256;
 
-  void reset(int member_count);
+  void reset(int member_count, int row_count);
   // Notes the lanes of a prepared batch in which a body bears a heavy load, or touches a body that much
   // heavier. `weight_impulse`: of a unit mass in a substep, u/s. Called by the member that prepares the
   // batch.
   void find_heavy_lanes(const ContactBatch&, ContactKind, const BatchPoints&, const BodyVelocity*,
                         const SubstepParams&, float weight_impulse, int member);
   bool any_heavy_lane() const;
-  // Builds the islands of the noted lanes. Called by one thread after all members have prepared their
-  // batches.
-  void build(const ConstraintGraph&, const BodyStore&, const SpatialPartition&, const BatchPoints&,
-             const BodyVelocity*, std::span<SupportPatches>, const Vec3& gravity, float h_s);
+  struct Step {
+    const ConstraintGraph& graph;
+    const BodyStore& bodies;
+    const SpatialPartition& partition;
+    BatchPoints points;
+    const BodyVelocity* velocity;
+    std::span<SupportPatches> supports;
+    Vec3 gravity;
+    float h_s;
+  };
+  // Builds the islands of the noted lanes. Called by all members after they have prepared their batches.
+  void build(const Step&, IndexRange own_rows, const Member&);
   bool empty() const { return islands_.empty(); }
 
   // Corrects the impulses after a sweep of the solve stage (soft) or the relax stage. Called by all members,
@@ -48,8 +56,14 @@ class HeavyIslandSolver {
              const SubstepParams& static_params, bool is_soft, const Member&);
 
  private:
+  // A lane with a point that bears or touches.
+  struct BearingLane {
+    std::int32_t batch, lane;
+    ContactKind kind;
+  };
   struct alignas(128) MemberData {
     std::vector<std::int32_t> heavy_rows;
+    std::vector<BearingLane> lanes;
     BlockCholesky matrix;  // of the island that the member solves
     double right_side[BlockCholesky::kSize * kMaxBodies];
   };
@@ -86,26 +100,31 @@ class HeavyIslandSolver {
   struct Island {
     std::int32_t body_count, first_body, first_point, point_count, first_patch, patch_count;
     double greatest_impulse = 0.0;  // of a contact, mass·u/s in a substep
-  };
-  // A lane with a point that bears or touches.
-  struct BearingLane {
-    const ContactBatch* batch;
-    ContactKind kind;
-    std::int32_t lane;
+    std::int32_t member = 0;        // that solves it
   };
 
   std::int32_t find_root(std::int32_t row);
-  void collect_bearing_lanes(const ConstraintGraph&, const BatchPoints&);
-  void collect_points(const BatchPoints&, const BodyVelocity*);
+  void unite(std::int32_t row, std::int32_t other);
+  void mark(std::int32_t row, std::uint8_t flag);
+  void find_own_lanes(const Step&, const Member&);
+  void mark_islands(const Step&, IndexRange own_rows, const Member&);
+  void number_islands(const Step&);
+  // The place of a row's body in its island; −1: in none, or immovable.
+  std::int32_t body_of(const Step& step, std::int32_t row) const {
+    return step.velocity[row].inverse_mass > 0.0F ? body_of_row_[row] : -1;
+  }
+  void collect_points(const Step&);
   void collect_patches(std::span<SupportPatches>);
+  void share_islands();
   void solve_island(const Island&, const BatchPoints&, const SolverBodies&, const SubstepParams& pair_params,
                     const SubstepParams& static_params, bool is_soft, MemberData&);
   static void set_up(Point&, const BatchPoints&, const SolverBodies&, const SubstepParams&, bool is_soft);
   static void set_up(PatchFriction&, const SolverBodies&);
 
   std::vector<MemberData> members_;
-  std::vector<BearingLane> lanes_;
-  std::vector<std::int32_t> parent_;  // by row: union-find
+  std::vector<BearingLane> lanes_;    // of the islands, in the order of the batches
+  std::vector<std::int32_t> parent_;  // by row: union-find, in which the least row of a set is its root
+  std::vector<std::uint8_t> flags_;   // by row, of roots
   std::vector<std::int32_t> island_of_row_, body_of_row_;
   std::vector<Island> islands_;
   std::vector<std::int32_t> rows_;  // of the islands' bodies

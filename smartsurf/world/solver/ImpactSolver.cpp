@@ -1,6 +1,7 @@
 #include "smartsurf/world/solver/ImpactSolver.h"
 
 #include <algorithm>
+#include <atomic>
 #include <cmath>
 #include <limits>
 #include <tuple>
@@ -26,6 +27,8 @@ int sweeps_of(std::size_t points) {
   return static_cast<int>(
       std::clamp<std::size_t>(kPointSweeps / points, kMinFrictionSweeps, kMaxFrictionSweeps));
 }
+// Sweeps over fewer points stay on one thread.
+constexpr std::size_t kMinSharedPoints = 192;
 // Changes of an impulse that are worth another sweep, relative to that of the impact: in the first
 // generation, and in those that follow.
 constexpr float kFirstTolerance = 3e-5F, kTolerance = 1e-3F;
@@ -117,15 +120,15 @@ float ImpactSolver::Sides::separation(const Contact& c, float dt_s) const {
 }
 
 void ImpactSolver::reset(int member_count) {
-  candidates_.resize(member_count);
-  for (Candidates& c : candidates_) c.list.clear();
+  members_.resize(member_count);
+  for (MemberState& m : members_) m.candidates.clear();
 }
 
 // Keeps the candidates that touch at the end of the step. Their order depends on the number of members; that
 // of the hits does not.
 void ImpactSolver::find_hits(const Step& step) {
   hits_.clear();
-  for (const Candidates& c : candidates_) hits_.insert(hits_.end(), c.list.begin(), c.list.end());
+  for (const MemberState& m : members_) hits_.insert(hits_.end(), m.candidates.begin(), m.candidates.end());
   std::sort(hits_.begin(), hits_.end(), [](const Candidate& a, const Candidate& b) {
     return std::tuple(!a.is_pair, a.contact) < std::tuple(!b.is_pair, b.contact);
   });
@@ -138,7 +141,22 @@ void ImpactSolver::find_hits(const Step& step) {
   });
 }
 
-void ImpactSolver::solve(const Step& step) {
+void ImpactSolver::solve(const Step& step, const Member& member) {
+  member.arrive_and_wait();
+  if (member.is_caller()) {
+    solve_on_caller(step, member);
+    sweeps_ = Sweeps::kNone;
+    member.arrive_and_wait();
+    return;
+  }
+  for (;;) {
+    member.arrive_and_wait();
+    if (sweeps_ == Sweeps::kNone) return;
+    run_own_sweeps(member);
+  }
+}
+
+void ImpactSolver::solve_on_caller(const Step& step, const Member& member) {
   points_.clear();
   find_hits(step);
   if (hits_.empty()) return;
@@ -153,12 +171,12 @@ void ImpactSolver::solve(const Step& step) {
     else
       for (const ManifoldRef& m : active_) add_approaching_points(step, m);
     if (points_.empty()) break;
-    solve_points(sweeps_of(points_.size()));
+    run_sweeps(step, member, Sweeps::kPoints, sweeps_of(points_.size()));
     moved_bodies_.clear();
     int pass = 0;
     for (; pass < kMaxResistingPasses && add_resisting_points(step); ++pass)
-      solve_normals(kNormalSweepsPerPass);
-    if (pass > 0) solve_points(sweeps_of(points_.size()));
+      run_sweeps(step, member, Sweeps::kNormals, kNormalSweepsPerPass);
+    if (pass > 0) run_sweeps(step, member, Sweeps::kPoints, sweeps_of(points_.size()));
     for (const std::int32_t body : moved_bodies_) mark_changed(body);
     limit_energy();
     for (const Point& p : points_) p.contact->total_normal_impulse += p.impulse[0];
@@ -177,6 +195,7 @@ void ImpactSolver::index_manifolds(const Step& step) {
   version_.resize(bodies);
   island_.resize(bodies);
   energy_.resize(bodies);
+  passing_.assign(bodies, {});
   is_changed_.resize(bodies, 0);
   blow_speed_.assign(bodies, 0.0F);
   is_active_pair_.assign(pairs, 0);
@@ -386,46 +405,174 @@ char& ImpactSolver::is_point(const Step& step, bool is_pair, const Contact& c) {
 }
 
 void ImpactSolver::clear_points(const Step& step) {
-  for (const Point& p : points_) is_point(step, p.b >= 0, *p.contact) = 0;
+  for (const Point& p : points_) {
+    is_point(step, p.b >= 0, *p.contact) = 0;
+    for (const std::int32_t body : {p.a, p.b})
+      if (body >= 0) passing_[body] = {};
+  }
   points_.clear();
+  points_at_cut_ = 0;
+}
+
+// ---- sweeps of all members
+
+void ImpactSolver::run_sweeps(const Step& step, const Member& member, Sweeps sweeps, int max_sweeps) {
+  sweeps_ = sweeps, max_sweeps_ = max_sweeps;
+  if (member.member_count == 1 || points_.size() < kMinSharedPoints) return run_own_sweeps({0, 1, alone_});
+  share_points(step, member.member_count);
+  member.arrive_and_wait();
+  run_own_sweeps(member);
+  take_changes();
+}
+
+void ImpactSolver::run_own_sweeps(const Member& member) {
+  if (sweeps_ == Sweeps::kPoints)
+    solve_points(max_sweeps_, member);
+  else
+    solve_normals(max_sweeps_, member);
+}
+
+// Gives the points that are new to the members.
+void ImpactSolver::share_points(const Step& step, int member_count) {
+  if (points_.size() >= 2 * points_at_cut_) choose_cuts(step, member_count);
+  for (std::size_t i = turns_.size(); i < points_.size(); ++i) {
+    const Point& p = points_[i];
+    const auto member_of = [&](const BodyVelocity* velocity) {
+      return std::ranges::upper_bound(cut_rows_, static_cast<std::int32_t>(velocity - step.velocity)) -
+             cut_rows_.begin();
+    };
+    const auto member = member_of(p.velocity_a);
+    members_[member].points.push_back(static_cast<std::int32_t>(i));
+    Turns& turns = turns_.emplace_back();
+    turns.a = passing_[p.a].points++;
+    if (p.b < 0) continue;
+    Passing& b = passing_[p.b];
+    turns.b = b.points++;
+    if (b.is_shared || member_of(p.velocity_b) == member) continue;
+    b.is_shared = true;
+    shared_bodies_.push_back(p.b);
+  }
+  for (const std::int32_t body : shared_bodies_) passing_[body].turn = 0;
+  for (MemberState& m : members_) m.changes.clear(), m.sweep = 0;
+}
+
+// Cuts the rows where each member gets about as many of the present points.
+void ImpactSolver::choose_cuts(const Step& step, int member_count) {
+  rows_.clear();
+  for (const Point& p : points_) {
+    rows_.push_back(static_cast<std::int32_t>(p.velocity_a - step.velocity));
+    passing_[p.a] = {};
+    if (p.b >= 0) passing_[p.b] = {};
+  }
+  cut_rows_.clear();
+  for (int m = 1; m < member_count; ++m) {
+    const auto cut = rows_.begin() + static_cast<std::ptrdiff_t>(rows_.size() * static_cast<std::size_t>(m) /
+                                                                 static_cast<std::size_t>(member_count));
+    std::nth_element(rows_.begin(), cut, rows_.end());
+    cut_rows_.push_back(*cut);
+  }
+  points_at_cut_ = points_.size();
+  turns_.clear();
+  shared_bodies_.clear();
+  for (MemberState& m : members_) m.points.clear();
+}
+
+// The bodies that the members have changed, in the order in which one thread would have.
+void ImpactSolver::take_changes() {
+  changes_.clear();
+  for (const MemberState& m : members_) changes_.insert(changes_.end(), m.changes.begin(), m.changes.end());
+  std::ranges::sort(changes_, {}, &Change::order);
+  for (const Change& c : changes_) changed_bodies_.push_back(c.body);
+}
+
+// The greatest of all members' values, at the end of a sweep.
+float ImpactSolver::greatest_of_members(float value, const Member& member) {
+  if (member.member_count == 1) return value;
+  MemberState& own = members_[member.index];
+  const std::uint32_t slot = own.sweep++ % 2;  // a member reads the results of one sweep while others write the next
+  own.result[slot] = value;
+  member.arrive_and_wait();
+  for (const MemberState& m : members_) value = std::max(value, m.result[slot]);
+  return value;
+}
+
+void ImpactSolver::wait_for_turn(const Point& p, const Turns& turns, std::uint32_t sweep, bool is_backward) {
+  const auto wait = [&](std::int32_t body, std::uint32_t turn) {
+    Passing& passing = passing_[body];
+    if (!passing.is_shared) return;
+    constexpr int kSpins = 1000;
+    const std::uint32_t wanted = sweep * passing.points + (is_backward ? passing.points - 1 - turn : turn);
+    const std::atomic_ref<std::uint32_t> turns_so_far(passing.turn);
+    int spins = 0;
+    for (std::uint32_t now = 0; (now = turns_so_far.load(std::memory_order_acquire)) != wanted;) {
+      if (spins < kSpins)
+        common::spin_pause(), ++spins;
+      else
+        turns_so_far.wait(now, std::memory_order_acquire);
+    }
+    common::spins_of_this_thread += spins;
+  };
+  wait(p.a, turns.a);
+  if (p.b >= 0) wait(p.b, turns.b);
+}
+
+void ImpactSolver::end_turn(const Point& p) {
+  for (const std::int32_t body : {p.a, p.b}) {
+    if (body < 0 || !passing_[body].is_shared) continue;
+    const std::atomic_ref<std::uint32_t> turns_so_far(passing_[body].turn);
+    turns_so_far.fetch_add(1);
+    turns_so_far.notify_all();
+  }
 }
 
 // ---- impulses
 
 // Ends with friction: where surfaces close to a wedge within their friction cones, no impulses satisfy both,
 // and the body is to stick, not to shoot out.
-void ImpactSolver::solve_points(int max_sweeps) {
-  solve_normals(kNormalSweeps);
+void ImpactSolver::solve_points(int max_sweeps, const Member& member) {
+  solve_normals(kNormalSweeps, member);
   for (int sweep = 0; sweep < max_sweeps; ++sweep) {
     float greatest_change = 0.0F;
-    for_each_point(sweep, [&](Point& p) {
+    for_each_point(sweep, member, [&](Point& p, const Visit& visit) {
       if (p.friction > 0.0F && p.seen_friction != versions(p))
-        greatest_change = std::max(greatest_change, solve_friction(p));
+        greatest_change = std::max(greatest_change, solve_friction(p, visit));
     });
-    if (greatest_change < tolerance_ || sweep + 1 == max_sweeps) break;
-    solve_normals(kNormalSweepsPerFrictionSweep);
+    if (greatest_of_members(greatest_change, member) < tolerance_ || sweep + 1 == max_sweeps) break;
+    solve_normals(kNormalSweepsPerFrictionSweep, member);
   }
 }
 
-void ImpactSolver::solve_normals(int max_sweeps) {
+void ImpactSolver::solve_normals(int max_sweeps, const Member& member) {
   for (int sweep = 0; sweep < max_sweeps; ++sweep) {
     bool any = false;
-    for_each_point(sweep, [&](Point& p) {
+    for_each_point(sweep, member, [&](Point& p, const Visit& visit) {
       if (p.seen_normal == versions(p)) return;
       any = true;
-      solve_normal(p);
+      solve_normal(p, visit);
     });
-    if (!any) break;
+    if (greatest_of_members(any ? 1.0F : 0.0F, member) == 0.0F) break;
   }
 }
 
 // Back and forth, so that no end of the list is favoured.
 template <class Each>
-void ImpactSolver::for_each_point(int sweep, Each each) {
-  if (sweep % 2 == 0)
-    std::for_each(points_.begin(), points_.end(), each);
-  else
-    std::for_each(points_.rbegin(), points_.rend(), each);
+void ImpactSolver::for_each_point(int sweep, const Member& member, Each each) {
+  const bool is_backward = sweep % 2 != 0;
+  const auto visit_in_order = [is_backward](auto& list, auto visit) {
+    if (is_backward)
+      std::for_each(list.rbegin(), list.rend(), visit);
+    else
+      std::for_each(list.begin(), list.end(), visit);
+  };
+  if (member.member_count == 1) return visit_in_order(points_, [&](Point& p) { each(p, Visit{nullptr, 0}); });
+  MemberState& own = members_[member.index];
+  visit_in_order(own.points, [&](std::int32_t i) {
+    Point& p = points_[i];
+    const auto place = static_cast<std::uint64_t>(is_backward ? points_.size() - 1 - i : i);
+    wait_for_turn(p, turns_[i], own.sweep, is_backward);
+    each(p, Visit{&own, static_cast<std::uint64_t>(own.sweep) << 32U | place << 1U});
+    end_turn(p);
+  });
 }
 
 // A number that changes whenever the velocity of one of the two bodies does.
@@ -443,25 +590,33 @@ void ImpactSolver::apply_impulse(Point& p, int axis, float impulse) {
 }
 
 // Returns the change relative to the impulse of the whole impact.
-float ImpactSolver::count_change(const Point& p, float impulse_change) {
+float ImpactSolver::count_change(const Point& p, float impulse_change, const Visit& visit) {
   const float whole = p.normal_mass * p.blow_speed,
               change = whole > 0.0F ? std::abs(impulse_change) / whole : 0.0F;
   if (change > tolerance_)
     for (const std::int32_t body : {p.a, p.b})
-      if (body >= 0) ++version_[body], mark_changed(body);
+      if (body >= 0) {
+        ++version_[body];
+        if (visit.state == nullptr) {
+          mark_changed(body);
+        } else if (!is_changed_[body]) {
+          is_changed_[body] = 1;
+          visit.state->changes.push_back({visit.order + (body == p.b ? 1 : 0), body});
+        }
+      }
   return change;
 }
 
-void ImpactSolver::solve_normal(Point& p) {
+void ImpactSolver::solve_normal(Point& p, const Visit& visit) {
   const float wanted =
       law::normal_impulse(p.impulse[0], p.normal_mass, p.axis[0].dot(p.velocity()), p.target_speed);
   const float change = std::min(wanted, std::max(p.max_impulse, 0.0F)) - p.impulse[0];
   apply_impulse(p, 0, change);
-  count_change(p, change);
+  count_change(p, change, visit);
   p.seen_normal = versions(p);
 }
 
-float ImpactSolver::solve_friction(Point& p) {
+float ImpactSolver::solve_friction(Point& p, const Visit& visit) {
   using Vec2 = Eigen::Vector2f;
   const Vec3 v = p.velocity();
   const Vec2 slip(p.axis[1].dot(v), p.axis[2].dot(v)), old_impulse = p.impulse.tail<2>();
@@ -472,7 +627,7 @@ float ImpactSolver::solve_friction(Point& p) {
       (sticking.norm() > limit ? law::friction_impulse(old_impulse, slip, p.slip_mass, limit) : sticking) -
       old_impulse;
   for (int i = 0; i < 2; ++i) apply_impulse(p, 1 + i, change[i]);
-  const float relative_change = count_change(p, change.norm());
+  const float relative_change = count_change(p, change.norm(), visit);
   p.seen_friction = versions(p);
   return relative_change;
 }

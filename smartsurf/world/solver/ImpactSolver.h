@@ -6,6 +6,10 @@
 // approach collide at once, by Newton's law and with Coulomb friction on the same impulse; then those that
 // approach because of it, and so on. So a blow travels through a row of balls one by one, and what is
 // symmetric stays symmetric.
+//
+// One thread solves the impacts. Where a blow reaches many contacts, the team shares the sweeps over them: each member
+// solves those of its rows in the order of the list. A body that several members touch is passed on in that order, so
+// that the impulses are those of one thread, to the bit.
 #pragma once
 
 #include <cstdint>
@@ -16,6 +20,7 @@
 #include "smartsurf/world/broadphase/SpatialPartition.h"
 #include "smartsurf/world/contact/Contact.h"
 #include "smartsurf/world/field/CellForceLimits.h"
+#include "smartsurf/world/parallel/Team.h"
 
 namespace smartsurf::world {
 
@@ -49,10 +54,10 @@ class ImpactSolver {
 
   // Removes all candidates. Call before the members add theirs.
   void reset(int member_count);
-  void add(int member, const Candidate& candidate) { candidates_[member].list.push_back(candidate); }
+  void add(int member, const Candidate& candidate) { members_[member].candidates.push_back(candidate); }
   // Solves the impacts among the candidates and all that follow from them, after the substeps. Adds their
-  // impulses to Contact::total_normal_impulse. Not thread-safe.
-  void solve(const Step&);
+  // impulses to Contact::total_normal_impulse. Called by all members, which meet before and after.
+  void solve(const Step&, const Member&);
 
  private:
   struct ManifoldRef {
@@ -96,10 +101,45 @@ class ImpactSolver {
   struct IslandEnergy {
     float linear = 0, quadratic = 0, budget = 0;
   };
-  struct alignas(128) Candidates {
-    std::vector<Candidate> list;
+  // A body whose velocity has changed; `order`: by sweep, and by point in the order of the sweep.
+  struct Change {
+    std::uint64_t order;
+    std::int32_t body;
   };
+  struct alignas(128) MemberState {
+    std::vector<Candidate> candidates;
+    // ---- in shared sweeps
+    std::vector<std::int32_t> points;  // of the member, ascending
+    std::vector<Change> changes;
+    std::uint32_t sweep = 0;  // since the sweeps were shared
+    float result[2];          // of the last two sweeps
+  };
+  // The place of a point among those that touch its bodies, in the order of the list.
+  struct Turns {
+    std::uint32_t a, b;
+  };
+  // By body.
+  struct Passing {
+    std::uint32_t points = 0;  // that touch it
+    std::uint32_t turn = 0;    // how many of them were visited since the sweeps were shared
+    bool is_shared = false;    // by several members
+  };
+  // A point's visit in a sweep; `state`: of the member; null: of a single thread.
+  struct Visit {
+    MemberState* state;
+    std::uint64_t order;
+  };
+  enum class Sweeps { kNone, kNormals, kPoints };
 
+  void solve_on_caller(const Step&, const Member&);
+  void run_sweeps(const Step&, const Member&, Sweeps, int max_sweeps);
+  void run_own_sweeps(const Member&);
+  void share_points(const Step&, int member_count);
+  void choose_cuts(const Step&, int member_count);
+  void take_changes();
+  float greatest_of_members(float value, const Member&);
+  void wait_for_turn(const Point&, const Turns&, std::uint32_t sweep, bool is_backward);
+  void end_turn(const Point&);
   void find_hits(const Step&);
   void index_manifolds(const Step&);
   void set_back_bodies(const Step&);
@@ -113,19 +153,19 @@ class ImpactSolver {
   char& is_point(const Step&, bool is_pair, const Contact&);
   void clear_points(const Step&);
   Point& add_point(const Step&, const Manifold&, Contact&);
-  void solve_points(int max_sweeps);
-  void solve_normals(int max_sweeps);
+  void solve_points(int max_sweeps, const Member&);
+  void solve_normals(int max_sweeps, const Member&);
   template <class Each>
-  void for_each_point(int sweep, Each each);
+  void for_each_point(int sweep, const Member&, Each each);
   std::uint32_t versions(const Point&) const;
   void apply_impulse(Point&, int axis, float impulse);
-  float count_change(const Point&, float impulse_change);
-  void solve_normal(Point&);
-  float solve_friction(Point&);
+  float count_change(const Point&, float impulse_change, const Visit&);
+  void solve_normal(Point&, const Visit&);
+  float solve_friction(Point&, const Visit&);
   void limit_energy();
   std::int32_t find_island(std::int32_t body);
 
-  std::vector<Candidates> candidates_;  // one per member
+  std::vector<MemberState> members_;
   std::vector<Candidate> hits_;
   // Manifolds of each body. Pairs are linked lists of 2·i (as body a) and 2·i + 1 (as body b) for manifold i.
   std::vector<std::int32_t> first_pair_, next_pair_, static_manifold_;
@@ -146,6 +186,17 @@ class ImpactSolver {
   // Indexed by body; valid for the bodies of points_.
   std::vector<std::int32_t> island_;
   std::vector<IslandEnergy> energy_;
+  // ---- shared sweeps
+  Barrier alone_{1};
+  Sweeps sweeps_ = Sweeps::kNone;  // that all members are to run
+  int max_sweeps_ = 0;
+  std::vector<std::int32_t> cut_rows_;  // by member but the first: its first row
+  std::vector<std::int32_t> rows_;      // of choose_cuts()
+  std::size_t points_at_cut_ = 0;       // 0: none was made
+  std::vector<Turns> turns_;            // by point, up to those that are shared out
+  std::vector<Passing> passing_;        // by body; valid for the bodies of shared points
+  std::vector<std::int32_t> shared_bodies_;
+  std::vector<Change> changes_;
 };
 
 }  // namespace smartsurf::world

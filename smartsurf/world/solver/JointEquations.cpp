@@ -120,13 +120,13 @@ void JointEquations::set_structure(std::int32_t body_count,
   for (std::size_t p = 0; p < node_at.size(); ++p) place_of[node_at[p]] = static_cast<std::int32_t>(p);
   for (std::size_t i = 0; i < bodies; ++i) place_of_body_[i] = place_of[i];
   for (std::size_t k = 0; k < joints.size(); ++k) place_of_joint_[k] = place_of[bodies + k];
-  std::size_t greatest = 0;
+  most_edges_ = 0;
   for (std::size_t p = 0; p < node_at.size(); ++p) {
     is_joint_.push_back(static_cast<std::size_t>(node_at[p]) >= bodies ? 1 : 0);
     first_edge_.push_back(static_cast<std::int32_t>(later_place_.size()));
     for (const std::int32_t n : later_nodes[p]) later_place_.push_back(place_of[n]);
     std::sort(later_place_.begin() + first_edge_.back(), later_place_.end());
-    greatest = std::max(greatest, later_nodes[p].size());
+    most_edges_ = std::max(most_edges_, later_nodes[p].size());
   }
   first_edge_.push_back(static_cast<std::int32_t>(later_place_.size()));
   auto edge_between = [&](std::int32_t p, std::int32_t q) {
@@ -148,7 +148,6 @@ void JointEquations::set_structure(std::int32_t body_count,
   diagonal_.resize(node_at.size());
   value_.resize(node_at.size());
   edge_.resize(later_place_.size());
-  product_.resize(greatest);
 }
 
 void JointEquations::begin(std::int32_t tree) {
@@ -169,6 +168,8 @@ void JointEquations::set_jacobian(std::int32_t joint, int side, const Matrix6& j
 
 // The unknowns are dv and −dλ, which makes the matrix symmetric; the blocks of joints are negative definite.
 void JointEquations::factor(std::int32_t tree) {
+  thread_local std::vector<Matrix6> product;  // of one place's edges
+  if (product.size() < most_edges_) product.resize(most_edges_);
   const auto [begin, end] = places_of_tree_[tree];
   for (std::int32_t p = begin; p < end; ++p) {
     const Matrix6 inverse = diagonal_[p] = inverse_of(diagonal_[p]);
@@ -177,26 +178,26 @@ void JointEquations::factor(std::int32_t tree) {
     // Diagonals of joints are kept with the opposite sign.
     const bool is_joint = is_joint_[p] != 0;
     for (std::int32_t e = first; e < last; ++e) {
-      Matrix6& product = product_[e - first];
-      product.noalias() = edge_[e] * inverse;
+      Matrix6& scaled = product[e - first];
+      scaled.noalias() = edge_[e] * inverse;
       for (std::int32_t f = first; f < e; ++f) {
         const std::int32_t target = *fill++;
         if (is_joint)
-          edge_[target].noalias() += product * edge_[f].transpose();
+          edge_[target].noalias() += scaled * edge_[f].transpose();
         else
-          edge_[target].noalias() -= product * edge_[f].transpose();
+          edge_[target].noalias() -= scaled * edge_[f].transpose();
       }
       Matrix6& later = diagonal_[later_place_[e]];
       if (is_joint == (is_joint_[later_place_[e]] != 0))
-        later.noalias() -= product * edge_[e].transpose();
+        later.noalias() -= scaled * edge_[e].transpose();
       else
-        later.noalias() += product * edge_[e].transpose();
+        later.noalias() += scaled * edge_[e].transpose();
     }
     for (std::int32_t e = first; e < last; ++e)
       if (is_joint)
-        edge_[e] = -product_[e - first];
+        edge_[e] = -product[e - first];
       else
-        edge_[e] = product_[e - first];
+        edge_[e] = product[e - first];
   }
 }
 

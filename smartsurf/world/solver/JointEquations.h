@@ -37,7 +37,8 @@ class JointEquations {
   std::span<const std::int32_t> tree_bodies() const { return tree_bodies_; }
   std::span<const std::int32_t> tree_joints() const { return tree_joints_; }
 
-  // ---- values; set all of a tree between begin() and factor(), which replaces them
+  // ---- values; set all of a tree between begin() and factor(), which replaces them. Threads may work on different
+  // trees at once.
   void begin(std::int32_t tree);
   Matrix6& mass(std::int32_t body) { return diagonal_[place_of_body_[body]]; }
   Matrix6& compliance(std::int32_t joint) { return diagonal_[place_of_joint_[joint]]; }
@@ -70,7 +71,7 @@ class JointEquations {
   std::vector<std::int32_t> first_fill_;                    // by place: in fill_edge_
   std::vector<std::int32_t> fill_edge_;                     // of each pair of a place's edges
   std::vector<std::array<std::int32_t, 2>> edge_of_joint_;  // by side; −1: kFixed
-  std::vector<Matrix6> product_;                            // of one place's edges
+  std::size_t most_edges_ = 0;                              // of one place
 };
 
 }  // namespace smartsurf::world

@@ -168,28 +168,28 @@ void JointSolver::apply(Block& block, const RowVector& impulse) {
   change(bodies_[block.b], block.jacobian_b.transpose() * impulse);
 }
 
-void JointSolver::load_velocities(const Rows& rows) {
-  for (Body& b : bodies_) {
-    if (!b.is_active) continue;
+void JointSolver::load_velocities(const Rows& rows, IndexRange trees) {
+  for_each_body(trees, [&](Body& b) {
+    if (!b.is_active) return;
     const BodyVelocity& row = rows.velocity[b.row];
     b.velocity = Vec3(row.velocity).cast<double>();
     b.momentum = b.start_inertia * Vec3(row.angular_velocity).cast<double>();
     b.angular_velocity = b.inverse_inertia * b.momentum;
     b.velocity_change = b.momentum_change = Vec3d::Zero();
-  }
+  });
 }
 
 // The change is added to the start velocity as well, because the next substep repeats only what contacts add
 // to that.
-void JointSolver::store_velocities(const Rows& rows) {
-  for (const Body& b : bodies_) {
-    if (!b.is_active) continue;
+void JointSolver::store_velocities(const Rows& rows, IndexRange trees) {
+  for_each_body(trees, [&](const Body& b) {
+    if (!b.is_active) return;
     const Vec3d angular = b.start_inverse_inertia * b.momentum_change;
     for (BodyVelocity* const v : {&rows.velocity[b.row], &rows.start_velocity[b.row]}) {
       Eigen::Map<Vec3>(v->velocity) += b.velocity_change.cast<float>();
       Eigen::Map<Vec3>(v->angular_velocity) += angular.cast<float>();
     }
-  }
+  });
 }
 
 // ---- the places of the axes
@@ -278,29 +278,56 @@ void JointSolver::index_bodies(const BodyStore& bodies) {
   indexed_ = true;
 }
 
-void JointSolver::begin_step(const BodyStore& bodies, const SpatialPartition& partition, const Rows& rows) {
+// Trees read the bodies that cannot move, which belong to none of those with joints.
+void JointSolver::begin_step(const BodyStore& bodies, const SpatialPartition& partition) {
   if (!indexed_) index_bodies(bodies);
-  for (Body& b : std::span(bodies_).subspan(1)) {
-    const std::int32_t i = b.body;
-    b.row = partition.row(b.body);
-    b.is_active = bodies.is_active(i);
-    b.is_sphere = bodies.is_sphere[i];
-    b.start = b.now = b.next = pose_of(bodies, b.body);
-    b.velocity = b.angular_velocity = b.momentum = Vec3d::Zero();
-    b.inverse_mass = 0.0;
-    b.inverse_inertia.setZero();
-    if (!b.is_active) continue;
-    b.inverse_mass = static_cast<double>(bodies.body_velocity[i].inverse_mass);
-    b.principal = bodies.inertia[i];
-    const Vec3d moments(b.principal.moments);
-    b.start_inertia = tensor_of(b.principal, b.now.orientation, moments);
-    b.inverse_inertia = b.start_inverse_inertia =
-        tensor_of(b.principal, b.now.orientation, moments.cwiseInverse());
+  active_joints_before_.assign(1, 0);
+  for (const JointEquations::Tree& tree : equations_.trees()) {
+    bool moves = false;
+    for (const std::int32_t i : bodies_of(tree)) {
+      const std::int32_t body = bodies_[i].body;
+      moves = moves || (body >= 0 && bodies.is_active(static_cast<std::size_t>(body)));
+      if (tree.joint_count == 0 && body >= 0) begin_body(bodies_[i], bodies, partition);
+    }
+    active_joints_before_.push_back(active_joints_before_.back() + (moves ? tree.joint_count : 0));
   }
-  load_velocities(rows);
-  for (std::size_t t = 0; t < tree_states_.size(); ++t) {
+}
+
+IndexRange JointSolver::share(const Member& member) const {
+  const auto first_tree = [&](int index) {
+    if (index == member.member_count) return static_cast<int>(tree_states_.size());
+    const long wanted = static_cast<long>(active_joints_before_.back()) * index / member.member_count;
+    return static_cast<int>(std::ranges::lower_bound(active_joints_before_, wanted) - active_joints_before_.begin());
+  };
+  return {first_tree(member.index), first_tree(member.index + 1)};
+}
+
+void JointSolver::begin_body(Body& b, const BodyStore& bodies, const SpatialPartition& partition) {
+  const std::int32_t i = b.body;
+  b.row = partition.row(b.body);
+  b.is_active = bodies.is_active(i);
+  b.is_sphere = bodies.is_sphere[i];
+  b.start = b.now = b.next = pose_of(bodies, b.body);
+  b.velocity = b.angular_velocity = b.momentum = Vec3d::Zero();
+  b.inverse_mass = 0.0;
+  b.inverse_inertia.setZero();
+  if (!b.is_active) return;
+  b.inverse_mass = static_cast<double>(bodies.body_velocity[i].inverse_mass);
+  b.principal = bodies.inertia[i];
+  const Vec3d moments(b.principal.moments);
+  b.start_inertia = tensor_of(b.principal, b.now.orientation, moments);
+  b.inverse_inertia = b.start_inverse_inertia =
+      tensor_of(b.principal, b.now.orientation, moments.cwiseInverse());
+}
+
+void JointSolver::begin_trees(const BodyStore& bodies, const SpatialPartition& partition, const Rows& rows,
+                              IndexRange trees) {
+  for (int t = trees.begin; t < trees.end; ++t) {
     const JointEquations::Tree& tree = equations_.trees()[t];
     tree_states_[t] = {};
+    if (tree.joint_count == 0) continue;  // see begin_step()
+    for (const std::int32_t i : bodies_of(tree)) begin_body(bodies_[i], bodies, partition);
+    load_velocities(rows, {t, t + 1});
     for (const std::int32_t k : joints_of(tree)) {
       Block& block = blocks_[k];
       block.is_active = bodies_[block.a].is_active || bodies_[block.b].is_active;
@@ -326,7 +353,8 @@ void JointSolver::set_law_of_part(Joint& j, Block& block, double h_s) {
 }
 
 // A coordinate's speed at the end of the last substep.
-void JointSolver::set_springs_at_start(const BodyStore& bodies, const Rows& rows, const Substep& substep) {
+void JointSolver::set_springs_at_start(const BodyStore& bodies, const Rows& rows, const Substep& substep,
+                                       IndexRange trees) {
   auto twist_of = [&](std::int32_t index) -> RowVector {
     const Body& b = bodies_[index];
     if (!b.is_active) return RowVector::Zero();
@@ -339,30 +367,30 @@ void JointSolver::set_springs_at_start(const BodyStore& bodies, const Rows& rows
             b.inverse_inertia * (momentum - h * w.torque.cast<double>()))
         .finished();
   };
-  for (std::size_t k = 0; k < joints_.size(); ++k) {
-    Block& block = blocks_[k];
-    if (block.is_active && joints_[k].has_spring)
-      block.speed_before = block.jacobian_a.row(kAxis).dot(twist_of(block.a)) +
-                           block.jacobian_b.row(kAxis).dot(twist_of(block.b));
-  }
+  for (int t = trees.begin; t < trees.end; ++t)
+    for (const std::int32_t k : joints_of(equations_.trees()[t])) {
+      Block& block = blocks_[k];
+      if (block.is_active && joints_[k].has_spring)
+        block.speed_before = block.jacobian_a.row(kAxis).dot(twist_of(block.a)) +
+                             block.jacobian_b.row(kAxis).dot(twist_of(block.b));
+    }
 }
 
 // All parts of the substep but the last one leave the bodies moved and relaxed.
-void JointSolver::solve(const BodyStore& bodies, const Rows& rows, const Substep& substep) {
+void JointSolver::solve(const BodyStore& bodies, const Rows& rows, const Substep& substep, IndexRange trees) {
   const auto h_s = static_cast<double>(substep.h_s);
-  load_velocities(rows);
-  set_springs_at_start(bodies, rows, substep);
-  for (std::size_t t = 0; t < tree_states_.size(); ++t) {
-    TreeState& s = tree_states_[t];
+  load_velocities(rows, trees);
+  set_springs_at_start(bodies, rows, substep, trees);
+  for (TreeState& s : states_of(trees)) {
     s.time_left_s = s.h_s = h_s;
     s.is_unfinished = s.is_active;
   }
   for (;;) {
     bool any = false;
-    for (TreeState& s : tree_states_) s.is_selected = s.is_unfinished, any = any || s.is_unfinished;
+    for (TreeState& s : states_of(trees)) s.is_selected = s.is_unfinished, any = any || s.is_unfinished;
     if (!any) break;
-    hold_at_end_of_part();
-    for (std::size_t t = 0; t < tree_states_.size(); ++t) {
+    hold_at_end_of_part(trees);
+    for (int t = trees.begin; t < trees.end; ++t) {
       const JointEquations::Tree& tree = equations_.trees()[t];
       TreeState& s = tree_states_[t];
       if (!s.is_selected) continue;
@@ -374,19 +402,18 @@ void JointSolver::solve(const BodyStore& bodies, const Rows& rows, const Substep
         s.is_selected = s.is_unfinished = false;
       }
     }
-    move_bodies(rows);
-    relax_part();
-    for_each_selected([&](Joint& j, Block& block, double) {
+    move_bodies(rows, trees);
+    relax_part(trees);
+    for_each_selected(trees, [&](Joint& j, Block& block, double) {
       if (j.has_spring) block.speed_before = speeds(block)[kAxis];
     });
-    for (std::size_t t = 0; t < tree_states_.size(); ++t) {
-      TreeState& s = tree_states_[t];
+    for (TreeState& s : states_of(trees)) {
       if (!s.is_selected) continue;
       s.time_left_s -= s.h_s;
       s.h_s = 2.0 * s.h_s < s.time_left_s ? 2.0 * s.h_s : s.time_left_s;
     }
   }
-  store_velocities(rows);
+  store_velocities(rows, trees);
 }
 
 bool JointSolver::is_too_long(const JointEquations::Tree& tree, const TreeState& s) const {
@@ -399,17 +426,17 @@ bool JointSolver::is_too_long(const JointEquations::Tree& tree, const TreeState&
   return change * s.h_s > kBend || (s.residual > kUnsolved && spin * s.h_s > kUnsolvedTurn);
 }
 
-void JointSolver::relax(const Rows& rows) {
-  load_velocities(rows);
-  for (TreeState& s : tree_states_) s.is_selected = s.is_active;
-  move_bodies(rows);
-  relax_part();
-  store_velocities(rows);
+void JointSolver::relax(const Rows& rows, IndexRange trees) {
+  load_velocities(rows, trees);
+  for (TreeState& s : states_of(trees)) s.is_selected = s.is_active;
+  move_bodies(rows, trees);
+  relax_part(trees);
+  store_velocities(rows, trees);
 }
 
-void JointSolver::hold_at_end_of_part() {
-  for_each_selected([&](Joint&, Block& block, double) { bodies_[block.a].keep(), bodies_[block.b].keep(); });
-  for_each_selected([&](Joint& j, Block& block, double h_s) {
+void JointSolver::hold_at_end_of_part(IndexRange trees) {
+  for_each_body(trees, [](Body& b) { b.keep(); });
+  for_each_selected(trees, [&](Joint& j, Block& block, double h_s) {
     block.target_error = block.error;
     const int linear = linear_rows(j.kind);
     for (const auto& [first, count] : {std::pair{0, linear}, std::pair{linear, block.rigid_rows - linear}}) {
@@ -421,28 +448,28 @@ void JointSolver::hold_at_end_of_part() {
     block.impulse.setZero();
     if (j.has_coordinate()) set_law_of_part(j, block, h_s);
   });
-  solve_trees(Stage::kSolve);
-  note_springs();
+  solve_trees(Stage::kSolve, trees);
+  note_springs(trees);
 }
 
-void JointSolver::note_springs() {
-  for_each_selected([&](Joint& j, Block& block, double) {
+void JointSolver::note_springs(IndexRange trees) {
+  for_each_selected(trees, [&](Joint& j, Block& block, double) {
     if (j.has_spring)
       block.spring_impulse = block.spring_at_rest - block.law.slope() * speeds(block)[kAxis];
   });
 }
 
-void JointSolver::relax_part() {
-  for_each_selected([&](Joint& j, Block& block, double h_s) {
+void JointSolver::relax_part(IndexRange trees) {
+  for_each_selected(trees, [&](Joint& j, Block& block, double h_s) {
     build_rows(j, block);
     if (j.has_coordinate()) set_law(j, block, Stage::kRelax, h_s, block.spring_impulse, 0.0);
   });
-  solve_trees(Stage::kRelax);
-  add_efforts(1.0);
+  solve_trees(Stage::kRelax, trees);
+  add_efforts(trees, 1.0);
 }
 
-void JointSolver::add_efforts(double sign) {
-  for_each_selected([&](Joint& j, Block& block, double) {
+void JointSolver::add_efforts(IndexRange trees, double sign) {
+  for_each_selected(trees, [&](Joint& j, Block& block, double) {
     for (int r = 0; r < block.rigid_rows; ++r)
       j.force_impulse += sign * block.impulse[r] * block.jacobian_a.row(r).head<3>().transpose();
     if (j.has_coordinate()) j.effort_impulse += sign * block.impulse[kAxis];
@@ -459,42 +486,41 @@ void JointSolver::select_touched(std::span<const char> touched_rows) {
 }
 
 bool JointSolver::solve_again(const Rows& rows, double tolerance) {
-  load_velocities(rows);
+  load_velocities(rows, all_trees());
   for (TreeState& s : tree_states_) s.is_selected = s.is_touched;
-  const bool any = solve_trees(Stage::kSolve, tolerance);
-  if (any) note_springs(), store_velocities(rows);
+  const bool any = solve_trees(Stage::kSolve, all_trees(), tolerance);
+  if (any) note_springs(all_trees()), store_velocities(rows, all_trees());
   return any;
 }
 
 bool JointSolver::relax_again(const Rows& rows, double tolerance) {
-  load_velocities(rows);
+  load_velocities(rows, all_trees());
   for (TreeState& s : tree_states_) s.is_selected = s.is_touched;
-  add_efforts(-1.0);
-  const bool any = solve_trees(Stage::kRelax, tolerance);
-  add_efforts(1.0);
-  if (any) store_velocities(rows);
+  add_efforts(all_trees(), -1.0);
+  const bool any = solve_trees(Stage::kRelax, all_trees(), tolerance);
+  add_efforts(all_trees(), 1.0);
+  if (any) store_velocities(rows, all_trees());
   return any;
 }
 
 // Rounds of Newton's method, with the matrix of the pose at which the rows were built.
-bool JointSolver::solve_trees(Stage stage, double tolerance) {
+bool JointSolver::solve_trees(Stage stage, IndexRange trees, double tolerance) {
   bool any_off = false;
-  for (TreeState& s : tree_states_)
+  for (TreeState& s : states_of(trees))
     s.is_open = s.is_selected, s.residual = std::numeric_limits<double>::max();
   for (int round = 0;; ++round) {
     bool any_open = false;
-    for (std::size_t t = 0; t < tree_states_.size(); ++t) {
+    for (int t = trees.begin; t < trees.end; ++t) {
       TreeState& s = tree_states_[t];
       any_open = any_open || s.is_open;
       s.has_changed = s.is_open && round > 0 && change_places(equations_.trees()[t], round < kFreeRounds);
       if (s.has_changed) s.is_factored = false;
     }
     if (!any_open) break;
-    if (stage == Stage::kSolve) predict();
-    for (std::size_t t = 0; t < tree_states_.size(); ++t) {
+    if (stage == Stage::kSolve) predict(trees);
+    for (int t = trees.begin; t < trees.end; ++t) {
       TreeState& s = tree_states_[t];
       if (!s.is_open) continue;
-      const auto tree = static_cast<std::int32_t>(t);
       const double before = s.residual;
       s.residual = set_residuals(equations_.trees()[t], stage, s.h_s);
       const bool is_done = !s.has_changed && (s.residual < kConverged || s.residual > kStagnation * before);
@@ -503,13 +529,13 @@ bool JointSolver::solve_trees(Stage stage, double tolerance) {
         s.is_open = false;
         continue;
       }
-      if (!is_factored(tree)) factor(tree);
-      equations_.solve(tree);
+      if (!is_factored(t)) factor(t);
+      equations_.solve(t);
       for (const std::int32_t k : joints_of(equations_.trees()[t]))
         if (blocks_[k].is_active) apply(blocks_[k], equations_.of_joint(k));
     }
   }
-  for_each_selected([](Joint& j, const Block& block, double) {
+  for_each_selected(trees, [](Joint& j, const Block& block, double) {
     if (j.has_coordinate()) j.held_by = AxisLaw::is_held(block.place) ? block.law.causes(block.place) : 0;
   });
   return any_off;
@@ -613,7 +639,7 @@ void JointSolver::find_strained(const BodyStore& bodies, float min_depth,
 // ---- motion
 
 // Where the present velocities lead the bodies of open trees.
-void JointSolver::predict() {
+void JointSolver::predict(IndexRange trees) {
   RotationBatch batch;
   std::array<Body*, kLanes> in_batch;
   std::array<double, kLanes> time;
@@ -648,7 +674,7 @@ void JointSolver::predict() {
     }
     count = 0;
   };
-  for (std::size_t t = 0; t < tree_states_.size(); ++t) {
+  for (int t = trees.begin; t < trees.end; ++t) {
     if (!tree_states_[t].is_open) continue;
     const double h_s = tree_states_[t].h_s;
     for (const std::int32_t i : bodies_of(equations_.trees()[t])) {
@@ -668,10 +694,10 @@ void JointSolver::predict() {
 }
 
 // To where their velocities lead them.
-void JointSolver::move_bodies(const Rows& rows) {
-  for (TreeState& s : tree_states_) s.is_open = s.is_selected;
-  predict();
-  for (std::size_t t = 0; t < tree_states_.size(); ++t) {
+void JointSolver::move_bodies(const Rows& rows, IndexRange trees) {
+  for (TreeState& s : states_of(trees)) s.is_open = s.is_selected;
+  predict(trees);
+  for (int t = trees.begin; t < trees.end; ++t) {
     TreeState& s = tree_states_[t];
     if (!s.is_selected) continue;
     s.is_factored = false;

@@ -1,8 +1,8 @@
 // Joints of the own engine: constraints between two bodies, or between a body and the table.
 //
 // A joint has rigid rows, which its kind forbids to move, and at most one axis row, its coordinate
-// (scene/JointSpec.h). All rows of the bodies that joints connect with each other are solved at once
-// (JointEquations.h), on one thread. What acts along an axis is an AxisLaw; the places of the axes are those
+// (scene/JointSpec.h). All rows of the bodies that joints connect with each other, a tree, are solved at once
+// (JointEquations.h); threads share the trees. What acts along an axis is an AxisLaw; the places of the axes are those
 // at which the solution obeys all laws, beginning with those of the last substep.
 //
 // In each substep solve() finds the impulses, along the constraints at its start, with which they hold at its
@@ -24,6 +24,7 @@
 #include "smartsurf/world/body/BodyStore.h"
 #include "smartsurf/world/broadphase/SpatialPartition.h"
 #include "smartsurf/world/field/JamRelief.h"
+#include "smartsurf/world/parallel/Team.h"
 #include "smartsurf/world/solver/AxisLaw.h"
 #include "smartsurf/world/solver/JointEquations.h"
 
@@ -58,17 +59,23 @@ class JointSolver {
   void on_body_removed(std::int32_t body, BodyStore&);
   void archive(common::StateArchive&);
 
-  // ---- within a step; on one thread
+  // ---- within a step
   bool empty() const { return joints_.empty(); }
+  // On one thread, before the others.
+  void begin_step(const BodyStore&, const SpatialPartition&);
+  // The trees of a member: about an even share of the joints that move.
+  IndexRange share(const Member&) const;
+  // ---- for some trees; threads may call these at once for different ones
   // Call once the rows have their velocities.
-  void begin_step(const BodyStore&, const SpatialPartition&, const Rows&);
+  void begin_trees(const BodyStore&, const SpatialPartition&, const Rows&, IndexRange trees);
   // Applies the impulses of the last substep and solves for the end of this one.
-  void solve(const BodyStore&, const Rows&, const Substep&);
+  void solve(const BodyStore&, const Rows&, const Substep&, IndexRange trees);
   // Call after the rows were moved: rotates the bodies, and removes the velocity that the constraints forbid.
   // Writes the rotations of delta_pose.
-  void relax(const Rows&);
-  // Both again, for the trees with a body in a touched row, after contacts have changed the velocities. Return whether
-  // any joint was off by more than `tolerance`, u/s.
+  void relax(const Rows&, IndexRange trees);
+  // ---- on one thread
+  // Solve and relax again, for the trees with a body in a touched row, after contacts have changed the velocities. Return
+  // whether any joint was off by more than `tolerance`, u/s.
   void select_touched(std::span<const char> touched_rows);
   bool solve_again(const Rows&, double tolerance);
   bool relax_again(const Rows&, double tolerance);
@@ -180,8 +187,9 @@ class JointSolver {
   Joint* find(scene::JointId id) { return const_cast<Joint*>(std::as_const(*this).find(id)); }
   void update_links(BodyStore&);
   void index_bodies(const BodyStore&);
-  void load_velocities(const Rows&);
-  void store_velocities(const Rows&);
+  void begin_body(Body&, const BodyStore&, const SpatialPartition&);
+  void load_velocities(const Rows&, IndexRange trees);
+  void store_velocities(const Rows&, IndexRange trees);
   static RowVector rigid_error(const Joint&, const Pose& a, const Pose& b);
   static double coordinate_of(const Joint&, const Pose& a, const Pose& b);
   static Pose pose_of(const BodyStore&, std::int32_t body);
@@ -191,10 +199,19 @@ class JointSolver {
   std::span<const std::int32_t> bodies_of(const JointEquations::Tree& t) const {
     return equations_.tree_bodies().subspan(t.first_body, t.body_count);
   }
-  // Calls each(joint, block, h_s) for the joints with an active body, of the selected trees.
+  std::span<TreeState> states_of(IndexRange trees) {
+    return std::span(tree_states_).subspan(trees.begin, trees.end - trees.begin);
+  }
+  // Calls each(body) for the bodies of the trees.
   template <class Each>
-  void for_each_selected(Each each) {
-    for (std::size_t t = 0; t < tree_states_.size(); ++t) {
+  void for_each_body(IndexRange trees, Each each) {
+    for (int t = trees.begin; t < trees.end; ++t)
+      for (const std::int32_t i : bodies_of(equations_.trees()[t])) each(bodies_[i]);
+  }
+  // Calls each(joint, block, h_s) for the joints with an active body, of the selected ones among the trees.
+  template <class Each>
+  void for_each_selected(IndexRange trees, Each each) {
+    for (int t = trees.begin; t < trees.end; ++t) {
       if (!tree_states_[t].is_selected) continue;
       for (const std::int32_t k : joints_of(equations_.trees()[t]))
         if (blocks_[k].is_active) each(joints_[k], blocks_[k], tree_states_[t].h_s);
@@ -205,24 +222,25 @@ class JointSolver {
   void apply(Block&, const RowVector& impulse);
   void set_law(Joint&, Block&, Stage, double h_s, double spring, double slope);
   void set_law_of_part(Joint&, Block&, double h_s);
-  void set_springs_at_start(const BodyStore&, const Rows&, const Substep&);
+  void set_springs_at_start(const BodyStore&, const Rows&, const Substep&, IndexRange trees);
   void set_place(Block&, int place);
   bool change_places(const JointEquations::Tree&, bool all);
   static double axis_compliance(const Block&, double relative);
   bool is_too_long(const JointEquations::Tree&, const TreeState&) const;
   // Finds the impulses with which the selected trees obey their joints at the end of their parts.
-  void hold_at_end_of_part();
+  void hold_at_end_of_part(IndexRange trees);
   // Removes the speeds across the joints at the present pose.
-  void relax_part();
+  void relax_part(IndexRange trees);
   // Trees that are off by no more than `tolerance`, u/s, stay as they are. Returns whether any was off by more.
-  bool solve_trees(Stage, double tolerance = -1.0);
-  void note_springs();
-  void add_efforts(double sign);
+  bool solve_trees(Stage, IndexRange trees, double tolerance = -1.0);
+  void note_springs(IndexRange trees);
+  void add_efforts(IndexRange trees, double sign);
+  IndexRange all_trees() const { return {0, static_cast<int>(tree_states_.size())}; }
   double set_residuals(const JointEquations::Tree&, Stage, double h_s);
   bool is_factored(std::int32_t tree) const;
   void factor(std::int32_t tree);
-  void predict();
-  void move_bodies(const Rows&);
+  void predict(IndexRange trees);
+  void move_bodies(const Rows&, IndexRange trees);
 
   scene::JointId next_id_ = 0;
   std::vector<Joint> joints_;  // ascending by id
@@ -232,6 +250,7 @@ class JointSolver {
   std::vector<Body> bodies_;
   std::vector<Block> blocks_;
   std::vector<TreeState> tree_states_;
+  std::vector<std::int32_t> active_joints_before_;  // by tree: joints that move, of earlier ones; one more at the end
 };
 
 }  // namespace smartsurf::world

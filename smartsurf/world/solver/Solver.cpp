@@ -61,6 +61,7 @@ void Solver::step(BodyStore& bodies, const Input& input, const Member& member) {
     has_supports_ =
         std::ranges::any_of(input.supports, [](const SupportPatches& s) { return !s.patches.empty(); });
     resize_buffers(input.partition, member.member_count, !input.cell_limits.empty());
+    if (!input.joints.empty()) input.joints.begin_step(bodies, input.partition);
   });
   const float h_s = settings_.dt_s / static_cast<float>(settings_.substeps);
   const bool any_restitution = settings_.field_restitution > 0.0F || bodies.restituting > 0;
@@ -96,7 +97,7 @@ void Solver::resize_buffers(const SpatialPartition& partition, int member_count,
   if (has_cell_limits) limit_.resize(point_.size());
   shared_batches_.resize(partition.row_count(), member_count);
   impacts_.reset(member_count);
-  heavy_islands_.reset(member_count);
+  heavy_islands_.reset(member_count, rows);
   deep_contacts_.resize(member_count);
 }
 
@@ -125,10 +126,9 @@ void Solver::run_stages(StepContext& context, const Member& member) {
   }
   if (has_supports_) prepare_supports(context);
   if (heavy_islands_.any_heavy_lane())
-    member.single([&] {
-      heavy_islands_.build(graph_, context.bodies, context.partition, batch_points(), velocity_.data(),
-                           context.input.supports, settings_.gravity, h_s);
-    });
+    heavy_islands_.build({graph_, context.bodies, context.partition, batch_points(), velocity_.data(),
+                          context.input.supports, settings_.gravity, h_s},
+                         context.own_rows, member);
   integrate_velocities(context, true);
   member.arrive();
   JointSolver& joints = context.input.joints;
@@ -141,35 +141,39 @@ void Solver::run_stages(StepContext& context, const Member& member) {
                              .velocity = velocity_.data(),
                              .delta_pose = delta_pose_.data(),
                              .material = material_.data()};
-  run_caller_stage(
+  run_side_stage(
       context, member,
-      [&] {
-        joints.begin_step(context.bodies, context.partition, joint_rows());
-        jointed_contacts_.collect(graph_, context.bodies, context.partition, batch_points(), velocity_.data());
-        if (!jointed_contacts_.empty()) joints.select_touched(jointed_contacts_.touched_rows());
-      },
-      [&](auto& points) { points.begin_step(point_step); });
+      [&](IndexRange trees) { joints.begin_trees(context.bodies, context.partition, joint_rows(), trees); },
+      [&](auto& points, auto... share) { points.begin_step(point_step, share...); });
+  if (!joints.empty()) {
+    member.wait();
+    if (member.is_caller()) {
+      jointed_contacts_.collect(graph_, context.bodies, context.partition, batch_points(), velocity_.data());
+      if (!jointed_contacts_.empty()) joints.select_touched(jointed_contacts_.touched_rows());
+    }
+    member.arrive();
+  }
   const ContactKernelTable& k = context.kernels;
   run_contact_stage(context, member, k.warm_start, 0.0F, SupportStage::kWarmStart);
   for (int s = 0; s < settings_.substeps; ++s) {
-    // The caller's stages use the rows of all members, which their own batches of the warm start have
-    // written.
-    if (s > 0 || context.has_caller_stages()) {
+    // The side stages use the rows of all members, which their own batches of the warm start have written.
+    if (s > 0 || context.has_side_stages()) {
       member.wait();
       if (s > 0) integrate_velocities(context, false);
       member.arrive();
     }
-    run_caller_stage(
-        context, member, [&] { joints.solve(context.bodies, joint_rows(), substep); },
-        [&](auto& points) { points.solve(point_step); });
+    run_side_stage(
+        context, member,
+        [&](IndexRange trees) { joints.solve(context.bodies, joint_rows(), substep, trees); },
+        [&](auto& points, auto... share) { points.solve(point_step, share...); });
     run_contact_stage(context, member, k.solve, static_cast<float>(s) * h_s, SupportStage::kSolve);
     settle_jointed_contacts(context, member, true);
     member.wait();
     integrate_positions(context);
     member.arrive();
-    run_caller_stage(
-        context, member, [&] { joints.relax(joint_rows()); },
-        [&](auto& points) { points.relax(point_step); });
+    run_side_stage(
+        context, member, [&](IndexRange trees) { joints.relax(joint_rows(), trees); },
+        [&](auto& points, auto... share) { points.relax(point_step, share...); });
     run_contact_stage(context, member, k.relax, 0.0F, SupportStage::kRelax);
     settle_jointed_contacts(context, member, false);
   }
@@ -178,7 +182,7 @@ void Solver::run_stages(StepContext& context, const Member& member) {
   for_each_own_batch(context, member,
                      [&](ContactKind kind, int batch) { store_impulses(context, kind, batch); });
   if (context.may_impact())
-    member.single([&] { solve_impacts(context); });
+    solve_impacts(context, member);
   else
     member.arrive_and_wait();
   if (has_supports_) store_supports(context);
@@ -276,8 +280,10 @@ void Solver::run_contact_stage(StepContext& context, const Member& member,
     run(serial_batches_.ranges);
   } else {
     for (std::size_t i = 0; i <= graph_.colours().size(); ++i) {
-      member.wait();
-      run(shared_batches_.shared(member, i));
+      // Own batches touch no row of another member's contacts, but the stage before may have changed any row.
+      const auto shared = shared_batches_.shared(member, i);
+      if (i == 0 || !shared.empty()) member.wait();
+      run(shared);
       member.arrive();
       run(shared_batches_.own(member, i));
     }
@@ -320,19 +326,25 @@ void Solver::run_supports(StepContext& context, const Member& member, SupportSta
   member.arrive();
 }
 
-// The caller alone solves the joints, and with each of their solvers, on_points(solver), the contacts with
-// what gives way.
+// What moves bodies of any member: joints, each member some of their trees; then contacts with yielding tips,
+// each member some of their islands; then, on the caller alone, contacts with an elastic skin.
 template <class OnJoints, class OnPoints>
-void Solver::run_caller_stage(const StepContext& context, const Member& member, OnJoints on_joints,
-                              OnPoints on_points) {
-  if (!context.has_caller_stages()) return;
-  member.wait();
-  if (member.is_caller()) {
-    if (!context.input.joints.empty()) on_joints();
-    if (!context.input.tips.empty()) on_points(context.input.tips);
-    if (!context.input.skin.empty()) on_points(context.input.skin);
-  }
-  member.arrive();
+void Solver::run_side_stage(const StepContext& context, const Member& member, OnJoints on_joints,
+                            OnPoints on_points) {
+  JointSolver& joints = context.input.joints;
+  TipSolver& tips = context.input.tips;
+  SkinSolver& skin = context.input.skin;
+  const auto run = [&](bool applies, auto work) {
+    if (!applies) return;
+    member.wait();
+    work();
+    member.arrive();
+  };
+  run(!joints.empty(), [&] { on_joints(joints.share(member)); });
+  run(!tips.empty(), [&] { on_points(tips, tips.share(member)); });
+  run(!skin.empty(), [&] {
+    if (member.is_caller()) on_points(skin);
+  });
 }
 
 // Joints and the contacts of their bodies take turns until the contacts leave the joints where they hold.

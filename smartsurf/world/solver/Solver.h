@@ -90,7 +90,7 @@ class Solver {
     std::vector<DeepContact>& deep_contacts;  // of the member
 
     bool may_impact() const { return any_restitution || !all_spheres; }
-    bool has_caller_stages() const {
+    bool has_side_stages() const {
       return !input.joints.empty() || !input.tips.empty() || !input.skin.empty();
     }
     ContactList& contact_list(ContactKind kind) const {
@@ -121,7 +121,7 @@ class Solver {
   void fill_points(const StepContext&, ContactKind, ContactBatch&, const BatchContacts&);
   void fill_impulse_limits(const StepContext&, ContactBatch&, int index, const ContactList&);
   void find_impact_candidates(StepContext&, ContactKind, int batch, const Member&);
-  void solve_impacts(StepContext&);
+  void solve_impacts(StepContext&, const Member&);
   const SurfaceMaterial& material_of_b(const StepContext&, const Manifold&, const Contact&) const;
   void store_impulses(StepContext&, ContactKind, int batch);
   template <class Each>
@@ -137,7 +137,7 @@ class Solver {
   template <class Each>
   void for_each_own_support(const StepContext&, Each each) const;
   template <class OnJoints, class OnPoints>
-  void run_caller_stage(const StepContext&, const Member&, OnJoints, OnPoints);
+  void run_side_stage(const StepContext&, const Member&, OnJoints, OnPoints);
   JointSolver::Rows joint_rows() { return {velocity_.data(), start_velocity_.data(), delta_pose_.data()}; }
   void settle_jointed_contacts(StepContext&, const Member&, bool is_soft);
   std::span<Contact> contacts_of_row(StepContext&, int row) const;

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <numeric>
 
 #include "smartsurf/world/solver/ContactLaw-inl.h"
 
@@ -82,16 +83,66 @@ void TipSolver::collect(const surface::Field& field, const ContactList& static_c
   for (std::size_t k = 0; k < loaded_cells_.size(); ++k)
     if (const std::int32_t tip = tip_of_cell_[loaded_cells_[k]]; tip >= 0) tips_[tip].rate = loaded_rates_[k];
   for (const std::int32_t cell : cells_) tip_of_cell_[cell] = -1;
+  find_islands();
 }
 
-void TipSolver::begin_step(const PointStep& step) {
+// Islands are numbered in the order of their first tips, so that they do not depend on the number of threads.
+void TipSolver::find_islands() {
+  const auto tip_count = static_cast<std::int32_t>(tips_.size());
+  tip_parent_.resize(tips_.size());
+  std::iota(tip_parent_.begin(), tip_parent_.end(), 0);
+  const auto root_of = [this](std::int32_t tip) {
+    while (tip_parent_[tip] != tip) tip = tip_parent_[tip] = tip_parent_[tip_parent_[tip]];
+    return tip;
+  };
+  for (const Point& p : points_) {
+    if (p.body >= std::ssize(tip_of_body_)) tip_of_body_.resize(static_cast<std::size_t>(p.body) + 1, -1);
+    std::int32_t& first = tip_of_body_[p.body];
+    if (first < 0) first = p.tip;
+    const std::int32_t a = root_of(first), b = root_of(p.tip);
+    tip_parent_[std::max(a, b)] = std::min(a, b);
+  }
+  for (const Point& p : points_) tip_of_body_[p.body] = -1;
+  islands_.clear();
+  island_of_tip_.resize(tips_.size());
+  tip_order_.resize(tips_.size());
+  for (std::int32_t t = 0; t < tip_count; ++t) {
+    const std::int32_t root = root_of(t);
+    if (root == t) {
+      island_of_tip_[t] = static_cast<std::int32_t>(islands_.size());
+      islands_.push_back({0, 0});
+    }
+    island_of_tip_[t] = island_of_tip_[root];
+    tip_order_[t] = t;
+  }
+  islands_.push_back({static_cast<std::int32_t>(points_.size()), tip_count});
+  const auto island_of = [this](std::int32_t tip) { return island_of_tip_[tip]; };
+  std::ranges::stable_sort(tip_order_, {}, island_of);
+  std::ranges::stable_sort(points_, {}, [&](const Point& p) { return island_of(p.tip); });
+  for (std::size_t k = tip_order_.size(); k-- > 0;)
+    islands_[island_of(tip_order_[k])].first_tip = static_cast<std::int32_t>(k);
+  for (std::size_t k = points_.size(); k-- > 0;)
+    islands_[island_of(points_[k].tip)].first_point = static_cast<std::int32_t>(k);
+}
+
+IndexRange TipSolver::share(const Member& member) const {
+  const auto count = static_cast<int>(islands_.size()) - 1;
+  const auto first_island = [&](int index) {
+    if (index == member.member_count) return count;
+    const long wanted = static_cast<long>(points_.size()) * index / member.member_count;
+    return static_cast<int>(std::ranges::lower_bound(islands_, wanted, {}, &Island::first_point) - islands_.begin());
+  };
+  return {first_island(member.index), first_island(member.index + 1)};
+}
+
+void TipSolver::begin_step(const PointStep& step, IndexRange islands) {
   const float h_s = step.params.h_s;
-  for (Tip& t : tips_) {
+  for_each_tip(islands, [&](Tip& t) {
     if (const float k = t.kind->stiffness; std::isfinite(k))
       t.inverse_mass = 1.0F / (h_s * (t.kind->damping + 0.25F * h_s * k));
     t.max_impulse = t.kind->max_force * h_s;
-  }
-  for (Point& p : points_) {
+  });
+  for (Point& p : points_of(islands)) {
     Tip& tip = tips_[p.tip];
     p.prepare(step, tip.inverse_mass * Mat3::Identity());
     p.apply(p.impulse(), step);
@@ -135,38 +186,38 @@ void TipSolver::yield(Point& p, float target_speed, const PointStep& step) {
   if (speed < deficit) add_normal_impulse(p, p.rigid_mass * (deficit - speed), step);
 }
 
-void TipSolver::solve(const PointStep& step) {
-  for (Tip& t : tips_) {
+void TipSolver::solve(const PointStep& step, IndexRange islands) {
+  for_each_tip(islands, [&](Tip& t) {
     t.yield_velocity.setZero();
     t.begin_substep(step.params.h_s);
-  }
-  for (Point& p : points_) solve_point(p, p.push_out_speed(tips_[p.tip].moved, step), step);
+  });
+  for (Point& p : points_of(islands)) solve_point(p, p.push_out_speed(tips_[p.tip].moved, step), step);
 }
 
-void TipSolver::relax(const PointStep& step) {
+void TipSolver::relax(const PointStep& step, IndexRange islands) {
   const float h_s = step.params.h_s;
-  mark_loaded_tips();
-  for (Tip& t : tips_) {
+  mark_loaded_tips(islands);
+  for_each_tip(islands, [&](Tip& t) {
     const Vec3 rate = t.rate_in_substep(h_s), held = t.held_velocity + t.yield_velocity;
     t.moved += h_s * (held + rate);
     t.yielded += h_s * t.yield_velocity;
     t.held_position += h_s * held;
     t.moved_deflection += h_s * rate;
-  }
-  for (Point& p : points_) {
+  });
+  for (Point& p : points_of(islands)) {
     solve_point(p, p.relax_target_speed, step);
     p.total_normal_impulse += p.normal_impulse;
   }
-  mark_loaded_tips();
-  for (Tip& t : tips_) {
+  mark_loaded_tips(islands);
+  for_each_tip(islands, [&](Tip& t) {
     t.rate = t.rate_in_substep(h_s);
     t.deflection = t.start_deflection + t.moved_deflection;
-  }
+  });
 }
 
-void TipSolver::mark_loaded_tips() {
-  for (Tip& t : tips_) t.is_loaded = false;
-  for (const Point& p : points_) tips_[p.tip].is_loaded |= p.normal_impulse > 0.0F;
+void TipSolver::mark_loaded_tips(IndexRange islands) {
+  for_each_tip(islands, [](Tip& t) { t.is_loaded = false; });
+  for (const Point& p : points_of(islands)) tips_[p.tip].is_loaded |= p.normal_impulse > 0.0F;
 }
 
 void TipSolver::store(surface::Field& field, ContactList& static_contacts, float dt_s) {

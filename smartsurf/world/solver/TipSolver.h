@@ -11,30 +11,34 @@
 // load, until the joints reach the boundary of the workspace, which bears any load. (E. Catto, Soft
 // Constraints, GDC 2011.)
 //
-// The contacts of a tip share its velocity and are solved one after another, on one thread, in the stages of
-// Solver.h. They are inelastic: what springs back is the tip.
+// The contacts of a tip share its velocity and are solved one after another, in the stages of Solver.h; threads
+// share the islands of tips that bodies connect. They are inelastic: what springs back is the tip.
 #pragma once
 
 #include <span>
 #include <vector>
 
 #include "smartsurf/surface/Field.h"
+#include "smartsurf/world/parallel/Team.h"
 #include "smartsurf/world/solver/PointContact.h"
 
 namespace smartsurf::world {
 
 class TipSolver {
  public:
-  // Finds the contacts of the coming step.
+  // Finds the contacts of the coming step. On one thread.
   void collect(const surface::Field& field, const ContactList& static_contacts);
   // Call when no collect() follows in a step, because no body is active.
   void clear() { clear_contacts(), loaded_cells_.clear(), loaded_rates_.clear(); }
   bool empty() const { return points_.empty(); }
 
-  // The stages of a step. begin_step() also applies the impulses of the last substep.
-  void begin_step(const PointStep&);
-  void solve(const PointStep&);
-  void relax(const PointStep&);  // call after the rows were moved
+  // The islands of a member: about an even share of the contacts.
+  IndexRange share(const Member&) const;
+  // The stages of a step, for some islands; threads may call them at once for different ones. begin_step() also
+  // applies the impulses of the last substep.
+  void begin_step(const PointStep&, IndexRange islands);
+  void solve(const PointStep&, IndexRange islands);
+  void relax(const PointStep&, IndexRange islands);  // call after the rows were moved
   // Writes the impulses to the contacts, and the velocities of the loaded tips to the field, after the step.
   void store(surface::Field&, ContactList& static_contacts, float dt_s);
   // The cells of the loaded tips.
@@ -72,16 +76,35 @@ class TipSolver {
     std::int32_t tip;
   };
 
-  void clear_contacts() { points_.clear(), tips_.clear(), cells_.clear(); }
-  void mark_loaded_tips();
+  // Tips that bodies connect with each other, and their contacts.
+  struct Island {
+    std::int32_t first_point, first_tip;  // in points_ and tip_order_
+  };
+
+  void clear_contacts() { points_.clear(), tips_.clear(), cells_.clear(), islands_.assign(1, {0, 0}); }
+  void find_islands();
+  std::span<Point> points_of(IndexRange islands) {
+    const std::int32_t begin = islands_[islands.begin].first_point, end = islands_[islands.end].first_point;
+    return std::span(points_).subspan(begin, end - begin);
+  }
+  // Calls each(tip) for the tips of the islands.
+  template <class Each>
+  void for_each_tip(IndexRange islands, Each each) {
+    for (std::int32_t k = islands_[islands.begin].first_tip; k < islands_[islands.end].first_tip; ++k)
+      each(tips_[tip_order_[k]]);
+  }
+  void mark_loaded_tips(IndexRange islands);
   Vec3 relative_velocity(const Point&, const PointStep&) const;
   void add_normal_impulse(Point&, float impulse, const PointStep&);
   // The contact is to separate at least at `target_speed`.
   void solve_point(Point&, float target_speed, const PointStep&);
   void yield(Point&, float target_speed, const PointStep&);
 
-  std::vector<Point> points_;
+  std::vector<Point> points_;  // by island, then in the order of the contacts
   std::vector<Tip> tips_;
+  std::vector<Island> islands_{{0, 0}};  // one more at the end
+  std::vector<std::int32_t> tip_order_;  // by island
+  std::vector<std::int32_t> tip_parent_, island_of_tip_, tip_of_body_;  // of find_islands()
   std::vector<std::int32_t> cells_;        // of tips_
   std::vector<std::int32_t> tip_of_cell_;  // −1: none; all −1 between steps
   // The tips that were loaded at the end of the last step, and their rates.

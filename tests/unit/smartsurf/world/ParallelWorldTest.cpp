@@ -2,6 +2,8 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <string>
+#include <utility>
 
 #include "common/threads/ThreadPool.h"
 #include "smartsurf/scene/KindRegistry.h"
@@ -42,35 +44,94 @@ scene::SceneSpec heap(double width, double depth) {
   return s;
 }
 
-// Boxes with a sphere on a hinge or a ball joint each, over compliant deltas or over an elastic skin: what
-// one thread solves while the others solve contacts.
+// Triples of a box and two smaller bodies, of which every third hangs from the table, over compliant deltas with
+// limited force, or over an elastic skin: trees of joints of all kinds, and tips that several bodies load at once.
 scene::SceneSpec linkages(bool on_skin) {
   scene::SceneSpec s;
   s.world.dt_s = 1.0 / 120;
-  s.surface.rows = s.surface.columns = 32;
+  s.surface.rows = s.surface.columns = 44;
   scene::ActuatorSpec spec = scene::find_actuator_kind(on_skin ? "pin" : "delta")->default_spec();
-  if (on_skin)
+  if (on_skin) {
     s.surface.skin = scene::SkinSpec{
-        .kind = scene::SkinSpec::Kind::kElastic, .rows = 65, .columns = 65, .margin = 0.5, .attached = true};
-  else
+        .kind = scene::SkinSpec::Kind::kElastic, .rows = 89, .columns = 89, .margin = 0.5, .attached = true};
+  } else {
     spec.values["stiffness"] = {300};
+    spec.values["max_force"] = {20};
+  }
   s.surface.actuators = {spec};
   derive_pin_spec(s.surface);
-  for (unsigned i = 0; i < 100; ++i) {
-    const Eigen::Vector3d at(2.0 + 3.0 * (i % 10), 2.0 + 3.0 * (i / 10), 2.0 + 0.02 * (i % 7));
+  for (unsigned i = 0; i < 225; ++i) {
+    const Eigen::Vector3d at(1.5 + 2.9 * (i % 15), 1.5 + 2.9 * (i / 15), 2.0 + 0.02 * (i % 7));
     scene::ObjectSpec o;
     o.shape = scene::ShapeKind::kBox;
-    o.size = {0.8, 0.8, 0.8};
+    o.size = {1.5, 1.5, 0.8};
     o.position = at;
+    o.velocity = {3.0, 0.5 * (i % 5), 0.0};
+    s.objects.push_back(o);
+    o.size = {0.4, 0.4, 0.4};
+    o.position.x() += 1.1;
     s.objects.push_back(o);
     o.shape = scene::ShapeKind::kSphere;
-    o.radius = 0.4;
-    o.position.x() += 1.0;
+    o.radius = 0.3;
+    o.position.x() += 0.6;
     s.objects.push_back(o);
-    s.joints.push_back({.kind = i % 2 == 0 ? scene::JointKind::kHinge : scene::JointKind::kBall,
-                        .a = 2 * i,
-                        .b = 2 * i + 1,
-                        .anchor = at + Eigen::Vector3d(0.5, 0, 0)});
+    constexpr scene::JointKind kKinds[] = {scene::JointKind::kHinge, scene::JointKind::kBall,
+                                           scene::JointKind::kSlider, scene::JointKind::kFixed};
+    scene::JointSpec first{
+        .kind = kKinds[i % 4], .a = 3 * i, .b = 3 * i + 1, .anchor = at + Eigen::Vector3d(0.9, 0, 0)};
+    if (first.has_coordinate()) {
+      first.spring = scene::JointSpring{.stiffness = 50.0, .damping = 0.5};
+      if (i % 8 == 0) first.motor = scene::JointMotor{.speed = 2.0, .max_effort = 5.0};
+    }
+    s.joints.push_back(first);
+    s.joints.push_back({.kind = scene::JointKind::kBall, .a = 3 * i + 1, .b = 3 * i + 2, .anchor = o.position});
+    if (i % 3 == 0) s.joints.push_back({.kind = scene::JointKind::kBall, .a = 3 * i, .anchor = at});
+  }
+  return s;
+}
+
+// Two stacks of plates that lie on each other, struck from above: blows without rebound, which reach hundreds of
+// contacts. The stacks reach across the rows of several threads.
+scene::SceneSpec struck_stacks() {
+  scene::SceneSpec s;
+  s.world.dt_s = 1.0 / 60;
+  s.surface.rows = 48;
+  s.surface.columns = 24;
+  constexpr int kLayers = 4;
+  for (int i = 0; i < 12 * 16 * kLayers; ++i) {
+    const int layer = i / (12 * 16), x = i % 12, y = i / 12 % 16;
+    scene::ObjectSpec o;
+    o.shape = scene::ShapeKind::kBox;
+    o.size = {1.9, 2.4, 0.6};
+    // Each layer lies across the seams of the one below.
+    o.position = {1.0 + 1.92 * x + 0.5 * (layer % 2), 2.5 + 2.5 * y + 0.6 * (layer % 2), 0.301 + 0.602 * layer};
+    s.objects.push_back(o);
+  }
+  for (int i = 0; i < 8; ++i) {
+    scene::ObjectSpec o;
+    o.shape = scene::ShapeKind::kBox;
+    o.size = {4.0, 4.0, 1.0};
+    o.mass = 30.0;
+    o.position = {6.0 + 9.0 * (i % 2), 5.0 + 10.0 * (i / 2), 3.4};
+    o.velocity = {0, 0, -12.0};
+    s.objects.push_back(o);
+  }
+  return s;
+}
+
+// Boxes on conveyors, whose tops drive them.
+scene::SceneSpec conveyors() {
+  scene::SceneSpec s;
+  s.world.dt_s = 1.0 / 120;
+  s.surface.rows = s.surface.columns = 60;
+  s.surface.actuators = {scene::find_actuator_kind("conveyor")->default_spec()};
+  derive_pin_spec(s.surface);
+  for (int i = 0; i < 600; ++i) {
+    scene::ObjectSpec o;
+    o.shape = scene::ShapeKind::kBox;
+    o.size = {1.5, 1.2, 0.8};
+    o.position = {2.0 + 2.3 * (i % 25), 2.0 + 2.3 * (i / 25), 0.41};
+    s.objects.push_back(o);
   }
   return s;
 }
@@ -92,7 +153,7 @@ scene::SceneSpec loaded_boxes() {
 }
 
 std::uint64_t hash_after(const scene::SceneSpec& scene, int steps, int threads) {
-  common::ThreadPool pool(threads);
+  common::ThreadPool pool(threads, 0.0);  // shares every step
   surface::ActuatorArray cells(scene.surface, {}, 1, &pool);
   world::NativeEngine world(scene, cells.field(), &pool);
   scene::Snapshot snapshot;
@@ -113,10 +174,16 @@ std::uint64_t hash_after(const scene::SceneSpec& scene, int steps, int threads) 
 }  // namespace
 
 TEST(Threads, SameStateHashForAnyThreadCount) {
-  for (const scene::SceneSpec& scene :
-       {heap(24, 48), heap(48, 24), linkages(false), linkages(true), loaded_boxes()}) {
-    ASSERT_EQ(scene::validate(scene.surface), "");
+  const std::pair<const char*, scene::SceneSpec> scenes[] = {
+      {"wide_heap", heap(24, 48)},       {"long_heap", heap(48, 24)},         {"on_deltas", linkages(false)},
+      {"on_a_skin", linkages(true)},     {"loaded_boxes", loaded_boxes()},    {"struck_stacks", struck_stacks()},
+      {"conveyors", conveyors()}};
+  for (const auto& [name, scene] : scenes) {
+    ASSERT_EQ(scene::validate(scene.surface), "") << name;
+    // Smaller worlds stay on one thread.
+    ASSERT_GE(scene.objects.size(), 512U + 20U) << name;
     const std::uint64_t alone = hash_after(scene, 20, 1);
-    for (const int threads : {2, 3}) EXPECT_EQ(hash_after(scene, 20, threads), alone) << threads;
+    RecordProperty(name, std::to_string(alone));
+    for (const int threads : {2, 3, 4, 8}) EXPECT_EQ(hash_after(scene, 20, threads), alone) << name << ", " << threads;
   }
 }
