@@ -112,6 +112,29 @@ void match_contacts(ContactList& list, const Manifold& current, const ContactLis
   }
 }
 
+// As match_contacts() between two bodies, for a manifold that was kept and whose points all had contacts in
+// the last step: these are known by their points, unless one has moved so far that another may be nearer.
+// Returns false and does nothing then.
+bool match_points(std::span<Contact> contacts, std::span<const Contact> previous,
+                  const PairManifoldCache::Points& points, float tolerance) {
+  if ((points.touching & ~points.touched) != 0 || std::popcount(points.touched) != std::ssize(previous))
+    return false;
+  // Calls each(contact, its previous one).
+  const auto for_each_point = [&](auto each) {
+    Contact* contact = contacts.data();
+    const Contact* before = previous.data();
+    for (std::uint32_t left = points.touched; left != 0; left &= left - 1, ++before)
+      if (points.touching & left & (~left + 1)) each(*contact++, *before);
+  };
+  const float limit = 0.25F * std::min(tolerance, points.gap);
+  bool are_near = true;
+  for_each_point([&](const Contact& c, const Contact& before) {
+    are_near &= (before.anchor - c.anchor).squaredNorm() < limit * limit;
+  });
+  if (are_near) for_each_point([](Contact& c, const Contact& before) { copy_impulses(before, c); });
+  return are_near;
+}
+
 // Collision detection measures from the origin of the shape.
 void anchor_at_centre_of_mass(const BodyStore& bodies, std::size_t i, std::vector<Contact>& contacts,
                               std::size_t first) {
@@ -184,6 +207,8 @@ std::size_t CollisionPipeline::tested_pairs() const {
 void CollisionPipeline::begin_detection(ContactList& pair_contacts, ContactList& static_contacts,
                                         int member_count, int body_count) {
   previous_contacts_.swap_lists(pair_contacts, static_contacts, member_count);
+  pair_contacts.contacts.clear();
+  static_contacts.contacts.clear();
   max_pairs_ = kMaxPairsPerBody * static_cast<std::size_t>(body_count);
   const auto slabs = static_cast<std::size_t>(partition_.slab_count());
   if (slab_results_.size() < slabs) slab_results_.resize(slabs);
@@ -237,7 +262,10 @@ void CollisionPipeline::find_contacts(const BodyStore& bodies, ContactList& pair
   for (int s = own_slabs.begin; s < own_slabs.end; ++s) {
     SlabResults& results = slab_results_[s];
     results.member = member.index;
-    collide_slab(bodies, s, results);
+    if (member.member_count == 1)
+      collide_slab_in_place(bodies, s, results, pair_contacts, static_contacts);
+    else
+      collide_slab(bodies, s, results);
   }
   member.single([&] {
     overloaded_ = std::ranges::any_of(slab_results_, &SlabResults::overloaded);
@@ -248,14 +276,17 @@ void CollisionPipeline::find_contacts(const BodyStore& bodies, ContactList& pair
     }
     assign_output_offsets(pair_output_, pair_contacts, pair_ranges_);
     assign_output_offsets(static_output_, static_contacts, static_ranges_);
+    if (member.member_count > 1) assign_contact_offsets(pair_contacts, static_contacts);
     update_slab_weights();
     if (has_sleepers()) add_rows_of_sleepers(bodies);
   });
   if (overloaded_) return;
   for (int s = own_slabs.begin; s < own_slabs.end; ++s) {
     const SlabResults& results = slab_results_[s];
-    merge_slab(s, pair_output_, results.pair_contacts, pair_contacts, pair_ranges_);
-    merge_slab(s, static_output_, results.static_contacts, static_contacts, static_ranges_);
+    merge_slab(s, pair_output_, results.pair_contacts, results.first_pair_contact, pair_contacts,
+               pair_ranges_);
+    merge_slab(s, static_output_, results.static_contacts, results.first_static_contact, static_contacts,
+               static_ranges_);
   }
 }
 
@@ -281,11 +312,8 @@ void CollisionPipeline::archive(common::StateArchive& a, int bodies) {
 
 void CollisionPipeline::update_slab_weights() {
   contacts_per_slab_.clear();
-  for (int s = 0; s < partition_.slab_count(); ++s) {
-    const SlabResults& results = slab_results_[s];
-    contacts_per_slab_.push_back(results.pair_contacts.contacts.size() +
-                                 results.static_contacts.contacts.size());
-  }
+  for (int s = 0; s < partition_.slab_count(); ++s)
+    contacts_per_slab_.push_back(slab_results_[s].contact_count);
   partition_.set_contact_counts(contacts_per_slab_);
 }
 
@@ -333,7 +361,8 @@ float CollisionPipeline::compute_query_radii(const BodyStore& bodies, std::span<
     travel_[i] = travel_of(bodies, i);
     speculative_margin_[i] = std::max(kMinSpeculativeMargin, travel_[i]);
     max_travel = std::max(max_travel, travel_[i]);
-    if (!bodies.is_sphere[i]) half_extents_[i] = bodies.axes[i].cwiseAbs() * bodies.shape[i]->half_extents;
+    if (!bodies.is_sphere[i])
+      half_extents_[i] = turned_extents(bodies.axes[i], bodies.shape[i]->half_extents);
     // Static bodies count as large: other bodies query them, and they do not query others.
     query_radius_[i] = bodies.is_static(i) ? 1e30F
                                            : bodies.bounding_radius[i] +
@@ -367,8 +396,8 @@ CollisionPipeline::FastBody CollisionPipeline::fast_body(const BodyStore& bodies
 // miss them.
 void CollisionPipeline::find_fast_neighbours(const BodyStore& bodies) {
   const auto add_large = [&](std::int32_t l) {
-    const Vec3 half =
-        bodies.axes[l].cwiseAbs() * bodies.shape[l]->half_extents + Vec3::Constant(speculative_margin_[l]);
+    const Vec3 half = turned_extents(bodies.axes[l], bodies.shape[l]->half_extents) +
+                      Vec3::Constant(speculative_margin_[l]);
     const Vec3 centre = bodies.origin(l);
     for_each_fast_in_box(centre - half, centre + half, 0, [&](std::int32_t fast) {
       large_neighbours_.push_back({fast, l});
@@ -423,13 +452,16 @@ void CollisionPipeline::add_rows_of_sleepers(const BodyStore& bodies) {
 }
 
 void CollisionPipeline::collide_slab(const BodyStore& bodies, int slab, SlabResults& results) {
-  auto begin = [](BodyRunOutput& output, const ContactList& list) {
-    output.from = {list.manifolds.size(), list.contacts.size()};
+  const auto begin = [](BodyRunOutput& output, const ContactList& list) {
+    output.from = list.manifolds.size();
   };
-  auto end = [](BodyRunOutput& output, const ContactList& list) {
-    output.count = {list.manifolds.size() - output.from.manifolds,
-                    list.contacts.size() - output.from.contacts};
+  const auto end = [](BodyRunOutput& output, const ContactList& list) {
+    output.count = list.manifolds.size() - output.from;
   };
+  const auto contact_count = [&] {
+    return results.pair_contacts.contacts.size() + results.static_contacts.contacts.size();
+  };
+  const std::size_t contacts_before = contact_count();
   for (const std::int32_t p : partition_.body_runs_of(slab)) {
     const Index i = p;
     begin(pair_output_[i], results.pair_contacts), begin(static_output_[i], results.static_contacts);
@@ -439,6 +471,20 @@ void CollisionPipeline::collide_slab(const BodyStore& bodies, int slab, SlabResu
       collide_body_run(bodies, partition_.body_runs()[i], results);
     end(pair_output_[i], results.pair_contacts), end(static_output_[i], results.static_contacts);
   }
+  results.contact_count = contact_count() - contacts_before;
+}
+
+// Appends the slab's contacts to the merged lists, while its own are those.
+void CollisionPipeline::collide_slab_in_place(const BodyStore& bodies, int slab, SlabResults& results,
+                                              ContactList& pair_contacts, ContactList& static_contacts) {
+  const auto swap_contacts = [&] {
+    std::swap(results.pair_contacts.contacts, pair_contacts.contacts);
+    std::swap(results.static_contacts.contacts, static_contacts.contacts);
+  };
+  results.first_pair_contact = results.first_static_contact = 0;
+  swap_contacts();
+  collide_slab(bodies, slab, results);
+  swap_contacts();
 }
 
 void CollisionPipeline::collide_body_run(const BodyStore& bodies, const SpatialPartition::BodyRun& run,
@@ -627,6 +673,7 @@ void CollisionPipeline::collide_pair(const BodyStore& bodies, std::size_t i, std
     return;
   }
   const auto first = static_cast<std::int32_t>(pair_contacts.contacts.size());
+  PairManifoldCache::Points points;
   const bool is_swept =
       may_any_pass_ && ((!fast_bodies_.empty() && (is_fast(a) || is_fast(b))) || may_pass(a, b));
   if (is_swept) {
@@ -634,11 +681,17 @@ void CollisionPipeline::collide_pair(const BodyStore& bodies, std::size_t i, std
   } else if (has_sphere || bodies.rolls_unevenly[a] || bodies.rolls_unevenly[b]) {
     collide_bodies(bodies, a, b, kMinSpeculativeMargin, dt_s_, nullptr, pair_contacts.contacts);
   } else {
-    const float margin = kMinSpeculativeMargin + closing_distance(bodies, a, b, dt_s_);
     const Vec3 gap =
         (bodies.position[a] - bodies.position[b]).cwiseAbs() - half_extents_[a] - half_extents_[b];
-    if (gap.maxCoeff() > margin + PairManifoldCache::kHorizon) return;
-    pair_cache_.collide(bodies, a, b, margin, results.cached_pairs, pair_contacts.contacts);
+    const float separation = gap.maxCoeff();
+    // Bodies close by less than they travel; the allowance is for rounding.
+    constexpr float kRoundingFactor = 1.001F, kRounding = 1e-3F;
+    const float greatest_margin =
+        kMinSpeculativeMargin + kRoundingFactor * (travel_[a] + travel_[b]) + kRounding;
+    if (separation > greatest_margin + PairManifoldCache::kHorizon) return;
+    const float margin = kMinSpeculativeMargin + closing_distance(bodies, a, b, dt_s_);
+    if (separation > margin + PairManifoldCache::kHorizon) return;
+    points = pair_cache_.collide(bodies, a, b, margin, results.cached_pairs, pair_contacts.contacts);
   }
   // Kept manifolds are corrected when they are made.
   if (any_compound_ && !is_swept && (has_sphere || bodies.rolls_unevenly[a] || bodies.rolls_unevenly[b]))
@@ -654,8 +707,12 @@ void CollisionPipeline::collide_pair(const BodyStore& bodies, std::size_t i, std
   anchor_at_centre_of_mass(bodies, a, pair_contacts.contacts, first);
   // A sphere has a single contact per partner, whose anchor may move far in one step.
   const float tolerance = has_sphere ? bodies.bounding_radius[a] : 0.15F * bodies.bounding_radius[a];
-  match_contacts(pair_contacts, pair_contacts.manifolds.back(), previous_contacts_.pair_contacts(),
-                 previous_contacts_.find_pair(a, b, results.member, results.expected_pair), tolerance);
+  const ContactList& previous = previous_contacts_.pair_contacts();
+  const int known = previous_contacts_.find_pair(a, b, results.member, results.expected_pair);
+  const Manifold& manifold = pair_contacts.manifolds.back();
+  if (known < 0 || !match_points(pair_contacts.contacts_of(manifold),
+                                 previous.contacts_of(previous.manifolds[known]), points, tolerance))
+    match_contacts(pair_contacts, manifold, previous, known, tolerance);
 }
 
 void CollisionPipeline::collide_swept_pair(const BodyStore& bodies, std::size_t a, std::size_t b,
@@ -673,40 +730,52 @@ void CollisionPipeline::collide_swept_pair(const BodyStore& bodies, std::size_t 
   sweep.move_to_start(at_s, std::span(contacts).subspan(first));
 }
 
-// Assigns the offsets of the body runs' outputs in grid order, independent of slabs and members.
+// Assigns the offsets of the body runs' manifolds in grid order, independent of slabs and members.
 void CollisionPipeline::assign_output_offsets(std::vector<BodyRunOutput>& outputs, ContactList& list,
                                               SlabRanges& ranges) const {
-  ContactCounts offset;
+  std::size_t offset = 0;
   for (BodyRunOutput& output : outputs) {
     output.to = offset;
-    offset.manifolds += output.count.manifolds;
-    offset.contacts += output.count.contacts;
+    offset += output.count;
   }
-  list.manifolds.resize(offset.manifolds);
-  list.contacts.resize(offset.contacts);
-  ranges.manifold_count = offset.manifolds;
+  list.manifolds.resize(offset);
+  ranges.manifold_count = offset;
   ranges.range.resize(outputs.size());
   ranges.first_range.clear();
   for (int s = 0; s <= partition_.slab_count(); ++s)
     ranges.first_range.push_back(static_cast<std::int32_t>(partition_.first_body_run_of(s)));
 }
 
+// Contacts lie slab by slab, as a single member finds them.
+void CollisionPipeline::assign_contact_offsets(ContactList& pair_contacts, ContactList& static_contacts) {
+  std::size_t pairs = 0, statics = 0;
+  for (int s = 0; s < partition_.slab_count(); ++s) {
+    SlabResults& results = slab_results_[s];
+    results.first_pair_contact = static_cast<std::int32_t>(pairs);
+    results.first_static_contact = static_cast<std::int32_t>(statics);
+    pairs += results.pair_contacts.contacts.size();
+    statics += results.static_contacts.contacts.size();
+  }
+  pair_contacts.contacts.resize(pairs);
+  static_contacts.contacts.resize(statics);
+}
+
 void CollisionPipeline::merge_slab(int slab, const std::vector<BodyRunOutput>& outputs,
-                                   const ContactList& list, ContactList& to_list, SlabRanges& ranges) const {
+                                   const ContactList& list, std::int32_t first_contact, ContactList& to_list,
+                                   SlabRanges& ranges) const {
   std::size_t run = partition_.first_body_run_of(slab);
   for (const std::int32_t p : partition_.body_runs_of(slab)) {
     const auto& [from, to, count] = outputs[p];
-    const auto offset = static_cast<std::int32_t>(to.contacts) - static_cast<std::int32_t>(from.contacts);
-    for (std::size_t k = 0; k < count.manifolds; ++k) {
-      const Manifold& m = list.manifolds[from.manifolds + k];
-      to_list.manifolds[to.manifolds + k] = {m.a, m.b, m.first + offset, m.count};
+    for (std::size_t k = 0; k < count; ++k) {
+      const Manifold& m = list.manifolds[from + k];
+      to_list.manifolds[to + k] = {m.a, m.b, m.first + first_contact, m.count};
     }
-    // Contact is trivially copyable in effect, but Eigen's copy constructors hide that from the compiler.
-    if (count.contacts > 0)
-      std::memcpy(static_cast<void*>(&to_list.contacts[to.contacts]),
-                  static_cast<const void*>(&list.contacts[from.contacts]), count.contacts * sizeof(Contact));
-    ranges.range[run++] = {static_cast<int>(to.manifolds), static_cast<int>(to.manifolds + count.manifolds)};
+    ranges.range[run++] = {static_cast<int>(to), static_cast<int>(to + count)};
   }
+  // Contact is trivially copyable in effect, but Eigen's copy constructors hide that from the compiler.
+  if (!list.contacts.empty())
+    std::memcpy(static_cast<void*>(&to_list.contacts[first_contact]),
+                static_cast<const void*>(list.contacts.data()), list.contacts.size() * sizeof(Contact));
 }
 
 }  // namespace smartsurf::world

@@ -137,19 +137,20 @@ class CollisionPipeline {
     bool overloaded = false;
     int expected_pair = 0;  // see PreviousContacts::find_pair
     SupportPatches* supports = nullptr;
+    // The slab's manifolds and, of several members, its contacts, which begin here in the merged list. A
+    // single member finds all slabs' contacts in the merged list.
     ContactList pair_contacts, static_contacts;
+    std::int32_t first_pair_contact = 0, first_static_contact = 0;
+    std::size_t contact_count = 0;
     std::vector<std::pair<std::int32_t, std::int32_t>> swept_pairs;
     std::vector<std::int32_t> touched_sleepers;
     std::size_t tested_pairs = 0;
     PairManifoldCache::ChunkCache cached_pairs;
     FieldManifoldCache::ChunkCache cached_field;
   };
-  struct ContactCounts {
-    std::size_t manifolds = 0, contacts = 0;
-  };
-  // Output of one body run: its offset in the slab's list and in the merged list, and its size.
+  // The manifolds of one body run: their offset in the slab's list and in the merged list, and their number.
   struct BodyRunOutput {
-    ContactCounts from, to, count;
+    std::size_t from = 0, to = 0, count = 0;
   };
 
   void compute_large_radius(const BodyStore&);
@@ -176,6 +177,8 @@ class CollisionPipeline {
   void find_support(const BodyStore&, std::size_t body, float margin, std::size_t field_contacts,
                     SlabResults& results) const;
   void collide_slab(const BodyStore&, int slab, SlabResults& results);
+  void collide_slab_in_place(const BodyStore&, int slab, SlabResults& results, ContactList& pair_contacts,
+                             ContactList& static_contacts);
   void collide_body_run(const BodyStore&, const SpatialPartition::BodyRun&, SlabResults& results) const;
   void collide_large_bodies(const BodyStore&, SlabResults& results) const;
   void collide_static(const BodyStore&, std::size_t body, SlabResults& results) const;
@@ -190,9 +193,10 @@ class CollisionPipeline {
   void collide_pair(const BodyStore&, std::size_t i, std::size_t j, SlabResults& results) const;
   void collide_swept_pair(const BodyStore&, std::size_t a, std::size_t b, SlabResults& results) const;
   void assign_output_offsets(std::vector<BodyRunOutput>&, ContactList&, SlabRanges&) const;
+  void assign_contact_offsets(ContactList& pair_contacts, ContactList& static_contacts);
   void update_slab_weights();
-  void merge_slab(int slab, const std::vector<BodyRunOutput>&, const ContactList& from, ContactList& to,
-                  SlabRanges&) const;
+  void merge_slab(int slab, const std::vector<BodyRunOutput>&, const ContactList& from,
+                  std::int32_t first_contact, ContactList& to, SlabRanges&) const;
 
   const surface::Field& field_;
   float dt_s_, ground_height_;
@@ -266,7 +270,7 @@ void CollisionPipeline::for_each_sleeper_in_reach(const BodyStore& bodies, std::
 template <class Found>
 void CollisionPipeline::for_each_in_reach_of_large(const BodyStore& bodies, const UniformGrid& grid,
                                                    std::size_t large, Found found) const {
-  const Vec3 half = bodies.axes[large].cwiseAbs() * bodies.shape[large]->half_extents +
+  const Vec3 half = turned_extents(bodies.axes[large], bodies.shape[large]->half_extents) +
                     Vec3::Constant(speculative_margin_[large]);
   const Vec3 centre = bodies.origin(large);
   grid.for_each_in_box(centre - half, centre + half, found);

@@ -392,8 +392,10 @@ void NativeEngine::write_cell_impulses() {
     scene_field_.impulse[cell] += unit_.to_scene(impulse);
     loaded_cells_.push_back(cell);
   };
-  for (const Load& entry : cell_impulses_)
-    if (entry.cell >= 0) add_load(entry.cell, entry.impulse);
+  // In the order of the manifolds, which does not depend on how the contacts were found.
+  for (const Manifold& m : static_contacts_.manifolds)
+    for (const Load& entry : std::span(cell_impulses_).subspan(m.first, m.count))
+      if (entry.cell >= 0) add_load(entry.cell, entry.impulse);
   for_each_awake_support(
       [&](const SupportPatch&, const SupportSamples& s, Index i) { add_load(s.cell[i], s.load[i]); });
 }

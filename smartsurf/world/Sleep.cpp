@@ -89,34 +89,21 @@ void Sleep::wake_forced(BodyStore& b) {
 
 void Sleep::wake_on_moving_cells(BodyStore& b) {
   if (!any_asleep() || (field_.max_speed == 0.0F && !field_.has_surface_velocity())) return;
-  const auto columns = static_cast<std::size_t>(field_.columns);
   // With few sleepers on many cells it is cheaper to look at their cells alone.
   constexpr int kTypicalCellsPerSleeper = 64;
   const bool few_sleepers =
       field_.is_rectangular() && sleeping_count_ < field_.cells() / kTypicalCellsPerSleeper;
-  row_moves_.assign(field_.rows, 1);
-  for (std::size_t r = 0; r < row_moves_.size() && !few_sleepers; ++r) {
-    int moving = 0;
-    auto accumulate_motion = [&](const std::vector<float>& values) {
-      if (values.empty()) return;
-      const float* row = &values[r * columns];
-      for (std::size_t c = 0; c < columns; ++c) moving |= static_cast<int>(row[c] != 0.0F);
-    };
-    accumulate_motion(field_.speed);
-    accumulate_motion(field_.surface_velocity_x);
-    accumulate_motion(field_.surface_velocity_y);
-    accumulate_motion(field_.surface_spin);
-    for (std::size_t i = r * columns; field_.has_tilt() && i < (r + 1) * columns; ++i)
-      moving |= static_cast<int>(!field_.tilt_rate[i].is_zero());
-    for (std::size_t i = r * columns; field_.has_offset() && i < (r + 1) * columns; ++i)
-      moving |= static_cast<int>(!field_.offset_rate[i].isZero(0.0F));
-    row_moves_[r] = moving != 0;
+  moving_columns_.assign(field_.rows, {0, field_.columns});
+  bool any_moves = few_sleepers;
+  for (std::size_t r = 0; r < moving_columns_.size() && !few_sleepers; ++r) {
+    moving_columns_[r] = find_moving_columns(static_cast<int>(r));
+    any_moves |= moving_columns_[r].begin < moving_columns_[r].end;
   }
+  if (!any_moves && !field_.has_skin()) return;
   // In a free layout rows and columns say nothing about positions, so any motion may be near. An actuator
   // moves a skin beyond the cells near the actuator.
   const bool wake_all =
-      (!field_.is_rectangular() && std::count(row_moves_.begin(), row_moves_.end(), 1) > 0) ||
-      (field_.has_skin() && field_.skin.supports_move);
+      (!field_.is_rectangular() && any_moves) || (field_.has_skin() && field_.skin.supports_move);
   for (const std::int32_t i : sleepers(b))
     if (wake_all || any_cell_moves(cells_near_sleeper_[i])) wake(b, i);
 }
@@ -131,19 +118,50 @@ const std::vector<std::int32_t>& Sleep::sleepers(const BodyStore& b) {
   return sleepers_;
 }
 
+bool Sleep::cell_moves(Index i) const {
+  if (field_.speed[i] != 0.0F) return true;
+  if (field_.has_tilt() && !field_.tilt_rate[i].is_zero()) return true;
+  if (field_.has_offset() && !field_.offset_rate[i].isZero(0.0F)) return true;
+  if (field_.has_surface_velocity() &&
+      (field_.surface_velocity_x[i] != 0.0F || field_.surface_velocity_y[i] != 0.0F))
+    return true;
+  return !field_.surface_spin.empty() && field_.surface_spin[i] != 0.0F;
+}
+
+bool Sleep::row_moves(int row) const {
+  const auto columns = static_cast<std::size_t>(field_.columns),
+             first = static_cast<std::size_t>(row) * columns;
+  int moving = 0;
+  const auto accumulate_motion = [&](const std::vector<float>& values) {
+    if (values.empty()) return;
+    for (std::size_t c = 0; c < columns; ++c) moving |= static_cast<int>(values[first + c] != 0.0F);
+  };
+  accumulate_motion(field_.speed);
+  accumulate_motion(field_.surface_velocity_x);
+  accumulate_motion(field_.surface_velocity_y);
+  accumulate_motion(field_.surface_spin);
+  for (std::size_t i = first; field_.has_tilt() && i < first + columns; ++i)
+    moving |= static_cast<int>(!field_.tilt_rate[i].is_zero());
+  for (std::size_t i = first; field_.has_offset() && i < first + columns; ++i)
+    moving |= static_cast<int>(!field_.offset_rate[i].isZero(0.0F));
+  return moving != 0;
+}
+
+// The columns from the first to the last cell of a row that moves.
+IndexRange Sleep::find_moving_columns(int row) const {
+  if (!row_moves(row)) return {0, 0};
+  IndexRange columns{0, field_.columns};
+  while (!cell_moves(field_.index(row, columns.begin))) ++columns.begin;
+  while (!cell_moves(field_.index(row, columns.end - 1))) --columns.end;
+  return columns;
+}
+
 bool Sleep::any_cell_moves(const CellRect& cells) const {
   for (int r = cells.row_begin; r < cells.row_end; ++r) {
-    if (!row_moves_[r]) continue;
-    for (int c = cells.column_begin; c < cells.column_end; ++c) {
-      const Index i = field_.index(r, c);
-      if (field_.speed[i] != 0.0F) return true;
-      if (field_.has_tilt() && !field_.tilt_rate[i].is_zero()) return true;
-      if (field_.has_offset() && !field_.offset_rate[i].isZero(0.0F)) return true;
-      if (field_.has_surface_velocity() &&
-          (field_.surface_velocity_x[i] != 0.0F || field_.surface_velocity_y[i] != 0.0F))
-        return true;
-      if (!field_.surface_spin.empty() && field_.surface_spin[i] != 0.0F) return true;
-    }
+    const IndexRange moving = moving_columns_[r];
+    const int end = std::min(cells.column_end, moving.end);
+    for (int c = std::max(cells.column_begin, moving.begin); c < end; ++c)
+      if (cell_moves(field_.index(r, c))) return true;
   }
   return false;
 }
@@ -288,7 +306,7 @@ void Sleep::put_to_sleep(BodyStore& b, std::size_t i) {
 
 // The cells under the body and a margin of one cell, whose motion may reach the body too.
 Sleep::CellRect Sleep::cells_near(const BodyStore& b, std::size_t i) const {
-  Vec3 half = b.axes[i].cwiseAbs() * b.shape[i]->half_extents;
+  Vec3 half = turned_extents(b.axes[i], b.shape[i]->half_extents);
   if (field_.has_tips()) half += Vec3::Constant(field_.tip_reach);
   const Vec3 at = b.origin(i);
   auto clamped = [](float u, int max) {

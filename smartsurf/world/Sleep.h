@@ -81,6 +81,9 @@ class Sleep {
   void keep_awake_above(const BodyStore&, const ContactList& pair_contacts);
   void put_to_sleep(BodyStore&, std::size_t body);
   CellRect cells_near(const BodyStore&, std::size_t body) const;
+  bool cell_moves(Index cell) const;
+  bool row_moves(int row) const;
+  IndexRange find_moving_columns(int row) const;
   bool any_cell_moves(const CellRect&) const;
   const std::vector<std::int32_t>& sleepers(const BodyStore&);
 
@@ -95,7 +98,7 @@ class Sleep {
   std::vector<char> has_active_neighbour_;    // touches a moving body
   std::vector<char> is_supported_;            // touches anything, or there is no gravity
   std::vector<CellRect> cells_near_sleeper_;  // under and beside each sleeper; indexed by body
-  std::vector<std::uint8_t> row_moves_;       // whether any cell of the field's row moves
+  std::vector<IndexRange> moving_columns_;    // by row of the field: outside of them no cell moves
   std::vector<std::int32_t> sleepers_;        // ascending, as of sleeper_version_
   unsigned sleeper_version_ = 0;              // of set_version_
   bool has_sleeper_list_ = false;

@@ -18,7 +18,10 @@ namespace pin_scene {
 enum class Shapes { kSpheres, kHalfMixed, kBoxes };
 // kFalling: still pins, and objects spread over the whole table, in the air while they are measured.
 // kHeap: still pins, and objects of half the size that fall into a heap while they are measured.
-enum class Field { kWave, kStill, kFalling, kHeap };
+// kTowers: still pins, and objects that are dropped onto each other in towers while they are measured.
+// kAsleep: the same, measured when all sleep. kBeside: the same beside a fenced strip of pins that move as a
+// wave under the first of the objects, spheres.
+enum class Field { kWave, kStill, kFalling, kHeap, kTowers, kAsleep, kBeside };
 
 struct Workload {
   int n = 64, objects = 100;
@@ -35,12 +38,20 @@ struct Workload {
            (field == Field::kStill     ? " still"
             : field == Field::kFalling ? " falling"
             : field == Field::kHeap    ? " heap"
+            : field == Field::kTowers  ? " towers"
+            : field == Field::kAsleep  ? " asleep"
+            : field == Field::kBeside  ? " beside"
                                        : "");
+  }
+  bool has_towers() const {
+    return field == Field::kTowers || field == Field::kAsleep || field == Field::kBeside;
   }
 };
 
 constexpr double kStepSeconds = 1.0 / 60, kSensorRange = 4.0, kBorderHeight = 6.0, kPinSpeed = 4.0,
                  kObjectSpacing = 6.1;
+// Towers stand on squares of that many cells; the strip that moves beside them is as wide, in the west.
+constexpr int kTowerCells = 12, kTowerBoxes = 12, kVisitors = 24;
 
 inline int layer_count(const Workload& w) {
   const int side = static_cast<int>((w.n - 2) / kObjectSpacing);
@@ -48,7 +59,8 @@ inline int layer_count(const Workload& w) {
 }
 // Number of steps until the objects, dropped in layers, have settled.
 inline int settling_steps(const Workload& w) {
-  if (w.field == Field::kFalling || w.field == Field::kHeap) return 0;
+  if (w.field == Field::kFalling || w.field == Field::kHeap || w.field == Field::kTowers) return 0;
+  if (w.has_towers()) return static_cast<int>(20 / kStepSeconds);
   const double height = (layer_count(w) - 1) * kObjectSpacing * 0.55;
   const double settled_s = std::max(2.0, std::sqrt(2 * height / 10.0) + 1.5);
   return static_cast<int>((w.field == Field::kStill ? settled_s + 40 : settled_s) / kStepSeconds);
@@ -59,7 +71,11 @@ inline void compute_targets(const Workload& w, double time_s, std::vector<float>
   out.resize(static_cast<std::size_t>(w.n) * static_cast<std::size_t>(w.n));
   for (int c = 0; c < w.n; ++c) {
     const double x = c - (w.n - 1) * 0.5;
-    const auto z = static_cast<float>(w.field == Field::kWave ? 1.0 + std::sin(0.3 * x + 0.2 * time_s) : 1.0);
+    const bool moves = w.field == Field::kWave || (w.field == Field::kBeside && c < kTowerCells);
+    const bool is_fence = w.field == Field::kBeside && c == kTowerCells;
+    const auto z = static_cast<float>(moves      ? 1.0 + std::sin(0.3 * x + 0.2 * time_s)
+                                      : is_fence ? kBorderHeight
+                                                 : 1.0);
     for (int r = 0; r < w.n; ++r) out[r * w.n + c] = z;
   }
 }
@@ -81,10 +97,40 @@ inline std::shared_ptr<const smartsurf::scene::Solid> shared_hull_solid(double r
   return solid = std::make_shared<smartsurf::scene::Solid>(smartsurf::mesh::build_hull_solid(corners));
 }
 
+// Towers of cubes, each falling onto the one below, before them, if the pins beside move, the spheres on
+// those.
+inline std::vector<smartsurf::scene::ObjectSpec> make_towers(const Workload& w) {
+  using smartsurf::scene::ShapeKind;
+  std::vector<smartsurf::scene::ObjectSpec> out;
+  std::mt19937 random(1);
+  std::uniform_real_distribution<double> u(0, 1);
+  const int visitors = w.field == Field::kBeside ? kVisitors : 0, first = visitors > 0 ? kTowerCells : 0,
+            side = (w.n - first) / kTowerCells;
+  for (int i = 0; i < visitors; ++i) {
+    smartsurf::scene::ObjectSpec& o = out.emplace_back();
+    o.radius = 1.5;
+    o.position = {0.5 * kTowerCells, (i + 0.5) * w.n / visitors, 4.5};
+  }
+  for (int k = 0; std::ssize(out) < w.objects; ++k) {
+    const double edge = 1.5 + 1.5 * u(random),
+                 x = first + kTowerCells * (k % side + 0.5) + 0.2 * u(random) - 0.1,
+                 y = kTowerCells * (k / side + 0.5) + 0.2 * u(random) - 0.1;
+    for (int i = 0; i < kTowerBoxes; ++i) {
+      smartsurf::scene::ObjectSpec& o = out.emplace_back();
+      o.shape = ShapeKind::kBox;
+      o.size = {edge, edge, edge};
+      o.position = {x + 0.1 * u(random) - 0.05, y + 0.1 * u(random) - 0.05,
+                    1.0 + (i + 0.5) * edge + 1.5 * (i + 1)};
+    }
+  }
+  return out;
+}
+
 // Spheres of radius 1.5 to 3 u in loose layers. In mixed workloads, every other object is a box, cylinder or
 // convex hull of similar size; in workloads of boxes, every object is a box.
 inline std::vector<smartsurf::scene::ObjectSpec> make_objects(const Workload& w) {
   using smartsurf::scene::ShapeKind;
+  if (w.has_towers()) return make_towers(w);
   std::vector<smartsurf::scene::ObjectSpec> out;
   std::mt19937 random(12345);
   std::uniform_real_distribution<double> u(0, 1);

@@ -11,6 +11,16 @@
 
 namespace smartsurf::world {
 
+// Half extents of the bounding box, in world axes, of a box that is turned: |axes|·half_extents. Eigen's
+// product rounds alike, but GCC does not inline it.
+inline Vec3 turned_extents(const Mat3& axes, const Vec3& half_extents) {
+  Vec3 out;
+  for (int i = 0; i < 3; ++i)
+    out[i] = std::abs(axes(i, 0)) * half_extents[0] +
+             (std::abs(axes(i, 1)) * half_extents[1] + std::abs(axes(i, 2)) * half_extents[2]);
+  return out;
+}
+
 // Linear functions n · p + w of a point p, evaluated four at a time to find the greatest. With w = 0 this is
 // the support function of the points n. The last block is padded with copies of the last function.
 class LinearFunctions {

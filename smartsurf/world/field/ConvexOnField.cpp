@@ -122,7 +122,7 @@ class PartOnField {
   void set_bounds() {
     const Shape& s = part_.shape;
     if (s.kind == ShapeKind::kBox || s.kind == ShapeKind::kCylinder) {
-      Vec3 extent = axes_.cwiseAbs() * s.half_extents;
+      Vec3 extent = turned_extents(axes_, s.half_extents);
       if (s.kind == ShapeKind::kCylinder) {
         const auto along = axes_.col(2).array();
         extent = s.high * along.abs() + s.radius * (1.0F - along * along).cwiseMax(0.0F).sqrt();
@@ -482,7 +482,7 @@ class PartOnField {
 template <class Visit>
 void for_each_part_on_field(const Columns& columns, const Shape& shape, const Vec3& centre, const Mat3& axes,
                             float margin, Visit visit) {
-  const Vec3 extent = Vec3(axes.cwiseAbs() * shape.half_extents) + Vec3::Constant(margin);
+  const Vec3 extent = turned_extents(axes, shape.half_extents) + Vec3::Constant(margin);
   if (centre.z() - extent.z() > columns.field().max_height) return;
   const CellRange cells = columns.cells_covering(centre.x() - extent.x(), centre.x() + extent.x(),
                                                  centre.y() - extent.y(), centre.y() + extent.y());

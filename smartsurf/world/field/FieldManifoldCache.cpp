@@ -58,7 +58,7 @@ bool FieldManifoldCache::is_valid(const BodyStore& bodies, std::size_t i, float 
                                   const CachedManifold& cached) const {
   const Mat3 rotation = bodies.axes[i] * cached.axes.transpose() - Mat3::Identity();
   const Vec3 translation = bodies.origin(i) - cached.centre + rotation * (cached.near_centre - cached.centre);
-  const Vec3 rotation_slack = rotation.cwiseAbs() * cached.near_half_extents;
+  const Vec3 rotation_slack = turned_extents(rotation, cached.near_half_extents);
   const float max_motion = std::min(max_travel(bodies, i), cached.clearance - margin);
   const float x = std::abs(translation.x()) + rotation_slack.x(),
               y = std::abs(translation.y()) + rotation_slack.y(), horizontal_squared = x * x + y * y;
@@ -147,7 +147,7 @@ void FieldManifoldCache::rebuild(const BodyStore& bodies, std::size_t i, float m
   manifold.centre = centre;
   manifold.clearance = margin;
   // Points higher than the margin above the cells cannot touch before the lower ones have moved too far.
-  const Vec3 half_extents = axes.cwiseAbs() * bodies.shape[i]->half_extents;
+  const Vec3 half_extents = turned_extents(axes, bodies.shape[i]->half_extents);
   Vec3 high = centre + half_extents;
   high.z() = std::min(high.z(), max_height + margin);
   manifold.near_half_extents = 0.5F * (high - (centre - half_extents));
@@ -181,7 +181,7 @@ void FieldManifoldCache::collide(const BodyStore& bodies, std::size_t i, float m
   const Columns columns(field_, bodies.width[i]);
   const float wide_margin = margin + max_travel(bodies, i);
   const Vec3 extent =
-      Vec3(bodies.axes[i].cwiseAbs() * bodies.shape[i]->half_extents) + Vec3::Constant(wide_margin);
+      turned_extents(bodies.axes[i], bodies.shape[i]->half_extents) + Vec3::Constant(wide_margin);
   if (centre.z() - extent.z() > field_.max_height) return;
   const CellRange cells = columns.cells_covering(centre.x() - extent.x(), centre.x() + extent.x(),
                                                  centre.y() - extent.y(), centre.y() + extent.y());

@@ -180,8 +180,8 @@ TrimmedBox trim(const PlacedShape& box, const Vec3& around, float half_width) {
 
 float collide_convex(const PlacedShape& a, const PlacedShape& b, float margin, const Vec3* cached_normal,
                      std::vector<Contact>& out, float horizon, SimplexCache* simplex_cache) {
-  const Vec3 extent_a = a.axes.cwiseAbs() * a.shape.half_extents,
-             extent_b = b.axes.cwiseAbs() * b.shape.half_extents;
+  const Vec3 extent_a = turned_extents(a.axes, a.shape.half_extents),
+             extent_b = turned_extents(b.axes, b.shape.half_extents);
   const float bounds_separation = ((a.centre - b.centre).cwiseAbs() - extent_a - extent_b).maxCoeff();
   if (bounds_separation > margin + horizon) return bounds_separation;
   if (is_much_larger(a, b) || is_much_larger(b, a)) {

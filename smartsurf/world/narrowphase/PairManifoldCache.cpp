@@ -72,6 +72,15 @@ bool is_valid(const BodyStore& bodies, const RelativePose& pose,
   return travel <= max_pair_travel(min_radius) && !has_slipped(pose, cached, max_pair_slip(min_radius));
 }
 
+// Between two of the points, on a.
+float least_distance(std::span<const PairManifoldCache::CachedPoint> points) {
+  float least_squared = std::numeric_limits<float>::infinity();
+  for (std::size_t i = 0; i < points.size(); ++i)
+    for (std::size_t k = 0; k < i; ++k)
+      least_squared = std::min(least_squared, (points[i].on_a - points[k].on_a).squaredNorm());
+  return std::sqrt(least_squared);
+}
+
 // Collides the bodies at their current poses and stores the manifold.
 void rebuild(const BodyStore& bodies, std::size_t a, std::size_t b, float margin, const Vec3* cached_normal,
              SimplexCache& simplex_cache, PairManifoldCache::CachedManifold& manifold,
@@ -88,6 +97,8 @@ void rebuild(const BodyStore& bodies, std::size_t a, std::size_t b, float margin
     manifold.clearance = 0.0F;
   manifold.point_count = static_cast<std::int32_t>(contacts.size());
   manifold.min_separation = std::numeric_limits<float>::infinity();
+  manifold.touching = 0;
+  const std::size_t first_point = chunk_cache.points.size();
   for (const Contact& c : contacts) {
     manifold.min_separation = std::min(manifold.min_separation, c.separation);
     const Vec3 half_separation = (0.5F * c.separation) * c.normal;
@@ -96,6 +107,7 @@ void rebuild(const BodyStore& bodies, std::size_t a, std::size_t b, float margin
                                   bodies.axes[b].transpose() * from_b,
                                   bodies.axes[b].transpose() * c.normal});
   }
+  manifold.gap = least_distance(std::span(chunk_cache.points).subspan(first_point));
 }
 
 }  // namespace
@@ -139,8 +151,9 @@ const PairManifoldCache::CachedManifold* PairManifoldCache::find(std::size_t a, 
   return k;
 }
 
-void PairManifoldCache::collide(const BodyStore& bodies, std::size_t a, std::size_t b, float margin,
-                                ChunkCache& chunk_cache, std::vector<Contact>& out) const {
+PairManifoldCache::Points PairManifoldCache::collide(const BodyStore& bodies, std::size_t a, std::size_t b,
+                                                     float margin, ChunkCache& chunk_cache,
+                                                     std::vector<Contact>& out) const {
   const RelativePose pose(bodies, a, b);
   const CachedManifold* cached = find(a, b, chunk_cache);
   SimplexCache simplex_cache;
@@ -163,6 +176,8 @@ void PairManifoldCache::collide(const BodyStore& bodies, std::size_t a, std::siz
   manifold.first_point = first_point;
   manifold.simplex = simplex_cache.count > 0 ? static_cast<std::int32_t>(chunk_cache.simplices.size()) : -1;
   if (simplex_cache.count > 0) chunk_cache.simplices.push_back(simplex_cache);
+  constexpr int kMaxKnown = 32;
+  Points points{0, manifold.point_count <= kMaxKnown ? manifold.touching : 0, manifold.gap};
   for (int k = 0; k < manifold.point_count; ++k) {
     const CachedPoint& p = chunk_cache.points[first_point + k];
     const float separation = p.normal.dot(point_offset(pose, p));
@@ -171,7 +186,10 @@ void PairManifoldCache::collide(const BodyStore& bodies, std::size_t a, std::siz
     c.normal = bodies.axes[b] * p.normal;
     c.anchor = bodies.axes[a] * p.on_a;
     c.separation = separation;
+    points.touching |= std::uint32_t{1} << (k % kMaxKnown);
   }
+  manifold.touching = points.touching;
+  return points;
 }
 
 }  // namespace smartsurf::world

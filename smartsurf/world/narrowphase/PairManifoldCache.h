@@ -30,7 +30,9 @@ class PairManifoldCache {
     float clearance;       // separation of everything but the points, u
     float min_separation;  // of the points, u; infinity without any
     std::int32_t first_point, point_count;
-    std::int32_t simplex;  // index in simplices, or −1
+    std::int32_t simplex;    // index in simplices, or −1
+    float gap;               // least distance between two of the points, on a, u; infinity if there are none
+    std::uint32_t touching;  // the points that had contacts, one per bit; none of more than 32
     // ---- set by build_index()
     const CachedPoint* points = nullptr;
     const SimplexCache* simplex_cache = nullptr;
@@ -51,6 +53,13 @@ class PairManifoldCache {
     }
   };
 
+  // The points of a manifold that have contacts now, in their order, and that had some in the last step, one
+  // per bit, if the manifold was kept; none of `touched` if not. `gap`: see CachedManifold.
+  struct Points {
+    std::uint32_t touching = 1, touched = 0;
+    float gap = 0.0F;
+  };
+
   // Takes over a chunk's manifolds of the previous step and empties the list. Call build_index() after all
   // chunks.
   void swap_in(int chunk, ChunkCache&);
@@ -58,8 +67,8 @@ class PairManifoldCache {
 
   // Appends the contacts of bodies a and b, neither a sphere, with separations up to `margin` and normals
   // from b to a, and stores the manifold for the next step.
-  void collide(const BodyStore&, std::size_t a, std::size_t b, float margin, ChunkCache& chunk_cache,
-               std::vector<Contact>& out) const;
+  Points collide(const BodyStore&, std::size_t a, std::size_t b, float margin, ChunkCache& chunk_cache,
+                 std::vector<Contact>& out) const;
 
  private:
   const CachedManifold* find(std::size_t a, std::size_t b, ChunkCache& chunk_cache) const;

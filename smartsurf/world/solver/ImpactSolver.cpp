@@ -130,7 +130,7 @@ void ImpactSolver::find_hits(const Step& step) {
   hits_.clear();
   for (const MemberState& m : members_) hits_.insert(hits_.end(), m.candidates.begin(), m.candidates.end());
   std::sort(hits_.begin(), hits_.end(), [](const Candidate& a, const Candidate& b) {
-    return std::tuple(!a.is_pair, a.contact) < std::tuple(!b.is_pair, b.contact);
+    return std::tuple(!a.is_pair, a.manifold, a.contact) < std::tuple(!b.is_pair, b.manifold, b.contact);
   });
   std::erase_if(hits_, [&](const Candidate& candidate) {
     const ContactList& list = step.list(candidate.is_pair);

@@ -92,18 +92,18 @@ void solve_support_points(const SupportPatches& list, const SupportPatch& p, Bat
     if (pass == kMaxPasses) return;
     double s = mass, sx = 0.0, sy = 0.0, sxx = xx * inverse_determinant, sxy = xy * inverse_determinant,
            syy = yy * inverse_determinant;
-    Vector3 errors = Vector3::Zero();
+    double error = 0.0, error_x = 0.0, error_y = 0.0;
     for (int i = 0; i < count; ++i) {
       const Point& b = bearing[i];
       const double force = b.lifts ? -b.impulse : b.stiffness * b.error;
-      errors += Vector3(force, force * b.x, force * b.y);
+      error += force, error_x += force * b.x, error_y += force * b.y;
       if (b.lifts) continue;
       const double kx = b.stiffness * b.x, ky = b.stiffness * b.y;
       s += b.stiffness, sx += kx, sy += ky, sxx += kx * b.x, sxy += kx * b.y, syy += ky * b.y;
     }
     Matrix3 sum;
     sum << s, sx, sy, sx, sxx, sxy, sy, sxy, syy;
-    const Vector3 change = support::solve(sum, errors);
+    const Vector3 change = support::solve(sum, Vector3(error, error_x, error_y));
     changed = 0;
     for (int i = 0; i < count; ++i) {
       Point& b = bearing[i];
@@ -115,7 +115,7 @@ void solve_support_points(const SupportPatches& list, const SupportPatch& p, Bat
     }
     if (changed > 0 && !p.has_shares) return;
   }
-  Vector3 wrench = Vector3::Zero();
+  double force = 0.0, moment_x = 0.0, moment_y = 0.0;
   for (int i = 0; i < count; ++i) {
     const Point& b = bearing[i];
     BatchPoint& point = points.point[b.index];
@@ -123,10 +123,10 @@ void solve_support_points(const SupportPatches& list, const SupportPatch& p, Bat
     point.normal_impulse[lane] += impulse_change;
     if (!is_soft) point.total_normal_impulse[lane] += impulse_change;
     if (b.limit) b.limit->load[lane] += impulse_change;
-    wrench += b.impulse_change * Vector3(1.0, b.x, b.y);
+    force += b.impulse_change, moment_x += b.impulse_change * b.x, moment_y += b.impulse_change * b.y;
   }
-  const auto tx = static_cast<float>(wrench[2]), ty = static_cast<float>(-wrench[1]);
-  m.velocity[2] += static_cast<float>(wrench[0]) * m.inverse_mass;
+  const auto tx = static_cast<float>(moment_y), ty = static_cast<float>(-moment_x);
+  m.velocity[2] += static_cast<float>(force) * m.inverse_mass;
   m.angular_velocity[0] += w.xx * tx + w.xy * ty;
   m.angular_velocity[1] += w.xy * tx + w.yy * ty;
   m.angular_velocity[2] += w.xz * tx + w.yz * ty;
