@@ -4,7 +4,8 @@ Observations are normalised by their mean and deviation, rewards by the deviatio
 generalised (Schulman et al. 2016); ratios, the value's change and gradients are clipped; the learning rate falls to 0; an episode
 that ends by time goes on with the value of its last state, as CleanRL does all of these.
 
-Each cell's commands are an action of their own, with the world's advantage. Exploration depends on the state (Raffin et al. 2020):
+The value, which training alone needs, also sees the states of the objects and the goals (Pinto et al. 2018), so that it tells what
+the commands changed from what differs between episodes. Each cell's commands are an action of their own, with the world's advantage. Exploration depends on the state (Raffin et al. 2020):
 its noise is a random linear function of a cell's features, the same function for all cells of a world and for some ticks. Noise of
 single cells would average out below an object, which lies on many.
 """
@@ -18,25 +19,28 @@ from typing import Any
 import numpy as np
 import torch
 from gymnasium.vector import AutoresetMode
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 from torch import nn
 
 from ._network import NetworkPolicy
+from ._task import TaskVectorEnv
 from ._vector import VectorEnv
 from .policy import LocalPolicy
 from .training import Log, channel_scale, local_policy, save_policy
 
 Floats = NDArray[np.float32]
 
+VALUE_RATE = 1e-3  # learning rate of the value
+
 
 class Moments:
     """Mean and deviation of all arrays added so far: of each plane of (n, planes, rows, columns), else of each number."""
 
-    def __init__(self, shape: tuple[int, ...], smallest: Floats):
+    def __init__(self, shape: tuple[int, ...], smallest: ArrayLike):
         """smallest: deviations are at least these, so that what hardly ever differs is not magnified."""
         self._axes = (0, 2, 3) if len(shape) == 3 else (0,)
         self._mean = np.zeros((shape[0], 1, 1) if len(shape) == 3 else shape)
-        self._smallest = smallest
+        self._smallest = np.asarray(smallest, np.float32)
         self._square, self._count = np.zeros_like(self._mean), 0.0
 
     def add(self, values: Floats) -> None:
@@ -61,7 +65,7 @@ class Rewards:
     """Divides rewards by the deviation of the discounted return, so that values are about 1."""
 
     def __init__(self, worlds: int, discount: float):
-        self._returns, self._discount, self._moments = np.zeros(worlds), discount, Moments((), np.float32(1e-4))
+        self._returns, self._discount, self._moments = np.zeros(worlds), discount, Moments((), 1e-4)
 
     def __call__(self, rewards: NDArray[np.float64], ends: NDArray[np.bool_]) -> Floats:
         """Both: decisions × worlds."""
@@ -79,7 +83,8 @@ class Actor:
     then a layer that sees all; "mlp": dense layers."""
 
     def __init__(self, kind: str, shape: tuple[int, ...], hidden: tuple[int, ...], action: tuple[int, int, int], memory: int,
-                 neighbours: int, moments: Moments, deviation: float):
+                 neighbours: int, moments: Moments, deviation: float, together: float):
+        """deviation: of the noise at first. together: the share of its variance that is a function of the features."""
         self.kind, self.action, self.memory, self._moments = kind, action, memory, moments
         channels, rows, columns = action
         self.layers: list[Any] = []
@@ -105,8 +110,10 @@ class Actor:
         self._kernel = torch.tensor(np.ones((3, 3), np.float32) if neighbours == 8 else kernel)
         # Features of the noise: 1, row and column, and what a local policy's last layer sees of the own cell.
         self._features = 3 + (width if kind == "local" else 0)
-        self.log_deviation = nn.Parameter(torch.full((channels, self._features), float(np.log(deviation / self._features**0.5))))
-        self.parameters = [self.log_deviation, *(p for layer in self.layers for p in layer.parameters())]
+        shared, single = np.log(deviation) + 0.5 * np.log(np.maximum([together / self._features, 1 - together], 1e-6))
+        self.log_deviation = nn.Parameter(torch.full((channels, self._features), float(shared)))
+        self.log_single_deviation = nn.Parameter(torch.full((channels, 1, 1), float(single)))
+        self.parameters = [self.log_deviation, self.log_single_deviation, *(p for layer in self.layers for p in layer.parameters())]
 
     def _weight(self, layer: Any) -> Any:
         return layer.weight * self._kernel if self.kind == "local" else layer.weight
@@ -139,12 +146,13 @@ class Actor:
         """The random functions of some worlds."""
         return torch.randn((worlds, *self.log_deviation.shape), generator=generator)
 
-    def noise(self, functions: Any, features: Any) -> Any:
-        return torch.einsum("wkf,wfrc->wkrc", functions * self.log_deviation.exp(), features)
+    def noise(self, functions: Any, features: Any, generator: torch.Generator) -> Any:
+        shared = torch.einsum("wkf,wfrc->wkrc", functions * self.log_deviation.exp(), features)
+        return shared + self.log_single_deviation.exp() * torch.randn(shared.shape, generator=generator)
 
     def log_probability(self, actions: Any, mean: Any, features: Any) -> Any:
         """Of each cell's commands: (n, rows, columns)."""
-        variance = torch.einsum("kf,nfrc->nkrc", (2 * self.log_deviation).exp(), features**2) + 1e-6
+        variance = torch.einsum("kf,nfrc->nkrc", (2 * self.log_deviation).exp(), features**2) + (2 * self.log_single_deviation).exp()
         return (-0.5 * ((actions - mean) ** 2 / variance + variance.log() + np.log(2 * np.pi))).sum(dim=1)
 
     def layers_of(self) -> list[tuple[NDArray[np.float64], NDArray[np.float64]]]:
@@ -168,35 +176,21 @@ class Learner:
     def __init__(self, make: Callable[..., VectorEnv], how: argparse.Namespace):
         torch.manual_seed(how.seed)
         torch.set_num_threads(1)  # the same bits for any number of cores
-        self.how, self.envs = how, make(how.worlds, threads=how.threads, autoreset_mode=AutoresetMode.SAME_STEP)
+        self.how, self.envs = how, make(how.worlds, threads=how.threads, autoreset_mode=AutoresetMode.DISABLED)
         envs, worlds = self.envs, how.worlds
         self.channels = envs.actuator_channels
         low, high = (np.array([getattr(c, end) for c in self.channels], np.float32)[:, None, None] for end in ("minimum", "maximum"))
         self.low, self.high = low, high
-        planes = (len(envs._planes()), envs.rows, envs.columns)
-        shape = envs.single_observation_space.shape
+        planes, shape = (len(envs._planes()), envs.rows, envs.columns), envs.single_observation_space.shape
         if how.policy == "mlp" and shape is None:
             raise ValueError("--policy mlp: the task's observation is a dict: it must be one array")
-        # A local policy and a CNN see the planes of the sensors. The value, which is not exported, sees the task's own observation.
+        # A local policy and a CNN see the planes of the sensors, an MLP the task's own observation.
         self._sees_planes = how.policy != "mlp" or shape == planes
         own = planes if self._sees_planes or shape is None else shape
-        judged = planes if shape is None else shape
         scales = np.array([channel_scale(c.minimum, c.maximum) for c in envs.sensor_channels for _ in range(c.components)], np.float32)
-
-        def moments(of: tuple[int, ...]) -> Moments:
-            return Moments(of, 0.02 / scales[:, None, None] if of == planes else np.float32(1e-4))
-        self.moments = moments(own)
-        self.judged_moments = self.moments if judged == own else moments(judged)
+        self.moments = Moments(own, 0.02 / scales[:, None, None] if own == planes else 1e-4)
         self.actor = Actor(how.policy, own, tuple(how.hidden), (len(self.channels), envs.rows, envs.columns), how.memory,
-                           how.neighbours, self.moments, how.exploration)
-        sizes = [int(np.prod(judged)), 64, 64]
-        parts: list[Any] = [part for m, n in zip(sizes, sizes[1:]) for part in (nn.Linear(m, n), nn.Tanh())]
-        self._critic = nn.Sequential(nn.Flatten(), *parts, nn.Linear(64, 1))
-        for part in parts[::2]:
-            nn.init.orthogonal_(part.weight, 2**0.5)
-            nn.init.zeros_(part.bias)
-        self._values_parameters = list(self._critic.parameters())
-        self.optimizer = torch.optim.Adam([*self.actor.parameters, *self._values_parameters], lr=how.learning_rate, eps=1e-5)
+                           how.neighbours, self.moments, how.exploration, how.together)
         self._generator = torch.Generator().manual_seed(how.seed)
         self._rewards = Rewards(worlds, how.discount)
         self.samples = self.episodes = 0
@@ -207,17 +201,43 @@ class Learner:
         self._functions = self.actor.draw(worlds, self._generator)
         self._memory = torch.zeros(worlds, how.memory, envs.rows, envs.columns)
         self._fresh = np.ones(worlds, np.bool_)
-        self._observe(self.envs.reset(seed=how.seed)[0])
+        envs.objects  # from now on the batch writes their states
+        self._observe(envs.reset(seed=how.seed)[0])
+        self.judged_moments = Moments(self._judged.shape[1:], 1e-2)
+        sizes = [self._judged.shape[1], 64, 64]
+        parts: list[Any] = [part for m, n in zip(sizes, sizes[1:]) for part in (nn.Linear(m, n), nn.Tanh())]
+        self._critic = nn.Sequential(*parts, nn.Linear(64, 1))
+        for part in parts[::2]:
+            nn.init.orthogonal_(part.weight, 2**0.5)
+            nn.init.zeros_(part.bias)
+        self._values_parameters = list(self._critic.parameters())
+        self.optimizer = torch.optim.Adam([{"params": self.actor.parameters, "lr": how.learning_rate},
+                                           {"params": self._values_parameters, "lr": VALUE_RATE}], eps=1e-5)
 
     def _observe(self, observation: Any) -> None:
-        planes = np.array(self.envs._observations, np.float32)
-        is_array = isinstance(observation, np.ndarray)
-        self._judged = np.array(observation, np.float32) if is_array else planes
-        self._seen = planes if self._sees_planes else self._judged
+        envs, worlds = self.envs, self.how.worlds
+        planes = np.array(envs._observations, np.float32)
+        parts = observation.values() if isinstance(observation, dict) else [observation]
+        goals = envs._judge.goals.values() if isinstance(envs, TaskVectorEnv) else []
+        known = [envs._object_states, *goals, *parts]
+        self._judged = np.concatenate([np.nan_to_num(np.asarray(part, np.float32).reshape(worlds, -1)) for part in known], axis=1)
+        self._seen = planes if self._sees_planes else np.array(observation, np.float32)
 
     def value(self, judged: Any) -> Any:
         m = self.judged_moments
-        return self._critic((judged - torch.from_numpy(m.mean)) / torch.from_numpy(m.deviation))[:, 0]
+        return self._critic(((judged - torch.from_numpy(m.mean)) / torch.from_numpy(m.deviation)).clamp(-10, 10))[:, 0]
+
+    def warm_up(self) -> None:
+        """A first rollout for the statistics, in which each world begins another episode at its own time: later ones are then in
+        all parts of their episodes."""
+        decisions = self.how.horizon
+        again = torch.randint(decisions, (self.how.worlds,), generator=self._generator).numpy()
+        for decision in range(decisions):
+            self.learn_statistics(self.rollout(1))
+            if (again == decision).any():
+                self._running[again == decision] = 0
+                self._fresh = self._fresh | (again == decision)
+                self._observe(self.envs.reset(options={"reset_mask": again == decision})[0])
 
     def rollout(self, decisions: int) -> dict[str, Any]:
         """What the worlds do in some decisions; lists over these, and the ends by time: (decision, worlds, last observations)."""
@@ -231,12 +251,12 @@ class Learner:
                 self._noise_ticks[renewed] = how.noise_ticks
             self._noise_ticks -= how.hold
             self._memory[torch.from_numpy(self._fresh)] = 0
-            for name, value in (("seen", self._seen), ("judged", self._judged), ("fresh", self._fresh.copy())):
+            for name, value in (("seen", self._seen), ("judged", self._judged), ("fresh", self._fresh)):
                 out[name].append(torch.from_numpy(value))
             out["memory"].append(self._memory)
             with torch.no_grad():
                 mean, self._memory, features = self.actor(out["seen"][-1], self._memory)
-                actions = mean + self.actor.noise(self._functions, features)
+                actions = mean + self.actor.noise(self._functions, features, self._generator)
             out["actions"].append(actions)
             commands = (middle + half * np.clip(actions.numpy(), -1, 1)).astype(np.float32)
             reward, over = np.zeros(worlds), np.zeros(worlds, np.bool_)
@@ -247,33 +267,32 @@ class Learner:
                 reward += tick_reward / how.hold
                 self._running += tick_reward
                 self.samples += int((~over).sum())
-                ends = (terminated | truncated) & ~over
+                again = terminated | truncated
+                ends = again & ~over
                 if ends.any():
-                    self._end(ends, infos)
+                    self.returns += list(self._running[ends])
+                    self.won += list(infos["success"][ends])
+                    self.episodes += int(ends.sum())
+                    self._running[ends] = 0
                     cut = np.flatnonzero(ends & truncated & ~terminated)
                     if len(cut):
-                        last = infos["final_obs"] if isinstance(observation, np.ndarray) else None
-                        judged = np.stack([last[i] for i in cut]) if last is not None else self.envs._final[cut]
-                        out["cut"].append((decision, cut, torch.from_numpy(np.asarray(judged, np.float32))))
+                        self._observe(observation)
+                        out["cut"].append((decision, cut, torch.from_numpy(self._judged[cut])))
                     over |= ends
+                if again.any():
+                    observation, _ = self.envs.reset(options={"reset_mask": again})
             out["rewards"].append(reward)
             out["ends"].append(over)
             self._fresh = over
             self._observe(observation)
         return out
 
-    def _end(self, ends: NDArray[np.bool_], infos: dict[str, Any]) -> None:
-        self.returns += list(self._running[ends])
-        self.won += list(infos["final_info"]["success"][ends])
-        self.episodes += int(ends.sum())
-        self._running[ends] = 0
-
     def learn_statistics(self, rollout: dict[str, Any]) -> None:
         self.moments.add(torch.cat(rollout["seen"]).numpy())
-        if self.judged_moments is not self.moments:
-            self.judged_moments.add(torch.cat(rollout["judged"]).numpy())
+        self.judged_moments.add(torch.cat(rollout["judged"]).numpy())
 
-    def update(self, rollout: dict[str, Any], rate: float) -> None:
+    def update(self, rollout: dict[str, Any], left: float) -> None:
+        """left: the share of the training that is to come, by which the learning rates fall."""
         how = self.how
         judged, ends = torch.stack(rollout["judged"]), np.array(rollout["ends"])
         decisions, worlds = ends.shape
@@ -292,7 +311,7 @@ class Learner:
         length = min(how.sequence, decisions) if how.memory else 1
         starts = [(t, w) for t in range(0, decisions - length + 1, length) for w in range(worlds)]
         seen, actions, memory = (torch.stack(rollout[name]) for name in ("seen", "actions", "memory"))
-        fresh, targets = torch.from_numpy(np.array([f.numpy() for f in rollout["fresh"]])), advantages + values
+        fresh, targets = torch.stack(rollout["fresh"]), advantages + values
 
         def of(data: Any, chosen: Any, step: int) -> Any:
             return data[chosen[:, 0] + step, chosen[:, 1]]
@@ -311,8 +330,8 @@ class Learner:
         with torch.no_grad():  # with the statistics of now
             before = torch.cat([log_probabilities(part).reshape(length, len(part), *self.actor.action[1:])
                                 for part in every.split(1024)], dim=1)
-        for group in self.optimizer.param_groups:
-            group["lr"] = rate
+        for group, rate in zip(self.optimizer.param_groups, (how.learning_rate, VALUE_RATE)):
+            group["lr"] = rate * left
         for _ in range(how.epochs):
             for batch in torch.randperm(len(every), generator=self._generator).chunk(how.minibatches):
                 chosen = every[batch]
@@ -323,7 +342,7 @@ class Learner:
                 own = flat(advantages)
                 own = ((own - own.mean()) / (own.std() + 1e-8))[:, None, None]
                 loss = -torch.min(own * ratio, own * ratio.clamp(1 - how.clip, 1 + how.clip)).mean()
-                loss = loss - how.entropy * self.actor.log_deviation.mean()
+                loss = loss - how.entropy * (self.actor.log_deviation.mean() + self.actor.log_single_deviation.mean())
                 now, then, target = self.value(flat(judged)), flat(values), flat(targets)
                 near = then + (now - then).clamp(-how.clip, how.clip)
                 loss = loss + 0.5 * torch.max((now - target) ** 2, (near - target) ** 2).mean()
@@ -345,11 +364,11 @@ def train(make: Callable[..., VectorEnv], how: argparse.Namespace, folder: pathl
     """A LocalPolicy with how.policy "local", else a NetworkPolicy, "cnn" or "mlp"; how: as train.main() parses it."""
     learner = Learner(make, how)
     log = Log(folder, make, how)
-    learner.learn_statistics(learner.rollout(max(1, how.horizon // 4)))
+    learner.warm_up()
     for iteration in range(how.iterations):
         rollout = learner.rollout(how.horizon)
         learner.learn_statistics(rollout)
-        learner.update(rollout, how.learning_rate * (1 - iteration / how.iterations))
+        learner.update(rollout, 1 - iteration / how.iterations)
         policy = learner.policy()
         save_policy(policy, folder, title)
         returns = learner.returns

@@ -29,7 +29,8 @@ class Env(EnvBase):  # type: ignore[misc]  # has no types where it is missing
             raise ValueError("smartsurf.torchrl.Env needs an environment made with autoreset_mode='Disabled'")
         worlds = env.num_envs
         super().__init__(device="cpu", batch_size=[worlds])
-        self.env, self._first_seed = env, None
+        self.env = env
+        self._first_seed: int | None = None
         space = env.observation_space
         spaces = space.spaces if isinstance(space, gymnasium.spaces.Dict) else {"observation": space}
         flag = Categorical(2, shape=(worlds, 1), dtype=torch.bool)

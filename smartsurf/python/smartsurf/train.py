@@ -18,6 +18,7 @@ import os
 import pathlib
 import sys
 from collections.abc import Sequence
+from typing import Any
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
@@ -54,6 +55,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     of_ppo.add_argument("--entropy", type=float, default=0.0, help="weight of the entropy [0]")
     of_ppo.add_argument("--learning-rate", type=float, default=1e-3, help="[0.001], which falls to 0")
     of_ppo.add_argument("--exploration", type=float, default=0.5, help="deviation of commands at the start, of half their range [0.5]")
+    of_ppo.add_argument("--together", type=float, default=0.5, help="share of its variance that the cells of a world have in common [0.5]")
     of_ppo.add_argument("--noise-ticks", type=_whole, default=24, help="for which the cells of a world explore alike [24]")
     how = parser.parse_args(arguments)
     if how.method == "cem" and how.policy != "local":
@@ -76,13 +78,14 @@ def main(arguments: Sequence[str] | None = None) -> None:
         raise ValueError(f"{error}; it needs the package's extra: pip install 'smartsurf[learning]'") from error
     name, make = training.find_task(how.task)
     folder = how.out or pathlib.Path("out/train") / f"{name}-{how.method}"
-    train = training.train_cem
+    learn: Any = training.train_cem
     if how.method == "ppo":
         try:
-            from ._ppo import train
+            from . import _ppo
         except ImportError as error:
             raise ValueError("--method ppo needs torch: pip install torch; cem does not") from error
-    train(make, how, folder, f"{name}: learned by smartsurf train --method {how.method}.")
+        learn = _ppo.train
+    learn(make, how, folder, f"{name}: learned by smartsurf train --method {how.method}.")
     print(f"wrote {', '.join(str(path) for path in sorted(folder.iterdir()) if path.suffix in ('.aps', '.onnx', '.csv'))}")
 
 
