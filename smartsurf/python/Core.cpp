@@ -112,7 +112,7 @@ common::Image render(const Environment& environment, std::unique_ptr<view::Offsc
   view::OffscreenView::require_available();
   const scene::SceneSpec& scene = environment.scene();
   if (!view)
-    view = std::make_unique<view::OffscreenView>(scene, fast ? view::Detail::kFast : view::Detail::kVideo);
+    view = std::make_unique<view::OffscreenView>(scene, fast ? view::Detail::kFast : view::Detail::kSmooth);
   return view->render(environment.simulation().snapshot(), environment.simulation().catalogue(),
                       make_camera(environment, camera, width, height), {}, width, height);
 }

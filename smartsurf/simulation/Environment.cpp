@@ -96,6 +96,7 @@ void Environment::start_episode(std::uint64_t seed, const Values& values) {
 void Environment::start_simulation() {
   failed_ = false;
   simulation_.emplace(*experiment_, options_.threads, /*scripted_actuators=*/options_.controller == nullptr);
+  simulation_->hash_when_asked();
   if (options_.controller) {
     if (!controller_) controller_.emplace(options_.controller);
     controller_->start_episode(scene());
@@ -280,7 +281,7 @@ bool Environment::advance() {
   if (const auto failure = s.failure()) throw scene::InputError(scene().file + ": " + *failure);
   s.finish_tick();
   s.sense();
-  experiment_->update_metrics(s.snapshot().time_s, s.snapshot().tick);
+  experiment_->update_metrics(s.snapshot_without_hash().time_s, s.snapshot_without_hash().tick);
   failed_ = false;
   return true;
 }
@@ -288,8 +289,8 @@ bool Environment::advance() {
 StepResult Environment::step() {
   const bool has_advanced = advance();
   Simulation& s = running();
-  const double time_s = s.snapshot().time_s;
-  const std::uint64_t tick = s.snapshot().tick;
+  const double time_s = s.snapshot_without_hash().time_s;
+  const std::uint64_t tick = s.snapshot_without_hash().tick;
   StepResult result;
   result.reward = experiment_->reward(time_s, tick);
   result.success = experiment_->success(time_s, tick).has_value();
@@ -306,7 +307,7 @@ std::vector<script::Experiment::InfoField> Environment::info_fields() const {
 }
 
 void Environment::info(std::span<double> values) {
-  const scene::Snapshot& snapshot = running().snapshot();
+  const scene::Snapshot& snapshot = running().snapshot_without_hash();
   const std::vector<scene::Variation>& vary = simulation_->nuisances();
   experiment_->info(snapshot.time_s, snapshot.tick, values.first(values.size() - vary.size()));
   std::ranges::transform(vary, values.last(vary.size()).begin(),
@@ -320,9 +321,9 @@ std::size_t Environment::observation_size() const {
 }
 
 void Environment::observe(std::span<float> values) const {
-  auto out = values.begin();
+  float* out = values.data();
   for (const scene::ChannelData& channel : simulation().sensors())
-    out = std::ranges::copy(channel.values, out).out;
+    out = std::copy_n(channel.values.data(), channel.values.size(), out);
 }
 
 }  // namespace smartsurf::simulation

@@ -124,6 +124,7 @@ class EnvironmentBatch {
   void copy_state(std::size_t, const StateArrays& from, const StateArrays& to) const;
   void throw_first_error();
   void collapse_huge_pages() const;
+  void prefetch_world(std::size_t) const;
   void start_episode(std::size_t, std::uint64_t seed, const BatchArrays&);
   void start_next_episode(std::size_t, const BatchArrays&);
   void end_observed(std::size_t);

@@ -130,9 +130,16 @@ bool Simulation::set_wrench(scene::ObjectId id, const surface::Wrench& wrench) {
 void Simulation::commit_actuators() noexcept { actuator_array_.commit(scene().world.dt_s); }
 
 void Simulation::take_snapshot() {
-  engine_->snapshot(snapshot_);
+  lacks_hash_ = hashes_when_asked_;
+  engine_->snapshot(snapshot_, !lacks_hash_);
   actuator_array_.write_cell_motion(snapshot_.actuator_state);
   actuator_array_.write_joint_positions(snapshot_.joint_position);
+}
+
+// Before anything changes the state after the tick.
+void Simulation::add_hash() const {
+  lacks_hash_ = false;
+  engine_->snapshot(snapshot_);
 }
 
 void Simulation::finish_tick() {
@@ -179,10 +186,10 @@ void Simulation::archive(common::StateArchive& a) {
   departures_.archive(a);
   a(wrenches_);
   a(snapshot_.tick, snapshot_.time_s);
-  const std::uint64_t hash = a.value(snapshot_.state_hash);
+  const std::uint64_t hash = a.value(a.saves() ? snapshot().state_hash : 0);
   if (!a.saves()) {
     take_snapshot();
-    if (snapshot_.state_hash != hash) throw common::UserError("the saved state is damaged");
+    if (snapshot().state_hash != hash) throw common::UserError("the saved state is damaged");
     requests_ = {};
   }
   sensor_array_.archive(a, snapshot_, catalogue_, pool_);
@@ -209,6 +216,7 @@ void Simulation::stop(std::string message, std::optional<bool> success) {
 }
 
 scene::ObjectId Simulation::spawn(const scene::ObjectSpec& spec) {
+  snapshot();
   scene::ObjectSpec varied = spec;
   nuisances_.apply(scene(), varied);
   const scene::ObjectId id = engine_->add(varied);
@@ -222,7 +230,11 @@ scene::JointId Simulation::add_joint(const scene::JointSpec& spec) {
   return engine_->add_joint(spec);
 }
 
-void Simulation::remove(scene::ObjectId id) { engine_->remove(id); }
+void Simulation::remove(scene::ObjectId id) {
+  snapshot();
+  engine_->remove(id);
+}
+
 bool Simulation::is_alive(scene::ObjectId id) const { return engine_->alive(id); }
 
 script::ObjectState Simulation::state(scene::ObjectId id) const { return engine_->state(id); }
@@ -247,6 +259,7 @@ void Simulation::apply_force(scene::ObjectId id, const Eigen::Vector3d& force,
 }
 
 void Simulation::set_state(scene::ObjectId id, const script::ObjectStateUpdate& update) {
+  snapshot();
   engine_->place(id, update);
 }
 

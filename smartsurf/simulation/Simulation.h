@@ -73,7 +73,15 @@ class Simulation final : public script::SimulationInterface {
 
   // The state after the last tick.
 
-  const scene::Snapshot& snapshot() const noexcept { return snapshot_; }
+  const scene::Snapshot& snapshot() const {
+    if (lacks_hash_) add_hash();
+    return snapshot_;
+  }
+  // The same, but the hash may be that of an earlier tick.
+  const scene::Snapshot& snapshot_without_hash() const noexcept { return snapshot_; }
+  // From now on a tick's state is hashed only if snapshot() is called: the hash takes a few per cent of a
+  // small world's step.
+  void hash_when_asked() noexcept { hashes_when_asked_ = true; }
   // Every object ever created, index = id.
   const std::vector<scene::ObjectSpec>& catalogue() const noexcept { return catalogue_; }
   // The load-bearing contacts of the last physics step. Allocates.
@@ -128,6 +136,7 @@ class Simulation final : public script::SimulationInterface {
   void require_scripted_actuators() const;
   void collect_channels();
   void take_snapshot();
+  void add_hash() const;
   void archive_object(common::StateArchive&, scene::ObjectSpec&);
   int find_actuator_channel(const std::string& name) const;
   int find_sensor_channel(const std::string& name) const;
@@ -149,7 +158,9 @@ class Simulation final : public script::SimulationInterface {
     surface::Wrench wrench;
   };
   std::vector<ObjectWrench> wrenches_;  // of set_wrench(), but those that are zero, ascending by id
-  scene::Snapshot snapshot_;
+  mutable scene::Snapshot snapshot_;
+  bool hashes_when_asked_ = false;
+  mutable bool lacks_hash_ = false;
   bool tick_started_ = false;  // actuator_array_.begin_tick() was called for the current tick
   std::vector<scene::ChannelData> sensors_, actuators_;
   ScriptRequests requests_;

@@ -81,8 +81,8 @@ class Engine {
   virtual int sleeping_count() const = 0;
 
   // Copies object states, field heights, the contact count and the state hash; reuses the vectors' memory.
-  // Leaves tick and time to the caller.
-  virtual void snapshot(scene::Snapshot&) const = 0;
+  // Leaves tick and time to the caller. with_hash: an engine may leave the hash as it is without.
+  virtual void snapshot(scene::Snapshot&, bool with_hash = true) const = 0;
 
   // True if the last step did not take place, because more objects overlap than solids can: memory and time
   // for their contacts would have no bound.

@@ -195,7 +195,7 @@ NativeEngine::StepWork NativeEngine::step_work() const {
           pair_contacts_.contacts.size() + static_contacts_.contacts.size()};
 }
 
-void NativeEngine::snapshot(scene::Snapshot& out) const {
+void NativeEngine::snapshot(scene::Snapshot& out, bool with_hash) const {
   const BodyStore& b = bodies_;
   const std::size_t n = b.id.size();
   out.id = b.id;
@@ -213,11 +213,15 @@ void NativeEngine::snapshot(scene::Snapshot& out) const {
       out.angular_velocity[i] = to_array(b.angular_velocity(i));
     }
   });
-  StateHash hash = hash_objects(out);
-  field_hasher_.copy_and_hash(scene_field_, field_changed_, out.height, hash);
-  field_changed_ = false;
+  if (with_hash) {
+    StateHash hash = hash_objects(out);
+    field_hasher_.copy_and_hash(scene_field_, field_changed_, out.height, hash);
+    field_changed_ = false;
+    out.state_hash = hash.value();
+  } else {
+    out.height = scene_field_.height;
+  }
   out.skin_height = scene_field_.skin.height;
-  out.state_hash = hash.value();
   out.contact_count = static_cast<std::uint32_t>(
       pair_contacts_.contacts.size() + static_contacts_.contacts.size() + sleep_.contacts().contact_count());
 }

@@ -59,7 +59,7 @@ class NativeEngine final : public Engine {
   };
   StepWork step_work() const;
   int sleeping_count() const override { return sleep_.sleeping_count(); }
-  void snapshot(scene::Snapshot&) const override;
+  void snapshot(scene::Snapshot&, bool with_hash) const override;
   bool is_overloaded() const override { return collision_.is_overloaded(); }
   void archive(common::StateArchive&, std::span<const scene::ObjectSpec> catalogue,
                std::size_t declared) override;

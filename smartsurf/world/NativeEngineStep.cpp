@@ -3,6 +3,7 @@
 #include <array>
 #include <span>
 #include <type_traits>
+#include <vector>
 
 #include "smartsurf/world/NativeEngine.h"
 #include "smartsurf/world/field/ContinuousCollision.h"
@@ -21,9 +22,12 @@ struct NativeEngine::Stage {
   const char* name;
   Threads threads;
   void (*run)(E&, const Member&);
-  bool (*applies)(const E&) = always;  // stages of the team run only if any body is active
+  bool (*applies)(const E&) = nullptr;  // null: always; stages of the team run only if any body is active
 
   static const Stage kAll[];
+  // Stages of the team that follow each other run in one fork, because waking threads costs more than a
+  // barrier.
+  static const std::vector<std::span<const Stage>>& sections();
 
   bool is_of_team() const { return threads != kCaller; }
 
@@ -35,7 +39,6 @@ struct NativeEngine::Stage {
     else
       (engine.*function)();
   }
-  static bool always(const E&) { return true; }
   static bool any_active(const E& e) { return !e.active_bodies_.empty(); }
   static bool none_active(const E& e) { return e.active_bodies_.empty(); }
   static bool any_asleep(const E& e) { return e.sleep_.any_asleep(); }
@@ -83,15 +86,23 @@ const NativeEngine::Stage NativeEngine::Stage::kAll[] = {
 };
 // clang-format on
 
+const std::vector<std::span<const NativeEngine::Stage>>& NativeEngine::Stage::sections() {
+  static const auto all = [] {
+    std::vector<std::span<const Stage>> sections;
+    for (auto stages = std::span<const Stage>(kAll); !stages.empty();) {
+      const auto end = std::ranges::find(stages, !stages.front().is_of_team(), &Stage::is_of_team);
+      sections.push_back(stages.first(end - stages.begin()));
+      stages = stages.subspan(sections.back().size());
+    }
+    return sections;
+  }();
+  return all;
+}
+
 void NativeEngine::step() {
   solver_ = &Solver::of_this_thread(settings_);
-  for (auto stages = std::span<const Stage>(Stage::kAll); !stages.empty();) {
-    // Stages of the team that follow each other run in one fork, because waking threads costs more than a
-    // barrier.
-    const bool of_team = stages.front().is_of_team();
-    const auto end = std::ranges::find(stages, !of_team, &Stage::is_of_team);
-    const auto section = stages.first(end - stages.begin());
-    stages = stages.subspan(section.size());
+  for (const std::span<const Stage> section : Stage::sections()) {
+    const bool of_team = section.front().is_of_team();
     if (of_team && active_bodies_.empty()) continue;
     team_.run(of_team && active_bodies_.size() >= kMinParallelBodies,
               [&](const Member& member) { run_stages(section, member); });
@@ -101,7 +112,7 @@ void NativeEngine::step() {
 
 void NativeEngine::run_stages(std::span<const Stage> stages, const Member& member) {
   for (const Stage& stage : stages) {
-    if (!stage.applies(*this)) continue;
+    if (stage.applies != nullptr && !stage.applies(*this)) continue;
     if (stage.threads == Stage::kOneOfTeam)
       member.single([&] { stage.run(*this, member); });
     else

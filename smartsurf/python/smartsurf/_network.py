@@ -13,21 +13,23 @@ FloatArray = NDArray[np.float32]
 
 
 class NetworkPolicy:
-    """A network that commands the whole surface: action = clip(middle + half · network(observation / scale), low, high).
+    """A network that commands the whole surface: action = clip(middle + half ·
+    network((observation − mean) / scale), low, high).
 
     layers: weights and biases; (out, in) of a dense layer, which sees all that is before it as one vector, (out, in, 3, 3) of a
         convolution with zeros beyond the edge. max(x, 0) between them. All float32.
-    scale: of the observations, broadcast to their shape. low, high: of the actions, broadcast to their shape; middle and half
+    scale, mean: of the observations, broadcast to their shape. low, high: of the actions, broadcast to their shape; middle and half
         are those of this range.
     observation_shape, action_shape: without worlds, such as (planes, rows, columns) of an `Env`.
     """
 
     def __init__(self, layers: Sequence[tuple[ArrayLike, ArrayLike]], observation_shape: Sequence[int],
-                 action_shape: Sequence[int], low: ArrayLike, high: ArrayLike, scale: ArrayLike = 1.0):
+                 action_shape: Sequence[int], low: ArrayLike, high: ArrayLike, scale: ArrayLike = 1.0,
+                 mean: ArrayLike = 0.0):
         self.layers = [(np.array(w, np.float32), np.array(b, np.float32)) for w, b in layers]
         self.observation_shape, self.action_shape = tuple(observation_shape), tuple(action_shape)
         self.low, self.high = (np.broadcast_to(np.asarray(end, np.float32), self.action_shape).copy() for end in (low, high))
-        self.scale = np.broadcast_to(np.asarray(scale, np.float32), self.observation_shape).copy()
+        self.scale, self.mean = (np.broadcast_to(np.asarray(of, np.float32), self.observation_shape).copy() for of in (scale, mean))
         shape: tuple[int, ...] = self.observation_shape
         for number, (weights, biases) in enumerate(self.layers):
             convolves = weights.ndim == 4 and len(shape) == 3
@@ -38,6 +40,22 @@ class NetworkPolicy:
             shape = after
         if int(np.prod(shape)) != int(np.prod(self.action_shape)):
             raise ValueError(f"the last layer has outputs {shape}: must be as many as the actions {self.action_shape}")
+
+    def __call__(self, observation: ArrayLike) -> FloatArray:
+        """The actions, (worlds, *action_shape), of observations (worlds, *observation_shape), as the ONNX model's to rounding."""
+        value = (np.asarray(observation, np.float32) - self.mean) / self.scale
+        worlds = len(value)
+        for number, (weights, biases) in enumerate(self.layers):
+            value = np.maximum(value, 0) if number else value
+            if weights.ndim == 4:
+                padded = np.pad(value, ((0, 0), (0, 0), (1, 1), (1, 1)))
+                windows = np.lib.stride_tricks.sliding_window_view(padded, (3, 3), axis=(2, 3))
+                value = np.einsum("nirckl,oikl->norc", windows, weights, optimize=True) + biases[:, None, None]
+            else:
+                value = value.reshape(worlds, -1) @ weights.T + biases
+        half, middle = (self.high - self.low) / 2, (self.high + self.low) / 2
+        actions: FloatArray = np.clip(middle + half * value.reshape(worlds, *self.action_shape), self.low, self.high)
+        return actions.astype(np.float32)
 
     def export(self, path: PathName) -> None:
         """Writes an ONNX model, from `observation`, float32 (worlds, *observation_shape), to `action`, float32 (worlds,
@@ -60,7 +78,8 @@ class NetworkPolicy:
             nodes.append(helper.make_node(operator, list(inputs), [name], **attributes))
             return name
 
-        value = apply("Div", "observation", constant(self.scale))
+        sensed = apply("Sub", "observation", constant(self.mean)) if self.mean.any() else "observation"
+        value = apply("Div", sensed, constant(self.scale))
         for number, (weights, biases) in enumerate(self.layers):
             if weights.ndim == 4:
                 value = apply("Conv", value, constant(weights), constant(biases), pads=[1, 1, 1, 1], kernel_shape=[3, 3])

@@ -7,7 +7,7 @@ of `smartsurf run`.
 
   cem   the cross-entropy method (Rubinstein 1999) over the parameters of a LocalPolicy. Needs NumPy and Gymnasium alone.
   ppo   proximal policy optimization (Schulman et al. 2017), after CleanRL's. Every cell's commands are an action of their own,
-        with the advantage of the world. Needs torch.
+        with the advantage of the world; the cells of a world explore together. Needs torch.
 
 Equal arguments give equal policies, for any number of threads.
 """
@@ -18,6 +18,7 @@ import os
 import pathlib
 import sys
 from collections.abc import Sequence
+from typing import Any
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
@@ -30,35 +31,61 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--hidden", type=_sizes, metavar="N,…", help="units of the hidden layers, 0 for none [cem 4, ppo 16]")
     parser.add_argument("--iterations", type=_whole, default=30, help="generations or updates [30]")
     parser.add_argument("--seed", type=int, default=1, help="of everything random [1]")
+    parser.add_argument("--neighbours", type=int, choices=(0, 4, 8), help="that each cell of a local policy reads [cem 4, ppo 8]")
+    parser.add_argument("--memory", type=int, default=0, help="values that each cell of a local policy remembers [0]")
+    parser.add_argument("--test", type=int, default=0, metavar="N",
+                        help="episodes of other seeds after each iteration, which neither samples nor times count [0]")
     parser.add_argument("--threads", type=_whole, default=len(os.sched_getaffinity(0)), help="that compute worlds [one per core]")
     parser.add_argument("-o", "--out", type=pathlib.Path, metavar="FOLDER")
     of_cem = parser.add_argument_group("cem")
     of_cem.add_argument("--candidates", type=_whole, default=24, help="of a generation [24]")
     of_cem.add_argument("--runs", type=_whole, default=4, help="episodes of each candidate [4]")
     of_cem.add_argument("--deviation", type=float, default=0.5, help="of the parameters at the start [0.5]")
-    of_cem.add_argument("--memory", type=int, default=0, help="values that each cell remembers [0]")
     of_cem.add_argument("--substeps", type=_whole, default=1, help="how often the network is applied in a tick; needs memory [1]")
-    of_cem.add_argument("--neighbours", type=int, choices=(0, 4, 8), default=4, help="that each cell reads [4]")
     of_ppo = parser.add_argument_group("ppo")
     of_ppo.add_argument("--worlds", type=_whole, default=32, help="[32]")
-    of_ppo.add_argument("--horizon", type=_whole, default=64, help="decisions between two updates [64]")
-    of_ppo.add_argument("--hold", type=_whole, default=6, help="ticks of a decision, while it learns [6]")
-    of_ppo.add_argument("--epochs", type=_whole, default=4, help="of an update [4]")
-    of_ppo.add_argument("--discount", type=float, default=0.98, help="[0.98]")
+    of_ppo.add_argument("--hold", type=_whole, help="ticks of a decision, while it learns [6, with memory 1]")
+    of_ppo.add_argument("--horizon", type=_whole, help="decisions between two updates [192 ticks]")
+    of_ppo.add_argument("--discount", type=float, help="of a decision [0.98 for 6 ticks]")
+    of_ppo.add_argument("--gae-lambda", type=float, help="of a decision [0.95 for 6 ticks]")
+    of_ppo.add_argument("--epochs", type=_whole, default=10, help="of an update [10]")
+    of_ppo.add_argument("--minibatches", type=_whole, default=8, help="of an epoch [8]")
+    of_ppo.add_argument("--sequence", type=_whole, default=24, help="decisions through which gradients of memory go back [24]")
+    of_ppo.add_argument("--clip", type=float, default=0.2, help="of ratios and values [0.2]")
+    of_ppo.add_argument("--entropy", type=float, default=0.0, help="weight of the entropy [0]")
     of_ppo.add_argument("--learning-rate", type=float, default=1e-3, help="[0.001], which falls to 0")
+    of_ppo.add_argument("--exploration", type=float, default=0.5, help="deviation of commands at the start, of half their range [0.5]")
+    of_ppo.add_argument("--together", type=float, default=0.5, help="share of its variance that the cells of a world have in common [0.5]")
+    of_ppo.add_argument("--noise-ticks", type=_whole, default=24, help="for which the cells of a world explore alike [24]")
     how = parser.parse_args(arguments)
     if how.method == "cem" and how.policy != "local":
         parser.error(f"--policy {how.policy}: --method cem searches local policies; use --method ppo")
     if how.hidden is None:
         how.hidden = (4,) if how.method == "cem" else (16,)
+    if how.neighbours is None:
+        how.neighbours = 4 if how.method == "cem" else 8
+    if how.memory < 0 or how.memory and how.policy != "local":
+        parser.error(f"--memory {how.memory}: a local policy has memory, 0 values or more")
+    if how.memory and how.hold not in (None, 1):
+        parser.error(f"--hold {how.hold}: a policy with memory decides in each tick: --hold 1")
+    how.hold = how.hold or (1 if how.memory else 6)
+    how.horizon = how.horizon or max(1, 192 // how.hold)
+    how.discount = 0.98 ** (how.hold / 6) if how.discount is None else how.discount
+    how.gae_lambda = 0.95 ** (how.hold / 6) if how.gae_lambda is None else how.gae_lambda
     try:
         from . import training
     except ImportError as error:
         raise ValueError(f"{error}; it needs the package's extra: pip install 'smartsurf[learning]'") from error
     name, make = training.find_task(how.task)
     folder = how.out or pathlib.Path("out/train") / f"{name}-{how.method}"
-    train = training.train_cem if how.method == "cem" else training.train_ppo
-    train(make, how, folder, f"{name}: learned by smartsurf train --method {how.method}.")
+    learn: Any = training.train_cem
+    if how.method == "ppo":
+        try:
+            from . import _ppo
+        except ImportError as error:
+            raise ValueError("--method ppo needs torch: pip install torch; cem does not") from error
+        learn = _ppo.train
+    learn(make, how, folder, f"{name}: learned by smartsurf train --method {how.method}.")
     print(f"wrote {', '.join(str(path) for path in sorted(folder.iterdir()) if path.suffix in ('.aps', '.onnx', '.csv'))}")
 
 

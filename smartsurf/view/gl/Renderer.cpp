@@ -344,7 +344,13 @@ void Renderer::draw(const scene::Snapshot& snapshot, const std::vector<scene::Ob
     if (s.quality.occlusion) s.draw_occlusion(camera, width, height);
     s.report_stage("occlusion");
     glBindFramebuffer(GL_FRAMEBUFFER, framebuffer);
-    s.resolve_samples(width, height);
+    if (s.quality.occlusion || supersample != 2) {
+      s.resolve_samples(width, height);
+    } else {  // the linear filter is the mean of four samples
+      glBindFramebuffer(GL_READ_FRAMEBUFFER, s.supersample_target.framebuffer.id());
+      glBlitFramebuffer(0, 0, 2 * width, 2 * height, 0, 0, width, height, GL_COLOR_BUFFER_BIT, GL_LINEAR);
+      glBindFramebuffer(GL_READ_FRAMEBUFFER, framebuffer);
+    }
     s.report_stage("average");
   }
   glBindVertexArray(0);

@@ -16,6 +16,17 @@ namespace {
 constexpr int kMaxEdge_px = 8192;
 constexpr float kReferenceHeight_px = 720.0f;  // image height at which the legend has scale 1
 
+RenderQuality quality_of(Detail detail) {
+  switch (detail) {
+    case Detail::kStill: return RenderQuality::fine();
+    case Detail::kVideo: return RenderQuality::video();
+    case Detail::kSmooth: return RenderQuality::smooth();
+    case Detail::kFast:
+    case Detail::kFinal: break;
+  }
+  return RenderQuality::preview();
+}
+
 }  // namespace
 
 struct OffscreenView::State {
@@ -25,9 +36,7 @@ struct OffscreenView::State {
       return;
     }
     open_context();
-    renderer = std::make_unique<Renderer>(spec, detail == Detail::kStill   ? RenderQuality::fine()
-                                                : detail == Detail::kVideo ? RenderQuality::video()
-                                                                           : RenderQuality::preview());
+    renderer = std::make_unique<Renderer>(spec, quality_of(detail));
     driver = reinterpret_cast<const char*>(glGetString(GL_RENDERER));
     context->release();
   }

@@ -609,7 +609,7 @@ void BulletEngine::step() {
   std::fill(wrenches_.begin(), wrenches_.end(), surface::Wrench{});
 }
 
-void BulletEngine::snapshot(scene::Snapshot& out) const {
+void BulletEngine::snapshot(scene::Snapshot& out, bool /*with_hash*/) const {
   out.id = ids_;
   const std::size_t n = ids_.size();
   out.position.resize(n);

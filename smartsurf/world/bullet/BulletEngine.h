@@ -44,7 +44,7 @@ class BulletEngine final : public Engine {
   void step() override;
   std::vector<ContactPoint> contacts() const override { return contacts_; }
   int sleeping_count() const override { return 0; }  // nothing sleeps
-  void snapshot(scene::Snapshot&) const override;
+  void snapshot(scene::Snapshot&, bool with_hash) const override;
   // Bullet has no interface to the state of its solver and its contact caches.
   [[noreturn]] void archive(common::StateArchive&, std::span<const scene::ObjectSpec>, std::size_t) override {
     throw common::UserError("the engine 'bullet' cannot be saved: use engine = 'native'");

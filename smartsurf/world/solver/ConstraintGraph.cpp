@@ -69,6 +69,15 @@ void ConstraintGraph::count_keys(const BodyStore& bodies, const ContactList& lis
 
 void ConstraintGraph::compute_key_offsets() {
   std::int32_t offset = 0;
+  if (key_offsets_.size() == 1) {  // small worlds spend their steps on such loops
+    KeyOffsets& offsets = key_offsets_.front();
+    for (int key = 0; key < key_count(); ++key) {
+      first_of_key_[key] = offset;
+      offset += std::exchange(offsets[key], offset);
+    }
+    first_of_key_[key_count()] = offset;
+    return;
+  }
   for (int key = 0; key < key_count(); ++key) {
     first_of_key_[key] = offset;
     for (KeyOffsets& offsets : key_offsets_) offset += std::exchange(offsets[key], offset);

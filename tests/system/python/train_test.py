@@ -153,17 +153,60 @@ class Training(ExperimentTest):
             self.assertEqual(training.find_task(task.id)[0], training.find_task(task.id.split("/")[1][:-3])[0])
 
     @needs_torch
+    def test_an_actor_and_its_local_policy_command_alike(self):
+        """With statistics, every neighbourhood, and memory through several ticks, up to the edges."""
+        import torch
+        from smartsurf import _ppo
+        sensors = [smartsurf.Channel("proximity", "u", 0, 4, 1), smartsurf.Channel("colour", "", 0, 1, 3)]
+        actuators = [smartsurf.Channel("a", "u", 0, 3, 1), smartsurf.Channel("b", "u", -20, 10, 1)]
+        random, rows, columns = np.random.default_rng(8), 5, 7
+        for neighbours, memory, hidden in ((0, 0, ()), (4, 2, (5,)), (8, 1, (4, 3)), (8, 0, ())):
+            with self.subTest(neighbours=neighbours, memory=memory, hidden=hidden):
+                torch.manual_seed(neighbours)
+                moments = _ppo.Moments((4, rows, columns), np.full((4, 1, 1), 0.02, np.float32))
+                moments.add(random.normal(1.5, 0.6, (40, 4, rows, columns)).astype(np.float32))
+                actor = _ppo.Actor("local", (4, rows, columns), hidden, (2, rows, columns), memory, neighbours, moments, 0.5, 0.5)
+                with torch.no_grad():
+                    for layer in actor.layers:
+                        layer.weight += 0.2 * torch.randn(layer.weight.shape)
+                        layer.bias += 0.2 * torch.randn(layer.bias.shape)
+                policy = training.local_policy(actor.layers_of(), sensors, actuators, memory)
+                state, inside = torch.zeros(1, memory, rows, columns), []
+                for _ in range(4):
+                    sensed = random.uniform(0, 3, (4, rows, columns)).astype(np.float32)
+                    with torch.no_grad():
+                        mean, state, _ = actor(torch.from_numpy(sensed[None]), state)
+                    commands = policy({"proximity": sensed[0], "colour": sensed[1:]})
+                    expected = np.clip(mean[0].numpy(), -1, 1)
+                    inside.append(np.abs(expected) < 1)
+                    for plane, middle, half, channel in zip(expected, (1.5, -5), (1.5, 15), "ab"):
+                        np.testing.assert_allclose(commands[channel], middle + half * plane, rtol=0, atol=2e-3)
+                self.assertGreater(np.mean(inside), 0.3)
+
+    @needs_torch
+    def test_statistics_are_those_of_all_values(self):
+        from smartsurf import _ppo
+        random = np.random.default_rng(9)
+        for shape, axes in (((3, 4, 5), (0, 2, 3)), ((7,), 0), ((), 0)):
+            parts = [random.normal(2, 3, (n, *shape)).astype(np.float32) for n in (1, 5, 30)]
+            moments = _ppo.Moments(shape, np.float32(1e-4))
+            for part in parts:
+                moments.add(part)
+            every = np.concatenate(parts)
+            np.testing.assert_allclose(moments.mean.ravel(), np.ravel(every.mean(axis=axes)), rtol=1e-5)
+            np.testing.assert_allclose(moments.deviation.ravel(), np.ravel(every.std(axis=axes)), rtol=1e-4)
+
+    @needs_torch
     def test_convolutions_become_local_policies(self):
         import torch
         random, rows, columns = np.random.default_rng(6), 5, 7
         sensors = [smartsurf.Channel("proximity", "u", 0, 4, 1), smartsurf.Channel("colour", "", 0, 1, 3)]
         actuators = [smartsurf.Channel("a", "u", 0, 3, 1), smartsurf.Channel("b", "u", -20, 10, 1)]
-        layers = [(random.normal(0, 0.3, (n, m, 3, 3)), random.normal(0, 0.1, n)) for m, n in ((6, 5), (5, 4), (4, 2))]
-        policy = training.local_policy(layers, sensors, actuators, rows, columns)
+        layers = [(random.normal(0, size, (n, m, 3, 3)), random.normal(0, 0.1, n)) for m, n, size in ((6, 5, 0.1), (5, 4, 0.3), (4, 2, 0.3))]
+        policy = training.local_policy(layers, sensors, actuators)
         sensed = {"proximity": random.uniform(0, 4, (rows, columns)), "colour": random.random((3, rows, columns))}
         row, column = np.mgrid[0:rows, 0:columns]
-        value = torch.tensor(np.stack([sensed["proximity"] / 4, *sensed["colour"], (2 * row - rows + 1) / rows,
-                                       (2 * column - columns + 1) / columns])[None])
+        value = torch.tensor(np.stack([sensed["proximity"], *sensed["colour"], row - (rows - 1) / 2, column - (columns - 1) / 2])[None])
         for number, (weights, biases) in enumerate(layers):
             value = torch.relu(value) if number else value
             value = torch.nn.functional.conv2d(value, torch.tensor(weights), torch.tensor(biases), padding=1)
@@ -175,15 +218,19 @@ class Training(ExperimentTest):
     @needs_torch
     def test_ppo_of_each_policy(self):
         script, task = self.script(PLATE), f"{self.script(TASK, 'task.py')}:East"
-        for policy, of in (("local", script), ("cnn", script), ("mlp", task)):
-            with self.subTest(policy=policy):
-                how = ["--method", "ppo", "--policy", policy, "--hidden", 4, "--iterations", 3, "--worlds", 4, "--horizon", 12]
+        for policy, of, more in (("local", script, []), ("cnn", script, []), ("mlp", task, []), ("local", task, ["--memory", 2])):
+            with self.subTest(policy=policy, more=more):
+                how = ["--method", "ppo", "--policy", policy, "--hidden", 4, "--iterations", 3, "--worlds", 4, "--horizon", 12, "--hold",
+                       1 if more else 6, "--epochs", 2, "--minibatches", 2, "--test", 3, *more]
                 rows = self.train(of, *how, "--threads", 1, folder=policy)
-                self.assertEqual([row["samples"] for row in rows], ["288", "576", "864"])
+                tick = 1 if more else 6  # a first horizon is for the statistics
+                self.assertEqual([int(row["samples"]) for row in rows], [tick * 4 * (12 + 12 * k) for k in (1, 2, 3)])
+                self.assertEqual(len({row["test_return"] for row in rows}), 3)
                 if importlib.util.find_spec("tensorboard"):
                     self.assertTrue(list((self.folder / policy).glob("events.out.tfevents*")))
                 again = self.train(of, *how, "--threads", 2, folder="again")
-                self.assertEqual([row["return"] for row in rows], [row["return"] for row in again])
+                for name in ("return", "test_return"):
+                    self.assertEqual([row[name] for row in rows], [row[name] for row in again])
                 if HAS_ONNX and policy != "mlp":
                     self.hash_of_run(script, self.folder / policy / "policy.onnx")
                 if HAS_ONNX and policy == "local":
@@ -215,6 +262,42 @@ class Training(ExperimentTest):
         PPO("MlpPolicy", envs, n_steps=8, batch_size=24, seed=1, device="cpu").learn(48)
         with self.assertRaisesRegex(ValueError, "SameStep"):
             sb3.VecEnv(smartsurf.VectorEnv(script, 2))
+
+    @unittest.skipUnless(importlib.util.find_spec("torchrl"), "torchrl is missing: pip install torchrl")
+    def test_torchrl_sees_the_same_worlds(self):
+        import torch
+        from smartsurf import torchrl
+        from torchrl.envs.utils import check_env_specs
+        script = self.script(PLATE)
+        envs = torchrl.Env(smartsurf.VectorEnv(script, 3, autoreset_mode="Disabled"))
+        check_env_specs(envs)
+        twins = [smartsurf.Env(script) for _ in range(3)]
+        envs.set_seed(7)
+        state = envs.reset()
+        for i, twin in enumerate(twins):
+            np.testing.assert_array_equal(state["observation"][i].numpy(), twin.reset(seed=7 + i)[0])
+        random, ended = np.random.default_rng(1), 0
+        for _ in range(130):
+            actions = random.uniform(0, 3, (3, 1, 6, 8)).astype(np.float32)
+            stepped, after = envs.step_and_maybe_reset(state.set("action", torch.from_numpy(actions)))
+            after_of = stepped["next"]
+            for i, twin in enumerate(twins):
+                observation, reward, terminated, truncated, info = twin.step(actions[i])
+                np.testing.assert_array_equal(after_of["observation"][i].numpy(), observation)
+                self.assertEqual(after_of["reward"][i].item(), np.float32(reward))
+                self.assertEqual((after_of["terminated"][i].item(), after_of["truncated"][i].item(), after_of["success"][i].item()),
+                                 (terminated, truncated, info["success"]))
+                if terminated or truncated:
+                    ended += 1
+                    seed = envs.env._fields["seed"][i]  # the reset has drawn it
+                    np.testing.assert_array_equal(after["observation"][i].numpy(), twin.reset(seed=int(seed))[0])
+            state = after
+        self.assertGreater(ended, 2)
+        envs.close()
+        with self.assertRaisesRegex(ValueError, "Disabled"):
+            torchrl.Env(smartsurf.VectorEnv(script, 2))
+        task = training.find_task(f"{self.script(TASK, 'task.py')}:East")[1](2, autoreset_mode="Disabled")
+        self.assertEqual(torchrl.Env(task).rollout(5)["observation"].shape, (2, 5, 4))
 
 
 if __name__ == "__main__":

@@ -1,0 +1,380 @@
+"""Proximal policy optimization (Schulman et al. 2017) with PyTorch, for `smartsurf train --method ppo`.
+
+Observations are normalised by their mean and deviation, rewards by the deviation of the discounted return; advantages are
+generalised (Schulman et al. 2016); ratios, the value's change and gradients are clipped; the learning rate falls to 0; an episode
+that ends by time goes on with the value of its last state, as CleanRL does all of these.
+
+The value, which training alone needs, also sees the states of the objects and the goals (Pinto et al. 2018), so that it tells what
+the commands changed from what differs between episodes. Each cell's commands are an action of their own, with the world's advantage. Exploration depends on the state (Raffin et al. 2020):
+its noise is a random linear function of a cell's features, the same function for all cells of a world and for some ticks. Noise of
+single cells would average out below an object, which lies on many.
+"""
+from __future__ import annotations
+
+import argparse
+import pathlib
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import torch
+from gymnasium.vector import AutoresetMode
+from numpy.typing import ArrayLike, NDArray
+from torch import nn
+
+from ._network import NetworkPolicy
+from ._task import TaskVectorEnv
+from ._vector import VectorEnv
+from .policy import LocalPolicy
+from .training import Log, channel_scale, local_policy, save_policy
+
+Floats = NDArray[np.float32]
+
+VALUE_RATE = 1e-3  # learning rate of the value
+
+
+class Moments:
+    """Mean and deviation of all arrays added so far: of each plane of (n, planes, rows, columns), else of each number."""
+
+    def __init__(self, shape: tuple[int, ...], smallest: ArrayLike):
+        """smallest: deviations are at least these, so that what hardly ever differs is not magnified."""
+        self._axes = (0, 2, 3) if len(shape) == 3 else (0,)
+        self._mean = np.zeros((shape[0], 1, 1) if len(shape) == 3 else shape)
+        self._smallest = np.asarray(smallest, np.float32)
+        self._square, self._count = np.zeros_like(self._mean), 0.0
+
+    def add(self, values: Floats) -> None:
+        count = values.size / self._mean.size
+        mean = values.mean(axis=self._axes, keepdims=True, dtype=np.float64)[0]
+        square = ((values - mean) ** 2).sum(axis=self._axes, keepdims=True, dtype=np.float64)[0]
+        both, away = self._count + count, mean - self._mean
+        self._square += square + away**2 * self._count * count / both
+        self._mean = self._mean + away * count / both
+        self._count = both
+
+    @property
+    def mean(self) -> Floats:
+        return self._mean.astype(np.float32)
+
+    @property
+    def deviation(self) -> Floats:
+        return np.maximum(np.sqrt(self._square / max(self._count, 1.0)), self._smallest).astype(np.float32)
+
+
+class Rewards:
+    """Divides rewards by the deviation of the discounted return, so that values are about 1."""
+
+    def __init__(self, worlds: int, discount: float):
+        self._returns, self._discount, self._moments = np.zeros(worlds), discount, Moments((), 1e-4)
+
+    def __call__(self, rewards: NDArray[np.float64], ends: NDArray[np.bool_]) -> Floats:
+        """Both: decisions × worlds."""
+        for now, over in zip(rewards, ends):
+            self._returns = self._discount * self._returns + now
+            self._moments.add(self._returns[:, None].astype(np.float32).ravel())
+            self._returns[over] = 0
+        return np.clip(rewards / self._moments.deviation, -10, 10).astype(np.float32)
+
+
+class Actor:
+    """The policy's network, from observations to commands from −1 to 1, and its exploration.
+
+    kind: "local": what a LocalPolicy computes, with `memory` values that each cell passes to its next step; "cnn": convolutions,
+    then a layer that sees all; "mlp": dense layers."""
+
+    def __init__(self, kind: str, shape: tuple[int, ...], hidden: tuple[int, ...], action: tuple[int, int, int], memory: int,
+                 neighbours: int, moments: Moments, deviation: float, together: float):
+        """deviation: of the noise at first. together: the share of its variance that is a function of the features."""
+        self.kind, self.action, self.memory, self._moments = kind, action, memory, moments
+        channels, rows, columns = action
+        self.layers: list[Any] = []
+        row, column = np.mgrid[0:rows, 0:columns].astype(np.float32)
+        self._places = torch.tensor(np.stack([(2 * row - rows + 1) / rows, (2 * column - columns + 1) / columns]))
+        width = shape[0] + 2 + memory if kind == "local" else shape[0] if kind == "cnn" else int(np.prod(shape))
+        for units in hidden:
+            self.layers.append(nn.Linear(width, units) if kind == "mlp" else nn.Conv2d(width, units, 3, padding=1))
+            width = units
+        outputs = channels + memory if kind == "local" else channels * rows * columns
+        if kind == "cnn":
+            width *= rows * columns
+        self.layers.append(nn.Conv2d(width, outputs, 3, padding=1) if kind == "local" else nn.Linear(width, outputs))
+        for number, layer in enumerate(self.layers):
+            last = number + 1 == len(self.layers)
+            nn.init.orthogonal_(layer.weight, 0.01 if last else 2**0.5)
+            if last and memory:  # what a cell remembers differs from the start
+                nn.init.orthogonal_(layer.weight.data[channels:], 1.0)
+            nn.init.zeros_(layer.bias)
+        kernel = np.zeros((3, 3), np.float32)  # the neighbours that a cell reads
+        kernel[1], kernel[:, 1] = neighbours > 0, neighbours > 0
+        kernel[1, 1] = 1
+        self._kernel = torch.tensor(np.ones((3, 3), np.float32) if neighbours == 8 else kernel)
+        # Features of the noise: 1, row and column, and what a local policy's last layer sees of the own cell.
+        self._features = 3 + (width if kind == "local" else 0)
+        shared, single = np.log(deviation) + 0.5 * np.log(np.maximum([together / self._features, 1 - together], 1e-6))
+        self.log_deviation = nn.Parameter(torch.full((channels, self._features), float(shared)))
+        self.log_single_deviation = nn.Parameter(torch.full((channels, 1, 1), float(single)))
+        self.parameters = [self.log_deviation, self.log_single_deviation, *(p for layer in self.layers for p in layer.parameters())]
+
+    def _weight(self, layer: Any) -> Any:
+        return layer.weight * self._kernel if self.kind == "local" else layer.weight
+
+    def __call__(self, observation: Any, memory: Any) -> tuple[Any, Any, Any]:
+        """The commands, the memory of the next step, and the features of the noise. observation: as the environment's."""
+        mean, deviation = torch.from_numpy(self._moments.mean), torch.from_numpy(self._moments.deviation)
+        channels, rows, columns = self.action
+        count = len(observation)
+        ones = torch.ones(1, rows, columns)
+        features = torch.cat([ones, self._places]).expand(count, 3, rows, columns)
+        if self.kind != "local":
+            value = (observation - mean) / deviation
+            for number, layer in enumerate(self.layers):
+                value = layer(value.flatten(1) if isinstance(layer, nn.Linear) else value)
+                value = value if number + 1 == len(self.layers) else torch.relu(value)
+            return value.reshape(count, *self.action), memory, features
+        # Beyond the edge a LocalPolicy reads 0, before its inputs are normalised.
+        sensed = (nn.functional.pad(observation, (1, 1, 1, 1)) - mean) / deviation
+        own = torch.cat([self._places.expand(count, 2, rows, columns), memory], dim=1)
+        value = torch.cat([sensed, nn.functional.pad(own, (1, 1, 1, 1))], dim=1)
+        seen = value[:, :, 1:-1, 1:-1]
+        for number, layer in enumerate(self.layers):
+            value = nn.functional.conv2d(value, self._weight(layer), layer.bias, padding=0 if number == 0 else 1)
+            if number + 1 < len(self.layers):
+                value = seen = torch.relu(value)
+        return value[:, :channels], value[:, channels:].clamp(-1, 1), torch.cat([features, seen.detach()], dim=1)
+
+    def draw(self, worlds: int, generator: torch.Generator) -> Any:
+        """The random functions of some worlds."""
+        return torch.randn((worlds, *self.log_deviation.shape), generator=generator)
+
+    def noise(self, functions: Any, features: Any, generator: torch.Generator) -> Any:
+        shared = torch.einsum("wkf,wfrc->wkrc", functions * self.log_deviation.exp(), features)
+        return shared + self.log_single_deviation.exp() * torch.randn(shared.shape, generator=generator)
+
+    def log_probability(self, actions: Any, mean: Any, features: Any) -> Any:
+        """Of each cell's commands: (n, rows, columns)."""
+        variance = torch.einsum("kf,nfrc->nkrc", (2 * self.log_deviation).exp(), features**2) + (2 * self.log_single_deviation).exp()
+        return (-0.5 * ((actions - mean) ** 2 / variance + variance.log() + np.log(2 * np.pi))).sum(dim=1)
+
+    def layers_of(self) -> list[tuple[NDArray[np.float64], NDArray[np.float64]]]:
+        """Weights and biases as numbers; the first layer of a local policy takes inputs that are not normalised."""
+        layers = [(self._weight(layer).detach().numpy().astype(np.float64), layer.bias.detach().numpy().astype(np.float64))
+                  for layer in self.layers]
+        if self.kind == "local":
+            weights, biases = layers[0]
+            planes = self._moments.mean.shape[0]
+            mean, deviation = (m.astype(np.float64).ravel() for m in (self._moments.mean, self._moments.deviation))
+            sensed = weights[:, :planes] / deviation[:, None, None]
+            biases -= np.einsum("oikl,i->o", sensed, mean)
+            weights[:, :planes] = sensed
+            weights[:, planes:planes + 2] *= (2 / np.array(self.action[1:]))[:, None, None]
+        return layers
+
+
+class Learner:
+    """Policy, value and what they have seen."""
+
+    def __init__(self, make: Callable[..., VectorEnv], how: argparse.Namespace):
+        torch.manual_seed(how.seed)
+        torch.set_num_threads(1)  # the same bits for any number of cores
+        self.how, self.envs = how, make(how.worlds, threads=how.threads, autoreset_mode=AutoresetMode.DISABLED)
+        envs, worlds = self.envs, how.worlds
+        self.channels = envs.actuator_channels
+        low, high = (np.array([getattr(c, end) for c in self.channels], np.float32)[:, None, None] for end in ("minimum", "maximum"))
+        self.low, self.high = low, high
+        planes, shape = (len(envs._planes()), envs.rows, envs.columns), envs.single_observation_space.shape
+        if how.policy == "mlp" and shape is None:
+            raise ValueError("--policy mlp: the task's observation is a dict: it must be one array")
+        # A local policy and a CNN see the planes of the sensors, an MLP the task's own observation.
+        self._sees_planes = how.policy != "mlp" or shape == planes
+        own = planes if self._sees_planes or shape is None else shape
+        scales = np.array([channel_scale(c.minimum, c.maximum) for c in envs.sensor_channels for _ in range(c.components)], np.float32)
+        self.moments = Moments(own, 0.02 / scales[:, None, None] if own == planes else 1e-4)
+        self.actor = Actor(how.policy, own, tuple(how.hidden), (len(self.channels), envs.rows, envs.columns), how.memory,
+                           how.neighbours, self.moments, how.exploration, how.together)
+        self._generator = torch.Generator().manual_seed(how.seed)
+        self._rewards = Rewards(worlds, how.discount)
+        self.samples = self.episodes = 0
+        self.returns: list[float] = []
+        self.won: list[bool] = []
+        self._running = np.zeros(worlds)
+        self._noise_ticks = np.zeros(worlds, np.int64)  # until a world draws new noise
+        self._functions = self.actor.draw(worlds, self._generator)
+        self._memory = torch.zeros(worlds, how.memory, envs.rows, envs.columns)
+        self._fresh = np.ones(worlds, np.bool_)
+        envs.objects  # from now on the batch writes their states
+        self._observe(envs.reset(seed=how.seed)[0])
+        self.judged_moments = Moments(self._judged.shape[1:], 1e-2)
+        sizes = [self._judged.shape[1], 64, 64]
+        parts: list[Any] = [part for m, n in zip(sizes, sizes[1:]) for part in (nn.Linear(m, n), nn.Tanh())]
+        self._critic = nn.Sequential(*parts, nn.Linear(64, 1))
+        for part in parts[::2]:
+            nn.init.orthogonal_(part.weight, 2**0.5)
+            nn.init.zeros_(part.bias)
+        self._values_parameters = list(self._critic.parameters())
+        self.optimizer = torch.optim.Adam([{"params": self.actor.parameters, "lr": how.learning_rate},
+                                           {"params": self._values_parameters, "lr": VALUE_RATE}], eps=1e-5)
+
+    def _observe(self, observation: Any) -> None:
+        envs, worlds = self.envs, self.how.worlds
+        planes = np.array(envs._observations, np.float32)
+        parts = observation.values() if isinstance(observation, dict) else [observation]
+        goals = envs._judge.goals.values() if isinstance(envs, TaskVectorEnv) else []
+        known = [envs._object_states, *goals, *parts]
+        self._judged = np.concatenate([np.nan_to_num(np.asarray(part, np.float32).reshape(worlds, -1)) for part in known], axis=1)
+        self._seen = planes if self._sees_planes else np.array(observation, np.float32)
+
+    def value(self, judged: Any) -> Any:
+        m = self.judged_moments
+        return self._critic(((judged - torch.from_numpy(m.mean)) / torch.from_numpy(m.deviation)).clamp(-10, 10))[:, 0]
+
+    def warm_up(self) -> None:
+        """A first rollout for the statistics, in which each world begins another episode at its own time: later ones are then in
+        all parts of their episodes."""
+        decisions = self.how.horizon
+        again = torch.randint(decisions, (self.how.worlds,), generator=self._generator).numpy()
+        for decision in range(decisions):
+            self.learn_statistics(self.rollout(1))
+            if (again == decision).any():
+                self._running[again == decision] = 0
+                self._fresh = self._fresh | (again == decision)
+                self._observe(self.envs.reset(options={"reset_mask": again == decision})[0])
+
+    def rollout(self, decisions: int) -> dict[str, Any]:
+        """What the worlds do in some decisions; lists over these, and the ends by time: (decision, worlds, last observations)."""
+        how, worlds = self.how, self.how.worlds
+        out: dict[str, Any] = {name: [] for name in ("seen", "judged", "actions", "rewards", "ends", "fresh", "memory", "cut")}
+        middle, half = (self.high + self.low) / 2, (self.high - self.low) / 2
+        for decision in range(decisions):
+            renewed = self._fresh | (self._noise_ticks <= 0)
+            if renewed.any():
+                self._functions[torch.from_numpy(renewed)] = self.actor.draw(int(renewed.sum()), self._generator)
+                self._noise_ticks[renewed] = how.noise_ticks
+            self._noise_ticks -= how.hold
+            self._memory[torch.from_numpy(self._fresh)] = 0
+            for name, value in (("seen", self._seen), ("judged", self._judged), ("fresh", self._fresh)):
+                out[name].append(torch.from_numpy(value))
+            out["memory"].append(self._memory)
+            with torch.no_grad():
+                mean, self._memory, features = self.actor(out["seen"][-1], self._memory)
+                actions = mean + self.actor.noise(self._functions, features, self._generator)
+            out["actions"].append(actions)
+            commands = (middle + half * np.clip(actions.numpy(), -1, 1)).astype(np.float32)
+            reward, over = np.zeros(worlds), np.zeros(worlds, np.bool_)
+            for _ in range(how.hold):
+                observation, tick_reward, terminated, truncated, infos = self.envs.step(commands)
+                # Those of the next episode count from its first decision on.
+                tick_reward = np.where(over, 0, np.nan_to_num(tick_reward))
+                reward += tick_reward / how.hold
+                self._running += tick_reward
+                self.samples += int((~over).sum())
+                again = terminated | truncated
+                ends = again & ~over
+                if ends.any():
+                    self.returns += list(self._running[ends])
+                    self.won += list(infos["success"][ends])
+                    self.episodes += int(ends.sum())
+                    self._running[ends] = 0
+                    cut = np.flatnonzero(ends & truncated & ~terminated)
+                    if len(cut):
+                        self._observe(observation)
+                        out["cut"].append((decision, cut, torch.from_numpy(self._judged[cut])))
+                    over |= ends
+                if again.any():
+                    observation, _ = self.envs.reset(options={"reset_mask": again})
+            out["rewards"].append(reward)
+            out["ends"].append(over)
+            self._fresh = over
+            self._observe(observation)
+        return out
+
+    def learn_statistics(self, rollout: dict[str, Any]) -> None:
+        self.moments.add(torch.cat(rollout["seen"]).numpy())
+        self.judged_moments.add(torch.cat(rollout["judged"]).numpy())
+
+    def update(self, rollout: dict[str, Any], left: float) -> None:
+        """left: the share of the training that is to come, by which the learning rates fall."""
+        how = self.how
+        judged, ends = torch.stack(rollout["judged"]), np.array(rollout["ends"])
+        decisions, worlds = ends.shape
+        with torch.no_grad():
+            rewards = torch.from_numpy(self._rewards(np.array(rollout["rewards"]), ends))
+            for decision, cut, last in rollout["cut"]:
+                rewards[decision, cut] += how.discount * self.value(last)
+            values = self.value(judged.flatten(0, 1)).reshape(decisions, worlds)
+            advantages, advantage, after = torch.zeros_like(values), torch.zeros(worlds), self.value(torch.from_numpy(self._judged))
+            goes_on = torch.from_numpy(1.0 - ends).float()
+            for t in reversed(range(decisions)):
+                difference = rewards[t] + how.discount * after * goes_on[t] - values[t]
+                advantage = difference + how.discount * how.gae_lambda * goes_on[t] * advantage
+                advantages[t], after = advantage, values[t]
+        # Sequences of some decisions of one world; a policy without memory has sequences of one.
+        length = min(how.sequence, decisions) if how.memory else 1
+        starts = [(t, w) for t in range(0, decisions - length + 1, length) for w in range(worlds)]
+        seen, actions, memory = (torch.stack(rollout[name]) for name in ("seen", "actions", "memory"))
+        fresh, targets = torch.stack(rollout["fresh"]), advantages + values
+
+        def of(data: Any, chosen: Any, step: int) -> Any:
+            return data[chosen[:, 0] + step, chosen[:, 1]]
+
+        def log_probabilities(chosen: Any) -> Any:
+            """(step · sequence, rows, columns)."""
+            carried, out = of(memory, chosen, 0), []
+            for step in range(length):
+                if step > 0 and how.memory:
+                    carried = torch.where(of(fresh, chosen, step)[:, None, None, None], torch.zeros(()), carried)
+                mean, carried, features = self.actor(of(seen, chosen, step), carried)
+                out.append(self.actor.log_probability(of(actions, chosen, step), mean, features))
+            return torch.cat(out)
+
+        every = torch.tensor(starts)
+        with torch.no_grad():  # with the statistics of now
+            before = torch.cat([log_probabilities(part).reshape(length, len(part), *self.actor.action[1:])
+                                for part in every.split(1024)], dim=1)
+        for group, rate in zip(self.optimizer.param_groups, (how.learning_rate, VALUE_RATE)):
+            group["lr"] = rate * left
+        for _ in range(how.epochs):
+            for batch in torch.randperm(len(every), generator=self._generator).chunk(how.minibatches):
+                chosen = every[batch]
+
+                def flat(data: Any) -> Any:
+                    return torch.cat([of(data, chosen, step) for step in range(length)])
+                ratio = (log_probabilities(chosen) - before[:, batch].flatten(0, 1)).exp()
+                own = flat(advantages)
+                own = ((own - own.mean()) / (own.std() + 1e-8))[:, None, None]
+                loss = -torch.min(own * ratio, own * ratio.clamp(1 - how.clip, 1 + how.clip)).mean()
+                loss = loss - how.entropy * (self.actor.log_deviation.mean() + self.actor.log_single_deviation.mean())
+                now, then, target = self.value(flat(judged)), flat(values), flat(targets)
+                near = then + (now - then).clamp(-how.clip, how.clip)
+                loss = loss + 0.5 * torch.max((now - target) ** 2, (near - target) ** 2).mean()
+                self.optimizer.zero_grad()
+                loss.backward()
+                nn.utils.clip_grad_norm_(self.actor.parameters, 0.5)
+                nn.utils.clip_grad_norm_(self._values_parameters, 0.5)
+                self.optimizer.step()
+
+    def policy(self) -> LocalPolicy | NetworkPolicy:
+        layers, envs = self.actor.layers_of(), self.envs
+        if self.how.policy == "local":
+            return local_policy(layers, envs.sensor_channels, self.channels, self.how.memory)
+        shape = self._seen.shape[1:]
+        return NetworkPolicy(layers, shape, self.actor.action, self.low, self.high, self.moments.deviation, self.moments.mean)
+
+
+def train(make: Callable[..., VectorEnv], how: argparse.Namespace, folder: pathlib.Path, title: str) -> LocalPolicy | NetworkPolicy:
+    """A LocalPolicy with how.policy "local", else a NetworkPolicy, "cnn" or "mlp"; how: as train.main() parses it."""
+    learner = Learner(make, how)
+    log = Log(folder, make, how)
+    learner.warm_up()
+    for iteration in range(how.iterations):
+        rollout = learner.rollout(how.horizon)
+        learner.learn_statistics(rollout)
+        learner.update(rollout, 1 - iteration / how.iterations)
+        policy = learner.policy()
+        save_policy(policy, folder, title)
+        returns = learner.returns
+        log.add(iteration, learner.samples, learner.episodes, np.array(returns), max(returns, default=float("nan")),
+                float(np.mean(learner.won)) if learner.won else 0.0, policy)
+        learner.returns, learner.won = [], []
+    log.close()
+    learner.envs.close()
+    return policy
