@@ -83,10 +83,15 @@ class _View:
             r = np.where(hit & there, np.clip((y - x) / self.near_noise, -_FARTHEST, _FARTHEST), (hit ^ there) * _FARTHEST * 0.5)
             parts.append(np.where(known, r, 0).reshape(len(y), -1))
         if self.force is not None:
-            f, p = self.weight(sensed), self.weight(predicted)
+            f, p = self.weight(sensed), self.weight(self.as_known(predicted, sensed))
             # Of an impact between two ticks each has its part.
             parts.append(np.clip((f - p) / (self.force_noise + 0.02 * np.maximum(f, p)), -_FARTHEST, _FARTHEST)[:, None])
         return np.concatenate(parts, axis=1)
+
+    @staticmethod
+    def as_known(predicted: Mapping[str, Array], sensed: Mapping[str, Array]) -> dict[str, Array]:
+        """What is predicted of the readings that are known."""
+        return {name: np.where(np.isfinite(sensed[name]), plane, np.nan) for name, plane in predicted.items()}
 
     def track(self, planes: Mapping[str, Array]) -> Array:
         """For the plot: frames × (x, y, gap, force); NaN where nothing is sensed."""
@@ -176,7 +181,7 @@ def fit_motion(rerun: Rerun, label: str, known: Mapping[str, Any], near: str | N
         fit.unknown[wanted[free[worst]]] = _WHY[wanted[free[worst]]]
         best[free[worst]] = start[free[worst]]
         del free[worst]
-    fit.tracks = [(view.track(s), view.track(p)) for s, p in zip(sensed, predict(best))]
+    fit.tracks = [(view.track(s), view.track(view.as_known(p, s))) for s, p in zip(sensed, predict(best))]
     fit.samples = sum(keep)
     astray = _astray(fit.tracks) if near is not None else 0.0
     if astray > _ASTRAY:
