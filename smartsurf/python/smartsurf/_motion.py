@@ -23,7 +23,8 @@ _ROBUST = 3.0     # residuals beyond count less than their squares
 _CHANGE = 0.01    # of logarithms, for derivatives
 _STARTS = 5       # searches besides the one from the best of the grid,
 _SPREAD = 0.1     # the standard deviation of the logarithms they start from,
-_ALIKE = 1.02     # and how much higher a minimum may be to be as likely
+_ALIKE = 3.0      # and how much higher a minimum may be to be as likely, in roots of the lowest
+_UNSURE = 1.5     # times the spread of a few re-runs counts as noise
 _ASTRAY = 0.25    # cells between where the object was and where the best re-run has it, from where on nothing follows from it
 
 
@@ -73,19 +74,32 @@ class _View:
         total: Array = np.where(force > self.floor, force, 0).sum((1, 2))
         return total
 
-    def residuals(self, sensed: Mapping[str, Array], predicted: Mapping[str, Array]) -> Array:
+    def spread(self, runs: Sequence[Mapping[str, Array]]) -> dict[str, Array]:
+        """How far re-runs that are as likely as each other are apart: standard deviations of distances and of the weight."""
+        found = {}
+        if self.near is not None:
+            found[self.near] = _UNSURE * np.std([np.minimum(run[self.near], self.span) for run in runs], axis=0, ddof=1)
+        if self.force is not None:
+            found[self.force] = _UNSURE * np.std([self.weight(run) for run in runs], axis=0, ddof=1)
+        return found
+
+    def residuals(self, sensed: Mapping[str, Array], predicted: Mapping[str, Array], spread: Mapping[str, Array] | None = None) -> Array:
         """Frames × numbers, each about 1 where all is known. Distances count where both have one; a cell that only one of them
-        sees counts as a miss, however far off it is, because sensors do miss."""
+        sees counts as a miss, however far off it is, because sensors do miss. spread: what nobody can predict counts as noise."""
         parts = []
         if self.near is not None:
             y, x = sensed[self.near].astype(np.float64), predicted[self.near].astype(np.float64)
             hit, there, known = y < self.span, x < self.span, np.isfinite(y)
             r = np.where(hit & there, np.clip((y - x) / self.near_noise, -_FARTHEST, _FARTHEST), (hit ^ there) * _FARTHEST * 0.5)
+            if spread is not None:
+                r = r / np.hypot(1, spread[self.near] / self.near_noise)
             parts.append(np.where(known, r, 0).reshape(len(y), -1))
         if self.force is not None:
             f, p = self.weight(sensed), self.weight(self.as_known(predicted, sensed))
             # Of an impact between two ticks each has its part.
-            parts.append(np.clip((f - p) / (self.force_noise + 0.02 * np.maximum(f, p)), -_FARTHEST, _FARTHEST)[:, None])
+            noise = self.force_noise + 0.02 * np.maximum(f, p)
+            r = np.clip((f - p) / noise, -_FARTHEST, _FARTHEST)
+            parts.append((r if spread is None else r / np.hypot(1, spread[self.force] / noise))[:, None])
         return np.concatenate(parts, axis=1)
 
     @staticmethod
@@ -137,14 +151,25 @@ def fit_motion(rerun: Rerun, label: str, known: Mapping[str, Any], near: str | N
         runs = rerun.run(values, view.channels, max(keep), used)
         return [{name: plane[:n] for name, plane in out.items()} for out, n in zip(runs, keep)]
 
+    spread: list[dict[str, Array]] | None = None
+
     def residuals(log: Array, cells: Mapping[str, Any] = known) -> Array:
-        return np.concatenate([view.residuals(s, p).ravel() for s, p in zip(sensed, predict(log, cells))])
+        of = spread or [None] * len(sensed)
+        return np.concatenate([view.residuals(s, p, w).ravel() for s, p, w in zip(sensed, predict(log, cells), of)])
+
+    def spread_at(log: Array) -> list[dict[str, Array]] | None:
+        # Contacts amplify what is not known of the cells until, after seconds, nothing follows from the parameters.
+        runs = [predict(log, changed) for changed in also]
+        return [view.spread(of_recording) for of_recording in zip(*runs)] if len(runs) > 1 else None
 
     # Contacts make the sum of squares rough: no derivatives but for the errors.
+    spread = spread_at(start)
     best = _grid(lambda log: _robust(residuals(log)), start, limits, sorted(range(len(wanted)), key=lambda i: _ORDER.index(wanted[i])))
     free = list(range(len(names)))
     random = np.random.default_rng(1)
     while free:
+        spread = spread_at(best)
+
         def of_free(values: Array) -> Array:
             full = best.copy()
             full[free] = np.clip(values, *limits[free].T)
@@ -164,7 +189,7 @@ def fit_motion(rerun: Rerun, label: str, known: Mapping[str, Any], near: str | N
         begins = best[free] + _SPREAD * np.vstack([np.zeros(len(free)), random.standard_normal((_STARTS, len(free)))])
         minima = sorted((lower(np.clip(begin, *limits[free].T), 0.03) for begin in begins), key=lambda found: found[0])
         lowest, best[free] = lower(minima[0][1], 0.01)
-        alike = [values for value, values in minima if value < _ALIKE * lowest]
+        alike = [values for value, values in minima if value < lowest + _ALIKE * math.sqrt(lowest)]
         jacobian, r = slopes(best[free]), of_free(best[free])
         others = [residuals(best, changed) for changed in also]
         error = np.hypot(_errors(jacobian, r, others, keep, period), np.sqrt(np.mean(np.square(alike - best[free]), axis=0)) if alike else 0.0)

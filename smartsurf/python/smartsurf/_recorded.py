@@ -50,7 +50,7 @@ def _answers(file: h5py.File, ticks: Array, frames: int) -> Array:
     known = (answered >= ticks[0]) & (answered < ticks[0] + frames)
     row[answered[known] - ticks[0]] = np.flatnonzero(known)
     if "boards/in_force" in file:
-        in_force, valid = (file["boards/" + name][:len(ticks)].astype(np.int64).reshape(len(ticks), -1) for name in ("in_force", "valid"))
+        in_force, valid = (file["boards/" + name][:len(ticks)].astype(np.int64) for name in ("in_force", "valid"))
         follow = ((in_force == ticks[:, None] - 1) | (valid != 1)).all(1) & (valid == 1).any(1)
         sure = np.zeros(frames + 1, bool)
         sure[ticks[follow] - ticks[0]] = True
@@ -62,7 +62,7 @@ def _of_other_ticks(file: h5py.File, ticks: Array) -> Array:
     """For each recorded frame, whether a board's part of it is of another tick than usual: its own came too late."""
     if "boards/tick" not in file:
         return np.zeros(len(ticks), bool)
-    ahead, valid = (file["boards/" + name][:len(ticks)].astype(np.int64).reshape(len(ticks), -1) for name in ("tick", "valid"))
+    ahead, valid = (file["boards/" + name][:len(ticks)].astype(np.int64) for name in ("tick", "valid"))
     ahead = ahead - ticks[:, None]
     other = np.zeros(len(ticks), bool)
     for board in range(ahead.shape[1]):
