@@ -24,6 +24,8 @@ _CHANGE = 0.01    # of logarithms, for derivatives
 _STARTS = 5       # searches besides the one from the best of the grid,
 _SPREAD = 0.1     # the standard deviation of the logarithms they start from,
 _ALIKE = 3.0      # and how much higher a minimum may be to be as likely, in roots of the lowest
+_OTHERS = 6       # cells as likely with which each parameter's profile is drawn,
+_PROFILE = 0.05   # in steps of its logarithm
 _UNSURE = 1.5     # times the spread of a few re-runs counts as noise
 _ASTRAY = 0.25    # cells between where the object was and where the best re-run has it, from where on nothing follows from it
 
@@ -192,7 +194,10 @@ def fit_motion(rerun: Rerun, label: str, known: Mapping[str, Any], near: str | N
         alike = [values for value, values in minima if value < lowest + _ALIKE * math.sqrt(lowest)]
         jacobian, r = slopes(best[free]), of_free(best[free])
         others = [residuals(best, changed) for changed in also]
+        moved = [_lowest_along(lambda log, of=changed: _robust(residuals(log, of)), best, k) for k in free for changed in also[:_OTHERS]]
         error = np.hypot(_errors(jacobian, r, others, keep, period), np.sqrt(np.mean(np.square(alike - best[free]), axis=0)) if alike else 0.0)
+        if moved:
+            error = np.hypot(error, np.sqrt(np.mean(np.square(np.reshape(moved, (len(free), -1))), axis=1)))
         for k in range(len(free)):
             # One that counts to one side only is hidden by the table's own, as a restitution below that of the table is.
             step = _CHANGE * np.eye(len(free))[k]
@@ -212,6 +217,12 @@ def fit_motion(rerun: Rerun, label: str, known: Mapping[str, Any], near: str | N
     if astray > _ASTRAY:
         fit.values, fit.unknown = {}, dict.fromkeys(wanted, f"the re-run strays from the object, by {astray:.2f} cells")
     return fit
+
+
+def _lowest_along(cost: Callable[[Array], float], best: Array, k: int) -> float:
+    """How far from the best value the lowest one of a parameter's profile is."""
+    steps = _PROFILE * np.arange(-8, 9)
+    return float(steps[int(np.argmin([cost(best + step * (np.arange(len(best)) == k)) for step in steps]))])
 
 
 def _astray(tracks: Sequence[tuple[Array, Array]]) -> float:

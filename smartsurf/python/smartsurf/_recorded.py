@@ -13,7 +13,9 @@ from numpy.typing import NDArray
 
 Array = NDArray[Any]
 LEAST_FRAMES = 20
-SETTLES_S = 0.5  # after a command whose time is not known
+SETTLES_S = 0.5  # after a command whose time is not known,
+CROSSES_S = 1.0  # and for how long a cell may move, if the command changed by more than
+SMALL = 0.1      # of the span of its commands
 
 
 class RecordingError(ValueError):
@@ -82,19 +84,24 @@ def _in_force(values: Array, row: Array) -> Array:
     return in_force
 
 
-def _unsure_cells(commands: Mapping[str, Array], row: Array, valid: Array | None, settles: int) -> Array:
+def _unsure_cells(commands: Mapping[str, Array], row: Array, valid: Array | None, period_s: float) -> Array:
     """Frames × rows × columns: where a command changed at a time that is not known, until the cell has settled. valid: by cell,
     whether its board said what was in force."""
     unsure = np.zeros(next(iter(commands.values())).shape, bool)
+    spans = {key: np.ptp(values, axis=0) for key, values in commands.items()}
+    settles, crosses = round(SETTLES_S / period_s), round((SETTLES_S + CROSSES_S) / period_s)
+
+    def mark(begin: int, after: int, cells: Array | bool = True) -> None:
+        for key, values in commands.items():
+            change = np.abs(values[begin] - values[after])
+            unsure[begin:after + settles] |= cells & (change > 0)
+            unsure[begin:after + crosses] |= cells & (change > SMALL * spans[key])
     gaps = np.flatnonzero(np.diff(np.concatenate([[False], row < 0, [False]]).astype(int)))
     for begin, end in gaps.reshape(-1, 2):  # ticks without a known answer
         after = min(end + 1, len(row) - 1)  # the first frame whose commands are known again
-        for values in commands.values():
-            unsure[begin:after + settles] |= values[max(begin, 0)] != values[after]
+        mark(begin, after)
     for frame in np.flatnonzero((valid == 0).any((1, 2))) if valid is not None else ():
-        begin = max(int(frame) - 1, 0)
-        for values in commands.values():
-            unsure[begin:frame + 1 + settles] |= (valid[frame] == 0) & (values[frame] != values[begin])
+        mark(max(int(frame) - 1, 0), int(frame), valid[frame] == 0)
     return unsure
 
 
@@ -160,7 +167,7 @@ def _read(name: str, file: h5py.File) -> Recorded:
         for key, data in file["actuators"].items():
             if data.ndim == 3:
                 commands[key] = _in_force(data[:len(ticks)].astype(np.float32), sure)
-        unsure = _unsure_cells(commands, sure, valid, round(SETTLES_S / float(meta["control_period_s"])))
+        unsure = _unsure_cells(commands, sure, valid, float(meta["control_period_s"]))
         other = at[_of_other_ticks(file, ticks)]
         for values in readings.values():
             values[unsure] = np.nan
