@@ -1,5 +1,6 @@
 -- A small table that is to be identified: pins with encoders, on which the script moves each pin by itself, in steps of all sizes.
--- With drive = 'ball' the pins lie level, and a ball falls onto them, bounces and rolls to rest. For that, the pins' gains and
+-- With drive = 'none' it moves nothing, so that boards over this table command the pins; with drive = 'bowl' likewise, and a ball lies
+-- in the middle. With drive = 'ball' the pins lie level, and a ball falls onto them, bounces and rolls to rest. For that, the pins' gains and
 -- offsets are known by then: FILE of the option `known`, a map of faults as identification writes it.
 world { control_period = 0.01, dt = 0.0025, seed = option('seed', 1, 'of the commands and of the errors of sensors') }
 material { name = 'rubber', friction = 0.6, rolling_friction = 0.05, restitution = 0.4 }
@@ -9,7 +10,7 @@ surface { rows = 10, columns = 10, material = 'top', border = { height = 6 },
           sensors = { pin_height {}, proximity { range = 6 }, pressure {} } }
 record { sensors = true, actuators = true }
 
-local drive = option('drive', 'cells', 'what the script does: cells or ball')
+local drive = option('drive', 'cells', 'what the script does: cells, ball, none or bowl')
 local known = option('known', '', 'file of gains and offsets of the pins')
 
 local gain, offset = {}, {}
@@ -21,10 +22,13 @@ if known ~= '' then
 end
 if drive == 'ball' then
   sphere { radius = 1.3, mass = 3, position = { 2.6, 2.9, 4.6 }, velocity = { 1.8, 1.5, 0 }, material = 'rubber', label = 'ball' }
+elseif drive == 'bowl' then
+  sphere { radius = 1.3, mass = 3, position = { 4.5, 4.5, 3 }, material = 'rubber', label = 'ball' }
 end
 
 local heights, left = {}, {}
 on_tick(function()
+  if drive == 'none' or drive == 'bowl' then return end
   for cell = 1, cells.rows * cells.columns do
     if drive == 'ball' then
       heights[cell] = (2 - (offset[cell] or 0)) / (gain[cell] or 1)

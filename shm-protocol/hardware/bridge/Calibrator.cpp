@@ -13,10 +13,13 @@ namespace {
 constexpr double kLowest = 0.15, kHighest = 0.85, kBelow = 0.05;  // of the range
 constexpr int kSteps = 6, kShortSteps = 64;
 constexpr double kShortStep = 0.04;
-constexpr int kTail = 16;                           // ticks after the plan, for late frames
-constexpr std::size_t kMostGuessed = SSD_PATIENCE;  // periods in a row
+constexpr int kTail = 16;                            // ticks after the plan, for late frames
+constexpr std::int64_t kMostGap = SSD_PATIENCE / 2;  // periods; safe values come into effect after twice that
 constexpr std::size_t kRestSamples = 200;
-constexpr std::int64_t kMostSettling_s = 120;
+constexpr std::int64_t kMostSettling_s = 120, kMostDisturbed_s = 10;
+constexpr double kSure = 6;                          // standard errors
+constexpr int kLongestHold = 50;                     // of a level, in times --hold
+constexpr std::size_t kMostLength = 4;  // of a recording with its repeats, in plans
 
 const BoardChannel* channel_of(const MountedBoard& board, std::size_t table_channel) {
   for (const BoardChannel& c : board.channels)
@@ -25,6 +28,35 @@ const BoardChannel* channel_of(const MountedBoard& board, std::size_t table_chan
 }
 
 }  // namespace
+
+void Stillness::reset(std::size_t cells, int window) {
+  window_ = window;
+  count_ = windows_ = 0;
+  last_.resize(cells);
+  mean_.assign(cells, 0);
+  sum_.assign(cells, 0);
+  squares_.assign(cells, 0);
+}
+
+bool Stillness::add(std::span<const float> readings) {
+  for (std::size_t cell = 0; cell < readings.size(); ++cell) {
+    const auto y = static_cast<double>(readings[cell]);
+    sum_[cell] += y;
+    if (count_ > 0) squares_[cell] += (y - last_[cell]) * (y - last_[cell]);
+    last_[cell] = y;
+  }
+  if (++count_ < window_) return false;
+  bool still = windows_++ > 0;
+  const double n = window_;
+  for (std::size_t cell = 0; cell < readings.size(); ++cell) {
+    const double mean = sum_[cell] / n, variance = squares_[cell] / (2 * (n - 1));
+    still = still && std::abs(mean - mean_[cell]) <= kSure * std::sqrt(2 * variance / n);
+    mean_[cell] = mean;
+    sum_[cell] = squares_[cell] = 0;
+  }
+  count_ = 0;
+  return still;
+}
 
 std::vector<float> calibration_plan(int hold) {
   std::vector<float> plan;
@@ -106,116 +138,213 @@ void Calibrator::begin(const TableTick& tick) {
     if (!r.has_channels) continue;
     const DeviceChannel& u = tick.boards[i]->description().channels[drive->device_channel];
     const DeviceChannel& y = tick.boards[i]->description().channels[sense->device_channel];
-    r.scale = u.dtype == SSW_F32 ? 0 : static_cast<double>(u.scale);
-    r.offset = static_cast<double>(u.offset);
-    r.safe = static_cast<double>(u.safe);
+    r.drive = u;
     r.resolution = y.dtype == SSW_F32 ? 0 : static_cast<double>(y.scale);
-    const std::size_t ticks = plan_.size() + kTail;
-    r.valid.assign(ticks, 0);
-    r.in_force.assign(ticks, std::nullopt);
-    r.readings.assign(ticks * mounted_[i].cells.size(), 0.0F);
+    const std::size_t ticks = kMostLength * (plan_.size() + kTail);
+    r.valid.reserve(ticks);
+    r.in_force.reserve(ticks);
+    r.readings.reserve(ticks * mounted_[i].cells.size());
     r.at_rest.reserve(kRestSamples * mounted_[i].cells.size());
   }
-  phase_ = options_.rest ? Phase::kRest : Phase::kApproach;
-  phase_began_ = tick.tick;
+  commands_.reserve(kMostLength * (plan_.size() + kTail));
+  enter(options_.rest ? Phase::kRest : Phase::kApproach, tick);
 }
 
-// The command, as a height, that answers a tick of the table.
+void Calibrator::enter(Phase phase, const TableTick& tick) {
+  phase_ = phase;
+  phase_began_ = last_good_ = tick.tick;
+  settling_since_.reset();
+}
+
+// What the coming answer commands, as a fraction of the range.
+double Calibrator::level() const {
+  if (phase_ == Phase::kApproach) return kBelow;
+  if (phase_ == Phase::kDown) return kLowest;
+  if (phase_ == Phase::kUp) return kHighest;
+  const auto last = static_cast<std::int64_t>(plan_.size()) - 1;
+  return static_cast<double>(plan_[static_cast<std::size_t>(std::clamp<std::int64_t>(position_, 0, last))]);
+}
+
+// The command, as a height, that answered a tick of the table.
 double Calibrator::command_of(std::int64_t tick) const {
-  double fraction = kBelow;
-  if (phase_ == Phase::kPlan || phase_ == Phase::kDone) {
-    const auto last = static_cast<std::int64_t>(plan_.size()) - 1;
-    fraction = static_cast<double>(
-        plan_[static_cast<std::size_t>(std::clamp<std::int64_t>(tick - plan_began_, 0, last))]);
-  } else if (phase_ == Phase::kSettle) {
-    fraction = static_cast<double>(plan_.front());
+  const auto last = static_cast<std::int64_t>(commands_.size()) - 1;
+  const auto index = static_cast<std::size_t>(std::clamp<std::int64_t>(tick - first_command_, 0, last));
+  return lowest_ + static_cast<double>(commands_[index]) * (highest_ - lowest_);
+}
+
+// Why commands or readings since the last tick are not known; "": they are.
+std::string Calibrator::disturbance(const TableTick& tick) const {
+  if (tick.tick - last_tick_ >= kMostGap) return "the host was suspended, or too busy";
+  for (std::size_t i = 0; i < records_.size(); ++i) {
+    const BoardRecord& r = records_[i];
+    const Board& board = *tick.boards[i];
+    const auto says = [&](const char* what) { return "board '" + board.title() + "' " + what; };
+    if (!r.begun) continue;
+    if (board.silent() || board.counters().silences != r.silences || tick.board_age[i] >= kMostGap)
+      return says("was silent");
+    if ((board.flags() & SSW_SAFE) != 0) return says("applied its safe values");
+    if (tick.board_age[i] != 0) continue;
+    if (!board.in_force_since(board.frame_tick())) return says("got no answers");
+    const std::int64_t passed = board.frame_tick() - r.last_tick;
+    if (std::abs(passed - (tick.tick - r.last_table_tick)) >= kMostGap) return says("lost its time");
   }
-  return lowest_ + fraction * (highest_ - lowest_);
+  return "";
 }
 
-bool Calibrator::has_settled(const TableTick& tick) const {
-  if (tick.tick - phase_began_ < hold_) return false;
-  return std::ranges::all_of(tick.boards, [](const auto& board) {
-    return board->silent() || (board->flags() & (SSW_LIMITED | SSW_SOFT_START)) == 0;
-  });
+// Whether all cells lie still at the level: what is in force answers this phase, and the readings of two holds
+// are alike.
+bool Calibrator::has_settled(const TableTick& tick, bool disturbed) {
+  bool settles = !disturbed, late = false;
+  for (std::size_t i = 0; i < records_.size(); ++i) {
+    const Board& board = *tick.boards[i];
+    if (!records_[i].has_channels || board.silent()) continue;
+    late = late || tick.board_age[i] != 0;
+    if ((board.flags() & (SSW_SAFE | SSW_LIMITED | SSW_SOFT_START)) != 0 ||
+        board.tick_in_force().value_or(-1) < phase_began_)
+      settles = false;
+  }
+  if (!settles) settling_since_.reset();
+  if (!settles || late) return false;
+  if (!settling_since_) {
+    settling_since_ = tick.tick;
+    stillness_.reset(tick.planes[sensor_].size(), hold_);
+  }
+  // Some cells never come to rest.
+  return stillness_.add(tick.planes[sensor_]) || tick.tick - *settling_since_ >= kLongestHold * hold_;
 }
 
-// Returns whether all boards are as they were.
-bool Calibrator::record(const TableTick& tick) {
+void Calibrator::record_rest(const TableTick& tick) {
+  for (std::size_t i = 0; i < records_.size(); ++i) {
+    if (!records_[i].has_channels || tick.board_age[i] != 0) continue;
+    for (const std::uint32_t cell : mounted_[i].cells)
+      records_[i].at_rest.push_back(tick.planes[sensor_][cell]);
+  }
+}
+
+// While the first level of the plan is held; cells of a board that comes later do not begin at rest.
+void Calibrator::begin_boards(const TableTick& tick) {
   for (std::size_t i = 0; i < records_.size(); ++i) {
     BoardRecord& r = records_[i];
-    if (!r.has_channels || tick.board_age[i] != 0) continue;
+    if (r.begun || !r.has_channels || tick.board_age[i] != 0 || position_ >= hold_) continue;
+    r.begun = true;
+    r.first_tick = tick.boards[i]->frame_tick();
+    r.last_tick = r.first_tick - 1;
+    r.last_table_tick = tick.tick - 1;
+    r.silences = tick.boards[i]->counters().silences;
+    r.restarts = tick.boards[i]->counters().restarts;
+  }
+}
+
+// Also by the frames that were too late to be taken. What happened before cells that were disturbed go up is
+// left out, as if time had stood still.
+void Calibrator::note_in_force(const TableTick& tick, bool leave_out) {
+  for (std::size_t i = 0; i < records_.size(); ++i) {
+    BoardRecord& r = records_[i];
     const Board& board = *tick.boards[i];
-    const auto& cells = mounted_[i].cells;
-    const auto& plane = tick.planes[sensor_];
-    if (phase_ == Phase::kRest) {
-      for (const std::uint32_t cell : cells) r.at_rest.push_back(plane[cell]);
-      continue;
-    }
-    if (!r.begun) r.first_tick = board.frame_tick();
-    if (r.begun && board.frame_tick() <= r.last_tick) {
+    if (!r.begun) continue;
+    if (board.counters().restarts != r.restarts ||
+        (tick.board_age[i] == 0 && board.frame_tick() <= r.last_tick)) {
       failure_ = "board '" + board.title() + "' was restarted; calibrate again";
-      return false;
-    }
-    // Frames that were too late to be taken say what was in force too.
-    for (std::uint32_t t = r.begun ? r.last_tick + 1 : r.first_tick; t <= board.frame_tick(); ++t)
-      if (t - r.first_tick < r.in_force.size()) r.in_force[t - r.first_tick] = board.in_force_since(t);
-    const bool safe = (board.flags() & SSW_SAFE) != 0 || board.counters().silences != r.silences;
-    if (r.begun && safe) {
-      failure_ =
-          "board '" + board.title() +
-          "' was silent or applied its safe values meanwhile, as if the host was suspended; calibrate again";
-      return false;
+      return;
     }
     r.silences = board.counters().silences;
-    r.begun = true;
+    if (tick.board_age[i] != 0) continue;
+    if (leave_out) r.first_tick += board.frame_tick() - r.last_tick;
+    const std::size_t known = std::size_t{board.frame_tick() - r.first_tick} + 1;
+    r.in_force.resize(known);
+    r.valid.resize(known);
+    r.readings.resize(known * mounted_[i].cells.size());
+    if (!leave_out)
+      for (std::uint32_t t = r.last_tick + 1; t <= board.frame_tick(); ++t)
+        r.in_force[t - r.first_tick] = board.in_force_since(t);
     r.last_tick = board.frame_tick();
+    r.last_table_tick = tick.tick;
+  }
+}
+
+void Calibrator::record(const TableTick& tick) {
+  for (std::size_t i = 0; i < records_.size(); ++i) {
+    BoardRecord& r = records_[i];
+    const auto& cells = mounted_[i].cells;
     const std::size_t k = r.last_tick - r.first_tick;
-    if (k >= r.valid.size()) continue;
+    if (!r.begun || tick.board_age[i] != 0 || k >= r.valid.size()) continue;
     r.valid[k] = 1;
     for (std::size_t cell = 0; cell < cells.size(); ++cell)
-      r.readings[k * cells.size() + cell] = plane[cells[cell]];
+      r.readings[k * cells.size() + cell] = tick.planes[sensor_][cells[cell]];
   }
-  return true;
+}
+
+void Calibrator::repeat(const TableTick& tick) {
+  ++repeats_;
+  position_ -= tick.tick - last_tick_ + hold_;
+  if (position_ >= hold_) return enter(Phase::kDown, tick);
+  position_ = 0;
+  for (BoardRecord& r : records_) {
+    r.begun = false;
+    r.valid.clear();
+    r.in_force.clear();
+    r.readings.clear();
+  }
+  enter(Phase::kApproach, tick);
 }
 
 TableDriver::Answer Calibrator::drive(TableTick tick) {
-  if (phase_ == Phase::kStart) begin(tick);
+  if (phase_ == Phase::kStart) {
+    last_tick_ = tick.tick;
+    begin(tick);
+  }
   if (tick.stopped) failure_ = "an emergency stop ended the calibration";
+  if (phase_ == Phase::kPlan) begin_boards(tick);
+  const std::int64_t elapsed = tick.tick - last_tick_;
+  const std::string why = disturbance(tick);
+  note_in_force(tick, !why.empty() || phase_ == Phase::kDown);
+  if (!why.empty()) last_disturbance_ = why;
+  if (why.empty() || elapsed >= kMostGap) last_good_ = tick.tick;
+  if ((tick.tick - last_good_) * spec_.period_us > kMostDisturbed_s * 1'000'000)
+    failure_ = why + " for " + std::to_string(kMostDisturbed_s) + " s; calibrate again";
+  if (phase_ > Phase::kSettle) spent_ += std::min(elapsed, kMostGap);
+  if (spent_ > static_cast<std::int64_t>(kMostLength * plan_.size()))
+    failure_ = "parts were repeated " + std::to_string(repeats_) + " times, the last one because " +
+               last_disturbance_ + "; calibrate again when the host is less busy and the lines are sound";
   if (!failure_.empty()) return Answer::kEnd;
-  const std::int64_t elapsed = tick.tick - phase_began_;
-  const auto next = [&](Phase phase) {
-    phase_ = phase;
-    phase_began_ = tick.tick;
-  };
+
   switch (phase_) {
     case Phase::kRest:
-      record(tick);
-      if (elapsed < static_cast<std::int64_t>(kRestSamples)) return Answer::kNothing;
-      next(Phase::kApproach);
+      record_rest(tick);
+      if (tick.tick - phase_began_ >= static_cast<std::int64_t>(kRestSamples)) enter(Phase::kApproach, tick);
       break;
     case Phase::kApproach:
     case Phase::kSettle:
-      if (elapsed * spec_.period_us > kMostSettling_s * 1'000'000) {
+    case Phase::kDown:
+    case Phase::kUp:
+      if (has_settled(tick, !why.empty())) {
+        enter(phase_ == Phase::kApproach ? Phase::kSettle
+              : phase_ == Phase::kDown   ? Phase::kUp
+                                         : Phase::kPlan,
+              tick);
+      } else if ((tick.tick - phase_began_) * spec_.period_us > kMostSettling_s * 1'000'000) {
         failure_ = "the cells do not come to rest within " + std::to_string(kMostSettling_s) +
-                   " s: a limit of a board holds them back";
-        return Answer::kEnd;
-      }
-      if (!has_settled(tick)) break;
-      next(phase_ == Phase::kApproach ? Phase::kSettle : Phase::kPlan);
-      plan_began_ = tick.tick;
-      if (phase_ != Phase::kPlan) break;
-      [[fallthrough]];
-    case Phase::kPlan:
-      if (!record(tick)) return Answer::kEnd;
-      if (tick.tick - plan_began_ >= static_cast<std::int64_t>(plan_.size()) + kTail) {
-        phase_ = Phase::kDone;
+                   " s: " +
+                   (last_disturbance_.empty() ? "a limit of a board holds them back" : last_disturbance_);
         return Answer::kEnd;
       }
       break;
     default:
-      return Answer::kEnd;
+      position_ += elapsed;
+      if (!why.empty())
+        repeat(tick);
+      else
+        record(tick);
+      if (position_ >= static_cast<std::int64_t>(plan_.size()) + kTail) {
+        phase_ = Phase::kDone;
+        return Answer::kEnd;
+      }
   }
+  last_tick_ = tick.tick;
+  if (phase_ == Phase::kRest) return Answer::kNothing;
+  if (commands_.empty()) first_command_ = tick.tick;
+  commands_.resize(static_cast<std::size_t>(tick.tick - first_command_) + 1);
+  commands_.back() = static_cast<float>(level());
   std::ranges::fill(tick.planes[actuator_], static_cast<float>(command_of(tick.tick)));
   return Answer::kCommands;
 }
@@ -227,24 +356,6 @@ std::vector<std::int64_t> Calibrator::commands_in_force(const BoardRecord& r, st
   for (std::size_t k = ticks; k-- > 0;)
     in_force[k] = r.in_force[k] ? *r.in_force[k] : k + 1 < ticks ? in_force[k + 1] : Board::kSafeValues;
   return in_force;
-}
-
-// A board may have applied its safe values in periods that are not known: the readings of these, and those
-// until the cells have forgotten them, are left out.
-void Calibrator::leave_out_guesses(const BoardRecord& r, std::vector<std::uint8_t>& valid) const {
-  std::size_t unknown = 0;
-  for (std::size_t k = 0; k < valid.size(); ++k) {
-    if (!r.in_force[k]) {
-      ++unknown;
-      continue;
-    }
-    if (unknown > 0 && (unknown >= kMostGuessed || *r.in_force[k] == Board::kSafeValues)) {
-      const std::size_t end = std::min(k + static_cast<std::size_t>(2 * hold_), valid.size());
-      std::fill(valid.begin() + static_cast<std::ptrdiff_t>(k - unknown),
-                valid.begin() + static_cast<std::ptrdiff_t>(end), std::uint8_t{0});
-    }
-    unknown = 0;
-  }
 }
 
 Calibration Calibrator::fit() const {
@@ -273,12 +384,10 @@ Calibration Calibrator::fit() const {
     std::vector<float> command(ticks - 1), reading(ticks - 1);
     std::vector<std::uint8_t> valid(ticks - 1);
     for (std::size_t k = 0; k + 1 < ticks; ++k) {
-      double u = in_force[k] < 0 ? r.safe : command_of(in_force[k]);
-      if (r.scale > 0) u = r.offset + r.scale * std::round((u - r.offset) / r.scale);
-      command[k] = static_cast<float>(u);
+      const double u = in_force[k] < 0 ? static_cast<double>(r.drive.safe) : command_of(in_force[k]);
+      command[k] = rounded(r.drive, static_cast<float>(u));
       valid[k] = r.valid[k + 1];
     }
-    leave_out_guesses(r, valid);
     std::vector<float> at_rest(r.at_rest.size() / cells);
     for (std::size_t cell = 0; cell < cells; ++cell) {
       if (!mounted_[i].exists[cell]) continue;

@@ -3,6 +3,7 @@
 
 #include <cstdint>
 #include <optional>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -24,6 +25,22 @@ struct CalibratorOptions {
 // range, so that stops do not hold them.
 std::vector<float> calibration_plan(int hold_periods);
 
+// Whether readings stand still, over windows of equal length.
+class Stillness {
+ public:
+  void reset(std::size_t cells, int window);
+  // Returns whether a window ends with these readings and no cell's mean differs from that of the window before
+  // by more than noise.
+  bool add(std::span<const float> readings);
+
+ private:
+  int window_ = 1, count_ = 0, windows_ = 0;
+  std::vector<double> last_, mean_, sum_, squares_;  // by cell
+};
+
+// Commands in force and readings are known by the boards' own ticks. Where they are not, because the host was
+// suspended, a board silent or its safe values in effect, the readings are left out until the cells have been
+// driven through their range, which makes them forget what happened, and the plan goes on from before that.
 class Calibrator final : public TableDriver {
  public:
   Calibrator(const TableSpec&, CalibratorOptions);
@@ -34,6 +51,9 @@ class Calibrator final : public TableDriver {
   // Why the recording ended early: one line; "": it is whole, or has not ended.
   const std::string& failure() const { return failure_; }
   bool done() const { return phase_ == Phase::kDone; }
+  // Parts of the plan that were repeated, and why the last one was.
+  int repeats() const { return repeats_; }
+  const std::string& last_disturbance() const { return last_disturbance_; }
   // Fits all cells. Call when done().
   Calibration fit() const;
   // Range of the actuator.
@@ -41,13 +61,16 @@ class Calibrator final : public TableDriver {
   double highest() const { return highest_; }
 
  private:
-  enum class Phase { kStart, kRest, kApproach, kSettle, kPlan, kDone };
+  // From kApproach to kUp a level is held until the cells have settled there.
+  enum class Phase { kStart, kRest, kApproach, kSettle, kDown, kUp, kPlan, kDone };
   // What a board said, by its own ticks: its clock, not the table's, orders its frames.
   struct BoardRecord {
     std::uint32_t first_tick = 0, last_tick = 0;
+    std::int64_t last_table_tick = 0;
     bool begun = false;
-    std::uint64_t silences = 0;                              // before it began
-    double scale = 0, offset = 0, safe = 0, resolution = 0;  // of its channels
+    std::uint64_t silences = 0, restarts = 0;
+    DeviceChannel drive;    // its actuator
+    double resolution = 0;  // of its sensor
     bool has_channels = false;
     std::vector<std::uint8_t> valid;  // by tick: the reading is known
     // By tick: the table's tick whose answer is in force from there on; nothing: unknown.
@@ -58,11 +81,17 @@ class Calibrator final : public TableDriver {
 
   void choose_channels(const TableTick&);
   void begin(const TableTick&);
-  bool record(const TableTick&);
-  bool has_settled(const TableTick&) const;
+  void record_rest(const TableTick&);
+  void begin_boards(const TableTick&);
+  std::string disturbance(const TableTick&) const;
+  void note_in_force(const TableTick&, bool leave_out);
+  void record(const TableTick&);
+  bool has_settled(const TableTick&, bool disturbed);
+  void enter(Phase, const TableTick&);
+  void repeat(const TableTick&);
+  double level() const;
   double command_of(std::int64_t tick) const;
   static std::vector<std::int64_t> commands_in_force(const BoardRecord&, std::size_t ticks);
-  void leave_out_guesses(const BoardRecord&, std::vector<std::uint8_t>& valid) const;
 
   const TableSpec& spec_;
   CalibratorOptions options_;
@@ -73,8 +102,15 @@ class Calibrator final : public TableDriver {
   double lowest_ = 0, highest_ = 1;
   std::uint32_t rows_ = 0, columns_ = 0;
   int hold_ = 1;
-  std::int64_t phase_began_ = 0, plan_began_ = 0;
+  std::int64_t phase_began_ = 0, last_tick_ = 0, last_good_ = 0;  // ticks of the table
+  std::optional<std::int64_t> settling_since_;
+  Stillness stillness_;
+  std::int64_t position_ = 0, spent_ = 0;  // in the plan; on it, with repeats
+  int repeats_ = 0;
+  std::string last_disturbance_;
   std::vector<float> plan_;
+  std::int64_t first_command_ = 0;  // tick
+  std::vector<float> commands_;     // by tick, as fractions of the range
   std::vector<MountedBoard> mounted_;
   std::vector<BoardRecord> records_;
 };

@@ -161,6 +161,18 @@ double fastest(const CellRecording& c, bool up) {
   return most;
 }
 
+// Standard deviation of the noise, by the differences of successive readings: a cell lies still most of the time.
+double noise_of(const CellRecording& c) {
+  std::vector<double> steps;
+  for (std::size_t k = 1; k < c.reading.size(); ++k)
+    if (c.valid[k] && c.valid[k - 1])
+      steps.push_back(std::abs(static_cast<double>(c.reading[k]) - static_cast<double>(c.reading[k - 1])));
+  if (steps.empty()) return 0;
+  const auto middle = steps.begin() + static_cast<std::ptrdiff_t>(steps.size() / 2);
+  std::ranges::nth_element(steps, middle);
+  return 1.4826 * *middle / std::sqrt(2.0);
+}
+
 // s² (JᵀJ)⁻¹, with zeros for the parameters that the readings do not depend on.
 Matrix covariance_of(const Eigen::Matrix<double, Eigen::Dynamic, kFree>& jacobian, const Vector& scale,
                      double variance) {
@@ -243,18 +255,26 @@ CellFit fit_cell(const CellRecording& c, int most_delay) {
     fit.value[CellFit::kDelay] = delay;
   }
 
-  const int delay = static_cast<int>(fit.value[CellFit::kDelay]);
-  // A limit may have been lost on the way to the optimum, from where there is no way back.
-  for (const double lag : {1.0, 2.0, 4.0}) {
-    Vector x = best;
-    x[3] = 1 / fastest(c, true);
-    x[4] = 1 / fastest(c, false);
-    x[5] = lag * c.period_s;
-    const double sum = fitter.improve(x, scale, delay, 30);
-    if (sum >= least) continue;
-    least = sum;
-    best = x;
+  // A limit may have been lost on the way to the optimum, from where there is no way back, or that way may have
+  // ended at a wrong delay, which leaves more than noise.
+  int delay = static_cast<int>(fit.value[CellFit::kDelay]);
+  const bool leaves_more = least / n > 1.5 * std::pow(noise_of(c), 2);
+  const int from = leaves_more ? std::max(delay - 1, 0) : delay;
+  const int to = leaves_more ? std::min(delay + 2, most_delay) : delay;
+  for (int other = from; other <= to; ++other) {
+    for (const double lag : {1.0, 2.0, 4.0}) {
+      Vector x = best;
+      x[3] = 1 / fastest(c, true);
+      x[4] = 1 / fastest(c, false);
+      x[5] = lag * c.period_s;
+      const double sum = fitter.improve(x, scale, other, 30);
+      if (sum >= least) continue;
+      least = sum;
+      best = x;
+      delay = other;
+    }
   }
+  fit.value[CellFit::kDelay] = delay;
   const Residuals at_best = fitter.residuals(best, delay);
   const double variance = least / (n - kFree);
   auto j = fitter.jacobian(best, scale, delay);

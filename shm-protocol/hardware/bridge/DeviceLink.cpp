@@ -43,16 +43,26 @@ float value_at(const DeviceChannel& c, const std::uint8_t* from) {
   }
 }
 
+float within(const DeviceChannel& c, float value) {
+  return std::isnan(value) ? c.safe : std::clamp(value, c.minimum, c.maximum);
+}
+
+float raw_value(const DeviceChannel& c, float value) {
+  return std::clamp(std::round((within(c, value) - c.offset) / c.scale), 0.0F, c.dtype == SSW_U16 ? 65535.0F : 255.0F);
+}
+
 void put_value(const DeviceChannel& c, float value, std::uint8_t* to) {
-  const float within = std::isnan(value) ? c.safe : std::clamp(value, c.minimum, c.maximum);
-  if (c.dtype == SSW_F32) return ssw_put_f32(to, within);
-  const float most = c.dtype == SSW_U16 ? 65535.0F : 255.0F;
-  const float raw = std::clamp(std::round((within - c.offset) / c.scale), 0.0F, most);
+  if (c.dtype == SSW_F32) return ssw_put_f32(to, within(c, value));
+  const float raw = raw_value(c, value);
   if (c.dtype == SSW_U16) return ssw_put_u16(to, static_cast<std::uint16_t>(raw));
   *to = static_cast<std::uint8_t>(raw);
 }
 
 }  // namespace
+
+float rounded(const DeviceChannel& c, float value) {
+  return c.dtype == SSW_F32 ? within(c, value) : c.offset + c.scale * raw_value(c, value);
+}
 
 bool DeviceChannel::is_compatible_with(const DeviceChannel& o) const {
   return name == o.name && unit == o.unit && sensor == o.sensor && dtype == o.dtype &&

@@ -32,6 +32,9 @@ struct DeviceChannel {
   bool is_compatible_with(const DeviceChannel&) const;
 };
 
+// A value of an actuator as the device gets it: within the range, of its resolution.
+float rounded(const DeviceChannel&, float value);
+
 struct DeviceDescription {
   std::string name;
   std::uint32_t rows = 0, columns = 0;

@@ -332,6 +332,9 @@ int calibrate(const Arguments& arguments) {
              hardware::calibration_maps(fitted));
   const auto adjust = hardware::cells_to_adjust(fitted, calibrator.lowest(), calibrator.highest());
   std::printf("%zu cells, %zu to be adjusted or repaired\n", fitted.cells(), adjust.size());
+  if (calibrator.repeats() > 0)
+    std::printf("%d parts were repeated, the last one because %s\n", calibrator.repeats(),
+                common::printable(calibrator.last_disturbance()).c_str());
   for (const std::string& line : adjust) std::printf("%s\n", common::printable(line).c_str());
   return exit_status(end);
 }

@@ -60,7 +60,7 @@ bool EmulatedBoard::write(const std::uint8_t* bytes, std::size_t count) {
 }
 
 EmulatedBoard::Time EmulatedBoard::next_event() const {
-  Time until = period_end_;
+  Time until = is_held_ ? Time::max() : period_end_;
   for (const NoisyLine* line : {&from_host_, &to_host_})
     if (const auto due = line->next_arrival()) until = std::min(until, *due);
   // A full line is tried again.
@@ -69,7 +69,15 @@ EmulatedBoard::Time EmulatedBoard::next_event() const {
 
 void EmulatedBoard::step() {
   carry();
-  if (now() >= period_end_) next_period();
+  if (is_held_)
+    period_end_ = std::max(period_end_, now());
+  else if (now() >= period_end_)
+    next_period();
+}
+
+bool EmulatedBoard::has_answer() const {
+  const ssd_device& firmware = device_->firmware();
+  return !firmware.running || firmware.in_force == SSW_NONE || firmware.ready_tick == firmware.tick;
 }
 
 // Records the latency of the answer to this period's frame, once the answer is complete.

@@ -37,8 +37,13 @@ class EmulatedBoard {
   // Throws std::runtime_error if the line cannot be made.
   EmulatedBoard(const EmulatedBoardOptions&, const MakeDevice&);
 
-  // Forwards what has arrived at either end, and ends the period if it is over.
+  // Forwards what has arrived at either end, and ends the period if it is over, unless it is held.
   void step();
+  // The period goes on, for as long as it is held, instead of ending.
+  void hold_period(bool held) { is_held_ = held; }
+  // Whether the frame that the board sent last has its answer, or gets none: the board does not run, or follows
+  // nobody yet.
+  bool has_answer() const;
   // When step() has something to do again, unless the host sends something.
   Time next_event() const;
 
@@ -87,7 +92,7 @@ class EmulatedBoard {
   std::unique_ptr<EmulatedDevice> device_;
   std::uint64_t period_ = 0;
   Time period_end_{};
-  bool period_ends_ = false;
+  bool period_ends_ = false, is_held_ = false;
   std::vector<std::uint8_t> bytes_;
   ssw_receiver receiver_{};           // version_1: reads the packets before the device does
   std::optional<Time> host_seen_at_;  // last; moves on while the line is unplugged

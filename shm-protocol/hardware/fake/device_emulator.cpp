@@ -51,6 +51,9 @@ constexpr const char* kUsage =
     "  --table FILE     write the table for surface_bridge --table, of the name --name [table]\n"
     "  --period-ms N    control period, 0.5 to 60000 [10]\n"
     "  --ticks N        end after N periods of the first board [never]\n"
+    "  --patient        periods last until the host has answered, and nothing becomes safe meanwhile: the "
+    "load of this\n"
+    "                   machine does not count\n"
     "  --once           end when the host has closed every line and not opened it again for a second\n"
     "  --pins FILE      keep the first board's active heights in FILE, one byte per cell\n"
     "The boards:\n"
@@ -93,7 +96,7 @@ struct Options {
   std::optional<std::uint64_t> errors;
   std::string truth;
   double drift_ppm = 0, storm = 0;
-  bool once = false, help = false, has_period = false;
+  bool once = false, patient = false, help = false, has_period = false;
 };
 
 template <class Number>
@@ -142,6 +145,7 @@ void set(const std::string& flag, Options& o) {
   }
   if (flag == "ticks") o.ticks = count();
   if (flag == "once") o.once = true;
+  if (flag == "patient") o.patient = true;
   if (flag == "slew" || flag == "acceleration" || flag == "soft-start" || flag == "most-moving")
     set_limit(flag, text, o);
   if (flag == "drift-ppm") o.drift_ppm = parse(flag, text, 0.0, 10000.0);
@@ -177,7 +181,7 @@ Options parse(int argc, char** argv) {
       {"drift-ppm", 1, nullptr, 1},    {"version-1", 0, nullptr, 1},  {"queue", 1, nullptr, 1},
       {"blocking", 0, nullptr, 1},     {"stop-at", 1, nullptr, 1},    {"storm", 1, nullptr, 1},
       {"errors", 1, nullptr, 1},       {"truth", 1, nullptr, 1},      {"help", 0, nullptr, 1},
-      {"world", 1, nullptr, 1},        {nullptr, 0, nullptr, 0}};
+      {"world", 1, nullptr, 1},        {"patient", 0, nullptr, 1},    {nullptr, 0, nullptr, 0}};
   Options o;
   for (int index = 0, flag; (flag = ::getopt_long(argc, argv, "", kKnown, &index)) != -1;) {
     if (flag != 1) throw std::invalid_argument("see --help");
@@ -237,7 +241,7 @@ class Emulator {
     std::fflush(stdout);
     if (!o.pins.empty()) boards[0]->device().keep_pins_in(map_file(o.pins, std::size_t{o.rows} * o.columns));
     boards[0]->on_period = [this] { on_first_boards_period(); };
-    start_interrupts();
+    if (!o.patient) start_interrupts();
   }
   ~Emulator() { set_interrupts(0); }
   Emulator(const Emulator&) = delete;
@@ -251,6 +255,7 @@ class Emulator {
       if (cut.exchange(false)) boards[0]->cut_line();
       if (world_ && EmulatedBoard::now() >= world_due_) step_world();
       if (o_.storm > 0) storm();
+      if (o_.patient) hold_periods();
       for (const auto& board : boards) board->step();
     }
     report();
@@ -277,6 +282,12 @@ class Emulator {
   void step_world() {
     world_->step();
     world_due_ = EmulatedBoard::Time::max();
+  }
+
+  // Until all boards have their answers.
+  static void hold_periods() {
+    const bool held = !std::ranges::all_of(boards, [](const auto& board) { return board->has_answer(); });
+    for (const auto& board : boards) board->hold_period(held);
   }
 
   std::unique_ptr<EmulatedBoard> make_board(int index, int count) {

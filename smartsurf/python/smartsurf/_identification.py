@@ -155,7 +155,7 @@ def _cell_values(cells: CellFit, channel: str, prefix: str) -> dict[str, Any]:
     return known
 
 
-def _as_likely(cells: CellFit | None, known: Mapping[str, Any], count: int = 8) -> list[dict[str, Any]]:
+def _as_likely(cells: CellFit | None, known: Mapping[str, Any], count: int = 16) -> list[dict[str, Any]]:
     """The parameters of cells, changed by their errors."""
     if cells is None:
         return []

@@ -23,7 +23,10 @@ _ROBUST = 3.0     # residuals beyond count less than their squares
 _CHANGE = 0.01    # of logarithms, for derivatives
 _STARTS = 5       # searches besides the one from the best of the grid,
 _SPREAD = 0.1     # the standard deviation of the logarithms they start from,
-_ALIKE = 1.02     # and how much higher a minimum may be to be as likely
+_ALIKE = 3.0      # and how much higher a minimum may be to be as likely, in roots of the lowest
+_OTHERS = 6       # cells as likely with which each parameter's profile is drawn,
+_PROFILE = 0.05   # in steps of its logarithm
+_UNSURE = 1.5     # times the spread of a few re-runs counts as noise
 _ASTRAY = 0.25    # cells between where the object was and where the best re-run has it, from where on nothing follows from it
 
 
@@ -73,20 +76,38 @@ class _View:
         total: Array = np.where(force > self.floor, force, 0).sum((1, 2))
         return total
 
-    def residuals(self, sensed: Mapping[str, Array], predicted: Mapping[str, Array]) -> Array:
+    def spread(self, runs: Sequence[Mapping[str, Array]]) -> dict[str, Array]:
+        """How far re-runs that are as likely as each other are apart: standard deviations of distances and of the weight."""
+        found = {}
+        if self.near is not None:
+            found[self.near] = _UNSURE * np.std([np.minimum(run[self.near], self.span) for run in runs], axis=0, ddof=1)
+        if self.force is not None:
+            found[self.force] = _UNSURE * np.std([self.weight(run) for run in runs], axis=0, ddof=1)
+        return found
+
+    def residuals(self, sensed: Mapping[str, Array], predicted: Mapping[str, Array], spread: Mapping[str, Array] | None = None) -> Array:
         """Frames × numbers, each about 1 where all is known. Distances count where both have one; a cell that only one of them
-        sees counts as a miss, however far off it is, because sensors do miss."""
+        sees counts as a miss, however far off it is, because sensors do miss. spread: what nobody can predict counts as noise."""
         parts = []
         if self.near is not None:
             y, x = sensed[self.near].astype(np.float64), predicted[self.near].astype(np.float64)
             hit, there, known = y < self.span, x < self.span, np.isfinite(y)
             r = np.where(hit & there, np.clip((y - x) / self.near_noise, -_FARTHEST, _FARTHEST), (hit ^ there) * _FARTHEST * 0.5)
+            if spread is not None:
+                r = r / np.hypot(1, spread[self.near] / self.near_noise)
             parts.append(np.where(known, r, 0).reshape(len(y), -1))
         if self.force is not None:
-            f, p = self.weight(sensed), self.weight(predicted)
+            f, p = self.weight(sensed), self.weight(self.as_known(predicted, sensed))
             # Of an impact between two ticks each has its part.
-            parts.append(np.clip((f - p) / (self.force_noise + 0.02 * np.maximum(f, p)), -_FARTHEST, _FARTHEST)[:, None])
+            noise = self.force_noise + 0.02 * np.maximum(f, p)
+            r = np.clip((f - p) / noise, -_FARTHEST, _FARTHEST)
+            parts.append((r if spread is None else r / np.hypot(1, spread[self.force] / noise))[:, None])
         return np.concatenate(parts, axis=1)
+
+    @staticmethod
+    def as_known(predicted: Mapping[str, Array], sensed: Mapping[str, Array]) -> dict[str, Array]:
+        """What is predicted of the readings that are known."""
+        return {name: np.where(np.isfinite(sensed[name]), plane, np.nan) for name, plane in predicted.items()}
 
     def track(self, planes: Mapping[str, Array]) -> Array:
         """For the plot: frames × (x, y, gap, force); NaN where nothing is sensed."""
@@ -132,14 +153,25 @@ def fit_motion(rerun: Rerun, label: str, known: Mapping[str, Any], near: str | N
         runs = rerun.run(values, view.channels, max(keep), used)
         return [{name: plane[:n] for name, plane in out.items()} for out, n in zip(runs, keep)]
 
+    spread: list[dict[str, Array]] | None = None
+
     def residuals(log: Array, cells: Mapping[str, Any] = known) -> Array:
-        return np.concatenate([view.residuals(s, p).ravel() for s, p in zip(sensed, predict(log, cells))])
+        of = spread or [None] * len(sensed)
+        return np.concatenate([view.residuals(s, p, w).ravel() for s, p, w in zip(sensed, predict(log, cells), of)])
+
+    def spread_at(log: Array) -> list[dict[str, Array]] | None:
+        # Contacts amplify what is not known of the cells until, after seconds, nothing follows from the parameters.
+        runs = [predict(log, changed) for changed in also]
+        return [view.spread(of_recording) for of_recording in zip(*runs)] if len(runs) > 1 else None
 
     # Contacts make the sum of squares rough: no derivatives but for the errors.
+    spread = spread_at(start)
     best = _grid(lambda log: _robust(residuals(log)), start, limits, sorted(range(len(wanted)), key=lambda i: _ORDER.index(wanted[i])))
     free = list(range(len(names)))
     random = np.random.default_rng(1)
     while free:
+        spread = spread_at(best)
+
         def of_free(values: Array) -> Array:
             full = best.copy()
             full[free] = np.clip(values, *limits[free].T)
@@ -159,10 +191,13 @@ def fit_motion(rerun: Rerun, label: str, known: Mapping[str, Any], near: str | N
         begins = best[free] + _SPREAD * np.vstack([np.zeros(len(free)), random.standard_normal((_STARTS, len(free)))])
         minima = sorted((lower(np.clip(begin, *limits[free].T), 0.03) for begin in begins), key=lambda found: found[0])
         lowest, best[free] = lower(minima[0][1], 0.01)
-        alike = [values for value, values in minima if value < _ALIKE * lowest]
+        alike = [values for value, values in minima if value < lowest + _ALIKE * math.sqrt(lowest)]
         jacobian, r = slopes(best[free]), of_free(best[free])
         others = [residuals(best, changed) for changed in also]
+        moved = [_lowest_along(lambda log, of=changed: _robust(residuals(log, of)), best, k) for k in free for changed in also[:_OTHERS]]
         error = np.hypot(_errors(jacobian, r, others, keep, period), np.sqrt(np.mean(np.square(alike - best[free]), axis=0)) if alike else 0.0)
+        if moved:
+            error = np.hypot(error, np.sqrt(np.mean(np.square(np.reshape(moved, (len(free), -1))), axis=1)))
         for k in range(len(free)):
             # One that counts to one side only is hidden by the table's own, as a restitution below that of the table is.
             step = _CHANGE * np.eye(len(free))[k]
@@ -176,12 +211,18 @@ def fit_motion(rerun: Rerun, label: str, known: Mapping[str, Any], near: str | N
         fit.unknown[wanted[free[worst]]] = _WHY[wanted[free[worst]]]
         best[free[worst]] = start[free[worst]]
         del free[worst]
-    fit.tracks = [(view.track(s), view.track(p)) for s, p in zip(sensed, predict(best))]
+    fit.tracks = [(view.track(s), view.track(view.as_known(p, s))) for s, p in zip(sensed, predict(best))]
     fit.samples = sum(keep)
     astray = _astray(fit.tracks) if near is not None else 0.0
     if astray > _ASTRAY:
         fit.values, fit.unknown = {}, dict.fromkeys(wanted, f"the re-run strays from the object, by {astray:.2f} cells")
     return fit
+
+
+def _lowest_along(cost: Callable[[Array], float], best: Array, k: int) -> float:
+    """How far from the best value the lowest one of a parameter's profile is."""
+    steps = _PROFILE * np.arange(-8, 9)
+    return float(steps[int(np.argmin([cost(best + step * (np.arange(len(best)) == k)) for step in steps]))])
 
 
 def _astray(tracks: Sequence[tuple[Array, Array]]) -> float:

@@ -13,7 +13,9 @@ from numpy.typing import NDArray
 
 Array = NDArray[Any]
 LEAST_FRAMES = 20
-SETTLES_S = 0.5  # after a command whose time is not known
+SETTLES_S = 0.5  # after a command whose time is not known,
+CROSSES_S = 1.0  # and for how long a cell may move, if the command changed by more than
+SMALL = 0.1      # of the span of its commands
 
 
 class RecordingError(ValueError):
@@ -43,17 +45,34 @@ class Recorded:
 
 
 def _answers(file: h5py.File, ticks: Array, frames: int) -> Array:
-    """For each tick from the first one on, which row of /actuators answers it; −1: none that was seen, or one that a board did
-    not follow from the next tick on."""
+    """For each tick from the first one on, which row of /actuators answers it; −1: none that was seen, or one of which it is not
+    known whether the boards followed it from the next tick on: their frames then have to say so."""
     answered = file["answers/tick"][:len(ticks)].astype(np.int64) if "answers/tick" in file else ticks
     row = np.full(frames, -1)
     known = (answered >= ticks[0]) & (answered < ticks[0] + frames)
     row[answered[known] - ticks[0]] = np.flatnonzero(known)
     if "boards/in_force" in file:
         in_force, valid = (file["boards/" + name][:len(ticks)].astype(np.int64) for name in ("in_force", "valid"))
-        late = ((in_force != ticks[:, None] - 1) & (valid == 1)).any(1)
-        row[np.maximum(ticks[late] - 1 - ticks[0], 0)] = -1
+        follow = ((in_force == ticks[:, None] - 1) | (valid != 1)).all(1) & (valid == 1).any(1)
+        sure = np.zeros(frames + 1, bool)
+        sure[ticks[follow] - ticks[0]] = True
+        row[~sure[1:]] = -1
     return row
+
+
+def _of_other_ticks(file: h5py.File, ticks: Array) -> Array:
+    """For each recorded frame, whether a board's part of it is of another tick than usual: its own came too late."""
+    if "boards/tick" not in file:
+        return np.zeros(len(ticks), bool)
+    ahead, valid = (file["boards/" + name][:len(ticks)].astype(np.int64) for name in ("tick", "valid"))
+    ahead = ahead - ticks[:, None]
+    other = np.zeros(len(ticks), bool)
+    for board in range(ahead.shape[1]):
+        known = valid[:, board] == 1
+        if known.any():
+            values, counts = np.unique(ahead[known, board], return_counts=True)
+            other |= known & (ahead[:, board] != values[counts.argmax()])
+    return other
 
 
 def _in_force(values: Array, row: Array) -> Array:
@@ -65,14 +84,24 @@ def _in_force(values: Array, row: Array) -> Array:
     return in_force
 
 
-def _unsure_cells(commands: Mapping[str, Array], row: Array, settles: int) -> Array:
-    """Frames × rows × columns: where a command changed at a time that is not known, until the cell has settled."""
+def _unsure_cells(commands: Mapping[str, Array], row: Array, valid: Array | None, period_s: float) -> Array:
+    """Frames × rows × columns: where a command changed at a time that is not known, until the cell has settled. valid: by cell,
+    whether its board said what was in force."""
     unsure = np.zeros(next(iter(commands.values())).shape, bool)
+    spans = {key: np.ptp(values, axis=0) for key, values in commands.items()}
+    settles, crosses = round(SETTLES_S / period_s), round((SETTLES_S + CROSSES_S) / period_s)
+
+    def mark(begin: int, after: int, cells: Array | bool = True) -> None:
+        for key, values in commands.items():
+            change = np.abs(values[begin] - values[after])
+            unsure[begin:after + settles] |= cells & (change > 0)
+            unsure[begin:after + crosses] |= cells & (change > SMALL * spans[key])
     gaps = np.flatnonzero(np.diff(np.concatenate([[False], row < 0, [False]]).astype(int)))
     for begin, end in gaps.reshape(-1, 2):  # ticks without a known answer
         after = min(end + 1, len(row) - 1)  # the first frame whose commands are known again
-        for values in commands.values():
-            unsure[begin:after + settles] |= values[max(begin, 0)] != values[after]
+        mark(begin, after)
+    for frame in np.flatnonzero((valid == 0).any((1, 2))) if valid is not None else ():
+        mark(max(int(frame) - 1, 0), int(frame), valid[frame] == 0)
     return unsure
 
 
@@ -138,9 +167,11 @@ def _read(name: str, file: h5py.File) -> Recorded:
         for key, data in file["actuators"].items():
             if data.ndim == 3:
                 commands[key] = _in_force(data[:len(ticks)].astype(np.float32), sure)
-        unsure = _unsure_cells(commands, sure, round(SETTLES_S / float(meta["control_period_s"])))
+        unsure = _unsure_cells(commands, sure, valid, float(meta["control_period_s"]))
+        other = at[_of_other_ticks(file, ticks)]
         for values in readings.values():
             values[unsure] = np.nan
+            values[other] = np.nan
     for values in commands.values():
         if not np.isfinite(values).all():
             values[...] = np.where(np.isfinite(values), values, np.nanmin(values))

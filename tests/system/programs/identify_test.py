@@ -2,6 +2,7 @@
 import importlib.util
 import random
 import sys
+import unittest
 
 from programs import *
 
@@ -32,6 +33,73 @@ at(5, quit)
 
 def public(rows=4, actuators="true", moves="true"):
     return PUBLIC.format(rows=rows, actuators=actuators, moves=moves)
+
+
+@unittest.skipUnless(HAS_ALL, "needs h5py, SciPy and the Python package")
+class LiveRecordings(ProgramTest):
+    """Answers come late, frames are lost, and boards miss ticks: where a reading is given, its cell's commands are those that were in force."""
+    SETTLES = 30
+
+    def recording(self, draw, frames=600, columns=4):
+        """Writes live.h5; returns what was in force from each frame on, frames × cells."""
+        import h5py
+        import numpy as np
+        answers = np.zeros((frames, columns))
+        for cell in range(columns):
+            for tick in range(1, frames):
+                answers[tick, cell] = draw.uniform(0, 4) if draw.random() < 0.04 else answers[tick - 1, cell]
+        seen, late, tick = np.ones(frames, bool), np.zeros((frames, 2), int), 30
+        while tick < frames - 1:
+            if draw.random() < 0.02:  # the host is suspended after this frame, and its answer to it may be late
+                length = draw.randint(1, 6)
+                seen[tick + 1:tick + 1 + length] = False
+                late[tick] = draw.randint(0, length)
+                tick += length
+            elif draw.random() < 0.03:
+                late[tick, draw.randrange(2)] = draw.randint(1, 3)
+            tick += 1
+        follows = np.zeros((frames, 2), int)  # the newest answer that has come by each frame
+        for board in range(2):
+            for tick in np.flatnonzero(seen):
+                follows[min(tick + 1 + late[tick, board], frames):, board] = tick
+        board_of = np.repeat([0, 1], columns // 2)
+        in_force = np.array([[answers[follows[t, board_of[c]], c] for c in range(columns)] for t in range(frames)])
+        valid = np.array([[draw.random() > 0.02 for _ in range(2)] for _ in range(frames)])
+        stale = np.array([[draw.random() < 0.01 for _ in range(2)] for _ in range(frames)]) & valid
+        ticks = np.flatnonzero(seen)
+        with h5py.File(self.folder / "live.h5", "w") as file:
+            file.create_group("meta").attrs.update({"format": "smartsurf-recording", "control_period_s": 0.01})
+            file.create_group("surface").attrs.update({"rows": 1, "columns": columns, "pitch": 1.0})
+            file["clock/host_ns"] = ticks * 10_000_000
+            file["tick"], file["answers/tick"] = ticks, ticks
+            file["actuators/height"] = answers[ticks][:, None, :].astype(np.float32)
+            file["sensors/pin_height"] = (1 + ticks)[:, None, None] * np.ones((1, 1, columns), np.float32)
+            file["sensors/valid"] = valid[ticks][:, board_of][:, None, :].astype(np.uint8)
+            file["boards/valid"] = valid[ticks].astype(np.uint32)
+            file["boards/tick"] = (1000 + ticks[:, None] - stale[ticks]).astype(np.uint32)
+            file["boards/in_force"] = follows[np.maximum(ticks[:, None] - stale[ticks], 0), [0, 1]].astype(np.uint32)
+        return in_force, stale[:, board_of]
+
+    def test_commands_are_known_where_readings_are(self):
+        import numpy as np
+        sys.path.insert(0, str(BIN.parent / "python"))
+        from smartsurf._recorded import read
+        known = of = 0
+        for seed in range(12):
+            in_force, stale = self.recording(random.Random(seed))
+            recorded = read(self.folder / "live.h5")
+            commands, readings = recorded.commands["height"][:, 0], recorded.readings["pin_height"][:, 0]
+            last = len(commands)
+            # A board senses before it follows: commands of the tick that ends with a frame move it from that frame on.
+            wrong = np.abs(commands - in_force[:last]) > 1e-6
+            for frame, cell in np.argwhere(np.isfinite(readings)):
+                if frame <= self.SETTLES:
+                    continue
+                self.assertFalse(wrong[frame - self.SETTLES:frame, cell].any(), f"seed {seed}, frame {frame}, cell {cell}")
+                self.assertFalse(stale[frame, cell], f"seed {seed}, frame {frame}, cell {cell}")
+            known += np.isfinite(readings).sum()
+            of += readings.size
+        self.assertGreater(known, 0.2 * of)
 
 
 class LaggingPins(ProgramTest):
