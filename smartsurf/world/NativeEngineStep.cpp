@@ -7,6 +7,7 @@
 
 #include "smartsurf/world/NativeEngine.h"
 #include "smartsurf/world/field/ContinuousCollision.h"
+#include "smartsurf/world/narrowphase/InternalEdges.h"
 #include "smartsurf/world/narrowphase/PairSweep.h"
 
 namespace smartsurf::world {
@@ -65,6 +66,7 @@ const NativeEngine::Stage NativeEngine::Stage::kAll[] = {
     // ---- contacts
     {"broad phase",            kTeam,      call<&E::update_broadphase>},
     {"narrow phase",           kTeam,      call<&E::find_contacts>},
+    {"correct seams",          kOneOfTeam, call<&E::correct_seams>},
     {"share force limits",     kOneOfTeam, call<&E::share_force_limits>,     has_limits},
     {"collect tip contacts",   kOneOfTeam, call<&E::collect_tip_contacts>,   has_soft_tips},
     {"collect skin contacts",  kOneOfTeam, call<&E::collect_skin_contacts>,  has_skin},
@@ -200,6 +202,8 @@ void NativeEngine::find_contacts(const Member& member) {
   collision_.find_contacts(bodies_, pair_contacts_, static_contacts_, member);
   if (member.is_caller()) cell_impulses_.resize(static_contacts_.contacts.size());
 }
+
+void NativeEngine::correct_seams() { world::correct_seams(bodies_, pair_contacts_); }
 
 void NativeEngine::share_force_limits() {
   force_limits_.distribute_limits(field_, settings_.dt_s, settings_.substeps, static_contacts_);

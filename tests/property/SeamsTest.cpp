@@ -2,7 +2,9 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <cstdlib>
 #include <numbers>
+#include <optional>
 #include <random>
 
 #include "tests/property/PhysicsFixture.h"
@@ -187,6 +189,49 @@ TEST_P(Seams, NothingHappensOnBodyThatMoves) {
     EXPECT_NEAR(fixture.velocity(id).x(), speed, 2e-3 * speed);
     EXPECT_NEAR(fixture.velocity(under).x(), drift, 1e-3);
     EXPECT_NEAR(fixture.position(id).y(), 15, 5e-3);
+  }
+}
+
+// The blocks of the track are bodies that move: each is welded to the next, or they lie on the table side by side, heavy
+// enough to stay where they are.
+TEST_P(Seams, NothingHappensBetweenBodiesThatMoveTogether) {
+  const auto number = [](const char* name, unsigned otherwise) {
+    const char* text = std::getenv(name);
+    return text ? static_cast<unsigned>(std::atoi(text)) : otherwise;
+  };
+  for (unsigned seed = 1; seed <= number("SEAM_SEEDS", 8); ++seed) {
+    SCOPED_TRACE(seed);
+    fixture = PhysicsFixture();
+    fixture.scene.world.dt_s = GetParam();
+    fixture.scene.materials[0].friction = 0.2;
+    Drawn drawn(seed);
+    const bool rolls = seed % 2 == 0, is_welded = seed / 2 % 2 == 0;
+    const double speed = drawn.uniform(2, 7), size = drawn.uniform(0.3, 0.6);
+    std::optional<scene::ObjectId> before;
+    for (double x = 1.0; x < 22.0;) {
+      const double l = drawn.uniform(0.8, 2.5);
+      auto block = box({l, 4, 1}, {x + 0.5 * l, 15, 0.5});
+      block.mass = 5000 * l;
+      const auto id = fixture.add(block);
+      if (is_welded && before)
+        fixture.world().add_joint(
+            {.kind = scene::JointKind::kFixed, .a = id, .b = *before, .anchor = {x, 15, 0.5}});
+      before = id;
+      x += l;
+    }
+    fixture.run(0.1);
+    auto rider = rolls ? sphere(size, {2.5, 15, 1 + size}) : box({2.2 * size, 1.8 * size, 2 * size}, {2.5, 15, 1 + size});
+    rider.velocity = {speed, 0, 0}, rider.mass = 1.0;
+    if (rolls) rider.angular_velocity = {0, speed / size, 0};
+    const auto id = fixture.add(rider);
+    const double seconds = 1.8;
+    double hop = 0.0;
+    fixture.run(seconds, [&] { hop = std::max(hop, std::abs(fixture.position(id).z() - 1 - size)); });
+    EXPECT_LT(hop, 5e-3);
+    const double slowing = rolls ? 0.0 : 0.2 * kGravity, until = std::min(seconds, slowing > 0 ? speed / slowing : seconds);
+    const double distance = speed * until - 0.5 * slowing * until * until;
+    EXPECT_NEAR(fixture.position(id).x() - 2.5, distance, 0.005 * distance + 0.5 * slowing * until * GetParam());
+    EXPECT_NEAR(fixture.position(id).y(), 15.0, 0.02);
   }
 }
 

@@ -174,6 +174,133 @@ bool correct_internal_edges(const Solid& a, const Solid& b, std::vector<Contact>
   return contacts.size() < count;
 }
 
+namespace {
+
+// A body matters to what lies on others if it moves against them by more than this, u/s; they move together if they do
+// so by less than kTogether and this share of it.
+constexpr float kSliding = 0.05F, kTogether = 0.05F, kTogetherShare = 0.1F;
+constexpr float kUnusedSeparation = 1e6F;  // u: exerts no impulse
+
+Vec3 velocity_at(const BodyStore& bodies, std::size_t i, const Vec3& point) {
+  if (!bodies.is_active(i)) return Vec3::Zero();
+  return bodies.velocity(i) + bodies.angular_velocity(i).cross(point - bodies.position[i]);
+}
+
+// A contact as that of body a with another, whichever of the two the list calls a. The point of a sphere is on it.
+Contact seen_from(const BodyStore& bodies, std::size_t body, const Manifold& m, const Contact& c) {
+  if (static_cast<std::size_t>(m.a) == body) return c;
+  Contact own = c;
+  own.normal = -c.normal;
+  own.anchor = bodies.position[m.a] + c.anchor - bodies.position[m.b];
+  if (bodies.is_sphere[body]) own.anchor -= c.separation * c.normal;
+  return own;
+}
+void set_from(const BodyStore& bodies, std::size_t body, const Manifold& m, const Contact& own, Contact& c) {
+  if (own.separation == kMarked) {
+    c.separation = kUnusedSeparation;
+    c.normal_impulse = 0.0F;
+    c.friction_impulse = c.rolling_impulse = Vec3::Zero();
+    return;
+  }
+  const bool is_a = static_cast<std::size_t>(m.a) == body;
+  c.separation = own.separation;
+  c.normal = is_a ? own.normal : Vec3(-own.normal);
+  c.anchor = own.anchor;
+  if (is_a) return;
+  c.anchor += bodies.position[m.b] - bodies.position[m.a];
+  if (bodies.is_sphere[body]) c.anchor += c.separation * c.normal;
+}
+
+struct Neighbour {
+  std::int32_t manifold, next;
+};
+
+// The manifolds of each body with others.
+class Neighbours {
+ public:
+  void find(const BodyStore& bodies, const ContactList& list) {
+    neighbours_.clear();
+    first_.assign(static_cast<std::size_t>(bodies.size()), -1);
+    for (std::int32_t i = 0; i < std::ssize(list.manifolds); ++i)
+      for (const std::int32_t body : {list.manifolds[i].a, list.manifolds[i].b}) {
+        neighbours_.push_back({i, first_[body]});
+        first_[body] = static_cast<std::int32_t>(neighbours_.size()) - 1;
+      }
+  }
+  bool has_several(std::size_t body) const { return first_[body] >= 0 && neighbours_[first_[body]].next >= 0; }
+  template <class Visit>
+  void for_each(std::size_t body, Visit visit) const {
+    for (std::int32_t k = first_[body]; k >= 0; k = neighbours_[k].next) visit(neighbours_[k].manifold);
+  }
+
+ private:
+  std::vector<std::int32_t> first_;
+  std::vector<Neighbour> neighbours_;
+};
+
+// Whether a face of the other body may continue one at the point.
+bool may_continue(const BodyStore& bodies, std::size_t other, const Vec3& point) {
+  const Vec3 local = bodies.axes[other].transpose() * (point - bodies.origin(other));
+  bool found = false;
+  for_each_part(*bodies.shape[other],
+                [&](const ConvexPart& part) { found = found || is_near(part, local, kProbes[2] + kEdgeDepth); });
+  return found;
+}
+
+}  // namespace
+
+void correct_seams(const BodyStore& bodies, ContactList& list) {
+  if (list.manifolds.size() < 2) return;
+  thread_local Neighbours neighbours;
+  thread_local std::vector<std::int32_t> under;  // manifolds with bodies that move together
+  thread_local std::vector<Contact> own;
+  thread_local std::vector<SeamContact> seam;
+  thread_local std::vector<Solid> solids;
+  neighbours.find(bodies, list);
+  for (std::size_t i = 0; i < static_cast<std::size_t>(bodies.size()); ++i) {
+    if (!bodies.is_active(i) || !neighbours.has_several(i)) continue;
+    const auto other_of = [&](const Manifold& m) {
+      return static_cast<std::size_t>(static_cast<std::size_t>(m.a) == i ? m.b : m.a);
+    };
+    const auto has_faces = [&](std::size_t body) {
+      const Shape& s = *bodies.shape[body];
+      return !s.hulls.empty() || s.kind == scene::ShapeKind::kBox;
+    };
+    under.clear();
+    neighbours.for_each(i, [&](std::int32_t one) {
+      const Manifold& m = list.manifolds[one];
+      const std::size_t j = other_of(m);
+      if (!has_faces(j)) return;
+      for (const Contact& c : list.contacts_of(m)) {
+        const Vec3 point = bodies.position[m.a] + c.anchor, speed = velocity_at(bodies, j, point);
+        const float sliding = (velocity_at(bodies, i, bodies.position[i]) - speed).norm();
+        if (sliding < kSliding) continue;
+        neighbours.for_each(i, [&](std::int32_t other) {
+          const std::size_t k = other_of(list.manifolds[other]);
+          if (k == j || !has_faces(k) || !may_continue(bodies, k, point)) return;
+          if ((velocity_at(bodies, k, point) - speed).norm() < std::max(kTogether, kTogetherShare * sliding))
+            under.push_back(one), under.push_back(other);
+        });
+      }
+    });
+    std::ranges::sort(under);
+    under.erase(std::ranges::unique(under).begin(), under.end());
+    if (under.size() < 2) continue;
+    solids.clear(), own.clear(), seam.clear();
+    for (const std::int32_t k : under) {
+      const Manifold& m = list.manifolds[k];
+      const std::size_t j = other_of(m);
+      solids.push_back({*bodies.shape[j], bodies.origin(j), bodies.axes[j]});
+      for (const Contact& c : list.contacts_of(m)) own.push_back(seen_from(bodies, i, m, c));
+    }
+    for (Contact& c : own) seam.push_back({&c, bodies.position[i]});
+    mark_internal_edges(solids, true, bodies.is_sphere[i] ? bodies.bounding_radius[i] : 0.0F, seam);
+    std::size_t next = 0;
+    for (const std::int32_t k : under)
+      for (Contact& c : list.contacts_of(list.manifolds[k])) set_from(bodies, i, list.manifolds[k], own[next++], c);
+  }
+}
+
 void erase_marked(std::vector<Contact>& contacts, std::size_t first) {
   const auto marked = std::remove_if(contacts.begin() + static_cast<std::ptrdiff_t>(first), contacts.end(),
                                      [](const Contact& c) { return c.separation == kMarked; });

@@ -25,6 +25,8 @@ float slop_of(bool of_pair, bool of_spheres) { return of_pair && !of_spheres ? k
 // The greatest deflection of a contact under its load, u.
 float max_deflection(bool of_pair, bool of_spheres) { return 0.5F * slop_of(of_pair, of_spheres); }
 constexpr int kMaxPasses = 12;
+// A point that slips faster than this has the friction of the sweeps, u/s: whether it bears is not known before the end.
+constexpr double kSliding = 0.02;
 // A contact bears no more than this many times the weight, the forces and the momentum of its island; what
 // does is wedged, and its stresses are no load.
 constexpr double kGreatestLeverage = 8.0;
@@ -359,7 +361,8 @@ void HeavyIslandSolver::set_up(Point& p, const BatchPoints& points, const Solver
   normal.error = target - speed[0];
   normal.change = 0.0;
   p.bears = normal.impulse > 0.0 || normal.error > 0.0;
-  p.sticks = q.friction[p.lane] > 0.0F;
+  p.slides = speed[1] * speed[1] + speed[2] * speed[2] > kSliding * kSliding;
+  p.sticks = q.friction[p.lane] > 0.0F && !p.slides;
 }
 
 void HeavyIslandSolver::set_up(PatchFriction& f, const SolverBodies& rows) {
@@ -472,6 +475,7 @@ void HeavyIslandSolver::solve_island(const Island& island, const BatchPoints& po
       double friction[2];
       for (int k = 0; k < 2; ++k) {
         Spring& t = p.spring[1 + k];
+        if (p.slides) t.change = 0.0;
         if (p.sticks) t.change = t.stiffness * p.lacking_speed(1 + k, b);
         friction[k] = t.impulse + t.change;
       }

@@ -89,7 +89,7 @@ class HeavyIslandSolver {
     std::int32_t index, lane;  // in the batch points
     std::int32_t row[2];       // −1: static
     bool is_sphere;            // its anchor is along the normal
-    bool bears, sticks;
+    bool bears, sticks, slides;
     double steady_impulse;  // normal, of the last relax stage
     Spring& normal() { return spring[0]; }
   };
