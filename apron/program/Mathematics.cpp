@@ -28,42 +28,72 @@ Wide bits_of_two_over_pi(int first) {
 }
 
 // The primitives of mathematics.def.
-using R = double;
+using R = float;
+using W = double;
 using B = bool;
+using WB = bool;
+using I = int;
 
-R constant(double c) { return c; }
+constexpr float kFloatInfinity = std::numeric_limits<float>::infinity();
+constexpr float kFloatNan = std::numeric_limits<float>::quiet_NaN();
+
+std::uint32_t bits(float a) { return std::bit_cast<std::uint32_t>(a); }
+float from_bits(std::uint32_t bits) { return std::bit_cast<float>(bits); }
+
+R constant(float c) { return c; }
 B less(R a, R b) { return a < b; }
 B equal(R a, R b) { return a == b; }
 B both(B p, B q) { return p && q; }
+B either(B p, B q) { return p || q; }
 B opposite(B p) { return !p; }
+bool all(B p) { return p; }
 R choose(B p, R a, R b) { return p ? a : b; }
 B choose_truth(B p, B a, B b) { return p ? a : b; }
+R smaller(R a, R b) { return a < b ? a : b; }
+R larger(R a, R b) { return a > b ? a : b; }
 R magnitude(R a) { return std::fabs(a); }
 R with_sign(R a, R of) { return std::copysign(a, of); }
 B is_negative(R a) { return std::signbit(a); }
 R square_root(R a) { return std::sqrt(a); }
-R float_reciprocal(R a) { return 1.0F / static_cast<float>(a); }
-R nearest(R a) { return (a + 0x1.8p52) - 0x1.8p52; }
-R power_of_two(R k) {
-  return std::bit_cast<double>(std::bit_cast<std::uint64_t>(k + (0x1.8p52 + 1023)) << 52U);
+R floor_of(R a) { return std::floor(a); }
+R nearest(R a) { return (a + 0x1.8p23F) - 0x1.8p23F; }
+R power_of_two(R k) { return from_bits(bits(k + (0x1.8p23F + 127)) << 23U); }
+R split(R a, std::uint32_t least, R* k) {
+  const std::uint32_t above = bits(a) - least;
+  *k = static_cast<float>(static_cast<std::int32_t>(above) >> 23);
+  return from_bits((above & 0x7FFFFFU) + least);
 }
-R exponent(R a) {
-  return std::bit_cast<double>((std::bit_cast<std::uint64_t>(a) >> 52U) | 0x4330000000000000U) -
-         (0x1p52 + 1023);
+R split_in_sixteenths(R a, std::uint32_t least, R* k, I* i) {
+  *i = static_cast<int>((bits(a) - least) >> 19U) & 15;
+  return split(a, least, k);
 }
-R significand(R a) {
-  return std::bit_cast<double>((std::bit_cast<std::uint64_t>(a) & 0xFFFFFFFFFFFFFU) | 0x3FF0000000000000U);
+R entry(const float* table, I i) { return table[i]; }
+W wide_entry(const double* table, I i) { return table[i]; }
+W wide(R a) { return a; }
+R narrow(W a) { return static_cast<float>(a); }
+W wide_constant(double c) { return c; }
+W wide_smaller(W a, W b) { return a < b ? a : b; }
+W wide_larger(W a, W b) { return a > b ? a : b; }
+W wide_nearest(W a) { return (a + 0x1.8p52) - 0x1.8p52; }
+W wide_negate_if_odd(W a, W k) {
+  return std::bit_cast<double>(std::bit_cast<std::uint64_t>(a) ^ (std::bit_cast<std::uint64_t>(k) << 63U));
 }
-void reduce_large(R x, R* quadrant, R* r) {
-  if (std::fabs(x) < 0x1p20) return;
+void reduce_large(R x, W* quadrant, W* r) {
+  if (std::fabs(x) < 0x1p20F) return;
   const ReducedAngle angle = reduce_angle(x);
   *quadrant = angle.quadrant;
   *r = angle.rest;
 }
+void turn_large(R x, double ahead, W* r) {
+  if (std::fabs(x) < 0x1p20F) return;
+  *r = turn_angle(x, ahead);
+}
 
 #define APRON_INLINE inline
+#define APRON_TABLE constexpr
 #include "apron/program/mathematics.def"
 #undef APRON_INLINE
+#undef APRON_TABLE
 
 }  // namespace
 
@@ -81,12 +111,16 @@ ReducedAngle reduce_angle(double x) noexcept {
   return x < 0.0 ? ReducedAngle{-angle.quadrant, -angle.rest} : angle;
 }
 
-float evaluate_mathematics(Opcode op, float first, [[maybe_unused]] float second) noexcept {
-  const double a = first, b = second;
+double turn_angle(float x, double ahead) noexcept {
+  const ReducedAngle angle = reduce_angle(x);
+  return half_turn(angle.quadrant, angle.rest, ahead);
+}
+
+float evaluate_mathematics(Opcode op, float a, [[maybe_unused]] float b) noexcept {
   switch (op) {
 #define APRON_MATHEMATICS(name, arity, value) \
   case Opcode::k##name:                       \
-    return static_cast<float>(value);
+    return value;
 #include "apron/program/elementwise.def"
     default:
       assert(false && "not a mathematical function");

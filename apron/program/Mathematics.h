@@ -14,5 +14,7 @@ struct ReducedAngle {
   double quadrant = 0.0, rest = 0.0;
 };
 ReducedAngle reduce_angle(double x) noexcept;
+// r, up to pi / 2 in size, with sin(r) = sin(x + ahead pi / 2) for whole `ahead`, of such an x.
+double turn_angle(float x, double ahead) noexcept;
 
 }  // namespace apron::program

@@ -27,13 +27,14 @@ void replace_all(std::string& text, const std::string& from, const std::string& 
 // The functions of mathematics.def with a prefix, as C.
 std::string mathematics_text() {
   std::string text(runtime::kMathematics);
-  const std::size_t begin = text.find("// 1 / a to 2^-46");
+  const std::size_t begin = text.find("// ---- in floats");
   std::string body = expand(text.substr(begin == std::string::npos ? 0 : begin), "real_", {});
   for (const char* const directive : {"#define APRON_FUNCTION", "#undef APRON_FUNCTION"})
     if (const std::size_t at = body.find(directive); at != std::string::npos)
       body.erase(at, body.find('\n', at) - at);
-  return "#define R double\n#define B int\n#define APRON_FUNCTION static inline\n" + body +
-         "\n#undef R\n#undef B\n#undef APRON_FUNCTION\n";
+  return "#define R float\n#define W double\n#define B int\n#define I int\n"
+         "#define APRON_FUNCTION static inline\n#define APRON_TABLE static const\n" +
+         body + "\n#undef R\n#undef W\n#undef B\n#undef I\n#undef APRON_FUNCTION\n#undef APRON_TABLE\n";
 }
 
 class Generator {
@@ -511,11 +512,8 @@ class Generator {
       text += runtime::kAngle;
       text += mathematics_text();
       for (const Opcode op : mathematics)
-        text += fmt::format(
-            "static float {}(float first, float second) {{\n  const double a = (double)first, b = "
-            "(double)second;\n  (void)b;\n"
-            "  return (float)({});\n}}\n",
-            mathematics_function(op), expand(operation_text(op).value, "real_", {}));
+        text += fmt::format("static float {}(float a, float b) {{\n  (void)b;\n  return {};\n}}\n",
+                            mathematics_function(op), expand(operation_text(op).value, "real_", {}));
     }
     if (tile_.uses_random) text += runtime::kRandom;
     if (uses_random_integers()) text += runtime::kRandomInteger;

@@ -11,6 +11,7 @@
 #include <hwy/highway.h>
 
 #include "apron/program/Mathematics.h"
+#include "apron/program/ScalarArithmetic.h"
 #include "apron/vm/PlaneStore.h"
 #include "apron/vm/kernels/Random.h"
 
@@ -50,23 +51,37 @@ HWY_INLINE V as_number(M m) { return hn::IfThenElseZero(m, one()); }
 HWY_INLINE V as_inverse_number(M m) { return hn::IfThenZeroElse(m, one()); }
 HWY_INLINE V choose(M m, V a, V b) { return hn::IfThenElse(m, a, b); }
 
-// smaller is a < b ? a : b and larger is a > b ? a : b, which is what the x86 instructions do. Other targets
+// lesser is a < b ? a : b and greater is a > b ? a : b, which is what the x86 instructions do. Other targets
 // treat NaN and signed zeros differently.
 #if HWY_ARCH_X86 && HWY_TARGET != HWY_EMU128 && HWY_TARGET != HWY_SCALAR
-HWY_INLINE V smaller(V a, V b) { return hn::Min(a, b); }
-HWY_INLINE V larger(V a, V b) { return hn::Max(a, b); }
+template <class Vector>
+HWY_INLINE Vector lesser(Vector a, Vector b) {
+  return hn::Min(a, b);
+}
+template <class Vector>
+HWY_INLINE Vector greater(Vector a, Vector b) {
+  return hn::Max(a, b);
+}
 HWY_INLINE V floor_of(V a) { return hn::Floor(a); }
 HWY_INLINE V ceil_of(V a) { return hn::Ceil(a); }
 HWY_INLINE V trunc_of(V a) { return hn::Trunc(a); }
 #else
-HWY_INLINE V smaller(V a, V b) { return hn::IfThenElse(hn::Lt(a, b), a, b); }
-HWY_INLINE V larger(V a, V b) { return hn::IfThenElse(hn::Gt(a, b), a, b); }
+template <class Vector>
+HWY_INLINE Vector lesser(Vector a, Vector b) {
+  return hn::IfThenElse(hn::Lt(a, b), a, b);
+}
+template <class Vector>
+HWY_INLINE Vector greater(Vector a, Vector b) {
+  return hn::IfThenElse(hn::Gt(a, b), a, b);
+}
 // The portable implementations lose the sign of zero.
 HWY_INLINE V floor_of(V a) { return hn::CopySign(hn::Floor(a), a); }
 HWY_INLINE V ceil_of(V a) { return hn::CopySign(hn::Ceil(a), a); }
 HWY_INLINE V trunc_of(V a) { return hn::CopySign(hn::Trunc(a), a); }
 #endif
 
+HWY_INLINE V smaller(V a, V b) { return lesser(a, b); }
+HWY_INLINE V larger(V a, V b) { return greater(a, b); }
 HWY_INLINE V modulo(V a, V b) { return hn::Sub(a, hn::Mul(b, floor_of(hn::Div(a, b)))); }
 HWY_INLINE V round_half_away(V a) {
   const V whole = trunc_of(a);
@@ -84,7 +99,7 @@ HWY_INLINE V round_half_away(V a) {
   };
 #include "apron/program/elementwise.def"
 
-// ---- mathematics: half a vector at a time, in double precision ----
+// ---- mathematics ----
 
 #if HWY_TARGET == HWY_SCALAR
 using DR = hn::Rebind<double, D>;
@@ -92,115 +107,174 @@ using DR = hn::Rebind<double, D>;
 using DR = hn::Repartition<double, D>;
 #endif
 using DBits = hn::RebindToUnsigned<DR>;
+using DI = hn::RebindToSigned<D>;
+using DWideI = hn::RebindToSigned<DR>;
 
 // The primitives of program/mathematics.def.
 struct R {
-  hn::Vec<DR> v;
+  V v;
 };
-using B = hn::Mask<DR>;
+struct W {  // the halves of a vector; of a vector of one number both are that number
+  hn::Vec<DR> low, high;
+};
+struct I {
+  hn::Vec<DI> v;
+};
+using B = M;
 
-constexpr double kInfinity = std::numeric_limits<double>::infinity();
-constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
+constexpr float kFloatInfinity = std::numeric_limits<float>::infinity();
+constexpr float kFloatNan = std::numeric_limits<float>::quiet_NaN();
 
 HWY_INLINE R operator+(R a, R b) { return {hn::Add(a.v, b.v)}; }
 HWY_INLINE R operator-(R a, R b) { return {hn::Sub(a.v, b.v)}; }
 HWY_INLINE R operator*(R a, R b) { return {hn::Mul(a.v, b.v)}; }
 HWY_INLINE R operator/(R a, R b) { return {hn::Div(a.v, b.v)}; }
 HWY_INLINE R operator-(R a) { return {hn::Neg(a.v)}; }
-HWY_INLINE R constant(double c) { return {hn::Set(DR(), c)}; }
+HWY_INLINE R constant(float c) { return {hn::Set(D(), c)}; }
 HWY_INLINE B less(R a, R b) { return hn::Lt(a.v, b.v); }
 HWY_INLINE B equal(R a, R b) { return hn::Eq(a.v, b.v); }
 HWY_INLINE B opposite(B p) { return hn::Not(p); }
-HWY_INLINE B both(B p, B q) { return hn::And(p, q); }
+HWY_INLINE bool all(B p) { return hn::AllTrue(D(), p); }
 HWY_INLINE R choose(B p, R a, R b) { return {hn::IfThenElse(p, a.v, b.v)}; }
 HWY_INLINE B choose_truth(B p, B a, B b) { return hn::Or(hn::And(p, a), hn::AndNot(p, b)); }
+HWY_INLINE R smaller(R a, R b) { return {smaller(a.v, b.v)}; }
+HWY_INLINE R larger(R a, R b) { return {larger(a.v, b.v)}; }
 HWY_INLINE R magnitude(R a) { return {hn::Abs(a.v)}; }
 HWY_INLINE R with_sign(R a, R of) { return {hn::CopySign(a.v, of.v)}; }
+HWY_INLINE B is_negative(R a) { return hn::RebindMask(D(), hn::Lt(hn::BitCast(DI(), a.v), hn::Zero(DI()))); }
 HWY_INLINE R square_root(R a) { return {hn::Sqrt(a.v)}; }
-HWY_INLINE R float_reciprocal(R a) {
-  const hn::Rebind<float, DR> floats;
-  return {hn::PromoteTo(DR(), hn::Div(hn::Set(floats, 1.0F), hn::DemoteTo(floats, a.v)))};
+HWY_INLINE R floor_of(R a) { return {floor_of(a.v)}; }
+HWY_INLINE R nearest(R a) { return (a + constant(0x1.8p23F)) - constant(0x1.8p23F); }
+HWY_INLINE hn::Vec<DI> bits(R a) { return hn::BitCast(DI(), a.v); }
+HWY_INLINE R from_bits(hn::Vec<DI> a) { return {hn::BitCast(D(), a)}; }
+HWY_INLINE R power_of_two(R k) { return from_bits(hn::ShiftLeft<23>(bits(k + constant(0x1.8p23F + 127)))); }
+HWY_INLINE R split(R a, std::int32_t least, R* k) {
+  const auto above = hn::Sub(bits(a), hn::Set(DI(), least));
+  *k = {hn::ConvertTo(D(), hn::ShiftRight<23>(above))};
+  return from_bits(hn::Add(hn::And(above, hn::Set(DI(), 0x7FFFFF)), hn::Set(DI(), least)));
 }
-HWY_INLINE R nearest(R a) { return (a + constant(0x1.8p52)) - constant(0x1.8p52); }
-HWY_INLINE hn::Vec<DBits> bits(R a) { return hn::BitCast(DBits(), a.v); }
-HWY_INLINE R from_bits(hn::Vec<DBits> a) { return {hn::BitCast(DR(), a)}; }
-HWY_INLINE B is_negative(R a) {
-  return hn::Lt(from_bits(hn::Or(hn::And(bits(a), hn::Set(DBits(), 0x8000000000000000U)),
-                                 hn::Set(DBits(), 0x3FF0000000000000U)))
-                    .v,
-                hn::Zero(DR()));
-}
-HWY_INLINE R power_of_two(R k) { return from_bits(hn::ShiftLeft<52>(bits(k + constant(0x1.8p52 + 1023)))); }
-HWY_INLINE R exponent(R a) {
-  return from_bits(hn::Or(hn::ShiftRight<52>(bits(a)), hn::Set(DBits(), 0x4330000000000000U))) -
-         constant(0x1p52 + 1023);
-}
-HWY_INLINE R significand(R a) {
-  return from_bits(
-      hn::Or(hn::And(bits(a), hn::Set(DBits(), 0xFFFFFFFFFFFFFU)), hn::Set(DBits(), 0x3FF0000000000000U)));
-}
-HWY_NOINLINE void reduce_large_lanes(R x, R& quadrant, R& r) {
-  const DR d;
-  HWY_ALIGN double angles[kLanes], quadrants[kLanes], rests[kLanes];
-  hn::Store(x.v, d, angles);
-  hn::Store(quadrant.v, d, quadrants);
-  hn::Store(r.v, d, rests);
-  for (std::size_t i = 0; i < hn::Lanes(d); ++i) {
-    if (std::fabs(angles[i]) < 0x1p20) continue;
-    const program::ReducedAngle angle = program::reduce_angle(angles[i]);
-    quadrants[i] = angle.quadrant;
-    rests[i] = angle.rest;
-  }
-  quadrant.v = hn::Load(d, quadrants);
-  r.v = hn::Load(d, rests);
-}
-HWY_INLINE void reduce_large(R x, R* quadrant, R* r) {
-  if (HWY_UNLIKELY(!hn::AllTrue(DR(), less(magnitude(x), constant(0x1p20)))))
-    reduce_large_lanes(x, *quadrant, *r);
+HWY_INLINE R split_in_sixteenths(R a, std::int32_t least, R* k, I* i) {
+  *i = {hn::And(hn::ShiftRight<19>(hn::Sub(bits(a), hn::Set(DI(), least))), hn::Set(DI(), 15))};
+  return split(a, least, k);
 }
 
-#define APRON_INLINE HWY_INLINE
-#include "apron/program/mathematics.def"
-#undef APRON_INLINE
-
-// Evaluates a function of doubles on floats.
-#if HWY_TARGET == HWY_SCALAR || HWY_TARGET == HWY_EMU128
-// Highway's portable conversions do not round to infinity.
+HWY_INLINE W operator+(W a, W b) { return {hn::Add(a.low, b.low), hn::Add(a.high, b.high)}; }
+HWY_INLINE W operator-(W a, W b) { return {hn::Sub(a.low, b.low), hn::Sub(a.high, b.high)}; }
+HWY_INLINE W operator*(W a, W b) { return {hn::Mul(a.low, b.low), hn::Mul(a.high, b.high)}; }
+HWY_INLINE W wide_constant(double c) { return {hn::Set(DR(), c), hn::Set(DR(), c)}; }
+HWY_INLINE W wide_nearest(W a) { return (a + wide_constant(0x1.8p52)) - wide_constant(0x1.8p52); }
 template <class Function>
-HWY_INLINE V in_double_precision(V a, V b, const Function& function) {
-  HWY_ALIGN float first[kLanes], second[kLanes];
-  HWY_ALIGN double numbers[kLanes];
-  hn::Store(a, D(), first);
-  hn::Store(b, D(), second);
-  for (std::size_t i = 0; i < hn::Lanes(D()); i += hn::Lanes(DR())) {
-    const auto promote = [&](const float* from) {
-      for (std::size_t j = 0; j < hn::Lanes(DR()); ++j) numbers[j] = from[i + j];
-      return R{hn::Load(DR(), numbers)};
-    };
-    const R x = promote(first), y = promote(second);
-    hn::Store(function(x, y).v, DR(), numbers);
-    for (std::size_t j = 0; j < hn::Lanes(DR()); ++j) first[i + j] = static_cast<float>(numbers[j]);
-  }
-  return hn::Load(D(), first);
+HWY_INLINE W of_halves(W a, W b, const Function& function) {
+  return {function(a.low, b.low), function(a.high, b.high)};
 }
+HWY_INLINE W wide_smaller(W a, W b) {
+  return of_halves(a, b, [](auto x, auto y) HWY_ATTR { return lesser(x, y); });
+}
+HWY_INLINE W wide_larger(W a, W b) {
+  return of_halves(a, b, [](auto x, auto y) HWY_ATTR { return greater(x, y); });
+}
+HWY_INLINE W wide_negate_if_odd(W a, W k) {
+  return of_halves(a, k, [](auto x, auto y) HWY_ATTR {
+    return hn::Xor(x, hn::BitCast(DR(), hn::ShiftLeft<63>(hn::BitCast(DBits(), y))));
+  });
+}
+#if HWY_TARGET == HWY_SCALAR
+HWY_INLINE W wide(R a) {
+  const auto v = hn::PromoteTo(DR(), a.v);
+  return {v, v};
+}
+HWY_INLINE R narrow(W a) { return {hn::DemoteTo(D(), a.low)}; }
 #else
-template <class Function>
-HWY_INLINE V in_double_precision(V a, V b, const Function& function) {
+HWY_INLINE W wide(R a) {
   const hn::Half<D> half;
-  const auto lower = [&](V v) { return R{hn::PromoteTo(DR(), hn::LowerHalf(half, v))}; };
-  const auto upper = [&](V v) { return R{hn::PromoteTo(DR(), hn::UpperHalf(half, v))}; };
-  const R low = function(lower(a), lower(b)), high = function(upper(a), upper(b));
-  return hn::Combine(D(), hn::DemoteTo(half, high.v), hn::DemoteTo(half, low.v));
+  return {hn::PromoteTo(DR(), hn::LowerHalf(half, a.v)), hn::PromoteTo(DR(), hn::UpperHalf(half, a.v))};
+}
+HWY_INLINE R narrow(W a) {
+  const hn::Half<D> half;
+  return {hn::Combine(D(), hn::DemoteTo(half, a.high), hn::DemoteTo(half, a.low))};
 }
 #endif
 
-#define APRON_MATHEMATICS(name, arity, value)                                                     \
-  struct name {                                                                                   \
-    static constexpr program::Opcode kOpcode = program::Opcode::k##name;                          \
-    static constexpr unsigned kArity = arity;                                                     \
-    static HWY_INLINE V apply(V first, V second, [[maybe_unused]] V third) {                      \
-      return in_double_precision(first, second, [](R a, [[maybe_unused]] R b) { return value; }); \
-    }                                                                                             \
+#if HWY_ARCH_X86 && HWY_TARGET <= HWY_AVX3
+#define APRON_SCALED
+HWY_INLINE R scaled(R a, R k) { return {V{_mm512_scalef_ps(a.v.raw, k.v.raw)}}; }
+HWY_INLINE R entry(const float* table, I i) {
+  return {hn::TableLookupLanes(hn::LoadU(D(), table), hn::IndicesFromVec(D(), i.v))};
+}
+template <class Indices>
+HWY_INLINE hn::Vec<DR> entries(const double* table, Indices i) {
+  return {_mm512_permutex2var_pd(hn::LoadU(DR(), table).raw, hn::PromoteTo(DWideI(), i).raw,
+                                 hn::LoadU(DR(), table + 8).raw)};
+}
+#else
+#undef APRON_SCALED
+HWY_INLINE R entry(const float* table, I i) { return {hn::GatherIndex(D(), table, i.v)}; }
+#if HWY_TARGET != HWY_SCALAR
+template <class Indices>
+HWY_INLINE hn::Vec<DR> entries(const double* table, Indices i) {
+  return hn::GatherIndex(DR(), table, hn::PromoteTo(DWideI(), i));
+}
+#endif
+#endif
+#if HWY_TARGET == HWY_SCALAR
+HWY_INLINE W wide_entry(const double* table, I i) {
+  const auto v = hn::GatherIndex(DR(), table, hn::PromoteTo(DWideI(), i.v));
+  return {v, v};
+}
+#else
+HWY_INLINE W wide_entry(const double* table, I i) {
+  const hn::Half<DI> half;
+  return {entries(table, hn::LowerHalf(half, i.v)), entries(table, hn::UpperHalf(half, i.v))};
+}
+#endif
+
+// Calls change(lane, doubles) for the lanes of |x| of 2^20 and more, with arrays of the doubles of `of`.
+template <std::size_t kCount, class Change>
+HWY_NOINLINE void change_large_lanes(R x, const std::array<W*, kCount>& of, const Change& change) {
+  HWY_ALIGN float angles[kLanes];
+  HWY_ALIGN std::array<std::array<double, kLanes>, kCount> values;
+  const std::size_t high = hn::Lanes(D()) - hn::Lanes(DR());
+  hn::Store(x.v, D(), angles);
+  for (std::size_t k = 0; k < kCount; ++k) {
+    hn::Store(of[k]->low, DR(), values[k].data());
+    hn::Store(of[k]->high, DR(), values[k].data() + high);
+  }
+  for (std::size_t i = 0; i < hn::Lanes(D()); ++i)
+    if (!(std::fabs(angles[i]) < 0x1p20F)) change(angles[i], values, i);
+  for (std::size_t k = 0; k < kCount; ++k)
+    *of[k] = {hn::Load(DR(), values[k].data()), hn::Load(DR(), values[k].data() + high)};
+}
+HWY_INLINE bool has_large(R x) { return HWY_UNLIKELY(!all(less(magnitude(x), constant(0x1p20F)))); }
+HWY_INLINE void turn_large(R x, double ahead, W* r) {
+  if (!has_large(x)) return;
+  change_large_lanes<1>(x, {r}, [ahead](float angle, auto& values, std::size_t i) {
+    values[0][i] = program::turn_angle(angle, ahead);
+  });
+}
+HWY_INLINE void reduce_large(R x, W* quadrant, W* r) {
+  if (!has_large(x)) return;
+  change_large_lanes<2>(x, {quadrant, r}, [](float angle, auto& values, std::size_t i) {
+    const program::ReducedAngle reduced = program::reduce_angle(angle);
+    values[0][i] = reduced.quadrant;
+    values[1][i] = reduced.rest;
+  });
+}
+
+#define APRON_INLINE HWY_INLINE
+#define APRON_TABLE constexpr
+#include "apron/program/mathematics.def"
+#undef APRON_INLINE
+#undef APRON_TABLE
+
+#define APRON_MATHEMATICS(name, arity, value)                                \
+  struct name {                                                              \
+    static constexpr program::Opcode kOpcode = program::Opcode::k##name;     \
+    static constexpr unsigned kArity = arity;                                \
+    static HWY_INLINE V apply(V first, V second, [[maybe_unused]] V third) { \
+      const R a{first};                                                      \
+      [[maybe_unused]] const R b{second};                                    \
+      return (value).v;                                                      \
+    }                                                                        \
   };
 #include "apron/program/elementwise.def"
 
@@ -369,6 +443,68 @@ void correlate(const FilterView& filter, const StencilRows& rows, const StencilO
   for (; x < to.columns; x += lanes) correlate_vector(filter, rows, to, accumulate, x);
 }
 
+// kVectors vectors of each of the rows at once: a vector of cells is loaded once for all of them, and a
+// coefficient once for all vectors. The order of a cell's products is that of correlate().
+template <std::size_t kVectors>
+HWY_INLINE void correlate_block(const FilterView& filter, const StencilRows& rows,
+                                const std::array<StencilOutput, kFilterRows>& to, std::size_t x) {
+  static_assert(kFilterRows == 4);
+  const D d;
+  const std::size_t lanes = hn::Lanes(d);
+  V sums[kFilterRows][kVectors];
+#pragma GCC unroll 4
+  for (std::size_t o = 0; o < kFilterRows; ++o)
+#pragma GCC unroll 4
+    for (std::size_t v = 0; v < kVectors; ++v) sums[o][v] = zero();
+  const auto last = static_cast<std::ptrdiff_t>(filter.height) - 1;
+  for (std::ptrdiff_t j = 0; j < last + static_cast<std::ptrdiff_t>(kFilterRows); ++j) {
+    const float* from = rows.row[j] + rows.step[j] * static_cast<std::ptrdiff_t>(x);
+    const float* const elements = filter.coefficients + j * filter.width;
+    if (j >= static_cast<std::ptrdiff_t>(kFilterRows) - 1 && j <= last) {
+      for (std::ptrdiff_t i = 0; i < filter.width; ++i, ++from) {
+        V cells[kVectors];
+#pragma GCC unroll 4
+        for (std::size_t v = 0; v < kVectors; ++v) cells[v] = hn::LoadU(d, from + v * lanes);
+#pragma GCC unroll 4
+        for (std::size_t o = 0; o < kFilterRows; ++o) {
+          const V e = hn::Set(d, elements[i - static_cast<std::ptrdiff_t>(o * filter.width)]);
+#pragma GCC unroll 4
+          for (std::size_t v = 0; v < kVectors; ++v) sums[o][v] = hn::Add(sums[o][v], hn::Mul(e, cells[v]));
+        }
+      }
+    } else {  // the first rows that the upper outputs read, and the last of the lower ones
+#pragma GCC unroll 4
+      for (std::size_t o = 0; o < kFilterRows; ++o) {
+        const std::ptrdiff_t row = j - static_cast<std::ptrdiff_t>(o);
+        if (row < 0 || row > last) continue;
+        for (std::ptrdiff_t i = 0; i < filter.width; ++i) {
+          const V e = hn::Set(d, filter.coefficients[row * filter.width + i]);
+#pragma GCC unroll 4
+          for (std::size_t v = 0; v < kVectors; ++v)
+            sums[o][v] = hn::Add(sums[o][v], hn::Mul(e, hn::LoadU(d, from + i + v * lanes)));
+        }
+      }
+    }
+  }
+#pragma GCC unroll 4
+  for (std::size_t o = 0; o < kFilterRows; ++o)
+#pragma GCC unroll 4
+    for (std::size_t v = 0; v < kVectors; ++v) store_cells(to[o], x + v * lanes, sums[o][v]);
+}
+
+// 16 or 8 sums, so many registers are there.
+constexpr std::size_t kFilterVectors = kLanes * sizeof(float) == 64 && HWY_MAX_BYTES == 64 ? 4 : 2;
+
+void correlate_rows(const FilterView& filter, const StencilRows& rows,
+                    const std::array<StencilOutput, kFilterRows>& to) noexcept {
+  const std::size_t width = kFilterVectors * hn::Lanes(D());
+  std::size_t x = 0;
+  for (; x + width <= to[0].columns; x += width) correlate_block<kFilterVectors>(filter, rows, to, x);
+  for (std::uint32_t o = 0; o < kFilterRows && x < to[0].columns; ++o)
+    for (std::size_t column = x; column < to[0].columns; column += hn::Lanes(D()))
+      correlate_vector(filter, {rows.row + o, rows.step + o}, to[o], false, column);
+}
+
 // The order of operations is that of opcodes.def. load(j, i) loads the cells of row j, column i of the three.
 template <class Op, bool kEight, class Load>
 HWY_INLINE V join_neighbours(const Load& load) {
@@ -397,6 +533,7 @@ template <class... Ops>
 StencilKernels make_stencil_kernels() {
   StencilKernels kernels;
   kernels.correlate = correlate;
+  kernels.correlate_rows = correlate_rows;
   kernels.near = {{{near<Ops, false>, near<Ops, true>}...}};
   return kernels;
 }
@@ -666,10 +803,14 @@ const KernelTable* kernel_table(InstructionSet isa) {
     return nullptr;
   };
   if (isa != InstructionSet::kAvx512 || find(isa) == nullptr) return find(isa);
-  // A single element-wise operation waits for memory: see is_bandwidth_bound() in fusion/FusedTrace.cpp.
+  // A single element-wise operation waits for memory, unless it is a mathematical function: see
+  // is_bandwidth_bound() in fusion/FusedTrace.cpp.
   static const KernelTable kTable = [&] {
     KernelTable table = *find(InstructionSet::kAvx512);
-    if (const KernelTable* narrow = find(InstructionSet::kAvx2)) table.elementwise = narrow->elementwise;
+    if (const KernelTable* narrow = find(InstructionSet::kAvx2))
+      for (std::size_t op = 0; op < table.elementwise.size(); ++op)
+        if (!program::is_mathematics(static_cast<program::Opcode>(op)))
+          table.elementwise[op] = narrow->elementwise[op];
     return table;
   }();
   return &kTable;

@@ -31,10 +31,17 @@ struct StencilOutput {
   std::uint32_t columns = 0;
 };
 
+// Output rows that a kernel of filters computes at once.
+inline constexpr std::uint32_t kFilterRows = 4;
+
 struct StencilKernels {
   // Correlates with the filter; with `accumulate`, the sums begin with y instead of 0.
   void (*correlate)(const FilterView& filter, const StencilRows& rows, const StencilOutput& to,
                     bool accumulate) noexcept = nullptr;
+  // kFilterRows output rows, one below the other and of as many columns, of a filter without zeros: `rows`
+  // are the filter's height + kFilterRows - 1 rows that they read.
+  void (*correlate_rows)(const FilterView& filter, const StencilRows& rows,
+                         const std::array<StencilOutput, kFilterRows>& to) noexcept = nullptr;
   // near.sum to near.all with 4 [0] and 8 [1] neighbours, on three rows of three cells.
   std::array<std::array<void (*)(const StencilRows& rows, const StencilOutput& to) noexcept, 2>, 5> near{};
 };

@@ -51,6 +51,8 @@ struct Job {
 std::optional<Job> make_apron_job(int workload, int n, unsigned threads, apron::vm::InstructionSet isa);
 // The program filters/NAME.aps, from register A to register B; nullopt without the instruction set.
 std::optional<Job> make_filter_job(const std::string& name, int n, apron::vm::InstructionSet isa);
+// C = call, of the registers A and B, from .1 to 1.
+std::optional<Job> make_mathematics_job(const std::string& call, int n, apron::vm::InstructionSet isa);
 std::optional<Job> make_unfused_job(int workload, int n);
 std::optional<Job> make_hand_fused_job(int workload, int n);
 std::optional<Job> make_eigen_job(int workload, int n);

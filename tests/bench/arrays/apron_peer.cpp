@@ -56,8 +56,8 @@ double checksum(const Plane& plane) {
 namespace {
 
 std::shared_ptr<ApronRun> compile(const std::string& file, int n, unsigned threads,
-                                  apron::vm::InstructionSet isa) {
-  apron::syntax::DiskReader reader;
+                                  apron::vm::InstructionSet isa,
+                                  apron::syntax::FileReader&& reader = apron::syntax::DiskReader()) {
   apron::compiler::CompileOptions compile;
   compile.file = ARRAYS_SOURCE_DIR "/" + file;
   compile.include_paths = {ARRAYS_LIBRARY_DIR};
@@ -98,6 +98,18 @@ std::optional<Job> make_filter_job(const std::string& name, int n, apron::vm::In
   const auto machine = compile("filters/" + name + ".aps", n, 1, isa);
   set_plane(machine->plane("A"), input(name.starts_with("life") ? 4 : 1, n, 0));
   return Job{[machine] { machine->vm.run(); }, [machine] { return checksum(machine->plane("B")); }};
+}
+
+std::optional<Job> make_mathematics_job(const std::string& call, int n, apron::vm::InstructionSet isa) {
+  if (!apron::vm::is_supported(isa)) return std::nullopt;
+  apron::syntax::MemoryReader reader;
+  reader.files[ARRAYS_SOURCE_DIR "/mathematics.aps"] =
+      "!register(A, B, C)\nwhile(1)\n  C = " + call +
+      "\n  surface.actuate('out', C)\n  surface.step\nendwhile\n";
+  const auto machine = compile("mathematics.aps", n, 1, isa, std::move(reader));
+  set_plane(machine->plane("A"), input(1, n, 0));
+  set_plane(machine->plane("B"), input(1, n, 1));
+  return Job{[machine] { machine->vm.run(); }, [machine] { return checksum(machine->plane("C")); }};
 }
 
 }  // namespace arrays
