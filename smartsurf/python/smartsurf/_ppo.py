@@ -1,8 +1,8 @@
 """Proximal policy optimization (Schulman et al. 2017) with PyTorch, for `smartsurf train --method ppo`.
 
 Observations are normalised by their mean and deviation, rewards by the deviation of the discounted return; advantages are
-generalised (Schulman et al. 2016); ratios, the value's change and gradients are clipped; the learning rate falls to 0; an episode
-that ends by time goes on with the value of its last state, as CleanRL does all of these.
+generalised (Schulman et al. 2016); ratios and gradients are clipped; the learning rate falls to 0; an episode that ends by time goes
+on with the value of its last state, as CleanRL does all of these. The value is not clipped, which would keep it from its scale.
 
 The value, which training alone needs, also sees the states of the objects and the goals (Pinto et al. 2018), so that it tells what
 the commands changed from what differs between episodes. Each cell's commands are an action of their own, with the world's advantage. Exploration depends on the state (Raffin et al. 2020):
@@ -30,7 +30,7 @@ from .training import Log, channel_scale, local_policy, save_policy
 
 Floats = NDArray[np.float32]
 
-VALUE_RATE = 1e-3  # learning rate of the value
+VALUE_RATE = 2e-3  # learning rate of the value
 
 
 class Moments:
@@ -210,6 +210,7 @@ class Learner:
         for part in parts[::2]:
             nn.init.orthogonal_(part.weight, 2**0.5)
             nn.init.zeros_(part.bias)
+        self._targets, self._targets_known = Moments((), 1e-4), False
         self._values_parameters = list(self._critic.parameters())
         self.optimizer = torch.optim.Adam([{"params": self.actor.parameters, "lr": how.learning_rate},
                                            {"params": self._values_parameters, "lr": VALUE_RATE}], eps=1e-5)
@@ -223,9 +224,24 @@ class Learner:
         self._judged = np.concatenate([np.nan_to_num(np.asarray(part, np.float32).reshape(worlds, -1)) for part in known], axis=1)
         self._seen = planes if self._sees_planes else np.array(observation, np.float32)
 
-    def value(self, judged: Any) -> Any:
+    def _normalised_value(self, judged: Any) -> Any:
         m = self.judged_moments
         return self._critic(((judged - torch.from_numpy(m.mean)) / torch.from_numpy(m.deviation)).clamp(-10, 10))[:, 0]
+
+    def value(self, judged: Any) -> Any:
+        return float(self._targets.mean) + float(self._targets.deviation) * self._normalised_value(judged)
+
+    def _learn_scale_of_values(self, targets: Any) -> None:
+        """The value's network has outputs of about 1; its last layer changes so that the value stays (van Hasselt et al. 2016)."""
+        mean, deviation = float(self._targets.mean), float(self._targets.deviation)
+        known = self._targets_known
+        self._targets.add(targets.numpy().ravel())
+        self._targets_known = True
+        if known:
+            last, scale = self._critic[-1], float(self._targets.deviation)
+            with torch.no_grad():
+                last.weight *= deviation / scale
+                last.bias.copy_((last.bias * deviation + mean - float(self._targets.mean)) / scale)
 
     def warm_up(self) -> None:
         """A first rollout for the statistics, in which each world begins another episode at its own time: later ones are then in
@@ -291,8 +307,8 @@ class Learner:
         self.moments.add(torch.cat(rollout["seen"]).numpy())
         self.judged_moments.add(torch.cat(rollout["judged"]).numpy())
 
-    def update(self, rollout: dict[str, Any], left: float) -> None:
-        """left: the share of the training that is to come, by which the learning rates fall."""
+    def update(self, rollout: dict[str, Any], left: float, policy: bool = True) -> None:
+        """left: the share of the training that is to come, by which the learning rates fall. policy: else the value alone learns."""
         how = self.how
         judged, ends = torch.stack(rollout["judged"]), np.array(rollout["ends"])
         decisions, worlds = ends.shape
@@ -330,7 +346,8 @@ class Learner:
         with torch.no_grad():  # with the statistics of now
             before = torch.cat([log_probabilities(part).reshape(length, len(part), *self.actor.action[1:])
                                 for part in every.split(1024)], dim=1)
-        for group, rate in zip(self.optimizer.param_groups, (how.learning_rate, VALUE_RATE)):
+        self._learn_scale_of_values(targets)
+        for group, rate in zip(self.optimizer.param_groups, (how.learning_rate if policy else 0.0, VALUE_RATE)):
             group["lr"] = rate * left
         for _ in range(how.epochs):
             for batch in torch.randperm(len(every), generator=self._generator).chunk(how.minibatches):
@@ -343,9 +360,8 @@ class Learner:
                 own = ((own - own.mean()) / (own.std() + 1e-8))[:, None, None]
                 loss = -torch.min(own * ratio, own * ratio.clamp(1 - how.clip, 1 + how.clip)).mean()
                 loss = loss - how.entropy * (self.actor.log_deviation.mean() + self.actor.log_single_deviation.mean())
-                now, then, target = self.value(flat(judged)), flat(values), flat(targets)
-                near = then + (now - then).clamp(-how.clip, how.clip)
-                loss = loss + 0.5 * torch.max((now - target) ** 2, (near - target) ** 2).mean()
+                wanted = (flat(targets) - float(self._targets.mean)) / float(self._targets.deviation)
+                loss = loss + 0.5 * ((self._normalised_value(flat(judged)) - wanted) ** 2).mean()
                 self.optimizer.zero_grad()
                 loss.backward()
                 nn.utils.clip_grad_norm_(self.actor.parameters, 0.5)
@@ -365,6 +381,7 @@ def train(make: Callable[..., VectorEnv], how: argparse.Namespace, folder: pathl
     learner = Learner(make, how)
     log = Log(folder, make, how)
     learner.warm_up()
+    learner.update(learner.rollout(how.horizon), 1.0, policy=False)
     for iteration in range(how.iterations):
         rollout = learner.rollout(how.horizon)
         learner.learn_statistics(rollout)

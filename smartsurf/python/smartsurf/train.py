@@ -46,16 +46,16 @@ def main(arguments: Sequence[str] | None = None) -> None:
     of_ppo.add_argument("--worlds", type=_whole, default=32, help="[32]")
     of_ppo.add_argument("--hold", type=_whole, help="ticks of a decision, while it learns [6, with memory 1]")
     of_ppo.add_argument("--horizon", type=_whole, help="decisions between two updates [192 ticks]")
-    of_ppo.add_argument("--discount", type=float, help="of a decision [0.98 for 6 ticks]")
-    of_ppo.add_argument("--gae-lambda", type=float, help="of a decision [0.95 for 6 ticks]")
-    of_ppo.add_argument("--epochs", type=_whole, default=10, help="of an update [10]")
-    of_ppo.add_argument("--minibatches", type=_whole, default=8, help="of an epoch [8]")
+    of_ppo.add_argument("--discount", type=float, help="of a decision [0.9 for 6 ticks]")
+    of_ppo.add_argument("--gae-lambda", type=float, help="of a decision [0.9 for 6 ticks]")
+    of_ppo.add_argument("--epochs", type=_whole, default=5, help="of an update [5]")
+    of_ppo.add_argument("--minibatches", type=_whole, default=4, help="of an epoch [4]")
     of_ppo.add_argument("--sequence", type=_whole, default=24, help="decisions through which gradients of memory go back [24]")
-    of_ppo.add_argument("--clip", type=float, default=0.2, help="of ratios and values [0.2]")
+    of_ppo.add_argument("--clip", type=float, default=0.2, help="of ratios [0.2]")
     of_ppo.add_argument("--entropy", type=float, default=0.0, help="weight of the entropy [0]")
-    of_ppo.add_argument("--learning-rate", type=float, default=1e-3, help="[0.001], which falls to 0")
+    of_ppo.add_argument("--learning-rate", type=float, default=1e-2, help="of the policy [0.01], which falls to 0")
     of_ppo.add_argument("--exploration", type=float, default=0.5, help="deviation of commands at the start, of half their range [0.5]")
-    of_ppo.add_argument("--together", type=float, default=0.5, help="share of its variance that the cells of a world have in common [0.5]")
+    of_ppo.add_argument("--together", type=float, default=0.9, help="share of its variance that the cells of a world have in common [0.9]")
     of_ppo.add_argument("--noise-ticks", type=_whole, default=24, help="for which the cells of a world explore alike [24]")
     how = parser.parse_args(arguments)
     if how.method == "cem" and how.policy != "local":
@@ -70,8 +70,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
         parser.error(f"--hold {how.hold}: a policy with memory decides in each tick: --hold 1")
     how.hold = how.hold or (1 if how.memory else 6)
     how.horizon = how.horizon or max(1, 192 // how.hold)
-    how.discount = 0.98 ** (how.hold / 6) if how.discount is None else how.discount
-    how.gae_lambda = 0.95 ** (how.hold / 6) if how.gae_lambda is None else how.gae_lambda
+    how.discount = 0.9 ** (how.hold / 6) if how.discount is None else how.discount
+    how.gae_lambda = 0.9 ** (how.hold / 6) if how.gae_lambda is None else how.gae_lambda
     try:
         from . import training
     except ImportError as error:

@@ -223,8 +223,8 @@ class Training(ExperimentTest):
                 how = ["--method", "ppo", "--policy", policy, "--hidden", 4, "--iterations", 3, "--worlds", 4, "--horizon", 12, "--hold",
                        1 if more else 6, "--epochs", 2, "--minibatches", 2, "--test", 3, *more]
                 rows = self.train(of, *how, "--threads", 1, folder=policy)
-                tick = 1 if more else 6  # a first horizon is for the statistics
-                self.assertEqual([int(row["samples"]) for row in rows], [tick * 4 * (12 + 12 * k) for k in (1, 2, 3)])
+                tick = 1 if more else 6  # two first horizons are for the statistics and the value
+                self.assertEqual([int(row["samples"]) for row in rows], [tick * 4 * (24 + 12 * k) for k in (1, 2, 3)])
                 self.assertEqual(len({row["test_return"] for row in rows}), 3)
                 if importlib.util.find_spec("tensorboard"):
                     self.assertTrue(list((self.folder / policy).glob("events.out.tfevents*")))
