@@ -318,8 +318,9 @@ Intervals intervals_of(const Calibration& fitted, const std::string& truth) {
     std::vector<double> values;
     std::istringstream fields(line);
     for (std::string field; std::getline(fields, field, ',');) values.push_back(std::stod(field));
-    const CellFit& fit = fitted.fits[static_cast<std::size_t>(values[0]) * fitted.columns +
-                                     static_cast<std::size_t>(values[1])];
+    const CellFit& fit =
+        fitted
+            .fits[static_cast<std::size_t>(values[0]) * fitted.columns + static_cast<std::size_t>(values[1])];
     found.wrong_states += static_cast<int>(fit.state) != static_cast<int>(values[11]);
     if (values[11] != 0 || fit.state != CellState::kGood) continue;
     for (const auto& [parameter, column] : kColumns) {

@@ -36,7 +36,7 @@ def public(rows=4, actuators="true", moves="true"):
 
 
 @unittest.skipUnless(HAS_ALL, "needs h5py, SciPy and the Python package")
-class CommandsInForce(ProgramTest):
+class IdentifiedLive(ProgramTest):
     """Answers come late, frames are lost, and boards miss ticks: where a reading is given, its cell's commands are those that were in force."""
     SETTLES = 30
 
