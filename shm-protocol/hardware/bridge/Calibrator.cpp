@@ -250,7 +250,7 @@ void Calibrator::note_in_force(const TableTick& tick, bool leave_out) {
     r.silences = board.counters().silences;
     if (tick.board_age[i] != 0) continue;
     if (leave_out) r.first_tick += board.frame_tick() - r.last_tick;
-    const std::size_t known = std::size_t{board.frame_tick() - r.first_tick} + 1;
+    const std::uint32_t known = board.frame_tick() - r.first_tick + 1;  // 0: all is left out
     r.in_force.resize(known);
     r.valid.resize(known);
     r.readings.resize(known * mounted_[i].cells.size());
@@ -375,7 +375,7 @@ Calibration Calibrator::fit() const {
   for (std::size_t i = 0; i < records_.size(); ++i) {
     const BoardRecord& r = records_[i];
     const std::size_t cells = mounted_[i].cells.size();
-    if (!r.has_channels || !r.begun) {
+    if (!r.has_channels || !r.begun || r.valid.empty()) {
       for (const std::uint32_t cell : mounted_[i].cells) all.fits[cell] = CellFit{};
       continue;
     }

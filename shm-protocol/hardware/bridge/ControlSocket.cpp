@@ -13,7 +13,7 @@
 namespace hardware {
 namespace {
 
-constexpr std::size_t kMaxAnswer = std::size_t{1} << 16;
+constexpr std::size_t kMaxAnswer = std::size_t{1} << 16, kMostClients = 16;
 
 struct Address {
   sockaddr_un at{};
@@ -58,10 +58,16 @@ ControlSocket::~ControlSocket() {
 
 void ControlSocket::serve(const std::function<std::string(const std::string&)>& answer) {
   for (int client; (client = ::accept4(listener_, nullptr, nullptr, SOCK_NONBLOCK | SOCK_CLOEXEC)) >= 0;) {
-    if (is_trusted(client) && clients_.size() < 16)
-      clients_.push_back(client);
-    else
+    if (!is_trusted(client)) {
       ::close(client);
+      continue;
+    }
+    // Clients that ask nothing must not keep an emergency stop out.
+    if (clients_.size() == kMostClients) {
+      ::close(clients_.front());
+      clients_.erase(clients_.begin());
+    }
+    clients_.push_back(client);
   }
   for (std::size_t i = 0; i < clients_.size();) {
     std::array<char, 256> command;
@@ -72,7 +78,7 @@ void ControlSocket::serve(const std::function<std::string(const std::string&)>& 
     }
     if (got > 0) {
       const std::string text = answer({command.data(), static_cast<std::size_t>(got)}).substr(0, kMaxAnswer);
-      if (::send(clients_[i], text.data(), text.size(), MSG_NOSIGNAL) < 0 && errno == EAGAIN) continue;
+      (void)::send(clients_[i], text.data(), text.size(), MSG_NOSIGNAL);
     }
     ::close(clients_[i]);
     clients_.erase(clients_.begin() + static_cast<std::ptrdiff_t>(i));

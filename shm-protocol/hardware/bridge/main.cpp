@@ -215,6 +215,9 @@ std::optional<Arguments> parse_calibrate(int argc, char** argv) {
   std::error_code none;
   if (std::filesystem::equivalent(*arguments.table, arguments.output, none))
     throw std::invalid_argument("-o " + arguments.output + " is the table itself");
+  const auto folder = std::filesystem::absolute(arguments.output).parent_path();
+  if (!std::filesystem::is_directory(folder, none))
+    throw std::invalid_argument("-o " + arguments.output + ": there is no folder " + folder.string());
   return arguments;
 }
 

@@ -3,12 +3,21 @@
 #include <gtest/gtest.h>
 #include <shm_protocol/ControllerEndpoint.h>
 #include <shm_protocol/ObserverEndpoint.h>
+#include <sys/socket.h>
+#include <sys/un.h>
+#include <unistd.h>
 
 #include <algorithm>
+#include <array>
 #include <chrono>
+#include <cmath>
+#include <cstddef>
 #include <filesystem>
 #include <fstream>
+#include <sstream>
+#include <thread>
 
+#include "shm-protocol/hardware/bridge/Calibration.h"
 #include "tests/system/hardware/Program.h"
 
 namespace hardware {
@@ -269,6 +278,88 @@ TEST(Table, CalibrationLeadsTheCellsWhereTheyAreSent) {
   EXPECT_EQ(cut.wait(), 2);
   EXPECT_NE(cut.output().find("-calibration.toml:"), std::string::npos) << cut.output();
   for (const std::string& made : {file, calibration, base + "-calibration.svg"})
+    std::filesystem::remove(made);
+}
+
+TEST(Table, ClientsThatAskNothingDoNotKeepAnEmergencyStopOut) {
+  Table table("stuck", "1x1");
+  ControllerEndpoint controller = ControllerEndpoint::attach(table.name, {.timeout = 60s});
+  sockaddr_un at{};
+  at.sun_family = AF_UNIX;
+  const std::string name = "smartsurf." + std::to_string(::geteuid()) + "." + table.name;
+  name.copy(at.sun_path + 1, sizeof at.sun_path - 1);
+  const auto bytes = static_cast<socklen_t>(offsetof(sockaddr_un, sun_path) + 1 + name.size());
+  std::vector<int> stuck;
+  for (int k = 0; k < 40; ++k) {
+    stuck.push_back(::socket(AF_UNIX, SOCK_SEQPACKET | SOCK_CLOEXEC, 0));
+    ASSERT_EQ(::connect(stuck.back(), reinterpret_cast<const sockaddr*>(&at), bytes), 0) << k;
+    std::this_thread::sleep_for(10ms);
+  }
+  EXPECT_EQ(table.ask("stop"), "stopped\n");
+  EXPECT_NE(table.ask("status").find("emergency_stop by the user"), std::string::npos);
+  for (const int client : stuck) ::close(client);
+}
+
+// Of zero, slope, speeds and lag of the good cells: how many 95 % intervals hold what --truth wrote.
+struct Intervals {
+  int held = 0, all = 0, wrong_states = 0;
+};
+Intervals intervals_of(const Calibration& fitted, const std::string& truth) {
+  constexpr std::array<std::pair<CellFit::Parameter, int>, 5> kColumns{{{CellFit::kZero, 2},
+                                                                        {CellFit::kSlope, 3},
+                                                                        {CellFit::kSpeedUp, 5},
+                                                                        {CellFit::kSpeedDown, 6},
+                                                                        {CellFit::kLag, 7}}};
+  Intervals found;
+  std::ifstream in(truth);
+  std::string line;
+  std::getline(in, line);
+  while (std::getline(in, line)) {
+    std::vector<double> values;
+    std::istringstream fields(line);
+    for (std::string field; std::getline(fields, field, ',');) values.push_back(std::stod(field));
+    const CellFit& fit =
+        fitted
+            .fits[static_cast<std::size_t>(values[0]) * fitted.columns + static_cast<std::size_t>(values[1])];
+    found.wrong_states += static_cast<int>(fit.state) != static_cast<int>(values[11]);
+    if (values[11] != 0 || fit.state != CellState::kGood) continue;
+    for (const auto& [parameter, column] : kColumns) {
+      if (fit.error[parameter] == 0) continue;
+      ++found.all;
+      found.held += std::abs(fit.value[parameter] - values[static_cast<std::size_t>(column)]) <=
+                    1.96 * fit.error[parameter];
+    }
+  }
+  return found;
+}
+
+TEST(Table, CalibrationRepeatsWhatASuspensionOfTheHostSpoils) {
+  const std::string name = surface_name("table-suspended"), base = line_path(name), file = base + ".toml",
+                    calibration = base + "-calibration.toml", truth = base + "-truth.csv";
+  std::string said;
+  int status = 1;
+  for (int attempt = 0; attempt < 3 && status == 1; ++attempt) {  // a host may be too busy for it
+    Device device({"--tcp", "0", "--size", "4x4", "--boards", "2x1", "--period-ms", "5", "--errors", "9",
+                   "--truth", truth, "--table", file});
+    Program calibrate({SURFACE_BRIDGE, "calibrate", file, "-o", calibration, "--rest", "0", "--hold", "0.1",
+                       "--shm", name});
+    std::this_thread::sleep_for(2s);  // at rest, and until the plan begins
+    for (const auto length : {50ms, 100ms, 300ms, 1000ms}) {
+      std::this_thread::sleep_for(700ms);
+      calibrate.signal(SIGSTOP);
+      std::this_thread::sleep_for(length);
+      calibrate.signal(SIGCONT);
+    }
+    status = calibrate.wait();
+    said = calibrate.output();
+  }
+  ASSERT_EQ(status, 0) << said;
+  EXPECT_NE(said.find(" parts were repeated, the last one because "), std::string::npos) << said;
+  const Intervals found = intervals_of(Calibration::read(calibration), truth);
+  EXPECT_EQ(found.wrong_states, 0);
+  EXPECT_GE(found.all, 100);
+  EXPECT_GE(found.held, 0.85 * found.all) << "of " << found.all;
+  for (const std::string& made : {file, calibration, truth, base + "-calibration.svg"})
     std::filesystem::remove(made);
 }
 

@@ -162,6 +162,31 @@ TEST(Calibration, IntervalsAreWiderWhereTheLawLeavesSomethingOut) {
   EXPECT_LE(with_play, 0.1 * kCells);
 }
 
+TEST(Stillness, NoiseIsStillAndAnyMotionIsNot) {
+  constexpr int kWindow = 20;
+  std::mt19937 random(4);
+  std::normal_distribution<> noise(0, 0.01);
+  for (const double speed : {0.0, 0.002, 0.05}) {  // a period
+    Stillness stillness;
+    stillness.reset(100, kWindow);
+    int windows = 0, still = 0;
+    for (int period = 0; period < 30 * kWindow; ++period) {
+      std::vector<float> readings;
+      for (int cell = 0; cell < 100; ++cell)
+        readings.push_back(static_cast<float>(noise(random) + (cell == 7 ? speed * period : 1)));
+      const bool is_still = stillness.add(readings);
+      EXPECT_TRUE(!is_still || (period + 1) % kWindow == 0);
+      if (period < kWindow || (period + 1) % kWindow != 0) continue;
+      ++windows;
+      still += is_still;
+    }
+    if (speed == 0)
+      EXPECT_EQ(still, windows);
+    else
+      EXPECT_EQ(still, 0) << speed;
+  }
+}
+
 class CalibrationFile : public testing::Test {
  protected:
   CalibrationFile() {
