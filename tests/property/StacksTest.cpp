@@ -86,3 +86,22 @@ TEST(Stacks, LoadsOfAnyRatioHardlySink) {
     EXPECT_LT(stack.fastest(), 0.002) << "ratio " << ratio;
   }
 }
+
+// Below the speed of a blow the direct solver has such a pair.
+TEST(Stacks, SlowBoxKeepsItsFrictionOnHeavyOne) {
+  for (const double rate : {60.0, 240.0})
+    for (const double mass : {20.0, 200.0, 1e5}) {
+      PhysicsFixture fixture;
+      fixture.scene.world.dt_s = 1.0 / rate;
+      fixture.scene.materials[0].friction = 0.2;
+      auto under = box({12, 4, 1}, {10, 15, 0.5});
+      under.mass = mass;
+      fixture.add(under);
+      auto rider = box({0.9, 0.8, 0.8}, {6, 15, 1.4});
+      rider.mass = 1.0, rider.velocity = {0.9, 0, 0};
+      const auto id = fixture.add(rider);
+      fixture.run(1.0);
+      const double right = 0.9 * 0.9 / (2 * 0.2 * kGravity);
+      EXPECT_NEAR(fixture.position(id).x() - 6, right, 0.06 * right + 0.45 / rate) << "mass " << mass;
+    }
+}
