@@ -160,6 +160,12 @@ void CollisionPipeline::update_sleepers(const BodyStore& bodies, unsigned versio
   grid_bodies_.clear();
   for (const std::int32_t i : body_indices_) (bodies.asleep[i] ? sleepers : grid_bodies_).push_back(i);
   compute_query_radii(bodies, sleepers);
+  sleepers_low_ = Vec3::Constant(std::numeric_limits<float>::infinity()), sleepers_high_ = -sleepers_low_;
+  for (const std::int32_t i : sleepers) {
+    const Vec3 radius = Vec3::Constant(query_radius_[i]);
+    sleepers_low_ = sleepers_low_.cwiseMin(bodies.position[i] - radius);
+    sleepers_high_ = sleepers_high_.cwiseMax(bodies.position[i] + radius);
+  }
   Barrier alone(1);
   sleeper_grid_.build({bodies.position, query_radius_, large_radius_, sleepers}, sleepers, {0, 1, alone});
 }
@@ -500,7 +506,10 @@ void CollisionPipeline::collide_body_run(const BodyStore& bodies, const SpatialP
     // The sleepers in the way of a fast body are among the neighbours above.
     if (!has_sleepers() || (!fast_bodies_.empty() && is_fast(i))) continue;
     const Vec3 half = Vec3::Constant(query_radius_[i]);
-    sleeper_grid_.for_each_in_box(bodies.position[i] - half, bodies.position[i] + half, [&](std::int32_t j) {
+    const Vec3 low = bodies.position[i] - half, high = bodies.position[i] + half;
+    if ((low.array() > sleepers_high_.array()).any() || (high.array() < sleepers_low_.array()).any())
+      continue;
+    sleeper_grid_.for_each_in_box(low, high, [&](std::int32_t j) {
       const float radius_sum = query_radius_[i] + query_radius_[j];
       if ((bodies.position[i] - bodies.position[j]).squaredNorm() < radius_sum * radius_sum)
         collide_pair(bodies, i, j, results);

@@ -204,8 +204,9 @@ class CollisionPipeline {
   float large_radius_ = -1.0F;  // bodies with a larger query radius stay outside the grid's cells; < 0: stale
   UniformGrid* grid_ = nullptr;  // of the thread that steps, from update_broadphase() to the end of the step
   UniformGrid sleeper_grid_;
-  unsigned sleeper_version_ = 0;           // see update_sleepers()
-  std::vector<std::int32_t> grid_bodies_;  // in `grid_`, ascending: those that do not sleep
+  Vec3 sleepers_low_{0, 0, 0}, sleepers_high_{0, 0, 0};  // bounds of the spheres in which they may be touched
+  unsigned sleeper_version_ = 0;                         // see update_sleepers()
+  std::vector<std::int32_t> grid_bodies_;                // in `grid_`, ascending: those that do not sleep
   SpatialPartition partition_;
   std::vector<float> query_radius_, speculative_margin_;
   std::vector<float> travel_;  // of any point of the body in this step, u; 0 for one that is not active

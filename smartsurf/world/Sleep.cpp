@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "smartsurf/world/simd/Simd4.h"
+
 namespace smartsurf::world {
 namespace {
 
@@ -26,6 +28,14 @@ bool accelerates(const BodyStore& b, std::size_t i, float dt_s) {
   const float change = (m.velocity.norm() + m.angular_velocity.norm() * b.bounding_radius[i]) * dt_s;
   constexpr float kHalf_s = 0.5F * kTimeToSleep_s;
   return change > kMaxSleepAcceleration * kHalf_s * kHalf_s;
+}
+
+bool any_nonzero(std::span<const float> values) {
+  const auto count = static_cast<int>(values.size());
+  if (count < kSimd4Width) return std::ranges::any_of(values, [](float v) { return v != 0.0F; });
+  Int4 any{};
+  for_each_simd4(count, [&](int i) { any |= load4(&values[i]) != 0.0F; });
+  return (any[0] | any[1] | any[2] | any[3]) != 0;
 }
 
 }  // namespace
@@ -128,32 +138,28 @@ bool Sleep::cell_moves(Index i) const {
   return !field_.surface_spin.empty() && field_.surface_spin[i] != 0.0F;
 }
 
-bool Sleep::row_moves(int row) const {
-  const auto columns = static_cast<std::size_t>(field_.columns),
-             first = static_cast<std::size_t>(row) * columns;
-  int moving = 0;
-  const auto accumulate_motion = [&](const std::vector<float>& values) {
-    if (values.empty()) return;
-    for (std::size_t c = 0; c < columns; ++c) moving |= static_cast<int>(values[first + c] != 0.0F);
+bool Sleep::any_moves(std::size_t first, std::size_t count) const {
+  const auto any_of = [&](const std::vector<float>& values) {
+    return !values.empty() && any_nonzero(std::span(values).subspan(first, count));
   };
-  accumulate_motion(field_.speed);
-  accumulate_motion(field_.surface_velocity_x);
-  accumulate_motion(field_.surface_velocity_y);
-  accumulate_motion(field_.surface_spin);
-  for (std::size_t i = first; field_.has_tilt() && i < first + columns; ++i)
-    moving |= static_cast<int>(!field_.tilt_rate[i].is_zero());
-  for (std::size_t i = first; field_.has_offset() && i < first + columns; ++i)
-    moving |= static_cast<int>(!field_.offset_rate[i].isZero(0.0F));
-  return moving != 0;
+  if (any_of(field_.speed) || any_of(field_.surface_velocity_x) || any_of(field_.surface_velocity_y) ||
+      any_of(field_.surface_spin))
+    return true;
+  for (std::size_t i = first; (field_.has_tilt() || field_.has_offset()) && i < first + count; ++i)
+    if (cell_moves(i)) return true;
+  return false;
 }
 
-// The columns from the first to the last cell of a row that moves.
+// Columns of a row outside of which no cell moves.
 IndexRange Sleep::find_moving_columns(int row) const {
-  if (!row_moves(row)) return {0, 0};
-  IndexRange columns{0, field_.columns};
-  while (!cell_moves(field_.index(row, columns.begin))) ++columns.begin;
-  while (!cell_moves(field_.index(row, columns.end - 1))) --columns.end;
-  return columns;
+  constexpr int kBlock = 16;  // columns looked at together
+  IndexRange moving{field_.columns, 0};
+  for (int begin = 0; begin < field_.columns; begin += kBlock) {
+    const int end = std::min(begin + kBlock, field_.columns);
+    if (!any_moves(field_.index(row, begin), end - begin)) continue;
+    moving = {std::min(moving.begin, begin), end};
+  }
+  return moving;
 }
 
 bool Sleep::any_cell_moves(const CellRect& cells) const {

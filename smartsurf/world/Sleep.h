@@ -82,7 +82,8 @@ class Sleep {
   void put_to_sleep(BodyStore&, std::size_t body);
   CellRect cells_near(const BodyStore&, std::size_t body) const;
   bool cell_moves(Index cell) const;
-  bool row_moves(int row) const;
+  // Whether any of the cells [first, first + count) moves.
+  bool any_moves(std::size_t first, std::size_t count) const;
   IndexRange find_moving_columns(int row) const;
   bool any_cell_moves(const CellRect&) const;
   const std::vector<std::int32_t>& sleepers(const BodyStore&);

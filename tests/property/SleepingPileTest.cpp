@@ -3,6 +3,8 @@
 
 #include <algorithm>
 #include <random>
+#include <set>
+#include <utility>
 #include <vector>
 
 #include "smartsurf/world/NativeEngine.h"
@@ -85,6 +87,39 @@ TEST(SleepingPile, CostIsThatOfWhatMoves) {
     ASSERT_LE(work.pairs, 30U);
     ASSERT_LE(work.contacts, 80U);
   });
+}
+
+// Boxes on every sixth cell of a table; a few cells begin to move at a time. Those within one cell of the
+// middle of a box wake it, those three cells away do not.
+TEST(SleepingPile, MovingCellsWakeWhatIsNear) {
+  constexpr int kBoxesASide = 8, kSpacing = 6, kSide = kBoxesASide * kSpacing;
+  PhysicsFixture fixture;
+  fixture.scene.surface.rows = fixture.scene.surface.columns = kSide;
+  for (int i = 0; i < kBoxesASide * kBoxesASide; ++i)
+    fixture.add(
+        box({1.6, 1.6, 1.6}, {3.0 + kSpacing * (i % kBoxesASide), 3.0 + kSpacing * (i / kBoxesASide), 0.8}));
+  std::mt19937 random(11);
+  std::uniform_int_distribution<int> any_box(0, kBoxesASide - 1), near(-1, 1), far(3, 9), count(0, 3);
+  for (int trial = 0; trial < 40; ++trial) {
+    fixture.run(2.0);
+    ASSERT_EQ(fixture.world().sleeping_count(), kBoxesASide * kBoxesASide) << trial;
+    std::vector<float> targets(kSide * kSide, 0.0F);
+    const auto raise = [&](int x, int y) { targets[(kSide - 1 - y) * kSide + x] = 0.5F; };
+    std::set<std::pair<int, int>> woken;
+    for (int k = count(random); k > 0; --k) {
+      const int x = any_box(random), y = any_box(random);
+      raise(3 + kSpacing * x + near(random), 3 + kSpacing * y + near(random));
+      woken.insert({x, y});
+    }
+    for (int k = count(random); k > 0; --k) {
+      const int between = kSpacing * any_box(random), along = (kSide + 3 + far(random)) % kSide;
+      k % 2 == 0 ? raise(between, along) : raise(along, between);
+    }
+    fixture.cells().set_targets(0, targets);
+    fixture.run(fixture.scene.world.dt_s);
+    ASSERT_EQ(fixture.world().sleeping_count(), kBoxesASide * kBoxesASide - std::ssize(woken)) << trial;
+    fixture.cells().set_targets(0, std::vector<float>(targets.size(), 0.0F));
+  }
 }
 
 // A bit of the state is all that the sleepers would have to change.
