@@ -6,12 +6,15 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <chrono>
 #include <csignal>
 #include <filesystem>
+#include <memory>
 #include <optional>
 #include <stdexcept>
 #include <system_error>
 #include <utility>
+#include <vector>
 
 #include "common/confine/OutputServices.h"
 #include "common/files/AtomicFile.h"
@@ -47,6 +50,23 @@ std::string reason_for_freedom(const RunOptions& options) {
   if (!scene::loaded_extensions().empty()) return "with --load";
   if (options.window) return "with --window";
   return "";
+}
+
+// Ends the controllers of a simulator that was killed: asks them all, and again after a moment, which supervisors of
+// commands take for the end of their patience.
+void hurry(const std::vector<std::unique_ptr<ControllerProcess>>& controllers) {
+  using namespace std::chrono_literals;
+  const auto deadline = std::chrono::steady_clock::now() + 300ms;
+  const auto ask_all = [&] {
+    for (const auto& controller : controllers)
+      if (controller) controller->send_signal(SIGTERM);
+  };
+  ask_all();
+  for (const auto& controller : controllers)
+    if (controller)
+      controller->wait_for_exit(std::chrono::duration_cast<std::chrono::milliseconds>(
+          deadline - std::chrono::steady_clock::now()));
+  ask_all();
 }
 
 }  // namespace
@@ -190,6 +210,7 @@ void ConfinedRuns::start_broker() {
   broker_ = std::make_unique<common::Broker>(std::move(services), [prepared, controllers](bool ordered) {
     for (const Prepared::OneRun& run : prepared->runs)
       if (ordered && run.surface_name) run.surface_name->remove();
+    if (!ordered) hurry(*controllers);
     controllers->clear();
     for (const Prepared::OneRun& run : prepared->runs)
       if (run.surface_name) ::unlink(run.surface_name->file().c_str());

@@ -18,6 +18,7 @@
 #include <vector>
 
 #include "common/files/Installation.h"
+#include "common/process/Supervisor.h"
 #include "common/text/Printable.h"
 #include "smartsurf/run/PythonModule.h"
 #include "smartsurf/scene/SceneSpec.h"
@@ -32,19 +33,6 @@ using namespace std::chrono_literals;
 std::string apron_executable() {
   const fs::path sibling = common::program_path().parent_path() / "apron";
   return sibling.has_root_path() && access(sibling.c_str(), X_OK) == 0 ? sibling.string() : "apron";
-}
-
-// True if the shell command runs one program, which may then replace the shell: signals end the shell
-// alone, and its children would remain.
-bool is_one_program(const std::string& command) {
-  if (command.find_first_of(";|&<>()`\n") != std::string::npos) return false;
-  const std::string program = command.substr(0, command.find(' '));
-  if (program.find('/') != std::string::npos) return access(program.c_str(), X_OK) == 0;
-  const char* const path = std::getenv("PATH");
-  std::istringstream folders(path != nullptr ? path : "");
-  for (std::string folder; !program.empty() && std::getline(folders, folder, ':');)
-    if (access((folder + "/" + program).c_str(), X_OK) == 0) return true;
-  return false;
 }
 
 // Names the program as a user would type it: by its name alone if PATH leads to it, else by a path relative
@@ -83,7 +71,7 @@ std::vector<std::string> make_command(const std::string& controller, const std::
   for (std::size_t position = 0; (position = command.find(kShmPlaceholder, position)) != std::string::npos;
        position += shm_name.size())
     command.replace(position, kShmPlaceholder.size(), shm_name);
-  return {"/bin/sh", "-c", (is_one_program(command) ? "exec " : "") + command};
+  return {"/bin/sh", "-c", command};
 }
 
 // Becomes the command. An exception would unwind the simulator's stack in its child, and remove its files
@@ -134,7 +122,10 @@ ControllerProcess::ControllerProcess(const std::string& controller, const std::s
   const pid_t parent = getpid();
   pid_ = fork();
   if (pid_ < 0) throw std::system_error(errno, std::generic_category(), "cannot start the controller");
-  if (pid_ == 0) exec_command(arguments, shm_name, parent);
+  if (pid_ != 0) return;
+  if (is_apron_program(controller) || is_onnx_model(controller)) exec_command(arguments, shm_name, parent);
+  // A shell and what it starts may outlive the signals that end it.
+  common::supervise(parent, [&](pid_t supervisor) { exec_command(arguments, shm_name, supervisor); });
 }
 
 ControllerProcess::ControllerProcess(Remote remote) : remote_(std::move(remote)) { remote_->start(); }

@@ -4,6 +4,8 @@ import re
 
 from programs import *
 
+DEATHS = int(os.environ.get("SMARTSURF_DEATHS", "1"))  # of each shell command
+
 
 class Death(ProgramTest):
     def start_surface(self, *flags):
@@ -66,6 +68,48 @@ class Death(ProgramTest):
         status, _, err = self.finish(surface, 20)
         self.assertEqual(status, 3, err)
         self.assertEqual(err.count("\n"), 1, err)
+
+    def processes_of_run(self):
+        """The processes that a run's controller has started: they inherit the segment's name."""
+        name = f"SMARTSURF_SHM={self.shm}".encode()
+        found = []
+        for folder in pathlib.Path("/proc").iterdir():
+            try:
+                if folder.name.isdigit() and name in (folder / "environ").read_bytes().split(b"\0"):
+                    found.append((folder / "cmdline").read_bytes())
+            except OSError:  # it has ended, or is not ours
+                pass
+        return [line for line in found if line]
+
+    def test_killed_surface_leaves_no_process_of_a_shell_command(self):
+        chance = random.Random(41)
+        commands = ("sleep 600; true", "sleep 600 | sleep 600", "sleep 600 & sleep 600", "setsid sleep 600 & wait",
+                    "(setsid sleep 600 &); sleep 600", "trap '' TERM; sleep 600; sleep 600")
+        for command in commands:
+            for _ in range(DEATHS):
+                surface = self.start(SMARTSURF, "run", SORT_LUA, "--shm", self.shm, "--controller", command, "--until", "600")
+                if chance.random() < 0.8:
+                    self.wait_for(self.processes_of_run, "the controller")
+                time.sleep(0.3 * chance.random())
+                surface.kill()
+                surface.communicate()
+                self.wait_for(lambda: not self.processes_of_run(), f"the end of what '{command}' has started")
+
+    def test_what_a_shell_command_leaves_ends_with_it(self):
+        for command, expected, said in (("setsid sleep 600 & sleep 0.2; exit 7", 1, "status 7"),
+                                        ("sleep 600 & sleep 0.2; kill -9 $$", 3, "signal 9")):
+            status, _, err = self.run_program(SMARTSURF, "run", SORT_LUA, "--shm", self.shm, "--controller", command, "--until", "600")
+            self.assertEqual(status, expected, err)
+            self.assertIn(said, err)
+            self.assertEqual(self.processes_of_run(), [])
+
+    def test_stopped_surface_ends_what_a_shell_command_has_started(self):
+        surface = self.start(SMARTSURF, "run", SORT_LUA, "--shm", self.shm, "--controller", "trap '' TERM; sleep 600 | sleep 600",
+                             "--until", "600")
+        self.wait_for(self.processes_of_run, "the controller")
+        surface.terminate()
+        self.assertEqual(self.finish(surface, 20)[0], 143)
+        self.assertEqual(self.processes_of_run(), [])
 
     def test_silent_controller_is_reported_by_both_programs(self):
         program = self.folder / "silent.aps"

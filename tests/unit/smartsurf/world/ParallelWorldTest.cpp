@@ -3,7 +3,6 @@
 
 #include <cmath>
 #include <string>
-#include <utility>
 
 #include "common/threads/ThreadPool.h"
 #include "smartsurf/scene/KindRegistry.h"
@@ -61,7 +60,8 @@ scene::SceneSpec linkages(bool on_skin) {
   s.surface.actuators = {spec};
   derive_pin_spec(s.surface);
   for (unsigned i = 0; i < 225; ++i) {
-    const Eigen::Vector3d at(1.5 + 2.9 * (i % 15), 1.5 + 2.9 * (i / 15), 2.0 + 0.02 * (i % 7));
+    // Few touch the skin within the steps of the test, because each contact with it costs a solution.
+    const Eigen::Vector3d at(1.5 + 2.9 * (i % 15), 1.5 + 2.9 * (i / 15), 0.42 + (on_skin ? 0.05 * (i % 20) : 0.01 * (i % 7)));
     scene::ObjectSpec o;
     o.shape = scene::ShapeKind::kBox;
     o.size = {1.5, 1.5, 0.8};
@@ -112,7 +112,7 @@ scene::SceneSpec struck_stacks() {
     o.shape = scene::ShapeKind::kBox;
     o.size = {4.0, 4.0, 1.0};
     o.mass = 30.0;
-    o.position = {6.0 + 9.0 * (i % 2), 5.0 + 10.0 * (i / 2), 3.4};
+    o.position = {6.0 + 9.0 * (i % 2), 5.0 + 10.0 * (i / 2), 2.95};
     o.velocity = {0, 0, -12.0};
     s.objects.push_back(o);
   }
@@ -171,19 +171,31 @@ std::uint64_t hash_after(const scene::SceneSpec& scene, int steps, int threads) 
   return snapshot.state_hash;
 }
 
+struct World {
+  const char* name;
+  scene::SceneSpec (*scene)();
+  int steps;
+};
+
+class Threads : public testing::TestWithParam<World> {};
+
 }  // namespace
 
-TEST(Threads, SameStateHashForAnyThreadCount) {
-  const std::pair<const char*, scene::SceneSpec> scenes[] = {
-      {"wide_heap", heap(24, 48)},       {"long_heap", heap(48, 24)},         {"on_deltas", linkages(false)},
-      {"on_a_skin", linkages(true)},     {"loaded_boxes", loaded_boxes()},    {"struck_stacks", struck_stacks()},
-      {"conveyors", conveyors()}};
-  for (const auto& [name, scene] : scenes) {
-    ASSERT_EQ(scene::validate(scene.surface), "") << name;
-    // Smaller worlds stay on one thread.
-    ASSERT_GE(scene.objects.size(), 512U + 20U) << name;
-    const std::uint64_t alone = hash_after(scene, 20, 1);
-    RecordProperty(name, std::to_string(alone));
-    for (const int threads : {2, 3, 4, 8}) EXPECT_EQ(hash_after(scene, 20, threads), alone) << name << ", " << threads;
-  }
+TEST_P(Threads, SameStateHashForAnyThreadCount) {
+  const scene::SceneSpec scene = GetParam().scene();
+  ASSERT_EQ(scene::validate(scene.surface), "");
+  ASSERT_GE(scene.objects.size(), 512U + 20U);  // smaller worlds stay on one thread, and some objects are removed
+  const int steps = GetParam().steps;
+  const std::uint64_t alone = hash_after(scene, steps, 1);
+  RecordProperty("state_hash", std::to_string(alone));
+  for (const int threads : {2, 3, 4, 8}) EXPECT_EQ(hash_after(scene, steps, threads), alone) << threads;
 }
+
+INSTANTIATE_TEST_SUITE_P(Of, Threads,
+                         testing::Values(World{"WideHeap", [] { return heap(24, 48); }, 20},
+                                         World{"LongHeap", [] { return heap(48, 24); }, 20},
+                                         World{"LinkagesOnDeltas", [] { return linkages(false); }, 6},
+                                         World{"LinkagesOnASkin", [] { return linkages(true); }, 3},
+                                         World{"LoadedBoxes", loaded_boxes, 20},
+                                         World{"StruckStacks", struck_stacks, 3}, World{"Conveyors", conveyors, 8}),
+                         [](const auto& world) { return std::string(world.param.name); });
