@@ -1,8 +1,50 @@
 #include "apron/vm/kernels/FloodFill.h"
 
 #include <algorithm>
+#include <array>
+#include <bit>
+#include <cstring>
+#include <limits>
+#include <type_traits>
 
 namespace apron::vm {
+namespace {
+
+// Eight floats as the bits of four pairs.
+constexpr std::uint32_t kCells = 8;
+std::array<std::uint64_t, 4> pairs(const float* cells) noexcept {
+  std::array<std::uint64_t, 4> bits;
+  std::memcpy(bits.data(), cells, sizeof bits);
+  return bits;
+}
+
+// The next cell from x on that is not 0; width if there is none.
+template <class T>
+std::uint32_t skip_zeros(const T* row, std::uint32_t x, std::uint32_t width) noexcept {
+  if constexpr (std::is_same_v<T, float>)
+    for (; x + kCells <= width; x += kCells) {
+      const auto [a, b, c, d] = pairs(row + x);
+      if (((a | b | c | d) & 0x7FFFFFFF7FFFFFFFU) != 0) break;  // without the signs of zeros
+    }
+  while (x < width && !(row[x] != 0)) ++x;
+  return x;
+}
+
+// The next cell from x on that is 0, where that of x is not.
+template <class T>
+std::uint32_t skip_others(const T* row, std::uint32_t x, std::uint32_t width) noexcept {
+  if constexpr (std::is_same_v<T, float>) {  // mostly cells of one value
+    const std::uint64_t same = std::uint64_t{std::bit_cast<std::uint32_t>(row[x])} * 0x100000001U;
+    for (; x + kCells <= width; x += kCells) {
+      const auto [a, b, c, d] = pairs(row + x);
+      if (((a ^ same) | (b ^ same) | (c ^ same) | (d ^ same)) != 0) break;
+    }
+  }
+  while (x < width && row[x] != 0) ++x;
+  return x;
+}
+
+}  // namespace
 
 void ConnectedComponents::reserve(std::uint32_t width, std::uint32_t height) {
   runs_.reserve(std::max(runs_.capacity(), (std::size_t{width} + 1) / 2 * height));
@@ -45,63 +87,79 @@ void ConnectedComponents::label_components(ConstPlane mask, const Value& value) 
   for (std::uint32_t y = 0; y < mask.height; ++y) {
     const auto this_row = static_cast<std::uint32_t>(runs_.size());
     row_starts_.push_back(this_row);
-    const float* row = mask.row(y);
-    for (std::uint32_t x = 0; x < mask.width;) {
-      if (!(row[x] != 0.0F)) {
-        ++x;
-        continue;
+    with_cell_type(mask.type, [&](auto cell) {
+      const auto* row = mask.cells<decltype(cell)>(y);
+      for (std::uint32_t x = 0; x < mask.width;) {
+        x = skip_zeros(row, x, mask.width);
+        if (x == mask.width) break;
+        const std::uint32_t first = x;
+        x = skip_others(row, x, mask.width);
+        const auto self = static_cast<std::uint32_t>(runs_.size());
+        runs_.push_back({first, x, self, value(y, first, x)});
       }
-      const std::uint32_t first = x;
-      while (x < mask.width && row[x] != 0.0F) ++x;
-      const auto self = static_cast<std::uint32_t>(runs_.size());
-      runs_.push_back({first, x, self, value(y, first, x)});
-    }
+    });
     union_with_row_above(row_above, this_row);
     row_above = this_row;
   }
   row_starts_.push_back(static_cast<std::uint32_t>(runs_.size()));
 }
 
-void ConnectedComponents::write_values(Plane y) noexcept {
+template <class T, class Value>
+void ConnectedComponents::write_values(Plane y, const Value& value_of_root) noexcept {
   for (std::uint32_t row = 0; row < y.height; ++row) {
-    float* to = y.row(row);
-    std::fill_n(to, y.width, 0.0F);
+    T* to = y.cells<T>(row);
+    std::fill_n(to, y.width, T{0});
     for (std::uint32_t run = row_starts_[row]; run < row_starts_[row + 1]; ++run)
-      std::fill(to + runs_[run].first, to + runs_[run].last, runs_[find_root(run)].value);
+      std::fill(to + runs_[run].first, to + runs_[run].last, static_cast<T>(value_of_root(find_root(run))));
   }
 }
 
 void ConnectedComponents::flood(Plane y, ConstPlane seed, ConstPlane mask) noexcept {
   label_components(mask, [&](std::uint32_t row, std::uint32_t first, std::uint32_t last) {
-    const float* s = seed.row(row);
-    return std::any_of(s + first, s + last, [](float v) { return v != 0.0F; }) ? 1.0F : 0.0F;
+    return skip_zeros(seed.row(row), first, last) < last ? 1.0F : 0.0F;
   });
-  write_values(y);
+  write_values<float>(y, [this](std::uint32_t root) { return runs_[root].value; });
 }
 
 void ConnectedComponents::spread_max(Plane y, ConstPlane a, ConstPlane mask,
                                      const KernelTable& kernels) noexcept {
   const RowReduction largest = kernels.reduction(Reduction::kMax);  // ignores NaN
   label_components(mask, [&](std::uint32_t row, std::uint32_t first, std::uint32_t last) {
-    float value = 0.0F;
-    largest(a.row(row) + first, 0, 1, last - first, &value);
+    const float* cells = a.row(row);
+    constexpr std::uint32_t kShort = 32;
+    float value = -std::numeric_limits<float>::infinity();
+    if (last - first < kShort)
+      for (std::uint32_t x = first; x < last; ++x) value = cells[x] > value ? cells[x] : value;
+    else
+      largest(cells + first, 0, 1, last - first, &value);
     return value + 0.0F;
   });
-  write_values(y);
+  write_values<float>(y, [this](std::uint32_t root) { return runs_[root].value; });
 }
 
 void ConnectedComponents::spread_sum(Plane y, ConstPlane a, ConstPlane mask) noexcept {
   label_components(mask, [](std::uint32_t, std::uint32_t, std::uint32_t) { return 0.0F; });
   sums_.assign(runs_.size(), 0.0);
-  for (std::uint32_t row = 0; row < a.height; ++row) {
-    for (std::uint32_t run = row_starts_[row]; run < row_starts_[row + 1]; ++run) {
-      double& sum = sums_[find_root(run)];
-      for (std::uint32_t x = runs_[run].first; x < runs_[run].last; ++x)
-        sum += static_cast<double>(a.row(row)[x]);
+  with_cell_type(a.type, [&](auto cell) {
+    using T = decltype(cell);
+    for (std::uint32_t row = 0; row < a.height; ++row) {
+      const T* cells = a.cells<T>(row);
+      for (std::uint32_t run = row_starts_[row]; run < row_starts_[row + 1]; ++run) {
+        double& sum = sums_[find_root(run)];
+        if constexpr (std::is_integral_v<T>) {  // modulo 2^32
+          auto bits = static_cast<std::uint32_t>(sum);
+          for (std::uint32_t x = runs_[run].first; x < runs_[run].last; ++x)
+            bits += static_cast<std::uint32_t>(cells[x]);
+          sum = bits;
+        } else {
+          for (std::uint32_t x = runs_[run].first; x < runs_[run].last; ++x)
+            sum += static_cast<double>(cells[x]);
+        }
+      }
     }
-  }
-  for (std::size_t run = 0; run < runs_.size(); ++run) runs_[run].value = static_cast<float>(sums_[run]);
-  write_values(y);
+    using Sum = std::conditional_t<std::is_integral_v<T>, std::uint32_t, float>;
+    write_values<T>(y, [this](std::uint32_t root) { return static_cast<Sum>(sums_[root]); });
+  });
 }
 
 namespace {
