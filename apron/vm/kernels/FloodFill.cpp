@@ -1,50 +1,10 @@
 #include "apron/vm/kernels/FloodFill.h"
 
 #include <algorithm>
-#include <array>
-#include <bit>
-#include <cstring>
 #include <limits>
 #include <type_traits>
 
 namespace apron::vm {
-namespace {
-
-// Eight floats as the bits of four pairs.
-constexpr std::uint32_t kCells = 8;
-std::array<std::uint64_t, 4> pairs(const float* cells) noexcept {
-  std::array<std::uint64_t, 4> bits;
-  std::memcpy(bits.data(), cells, sizeof bits);
-  return bits;
-}
-
-// The next cell from x on that is not 0; width if there is none.
-template <class T>
-std::uint32_t skip_zeros(const T* row, std::uint32_t x, std::uint32_t width) noexcept {
-  if constexpr (std::is_same_v<T, float>)
-    for (; x + kCells <= width; x += kCells) {
-      const auto [a, b, c, d] = pairs(row + x);
-      if (((a | b | c | d) & 0x7FFFFFFF7FFFFFFFU) != 0) break;  // without the signs of zeros
-    }
-  while (x < width && !(row[x] != 0)) ++x;
-  return x;
-}
-
-// The next cell from x on that is 0, where that of x is not.
-template <class T>
-std::uint32_t skip_others(const T* row, std::uint32_t x, std::uint32_t width) noexcept {
-  if constexpr (std::is_same_v<T, float>) {  // mostly cells of one value
-    const std::uint64_t same = std::uint64_t{std::bit_cast<std::uint32_t>(row[x])} * 0x100000001U;
-    for (; x + kCells <= width; x += kCells) {
-      const auto [a, b, c, d] = pairs(row + x);
-      if (((a ^ same) | (b ^ same) | (c ^ same) | (d ^ same)) != 0) break;
-    }
-  }
-  while (x < width && row[x] != 0) ++x;
-  return x;
-}
-
-}  // namespace
 
 void ConnectedComponents::reserve(std::uint32_t width, std::uint32_t height) {
   runs_.reserve(std::max(runs_.capacity(), (std::size_t{width} + 1) / 2 * height));
@@ -90,10 +50,12 @@ void ConnectedComponents::label_components(ConstPlane mask, const Value& value) 
     with_cell_type(mask.type, [&](auto cell) {
       const auto* row = mask.cells<decltype(cell)>(y);
       for (std::uint32_t x = 0; x < mask.width;) {
-        x = skip_zeros(row, x, mask.width);
-        if (x == mask.width) break;
+        if (!(row[x] != 0)) {
+          ++x;
+          continue;
+        }
         const std::uint32_t first = x;
-        x = skip_others(row, x, mask.width);
+        while (x < mask.width && row[x] != 0) ++x;
         const auto self = static_cast<std::uint32_t>(runs_.size());
         runs_.push_back({first, x, self, value(y, first, x)});
       }
@@ -116,7 +78,8 @@ void ConnectedComponents::write_values(Plane y, const Value& value_of_root) noex
 
 void ConnectedComponents::flood(Plane y, ConstPlane seed, ConstPlane mask) noexcept {
   label_components(mask, [&](std::uint32_t row, std::uint32_t first, std::uint32_t last) {
-    return skip_zeros(seed.row(row), first, last) < last ? 1.0F : 0.0F;
+    const float* s = seed.row(row);
+    return std::any_of(s + first, s + last, [](float v) { return v != 0.0F; }) ? 1.0F : 0.0F;
   });
   write_values<float>(y, [this](std::uint32_t root) { return runs_[root].value; });
 }
