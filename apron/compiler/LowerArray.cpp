@@ -86,8 +86,8 @@ Value Lowering::lower_neighbourhood(const Builtin& builtin, const Expressions& a
                            destination, location);
 }
 
-// Computed with floats, which hold all results. Seeds and masks are truths of any type; flood and distance
-// give registers of the mask's type, and what spreads is of its own.
+// Computed with floats, which hold all results but sums of integers. Seeds and masks are truths of any type;
+// flood and distance give registers of the mask's type, and what spreads is of its own.
 Value Lowering::lower_propagation(const Builtin& builtin, const Expressions& arguments, Location location,
                                   ResultDestination* destination) {
   using program::CellType;
@@ -100,9 +100,11 @@ Value Lowering::lower_propagation(const Builtin& builtin, const Expressions& arg
   if (builtin.op == Opcode::kSpreadMax && is_short)
     sources[0] = emit_conversion(Opcode::kConvert, sources[0], CellType::kFloat32, nullptr, location);
   if (spreads) check_types(builtin.op, {sources.front()}, location);
+  const bool adds_integers = builtin.op == Opcode::kSpreadSum && type != CellType::kFloat32;
   for (std::size_t i = spreads ? 1 : 0; i < sources.size(); ++i)
-    sources[i] = truth_of_type(sources[i], CellType::kFloat32, location);
-  if (type == CellType::kFloat32) return emit_out_of_place(builtin.op, sources, {}, destination, location);
+    sources[i] = truth_of_type(sources[i], adds_integers ? type : CellType::kFloat32, location);
+  if (type == CellType::kFloat32 || adds_integers)
+    return emit_out_of_place(builtin.op, sources, {}, destination, location);
   const Value result = emit_out_of_place(builtin.op, sources, {}, nullptr, location);
   return emit_conversion(Opcode::kConvert, result, type, destination, location);
 }

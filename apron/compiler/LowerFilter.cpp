@@ -77,7 +77,8 @@ std::uint32_t Lowering::intern_filter(Filter filter) {
 Value Lowering::lower_filter(const Builtin& builtin, const Expressions& arguments, Location location,
                              ResultDestination* destination) {
   constexpr std::string_view kWhat = "a filter";
-  if (builtin.form == BuiltinForm::kFilterGauss) return lower_gauss(arguments, location, destination);
+  if (builtin.form == BuiltinForm::kFilterGauss)
+    return lower_gauss(builtin, arguments, location, destination);
   std::uint32_t index = 0;
   if (builtin.form == BuiltinForm::kFilterDo) {
     index = require_filter(arguments[1]);
@@ -95,8 +96,16 @@ Value Lowering::lower_filter(const Builtin& builtin, const Expressions& argument
                                         return std::exp(-0.5 * (u * u + v * v));
                                       }));
   }
-  return emit_out_of_place(Opcode::kFilterDo, {lower_register(arguments[0], kWhat)}, {filter_operand(index)},
-                           destination, location);
+  const Value source = lower_register(arguments[0], kWhat);
+  if (builtin.form == BuiltinForm::kFilterGaussAni) require_floats(builtin, source, location);
+  return emit_out_of_place(Opcode::kFilterDo, {source}, {filter_operand(index)}, destination, location);
+}
+
+// Of a filter whose elements are fractions.
+void Lowering::require_floats(const Builtin& builtin, const Value& value, Location location) const {
+  if (!builder_.shape(value).is_integer()) return;
+  fail(location, "'{}' takes registers of floats, and {} {}: write float(…)", builtin.name,
+       describe_name(value), program::cell_type_name(builder_.shape(value).type));
 }
 
 // The filter reaches three standard deviations to either side.
@@ -110,7 +119,8 @@ int Lowering::filter_radius(double width, Location location) const {
 }
 
 // The filter is separable: one by rows and one by columns take fewer steps than the two-dimensional one.
-Value Lowering::lower_gauss(const Expressions& arguments, Location location, ResultDestination* destination) {
+Value Lowering::lower_gauss(const Builtin& builtin, const Expressions& arguments, Location location,
+                            ResultDestination* destination) {
   const double width = real_constant(arguments[1], "the width of a Gaussian", 0.01);
   const int radius = filter_radius(width, arguments[1].location);
   const auto gaussian = [&](double x, double y) {
@@ -121,6 +131,7 @@ Value Lowering::lower_gauss(const Expressions& arguments, Location location, Res
   const std::uint32_t column =
       intern_filter(make_filter(fmt::format("$gauss {}", width), 0, radius, true, gaussian));
   const Value source = lower_register(arguments[0], "a filter");
+  require_floats(builtin, source, location);
   const Value rows = emit_out_of_place(Opcode::kFilterDo, {source}, {filter_operand(row)}, nullptr, location);
   return emit_out_of_place(Opcode::kFilterDo, {rows}, {filter_operand(column)}, destination, location);
 }

@@ -177,6 +177,7 @@ class Lowering {
   std::string describe_shape(const Value&) const;
   void check_shapes(const std::vector<Value>&, Location) const;
   void check_types(program::Opcode, const std::vector<Value>& registers, Location) const;
+  void require_floats(const Builtin&, const Value&, Location) const;
   void check_result_type(program::Opcode, const Value& result) const;
   void emit_fill(program::Opcode, const Value& result, std::vector<program::Operand>, bool masked);
   void check_cell_values(Shape, const std::vector<Value>&, Location) const;
@@ -222,7 +223,7 @@ class Lowering {
   std::optional<std::uint32_t> find_filter(std::string_view name) const;
   std::uint32_t require_filter(const Expression& name) const;
   std::uint32_t intern_filter(program::Filter);
-  Value lower_gauss(const Expressions&, Location, ResultDestination*);
+  Value lower_gauss(const Builtin&, const Expressions&, Location, ResultDestination*);
   void lower_filter_set_element(const Expressions&);
   void lower_gabor(const Expressions&);
   void emit_filter_fill(std::uint32_t index, const std::function<double(double, double)>& weight);

@@ -38,6 +38,8 @@ bool takes_integers(Opcode op) noexcept {
     case Opcode::kStackPop:
     case Opcode::kResGetReg:
     case Opcode::kResSetReg:
+    case Opcode::kFilterDo:
+    case Opcode::kSpreadSum:
       return true;
     case Opcode::kPluginWith:
     case Opcode::kPlugin:

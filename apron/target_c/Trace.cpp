@@ -236,22 +236,38 @@ class Tracer {
     const auto row = [&](int dy) { return join(join(read(a, -1, dy), read(a, 1, dy)), read(a, 0, dy)); };
     return join(sides, join(row(-1), row(1)));
   }
-  NodeId filtered(std::uint32_t filter_index, NodeId a) {
+  NodeId filtered(std::uint32_t filter_index, NodeId a, CellType type) {
     const program::Filter& filter = program_.filters[filter_index];
     const int west = (static_cast<int>(filter.width) - 1) / 2,
               north = (static_cast<int>(filter.height) - 1) / 2;
     NodeId sum = graph_->literal(0.0);
     for (std::uint32_t j = 0; j < filter.height; ++j) {
       for (std::uint32_t i = 0; i < filter.width; ++i) {
-        const NodeId element = scalars_[slots_.filters[filter_index] + j * filter.width + i];
+        NodeId element = scalars_[slots_.filters[filter_index] + j * filter.width + i];
         const auto value = graph_->value(element);
+        if (type != CellType::kFloat32) element = integer_element(filter, type, value);
         if (value && static_cast<float>(*value) == 0.0F) continue;
         const NodeId cell = read(a, static_cast<int>(i) - west, static_cast<int>(j) - north);
+        if (type != CellType::kFloat32) {
+          sum = graph_->apply_plane(type, Opcode::kMac, cell, element, sum);
+          continue;
+        }
         const NodeId next = graph_->apply(Opcode::kAdd, sum, graph_->apply(Opcode::kMul, element, cell));
         sum = value ? next : graph_->apply(Opcode::kSelect, element, next, sum);
       }
     }
     return sum;
+  }
+  // The element as a cell of the type, modulo 2^n.
+  NodeId integer_element(const program::Filter& filter, CellType type, std::optional<double> value) {
+    if (!value)
+      refuse(fmt::format("an element of the filter '{}' of integers is only known at run time", filter.name));
+    if (!program::is_cell_value(CellType::kInt32, *value))
+      refuse(fmt::format(
+          "{}, an element of the filter '{}', is no int32: filters of integers have whole elements", *value,
+          filter.name));
+    const double lowest = program::lowest_cell(type), count = program::highest_cell(type) - lowest + 1.0;
+    return graph_->literal(*value - count * std::floor((*value - lowest) / count));
   }
   void set_filter(const Instruction& instruction) {
     const std::uint32_t index = instruction.operands[0].index;
@@ -370,7 +386,9 @@ class Tracer {
         return write_register(to, neighbours(op, source(from[0]), *graph_->value(source(from[1])) == 8.0),
                               instruction.masked);
       case Opcode::kFilterDo:
-        return write_register(to, filtered(from[1].index, source(from[0])), instruction.masked);
+        return write_register(
+            to, filtered(from[1].index, source(from[0]), program_.registers[from[0].index].type),
+            instruction.masked);
       case Opcode::kFilterSet:
         return set_filter(instruction);
       case Opcode::kBoundary:

@@ -140,6 +140,7 @@ class Vm {
   Status scatter(const DecodedInstruction&);
   void copy_plane(Plane y, ConstPlane a, const float* mask) noexcept;
   Status reduce_integer_neighbours(const DecodedInstruction& decoded, const float* mask);
+  Status filter_integers(const DecodedInstruction& decoded, const float* mask);
   Status set_filter_coefficient(const DecodedInstruction& decoded);
   Status fill_random(const DecodedInstruction& decoded);
   Status push_register(const DecodedInstruction& decoded);

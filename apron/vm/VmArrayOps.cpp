@@ -77,7 +77,10 @@ Status Vm::execute_neighbourhood(const DecodedInstruction& decoded) {
   const float* mask = nullptr;
   const WriteAccess access = check_write_access(decoded, mask);
   if (access != WriteAccess::kAllowed) return skip_write(access, *decoded.destination);
-  if (program::is_integer(decoded.type)) return reduce_integer_neighbours(decoded, mask);
+  if (program::is_integer(decoded.type) && decoded.op == Opcode::kFilterDo)
+    return filter_integers(decoded, mask);
+  if (program::is_integer(decoded.type) && decoded.op != Opcode::kSpreadSum)
+    return reduce_integer_neighbours(decoded, mask);
   const ConstPlane a = *decoded.planes[0];
   const Plane to = mask == nullptr ? *decoded.destination : decoded.scratch;
   switch (decoded.op) {
@@ -125,6 +128,34 @@ Status Vm::reduce_integer_neighbours(const DecodedInstruction& decoded, const fl
     Block block(sum);
     block.source = {sum.data, neighbour.data, nullptr};
     executor_.run_kernel(executor_.kernels().kernel(combine, 0, false, decoded.type), block);
+  }
+  copy_plane(*decoded.destination, sum, mask);
+  return Status::kRunning;
+}
+
+// A product and a sum modulo 2^n for each element that is not 0.
+Status Vm::filter_integers(const DecodedInstruction& decoded, const float* mask) {
+  if (!has_boundary_value(decoded.type)) return fail_cell_value(boundary_number_, decoded.type);
+  const program::Filter& filter = program_.filters[decoded.table_index];
+  const Plane sum = decoded.scratch, neighbour = decoded.second_scratch;
+  Block zeros(sum);
+  zeros.integer[0] = 0;
+  executor_.run_kernel(executor_.kernels().kernel(Opcode::kCopy, 1, false, decoded.type), zeros);
+  for (std::uint32_t i = 0; i < filter.coefficients.size(); ++i) {
+    const double element = static_cast<double>(filter.coefficients[i]);
+    if (element == 0.0) continue;
+    if (!program::is_cell_value(program::CellType::kInt32, element))
+      return fail(Status::kFailed, format_number(element) + ", an element of the filter '" + filter.name +
+                                       "', is no " +
+                                       std::string(program::cell_type_name(program::CellType::kInt32)) +
+                                       ": filters of integers have whole elements");
+    const Offset by{(static_cast<std::int64_t>(filter.width) - 1) / 2 - i % filter.width,
+                    (static_cast<std::int64_t>(filter.height) - 1) / 2 - i / filter.width};
+    shift(executor_, neighbour, *decoded.planes[0], by, boundary_, nullptr);
+    Block block(sum);
+    block.source = {neighbour.data, nullptr, sum.data};
+    block.integer[1] = static_cast<std::int32_t>(element);
+    executor_.run_kernel(executor_.kernels().kernel(Opcode::kMac, 2, false, decoded.type), block);
   }
   copy_plane(*decoded.destination, sum, mask);
   return Status::kRunning;

@@ -266,11 +266,12 @@ void KernelSourceReader::translate_return(ProgramLines& out, int depth) {
   const KernelTokenList words = tokens_between(position_ + 1, end);
   const bool is_last =
       current_ != nullptr && end + 1 < tokens_.size() && end + 2 == current_->end && depth == 0;
-  if (current_ != nullptr && current_->name != "main" && is_scalar(current_->signature.result) &&
-      !words.empty()) {
+  if (current_ != nullptr && current_->name != "main" && !words.empty() &&
+      (is_scalar(result_) || current_->deduces_result)) {
     CppValue value = settle(expression(words, out, depth), out, depth);
-    emit(out, depth,
-         fmt::format("$result = {}", cpp_convert(std::move(value), current_->signature.result).text));
+    if (current_->deduces_result && result_ == CppType::kVoid) result_ = value.type;
+    if (!is_scalar(result_)) give_up("'{}' is no number", plain_text(words));
+    emit(out, depth, fmt::format("$result = {}", cpp_convert(std::move(value), result_).text));
   }
   position_ = end;
   consume(";");

@@ -85,15 +85,22 @@ std::optional<KernelSourceReader::Function> KernelSourceReader::function_at(std:
   while (tokens_[body].is_name("const") || tokens_[body].is_name("noexcept") ||
          tokens_[body].kind == Kind::kComment)
     ++body;
+  std::size_t first_of_type = first, end_of_type = i - 1;
+  if (tokens_[body].is("->")) {
+    first_of_type = ++body;
+    while (!tokens_[body].is("{") && !tokens_[body].is(";") && body + 1 < tokens_.size()) ++body;
+    end_of_type = body;
+  }
   if (!tokens_[body].is("{")) return std::nullopt;
   Function function;
   function.name = tokens_[i - 1].text;
   function.signature.name = function.name;
   function.signature.parameters = read_parameters(i, close);
   std::size_t at = 0;
-  const KernelTokenList words(tokens_.begin() + static_cast<long>(first),
-                              tokens_.begin() + static_cast<long>(i - 1));
+  const KernelTokenList words(tokens_.begin() + static_cast<long>(first_of_type),
+                              tokens_.begin() + static_cast<long>(end_of_type));
   const auto type = read_type(words, at);
+  function.deduces_result = mentions(words, "auto") && !mentions(words, "*");
   function.signature.result = type && is_scalar(*type) && !mentions(words, "*") ? *type : CppType::kVoid;
   function.body = body;
   function.end = behind_bracket(body);
@@ -216,9 +223,11 @@ bool KernelSourceReader::require_function(const std::string& name, std::size_t c
     auto loops = std::exchange(loops_, {});
     const std::size_t position = position_;
     const bool in_macro = in_macro_, in_kernel = in_kernel_, returns_early = returns_early_;
+    const CppType result = result_;
     const Function* const current = current_;
     translate_function(function);
     current_ = current;
+    result_ = result;
     in_macro_ = in_macro;
     in_kernel_ = in_kernel;
     returns_early_ = returns_early;
@@ -307,6 +316,7 @@ void KernelSourceReader::translate_function(Function& function) {
   in_kernel_ = function.is_kernel;
   in_macro_ = !is_main;
   current_ = &function;
+  result_ = function.signature.result;
   returns_early_ = false;
   scopes_.emplace_back();
   if (!is_main) declare_parameters(function, body);
@@ -317,6 +327,12 @@ void KernelSourceReader::translate_function(Function& function) {
   current_ = nullptr;
   position_ = function.end;
   if (is_main) return;
+  if (function.deduces_result) {
+    function.signature.result = result_;
+    const auto [begin, end] = functions_.equal_range(function.name);
+    for (auto one = begin; one != end; ++one)
+      if (one->second.accepts(function.signature.parameters.size())) one->second.result = result_;
+  }
   std::string pattern = function.signature.name;
   for (std::size_t i = 0; i < function.signature.parameters.size(); ++i)
     pattern += (i == 0 ? "($" : ", $") + function.signature.parameters[i].name;

@@ -27,6 +27,7 @@ class KernelSourceReader final : KernelTranslation {
     Signature signature;
     std::size_t body = 0, end = 0;  // positions of its '{' and after its '}'
     bool is_kernel = false, is_translated = false, has_instruction = false;
+    bool deduces_result = false;  // returns auto, the type of its return statements
   };
   // A function-like macro of the preprocessor that stays.
   struct FunctionMacro {
@@ -112,7 +113,8 @@ class KernelSourceReader final : KernelTranslation {
   std::vector<Loop> loops_;
   const Function* current_ = nullptr;
   bool returns_early_ = false;
-  bool is_in_definition_ = false;  // tokens_ are those of a macro of the preprocessor
+  CppType result_ = CppType::kVoid;  // of the current function; of auto from its first return statement on
+  bool is_in_definition_ = false;    // tokens_ are those of a macro of the preprocessor
   int labels_ = 0;
 };
 

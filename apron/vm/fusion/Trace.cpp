@@ -155,7 +155,7 @@ class TraceBuilder {
   // Only small filters are fused.
   bool can_fuse_filter(const DecodedInstruction& decoded) const {
     const program::Filter* f = filters_.find(decoded.table_index);
-    if (f == nullptr || !boundary_) return false;
+    if (f == nullptr || !boundary_ || program::is_integer(decoded.type)) return false;
     const auto elements = f->coefficients.size() - std::ranges::count(f->coefficients, 0.0F);
     const auto short_way = [](std::uint32_t extent, std::uint32_t n) {
       return extent / 2 <= kMaxFusedShift && extent / 2 < n;

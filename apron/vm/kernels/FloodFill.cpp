@@ -1,6 +1,8 @@
 #include "apron/vm/kernels/FloodFill.h"
 
 #include <algorithm>
+#include <limits>
+#include <type_traits>
 
 namespace apron::vm {
 
@@ -45,29 +47,32 @@ void ConnectedComponents::label_components(ConstPlane mask, const Value& value) 
   for (std::uint32_t y = 0; y < mask.height; ++y) {
     const auto this_row = static_cast<std::uint32_t>(runs_.size());
     row_starts_.push_back(this_row);
-    const float* row = mask.row(y);
-    for (std::uint32_t x = 0; x < mask.width;) {
-      if (!(row[x] != 0.0F)) {
-        ++x;
-        continue;
+    with_cell_type(mask.type, [&](auto cell) {
+      const auto* row = mask.cells<decltype(cell)>(y);
+      for (std::uint32_t x = 0; x < mask.width;) {
+        if (!(row[x] != 0)) {
+          ++x;
+          continue;
+        }
+        const std::uint32_t first = x;
+        while (x < mask.width && row[x] != 0) ++x;
+        const auto self = static_cast<std::uint32_t>(runs_.size());
+        runs_.push_back({first, x, self, value(y, first, x)});
       }
-      const std::uint32_t first = x;
-      while (x < mask.width && row[x] != 0.0F) ++x;
-      const auto self = static_cast<std::uint32_t>(runs_.size());
-      runs_.push_back({first, x, self, value(y, first, x)});
-    }
+    });
     union_with_row_above(row_above, this_row);
     row_above = this_row;
   }
   row_starts_.push_back(static_cast<std::uint32_t>(runs_.size()));
 }
 
-void ConnectedComponents::write_values(Plane y) noexcept {
+template <class T, class Value>
+void ConnectedComponents::write_values(Plane y, const Value& value_of_root) noexcept {
   for (std::uint32_t row = 0; row < y.height; ++row) {
-    float* to = y.row(row);
-    std::fill_n(to, y.width, 0.0F);
+    T* to = y.cells<T>(row);
+    std::fill_n(to, y.width, T{0});
     for (std::uint32_t run = row_starts_[row]; run < row_starts_[row + 1]; ++run)
-      std::fill(to + runs_[run].first, to + runs_[run].last, runs_[find_root(run)].value);
+      std::fill(to + runs_[run].first, to + runs_[run].last, static_cast<T>(value_of_root(find_root(run))));
   }
 }
 
@@ -76,32 +81,48 @@ void ConnectedComponents::flood(Plane y, ConstPlane seed, ConstPlane mask) noexc
     const float* s = seed.row(row);
     return std::any_of(s + first, s + last, [](float v) { return v != 0.0F; }) ? 1.0F : 0.0F;
   });
-  write_values(y);
+  write_values<float>(y, [this](std::uint32_t root) { return runs_[root].value; });
 }
 
 void ConnectedComponents::spread_max(Plane y, ConstPlane a, ConstPlane mask,
                                      const KernelTable& kernels) noexcept {
   const RowReduction largest = kernels.reduction(Reduction::kMax);  // ignores NaN
   label_components(mask, [&](std::uint32_t row, std::uint32_t first, std::uint32_t last) {
-    float value = 0.0F;
-    largest(a.row(row) + first, 0, 1, last - first, &value);
+    const float* cells = a.row(row);
+    constexpr std::uint32_t kShort = 32;
+    float value = -std::numeric_limits<float>::infinity();
+    if (last - first < kShort)
+      for (std::uint32_t x = first; x < last; ++x) value = cells[x] > value ? cells[x] : value;
+    else
+      largest(cells + first, 0, 1, last - first, &value);
     return value + 0.0F;
   });
-  write_values(y);
+  write_values<float>(y, [this](std::uint32_t root) { return runs_[root].value; });
 }
 
 void ConnectedComponents::spread_sum(Plane y, ConstPlane a, ConstPlane mask) noexcept {
   label_components(mask, [](std::uint32_t, std::uint32_t, std::uint32_t) { return 0.0F; });
   sums_.assign(runs_.size(), 0.0);
-  for (std::uint32_t row = 0; row < a.height; ++row) {
-    for (std::uint32_t run = row_starts_[row]; run < row_starts_[row + 1]; ++run) {
-      double& sum = sums_[find_root(run)];
-      for (std::uint32_t x = runs_[run].first; x < runs_[run].last; ++x)
-        sum += static_cast<double>(a.row(row)[x]);
+  with_cell_type(a.type, [&](auto cell) {
+    using T = decltype(cell);
+    for (std::uint32_t row = 0; row < a.height; ++row) {
+      const T* cells = a.cells<T>(row);
+      for (std::uint32_t run = row_starts_[row]; run < row_starts_[row + 1]; ++run) {
+        double& sum = sums_[find_root(run)];
+        if constexpr (std::is_integral_v<T>) {  // modulo 2^32
+          auto bits = static_cast<std::uint32_t>(sum);
+          for (std::uint32_t x = runs_[run].first; x < runs_[run].last; ++x)
+            bits += static_cast<std::uint32_t>(cells[x]);
+          sum = bits;
+        } else {
+          for (std::uint32_t x = runs_[run].first; x < runs_[run].last; ++x)
+            sum += static_cast<double>(cells[x]);
+        }
+      }
     }
-  }
-  for (std::size_t run = 0; run < runs_.size(); ++run) runs_[run].value = static_cast<float>(sums_[run]);
-  write_values(y);
+    using Sum = std::conditional_t<std::is_integral_v<T>, std::uint32_t, float>;
+    write_values<T>(y, [this](std::uint32_t root) { return static_cast<Sum>(sums_[root]); });
+  });
 }
 
 namespace {

@@ -22,8 +22,8 @@ class ConnectedComponents {
   // y = the largest a of each component of the mask, 0 outside. -0 counts as 0 and NaN as -infinity. y may
   // alias a or mask.
   void spread_max(Plane y, ConstPlane a, ConstPlane mask, const KernelTable& kernels) noexcept;
-  // y = the sum of a over each component of the mask, added in double precision, row by row, 0 outside. y may
-  // alias a or mask.
+  // y = the sum of a over each component of the mask, added in double precision, row by row, or modulo 2^n if
+  // all three are integers of one type, 0 outside. y may alias a or mask.
   void spread_sum(Plane y, ConstPlane a, ConstPlane mask) noexcept;
 
  private:
@@ -36,7 +36,8 @@ class ConnectedComponents {
   void label_components(ConstPlane mask, const Value& value) noexcept;
   void union_with_row_above(std::uint32_t row_above, std::uint32_t this_row) noexcept;
   std::uint32_t find_root(std::uint32_t run) noexcept;
-  void write_values(Plane y) noexcept;
+  template <class T, class Value>
+  void write_values(Plane y, const Value& value_of_root) noexcept;
 
   std::vector<Run> runs_;
   std::vector<double> sums_;               // of the components, at their roots

@@ -495,14 +495,21 @@ HWY_INLINE void correlate_block(const FilterView& filter, const StencilRows& row
 // 16 or 8 sums, so many registers are there.
 constexpr std::size_t kFilterVectors = kLanes * sizeof(float) == 64 && HWY_MAX_BYTES == 64 ? 4 : 2;
 
+// The last block ends with the last column: its first columns may be computed twice.
 void correlate_rows(const FilterView& filter, const StencilRows& rows,
                     const std::array<StencilOutput, kFilterRows>& to) noexcept {
-  const std::size_t width = kFilterVectors * hn::Lanes(D());
-  std::size_t x = 0;
-  for (; x + width <= to[0].columns; x += width) correlate_block<kFilterVectors>(filter, rows, to, x);
-  for (std::uint32_t o = 0; o < kFilterRows && x < to[0].columns; ++o)
-    for (std::size_t column = x; column < to[0].columns; column += hn::Lanes(D()))
-      correlate_vector(filter, {rows.row + o, rows.step + o}, to[o], false, column);
+  const std::size_t lanes = hn::Lanes(D()), width = kFilterVectors * lanes, columns = to[0].columns;
+  if (columns >= width) {
+    for (std::size_t x = 0; x + width <= columns; x += width)
+      correlate_block<kFilterVectors>(filter, rows, to, x);
+    if (columns % width != 0) correlate_block<kFilterVectors>(filter, rows, to, columns - width);
+  } else if (columns >= lanes) {
+    for (std::size_t x = 0; x + lanes <= columns; x += lanes) correlate_block<1>(filter, rows, to, x);
+    if (columns % lanes != 0) correlate_block<1>(filter, rows, to, columns - lanes);
+  } else {
+    for (std::uint32_t o = 0; o < kFilterRows; ++o)
+      correlate_vector(filter, {rows.row + o, rows.step + o}, to[o], false, 0);
+  }
 }
 
 // The order of operations is that of opcodes.def. load(j, i) loads the cells of row j, column i of the three.

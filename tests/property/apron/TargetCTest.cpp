@@ -536,6 +536,10 @@ TEST(TargetC, ElementwiseInstructionsMatchTheVmForIntegers) {
         show(y);
       }
     }
+    build.program.filters.push_back({"f", 3, 2, {-1, 2, 0, 255, -70000, 3}});
+    build.add(Opcode::kFilterDo, y, a,
+              Operand{OperandKind::kFilter, static_cast<std::uint32_t>(build.program.filters.size() - 1)});
+    show(y);
     for (const auto to : {program::CellType::kUint8, program::CellType::kUint16, program::CellType::kInt32})
       for (const Opcode op : {Opcode::kConvert, Opcode::kConvertSaturated}) {
         if (to == type) continue;

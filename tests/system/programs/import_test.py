@@ -65,6 +65,12 @@ FORMS = {
     "returns": "int sign(int n){ if (n < 0) return -1; if (n > 0) return 1; return 0; } void maybe(AREG y, int n){ scamp5_in(y, 1);"
                " if (n > 3) { return; } for (int i = 0; i < 9; i++) { if (i == n) return; scamp5_in(y, 10 + i); } scamp5_in(y, 99); }"
                "int main(){ scamp5_in(A, sign(-8) * 5 + sign(3)); maybe(B, 5); maybe(C, 2); maybe(D, -1); scamp5_in(E, sign(0)); }",
+    "deduced results": "auto half(float f){ return f / 2; } auto low(int n){ return (uint8_t)(n * 100); } auto wide(int n) -> unsigned { return n - 5; }"
+                       " auto sign(int n){ if (n < 0) return -1; return n > 0 ? 1 : 0; } auto put(AREG y, int n) -> int { scamp5_in(y, n); return n + 1; }"
+                       " auto is_large(int n){ return n > 9; } auto nothing(AREG y){ scamp5_in(y, 3); }"
+                       "int main(){ scamp5_in(A, half(5) * 2); scamp5_in(B, low(3) + 200); scamp5_in(C, wide(3) % 100); scamp5_in(D, sign(-4) + put(E, 7));"
+                       " nothing(F); bool q = is_large(12) + 3; add(F, F, E); scamp5_in(B, q + is_large(3)); uint8_t b = 200; auto c = b; c += 100;"
+                       " scamp5_in(C, c); auto d = b + 100; scamp5_in(D, d - 250); }",
     "statics": "void count(AREG y){ static int n = 3; n += 2; scamp5_in(y, n); } int main(){ static int k = 7; count(A); count(B); count(C); scamp5_in(D, k); }",
     "directions": "int main(){ scamp5_load_rect(S0, 2, 2, 3, 3); DNEWS(S1, S0, north | east); DNEWS(S2, S0, south|west, 1); DNEWS(S3, S0, alldir, true);"
                   " DNEWS(S4, S0, west); scamp5_in(A, 3); WHERE(S0); scamp5_in(A, 50); ALL(); bus(NEWS, A); bus(B, XN, XS, XE, XW); bus(C, XE, XW); }",
@@ -223,17 +229,19 @@ class Writer:
         return text
 
     def computed(self, name):
-        """One that returns an int and changes nothing but its own parameters."""
+        """One that returns a number and changes nothing but its own parameters."""
         count = self.random.randint(1, 3)
         names = [(f"p{i}", False) for i in range(count)]
         words = ", ".join(f"{self.pick(*TYPES, 'const int&')} p{i}" for i in range(count))
-        text = f"{self.pick('int', 'int', 'uint8_t', 'unsigned', 'bool')} {name}({words}) {{ int k = {self.value(names)};"
-        if self.random.random() < 0.5:
+        result = self.pick("int", "int", "uint8_t", "unsigned", "bool", "auto", "auto")
+        trailing = self.pick("", "", " -> uint8_t", " -> int") if result == "auto" else ""
+        text = f"{result} {name}({words}){trailing} {{ int k = {self.value(names)};"
+        if (result != "auto" or trailing) and self.random.random() < 0.5:  # the returns of auto are of one type
             text += f" if ({self.condition(names)}) return {self.value(names)};"
         if self.random.random() < 0.5:
             text += f" for (int i = 0; i < {self.random.randint(1, 5)}; i++) {{ k {self.pick('+=', '-=', '^=')} {self.value(names)}; if (k > 900) break; }}"
         self.computing.append((name, count))
-        return text + f" return k {self.pick('', '% 50', '+ p0')}; }}\n"
+        return text + f" return {self.pick('k', 'k % 50', 'k + p0', 'p0')}; }}\n"
 
     def kernel(self):
         """The text of the kernel and its headers by name."""
