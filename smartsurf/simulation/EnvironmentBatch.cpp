@@ -208,16 +208,17 @@ void EnvironmentBatch::restore(int index, std::string_view state, const BatchArr
   write_state(i, {}, a.state);
 }
 
-// Asks for the memory of a world that will be stepped soon. It lies between its environment and the next one's, because
-// one thread has created both; of a large world only the beginning is fetched.
+// Asks for the memory of a world that will be stepped soon. It lies between its environment and the next
+// one's, because one thread has created both; of a large world only the beginning is fetched.
 void EnvironmentBatch::prefetch_world(std::size_t i) const {
   constexpr std::uintptr_t kMaxBytes = 48U << 10U, kLineBytes = 64;
-  if (i + 1 >= worlds_.size()) return;
+  constexpr std::size_t kMinWorlds = 32;  // fewer stay in the cache
+  if (worlds_.size() < kMinWorlds || i + 1 >= worlds_.size()) return;
   const auto begin = reinterpret_cast<std::uintptr_t>(worlds_[i].environment.get());
   const auto next = reinterpret_cast<std::uintptr_t>(worlds_[i + 1].environment.get());
   if (next <= begin) return;
   for (std::uintptr_t at = begin; at < std::min(next, begin + kMaxBytes); at += kLineBytes)
-    __builtin_prefetch(reinterpret_cast<const void*>(at), 0, 2);  // into the second level: more than the first holds
+    __builtin_prefetch(reinterpret_cast<const void*>(at));
 }
 
 void EnvironmentBatch::step(const BatchArrays& a) {

@@ -1,13 +1,14 @@
 """Proximal policy optimization (Schulman et al. 2017) with PyTorch, for `smartsurf train --method ppo`.
 
-Observations are normalised by their mean and deviation, rewards by the deviation of the discounted return; advantages are
-generalised (Schulman et al. 2016); ratios and gradients are clipped; the learning rate falls to 0; an episode that ends by time goes
-on with the value of its last state, as CleanRL does all of these. The value is not clipped, which would keep it from its scale.
+Observations are normalised by their mean and deviation, rewards by the deviation of the discounted return; advantages
+are generalised (Schulman et al. 2016); ratios and gradients are clipped; the learning rate falls to 0; an episode that
+ends by time goes on with the value of its last state, as CleanRL does all of these. The value is not clipped, which
+would keep it from its scale. It also sees the states of the objects and the goals (Pinto et al. 2018), since training
+alone needs it.
 
-The value, which training alone needs, also sees the states of the objects and the goals (Pinto et al. 2018), so that it tells what
-the commands changed from what differs between episodes. Each cell's commands are an action of their own, with the world's advantage. Exploration depends on the state (Raffin et al. 2020):
-its noise is a random linear function of a cell's features, the same function for all cells of a world and for some ticks. Noise of
-single cells would average out below an object, which lies on many.
+Each cell's commands are an action of their own, with the world's advantage. Most of the noise depends on the state
+(Raffin et al. 2021): it is a random linear function of a cell's features, the same for all cells of a world and for
+some ticks. Noise of single cells would average out below an object, which lies on many.
 """
 from __future__ import annotations
 
@@ -34,7 +35,7 @@ VALUE_RATE = 2e-3  # learning rate of the value
 
 
 class Moments:
-    """Mean and deviation of all arrays added so far: of each plane of (n, planes, rows, columns), else of each number."""
+    """Mean and deviation of all arrays added: of each plane of (n, planes, rows, columns), else of each number."""
 
     def __init__(self, shape: tuple[int, ...], smallest: ArrayLike):
         """smallest: deviations are at least these, so that what hardly ever differs is not magnified."""
@@ -79,11 +80,11 @@ class Rewards:
 class Actor:
     """The policy's network, from observations to commands from −1 to 1, and its exploration.
 
-    kind: "local": what a LocalPolicy computes, with `memory` values that each cell passes to its next step; "cnn": convolutions,
-    then a layer that sees all; "mlp": dense layers."""
+    kind: "local": what a LocalPolicy computes, with `memory` values that each cell passes to its next step; "cnn":
+    convolutions, then a layer that sees all; "mlp": dense layers."""
 
-    def __init__(self, kind: str, shape: tuple[int, ...], hidden: tuple[int, ...], action: tuple[int, int, int], memory: int,
-                 neighbours: int, moments: Moments, deviation: float, together: float):
+    def __init__(self, kind: str, shape: tuple[int, ...], hidden: tuple[int, ...], action: tuple[int, int, int],
+                 memory: int, neighbours: int, moments: Moments, deviation: float, together: float):
         """deviation: of the noise at first. together: the share of its variance that is a function of the features."""
         self.kind, self.action, self.memory, self._moments = kind, action, memory, moments
         channels, rows, columns = action
@@ -113,13 +114,14 @@ class Actor:
         shared, single = np.log(deviation) + 0.5 * np.log(np.maximum([together / self._features, 1 - together], 1e-6))
         self.log_deviation = nn.Parameter(torch.full((channels, self._features), float(shared)))
         self.log_single_deviation = nn.Parameter(torch.full((channels, 1, 1), float(single)))
-        self.parameters = [self.log_deviation, self.log_single_deviation, *(p for layer in self.layers for p in layer.parameters())]
+        self.parameters = [self.log_deviation, self.log_single_deviation]
+        self.parameters += [p for layer in self.layers for p in layer.parameters()]
 
     def _weight(self, layer: Any) -> Any:
         return layer.weight * self._kernel if self.kind == "local" else layer.weight
 
     def __call__(self, observation: Any, memory: Any) -> tuple[Any, Any, Any]:
-        """The commands, the memory of the next step, and the features of the noise. observation: as the environment's."""
+        """The commands, the memory of the next step, and the features of the noise. observation: the environment's."""
         mean, deviation = torch.from_numpy(self._moments.mean), torch.from_numpy(self._moments.deviation)
         channels, rows, columns = self.action
         count = len(observation)
@@ -152,13 +154,14 @@ class Actor:
 
     def log_probability(self, actions: Any, mean: Any, features: Any) -> Any:
         """Of each cell's commands: (n, rows, columns)."""
-        variance = torch.einsum("kf,nfrc->nkrc", (2 * self.log_deviation).exp(), features**2) + (2 * self.log_single_deviation).exp()
+        variance = torch.einsum("kf,nfrc->nkrc", (2 * self.log_deviation).exp(), features**2)
+        variance = variance + (2 * self.log_single_deviation).exp()
         return (-0.5 * ((actions - mean) ** 2 / variance + variance.log() + np.log(2 * np.pi))).sum(dim=1)
 
     def layers_of(self) -> list[tuple[NDArray[np.float64], NDArray[np.float64]]]:
         """Weights and biases as numbers; the first layer of a local policy takes inputs that are not normalised."""
-        layers = [(self._weight(layer).detach().numpy().astype(np.float64), layer.bias.detach().numpy().astype(np.float64))
-                  for layer in self.layers]
+        layers = [(self._weight(layer).detach().numpy().astype(np.float64),
+                   layer.bias.detach().numpy().astype(np.float64)) for layer in self.layers]
         if self.kind == "local":
             weights, biases = layers[0]
             planes = self._moments.mean.shape[0]
@@ -179,18 +182,20 @@ class Learner:
         self.how, self.envs = how, make(how.worlds, threads=how.threads, autoreset_mode=AutoresetMode.DISABLED)
         envs, worlds = self.envs, how.worlds
         self.channels = envs.actuator_channels
-        low, high = (np.array([getattr(c, end) for c in self.channels], np.float32)[:, None, None] for end in ("minimum", "maximum"))
-        self.low, self.high = low, high
+        self.low, self.high = (np.array([getattr(c, end) for c in self.channels], np.float32)[:, None, None]
+                               for end in ("minimum", "maximum"))
         planes, shape = (len(envs._planes()), envs.rows, envs.columns), envs.single_observation_space.shape
         if how.policy == "mlp" and shape is None:
             raise ValueError("--policy mlp: the task's observation is a dict: it must be one array")
         # A local policy and a CNN see the planes of the sensors, an MLP the task's own observation.
         self._sees_planes = how.policy != "mlp" or shape == planes
         own = planes if self._sees_planes or shape is None else shape
-        scales = np.array([channel_scale(c.minimum, c.maximum) for c in envs.sensor_channels for _ in range(c.components)], np.float32)
+        scales = np.array([channel_scale(c.minimum, c.maximum) for c in envs.sensor_channels
+                           for _ in range(c.components)], np.float32)
         self.moments = Moments(own, 0.02 / scales[:, None, None] if own == planes else 1e-4)
-        self.actor = Actor(how.policy, own, tuple(how.hidden), (len(self.channels), envs.rows, envs.columns), how.memory,
-                           how.neighbours, self.moments, how.exploration, how.together)
+        action = (len(self.channels), envs.rows, envs.columns)
+        self.actor = Actor(how.policy, own, tuple(how.hidden), action, how.memory, how.neighbours, self.moments,
+                           how.exploration, how.together)
         self._generator = torch.Generator().manual_seed(how.seed)
         self._rewards = Rewards(worlds, how.discount)
         self.samples = self.episodes = 0
@@ -220,8 +225,8 @@ class Learner:
         planes = np.array(envs._observations, np.float32)
         parts = observation.values() if isinstance(observation, dict) else [observation]
         goals = envs._judge.goals.values() if isinstance(envs, TaskVectorEnv) else []
-        known = [envs._object_states, *goals, *parts]
-        self._judged = np.concatenate([np.nan_to_num(np.asarray(part, np.float32).reshape(worlds, -1)) for part in known], axis=1)
+        known = [np.asarray(part, np.float32).reshape(worlds, -1) for part in (envs._object_states, *goals, *parts)]
+        self._judged = np.nan_to_num(np.concatenate(known, axis=1))
         self._seen = planes if self._sees_planes else np.array(observation, np.float32)
 
     def _normalised_value(self, judged: Any) -> Any:
@@ -232,7 +237,8 @@ class Learner:
         return float(self._targets.mean) + float(self._targets.deviation) * self._normalised_value(judged)
 
     def _learn_scale_of_values(self, targets: Any) -> None:
-        """The value's network has outputs of about 1; its last layer changes so that the value stays (van Hasselt et al. 2016)."""
+        """The value's network has outputs of about 1; its last layer changes so that the value stays (van Hasselt et
+        al. 2016)."""
         mean, deviation = float(self._targets.mean), float(self._targets.deviation)
         known = self._targets_known
         self._targets.add(targets.numpy().ravel())
@@ -244,8 +250,8 @@ class Learner:
                 last.bias.copy_((last.bias * deviation + mean - float(self._targets.mean)) / scale)
 
     def warm_up(self) -> None:
-        """A first rollout for the statistics, in which each world begins another episode at its own time: later ones are then in
-        all parts of their episodes."""
+        """A first rollout for the statistics, in which each world begins another episode at its own time: later ones
+        are then in all parts of their episodes."""
         decisions = self.how.horizon
         again = torch.randint(decisions, (self.how.worlds,), generator=self._generator).numpy()
         for decision in range(decisions):
@@ -256,9 +262,11 @@ class Learner:
                 self._observe(self.envs.reset(options={"reset_mask": again == decision})[0])
 
     def rollout(self, decisions: int) -> dict[str, Any]:
-        """What the worlds do in some decisions; lists over these, and the ends by time: (decision, worlds, last observations)."""
+        """What the worlds do in some decisions; lists over these, and the ends by time: (decision, worlds, last
+        observations)."""
         how, worlds = self.how, self.how.worlds
-        out: dict[str, Any] = {name: [] for name in ("seen", "judged", "actions", "rewards", "ends", "fresh", "memory", "cut")}
+        names = ("seen", "judged", "actions", "rewards", "ends", "fresh", "memory", "cut")
+        out: dict[str, Any] = {name: [] for name in names}
         middle, half = (self.high + self.low) / 2, (self.high - self.low) / 2
         for decision in range(decisions):
             renewed = self._fresh | (self._noise_ticks <= 0)
@@ -308,7 +316,8 @@ class Learner:
         self.judged_moments.add(torch.cat(rollout["judged"]).numpy())
 
     def update(self, rollout: dict[str, Any], left: float, policy: bool = True) -> None:
-        """left: the share of the training that is to come, by which the learning rates fall. policy: else the value alone learns."""
+        """left: the share of the training that is to come, by which the learning rates fall. policy: else the value
+        alone learns."""
         how = self.how
         judged, ends = torch.stack(rollout["judged"]), np.array(rollout["ends"])
         decisions, worlds = ends.shape
@@ -317,7 +326,8 @@ class Learner:
             for decision, cut, last in rollout["cut"]:
                 rewards[decision, cut] += how.discount * self.value(last)
             values = self.value(judged.flatten(0, 1)).reshape(decisions, worlds)
-            advantages, advantage, after = torch.zeros_like(values), torch.zeros(worlds), self.value(torch.from_numpy(self._judged))
+            advantages, advantage = torch.zeros_like(values), torch.zeros(worlds)
+            after = self.value(torch.from_numpy(self._judged))
             goes_on = torch.from_numpy(1.0 - ends).float()
             for t in reversed(range(decisions)):
                 difference = rewards[t] + how.discount * after * goes_on[t] - values[t]
@@ -373,10 +383,12 @@ class Learner:
         if self.how.policy == "local":
             return local_policy(layers, envs.sensor_channels, self.channels, self.how.memory)
         shape = self._seen.shape[1:]
-        return NetworkPolicy(layers, shape, self.actor.action, self.low, self.high, self.moments.deviation, self.moments.mean)
+        return NetworkPolicy(layers, shape, self.actor.action, self.low, self.high, self.moments.deviation,
+                             self.moments.mean)
 
 
-def train(make: Callable[..., VectorEnv], how: argparse.Namespace, folder: pathlib.Path, title: str) -> LocalPolicy | NetworkPolicy:
+def train(make: Callable[..., VectorEnv], how: argparse.Namespace, folder: pathlib.Path,
+          title: str) -> LocalPolicy | NetworkPolicy:
     """A LocalPolicy with how.policy "local", else a NetworkPolicy, "cnn" or "mlp"; how: as train.main() parses it."""
     learner = Learner(make, how)
     log = Log(folder, make, how)

@@ -19,10 +19,12 @@ except ImportError as error:
 
 
 class Env(EnvBase):  # type: ignore[misc]  # has no types where it is missing
-    """All worlds of a VectorEnv, or of a Task's make_vec(), made with autoreset_mode="Disabled": TorchRL says which to reset.
+    """All worlds of a VectorEnv, or of a Task's make_vec(), made with autoreset_mode="Disabled": TorchRL says which to
+    reset.
 
-    The batch size is the number of worlds. `observation` and `action` are those of `env`, each part of a dict observation has its
-    name; `success` says whether a world has reached its goal; `done`, `terminated` and `truncated` are Gymnasium's."""
+    The batch size is the number of worlds. `observation` and `action` are those of `env`, each part of a dict
+    observation has its name; `success` says whether a world has reached its goal; `done`, `terminated` and `truncated`
+    are Gymnasium's."""
 
     def __init__(self, env: VectorEnv):
         if env.metadata["autoreset_mode"] != AutoresetMode.DISABLED:
@@ -34,15 +36,17 @@ class Env(EnvBase):  # type: ignore[misc]  # has no types where it is missing
         space = env.observation_space
         spaces = space.spaces if isinstance(space, gymnasium.spaces.Dict) else {"observation": space}
         flag = Categorical(2, shape=(worlds, 1), dtype=torch.bool)
-        self.observation_spec = Composite({name: _spec(of) for name, of in spaces.items()} | {"success": flag.clone()}, shape=(worlds,))
+        seen = {name: _spec(of) for name, of in spaces.items()}
+        self.observation_spec = Composite({**seen, "success": flag.clone()}, shape=(worlds,))
         self.action_spec = _spec(env.action_space)
         self.reward_spec = Unbounded(shape=(worlds, 1), dtype=torch.float32)
-        self.done_spec = Composite({name: flag.clone() for name in ("done", "terminated", "truncated")}, shape=(worlds,))
+        ends = ("done", "terminated", "truncated")
+        self.done_spec = Composite({name: flag.clone() for name in ends}, shape=(worlds,))
 
     def _tensors(self, observation: Any, success: Any, terminated: Any, truncated: Any, **more: Any) -> Any:
         values = dict(observation) if isinstance(observation, dict) else {"observation": observation}
-        values.update({name: flags[:, None] for name, flags in (("success", success), ("terminated", terminated),
-                                                                 ("truncated", truncated), ("done", terminated | truncated))})
+        flags = {"success": success, "terminated": terminated, "truncated": truncated, "done": terminated | truncated}
+        values.update({name: each[:, None] for name, each in flags.items()})
         return TensorDict({name: torch.from_numpy(np.array(value)) for name, value in {**values, **more}.items()},
                           batch_size=self.batch_size)
 
@@ -57,7 +61,8 @@ class Env(EnvBase):  # type: ignore[misc]  # has no types where it is missing
 
     def _step(self, tensordict: Any) -> Any:
         observation, rewards, terminated, truncated, infos = self.env.step(tensordict["action"].numpy())
-        return self._tensors(observation, infos["success"], terminated, truncated, reward=rewards[:, None].astype(np.float32))
+        reward = rewards[:, None].astype(np.float32)
+        return self._tensors(observation, infos["success"], terminated, truncated, reward=reward)
 
     def _set_seed(self, seed: int | None) -> None:
         """The next reset gives the worlds the seeds seed, seed + 1, …"""

@@ -55,7 +55,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
     of_ppo.add_argument("--entropy", type=float, default=0.0, help="weight of the entropy [0]")
     of_ppo.add_argument("--learning-rate", type=float, default=1e-2, help="of the policy [0.01], which falls to 0")
     of_ppo.add_argument("--exploration", type=float, default=0.5, help="deviation of commands at the start, of half their range [0.5]")
-    of_ppo.add_argument("--together", type=float, default=0.9, help="share of its variance that the cells of a world have in common [0.9]")
+    of_ppo.add_argument("--together", type=float, default=0.9,
+                        help="share of its variance that the cells of a world have in common [0.9]")
     of_ppo.add_argument("--noise-ticks", type=_whole, default=24, help="for which the cells of a world explore alike [24]")
     how = parser.parse_args(arguments)
     if how.method == "cem" and how.policy != "local":

@@ -31,7 +31,7 @@ struct RenderQuality {
   // Many small images on a software renderer, each a function of its snapshot alone.
   static RenderQuality preview() { return {1, 1024, RenderPass::kColourFast}; }
   // The same with smooth edges.
-  static RenderQuality smooth() { return {2, 1024, RenderPass::kColourFast}; }
+  static RenderQuality smooth() { return {2, 768, RenderPass::kColourFast}; }
   // A window on a GPU.
   static RenderQuality gpu() { return {2, 4096, RenderPass::kColourFine, 1, true}; }
   static RenderQuality video() { return {2, 2048, RenderPass::kColour, 1, true}; }

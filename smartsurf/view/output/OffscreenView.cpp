@@ -18,11 +18,15 @@ constexpr float kReferenceHeight_px = 720.0f;  // image height at which the lege
 
 RenderQuality quality_of(Detail detail) {
   switch (detail) {
-    case Detail::kStill: return RenderQuality::fine();
-    case Detail::kVideo: return RenderQuality::video();
-    case Detail::kSmooth: return RenderQuality::smooth();
+    case Detail::kStill:
+      return RenderQuality::fine();
+    case Detail::kVideo:
+      return RenderQuality::video();
+    case Detail::kSmooth:
+      return RenderQuality::smooth();
     case Detail::kFast:
-    case Detail::kFinal: break;
+    case Detail::kFinal:
+      break;
   }
   return RenderQuality::preview();
 }

@@ -52,6 +52,27 @@ class Simulations(ExperimentTest):
         self.assertEqual(proximity.shape, (16, 16))  # an array outlives its simulation
         self.assertTrue(np.isfinite(proximity.sum() + position.sum()))
 
+    def test_the_hash_is_that_of_the_tick_whatever_its_callbacks_change(self):
+        scene = """
+surface { rows = 6, columns = 6, actuator = pin { range = {0, 3} }, sensors = { proximity { range = 4 } } }
+local ball, other = sphere { radius = 0.6, position = {2, 2, 3} }, sphere { radius = 0.5, position = {4, 4, 3} }
+reward(function(t, tick) if tick == 5 then %s end return 0 end)
+"""
+        changes = ("object(ball):teleport { position = {3, 3, 4} }", "sphere { radius = 0.5, position = {1, 1, 4} }",
+                   "object(other):remove()")
+        quiet = smartsurf.Simulation(self.script(scene % "", "quiet.lua"), seed=1)
+        others = [smartsurf.Simulation(self.script(scene % change, f"{k}.lua"), seed=1) for k, change in enumerate(changes)]
+        for _ in range(5):
+            for s in (quiet, *others):
+                s.step(1.0)
+        for change, s in zip(changes, others):
+            with self.subTest(change):
+                self.assertEqual(s.state_hash, quiet.state_hash)
+        quiet.step(1.0)
+        for s in others:
+            s.step(1.0)
+            self.assertNotEqual(s.state_hash, quiet.state_hash)
+
     def test_gravity_and_axis_order(self):
         s = smartsurf.Simulation(self.script(
             "surface { rows = 6, columns = 9, actuator = pin { range = {0, 4} }, sensors = { proximity { range = 4 } } }\n"

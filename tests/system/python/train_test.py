@@ -263,7 +263,7 @@ class Training(ExperimentTest):
         with self.assertRaisesRegex(ValueError, "SameStep"):
             sb3.VecEnv(smartsurf.VectorEnv(script, 2))
 
-    @unittest.skipUnless(importlib.util.find_spec("torchrl"), "torchrl is missing: pip install torchrl")
+    @unittest.skipUnless(importlib.util.find_spec("torchrl"), "torchrl is missing: scripts/setup --learn installs it")
     def test_torchrl_sees_the_same_worlds(self):
         import torch
         from smartsurf import torchrl
