@@ -103,8 +103,8 @@ class Sort:
     def heights(self, proximity, proximity_hit):
         inside = self.inside
 
-        # (a) Sensor data; a cell that its neighbours contradict is overruled. Where objects touch, their undersides have a
-        # ridge, which parts their footprints.
+        # (a) Sensor data; a cell that its neighbours contradict is overruled. Where objects touch, their undersides have
+        # a ridge, which parts their footprints.
         hit = proximity_hit * inside
         covered = north(hit) + south(hit) + east(hit) + west(hit)
         sensed = as_number((hit * covered > 0) | (covered > 2))
@@ -133,12 +133,13 @@ class Sort:
         def told(news):
             said = core * news
             for _ in range(REACH):
-                said = sensed * np.select([core != 0, *uphill], [said, north(said), south(said), east(said)], west(said))
+                said = sensed * np.select([core != 0, *uphill], [said, north(said), south(said), east(said)],
+                                          west(said))
             return said
 
         self.found = told(size)
 
-        # (f) Small objects move west, large ones east. The mean sizes of both kinds are shares of the largest size seen.
+        # (f) Small objects move west, large ones east. The mean sizes of both kinds are shares of the largest seen.
         largest = wider(self.largest)
         self.largest = np.maximum(largest - GROWTH / np.float32(5), np.minimum(core * steps, largest + GROWTH))
         large = as_number(self.found > (self.high + self.low) / 2 * self.largest)
@@ -155,7 +156,8 @@ class Sort:
         eastern = as_number(self.way_small > self.way_large)
         self.halt_small = small * np.maximum(REACH * (self.way_small < 3), greatest(self.halt_small) - 1)
         self.ahead = np.maximum(NEAR * small * eastern * (self.halt_small <= 0), east(self.ahead) - 1)
-        self.halt_large = large * np.maximum(REACH * ((self.way_large < 3) | (self.ahead > 0)), greatest(self.halt_large) - 1)
+        stops = (self.way_large < 3) | (self.ahead > 0)
+        self.halt_large = large * np.maximum(REACH * stops, greatest(self.halt_large) - 1)
 
         # Stalled small ones send large ones away. Who is stalled is lifted over stuck pins.
         self.call = np.maximum(small * eastern * FARTHEST * self.plight, greatest(self.call) - 1)
@@ -168,8 +170,8 @@ class Sort:
         self.plight = moving * np.clip(wider(self.plight) + change, 0, 1)
         lift = wider(wider(wider(told(np.minimum(HIGHEST * self.plight, self.from_wall - 2)))))
 
-        # (g) Actuators: pockets ahead of who moves and around who halts are down, others up. Pins are led, so that fast ones do
-        # not throw the spheres. No sensor tells how far up a pin is: it is where it is led to.
+        # (g) Actuators: pockets ahead of who moves and around who halts are down, others up. Pins are led, so that fast
+        # ones do not throw the spheres. No sensor tells how far up a pin is: it is where it is led to.
         turn = told(turn)
         run = turn * np.where(large != 0, turn == EAST, turn == WEST)
         start = np.maximum(run * small, ahead(run * large))
