@@ -280,6 +280,9 @@ class Emulator {
   // In the middle of the first board's period: the frames of all boards are in force by then, although their
   // periods do not end at the same moment, and all of them send what they sense of the same step.
   void step_world() {
+    // An emulator that was not scheduled finds both due: the periods ended first.
+    for (const auto& board : boards)
+      if (board->period_end() <= world_due_) board->step();
     world_->step();
     world_due_ = EmulatedBoard::Time::max();
   }
