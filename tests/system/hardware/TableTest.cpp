@@ -300,7 +300,7 @@ TEST(Table, ClientsThatAskNothingDoNotKeepAnEmergencyStopOut) {
   for (const int client : stuck) ::close(client);
 }
 
-// Boards that wait for late answers miss none, however slow the controller is.
+// Boards that wait for late answers miss hardly any, however slow the controller is.
 TEST(Table, PatientBoardsWaitForLateAnswers) {
   const auto missed = [](const std::vector<std::string>& flags) {
     Table table("patient", "2x1", flags, {"--silence", "60"});
@@ -310,6 +310,7 @@ TEST(Table, PatientBoardsWaitForLateAnswers) {
       EXPECT_EQ(controller.await_sensors({.timeout = 60s}), Status::kOk);
       std::ranges::fill(controller.actuator(height), 1.0F);
       if (tick > 10 && tick % 5 == 0) std::this_thread::sleep_for(90ms);  // of a period of 20 ms
+      if (tick == 22) std::this_thread::sleep_for(600ms);  // the host takes the boards for gone
       (void)controller.publish();
     }
     table.bridge->signal(SIGINT);
@@ -320,8 +321,8 @@ TEST(Table, PatientBoardsWaitForLateAnswers) {
     return std::stoi(said.substr(at + 13));
   };
   // While the session begins, an answer may be late.
-  EXPECT_LE(missed({"--patient"}), 4);
-  EXPECT_GE(missed({}), 8);
+  EXPECT_LE(missed({"--patient"}), 12);
+  EXPECT_GE(missed({}), 30);
 }
 
 // Of zero, slope, speeds and lag of the good cells: how many 95 % intervals hold what --truth wrote.
