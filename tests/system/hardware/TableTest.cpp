@@ -306,13 +306,18 @@ TEST(Table, PatientBoardsWaitForLateAnswers) {
     Table table("patient", "2x1", flags, {"--silence", "60"});
     ControllerEndpoint controller = ControllerEndpoint::attach(table.name, {.timeout = 60s});
     const int height = controller.description().channel(Direction::kActuator, "height");
-    for (int tick = 0; tick < 40; ++tick) {
+    bool came_back = false;
+    for (int tick = 0; tick < 60; ++tick) {
       EXPECT_EQ(controller.await_sensors({.timeout = 60s}), Status::kOk);
+      const auto valid =
+          controller.sensor<std::uint8_t>(controller.description().channel(Direction::kSensor, "valid"));
+      came_back = came_back || (tick > 30 && std::ranges::count(valid, 1) == std::ssize(valid));
       std::ranges::fill(controller.actuator(height), 1.0F);
       if (tick > 10 && tick % 5 == 0) std::this_thread::sleep_for(90ms);  // of a period of 20 ms
       if (tick == 22) std::this_thread::sleep_for(600ms);  // the host takes the boards for gone
       (void)controller.publish();
     }
+    EXPECT_TRUE(came_back);
     table.bridge->signal(SIGINT);
     table.bridge->wait();
     const std::string said = table.bridge->output();
