@@ -51,9 +51,9 @@ constexpr const char* kUsage =
     "  --table FILE     write the table for surface_bridge --table, of the name --name [table]\n"
     "  --period-ms N    control period, 0.5 to 60000 [10]\n"
     "  --ticks N        end after N periods of the first board [never]\n"
-    "  --patient        periods last until the host has answered, and nothing becomes safe meanwhile: the "
-    "load of this\n"
-    "                   machine does not count\n"
+    "  --patient        periods last until the host has answered, up to twelve times as long, and nothing "
+    "becomes safe\n"
+    "                   meanwhile: the load of this machine does not count\n"
     "  --once           end when the host has closed every line and not opened it again for a second\n"
     "  --pins FILE      keep the first board's active heights in FILE, one byte per cell\n"
     "The boards:\n"
@@ -262,7 +262,8 @@ class Emulator {
   }
 
  private:
-  static constexpr double kSettled_s = 4.0;  // after the ball was placed
+  static constexpr int kLongestHold = SSD_PATIENCE - 4;  // periods
+  static constexpr double kSettled_s = 4.0;              // after the ball was placed
 
   double uniform() { return static_cast<double>(random_() >> 11) * 0x1p-53; }
 
@@ -280,13 +281,21 @@ class Emulator {
   // In the middle of the first board's period: the frames of all boards are in force by then, although their
   // periods do not end at the same moment, and all of them send what they sense of the same step.
   void step_world() {
+    // An emulator that was not scheduled finds both due: the periods ended first.
+    for (const auto& board : boards)
+      if (board->period_end() <= world_due_) board->step();
     world_->step();
     world_due_ = EmulatedBoard::Time::max();
   }
 
-  // Until all boards have their answers.
-  static void hold_periods() {
-    const bool held = !std::ranges::all_of(boards, [](const auto& board) { return board->has_answer(); });
+  // Until all boards have their answers, but not for so long that the host takes them for gone.
+  void hold_periods() {
+    bool held = !std::ranges::all_of(boards, [](const auto& board) { return board->has_answer(); });
+    const auto now = EmulatedBoard::now();
+    if (!held || now - answered_at_ > kLongestHold * std::chrono::microseconds(o_.board.period_us)) {
+      held = false;
+      answered_at_ = now;
+    }
     for (const auto& board : boards) board->hold_period(held);
   }
 
@@ -442,7 +451,7 @@ class Emulator {
   hardware::PillarDevice* pillars_ = nullptr;                   // the first board's, if it is one
   std::unique_ptr<hardware::World> world_;                      // null: none
   EmulatedBoard::Time world_due_ = EmulatedBoard::Time::max();  // when it steps next
-  EmulatedBoard::Time next_storm_{};
+  EmulatedBoard::Time next_storm_{}, answered_at_{};
   std::array<unsigned, 5> storm_counts_{};
   double distance_sum_ = 0.0;  // of the settled ball from the middle, cm
   std::uint64_t distance_count_ = 0;

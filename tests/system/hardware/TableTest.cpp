@@ -300,6 +300,36 @@ TEST(Table, ClientsThatAskNothingDoNotKeepAnEmergencyStopOut) {
   for (const int client : stuck) ::close(client);
 }
 
+// Boards that wait for late answers miss hardly any, however slow the controller is.
+TEST(Table, PatientBoardsWaitForLateAnswers) {
+  const auto missed = [](const std::vector<std::string>& flags) {
+    Table table("patient", "2x1", flags, {"--silence", "60"});
+    ControllerEndpoint controller = ControllerEndpoint::attach(table.name, {.timeout = 60s});
+    const int height = controller.description().channel(Direction::kActuator, "height");
+    bool came_back = false;
+    for (int tick = 0; tick < 60; ++tick) {
+      EXPECT_EQ(controller.await_sensors({.timeout = 60s}), Status::kOk);
+      const auto valid =
+          controller.sensor<std::uint8_t>(controller.description().channel(Direction::kSensor, "valid"));
+      came_back = came_back || (tick > 30 && std::ranges::count(valid, 1) == std::ssize(valid));
+      std::ranges::fill(controller.actuator(height), 1.0F);
+      if (tick > 10 && tick % 5 == 0) std::this_thread::sleep_for(90ms);  // of a period of 20 ms
+      if (tick == 22) std::this_thread::sleep_for(600ms);  // the host takes the boards for gone
+      (void)controller.publish();
+    }
+    EXPECT_TRUE(came_back);
+    table.bridge->signal(SIGINT);
+    table.bridge->wait();
+    const std::string said = table.bridge->output();
+    const std::size_t at = said.find("board_missed ");
+    EXPECT_NE(at, std::string::npos) << said;
+    return std::stoi(said.substr(at + 13));
+  };
+  // While the session begins, an answer may be late.
+  EXPECT_LE(missed({"--patient"}), 12);
+  EXPECT_GE(missed({}), 30);
+}
+
 // Of zero, slope, speeds and lag of the good cells: how many 95 % intervals hold what --truth wrote.
 struct Intervals {
   int held = 0, all = 0, wrong_states = 0;
