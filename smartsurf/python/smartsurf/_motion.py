@@ -156,7 +156,7 @@ def fit_motion(rerun: Rerun, label: str, known: Mapping[str, Any], near: str | N
     spread: list[dict[str, Array]] | None = None
 
     def residuals(log: Array, cells: Mapping[str, Any] = known) -> Array:
-        of = spread or [None] * len(sensed)
+        of: Sequence[dict[str, Array] | None] = spread or [None] * len(sensed)
         return np.concatenate([view.residuals(s, p, w).ravel() for s, p, w in zip(sensed, predict(log, cells), of)])
 
     def spread_at(log: Array) -> list[dict[str, Array]] | None:
@@ -194,7 +194,9 @@ def fit_motion(rerun: Rerun, label: str, known: Mapping[str, Any], near: str | N
         alike = [values for value, values in minima if value < lowest + _ALIKE * math.sqrt(lowest)]
         jacobian, r = slopes(best[free]), of_free(best[free])
         others = [residuals(best, changed) for changed in also]
-        moved = [_lowest_along(lambda log, of=changed: _robust(residuals(log, of)), best, k) for k in free for changed in also[:_OTHERS]]
+        def along(changed: Mapping[str, Any], k: int) -> float:
+            return _lowest_along(lambda log: _robust(residuals(log, changed)), best, k)
+        moved = [along(changed, k) for k in free for changed in also[:_OTHERS]]
         error = np.hypot(_errors(jacobian, r, others, keep, period), np.sqrt(np.mean(np.square(alike - best[free]), axis=0)) if alike else 0.0)
         if moved:
             error = np.hypot(error, np.sqrt(np.mean(np.square(np.reshape(moved, (len(free), -1))), axis=1)))

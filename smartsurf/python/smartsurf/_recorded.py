@@ -100,8 +100,9 @@ def _unsure_cells(commands: Mapping[str, Array], row: Array, valid: Array | None
     for begin, end in gaps.reshape(-1, 2):  # ticks without a known answer
         after = min(end + 1, len(row) - 1)  # the first frame whose commands are known again
         mark(begin, after)
-    for frame in np.flatnonzero((valid == 0).any((1, 2))) if valid is not None else ():
-        mark(max(int(frame) - 1, 0), int(frame), valid[frame] == 0)
+    if valid is not None:
+        for frame in np.flatnonzero((valid == 0).any((1, 2))):
+            mark(max(int(frame) - 1, 0), int(frame), valid[frame] == 0)
     return unsure
 
 
