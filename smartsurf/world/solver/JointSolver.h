@@ -67,12 +67,13 @@ class JointSolver {
   // Call after the rows were moved: rotates the bodies, and removes the velocity that the constraints forbid.
   // Writes the rotations of delta_pose.
   void relax(const Rows&);
-  // Both again, for the trees with a body in a touched row, after contacts have changed the velocities. Return whether
-  // any joint was off by more than `tolerance`, u/s.
+  // Both again, for the trees with a body in a touched row, after contacts have changed the velocities.
+  // Return whether any joint was off by more than `tolerance`, u/s.
   void select_touched(std::span<const char> touched_rows);
   bool solve_again(const Rows&, double tolerance);
   bool relax_again(const Rows&, double tolerance);
-  // Calls visit(body) for the active bodies with joints, and visit(other) for those that joints connect with one.
+  // Calls visit(body) for the active bodies with joints, and visit(other) for those that joints connect with
+  // one.
   template <class Visit>
   void for_each_jointed(Visit visit) const {
     for (const Body& b : bodies_)
@@ -214,7 +215,8 @@ class JointSolver {
   void hold_at_end_of_part();
   // Removes the speeds across the joints at the present pose.
   void relax_part();
-  // Trees that are off by no more than `tolerance`, u/s, stay as they are. Returns whether any was off by more.
+  // Trees that are off by no more than `tolerance`, u/s, stay as they are. Returns whether any was off by
+  // more.
   bool solve_trees(Stage, double tolerance = -1.0);
   void note_springs();
   void add_efforts(double sign);
