@@ -262,8 +262,8 @@ void NativeEngine::stop_at_bodies() {
   for (const Stop& s : stops_) solver_->shorten_motion(partition.row(s.body), s.fraction);
 }
 
-// Bodies that joints connect stop together, where the first of them meets the field or another body: one that stopped
-// alone would be off its joints.
+// Bodies that joints connect stop together, where the first of them meets the field or another body: one that
+// stopped alone would be off its joints.
 void NativeEngine::stop_jointed() {
   joints_.for_each_jointed([&](std::int32_t body) {
     const float fraction = fraction_until_impact(collision_.field_collider(), bodies_, body,

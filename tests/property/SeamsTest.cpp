@@ -192,8 +192,8 @@ TEST_P(Seams, NothingHappensOnBodyThatMoves) {
   }
 }
 
-// The blocks of the track are bodies that move: each is welded to the next, or they lie on the table side by side, heavy
-// enough to stay where they are.
+// The blocks of the track are bodies that move: each is welded to the next, or they lie on the table side by
+// side, heavy enough to stay where they are.
 TEST_P(Seams, NothingHappensBetweenBodiesThatMoveTogether) {
   const auto number = [](const char* name, unsigned otherwise) {
     const char* text = std::getenv(name);
@@ -220,7 +220,8 @@ TEST_P(Seams, NothingHappensBetweenBodiesThatMoveTogether) {
       x += l;
     }
     fixture.run(0.1);
-    auto rider = rolls ? sphere(size, {2.5, 15, 1 + size}) : box({2.2 * size, 1.8 * size, 2 * size}, {2.5, 15, 1 + size});
+    auto rider = rolls ? sphere(size, {2.5, 15, 1 + size})
+                       : box({2.2 * size, 1.8 * size, 2 * size}, {2.5, 15, 1 + size});
     rider.velocity = {speed, 0, 0}, rider.mass = 1.0;
     if (rolls) rider.angular_velocity = {0, speed / size, 0};
     const auto id = fixture.add(rider);
@@ -228,9 +229,11 @@ TEST_P(Seams, NothingHappensBetweenBodiesThatMoveTogether) {
     double hop = 0.0;
     fixture.run(seconds, [&] { hop = std::max(hop, std::abs(fixture.position(id).z() - 1 - size)); });
     EXPECT_LT(hop, 5e-3);
-    const double slowing = rolls ? 0.0 : 0.2 * kGravity, until = std::min(seconds, slowing > 0 ? speed / slowing : seconds);
+    const double slowing = rolls ? 0.0 : 0.2 * kGravity,
+                 until = std::min(seconds, slowing > 0 ? speed / slowing : seconds);
     const double distance = speed * until - 0.5 * slowing * until * until;
-    EXPECT_NEAR(fixture.position(id).x() - 2.5, distance, 0.005 * distance + 0.5 * slowing * until * GetParam());
+    EXPECT_NEAR(fixture.position(id).x() - 2.5, distance,
+                0.005 * distance + 0.5 * slowing * until * GetParam());
     EXPECT_NEAR(fixture.position(id).y(), 15.0, 0.02);
   }
 }

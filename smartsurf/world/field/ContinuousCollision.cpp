@@ -85,8 +85,7 @@ bool clip_to_time_of_impact(const FieldCollider& field, BodyStore& bodies, std::
   DeltaPose& delta = bodies.delta_pose[body];
   const float fraction = fraction_until_impact(field, bodies, body, delta);
   if (fraction == 1.0F) return false;
-  for (int axis = 0; axis < 3; ++axis)
-    delta.translation[axis] *= fraction, delta.rotation[axis] *= fraction;
+  for (int axis = 0; axis < 3; ++axis) delta.translation[axis] *= fraction, delta.rotation[axis] *= fraction;
   return true;
 }
 

@@ -12,12 +12,13 @@
 
 namespace smartsurf::world {
 
-// The part of a body's motion in the step after which it would penetrate the field deeper than at the start of the step,
-// or than a small tolerance; 1 if it does not. Returns at once for spheres and for bodies that move by less than a quarter
-// of their width. May run concurrently.
-float fraction_until_impact(const FieldCollider&, const BodyStore&, std::size_t body, const DeltaPose& motion);
-// Scales BodyStore::delta_pose of the body down by that; returns whether it had to. May run concurrently for different
-// bodies.
+// The part of a body's motion in the step after which it would penetrate the field deeper than at the start
+// of the step, or than a small tolerance; 1 if it does not. Returns at once for spheres and for bodies that
+// move by less than a quarter of their width. May run concurrently.
+float fraction_until_impact(const FieldCollider&, const BodyStore&, std::size_t body,
+                            const DeltaPose& motion);
+// Scales BodyStore::delta_pose of the body down by that; returns whether it had to. May run concurrently for
+// different bodies.
 bool clip_to_time_of_impact(const FieldCollider&, BodyStore&, std::size_t body);
 
 }  // namespace smartsurf::world

@@ -176,8 +176,8 @@ bool correct_internal_edges(const Solid& a, const Solid& b, std::vector<Contact>
 
 namespace {
 
-// A body matters to what lies on others if it moves against them by more than this, u/s; they move together if they do
-// so by less than kTogether and this share of it.
+// A body matters to what lies on others if it moves against them by more than this, u/s; they move together
+// if they do so by less than kTogether and this share of it.
 constexpr float kSliding = 0.05F, kTogether = 0.05F, kTogetherShare = 0.1F;
 constexpr float kUnusedSeparation = 1e6F;  // u: exerts no impulse
 
@@ -186,7 +186,8 @@ Vec3 velocity_at(const BodyStore& bodies, std::size_t i, const Vec3& point) {
   return bodies.velocity(i) + bodies.angular_velocity(i).cross(point - bodies.position[i]);
 }
 
-// A contact as that of body a with another, whichever of the two the list calls a. The point of a sphere is on it.
+// A contact as that of body a with another, whichever of the two the list calls a. The point of a sphere is
+// on it.
 Contact seen_from(const BodyStore& bodies, std::size_t body, const Manifold& m, const Contact& c) {
   if (static_cast<std::size_t>(m.a) == body) return c;
   Contact own = c;
@@ -227,7 +228,9 @@ class Neighbours {
         first_[body] = static_cast<std::int32_t>(neighbours_.size()) - 1;
       }
   }
-  bool has_several(std::size_t body) const { return first_[body] >= 0 && neighbours_[first_[body]].next >= 0; }
+  bool has_several(std::size_t body) const {
+    return first_[body] >= 0 && neighbours_[first_[body]].next >= 0;
+  }
   template <class Visit>
   void for_each(std::size_t body, Visit visit) const {
     for (std::int32_t k = first_[body]; k >= 0; k = neighbours_[k].next) visit(neighbours_[k].manifold);
@@ -242,8 +245,9 @@ class Neighbours {
 bool may_continue(const BodyStore& bodies, std::size_t other, const Vec3& point) {
   const Vec3 local = bodies.axes[other].transpose() * (point - bodies.origin(other));
   bool found = false;
-  for_each_part(*bodies.shape[other],
-                [&](const ConvexPart& part) { found = found || is_near(part, local, kProbes[2] + kEdgeDepth); });
+  for_each_part(*bodies.shape[other], [&](const ConvexPart& part) {
+    found = found || is_near(part, local, kProbes[2] + kEdgeDepth);
+  });
   return found;
 }
 
@@ -297,7 +301,8 @@ void correct_seams(const BodyStore& bodies, ContactList& list) {
     mark_internal_edges(solids, true, bodies.is_sphere[i] ? bodies.bounding_radius[i] : 0.0F, seam);
     std::size_t next = 0;
     for (const std::int32_t k : under)
-      for (Contact& c : list.contacts_of(list.manifolds[k])) set_from(bodies, i, list.manifolds[k], own[next++], c);
+      for (Contact& c : list.contacts_of(list.manifolds[k]))
+        set_from(bodies, i, list.manifolds[k], own[next++], c);
   }
 }
 

@@ -25,7 +25,8 @@ float slop_of(bool of_pair, bool of_spheres) { return of_pair && !of_spheres ? k
 // The greatest deflection of a contact under its load, u.
 float max_deflection(bool of_pair, bool of_spheres) { return 0.5F * slop_of(of_pair, of_spheres); }
 constexpr int kMaxPasses = 12;
-// A point that slips faster than this has the friction of the sweeps, u/s: whether it bears is not known before the end.
+// A point that slips faster than this has the friction of the sweeps, u/s: whether it bears is not known
+// before the end.
 constexpr double kSliding = 0.02;
 // A contact bears no more than this many times the weight, the forces and the momentum of its island; what
 // does is wedged, and its stresses are no load.

@@ -23,8 +23,8 @@ namespace smartsurf::world {
 
 class HeavyIslandSolver {
  public:
-  // A load heavier than this many times the weight of the body that bears it makes an island heavy, and so does one that
-  // would press the springs of its contacts deeper than they yield here.
+  // A load heavier than this many times the weight of the body that bears it makes an island heavy, and so
+  // does one that would press the springs of its contacts deeper than they yield here.
   static constexpr float kHeavyLoad = 16.0F;
   // Larger islands, and those beyond the sum, are left to the sweeps.
   static constexpr int kMaxBodies = BlockCholesky::kMaxRows, kMaxBodiesInAll = 256;

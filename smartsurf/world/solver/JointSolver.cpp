@@ -479,9 +479,10 @@ void JointSolver::add_efforts(IndexRange trees, double sign) {
 void JointSolver::select_touched(std::span<const char> touched_rows) {
   for (std::size_t t = 0; t < tree_states_.size(); ++t) {
     TreeState& s = tree_states_[t];
-    s.is_touched = s.is_active && std::ranges::any_of(bodies_of(equations_.trees()[t]), [&](std::int32_t i) {
-      return bodies_[i].is_active && touched_rows[static_cast<std::size_t>(bodies_[i].row)] != 0;
-    });
+    s.is_touched =
+        s.is_active && std::ranges::any_of(bodies_of(equations_.trees()[t]), [&](std::int32_t i) {
+          return bodies_[i].is_active && touched_rows[static_cast<std::size_t>(bodies_[i].row)] != 0;
+        });
   }
 }
 

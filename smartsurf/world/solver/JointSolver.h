@@ -79,7 +79,8 @@ class JointSolver {
   void select_touched(std::span<const char> touched_rows);
   bool solve_again(const Rows&, double tolerance);
   bool relax_again(const Rows&, double tolerance);
-  // Calls visit(body) for the active bodies with joints, and visit(other) for those that joints connect with one.
+  // Calls visit(body) for the active bodies with joints, and visit(other) for those that joints connect with
+  // one.
   template <class Visit>
   void for_each_jointed(Visit visit) const {
     for (const Body& b : bodies_)

@@ -34,7 +34,8 @@ void JointedContacts::Point::apply(const Vec3& impulse, BodyVelocity* rows) cons
 }
 
 void JointedContacts::collect(const ConstraintGraph& graph, const BodyStore& bodies,
-                              const SpatialPartition& partition, BatchPoints points, const BodyVelocity* rows) {
+                              const SpatialPartition& partition, BatchPoints points,
+                              const BodyVelocity* rows) {
   points_.clear();
   is_touched_.assign(static_cast<std::size_t>(partition.row_count()), 0);
   const auto is_jointed = [&](std::int32_t row) {
@@ -78,8 +79,9 @@ void JointedContacts::collect(const ConstraintGraph& graph, const BodyStore& bod
   visit(graph.sphere_static()), visit(graph.general_static());
 }
 
-void JointedContacts::begin_stage(BatchPoints points, const SolverBodies& rows, const SubstepParams& pair_params,
-                                  const SubstepParams& static_params, bool is_soft) {
+void JointedContacts::begin_stage(BatchPoints points, const SolverBodies& rows,
+                                  const SubstepParams& pair_params, const SubstepParams& static_params,
+                                  bool is_soft) {
   if (!is_soft) return;
   for (Point& p : points_) {
     Vec3 moved = Vec3::Zero();
@@ -90,8 +92,7 @@ void JointedContacts::begin_stage(BatchPoints points, const SolverBodies& rows, 
       moved += side == 0 ? by : Vec3(-by);
     }
     const SubstepParams& params = p.is_pair ? pair_params : static_params;
-    if (!p.is_pair)
-      moved -= params.elapsed_s * load(points.detail[p.index].surface_velocity, p.lane);
+    if (!p.is_pair) moved -= params.elapsed_s * load(points.detail[p.index].surface_velocity, p.lane);
     p.separation = points.point[p.index].separation[p.lane] + p.normal.dot(moved);
   }
 }
@@ -104,7 +105,8 @@ void JointedContacts::sweep(BatchPoints points, const SolverBodies& rows, const 
     const BatchPointDetail& d = points.detail[p.index];
     const int lane = p.lane;
     const Vec3 surface = p.is_pair ? Vec3(Vec3::Zero()) : load(d.surface_velocity, lane);
-    const float old_impulse = q.normal_impulse[lane], speed = p.normal.dot(p.velocity(rows.velocity) - surface);
+    const float old_impulse = q.normal_impulse[lane],
+                speed = p.normal.dot(p.velocity(rows.velocity) - surface);
     float impulse = 0.0F;
     if (!is_soft) {
       impulse = law::normal_impulse(old_impulse, q.normal_mass[lane], speed, q.relax_target_speed[lane]);
@@ -113,9 +115,10 @@ void JointedContacts::sweep(BatchPoints points, const SolverBodies& rows, const 
       const bool is_apart = p.separation > 0.0F;
       const float deflecting =
           law::deflecting_impulse(old_impulse, p.is_sphere ? 0.0F : d.steady_impulse[lane], params);
-      impulse = law::normal_impulse(old_impulse, q.normal_mass[lane] * (is_apart ? 1.0F : params.mass_scale), speed,
-                                    law::push_out_speed(p.separation, params, p.is_pair && !p.is_sphere ? kPairSlop : kSlop),
-                                    is_apart ? 0.0F : params.impulse_scale * deflecting);
+      impulse = law::normal_impulse(
+          old_impulse, q.normal_mass[lane] * (is_apart ? 1.0F : params.mass_scale), speed,
+          law::push_out_speed(p.separation, params, p.is_pair && !p.is_sphere ? kPairSlop : kSlop),
+          is_apart ? 0.0F : params.impulse_scale * deflecting);
     }
     q.normal_impulse[lane] = impulse;
     if (impulse != old_impulse) p.apply((impulse - old_impulse) * p.normal, rows.velocity);

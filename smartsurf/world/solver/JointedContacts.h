@@ -1,9 +1,10 @@
 // Contacts of bodies with joints.
 //
-// A stage solves the joints of a tree exactly and then sweeps the contacts once, which takes the bodies off their joints
-// again: a heavy chain would sink into what it meets, and what puts its joints right afterwards turns into energy. Here
-// the two take turns until they agree. Each turn removes what is left of one kind of error without adding energy; what is
-// left is greatest where one contact bears many links, and the impulses carry over to the next substep.
+// A stage solves the joints of a tree exactly and then sweeps the contacts once, which takes the bodies off
+// their joints again: a heavy chain would sink into what it meets, and what puts its joints right afterwards
+// turns into energy. Here the two take turns until they agree. Each turn removes what is left of one kind of
+// error without adding energy; what is left is greatest where one contact bears many links, and the impulses
+// carry over to the next substep.
 #pragma once
 
 #include <cstdint>
@@ -20,7 +21,8 @@ namespace smartsurf::world {
 class JointedContacts {
  public:
   // Notes the contacts of active bodies with joints. Call once all batches are prepared.
-  void collect(const ConstraintGraph&, const BodyStore&, const SpatialPartition&, BatchPoints, const BodyVelocity*);
+  void collect(const ConstraintGraph&, const BodyStore&, const SpatialPartition&, BatchPoints,
+               const BodyVelocity*);
   bool empty() const { return points_.empty(); }
   // By row: whether a noted contact touches the body.
   std::span<const char> touched_rows() const { return is_touched_; }
@@ -29,8 +31,8 @@ class JointedContacts {
   void begin_stage(BatchPoints, const SolverBodies&, const SubstepParams& pair_params,
                    const SubstepParams& static_params, bool is_soft);
   // One sweep over the contacts.
-  void sweep(BatchPoints, const SolverBodies&, const SubstepParams& pair_params, const SubstepParams& static_params,
-             bool is_soft);
+  void sweep(BatchPoints, const SolverBodies&, const SubstepParams& pair_params,
+             const SubstepParams& static_params, bool is_soft);
 
  private:
   struct Point {

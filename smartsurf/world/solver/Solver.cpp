@@ -356,15 +356,18 @@ void Solver::settle_jointed_contacts(StepContext& context, const Member& member,
   member.wait();
   if (member.is_caller() && !jointed_contacts_.empty()) {
     const BatchPoints points = batch_points();
-    jointed_contacts_.begin_stage(points, context.solver_bodies, context.pair_params, context.static_params, is_soft);
+    jointed_contacts_.begin_stage(points, context.solver_bodies, context.pair_params, context.static_params,
+                                  is_soft);
     for (int turn = 0; turn < kMaxTurns; ++turn) {
-      if (!(is_soft ? joints.solve_again(joint_rows(), kHolds) : joints.relax_again(joint_rows(), kHolds))) break;
-      jointed_contacts_.sweep(points, context.solver_bodies, context.pair_params, context.static_params, is_soft);
+      if (!(is_soft ? joints.solve_again(joint_rows(), kHolds) : joints.relax_again(joint_rows(), kHolds)))
+        break;
+      jointed_contacts_.sweep(points, context.solver_bodies, context.pair_params, context.static_params,
+                              is_soft);
       for (SupportPatches& list : context.input.supports)
         for (SupportPatch& p : list.patches) {
           if (p.is_elastic || !context.bodies.is_jointed[static_cast<std::size_t>(p.body)]) continue;
-          solve_support_points(list, p, points, context.static_params, is_soft, velocity_[p.row], delta_pose_[p.row],
-                               inverse_inertia_[p.row]);
+          solve_support_points(list, p, points, context.static_params, is_soft, velocity_[p.row],
+                               delta_pose_[p.row], inverse_inertia_[p.row]);
           solve_support(list, p, points, is_soft, velocity_[p.row], inverse_inertia_[p.row]);
         }
     }

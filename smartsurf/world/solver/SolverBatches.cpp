@@ -101,8 +101,7 @@ void Solver::find_impact_candidates(StepContext& context, ContactKind kind, int 
     const Manifold& m = list.manifolds[manifold];
     constexpr float kFlatness = 0.9F;
     // An impact is solved as if there were no joints, and sets the bodies back one by one: off their joints.
-    const bool is_jointed =
-        context.bodies.is_jointed[m.a] || (m.b >= 0 && context.bodies.is_jointed[m.b]);
+    const bool is_jointed = context.bodies.is_jointed[m.a] || (m.b >= 0 && context.bodies.is_jointed[m.b]);
     bool lands_flat =
         !is_jointed && !is_sphere_kind(kind) && m.count > 1 && least_speed[lane] < -plastic_threshold;
     for (int k = 0; lands_flat && k < m.count; ++k)
