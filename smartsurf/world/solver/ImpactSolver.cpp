@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <atomic>
+#include <chrono>
 #include <cmath>
 #include <limits>
 #include <tuple>
@@ -158,6 +159,7 @@ void ImpactSolver::solve(const Step& step, const Member& member) {
 
 void ImpactSolver::solve_on_caller(const Step& step, const Member& member) {
   points_.clear();
+  shares_ = true;
   find_hits(step);
   if (hits_.empty()) return;
   for (const bool is_pair : {false, true}) is_point_[is_pair].assign(step.list(is_pair).contacts.size(), 0);
@@ -418,11 +420,17 @@ void ImpactSolver::clear_points(const Step& step) {
 
 void ImpactSolver::run_sweeps(const Step& step, const Member& member, Sweeps sweeps, int max_sweeps) {
   sweeps_ = sweeps, max_sweeps_ = max_sweeps;
-  if (member.member_count == 1 || points_.size() < kMinSharedPoints) return run_own_sweeps({0, 1, alone_});
+  if (member.member_count == 1 || !shares_ || points_.size() < kMinSharedPoints)
+    return run_own_sweeps({0, 1, alone_});
+  const auto begin = std::chrono::steady_clock::now();
   share_points(step, member.member_count);
   member.arrive_and_wait();
   run_own_sweeps(member);
   take_changes();
+  // Where other programs keep the cores busy, a thread alone is faster. That changes no result.
+  constexpr double kVisit_s = 100e-9;  // at most, on one thread
+  const std::chrono::duration<double> taken = std::chrono::steady_clock::now() - begin;
+  shares_ = taken.count() < kVisit_s * static_cast<double>(points_.size() * members_[member.index].sweep);
 }
 
 void ImpactSolver::run_own_sweeps(const Member& member) {

@@ -190,6 +190,7 @@ class ImpactSolver {
   Barrier alone_{1};
   Sweeps sweeps_ = Sweeps::kNone;  // that all members are to run
   int max_sweeps_ = 0;
+  bool shares_ = true;  // false: in this step, members have waited for each other longer than they worked
   std::vector<std::int32_t> cut_rows_;  // by member but the first: its first row
   std::vector<std::int32_t> rows_;      // of choose_cuts()
   std::size_t points_at_cut_ = 0;       // 0: none was made

@@ -61,7 +61,8 @@ scene::SceneSpec linkages(bool on_skin) {
   derive_pin_spec(s.surface);
   for (unsigned i = 0; i < 225; ++i) {
     // Few touch the skin within the steps of the test, because each contact with it costs a solution.
-    const Eigen::Vector3d at(1.5 + 2.9 * (i % 15), 1.5 + 2.9 * (i / 15), 0.42 + (on_skin ? 0.05 * (i % 20) : 0.01 * (i % 7)));
+    const double height = on_skin ? 0.05 * (i % 20) : 0.01 * (i % 7);
+    const Eigen::Vector3d at(1.5 + 2.9 * (i % 15), 1.5 + 2.9 * (i / 15), 0.42 + height);
     scene::ObjectSpec o;
     o.shape = scene::ShapeKind::kBox;
     o.size = {1.5, 1.5, 0.8};
