@@ -21,8 +21,9 @@ inline constexpr std::array<const char*, 2> kStageNames = {"light", "dark"};
 
 // How much work a frame may be. kStill: smooth edges, soft shadows, ambient occlusion; about a second for a
 // picture on a software renderer. kVideo: about a tenth of that. kFast: some milliseconds for a small image.
-// kSmooth: as kFast with smooth edges, twice that. kFinal: path-traced, some seconds for a picture.
-enum class Detail { kStill, kVideo, kFast, kSmooth, kFinal };
+// kFinal: path-traced, some seconds for a picture. These four have the order of the flag --quality. kSmooth: as kFast
+// with smooth edges, in twice the time.
+enum class Detail { kStill, kVideo, kFast, kFinal, kSmooth };
 
 // A straight line of constant width in pixels.
 struct Line {
