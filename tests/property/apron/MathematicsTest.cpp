@@ -37,7 +37,7 @@ const std::vector<Function> kFunctions = {
     {"sinh", Opcode::kSinh, [](double a, double) { return std::sinh(a); }, -92, 92, 1.7},
     {"cosh", Opcode::kCosh, [](double a, double) { return std::cosh(a); }, -92, 92, 1.7},
     {"tanh", Opcode::kTanh, [](double a, double) { return std::tanh(a); }, -10, 10, 1.5},
-    {"asin", Opcode::kAsin, [](double a, double) { return std::asin(a); }, -1, 1, 2.0},
+    {"asin", Opcode::kAsin, [](double a, double) { return std::asin(a); }, -1, 1, 1.5},
     {"acos", Opcode::kAcos, [](double a, double) { return std::acos(a); }, -1, 1, 1.5},
     {"atan", Opcode::kAtan, [](double a, double) { return std::atan(a); }, -10, 10, 1.5},
     {"pow", Opcode::kPow, [](double a, double b) { return std::pow(a, b); }, -8, 8, 1.3, true},

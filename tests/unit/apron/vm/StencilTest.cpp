@@ -96,7 +96,7 @@ TEST_P(Stencil, FiltersMatchTheirDefinition) {
       for (std::uint32_t i = 0; i < filter_size.width * filter_size.height; ++i)
         coefficients.push_back(static_cast<float>(static_cast<int>(rng() % 7)) * 0.3F - offset);
       const FilterView filter{filter_size.width, filter_size.height, coefficients.data()};
-      for (const Size size : {Size{1, 1}, Size{3, 5}, Size{17, 6}, Size{100, 23}, Size{300, 4}})
+      for (const Size size : {Size{1, 1}, Size{3, 5}, Size{17, 6}, Size{37, 150}, Size{300, 4}})
         for (const NamedKernelTable& target : kernel_tables()) {
           const bool masked = rng() % 2 == 0;
           Case c = make_case(size, masked, rng);
