@@ -417,7 +417,7 @@ void HeavyIslandSolver::solve_island(const Island& island, const BatchPoints& po
         friction[k] = t.impulse + t.change;
       }
       const double length = std::sqrt(friction[0] * friction[0] + friction[1] * friction[1]);
-      if (p.slides ? length == 0.0 : length <= limit) continue;
+      if (length <= limit) continue;
       changed |= p.sticks && p.bears;
       p.sticks = false;
       for (int k = 0; k < 2; ++k)
