@@ -33,9 +33,7 @@ TEST(Solver, SlidingDeceleratesByCoulombFriction) {
 }
 
 TEST(Solver, CollisionConservesMomentum) {
-  StepFixture s(32, 0.0F, 1.0F);
-  s.settings.gravity.setZero();
-  s.solver = Solver(s.settings);
+  StepFixture s(32, 0.0F, 1.0F, 0.0F);
   const std::size_t a = s.add(make_sphere(1.0), Vec3(8, 16, 5), Vec3(4, 0, 0));
   const std::size_t b = s.add(make_sphere(1.0), Vec3(12, 16, 5));
   for (int i = 0; i < 240; ++i) s.step();

@@ -31,9 +31,9 @@ struct StepFixture {
   static constexpr float kDt = 1.0F / 240.0F, kGravity = 9.81F;
   static constexpr float kNoGround = -std::numeric_limits<float>::infinity();
 
-  explicit StepFixture(int side, float friction = 0.5F, float restitution = 0.0F)
+  explicit StepFixture(int side, float friction = 0.5F, float restitution = 0.0F, float gravity = kGravity)
       : field(make_flat_field(side)),
-        settings{kDt, 4, Vec3(0, 0, -kGravity), std::sqrt(friction), 0.0F, restitution},
+        settings{kDt, 4, Vec3(0, 0, -gravity), std::sqrt(friction), 0.0F, restitution},
         pipeline(field, kDt, kNoGround),
         solver(settings) {
     material.friction = friction;
