@@ -168,7 +168,7 @@ std::uint64_t hash_after(const scene::SceneSpec& scene, int steps, int threads) 
     world.step();
     cells.commit(scene.world.dt_s);
   }
-  world.snapshot(snapshot);
+  world.snapshot(snapshot, true);
   return snapshot.state_hash;
 }
 
