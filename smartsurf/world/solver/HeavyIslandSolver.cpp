@@ -25,9 +25,8 @@ float slop_of(bool of_pair, bool of_spheres) { return of_pair && !of_spheres ? k
 // The greatest deflection of a contact under its load, u.
 float max_deflection(bool of_pair, bool of_spheres) { return 0.5F * slop_of(of_pair, of_spheres); }
 constexpr int kMaxPasses = 12;
-// A point that slips faster than this has the friction of the sweeps, u/s: whether it bears is not known
-// before the end.
-constexpr double kSliding = 0.02;
+// More than the weight of a body, in its weights, that rests on another, and less than that of what bears one.
+constexpr float kOwnWeight = 3.0F;
 // A contact bears no more than this many times the weight, the forces and the momentum of its island; what
 // does is wedged, and its stresses are no load.
 constexpr double kGreatestLeverage = 8.0;
@@ -79,8 +78,14 @@ void HeavyIslandSolver::find_heavy_lanes(const ContactBatch& o, ContactKind kind
     const float loading = load[lane] * lighter;
     const float deflection = (1.0F - params.steady_share) * params.impulse_scale * loading /
                              (params.mass_scale * params.bias_rate);
-    const bool sinks = !is_sphere_kind(kind) && is_pair(kind) && deflection > max_deflection(true, false);
-    if (loading <= kHeavyLoad * weight_impulse && !of_unequal && !sinks) continue;
+    const bool sinks =
+        !is_sphere_kind(kind) && is_pair(kind) && deflection > 0.5F * max_deflection(true, false);
+    // The lighter one of an unequal pair bears the heavier one where it is below it; where it lies on it, only what it
+    // bears itself.
+    const float up = points.point[o.first_point].normal[2][lane];  // from b to a
+    const bool is_below = (a >= b ? -up : up) > 0.0F;
+    const bool may_bear = of_unequal && (is_below || loading >= kOwnWeight * weight_impulse);
+    if (loading <= kHeavyLoad * weight_impulse && !may_bear && !sinks) continue;
     if (BearingMask(o, points).lane[lane])
       members_[member].heavy_rows.push_back(a >= b ? o.a[lane] : o.b[lane]);
   }
@@ -362,8 +367,7 @@ void HeavyIslandSolver::set_up(Point& p, const BatchPoints& points, const Solver
   normal.error = target - speed[0];
   normal.change = 0.0;
   p.bears = normal.impulse > 0.0 || normal.error > 0.0;
-  p.slides = speed[1] * speed[1] + speed[2] * speed[2] > kSliding * kSliding;
-  p.sticks = q.friction[p.lane] > 0.0F && !p.slides;
+  p.sticks = q.friction[p.lane] > 0.0F;
 }
 
 void HeavyIslandSolver::set_up(PatchFriction& f, const SolverBodies& rows) {
@@ -476,7 +480,6 @@ void HeavyIslandSolver::solve_island(const Island& island, const BatchPoints& po
       double friction[2];
       for (int k = 0; k < 2; ++k) {
         Spring& t = p.spring[1 + k];
-        if (p.slides) t.change = 0.0;
         if (p.sticks) t.change = t.stiffness * p.lacking_speed(1 + k, b);
         friction[k] = t.impulse + t.change;
       }

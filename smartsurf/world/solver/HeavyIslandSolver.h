@@ -24,7 +24,7 @@ namespace smartsurf::world {
 class HeavyIslandSolver {
  public:
   // A load heavier than this many times the weight of the body that bears it makes an island heavy, and so
-  // does one that would press the springs of its contacts deeper than they yield here.
+  // does one that would press the springs of its contacts deeper than half of what they yield here.
   static constexpr float kHeavyLoad = 16.0F;
   // Larger islands, and those beyond the sum, are left to the sweeps.
   static constexpr int kMaxBodies = BlockCholesky::kMaxRows, kMaxBodiesInAll = 256;
@@ -89,7 +89,7 @@ class HeavyIslandSolver {
     std::int32_t index, lane;  // in the batch points
     std::int32_t row[2];       // −1: static
     bool is_sphere;            // its anchor is along the normal
-    bool bears, sticks, slides;
+    bool bears, sticks;
     double steady_impulse;  // normal, of the last relax stage
     Spring& normal() { return spring[0]; }
   };
