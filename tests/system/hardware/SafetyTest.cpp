@@ -5,6 +5,7 @@
 #include <gtest/gtest.h>
 #include <shm_protocol/ControllerEndpoint.h>
 #include <sys/mman.h>
+#include <sys/stat.h>
 
 #include <algorithm>
 #include <chrono>
@@ -25,7 +26,12 @@ constexpr std::size_t kPins = 4096;
 // What the emulated device keeps in the file of --pins.
 class Pins {
  public:
+  // Waits until the device has made the file.
   explicit Pins(const std::string& path) {
+    struct stat found {};
+    const auto until = Clock::now() + 20s;
+    while ((::stat(path.c_str(), &found) != 0 || found.st_size < static_cast<off_t>(kPins)) && Clock::now() < until)
+      std::this_thread::sleep_for(1ms);
     const int file = ::open(path.c_str(), O_RDONLY | O_CLOEXEC);
     void* memory = ::mmap(nullptr, kPins, PROT_READ, MAP_SHARED, file, 0);
     ::close(file);
