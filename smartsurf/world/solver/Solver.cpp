@@ -354,6 +354,7 @@ void Solver::settle_jointed_contacts(StepContext& context, const Member& member,
   JointSolver& joints = context.input.joints;
   if (joints.empty()) return;
   member.wait();
+  member.arrive_and_wait();  // the last batches of a stage come after its last arrival
   if (member.is_caller() && !jointed_contacts_.empty()) {
     const BatchPoints points = batch_points();
     jointed_contacts_.begin_stage(points, context.solver_bodies, context.pair_params, context.static_params,
