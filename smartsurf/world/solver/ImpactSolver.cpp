@@ -538,6 +538,8 @@ void ImpactSolver::end_turn(const Point& p) {
 // Ends with friction: where surfaces close to a wedge within their friction cones, no impulses satisfy both,
 // and the body is to stick, not to shoot out.
 void ImpactSolver::solve_points(int max_sweeps, const Member& member) {
+  // After the members' last barrier the caller may set that of the next generation.
+  const float tolerance = tolerance_;
   solve_normals(kNormalSweeps, member);
   for (int sweep = 0; sweep < max_sweeps; ++sweep) {
     float greatest_change = 0.0F;
@@ -545,7 +547,7 @@ void ImpactSolver::solve_points(int max_sweeps, const Member& member) {
       if (p.friction > 0.0F && p.seen_friction != versions(p))
         greatest_change = std::max(greatest_change, solve_friction(p, visit));
     });
-    if (greatest_of_members(greatest_change, member) < tolerance_ || sweep + 1 == max_sweeps) break;
+    if (greatest_of_members(greatest_change, member) < tolerance || sweep + 1 == max_sweeps) break;
     solve_normals(kNormalSweepsPerFrictionSweep, member);
   }
 }
