@@ -101,7 +101,7 @@ Value Lowering::lower_filter(const Builtin& builtin, const Expressions& argument
   return emit_out_of_place(Opcode::kFilterDo, {source}, {filter_operand(index)}, destination, location);
 }
 
-// Of a filter whose elements are fractions.
+// Fails if the value is a register of integers: the filter's elements are fractions.
 void Lowering::require_floats(const Builtin& builtin, const Value& value, Location location) const {
   if (!builder_.shape(value).is_integer()) return;
   fail(location, "'{}' takes registers of floats, and {} {}: write float(…)", builtin.name,

@@ -254,7 +254,9 @@ bool may_continue(const BodyStore& bodies, std::size_t other, const Vec3& point)
 }  // namespace
 
 void correct_seams(const BodyStore& bodies, ContactList& list) {
-  if (list.manifolds.size() < 2) return;
+  // Spheres have no faces: scenes of spheres alone pay for no neighbours.
+  const auto has_flat_body = [&](const Manifold& m) { return !bodies.is_sphere[m.a] || !bodies.is_sphere[m.b]; };
+  if (list.manifolds.size() < 2 || std::ranges::none_of(list.manifolds, has_flat_body)) return;
   thread_local Neighbours neighbours;
   thread_local std::vector<std::int32_t> under;  // manifolds with bodies that move together
   thread_local std::vector<Contact> own;

@@ -31,7 +31,7 @@ constexpr float kOwnWeight = 3.0F;
 // does is wedged, and its stresses are no load.
 constexpr double kGreatestLeverage = 8.0;
 
-// Of a set of rows that contacts connect: a body in it bears a heavy load; the sweeps solve it.
+// Flags of a set of rows that contacts connect: a body in it bears a heavy load; the sweeps solve it.
 constexpr std::uint8_t kHeavy = 1, kExcluded = 2;
 
 bool is_bearing(const BatchPoint& p, int lane) {
@@ -119,7 +119,7 @@ void HeavyIslandSolver::unite(std::int32_t row, std::int32_t other) {
   }
 }
 
-// Of the set.
+// Raises a flag of the set that the row is in.
 void HeavyIslandSolver::mark(std::int32_t row, std::uint8_t flag) {
   const std::atomic_ref flags(flags_[find_root(row)]);
   if ((flags.load(std::memory_order_relaxed) & flag) == 0) flags.fetch_or(flag, std::memory_order_relaxed);
