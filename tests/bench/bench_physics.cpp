@@ -1,14 +1,15 @@
 // Compares World and its proximity sensors with naive Bullet, MuJoCo and ODE on the same scenes.
 //
 //   bench_physics [--steps N] [--only "64x64 100"] [--threads N] [--peers naive,mujoco,ode | none]
-//     [--beside N] [--json]
+//     [--beside N] [--twin] [--json]
 //
 // Peers are single-threaded; they skip workloads that they do not support. MuJoCo and ODE are optional.
 //
 // Prints the median times of a 1/60 s step in milliseconds, the ratio of a peer's total to ours, and the
 // accuracy: the largest overlap of two spheres and the deepest penetration of a sphere into a pin; in mixed
 // scenes, ours also reports the penetration of the other shapes. "pins" is the time to move our pins and is
-// not part of the total. --json prints one JSON object per line. --beside N runs N busy processes meanwhile.
+// not part of the total. --json prints one JSON object per line. --beside N runs N busy processes meanwhile,
+// --twin a second process with the same workload: what two threads can reach at most on this machine.
 #include <fmt/format.h>
 #include <signal.h>
 #include <sys/prctl.h>
@@ -42,6 +43,7 @@ struct Options {
   int steps = 120;
   int threads = 1;
   int beside = 0;
+  bool twin = false;
   bool json = false;
   std::string only, peers = "naive,mujoco,ode";
   bool includes_peer(const char* peer) const { return peers.find(peer) != std::string::npos; }
@@ -58,33 +60,36 @@ struct Result {
   double total_ms() const { return physics_ms + sensors_ms; }
 };
 
-// Processes that keep a core busy each, until the end of the scope.
-class BusyProcesses {
+// Processes that repeat `work` until the end of the scope.
+class Processes {
  public:
-  explicit BusyProcesses(int count) {
+  Processes(int count, const std::function<void()>& work) {
     for (int i = 0; i < count; ++i) {
       const pid_t child = ::fork();
       if (child == 0) {
         ::prctl(PR_SET_PDEATHSIG, SIGKILL);
-        const volatile bool busy = true;
-        while (busy) {
-        }
+        for (;;) work();
       }
       if (child > 0) children_.push_back(child);
     }
   }
-  ~BusyProcesses() {
+  ~Processes() {
     for (const pid_t child : children_) {
       ::kill(child, SIGKILL);
       ::waitpid(child, nullptr, 0);
     }
   }
-  BusyProcesses(const BusyProcesses&) = delete;
-  BusyProcesses& operator=(const BusyProcesses&) = delete;
+  Processes(const Processes&) = delete;
+  Processes& operator=(const Processes&) = delete;
 
  private:
   std::vector<pid_t> children_;
 };
+
+void keep_busy() {
+  for (volatile int i = 0; i < 1'000'000; i = i + 1) {
+  }
+}
 
 struct Sphere {
   Eigen::Vector3d centre;
@@ -252,6 +257,7 @@ void report_json(const char* who, const Workload& w, const Options& options, con
                                     {"shapes_in_pins_u", r.shape_penetration},
                                     {"lost", r.lost},
                                     {"beside", options.beside},
+                                    {"twin", options.twin},
                                     {"wall_s", r.wall_s}};
   std::puts(line.dump().c_str());
   std::fflush(stdout);
@@ -320,6 +326,7 @@ Options read_options(int argc, char** argv) {
       ->check(CLI::IsMember({"naive", "mujoco", "ode", "none"}));
   app.add_option("--beside", o.beside, "busy processes that compete for the cores")
       ->check(CLI::Range(0, 1024));
+  app.add_flag("--twin", o.twin, "a second process runs the same workload");
   app.add_flag("--json", o.json, "print one JSON object per line");
   bench::parse_or_exit(app, argc, argv);
   if (!peers.empty()) o.peers = CLI::detail::join(peers);
@@ -330,7 +337,10 @@ Options read_options(int argc, char** argv) {
 
 int main(int argc, char** argv) {
   const Options options = read_options(argc, argv);
-  const BusyProcesses competitors(options.beside);
-  for (const Workload& w : workloads())
-    if (options.only.empty() || w.name() == options.only) run(w, options);
+  const Processes competitors(options.beside, keep_busy);
+  for (const Workload& w : workloads()) {
+    if (!options.only.empty() && w.name() != options.only) continue;
+    const Processes twin(options.twin ? 1 : 0, [&] { run_smartsurf(w, options); });
+    run(w, options);
+  }
 }
