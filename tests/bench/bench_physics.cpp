@@ -87,7 +87,8 @@ class Processes {
 };
 
 void keep_busy() {
-  for (volatile int i = 0; i < 1'000'000; i = i + 1) {
+  const volatile bool busy = true;
+  while (busy) {
   }
 }
 

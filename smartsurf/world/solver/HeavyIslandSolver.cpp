@@ -31,8 +31,13 @@ constexpr float kOwnWeight = 3.0F;
 // does is wedged, and its stresses are no load.
 constexpr double kGreatestLeverage = 8.0;
 
-// Flags of a set of rows that contacts connect: a body in it bears a heavy load; the sweeps solve it.
-constexpr std::uint8_t kHeavy = 1, kExcluded = 2;
+// Flags of a set of rows that contacts connect: a body in it bears a heavy load; a load presses springs deep; the
+// sweeps solve it.
+constexpr std::uint8_t kHeavy = 1, kSinking = 2, kExcluded = 4;
+// A load that presses a contact by so many times what it yields in the direct solver makes an island heavy; one by the
+// lesser times makes one sink that has bodies enough to add it up to a depth that matters.
+constexpr float kDeepAlone = 6.0F, kDeepTogether = 0.5F;
+constexpr int kLeastSinkingBodies = 8;
 
 bool is_bearing(const BatchPoint& p, int lane) {
   return p.normal_mass[lane] > 0.0F &&
@@ -59,7 +64,7 @@ void HeavyIslandSolver::reset(int member_count, int row_count) {
   members_.resize(member_count);
   parent_.resize(static_cast<std::size_t>(row_count));
   flags_.resize(parent_.size());
-  for (MemberData& m : members_) m.heavy_rows.clear();
+  for (MemberData& m : members_) m.heavy_rows.clear(), m.sinking_rows.clear();
   islands_.clear();
 }
 
@@ -78,21 +83,22 @@ void HeavyIslandSolver::find_heavy_lanes(const ContactBatch& o, ContactKind kind
     const float loading = load[lane] * lighter;
     const float deflection = (1.0F - params.steady_share) * params.impulse_scale * loading /
                              (params.mass_scale * params.bias_rate);
-    const bool sinks =
-        !is_sphere_kind(kind) && is_pair(kind) && deflection > 0.5F * max_deflection(true, false);
+    // In parts of what a contact yields in the direct solver.
+    const float excess = is_sphere_kind(kind) || !is_pair(kind) ? 0.0F : deflection / max_deflection(true, false);
     // The lighter one of an unequal pair bears the heavier one where it is below it; where it lies on it, only what it
     // bears itself.
     const float up = points.point[o.first_point].normal[2][lane];  // from b to a
     const bool is_below = (a >= b ? -up : up) > 0.0F;
     const bool may_bear = of_unequal && (is_below || loading >= kOwnWeight * weight_impulse);
-    if (loading <= kHeavyLoad * weight_impulse && !may_bear && !sinks) continue;
-    if (BearingMask(o, points).lane[lane])
-      members_[member].heavy_rows.push_back(a >= b ? o.a[lane] : o.b[lane]);
+    const bool is_heavy = loading > kHeavyLoad * weight_impulse || may_bear || excess > kDeepAlone;
+    if ((!is_heavy && excess <= kDeepTogether) || !BearingMask(o, points).lane[lane]) continue;
+    MemberData& own = members_[member];
+    (is_heavy ? own.heavy_rows : own.sinking_rows).push_back(a >= b ? o.a[lane] : o.b[lane]);
   }
 }
 
 bool HeavyIslandSolver::any_heavy_lane() const {
-  return std::ranges::any_of(members_, [](const MemberData& m) { return !m.heavy_rows.empty(); });
+  return std::ranges::any_of(members_, [](const MemberData& m) { return !m.heavy_rows.empty() || !m.sinking_rows.empty(); });
 }
 
 // ---- sets of rows, which all members unite at once
@@ -171,6 +177,8 @@ void HeavyIslandSolver::mark_islands(const Step& step, IndexRange own_rows, cons
   const MemberData& own = members_[member.index];
   for (const std::int32_t row : own.heavy_rows)
     if (step.velocity[row].inverse_mass > 0.0F) mark(row, kHeavy);
+  for (const std::int32_t row : own.sinking_rows)
+    if (step.velocity[row].inverse_mass > 0.0F) mark(row, kSinking);
   const auto is_squeezed = [&](std::int32_t k, int lane) {
     constexpr float kLeastNormalZ = 0.5F, kGreatestDepth = 0.02F;
     const BatchPoint& p = points.point[k];
@@ -199,8 +207,11 @@ void HeavyIslandSolver::mark_islands(const Step& step, IndexRange own_rows, cons
 void HeavyIslandSolver::number_islands(const Step& step) {
   const auto& [graph, bodies, partition, points, velocity, supports, gravity, h_s] = step;
   islands_.clear();
-  const auto is_heavy = [this](std::int32_t row) { return flags_[find_root(row)] == kHeavy; };
-  if (std::ranges::none_of(members_, [&](const MemberData& m) { return std::ranges::any_of(m.heavy_rows, is_heavy); }))
+  const auto is_direct = [this](std::int32_t root) { return flags_[root] != 0 && (flags_[root] & kExcluded) == 0; };
+  const auto any_direct = [&](std::span<const std::int32_t> heavy) {
+    return std::ranges::any_of(heavy, [&](std::int32_t row) { return is_direct(find_root(row)); });
+  };
+  if (std::ranges::none_of(members_, [&](const MemberData& m) { return any_direct(m.heavy_rows) || any_direct(m.sinking_rows); }))
     return;
   const std::size_t row_count = parent_.size();
   constexpr std::int32_t kNone = -1;
@@ -211,10 +222,10 @@ void HeavyIslandSolver::number_islands(const Step& step) {
     const auto row = static_cast<std::int32_t>(i);
     if (!(velocity[row].inverse_mass > 0.0F)) continue;
     const std::int32_t root = find_root(row);
-    if (flags_[root] != kHeavy) continue;
+    if (!is_direct(root)) continue;
     if (root == row) {
       island_of_row_[row] = static_cast<std::int32_t>(islands_.size());
-      islands_.push_back({});
+      islands_.push_back({.is_heavy = (flags_[root] & kHeavy) != 0});
     }
     island_of_row_[row] = island_of_row_[root];
     body_of_row_[row] = islands_[island_of_row_[row]].body_count++;
@@ -222,7 +233,8 @@ void HeavyIslandSolver::number_islands(const Step& step) {
   std::int32_t bodies_so_far = 0;
   for (Island& island : islands_) {
     island.first_body = bodies_so_far;
-    if (island.body_count > kMaxBodies || bodies_so_far + island.body_count > kMaxBodiesInAll)
+    if (island.body_count > kMaxBodies || bodies_so_far + island.body_count > kMaxBodiesInAll ||
+        (!island.is_heavy && island.body_count < kLeastSinkingBodies))
       island.body_count = 0;
     bodies_so_far += island.body_count;
   }

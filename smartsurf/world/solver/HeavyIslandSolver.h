@@ -23,8 +23,8 @@ namespace smartsurf::world {
 
 class HeavyIslandSolver {
  public:
-  // A load heavier than this many times the weight of the body that bears it makes an island heavy, and so
-  // does one that would press the springs of its contacts deeper than half of what they yield here.
+  // A load heavier than this many times the weight of the body that bears it makes an island heavy, and so does one that
+  // presses the springs of its contacts far deeper than they yield here.
   static constexpr float kHeavyLoad = 16.0F;
   // Larger islands, and those beyond the sum, are left to the sweeps.
   static constexpr int kMaxBodies = BlockCholesky::kMaxRows, kMaxBodiesInAll = 256;
@@ -62,7 +62,7 @@ class HeavyIslandSolver {
     ContactKind kind;
   };
   struct alignas(128) MemberData {
-    std::vector<std::int32_t> heavy_rows;
+    std::vector<std::int32_t> heavy_rows, sinking_rows;
     std::vector<BearingLane> lanes;
     BlockCholesky matrix;  // of the island that the member solves
     double right_side[BlockCholesky::kSize * kMaxBodies];
@@ -98,7 +98,8 @@ class HeavyIslandSolver {
     SupportPatch* patch;
   };
   struct Island {
-    std::int32_t body_count, first_body, first_point, point_count, first_patch, patch_count;
+    bool is_heavy;  // not only sinking
+    std::int32_t body_count = 0, first_body = 0, first_point = 0, point_count = 0, first_patch = 0, patch_count = 0;
     double greatest_impulse = 0.0;  // of a contact, mass·u/s in a substep
     std::int32_t member = 0;        // that solves it
   };
