@@ -203,7 +203,7 @@ void NativeEngine::find_contacts(const Member& member) {
   if (member.is_caller()) cell_impulses_.resize(static_contacts_.contacts.size());
 }
 
-void NativeEngine::correct_seams() { world::correct_seams(bodies_, pair_contacts_); }
+void NativeEngine::correct_seams() { world::correct_seams(bodies_, pair_contacts_, static_contacts_); }
 
 void NativeEngine::share_force_limits() {
   force_limits_.distribute_limits(field_, settings_.dt_s, settings_.substeps, static_contacts_);
@@ -270,11 +270,11 @@ void NativeEngine::stop_jointed() {
                                                  solver_->motion(collision_.partition().row(body)));
     if (fraction < 1.0F) stops_.push_back({body, fraction});
   });
-  for (std::size_t k = 0, count = stops_.size(); k < count; ++k) {
-    const Stop s = stops_[k];
-    if (bodies_.is_jointed[static_cast<std::size_t>(s.body)])
-      joints_.for_each_connected(s.body, [&](std::int32_t other) { stops_.push_back({other, s.fraction}); });
-  }
+  const auto is_jointed = [&](const Stop& s) { return bodies_.is_jointed[static_cast<std::size_t>(s.body)] != 0; };
+  for (const Stop& s : stops_)
+    if (is_jointed(s)) joints_.end_early(s.body, s.fraction);
+  std::erase_if(stops_, is_jointed);
+  solver_->move_back(joints_, bodies_);
 }
 
 // Moves the bodies by what the solver found, and collects what depends on one body or contact alone.

@@ -3,7 +3,9 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdio>
 #include <numeric>
+#include <random>
 #include <vector>
 
 #include "tests/property/PhysicsFixture.h"
@@ -38,6 +40,54 @@ struct StackOfBoxes {
     return speed;
   }
 };
+
+// Boxes on a fixed block far above the table, in a frame that is turned against the world's. Gravity acts along the
+// frame's −z; without gravity a force presses each box by its weight instead.
+struct TurnedBoxes {
+  TurnedBoxes(const Eigen::Quaterniond& turn, bool has_gravity, double rate, double friction) : frame(turn) {
+    fixture.scene.world.dt_s = 1.0 / rate;
+    fixture.scene.materials[0].friction = friction;
+    fixture.scene.world.gravity = has_gravity ? kGravity * down() : Eigen::Vector3d::Zero().eval();
+    pushes = !has_gravity;
+    auto base = box({16, 6, 1}, place({0, 0, -0.5}));
+    base.orientation = frame, base.fixed = true;
+    fixture.add(base);
+  }
+  smartsurf::scene::ObjectId add(const Eigen::Vector3d& size, const Eigen::Vector3d& at, double mass,
+                                 const Eigen::Vector3d& velocity = Eigen::Vector3d::Zero()) {
+    auto o = box(size, place(at));
+    o.orientation = frame, o.mass = mass, o.velocity = frame * velocity;
+    const auto id = fixture.add(o);
+    if (pushes) fixture.world().apply_force(id, mass * kGravity * down(), {}, 100.0);
+    return id;
+  }
+  Eigen::Vector3d position(smartsurf::scene::ObjectId id) {
+    return frame.conjugate() * (fixture.position(id).cast<double>() - kMiddle);
+  }
+  Eigen::Vector3d down() const { return frame * -Eigen::Vector3d::UnitZ(); }
+
+  PhysicsFixture fixture;
+  Eigen::Quaterniond frame;
+  bool pushes;
+
+ private:
+  inline static const Eigen::Vector3d kMiddle{15.5, 15.5, 40};
+  Eigen::Vector3d place(const Eigen::Vector3d& at) const { return kMiddle + frame * at; }
+};
+
+// Tilted by 30° and 60°, upside down, and turned at random.
+std::vector<Eigen::Quaterniond> frames() {
+  std::mt19937 random(5);
+  std::normal_distribution<double> normal;
+  std::vector<Eigen::Quaterniond> all;
+  for (const double angle : {M_PI / 6, M_PI / 3, M_PI})
+    all.emplace_back(Eigen::AngleAxisd(angle, Eigen::Vector3d::UnitX()));
+  for (int i = 0; i < 2; ++i) {
+    all.emplace_back(normal(random), normal(random), normal(random), normal(random));
+    all.back().normalize();
+  }
+  return all;
+}
 
 }  // namespace
 
@@ -104,4 +154,86 @@ TEST(Stacks, SlowBoxKeepsItsFrictionOnHeavyOne) {
       const double right = 0.9 * 0.9 / (2 * 0.2 * kGravity);
       EXPECT_NEAR(fixture.position(id).x() - 6, right, 0.06 * right + 0.45 / rate) << "mass " << mass;
     }
+}
+
+// "Below" is where gravity points to, or a force where there is none.
+TEST(Stacks, LoadsHardlySinkUnderGravityOfAnyDirection) {
+  for (const bool has_gravity : {true, false})
+    for (const auto& frame : frames())
+      for (const double ratio : {2.0, 20.0, 1000.0}) {
+        TurnedBoxes boxes(frame, has_gravity, 60, 0.5);
+        const auto under = boxes.add({2, 2, 1}, {0, 0, 0.5}, 1.0), on = boxes.add({2, 2, 1}, {0, 0, 1.5}, ratio);
+        boxes.fixture.run(2.0);
+        EXPECT_NEAR(boxes.position(on).z(), 1.5, 0.0025) << "ratio " << ratio;
+        EXPECT_LT(boxes.position(on).head<2>().norm(), 0.01) << "ratio " << ratio;
+        for (const auto id : {under, on}) EXPECT_LT(boxes.fixture.velocity(id).norm(), 0.002F) << "ratio " << ratio;
+      }
+}
+
+TEST(Stacks, SlowBoxKeepsItsFrictionUnderGravityOfAnyDirection) {
+  for (const double rate : {60.0, 240.0})
+    for (const auto& frame : frames())
+      for (const double mass : {20.0, 1000.0}) {
+        TurnedBoxes boxes(frame, true, rate, 0.2);
+        boxes.add({12, 4, 1}, {0, 0, 0.5}, mass);
+        const auto rider = boxes.add({0.9, 0.8, 0.8}, {-2, 0, 1.4}, 1.0, {0.9, 0, 0});
+        boxes.fixture.run(1.0);
+        const double right = 0.9 * 0.9 / (2 * 0.2 * kGravity);
+        EXPECT_NEAR(boxes.position(rider).x() + 2, right, 0.06 * right + 0.45 / rate) << "mass " << mass;
+      }
+}
+
+namespace {
+
+// How far boxes of height 1 have sunk, u, and whether all sleep.
+struct Rest {
+  double sunk;
+  bool sleeps;
+};
+
+// A pyramid in a plane, `width` boxes wide at its foot.
+Rest pyramid_at_rest(int width, int iterations) {
+  PhysicsFixture fixture;
+  fixture.scene.world.dt_s = 1.0 / 60, fixture.scene.world.iterations = iterations;
+  double sunk = 0.0;
+  int count = 0;
+  std::vector<std::pair<smartsurf::scene::ObjectId, double>> boxes;
+  for (int level = 0; level < width; ++level)
+    for (int i = 0; i < width - level; ++i, ++count)
+      boxes.emplace_back(fixture.add(box({1.5, 2, 1}, {6 + 1.8 * i + 0.9 * level, 15.5, level + 0.5})), level + 0.5);
+  fixture.run(4.0);
+  for (const auto& [id, height] : boxes) sunk = std::max(sunk, height - fixture.position(id).z());
+  return {sunk, fixture.world().sleeping_count() == count};
+}
+
+// Boxes of a seed that fall onto each other in a pit.
+Rest heap_at_rest(unsigned seed, int iterations) {
+  PhysicsFixture fixture;
+  fixture.scene.world.dt_s = 1.0 / 60, fixture.scene.world.iterations = iterations;
+  fixture.scene.surface.rows = fixture.scene.surface.columns = 12;
+  fixture.scene.surface.border_height = 6.0;
+  std::mt19937 random(seed);
+  std::uniform_real_distribution<double> draw(0.0, 1.0);
+  constexpr int kCount = 40;
+  for (int i = 0; i < kCount; ++i)
+    fixture.add(box({0.8 + draw(random), 0.8 + draw(random), 0.6 + draw(random)},
+                    {3 + 5 * draw(random), 3 + 5 * draw(random), 2 + 0.8 * i}));
+  fixture.run(12.0);
+  return {0.0, fixture.world().sleeping_count() == kCount};
+}
+
+}  // namespace
+
+TEST(Stacks, MoreIterationsAreNeverWorse) {
+  for (const int iterations : {4, 10, 20, 40, 80}) {
+    for (const int height : {12, 30}) {
+      StackOfBoxes stack(height, 1.0, 1.0 / 60, iterations);
+      stack.fixture.run(4.0);
+      std::printf("tower %d, %d iterations: sunk %.5f, speed %.5f\n", height, iterations, stack.sunk(), stack.fastest());
+    }
+    const Rest pyramid = pyramid_at_rest(8, iterations);
+    std::printf("pyramid, %d iterations: sunk %.5f, sleeps %d\n", iterations, pyramid.sunk, pyramid.sleeps);
+    for (unsigned seed = 1; seed <= 3; ++seed)
+      std::printf("heap %u, %d iterations: sleeps %d\n", seed, iterations, heap_at_rest(seed, iterations).sleeps);
+  }
 }

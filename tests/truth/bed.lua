@@ -16,6 +16,7 @@ truth.sample(function(t)
   if t >= 20 then load, ticks = load + truth.load(), ticks + 1 end
 end)
 on_finish(function()
+  if ticks == 0 then return end  -- a shorter run has nothing to measure
   metric('load', load / ticks)
   metric('creep', truth.norm(truth.sub(truth.position(id), from)))
 end)

@@ -4,6 +4,8 @@
 #include <cmath>
 #include <limits>
 #include <optional>
+#include <span>
+#include <vector>
 
 #include "smartsurf/world/narrowphase/Distance.h"
 
@@ -216,30 +218,71 @@ struct Neighbour {
   std::int32_t manifold, next;
 };
 
-// The manifolds of each body with others.
+// The manifolds of each body with others that move, and, if any body is fixed, that with all that does not.
 class Neighbours {
  public:
-  void find(const BodyStore& bodies, const ContactList& list) {
+  void find(const BodyStore& bodies, const ContactList& pairs, const ContactList& statics) {
     neighbours_.clear();
     first_.assign(static_cast<std::size_t>(bodies.size()), -1);
-    for (std::int32_t i = 0; i < std::ssize(list.manifolds); ++i)
-      for (const std::int32_t body : {list.manifolds[i].a, list.manifolds[i].b}) {
+    for (std::int32_t i = 0; i < std::ssize(pairs.manifolds); ++i)
+      for (const std::int32_t body : {pairs.manifolds[i].a, pairs.manifolds[i].b}) {
         neighbours_.push_back({i, first_[body]});
         first_[body] = static_cast<std::int32_t>(neighbours_.size()) - 1;
       }
+    has_fixed_ = std::ranges::find(bodies.mass, 0.0F) != bodies.mass.end();
+    if (!has_fixed_) return;
+    static_.assign(static_cast<std::size_t>(bodies.size()), -1);
+    for (std::int32_t i = 0; i < std::ssize(statics.manifolds); ++i) static_[statics.manifolds[i].a] = i;
   }
   bool has_several(std::size_t body) const {
-    return first_[body] >= 0 && neighbours_[first_[body]].next >= 0;
+    return first_[body] >= 0 && (neighbours_[first_[body]].next >= 0 || static_of(body) >= 0);
   }
+  // −1: none.
+  std::int32_t static_of(std::size_t body) const { return has_fixed_ ? static_[body] : -1; }
+  // In descending order.
   template <class Visit>
   void for_each(std::size_t body, Visit visit) const {
     for (std::int32_t k = first_[body]; k >= 0; k = neighbours_[k].next) visit(neighbours_[k].manifold);
   }
 
  private:
-  std::vector<std::int32_t> first_;
+  std::vector<std::int32_t> first_, static_;
   std::vector<Neighbour> neighbours_;
+  bool has_fixed_ = false;
 };
+
+// The contacts of a body with another one that has faces.
+struct Touched {
+  std::size_t other;
+  const Manifold* manifold;
+  std::span<Contact> contacts;
+  bool is_under = false;
+};
+
+// Appends them in the order of the bodies that move, then for each fixed body.
+void find_touched(const BodyStore& bodies, std::size_t body, const Neighbours& neighbours, ContactList& pairs,
+                  ContactList& statics, std::vector<Touched>& out) {
+  const auto has_faces = [&](std::size_t other) {
+    const Shape& s = *bodies.shape[other];
+    return !s.hulls.empty() || s.kind == scene::ShapeKind::kBox;
+  };
+  out.clear();
+  neighbours.for_each(body, [&](std::int32_t k) {
+    const Manifold& m = pairs.manifolds[k];
+    const auto other = static_cast<std::size_t>(static_cast<std::size_t>(m.a) == body ? m.b : m.a);
+    if (has_faces(other)) out.push_back({other, &m, pairs.contacts_of(m)});
+  });
+  std::ranges::reverse(out);
+  if (neighbours.static_of(body) < 0) return;
+  const Manifold& m = statics.manifolds[neighbours.static_of(body)];
+  const std::span<Contact> contacts = statics.contacts_of(m);
+  for (std::size_t from = 0, to = 0; from < contacts.size(); from = to) {
+    const Partner partner = contacts[from].partner;
+    while (to < contacts.size() && contacts[to].partner == partner) ++to;
+    if (partner >= Partner{} && has_faces(static_cast<std::size_t>(partner)))
+      out.push_back({static_cast<std::size_t>(partner), &m, contacts.subspan(from, to - from)});
+  }
+}
 
 // Whether a face of the other body may continue one at the point.
 bool may_continue(const BodyStore& bodies, std::size_t other, const Vec3& point) {
@@ -253,58 +296,45 @@ bool may_continue(const BodyStore& bodies, std::size_t other, const Vec3& point)
 
 }  // namespace
 
-void correct_seams(const BodyStore& bodies, ContactList& list) {
+void correct_seams(const BodyStore& bodies, ContactList& pairs, ContactList& statics) {
   // Spheres have no faces: scenes of spheres alone pay for no neighbours.
   const auto has_flat_body = [&](const Manifold& m) { return !bodies.is_sphere[m.a] || !bodies.is_sphere[m.b]; };
-  if (list.manifolds.size() < 2 || std::ranges::none_of(list.manifolds, has_flat_body)) return;
+  if (std::ranges::none_of(pairs.manifolds, has_flat_body)) return;
   thread_local Neighbours neighbours;
-  thread_local std::vector<std::int32_t> under;  // manifolds with bodies that move together
+  thread_local std::vector<Touched> touched;
   thread_local std::vector<Contact> own;
   thread_local std::vector<SeamContact> seam;
   thread_local std::vector<Solid> solids;
-  neighbours.find(bodies, list);
+  neighbours.find(bodies, pairs, statics);
   for (std::size_t i = 0; i < static_cast<std::size_t>(bodies.size()); ++i) {
     if (!bodies.is_active(i) || !neighbours.has_several(i)) continue;
-    const auto other_of = [&](const Manifold& m) {
-      return static_cast<std::size_t>(static_cast<std::size_t>(m.a) == i ? m.b : m.a);
-    };
-    const auto has_faces = [&](std::size_t body) {
-      const Shape& s = *bodies.shape[body];
-      return !s.hulls.empty() || s.kind == scene::ShapeKind::kBox;
-    };
-    under.clear();
-    neighbours.for_each(i, [&](std::int32_t one) {
-      const Manifold& m = list.manifolds[one];
-      const std::size_t j = other_of(m);
-      if (!has_faces(j)) return;
-      for (const Contact& c : list.contacts_of(m)) {
-        const Vec3 point = bodies.position[m.a] + c.anchor, speed = velocity_at(bodies, j, point);
+    find_touched(bodies, i, neighbours, pairs, statics, touched);
+    if (touched.size() < 2) continue;
+    for (Touched& one : touched)
+      for (const Contact& c : one.contacts) {
+        const Vec3 point = bodies.position[one.manifold->a] + c.anchor, speed = velocity_at(bodies, one.other, point);
         const float sliding = (velocity_at(bodies, i, bodies.position[i]) - speed).norm();
         if (sliding < kSliding) continue;
-        neighbours.for_each(i, [&](std::int32_t other) {
-          const std::size_t k = other_of(list.manifolds[other]);
-          if (k == j || !has_faces(k) || !may_continue(bodies, k, point)) return;
-          if ((velocity_at(bodies, k, point) - speed).norm() < std::max(kTogether, kTogetherShare * sliding))
-            under.push_back(one), under.push_back(other);
-        });
+        for (Touched& next : touched) {
+          // Fixed bodies have been corrected among each other.
+          const bool are_fixed = bodies.is_static(one.other) && bodies.is_static(next.other);
+          if (next.other == one.other || are_fixed || !may_continue(bodies, next.other, point)) continue;
+          if ((velocity_at(bodies, next.other, point) - speed).norm() < std::max(kTogether, kTogetherShare * sliding))
+            one.is_under = next.is_under = true;
+        }
       }
-    });
-    std::ranges::sort(under);
-    under.erase(std::ranges::unique(under).begin(), under.end());
-    if (under.size() < 2) continue;
+    std::erase_if(touched, [](const Touched& t) { return !t.is_under; });
+    if (touched.size() < 2) continue;
     solids.clear(), own.clear(), seam.clear();
-    for (const std::int32_t k : under) {
-      const Manifold& m = list.manifolds[k];
-      const std::size_t j = other_of(m);
-      solids.push_back({*bodies.shape[j], bodies.origin(j), bodies.axes[j]});
-      for (const Contact& c : list.contacts_of(m)) own.push_back(seen_from(bodies, i, m, c));
+    for (const Touched& t : touched) {
+      solids.push_back({*bodies.shape[t.other], bodies.origin(t.other), bodies.axes[t.other]});
+      for (const Contact& c : t.contacts) own.push_back(seen_from(bodies, i, *t.manifold, c));
     }
     for (Contact& c : own) seam.push_back({&c, bodies.position[i]});
     mark_internal_edges(solids, true, bodies.is_sphere[i] ? bodies.bounding_radius[i] : 0.0F, seam);
     std::size_t next = 0;
-    for (const std::int32_t k : under)
-      for (Contact& c : list.contacts_of(list.manifolds[k]))
-        set_from(bodies, i, list.manifolds[k], own[next++], c);
+    for (const Touched& t : touched)
+      for (Contact& c : t.contacts) set_from(bodies, i, *t.manifold, own[next++], c);
   }
 }
 

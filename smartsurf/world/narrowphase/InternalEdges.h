@@ -34,8 +34,9 @@ void mark_internal_edges(std::span<const Solid>, bool are_b, float sphere_radius
 // of a. Returns whether any was erased.
 bool correct_internal_edges(const Solid& a, const Solid& b, std::vector<Contact>&, std::size_t first);
 // Does both for bodies that slide or roll over several others which move together: bodies side by side at
-// rest, or held to each other by joints. The contacts are all those of the step between bodies that move.
-void correct_seams(const BodyStore&, ContactList& pair_contacts);
+// rest, held to each other by joints, or beside a fixed body. The contacts are all those of the step: between bodies
+// that move, and of these with what does not.
+void correct_seams(const BodyStore&, ContactList& pair_contacts, ContactList& static_contacts);
 // Erases the marked contacts from `first` on.
 void erase_marked(std::vector<Contact>&, std::size_t first);
 

@@ -70,7 +70,8 @@ void HeavyIslandSolver::reset(int member_count, int row_count) {
 
 void HeavyIslandSolver::find_heavy_lanes(const ContactBatch& o, ContactKind kind, const BatchPoints& points,
                                          const BodyVelocity* velocity, const SubstepParams& params,
-                                         float weight_impulse, int member) {
+                                         const Vec3& weight, int member) {
+  const float weight_impulse = weight.norm();
   float load[kLanes] = {};
   for (int k = o.first_point; k < o.first_point + o.point_count; ++k)
     for (int lane = 0; lane < kLanes; ++lane) load[lane] += points.point[k].normal_impulse[lane];
@@ -87,7 +88,8 @@ void HeavyIslandSolver::find_heavy_lanes(const ContactBatch& o, ContactKind kind
     const float excess = is_sphere_kind(kind) || !is_pair(kind) ? 0.0F : deflection / max_deflection(true, false);
     // The lighter one of an unequal pair bears the heavier one where it is below it; where it lies on it, only what it
     // bears itself.
-    const float up = points.point[o.first_point].normal[2][lane];  // from b to a
+    const float(&normal)[3][kLanes] = points.point[o.first_point].normal;  // from b to a
+    const float up = -weight.dot(Vec3(normal[0][lane], normal[1][lane], normal[2][lane]));
     const bool is_below = (a >= b ? -up : up) > 0.0F;
     const bool may_bear = of_unequal && (is_below || loading >= kOwnWeight * weight_impulse);
     const bool is_heavy = loading > kHeavyLoad * weight_impulse || may_bear || excess > kDeepAlone;
@@ -179,12 +181,16 @@ void HeavyIslandSolver::mark_islands(const Step& step, IndexRange own_rows, cons
     if (step.velocity[row].inverse_mass > 0.0F) mark(row, kHeavy);
   for (const std::int32_t row : own.sinking_rows)
     if (step.velocity[row].inverse_mass > 0.0F) mark(row, kSinking);
+  const Vec3 up = -step.gravity.normalized();
   const auto is_squeezed = [&](std::int32_t k, int lane) {
-    constexpr float kLeastNormalZ = 0.5F, kGreatestDepth = 0.02F;
+    constexpr float kLeastRise = 0.5F, kGreatestDepth = 0.02F;
     const BatchPoint& p = points.point[k];
     const float(&surface)[3][kLanes] = points.detail[k].surface_velocity;
+    const float z = p.normal[2][lane];
+    // Without gravity no side is below.
+    const float rise = up.isZero(0.0F) ? 1.0F : up.dot(Vec3(p.normal[0][lane], p.normal[1][lane], z));
     return is_bearing(p, lane) &&
-           (p.normal[2][lane] < kLeastNormalZ || p.separation[lane] < -kGreatestDepth ||
+           (std::max(z, rise) < kLeastRise || p.separation[lane] < -kGreatestDepth ||
             surface[0][lane] != 0.0F || surface[1][lane] != 0.0F || surface[2][lane] != 0.0F);
   };
   for (const auto& [batch, lane, kind] : own.lanes) {

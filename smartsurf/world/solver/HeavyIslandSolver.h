@@ -31,10 +31,10 @@ class HeavyIslandSolver {
 
   void reset(int member_count, int row_count);
   // Notes the lanes of a prepared batch in which a body bears a heavy load, or touches a body that much
-  // heavier. `weight_impulse`: of a unit mass in a substep, u/s. Called by the member that prepares the
+  // heavier. `weight`: what gravity gives a body in a substep, u/s. Called by the member that prepares the
   // batch.
   void find_heavy_lanes(const ContactBatch&, ContactKind, const BatchPoints&, const BodyVelocity*,
-                        const SubstepParams&, float weight_impulse, int member);
+                        const SubstepParams&, const Vec3& weight, int member);
   bool any_heavy_lane() const;
   struct Step {
     const ConstraintGraph& graph;

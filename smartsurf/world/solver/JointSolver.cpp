@@ -31,6 +31,9 @@ constexpr double kCompliance = 1e-12, kLoopCompliance = 1e-6;
 // Baumgarte factor and its speed limit, u/s: joints in loops, and joints and contacts together, can be
 // over-constrained.
 constexpr double kErrorReduction = 0.5, kMaxJointBiasSpeed = 4.0;
+// Corrections up to this speed, u/s, are solved together with the motion. Where a loop is stretched out, a small error
+// takes a great speed, which must not remain.
+constexpr double kSlowCorrection = 1e-3;
 
 Quaterniond rotation_by(const Vector3d& vector) {
   const double angle = vector.norm();
@@ -275,12 +278,15 @@ void JointSolver::index_bodies(const BodyStore& bodies) {
   }
   equations_.set_structure(static_cast<std::int32_t>(bodies_.size()), nodes);
   tree_states_.assign(equations_.trees().size(), {});
+  for (std::size_t t = 0; t < tree_states_.size(); ++t)
+    for (const std::int32_t i : bodies_of(equations_.trees()[t])) bodies_[i].tree = static_cast<std::int32_t>(t);
   indexed_ = true;
 }
 
 // Trees read the bodies that cannot move, which belong to none of those with joints.
-void JointSolver::begin_step(const BodyStore& bodies, const SpatialPartition& partition) {
+void JointSolver::begin_step(const BodyStore& bodies, const SpatialPartition& partition, int substeps) {
   if (!indexed_) index_bodies(bodies);
+  path_.resize(static_cast<std::size_t>(substeps) * bodies_.size());
   active_joints_before_.assign(1, 0);
   for (const JointEquations::Tree& tree : equations_.trees()) {
     bool moves = false;
@@ -403,6 +409,7 @@ void JointSolver::solve(const BodyStore& bodies, const Rows& rows, const Substep
       }
     }
     move_bodies(rows, trees);
+    take_back_corrections(trees);
     relax_part(trees);
     for_each_selected(trees, [&](Joint& j, Block& block, double) {
       if (j.has_spring) block.speed_before = speeds(block)[kAxis];
@@ -430,6 +437,13 @@ void JointSolver::relax(const Rows& rows, IndexRange trees) {
   load_velocities(rows, trees);
   for (TreeState& s : states_of(trees)) s.is_selected = s.is_active;
   move_bodies(rows, trees);
+  for (int t = trees.begin; t < trees.end; ++t) {
+    if (!tree_states_[t].is_active) continue;
+    Pose* const ends = path_.data() + static_cast<std::size_t>(tree_states_[t].substep++) * bodies_.size();
+    tree_states_[t].kept = tree_states_[t].substep;
+    for (const std::int32_t i : bodies_of(equations_.trees()[t])) ends[i] = bodies_[i].now;
+  }
+  take_back_corrections(trees);
   relax_part(trees);
   store_velocities(rows, trees);
 }
@@ -438,18 +452,51 @@ void JointSolver::hold_at_end_of_part(IndexRange trees) {
   for_each_body(trees, [](Body& b) { b.keep(); });
   for_each_selected(trees, [&](Joint& j, Block& block, double h_s) {
     block.target_error = block.error;
-    const int linear = linear_rows(j.kind);
-    for (const auto& [first, count] : {std::pair{0, linear}, std::pair{linear, block.rigid_rows - linear}}) {
-      Vec3d correction = Vec3d::Zero();
-      correction.head(count) = kErrorReduction * block.error.segment(first, count);
-      block.target_error.segment(first, count) -=
-          law::clamp_length(correction, kMaxJointBiasSpeed * h_s).head(count);
-    }
+    correct_target(j, block, h_s);
     block.impulse.setZero();
+    block.correction.setZero();
     if (j.has_coordinate()) set_law_of_part(j, block, h_s);
   });
+  // Trees that are off their joints are solved as they are first, and then moved back.
+  for (int t = trees.begin; t < trees.end; ++t) {
+    TreeState& s = tree_states_[t];
+    s.is_off = s.is_selected && std::ranges::any_of(joints_of(equations_.trees()[t]), [&](std::int32_t k) {
+      const Block& b = blocks_[k];
+      return b.is_active && (b.target_error - b.error).head(b.rigid_rows).norm() > kSlowCorrection * s.h_s;
+    });
+    if (!s.is_off) continue;
+    for (const std::int32_t k : joints_of(equations_.trees()[t])) blocks_[k].target_error = blocks_[k].error;
+  }
   solve_trees(Stage::kSolve, trees);
   note_springs(trees);
+  if (std::ranges::none_of(states_of(trees), &TreeState::is_off)) return;
+  for (TreeState& s : states_of(trees)) s.was_selected = std::exchange(s.is_selected, s.is_off);
+  for_each_selected(trees, [&](Joint& j, Block& block, double h_s) {
+    block.correction = block.impulse;
+    correct_target(j, block, h_s);
+  });
+  solve_trees(Stage::kSolve, trees);
+  for_each_selected(trees, [](Joint&, Block& block, double) { block.correction = block.impulse - block.correction; });
+  for (TreeState& s : states_of(trees)) s.is_selected = s.was_selected;
+}
+
+// Moves what is to be left of a joint's error on from the present error towards 0.
+void JointSolver::correct_target(const Joint& j, Block& block, double h_s) {
+  const int linear = linear_rows(j.kind);
+  for (const auto& [first, count] : {std::pair{0, linear}, std::pair{linear, block.rigid_rows - linear}}) {
+    Vec3d correction = Vec3d::Zero();
+    correction.head(count) = kErrorReduction * block.error.segment(first, count);
+    block.target_error.segment(first, count) -= law::clamp_length(correction, kMaxJointBiasSpeed * h_s).head(count);
+  }
+}
+
+void JointSolver::take_back_corrections(IndexRange trees) {
+  for_each_selected(trees, [&](Joint&, Block& block, double) {
+    if (block.correction.isZero(0.0)) return;
+    const RowVector correction = block.correction;
+    apply(block, -correction);
+    block.correction.setZero();
+  });
 }
 
 void JointSolver::note_springs(IndexRange trees) {
@@ -708,10 +755,61 @@ void JointSolver::move_bodies(const Rows& rows, IndexRange trees) {
       b.now = b.next;
       b.inverse_inertia = b.next_inverse_inertia;
       b.angular_velocity = b.inverse_inertia * b.momentum;
-      DeltaPose& delta = rows.delta_pose[b.row];
-      Eigen::Map<Vec3>(delta.translation) = Vec3d(b.now.position - b.start.position).cast<float>();
-      Eigen::Map<Vec3>(delta.rotation) =
-          rotation_vector_of(b.now.orientation * b.start.orientation.conjugate()).cast<float>();
+      store_motion(b.start, b.now, rows.delta_pose[b.row]);
+    }
+  }
+}
+
+void JointSolver::store_motion(const Pose& from, const Pose& to, DeltaPose& delta) {
+  Eigen::Map<Vec3>(delta.translation) = Vec3d(to.position - from.position).cast<float>();
+  Eigen::Map<Vec3>(delta.rotation) = rotation_vector_of(to.orientation * from.orientation.conjugate()).cast<float>();
+}
+
+void JointSolver::end_early(std::int32_t body, float fraction) {
+  const Body& b = *std::ranges::lower_bound(bodies_, body, {}, &Body::body);
+  TreeState& s = tree_states_[static_cast<std::size_t>(b.tree)];
+  s.kept = std::min(s.kept, static_cast<std::int32_t>(fraction * static_cast<float>(s.substep)));
+}
+
+void JointSolver::move_back(const BodyStore& bodies, const Rows& rows, const Substep& substep) {
+  for (std::size_t t = 0; t < tree_states_.size(); ++t) {
+    const TreeState& s = tree_states_[t];
+    if (!s.is_active || s.kept == s.substep) continue;
+    const auto members = bodies_of(equations_.trees()[t]);
+    const auto end_of = [&](std::int32_t i) -> const Pose& {
+      if (s.kept == 0 || !bodies_[i].is_active) return bodies_[i].start;
+      return path_[static_cast<std::size_t>(s.kept - 1) * bodies_.size() + static_cast<std::size_t>(i)];
+    };
+    double work = 0.0, energy = 0.0;  // of forces on the rest of the way; of the motion
+    load_velocities(rows, {static_cast<int>(t), static_cast<int>(t) + 1});
+    for (const std::int32_t i : members) {
+      const Body& b = bodies_[i];
+      if (!b.is_active) continue;
+      const surface::Wrench& w = bodies.wrench[static_cast<std::size_t>(b.body)];
+      const Vec3d force = substep.gravity.cast<double>() / b.inverse_mass + w.force.cast<double>();
+      work += force.dot(b.now.position - end_of(i).position);
+      work += w.torque.cast<double>().dot(rotation_vector_of(b.now.orientation * end_of(i).orientation.conjugate()));
+      energy += 0.5 * (b.velocity.squaredNorm() / b.inverse_mass + b.momentum.dot(b.angular_velocity));
+    }
+    for (const std::int32_t k : joints_of(equations_.trees()[t])) {
+      Joint& j = joints_[k];
+      const Block& block = blocks_[k];
+      if (!block.is_active || !j.has_coordinate()) continue;
+      const double after = j.coordinate - j.spring.rest;
+      j.coordinate = coordinate_of(j, end_of(block.a), end_of(block.b));
+      const double before = j.coordinate - j.spring.rest;
+      if (j.has_spring) work += 0.5 * j.spring.stiffness * (before * before - after * after);
+    }
+    const double scale = work > 0.0 ? std::sqrt(std::max(0.0, 1.0 - work / energy)) : 1.0;
+    for (const std::int32_t i : members) {
+      const Body& b = bodies_[i];
+      if (!b.is_active) continue;
+      const Quatd back = end_of(i).orientation * b.now.orientation.conjugate();
+      BodyVelocity& row = rows.velocity[b.row];
+      Eigen::Map<Vec3>(row.velocity) = Vec3d(scale * b.velocity).cast<float>();
+      Eigen::Map<Vec3>(row.angular_velocity) =
+          Vec3d(scale * (b.start_inverse_inertia * (back * b.momentum))).cast<float>();
+      store_motion(b.start, end_of(i), rows.delta_pose[b.row]);
     }
   }
 }

@@ -62,7 +62,7 @@ class JointSolver {
   // ---- within a step
   bool empty() const { return joints_.empty(); }
   // On one thread, before the others.
-  void begin_step(const BodyStore&, const SpatialPartition&);
+  void begin_step(const BodyStore&, const SpatialPartition&, int substeps);
   // The trees of a member: about an even share of the joints that move.
   IndexRange share(const Member&) const;
   // ---- for some trees; threads may call these at once for different ones
@@ -79,22 +79,18 @@ class JointSolver {
   void select_touched(std::span<const char> touched_rows);
   bool solve_again(const Rows&, double tolerance);
   bool relax_again(const Rows&, double tolerance);
-  // Calls visit(body) for the active bodies with joints, and visit(other) for those that joints connect with
-  // one.
+  // Calls visit(body) for the active bodies with joints.
   template <class Visit>
   void for_each_jointed(Visit visit) const {
     for (const Body& b : bodies_)
       if (b.is_active) visit(b.body);
   }
-  template <class Visit>
-  void for_each_connected(std::int32_t body, Visit visit) const {
-    for (const JointEquations::Tree& tree : equations_.trees()) {
-      const auto members = bodies_of(tree);
-      if (std::ranges::any_of(members, [&](std::int32_t i) { return bodies_[i].body == body; }))
-        for (const std::int32_t i : members)
-          if (bodies_[i].is_active) visit(bodies_[i].body);
-    }
-  }
+  // After the last substep: the tree of the body is to end its motion at this fraction of the step, if not earlier.
+  void end_early(std::int32_t body, float fraction);
+  // Moves such trees back to the end of the last substep before that, where their joints hold. They keep their speeds,
+  // turned back with the bodies, less what gravity and forces would have done on the rest of the way: a chain that
+  // stops again and again would gain that energy each time.
+  void move_back(const BodyStore&, const Rows&, const Substep&);
   // Appends, after the step, the active bodies of joints that contacts hold off their constraints by
   // `min_depth`, u, or more, with that distance. Allocates while the list grows.
   void find_strained(const BodyStore&, float min_depth, std::vector<DeepContact>&) const;
@@ -133,7 +129,7 @@ class JointSolver {
   };
   // A body with joints, in double precision. The first one is the table.
   struct Body {
-    std::int32_t body = -1, row = -1;
+    std::int32_t body = -1, row = -1, tree = -1;
     bool is_active = false, is_sphere = true;
     double inverse_mass = 0.0;
     Pose start, now, next;  // at the start of the step, at present, and where the substep leads
@@ -166,6 +162,7 @@ class JointSolver {
     RowVector response = RowVector::Zero();  // change of each row's speed by a unit impulse along it
     RowVector error = RowVector::Zero(), target_error = RowVector::Zero();  // of the rigid rows
     RowVector impulse = RowVector::Zero();                                  // in this substep
+    RowVector correction = RowVector::Zero();  // of which only moves bodies back onto the joint
     double speed_before = 0.0;    // of the spring's coordinate, before gravity and joints act in the part
     double spring_impulse = 0.0;  // likewise; within solve() that at speed 0
     double spring_at_rest = 0.0;  // of the part, at speed 0
@@ -178,6 +175,10 @@ class JointSolver {
     bool is_active, is_selected;  // is_selected: the present stage is about it
     bool is_open, is_factored, has_changed;
     bool is_unfinished, is_touched;
+    std::int32_t substep;  // how many have ended
+    std::int32_t kept;     // how many count
+    bool was_selected;
+    bool is_off;  // its corrections are too fast to become velocities
     double residual;     // of the last round
     double time_left_s;  // of the substep
     double h_s;          // of a part
@@ -230,6 +231,9 @@ class JointSolver {
   bool is_too_long(const JointEquations::Tree&, const TreeState&) const;
   // Finds the impulses with which the selected trees obey their joints at the end of their parts.
   void hold_at_end_of_part(IndexRange trees);
+  static void correct_target(const Joint&, Block&, double h_s);
+  // After the motion: takes back the impulses that only corrected positions.
+  void take_back_corrections(IndexRange trees);
   // Removes the speeds across the joints at the present pose.
   void relax_part(IndexRange trees);
   // Trees that are off by no more than `tolerance`, u/s, stay as they are. Returns whether any was off by more.
@@ -242,6 +246,7 @@ class JointSolver {
   void factor(std::int32_t tree);
   void predict(IndexRange trees);
   void move_bodies(const Rows&, IndexRange trees);
+  static void store_motion(const Pose& from, const Pose& to, DeltaPose&);
 
   scene::JointId next_id_ = 0;
   std::vector<Joint> joints_;  // ascending by id
@@ -249,6 +254,7 @@ class JointSolver {
   bool indexed_ = false;      // the following have an entry for each body, each joint or each tree
   JointEquations equations_;  // bodies that cannot move are fixed
   std::vector<Body> bodies_;
+  std::vector<Pose> path_;  // at the ends of the substeps, each with an entry for every body
   std::vector<Block> blocks_;
   std::vector<TreeState> tree_states_;
   std::vector<std::int32_t> active_joints_before_;  // by tree: joints that move, of earlier ones; one more at the end

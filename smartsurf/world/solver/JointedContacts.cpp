@@ -1,6 +1,7 @@
 #include "smartsurf/world/solver/JointedContacts.h"
 
 #include <Eigen/Geometry>
+#include <algorithm>
 
 #include "smartsurf/world/solver/ContactLaw-inl.h"
 
@@ -56,6 +57,7 @@ void JointedContacts::collect(const ConstraintGraph& graph, const BodyStore& bod
       p.index = k, p.lane = lane, p.is_pair = b >= 0, p.is_sphere = is_sphere_kind(kind);
       p.row[0] = a, p.row[1] = b;
       p.normal = load(q.normal, lane);
+      p.before_last = q.normal_impulse[lane];
       for (int side = 0; side < 2; ++side) {
         if (p.row[side] < 0) continue;
         const std::size_t body = partition.body(p.row[side]);
@@ -77,6 +79,27 @@ void JointedContacts::collect(const ConstraintGraph& graph, const BodyStore& bod
   };
   for (const ConstraintGraph::Colour& c : graph.colours()) visit(c.spheres), visit(c.general);
   visit(graph.sphere_static()), visit(graph.general_static());
+}
+
+Vec3 JointedContacts::lower_to_load(Point& p, BatchPoints points) {
+  BatchPoint& q = points.point[p.index];
+  const float last = q.normal_impulse[p.lane], kept = std::min(last, p.before_last);
+  p.before_last = last;
+  if (kept == last) return Vec3::Zero();
+  const float share = kept / last;
+  const Vec3 friction = load(q.friction_impulse, p.lane);
+  q.normal_impulse[p.lane] = kept;
+  for (int i = 0; i < 3; ++i) q.friction_impulse[i][p.lane] = share * friction[i];
+  return (kept - last) * p.normal + (share - 1.0F) * friction;
+}
+
+void JointedContacts::keep_loads(BatchPoints points, const SolverBodies& rows) {
+  for (Point& p : points_)
+    if (const Vec3 change = lower_to_load(p, points); !change.isZero(0.0F)) p.apply(change, rows.velocity);
+}
+
+void JointedContacts::end_step(BatchPoints points) {
+  for (Point& p : points_) lower_to_load(p, points);
 }
 
 void JointedContacts::begin_stage(BatchPoints points, const SolverBodies& rows,

@@ -61,7 +61,7 @@ void Solver::step(BodyStore& bodies, const Input& input, const Member& member) {
     has_supports_ =
         std::ranges::any_of(input.supports, [](const SupportPatches& s) { return !s.patches.empty(); });
     resize_buffers(input.partition, member.member_count, !input.cell_limits.empty());
-    if (!input.joints.empty()) input.joints.begin_step(bodies, input.partition);
+    if (!input.joints.empty()) input.joints.begin_step(bodies, input.partition, settings_.substeps);
   });
   const float h_s = settings_.dt_s / static_cast<float>(settings_.substeps);
   const bool any_restitution = settings_.field_restitution > 0.0F || bodies.restituting > 0;
@@ -114,7 +114,7 @@ void Solver::run_stages(StepContext& context, const Member& member) {
     if (!context.all_spheres)
       heavy_islands_.find_heavy_lanes(graph_.batch(batch), kind, batch_points(), velocity_.data(),
                                       is_pair(kind) ? context.pair_params : context.static_params,
-                                      h_s * settings_.gravity.norm(), member.index);
+                                      h_s * settings_.gravity, member.index);
   });
   member.arrive_and_wait();
   if (member.member_count > 1) {
@@ -162,6 +162,11 @@ void Solver::run_stages(StepContext& context, const Member& member) {
       if (s > 0) integrate_velocities(context, false);
       member.arrive();
     }
+    if (s > 0 && !joints.empty()) {
+      member.wait();
+      if (member.is_caller()) jointed_contacts_.keep_loads(batch_points(), context.solver_bodies);
+      member.arrive();
+    }
     run_side_stage(
         context, member,
         [&](IndexRange trees) { joints.solve(context.bodies, joint_rows(), substep, trees); },
@@ -179,6 +184,10 @@ void Solver::run_stages(StepContext& context, const Member& member) {
   }
   // Support patches, heavy islands and jointed bodies change impulses in batches of other members.
   if (has_supports_ || !heavy_islands_.empty() || !joints.empty()) member.wait();
+  if (!joints.empty()) {
+    if (member.is_caller()) jointed_contacts_.end_step(batch_points());
+    member.arrive_and_wait();
+  }
   for_each_own_batch(context, member,
                      [&](ContactKind kind, int batch) { store_impulses(context, kind, batch); });
   if (context.may_impact())

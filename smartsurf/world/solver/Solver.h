@@ -70,6 +70,11 @@ class Solver {
     for (int axis = 0; axis < 3; ++axis)
       delta.translation[axis] *= fraction, delta.rotation[axis] *= fraction;
   }
+  // Likewise of bodies with joints; see JointSolver::end_early().
+  void move_back(JointSolver& joints, const BodyStore& bodies) {
+    const float h_s = settings_.dt_s / static_cast<float>(settings_.substeps);
+    joints.move_back(bodies, joint_rows(), {h_s, settings_.gravity});
+  }
   // Copies velocity and delta pose of a row to its body.
   void store_body(BodyStore&, const SpatialPartition&, int row) const;
 
