@@ -131,7 +131,8 @@ TEST(Stacks, LoadsOfAnyRatioHardlySink) {
   for (const double ratio : {1.0, 2.0, 4.0, 8.0, 12.0, 15.0, 15.9, 16.1, 30.0, 100.0, 1000.0}) {
     StackOfBoxes stack(2, ratio);
     stack.fixture.run(2.0);
-    EXPECT_LT(stack.sunk(), 0.0025) << "ratio " << ratio;
+    // Below a ratio of 14 the sweeps have the pair alone.
+    EXPECT_LT(stack.sunk(), ratio < 14.0 ? 0.004 : 0.0025) << "ratio " << ratio;
     EXPECT_NEAR(stack.load(), stack.weight, 0.002 * stack.weight) << "ratio " << ratio;
     EXPECT_LT(stack.fastest(), 0.002) << "ratio " << ratio;
   }

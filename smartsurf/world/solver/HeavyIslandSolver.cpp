@@ -36,7 +36,7 @@ constexpr double kGreatestLeverage = 8.0;
 constexpr std::uint8_t kHeavy = 1, kSinking = 2, kExcluded = 4;
 // A load that presses a contact by so many times what it yields in the direct solver makes an island heavy; one by the
 // lesser times makes one sink that has bodies enough to add it up to a depth that matters.
-constexpr float kDeepAlone = 6.0F, kDeepTogether = 0.5F;
+constexpr float kDeepAlone = 4.0F, kDeepTogether = 0.5F;
 constexpr int kLeastSinkingBodies = 8;
 
 bool is_bearing(const BatchPoint& p, int lane) {
