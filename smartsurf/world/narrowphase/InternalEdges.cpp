@@ -313,12 +313,16 @@ void correct_seams(const BodyStore& bodies, ContactList& pairs, ContactList& sta
     for (Touched& one : touched)
       for (const Contact& c : one.contacts) {
         const Vec3 point = bodies.position[one.manifold->a] + c.anchor, speed = velocity_at(bodies, one.other, point);
+        // The contact's point may be on the body, as far away as it travels in a step.
+        const bool is_of_body = static_cast<std::size_t>(one.manifold->a) == i;
+        const Vec3 on_other = is_of_body ? Vec3(point - c.separation * c.normal) : point;
         const float sliding = (velocity_at(bodies, i, bodies.position[i]) - speed).norm();
         if (sliding < kSliding) continue;
         for (Touched& next : touched) {
           // Fixed bodies have been corrected among each other.
           const bool are_fixed = bodies.is_static(one.other) && bodies.is_static(next.other);
-          if (next.other == one.other || are_fixed || !may_continue(bodies, next.other, point)) continue;
+          if (next.other == one.other || are_fixed) continue;
+          if (!may_continue(bodies, next.other, point) && !may_continue(bodies, next.other, on_other)) continue;
           if ((velocity_at(bodies, next.other, point) - speed).norm() < std::max(kTogether, kTogetherShare * sliding))
             one.is_under = next.is_under = true;
         }
