@@ -96,6 +96,19 @@ Values rollers(Draw& d) {
   return {{"way", d.position(id).x() - before, right, 0.01 * right + 0.5 * acceleration * d.dt_s()}};
 }
 
+// A plate with a hinge at one end that lies on a ball: the lever law. Friction would share the load in any way with the
+// hinge.
+Values hinged_plate(Draw& d) {
+  const double length = d(2, 6), mass = d(1, 20), at = length * d(0.4, 0.95), radius = d(0.3, 0.6);
+  d.add_fixed(sphere(radius, kAt + Vector3d(at, 0, -0.1 - radius)), 0.0);
+  const auto plate = d.add(box({length, 1, 0.2}, kAt + Vector3d(length / 2, 0, 0)), mass);
+  d.hinge(plate, {}, kAt);
+  d.fixture.run(1.5);
+  const double weight = mass * kGravity, right = weight * (1 - length / 2 / at);
+  return {{"force of the hinge", d.fixture.world().joint_state(0).force.z(), right, 0.005 * weight},
+          {"height", d.position(plate).z() - kAt.z(), 0, 0.003}};
+}
+
 // A ball falls onto the end of a lever: the angular momentum about the hinge is kept.
 Values lever(Draw& d) {
   const double half = d(1.5, 3), mass = d(1, 10), ball = d(0.5, 5), radius = d(0.2, 0.4), fall = d(0.5, 2);
@@ -177,6 +190,7 @@ struct Mechanism {
 };
 constexpr Mechanism kMechanisms[] = {{"Groove", groove},
                                      {"Rollers", rollers},
+                                     {"HingedPlate", hinged_plate},
                                      {"Lever", lever},
                                      {"FourBars", four_bars},
                                      {"WedgeGivesWay", wedge_gives_way},

@@ -236,6 +236,8 @@ TEST(Stacks, MoreIterationsAreNeverWorse) {
     stack.fixture.run(3.0);
     EXPECT_LT(stack.sunk(), 12 * kYields + kOnCells);
     EXPECT_EQ(stack.fastest(), 0.0);
-    if (iterations < 80) EXPECT_TRUE(heap_at_rest(1, iterations).sleeps);
+    if (iterations < 80) {
+      EXPECT_TRUE(heap_at_rest(1, iterations).sleeps);
+    }
   }
 }
