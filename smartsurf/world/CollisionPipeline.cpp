@@ -213,8 +213,10 @@ std::size_t CollisionPipeline::tested_pairs() const {
 void CollisionPipeline::begin_detection(ContactList& pair_contacts, ContactList& static_contacts,
                                         int member_count, int body_count) {
   previous_contacts_.swap_lists(pair_contacts, static_contacts, member_count);
+  finds_in_order_ = member_count == 1 && partition_.slab_count() <= 2;
   pair_contacts.contacts.clear();
   static_contacts.contacts.clear();
+  if (finds_in_order_) pair_contacts.manifolds.clear(), static_contacts.manifolds.clear();
   max_pairs_ = kMaxPairsPerBody * static_cast<std::size_t>(body_count);
   const auto slabs = static_cast<std::size_t>(partition_.slab_count());
   if (slab_results_.size() < slabs) slab_results_.resize(slabs);
@@ -468,6 +470,7 @@ void CollisionPipeline::collide_slab(const BodyStore& bodies, int slab, SlabResu
     return results.pair_contacts.contacts.size() + results.static_contacts.contacts.size();
   };
   const std::size_t contacts_before = contact_count();
+  results.end_of_pairs = results.pair_contacts.manifolds.size() + max_pairs_;
   for (const std::int32_t p : partition_.body_runs_of(slab)) {
     const Index i = p;
     begin(pair_output_[i], results.pair_contacts), begin(static_output_[i], results.static_contacts);
@@ -480,17 +483,20 @@ void CollisionPipeline::collide_slab(const BodyStore& bodies, int slab, SlabResu
   results.contact_count = contact_count() - contacts_before;
 }
 
-// Appends the slab's contacts to the merged lists, while its own are those.
+// Appends what the slab has to the merged lists, while its own are those.
 void CollisionPipeline::collide_slab_in_place(const BodyStore& bodies, int slab, SlabResults& results,
                                               ContactList& pair_contacts, ContactList& static_contacts) {
-  const auto swap_contacts = [&] {
+  const auto swap_lists = [&] {
     std::swap(results.pair_contacts.contacts, pair_contacts.contacts);
     std::swap(results.static_contacts.contacts, static_contacts.contacts);
+    if (!finds_in_order_) return;
+    std::swap(results.pair_contacts.manifolds, pair_contacts.manifolds);
+    std::swap(results.static_contacts.manifolds, static_contacts.manifolds);
   };
   results.first_pair_contact = results.first_static_contact = 0;
-  swap_contacts();
+  swap_lists();
   collide_slab(bodies, slab, results);
-  swap_contacts();
+  swap_lists();
 }
 
 void CollisionPipeline::collide_body_run(const BodyStore& bodies, const SpatialPartition::BodyRun& run,
@@ -677,7 +683,7 @@ void CollisionPipeline::collide_pair(const BodyStore& bodies, std::size_t i, std
   const std::size_t a = std::min(i, j), b = std::max(i, j);
   const bool has_sphere = bodies.is_sphere[a] || bodies.is_sphere[b];
   ContactList& pair_contacts = results.pair_contacts;
-  if (pair_contacts.manifolds.size() >= max_pairs_) {
+  if (pair_contacts.manifolds.size() >= results.end_of_pairs) {
     results.overloaded = true;
     return;
   }
@@ -775,7 +781,7 @@ void CollisionPipeline::merge_slab(int slab, const std::vector<BodyRunOutput>& o
   std::size_t run = partition_.first_body_run_of(slab);
   for (const std::int32_t p : partition_.body_runs_of(slab)) {
     const auto& [from, to, count] = outputs[p];
-    for (std::size_t k = 0; k < count; ++k) {
+    for (std::size_t k = 0; k < count && !finds_in_order_; ++k) {
       const Manifold& m = list.manifolds[from + k];
       to_list.manifolds[to + k] = {m.a, m.b, m.first + first_contact, m.count};
     }

@@ -85,16 +85,15 @@ void Solver::step(BodyStore& bodies, const Input& input, const Member& member) {
 }
 
 void Solver::resize_buffers(const SpatialPartition& partition, int member_count, bool has_cell_limits) {
-  const int rows = partition.row_count();
-  velocity_.resize(rows);
-  delta_pose_.resize(rows);
-  inverse_inertia_.resize(rows);
-  if (has_supports_) static_manifold_.resize(rows);
-  start_velocity_.resize(rows);
-  material_.resize(rows);
-  point_.resize(graph_.point_count());
-  detail_.resize(point_.size());
-  if (has_cell_limits) limit_.resize(point_.size());
+  const auto grow = [](auto& buffer, int size) {
+    if (std::ssize(buffer) < size) buffer.resize(static_cast<std::size_t>(size));
+  };
+  const int rows = partition.row_count(), points = graph_.point_count();
+  grow(velocity_, rows), grow(delta_pose_, rows), grow(inverse_inertia_, rows);
+  if (has_supports_) grow(static_manifold_, rows);
+  grow(start_velocity_, rows), grow(material_, rows);
+  grow(point_, points), grow(detail_, points);
+  if (has_cell_limits) grow(limit_, points);
   shared_batches_.resize(partition.row_count(), member_count);
   impacts_.reset(member_count);
   heavy_islands_.reset(member_count, rows);
