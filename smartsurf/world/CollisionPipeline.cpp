@@ -210,8 +210,9 @@ std::size_t CollisionPipeline::tested_pairs() const {
 }
 
 // Makes the contacts and caches of the last step the previous ones and empties the output buffers.
-void CollisionPipeline::begin_detection(ContactList& pair_contacts, ContactList& static_contacts,
-                                        int member_count, int body_count) {
+void CollisionPipeline::begin_detection(const BodyStore& bodies, ContactList& pair_contacts,
+                                        ContactList& static_contacts, int member_count) {
+  const int body_count = bodies.size();
   previous_contacts_.swap_lists(pair_contacts, static_contacts, member_count);
   finds_in_order_ = member_count == 1 && partition_.slab_count() <= 2;
   pair_contacts.contacts.clear();
@@ -230,10 +231,14 @@ void CollisionPipeline::begin_detection(ContactList& pair_contacts, ContactList&
     slab_results_[s].touched_sleepers.clear();
     slab_results_[s].tested_pairs = 0;
     slab_results_[s].static_contacts.clear();
+    if (bodies.non_spheres == 0) continue;  // only others have cached manifolds
     pair_cache_.swap_in(static_cast<int>(s), slab_results_[s].cached_pairs);
     field_cache_.swap_in(static_cast<int>(s), slab_results_[s].cached_field);
   }
-  swap_supports(body_count);
+  if (bodies.non_spheres > 0)
+    swap_supports(body_count);
+  else
+    support_slabs_ = 0;
 }
 
 // Makes the support patches of the last step the previous ones and indexes them by body.
@@ -256,13 +261,13 @@ void CollisionPipeline::swap_supports(int bodies) {
 
 void CollisionPipeline::find_contacts(const BodyStore& bodies, ContactList& pair_contacts,
                                       ContactList& static_contacts, const Member& member) {
-  member.single([&] { begin_detection(pair_contacts, static_contacts, member.member_count, bodies.size()); });
+  member.single([&] { begin_detection(bodies, pair_contacts, static_contacts, member.member_count); });
   previous_contacts_.build_index(bodies.id.size(), pair_ranges_, static_ranges_, member);
   if (member.index == 0) {
     find_large_neighbours(bodies);
-    pair_cache_.build_index(bodies.size());
+    if (bodies.non_spheres > 0) pair_cache_.build_index(bodies.size());
   }
-  if (member.is_caller()) field_cache_.build_index(bodies.size());
+  if (member.is_caller() && bodies.non_spheres > 0) field_cache_.build_index(bodies.size());
   partition_.assign_rows(bodies, *grid_, member);
   member.arrive_and_wait();
   const IndexRange own_slabs = partition_.share(member);
@@ -282,13 +287,18 @@ void CollisionPipeline::find_contacts(const BodyStore& bodies, ContactList& pair
       static_contacts.clear();
       return;
     }
-    assign_output_offsets(pair_output_, pair_contacts, pair_ranges_);
-    assign_output_offsets(static_output_, static_contacts, static_ranges_);
-    if (member.member_count > 1) assign_contact_offsets(pair_contacts, static_contacts);
-    update_slab_weights();
+    if (finds_in_order_) {
+      set_ranges(pair_output_, pair_ranges_);
+      set_ranges(static_output_, static_ranges_);
+    } else {
+      assign_output_offsets(pair_output_, pair_contacts, pair_ranges_);
+      assign_output_offsets(static_output_, static_contacts, static_ranges_);
+      if (member.member_count > 1) assign_contact_offsets(pair_contacts, static_contacts);
+      update_slab_weights();
+    }
     if (has_sleepers()) add_rows_of_sleepers(bodies);
   });
-  if (overloaded_) return;
+  if (overloaded_ || finds_in_order_) return;
   for (int s = own_slabs.begin; s < own_slabs.end; ++s) {
     const SlabResults& results = slab_results_[s];
     merge_slab(s, pair_output_, results.pair_contacts, results.first_pair_contact, pair_contacts,
@@ -745,6 +755,17 @@ void CollisionPipeline::collide_swept_pair(const BodyStore& bodies, std::size_t 
   sweep.move_to_start(at_s, std::span(contacts).subspan(first));
 }
 
+// As assign_output_offsets(), where a single member has found the manifolds in order.
+void CollisionPipeline::set_ranges(const std::vector<BodyRunOutput>& outputs, SlabRanges& ranges) const {
+  ranges.range.clear();
+  for (const BodyRunOutput& output : outputs)
+    ranges.range.push_back({static_cast<int>(output.from), static_cast<int>(output.from + output.count)});
+  ranges.manifold_count = outputs.empty() ? 0 : outputs.back().from + outputs.back().count;
+  ranges.first_range.clear();
+  for (int s = 0; s <= partition_.slab_count(); ++s)
+    ranges.first_range.push_back(static_cast<std::int32_t>(partition_.first_body_run_of(s)));
+}
+
 // Assigns the offsets of the body runs' manifolds in grid order, independent of slabs and members.
 void CollisionPipeline::assign_output_offsets(std::vector<BodyRunOutput>& outputs, ContactList& list,
                                               SlabRanges& ranges) const {
@@ -781,7 +802,7 @@ void CollisionPipeline::merge_slab(int slab, const std::vector<BodyRunOutput>& o
   std::size_t run = partition_.first_body_run_of(slab);
   for (const std::int32_t p : partition_.body_runs_of(slab)) {
     const auto& [from, to, count] = outputs[p];
-    for (std::size_t k = 0; k < count && !finds_in_order_; ++k) {
+    for (std::size_t k = 0; k < count; ++k) {
       const Manifold& m = list.manifolds[from + k];
       to_list.manifolds[to + k] = {m.a, m.b, m.first + first_contact, m.count};
     }

@@ -171,8 +171,8 @@ class CollisionPipeline {
   template <class Found>
   void for_each_fast_in_box(const Vec3& low, const Vec3& high, std::size_t from, Found found) const;
   void find_fast_neighbours(const BodyStore&);
-  void begin_detection(ContactList& pair_contacts, ContactList& static_contacts, int member_count,
-                       int body_count);
+  void begin_detection(const BodyStore&, ContactList& pair_contacts, ContactList& static_contacts,
+                       int member_count);
   void find_large_neighbours(const BodyStore&);
   void swap_supports(int bodies);
   void find_support(const BodyStore&, std::size_t body, float margin, std::size_t field_contacts,
@@ -193,6 +193,7 @@ class CollisionPipeline {
   }
   void collide_pair(const BodyStore&, std::size_t i, std::size_t j, SlabResults& results) const;
   void collide_swept_pair(const BodyStore&, std::size_t a, std::size_t b, SlabResults& results) const;
+  void set_ranges(const std::vector<BodyRunOutput>&, SlabRanges&) const;
   void assign_output_offsets(std::vector<BodyRunOutput>&, ContactList&, SlabRanges&) const;
   void assign_contact_offsets(ContactList& pair_contacts, ContactList& static_contacts);
   void update_slab_weights();

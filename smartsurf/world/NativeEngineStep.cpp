@@ -313,6 +313,7 @@ void NativeEngine::finalize_bodies(const Member& member) {
     sleep_.reset_timers_on_moving_cells(bodies_, static_contacts_, run);
     record_cell_impulses(run);
   }
+  if (bodies_.non_spheres == 0) return;  // only others have support patches
   for (int s = own_slabs.begin; s < own_slabs.end; ++s)
     sleep_.reset_timers_on_moving_cells(bodies_, collision_.supports()[s]);
 }
