@@ -169,13 +169,12 @@ struct Experiment::Impl {
   void push_result(int callback, std::optional<scene::ObjectId> object = {}) {
     lua_State* const L = interpreter.lua();
     const auto& [reference, location] = session.callbacks[callback];
-    const std::string registered_at = location;  // copied: the call may reallocate `callbacks`
     lua_rawgeti(L, LUA_REGISTRYINDEX, reference);
     if (object) lua_pushinteger(L, static_cast<lua_Integer>(*object));
     lua_pushnumber(L, session.time_s);
     lua_pushinteger(L, static_cast<lua_Integer>(session.tick));
     interpreter.call(object ? 3 : 2, 1, {session.options.callback_budget, session.options.callback_time_s},
-                     registered_at);
+                     location);
   }
 
   // Returns false if the callback returned false, which unregisters it.
