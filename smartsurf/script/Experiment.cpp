@@ -258,6 +258,15 @@ static void refuse_other_kinds(const std::filesystem::path& path, std::string_vi
     case common::FileKind::kProgram:
       throw scene::InputError(name + ": is an APRON program, not an experiment: apron run " + name +
                               " runs it, or smartsurf run EXPERIMENT.lua --controller " + name);
+    case common::FileKind::kMesh:
+      throw scene::InputError(name + ": is a mesh, not an experiment, in which mesh { file = '" +
+                              to_single_line(path.filename().string()) + "', ... } makes an object of it");
+    case common::FileKind::kModel:
+      throw scene::InputError(name +
+                              ": is a robot description, not an experiment, in which model { file = '" +
+                              to_single_line(path.filename().string()) + "', ... } makes objects of it");
+    case common::FileKind::kPicture:
+      throw scene::InputError(name + ": is a picture, not an experiment");
     default:
       break;
   }
