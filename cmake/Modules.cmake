@@ -53,11 +53,8 @@ endif()
 if(SMARTSURF_SANITIZE)
   target_compile_options(project_options INTERFACE -fsanitize=${SMARTSURF_SANITIZE} -fno-omit-frame-pointer
     -fno-sanitize-recover=all
-    # With checks in the code GCC warns of what cannot happen; the other presets warn. They leave out some unit tests, whose
-    # own code has few checks.
-    $<$<NOT:$<BOOL:$<TARGET_PROPERTY:IS_UNIT_TEST>>>:-w>
-    # Register allocation by loop nests takes half of a vector kernel's compile time.
-    $<$<CXX_COMPILER_ID:GNU>:-fira-region=one>)
+    # The preset ci warns of the modules; it leaves out some unit tests, whose warnings stay on here.
+    $<$<NOT:$<BOOL:$<TARGET_PROPERTY:IS_UNIT_TEST>>>:-w>)
   # Checks that AddressSanitizer covers are off, which saves a third of the compile time. Misaligned addresses can only
   # come from another process's bytes. A unit test's own code is not instrumented by UBSan.
   if(SMARTSURF_SANITIZE MATCHES "address.*undefined")
@@ -67,18 +64,19 @@ if(SMARTSURF_SANITIZE)
       $<$<BOOL:$<TARGET_PROPERTY:IS_UNIT_TEST>>:-fno-sanitize=undefined>)
   endif()
   target_link_options(project_options INTERFACE -fsanitize=${SMARTSURF_SANITIZE})
+  if(CMAKE_CXX_COMPILER_ID MATCHES Clang)
+    string(REGEX MATCH "address|thread" sanitizer ${SMARTSURF_SANITIZE})
+    string(TOUPPER "__sanitize_${sanitizer}__" macro)
+    target_compile_definitions(project_options INTERFACE ${macro})  # as GCC does
+    # Of a shared run-time library a report's frames name the file, which tells them from the program's.
+    if(sanitizer STREQUAL address)
+      execute_process(COMMAND ${CMAKE_CXX_COMPILER} -print-runtime-dir OUTPUT_VARIABLE folder OUTPUT_STRIP_TRAILING_WHITESPACE)
+      target_link_options(project_options INTERFACE -shared-libasan LINKER:-rpath,${folder})
+    endif()
+  endif()
 endif()
 if(SMARTSURF_FUZZ)
-  # What guides libFuzzer.
-  if(CMAKE_CXX_COMPILER_ID MATCHES Clang)
-    target_compile_options(project_options INTERFACE -fsanitize=fuzzer-no-link)
-  else()
-    add_library(edge_counter STATIC ${PROJECT_SOURCE_DIR}/tests/fuzz/EdgeCounter.cpp)
-    set_target_properties(edge_counter PROPERTIES POSITION_INDEPENDENT_CODE ON)
-    target_compile_options(project_options INTERFACE -fsanitize-coverage=trace-pc,trace-cmp)
-    target_link_libraries(project_options INTERFACE edge_counter)
-    target_link_options(project_options INTERFACE -Wl,--wrap=__sanitizer_cov_trace_pc)
-  endif()
+  target_compile_options(project_options INTERFACE -fsanitize=fuzzer-no-link)  # what guides libFuzzer
 endif()
 
 # add_module(<program> <module> SOURCES … [MODULES …] [PRIVATE …] [PUBLIC …])
@@ -94,12 +92,23 @@ function(add_module program module)
   if(M_OPTIMISED AND SMARTSURF_OPTIMISED_OPTIONS)  # a precompiled header is of one level of optimisation
     target_compile_options(${target} PRIVATE ${SMARTSURF_OPTIMISED_OPTIONS})
     set_target_properties(${target} PROPERTIES IS_OPTIMISED ON)
+    if(program STREQUAL smartsurf)
+      precompile(${target} precompiled_smartsurf_optimised)
+    endif()
   elseif(program STREQUAL smartsurf)
     precompile(${target} precompiled_smartsurf)
   else()
     precompile(${target} precompiled_standard)
   endif()
   cmake_language(EVAL CODE "cmake_language(DEFER CALL join_sources ${target})")  # once all of its sources are known
+endfunction()
+
+# run_sanitized_only(<program> <test>): scripts/test builds and runs it under AddressSanitizer alone, unless it is called
+# without sanitizers.
+function(run_sanitized_only program test)
+  set_property(GLOBAL APPEND PROPERTY sanitized_tests ${program})
+  set_property(GLOBAL APPEND PROPERTY only_sanitized_tests ${program})
+  set_property(TEST ${test} APPEND PROPERTY LABELS sanitized)
 endfunction()
 
 # add_module_test(<name> SOURCES … LIBS …): one GoogleTest program, registered with ctest under LABEL [unit]: a unit test and
@@ -112,8 +121,9 @@ endfunction()
 # UNSANITIZED: sanitizer builds leave it out, because its modules serve no other test and would take a tenth of the build.
 # THREADS: it runs threads inside one process, and has the label `threads`: what ThreadSanitizer runs.
 # LONG: a filter of the cases that simulate for seconds; AddressSanitizer leaves them out, since shorter ones run the same code.
+# SERIAL: a filter of the cases that run one thread and take seconds; ThreadSanitizer leaves them out.
 function(add_module_test name)
-  cmake_parse_arguments(T "OPTIMISED;SANITIZED;UNSANITIZED;THREADS" "LABEL;LONG;TIMEOUT" "SOURCES;LIBS" ${ARGN})
+  cmake_parse_arguments(T "OPTIMISED;SANITIZED;UNSANITIZED;THREADS" "LABEL;LONG;SERIAL;TIMEOUT" "SOURCES;LIBS" ${ARGN})
   if(NOT T_LABEL)
     set(T_LABEL unit)
   endif()
@@ -153,10 +163,14 @@ function(add_module_test name)
     endif()
     target_compile_options(${name} PRIVATE ${SMARTSURF_TEST_OPTIONS})
     set_target_properties(${name} PROPERTIES IS_UNIT_TEST ON)
-    join_sources(${name})
+  elseif(SMARTSURF_SANITIZE)
+    target_compile_options(${name} PRIVATE ${SMARTSURF_OPTIMISED_OPTIONS})
   endif()
+  join_sources(${name})
   if(SMARTSURF_SANITIZE MATCHES "address")
     set(filter "--gtest_filter=-${T_LONG}")
+  elseif(SMARTSURF_SANITIZE MATCHES "thread")
+    set(filter "--gtest_filter=-${T_SERIAL}")
   endif()
   if(T_LABEL MATCHES "unit" OR SMARTSURF_SANITIZE MATCHES "address")
     add_test(NAME ${name} COMMAND ${name} ${filter})

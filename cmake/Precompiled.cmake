@@ -1,7 +1,7 @@
-# Precompiled headers: one set for the simulator's modules, one for all others, and one for the tests of each, so that the
-# standard library, Eigen and GoogleTest are not parsed anew for each file. All presets but debug use them. A compiler
-# cache does the same work better and cannot use them. The debug preset, and with it scripts/lint, goes without, so that
-# each file shows that it includes what it needs.
+# Precompiled headers: a set for the simulator's modules of each level of optimisation, one for all others, and one for the
+# tests of each, so that the standard library, Eigen and GoogleTest are not parsed anew for each file. All presets but debug
+# use them. A compiler cache does the same work better and cannot use them. The debug preset, and with it scripts/lint, goes
+# without, so that each file shows that it includes what it needs.
 option(SMARTSURF_PCH "Use precompiled headers (not together with a compiler launcher such as ccache)" OFF)
 if(CMAKE_CXX_COMPILER_LAUNCHER)
   set(SMARTSURF_PCH OFF)
@@ -38,6 +38,10 @@ if(SMARTSURF_PCH)
   target_compile_options(project_options INTERFACE -Wno-array-bounds)
   add_precompiled(precompiled_standard HEADERS ${precompiled_standard})
   add_precompiled(precompiled_smartsurf HEADERS ${precompiled_standard} <Eigen/Geometry> LIBS Eigen3::Eigen)
+  if(SMARTSURF_OPTIMISED_OPTIONS)
+    add_precompiled(precompiled_smartsurf_optimised HEADERS ${precompiled_standard} <Eigen/Geometry> LIBS Eigen3::Eigen)
+    target_compile_options(precompiled_smartsurf_optimised PRIVATE ${SMARTSURF_OPTIMISED_OPTIONS})
+  endif()
   if(GTest_FOUND)
     add_precompiled(precompiled_apron_test PROGRAM HEADERS ${precompiled_standard} <gtest/gtest.h> LIBS GTest::gtest)
     add_precompiled(precompiled_smartsurf_test PROGRAM HEADERS ${precompiled_standard} <Eigen/Geometry> <gtest/gtest.h>

@@ -238,6 +238,21 @@ debugger::ValueRange ViewModel::value_range(const RegisterStyle& style,
   return style.auto_range ? debugger::automatic_range(cells) : style.range;
 }
 
+void ViewModel::set_surface_layout(const CellLayout& cells, std::uint32_t width, std::uint32_t height) {
+  surface_layout_ = cells;
+  surface_width_ = width;
+  surface_height_ = height;
+}
+
+CellLayout ViewModel::cell_layout(std::size_t reg) const {
+  const program::Register& r = program_.registers[reg];
+  return r.width == surface_width_ && r.height == surface_height_ ? surface_layout_ : CellLayout();
+}
+
+CellLayout ViewModel::cell_layout(const debugger::SampledRegister& sample) const {
+  return sample.stride == 1 ? cell_layout(sample.reg) : CellLayout();
+}
+
 std::optional<float> ViewModel::value_at(const debugger::Cell& at) const {
   if (!snapshot_.full || at.x >= snapshot_.full->width || at.y >= snapshot_.full->height) return std::nullopt;
   return snapshot_.full->cells[std::size_t{at.y} * snapshot_.full->width + at.x];

@@ -17,6 +17,7 @@
 #include "apron/debugger/FrontPanel.h"
 #include "apron/debugger/Listing.h"
 #include "apron/debugger/Statistics.h"
+#include "apron/ui/CellLayout.h"
 #include "apron/ui/PaneLayout.h"
 #include "apron/ui/ProgramEditor.h"
 #include "common/color/Palette.h"
@@ -96,6 +97,11 @@ class ViewModel {
   debugger::ValueRange value_range(const RegisterStyle& style, const std::vector<float>& cells) const;
   // The statistics of the selected register.
   const debugger::Statistics& statistics() const { return statistics_; }
+  // The surface's layout, in which registers of that size are drawn.
+  void set_surface_layout(const CellLayout& cells, std::uint32_t width, std::uint32_t height);
+  CellLayout cell_layout(std::size_t reg) const;
+  // Squares for a subsampled register, whose rows are not those of the surface.
+  CellLayout cell_layout(const debugger::SampledRegister& sample) const;
   std::optional<float> value_at(const debugger::Cell& cell) const;  // nullopt outside the selected register
   // Registers that the program shows, in order of appearance.
   std::vector<std::size_t> tiled_registers() const;
@@ -168,6 +174,8 @@ class ViewModel {
   void apply_appearances();
   void measure_speed();
 
+  CellLayout surface_layout_;
+  std::uint32_t surface_width_ = 0, surface_height_ = 0;
   debugger::FrontPanel& panel_;
   ConditionCompiler compile_condition_;
   program::Program program_;

@@ -370,7 +370,8 @@ void Run::record_tick() {
     if (options_.registers) recorder->record_registers(options_.registers->values());
     recorder->record_frame(
         snapshot, simulation_.catalogue(),
-        record_spec.sensors ? simulation_.sensors() : std::span<const scene::ChannelData>{},
+        record_spec.sensors != scene::SensorRecording::kNever ? simulation_.sensors()
+                                                              : std::span<const scene::ChannelData>{},
         record_spec.actuators ? simulation_.actuators() : std::span<const scene::ChannelData>{},
         experiment_.metrics());
   }
@@ -432,7 +433,12 @@ void Run::set_ending(int exit_status, std::string outcome, std::string title, st
 void Run::finish() {
   wall_s_ = std::chrono::duration<double>(Clock::now() - start_time_).count();
   frames_drawn_ = display_->frames_drawn();
-  progress_.finish(simulation_.snapshot().time_s);
+  const double end_s = simulation_.snapshot().time_s;
+  progress_.finish(end_s);
+  for (const Screenshot& screenshot : options_.screenshots)
+    if (screenshot.time_s && *screenshot.time_s > end_s + 1e-9)
+      progress_.print_message(fmt::format("{} shows the end at {:.4g} s: the run did not reach {:.4g} s",
+                                          screenshot.file, end_s, *screenshot.time_s));
   media_.finish(frame_input());
   const RunSummary s = summary();
   for (const auto& recorder : recorders_)

@@ -29,6 +29,19 @@ struct Core {
   }
 };
 
+// The largest ball about the origin in a single piece; nullopt if the origin lies in none, as in a ring or a
+// cup.
+std::optional<Core> core_of_solid(const Solid& solid) {
+  double largest = 0;
+  for (const ConvexHull& hull : solid.hulls) {
+    double radius = std::numeric_limits<double>::infinity();
+    for (const ConvexHull::Face& face : hull.faces) radius = std::min(radius, double{face.offset});
+    largest = std::max(largest, radius);
+  }
+  if (!(largest > 0)) return std::nullopt;
+  return Core{Eigen::Vector3d::Zero(), largest};
+}
+
 std::optional<Core> core_of(const ObjectSpec& o) {
   switch (o.shape) {
     case ShapeKind::kSphere:
@@ -40,8 +53,10 @@ std::optional<Core> core_of(const ObjectSpec& o) {
     case ShapeKind::kCylinder:
       return Core{{o.radius / std::sqrt(2.0), o.radius / std::sqrt(2.0), o.height / 2}, 0};
     case ShapeKind::kCone:
+      return Core{Eigen::Vector3d::Zero(),
+                  std::min(o.height / 4, 0.75 * o.radius * o.height / std::hypot(o.height, o.radius))};
     case ShapeKind::kSolid:
-      return std::nullopt;
+      return core_of_solid(*o.solid);
   }
   return std::nullopt;
 }
@@ -103,16 +118,35 @@ struct Mistake {
 
 }  // namespace
 
+// z below which a point over the table is inside cells, if none is empty.
+double lowest_top(const SurfaceSpec& surface) {
+  const double base =
+      surface.base_heights.empty() ? 0.0 : double{*std::ranges::min_element(surface.base_heights)};
+  return base + surface.pin.min_height;
+}
+
+// True if the point is within the wall around the cells.
+bool is_in_border(const SurfaceSpec& surface, const Eigen::Vector3d& p) {
+  if (!surface.border_height || !surface.cell_poses.empty() || p.z() >= *surface.border_height) return false;
+  const auto column = static_cast<int>(std::lround(p.x() / surface.pitch)),
+             row = surface.rows - 1 - static_cast<int>(std::lround(p.y() / surface.pitch));
+  return row >= 0 && column >= 0 && row < surface.rows && column < surface.columns &&
+         surface.is_border(row, column);
+}
+
 std::vector<std::string> unlikely_placements(const SceneSpec& scene) {
   const SurfaceBounds bounds = compute_surface_bounds(scene.surface);
   const double diagonal = std::hypot(bounds.width(), bounds.height());
-  const double feet = scene.surface.pin.min_height - scene.surface.pin.length;
+  const double feet = scene.surface.pin.min_height - scene.surface.pin.length,
+               top = lowest_top(scene.surface),
+               gap = scene.surface.pitch - std::max(scene.surface.pin.top_x, scene.surface.pin.top_y);
+  const bool solid = !scene.surface.has_empty_cells() && !scene.surface.skin;
   std::vector<bool> may_be_anywhere(scene.objects.size());
   for (const JointSpec& joint : scene.joints) {
     may_be_anywhere[joint.a] = true;
     if (joint.b) may_be_anywhere[*joint.b] = true;
   }
-  Mistake large, beside, below, inside;
+  Mistake large, small, beside, below, among, walled, inside;
   for (std::size_t i = 0; i < scene.objects.size(); ++i) {
     const ObjectSpec& o = scene.objects[i];
     if (o.fixed || may_be_anywhere[i]) continue;
@@ -127,6 +161,15 @@ std::vector<std::string> unlikely_placements(const SceneSpec& scene) {
                              name_of(scene, i), bounds.west, bounds.east, bounds.south, bounds.north));
     else if (p.z() < feet && std::hypot(dx, dy) == 0)
       below.add(fmt::format("{} is below the cells, whose feet are at z = {:.4g}", name_of(scene, i), feet));
+    else if (p.z() < top && std::hypot(dx, dy) == 0 && solid && o.velocity.isZero())
+      among.add(fmt::format("{} is inside the cells, whose tops are at z = {:.4g} or higher",
+                            name_of(scene, i), top));
+    else if (is_in_border(scene.surface, p) && o.velocity.isZero())
+      walled.add(fmt::format("{} is inside the border, which is {:.4g} u high", name_of(scene, i),
+                             *scene.surface.border_height));
+    else if (2 * o.half_extents().maxCoeff() < gap && solid)
+      small.add(fmt::format("{} is smaller than the gaps of {:.4g} u between the cells and may fall into one",
+                            name_of(scene, i), gap));
   }
   // Sweep along x over the objects' extents.
   std::vector<std::size_t> order(scene.objects.size());
@@ -161,7 +204,7 @@ std::vector<std::string> unlikely_placements(const SceneSpec& scene) {
     inside.add(fmt::format("{} is inside object {}{}: they will be thrown apart", name_of(scene, i), j,
                            scene.objects[j].label.empty() ? "" : " '" + scene.objects[j].label + "'"));
   std::vector<std::string> lines;
-  for (const Mistake& mistake : {large, beside, below, inside}) mistake.report(lines);
+  for (const Mistake& mistake : {large, small, beside, below, among, walled, inside}) mistake.report(lines);
   return lines;
 }
 

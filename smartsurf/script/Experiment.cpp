@@ -169,13 +169,12 @@ struct Experiment::Impl {
   void push_result(int callback, std::optional<scene::ObjectId> object = {}) {
     lua_State* const L = interpreter.lua();
     const auto& [reference, location] = session.callbacks[callback];
-    const std::string registered_at = location;  // copied: the call may reallocate `callbacks`
     lua_rawgeti(L, LUA_REGISTRYINDEX, reference);
     if (object) lua_pushinteger(L, static_cast<lua_Integer>(*object));
     lua_pushnumber(L, session.time_s);
     lua_pushinteger(L, static_cast<lua_Integer>(session.tick));
     interpreter.call(object ? 3 : 2, 1, {session.options.callback_budget, session.options.callback_time_s},
-                     registered_at);
+                     location);
   }
 
   // Returns false if the callback returned false, which unregisters it.
@@ -259,6 +258,15 @@ static void refuse_other_kinds(const std::filesystem::path& path, std::string_vi
     case common::FileKind::kProgram:
       throw scene::InputError(name + ": is an APRON program, not an experiment: apron run " + name +
                               " runs it, or smartsurf run EXPERIMENT.lua --controller " + name);
+    case common::FileKind::kMesh:
+      throw scene::InputError(name + ": is a mesh, not an experiment, in which mesh { file = '" +
+                              to_single_line(path.filename().string()) + "', ... } makes an object of it");
+    case common::FileKind::kModel:
+      throw scene::InputError(name +
+                              ": is a robot description, not an experiment, in which model { file = '" +
+                              to_single_line(path.filename().string()) + "', ... } makes objects of it");
+    case common::FileKind::kPicture:
+      throw scene::InputError(name + ": is a picture, not an experiment");
     default:
       break;
   }

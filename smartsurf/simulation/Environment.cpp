@@ -273,7 +273,7 @@ bool Environment::advance() {
     failed_ = false;
     return false;
   }
-  for (int i = 0; i < s.scene().world.steps_per_tick(); ++i) {
+  for (int i = 0, steps = s.scene().world.steps_per_tick(); i < steps; ++i) {
     s.plan_actuators();
     if (!s.step_physics()) break;
     s.commit_actuators();

@@ -6,6 +6,7 @@
 
 #include <sys/types.h>
 
+#include <atomic>
 #include <cstdint>
 #include <memory>
 #include <span>
@@ -115,6 +116,12 @@ class EnvironmentBatch {
     bool episode_over = false;
     std::string error;
   };
+  // The worlds of a thread, which its cache holds from step to step. A thread that has done its own takes chunks of those
+  // of the others.
+  struct alignas(128) Band {
+    std::atomic<std::size_t> next_chunk;
+    std::size_t end_chunk;
+  };
   // Runs the work for every world. Afterwards the worlds whose work has thrown have an error.
   template <class Work>
   void run_worlds(const Work&);
@@ -142,6 +149,7 @@ class EnvironmentBatch {
   int threads_;
   std::unique_ptr<common::ThreadPool> pool_;
   pid_t process_;  // that has the pool's threads
+  std::unique_ptr<Band[]> bands_;  // one per thread
   std::vector<World> worlds_;
   std::size_t observation_size_ = 0, info_size_ = 0, action_size_ = 0, cells_ = 0, object_count_ = 0;
 };

@@ -63,8 +63,12 @@ ActuatorArray::ActuatorArray(const scene::SurfaceSpec& surface, const FaultMap& 
     models_.push_back({specs[model_index], find_runs(surface, has_model), nullptr});
   }
   init_heights(surface);
-  for (Model& model : models_)
+  for (Model& model : models_) {
     model.actuator = make_actuator({surface, model.spec, model.runs, field_, pool});
+    all_pins_ &= model.spec.model == "pin";
+    exerts_forces_ |= model.actuator->exerts_forces();
+    has_joints_ |= model.actuator->has_joints();
+  }
   add_routes(surface, map, seed);
   init_tips();
   init_targets();
@@ -204,13 +208,8 @@ std::uint64_t ActuatorArray::set_targets(int channel, std::span<const float> tar
   const auto end_run = std::ranges::lower_bound(commands.runs, end_cell, {}, &CellRun::begin);
   std::atomic<std::uint64_t> replaced = 0;
   const auto clamp_runs = [&](int begin, int end) {
-    std::uint64_t count = 0;
-    for (int r = begin; r < end; ++r) {
-      const CellRun& run = first_run[r];
-      const int from = std::max(run.begin, first_cell), to = std::min(run.end, end_cell);
-      count +=
-          clamp_commands(to - from, &targets[from - first_cell], low, high, safe, &commands.values[from]);
-    }
+    const std::uint64_t count = clamp_commands(std::span(first_run + begin, first_run + end), {first_cell, end_cell},
+                                               targets.data(), low, high, safe, commands.values.data());
     replaced.fetch_add(count, std::memory_order_relaxed);
   };
   const int runs = static_cast<int>(std::max<std::ptrdiff_t>(0, end_run - first_run));
@@ -287,10 +286,6 @@ void ActuatorArray::archive(common::StateArchive& a) {
   for (Model& model : models_) model.actuator->archive(a);
 }
 
-bool ActuatorArray::exerts_forces() const noexcept {
-  return std::ranges::any_of(models_, [](const Model& m) { return m.actuator->exerts_forces(); });
-}
-
 void ActuatorArray::add_forces(double dt_s, const BodyView& bodies,
                                std::span<const scene::ObjectSpec> catalogue,
                                std::span<Wrench> wrenches) noexcept {
@@ -300,15 +295,14 @@ void ActuatorArray::add_forces(double dt_s, const BodyView& bodies,
 }
 
 void ActuatorArray::write_cell_motion(std::vector<scene::ActuatorState>& motion) const {
-  const bool all_pins = std::ranges::all_of(models_, [](const Model& m) { return m.spec.model == "pin"; });
-  motion.assign(all_pins ? 0 : field_.height.size(), {});
-  if (all_pins) return;
+  motion.assign(all_pins_ ? 0 : field_.height.size(), {});
+  if (all_pins_) return;
   for (const Model& model : models_) model.actuator->write_cell_motion(motion);
 }
 
 void ActuatorArray::write_joint_positions(std::vector<float>& positions) const {
-  const bool any = std::ranges::any_of(models_, [](const Model& m) { return m.actuator->has_joints(); });
-  positions.assign(any ? scene::kMaxJoints * field_.height.size() : 0, 0.0F);
+  positions.assign(has_joints_ ? scene::kMaxJoints * field_.height.size() : 0, 0.0F);
+  if (!has_joints_) return;
   for (const Model& model : models_) model.actuator->write_joint_positions(positions);
 }
 

@@ -59,7 +59,7 @@ class ActuatorArray {
   // Throws common::UserError if a model cannot be saved.
   void archive(common::StateArchive&);
 
-  bool exerts_forces() const noexcept;
+  bool exerts_forces() const noexcept { return exerts_forces_; }
   // Adds the forces of the coming step to the wrenches, one per body. catalogue[id] describes object `id`.
   void add_forces(double dt_s, const BodyView&, std::span<const scene::ObjectSpec> catalogue,
                   std::span<Wrench>) noexcept;
@@ -107,6 +107,7 @@ class ActuatorArray {
     std::unique_ptr<Actuator> actuator;
   };
   std::vector<Model> models_;
+  bool all_pins_ = true, exerts_forces_ = false, has_joints_ = false;  // all models; any of them
   std::unique_ptr<ActuatorFaults> faults_;
   std::vector<CommandRoute> routes_;
   std::unique_ptr<SkinShape> skin_shape_;  // null without a skin

@@ -210,11 +210,14 @@ std::size_t CollisionPipeline::tested_pairs() const {
 }
 
 // Makes the contacts and caches of the last step the previous ones and empties the output buffers.
-void CollisionPipeline::begin_detection(ContactList& pair_contacts, ContactList& static_contacts,
-                                        int member_count, int body_count) {
+void CollisionPipeline::begin_detection(const BodyStore& bodies, ContactList& pair_contacts,
+                                        ContactList& static_contacts, int member_count) {
+  const int body_count = bodies.size();
   previous_contacts_.swap_lists(pair_contacts, static_contacts, member_count);
+  finds_in_order_ = member_count == 1 && partition_.slab_count() <= 2;
   pair_contacts.contacts.clear();
   static_contacts.contacts.clear();
+  if (finds_in_order_) pair_contacts.manifolds.clear(), static_contacts.manifolds.clear();
   max_pairs_ = kMaxPairsPerBody * static_cast<std::size_t>(body_count);
   const auto slabs = static_cast<std::size_t>(partition_.slab_count());
   if (slab_results_.size() < slabs) slab_results_.resize(slabs);
@@ -228,10 +231,14 @@ void CollisionPipeline::begin_detection(ContactList& pair_contacts, ContactList&
     slab_results_[s].touched_sleepers.clear();
     slab_results_[s].tested_pairs = 0;
     slab_results_[s].static_contacts.clear();
+    if (bodies.non_spheres == 0) continue;  // only others have cached manifolds
     pair_cache_.swap_in(static_cast<int>(s), slab_results_[s].cached_pairs);
     field_cache_.swap_in(static_cast<int>(s), slab_results_[s].cached_field);
   }
-  swap_supports(body_count);
+  if (bodies.non_spheres > 0)
+    swap_supports(body_count);
+  else
+    support_slabs_ = 0;
 }
 
 // Makes the support patches of the last step the previous ones and indexes them by body.
@@ -254,13 +261,13 @@ void CollisionPipeline::swap_supports(int bodies) {
 
 void CollisionPipeline::find_contacts(const BodyStore& bodies, ContactList& pair_contacts,
                                       ContactList& static_contacts, const Member& member) {
-  member.single([&] { begin_detection(pair_contacts, static_contacts, member.member_count, bodies.size()); });
+  member.single([&] { begin_detection(bodies, pair_contacts, static_contacts, member.member_count); });
   previous_contacts_.build_index(bodies.id.size(), pair_ranges_, static_ranges_, member);
   if (member.index == 0) {
     find_large_neighbours(bodies);
-    pair_cache_.build_index(bodies.size());
+    if (bodies.non_spheres > 0) pair_cache_.build_index(bodies.size());
   }
-  if (member.is_caller()) field_cache_.build_index(bodies.size());
+  if (member.is_caller() && bodies.non_spheres > 0) field_cache_.build_index(bodies.size());
   partition_.assign_rows(bodies, *grid_, member);
   member.arrive_and_wait();
   const IndexRange own_slabs = partition_.share(member);
@@ -280,13 +287,18 @@ void CollisionPipeline::find_contacts(const BodyStore& bodies, ContactList& pair
       static_contacts.clear();
       return;
     }
-    assign_output_offsets(pair_output_, pair_contacts, pair_ranges_);
-    assign_output_offsets(static_output_, static_contacts, static_ranges_);
-    if (member.member_count > 1) assign_contact_offsets(pair_contacts, static_contacts);
-    update_slab_weights();
+    if (finds_in_order_) {
+      set_ranges(pair_output_, pair_ranges_);
+      set_ranges(static_output_, static_ranges_);
+    } else {
+      assign_output_offsets(pair_output_, pair_contacts, pair_ranges_);
+      assign_output_offsets(static_output_, static_contacts, static_ranges_);
+      if (member.member_count > 1) assign_contact_offsets(pair_contacts, static_contacts);
+      update_slab_weights();
+    }
     if (has_sleepers()) add_rows_of_sleepers(bodies);
   });
-  if (overloaded_) return;
+  if (overloaded_ || finds_in_order_) return;
   for (int s = own_slabs.begin; s < own_slabs.end; ++s) {
     const SlabResults& results = slab_results_[s];
     merge_slab(s, pair_output_, results.pair_contacts, results.first_pair_contact, pair_contacts,
@@ -468,6 +480,7 @@ void CollisionPipeline::collide_slab(const BodyStore& bodies, int slab, SlabResu
     return results.pair_contacts.contacts.size() + results.static_contacts.contacts.size();
   };
   const std::size_t contacts_before = contact_count();
+  results.end_of_pairs = results.pair_contacts.manifolds.size() + max_pairs_;
   for (const std::int32_t p : partition_.body_runs_of(slab)) {
     const Index i = p;
     begin(pair_output_[i], results.pair_contacts), begin(static_output_[i], results.static_contacts);
@@ -480,17 +493,20 @@ void CollisionPipeline::collide_slab(const BodyStore& bodies, int slab, SlabResu
   results.contact_count = contact_count() - contacts_before;
 }
 
-// Appends the slab's contacts to the merged lists, while its own are those.
+// Appends what the slab has to the merged lists, while its own are those.
 void CollisionPipeline::collide_slab_in_place(const BodyStore& bodies, int slab, SlabResults& results,
                                               ContactList& pair_contacts, ContactList& static_contacts) {
-  const auto swap_contacts = [&] {
+  const auto swap_lists = [&] {
     std::swap(results.pair_contacts.contacts, pair_contacts.contacts);
     std::swap(results.static_contacts.contacts, static_contacts.contacts);
+    if (!finds_in_order_) return;
+    std::swap(results.pair_contacts.manifolds, pair_contacts.manifolds);
+    std::swap(results.static_contacts.manifolds, static_contacts.manifolds);
   };
   results.first_pair_contact = results.first_static_contact = 0;
-  swap_contacts();
+  swap_lists();
   collide_slab(bodies, slab, results);
-  swap_contacts();
+  swap_lists();
 }
 
 void CollisionPipeline::collide_body_run(const BodyStore& bodies, const SpatialPartition::BodyRun& run,
@@ -677,7 +693,7 @@ void CollisionPipeline::collide_pair(const BodyStore& bodies, std::size_t i, std
   const std::size_t a = std::min(i, j), b = std::max(i, j);
   const bool has_sphere = bodies.is_sphere[a] || bodies.is_sphere[b];
   ContactList& pair_contacts = results.pair_contacts;
-  if (pair_contacts.manifolds.size() >= max_pairs_) {
+  if (pair_contacts.manifolds.size() >= results.end_of_pairs) {
     results.overloaded = true;
     return;
   }
@@ -737,6 +753,17 @@ void CollisionPipeline::collide_swept_pair(const BodyStore& bodies, std::size_t 
   sweep.collide_at(at_s, kMinSpeculativeMargin, contacts);
   sweep.correct_internal_edges(at_s, contacts, first);
   sweep.move_to_start(at_s, std::span(contacts).subspan(first));
+}
+
+// As assign_output_offsets(), where a single member has found the manifolds in order.
+void CollisionPipeline::set_ranges(const std::vector<BodyRunOutput>& outputs, SlabRanges& ranges) const {
+  ranges.range.clear();
+  for (const BodyRunOutput& output : outputs)
+    ranges.range.push_back({static_cast<int>(output.from), static_cast<int>(output.from + output.count)});
+  ranges.manifold_count = outputs.empty() ? 0 : outputs.back().from + outputs.back().count;
+  ranges.first_range.clear();
+  for (int s = 0; s <= partition_.slab_count(); ++s)
+    ranges.first_range.push_back(static_cast<std::int32_t>(partition_.first_body_run_of(s)));
 }
 
 // Assigns the offsets of the body runs' manifolds in grid order, independent of slabs and members.

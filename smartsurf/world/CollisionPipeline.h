@@ -135,10 +135,11 @@ class CollisionPipeline {
   struct SlabResults {
     int member = 0;  // the member that processes the slab
     bool overloaded = false;
-    int expected_pair = 0;  // see PreviousContacts::find_pair
+    int expected_pair = 0;          // see PreviousContacts::find_pair
+    std::size_t end_of_pairs = 0;   // the most that the list of pairs may hold
     SupportPatches* supports = nullptr;
     // The slab's manifolds and, of several members, its contacts, which begin here in the merged list. A
-    // single member finds all slabs' contacts in the merged list.
+    // single member finds all slabs' contacts in the merged list; if it finds their manifolds in order, these too.
     ContactList pair_contacts, static_contacts;
     std::int32_t first_pair_contact = 0, first_static_contact = 0;
     std::size_t contact_count = 0;
@@ -170,8 +171,8 @@ class CollisionPipeline {
   template <class Found>
   void for_each_fast_in_box(const Vec3& low, const Vec3& high, std::size_t from, Found found) const;
   void find_fast_neighbours(const BodyStore&);
-  void begin_detection(ContactList& pair_contacts, ContactList& static_contacts, int member_count,
-                       int body_count);
+  void begin_detection(const BodyStore&, ContactList& pair_contacts, ContactList& static_contacts,
+                       int member_count);
   void find_large_neighbours(const BodyStore&);
   void swap_supports(int bodies);
   void find_support(const BodyStore&, std::size_t body, float margin, std::size_t field_contacts,
@@ -192,6 +193,7 @@ class CollisionPipeline {
   }
   void collide_pair(const BodyStore&, std::size_t i, std::size_t j, SlabResults& results) const;
   void collide_swept_pair(const BodyStore&, std::size_t a, std::size_t b, SlabResults& results) const;
+  void set_ranges(const std::vector<BodyRunOutput>&, SlabRanges&) const;
   void assign_output_offsets(std::vector<BodyRunOutput>&, ContactList&, SlabRanges&) const;
   void assign_contact_offsets(ContactList& pair_contacts, ContactList& static_contacts);
   void update_slab_weights();
@@ -228,6 +230,7 @@ class CollisionPipeline {
   std::vector<SupportPatches> supports_, previous_supports_;  // one per slab
   std::size_t max_pairs_ = 0;                                 // in one slab, in this step
   bool overloaded_ = false;
+  bool finds_in_order_ = false;  // a single member finds the manifolds of all body runs in the order of the grid
   std::size_t support_slabs_ = 0;  // number of lists of this step in supports_
   struct SupportReference {
     std::int32_t slab, patch;  // slab < 0: none

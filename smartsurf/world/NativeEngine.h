@@ -77,7 +77,8 @@ class NativeEngine final : public Engine {
 
   // ---- the stages of a step, in NativeEngineStep.cpp
   struct Stage;
-  void run_stages(std::span<const Stage>, const Member&);
+  template <std::size_t first, std::size_t end>
+  void run_stages(const Member&);
   void read_field();
   void hold_jammed_cells();
   void apply_forces();

@@ -3,7 +3,6 @@
 #include <array>
 #include <span>
 #include <type_traits>
-#include <vector>
 
 #include "smartsurf/world/NativeEngine.h"
 #include "smartsurf/world/field/ContinuousCollision.h"
@@ -26,11 +25,8 @@ struct NativeEngine::Stage {
   bool (*applies)(const E&) = nullptr;  // null: always; stages of the team run only if any body is active
 
   static const Stage kAll[];
-  // Stages of the team that follow each other run in one fork, because waking threads costs more than a
-  // barrier.
-  static const std::vector<std::span<const Stage>>& sections();
 
-  bool is_of_team() const { return threads != kCaller; }
+  constexpr bool is_of_team() const { return threads != kCaller; }
 
   // Calls a member function of the engine, with the member of the team if the function takes it.
   template <auto function>
@@ -52,7 +48,7 @@ struct NativeEngine::Stage {
 };
 
 // clang-format off
-const NativeEngine::Stage NativeEngine::Stage::kAll[] = {
+constexpr NativeEngine::Stage NativeEngine::Stage::kAll[] = {
     // ---- inputs
     {"read field",             kCaller,    call<&E::read_field>},
     {"hold jammed cells",      kCaller,    call<&E::hold_jammed_cells>},
@@ -88,39 +84,37 @@ const NativeEngine::Stage NativeEngine::Stage::kAll[] = {
 };
 // clang-format on
 
-const std::vector<std::span<const NativeEngine::Stage>>& NativeEngine::Stage::sections() {
-  static const auto all = [] {
-    std::vector<std::span<const Stage>> sections;
-    for (auto stages = std::span<const Stage>(kAll); !stages.empty();) {
-      const auto end = std::ranges::find(stages, !stages.front().is_of_team(), &Stage::is_of_team);
-      sections.push_back(stages.first(end - stages.begin()));
-      stages = stages.subspan(sections.back().size());
+// Calls the stages [first, end) of the table, which the compiler knows: small worlds spend their steps on calls.
+template <std::size_t first, std::size_t end>
+void NativeEngine::run_stages(const Member& member) {
+  if constexpr (first < end) {
+    constexpr const Stage& stage = Stage::kAll[first];
+    if (stage.applies == nullptr || stage.applies(*this)) {
+      if constexpr (stage.threads == Stage::kOneOfTeam)
+        member.single([&] { stage.run(*this, member); });
+      else
+        stage.run(*this, member);
     }
-    return sections;
-  }();
-  return all;
-}
-
-void NativeEngine::step() {
-  solver_ = &Solver::of_this_thread(settings_);
-  for (const std::span<const Stage> section : Stage::sections()) {
-    const bool of_team = section.front().is_of_team();
-    if (of_team && active_bodies_.empty()) continue;
-    team_.run(of_team && active_bodies_.size() >= kMinParallelBodies,
-              [&](const Member& member) { run_stages(section, member); });
-    if (of_team && is_overloaded()) return;
-  }
-}
-
-void NativeEngine::run_stages(std::span<const Stage> stages, const Member& member) {
-  for (const Stage& stage : stages) {
-    if (stage.applies != nullptr && !stage.applies(*this)) continue;
-    if (stage.threads == Stage::kOneOfTeam)
-      member.single([&] { stage.run(*this, member); });
-    else
-      stage.run(*this, member);
     if (stage.is_of_team() && is_overloaded()) return;
+    run_stages<first + 1, end>(member);
   }
+}
+
+// The stages of the team follow each other and run in one fork, because waking threads costs more than a barrier.
+void NativeEngine::step() {
+  constexpr std::span<const Stage> kStages(Stage::kAll);
+  constexpr auto is_of_team = [](const Stage& stage) { return stage.is_of_team(); };
+  constexpr std::size_t kBegin = std::ranges::find_if(kStages, is_of_team) - kStages.begin();
+  constexpr std::size_t kEnd = std::ranges::find_if_not(kStages.subspan(kBegin), is_of_team) - kStages.begin();
+  static_assert(std::ranges::none_of(kStages.subspan(kEnd), is_of_team));
+  solver_ = &Solver::of_this_thread(settings_);
+  team_.run(false, [&](const Member& member) { run_stages<0, kBegin>(member); });
+  if (!active_bodies_.empty()) {
+    team_.run(active_bodies_.size() >= kMinParallelBodies,
+              [&](const Member& member) { run_stages<kBegin, kEnd>(member); });
+    if (is_overloaded()) return;
+  }
+  team_.run(false, [&](const Member& member) { run_stages<kEnd, kStages.size()>(member); });
 }
 
 // ---- inputs
@@ -319,6 +313,7 @@ void NativeEngine::finalize_bodies(const Member& member) {
     sleep_.reset_timers_on_moving_cells(bodies_, static_contacts_, run);
     record_cell_impulses(run);
   }
+  if (bodies_.non_spheres == 0) return;  // only others have support patches
   for (int s = own_slabs.begin; s < own_slabs.end; ++s)
     sleep_.reset_timers_on_moving_cells(bodies_, collision_.supports()[s]);
 }

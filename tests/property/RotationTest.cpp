@@ -20,7 +20,7 @@ Vector3d box_moments(const Vector3d& size) {
 
 // Euler's equations without torque, in body axes, by fourth-order Runge-Kutta.
 Vector3d euler_rotation(const Vector3d& moments, Vector3d omega, double seconds) {
-  constexpr double kStep = 1e-4;
+  constexpr double kStep = 1e-3;
   const auto rate = [&](const Vector3d& w) -> Vector3d {
     return -w.cross(Vector3d(moments.cwiseProduct(w))).cwiseQuotient(moments);
   };

@@ -92,9 +92,9 @@ TEST(SleepingPile, CostIsThatOfWhatMoves) {
 // Boxes on every sixth cell of a table; a few cells begin to move at a time. Those within one cell of the
 // middle of a box wake it, those three cells away do not.
 TEST(SleepingPile, MovingCellsWakeWhatIsNear) {
-  constexpr int kBoxesASide = 8, kSpacing = 6, kSide = kBoxesASide * kSpacing;
+  constexpr int kBoxesASide = 8, kSpacing = 6, kRows = kBoxesASide * kSpacing;
   PhysicsFixture fixture;
-  fixture.scene.surface.rows = fixture.scene.surface.columns = kSide;
+  fixture.scene.surface.rows = fixture.scene.surface.columns = kRows;
   for (int i = 0; i < kBoxesASide * kBoxesASide; ++i)
     fixture.add(
         box({1.6, 1.6, 1.6}, {3.0 + kSpacing * (i % kBoxesASide), 3.0 + kSpacing * (i / kBoxesASide), 0.8}));
@@ -103,8 +103,8 @@ TEST(SleepingPile, MovingCellsWakeWhatIsNear) {
   for (int trial = 0; trial < 40; ++trial) {
     fixture.run(2.0);
     ASSERT_EQ(fixture.world().sleeping_count(), kBoxesASide * kBoxesASide) << trial;
-    std::vector<float> targets(kSide * kSide, 0.0F);
-    const auto raise = [&](int x, int y) { targets[(kSide - 1 - y) * kSide + x] = 0.5F; };
+    std::vector<float> targets(kRows * kRows, 0.0F);
+    const auto raise = [&](int x, int y) { targets[(kRows - 1 - y) * kRows + x] = 0.5F; };
     std::set<std::pair<int, int>> woken;
     for (int k = count(random); k > 0; --k) {
       const int x = any_box(random), y = any_box(random);
@@ -112,7 +112,7 @@ TEST(SleepingPile, MovingCellsWakeWhatIsNear) {
       woken.insert({x, y});
     }
     for (int k = count(random); k > 0; --k) {
-      const int between = kSpacing * any_box(random), along = (kSide + 3 + far(random)) % kSide;
+      const int between = kSpacing * any_box(random), along = (kRows + 3 + far(random)) % kRows;
       k % 2 == 0 ? raise(between, along) : raise(along, between);
     }
     fixture.cells().set_targets(0, targets);

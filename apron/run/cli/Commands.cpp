@@ -150,10 +150,12 @@ RunResult run_headless(const Options& options, program::Program program, LocalHo
   return result;
 }
 
-// What the user interface tells the surface.
-struct UiCallbacks {
+// What the user interface tells the surface, and what it draws of it.
+struct UiSurface {
   std::function<void(bool)> on_pause;
   std::function<void()> on_finish;
+  std::vector<std::array<float, 3>> positions = {};
+  double pitch = 1.0;
 };
 
 std::vector<common::NamedOutput> named_outputs(const Options& options) {
@@ -200,7 +202,7 @@ int compile_and_run(const Options& options, std::uint32_t width, std::uint32_t h
   if (options.shown_descriptor >= 0)
     shown.emplace(options.shown_descriptor, options.shown_registers, program, width, height);
   RegisterView* const shown_registers = shown ? &*shown : nullptr;
-  return with_host([&](LocalHost& host, const UiCallbacks& callbacks) {
+  return with_host([&](LocalHost& host, const UiSurface& ui) {
     if (const std::string error =
             host.load_modules(program.modules, options.modules, module_search_paths(options));
         !error.empty())
@@ -208,8 +210,8 @@ int compile_and_run(const Options& options, std::uint32_t width, std::uint32_t h
     const ConfinedProgram confined(options, named_outputs(options));
     RunResult ran;
     if (options.uses_ui()) {
-      UiRunResult ui_result = run_with_ui({options, *compiled, width, height, host, callbacks.on_pause,
-                                           callbacks.on_finish, shown_registers});
+      UiRunResult ui_result = run_with_ui({options, *compiled, width, height, host, ui.on_pause, ui.on_finish,
+                                           shown_registers, ui.positions, ui.pitch});
       if (!ui_result.ui_error.empty()) throw common::UserError(ui_result.ui_error);
       ran = std::move(ui_result);
     } else {
@@ -245,7 +247,8 @@ int run_surface_session(const Options& options, std::chrono::nanoseconds timeout
     SurfaceHost host(surface, wait_stop_flag(options), options.parameters, host_environment(options));
     switch (host.await_first_frame()) {
       case vm::HostStatus::kOk:
-        return go(host, {[&host](bool paused) { host.publish_paused(paused); }, [&host] { host.close(); }});
+        return go(host, {[&host](bool paused) { host.publish_paused(paused); }, [&host] { host.close(); },
+                         description.positions, description.pitch});
       case vm::HostStatus::kClosed:
         return static_cast<int>(common::kDone);
       case vm::HostStatus::kInterrupted:

@@ -65,6 +65,8 @@ void refuse_other_kinds(const std::string& file) {
                             " describes it");
   if (kind == common::FileKind::kExperiment)
     throw common::UserError(file + ": is an experiment, not a program: smartsurf run " + file + " runs it");
+  if (kind != common::FileKind::kProgram && kind != common::FileKind::kOther)
+    throw common::UserError(file + ": is " + std::string(common::description(kind)) + ", not a program");
 }
 
 std::optional<CompiledProgram> compile_with_sources(const Options& options, std::uint32_t width,

@@ -1,6 +1,7 @@
 // A run with a user interface, in a window or rendered off-screen to pictures and videos, and its result.
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <functional>
 #include <string>
@@ -22,6 +23,9 @@ struct UiRun {
   std::function<void(bool)> on_pause;       // see debugger::DebugSession
   std::function<void()> on_finish;          // in a window: the program has ended, and the window stays open
   RegisterView* shown_registers = nullptr;  // written before each answer; null: none
+  // Of the surface's cells, as in shm_protocol::Description; empty: a regular grid.
+  std::vector<std::array<float, 3>> positions = {};
+  double pitch = 1.0;
 };
 
 // The result of a run, with or without a user interface.

@@ -36,6 +36,9 @@ UiRunContext::UiRunContext(const UiRun& ui_run)
     run.host.before_answer([this] { run.shown_registers->write(session.vm()); });
   if (ui_run.options.ticks) session.limit_ticks(*ui_run.options.ticks);
   if (!ui_run.options.profile.empty()) session.set_profiling(true);
+  model.set_surface_layout(
+      ui::CellLayout::of_surface(ui_run.positions, ui_run.height, ui_run.width, ui_run.pitch), ui_run.width,
+      ui_run.height);
   model.show_program(ui_run.compiled.program, ui_run.compiled.sources, 1);
   if (const auto reg = model.find_register(ui_run.options.show)) model.select(*reg);
 }

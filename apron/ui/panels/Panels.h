@@ -55,6 +55,10 @@ void draw_fitted_text(ImDrawList& list, ImVec2 at, float width, ImU32 colour, co
 // Draws the register centred in the available area, as large as fits.
 void draw_register_image(DrawContext& context, ImVec2 corner, ImVec2 available,
                          const debugger::SampledRegister& sample, TextureSlot slot);
+// Draws the cells of a register whose north-west corner is at `origin`, a cell `cell_edge` pixels wide;
+// hexagons only within the visible rectangle.
+void draw_cells(DrawContext& context, ImVec2 origin, float cell_edge, ImVec2 visible_corner,
+                ImVec2 visible_end, const debugger::SampledRegister& sample, TextureSlot slot);
 // The sample of the register, or nullptr.
 const debugger::SampledRegister* find_sample(const std::vector<debugger::SampledRegister>& samples,
                                              std::size_t reg);

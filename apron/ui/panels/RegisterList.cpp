@@ -72,15 +72,11 @@ const debugger::SampledRegister* find_sample(const std::vector<debugger::Sampled
 
 void draw_register_image(DrawContext& context, ImVec2 corner, ImVec2 available,
                          const debugger::SampledRegister& sample, TextureSlot slot) {
-  const RegisterStyle style = context.model.register_style(sample.reg);
-  const unsigned texture = context.textures.get(
-      sample, slot, style, context.model.value_range(style, sample.cells), context.model.snapshot_serial());
-  const auto width = static_cast<float>(sample.width), height = static_cast<float>(sample.height);
-  const float cell = std::min(available.x / width, available.y / height);
-  const ImVec2 size{cell * width, cell * height};
+  const CellPoint extent = context.model.cell_layout(sample).extent(sample.width, sample.height);
+  const float cell = std::min(available.x / extent.x, available.y / extent.y);
+  const ImVec2 size{cell * extent.x, cell * extent.y};
   const ImVec2 at{corner.x + (available.x - size.x) / 2.0F, corner.y + (available.y - size.y) / 2.0F};
-  ImGui::GetWindowDrawList()->AddImage(reinterpret_cast<ImTextureID>(static_cast<std::intptr_t>(texture)), at,
-                                       at + size);
+  draw_cells(context, at, cell, at, at + size, sample, slot);
 }
 
 void draw_register_list(DrawContext& context) {

@@ -1,5 +1,6 @@
 // The large view of a register: palette, range, zoom, pan, value at the cursor, statistics, histogram.
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstdio>
 #include <optional>
@@ -20,16 +21,16 @@ struct RegisterCanvas {
   ImVec2 origin;           // of the register's north-west corner, which may be outside the visible area
   float cell_edge = 1.0F;  // pixels
   std::uint32_t width = 0, height = 0;
+  CellLayout layout;
+  CellPoint extent;  // of the register
 
   std::optional<Cell> cell_at(ImVec2 p) const {
-    const float x = (p.x - origin.x) / cell_edge, y = (p.y - origin.y) / cell_edge;
     const bool inside =
         p.x >= corner.x && p.y >= corner.y && p.x < corner.x + size.x && p.y < corner.y + size.y;
-    if (!inside || x < 0.0F || y < 0.0F || x >= static_cast<float>(width) || y >= static_cast<float>(height))
-      return std::nullopt;
-    return Cell{static_cast<std::uint32_t>(x), static_cast<std::uint32_t>(y)};
+    return inside ? layout.cell_at(to_cells(p), width, height) : std::nullopt;
   }
-  ImVec2 to_screen(float x, float y) const { return {origin.x + x * cell_edge, origin.y + y * cell_edge}; }
+  CellPoint to_cells(ImVec2 p) const { return {(p.x - origin.x) / cell_edge, (p.y - origin.y) / cell_edge}; }
+  ImVec2 to_screen(CellPoint p) const { return {origin.x + p.x * cell_edge, origin.y + p.y * cell_edge}; }
 };
 
 void draw_style_controls(DrawContext& context, std::size_t reg) {
@@ -91,7 +92,9 @@ RegisterCanvas layout_canvas(const DrawContext& context, ImVec2 corner, ImVec2 a
   RegisterCanvas canvas;
   canvas.width = sample.width;
   canvas.height = sample.height;
-  const auto w = static_cast<float>(sample.width), h = static_cast<float>(sample.height);
+  canvas.layout = context.model.cell_layout(sample);
+  canvas.extent = canvas.layout.extent(sample.width, sample.height);
+  const auto [w, h] = canvas.extent;
   const float fit = std::min(available.x / w, available.y / h);
   canvas.size = {std::floor(fit * w), std::floor(fit * h)};
   canvas.corner = {std::floor(corner.x + (available.x - canvas.size.x) / 2.0F), std::floor(corner.y)};
@@ -103,8 +106,7 @@ RegisterCanvas layout_canvas(const DrawContext& context, ImVec2 corner, ImVec2 a
 
 void handle_mouse(ViewModel& model, const RegisterCanvas& canvas, const std::optional<Cell>& hovered_cell) {
   const ImGuiIO& io = ImGui::GetIO();
-  const ImVec2 full_size{canvas.cell_edge * static_cast<float>(canvas.width),
-                         canvas.cell_edge * static_cast<float>(canvas.height)};
+  const ImVec2 full_size{canvas.cell_edge * canvas.extent.x, canvas.cell_edge * canvas.extent.y};
   if (ImGui::IsItemHovered() && io.MouseWheel != 0.0F)
     model.viewport.zoom_about((io.MousePos.x - canvas.origin.x) / full_size.x,
                               (io.MousePos.y - canvas.origin.y) / full_size.y,
@@ -124,22 +126,18 @@ void draw_cell_values(const DrawContext& context, ImDrawList& list, const Regist
                       const debugger::SampledRegister& sample, const RegisterStyle& style,
                       const ValueRange& range) {
   if (canvas.cell_edge < context.to_pixels(46)) return;
-  const auto first = [&](float at) {
-    return static_cast<std::uint32_t>(std::max(0.0F, std::floor(at / canvas.cell_edge)));
-  };
-  const std::uint32_t x0 = first(canvas.corner.x - canvas.origin.x),
-                      y0 = first(canvas.corner.y - canvas.origin.y);
-  const auto columns = static_cast<std::uint32_t>(canvas.size.x / canvas.cell_edge) + 2,
-             rows = static_cast<std::uint32_t>(canvas.size.y / canvas.cell_edge) + 2;
-  for (std::uint32_t y = y0; y < std::min(y0 + rows, sample.height); ++y)
-    for (std::uint32_t x = x0; x < std::min(x0 + columns, sample.width); ++x) {
+  const CellRange visible =
+      canvas.layout.cells_within(canvas.to_cells(canvas.corner), canvas.to_cells(canvas.corner + canvas.size),
+                                 sample.width, sample.height);
+  for (std::uint32_t y = visible.first_y; y < visible.end_y; ++y)
+    for (std::uint32_t x = visible.first_x; x < visible.end_x; ++x) {
       const float value = sample.cells[std::size_t{y} * sample.width + x];
       const debugger::Rgb8 c = palette_rgb8(style.palette, range, value);
       const bool dark = 0.3F * c.red + 0.6F * c.green + 0.1F * c.blue < 140.0F;
       char text[24];
       std::snprintf(text, sizeof text, "%.4g", static_cast<double>(value));
       const ImVec2 size = ImGui::CalcTextSize(text);
-      const ImVec2 center = canvas.to_screen(static_cast<float>(x) + 0.5F, static_cast<float>(y) + 0.5F);
+      const ImVec2 center = canvas.to_screen(canvas.layout.centre({x, y}));
       list.AddText({center.x - size.x / 2.0F, center.y - size.y / 2.0F},
                    dark ? IM_COL32_WHITE : IM_COL32_BLACK, text);
     }
@@ -147,8 +145,19 @@ void draw_cell_values(const DrawContext& context, ImDrawList& list, const Regist
 
 void draw_cell_outline(ImDrawList& list, const RegisterCanvas& canvas, const Cell& cell, ImU32 colour,
                        float thickness) {
-  const ImVec2 a = canvas.to_screen(static_cast<float>(cell.x), static_cast<float>(cell.y));
-  const ImVec2 b = canvas.to_screen(static_cast<float>(cell.x + 1), static_cast<float>(cell.y + 1));
+  const CellPoint centre = canvas.layout.centre(cell);
+  if (canvas.layout.hexagonal()) {
+    std::array<ImVec2, 6> corners;
+    const float edge = canvas.cell_edge + 2.0F * thickness;
+    std::ranges::transform(CellLayout::hexagon(), corners.begin(), [&](const CellPoint& corner) {
+      return canvas.to_screen(centre) + ImVec2{edge * corner.x, edge * corner.y};
+    });
+    list.AddPolyline(corners.data(), 6, IM_COL32(255, 255, 255, 220), ImDrawFlags_Closed, thickness + 1.0F);
+    list.AddPolyline(corners.data(), 6, colour, ImDrawFlags_Closed, thickness);
+    return;
+  }
+  const ImVec2 a = canvas.to_screen({centre.x - 0.5F, centre.y - 0.5F}),
+               b = canvas.to_screen({centre.x + 0.5F, centre.y + 0.5F});
   list.AddRect({a.x - thickness, a.y - thickness}, {b.x + thickness, b.y + thickness},
                IM_COL32(255, 255, 255, 220), 0.0F, 0, thickness + 1.0F);
   list.AddRect({a.x - thickness, a.y - thickness}, {b.x + thickness, b.y + thickness}, colour, 0.0F, 0,
@@ -157,13 +166,15 @@ void draw_cell_outline(ImDrawList& list, const RegisterCanvas& canvas, const Cel
 
 // Labels the first and last visible columns at the top and rows at the left.
 void draw_axes(const DrawContext& context, ImDrawList& list, const RegisterCanvas& canvas) {
-  const auto number = [&](float at) {
-    return std::to_string(static_cast<int>(std::floor(at / canvas.cell_edge + 1e-3F)));
+  const auto number = [](float at, std::uint32_t count) {
+    return std::to_string(std::min(static_cast<int>(std::floor(at + 1e-3F)), static_cast<int>(count) - 1));
   };
-  const std::string west = number(canvas.corner.x - canvas.origin.x),
-                    east = number(canvas.corner.x + canvas.size.x - canvas.origin.x - 1.0F),
-                    north = number(canvas.corner.y - canvas.origin.y),
-                    south = number(canvas.corner.y + canvas.size.y - canvas.origin.y - 1.0F);
+  const CellPoint first = canvas.to_cells(canvas.corner),
+                  last = canvas.to_cells(canvas.corner + canvas.size + ImVec2{-1.0F, -1.0F});
+  const float row_pitch = canvas.layout.row_pitch();
+  const std::string west = number(first.x, canvas.width), east = number(last.x, canvas.width),
+                    north = number(first.y / row_pitch, canvas.height),
+                    south = number(last.y / row_pitch, canvas.height);
   const float line = ImGui::GetTextLineHeight(), gap = context.to_pixels(4);
   const ImVec2 c = canvas.corner, s = canvas.size;
   const auto text = [&](float x, float y, const std::string& t) {
@@ -214,10 +225,8 @@ void draw_canvas(DrawContext& context, const debugger::SampledRegister& sample, 
   ImDrawList& list = *ImGui::GetWindowDrawList();
   const ImVec2 end{canvas.corner + canvas.size};
   list.PushClipRect(canvas.corner, end, true);
-  list.AddImage(reinterpret_cast<ImTextureID>(static_cast<std::intptr_t>(
-                    context.textures.get(sample, TextureSlot::kFull, style, range, model.snapshot_serial()))),
-                canvas.origin,
-                canvas.to_screen(static_cast<float>(sample.width), static_cast<float>(sample.height)));
+  if (canvas.layout.hexagonal()) list.AddRectFilled(canvas.corner, end, theme::kBackdrop);
+  draw_cells(context, canvas.origin, canvas.cell_edge, canvas.corner, end, sample, TextureSlot::kFull);
   draw_cell_values(context, list, canvas, sample, style, range);
   if (model.probe_shown)
     draw_cell_outline(list, canvas, model.probed_cell, theme::kAccent, context.to_pixels(2));

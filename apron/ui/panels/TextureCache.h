@@ -24,9 +24,10 @@ class TextureCache {
   TextureCache& operator=(const TextureCache&) = delete;
 
   // The OpenGL texture of the sample, magnified without interpolation. Uploads only if the serial, palette or
-  // range has changed. serial: ViewModel::snapshot_serial().
-  unsigned get(const debugger::SampledRegister& sample, TextureSlot slot, const RegisterStyle& style,
-               const debugger::ValueRange& range, std::uint64_t serial);
+  // range has changed. Hexagons become bricks, of which every second row is shifted by half of one.
+  // serial: ViewModel::snapshot_serial().
+  unsigned get(const debugger::SampledRegister& sample, const CellLayout& layout, TextureSlot slot,
+               const RegisterStyle& style, const debugger::ValueRange& range, std::uint64_t serial);
   std::uint64_t uploads() const { return uploads_; }
 
  private:
@@ -37,10 +38,11 @@ class TextureCache {
     common::Palette palette = common::Palette::kGrey;
     debugger::ValueRange range;
   };
-  void upload(Entry& entry, const debugger::SampledRegister& sample);
+  void shift_rows(const debugger::SampledRegister& sample, const CellLayout& layout);
+  void upload(Entry& entry, std::uint32_t width, std::uint32_t height);
 
   std::map<std::pair<std::size_t, TextureSlot>, Entry> entries_;
-  std::vector<std::uint8_t> rgba_;
+  std::vector<std::uint8_t> rgba_, bricks_;
   std::uint64_t uploads_ = 0;
 };
 

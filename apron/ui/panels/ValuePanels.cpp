@@ -51,11 +51,20 @@ void draw_variables(const ViewModel& model) {
   ImGui::EndTable();
 }
 
-// Formats a 3x3 neighbourhood as three lines.
-std::string format_neighbourhood(const debugger::Neighbourhood& neighbourhood) {
+// Formats a 3x3 neighbourhood as three lines; of hexagons, the six that touch the cell.
+std::string format_neighbourhood(const debugger::Neighbourhood& neighbourhood, const CellLayout& layout,
+                                 std::uint32_t row) {
   std::string text;
+  const std::size_t apart = layout.is_shifted(row) ? 0 : 2;  // the column of the two that do not touch
   for (std::size_t i = 0; i < neighbourhood.size(); ++i) {
     char number[24];
+    if (layout.hexagonal() && i / 3 != 1) {
+      if (i % 3 == 0) text += "    ";
+      if (i % 3 == apart) {
+        if (i % 3 == 2 && i < 8) text += '\n';
+        continue;
+      }
+    }
     if (std::isnan(neighbourhood[i]))
       std::snprintf(number, sizeof number, "%8s", "\u00b7");
     else
@@ -277,7 +286,8 @@ void draw_probe_panel(DrawContext& context) {
     const float height = 3.0F * ImGui::GetTextLineHeight();
     if (with_neighbours) {
       ImGui::TableNextColumn();
-      ImGui::TextUnformatted(format_neighbourhood(neighbourhood).c_str());
+      ImGui::TextUnformatted(
+          format_neighbourhood(neighbourhood, model.cell_layout(reg), model.probed_cell.y).c_str());
     }
     ImGui::PopFont();
     ImGui::TableNextColumn();

@@ -19,13 +19,12 @@ Handle open_for_reading(const fs::path& path) {
   if (path.extension() == ".csv")
     throw Hdf5Error("is a CSV recording, which only holds trajectories: record to a name ending in .h5");
   if (H5Fis_hdf5(path.c_str()) <= 0) {
-    std::string text(64, '\0');
-    std::ifstream(path, std::ios::binary).read(text.data(), static_cast<std::streamsize>(text.size()));
-    const common::FileKind kind = common::file_kind(path, text);
+    const common::FileKind kind = common::file_kind(path);
     if (kind == common::FileKind::kExperiment)
       throw Hdf5Error("is an experiment, not a recording: smartsurf run " + path.string() +
                       " --record FILE.h5 makes one");
-    if (kind == common::FileKind::kProgram) throw Hdf5Error("is an APRON program, not a recording");
+    if (kind != common::FileKind::kOther)
+      throw Hdf5Error("is " + std::string(common::description(kind)) + ", not a recording");
     throw Hdf5Error("is not an HDF5 file: smartsurf run --record writes one");
   }
   const Handle access(H5Pcreate(H5P_FILE_ACCESS), H5Pclose, "file properties");

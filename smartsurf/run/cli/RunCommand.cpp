@@ -1,5 +1,6 @@
 // `smartsurf run` and `smartsurf check`.
 #include <fmt/format.h>
+#include <unistd.h>
 
 #include <CLI/CLI.hpp>
 #include <algorithm>
@@ -7,6 +8,7 @@
 #include <iterator>
 #include <memory>
 
+#include "common/files/FileKind.h"
 #include "common/process/StopSignals.h"
 #include "common/text/Printable.h"
 #include "smartsurf/extension/Extension.h"
@@ -166,6 +168,25 @@ std::string shown_registers(const RunFlags& flags) {
   return flags.record_registers.empty() ? drawn : flags.record_registers + "," + drawn;
 }
 
+// A command of the shell would otherwise be "not found".
+void refuse_other_controllers(const std::string& controller) {
+  if (controller.empty() || is_apron_program(controller) || ::access(controller.c_str(), X_OK) == 0) return;
+  const common::FileKind kind = common::file_kind(controller);
+  if (kind == common::FileKind::kProgram)
+    throw scene::InputError(
+        fmt::format("--controller {}: is an APRON program, whose name must end in .aps", controller));
+  if (kind != common::FileKind::kOther)
+    throw scene::InputError(fmt::format("--controller {}: is {}, not an APRON program, a policy or a command",
+                                        controller, common::description(kind)));
+}
+
+void require_times_before_end(const RunOptions& options) {
+  for (const Screenshot& screenshot : options.screenshots)
+    if (screenshot.time_s && options.until_s && *screenshot.time_s > *options.until_s + 1e-9)
+      throw scene::InputError(fmt::format("--screenshot {}@{}: the run ends before, --until {}",
+                                          screenshot.file, *screenshot.time_s, *options.until_s));
+}
+
 RunOptions make_run_options(const RunFlags& flags, const std::string& command_line) {
   if (flags.experiment.empty())
     throw scene::InputError("run: no experiment given; usage: smartsurf run EXPERIMENT.lua");
@@ -181,6 +202,7 @@ RunOptions make_run_options(const RunFlags& flags, const std::string& command_li
     throw scene::InputError(
         "--controller-set: needs --controller PROGRAM.aps, whose sliders and switches it sets");
   reject_both(flags.no_controller && !flags.shm.empty(), "--shm and --no-controller");
+  refuse_other_controllers(flags.controller);
   reject_both(!flags.until.empty() && flags.ticks, "--until and --ticks");
   const bool renders = flags.window || !flags.screenshot.empty() || !flags.video.empty();
   if (flags.worlds > 0 && renders)
@@ -216,6 +238,7 @@ RunOptions make_run_options(const RunFlags& flags, const std::string& command_li
     options.screenshots.push_back(parse_screenshot(text));
     require_writable("--screenshot", options.screenshots.back().file);
   }
+  require_times_before_end(options);
   options.video_file = flags.video;
   options.render = parse_render_options(flags.render);
   options.unsafe = flags.unsafe;

@@ -8,6 +8,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <deque>
 #include <exception>
 #include <filesystem>
 #include <memory>
@@ -150,7 +151,7 @@ struct Sandbox {
   std::string file;                     // path as given by the user
   std::filesystem::path script_folder;  // canonical
   Interpreter* interpreter = nullptr;
-  std::vector<Callback> callbacks;
+  std::deque<Callback> callbacks;   // a call may add to them: references stay valid
   std::vector<int> free_callbacks;  // unused slots of `callbacks`
 };
 

@@ -17,17 +17,14 @@ std::vector<std::string> collect_string_keys(lua_State* L, int table) {
   return names;
 }
 
-// Upvalues: the table of methods, the property function or nil, the type's name.
+// Called with names that the table of methods lacks. Upvalues: the table of methods, the property function or nil, the
+// type's name.
 int index_metamethod(Sandbox&, lua_State* L) {
   lua_settop(L, 2);
-  lua_pushvalue(L, 2);
-  lua_rawget(L, lua_upvalueindex(1));
-  if (!lua_isnil(L, -1)) return 1;
   if (!lua_isnil(L, lua_upvalueindex(2))) {
     lua_pushvalue(L, lua_upvalueindex(2));
-    lua_pushvalue(L, 1);
     lua_pushvalue(L, 2);
-    lua_call(L, 2, 1);
+    lua_call(L, 1, 1);
     if (!lua_isnil(L, -1)) return 1;
   }
   const std::string type = lua_tostring(L, lua_upvalueindex(3));
@@ -62,12 +59,17 @@ void register_userdata_type(lua_State* L, const char* type, std::span<const luaL
     lua_pushcfunction(L, method.func);
     lua_setfield(L, -2, method.name);
   }
+  // Lua finds a method in the table without a call; a reward function looks one up in each step of each world.
+  lua_createtable(L, 0, 1);
+  lua_pushvalue(L, -2);
   if (property != nullptr)
     lua_pushcfunction(L, property);
   else
     lua_pushnil(L);
   lua_pushstring(L, type);
   lua_pushcclosure(L, guarded<index_metamethod>, 3);
+  lua_setfield(L, -2, "__index");
+  lua_setmetatable(L, -2);
   lua_setfield(L, -2, "__index");
   lua_pushliteral(L, "locked");
   lua_setfield(L, -2, "__metatable");

@@ -166,7 +166,7 @@ int centre(ScriptContext& context, lua_State* L) {
 }
 
 int property(ScriptContext& context, lua_State* L) {
-  const std::string name = lua_type(L, 2) == LUA_TSTRING ? lua_tostring(L, 2) : "";
+  const std::string name = lua_type(L, 1) == LUA_TSTRING ? lua_tostring(L, 1) : "";
   const scene::SurfaceSpec& surface = context.spec.surface;
   if (name == "rows" || name == "columns" || name == "pitch") require_surface(context, "cells." + name);
   if (name == "rows")

@@ -16,13 +16,9 @@
 #include "smartsurf/scene/SceneSpec.h"
 #include "smartsurf/surface/Field.h"
 #include "smartsurf/surface/actuators/BodyForces.h"
+#include "smartsurf/surface/actuators/CellRun.h"
 
 namespace smartsurf::surface {
-
-// Adjacent cells [begin, end) of one row, as row-major indices.
-struct CellRun {
-  int begin = 0, end = 0;
-};
 
 // What a model is constructed from. The field has its geometry, and its heights are the rest heights.
 struct ActuatorContext {

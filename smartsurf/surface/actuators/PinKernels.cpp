@@ -59,31 +59,45 @@ HWY_INLINE V profile_speed(D d, const MotionProfile::Constants& c, V distance, V
   return hn::IfThenElse(hn::Lt(at_least_low, high), at_least_low, high);
 }
 
-std::size_t clamp_commands_for_target(std::size_t n, float low, float high, float safe, float* commands) {
-  return with_vectors_for(n, [=](auto d) HWY_ATTR {
-    std::size_t kept = 0;
-    for_each_vector(d, n, [&](std::size_t i, auto done) HWY_ATTR {
-      const auto command = hn::LoadU(d, commands + i), minimum = hn::Set(d, low), maximum = hn::Set(d, high);
-      const auto at_least_minimum = hn::IfThenElse(hn::Lt(command, minimum), minimum, command);
-      const auto within = hn::IfThenElse(hn::Gt(at_least_minimum, maximum), maximum, at_least_minimum);
-      const auto result = hn::IfThenElse(hn::Eq(command, command), within, hn::Set(d, safe));
-      kept += hn::CountTrue(d, hn::AndNot(done, hn::Eq(result, command)));
-      hn::StoreU(result, d, commands + i);
+std::size_t clamp_commands_for_target(std::span<const CellRun> runs, const CellRun& within, float low, float high,
+                                      float safe, float* all_commands) {
+  std::size_t replaced = 0;
+  for (const CellRun& run : runs) {
+    const CellRun cells = common_cells(run, within);
+    const std::size_t n = length_of(cells);
+    float* const commands = all_commands + cells.begin;
+    replaced += with_vectors_for(n, [=](auto d) HWY_ATTR {
+      std::size_t kept = 0;
+      for_each_vector(d, n, [&](std::size_t i, auto done) HWY_ATTR {
+        const auto command = hn::LoadU(d, commands + i), minimum = hn::Set(d, low), maximum = hn::Set(d, high);
+        const auto at_least_minimum = hn::IfThenElse(hn::Lt(command, minimum), minimum, command);
+        const auto in_range = hn::IfThenElse(hn::Gt(at_least_minimum, maximum), maximum, at_least_minimum);
+        const auto result = hn::IfThenElse(hn::Eq(command, command), in_range, hn::Set(d, safe));
+        kept += hn::CountTrue(d, hn::AndNot(done, hn::Eq(result, command)));
+        hn::StoreU(result, d, commands + i);
+      });
+      return n - kept;
     });
-    return n - kept;
-  });
+  }
+  return replaced;
 }
 
-bool update_targets_for_target(std::size_t n, const float* base, const float* commands, float* target) {
-  return with_vectors_for(n, [=](auto d) HWY_ATTR {
-    bool changed = false;
-    for_each_vector(d, n, [&](std::size_t i, auto) HWY_ATTR {
-      const auto next_target = hn::Add(hn::LoadU(d, base + i), hn::LoadU(d, commands + i));
-      changed |= !hn::AllTrue(d, hn::Eq(next_target, hn::LoadU(d, target + i)));
-      hn::StoreU(next_target, d, target + i);
+bool update_targets_for_target(std::span<const CellRun> runs, const float* base, const float* commands,
+                               float* target) {
+  bool changed = false;
+  for (const CellRun& run : runs) {
+    const std::size_t n = length_of(run);
+    with_vectors_for(n, [&](auto d) HWY_ATTR {
+      for_each_vector(d, n, [&](std::size_t k, auto) HWY_ATTR {
+        const std::size_t i = static_cast<std::size_t>(run.begin) + k;
+        const auto next_target = hn::Add(hn::LoadU(d, base + i), hn::LoadU(d, commands + i));
+        changed |= !hn::AllTrue(d, hn::Eq(next_target, hn::LoadU(d, target + i)));
+        hn::StoreU(next_target, d, target + i);
+      });
+      return 0;
     });
-    return changed;
-  });
+  }
+  return changed;
 }
 
 PinMotion plan_speeds_for_target(std::size_t n, const float* target, const float* height,
@@ -138,21 +152,25 @@ HWY_EXPORT(update_targets_for_target);
 HWY_EXPORT(plan_speeds_for_target);
 HWY_EXPORT(advance_pins_for_target);
 
-std::size_t clamp_commands(std::size_t n, const float* commands, float low, float high, float safe,
-                           float* clamped) noexcept {
-  constexpr std::size_t kBlock = 1024;  // stays in the L1 cache between the two passes
+std::size_t clamp_commands(std::span<const CellRun> runs, const CellRun& within, const float* commands, float low,
+                           float high, float safe, float* clamped) noexcept {
+  constexpr std::size_t kBlock = 1024;  // about as many cells stay in the L1 cache between the two passes
   std::size_t replaced = 0;
-  for (std::size_t i = 0; i < n; i += kBlock) {
-    const std::size_t count = std::min(kBlock, n - i);
-    std::copy_n(commands + i, count, clamped + i);
+  for (std::size_t first = 0, end = 0; first < runs.size(); first = end) {
+    for (std::size_t count = 0; end < runs.size() && count < kBlock; ++end) {
+      const CellRun cells = common_cells(runs[end], within);
+      std::copy_n(commands + (cells.begin - within.begin), length_of(cells), clamped + cells.begin);
+      count += length_of(cells);
+    }
     asm volatile("" ::: "memory");  // keeps the compiler from reading `commands` a second time
-    replaced += HWY_DYNAMIC_DISPATCH(clamp_commands_for_target)(count, low, high, safe, clamped + i);
+    replaced += HWY_DYNAMIC_DISPATCH(clamp_commands_for_target)(runs.subspan(first, end - first), within, low, high,
+                                                                safe, clamped);
   }
   return replaced;
 }
 
-bool update_targets(std::size_t n, const float* base, const float* commands, float* target) noexcept {
-  return HWY_DYNAMIC_DISPATCH(update_targets_for_target)(n, base, commands, target);
+bool update_targets(std::span<const CellRun> runs, const float* base, const float* commands, float* target) noexcept {
+  return HWY_DYNAMIC_DISPATCH(update_targets_for_target)(runs, base, commands, target);
 }
 
 PinMotion plan_speeds(std::size_t n, const float* target, const float* height, const MotionProfile& profile,

@@ -51,8 +51,6 @@ std::optional<TipKind> make_tip(const ActuatorContext& context) {
   return std::nullopt;
 }
 
-std::size_t length_of(const CellRun& run) { return run.end - run.begin; }
-
 class Pins final : public Actuator {
  public:
   explicit Pins(const ActuatorContext& context)
@@ -80,10 +78,9 @@ class Pins final : public Actuator {
 
   void set_targets(int, std::span<const float> targets) noexcept override {
     for_each_group(kSetTargetCost_ns, [this, targets](std::size_t g) {
-      for (std::size_t r = groups_[g].first_run; r < groups_[g].end_run; ++r) {
-        const int i = runs_[r].begin;
-        if (update_targets(length_of(runs_[r]), &base_[i], &targets[i], &target_[i])) moving_[g] = 1;
-      }
+      const Group& group = groups_[g];
+      const auto runs = std::span(runs_).subspan(group.first_run, group.end_run - group.first_run);
+      if (update_targets(runs, base_.data(), targets.data(), target_.data())) moving_[g] = 1;
     });
   }
 
@@ -101,8 +98,8 @@ class Pins final : public Actuator {
     const auto dt = static_cast<float>(dt_s);
     // The load may push any pin with a force limit, so all of them are planned in every step.
     if (force_limit_) std::ranges::fill(moving_, std::uint8_t{1});
-    const MotionProfile profile(max_speed_, max_acceleration_, dt, lag_s_);
-    for_each_moving_group(kPlanCost_ns, [&](std::size_t g) { plan_group(g, profile, dt, field); });
+    if (dt != profile_dt_s_) profile_ = MotionProfile(max_speed_, max_acceleration_, profile_dt_s_ = dt, lag_s_);
+    for_each_moving_group(kPlanCost_ns, [&](std::size_t g) { plan_group(g, profile_, dt, field); });
     for (std::size_t g = 0; g < groups_.size(); ++g) {
       field.max_height = std::max(field.max_height, group_max_height_[g]);
       field.max_speed = std::max(field.max_speed, group_max_speed_[g]);
@@ -212,6 +209,8 @@ class Pins final : public Actuator {
   common::ThreadPool* pool_;
   std::size_t pin_count_;
   float max_speed_, max_acceleration_, lag_s_;
+  float profile_dt_s_ = 1.0F;  // that profile_ is for
+  MotionProfile profile_{max_speed_, max_acceleration_, profile_dt_s_, lag_s_};
   float min_height_;  // lower end of the range, u above the base
   std::optional<float> force_limit_;
   std::optional<TipKind> tip_;

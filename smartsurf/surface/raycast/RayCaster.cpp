@@ -143,6 +143,7 @@ void RayCaster::cast(const RayBodies& bodies, std::span<const float> tags, float
 void RayCaster::partition_rows(std::span<const RayBody> bodies, int bands) {
   band_first_row_.assign(bands + 1, rows_);
   band_first_row_.front() = 0;
+  if (bands == 1) return;
   const double row_ns = (kEmptyCellCost_ns + kPinCost_ns * static_cast<double>(pin_steps_.size())) * columns_;
   const auto cost_to = [&](int row) {
     const float y = static_cast<float>(rows_ - 1 - row) * pitch_;

@@ -28,12 +28,35 @@ void UniformGrid::build(const Input& in, std::span<const std::int32_t> own, cons
   compute_bounds(in, own, member_state_[member.index]);
   member.single([&] {
     resize_cells(in.bodies.size());
-    if (!is_dense_ && key_of_body_.size() < cell_of_body_.size()) key_of_body_.resize(cell_of_body_.size());
+    if (!is_dense_ && !is_few_ && key_of_body_.size() < cell_of_body_.size()) key_of_body_.resize(cell_of_body_.size());
   });
-  if (is_dense_)
+  if (is_few_)
+    member.single([&] { sort_few(in); });
+  else if (is_dense_)
     sort_dense(in, own, member);
   else
     sort_sparse(in, own, member);
+}
+
+// An insertion sort by cell, stable over the bodies in ascending order.
+void UniformGrid::sort_few(const Input& in) {
+  const auto nx = static_cast<std::uint64_t>(cell_count_[0]), ny = static_cast<std::uint64_t>(cell_count_[1]);
+  std::uint64_t keys[kFew];
+  int count = 0;
+  for (const std::int32_t body : in.bodies) {
+    if (cell_of_body_[body] < 0) continue;
+    const Vec3& p = in.position[body];
+    const auto cell = [&](int axis) { return static_cast<std::uint64_t>(cell_of(p[axis], axis)); };
+    const std::uint64_t key = (cell(2) * ny + cell(1)) * nx + cell(0);
+    int at = count++;
+    for (; at > 0 && keys[at - 1] > key; --at) {
+      keys[at] = keys[at - 1];
+      sorted_bodies_[at] = sorted_bodies_[at - 1];
+    }
+    keys[at] = key;
+    sorted_bodies_[at] = body;
+  }
+  fill_spheres(in, {0, count});
 }
 
 // A parallel counting sort. fill_cell_lines() then sorts the bodies of each cell by index, so the order does
@@ -119,7 +142,10 @@ void UniformGrid::resize_cells(std::size_t bodies) {
     const double count = std::floor((static_cast<double>(high[k]) - static_cast<double>(origin_[k])) / size);
     cell_count_[k] = static_cast<int>(std::clamp(count + 1.0, 1.0, kMaxCellsPerAxis));
   }
-  if (is_dense_)
+  is_few_ = small <= kFew;
+  if (is_few_)
+    rows_.clear();
+  else if (is_dense_)
     cell_start_.resize(static_cast<std::size_t>(cell_count_[0] * cell_count_[1] * cell_count_[2]) + 1);
   else
     keys_.resize(small), sorted_keys_.resize(small), rows_.reserve(small + 1);
@@ -175,7 +201,7 @@ void UniformGrid::fill_spheres(const Input& in, IndexRange sorted) {
   for (Index k = sorted.begin; k < sorted.end; ++k) {
     const Index body = sorted_bodies_[k];
     const Vec3& p = in.position[body];
-    column_[k] = cell_of(p.x(), 0);
+    if (!is_few_) column_[k] = cell_of(p.x(), 0);
     x_[k] = p.x();
     y_[k] = p.y();
     z_[k] = p.z();

@@ -4,7 +4,8 @@
 // Bodies are sorted by cell, so that neighbouring cells along x are contiguous in memory. While the cells are
 // not many more than the bodies, an array over all cells tells where each begins; a sparse world has a list
 // of its occupied rows of cells instead, so that the cost depends on the bodies only, however far apart they
-// are. Results and their order depend on positions and indices only, not on the number of members.
+// are. A few bodies are sorted, for the order of the results, and all tested. Results and their order depend on
+// positions and indices only, not on the number of members.
 #pragma once
 
 #include <algorithm>
@@ -42,13 +43,13 @@ class UniformGrid {
   int sorted_count() const { return static_cast<int>(sorted_bodies_.size()); }
   // Number of cells along x, y or z. Bodies are sorted by cell, x fastest, z slowest.
   int cell_count(int axis) const { return cell_count_[axis]; }
-  // An occupied row of cells along x. Its bodies reach up to `begin` of the next row, in sorted order.
+  // Of more than kFew bodies: an occupied row of cells along x. Its bodies reach up to `begin` of the next row, in sorted order.
   struct Row {
     std::int32_t y, z, begin;
   };
   // In sorted order, with one more at the end whose `begin` is sorted_count().
   std::span<const Row> rows() const { return rows_; }
-  // The cell of a body along x.
+  // The cell of a body along x, of more than kFew.
   int column(int sorted) const { return column_[sorted]; }
   std::span<const std::int32_t> large_bodies() const { return large_bodies_; }
 
@@ -61,6 +62,7 @@ class UniformGrid {
   void for_each_in_box(const Vec3& low, const Vec3& high, Found found) const;
 
  private:
+  static constexpr std::size_t kFew = 16;  // so many are all tested with each other
   static constexpr int kMaxCellRuns = 5;  // of the 14 cells searched per body: half of its neighbourhood
   // Clamped to the grid; 0 for NaN. In double precision where there are too many cells for single precision.
   int cell_of(float u, int axis) const {
@@ -89,6 +91,7 @@ class UniformGrid {
   };
   void compute_bounds(const Input&, std::span<const std::int32_t> own, MemberState&);
   void resize_cells(std::size_t bodies);
+  void sort_few(const Input&);
   void sort_dense(const Input&, std::span<const std::int32_t> own, const Member&);
   void count_bodies(const Input&, std::span<const std::int32_t> own, MemberState&);
   void compute_cell_starts();
@@ -122,7 +125,7 @@ class UniformGrid {
   Vec3 origin_{0, 0, 0};
   float inverse_size_ = 1.0F;
   int cell_count_[3] = {1, 1, 1};
-  bool is_dense_ = true;
+  bool is_dense_ = true, is_few_ = true;
   std::vector<std::int32_t>
       cell_start_;  // dense, by cell: first position in sorted order; one more at the end
   std::vector<Row> rows_;
@@ -139,13 +142,14 @@ template <class Found>
 void UniformGrid::test_runs(int self, std::span<const IndexRange> runs, Found& found) const {
   constexpr int kMaxBatch = 256;
   std::int32_t overlapping[kMaxBatch + kSimdPadding];
-  auto test_batch = [&](std::span<const IndexRange> state) {
+  const auto test_batch = [&](std::span<const IndexRange> state) {
     const int count =
         find_overlaps({x_.data(), y_.data(), z_.data(), radius_.data()}, self, state, overlapping);
     for (int k = 0; k < count; ++k) found(sorted_bodies_[self], sorted_bodies_[overlapping[k]]);
   };
   int total = 0;
   for (const IndexRange& run : runs) total += run.end - run.begin;
+  if (total == 0) return;
   if (total <= kMaxBatch) return test_batch(runs);
   for (const IndexRange& run : runs)
     for (int from = run.begin; from < run.end; from += kMaxBatch) {
@@ -157,7 +161,10 @@ void UniformGrid::test_runs(int self, std::span<const IndexRange> runs, Found& f
 template <class Found>
 void UniformGrid::for_each_pair(int begin, int end, Found found) const {
   if (begin >= end) return;
-  if (is_dense_)
+  if (is_few_)
+    for (IndexRange later{begin + 1, sorted_count()}; begin < end; ++begin, ++later.begin)
+      test_runs(begin, {&later, 1}, found);
+  else if (is_dense_)
     for_each_pair_dense(begin, end, found);
   else
     for_each_pair_sparse(begin, end, found);
@@ -230,6 +237,7 @@ void UniformGrid::test_box(const Vec3& low, const Vec3& high, IndexRange sorted,
 template <class Found>
 void UniformGrid::for_each_in_box(const Vec3& low, const Vec3& high, Found found) const {
   if (sorted_bodies_.empty()) return;
+  if (is_few_) return test_box(low, high, {0, sorted_count()}, found);
   // A cell is twice the largest radius wide, so spheres stick out of their cell by at most half its size.
   const float max_radius = 0.5F / inverse_size_;
   int from[3], to[3];

@@ -55,7 +55,7 @@ class Barrier {
   };
 
   static void full_fence() {
-#ifdef __SANITIZE_THREAD__
+#if defined(__SANITIZE_THREAD__) && !defined(__clang__)
 // ThreadSanitizer does not model fences; this one orders only notifications, not data.
 #pragma GCC diagnostic ignored "-Wtsan"
 #endif

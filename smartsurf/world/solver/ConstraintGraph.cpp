@@ -21,10 +21,17 @@ void ConstraintGraph::build(const BodyStore& bodies, const ContactList& pair_con
   count_keys(bodies, pair_contacts, pair_ranges, slabs, true, own_offsets);
   count_keys(bodies, static_contacts, static_ranges, slabs, false, own_offsets);
   member.single([&] { compute_key_offsets(); });
-  KeyOffsets next_slot;
-  std::copy_n(own_offsets.begin(), key_count(), next_slot.begin());
-  sort_manifolds(pair_ranges, slabs, 0, next_slot);
-  sort_manifolds(static_ranges, slabs, pair_contacts.manifolds.size(), next_slot);
+  const auto sort = [&](KeyOffsets& next_slot) {
+    sort_manifolds(pair_ranges, slabs, 0, next_slot);
+    sort_manifolds(static_ranges, slabs, pair_contacts.manifolds.size(), next_slot);
+  };
+  if (member.member_count == 1) {
+    sort(own_offsets);
+  } else {  // append_own_batches() needs the offsets
+    KeyOffsets next_slot;
+    std::copy_n(own_offsets.begin(), key_count(), next_slot.begin());
+    sort(next_slot);
+  }
   member.single([&] { pack_batches(pair_contacts, static_contacts); });
   collect_own_batches(member);
 }
@@ -71,9 +78,15 @@ void ConstraintGraph::compute_key_offsets() {
   std::int32_t offset = 0;
   if (key_offsets_.size() == 1) {  // small worlds spend their steps on such loops
     KeyOffsets& offsets = key_offsets_.front();
-    for (int key = 0; key < key_count(); ++key) {
-      first_of_key_[key] = offset;
-      offset += std::exchange(offsets[key], offset);
+    for (int group = 0; group < key_count(); group += kPointCountBuckets) {
+      const auto counts = std::span(offsets).subspan(static_cast<std::size_t>(group), kPointCountBuckets);
+      std::int32_t any = 0;
+      for (const std::int32_t count : counts) any |= count;
+      first_of_key_[group] = offset;
+      for (int key = group; any != 0 && key < group + kPointCountBuckets; ++key) {
+        first_of_key_[key] = offset;
+        offset += std::exchange(offsets[key], offset);
+      }
     }
     first_of_key_[key_count()] = offset;
     return;

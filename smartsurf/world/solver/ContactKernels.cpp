@@ -279,6 +279,27 @@ void integrate_positions(int begin, int end, float h_s, const BodyVelocity* velo
   });
 }
 
+// Rounds as the two kernels above do.
+void integrate_free(int begin, int end, int substeps, float h_s, const BodyVelocity& change, BodyVelocity* velocity,
+                    DeltaPose* delta_pose) {
+  auto *const speeds = reinterpret_cast<float*>(velocity), *const poses = reinterpret_cast<float*>(delta_pose);
+  const auto* const changes = reinterpret_cast<const float*>(&change);
+  const V low = set(-kMaxSpeed), high = set(kMaxSpeed);
+  for_each_row_vector(begin, end, [&](std::ptrdiff_t i, auto moves) HWY_ATTR {
+    const V time = hn::IfThenElseZero(moves, set(h_s)), added = hn::LoadU(Tag(), changes + i % kRow);
+    V speed = hn::LoadU(Tag(), speeds + i), start = speed, pose = hn::LoadU(Tag(), poses + i);
+    for (int s = 0; s < substeps; ++s) {
+      const V contact_change = speed - start, changed = speed + added;
+      const V at_least_low = hn::IfThenElse(hn::Lt(changed, low), low, changed);
+      start = hn::IfThenElse(hn::Lt(high, at_least_low), high, at_least_low);
+      speed = hn::IfThenElse(moves, s == 0 ? start : start + contact_change, speed);
+      pose = pose + time * speed;
+    }
+    hn::StoreU(speed, Tag(), speeds + i);
+    hn::StoreU(pose, Tag(), poses + i);
+  });
+}
+
 const ContactKernelTable* table() {
   static const ContactKernelTable kTable = [] {
     ContactKernelTable t{};
@@ -288,6 +309,7 @@ const ContactKernelTable* table() {
     add_kernels<false, false>(t, kGeneralStatic);
     t.integrate_velocities = integrate_velocities;
     t.integrate_positions = integrate_positions;
+    t.integrate_free = integrate_free;
     return t;
   }();
   return &kTable;

@@ -31,6 +31,10 @@ using IntegrateVelocities = void (*)(int begin, int end, const BodyVelocity& cha
 using IntegratePositions = void (*)(int begin, int end, float h_s, const BodyVelocity* velocity,
                                     DeltaPose* delta_pose);
 
+// What the two do in all substeps of a step in which nothing touches.
+using IntegrateFree = void (*)(int begin, int end, int substeps, float h_s, const BodyVelocity& change,
+                               BodyVelocity* velocity, DeltaPose* delta_pose);
+
 struct ContactKernelTable {
   ContactKernel prepare[kContactKindCount];     // effective masses and approach speed
   ContactKernel warm_start[kContactKindCount];  // applies the stored impulses
@@ -38,6 +42,7 @@ struct ContactKernelTable {
   ContactKernel relax[kContactKindCount];       // removes the velocity that the soft push-out added
   IntegrateVelocities integrate_velocities;
   IntegratePositions integrate_positions;
+  IntegrateFree integrate_free;
 };
 
 // The kernels for the best instruction set of this machine.

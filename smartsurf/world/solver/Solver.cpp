@@ -49,8 +49,19 @@ BodyVelocity velocity_change(const Vec3& acceleration, float h_s) {
 
 Solver& Solver::of_this_thread(const StepSettings& settings) {
   thread_local Solver solver(settings);
-  solver.configure(settings);
+  if (!(solver.settings_ == settings)) solver.set_up(settings);
   return solver;
+}
+
+void Solver::set_up(const StepSettings& settings) {
+  settings_ = settings;
+  h_s_ = settings.dt_s / static_cast<float>(settings.substeps);
+  field_material_ = {0.0F, settings.field_friction_root, settings.field_rolling_friction_root,
+                     settings.field_restitution};
+  pair_params_ = make_substep_params(h_s_, kPairContactHertz, settings.substeps);
+  static_params_ = make_substep_params(h_s_, kStaticContactHertz, settings.substeps);
+  // Adding 0 turns −0 into +0, as the sum with a zero wrench in external_velocity_change() does.
+  gravity_change_ = velocity_change(settings.gravity + Vec3::Zero(), h_s_);
 }
 
 void Solver::step(BodyStore& bodies, const Input& input, const Member& member) {
@@ -63,7 +74,6 @@ void Solver::step(BodyStore& bodies, const Input& input, const Member& member) {
     resize_buffers(input.partition, member.member_count, !input.cell_limits.empty());
     if (!input.joints.empty()) input.joints.begin_step(bodies, input.partition, settings_.substeps);
   });
-  const float h_s = settings_.dt_s / static_cast<float>(settings_.substeps);
   const bool any_restitution = settings_.field_restitution > 0.0F || bodies.restituting > 0;
   StepContext context{
       .bodies = bodies,
@@ -72,33 +82,33 @@ void Solver::step(BodyStore& bodies, const Input& input, const Member& member) {
       .own_slabs = own_slabs,
       .own_rows = input.partition.rows_of(own_slabs),
       .solver_bodies = solver_bodies(),
-      .pair_params = make_substep_params(h_s, kPairContactHertz, settings_.substeps),
-      .static_params = make_substep_params(h_s, kStaticContactHertz, settings_.substeps),
+      .pair_params = pair_params_,
+      .static_params = static_params_,
       .kernels = contact_kernels(),
       .any_restitution = any_restitution,
       .all_spheres = bodies.non_spheres == 0,
-      // Adding 0 turns −0 into +0, as the sum with a zero wrench in external_velocity_change() does.
-      .gravity_change = velocity_change(settings_.gravity + Vec3::Zero(), h_s),
+      .gravity_change = gravity_change_,
+      .active_rows = find_active_rows(input.partition, own_slabs, member.index),
       .deep_contacts = deep_contacts_[member.index]};
   context.deep_contacts.clear();
   run_stages(context, member);
 }
 
 void Solver::resize_buffers(const SpatialPartition& partition, int member_count, bool has_cell_limits) {
-  const int rows = partition.row_count();
-  velocity_.resize(rows);
-  delta_pose_.resize(rows);
-  inverse_inertia_.resize(rows);
-  if (has_supports_) static_manifold_.resize(rows);
-  start_velocity_.resize(rows);
-  material_.resize(rows);
-  point_.resize(graph_.point_count());
-  detail_.resize(point_.size());
-  if (has_cell_limits) limit_.resize(point_.size());
+  const auto grow = [](auto& buffer, int size) {
+    if (std::ssize(buffer) < size) buffer.resize(static_cast<std::size_t>(size));
+  };
+  const int rows = partition.row_count(), points = graph_.point_count();
+  grow(velocity_, rows), grow(delta_pose_, rows), grow(inverse_inertia_, rows);
+  if (has_supports_) grow(static_manifold_, rows);
+  grow(start_velocity_, rows), grow(material_, rows);
+  grow(point_, points), grow(detail_, points);
+  if (has_cell_limits) grow(limit_, points);
   shared_batches_.resize(partition.row_count(), member_count);
   impacts_.reset(member_count);
   heavy_islands_.reset(member_count, rows);
   deep_contacts_.resize(member_count);
+  active_rows_.resize(member_count);
 }
 
 // Barrier protocol: every run_contact_stage() waits before a colour's shared batches and arrives after them,
@@ -106,6 +116,8 @@ void Solver::resize_buffers(const SpatialPartition& partition, int member_count,
 void Solver::run_stages(StepContext& context, const Member& member) {
   const float h_s = context.static_params.h_s;
   load_bodies(context);
+  if (graph_.point_count() == 0 && !context.has_side_stages() && !context.input.has_wrenches)
+    return run_free(context, member);
   if (member.member_count > 1) shared_batches_.clear_marks(context.own_rows);
   member.arrive_and_wait();
   for_each_own_batch(context, member, [&](ContactKind kind, int batch) {
@@ -141,6 +153,7 @@ void Solver::run_stages(StepContext& context, const Member& member) {
                              .velocity = velocity_.data(),
                              .delta_pose = delta_pose_.data(),
                              .material = material_.data()};
+  const bool has_side_stages = context.has_side_stages();
   run_side_stage(
       context, member,
       [&](IndexRange trees) { joints.begin_trees(context.bodies, context.partition, joint_rows(), trees); },
@@ -157,7 +170,7 @@ void Solver::run_stages(StepContext& context, const Member& member) {
   run_contact_stage(context, member, k.warm_start, 0.0F, SupportStage::kWarmStart);
   for (int s = 0; s < settings_.substeps; ++s) {
     // The side stages use the rows of all members, which their own batches of the warm start have written.
-    if (s > 0 || context.has_side_stages()) {
+    if (s > 0 || has_side_stages) {
       member.wait();
       if (s > 0) integrate_velocities(context, false);
       member.arrive();
@@ -167,20 +180,22 @@ void Solver::run_stages(StepContext& context, const Member& member) {
       if (member.is_caller()) jointed_contacts_.keep_loads(batch_points(), context.solver_bodies);
       member.arrive();
     }
-    run_side_stage(
-        context, member,
-        [&](IndexRange trees) { joints.solve(context.bodies, joint_rows(), substep, trees); },
-        [&](auto& points, auto... share) { points.solve(point_step, share...); });
+    if (has_side_stages)
+      run_side_stage(
+          context, member,
+          [&](IndexRange trees) { joints.solve(context.bodies, joint_rows(), substep, trees); },
+          [&](auto& points, auto... share) { points.solve(point_step, share...); });
     run_contact_stage(context, member, k.solve, static_cast<float>(s) * h_s, SupportStage::kSolve);
-    settle_jointed_contacts(context, member, true);
+    if (!joints.empty()) settle_jointed_contacts(context, member, true);
     member.wait();
     integrate_positions(context);
     member.arrive();
-    run_side_stage(
-        context, member, [&](IndexRange trees) { joints.relax(joint_rows(), trees); },
-        [&](auto& points, auto... share) { points.relax(point_step, share...); });
+    if (has_side_stages)
+      run_side_stage(
+          context, member, [&](IndexRange trees) { joints.relax(joint_rows(), trees); },
+          [&](auto& points, auto... share) { points.relax(point_step, share...); });
     run_contact_stage(context, member, k.relax, 0.0F, SupportStage::kRelax);
-    settle_jointed_contacts(context, member, false);
+    if (!joints.empty()) settle_jointed_contacts(context, member, false);
   }
   // Support patches, heavy islands and jointed bodies change impulses in batches of other members.
   if (has_supports_ || !heavy_islands_.empty() || !joints.empty()) member.wait();
@@ -197,6 +212,14 @@ void Solver::run_stages(StepContext& context, const Member& member) {
   if (has_supports_) store_supports(context);
 }
 
+// Nothing touches: bodies that are alone in a small world fly in many of its steps.
+void Solver::run_free(StepContext& context, const Member& member) {
+  for (const IndexRange& rows : context.active_rows)
+    context.kernels.integrate_free(rows.begin, rows.end, settings_.substeps, context.static_params.h_s,
+                                   context.gravity_change, velocity_.data(), delta_pose_.data());
+  member.arrive_and_wait();
+}
+
 template <class Each>
 void Solver::for_each_own_batch(StepContext& context, const Member& member, Each each) {
   for (const BatchRange& run : graph_.own_batches(member))
@@ -208,10 +231,12 @@ void Solver::for_each_own_batch(StepContext& context, const Member& member, Each
 
 // ---- bodies, each member those of its slabs
 
-template <class Each>
-void Solver::for_each_active_range(const StepContext& context, Each each) const {
-  for (int s = context.own_slabs.begin; s < context.own_slabs.end; ++s)
-    if (const IndexRange rows = context.partition.active_rows_of(s); rows.begin < rows.end) each(rows);
+std::span<const IndexRange> Solver::find_active_rows(const SpatialPartition& partition, IndexRange slabs, int member) {
+  std::vector<IndexRange>& found = active_rows_[member];
+  found.clear();
+  for (int s = slabs.begin; s < slabs.end; ++s)
+    if (const IndexRange rows = partition.active_rows_of(s); rows.begin < rows.end) found.push_back(rows);
+  return found;
 }
 
 void Solver::load_bodies(StepContext& context) {
@@ -249,22 +274,23 @@ BodyVelocity Solver::external_velocity_change(const StepContext& context, int ro
 // re-applying the accumulated impulses equals repeating the velocity change that contacts caused in the last
 // substep.
 void Solver::integrate_velocities(StepContext& context, bool first) {
-  const auto integrate = [&](IndexRange rows, const BodyVelocity& change) {
-    context.kernels.integrate_velocities(rows.begin, rows.end, change, first, velocity_.data(),
-                                         start_velocity_.data());
+  const auto integrate = [&](int begin, int end, const BodyVelocity& change) {
+    context.kernels.integrate_velocities(begin, end, change, first, velocity_.data(), start_velocity_.data());
   };
-  for_each_active_range(context, [&](IndexRange rows) {
-    if (!context.input.has_wrenches) return integrate(rows, context.gravity_change);
+  for (const IndexRange& rows : context.active_rows) {
+    if (!context.input.has_wrenches) {
+      integrate(rows.begin, rows.end, context.gravity_change);
+      continue;
+    }
     for (int row = rows.begin; row < rows.end; ++row)
-      integrate({row, row + 1}, external_velocity_change(context, row));
-  });
+      integrate(row, row + 1, external_velocity_change(context, row));
+  }
 }
 
 void Solver::integrate_positions(StepContext& context) {
-  for_each_active_range(context, [&](IndexRange rows) {
+  for (const IndexRange& rows : context.active_rows)
     context.kernels.integrate_positions(rows.begin, rows.end, context.static_params.h_s, velocity_.data(),
                                         delta_pose_.data());
-  });
 }
 
 void Solver::store_body(BodyStore& bodies, const SpatialPartition& partition, int row) const {
@@ -280,13 +306,15 @@ void Solver::run_contact_stage(StepContext& context, const Member& member,
                                SupportStage support_stage) {
   SubstepParams &pair_params = context.pair_params, &static_params = context.static_params;
   pair_params.elapsed_s = static_params.elapsed_s = elapsed_s;
+  const BatchPoints points = batch_points();
   const auto run = [&](std::span<const BatchRange> ranges) {
     for (const BatchRange& batches : ranges)
-      kernel[batches.kind](graph_.batches_from(batches.first), batches.count, batch_points(),
-                           context.solver_bodies, is_pair(batches.kind) ? pair_params : static_params);
+      kernel[batches.kind](graph_.batches_from(batches.first), batches.count, points, context.solver_bodies,
+                           is_pair(batches.kind) ? pair_params : static_params);
   };
   if (member.member_count == 1) {
     run(serial_batches_.ranges);
+    if (!has_supports_ && heavy_islands_.empty()) return;
   } else {
     for (std::size_t i = 0; i <= graph_.colours().size(); ++i) {
       // Own batches touch no row of another member's contacts, but the stage before may have changed any row.
@@ -356,12 +384,12 @@ void Solver::run_side_stage(const StepContext& context, const Member& member, On
   });
 }
 
-// Joints and the contacts of their bodies take turns until the contacts leave the joints where they hold.
+// Joints and the contacts of their bodies take turns until the contacts leave the joints where they hold. There are
+// joints.
 void Solver::settle_jointed_contacts(StepContext& context, const Member& member, bool is_soft) {
   constexpr int kMaxTurns = 30;
   constexpr double kHolds = 1e-4;  // u/s
   JointSolver& joints = context.input.joints;
-  if (joints.empty()) return;
   member.wait();
   member.arrive_and_wait();  // the last batches of a stage come after its last arrival
   if (member.is_caller() && !jointed_contacts_.empty()) {

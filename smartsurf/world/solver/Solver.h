@@ -36,11 +36,12 @@ struct StepSettings {
   Vec3 gravity;  // u/s²
   float field_friction_root, field_rolling_friction_root,
       field_restitution;  // of field and ground; roots as in SurfaceMaterial
+  bool operator==(const StepSettings&) const = default;
 };
 
 class Solver {
  public:
-  explicit Solver(const StepSettings& settings) { configure(settings); }
+  explicit Solver(const StepSettings& settings) { set_up(settings); }
   // The calling thread's solver, with these settings. A solver keeps nothing from step to step, so the worlds
   // that a thread steps in turn share its buffers, which stay in the cache.
   static Solver& of_this_thread(const StepSettings&);
@@ -91,7 +92,8 @@ class Solver {
     const ContactKernelTable& kernels;
     bool any_restitution;
     bool all_spheres;
-    BodyVelocity gravity_change;              // per substep
+    const BodyVelocity& gravity_change;       // per substep
+    std::span<const IndexRange> active_rows;  // of the member's slabs
     std::vector<DeepContact>& deep_contacts;  // of the member
 
     bool may_impact() const { return any_restitution || !all_spheres; }
@@ -102,13 +104,10 @@ class Solver {
       return is_pair(kind) ? input.pair_contacts : input.static_contacts;
     }
   };
-  void configure(const StepSettings& settings) {
-    settings_ = settings;
-    field_material_ = {0.0F, settings.field_friction_root, settings.field_rolling_friction_root,
-                       settings.field_restitution};
-  }
+  void set_up(const StepSettings&);
   void resize_buffers(const SpatialPartition&, int member_count, bool has_cell_limits);
   void run_stages(StepContext&, const Member&);
+  void run_free(StepContext&, const Member&);
   template <class Each>
   void for_each_own_batch(StepContext&, const Member&, Each each);
   void prepare_batch(StepContext&, ContactKind, int batch);
@@ -129,8 +128,7 @@ class Solver {
   void solve_impacts(StepContext&, const Member&);
   const SurfaceMaterial& material_of_b(const StepContext&, const Manifold&, const Contact&) const;
   void store_impulses(StepContext&, ContactKind, int batch);
-  template <class Each>
-  void for_each_active_range(const StepContext&, Each each) const;
+  std::span<const IndexRange> find_active_rows(const SpatialPartition&, IndexRange slabs, int member);
   void load_bodies(StepContext&);
   BodyVelocity external_velocity_change(const StepContext&, int row) const;
   void integrate_velocities(StepContext&, bool first);
@@ -153,7 +151,11 @@ class Solver {
   SolverBodies solver_bodies() { return {velocity_.data(), delta_pose_.data(), inverse_inertia_.data()}; }
 
   StepSettings settings_;
+  // ---- derived from the settings
+  float h_s_;
   SurfaceMaterial field_material_;
+  SubstepParams pair_params_, static_params_;
+  BodyVelocity gravity_change_;  // per substep
   ConstraintGraph graph_;
   SharedBatches shared_batches_;        // of several members
   BatchRangesByColour serial_batches_;  // of a single member
@@ -177,6 +179,7 @@ class Solver {
   std::vector<StaticManifold> static_manifold_;
   bool has_supports_ = false;                            // in this step
   std::vector<std::vector<DeepContact>> deep_contacts_;  // one list per member
+  std::vector<std::vector<IndexRange>> active_rows_;     // likewise
   std::vector<BodyVelocity> start_velocity_;  // after external forces, before the contacts of the substep
 };
 

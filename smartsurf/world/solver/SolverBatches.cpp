@@ -36,6 +36,12 @@ struct FourRows {
   transpose4(v[0], v[1], v[2], v[3]);
   return {v[0], v[1], v[2], v[3]};
 }
+// The rows of four unused lanes.
+FourRows rows_of_unused_lanes(std::size_t row) {
+  FourRows rows{};
+  if (row == kAnchorRow) rows.z += kUnusedSeparation;
+  return rows;
+}
 void store_row(const Float4& v, Contact& to, std::size_t row) {
   std::memcpy(reinterpret_cast<char*>(&to) + row, &v, sizeof(v));
 }
@@ -199,9 +205,11 @@ void Solver::fill_points(const StepContext& context, ContactKind kind, ContactBa
     BatchPoint& p = point_[o.first_point + k];
     BatchPointDetail& d = detail_[o.first_point + k];
     const Contact* c[kLanes];
-    for (int lane = 0; lane < kLanes; ++lane) {
-      c[lane] = of.has(lane, k) ? of.first[lane] + k : &kNoContact;
-      if (of_pairs || !of.has(lane, k)) continue;
+    std::fill_n(c, kLanes, &kNoContact);
+    for (int lane = 0; lane < o.lane_count; ++lane) {
+      if (!of.has(lane, k)) continue;
+      c[lane] = of.first[lane] + k;
+      if (of_pairs) continue;
       set_friction(lane, material_of_b(context, *of.manifold[lane], *c[lane]));
       if (c[lane]->partner == Partner::kSupportedCell)
         lanes.friction[lane] = 0.0F;  // the patch has the friction
@@ -209,7 +217,10 @@ void Solver::fill_points(const StepContext& context, ContactKind kind, ContactBa
     for (int lane = 0; lane < kLanes; lane += kSimd4Width) {
       const Contact* const* const four = c + lane;
       const auto put = [lane](const Float4& values, float* to) { store4(values, to + lane); };
-      const FourRows first = load_rows(four, kNormalRow), impulses = load_rows(four, kImpulseRow);
+      const auto rows = [&](std::size_t row) {
+        return lane < o.lane_count ? load_rows(four, row) : rows_of_unused_lanes(row);
+      };
+      const FourRows first = rows(kNormalRow), impulses = rows(kImpulseRow);
       put(first.x, p.normal[0]), put(first.y, p.normal[1]), put(first.z, p.normal[2]);
       put(impulses.x, p.normal_impulse);
       put(impulses.y, p.friction_impulse[0]), put(impulses.z, p.friction_impulse[1]);
@@ -221,7 +232,7 @@ void Solver::fill_points(const StepContext& context, ContactKind kind, ContactBa
         put(Float4{four[0]->separation, four[1]->separation, four[2]->separation, four[3]->separation},
             p.separation);
       } else {
-        const FourRows second = load_rows(four, kAnchorRow);
+        const FourRows second = rows(kAnchorRow);
         put(second.z, p.separation);
         put(impulses.x, d.steady_impulse);
         const Float4 anchor[3] = {first.w, second.x, second.y};
@@ -233,12 +244,12 @@ void Solver::fill_points(const StepContext& context, ContactKind kind, ContactBa
         }
       }
       if (!of_pairs) {
-        const FourRows surface = load_rows(four, kSurfaceRow);
+        const FourRows surface = rows(kSurfaceRow);
         put(surface.x, d.surface_velocity[0]), put(surface.y, d.surface_velocity[1]);
         put(surface.z, d.surface_velocity[2]), put(surface.w, d.surface_spin);
       }
       if (o.has_rolling_friction) {
-        const FourRows rolling = load_rows(four, kRollingRow);
+        const FourRows rolling = rows(kRollingRow);
         put(rolling.x, d.rolling_impulse[0]), put(rolling.y, d.rolling_impulse[1]);
         put(rolling.z, d.rolling_impulse[2]);
         put(load4(lanes.rolling_friction + lane), d.rolling_friction);

@@ -47,7 +47,7 @@ extern "C" void __asan_set_error_report_callback(void (*)(const char*));
 bool crashed_in_hdf5(std::string_view report) {
   const auto is_of_c = [](std::string_view frame) {
     return std::ranges::any_of(
-        std::initializer_list<const char*>{"libsanitizer", "libasan", "libubsan", "libc.so", "sysdeps"},
+        std::initializer_list<const char*>{"compiler-rt", "libclang_rt", "libc.so", "sysdeps"},
         [&](const char* name) { return frame.find(name) != frame.npos; });
   };
   for (std::size_t at = report.find("    #0 "); at != report.npos && at < report.size();) {

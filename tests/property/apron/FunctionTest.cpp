@@ -283,8 +283,14 @@ class RandomFunctions {
   int functions_ = 0;
 };
 
+#ifdef __SANITIZE_ADDRESS__
+constexpr unsigned kFunctionPrograms = 40;
+#else
+constexpr unsigned kFunctionPrograms = 150;
+#endif
+
 TEST(Function, RandomProgramsMatchAnInterpreter) {
-  for (unsigned seed = 0; seed < 150; ++seed) {
+  for (unsigned seed = 0; seed < kFunctionPrograms; ++seed) {
     RandomFunctions functions(seed);
     syntax::MemoryReader reader;
     reader.files["main.aps"] = functions.text;

@@ -255,7 +255,11 @@ TEST_F(LibraryMask, RoutinesUnderAMaskAreThoseWithoutSelected) {
     const auto call = kCalls.find(signature);
     ASSERT_NE(call, kCalls.end()) << "no call of '" << signature << "' is tested";
     called.insert(signature);
-    for (const Masking& masking : kMaskings) {
+    for (std::size_t way = 0; way < kMaskings.size(); ++way) {
+#ifdef __SANITIZE_ADDRESS__
+      if (way != called.size() % kMaskings.size()) continue;  // one way each
+#endif
+      const Masking& masking = kMaskings[way];
       const Registers initial = random_registers({"A", "B", "M", "N"}, {"G", "H", "X", "Y"});
       const bool is_local = masking.program.find(":x") != std::string::npos;
       const std::string in_body = is_local ? replace_all(call->second, "X", ":x") : call->second;

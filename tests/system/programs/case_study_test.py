@@ -122,7 +122,7 @@ class Products(ProgramTest):
     @needs_view
     def test_pictures(self):
         self.run_sort("--until", "1", "--screenshot", str(self.folder / "early.png") + "@0.5",
-                      "--screenshot", str(self.folder / "end.png"))
+                      "--screenshot", str(self.folder / "end.png"), *SMALL_PICTURE)
         for picture in ("early.png", "end.png"):
             self.assertEqual((self.folder / picture).read_bytes()[:8], b"\x89PNG\r\n\x1a\n")
         self.assertNotEqual((self.folder / "early.png").read_bytes(), (self.folder / "end.png").read_bytes())
@@ -138,7 +138,7 @@ class Products(ProgramTest):
     @unittest.skipUnless(shutil.which("ffmpeg"), "ffmpeg is not installed")
     def test_video(self):
         video = self.folder / "sort.mp4"
-        self.run_sort("--until", "0.4", "--video", str(video))
+        self.run_sort("--until", "0.4", "--video", str(video), *SMALL_PICTURE)
         self.assertEqual(video.read_bytes()[4:8], b"ftyp")
         self.assertFalse(list(self.folder.glob("*.part*")))
 

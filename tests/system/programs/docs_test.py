@@ -100,6 +100,8 @@ class Docs(ProgramTest):
                 if arguments[0] == "compare" and not has_bullet():
                     continue
                 total += 1
+                if program == "smartsurf" and "--screenshot" in arguments and "--picture-size" not in arguments:
+                    arguments += SMALL_PICTURE
                 if "--window" in arguments:
                     arguments[arguments.index("--window")] = "--headless" if program == "smartsurf" else "--threads=1"
                 # A surface without a controller waits for the command that follows it. The default name may be in use.

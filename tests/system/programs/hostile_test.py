@@ -131,7 +131,7 @@ class Outputs(Hostile):
                     (SMARTSURF, "plot", "r.h5", "-o", "link.svg"), (SMARTSURF, "export", "r.h5", "-o", "hard.html"),
                     (APRON, "run", "p.aps", "--save", "A=link.npy"), (APRON, "run", "p.aps", "--profile", "p.aps")]
         if WITH_VIEW:
-            commands += [(*run, "--screenshot", "link.png")]
+            commands += [(*run, "--screenshot", "link.png", *SMALL_PICTURE)]
         self.check_refusals(commands, "would overwrite an input")
 
     def test_outputs_are_separate_files(self):

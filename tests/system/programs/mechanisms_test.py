@@ -262,9 +262,9 @@ surface { rows = 5, columns = 6, layout = 'hex', actuator = wheels {} }
 box { size = {2, 2, 1}, position = {3, 2, 0.5} }
 on_tick(function() for r = 1, 5 do for c = 1, 6 do cells:target('spin_a', r, c, 5) end end end)""")
         status, _, err = self.run_program(SMARTSURF, "run", surface, "--no-controller", "--headless", "--until", "0.5",
-                                          "--record", "hex.h5", "--screenshot", "run.png@0.5")
+                                          "--record", "hex.h5", "--screenshot", "run.png@0.5", *SMALL_PICTURE)
         self.assertEqual(status, 0, err)
-        status, _, err = self.run_program(SMARTSURF, "replay", "hex.h5", "--screenshot", "replay.png@0.5")
+        status, _, err = self.run_program(SMARTSURF, "replay", "hex.h5", "--screenshot", "replay.png@0.5", *SMALL_PICTURE)
         self.assertEqual(status, 0, err)
         # Poses are recorded with the precision of the drawing, so the pictures are bit-identical.
         self.assertEqual((self.folder / "run.png").read_bytes(), (self.folder / "replay.png").read_bytes())

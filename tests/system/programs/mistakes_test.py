@@ -279,6 +279,34 @@ on_finish(function() metric('left', left) end)""")
                 ((APRON, "run", "run.h5"), "apron: error: run.h5: is a recording, not a program: smartsurf info run.h5 describes it")):
             status, _, err = self.run_program(*command)
             self.assertEqual((status, err), (2, message + "\n"))
+        self.write("tet.obj", "v 0 0 0\nv 1 0 0\n")
+        self.write("arm.txt", "<robot name='arm'></robot>")
+        (self.folder / "picture").write_bytes(b"\x89PNG\r\n\x1a\n")
+        for command, facts in (
+                ((SMARTSURF, "run", "tet.obj"), "tet.obj: is a mesh, not an experiment, in which mesh { file = 'tet.obj', ... }"),
+                ((SMARTSURF, "check", "arm.txt"), "arm.txt: is a robot description, not an experiment, in which model { file = 'arm.txt'"),
+                ((SMARTSURF, "run", "picture"), "picture: is a picture, not an experiment"),
+                ((SMARTSURF, "info", "picture"), "picture: is a picture, not a recording"),
+                ((SMARTSURF, "export", "tet.obj", "-o", "x.html"), "tet.obj: is a mesh, not a recording"),
+                ((APRON, "check", "arm.txt"), "arm.txt: is a robot description, not a program"),
+                ((APRON, "run", "picture"), "picture: is a picture, not a program"),
+                ((SMARTSURF, "run", "plain.lua", "--controller", "plain.lua"),
+                 "--controller plain.lua: is an experiment, not an APRON program, a policy or a command"),
+                ((SMARTSURF, "run", "plain.lua", "--controller", "run.h5"), "--controller run.h5: is a recording, not"),
+                ((SMARTSURF, "run", "plain.lua", "--controller", "commented.txt"),
+                 "--controller commented.txt: is an APRON program, whose name must end in .aps")):
+            self.refused(command, facts)
+
+    @needs_view
+    def test_pictures_after_the_end_are_refused_or_named(self):
+        self.write("table.lua", TABLE + "at(0.3, function() stop('enough') end)\n")
+        run = [SMARTSURF, "run", "table.lua", "--no-controller", "--picture-size", "64x40", "--quality", "low"]
+        self.refused([*run, "--until", "0.2", "--screenshot", "a.png@5"], "--screenshot a.png@5: the run ends before, --until 0.2")
+        self.assertFalse((self.folder / "a.png").exists())
+        status, _, err = self.run_program(*run, "--screenshot", "a.png@5", "--screenshot", "b.png@0.1")
+        self.assertEqual(status, 0, err)
+        self.assertRegex(err, r"a\.png shows the end at 0\.3\d* s: the run did not reach 5 s")
+        self.assertNotIn("b.png shows", err)
 
     def test_unlikely_placements_and_clamped_commands_are_told(self):
         self.write("table.lua", """

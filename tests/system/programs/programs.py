@@ -18,6 +18,8 @@ SMARTSURF, APRON = str(BIN / "smartsurf"), str(BIN / "apron")
 SORT_LUA, SORT_APS = str(ROOT / "scripts/case-study/sort.lua"), str(ROOT / "scripts/case-study/sort.aps")
 WITH_VIEW = os.environ.get("SMARTSURF_VIEW", "ON") == "ON"
 needs_view = unittest.skipUnless(WITH_VIEW, "built without the view")
+# The processor draws: a picture of the usual size takes seconds.
+SMALL_PICTURE = ("--picture-size", "320x200")
 # Timeout in seconds, far longer than any of these runs: expiry means that a program hangs.
 PATIENCE = 120
 
@@ -88,5 +90,5 @@ class ProgramTest(unittest.TestCase):
         return pathlib.Path("/dev/shm") / f"smartsurf.{name or self.shm}"
 
 
-__all__ = ["APRON", "BIN", "Display", "HAS_XVFB", "PATIENCE", "ProgramTest", "ROOT", "SMARTSURF", "SORT_APS", "SORT_LUA", "WITH_VIEW",
+__all__ = ["APRON", "BIN", "Display", "HAS_XVFB", "PATIENCE", "ProgramTest", "ROOT", "SMALL_PICTURE", "SMARTSURF", "SORT_APS", "SORT_LUA", "WITH_VIEW",
            "has_bullet", "json", "needs_view", "os", "pathlib", "signal", "subprocess", "tempfile", "time", "unittest"]

@@ -71,8 +71,8 @@ class Replay(ProgramTest):
     @needs_view
     def test_replayed_picture_equals_that_of_run(self):
         ours, theirs = self.folder / "run.png", self.folder / "replay.png"
-        recording = self.record_wave("--screenshot", f"{ours}@0.5")
-        status, _, err = self.run_program(SMARTSURF, "replay", recording, "--screenshot", f"{theirs}@0.5")
+        recording = self.record_wave("--screenshot", f"{ours}@0.5", *SMALL_PICTURE)
+        status, _, err = self.run_program(SMARTSURF, "replay", recording, "--screenshot", f"{theirs}@0.5", *SMALL_PICTURE)
         self.assertEqual(status, 0, err)
         self.assertEqual(ours.read_bytes(), theirs.read_bytes())
         status, _, err = self.run_program(SMARTSURF, "replay", recording, "--screenshot", f"{theirs}@5")
@@ -85,7 +85,7 @@ class Replay(ProgramTest):
         pictures = set()
         for flags in ([], ["--wires", "--cells", "height", "--palette", "flame"], ["--camera", "top", "--trails", "1"]):
             picture = self.folder / "look.png"
-            status, _, err = self.run_program(SMARTSURF, "replay", recording, "--screenshot", f"{picture}@1", *flags)
+            status, _, err = self.run_program(SMARTSURF, "replay", recording, "--screenshot", f"{picture}@1", *SMALL_PICTURE, *flags)
             self.assertEqual(status, 0, err)
             pictures.add(picture.read_bytes())
         self.assertEqual(len(pictures), 3)
@@ -98,7 +98,7 @@ class Replay(ProgramTest):
     def test_video(self):
         recording = self.record_wave("--until", "0.2")
         video = self.folder / "wave.mp4"
-        status, _, err = self.run_program(SMARTSURF, "replay", recording, "--video", str(video))
+        status, _, err = self.run_program(SMARTSURF, "replay", recording, "--video", str(video), *SMALL_PICTURE)
         self.assertEqual(status, 0, err)
         self.assertEqual(video.read_bytes()[4:8], b"ftyp")
 

@@ -41,7 +41,7 @@ TEST(ChunkedTransfer, ChunksAssembleTheCompleteFrame) {
   const auto config = large_surface("chunks");
   auto surface = SurfaceEndpoint::create(config);
   const std::size_t cells = surface.description().cells();
-  constexpr std::uint64_t kTicks = 200;
+  constexpr std::uint64_t kTicks = 50;  // one for each length of chunks
   std::jthread other([&] {
     auto controller = ControllerEndpoint::attach(config.name);
     for (std::uint64_t tick = 0; tick < kTicks; ++tick) {
@@ -92,7 +92,7 @@ TEST_P(ChunksBothWays, AnswersChunksBeforeFrameIsComplete) {
   config.answers_in_place = in_place;
   auto surface = SurfaceEndpoint::create(config);
   const std::size_t cells = surface.description().cells();
-  constexpr std::uint64_t kTicks = 100;
+  constexpr std::uint64_t kTicks = 50;
   std::jthread other([&] {
     auto controller = ControllerEndpoint::attach(config.name);
     std::vector<float> out(cells);

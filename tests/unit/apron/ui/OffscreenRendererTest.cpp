@@ -113,6 +113,45 @@ TEST_F(OffscreenRendererTest, DrawsNorthWestCellAtTopLeft) {
   EXPECT_EQ(screen.take_gl_error(), 0U);
 }
 
+// On a table of hexagons the register is drawn as such: pixels have the colour of the cell at that point, and
+// a click selects it.
+TEST_F(OffscreenRendererTest, DrawsHexagons) {
+  for (const bool first_row_shifted : {false, true}) {
+    UiFixture fixture(
+        "!register(A)\nreg.setPalette(A, 'spectrum')\nreg.setScale(A, 0, 1)\n"
+        "A = mod(cell.x + cell.y, 2)\nsurface.step\n");
+    const program::Register& r = fixture.model.program().registers[*fixture.model.find_register("A")];
+    const CellLayout layout = CellLayout::hexagons(first_row_shifted);
+    fixture.model.set_surface_layout(layout, r.width, r.height);
+    fixture.model.step(debugger::StepUnit::kTick);
+    fixture.process_commands();
+    OffscreenRenderer screen(kWidth, kHeight);
+    const common::Image image = screen.render_settled(fixture.model);
+    const PixelBox blue = find_color(image, 0, 0, 255, kListEnd, kHistogramTop),
+                   red = find_color(image, 255, 0, 0, kListEnd, kHistogramTop);
+    ASSERT_GT(blue.pixels, 5000);
+    // The legend has both colours, too: the register's own edge is in the west and the north.
+    const auto left = static_cast<float>(std::min(blue.left, red.left)),
+               top = static_cast<float>(std::min(blue.top, red.top));
+    const float edge =
+        static_cast<float>(std::max(blue.bottom, red.bottom) + 1 - top) / layout.extent(r.width, r.height).y;
+    for (std::uint32_t y = 0; y < r.height; ++y)
+      for (std::uint32_t x = 0; x < r.width; ++x) {
+        const CellPoint centre = layout.centre({x, y});
+        for (const CellPoint& corner : CellLayout::hexagon()) {
+          const auto px = static_cast<int>(left + edge * (centre.x + 0.8F * corner.x)),
+                     py = static_cast<int>(top + edge * (centre.y + 0.8F * corner.y));
+          const bool is_red = (x + y) % 2 == 1;
+          EXPECT_TRUE(is_near(image.pixel(px, py), is_red ? 255 : 0, 0, is_red ? 0 : 255)) << x << ' ' << y;
+        }
+      }
+    const CellPoint picked = layout.centre({r.width - 1, 1});
+    click(screen, fixture, left + edge * picked.x, top + edge * (picked.y - 0.45F));
+    EXPECT_EQ(fixture.model.probed_cell, (debugger::Cell{r.width - 1, 1}));
+    EXPECT_EQ(screen.take_gl_error(), 0U);
+  }
+}
+
 TEST_F(OffscreenRendererTest, RenderingIsDeterministic) {
   std::vector<std::uint8_t> first;
   for (int i = 0; i < 2; ++i) {

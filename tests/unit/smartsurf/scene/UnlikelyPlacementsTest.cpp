@@ -98,6 +98,45 @@ TEST(UnlikelyPlacements, ReportsTheOverlapsAndNoOthers) {
   EXPECT_GT(overlapping, 400);
 }
 
+// Spheres at drawn places of a table with a border, against the table's description.
+TEST(UnlikelyPlacements, TellsOfCellsBorderAndGaps) {
+  std::mt19937 random(5);
+  std::uniform_real_distribution<double> place(-0.4, 11.4), height(-3, 8), size(0.02, 1.2);
+  int among = 0, walled = 0, small = 0;
+  for (int round = 0; round < 2000; ++round) {
+    const double x = place(random), y = place(random), z = height(random), radius = size(random);
+    SceneSpec scene = scene_of({sphere_at(x, y, z, radius)});
+    SurfaceSpec& s = scene.surface;
+    s.rows = s.columns = 12;
+    s.border_height = 3.0;
+    s.pin.top_x = s.pin.top_y = 0.75;
+    const double feet = s.pin.min_height - s.pin.length;
+    const long column = std::lround(x), row = std::lround(y);
+    const bool in_cells = z > feet && z < s.pin.min_height,
+               at_border = column == 0 || row == 0 || column == 11 || row == 11,
+               in_border = z >= s.pin.min_height && z < 3.0 && at_border;
+    EXPECT_EQ(tells(scene, "is inside the cells"), in_cells) << x << ' ' << y << ' ' << z;
+    EXPECT_EQ(tells(scene, "is inside the border"), in_border) << x << ' ' << y << ' ' << z;
+    const bool falls = z >= s.pin.min_height && !in_border && 2 * radius < 0.25;
+    EXPECT_EQ(tells(scene, "is smaller than the gaps"), falls) << radius;
+    among += in_cells, walled += in_border, small += falls;
+  }
+  EXPECT_GT(among, 100);
+  EXPECT_GT(walled, 100);
+  EXPECT_GT(small, 50);
+}
+
+TEST(UnlikelyPlacements, TestsConesByABall) {
+  ObjectSpec cone = sphere_at(4, 4, 4, 1);
+  cone.shape = ShapeKind::kCone;
+  cone.height = 2;
+  ObjectSpec twin = cone;
+  twin.position.x() += 0.2;
+  EXPECT_TRUE(tells(scene_of({cone, twin}), "is inside object"));
+  twin.position.x() += 1.7;
+  EXPECT_FALSE(tells(scene_of({cone, twin}), "is inside object"));
+}
+
 // Turned together, two boxes overlap as before.
 TEST(UnlikelyPlacements, DoNotDependOnTheAxes) {
   std::mt19937 random(11);

@@ -121,10 +121,10 @@ class BudgetTest : public ScriptTest {
  protected:
   void SetUp() override {
     ScriptTest::SetUp();
-    options.load_budget = options.callback_budget = 200'000;
+    options.load_budget = options.callback_budget = 50'000;
   }
   std::string over(const char* location) {
-    return std::string(location) + ": the script ran for more than 200000 instructions: an endless loop?";
+    return std::string(location) + ": the script ran for more than 50000 instructions: an endless loop?";
   }
 };
 

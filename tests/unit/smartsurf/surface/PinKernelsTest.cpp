@@ -106,6 +106,7 @@ TEST(PinKernels, ClampCommandsReplacesAndCounts) {
   for_every_target([] {
     for (std::size_t n = 1; n <= kMaxPins; ++n) {
       Pins p(n, static_cast<unsigned>(n));
+      const CellRun all[] = {{0, static_cast<int>(n)}};
       std::vector<float> clamped(n, 1.25F), expected(n);
       p.command[n / 2] = std::numeric_limits<float>::quiet_NaN();
       p.command[n / 3] = std::numeric_limits<float>::infinity();
@@ -114,8 +115,48 @@ TEST(PinKernels, ClampCommandsReplacesAndCounts) {
         expected[i] = std::isnan(p.command[i]) ? 0.75F : std::clamp(p.command[i], 0.5F, 2.0F);
         replaced += expected[i] != p.command[i];
       }
-      ASSERT_EQ(clamp_commands(n, p.command.data(), 0.5F, 2.0F, 0.75F, clamped.data()), replaced) << n;
+      ASSERT_EQ(clamp_commands(all, all[0], p.command.data(), 0.5F, 2.0F, 0.75F, clamped.data()), replaced) << n;
       ASSERT_EQ(clamped, expected) << n;
+    }
+  });
+}
+
+// Runs of random lengths and gaps, some of whose cells are not commanded.
+TEST(PinKernels, RunsOfCells) {
+  for_every_target([] {
+    std::mt19937 random(7);
+    const auto draw = [&](int low, int high) { return std::uniform_int_distribution<int>(low, high)(random); };
+    for (int repetition = 0; repetition < 200; ++repetition) {
+      const int n = draw(1, 3000);
+      Pins p(static_cast<std::size_t>(n), random());
+      const int first = draw(0, n - 1);
+      const CellRun within{first, draw(first + 1, n)};
+      std::vector<CellRun> runs, hit;
+      for (int at = draw(0, 20); at < n;) {
+        const CellRun run{at, std::min(n, at + draw(1, 40))};
+        runs.push_back(run);
+        if (run.end > within.begin && run.begin < within.end) hit.push_back(run);
+        at = run.end + draw(1, 20);
+      }
+      std::vector<float> clamped(p.command.size(), 1.25F), expected = clamped, targets = p.target;
+      std::size_t replaced = 0;
+      bool changed = false;
+      for (const CellRun& run : runs)
+        for (int i = run.begin; i < run.end; ++i) {
+          const auto k = static_cast<std::size_t>(i);
+          if (i >= within.begin && i < within.end) {
+            expected[k] = std::clamp(p.command[k], 0.5F, 2.0F);
+            replaced += expected[k] != p.command[k];
+          }
+          changed |= targets[k] != p.base[k] + expected[k];
+          targets[k] = p.base[k] + expected[k];
+        }
+      ASSERT_EQ(clamp_commands(hit, within, &p.command[static_cast<std::size_t>(first)], 0.5F, 2.0F, 0.75F,
+                               clamped.data()),
+                replaced);
+      ASSERT_TRUE(same_bits(clamped, expected));
+      ASSERT_EQ(update_targets(runs, p.base.data(), clamped.data(), p.target.data()), changed);
+      ASSERT_TRUE(same_bits(p.target, targets));
     }
   });
 }
@@ -124,11 +165,12 @@ TEST(PinKernels, UpdateTargetsReportsChanges) {
   for_every_target([] {
     for (std::size_t n = 1; n <= kMaxPins; ++n) {
       Pins p(n, static_cast<unsigned>(n));
-      ASSERT_FALSE(update_targets(n, p.base.data(), p.command.data(), p.target.data())) << n;
+      const CellRun all[] = {{0, static_cast<int>(n)}};
+      ASSERT_FALSE(update_targets(all, p.base.data(), p.command.data(), p.target.data())) << n;
       p.command[n - 1] += 0.5F;
-      ASSERT_TRUE(update_targets(n, p.base.data(), p.command.data(), p.target.data())) << n;
+      ASSERT_TRUE(update_targets(all, p.base.data(), p.command.data(), p.target.data())) << n;
       ASSERT_EQ(p.target[n - 1], p.base[n - 1] + p.command[n - 1]) << n;
-      ASSERT_FALSE(update_targets(n, p.base.data(), p.command.data(), p.target.data())) << n;
+      ASSERT_FALSE(update_targets(all, p.base.data(), p.command.data(), p.target.data())) << n;
     }
   });
 }

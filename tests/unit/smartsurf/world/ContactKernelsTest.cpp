@@ -2,6 +2,8 @@
 
 #include <gtest/gtest.h>
 
+#include <cstring>
+#include <limits>
 #include <random>
 #include <vector>
 
@@ -166,4 +168,38 @@ TEST(ContactKernels, IntegratesPositionsOfTheRowsGiven) {
   EXPECT_EQ(Vec3(pose[1].translation), Vec3(2, 2.5F, 3));
   EXPECT_EQ(Vec3(pose[1].rotation), Vec3(4.5F, 5, 5.5F));
   EXPECT_EQ(pose[1].unused, 0.0F);
+}
+
+// Random rows, some of them at rest, too fast or not finite, some steps without gravity.
+TEST(ContactKernels, FreeFlightHasTheBitsOfItsSubsteps) {
+  std::mt19937 random(11);
+  std::uniform_real_distribution<float> u(-20, 20);
+  const auto draw = [&] {
+    const auto kind = random() % 12;
+    return kind == 0 ? 0.0F
+           : kind == 1 ? -0.0F
+           : kind == 2 ? 1e6F * u(random)
+           : kind == 3 && random() % 8 == 0 ? std::numeric_limits<float>::quiet_NaN()
+                                            : u(random);
+  };
+  for (int repetition = 0; repetition < 500; ++repetition) {
+    const int rows = 1 + static_cast<int>(random() % 9), substeps = 1 + static_cast<int>(random() % 8);
+    const float h_s = 1.0F / static_cast<float>(200 + random() % 2000);
+    std::vector<BodyVelocity> velocity(static_cast<std::size_t>(rows));
+    std::vector<DeltaPose> pose(velocity.size());
+    for (BodyVelocity& v : velocity)
+      v = {{draw(), draw(), draw()}, std::abs(draw()), {draw(), draw(), draw()}, std::abs(draw())};
+    BodyVelocity change{{0, 0, -0.0F}, 0, {-0.0F, -0.0F, -0.0F}, 0};
+    if (repetition % 4 != 0)
+      for (float& component : change.velocity) component = h_s * draw();
+    std::vector<BodyVelocity> expected = velocity, start(velocity.size());
+    std::vector<DeltaPose> expected_pose = pose;
+    for (int s = 0; s < substeps; ++s) {
+      contact_kernels().integrate_velocities(0, rows, change, s == 0, expected.data(), start.data());
+      contact_kernels().integrate_positions(0, rows, h_s, expected.data(), expected_pose.data());
+    }
+    contact_kernels().integrate_free(0, rows, substeps, h_s, change, velocity.data(), pose.data());
+    ASSERT_EQ(std::memcmp(velocity.data(), expected.data(), velocity.size() * sizeof(BodyVelocity)), 0);
+    ASSERT_EQ(std::memcmp(pose.data(), expected_pose.data(), pose.size() * sizeof(DeltaPose)), 0);
+  }
 }

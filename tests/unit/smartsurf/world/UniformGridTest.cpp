@@ -5,6 +5,7 @@
 #include <hwy/targets.h>
 
 #include <algorithm>
+#include <cmath>
 #include <limits>
 #include <map>
 #include <numeric>
@@ -84,6 +85,50 @@ TEST(Grid, SubrangesCoverAllPairs) {
       grid.for_each_pair(begin, end, [&](int i, int j) { parts.insert(std::minmax(i, j)); });
     EXPECT_EQ(parts, whole);
   }
+}
+
+// Fewer bodies than are worth cells: the same pairs and the same order as of more.
+TEST(Grid, FewBodiesAreInTheOrderOfTheirCells) {
+  for (int n = 0; n <= 40; ++n)
+    for (const float size : {0.2F, 3.0F, 12.0F, 90.0F}) {
+      Cloud cloud(n, size, static_cast<unsigned>(n));
+      if (n % 3 == 2) cloud.reach[1] = 50.0F;
+      if (n % 5 == 4) cloud.position[3] = cloud.position[0];
+      UniformGrid grid;
+      build(grid, cloud);
+      std::vector<int> small;
+      float widest = 1e-3F;
+      Vec3 low = Vec3::Constant(1e30F);
+      for (int i = 0; i < n; ++i) {
+        const auto k = static_cast<std::size_t>(i);
+        if (cloud.reach[k] > 10.0F) continue;
+        small.push_back(i);
+        widest = std::max(widest, cloud.reach[k]);
+        low = low.cwiseMin(cloud.position[k]);
+      }
+      std::ranges::stable_sort(small, {}, [&](int i) {
+        const Vec3 cell = (cloud.position[static_cast<std::size_t>(i)] - low) * (1.0F / (2.0F * widest));
+        return std::tuple(std::floor(cell.z()), std::floor(cell.y()), std::floor(cell.x()));
+      });
+      ASSERT_EQ(grid.sorted_count(), std::ssize(small));
+      std::vector<std::pair<int, int>> expected, found;
+      for (std::size_t a = 0; a < small.size(); ++a) {
+        EXPECT_EQ(grid.body(static_cast<int>(a)), small[a]) << n << " " << size;
+        for (std::size_t b = a + 1; b < small.size(); ++b)
+          if (cloud.meet(small[a], small[b])) expected.emplace_back(small[a], small[b]);
+      }
+      grid.for_each_pair(0, grid.sorted_count(), [&](int i, int j) { found.emplace_back(i, j); });
+      EXPECT_EQ(found, expected) << n << " " << size;
+      const Vec3 from(0.2F * size, 0.1F * size, 0), to(0.6F * size, 0.5F * size, 0.2F * size);
+      std::vector<int> in_box, expected_in_box;
+      grid.for_each_in_box(from, to, [&](int i) { in_box.push_back(i); });
+      for (const int i : small) {
+        const auto& p = cloud.position[static_cast<std::size_t>(i)].array();
+        const float r = cloud.reach[static_cast<std::size_t>(i)];
+        if ((p + r > from.array()).all() && (p - r < to.array()).all()) expected_in_box.push_back(i);
+      }
+      EXPECT_EQ(in_box, expected_in_box) << n << " " << size;
+    }
 }
 
 // The cost of a pair search is the number of bodies in neighbouring cells.
