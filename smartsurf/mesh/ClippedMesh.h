@@ -21,11 +21,15 @@ struct Plane {
 // source's extent from a plane are treated as lying on it.
 class ClippedMesh {
  public:
+  using Triangle = std::array<Eigen::Vector3d, 3>;
+
   explicit ClippedMesh(const TriangleMesh& source);
 
   ClippedMesh clip_below(const Plane&) const;
 
   double volume() const;
+  // What is left of the source's surface, without the cuts.
+  const std::vector<Triangle>& surface() const { return surface_; }
   // Points with the same convex hull as the clipped solid.
   std::vector<Eigen::Vector3d> hull_points() const;
   // Approximates clip_below(plane).hull_points() at lower cost. Samples a few thousand triangles of a fine
@@ -33,7 +37,6 @@ class ClippedMesh {
   std::vector<Eigen::Vector3d> hull_points_below(const Plane&) const;
 
  private:
-  using Triangle = std::array<Eigen::Vector3d, 3>;
   struct ClipResult;
 
   // Clips every stride-th triangle.

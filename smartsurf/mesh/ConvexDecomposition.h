@@ -11,6 +11,7 @@ namespace smartsurf::mesh {
 struct DecompositionLimits {
   int max_parts = 32;        // ≥ 1
   double max_excess = 0.01;  // allowed total volume of the hulls beyond the solid, relative to the solid's
+  int max_hollow_parts = 1;  // where max_parts, if that is more, leave an excess above a tenth
 };
 
 // Returns at least one part, each as points with the same convex hull as the part. The mesh must be closed
@@ -21,6 +22,10 @@ struct DecompositionLimits {
 // evenly spaced planes along the axes (for round parts). Finally, parts are merged while their common hull is
 // not much larger. The greedy search follows K. Mamou, "Volumetric hierarchical approximate convex
 // decomposition" (Game Engine Gems 3, 2016), but cuts the surface exactly instead of using voxels.
+//
+// A hollow solid such as a mug, of which these parts exceed it by more than a tenth, is decomposed anew:
+// shells outside each other apart, and each part halved across the principal axes of its surface, which turns
+// walls into short arcs.
 std::vector<std::vector<Eigen::Vector3d>> decompose_convex(const TriangleMesh&, const DecompositionLimits&);
 
 }  // namespace smartsurf::mesh

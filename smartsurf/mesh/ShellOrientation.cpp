@@ -210,17 +210,33 @@ std::vector<Shell> split_shells(const TriangleMesh& mesh, ShellOrientation& orie
   return shells;
 }
 
-// The number of shells that enclose this one. `work`: what may still be done, in triangles.
+// A point of the shell and its extreme ones along the axes.
+std::vector<Eigen::Vector3d> probe_points(const Shell& shell) {
+  const std::vector<Eigen::Vector3d>& points = shell.mesh.points;
+  std::vector<Eigen::Vector3d> probes{points.front()};
+  for (int axis = 0; axis < 3; ++axis) {
+    const auto [low, high] = std::ranges::minmax_element(points, {}, [&](const auto& p) { return p[axis]; });
+    probes.push_back(*low);
+    probes.push_back(*high);
+  }
+  return probes;
+}
+
+// The number of shells that enclose this one; one that is only crossed, as by a handle whose ends lie in the
+// wall of a mug, does not. `work`: what may still be done, in triangles.
 int nesting_depth(const std::vector<Shell>& shells, std::size_t which, std::int64_t& work) {
   constexpr double kInsideThreshold = 0.75;
-  const Eigen::Vector3d& point = shells[which].mesh.points.front();
+  const std::vector<Eigen::Vector3d> probes = probe_points(shells[which]);
+  const auto encloses = [&](const Shell& outer) {
+    return std::ranges::all_of(probes, [&](const Eigen::Vector3d& point) {
+      if (!outer.box.contains(point)) return false;
+      work -= static_cast<std::int64_t>(outer.mesh.triangles.size());
+      if (work < 0) throw scene::InputError("has too many shells within others: simplify it");
+      return std::abs(winding_number(outer.mesh, point)) > kInsideThreshold;
+    });
+  };
   int depth = 0;
-  for (std::size_t i = 0; i < shells.size(); ++i) {
-    if (i == which || !shells[i].box.contains(point)) continue;
-    work -= static_cast<std::int64_t>(shells[i].mesh.triangles.size());
-    if (work < 0) throw scene::InputError("has too many shells within others: simplify it");
-    depth += std::abs(winding_number(shells[i].mesh, point)) > kInsideThreshold;
-  }
+  for (std::size_t i = 0; i < shells.size(); ++i) depth += i != which && encloses(shells[i]);
   return depth;
 }
 

@@ -101,15 +101,22 @@ void check_approximation(const scene::Solid& solid, const SolidOptions& options,
                            (d.volume < 0.0 ? " less" : " more") + " volume than the mesh (inertia off by " +
                            format_percent(d.inertia) + ", centre of mass by " + format_percent(d.centre) +
                            " of the radius)";
-  if (options.decompose && d.worst() > options.tolerance)
+  if (options.decompose && d.worst() > options.tolerance) {
+    const int pieces_allowed = std::max(options.max_hulls, options.max_hollow_hulls);
     refuse(what + ", more than the tolerance of " + format_percent(options.tolerance) +
-           ": raise pieces = " + std::to_string(options.max_hulls) + " or tolerance, or simplify the mesh");
+           (pieces_allowed < scene::kMaxHulls
+                ? ": raise pieces = " + std::to_string(pieces_allowed) + " or tolerance, or simplify the mesh"
+                : ", and a solid has at most " + std::to_string(scene::kMaxHulls) +
+                      " pieces: raise tolerance, thicken the walls or simplify the mesh"));
+  }
   notes.push_back(what);
 }
 
 std::vector<scene::ConvexHull> make_convex_hulls(const TriangleMesh& mesh, const SolidOptions& options) {
   std::vector<std::vector<Eigen::Vector3d>> parts{mesh.points};
-  if (options.decompose) parts = decompose_convex(mesh, {.max_parts = options.max_hulls});
+  if (options.decompose)
+    parts = decompose_convex(mesh,
+                             {.max_parts = options.max_hulls, .max_hollow_parts = options.max_hollow_hulls});
   std::vector<scene::ConvexHull> hulls;
   for (const auto& part : parts)
     if (auto hull = convex_hull(to_single_precision(part))) hulls.push_back(std::move(*hull));

@@ -44,9 +44,15 @@ TriangleMesh read_scaled(const scene::MeshRequest& r) {
 }  // namespace
 
 scene::SolidResult SolidLibrary::load_mesh(const scene::MeshRequest& r) {
-  const FileKey key{r.file.string(), false, r.scale, r.decompose, r.max_hulls, r.tolerance};
+  const FileKey key{r.file.string(), false, r.scale, r.decompose, r.max_hulls.value_or(0), r.tolerance};
   return cached(solids_by_file_, key, r.display_name, [&](std::vector<std::string>& notes) {
-    return build_solid(read_scaled(r), {r.decompose, r.max_hulls, r.tolerance}, notes);
+    const SolidOptions standard;
+    return build_solid(read_scaled(r),
+                       {.decompose = r.decompose,
+                        .max_hulls = r.max_hulls.value_or(standard.max_hulls),
+                        .max_hollow_hulls = r.max_hulls.value_or(scene::kMaxHulls),
+                        .tolerance = r.tolerance},
+                       notes);
   });
 }
 

@@ -76,7 +76,8 @@ class EpisodeRecording {
     const scene::RecordSpec& spec = s.scene().record;
     recorder_->record_inputs(s.actuators());
     recorder_->record_frame(
-        s.snapshot(), s.catalogue(), spec.sensors ? s.sensors() : std::span<const scene::ChannelData>{},
+        s.snapshot(), s.catalogue(),
+        spec.sensors != scene::SensorRecording::kNever ? s.sensors() : std::span<const scene::ChannelData>{},
         spec.actuators ? s.actuators() : std::span<const scene::ChannelData>{}, environment.metrics());
   }
 

@@ -133,6 +133,13 @@ std::string frames_text(const Recording& recording) {
                     : concat(recording.spec().record.tick_interval, " ticks"));
 }
 
+std::string sensors_text(const Recording& recording) {
+  std::string names;
+  for (const std::string& name : recording.channel_names("sensors"))
+    names += (names.empty() ? "" : ", ") + name;
+  return names.empty() ? "none recorded" : names;
+}
+
 std::string outcome_text(const Recording& recording) {
   const std::optional<RunResult>& result = recording.result();
   if (!result) return "none recorded: the run was killed or is still running";
@@ -183,6 +190,7 @@ std::string describe_recording(const Recording& recording) {
   write_line(out, "physics", physics_text(recording));
   write_line(out, "surface", surface_text(recording.spec().surface));
   if (!recording.spec().objects.empty()) write_line(out, "objects", objects_text(recording.spec().objects));
+  write_line(out, "sensors", sensors_text(recording));
   write_line(out, "frames", frames_text(recording));
   write_line(out, "outcome", outcome_text(recording));
   write_line(out, "state hash", state_text(recording));

@@ -49,7 +49,8 @@ scene::SceneSpec scene_of(const Description& d) {
     spec.surface.cell_poses.push_back({static_cast<double>(x), static_cast<double>(y), 0.0});
   spec.world.control_period_s = spec.world.dt_s = static_cast<double>(d.period_ns) * 1e-9;
   spec.record.objects = false;
-  spec.record.sensors = spec.record.actuators = true;
+  spec.record.sensors = scene::SensorRecording::kAlways;
+  spec.record.actuators = true;
   return spec;
 }
 

@@ -243,8 +243,15 @@ void derive_pin_spec(SurfaceSpec&);
 // A pin actuator with the body and limits of `pin`.
 ActuatorSpec make_pin_actuator(const PinSpec& pin);
 
+enum class SensorRecording : std::uint8_t {
+  kNever,
+  kWhereCheap,  // unless they take more than a tenth of the file
+  kAlways,
+};
+
 struct RecordSpec {
-  bool objects = true, sensors = false, actuators = false;
+  bool objects = true, actuators = false;
+  SensorRecording sensors = SensorRecording::kWhereCheap;
   int tick_interval = 1;  // control periods between recorded frames
 };
 

@@ -13,6 +13,8 @@
 
 namespace smartsurf::scene {
 
+inline constexpr int kMaxHulls = 256;  // of one solid
+
 // A convex polyhedron: one of those whose union is a solid. Scripts call it a piece of a mesh (`pieces` is
 // the most that a mesh may have) or a part of a hull (`parts`). Faces are polygons, counter-clockwise seen
 // from outside.

@@ -4,6 +4,7 @@
 #include <Eigen/Core>
 #include <filesystem>
 #include <memory>
+#include <optional>
 #include <span>
 #include <string>
 #include <vector>
@@ -17,8 +18,10 @@ struct MeshRequest {
   std::string display_name;  // the file's name in messages
   double scale = 1.0;        // u per unit of the file
   bool decompose = true;     // false = collide with the convex hull of the mesh
-  int max_hulls = 32;        // limit of the decomposition
-  double tolerance = 0.2;    // allowed relative deviation of the hulls' volume and inertia from the mesh's
+  // Limit of the decomposition; nullopt: 32, or kMaxHulls for a hollow mesh that 32 exceed by more than a
+  // tenth.
+  std::optional<int> max_hulls = {};
+  double tolerance = 0.2;  // allowed relative deviation of the hulls' volume and inertia from the mesh's
 };
 
 struct SolidResult {

@@ -76,6 +76,17 @@ std::uint64_t FrameSeries::max_bytes() const {
   return stored_row_bytes * frames + stored_row_bytes * frames / 64;
 }
 
+std::uint64_t FrameSeries::stored_bytes(hsize_t first, hsize_t count) const {
+  std::uint64_t sum = 0;
+  std::vector<hsize_t> chunk(1 + layout_.row.size(), 0);
+  for (chunk[0] = first; chunk[0] < first + count; chunk[0] += layout_.chunk_frames) {
+    hsize_t bytes = 0;
+    check(H5Dget_chunk_storage_size(dataset_, chunk.data(), &bytes), name_);
+    sum += bytes;
+  }
+  return sum;
+}
+
 void FrameSeries::write(hsize_t first, hsize_t count, hsize_t column_begin, hsize_t column_end) {
   const std::vector<hsize_t> extent = frame_extent(first + count, layout_.row);
   check(H5Dset_extent(dataset_, extent.data()), name_);

@@ -38,6 +38,9 @@ class FrameSeries {
   hid_t dataset() const { return dataset_; }
   // Upper bound of the bytes that writing a full buffer adds to the file.
   std::uint64_t max_bytes() const;
+  // Bytes in the file of the chunks with the frames [first, first + count), which are written and flushed.
+  // `first` begins a chunk. Only if the row's first axis is fixed.
+  std::uint64_t stored_bytes(hsize_t first, hsize_t count) const;
   // Extends the row's first axis; buffered rows keep their values and are padded with the fill value.
   void grow_columns(hsize_t columns);
   // Writes the buffer's first `count` rows as the frames [first, first + count). If the row's first axis can

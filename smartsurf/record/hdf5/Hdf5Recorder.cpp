@@ -22,6 +22,7 @@ constexpr std::size_t kMaxBufferFrames = 64;
 constexpr std::size_t kMaxBufferBytes = 16u << 20;  // all channels together
 constexpr std::size_t kMaxChunkBytes = 256u << 10;  // per channel; a reader decompresses whole chunks
 constexpr std::size_t kMaxBufferedChanges = 1u << 20;
+constexpr double kCheapShare = 0.1;  // of the file, that sensors may take without being asked for
 constexpr std::uint64_t kMetadataBytes = 256u << 10;  // upper bound of the library's metadata per write
 constexpr float kNaN = std::numeric_limits<float>::quiet_NaN();
 
@@ -99,6 +100,8 @@ struct Hdf5Recorder::OpenFile {
   void create_live_series();
   void buffer_live();
   void write_buffered();
+  void write_sensors();
+  void drop_costly_sensors();
 
   PendingFile& pending;
   scene::RecordSpec record;
@@ -116,6 +119,10 @@ struct Hdf5Recorder::OpenFile {
   std::optional<FrameSeries> tick, time, hash, contacts, position, orientation, velocity, angular_velocity,
       height;
   std::vector<FrameSeries> sensor_series, actuator_series, register_series;
+  // Bytes of the sensor readings in the first judged_frames frames.
+  std::uint64_t sensor_bytes = 0;
+  hsize_t judged_frames = 0;
+  bool closing = false;                           // the next write is the last one
   std::span<const scene::ChannelData> registers;  // of the next frame
   struct LiveSeries {
     std::string group, name;
@@ -189,7 +196,9 @@ void Hdf5Recorder::OpenFile::create_series(const scene::Snapshot& first,
                                            std::span<const scene::ChannelData> sensors,
                                            std::span<const scene::ChannelData> actuators) {
   std::size_t bytes = record.objects ? object_count * 13 * sizeof(float) : 0;
-  if (record.sensors)
+  if (sensors.empty() && live_channels.empty()) record.sensors = scene::SensorRecording::kNever;
+  const bool with_sensors = record.sensors != scene::SensorRecording::kNever;
+  if (with_sensors)
     for (const scene::ChannelData& channel : sensors) bytes += channel.values.size_bytes();
   if (record.actuators) {
     for (const scene::ChannelData& channel : actuators) bytes += channel.values.size_bytes();
@@ -218,9 +227,9 @@ void Hdf5Recorder::OpenFile::create_series(const scene::Snapshot& first,
   std::vector<LiveChannel> live_sensors, live_actuators;
   for (const LiveChannel& channel : live_channels)
     (channel.sensor ? live_sensors : live_actuators).push_back(channel);
-  if (record.sensors && !live_channels.empty())
+  if (with_sensors && !live_channels.empty())
     create_channels(paths::kSensors, sensors, live_sensors, sensor_series);
-  else if (record.sensors)
+  else if (with_sensors)
     create_channels(paths::kSensors, sensors, scene::collect_channels(surface.sensors), sensor_series);
   if (record.actuators) {
     if (!live_channels.empty())
@@ -305,7 +314,7 @@ void Hdf5Recorder::OpenFile::buffer_frame(const scene::Snapshot& snapshot,
   buffer_live();
   if (!register_series.empty()) buffer_channels(registers, register_series);
   if (record.objects) buffer_objects(snapshot);
-  if (record.sensors) buffer_channels(sensors, sensor_series);
+  if (record.sensors != scene::SensorRecording::kNever) buffer_channels(sensors, sensor_series);
   if (record.actuators) {
     buffer_channels(actuators, actuator_series);
     const std::span<float> row = height->row<float>(buffered_frames);
@@ -330,7 +339,6 @@ template <class Action>
 void Hdf5Recorder::OpenFile::for_each_series(Action action) {
   for (auto* series : {&position, &orientation, &velocity, &angular_velocity, &height})
     if (*series) action(**series);
-  for (FrameSeries& series : sensor_series) action(series);
   for (FrameSeries& series : register_series) action(series);
   for (FrameSeries& series : actuator_series) action(series);
   for (auto& series : metric_series)
@@ -408,6 +416,39 @@ void Hdf5Recorder::OpenFile::flush() {
   pending.note_length();
 }
 
+// Sensors lie behind the rest, so that the file shrinks where they leave it at once.
+void Hdf5Recorder::OpenFile::write_sensors() {
+  if (sensor_series.empty()) return;
+  for (FrameSeries& series : sensor_series) series.write(written_frames, buffered_frames);
+  check_closed();
+  check(H5Fflush(file, H5F_SCOPE_LOCAL), "flush");
+  if ((written_frames + buffered_frames) % kMaxBufferFrames == 0 || (closing && judged_frames == 0))
+    drop_costly_sensors();
+}
+
+// Sensors that nobody asked for leave the file once they take more than kCheapShare of it. Whole buffers
+// alone are judged, and shorter recordings at their end, because an early write, which depends on the clock,
+// must not decide.
+void Hdf5Recorder::OpenFile::drop_costly_sensors() {
+  if (record.sensors != scene::SensorRecording::kWhereCheap) return;
+  const hsize_t frames = written_frames + buffered_frames;
+  for (const FrameSeries& series : sensor_series)
+    sensor_bytes += series.stored_bytes(judged_frames, frames - judged_frames);
+  judged_frames = frames;
+  hsize_t length = 0;
+  check(H5Fget_filesize(file, &length), "length");
+  const hssize_t unused = H5Fget_freespace(file);
+  check(unused < 0 ? -1 : 0, "free space");
+  if (static_cast<double>(sensor_bytes) <=
+      kCheapShare * static_cast<double>(length - static_cast<hsize_t>(unused)))
+    return;
+  record.sensors = scene::SensorRecording::kNever;
+  sensor_series.clear();
+  check_closed();
+  check(H5Ldelete(file, paths::kSensors, H5P_DEFAULT), paths::kSensors);
+  check(H5Fflush(file, H5F_SCOPE_LOCAL), "flush");
+}
+
 // A frame exists once its tick is stored. Ticks are written and flushed after everything else, so a process
 // killed in between cannot leave a partial frame.
 void Hdf5Recorder::OpenFile::write_buffered() {
@@ -415,6 +456,7 @@ void Hdf5Recorder::OpenFile::write_buffered() {
   std::uint64_t max_bytes = kMetadataBytes + catalogue->max_bytes(pending_objects);
   if (buffered_frames > 0) {
     for_each_series([&](const FrameSeries& series) { max_bytes += series.max_bytes(); });
+    for (const FrameSeries& series : sensor_series) max_bytes += series.max_bytes();
     max_bytes += tick->max_bytes();
   }
   for (auto* changes : {&inputs, &heights, &motion, &skin})
@@ -430,6 +472,7 @@ void Hdf5Recorder::OpenFile::write_buffered() {
         [&](FrameSeries& series) { series.write(written_frames, buffered_frames, live_begin, live_end); });
     check_closed();
     check(H5Fflush(file, H5F_SCOPE_LOCAL), "flush");
+    write_sensors();
     tick->write(written_frames, buffered_frames);
   }
   flush();
@@ -561,7 +604,9 @@ void Hdf5Recorder::mark_user_interaction(std::uint64_t tick) {
 
 void Hdf5Recorder::close(const RunResult& result) {
   with_open_file([&](OpenFile& content) {
+    content.closing = true;
     content.write_buffered();
+    if (content.judged_frames == 0 && content.written_frames > 0) content.drop_costly_sensors();
     content.preallocator.preallocate(kMetadataBytes + result.outcome.size());
     write_result(content.file, result);
     content.flush();

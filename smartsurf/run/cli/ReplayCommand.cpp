@@ -4,6 +4,7 @@
 #include <CLI/CLI.hpp>
 #include <filesystem>
 #include <memory>
+#include <optional>
 
 #include "common/files/Inputs.h"
 #include "common/process/ExitStatus.h"
@@ -104,11 +105,23 @@ int replay_command(const ReplayFlags& flags) {
   job.outputs = prepare_media(screenshots, flags.video);
   job.confinement->calls = common::Confinement::Calls::kPictures;
   common::add_picture_files(*job.confinement);
+  // Sensors that the recording lacks come from another run, which may read what the first one read.
+  std::optional<TemporaryFolder> output_folder;
+  if (!render.view.overlay.channel.empty()) {
+    output_folder.emplace();
+    job.confinement->write_folders.push_back(output_folder->path());
+    if (const auto experiment = find_unchanged_experiment(flags.file))
+      add_experiment_files(*job.confinement, experiment->string());
+  }
   std::unique_ptr<common::VideoEncoder> video;
   job.prepare = [&] { video = start_video(flags.video, render); };
   job.command = [&] {
     const record::Recording recording = record::Recording::open(flags.file);
-    replay_to_media(recording, screenshots, std::move(video), render, common::catch_stop_signals());
+    const auto& stop = common::catch_stop_signals();
+    if (output_folder && needs_rerun(recording, render))
+      rerun_to_media(recording, screenshots, std::move(video), render, output_folder->path(), stop);
+    else
+      replay_to_media(recording, screenshots, std::move(video), render, stop);
     return common::status_after_signals(common::kDone);
   };
   return read_in_worker(job);

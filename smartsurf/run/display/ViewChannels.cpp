@@ -30,12 +30,12 @@ view::Channel sensor_channel(const scene::SurfaceSpec& surface, const std::strin
 view::Channel actuator_channel(const scene::SurfaceSpec& surface, const std::string& name) {
   for (const scene::ActuatorChannel& channel : surface.actuator_channels())
     if (channel.name == name)
-      return {"command: " + name,
+      return {kCommandPrefix + name,
               channel.unit,
               {},
               static_cast<float>(channel.minimum),
               static_cast<float>(channel.maximum)};
-  return {"command: " + name, "", {}, 0.0F, 0.0F};
+  return {kCommandPrefix + name, "", {}, 0.0F, 0.0F};
 }
 
 std::string component_name(const std::string& name, int component, int components) {
@@ -92,24 +92,26 @@ std::span<const view::Channel> ViewChannels::show(const RunHistory& history, con
 
 namespace {
 
-// Throws unless `name` is one of the names of its kind ("channel").
+// Throws unless `name` is one of the names of its kind ("channel"). hint: ends the message if no known name
+// is like it.
 void require_known(const std::string& flag, const std::string& name, const char* kind,
-                   const std::vector<std::string>& known) {
+                   const std::vector<std::string>& known, const std::string& hint = "") {
   if (std::ranges::find(known, name) != known.end()) return;
   const std::string suggestion = common::nearest_name(name, known);
   throw scene::InputError(
-      fmt::format("{} {}: no such {}{}; known: {}", flag, name, kind,
+      fmt::format("{} {}: no such {}{}; known: {}{}", flag, name, kind,
                   suggestion.empty() ? "" : fmt::format(" (did you mean '{}'?)", suggestion),
-                  known.empty() ? "none" : fmt::format("{}", fmt::join(known, ", "))));
+                  known.empty() ? "none" : fmt::format("{}", fmt::join(known, ", ")),
+                  suggestion.empty() && !hint.empty() ? "; " + hint : ""));
 }
 
 }  // namespace
 
 void require_channel(const std::string& flag, const std::string& name,
-                     std::span<const view::Channel> channels) {
+                     std::span<const view::Channel> channels, const std::string& hint) {
   std::vector<std::string> known;
   for (const view::Channel& channel : channels) known.push_back(channel.name);
-  require_known(flag, name, "channel", known);
+  require_known(flag, name, "channel", known, hint);
 }
 
 void require_metric(const std::string& flag, const std::string& name,

@@ -13,6 +13,9 @@
 
 namespace smartsurf::run {
 
+// The names of channels that are an actuator's commands begin with this.
+inline constexpr const char* kCommandPrefix = "command: ";
+
 class ViewChannels {
  public:
   // registers: of the APRON program; those that are named are channels, too. Null: none.
@@ -34,9 +37,10 @@ class ViewChannels {
   std::vector<float> missing_;      // the values of a register before the program's first answer
 };
 
-// Both throw scene::InputError, which begins with the flag, for what the surface does not have.
+// Both throw scene::InputError, which begins with the flag, for what the surface does not have. hint: ends
+// the message.
 void require_channel(const std::string& flag, const std::string& name,
-                     std::span<const view::Channel> channels);
+                     std::span<const view::Channel> channels, const std::string& hint = "");
 void require_signal(const std::string& flag, const view::Signal& signal, const scene::SurfaceSpec& surface,
                     std::span<const view::Channel> channels);
 // Throws scene::InputError, which begins with the flag, unless `name` is one of the metrics.

@@ -2,6 +2,9 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
+#include <cmath>
+#include <thread>
 #include <utility>
 
 #include "common/image/Png.h"
@@ -14,6 +17,7 @@ namespace {
 
 constexpr common::PixelSize kDefaultScreenshotSize{1600, 1000}, kDefaultVideoSize{1280, 720};
 constexpr int kVideoFramesPerSecond = 30;
+constexpr unsigned kMostVideoThreads = 16;
 
 // The video format subsamples colours by 2 × 2, so both edges must be even.
 common::PixelSize video_size(const RenderOptions& render_options) {
@@ -32,16 +36,25 @@ std::unique_ptr<common::VideoEncoder> start_video(const std::string& file, const
   return std::make_unique<common::VideoEncoder>(file, size.width, size.height, kVideoFramesPerSecond);
 }
 
+int video_threads(const RenderOptions& options) {
+  if (options.view.detail == view::Detail::kFinal) return 1;
+  return static_cast<int>(std::clamp(std::thread::hardware_concurrency(), 1U, kMostVideoThreads));
+}
+
 MediaWriter::MediaWriter(std::vector<Screenshot> screenshots, std::unique_ptr<common::VideoEncoder> video,
-                         const RenderOptions& render_options, const scene::SceneSpec& scene)
+                         const RenderOptions& render_options, const scene::SceneSpec& scene,
+                         std::optional<int> threads_of_video)
     : scene_(scene),
       render_options_(render_options),
       overlay_(scene.surface),
-      pending_screenshots_(std::move(screenshots)),
-      video_writer_(std::move(video)) {
-  if (!pending_screenshots_.empty() || video_writer_)
+      pending_screenshots_(std::move(screenshots)) {
+  if (!pending_screenshots_.empty() || video)
     view::OffscreenView::require_available(render_options.view.detail.value_or(view::Detail::kStill));
   overlay_.settings = render_options.view.overlay;
+  if (video)
+    video_writer_ = std::make_unique<VideoWriter>(
+        std::move(video), scene_, render_options.view.detail.value_or(view::Detail::kVideo),
+        video_size(render_options), threads_of_video.value_or(video_threads(render_options)));
 }
 
 MediaWriter::~MediaWriter() = default;
@@ -65,8 +78,7 @@ void MediaWriter::finish(const view::FrameInput& frame) {
   video_writer_.reset();
 }
 
-common::Image MediaWriter::render(view::OffscreenView& view, const view::FrameInput& frame,
-                                  const common::PixelSize& size) {
+view::DrawOptions MediaWriter::draw_options(const view::FrameInput& frame) {
   const view::ViewSettings& settings = render_options_.view;
   if (!settings.overlay.channel.empty()) require_channel("--cells", settings.overlay.channel, frame.channels);
   view::DrawOptions options;
@@ -76,30 +88,31 @@ common::Image MediaWriter::render(view::OffscreenView& view, const view::FrameIn
   options.samples = render_options_.samples;
   overlay_.apply(frame, nullptr, options);
   if (overlay_.colour_scale()) options.legend = &*overlay_.colour_scale();
-  const view::Camera camera =
-      view::Camera::from_view(scene_.surface, settings.camera, static_cast<double>(size.width) / size.height);
-  return view.render(frame.snapshot, frame.catalogue, camera, options, size.width, size.height);
+  return options;
+}
+
+view::Camera MediaWriter::camera(const common::PixelSize& size) const {
+  return view::Camera::from_view(scene_.surface, render_options_.view.camera,
+                                 static_cast<double>(size.width) / size.height);
 }
 
 void MediaWriter::write_screenshot(const view::FrameInput& frame, const std::string& file) {
   if (!screenshot_view_)
     screenshot_view_ = std::make_unique<view::OffscreenView>(
         scene_, render_options_.view.detail.value_or(view::Detail::kStill));
-  common::write_png(
-      file, render(*screenshot_view_, frame, render_options_.pixel_size.value_or(kDefaultScreenshotSize)));
+  const common::PixelSize size = render_options_.pixel_size.value_or(kDefaultScreenshotSize);
+  common::write_png(file, screenshot_view_->render(frame.snapshot, frame.catalogue, camera(size),
+                                                   draw_options(frame), size.width, size.height));
 }
 
 // The frame rate refers to simulated time, so that the video plays in real time at any pace of the run.
 void MediaWriter::write_video_frames(const view::FrameInput& frame) {
   const double frames_due = frame.snapshot.time_s * kVideoFramesPerSecond + 1e-6;
   if (frames_due < static_cast<double>(video_frames_written_)) return;
-  if (!video_view_)
-    video_view_ = std::make_unique<view::OffscreenView>(
-        scene_, render_options_.view.detail.value_or(view::Detail::kVideo));
-  const common::Image image = render(*video_view_, frame, video_size(render_options_));
   // If a control period is longer than a video frame, the image is repeated.
-  for (; frames_due >= static_cast<double>(video_frames_written_); ++video_frames_written_)
-    video_writer_->add(image);
+  const long count = static_cast<long>(std::floor(frames_due)) + 1 - video_frames_written_;
+  video_writer_->add(frame, camera(video_size(render_options_)), draw_options(frame), count);
+  video_frames_written_ += count;
 }
 
 }  // namespace smartsurf::run

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -9,22 +10,22 @@
 #include "common/video/VideoEncoder.h"
 #include "smartsurf/run/options/RenderOptions.h"
 #include "smartsurf/run/options/RunOptions.h"
+#include "smartsurf/run/output/VideoWriter.h"
 #include "smartsurf/view/model/FrameInput.h"
-
-namespace smartsurf::view {
-class OffscreenView;
-}  // namespace smartsurf::view
 
 namespace smartsurf::run {
 
 // Starts the encoder of a video. Throws scene::InputError if it cannot be written.
 std::unique_ptr<common::VideoEncoder> start_video(const std::string& file, const RenderOptions&);
 
+// On how many threads the frames of a video are drawn: one a core; path tracing itself takes all.
+int video_threads(const RenderOptions&);
+
 class MediaWriter {
  public:
   // video: null for none. Throws scene::InputError if pictures cannot be drawn.
   MediaWriter(std::vector<Screenshot>, std::unique_ptr<common::VideoEncoder> video, const RenderOptions&,
-              const scene::SceneSpec&);
+              const scene::SceneSpec&, std::optional<int> threads_of_video = {});
   ~MediaWriter();
 
   // Call for every frame, in order. Writes what is due at the frame's time. Throws scene::InputError if the
@@ -36,7 +37,9 @@ class MediaWriter {
   bool only_final_left() const { return pending_screenshots_.empty() && !video_writer_; }
 
  private:
-  common::Image render(view::OffscreenView&, const view::FrameInput&, const common::PixelSize&);
+  // The spans are valid until the next call.
+  view::DrawOptions draw_options(const view::FrameInput&);
+  view::Camera camera(const common::PixelSize&) const;
   void write_screenshot(const view::FrameInput&, const std::string& file);
   void write_video_frames(const view::FrameInput&);
 
@@ -44,8 +47,8 @@ class MediaWriter {
   RenderOptions render_options_;
   view::Overlay overlay_;
   std::vector<Screenshot> pending_screenshots_;
-  std::unique_ptr<view::OffscreenView> screenshot_view_, video_view_;
-  std::unique_ptr<common::VideoEncoder> video_writer_;
+  std::unique_ptr<view::OffscreenView> screenshot_view_;
+  std::unique_ptr<VideoWriter> video_writer_;
   long video_frames_written_ = 0;
 };
 

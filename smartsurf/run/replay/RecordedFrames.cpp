@@ -13,7 +13,7 @@ RecordedFrames::RecordedFrames(const record::Recording& recording) : recording_(
   const scene::SurfaceSpec& surface = recording.spec().surface;
   channels_ = {height_channel(surface)};
   add_channels("sensors", "");
-  add_channels("actuators", "command: ");
+  add_channels("actuators", kCommandPrefix);
   add_channels("registers", view::kRegisterPrefix);
   if (const auto time_s = recording.success_s())
     marks_.push_back({view::EventMark::Kind::kSuccess, *time_s, "success"});

@@ -7,6 +7,7 @@
 #include <thread>
 
 #include "common/process/WindowLibrary.h"
+#include "common/text/Suggestion.h"
 #include "smartsurf/run/Pacer.h"
 #include "smartsurf/run/Run.h"
 #include "smartsurf/run/display/PlotFile.h"
@@ -15,6 +16,7 @@
 #include "smartsurf/run/output/Progress.h"
 #include "smartsurf/run/replay/Player.h"
 #include "smartsurf/run/replay/RecordedFrames.h"
+#include "smartsurf/run/replay/Verify.h"
 #include "smartsurf/view/output/OffscreenView.h"
 #include "smartsurf/view/window/Window.h"
 
@@ -27,6 +29,21 @@ using Clock = std::chrono::steady_clock;
 void require_poses(const record::Recording& recording) {
   if (recording.frames() == 0 || !(recording.has_objects() || recording.has_heights()))
     throw scene::InputError(recording.path().string() + ": holds nothing to show");
+}
+
+void require_times(const record::Recording& recording, const std::vector<Screenshot>& screenshots) {
+  for (const Screenshot& screenshot : screenshots)
+    if (screenshot.time_s && *screenshot.time_s > recording.times().back() + 1e-9)
+      throw scene::InputError(fmt::format("--screenshot {}@{}: the recording ends at {} s", screenshot.file,
+                                          *screenshot.time_s, recording.times().back()));
+}
+
+void require_cell_channel(const record::Recording& recording, const RecordedFrames& frames,
+                          const std::string& channel) {
+  if (channel.empty()) return;
+  const bool has_sensors = !recording.channel_names("sensors").empty();
+  require_channel("--cells", channel, frames.channels(),
+                  has_sensors ? "" : "the recording has no sensors, which record { sensors = true } keeps");
 }
 
 view::Status make_view_status(const record::Recording& recording, const RecordedFrames& frames,
@@ -61,17 +78,52 @@ std::string reason_not_to_open(const std::string& file) {
 
 }  // namespace
 
+bool needs_rerun(const record::Recording& recording, const RenderOptions& options) {
+  const std::string& channel = options.view.overlay.channel;
+  if (channel.empty() || !common::nearest_name(channel, {"height"}).empty() ||
+      channel.starts_with(view::kRegisterPrefix) || channel.starts_with(kCommandPrefix))
+    return false;
+  return recording.channel_names("sensors").empty();
+}
+
+bool rerun_to_media(const record::Recording& recording, const std::vector<Screenshot>& screenshots,
+                    std::unique_ptr<common::VideoEncoder> video, const RenderOptions& render_options,
+                    const std::filesystem::path& output_folder, const std::atomic<bool>& stop) {
+  require_poses(recording);
+  require_times(recording, screenshots);
+  MediaWriter media(screenshots, std::move(video), render_options, recording.spec());
+  Progress progress;
+  progress.print_message(recording.path().string() + ": has no sensors: running it again");
+  ViewChannels channels;
+  std::size_t frame = 0;
+  const double until_s = recording.times().back();
+  const VerificationResult result = verify(
+      recording, 1, {}, output_folder, stop, [&](double time_s) { progress.update(time_s, until_s); },
+      [&](const simulation::Simulation& simulation) {
+        const view::FrameInput input{simulation.snapshot(), simulation.catalogue(),
+                                     channels.update(simulation)};
+        if (frame == 0) require_channel("--cells", render_options.view.overlay.channel, input.channels);
+        media.write_due(input);
+        if (++frame == recording.frames()) media.finish(input);
+        return !media.only_final_left();
+      });
+  if (result.first_different_tick)
+    throw scene::InputError(fmt::format("{}: cannot be run again: it differs at tick {}: {}",
+                                        recording.path().string(), *result.first_different_tick,
+                                        result.difference));
+  progress.finish(until_s);
+  return !result.interrupted;
+}
+
 bool replay_to_media(const record::Recording& recording, const std::vector<Screenshot>& screenshots,
                      std::unique_ptr<common::VideoEncoder> video, const RenderOptions& render_options,
                      const std::atomic<bool>& stop) {
   require_poses(recording);
-  for (const Screenshot& screenshot : screenshots)
-    if (screenshot.time_s && *screenshot.time_s > recording.times().back() + 1e-9)
-      throw scene::InputError(fmt::format("--screenshot {}@{}: the recording ends at {} s", screenshot.file,
-                                          *screenshot.time_s, recording.times().back()));
+  require_times(recording, screenshots);
+  RecordedFrames frames(recording);
+  require_cell_channel(recording, frames, render_options.view.overlay.channel);
   MediaWriter media(screenshots, std::move(video), render_options, recording.spec());
   Progress progress;
-  RecordedFrames frames(recording);
   for (std::size_t frame = 0; frame < recording.frames() && !media.only_final_left(); ++frame) {
     if (stop) return false;
     media.write_due(frames.frame_input(frame));
@@ -87,8 +139,7 @@ std::string replay_in_window(const record::Recording& recording, double pace,
   require_poses(recording);
   view::OffscreenView::require_available();
   RecordedFrames frames(recording);
-  if (!settings.overlay.channel.empty())
-    require_channel("--cells", settings.overlay.channel, frames.channels());
+  require_cell_channel(recording, frames, settings.overlay.channel);
   for (const view::Signal& signal : settings.plots)
     if (signal.kind == view::Signal::Kind::kMetric)
       require_metric("--plot", signal.quantity, recording.metric_names());

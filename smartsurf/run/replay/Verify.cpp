@@ -244,7 +244,8 @@ std::optional<fs::path> find_unchanged_experiment(const fs::path& recording) {
 
 VerificationResult verify(const record::Recording& recording, int threads, const Allowed& allowed,
                           const fs::path& output_folder, const std::atomic<bool>& stop,
-                          const std::function<void(double)>& progress) {
+                          const std::function<void(double)>& progress,
+                          const std::function<bool(const simulation::Simulation&)>& observe) {
   require_reproducible(recording, allowed);
   require_engine(recording);
   require_extensions(recording, /*may_be_missing=*/allowed.extensions || recording.meta().unsafe);
@@ -267,7 +268,10 @@ VerificationResult verify(const record::Recording& recording, int threads, const
     progress(simulation.snapshot().time_s);
     ++result.frames_compared;
     result.last_tick = simulation.snapshot().tick;
-    if (simulation.snapshot().state_hash == recording.state_hashes()[frame]) continue;
+    if (simulation.snapshot().state_hash == recording.state_hashes()[frame]) {
+      if (observe && !observe(simulation)) return result;
+      continue;
+    }
     result.first_different_tick = result.last_tick;
     result.difference = describe_difference(recording, frame, simulation);
     return result;

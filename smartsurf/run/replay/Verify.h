@@ -10,6 +10,7 @@
 
 #include "common/files/UnfinishedFile.h"
 #include "smartsurf/record/Recording.h"
+#include "smartsurf/simulation/Simulation.h"
 
 namespace smartsurf::run {
 
@@ -50,9 +51,11 @@ std::optional<std::filesystem::path> find_unchanged_experiment(const std::filesy
 // their original paths. Actuator targets set by a controller are taken from the recording, so no controller
 // runs. progress: called with the simulated time of each frame. Throws scene::InputError if the recording
 // cannot be reproduced: the user intervened, the inputs were not recorded, the script is unsafe and not
-// allowed, or an extension is missing or has other content.
+// allowed, or an extension is missing or has other content. observe: called for each frame that is identical;
+// false ends the run.
 VerificationResult verify(const record::Recording&, int threads, const Allowed&,
                           const std::filesystem::path& output_folder, const std::atomic<bool>& stop,
-                          const std::function<void(double)>& progress);
+                          const std::function<void(double)>& progress,
+                          const std::function<bool(const simulation::Simulation&)>& observe = {});
 
 }  // namespace smartsurf::run

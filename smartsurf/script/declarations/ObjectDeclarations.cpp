@@ -18,7 +18,6 @@ namespace {
 constexpr std::size_t kMaxObjects = 1'000'000;
 constexpr std::size_t kMaxHullPoints = 100'000;
 constexpr std::size_t kMaxLabelLength = 100;
-constexpr int kMaxHullCount = 256;  // of one solid
 
 // The Lua function of one shape: the fields that it takes besides kCommonFields, and their reader.
 struct ShapeBinding {
@@ -159,7 +158,9 @@ void read_mesh(ScriptContext& context, lua_State* L, const TableReader& fields, 
   fields.require("file");
   read_mesh_source(context, L, fields, request);
   fields.read("decompose", request.decompose);
-  fields.read("pieces", request.max_hulls, 1, kMaxHullCount);
+  int pieces = 0;
+  fields.read("pieces", pieces, 1, scene::kMaxHulls);
+  if (pieces > 0) request.max_hulls = pieces;
   fields.visit("tolerance", [&](int i, const std::string& name) {
     request.tolerance = check_number(L, i, name);
     if (!(request.tolerance > 0.0)) throw_invalid_value(L, i, name, "greater than 0");
@@ -187,9 +188,9 @@ std::vector<std::vector<Eigen::Vector3d>> check_parts(ScriptContext& context, lu
   if (lua_type(L, index) != LUA_TTABLE)
     throw_invalid_value(L, index, name, "a list of lists of points, {{{x, y, z}, ...}, ...}");
   const lua_Unsigned count = lua_rawlen(L, index);
-  if (count < 1 || count > kMaxHullCount)
+  if (count < 1 || count > scene::kMaxHulls)
     throw ScriptError(name + ": has " + std::to_string(count) + " parts; must be 1 to " +
-                      std::to_string(kMaxHullCount));
+                      std::to_string(scene::kMaxHulls));
   std::vector<std::vector<Eigen::Vector3d>> parts;
   for_each_element(L, index, name, [&](int i, const std::string& element) {
     parts.push_back(check_points(context, L, i, element));

@@ -189,7 +189,11 @@ int record(ScriptContext& context, lua_State* L) {
   const TableReader fields(L, 1, "record", {"objects", "sensors", "actuators", "every"});
   scene::RecordSpec& spec = context.spec.record;
   fields.read("objects", spec.objects);
-  fields.read("sensors", spec.sensors);
+  fields.visit("sensors", [&](int i, const std::string& name) {
+    bool all = false;
+    check_value(L, i, name, all);
+    spec.sensors = all ? scene::SensorRecording::kAlways : scene::SensorRecording::kNever;
+  });
   fields.read("actuators", spec.actuators);
   fields.read("every", spec.tick_interval, 1, 1'000'000);
   return 0;

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cstring>
+#include <mutex>
 #include <thread>
 
 #include "common/gl/EglContext.h"
@@ -47,7 +48,10 @@ struct OffscreenView::State {
   ~State() {
     if (!context) return;
     context->make_current();
-    legend_renderer.reset();
+    {
+      const std::lock_guard lock(legends_mutex());
+      legend_renderer.reset();
+    }
     renderer.reset();
     target.reset();
   }
@@ -59,7 +63,14 @@ struct OffscreenView::State {
     target = std::make_unique<RenderTarget>();
   }
 
+  // Dear ImGui has one current context for all threads.
+  static std::mutex& legends_mutex() {
+    static std::mutex mutex;
+    return mutex;
+  }
+
   void draw_legend(const ColourScale& colour_scale, int width, int height) {
+    const std::lock_guard lock(legends_mutex());
     const float scale = std::max(0.5f, static_cast<float>(height) / kReferenceHeight_px);
     if (!legend_renderer || legend_renderer->scale() != scale)
       legend_renderer = std::make_unique<LegendRenderer>(scale);

@@ -1,7 +1,8 @@
 // Renders images off-screen: through EGL, or by tracing paths on the processor.
 //
 // Identical snapshots, cameras, options and sizes give identical bytes on the same driver. Any thread, one at
-// a time. No context stays current between calls, so an OffscreenView can coexist with a Window.
+// a time for each OffscreenView. No context stays current between calls, so one can coexist with others and a
+// Window.
 #pragma once
 
 #include <memory>

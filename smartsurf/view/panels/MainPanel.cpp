@@ -142,7 +142,8 @@ std::string missing_lines(const FrameInput& input, const OverlaySettings& settin
   const char* const where = status.timeline && status.timeline->is_recording ? "in this recording" : "here";
   std::string missing;
   if (settings.sensor_rays && !has_distance_sensors(input))
-    missing += std::string("no distance sensors ") + where + "\n";
+    missing += std::string("no distance sensors ") + where +
+               (is_recording(status) ? ": record { sensors = true } keeps them\n" : "\n");
   if (settings.contact_forces && !status.has_contacts)
     missing += std::string("no contact forces ") + where + "\n";
   return missing;
@@ -166,9 +167,10 @@ void draw_switches(const FrameInput& input, const Status& status, Controls& cont
        : recorded          ? "contact forces: F. A recording has none"
                            : "contact forces: F. They are known only at the present"},
       {Icon::kSensors, "Sensors", UiAction::kSensorRays,
-       rays       ? "rays of the distance sensors: S"
-       : recorded ? "rays of the distance sensors: S. This recording has none"
-                  : "rays of the distance sensors: S. This table has none"},
+       rays ? "rays of the distance sensors: S"
+       : recorded
+           ? "rays of the distance sensors: S. This recording has none: record { sensors = true } keeps them"
+           : "rays of the distance sensors: S. This table has none"},
       {Icon::kLabels, "Labels", UiAction::kLabels, "labels of the objects: L"},
       {Icon::kList, "Objects", UiAction::kEntities, "list of objects and channels, with a search: O"},
       {Icon::kPlots, "Plots", UiAction::kPlots, "plots of quantities over time: P"}};
@@ -225,6 +227,9 @@ void draw_show_section(const FrameInput& input, const Status& status, const Over
 
 void draw_state(const FrameInput& input, const Status& status, const HudState& state) {
   if (ImGui::BeginTable("state", 2, ImGuiTableFlags_SizingFixedFit)) {
+    // A fitted column would cut a value that has just grown, for one frame.
+    ImGui::TableSetupColumn("name", ImGuiTableColumnFlags_WidthFixed);
+    ImGui::TableSetupColumn("value", ImGuiTableColumnFlags_WidthStretch);
     draw_state_rows(input.snapshot, status, state);
     ImGui::EndTable();
   }

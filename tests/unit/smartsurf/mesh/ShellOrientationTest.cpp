@@ -95,6 +95,14 @@ TEST(Shells, NestedShellBecomesCavity) {
   EXPECT_DOUBLE_EQ(volume_of(mesh), 63.0);
 }
 
+TEST(Shells, CrossingShellsAreNoCavities) {
+  // The first point of the second cube lies in the first one.
+  TriangleMesh mesh = cube(0.0, 4.0);
+  add(mesh, cube(1.0, 6.0));
+  EXPECT_TRUE(orient_shells(mesh).empty());
+  EXPECT_DOUBLE_EQ(volume_of(mesh), 64.0 + 216.0);
+}
+
 TEST(Shells, CubesTouchingAlongEdgeAreTwoShells) {
   TriangleMesh mesh = cube(0.0, 1.0);
   add(mesh, box_mesh({1, 1, 0}, {2, 2, 1}));

@@ -71,7 +71,7 @@ void expect_readable(const std::filesystem::path& path, std::size_t min_frames) 
 TEST(KilledWriter, FileIsReadableUpToLastFlush) {
   const OutputFolder out;
   SyntheticRun run;
-  run.spec.record.sensors = true;
+  run.spec.record.sensors = scene::SensorRecording::kAlways;
   KilledWriterProcess writer(out / "run.h5", run);
   writer.wait_for_frames(200);
   writer.kill();
@@ -91,7 +91,7 @@ TEST(KilledWriter, FileIsReadableWhileOpen) {
 TEST(KilledWriter, FileIsReadableWheneverKilled) {
   const OutputFolder out;
   SyntheticRun run;
-  run.spec.record.sensors = true;
+  run.spec.record.sensors = scene::SensorRecording::kAlways;
   const char* more = std::getenv("RECORD_TEST_KILLS");
   const int kills = more ? std::atoi(more) : 25;
   for (int i = 0; i < kills && !HasFatalFailure(); ++i) {

@@ -12,6 +12,8 @@
 #include <filesystem>
 #include <fstream>
 #include <iterator>
+#include <numeric>
+#include <random>
 
 #include "smartsurf/record/Recording.h"
 #include "smartsurf/scene/KindRegistry.h"
@@ -186,7 +188,8 @@ struct Channels {
 TEST(Recorder, WritesRequestedChannels) {
   const OutputFolder out;
   SyntheticRun run;
-  run.spec.record.sensors = run.spec.record.actuators = true;
+  run.spec.record.sensors = scene::SensorRecording::kAlways;
+  run.spec.record.actuators = true;
   const auto recorder = open_recorder(out / "run.h5", run.meta, run.spec);
   for (std::uint64_t t = 0; t < 100; ++t) {
     const Channels values(t);
@@ -207,10 +210,68 @@ TEST(Recorder, WritesRequestedChannels) {
   EXPECT_THROW(recording.read_channel("sensors", "proximity", 100), InputError);
 }
 
+// Sensors that nobody asks for stay in the file where they take at most a tenth of it. Tables, numbers of
+// objects and shares of cells whose readings change are drawn.
+TEST(Recorder, KeepsSensorsWhereTheyCostLittle) {
+  const OutputFolder out;
+  int kept = 0, dropped = 0;
+  for (unsigned seed = 1; seed <= 24; ++seed) {
+    std::mt19937 draw(seed);
+    const auto uniform = [&](int low, int high) {
+      return std::uniform_int_distribution<int>(low, high)(draw);
+    };
+    SyntheticRun run;
+    run.spec.surface.rows = uniform(4, 32);
+    run.spec.surface.columns = uniform(4, 32);
+    for (int more = uniform(0, 60); more > 0; --more) run.add(scene::ShapeKind::kSphere, "", 1.0);
+    const int rows = run.spec.surface.rows, columns = run.spec.surface.columns;
+    const int changing = uniform(0, rows * columns / (seed % 3 == 0 ? 1 : 12)), frames = uniform(20, 400);
+    std::vector<scene::ObjectId> live(run.spec.objects.size());
+    std::iota(live.begin(), live.end(), scene::ObjectId{0});
+    const unsigned noise = draw();
+    const auto write = [&](const char* name, scene::SensorRecording sensors) {
+      run.spec.record.sensors = sensors;
+      const auto recorder = open_recorder(out / name, run.meta, run.spec);
+      std::mt19937 readings(noise);
+      std::vector<float> values(rows * columns);
+      for (int t = 0; t < frames; ++t) {
+        for (int i = 0; i < changing; ++i)
+          values[readings() % values.size()] = static_cast<float>(readings()) * 1e-6F;
+        const scene::ChannelData channels[] = {{"proximity", rows, columns, 1, values}};
+        recorder->record_frame(run.snapshot_at(t, live), run.spec.objects, channels);
+      }
+      recorder->close({});
+      return static_cast<double>(std::filesystem::file_size(out / name));
+    };
+    const double without = write("never.h5", scene::SensorRecording::kNever),
+                 with = write("always.h5", scene::SensorRecording::kAlways),
+                 chosen = write("cheap.h5", scene::SensorRecording::kWhereCheap),
+                 share = 1.0 - without / with;
+    EXPECT_EQ(write("again.h5", scene::SensorRecording::kWhereCheap), chosen);
+    EXPECT_EQ(content(out / "again.h5"), content(out / "cheap.h5"));
+    const bool has = !Recording::open(out / "cheap.h5").channel_names("sensors").empty();
+    SCOPED_TRACE(testing::Message() << "seed " << seed << ", share " << share << ", frames " << frames);
+    if (share < 0.07) {
+      EXPECT_TRUE(has);
+    }
+    if (share > 0.14) {
+      EXPECT_FALSE(has);
+    }
+    EXPECT_LT(chosen, 1.14 * without);
+    if (has) {
+      EXPECT_EQ(content(out / "always.h5"), content(out / "cheap.h5"));
+    }
+    ++(has ? kept : dropped);
+  }
+  EXPECT_GT(kept, 4);
+  EXPECT_GT(dropped, 4);
+}
+
 TEST(Recorder, KeepsUnitsAndRangesOfChannels) {
   const OutputFolder out;
   SyntheticRun run;
-  run.spec.record.sensors = run.spec.record.actuators = true;
+  run.spec.record.sensors = scene::SensorRecording::kAlways;
+  run.spec.record.actuators = true;
   scene::SensorSpec proximity = scene::find_sensor_kind("proximity")->default_spec();
   proximity.values["range"] = {7.5};
   run.spec.surface.sensors = {proximity};
@@ -258,6 +319,7 @@ TEST(Recorder, OmitsUnrequestedData) {
   const OutputFolder out;
   SyntheticRun run;
   run.spec.record.objects = false;
+  run.spec.record.sensors = scene::SensorRecording::kNever;
   const auto recorder = open_recorder(out / "run.h5", run.meta, run.spec);
   const Channels values(0);
   recorder->record_frame(run.snapshot_at(0, {0}), run.spec.objects, values.sensors());
@@ -301,7 +363,7 @@ TEST(Recorder, ReadableWithH5py) {
     GTEST_SKIP() << "needs Debian's python3-h5py";
   const OutputFolder out;
   SyntheticRun run;
-  run.spec.record.sensors = true;
+  run.spec.record.sensors = scene::SensorRecording::kAlways;
   const auto recorder = open_recorder(out / "run.h5", run.meta, run.spec);
   for (std::uint64_t t = 0; t < 10; ++t) {
     const Channels values(t);
@@ -345,7 +407,7 @@ TEST(RecorderErrors, DescribeInvalidPaths) {
   EXPECT_NE(error_of(out / "folder.h5", run).find("is a directory"), std::string::npos);
   EXPECT_NE(error_of("/proc/run.h5", run).find("cannot be written"), std::string::npos);
   SyntheticRun slash;
-  slash.spec.record.sensors = true;
+  slash.spec.record.sensors = scene::SensorRecording::kAlways;
   const std::vector<float> values(24);
   const scene::ChannelData bad[] = {{"a/b", 4, 6, 1, values}};
   EXPECT_THROW(open_recorder(out / "slash.h5", run.meta, slash.spec)
