@@ -111,7 +111,9 @@ endforeach()
 set(portable_vectors -UHWY_COMPILE_ONLY_STATIC -DHWY_COMPILE_ONLY_EMU128)
 set_source_files_properties(${PROJECT_SOURCE_DIR}/smartsurf/world/body/RotationKernels.cpp
   TARGET_DIRECTORY smartsurf_world PROPERTIES COMPILE_OPTIONS "${portable_vectors}")
-set_source_files_properties(${PROJECT_SOURCE_DIR}/apron/vm/kernels/Kernels.cpp
+set(kernels ${PROJECT_SOURCE_DIR}/apron/vm/kernels)
+set_source_files_properties(${kernels}/Kernels.cpp ${kernels}/MathematicsKernels.cpp ${kernels}/RandomKernels.cpp
+  ${kernels}/FilterKernels.cpp
   TARGET_DIRECTORY apron_vm PROPERTIES COMPILE_OPTIONS "${portable_vectors}")
 set_source_files_properties(${PROJECT_SOURCE_DIR}/apron/vm/kernels/IntegerKernels.cpp
   TARGET_DIRECTORY apron_vm PROPERTIES COMPILE_OPTIONS "-O3;${portable_vectors}")

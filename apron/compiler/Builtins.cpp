@@ -51,6 +51,7 @@ constexpr Builtin kBuiltins[] = {
     {"spread.sum", Form::kPropagate, 2, 2, Op::kSpreadSum},
     {"scatter.sum", Form::kScatter, 2, 2, Op::kScatter},
     {"histogram", Form::kScatter, 1, 1, Op::kScatter},
+    {"matrix.product", Form::kMatrixProduct, 3, 3, Op::kMatrixProduct},
     {"filter.create", Form::kFilterCreate, 3, 3},
     {"filter.setElement", Form::kFilterSet, 4, 4, Op::kFilterSet},
     {"filter.fill3x3", Form::kFilterFill, 10, 10},

@@ -47,6 +47,7 @@ enum class BuiltinForm : std::uint8_t {
   kTile,
   kColourMapping,
   kPixelSet,
+  kMatrixProduct,
   kSurfaceActuate,
   kBoundary,
   kPrint,
@@ -94,7 +95,8 @@ struct Builtin {
   // order.
   int written_argument(std::size_t count) const noexcept {
     if (form == BuiltinForm::kPlugin) return count > 2 ? 2 : -1;
-    const bool writes = returns_value() || form == BuiltinForm::kFor || form == BuiltinForm::kPixelSet;
+    const bool writes = returns_value() || form == BuiltinForm::kFor || form == BuiltinForm::kPixelSet ||
+                        form == BuiltinForm::kMatrixProduct;
     return writes && count > 0 ? 0 : -1;
   }
   // The kind of block that the statement opens or closes, if it does.

@@ -86,8 +86,8 @@ Value Lowering::lower_neighbourhood(const Builtin& builtin, const Expressions& a
                            destination, location);
 }
 
-// Computed with floats, which hold all results but sums of integers. Seeds and masks are truths of any type;
-// flood and distance give registers of the mask's type, and what spreads is of its own.
+// Computed with floats, which hold all results but sums of integers and int32. Seeds and masks are truths of
+// any type; flood and distance give registers of the mask's type, and what spreads is of its own.
 Value Lowering::lower_propagation(const Builtin& builtin, const Expressions& arguments, Location location,
                                   ResultDestination* destination) {
   using program::CellType;
@@ -100,13 +100,41 @@ Value Lowering::lower_propagation(const Builtin& builtin, const Expressions& arg
   if (builtin.op == Opcode::kSpreadMax && is_short)
     sources[0] = emit_conversion(Opcode::kConvert, sources[0], CellType::kFloat32, nullptr, location);
   if (spreads) check_types(builtin.op, {sources.front()}, location);
-  const bool adds_integers = builtin.op == Opcode::kSpreadSum && type != CellType::kFloat32;
+  const bool is_exact =
+      builtin.op == Opcode::kSpreadSum ? type != CellType::kFloat32 : spreads && type == CellType::kInt32;
   for (std::size_t i = spreads ? 1 : 0; i < sources.size(); ++i)
-    sources[i] = truth_of_type(sources[i], adds_integers ? type : CellType::kFloat32, location);
-  if (type == CellType::kFloat32 || adds_integers)
+    sources[i] = truth_of_type(sources[i], is_exact ? type : CellType::kFloat32, location);
+  if (type == CellType::kFloat32 || is_exact)
     return emit_out_of_place(builtin.op, sources, {}, destination, location);
   const Value result = emit_out_of_place(builtin.op, sources, {}, nullptr, location);
   return emit_conversion(Opcode::kConvert, result, type, destination, location);
+}
+
+// The sums have the type of what is added. Numbers add up in the destination, or in floats; a histogram
+// counts 1 for each cell.
+Value Lowering::lower_scatter(const Builtin& builtin, const Expressions& arguments, Location location,
+                              ResultDestination* destination) {
+  const Shape outer_hint = shape_hint_;  // operands have a shape of their own
+  for (const Expression& argument : arguments)
+    if (find_shape(argument, shape_hint_)) break;
+  const Value at = lower_register(arguments[0], fmt::format("'{}'", builtin.name));
+  const Value added = arguments.size() > 1 ? lower(arguments[1]) : Value::from_constant(1.0F);
+  if (added.is_register() && !builder_.shape(at).has_size_of(builder_.shape(added)))
+    check_shapes({at, added}, location);
+  const std::vector<program::Operand> operands{builder_.operand(at), builder_.operand(added)};
+  builder_.release(at);
+  builder_.release(added);
+  shape_hint_ = outer_hint;
+  const Shape shape =
+      shape_hint_.of_type(added.is_register() ? builder_.shape(added).type : program::CellType::kFloat32);
+  const Value result = destination != nullptr ? resolve_destination(*destination, true, shape)
+                                              : builder_.allocate_temporary(shape);
+  const Shape written = builder_.shape(result);
+  if (added.is_register() && written.type != shape.type)
+    check_shapes({result, builder_.allocate_temporary(written.of_type(shape.type))}, location);
+  check_cell_values(written, {added}, location);
+  builder_.emit(builtin.op, builder_.operand(result), operands, destination != nullptr);
+  return result;
 }
 
 Value Lowering::emit_out_of_place(Opcode op, const std::vector<Value>& sources,

@@ -51,23 +51,8 @@ Value Lowering::lower_call(const Builtin& builtin, const Expression& call, const
       return lower_parameter(arguments[0], destination);
     case BuiltinForm::kPropagate:
       return lower_propagation(builtin, arguments, call.location, destination);
-    case BuiltinForm::kScatter: {            // a histogram counts 1 for each cell
-      const Shape outer_hint = shape_hint_;  // operands have a shape of their own
-      for (const Expression& argument : arguments)
-        if (find_shape(argument, shape_hint_)) break;
-      Value at = lower_register(arguments[0], fmt::format("'{}'", call.text));
-      if (const auto type = builder_.shape(at).type;
-          type == program::CellType::kUint8 || type == program::CellType::kUint16)
-        at = emit_conversion(Opcode::kConvert, at, program::CellType::kFloat32, nullptr, call.location);
-      const Value added = arguments.size() > 1 ? lower(arguments[1]) : Value::from_constant(1.0F);
-      check_types(builtin.op, {at, added}, call.location);
-      check_shapes({at, added}, call.location);
-      const std::vector<Operand> operands{builder_.operand(at), builder_.operand(added)};
-      builder_.release(at);
-      builder_.release(added);
-      shape_hint_ = outer_hint;
-      return emit_to_register(builtin.op, operands, destination);
-    }
+    case BuiltinForm::kScatter:
+      return lower_scatter(builtin, arguments, call.location, destination);
     case BuiltinForm::kFilterDo:
     case BuiltinForm::kFilterGauss:
     case BuiltinForm::kFilterGaussAni:

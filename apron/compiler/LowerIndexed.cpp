@@ -43,7 +43,8 @@ const Symbol* Lowering::array_element(const Expression& expression) const {
 // The registers that a write to the target can change.
 std::vector<Value> Lowering::written_registers(const Expression& target) const {
   std::vector<Value> registers;
-  if (is_array_element(target) && !constant_value(target.children.front())) {
+  const bool is_array = target.kind == ExpressionKind::kName && symbols_.find_array(target.text) != nullptr;
+  if (is_array || (is_array_element(target) && !constant_value(target.children.front()))) {
     for (const Symbol& element : *symbols_.find_array(target.text)) registers.push_back(element.value);
   } else {
     const Symbol* symbol =
@@ -101,6 +102,61 @@ void Lowering::assign_array_element(const Expression& target, const Value& value
     operands.back() = builder_.operand(kept);
   }
   builder_.emit(Opcode::kResSetReg, {}, std::move(operands), !base);
+}
+
+const std::vector<Symbol>& Lowering::array_argument(const Expression& expression, bool of_registers) const {
+  const std::vector<Symbol>* array =
+      expression.kind == ExpressionKind::kName ? symbols_.find_array(expression.text) : nullptr;
+  const auto is_stored = [&](const Symbol& element) {
+    return of_registers ? element.value.is_register() : element.value.kind == Value::Kind::kScalar;
+  };
+  if (array == nullptr || !std::ranges::all_of(*array, is_stored))
+    fail(expression.location,
+         "'matrix.product' takes two arrays of registers and one of scalars: expected an array of {}",
+         of_registers ? "registers" : "scalars");
+  return *array;
+}
+
+void Lowering::lower_matrix_product(const Expressions& arguments, Location location) {
+  const std::vector<Symbol>&y = array_argument(arguments[0], true), &x = array_argument(arguments[1], true),
+        &weights = array_argument(arguments[2], false);
+  if (weights.size() != x.size() * y.size())
+    fail(arguments[2].location, "'matrix.product' of {} and {} registers takes {} scalars, and '{}' has {}",
+         y.size(), x.size(), x.size() * y.size(), display_name(arguments[2].text), weights.size());
+  std::vector<Value> all;
+  for (const std::vector<Symbol>* array : {&y, &x})
+    for (const Symbol& element : *array) all.push_back(element.value);
+  check_types(Opcode::kMatrixProduct, all, location);
+  check_shapes(all, location);
+  for (const Symbol& element : y) {
+    if (!element.is_writable)
+      fail(arguments[0].location, "'{}' is a value here and cannot be written",
+           display_name(arguments[0].text));
+    if (std::ranges::any_of(x, [&](const Symbol& other) { return other.value.index == element.value.index; }))
+      fail(location, "'matrix.product' writes '{}' and reads it: write another array",
+           display_name(arguments[0].text));
+  }
+  const Value first = y.front().value;
+  const std::optional<std::size_t> base = mask_base(first);
+  check_where_shape(builder_.shape(first), location, base);
+  std::vector<program::Operand> operands{array_operand(arguments[0].text), array_operand(arguments[1].text),
+                                         array_operand(arguments[2].text)};
+  if (conditions_since(base).empty())
+    return builder_.emit(Opcode::kMatrixProduct, {}, std::move(operands), !base);
+  std::vector<std::uint32_t> members;
+  std::vector<Value> products;
+  for (std::size_t k = 0; k < y.size(); ++k) {
+    products.push_back(builder_.allocate_temporary(builder_.shape(first)));
+    members.push_back(products.back().index);
+  }
+  std::vector<program::OperandGroup>& groups = builder_.program().groups;
+  operands[0] = {program::OperandKind::kGroup, static_cast<std::uint32_t>(groups.size())};
+  groups.push_back({display_name(arguments[0].text), false, std::move(members)});
+  builder_.emit(Opcode::kMatrixProduct, {}, std::move(operands), false);
+  for (std::size_t k = 0; k < y.size(); ++k) {
+    emit_selection(y[k].value, products[k], conditions_since(base), location);
+    builder_.release(products[k]);
+  }
 }
 
 }  // namespace apron::compiler

@@ -418,6 +418,8 @@ void Lowering::lower_builtin_statement(const Builtin& builtin, const Expression&
       return lower_colour_mapping(builtin, arguments);
     case BuiltinForm::kPixelSet:
       return lower_pixel_set(arguments);
+    case BuiltinForm::kMatrixProduct:
+      return lower_matrix_product(arguments, call.location);
     case BuiltinForm::kSurfaceActuate:
       return lower_actuate(builtin, call);
     case BuiltinForm::kBoundary:

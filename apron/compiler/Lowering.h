@@ -150,6 +150,8 @@ class Lowering {
   program::Operand array_operand(const std::string& name);
   Value lower_array_element(const Expression&);
   void assign_array_element(const Expression& target, const Value&, Location);
+  const std::vector<Symbol>& array_argument(const Expression&, bool of_registers) const;
+  void lower_matrix_product(const Expressions&, Location);
 
   // LowerExpression.cpp
   Value lower(const Expression&, ResultDestination* = nullptr);
@@ -213,6 +215,7 @@ class Lowering {
 
   // For instructions that read other cells: the destination is none of the sources.
   Value lower_propagation(const Builtin&, const Expressions&, Location, ResultDestination*);
+  Value lower_scatter(const Builtin&, const Expressions&, Location, ResultDestination*);
   Value emit_out_of_place(program::Opcode, const std::vector<Value>& sources,
                           std::vector<program::Operand> extra_operands, ResultDestination*, Location);
 

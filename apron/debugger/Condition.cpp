@@ -66,8 +66,9 @@ bool Condition::depends_on(const program::Instruction& instruction) const noexce
     return std::ranges::any_of(
         pairs, [&](const IndexPair& p) { return p.debuggee == instruction.destination.index; });
   };
-  // The destination of res.set* is known only at run time.
+  // The destination of res.set* is known only at run time, and that of a matrix product is an array.
   if (instruction.op == Opcode::kResSetReg || instruction.op == Opcode::kResSetVar ||
+      instruction.op == Opcode::kMatrixProduct ||
       instruction.op == Opcode::kSurfaceStep)
     return true;
   if (instruction.destination.kind == program::OperandKind::kRegister) return among(registers_);

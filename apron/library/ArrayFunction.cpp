@@ -21,10 +21,9 @@ std::vector<bool> written_registers(const program::Program& program) {
   std::vector<bool> written(program.registers.size(), false);
   for (const program::Instruction& instruction : program.code) {
     if (instruction.destination.kind == OperandKind::kRegister) written[instruction.destination.index] = true;
-    if (instruction.op != Opcode::kResSetReg) continue;
-    for (const program::Operand& operand : instruction.operands)
-      if (operand.kind == OperandKind::kGroup)
-        for (const std::uint32_t member : program.groups[operand.index].members) written[member] = true;
+    if (instruction.op != Opcode::kResSetReg && instruction.op != Opcode::kMatrixProduct) continue;
+    for (const std::uint32_t member : program.groups[instruction.operands[0].index].members)
+      written[member] = true;
   }
   return written;
 }

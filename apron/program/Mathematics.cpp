@@ -31,8 +31,6 @@ Wide bits_of_two_over_pi(int first) {
 using R = float;
 using W = double;
 using B = bool;
-using WB = bool;
-using I = int;
 
 constexpr float kFloatInfinity = std::numeric_limits<float>::infinity();
 constexpr float kFloatNan = std::numeric_limits<float>::quiet_NaN();
@@ -52,28 +50,27 @@ B choose_truth(B p, B a, B b) { return p ? a : b; }
 R smaller(R a, R b) { return a < b ? a : b; }
 R larger(R a, R b) { return a > b ? a : b; }
 R magnitude(R a) { return std::fabs(a); }
-R with_sign(R a, R of) { return std::copysign(a, of); }
+R signed_as(R a, R of) { return from_bits(bits(a) | (bits(of) & 0x80000000U)); }
+R flipped_by(R a, R of) { return from_bits(bits(a) ^ (bits(of) & 0x80000000U)); }
+R flipped(B p, R a) { return p ? -a : a; }
 B is_negative(R a) { return std::signbit(a); }
 R square_root(R a) { return std::sqrt(a); }
 R floor_of(R a) { return std::floor(a); }
-R nearest(R a) { return (a + 0x1.8p23F) - 0x1.8p23F; }
+R upper(R a) { return from_bits(bits(a) & 0xFFFFE000U); }
+R shift(R a) { return a + 0x1.8p23F; }
+R unshift(R a) { return a - 0x1.8p23F; }
+B is_odd(R a) { return (bits(a) & 1U) != 0; }
+R flipped_if_odd(R b, R a) { return from_bits(bits(b) ^ (bits(a) << 31U)); }
+R times_power(R b, R a) { return from_bits(bits(b) + (bits(a) << 23U)); }
 R power_of_two(R k) { return from_bits(bits(k + (0x1.8p23F + 127)) << 23U); }
 R split(R a, std::uint32_t least, R* k) {
   const std::uint32_t above = bits(a) - least;
   *k = static_cast<float>(static_cast<std::int32_t>(above) >> 23);
   return from_bits((above & 0x7FFFFFU) + least);
 }
-R split_in_sixteenths(R a, std::uint32_t least, R* k, I* i) {
-  *i = static_cast<int>((bits(a) - least) >> 19U) & 15;
-  return split(a, least, k);
-}
-R entry(const float* table, I i) { return table[i]; }
-W wide_entry(const double* table, I i) { return table[i]; }
 W wide(R a) { return a; }
 R narrow(W a) { return static_cast<float>(a); }
 W wide_constant(double c) { return c; }
-W wide_smaller(W a, W b) { return a < b ? a : b; }
-W wide_larger(W a, W b) { return a > b ? a : b; }
 W wide_nearest(W a) { return (a + 0x1.8p52) - 0x1.8p52; }
 W wide_negate_if_odd(W a, W k) {
   return std::bit_cast<double>(std::bit_cast<std::uint64_t>(a) ^ (std::bit_cast<std::uint64_t>(k) << 63U));
@@ -90,10 +87,10 @@ void turn_large(R x, double ahead, W* r) {
 }
 
 #define APRON_INLINE inline
-#define APRON_TABLE constexpr
+#define APRON_RARE [[maybe_unused]]
 #include "apron/program/mathematics.def"
 #undef APRON_INLINE
-#undef APRON_TABLE
+#undef APRON_RARE
 
 }  // namespace
 

@@ -39,7 +39,9 @@ bool takes_integers(Opcode op) noexcept {
     case Opcode::kResGetReg:
     case Opcode::kResSetReg:
     case Opcode::kFilterDo:
+    case Opcode::kSpreadMax:
     case Opcode::kSpreadSum:
+    case Opcode::kScatter:
       return true;
     case Opcode::kPluginWith:
     case Opcode::kPlugin:

@@ -91,7 +91,7 @@ struct Filter {
   std::vector<float> coefficients;
 };
 
-// The registers or variables of a class in order, for instructions that select one by index.
+// The registers or variables of a class in order, for instructions that select one by index or take all.
 struct OperandGroup {
   std::string name;
   bool is_variable_group = false;

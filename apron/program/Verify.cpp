@@ -129,7 +129,8 @@ class InstructionVerifier {
       mixed = mixed || reg.type != first->type;
     };
     visit(instruction_.destination);
-    std::ranges::for_each(instruction_.operands, visit);
+    for (const Operand& operand : instruction_.operands)
+      if (instruction_.op != Opcode::kScatter || &operand != &instruction_.operands[0]) visit(operand);
     if (first == nullptr) return {};
     if (instruction_.op == Opcode::kConvert || instruction_.op == Opcode::kConvertSaturated)
       return mixed ? "" : "it converts a register to its own type";
@@ -180,6 +181,8 @@ class InstructionVerifier {
       case Opcode::kResGetReg:
       case Opcode::kResSetReg:
         return check_group(false);
+      case Opcode::kMatrixProduct:
+        return check_matrix_product();
       default:
         return {};
     }
@@ -203,6 +206,26 @@ class InstructionVerifier {
     return program_.groups[instruction_.operands[0].index].is_variable_group == of_variables
                ? ""
                : "its class is of another kind";
+  }
+
+  // Registers of floats and of one shape, none in both classes, and a scalar for each pair of them.
+  std::string check_matrix_product() const {
+    const auto& [to, from, weights] = instruction_.operands;
+    const OperandGroup &y = program_.groups[to.index], &x = program_.groups[from.index];
+    if (y.is_variable_group || x.is_variable_group || !program_.groups[weights.index].is_variable_group)
+      return "its class is of another kind";
+    if (y.members.empty() || x.members.empty() ||
+        program_.groups[weights.index].members.size() != y.members.size() * x.members.size())
+      return "it has not one scalar for each pair of its registers";
+    for (const OperandGroup* group : {&y, &x})
+      for (const std::uint32_t member : group->members) {
+        const Register& reg = program_.registers[member];
+        if (is_integer(reg.type)) return "it takes no registers of integers";
+        if (!same_shape(reg, program_.registers[y.members.front()])) return "its registers differ in shape";
+      }
+    for (const std::uint32_t member : y.members)
+      if (std::ranges::find(x.members, member) != x.members.end()) return "it is not out of place";
+    return {};
   }
 
   std::string check_parameter() const {

@@ -32,9 +32,9 @@ std::string mathematics_text() {
   for (const char* const directive : {"#define APRON_FUNCTION", "#undef APRON_FUNCTION"})
     if (const std::size_t at = body.find(directive); at != std::string::npos)
       body.erase(at, body.find('\n', at) - at);
-  return "#define R float\n#define W double\n#define B int\n#define I int\n"
-         "#define APRON_FUNCTION static inline\n#define APRON_TABLE static const\n" +
-         body + "\n#undef R\n#undef W\n#undef B\n#undef I\n#undef APRON_FUNCTION\n#undef APRON_TABLE\n";
+  return "#define R float\n#define W double\n#define B int\n"
+         "#define APRON_FUNCTION static inline\n#define APRON_RARE static inline\n" +
+         body + "\n#undef R\n#undef W\n#undef B\n#undef APRON_FUNCTION\n#undef APRON_RARE\n";
 }
 
 class Generator {

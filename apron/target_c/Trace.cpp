@@ -436,6 +436,8 @@ class Tracer {
         const Operand member = group_member(instruction);
         return write_register(member, same_type(source(from[2]), member), instruction.masked);
       }
+      case Opcode::kMatrixProduct:
+        return multiply_matrix(instruction);
       default:
         break;
     }
@@ -446,6 +448,20 @@ class Tracer {
                      graph_->apply_plane(program_.registers[to.index].type, op, number(instruction, 0),
                                          number(instruction, 1), number(instruction, 2)),
                      instruction.masked);
+  }
+
+  void multiply_matrix(const Instruction& instruction) {
+    const auto members = [&](std::size_t k) -> const std::vector<std::uint32_t>& {
+      return program_.groups[instruction.operands[k].index].members;
+    };
+    const auto &y = members(0), &x = members(1), &weights = members(2);
+    for (std::size_t k = 0; k < y.size(); ++k) {
+      NodeId sum = graph_->literal(0.0);
+      for (std::size_t j = 0; j < x.size(); ++j)
+        sum = graph_->apply_plane(CellType::kFloat32, Opcode::kMac, source({OperandKind::kRegister, x[j]}),
+                                  source({OperandKind::kVariable, weights[k * x.size() + j]}), sum);
+      write_register({OperandKind::kRegister, y[k]}, sum, instruction.masked);
+    }
   }
 
   void execute_mask(const Instruction& instruction) {

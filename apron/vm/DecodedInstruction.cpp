@@ -21,7 +21,8 @@ DispatchKind dispatch_kind_of(Opcode op, const KernelTable& kernels) {
   if (is_between(Opcode::kMaskOn, Opcode::kMaskPop)) return DispatchKind::kMask;
   if (is_between(Opcode::kGlobalSum, Opcode::kGlobalAny)) return DispatchKind::kReduce;
   if (is_between(Opcode::kPixelGet, Opcode::kCellY)) return DispatchKind::kCellAccess;
-  if (is_between(Opcode::kNearSum, Opcode::kScatter) || is_between(Opcode::kRandomFloat, Opcode::kResSetReg))
+  if (is_between(Opcode::kNearSum, Opcode::kMatrixProduct) ||
+      is_between(Opcode::kRandomFloat, Opcode::kResSetReg))
     return DispatchKind::kArrayOp;
   return program::opcode_info(op).locality == program::Locality::Host ? DispatchKind::kHost
                                                                       : DispatchKind::kControlFlow;
@@ -52,8 +53,10 @@ struct Decoder {
       case OperandKind::kLabel:
         decoded.jump_target = operand.index;
         break;
-      case OperandKind::kFilter:
       case OperandKind::kGroup:
+        decoded.groups[k] = operand.index;
+        break;
+      case OperandKind::kFilter:
       case OperandKind::kModule:
         decoded.table_index = operand.index;
         break;

@@ -45,8 +45,9 @@ struct DecodedInstruction {
   BoundaryCondition boundary{};
   Plane scratch{}, second_scratch{};  // staging, see Vm::allocate_scratch()
   std::string_view text{};
-  std::uint32_t table_index = 0;  // of the filter, group or module
-  float default_value = 0.0F;     // parameters
+  std::uint32_t table_index = 0;  // of the filter or module
+  std::array<std::uint32_t, program::kMaxOperands> groups{};
+  float default_value = 0.0F;  // parameters
 };
 
 // Storage of a program's operands.

@@ -64,6 +64,12 @@ Vm::Vm(program::Program program, VmOptions options, Host& host)
     const bool needs_scratch =
         decoded.dispatch == DispatchKind::kHost || decoded.dispatch == DispatchKind::kArrayOp;
     if (needs_scratch) allocate_scratch(decoded);
+    if (decoded.op == Opcode::kMatrixProduct) {
+      const std::size_t y = program_.groups[decoded.groups[0]].members.size(),
+                        x = program_.groups[decoded.groups[1]].members.size();
+      matrix_planes_.reserve(std::max(matrix_planes_.capacity(), x + y));
+      matrix_weights_.reserve(std::max(matrix_weights_.capacity(), x * (y + kMatrixRows - 1)));
+    }
     if (decoded.op == Opcode::kScatter)
       scatter_sums_.resize(std::max(scatter_sums_.size(), decoded.destination->cell_count()));
     if (decoded.op == Opcode::kFlood || decoded.op == Opcode::kSpreadMax || decoded.op == Opcode::kSpreadSum)

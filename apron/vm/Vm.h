@@ -138,6 +138,11 @@ class Vm {
   Status execute_array_op(const DecodedInstruction& decoded);
   Status execute_neighbourhood(const DecodedInstruction& decoded);
   Status scatter(const DecodedInstruction&);
+  template <class T, class Index>
+  void add_at(const DecodedInstruction&, T number);
+  template <class T>
+  void write_sums(Plane to, const float* mask);
+  Status multiply_matrix(const DecodedInstruction&);
   void copy_plane(Plane y, ConstPlane a, const float* mask) noexcept;
   Status reduce_integer_neighbours(const DecodedInstruction& decoded, const float* mask);
   Status filter_integers(const DecodedInstruction& decoded, const float* mask);
@@ -187,6 +192,9 @@ class Vm {
   double boundary_number_ = 0.0;  // the boundary's value, unrounded
   RandomStream random_stream_{};
   std::vector<double> scatter_sums_;  // of the largest destination of a scatter
+  // Of the largest matrix product: the planes that it reads, then those that it writes; see MatrixProduct.
+  std::vector<float*> matrix_planes_;
+  std::vector<float> matrix_weights_;
   ConnectedComponents components_;
   std::vector<Plane> stack_, free_stack_planes_;
   std::size_t stack_bytes_ = 0;

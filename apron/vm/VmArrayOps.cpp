@@ -40,6 +40,8 @@ Status Vm::execute_array_op(const DecodedInstruction& decoded) {
       return access_group_member(decoded);
     case Opcode::kScatter:
       return scatter(decoded);
+    case Opcode::kMatrixProduct:
+      return multiply_matrix(decoded);
     default:
       return execute_neighbourhood(decoded);
   }
@@ -50,26 +52,82 @@ Status Vm::scatter(const DecodedInstruction& decoded) {
   const float* mask = nullptr;
   const WriteAccess access = check_write_access(decoded, mask);
   if (access != WriteAccess::kAllowed) return skip_write(access, *decoded.destination);
+  const double number = decoded.scalars[1] != nullptr ? *decoded.scalars[1] : 0.0;
+  if (!program::is_cell_value(decoded.type, number)) return fail_cell_value(number, decoded.type);
+  with_cell_type(decoded.type, [&](auto cell) {
+    with_cell_type(decoded.planes[0]->type, [&](auto index) {
+      add_at<decltype(cell), decltype(index)>(decoded, static_cast<decltype(cell)>(number));
+    });
+    write_sums<decltype(cell)>(*decoded.destination, mask);
+  });
+  return Status::kRunning;
+}
+
+// Sums of integers are those of their bits.
+template <class T, class Index>
+void Vm::add_at(const DecodedInstruction& decoded, T number) {
   const ConstPlane at = *decoded.planes[0];
-  const Plane to = *decoded.destination;
-  const std::size_t count = to.cell_count();
+  const std::size_t count = decoded.destination->cell_count();
   std::fill_n(scatter_sums_.begin(), count, 0.0);
-  const auto scalar = decoded.scalars[1] != nullptr ? static_cast<float>(*decoded.scalars[1]) : 0.0F;
   for (std::uint32_t row = 0; row < at.height; ++row) {
-    const float* index = at.row(row);
-    const float* added = decoded.planes[1] != nullptr ? ConstPlane(*decoded.planes[1]).row(row) : nullptr;
+    const Index* index = at.cells<Index>(row);
+    const T* added = decoded.planes[1] != nullptr ? ConstPlane(*decoded.planes[1]).cells<T>(row) : nullptr;
     for (std::uint32_t x = 0; x < at.width; ++x) {
-      const double k = index[x];
+      const auto k = static_cast<double>(index[x]);
       if (!(k >= 0.0 && k < static_cast<double>(count))) continue;
-      scatter_sums_[static_cast<std::size_t>(k)] += static_cast<double>(added != nullptr ? added[x] : scalar);
+      double& sum = scatter_sums_[static_cast<std::size_t>(k)];
+      const T value = added != nullptr ? added[x] : number;
+      if constexpr (std::is_integral_v<T>)
+        sum = static_cast<std::uint32_t>(sum) + static_cast<std::uint32_t>(value);
+      else
+        sum += static_cast<double>(value);
     }
   }
+}
+
+template <class T>
+void Vm::write_sums(Plane to, const float* mask) {
+  using Sum = std::conditional_t<std::is_integral_v<T>, std::uint32_t, T>;
+  const T* mask_cells = reinterpret_cast<const T*>(mask);
   for (std::uint32_t row = 0; row < to.height; ++row) {
-    float* cells = to.row(row);
+    T* cells = to.cells<T>(row);
     const double* sums = scatter_sums_.data() + static_cast<std::size_t>(row) * to.width;
     for (std::uint32_t x = 0; x < to.width; ++x)
-      if (mask == nullptr || mask[cells - to.data + x] != 0.0F) cells[x] = static_cast<float>(sums[x]);
+      if (mask == nullptr || mask_cells[cells - to.cells<T>(0) + x] != T{0})
+        cells[x] = static_cast<T>(static_cast<Sum>(sums[x]));
   }
+}
+
+Status Vm::multiply_matrix(const DecodedInstruction& decoded) {
+  const auto members = [&](std::size_t k) -> const std::vector<std::uint32_t>& {
+    return program_.groups[decoded.groups[k]].members;
+  };
+  const auto &y = members(0), &x = members(1), &weights = members(2);
+  const Plane first = register_file_.registers[y.front()];
+  DecodedInstruction write = decoded;
+  write.destination = &first;
+  MatrixProduct product;
+  const WriteAccess access = check_write_access(write, product.mask);
+  if (access != WriteAccess::kAllowed) return skip_write(access, first);
+  matrix_planes_.clear();
+  for (const auto* group : {&x, &y})
+    for (const std::uint32_t member : *group) matrix_planes_.push_back(register_file_.registers[member].data);
+  matrix_weights_.clear();
+  for (std::size_t k = 0; k < y.size(); k += kMatrixRows)
+    for (std::size_t j = 0; j < x.size(); ++j)
+      for (std::size_t o = k; o < k + kMatrixRows; ++o)
+        matrix_weights_.push_back(
+            o < y.size() ? static_cast<float>(register_file_.scalars[weights[o * x.size() + j]]) : 0.0F);
+  product.x = matrix_planes_.data();
+  product.y = matrix_planes_.data() + x.size();
+  product.inputs = static_cast<std::uint32_t>(x.size());
+  product.outputs = static_cast<std::uint32_t>(y.size());
+  product.weights = matrix_weights_.data();
+  product.pitch = first.pitch;
+  product.columns = first.width;
+  const MatrixProductKernel kernel = executor_.kernels().matrix_product;
+  executor_.parallel_for_rows(first.height, first.width,
+                              [&](std::uint32_t begin, std::uint32_t end) { kernel(product, begin, end); });
   return Status::kRunning;
 }
 
@@ -79,8 +137,8 @@ Status Vm::execute_neighbourhood(const DecodedInstruction& decoded) {
   if (access != WriteAccess::kAllowed) return skip_write(access, *decoded.destination);
   if (program::is_integer(decoded.type) && decoded.op == Opcode::kFilterDo)
     return filter_integers(decoded, mask);
-  if (program::is_integer(decoded.type) && decoded.op != Opcode::kSpreadSum)
-    return reduce_integer_neighbours(decoded, mask);
+  const bool spreads = decoded.op == Opcode::kSpreadMax || decoded.op == Opcode::kSpreadSum;
+  if (program::is_integer(decoded.type) && !spreads) return reduce_integer_neighbours(decoded, mask);
   const ConstPlane a = *decoded.planes[0];
   const Plane to = mask == nullptr ? *decoded.destination : decoded.scratch;
   switch (decoded.op) {
@@ -246,7 +304,7 @@ Status Vm::pop_register(const DecodedInstruction& decoded) {
 }
 
 Status Vm::access_group_member(const DecodedInstruction& decoded) {
-  const program::OperandGroup& group = program_.groups[decoded.table_index];
+  const program::OperandGroup& group = program_.groups[decoded.groups[0]];
   const double number = *decoded.scalars[1];
   if (!(number >= 0.0 && number < static_cast<double>(group.members.size()) && number == std::floor(number)))
     return fail(Status::kFailed, "the class " + group.name + " has " + std::to_string(group.members.size()) +

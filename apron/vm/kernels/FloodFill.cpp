@@ -84,8 +84,24 @@ void ConnectedComponents::flood(Plane y, ConstPlane seed, ConstPlane mask) noexc
   write_values<float>(y, [this](std::uint32_t root) { return runs_[root].value; });
 }
 
+template <class T>
+void ConnectedComponents::spread_largest_integer(Plane y, ConstPlane a, ConstPlane mask) noexcept {
+  label_components(mask, [](std::uint32_t, std::uint32_t, std::uint32_t) { return 0.0F; });
+  sums_.assign(runs_.size(), std::numeric_limits<T>::lowest());
+  for (std::uint32_t row = 0; row < a.height; ++row)
+    for (std::uint32_t run = row_starts_[row]; run < row_starts_[row + 1]; ++run) {
+      double& largest = sums_[find_root(run)];
+      const T* cells = a.cells<T>(row);
+      largest =
+          std::max<double>(largest, *std::max_element(cells + runs_[run].first, cells + runs_[run].last));
+    }
+  write_values<T>(y, [this](std::uint32_t root) { return static_cast<T>(sums_[root]); });
+}
+
 void ConnectedComponents::spread_max(Plane y, ConstPlane a, ConstPlane mask,
                                      const KernelTable& kernels) noexcept {
+  if (program::is_integer(a.type))
+    return with_cell_type(a.type, [&](auto cell) { spread_largest_integer<decltype(cell)>(y, a, mask); });
   const RowReduction largest = kernels.reduction(Reduction::kMax);  // ignores NaN
   label_components(mask, [&](std::uint32_t row, std::uint32_t first, std::uint32_t last) {
     const float* cells = a.row(row);

@@ -78,11 +78,28 @@ struct IntegerKernels {
   std::array<IntegerRowReduction, kReductionCount> reductions{};
 };
 
+// Rows of one shape of `outputs` planes y, each the sum over the `inputs` planes x of x times a weight, added
+// in their order. The weights of kMatrixRows outputs stand together: weights[(k * inputs + j) * kMatrixRows +
+// o] is that of output k * kMatrixRows + o and input j. Columns up to the next multiple of 64 bytes are read
+// and written.
+inline constexpr std::size_t kMatrixRows = 4;
+struct MatrixProduct {
+  const float* const* x = nullptr;
+  float* const* y = nullptr;
+  const float* weights = nullptr;
+  std::uint32_t inputs = 0, outputs = 0, columns = 0;
+  std::ptrdiff_t pitch = 0;     // of all planes
+  const float* mask = nullptr;  // of y, or null
+};
+using MatrixProductKernel = void (*)(const MatrixProduct& product, std::uint32_t first_row,
+                                     std::uint32_t last_row) noexcept;
+
 struct KernelTable {
   // Indexed [opcode][bit k set: operand k is a scalar][masked]; null if the opcode is not element-wise.
   std::array<std::array<std::array<Kernel, 2>, 8>, kOpcodeCount> elementwise{};
   std::array<RowReduction, kReductionCount> reductions{};
   StencilKernels stencils{};
+  MatrixProductKernel matrix_product = nullptr;
   RandomWordsKernel random_words = nullptr;
   RandomFloatKernel random_uniform = nullptr, random_normal = nullptr;
 

@@ -1,8 +1,10 @@
 // Random programs of functions compute what a plain interpreter in this file computes: values and registers
-// as parameters, local names, arrays with constant and computed indices, masks within and around calls.
+// as parameters, local names, arrays with constant and computed indices, matrix products, masks within and
+// around calls. APRON_FUNCTION_SEEDS=5000 tries more seeds than the test does.
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <cstdlib>
 #include <functional>
 #include <map>
 #include <string>
@@ -50,7 +52,7 @@ class RandomFunctions {
  public:
   explicit RandomFunctions(unsigned seed) : rng_(seed) {
     text =
-        "!register(A, B, M, N, X, Y, G[3])\n"
+        "!register(A, B, M, N, X, Y, G[3])\n!scalar(w[9])\nfor(i, 0, 8)\nw[i] = 0.75 - 0.25 * i\nendfor\n"
         "function u, v = pair(plane a, plane b)\nu = a + b\nv = u - 2 * b\nendfunction\n"
         "function y = ramp(plane a, number n)\ny = a\nwhere(a < n)\ny = n - a\nendwhere\nendfunction\n";
     for (int i = 0; i < 3; ++i) add_function(i);
@@ -132,7 +134,7 @@ class RandomFunctions {
   }
 
   void add_statement(Statements& body, int depth) {
-    switch (below(depth < 2 ? 9 : 4)) {
+    switch (below(depth < 2 ? 10 : 4)) {
       case 4:
       case 5:
         return add_where(body, depth);
@@ -142,6 +144,8 @@ class RandomFunctions {
         return add_condition(body, depth);
       case 8:
         return add_call(body);
+      case 9:
+        return add_product(body);
       case 3: {
         body.text += "t0, t1 = pair(t1, t0)\n";
         body.run.emplace_back([](Scope& scope) {
@@ -199,6 +203,22 @@ class RandomFunctions {
         const Cells& other = scope.at(element(array, 2 - k));
         for (std::size_t i = 0; i < kCount; ++i) cells[i] = cells[i] - other[i] * static_cast<float>(k);
         scope.write(element(array, k), cells);
+      }
+    });
+  }
+
+  void add_product(Statements& body) {
+    const std::string to = below(2) == 0 ? "h" : "q", from = to == "h" ? "q" : "h";
+    body.text += "matrix.product(" + to + ", " + from + ", w)\n";
+    body.run.emplace_back([=](Scope& scope) {
+      for (int k = 0; k < 3; ++k) {
+        Cells sum(kCount);
+        for (int j = 0; j < 3; ++j) {
+          const Cells& cells = scope.at(element(from, j));
+          const float weight = 0.75F - 0.25F * static_cast<float>(3 * k + j);
+          for (std::size_t i = 0; i < kCount; ++i) sum[i] += cells[i] * weight;
+        }
+        scope.write(element(to, k), sum);
       }
     });
   }
@@ -290,7 +310,9 @@ constexpr unsigned kFunctionPrograms = 150;
 #endif
 
 TEST(Function, RandomProgramsMatchAnInterpreter) {
-  for (unsigned seed = 0; seed < kFunctionPrograms; ++seed) {
+  const char* const wanted = std::getenv("APRON_FUNCTION_SEEDS");
+  const auto seeds = wanted != nullptr ? static_cast<unsigned>(std::strtoul(wanted, nullptr, 10)) : kFunctionPrograms;
+  for (unsigned seed = 0; seed < seeds; ++seed) {
     RandomFunctions functions(seed);
     syntax::MemoryReader reader;
     reader.files["main.aps"] = functions.text;
@@ -312,10 +334,15 @@ TEST(Function, RandomProgramsMatchAnInterpreter) {
     const std::map<std::string, Cells> start = planes;
     functions.shared = planes["A"];
     functions.run(planes);
-    for (const bool fused : {false, true}) {
+    for (const int mode : {0, 1, 2, 3}) {  // not fused, then fused for each instruction set that is there
+      static constexpr InstructionSet kSets[] = {InstructionSet::kAvx512, InstructionSet::kAvx512,
+                                                 InstructionSet::kAvx2, InstructionSet::kPortable};
+      const bool fused = mode > 0;
       FakeHost host;
       VmOptions vm_options;
       vm_options.fusion.enabled = fused;
+      if (fused && !is_supported(kSets[mode])) continue;
+      if (fused) vm_options.isa = kSets[mode];
       Vm vm(*compiled.program, vm_options, host);
       for (std::size_t i = 0; i < compiled.program->registers.size(); ++i)
         if (const auto found = start.find(compiled.program->registers[i].name); found != start.end())

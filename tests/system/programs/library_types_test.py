@@ -123,6 +123,14 @@ def areas(values, mask):
     return np.where(mask != 0, sums[label], 0)
 
 
+def largest(values, mask):
+    """The largest value of each 4-connected component of the mask."""
+    label = spread_max(np.arange(1, mask.size + 1).reshape(mask.shape), mask, mask.size)
+    best = np.full(mask.size + 1, np.iinfo(np.int64).min)
+    np.maximum.at(best, label.ravel(), values.astype(np.int64).ravel())
+    return np.where(mask != 0, best[label], 0)
+
+
 def wrapped(f):
     """f computed without bounds, from which the type's bits remain."""
     return lambda *planes: f(*(p.astype(np.int64) for p in planes)).astype(np.int64)
@@ -152,6 +160,7 @@ CALLS = {
     "X = filter.do(G, 'own')": filtered(-3, 0, 7, 2, -1, 11, 255, 1, -70000), "X = filter.stock3x3.edge(G)": filtered(-1, -1, -1, -1, 8, -1, -1, -1, -1),
     "X = sobel.x(G)": filtered(-1, 0, 1, -2, 0, 2, -1, 0, 1), "X = sobel.y(G)": filtered(-1, -2, -1, 0, 0, 0, 1, 2, 1),
     "X = sharpen(G)": filtered(0, -1, 0, -1, 5, -1, 0, -1, 0),
+    "X = spread.max(G, A)": largest, "X = spread.max(G, F)": largest,
     "X = areas(A)": lambda A: areas(A != 0, A), "X = spread.sum(G, A)": areas, "X = spread.sum(G, F)": areas,
     "X = hamming8(G, H)": lambda G, H: np.vectorize(lambda v: int(v & 0xFF).bit_count())((G ^ H).astype(np.int64)),
     "X = flood(L, A)": flood, "X = flood(F, A)": flood,
@@ -163,7 +172,7 @@ CALLS = {
 DRAWN = ["random.int.rand(2, 120)", "random.int.white", "random.int.gauss(100, 5)"]
 ONLY = {  # of some types
     "X = nine_of_sixteen(G)": (("uint16",), lambda G: np.vectorize(lambda v: "1" * 9 in f"{int(v):016b}" * 2)(G)),
-    "X = spread.max(G, A)": (("uint16", "uint8"), lambda G, A: spread_max(G, A, G.size)),
+    "X = label.int32(A)": (("int32",), lambda A: spread_max(np.arange(1, A.size + 1).reshape(A.shape), A, A.size)),
     "X = fast9(G, 25)": (("uint8",), None),  # compared in tests/apron/library-integers.aps
 }
 REFUSED = {
@@ -231,6 +240,36 @@ class LibraryTypes(ProgramTest):
             self.assertEqual((status, err), (0, ""))
             self.assertEqual(*out.splitlines())
 
+    def test_small_arrays(self):
+        for seed in range(int(os.environ.get("APRON_LIBRARY_SEEDS", "3"))):
+            for kind, dtype in (TYPES | {"register": np.float32}).items():
+                for index_kind, index_type in (TYPES | {"register": np.float32}).items():
+                    random = np.random.default_rng([seed, len(kind), len(index_kind)])
+                    shape, cells = (int(random.integers(1, 20)), int(random.integers(1, 30))), int(random.integers(1, 9))
+                    low = 0 if index_kind.startswith("uint") else -2
+                    at = random.integers(low, cells + 3, shape).astype(index_type)
+                    limits = np.iinfo(dtype if kind != "register" else np.int16)
+                    values = random.integers(limits.min, limits.max, shape, endpoint=True).astype(dtype)
+                    np.save(self.folder / "at.npy", at)
+                    np.save(self.folder / "values.npy", values)
+                    type_name = "float" if kind == "register" else kind
+                    program = self.write("s.aps", f"!{index_kind}(I)\n!{kind}(V)\n!create('H', REGISTER, {cells}, 1{'' if kind == 'register' else ', ' + kind})\n"
+                                         "I = io.array.open('at.npy')\nV = io.array.open('values.npy')\n" +
+                                         "".join(f"r[H] = {call}\nio.array.save(r[H], 'h{k}.npy')\n"
+                                                 for k, call in enumerate(("scatter.sum(I, V)", "scatter.sum(I, 3)", "histogram(I)"))))
+                    status, _, err = self.run_program(APRON, "run", program, "--size", f"{shape[1]}x{shape[0]}", "--allow", str(self.folder))
+                    self.assertEqual((status, err), (0, ""), f"{type_name} at {index_kind}")
+                    inside = (at >= 0) & (at < cells)
+                    for k, added in enumerate((values, np.full(shape, 3), np.ones(shape))):
+                        sums = np.zeros(cells, np.float64 if kind == "register" else np.int64)
+                        np.add.at(sums, at[inside].astype(int), added[inside].astype(sums.dtype))
+                        np.testing.assert_array_equal(np.load(self.folder / f"h{k}.npy").ravel(), sums.astype(dtype), f"seed {seed}: {kind} at {index_kind}")
+        for text, message in (("!uint8(V)\n!create('H', REGISTER, 4, 1, int32)\nr[H] = scatter.sum(V, V)\n", "one type"),
+                              ("!uint8(V)\n!create('H', REGISTER, 4, 1, uint8)\nr[H] = scatter.sum(V, 300)\n", "300 is no uint8")):
+            status, _, err = self.run_program(APRON, "check", self.write("s.aps", text))
+            self.assertEqual((status, err.count("error:")), (2, 1), err)
+            self.assertIn(message, err)
+
     def test_the_others_refuse_in_one_line(self):
         self.write("filters.npy", "")
         for kind in TYPES:
@@ -246,8 +285,6 @@ class LibraryTypes(ProgramTest):
                 status, _, err = self.run_program(APRON, "run", self.write("r.aps", head + call + "\n"))
                 self.assertEqual((status, err.count("\n")), (1, 1), f"{kind}: {call}\n{err}")
                 self.assertRegex(err, rf"^\S+\.aps:\d+: error: {re.escape(number)}.* is no ({kind}|int32)", f"{kind}: {call}")
-        program = self.write("r.aps", "!int32(X, G, A)\nX = spread.max(G, A)\n")
-        self.assertIn("'spread.max' takes registers of floats", self.run_program(APRON, "check", program)[2])
         program = self.write("r.aps", "!uint8(X)\nX = cell.x\n")
         status, _, err = self.run_program(APRON, "check", program, "--size", "300x2")
         self.assertIn("299 is no uint8", err)
