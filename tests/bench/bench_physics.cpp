@@ -172,7 +172,7 @@ Result run_smartsurf(const Workload& w, const Options& options) {
     const double physics = bench::elapsed_ms([&] { world.step(); });
     if (i >= settling_count) physics_cpu_ms += bench::processor_ms() - cpu_before;
     const double commit = bench::elapsed_ms([&] { cells.commit(kStepSeconds); });
-    const double snapshot_time = bench::elapsed_ms([&] { world.snapshot(snapshot); });
+    const double snapshot_time = bench::elapsed_ms([&] { world.snapshot(snapshot, true); });
     const double sensors = bench::elapsed_ms([&] { sensing.sense(snapshot, spec.objects, pool); });
     if (i < settling_count) continue;
     times.physics.push_back(physics);

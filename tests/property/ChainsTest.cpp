@@ -240,7 +240,7 @@ TEST_P(Chains, LoseEnergyAndStayApart) {
           chain.greatest_growth, chain.least_gap, chain.strain, chain.last_speed);
       std::fflush(stdout);
     }
-    // From 1/120 s on what a chain of thirty rods that whips freely is allowed (docs/truth.md).
+    // What a chain of thirty rods that whips freely is allowed (docs/truth.md).
     EXPECT_LT(chain.greatest_growth, bound.growth);
     EXPECT_GT(chain.least_gap, 0.3);
   }
