@@ -118,7 +118,8 @@ void EnvironmentBatch::run_worlds(const Work& work) {
   pool_->parallel_for(static_cast<std::uint32_t>(threads), [&](std::uint32_t, unsigned thread) noexcept {
     for (std::size_t k = 0; k < threads; ++k) {
       Band& band = bands_[(thread + k) % threads];
-      for (std::size_t chunk; (chunk = band.next_chunk.fetch_add(1, std::memory_order_relaxed)) < band.end_chunk;)
+      for (std::size_t chunk;
+           (chunk = band.next_chunk.fetch_add(1, std::memory_order_relaxed)) < band.end_chunk;)
         run_range(count * chunk / chunks, count * (chunk + 1) / chunks);
     }
   });

@@ -116,8 +116,8 @@ class EnvironmentBatch {
     bool episode_over = false;
     std::string error;
   };
-  // The worlds of a thread, which its cache holds from step to step. A thread that has done its own takes chunks of those
-  // of the others.
+  // The worlds of a thread, which its cache holds from step to step. A thread that has done its own takes
+  // chunks of those of the others.
   struct alignas(128) Band {
     std::atomic<std::size_t> next_chunk;
     std::size_t end_chunk;
@@ -148,7 +148,7 @@ class EnvironmentBatch {
   EpisodeObserver* observer_ = nullptr;
   int threads_;
   std::unique_ptr<common::ThreadPool> pool_;
-  pid_t process_;  // that has the pool's threads
+  pid_t process_;                  // that has the pool's threads
   std::unique_ptr<Band[]> bands_;  // one per thread
   std::vector<World> worlds_;
   std::size_t observation_size_ = 0, info_size_ = 0, action_size_ = 0, cells_ = 0, object_count_ = 0;

@@ -208,8 +208,9 @@ std::uint64_t ActuatorArray::set_targets(int channel, std::span<const float> tar
   const auto end_run = std::ranges::lower_bound(commands.runs, end_cell, {}, &CellRun::begin);
   std::atomic<std::uint64_t> replaced = 0;
   const auto clamp_runs = [&](int begin, int end) {
-    const std::uint64_t count = clamp_commands(std::span(first_run + begin, first_run + end), {first_cell, end_cell},
-                                               targets.data(), low, high, safe, commands.values.data());
+    const std::uint64_t count =
+        clamp_commands(std::span(first_run + begin, first_run + end), {first_cell, end_cell}, targets.data(),
+                       low, high, safe, commands.values.data());
     replaced.fetch_add(count, std::memory_order_relaxed);
   };
   const int runs = static_cast<int>(std::max<std::ptrdiff_t>(0, end_run - first_run));

@@ -135,11 +135,12 @@ class CollisionPipeline {
   struct SlabResults {
     int member = 0;  // the member that processes the slab
     bool overloaded = false;
-    int expected_pair = 0;          // see PreviousContacts::find_pair
-    std::size_t end_of_pairs = 0;   // the most that the list of pairs may hold
+    int expected_pair = 0;         // see PreviousContacts::find_pair
+    std::size_t end_of_pairs = 0;  // the most that the list of pairs may hold
     SupportPatches* supports = nullptr;
     // The slab's manifolds and, of several members, its contacts, which begin here in the merged list. A
-    // single member finds all slabs' contacts in the merged list; if it finds their manifolds in order, these too.
+    // single member finds all slabs' contacts in the merged list; if it finds their manifolds in order, these
+    // too.
     ContactList pair_contacts, static_contacts;
     std::int32_t first_pair_contact = 0, first_static_contact = 0;
     std::size_t contact_count = 0;
@@ -230,7 +231,8 @@ class CollisionPipeline {
   std::vector<SupportPatches> supports_, previous_supports_;  // one per slab
   std::size_t max_pairs_ = 0;                                 // in one slab, in this step
   bool overloaded_ = false;
-  bool finds_in_order_ = false;  // a single member finds the manifolds of all body runs in the order of the grid
+  bool finds_in_order_ =
+      false;  // a single member finds the manifolds of all body runs in the order of the grid
   std::size_t support_slabs_ = 0;  // number of lists of this step in supports_
   struct SupportReference {
     std::int32_t slab, patch;  // slab < 0: none

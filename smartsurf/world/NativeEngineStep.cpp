@@ -84,7 +84,8 @@ constexpr NativeEngine::Stage NativeEngine::Stage::kAll[] = {
 };
 // clang-format on
 
-// Calls the stages [first, end) of the table, which the compiler knows: small worlds spend their steps on calls.
+// Calls the stages [first, end) of the table, which the compiler knows: small worlds spend their steps on
+// calls.
 template <std::size_t first, std::size_t end>
 void NativeEngine::run_stages(const Member& member) {
   if constexpr (first < end) {
@@ -100,12 +101,14 @@ void NativeEngine::run_stages(const Member& member) {
   }
 }
 
-// The stages of the team follow each other and run in one fork, because waking threads costs more than a barrier.
+// The stages of the team follow each other and run in one fork, because waking threads costs more than a
+// barrier.
 void NativeEngine::step() {
   constexpr std::span<const Stage> kStages(Stage::kAll);
   constexpr auto is_of_team = [](const Stage& stage) { return stage.is_of_team(); };
   constexpr std::size_t kBegin = std::ranges::find_if(kStages, is_of_team) - kStages.begin();
-  constexpr std::size_t kEnd = std::ranges::find_if_not(kStages.subspan(kBegin), is_of_team) - kStages.begin();
+  constexpr std::size_t kEnd =
+      std::ranges::find_if_not(kStages.subspan(kBegin), is_of_team) - kStages.begin();
   static_assert(std::ranges::none_of(kStages.subspan(kEnd), is_of_team));
   solver_ = &Solver::of_this_thread(settings_);
   team_.run(false, [&](const Member& member) { run_stages<0, kBegin>(member); });

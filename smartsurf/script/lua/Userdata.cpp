@@ -17,8 +17,8 @@ std::vector<std::string> collect_string_keys(lua_State* L, int table) {
   return names;
 }
 
-// Called with names that the table of methods lacks. Upvalues: the table of methods, the property function or nil, the
-// type's name.
+// Called with names that the table of methods lacks. Upvalues: the table of methods, the property function or
+// nil, the type's name.
 int index_metamethod(Sandbox&, lua_State* L) {
   lua_settop(L, 2);
   if (!lua_isnil(L, lua_upvalueindex(2))) {
@@ -59,7 +59,8 @@ void register_userdata_type(lua_State* L, const char* type, std::span<const luaL
     lua_pushcfunction(L, method.func);
     lua_setfield(L, -2, method.name);
   }
-  // Lua finds a method in the table without a call; a reward function looks one up in each step of each world.
+  // Lua finds a method in the table without a call; a reward function looks one up in each step of each
+  // world.
   lua_createtable(L, 0, 1);
   lua_pushvalue(L, -2);
   if (property != nullptr)

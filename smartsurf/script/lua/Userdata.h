@@ -10,8 +10,8 @@
 namespace smartsurf::script {
 
 // Creates the metatable `type` with `methods`. If `property` is not null, it is called for other names as
-// property(name) and returns what all values of the type have under that name, or nil for an unknown one, which is an
-// error.
+// property(name) and returns what all values of the type have under that name, or nil for an unknown one,
+// which is an error.
 void register_userdata_type(lua_State* L, const char* type, std::span<const luaL_Reg> methods,
                             lua_CFunction property = nullptr);
 

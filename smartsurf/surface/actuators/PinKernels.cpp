@@ -59,8 +59,8 @@ HWY_INLINE V profile_speed(D d, const MotionProfile::Constants& c, V distance, V
   return hn::IfThenElse(hn::Lt(at_least_low, high), at_least_low, high);
 }
 
-std::size_t clamp_commands_for_target(std::span<const CellRun> runs, const CellRun& within, float low, float high,
-                                      float safe, float* all_commands) {
+std::size_t clamp_commands_for_target(std::span<const CellRun> runs, const CellRun& within, float low,
+                                      float high, float safe, float* all_commands) {
   std::size_t replaced = 0;
   for (const CellRun& run : runs) {
     const CellRun cells = common_cells(run, within);
@@ -69,7 +69,8 @@ std::size_t clamp_commands_for_target(std::span<const CellRun> runs, const CellR
     replaced += with_vectors_for(n, [=](auto d) HWY_ATTR {
       std::size_t kept = 0;
       for_each_vector(d, n, [&](std::size_t i, auto done) HWY_ATTR {
-        const auto command = hn::LoadU(d, commands + i), minimum = hn::Set(d, low), maximum = hn::Set(d, high);
+        const auto command = hn::LoadU(d, commands + i), minimum = hn::Set(d, low),
+                   maximum = hn::Set(d, high);
         const auto at_least_minimum = hn::IfThenElse(hn::Lt(command, minimum), minimum, command);
         const auto in_range = hn::IfThenElse(hn::Gt(at_least_minimum, maximum), maximum, at_least_minimum);
         const auto result = hn::IfThenElse(hn::Eq(command, command), in_range, hn::Set(d, safe));
@@ -152,8 +153,8 @@ HWY_EXPORT(update_targets_for_target);
 HWY_EXPORT(plan_speeds_for_target);
 HWY_EXPORT(advance_pins_for_target);
 
-std::size_t clamp_commands(std::span<const CellRun> runs, const CellRun& within, const float* commands, float low,
-                           float high, float safe, float* clamped) noexcept {
+std::size_t clamp_commands(std::span<const CellRun> runs, const CellRun& within, const float* commands,
+                           float low, float high, float safe, float* clamped) noexcept {
   constexpr std::size_t kBlock = 1024;  // about as many cells stay in the L1 cache between the two passes
   std::size_t replaced = 0;
   for (std::size_t first = 0, end = 0; first < runs.size(); first = end) {
@@ -163,13 +164,14 @@ std::size_t clamp_commands(std::span<const CellRun> runs, const CellRun& within,
       count += length_of(cells);
     }
     asm volatile("" ::: "memory");  // keeps the compiler from reading `commands` a second time
-    replaced += HWY_DYNAMIC_DISPATCH(clamp_commands_for_target)(runs.subspan(first, end - first), within, low, high,
-                                                                safe, clamped);
+    replaced += HWY_DYNAMIC_DISPATCH(clamp_commands_for_target)(runs.subspan(first, end - first), within, low,
+                                                                high, safe, clamped);
   }
   return replaced;
 }
 
-bool update_targets(std::span<const CellRun> runs, const float* base, const float* commands, float* target) noexcept {
+bool update_targets(std::span<const CellRun> runs, const float* base, const float* commands,
+                    float* target) noexcept {
   return HWY_DYNAMIC_DISPATCH(update_targets_for_target)(runs, base, commands, target);
 }
 

@@ -1,7 +1,8 @@
 // SIMD loops over contiguous pins. Every instruction set gives the same bits as MotionProfile. Private to
 // smartsurf/surface.
 //
-// Arrays have n entries, or one per cell where runs of cells are given; heights and targets in u, speeds in u/s.
+// Arrays have n entries, or one per cell where runs of cells are given; heights and targets in u, speeds in
+// u/s.
 #pragma once
 
 #include <cstddef>
@@ -12,14 +13,15 @@
 
 namespace smartsurf::surface {
 
-// Copies the commands of the cells of the runs that are `within`, clamped to [low, high], with NaN replaced by `safe`.
-// commands: of the cells within.begin to within.end − 1. Returns the number of values changed. `commands` may be memory
-// that another process writes: each value is copied before it is checked.
+// Copies the commands of the cells of the runs that are `within`, clamped to [low, high], with NaN replaced
+// by `safe`. commands: of the cells within.begin to within.end − 1. Returns the number of values changed.
+// `commands` may be memory that another process writes: each value is copied before it is checked.
 std::size_t clamp_commands(std::span<const CellRun>, const CellRun& within, const float* commands, float low,
                            float high, float safe, float* clamped) noexcept;
 
 // Sets target = base + command for the cells of the runs. Returns whether any target changed.
-bool update_targets(std::span<const CellRun>, const float* base, const float* commands, float* target) noexcept;
+bool update_targets(std::span<const CellRun>, const float* base, const float* commands,
+                    float* target) noexcept;
 
 // Summary of a run of pins for the coming step.
 struct PinMotion {

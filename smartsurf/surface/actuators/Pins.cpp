@@ -98,7 +98,8 @@ class Pins final : public Actuator {
     const auto dt = static_cast<float>(dt_s);
     // The load may push any pin with a force limit, so all of them are planned in every step.
     if (force_limit_) std::ranges::fill(moving_, std::uint8_t{1});
-    if (dt != profile_dt_s_) profile_ = MotionProfile(max_speed_, max_acceleration_, profile_dt_s_ = dt, lag_s_);
+    if (dt != profile_dt_s_)
+      profile_ = MotionProfile(max_speed_, max_acceleration_, profile_dt_s_ = dt, lag_s_);
     for_each_moving_group(kPlanCost_ns, [&](std::size_t g) { plan_group(g, profile_, dt, field); });
     for (std::size_t g = 0; g < groups_.size(); ++g) {
       field.max_height = std::max(field.max_height, group_max_height_[g]);

@@ -28,7 +28,8 @@ void UniformGrid::build(const Input& in, std::span<const std::int32_t> own, cons
   compute_bounds(in, own, member_state_[member.index]);
   member.single([&] {
     resize_cells(in.bodies.size());
-    if (!is_dense_ && !is_few_ && key_of_body_.size() < cell_of_body_.size()) key_of_body_.resize(cell_of_body_.size());
+    if (!is_dense_ && !is_few_ && key_of_body_.size() < cell_of_body_.size())
+      key_of_body_.resize(cell_of_body_.size());
   });
   if (is_few_)
     member.single([&] { sort_few(in); });

@@ -4,8 +4,8 @@
 // Bodies are sorted by cell, so that neighbouring cells along x are contiguous in memory. While the cells are
 // not many more than the bodies, an array over all cells tells where each begins; a sparse world has a list
 // of its occupied rows of cells instead, so that the cost depends on the bodies only, however far apart they
-// are. A few bodies are sorted, for the order of the results, and all tested. Results and their order depend on
-// positions and indices only, not on the number of members.
+// are. A few bodies are sorted, for the order of the results, and all tested. Results and their order depend
+// on positions and indices only, not on the number of members.
 #pragma once
 
 #include <algorithm>
@@ -43,7 +43,8 @@ class UniformGrid {
   int sorted_count() const { return static_cast<int>(sorted_bodies_.size()); }
   // Number of cells along x, y or z. Bodies are sorted by cell, x fastest, z slowest.
   int cell_count(int axis) const { return cell_count_[axis]; }
-  // Of more than kFew bodies: an occupied row of cells along x. Its bodies reach up to `begin` of the next row, in sorted order.
+  // Of more than kFew bodies: an occupied row of cells along x. Its bodies reach up to `begin` of the next
+  // row, in sorted order.
   struct Row {
     std::int32_t y, z, begin;
   };
@@ -63,7 +64,7 @@ class UniformGrid {
 
  private:
   static constexpr std::size_t kFew = 16;  // so many are all tested with each other
-  static constexpr int kMaxCellRuns = 5;  // of the 14 cells searched per body: half of its neighbourhood
+  static constexpr int kMaxCellRuns = 5;   // of the 14 cells searched per body: half of its neighbourhood
   // Clamped to the grid; 0 for NaN. In double precision where there are too many cells for single precision.
   int cell_of(float u, int axis) const {
     auto clamped = [last = cell_count_[axis] - 1](auto c) {

@@ -280,9 +280,10 @@ void integrate_positions(int begin, int end, float h_s, const BodyVelocity* velo
 }
 
 // Rounds as the two kernels above do.
-void integrate_free(int begin, int end, int substeps, float h_s, const BodyVelocity& change, BodyVelocity* velocity,
-                    DeltaPose* delta_pose) {
-  auto *const speeds = reinterpret_cast<float*>(velocity), *const poses = reinterpret_cast<float*>(delta_pose);
+void integrate_free(int begin, int end, int substeps, float h_s, const BodyVelocity& change,
+                    BodyVelocity* velocity, DeltaPose* delta_pose) {
+  auto *const speeds = reinterpret_cast<float*>(velocity), *const poses =
+                                                               reinterpret_cast<float*>(delta_pose);
   const auto* const changes = reinterpret_cast<const float*>(&change);
   const V low = set(-kMaxSpeed), high = set(kMaxSpeed);
   for_each_row_vector(begin, end, [&](std::ptrdiff_t i, auto moves) HWY_ATTR {

@@ -75,21 +75,20 @@ void Solver::step(BodyStore& bodies, const Input& input, const Member& member) {
     if (!input.joints.empty()) input.joints.begin_step(bodies, input.partition, settings_.substeps);
   });
   const bool any_restitution = settings_.field_restitution > 0.0F || bodies.restituting > 0;
-  StepContext context{
-      .bodies = bodies,
-      .input = input,
-      .partition = input.partition,
-      .own_slabs = own_slabs,
-      .own_rows = input.partition.rows_of(own_slabs),
-      .solver_bodies = solver_bodies(),
-      .pair_params = pair_params_,
-      .static_params = static_params_,
-      .kernels = contact_kernels(),
-      .any_restitution = any_restitution,
-      .all_spheres = bodies.non_spheres == 0,
-      .gravity_change = gravity_change_,
-      .active_rows = find_active_rows(input.partition, own_slabs, member.index),
-      .deep_contacts = deep_contacts_[member.index]};
+  StepContext context{.bodies = bodies,
+                      .input = input,
+                      .partition = input.partition,
+                      .own_slabs = own_slabs,
+                      .own_rows = input.partition.rows_of(own_slabs),
+                      .solver_bodies = solver_bodies(),
+                      .pair_params = pair_params_,
+                      .static_params = static_params_,
+                      .kernels = contact_kernels(),
+                      .any_restitution = any_restitution,
+                      .all_spheres = bodies.non_spheres == 0,
+                      .gravity_change = gravity_change_,
+                      .active_rows = find_active_rows(input.partition, own_slabs, member.index),
+                      .deep_contacts = deep_contacts_[member.index]};
   context.deep_contacts.clear();
   run_stages(context, member);
 }
@@ -231,7 +230,8 @@ void Solver::for_each_own_batch(StepContext& context, const Member& member, Each
 
 // ---- bodies, each member those of its slabs
 
-std::span<const IndexRange> Solver::find_active_rows(const SpatialPartition& partition, IndexRange slabs, int member) {
+std::span<const IndexRange> Solver::find_active_rows(const SpatialPartition& partition, IndexRange slabs,
+                                                     int member) {
   std::vector<IndexRange>& found = active_rows_[member];
   found.clear();
   for (int s = slabs.begin; s < slabs.end; ++s)
@@ -384,8 +384,8 @@ void Solver::run_side_stage(const StepContext& context, const Member& member, On
   });
 }
 
-// Joints and the contacts of their bodies take turns until the contacts leave the joints where they hold. There are
-// joints.
+// Joints and the contacts of their bodies take turns until the contacts leave the joints where they hold.
+// There are joints.
 void Solver::settle_jointed_contacts(StepContext& context, const Member& member, bool is_soft) {
   constexpr int kMaxTurns = 30;
   constexpr double kHolds = 1e-4;  // u/s

@@ -115,7 +115,8 @@ TEST(PinKernels, ClampCommandsReplacesAndCounts) {
         expected[i] = std::isnan(p.command[i]) ? 0.75F : std::clamp(p.command[i], 0.5F, 2.0F);
         replaced += expected[i] != p.command[i];
       }
-      ASSERT_EQ(clamp_commands(all, all[0], p.command.data(), 0.5F, 2.0F, 0.75F, clamped.data()), replaced) << n;
+      ASSERT_EQ(clamp_commands(all, all[0], p.command.data(), 0.5F, 2.0F, 0.75F, clamped.data()), replaced)
+          << n;
       ASSERT_EQ(clamped, expected) << n;
     }
   });
@@ -125,7 +126,9 @@ TEST(PinKernels, ClampCommandsReplacesAndCounts) {
 TEST(PinKernels, RunsOfCells) {
   for_every_target([] {
     std::mt19937 random(7);
-    const auto draw = [&](int low, int high) { return std::uniform_int_distribution<int>(low, high)(random); };
+    const auto draw = [&](int low, int high) {
+      return std::uniform_int_distribution<int>(low, high)(random);
+    };
     for (int repetition = 0; repetition < 200; ++repetition) {
       const int n = draw(1, 3000);
       Pins p(static_cast<std::size_t>(n), random());

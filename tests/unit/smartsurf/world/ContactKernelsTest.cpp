@@ -176,9 +176,9 @@ TEST(ContactKernels, FreeFlightHasTheBitsOfItsSubsteps) {
   std::uniform_real_distribution<float> u(-20, 20);
   const auto draw = [&] {
     const auto kind = random() % 12;
-    return kind == 0 ? 0.0F
-           : kind == 1 ? -0.0F
-           : kind == 2 ? 1e6F * u(random)
+    return kind == 0                        ? 0.0F
+           : kind == 1                      ? -0.0F
+           : kind == 2                      ? 1e6F * u(random)
            : kind == 3 && random() % 8 == 0 ? std::numeric_limits<float>::quiet_NaN()
                                             : u(random);
   };
