@@ -120,7 +120,8 @@ static_assert(static_cast<int>(Status::kOk) == SSP_OK &&
 
 extern "C" {
 
-const char* ssp_text(ssp_result result) {
+// A program in C may pass any number, which its enumeration holds.
+__attribute__((no_sanitize("enum"))) const char* ssp_text(ssp_result result) {
   static constexpr const char* kErrors[] = {"impossible description or name",
                                             "a living surface owns the name",
                                             "no such surface",

@@ -410,7 +410,7 @@ TEST_F(SandboxTest, LibraryFunctionsBehaveAsInLua) {
 }
 
 TEST_F(BudgetTest, EachCallHasItsOwnBudget) {
-  Experiment e = load_on_surface("on_tick(function() for i = 1, 60000 do end end)");
+  Experiment e = load_on_surface("on_tick(function() for i = 1, 20000 do end end)");
   FakeSimulation simulation(e.scene());
   e.start(simulation);
   run_ticks(e, 0, 50);
