@@ -1,5 +1,6 @@
 // Arrays of registers and of scalars: ch[i]. An index that is a constant names an element; any other is
 // computed when the program runs.
+#include <algorithm>
 #include <cmath>
 
 #include "apron/compiler/Lowering.h"

@@ -4,6 +4,7 @@
 #include <bit>
 #include <cmath>
 #include <new>
+#include <type_traits>
 
 #include "apron/vm/NumberFormat.h"
 #include "apron/vm/Vm.h"

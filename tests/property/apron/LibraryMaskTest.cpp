@@ -83,6 +83,7 @@ const std::map<std::string, std::string> kCalls = {
     {"y = clear_edge(a)", "X = clear_edge(A)"},
     {"y = fill_holes(a)", "X = fill_holes(A)"},
     {"y = label(a)", "X = label(A)"},
+    {"y = label.int32(a)", "X = float(label.int32(A))"},
     {"y = areas(a)", "X = areas(A)"},
     {"y = outline(a)", "X = outline(A)"},
     {"y = outer_totalistic(a, born, survive)", "X = outer_totalistic(A, 0x08, 0x0C)"},
