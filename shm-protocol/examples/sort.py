@@ -8,7 +8,7 @@ import numpy as np
 import shm_protocol
 
 DOWN, RISE, TALLEST = np.float32(1), np.float32(2), np.float32(5)
-SINKING, RAISING, RIDGE = np.float32(0.2), np.float32(0.07), np.float32(0.5)
+SINKING, RAISING, RIDGE = np.float32(0.2), np.float32(0.08), np.float32(0.5)
 REACH, GROWTH, RATE = 8, np.float32(0.01), np.float32(0.1)
 NEAR, PATIENCE, FARTHEST, HIGHEST, WALL = 6, np.float32(120), 16, 3, 1000
 NOTHING = np.float32(20)  # an underside that is higher than any
@@ -98,7 +98,8 @@ class Sort:
         self.largest, self.high, self.low = np.full(shape, 3, np.float32), ones, 0.5 * ones
         self.found, self.way_small, self.way_large, self.from_wall = np.zeros((4, *shape), np.float32)
         self.halt_small, self.halt_large, self.ahead = np.zeros((3, *shape), np.float32)
-        self.stay, self.plight, self.call, self.pin = np.zeros((4, *shape), np.float32)
+        self.stay, self.plight, self.call, self.underside = np.zeros((4, *shape), np.float32)
+        self.pin = np.full(shape, DOWN + RISE, np.float32)  # at once, before the dropped spheres come down
 
     def heights(self, proximity, proximity_hit):
         inside = self.inside
@@ -111,6 +112,8 @@ class Sort:
         underside = np.where(sensed != 0, hit * (self.pin + proximity), NOTHING)
         underside = np.clip(underside, np.minimum(least(underside), least_diagonal(underside)),
                             np.maximum(greatest(underside), greatest_diagonal(underside)))
+        falling = np.clip(underside - self.underside, -RAISING, 0)
+        self.underside = underside
         ridges = sensed * (ridge(underside, east, west) | ridge(underside, north, south))
         parted = sensed - ridges * np.maximum(greatest(ridges), greatest_diagonal(ridges))
 
@@ -159,19 +162,24 @@ class Sort:
         stops = (self.way_large < 3) | (self.ahead > 0)
         self.halt_large = large * np.maximum(REACH * stops, greatest(self.halt_large) - 1)
 
-        # Stalled small ones send large ones away. Who is stalled is lifted over stuck pins.
+        # Stalled small ones send large ones away. Who is stalled goes away from the wall first, and is lifted over stuck
+        # pins, but nobody over the wall.
         self.call = np.maximum(small * eastern * FARTHEST * self.plight, greatest(self.call) - 1)
-        turn = np.where(large != 0, downhill(self.way_large), downhill(self.way_small))
+        away = 2 * wider(self.plight) * np.minimum(self.from_wall, REACH)
+        turn = np.where(large != 0, downhill(self.way_large - away), downhill(self.way_small - away))
         turn = turn * ((self.halt_small <= 0) & (self.halt_large <= 0))
         turn = core * np.where(large * (self.call > 0) != 0, downhill(self.call + WALL * (1 - inside)), turn)
         moving = wider(as_number(turn > 0))
         self.stay = (self.stay + 1) * moving
         change = np.where(self.stay > PATIENCE, np.float32(0.5), np.float32(-0.25)) / PATIENCE
         self.plight = moving * np.clip(wider(self.plight) + change, 0, 1)
-        lift = wider(wider(wider(told(np.minimum(HIGHEST * self.plight, self.from_wall - 2)))))
+        room = np.clip(told(self.from_wall - size), 0, HIGHEST)
+        lift = np.minimum(wider(wider(wider(told(np.minimum(HIGHEST * self.plight, room))))),
+                          np.where(sensed != 0, room, np.float32(HIGHEST)))
 
         # (g) Actuators: pockets ahead of who moves and around who halts are down, others up. Pins are led, so that fast
-        # ones do not throw the spheres. No sensor tells how far up a pin is: it is where it is led to.
+        # ones do not throw the spheres, and rise by as much less as what is above them falls. No sensor tells how far up
+        # a pin is: it is where it is led to.
         turn = told(turn)
         run = turn * np.where(large != 0, turn == EAST, turn == WEST)
         start = np.maximum(run * small, ahead(run * large))
@@ -180,7 +188,7 @@ class Sort:
                                     ahead(np.maximum(broad(aside), ahead(aside)))])
         level = np.clip(TALLEST - self.largest, np.float32(0), DOWN)
         height = level + level * lift + np.where(pocket != 0, level * lift / np.float32(3), RISE)
-        self.pin = self.pin + np.clip(height - self.pin, -SINKING, RAISING)
+        self.pin = self.pin + np.clip(height - self.pin, -SINKING, RAISING + falling)
         return self.pin
 
 

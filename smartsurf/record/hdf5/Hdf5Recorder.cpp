@@ -102,6 +102,8 @@ struct Hdf5Recorder::OpenFile {
   void write_buffered();
   void write_sensors();
   void drop_costly_sensors();
+  void drop_sensors();
+  void preallocate(std::uint64_t max_bytes, std::uint64_t max_sensor_bytes);
 
   PendingFile& pending;
   scene::RecordSpec record;
@@ -442,6 +444,10 @@ void Hdf5Recorder::OpenFile::drop_costly_sensors() {
   if (static_cast<double>(sensor_bytes) <=
       kCheapShare * static_cast<double>(length - static_cast<hsize_t>(unused)))
     return;
+  drop_sensors();
+}
+
+void Hdf5Recorder::OpenFile::drop_sensors() {
   record.sensors = scene::SensorRecording::kNever;
   sensor_series.clear();
   check_closed();
@@ -449,20 +455,31 @@ void Hdf5Recorder::OpenFile::drop_costly_sensors() {
   check(H5Fflush(file, H5F_SCOPE_LOCAL), "flush");
 }
 
+// Where there is no room for sensors that nobody asked for, there may be some for the rest.
+void Hdf5Recorder::OpenFile::preallocate(std::uint64_t max_bytes, std::uint64_t max_sensor_bytes) {
+  try {
+    preallocator.preallocate(max_bytes + max_sensor_bytes);
+  } catch (const Hdf5Error&) {
+    if (sensor_series.empty() || record.sensors != scene::SensorRecording::kWhereCheap) throw;
+    drop_sensors();
+    preallocator.preallocate(max_bytes);
+  }
+}
+
 // A frame exists once its tick is stored. Ticks are written and flushed after everything else, so a process
 // killed in between cannot leave a partial frame.
 void Hdf5Recorder::OpenFile::write_buffered() {
   pending.require_unchanged();
-  std::uint64_t max_bytes = kMetadataBytes + catalogue->max_bytes(pending_objects);
+  std::uint64_t max_bytes = kMetadataBytes + catalogue->max_bytes(pending_objects), max_sensor_bytes = 0;
   if (buffered_frames > 0) {
     for_each_series([&](const FrameSeries& series) { max_bytes += series.max_bytes(); });
-    for (const FrameSeries& series : sensor_series) max_bytes += series.max_bytes();
+    for (const FrameSeries& series : sensor_series) max_sensor_bytes += series.max_bytes();
     max_bytes += tick->max_bytes();
   }
   for (auto* changes : {&inputs, &heights, &motion, &skin})
     if (*changes) max_bytes += (*changes)->max_bytes();
-  preallocator.preallocate(max_bytes);
-  require_memory(max_bytes);
+  preallocate(max_bytes, max_sensor_bytes);
+  require_memory(max_bytes + max_sensor_bytes);
   catalogue->append(pending_objects);
   pending_objects.clear();
   for (auto* changes : {&inputs, &heights, &motion, &skin})

@@ -42,16 +42,16 @@ class Bench(ProgramTest):
         self.assertIn("</svg>", (self.folder / "out/bench-physics.svg").read_text())
 
     def test_report_of_threads_beside_busy_programs(self):
-        def line(beside, threads, wall):
+        def line(beside, threads, wall, twin=False):
             return {"benchmark": "physics", "case": "8x8 1", "who": "ours", "threads": threads, "beside": beside, "wall_s": wall,
-                    "cpu_ms": threads}
-        self.measured("threads", [line(0, 1, 4), line(0, 2, 2), line(5, 1, 8), line(5, 2, 10),
-                                  line(0, 1, 4), line(0, 2, 2), line(5, 1, 9), line(5, 2, 99),
-                                  line(0, 1, 8), line(0, 2, 2), line(5, 1, 8), line(5, 2, 9)])
+                    "cpu_ms": threads, "twin": twin}
+        self.measured("threads", [line(0, 1, 4), line(0, 2, 2), line(0, 1, 5, True), line(5, 1, 8), line(5, 2, 10),
+                                  line(0, 1, 4), line(0, 2, 2), line(0, 1, 5, True), line(5, 1, 9), line(5, 2, 99),
+                                  line(0, 1, 8), line(0, 2, 2), line(0, 1, 9, True), line(5, 1, 8), line(5, 2, 9)])
         text = self.report()
         self.assertIn("median of 3", text)
-        self.assertIn("| 8x8 1 | 0 | 4 | 2 | 2 × | 1 | 2 |", text)
-        self.assertIn("| 8x8 1 | 5 | 8 | 10 | 0.8 × | 1 | 2 |", text)
+        self.assertIn("| 8x8 1 | 0 | 4 | 2 | 2 × | 1.6 × | 1 | 2 |", text)
+        self.assertIn("| 8x8 1 | 5 | 8 | 10 | 0.8 × | – | 1 | 2 |", text)
 
     def test_report_of_large_scenes(self):
         self.measured("scenes", [{"real_time_factor": factor} for factor in (1.5, 2.5, 0.5, 0.75, 3, 4)])
