@@ -72,7 +72,8 @@ TEST_F(DeclarationTest, CaseStudySurface) {
   EXPECT_EQ(m.density, 2.0);
   const scene::RecordSpec& r = e.scene().record;
   EXPECT_FALSE(r.objects);
-  EXPECT_TRUE(r.sensors && r.actuators);
+  EXPECT_EQ(r.sensors, scene::SensorRecording::kAlways);
+  EXPECT_TRUE(r.actuators);
   EXPECT_EQ(r.tick_interval, 4);
 }
 
