@@ -87,8 +87,8 @@ TEST_F(DeclarationTest, AbsentFieldsKeepDefaults) {
   EXPECT_EQ(spec.world.seed, 1u);
   EXPECT_TRUE(spec.record.objects);
   EXPECT_EQ(spec.record.sensors, scene::SensorRecording::kWhereCheap);
-  EXPECT_EQ(load("record{sensors = false}").scene().record.sensors, scene::SensorRecording::kNever);
-  EXPECT_EQ(load("record{sensors = true}").scene().record.sensors, scene::SensorRecording::kAlways);
+  EXPECT_EQ(load("surface{} record{sensors = false}").scene().record.sensors, scene::SensorRecording::kNever);
+  EXPECT_EQ(load("surface{} record{sensors = true}").scene().record.sensors, scene::SensorRecording::kAlways);
   EXPECT_EQ(spec.materials.size(), 1u);
 }
 
