@@ -192,7 +192,7 @@ class Vm {
   double boundary_number_ = 0.0;  // the boundary's value, unrounded
   RandomStream random_stream_{};
   std::vector<double> scatter_sums_;  // of the largest destination of a scatter
-  // Of the largest matrix product: the planes that it reads, then those that it writes; see MatrixProduct.
+  // The planes that the largest matrix product reads, then those that it writes; see MatrixProduct.
   std::vector<float*> matrix_planes_;
   std::vector<float> matrix_weights_;
   ConnectedComponents components_;

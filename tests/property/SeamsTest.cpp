@@ -195,8 +195,7 @@ TEST_P(Seams, NothingHappensOnBodyThatMoves) {
 }
 
 // The blocks of the track are bodies that move: each is welded to the next, or they lie on the table side by
-// side, heavy enough to stay where they are; or some of them are fixed, which
-// is right from 1/120 s on.
+// side, heavy enough to stay where they are; or, from 1/120 s on, some of them are fixed (docs/truth.md).
 TEST_P(Seams, NothingHappensBetweenBodiesThatMoveTogether) {
   const auto number = [](const char* name, unsigned otherwise) {
     const char* text = std::getenv(name);

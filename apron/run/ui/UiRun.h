@@ -23,7 +23,7 @@ struct UiRun {
   std::function<void(bool)> on_pause;       // see debugger::DebugSession
   std::function<void()> on_finish;          // in a window: the program has ended, and the window stays open
   RegisterView* shown_registers = nullptr;  // written before each answer; null: none
-  // Of the surface's cells, as in shm_protocol::Description; empty: a regular grid.
+  // Positions of the surface's cells, as in shm_protocol::Description; empty: a regular grid.
   std::vector<std::array<float, 3>> positions = {};
   double pitch = 1.0;
 };

@@ -16,7 +16,7 @@ HWY_BEFORE_NAMESPACE();
 namespace apron::vm {
 namespace HWY_NAMESPACE {
 
-// Of the files of these names.
+// Each is defined in the file of its name.
 void add_integer_kernels(KernelTable& table);
 void add_mathematics_kernels(KernelTable& table);
 void add_random_kernels(KernelTable& table);

@@ -112,7 +112,7 @@ class ConstraintGraph {
   std::vector<std::int16_t> manifold_key_;  // pairs first, then static contacts
   // The number of manifolds in a member's slabs by key, then their first position in sorted_manifolds_.
   std::vector<KeyOffsets> key_offsets_;
-  // Of a single member: of the first key of a group, and of the others where the group is not empty.
+  // A single member sets those of the first key of a group, and of the others where the group is not empty.
   std::array<std::int32_t, kMaxKeys + 1> first_of_key_;
   std::vector<std::int32_t> sorted_manifolds_;  // manifold indices in the order of batches and lanes
   // The first position in sorted_manifolds_ and the first point of each batch; one more at the end.

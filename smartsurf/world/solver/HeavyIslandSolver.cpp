@@ -100,7 +100,8 @@ void HeavyIslandSolver::find_heavy_lanes(const ContactBatch& o, ContactKind kind
 }
 
 bool HeavyIslandSolver::any_heavy_lane() const {
-  return std::ranges::any_of(members_, [](const MemberData& m) { return !m.heavy_rows.empty() || !m.sinking_rows.empty(); });
+  return std::ranges::any_of(
+      members_, [](const MemberData& m) { return !m.heavy_rows.empty() || !m.sinking_rows.empty(); });
 }
 
 // ---- sets of rows, which all members unite at once
@@ -214,10 +215,11 @@ void HeavyIslandSolver::number_islands(const Step& step) {
   const auto& [graph, bodies, partition, points, velocity, supports, gravity, h_s] = step;
   islands_.clear();
   const auto is_direct = [this](std::int32_t root) { return flags_[root] != 0 && (flags_[root] & kExcluded) == 0; };
-  const auto any_direct = [&](std::span<const std::int32_t> heavy) {
-    return std::ranges::any_of(heavy, [&](std::int32_t row) { return is_direct(find_root(row)); });
+  const auto any_direct = [&](std::span<const std::int32_t> rows) {
+    return std::ranges::any_of(rows, [&](std::int32_t row) { return is_direct(find_root(row)); });
   };
-  if (std::ranges::none_of(members_, [&](const MemberData& m) { return any_direct(m.heavy_rows) || any_direct(m.sinking_rows); }))
+  if (std::ranges::none_of(
+          members_, [&](const MemberData& m) { return any_direct(m.heavy_rows) || any_direct(m.sinking_rows); }))
     return;
   const std::size_t row_count = parent_.size();
   constexpr std::int32_t kNone = -1;
