@@ -80,7 +80,7 @@ class Neovim(ProgramTest):
             self.skipTest("needs Neovim: scripts/setup --editors")
 
     def test_the_editor_shows_what_the_server_says(self):
-        page = (ROOT / "docs/apron-language.md").read_text()
+        page = (ROOT / "editors/README.md").read_text()
         self.write("init.lua", re.search(r"For Neovim.*?```lua\n(.*?)```", page, re.DOTALL).group(1))
         self.write("steps.lua", STEPS)
         self.write("p.aps", PROGRAM)
