@@ -34,7 +34,7 @@ class Bench(ProgramTest):
         self.assertIn("| processor | abacus, 2 cores |", text)
         self.assertIn("| naive | 2/10 | – |", text)
         self.assertIn("Over ours: ours, 2 threads 0.6; naive 12.", text)
-        self.assertIn("| naive | 7.5 | – |", text)
+        self.assertIn("| ours | 7.5 | 7.5 |", text)
         self.assertIn("No peer is ahead of ours here.", text)
         self.assertIn("| ours | 0.020/0.250 | 0.020/0.250 |", text)
         self.assertIn("(bench-physics.svg)", text)
