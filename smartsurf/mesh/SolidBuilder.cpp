@@ -6,6 +6,7 @@
 
 #include "smartsurf/mesh/ConvexDecomposition.h"
 #include "smartsurf/mesh/ConvexHull.h"
+#include "smartsurf/mesh/DecompositionCache.h"
 #include "smartsurf/mesh/MassProperties.h"
 #include "smartsurf/scene/SceneSpec.h"
 
@@ -114,9 +115,10 @@ void check_approximation(const scene::Solid& solid, const SolidOptions& options,
 
 std::vector<scene::ConvexHull> make_convex_hulls(const TriangleMesh& mesh, const SolidOptions& options) {
   std::vector<std::vector<Eigen::Vector3d>> parts{mesh.points};
-  if (options.decompose)
-    parts = decompose_convex(mesh,
-                             {.max_parts = options.max_hulls, .max_hollow_parts = options.max_hollow_hulls});
+  if (options.decompose) {
+    const DecompositionLimits limits{.max_parts = options.max_hulls, .max_hollow_parts = options.max_hollow_hulls};
+    parts = options.cache != nullptr ? options.cache->decompose(mesh, limits) : decompose_convex(mesh, limits);
+  }
   std::vector<scene::ConvexHull> hulls;
   for (const auto& part : parts)
     if (auto hull = convex_hull(to_single_precision(part))) hulls.push_back(std::move(*hull));

@@ -11,11 +11,14 @@
 
 namespace smartsurf::mesh {
 
+class DecompositionCache;
+
 struct SolidOptions {
   bool decompose = true;
   int max_hulls = 32;        // of the decomposition
   int max_hollow_hulls = 1;  // if that is more, and max_hulls leave an excess above a tenth
   double tolerance = 0.2;    // allowed relative deviation of the hulls' volume and inertia from the mesh's
+  const DecompositionCache* cache = nullptr;
 };
 
 // `mesh` is as read from a file, scaled to u. Appends a clause to `notes` for each repair and each notable

@@ -51,7 +51,8 @@ scene::SolidResult SolidLibrary::load_mesh(const scene::MeshRequest& r) {
                        {.decompose = r.decompose,
                         .max_hulls = r.max_hulls.value_or(standard.max_hulls),
                         .max_hollow_hulls = r.max_hulls.value_or(scene::kMaxHulls),
-                        .tolerance = r.tolerance},
+                        .tolerance = r.tolerance,
+                        .cache = &decompositions_},
                        notes);
   });
 }

@@ -18,6 +18,7 @@
 
 #include "common/confine/OutputServices.h"
 #include "common/files/AtomicFile.h"
+#include "smartsurf/mesh/DecompositionCache.h"
 #include "smartsurf/record/OpenRecorder.h"
 #include "smartsurf/run/OutputFile.h"
 #include "smartsurf/run/SurfaceLink.h"
@@ -67,6 +68,11 @@ void hurry(const std::vector<std::unique_ptr<ControllerProcess>>& controllers) {
       controller->wait_for_exit(std::chrono::duration_cast<std::chrono::milliseconds>(
           deadline - std::chrono::steady_clock::now()));
   ask_all();
+}
+
+void add_mesh_cache(common::Confinement& confinement) {
+  if (const fs::path folder = mesh::decomposition_folder(); !folder.empty())
+    confinement.write_folders.push_back(folder);
 }
 
 }  // namespace
@@ -126,6 +132,7 @@ ConfinedRuns::ConfinedRuns(std::span<RunOptions> runs, const std::vector<common:
   confinement.calls = common::Confinement::Calls::kSimulator;
   common::add_system_files(confinement);
   add_experiment_files(confinement, runs.front().experiment);
+  add_mesh_cache(confinement);
   common::note_input(fs::path(runs.front().experiment));
   std::vector<common::NamedOutput> named = others;
   for (const RunOptions& options : runs) {
@@ -280,6 +287,7 @@ void confine_to_experiment(const std::string& experiment, bool allow_extensions)
   confinement.calls = common::Confinement::Calls::kSimulator;
   common::add_system_files(confinement);
   add_experiment_files(confinement, experiment);
+  add_mesh_cache(confinement);
   common::confine(confinement);
 }
 

@@ -38,7 +38,7 @@ script::LoadOptions make_load_options(const RunOptions& options) {
   load_options.engine = options.engine;
   load_options.unsafe = options.unsafe;
   if (options.allow_extensions || options.unsafe) load_options.load_extension = extension::load;
-  load_options.solid_factory = std::make_shared<mesh::SolidLibrary>();
+  load_options.solid_factory = std::make_shared<mesh::SolidLibrary>(mesh::decomposition_folder());
   load_options.stop = &common::stop_flag();
   load_options.end_process = end_for_script;
   load_options.output_folder = script_output_folder(options);

@@ -45,7 +45,7 @@ void apply(const std::vector<std::pair<std::string, std::vector<double>>>& value
 }  // namespace
 
 Environment::Environment(EnvironmentOptions options)
-    : options_(std::move(options)), solids_(std::make_shared<mesh::SolidLibrary>()) {
+    : options_(std::move(options)), solids_(std::make_shared<mesh::SolidLibrary>(mesh::decomposition_folder())) {
   load(options_.seed);
   Nuisances::check(scene(), experiment_->variations());
   start_simulation();

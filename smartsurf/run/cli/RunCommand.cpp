@@ -142,7 +142,7 @@ script::Experiment load_silently(const RunFlags& flags) {
   options.engine = flags.engine;
   options.print_output = [](std::string_view) {};
   options.end_process = end_for_script;
-  options.solid_factory = std::make_shared<mesh::SolidLibrary>();
+  options.solid_factory = std::make_shared<mesh::SolidLibrary>(mesh::decomposition_folder());
   if (flags.allow_extensions) options.load_extension = extension::load;
   return script::Experiment::load(flags.experiment, options);
 }
