@@ -1,4 +1,5 @@
 """Hostile and mistaken files, names and descriptors: nothing is lost, nothing waits, nothing escapes."""
+import math
 import pty
 import resource
 import shutil
@@ -474,6 +475,43 @@ class Meshes(Hostile):
             status, out, err = self.run_program(SMARTSURF, "check", "s.lua")
             self.assertEqual(status, 2, out + err)
             self.assertRegex(err, expected)
+
+    def test_decompositions_are_kept_by_a_confined_run_and_damage_does_no_harm(self):
+        # A torus, whose parts lie in the cache after the first run.
+        around, across, lines = 24, 12, []
+        for i in range(around):
+            for j in range(across):
+                a, b = 2 * math.pi * i / around, 2 * math.pi * j / across
+                r = 2 + 0.7 * math.cos(b)
+                lines.append(f"v {r * math.cos(a)} {r * math.sin(a)} {0.7 * math.sin(b)}")
+        for i in range(around):
+            for j in range(across):
+                at = [1 + p % around * across + q % across for p, q in ((i, j), (i + 1, j), (i + 1, j + 1), (i, j + 1))]
+                lines += [f"f {at[0]} {at[1]} {at[2]}", f"f {at[0]} {at[2]} {at[3]}"]
+        self.write("a.obj", "\n".join(lines) + "\n")
+        self.write("s.lua", TABLE + "mesh { file = 'a.obj', position = { 3, 3, 3 }, tolerance = 1 }\n")
+        kept = self.folder / "kept"
+
+        def run(cache):
+            status, out, err = self.run_program("env", f"SMARTSURF_MESH_CACHE={cache}", SMARTSURF, "run", "s.lua", "--no-controller",
+                                                "--ticks", "30", "--stats", "stats.json")
+            self.assertEqual(status, 0, out + err)
+            return json.loads((self.folder / "stats.json").read_text())["state_hash"]
+        without = run("off")
+        self.assertFalse(kept.exists())
+        self.assertEqual(run(kept), without)
+        file, = kept.iterdir()
+        whole = file.read_bytes()
+        self.assertEqual(run(kept), without)
+        for damaged in (b"", whole[:1000], whole[:-100] + bytes(100), bytes(len(whole))):
+            file.write_bytes(damaged)
+            self.assertEqual(run(kept), without)
+            self.assertEqual(file.read_bytes(), whole)
+        self.assertEqual([path.name for path in kept.iterdir()], [file.name])
+        kept.chmod(0o777)  # another user might write there
+        file.unlink()
+        self.assertEqual(run(kept), without)
+        self.assertEqual(list(kept.iterdir()), [])
 
     def slow_mesh(self):
         # Text that is long to read.
