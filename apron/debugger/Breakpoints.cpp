@@ -1,6 +1,7 @@
 #include "apron/debugger/Breakpoints.h"
 
 #include <cassert>
+#include <cmath>
 
 namespace apron::debugger {
 namespace {
@@ -21,7 +22,17 @@ bool is_used_by(const program::Program& program, std::size_t instruction, const 
   return false;
 }
 
+bool is_true(const std::optional<double>& value) { return value && *value != 0.0; }
+
+bool is_same(const std::optional<double>& a, const std::optional<double>& b) {
+  return a == b || (a && b && std::isnan(*a) && std::isnan(*b));
+}
+
 }  // namespace
+
+std::string cell_expression(const std::string& name, std::uint64_t column, std::uint64_t row) {
+  return "pixel.get(" + name + ", " + std::to_string(column) + ", " + std::to_string(row) + ")";
+}
 
 std::vector<std::size_t> instructions_of_line(const program::Program& program, const std::string& file,
                                               std::uint32_t line) {
@@ -57,7 +68,7 @@ Breakpoints::Breakpoints(std::vector<Breakpoint> breakpoints, std::vector<progra
 }
 
 void Breakpoints::rearm_conditions(const vm::Vm& vm) {
-  for (ConditionBreakpoint& entry : conditions_) entry.was_true = entry.condition.evaluate(vm);
+  for (ConditionBreakpoint& entry : conditions_) entry.before = entry.condition.evaluate(vm);
 }
 
 std::optional<std::size_t> Breakpoints::hit_by_instruction(const vm::Vm& vm, std::size_t last) {
@@ -65,9 +76,11 @@ std::optional<std::size_t> Breakpoints::hit_by_instruction(const vm::Vm& vm, std
   std::optional<std::size_t> found;
   for (ConditionBreakpoint& entry : conditions_) {
     if (!entry.condition.depends_on(program.code[last])) continue;
-    const bool is_true = entry.condition.evaluate(vm);
-    if (is_true && !entry.was_true) found = entry.index;
-    entry.was_true = is_true;
+    const std::optional<double> value = entry.condition.evaluate(vm);
+    const bool hit = breakpoints_[entry.index].on_change ? !is_same(value, entry.before)
+                                                         : is_true(value) && !is_true(entry.before);
+    if (hit) found = entry.index;
+    entry.before = value;
   }
   if (found) return found;
   const std::size_t next = vm.program_counter();

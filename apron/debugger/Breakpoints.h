@@ -1,4 +1,4 @@
-// Breakpoints: at a line, after a tick, or when a condition becomes true.
+// Breakpoints: at a line, after a tick, when a condition becomes true, or when a value changes.
 #pragma once
 
 #include <cstdint>
@@ -18,10 +18,14 @@ struct Breakpoint {
   std::uint32_t line = 0;      // kLine: 1-based
   std::uint64_t tick = 0;      // kTick: stop after this many completed surface.step
   std::string condition = {};  // kCondition: the text the user typed
+  bool on_change = false;      // kCondition: stop when its value changes, not when it becomes true
   bool enabled = true;
 
   bool operator==(const Breakpoint&) const = default;
 };
+
+// The value of a cell, for a condition: pixel.get(A, 3, 2).
+std::string cell_expression(const std::string& name, std::uint64_t column, std::uint64_t row);
 
 // The instructions at which a breakpoint at that line stops: its own, or, if it only uses macros, the first
 // ones of these. Empty if the line compiles to nothing.
@@ -40,7 +44,8 @@ class Breakpoints {
 
   // True if detecting a hit requires executing one instruction at a time.
   bool needs_single_steps() const noexcept { return needs_single_steps_; }
-  // Conditions trigger on a false-to-true edge: one that holds now must become false first.
+  // Conditions trigger on a false-to-true edge: one that holds now must become false first. Changes are those
+  // from the values of now.
   void rearm_conditions(const vm::Vm& vm);
   // The line or condition breakpoint hit by executing the instruction `last`. Call after each instruction.
   std::optional<std::size_t> hit_by_instruction(const vm::Vm& vm, std::size_t last);
@@ -51,7 +56,7 @@ class Breakpoints {
   struct ConditionBreakpoint {
     std::size_t index = 0;
     Condition condition;
-    bool was_true = false;
+    std::optional<double> before = {};
   };
 
   std::vector<Breakpoint> breakpoints_;

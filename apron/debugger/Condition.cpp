@@ -75,14 +75,15 @@ bool Condition::depends_on(const program::Instruction& instruction) const noexce
   return instruction.destination.kind == program::OperandKind::kVariable && among(variables_);
 }
 
-bool Condition::evaluate(const vm::Vm& debuggee) {
+std::optional<double> Condition::evaluate(const vm::Vm& debuggee) {
   for (const IndexPair& pair : registers_) {
     const vm::Plane from = debuggee.plane(pair.debuggee), to = vm_->plane(pair.condition);
     for (std::uint32_t y = 0; y < to.height; ++y)
       std::copy_n(from.row_bytes(y), to.width * to.cell_bytes(), to.row_bytes(y));
   }
   for (const IndexPair& pair : variables_) vm_->variable(pair.condition) = debuggee.variable(pair.debuggee);
-  return vm_->run() == vm::Status::kTick && vm_->variable(result_) != 0.0F;
+  if (vm_->run() != vm::Status::kTick) return std::nullopt;
+  return static_cast<double>(vm_->variable(result_));
 }
 
 }  // namespace apron::debugger

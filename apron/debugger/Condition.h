@@ -3,6 +3,7 @@
 #pragma once
 
 #include <memory>
+#include <optional>
 #include <vector>
 
 #include "apron/vm/Vm.h"
@@ -24,9 +25,8 @@ class Condition {
 
   // True if executing the instruction may change the result.
   bool depends_on(const program::Instruction&) const noexcept;
-  // True if the result is non-zero. A condition that fails, for example by reading a pixel outside the array,
-  // is false. Does not allocate.
-  bool evaluate(const vm::Vm& debuggee);
+  // Nullopt if the condition fails, for example by reading a pixel outside the array. Does not allocate.
+  std::optional<double> evaluate(const vm::Vm& debuggee);
 
  private:
   class ReadOnlyHost;

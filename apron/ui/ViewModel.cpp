@@ -172,7 +172,8 @@ std::string ViewModel::state_text() const {
   if (*snapshot_.hit >= breakpoints_.size()) return "Paused at a breakpoint, " + location;
   const Breakpoint& breakpoint = breakpoints_[*snapshot_.hit];
   if (breakpoint.kind == Breakpoint::Kind::kTick) return "Paused: tick " + std::to_string(breakpoint.tick);
-  if (breakpoint.kind == Breakpoint::Kind::kCondition) return "Paused: " + breakpoint.condition;
+  if (breakpoint.kind == Breakpoint::Kind::kCondition)
+    return "Paused: " + breakpoint.condition + (breakpoint.on_change ? " has changed" : "");
   return "Paused at the breakpoint " + location;
 }
 
@@ -339,10 +340,10 @@ void ViewModel::add_tick_breakpoint(std::uint64_t tick) {
   send_breakpoints();
 }
 
-std::string ViewModel::add_condition_breakpoint(const std::string& condition) {
+std::string ViewModel::add_condition_breakpoint(const std::string& condition, bool on_change) {
   CompiledCondition compiled = compile_condition_(condition, program_);
   if (!compiled.program) return compiled.error;
-  breakpoints_.push_back({.kind = Breakpoint::Kind::kCondition, .condition = condition});
+  breakpoints_.push_back({.kind = Breakpoint::Kind::kCondition, .condition = condition, .on_change = on_change});
   send_breakpoints();
   return {};
 }

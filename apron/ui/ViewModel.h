@@ -141,7 +141,7 @@ class ViewModel {
   bool has_breakpoint(const debugger::Listing::Row& row) const;
   void add_tick_breakpoint(std::uint64_t tick);
   // Returns the compiler's error message, or empty.
-  std::string add_condition_breakpoint(const std::string& condition);
+  std::string add_condition_breakpoint(const std::string& condition, bool on_change = false);
   void set_breakpoint_enabled(std::size_t index, bool enabled);
   void remove_breakpoint(std::size_t index);
 

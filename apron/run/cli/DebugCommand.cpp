@@ -29,6 +29,7 @@ using debugger::StepUnit;
 
 constexpr std::string_view kHelp =
     "break LINE | FILE:LINE | tick N | if CONDITION   stop there; b\n"
+    "break change VALUE   stop where a value changes, or a cell: NAME COLUMN ROW\n"
     "breakpoints          list them; delete N removes one, delete all of them\n"
     "continue             run to the next breakpoint or the end; c, run\n"
     "step                 the next line, also inside macros and routines; s\n"
@@ -268,9 +269,14 @@ class Debugger {
     Breakpoint breakpoint;
     std::uint64_t number = 0;
     std::vector<program::Program> conditions = conditions_;
-    if (words[1] == "if") {
+    if ((words[1] == "if" || words[1] == "change") && words.size() > 2) {
       breakpoint.kind = Breakpoint::Kind::kCondition;
-      for (std::size_t i = 2; i < words.size(); ++i) breakpoint.condition += (i > 2 ? " " : "") + words[i];
+      breakpoint.on_change = words[1] == "change";
+      if (std::uint64_t column = 0; breakpoint.on_change && words.size() == 5 && parse_number(words[3], column) &&
+                                    parse_number(words[4], number))
+        breakpoint.condition = debugger::cell_expression(words[2], column, number);
+      else
+        for (std::size_t i = 2; i < words.size(); ++i) breakpoint.condition += (i > 2 ? " " : "") + words[i];
       std::string error;
       auto condition =
           compile_condition(breakpoint.condition, program(), options_.width, options_.height, error);
@@ -295,7 +301,7 @@ class Debugger {
       breakpoint.line = first_line_with_code(*found, static_cast<std::uint32_t>(number));
       if (breakpoint.line == 0) return refuse("no line from " + line + " on has instructions");
     } else {
-      return refuse("break takes LINE, FILE:LINE, tick N or if CONDITION");
+      return refuse("break takes LINE, FILE:LINE, tick N, if CONDITION or change VALUE");
     }
     breakpoints_.push_back(breakpoint);
     conditions_ = std::move(conditions);
@@ -315,7 +321,7 @@ class Debugger {
       case Breakpoint::Kind::kTick:
         return "tick " + std::to_string(breakpoint.tick);
       case Breakpoint::Kind::kCondition:
-        return "if " + breakpoint.condition;
+        return (breakpoint.on_change ? "change " : "if ") + breakpoint.condition;
       case Breakpoint::Kind::kLine:
         break;
     }

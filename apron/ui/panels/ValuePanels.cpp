@@ -177,7 +177,7 @@ std::string describe_breakpoint(const debugger::Breakpoint& breakpoint) {
     case debugger::Breakpoint::Kind::kTick:
       return "tick " + std::to_string(breakpoint.tick);
     case debugger::Breakpoint::Kind::kCondition:
-      return breakpoint.condition;
+      return (breakpoint.on_change ? "change of " : "") + breakpoint.condition;
   }
   return {};
 }
@@ -197,14 +197,18 @@ void draw_breakpoint_editor(DrawContext& context) {
   static char condition[256] = "", error[512] = "";
   static int tick = 100;
   const float width = ImGui::GetContentRegionAvail().x, gap = ImGui::GetStyle().ItemSpacing.x;
-  const float stop_when = padded_width("Stop when"), stop_at = padded_width("Stop at tick");
+  const float stop_when = padded_width("Stop when"), stop_at = padded_width("Stop at tick"),
+              stop_change = padded_width("Stop at change");
   ImGui::SetNextItemWidth(
       std::clamp(width - stop_when - gap, context.to_pixels(120), context.to_pixels(360)));
   const bool typed = ImGui::InputTextWithHint("##condition", "globalsum(D) > 0", condition, sizeof condition,
                                               ImGuiInputTextFlags_EnterReturnsTrue);
   same_line_if_fits(stop_when);
-  if ((ImGui::Button("Stop when") || typed) && condition[0] != '\0') {
-    std::snprintf(error, sizeof error, "%s", model.add_condition_breakpoint(condition).c_str());
+  const bool when = ImGui::Button("Stop when") || typed;
+  same_line_if_fits(stop_change);
+  const bool on_change = ImGui::Button("Stop at change");
+  if ((when || on_change) && condition[0] != '\0') {
+    std::snprintf(error, sizeof error, "%s", model.add_condition_breakpoint(condition, on_change).c_str());
     if (error[0] == '\0') condition[0] = '\0';
   }
   const float tick_width = context.to_pixels(80);
@@ -279,7 +283,14 @@ void draw_probe_panel(DrawContext& context) {
     const debugger::Neighbourhood& neighbourhood = model.snapshot().neighbourhoods[reg];
     ImGui::TableNextRow();
     ImGui::TableNextColumn();
-    ImGui::TextUnformatted(model.program().registers[reg].name.c_str());
+    const std::string& name = model.program().registers[reg].name;
+    if (ImGui::SmallButton(name.c_str())) {
+      const debugger::Cell& cell = model.probed_cell;
+      const std::string error =
+          model.add_condition_breakpoint(debugger::cell_expression(name, cell.x, cell.y), true);
+      if (!error.empty()) model.notice = error;
+    }
+    if (ImGui::IsItemHovered()) ImGui::SetTooltip("Stop when this cell changes");
     ImGui::TableNextColumn();
     ImGui::TextUnformatted(std::isnan(neighbourhood[4]) ? "\u00b7" : format_short(neighbourhood[4]).c_str());
     ImGui::PushFont(context.gui.code());

@@ -53,6 +53,29 @@ class Debug(unittest.TestCase):
                                "0 1 2 3", "0 1 2 3", "0 1 2 3", "breakpoint 1", "p.aps:4: :t = $a", "A(3, 1) = 6",
                                "the program has ended"])
 
+    def test_a_changed_cell_stops_the_program(self):
+        # Drawn writes to single cells: the program stops where the watched one gets another value, and nowhere else.
+        draw = random.Random(5)
+        for _ in range(8):
+            writes = [(draw.randrange(4), draw.randrange(3), draw.randrange(3)) for _ in range(40)]
+            self.write("!register(A)\n" + "".join(f"pixel.set(A, {x}, {y}, {v})\n" for x, y, v in writes) + "surface.step\n")
+            x, y = draw.randrange(4), draw.randrange(3)
+            value, expected = 0, []
+            for line, (i, j, written) in enumerate(writes, 2):
+                if (i, j) == (x, y) and written != value:
+                    value = written
+                    expected.append((line + 1, value))
+            out = self.debug(f"break change A {x} {y}", *["c", f"print A {x} {y}"] * (len(expected) + 1))
+            self.assertEqual(out[1], f"breakpoint 1: change pixel.get(A, {x}, {y})")
+            stops = [(int(at.split(":")[1]), float(told.split(" = ")[1])) for hit, at, told in zip(out, out[1:], out[2:]) if hit == "breakpoint 1"]
+            self.assertEqual(stops, expected)
+
+    def test_a_changed_value_stops_the_program(self):
+        out = self.debug("break change globalsum(A) > 20", *["c", "print n"] * 2)
+        self.assertEqual([line for line in out if line.startswith("n =")], ["n = 2", "n = 5"])
+        self.assertRegex(self.debug("break change Z 1 1", status=2)[-1], "Z")
+        self.debug("break change", status=2)
+
     def lines(self, out):
         return [int(line.split(":")[1]) for line in out if line.startswith("p.aps:")]
 
