@@ -68,6 +68,10 @@ if(SMARTSURF_SANITIZE)
     string(REGEX MATCH "address|thread" sanitizer ${SMARTSURF_SANITIZE})
     string(TOUPPER "__sanitize_${sanitizer}__" macro)
     target_compile_definitions(project_options INTERFACE ${macro})  # as GCC does
+    find_program(LLD ld.lld PATHS /usr/lib/llvm-16/bin)
+    if(LLD)  # links in a quarter of GNU ld's time
+      target_link_options(project_options INTERFACE -fuse-ld=lld)
+    endif()
     # Of a shared run-time library a report's frames name the file, which tells them from the program's.
     if(sanitizer STREQUAL address)
       execute_process(COMMAND ${CMAKE_CXX_COMPILER} -print-runtime-dir OUTPUT_VARIABLE folder OUTPUT_STRIP_TRAILING_WHITESPACE)

@@ -311,12 +311,6 @@ class RegionScheduler {
   bool has_margin(NodeId id) const {
     return is_read_[id] || rounds_.extent[id] > 0 || rounds_.exchange_depth[id] > 0;
   }
-  std::uint32_t widest_extent() const {
-    std::uint32_t widest = 0;
-    for (NodeId id = 0; id < nodes().size(); ++id)
-      widest = std::max({widest, rounds_.extent[id], rounds_.exchange_depth[id]});
-    return widest;
-  }
 
  private:
   const std::vector<Node>& nodes() const { return region_.nodes; }

@@ -194,12 +194,11 @@ class CollisionPipeline {
   }
   void collide_pair(const BodyStore&, std::size_t i, std::size_t j, SlabResults& results) const;
   void collide_swept_pair(const BodyStore&, std::size_t a, std::size_t b, SlabResults& results) const;
-  void set_ranges(const std::vector<BodyRunOutput>&, SlabRanges&) const;
   void assign_output_offsets(std::vector<BodyRunOutput>&, ContactList&, SlabRanges&) const;
   void assign_contact_offsets(ContactList& pair_contacts, ContactList& static_contacts);
   void update_slab_weights();
   void merge_slab(int slab, const std::vector<BodyRunOutput>&, const ContactList& from,
-                  std::int32_t first_contact, ContactList& to, SlabRanges&) const;
+                  std::int32_t first_contact, ContactList& to) const;
 
   const surface::Field& field_;
   float dt_s_, ground_height_;

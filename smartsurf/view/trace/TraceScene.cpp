@@ -81,6 +81,21 @@ struct Ball {
   Eigen::Quaternionf orientation;
 };
 
+RTCRay ray_from(const Vec& origin, const Vec& direction, unsigned sets) {
+  return {.org_x = origin.x(),
+          .org_y = origin.y(),
+          .org_z = origin.z(),
+          .tnear = 0.0F,
+          .dir_x = direction.x(),
+          .dir_y = direction.y(),
+          .dir_z = direction.z(),
+          .time = 0.0F,
+          .tfar = std::numeric_limits<float>::infinity(),
+          .mask = sets,
+          .id = 0,
+          .flags = 0};
+}
+
 }  // namespace
 
 struct TraceScene::State {
@@ -494,18 +509,7 @@ bool TraceScene::intersect(const Vec& origin, const Vec& direction, unsigned set
   RTCIntersectContext context;
   rtcInitIntersectContext(&context);
   RTCRayHit found{};
-  found.ray = {.org_x = origin.x(),
-               .org_y = origin.y(),
-               .org_z = origin.z(),
-               .tnear = 0.0F,
-               .dir_x = direction.x(),
-               .dir_y = direction.y(),
-               .dir_z = direction.z(),
-               .time = 0.0F,
-               .tfar = std::numeric_limits<float>::infinity(),
-               .mask = sets,
-               .id = 0,
-               .flags = 0};
+  found.ray = ray_from(origin, direction, sets);
   found.hit.geomID = found.hit.instID[0] = RTC_INVALID_GEOMETRY_ID;
   rtcIntersect1(s.frame.get(), &context, &found);
   const RTCHit& hit = found.hit;
@@ -550,18 +554,7 @@ bool TraceScene::intersect(const Vec& origin, const Vec& direction, unsigned set
 bool TraceScene::is_hidden(const Vec& origin, const Vec& direction, unsigned sets) const {
   RTCIntersectContext context;
   rtcInitIntersectContext(&context);
-  RTCRay ray{.org_x = origin.x(),
-             .org_y = origin.y(),
-             .org_z = origin.z(),
-             .tnear = 0.0F,
-             .dir_x = direction.x(),
-             .dir_y = direction.y(),
-             .dir_z = direction.z(),
-             .time = 0.0F,
-             .tfar = std::numeric_limits<float>::infinity(),
-             .mask = sets,
-             .id = 0,
-             .flags = 0};
+  RTCRay ray = ray_from(origin, direction, sets);
   rtcOccluded1(state_->frame.get(), &context, &ray);
   return ray.tfar < 0.0F;
 }

@@ -135,7 +135,7 @@ bool BlockCholesky::factor() {
   for (int column = 0; column < rows_; ++column) {
     double* const pivot = factor_[diagonal(column)].data();
     if (!factor_block(pivot)) return false;
-    Block* const blocks = &factor_[diagonal(column) + 1];
+    Block* const blocks = factor_.data() + diagonal(column) + 1;
     const int count = std::popcount(below_[column]);
     for (int k = 0; k < count; ++k) divide_by_factor(pivot, blocks[k].data());
     int from = 0;

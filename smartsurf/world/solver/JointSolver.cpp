@@ -7,7 +7,6 @@
 #include <span>
 #include <utility>
 
-#include "smartsurf/world/body/RotationKernels.h"
 #include "smartsurf/world/solver/ContactLaw-inl.h"
 
 namespace smartsurf::world {
@@ -34,22 +33,6 @@ constexpr double kErrorReduction = 0.5, kMaxJointBiasSpeed = 4.0;
 // Corrections up to this speed, u/s, are solved together with the motion. Where a loop is stretched out, a small error
 // takes a great speed, which must not remain.
 constexpr double kSlowCorrection = 1e-3;
-
-Quaterniond rotation_by(const Vector3d& vector) {
-  const double angle = vector.norm();
-  if (!(angle > 0.0)) return Quaterniond::Identity();
-  Quaterniond q;
-  q.w() = std::cos(0.5 * angle);
-  q.vec() = vector * (std::sin(0.5 * angle) / angle);
-  return q;
-}
-
-// The rotation must be less than half a turn.
-Vector3d rotation_vector_of(const Quaterniond& q) {
-  const double sign = q.w() < 0.0 ? -1.0 : 1.0, sine = q.vec().norm();
-  if (!(sine > 0.0)) return Vector3d::Zero();
-  return q.vec() * (sign * 2.0 * std::atan2(sine, std::abs(q.w())) / sine);
-}
 
 // The world tensor of the moments about the least, middle and greatest principal axis, or of their inverses.
 Matrix3d tensor_of(const PrincipalInertia& p, const Quaterniond& orientation, const Vector3d& moments) {
@@ -393,19 +376,20 @@ void JointSolver::solve(const BodyStore& bodies, const Rows& rows, const Substep
   }
   for (;;) {
     bool any = false;
-    for (TreeState& s : states_of(trees)) s.is_selected = s.is_unfinished, any = any || s.is_unfinished;
+    for (TreeState& s : states_of(trees)) s.select(s.is_unfinished), any = any || s.is_unfinished;
     if (!any) break;
     hold_at_end_of_part(trees);
     for (int t = trees.begin; t < trees.end; ++t) {
       const JointEquations::Tree& tree = equations_.trees()[t];
       TreeState& s = tree_states_[t];
-      if (!s.is_selected) continue;
+      if (!s.is_selected()) continue;
       if (s.h_s > kLeastPart * h_s && is_too_long(tree, s)) {
         s.h_s *= 0.5;
         for (const std::int32_t i : bodies_of(tree)) bodies_[i].restore();
-        s.is_selected = false;
+        s.select(false);
       } else if (s.h_s > 0.999 * s.time_left_s) {
-        s.is_selected = s.is_unfinished = false;
+        s.is_unfinished = false;
+        s.select(false);
       }
     }
     move_bodies(rows, trees);
@@ -415,7 +399,7 @@ void JointSolver::solve(const BodyStore& bodies, const Rows& rows, const Substep
       if (j.has_spring) block.speed_before = speeds(block)[kAxis];
     });
     for (TreeState& s : states_of(trees)) {
-      if (!s.is_selected) continue;
+      if (!s.is_selected()) continue;
       s.time_left_s -= s.h_s;
       s.h_s = 2.0 * s.h_s < s.time_left_s ? 2.0 * s.h_s : s.time_left_s;
     }
@@ -435,7 +419,7 @@ bool JointSolver::is_too_long(const JointEquations::Tree& tree, const TreeState&
 
 void JointSolver::relax(const Rows& rows, IndexRange trees) {
   load_velocities(rows, trees);
-  for (TreeState& s : states_of(trees)) s.is_selected = s.is_active;
+  for (TreeState& s : states_of(trees)) s.select(s.is_active);
   move_bodies(rows, trees);
   for (int t = trees.begin; t < trees.end; ++t) {
     if (!tree_states_[t].is_active) continue;
@@ -460,7 +444,7 @@ void JointSolver::hold_at_end_of_part(IndexRange trees) {
   // Trees that are off their joints are solved as they are first, and then moved back.
   for (int t = trees.begin; t < trees.end; ++t) {
     TreeState& s = tree_states_[t];
-    s.is_off = s.is_selected && std::ranges::any_of(joints_of(equations_.trees()[t]), [&](std::int32_t k) {
+    s.is_off = s.is_selected() && std::ranges::any_of(joints_of(equations_.trees()[t]), [&](std::int32_t k) {
       const Block& b = blocks_[k];
       return b.is_active && (b.target_error - b.error).head(b.rigid_rows).norm() > kSlowCorrection * s.h_s;
     });
@@ -470,14 +454,16 @@ void JointSolver::hold_at_end_of_part(IndexRange trees) {
   solve_trees(Stage::kSolve, trees);
   note_springs(trees);
   if (std::ranges::none_of(states_of(trees), &TreeState::is_off)) return;
-  for (TreeState& s : states_of(trees)) s.was_selected = std::exchange(s.is_selected, s.is_off);
+  for (TreeState& s : states_of(trees))
+    if (s.is_selected() && !s.is_off) s.role = Role::kSetAside;
   for_each_selected(trees, [&](Joint& j, Block& block, double h_s) {
     block.correction = block.impulse;
     correct_target(j, block, h_s);
   });
   solve_trees(Stage::kSolve, trees);
   for_each_selected(trees, [](Joint&, Block& block, double) { block.correction = block.impulse - block.correction; });
-  for (TreeState& s : states_of(trees)) s.is_selected = s.was_selected;
+  for (TreeState& s : states_of(trees))
+    if (s.role == Role::kSetAside) s.role = Role::kSelected;
 }
 
 // Moves what is to be left of a joint's error on from the present error towards 0.
@@ -535,7 +521,7 @@ void JointSolver::select_touched(std::span<const char> touched_rows) {
 
 bool JointSolver::solve_again(const Rows& rows, double tolerance) {
   load_velocities(rows, all_trees());
-  for (TreeState& s : tree_states_) s.is_selected = s.is_touched;
+  for (TreeState& s : tree_states_) s.select(s.is_touched);
   const bool any = solve_trees(Stage::kSolve, all_trees(), tolerance);
   if (any) note_springs(all_trees()), store_velocities(rows, all_trees());
   return any;
@@ -543,7 +529,7 @@ bool JointSolver::solve_again(const Rows& rows, double tolerance) {
 
 bool JointSolver::relax_again(const Rows& rows, double tolerance) {
   load_velocities(rows, all_trees());
-  for (TreeState& s : tree_states_) s.is_selected = s.is_touched;
+  for (TreeState& s : tree_states_) s.select(s.is_touched);
   add_efforts(all_trees(), -1.0);
   const bool any = solve_trees(Stage::kRelax, all_trees(), tolerance);
   add_efforts(all_trees(), 1.0);
@@ -554,27 +540,26 @@ bool JointSolver::relax_again(const Rows& rows, double tolerance) {
 // Rounds of Newton's method, with the matrix of the pose at which the rows were built.
 bool JointSolver::solve_trees(Stage stage, IndexRange trees, double tolerance) {
   bool any_off = false;
-  for (TreeState& s : states_of(trees))
-    s.is_open = s.is_selected, s.residual = std::numeric_limits<double>::max();
+  for (TreeState& s : states_of(trees)) s.open(), s.residual = std::numeric_limits<double>::max();
   for (int round = 0;; ++round) {
     bool any_open = false;
     for (int t = trees.begin; t < trees.end; ++t) {
       TreeState& s = tree_states_[t];
-      any_open = any_open || s.is_open;
-      s.has_changed = s.is_open && round > 0 && change_places(equations_.trees()[t], round < kFreeRounds);
+      any_open = any_open || s.is_open();
+      s.has_changed = s.is_open() && round > 0 && change_places(equations_.trees()[t], round < kFreeRounds);
       if (s.has_changed) s.is_factored = false;
     }
     if (!any_open) break;
     if (stage == Stage::kSolve) predict(trees);
     for (int t = trees.begin; t < trees.end; ++t) {
       TreeState& s = tree_states_[t];
-      if (!s.is_open) continue;
+      if (!s.is_open()) continue;
       const double before = s.residual;
       s.residual = set_residuals(equations_.trees()[t], stage, s.h_s);
       const bool is_done = !s.has_changed && (s.residual < kConverged || s.residual > kStagnation * before);
       if (round == 0 && s.residual > tolerance) any_off = true;
       if (round > 0 ? is_done || round == kMaxRounds || s.residual < tolerance : s.residual <= tolerance) {
-        s.is_open = false;
+        s.role = Role::kSelected;
         continue;
       }
       if (!is_factored(t)) factor(t);
@@ -681,136 +666,6 @@ void JointSolver::find_strained(const BodyStore& bodies, float min_depth,
     if (!(strain >= static_cast<double>(min_depth))) continue;
     for (const std::int32_t body : {j.a, j.b})
       if (body >= 0 && bodies.is_active(body)) out.push_back({body, static_cast<float>(strain), false});
-  }
-}
-
-// ---- motion
-
-// Where the present velocities lead the bodies of open trees.
-void JointSolver::predict(IndexRange trees) {
-  RotationBatch batch;
-  std::array<Body*, kLanes> in_batch;
-  std::array<double, kLanes> time;
-  int count = 0;
-  auto rotate_batch = [&] {
-    if (count == 0) return;
-    for (int lane = 0; lane < kLanes; ++lane) {
-      const int source = std::min(lane, count - 1);
-      const Body& b = *in_batch[source];
-      auto store_lane = [lane](auto& to, const auto& from) {
-        for (int k = 0; k < std::ssize(to); ++k) to[k][lane] = from[k];
-      };
-      store_lane(batch.least_axis, b.principal.least_axis);
-      store_lane(batch.greatest_axis, b.principal.greatest_axis);
-      store_lane(batch.moments, b.principal.moments);
-      store_lane(batch.rotation, Vec3d(b.angular_velocity * time[source]));
-      store_lane(batch.angular_velocity_change, Vec3d(Vec3d::Zero()));
-      store_lane(batch.previous_x_axis, Vec3d(Vec3d::UnitX()));
-      store_lane(batch.orientation, b.now.orientation.coeffs());
-      store_lane(batch.momentum, b.momentum);
-      store_lane(batch.angular_velocity, b.angular_velocity);
-      batch.free_time[lane] = time[source];
-      batch.is_axisymmetric[lane] = 0.0;
-    }
-    integrate_rotation(batch);
-    for (int lane = 0; lane < count; ++lane) {
-      Body& b = *in_batch[lane];
-      for (int k = 0; k < 4; ++k) b.next.orientation.coeffs()[k] = batch.orientation[k][lane];
-      auto entry = [&](int k) { return batch.world_inverse_inertia[k][lane]; };
-      b.next_inverse_inertia << entry(0), entry(3), entry(4), entry(3), entry(1), entry(5), entry(4),
-          entry(5), entry(2);
-    }
-    count = 0;
-  };
-  for (int t = trees.begin; t < trees.end; ++t) {
-    if (!tree_states_[t].is_open) continue;
-    const double h_s = tree_states_[t].h_s;
-    for (const std::int32_t i : bodies_of(equations_.trees()[t])) {
-      Body& b = bodies_[i];
-      if (!b.is_active) continue;
-      b.next.position = b.now.position + h_s * b.velocity;
-      if (b.is_sphere) {
-        b.next.orientation = (rotation_by(h_s * b.angular_velocity) * b.now.orientation).normalized();
-        b.next_inverse_inertia = b.inverse_inertia;
-        continue;
-      }
-      in_batch[count] = &b, time[count++] = h_s;
-      if (count == kLanes) rotate_batch();
-    }
-  }
-  rotate_batch();
-}
-
-// To where their velocities lead them.
-void JointSolver::move_bodies(const Rows& rows, IndexRange trees) {
-  for (TreeState& s : states_of(trees)) s.is_open = s.is_selected;
-  predict(trees);
-  for (int t = trees.begin; t < trees.end; ++t) {
-    TreeState& s = tree_states_[t];
-    if (!s.is_selected) continue;
-    s.is_factored = false;
-    for (const std::int32_t i : bodies_of(equations_.trees()[t])) {
-      Body& b = bodies_[i];
-      if (!b.is_active) continue;
-      b.now = b.next;
-      b.inverse_inertia = b.next_inverse_inertia;
-      b.angular_velocity = b.inverse_inertia * b.momentum;
-      store_motion(b.start, b.now, rows.delta_pose[b.row]);
-    }
-  }
-}
-
-void JointSolver::store_motion(const Pose& from, const Pose& to, DeltaPose& delta) {
-  Eigen::Map<Vec3>(delta.translation) = Vec3d(to.position - from.position).cast<float>();
-  Eigen::Map<Vec3>(delta.rotation) = rotation_vector_of(to.orientation * from.orientation.conjugate()).cast<float>();
-}
-
-void JointSolver::end_early(std::int32_t body, float fraction) {
-  const Body& b = *std::ranges::lower_bound(bodies_, body, {}, &Body::body);
-  TreeState& s = tree_states_[static_cast<std::size_t>(b.tree)];
-  s.kept = std::min(s.kept, static_cast<std::int32_t>(fraction * static_cast<float>(s.substep)));
-}
-
-void JointSolver::move_back(const BodyStore& bodies, const Rows& rows, const Substep& substep) {
-  for (std::size_t t = 0; t < tree_states_.size(); ++t) {
-    const TreeState& s = tree_states_[t];
-    if (!s.is_active || s.kept == s.substep) continue;
-    const auto members = bodies_of(equations_.trees()[t]);
-    const auto end_of = [&](std::int32_t i) -> const Pose& {
-      if (s.kept == 0 || !bodies_[i].is_active) return bodies_[i].start;
-      return path_[static_cast<std::size_t>(s.kept - 1) * bodies_.size() + static_cast<std::size_t>(i)];
-    };
-    double work = 0.0, energy = 0.0;  // of forces on the rest of the way; of the motion
-    load_velocities(rows, {static_cast<int>(t), static_cast<int>(t) + 1});
-    for (const std::int32_t i : members) {
-      const Body& b = bodies_[i];
-      if (!b.is_active) continue;
-      const surface::Wrench& w = bodies.wrench[static_cast<std::size_t>(b.body)];
-      const Vec3d force = substep.gravity.cast<double>() / b.inverse_mass + w.force.cast<double>();
-      work += force.dot(b.now.position - end_of(i).position);
-      work += w.torque.cast<double>().dot(rotation_vector_of(b.now.orientation * end_of(i).orientation.conjugate()));
-      energy += 0.5 * (b.velocity.squaredNorm() / b.inverse_mass + b.momentum.dot(b.angular_velocity));
-    }
-    for (const std::int32_t k : joints_of(equations_.trees()[t])) {
-      Joint& j = joints_[k];
-      const Block& block = blocks_[k];
-      if (!block.is_active || !j.has_coordinate()) continue;
-      const double after = j.coordinate - j.spring.rest;
-      j.coordinate = coordinate_of(j, end_of(block.a), end_of(block.b));
-      const double before = j.coordinate - j.spring.rest;
-      if (j.has_spring) work += 0.5 * j.spring.stiffness * (before * before - after * after);
-    }
-    const double scale = work > 0.0 ? std::sqrt(std::max(0.0, 1.0 - work / energy)) : 1.0;
-    for (const std::int32_t i : members) {
-      const Body& b = bodies_[i];
-      if (!b.is_active) continue;
-      const Quatd back = end_of(i).orientation * b.now.orientation.conjugate();
-      BodyVelocity& row = rows.velocity[b.row];
-      Eigen::Map<Vec3>(row.velocity) = Vec3d(scale * b.velocity).cast<float>();
-      Eigen::Map<Vec3>(row.angular_velocity) =
-          Vec3d(scale * (b.start_inverse_inertia * (back * b.momentum))).cast<float>();
-      store_motion(b.start, end_of(i), rows.delta_pose[b.row]);
-    }
   }
 }
 

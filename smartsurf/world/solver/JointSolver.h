@@ -171,17 +171,25 @@ class JointSolver {
     // The axis's compliance when its tree was factored; negative: it had no row.
     double factored_compliance = -1.0;
   };
+  // A tree's part in the present stage. Selected trees take part in it, open ones in its present round.
+  enum class Role : std::uint8_t { kNone, kSetAside, kSelected, kOpen };
   struct TreeState {
-    bool is_active, is_selected;  // is_selected: the present stage is about it
-    bool is_open, is_factored, has_changed;
+    Role role;
+    bool is_active, is_factored, has_changed;
     bool is_unfinished, is_touched;
     std::int32_t substep;  // how many have ended
     std::int32_t kept;     // how many count
-    bool was_selected;
     bool is_off;  // its corrections are too fast to become velocities
     double residual;     // of the last round
     double time_left_s;  // of the substep
     double h_s;          // of a part
+
+    bool is_selected() const { return role >= Role::kSelected; }
+    bool is_open() const { return role == Role::kOpen; }
+    void select(bool selects) { role = selects ? Role::kSelected : Role::kNone; }
+    void open() {
+      if (is_selected()) role = Role::kOpen;
+    }
   };
   enum class Stage { kSolve, kRelax };
 
@@ -214,7 +222,7 @@ class JointSolver {
   template <class Each>
   void for_each_selected(IndexRange trees, Each each) {
     for (int t = trees.begin; t < trees.end; ++t) {
-      if (!tree_states_[t].is_selected) continue;
+      if (!tree_states_[t].is_selected()) continue;
       for (const std::int32_t k : joints_of(equations_.trees()[t]))
         if (blocks_[k].is_active) each(joints_[k], blocks_[k], tree_states_[t].h_s);
     }
