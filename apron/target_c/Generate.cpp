@@ -238,19 +238,29 @@ class Generator {
     bool corners = false, keeps = false;
   };
 
+  // The cells that a tile receives from a side.
+  std::size_t side_cells(const Strip& strip, std::size_t side, bool has_corners) const {
+    const auto& [sides, corners] = strip.reach;
+    if (side < 2) return std::size_t{sides[side]} * options_.tile_rows;
+    std::size_t cells = std::size_t{sides[side]} * options_.tile_columns;
+    for (std::uint32_t row = 1; has_corners && row <= sides[side]; ++row)
+      for (std::size_t next = 0; next < 2; ++next) {
+        const std::uint32_t corner = corners[2 * (side - 2) + next];
+        cells += std::min(sides[next], corner - std::min(corner, row));
+      }
+    return cells;
+  }
+
   std::size_t side_bytes(const Step& step) const {
-    std::array<std::size_t, 2> bytes{};
+    std::array<std::size_t, 4> bytes{};
     for (const Strip& strip : step.exchange.strips) {
       const Layout& layout = step.places.at(strip.value).layout;
-      const std::size_t cell = storage_info(layout.storage).bytes;
-      const std::size_t tall = std::size_t{strip.depth} * options_.tile_rows,
-                        wide = std::size_t{strip.depth} *
-                               (options_.tile_columns +
-                                (step.exchange.has_corners ? 2 * std::size_t{strip.depth} : 0));
-      bytes[0] += layout.is_truth() ? (tall + 7) / 8 : tall * cell;
-      bytes[1] += layout.is_truth() ? (wide + 7) / 8 : wide * cell;
+      for (std::size_t side = 0; side < 4; ++side) {
+        const std::size_t cells = side_cells(strip, side, step.exchange.has_corners);
+        bytes[side] += layout.is_truth() ? (cells + 7) / 8 : cells * storage_info(layout.storage).bytes;
+      }
     }
-    const std::size_t most = std::max(bytes[0], bytes[1]);
+    const std::size_t most = std::ranges::max(bytes);
     if (most > 65535)
       throw common::UserError(fmt::format(
           "{}: error: an edge has {} bytes, of at most 65535: lower --halo or --tile", source_, most));
@@ -261,8 +271,9 @@ class Generator {
     Plan plan;
     for (const Strip& strip : step.exchange.strips) {
       const Place& place = step.places.at(strip.value);
-      plan.strips += fmt::format("{}{{{}, {}, {}}}", plan.count++ == 0 ? "" : ", ",
-                                 static_cast<int>(place.layout.storage), strip.depth, place.index);
+      plan.strips += fmt::format("{}{{{}, {}, {{{}}}, {{{}}}}}", plan.count++ == 0 ? "" : ", ", place.index,
+                                 static_cast<int>(place.layout.storage), fmt::join(strip.reach.sides, ", "),
+                                 fmt::join(strip.reach.corners, ", "));
     }
     plan.corners = step.exchange.has_corners;
     plan.side_bytes = side_bytes(step);

@@ -211,6 +211,9 @@ void separate_rules(Region& region) {
 
 // ---- rounds ----
 
+// The sides of each corner.
+constexpr auto kCorners = std::to_array<std::array<std::size_t, 2>>({{0, 2}, {1, 2}, {0, 3}, {1, 3}});
+
 // When the values of a region are computed and how far beyond the tile.
 class RoundAssignment {
  public:
@@ -222,7 +225,8 @@ class RoundAssignment {
         level(nodes_.size(), 0),
         extent(nodes_.size(), 0),
         exchange_round(nodes_.size(), kNever),
-        exchange_depth(nodes_.size(), 0) {
+        exchanged(nodes_.size()),
+        reach_(nodes_.size()) {
     assign_levels();
     assign_extents();
   }
@@ -258,14 +262,20 @@ class RoundAssignment {
     for (NodeId id = static_cast<NodeId>(nodes_.size()); id-- > 0;) {
       const Node& node = nodes_[id];
       if (!live_[id] || node.is_scalar()) continue;
-      const std::uint32_t wanted = extent[id] + (node.kind == NodeKind::kRead ? 1 : 0);
+      extent[id] = reach_[id].most();
+      Reach wanted = reach_[id].moved(node.dx, node.dy);
+      // At the table's edge a reflected read finds the cell on the other side.
+      if (node.kind == NodeKind::kRead && node.rule == BoundaryRule::kReflect)
+        for (const auto& [dx, dy] :
+             {std::pair(-node.dx, +node.dy), {+node.dx, -node.dy}, {-node.dx, -node.dy}})
+          wanted.add(reach_[id].moved(dx, dy));
       for (const NodeId operand : node.operands) {
         if (operand == kNoNode || nodes_[operand].is_scalar()) continue;
         if (is_free[operand] || round(operand) == round(id)) {
-          extent[operand] = std::max(extent[operand], wanted);
-        } else if (wanted > 0) {
+          reach_[operand].add(wanted);
+        } else if (wanted.most() > 0) {
           exchange_round[operand] = std::min(exchange_round[operand], round(id));
-          exchange_depth[operand] = std::max(exchange_depth[operand], wanted);
+          exchanged[operand].add(wanted);
         }
       }
     }
@@ -275,7 +285,11 @@ class RoundAssignment {
   std::vector<bool> is_free;  // computed anywhere without neighbours: constants, coordinates, random numbers
   std::vector<std::uint32_t> level;   // reads on the longest way from the region's begin
   std::vector<std::uint32_t> extent;  // cells beyond the tile's border for which the value is computed
-  std::vector<std::uint32_t> exchange_round, exchange_depth;
+  std::vector<std::uint32_t> exchange_round;
+  std::vector<Reach> exchanged;  // the cells that neighbours send
+
+ private:
+  std::vector<Reach> reach_;
 };
 
 // ---- kernels ----
@@ -309,12 +323,13 @@ class RegionScheduler {
 
   std::vector<Step> steps;
   bool has_margin(NodeId id) const {
-    return is_read_[id] || rounds_.extent[id] > 0 || rounds_.exchange_depth[id] > 0;
+    return is_read_[id] || rounds_.extent[id] > 0 || is_exchanged(id);
   }
 
  private:
   const std::vector<Node>& nodes() const { return region_.nodes; }
 
+  bool is_exchanged(NodeId id) const { return rounds_.exchanged[id].most() > 0; }
   bool is_plane(NodeId id) const { return live_[id] && !nodes()[id].is_scalar(); }
   // Cheaper to compute than to load, and not needed as a plane.
   bool is_inlined(NodeId id) const {
@@ -323,7 +338,7 @@ class RegionScheduler {
                        node.kind == NodeKind::kSense ||
                        (node.kind == NodeKind::kPlaneOp && node.op == Opcode::kCopy &&
                         nodes()[node.operands[0]].is_scalar());
-    return cheap && !is_read_[id] && rounds_.exchange_depth[id] == 0 && leaves_.count(id) == 0 &&
+    return cheap && !is_read_[id] && !is_exchanged(id) && leaves_.count(id) == 0 &&
            (node.kind != NodeKind::kSense || rounds_.extent[id] == 0);
   }
   bool is_computed(NodeId id) const {
@@ -379,7 +394,7 @@ class RegionScheduler {
 
   bool is_stored(NodeId id) const {
     if (nodes()[id].kind == NodeKind::kActuate) return false;
-    if (is_read_[id] || rounds_.exchange_depth[id] > 0 || leaves_.count(id) != 0) return true;
+    if (is_read_[id] || is_exchanged(id) || leaves_.count(id) != 0) return true;
     return std::ranges::any_of(users_[id], [&](NodeId user) { return kernel_of_[user] != kernel_of_[id]; });
   }
 
@@ -398,7 +413,7 @@ class RegionScheduler {
   void order() {
     std::map<std::uint32_t, std::vector<NodeId>> exchanges;
     for (NodeId id = 0; id < nodes().size(); ++id)
-      if (is_plane(id) && rounds_.exchange_depth[id] > 0) exchanges[rounds_.exchange_round[id]].push_back(id);
+      if (is_plane(id) && is_exchanged(id)) exchanges[rounds_.exchange_round[id]].push_back(id);
     std::uint32_t last_round = kernels_.empty() ? 0 : kernels_.back().where.round;
     std::size_t next = 0;
     for (std::uint32_t round = 0; round <= last_round; ++round) {
@@ -411,15 +426,8 @@ class RegionScheduler {
     Step step;
     step.kind = Step::Kind::kExchange;
     for (const NodeId value : values) {
-      const std::uint32_t depth = rounds_.exchange_depth[value];
-      step.exchange.strips.push_back({value, depth});
-      const auto is_diagonal = [&](NodeId user) {
-        return nodes()[user].kind == NodeKind::kRead && nodes()[user].dx != 0 && nodes()[user].dy != 0;
-      };
-      step.exchange.has_corners |= depth > 1 || std::ranges::any_of(users_[value], is_diagonal);
-      // A value of a corner that is computed again reads its own neighbours there.
-      step.exchange.has_corners |=
-          std::ranges::any_of(users_[value], [&](NodeId user) { return rounds_.extent[user] > 0; });
+      step.exchange.strips.push_back({value, rounds_.exchanged[value]});
+      step.exchange.has_corners |= rounds_.exchanged[value].has_corners();
     }
     steps.push_back(step);
     for (const NodeId value : values)
@@ -439,7 +447,7 @@ class RegionScheduler {
     step.kernel.extent = rounds_.extent[kernels_[index].nodes.front()];
     steps.push_back(step);
     for (const NodeId id : step.kernel.outputs)
-      if (is_read_[id] && (rounds_.extent[id] > 0 || rounds_.exchange_depth[id] == 0))
+      if (is_read_[id] && (rounds_.extent[id] > 0 || !is_exchanged(id)))
         steps.push_back(impose(id));
   }
 
@@ -611,6 +619,32 @@ class Allocation {
 };
 
 }  // namespace
+
+bool Reach::has_corners() const {
+  for (std::size_t k = 0; k < kCorners.size(); ++k)
+    if (sides[kCorners[k][0]] > 0 && sides[kCorners[k][1]] > 0 && corners[k] > 1) return true;
+  return false;
+}
+
+Reach Reach::moved(int dx, int dy) const {
+  const auto longer = [](std::uint32_t& length, int by) {
+    length = static_cast<std::uint32_t>(std::max(static_cast<int>(length) + by, 0));
+  };
+  Reach to = *this;
+  const std::array by{-dx, dx, -dy, dy};
+  for (std::size_t k = 0; k < 4; ++k) {
+    longer(to.sides[k], by[k]);
+    longer(to.corners[k], by[kCorners[k][0]] + by[kCorners[k][1]]);
+  }
+  return to;
+}
+
+void Reach::add(const Reach& other) {
+  for (std::size_t k = 0; k < 4; ++k) {
+    sides[k] = std::max(sides[k], other.sides[k]);
+    corners[k] = std::max(corners[k], other.corners[k]);
+  }
+}
 
 Schedule schedule(TileProgram& program, std::uint32_t halo) {
   Schedule result;

@@ -2,6 +2,7 @@
 // gives planes their places in memory.
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <cstdint>
 #include <map>
@@ -60,10 +61,22 @@ struct Imposition {
   NodeId read = kNoNode;  // a kRead: its rule
 };
 
-// The cells within `depth` of each border go to the neighbour there.
+// The cells beyond the tile's border that are needed: up to so many columns or rows beyond each side (west,
+// east, north, south), and beyond two sides so many of both together (north-west, north-east, south-west,
+// south-east).
+struct Reach {
+  std::array<std::uint32_t, 4> sides{}, corners{};
+  std::uint32_t most() const { return std::ranges::max(sides); }
+  bool has_corners() const;
+  // Those that are needed if the cell at (dx, dy) of each of these is.
+  Reach moved(int dx, int dy) const;
+  void add(const Reach& other);
+};
+
+// What a tile receives of a value.
 struct Strip {
   NodeId value = kNoNode;
-  std::uint32_t depth = 0;
+  Reach reach;
 };
 
 // One round of messages. With corners west and east come first, then north and south with what west and east

@@ -35,6 +35,9 @@ class Estimate:
         root = [math.sqrt(max(v, 0)) for v in (own, *ends)]
         return Estimate(root[0], (root[2] - root[1]) / 3.92, root[1], root[2])
 
+    def times(self, factor: float) -> "Estimate":
+        return Estimate(*(factor * number for number in (self.value, self.error, self.low, self.high)))
+
     @staticmethod
     def fraction(hits: int, of: int) -> "Estimate":
         low, high = wilson(hits, of)
@@ -137,11 +140,11 @@ def fit_proximity(name: str, span: float, sensed: Sequence[Array], ideal: Sequen
     y, x = np.concatenate(sensed).astype(np.float64), np.concatenate(ideal).astype(np.float64)
     known = np.isfinite(y)
     hit, there = known & (y < span), x < span
-    both, either = (hit & there).sum((1, 2)), (hit | there).sum((1, 2))
-    # Ticks in which the re-run has the objects where the table had them; a third may be false or missed.
-    agrees = (both >= 0.6 * either) | (there.sum((1, 2)) == 0)
-    around = np.ones((3, 3, 3), bool)
-    near_nothing = ~ndimage.binary_dilation(there, around)
+    near = ndimage.binary_dilation(there, np.ones((3, 3, 3), bool))
+    near_nothing = ~near
+    # Ticks in which the re-run has the objects where the table had them; a third may be false or missed. What is sensed far from
+    # them has no say: ticks with many false hits would be left out.
+    agrees = (hit & there).sum((1, 2)) >= 0.6 * ((hit & near) | there).sum((1, 2))
     cross = ndimage.generate_binary_structure(2, 1)[None]
     inside = ndimage.binary_erosion(there, cross)
     nothing, sure = (mask & agrees[:, None, None] & known for mask in (near_nothing, inside))
@@ -164,7 +167,9 @@ def fit_proximity(name: str, span: float, sensed: Sequence[Array], ideal: Sequen
         for what in ("noise", "bias", "dropout"):
             out.unknown[what] = "no object stays over a cell and its neighbours, where the re-run agrees"
         return out
-    out.values["dropout"] = Estimate.fraction(n - int(seen[rest].sum()), n)
+    missed = out.values["dropout"] = Estimate.fraction(n - int(seen[rest].sum()), n)
+    if "false_hits" in out.values:  # these are missed, too
+        out.values["false_hits"] = out.values["false_hits"].times(1 / (1 - missed.value))
     use = hit & sure & rest
     r = (y - x)[use]
     # Near its limits a reading is cut off.

@@ -273,6 +273,22 @@ class Identification(ProgramTest):
             held += found.low <= sigma * step <= found.high
         self.assertTrue(0.90 * draws <= held <= 0.99 * draws, held)
 
+    def test_false_hits_are_counted_in_all_ticks(self):
+        import numpy as np
+        sys.path.insert(0, str(BIN.parent / "python"))
+        from smartsurf._readings import fit_proximity
+        held = 0
+        for seed in range(12):
+            random_numbers, ideal = np.random.default_rng(seed), np.full((800, 10, 10), 6.0)
+            for tick, plane in enumerate(ideal):
+                row, column = 4 + round(3 * np.sin(tick / 90)), 4 + round(3 * np.cos(tick / 70))
+                plane[row:row + 2, column:column + 2] = 2
+            sensed = np.where(ideal < 6, ideal + random_numbers.normal(0, 0.02, ideal.shape), 6)
+            sensed[(ideal == 6) & (random_numbers.uniform(size=ideal.shape) < 0.01)] = 3
+            found = fit_proximity("proximity", 6, [sensed], [ideal]).values["false_hits"]
+            held += found.low <= 0.01 <= found.high
+        self.assertGreaterEqual(held, 10)
+
     def test_a_recording_is_of_the_scene_that_follows_its_name(self):
         text = public().replace("on_tick", "if option('load', 0, 'a weight') > 0 then sphere { radius = 1, position = { 1.5, 1.5, 6 }, label = 'load' } end\n"
                                            "on_tick", 1)
