@@ -107,6 +107,7 @@ const std::map<std::string, std::string> kCalls = {
     {"y = sharpen(a)", "X = sharpen(G)"},
     {"y = difference_of_gaussians(a, narrow, wide)", "X = difference_of_gaussians(G, 0.7, 1.4)"},
     {"y = median(a)", "X = median(G)"},
+    {"convolve(y, x, w, inputs, side)", "convolve(Q, P, w, 2, 3)"},
     {"y = laplacian(a)", "X = laplacian(G)"},
     {"heat(a, rate)", "heat(X, 0.2)"},
     {"wave(u, v, courant, damping)", "wave(X, Y, 0.3, 0.01)"},
@@ -248,7 +249,9 @@ std::string replace_all(std::string text, const std::string& from, const std::st
 }
 
 TEST_F(LibraryMask, RoutinesUnderAMaskAreThoseWithoutSelected) {
-  const std::string head = includes(kLibraries) + "!register(A, B, G, H, M, N, X, Y, Z)\n";
+  const std::string head = includes(kLibraries) +
+                           "!register(A, B, G, H, M, N, X, Y, Z, P[2], Q[2])\n!scalar(w[36])\n"
+                           "for(i, 0, 35)\nw[i] = 0.25 * i - 3\nendfor\n";
   std::set<std::string> called;
   for (const syntax::Macro& macro : library_macros(kLibraries)) {
     const std::string signature = syntax::signature(macro);
@@ -261,7 +264,8 @@ TEST_F(LibraryMask, RoutinesUnderAMaskAreThoseWithoutSelected) {
       if (way != called.size() % kMaskings.size()) continue;  // one way each
 #endif
       const Masking& masking = kMaskings[way];
-      const Registers initial = random_registers({"A", "B", "M", "N"}, {"G", "H", "X", "Y"});
+      const Registers initial =
+          random_registers({"A", "B", "M", "N"}, {"G", "H", "X", "Y", "P[0]", "P[1]", "Q[0]", "Q[1]"});
       const bool is_local = masking.program.find(":x") != std::string::npos;
       const std::string in_body = is_local ? replace_all(call->second, "X", ":x") : call->second;
       check(head, call->second + "\n", replace_all(masking.program, "@", in_body), initial, masking.selects,
