@@ -236,6 +236,13 @@ std::optional<std::int64_t> Board::table_tick_of(std::uint32_t answered) const {
   return answer.table_tick;
 }
 
+std::optional<std::int64_t> Board::tick_in_force() const {
+  const auto tick = table_tick_of(taken_.in_force);
+  return tick == kSafeValues || (tick && answers_[taken_.in_force % answers_.size()].is_second)
+             ? std::nullopt
+             : tick;
+}
+
 std::optional<std::int64_t> Board::in_force_since(std::uint32_t board_tick) const {
   const Heard& frame = heard_[board_tick % heard_.size()];
   if (frame.tick != board_tick) return std::nullopt;
@@ -251,7 +258,8 @@ void Board::send(std::span<const float> values, std::int64_t tick) {
     return;
   }
   link_.write_frame(taken_.tick, values, out_);
-  answers_[taken_.tick % answers_.size()] = {taken_.tick, tick};
+  Answer& answer = answers_[taken_.tick % answers_.size()];
+  answer = {taken_.tick, tick, answer.tick == taken_.tick};
   flush();
 }
 
@@ -262,7 +270,7 @@ void Board::send_safe() {
     if (!c.sensor)
       std::fill_n(safe_.begin() + static_cast<std::ptrdiff_t>(c.first_element), c.elements, c.safe);
   link_.write_frame(device_tick_, safe_, out_);
-  answers_[device_tick_ % answers_.size()] = {device_tick_, kSafeValues};
+  answers_[device_tick_ % answers_.size()] = {device_tick_, kSafeValues, false};
   flush();
 }
 

@@ -71,14 +71,11 @@ class Board {
   bool has_frame(std::int64_t tick, std::int64_t epoch) const;
   // The board's tick in the last frame taken.
   std::uint32_t frame_tick() const { return taken_.tick; }
-  // The table's tick whose answer is in force since the last frame taken; nothing: safe values are, or it is
-  // long ago.
-  std::optional<std::int64_t> tick_in_force() const {
-    const auto tick = table_tick_of(taken_.in_force);
-    return tick == kSafeValues ? std::nullopt : tick;
-  }
+  // The table's tick whose answer is in force since the last frame taken; nothing: safe values are, it is long
+  // ago, or the frame that it answers had two answers, which the board does not tell apart.
+  std::optional<std::int64_t> tick_in_force() const;
   // The same since a period of the board, of the last 64, whose frame came, whether it was taken or not;
-  // kSafeValues: safe values.
+  // kSafeValues: safe values. Of two answers to a frame, the newer.
   static constexpr std::int64_t kSafeValues = -1;
   std::optional<std::int64_t> in_force_since(std::uint32_t board_tick) const;
   // Flags of the newest frame.
@@ -131,6 +128,7 @@ class Board {
   struct Answer {
     std::uint32_t tick = SSW_NONE;  // of the board
     std::int64_t table_tick = 0;
+    bool is_second = false;  // to the same frame, because the next one was late
   };
   std::optional<std::int64_t> table_tick_of(std::uint32_t answered) const;
   std::array<Answer, 64> answers_;  // the last ones, by the board's tick
