@@ -70,8 +70,15 @@ Vm::Vm(program::Program program, VmOptions options, Host& host)
       matrix_planes_.reserve(std::max(matrix_planes_.capacity(), x + y));
       matrix_weights_.reserve(std::max(matrix_weights_.capacity(), x * (y + kMatrixRows - 1)));
     }
-    if (decoded.op == Opcode::kScatter)
-      scatter_sums_.resize(std::max(scatter_sums_.size(), decoded.destination->cell_count()));
+    if (decoded.op == Opcode::kScatter) {
+      const auto grow = [cells = decoded.destination->cell_count()](auto& sums) {
+        sums.resize(std::max(sums.size(), cells));
+      };
+      if (program::is_integer(decoded.type))
+        grow(std::get<1>(scatter_sums_));
+      else
+        grow(std::get<0>(scatter_sums_));
+    }
     if (decoded.op == Opcode::kFlood || decoded.op == Opcode::kSpreadMax || decoded.op == Opcode::kSpreadSum)
       components_.reserve(decoded.destination->width, decoded.destination->height);
   }

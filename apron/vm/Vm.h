@@ -7,6 +7,7 @@
 #include <memory>
 #include <optional>
 #include <string>
+#include <tuple>
 #include <vector>
 
 #include "apron/program/Program.h"
@@ -191,7 +192,8 @@ class Vm {
   BoundaryCondition boundary_{};
   double boundary_number_ = 0.0;  // the boundary's value, unrounded
   RandomStream random_stream_{};
-  std::vector<double> scatter_sums_;  // of the largest destination of a scatter
+  // Of the largest destination of a scatter: of floats, of integers.
+  std::tuple<std::vector<double>, std::vector<std::uint32_t>> scatter_sums_;
   // The planes that the largest matrix product reads, then those that it writes; see MatrixProduct.
   std::vector<float*> matrix_planes_;
   std::vector<float> matrix_weights_;

@@ -64,38 +64,38 @@ Status Vm::scatter(const DecodedInstruction& decoded) {
   return Status::kRunning;
 }
 
-// Sums of integers are those of their bits.
+// Sums of integers are modulo 2^32.
 template <class T, class Index>
 void Vm::add_at(const DecodedInstruction& decoded, T number) {
+  using Sum = std::conditional_t<std::is_integral_v<T>, std::uint32_t, double>;
   const ConstPlane at = *decoded.planes[0];
   const std::size_t count = decoded.destination->cell_count();
-  std::fill_n(scatter_sums_.begin(), count, 0.0);
+  Sum* const sums = std::get<std::vector<Sum>>(scatter_sums_).data();
+  std::fill_n(sums, count, Sum{0});
   for (std::uint32_t row = 0; row < at.height; ++row) {
     const Index* index = at.cells<Index>(row);
     const T* added = decoded.planes[1] != nullptr ? ConstPlane(*decoded.planes[1]).cells<T>(row) : nullptr;
     for (std::uint32_t x = 0; x < at.width; ++x) {
-      const auto k = static_cast<double>(index[x]);
-      if (!(k >= 0.0 && k < static_cast<double>(count))) continue;
-      double& sum = scatter_sums_[static_cast<std::size_t>(k)];
-      const T value = added != nullptr ? added[x] : number;
-      if constexpr (std::is_integral_v<T>)
-        sum = static_cast<std::uint32_t>(sum) + static_cast<std::uint32_t>(value);
-      else
-        sum += static_cast<double>(value);
+      if constexpr (std::is_floating_point_v<Index>)
+        if (!(index[x] >= 0 && static_cast<double>(index[x]) < static_cast<double>(count))) continue;
+      const auto k = static_cast<std::size_t>(index[x]);
+      if (k >= count) continue;  // negative, too
+      sums[k] += static_cast<Sum>(added != nullptr ? added[x] : number);
     }
   }
 }
 
 template <class T>
 void Vm::write_sums(Plane to, const float* mask) {
-  using Sum = std::conditional_t<std::is_integral_v<T>, std::uint32_t, T>;
+  using Sum = std::conditional_t<std::is_integral_v<T>, std::uint32_t, double>;
   const T* mask_cells = reinterpret_cast<const T*>(mask);
   for (std::uint32_t row = 0; row < to.height; ++row) {
     T* cells = to.cells<T>(row);
-    const double* sums = scatter_sums_.data() + static_cast<std::size_t>(row) * to.width;
+    const Sum* sums =
+        std::get<std::vector<Sum>>(scatter_sums_).data() + static_cast<std::size_t>(row) * to.width;
     for (std::uint32_t x = 0; x < to.width; ++x)
       if (mask == nullptr || mask_cells[cells - to.cells<T>(0) + x] != T{0})
-        cells[x] = static_cast<T>(static_cast<Sum>(sums[x]));
+        cells[x] = static_cast<T>(sums[x]);
   }
 }
 
@@ -150,7 +150,7 @@ Status Vm::execute_neighbourhood(const DecodedInstruction& decoded) {
       return Status::kRunning;
     }
     case Opcode::kFlood:
-      components_.flood(to, a, *decoded.planes[1]);
+      components_.flood(to, a, *decoded.planes[1], executor_.kernels());
       break;
     case Opcode::kDistance:
       distance_transform(to, a);
@@ -159,7 +159,7 @@ Status Vm::execute_neighbourhood(const DecodedInstruction& decoded) {
       components_.spread_max(to, a, *decoded.planes[1], executor_.kernels());
       break;
     case Opcode::kSpreadSum:
-      components_.spread_sum(to, a, *decoded.planes[1]);
+      components_.spread_sum(to, a, *decoded.planes[1], executor_.kernels());
       break;
     default:
       reduce_neighbours(executor_, decoded.op, *decoded.scalars[1] == 8.0, *decoded.destination, a, boundary_,

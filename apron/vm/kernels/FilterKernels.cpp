@@ -39,55 +39,39 @@ HWY_INLINE void store_cells(const StencilOutput& to, std::size_t x, V value) {
     if (to.mask == nullptr || to.mask[x + i] != 0.0F) to.y[x + i] = cells[i];
 }
 
-// Four vectors of sums at once hide the latency of the additions.
-HWY_INLINE void correlate_four_vectors(const FilterView& filter, const StencilRows& rows,
-                                       const StencilOutput& to, bool accumulate, std::size_t x) {
+// Several vectors of sums at once hide the latency of the additions; a single one may end with the last
+// column.
+template <std::size_t kVectors>
+HWY_INLINE void correlate_vectors(const FilterView& filter, const StencilRows& rows, const StencilOutput& to,
+                                  bool accumulate, std::size_t x) {
   const D d;
-  const std::size_t lanes = hn::Lanes(d);
-  V sum0 = zero(), sum1 = zero(), sum2 = zero(), sum3 = zero();
-  if (accumulate) {
-    sum0 = hn::LoadU(d, to.y + x);
-    sum1 = hn::LoadU(d, to.y + x + lanes);
-    sum2 = hn::LoadU(d, to.y + x + 2 * lanes);
-    sum3 = hn::LoadU(d, to.y + x + 3 * lanes);
-  }
+  const std::size_t lanes = hn::Lanes(d), columns = to.columns - x;
+  const auto load = [lanes, columns](const float* from, std::size_t v) HWY_ATTR {
+    return kVectors > 1 ? hn::LoadU(D(), from + v * lanes) : load_cells(from, columns);
+  };
+  V sums[kVectors];
+#pragma GCC unroll 4
+  for (std::size_t v = 0; v < kVectors; ++v) sums[v] = accumulate ? load(to.y + x, v) : zero();
   const float* element = filter.coefficients;
   for (std::uint32_t j = 0; j < filter.height; ++j) {
     const float* from = rows.row[j] + rows.step[j] * static_cast<std::ptrdiff_t>(x);
     for (const float* const end = element + filter.width; element != end; ++element, ++from) {
       if (*element == 0.0F) continue;
       const V e = hn::Set(d, *element);
-      sum0 = hn::Add(sum0, hn::Mul(e, hn::LoadU(d, from)));
-      sum1 = hn::Add(sum1, hn::Mul(e, hn::LoadU(d, from + lanes)));
-      sum2 = hn::Add(sum2, hn::Mul(e, hn::LoadU(d, from + 2 * lanes)));
-      sum3 = hn::Add(sum3, hn::Mul(e, hn::LoadU(d, from + 3 * lanes)));
+#pragma GCC unroll 4
+      for (std::size_t v = 0; v < kVectors; ++v) sums[v] = hn::Add(sums[v], hn::Mul(e, load(from, v)));
     }
   }
-  store_cells(to, x, sum0);
-  store_cells(to, x + lanes, sum1);
-  store_cells(to, x + 2 * lanes, sum2);
-  store_cells(to, x + 3 * lanes, sum3);
-}
-
-HWY_INLINE void correlate_vector(const FilterView& filter, const StencilRows& rows, const StencilOutput& to,
-                                 bool accumulate, std::size_t x) {
-  const std::size_t cells = to.columns - x;
-  V sum = accumulate ? load_cells(to.y + x, cells) : zero();
-  const float* element = filter.coefficients;
-  for (std::uint32_t j = 0; j < filter.height; ++j) {
-    const float* from = rows.row[j] + rows.step[j] * static_cast<std::ptrdiff_t>(x);
-    for (std::uint32_t i = 0; i < filter.width; ++i, ++element)
-      if (*element != 0.0F) sum = hn::Add(sum, hn::Mul(hn::Set(D(), *element), load_cells(from + i, cells)));
-  }
-  store_cells(to, x, sum);
+#pragma GCC unroll 4
+  for (std::size_t v = 0; v < kVectors; ++v) store_cells(to, x + v * lanes, sums[v]);
 }
 
 void correlate(const FilterView& filter, const StencilRows& rows, const StencilOutput& to,
                bool accumulate) noexcept {
   const std::size_t lanes = hn::Lanes(D());
   std::size_t x = 0;
-  for (; x + 4 * lanes <= to.columns; x += 4 * lanes) correlate_four_vectors(filter, rows, to, accumulate, x);
-  for (; x < to.columns; x += lanes) correlate_vector(filter, rows, to, accumulate, x);
+  for (; x + 4 * lanes <= to.columns; x += 4 * lanes) correlate_vectors<4>(filter, rows, to, accumulate, x);
+  for (; x < to.columns; x += lanes) correlate_vectors<1>(filter, rows, to, accumulate, x);
 }
 
 // kVectors vectors of each of the rows at once: a vector of cells is loaded once for all of them, and a
@@ -155,7 +139,7 @@ void correlate_rows(const FilterView& filter, const StencilRows& rows,
     if (columns % lanes != 0) correlate_block<1>(filter, rows, to, columns - lanes);
   } else {
     for (std::uint32_t o = 0; o < kFilterRows; ++o)
-      correlate_vector(filter, {rows.row + o, rows.step + o}, to[o], false, 0);
+      correlate_vectors<1>(filter, {rows.row + o, rows.step + o}, to[o], false, 0);
   }
 }
 

@@ -18,31 +18,31 @@ class ConnectedComponents {
 
   // y = 1 in the components of the mask that contain a non-zero cell of seed, else 0. y may alias seed or
   // mask.
-  void flood(Plane y, ConstPlane seed, ConstPlane mask) noexcept;
+  void flood(Plane y, ConstPlane seed, ConstPlane mask, const KernelTable& kernels) noexcept;
   // y = the largest a of each component of the mask, 0 outside. -0 counts as 0 and NaN as -infinity. All
   // three are of one type. y may alias a or mask.
   void spread_max(Plane y, ConstPlane a, ConstPlane mask, const KernelTable& kernels) noexcept;
   // y = the sum of a over each component of the mask, added in double precision, row by row, or modulo 2^n if
   // all three are integers of one type, 0 outside. y may alias a or mask.
-  void spread_sum(Plane y, ConstPlane a, ConstPlane mask) noexcept;
+  void spread_sum(Plane y, ConstPlane a, ConstPlane mask, const KernelTable& kernels) noexcept;
 
  private:
   struct Run {
     std::uint32_t first, last;  // columns [first, last)
     std::uint32_t parent;       // union-find parent; a root is its own parent
-    float value;                // the component's value, valid at its root
   };
+  std::size_t find_edges(ConstPlane mask, std::uint32_t row, const KernelTable& kernels) noexcept;
   template <class Value>
-  void label_components(ConstPlane mask, const Value& value) noexcept;
+  void label_components(ConstPlane mask, const KernelTable& kernels, const Value& value) noexcept;
   void union_with_row_above(std::uint32_t row_above, std::uint32_t this_row) noexcept;
   std::uint32_t find_root(std::uint32_t run) noexcept;
   template <class T>
-  void spread_largest_integer(Plane y, ConstPlane a, ConstPlane mask) noexcept;
-  template <class T, class Value>
-  void write_values(Plane y, const Value& value_of_root) noexcept;
+  void write_values(Plane y) noexcept;
 
   std::vector<Run> runs_;
-  std::vector<double> sums_;               // or largest integers, of the components, at their roots
+  std::vector<double> values_;             // of the components, at their roots
+  std::vector<std::uint64_t> truths_;      // of a row: a bit a cell
+  std::vector<std::uint32_t> edges_;       // of its runs, see find_edges()
   std::vector<std::uint32_t> row_starts_;  // first run of each row, then the number of runs
 };
 

@@ -60,6 +60,10 @@ inline constexpr std::size_t kOpcodeCount = 0
 #include "apron/program/opcodes.def"
     ;
 
+// Sets bit x % 64 of to[x / 64] if cell x of the row is true (not 0), up to `columns`, and the others of the
+// last word to 0. Reads cells up to the next multiple of 64 bytes.
+using TruthKernel = void (*)(const std::byte* row, std::uint32_t columns, std::uint64_t* to) noexcept;
+
 // The cells [column, column + count) of a row, count being a multiple of kLanes, and a draw; see Random.h.
 struct RandomCells {
   std::uint32_t seed = 0;
@@ -98,6 +102,7 @@ struct KernelTable {
   // Indexed [opcode][bit k set: operand k is a scalar][masked]; null if the opcode is not element-wise.
   std::array<std::array<std::array<Kernel, 2>, 8>, kOpcodeCount> elementwise{};
   std::array<RowReduction, kReductionCount> reductions{};
+  std::array<TruthKernel, program::kCellTypeCount> truths{};  // by type of the cells
   StencilKernels stencils{};
   MatrixProductKernel matrix_product = nullptr;
   RandomWordsKernel random_words = nullptr;

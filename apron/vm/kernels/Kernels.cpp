@@ -2,6 +2,7 @@
 #include "apron/vm/kernels/Kernels.h"
 
 #include <algorithm>
+#include <cstring>
 #include <limits>
 
 #undef HWY_TARGET_INCLUDE
@@ -72,11 +73,33 @@ void reduce(const float* a, std::ptrdiff_t pitch, std::uint32_t rows, std::uint3
   for (std::uint32_t r = 0; r < rows; ++r, a += pitch) to[r] = reduce_row<Op>(a, columns);
 }
 
+template <class T>
+void find_true_cells(const std::byte* row, std::uint32_t columns, std::uint64_t* to) noexcept {
+  const hn::CappedTag<T, kLanes * sizeof(float) / sizeof(T)> d;
+  const T* const cells = reinterpret_cast<const T*>(row);
+  for (std::size_t start = 0; start < columns; start += 64) {
+    const std::size_t count = std::min<std::size_t>(columns - start, 64);
+    std::uint64_t word = 0;
+    for (std::size_t x = 0; x < count; x += hn::Lanes(d)) {
+      const auto is_false = hn::Eq(hn::LoadU(d, cells + start + x), hn::Zero(d));
+      std::uint8_t bytes[8] = {};
+      hn::StoreMaskBits(d, hn::Not(is_false), bytes);
+      std::uint64_t bits = 0;
+      std::memcpy(&bits, bytes, sizeof bits);
+      word |= bits << x;
+    }
+    to[start / 64] = word & (~std::uint64_t{0} >> (64 - count));
+  }
+}
+
 KernelTable make_table() {
   KernelTable table;
 #define APRON_ELEMENTWISE(name, arity, value) fill<name>(table);
 #include "apron/program/elementwise.def"
   table.reductions = {reduce<SumOp>, reduce<MinOp>, reduce<MaxOp>, reduce<CountOp>};
+  for (std::size_t type = 0; type < table.truths.size(); ++type)
+    with_cell_type(static_cast<CellType>(type),
+                   [&](auto cell) { table.truths[type] = find_true_cells<decltype(cell)>; });
   add_integer_kernels(table);
   add_mathematics_kernels(table);
   add_random_kernels(table);

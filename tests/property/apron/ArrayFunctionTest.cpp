@@ -110,7 +110,7 @@ void check_calls(const program::Program& program, const FunctionOptions& options
 
 TEST(ArrayFunction, CallsEqualNewMachines) {
   const vm::test::Size kShapes[] = {{64, 64}, {1, 1}, {3, 5}, {17, 33}, {16, 2}, {130, 37}, {32, 9}};
-  for (unsigned seed = 0; seed < 120; ++seed) {
+  for (const unsigned seed : vm::test::program_seeds(120)) {
     RandomProgram random(seed, kShapes[seed % std::size(kShapes)]);
     const program::Program program = random.finish();
     FunctionOptions options;

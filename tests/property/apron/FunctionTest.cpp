@@ -1,10 +1,9 @@
 // Random programs of functions compute what a plain interpreter in this file computes: values and registers
 // as parameters, local names, arrays with constant and computed indices, matrix products, masks within and
-// around calls. APRON_FUNCTION_SEEDS=5000 tries more seeds than the test does.
+// around calls. APRON_PROGRAM_SEEDS=5000 tries more seeds than the test does.
 #include <gtest/gtest.h>
 
 #include <algorithm>
-#include <cstdlib>
 #include <functional>
 #include <map>
 #include <string>
@@ -310,9 +309,7 @@ constexpr unsigned kFunctionPrograms = 150;
 #endif
 
 TEST(Function, RandomProgramsMatchAnInterpreter) {
-  const char* const wanted = std::getenv("APRON_FUNCTION_SEEDS");
-  const auto seeds = wanted != nullptr ? static_cast<unsigned>(std::strtoul(wanted, nullptr, 10)) : kFunctionPrograms;
-  for (unsigned seed = 0; seed < seeds; ++seed) {
+  for (const unsigned seed : program_seeds(kFunctionPrograms)) {
     RandomFunctions functions(seed);
     syntax::MemoryReader reader;
     reader.files["main.aps"] = functions.text;

@@ -103,7 +103,7 @@ constexpr unsigned kPrograms = 180;
 TEST(Fusion, MatchesUnfusedExecution) {
   const Size kShapes[] = {{64, 64}, {1, 1}, {3, 5}, {17, 33}, {100, 7}, {16, 2}, {1, 40}, {130, 37}, {33, 9}};
   const std::vector<FusionConfig> all = fusion_configs();
-  for (unsigned seed = 0; seed < kPrograms; ++seed) {
+  for (const unsigned seed : program_seeds(kPrograms)) {
     RandomProgram random(seed, kShapes[seed % std::size(kShapes)]);
     const program::Program program = random.finish();
     ASSERT_EQ(program::verify(program), "") << seed;

@@ -446,7 +446,7 @@ constexpr unsigned kIntegerPrograms = 240;
 TEST(Integers, ProgramsGiveWhatCellsGiveOneByOne) {
   const Size kShapes[] = {{64, 5}, {1, 1}, {3, 5}, {17, 33}, {128, 7}, {70, 3}, {1, 40}, {130, 9}, {33, 9}};
   const std::vector<Way> all = ways();
-  for (unsigned seed = 0; seed < kIntegerPrograms; ++seed) {
+  for (const unsigned seed : program_seeds(kIntegerPrograms)) {
     IntegerProgram random(seed, kShapes[seed % std::size(kShapes)]);
     const program::Program program = random.finish();
     ASSERT_EQ(program::verify(program), "") << seed;

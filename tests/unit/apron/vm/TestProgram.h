@@ -3,9 +3,11 @@
 
 #include <cmath>
 #include <cstdint>
+#include <cstdlib>
 #include <cstring>
 #include <map>
 #include <random>
+#include <ranges>
 #include <string>
 #include <utility>
 #include <vector>
@@ -152,6 +154,17 @@ inline Cells random_mask(std::size_t n, std::mt19937& rng) {
   Cells cells(n);
   for (float& c : cells) c = on(rng) ? (on(rng) ? 1.0F : -0.25F) : 0.0F;
   return cells;
+}
+
+// The seeds of random programs: as many as `usual` from 0 on, or APRON_PROGRAM_SEEDS from APRON_PROGRAM_FIRST
+// on.
+inline auto program_seeds(unsigned usual) {
+  const auto number = [](const char* name, unsigned otherwise) {
+    const char* const text = std::getenv(name);
+    return text != nullptr ? static_cast<unsigned>(std::strtoul(text, nullptr, 10)) : otherwise;
+  };
+  const unsigned first = number("APRON_PROGRAM_FIRST", 0);
+  return std::views::iota(first, first + number("APRON_PROGRAM_SEEDS", usual));
 }
 
 struct Size {
