@@ -13,11 +13,9 @@ namespace smartsurf::world {
 namespace {
 
 constexpr float kMarked = std::numeric_limits<float>::infinity();
-constexpr float kLevel = 1e-3F;         // faces are level up to this, u
+constexpr float kLevel = 3e-3F;         // faces are level up to this, u
+constexpr float kGap = 1e-3F;           // and continue each other across gaps up to this, u
 constexpr float kMinCosine = 0.99999F;  // between the normals of level faces
-// A contact point is at an edge of a face if it is this close to its plane, u: bodies overlap a little, and
-// round off each other's edges by their convex radius.
-constexpr float kEdgeDepth = 0.02F;
 constexpr float kMinTilt =
     3e-4F;  // sine of the angle between face and contact normal of a contact at an edge
 // Beyond the edge the other part is looked for at the first of these distances that is clear of the part, u.
@@ -29,17 +27,24 @@ struct Plane {
   Vec3 normal, point;
 };
 
-// Calls visit(normal, offset) for the faces, in body axes, until it returns true.
+// Calls visit(normal, offset) for the faces, in body axes.
 template <class Visit>
-bool any_face(const ConvexPart& part, Visit visit) {
+void for_each_face(const ConvexPart& part, Visit visit) {
   if (part.hull != nullptr)
-    return std::ranges::any_of(part.hull->hull->faces,
-                               [&](const auto& face) { return visit(face.normal, face.offset); });
-  if (part.shape.kind != scene::ShapeKind::kBox) return false;
-  for (int axis = 0; axis < 3; ++axis)
-    for (const float sign : {1.0F, -1.0F})
-      if (visit(Vec3(sign * Vec3::Unit(axis)), part.shape.half_extents[axis])) return true;
-  return false;
+    for (const auto& face : part.hull->hull->faces) visit(face.normal, face.offset);
+  else if (part.shape.kind == scene::ShapeKind::kBox)
+    for (int axis = 0; axis < 3; ++axis)
+      for (const float sign : {1.0F, -1.0F})
+        visit(Vec3(sign * Vec3::Unit(axis)), part.shape.half_extents[axis]);
+}
+
+// A contact point is at an edge of a face if it is this close to its plane, u: bodies overlap a little, and
+// round off each other's edges by their convex radius.
+constexpr float kLeastEdgeDepth = 0.02F;
+float edge_depth(const ConvexPart& part) {
+  constexpr float kAllowance = 0.005F;
+  const float radius = part.hull != nullptr ? part.hull->convex_radius : part.shape.convex_radius;
+  return std::max(kLeastEdgeDepth, kAllowance + radius);
 }
 
 bool is_near(const ConvexPart& part, const Vec3& local, float reach) {
@@ -64,40 +69,46 @@ bool is_continued(std::span<const Solid> solids, std::size_t own_solid, const Co
     if (found || (i == own_solid && are_same(part, own_part))) return;
     const Solid& solid = solids[i];
     const Vec3 local = solid.axes.transpose() * (plane.point - solid.centre);
-    if (!is_near(part, local, kLevel) || signed_distance(part, local, kLevel).distance > kLevel) return;
+    if (!is_near(part, local, kLevel)) return;
     const Vec3 normal = solid.axes.transpose() * plane.normal;
-    found = any_face(part, [&](const Vec3& face, float offset) {
-      return face.dot(normal) > kMinCosine && std::abs(face.dot(local) - offset) <= kLevel;
+    for_each_face(part, [&](const Vec3& face, float offset) {
+      if (found || face.dot(normal) <= kMinCosine) return;
+      const float height = face.dot(local) - offset;
+      found = std::abs(height) <= kLevel && signed_distance(part, local - height * face, kGap).distance <= kGap;
     });
   });
   return found;
 }
 
 // The plane in which a contact at `point`, with the unit normal out of the solids, lies; none if it is no
-// internal edge.
+// internal edge. Of several, that nearest to the contact's normal, or to its point.
 std::optional<Plane> plane_of(std::span<const Solid> solids, const Vec3& point, const Vec3& normal) {
+  constexpr float kSameCosine = 1e-4F;
   std::optional<Plane> found;
+  float best_cosine = 0.0F, best_distance = 0.0F;
   for_each_solid_part(solids, [&](std::size_t i, const ConvexPart& part) {
-    if (found) return;
     const Solid& solid = solids[i];
     const Vec3 local = solid.axes.transpose() * (point - solid.centre),
                direction = solid.axes.transpose() * normal;
-    if (!is_near(part, local, kEdgeDepth)) return;
-    any_face(part, [&](const Vec3& face, float offset) {
-      const float height = face.dot(local) - offset, cosine = face.dot(direction);
-      if (std::abs(height) > kEdgeDepth || cosine < -kMinTilt) return false;
+    const float depth = edge_depth(part);
+    if (!is_near(part, local, depth)) return;
+    for_each_face(part, [&](const Vec3& face, float offset) {
+      const float height = face.dot(local) - offset, cosine = face.dot(direction), distance = std::abs(height);
+      if (distance > depth || cosine < -kMinTilt) return;
+      if (found && (cosine < best_cosine - kSameCosine ||
+                    (cosine <= best_cosine + kSameCosine && distance >= best_distance)))
+        return;
       const Vec3 tangent = direction - cosine * face;
       const float tilt = tangent.norm();
-      if (tilt < kMinTilt) return false;
+      if (tilt < kMinTilt) return;
       const Vec3 foot = local - height * face, outward = tangent / tilt;
       for (const float probe : kProbes) {
         const Vec3 beyond = foot + probe * outward;
         if (signed_distance(part, beyond).distance < kClear) continue;
         const Plane plane{solid.axes * face, solid.centre + solid.axes * beyond};
-        if (is_continued(solids, i, part, plane)) found = plane;
+        if (is_continued(solids, i, part, plane)) found = plane, best_cosine = cosine, best_distance = distance;
         break;
       }
-      return found.has_value();
     });
   });
   return found;
@@ -125,7 +136,7 @@ void mark_internal_edges(std::span<const Solid> solids, bool are_b, float sphere
   for (const SeamContact& s : contacts) {
     const Vec3 normal = side * s.contact->normal;
     std::optional<Plane> plane = plane_of(solids, point_on_solid(s, share), normal);
-    if (!is_sphere && s.contact->separation > kEdgeDepth)
+    if (!is_sphere && s.contact->separation > kLeastEdgeDepth)
       for (const float other : {0.0F, 1.0F})
         if (!plane) plane = plane_of(solids, point_on_solid(s, other), normal);
     any |= plane.has_value();
@@ -289,7 +300,7 @@ bool may_continue(const BodyStore& bodies, std::size_t other, const Vec3& point)
   const Vec3 local = bodies.axes[other].transpose() * (point - bodies.origin(other));
   bool found = false;
   for_each_part(*bodies.shape[other], [&](const ConvexPart& part) {
-    found = found || is_near(part, local, kProbes[2] + kEdgeDepth);
+    found = found || is_near(part, local, kProbes[2] + edge_depth(part));
   });
   return found;
 }
