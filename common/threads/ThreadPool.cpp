@@ -10,10 +10,6 @@
 namespace common {
 namespace {
 
-// A job takes microseconds and follows the one before closely, and waking a sleeping thread takes tens of
-// microseconds.
-constexpr int kSpins = 2000;
-
 std::int64_t clock_ns(clockid_t clock) noexcept {
   struct timespec now {};
   ::clock_gettime(clock, &now);
@@ -22,14 +18,15 @@ std::int64_t clock_ns(clockid_t clock) noexcept {
 
 // The least of several, because another program may take the core in between.
 double measure_spin_ns() noexcept {
-  constexpr int kTries = 3, kPauses = 200;
-  std::int64_t least_ns = 1'000'000;
+  constexpr int kTries = 3;
+  double least_ns = 1e6;
   for (int attempt = 0; attempt < kTries; ++attempt) {
-    const std::int64_t begin_ns = clock_ns(CLOCK_MONOTONIC);
-    for (int i = 0; i < kPauses; ++i) spin_pause();
-    least_ns = std::min(least_ns, clock_ns(CLOCK_MONOTONIC) - begin_ns);
+    const std::int64_t spins = spins_of_this_thread, begin_ns = clock_ns(CLOCK_THREAD_CPUTIME_ID);
+    for (int looks = 0; !spin_until([&looks] { return ++looks > 4 * kSpinsPerYield; });) continue;
+    const std::int64_t took_ns = clock_ns(CLOCK_THREAD_CPUTIME_ID) - begin_ns;
+    least_ns = std::min(least_ns, static_cast<double>(took_ns) / static_cast<double>(spins_of_this_thread - spins));
   }
-  return static_cast<double>(least_ns) / kPauses;
+  return least_ns;
 }
 
 // Processor time of this thread without its spins.
@@ -51,7 +48,7 @@ class WorkClock {
 
 ThreadPool::ThreadPool(int threads, double min_cost_ns)
     : min_cost_ns_(min_cost_ns),
-      spins_(static_cast<unsigned>(threads) <= std::thread::hardware_concurrency() ? kSpins : 0),
+      spins_(static_cast<unsigned>(threads) <= std::thread::hardware_concurrency()),
       spin_ns_(threads > 1 ? measure_spin_ns() : 0.0) {
   try {
     for (unsigned thread = 1; thread < static_cast<unsigned>(threads); ++thread)
@@ -73,36 +70,29 @@ void ThreadPool::stop() noexcept {
 }
 
 void ThreadPool::wait_while(const std::atomic<std::uint32_t>& word, std::uint32_t old) const noexcept {
-  for (int i = 0; i < spins_; ++i) {
-    if (word.load(std::memory_order_acquire) != old) return;
-    spin_pause();
-  }
+  if (spins_ && spin_until([&] { return word.load(std::memory_order_acquire) != old; })) return;
   word.wait(old, std::memory_order_acquire);
 }
 
-void ThreadPool::refill_budget(std::int64_t now_ns) noexcept {
-  budget_ns_ = std::min(kMostBudget_ns, budget_ns_ + (now_ns - refilled_at_ns_) / kBudgetShare);
-  refilled_at_ns_ = now_ns;
-}
-
 // The caller alone would take about as long as all threads work together. What the job took beyond that is
-// lost.
+// lost. Jobs that have gained since the latest pause for as long as it took end its doubling.
 void ThreadPool::charge_job(std::int64_t begin_ns, std::int64_t worked_ns) noexcept {
   if (min_cost_ns_ == 0) return;
   const std::int64_t now_ns = clock_ns(CLOCK_MONOTONIC);
-  refill_budget(now_ns);
-  budget_ns_ -= std::max<std::int64_t>(0, now_ns - begin_ns - worked_ns);
-  if (budget_ns_ < 0) alone_ = true;
+  lost_ns_ = std::max<std::int64_t>(0, lost_ns_ + (now_ns - begin_ns) - worked_ns);
+  if (lost_ns_ > kMostLoss_ns) {
+    pause_ns_ = std::clamp(2 * pause_ns_, kFirstPause_ns, kMostPause_ns);
+    pause_end_ns_ = now_ns + pause_ns_;
+    is_paused_ = true;
+  } else if (now_ns - pause_end_ns_ > pause_ns_) {
+    pause_ns_ = 0;
+  }
 }
 
-bool ThreadPool::shares_again() noexcept {
-  refill_budget(clock_ns(CLOCK_MONOTONIC));
-  if (budget_ns_ < kMostBudget_ns / 2) return false;
-  alone_ = false;
-  // A thread that has slept for long often gets a core at once, and loses it soon.
-  constexpr int kEmptyJobs = 8;
-  for (int job = 0; job < kEmptyJobs && !alone_; ++job) fork_join([](int) {});
-  return !alone_;
+bool ThreadPool::ends_pause() noexcept {
+  is_paused_ = clock_ns(CLOCK_MONOTONIC) < pause_end_ns_;
+  if (!is_paused_) lost_ns_ = 0;
+  return !is_paused_;
 }
 
 // The job stays in place until every call of it has returned; only then may the next one replace it.

@@ -5,6 +5,7 @@
 #pragma once
 
 #include <atomic>
+#include <chrono>
 #include <cstdint>
 #include <thread>
 #include <vector>
@@ -22,6 +23,26 @@ inline void spin_pause() noexcept {
 
 // Calls of spin_pause() by this thread while it waited for another member of a shared job.
 inline thread_local std::int64_t spins_of_this_thread = 0;
+
+// How a thread waits for another that works on the same job: it looks again and again, for longer than most waits
+// take; in between, from kSpinsPerYield on, it yields its core, which the other may be waiting for. Returns false
+// after kMostSpin_ns: then the other thread has no core, and this one had better sleep.
+inline constexpr int kSpinsPerYield = 64;
+inline constexpr std::chrono::microseconds kMostSpin{200};
+template <class Reached>
+bool spin_until(const Reached& reached) noexcept {
+  std::chrono::steady_clock::time_point begin;
+  for (bool is_first = true;; is_first = false) {
+    for (int spin = 0; spin < kSpinsPerYield; ++spin, ++spins_of_this_thread) {
+      if (reached()) return true;
+      spin_pause();
+    }
+    const auto now = std::chrono::steady_clock::now();
+    if (is_first) begin = now;
+    if (now - begin >= kMostSpin) return reached();
+    std::this_thread::yield();
+  }
+}
 
 class ThreadPool {
  public:
@@ -43,9 +64,9 @@ class ThreadPool {
 
   // Fork/join: calls work(thread) once on every thread, all at the same time, so that they may wait for each
   // other. Returns false, and calls nothing, where the caller alone is faster: other programs may keep the
-  // cores busy, so that shared jobs wait for threads without a core. A budget bounds what such waits cost:
-  // 1/25 of the time that passes, and kMostBudget_ns at once. While it is spent no job is shared; empty jobs
-  // then show whether the threads have cores again. Threads that wait inside a job count their spins in
+  // cores busy, so that shared jobs wait for threads without a core. Where shared jobs have lost kMostLoss_ns
+  // against the caller alone, the pool backs off: it shares none for kFirstPause_ns, twice as long each time that
+  // it loses as much again, up to kMostPause_ns. Threads that wait inside a job count their spins in
   // spins_of_this_thread, so that waiting is not taken for work. This changes no result. A pool with
   // min_cost_ns 0 always shares.
   template <class Work>
@@ -95,7 +116,8 @@ class ThreadPool {
 
  private:
   static constexpr std::uint32_t kEveryThread = 0xFFFFFFFF;
-  static constexpr std::int64_t kMostBudget_ns = 5'000'000, kBudgetShare = 25;
+  static constexpr std::int64_t kMostLoss_ns = 1'000'000;
+  static constexpr std::int64_t kFirstPause_ns = 30'000'000, kMostPause_ns = 1'000'000'000;
 
   struct Job {
     void (*call)(const void* of, std::uint32_t index, unsigned thread) noexcept;
@@ -103,7 +125,7 @@ class ThreadPool {
     std::uint32_t count;  // indices to claim, or kEveryThread
   };
 
-  bool has_cores() noexcept { return !alone_ || shares_again(); }
+  bool has_cores() noexcept { return !is_paused_ || ends_pause(); }
   template <class Work>
   void fork_join(const Work& work) noexcept {
     run({[](const void* of, std::uint32_t thread, unsigned) noexcept {
@@ -116,17 +138,16 @@ class ThreadPool {
   void serve(unsigned thread) noexcept;
   void finish_one() noexcept;
   void stop() noexcept;
-  void refill_budget(std::int64_t now_ns) noexcept;
   void charge_job(std::int64_t begin_ns, std::int64_t worked_ns) noexcept;
-  bool shares_again() noexcept;
+  bool ends_pause() noexcept;
   void wait_while(const std::atomic<std::uint32_t>& word, std::uint32_t old) const noexcept;
 
   double min_cost_ns_;
-  std::int64_t budget_ns_ = kMostBudget_ns;  // that waits for cores may still cost
-  std::int64_t refilled_at_ns_ = 0;
-  bool alone_ = false;  // the budget is spent
-  int spins_;           // before a waiting thread sleeps; 0 where the threads outnumber the cores
-  double spin_ns_;      // of one spin_pause()
+  std::int64_t lost_ns_ = 0;  // by shared jobs, since they last gained as much
+  bool is_paused_ = false;
+  std::int64_t pause_ns_ = 0, pause_end_ns_ = 0;  // of the latest pause; 0 if jobs have gained for as long since
+  bool spins_;                                    // a waiting thread does so first: the threads do not outnumber the cores
+  double spin_ns_;                                // of one spin_pause(), with its share of the yields
   std::vector<std::thread> workers_;
   Job job_{};
   std::atomic<bool> stop_{false};

@@ -146,6 +146,8 @@ void CollisionPipeline::find_contacts(const BodyStore& bodies, ContactList& pair
   }
   member.single([&] {
     overloaded_ = std::ranges::any_of(slab_results_, &SlabResults::overloaded);
+    swept_pairs_ = 0;
+    for (const SlabResults& r : slab_results_) swept_pairs_ += static_cast<int>(r.swept_pairs.size());
     if (overloaded_) {
       pair_contacts.clear();
       static_contacts.clear();

@@ -78,12 +78,19 @@ class CollisionPipeline {
     if (support_slabs_ == 0) supports_[0].clear(), support_slabs_ = 1;
     return supports_[0];
   }
-  // Calls visit(a, b) for the pairs of bodies, b may be static, that were swept in the last find_contacts().
+  // Whether pairs of bodies were swept in the last find_contacts(); calls visit(a, b) for the member's share of
+  // them. b may be static.
+  bool any_swept() const { return swept_pairs_ > 0; }
   template <class Visit>
-  void for_each_swept_pair(Visit visit) const {
-    for (const SlabResults& results : slab_results_)
-      for (const auto& [a, b] : results.swept_pairs)
-        visit(static_cast<std::size_t>(a), static_cast<std::size_t>(b));
+  void for_each_swept_pair(const Member& member, Visit visit) const {
+    IndexRange own = member.share(swept_pairs_);
+    for (const SlabResults& results : slab_results_) {
+      const int size = static_cast<int>(results.swept_pairs.size());
+      for (int k = std::max(0, own.begin); k < std::min(size, own.end); ++k)
+        visit(static_cast<std::size_t>(results.swept_pairs[k].first),
+              static_cast<std::size_t>(results.swept_pairs[k].second));
+      own.begin -= size, own.end -= size;
+    }
   }
   // Least width of a part of either body, u.
   float thinner_width(std::size_t a, std::size_t b) const { return std::min(thickness_[a], thickness_[b]); }
@@ -229,6 +236,7 @@ class CollisionPipeline {
   std::vector<SlabResults> slab_results_;                     // one per slab
   std::vector<SupportPatches> supports_, previous_supports_;  // one per slab
   std::size_t max_pairs_ = 0;                                 // in one slab, in this step
+  int swept_pairs_ = 0;                                       // of all slabs
   bool overloaded_ = false;
   bool finds_in_order_ =
       false;  // a single member finds the manifolds of all body runs in the order of the grid

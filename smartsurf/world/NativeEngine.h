@@ -18,6 +18,7 @@
 #include "smartsurf/world/body/BodyStore.h"
 #include "smartsurf/world/field/CellForceLimits.h"
 #include "smartsurf/world/field/JamRelief.h"
+#include "smartsurf/world/narrowphase/InternalEdges.h"
 #include "smartsurf/world/solver/SkinSolver.h"
 #include "smartsurf/world/solver/Solver.h"
 
@@ -90,12 +91,12 @@ class NativeEngine final : public Engine {
   void clear_contacts();
   void update_broadphase(const Member&);
   void find_contacts(const Member&);
-  void correct_seams();
+  void correct_seams(const Member&);
   void share_force_limits();
   void collect_tip_contacts();
   void collect_skin_contacts();
   void solve(const Member&);
-  void stop_at_bodies();
+  void stop_at_bodies(const Member&);
   void stop_jointed();
   void finalize_bodies(const Member&);
   void store_tips_and_skin();
@@ -136,6 +137,7 @@ class NativeEngine final : public Engine {
   ContactList pair_contacts_, static_contacts_;
   Sleep sleep_;
   CollisionPipeline collision_;
+  SeamCorrection seams_;
   Solver* solver_ = nullptr;  // of the thread that steps, during the step
   JointSolver joints_;
   TipSolver tips_;
@@ -169,6 +171,7 @@ class NativeEngine final : public Engine {
     float fraction;
   };
   std::vector<Stop> stops_;
+  std::vector<std::vector<Stop>> stops_of_members_;
   std::vector<std::int32_t> hit_sleepers_;
   mutable FieldHasher field_hasher_;
   bool field_moved_ = false;  // in the last step: at its end cells may stand elsewhere, or be about to stop

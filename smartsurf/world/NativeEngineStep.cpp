@@ -6,7 +6,6 @@
 
 #include "smartsurf/world/NativeEngine.h"
 #include "smartsurf/world/field/ContinuousCollision.h"
-#include "smartsurf/world/narrowphase/InternalEdges.h"
 #include "smartsurf/world/narrowphase/PairSweep.h"
 
 namespace smartsurf::world {
@@ -40,6 +39,7 @@ struct NativeEngine::Stage {
   static bool none_active(const E& e) { return e.active_bodies_.empty(); }
   static bool any_asleep(const E& e) { return e.sleep_.any_asleep(); }
   static bool has_limits(const E& e) { return e.field_.has_force_limit(); }
+  static bool may_stop(const E& e) { return e.collision_.any_swept() || !e.joints_.empty(); }
   static bool has_soft_tips(const E& e) { return !e.field_.yielding.empty(); }
   static bool has_skin(const E& e) { return e.field_.has_skin(); }
   static bool has_elastic_skin(const E& e) { return e.field_.skin.is_elastic; }
@@ -62,13 +62,13 @@ constexpr NativeEngine::Stage NativeEngine::Stage::kAll[] = {
     // ---- contacts
     {"broad phase",            kTeam,      call<&E::update_broadphase>},
     {"narrow phase",           kTeam,      call<&E::find_contacts>},
-    {"correct seams",          kOneOfTeam, call<&E::correct_seams>},
+    {"correct seams",          kTeam,      call<&E::correct_seams>},
     {"share force limits",     kOneOfTeam, call<&E::share_force_limits>,     has_limits},
     {"collect tip contacts",   kOneOfTeam, call<&E::collect_tip_contacts>,   has_soft_tips},
     {"collect skin contacts",  kOneOfTeam, call<&E::collect_skin_contacts>,  has_skin},
     // ---- motion
     {"solve",                  kTeam,      call<&E::solve>},
-    {"stop at bodies",         kOneOfTeam, call<&E::stop_at_bodies>},
+    {"stop at bodies",         kTeam,      call<&E::stop_at_bodies>,         may_stop},
     {"finalize bodies",        kTeam,      call<&E::finalize_bodies>},
     {"store tips and skin",    kCaller,    call<&E::store_tips_and_skin>,    any_active},
     {"yield overloaded cells", kCaller,    call<&E::yield_overloaded_cells>, any_active},
@@ -197,10 +197,14 @@ void NativeEngine::update_broadphase(const Member& member) { collision_.update_b
 
 void NativeEngine::find_contacts(const Member& member) {
   collision_.find_contacts(bodies_, pair_contacts_, static_contacts_, member);
-  if (member.is_caller()) cell_impulses_.resize(static_contacts_.contacts.size());
+  if (!member.is_caller()) return;
+  cell_impulses_.resize(static_contacts_.contacts.size());
+  stops_.clear();
 }
 
-void NativeEngine::correct_seams() { world::correct_seams(bodies_, pair_contacts_, static_contacts_); }
+void NativeEngine::correct_seams(const Member& member) {
+  seams_.run(bodies_, pair_contacts_, static_contacts_, collision_.partition().bodies_of(member), member);
+}
 
 void NativeEngine::share_force_limits() {
   force_limits_.distribute_limits(field_, settings_.dt_s, settings_.substeps, static_contacts_);
@@ -235,10 +239,11 @@ void NativeEngine::solve(const Member& member) {
 // A body that was swept against others may still enter one: once it has hit something it moves on another
 // path, and a corner that hits makes it spin. Then its motion ends there, and the next step finds the
 // contact.
-void NativeEngine::stop_at_bodies() {
-  stops_.clear();
+void NativeEngine::stop_at_bodies(const Member& member) {
+  std::vector<Stop>& own = stops_of_members_[static_cast<std::size_t>(member.index)];
+  own.clear();
   const SpatialPartition& partition = collision_.partition();
-  collision_.for_each_swept_pair([&](std::size_t a, std::size_t b) {
+  collision_.for_each_swept_pair(member, [&](std::size_t a, std::size_t b) {
     const auto motion_of = [&](std::size_t i) {
       return bodies_.is_active(i) ? solver_->motion(partition.row(static_cast<std::int32_t>(i)))
                                   : DeltaPose{};
@@ -249,14 +254,19 @@ void NativeEngine::stop_at_bodies() {
     const float time_s = sweep.time_of_overlap();
     if (time_s == PairSweep::kNever) return;
     for (const std::size_t i : {a, b})
-      if (bodies_.is_active(i)) stops_.push_back({static_cast<std::int32_t>(i), time_s / settings_.dt_s});
+      if (bodies_.is_active(i)) own.push_back({static_cast<std::int32_t>(i), time_s / settings_.dt_s});
   });
-  if (!joints_.empty()) stop_jointed();
-  if (stops_.empty()) return;
-  std::ranges::sort(stops_, {}, [](const Stop& s) { return std::pair(s.body, s.fraction); });
-  const auto later = std::ranges::unique(stops_, {}, &Stop::body);
-  stops_.erase(later.begin(), later.end());
-  for (const Stop& s : stops_) solver_->shorten_motion(partition.row(s.body), s.fraction);
+  member.single([&] {
+    for (int i = 0; i < member.member_count; ++i) {
+      const std::vector<Stop>& found = stops_of_members_[static_cast<std::size_t>(i)];
+      stops_.insert(stops_.end(), found.begin(), found.end());
+    }
+    if (!joints_.empty()) stop_jointed();
+    std::ranges::sort(stops_, {}, [](const Stop& s) { return std::pair(s.body, s.fraction); });
+    const auto later = std::ranges::unique(stops_, {}, &Stop::body);
+    stops_.erase(later.begin(), later.end());
+    for (const Stop& s : stops_) solver_->shorten_motion(partition.row(s.body), s.fraction);
+  });
 }
 
 // Bodies that joints connect stop together, where the first of them meets the field or another body: one that

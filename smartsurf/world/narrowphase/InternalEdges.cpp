@@ -305,52 +305,132 @@ bool may_continue(const BodyStore& bodies, std::size_t other, const Vec3& point)
   return found;
 }
 
+// A contact of a body, and what it becomes.
+struct Corrected {
+  std::size_t body, other;
+  Contact* contact;
+  Contact value;
+};
+
 }  // namespace
 
-void correct_seams(const BodyStore& bodies, ContactList& pairs, ContactList& statics) {
+// Bodies are corrected in ascending order, because those on either side of a contact may change it. Several members
+// find what changes for each body as if it were the first; where an earlier one has changed its contacts, that is found
+// again.
+struct SeamCorrection::Shared {
+  bool applies = false;
+  Neighbours neighbours;
+  std::vector<std::vector<Corrected>> of_members;
+  std::vector<Corrected> all, again;
+  std::vector<std::uint8_t> has_changed;  // by body: contacts, by the correction of another
+
+  static void find(const BodyStore&, ContactList& pairs, ContactList& statics, const Neighbours&, std::size_t body,
+                   std::vector<Corrected>&);
+  void begin(const BodyStore&, const ContactList& pairs, const ContactList& statics, const Member&);
+  void apply(std::span<const Corrected>);
+  void apply_in_order(const BodyStore&, ContactList& pairs, ContactList& statics, bool are_found);
+};
+
+SeamCorrection::SeamCorrection() : shared_(std::make_unique<Shared>()) {}
+SeamCorrection::~SeamCorrection() = default;
+
+void SeamCorrection::run(const BodyStore& bodies, ContactList& pairs, ContactList& statics,
+                         std::span<const std::int32_t> own_bodies, const Member& member) {
+  Shared& s = *shared_;
+  member.single([&] { s.begin(bodies, pairs, statics, member); });
+  if (!s.applies) return;
+  const bool are_found = member.member_count > 1;
+  if (are_found) {
+    std::vector<Corrected>& own = s.of_members[static_cast<std::size_t>(member.index)];
+    for (const std::int32_t i : own_bodies)
+      Shared::find(bodies, pairs, statics, s.neighbours, static_cast<std::size_t>(i), own);
+  }
+  member.single([&] { s.apply_in_order(bodies, pairs, statics, are_found); });
+}
+
+void SeamCorrection::Shared::begin(const BodyStore& bodies, const ContactList& pairs, const ContactList& statics,
+                                   const Member& member) {
   // Spheres have no faces: scenes of spheres alone pay for no neighbours.
   const auto has_flat_body = [&](const Manifold& m) { return !bodies.is_sphere[m.a] || !bodies.is_sphere[m.b]; };
-  if (std::ranges::none_of(pairs.manifolds, has_flat_body)) return;
-  thread_local Neighbours neighbours;
+  applies = std::ranges::any_of(pairs.manifolds, has_flat_body);
+  if (!applies) return;
+  of_members.resize(static_cast<std::size_t>(member.member_count));
+  for (std::vector<Corrected>& found : of_members) found.clear();
+  neighbours.find(bodies, pairs, statics);
+}
+
+void SeamCorrection::Shared::apply(std::span<const Corrected> corrected) {
+  for (const Corrected& c : corrected) {
+    if (c.contact->separation != c.value.separation || c.contact->normal != c.value.normal ||
+        c.contact->anchor != c.value.anchor)
+      has_changed[c.other] = 1;
+    *c.contact = c.value;
+  }
+}
+
+void SeamCorrection::Shared::apply_in_order(const BodyStore& bodies, ContactList& pairs, ContactList& statics,
+                                            bool are_found) {
+  all.clear();
+  for (const std::vector<Corrected>& found : of_members) all.insert(all.end(), found.begin(), found.end());
+  if (are_found && all.empty()) return;
+  std::ranges::sort(all, {}, &Corrected::body);
+  has_changed.assign(static_cast<std::size_t>(bodies.size()), 0);
+  auto next = all.begin();
+  for (std::size_t i = 0; i < has_changed.size(); ++i) {
+    const auto first = next;
+    while (next != all.end() && next->body == i) ++next;
+    if (are_found && has_changed[i] == 0) {
+      apply({first, next});
+    } else {
+      again.clear();
+      find(bodies, pairs, statics, neighbours, i, again);
+      apply(again);
+    }
+  }
+}
+
+// Appends the contacts of the body that change.
+void SeamCorrection::Shared::find(const BodyStore& bodies, ContactList& pairs, ContactList& statics,
+                                  const Neighbours& neighbours, std::size_t i, std::vector<Corrected>& out) {
   thread_local std::vector<Touched> touched;
   thread_local std::vector<Contact> own;
   thread_local std::vector<SeamContact> seam;
   thread_local std::vector<Solid> solids;
-  neighbours.find(bodies, pairs, statics);
-  for (std::size_t i = 0; i < static_cast<std::size_t>(bodies.size()); ++i) {
-    if (!bodies.is_active(i) || !neighbours.has_several(i)) continue;
-    find_touched(bodies, i, neighbours, pairs, statics, touched);
-    if (touched.size() < 2) continue;
-    for (Touched& one : touched)
-      for (const Contact& c : one.contacts) {
-        const Vec3 point = bodies.position[one.manifold->a] + c.anchor, speed = velocity_at(bodies, one.other, point);
-        // The contact's point may be on the body, as far away as it travels in a step.
-        const bool is_of_body = static_cast<std::size_t>(one.manifold->a) == i;
-        const Vec3 on_other = is_of_body ? Vec3(point - c.separation * c.normal) : point;
-        const float sliding = (velocity_at(bodies, i, bodies.position[i]) - speed).norm();
-        if (sliding < kSliding) continue;
-        for (Touched& next : touched) {
-          // Fixed bodies have been corrected among each other.
-          const bool are_fixed = bodies.is_static(one.other) && bodies.is_static(next.other);
-          if (next.other == one.other || are_fixed) continue;
-          if (!may_continue(bodies, next.other, point) && !may_continue(bodies, next.other, on_other)) continue;
-          if ((velocity_at(bodies, next.other, point) - speed).norm() < std::max(kTogether, kTogetherShare * sliding))
-            one.is_under = next.is_under = true;
-        }
+  if (!bodies.is_active(i) || !neighbours.has_several(i)) return;
+  find_touched(bodies, i, neighbours, pairs, statics, touched);
+  if (touched.size() < 2) return;
+  for (Touched& one : touched)
+    for (const Contact& c : one.contacts) {
+      const Vec3 point = bodies.position[one.manifold->a] + c.anchor, speed = velocity_at(bodies, one.other, point);
+      // The contact's point may be on the body, as far away as it travels in a step.
+      const bool is_of_body = static_cast<std::size_t>(one.manifold->a) == i;
+      const Vec3 on_other = is_of_body ? Vec3(point - c.separation * c.normal) : point;
+      const float sliding = (velocity_at(bodies, i, bodies.position[i]) - speed).norm();
+      if (sliding < kSliding) continue;
+      for (Touched& next : touched) {
+        // Fixed bodies have been corrected among each other.
+        const bool are_fixed = bodies.is_static(one.other) && bodies.is_static(next.other);
+        if (next.other == one.other || are_fixed) continue;
+        if (!may_continue(bodies, next.other, point) && !may_continue(bodies, next.other, on_other)) continue;
+        if ((velocity_at(bodies, next.other, point) - speed).norm() < std::max(kTogether, kTogetherShare * sliding))
+          one.is_under = next.is_under = true;
       }
-    std::erase_if(touched, [](const Touched& t) { return !t.is_under; });
-    if (touched.size() < 2) continue;
-    solids.clear(), own.clear(), seam.clear();
-    for (const Touched& t : touched) {
-      solids.push_back({*bodies.shape[t.other], bodies.origin(t.other), bodies.axes[t.other]});
-      for (const Contact& c : t.contacts) own.push_back(seen_from(bodies, i, *t.manifold, c));
     }
-    for (Contact& c : own) seam.push_back({&c, bodies.position[i]});
-    mark_internal_edges(solids, true, bodies.is_sphere[i] ? bodies.bounding_radius[i] : 0.0F, seam);
-    std::size_t next = 0;
-    for (const Touched& t : touched)
-      for (Contact& c : t.contacts) set_from(bodies, i, *t.manifold, own[next++], c);
+  std::erase_if(touched, [](const Touched& t) { return !t.is_under; });
+  if (touched.size() < 2) return;
+  solids.clear(), own.clear(), seam.clear();
+  for (const Touched& t : touched) {
+    solids.push_back({*bodies.shape[t.other], bodies.origin(t.other), bodies.axes[t.other]});
+    for (const Contact& c : t.contacts) own.push_back(seen_from(bodies, i, *t.manifold, c));
   }
+  for (Contact& c : own) seam.push_back({&c, bodies.position[i]});
+  mark_internal_edges(solids, true, bodies.is_sphere[i] ? bodies.bounding_radius[i] : 0.0F, seam);
+  std::size_t next = 0;
+  for (const Touched& t : touched)
+    for (Contact& c : t.contacts) {
+      out.push_back({i, t.other, &c, c});
+      set_from(bodies, i, *t.manifold, own[next++], out.back().value);
+    }
 }
 
 void erase_marked(std::vector<Contact>& contacts, std::size_t first) {

@@ -2,12 +2,15 @@
 // them is inside a plane, and a contact there must have the normal of that plane.
 #pragma once
 
+#include <cstdint>
+#include <memory>
 #include <span>
 #include <vector>
 
 #include "smartsurf/world/body/BodyStore.h"
 #include "smartsurf/world/body/Shape.h"
 #include "smartsurf/world/contact/Contact.h"
+#include "smartsurf/world/parallel/Team.h"
 
 namespace smartsurf::world {
 
@@ -34,9 +37,20 @@ void mark_internal_edges(std::span<const Solid>, bool are_b, float sphere_radius
 // of a. Returns whether any was erased.
 bool correct_internal_edges(const Solid& a, const Solid& b, std::vector<Contact>&, std::size_t first);
 // Does both for bodies that slide or roll over several others which move together: bodies side by side at
-// rest, held to each other by joints, or beside a fixed body. The contacts are all those of the step: between bodies
-// that move, and of these with what does not.
-void correct_seams(const BodyStore&, ContactList& pair_contacts, ContactList& static_contacts);
+// rest, held to each other by joints, or beside a fixed body.
+class SeamCorrection {
+ public:
+  SeamCorrection();
+  ~SeamCorrection();
+  // The contacts are all those of the step: between bodies that move, and of these with what does not. Called by
+  // all members with bodies of their own, which together are all active ones; ends with a barrier.
+  void run(const BodyStore&, ContactList& pair_contacts, ContactList& static_contacts,
+           std::span<const std::int32_t> own_bodies, const Member&);
+
+ private:
+  struct Shared;
+  std::unique_ptr<Shared> shared_;
+};
 // Erases the marked contacts from `first` on.
 void erase_marked(std::vector<Contact>&, std::size_t first);
 

@@ -1,7 +1,6 @@
 // A split-phase barrier for a fixed number of threads.
 #pragma once
 
-#include <algorithm>
 #include <atomic>
 #include <vector>
 
@@ -14,11 +13,8 @@ namespace smartsurf::world {
 // Each member counts its arrivals on a cache line that it alone writes, and waiters read the counts of the
 // others. This costs one transfer between cores, where a shared counter costs several.
 //
-// A waiter spins first, because phases last microseconds and a futex sleep costs tens of them, and then
-// sleeps, so that another process on the core of a late member can finish. The spin budget adapts: it halves
-// after each unsuccessful spin and grows after each successful one, so that members do not burn time slices
-// when processes compete for the cores. Its minimum is about what a sleep and the wake-up from it cost: with
-// less, members would fall asleep while they wait for one that is waking up.
+// A waiter spins first (common::spin_until), because phases last microseconds and a futex sleep costs tens of them,
+// and then sleeps, so that another process on the core of a late member can finish.
 class Barrier {
  public:
   explicit Barrier(int member_count) : slots_(member_count) {}
@@ -39,16 +35,13 @@ class Barrier {
     notify_sleepers(own);
     const unsigned target = own.arrivals.load(std::memory_order_relaxed);
     for (const ArrivalSlot& other : slots_)
-      if (!other.has_reached(target)) wait_for(other, target, own.spin_budget);
+      if (!other.has_reached(target)) wait_for(other, target);
   }
 
  private:
-  static constexpr int kMinSpins = 1000, kMaxSpins = 4000, kSpinIncrement = 64;  // one spin takes about 30 ns
-
   // Aligned to two cache lines, which some cores prefetch as a pair.
   struct alignas(128) ArrivalSlot {
     std::atomic<unsigned> arrivals{0};
-    alignas(128) int spin_budget = kMaxSpins;
     bool has_reached(unsigned target) const {
       return static_cast<int>(arrivals.load(std::memory_order_acquire) - target) >= 0;
     }
@@ -65,17 +58,8 @@ class Barrier {
     if (sleeping_.load(std::memory_order_relaxed) > 0) own.arrivals.notify_all();
   }
 
-  void wait_for(const ArrivalSlot& other, unsigned target, int& spin_budget) {
-    for (int spin = 0; spin < spin_budget; ++spin) {
-      if (other.has_reached(target)) {
-        common::spins_of_this_thread += spin;
-        if (spin_budget < kMaxSpins) spin_budget += kSpinIncrement;
-        return;
-      }
-      common::spin_pause();
-    }
-    common::spins_of_this_thread += spin_budget;
-    spin_budget = std::max(kMinSpins, spin_budget / 2);
+  void wait_for(const ArrivalSlot& other, unsigned target) {
+    if (common::spin_until([&] { return other.has_reached(target); })) return;
     sleeping_.fetch_add(1, std::memory_order_relaxed);
     full_fence();
     while (!other.has_reached(target)) {

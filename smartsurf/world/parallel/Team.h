@@ -44,17 +44,17 @@ class Team {
   // Without a pool the caller is the only member. `pool` must outlive the team.
   explicit Team(common::ThreadPool* pool) : pool_(pool), team_barrier_(pool ? pool->thread_count() : 1) {}
 
+  int member_count() const { return pool_ ? pool_->thread_count() : 1; }
+
   // Runs work(member) on all threads at once, or on the caller alone if not `parallel` or while other
   // programs keep the cores busy. Thread 0, the caller, is the last member: members own slabs from south to
   // north and the pool's row bands run from north to south, so each thread finds the cells that it moved
   // itself in its cache.
   template <class Work>
   void run(bool parallel, Work work) {
-    const int member_count = pool_ ? pool_->thread_count() : 1;
-    const auto work_as_member = [&](int thread) {
-      work(Member{member_count - 1 - thread, member_count, team_barrier_});
-    };
-    if (!(parallel && member_count > 1 && pool_->try_fork_join(work_as_member)))
+    const int count = member_count();
+    const auto work_as_member = [&](int thread) { work(Member{count - 1 - thread, count, team_barrier_}); };
+    if (!(parallel && count > 1 && pool_->try_fork_join(work_as_member)))
       work(Member{0, 1, serial_barrier_});
   }
 

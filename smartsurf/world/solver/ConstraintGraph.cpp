@@ -21,17 +21,8 @@ void ConstraintGraph::build(const BodyStore& bodies, const ContactList& pair_con
   count_keys(bodies, pair_contacts, pair_ranges, slabs, true, own_offsets);
   count_keys(bodies, static_contacts, static_ranges, slabs, false, own_offsets);
   member.single([&] { compute_key_offsets(); });
-  const auto sort = [&](KeyOffsets& next_slot) {
-    sort_manifolds(pair_ranges, slabs, 0, next_slot);
-    sort_manifolds(static_ranges, slabs, pair_contacts.manifolds.size(), next_slot);
-  };
-  if (member.member_count == 1) {
-    sort(own_offsets);
-  } else {  // append_own_batches() needs the offsets
-    KeyOffsets next_slot;
-    std::copy_n(own_offsets.begin(), key_count(), next_slot.begin());
-    sort(next_slot);
-  }
+  sort_manifolds(pair_ranges, slabs, 0, own_offsets);
+  sort_manifolds(static_ranges, slabs, pair_contacts.manifolds.size(), own_offsets);
   member.single([&] { pack_batches(pair_contacts, static_contacts); });
   collect_own_batches(member);
 }
@@ -172,7 +163,8 @@ void ConstraintGraph::collect_own_batches(const Member& member) {
   own.end_colour();
 }
 
-// The member's manifolds are contiguous within each key, and so are the batches that begin with them.
+// An even share of the batches of each key, in which those of a member's slabs are contiguous and those of its
+// neighbours next to them. What is left over goes to one member after the other.
 void ConstraintGraph::append_own_batches(const BatchRange& run, const Member& member) {
   if (run.count == 0) return;
   MemberBatchRanges& own = member_batches_[member.index];
@@ -183,10 +175,12 @@ void ConstraintGraph::append_own_batches(const BatchRange& run, const Member& me
   const auto group = key_of_run / kPointCountBuckets;
   auto batches_before = [&](int position) { return run.first + (position - begin + kLanes - 1) / kLanes; };
   for (auto key = group * kPointCountBuckets; key < (group + 1) * kPointCountBuckets; ++key) {
-    const int next = member.index + 1;
-    const int from = key_offsets_[member.index][key];
-    const int to = next < member.member_count ? key_offsets_[next][key] : first_of_key_[key + 1];
-    own.append({run.kind, batches_before(from), batches_before(to) - batches_before(from)});
+    const int first = batches_before(first_of_key_[key]), count = batches_before(first_of_key_[key + 1]) - first;
+    const auto share_before = [&](int members) {
+      return static_cast<int>((static_cast<long>(count) * members + first % member.member_count) / member.member_count);
+    };
+    const int from = share_before(member.index), to = share_before(member.index + 1);
+    own.append({run.kind, first + from, to - from});
   }
 }
 

@@ -508,17 +508,11 @@ void ImpactSolver::wait_for_turn(const Point& p, const Turns& turns, std::uint32
   const auto wait = [&](std::int32_t body, std::uint32_t turn) {
     Passing& passing = passing_[body];
     if (!passing.is_shared) return;
-    constexpr int kSpins = 1000;
     const std::uint32_t wanted = sweep * passing.points + (is_backward ? passing.points - 1 - turn : turn);
     const std::atomic_ref<std::uint32_t> turns_so_far(passing.turn);
-    int spins = 0;
-    for (std::uint32_t now = 0; (now = turns_so_far.load(std::memory_order_acquire)) != wanted;) {
-      if (spins < kSpins)
-        common::spin_pause(), ++spins;
-      else
-        turns_so_far.wait(now, std::memory_order_acquire);
-    }
-    common::spins_of_this_thread += spins;
+    if (common::spin_until([&] { return turns_so_far.load(std::memory_order_acquire) == wanted; })) return;
+    for (std::uint32_t now = 0; (now = turns_so_far.load(std::memory_order_acquire)) != wanted;)
+      turns_so_far.wait(now, std::memory_order_acquire);
   };
   wait(p.a, turns.a);
   if (p.b >= 0) wait(p.b, turns.b);

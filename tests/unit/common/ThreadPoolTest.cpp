@@ -93,10 +93,10 @@ TEST(ThreadPool, AlternatesParallelForAndForkJoin) {
   EXPECT_EQ(sum, 2000 * (10 + 3));
 }
 
-// A thread that gets no core is a sleeping thread, as far as the caller can see. `wait` is what the caller
-// does meanwhile.
+// A thread that gets no core is a sleeping thread, as far as the caller can see. `wait` is what the caller does
+// meanwhile. Each pause is twice as long as the one before it.
 template <class Wait>
-void expect_bounded_waits(const Wait& wait) {
+void expect_pauses(int most_jobs_between, const Wait& wait) {
   using namespace std::chrono_literals;
   ThreadPool pool(2);
   const auto start = std::chrono::steady_clock::now();
@@ -114,20 +114,28 @@ void expect_bounded_waits(const Wait& wait) {
       std::this_thread::sleep_for(1ms);
     }
   }
-  const std::chrono::duration<double, std::milli> time = std::chrono::steady_clock::now() - start;
   EXPECT_GT(alone, 0);
   EXPECT_GE(shared, 1);
-  EXPECT_LE(2.0 * shared, 0.04 * time.count() + 5.0 + 2.0);
+  const int pauses = (shared - 1) / most_jobs_between;  // that have ended
+  EXPECT_GE(std::chrono::steady_clock::now() - start, 30ms * ((1 << pauses) - 1)) << shared;
 }
 
-TEST(ThreadPool, WaitsForCoresCostABoundedShareOfTheTime) {
-  expect_bounded_waits([](const std::atomic<bool>&) {});
+TEST(ThreadPool, PausesWhereThreadsGetNoCore) {
+  expect_pauses(1, [](const std::atomic<bool>&) {});
 }
 
 TEST(ThreadPool, SpinsInsideAJobCountAsWaits) {
-  expect_bounded_waits([](const std::atomic<bool>& slept) {
-    for (; !slept; ++common::spins_of_this_thread) common::spin_pause();
+  expect_pauses(2, [](const std::atomic<bool>& slept) {
+    while (!common::spin_until([&] { return slept.load(); })) continue;
   });
+}
+
+TEST(ThreadPool, SpinsEndWithTheWaitOrAfterAWhile) {
+  const std::int64_t before = common::spins_of_this_thread;
+  int looks = 0;
+  EXPECT_TRUE(common::spin_until([&] { return ++looks == 100; }));
+  EXPECT_EQ(common::spins_of_this_thread - before, 99);
+  EXPECT_FALSE(common::spin_until([] { return false; }));
 }
 
 TEST(ThreadPool, SharesAgainWhenTheCoresAreFree) {

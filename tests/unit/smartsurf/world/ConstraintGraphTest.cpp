@@ -4,6 +4,8 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <map>
+#include <numeric>
 #include <random>
 #include <set>
 
@@ -129,18 +131,31 @@ TEST(ConstraintGraph, SameBatchesForAnyThreadCount) {
   }
 }
 
-TEST(ConstraintGraph, OwnBatchesStartInOwnSlabs) {
+TEST(ConstraintGraph, MembersHaveEqualSharesOfEachColour) {
   const Tangle t(400, 1500);
-  common::ThreadPool pool(2);
-  Team team(&pool);
-  ConstraintGraph graph;
-  team.run(true, [&](const Member& member) { t.build(graph, member); });
-  Barrier barrier(2);
-  for (int m = 0; m < 2; ++m)
-    for (std::size_t c = 0; c < graph.colours().size(); ++c)
-      for (const BatchRange& run : graph.own_batches(Member{m, 2, barrier}, c))
-        for (int o = run.first; o < run.first + run.count; ++o)
-          EXPECT_EQ(graph.colours()[c].is_overflow || graph.manifold(o, 0) / 100 >= Tangle::kSlabs / 2,
-                    m == 1)
-              << "the overflow set belongs to the caller of Team::run";
+  for (const int members : {2, 3, 7}) {
+    common::ThreadPool pool(members, 0.0);
+    Team team(&pool);
+    ConstraintGraph graph;
+    team.run(true, [&](const Member& member) { t.build(graph, member); });
+    Barrier barrier(members);
+    for (std::size_t c = 0; c <= graph.colours().size(); ++c) {
+      std::map<std::pair<int, int>, std::vector<int>> counts;  // by kind and number of points; of each member
+      for (int m = 0; m < members; ++m)
+        for (const BatchRange& run : graph.own_batches(Member{m, members, barrier}, c))
+          for (int o = run.first; o < run.first + run.count; ++o) {
+            std::vector<int>& of = counts[{run.kind, graph.reset_batch(o).point_count}];
+            of.resize(static_cast<std::size_t>(members));
+            ++of[static_cast<std::size_t>(m)];
+          }
+      const bool is_overflow = c < graph.colours().size() && graph.colours()[c].is_overflow;
+      for (const auto& [key, of] : counts) {
+        const auto [least, most] = std::ranges::minmax(of);
+        if (is_overflow)
+          EXPECT_EQ(std::accumulate(of.begin(), of.end(), 0), of.back()) << "the caller of Team::run has all";
+        else
+          EXPECT_LE(most - least, 1) << members << " " << c;
+      }
+    }
+  }
 }
