@@ -13,6 +13,7 @@
 #include <cstdio>
 #include <cstring>
 #include <exception>
+#include <new>
 #include <stdexcept>
 
 #include "common/confine/Confinement.h"
@@ -22,6 +23,7 @@ namespace common {
 namespace {
 
 constexpr int kStopInterval_ms = 50;
+constexpr int kNoMemory = 3;  // exit status of the child
 
 thread_local double children_s = 0.0;
 
@@ -75,6 +77,8 @@ void limit(__rlimit_resource resource, rlim_t value) {
     add_system_files(confinement);
     confine(confinement);
     ::_exit(write_all(STDERR_FILENO + 1, work()) ? 0 : 1);
+  } catch (const std::bad_alloc&) {
+    ::_exit(kNoMemory);
   } catch (...) {
     ::_exit(1);
   }
@@ -138,8 +142,9 @@ ChildResult run_in_child(const std::function<std::string()>& work, const ChildLi
   while (::wait4(child, &status, 0, &used) < 0 && errno == EINTR) {
   }
   children_s += seconds(used.ru_utime) + seconds(used.ru_stime);
-  const bool returned = ended && WIFEXITED(status) && WEXITSTATUS(status) == 0;
-  result.end = returned                                      ? ChildResult::End::kReturned
+  const int exit_status = ended && WIFEXITED(status) ? WEXITSTATUS(status) : -1;
+  result.end = exit_status == 0                              ? ChildResult::End::kReturned
+               : exit_status == kNoMemory                    ? ChildResult::End::kOutOfMemory
                : stop_flag().load(std::memory_order_relaxed) ? ChildResult::End::kStopped
                                                              : ChildResult::End::kFailed;
   return result;

@@ -17,9 +17,9 @@ struct ChildLimits {
 };
 
 struct ChildResult {
-  // kFailed: it crashed, threw or exceeded a limit; kStopped: the stop flag (StopSignals.h) was raised
-  // meanwhile.
-  enum class End { kReturned, kFailed, kStopped } end;
+  // kOutOfMemory: it threw std::bad_alloc; kFailed: it crashed, threw something else or exceeded a limit; kStopped:
+  // the stop flag (StopSignals.h) was raised meanwhile.
+  enum class End { kReturned, kOutOfMemory, kFailed, kStopped } end;
   std::string bytes;  // what `work` returned
 };
 

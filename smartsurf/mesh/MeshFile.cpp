@@ -26,6 +26,7 @@ constexpr std::size_t kMaxTriangles = 1'000'000;
 constexpr std::size_t kMaxResultBytes = std::size_t{1} << 30;
 // Address space of the importer: a compressed or a text file grows in memory.
 constexpr std::size_t kImporterBytes = std::size_t{1} << 30, kImporterBytesPerByte = 16;
+constexpr const char* kNeedsMemory = "needs more memory than a reader of meshes may have";
 
 [[noreturn]] void refuse(const std::string& clause) { throw scene::InputError(clause); }
 
@@ -126,8 +127,7 @@ TriangleMesh import_mesh(const fs::path& file) {
   }
   if (scene == nullptr || scene->mRootNode == nullptr) {
     const std::string reason = importer.GetErrorString();
-    refuse(reason == std::bad_alloc().what() ? "needs more memory than a reader of meshes may have"
-                                             : "cannot be read: " + one_line(reason));
+    refuse(reason == std::bad_alloc().what() ? kNeedsMemory : "cannot be read: " + one_line(reason));
   }
   TriangleMesh mesh;
   add(mesh, *scene, *scene->mRootNode, aiMatrix4x4());
@@ -193,6 +193,7 @@ TriangleMesh read_mesh(const fs::path& file) {
        kImporterBytes + kImporterBytesPerByte * fs::file_size(file),
        {file, fs::weakly_canonical(file).parent_path()}});
   if (read.end == common::ChildResult::End::kStopped) refuse("was not read: interrupted");
+  if (read.end == common::ChildResult::End::kOutOfMemory) refuse(kNeedsMemory);
   if (read.end != common::ChildResult::End::kReturned || read.bytes.empty())
     refuse("is damaged or too large: the mesh importer failed");
   if (read.bytes.front() == 'e') refuse(one_line(read.bytes.substr(1)));

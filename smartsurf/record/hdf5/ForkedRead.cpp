@@ -1,24 +1,29 @@
 #include "smartsurf/record/hdf5/ForkedRead.h"
 
+#include <new>
 #include <stdexcept>
 
 #include "common/process/ChildWork.h"
 
 namespace smartsurf::record {
 
-bool completes_in_child(const std::filesystem::path& file, std::size_t memory_bytes,
-                        const std::function<void()>& action) {
+std::string refusal_of_child(const std::filesystem::path& file, std::size_t memory_bytes,
+                             const std::function<void()>& action) {
+  using End = common::ChildResult::End;
   const common::ChildLimits limits{.cpu_s = 15.0, .memory_bytes = memory_bytes, .readable = {file}};
   const auto work = [&] {
     try {
       action();
+    } catch (const std::bad_alloc&) {  // here the library might not survive it
+      throw;
     } catch (...) {  // the parent will get the same exception and reports it
     }
     return std::string();
   };
-  const common::ChildResult::End end = common::run_in_child(work, limits).end;
-  if (end == common::ChildResult::End::kStopped) throw std::runtime_error("interrupted");
-  return end == common::ChildResult::End::kReturned;
+  const End end = common::run_in_child(work, limits).end;
+  if (end == End::kStopped) throw std::runtime_error("interrupted");
+  if (end == End::kOutOfMemory) return "needs more memory than a reader of recordings may have";
+  return end == End::kReturned ? "" : "is damaged: the HDF5 library cannot read it";
 }
 
 }  // namespace smartsurf::record

@@ -7,13 +7,14 @@
 #include <cstddef>
 #include <filesystem>
 #include <functional>
+#include <string>
 
 namespace smartsurf::record {
 
-// Returns whether the action returns or throws within 15 s of processor time and so much more address space,
-// without a crash. It runs in a forked child, which may read the file alone; its side effects are lost.
-// Throws std::runtime_error if no child can be created.
-bool completes_in_child(const std::filesystem::path& file, std::size_t memory_bytes,
-                        const std::function<void()>& action);
+// Runs the action in a forked child, which may read the file alone, with 15 s of processor time and so much more
+// address space; its side effects are lost. Returns why the file must not be read here; empty if the action returns
+// or throws anything but std::bad_alloc. Throws std::runtime_error if no child can be created.
+std::string refusal_of_child(const std::filesystem::path& file, std::size_t memory_bytes,
+                             const std::function<void()>& action);
 
 }  // namespace smartsurf::record

@@ -168,6 +168,19 @@ class Mistakes(ProgramTest):
         self.assertEqual(status, 1, err)
         self.assertIn("not enough memory", err)
 
+    def test_recording_that_needs_more_memory_than_there_is(self):
+        path = self.write("table.lua", TABLE)
+        self.run_program(SMARTSURF, "run", path, "--no-controller", "--ticks", "1", "--record", "run.h5")
+        refusal = "smartsurf: run.h5: needs more memory than a reader of recordings may have\n"
+        found = set()
+        for mib in range(90, 180, 4):  # from what the program itself needs to what HDF5 does
+            child = subprocess.run([SMARTSURF, "info", "run.h5"], capture_output=True, text=True, cwd=self.folder,
+                                   preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_AS, (mib << 20, mib << 20)))
+            if "not enough memory" in child.stderr or "shared" in child.stderr or child.returncode < 0:
+                continue  # the program does not start
+            found.add((child.returncode, child.stderr))
+        self.assertEqual(found, {(0, ""), (2, refusal)})
+
     def test_controller_set(self):
         experiment = self.write("ok.lua", TABLE)
         program = self.write("gain.aps", "sim.slider.add('gain', 0, 9, 1)\nprintln('gain ', sim.slider.get('gain'))\n")

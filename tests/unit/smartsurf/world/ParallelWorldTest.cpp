@@ -153,6 +153,37 @@ scene::SceneSpec loaded_boxes() {
   return s;
 }
 
+// A floor of boxes side by side, over whose seams boxes and balls slide, and small boxes that are faster than they are
+// wide fly into both: bodies that change each other's contacts, and stops at others.
+scene::SceneSpec sliders_and_bullets() {
+  scene::SceneSpec s;
+  s.world.dt_s = 1.0 / 120;
+  s.surface.rows = s.surface.columns = 48;
+  for (int i = 0; i < 22 * 22; ++i) {
+    scene::ObjectSpec o;
+    o.shape = scene::ShapeKind::kBox;
+    o.size = {2.0, 2.0, 1.0};
+    o.position = {2.0 + 2.0 * (i % 22), 2.0 + 2.0 * (i / 22), 0.5};
+    s.objects.push_back(o);
+    if (i % 2 != 0) continue;
+    const bool is_ball = i % 3 == 0;
+    if (is_ball) o.shape = scene::ShapeKind::kSphere;
+    o.radius = 0.6;
+    o.size = {1.5, 1.2, 0.8};
+    o.position = {2.0 + 2.0 * (i % 22) + 0.9, 2.0 + 2.0 * (i / 22), is_ball ? 1.6 : 1.4};
+    o.velocity = {4.0 - 0.3 * (i % 20), 2.0 + 0.1 * (i % 7), 0.0};
+    s.objects.push_back(o);
+    if (i % 6 != 0) continue;
+    o.shape = scene::ShapeKind::kBox;
+    o.size = {0.1, 0.1, 0.1};
+    o.position.z() = 2.6;
+    o.position.x() += 0.4;
+    o.velocity = {20.0, 15.0, -90.0};
+    s.objects.push_back(o);
+  }
+  return s;
+}
+
 std::uint64_t hash_after(const scene::SceneSpec& scene, int steps, int threads) {
   common::ThreadPool pool(threads, 0.0);  // shares every step
   surface::ActuatorArray cells(scene.surface, {}, 1, &pool);
@@ -204,5 +235,6 @@ INSTANTIATE_TEST_SUITE_P(Of, Threads,
                                          World{"LinkagesOnDeltas", [] { return linkages(false); }, 6},
                                          World{"LinkagesOnASkin", [] { return linkages(true); }, 3},
                                          World{"LoadedBoxes", loaded_boxes, 20},
-                                         World{"StruckStacks", struck_stacks, 3}, World{"Conveyors", conveyors, 8}),
+                                         World{"StruckStacks", struck_stacks, 3}, World{"Conveyors", conveyors, 8},
+                                         World{"SlidersAndBullets", sliders_and_bullets, 4}),
                          [](const auto& world) { return std::string(world.param.name); });
