@@ -460,6 +460,39 @@ TEST(TargetC, RandomProgramsOnRandomTilesMatchTheVm) {
   }
 }
 
+// Filters in a row that read at one corner: each halo brings the cells beyond it.
+TEST(TargetC, TilesReadBeyondEachCorner) {
+  Library library;
+  std::vector<Case> cases;
+  for (const std::uint32_t halo : {1U, 4U})
+    for (const std::size_t corner : {0U, 2U, 6U, 8U}) {
+      Case made;
+      made.seed = static_cast<unsigned>(cases.size());
+      made.size = {13, 11};
+      made.split.halo = halo;
+      made.split.widths = {6, 7};
+      made.split.heights = {5, 6};
+      TestProgram build;
+      const Operand a = build.reg(made.size.width, made.size.height);
+      const std::size_t top = build.next_index();
+      build.program.filters.push_back({"f", 3, 3, {0, 0, 0, 0, 1, 0, 0, 0, 0}});
+      build.program.filters[0].coefficients[corner] = 0.5F;
+      build.add(Opcode::kSurfaceSense, a, build.text("numbers"));
+      for (int k = 0; k < 4; ++k) build.add(Opcode::kFilterDo, a, a, {OperandKind::kFilter, 0});
+      build.add(Opcode::kSurfaceActuate, {}, build.text("y"), a);
+      build.add(Opcode::kSurfaceStep);
+      build.add(Opcode::kJump, {}, TestProgram::label(top));
+      made.program = build.finish();
+      generate_tiles(made, library);
+      cases.push_back(std::move(made));
+    }
+  ASSERT_TRUE(library.build());
+  for (const Case& one : cases) {
+    check_case(one, library);
+    if (HasFatalFailure()) return;
+  }
+}
+
 // Checks a program on a surface that is one tile.
 void check_as_one_tile(Case& one) {
   one.split.widths = {one.size.width};

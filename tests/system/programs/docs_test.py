@@ -1,11 +1,14 @@
 """The commands and messages in the README and the guides are correct."""
 import re
+import shlex
 import sys
 
 from programs import *
 
 PAGES = ["README.md"] + sorted(str(p.relative_to(ROOT)) for p in (ROOT / "docs").glob("*.md"))
 PROGRAMS = ["smartsurf", "apron", "shm_dump", "fake_surface", "device_emulator", "surface_bridge"]
+LEARNER = "build/venv/bin/python"
+LEARNS = any((ROOT / "build/venv").glob("lib/python3*/site-packages/gymnasium"))
 PYTHON_CLIENT = {**os.environ, "PYTHONPATH": "build/release/python:shm-protocol/python", "PYTHONDONTWRITEBYTECODE": "1", "SMARTSURF": SMARTSURF,
                  "SHM_PROTOCOL_LIBRARY": str(next(BIN.parent.glob("lib*/**/libshm_protocol_c.so.1")))}
 
@@ -16,10 +19,11 @@ def steps(page):
     backslash joins lines; a trailing & is kept as an argument."""
     text = re.sub(r"\\\n\s*", "", (ROOT / page).read_text())
     for match in re.finditer(r"^`((?:out/)?[\w-]+\.(?:lua|aps|py))`:\n\n```\w*\n(.*?)^```$|"
-                             r"^    (?:build/release/bin/(" + "|".join(PROGRAMS) + r")|PYTHONPATH=[\w/:-]*python (python3)) ([^#\n]*)",
+                             r"^    (?:build/release/bin/(" + "|".join(PROGRAMS) + r")|PYTHONPATH=[\w/:-]*python (python3)|"
+                             r"(build/venv/bin/python)(?= scripts/hardware/)) ([^#\n]*)",
                              text, re.DOTALL | re.MULTILINE):
-        file, content, program, python, arguments = match.groups()
-        yield ("write", (file, content)) if file else (program or python, arguments.split())
+        file, content, *programs, arguments = match.groups()
+        yield ("write", (file, content)) if file else (next(filter(None, programs)), shlex.split(arguments))
 
 
 def without_pictures(arguments):
@@ -93,6 +97,8 @@ class Docs(ProgramTest):
                 if program == "write":
                     (folder / arguments[0]).write_text(arguments[1])
                     continue
+                if program == LEARNER and not LEARNS:
+                    break  # what follows needs what was learned
                 if not WITH_VIEW:
                     if arguments[0] == "replay" and {"--screenshot", "--video"} & set(arguments):
                         continue
@@ -102,6 +108,8 @@ class Docs(ProgramTest):
                 total += 1
                 if program == "smartsurf" and "--screenshot" in arguments and "--picture-size" not in arguments:
                     arguments += SMALL_PICTURE
+                if "--generations" in arguments:  # learning itself is tested elsewhere
+                    arguments[arguments.index("--generations") + 1] = "1"
                 if "--window" in arguments:
                     arguments[arguments.index("--window")] = "--headless" if program == "smartsurf" else "--threads=1"
                 # A surface without a controller waits for the command that follows it. The default name may be in use.
@@ -114,7 +122,7 @@ class Docs(ProgramTest):
                 if program == "surface_bridge" and {"--table", "calibrate"} & set(arguments):  # emulators start sooner than a person types
                     word = "--table" if "--table" in arguments else "calibrate"
                     self.wait_for((folder / arguments[arguments.index(word) + 1]).exists, "the emulator's table")
-                executable = sys.executable if program == "python3" else str(BIN / program)
+                executable = {"python3": sys.executable, LEARNER: str(ROOT / LEARNER)}.get(program, str(BIN / program))
                 command = [executable, *(a for a in arguments if a != "&")]
 
                 environment = {**PYTHON_CLIENT, "SMARTSURF_PYTHON": sys.executable} if arguments[0] == "identify" else PYTHON_CLIENT
@@ -132,7 +140,7 @@ class Docs(ProgramTest):
                 if waits:
                     waiting = child
                     continue
-                status, _, err = self.finish(child)
+                status, _, err = self.finish(child, 5 * PATIENCE)
                 for _ in range(3):
                     if "calibrate again" in err:  # the host was busy for too long
                         status, _, err = self.finish(start())
