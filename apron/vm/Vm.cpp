@@ -465,9 +465,15 @@ Status Vm::write_cell_coordinates(const DecodedInstruction& decoded) {
   const bool column = decoded.op == Opcode::kCellX;
   for (std::uint32_t y = 0; y < decoded.destination->height; ++y) {
     float* row = decoded.destination->row(y);
-    for (std::uint32_t x = 0; x < decoded.destination->width; ++x)
-      if (mask == nullptr || mask[row - decoded.destination->data + x] != 0.0F)
-        row[x] = static_cast<float>(column ? x : y);
+    const std::uint32_t width = decoded.destination->width;
+    if (mask != nullptr) {
+      for (std::uint32_t x = 0; x < width; ++x)
+        if (mask[row - decoded.destination->data + x] != 0.0F) row[x] = static_cast<float>(column ? x : y);
+    } else if (column) {
+      for (std::uint32_t x = 0; x < width; ++x) row[x] = static_cast<float>(static_cast<std::int32_t>(x));
+    } else {
+      std::fill_n(row, width, static_cast<float>(y));
+    }
   }
   return Status::kRunning;
 }

@@ -126,21 +126,25 @@ HWY_INLINE void correlate_block(const FilterView& filter, const StencilRows& row
 // 16 or 8 sums, so many registers are there.
 constexpr std::size_t kFilterVectors = kLanes * sizeof(float) == 64 && HWY_MAX_BYTES == 64 ? 4 : 2;
 
-// The last block ends with the last column: its first columns may be computed twice.
+// False if there are fewer columns than a block has. The last block ends with the last column: its first
+// columns may be computed twice.
+template <std::size_t kVectors>
+bool correlate_blocks(const FilterView& filter, const StencilRows& rows,
+                      const std::array<StencilOutput, kFilterRows>& to) noexcept {
+  const std::size_t width = kVectors * hn::Lanes(D()), columns = to[0].columns;
+  if (columns < width) return false;
+  for (std::size_t x = 0; x + width <= columns; x += width) correlate_block<kVectors>(filter, rows, to, x);
+  if (columns % width != 0) correlate_block<kVectors>(filter, rows, to, columns - width);
+  return true;
+}
+
 void correlate_rows(const FilterView& filter, const StencilRows& rows,
                     const std::array<StencilOutput, kFilterRows>& to) noexcept {
-  const std::size_t lanes = hn::Lanes(D()), width = kFilterVectors * lanes, columns = to[0].columns;
-  if (columns >= width) {
-    for (std::size_t x = 0; x + width <= columns; x += width)
-      correlate_block<kFilterVectors>(filter, rows, to, x);
-    if (columns % width != 0) correlate_block<kFilterVectors>(filter, rows, to, columns - width);
-  } else if (columns >= lanes) {
-    for (std::size_t x = 0; x + lanes <= columns; x += lanes) correlate_block<1>(filter, rows, to, x);
-    if (columns % lanes != 0) correlate_block<1>(filter, rows, to, columns - lanes);
-  } else {
-    for (std::uint32_t o = 0; o < kFilterRows; ++o)
-      correlate_vectors<1>(filter, {rows.row + o, rows.step + o}, to[o], false, 0);
-  }
+  if (correlate_blocks<kFilterVectors>(filter, rows, to) || correlate_blocks<2>(filter, rows, to) ||
+      correlate_blocks<1>(filter, rows, to))
+    return;
+  for (std::uint32_t o = 0; o < kFilterRows; ++o)
+    correlate_vectors<1>(filter, {rows.row + o, rows.step + o}, to[o], false, 0);
 }
 
 // The order of operations is that of opcodes.def. load(j, i) loads the cells of row j, column i of the three.

@@ -42,15 +42,15 @@ class StencilPass {
     if (first < last) inner(StencilRows{row_.data(), step_.data()}, output(row, first, last));
   }
 
-  // kFilterRows rows at once: inner(rows, outputs) for the inner columns. The edges are run_row()'s.
-  template <class Inner>
-  void run_inner_rows(std::int64_t row, const Inner& inner) {
+  // The same of kFilterRows rows at once: inner(rows, outputs) and edge(begin, outputs).
+  template <class Inner, class Edge>
+  void run_rows(std::int64_t row, const Inner& inner, const Edge& edge) {
     const auto [first, last] = inner_columns();
-    if (first >= last) return;
+    const std::int64_t columns = y_.width;
     find_rows(row, height_ + kFilterRows - 1);
-    std::array<StencilOutput, kFilterRows> to;
-    for (std::uint32_t o = 0; o < kFilterRows; ++o) to[o] = output(row + o, first, last);
-    inner(StencilRows{row_.data(), step_.data()}, to);
+    for (const auto& [begin, end] : {std::pair{std::int64_t{0}, first}, std::pair{last, columns}})
+      if (begin < end) edge(begin, outputs(row, begin, end));
+    if (first < last) inner(StencilRows{row_.data(), step_.data()}, outputs(row, first, last));
   }
 
   // For edge(): row j of the stencil for the columns [begin, begin + columns), valid until the next call.
@@ -72,12 +72,13 @@ class StencilPass {
   }
   const std::ptrdiff_t& step(std::uint32_t j) const { return step_[j]; }
 
-  // For edge() of stencils of up to kEdgeExtent cells: all rows, of which kLanes output columns may be
-  // computed. A row is copied together once for all output rows that read it, if they follow one another.
-  bool has_edge_rows() const { return width_ <= kEdgeExtent && height_ <= kEdgeExtent; }
-  StencilRows edge_rows(std::int64_t row, std::int64_t begin, std::uint32_t columns) {
+  // For edge() of stencils that has_edge_rows() allows: all rows that `outputs` rows read, of which kLanes
+  // output columns may be computed. A row is copied together once for all output rows that read it, if they
+  // follow one another.
+  bool has_edge_rows() const { return width_ <= kEdgeExtent && height_ + kFilterRows - 1 <= kEdgeExtent; }
+  StencilRows edge_rows(std::int64_t row, std::int64_t begin, std::uint32_t columns, std::uint32_t outputs) {
     Edge& edge = edges_[begin == 0 ? 0 : 1];
-    for (std::uint32_t j = 0; j < height_; ++j) {
+    for (std::uint32_t j = 0; j < height_ + outputs - 1; ++j) {
       const std::int64_t wanted = row + j - north_;
       const auto slot = static_cast<std::size_t>((wanted + north_) % kEdgeExtent);
       if (edge.row[slot] != wanted) {
@@ -108,6 +109,12 @@ class StencilPass {
   StencilOutput output(std::int64_t row, std::int64_t begin, std::int64_t end) const {
     const std::ptrdiff_t at = row * y_.pitch + begin;
     return {y_.data + at, mask_ != nullptr ? mask_ + at : nullptr, static_cast<std::uint32_t>(end - begin)};
+  }
+  std::array<StencilOutput, kFilterRows> outputs(std::int64_t row, std::int64_t begin,
+                                                 std::int64_t end) const {
+    std::array<StencilOutput, kFilterRows> all;
+    for (std::uint32_t o = 0; o < kFilterRows; ++o) all[o] = output(row + o, begin, end);
+    return all;
   }
 
   const std::int64_t width_;
@@ -169,32 +176,45 @@ void apply_filter(Executor& executor, const FilterView& filter, Plane y, ConstPl
     const auto inner = [&](const StencilRows& rows, const StencilOutput& to) {
       correlate(filter, rows, to, false);
     };
+    const auto write = [](const StencilOutput& to, const float* sums) {
+      for (std::uint32_t x = 0; x < to.columns; ++x)
+        if (to.mask == nullptr || to.mask[x] != 0.0F) to.y[x] = sums[x];
+    };
     // Of large filters row by row, because the cells of its rows are copied together one after another.
     std::int64_t current = 0;
     const auto edge = [&](std::int64_t begin, const StencilOutput& to) {
       std::array<float, kMaxExtent> sums;
       if (pass.has_edge_rows())
-        correlate(filter, pass.edge_rows(current, begin, to.columns), {sums.data(), nullptr, kLanes}, false);
+        correlate(filter, pass.edge_rows(current, begin, to.columns, 1), {sums.data(), nullptr, kLanes},
+                  false);
       for (std::uint32_t j = 0; j < filter.height && !pass.has_edge_rows(); ++j) {
         const float* row = pass.edge_row(j, begin, to.columns);
         correlate({filter.width, 1, filter.coefficients + std::size_t{j} * filter.width},
                   {&row, &pass.step(j)}, {sums.data(), nullptr, to.columns}, j > 0);
       }
-      for (std::uint32_t x = 0; x < to.columns; ++x)
-        if (to.mask == nullptr || to.mask[x] != 0.0F) to.y[x] = sums[x];
+      write(to, sums.data());
     };
-    const auto nothing = [](const StencilRows&, const StencilOutput&) {};
+    const auto inner_rows = [&](const StencilRows& rows, const auto& to) {
+      correlate_rows(filter, rows, to);
+    };
+    const auto edge_rows = [&](std::int64_t begin, const std::array<StencilOutput, kFilterRows>& to) {
+      std::array<std::array<float, kLanes>, kFilterRows> sums;
+      std::array<StencilOutput, kFilterRows> whole;
+      for (std::size_t o = 0; o < kFilterRows; ++o) whole[o] = {sums[o].data(), nullptr, kLanes};
+      correlate_rows(filter, pass.edge_rows(current, begin, to[0].columns, kFilterRows), whole);
+      for (std::size_t o = 0; o < kFilterRows; ++o) write(to[o], sums[o].data());
+    };
+    const auto nothing = [](const auto&...) {};
     for (std::uint32_t row = first; row < last;) {
+      current = row;
       if (has_zeros || row + kFilterRows > last) {
-        current = row;
         pass.run_row(row++, inner, edge);
-        continue;
-      }
-      pass.run_inner_rows(row,
-                          [&](const StencilRows& rows, const auto& to) { correlate_rows(filter, rows, to); });
-      for (const std::uint32_t end = row + kFilterRows; row < end; ++row) {
-        current = row;
-        pass.run_row(row, nothing, edge);
+      } else if (pass.has_edge_rows()) {
+        pass.run_rows(row, inner_rows, edge_rows);
+        row += kFilterRows;
+      } else {
+        pass.run_rows(row, inner_rows, nothing);
+        for (const std::uint32_t end = row + kFilterRows; row < end; ++row) pass.run_row(row, nothing, edge);
       }
     }
   });
