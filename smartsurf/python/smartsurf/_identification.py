@@ -78,8 +78,7 @@ def identify(recordings: Sequence[str | pathlib.Path], experiment: str | pathlib
         known = dict(known, **{f"object.{label}.{name}": value for name, (value, _) in motion.values.items()})
     if proximity is not None:
         name, span = proximity
-        places = motion.places if motion is not None else {}
-        ideal = [rerun.run({**known, **places.get(k, {})}, (name,), only=[k])[0][name] for k in range(len(read_in))]
+        ideal = [result[name] for result in rerun.run(known, (name,))]
         sensors.append(fit_proximity(name, span, [r.readings[name] for r in read_in], ideal))
     if cells is None and motion is None and not sensors:
         raise RecordingError(f"{read_in[0].path}: no sensor measures what the actuators do, and no --object is named: nothing to identify")

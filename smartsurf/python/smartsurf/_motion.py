@@ -27,8 +27,6 @@ _ALIKE = 3.0      # and how much higher a minimum may be to be as likely, in roo
 _OTHERS = 6       # cells as likely with which each parameter's profile is drawn,
 _PROFILE = 0.05   # in steps of its logarithm
 _UNSURE = 1.5     # times the spread of a few re-runs counts as noise
-_LEAST_REST = 5   # frames in which an object lies still, from which its place follows,
-_NEAR = 0.25      # and the steps, in cells, between the places tried
 _ASTRAY = 0.25    # cells between where the object was and where the best re-run has it, from where on nothing follows from it
 
 
@@ -40,7 +38,6 @@ class MotionFit:
     unknown: dict[str, str] = field(default_factory=dict)
     tracks: list[tuple[Array, Array]] = field(default_factory=list)  # by recording: sensed and predicted _View.track()
     names: tuple[str, ...] = ()                                      # of its columns
-    places: dict[int, dict[str, Array]] = field(default_factory=dict)  # by recording: where the re-run lets it go
     samples: int = 0
 
 
@@ -150,13 +147,11 @@ def fit_motion(rerun: Rerun, label: str, known: Mapping[str, Any], near: str | N
     declared = [float(np.ravel(rerun.simulations[used[0]].get_parameter(name))[0]) for name in names]
     limits = np.log([PARAMETERS[name] for name in wanted])
     start = np.clip(np.log(np.maximum(declared, 1e-9)), limits[:, 0] + 1e-6, limits[:, 1] - 1e-6)
-    of_object = dict(known, **{name: float(np.exp(v)) for name, v in zip(names, start)})
-    places = [_place(rerun, index, f"object.{label}.position", view, planes, of_object) for index, planes in zip(used, sensed)]
-    fit.places = dict(zip(used, places))
 
     def predict(log: Array, cells: Mapping[str, Any] = known) -> list[dict[str, Array]]:
         values = dict(cells, **{name: float(np.exp(v)) for name, v in zip(names, log)})
-        return [rerun.run({**values, **place}, view.channels, n, [index])[0] for index, n, place in zip(used, keep, places)]
+        runs = rerun.run(values, view.channels, max(keep), used)
+        return [{name: plane[:n] for name, plane in out.items()} for out, n in zip(runs, keep)]
 
     spread: list[dict[str, Array]] | None = None
 
@@ -224,29 +219,6 @@ def fit_motion(rerun: Rerun, label: str, known: Mapping[str, Any], near: str | N
     if astray > _ASTRAY:
         fit.values, fit.unknown = {}, dict.fromkeys(wanted, f"the re-run strays from the object, by {astray:.2f} cells")
     return fit
-
-
-def _place(rerun: Rerun, index: int, name: str, view: _View, sensed: Mapping[str, Array], values: Mapping[str, Any]) -> dict[str, Array]:
-    """Where the re-run lets an object go, so that it lies where it was sensed while the first commands were in force: friction holds it
-    anywhere at the bottom of a bowl. As declared, where it is not known to have lain still."""
-    recording = rerun.recordings[index]
-    declared = np.array(rerun.simulations[index].get_parameter(name), float)
-    rest = min((int((plane != plane[0]).any((1, 2)).argmax()) for plane in recording.commands.values() if np.ptp(plane, axis=0).max() > 0),
-               default=0)
-    if recording.from_start or view.near is None or rest < _LEAST_REST:
-        return {name: declared}
-    still = {channel: plane[:rest] for channel, plane in sensed.items()}
-
-    def at(step: Array) -> Array:
-        return declared + recording.pitch * np.array([*step, 0])
-
-    def cost(step: Array) -> float:
-        return _robust(view.residuals(still, rerun.run({**values, name: at(step)}, view.channels, rest, [index])[0]))
-    grid = [_NEAR * np.array([x, y]) for x in range(-2, 3) for y in range(-2, 3)]
-    best = grid[int(np.argmin([cost(step) for step in grid]))]
-    found = optimize.minimize(cost, best, method="Nelder-Mead",
-                              options={"initial_simplex": best + 0.5 * _NEAR * np.array([[0, 0], [1, 0], [0, 1]]), "maxfev": 40})
-    return {name: at(found.x)}
 
 
 def _lowest_along(cost: Callable[[Array], float], best: Array, k: int) -> float:
