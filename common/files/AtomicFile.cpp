@@ -17,9 +17,11 @@ namespace fs = std::filesystem;
 std::error_code last_error() { return {errno, std::generic_category()}; }
 
 std::error_code write_all(const fs::path& path, std::string_view bytes, int creation) {
-  const int file = ::open(path.c_str(), O_WRONLY | O_CREAT | O_CLOEXEC | creation, 0666);
-  if (file < 0) return last_error();
+  // A named pipe that nobody reads is an error: the call would wait for a reader.
+  const int file = ::open(path.c_str(), O_WRONLY | O_CREAT | O_CLOEXEC | O_NONBLOCK | creation, 0666);
+  if (file < 0) return errno == ENXIO ? std::make_error_code(std::errc::broken_pipe) : last_error();
   std::error_code error;
+  if (::fcntl(file, F_SETFL, 0) != 0) error = last_error();
   while (!bytes.empty() && !error) {
     const ssize_t n = ::write(file, bytes.data(), bytes.size());
     if (n > 0)

@@ -86,7 +86,7 @@ std::optional<DecompositionCache::Parts> DecompositionCache::read(const fs::path
                                                                   const TriangleMesh& mesh,
                                                                   const DecompositionLimits& limits) const {
   std::string content;
-  if (common::read_file(file, max_bytes_ / 4, content)) return std::nullopt;
+  if (!is_own_folder(folder_) || common::read_file(file, max_bytes_ / 4, content)) return std::nullopt;
   std::string_view bytes = content;
   std::uint64_t checksum = 0;
   if (!bytes.starts_with(key) || bytes.size() < key.size() + sizeof checksum) return std::nullopt;
@@ -131,7 +131,9 @@ void DecompositionCache::write(const fs::path& file, const std::string& key, con
   for (const auto& part : parts) append(bytes, part.data(), part.size());
   const std::uint64_t checksum = fnv1a(bytes);
   append(bytes, &checksum, 1);
-  if (bytes.size() > max_bytes_ / 4 || common::replace_file(file, bytes)) return;
+  if (bytes.size() > max_bytes_ / 4 || !create_decomposition_folder(folder_) ||
+      common::replace_file(file, bytes))
+    return;
 
   // Only files of this cache, and what a killed process has left of one.
   struct Kept {
@@ -166,19 +168,19 @@ fs::path decomposition_folder() {
   };
   const char* const chosen = std::getenv("SMARTSURF_MESH_CACHE");
   if (chosen != nullptr && std::string_view(chosen) == "off") return {};
-  fs::path folder = absolute("SMARTSURF_MESH_CACHE");
-  if (folder.empty()) {
-    folder = absolute("XDG_CACHE_HOME");
-    if (const fs::path home = absolute("HOME"); folder.empty() && !home.empty()) folder = home / ".cache";
-    if (folder.empty()) return {};
-    folder = folder / "smartsurf" / "meshes";
-  }
+  if (fs::path folder = absolute("SMARTSURF_MESH_CACHE"); !folder.empty()) return folder;
+  fs::path folder = absolute("XDG_CACHE_HOME");
+  if (const fs::path home = absolute("HOME"); folder.empty() && !home.empty()) folder = home / ".cache";
+  return folder.empty() ? folder : folder / "smartsurf" / "meshes";
+}
+
+bool create_decomposition_folder(const fs::path& folder) {
   std::error_code error;
   if (!fs::exists(folder, error)) {
     fs::create_directories(folder.parent_path(), error);
-    if (::mkdir(folder.c_str(), 0700) != 0 && errno != EEXIST) return {};
+    if (::mkdir(folder.c_str(), 0700) != 0 && errno != EEXIST) return false;
   }
-  return is_own_folder(folder) ? folder : fs::path();
+  return is_own_folder(folder);
 }
 
 }  // namespace smartsurf::mesh

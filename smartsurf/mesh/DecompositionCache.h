@@ -21,8 +21,9 @@ class DecompositionCache {
  public:
   using Parts = std::vector<std::vector<Eigen::Vector3d>>;
 
-  // Without a folder ("") nothing is kept. The oldest files are removed while all together exceed `max_bytes`;
-  // a decomposition above a quarter of that is not kept.
+  // Nothing is kept without a folder ("") or in one that is another user's or writable by others; a missing one
+  // is created for the first file. The oldest files are removed while all together exceed `max_bytes`; a
+  // decomposition above a quarter of that is not kept.
   explicit DecompositionCache(std::filesystem::path folder,
                               std::uintmax_t max_bytes = std::uintmax_t{256} << 20);
 
@@ -38,9 +39,13 @@ class DecompositionCache {
   std::uintmax_t max_bytes_;
 };
 
-// The user's folder of decompositions, created if it is missing: that of the environment variable
+// The user's folder of decompositions, which may be missing: that of the environment variable
 // SMARTSURF_MESH_CACHE, else $XDG_CACHE_HOME/smartsurf/meshes, below ~/.cache without that variable. Empty if
-// SMARTSURF_MESH_CACHE is "off", if there is no home, and if the folder is another user's or writable by others.
+// SMARTSURF_MESH_CACHE is "off" and if there is no home.
 std::filesystem::path decomposition_folder();
+
+// Creates the folder if it is missing, for this user alone. False if that fails, and if the folder is another
+// user's or writable by others.
+bool create_decomposition_folder(const std::filesystem::path&);
 
 }  // namespace smartsurf::mesh

@@ -124,8 +124,11 @@ TriangleMesh import_mesh(const fs::path& file) {
   } catch (const std::exception& e) {
     refuse("cannot be read: " + one_line(e.what()));
   }
-  if (scene == nullptr || scene->mRootNode == nullptr)
-    refuse("cannot be read: " + one_line(importer.GetErrorString()));
+  if (scene == nullptr || scene->mRootNode == nullptr) {
+    const std::string reason = importer.GetErrorString();
+    refuse(reason == std::bad_alloc().what() ? "needs more memory than a reader of meshes may have"
+                                             : "cannot be read: " + one_line(reason));
+  }
   TriangleMesh mesh;
   add(mesh, *scene, *scene->mRootNode, aiMatrix4x4());
   if (mesh.points.empty()) refuse("has no vertices");

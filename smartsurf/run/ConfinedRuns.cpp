@@ -70,8 +70,10 @@ void hurry(const std::vector<std::unique_ptr<ControllerProcess>>& controllers) {
   ask_all();
 }
 
+// Confined, the run cannot create the folder.
 void add_mesh_cache(common::Confinement& confinement) {
-  if (const fs::path folder = mesh::decomposition_folder(); !folder.empty())
+  if (const fs::path folder = mesh::decomposition_folder();
+      !folder.empty() && mesh::create_decomposition_folder(folder))
     confinement.write_folders.push_back(folder);
 }
 

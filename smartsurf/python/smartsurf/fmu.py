@@ -95,6 +95,9 @@ def pack(experiment: str | os.PathLike[str], output: str | os.PathLike[str], set
         raise FmuError(f"fmu -o {target}: the name must end in .fmu")
     if not target.parent.is_dir():
         raise FmuError(f"fmu -o {target}: there is no folder {target.parent}")
+    for file in map(pathlib.Path, (script, *files)):
+        if target.exists() and file.exists() and target.samefile(file):
+            raise FmuError(f"fmu -o {target}: would overwrite an input of this command; choose another name")
     library = pathlib.Path(__file__).with_name(f"{_LIBRARY}.so")
     if not library.is_file():
         raise FmuError(f"fmu: this build of the package has no {library.name}")

@@ -257,15 +257,22 @@ class Fmu(FormatTest):
     def test_mistakes_are_one_line(self):
         self.write("table.lua", TABLE)
         self.write("broken.lua", "surface { rows = 0, columns = 4, actuator = pin {} }")
+        self.write("x.fmu", "data")
+        (self.folder / "y.fmu").hardlink_to(self.folder / "x.fmu")
+        (self.folder / "table.fmu").symlink_to("table.lua")
+        before = {p.name: p.read_bytes() for p in self.folder.iterdir()}
         for arguments, word in ((["none.lua", "-o", "a.fmu"], "none.lua"), (["broken.lua", "-o", "a.fmu"], "broken.lua:1"),
                                 (["table.lua", "-o", "a.zip"], ".fmu"), (["table.lua", "-o", "none/a.fmu"], "no folder none"),
                                 (["table.lua", "-o", "a.fmu", "--set", "count"], "NAME=VALUE"),
                                 (["table.lua", "-o", "a.fmu", "--set", "size=2"], "size"),
-                                (["table.lua", "-o", "a.fmu", "--with", "/etc/passwd"], "below")):
+                                (["table.lua", "-o", "a.fmu", "--with", "/etc/passwd"], "below"),
+                                (["table.lua", "-o", "x.fmu", "--with", "x.fmu"], "overwrite"),
+                                (["table.lua", "-o", "y.fmu", "--with", "x.fmu"], "overwrite"),
+                                (["table.lua", "-o", "table.fmu"], "overwrite")):
             status, out, err = self.run_python(SMARTSURF, "fmu", *arguments)
             self.assertEqual((status, out, len(err.splitlines())), (2, "", 1), err)
             self.assertIn(word, err)
-        self.assertEqual(sorted(p.name for p in self.folder.iterdir()), ["broken.lua", "table.lua"])
+        self.assertEqual({p.name: p.read_bytes() for p in self.folder.iterdir()}, before)
 
 
 if __name__ == "__main__":

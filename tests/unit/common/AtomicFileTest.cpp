@@ -1,5 +1,6 @@
 #include "common/files/AtomicFile.h"
 
+#include <fcntl.h>
 #include <gtest/gtest.h>
 #include <sys/stat.h>
 #include <unistd.h>
@@ -29,6 +30,19 @@ TEST(AtomicFile, ReplacesWholeFile) {
   EXPECT_FALSE(replace_file(path, "short"));
   EXPECT_EQ(content(path), "short");
   EXPECT_EQ(folder.entries(), 1);
+}
+
+TEST(AtomicFile, PipeWithoutReaderIsRefused) {
+  const TemporaryFolder folder;
+  const fs::path path = folder.path() / "pipe";
+  ASSERT_EQ(::mkfifo(path.c_str(), 0600), 0);
+  EXPECT_EQ(replace_file(path, "x"), std::errc::broken_pipe);
+  const int reader = ::open(path.c_str(), O_RDONLY | O_NONBLOCK);
+  EXPECT_FALSE(replace_file(path, "x"));
+  char byte = 0;
+  EXPECT_EQ(::read(reader, &byte, 1), 1);
+  EXPECT_EQ(byte, 'x');
+  ::close(reader);
 }
 
 TEST(AtomicFile, FailureLeavesNoTemporaryFile) {

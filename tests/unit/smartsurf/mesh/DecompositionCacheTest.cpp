@@ -164,25 +164,46 @@ TEST_F(DecompositionCacheTest, TheOldestFilesMakeRoom) {
   EXPECT_TRUE(fs::exists(folder / "notes.txt"));
 }
 
-TEST_F(DecompositionCacheTest, AFolderThatCannotBeWrittenIsNoError) {
+TEST_F(DecompositionCacheTest, AFolderThatCannotBeCreatedIsNoError) {
   const TriangleMesh mesh = drawn_mesh(6);
-  EXPECT_EQ(DecompositionCache(folder / "none").decompose(mesh, kLimits), decompose_convex(mesh, kLimits));
-  EXPECT_FALSE(fs::exists(folder / "none"));
+  write(folder / "file", "");
+  EXPECT_EQ(DecompositionCache(folder / "file/none").decompose(mesh, kLimits), decompose_convex(mesh, kLimits));
 }
 
-TEST_F(DecompositionCacheTest, TheUsersFolderIsTheirsAlone) {
+TEST_F(DecompositionCacheTest, TheFolderIsCreatedForTheFirstFile) {
+  const fs::path missing = folder / "home/meshes";
+  const DecompositionCache cache(missing);
+  cache.decompose(torus(2.0, 0.5, 4, 4), kLimits);  // too small to be kept
+  EXPECT_FALSE(fs::exists(folder / "home"));
+  const Parts computed = cache.decompose(drawn_mesh(6), kLimits);
+  EXPECT_EQ(fs::status(missing).permissions(), fs::perms::owner_all);
+  EXPECT_EQ(std::distance(fs::directory_iterator(missing), {}), 1);
+  EXPECT_EQ(cache.decompose(drawn_mesh(6), kLimits), computed);
+}
+
+TEST_F(DecompositionCacheTest, TheUsersFolderIsNamedByTheEnvironment) {
   setenv("XDG_CACHE_HOME", folder.c_str(), 1);
   EXPECT_EQ(decomposition_folder(), folder / "smartsurf/meshes");
-  EXPECT_EQ(fs::status(folder / "smartsurf/meshes").permissions(), fs::perms::owner_all);
   setenv("SMARTSURF_MESH_CACHE", (folder / "own").c_str(), 1);
   EXPECT_EQ(decomposition_folder(), folder / "own");
-  fs::permissions(folder / "own", fs::perms::all);
-  EXPECT_EQ(decomposition_folder(), "");
-  fs::remove(folder / "own");
-  fs::create_directory_symlink(folder / "smartsurf/meshes", folder / "own");
-  EXPECT_EQ(decomposition_folder(), "");
   setenv("SMARTSURF_MESH_CACHE", "off", 1);
   EXPECT_EQ(decomposition_folder(), "");
+  EXPECT_TRUE(fs::is_empty(folder));
+}
+
+TEST_F(DecompositionCacheTest, NothingIsKeptWhereOthersWrite) {
+  const TriangleMesh mesh = drawn_mesh(6);
+  const fs::path own = folder / "own", link = folder / "link";
+  const Parts computed = DecompositionCache(own).decompose(mesh, kLimits);
+  std::string bytes = content_of(fs::directory_iterator(own)->path());
+  double x = computed.back().back().x() * 0.5;
+  std::memcpy(bytes.data() + bytes.size() - 8 - sizeof(Eigen::Vector3d), &x, sizeof x);
+  write(fs::directory_iterator(own)->path(), sealed(bytes));
+  ASSERT_NE(DecompositionCache(own).decompose(mesh, kLimits), computed);
+  fs::create_directory_symlink(own, link);
+  EXPECT_EQ(DecompositionCache(link).decompose(mesh, kLimits), computed);
+  fs::permissions(own, fs::perms::all);
+  EXPECT_EQ(DecompositionCache(own).decompose(mesh, kLimits), computed);
 }
 
 // Whoever changes the decomposition raises kDecompositionVersion, and then these numbers.
