@@ -35,17 +35,20 @@ def digest(*texts):
     return hashlib.sha256("\0".join(texts).encode()).hexdigest()[:16]
 
 
+def with_included(path, known):
+    """Adds to the list `known` the file and those that it requires, loads or includes."""
+    if path.is_file() and path not in known:
+        known.append(path)
+        pattern = r"['\"]([\w./-]+)['\"]" if path.suffix == ".lua" else r"(?m)^!include\('([^']+)'\)"
+        for word in re.findall(pattern, path.read_text()):
+            for name in (word, f"{word}.lua"):
+                with_included((path.parent / name).resolve(), known)
+    return known
+
+
 def scene_files():
     """Of each experiment of the plan: the file, and those that it requires or loads."""
-    def closure(path, known):
-        if path.is_file() and path not in known:
-            known.append(path)
-            if path.suffix == ".lua":
-                for word in re.findall(r"['\"]([\w./-]+)['\"]", path.read_text()):
-                    for name in (word, f"{word}.lua"):
-                        closure(path.parent / name, known)
-        return known
-    return {name: closure((CASE_STUDY if name == "sort" else HERE) / f"{name}.lua", []) for name in load()["scenes"]}
+    return {name: with_included((CASE_STUDY if name == "sort" else HERE) / f"{name}.lua", []) for name in load()["scenes"]}
 
 
 def scene_digests():
@@ -57,7 +60,10 @@ def table_programs_digest(name):
     names = {"tasks": load()["tasks"], "vary": load()["tasks"], "waves": ["waves"], "faults": ["relocate", "size_sort"],
              "logistics": ["hexsort"]}.get(name)
     programs = [HERE / f"{task}.aps" for task in names] if names else sorted(CASE_STUDY.glob("*.aps"))
-    return digest(*(without_comments(program.read_text()) for program in programs))
+    files = []
+    for program in programs:
+        with_included(program, files)
+    return digest(*(without_comments(file.read_text()) for file in files))
 
 
 def section_digest(name):
