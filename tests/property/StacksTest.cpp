@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numbers>
 #include <numeric>
 #include <random>
 #include <vector>
@@ -246,4 +247,35 @@ TEST(Stacks, SinkingIsBoundedAtAnyIterations) {
       EXPECT_TRUE(heap_at_rest(1, iterations).sleeps);
     }
   }
+}
+
+// A capsule or cylinder lies along both edges of the gap between two boxes, fixed or free to move, and is still.
+TEST(Stacks, RollersRestInTheGapBetweenTwoBoxes) {
+  std::mt19937 random(11);
+  const auto uniform = [&](double low, double high) {
+    return std::uniform_real_distribution<double>(low, high)(random);
+  };
+  for (const double rate : {60.0, 240.0, 960.0})
+    for (int i = 0; i < 8; ++i) {
+      SCOPED_TRACE(testing::Message() << "roller " << i << " at 1/" << rate);
+      PhysicsFixture fixture;
+      fixture.scene.world.dt_s = 1.0 / rate;
+      const double radius = uniform(0.3, 0.6), gap = radius * uniform(0.4, 1.4), length = uniform(2, 4),
+                   masses = uniform(1, 20);
+      for (const double side : {-1.0, 1.0}) {
+        auto o = box({2, 5, 1}, {15.5 + side * (1 + 0.5 * gap), 15.5, 0.5});
+        o.mass = masses, o.fixed = i % 4 == 0;
+        fixture.add(o);
+      }
+      const double height = 1 + std::sqrt(radius * radius - 0.25 * gap * gap);
+      const Eigen::Vector3d at(15.5, 15.5 + uniform(-0.5, 0.5), height + uniform(0, 0.1));
+      auto roller = i / 2 % 2 == 0 ? capsule(radius, length, at) : cylinder(radius, length, at);
+      roller.orientation = Eigen::AngleAxisd(0.5 * std::numbers::pi, Eigen::Vector3d::UnitX());
+      const auto id = fixture.add(roller);
+      fixture.run(3.0);
+      double fastest = 0.0;
+      fixture.run(1.0, [&] { fastest = std::max(fastest, static_cast<double>(fixture.velocity(id).norm())); });
+      EXPECT_LT(fastest, 1e-3);
+      EXPECT_NEAR(fixture.position(id).z(), height, 0.01);
+    }
 }

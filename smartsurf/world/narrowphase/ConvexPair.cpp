@@ -115,14 +115,19 @@ CacheResult test_cached_axis(const ConvexProxy& a, const ConvexProxy& b, float m
   return min_height <= separation + kTolerance ? CacheResult::kTouching : CacheResult::kUnknown;
 }
 
+bool has_curved_side(const ConvexProxy& c) { return !c.part.hull && c.part.shape.kind != ShapeKind::kBox; }
+
 // True if add_contact_patch() can add any point.
 bool may_share_face(const ConvexProxy& a, const ConvexProxy& b, const Vec3& normal) {
-  auto has_curved_side = [](const ConvexProxy& c) {
-    return !c.part.hull && c.part.shape.kind != ShapeKind::kBox;
-  };
   return (has_curved_side(a) && has_curved_side(b)) ||
          face_alignment(a.part, a.axes, -normal) > kFaceAlignment ||
          face_alignment(b.part, b.axes, normal) > kFaceAlignment;
+}
+
+// The support feature, or of a part with flat faces alone the edge.
+SupportFeature edge_or_feature(const ConvexProxy& c, const Vec3& direction) {
+  const SupportFeature feature = proxy_feature(c, direction);
+  return has_curved_side(c) ? feature : farthest_edge(feature, direction);
 }
 
 // Returns a lower bound of the separation, or the margin if the parts have contacts.
@@ -139,6 +144,9 @@ float collect_candidates(const ConvexProxy& a, const ConvexProxy& b, const Searc
   if (may_share_face(a, b, t.normal))
     add_contact_patch(proxy_feature(a, -t.normal), proxy_feature(b, t.normal), t.normal, limits.margin, 0,
                       out);
+  // What is curved lies along an edge as it does on a face.
+  if (out.count() == 0 && has_curved_side(a) != has_curved_side(b))
+    add_contact_patch(edge_or_feature(a, -t.normal), edge_or_feature(b, t.normal), t.normal, limits.margin, 0, out);
   if (out.count() == 0) out.add({t.point, t.normal, t.separation, 0});
   return limits.margin;
 }

@@ -123,6 +123,17 @@ SupportFeature support_feature(const ConvexPart& part, const Vec3& centre, const
   return b.feature;
 }
 
+SupportFeature farthest_edge(const SupportFeature& face, const Vec3& direction) {
+  const auto end_of = [&](int i) -> const Vec3& { return face.point[i + 1 < face.count ? i + 1 : 0]; };
+  int best = 0;
+  for (int i = 1; i < face.count; ++i)
+    if (direction.dot(face.point[i] + end_of(i)) > direction.dot(face.point[best] + end_of(best))) best = i;
+  SupportFeature edge;
+  edge.add(face.point[best]);
+  edge.add(end_of(best));
+  return edge;
+}
+
 float face_alignment(const ConvexPart& part, const Mat3& axes, const Vec3& direction) {
   const Vec3 d = axes.transpose() * direction;
   const float across = length_of(d.x(), d.y());

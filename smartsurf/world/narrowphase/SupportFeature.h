@@ -29,6 +29,9 @@ inline constexpr float kFaceAlignment = 0.99F;
 // edge.
 float face_alignment(const ConvexPart&, const Mat3& axes, const Vec3& direction);
 
+// The edge of a face that reaches farthest in a direction.
+SupportFeature farthest_edge(const SupportFeature& face, const Vec3& direction);
+
 // Clips a face or an edge against the side planes of a face (Sutherland and Hodgman).
 SupportFeature clip_to_face(const SupportFeature& feature, const SupportFeature& face);
 // The same against an axis-aligned rectangle, in the horizontal plane.
