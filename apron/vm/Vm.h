@@ -192,7 +192,7 @@ class Vm {
   BoundaryCondition boundary_{};
   double boundary_number_ = 0.0;  // the boundary's value, unrounded
   RandomStream random_stream_{};
-  // Of the largest destination of a scatter: of floats, of integers.
+  // The sums of the largest destination of a scatter, of floats and of integers.
   std::tuple<std::vector<double>, std::vector<std::uint32_t>> scatter_sums_;
   // The planes that the largest matrix product reads, then those that it writes; see MatrixProduct.
   std::vector<float*> matrix_planes_;

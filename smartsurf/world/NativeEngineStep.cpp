@@ -199,7 +199,7 @@ void NativeEngine::find_contacts(const Member& member) {
   collision_.find_contacts(bodies_, pair_contacts_, static_contacts_, member);
   if (!member.is_caller()) return;
   cell_impulses_.resize(static_contacts_.contacts.size());
-  stops_.clear();
+  stops_.clear();  // "stop at bodies" may be skipped
 }
 
 void NativeEngine::correct_seams(const Member& member) {

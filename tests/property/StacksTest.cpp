@@ -249,7 +249,8 @@ TEST(Stacks, SinkingIsBoundedAtAnyIterations) {
   }
 }
 
-// A capsule or cylinder lies along both edges of the gap between two boxes, fixed or free to move, and is still.
+// A capsule or cylinder lies along both edges of the gap between two boxes, fixed or free to move and turned to any
+// heading, and is still.
 TEST(Stacks, RollersRestInTheGapBetweenTwoBoxes) {
   std::mt19937 random(11);
   const auto uniform = [&](double low, double high) {
@@ -262,15 +263,18 @@ TEST(Stacks, RollersRestInTheGapBetweenTwoBoxes) {
       fixture.scene.world.dt_s = 1.0 / rate;
       const double radius = uniform(0.3, 0.6), gap = radius * uniform(0.4, 1.4), length = uniform(2, 4),
                    masses = uniform(1, 20);
+      const Eigen::AngleAxisd heading(uniform(0, 2 * std::numbers::pi), Eigen::Vector3d::UnitZ());
+      const Eigen::Vector3d middle(15.5, 15.5, 0);
       for (const double side : {-1.0, 1.0}) {
-        auto o = box({2, 5, 1}, {15.5 + side * (1 + 0.5 * gap), 15.5, 0.5});
+        auto o = box({2, 5, 1}, middle + heading * Eigen::Vector3d(side * (1 + 0.5 * gap), 0, 0.5));
+        o.orientation = heading;
         o.mass = masses, o.fixed = i % 4 == 0;
         fixture.add(o);
       }
       const double height = 1 + std::sqrt(radius * radius - 0.25 * gap * gap);
-      const Eigen::Vector3d at(15.5, 15.5 + uniform(-0.5, 0.5), height + uniform(0, 0.1));
+      const Eigen::Vector3d at = middle + heading * Eigen::Vector3d(0, uniform(-0.5, 0.5), height + uniform(0, 0.1));
       auto roller = i / 2 % 2 == 0 ? capsule(radius, length, at) : cylinder(radius, length, at);
-      roller.orientation = Eigen::AngleAxisd(0.5 * std::numbers::pi, Eigen::Vector3d::UnitX());
+      roller.orientation = heading * Eigen::AngleAxisd(0.5 * std::numbers::pi, Eigen::Vector3d::UnitX());
       const auto id = fixture.add(roller);
       fixture.run(3.0);
       double fastest = 0.0;

@@ -168,7 +168,7 @@ def fit_proximity(name: str, span: float, sensed: Sequence[Array], ideal: Sequen
             out.unknown[what] = "no object stays over a cell and its neighbours, where the re-run agrees"
         return out
     missed = out.values["dropout"] = Estimate.fraction(n - int(seen[rest].sum()), n)
-    if "false_hits" in out.values:  # these are missed, too
+    if "false_hits" in out.values:  # dropout hides a share of them
         out.values["false_hits"] = out.values["false_hits"].times(1 / (1 - missed.value))
     use = hit & sure & rest
     r = (y - x)[use]

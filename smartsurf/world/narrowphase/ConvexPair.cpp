@@ -124,7 +124,7 @@ bool may_share_face(const ConvexProxy& a, const ConvexProxy& b, const Vec3& norm
          face_alignment(b.part, b.axes, normal) > kFaceAlignment;
 }
 
-// The support feature, or of a part with flat faces alone the edge.
+// The support feature of a part with a curved side; of others, its farthest edge.
 SupportFeature edge_or_feature(const ConvexProxy& c, const Vec3& direction) {
   const SupportFeature feature = proxy_feature(c, direction);
   return has_curved_side(c) ? feature : farthest_edge(feature, direction);
