@@ -122,9 +122,9 @@ void Recording::Contents::open_delta_readers() {
   }
   if (has_link(file, paths::kHeightChanges)) heights.emplace(file, paths::kHeightChanges, cells);
   if (has_link(file, paths::kMotion)) motion.emplace(file, paths::kMotion, kValuesPerActuatorState * cells);
-  if (const auto& sheet = spec.surface.skin; sheet && has_link(file, paths::kSkinHeight))
+  if (const auto& grid = spec.surface.skin; grid && has_link(file, paths::kSkinHeight))
     skin.emplace(file, paths::kSkinHeight,
-                 static_cast<std::size_t>(sheet->rows) * static_cast<std::size_t>(sheet->columns));
+                 static_cast<std::size_t>(grid->rows) * static_cast<std::size_t>(grid->columns));
 }
 
 // Objects beyond the pose arrays' second axis were created after the last stored frame; they are padded with

@@ -138,6 +138,8 @@ int teleport(ScriptContext& context, lua_State* L) {
 }
 
 int object(ScriptContext& context, lua_State* L) {
+  if (lua_istable(L, 1))
+    throw ScriptError("object: takes an object's id; sphere { … }, box { … } and their like make objects");
   require_running(context, "object");
   if (test_handle(L, 1, kTypeName) != nullptr) {
     lua_settop(L, 1);

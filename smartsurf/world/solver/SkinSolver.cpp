@@ -131,9 +131,9 @@ void SkinSolver::collect(const Skin& s, const BodyStore& bodies, const ContactLi
 void SkinSolver::begin_step(const PointStep& step) {
   for (std::size_t i = 0; i < points_.size(); ++i) {
     Point& p = points_[i];
-    Mat3 sheet = Mat3::Zero();
-    sheet(2, 2) = compliance_[i * points_.size() + i];
-    p.prepare(step, sheet);
+    Mat3 response = Mat3::Zero();
+    response(2, 2) = compliance_[i * points_.size() + i];
+    p.prepare(step, response);
     add_impulse(i, p.impulse(), step);
   }
 }

@@ -1,4 +1,4 @@
-// An elastic sheet over the cells: its motion, and its contacts.
+// An elastic skin over the cells: its motion, and its contacts.
 //
 // The height z of the nodes follows M·dv/dt = −K·(T·z + c·v) + M·g + loads, with lumped masses M, the
 // stiffness K of linear finite elements, the tension T and its damping c. The velocities are those of the
@@ -9,10 +9,10 @@
 // node that it would pull down, and holds one that would enter it. A is factorised again only where that
 // changes.
 //
-// To the impulses J = W·λ of contacts with the barycentric weights W, the sheet answers with the velocities
+// To the impulses J = W·λ of contacts with the barycentric weights W, the skin answers with the velocities
 // C·λ, C = WᵀA⁻¹W. So its contacts are coupled, and are solved one after another, on one thread, in the
 // stages of Solver.h; in each substep as if their impulses were those of the whole step. They are inelastic:
-// what springs back is the sheet.
+// what springs back is the skin.
 #pragma once
 
 #include <cstdint>
@@ -48,9 +48,9 @@ class SkinSolver {
  private:
   struct Point : PointContact {
     surface::Skin::Location at;
-    float speed, free_speed;  // of the sheet there, upward, and without loads, u/s
-    float moved = 0.0F;       // of the sheet there, in this step, u
-    float load = 0.0F;        // downward impulse of the step on the sheet, mass·u/s
+    float speed, free_speed;  // of the skin there, upward, and without loads, u/s
+    float moved = 0.0F;       // of the skin there, in this step, u
+    float load = 0.0F;        // downward impulse of the step on the skin, mass·u/s
   };
   struct Neighbour {
     std::size_t node;

@@ -11,6 +11,7 @@
 
 #include "apron/compiler/Compiler.h"
 #include "tests/unit/apron/vm/TestProgram.h"
+#include "tests/unit/common/SanitizedCases.h"
 
 namespace apron::vm::test {
 namespace {
@@ -302,11 +303,7 @@ class RandomFunctions {
   int functions_ = 0;
 };
 
-#ifdef __SANITIZE_ADDRESS__
-constexpr unsigned kFunctionPrograms = 40;
-#else
-constexpr unsigned kFunctionPrograms = 150;
-#endif
+constexpr unsigned kFunctionPrograms = cases(150U, 40U);
 
 TEST(Function, RandomProgramsMatchAnInterpreter) {
   for (const unsigned seed : program_seeds(kFunctionPrograms)) {

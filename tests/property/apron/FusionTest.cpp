@@ -5,6 +5,7 @@
 #include <string>
 
 #include "tests/property/apron/RandomProgram.h"
+#include "tests/unit/common/SanitizedCases.h"
 
 namespace apron::vm::test {
 namespace {
@@ -94,11 +95,7 @@ void compare(const RunResult& want, const RunResult& got, const RandomProgram& r
   }
 }
 
-#ifdef __SANITIZE_ADDRESS__
-constexpr unsigned kPrograms = 45;
-#else
-constexpr unsigned kPrograms = 180;
-#endif
+constexpr unsigned kPrograms = cases(180U, 45U);
 
 TEST(Fusion, MatchesUnfusedExecution) {
   const Size kShapes[] = {{64, 64}, {1, 1}, {3, 5}, {17, 33}, {100, 7}, {16, 2}, {1, 40}, {130, 37}, {33, 9}};

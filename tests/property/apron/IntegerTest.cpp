@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "tests/unit/apron/vm/TestProgram.h"
+#include "tests/unit/common/SanitizedCases.h"
 
 namespace apron::vm::test {
 namespace {
@@ -437,11 +438,7 @@ std::vector<Way> ways() {
   return all;
 }
 
-#ifdef __SANITIZE_ADDRESS__
-constexpr unsigned kIntegerPrograms = 40;
-#else
-constexpr unsigned kIntegerPrograms = 240;
-#endif
+constexpr unsigned kIntegerPrograms = cases(240U, 40U);
 
 TEST(Integers, ProgramsGiveWhatCellsGiveOneByOne) {
   const Size kShapes[] = {{64, 5}, {1, 1}, {3, 5}, {17, 33}, {128, 7}, {70, 3}, {1, 40}, {130, 9}, {33, 9}};

@@ -6,6 +6,7 @@
 
 #include "smartsurf/record/OpenRecorder.h"
 #include "smartsurf/record/Recording.h"
+#include "tests/unit/common/SanitizedCases.h"
 #include "tests/unit/smartsurf/record/SyntheticRun.h"
 
 namespace smartsurf::record {
@@ -93,7 +94,7 @@ TEST(KilledWriter, FileIsReadableWheneverKilled) {
   SyntheticRun run;
   run.spec.record.sensors = scene::SensorRecording::kAlways;
   const char* more = std::getenv("RECORD_TEST_KILLS");
-  const int kills = more ? std::atoi(more) : 25;
+  const int kills = more ? std::atoi(more) : cases(25, 8);
   for (int i = 0; i < kills && !HasFatalFailure(); ++i) {
     const int frames = 64 + (i * 37) % 200;
     KilledWriterProcess writer(out / "run.h5", run);

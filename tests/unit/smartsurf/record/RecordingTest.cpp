@@ -7,6 +7,7 @@
 #include <fstream>
 
 #include "smartsurf/scene/KindRegistry.h"
+#include "tests/unit/common/SanitizedCases.h"
 #include "tests/unit/smartsurf/record/SyntheticRun.h"
 
 namespace smartsurf::record {
@@ -120,11 +121,7 @@ TEST(Recording, IgnoresImplausibleExtents) {
 }
 
 // Each damaged file is opened in a forked child first, and AddressSanitizer makes fork() slow.
-#ifdef __SANITIZE_ADDRESS__
-constexpr int kDamages = 45;
-#else
-constexpr int kDamages = 300;
-#endif
+constexpr int kDamages = cases(300, 30);
 
 // A damaged byte gives a result or a one-line error, never a crash.
 TEST(Recording, SurvivesDamagedBytes) {

@@ -5,6 +5,7 @@
 #include <utility>
 
 #include "ScriptFixture.h"
+#include "tests/unit/common/SanitizedCases.h"
 
 namespace smartsurf::script {
 namespace {
@@ -443,6 +444,7 @@ TEST_F(SandboxTest, DeepRecursionIsAnError) {
 }
 
 TEST_F(SandboxTest, LimitsObjectCount) {
+  if (kIsSanitized) GTEST_SKIP() << "a million objects take half a minute";
   EXPECT_EQ(error_of("local p = {0, 0, 0}\nfor i = 1, 1000001 do sphere{radius = 1, position = p} end"),
             "t.lua:2: sphere: more than 1000000 objects");
 }

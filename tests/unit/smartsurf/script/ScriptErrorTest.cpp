@@ -166,6 +166,8 @@ INSTANTIATE_TEST_SUITE_P(
         Mistake{"at(1)", "t.lua:1: at: function = nil: must be a function"},
         Mistake{"every(0, print)", "t.lua:1: every: seconds = 0: must be from 0.0001 to 1e9"},
         Mistake{"on_tick(5)", "t.lua:1: on_tick: function = 5: must be a function"},
+        Mistake{"object { shape = 'sphere' }",
+                "t.lua:1: object: takes an object's id; sphere { … }, box { … } and their like make objects"},
         Mistake{"stop()",
                 "t.lua:1: stop: there is no simulation while the script loads; call it inside a function "
                 "given to at, every, on_tick or on_finish"},
