@@ -11,7 +11,9 @@
 #include <unistd.h>
 
 #include <cerrno>
+#include <charconv>
 #include <cstring>
+#include <filesystem>
 #include <stdexcept>
 #include <utility>
 
@@ -115,14 +117,25 @@ PortAddress PortAddress::parse(const std::string& text, unsigned baud) {
     throw std::invalid_argument("--baud: " + std::to_string(baud) +
                                 " is not a usual speed; 9600, 115200, 921600 and 4000000 are some");
   if (text.empty()) throw std::invalid_argument("the device is missing: a serial line or tcp:HOST:PORT");
-  if (!text.starts_with("tcp:")) return name;
+  if (!text.starts_with("tcp:")) {
+    // What is not there yet may be plugged in later.
+    std::error_code none;
+    const auto is = std::filesystem::status(text, none).type();
+    if (is == std::filesystem::file_type::directory || is == std::filesystem::file_type::regular)
+      throw std::invalid_argument(
+          text + " is a " + (is == std::filesystem::file_type::directory ? "folder" : "file") +
+          ", not a serial line");
+    return name;
+  }
   const std::size_t colon = text.rfind(':');
   name.host = colon > 4 ? text.substr(4, colon - 4) : "";
   name.service = text.substr(colon + 1);
   if (name.host.size() > 2 && name.host.front() == '[' && name.host.back() == ']')
     name.host = name.host.substr(1, name.host.size() - 2);
-  if (name.host.empty() || name.service.empty() ||
-      name.service.find_first_not_of("0123456789") != std::string::npos)
+  unsigned port = 0;
+  const char* const end = name.service.data() + name.service.size();
+  const auto [next, error] = std::from_chars(name.service.data(), end, port);
+  if (name.host.empty() || error != std::errc{} || next != end || port < 1 || port > 65535)
     throw std::invalid_argument("'" + text + "' is not tcp:HOST:PORT, such as tcp:127.0.0.1:5000");
   return name;
 }

@@ -103,6 +103,9 @@ void TableMap::mount(std::size_t index, const DeviceDescription& d) {
     rows_ = std::max(rows_, board.row + board.rows);
     columns_ = std::max(columns_, board.column + board.columns);
   }
+  for (const std::string& name : spec.without)
+    if (std::ranges::find(d.channels, name, &DeviceChannel::name) == d.channels.end())
+      fail(index, "without names '" + name + "', a channel that the device does not have");
   std::vector<TableChannel> channels = channels_;
   for (std::size_t i = 0; i < d.channels.size(); ++i) {
     const DeviceChannel& c = d.channels[i];

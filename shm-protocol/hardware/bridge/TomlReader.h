@@ -73,7 +73,7 @@ class TomlReader {
     for (const std::int64_t v : values)
       if (v < least || v > 65535)
         fail(line_of(*node),
-             where + key + " must be [row, column], whole numbers from " + std::to_string(least));
+             where + key + " must be [row, column], whole numbers from " + std::to_string(least) + " to 65535");
     return std::pair{static_cast<std::uint32_t>(values[0]), static_cast<std::uint32_t>(values[1])};
   }
 

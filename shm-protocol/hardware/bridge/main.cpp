@@ -81,6 +81,16 @@ milliseconds parse_seconds(const char* flag, const char* text) {
   return std::chrono::duration_cast<milliseconds>(std::chrono::duration<double>(s));
 }
 
+// Throws if no file of this name can be written; a full disk shows only later.
+void require_writable(const std::string& flag, const std::string& file) {
+  std::error_code none;
+  const auto folder = std::filesystem::absolute(file).parent_path();
+  const std::string what = flag + " " + file + ": ";
+  if (!std::filesystem::is_directory(folder, none))
+    throw std::invalid_argument(what + "there is no folder " + folder.string());
+  if (std::filesystem::is_directory(file, none)) throw std::invalid_argument(what + "is a folder");
+}
+
 shm_protocol::Mode parse_mode(const std::string& text) {
   if (text == "time-step") return shm_protocol::Mode::kTimeStep;
   if (text == "passive") return shm_protocol::Mode::kPassive;
@@ -106,11 +116,12 @@ std::optional<Arguments> parse(int argc, char** argv) {
       {nullptr, 0, nullptr, 0}};
   Arguments arguments;
   BridgeOptions& o = arguments.bridge;
-  bool named = false;
+  bool named = false, has_baud = false;
   unsigned baud = 115200;
   for (int flag; (flag = ::getopt_long(argc, argv, "h", kKnown, nullptr)) != -1;) {
     switch (flag) {
       case 'b':
+        has_baud = true;
         baud = parse("baud", ::optarg, 1u, 10'000'000u, "a speed in bits a second");
         break;
       case 's':
@@ -151,7 +162,14 @@ std::optional<Arguments> parse(int argc, char** argv) {
         throw std::invalid_argument("see --help");
     }
   }
+  if (arguments.record) {
+    const std::string extension = std::filesystem::path(*arguments.record).extension();
+    if (extension != ".h5" && extension != ".hdf5")
+      throw std::invalid_argument("--record " + *arguments.record + ": the name must end in .h5 or .hdf5");
+    require_writable("--record", *arguments.record);
+  }
   if (arguments.table) {
+    if (has_baud) throw std::invalid_argument("--baud: the speeds of a table's lines are in its file");
     if (::optind != argc) throw std::invalid_argument("the devices of a table are in its file");
     if (!named) o.surface.clear();
     return arguments;
@@ -215,9 +233,7 @@ std::optional<Arguments> parse_calibrate(int argc, char** argv) {
   std::error_code none;
   if (std::filesystem::equivalent(*arguments.table, arguments.output, none))
     throw std::invalid_argument("-o " + arguments.output + " is the table itself");
-  const auto folder = std::filesystem::absolute(arguments.output).parent_path();
-  if (!std::filesystem::is_directory(folder, none))
-    throw std::invalid_argument("-o " + arguments.output + ": there is no folder " + folder.string());
+  require_writable("-o", arguments.output);
   return arguments;
 }
 
@@ -295,7 +311,7 @@ int serve(const Arguments& arguments) {
   };
   const auto finish = [&](hardware::Outcome end, bool served, const std::string& report) {
     const bool recorded = !recorder || recorder->finish(!served);
-    std::fputs(report.c_str(), stdout);
+    if (served || end == hardware::Outcome::kDone) std::fputs(report.c_str(), stdout);
     const int status = exit_status(end);
     return recorded || status != common::kDone ? status : common::kFailed;
   };

@@ -16,6 +16,7 @@ from ._rerun import HEIGHT, Rerun
 
 SHARED = ("max_speed", "max_acceleration", "lag")  # of all cells
 LONGEST_DELAY = 12                                 # ticks
+_NEAR = 0.03                                       # of gains
 GOOD, STUCK, FROZEN, IDLE = range(4)               # FROZEN: the sensor always says the same; IDLE: not commanded
 STATES = ("good", "stuck", "frozen", "idle")
 
@@ -153,12 +154,14 @@ class _Search:
         self.p, self.fit, self.good = problem, fit, good
         self.shared, self.started = shared.copy(), shared.copy()
         self.period = problem.rerun.recordings[0].period_s
-        self.dt = self.period / 64
         self.free = [0, 1, 2]
         self.base: Array
         self.slopes: list[Array]
         self.variance: Array
         self.use = problem.use & good
+        span = np.ptp(problem.y[:, good]) or 1.0
+        self.longest = (np.full(3, 2e-3), np.full(problem.cells, 2e-3), np.full(problem.cells, 1e-3 * span))
+        self.steps = self.longest  # for derivatives, of the shared logarithms, gains and offsets
 
     def search(self) -> None:
         if self.shared[2] <= 0:
@@ -183,39 +186,55 @@ class _Search:
             if kept:
                 break
         self.try_dropped()
-        for _ in range(2):
-            self.search_cells()
+        for wide in (True, False):
+            self.set_steps()
+            self.search_cells(wide)
             self.set_outliers()
             self.levenberg_marquardt(most=6)
         self.search_cells()
         self.finish()
 
-    def search_cells(self) -> None:
+    def search_cells(self, wide: bool = False) -> None:
         """Levenberg and Marquardt for each cell by itself, with a damping of its own: one that is far off does not hold up the
-        others, nor do they outvote it."""
+        others, nor do they outvote it. wide: also from neighbouring delays and gains, between which there are minima of their own."""
         free, self.free = self.free, []
+        best, self.base = self.lower_cells()
+        middle = (self.p.y * self.use).sum(0) / np.maximum(self.use.sum(0), 1)
+        for later, more in [(d, g) for d in (0, -1, 1) for g in (0, -_NEAR, _NEAR) if (d, g) != (0, 0)] if wide else []:
+            before = self.fit.delay, self.fit.gain, self.fit.offset, self.base
+            self.fit.delay = np.clip(self.fit.delay + later, 0, LONGEST_DELAY)
+            self.fit.gain, self.fit.offset = self.fit.gain + more, self.fit.offset - more * middle
+            squares, base = self.lower_cells()
+            better = squares < best
+            after = self.fit.delay, self.fit.gain, self.fit.offset, base
+            self.fit.delay, self.fit.gain, self.fit.offset, self.base = (np.where(better, b, a) for a, b in zip(before, after))
+            best = np.minimum(best, squares)
+        self.free = free
+        self.set_variance(self.base)
+        self.slopes = self.derivatives(self.base)
+
+    def lower_cells(self) -> tuple[Array, Array]:
+        """The sums of squares that are left with these delays, and the heights."""
         damping = np.full(self.p.cells, 1e-3)
-        base, left = self.base, np.inf
+        base = self.heights()
+        squares = self.squares(base)
         for _ in range(8):
-            r = (self.p.y - self.p.late(base, self.fit.delay)) * self.use
-            squares = (r * r).sum(0)
             _, _, matrix, vector, _ = self.normal(base, self.derivatives(base))
             matrix = matrix + (damping[:, None, None] * matrix + 1e-12) * np.eye(2)
             step = np.zeros_like(vector)
             step[self.good] = np.linalg.solve(matrix[self.good], vector[self.good][..., None])[..., 0]
             gain, offset = self.fit.gain, self.fit.offset
             trial = self.heights(gain=gain + step[:, 0], offset=offset + step[:, 1])
-            r = (self.p.y - self.p.late(trial, self.fit.delay)) * self.use
-            better = (r * r).sum(0) < squares
+            left = self.squares(trial)
+            better = left < squares
             self.fit.gain, self.fit.offset = np.where(better, gain + step[:, 0], gain), np.where(better, offset + step[:, 1], offset)
             base = np.where(better, trial, base)
             damping = np.where(better, damping / 5, damping * 10)
-            left = ((squares - (r * r).sum(0)) / np.maximum(self.variance, 1e-18))[better & self.good].max(initial=0)
-            if left < 1e-3:
+            gained = ((squares - left) / np.maximum(self.variance, 1e-18))[better & self.good].max(initial=0)
+            squares = np.minimum(squares, left)
+            if gained < 1e-3:
                 break
-        self.free, self.base = free, base
-        self.set_variance(base)
-        self.slopes = self.derivatives(base)
+        return squares, base
 
     def try_dropped(self) -> None:
         """What was flat at the start of the search may not be so at its end."""
@@ -249,16 +268,23 @@ class _Search:
 
     def derivatives(self, base: Array) -> list[Array]:
         """By the logarithm of each free shared parameter, by gain, by offset; without delay."""
+        shared, gain, offset = self.steps
         all_of_them = []
         for i in self.free:
-            changed = self.shared.copy()
-            changed[i] *= 1.002
-            all_of_them.append((self.heights(shared=changed) - base) / np.log(1.002))
-        span = np.ptp(self.p.y[:, self.good]) or 1.0
-        for name, step in (("gain", 2e-3), ("offset", 1e-3 * span)):
+            ends = [self.heights(shared=self.shared * np.exp(s * (np.arange(3) == i))) for s in (shared[i], -shared[i])]
+            all_of_them.append((ends[0] - ends[1]) / (2 * shared[i]))
+        for name, step in (("gain", gain), ("offset", offset)):
             ends = [self.heights(**{name: getattr(self.fit, name) + s}) for s in (step, -step)]
             all_of_them.append((ends[0] - ends[1]) / (2 * step))
         return all_of_them
+
+    def set_steps(self) -> None:
+        """Derivatives over as much as is not known: the motion bends where one limit takes over from another."""
+        shared, own = self.errors()
+        steps = [step.copy() for step in self.longest]
+        steps[0][self.free] = np.minimum(steps[0][self.free], shared)
+        steps[1:] = [np.where(self.good, np.minimum(steps[1 + k], own[:, k]), steps[1 + k]) for k in (0, 1)]
+        self.steps = tuple(np.maximum(step, 1e-2 * longest) for step, longest in zip(steps, self.longest))
 
     def choose_delays(self, base: Array, own: list[Array]) -> None:
         """The delay of each cell that leaves least, after the best small change of its gain and offset."""
@@ -290,14 +316,17 @@ class _Search:
         m_matrix = np.einsum("ifc,jfc,c->cij", j[:n], j[n:], w)
         return s_matrix, s_vector, c_matrix, c_vector, m_matrix
 
-    def set_variance(self, base: Array) -> None:
+    def squares(self, base: Array) -> Array:
         r = (self.p.y - self.p.late(base, self.fit.delay)) * self.use
+        total: Array = (r * r).sum(0)
+        return total
+
+    def set_variance(self, base: Array) -> None:
         n = np.maximum(self.use.sum(0) - 2 - len(self.free) / max(self.good.sum(), 1), 1)
-        self.variance = (r * r).sum(0) / n + 1e-14 * (1 + self.p.y ** 2).mean(0)
+        self.variance = self.squares(base) / n + 1e-14 * (1 + self.p.y ** 2).mean(0)
 
     def cost(self, base: Array) -> float:
-        r = (self.p.y - self.p.late(base, self.fit.delay)) * self.use
-        return float(((r * r).sum(0) / np.maximum(self.variance, 1e-18))[self.good].sum())
+        return float((self.squares(base) / np.maximum(self.variance, 1e-18))[self.good].sum())
 
     def solve(self, equations: tuple[Array, ...], damping: float) -> tuple[Array, Array]:
         s_matrix, s_vector, c_matrix, c_vector, m_matrix = equations
@@ -372,6 +401,24 @@ class _Search:
         variance = np.diag(covariance)
         return np.sqrt(np.where(variance > 0, variance, np.inf)), np.sqrt(np.maximum(np.einsum("cii->ci", own), 0))
 
+    def clustered_errors(self) -> Array:
+        """The larger one of the standard errors of the shared logarithms for which only cells, or only tenths of a second, are
+        independent (sandwich, Huber 1967): one cell or instant that disobeys the model does not pass for many."""
+        n = len(self.free)
+        s_matrix, _, c_matrix, _, m_matrix = self.normal(self.base, self.slopes)
+        inverse = np.zeros_like(c_matrix)
+        inverse[self.good] = np.linalg.inv(c_matrix[self.good] + 1e-12 * np.eye(2))
+        own = np.einsum("cij,cjk->cik", m_matrix, inverse)
+        r = (self.p.y - self.p.late(self.base, self.fit.delay)) * self.use
+        j = np.array([self.p.late(k, self.fit.delay) * self.use for k in self.slopes])
+        weighted = r * np.where(self.good, 1 / np.maximum(self.variance, 1e-18), 0)
+        scores = (j[:n] - np.einsum("cik,kfc->ifc", own, j[n:])) * weighted
+        bread = np.linalg.pinv(s_matrix - np.einsum("cij,cjl->il", own, m_matrix.transpose(0, 2, 1)) + 1e-9 * np.eye(n))
+        tenths = np.arange(0, r.shape[0], max(round(0.1 / self.period), 1))
+        clustered = [scores.sum(1), np.add.reduceat(scores, tenths, axis=1).sum(2)]
+        largest: Array = np.max([np.sqrt(((bread @ sums) ** 2).sum(1)) for sums in clustered], axis=0)
+        return largest
+
     def drop_flat(self) -> None:
         """Takes parameters out of the search on which the readings do not depend."""
         why = {0: "no motion reached the greatest speed", 1: "the motion does not depend on the acceleration",
@@ -395,6 +442,8 @@ class _Search:
         f, p = self.fit, self.p
         self.choose_delays(self.base, self.slopes[-2:])
         errors, own = self.errors()
+        if self.free:
+            errors = np.maximum(errors, self.clustered_errors())
         f.shared = {SHARED[i]: (float(self.shared[i]), float(self.shared[i] * errors[k])) for k, i in enumerate(self.free)}
         f.gain_error, f.offset_error = np.where(self.good, own[:, 0], 0), np.where(self.good, own[:, 1], 0)
         f.gain, f.offset = np.where(self.good, f.gain, 1), np.where(self.good, f.offset, 0)

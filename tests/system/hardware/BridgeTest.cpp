@@ -211,6 +211,8 @@ TEST(Bridge, MissingDeviceExitsWithStatusThree) {
   EXPECT_FALSE(segment_exists(name));
   Program never({SURFACE_BRIDGE, line_path("never"), "--shm", name, "--connect", "0.1"});
   EXPECT_EQ(never.wait(), 3);
+  const std::string said = never.output();
+  EXPECT_EQ(std::count(said.begin(), said.end(), '\n'), 1) << said;
 }
 
 TEST(Bridge, KilledControllerLeavesDeviceSafe) {
@@ -245,6 +247,13 @@ TEST(Bridge, InvalidInputIsOneLineError) {
   for (const std::vector<std::string>& flags : {std::vector<std::string>{},
                                                 {"a", "b"},
                                                 {"tcp:nowhere"},
+                                                {"tcp:localhost:99999"},
+                                                {"/"},
+                                                {SURFACE_BRIDGE},
+                                                {"x", "--record", "/no/such/folder/x.h5"},
+                                                {"x", "--record", "x.csv"},
+                                                {"calibrate", "x.toml", "-o", "/"},
+                                                {"--table", "x.toml", "--baud", "9600"},
                                                 {"/dev/null", "--baud", "1"},
                                                 {"x", "--mode", "fast"},
                                                 {"x", "--ticks", "0"},

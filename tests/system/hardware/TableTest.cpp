@@ -416,6 +416,8 @@ TEST(Table, BadTableIsOneLine) {
   expect("id = \"b1\"", "id = \"b9\"", ":10: board 'b9': the device is board 'b1'");
   expect("period_us = 20000", "period_us = 10000", "control period is 20000 µs");
   expect("at = [0, 4]", "at = [0, 4]\nturn = 10", ":14: board 'b1': turn is 10");
+  expect("at = [0, 4]", "at = [0, 4]\nwithout = [\"load\"]", ":10: board 'b1': without names 'load'");
+  expect("at = [0, 4]", "at = [0, 70000]", ":13: board 'b1': at must be [row, column], whole numbers from 0 to 65535");
   std::filesystem::remove(file);
 }
 

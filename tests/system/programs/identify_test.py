@@ -1,4 +1,5 @@
 """smartsurf identify: finds what a recorded table has and an experiment does not say."""
+import importlib.machinery
 import importlib.util
 import random
 import sys
@@ -185,6 +186,24 @@ class Identification(ProgramTest):
         self.assertLess((apart ** 2).mean() ** 0.5, 0.01)
         self.assertIn("± ", out)
         self.assertIn("<svg", (self.folder / "identified.svg").read_text())
+
+    def test_no_cell_stops_in_a_minimum_beside_its_own(self):
+        # Of this draw one cell has such a minimum a tick later, with another gain.
+        loader = importlib.machinery.SourceFileLoader("blind", str(ROOT / "scripts/hardware/blind"))
+        blind = importlib.util.module_from_spec(importlib.util.spec_from_loader("blind", loader))
+        loader.exec_module(blind)
+        secret = blind.draw(6)
+        self.write("identify.lua", blind.PUBLIC.read_text())
+        values, _ = blind.write_secret(secret, self.folder)
+        status, _, err = self.run_program(SMARTSURF, "run", "secret.lua", "--no-controller", "--headless", "--seed", str(secret["seed"]), "--set", "seconds=8",
+                                          *(word for name, value in values.items() for word in ("--vary", f"{name}={value!r}")), "--record", "cells.h5")
+        self.assertEqual(status, 0, err)
+        status, _, err = self.identify("cells.h5", "--experiment", "identify.lua", "-o", "identified.lua")
+        self.assertEqual(status, 0, err)
+        cells = json.loads((self.folder / "identified.json").read_text())["cells"]
+        for r, c in ((r, c) for r in range(1, 9) for c in range(1, 9) if cells["state"][r][c] == 0):
+            self.assertEqual(cells["delay"][r][c], secret["delay"][r][c], (r, c))
+            self.assertLess(abs(cells["gain"][r][c] - secret["gain"][r][c]), 5 * cells["gain_error"][r][c], (r, c))
 
     def test_a_secret_ball_is_found(self):
         draw = random.Random(8)

@@ -27,9 +27,11 @@ TEST(PortName, RejectsInvalidAddresses) {
   EXPECT_THROW(PortAddress::parse("/dev/ttyUSB0", 12345), std::invalid_argument);
 }
 
-TEST(Port, RejectsRegularFile) {
+TEST(Port, RejectsWhatIsNoLine) {
+  for (const char* text : {"/proc/self/status", "/proc/self", "tcp:localhost:0", "tcp:localhost:65536"})
+    EXPECT_THROW(PortAddress::parse(text, 115200), std::invalid_argument) << text;
   std::string why;
-  EXPECT_FALSE(Port::open(PortAddress::parse("/proc/self/status", 115200), why));
+  EXPECT_FALSE(Port::open(PortAddress::parse("/dev/null", 115200), why));
   EXPECT_FALSE(why.empty());
   why.clear();
   EXPECT_FALSE(Port::open(PortAddress::parse("/dev/no-such-line", 115200), why));
