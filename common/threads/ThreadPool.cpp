@@ -22,7 +22,7 @@ double measure_spin_ns() noexcept {
   double least_ns = 1e6;
   for (int attempt = 0; attempt < kTries; ++attempt) {
     const std::int64_t spins = spins_of_this_thread, begin_ns = clock_ns(CLOCK_THREAD_CPUTIME_ID);
-    for (int looks = 0; !spin_until([&looks] { return ++looks > 4 * kSpinsPerYield; });) continue;
+    for (int looks = 0; !spin_until([&looks] { return ++looks > 4 * kSpinsPerLook; });) continue;
     const std::int64_t took_ns = clock_ns(CLOCK_THREAD_CPUTIME_ID) - begin_ns;
     least_ns = std::min(least_ns, static_cast<double>(took_ns) / static_cast<double>(spins_of_this_thread - spins));
   }
@@ -45,6 +45,10 @@ class WorkClock {
 };
 
 }  // namespace
+
+ThreadPool::Times ThreadPool::Times::now() noexcept {
+  return {clock_ns(CLOCK_MONOTONIC), clock_ns(CLOCK_THREAD_CPUTIME_ID)};
+}
 
 ThreadPool::ThreadPool(int threads, double min_cost_ns)
     : min_cost_ns_(min_cost_ns),
@@ -69,54 +73,87 @@ void ThreadPool::stop() noexcept {
   for (std::thread& worker : workers_) worker.join();
 }
 
-void ThreadPool::wait_while(const std::atomic<std::uint32_t>& word, std::uint32_t old) const noexcept {
+template <class Word>
+void ThreadPool::wait_while(const std::atomic<Word>& word, Word old) const noexcept {
   if (spins_ && spin_until([&] { return word.load(std::memory_order_acquire) != old; })) return;
   word.wait(old, std::memory_order_acquire);
 }
 
-// The caller alone would take about as long as all threads work together. What the job took beyond that is
-// lost. Jobs that have gained since the latest pause for as long as it took end its doubling.
-void ThreadPool::charge_job(std::int64_t begin_ns, std::int64_t worked_ns) noexcept {
-  if (min_cost_ns_ == 0) return;
-  const std::int64_t now_ns = clock_ns(CLOCK_MONOTONIC);
-  lost_ns_ = std::max<std::int64_t>(0, lost_ns_ + (now_ns - begin_ns) - worked_ns);
-  if (lost_ns_ > kMostLoss_ns) {
-    pause_ns_ = std::clamp(2 * pause_ns_, kFirstPause_ns, kMostPause_ns);
-    pause_end_ns_ = now_ns + pause_ns_;
-    is_paused_ = true;
-  } else if (now_ns - pause_end_ns_ > pause_ns_) {
-    pause_ns_ = 0;
-  }
+bool ThreadPool::has_cores() noexcept {
+  return !is_single() && (always_shares() || budget_.allows(clock_ns(CLOCK_MONOTONIC)));
 }
 
-bool ThreadPool::ends_pause() noexcept {
-  is_paused_ = clock_ns(CLOCK_MONOTONIC) < pause_end_ns_;
-  if (!is_paused_) lost_ns_ = 0;
-  return !is_paused_;
+bool ThreadPool::is_pause() const noexcept {
+  return !always_shares() && budget_.is_pause(clock_ns(CLOCK_MONOTONIC));
 }
 
-// The job stays in place until every call of it has returned; only then may the next one replace it.
-void ThreadPool::run(const Job& job) noexcept {
+// Returns false, and has called nothing, if a thread did not come. The job stays in place until every call of it has
+// returned; only then may the next one replace it.
+bool ThreadPool::run(const Job& job) noexcept {
   const std::int64_t begin_ns = clock_ns(CLOCK_MONOTONIC);
   const WorkClock clock(spin_ns_);
   job_ = job;
-  const std::uint32_t calls =
-      job.count == kEveryThread ? static_cast<std::uint32_t>(thread_count()) : job.count;
+  const bool is_fork = job.count == kEveryThread;
+  const auto workers = static_cast<std::uint32_t>(workers_.size());
+  const std::uint32_t calls = is_fork ? workers + 1 : job.count;
   const std::uint32_t round = round_.load(std::memory_order_relaxed) + 1;
   unfinished_.store(calls, std::memory_order_relaxed);
   worked_ns_.store(0, std::memory_order_relaxed);
-  claim_.store(std::uint64_t{round} << 32U | job.count, std::memory_order_release);
+  claim_.store(std::uint64_t{round} << 32U | (is_fork ? kEveryThread + workers : job.count),
+               std::memory_order_release);
   round_.store(round, std::memory_order_release);
   round_.notify_all();
+  if (is_fork && !all_come(round)) {
+    const std::int64_t now_ns = clock_ns(CLOCK_MONOTONIC);
+    budget_.charge(now_ns - begin_ns, now_ns);
+    return false;
+  }
   const std::uint32_t own_calls = work_on(round, 0);
   const std::int64_t own_ns = clock.elapsed_ns();
   for (std::uint32_t left = unfinished_.load(std::memory_order_acquire); left != 0;
        left = unfinished_.load(std::memory_order_acquire))
     wait_while(unfinished_, left);
-  if (workers_.empty() || own_calls == 0) return;
-  // Indices are too short to be timed by each thread: those of the others take as long as the caller's.
-  charge_job(begin_ns, job.count == kEveryThread ? own_ns + worked_ns_.load(std::memory_order_relaxed)
-                                                 : own_ns * calls / own_calls);
+  if (own_calls == 0) return true;
+  // The caller alone would take about as long as all threads work together. Indices are too short to be timed by
+  // each thread: those of the others take as long as the caller's.
+  const std::int64_t worked_ns =
+      is_fork ? own_ns + worked_ns_.load(std::memory_order_relaxed) : own_ns * calls / own_calls;
+  const std::int64_t now_ns = clock_ns(CLOCK_MONOTONIC);
+  budget_.charge(now_ns - begin_ns - worked_ns, now_ns);
+  return true;
+}
+
+// For the caller: whether every thread has come to the fork/join. If not, none works on it.
+bool ThreadPool::all_come(std::uint32_t round) noexcept {
+  const std::uint64_t all = std::uint64_t{round} << 32U | kEveryThread;
+  std::uint64_t claim = claim_.load(std::memory_order_acquire);
+  if (always_shares()) {
+    for (; claim != all; claim = claim_.load(std::memory_order_acquire)) wait_while(claim_, claim);
+    return true;
+  }
+  if (spin_until([&] { return claim_.load(std::memory_order_acquire) == all; }, kMostDelay)) return true;
+  claim = claim_.load(std::memory_order_acquire);
+  while (claim != all)
+    if (claim_.compare_exchange_weak(claim, std::uint64_t{round} << 32U, std::memory_order_acq_rel)) {
+      claim_.notify_all();
+      return false;
+    }
+  return true;
+}
+
+// For the others: whether they work on the fork/join.
+bool ThreadPool::come(std::uint32_t round) noexcept {
+  const auto is_open = [round](std::uint64_t claim) { return claim >> 32U == round && (claim & kEveryThread) != 0; };
+  std::uint64_t claim = claim_.load(std::memory_order_acquire);
+  do {
+    if (!is_open(claim)) return false;
+  } while (!claim_.compare_exchange_weak(claim, claim - 1, std::memory_order_acq_rel));
+  claim_.notify_all();
+  for (--claim; is_open(claim); claim = claim_.load(std::memory_order_acquire)) {
+    if (static_cast<std::uint32_t>(claim) == kEveryThread) return true;
+    wait_while(claim_, claim);
+  }
+  return false;
 }
 
 void ThreadPool::finish_one() noexcept {
@@ -127,10 +164,11 @@ void ThreadPool::finish_one() noexcept {
 // this round is over, and the thread joins that one next.
 std::uint32_t ThreadPool::work_on(std::uint32_t round, unsigned thread) noexcept {
   std::uint64_t claim = claim_.load(std::memory_order_acquire);
-  if (claim == (std::uint64_t{round} << 32U | kEveryThread)) {
+  if (claim >> 32U == round && (claim & kEveryThread) != 0) {
     if (thread == 0) {
       job_.call(job_.of, thread, thread);
     } else {
+      if (!come(round)) return 0;
       const WorkClock clock(spin_ns_);
       job_.call(job_.of, thread, thread);
       worked_ns_.fetch_add(clock.elapsed_ns(), std::memory_order_relaxed);

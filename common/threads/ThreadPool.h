@@ -10,6 +10,8 @@
 #include <thread>
 #include <vector>
 
+#include "common/threads/LossBudget.h"
+
 namespace common {
 
 // A hint to the core that this is a spin-wait loop.
@@ -25,22 +27,21 @@ inline void spin_pause() noexcept {
 inline thread_local std::int64_t spins_of_this_thread = 0;
 
 // How a thread waits for another that works on the same job: it looks again and again, for longer than most waits
-// take; in between, from kSpinsPerYield on, it yields its core, which the other may be waiting for. Returns false
-// after kMostSpin_ns: then the other thread has no core, and this one had better sleep.
-inline constexpr int kSpinsPerYield = 64;
+// take. Returns false after kMostSpin: then the other thread has no core, and this one had better sleep. It does not
+// yield its core in between: where other programs keep the cores busy, it would get it back milliseconds later.
+inline constexpr int kSpinsPerLook = 64;
 inline constexpr std::chrono::microseconds kMostSpin{200};
 template <class Reached>
-bool spin_until(const Reached& reached) noexcept {
+bool spin_until(const Reached& reached, std::chrono::nanoseconds most = kMostSpin) noexcept {
   std::chrono::steady_clock::time_point begin;
   for (bool is_first = true;; is_first = false) {
-    for (int spin = 0; spin < kSpinsPerYield; ++spin, ++spins_of_this_thread) {
+    for (int spin = 0; spin < kSpinsPerLook; ++spin, ++spins_of_this_thread) {
       if (reached()) return true;
       spin_pause();
     }
     const auto now = std::chrono::steady_clock::now();
     if (is_first) begin = now;
-    if (now - begin >= kMostSpin) return reached();
-    std::this_thread::yield();
+    if (now - begin >= most) return reached();
   }
 }
 
@@ -63,28 +64,38 @@ class ThreadPool {
   bool pays(double cost_ns) const noexcept { return cost_ns >= min_cost_ns_; }
 
   // Fork/join: calls work(thread) once on every thread, all at the same time, so that they may wait for each
-  // other. Returns false, and calls nothing, where the caller alone is faster: other programs may keep the
-  // cores busy, so that shared jobs wait for threads without a core. Where shared jobs have lost kMostLoss_ns
-  // against the caller alone, the pool backs off: it shares none for kFirstPause_ns, twice as long each time that
-  // it loses as much again, up to kMostPause_ns. Threads that wait inside a job count their spins in
-  // spins_of_this_thread, so that waiting is not taken for work. This changes no result. A pool with
-  // min_cost_ns 0 always shares.
-  template <class Work>
-  [[nodiscard]] bool try_fork_join(const Work& work) noexcept {
-    if (!has_cores()) return false;
-    fork_join(work);
-    return true;
+  // other; or calls alone() on the caller where that is faster, because other programs keep the cores busy. Returns
+  // whether the job was shared. It changes no result.
+  //
+  // A job is shared only if all threads come within kMostDelay of its begin, so that the caller never waits for one
+  // that has no core then. A thread may still lose its core within a job: see LossBudget. Threads that wait inside
+  // a job count their spins in spins_of_this_thread, so that waiting is not taken for work.
+  //
+  // A pool with min_cost_ns 0 always shares.
+  template <class Work, class Alone>
+  bool fork_join_or(const Work& work, const Alone& alone) {
+    if (has_cores()) {
+      const Job job{[](const void* of, std::uint32_t thread, unsigned) noexcept {
+                      (*static_cast<const Work*>(of))(static_cast<int>(thread));
+                    },
+                    &work, kEveryThread};
+      if (run(job)) return true;
+      alone();
+    } else {
+      work_alone(alone);
+    }
+    return false;
   }
 
-  // Calls work(index, thread) once for every index below `count`. Threads claim indices one by one, so that a
-  // thread without a core does not delay the others. The caller works alone where try_fork_join() would
-  // refuse.
+  // Calls work(index, thread) once for every index below `count`, which is less than 2³¹. Threads claim indices one
+  // by one, so that a thread without a core delays the others by one index at most. The caller works alone after a
+  // loss.
   template <class Work>
   void parallel_for(std::uint32_t count, const Work& work) noexcept {
-    if (!has_cores()) {
-      for (std::uint32_t index = 0; index < count; ++index) work(index, 0U);
-      return;
-    }
+    if (is_single() || is_pause())
+      return work_alone([&] {
+        for (std::uint32_t index = 0; index < count; ++index) work(index, 0U);
+      });
     run({[](const void* of, std::uint32_t index, unsigned thread) noexcept {
            (*static_cast<const Work*>(of))(index, thread);
          },
@@ -101,8 +112,11 @@ class ThreadPool {
       const int end = static_cast<int>(rows * (static_cast<long>(thread) + 1) / n);
       if (begin < end) work(begin, end);
     };
-    if (n > 1 && rows >= 2 * n && try_fork_join(work_on_band)) return;
-    if (rows > 0) work(0, rows);
+    const auto work_on_all = [&work, rows] {
+      if (rows > 0) work(0, rows);
+    };
+    if (rows < 2 * n) return work_on_all();
+    fork_join_or(work_on_band, work_on_all);
   }
 
   // The same, on the caller alone where it does not pay.
@@ -115,45 +129,52 @@ class ThreadPool {
   }
 
  private:
-  static constexpr std::uint32_t kEveryThread = 0xFFFFFFFF;
-  static constexpr std::int64_t kMostLoss_ns = 1'000'000;
-  static constexpr std::int64_t kFirstPause_ns = 30'000'000, kMostPause_ns = 1'000'000'000;
+  // In `claim_`, beside the number of threads that have not come yet.
+  static constexpr std::uint32_t kEveryThread = 0x8000'0000;
+  static constexpr std::chrono::microseconds kMostDelay{100};  // of a thread, at the begin of a job
 
   struct Job {
     void (*call)(const void* of, std::uint32_t index, unsigned thread) noexcept;
     const void* of;
     std::uint32_t count;  // indices to claim, or kEveryThread
   };
+  struct Times {
+    std::int64_t wall_ns, cpu_ns;
+    static Times now() noexcept;
+  };
 
-  bool has_cores() noexcept { return !is_paused_ || ends_pause(); }
-  template <class Work>
-  void fork_join(const Work& work) noexcept {
-    run({[](const void* of, std::uint32_t thread, unsigned) noexcept {
-           (*static_cast<const Work*>(of))(static_cast<int>(thread));
-         },
-         &work, kEveryThread});
+  bool is_single() const noexcept { return workers_.empty(); }
+  bool always_shares() const noexcept { return min_cost_ns_ == 0.0; }
+  bool has_cores() noexcept;
+  bool is_pause() const noexcept;
+  template <class Alone>
+  void work_alone(const Alone& alone) {
+    if (is_single()) return alone();
+    const Times begin = Times::now();
+    alone();
+    const Times end = Times::now();
+    budget_.watch_alone(end.wall_ns - begin.wall_ns, end.cpu_ns - begin.cpu_ns);
   }
-  void run(const Job&) noexcept;
+  bool run(const Job&) noexcept;
+  bool all_come(std::uint32_t round) noexcept;
+  bool come(std::uint32_t round) noexcept;
   std::uint32_t work_on(std::uint32_t round, unsigned thread) noexcept;
   void serve(unsigned thread) noexcept;
   void finish_one() noexcept;
   void stop() noexcept;
-  void charge_job(std::int64_t begin_ns, std::int64_t worked_ns) noexcept;
-  bool ends_pause() noexcept;
-  void wait_while(const std::atomic<std::uint32_t>& word, std::uint32_t old) const noexcept;
+  template <class Word>
+  void wait_while(const std::atomic<Word>& word, Word old) const noexcept;
 
   double min_cost_ns_;
-  std::int64_t lost_ns_ = 0;  // by shared jobs, since they last gained as much
-  bool is_paused_ = false;
-  std::int64_t pause_ns_ = 0, pause_end_ns_ = 0;  // of the latest pause; 0 if jobs have gained for as long since
-  bool spins_;                                    // a waiting thread does so first: the threads do not outnumber the cores
-  double spin_ns_;                                // of one spin_pause(), with its share of the yields
+  LossBudget budget_;
+  bool spins_;      // a waiting thread does so first: the threads do not outnumber the cores
+  double spin_ns_;  // of one spin_pause()
   std::vector<std::thread> workers_;
   Job job_{};
   std::atomic<bool> stop_{false};
   // Each has cache lines of its own; cores fetch lines in pairs.
   alignas(128) std::atomic<std::uint32_t> round_{0};  // a new value: a new job, or stop
-  // round << 32 | indices not claimed yet, or kEveryThread
+  // round << 32 | indices not claimed yet, or kEveryThread + threads that have not come yet, or 0 if they came late
   alignas(128) std::atomic<std::uint64_t> claim_{0};
   alignas(128) std::atomic<std::uint32_t> unfinished_{0};  // calls
   std::atomic<std::int64_t> worked_ns_{0};  // processor time of all threads but the caller, of a fork/join

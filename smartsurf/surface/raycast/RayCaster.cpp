@@ -135,8 +135,11 @@ void RayCaster::cast(const RayBodies& bodies, std::span<const float> tags, float
     cast_rows(params.job, first_row, end_row, std::cref(prepare));
   };
   const auto cast_band = [&cast_bands](int band) { cast_bands(band, band + 1); };
-  if (!(bands > 1 && pool.pays(cost_ns(bodies.size())) && pool.try_fork_join(cast_band)))
-    cast_bands(0, bands);
+  const auto cast_all = [&cast_bands, bands] { cast_bands(0, bands); };
+  if (pool.pays(cost_ns(bodies.size())))
+    pool.fork_join_or(cast_band, cast_all);
+  else
+    cast_all();
 }
 
 // The bodies are sorted from north to south, so the cost down to a row follows from a binary search.

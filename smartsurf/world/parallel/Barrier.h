@@ -2,6 +2,7 @@
 #pragma once
 
 #include <atomic>
+#include <thread>
 #include <vector>
 
 #include "common/threads/ThreadPool.h"
@@ -17,7 +18,8 @@ namespace smartsurf::world {
 // and then sleeps, so that another process on the core of a late member can finish.
 class Barrier {
  public:
-  explicit Barrier(int member_count) : slots_(member_count) {}
+  explicit Barrier(int member_count)
+      : slots_(member_count), spins_(static_cast<unsigned>(member_count) <= std::thread::hardware_concurrency()) {}
 
   // Everything the member did before is visible to members whose wait() returns after it. Each arrive() must
   // be followed by the member's own wait().
@@ -59,7 +61,7 @@ class Barrier {
   }
 
   void wait_for(const ArrivalSlot& other, unsigned target) {
-    if (common::spin_until([&] { return other.has_reached(target); })) return;
+    if (spins_ && common::spin_until([&] { return other.has_reached(target); })) return;
     sleeping_.fetch_add(1, std::memory_order_relaxed);
     full_fence();
     while (!other.has_reached(target)) {
@@ -70,6 +72,7 @@ class Barrier {
   }
 
   std::vector<ArrivalSlot> slots_;
+  bool spins_;
   alignas(128) std::atomic<int> sleeping_{0};
 };
 

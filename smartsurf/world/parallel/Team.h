@@ -54,8 +54,11 @@ class Team {
   void run(bool parallel, Work work) {
     const int count = member_count();
     const auto work_as_member = [&](int thread) { work(Member{count - 1 - thread, count, team_barrier_}); };
-    if (!(parallel && count > 1 && pool_->try_fork_join(work_as_member)))
-      work(Member{0, 1, serial_barrier_});
+    const auto work_alone = [&] { work(Member{0, 1, serial_barrier_}); };
+    if (parallel && count > 1)
+      pool_->fork_join_or(work_as_member, work_alone);
+    else
+      work_alone();
   }
 
  private:

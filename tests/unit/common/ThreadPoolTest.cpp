@@ -9,6 +9,7 @@
 #include <thread>
 #include <vector>
 
+using common::LossBudget;
 using common::ThreadPool;
 
 TEST(ThreadPool, ProcessesEachRowOnce) {
@@ -26,24 +27,27 @@ TEST(ThreadPool, ProcessesEachRowOnce) {
 }
 
 TEST(ThreadPool, RunsCheapWorkOnCaller) {
-  ThreadPool pool(3);
+  ThreadPool pool(3), sharing(3, 0.0);
   const auto caller = std::this_thread::get_id();
-  for (const double cost_ns :
-       {0.0, ThreadPool::kMinParallelCost_ns / 2, 2 * ThreadPool::kMinParallelCost_ns}) {
+  const auto count_bands = [&](ThreadPool& of, double cost_ns) {
     std::atomic<int> rows = 0, bands = 0, elsewhere = 0;
-    pool.parallel_for_rows(100, cost_ns, [&](int begin, int end) {
+    of.parallel_for_rows(100, cost_ns, [&](int begin, int end) {
       rows += end - begin;
       ++bands;
       elsewhere += std::this_thread::get_id() != caller;
     });
     EXPECT_EQ(rows, 100);
-    EXPECT_EQ(bands, cost_ns < ThreadPool::kMinParallelCost_ns ? 1 : 3);
     EXPECT_EQ(elsewhere, bands - 1);
-  }
+    return bands.load();
+  };
+  EXPECT_EQ(count_bands(pool, 0.0), 1);
+  EXPECT_EQ(count_bands(pool, ThreadPool::kMinParallelCost_ns / 2), 1);
+  EXPECT_EQ(count_bands(sharing, 0.0), 3);
+  EXPECT_TRUE(pool.pays(2 * ThreadPool::kMinParallelCost_ns));
 }
 
 TEST(ThreadPool, WakesSleepingThreads) {
-  ThreadPool pool(2);
+  ThreadPool pool(2, 0.0);
   for (int round = 0; round < 20; ++round) {
     if (round % 5 == 0) std::this_thread::sleep_for(std::chrono::milliseconds(2));
     int sum[2] = {0, 0};  // written by the pool's threads, read after the join
@@ -58,11 +62,12 @@ TEST(ThreadPool, ForkJoinRunsOnAllThreadsConcurrently) {
   for (int round = 0; round < 100; ++round) {
     std::atomic<int> arrived = 0;
     std::array<std::atomic<int>, kThreads> calls{};
-    ASSERT_TRUE(pool.try_fork_join([&](int thread) {
+    const auto meet = [&](int thread) {
       ++calls[static_cast<std::size_t>(thread)];
       ++arrived;
       while (arrived < kThreads) std::this_thread::yield();  // returns only if all threads are inside
-    }));
+    };
+    ASSERT_TRUE(pool.fork_join_or(meet, [] { ADD_FAILURE(); }));
     for (const auto& c : calls) ASSERT_EQ(c, 1) << round;
   }
 }
@@ -88,46 +93,33 @@ TEST(ThreadPool, AlternatesParallelForAndForkJoin) {
   std::atomic<long> sum = 0;
   for (int round = 0; round < 2000; ++round) {
     pool.parallel_for(5, [&](std::uint32_t index, unsigned) { sum += index; });
-    ASSERT_TRUE(pool.try_fork_join([&](int thread) { sum += thread; }));
+    ASSERT_TRUE(pool.fork_join_or([&](int thread) { sum += thread; }, [] {}));
   }
   EXPECT_EQ(sum, 2000 * (10 + 3));
 }
 
-// A thread that gets no core is a sleeping thread, as far as the caller can see. `wait` is what the caller does
-// meanwhile. Each pause is twice as long as the one before it.
-template <class Wait>
-void expect_pauses(int most_jobs_between, const Wait& wait) {
-  using namespace std::chrono_literals;
-  ThreadPool pool(2);
-  const auto start = std::chrono::steady_clock::now();
-  int shared = 0, alone = 0;
-  for (auto now = start; now - start < 400ms; now = std::chrono::steady_clock::now()) {
-    std::atomic<bool> slept = false;
-    if (pool.try_fork_join([&](int thread) {
-          if (thread == 0) return wait(slept);
-          std::this_thread::sleep_for(2ms);
-          slept = true;
-        })) {
-      ++shared;
-    } else {
-      ++alone;
-      std::this_thread::sleep_for(1ms);
+// Whether its threads come in time or not, each job runs once: on all of them or on the caller.
+TEST(ThreadPool, EachJobIsSharedOrAlone) {
+  for (const int threads : {2, 3, 5}) {
+    ThreadPool pool(threads);
+    const auto start = std::chrono::steady_clock::now();
+    for (int job = 0; std::chrono::steady_clock::now() - start < std::chrono::milliseconds(60); ++job) {
+      std::vector<int> calls(static_cast<std::size_t>(threads));
+      int alone = 0;
+      const auto spin = [] { common::spin_until([] { return false; }, std::chrono::microseconds(50)); };
+      const bool is_shared = pool.fork_join_or(
+          [&](int thread) {
+            ++calls[static_cast<std::size_t>(thread)];
+            spin();
+          },
+          [&] {
+            ++alone;
+            spin();
+          });
+      ASSERT_EQ(alone, is_shared ? 0 : 1);
+      for (const int n : calls) ASSERT_EQ(n, is_shared ? 1 : 0) << job;
     }
   }
-  EXPECT_GT(alone, 0);
-  EXPECT_GE(shared, 1);
-  const int pauses = (shared - 1) / most_jobs_between;  // that have ended
-  EXPECT_GE(std::chrono::steady_clock::now() - start, 30ms * ((1 << pauses) - 1)) << shared;
-}
-
-TEST(ThreadPool, PausesWhereThreadsGetNoCore) {
-  expect_pauses(1, [](const std::atomic<bool>&) {});
-}
-
-TEST(ThreadPool, SpinsInsideAJobCountAsWaits) {
-  expect_pauses(2, [](const std::atomic<bool>& slept) {
-    while (!common::spin_until([&] { return slept.load(); })) continue;
-  });
 }
 
 TEST(ThreadPool, SpinsEndWithTheWaitOrAfterAWhile) {
@@ -138,23 +130,67 @@ TEST(ThreadPool, SpinsEndWithTheWaitOrAfterAWhile) {
   EXPECT_FALSE(common::spin_until([] { return false; }));
 }
 
-TEST(ThreadPool, SharesAgainWhenTheCoresAreFree) {
-  ThreadPool pool(2);
-  const auto wait = [](int thread) {
-    if (thread == 1) std::this_thread::sleep_for(std::chrono::milliseconds(4));
-  };
-  for (int job = 0; pool.try_fork_join(wait) && job < 100;) ++job;
-  int waits = 0;
-  for (; !pool.try_fork_join([](int) {}) && waits < 10'000; ++waits)
-    std::this_thread::sleep_for(std::chrono::milliseconds(1));
-  EXPECT_LT(waits, 10'000);
-}
-
 TEST(ThreadPool, OneWithoutLeastCostAlwaysShares) {
   ThreadPool pool(2, 0.0);
-  for (int job = 0; job < 5; ++job) {
-    EXPECT_TRUE(pool.try_fork_join([](int thread) {
-      if (thread == 1) std::this_thread::sleep_for(std::chrono::milliseconds(4));
-    }));
+  const auto sleep = [](int thread) {
+    if (thread == 1) std::this_thread::sleep_for(std::chrono::milliseconds(4));
+  };
+  for (int job = 0; job < 5; ++job) EXPECT_TRUE(pool.fork_join_or(sleep, [] {}));
+}
+
+namespace {
+
+constexpr std::int64_t kMillisecond = 1'000'000;
+
+// A caller that works alone until the budget allows to share, in jobs of 1 ms. Returns when, in ms.
+std::int64_t time_until_allowed(LossBudget& budget, std::int64_t now_ns, std::int64_t cpu_ns_of_job = kMillisecond) {
+  std::int64_t ms = 0;
+  for (; ms < 10'000 && !budget.allows(now_ns + ms * kMillisecond); ++ms) budget.watch_alone(kMillisecond, cpu_ns_of_job);
+  return ms;
+}
+
+}  // namespace
+
+TEST(LossBudget, SharesOnceTheCallerIsUndisturbed) {
+  LossBudget budget;
+  EXPECT_FALSE(budget.allows(0));
+  EXPECT_FALSE(budget.is_pause(0));
+  EXPECT_EQ(time_until_allowed(budget, 0, kMillisecond / 2), 10'000);  // another program takes its core
+  EXPECT_EQ(time_until_allowed(budget, 0), 50);
+  EXPECT_TRUE(budget.allows(1));
+}
+
+TEST(LossBudget, LossesAreAFewPercentOfTheTime) {
+  LossBudget budget;
+  std::int64_t now_ns = 0, lost_ns = 0;
+  for (int job = 0; job < 20; ++job) {
+    now_ns += kMillisecond * time_until_allowed(budget, now_ns);
+    EXPECT_LE(100 * lost_ns, 3 * now_ns) << job;
+    const std::int64_t loss_ns = (1 + job % 5) * kMillisecond;
+    lost_ns += loss_ns, now_ns += loss_ns;
+    budget.charge(loss_ns, now_ns);
   }
+}
+
+TEST(LossBudget, GainsOutweighEarlierLossesOnly) {
+  LossBudget budget;
+  time_until_allowed(budget, 0);
+  for (int job = 0; job < 100; ++job) {
+    budget.charge(kMillisecond / 4, 0);
+    budget.charge(-kMillisecond / 4, 0);
+    ASSERT_TRUE(budget.allows(0));
+  }
+  budget.charge(-100 * kMillisecond, 0);
+  budget.charge(kMillisecond, 0);
+  EXPECT_FALSE(budget.allows(0));
+}
+
+// A stop of the whole machine is no reason to stay alone for minutes.
+TEST(LossBudget, PausesEnd) {
+  LossBudget budget;
+  time_until_allowed(budget, 0);
+  budget.charge(60'000 * kMillisecond, 0);
+  EXPECT_TRUE(budget.is_pause(999 * kMillisecond));
+  EXPECT_FALSE(budget.is_pause(1000 * kMillisecond));
+  EXPECT_EQ(time_until_allowed(budget, 0), 1000);
 }

@@ -109,7 +109,7 @@ TEST(ConstraintGraph, SameBatchesForAnyThreadCount) {
   ConstraintGraph alone;
   t.build(alone);
   for (const int members : {1, 2, 3, 7}) {
-    common::ThreadPool pool(members);
+    common::ThreadPool pool(members, 0.0);
     Team team(&pool);
     ConstraintGraph graph;
     team.run(true, [&](const Member& member) { t.build(graph, member); });

@@ -69,7 +69,7 @@ struct Shared {
   ConstraintGraph graph;
   SharedBatches shared_batches;
   explicit Shared(int members) {
-    common::ThreadPool pool(members);
+    common::ThreadPool pool(members, 0.0);
     Team team(&pool);
     team.run(true, [this](const Member& member) { work(member); });
   }

@@ -41,7 +41,7 @@ using Pairs = std::multiset<std::pair<int, int>>;
 
 // Each of n members contributes every n-th body.
 void build(UniformGrid& grid, const Cloud& cloud, int members = 1) {
-  common::ThreadPool pool(members);
+  common::ThreadPool pool(members, 0.0);
   Team team(&pool);
   std::vector<std::int32_t> all(cloud.position.size());
   std::iota(all.begin(), all.end(), 0);

@@ -1,0 +1,48 @@
+// When jobs of a thread pool are shared, so that they never cost much where other programs keep the cores busy.
+#pragma once
+
+#include <algorithm>
+#include <cstdint>
+
+namespace common {
+
+// What shared jobs lose against the caller alone is kept below kMostLossShare of the time: after a loss, the caller
+// works alone for as long. Then, and at first, it must have had its own core to itself for kCalm_ns of work. Times are
+// those of one clock, in ns.
+class LossBudget {
+ public:
+  static constexpr std::int64_t kMostLoss_ns = 500'000, kMostPause_ns = 1'000'000'000, kCalm_ns = 50'000'000;
+  static constexpr std::int64_t kMostLossShare_percent = 3;
+
+  bool allows(std::int64_t now_ns) noexcept {
+    if (is_spent_) is_spent_ = calm_ns_ < kCalm_ns || is_pause(now_ns);
+    return !is_spent_;
+  }
+  // After a loss. Jobs whose threads do not wait for each other need no calm.
+  bool is_pause(std::int64_t now_ns) const noexcept { return now_ns < pause_end_ns_; }
+
+  // For a shared job. A negative loss is a gain, which counts against earlier losses only.
+  void charge(std::int64_t loss_ns, std::int64_t now_ns) noexcept {
+    lost_ns_ = std::max<std::int64_t>(0, lost_ns_ + loss_ns);
+    if (lost_ns_ <= kMostLoss_ns) return;
+    pause_end_ns_ = now_ns + std::min(lost_ns_ * 100 / kMostLossShare_percent, kMostPause_ns);
+    is_spent_ = true;
+    lost_ns_ = calm_ns_ = 0;
+  }
+
+  // For a job that the caller did alone, in wall_ns, of which it had a core for cpu_ns. Where it loses its core, there
+  // are more programs than cores; a little goes to the system itself.
+  void watch_alone(std::int64_t wall_ns, std::int64_t cpu_ns) noexcept {
+    constexpr std::int64_t kSystem_ns = 50'000, kSystemShare_percent = 5;
+    const bool lost_core = wall_ns - cpu_ns > kSystem_ns + wall_ns * kSystemShare_percent / 100;
+    calm_ns_ = lost_core ? 0 : calm_ns_ + wall_ns;
+  }
+
+ private:
+  bool is_spent_ = true;
+  std::int64_t lost_ns_ = 0;  // since shared jobs last gained as much
+  std::int64_t pause_end_ns_ = 0;
+  std::int64_t calm_ns_ = 0;  // work of the caller alone since it last lost its core
+};
+
+}  // namespace common
