@@ -18,6 +18,9 @@ from ._rerun import HEIGHT, Rerun
 from ._simulation import Simulation
 
 
+_LEAST_KNOWN = 0.2  # of the readings
+
+
 @dataclass
 class Identified:
     """The result of identify(). values: of each parameter its value and standard error."""
@@ -57,6 +60,10 @@ def identify(recordings: Sequence[str | pathlib.Path], experiment: str | pathlib
         if all(np.ptp(r.commands[channel], axis=0).max() == 0 for r in read_in if channel in r.commands):
             raise RecordingError(f"{read_in[0].path}: no excitation: the commands of '{channel}' never change")
         readings = [r.readings[height] for r in read_in]
+        share = float(np.isfinite(np.concatenate(readings)).mean())
+        if share < _LEAST_KNOWN:
+            raise RecordingError(f"{read_in[0].path}: of {100 * share:.0f} % of its readings the command in force is known: too many frames were lost "
+                                 "or late")
         declared = [result[HEIGHT] for result in rerun.run({})]
         rerun.run({prefix + "latency": 0}, most_frames=1)
         cells = fit_cells(rerun, channel, prefix, readings)

@@ -241,14 +241,16 @@ class Identification(ProgramTest):
         text = public().replace("left[cell] or 0", "left[cell] or 100").replace("at(5,", "at(8,")
         self.record("table", text, *(word for name, value in (*((f"actuator.{name}", value) for name, value in truth.items()),
                                                               ("sensor.pin_height.noise", 0.006)) for word in ("--vary", f"{name}={value}")))
-        with h5py.File(self.folder / "table.h5") as whole, h5py.File(self.folder / "live.h5", "w") as live:
-            count = len(whole["tick"]) - 1
-            keep = np.array([k for k in range(40, count) if draw.random() > 0.04])
-            for name in ("meta", "surface"):
-                whole.copy(name, live)
-            live["tick"], live["answers/tick"], live["clock/host_ns"] = (whole["tick"][:][keep] for _ in range(3))
-            live["sensors/pin_height"] = whole["sensors/pin_height"][:][keep]
-            live["actuators/height"] = whole["actuators/height"][:][keep + 1]
+        for name, lost in (("busy", 0.6), ("live", 0.04)):
+            with h5py.File(self.folder / "table.h5") as whole, h5py.File(self.folder / f"{name}.h5", "w") as live:
+                count = len(whole["tick"]) - 1
+                keep = np.array([k for k in range(40, count) if draw.random() > lost])
+                for group in ("meta", "surface"):
+                    whole.copy(group, live)
+                live["tick"], live["answers/tick"], live["clock/host_ns"] = (whole["tick"][:][keep] for _ in range(3))
+                live["sensors/pin_height"] = whole["sensors/pin_height"][:][keep]
+                live["actuators/height"] = whole["actuators/height"][:][keep + 1]
+        self.refused("too many frames were lost or late", "busy.h5", "--experiment", "table.lua", "-o", "identified.lua")
         status, _, err = self.identify("live.h5", "--experiment", "table.lua", "-o", "identified.lua")
         self.assertEqual(status, 0, err)
         found = json.loads((self.folder / "identified.json").read_text())["parameters"]
