@@ -32,7 +32,7 @@ class NativeEngine final : public Engine {
 
   std::string name() const override { return "native"; }
   // The number after "physics" is raised whenever equal inputs give other bits.
-  std::string version() const override { return SMARTSURF_VERSION "+physics13"; }
+  std::string version() const override { return SMARTSURF_VERSION "+physics14"; }
   scene::ObjectId add(const scene::ObjectSpec&) override;
   bool alive(scene::ObjectId id) const override { return bodies_.find(id) >= 0; }
   bool remove(scene::ObjectId) override;
@@ -92,6 +92,7 @@ class NativeEngine final : public Engine {
   void update_broadphase(const Member&);
   void find_contacts(const Member&);
   void correct_seams(const Member&);
+  void lead_turning_cells();
   void share_force_limits();
   void collect_tip_contacts();
   void collect_skin_contacts();

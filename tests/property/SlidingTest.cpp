@@ -126,6 +126,34 @@ TEST(Sliding, RealStepsStopABox) {
   }
 }
 
+// The rim of a disc passes over the edges of narrow tops at any angle.
+TEST(Sliding, DiscsSlideOverNarrowTops) {
+  std::mt19937 random(9);
+  const auto uniform = [&](double low, double high) {
+    return std::uniform_real_distribution<double>(low, high)(random);
+  };
+  for (int draw = 0; draw < 24; ++draw) {
+    SCOPED_TRACE(draw);
+    PhysicsFixture fixture;
+    fixture.scene.world.dt_s = 1.0 / (draw % 2 == 0 ? 60 : 240);
+    fixture.scene.world.iterations = draw % 3 == 0 ? 40 : 10;
+    fixture.scene.surface.pin.top_x = fixture.scene.surface.pin.top_y = 0.5;
+    const double slope = uniform(0.1, 0.5), heading = uniform(-3, 3), radius = uniform(0.9, 1.5), start = uniform(0, 2),
+                 mu = uniform(0, 0.7) * std::tan(slope), seconds = 1.0;
+    const Eigen::Vector3d along(std::cos(heading), std::sin(heading), 0);
+    fixture.scene.materials[0].friction = mu;
+    fixture.scene.world.gravity = kGravity * (std::sin(slope) * along - std::cos(slope) * Eigen::Vector3d::UnitZ());
+    auto disc = cylinder(radius, 0.4, {15.5, 15.5, 0.2});
+    disc.velocity = start * along;
+    const auto id = fixture.add(disc);
+    fixture.run(seconds);
+    const Eigen::Vector3d moved = fixture.position(id).cast<double>() - Eigen::Vector3d(15.5, 15.5, 0.2);
+    const double acceleration = kGravity * (std::sin(slope) - mu * std::cos(slope)),
+                 way = start * seconds + 0.5 * acceleration * seconds * seconds;
+    EXPECT_LT((moved - way * along).norm(), 0.01 * way + (start + acceleration) * fixture.scene.world.dt_s + 0.003);
+  }
+}
+
 class Rolling : public testing::TestWithParam<double> {};
 
 TEST_P(Rolling, SphereAcceleratesAtFiveSeventhsOfGSine) {

@@ -303,6 +303,13 @@ class PartOnField {
     return true;
   }
 
+  // Of a disc whose face is level with the tops, the normal of the round cores would hold back the rim where it comes
+  // over a top.
+  bool is_level_disc() const {
+    constexpr float kLevel = 0.9999F;
+    return part_.shape.kind == ShapeKind::kCylinder && std::abs(axes_.col(2).z()) > kLevel;
+  }
+
   // Used for curved parts, where SAT gives only a lower bound.
   void collide_with_gjk(const Plateau& p, const Escape& sat_axis, Candidates& out) const {
     const ClosestPoints closest = closest_to(p.column, sat_axis.normal);
@@ -312,7 +319,9 @@ class PartOnField {
     // bound.
     const float sharp_separation =
         closest.normal.dot(proxy_.sharp_support(-closest.normal)) - p.column.max_projection(closest.normal);
-    const Escape axis{closest.normal, std::max(sharp_separation, sat_axis.separation)};
+    Escape axis{closest.normal, std::max(sharp_separation, sat_axis.separation)};
+    if (is_level_disc() && sharp_separation <= sat_axis.separation) axis.normal = sat_axis.normal;
+    if (is_level_disc() && axis.normal.z() < kMaxRimNormalZ && rides_up(Vec3::Zero(), p.column.top, low_.z())) return;
     if (axis.separation > margin_) return;
     if (axis.normal.z() < -0.01F ||
         p.column.leans_over_bridge(axis.normal.x(), axis.normal.y(), kLeanTolerance)) {
@@ -327,7 +336,7 @@ class PartOnField {
       add_contact_patch(part_feature, top_edge(p.column, axis.normal), axis.normal, margin_, 0, found);
     // Samples of a rim may miss where it is deepest.
     if (found.min_separation() > axis.separation + kTolerance)
-      found.add({closest.on_b + kColumnConvexRadius * closest.normal, axis.normal, axis.separation, 0});
+      found.add({closest.on_b + kColumnConvexRadius * axis.normal, axis.normal, axis.separation, 0});
     add(p, found, out);
   }
 
@@ -462,6 +471,7 @@ class PartOnField {
     out.push_back(c);
   }
 
+  static constexpr float kMaxRimNormalZ = 0.75F;
   static constexpr float kColumnConvexRadius = 0.01F, kTolerance = 2e-4F, kEdgeTolerance = 4e-3F;  // u
   const Columns& columns_;
   const ConvexPart& part_;

@@ -132,21 +132,27 @@ float PairSweep::time_of_impact() const {
 }
 
 float PairSweep::time_of_overlap() const {
-  // Depths up to which the gap between two parts is known, and known to be on the right side.
-  const auto measurable_depth = [](const ConvexPart& part) {
+  // Depths up to which parts may overlap, and up to which the gap between them is known, and known to be on the right
+  // side.
+  const auto allowed_depth = [](const ConvexPart& part) {
     if (part.shape.is_sphere()) return 0.5F * part.shape.bounding_radius;
     if (part.hull != nullptr) return part.hull->convex_radius;
     return std::min(part.shape.convex_radius, kAllowedOverlap * part.shape.width);
+  };
+  const auto known_depth = [](const ConvexPart& part) {
+    if (part.shape.is_sphere()) return 0.9F * part.shape.bounding_radius;
+    return 0.9F * (part.hull != nullptr ? part.hull->convex_radius : part.shape.convex_radius);
   };
   const Placed a = a_.at(0.0F), b = b_.at(0.0F);
   float first = kNever;
   for_each_part(a_.shape, [&](const ConvexPart& part_a) {
     for_each_part(b_.shape, [&](const ConvexPart& part_b) {
-      const float measurable = measurable_depth(part_a) + measurable_depth(part_b);
-      // Parts that overlap already are let in deeper by a share of what is left.
-      const float start = std::min(0.0F, gap(part_a, part_b, a, b, travel_).distance + 0.25F * measurable);
-      const float left = measurable + start;
-      if (left < 0.1F * measurable) return;
+      const float allowed = allowed_depth(part_a) + allowed_depth(part_b);
+      // Parts that overlap already are let in deeper by a share of what is left, or the last bit of what is known.
+      const float start = std::min(0.0F, gap(part_a, part_b, a, b, travel_).distance + 0.25F * allowed);
+      const float known = known_depth(part_a) + known_depth(part_b);
+      const float left = std::max(allowed + start, std::min(0.1F * allowed, known + start));
+      if (left < 0.1F * allowed) return;
       first =
           std::min(first, advance(part_a, part_b, std::min(first, dt_s_),
                                   {start - 0.5F * left, start - 0.3F * left}, [](float) { return true; }));

@@ -283,6 +283,7 @@ void HeavyIslandSolver::collect_points(const Step& step) {
         p.row[0] = o.a[lane], p.row[1] = of_pair ? o.b[lane] : -1;
         p.is_sphere = is_sphere_kind(kind);
         p.steady_impulse = static_cast<double>(points.point[k].normal_impulse[lane]);
+        p.keep(points.point[k]);
         each(p, island);
       }
     }
@@ -326,6 +327,37 @@ void HeavyIslandSolver::share_islands() {
     const auto least = std::ranges::min_element(work);
     islands_[i].member = static_cast<std::int32_t>(least - work.begin());
     *least += work_of(islands_[i]);
+  }
+}
+
+void HeavyIslandSolver::Point::keep(const BatchPoint& q) {
+  impulse[0] = q.normal_impulse[lane];
+  for (int i = 0; i < 3; ++i) impulse[1 + i] = q.friction_impulse[i][lane];
+}
+
+void HeavyIslandSolver::exchange_impulses(std::span<Point> island, const BatchPoints& points,
+                                          const SolverBodies& rows) {
+  for (Point& p : island) {
+    BatchPoint& q = points.point[p.index];
+    const BatchPointDetail& d = points.detail[p.index];
+    const Vec3 n = load(q.normal, p.lane).cast<float>();
+    float(&kept)[4] = p.impulse;
+    Vec3 change = (kept[0] - q.normal_impulse[p.lane]) * n;
+    std::swap(kept[0], q.normal_impulse[p.lane]);
+    for (int i = 0; i < 3; ++i) {
+      change[i] += kept[1 + i] - q.friction_impulse[i][p.lane];
+      std::swap(kept[1 + i], q.friction_impulse[i][p.lane]);
+    }
+    for (int side = 0; side < 2; ++side) {
+      if (p.body[side] < 0) continue;
+      const std::int32_t row = p.row[side];
+      BodyVelocity& m = rows.velocity[row];
+      Vec3 anchor = load(side == 0 ? d.anchor_a : d.anchor_b, p.lane).cast<float>();
+      if (p.is_sphere) anchor = n * (side == 0 ? -q.radius_a[p.lane] : q.radius_b[p.lane]);
+      const Vec3 along = side == 0 ? change : Vec3(-change);
+      const Vec3 spin = to_matrix(rows.inverse_inertia[row]) * anchor.cross(along);
+      for (int i = 0; i < 3; ++i) m.velocity[i] += m.inverse_mass * along[i], m.angular_velocity[i] += spin[i];
+    }
   }
 }
 
@@ -388,6 +420,7 @@ void HeavyIslandSolver::set_up(Point& p, const BatchPoints& points, const Solver
   normal.change = 0.0;
   p.bears = normal.impulse > 0.0 || normal.error > 0.0;
   p.sticks = q.friction[p.lane] > 0.0F;
+  p.stuck_again = !p.sticks;
 }
 
 void HeavyIslandSolver::set_up(PatchFriction& f, const SolverBodies& rows) {
@@ -449,6 +482,11 @@ void HeavyIslandSolver::solve_island(const Island& island, const BatchPoints& po
   BlockCholesky& matrix = data.matrix;
   double* const b = data.right_side;
   matrix.reset(island.body_count);
+  exchange_impulses(of_island, points, rows);
+  const auto give_up = [&] {
+    exchange_impulses(of_island, points, rows);
+    for (Point& p : of_island) p.keep(points.point[p.index]);
+  };
   for (Point& p : of_island) {
     set_up(p, points, rows, p.row[1] < 0 ? static_params : pair_params, is_soft);
     std::fill_n(p.in_matrix, 3, false);
@@ -485,7 +523,7 @@ void HeavyIslandSolver::solve_island(const Island& island, const BatchPoints& po
         f.add_force({s[0].stiffness * s[0].error, s[1].stiffness * s[1].error, s[2].stiffness * s[2].error},
                     b);
     }
-    if (!matrix.factor()) return;
+    if (!matrix.factor()) return give_up();
     matrix.solve(b);
     changed = false;
     for (Point& p : of_island) {
@@ -497,11 +535,18 @@ void HeavyIslandSolver::solve_island(const Island& island, const BatchPoints& po
       p.bears = bears;
       const double limit =
           static_cast<double>(points.point[p.index].friction[p.lane]) * (normal.impulse + normal.change);
-      double friction[2];
+      double friction[2], work = 0.0;
       for (int k = 0; k < 2; ++k) {
         Spring& t = p.spring[1 + k];
-        if (p.sticks) t.change = t.stiffness * p.lacking_speed(1 + k, b);
+        const double lack = p.lacking_speed(1 + k, b);
+        if (p.sticks) t.change = t.stiffness * lack;
         friction[k] = t.impulse + t.change;
+        work += friction[k] * lack;
+      }
+      // Friction that drives the slip on is that of a point which sticks.
+      if (!p.sticks && bears && work < 0.0 && !p.stuck_again) {
+        p.sticks = p.stuck_again = changed = true;
+        continue;
       }
       const double length = std::sqrt(friction[0] * friction[0] + friction[1] * friction[1]);
       if (length <= limit) continue;
@@ -514,10 +559,10 @@ void HeavyIslandSolver::solve_island(const Island& island, const BatchPoints& po
       for (int k = 0; f.patch->is_lumped && k < 3; ++k)
         f.spring[k].change = f.spring[k].stiffness * f.lacking_speed(k, b);
   }
-  if (std::ranges::any_of(of_island, [&](Point& p) {
+  if (changed || std::ranges::any_of(of_island, [&](Point& p) {
         return p.normal().impulse + p.normal().change > island.greatest_impulse;
       }))
-    return;
+    return give_up();
   const auto apply = [&](const Springs& s, int k, std::int32_t row, int side) {
     BodyVelocity& m = rows.velocity[row];
     const double* const axis = s.jacobian[side][k];
@@ -534,7 +579,7 @@ void HeavyIslandSolver::solve_island(const Island& island, const BatchPoints& po
     const auto change = static_cast<float>(p.normal().change);
     q.normal_impulse[p.lane] = std::max(0.0F, q.normal_impulse[p.lane] + change);
     if (!is_soft) {
-      q.total_normal_impulse[p.lane] += change;
+      q.total_normal_impulse[p.lane] += q.normal_impulse[p.lane] - p.impulse[0];
       p.steady_impulse = static_cast<double>(q.normal_impulse[p.lane]);
     }
     for (int k = 0; k < 3; ++k) {
@@ -544,6 +589,7 @@ void HeavyIslandSolver::solve_island(const Island& island, const BatchPoints& po
       for (int side = 0; side < 2; ++side)
         if (p.body[side] >= 0) apply(p, k, p.row[side], side);
     }
+    p.keep(q);
   }
   for (const PatchFriction& f : patches)
     for (int k = 0; k < 3 && f.patch->is_lumped; ++k) {

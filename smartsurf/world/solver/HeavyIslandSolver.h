@@ -89,8 +89,11 @@ class HeavyIslandSolver {
     std::int32_t index, lane;  // in the batch points
     std::int32_t row[2];       // −1: static
     bool is_sphere;            // its anchor is along the normal
-    bool bears, sticks;
+    bool bears, sticks, stuck_again;
     double steady_impulse;  // normal, of the last relax stage
+    // Normal, and the vector of friction: before the sweep; during solve_island(), after it.
+    float impulse[4];
+    void keep(const BatchPoint&);
     Spring& normal() { return spring[0]; }
   };
   // The friction of a support patch whose cells rest and none of which slips: along x and y, and about z.
@@ -119,6 +122,9 @@ class HeavyIslandSolver {
   void share_islands();
   void solve_island(const Island&, const BatchPoints&, const SolverBodies&, const SubstepParams& pair_params,
                     const SubstepParams& static_params, bool is_soft, MemberData&);
+  // Takes back what the sweep has done, or does it again: it makes friction in a stack at rest that the direct solution
+  // would have to take out again.
+  static void exchange_impulses(std::span<Point>, const BatchPoints&, const SolverBodies&);
   static void set_up(Point&, const BatchPoints&, const SolverBodies&, const SubstepParams&, bool is_soft);
   static void set_up(PatchFriction&, const SolverBodies&);
 
