@@ -217,7 +217,8 @@ class Lowering {
   Value lower_propagation(const Builtin&, const Expressions&, Location, ResultDestination*);
   Value lower_scatter(const Builtin&, const Expressions&, Location, ResultDestination*);
   Value emit_out_of_place(program::Opcode, const std::vector<Value>& sources,
-                          std::vector<program::Operand> extra_operands, ResultDestination*, Location);
+                          std::vector<program::Operand> extra_operands, ResultDestination*, Location,
+                          std::optional<Shape> of_any_types = {});
 
   // LowerFilter.cpp
   Value lower_filter(const Builtin&, const Expressions&, Location, ResultDestination*);
