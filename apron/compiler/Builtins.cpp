@@ -49,6 +49,7 @@ constexpr Builtin kBuiltins[] = {
     {"distance", Form::kPropagate, 1, 1, Op::kDistance},
     {"spread.max", Form::kPropagate, 2, 2, Op::kSpreadMax},
     {"spread.sum", Form::kPropagate, 2, 2, Op::kSpreadSum},
+    {"spread.number", Form::kPropagate, 1, 1, Op::kSpreadNumber},
     {"scatter.sum", Form::kScatter, 2, 2, Op::kScatter},
     {"histogram", Form::kScatter, 1, 1, Op::kScatter},
     {"matrix.product", Form::kMatrixProduct, 3, 3, Op::kMatrixProduct},

@@ -86,8 +86,8 @@ Value Lowering::lower_neighbourhood(const Builtin& builtin, const Expressions& a
                            destination, location);
 }
 
-// Computed with floats, which hold all results but sums of integers and int32. Seeds and masks are truths of
-// any type; flood and distance give registers of the mask's type, and what spreads is of its own.
+// Seeds and masks are truths of any type; flood and distance give registers of the mask's type, and what
+// spreads is of its own.
 Value Lowering::lower_propagation(const Builtin& builtin, const Expressions& arguments, Location location,
                                   ResultDestination* destination) {
   using program::CellType;
@@ -95,19 +95,15 @@ Value Lowering::lower_propagation(const Builtin& builtin, const Expressions& arg
   for (const Expression& argument : arguments)
     sources.push_back(lower_register(argument, fmt::format("'{}'", builtin.name)));
   const bool spreads = builtin.op == Opcode::kSpreadMax || builtin.op == Opcode::kSpreadSum;
-  const CellType type = builder_.shape(spreads ? sources.front() : sources.back()).type;
-  const bool is_short = type == CellType::kUint8 || type == CellType::kUint16;
-  if (builtin.op == Opcode::kSpreadMax && is_short)
-    sources[0] = emit_conversion(Opcode::kConvert, sources[0], CellType::kFloat32, nullptr, location);
-  if (spreads) check_types(builtin.op, {sources.front()}, location);
-  const bool is_exact =
-      builtin.op == Opcode::kSpreadSum ? type != CellType::kFloat32 : spreads && type == CellType::kInt32;
-  for (std::size_t i = spreads ? 1 : 0; i < sources.size(); ++i)
-    sources[i] = truth_of_type(sources[i], is_exact ? type : CellType::kFloat32, location);
-  if (type == CellType::kFloat32 || is_exact)
-    return emit_out_of_place(builtin.op, sources, {}, destination, location);
+  const Shape shape = builder_.shape(spreads ? sources.front() : sources.back());
+  if (builtin.op == Opcode::kSpreadNumber)
+    return emit_out_of_place(builtin.op, sources, {}, destination, location, shape.of_type(CellType::kInt32));
+  if (builtin.op != Opcode::kDistance || !shape.is_integer())
+    return emit_out_of_place(builtin.op, sources, {}, destination, location, shape);
+  // Computed with floats, which hold all distances.
+  sources[0] = truth_of_type(sources[0], CellType::kFloat32, location);
   const Value result = emit_out_of_place(builtin.op, sources, {}, nullptr, location);
-  return emit_conversion(Opcode::kConvert, result, type, destination, location);
+  return emit_conversion(Opcode::kConvert, result, shape.type, destination, location);
 }
 
 // The sums have the type of what is added. Numbers add up in the destination, or in floats; a histogram
@@ -139,16 +135,20 @@ Value Lowering::lower_scatter(const Builtin& builtin, const Expressions& argumen
 
 Value Lowering::emit_out_of_place(Opcode op, const std::vector<Value>& sources,
                                   std::vector<program::Operand> extra_operands,
-                                  ResultDestination* destination, Location location) {
+                                  ResultDestination* destination, Location location,
+                                  std::optional<Shape> of_any_types) {
   check_machine_read(op, sources, location);
   check_types(op, sources, location);
-  check_shapes(sources, location);
-  const Shape shape = builder_.shape(sources.front());
+  const Shape shape = of_any_types.value_or(builder_.shape(sources.front()));
+  for (const Value& source : sources)
+    if (!of_any_types || !shape.has_size_of(builder_.shape(source)))
+      check_shapes({sources.front(), source}, location);
   Value result;
   bool in_destination = false;
   if (destination != nullptr) {
     result = resolve_destination(*destination, true, shape);
-    check_shapes({result, sources.front()}, location);
+    if (builder_.shape(result) != shape)
+      check_shapes({result, of_any_types ? builder_.allocate_temporary(shape) : sources.front()}, location);
     in_destination =
         std::ranges::none_of(sources, [&](const Value& source) { return source.index == result.index; });
     destination->used = in_destination;

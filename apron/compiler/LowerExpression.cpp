@@ -59,10 +59,14 @@ Value Lowering::lower(const Expression& expression, ResultDestination* destinati
   return {};
 }
 
+void Lowering::check_no_array(const Expression& name) const {
+  if (symbols_.find_array(name.text) != nullptr)
+    fail(name.location, "'{0}' is an array; {0}[0] is its first element", display_name(name.text));
+}
+
 Value Lowering::lower_name(const Expression& name, ResultDestination* destination) {
   const Symbol* symbol = symbols_.find(name.text);
-  if (symbol == nullptr && symbols_.find_array(name.text) != nullptr)
-    fail(name.location, "'{0}' is an array; {0}[0] is its first element", display_name(name.text));
+  if (symbol == nullptr) check_no_array(name);
   if (symbol == nullptr) {
     const Builtin* builtin = find_builtin(name.text);
     if (builtin != nullptr && builtin->min_arguments == 0) return lower_call(*builtin, name, {}, destination);
@@ -317,6 +321,8 @@ Value Lowering::resolve_destination(ResultDestination& destination, bool is_regi
 Value Lowering::resolve_target(const Expression& target, bool is_register, Shape shape) {
   const bool is_element = target.kind == ExpressionKind::kElement;
   const Symbol* symbol = is_element ? &find_element(target) : symbols_.find(target.text);
+  if (symbol == nullptr && !is_element) check_no_array(target);
+  if (!is_register && (symbol == nullptr || !symbol->value.is_register())) check_unmasked_result(target);
   if (symbol == nullptr && is_macro_name(target.text)) return create_macro_local(target, is_register, shape);
   if (symbol == nullptr) return create_scalar(target, is_register);
   if (symbol->value.kind == Value::Kind::kNone) throw AlreadyReported{};
@@ -410,9 +416,9 @@ const std::string& Lowering::string_literal(const Expression& expression, std::s
   return expression.text;
 }
 
-std::string Lowering::describe_name(const Value& value) const {
+std::string Lowering::describe_name(const Value& value, std::string_view unnamed) const {
   const Symbol* symbol = symbols_.find_register(value.index);
-  return symbol == nullptr ? "another operand is" : fmt::format("'{}' is", symbol->name);
+  return symbol == nullptr ? fmt::format("{} is", unnamed) : fmt::format("'{}' is", symbol->name);
 }
 
 std::string Lowering::describe_shape(const Value& value) const {
@@ -429,7 +435,7 @@ void Lowering::check_shapes(const std::vector<Value>& values, Location location)
     if (a.has_size_of(b))
       fail(location,
            "the registers of one instruction have one type, but {} {} and {} {}: convert one, {}(…) or {}(…)",
-           describe_name(*first), program::cell_type_name(a.type), describe_name(value),
+           describe_name(*first, "one operand"), program::cell_type_name(a.type), describe_name(value),
            program::cell_type_name(b.type), program::cell_type_name(a.type), program::cell_type_name(b.type));
     fail(location, "the registers of one instruction have one shape, but {} and {}", describe_shape(*first),
          describe_shape(value));

@@ -61,6 +61,8 @@ void Lowering::check_arguments(const syntax::MacroExpansion& expansion) const {
 void Lowering::enter_macro(const syntax::MacroExpansion& expansion, std::span<const Statement> body) {
   MacroScope scope;
   scope.result_name = expansion.result_name;
+  scope.results = expansion.results;
+  scope.wheres = open_wheres();
   for (const syntax::ArgumentBinding& binding : expansion.bindings) {
     find_shape(binding.value, shape_hint_);
     Symbol symbol{{}, binding.value.location, false, display_name(binding.name), false};
@@ -235,6 +237,17 @@ Value Lowering::create_macro_local(const Expression& target, bool is_register, S
     scopes_[target.owner].values.push_back(fresh.value);
   }
   return fresh.value;
+}
+
+// A function's result that is a number is one for all cells.
+void Lowering::check_unmasked_result(const Expression& target) const {
+  const auto scope = scopes_.find(target.owner);
+  if (scope == scopes_.end() || open_wheres() == scope->second.wheres) return;
+  const std::string name = display_name(target.text).substr(1);
+  if (std::ranges::find(scope->second.results, name) != scope->second.results.end())
+    fail(target.location,
+         "the result '{}' is a scalar here, and 'where' masks registers only: begin with !register({})", name,
+         name);
 }
 
 // True if the body only computes the result as a scalar from a register.

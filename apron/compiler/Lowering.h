@@ -76,6 +76,8 @@ class Lowering {
     std::vector<std::string> names;  // local ones
     std::vector<Value> values;
     std::string result_name;
+    std::vector<std::string> results;  // of a function: its local names
+    std::size_t wheres = 0;            // that were open when the body began
     // What its local registers ignore: base masks, and where-blocks before that many. None: nothing.
     std::optional<std::size_t> mask_base = std::nullopt;
     std::vector<MergedRegister> merged;
@@ -130,6 +132,7 @@ class Lowering {
   void leave_macro(std::uint32_t expansion);
   Value lower_expansion(const Expression&);
   bool always_writes_result(const syntax::MacroExpansion&, const MacroBody&) const;
+  void check_unmasked_result(const Expression& target) const;
   bool is_reduction(const syntax::MacroExpansion&) const;
   Value create_macro_local(const Expression&, bool is_register, Shape);
   void isolate_from_masks(MacroScope&, const MacroBody&, Location);
@@ -155,6 +158,7 @@ class Lowering {
 
   // LowerExpression.cpp
   Value lower(const Expression&, ResultDestination* = nullptr);
+  void check_no_array(const Expression& name) const;
   Value lower_name(const Expression&, ResultDestination* = nullptr);
   Value lower_binary(const Expression&, ResultDestination*);
   bool has_calls(const Expression&) const;
@@ -175,7 +179,7 @@ class Lowering {
   int integer_constant(const Expression&, std::string_view subject);
   float number_constant(const Expression&, std::string_view subject);
   const std::string& string_literal(const Expression&, std::string_view subject) const;
-  std::string describe_name(const Value&) const;
+  std::string describe_name(const Value&, std::string_view unnamed = "another operand") const;
   std::string describe_shape(const Value&) const;
   void check_shapes(const std::vector<Value>&, Location) const;
   void check_types(program::Opcode, const std::vector<Value>& registers, Location) const;
@@ -217,7 +221,8 @@ class Lowering {
   Value lower_propagation(const Builtin&, const Expressions&, Location, ResultDestination*);
   Value lower_scatter(const Builtin&, const Expressions&, Location, ResultDestination*);
   Value emit_out_of_place(program::Opcode, const std::vector<Value>& sources,
-                          std::vector<program::Operand> extra_operands, ResultDestination*, Location);
+                          std::vector<program::Operand> extra_operands, ResultDestination*, Location,
+                          std::optional<Shape> of_any_types = {});
 
   // LowerFilter.cpp
   Value lower_filter(const Builtin&, const Expressions&, Location, ResultDestination*);

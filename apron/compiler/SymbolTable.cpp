@@ -110,8 +110,11 @@ void SymbolTable::add_class(const syntax::Declaration& declaration) {
 
 void SymbolTable::add_array(const std::string& name, bool of_variables, std::vector<Symbol> elements,
                             syntax::Location location) {
-  if (aliases_.contains(name) || find(name) != nullptr)
+  if (find(name) != nullptr || arrays_.contains(name))
     fail(location, "'{}' is declared already", display_name(name));
+  if (const auto alias = aliases_.find(name); alias != aliases_.end())
+    fail(location, "'{}' is a name of the class {}, whose elements are {}[…]: choose another", name,
+         alias->second, name);
   ElementClass array{of_variables, location, {}, {}};
   for (std::size_t i = 0; i < elements.size(); ++i) {
     array.order.push_back(fmt::format("{}", i));

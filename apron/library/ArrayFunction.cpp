@@ -1,6 +1,7 @@
 #include "apron/library/ArrayFunction.h"
 
 #include <algorithm>
+#include <iterator>
 
 #include "apron/program/Reachability.h"
 #include "common/error/UserError.h"
@@ -28,6 +29,19 @@ std::vector<bool> written_registers(const program::Program& program) {
   return written;
 }
 
+// By register: whether an instruction may read it.
+std::vector<bool> read_registers(const program::Program& program) {
+  std::vector<bool> read(program.registers.size(), false);
+  for (const program::Instruction& instruction : program.code)
+    for (const program::Operand& operand : instruction.operands) {
+      if (operand.kind == OperandKind::kRegister) read[operand.index] = true;
+      if (operand.kind == OperandKind::kGroup)
+        for (const std::uint32_t member : program.groups[operand.index].members)
+          if (member < read.size()) read[member] = true;  // of registers or of scalars
+    }
+  return read;
+}
+
 vm::VmOptions vm_options(const FunctionOptions& options) {
   vm::VmOptions result;
   result.threads = options.threads;
@@ -48,10 +62,12 @@ std::uint64_t instructions_per_advance(const program::Program& program) {
 }  // namespace
 
 FunctionSignature find_signature(const program::Program& program) {
-  const std::vector<bool> written = written_registers(program);
+  const std::vector<bool> written = written_registers(program), read = read_registers(program);
   FunctionSignature signature;
   for (std::uint32_t i = 0; i < program.registers.size(); ++i)
     if (is_named(program.registers[i].name)) (written[i] ? signature.outputs : signature.inputs).push_back(i);
+  std::ranges::copy_if(signature.inputs, std::back_inserter(signature.needed),
+                       [&](std::uint32_t i) { return read[i]; });
   for (std::uint32_t i = 0; i < program.variables.size(); ++i)
     if (is_named(program.variables[i].name)) signature.scalars.push_back(i);
   return signature;
@@ -69,7 +85,7 @@ ArrayFunction::ArrayFunction(program::Program program, const FunctionOptions& op
   const vm::FlowAnalysis flow(vm_.program(), {false, {}, options.results});
   for (std::uint32_t i = 0; i < vm_.program().registers.size(); ++i)
     if (flow.is_live(0, i)) zeroed_.push_back(i);
-  bound_inputs_.reserve(vm_.program().registers.size());
+  bound_.reserve(vm_.program().registers.size());
 }
 
 void ArrayFunction::start(ParameterValues parameters) {
@@ -95,7 +111,19 @@ bool ArrayFunction::bind_input(std::uint32_t reg, const PlaneBlock& block) {
       !vm::same_shape_and_type(block.plane(), vm_.plane(reg)))
     return false;
   has_input_[reg] = true;
-  bound_inputs_.emplace_back(reg, vm_.bind_register(reg, {block.plane(), {}}));
+  bound_.emplace_back(reg, vm_.bind_register(reg, {block.plane(), {}}));
+  return true;
+}
+
+bool ArrayFunction::bind_result(std::uint32_t reg, PlaneBlock& block) {
+  const bool is_bound = std::ranges::any_of(
+      bound_, [&](const auto& other) { return vm_.plane(other.first).data == block.plane().data; });
+  if (is_bound || has_input_[reg] || vm_.has_back_buffer(reg) ||
+      !vm::same_shape_and_type(block.plane(), vm_.plane(reg)) ||
+      (vm_.keeps_padding() && !block.has_zero_padding()))
+    return false;
+  if (!vm_.keeps_padding()) block.mark_padding_written();
+  bound_.emplace_back(reg, vm_.bind_register(reg, {block.plane(), {}}));
   return true;
 }
 
@@ -150,8 +178,8 @@ SharedBlock ArrayFunction::take_result(std::uint32_t reg) {
 }
 
 void ArrayFunction::finish() noexcept {
-  for (const auto& [reg, storage] : bound_inputs_) vm_.bind_register(reg, storage);
-  bound_inputs_.clear();
+  for (const auto& [reg, storage] : bound_) vm_.bind_register(reg, storage);
+  bound_.clear();
 }
 
 }  // namespace apron::library

@@ -18,7 +18,8 @@ namespace apron::library {
 // What a program reads from its caller and writes for it, as register and variable indices in the order of
 // their declaration. Names that the compiler creates take no part.
 struct FunctionSignature {
-  std::vector<std::uint32_t> inputs;   // the registers that it reads and never writes
+  std::vector<std::uint32_t> inputs;   // the registers that it never writes
+  std::vector<std::uint32_t> needed;   // those of them that it reads
   std::vector<std::uint32_t> outputs;  // those that it writes
   std::vector<std::uint32_t> scalars;
 };
@@ -47,6 +48,9 @@ class ArrayFunction {
   void set_input(std::uint32_t reg, double value);
   // An input without a copy; false if it must be copied. The block must last until the call ends.
   bool bind_input(std::uint32_t reg, const PlaneBlock&);
+  // After the inputs: the block for a result that is written without a copy; false if it must be copied. The
+  // block must last until the call ends, and what an input or another result is bound to is refused.
+  bool bind_result(std::uint32_t reg, PlaneBlock&);
 
   // Executes the next instructions, some tenths of a second. Returns whether to call it again. Throws
   // common::UserError, "file:line: error: …", if the program fails.
@@ -57,7 +61,7 @@ class ArrayFunction {
   SharedBlock take_result(std::uint32_t reg);
   double variable(std::uint32_t index) const noexcept { return vm_.variable(index); }
 
-  // Ends the call: bound inputs are the caller's alone again. Also after an exception.
+  // Ends the call: bound blocks are the caller's alone again. Also after an exception.
   void finish() noexcept;
 
  private:
@@ -73,7 +77,7 @@ class ArrayFunction {
   std::vector<std::uint32_t> zeroed_;  // registers whose first cells the program may read
   std::vector<bool> is_written_;       // by register
   std::vector<OwnedBlocks> blocks_;    // by register; empty until take_result() needs them
-  std::vector<std::pair<std::uint32_t, vm::Vm::Storage>> bound_inputs_;  // and the storage that they replace
+  std::vector<std::pair<std::uint32_t, vm::Vm::Storage>> bound_;  // registers, and the storage of their own
   std::vector<bool> has_input_;
   std::uint64_t budget_ = 0, ticks_done_ = 0;
 };

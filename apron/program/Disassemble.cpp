@@ -83,9 +83,10 @@ std::string instruction_table() {
   static constexpr std::string_view kReach[] = {"Cell", "News", "Far", "Global", "Control", "Host"};
   std::string text =
       "Operands, the destination first: R register, V scalar, D, I or E either (D and I: cell by cell,\n"
-      "I: integers), - none; sources: r register, s scalar or number, x either, t text, l label, k filter,\n"
-      "g class, m module. Reach: Cell its own cell, News its neighbours, Far beyond them, Global the whole\n"
-      "array, Control the array's controller, Host the computer beside it.\n\n";
+      "I: integers), - none; sources: r register, a register of any type, s scalar or number, x register,\n"
+      "scalar or number, t text, l label, k filter, g class, m module. Reach: Cell its own cell, News its\n"
+      "neighbours, Far beyond them, Global the whole array, Control the array's controller, Host the\n"
+      "computer beside it.\n\n";
   for (std::size_t i = 0; i < opcode_count(); ++i) {
     const OpcodeInfo& one = opcode_info(static_cast<Opcode>(i));
     text += fmt::format("{:<20} {:<6} {:<8} {}\n", one.mnemonic, one.signature,

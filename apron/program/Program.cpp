@@ -19,8 +19,7 @@ const OpcodeInfo& opcode_info(Opcode op) noexcept { return kOpcodeTable[static_c
 bool requires_out_of_place(Opcode op) noexcept {
   return op == Opcode::kShift || op == Opcode::kRotate ||
          (op >= Opcode::kNearSum && op <= Opcode::kNearAll) || op == Opcode::kFilterDo ||
-         op == Opcode::kFlood || op == Opcode::kDistance || op == Opcode::kSpreadMax ||
-         op == Opcode::kSpreadSum;
+         (op >= Opcode::kFlood && op <= Opcode::kSpreadNumber);
 }
 
 bool takes_integers(Opcode op) noexcept {
@@ -39,8 +38,10 @@ bool takes_integers(Opcode op) noexcept {
     case Opcode::kResGetReg:
     case Opcode::kResSetReg:
     case Opcode::kFilterDo:
+    case Opcode::kFlood:
     case Opcode::kSpreadMax:
     case Opcode::kSpreadSum:
+    case Opcode::kSpreadNumber:
     case Opcode::kScatter:
       return true;
     case Opcode::kPluginWith:

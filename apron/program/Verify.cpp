@@ -72,6 +72,7 @@ class InstructionVerifier {
                                                               {'I', kRegister | kVariable},
                                                               {'E', kRegister | kVariable},
                                                               {'r', kRegister},
+                                                              {'a', kRegister},
                                                               {'s', kScalar},
                                                               {'x', kScalar | kRegister},
                                                               {'t', kBit(Kind::kText)},
@@ -129,12 +130,14 @@ class InstructionVerifier {
       mixed = mixed || reg.type != first->type;
     };
     visit(instruction_.destination);
-    for (const Operand& operand : instruction_.operands)
-      if (instruction_.op != Opcode::kScatter || &operand != &instruction_.operands[0]) visit(operand);
+    for (std::size_t i = 0; i + 1 < signature_.size(); ++i)
+      if (signature_[i + 1] != 'a') visit(instruction_.operands[i]);
     if (first == nullptr) return {};
     if (instruction_.op == Opcode::kConvert || instruction_.op == Opcode::kConvertSaturated)
       return mixed ? "" : "it converts a register to its own type";
     if (mixed) return "its registers differ in type";
+    if (instruction_.op == Opcode::kSpreadNumber && first->type != CellType::kInt32)
+      return "it gives a register of int32";
     if (is_integer(first->type) && !takes_integers(instruction_.op))
       return "it takes no registers of integers";
     if (!is_integer(first->type) && takes_only_integers(instruction_.op))

@@ -352,7 +352,7 @@ void Function::check_arguments(const Variant& variant, Arguments& arguments) con
                             " planes, another input has " + std::to_string(arguments.count));
     arguments.count = input.view.count;
   }
-  for (const std::uint32_t reg : variant.signature.inputs)
+  for (const std::uint32_t reg : variant.signature.needed)
     if (std::ranges::find(arguments.inputs, reg, &Argument::reg) == arguments.inputs.end())
       throw py::type_error(describe(variant, reg) + " is missing: the program reads it and never writes it");
 }
@@ -406,14 +406,18 @@ py::object Function::run_once(const std::shared_ptr<Variant>& shared, Arguments&
     const Finish finish(*instance);
     instance->start(std::move(arguments.parameters));
     give_inputs(*instance, arguments.inputs, 0);
+    for (std::size_t i = 0; i < variant.results.size(); ++i)
+      if (arrays[i] && views[i].block != nullptr &&
+          instance->bind_result(variant.results[i].index, *views[i].block))
+        views[i].data = nullptr;  // there is nothing to copy
     while (instance->advance()) unlocked.check_signals();
     for (std::size_t i = 0; i < variant.results.size(); ++i) {
       const Result& result = variant.results[i];
       if (result.is_scalar) continue;
-      if (arrays[i])
-        copy_out(instance->result(result.index), views[i], 0);
-      else
+      if (!arrays[i])
         blocks.push_back(instance->take_result(result.index));
+      else if (views[i].data != nullptr)
+        copy_out(instance->result(result.index), views[i], 0);
     }
   }
   auto results = py::reinterpret_steal<py::object>(PyDict_New());

@@ -82,6 +82,7 @@ struct MacroExpansion {
   std::uint32_t id = 0;
   std::string macro;
   bool is_function = false;
+  std::vector<std::string> results;  // of a function: its local names
   std::vector<TypedArgument> typed_arguments;
   // Unique name that the body writes the result to; "" if it writes the caller's target.
   std::string result_name;

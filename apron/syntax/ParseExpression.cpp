@@ -54,6 +54,21 @@ bool is_numeric_constant(const Tokens& tokens) {
   });
 }
 
+// c[3] for c[2 + 1].
+Tokens with_constant_index(const Tokens& tokens, Diagnostics& diagnostics) {
+  if (tokens.size() < 5 || tokens[0].kind != TokenKind::kName || !tokens[1].is("[") || !tokens.back().is("]"))
+    return tokens;
+  const Tokens index(tokens.begin() + 2, tokens.end() - 1);
+  if (!is_numeric_constant(index) ||
+      std::ranges::any_of(index, [](const Token& token) { return token.is("]"); }))
+    return tokens;
+  const auto value = evaluate_constant(index, index.front().location, diagnostics);
+  if (!value) return tokens;
+  const Token number{TokenKind::kNumber, index.front().location, fmt::format("{}", value->number),
+                     value->number};
+  return {tokens[0], tokens[1], number, tokens.back()};
+}
+
 }  // namespace
 
 class Parser::DepthGuard {
@@ -302,7 +317,8 @@ Expression Parser::make_binary(const Token& op, Expression left, Expression righ
 std::vector<Parser::MacroArgument> Parser::parse_macro_arguments(const Token& call,
                                                                  const std::vector<Tokens>& argument_tokens) {
   std::vector<MacroArgument> arguments;
-  for (const Tokens& tokens : argument_tokens) {
+  for (const Tokens& written : argument_tokens) {
+    const Tokens tokens = with_constant_index(written, diagnostics_);
     if (tokens.empty()) fail_at(call.location, "an argument of '{}' is empty", call.text);
     MacroArgument argument;
     if (tokens.size() == 1 || is_element_access(tokens)) {
@@ -324,6 +340,9 @@ std::vector<Parser::MacroArgument> Parser::parse_macro_arguments(const Token& ca
 // Returns what replaces the parameters: the tokens themselves, or a unique name for a value.
 std::vector<Tokens> Parser::bind_arguments(MacroExpansion& expansion, const Macro& macro,
                                            std::vector<MacroArgument> arguments, Location location) {
+  expansion.is_function = macro.is_function;
+  expansion.results = macro.further_results;
+  expansion.results.push_back(macro.result_parameter);
   std::vector<Tokens> replacements;
   for (std::size_t i = 0; i < arguments.size(); ++i) {
     MacroArgument& argument = arguments[i];
@@ -410,7 +429,6 @@ Expression Parser::expand_macro(const MacroTable::Handle& macro, const Token& ca
     fail_at(call.location, "'{}' gives {} results: write a line {}", macro->name,
             macro->further_results.size() + 1, signature(*macro));
   expansion.macro = macro->name;
-  expansion.is_function = macro->is_function;
   expansion.id = sources_.add_expansion(macro->name, call.location, macro->parameters.size());
   expansion.result_name = fmt::format("${}:{}", macro->result_parameter, expansion.id);
   std::vector<Tokens> replacements = bind_arguments(expansion, *macro, std::move(arguments), call.location);

@@ -244,7 +244,6 @@ std::optional<Statement> Parser::parse_macro_statement(Cursor first, Cursor last
   std::vector<MacroArgument> arguments = parse_macro_arguments(*first, argument_tokens);
   auto expansion = std::make_shared<MacroExpansion>();
   expansion->macro = macro->name;
-  expansion->is_function = macro->is_function;
   expansion->id = sources_.add_expansion(macro->name, first->location, macro->parameters.size());
   std::vector<Tokens> replacements =
       bind_arguments(*expansion, *macro, std::move(arguments), first->location);

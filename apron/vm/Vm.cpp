@@ -74,12 +74,13 @@ Vm::Vm(program::Program program, VmOptions options, Host& host)
       const auto grow = [cells = decoded.destination->cell_count()](auto& sums) {
         sums.resize(std::max(sums.size(), cells));
       };
-      if (program::is_integer(decoded.type))
+      if (program::is_integer(decoded.type) || decoded.planes[1] == nullptr)
         grow(std::get<1>(scatter_sums_));
       else
         grow(std::get<0>(scatter_sums_));
     }
-    if (decoded.op == Opcode::kFlood || decoded.op == Opcode::kSpreadMax || decoded.op == Opcode::kSpreadSum)
+    if (decoded.op >= Opcode::kFlood && decoded.op <= Opcode::kSpreadNumber &&
+        decoded.op != Opcode::kDistance)
       components_.reserve(decoded.destination->width, decoded.destination->height);
   }
   return_addresses_.reserve(program::kMaxCallDepth);

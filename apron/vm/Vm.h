@@ -139,10 +139,7 @@ class Vm {
   Status execute_array_op(const DecodedInstruction& decoded);
   Status execute_neighbourhood(const DecodedInstruction& decoded);
   Status scatter(const DecodedInstruction&);
-  template <class T, class Index>
-  void add_at(const DecodedInstruction&, T number);
-  template <class T>
-  void write_sums(Plane to, const float* mask);
+  Status scatter_number(const DecodedInstruction&, const float* mask);
   Status multiply_matrix(const DecodedInstruction&);
   void copy_plane(Plane y, ConstPlane a, const float* mask) noexcept;
   Status reduce_integer_neighbours(const DecodedInstruction& decoded, const float* mask);
@@ -192,7 +189,7 @@ class Vm {
   BoundaryCondition boundary_{};
   double boundary_number_ = 0.0;  // the boundary's value, unrounded
   RandomStream random_stream_{};
-  // The sums of the largest destination of a scatter, of floats and of integers.
+  // Of the largest destination of a scatter: the sums of floats, and those of integers or counts.
   std::tuple<std::vector<double>, std::vector<std::uint32_t>> scatter_sums_;
   // The planes that the largest matrix product reads, then those that it writes; see MatrixProduct.
   std::vector<float*> matrix_planes_;

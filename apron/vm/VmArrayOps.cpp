@@ -15,6 +15,62 @@ namespace apron::vm {
 
 using program::Opcode;
 
+namespace {
+
+// Of integers modulo 2^32.
+template <class T>
+using SumOf = std::conditional_t<std::is_integral_v<T>, std::uint32_t, double>;
+
+// Calls work(k, row, column) for each cell whose value, cut to a whole number, is a k below count.
+template <class Work>
+void for_each_index(ConstPlane at, std::size_t count, const Work& work) {
+  with_cell_type(at.type, [&](auto cell) {
+    using Index = decltype(cell);
+    for (std::uint32_t row = 0; row < at.height; ++row) {
+      const Index* index = at.cells<Index>(row);
+      for (std::uint32_t x = 0; x < at.width; ++x) {
+        if constexpr (std::is_floating_point_v<Index>)
+          if (!(index[x] >= 0 && static_cast<double>(index[x]) < static_cast<double>(count))) continue;
+        const auto k = static_cast<std::size_t>(index[x]);
+        if (k < count) work(k, row, x);  // negative numbers are large
+      }
+    }
+  });
+}
+
+// Adds to counts[k] the number of cells of uint8 that are k. In turns four tables count, so that equal cells
+// do not wait for each other.
+void count_bytes(ConstPlane at, std::uint32_t* counts, std::size_t count) {
+  std::array<std::array<std::uint32_t, 256>, 4> tables{};
+  for (std::uint32_t row = 0; row < at.height; ++row) {
+    const std::uint8_t* const cells = at.cells<std::uint8_t>(row);
+    std::uint32_t x = 0;
+    for (; x + 4 <= at.width; x += 4) {
+      ++tables[0][cells[x]];
+      ++tables[1][cells[x + 1]];
+      ++tables[2][cells[x + 2]];
+      ++tables[3][cells[x + 3]];
+    }
+    for (; x < at.width; ++x) ++tables[0][cells[x]];
+  }
+  for (std::size_t k = 0; k < std::min<std::size_t>(count, 256); ++k)
+    counts[k] += tables[0][k] + tables[1][k] + tables[2][k] + tables[3][k];
+}
+
+// value(k) to cell k, row by row, where the mask allows.
+template <class T, class Value>
+void write_cells(Plane to, const float* mask, const Value& value) {
+  const T* mask_cells = reinterpret_cast<const T*>(mask);
+  for (std::uint32_t row = 0; row < to.height; ++row) {
+    T* cells = to.cells<T>(row);
+    for (std::uint32_t x = 0; x < to.width; ++x)
+      if (mask == nullptr || mask_cells[cells - to.cells<T>(0) + x] != T{0})
+        cells[x] = static_cast<T>(value(std::size_t{row} * to.width + x));
+  }
+}
+
+}  // namespace
+
 Status Vm::execute_array_op(const DecodedInstruction& decoded) {
   switch (decoded.op) {
     case Opcode::kFilterSet:
@@ -53,50 +109,41 @@ Status Vm::scatter(const DecodedInstruction& decoded) {
   const float* mask = nullptr;
   const WriteAccess access = check_write_access(decoded, mask);
   if (access != WriteAccess::kAllowed) return skip_write(access, *decoded.destination);
-  const double number = decoded.scalars[1] != nullptr ? *decoded.scalars[1] : 0.0;
-  if (!program::is_cell_value(decoded.type, number)) return fail_cell_value(number, decoded.type);
+  if (decoded.planes[1] == nullptr) return scatter_number(decoded, mask);
   with_cell_type(decoded.type, [&](auto cell) {
-    with_cell_type(decoded.planes[0]->type, [&](auto index) {
-      add_at<decltype(cell), decltype(index)>(decoded, static_cast<decltype(cell)>(number));
+    using T = decltype(cell);
+    auto& sums = std::get<std::vector<SumOf<T>>>(scatter_sums_);
+    const std::size_t count = decoded.destination->cell_count();
+    std::fill_n(sums.begin(), count, SumOf<T>{0});
+    const ConstPlane added = *decoded.planes[1];
+    for_each_index(*decoded.planes[0], count, [&](std::size_t k, std::uint32_t row, std::uint32_t x) {
+      sums[k] += static_cast<SumOf<T>>(added.cells<T>(row)[x]);
     });
-    write_sums<decltype(cell)>(*decoded.destination, mask);
+    write_cells<T>(*decoded.destination, mask, [&](std::size_t k) { return sums[k]; });
   });
   return Status::kRunning;
 }
 
-// Sums of integers are modulo 2^32.
-template <class T, class Index>
-void Vm::add_at(const DecodedInstruction& decoded, T number) {
-  using Sum = std::conditional_t<std::is_integral_v<T>, std::uint32_t, double>;
-  const ConstPlane at = *decoded.planes[0];
+// The same number is added n times: a float's sums are exact for as many as a register has cells.
+Status Vm::scatter_number(const DecodedInstruction& decoded, const float* mask) {
+  const double number = *decoded.scalars[1];
+  if (!program::is_cell_value(decoded.type, number)) return fail_cell_value(number, decoded.type);
+  auto& counts = std::get<std::vector<std::uint32_t>>(scatter_sums_);
   const std::size_t count = decoded.destination->cell_count();
-  Sum* const sums = std::get<std::vector<Sum>>(scatter_sums_).data();
-  std::fill_n(sums, count, Sum{0});
-  for (std::uint32_t row = 0; row < at.height; ++row) {
-    const Index* index = at.cells<Index>(row);
-    const T* added = decoded.planes[1] != nullptr ? ConstPlane(*decoded.planes[1]).cells<T>(row) : nullptr;
-    for (std::uint32_t x = 0; x < at.width; ++x) {
-      if constexpr (std::is_floating_point_v<Index>)
-        if (!(index[x] >= 0 && static_cast<double>(index[x]) < static_cast<double>(count))) continue;
-      const auto k = static_cast<std::size_t>(index[x]);
-      if (k >= count) continue;  // negative, too
-      sums[k] += static_cast<Sum>(added != nullptr ? added[x] : number);
-    }
-  }
-}
-
-template <class T>
-void Vm::write_sums(Plane to, const float* mask) {
-  using Sum = std::conditional_t<std::is_integral_v<T>, std::uint32_t, double>;
-  const T* mask_cells = reinterpret_cast<const T*>(mask);
-  for (std::uint32_t row = 0; row < to.height; ++row) {
-    T* cells = to.cells<T>(row);
-    const Sum* sums =
-        std::get<std::vector<Sum>>(scatter_sums_).data() + static_cast<std::size_t>(row) * to.width;
-    for (std::uint32_t x = 0; x < to.width; ++x)
-      if (mask == nullptr || mask_cells[cells - to.cells<T>(0) + x] != T{0})
-        cells[x] = static_cast<T>(sums[x]);
-  }
+  std::fill_n(counts.begin(), count, 0U);
+  if (decoded.planes[0]->type == CellType::kUint8)
+    count_bytes(*decoded.planes[0], counts.data(), count);
+  else
+    for_each_index(*decoded.planes[0], count,
+                   [&](std::size_t k, std::uint32_t, std::uint32_t) { ++counts[k]; });
+  with_cell_type(decoded.type, [&](auto cell) {
+    using T = decltype(cell);
+    const auto added = static_cast<SumOf<T>>(static_cast<T>(number));
+    write_cells<T>(*decoded.destination, mask, [&](std::size_t k) {
+      return counts[k] == 0 ? SumOf<T>{0} : SumOf<T>{0} + counts[k] * added;  // 0 of -0
+    });
+  });
+  return Status::kRunning;
 }
 
 Status Vm::multiply_matrix(const DecodedInstruction& decoded) {
@@ -138,8 +185,8 @@ Status Vm::execute_neighbourhood(const DecodedInstruction& decoded) {
   if (access != WriteAccess::kAllowed) return skip_write(access, *decoded.destination);
   if (program::is_integer(decoded.type) && decoded.op == Opcode::kFilterDo)
     return filter_integers(decoded, mask);
-  const bool spreads = decoded.op == Opcode::kSpreadMax || decoded.op == Opcode::kSpreadSum;
-  if (program::is_integer(decoded.type) && !spreads) return reduce_integer_neighbours(decoded, mask);
+  if (program::is_integer(decoded.type) && decoded.op <= Opcode::kNearAll)
+    return reduce_integer_neighbours(decoded, mask);
   const ConstPlane a = *decoded.planes[0];
   const Plane to = mask == nullptr ? *decoded.destination : decoded.scratch;
   switch (decoded.op) {
@@ -160,6 +207,9 @@ Status Vm::execute_neighbourhood(const DecodedInstruction& decoded) {
       break;
     case Opcode::kSpreadSum:
       components_.spread_sum(to, a, *decoded.planes[1], executor_.kernels());
+      break;
+    case Opcode::kSpreadNumber:
+      components_.spread_number(to, a, executor_.kernels());
       break;
     default:
       reduce_neighbours(executor_, decoded.op, *decoded.scalars[1] == 8.0, *decoded.destination, a, boundary_,

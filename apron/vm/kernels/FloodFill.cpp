@@ -10,76 +10,82 @@
 namespace apron::vm {
 
 void ConnectedComponents::reserve(std::uint32_t width, std::uint32_t height) {
-  runs_.reserve(std::max(runs_.capacity(), (std::size_t{width} + 1) / 2 * height));
-  values_.reserve(runs_.capacity());
-  row_starts_.reserve(std::max(row_starts_.capacity(), std::size_t{height} + 1));
+  const std::size_t runs = (std::size_t{width} + 1) / 2 * height;
+  if (runs > capacity_) {
+    edges_ = std::make_unique_for_overwrite<std::uint32_t[]>(2 * runs);
+    roots_ = std::make_unique_for_overwrite<std::uint32_t[]>(runs);
+    values_ = std::make_unique_for_overwrite<std::byte[]>(sizeof(double) * runs);
+    capacity_ = runs;
+  }
+  row_starts_.resize(std::max(row_starts_.size(), std::size_t{height} + 1));
   truths_.resize(std::max(truths_.size(), std::size_t{width} / 64 + 1));
-  edges_.resize(std::max(edges_.size(), std::size_t{width} + 64));
 }
 
 std::uint32_t ConnectedComponents::find_root(std::uint32_t run) noexcept {
-  while (runs_[run].parent != run) {
-    runs_[run].parent = runs_[runs_[run].parent].parent;
-    run = runs_[run].parent;
+  while (roots_[run] != run) {
+    roots_[run] = roots_[roots_[run]];
+    run = roots_[run];
   }
   return run;
 }
 
-// Unites each run of the current row, [this_row, end), with the overlapping runs of the row above,
-// [row_above, this_row).
-void ConnectedComponents::union_with_row_above(std::uint32_t row_above, std::uint32_t this_row) noexcept {
-  const auto end = static_cast<std::uint32_t>(runs_.size());
-  for (std::uint32_t a = row_above, b = this_row; a < this_row && b < end;) {
-    if (runs_[a].last > runs_[b].first && runs_[b].last > runs_[a].first) {
-      const std::uint32_t ra = find_root(a), rb = find_root(b);
-      // The earlier run is the root.
-      const std::uint32_t to = std::min(ra, rb), from = std::max(ra, rb);
-      values_[to] = std::max(values_[ra], values_[rb]);
-      runs_[from].parent = to;
+// Unites each run of the current row, [this_row, end), with the runs of the row above, [above, this_row),
+// that it overlaps. The earlier of two runs is the root.
+void ConnectedComponents::unite_with_row_above(std::uint32_t above, std::uint32_t this_row,
+                                               std::uint32_t end) noexcept {
+  for (std::uint32_t run = this_row; run < end; ++run) {
+    std::uint32_t root = run;
+    while (above < this_row && last_of(above) <= first_of(run)) ++above;
+    for (; above < this_row && first_of(above) < last_of(run); ++above) {
+      const std::uint32_t other = find_root(above);
+      roots_[std::max(root, other)] = std::min(root, other);
+      root = std::min(root, other);
+      if (last_of(above) > last_of(run)) break;
     }
-    const bool above_ends_first = runs_[a].last < runs_[b].last;
-    a += above_ends_first ? 1 : 0;
-    b += above_ends_first ? 0 : 1;
+    if (root == run) roots_[run] = run;
   }
 }
 
-// Finds the columns where runs of true cells begin and end, in turns, and returns their number.
-std::size_t ConnectedComponents::find_edges(ConstPlane mask, std::uint32_t row,
-                                            const KernelTable& kernels) noexcept {
-  kernels.truths[static_cast<std::size_t>(mask.type)](mask.row_bytes(row), mask.width, truths_.data());
-  std::size_t count = 0;
+namespace {
+
+// Writes the columns where runs of true cells begin and end, in turns, and returns the end of what it wrote.
+std::uint32_t* find_edges(const std::uint64_t* truths, std::uint32_t width, std::uint32_t* to) noexcept {
   std::uint64_t last = 0;  // the last cell of the word before
-  for (std::uint32_t x = 0; x < mask.width; x += 64) {
-    const std::uint64_t word = truths_[x / 64];
+  for (std::uint32_t x = 0; x < width; x += 64) {
+    const std::uint64_t word = truths[x / 64];
     for (std::uint64_t edges = word ^ (word << 1U | last); edges != 0; edges &= edges - 1)
-      edges_[count++] = x + static_cast<std::uint32_t>(std::countr_zero(edges));
+      *to++ = x + static_cast<std::uint32_t>(std::countr_zero(edges));
     last = word >> 63U;
   }
-  if (last != 0) edges_[count++] = mask.width;
-  return count;
+  if (last != 0) *to++ = width;
+  return to;
 }
 
-// Afterwards each run's parent is its root.
-template <class Value>
-void ConnectedComponents::label_components(ConstPlane mask, const KernelTable& kernels,
-                                           const Value& value) noexcept {
-  runs_.clear();
-  values_.clear();
-  row_starts_.clear();
-  std::uint32_t row_above = 0;
-  for (std::uint32_t y = 0; y < mask.height; ++y) {
-    const auto this_row = static_cast<std::uint32_t>(runs_.size());
-    row_starts_.push_back(this_row);
-    const std::size_t edges = find_edges(mask, y, kernels);
-    for (std::size_t i = 0; i < edges; i += 2) {
-      runs_.push_back({edges_[i], edges_[i + 1], static_cast<std::uint32_t>(runs_.size())});
-      values_.push_back(value(y, edges_[i], edges_[i + 1]));
-    }
-    union_with_row_above(row_above, this_row);
-    row_above = this_row;
+// Whether one of the bits [first, last) is 1.
+bool any_bit(const std::uint64_t* bits, std::uint32_t first, std::uint32_t last) noexcept {
+  std::uint64_t word = bits[first / 64] & (~std::uint64_t{0} << first % 64);
+  for (std::uint32_t x = first / 64; x < (last - 1) / 64; word = bits[++x])
+    if (word != 0) return true;
+  return (word & (~std::uint64_t{0} >> (63 - (last - 1) % 64))) != 0;
+}
+
+}  // namespace
+
+// Finds the runs of all rows and their roots.
+void ConnectedComponents::find_components(ConstPlane mask, const KernelTable& kernels) noexcept {
+  const TruthKernel find_truths = kernels.truths[static_cast<std::size_t>(mask.type)];
+  std::uint32_t above = 0, end = 0;
+  for (std::uint32_t row = 0; row < mask.height; ++row) {
+    const std::uint32_t this_row = end;
+    row_starts_[row] = this_row;
+    find_truths(mask.row_bytes(row), mask.width, truths_.data());
+    const std::uint32_t* edges = find_edges(truths_.data(), mask.width, &edges_[2 * std::size_t{this_row}]);
+    end = static_cast<std::uint32_t>((edges - edges_.get()) / 2);
+    unite_with_row_above(above, this_row, end);
+    above = this_row;
   }
-  row_starts_.push_back(static_cast<std::uint32_t>(runs_.size()));
-  for (Run& run : runs_) run.parent = runs_[run.parent].parent;  // a parent is earlier
+  row_starts_[mask.height] = end;
+  for (std::uint32_t run = 0; run < end; ++run) roots_[run] = roots_[roots_[run]];  // a root is earlier
 }
 
 // Fills the cells [first, last) of a row, and others up to `end`, which are written later.
@@ -93,78 +99,96 @@ void fill_ahead(T* row, std::uint32_t first, std::uint32_t last, std::uint32_t e
   if (x < last) std::fill(row + x, row + last, value);
 }
 
-template <class T>
-void ConnectedComponents::write_values(Plane y) noexcept {
-  using Whole = std::conditional_t<std::is_integral_v<T>, std::int64_t, T>;
+template <class T, class Value>
+void ConnectedComponents::write_values(Plane y, const Value* values) noexcept {
   for (std::uint32_t row = 0; row < y.height; ++row) {
     T* to = y.cells<T>(row);
     std::uint32_t written = 0;
     for (std::uint32_t run = row_starts_[row]; run < row_starts_[row + 1]; ++run) {
-      const auto [first, last, root] = runs_[run];
-      fill_ahead(to, written, first, y.width, T{0});
-      fill_ahead(to, first, last, y.width, static_cast<T>(static_cast<Whole>(values_[root])));
-      written = last;
+      fill_ahead(to, written, first_of(run), y.width, T{0});
+      fill_ahead(to, first_of(run), last_of(run), y.width, static_cast<T>(values[roots_[run]]));
+      written = last_of(run);
     }
     fill_ahead(to, written, y.width, y.width, T{0});
   }
 }
 
+// Gives each component the value that `accumulate(value, row, first, last)` makes of `start` run by run, row
+// by row.
+template <class T, class Value, class Accumulate>
+void ConnectedComponents::write_accumulated(Plane y, Value start, Accumulate accumulate) noexcept {
+  auto* const values = reinterpret_cast<Value*>(values_.get());
+  for (std::uint32_t row = 0; row < y.height; ++row)
+    for (std::uint32_t run = row_starts_[row]; run < row_starts_[row + 1]; ++run) {
+      Value& value = values[roots_[run]];
+      value = accumulate(roots_[run] == run ? start : value, row, first_of(run), last_of(run));
+    }
+  write_values<T>(y, values);
+}
+
 void ConnectedComponents::flood(Plane y, ConstPlane seed, ConstPlane mask,
                                 const KernelTable& kernels) noexcept {
-  label_components(mask, kernels, [](std::uint32_t, std::uint32_t, std::uint32_t) { return 0.0; });
-  for (std::uint32_t row = 0; row < seed.height; ++row) {
-    const std::size_t edges = find_edges(seed, row, kernels);
-    std::size_t i = 0;
-    for (std::uint32_t run = row_starts_[row]; run < row_starts_[row + 1] && i < edges; ++run) {
-      while (i < edges && edges_[i + 1] <= runs_[run].first) i += 2;
-      if (i < edges && edges_[i] < runs_[run].last) values_[runs_[run].parent] = 1.0;
-    }
-  }
-  write_values<float>(y);
+  find_components(mask, kernels);
+  const TruthKernel find_truths = kernels.truths[static_cast<std::size_t>(seed.type)];
+  with_cell_type(y.type, [&](auto cell) {
+    write_accumulated<decltype(cell)>(
+        y, false,
+        [&, from = seed.height](bool value, std::uint32_t row, std::uint32_t first,
+                                std::uint32_t last) mutable {
+          if (value) return true;
+          if (from != row) find_truths(seed.row_bytes(row), seed.width, truths_.data());
+          from = row;
+          return any_bit(truths_.data(), first, last);
+        });
+  });
 }
 
 void ConnectedComponents::spread_max(Plane y, ConstPlane a, ConstPlane mask,
                                      const KernelTable& kernels) noexcept {
   const RowReduction reduction = kernels.reduction(Reduction::kMax);  // ignores NaN
+  find_components(mask, kernels);
   with_cell_type(a.type, [&](auto cell) {
     using T = decltype(cell);
-    label_components(mask, kernels,
-                     [&](std::uint32_t row, std::uint32_t first, std::uint32_t last) -> double {
-                       const T* cells = a.cells<T>(row);
-                       T largest = std::numeric_limits<T>::lowest();
-                       if constexpr (std::is_floating_point_v<T>) {
-                         largest = -std::numeric_limits<T>::infinity();
-                         constexpr std::uint32_t kLong = 32;
-                         if (last - first >= kLong) {
-                           reduction(cells + first, 0, 1, last - first, &largest);
-                           first = last;
-                         }
-                       }
-                       for (std::uint32_t x = first; x < last; ++x)
-                         largest = cells[x] > largest ? cells[x] : largest;
-                       return largest + T{0};  // 0 of -0
-                     });
-    write_values<T>(y);
+    using Limits = std::numeric_limits<T>;
+    constexpr T kLeast = Limits::has_infinity ? -Limits::infinity() : Limits::lowest();
+    write_accumulated<T>(y, kLeast,
+                         [&](T largest, std::uint32_t row, std::uint32_t first, std::uint32_t last) {
+                           const T* cells = a.cells<T>(row);
+                           constexpr std::uint32_t kLong = 32;
+                           if constexpr (std::is_floating_point_v<T>) {
+                             if (last - first >= kLong) {
+                               T of_run = kLeast;
+                               reduction(cells + first, 0, 1, last - first, &of_run);
+                               return std::max(largest, of_run + T{0});
+                             }
+                           }
+                           for (std::uint32_t x = first; x < last; ++x)
+                             largest = cells[x] > largest ? cells[x] : largest;
+                           return static_cast<T>(largest + T{0});  // 0 of -0
+                         });
   });
 }
 
 void ConnectedComponents::spread_sum(Plane y, ConstPlane a, ConstPlane mask,
                                      const KernelTable& kernels) noexcept {
-  label_components(mask, kernels, [](std::uint32_t, std::uint32_t, std::uint32_t) { return 0.0; });
+  find_components(mask, kernels);
   with_cell_type(a.type, [&](auto cell) {
     using T = decltype(cell);
     using Sum = std::conditional_t<std::is_integral_v<T>, std::uint32_t, double>;  // of integers modulo 2^32
-    for (std::uint32_t row = 0; row < a.height; ++row) {
+    write_accumulated<T>(y, Sum{0}, [&](Sum sum, std::uint32_t row, std::uint32_t first, std::uint32_t last) {
       const T* cells = a.cells<T>(row);
-      for (std::uint32_t run = row_starts_[row]; run < row_starts_[row + 1]; ++run) {
-        double& value = values_[runs_[run].parent];
-        auto sum = static_cast<Sum>(value);
-        for (std::uint32_t x = runs_[run].first; x < runs_[run].last; ++x) sum += static_cast<Sum>(cells[x]);
-        value = sum;
-      }
-    }
-    write_values<T>(y);
+      for (std::uint32_t x = first; x < last; ++x) sum += static_cast<Sum>(cells[x]);
+      return sum;
+    });
   });
+}
+
+void ConnectedComponents::spread_number(Plane y, ConstPlane mask, const KernelTable& kernels) noexcept {
+  find_components(mask, kernels);
+  write_accumulated<std::int32_t>(y, std::int32_t{0},
+                                  [&](std::int32_t, std::uint32_t row, std::uint32_t, std::uint32_t last) {
+                                    return static_cast<std::int32_t>(row * y.width + last);
+                                  });
 }
 
 namespace {

@@ -2,7 +2,9 @@
 // passes over the array, independent of the distance.
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
+#include <memory>
 #include <vector>
 
 #include "apron/vm/Plane.h"
@@ -16,34 +18,38 @@ class ConnectedComponents {
   // Reserves memory for any mask of this shape, so that the other functions do not allocate.
   void reserve(std::uint32_t width, std::uint32_t height);
 
+  // The masks and the seed may be of any type.
   // y = 1 in the components of the mask that contain a non-zero cell of seed, else 0. y may alias seed or
   // mask.
   void flood(Plane y, ConstPlane seed, ConstPlane mask, const KernelTable& kernels) noexcept;
-  // y = the largest a of each component of the mask, 0 outside. -0 counts as 0 and NaN as -infinity. All
-  // three are of one type. y may alias a or mask.
+  // y = the largest a of each component of the mask, 0 outside. -0 counts as 0 and NaN as -infinity. y is of
+  // the type of a, and may alias a or mask.
   void spread_max(Plane y, ConstPlane a, ConstPlane mask, const KernelTable& kernels) noexcept;
-  // y = the sum of a over each component of the mask, added in double precision, row by row, or modulo 2^n if
-  // all three are integers of one type, 0 outside. y may alias a or mask.
+  // y = the sum of a over each component of the mask, added in double precision, row by row, or of integers
+  // modulo 2^n, 0 outside. y is of the type of a, and may alias a or mask.
   void spread_sum(Plane y, ConstPlane a, ConstPlane mask, const KernelTable& kernels) noexcept;
+  // y, of int32, = the number from 1, row by row, of the last cell of each component of the mask, 0 outside.
+  // y may alias mask.
+  void spread_number(Plane y, ConstPlane mask, const KernelTable& kernels) noexcept;
 
  private:
-  struct Run {
-    std::uint32_t first, last;  // columns [first, last)
-    std::uint32_t parent;       // union-find parent; a root is its own parent
-  };
-  std::size_t find_edges(ConstPlane mask, std::uint32_t row, const KernelTable& kernels) noexcept;
-  template <class Value>
-  void label_components(ConstPlane mask, const KernelTable& kernels, const Value& value) noexcept;
-  void union_with_row_above(std::uint32_t row_above, std::uint32_t this_row) noexcept;
+  // Runs of true cells, row by row: the columns [first, last).
+  std::uint32_t first_of(std::uint32_t run) const noexcept { return edges_[2 * std::size_t{run}]; }
+  std::uint32_t last_of(std::uint32_t run) const noexcept { return edges_[2 * std::size_t{run} + 1]; }
+  void find_components(ConstPlane mask, const KernelTable& kernels) noexcept;
+  void unite_with_row_above(std::uint32_t above, std::uint32_t this_row, std::uint32_t end) noexcept;
   std::uint32_t find_root(std::uint32_t run) noexcept;
-  template <class T>
-  void write_values(Plane y) noexcept;
+  template <class T, class Value, class Accumulate>
+  void write_accumulated(Plane y, Value start, Accumulate accumulate) noexcept;
+  template <class T, class Value>
+  void write_values(Plane y, const Value* values) noexcept;
 
-  std::vector<Run> runs_;
-  std::vector<double> values_;             // of the components, at their roots
-  std::vector<std::uint64_t> truths_;      // of a row: a bit a cell
-  std::vector<std::uint32_t> edges_;       // of its runs, see find_edges()
-  std::vector<std::uint32_t> row_starts_;  // first run of each row, then the number of runs
+  std::size_t capacity_ = 0;                // runs
+  std::unique_ptr<std::uint32_t[]> edges_;  // two of each run
+  std::unique_ptr<std::uint32_t[]> roots_;  // the first run of its component, or one on the way to it
+  std::unique_ptr<std::byte[]> values_;     // of the components, at their roots
+  std::vector<std::uint32_t> row_starts_;   // first run of each row, then the number of runs
+  std::vector<std::uint64_t> truths_;       // of a row: a bit a cell
 };
 
 // y = city-block distance to the nearest cell that is 0; cells beyond the edge are 0. y may alias a. Does not

@@ -89,11 +89,21 @@ void check_calls(const program::Program& program, const FunctionOptions& options
       write_cells(block->plane(), inputs[r]);
       if (!takes_blocks || !function.bind_input(r, *block)) write_cells(function.input(r), inputs[r]);
     }
+    const auto is_written = [&](std::uint32_t reg) { return std::ranges::count(signature.outputs, reg) > 0; };
+    std::vector<SharedBlock> results(options.results.size());
+    for (std::size_t i = 0; i < results.size() && takes_blocks && call % 2 == 1; ++i) {
+      const program::Register& reg = program.registers[options.results[i]];
+      const SharedBlock block = acquire_block(reg.width, reg.height);
+      write_cells(block->plane(), Cells(block->plane().cell_count(), 77.0F));
+      if (is_written(options.results[i]) && function.bind_result(options.results[i], *block))
+        results[i] = block;
+      EXPECT_FALSE(results[i] && function.bind_result(options.results[0], *block)) << "one block twice";
+    }
     while (function.advance()) {
     }
     for (std::size_t i = 0; i < options.results.size(); ++i) {
-      const bool is_written = std::ranges::count(signature.outputs, options.results[i]) > 0;
-      const Cells got = takes_blocks && is_written
+      const Cells got = results[i] ? read_cells(results[i]->plane())
+                        : takes_blocks && is_written(options.results[i])
                             ? read_cells(function.take_result(options.results[i])->plane())
                             : cells_of(function.result(options.results[i]));
       expect_equal(want[i], got, what + " " + program.registers[options.results[i]].name);

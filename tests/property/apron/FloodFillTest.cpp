@@ -1,4 +1,4 @@
-// flood, distance and spread.max compared with their one-step rules iterated to the fixed point.
+// flood, distance and what spreads, compared with their one-step rules iterated to the fixed point.
 #include <gtest/gtest.h>
 
 #include "tests/unit/apron/vm/TestProgram.h"
@@ -107,6 +107,22 @@ Image spiral(int n) {
   return image;
 }
 
+// Cells of any type.
+void write_any(const Plane& plane, const Cells& from) {
+  with_cell_type(plane.type, [&](auto cell) {
+    for (std::uint32_t y = 0; y < plane.height; ++y)
+      for (std::uint32_t x = 0; x < plane.width; ++x)
+        plane.cells<decltype(cell)>(y)[x] =
+            static_cast<decltype(cell)>(from[std::size_t{y} * plane.width + x]);
+  });
+}
+Cells read_any(const Plane& plane) {
+  Cells cells;
+  for (std::uint32_t y = 0; y < plane.height; ++y)
+    for (std::uint32_t x = 0; x < plane.width; ++x) cells.push_back(cell_as_float(plane, x, y));
+  return cells;
+}
+
 Image run(Opcode op, const Image& a, const Image* b, bool in_place, const Cells* mask = nullptr) {
   TestProgram build;
   const auto w = static_cast<std::uint32_t>(a.width), h = static_cast<std::uint32_t>(a.height);
@@ -152,6 +168,48 @@ TEST(FloodFill, MatchesIteratedReference) {
     if (seed % 2 == 0)
       for (float& v : a.cells) v = rng() % 40 == 0 ? v : 0.0F;
     check_all(a, mask, seed);
+    if (::testing::Test::HasFatalFailure()) return;
+  }
+}
+
+// Seeds and masks of any type: the last cell of each component gives its number, and its flood.
+TEST(FloodFill, TakesTruthsOfAnyType) {
+  for (unsigned seed = 0; seed < 60; ++seed) {
+    std::mt19937 rng(seed);
+    const Size size = kSizes[seed % std::size(kSizes)];
+    const std::size_t cells = std::size_t{size.width} * size.height;
+    const Image shape{static_cast<int>(size.width), static_cast<int>(size.height), Cells(cells, 0.0F)};
+    Image mask = shape, start = shape, numbers = shape;
+    for (std::size_t i = 0; i < cells; ++i) {
+      mask.cells[i] = rng() % 100 < 40 + seed ? 2.0F : 0.0F;
+      start.cells[i] = rng() % 20 == 0 ? 1.0F : 0.0F;
+      numbers.cells[i] = static_cast<float>(i + 1);
+    }
+    const auto type = [&](unsigned of) { return static_cast<CellType>(of % program::kCellTypeCount); };
+    TestProgram build;
+    const auto reg = [&](CellType of) {
+      const Operand operand = build.reg(size.width, size.height);
+      build.program.registers[operand.index].type = of;
+      return operand;
+    };
+    const Operand m = reg(type(seed)), s = reg(type(seed / 4)), flooded = reg(type(seed / 16)),
+                  number = reg(CellType::kInt32), largest = reg(CellType::kInt32), a = reg(CellType::kInt32);
+    build.add(Opcode::kFlood, flooded, s, m);
+    build.add(Opcode::kSpreadNumber, number, m);
+    build.add(Opcode::kSpreadMax, largest, a, m);
+    const program::Program program = build.finish();
+    ASSERT_EQ(program::verify(program), "");
+    FakeHost host;
+    Vm vm(program, {}, host);
+    write_any(vm.plane(m.index), mask.cells);
+    write_any(vm.plane(s.index), start.cells);
+    write_any(vm.plane(a.index), numbers.cells);
+    ASSERT_EQ(vm.run(), Status::kEnded) << vm.error();
+    const Image want = reference_spread_max(numbers, mask);
+    expect_same(reference_flood(start, mask), {shape.width, shape.height, read_any(vm.plane(flooded.index))},
+                "flood", seed);
+    expect_same(want, {shape.width, shape.height, read_any(vm.plane(number.index))}, "spread.number", seed);
+    expect_same(want, {shape.width, shape.height, read_any(vm.plane(largest.index))}, "spread.max", seed);
     if (::testing::Test::HasFatalFailure()) return;
   }
 }

@@ -246,6 +246,18 @@ class Functions(unittest.TestCase):
         self.assertTrue(np.shares_memory(result["Y"], wide))
         self.assert_bits(np.ascontiguousarray(wide[:, ::2]), a + np.float32(1))
         self.assertFalse(wide[:, 1::2].any())
+        block = apron.empty((6, 8))
+        block[...] = 9
+        self.assertIs(f(a, out={"Y": block})["Y"], block)
+        self.assert_bits(block.copy(), a + np.float32(1))
+        f(block, out={"Y": block})  # its own argument
+        self.assert_bits(block.copy(), a + np.float32(1) + np.float32(1))
+        places = apron.compile("!register(A, Y)\nwhere(A > 0)\nY = A\nendwhere\n")
+        places(a, out={"Y": block})
+        self.assert_bits(block.copy(), np.where(a > 0, a, np.float32(0)))
+        places(a)
+        self.assert_bits(block.copy(), np.where(a > 0, a, np.float32(0)))
+        self.assert_bits(apron.compile("!register(A, Unread, Y)\nY = A\n")(A=a)["Y"], a)
         read_only = np.zeros((6, 8), np.float32)
         read_only.flags.writeable = False
         for out, error, text in (({"Y": read_only}, ValueError, "read-only"), ({"Y": np.zeros((6, 8))}, TypeError, "float32"),

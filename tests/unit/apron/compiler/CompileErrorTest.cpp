@@ -39,7 +39,7 @@ constexpr Wrong kWrong[] = {
      "main.aps:3:5: error: the registers of one instruction have one type, but 'A' is uint8 and 'F' is float: "
      "convert one, uint8(…) or float(…)"},
     {"!uint8(A)|!int32(B)|A = select(B > 0, A, 1)",
-     "main.aps:3:5: error: the registers of one instruction have one type, but another operand is int32 and 'A' is "
+     "main.aps:3:5: error: the registers of one instruction have one type, but one operand is int32 and 'A' is "
      "uint8: convert one, int32(…) or uint8(…)"},
     {"!register(F)|F = F ^ 2",
      "main.aps:2:7: error: 'bit.xor' takes registers of integers, and 'F' is float: write int32(…); a power is "
@@ -129,6 +129,8 @@ constexpr Wrong kWrong[] = {
      "main.aps:2:11: error: 'A' is declared already"},
     {"!register(A, B)|!create('A', REGISTER)",
      "main.aps:2:9: error: 'A' is declared already"},
+    {"!register(A, v[3])",
+     "main.aps:1:14: error: 'v' is a name of the class VARIABLE, whose elements are v[…]: choose another"},
     {"if(1|A = 2|endif",
      "main.aps:1:3: error: this bracket is not closed"},
     {"if(x, <)|endif",

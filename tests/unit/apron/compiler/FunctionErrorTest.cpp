@@ -38,12 +38,34 @@ TEST(FunctionErrors, NameTheArgument) {
             at + "5: error: no macro 'f' takes 1 argument and gives a result; there is y = f(a, n)");
 }
 
+TEST(FunctionErrors, AnElementWhoseIndexIsConstantIsARegister) {
+  EXPECT_EQ(error("!for(i, 0, 1)\nchange(ch[i + 1], 2)\n!endfor\nchange(ch[(2 - 1) * 2], 1)"), "");
+  EXPECT_EQ(error("change(ch[1 + 2], 2)"),
+            "main.aps:21:8: error: the array 'ch' has 3 elements, numbered from 0; there is no number 3");
+}
+
 TEST(FunctionErrors, OfDefinitions) {
   const auto first_error = [](const std::string& text) { return first_line(errors(compile_text(text))); };
   EXPECT_EQ(first_error("function y = f(a)\nx = a\nendfunction\n"),
             "main.aps:1:14: error: the function 'f' does not write its result 'y'");
   EXPECT_EQ(first_error("function f(integer n)\nn = 2\nendfunction\n"),
             "main.aps:1:10: error: the function 'f' writes 'n', which is a constant");
+  const std::string result =
+      "error: the result 'y' is a scalar here, and 'where' masks registers only: begin with !register(y)";
+  EXPECT_EQ(
+      first_error("function y = f(plane a)\nwhere(a > 1)\ny = 1\nelsewhere\ny = 2\nendwhere\nendfunction\n"
+                  "!register(A)\nA = f(A)\n"),
+      "main.aps:3:1: " + result);
+  EXPECT_EQ(
+      first_error(
+          "function y, z = f(plane a)\nz = a\ny = 0\nwhere(a > 1)\nadd(y, 1, 2)\nendwhere\nendfunction\n"
+          "!register(A, B)\nA, B = f(A)\n"),
+      "main.aps:5:5: " + result);
+  EXPECT_EQ(
+      first_error("!register(A)\nfunction y = f(plane a)\nwhere(a > 1)\nn = 1\nendwhere\ny = n\nendfunction\n"
+                  "function y = g(plane a)\n!register(y)\nwhere(a > 1)\ny = 1\nendwhere\nendfunction\n"
+                  "where(A)\nA = f(A) + g(A)\nendwhere\n"),
+      "");
   EXPECT_EQ(first_error("function y = f(a\ny = a\nendfunction\n"),
             "main.aps:1:1: error: expected a function's pattern: function y = f(plane a, number n)");
   EXPECT_EQ(first_error("function y = f(a)\ny = a\n"),
@@ -56,6 +78,8 @@ TEST(FunctionErrors, OfDefinitions) {
             "main.aps:1:14: error: an array has a whole number of elements, from 1 to 4096");
   EXPECT_EQ(first_error("!register(ch[2])\nprintln(ch)\n"),
             "main.aps:2:9: error: 'ch' is an array; ch[0] is its first element");
+  EXPECT_EQ(first_error("!register(ch[2])\nch = 1\n"),
+            "main.aps:2:1: error: 'ch' is an array; ch[0] is its first element");
   EXPECT_EQ(first_error("!for(i, 0, 3)\nn = i\n"), "main.aps:1:1: error: this '!for' has no '!endfor'");
   EXPECT_EQ(first_error("!for(i, 0, 0.5)\nn = i\n!endfor\n"),
             "main.aps:1:12: error: '!for' counts in whole numbers");

@@ -266,7 +266,7 @@ TEST(Locality, OpcodeSignaturesAreWellFormed) {
     ASSERT_FALSE(one.signature.empty()) << one.mnemonic;
     EXPECT_NE(std::string("RVDIE-").find(one.signature.front()), std::string::npos) << one.mnemonic;
     EXPECT_LE(one.signature.size(), kMaxOperands + 1) << one.mnemonic;
-    EXPECT_EQ(one.signature.substr(1).find_first_not_of("rsxtlkgm"), std::string_view::npos) << one.mnemonic;
+    EXPECT_EQ(one.signature.substr(1).find_first_not_of("rasxtlkgm"), std::string_view::npos) << one.mnemonic;
   }
 }
 
