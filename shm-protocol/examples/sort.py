@@ -10,7 +10,7 @@ import shm_protocol
 DOWN, RISE, TALLEST = np.float32(1), np.float32(2), np.float32(5)
 SINKING, RAISING, RIDGE = np.float32(0.2), np.float32(0.08), np.float32(0.5)
 REACH, GROWTH, RATE = 8, np.float32(0.01), np.float32(0.1)
-NEAR, PATIENCE, FARTHEST, HIGHEST, WALL = 6, np.float32(120), 16, 3, 1000
+NEAR, PATIENCE, HIGHEST, WALL = 6, np.float32(120), 3, 1000
 NOTHING = np.float32(20)  # an underside that is higher than any
 WEST, EAST, NORTH, SOUTH = 1, 2, 3, 4
 
@@ -98,7 +98,7 @@ class Sort:
         self.largest, self.high, self.low = np.full(shape, 3, np.float32), ones, 0.5 * ones
         self.found, self.way_small, self.way_large, self.from_wall = np.zeros((4, *shape), np.float32)
         self.halt_small, self.halt_large, self.ahead = np.zeros((3, *shape), np.float32)
-        self.stay, self.plight, self.call, self.underside = np.zeros((4, *shape), np.float32)
+        self.stay, self.plight, self.near_large, self.underside = np.zeros((4, *shape), np.float32)
         self.pin = np.full(shape, DOWN + RISE, np.float32)  # at once, before the dropped spheres come down
 
     def heights(self, proximity, proximity_hit):
@@ -162,13 +162,12 @@ class Sort:
         stops = (self.way_large < 3) | (self.ahead > 0)
         self.halt_large = large * np.maximum(REACH * stops, greatest(self.halt_large) - 1)
 
-        # Stalled small ones send large ones away. Who is stalled goes away from the wall first, and is lifted over stuck
-        # pins, but nobody over the wall.
-        self.call = np.maximum(small * eastern * FARTHEST * self.plight, greatest(self.call) - 1)
+        # Small ones go round large ones. Who is stalled goes away from the wall first, and is lifted over stuck pins, but
+        # nobody over the wall.
+        self.near_large = np.maximum(NEAR * large, greatest(self.near_large) - 1)
         away = 2 * wider(self.plight) * np.minimum(self.from_wall, REACH)
-        turn = np.where(large != 0, downhill(self.way_large - away), downhill(self.way_small - away))
-        turn = turn * ((self.halt_small <= 0) & (self.halt_large <= 0))
-        turn = core * np.where(large * (self.call > 0) != 0, downhill(self.call + WALL * (1 - inside)), turn)
+        turn = np.where(large != 0, downhill(self.way_large - away), downhill(self.way_small - away + self.near_large))
+        turn = core * turn * ((self.halt_small <= 0) & (self.halt_large <= 0))
         moving = wider(as_number(turn > 0))
         self.stay = (self.stay + 1) * moving
         change = np.where(self.stay > PATIENCE, np.float32(0.5), np.float32(-0.25)) / PATIENCE
