@@ -79,8 +79,8 @@ void CollisionPipeline::begin_detection(const BodyStore& bodies, ContactList& pa
   const int body_count = bodies.size();
   previous_contacts_.swap_lists(pair_contacts, static_contacts, member_count);
   finds_in_order_ = member_count == 1 && partition_.slab_count() <= 2;
-  pair_contacts.contacts.clear();
-  static_contacts.contacts.clear();
+  // Several members replace all contacts: those that are there already need not be made again.
+  if (member_count == 1) pair_contacts.contacts.clear(), static_contacts.contacts.clear();
   if (finds_in_order_) pair_contacts.manifolds.clear(), static_contacts.manifolds.clear();
   max_pairs_ = kMaxPairsPerBody * static_cast<std::size_t>(body_count);
   const auto slabs = static_cast<std::size_t>(partition_.slab_count());
@@ -129,9 +129,9 @@ void CollisionPipeline::find_contacts(const BodyStore& bodies, ContactList& pair
   previous_contacts_.build_index(bodies.id.size(), pair_ranges_, static_ranges_, member);
   if (member.index == 0) {
     find_large_neighbours(bodies);
-    if (bodies.non_spheres > 0) pair_cache_.build_index(bodies.size());
+    if (bodies.non_spheres > 0) field_cache_.build_index(bodies.size());
   }
-  if (member.is_caller() && bodies.non_spheres > 0) field_cache_.build_index(bodies.size());
+  if (member.is_caller() && bodies.non_spheres > 0) pair_cache_.build_index(bodies.size());
   partition_.assign_rows(bodies, *grid_, member);
   member.arrive_and_wait();
   const IndexRange own_slabs = partition_.share(member);

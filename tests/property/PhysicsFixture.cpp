@@ -30,7 +30,7 @@ surface::ActuatorArray& PhysicsFixture::cells() {
 }
 
 world::Engine& PhysicsFixture::world() {
-  if (!pool_) pool_ = std::make_unique<common::ThreadPool>(threads);
+  if (!pool_) pool_ = std::make_unique<common::ThreadPool>(threads, 0.0);  // shares every step
   if (!world_) world_ = world::make_engine(scene, cells().field(), pool_.get());
   return *world_;
 }

@@ -72,7 +72,7 @@ class Barrier {
   }
 
   std::vector<ArrivalSlot> slots_;
-  bool spins_;
+  bool spins_;  // the members do not outnumber the cores
   alignas(128) std::atomic<int> sleeping_{0};
 };
 
