@@ -44,11 +44,11 @@ void apply(const std::vector<std::pair<std::string, std::vector<double>>>& value
 
 }  // namespace
 
-Environment::Environment(EnvironmentOptions options)
+Environment::Environment(EnvironmentOptions options, Start start)
     : options_(std::move(options)), solids_(std::make_shared<mesh::SolidLibrary>(mesh::decomposition_folder())) {
   load(options_.seed);
   Nuisances::check(scene(), experiment_->variations());
-  start_simulation();
+  if (start == Start::kNow) start_simulation();
 }
 
 Environment::~Environment() = default;
@@ -95,7 +95,8 @@ void Environment::start_episode(std::uint64_t seed, const Values& values) {
 
 void Environment::start_simulation() {
   failed_ = false;
-  simulation_.emplace(*experiment_, options_.threads, /*scripted_actuators=*/options_.controller == nullptr);
+  simulation_ = std::make_unique<Simulation>(*experiment_, options_.threads,
+                                             /*scripted_actuators=*/options_.controller == nullptr);
   simulation_->hash_when_asked();
   if (options_.controller) {
     if (!controller_) controller_.emplace(options_.controller);

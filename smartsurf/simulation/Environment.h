@@ -42,15 +42,19 @@ struct StepResult {
 
 class Environment {
  public:
-  // Loads the experiment and starts its first episode. Throws scene::InputError, one line, for an error in
-  // the experiment or the options; as do the calls below that run the script.
-  explicit Environment(EnvironmentOptions);
+  enum class Start { kNow, kLater };
+  // Loads the experiment and starts its first episode, or leaves that to start(). Throws scene::InputError,
+  // one line, for an error in the experiment or the options; as do the calls below that run the script.
+  explicit Environment(EnvironmentOptions, Start = Start::kNow);
   ~Environment();
+  // Call once, before the other functions, of an environment that is to start later.
+  void start() { start_simulation(); }
 
   const scene::SceneSpec& scene() const { return experiment_->scene(); }
   const script::Experiment& experiment() const { return *experiment_; }
   // Throws scene::InputError if the episode could not start.
   const Simulation& simulation() const;
+  const void* simulation_address() const { return simulation_.get(); }  // null: the episode could not start
   std::uint64_t seed() const { return scene().world.seed; }
 
   // Starts the next episode with that seed. The result is that of a new environment with the seed. The script
@@ -131,7 +135,7 @@ class Environment {
   std::shared_ptr<scene::SolidFactory> solids_;
   std::optional<script::Experiment> experiment_;
   std::optional<scene::SceneSpec> declared_;  // before the nuisances of an episode, if the scene has any
-  std::optional<Simulation> simulation_;      // refers to experiment_
+  std::unique_ptr<Simulation> simulation_;    // refers to experiment_; null: the episode could not start
   std::optional<ControllerLink> controller_;
   bool draws_while_loading_ = false;
   Values set_values_;  // of the next episode

@@ -48,9 +48,11 @@ EnvironmentBatch::EnvironmentBatch(EnvironmentOptions options, std::span<const s
     own.seed = seeds[i];
     if (!overrides.empty())
       own.overrides.insert(own.overrides.end(), overrides[i].begin(), overrides[i].end());
-    worlds_[i].environment = std::make_unique<Environment>(std::move(own));
+    worlds_[i].environment = std::make_unique<Environment>(std::move(own), Environment::Start::kLater);
     worlds_[i].seed = worlds_[i].environment->seed();
   });
+  // All that their steps touch comes to lie together, apart from scripts and scenes.
+  for_each_world([&](std::size_t i) { worlds_[i].environment->start(); });
   collapse_huge_pages();
   const Environment& first = *worlds_.front().environment;
   observation_size_ = first.observation_size();
@@ -70,14 +72,15 @@ EnvironmentBatch::EnvironmentBatch(EnvironmentOptions options, std::span<const s
   }
 }
 
-// A world's memory lies around its environment, because one thread has created both. Pages with few worlds
-// are left alone: they would take memory for little.
+// A world's script lies around its environment, the rest around its simulation, because one thread has
+// created them. Pages with few worlds are left alone: they would take memory for little.
 void EnvironmentBatch::collapse_huge_pages() const {
   constexpr std::ptrdiff_t kMinWorldsPerPage = 8;
   std::vector<std::uintptr_t> pages;
   for (const World& world : worlds_)
-    pages.push_back(reinterpret_cast<std::uintptr_t>(world.environment.get()) / kHugePageBytes *
-                    kHugePageBytes);
+    for (const void* part : {static_cast<const void*>(world.environment.get()),
+                             world.environment->simulation_address()})
+      pages.push_back(reinterpret_cast<std::uintptr_t>(part) / kHugePageBytes * kHugePageBytes);
   std::ranges::sort(pages);
   for (auto page = pages.begin(); page != pages.end();) {
     const auto next = std::ranges::upper_bound(page, pages.end(), *page);
@@ -221,14 +224,16 @@ void EnvironmentBatch::restore(int index, std::string_view state, const BatchArr
   write_state(i, {}, a.state);
 }
 
-// Asks for the memory of a world that will be stepped soon. It lies between its environment and the next
+// Asks for the memory of a world that will be stepped soon. It lies between its simulation and the next
 // one's, because one thread has created both; of a large world only the beginning is fetched.
 void EnvironmentBatch::prefetch_world(std::size_t i) const {
   constexpr std::uintptr_t kMaxBytes = 48U << 10U, kLineBytes = 64;
   constexpr std::size_t kMinWorlds = 32;  // fewer stay in the cache
   if (worlds_.size() < kMinWorlds || i + 1 >= worlds_.size()) return;
-  const auto begin = reinterpret_cast<std::uintptr_t>(worlds_[i].environment.get());
-  const auto next = reinterpret_cast<std::uintptr_t>(worlds_[i + 1].environment.get());
+  const auto address = [this](std::size_t of) {
+    return reinterpret_cast<std::uintptr_t>(worlds_[of].environment->simulation_address());
+  };
+  const std::uintptr_t begin = address(i), next = address(i + 1);
   if (next <= begin) return;
   for (std::uintptr_t at = begin; at < std::min(next, begin + kMaxBytes); at += kLineBytes)
     __builtin_prefetch(reinterpret_cast<const void*>(at));
