@@ -52,7 +52,10 @@ EnvironmentBatch::EnvironmentBatch(EnvironmentOptions options, std::span<const s
     worlds_[i].seed = worlds_[i].environment->seed();
   });
   // All that their steps touch comes to lie together, apart from scripts and scenes.
-  for_each_world([&](std::size_t i) { worlds_[i].environment->start(); });
+  for_each_world([&](std::size_t i) {
+    worlds_[i].environment->start();
+    worlds_[i].simulation = worlds_[i].environment->simulation_address();
+  });
   collapse_huge_pages();
   const Environment& first = *worlds_.front().environment;
   observation_size_ = first.observation_size();
@@ -78,8 +81,7 @@ void EnvironmentBatch::collapse_huge_pages() const {
   constexpr std::ptrdiff_t kMinWorldsPerPage = 8;
   std::vector<std::uintptr_t> pages;
   for (const World& world : worlds_)
-    for (const void* part : {static_cast<const void*>(world.environment.get()),
-                             world.environment->simulation_address()})
+    for (const void* part : {static_cast<const void*>(world.environment.get()), world.simulation})
       pages.push_back(reinterpret_cast<std::uintptr_t>(part) / kHugePageBytes * kHugePageBytes);
   std::ranges::sort(pages);
   for (auto page = pages.begin(); page != pages.end();) {
@@ -230,10 +232,8 @@ void EnvironmentBatch::prefetch_world(std::size_t i) const {
   constexpr std::uintptr_t kMaxBytes = 48U << 10U, kLineBytes = 64;
   constexpr std::size_t kMinWorlds = 32;  // fewer stay in the cache
   if (worlds_.size() < kMinWorlds || i + 1 >= worlds_.size()) return;
-  const auto address = [this](std::size_t of) {
-    return reinterpret_cast<std::uintptr_t>(worlds_[of].environment->simulation_address());
-  };
-  const std::uintptr_t begin = address(i), next = address(i + 1);
+  const auto begin = reinterpret_cast<std::uintptr_t>(worlds_[i].simulation);
+  const auto next = reinterpret_cast<std::uintptr_t>(worlds_[i + 1].simulation);
   if (next <= begin) return;
   for (std::uintptr_t at = begin; at < std::min(next, begin + kMaxBytes); at += kLineBytes)
     __builtin_prefetch(reinterpret_cast<const void*>(at));

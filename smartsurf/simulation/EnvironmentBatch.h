@@ -112,6 +112,7 @@ class EnvironmentBatch {
   struct World {
     std::unique_ptr<Environment> environment;
     std::vector<std::pair<std::string, double>> final_metrics;
+    const void* simulation = nullptr;  // where the first one lay, and as a rule the later ones lie
     std::uint64_t seed = 0;  // of the episode, also of one that could not start
     bool episode_over = false;
     std::string error;
