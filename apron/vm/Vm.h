@@ -189,7 +189,7 @@ class Vm {
   BoundaryCondition boundary_{};
   double boundary_number_ = 0.0;  // the boundary's value, unrounded
   RandomStream random_stream_{};
-  // Of the largest destination of a scatter: the sums of floats, and those of integers or counts.
+  // They hold the largest destination of a scatter: sums of floats, and sums of integers or counts.
   std::tuple<std::vector<double>, std::vector<std::uint32_t>> scatter_sums_;
   // The planes that the largest matrix product reads, then those that it writes; see MatrixProduct.
   std::vector<float*> matrix_planes_;

@@ -6,9 +6,9 @@
 
 namespace common {
 
-// What shared jobs lose against the caller alone is kept below kMostLossShare of the time: after a loss, the caller
-// works alone for as long. Then, and at first, it must have had its own core to itself for kCalm_ns of work. Times are
-// those of one clock, in ns.
+// After shared jobs have lost kMostLoss_ns against the caller alone, the caller works alone for so long that the loss is
+// kMostLossShare_percent of that time, at most for kMostPause_ns. Then, and at first, it must have had its own core to
+// itself for kCalm_ns of work. now_ns is the time of any steady clock.
 class LossBudget {
  public:
   static constexpr std::int64_t kMostLoss_ns = 500'000, kMostPause_ns = 1'000'000'000, kCalm_ns = 50'000'000;

@@ -54,7 +54,6 @@ class Environment {
   const script::Experiment& experiment() const { return *experiment_; }
   // Throws scene::InputError if the episode could not start.
   const Simulation& simulation() const;
-  const void* simulation_address() const { return simulation_.get(); }  // null: the episode could not start
   std::uint64_t seed() const { return scene().world.seed; }
 
   // Starts the next episode with that seed. The result is that of a new environment with the seed. The script

@@ -54,7 +54,7 @@ EnvironmentBatch::EnvironmentBatch(EnvironmentOptions options, std::span<const s
   // All that their steps touch comes to lie together, apart from scripts and scenes.
   for_each_world([&](std::size_t i) {
     worlds_[i].environment->start();
-    worlds_[i].simulation = worlds_[i].environment->simulation_address();
+    worlds_[i].simulation = &worlds_[i].environment->simulation();
   });
   collapse_huge_pages();
   const Environment& first = *worlds_.front().environment;

@@ -208,8 +208,8 @@ void NativeEngine::correct_seams(const Member& member) {
   seams_.run(bodies_, pair_contacts_, static_contacts_, collision_.partition().bodies_of(member), member);
 }
 
-// The surface of a cell that turns has another velocity where the body is in the middle of the step: with that of
-// the step's start, riders would spiral outward. All points of a body move with its centre, as anchors keep the
+// Midpoint rule: the surface of a cell that turns has the velocity of where the body is in the middle of the step. With
+// that of the step's start, riders would spiral outward. All points of a body move with its centre, as anchors keep the
 // orientation that they had at the start.
 void NativeEngine::lead_turning_cells() {
   const auto lead = [this](std::int32_t body, float spin) {

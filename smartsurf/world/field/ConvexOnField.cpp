@@ -303,8 +303,7 @@ class PartOnField {
     return true;
   }
 
-  // Of a disc whose face is level with the tops, the normal of the round cores would hold back the rim where it comes
-  // over a top.
+  // The normal between the round cores would hold back the rim of such a disc where it comes over a top.
   bool is_level_disc() const {
     constexpr float kLevel = 0.9999F;
     return part_.shape.kind == ShapeKind::kCylinder && std::abs(axes_.col(2).z()) > kLevel;
