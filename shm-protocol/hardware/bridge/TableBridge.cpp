@@ -62,7 +62,7 @@ TableBridge::TableBridge(TableSpec spec, BridgeOptions options, const std::atomi
   }
   const bool named = !options_.surface.empty();
   const std::string where =
-      named ? "--shm: " : spec_.file + ":" + std::to_string(spec_.name_line) + ": as a surface's ";
+      named ? "--shm: " : spec_.file + ":" + std::to_string(spec_.name_line) + ": ";
   name_ = reserve_surface(named ? options_.surface : spec_.name, where);
   boards_name_ = reserve_surface(name_->name() + ".boards", where);
   for (const TableBoard& board : spec_.boards) {

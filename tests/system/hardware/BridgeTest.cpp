@@ -282,10 +282,10 @@ TEST(Bridge, BadNameOfTheSurfaceIsRefusedAtOnce) {
   for (const auto& [flags, message] : {
            std::pair<std::vector<std::string>, std::string>{{"/dev/none", "--shm", "a/b"}, "--shm: name \"a/b\""},
            {{"/dev/none", "--shm", used}, "--shm: surface \"" + used + "\""},
-           {{"--table", file}, file + ":1: as a surface's name \"a b\""},
+           {{"--table", file}, file + ":1: name \"a b\""},
            {{"--table", file, "--shm", ".t"}, "--shm: name \".t\""},
            {{"--table", file, "--shm", longest}, "--shm: name \"" + longest + ".boards\""},
-           {{"calibrate", file, "-o", line_path("c.toml")}, file + ":1: as a surface's name \"a b\""}}) {
+           {{"calibrate", file, "-o", line_path("c.toml")}, file + ":1: name \"a b\""}}) {
     std::vector<std::string> words{SURFACE_BRIDGE};
     words.insert(words.end(), flags.begin(), flags.end());
     for (const char* word : {"--connect", "1"}) words.push_back(word);
