@@ -188,9 +188,14 @@ struct Passes<Cos> {
 
 template <>
 struct Passes<Tan> {
-  static constexpr std::size_t kKept[] = {3};
-  static HWY_INLINE void pass(std::size_t, R a, R, R* kept) { kept[2] = begin_tangent(a, &kept[0], &kept[1]); }
-  static HWY_INLINE R end(R, R, const R* kept) { return end_tangent(kept[0], kept[1], kept[2]); }
+  static constexpr std::size_t kKept[] = {3, 1};
+  static HWY_INLINE void pass(std::size_t k, R a, R, R* kept) {
+    if (k == 0)
+      kept[2] = begin_tangent(a, &kept[0], &kept[1]);
+    else
+      kept[0] = tangent_series(kept[0], kept[1]);
+  }
+  static HWY_INLINE R end(R, R, const R* kept) { return end_tangent(kept[0], kept[2]); }
 };
 
 template <>
@@ -289,7 +294,7 @@ void run_in_passes(const Block& block) noexcept {
       if constexpr (std::size(Its::kKept) > 1) pass(1, Its::kKept[0], Its::kKept[1]);
       for (std::size_t x = 0; x < columns; x += lanes) {
         R kept[kMostKept] = {};
-        load(x, *std::rbegin(Its::kKept), kept);
+        load(x, Its::kKept[0], kept);
         V value = Its::end(a(x), b(x), kept).v;
         if constexpr (kMasked) {
           const V mask = hn::Load(d, mask_row + begin + x);
