@@ -77,7 +77,8 @@ class Bench(ProgramTest):
         self.assertIn("VectorEnv, 64, 2 threads over peers: MuJoCo, 2 threads 50.\n\nNo peer is ahead of VectorEnv, 64, 2 threads here.", text)
         self.assertIn("| VectorEnv, 64, 2 threads | 200000 |", text)  # a second of processor time
         self.assertIn("in a trial (CG, elliptic)", text)
-        self.assertIn("Python accounts for at most 2.0 % of a step of 64 or 1024 worlds. 1024 worlds occupy 97 MiB (8x8 1).", text)
+        self.assertIn("Python accounts for at most 2.0 % of a step of 64 or 1024 worlds.", text)
+        self.assertIn("| MiB | 97 |", text)
         self.assertIn("| reset | 40 |", text)
 
     def test_report_of_wheels_says_where_a_peer_is_ahead(self):
