@@ -94,7 +94,7 @@ class Figures(ProgramTest):
         page = PAGE.read_text()
         for n in "156789":
             self.assertIn(f"scripts/figures --only {n}", page)
-        for name in ("hero.png", "sort.webp", "apron-window.png", "apron-window-narrow.png"):
+        for name in ("hero.webp", "windows.webp", "sort.webp", "apron-window.png", "apron-window-narrow.png"):
             self.assertTrue((ROOT / "docs/images" / name).stat().st_size < 3_000_000, name)
 
 
