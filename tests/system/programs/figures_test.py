@@ -3,7 +3,7 @@ import shutil
 import sys
 
 from programs import *
-from programs import PATIENCE
+from programs import PATIENCE, SMALL_PICTURE
 
 FIGURES_SCRIPT = str(ROOT / "scripts/figures")
 # Shows each figure with its command.
@@ -68,6 +68,13 @@ class Figures(ProgramTest):
             self.assertEqual((status, err.count("\n")), (2, 1), err)
             self.assertIn(f"--picture-size {size}", err)
             self.assertFalse((self.folder / file).exists())
+
+    def test_pictures_are_drawn_silently_where_a_folder_for_caches_is_set(self):
+        (self.folder / "cache").mkdir()
+        status, _, err = self.run_program("env", f"XDG_CACHE_HOME={self.folder / 'cache'}", SMARTSURF, "run",
+                                          str(ROOT / "scripts/examples/wave.lua"), "--no-controller", "--ticks", "2", "--screenshot",
+                                          "a.png", *SMALL_PICTURE)
+        self.assertEqual((status, err.count("\n")), (0, 1), err)
 
     def test_traced_pictures_and_videos(self):
         wave = [SMARTSURF, "run", str(ROOT / "scripts/examples/wave.lua"), "--no-controller", "--ticks", "2"]
