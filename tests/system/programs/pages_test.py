@@ -51,6 +51,14 @@ class Pages(ProgramTest):
             if page != "docs/README.md":
                 self.assertIn(f"({pathlib.Path(page).name})", index, page)
 
+    def test_architecture_lists_the_stages_of_a_step(self):
+        table = re.findall(r'^    {"([a-z ]+)", ', text_of("smartsurf/world/NativeEngineStep.cpp"), re.MULTILINE)
+        listed = re.findall(r"^\d\. \*(?:Inputs|Contacts|Motion|Outputs)\*: (.*?)\.$", text_of("docs/architecture.md"),
+                            re.MULTILINE | re.DOTALL)
+        stages = re.sub(r"\s+", " ", ", ".join(listed)).split(", ")
+        self.assertGreater(len(table), 20)
+        self.assertEqual(stages, table)
+
     def test_named_files_exist(self):
         for page in PAGES:
             for path in re.findall(r"(?<![\w./-])((?:scripts|docs|tests|smartsurf|apron|shm-protocol|packaging|cmake)/[\w./-]*\w)",
