@@ -105,6 +105,8 @@ Calibration Calibration::read(const std::filesystem::path& path) {
   c.table = reader.need<std::string>(file, "", "table", "a text");
   c.actuator = reader.need<std::string>(file, "", "actuator", "a text");
   c.sensor = reader.need<std::string>(file, "", "sensor", "a text");
+  c.actuator_line = TomlReader::line_of(*file.get("actuator"));
+  c.sensor_line = TomlReader::line_of(*file.get("sensor"));
   c.unit = reader.need<std::string>(file, "", "unit", "a text");
   c.has_rest = reader.need<bool>(file, "", "rest", "true or false");
   const auto size = reader.pair(file, "", "size", 1);
@@ -213,7 +215,8 @@ void Calibration::require_map(const TableMap& map) {
   const auto require = [&](const std::string& name, bool is_sensor) -> const TableChannel& {
     for (const TableChannel& c : map.channels())
       if (c.sensor == is_sensor && c.name == name && c.components == 1 && c.unit == unit) return c;
-    throw std::invalid_argument(file + ": the table has no " + (is_sensor ? "sensor '" : "actuator '") +
+    const std::size_t line = is_sensor ? sensor_line : actuator_line;
+    throw std::invalid_argument(file + (line ? ":" + std::to_string(line) : "") + ": the table has no " + (is_sensor ? "sensor '" : "actuator '") +
                                 name + "' of one component in '" + unit + "'");
   };
   require(sensor, true);

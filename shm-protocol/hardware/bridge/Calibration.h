@@ -43,6 +43,7 @@ class Calibration {
   std::size_t cells() const { return std::size_t{rows} * columns; }
 
   std::string file, table, actuator, sensor, unit;
+  std::size_t actuator_line = 0, sensor_line = 0;  // of the file; 0: none
   std::uint32_t rows = 0, columns = 0, period_us = 0;
   bool has_rest = false;  // the zero of the sensors was measured
   std::vector<Place> boards;
