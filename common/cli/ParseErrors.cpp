@@ -2,9 +2,11 @@
 
 #include <CLI/CLI.hpp>
 #include <algorithm>
+#include <filesystem>
 #include <string_view>
 #include <vector>
 
+#include "common/files/FileKind.h"
 #include "common/text/Suggestion.h"
 
 namespace common {
@@ -14,6 +16,20 @@ std::vector<const CLI::App*> all_commands(const CLI::App& app) {
   return app.get_subcommands([](const CLI::App*) { return true; });
 }
 
+// What takes such a file, in either program.
+std::string command_for(std::string_view file, const std::string& otherwise) {
+  switch (file_kind(std::filesystem::path(file))) {
+    case FileKind::kExperiment:
+      return "smartsurf run";
+    case FileKind::kProgram:
+      return "apron run";
+    case FileKind::kRecording:
+      return "smartsurf replay";
+    default:
+      return otherwise;
+  }
+}
+
 // "no command 'fly'; known: run, check". Empty if the first argument is a command, or a flag of the program.
 std::string describe_unknown_command(const CLI::App& app, std::string_view name) {
   std::vector<std::string> known;
@@ -21,7 +37,7 @@ std::string describe_unknown_command(const CLI::App& app, std::string_view name)
   if (name.starts_with('-') || std::ranges::find(known, name) != known.end()) return {};
   const std::string text = "no command '" + std::string(name) + "'";
   if (name.find_first_of("./") != std::string_view::npos)  // a file
-    return text + "; the command comes first: " + app.get_name() + " " + known.front() + " " +
+    return text + "; the command comes first: " + command_for(name, app.get_name() + " " + known.front()) + " " +
            std::string(name);
   return text + did_you_mean(name, known) + "; known: " + CLI::detail::join(known, ", ");
 }

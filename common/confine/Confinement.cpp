@@ -59,7 +59,10 @@ void confine(const Confinement& confinement) {
   const ConfinementSupport support = confinement_support();
   if (mode == ConfinementMode::kRequired && !support.complete())
     throw UserError("SMARTSURF_CONFINE=require: this system has " + describe(support));
-  if (support.landlock > 0) restrict_files(confinement, support.landlock);
+  if (support.landlock > 0) {
+    ::setenv("MESA_SHADER_CACHE_DISABLE", "true", 0);  // Mesa prints that it may not write its own
+    restrict_files(confinement, support.landlock);
+  }
   if (support.seccomp) restrict_calls(confinement.calls);
   if (support.landlock > 0 || support.seccomp) confined.store(true);
 }

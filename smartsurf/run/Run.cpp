@@ -440,7 +440,8 @@ void Run::finish() {
       progress_.print_message(fmt::format("{} shows the end at {:.4g} s: the run did not reach {:.4g} s",
                                           screenshot.file, end_s, *screenshot.time_s));
   media_.finish(frame_input());
-  const RunSummary s = summary();
+  final_summary_ = summary();
+  const RunSummary& s = *final_summary_;
   for (const auto& recorder : recorders_)
     recorder->close({s.outcome, s.ticks, s.simulated_s, s.state_hash, s.success, s.success_s});
   if (!options_.stats_file.empty()) write_stats();
@@ -463,6 +464,7 @@ std::optional<bool> Run::success() const {
 }
 
 RunSummary Run::summary() const {
+  if (final_summary_) return *final_summary_;
   const scene::Snapshot& snapshot = simulation_.snapshot();
   const scene::WorldSpec& world = simulation_.scene().world;
   RunSummary s;

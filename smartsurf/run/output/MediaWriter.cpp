@@ -10,6 +10,7 @@
 #include "common/image/Png.h"
 #include "common/video/VideoEncoder.h"
 #include "smartsurf/run/display/ViewChannels.h"
+#include "smartsurf/view/model/TableBounds.h"
 #include "smartsurf/view/output/OffscreenView.h"
 
 namespace smartsurf::run {
@@ -91,9 +92,9 @@ view::DrawOptions MediaWriter::draw_options(const view::FrameInput& frame) {
   return options;
 }
 
-view::Camera MediaWriter::camera(const common::PixelSize& size) const {
+view::Camera MediaWriter::camera(const common::PixelSize& size, std::span<const Eigen::Vector3d> also) const {
   return view::Camera::from_view(scene_.surface, render_options_.view.camera,
-                                 static_cast<double>(size.width) / size.height);
+                                 static_cast<double>(size.width) / size.height, also);
 }
 
 void MediaWriter::write_screenshot(const view::FrameInput& frame, const std::string& file) {
@@ -101,7 +102,8 @@ void MediaWriter::write_screenshot(const view::FrameInput& frame, const std::str
     screenshot_view_ = std::make_unique<view::OffscreenView>(
         scene_, render_options_.view.detail.value_or(view::Detail::kStill));
   const common::PixelSize size = render_options_.pixel_size.value_or(kDefaultScreenshotSize);
-  common::write_png(file, screenshot_view_->render(frame.snapshot, frame.catalogue, camera(size),
+  const auto objects = view::corners_of_objects_over(scene_.surface, frame.snapshot, frame.catalogue);
+  common::write_png(file, screenshot_view_->render(frame.snapshot, frame.catalogue, camera(size, objects),
                                                    draw_options(frame), size.width, size.height));
 }
 

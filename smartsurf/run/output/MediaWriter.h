@@ -3,6 +3,7 @@
 
 #include <memory>
 #include <optional>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -39,7 +40,8 @@ class MediaWriter {
  private:
   // The spans are valid until the next call.
   view::DrawOptions draw_options(const view::FrameInput&);
-  view::Camera camera(const common::PixelSize&) const;
+  // also: points that the picture shows besides the table, where the user gives no pose.
+  view::Camera camera(const common::PixelSize&, std::span<const Eigen::Vector3d> also = {}) const;
   void write_screenshot(const view::FrameInput&, const std::string& file);
   void write_video_frames(const view::FrameInput&);
 

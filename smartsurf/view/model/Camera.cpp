@@ -75,7 +75,8 @@ std::optional<CameraPose> parse_camera_pose(std::string_view text) {
   return CameraPose{*position, *target};
 }
 
-Camera Camera::fit_to_surface(const scene::SurfaceSpec& surface, CameraPreset preset, double aspect) {
+Camera Camera::fit_to_surface(const scene::SurfaceSpec& surface, CameraPreset preset, double aspect,
+                              std::span<const Eigen::Vector3d> also) {
   Camera camera;
   camera.azimuth_ = 0.0;
   camera.elevation_ = preset == CameraPreset::kTop   ? kMaxElevation
@@ -99,6 +100,7 @@ Camera Camera::fit_to_surface(const scene::SurfaceSpec& surface, CameraPreset pr
   const Axes axes = make_axes(surface);
   include(axes.origin);
   for (int i = 0; i < 3; ++i) include(axes.origin + axes.length * Eigen::Vector3d::Unit(i));
+  for (const Eigen::Vector3d& point : also) include(point);
   const double eye_depth = std::max(x.distance(), y.distance());
   const double target_depth = -box.center().dot(camera.forward());
   camera.distance_ = camera.reference_distance_ = eye_depth - target_depth;
@@ -106,8 +108,9 @@ Camera Camera::fit_to_surface(const scene::SurfaceSpec& surface, CameraPreset pr
   return camera;
 }
 
-Camera Camera::from_view(const scene::SurfaceSpec& surface, const CameraView& view, double aspect) {
-  Camera camera = fit_to_surface(surface, view.preset, aspect);
+Camera Camera::from_view(const scene::SurfaceSpec& surface, const CameraView& view, double aspect,
+                         std::span<const Eigen::Vector3d> also) {
+  Camera camera = fit_to_surface(surface, view.preset, aspect, view.pose ? std::span<const Eigen::Vector3d>{} : also);
   if (view.pose) camera.set_pose(*view.pose);
   return camera;
 }

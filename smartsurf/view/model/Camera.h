@@ -5,6 +5,7 @@
 
 #include <Eigen/Geometry>
 #include <optional>
+#include <span>
 #include <string>
 #include <string_view>
 
@@ -41,10 +42,13 @@ class Camera {
   // The camera for which the whole table (the pins over their full travel, the board and the axes) fills an
   // image of aspect ratio `aspect` (width / height) with a small margin. kTop: from above, north up. kIso:
   // from the south, 40° above the horizon. kSide: from the south, just above the horizon.
-  static Camera fit_to_surface(const scene::SurfaceSpec& surface, CameraPreset preset, double aspect);
+  // It also sees the points `also`, for which it goes farther away where they need it.
+  static Camera fit_to_surface(const scene::SurfaceSpec& surface, CameraPreset preset, double aspect,
+                               std::span<const Eigen::Vector3d> also = {});
 
   // The view's pose, if it has one, with the zoom limits of the preset; else fit_to_surface().
-  static Camera from_view(const scene::SurfaceSpec& surface, const CameraView& view, double aspect);
+  static Camera from_view(const scene::SurfaceSpec& surface, const CameraView& view, double aspect,
+                          std::span<const Eigen::Vector3d> also = {});
 
   // Rotates about the target. dx, dy: pointer movement, pixels, y down. The scene follows the pointer.
   void orbit(double dx, double dy);

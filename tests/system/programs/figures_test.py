@@ -3,7 +3,7 @@ import shutil
 import sys
 
 from programs import *
-from programs import PATIENCE
+from programs import PATIENCE, SMALL_PICTURE
 
 FIGURES_SCRIPT = str(ROOT / "scripts/figures")
 # Shows each figure with its command.
@@ -69,6 +69,13 @@ class Figures(ProgramTest):
             self.assertIn(f"--picture-size {size}", err)
             self.assertFalse((self.folder / file).exists())
 
+    def test_pictures_are_drawn_silently_where_a_folder_for_caches_is_set(self):
+        (self.folder / "cache").mkdir()
+        status, _, err = self.run_program("env", f"XDG_CACHE_HOME={self.folder / 'cache'}", SMARTSURF, "run",
+                                          str(ROOT / "scripts/examples/wave.lua"), "--no-controller", "--ticks", "2", "--screenshot",
+                                          "a.png", *SMALL_PICTURE)
+        self.assertEqual((status, err.count("\n")), (0, 1), err)
+
     def test_traced_pictures_and_videos(self):
         wave = [SMARTSURF, "run", str(ROOT / "scripts/examples/wave.lua"), "--no-controller", "--ticks", "2"]
         final = ["--quality", "final", "--samples", "2", "--aperture", "2", "--picture-size", "124x46"]
@@ -94,7 +101,7 @@ class Figures(ProgramTest):
         page = PAGE.read_text()
         for n in "156789":
             self.assertIn(f"scripts/figures --only {n}", page)
-        for name in ("hero.png", "sort.webp", "apron-window.png", "apron-window-narrow.png"):
+        for name in ("hero.webp", "windows.webp", "sort.webp", "apron-window.png", "apron-window-narrow.png"):
             self.assertTrue((ROOT / "docs/images" / name).stat().st_size < 3_000_000, name)
 
 

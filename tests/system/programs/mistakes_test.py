@@ -59,6 +59,12 @@ class Mistakes(ProgramTest):
         self.refused(run + ["--verify"], "'--verify'; it is a flag of smartsurf replay")
         self.refused([SMARTSURF, "--versoin"], "did you mean '--version'?")
         self.refused([SMARTSURF, path], f"the command comes first: smartsurf run {path}")
+        recording = self.folder / "ok.h5"
+        recording.write_bytes(b"\x89HDF\r\n\x1a\n")
+        for program in (SMARTSURF, APRON):
+            self.refused([program, str(recording)], f"the command comes first: smartsurf replay {recording}")
+            self.refused([program, SORT_APS], f"the command comes first: apron run {SORT_APS}")
+            self.refused([program, path], f"the command comes first: smartsurf run {path}")
         self.refused([APRON, "run", SORT_APS, "--tick", "5"], "did you mean '--ticks'?", "(see apron run --help)")
         self.refused(run + ["--close"], "--close", "needs --window")
         self.refused(run + ["--camera", "1,2,3"], "--camera 1,2,3", "X,Y,Z:X,Y,Z")
@@ -335,6 +341,13 @@ on_finish(function() metric('left', left) end)""")
         status, out, err = self.run_program(SMARTSURF, "run", "table.lua", "--no-controller", "--until", "0.1")
         self.assertEqual((status, err.splitlines()[:2]), (0, warnings))
         self.assertRegex(out + err, r"warning: [12] commands were outside their channel's range and clamped to it")
+        # Those of a program as well.
+        self.write("table.lua", "surface { rows = 8, columns = 8, actuator = pin { range = {0, 2} } }")
+        self.write("up.aps", "!register(UP)\nUP = 7\nwhile(1)\n  surface.actuate('height', UP)\n  surface.step\nendwhile\n")
+        status, out, err = self.run_program(SMARTSURF, "run", "table.lua", "--controller", "up.aps", "--ticks", "3", "--stats", "s.json")
+        clamped = json.loads((self.folder / "s.json").read_text())["actuator_values_clamped"]
+        self.assertGreaterEqual(clamped, 2 * 64)
+        self.assertIn(f"warning: {clamped} commands were outside", err)
 
     def test_shipped_experiments_are_told_nothing(self):
         for folder in ("case-study", "tasks", "examples"):

@@ -3,8 +3,10 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <numbers>
+#include <vector>
 
 namespace smartsurf::view {
 namespace {
@@ -47,6 +49,38 @@ TEST(Camera, FitsTableWithSmallMarginAtAnyAspect) {
         EXPECT_LT(reach, 1.0);
         EXPECT_GT(reach, 0.85) << "the table is smaller than it could be";
       }
+}
+
+TEST(Camera, GoesFartherAwayForObjectsThatWouldBeCutOffAlone) {
+  const scene::SurfaceSpec s = make_surface(24, 24);
+  scene::Snapshot snapshot;
+  snapshot.id = {0, 1, 2};
+  snapshot.position = {{12.0F, 23.0F, 9.0F}, {-80.0F, 0.0F, 0.0F}, {12.0F, 12.0F, 1e4F}};
+  snapshot.orientation.assign(3, {0.0F, 0.0F, 0.3826834F, 0.9238795F});  // 45° about z
+  std::vector<scene::ObjectSpec> catalogue(3);
+  catalogue[0].shape = scene::ShapeKind::kBox;
+  catalogue[0].size = {4.0, 2.0, 6.0};
+  const auto corners = corners_of_objects_over(s, snapshot, catalogue);
+  ASSERT_EQ(corners.size(), 8U);  // neither what lies beside the table nor what has flown away
+  EXPECT_TRUE(corners[0].isApprox(Eigen::Vector3d(12.0 - std::sqrt(0.5), 23.0 - 3.0 * std::sqrt(0.5), 6.0), 1e-6));
+  const auto outside = [&](const Camera& camera) {
+    return std::ranges::count_if(corners, [&](const Eigen::Vector3d& corner) {
+      const Eigen::Vector3d pixel = camera.project(corner, 800.0, 500.0);
+      return pixel.x() < 0.0 || pixel.x() > 800.0 || pixel.y() < 0.0 || pixel.y() > 500.0;
+    });
+  };
+  for (CameraPreset preset : kPresets) {
+    const Camera table = Camera::fit_to_surface(s, preset, 1.6);
+    const Camera all = Camera::fit_to_surface(s, preset, 1.6, corners);
+    EXPECT_EQ(outside(all), 0);
+    EXPECT_LT(max_clip_extent(all, s, 1.6).maxCoeff(), 1.0);
+    if (outside(table) > 0) {
+      EXPECT_GT(all.distance(), table.distance());
+    }
+  }
+  EXPECT_GT(outside(Camera::fit_to_surface(s, CameraPreset::kIso, 1.6)), 0);
+  const CameraView posed{CameraPreset::kIso, CameraPose{{0.0, -40.0, 30.0}, {12.0, 12.0, 0.0}}};
+  EXPECT_EQ(Camera::from_view(s, posed, 1.6, corners).eye(), Camera::from_view(s, posed, 1.6).eye());
 }
 
 TEST(Camera, IsoViewsFromSouthAtFortyDegrees) {
