@@ -61,8 +61,8 @@ struct BridgeCounters {
 // A line of `surface_bridge status`; empty if the device limits nothing.
 std::string limits_text(const DeviceChannel&);
 
-// Reserves the name of a surface before its device comes. Throws std::invalid_argument with one line that begins
-// with `where` if the name is bad or in use, or shm_protocol::Error.
+// Reserves the name of a surface before its device comes. Throws std::invalid_argument with one line that
+// begins with `where` if the name is bad or in use, or shm_protocol::Error.
 std::shared_ptr<shm_protocol::SurfaceName> reserve_surface(const std::string& name, const std::string& where);
 
 enum class Outcome { kDone, kStopped, kDeviceLost, kFailed };

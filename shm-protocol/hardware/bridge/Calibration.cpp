@@ -199,8 +199,8 @@ void Calibration::require_table(const TableSpec& spec) const {
                                 ": is the calibration of another table: " + what);
   };
   if (period_us != spec.period_us)
-    another(line_of("period_us"), "period_us is " + std::to_string(period_us) + ", that of " + spec.file + " is " +
-                   std::to_string(spec.period_us));
+    another(line_of("period_us"), "period_us is " + std::to_string(period_us) + ", that of " + spec.file +
+                                      " is " + std::to_string(spec.period_us));
   for (const Place& b : boards) {
     const auto here = std::ranges::find_if(spec.boards, [&](const TableBoard& t) {
       return t.id == b.id && t.row == b.row && t.column == b.column && t.turn == b.turn &&
@@ -212,7 +212,8 @@ void Calibration::require_table(const TableSpec& spec) const {
     const Place wanted{t.id, t.row, t.column, t.turn, t.mirror};
     if (std::ranges::none_of(
             boards, [&](const Place& b) { return t.id == b.id && t.row == b.row && t.column == b.column; }))
-      another(line_of("board"), "it has no " + place_text(wanted) + " (" + spec.file + ":" + std::to_string(t.line) + ")");
+      another(line_of("board"), "it has no " + place_text(wanted) + " (" + spec.file + ":" +
+                                    std::to_string(t.line) + ")");
   }
 }
 

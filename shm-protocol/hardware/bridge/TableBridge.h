@@ -51,8 +51,8 @@ class TableDriver {
 class TableBridge {
  public:
   // `options.port` and `options.silence_timeout` unless set are not used. A calibration file that the table
-  // names is read here, and the surface's name reserved. Throws std::invalid_argument with one line if the file
-  // cannot be read or is another table's, and as reserve_surface() does.
+  // names is read here, and the surface's name reserved. Throws std::invalid_argument with one line if
+  // the file cannot be read or is another table's, and as reserve_surface() does.
   TableBridge(TableSpec, BridgeOptions, const std::atomic<bool>& stop, EventLog::Print,
               TableDriver* driver = nullptr);
   ~TableBridge();

@@ -51,8 +51,8 @@ constexpr const char* kUsage =
     "  --table FILE     write the table for surface_bridge --table, of the name --name [table]\n"
     "  --period-ms N    control period, 0.5 to 60000 [10]\n"
     "  --ticks N        end after N periods of the first board [never]\n"
-    "  --patient        a period is prolonged by whole periods until the host has answered, up to twelve, and "
-    "nothing\n"
+    "  --patient        a period is prolonged by whole periods until the host has answered, up to twelve, "
+    "and nothing\n"
     "                   becomes safe meanwhile: the load of this machine does not count\n"
     "  --once           end when the host has closed every line and not opened it again for a second\n"
     "  --pins FILE      keep the first board's active heights in FILE, one byte per cell\n"
@@ -288,8 +288,8 @@ class Emulator {
     world_due_ = EmulatedBoard::Time::max();
   }
 
-  // Until all boards have their answers, but not for so long that the host takes them for gone. A board that has
-  // begun its next period already gets no answer before the others begin theirs, and holds none of them.
+  // Until all boards have their answers, but not for so long that the host takes them for gone. A board that
+  // has begun its next period already gets no answer before the others begin theirs, and holds none of them.
   void hold_periods() {
     const std::chrono::microseconds period(o_.board.period_us);
     for (const auto& board : boards) board->carry();
