@@ -309,6 +309,11 @@ Function::Arguments Function::take_arguments(const Variant& variant, py::handle 
   while (PyDict_Next(named.ptr(), &position, &key, &value) != 0) {
     const Name* const name = find_name(variant, key);
     if (name == nullptr) {
+      static constexpr std::string_view kOfCompile[] = {"results", "shape",    "threads", "ticks",
+                                                        "include", "original", "isa"};
+      const auto text = py::cast<std::string>(py::str(py::handle(key)));
+      if (std::ranges::find(kOfCompile, text) != std::end(kOfCompile))
+        throw py::type_error(configuration_.source.file + ": '" + text + "' is an argument of apron.compile");
       std::vector<std::string> known;
       for (const Name& one : variant.names) known.push_back(py::cast<std::string>(py::handle(one.key)));
       throw py::type_error(configuration_.source.file + ": the program has no register, slider or switch " +

@@ -289,7 +289,8 @@ class Functions(unittest.TestCase):
                                        ({"A": np.zeros(4)}, ValueError, r"shape \(4,\)"), ({"A": np.zeros((2, 2, 2, 2))}, ValueError, "shape"),
                                        ({"A": np.zeros((0, 3))}, ValueError, "0 rows"), ({"A": np.zeros((0, 2, 2))}, ValueError, "nothing"),
                                        ({"A": np.zeros((2, 2), complex)}, TypeError, "complex"), ({"A": np.array([["x"]])}, TypeError, "array of"),
-                                       ({"A": 1, "Q": 2}, TypeError, "'Q'"), ({"A": np.zeros((2, 2)), "Y": np.zeros((3, 2))}, ValueError, "Y has 3 rows"),
+                                       ({"A": 1, "Q": 2}, TypeError, "'Q'"), ({"A": 1, "ticks": 2}, TypeError, "argument of apron.compile"),
+                                       ({"A": np.zeros((2, 2)), "Y": np.zeros((3, 2))}, ValueError, "Y has 3 rows"),
                                        ({"A": np.zeros((2, 2, 2)), "Y": np.zeros((3, 2, 2))}, ValueError, "planes")):
             with self.assertRaisesRegex(error, text):
                 g.run(arguments)
