@@ -46,7 +46,7 @@ install(FILES ${PROJECT_BINARY_DIR}/smartsurf.pc DESTINATION ${CMAKE_INSTALL_LIB
 
 install(DIRECTORY docs/ DESTINATION ${CMAKE_INSTALL_DOCDIR} FILES_MATCHING PATTERN "*.md" PATTERN "*.png" PATTERN "*.svg" PATTERN "*.webp"
   PATTERN api EXCLUDE)
-install(FILES shm-protocol/PROTOCOL.md DESTINATION ${CMAKE_INSTALL_DOCDIR})
+install(FILES shm-protocol/PROTOCOL.md shm-protocol/hardware/BYTE-PROTOCOL.md DESTINATION ${CMAKE_INSTALL_DOCDIR})
 # What is linked or contained, with the licences, and as SPDX; in the wheel too, where the linker's maps tell it.
 find_program(NOTICES_PYTHON python3 REQUIRED)
 set(write_notices ${NOTICES_PYTHON} ${PROJECT_SOURCE_DIR}/packaging/notices --version ${PROJECT_VERSION}
@@ -66,7 +66,7 @@ if(SKBUILD)
 endif()
 # Debian reads a package's license from a file of this name.
 install(FILES LICENSE DESTINATION ${CMAKE_INSTALL_DOCDIR} RENAME copyright)
-# Installed, it lies beside the pages that link to it.
+# Installed, the protocols lie beside the pages that link to them.
 install(CODE "set(folder \"${CMAKE_INSTALL_DOCDIR}\")")
 install(CODE [[
   cmake_path(ABSOLUTE_PATH folder BASE_DIRECTORY "${CMAKE_INSTALL_PREFIX}")
@@ -74,6 +74,7 @@ install(CODE [[
   foreach(page IN LISTS pages)
     file(READ "${page}" text)
     string(REPLACE "](../shm-protocol/PROTOCOL.md" "](PROTOCOL.md" mended "${text}")
+    string(REPLACE "](../shm-protocol/hardware/BYTE-PROTOCOL.md" "](BYTE-PROTOCOL.md" mended "${mended}")
     if(NOT mended STREQUAL text)
       file(WRITE "${page}" "${mended}")
     endif()

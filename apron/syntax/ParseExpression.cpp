@@ -14,6 +14,7 @@ namespace {
 
 constexpr int kNotPrecedence = 4;
 constexpr int kComparisonPrecedence = 5;
+constexpr int kTightest = 12;  // beyond the infix operators
 
 int infix_precedence(const Token& token) {
   static constexpr std::pair<std::string_view, int> kWords[] = {
@@ -125,7 +126,7 @@ Expression Parser::parse_range(Cursor first, Cursor last, Location end_location)
 
 Expression Parser::parse_binary(int level) {
   const DepthGuard nested(*this);
-  Expression left = parse_not();
+  Expression left = parse_not(level);
   while (!at_end()) {
     const int precedence = infix_precedence(*cursor_);
     if (precedence == 0 || precedence < level) break;
@@ -146,11 +147,24 @@ bool Parser::begins_operand(Cursor first) const {
   return first->kind == TokenKind::kName && first + 1 != end_ && first[1].is("(");
 }
 
-Expression Parser::parse_not() {
-  if (at_end() || !cursor_->is_name("not") || cursor_ + 1 == end_ || !begins_operand(cursor_ + 1))
-    return parse_unary();
+bool Parser::is_negation_operator() const {
+  return !at_end() && cursor_->is_name("not") && cursor_ + 1 != end_ && begins_operand(cursor_ + 1);
+}
+
+// On the right of an operator that binds tighter, of which `level` tells, `not` takes one operand: in `2 * not a + 1`
+// the sum has two readings.
+Expression Parser::parse_not(int level) {
+  if (!is_negation_operator()) return parse_unary();
   const Token op = *cursor_++;
-  return make_expression(ExpressionKind::kUnary, op, children(parse_binary(kNotPrecedence)));
+  if (level <= kNotPrecedence)
+    return make_expression(ExpressionKind::kUnary, op, children(parse_binary(kNotPrecedence)));
+  const DepthGuard nested(*this);
+  Expression operand = parse_not(level);
+  if (!at_end() && infix_precedence(*cursor_) > kNotPrecedence)
+    fail_at(op.location,
+            "'not … {0} …' after an operator has two readings: write not (… {0} …) or (not …) {0} …",
+            cursor_->text);
+  return make_expression(ExpressionKind::kUnary, op, children(std::move(operand)));
 }
 
 Expression Parser::parse_unary() {
@@ -159,7 +173,7 @@ Expression Parser::parse_unary() {
       !at_end() && (cursor_->is("-") || cursor_->is("+") || cursor_->is("!") || cursor_->is("~"));
   if (!is_prefix) return parse_primary();
   const Token op = *cursor_++;
-  Expression operand = parse_unary();
+  Expression operand = parse_not(kTightest);
   // `!operator(-, m)` where m has one operand: -a is m(a).
   const MacroTable::Handle macro =
       preprocessor_.macros().find(preprocessor_.operator_target(op.text), 1, true);

@@ -50,7 +50,8 @@ class Parser {
   Expression parse_range(Cursor first, Cursor last, Location end_location);
   Expression parse_binary(int level);
   bool begins_operand(Cursor first) const;
-  Expression parse_not();
+  bool is_negation_operator() const;
+  Expression parse_not(int level);
   Expression parse_unary();
   Expression parse_primary();
   Expression parse_name();

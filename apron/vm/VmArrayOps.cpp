@@ -21,7 +21,7 @@ namespace {
 template <class T>
 using SumOf = std::conditional_t<std::is_integral_v<T>, std::uint32_t, double>;
 
-// Calls work(k, row, column) for each cell whose value, cut to a whole number, is a k below count.
+// Calls work(k, row, column) for each cell whose value, rounded down, is a k from 0 to count - 1.
 template <class Work>
 void for_each_index(ConstPlane at, std::size_t count, const Work& work) {
   with_cell_type(at.type, [&](auto cell) {

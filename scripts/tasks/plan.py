@@ -91,9 +91,15 @@ def physics_digest(smartsurf, table=""):
 
 
 def changes(name):
-    """The changes of a table's plan, with both results, as lines below it."""
-    return [f"\n*Changed {entry['date']}: {entry['what']}. Before: {entry['before']}; after: {entry['after']}.*\n"
-            for entry in load()["changed"] if entry["table"] == name]
+    """The latest change of a table's plan, with both results, as lines below it; the plan has the earlier ones."""
+    found = [entry for entry in load()["changed"] if entry["table"] == name]
+    if not found:
+        return []
+    entry, earlier = found[-1], " Earlier changes: `scripts/tasks/frozen.toml`." if len(found) > 1 else ""
+    return [f"\n*Changed {entry['date']}: {entry['what']}. Before: {entry['before']}; after: {entry['after']}.{earlier}*\n"]
+
+
+CHANGES = re.compile(r"(?:\n\*Changed [^\n]*\*\n)*(?=\n<!-- made with plan )")
 
 
 def plans_of(name):
@@ -116,11 +122,15 @@ def marks(page):
 
 
 def mark_older(docs, pages, smartsurf):
-    """Adds a sentence to the tables that another physics or other programs made, and takes it from the others."""
+    """Adds a sentence to the tables that another physics or other programs made, and takes it from the others; renews what stands of
+    the plan's changes below them."""
+    def marked(found):
+        text = CHANGES.sub(lambda _: "".join(changes(found[1])), found[0], count=1)
+        is_todays = found.groups()[2:] == (physics_digest(smartsurf, found[1]), table_programs_digest(found[1]))
+        return text if is_todays else text + "\n" + OLDER
     for page in pages:
         text = (docs / page).read_text().replace("\n" + OLDER, "")
-        (docs / page).write_text(MARK.sub(
-            lambda found: found[0] if found.groups()[2:] == (physics_digest(smartsurf, found[1]), table_programs_digest(found[1])) else found[0] + "\n" + OLDER, text))
+        (docs / page).write_text(MARK.sub(marked, text))
 
 
 if __name__ == "__main__":

@@ -64,7 +64,7 @@ constexpr NativeEngine::Stage NativeEngine::Stage::kAll[] = {
     {"broad phase",            kTeam,      call<&E::update_broadphase>},
     {"narrow phase",           kTeam,      call<&E::find_contacts>},
     {"correct seams",          kTeam,      call<&E::correct_seams>},
-    {"lead turning cells",     kOneOfTeam, call<&E::lead_turning_cells>, has_spin},
+    {"lead turning cells",     kOneOfTeam, call<&E::lead_turning_cells>,     has_spin},
     {"share force limits",     kOneOfTeam, call<&E::share_force_limits>,     has_limits},
     {"collect tip contacts",   kOneOfTeam, call<&E::collect_tip_contacts>,   has_soft_tips},
     {"collect skin contacts",  kOneOfTeam, call<&E::collect_skin_contacts>,  has_skin},

@@ -28,6 +28,7 @@ THRESHOLD = 20       # of FAST-9
 CIRCLE = ((0, -3), (1, -3), (2, -2), (3, -1), (3, 0), (3, 1), (2, 2), (1, 3), (0, 3), (-1, 3), (-2, 2), (-3, 1), (-3, 0), (-3, -1),
           (-2, -2), (-1, -3))  # columns, rows
 FEED, KILL, SPREAD_U, SPREAD_V = (np.float32(value) for value in (0.035, 0.065, 0.16, 0.08))
+CHANNELS, SEEN, HIDDEN = 16, 48, 32  # of the neural automaton
 
 
 def data(n):
@@ -39,7 +40,17 @@ def data(n):
     u[n // 4:n // 2, n // 4:n // 2], v[n // 4:n // 2, n // 4:n // 2] = 0.5, 0.25
     return {"grey": grey, "bytes": (grey * 255).astype(np.uint8), "blobs": (rough > 0.4).astype(np.uint8),
             "cells": (draw.random((n, n)) < 0.4).astype(np.uint8), "u": u, "v": v,
-            "kernel": draw.random((11, 11), np.float32) / 60}
+            "kernel": draw.random((11, 11), np.float32) / 60, **seed_and_mask(rough), "state": draw.random((CHANNELS, n, n), np.float32),
+            "inner": draw.normal(0, 0.1, (HIDDEN, SEEN)).astype(np.float32), "outer": draw.normal(0, 0.1, (CHANNELS, HIDDEN)).astype(np.float32)}
+
+
+def seed_and_mask(rough):
+    """A winding region, in which a flood from one cell covers most of the mask."""
+    mask = (rough > 0.35).astype(np.uint8)
+    y, x = np.argwhere(mask)[np.abs(np.argwhere(mask) - len(mask) / 2).sum(1).argmin()]
+    seed = np.zeros_like(mask)
+    seed[y, x] = 1
+    return {"seed": seed, "mask": mask}
 
 
 # --- a function a peer: given the data, {case: function without arguments that returns the result} -------------------------
@@ -78,7 +89,32 @@ repeat({STEPS})
   B = (N == 3) | (N == 2) & B
 endrepeat
 """
-    return {"sobel": job("!include('filters.aps')\n!register(A, B)\nB = sobel(A)\n", {"B": plane()}, A=of["grey"]),
+    state = {f"s[{k}]": plane() for k in range(CHANNELS)}
+    automaton = """!register(s[16], p[48], h[32], change[16], alive)
+!scalar(inner[1536], outer[512])
+filter.create('slope.x', 3, 3)
+filter.fill3x3('slope.x', -1 / 8, 0, 1 / 8, -2 / 8, 0, 2 / 8, -1 / 8, 0, 1 / 8)
+filter.create('slope.y', 3, 3)
+filter.fill3x3('slope.y', -1 / 8, -2 / 8, -1 / 8, 0, 0, 0, 1 / 8, 2 / 8, 1 / 8)
+""" + "".join(f"{name}[{k}] = {weight:.9g}\n" for name in ("inner", "outer") for k, weight in enumerate(of[name].ravel())) + """
+alive = max(s[3], near.max(s[3], 8)) > 0.1
+!for(c, 0, 15)
+  p[3 * c] = s[c]
+  p[3 * c + 1] = filter.do(s[c], 'slope.x')
+  p[3 * c + 2] = filter.do(s[c], 'slope.y')
+!endfor
+matrix.product(h, p, inner)
+!for(k, 0, 31)
+  h[k] = max(h[k], 0)
+!endfor
+matrix.product(change, h, outer)
+!for(c, 0, 15)
+  s[c] = select(alive, clamp(s[c] + change[c], -1, 1), 0)
+!endfor
+"""
+    return {"flood": job("!uint8(S, M, B)\nB = flood(S, M)\n", {"B": plane(np.uint8)}, S=of["seed"], M=of["mask"]),
+            "automaton": job(automaton, state, **dict(zip(state, of["state"]))),
+            "sobel": job("!include('filters.aps')\n!register(A, B)\nB = sobel(A)\n", {"B": plane()}, A=of["grey"]),
             "filter11": job(f"!register(A, B)\nfilter.create('k', 11, 11)\n{elements}B = filter.do(A, 'k')\n", {"B": plane()}, A=of["grey"]),
             "fast9": job(f"!include('integers.aps')\n!uint8(A, B)\nB = fast9(A, {THRESHOLD})\n", {"B": plane(np.uint8)}, A=of["bytes"]),
             "histogram": job("!uint8(A)\n!create('H', REGISTER, 256, 1, int32)\nr[H] = histogram(A)\n", {"H": apron.empty((1, 256), np.int32)},
@@ -149,8 +185,21 @@ def with_numpy(of):
             around = rows[:, :-2] + rows[:, 1:-1] + rows[:, 2:] - a
             a = ((around == 3) | (around == 2) & (a == 1)).view(np.uint8)
         return a
+
+    seen, around = np.empty((SEEN, n, n), np.float32), np.zeros((CHANNELS, n + 2, n + 2), np.float32)
+
+    def automaton():
+        around[:, 1:-1, 1:-1] = state = of["state"]
+        at = [[around[:, y:y + n, x:x + n] for x in range(3)] for y in range(3)]
+        seen[0::3] = state
+        seen[1::3] = ((at[0][2] - at[0][0]) + 2 * (at[1][2] - at[1][0]) + (at[2][2] - at[2][0])) / 8
+        seen[2::3] = ((at[2][0] - at[0][0]) + 2 * (at[2][1] - at[0][1]) + (at[2][2] - at[0][2])) / 8
+        alive = np.max([at[y][x][3] for y in range(3) for x in range(3)], 0) > np.float32(0.1)
+        hidden = np.maximum(of["inner"] @ seen.reshape(SEEN, n * n), 0)
+        change = (of["outer"] @ hidden).reshape(CHANNELS, n, n)
+        return np.where(alive, np.clip(state + change, -1, 1), 0)[0]
     return {"sobel": sobel, "filter11": filter11, "fast9": fast9, "histogram": lambda: np.bincount(of["bytes"].ravel(), minlength=256),
-            "gray-scott": gray_scott, "life": life}
+            "gray-scott": gray_scott, "life": life, "automaton": automaton}
 
 
 def with_opencv(of):
@@ -175,7 +224,13 @@ def with_opencv(of):
             wide = cv2.copyMakeBorder(a, 1, 1, 1, 1, wrap)
             a = cv2.LUT(np.ascontiguousarray(cv2.filter2D(wide, -1, nine)[1:n + 1, 1:n + 1]), table)
         return a
-    return {"sobel": sobel, "filter11": lambda: cv2.filter2D(of["grey"], -1, of["kernel"], float_out, borderType=zero),
+    filled, (y_seed, x_seed) = np.empty_like(of["mask"]), (int(k) for k in np.argwhere(of["seed"])[0])
+
+    def flood():
+        np.copyto(filled, of["mask"])
+        cv2.floodFill(filled, None, (x_seed, y_seed), 2, 0, 0, 4)
+        return filled
+    return {"flood": flood, "sobel": sobel, "filter11": lambda: cv2.filter2D(of["grey"], -1, of["kernel"], float_out, borderType=zero),
             "fast9": lambda: detector.detect(of["bytes"]),
             "histogram": lambda: cv2.calcHist([of["bytes"]], [0], None, [256], [0, 256]),
             "labels": lambda: cv2.connectedComponents(of["blobs"], labels, 4)[1], "life": life}
@@ -189,7 +244,7 @@ def with_numba(of):
     binary, bins = np.empty((n, n), np.uint8), np.empty(256, np.int32)
     kernel, columns, rows = of["kernel"], np.array([c for c, _ in CIRCLE]), np.array([r for _, r in CIRCLE])
     padded, bordered = np.zeros((n + 2, n + 2), np.float32), np.zeros((n + 10, n + 10), np.float32)
-    parents = np.empty(n * n // 2 + 2, np.int32)
+    parents, waiting, at_seed = np.empty(n * n // 2 + 2, np.int32), np.empty(n * n, np.int32), np.argwhere(of["seed"])[0]
 
     @jit
     def sobel(a, p, y):
@@ -278,6 +333,19 @@ def with_numba(of):
         return y
 
     @jit
+    def flood(m, r, c, stack, y):
+        y[:, :] = 0
+        y[r, c], stack[0], last = 1, r * n + c, 1
+        while last > 0:
+            last -= 1
+            r, c = stack[last] // n, stack[last] % n
+            for i, j in ((r - 1, c), (r + 1, c), (r, c - 1), (r, c + 1)):
+                if 0 <= i < n and 0 <= j < n and m[i, j] and not y[i, j]:
+                    y[i, j], stack[last] = 1, i * n + j
+                    last += 1
+        return y
+
+    @jit
     def wrapped(a, p):
         p[1:-1, 1:-1] = a
         p[0, 1:-1], p[-1, 1:-1] = a[-1], a[0]
@@ -316,7 +384,7 @@ def with_numba(of):
         return function(*arguments)
     return {"sobel": lambda: sobel(of["grey"], padded, out), "filter11": lambda: filter11(of["grey"], bordered, kernel, out),
             "fast9": lambda: fast9(of["bytes"], binary), "histogram": lambda: histogram(of["bytes"], bins),
-            "labels": lambda: label(of["blobs"], parents, labels),
+            "labels": lambda: label(of["blobs"], parents, labels), "flood": lambda: flood(of["mask"], *at_seed, waiting, binary),
             "gray-scott": lambda: from_start(gray_scott, ((u, of["u"]), (v, of["v"])), u, v, p, q),
             "life": lambda: from_start(life, ((cells, of["cells"]),), cells, w)}
 
@@ -369,11 +437,22 @@ def with_jax(of):
             around = jnp.roll(rows, 1, 1) + rows + jnp.roll(rows, -1, 1) - a
             return ((around == 3) | (around == 2) & (a == 1)).astype(jnp.uint8)
         return jax.lax.fori_loop(0, STEPS, step, a)
+    @jax.jit
+    def automaton(state, inner, outer):
+        around = jnp.pad(state, ((0, 0), (1, 1), (1, 1)))
+        at = [[around[:, y:y + n, x:x + n] for x in range(3)] for y in range(3)]
+        east = ((at[0][2] - at[0][0]) + 2 * (at[1][2] - at[1][0]) + (at[2][2] - at[2][0])) / 8
+        south = ((at[2][0] - at[0][0]) + 2 * (at[2][1] - at[0][1]) + (at[2][2] - at[0][2])) / 8
+        seen = jnp.stack([state, east, south], 1).reshape(SEEN, n * n)
+        alive = jnp.stack([at[y][x][3] for y in range(3) for x in range(3)]).max(0) > 0.1
+        change = (outer @ jnp.maximum(inner @ seen, 0)).reshape(CHANNELS, n, n)
+        return jnp.where(alive, jnp.clip(state + change, -1, 1), 0)
     histogram = jax.jit(lambda a: jnp.bincount(a.ravel(), length=256))
     on = {name: jnp.asarray(array) for name, array in of.items()}
     return {"sobel": lambda: sobel(on["grey"]).block_until_ready(), "filter11": lambda: filter11(on["grey"], on["kernel"]).block_until_ready(),
             "fast9": lambda: fast9(on["bytes"]).block_until_ready(), "histogram": lambda: histogram(on["bytes"]).block_until_ready(),
-            "gray-scott": lambda: gray_scott(on["u"], on["v"]).block_until_ready(), "life": lambda: life(on["cells"]).block_until_ready()}
+            "gray-scott": lambda: gray_scott(on["u"], on["v"]).block_until_ready(), "life": lambda: life(on["cells"]).block_until_ready(),
+            "automaton": lambda: automaton(on["state"], on["inner"], on["outer"]).block_until_ready()}
 
 
 def with_halide(of):
@@ -464,7 +543,7 @@ def with_halide(of):
 
 
 PEERS = {"apron": with_apron, "numpy": with_numpy, "opencv": with_opencv, "numba": with_numba, "jax": with_jax, "halide": with_halide}
-CASES = ("sobel", "filter11", "fast9", "histogram", "labels", "gray-scott", "life")
+CASES = ("sobel", "filter11", "fast9", "histogram", "labels", "flood", "gray-scott", "life", "automaton")
 
 
 # --- comparing and measuring -----------------------------------------------------------------------------------------------
@@ -481,6 +560,10 @@ def comparable(case, result, n):
     if case == "labels":  # numbered by the first cell of each object
         _, first, number = np.unique(result, return_index=True, return_inverse=True)
         return np.where(np.asarray(result) == 0, -1, first[number].reshape(n, n))
+    if case == "flood":
+        return np.asarray(result) == np.max(result)  # 1, or 2 where the mask is filled
+    if case == "automaton" and np.ndim(result) > 2:
+        return np.asarray(result)[0]
     return np.asarray(result).ravel() if case == "histogram" else np.asarray(result)
 
 

@@ -130,7 +130,7 @@ TEST(ForceLimit, TwoBodiesOnOnePinShareItsForce) {
   // The outer pin and half of the middle pin can just lift one box at share 1. The boxes rock against each
   // other, which makes the height after a given time chaotic, so the test takes the median of several runs.
   for (const double share : {0.8, 1.2}) {
-    std::array<float, 11> heights;
+    std::array<float, 5> heights;
     for (std::size_t i = 0; i < heights.size(); ++i)
       heights[i] = lift_two_boxes(share, 1e-3 * static_cast<double>(i));
     const auto middle = heights.begin() + heights.size() / 2;

@@ -165,51 +165,168 @@ HWY_INLINE void reduce_large(R x, W* quadrant, W* r) {
   };
 #include "apron/program/elementwise.def"
 
-// Powers in two passes over some columns: iterations are short enough for the CPU to overlap several.
-template <unsigned kScalars, bool kMasked>
-void raise(const Block& block) noexcept {
-  constexpr std::size_t kPass = 256;
-  HWY_ALIGN std::array<float, kPass> first, rest;
+// Long functions are computed in passes over some columns, whose iterations are short enough for the CPU to
+// overlap several. A pass replaces what the earlier ones have kept of each cell.
+constexpr std::size_t kColumnsOfPass = 256, kMostKept = 4;
+
+template <class Function>
+struct Passes {};  // how many floats of a cell each pass keeps, the passes and the end
+
+template <>
+struct Passes<Sin> {
+  static constexpr std::size_t kKept[] = {1};
+  static HWY_INLINE void pass(std::size_t, R a, R, R* kept) { kept[0] = begin_sine(a); }
+  static HWY_INLINE R end(R, R, const R* kept) { return sine_series(kept[0]); }
+};
+
+template <>
+struct Passes<Cos> {
+  static constexpr std::size_t kKept[] = {1};
+  static HWY_INLINE void pass(std::size_t, R a, R, R* kept) { kept[0] = begin_cosine(a); }
+  static HWY_INLINE R end(R, R, const R* kept) { return sine_series(kept[0]); }
+};
+
+template <>
+struct Passes<Tan> {
+  static constexpr std::size_t kKept[] = {3, 1};
+  static HWY_INLINE void pass(std::size_t k, R a, R, R* kept) {
+    if (k == 0)
+      kept[2] = begin_tangent(a, &kept[0], &kept[1]);
+    else
+      kept[0] = tangent_series(kept[0], kept[1]);
+  }
+  static HWY_INLINE R end(R, R, const R* kept) { return end_tangent(kept[0], kept[2]); }
+};
+
+template <>
+struct Passes<Exp> {
+  static constexpr std::size_t kKept[] = {2};
+  static HWY_INLINE void pass(std::size_t, R a, R, R* kept) { kept[0] = begin_exponential(a, &kept[1]); }
+  static HWY_INLINE R end(R, R, const R* kept) { return end_exponential(kept[0], kept[1]); }
+};
+
+template <>
+struct Passes<Tanh> {
+  static constexpr std::size_t kKept[] = {2, 1};
+  static HWY_INLINE void pass(std::size_t k, R a, R, R* kept) {
+    kept[0] = k == 0 ? begin_hyperbolic_tangent(a, &kept[1]) : exponential_less_one(kept[0], kept[1]);
+  }
+  static HWY_INLINE R end(R a, R, const R* kept) { return end_hyperbolic_tangent(a, kept[0]); }
+};
+
+template <>
+struct Passes<Sinh> {
+  static constexpr std::size_t kKept[] = {2, 1};
+  static HWY_INLINE void pass(std::size_t k, R a, R, R* kept) {
+    kept[0] = k == 0 ? begin_half_exponential(a, &kept[1]) : end_exponential(kept[0], kept[1]);
+  }
+  static HWY_INLINE R end(R a, R, const R* kept) { return end_hyperbolic_sine(a, kept[0]); }
+};
+
+template <>
+struct Passes<Cosh> {
+  static constexpr std::size_t kKept[] = {2};
+  static HWY_INLINE void pass(std::size_t, R a, R, R* kept) { kept[0] = begin_half_exponential(a, &kept[1]); }
+  static HWY_INLINE R end(R, R, const R* kept) { return end_hyperbolic_cosine(end_exponential(kept[0], kept[1])); }
+};
+
+template <>
+struct Passes<Ln> {
+  static constexpr std::size_t kKept[] = {2};
+  static HWY_INLINE void pass(std::size_t, R a, R, R* kept) { kept[0] = begin_logarithm(a, &kept[1]); }
+  static HWY_INLINE R end(R a, R, const R* kept) { return end_logarithm(a, kept[0], kept[1]); }
+};
+
+template <>
+struct Passes<Log> {
+  static constexpr std::size_t kKept[] = {4};
+  static HWY_INLINE void pass(std::size_t, R a, R, R* kept) {
+    kept[0] = begin_decimal_logarithm(a, &kept[1], &kept[2], &kept[3]);
+  }
+  static HWY_INLINE R end(R a, R, const R* kept) {
+    return end_decimal_logarithm(a, kept[0], kept[1], kept[2], kept[3]);
+  }
+};
+
+template <>
+struct Passes<Pow> {
+  static constexpr std::size_t kKept[] = {4, 2};
+  static HWY_INLINE void pass(std::size_t k, R a, R b, R* kept) {
+    if (k == 0)
+      kept[0] = begin_power(a, &kept[1], &kept[2], &kept[3]);
+    else
+      kept[0] = exponent_of_power(b, kept[0], kept[1], kept[2], kept[3], &kept[1]);
+  }
+  static HWY_INLINE R end(R a, R b, const R* kept) { return end_power(a, b, kept[0], kept[1]); }
+};
+
+template <class Function, unsigned kScalars, bool kMasked>
+void run_in_passes(const Block& block) noexcept {
+  using Its = Passes<Function>;
+  constexpr unsigned kRegisters = ((1U << Function::kArity) - 1U) & ~kScalars;
+  HWY_ALIGN float kept_cells[kMostKept][kColumnsOfPass];
   const D d;
-  const std::size_t lanes = hn::Lanes(d), columns = block.columns;
+  const std::size_t lanes = hn::Lanes(d);
   const R scalar_a = constant(block.scalar[0]), scalar_b = constant(block.scalar[1]);
-  for (std::ptrdiff_t row = 0; row < static_cast<std::ptrdiff_t>(block.rows); ++row) {
-    float* const y = block.y + row * block.pitch;
-    const float* const a_row = block.source[0] + row * block.source_pitch[0];
-    const float* const b_row = block.source[1] + row * block.source_pitch[1];
-    const auto a = [&](std::size_t x)
-                       HWY_ATTR { return (kScalars & 1U) != 0 ? scalar_a : R{hn::LoadU(d, a_row + x)}; };
-    const auto b = [&](std::size_t x)
-                       HWY_ATTR { return (kScalars & 2U) != 0 ? scalar_b : R{hn::LoadU(d, b_row + x)}; };
-    for (std::size_t begin = 0; begin < columns; begin += kPass) {
-      const std::size_t end = std::min(begin + kPass, columns);
-      for (std::size_t x = begin; x < end; x += lanes) {
-        R upper_part, lower_part;
-        begin_power(a(x), b(x), &upper_part, &lower_part);
-        hn::Store(upper_part.v, d, &first[x - begin]);
-        hn::Store(lower_part.v, d, &rest[x - begin]);
-      }
-      for (std::size_t x = begin; x < end; x += lanes) {
-        V value = end_power(a(x), b(x), {hn::Load(d, &first[x - begin])}, {hn::Load(d, &rest[x - begin])}).v;
-        if constexpr (kMasked) {
-          const V mask = hn::Load(d, block.mask + row * block.mask_pitch + static_cast<std::ptrdiff_t>(x));
-          value = hn::IfThenElse(hn::Eq(mask, zero()), hn::Load(d, y + x), value);
+  const float *a_row = block.source[0], *b_row = block.source[1], *mask_row = block.mask;
+  float* y_row = block.y;
+  for (std::uint32_t rows = block.rows; rows > 0; --rows) {
+    for (std::size_t begin = 0; begin < block.columns; begin += kColumnsOfPass) {
+      const std::size_t columns = std::min(kColumnsOfPass, block.columns - begin);
+      const auto a = [&](std::size_t x) HWY_ATTR {
+        return (kRegisters & 1U) != 0 ? R{hn::LoadU(d, a_row + begin + x)} : scalar_a;
+      };
+      const auto b = [&](std::size_t x) HWY_ATTR {
+        return (kRegisters & 2U) != 0 ? R{hn::LoadU(d, b_row + begin + x)} : scalar_b;
+      };
+      const auto load = [&](std::size_t x, std::size_t count, R* kept) HWY_ATTR {
+        for (std::size_t i = 0; i < count; ++i) kept[i] = {hn::Load(d, &kept_cells[i][x])};
+      };
+      const auto pass = [&](std::size_t k, std::size_t kept_before, std::size_t kept_after) HWY_ATTR {
+        for (std::size_t x = 0; x < columns; x += lanes) {
+          R kept[kMostKept] = {};
+          load(x, kept_before, kept);
+          Its::pass(k, a(x), b(x), kept);
+          for (std::size_t i = 0; i < kept_after; ++i) hn::Store(kept[i].v, d, &kept_cells[i][x]);
         }
-        hn::Store(value, d, y + x);
+      };
+      pass(0, 0, Its::kKept[0]);
+      if constexpr (std::size(Its::kKept) > 1) pass(1, Its::kKept[0], Its::kKept[1]);
+      for (std::size_t x = 0; x < columns; x += lanes) {
+        R kept[kMostKept] = {};
+        load(x, Its::kKept[0], kept);
+        V value = Its::end(a(x), b(x), kept).v;
+        if constexpr (kMasked) {
+          const V mask = hn::Load(d, mask_row + begin + x);
+          value = hn::IfThenElse(hn::Eq(mask, zero()), hn::Load(d, y_row + begin + x), value);
+        }
+        hn::Store(value, d, y_row + begin + x);
       }
     }
+    y_row += block.pitch;
+    if constexpr ((kRegisters & 1U) != 0) a_row += block.source_pitch[0];
+    if constexpr ((kRegisters & 2U) != 0) b_row += block.source_pitch[1];
+    if constexpr (kMasked) mask_row += block.mask_pitch;
+  }
+}
+
+template <class Function, unsigned kScalars = 0>
+void fill_function(KernelTable& table) {
+  if constexpr (requires { Passes<Function>::kKept; }) {
+    auto& entry = table.elementwise[static_cast<std::size_t>(Function::kOpcode)][kScalars];
+    entry[0] = run_in_passes<Function, kScalars, false>;
+    entry[1] = run_in_passes<Function, kScalars, true>;
+    if constexpr (kScalars + 1 < (1U << Function::kArity)) fill_function<Function, kScalars + 1>(table);
+  } else {
+    fill<Function>(table);
   }
 }
 
 }  // namespace
 
 void add_mathematics_kernels(KernelTable& table) {
-#define APRON_MATHEMATICS(name, arity, value) fill<name>(table);
+#define APRON_MATHEMATICS(name, arity, value) fill_function<name>(table);
 #include "apron/program/elementwise.def"
-  auto& kernels = table.elementwise[static_cast<std::size_t>(program::Opcode::kPow)];
-  kernels[0] = {raise<0, false>, raise<0, true>};
-  kernels[1] = {raise<1, false>, raise<1, true>};
-  kernels[2] = {raise<2, false>, raise<2, true>};
 }
 
 }  // namespace HWY_NAMESPACE

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <array>
 #include <cstdio>
+#include <stdexcept>
 #include <thread>
 #include <utility>
 
@@ -47,8 +48,21 @@ std::string limits_text(const DeviceChannel& c) {
   return line;
 }
 
+std::shared_ptr<shm_protocol::SurfaceName> reserve_surface(const std::string& name,
+                                                           const std::string& where) {
+  try {
+    return std::make_shared<shm_protocol::SurfaceName>(name);
+  } catch (const shm_protocol::Error& e) {
+    if (e.code() == shm_protocol::ErrorCode::kSystem) throw;
+    throw std::invalid_argument(where + e.what());
+  }
+}
+
 Bridge::Bridge(BridgeOptions options, const std::atomic<bool>& stop, EventLog::Print log)
-    : options_(std::move(options)), stop_(stop), log_(std::move(log)) {}
+    : options_(std::move(options)),
+      stop_(stop),
+      log_(std::move(log)),
+      name_(reserve_surface(options_.surface, "--shm: ")) {}
 
 Outcome Bridge::run() {
   std::optional<Outcome> end = connect();
@@ -139,6 +153,7 @@ bool Bridge::may_send(std::uint64_t answered_tick) const {
 void Bridge::create_surface() {
   shm_protocol::SurfaceConfig config;
   config.name = options_.surface;
+  config.reserved = name_;
   config.rows = device_->rows;
   config.columns = device_->columns;
   config.pitch = static_cast<double>(device_->pitch);

@@ -5,10 +5,12 @@
 #pragma once
 
 #include <shm_protocol/SurfaceEndpoint.h>
+#include <shm_protocol/SurfaceName.h>
 
 #include <atomic>
 #include <chrono>
 #include <cstdint>
+#include <memory>
 #include <optional>
 #include <string>
 #include <vector>
@@ -59,12 +61,17 @@ struct BridgeCounters {
 // A line of `surface_bridge status`; empty if the device limits nothing.
 std::string limits_text(const DeviceChannel&);
 
+// Reserves the name of a surface before its device comes. Throws std::invalid_argument with one line that
+// begins with `where` if the name is bad or in use, or shm_protocol::Error.
+std::shared_ptr<shm_protocol::SurfaceName> reserve_surface(const std::string& name, const std::string& where);
+
 enum class Outcome { kDone, kStopped, kDeviceLost, kFailed };
 
 class Bridge {
  public:
   using Clock = std::chrono::steady_clock;
 
+  // Throws as reserve_surface() does.
   Bridge(BridgeOptions, const std::atomic<bool>& stop, EventLog::Print);
 
   // Connects, creates the surface and serves until all ticks are published (kDone), the stop flag is raised
@@ -112,6 +119,7 @@ class Bridge {
   std::optional<Port> port_;
   DeviceLink link_;
   std::optional<DeviceDescription> device_;  // as first described
+  std::shared_ptr<shm_protocol::SurfaceName> name_;
   std::optional<shm_protocol::SurfaceEndpoint> surface_;
   std::optional<ControlSocket> control_;
   EmergencyStop emergency_;

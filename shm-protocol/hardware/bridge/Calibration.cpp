@@ -100,6 +100,7 @@ Calibration Calibration::read(const std::filesystem::path& path) {
   c.file = path.string();
   const TomlReader reader(c.file);
   const toml::table file = reader.parse(kMostBytes);
+  for (const auto& [key, node] : file) c.lines[std::string(key.str())] = key.source().begin.line;
   if (reader.need<std::string>(file, "", "format", "\"smartsurf calibration 1\"") != kFormat)
     reader.fail(TomlReader::line_of(*file.get("format")), std::string("format must be \"") + kFormat + "\"");
   c.table = reader.need<std::string>(file, "", "table", "a text");
@@ -182,14 +183,24 @@ std::string Calibration::text() const {
   return all;
 }
 
+std::size_t Calibration::line_of(const std::string& key) const {
+  const auto line = lines.find(key);
+  return line == lines.end() ? 0 : line->second;
+}
+
+std::string Calibration::place(const std::string& key) const {
+  const std::size_t line = line_of(key);
+  return file + (line ? ":" + std::to_string(line) : "") + ": ";
+}
+
 void Calibration::require_table(const TableSpec& spec) const {
   const auto another = [&](std::size_t line, const std::string& what) {
     throw std::invalid_argument(file + (line ? ":" + std::to_string(line) : "") +
                                 ": is the calibration of another table: " + what);
   };
   if (period_us != spec.period_us)
-    another(0, "period_us is " + std::to_string(period_us) + ", that of " + spec.file + " is " +
-                   std::to_string(spec.period_us));
+    another(line_of("period_us"), "period_us is " + std::to_string(period_us) + ", that of " + spec.file +
+                                      " is " + std::to_string(spec.period_us));
   for (const Place& b : boards) {
     const auto here = std::ranges::find_if(spec.boards, [&](const TableBoard& t) {
       return t.id == b.id && t.row == b.row && t.column == b.column && t.turn == b.turn &&
@@ -201,20 +212,23 @@ void Calibration::require_table(const TableSpec& spec) const {
     const Place wanted{t.id, t.row, t.column, t.turn, t.mirror};
     if (std::ranges::none_of(
             boards, [&](const Place& b) { return t.id == b.id && t.row == b.row && t.column == b.column; }))
-      another(0, "it has no " + place_text(wanted) + " (" + spec.file + ":" + std::to_string(t.line) + ")");
+      another(line_of("board"), "it has no " + place_text(wanted) + " (" + spec.file + ":" +
+                                    std::to_string(t.line) + ")");
   }
 }
 
 void Calibration::require_map(const TableMap& map) {
   if (map.rows() != rows || map.columns() != columns)
-    throw std::invalid_argument(file + ": is the calibration of another table: of " + std::to_string(rows) +
+    throw std::invalid_argument(place("size") + "is the calibration of another table: of " +
+                                std::to_string(rows) +
                                 " rows of " + std::to_string(columns) + " cells, not " +
                                 std::to_string(map.rows()) + " of " + std::to_string(map.columns()));
   const auto require = [&](const std::string& name, bool is_sensor) -> const TableChannel& {
     for (const TableChannel& c : map.channels())
       if (c.sensor == is_sensor && c.name == name && c.components == 1 && c.unit == unit) return c;
-    throw std::invalid_argument(file + ": the table has no " + (is_sensor ? "sensor '" : "actuator '") +
-                                name + "' of one component in '" + unit + "'");
+    throw std::invalid_argument(place(is_sensor ? "sensor" : "actuator") + "the table has no " +
+                                (is_sensor ? "sensor '" : "actuator '") + name + "' of one component in '" +
+                                unit + "'");
   };
   require(sensor, true);
   const TableChannel& channel = require(actuator, false);
@@ -222,7 +236,7 @@ void Calibration::require_map(const TableMap& map) {
   for (std::size_t cell = 0; cell < cells(); ++cell)
     for (const auto p : {CellFit::kZero, CellFit::kPlay, CellFit::kSensorZero})
       if (std::abs(fits[cell].value[p]) > range)
-        throw std::invalid_argument(file + ": " + kCellParameters[p].name + " of row " +
+        throw std::invalid_argument(place(kCellParameters[p].name) + kCellParameters[p].name + " of row " +
                                     std::to_string(cell / columns) + ", column " +
                                     std::to_string(cell % columns) + " is " + number(fits[cell].value[p]) +
                                     ", more than the whole range of '" + actuator + "', " + number(range));

@@ -4,6 +4,7 @@
 
 #include <cstdint>
 #include <filesystem>
+#include <map>
 #include <span>
 #include <string>
 #include <vector>
@@ -46,9 +47,14 @@ class Calibration {
   std::uint32_t rows = 0, columns = 0, period_us = 0;
   bool has_rest = false;  // the zero of the sensors was measured
   std::vector<Place> boards;
+  std::map<std::string, std::size_t> lines;  // of the file, by key; none: it was not read from a file
   std::vector<CellFit> fits;  // by the table's cells
 
  private:
+  std::size_t line_of(const std::string& key) const;  // 0: none
+  // "FILE:LINE: " for messages about a key.
+  std::string place(const std::string& key) const;
+
   std::vector<float> last_;           // heights
   std::vector<std::int8_t> upwards_;  // 1 or -1: where the height went last; 0: nowhere yet
 };

@@ -60,6 +60,11 @@ TableBridge::TableBridge(TableSpec spec, BridgeOptions options, const std::atomi
     calibration_->require_table(spec_);
     spec_.calibrated_channels = {calibration_->sensor, calibration_->actuator};
   }
+  const bool named = !options_.surface.empty();
+  const std::string where =
+      named ? "--shm: " : spec_.file + ":" + std::to_string(spec_.name_line) + ": ";
+  name_ = reserve_surface(named ? options_.surface : spec_.name, where);
+  boards_name_ = reserve_surface(name_->name() + ".boards", where);
   for (const TableBoard& board : spec_.boards) {
     boards_.push_back(std::make_unique<Board>(board, spec_.period_us, silence_of(spec_, options_)));
     boards_.back()->is_driven = !driver_ || !driver_->begins_at_rest();
@@ -137,7 +142,8 @@ void TableBridge::mount_described_boards(bool pass_over) {
 
 void TableBridge::create_surface() {
   shm_protocol::SurfaceConfig config;
-  config.name = options_.surface.empty() ? spec_.name : options_.surface;
+  config.name = name_->name();
+  config.reserved = name_;
   config.rows = map_.rows();
   config.columns = map_.columns();
   config.pitch = map_.pitch() > 0 ? map_.pitch() : 1.0;
@@ -157,7 +163,8 @@ void TableBridge::create_surface() {
   control_.emplace(config.name);
 
   shm_protocol::SurfaceConfig of_boards;
-  of_boards.name = config.name + ".boards";
+  of_boards.name = boards_name_->name();
+  of_boards.reserved = boards_name_;
   of_boards.rows = 1;
   of_boards.columns = static_cast<std::uint32_t>(boards_.size());
   of_boards.period_ns = config.period_ns;

@@ -51,7 +51,8 @@ class TableDriver {
 class TableBridge {
  public:
   // `options.port` and `options.silence_timeout` unless set are not used. A calibration file that the table
-  // names is read here. Throws std::invalid_argument with one line if it cannot be, or is another table's.
+  // names is read here, and the surface's name reserved. Throws std::invalid_argument with one line if
+  // the file cannot be read or is another table's, and as reserve_surface() does.
   TableBridge(TableSpec, BridgeOptions, const std::atomic<bool>& stop, EventLog::Print,
               TableDriver* driver = nullptr);
   ~TableBridge();
@@ -102,6 +103,7 @@ class TableBridge {
   std::optional<Calibration> calibration_;
   TableMap map_;
   std::vector<std::unique_ptr<Board>> boards_;
+  std::shared_ptr<shm_protocol::SurfaceName> name_, boards_name_;
   std::optional<shm_protocol::SurfaceEndpoint> surface_, board_surface_;
   std::optional<ControlSocket> control_;
   EmergencyStop emergency_;

@@ -65,6 +65,7 @@ TableSpec read_table(const std::filesystem::path& path) {
   const toml::table table = reader.parse(std::size_t{1} << 24);
   reader.allow(table, "", {"name", "pitch", "period_us", "holes", "calibration", "board"});
   spec.name = reader.need<std::string>(table, "", "name", kText);
+  spec.name_line = TomlReader::line_of(*table.get("name"));
   spec.pitch = reader.number(table, "", "pitch", "a length above 0");
   if (spec.pitch && !(std::isfinite(*spec.pitch) && *spec.pitch > 0))
     reader.fail(TomlReader::line_of(*table.get("pitch")), "pitch must be a length above 0");

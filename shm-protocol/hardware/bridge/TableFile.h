@@ -28,6 +28,7 @@ struct TableBoard {
 
 struct TableSpec {
   std::string file, name;
+  std::size_t name_line = 0;
   std::optional<double> pitch;  // nothing: that of the boards
   std::uint32_t period_us = 0;
   bool holes = false;                            // cells without a board are allowed

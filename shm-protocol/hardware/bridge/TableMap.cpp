@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <optional>
 #include <stdexcept>
 
 namespace hardware {
@@ -152,6 +153,20 @@ void TableMap::mount(std::size_t index, const DeviceDescription& d) {
   }
 }
 
+// The last board of the file in the column of a hole, or else in its row, or else the last one.
+std::size_t TableMap::board_beside(std::uint32_t row, std::uint32_t column) const {
+  const auto last = [this](const auto& is_beside) {
+    const auto found = std::find_if(boards_.rbegin(), boards_.rend(), is_beside);
+    return found == boards_.rend() ? std::nullopt
+                                   : std::optional(static_cast<std::size_t>(boards_.rend() - found) - 1);
+  };
+  const auto in_column = last(
+      [&](const MountedBoard& b) { return column >= b.column && column < b.column + b.columns; });
+  if (in_column) return *in_column;
+  return last([&](const MountedBoard& b) { return row >= b.row && row < b.row + b.rows; })
+      .value_or(boards_.size() - 1);
+}
+
 void TableMap::freeze() {
   for (std::size_t i = 0; i < boards_.size(); ++i) {
     if (boards_[i].rows != 0) continue;
@@ -182,10 +197,11 @@ void TableMap::freeze() {
   }
   const auto hole = std::ranges::find(covered, 0);
   if (hole != covered.end() && !spec_.holes) {
-    const auto cell = static_cast<std::size_t>(hole - covered.begin());
-    throw std::invalid_argument(spec_.file + ": no board covers row " + std::to_string(cell / columns_) +
-                                ", column " + std::to_string(cell % columns_) +
-                                "; if the table has holes, add holes = true");
+    const auto cell = static_cast<std::uint32_t>(hole - covered.begin());
+    const std::uint32_t row = cell / columns_, column = cell % columns_;
+    fail(board_beside(row, column), "no board covers row " + std::to_string(row) + ", column " +
+                                        std::to_string(column) +
+                                        "; if the table has holes, add holes = true");
   }
   frozen_ = true;
 }

@@ -70,6 +70,7 @@ class TableMap {
  private:
   [[noreturn]] void fail(std::size_t index, const std::string& what) const;
   MountedBoard place(std::size_t index, std::uint32_t rows, std::uint32_t columns) const;
+  std::size_t board_beside(std::uint32_t row, std::uint32_t column) const;
   void require_free(std::size_t index, const MountedBoard&) const;
 
   const TableSpec& spec_;

@@ -252,9 +252,17 @@ std::string report(const hardware::BridgeCounters& c) {
 class RecorderProcess {
  public:
   RecorderProcess(const std::string& surface, const std::string& file) {
+    // A signal that comes between fork and exec ends the child, although this process catches it.
+    sigset_t term, before;
+    sigemptyset(&term);
+    sigaddset(&term, SIGTERM);
+    sigprocmask(SIG_BLOCK, &term, &before);
     pid_ = ::fork();
+    const int error = errno;
+    if (pid_ == 0) ::signal(SIGTERM, SIG_DFL);
+    sigprocmask(SIG_SETMASK, &before, nullptr);
     if (pid_ < 0)
-      throw std::runtime_error(std::string("cannot start smartsurf record: ") + std::strerror(errno));
+      throw std::runtime_error(std::string("cannot start smartsurf record: ") + std::strerror(error));
     if (pid_ != 0) return;
     ::dup2(STDERR_FILENO, STDOUT_FILENO);
     std::error_code none;
@@ -318,13 +326,13 @@ int serve(const Arguments& arguments) {
   if (arguments.table) {
     hardware::TableSpec table = hardware::read_table(*arguments.table);
     if (arguments.calibration) table.calibration = *arguments.calibration;
-    start_recorder(arguments.bridge.surface.empty() ? table.name : arguments.bridge.surface);
     hardware::TableBridge bridge(table, arguments.bridge, common::catch_stop_signals(), print_event);
+    start_recorder(arguments.bridge.surface.empty() ? table.name : arguments.bridge.surface);
     const hardware::Outcome end = bridge.run();
     return finish(end, bridge.served(), bridge.report());
   }
-  start_recorder(arguments.bridge.surface);
   Bridge bridge(arguments.bridge, common::catch_stop_signals(), print_event);
+  start_recorder(arguments.bridge.surface);
   const hardware::Outcome end = bridge.run();
   return finish(end, bridge.counters().frames != 0, report(bridge.counters()));
 }

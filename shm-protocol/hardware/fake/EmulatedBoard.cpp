@@ -60,7 +60,7 @@ bool EmulatedBoard::write(const std::uint8_t* bytes, std::size_t count) {
 }
 
 EmulatedBoard::Time EmulatedBoard::next_event() const {
-  Time until = is_held_ ? Time::max() : period_end_;
+  Time until = period_end_;
   for (const NoisyLine* line : {&from_host_, &to_host_})
     if (const auto due = line->next_arrival()) until = std::min(until, *due);
   // A full line is tried again.
@@ -69,10 +69,12 @@ EmulatedBoard::Time EmulatedBoard::next_event() const {
 
 void EmulatedBoard::step() {
   carry();
-  if (is_held_)
-    period_end_ = std::max(period_end_, now());
-  else if (now() >= period_end_)
-    next_period();
+  if (!is_held_ && now() >= period_end_) return next_period();
+  while (is_held_ && now() >= period_end_) period_end_ += period_length(options_.period_us);
+}
+
+EmulatedBoard::Time EmulatedBoard::period_length(std::uint32_t us) const {
+  return Time(static_cast<Time::rep>(us * 1e3 / (1.0 + options_.drift_ppm * 1e-6)));
 }
 
 bool EmulatedBoard::has_answer() const {
@@ -131,8 +133,7 @@ void EmulatedBoard::next_period() {
   period_ends_ = true;
   device_->period();
   period_ends_ = false;
-  const double length_ns = device_->period_us() * 1e3 / (1.0 + options_.drift_ppm * 1e-6);
-  period_end_ += Time(static_cast<Time::rep>(length_ns));
+  period_end_ += period_length(device_->period_us());
   if (on_period) on_period();
 }
 

@@ -39,7 +39,9 @@ class EmulatedBoard {
 
   // Forwards what has arrived at either end, and ends the period if it is over, unless it is held.
   void step();
-  // The period goes on, for as long as it is held, instead of ending.
+  // Forwards what has arrived at either end.
+  void carry();
+  // A period that is held when it is over goes on for a whole period, so that the board keeps its phase.
   void hold_period(bool held) { is_held_ = held; }
   // Whether the frame that the board sent last has its answer, or gets none: the board does not run, or follows
   // nobody yet.
@@ -63,7 +65,8 @@ class EmulatedBoard {
   // does.
   std::uint32_t micros() const;
   std::uint64_t periods() const { return period_; }
-  // When the current period ends.
+  // When the current period began, 0: none has, and when it ends.
+  Time period_begin() const { return sent_at_; }
   Time period_end() const { return period_end_; }
   EmulatedDevice& device() { return *device_; }
   const EmulatedDevice& device() const { return *device_; }
@@ -81,10 +84,10 @@ class EmulatedBoard {
   bool within(std::uint64_t at, std::uint64_t length) const {
     return at != 0 && period_ >= at && period_ < at + length;
   }
-  void carry();
   void deliver(std::uint8_t byte);
   void measure_latency();
   void next_period();
+  Time period_length(std::uint32_t us) const;
 
   EmulatedBoardOptions options_;
   EmulatedLine line_;
@@ -96,7 +99,7 @@ class EmulatedBoard {
   std::vector<std::uint8_t> bytes_;
   ssw_receiver receiver_{};           // version_1: reads the packets before the device does
   std::optional<Time> host_seen_at_;  // last; moves on while the line is unplugged
-  Time sent_at_{};                    // when the last sensor frame was sent
+  Time sent_at_{};                    // when the last sensor frame was sent, as its period began
   std::uint32_t answered_tick_ = 0;   // tick whose latency was measured last
   std::vector<std::uint32_t> latency_us_;
 };

@@ -51,9 +51,9 @@ constexpr const char* kUsage =
     "  --table FILE     write the table for surface_bridge --table, of the name --name [table]\n"
     "  --period-ms N    control period, 0.5 to 60000 [10]\n"
     "  --ticks N        end after N periods of the first board [never]\n"
-    "  --patient        periods last until the host has answered, up to twelve times as long, and nothing "
-    "becomes safe\n"
-    "                   meanwhile: the load of this machine does not count\n"
+    "  --patient        a period is prolonged by whole periods until the host has answered, up to twelve, "
+    "and nothing\n"
+    "                   becomes safe meanwhile: the load of this machine does not count\n"
     "  --once           end when the host has closed every line and not opened it again for a second\n"
     "  --pins FILE      keep the first board's active heights in FILE, one byte per cell\n"
     "The boards:\n"
@@ -288,15 +288,21 @@ class Emulator {
     world_due_ = EmulatedBoard::Time::max();
   }
 
-  // Until all boards have their answers, but not for so long that the host takes them for gone.
+  // Until all boards have their answers, but not for so long that the host takes them for gone. A board that
+  // has begun its next period already gets no answer before the others begin theirs, and holds none of them.
   void hold_periods() {
-    bool held = !std::ranges::all_of(boards, [](const auto& board) { return board->has_answer(); });
+    const std::chrono::microseconds period(o_.board.period_us);
+    for (const auto& board : boards) board->carry();
+    auto unanswered_since = EmulatedBoard::Time::max();
+    for (const auto& board : boards)
+      if (!board->has_answer()) unanswered_since = std::min(unanswered_since, board->period_begin());
     const auto now = EmulatedBoard::now();
-    if (!held || now - answered_at_ > kLongestHold * std::chrono::microseconds(o_.board.period_us)) {
-      held = false;
+    if (unanswered_since == EmulatedBoard::Time::max() || now - answered_at_ > kLongestHold * period) {
+      unanswered_since = EmulatedBoard::Time::max();
       answered_at_ = now;
     }
-    for (const auto& board : boards) board->hold_period(held);
+    for (const auto& board : boards)
+      board->hold_period(unanswered_since - board->period_begin() < period / 2);
   }
 
   std::unique_ptr<EmulatedBoard> make_board(int index, int count) {

@@ -1,7 +1,7 @@
 /* The byte protocol between a hardware surface and its host: packets, checksum and framing.
  *
  * Portable C99; needs memcpy and memmove, does not allocate, has no global state. Shared by the firmware and
- * the host's bridge. docs/hardware.md specifies every byte.
+ * the host's bridge. hardware/BYTE-PROTOCOL.md specifies every byte.
  */
 #ifndef SSW_WIRE_H
 #define SSW_WIRE_H

@@ -86,7 +86,8 @@ def identify(recordings: Sequence[str | pathlib.Path], experiment: str | pathlib
     if proximity is not None:
         name, span = proximity
         ideal = [result[name] for result in rerun.run(known, (name,))]
-        sensors.append(fit_proximity(name, span, [r.readings[name] for r in read_in], ideal))
+        sensors.append(fit_proximity(name, span, [r.readings[name] for r in read_in], ideal,
+                                     follows=motion is None or not motion.strays))
     if cells is None and motion is None and not sensors:
         raise RecordingError(f"{read_in[0].path}: no sensor measures what the actuators do, and no --object is named: nothing to identify")
     values = _identified.values(cells, prefix, least_delay, sensors, motion, rerun.parameters)

@@ -39,6 +39,7 @@ class MotionFit:
     tracks: list[tuple[Array, Array]] = field(default_factory=list)  # by recording: sensed and predicted _View.track()
     names: tuple[str, ...] = ()                                      # of its columns
     samples: int = 0
+    strays: bool = False                                             # the re-run is elsewhere than the object
 
 
 class _View:
@@ -217,6 +218,7 @@ def fit_motion(rerun: Rerun, label: str, known: Mapping[str, Any], near: str | N
     fit.samples = sum(keep)
     astray = _astray(fit.tracks) if near is not None else 0.0
     if astray > _ASTRAY:
+        fit.strays = True
         fit.values, fit.unknown = {}, dict.fromkeys(wanted, f"the re-run strays from the object, by {astray:.2f} cells")
     return fit
 

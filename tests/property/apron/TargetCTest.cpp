@@ -373,7 +373,7 @@ Split random_split(Size size, std::mt19937& rng) {
 
 std::size_t program_count() {
   const char* const count = std::getenv("APRON_TARGET_C_PROGRAMS");
-  return count != nullptr ? std::strtoul(count, nullptr, 10) : 24;
+  return count != nullptr ? std::strtoul(count, nullptr, 10) : 16;
 }
 unsigned first_seed() {
   const char* const seed = std::getenv("APRON_TARGET_C_SEED");
@@ -445,7 +445,7 @@ void check_case(const Case& one, const Library& library) {
 }
 
 TEST(TargetC, RandomProgramsOnRandomTilesMatchTheVm) {
-  constexpr std::size_t kBatch = 24;
+  constexpr std::size_t kBatch = 16;
   const std::size_t count = program_count();
   for (std::size_t begin = 0; begin < count; begin += kBatch) {
     Library library;

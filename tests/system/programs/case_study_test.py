@@ -24,6 +24,10 @@ class Sorting(ProgramTest):
     def test_dead_and_noisy_sensors_do_no_harm(self):
         self.check_seed(3, "--set", "dead_sensors=0.02", "--set", "dropout=0.01", "--set", "false_hits=0.001")
 
+    def test_tall_spheres_make_room_for_small_ones(self):
+        stats = self.run_sort("--until", "60", "--set", "large_radius=5", seed=20104)  # where one stalls among them
+        self.assertEqual((stats["success"], stats["left_table"]), (True, 0))
+
     def test_fast_pins_throw_no_spheres_unless_they_are_not_led(self):
         flags = ["--set", "pin_speed=12", "--set", "pin_acceleration=400", "--set", "small=10", "--set", "large=10"]
         led = self.run_sort("--until", "60", *flags)

@@ -310,6 +310,26 @@ class Identification(ProgramTest):
             held += found.low <= 0.01 <= found.high
         self.assertGreaterEqual(held, 10)
 
+    def test_noise_of_distances_is_not_that_of_an_object_beside_its_rerun(self):
+        import numpy as np
+        sys.path.insert(0, str(BIN.parent / "python"))
+        from smartsurf._readings import fit_proximity
+        row, column = np.mgrid[0:12, 0:12]
+
+        def distances(tick, aside):
+            square = (column - 5.5 - 1.5 * np.sin(tick / 60) - aside) ** 2 + (row - 5.5 - 1.5 * np.cos(tick / 80)) ** 2
+            return np.where(square < 4, 2.5 - np.sqrt(np.maximum(4 - square, 0)), 3)
+        held, draws = 0, 60
+        for seed in range(draws):
+            random_numbers, ticks = np.random.default_rng(seed), range(60)
+            ideal = np.array([distances(tick, 0) for tick in ticks])
+            sensed = np.array([distances(tick, 0.2 * np.sin(tick / 70)) for tick in ticks])
+            sensed = np.where(sensed < 3, sensed + random_numbers.normal(0, 0.03, sensed.shape), 3)
+            found = fit_proximity("proximity", 3, [sensed[:25], sensed[25:]], [ideal[:25], ideal[25:]], follows=False)
+            held += found.values["noise"].low <= 0.03 <= found.values["noise"].high
+            self.assertIn("strays", found.unknown["bias"])
+        self.assertTrue(0.88 * draws <= held, held)
+
     def test_a_recording_is_of_the_scene_that_follows_its_name(self):
         text = public().replace("on_tick", "if option('load', 0, 'a weight') > 0 then sphere { radius = 1, position = { 1.5, 1.5, 6 }, label = 'load' } end\n"
                                            "on_tick", 1)

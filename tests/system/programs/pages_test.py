@@ -3,7 +3,7 @@ import re
 
 from programs import *
 
-PAGES = ["README.md", "shm-protocol/PROTOCOL.md"] + sorted(str(p.relative_to(ROOT)) for p in (ROOT / "docs").glob("*.md"))
+PAGES = ["README.md", "shm-protocol/PROTOCOL.md", "shm-protocol/hardware/BYTE-PROTOCOL.md"] + sorted(str(p.relative_to(ROOT)) for p in (ROOT / "docs").glob("*.md"))
 # Flags of third-party programs in commands on the pages.
 FOREIGN = {"--build", "--preset", "--target", "--install", "--prefix", "--component", "--cflags", "--libs", "--shm-size",
            "--time", "--partition", "--exclusive", "--strict"}
@@ -47,9 +47,17 @@ class Pages(ProgramTest):
 
     def test_every_page_is_in_the_index(self):
         index = text_of("docs/README.md")
-        for page in PAGES[2:]:
+        for page in PAGES[3:]:
             if page != "docs/README.md":
                 self.assertIn(f"({pathlib.Path(page).name})", index, page)
+
+    def test_architecture_lists_the_stages_of_a_step(self):
+        table = re.findall(r'^    {"([a-z ]+)", ', text_of("smartsurf/world/NativeEngineStep.cpp"), re.MULTILINE)
+        listed = re.findall(r"^\d\. \*(?:Inputs|Contacts|Motion|Outputs)\*: (.*?)\.$", text_of("docs/architecture.md"),
+                            re.MULTILINE | re.DOTALL)
+        stages = re.sub(r"\s+", " ", ", ".join(listed)).split(", ")
+        self.assertGreater(len(table), 20)
+        self.assertEqual(stages, table)
 
     def test_named_files_exist(self):
         for page in PAGES:

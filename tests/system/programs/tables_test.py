@@ -38,6 +38,20 @@ class Tables(unittest.TestCase):
             if (made_by, programs) != (plan.physics_digest(SMARTSURF, table), plan.table_programs_digest(table)):
                 self.assertIn(plan.OLDER, text, f"{table}: run scripts/tasks/table --only {table}, or --mark")
 
+    def test_the_latest_change_stands_below_a_table(self):
+        with tempfile.TemporaryDirectory() as folder:
+            page = pathlib.Path(folder) / "case-study.md"
+            latest = "".join(plan.changes("radii"))
+            self.assertEqual(latest.count("*Changed "), 1)
+            self.assertIn("Earlier changes: `scripts/tasks/frozen.toml`", latest)
+            text = (ROOT / "docs/case-study.md").read_text()
+            at = text.index("\n<!-- made with plan ", text.index("<!-- radii: written"))
+            page.write_text(text[:at] + "\n*Changed 2001-02-03: all. Before: 1; after: 2.*\n" + text[at:])
+            plan.mark_older(page.parent, [page.name], SMARTSURF)
+            block = page.read_text().partition("<!-- radii: written")[2].partition("<!-- end of radii")[0]
+            self.assertEqual(block.count("*Changed "), 1)
+            self.assertIn(latest, block)
+
     def test_comments_do_not_change_a_scene_and_numbers_do(self):
         scene = "local n = 3 -- cells\nsurface { rows = n }\n"
         self.assertEqual(plan.without_comments(scene), plan.without_comments("local n = 3\nsurface { rows = n } -- all\n"))

@@ -212,10 +212,17 @@ class CalibrationFile : public testing::Test {
     std::ofstream(path_) << text;
     return path_;
   }
-  std::string error(const std::string& text, const TableSpec* spec = nullptr) {
+  std::string error(const std::string& text, const TableSpec* spec = nullptr,
+                    const DeviceDescription* device = nullptr) {
     try {
-      const Calibration c = Calibration::read(write(text));
+      Calibration c = Calibration::read(write(text));
       if (spec) c.require_table(*spec);
+      if (device) {
+        TableMap map(*spec);
+        map.mount(0, *device);
+        map.freeze();
+        c.require_map(map);
+      }
     } catch (const std::invalid_argument& e) {
       const std::string line = e.what();
       EXPECT_EQ(line.find('\n'), line.npos) << line;
@@ -291,11 +298,24 @@ TEST_F(CalibrationFile, OfAnotherTableIsRefused) {
   spec.boards = {board, board};
   spec.boards[1].id = "b";
   EXPECT_EQ(error(text, &spec),
-            " is the calibration of another table: it has no board 'b' at [0, 0], turn 0 (table.toml:5)");
+            "12: is the calibration of another table: it has no board 'b' at [0, 0], turn 0 (table.toml:5)");
   spec.boards = {board};
   spec.period_us = 5000;
   EXPECT_EQ(error(text, &spec),
-            " is the calibration of another table: period_us is 10000, that of table.toml is 5000");
+            "8: is the calibration of another table: period_us is 10000, that of table.toml is 5000");
+  spec.period_us = 10000;
+  DeviceDescription device;
+  device.id = "a";
+  device.version = 2;
+  device.rows = 2;
+  device.columns = 3;
+  device.period_us = 10000;
+  device.pitch = 1;
+  device.channels.push_back({"height", "cm", false, SSW_F32, 1, 0, 4, 0, 1, 0, 6, 0, {}, 0});
+  EXPECT_EQ(error(text, &spec, &device), "6: the table has no sensor 'pin_height' of one component in 'u'");
+  std::swap(device.rows, device.columns);
+  EXPECT_EQ(error(text, &spec, &device),
+            "10: is the calibration of another table: of 2 rows of 3 cells, not 3 of 2");
 }
 
 TEST_F(CalibrationFile, LeadsTheCellsWhereTheyAreSent) {

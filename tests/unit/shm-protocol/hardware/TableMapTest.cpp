@@ -133,7 +133,7 @@ TEST(TableMap, MistakesNameFileLineAndBoards) {
   EXPECT_EQ(error_of(table_of({at(0, 0), at(1, 2)}, true), {d, d}),
             "t.toml:20: board 'line1-2': overlaps board 'line0-0' of line 10 at row 1, column 2");
   EXPECT_TRUE(error_of(table_of({at(0, 0), at(0, 4)}), {d, d})
-                  .starts_with("t.toml: no board covers row 0, column 3"));
+                  .starts_with("t.toml:20: board 'line0-4': no board covers row 0, column 3"));
   EXPECT_EQ(error_of(table_of({at(0, 0), at(0, 4)}, true), {d, d}), "none");
   // A wrong turn shows as an overlap or as a hole.
   EXPECT_EQ(error_of(table_of({at(0, 0), at(0, 3)}), {d, d}), "none");

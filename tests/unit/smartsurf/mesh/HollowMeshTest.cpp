@@ -170,7 +170,7 @@ const Shape kShapes[] = {{"cup", cup},   {"mug", mug},   {"bowl", bowl},
 
 TEST(HollowMeshes, PiecesAreWithinATenthOfTheVolume) {
   for (const Shape& shape : kShapes)
-    for (unsigned seed = 1; seed <= cases(2U, 1U); ++seed) {
+    for (unsigned seed = 1; seed <= 1U; ++seed) {
       Draw draw(seed);
       TriangleMesh mesh = shape.make(draw, draw(0.06, 0.2));
       turn(mesh, draw);

@@ -216,7 +216,7 @@ TEST(Recorder, WritesRequestedChannels) {
 TEST(Recorder, KeepsSensorsWhereTheyCostLittle) {
   const OutputFolder out;
   int kept = 0, dropped = 0;
-  for (unsigned seed = 1; seed <= cases(24U, 4U); ++seed) {
+  for (unsigned seed = 1; seed <= cases(12U, 4U); ++seed) {
     std::mt19937 draw(seed);
     const auto uniform = [&](int low, int high) {
       return std::uniform_int_distribution<int>(low, high)(draw);
@@ -264,8 +264,8 @@ TEST(Recorder, KeepsSensorsWhereTheyCostLittle) {
     }
     ++(has ? kept : dropped);
   }
-  EXPECT_GT(kept, 4);
-  EXPECT_GT(dropped, 4);
+  EXPECT_GT(kept, 2);
+  EXPECT_GT(dropped, 2);
 }
 
 TEST(Recorder, KeepsUnitsAndRangesOfChannels) {

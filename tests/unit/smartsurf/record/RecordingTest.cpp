@@ -121,7 +121,7 @@ TEST(Recording, IgnoresImplausibleExtents) {
 }
 
 // Each damaged file is opened in a forked child first, and AddressSanitizer makes fork() slow.
-constexpr int kDamages = cases(300, 30);
+constexpr int kDamages = cases(120, 30);
 
 // A damaged byte gives a result or a one-line error, never a crash.
 TEST(Recording, SurvivesDamagedBytes) {
