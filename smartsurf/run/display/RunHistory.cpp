@@ -21,7 +21,8 @@ std::size_t frame_bytes(const RunHistory::Frame& frame) {
 
 std::vector<std::pair<std::string, double>> RunHistory::metrics(const Frame& frame) const {
   std::vector<std::pair<std::string, double>> named;
-  for (std::size_t i = 0; i < frame.metrics.size(); ++i) named.emplace_back(signals_[i].quantity, frame.metrics[i]);
+  for (std::size_t i = 0; i < frame.metrics.size(); ++i)
+    named.emplace_back(signals_[i].quantity, frame.metrics[i]);
   return named;
 }
 
