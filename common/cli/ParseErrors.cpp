@@ -37,8 +37,8 @@ std::string describe_unknown_command(const CLI::App& app, std::string_view name)
   if (name.starts_with('-') || std::ranges::find(known, name) != known.end()) return {};
   const std::string text = "no command '" + std::string(name) + "'";
   if (name.find_first_of("./") != std::string_view::npos)  // a file
-    return text + "; the command comes first: " + command_for(name, app.get_name() + " " + known.front()) + " " +
-           std::string(name);
+    return text + "; the command comes first: " + command_for(name, app.get_name() + " " + known.front()) +
+           " " + std::string(name);
   return text + did_you_mean(name, known) + "; known: " + CLI::detail::join(known, ", ");
 }
 

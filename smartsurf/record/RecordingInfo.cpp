@@ -162,7 +162,11 @@ std::string metric_text(const Recording& recording, const std::string& name) {
 
 std::string success_text(const Recording& recording) {
   if (!recording.success()) return "";
-  if (const auto time_s = recording.success_s()) return concat("at ", *time_s, " s");
+  if (const auto time_s = recording.success_s()) {
+    char text[40];  // as scripts print it: one number for one result
+    std::snprintf(text, sizeof text, "at %.1f s", *time_s);
+    return text;
+  }
   return *recording.success() ? "yes" : "no";
 }
 

@@ -144,7 +144,7 @@ class Run {
   std::optional<Ending> ending_;
   std::chrono::steady_clock::time_point start_time_{};
   double wall_s_ = 0.0;
-  std::uint64_t frames_drawn_ = 0;  // until the end of the run
+  std::uint64_t frames_drawn_ = 0;           // until the end of the run
   std::optional<RunSummary> final_summary_;  // with the counters of the link, which closes then
   bool announced_waiting_ = false;
   bool had_controller_ = false;

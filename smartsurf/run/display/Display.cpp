@@ -106,8 +106,10 @@ view::Status Display::make_view_status(const DisplayStatus& display_status, bool
                                    history_.at(last).snapshot.time_s,
                                    false,
                                    marks_};
-  if (history_index_)
-    status.notice = fmt::format("history; the run is at {:.2f} s", history_.at(last).snapshot.time_s);
+  if (!history_index_) return status;
+  past_metrics_ = history_.metrics(history_.at(*history_index_));
+  status.metrics = past_metrics_;
+  status.notice = fmt::format("history; the run is at {:.2f} s", history_.at(last).snapshot.time_s);
   return status;
 }
 

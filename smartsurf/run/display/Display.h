@@ -7,6 +7,7 @@
 #include <optional>
 #include <span>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "smartsurf/run/display/RunHistory.h"
@@ -83,6 +84,7 @@ class Display {
   RunHistory history_;
   std::vector<view::EventMark> marks_;        // in order of time
   std::optional<std::size_t> history_index_;  // the snapshot shown; nullopt: the present
+  mutable std::vector<std::pair<std::string, double>> past_metrics_;  // of that snapshot
   ViewChannels channels_;
   std::vector<view::ContactMark> contacts_;
   std::chrono::steady_clock::time_point next_frame_time_{}, last_draw_time_{};

@@ -19,6 +19,13 @@ std::size_t frame_bytes(const RunHistory::Frame& frame) {
 
 }  // namespace
 
+std::vector<std::pair<std::string, double>> RunHistory::metrics(const Frame& frame) const {
+  std::vector<std::pair<std::string, double>> named;
+  for (std::size_t i = 0; i < frame.metrics.size(); ++i)
+    named.emplace_back(signals_[i].quantity, frame.metrics[i]);
+  return named;
+}
+
 void RunHistory::clear() {
   frames_.clear();
   channels_.clear();

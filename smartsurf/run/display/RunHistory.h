@@ -34,6 +34,8 @@ class RunHistory final : public view::History {
   std::size_t size() const { return frames_.size(); }
   // 0 is the oldest.
   const Frame& at(std::size_t i) const { return frames_[(oldest_ + i) % frames_.size()]; }
+  // The script's metrics at that tick.
+  std::vector<std::pair<std::string, double>> metrics(const Frame& frame) const;
   // The values of a channel by its index in the channels of add(); empty if it had none.
   std::span<const float> channel(const Frame& frame, std::size_t index) const;
 

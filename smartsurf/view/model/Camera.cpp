@@ -110,7 +110,8 @@ Camera Camera::fit_to_surface(const scene::SurfaceSpec& surface, CameraPreset pr
 
 Camera Camera::from_view(const scene::SurfaceSpec& surface, const CameraView& view, double aspect,
                          std::span<const Eigen::Vector3d> also) {
-  Camera camera = fit_to_surface(surface, view.preset, aspect, view.pose ? std::span<const Eigen::Vector3d>{} : also);
+  Camera camera =
+      fit_to_surface(surface, view.preset, aspect, view.pose ? std::span<const Eigen::Vector3d>{} : also);
   if (view.pose) camera.set_pose(*view.pose);
   return camera;
 }

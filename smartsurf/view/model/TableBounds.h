@@ -16,7 +16,8 @@ inline Eigen::AlignedBox3d surface_bounding_box(const scene::SurfaceSpec& s) {
           Eigen::Vector3d(bounds.east, bounds.north, s.max_top_height())};
 }
 
-// Corners of the bounding boxes of the objects over the table, u, up to as far above it as it is wide or deep.
+// Corners of the bounding boxes of the objects over the table, u, up to as far above it as it is wide or
+// deep.
 std::vector<Eigen::Vector3d> corners_of_objects_over(const scene::SurfaceSpec&, const scene::Snapshot&,
                                                      const std::vector<scene::ObjectSpec>& catalogue);
 

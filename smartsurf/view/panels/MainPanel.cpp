@@ -127,6 +127,7 @@ void draw_state_rows(const scene::Snapshot& snapshot, const Status& status, cons
   table_row("contacts", "%u", snapshot.contact_count);
   for (const auto& [name, value] : status.metrics | std::views::take(kMaxMetrics))
     if (std::isfinite(value)) table_row(name.c_str(), "%.4g", value);
+  if (status.paused) return;  // costs are those of a run that goes on
   if (status.physics_ms > 0.0) table_row("physics", "%.2f ms/tick", status.physics_ms);
   table_row("drawing", "%.1f ms, %.0f frames/s", state.render_ms, 1000.0 / std::max(state.interval_ms, 1.0));
 }

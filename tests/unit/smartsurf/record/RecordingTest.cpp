@@ -35,7 +35,7 @@ std::string write_run(const std::filesystem::path& path, std::uint64_t ticks = 1
                    .simulated_s = 1.5,
                    .state_hash = 0x1F,
                    .success = true,
-                   .success_s = 0.5});
+                   .success_s = 0.5333});
   std::ifstream file(path, std::ios::binary);
   return {std::istreambuf_iterator<char>(file), {}};
 }

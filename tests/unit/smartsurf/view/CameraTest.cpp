@@ -62,7 +62,8 @@ TEST(Camera, GoesFartherAwayForObjectsThatWouldBeCutOffAlone) {
   catalogue[0].size = {4.0, 2.0, 6.0};
   const auto corners = corners_of_objects_over(s, snapshot, catalogue);
   ASSERT_EQ(corners.size(), 8U);  // neither what lies beside the table nor what has flown away
-  EXPECT_TRUE(corners[0].isApprox(Eigen::Vector3d(12.0 - std::sqrt(0.5), 23.0 - 3.0 * std::sqrt(0.5), 6.0), 1e-6));
+  EXPECT_TRUE(
+      corners[0].isApprox(Eigen::Vector3d(12.0 - std::sqrt(0.5), 23.0 - 3.0 * std::sqrt(0.5), 6.0), 1e-6));
   const auto outside = [&](const Camera& camera) {
     return std::ranges::count_if(corners, [&](const Eigen::Vector3d& corner) {
       const Eigen::Vector3d pixel = camera.project(corner, 800.0, 500.0);
