@@ -20,7 +20,7 @@ MODULES = {
     "common/confine": {"common/error", "common/files"},
     "common/process": {"common/confine", "common/error", "common/files", "common/text"},
     "common/text": set(),
-    "common/cli": {"common/text"},
+    "common/cli": {"common/files", "common/text"},
     "common/gl": {"common/error", "common/image"},
     "common/threads": {"common/error"},
     "common/image": {"common/error", "common/files"},
