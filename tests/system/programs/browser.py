@@ -2,8 +2,11 @@
 import base64
 import json
 import os
+import select
 import shutil
+import signal
 import subprocess
+import time
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
 
@@ -23,7 +26,7 @@ class Browser:
             [CHROMIUM, "--headless=new", "--no-sandbox", "--disable-gpu-sandbox", "--use-gl=angle",
              "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--remote-debugging-pipe",
              f"--user-data-dir={folder}/profile", "--window-size=1000,700", "about:blank"],
-            close_fds=False, preexec_fn=rearrange, env={**os.environ, "TMPDIR": str(folder)},
+            close_fds=False, preexec_fn=rearrange, start_new_session=True, env={**os.environ, "TMPDIR": str(folder)},
             stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
         os.close(to_browser), os.close(from_browser)
         self.buffer, self.last_id, self.session, self.errors = b"", 0, None, []
@@ -48,6 +51,8 @@ class Browser:
 
     def read(self):
         while b"\0" not in self.buffer:
+            if not select.select([self.input], [], [], 120)[0]:
+                raise RuntimeError("the browser has not answered for 120 s")
             part = os.read(self.input, 1 << 16)
             if not part:
                 raise RuntimeError("the browser has ended")
@@ -81,6 +86,13 @@ class Browser:
         return base64.b64decode(self.call("Page.captureScreenshot", format="png")["data"])
 
     def close(self):
-        self.process.kill()
+        """Ends all processes of the browser, whose profile nobody writes from then on."""
+        os.killpg(self.process.pid, signal.SIGKILL)
         self.process.wait()
+        for _ in range(500):
+            try:
+                os.killpg(self.process.pid, 0)
+            except ProcessLookupError:
+                break
+            time.sleep(0.01)
         os.close(self.output), os.close(self.input)
