@@ -188,15 +188,13 @@ std::size_t Calibration::line_of(const std::string& key) const {
   return line == lines.end() ? 0 : line->second;
 }
 
-std::string Calibration::place(const std::string& key) const {
-  const std::size_t line = line_of(key);
+std::string Calibration::place(std::size_t line) const {
   return file + (line ? ":" + std::to_string(line) : "") + ": ";
 }
 
 void Calibration::require_table(const TableSpec& spec) const {
   const auto another = [&](std::size_t line, const std::string& what) {
-    throw std::invalid_argument(file + (line ? ":" + std::to_string(line) : "") +
-                                ": is the calibration of another table: " + what);
+    throw std::invalid_argument(place(line) + "is the calibration of another table: " + what);
   };
   if (period_us != spec.period_us)
     another(line_of("period_us"), "period_us is " + std::to_string(period_us) + ", that of " + spec.file +
@@ -219,14 +217,13 @@ void Calibration::require_table(const TableSpec& spec) const {
 
 void Calibration::require_map(const TableMap& map) {
   if (map.rows() != rows || map.columns() != columns)
-    throw std::invalid_argument(place("size") + "is the calibration of another table: of " +
-                                std::to_string(rows) +
-                                " rows of " + std::to_string(columns) + " cells, not " +
+    throw std::invalid_argument(place(line_of("size")) + "is the calibration of another table: of " +
+                                std::to_string(rows) + " rows of " + std::to_string(columns) + " cells, not " +
                                 std::to_string(map.rows()) + " of " + std::to_string(map.columns()));
   const auto require = [&](const std::string& name, bool is_sensor) -> const TableChannel& {
     for (const TableChannel& c : map.channels())
       if (c.sensor == is_sensor && c.name == name && c.components == 1 && c.unit == unit) return c;
-    throw std::invalid_argument(place(is_sensor ? "sensor" : "actuator") + "the table has no " +
+    throw std::invalid_argument(place(line_of(is_sensor ? "sensor" : "actuator")) + "the table has no " +
                                 (is_sensor ? "sensor '" : "actuator '") + name + "' of one component in '" +
                                 unit + "'");
   };
@@ -236,7 +233,7 @@ void Calibration::require_map(const TableMap& map) {
   for (std::size_t cell = 0; cell < cells(); ++cell)
     for (const auto p : {CellFit::kZero, CellFit::kPlay, CellFit::kSensorZero})
       if (std::abs(fits[cell].value[p]) > range)
-        throw std::invalid_argument(place(kCellParameters[p].name) + kCellParameters[p].name + " of row " +
+        throw std::invalid_argument(place(line_of(kCellParameters[p].name)) + kCellParameters[p].name + " of row " +
                                     std::to_string(cell / columns) + ", column " +
                                     std::to_string(cell % columns) + " is " + number(fits[cell].value[p]) +
                                     ", more than the whole range of '" + actuator + "', " + number(range));

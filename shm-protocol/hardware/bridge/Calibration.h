@@ -52,8 +52,8 @@ class Calibration {
 
  private:
   std::size_t line_of(const std::string& key) const;  // 0: none
-  // "FILE:LINE: " for messages about a key.
-  std::string place(const std::string& key) const;
+  // "FILE:LINE: ", or "FILE: " of line 0.
+  std::string place(std::size_t line) const;
 
   std::vector<float> last_;           // heights
   std::vector<std::int8_t> upwards_;  // 1 or -1: where the height went last; 0: nowhere yet
