@@ -23,6 +23,9 @@ constexpr double kTangentWeight = 0.1, kRollingWeight = 0.01, kTouchingWeight = 
 
 Vec3d to_double(const Vec3& v) { return v.cast<double>(); }
 
+// True for the rows that hold a constant moment; see RestLoads::add_rows().
+constexpr auto is_rest_of_moment = [](const auto& row) { return row.load == nullptr && !row.touches; };
+
 }  // namespace
 
 void RestLoads::balance(const BodyStore& bodies, std::span<const std::int32_t> fallen,
@@ -65,16 +68,41 @@ void RestLoads::add_rows(const BodyStore& bodies, SleepingContacts& contacts) {
   }
   for (const std::int32_t body : island_) {
     Vec3 normal = Vec3::Zero();
+    Vec3d moment = Vec3d::Zero();
     float limit = std::numeric_limits<float>::infinity();
     contacts.for_each_contact_of(body, [&](const Manifold& m, Contact& c) {
       if (m.a != body) return;  // that body's turn
       add_contact(bodies, m, c);
       if (c.partner != Partner::kSupportedCell && c.partner != Partner::kElasticTop) return;
       normal += c.normal;
+      moment += to_double(c.anchor).cross(to_double(c.normal)) * static_cast<double>(c.total_normal_impulse);
       limit = std::min(limit, c.max_cell_impulse);
     });
     contacts.with_patch_of(body, [&](SupportPatch& p, SupportSamples& s) {
+      const std::size_t first = rows_.size();
       add_patch(p, s, normal.isZero(0.0F) ? Vec3(0, 0, 1) : Vec3(normal.normalized()), limit);
+      if (p.is_elastic) return;
+      // A sample bears at the middle of an area, of which a body that overhangs may touch the rim alone: what
+      // the moment of the loads then lacks of that at the points stays.
+      const std::int32_t place = place_[body];
+      Row rest = {.a = place,
+                  .b = -1,
+                  .on_a = {},
+                  .on_b = {},
+                  .start = 1.0,
+                  .impulse = 1.0,
+                  .weight = 0.0,
+                  .load = nullptr,
+                  .normal = -1,
+                  .limit = 0.0F,
+                  .touches = false,
+                  .is_free = false};
+      for (int k = 0; k < 3; ++k) {
+        rest.on_a[3 + k] = moment[k] * inverse_radius_[place];
+        for (std::size_t row = first; row < rows_.size(); ++row)
+          rest.on_a[3 + k] -= rows_[row].start * rows_[row].on_a[3 + k];
+      }
+      rows_.push_back(rest);
     });
   }
 }
@@ -215,22 +243,31 @@ void RestLoads::set_free(bool with_touching) {
   }
 }
 
-// Frees the loads that bear, and then also those that touch; takes out those that would pull.
+// Frees the loads that bear, and then also those that touch; takes out those that would pull. Samples bear
+// the moment if they can.
 bool RestLoads::solve() {
-  for (const bool with_touching : {false, true}) {
-    set_free(with_touching);
-    for (int round = 0; round < kMaxRounds && find_impulses(); ++round) {
-      bool pulls = false;
+  const auto is_plausible = [](const Row& r) {
+    // A cell that would be overloaded gives way: the bodies are not at rest.
+    constexpr double kRounding = 1.0001;
+    if (r.load != nullptr) return r.impulse <= kRounding * static_cast<double>(r.limit);
+    // Friction that changes by as much as its cone is wide did not come from a tremble.
+    const bool is_tangent = r.on_a[0] != 0.0 || r.on_a[1] != 0.0 || r.on_a[2] != 0.0;
+    return !is_tangent || !r.is_free || std::abs(r.impulse - r.start) * kTangentWeight <= r.weight;
+  };
+  for (const double rest_of_moment : {0.0, 1.0})
+    for (const bool with_touching : {false, true}) {
       for (Row& r : rows_)
-        if (r.load != nullptr && r.is_free && r.impulse < 0.0) r.is_free = false, pulls = true;
-      if (pulls) continue;
-      // A cell that would be overloaded gives way: the bodies are not at rest.
-      constexpr double kRounding = 1.0001;
-      return std::ranges::none_of(rows_, [](const Row& r) {
-        return r.load != nullptr && r.impulse > kRounding * static_cast<double>(r.limit);
-      });
+        if (is_rest_of_moment(r)) r.start = rest_of_moment;
+      set_free(with_touching);
+      for (int round = 0; round < kMaxRounds && find_impulses(); ++round) {
+        bool pulls = false;
+        for (Row& r : rows_)
+          if (r.load != nullptr && r.is_free && r.impulse < 0.0) r.is_free = false, pulls = true;
+        if (pulls) continue;
+        if (std::ranges::all_of(rows_, is_plausible)) return true;
+        break;
+      }
     }
-  }
   return false;
 }
 
@@ -242,7 +279,8 @@ bool RestLoads::find_impulses() {
   factor_.assign(n, {});
   const auto is_free = [&](const Row& r) { return r.is_free && (r.normal < 0 || rows_[r.normal].is_free); };
   for (Row& r : rows_) {
-    r.impulse = is_free(r) ? r.start : 0.0;
+    const bool is_constant = r.load == nullptr && r.normal < 0 && r.weight == 0.0;
+    r.impulse = is_free(r) || is_constant ? r.start : 0.0;
     const auto add = [&](std::int32_t i, const Vector6& on) {
       const ConstMap6 j(on.data());
       Map6(residual_[i].data()) -= r.impulse * j;
