@@ -26,17 +26,18 @@ function two_kinds.measure(n, count)
     now = right / (2 * count)
     return now
   end)
+  local function held(t) return sorted_at and t > sorted_at + 5 and sorted_at end
   on_tick(function(t)
     purity = now
     sorted_at = purity >= 0.95 and (sorted_at or t) or nil
-    if sorted_at and t > sorted_at + 5 then stop(string.format('sorted after %.1f s', sorted_at), true) end
+    if held(t) then stop(string.format('sorted after %.1f s', sorted_at), true) end
   end)
   reward(function() return purity end)
-  success(function(t) return sorted_at and t > sorted_at + 5 and sorted_at end)
+  success(held)
   info { purity = function() return purity end }
   on_finish(function()
-    metric('success', sorted_at and 1 or 0)
-    if sorted_at then
+    metric('success', held(time()) and 1 or 0)
+    if held(time()) then
       metric('time_to_95_s', sorted_at)
       metric('objects_per_minute', 60 * 2 * count / math.max(sorted_at, 1 / 60))
     end

@@ -206,18 +206,21 @@ std::uint64_t ActuatorArray::set_targets(int channel, std::span<const float> tar
   ChannelCommands& commands = commands_[channel];
   const auto first_run = std::ranges::upper_bound(commands.runs, first_cell, {}, &CellRun::end);
   const auto end_run = std::ranges::lower_bound(commands.runs, end_cell, {}, &CellRun::begin);
+  const auto runs = std::span(commands.runs)
+                        .subspan(static_cast<std::size_t>(first_run - commands.runs.begin()),
+                                 static_cast<std::size_t>(std::max<std::ptrdiff_t>(0, end_run - first_run)));
   std::atomic<std::uint64_t> replaced = 0;
   const auto clamp_runs = [&](int begin, int end) {
     const std::uint64_t count =
-        clamp_commands(std::span(first_run + begin, first_run + end), {first_cell, end_cell}, targets.data(),
-                       low, high, safe, commands.values.data());
+        clamp_commands(runs.subspan(static_cast<std::size_t>(begin), static_cast<std::size_t>(end - begin)),
+                       {first_cell, end_cell}, targets.data(), low, high, safe, commands.values.data());
     replaced.fetch_add(count, std::memory_order_relaxed);
   };
-  const int runs = static_cast<int>(std::max<std::ptrdiff_t>(0, end_run - first_run));
+  const int count = static_cast<int>(runs.size());
   if (pool_ != nullptr)
-    pool_->parallel_for_rows(runs, kCommandCost_ns * static_cast<double>(targets.size()), clamp_runs);
+    pool_->parallel_for_rows(count, kCommandCost_ns * static_cast<double>(targets.size()), clamp_runs);
   else
-    clamp_runs(0, runs);
+    clamp_runs(0, count);
   commands.dirty = true;
   return replaced;
 }

@@ -18,7 +18,7 @@
 #include "smartsurf/world/body/BodyStore.h"
 #include "smartsurf/world/field/CellForceLimits.h"
 #include "smartsurf/world/field/JamRelief.h"
-#include "smartsurf/world/narrowphase/InternalEdges.h"
+#include "smartsurf/world/narrowphase/SeamCorrection.h"
 #include "smartsurf/world/solver/SkinSolver.h"
 #include "smartsurf/world/solver/Solver.h"
 

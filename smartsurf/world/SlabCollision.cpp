@@ -206,7 +206,7 @@ void CollisionPipeline::collide_static_bodies(const BodyStore& bodies, std::size
     if (n.impact_s > 0.0F)
       PairSweep(bodies, i, n.body, dt_s_)
           .move_to_start(n.impact_s, std::span(contacts).subspan(n.first, n.end - n.first));
-  erase_marked(contacts, first);
+  erase_spare(contacts, first);
 }
 
 void CollisionPipeline::collide_static_body(const BodyStore& bodies, std::size_t i, StaticNeighbour& other,

@@ -2,15 +2,12 @@
 // them is inside a plane, and a contact there must have the normal of that plane.
 #pragma once
 
-#include <cstdint>
-#include <memory>
+#include <limits>
 #include <span>
 #include <vector>
 
-#include "smartsurf/world/body/BodyStore.h"
 #include "smartsurf/world/body/Shape.h"
 #include "smartsurf/world/contact/Contact.h"
-#include "smartsurf/world/parallel/Team.h"
 
 namespace smartsurf::world {
 
@@ -26,32 +23,22 @@ struct SeamContact {
   Vec3 origin;
 };
 
+// The separation of a spare contact, in whose place another one bears.
+inline constexpr float kSpareSeparation = std::numeric_limits<float>::infinity();
+
+// Whether a face of the shape may continue that of another one at a point in its axes.
+bool may_continue(const Shape&, const Vec3& point);
 // A single convex part has no internal edges.
 bool may_have_internal_edges(std::span<const Solid>);
-// Gives contacts on internal edges the normal of the plane, or marks them with an infinite separation if
-// another contact has that normal. The contacts are all those of a body with the solids. `are_b`: the normals
+// Gives contacts on internal edges the normal of the plane, or marks them as spare if another
+// contact has that normal. The contacts are all those of a body with the solids. `are_b`: the normals
 // point away from the solids. `sphere_radius`: of the body, u; 0 for other shapes.
 void mark_internal_edges(std::span<const Solid>, bool are_b, float sphere_radius,
                          std::span<const SeamContact>);
 // Does both for the contacts from `first` on, which are all those of two bodies, with anchors from the origin
 // of a. Returns whether any was erased.
 bool correct_internal_edges(const Solid& a, const Solid& b, std::vector<Contact>&, std::size_t first);
-// Does both for bodies that slide or roll over several others which move together: bodies side by side at
-// rest, held to each other by joints, or beside a fixed body.
-class SeamCorrection {
- public:
-  SeamCorrection();
-  ~SeamCorrection();
-  // The contacts are all those of the step: between bodies that move, and of these with what does not. Called by
-  // all members with bodies of their own, which together are all active ones; ends with a barrier.
-  void run(const BodyStore&, ContactList& pair_contacts, ContactList& static_contacts,
-           std::span<const std::int32_t> own_bodies, const Member&);
-
- private:
-  struct Shared;
-  std::unique_ptr<Shared> shared_;
-};
-// Erases the marked contacts from `first` on.
-void erase_marked(std::vector<Contact>&, std::size_t first);
+// Erases the spare contacts from `first` on.
+void erase_spare(std::vector<Contact>&, std::size_t first);
 
 }  // namespace smartsurf::world

@@ -28,7 +28,7 @@ on_tick(function()
   end
   cells:targets('height', heights)
 end)
-at(5, quit)
+at(3, quit)
 """
 
 
@@ -238,7 +238,7 @@ class Identification(ProgramTest):
         import numpy as np
         draw = random.Random(8)
         truth = {"max_speed": draw.uniform(5, 8), "max_acceleration": draw.uniform(70, 140), "lag": draw.uniform(0.015, 0.03)}
-        text = public().replace("left[cell] or 0", "left[cell] or 100").replace("at(5,", "at(8,")
+        text = public().replace("left[cell] or 0", "left[cell] or 100").replace("at(3,", "at(8,")
         self.record("table", text, *(word for name, value in (*((f"actuator.{name}", value) for name, value in truth.items()),
                                                               ("sensor.pin_height.noise", 0.006)) for word in ("--vary", f"{name}={value}")))
         for name, lost in (("busy", 0.6), ("live", 0.04)):

@@ -8,9 +8,9 @@ TASKS = ROOT / "scripts/tasks"
 # Of each task whose objects must stay: seconds, changes of its text, and Lua that holds its objects, each tick, where they
 # succeed; `put(id, x, y, z, yaw, roll, stays)` puts them there, or beside the table unless it stays, or below it.
 PLACED = {
-    "size_sort": (0.2, {}, "for id = 0, 3 do put(id, object(id):label() == 'east' and 25 or 6, 4 + 7 * id, 8) end"),
-    "colour_sort": (0.2, {}, "for id = 0, 5 do put(id, object(id):label() == 'east' and 18 or 5, 3 + 3.5 * id, 7) end"),
-    "part_sort": (0.2, {}, "for id = 0, 3 do put(id, object(id):label() == 'east' and 22 or 7, 5 + 6 * id, 3) end"),
+    "size_sort": (5.2, {}, "for id = 0, 3 do put(id, object(id):label() == 'east' and 25 or 6, 4 + 7 * id, 8) end"),
+    "colour_sort": (5.2, {}, "for id = 0, 5 do put(id, object(id):label() == 'east' and 18 or 5, 3 + 3.5 * id, 7) end"),
+    "part_sort": (5.2, {}, "for id = 0, 3 do put(id, object(id):label() == 'east' and 22 or 7, 5 + 6 * id, 3) end"),
     "relocate": (0.2, {}, "put(0, 11, 5, 8)"),
     "track": (10, {"leg = 20": "leg = 3"}, "local x, y = point(t) put(0, 11.5 + x, 11.5 + y, 8)"),
     "parallel": (1.5, {}, "put(0, 37, 27, 8) put(1, 2, 11, 8) put(2, 30, 37, 8) put(3, 9, 37, 8) put(4, 19.5, 19.5, 8)"),

@@ -245,7 +245,7 @@ TEST(Fuzz, CorpusCompiles) {
 }
 
 TEST(Fuzz, DamagedProgramsFailOrVerify) {
-  constexpr int kRounds = 2000;
+  constexpr int kRounds = 1000;
   Mutator mutator(20240917);
   int accepted = 0;
   int refused = 0;
