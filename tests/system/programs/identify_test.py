@@ -156,10 +156,11 @@ class Identification(ProgramTest):
             rows += [f"{r},{c},height,gain,{gain}", f"{r},{c},height,offset,{offset}", f"{r},{c},height,late,{delay}"]
         rows += ["3,2,height,stuck,2.5", "3,3,pin_height,dead,"]
         self.write("secret.csv", "\n".join(rows) + "\n")
-        recording = self.record("secret", public(moves="(cell ~= 14 or time() > 2.95)") + "faults { map = 'secret.csv' }\n", *(
+        table = public(moves="(cell ~= 14 or time() > 2.95)")  # one cell moves as the recording ends
+        recording = self.record("secret", table + "faults { map = 'secret.csv' }\n", *(
             word for name, value in (("actuator.max_speed", speed), ("actuator.max_acceleration", acceleration), ("actuator.lag", lag),
                                      ("sensor.pin_height.noise", noise), ("sensor.pin_height.dropout", 0.01)) for word in ("--vary", f"{name}={value}")))
-        self.write("public.lua", public())
+        self.write("public.lua", table)
         status, out, err = self.identify(recording, "--experiment", "public.lua", "-o", "identified.lua")
         self.assertEqual(status, 0, err)
         found = json.loads((self.folder / "identified.json").read_text())
@@ -172,7 +173,7 @@ class Identification(ProgramTest):
         near(*found["parameters"]["sensor.pin_height.noise"].values(), noise)
         self.assertLess(abs(found["parameters"]["sensor.pin_height.dropout"]["value"] - 0.01), 0.005)
         of = found["cells"]
-        self.assertEqual(of["state"][3], [0, 3, 1, 2])  # the second moves as the recording ends
+        self.assertEqual(of["state"][3], [0, 3, 1, 2])
         for r, c, gain, offset, delay in cells[:-3]:
             near(of["gain"][r][c], of["gain_error"][r][c], gain)
             near(of["offset"][r][c], of["offset_error"][r][c], offset)
