@@ -276,9 +276,23 @@ void NativeEngine::stop_at_bodies(const Member& member) {
     // Bodies that move less do not pass each other, and their contacts push them apart.
     if (sweep.travel() < collision_.thinner_width(a, b)) return;
     const float time_s = sweep.time_of_overlap();
-    if (time_s == PairSweep::kNever) return;
+    float fraction = time_s / settings_.dt_s;
+    if (time_s == PairSweep::kNever) {
+      // Free rotation follows the spin at the end of the step, which a hit may have changed by turns: bodies near each
+      // other must end in the pose to which the sweep has led them.
+      const auto strays_by = [&](std::size_t i) {
+        if (!bodies_.is_active(i) || bodies_.is_sphere[i]) return 0.0F;
+        const int row = partition.row(static_cast<std::int32_t>(i));
+        const float turn = Vec3(solver_->motion(row).rotation).norm() +
+                           settings_.dt_s * solver_->angular_velocity(row).norm();
+        return bodies_.bounding_radius[i] * std::min(turn, 2.0F);
+      };
+      const float distance = strays_by(a) + strays_by(b);
+      if (distance == 0.0F || !sweep.comes_within(distance)) return;
+      fraction = 1.0F;
+    }
     for (const std::size_t i : {a, b})
-      if (bodies_.is_active(i)) own.push_back({static_cast<std::int32_t>(i), time_s / settings_.dt_s});
+      if (bodies_.is_active(i)) own.push_back({static_cast<std::int32_t>(i), fraction});
   });
   member.single([&] {
     for (int i = 0; i < member.member_count; ++i) {

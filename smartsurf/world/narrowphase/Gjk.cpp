@@ -201,15 +201,15 @@ void store_simplex(const ConvexProxy& a, const ConvexProxy& b, const Simplex& s,
   }
 }
 
-}  // namespace
-
-ClosestPoints closest_points(const ConvexProxy& a, const ConvexProxy& b, float limit, const Vec3& towards_a,
-                             SimplexCache* cache) {
+// `error`: of the distance, relative or in u, whichever is greater, unless it converged.
+ClosestPoints search(const ConvexProxy& a, const ConvexProxy& b, float limit, const Vec3& towards_a,
+                     SimplexCache* cache, float& error) {
   constexpr int kMaxIterations = 20;
   // kTolerance applies to the distance, relative or in u, whichever is greater.
   constexpr float kOverlapSquared = 1e-10F, kTolerance = 1e-4F;
   const ClosestPoints overlap{Vec3::Zero(), Vec3::Zero(), Vec3(0, 0, 1), 0.0F, false};
   Simplex s;
+  error = 0.0F;
   Vec3 closest = towards_a;
   if (cache && cache->count > 0) {
     s = restore_simplex(a, b, *cache);
@@ -219,6 +219,7 @@ ClosestPoints closest_points(const ConvexProxy& a, const ConvexProxy& b, float l
     if (closest.squaredNorm() < kOverlapSquared) return overlap;
   }
   if (closest.squaredNorm() < kOverlapSquared) closest = Vec3(0, 0, 1);
+  bool converged = false;
   for (int iteration = 0; iteration < kMaxIterations; ++iteration) {
     const Vertex v = make_vertex(a, b, closest);
     const float closest_squared = closest.squaredNorm(), length = std::sqrt(closest_squared),
@@ -226,7 +227,10 @@ ClosestPoints closest_points(const ConvexProxy& a, const ConvexProxy& b, float l
     if (projection > limit * length)
       return {Vec3::Zero(), Vec3::Zero(), closest / length, projection / length, true};
     // Converged: the new support point is not significantly closer to the origin.
-    if (s.count > 0 && closest_squared - projection <= kTolerance * (closest_squared + length)) break;
+    if (s.count > 0 && closest_squared - projection <= kTolerance * (closest_squared + length)) {
+      converged = true;
+      break;
+    }
     s.v[s.count++] = v;
     if (!reduce(s)) return overlap;
     closest = s.closest_point();
@@ -239,7 +243,33 @@ ClosestPoints closest_points(const ConvexProxy& a, const ConvexProxy& b, float l
     out.on_a += s.v[i].weight * s.v[i].a;
     out.on_b += s.v[i].weight * s.v[i].b;
   }
+  if (!converged)
+    error = (out.distance - out.normal.dot(make_vertex(a, b, out.normal).w)) / (1.0F + out.distance);
   return out;
+}
+
+}  // namespace
+
+ClosestPoints closest_points(const ConvexProxy& a, const ConvexProxy& b, float limit, const Vec3& towards_a,
+                             SimplexCache* cache) {
+  float error;
+  return search(a, b, limit, towards_a, cache, error);
+}
+
+// Among nearly flat simplices rounding decides, and a search may go in circles: then it begins elsewhere.
+ClosestPoints certain_closest_points(const ConvexProxy& a, const ConvexProxy& b, float limit,
+                                     const Vec3& towards_a) {
+  constexpr float kMaxError = 5e-4F;
+  float error;
+  ClosestPoints best = search(a, b, limit, towards_a, nullptr, error);
+  for (int k = 0; k < 12 && error > kMaxError; ++k) {
+    const Vec3 direction = (k & 1 ? -1.0F : 1.0F) * (k < 6 ? a : b).axes.col(k / 2 % 3);
+    float other_error;
+    const ClosestPoints other = search(a, b, limit, direction, nullptr, other_error);
+    if (other.separated && other_error < error) best = other, error = other_error;
+  }
+  if (error > kMaxError) best.distance = std::max(0.0F, best.distance - error * (1.0F + best.distance));
+  return best;
 }
 
 }  // namespace smartsurf::world

@@ -43,5 +43,8 @@ struct SimplexCache {
 // `towards_a`: estimate of the direction from b to a, of any length. `cache`: read and updated; may be null.
 ClosestPoints closest_points(const ConvexProxy& a, const ConvexProxy& b, float limit, const Vec3& towards_a,
                              SimplexCache* cache = nullptr);
+// Likewise; where the search does not converge, `distance` is a lower bound along the normal.
+ClosestPoints certain_closest_points(const ConvexProxy& a, const ConvexProxy& b, float limit,
+                                     const Vec3& towards_a);
 
 }  // namespace smartsurf::world

@@ -16,6 +16,7 @@ constexpr float kMet = 2e-3F;  // parts up to this far apart have met, u
 constexpr float kApproach = 0.01F;
 
 constexpr float kAllowedOverlap = 0.1F;  // of the width of a shape
+constexpr float kKnownShare = 0.9F;      // of the depth from which on the cores overlap
 
 }  // namespace
 
@@ -83,11 +84,17 @@ PairSweep::Gap PairSweep::gap(const ConvexPart& part_a, const ConvexPart& part_b
              trim_b = !trim_a && is_much_larger(placed_b, placed_a);
   if (trim_a || trim_b) {
     const PlacedShape &box = trim_a ? placed_a : placed_b, &other = trim_a ? placed_b : placed_a;
-    const TrimmedBox t = trim(box, other.centre, 2.0F * other.shape.bounding_radius + reach);
-    if (!t.overlaps) return {Vec3::Zero(), 2.0F * reach};
-    const ConvexPart part{t.shape, nullptr};
-    return trim_a ? gap(ConvexProxy(part, t.centre, a.axes), ConvexProxy(part_b, b.centre, b.axes), reach)
-                  : gap(ConvexProxy(part_a, a.centre, a.axes), ConvexProxy(part, t.centre, b.axes), reach);
+    // GJK is most exact on a small part of a large box: which has the closest point if that is near.
+    const auto trimmed_gap = [&](float within) -> Gap {
+      const TrimmedBox t = trim(box, other.centre, 2.0F * other.shape.bounding_radius + within);
+      if (!t.overlaps) return {Vec3::Zero(), 2.0F * within};
+      const ConvexPart part{t.shape, nullptr};
+      return trim_a ? gap(ConvexProxy(part, t.centre, a.axes), ConvexProxy(part_b, b.centre, b.axes), within)
+                    : gap(ConvexProxy(part_a, a.centre, a.axes), ConvexProxy(part, t.centre, b.axes), within);
+    };
+    const float near = other.shape.bounding_radius;
+    const Gap g = trimmed_gap(std::min(near, reach));
+    return g.distance <= near || reach <= near ? g : trimmed_gap(reach);
   }
   return gap(ConvexProxy(part_a, a.centre, a.axes), ConvexProxy(part_b, b.centre, b.axes), reach);
 }
@@ -95,7 +102,7 @@ PairSweep::Gap PairSweep::gap(const ConvexPart& part_a, const ConvexPart& part_b
 PairSweep::Gap PairSweep::gap(const ConvexProxy& proxy_a, const ConvexProxy& proxy_b, float reach) {
   const float radii = proxy_a.convex_radius + proxy_b.convex_radius;
   const ClosestPoints closest =
-      closest_points(proxy_a, proxy_b, radii + reach, Vec3(proxy_a.centre - proxy_b.centre));
+      certain_closest_points(proxy_a, proxy_b, radii + reach, Vec3(proxy_a.centre - proxy_b.centre));
   return {closest.normal, closest.separated ? closest.distance - radii : -radii};
 }
 
@@ -132,33 +139,51 @@ float PairSweep::time_of_impact() const {
 }
 
 float PairSweep::time_of_overlap() const {
-  // Depths up to which parts may overlap, and up to which the gap between them is known, and known to be on the right
-  // side.
+  // Depths up to which parts may overlap, and up to which the gap between them is known, and known to be on
+  // the right side.
   const auto allowed_depth = [](const ConvexPart& part) {
     if (part.shape.is_sphere()) return 0.5F * part.shape.bounding_radius;
     if (part.hull != nullptr) return part.hull->convex_radius;
     return std::min(part.shape.convex_radius, kAllowedOverlap * part.shape.width);
   };
   const auto known_depth = [](const ConvexPart& part) {
-    if (part.shape.is_sphere()) return 0.9F * part.shape.bounding_radius;
-    return 0.9F * (part.hull != nullptr ? part.hull->convex_radius : part.shape.convex_radius);
+    if (part.shape.is_sphere()) return kKnownShare * part.shape.bounding_radius;
+    return kKnownShare * (part.hull != nullptr ? part.hull->convex_radius : part.shape.convex_radius);
   };
   const Placed a = a_.at(0.0F), b = b_.at(0.0F);
   float first = kNever;
   for_each_part(a_.shape, [&](const ConvexPart& part_a) {
     for_each_part(b_.shape, [&](const ConvexPart& part_b) {
       const float allowed = allowed_depth(part_a) + allowed_depth(part_b);
-      // Parts that overlap already are let in deeper by a share of what is left, or the last bit of what is known.
-      const float start = std::min(0.0F, gap(part_a, part_b, a, b, travel_).distance + 0.25F * allowed);
+      // Parts that overlap already are let in deeper by a share of what is left, or the last bit of what is
+      // known.
+      const float distance = gap(part_a, part_b, a, b, travel_).distance;
+      const float start = std::min(0.0F, distance + 0.25F * allowed);
       const float known = known_depth(part_a) + known_depth(part_b);
       const float left = std::max(allowed + start, std::min(0.1F * allowed, known + start));
-      if (left < 0.1F * allowed) return;
+      Range range{start - 0.5F * left, start - 0.3F * left};
+      if (left < 0.1F * allowed) {
+        // Beyond what is known, by half of what is left until nothing tells on which side they are.
+        const float end = known / kKnownShare + distance;
+        if (end < 1e-3F * allowed) return;
+        range = {distance - 0.75F * end, distance - 0.5F * end};
+      }
       first =
-          std::min(first, advance(part_a, part_b, std::min(first, dt_s_),
-                                  {start - 0.5F * left, start - 0.3F * left}, [](float) { return true; }));
+          std::min(first, advance(part_a, part_b, std::min(first, dt_s_), range, [](float) { return true; }));
     });
   });
   return first;
+}
+
+bool PairSweep::comes_within(float distance) const {
+  bool comes = false;
+  for_each_part(a_.shape, [&](const ConvexPart& part_a) {
+    for_each_part(b_.shape, [&](const ConvexPart& part_b) {
+      comes = comes || advance(part_a, part_b, dt_s_, {distance, 1.1F * distance},
+                               [](float) { return true; }) != kNever;
+    });
+  });
+  return comes;
 }
 
 void PairSweep::collide_at(float time_s, float margin, std::vector<Contact>& out) const {

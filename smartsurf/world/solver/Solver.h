@@ -66,6 +66,7 @@ class Solver {
   std::span<const std::vector<DeepContact>> deep_contacts() const { return deep_contacts_; }
   // The motion of a row's body in the step, and a shorter one in its place.
   const DeltaPose& motion(int row) const { return delta_pose_[row]; }
+  Vec3 angular_velocity(int row) const { return Vec3(velocity_[row].angular_velocity); }
   void shorten_motion(int row, float fraction) {
     DeltaPose& delta = delta_pose_[row];
     for (int axis = 0; axis < 3; ++axis)
