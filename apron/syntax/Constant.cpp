@@ -10,6 +10,7 @@ namespace apron::syntax {
 namespace {
 
 constexpr int kMaxDepth = 64;
+constexpr int kLowest = 1, kComparison = 3;  // precedences
 
 struct EvaluationError {
   Location location;
@@ -33,16 +34,31 @@ class ConstantEvaluator {
   ConstantEvaluator(const Tokens& tokens, Location location) : tokens_(tokens), end_location_(location) {}
 
   Constant evaluate() {
-    Constant value = parse_binary(1);
+    Constant value = parse_binary(kLowest);
     if (position_ < tokens_.size())
       fail(fmt::format("unexpected '{}' in a constant", spelling(tokens_[position_])));
     return value;
   }
 
+  bool evaluate_condition() {
+    const Location begin = current_location();
+    return is_true(evaluate(), begin);
+  }
+
  private:
+  Location current_location() const {
+    return position_ < tokens_.size() ? tokens_[position_].location : end_location_;
+  }
+
   [[noreturn]] void fail(std::string text) const {
-    throw EvaluationError{position_ < tokens_.size() ? tokens_[position_].location : end_location_,
-                          std::move(text)};
+    throw EvaluationError{current_location(), std::move(text)};
+  }
+
+  static bool is_true(const Constant& value, Location location) {
+    if (!value.is_string) return value.number != 0.0;
+    throw EvaluationError{location, fmt::format("'{0}' is no number, true or false: !define({0}, 1) makes it "
+                                                "one, and == compares it",
+                                                display_name(value.text))};
   }
 
   bool consume(std::string_view symbol) {
@@ -53,14 +69,23 @@ class ConstantEvaluator {
 
   static Constant from_number(double number) { return {false, {}, number}; }
 
-  Constant apply(const Token& op, const Constant& a, const Constant& b) const {
-    if (precedence(op) == 3) {
+  struct Operand {
+    Constant value;
+    Location location;
+  };
+
+  Constant apply(const Token& op, const Operand& left, const Operand& right) const {
+    const Constant &a = left.value, &b = right.value;
+    const int level = precedence(op);
+    if (level == kComparison) {
       const std::optional<bool> result = compare(a, op.text, b);
       if (!result) throw EvaluationError{op.location, "texts and names compare by == and != only"};
       return from_number(*result ? 1.0 : 0.0);
     }
-    if (precedence(op) == 1) return from_number(a.is_true() || b.is_true() ? 1.0 : 0.0);
-    if (precedence(op) == 2) return from_number(a.is_true() && b.is_true() ? 1.0 : 0.0);
+    if (level < kComparison) {
+      const bool is_left = is_true(a, left.location), is_right = is_true(b, right.location);
+      return from_number((level == kLowest ? is_left || is_right : is_left && is_right) ? 1.0 : 0.0);
+    }
     if (a.is_string || b.is_string) {
       throw EvaluationError{op.location, fmt::format("'{}' is not a constant number",
                                                      display_name(a.is_string ? a.text : b.text))};
@@ -80,13 +105,37 @@ class ConstantEvaluator {
   }
 
   Constant parse_binary(int level) {
-    Constant left = parse_unary();
-    while (position_ < tokens_.size() && precedence(tokens_[position_]) >= level) {
-      const Token op = tokens_[position_++];
+    const Location begin = current_location();
+    Constant left = parse_operand(level);
+    for (bool is_comparison = false; position_ < tokens_.size();) {
+      const Token& op = tokens_[position_];
+      if (precedence(op) < level) break;
+      if (std::exchange(is_comparison, precedence(op) == kComparison) && is_comparison)
+        fail("comparisons do not chain; join them with 'and'");
+      ++position_;
+      const Location middle = current_location();
       const Constant right = parse_binary(precedence(op) + 1);
-      left = apply(op, left, right);
+      left = apply(op, {left, begin}, {right, middle});
     }
     return left;
+  }
+
+  // `not` is above `and` and below comparisons, as in expressions.
+  Constant parse_operand(int level) {
+    const bool is_not =
+        level <= kComparison && position_ + 1 < tokens_.size() && tokens_[position_].is_name("not");
+    const auto begins_operand = [](const Token& token) {
+      return precedence(token) == 0 || token.is("-") || token.is("+");
+    };
+    if (!is_not || !begins_operand(tokens_[position_ + 1])) return parse_unary();
+    if (++depth_ > kMaxDepth) fail("this constant is nested too deeply");
+    const Location begin = tokens_[++position_].location;
+    const bool has_parenthesis = tokens_[position_].is("(");
+    const Constant value = has_parenthesis ? parse_unary() : parse_binary(kComparison);
+    if (has_parenthesis && position_ < tokens_.size() && precedence(tokens_[position_]) >= kComparison)
+      fail(fmt::format("'not (…) {}' has two readings: put one in parentheses", tokens_[position_].text));
+    --depth_;
+    return from_number(is_true(value, begin) ? 0.0 : 1.0);
   }
 
   Constant parse_unary() {
@@ -99,7 +148,8 @@ class ConstantEvaluator {
     } else if (consume("+")) {
       value = parse_unary();
     } else if (consume("!")) {
-      value = from_number(parse_unary().is_true() ? 0.0 : 1.0);
+      const Location begin = current_location();
+      value = from_number(is_true(parse_unary(), begin) ? 0.0 : 1.0);
     } else {
       value = parse_primary();
     }
@@ -109,7 +159,7 @@ class ConstantEvaluator {
 
   Constant parse_primary() {
     if (consume("(")) {
-      Constant value = parse_binary(1);
+      Constant value = parse_binary(kLowest);
       if (!consume(")")) fail("expected ')'");
       return value;
     }
@@ -119,6 +169,12 @@ class ConstantEvaluator {
     if (!is_text && token.kind != TokenKind::kNumber)
       fail(fmt::format("expected a constant, not '{}'", spelling(token)));
     ++position_;
+    if (token.kind == TokenKind::kName && position_ < tokens_.size() && tokens_[position_].is("(")) {
+      throw EvaluationError{token.location,
+                            fmt::format("'{}' is an instruction; a directive takes numbers, texts, names and "
+                                        "operators",
+                                        display_name(token.text))};
+    }
     return is_text ? Constant{true, token.text, 0} : from_number(token.number);
   }
 
@@ -127,6 +183,17 @@ class ConstantEvaluator {
   std::size_t position_ = 0;
   int depth_ = 0;
 };
+
+// The function's value, or nothing and its error among the diagnostics.
+template <class Function>
+auto reported(Diagnostics& diagnostics, const Function& function) -> std::optional<decltype(function())> {
+  try {
+    return function();
+  } catch (const EvaluationError& failure) {
+    diagnostics.error(failure.location, failure.message);
+    return std::nullopt;
+  }
+}
 
 }  // namespace
 
@@ -147,12 +214,11 @@ std::optional<bool> compare(const Constant& a, std::string_view op, const Consta
 }
 
 std::optional<Constant> evaluate_constant(const Tokens& tokens, Location location, Diagnostics& diagnostics) {
-  try {
-    return ConstantEvaluator(tokens, location).evaluate();
-  } catch (const EvaluationError& failure) {
-    diagnostics.error(failure.location, failure.message);
-    return std::nullopt;
-  }
+  return reported(diagnostics, [&] { return ConstantEvaluator(tokens, location).evaluate(); });
+}
+
+std::optional<bool> evaluate_condition(const Tokens& tokens, Location location, Diagnostics& diagnostics) {
+  return reported(diagnostics, [&] { return ConstantEvaluator(tokens, location).evaluate_condition(); });
 }
 
 }  // namespace apron::syntax

@@ -14,15 +14,15 @@ struct Constant {
   bool is_string = false;  // a 'text', or a bare name, comparable by == and !=
   std::string text;
   double number = 0.0;
-
-  bool is_true() const { return is_string || number != 0.0; }
 };
 
 // Compares by one of < <= > >= == !=. Returns nullopt if the two cannot be compared.
 std::optional<bool> compare(const Constant&, std::string_view op, const Constant&);
 
-// Evaluates numbers, texts, names, ( ), unary - + !, * / %, + -, comparisons, && and ||. Reports errors at
-// the token, or at `location` if there is none.
+// Evaluates numbers, texts, names, ( ), unary - + !, * / %, + -, comparisons, not, and, or, && and ||.
+// Reports errors at the token, or at `location` if there is none.
 std::optional<Constant> evaluate_constant(const Tokens&, Location location, Diagnostics&);
+// Whether it is a number other than 0. A text, or a name that stands for nothing, is an error.
+std::optional<bool> evaluate_condition(const Tokens&, Location location, Diagnostics&);
 
 }  // namespace apron::syntax

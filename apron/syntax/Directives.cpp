@@ -71,8 +71,9 @@ bool Preprocessor::evaluate_condition(const Tokens& tokens) {
     report(location, "'!if' takes (a, op, b) or one condition");
     return false;
   }
+  if (list.size() == 1) return syntax::evaluate_condition(list[0], location, diagnostics_).value_or(false);
   const std::optional<Constant> left = evaluate_constant(list[0], location, diagnostics_);
-  if (list.size() == 1 || !left) return left && left->is_true();
+  if (!left) return false;
   const std::optional<Constant> right = evaluate_constant(list[2], location, diagnostics_);
   if (!right) return false;
   const std::string op = list[1].size() == 1 ? list[1].front().text : "";
@@ -191,7 +192,7 @@ void Preprocessor::handle_for(const Tokens& tokens) {
     const std::optional<Constant> value = evaluate_constant(list[i], list[i].front().location, diagnostics_);
     if (!value) return;
     if (value->is_string || value->number != std::floor(value->number) || std::abs(value->number) > 1e9)
-      return report(list[i].front().location, "'!for' counts in whole numbers");
+      return report(list[i].front().location, "'!for' counts in whole numbers that are constants");
     numbers.push_back(value->number);
   }
   loop.loop_value = numbers[0];

@@ -190,7 +190,9 @@ class Lexer {
     std::string text = lex_name();
     if (text.empty()) {
       return report_error(location, "expected a name after '{}'{}", c,
-                          c == '#' ? "; a comment begins with '//'" : "");
+                          c == '#'   ? "; a comment begins with '//'"
+                          : c == ':' ? "; 'a ? b : c' is select(a, b, c)"
+                                     : "");
     }
     add_token(kind, location, std::move(text));
   }

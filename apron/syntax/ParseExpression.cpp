@@ -119,7 +119,8 @@ Expression Parser::parse_range(Cursor first, Cursor last, Location end_location)
   end_ = last;
   line_end_ = end_location;
   Expression expression = parse_argument();
-  if (!at_end()) fail("unexpected '{}'", spelling(*cursor_));
+  if (!at_end())
+    fail("unexpected '{}'{}", spelling(*cursor_), cursor_->is("?") ? "; 'a ? b : c' is select(a, b, c)" : "");
   std::tie(cursor_, end_, line_end_) = saved;
   return expression;
 }
@@ -131,6 +132,8 @@ Expression Parser::parse_binary(int level) {
     const int precedence = infix_precedence(*cursor_);
     if (precedence == 0 || precedence < level) break;
     const Token op = *cursor_++;
+    if (op.is("*") && !at_end() && cursor_->is("*"))
+      fail_at(op.location, "there is no '**'; a power is pow(a, b)");
     Expression right = parse_binary(precedence + 1);
     left = make_binary(op, std::move(left), std::move(right));
     if (precedence == kComparisonPrecedence && !at_end() && is_comparison(*cursor_)) {

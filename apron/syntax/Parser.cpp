@@ -24,6 +24,9 @@ std::string suggest_correction(const Token& first, const Token& unexpected) {
   if (unexpected.is("+") || unexpected.is("-") || unexpected.is("*") || unexpected.is("/")) {
     return fmt::format("; write {0} = {0} {1} …", spelling(first), unexpected.text);
   }
+  if (first.is_name("else") && unexpected.is_name("if"))
+    return "; write 'else', and an 'if' with its own 'endif' after it";
+  if (first.is_name("return")) return "; a function's result is what it writes: y = …";
   if (first.is_name("goto")) return fmt::format("; write jump(#{})", spelling(unexpected));
   const bool needs_parentheses = first.is_name("if") || first.is_name("while") || first.is_name("for") ||
                                  first.is_name("repeat") || first.is_name("where") ||
@@ -115,7 +118,9 @@ Statement Parser::parse_statement() {
   if (equals != end_) return parse_assignment(equals);
   if (first.kind == TokenKind::kParameter || first.kind == TokenKind::kLocalName)
     parse_range(cursor_, end_, line_end_);
-  if (first.kind != TokenKind::kName) fail("a line cannot begin with '{}'", spelling(first));
+  if (first.kind != TokenKind::kName)
+    fail("a line cannot begin with '{}'{}", spelling(first),
+         first.is("/") ? "; a comment begins with '//'" : "");
   if (auto macro = parse_macro_statement(cursor_, end_, {})) return std::move(*macro);
   const bool is_call =
       cursor_ + 1 == end_ || (cursor_[1].is("(") && find_closing_bracket(cursor_ + 1) + 1 == end_);

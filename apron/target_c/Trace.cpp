@@ -320,7 +320,7 @@ class Tracer {
     if (!number) refuse(fmt::format("the number of an element of {} is only known at run time", group.name));
     if (!(*number >= 0.0 && *number < static_cast<double>(group.members.size()) &&
           *number == std::floor(*number)))
-      refuse(fmt::format("the class {} has {} elements, numbered from 0; there is no number {}", group.name,
+      refuse(fmt::format("'{}' has {} elements, numbered from 0; there is no number {}", group.name,
                          group.members.size(), *number));
     member_ = {group.is_variable_group ? OperandKind::kVariable : OperandKind::kRegister,
                group.members[static_cast<std::size_t>(*number)]};

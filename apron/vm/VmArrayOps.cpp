@@ -358,7 +358,7 @@ Status Vm::access_group_member(const DecodedInstruction& decoded) {
   const program::OperandGroup& group = program_.groups[decoded.groups[0]];
   const double number = *decoded.scalars[1];
   if (!(number >= 0.0 && number < static_cast<double>(group.members.size()) && number == std::floor(number)))
-    return fail(Status::kFailed, "the class " + group.name + " has " + std::to_string(group.members.size()) +
+    return fail(Status::kFailed, "'" + group.name + "' has " + std::to_string(group.members.size()) +
                                      (group.members.size() == 1 ? " element" : " elements") +
                                      ", numbered from 0; there is no number " + format_number(number));
   const std::uint32_t index = group.members[static_cast<std::size_t>(number)];

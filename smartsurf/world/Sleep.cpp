@@ -262,12 +262,12 @@ void Sleep::update_sleeping_set(BodyStore& b, const std::vector<std::int32_t>& a
     keep_together(link.a, link.b);
   }
   keep_awake_above(b, pair_contacts);
-  const int count_before = sleeping_count_;
+  fallen_.clear();
   for (const std::int32_t i : active_bodies) {
     if (b.sleep_timer_s[i] >= kTimeToSleep_s && !has_active_neighbour_[i] && is_supported[i])
-      put_to_sleep(b, i);
+      put_to_sleep(b, i), fallen_.push_back(i);
   }
-  if (sleeping_count_ == count_before) return;
+  if (fallen_.empty()) return;
   auto asleep = [&b](std::int32_t i) { return b.asleep[i] != 0; };
   for (const Manifold& m : pair_contacts.manifolds)
     if (asleep(m.a) && asleep(m.b)) contacts_.add(pair_contacts, m, b.size());
@@ -276,6 +276,7 @@ void Sleep::update_sleeping_set(BodyStore& b, const std::vector<std::int32_t>& a
   for (const SupportPatches& list : supports)
     for (const SupportPatch& p : list.patches)
       if (asleep(p.body)) contacts_.add(list, p, b.size());
+  rest_loads_.balance(b, fallen_, pair_contacts, contacts_);
 }
 
 // What lies on a body that cannot sleep yet, at whatever height, stays awake as well: a sleeper bears itself,

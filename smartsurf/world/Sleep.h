@@ -14,6 +14,7 @@
 #include <vector>
 
 #include "smartsurf/surface/Field.h"
+#include "smartsurf/world/RestLoads.h"
 #include "smartsurf/world/SleepingContacts.h"
 #include "smartsurf/world/body/BodyStore.h"
 #include "smartsurf/world/contact/Contact.h"
@@ -25,13 +26,17 @@ namespace smartsurf::world {
 class Sleep {
  public:
   // `field` must outlive the object. If not enabled, no body falls asleep.
-  Sleep(const surface::Field& field, float dt_s, const Vec3& gravity, bool is_enabled = true)
-      : field_(field), dt_s_(dt_s), gravity_(gravity), is_enabled_(is_enabled) {}
+  Sleep(const surface::Field& field, const RestLoads::Settings& settings, bool is_enabled = true)
+      : field_(field),
+        dt_s_(settings.dt_s),
+        gravity_(settings.gravity),
+        is_enabled_(is_enabled),
+        rest_loads_(settings) {}
 
   bool any_asleep() const { return sleeping_count_ > 0; }
   int sleeping_count() const { return sleeping_count_; }
   // Contacts between sleeping bodies, their static contacts and support patches, as of the moment
-  // they fell asleep.
+  // they fell asleep, but with balanced loads.
   const SleepingContacts& contacts() const { return contacts_; }
   // Version numbers of the sleeping set, and of its contacts.
   unsigned set_version() const { return set_version_; }
@@ -96,6 +101,8 @@ class Sleep {
   unsigned set_version_ = 0, contacts_version_ = 0;
   std::vector<std::int32_t> woken_;  // since the last restore_contacts()
   SleepingContacts contacts_;
+  RestLoads rest_loads_;
+  std::vector<std::int32_t> fallen_;          // asleep, in this step
   std::vector<char> has_active_neighbour_;    // touches a moving body
   std::vector<char> is_supported_;            // touches anything, or there is no gravity
   std::vector<CellRect> cells_near_sleeper_;  // under and beside each sleeper; indexed by body

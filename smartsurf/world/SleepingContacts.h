@@ -50,6 +50,19 @@ class SleepingContacts {
       for (Index i = p.first; p.body != kGap && i < p.first + p.count; ++i)
         if (supports_.samples.load[i] > 0.0F) visit(p, supports_.samples, i);
   }
+  // Calls visit(manifold, contact) for the contacts of a body.
+  template <class Visit>
+  void for_each_contact_of(std::int32_t body, Visit visit) {
+    for_each_manifold_of(body, [&](const Manifold& m) {
+      for (Contact& c : list_.contacts_of(m)) visit(m, c);
+    });
+  }
+  // Calls visit(patch, samples) if the body has a patch.
+  template <class Visit>
+  void with_patch_of(std::int32_t body, Visit visit) {
+    if (static_cast<std::size_t>(body) < patch_.size() && patch_[body] >= 0)
+      visit(supports_.patches[patch_[body]], supports_.samples);
+  }
   std::size_t contact_count() const { return list_.contacts.size() - contacts_in_gaps_; }
 
   // The order of the manifolds is state.

@@ -61,6 +61,41 @@ TEST_P(UnevenBed, BearsTheWeightAndHoldsStill) {
 }
 INSTANTIATE_TEST_SUITE_P(Steps, UnevenBed, testing::Values(1.0 / 60, 1.0 / 240));
 
+class SleepingStack : public Rest {};
+
+// Discs on each other tremble with few iterations, or with many. Asleep, the cells bear the weight, below its
+// centre.
+TEST_P(SleepingStack, LoadsAreInEquilibrium) {
+  for (unsigned seed = 1; seed <= 20; ++seed) {
+    SCOPED_TRACE(seed);
+    random.seed(seed);
+    PhysicsFixture fixture;
+    fixture.scene.world.dt_s = GetParam();
+    fixture.scene.world.iterations = seed % 2 == 0 ? 4 : 40;
+    const int count = static_cast<int>(draw(3, 13));
+    double top = 0;
+    for (int i = 0; i < count; ++i) {
+      const double height = draw(0.5, 1.5), x = draw(15.3, 15.7), y = draw(15.3, 15.7),
+                   radius = draw(0.9, 1.5);
+      auto o = cylinder(radius, height, {x, y, top + height / 2});
+      o.mass = 1;
+      fixture.add(o);
+      top += height;
+    }
+    for (int s = 0; s < 15 && fixture.world().sleeping_count() < count; ++s) fixture.run(0.5);
+    if (fixture.world().sleeping_count() < count) continue;
+    Eigen::Vector3d load(0, 0, 0), centre(0, 0, 0);
+    for (const world::ContactPoint& c : fixture.world().contacts())
+      if (!c.other)
+        load += static_cast<double>(c.impulse) / GetParam() * Eigen::Vector3d(c.point.x(), c.point.y(), 1);
+    for (const auto& at : fixture.snapshot().position) centre += Eigen::Vector3d(at[0], at[1], 1) / count;
+    const double weight = count * kGravity;
+    EXPECT_NEAR(total_load(fixture), weight, 0.001 * weight);
+    EXPECT_LT((load / weight - centre).norm(), 0.002);
+  }
+}
+INSTANTIATE_TEST_SUITE_P(Steps, SleepingStack, testing::Values(1.0 / 60, 1.0 / 240));
+
 class Landing : public Rest {};
 
 // The middle of a box that is dropped flat is over the box below it.

@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <map>
 #include <utility>
 
 namespace apron::run {
@@ -18,6 +19,64 @@ bool is_output(const std::string& name) {
   return std::ranges::any_of(kPrefixes, [&](const std::string& prefix) { return name.starts_with(prefix); });
 }
 
+// `unsigned char` and its kin as one word, so that byte(x) remains a conversion.
+KernelTokenList one_word(KernelTokenList type) {
+  static const std::map<std::string, std::string> kWords = {{"unsigned char", "uint8_t"},
+                                                            {"signed char", "int8_t"},
+                                                            {"unsigned short", "uint16_t"},
+                                                            {"unsigned int", "uint32_t"},
+                                                            {"unsigned long", "uint32_t"}};
+  if (type.size() != 2) return type;
+  const auto found = kWords.find(type[0].text + " " + type[1].text);
+  if (found == kWords.end()) return type;
+  type.pop_back();
+  type.front().text = found->second;
+  return type;
+}
+
+// Replaces the names of types, `typedef unsigned char byte;` and `using byte = uint8_t;`, by the types.
+KernelTokenList without_aliases(const KernelTokenList& tokens) {
+  std::map<std::string, KernelTokenList> aliases;
+  KernelTokenList out;
+  const auto add = [&](KernelTokenList& list, std::size_t i) {
+    const auto alias = aliases.find(tokens[i].text);
+    const bool is_member = i > 0 && (tokens[i - 1].is(".") || tokens[i - 1].is("->"));
+    if (tokens[i].kind != Kind::kName || is_member || alias == aliases.end())
+      return list.push_back(tokens[i]);
+    for (KernelToken word : alias->second) {
+      word.line = tokens[i].line;
+      word.file = tokens[i].file;
+      list.push_back(std::move(word));
+    }
+  };
+  const auto stays = [](const KernelToken& token) {
+    return token.opens_bracket() || token.is("<") || token.kind == Kind::kDirective ||
+           token.is_name_of({"struct", "class", "union", "enum", "typename", "decltype"});
+  };
+  for (std::size_t i = 0; i < tokens.size(); ++i) {
+    const bool is_typedef = tokens[i].is_name("typedef");
+    const bool is_using = tokens[i].is_name("using") && i + 2 < tokens.size() && tokens[i + 2].is("=");
+    if (is_typedef || is_using) {
+      std::size_t end = i + 1;
+      while (end < tokens.size() && !tokens[end].is(";") && !stays(tokens[end])) ++end;
+      const std::size_t first = is_typedef ? i + 1 : i + 3, last = is_typedef ? end - 1 : end;
+      if (end < tokens.size() && tokens[end].is(";") && first < last) {
+        KernelTokenList type;
+        for (std::size_t k = first; k < last; ++k) add(type, k);
+        aliases[tokens[is_typedef ? last : i + 1].text] = one_word(std::move(type));
+        i = end;
+        continue;
+      }
+    }
+    add(out, i);
+  }
+  return out;
+}
+
+std::string no_instruction(const std::string& function) {
+  return fmt::format("the function '{}' has no instruction of the chip", function);
+}
+
 }  // namespace
 
 ImportedKernels KernelSourceReader::translate(std::string_view text) {
@@ -25,8 +84,17 @@ ImportedKernels KernelSourceReader::translate(std::string_view text) {
   tokens_ = preprocessor.run(text);
   files_ = preprocessor.files();
   notes_ = preprocessor.notes();
+  tokens_ = without_aliases(tokens_);
   collect_functions();
   translate_file();
+  // A function that an expression below it needed is not left out.
+  for (const Function& function : all_functions_) {
+    if (!function.is_translated) continue;
+    const std::size_t line = tokens_[function.body].line;
+    std::erase_if(notes_, [&](const ImportNote& note) {
+      return note.line == line && note.text == no_instruction(function.name);
+    });
+  }
   return finish();
 }
 
@@ -286,7 +354,7 @@ void KernelSourceReader::translate_function(Function& function) {
   if (!is_main && !is_known) {
     function.is_translated = false;  // it is translated when an expression needs it
     position_ = function.body;
-    note(line, fmt::format("the function '{}' has no instruction of the chip", function.name));
+    note(line, no_instruction(function.name));
     position_ = function.end;
     return;
   }

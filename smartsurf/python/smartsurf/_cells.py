@@ -17,7 +17,8 @@ from ._rerun import HEIGHT, Rerun
 SHARED = ("max_speed", "max_acceleration", "lag")  # of all cells
 LONGEST_DELAY = 12                                 # ticks
 _NEAR = 0.03                                       # of gains
-GOOD, STUCK, FROZEN, IDLE = range(4)               # FROZEN: the sensor always says the same; IDLE: not commanded
+_UNKNOWN_GAIN = 0.1                                # a standard error beyond which a cell is not fitted
+GOOD, STUCK, FROZEN, IDLE = range(4)               # FROZEN: the sensor always says the same; IDLE: hardly commanded
 STATES = ("good", "stuck", "frozen", "idle")
 
 
@@ -55,10 +56,17 @@ class _Problem:
         self.y[~self.use] = 0
         # A sensor that misses says 0, between readings that are not near 0.
         middle = np.median([self.y[:-2], self.y[1:-1], self.y[2:]], axis=0)
-        noise = 1.4826 * np.median(np.abs(np.diff(self.y, axis=0)), axis=0) + 1e-9
-        self.use[1:-1] &= (self.y[1:-1] != 0) | (np.abs(middle) < 6 * noise)
+        self.noise = 1.4826 * np.median(np.abs(np.diff(self.y, axis=0)), axis=0) + 1e-9
+        self.use[1:-1] &= (self.y[1:-1] != 0) | (np.abs(middle) < 6 * self.noise)
         known = np.all([self.use[k:len(self.use) - 5 + k] for k in range(6)], axis=0)  # where nothing is known y is 0
         self.fastest = np.where(known, np.abs(middle[3:] - middle[:-3]) / 3, np.nan)
+
+    def gain_error(self, heights: Array) -> Array:
+        """Of each cell, with the longest delay: one that hardly moves while it is read has any gain."""
+        late = self.late(heights, np.full(self.cells, LONGEST_DELAY))
+        count = np.maximum(self.use.sum(0), 1)
+        away = (late - (late * self.use).sum(0) / count) * self.use
+        return np.asarray(self.noise / np.sqrt((away ** 2).sum(0) + 1e-30))
 
     def heights(self, shared: Array, gain: Array, offset: Array) -> Array:
         """Without delay. shared: speed, acceleration, lag."""
@@ -103,7 +111,9 @@ def fit_cells(rerun: Rerun, channel: str, prefix: str, readings: Sequence[Array]
     declared = np.array([float(rerun.simulation.get_parameter(prefix + name)) for name in SHARED])
     shared, gain, offset, delay = _start(problem, declared, state)
     nothing = _line(np.zeros_like(y), y, use)[2]
-    moved = problem.late(problem.heights(shared, np.ones(cells), np.zeros(cells)), delay)
+    heights = problem.heights(shared, np.ones(cells), np.zeros(cells))
+    state[(state == GOOD) & (problem.gain_error(heights) > _UNKNOWN_GAIN)] = IDLE
+    moved = problem.late(heights, delay)
     stuck = (_line(moved, y, use)[2] > 0.9 * nothing) & (state == GOOD)
     state[stuck] = STUCK
     limits = next(c for c in rerun.simulation.actuator_channels if c.name == channel)

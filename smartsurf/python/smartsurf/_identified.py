@@ -112,7 +112,7 @@ def summary(fit: CellFit | None, sensors: Sequence[SensorFit], motion: MotionFit
     if fit is not None:
         good = fit.state == GOOD
         out.append(f"actuator channel {fit.channel}: {int(good.sum())} cells answer, {int((fit.state == STUCK).sum())} stuck, "
-                   f"{int((fit.state == IDLE).sum())} not commanded")
+                   f"{int((fit.state == IDLE).sum())} hardly commanded")
         for name, (value, error) in fit.shared.items():
             line(name, value, error, _cells_differ(fit, name))
         if good.any():

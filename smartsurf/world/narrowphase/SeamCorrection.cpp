@@ -102,7 +102,7 @@ void find_touched(const BodyStore& bodies, std::size_t body, const Neighbours& n
     const auto other = static_cast<std::size_t>(static_cast<std::size_t>(m.a) == body ? m.b : m.a);
     if (has_faces(other)) out.push_back({other, &m, pairs.contacts_of(m)});
   });
-  std::ranges::reverse(out);
+  std::reverse(out.begin(), out.end());
   if (neighbours.static_of(body) < 0) return;
   const Manifold& m = statics.manifolds[neighbours.static_of(body)];
   const std::span<Contact> contacts = statics.contacts_of(m);
@@ -189,12 +189,12 @@ void SeamCorrection::Shared::apply_in_order(const BodyStore& bodies, ContactList
   if (are_found && all.empty()) return;
   std::ranges::sort(all, {}, &Corrected::body);
   has_changed.assign(static_cast<std::size_t>(bodies.size()), 0);
-  auto next = all.begin();
+  std::size_t next = 0;
   for (std::size_t i = 0; i < has_changed.size(); ++i) {
-    const auto first = next;
-    while (next != all.end() && next->body == i) ++next;
+    const std::size_t first = next;
+    while (next < all.size() && all[next].body == i) ++next;
     if (are_found && has_changed[i] == 0) {
-      apply({first, next});
+      apply(std::span(all).subspan(first, next - first));
     } else {
       again.clear();
       find(bodies, pairs, statics, neighbours, i, again);

@@ -134,7 +134,7 @@ std::size_t index_of(const auto& named, const std::string& name) {
 // y<i> is computed from variables when the program runs, z<i> from numbers in the source.
 TEST(ElementwiseAgreement, FoldedAndRun) {
   constexpr std::size_t kStride = cases(1, 4);
-  const std::vector<Triple> triples = random_triples(11);
+  const std::vector<Triple> triples = random_triples(11 + first_program_seed());
   for (const Operation& operation : elementwise_operations()) {
     std::string source;
     for (std::size_t i = 0; i < triples.size(); i += kStride) {
@@ -198,7 +198,7 @@ bool is_small(const Triple& triple, std::size_t arity) {
 // The second line reads the result of the first beyond its own cell, so that generated code computes it in a
 // stage of its own, in the widest vectors.
 TEST(ElementwiseAgreement, ScalarsKernelsAndGeneratedCode) {
-  const std::vector<Triple> triples = random_triples(12);
+  const std::vector<Triple> triples = random_triples(12 + first_program_seed());
   const std::vector<Config> all = configs();
   for (const Operation& operation : elementwise_operations()) {
     static constexpr std::string_view kOperands[] = {"A", "A, B", "A, B, C"};

@@ -82,7 +82,7 @@ TEST(FunctionErrors, OfDefinitions) {
             "main.aps:2:1: error: 'ch' is an array; ch[0] is its first element");
   EXPECT_EQ(first_error("!for(i, 0, 3)\nn = i\n"), "main.aps:1:1: error: this '!for' has no '!endfor'");
   EXPECT_EQ(first_error("!for(i, 0, 0.5)\nn = i\n!endfor\n"),
-            "main.aps:1:12: error: '!for' counts in whole numbers");
+            "main.aps:1:12: error: '!for' counts in whole numbers that are constants");
 }
 
 // A result that the last line writes goes to the caller's register; nothing is copied.

@@ -92,6 +92,24 @@ TEST(KernelImport, FunctionsMacrosAndKernelObjectsBecomeMacros) {
   EXPECT_EQ(notes(imported), "18 host: the function 'host_only' has no instruction of the chip\n");
 }
 
+TEST(KernelImport, AFunctionThatAnExpressionNeedsIsNotLeftOut) {
+  const ImportedKernels imported = import_text(
+      "int half(int v) { return v / 2; }\nint unused(int v) { return v; }\n"
+      "int main() { int n = half(9); scamp5_in(A, n); }\n");
+  EXPECT_NE(imported.program.find("n = half(9)"), std::string::npos) << imported.program;
+  EXPECT_EQ(notes(imported), "2 host: the function 'unused' has no instruction of the chip\n");
+}
+
+TEST(KernelImport, NamesOfTypesAreTheTypes) {
+  const ImportedKernels imported = import_text(
+      "typedef unsigned char byte;\nusing small = const byte;\ntypedef const dreg_t& Digital;\n"
+      "void keep(Digital out, Digital in) { MOV(out, in); }\n"
+      "int main() { byte b = 250; b += 10; small s = byte(257); keep(R5, R6); scamp5_in(A, b + s); }\n");
+  EXPECT_NE(imported.program.find("b = cpp.unsigned(b + 10, 8)"), std::string::npos) << imported.program;
+  EXPECT_NE(imported.program.find("keep(R5, R6)"), std::string::npos) << imported.program;
+  EXPECT_EQ(notes(imported), "");
+}
+
 TEST(KernelImport, KernelsWithoutMainRunInTheOrderOfTheText) {
   const std::string text =
       import_text(

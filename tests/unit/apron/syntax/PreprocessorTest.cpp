@@ -104,6 +104,8 @@ TEST(Preprocessor, ConditionsCompareAndCalculateAsCpp) {
       check(pair("or"), a != 0 || b != 0);
       check(pair("&&"), a != 0 && b != 0);
       check(pair("and"), a != 0 && b != 0);
+      check("not " + pair("<"), a >= b);
+      check("not " + left + " or not +" + right + " and 1", a == 0 || b == 0);
       check(pair("+") + " == " + std::to_string(a + b), true);
       check(pair("-") + " == " + std::to_string(a - b), true);
       check(pair("*") + " == " + std::to_string(a * b), true);

@@ -158,13 +158,14 @@ inline Cells random_mask(std::size_t n, std::mt19937& rng) {
 
 // The seeds of random programs: as many as `usual` from 0 on, or APRON_PROGRAM_SEEDS from APRON_PROGRAM_FIRST
 // on.
+inline unsigned number_of_environment(const char* name, unsigned otherwise) {
+  const char* const text = std::getenv(name);
+  return text != nullptr ? static_cast<unsigned>(std::strtoul(text, nullptr, 10)) : otherwise;
+}
+inline unsigned first_program_seed() { return number_of_environment("APRON_PROGRAM_FIRST", 0); }
 inline auto program_seeds(unsigned usual) {
-  const auto number = [](const char* name, unsigned otherwise) {
-    const char* const text = std::getenv(name);
-    return text != nullptr ? static_cast<unsigned>(std::strtoul(text, nullptr, 10)) : otherwise;
-  };
-  const unsigned first = number("APRON_PROGRAM_FIRST", 0);
-  return std::views::iota(first, first + number("APRON_PROGRAM_SEEDS", usual));
+  const unsigned first = first_program_seed();
+  return std::views::iota(first, first + number_of_environment("APRON_PROGRAM_SEEDS", usual));
 }
 
 struct Size {

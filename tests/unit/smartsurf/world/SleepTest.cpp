@@ -32,7 +32,7 @@ struct Row {
   surface::Field field = make_flat_field(32);
   BodyStore bodies;
   ContactList pairs, statics;
-  Sleep sleep{field, kDt, Vec3(0, 0, -9.81F)};
+  Sleep sleep{field, {.gravity = Vec3(0, 0, -9.81F), .dt_s = kDt}};
   std::vector<std::int32_t> active;
 
   explicit Row(int n) {
@@ -90,7 +90,7 @@ TEST(Sleep, SlowAcceleratingBodyStaysAwake) {
 
 TEST(Sleep, NoBodyFallsAsleepIfDisabled) {
   Row row(2);
-  Sleep sleep(row.field, kDt, Vec3(0, 0, -9.81F), false);
+  Sleep sleep(row.field, {.gravity = Vec3(0, 0, -9.81F), .dt_s = kDt}, false);
   for (int i = 0; i < 240; ++i)
     for (const std::int32_t k : row.active) sleep.update_sleep_timer(row.bodies, static_cast<std::size_t>(k));
   sleep.update_sleeping_set(row.bodies, row.active, row.pairs, row.statics);

@@ -1,0 +1,68 @@
+// The contact loads of bodies that have fallen asleep: in static equilibrium.
+//
+// An object on uneven pins may tremble without going anywhere, so the impulses of the step in which it falls asleep are
+// those of one moment. They are moved to the nearest ones that balance the weight of each body, by least squares
+// relative to the impulses themselves; what the laws of levers determine does not depend on that choice. Loads are not
+// negative. Bodies and the impulses that warm-start them stay as they are.
+#pragma once
+
+#include <array>
+#include <span>
+#include <vector>
+
+#include "smartsurf/world/SleepingContacts.h"
+#include "smartsurf/world/body/BodyStore.h"
+#include "smartsurf/world/contact/Contact.h"
+
+namespace smartsurf::world {
+
+class RestLoads {
+ public:
+  struct Settings {
+    Vec3 gravity{0, 0, 0};
+    float dt_s = 0.0F;
+    int substeps = 1;
+    float field_friction_root = 1.0F;
+  };
+  explicit RestLoads(const Settings& settings) : settings_(settings) {}
+
+  // Balances the loads in `contacts` of the islands of these bodies, which are asleep. `pair_contacts`: of the step,
+  // with those of sleepers that bear bodies which are awake. Islands with joints, and large ones, keep their loads.
+  void balance(const BodyStore&, std::span<const std::int32_t> fallen, const ContactList& pair_contacts,
+               SleepingContacts& contacts);
+
+ private:
+  using Vector6 = std::array<double, 6>;  // linear, angular; lengths relative to the body's radius
+  // A component of an impulse: along a contact's normal or a tangent, or a rolling torque.
+  struct Row {
+    std::int32_t a, b;  // in the island; b = −1: what does not move
+    Vector6 on_a, on_b;  // by a unit impulse
+    double start, impulse, weight;
+    float* load;  // of a normal: where its impulse is kept
+    std::int32_t normal;  // of a tangent or a torque: its normal's row; −1: none
+    float limit;
+    bool touches;
+    bool is_free;
+  };
+
+  bool collect_island(const BodyStore&, std::int32_t from, const SleepingContacts&);
+  void add_rows(const BodyStore&, SleepingContacts&);
+  void add_contact(const BodyStore&, const Manifold&, Contact&);
+  void add_patch(SupportPatch&, SupportSamples&, const Vec3& normal, float limit);
+  Row& add_row(std::int32_t a, std::int32_t b);
+  void add_weight_and_neighbours(const BodyStore&, const ContactList& pair_contacts);
+  bool is_balanced() const;
+  bool solve();
+  bool find_impulses();
+  void set_free(bool with_touching);
+
+  Settings settings_;
+  std::vector<std::int32_t> island_, place_;  // bodies; by body: place in the island, −1: in none
+  std::vector<double> radius_, inverse_radius_, own_weight_;
+  std::vector<Row> rows_;
+  std::vector<Vector6> load_, residual_, direction_, image_, preconditioned_, change_;
+  std::vector<std::array<double, 36>> factor_;  // of the blocks on the diagonal
+  double mean_load_ = 0.0;
+};
+
+}  // namespace smartsurf::world
