@@ -273,7 +273,8 @@ TEST(EnvironmentController, CommandsWithoutHashingTheState) {
   Environment environment(options);
   const std::uint64_t hash_at_start = environment.simulation().snapshot().state_hash;
   for (int i = 0; i < 3; ++i) environment.step();
-  EXPECT_EQ(environment.simulation().snapshot_without_hash().state_hash, hash_at_start);  // not computed since
+  EXPECT_EQ(environment.simulation().snapshot_without_hash().state_hash,
+            hash_at_start);  // not computed since
   EXPECT_NE(environment.simulation().snapshot().state_hash, hash_at_start);
 }
 
