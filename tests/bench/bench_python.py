@@ -9,6 +9,9 @@ proximity is computed in NumPy for all worlds at once, because a rangefinder per
 step. It takes whichever of its solvers Newton and CG and of its cones, pyramidal and elliptic, is fastest in a trial. The
 processor time that a step takes outside the compiled part is Python's share. Needs the package smartsurf, Gymnasium, and
 for peers mujoco and shm_protocol.
+
+--who controller measures an APRON program that commands the wave instead, in VectorEnv and in a process beside each
+simulator; the controller's share is the processor time that a step takes beyond one with the same actions from Python.
 """
 import argparse
 import functools
@@ -28,6 +31,7 @@ from mujoco_peer import fastest, has_mujoco
 
 CASES = [f"{n}x{n}:{k}" for n in (8, 16, 64) for k in (1, 10, 40)]
 WORLDS = (1, 64, 1024)
+CONTROLLED = (1, 64)
 RANGE, RADIUS, PHASES = 4.0, 0.8, 32
 MOST_CELLS = 1024 * 4096 + 1
 PEERS = ("MuJoCo", 4), ("MuJoCo, 1 step", 1)  # and physics steps a period
@@ -40,6 +44,16 @@ for i = 0, {k - 1} do
   sphere {{ radius = {RADIUS}, position = {{ 2 + 1.7 * i % {n - 4}, 2 + 1.7 * (1.7 * i // {n - 4}) % {n - 4}, 3 + 0.4 * i }} }}
 end
 reward(function() local x = object(0):position() return x end)
+"""
+
+
+CONTROLLER = f"""!register(Hit, T)
+while(1)
+  Hit = near.max(surface.sense('proximity_hit'), 8)
+  T = 1 + 0.25 * math.sin({2 * np.pi:.7f} * (cell.x / 8 - surface.tick / {PHASES})) + 0 * Hit
+  surface.actuate('height', T)
+  surface.step
+endwhile
 """
 
 
@@ -88,6 +102,30 @@ def measure_vector(file, n, worlds, threads, how):
     share = python_share(envs, actions, max(1, int(0.05 * rate / worlds)))
     return {"steps_per_s": rate, "steps_per_cpu_s": cpu, "python_share": share,
             "mib": resident_mib() - before - sum(a.nbytes for a in actions) / 2**20}
+
+
+def measure_controlled(file, program, n, worlds, threads, how):
+    envs = smartsurf.VectorEnv(file, worlds, threads, copy=False, controller=program)
+    envs.reset(seed=1)
+    rate, cpu = steps_a_second(lambda i: envs.step(), worlds, how.seconds)
+    free = measure_vector(file, n, worlds, threads, how)["steps_per_cpu_s"]
+    return {"steps_per_s": rate, "steps_per_cpu_s": cpu, "controller_share": 1 - cpu / free}
+
+
+def measure_pairs(file, program, worlds, how):
+    """Simulators with the controller in a process beside each; without their start, and an episode of 10 s with it."""
+    def run(ticks):
+        wall, before = time.perf_counter(), os.times()
+        subprocess.run([how.smartsurf, "run", file, "--controller", program, "--worlds", str(worlds), "--ticks", str(ticks)],
+                       check=True, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+        after = os.times()
+        return time.perf_counter() - wall, sum(after[2:4]) - sum(before[2:4])
+
+    episode = 600
+    more = int(1e5 * how.seconds) // worlds
+    short, long = (np.min([run(ticks) for _ in range(3)], axis=0) for ticks in (episode, episode + more))
+    wall, cpu = long - short
+    return {"steps_per_s": more * worlds / wall, "steps_per_cpu_s": more * worlds / cpu, "episodes_steps_per_s": episode * worlds / short[0]}
 
 
 def resident_mib():
@@ -198,6 +236,8 @@ def measurements(how):
             n, k = int(size.split("x")[0]), int(k)
             file = str(pathlib.Path(folder) / "wave.lua")
             pathlib.Path(file).write_text(experiment(n, k))
+            program = str(pathlib.Path(folder) / "wave.aps")
+            pathlib.Path(program).write_text(CONTROLLER)
             name = f"{size} {k}"
             for threads in how.threads:
                 about = {"case": name, "threads": threads}
@@ -205,10 +245,15 @@ def measurements(how):
                     if "vector" in how.who and worlds * n * n < MOST_CELLS:
                         yield {"who": f"VectorEnv, {worlds}", **about, **measure_vector(file, n, worlds, threads, how)}
                         gc.collect()
+                for worlds in CONTROLLED if "controller" in how.who else ():
+                    yield {"who": f"VectorEnv, {worlds}, controller", **about,
+                           **measure_controlled(file, program, n, worlds, threads, how)}
                 for who, substeps in PEERS if "mujoco" in how.who else ():
                     yield {"who": who, **about, **measure_mujoco(n, k, substeps, threads, how)}
             if "vector" in how.who:
                 yield {"who": "Simulation", "case": name, **measure_states(file, n)}
+            for worlds in CONTROLLED if "controller" in how.who else ():
+                yield {"who": f"pairs, {worlds}", "case": name, **measure_pairs(file, program, worlds, how)}
             if "surface" in how.who:
                 yield {"who": "attach", "case": name, **measure_live_surface(file, n, how)}
 
@@ -235,8 +280,10 @@ def main():
         print(json.dumps(line) if how.json else
               f"{line['case']:10} {line['who']:16} save {line['save_us']:.0f} µs, restore {line['restore_us']:.0f} µs, reset "
               f"{line['reset_us']:.0f} µs, {line['bytes']} bytes" if "save_us" in line else
-              f"{line['case']:10} {line['who']:20} {line['steps_per_s']:12.0f} steps/s"
+              f"{line['case']:10} {line['who']:25} {line['steps_per_s']:12.0f} steps/s"
               + (f", {line['steps_per_cpu_s']:.0f} per CPU second" if "steps_per_cpu_s" in line else "")
+              + (f", controller {100 * line['controller_share']:.0f} %" if "controller_share" in line else "")
+              + (f", {line['episodes_steps_per_s']:.0f} in episodes of 10 s" if "episodes_steps_per_s" in line else "")
               + (f", Python {100 * line['python_share']:.0f} %, {line['mib']:.0f} MiB" if "mib" in line else ""), flush=True)
 
 

@@ -3,8 +3,11 @@
 #include <gtest/gtest.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <filesystem>
 #include <fstream>
+#include <memory>
+#include <span>
 
 #include "smartsurf/simulation/EnvironmentBatch.h"
 
@@ -242,6 +245,38 @@ TEST_P(OverloadedEnvironmentTest, FailsAndSaysWhy) {
   }
 }
 INSTANTIATE_TEST_SUITE_P(Pile, OverloadedEnvironmentTest, testing::Values(kPile));
+
+// Commands the next height in each frame.
+class Rising final : public common::Controller, public common::ControllerFactory {
+ public:
+  void restart() override { height_ = 0.0F; }
+  common::ControllerStatus answer(const common::SensorFrame&,
+                                  std::span<const std::span<float>> targets) noexcept override {
+    height_ += 0.1F;
+    std::ranges::fill(targets.front(), height_);
+    return common::ControllerStatus::kAnswered;
+  }
+  std::string error() const override { return {}; }
+  std::unique_ptr<common::Controller> create(const common::ControlledSurface&) const override {
+    return std::make_unique<Rising>();
+  }
+
+ private:
+  float height_ = 0.0F;
+};
+
+TEST(EnvironmentController, CommandsWithoutHashingTheState) {
+  EnvironmentOptions options;
+  options.source =
+      "surface { rows = 4, columns = 4, actuator = pin { range = {0, 4} }, sensors = { proximity {} } }";
+  options.controller = std::make_shared<Rising>();
+  Environment environment(options);
+  const std::uint64_t hash_at_start = environment.simulation().snapshot().state_hash;
+  for (int i = 0; i < 3; ++i) environment.step();
+  EXPECT_EQ(environment.simulation().snapshot_without_hash().state_hash,
+            hash_at_start);  // not computed since
+  EXPECT_NE(environment.simulation().snapshot().state_hash, hash_at_start);
+}
 
 TEST(EnvironmentMetrics, FollowEveryStepAndReset) {
   EnvironmentOptions options;
