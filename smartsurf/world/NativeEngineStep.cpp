@@ -208,9 +208,9 @@ void NativeEngine::correct_seams(const Member& member) {
   seams_.run(bodies_, pair_contacts_, static_contacts_, collision_.partition().bodies_of(member), member);
 }
 
-// Midpoint rule: the surface of a cell that turns has the velocity of where the body is in the middle of the step. With
-// that of the step's start, riders would spiral outward. All points of a body move with its centre, as anchors keep the
-// orientation that they had at the start.
+// Midpoint rule: the surface of a cell that turns has the velocity of where the body is in the middle of the
+// step. With that of the step's start, riders would spiral outward. All points of a body move with its
+// centre, as anchors keep the orientation that they had at the start.
 void NativeEngine::lead_turning_cells() {
   const auto lead = [this](std::int32_t body, float spin) {
     const Vec3 velocity = bodies_.velocity(body);
@@ -278,8 +278,8 @@ void NativeEngine::stop_at_bodies(const Member& member) {
     const float time_s = sweep.time_of_overlap();
     float fraction = time_s / settings_.dt_s;
     if (time_s == PairSweep::kNever) {
-      // Free rotation follows the spin at the end of the step, which a hit may have changed by turns: bodies near each
-      // other must end in the pose to which the sweep has led them.
+      // Free rotation follows the spin at the end of the step, which a hit may have changed by turns: bodies
+      // near each other must end in the pose to which the sweep has led them.
       const auto strays_by = [&](std::size_t i) {
         if (!bodies_.is_active(i) || bodies_.is_sphere[i]) return 0.0F;
         const int row = partition.row(static_cast<std::int32_t>(i));
@@ -315,7 +315,9 @@ void NativeEngine::stop_jointed() {
                                                  solver_->motion(collision_.partition().row(body)));
     if (fraction < 1.0F) stops_.push_back({body, fraction});
   });
-  const auto is_jointed = [&](const Stop& s) { return bodies_.is_jointed[static_cast<std::size_t>(s.body)] != 0; };
+  const auto is_jointed = [&](const Stop& s) {
+    return bodies_.is_jointed[static_cast<std::size_t>(s.body)] != 0;
+  };
   for (const Stop& s : stops_)
     if (is_jointed(s)) joints_.end_early(s.body, s.fraction);
   std::erase_if(stops_, is_jointed);

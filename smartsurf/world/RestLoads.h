@@ -1,9 +1,9 @@
 // The contact loads of bodies that have fallen asleep: in static equilibrium.
 //
-// An object on uneven pins may tremble without going anywhere, so the impulses of the step in which it falls asleep are
-// those of one moment. They are moved to the nearest ones that balance the weight of each body, by least squares
-// relative to the impulses themselves; what the laws of levers determine does not depend on that choice. Loads are not
-// negative. Bodies and the impulses that warm-start them stay as they are.
+// An object on uneven pins may tremble without going anywhere, so the impulses of the step in which it falls
+// asleep are those of one moment. They are moved to the nearest ones that balance the weight of each body, by
+// least squares relative to the impulses themselves; what the laws of levers determine does not depend on
+// that choice. Loads are not negative. Bodies and the impulses that warm-start them stay as they are.
 #pragma once
 
 #include <array>
@@ -26,8 +26,9 @@ class RestLoads {
   };
   explicit RestLoads(const Settings& settings) : settings_(settings) {}
 
-  // Balances the loads in `contacts` of the islands of these bodies, which are asleep. `pair_contacts`: of the step,
-  // with those of sleepers that bear bodies which are awake. Islands with joints, and large ones, keep their loads.
+  // Balances the loads in `contacts` of the islands of these bodies, which are asleep. `pair_contacts`: of
+  // the step, with those of sleepers that bear bodies which are awake. Islands with joints, and large ones,
+  // keep their loads.
   void balance(const BodyStore&, std::span<const std::int32_t> fallen, const ContactList& pair_contacts,
                SleepingContacts& contacts);
 
@@ -35,10 +36,10 @@ class RestLoads {
   using Vector6 = std::array<double, 6>;  // linear, angular; lengths relative to the body's radius
   // A component of an impulse: along a contact's normal or a tangent, or a rolling torque.
   struct Row {
-    std::int32_t a, b;  // in the island; b = −1: what does not move
+    std::int32_t a, b;   // in the island; b = −1: what does not move
     Vector6 on_a, on_b;  // by a unit impulse
     double start, impulse, weight;
-    float* load;  // of a normal: where its impulse is kept
+    float* load;          // of a normal: where its impulse is kept
     std::int32_t normal;  // of a tangent or a torque: its normal's row; −1: none
     float limit;
     bool touches;

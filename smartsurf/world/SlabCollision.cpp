@@ -1,4 +1,5 @@
-// The narrow phase: the contacts of one slab's bodies with the field, the ground, static bodies and each other.
+// The narrow phase: the contacts of one slab's bodies with the field, the ground, static bodies and each
+// other.
 #include <algorithm>
 #include <span>
 

@@ -106,7 +106,8 @@ scene::ObjectSpec slender_body(Draw& draw, unsigned kind, const Vector3d& positi
 
 }  // namespace
 
-// A wall of any thickness and pose, fixed or moving towards the body, which may tumble. FAST_SEEDS=3000 draws more.
+// A wall of any thickness and pose, fixed or moving towards the body, which may tumble. FAST_SEEDS=3000 draws
+// more.
 TEST_P(FastBodies, DoNotPassWall) {
   constexpr unsigned kOthers = 5;
   const char* more = std::getenv("FAST_SEEDS");

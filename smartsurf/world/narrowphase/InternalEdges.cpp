@@ -72,7 +72,8 @@ bool is_continued(std::span<const Solid> solids, std::size_t own_solid, const Co
     for_each_face(part, [&](const Vec3& face, float offset) {
       if (found || face.dot(normal) <= kMinCosine) return;
       const float height = face.dot(local) - offset;
-      found = std::abs(height) <= kLevel && signed_distance(part, local - height * face, kGap).distance <= kGap;
+      found =
+          std::abs(height) <= kLevel && signed_distance(part, local - height * face, kGap).distance <= kGap;
     });
   });
   return found;
@@ -91,7 +92,8 @@ std::optional<Plane> plane_of(std::span<const Solid> solids, const Vec3& point, 
     const float depth = edge_depth(part);
     if (!is_near(part, local, depth)) return;
     for_each_face(part, [&](const Vec3& face, float offset) {
-      const float height = face.dot(local) - offset, cosine = face.dot(direction), distance = std::abs(height);
+      const float height = face.dot(local) - offset, cosine = face.dot(direction),
+                  distance = std::abs(height);
       if (distance > depth || cosine < -kMinTilt) return;
       if (found && (cosine < best_cosine - kSameCosine ||
                     (cosine <= best_cosine + kSameCosine && distance >= best_distance)))
@@ -104,7 +106,8 @@ std::optional<Plane> plane_of(std::span<const Solid> solids, const Vec3& point, 
         const Vec3 beyond = foot + probe * outward;
         if (signed_distance(part, beyond).distance < kClear) continue;
         const Plane plane{solid.axes * face, solid.centre + solid.axes * beyond};
-        if (is_continued(solids, i, part, plane)) found = plane, best_cosine = cosine, best_distance = distance;
+        if (is_continued(solids, i, part, plane))
+          found = plane, best_cosine = cosine, best_distance = distance;
         break;
       }
     });

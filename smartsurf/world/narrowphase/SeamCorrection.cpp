@@ -128,9 +128,9 @@ struct Corrected {
 
 }  // namespace
 
-// Bodies are corrected in ascending order, because those on either side of a contact may change it. Several members
-// find what changes for each body as if it were the first; where an earlier one has changed its contacts, that is found
-// again.
+// Bodies are corrected in ascending order, because those on either side of a contact may change it. Several
+// members find what changes for each body as if it were the first; where an earlier one has changed its
+// contacts, that is found again.
 struct SeamCorrection::Shared {
   bool applies = false;
   Neighbours neighbours;
@@ -138,8 +138,8 @@ struct SeamCorrection::Shared {
   std::vector<Corrected> all, again;
   std::vector<std::uint8_t> has_changed;  // by body: contacts, by the correction of another
 
-  static void find(const BodyStore&, ContactList& pairs, ContactList& statics, const Neighbours&, std::size_t body,
-                   std::vector<Corrected>&);
+  static void find(const BodyStore&, ContactList& pairs, ContactList& statics, const Neighbours&,
+                   std::size_t body, std::vector<Corrected>&);
   void begin(const BodyStore&, const ContactList& pairs, const ContactList& statics, const Member&);
   void apply(std::span<const Corrected>);
   void apply_in_order(const BodyStore&, ContactList& pairs, ContactList& statics, bool are_found);
@@ -162,10 +162,12 @@ void SeamCorrection::run(const BodyStore& bodies, ContactList& pairs, ContactLis
   member.single([&] { s.apply_in_order(bodies, pairs, statics, are_found); });
 }
 
-void SeamCorrection::Shared::begin(const BodyStore& bodies, const ContactList& pairs, const ContactList& statics,
-                                   const Member& member) {
+void SeamCorrection::Shared::begin(const BodyStore& bodies, const ContactList& pairs,
+                                   const ContactList& statics, const Member& member) {
   // Spheres have no faces: scenes of spheres alone pay for no neighbours.
-  const auto has_flat_body = [&](const Manifold& m) { return !bodies.is_sphere[m.a] || !bodies.is_sphere[m.b]; };
+  const auto has_flat_body = [&](const Manifold& m) {
+    return !bodies.is_sphere[m.a] || !bodies.is_sphere[m.b];
+  };
   applies = std::ranges::any_of(pairs.manifolds, has_flat_body);
   if (!applies) return;
   of_members.resize(static_cast<std::size_t>(member.member_count));
@@ -215,7 +217,8 @@ void SeamCorrection::Shared::find(const BodyStore& bodies, ContactList& pairs, C
   if (touched.size() < 2) return;
   for (Touched& one : touched)
     for (const Contact& c : one.contacts) {
-      const Vec3 point = bodies.position[one.manifold->a] + c.anchor, speed = velocity_at(bodies, one.other, point);
+      const Vec3 point = bodies.position[one.manifold->a] + c.anchor,
+                 speed = velocity_at(bodies, one.other, point);
       // The contact's point may be on the body, as far away as it travels in a step.
       const bool is_of_body = static_cast<std::size_t>(one.manifold->a) == i;
       const Vec3 on_other = is_of_body ? Vec3(point - c.separation * c.normal) : point;
@@ -226,7 +229,8 @@ void SeamCorrection::Shared::find(const BodyStore& bodies, ContactList& pairs, C
         const bool are_fixed = bodies.is_static(one.other) && bodies.is_static(next.other);
         if (next.other == one.other || are_fixed) continue;
         if (!may_continue(bodies, next.other, point) && !may_continue(bodies, next.other, on_other)) continue;
-        if ((velocity_at(bodies, next.other, point) - speed).norm() < std::max(kTogether, kTogetherShare * sliding))
+        if ((velocity_at(bodies, next.other, point) - speed).norm() <
+            std::max(kTogether, kTogetherShare * sliding))
           one.is_under = next.is_under = true;
       }
     }
