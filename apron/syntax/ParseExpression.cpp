@@ -154,8 +154,8 @@ bool Parser::is_negation_operator() const {
   return !at_end() && cursor_->is_name("not") && cursor_ + 1 != end_ && begins_operand(cursor_ + 1);
 }
 
-// On the right of an operator that binds tighter, of which `level` tells, `not` takes one operand: in `2 *
-// not a + 1` the sum has two readings.
+// On the right of an operator that binds tighter, of which `level` tells, `not` takes one operand. In
+// `2 * not a + 1` the sum has two readings.
 Expression Parser::parse_not(int level) {
   if (!is_negation_operator()) return parse_unary();
   const Token op = *cursor_++;

@@ -85,43 +85,21 @@ void RestLoads::add_rows(const BodyStore& bodies, SleepingContacts& contacts) {
       // A sample bears at the middle of an area, of which a body that overhangs may touch the rim alone: what
       // the moment of the loads then lacks of that at the points stays.
       const std::int32_t place = place_[body];
-      Row rest = {.a = place,
-                  .b = -1,
-                  .on_a = {},
-                  .on_b = {},
-                  .start = 1.0,
-                  .impulse = 1.0,
-                  .weight = 0.0,
-                  .load = nullptr,
-                  .normal = -1,
-                  .limit = 0.0F,
-                  .touches = false,
-                  .is_free = false};
+      const std::size_t end = rows_.size();
+      Row& rest = add_row(place, -1);
+      rest.start = rest.impulse = 1.0;
+      rest.touches = rest.is_free = false;
       for (int k = 0; k < 3; ++k) {
         rest.on_a[3 + k] = moment[k] * inverse_radius_[place];
-        for (std::size_t row = first; row < rows_.size(); ++row)
+        for (std::size_t row = first; row < end; ++row)
           rest.on_a[3 + k] -= rows_[row].start * rows_[row].on_a[3 + k];
       }
-      rows_.push_back(rest);
     });
   }
 }
 
 RestLoads::Row& RestLoads::add_row(std::int32_t a, std::int32_t b) {
-  Row& r = rows_.emplace_back();
-  r = {.a = a,
-       .b = b,
-       .on_a = {},
-       .on_b = {},
-       .start = 0.0,
-       .impulse = 0.0,
-       .weight = 0.0,
-       .load = nullptr,
-       .normal = -1,
-       .limit = std::numeric_limits<float>::infinity(),
-       .touches = true,
-       .is_free = true};
-  return r;
+  return rows_.emplace_back(Row{.a = a, .b = b});
 }
 
 void RestLoads::add_contact(const BodyStore& bodies, const Manifold& m, Contact& c) {

@@ -7,6 +7,8 @@
 #pragma once
 
 #include <array>
+#include <cstdint>
+#include <limits>
 #include <span>
 #include <vector>
 
@@ -36,14 +38,13 @@ class RestLoads {
   using Vector6 = std::array<double, 6>;  // linear, angular; lengths relative to the body's radius
   // A component of an impulse: along a contact's normal or a tangent, or a rolling torque.
   struct Row {
-    std::int32_t a, b;   // in the island; b = −1: what does not move
-    Vector6 on_a, on_b;  // by a unit impulse
-    double start, impulse, weight;
-    float* load;          // of a normal: where its impulse is kept
-    std::int32_t normal;  // of a tangent or a torque: its normal's row; −1: none
-    float limit;
-    bool touches;
-    bool is_free;
+    std::int32_t a = 0, b = -1;    // in the island; b = −1: what does not move
+    Vector6 on_a = {}, on_b = {};  // by a unit impulse
+    double start = 0.0, impulse = 0.0, weight = 0.0;
+    float* load = nullptr;     // of a normal: where its impulse is kept
+    std::int32_t normal = -1;  // of a tangent or a torque: its normal's row; −1: none
+    float limit = std::numeric_limits<float>::infinity();
+    bool touches = true, is_free = true;
   };
 
   bool collect_island(const BodyStore&, std::int32_t from, const SleepingContacts&);

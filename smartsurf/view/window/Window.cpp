@@ -205,8 +205,8 @@ bool Window::State::render_frame(const FrameInput& input, const Status& new_stat
   if (display_lost()) return false;
   glfwGetFramebufferSize(glfw.window(), &width, &height);
   const bool minimised = glfw.minimised();
-  // Checked again: after a loss, the size and the attribute are undefined, before it is known, too. A
-  // window's size has 16 bits.
+  // Checked again: after a loss, size and attribute are undefined, even before the loss is reported. The size
+  // of a window has 16 bits.
   constexpr int kGreatest = 0xFFFF;
   if (display_lost() || width < 1 || height < 1 || width > kGreatest || height > kGreatest || minimised)
     return false;

@@ -112,8 +112,6 @@ class Docs(ProgramTest):
                     arguments[arguments.index("--generations") + 1] = "1"
                 if "--frames" in arguments:  # identification too; its costs grow with the frames
                     arguments[arguments.index("--frames") + 1] = "300"
-                if "seconds=4" in arguments:
-                    arguments[arguments.index("seconds=4")] = "seconds=1.5"
                 if "--window" in arguments:
                     arguments[arguments.index("--window")] = "--headless" if program == "smartsurf" else "--threads=1"
                 # A surface without a controller waits for the command that follows it. The default name may be in use.
