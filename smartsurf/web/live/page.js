@@ -88,7 +88,7 @@ function send(order, given = {}) {
 }
 const answers = {
   loaded() { begin(); },
-  scene: setScene,
+  scene: (text) => setScene(JSON.parse(text)),
   started() { if (state.running) send('run', { factor: factor() }); },
   frame(frame, { time }) {
     setFrame(frame);

@@ -26,9 +26,8 @@ EXPERIMENTS = load_script().EXPERIMENTS
 class LivePage(ProgramTest):
     def native_hash(self, script, program, seed, seconds):
         stats = self.folder / "stats.json"
-        status, _, err = self.run_program(SMARTSURF, "run", str(ROOT / script), *(["--controller", str(ROOT / program)] if program else
-                                          ["--no-controller"]), "--seed", str(seed), "--until", str(seconds), "--stats", str(stats),
-                                          "--shm", self.shm)
+        status, _, err = self.run_program(SMARTSURF, "run", str(ROOT / script), *(["--controller", str(ROOT / program), "--shm", self.shm] if program else
+                                          ["--no-controller"]), "--seed", str(seed), "--until", str(seconds), "--stats", str(stats))
         self.assertEqual(status, 0, err)
         return json.loads(stats.read_text())["state_hash"]
 
@@ -37,7 +36,7 @@ class LivePage(ProgramTest):
     def test_node_reaches_the_states_of_the_programs(self):
         draw = random.Random(42)
         for title, script, program, _ in EXPERIMENTS:
-            seed, seconds = draw.randrange(1, 10**6), draw.choice([1, 2, 3])
+            seed, seconds = draw.randrange(1, 10**6), draw.choice([2, 3, 4])  # air.lua has its least gap after a second
             with self.subTest(title, seed=seed, seconds=seconds):
                 ran = subprocess.run([NODE, ROOT / "smartsurf/web/live/node.js", BUILT, str(seconds), str(seed), script,
                                       *([program] if program else [])], cwd=ROOT, capture_output=True, text=True, timeout=PATIENCE)
@@ -75,7 +74,7 @@ class LivePage(ProgramTest):
         plate = "surface { rows = 4, columns = 4, actuator = pin {}, sensors = { proximity {} } }\n"
         for script in ("surface { rows = 0, columns = 4, actuator = pin {} }", plate + "on_tick(function() no_such() end)\n"):
             path = self.write("magnets.lua", script)
-            status, _, err = self.run_program(SMARTSURF, "run", path, "--no-controller", "--until", "1", "--shm", self.shm)
+            status, _, err = self.run_program(SMARTSURF, "run", path, "--no-controller", "--until", "1")
             self.assertNotEqual(status, 0)
             self.run_texts(browser, script, "")
             self.wait_for(lambda: browser.value("live.errors.length === 1"), "the error is shown")
