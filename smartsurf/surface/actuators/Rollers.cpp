@@ -66,11 +66,19 @@ class Rollers final : public Actuator {
   bool advance_angles(const CellRun& run, float dt_s) noexcept {
     constexpr auto kTwoPi = static_cast<float>(2.0 * std::numbers::pi);
     bool spinning = false;
-    for (int k = 0; k < 2; ++k)
+    for (int k = 0; k < 2; ++k) {
+      float* const angle = angle_[k].data();
+      const RateLimitedLag& spin = spin_[k];
+      int beyond = 0;
       for (int i = run.begin; i < run.end; ++i) {
-        angle_[k][i] = std::remainder(angle_[k][i] + spin_[k][i] * dt_s, kTwoPi);
-        spinning |= spin_[k][i] != 0.0F;
+        angle[i] += spin[i] * dt_s;
+        beyond |= static_cast<int>(std::abs(angle[i]) > 0.5F * kTwoPi);
+        spinning |= spin[i] != 0.0F;
       }
+      // std::remainder is slow, and few steps end a turn.
+      for (int i = run.begin; beyond != 0 && i < run.end; ++i)
+        if (std::abs(angle[i]) > 0.5F * kTwoPi) angle[i] = std::remainder(angle[i], kTwoPi);
+    }
     return spinning;
   }
 
