@@ -25,7 +25,7 @@ on_finish(function()
   metric('success', within and lowest > 0 and 1 or 0)
   metric('error_u', error_u())
   if within then metric('time_s', within) end
-  metric('least_gap_u', lowest)
+  if lowest < math.huge then metric('least_gap_u', lowest) end
 end)
 
 -- As a learning environment: docs/python.md.

@@ -31,7 +31,7 @@ end)
 on_finish(function()
   local x, y = object(bystander):position()
   if done_at then metric('time_s', done_at) end
-  local moved = math.sqrt((x - from_x)^2 + (y - from_y)^2)
+  local moved = from_x and math.sqrt((x - from_x)^2 + (y - from_y)^2) or 0
   metric('success', done_at and moved < 0.5 and object(bystander):on_table() and 1 or 0)
   metric('bystander_moved_u', moved)
 end)

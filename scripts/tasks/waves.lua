@@ -9,6 +9,7 @@ box { size = {9, 6, 0.5}, position = { random(28, 32), random(5, 6), 0.4 }, colo
 local from_x, from_t
 at(1, function(t) from_x, from_t = object(0):position(), t end)
 on_finish(function(t)
+  if not from_t or t == from_t then return end
   local x = object(0):position()
   local speed = (from_x - x) / (t - from_t)
   local drag = 2 / 2 * 0.1 * (2 * math.pi / 8) * (2 * math.pi * frequency)   -- (thickness/2)·amplitude·k·omega
