@@ -92,7 +92,6 @@ class NativeEngine final : public Engine {
   void update_broadphase(const Member&);
   void find_contacts(const Member&);
   void correct_seams(const Member&);
-  void lead_turning_cells();
   void share_force_limits();
   void collect_tip_contacts();
   void collect_skin_contacts();

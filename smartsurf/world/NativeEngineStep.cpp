@@ -38,7 +38,6 @@ struct NativeEngine::Stage {
   static bool any_active(const E& e) { return !e.active_bodies_.empty(); }
   static bool none_active(const E& e) { return e.active_bodies_.empty(); }
   static bool any_asleep(const E& e) { return e.sleep_.any_asleep(); }
-  static bool has_spin(const E& e) { return !e.field_.surface_spin.empty(); }
   static bool has_limits(const E& e) { return e.field_.has_force_limit(); }
   static bool may_stop(const E& e) { return e.collision_.any_swept() || !e.joints_.empty(); }
   static bool has_soft_tips(const E& e) { return !e.field_.yielding.empty(); }
@@ -64,7 +63,6 @@ constexpr NativeEngine::Stage NativeEngine::Stage::kAll[] = {
     {"broad phase",            kTeam,      call<&E::update_broadphase>},
     {"narrow phase",           kTeam,      call<&E::find_contacts>},
     {"correct seams",          kTeam,      call<&E::correct_seams>},
-    {"lead turning cells",     kOneOfTeam, call<&E::lead_turning_cells>,     has_spin},
     {"share force limits",     kOneOfTeam, call<&E::share_force_limits>,     has_limits},
     {"collect tip contacts",   kOneOfTeam, call<&E::collect_tip_contacts>,   has_soft_tips},
     {"collect skin contacts",  kOneOfTeam, call<&E::collect_skin_contacts>,  has_skin},
@@ -208,28 +206,6 @@ void NativeEngine::correct_seams(const Member& member) {
   seams_.run(bodies_, pair_contacts_, static_contacts_, collision_.partition().bodies_of(member), member);
 }
 
-// Midpoint rule: the surface of a cell that turns has the velocity of where the body is in the middle of the
-// step. With that of the step's start, riders would spiral outward. All points of a body move with its
-// centre, as anchors keep the orientation that they had at the start.
-void NativeEngine::lead_turning_cells() {
-  const auto lead = [this](std::int32_t body, float spin) {
-    const Vec3 velocity = bodies_.velocity(body);
-    return Vec3(0.5F * settings_.dt_s * spin * Vec3(-velocity.y(), velocity.x(), 0.0F));
-  };
-  for (const Manifold& m : static_contacts_.manifolds)
-    for (Contact& c : static_contacts_.contacts_of(m)) {
-      if (c.surface_spin == 0.0F) continue;
-      const Vec3 change = lead(m.a, c.surface_spin);
-      c.surface_velocity += change - c.normal * c.normal.dot(change);
-    }
-  for (SupportPatches& list : collision_.supports())
-    for (const SupportPatch& p : list.patches)
-      for (Index i = p.first; i < p.first + p.count; ++i) {
-        const Vec3 change = lead(p.body, list.samples.spin[i]);
-        list.samples.velocity_x[i] += change.x(), list.samples.velocity_y[i] += change.y();
-      }
-}
-
 void NativeEngine::share_force_limits() {
   force_limits_.distribute_limits(field_, settings_.dt_s, settings_.substeps, static_contacts_);
 }
@@ -256,7 +232,7 @@ void NativeEngine::solve(const Member& member) {
   solver_->step(bodies_,
                 {collision_.partition(), pair_contacts_, static_contacts_, collision_.pair_ranges(),
                  collision_.static_ranges(), collision_.supports(), force_limits_.limits(), has_wrenches_,
-                 joints_, tips_, elastic_skin_, jam_relief_.min_depth()},
+                 joints_, tips_, elastic_skin_, !field_.surface_spin.empty(), jam_relief_.min_depth()},
                 member);
 }
 

@@ -1,7 +1,9 @@
 // Effects of actuators on objects against closed forms.
 #include <gtest/gtest.h>
 
+#include <array>
 #include <cmath>
+#include <random>
 
 #include "smartsurf/scene/KindRegistry.h"
 #include "tests/property/PhysicsFixture.h"
@@ -22,7 +24,96 @@ void set_all_targets(PhysicsFixture& fixture, int channel, float value) {
   fixture.cells().set_targets(channel, std::vector<float>(fixture.cells().field().height.size(), value));
 }
 
+// A disc of all cells that turns about `middle` at `rate`, rad/s.
+void turn_table(PhysicsFixture& fixture, const Eigen::Vector2f& middle, float rate) {
+  const surface::Field& field = fixture.cells().field();
+  std::array<std::vector<float>, 3> targets;  // east, north, turn
+  for (std::size_t i = 0; i < field.height.size(); ++i) {
+    const Eigen::Vector2f from_middle = field.centre(static_cast<int>(i)) - middle;
+    targets[0].push_back(-rate * from_middle.y());
+    targets[1].push_back(rate * from_middle.x());
+    targets[2].push_back(rate);
+  }
+  for (int channel = 0; channel < 3; ++channel) fixture.cells().set_targets(channel, targets[channel]);
+}
+
+class Turntable : public testing::TestWithParam<int> {
+ protected:
+  static constexpr int kDraws = 6;
+  static constexpr double kSeconds = 4.0;
+
+  // Calls run(fixture, draw) for random tables; draw(low, high) is uniform.
+  template <class Run>
+  void on_random_tables(unsigned seed, Run run) const {
+    std::mt19937_64 random(seed);
+    const auto draw = [&random](double low, double high) {
+      return low + (high - low) * (static_cast<double>(random()) / 0x1p64);
+    };
+    for (int i = 0; i < kDraws; ++i) {
+      PhysicsFixture fixture;
+      fixture.scene.world.dt_s = 1.0 / GetParam();
+      fixture.scene.world.iterations = std::array{4, 10, 40}[static_cast<std::size_t>(i) % 3];
+      fixture.scene.materials[0].rolling_friction = 0;
+      fixture.scene.materials[0].friction = draw(0.2, 1.0);
+      set_actuator(fixture, "conveyor",
+                   {{"max_speed", {100}},
+                    {"max_acceleration", {1e6}},
+                    {"max_turn", {100}},
+                    {"max_turn_acceleration", {1e6}}});
+      run(fixture, draw);
+    }
+  }
+};
+
+constexpr double kTableMiddle = 15.5;
+
 }  // namespace
+
+TEST_P(Turntable, CarriesRidersOnCircles) {
+  on_random_tables(1, [](PhysicsFixture& fixture, const auto& draw) {
+    const double rate = draw(0.3, 2.0) * (draw(0, 1) < 0.5 ? -1 : 1), start = draw(-3.1, 3.1);
+    const double grip = fixture.scene.materials[0].friction * kGravity;
+    const double distance = std::min(8.0, draw(0.2, 0.7) * grip / (rate * rate));
+    const Eigen::Vector3d at(kTableMiddle + distance * std::cos(start),
+                             kTableMiddle + distance * std::sin(start), 0.2);
+    scene::ObjectSpec rider =
+        draw(0, 1) < 0.5 ? box({draw(1.5, 4), draw(1.5, 4), 0.4}, at) : cylinder(draw(1, 2), 0.4, at);
+    rider.velocity = rate * Eigen::Vector3d(kTableMiddle - at.y(), at.x() - kTableMiddle, 0);
+    rider.angular_velocity = {0, 0, rate};
+    const scene::ObjectId id = fixture.add(rider);
+    turn_table(fixture, {kTableMiddle, kTableMiddle}, static_cast<float>(rate));
+    fixture.run(kSeconds);
+    const double angle = start + rate * kSeconds;
+    const Eigen::Vector3d expected(kTableMiddle + distance * std::cos(angle),
+                                   kTableMiddle + distance * std::sin(angle), 0);
+    const Eigen::Vector3d off = fixture.position(id).cast<double>() - expected;
+    EXPECT_LT(off.head<2>().norm(), 0.005 * distance) << "rate " << rate << ", distance " << distance;
+    EXPECT_NEAR(static_cast<double>(fixture.angular_velocity(id).z()), rate, 0.001);
+  });
+}
+
+// A ball that rolls on a turntable moves on a circle of its own, at 2/7 of the table's rate.
+TEST_P(Turntable, CarriesBallsAtTwoSeventhsOfItsRate) {
+  on_random_tables(2, [](PhysicsFixture& fixture, const auto& draw) {
+    const double rate = draw(0.3, 2.0), radius = draw(0.8, 2.0), k = 2.0 / 7.0 * rate;
+    const Eigen::Vector2d from_middle(draw(-2, 2), draw(-2, 2)), velocity(draw(-0.6, 0.6), draw(-0.6, 0.6));
+    scene::ObjectSpec ball =
+        sphere(radius, {kTableMiddle + from_middle.x(), kTableMiddle + from_middle.y(), radius});
+    ball.velocity = {velocity.x(), velocity.y(), 0};
+    ball.angular_velocity = {(rate * from_middle.x() - velocity.y()) / radius,
+                             (rate * from_middle.y() + velocity.x()) / radius, 0};
+    const scene::ObjectId id = fixture.add(ball);
+    turn_table(fixture, {kTableMiddle, kTableMiddle}, static_cast<float>(rate));
+    fixture.run(kSeconds);
+    const double s = std::sin(k * kSeconds) / k, c = (1 - std::cos(k * kSeconds)) / k;
+    const Eigen::Vector2d way(s * velocity.x() - c * velocity.y(), s * velocity.y() + c * velocity.x());
+    const Eigen::Vector2d moved = fixture.position(id).cast<double>().head<2>() -
+                                  Eigen::Vector2d(kTableMiddle, kTableMiddle) - from_middle;
+    EXPECT_LT((moved - way).norm(), 0.005 * velocity.norm() * kSeconds) << "rate " << rate;
+  });
+}
+
+INSTANTIATE_TEST_SUITE_P(Steps, Turntable, testing::Values(60, 120, 240, 960));
 
 TEST(Actuators, BoxOnBallsReachesTheirSpeed) {
   PhysicsFixture fixture;

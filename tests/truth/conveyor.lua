@@ -31,6 +31,7 @@ local function plate(x, y, velocity, spin)
   return box(fields)
 end
 local rad, id, on_start, on_state = math.rad(angle), nil, nil, function() end
+truth.sample(function(t) on_state(t) end)
 
 if kind == 'transfer' then      -- from a belt at v1 to one at v2, whose seam is at x = 19.5
   local seam = 19.5
@@ -90,4 +91,3 @@ elseif kind == 'turntable' then    -- rides on a disc that turns at v2, `offset`
   end)
 end
 at(0, on_start)
-truth.sample(on_state)

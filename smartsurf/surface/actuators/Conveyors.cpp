@@ -45,7 +45,7 @@ class Conveyors final : public Actuator {
   void snap_to_targets(Field& field) noexcept override {
     for (RateLimitedLag& c : drive_) c.snap_to_targets();
     for (std::size_t r = 0; r < runs().size(); ++r) {
-      write_velocity(runs()[r], 0.0F, field);
+      write_velocity(runs()[r], field);
       for (int i = runs()[r].begin; i < runs()[r].end; ++i) field.height[i] = target_height_[i];
       rising_[r] = 0;
     }
@@ -57,7 +57,7 @@ class Conveyors final : public Actuator {
       return std::ranges::any_of(drive_, [r](const RateLimitedLag& c) { return c.changed(r); });
     };
     for (std::size_t r = 0; r < runs().size(); ++r) {
-      if (changed(r)) write_velocity(runs()[r], static_cast<float>(dt_s), field);
+      if (changed(r)) write_velocity(runs()[r], field);
       if (rising_[r]) plan_lift(r, static_cast<float>(dt_s), field);
     }
     if (rises_) field.max_height = std::max(field.max_height, highest_);
@@ -92,8 +92,7 @@ class Conveyors final : public Actuator {
   }
   std::span<const CellRun> runs() const noexcept { return drive_[kX].runs(); }
 
-  // The velocities are means over a step: of the chord along which a top that turns carries what rides on it.
-  void write_velocity(const CellRun& run, float dt_s, Field& field) noexcept {
+  void write_velocity(const CellRun& run, Field& field) noexcept {
     for (int i = run.begin; i < run.end; ++i) {
       float x = drive_[kX][i], y = drive_[kY][i];
       if (const float angle = field.angle_of(i); angle != 0.0F) {
@@ -101,12 +100,6 @@ class Conveyors final : public Actuator {
         x = cosine * east - sine * y, y = sine * east + cosine * y;
       }
       velocity_x_[i] = x, velocity_y_[i] = y;
-      if (const float half = 0.5F * drive_[kTurn][i] * dt_s; half != 0.0F) {
-        const float along = std::sin(2.0F * half) / (2.0F * half),
-                    aside = std::sin(half) * std::sin(half) / half;
-        const float east = x;
-        x = along * east - aside * y, y = aside * east + along * y;
-      }
       field.surface_velocity_x[i] = x, field.surface_velocity_y[i] = y;
       field.surface_spin[i] = drive_[kTurn][i];
     }

@@ -332,9 +332,11 @@ void BulletEngine::Impl::prepare_point(btManifoldPoint& p, const btRigidBody& a,
   if (!field.has_surface_velocity() || !on_column || normal_z < kMinTopNormalZ) return;
   const Eigen::Vector2d centre = field.centre(cell).cast<double>();
   const double spin = field.surface_spin.empty() ? 0.0 : static_cast<double>(field.surface_spin[cell]);
-  const btVector3 surface(static_cast<double>(field.surface_velocity_x[cell]) - spin * (at.y() - centre.y()),
-                          static_cast<double>(field.surface_velocity_y[cell]) + spin * (at.x() - centre.x()),
-                          0.0);
+  // The surface of a cell that turns has the velocity of where the body is in the middle of the substep.
+  const btVector3 lever = at + 0.5 * substep_s * (a_is_cell ? b : a).getLinearVelocity();
+  const btVector3 surface(
+      static_cast<double>(field.surface_velocity_x[cell]) - spin * (lever.y() - centre.y()),
+      static_cast<double>(field.surface_velocity_y[cell]) + spin * (lever.x() - centre.x()), 0.0);
   const double sign = a_is_cell ? -1.0 : 1.0;
   p.m_contactMotion1 = sign * surface.dot(p.m_lateralFrictionDir1);
   p.m_contactMotion2 = sign * surface.dot(p.m_lateralFrictionDir2);

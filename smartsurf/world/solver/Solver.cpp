@@ -141,6 +141,7 @@ void Solver::run_stages(StepContext& context, const Member& member) {
                           context.input.supports, settings_.gravity, h_s},
                          context.own_rows, member);
   integrate_velocities(context, true);
+  if (context.input.has_turning_cells) lead_turning_cells(context, member, 0.5F * h_s);
   member.arrive();
   JointSolver& joints = context.input.joints;
   const JointSolver::Substep substep{context.static_params.h_s, settings_.gravity};
@@ -171,6 +172,7 @@ void Solver::run_stages(StepContext& context, const Member& member) {
     // The side stages use the rows of all members, which their own batches of the warm start have written.
     if (s > 0 || has_side_stages) {
       member.wait();
+      if (s > 0 && context.input.has_turning_cells) lead_turning_cells(context, member, h_s);
       if (s > 0) integrate_velocities(context, false);
       member.arrive();
     }
@@ -285,6 +287,39 @@ void Solver::integrate_velocities(StepContext& context, bool first) {
     for (int row = rows.begin; row < rows.end; ++row)
       integrate(row, row + 1, external_velocity_change(context, row));
   }
+}
+
+// The surface of a cell that turns has another velocity wherever a body is: that of the middle of each
+// substep is taken (the midpoint rule), as the body moves for another `time_s`. All of a body's points move
+// with its centre, because anchors keep the orientation that they had at the start of the step.
+void Solver::lead_turning_cells(StepContext& context, const Member& member, float time_s) {
+  const auto turned = [&](int row, float spin) {
+    const float(&v)[3] = velocity_[row].velocity;
+    return Vec3(time_s * spin * Vec3(-v[1], v[0], 0.0F));
+  };
+  for (const BatchRange& run : graph_.own_batches(member)) {
+    if (is_pair(run.kind)) continue;
+    for (int i = run.first; i < run.first + run.count; ++i) {
+      const ContactBatch& o = graph_.batch(i);
+      for (int k = o.first_point; k < o.first_point + o.point_count; ++k)
+        for (int lane = 0; lane < o.lane_count; ++lane) {
+          BatchPointDetail& d = detail_[k];
+          if (d.surface_spin[lane] == 0.0F) continue;
+          const float(&n)[3][kLanes] = point_[k].normal;
+          const Vec3 normal(n[0][lane], n[1][lane], n[2][lane]),
+              change = turned(o.a[lane], d.surface_spin[lane]);
+          const Vec3 along = change - normal * normal.dot(change);
+          for (int axis = 0; axis < 3; ++axis) d.surface_velocity[axis][lane] += along[axis];
+        }
+    }
+  }
+  if (!has_supports_) return;
+  for_each_own_support(context, [&](SupportPatches& list, SupportPatch& p) {
+    for (Index i = p.first; i < p.first + p.count; ++i) {
+      const Vec3 change = turned(p.row, list.samples.spin[i]);
+      list.samples.velocity_x[i] += change.x(), list.samples.velocity_y[i] += change.y();
+    }
+  });
 }
 
 void Solver::integrate_positions(StepContext& context) {

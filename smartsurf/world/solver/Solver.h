@@ -56,6 +56,7 @@ class Solver {
     JointSolver& joints;
     TipSolver& tips;  // after collect(), as the next
     SkinSolver& skin;
+    bool has_turning_cells = false;
     float deep_contact = 1e30F;  // depth from which deep_contacts() lists a contact, u
   };
   // Solves one step and writes the impulses to the contact lists. The new velocities and delta poses stay in
@@ -133,6 +134,7 @@ class Solver {
   void load_bodies(StepContext&);
   BodyVelocity external_velocity_change(const StepContext&, int row) const;
   void integrate_velocities(StepContext&, bool first);
+  void lead_turning_cells(StepContext&, const Member&, float time_s);
   void integrate_positions(StepContext&);
   enum class SupportStage { kWarmStart, kSolve, kRelax };
   void run_contact_stage(StepContext&, const Member&, const ContactKernel (&)[kContactKindCount],
