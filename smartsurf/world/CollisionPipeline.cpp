@@ -85,7 +85,6 @@ void CollisionPipeline::begin_detection(const BodyStore& bodies, ContactList& pa
   max_pairs_ = kMaxPairsPerBody * static_cast<std::size_t>(body_count);
   const auto slabs = static_cast<std::size_t>(partition_.slab_count());
   if (slab_results_.size() < slabs) slab_results_.resize(slabs);
-  while (std::ssize(slab_queues_) < member_count) slab_queues_.emplace_back();
   pair_output_.resize(partition_.body_runs().size());
   static_output_.resize(partition_.body_runs().size());
   for (std::size_t s = 0; s < slab_results_.size(); ++s) {
@@ -134,25 +133,16 @@ void CollisionPipeline::find_contacts(const BodyStore& bodies, ContactList& pair
   }
   if (member.is_caller() && bodies.non_spheres > 0) pair_cache_.build_index(bodies.size());
   partition_.assign_rows(bodies, *grid_, member);
+  member.arrive_and_wait();
   const IndexRange own_slabs = partition_.share(member);
   previous_contacts_.set_own_slabs(own_slabs, member);
-  if (member.member_count == 1) {
-    for (int s = own_slabs.begin; s < own_slabs.end; ++s) {
-      slab_results_[s].owner = member.index;
-      collide_slab_in_place(bodies, s, slab_results_[s], pair_contacts, static_contacts);
-    }
-  } else {
-    slab_queues_[member.index].set(own_slabs);
-    member.arrive_and_wait();
-    // A member that has done its own slabs takes over some of the others': contacts cost more or less than
-    // share() estimates.
-    for (int k = 0; k < member.member_count; ++k) {
-      const int owner = (member.index + k) % member.member_count;
-      for (int s; slab_queues_[owner].take(s);) {
-        slab_results_[s].owner = owner;
-        collide_slab(bodies, s, slab_results_[s]);
-      }
-    }
+  for (int s = own_slabs.begin; s < own_slabs.end; ++s) {
+    SlabResults& results = slab_results_[s];
+    results.member = member.index;
+    if (member.member_count == 1)
+      collide_slab_in_place(bodies, s, results, pair_contacts, static_contacts);
+    else
+      collide_slab(bodies, s, results);
   }
   member.single([&] {
     overloaded_ = std::ranges::any_of(slab_results_, &SlabResults::overloaded);
@@ -231,8 +221,7 @@ void CollisionPipeline::assign_output_offsets(std::vector<BodyRunOutput>& output
     ranges.first_range.push_back(static_cast<std::int32_t>(partition_.first_body_run_of(s)));
   for (int s = 0; s < partition_.slab_count(); ++s)
     for (const std::int32_t p : partition_.body_runs_of(s))
-      ranges.range.push_back(
-          {static_cast<int>(outputs[p].to), static_cast<int>(outputs[p].to + outputs[p].count)});
+      ranges.range.push_back({static_cast<int>(outputs[p].to), static_cast<int>(outputs[p].to + outputs[p].count)});
 }
 
 // Contacts lie slab by slab, as a single member finds them.

@@ -10,8 +10,6 @@
 #pragma once
 
 #include <algorithm>
-#include <atomic>
-#include <deque>
 #include <span>
 #include <vector>
 
@@ -80,8 +78,8 @@ class CollisionPipeline {
     if (support_slabs_ == 0) supports_[0].clear(), support_slabs_ = 1;
     return supports_[0];
   }
-  // Whether pairs of bodies were swept in the last find_contacts(); calls visit(a, b) for the member's share
-  // of them. b may be static.
+  // Whether pairs of bodies were swept in the last find_contacts(); calls visit(a, b) for the member's share of
+  // them. b may be static.
   bool any_swept() const { return swept_pairs_ > 0; }
   template <class Visit>
   void for_each_swept_pair(const Member& member, Visit visit) const {
@@ -142,7 +140,7 @@ class CollisionPipeline {
   };
   // Contacts found in one slab.
   struct SlabResults {
-    int owner = 0;  // the member in whose share the slab is
+    int member = 0;  // the member that processes the slab
     bool overloaded = false;
     int expected_pair = 0;         // see PreviousContacts::find_pair
     std::size_t end_of_pairs = 0;  // the most that the list of pairs may hold
@@ -158,19 +156,6 @@ class CollisionPipeline {
     std::size_t tested_pairs = 0;
     PairManifoldCache::ChunkCache cached_pairs;
     FieldManifoldCache::ChunkCache cached_field;
-  };
-  // The slabs of a member's share that nobody has taken yet.
-  class alignas(128) SlabQueue {
-   public:
-    void set(IndexRange slabs) {
-      next_.store(slabs.begin, std::memory_order_relaxed);
-      end_ = slabs.end;
-    }
-    bool take(int& slab) { return (slab = next_.fetch_add(1, std::memory_order_relaxed)) < end_; }
-
-   private:
-    std::atomic<int> next_{0};
-    int end_ = 0;
   };
   // The manifolds of one body run: their offset in the slab's list and in the merged list, and their number.
   struct BodyRunOutput {
@@ -248,7 +233,6 @@ class CollisionPipeline {
   std::vector<LargeNeighbour> large_neighbours_;
   std::vector<IndexRange> large_neighbours_of_;  // by body: range in large_neighbours_
   PreviousContacts previous_contacts_;
-  std::deque<SlabQueue> slab_queues_;                         // one per member of the team
   std::vector<SlabResults> slab_results_;                     // one per slab
   std::vector<SupportPatches> supports_, previous_supports_;  // one per slab
   std::size_t max_pairs_ = 0;                                 // in one slab, in this step

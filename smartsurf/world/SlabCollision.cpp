@@ -136,7 +136,7 @@ void CollisionPipeline::collide_static(const BodyStore& bodies, std::size_t i, S
   out.manifolds.push_back({static_cast<std::int32_t>(i), Manifold::kStatic, first, count});
   anchor_at_centre_of_mass(bodies, i, out.contacts, first);
   match_contacts(out, out.manifolds.back(), previous_contacts_.static_contacts(),
-                 previous_contacts_.find_static(i, results.owner), 0.15F * bodies.bounding_radius[i]);
+                 previous_contacts_.find_static(i, results.member), 0.15F * bodies.bounding_radius[i]);
   if (field_contacts > 1 && !bodies.is_sphere[i]) find_support(bodies, i, margin, field_contacts, results);
 }
 
@@ -218,7 +218,7 @@ void CollisionPipeline::collide_static_body(const BodyStore& bodies, std::size_t
     PairSweep(bodies, i, other.body, dt_s_).collide_at(other.impact_s, kMinSpeculativeMargin, contacts);
   else
     collide_bodies(bodies, i, other.body, speculative_margin_[i], dt_s_,
-                   previous_contacts_.find_static_normal(i, other.body, results.owner), contacts);
+                   previous_contacts_.find_static_normal(i, other.body, results.member), contacts);
   other.end = contacts.size();
   for (std::size_t k = other.first; k < other.end; ++k)
     contacts[k].partner = Partner{static_cast<std::int32_t>(other.body)};
@@ -287,7 +287,7 @@ void CollisionPipeline::collide_pair(const BodyStore& bodies, std::size_t i, std
   // A sphere has a single contact per partner, whose anchor may move far in one step.
   const float tolerance = has_sphere ? bodies.bounding_radius[a] : 0.15F * bodies.bounding_radius[a];
   const ContactList& previous = previous_contacts_.pair_contacts();
-  const int known = previous_contacts_.find_pair(a, b, results.owner, results.expected_pair);
+  const int known = previous_contacts_.find_pair(a, b, results.member, results.expected_pair);
   const Manifold& manifold = pair_contacts.manifolds.back();
   if (known < 0 || !match_points(pair_contacts.contacts_of(manifold),
                                  previous.contacts_of(previous.manifolds[known]), points, tolerance))

@@ -6,7 +6,7 @@ namespace smartsurf::world {
 namespace {
 
 constexpr int kMinBodiesPerSlab = 128, kMaxSlabs = 64;  // approximate
-constexpr int kMinLines = 24;                          // cut along y if there are at least this many lines
+constexpr int kMinLines = 24;                           // cut along y if there are at least this many lines
 
 }  // namespace
 
