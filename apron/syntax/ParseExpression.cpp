@@ -368,7 +368,8 @@ std::vector<Tokens> Parser::bind_arguments(MacroExpansion& expansion, const Macr
     if (parameter.type != ArgumentType::kAny && !argument.value)
       expansion.typed_arguments.push_back(make_typed_argument(parameter, macro, argument, location));
     if (argument.value) {
-      std::string unique = fmt::format("${}:{}", macro.parameters[i].name, expansion.id);
+      std::string unique =
+          fmt::format("${}{}{}", macro.parameters[i].name, macro.is_function ? "::" : ":", expansion.id);
       replacements.push_back({{TokenKind::kName, argument.value->location, unique, 0.0F}});
       if (parameter.type != ArgumentType::kAny)
         expansion.typed_arguments.push_back(
