@@ -120,7 +120,11 @@ Expression Parser::parse_range(Cursor first, Cursor last, Location end_location)
   line_end_ = end_location;
   Expression expression = parse_argument();
   if (!at_end())
-    fail("unexpected '{}'{}", spelling(*cursor_), cursor_->is("?") ? "; 'a ? b : c' is select(a, b, c)" : "");
+    fail("unexpected '{}'{}", spelling(*cursor_),
+         cursor_->is("?") ? "; 'a ? b : c' is select(a, b, c)"
+         : cursor_->kind == TokenKind::kName || cursor_->kind == TokenKind::kLocalName
+             ? "; a statement ends with its line"
+             : "");
   std::tie(cursor_, end_, line_end_) = saved;
   return expression;
 }
