@@ -104,7 +104,7 @@ class Debug(unittest.TestCase):
         self.assertEqual(out[-1], "5  p.aps:15")
 
     def test_conditions_of_arrays(self):
-        self.write("!uint8(ch[3])\n!scalar(w[2])\nfor(i, 0, 2)\n  ch[i] = cell.x * i\n  w[1] = w[1] + i\nendfor\nch[0] = 7\nsurface.step\n")
+        self.write("!uint8(ch[3])\n!scalar(w[2])\nfor(i, 0, 2)\n  ch[i] = uint8(cell.x * i)\n  w[1] = w[1] + i\nendfor\nch[0] = 7\nsurface.step\n")
         for condition, stops in (("if pixel.get(ch[2], 3, 0) == 6", [5]), ("change ch[1] 2 0", [5]), ("change w[1]", [6, 6]), ("if w[1] + w[0] > 2", [6]),
                                  ("if globalmax(ch[0] + ch[1]) > 9", [8]), ("if pixel.get(ch[i], 3, 0) == 3", [5])):
             out = self.debug("break " + condition, *["c"] * (len(stops) + 1))
