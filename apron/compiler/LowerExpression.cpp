@@ -117,7 +117,7 @@ const Symbol& Lowering::find_element(const Expression& expression) const {
     return symbols_.find_element(expression.text, index.text, index.location);
   if (index.kind == ExpressionKind::kNumber)
     return symbols_.find_element(expression.text, index.number, index.location);
-  fail(index.location, "an element is named by its name or its number: {}[A]", expression.text);
+  fail(index.location, "an element is named by its name or its number: {}[A]", display_name(expression.text));
 }
 
 // The element, or null if there is none of that name or number.

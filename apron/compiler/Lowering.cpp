@@ -333,7 +333,7 @@ void Lowering::fail_unknown_call(const Expression& call) const {
       {"between", "it is a macro of the library: !include('apron.aps')"},
       {"swap", "it is a macro of the library: !include('apron.aps')"}};
   if (const auto found = kForeign.find(call.text); found != kForeign.end()) {
-    fail(call.location, "there is no instruction or macro '{}'; {}", call.text, found->second);
+    fail(call.location, "there is no instruction or macro '{}'; {}", display_name(call.text), found->second);
   }
   if (const Symbol* symbol = symbols_.find(call.text); symbol != nullptr && symbol->value.is_register()) {
     fail(call.location, "'{0}' is a register and no instruction; one cell is pixel.get({0}, x, y)",
@@ -341,7 +341,7 @@ void Lowering::fail_unknown_call(const Expression& call) const {
   }
   std::vector<std::string> known = builtin_names();
   known.insert(known.end(), other_names_.begin(), other_names_.end());
-  fail(call.location, "there is no instruction or macro '{}'{}", call.text,
+  fail(call.location, "there is no instruction or macro '{}'{}", display_name(call.text),
        common::did_you_mean(call.text, known));
 }
 
