@@ -117,7 +117,7 @@ const Symbol& Lowering::find_element(const Expression& expression) const {
     return symbols_.find_element(expression.text, index.text, index.location);
   if (index.kind == ExpressionKind::kNumber)
     return symbols_.find_element(expression.text, index.number, index.location);
-  fail(index.location, "an element is named by its name or its number: {}[A]", expression.text);
+  fail(index.location, "an element is named by its name or its number: {}[A]", display_name(expression.text));
 }
 
 // The element, or null if there is none of that name or number.
@@ -334,7 +334,9 @@ Value Lowering::resolve_target(const Expression& target, bool is_register, Shape
     fail(target.location, "'{}' is a value here and cannot be written", symbol->name);
   }
   if (is_register && !symbol->value.is_register()) {
-    const std::string hint = same_name_hint(target.text);
+    std::string hint = same_name_hint(target.text);
+    if (syntax::is_function_local(target.text))
+      hint = fmt::format("; begin with !register({})", display_name(target.text));
     fail(target.location, "'{}' is a scalar, and the value is a register of {}{}", symbol->name, show(shape),
          hint.empty() ? "; globalsum(…) and the like make a number of it" : hint);
   }
@@ -344,10 +346,7 @@ Value Lowering::resolve_target(const Expression& target, bool is_register, Shape
 }
 
 Value Lowering::create_scalar(const Expression& target, bool is_register) {
-  const Builtin* builtin = find_builtin(target.text);
-  if (builtin != nullptr && builtin->min_arguments == 0) {
-    fail(target.location, "'{}' is the name of an instruction", target.text);
-  }
+  require_free_name(target.text, target.location);
   if (is_register) {
     const std::string hint = symbols_.did_you_mean(target.text, {});
     fail(target.location, "'{}' is not a register, but the value is one{}", target.text,

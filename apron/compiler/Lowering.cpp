@@ -161,10 +161,7 @@ void Lowering::lower_declaration(const syntax::Declaration& declaration) {
     fail(declaration.location, "'{}' is {} already", display_name(declaration.name),
          existing->value.is_register() ? "declared" : "a scalar");
   }
-  const Builtin* builtin = find_builtin(declaration.name);
-  if (is_unqualified && builtin != nullptr && builtin->min_arguments == 0) {
-    fail(declaration.location, "'{}' is the name of an instruction", declaration.name);
-  }
+  if (is_unqualified) require_free_name(declaration.name, declaration.location);
   Symbol symbol = declare_element(declaration, display_name(declaration.name));
   if (declaration.owner != 0) {
     symbols_.add(declaration.name, symbol);
@@ -182,6 +179,13 @@ void Lowering::lower_declaration(const syntax::Declaration& declaration) {
   builder_.emit(program::Opcode::kSetPalette, {}, {operand, builder_.text_operand(declaration.palette)});
   builder_.emit(program::Opcode::kSetScale, {},
                 {operand, builder_.literal_operand(0.0F), builder_.literal_operand(declaration.scale)});
+}
+
+void Lowering::require_free_name(const std::string& name, Location location) const {
+  const Builtin* const builtin = find_builtin(name);
+  if (builtin != nullptr && builtin->min_arguments == 0)
+    fail(location, "'{}' is the name of an instruction", name);
+  if (syntax::is_keyword(name)) fail(location, "'{}' is a keyword", name);
 }
 
 // The register or scalar of a declaration. A function's is zero from there on, and released at its end.
@@ -208,6 +212,7 @@ Symbol Lowering::declare_element(const syntax::Declaration& declaration, const s
 }
 
 void Lowering::declare_array(const syntax::Declaration& declaration) {
+  require_free_name(declaration.name, declaration.location);
   std::vector<Symbol> elements;
   for (std::uint32_t i = 0; i < declaration.count; ++i)
     elements.push_back(
@@ -328,7 +333,7 @@ void Lowering::fail_unknown_call(const Expression& call) const {
       {"between", "it is a macro of the library: !include('apron.aps')"},
       {"swap", "it is a macro of the library: !include('apron.aps')"}};
   if (const auto found = kForeign.find(call.text); found != kForeign.end()) {
-    fail(call.location, "there is no instruction or macro '{}'; {}", call.text, found->second);
+    fail(call.location, "there is no instruction or macro '{}'; {}", display_name(call.text), found->second);
   }
   if (const Symbol* symbol = symbols_.find(call.text); symbol != nullptr && symbol->value.is_register()) {
     fail(call.location, "'{0}' is a register and no instruction; one cell is pixel.get({0}, x, y)",
@@ -336,7 +341,7 @@ void Lowering::fail_unknown_call(const Expression& call) const {
   }
   std::vector<std::string> known = builtin_names();
   known.insert(known.end(), other_names_.begin(), other_names_.end());
-  fail(call.location, "there is no instruction or macro '{}'{}", call.text,
+  fail(call.location, "there is no instruction or macro '{}'{}", display_name(call.text),
        common::did_you_mean(call.text, known));
 }
 

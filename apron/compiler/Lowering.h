@@ -114,6 +114,8 @@ class Lowering {
   void lower_declaration(const syntax::Declaration&);
   Symbol declare_element(const syntax::Declaration&, const std::string& name);
   void declare_array(const syntax::Declaration&);
+  // Reports a name that is an instruction without arguments, or a keyword.
+  void require_free_name(const std::string& name, Location) const;
   void lower_assignment(const Expression& target, const Expression& value);
   void assign(const Expression& target, Location,
               const std::function<Value(ResultDestination*)>& lower_value);

@@ -37,7 +37,7 @@ const std::string& SymbolTable::resolve_class(const std::string& name, syntax::L
   }
   std::vector<std::string> known;
   for (const auto& [alias, target] : aliases_) known.push_back(alias);
-  fail(location, "there is no class '{}'{}", name, common::did_you_mean(name, known));
+  fail(location, "there is no class '{}'{}", display_name(name), common::did_you_mean(name, known));
 }
 
 bool SymbolTable::holds_variables(const std::string& class_name, syntax::Location location) const {

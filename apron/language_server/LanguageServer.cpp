@@ -15,6 +15,7 @@
 #include "apron/language_server/SourceIndex.h"
 #include "apron/syntax/FileReader.h"
 #include "apron/syntax/Formatter.h"
+#include "apron/syntax/Token.h"
 
 namespace apron::language_server {
 namespace {
@@ -569,6 +570,8 @@ class LanguageServer {
     const bool is_macro = symbol.kind == Symbol::Kind::kMacro || symbol.kind == Symbol::Kind::kFunction;
     if (!is_macro && symbol.kind != Symbol::Kind::kLabel && compiler::find_builtin(name) != nullptr)
       refuse(ErrorCode::kRequestFailed, "'" + name + "' is an instruction");
+    if (symbol.kind != Symbol::Kind::kLabel && syntax::is_keyword(name))
+      refuse(ErrorCode::kRequestFailed, "'" + name + "' is a keyword");
     for (const Symbol& other : index.symbols())
       if (other.name == name &&
           (other.kind == Symbol::Kind::kLabel) == (symbol.kind == Symbol::Kind::kLabel) &&

@@ -1,7 +1,5 @@
 #include "apron/library/ProgramSource.h"
 
-#include <algorithm>
-
 #include "apron/compiler/Compiler.h"
 #include "apron/program/Reachability.h"
 #include "apron/syntax/Diagnostic.h"
@@ -39,11 +37,11 @@ SizedProgram compile(const ProgramSource& source, std::uint32_t width, std::uint
   options.height = height;
   options.include_paths = source.include_paths;
   options.library_path = source.library_path;
-  if (source.original) options.prelude = "original.aps";
+  if (!source.original.empty()) options.prelude = source.original + ".aps";
   compiler::CompileResult result = compiler::compile(options, reader);
-  if (source.original && result.program &&
+  if (!source.original.empty() && result.program &&
       !program::can_reach(*result.program, program::Opcode::kSurfaceStep)) {
-    options.prelude = "original-frames.aps";
+    options.prelude = source.original + "-frames.aps";
     result = compiler::compile(options, reader);
   }
   if (!result.program)
@@ -54,14 +52,9 @@ SizedProgram compile(const ProgramSource& source, std::uint32_t width, std::uint
 
 void require_parameters(const program::Program& program, const ParameterValues& values,
                         const std::string& file) {
-  for (const auto& [name, value] : values) {
-    if (std::ranges::find(program.parameters, name, &program::Parameter::name) != program.parameters.end())
-      continue;
-    std::string known;
-    for (const program::Parameter& p : program.parameters) known += (known.empty() ? "" : ", ") + p.name;
-    throw common::UserError(file + ": the program has no slider or switch '" + name + "'; it has " +
-                            (known.empty() ? "none" : known));
-  }
+  for (const auto& [name, value] : values)
+    if (const std::string problem = program::parameter_problem(program, name, value); !problem.empty())
+      throw common::UserError(file + ": " + problem);
 }
 
 }  // namespace apron::library

@@ -15,7 +15,7 @@ struct ProgramSource {
   std::optional<std::string> text;  // nullopt: the file's
   std::vector<std::string> include_paths = {};
   std::string library_path = {};  // the folder of the library's .aps files
-  bool original = false;          // a script of APRON 2.9: original.aps is included first
+  std::string original = {};      // of APRON 2.9: "original" or "scamp5c", the file that is included first
 };
 
 struct SizedProgram {
@@ -29,7 +29,7 @@ SizedProgram compile(const ProgramSource&, std::uint32_t width, std::uint32_t he
 
 // The values of sliders and switches, by name.
 using ParameterValues = std::vector<std::pair<std::string, float>>;
-// Throws common::UserError, one line, unless the program declares all of them.
+// Throws common::UserError, one line, unless the program declares all of them, with these values.
 void require_parameters(const program::Program&, const ParameterValues&, const std::string& file);
 
 }  // namespace apron::library

@@ -1,5 +1,7 @@
 #include "apron/program/Program.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 
 #include "common/text/Suggestion.h"
@@ -73,6 +75,21 @@ std::string unknown_register(const Program& program, const std::string& name) {
   for (const Register& reg : program.registers)
     if (!is_temporary(reg.name)) known.push_back(reg.name);
   return "'" + name + "'" + common::did_you_mean(name, known);
+}
+
+std::string parameter_problem(const Program& program, const std::string& name, float value) {
+  const auto found = std::ranges::find(program.parameters, name, &Parameter::name);
+  if (found == program.parameters.end()) {
+    std::string known;
+    for (const Parameter& p : program.parameters) known += (known.empty() ? "" : ", ") + p.name;
+    return fmt::format("the program has no slider or switch '{}'; it has {}", name,
+                       known.empty() ? "none" : known);
+  }
+  if (found->is_switch && value != 0.0F && value != 1.0F)
+    return fmt::format("the switch '{}' is 0 or 1, not {}", name, value);
+  if (!(found->low <= value && value <= found->high))
+    return fmt::format("'{}' = {} is not from {} to {}", name, value, found->low, found->high);
+  return "";
 }
 
 }  // namespace apron::program

@@ -132,7 +132,7 @@ struct Program {
 // Limits. Errors name the limit that was exceeded.
 inline constexpr std::size_t kMaxInstructions = 1'000'000;
 inline constexpr std::size_t kMaxRegisters = 4096;
-inline constexpr std::size_t kMaxCells = std::size_t{1} << 26;        // per register
+inline constexpr std::size_t kMaxCells = std::size_t{1} << 26;  // per register
 // Limit of all registers together.
 inline constexpr std::size_t kMaxMemoryBytes = std::size_t{1} << (sizeof(std::size_t) == 8 ? 33 : 31);
 inline constexpr std::size_t kMaxCallDepth = 256;
@@ -166,6 +166,9 @@ const SourceLocation* find_location(const Program&, std::size_t instruction) noe
 std::optional<std::size_t> find_register(const Program&, std::string_view name) noexcept;
 // "'NAME'", and a suggestion if a register has a similar name, for messages that there is none of that name.
 std::string unknown_register(const Program&, const std::string& name);
+
+// One line without a full stop if the program cannot have that value of a slider or switch, else "".
+std::string parameter_problem(const Program&, const std::string& name, float value);
 
 // True if the destination must not be a source as well, because the instruction reads other cells.
 bool requires_out_of_place(Opcode) noexcept;

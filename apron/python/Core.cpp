@@ -28,13 +28,13 @@ using SharedFactory = std::shared_ptr<const common::ControllerFactory>;
 
 std::unique_ptr<Function> make_function(std::string file, std::optional<std::string> text,
                                         std::vector<std::string> include_paths, std::string library_path,
-                                        bool original, std::optional<std::vector<std::string>> results,
+                                        std::string original, std::optional<std::vector<std::string>> results,
                                         std::optional<std::pair<std::uint32_t, std::uint32_t>> shape,
                                         unsigned threads, std::optional<std::uint64_t> ticks,
                                         std::string isa) {
   FunctionConfiguration configuration;
   configuration.source = {std::move(file), std::move(text), std::move(include_paths), std::move(library_path),
-                          original};
+                          std::move(original)};
   configuration.results = std::move(results);
   configuration.shape = shape;
   configuration.threads = threads;

@@ -357,6 +357,10 @@ void Function::check_arguments(const Variant& variant, Arguments& arguments) con
                             " planes, another input has " + std::to_string(arguments.count));
     arguments.count = input.view.count;
   }
+  for (const auto& [name, value] : arguments.parameters)
+    if (const std::string problem = program::parameter_problem(variant.program, name, value);
+        !problem.empty())
+      throw py::value_error(configuration_.source.file + ": " + problem);
   for (const std::uint32_t reg : variant.signature.needed)
     if (std::ranges::find(arguments.inputs, reg, &Argument::reg) == arguments.inputs.end())
       throw py::type_error(describe(variant, reg) + " is missing: the program reads it and never writes it");

@@ -184,6 +184,13 @@ void Preprocessor::define_function(Macro function) {
 
   std::map<std::string, TokenKind> meaning;  // of the names: parameters of the macro, or local
   for (const auto& [name, count] : writes.counts()) meaning[name] = TokenKind::kLocalName;
+  const auto require_name = [&](const std::string& name) {
+    if (is_keyword(name))
+      report(location, "the function '{}' has a keyword as a name: '{}'", function.name, name);
+  };
+  for (const auto& [name, count] : writes.counts()) require_name(name);
+  for (const MacroParameter& parameter : function.parameters)
+    if (writes.count(parameter.name) == 0) require_name(parameter.name);
   std::vector<Line> before, after;
   for (const std::string& result : results) {
     if (writes.count(result) == 0) {

@@ -332,6 +332,15 @@ class Lexer {
 
 }  // namespace
 
+bool is_keyword(std::string_view name) {
+  static constexpr std::string_view kKeywords[] = {
+      "if",       "else",        "endif",  "while",     "endwhile", "for",   "endfor",
+      "repeat",   "endrepeat",   "where",  "elsewhere", "endwhere", "break", "continue",
+      "function", "endfunction", "return", "jump",      "jumpif",   "call",  "callif",
+      "end",      "and",         "or",     "xor",       "nand",     "nor",   "not"};
+  return std::ranges::find(kKeywords, name) != std::end(kKeywords);
+}
+
 std::string spelling(const Token& token) {
   switch (token.kind) {
     case TokenKind::kString:
@@ -356,8 +365,9 @@ std::string spelling(const Token& token) {
 std::string display_name(const std::string& name) {
   const std::size_t colon = name.find(':');
   if (colon == std::string::npos) return name;
-  const std::string plain = name.substr(0, colon);
-  return plain.front() == '$' ? plain : fmt::format(":{}", plain);
+  const bool is_parameter = name.front() == '$';
+  if (is_function_local(name)) return name.substr(is_parameter ? 1 : 0, colon - (is_parameter ? 1 : 0));
+  return (is_parameter ? "" : ":") + name.substr(0, colon);
 }
 
 std::vector<Line> lex(const SourceManager& sources, std::uint32_t file, Diagnostics& diagnostics) {

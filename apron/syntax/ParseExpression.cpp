@@ -120,7 +120,11 @@ Expression Parser::parse_range(Cursor first, Cursor last, Location end_location)
   line_end_ = end_location;
   Expression expression = parse_argument();
   if (!at_end())
-    fail("unexpected '{}'{}", spelling(*cursor_), cursor_->is("?") ? "; 'a ? b : c' is select(a, b, c)" : "");
+    fail("unexpected '{}'{}", spelling(*cursor_),
+         cursor_->is("?") ? "; 'a ? b : c' is select(a, b, c)"
+         : cursor_->kind == TokenKind::kName || cursor_->kind == TokenKind::kLocalName
+             ? "; a statement ends with its line"
+             : "");
   std::tie(cursor_, end_, line_end_) = saved;
   return expression;
 }
@@ -368,7 +372,8 @@ std::vector<Tokens> Parser::bind_arguments(MacroExpansion& expansion, const Macr
     if (parameter.type != ArgumentType::kAny && !argument.value)
       expansion.typed_arguments.push_back(make_typed_argument(parameter, macro, argument, location));
     if (argument.value) {
-      std::string unique = fmt::format("${}:{}", macro.parameters[i].name, expansion.id);
+      std::string unique =
+          fmt::format("${}{}{}", macro.parameters[i].name, macro.is_function ? "::" : ":", expansion.id);
       replacements.push_back({{TokenKind::kName, argument.value->location, unique, 0.0F}});
       if (parameter.type != ArgumentType::kAny)
         expansion.typed_arguments.push_back(

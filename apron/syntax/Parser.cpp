@@ -19,7 +19,7 @@ Tokens::const_iterator find_equals(Tokens::const_iterator first, Tokens::const_i
 }
 
 // A hint how APRON writes a line in another language's syntax, or "".
-std::string suggest_correction(const Token& first, const Token& unexpected) {
+std::string suggest_correction(const Token& first, bool has_arguments, const Token& unexpected) {
   if (unexpected.is("==")) return "; to give a value, write '='";
   if (unexpected.is("+") || unexpected.is("-") || unexpected.is("*") || unexpected.is("/")) {
     return fmt::format("; write {0} = {0} {1} …", spelling(first), unexpected.text);
@@ -31,6 +31,7 @@ std::string suggest_correction(const Token& first, const Token& unexpected) {
   const bool needs_parentheses = first.is_name("if") || first.is_name("while") || first.is_name("for") ||
                                  first.is_name("repeat") || first.is_name("where") ||
                                  first.is_name("print") || first.is_name("println");
+  if (has_arguments) return unexpected.kind == TokenKind::kName ? "; a statement ends with its line" : "";
   return needs_parentheses ? fmt::format("; write {}(…)", first.text) : "";
 }
 
@@ -125,10 +126,11 @@ Statement Parser::parse_statement() {
   const bool is_call =
       cursor_ + 1 == end_ || (cursor_[1].is("(") && find_closing_bracket(cursor_ + 1) + 1 == end_);
   if (!is_call) {
-    const Cursor unexpected = cursor_[1].is("(") ? find_closing_bracket(cursor_ + 1) + 1 : cursor_ + 1;
+    const bool has_arguments = cursor_[1].is("(");
+    const Cursor unexpected = has_arguments ? find_closing_bracket(cursor_ + 1) + 1 : cursor_ + 1;
     cursor_ = unexpected;
     fail("expected '=' or the end of the line, not '{}'{}", spelling(*unexpected),
-         suggest_correction(first, *unexpected));
+         suggest_correction(first, has_arguments, *unexpected));
   }
   result.kind = StatementKind::kCall;
   if (cursor_ + 1 == end_) {

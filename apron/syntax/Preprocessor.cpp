@@ -201,8 +201,9 @@ void Preprocessor::substitute(Tokens& tokens, const InputFrame& frame) const {
 // Returns whether the token was replaced.
 bool Preprocessor::substitute(const Token& token, const InputFrame& frame, Tokens& out) const {
   const auto unique = [&](TokenKind kind, std::string_view name) {
-    out.push_back(
-        {kind, token.location, fmt::format("{}:{}", name, frame.expansion), 0.0, false, frame.expansion});
+    const char* const sign = frame.macro->is_function ? "::" : ":";
+    out.push_back({kind, token.location, fmt::format("{}{}{}", name, sign, frame.expansion), 0.0, false,
+                   frame.expansion});
     return true;
   };
   if (token.kind == TokenKind::kLocalName) return unique(TokenKind::kName, token.text);

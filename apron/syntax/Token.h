@@ -45,8 +45,13 @@ struct Line {
 // The token as the source writes it.
 std::string spelling(const Token&);
 
-// Removes the number of the expansion, which makes a macro's local names unique: "t:7" becomes ":t", and
-// "$a:7" becomes "$a".
+// True for the words of control flow and logic, which name nothing else.
+bool is_keyword(std::string_view name);
+
+// Removes the number of the expansion, which makes local names unique: "t:7" of a macro becomes ":t", "$a:7"
+// "$a", and "t::7" of a function "t".
 std::string display_name(const std::string& name);
+// True for a function's local name.
+inline bool is_function_local(std::string_view name) { return name.find("::") != std::string_view::npos; }
 
 }  // namespace apron::syntax

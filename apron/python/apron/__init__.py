@@ -51,6 +51,14 @@ def _names(argument: str, names: Any) -> list[str]:
     return [os.fspath(name) for name in names]
 
 
+def _dialect(original: Any) -> str:
+    if isinstance(original, (bool, np.bool_)):
+        return "original" if original else ""
+    if original not in ("original", "scamp5c"):
+        raise ValueError(f"original = {original!r}: must be True, False or 'scamp5c'")
+    return original
+
+
 def _source(source: Any) -> tuple[str, str | None]:
     """File and text of a program; the text is None for a file."""
     if isinstance(source, os.PathLike) or isinstance(source, str) and "\n" not in source and source.endswith(".aps"):
@@ -62,7 +70,7 @@ def _source(source: Any) -> tuple[str, str | None]:
 
 def compile(source: str | os.PathLike[str], *, results: Iterable[str] | None = None,
             shape: tuple[int, int] | None = None, threads: int = 1, ticks: int | None = None,
-            include: Iterable[str | os.PathLike[str]] = (), original: bool = False, isa: str | None = None) -> Function:
+            include: Iterable[str | os.PathLike[str]] = (), original: bool | str = False, isa: str | None = None) -> Function:
     """Compiles a program to a function of arrays.
 
     source: the text of a program, or the path of an .aps file: a path object, or one line that ends in ".aps".
@@ -71,12 +79,13 @@ def compile(source: str | os.PathLike[str], *, results: Iterable[str] | None = N
     shape: rows and columns of the registers without a size of their own; default: those of the arrays of each call.
     threads: of large arrays, and of batches; results do not depend on it.
     ticks: ends a run after that many surface.step or sim.frame.
-    include: folders that !include searches. original: a script of APRON 2.9. isa: "avx512", "avx2" or "portable";
+    include: folders that !include searches. original: a script of APRON 2.9, or "scamp5c", one for
+    the SCAMP-5. isa: "avx512", "avx2" or "portable";
     results do not depend on it.
 
     Raises Error with file and line for errors in the program, and warns of what the compiler warns of."""
     file, text = _source(source)
-    function = Function(file, text, _names("include", include), _LIBRARY, bool(original),
+    function = Function(file, text, _names("include", include), _LIBRARY, _dialect(original),
                         None if results is None else _names("results", results),
                         None if shape is None else _shape(shape), _whole("threads", threads, 1, _MAX_THREADS),
                         None if ticks is None else _whole("ticks", ticks, 1, 2**63), isa or "")

@@ -35,7 +35,7 @@ class Function:
     Other Python threads run while the program does, and may call the same function. Ctrl-C ends a run. A child process
     may go on calling after fork(), and a function can be pickled. Errors of a run raise apron.Error with file and line.
     """
-    def __init__(self, file: str, text: str | None, include: list[str], library: str, original: bool,
+    def __init__(self, file: str, text: str | None, include: list[str], library: str, original: str,
                  results: list[str] | None, shape: tuple[int, int] | None, threads: int, ticks: int | None, isa: str) -> None: ...
     def __call__(self, *inputs: ArrayLike, out: Mapping[str, NDArray[Any]] | None = None,
                  **arguments: ArrayLike) -> dict[str, Any]: ...

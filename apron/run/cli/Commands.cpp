@@ -29,14 +29,9 @@
 namespace apron::run {
 
 void check_parameters(const Options& options, const program::Program& program) {
-  for (const auto& [name, value] : options.parameters) {
-    const auto& all = program.parameters;
-    if (std::ranges::find(all, name, &program::Parameter::name) != all.end()) continue;
-    std::string known;
-    for (const program::Parameter& p : all) known += (known.empty() ? "" : ", ") + p.name;
-    throw common::UserError("--set: the program has no slider or switch '" + name + "'; it has " +
-                            (known.empty() ? "none" : known));
-  }
+  for (const auto& [name, value] : options.parameters)
+    if (const std::string problem = program::parameter_problem(program, name, value); !problem.empty())
+      throw common::UserError("--set: " + problem);
 }
 
 HostEnvironment host_environment(const Options& options) {

@@ -15,7 +15,7 @@ int compile_for_boards(const Options& options);
 int debug_program(const Options& options);
 int serve_editors(const Options& options);
 
-// Throws common::UserError unless every --set names a slider or switch of the program.
+// Throws common::UserError unless every --set names a slider or switch of the program and a value of it.
 void check_parameters(const Options& options, const program::Program& program);
 // The cameras, clocks, keys and folders of the options.
 HostEnvironment host_environment(const Options& options);

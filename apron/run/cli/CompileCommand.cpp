@@ -1,8 +1,6 @@
 // `apron compile`.
 #include <fmt/format.h>
 
-#include <algorithm>
-
 #include "apron/run/cli/Commands.h"
 #include "apron/run/options/CompiledProgram.h"
 #include "apron/target_c/TargetC.h"
@@ -31,12 +29,6 @@ target_c::Options target_options(const Options& options) {
   return result;
 }
 
-void check_parameter_names(const Options& options, const program::Program& program) {
-  for (const auto& [name, value] : options.parameters)
-    if (std::ranges::find(program.parameters, name, &program::Parameter::name) == program.parameters.end())
-      throw common::UserError("--set: the program has no slider or switch '" + name + "'");
-}
-
 std::string report_text(const Options& options, const target_c::Report& report) {
   std::string text = fmt::format(
       "tile: {}x{} of a table of {}x{}\n"
@@ -57,7 +49,7 @@ std::string report_text(const Options& options, const target_c::Report& report) 
 int compile_for_boards(const Options& options) {
   const std::optional<program::Program> program = compile_or_report(options, options.width, options.height);
   if (!program) return common::kUserError;
-  check_parameter_names(options, *program);
+  check_parameters(options, *program);
   const std::string header = options.output.substr(0, options.output.size() - 2) + ".h";
   common::require_separate_outputs(std::vector<common::NamedOutput>{{"-o", options.output}, {"-o", header}});
   target_c::Generated generated;

@@ -216,7 +216,7 @@ class Debugger {
     debugger::DebugSnapshot snapshot;
     session_.capture_snapshot({}, snapshot);
     if (snapshot.hit && session_.state() != ExecutionState::kFinished)
-      say("breakpoint " + std::to_string(*snapshot.hit + 1) + "\n");
+      say("breakpoint " + std::to_string(numbers_[*snapshot.hit]) + "\n");
     say_where(outermost);
   }
   bool refuses_to_go_on() {
@@ -272,8 +272,8 @@ class Debugger {
     if ((words[1] == "if" || words[1] == "change") && words.size() > 2) {
       breakpoint.kind = Breakpoint::Kind::kCondition;
       breakpoint.on_change = words[1] == "change";
-      if (std::uint64_t column = 0; breakpoint.on_change && words.size() == 5 && parse_number(words[3], column) &&
-                                    parse_number(words[4], number))
+      if (std::uint64_t column = 0; breakpoint.on_change && words.size() == 5 &&
+                                    parse_number(words[3], column) && parse_number(words[4], number))
         breakpoint.condition = debugger::cell_expression(words[2], column, number);
       else
         for (std::size_t i = 2; i < words.size(); ++i) breakpoint.condition += (i > 2 ? " " : "") + words[i];
@@ -304,9 +304,10 @@ class Debugger {
       return refuse("break takes LINE, FILE:LINE, tick N, if CONDITION or change VALUE");
     }
     breakpoints_.push_back(breakpoint);
+    numbers_.push_back(++last_number_);
     conditions_ = std::move(conditions);
     session_.set_breakpoints(breakpoints_, conditions_);
-    say("breakpoint " + std::to_string(breakpoints_.size()) + ": " + describe(breakpoint) + "\n");
+    say("breakpoint " + std::to_string(last_number_) + ": " + describe(breakpoint) + "\n");
   }
   // 0 if there is none.
   std::uint32_t first_line_with_code(const std::string& file, std::uint32_t line) const {
@@ -329,22 +330,25 @@ class Debugger {
   }
   void list_breakpoints(const Words&) {
     for (std::size_t i = 0; i < breakpoints_.size(); ++i)
-      say(std::to_string(i + 1) + "  " + describe(breakpoints_[i]) + "\n");
+      say(std::to_string(numbers_[i]) + "  " + describe(breakpoints_[i]) + "\n");
   }
   void delete_breakpoints(const Words& words) {
     std::uint64_t number = 0;
     if (words.size() == 1) {
       breakpoints_.clear();
+      numbers_.clear();
       conditions_.clear();
-    } else if (!parse_number(words[1], number) || number == 0 || number > breakpoints_.size()) {
+    } else if (!parse_number(words[1], number) || std::ranges::count(numbers_, number) == 0) {
       return refuse("there is no breakpoint '" + words[1] + "'");
     } else {
-      const auto at = breakpoints_.begin() + static_cast<std::ptrdiff_t>(number - 1);
+      const auto numbered = std::ranges::find(numbers_, number);
+      const auto at = breakpoints_.begin() + (numbered - numbers_.begin());
       const auto earlier = std::count_if(breakpoints_.begin(), at, [](const Breakpoint& b) {
         return b.kind == Breakpoint::Kind::kCondition;
       });
       if (at->kind == Breakpoint::Kind::kCondition) conditions_.erase(conditions_.begin() + earlier);
       breakpoints_.erase(at);
+      numbers_.erase(numbered);
     }
     session_.set_breakpoints(breakpoints_, conditions_);
   }
@@ -440,6 +444,8 @@ class Debugger {
   debugger::DebugSession session_;
   debugger::InstructionGroups step_groups_, next_groups_;
   std::vector<Breakpoint> breakpoints_;
+  std::vector<std::uint64_t> numbers_;  // of the breakpoints, never given again
+  std::uint64_t last_number_ = 0;
   std::vector<program::Program> conditions_;
   bool quits_ = false, was_refused_ = false, has_failed_ = false;
 };

@@ -249,6 +249,15 @@ Repl::Outcome Repl::compile_and_run(const std::string& text, std::string& report
     report = syntax::format_diagnostics(result.diagnostics, result.sources);
     return Outcome::kCompileError;
   }
+  for (const auto& [name, value] : options_.parameters) {
+    const auto& all = result.program->parameters;
+    if (std::ranges::find(all, name, &program::Parameter::name) == all.end()) continue;  // not yet
+    if (const std::string problem = program::parameter_problem(*result.program, name, value);
+        !problem.empty()) {
+      report = "error: --set: " + problem + "\n";
+      return Outcome::kRuntimeError;
+    }
+  }
   ReplHost host(options_, out_);
   if (const std::string error =
           host.load_modules(result.program->modules, options_.modules, module_search_paths(options_));

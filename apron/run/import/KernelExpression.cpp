@@ -381,6 +381,8 @@ CppValue KernelTranslation::call_value(const std::string& name, const std::vecto
     }
     return value_of(fmt::format("{}({})", name, text), type, range_of(type));
   }
+  if (name == "vs_gui_read_slider" && arguments.size() == 1)
+    if (const auto control = control_value(plain_text(arguments[0]))) return *control;
   CppType result = CppType::kInt;
   CppValue value;
   value.text = join_arguments(name, arguments, true, result);

@@ -34,14 +34,16 @@ KernelTokenList one_word(KernelTokenList type) {
   return type;
 }
 
-// Replaces the names of types, `typedef unsigned char byte;` and `using byte = uint8_t;`, by the types.
+// Replaces the names of types, `typedef unsigned char byte;`, `using byte = uint8_t;` and `enum class Mode {
+// … };`, by the types.
 KernelTokenList without_aliases(const KernelTokenList& tokens) {
   std::map<std::string, KernelTokenList> aliases;
   KernelTokenList out;
   const auto add = [&](KernelTokenList& list, std::size_t i) {
     const auto alias = aliases.find(tokens[i].text);
     const bool is_member = i > 0 && (tokens[i - 1].is(".") || tokens[i - 1].is("->"));
-    if (tokens[i].kind != Kind::kName || is_member || alias == aliases.end())
+    const bool is_scope = i + 1 < tokens.size() && tokens[i + 1].is("::");
+    if (tokens[i].kind != Kind::kName || is_member || is_scope || alias == aliases.end())
       return list.push_back(tokens[i]);
     for (KernelToken word : alias->second) {
       word.line = tokens[i].line;
@@ -53,7 +55,38 @@ KernelTokenList without_aliases(const KernelTokenList& tokens) {
     return token.opens_bracket() || token.is("<") || token.kind == Kind::kDirective ||
            token.is_name_of({"struct", "class", "union", "enum", "typename", "decltype"});
   };
+  // Takes `enum` at i: of a definition all before its '{', in `enum Mode m` the word. Returns the last token
+  // taken.
+  const auto take_enum = [&](std::size_t i) {
+    std::size_t name = i + 1;
+    if (name < tokens.size() && tokens[name].is_name_of({"class", "struct"})) ++name;
+    std::size_t k = name;
+    if (k < tokens.size() && tokens[k].kind == Kind::kName) ++k;
+    KernelTokenList type;
+    if (k < tokens.size() && tokens[k].is(":"))
+      for (++k; k < tokens.size() && !tokens[k].is("{") && !tokens[k].is(";"); ++k) add(type, k);
+    if (k >= tokens.size() || (!tokens[k].is("{") && !tokens[k].is(";"))) return i;
+    if (type.empty()) {
+      type = {tokens[i]};
+      type.front().text = "int";
+    }
+    type = one_word(std::move(type));
+    if (tokens[name].kind == Kind::kName) aliases[tokens[name].text] = type;
+    std::size_t end = k;
+    if (!out.empty() && out.back().is_name("typedef") && tokens[k].is("{")) {
+      out.pop_back();
+      end = behind_bracket(tokens, k);
+      if (end < tokens.size() && tokens[end].kind == Kind::kName) aliases[tokens[end].text] = type;
+    }
+    out.insert(out.end(), tokens.begin() + static_cast<std::ptrdiff_t>(i),
+               tokens.begin() + static_cast<std::ptrdiff_t>(end));
+    return end > k ? end : end - 1;
+  };
   for (std::size_t i = 0; i < tokens.size(); ++i) {
+    if (tokens[i].is_name("enum")) {
+      i = take_enum(i);
+      continue;
+    }
     const bool is_typedef = tokens[i].is_name("typedef");
     const bool is_using = tokens[i].is_name("using") && i + 2 < tokens.size() && tokens[i + 2].is("=");
     if (is_typedef || is_using) {
@@ -671,6 +704,7 @@ void KernelSourceReader::translate_declarator(CppType type, Qualifiers qualifier
   while (words.size() > 1 && (words.front().is("{") || words.front().is("(")) &&
          run::behind_bracket(words, 0) >= words.size() - 1 && words.back().closes_bracket())
     words = KernelTokenList(words.begin() + 1, words.end() - 1);
+  if (add_control(name, words)) return;
   // Another name for a variable.
   if (is_reference && words.size() == 1) {
     if (const Variable* variable = find_variable(words[0].text); variable && is_scalar(variable->type)) {
@@ -746,6 +780,11 @@ void KernelSourceReader::translate_expression(ProgramLines& out, int depth) {
   const KernelToken& name = words[0].kind == Kind::kName ? words[0] : words.back();
   Variable* variable = name.kind == Kind::kName ? find_variable(name.text) : nullptr;
   const bool assigns = words.size() > 2 && is_assignment(words[1]);
+  if (assigns && words[1].is("=") && add_control(words[0].text, {words.begin() + 2, words.end()})) {
+    position_ = end;
+    consume(";");
+    return;
+  }
   if ((counts || assigns) && (variable == nullptr || !is_scalar(variable->type)) &&
       !(variable == nullptr && assigns && scopes_.size() > 1 && words[1].is("=")))
     give_up("'{} {} …' is code of the controller", words[0].text, words[1].text);

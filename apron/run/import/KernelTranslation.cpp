@@ -290,29 +290,57 @@ void KernelTranslation::note_shared_operands(const std::string& name,
 }
 
 bool KernelTranslation::translate_control(const std::string& name,
-                                          const std::vector<KernelTokenList>& arguments) {
-  const bool is_slider = name == "vs_gui_add_slider";
-  const std::size_t count = is_slider ? 5 : 3;
-  if (arguments.size() != count || arguments.back().size() != 2 || !arguments.back()[0].is("&")) return false;
-  const std::string& variable = arguments.back()[1].text;
+                                          const std::vector<KernelTokenList>& arguments,
+                                          const std::string& handle) {
+  const bool is_slider = name.starts_with("vs_gui_add_slider");
+  const std::size_t count = is_slider ? 4 : 2;  // without the variable
+  const bool has_variable =
+      arguments.size() == count + 1 && arguments.back().size() == 2 && arguments.back()[0].is("&");
+  if (!has_variable && (handle.empty() || arguments.size() != count)) return false;
+  const std::string& variable = has_variable ? arguments.back()[1].text : handle;
   std::string values;
-  for (std::size_t i = 1; i + 1 < count; ++i) {
+  for (std::size_t i = 1; i < count; ++i) {
     const auto constant = constants_.find(plain_text(arguments[i]));
     std::optional<CppValue> value;
     if (constant == constants_.end() && arguments[i][0].kind != Kind::kString) {
-      const bool is_known = arguments[i].size() > 1 || arguments[i][0].kind == Kind::kNumber;
+      const bool is_known = arguments[i].size() > 1 || arguments[i][0].kind == Kind::kNumber ||
+                            arguments[i][0].is_name_of({"true", "false"});
       if (is_known) value = plain_expression(arguments[i]);
     }
     const bool has_number = value && value->constant;
     if (is_slider && !has_number && constant == constants_.end()) return false;
     values += ", " + (has_number ? value->text : is_slider ? constant->second : "0");
   }
-  controls_.push_back(fmt::format("sim.{}.add('{}'{})", is_slider ? "slider" : "switch", variable, values));
+  const std::string_view kind = is_slider ? "slider" : "switch";
+  const std::string reading = fmt::format("sim.{}.get('{}')", kind, variable);
+  controls_.push_back(fmt::format("sim.{}.add('{}'{})", kind, variable, values));
+  if (!handle.empty()) handles_[handle] = reading;
+  if (!has_variable) return true;
   if (find_variable(variable) == nullptr)
     scopes_[0][variable] = {variable, CppType::kInt, range_of(CppType::kInt), {}, false};
-  main_.push_back(fmt::format("{} = sim.{}.get('{}')", find_variable(variable)->text,
-                              is_slider ? "slider" : "switch", variable));
+  main_.push_back(fmt::format("{} = {}", find_variable(variable)->text, reading));
   return true;
+}
+
+bool KernelTranslation::add_control(const std::string& handle, const KernelTokenList& expression) {
+  const bool is_control = expression.size() > 2 && expression[0].text.starts_with("vs_gui_add_s") &&
+                          expression[1].is("(") && run::behind_bracket(expression, 1) == expression.size();
+  return is_control &&
+         translate_control(expression[0].text, split_arguments(expression, 2, expression.size() - 1), handle);
+}
+
+std::optional<CppValue> KernelTranslation::control_value(const std::string& handle) {
+  if (handle == "VS_GUI_FRAME_GAIN" && !handles_.contains(handle)) {
+    controls_.emplace_back("sim.slider.add('frame_gain', 1, 5, 1)");
+    handles_[handle] = "sim.slider.get('frame_gain')";
+  }
+  const auto found = handles_.find(handle);
+  if (found == handles_.end()) return std::nullopt;
+  CppValue value;
+  value.text = found->second;
+  value.type = CppType::kInt;
+  value.range = range_of(CppType::kInt);
+  return value;
 }
 
 void KernelTranslation::translate_directions(ProgramLines& out, int depth,

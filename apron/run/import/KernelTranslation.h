@@ -114,6 +114,8 @@ class KernelTranslation {
   // Makes a function that only computes available to the program; false if there is none of that name.
   virtual bool require_function(const std::string&, std::size_t) { return false; }
   const Signature* find_function(const std::string& name, std::size_t count) const;
+  // True if the expression adds a slider or switch; the name is then its handle.
+  bool add_control(const std::string& handle, const KernelTokenList& expression);
 
   // Ends the translation and returns the program.
   ImportedKernels finish();
@@ -156,8 +158,11 @@ class KernelTranslation {
   std::string argument(const std::string& function, std::size_t index, const KernelTokenList& tokens);
   std::string register_argument(const KernelTokenList& tokens);
 
-  // A slider or switch of the host's window.
-  bool translate_control(const std::string& name, const std::vector<KernelTokenList>& arguments);
+  // A slider or switch of the host's window, which sets a variable or has a handle.
+  bool translate_control(const std::string& name, const std::vector<KernelTokenList>& arguments,
+                         const std::string& handle = "");
+  // The value of the slider or switch that has the handle; std::nullopt if there is none.
+  std::optional<CppValue> control_value(const std::string& handle);
   // DNEWS with several directions: RS, RW, RN and RE in every cell, then the OR of the neighbours.
   void translate_directions(ProgramLines& out, int depth, const std::vector<KernelTokenList>& arguments);
   // Names an operand that a transfer of the chip connects once, although it stands there twice.
@@ -165,6 +170,7 @@ class KernelTranslation {
                             std::size_t line);
 
   std::set<std::string> unset_, names_;
+  std::map<std::string, std::string> handles_;  // of sliders and switches: the texts that read them
   ProgramLines controls_, unset_lines_;
   ProgramLines* prelude_ = nullptr;
   int prelude_depth_ = 0;

@@ -35,17 +35,26 @@ std::string condition_source(const std::string& condition, const program::Progra
     declared.push_back(name);
     return true;
   };
+  // Of "ch[2]" the whole array is declared, "ch[3]" for three elements.
+  const auto declaration = [&](const auto& all, const std::string& name) -> std::string {
+    const std::string array = name.substr(0, name.find('['));
+    if (!declare_once(array)) return "";
+    const auto is_element = [&](const auto& one) { return one.name.starts_with(array + "["); };
+    return array == name ? name : array + "[" + std::to_string(std::ranges::count_if(all, is_element)) + "]";
+  };
   for (const program::Register& r : debuggee.registers) {
-    if (!declare_once(r.name)) continue;
+    const std::string name = declaration(debuggee.registers, r.name);
+    if (name.empty()) continue;
     const std::string type(program::cell_type_name(r.type));
     if (r.width == width && r.height == height)
-      text += "!" + (program::is_integer(r.type) ? type : "register") + "(" + r.name + ")\n";
+      text += "!" + (program::is_integer(r.type) ? type : "register") + "(" + name + ")\n";
     else
-      text += "!create('" + r.name + "', REGISTER, " + std::to_string(r.width) + ", " +
+      text += "!create('" + name + "', REGISTER, " + std::to_string(r.width) + ", " +
               std::to_string(r.height) + ", " + type + ")\n";
   }
   for (const program::Variable& v : debuggee.variables)
-    if (declare_once(v.name)) text += "!create('" + v.name + "', VARIABLE)\n";
+    if (const std::string name = declaration(debuggee.variables, v.name); !name.empty())
+      text += "!scalar(" + name + ")\n";
   return text + "#again\n" + debugger::kResultVariable + " = " + condition + "\nsurface.step\njump(#again)\n";
 }
 

@@ -91,9 +91,25 @@ class Debug(unittest.TestCase):
     def test_ticks_conditions_and_restart(self):
         out = self.debug("break tick 3", "c", "print n", "restart", "print n", "break if n == 2", "delete 1", "c", "print n", "breakpoints")
         self.assertEqual([line for line in out if line.startswith("n = ")], ["n = 3", "n = 0", "n = 2"])
-        self.assertEqual(out[-1], "1  if n == 2")
+        self.assertEqual(out[-1], "2  if n == 2")
         self.assertEqual(self.debug("break if globalmax(B) > 110", "c", "print B 3 0")[-1], "B(3, 0) = 112")
         self.assertEqual(self.debug("tick", "tick", "p n")[-1], "n = 2")
+
+    def test_a_breakpoint_keeps_its_number(self):
+        out = self.debug("b 10", "b 11", "b 12", "b if n > 2", "delete 2", "breakpoints", "delete 2", "delete 3", "c", "delete 1", "c", "delete",
+                         "b 15", "breakpoints", status=2)
+        self.assertEqual(out[5:8], ["1  p.aps:10", "3  p.aps:12", "4  if n > 2"])
+        self.assertEqual(out[8], "error: there is no breakpoint '2'")
+        self.assertEqual([line for line in out[9:] if line.startswith("breakpoint")], ["breakpoint 1", "breakpoint 4", "breakpoint 5: p.aps:15"])
+        self.assertEqual(out[-1], "5  p.aps:15")
+
+    def test_conditions_of_arrays(self):
+        self.write("!uint8(ch[3])\n!scalar(w[2])\nfor(i, 0, 2)\n  ch[i] = uint8(cell.x * i)\n  w[1] = w[1] + i\nendfor\nch[0] = 7\nsurface.step\n")
+        for condition, stops in (("if pixel.get(ch[2], 3, 0) == 6", [5]), ("change ch[1] 2 0", [5]), ("change w[1]", [6, 6]), ("if w[1] + w[0] > 2", [6]),
+                                 ("if globalmax(ch[0] + ch[1]) > 9", [8]), ("if pixel.get(ch[i], 3, 0) == 3", [5])):
+            out = self.debug("break " + condition, *["c"] * (len(stops) + 1))
+            self.assertEqual([int(line.split(":")[1]) for line in out[2:] if line.startswith("p.aps:")], stops, condition)
+        self.assertIn("numbered from 0", self.debug("break if w[2] > 1", status=2)[-1])
 
     def test_values(self):
         out = self.debug("tick", "plane B 1 0 2 2", "picture A", "names", "save B b.csv", "save A a.png")

@@ -215,7 +215,7 @@ class LanguageServer(unittest.TestCase):
             self.assertEqual(len(old.splitlines()), len(subprocess.run([APRON, "disasm", self.folder / "q.aps"], capture_output=True, text=True).stdout.splitlines()))
         both = self.ask("rename", "twice", newName="double")["changes"]
         self.assertEqual(set(both), {self.uri, self.mine})
-        for word, new in (("erode", "shrink"), ("Object", "1x"), ("Object", "Größe"), ("Object", "north"), ("= 0", "x"), ("north", "x")):
+        for word, new in (("erode", "shrink"), ("Object", "1x"), ("Object", "Größe"), ("Object", "north"), ("Object", "endfunction"), ("blend", "while"), ("= 0", "x"), ("north", "x")):
             answer = self.client.request("textDocument/rename", textDocument={"uri": self.uri}, position=self.at(word), newName=new)
             self.assertIn("error", answer, (word, new))
 

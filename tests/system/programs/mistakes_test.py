@@ -201,6 +201,16 @@ class Mistakes(ProgramTest):
         self.assertEqual(status, 2)
         self.assertIn("no option 'gain'", err)
 
+    def test_a_value_outside_of_a_slider(self):
+        program = self.write("gain.aps", "sim.slider.add('gain', -0.5, 9, 1)\nsim.switch.add('on')\nprintln(sim.slider.get('gain'))\nsurface.step\n")
+        for value, problem in (("gain=9.001", "'gain' = 9.001 is not from -0.5 to 9"), ("gain=-1", "'gain' = -1 is not from -0.5 to 9"),
+                               ("on=0.5", "the switch 'on' is 0 or 1, not 0.5"), ("on=2", "the switch 'on' is 0 or 1, not 2")):
+            for command in (["run"], ["debug"], ["compile", "--target", "c", "--size", "8x8", "-o", "gain.c"]):
+                status, out, err = self.run_program(APRON, *command, program, "--set", value)
+                self.assertEqual((status, out, err), (2, "", f"apron: error: --set: {problem}\n"), command)
+        for value in ("gain=9", "gain=-.5", "on=1"):
+            self.assertEqual(self.run_program(APRON, "run", program, "--set", value)[0], 0, value)
+
     def test_programs(self):
         path = self.write("wrong.aps", "!register(SIGNAL)\nSIGNAL = SIGNL + 1\n")
         for command in ("check", "run"):

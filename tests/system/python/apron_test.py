@@ -142,6 +142,9 @@ class Functions(unittest.TestCase):
         self.assert_bits(f(A=a, B=0.25)["Y"], f(A=a, B=np.full((8, 12), 0.25, np.float32))["Y"])
         only = apron.compile(SMOOTH, results=["total"])
         self.assertEqual(only(a, b), {"total": one["total"]})
+        for gain in (-0.1, 10.1, np.nan, np.inf):
+            with self.assertRaisesRegex(ValueError, rf"'gain' = {gain} is not from 0 to 10"):
+                f(a, b, gain=gain)
 
     def test_layouts_and_types(self):
         f = apron.compile("!register(A, Y)\nY = A * 2\n")
@@ -319,6 +322,17 @@ class Functions(unittest.TestCase):
         out = subprocess.run([sys.executable, "-c", code], input=pickle.dumps(f), capture_output=True, check=True).stdout
         self.assertEqual(out.decode().split("\n")[:4], [f"frame {i}" for i in range(4)])
         self.assertEqual(f()["n"], 3)
+
+    def test_dialects(self):
+        script = "!register(Host)\nSET(R5)\nCLR(R6)\nR7 = R5 R6\nHost = 40 * R7 * cell.x\n"
+        for original in ("scamp5c", True):
+            text = script if original != True else "!register(Host)\n_nop\nHost = 40 * cell.x\n"
+            f = apron.compile(text, original=original, results=["Host"], shape=(1, 3))
+            for call in (f, pickle.loads(pickle.dumps(f))):
+                self.assertEqual(call()["Host"].tolist(), [[0, 40, 80]])
+        for original in ("scamp6", "", 1, None):
+            with self.assertRaisesRegex(ValueError, "must be True, False or 'scamp5c'"):
+                apron.compile(script, original=original)
 
     def test_several_threads(self):
         f = apron.compile(SMOOTH, threads=2)

@@ -90,7 +90,7 @@ class Controllers(ExperimentTest):
             states.append(envs.state_hash(0))
         self.assertEqual(states[0], states[1])
         self.assertNotEqual(states[0], states[2])
-        for parameters, text in (({"gian": 1}, "gian"), ({"gain": "x"}, "finite"), ({"gain": float("nan")}, "finite")):
+        for parameters, text in (({"gian": 1}, "gian"), ({"gain": 5.5}, "'gain' = 5.5 is not from 0 to 5"), ({"gain": "x"}, "finite"), ({"gain": float("nan")}, "finite")):
             with self.assertRaisesRegex(ValueError, text):
                 smartsurf.VectorEnv(lua, controller=aps, controller_set=parameters)
         with self.assertRaisesRegex(ValueError, "needs a controller"):

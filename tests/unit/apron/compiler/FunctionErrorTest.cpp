@@ -16,6 +16,17 @@ const std::string kHead =
 
 std::string error(const std::string& lines) { return first_line(errors(compile_text(kHead + lines))); }
 
+TEST(FunctionErrors, NameLocalsAsTheFunctionDoes) {
+  const auto body = [](const std::string& lines) {
+    return error("function y = g(plane a)\n" + lines + "\nendfunction\nA = g(A)");
+  };
+  EXPECT_EQ(body("t = q + a\nq = 3\ny = t"), "main.aps:22:5: error: 'q' is read before it is written");
+  EXPECT_EQ(body("t = 1\ny = t[A]"), "main.aps:23:7: error: there is no class 't'");
+  EXPECT_EQ(
+      body("y = 1\ny = y * a"),
+      "main.aps:23:1: error: 'y' is a scalar, and the value is a register of 8x6; begin with !register(y)");
+}
+
 TEST(FunctionErrors, NameTheArgument) {
   const std::string at = "main.aps:21:";
   EXPECT_EQ(error("A = f(1, 2)"), at + "7: error: 'f' takes a plane for 'a', and this is a number");

@@ -159,6 +159,35 @@ TEST(KernelImport, SlidersDirectionsAndOutput) {
   EXPECT_EQ(notes(imported), "8 host: 'other' has no value in the kernels; it is 0\n");
 }
 
+TEST(KernelImport, VariablesOfEnums) {
+  const ImportedKernels imported = import_text(
+      "enum class Mode : uint8_t { Idle, Run = 5 };\ntypedef enum { OFF, ON } state_t;\nenum Side { LEFT = "
+      "2, RIGHT };\n"
+      "void step(Mode m, const state_t s){ scamp5_in(A, (int)m + s); }\n"
+      "int main(){\n  Mode m = Mode::Run;\n  state_t s{ON};\n  enum Side side = RIGHT;\n  Side other = "
+      "LEFT;\n"
+      "  step(m, s);\n  scamp5_in(B, side + other);\n}\n");
+  EXPECT_EQ(notes(imported), "");
+  EXPECT_NE(imported.program.find("m = 5\ns = 1\nside = 3\nother = 2\nstep(m, s)\n"), std::string::npos)
+      << imported.program;
+}
+
+TEST(KernelImport, SlidersByTheirHandles) {
+  const ImportedKernels imported = import_text(
+      "vs_handle low;\nint high = 3;\nint main(){\n  auto on = vs_gui_add_switch(\"on\", true);\n"
+      "  low = vs_gui_add_slider(\"low: \", -9, 9, 2);\n"
+      "  auto top = vs_gui_add_slider(\"top: \", 0, 9, 3, &high);\n"
+      "  scamp5_get_image(A, B, vs_gui_read_slider(VS_GUI_FRAME_GAIN));\n"
+      "  int k = vs_gui_read_slider(low) + vs_gui_read_slider(top);\n"
+      "  if (vs_gui_read_slider(on)) scamp5_in(C, k);\n}\n");
+  EXPECT_EQ(body(imported),
+            "!include('cpp.aps')\nsim.switch.add('on', 1)\nsim.slider.add('low', -9, 9, 2)\n"
+            "sim.slider.add('high', 0, 9, 3)\nsim.slider.add('frame_gain', 1, 5, 1)\n\nhigh = 3\n"
+            "high = sim.slider.get('high')\nscamp5_get_image(A, B, sim.slider.get('frame_gain'))\n"
+            "k = sim.slider.get('low') + sim.slider.get('high')\nif(sim.switch.get('on'))\n"
+            "  scamp5_in(C, cpp.signed(k, 8))\nendif\n");
+}
+
 TEST(KernelImport, DefaultArgumentsAndFirstValuesOfSliders) {
   const ImportedKernels imported = import_text(
       "void step(AREG y, int n = 3, int m = -1){ scamp5_in(y, n); scamp5_in(y, m); }\n"

@@ -10,8 +10,8 @@
 namespace apron::run {
 namespace {
 
-std::string run_repl_session(const std::string& typed, std::uint32_t width = 3, std::uint32_t height = 2) {
-  Options options;
+std::string run_repl_session(const std::string& typed, std::uint32_t width = 3, std::uint32_t height = 2,
+                             Options options = {}) {
   options.width = width;
   options.height = height;
   std::istringstream in(typed);
@@ -49,6 +49,15 @@ TEST(Repl, DiscardsFailedEntries) {
   EXPECT_NE(out.find("error: 'B' is not a register"), std::string::npos) << out;
   EXPECT_NE(out.find("pixel.get at column 9, row 9 is outside"), std::string::npos) << out;
   EXPECT_NE(out.find("\n1\n!register(A)\nA = 1\n"), std::string::npos) << out;
+}
+
+TEST(Repl, RefusesValuesOutsideOfASlider) {
+  Options options;
+  options.parameters = {{"gain", 9.0F}, {"later", 1.0F}};
+  EXPECT_EQ(run_repl_session(
+                "sim.slider.add('gain', 0, 5, 1)\nsim.slider.add('gain', 0, 9, 1)\nsim.slider.get('gain')\n",
+                3, 2, options),
+            "error: --set: 'gain' = 9 is not from 0 to 5\n9\n");
 }
 
 TEST(Repl, Commands) {

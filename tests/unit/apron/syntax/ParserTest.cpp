@@ -105,7 +105,7 @@ TEST(Parser, RebindsOperators) {
 }
 
 TEST(Parser, ReportsUnexpectedToken) {
-  EXPECT_EQ(parse("y = a b"), "t.aps:1:7: error: unexpected 'b'");
+  EXPECT_EQ(parse("y = a b"), "t.aps:1:7: error: unexpected 'b'; a statement ends with its line");
   EXPECT_EQ(parse("y = (a"), "t.aps:1:7: error: expected ')' before the end of the line");
   EXPECT_EQ(parse("y = f(a; b)"),
             "t.aps:1:8: error: unexpected character ';': a statement ends with its line");
