@@ -11,12 +11,22 @@ namespace {
 
 // Longest part of a source line shown, in bytes.
 constexpr std::size_t kMaxShownBytes = 400;
+// Longest message, in bytes: one may quote a word of the program as long as its file.
+constexpr std::size_t kMaxMessageBytes = 1000;
 // Longer chains are shortened to both ends.
 constexpr std::size_t kMaxChainNotes = 12;
 
 auto sort_key(const Location& location) { return std::tie(location.file, location.line, location.column); }
 
 bool is_continuation_byte(char byte) { return (static_cast<unsigned char>(byte) & 0xC0U) == 0x80U; }
+
+std::string shortened(std::string message) {
+  if (message.size() <= kMaxMessageBytes) return message;
+  std::size_t end = kMaxMessageBytes;
+  while (end > 0 && is_continuation_byte(message[end])) --end;
+  message.resize(end);
+  return message + "…";
+}
 
 std::string printable(std::string_view line) {
   std::string text(line.substr(0, kMaxShownBytes));
@@ -70,6 +80,7 @@ void sort_by_location(std::vector<Diagnostic>& diagnostics) {
 
 void Diagnostics::error(Location location, std::string message, std::vector<Note> notes) {
   if (full_) return;
+  message = shortened(std::move(message));
   full_ = !keeps_repeats_ && ++report_count_ >= kMaxReportedErrors;
   for (const Diagnostic& existing : diagnostics_) {
     if (sort_key(existing.location) == sort_key(location) && existing.message == message &&
@@ -87,7 +98,7 @@ void Diagnostics::stated_error(Location location, std::string message) {
 }
 
 void Diagnostics::warning(Location location, std::string message) {
-  if (warnings_.size() < kMaxErrors) warnings_.push_back({location, std::move(message), {}, true});
+  if (warnings_.size() < kMaxErrors) warnings_.push_back({location, shortened(std::move(message)), {}, true});
 }
 
 std::vector<Diagnostic> Diagnostics::take() {

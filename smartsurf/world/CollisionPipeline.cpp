@@ -143,6 +143,7 @@ void CollisionPipeline::find_contacts(const BodyStore& bodies, ContactList& pair
       collide_slab_in_place(bodies, s, results, pair_contacts, static_contacts);
     else
       collide_slab(bodies, s, results);
+    if (results.overloaded) break;
   }
   member.single([&] {
     overloaded_ = std::ranges::any_of(slab_results_, &SlabResults::overloaded);

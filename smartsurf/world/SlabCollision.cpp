@@ -14,6 +14,9 @@
 namespace smartsurf::world {
 namespace {
 
+// More pairs touch than a slab may hold. Thrown, so that none of the others is looked for.
+struct Overloaded {};
+
 // Collision detection measures from the origin of the shape.
 void anchor_at_centre_of_mass(const BodyStore& bodies, std::size_t i, std::vector<Contact>& contacts,
                               std::size_t first) {
@@ -35,14 +38,18 @@ void CollisionPipeline::collide_slab(const BodyStore& bodies, int slab, SlabResu
   };
   const std::size_t contacts_before = contact_count();
   results.end_of_pairs = results.pair_contacts.manifolds.size() + max_pairs_;
-  for (const std::int32_t p : partition_.body_runs_of(slab)) {
-    const Index i = p;
-    begin(pair_output_[i], results.pair_contacts), begin(static_output_[i], results.static_contacts);
-    if (slab + 1 == partition_.slab_count())
-      collide_large_bodies(bodies, results);
-    else
-      collide_body_run(bodies, partition_.body_runs()[i], results);
-    end(pair_output_[i], results.pair_contacts), end(static_output_[i], results.static_contacts);
+  try {
+    for (const std::int32_t p : partition_.body_runs_of(slab)) {
+      const Index i = p;
+      begin(pair_output_[i], results.pair_contacts), begin(static_output_[i], results.static_contacts);
+      if (slab + 1 == partition_.slab_count())
+        collide_large_bodies(bodies, results);
+      else
+        collide_body_run(bodies, partition_.body_runs()[i], results);
+      end(pair_output_[i], results.pair_contacts), end(static_output_[i], results.static_contacts);
+    }
+  } catch (const Overloaded&) {
+    results.overloaded = true;
   }
   results.contact_count = contact_count() - contacts_before;
 }
@@ -247,10 +254,7 @@ void CollisionPipeline::collide_pair(const BodyStore& bodies, std::size_t i, std
   const std::size_t a = std::min(i, j), b = std::max(i, j);
   const bool has_sphere = bodies.is_sphere[a] || bodies.is_sphere[b];
   ContactList& pair_contacts = results.pair_contacts;
-  if (pair_contacts.manifolds.size() >= results.end_of_pairs) {
-    results.overloaded = true;
-    return;
-  }
+  if (pair_contacts.manifolds.size() >= results.end_of_pairs) throw Overloaded();
   const auto first = static_cast<std::int32_t>(pair_contacts.contacts.size());
   PairManifoldCache::Points points;
   const bool is_swept =

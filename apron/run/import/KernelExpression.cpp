@@ -14,7 +14,6 @@ using Kind = KernelTokenKind;
 
 namespace {
 
-constexpr std::size_t kMaxNesting = 200;
 const KernelToken kNoToken;
 
 bool is_plain(const std::string& text) { return text.find("cpp.") == std::string::npos; }
@@ -151,6 +150,7 @@ CppValue KernelTranslation::parse_assignment(Cursor& cursor) {
 }
 
 CppValue KernelTranslation::parse_conditional(Cursor& cursor) {
+  const Nesting nesting(depth_, "the expression");
   CppValue test = parse_binary(cursor, 0);
   if (!cursor.consume("?")) return test;
   test = cpp_condition(settle(std::move(test)));
@@ -220,14 +220,7 @@ CppValue KernelTranslation::parse_logical(Cursor& cursor, CppValue left, const s
 }
 
 CppValue KernelTranslation::parse_unary(Cursor& cursor) {
-  if (++depth_ > kMaxNesting) {
-    depth_ = 0;
-    give_up("the expression is nested too deeply");
-  }
-  const struct Leave {
-    std::size_t& depth;
-    ~Leave() { depth -= depth > 0 ? 1 : 0; }
-  } leave{depth_};
+  const Nesting nesting(depth_, "the expression");
   const KernelToken& token = cursor.peek();
   if (token.is("-") || token.is("+") || token.is("~") || token.is("!") || token.is_name("not")) {
     ++cursor.i;

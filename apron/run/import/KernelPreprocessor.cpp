@@ -15,6 +15,7 @@ using Kind = KernelTokenKind;
 namespace {
 
 constexpr std::size_t kMaxDepth = 100;
+constexpr std::size_t kMostExpanded = 300'000;  // tokens of macros, in all expansions
 constexpr std::size_t kMaxTokens = 1'000'000;
 
 // The value of the condition of an #if, whose macros are expanded: unknown names are 0.
@@ -29,12 +30,17 @@ class ConditionParser {
     return i_ < tokens_.size() ? tokens_[i_] : kEnd;
   }
   double conditional() {
+    if (++depth_ > 200) return 0.0;
     const double test = binary(0);
-    if (!peek().is("?")) return test;
+    if (!peek().is("?")) {
+      --depth_;
+      return test;
+    }
     ++i_;
     const double yes = conditional();
     if (peek().is(":")) ++i_;
     const double no = conditional();
+    --depth_;
     return test != 0.0 ? yes : no;
   }
   double binary(int least) {
@@ -271,7 +277,8 @@ void KernelPreprocessor::expand(const KernelTokenList& in, std::size_t& i, const
                                 KernelTokenList& out) {
   const KernelToken& token = in[i++];
   const auto found = token.kind == Kind::kName ? macros_.find(token.text) : macros_.end();
-  if (found == macros_.end() || hidden.contains(token.text) || hidden.size() > kMaxDepth) {
+  if (found == macros_.end() || hidden.contains(token.text) || hidden.size() > kMaxDepth ||
+      expanded_ > kMostExpanded) {
     out.push_back(token);
     return;
   }
@@ -333,6 +340,7 @@ KernelTokenList KernelPreprocessor::substitute(const Macro& macro,
       const bool is_pasted = pastes || (i + 1 < macro.body.size() && macro.body[i + 1].is("##"));
       words = is_pasted ? *argument : expand_all(*argument, hidden);
     }
+    if ((expanded_ += words.size()) > kMostExpanded) break;
     for (KernelToken& part : words) {
       part.line = call.line;
       part.file = call.file;

@@ -602,6 +602,7 @@ void KernelSourceReader::leave_out(std::size_t start, const std::string& reason,
 void KernelSourceReader::translate_statement(ProgramLines& out, int depth) {
   const std::size_t start = position_, lines = out.size(), scopes = scopes_.size(), loops = loops_.size();
   try {
+    const Nesting nesting(statement_depth_, "the statement");
     dispatch_statement(out, depth);
   } catch (const Untranslatable& error) {
     scopes_.resize(scopes);

@@ -116,6 +116,7 @@ class KernelSourceReader final : KernelTranslation {
   CppType result_ = CppType::kVoid;  // of the current function; of auto from its first return statement on
   bool is_in_definition_ = false;    // tokens_ are those of a macro of the preprocessor
   int labels_ = 0;
+  std::size_t statement_depth_ = 0;
 };
 
 }  // namespace apron::run

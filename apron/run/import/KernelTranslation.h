@@ -31,6 +31,22 @@ template <class... Arguments>
   throw Untranslatable{fmt::format(reason, std::forward<Arguments>(arguments)...)};
 }
 
+// Counts how deeply something is nested, and gives up what is too deep for the stack.
+class Nesting {
+ public:
+  Nesting(std::size_t& depth, const char* what) : depth_(depth) {
+    if (depth_ >= kMost) give_up("{} is nested too deeply", what);
+    ++depth_;
+  }
+  ~Nesting() { --depth_; }
+  Nesting(const Nesting&) = delete;
+  Nesting& operator=(const Nesting&) = delete;
+
+ private:
+  static constexpr std::size_t kMost = 400;
+  std::size_t& depth_;
+};
+
 // True for a number, with or without a sign.
 bool is_number(const KernelTokenList&);
 // The texts of the tokens, joined.

@@ -8,6 +8,8 @@
 namespace hardware {
 namespace {
 
+constexpr std::uint64_t kMostCells = std::uint64_t{1} << 24;
+
 struct Place {
   std::uint32_t row, column;
 };
@@ -79,6 +81,15 @@ void TableMap::require_free(std::size_t index, const MountedBoard& board) const 
   }
 }
 
+// Before anything is kept for each of its cells.
+void TableMap::enclose(const MountedBoard& board) {
+  rows_ = std::max(rows_, board.row + board.rows);
+  columns_ = std::max(columns_, board.column + board.columns);
+  if (std::uint64_t{rows_} * columns_ > kMostCells)
+    throw std::invalid_argument(spec_.file + ": a table of " + std::to_string(rows_) + " rows of " +
+                                std::to_string(columns_) + " cells is too large");
+}
+
 void TableMap::mount(std::size_t index, const DeviceDescription& d) {
   const TableBoard& spec = spec_.boards[index];
   if (!spec.id.empty() && d.id != spec.id)
@@ -100,10 +111,7 @@ void TableMap::mount(std::size_t index, const DeviceDescription& d) {
   if (frozen_ && (board.row + board.rows > rows_ || board.column + board.columns > columns_))
     fail(index, "it is larger than the table");
   require_free(index, board);
-  if (!frozen_) {
-    rows_ = std::max(rows_, board.row + board.rows);
-    columns_ = std::max(columns_, board.column + board.columns);
-  }
+  if (!frozen_) enclose(board);
   for (const std::string& name : spec.without)
     if (std::ranges::find(d.channels, name, &DeviceChannel::name) == d.channels.end())
       fail(index, "without names '" + name + "', a channel that the device does not have");
@@ -160,8 +168,8 @@ std::size_t TableMap::board_beside(std::uint32_t row, std::uint32_t column) cons
     return found == boards_.rend() ? std::nullopt
                                    : std::optional(static_cast<std::size_t>(boards_.rend() - found) - 1);
   };
-  const auto in_column = last(
-      [&](const MountedBoard& b) { return column >= b.column && column < b.column + b.columns; });
+  const auto in_column =
+      last([&](const MountedBoard& b) { return column >= b.column && column < b.column + b.columns; });
   if (in_column) return *in_column;
   return last([&](const MountedBoard& b) { return row >= b.row && row < b.row + b.rows; })
       .value_or(boards_.size() - 1);
@@ -174,15 +182,11 @@ void TableMap::freeze() {
     if (!size) fail(i, "is not there, and has no size = [rows, columns]");
     MountedBoard board = place(i, size->first, size->second);
     require_free(i, board);
+    enclose(board);
     board.cells.resize(std::size_t{size->first} * size->second);
     board.exists.assign(board.cells.size(), 1);
-    rows_ = std::max(rows_, board.row + board.rows);
-    columns_ = std::max(columns_, board.column + board.columns);
     boards_[i] = std::move(board);
   }
-  if (std::uint64_t{rows_} * columns_ > (std::uint64_t{1} << 24))
-    throw std::invalid_argument(spec_.file + ": a table of " + std::to_string(rows_) + " rows of " +
-                                std::to_string(columns_) + " cells is too large");
   std::vector<std::uint8_t> covered(std::size_t{rows_} * columns_, 0);
   for (std::size_t i = 0; i < boards_.size(); ++i) {
     const TableBoard& spec = spec_.boards[i];

@@ -72,6 +72,7 @@ class TableMap {
   MountedBoard place(std::size_t index, std::uint32_t rows, std::uint32_t columns) const;
   std::size_t board_beside(std::uint32_t row, std::uint32_t column) const;
   void require_free(std::size_t index, const MountedBoard&) const;
+  void enclose(const MountedBoard&);
 
   const TableSpec& spec_;
   bool frozen_ = false;

@@ -8,7 +8,9 @@
 #include <algorithm>
 #include <cstdint>
 #include <filesystem>
+#include <fstream>
 #include <initializer_list>
+#include <iterator>
 #include <optional>
 #include <stdexcept>
 #include <string>
@@ -72,8 +74,8 @@ class TomlReader {
       values[i] = (*both)[i].value_exact<std::int64_t>().value_or(-1);
     for (const std::int64_t v : values)
       if (v < least || v > 65535)
-        fail(line_of(*node),
-             where + key + " must be [row, column], whole numbers from " + std::to_string(least) + " to 65535");
+        fail(line_of(*node), where + key + " must be [row, column], whole numbers from " +
+                                 std::to_string(least) + " to 65535");
     return std::pair{static_cast<std::uint32_t>(values[0]), static_cast<std::uint32_t>(values[1])};
   }
 
@@ -87,13 +89,38 @@ class TomlReader {
       throw std::invalid_argument(file_ + ": has " + std::to_string(bytes) + " bytes, at most " +
                                   std::to_string(most_bytes) + " are read");
     try {
-      return toml::parse_file(file_);
+      const std::string text = read_text();
+      check_keys(text);
+      return toml::parse(text, file_);
     } catch (const toml::parse_error& e) {
       fail(e.source().begin.line, std::string(e.description()));
     }
   }
 
  private:
+  static constexpr int kMostParts = 100;
+
+  std::string read_text() const {
+    std::ifstream file(file_, std::ios::binary);
+    if (!file) throw std::invalid_argument(file_ + ": cannot be read");
+    return {std::istreambuf_iterator<char>(file), {}};
+  }
+
+  // toml++ calls itself for each part of a key, a.b.c, without limit.
+  void check_keys(std::string_view text) const {
+    std::size_t line = 1;
+    int dots = 0;
+    char before = '\n';
+    for (const char c : text) {
+      if (c == '.' && ++dots == kMostParts)
+        fail(line, "more than " + std::to_string(kMostParts) + " dots in one key or text");
+      if (std::string_view(",=[]{}\n").find(c) != std::string_view::npos || (c == '.' && before == '.'))
+        dots = 0;
+      if (c == '\n') ++line;
+      before = c;
+    }
+  }
+
   std::string file_;
 };
 

@@ -1,18 +1,22 @@
 """Commands and readings of a recording, as identification needs them."""
 from __future__ import annotations
 
+import multiprocessing
 import os
 import pathlib
-from collections.abc import Mapping
+import resource
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, TypeVar
 
 import h5py
 import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[Any]
+Read = TypeVar("Read")
 LEAST_FRAMES = 20
+MOST_MEMORY, MEMORY_OF_BYTE = 2 << 30, 16  # in bytes: to read a file, and to read each of its bytes
 SETTLES_S = 0.5  # after a command whose time is not known,
 CROSSES_S = 1.0  # and for how long a cell may move, if the command changed by more than
 SMALL = 0.1      # of the span of its commands
@@ -112,14 +116,65 @@ def _text(value: Any) -> str:
 
 def read(path: str | os.PathLike[str]) -> Recorded:
     """Reads a recording. Raises RecordingError."""
+    return read_apart(path, _read)
+
+
+def read_apart(path: str | os.PathLike[str], read_file: Callable[[str, h5py.File], Read]) -> Read:
+    """What read_file returns of the recording's name and file, in a process of its own: a damaged file may let HDF5 crash, or ask
+    for any amount of memory. Raises RecordingError."""
     name = os.fspath(path)
     if not pathlib.Path(path).is_file():
         raise RecordingError(f"{name}: no such file")
+    receiver, sender = multiprocessing.Pipe(duplex=False)
+    child = os.fork()
+    if child == 0:
+        try:
+            sender.send(_outcome(name, read_file))
+        finally:
+            os._exit(0)
+    sender.close()
     try:
-        with h5py.File(path, "r") as file:
-            return _read(name, file)
-    except (OSError, KeyError, RuntimeError) as error:
-        raise RecordingError(f"{name}: cannot be read as a recording: {str(error).splitlines()[0]}") from error
+        found, error = receiver.recv()
+    except (EOFError, OSError):
+        found, error = None, "is damaged: the HDF5 library cannot read it"
+    finally:
+        receiver.close()
+        os.waitpid(child, 0)
+    if error is not None:
+        raise RecordingError(f"{name}: {error}")
+    result: Read = found
+    return result
+
+
+def _outcome(name: str, read_file: Callable[[str, h5py.File], Read]) -> tuple[Read | None, str | None]:
+    """What was read, or why nothing was."""
+    try:
+        own = int(pathlib.Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
+        soft, hard = resource.getrlimit(resource.RLIMIT_AS)
+        most = own + MOST_MEMORY + MEMORY_OF_BYTE * os.path.getsize(name)
+        resource.setrlimit(resource.RLIMIT_AS, (most if soft == resource.RLIM_INFINITY else min(most, soft), hard))
+        with h5py.File(name, "r", locking=False) as file:
+            _check_is_whole(file)
+            return read_file(name, file), None
+    except RecordingError as error:
+        return None, str(error).removeprefix(f"{name}: ")
+    except MemoryError:
+        return None, "cannot be read as a recording: needs too much memory"
+    except Exception as error:  # whatever h5py and numpy say of what is not a recording
+        return None, f"cannot be read as a recording: {(str(error).splitlines() or [type(error).__name__])[0]}"
+
+
+def _check_is_whole(file: h5py.File) -> None:
+    """Refuses a file that lets HDF5 open others. Nothing below the second level is read."""
+    def own(group: h5py.Group, name: str) -> Any:
+        item = group[name] if isinstance(group.get(name, getlink=True), h5py.HardLink) else None
+        if item is None or isinstance(item, h5py.Dataset) and (item.external or item.is_virtual):
+            raise RecordingError(f"{group.name.rstrip('/')}/{name} is not in the file itself")
+        return item
+    for top in file:
+        group = own(file, top)
+        for name in group if isinstance(group, h5py.Group) else ():
+            own(group, name)
 
 
 def _read(name: str, file: h5py.File) -> Recorded:
@@ -132,20 +187,27 @@ def _read(name: str, file: h5py.File) -> Recorded:
         if group not in file or len(file[group]) == 0:
             raise RecordingError(f"{name}: has no {group}: record with record {{ {flag} = true }}")
     surface = file["surface"].attrs
+    if file["tick"].dtype.kind not in "iu":
+        raise RecordingError(f"{name}: its ticks are no whole numbers")
     ticks = file["tick"][:].astype(np.int64)
     if len(ticks) < LEAST_FRAMES:
         raise RecordingError(f"{name}: has {len(ticks)} frames: must have at least {LEAST_FRAMES}")
-    if (np.diff(ticks) <= 0).any():
+    if (ticks < 0).any() or (np.diff(ticks) <= 0).any():
         raise RecordingError(f"{name}: its ticks do not ascend")
     is_live = "clock" in file
-    frames = int(ticks[-1] - ticks[0]) + 1
+    frames = int(ticks[-1]) - int(ticks[0]) + 1
     if frames > 4 * len(ticks):
         raise RecordingError(f"{name}: {frames - len(ticks)} of {frames} frames are lost")
     at = ticks - ticks[0]
     rows, columns = int(surface["rows"]), int(surface["columns"])
 
+    def planes(group: str) -> dict[str, h5py.Dataset]:
+        return {key: data for key, data in file[group].items() if isinstance(data, h5py.Dataset) and data.ndim == 3}
+
     def plane(data: h5py.Dataset, gap: bool) -> Array:
         """gap: frames that were lost read NaN; else they repeat the previous one."""
+        if data.shape[0] < len(ticks) or data.shape[1:] != (rows, columns) or data.dtype.kind not in "fiu":
+            raise RecordingError(f"{name}: {data.name} does not have {len(ticks)} frames of {rows} x {columns} numbers")
         values = data[:len(ticks)].astype(np.float32)
         if gap:
             full = np.full((frames, *values.shape[1:]), np.nan, np.float32)
@@ -154,8 +216,8 @@ def _read(name: str, file: h5py.File) -> Recorded:
         held: Array = values[np.searchsorted(at, np.arange(frames), side="right") - 1]
         return held
 
-    commands = {key: plane(data, False) for key, data in file["actuators"].items() if data.ndim == 3}
-    readings = {key: plane(data, True) for key, data in file["sensors"].items() if data.ndim == 3}
+    commands = {key: plane(data, False) for key, data in planes("actuators").items()}
+    readings = {key: plane(data, True) for key, data in planes("sensors").items()}
     if not is_live and "surface/height" in file:
         readings.setdefault("", plane(file["surface/height"], True))  # the heights themselves
     valid = readings.pop("valid", None)
@@ -165,17 +227,18 @@ def _read(name: str, file: h5py.File) -> Recorded:
             values[valid == 0] = np.nan
     if is_live:
         sure = _answers(file, ticks, frames)
-        for key, data in file["actuators"].items():
-            if data.ndim == 3:
-                commands[key] = _in_force(data[:len(ticks)].astype(np.float32), sure)
+        for key, data in planes("actuators").items():
+            commands[key] = _in_force(data[:len(ticks)].astype(np.float32), sure)
         unsure = _unsure_cells(commands, sure, valid, float(meta["control_period_s"]))
         other = at[_of_other_ticks(file, ticks)]
         for values in readings.values():
             values[unsure] = np.nan
             values[other] = np.nan
-    for values in commands.values():
-        if not np.isfinite(values).all():
-            values[...] = np.where(np.isfinite(values), values, np.nanmin(values))
+    for key, values in commands.items():
+        known = np.isfinite(values)
+        if not known.any():
+            raise RecordingError(f"{name}: no command of '{key}' is a finite number")
+        values[~known] = values[known].min()
     options = {key: _text(value) for key, value in file["meta/options"].attrs.items()} if "meta/options" in file else {}
     return Recorded(name, rows, columns, float(surface["pitch"]), float(meta["control_period_s"]),
                     _text(meta.get("experiment_file", "")), int(meta.get("seed", 1)), options,

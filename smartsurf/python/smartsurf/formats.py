@@ -133,13 +133,18 @@ def read_model(data: bytes) -> Model:
 
 
 def _add_data(model: Model, recording: pathlib.Path) -> None:
-    import h5py  # type: ignore[import-not-found,import-untyped,unused-ignore]
-    with h5py.File(recording, locking=False) as file:
-        for group in ("sensors", "actuators"):
-            for name, values in file.get(group, {}).items():
-                model.channels[f"{group}/{name}"] = values[model.frames]
-        for name, values in file.get("metrics", {}).items():
-            model.metrics[name] = values[model.frames]
+    from ._recorded import RecordingError, read_apart
+
+    def data(_: str, file: Any) -> tuple[dict[str, Array], dict[str, Array]]:
+        def of(group: str, ranks: tuple[int, ...]) -> dict[str, Array]:
+            return {name: values[model.frames] for name, values in file.get(group, {}).items()
+                    if getattr(values, "ndim", 0) in ranks and values.dtype.kind in "fiu"}
+        return {f"{group}/{name}": values for group in ("sensors", "actuators") for name, values in of(group, (3, 4)).items()}, \
+            of("metrics", (1,))
+    try:
+        model.channels, model.metrics = read_apart(recording, data)
+    except RecordingError as error:
+        raise FormatError(str(error)) from None
 
 
 def _names(nodes: list[Node]) -> Iterator[tuple[str, Node]]:

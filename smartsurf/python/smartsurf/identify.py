@@ -35,6 +35,11 @@ def _names(text: str) -> tuple[str, ...]:
     return names
 
 
+def _printable(text: str, also: str = "") -> str:
+    """Names in recordings may hold control characters."""
+    return "".join(c if c.isprintable() or c in also else repr(c)[1:-1] for c in text)
+
+
 def main(arguments: Sequence[str] | None = None) -> None:
     """The command. arguments: without the program's name [sys.argv]."""
     parser = argparse.ArgumentParser(prog="smartsurf identify", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
@@ -53,7 +58,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     except ImportError as error:
         raise ValueError(f"{error}; it needs SciPy and h5py: pip install 'smartsurf[identify]' or scripts/setup --identify") from error
     found = identify(how.recordings, how.experiment, how.output, how.channel, how.sensor, how.object, how.fit, how.seconds, dict(how.set))
-    print(found.report, end="")
+    print(_printable(found.report, "\n"), end="")
     out = pathlib.Path(how.output)
     print("wrote " + ", ".join(str(out.with_suffix(s)) for s in (".lua", ".csv", ".txt", ".json", ".svg") if out.with_suffix(s).exists()))
 
@@ -62,7 +67,7 @@ if __name__ == "__main__":
     try:
         main()
     except (OSError, ValueError) as failed:
-        print(f"smartsurf identify: {failed}", file=sys.stderr)
+        print(_printable(f"smartsurf identify: {failed}"), file=sys.stderr)
         sys.exit(2)
     except KeyboardInterrupt:
         sys.exit(130)

@@ -95,18 +95,14 @@ std::vector<std::string> read_strings(hid_t parent, const std::string& name, hsi
 
 std::vector<NamedText> read_string_attributes(hid_t parent, const char* group_name) {
   const Handle group = open_group(parent, group_name);
-  H5O_info_t object_info;
-  check(H5Oget_info2(group, &object_info, H5O_INFO_NUM_ATTRS), group_name);
+  // By index, HDF5 sorts all names for each.
+  const auto collect = [](hid_t, const char* name, const H5A_info_t*, void* texts) -> herr_t {
+    static_cast<std::vector<NamedText>*>(texts)->push_back({name, {}});
+    return 0;
+  };
   std::vector<NamedText> texts;
-  for (hsize_t i = 0; i < object_info.num_attrs; ++i) {
-    const Handle attribute(
-        H5Aopen_by_idx(group, ".", H5_INDEX_NAME, H5_ITER_INC, i, H5P_DEFAULT, H5P_DEFAULT), H5Aclose,
-        group_name);
-    std::string name(static_cast<std::size_t>(std::max<ssize_t>(H5Aget_name(attribute, 0, nullptr), 0)),
-                     '\0');
-    H5Aget_name(attribute, name.size() + 1, name.data());
-    texts.push_back({name, read_text_attribute(group, name.c_str())});
-  }
+  check(H5Aiterate2(group, H5_INDEX_NAME, H5_ITER_INC, nullptr, collect, &texts), group_name);
+  for (auto& [name, text] : texts) text = read_text_attribute(group, name.c_str());
   return texts;
 }
 

@@ -56,6 +56,8 @@ fs::path resolve_writable_path(const Sandbox& sandbox, const std::string& subjec
   if (fs::exists(real, error) && !fs::is_regular_file(real, error))
     throw_path_error(subject, path, "is not a regular file");
   if (common::is_input(real)) throw_path_error(subject, path, "is an input of this run");
+  if (const std::uintmax_t links = fs::hard_link_count(real, error); !error && links > 1)
+    throw_path_error(subject, path, "has other names, which are not the script's to write: delete this one");
   return real;
 }
 

@@ -399,6 +399,17 @@ class ScriptFiles(Hostile):
         self.assertEqual(status, 2, err)
         self.assertEqual(list((self.folder / "home").iterdir()), [])
 
+    def test_files_of_other_names_are_kept(self):
+        (self.folder / "home").mkdir()
+        (self.folder / "r.files").mkdir()
+        victim = self.folder / "home/.profile"
+        victim.write_text("kept")
+        (self.folder / "r.files/a").hardlink_to(victim)
+        for mode in "w", "a", "r+":
+            status, _, err = self.run_script(f"io.open('a', '{mode}'):write('evil')", "--record", "r.h5")
+            self.assertEqual((status, victim.read_text()), (2, "kept"), err)
+            self.assertIn("'a' has other names", err)
+
 
 class Recordings(Hostile):
     """A recording may hold anything: no reader crashes on it, and running it again reads nothing that the run did not."""
@@ -428,6 +439,15 @@ class Recordings(Hostile):
         self.assertEqual(status, 2, out + err)
         self.assertNotIn("secret line", out + err)
         self.assertIn("is not beside the script", err)
+
+    def test_many_attributes_take_no_time(self):
+        import h5py
+        self.record("option('count', 1, '')\n")
+        with h5py.File(self.folder / "r.h5", "r+") as file:
+            for name in range(6000):
+                file["meta/options"].attrs[f"name{name}"] = "value"
+        status, out, err = self.run_program("prlimit", "--cpu=2", SMARTSURF, "info", "r.h5")
+        self.assertEqual(status, 0, err)
 
     def test_irregular_ticks_are_refused(self):
         self.record("")

@@ -362,6 +362,51 @@ class Identification(ProgramTest):
         self.refused("record with record { actuators = true }", self.record("mute", public(actuators="false")), "--experiment", "table.lua",
                      "-o", "identified.lua")
 
+    def test_a_hostile_recording_is_refused(self):
+        import h5py
+        import numpy as np
+        whole = (self.folder / self.record("table", public())).read_bytes()
+        os.mkfifo(self.folder / "pipe")  # whoever opens it waits
+
+        def elsewhere(file, path):
+            shape = file[path].shape
+            del file[path]
+            file.create_dataset(path, shape, "f4", external=[("pipe", 0, h5py.h5f.UNLIMITED)])
+
+        def replace(file, path, value):
+            del file[path]
+            file[path] = value
+        for says, change in (
+                ("/tick is not in the file itself", lambda file: replace(file, "tick", h5py.ExternalLink("pipe", "/tick"))),
+                ("/tick is not in the file itself", lambda file: replace(file, "tick", h5py.SoftLink("/time"))),
+                ("/sensors/pin_height is not in the file itself", lambda file: elsewhere(file, "sensors/pin_height")),
+                ("its ticks are no whole numbers", lambda file: replace(file, "tick", np.full(300, np.nan))),
+                ("its ticks do not ascend", lambda file: replace(file, "tick", np.uint64(2**63 - 150) + np.arange(300, dtype="u8"))),
+                ("its ticks are no whole numbers", lambda file: replace(file, "tick", np.zeros(300, [("a", "u8"), ("b", "f4")]))),
+                ("needs too much memory", lambda file: (file.move("tick", "was"), file.create_dataset("tick", (2**40,), "u8", chunks=(1024,)))),
+                ("of 4 x 4 numbers", lambda file: replace(file, "actuators/height", np.zeros((5, 4, 4), "f4"))),
+                ("of 4 x 4 numbers", lambda file: replace(file, "sensors/pin_height", np.zeros((301, 4, 4), "c8"))),
+                ("no command of 'height' is a finite number", lambda file: file["actuators/height"].write_direct(
+                    np.full(file["actuators/height"].shape, np.nan, "f4"))),
+                ("cannot be read as a recording", lambda file: replace(file, "sensors", np.zeros(4))),
+                ("cannot be read as a recording", lambda file: file["meta"].attrs.create("every", "\x1b[2J\nx")),
+                (r"actuator channel '\x1b[2J'", lambda file: file.copy("actuators/height", "actuators/\x1b[2J"))):
+            (self.folder / "hostile.h5").write_bytes(whole)
+            with h5py.File(self.folder / "hostile.h5", "r+") as file:
+                change(file)
+            with self.subTest(says=says):
+                self.refused(says, "hostile.h5", "--experiment", "table.lua", "-o", "identified.lua")
+
+    def test_a_crash_of_hdf5_is_no_crash_of_the_reader(self):
+        sys.path.insert(0, str(BIN.parent / "python"))
+        from smartsurf._recorded import RecordingError, read_apart
+        recording = self.folder / self.record("table", public())
+        self.assertEqual(read_apart(recording, lambda name, file: file["surface"].attrs["rows"]), 4)
+        with self.assertRaisesRegex(RecordingError, "table.h5: is damaged"):
+            read_apart(recording, lambda name, file: os.kill(os.getpid(), signal.SIGSEGV))
+        with self.assertRaisesRegex(RecordingError, "table.h5: .*too much memory"):
+            read_apart(recording, lambda name, file: bytes(1 << 33))
+
 
 if __name__ == "__main__":
     unittest.main()

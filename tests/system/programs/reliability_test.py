@@ -192,17 +192,17 @@ class Extremes(ReliabilityTest):
             status, _, err = self.run_program(SMARTSURF, "run", scene, "--no-controller", "--until", "1")
             self.assertEqual(status, 0, (needle, err))
 
-    def test_objects_at_one_point_end_the_run_before_they_take_the_memory(self):
+    def test_objects_at_one_point_end_the_run_before_they_take_memory_or_time(self):
         scene = self.write("point.lua", """
             surface { rows = 8, columns = 8, actuator = pin {} }
-            for i = 1, 4000 do sphere { radius = 0.5, position = { 4, 4, 5 } } end
+            local count = option('count', 4000, 'spheres')
+            at(0, function() for i = 1, count do sphere { radius = 0.5, position = { 4, 4, 5 } } end end)
             """)
-        status, err = self.run_limited([SMARTSURF, "run", scene, "--no-controller", "--until", "1"],
-                                       lambda: resource.setrlimit(resource.RLIMIT_AS, (1 << 30, 1 << 30)), patience=60)
-        self.assertEqual(status, 1, err)
-        warning, failure = err.strip().splitlines()
-        self.assertIn("is inside object", warning)
-        self.assertIn("4000 objects overlap", failure)
+        for count, limit, most in (4000, resource.RLIMIT_AS, 1 << 30), (100000, resource.RLIMIT_CPU, 10):
+            status, err = self.run_limited([SMARTSURF, "run", scene, "--no-controller", "--until", "1", "--set", f"count={count}"],
+                                           lambda: resource.setrlimit(limit, (most, most)), patience=120)
+            self.assertEqual(status, 1, err)
+            self.assertEqual(err, f"smartsurf: failed at tick 1: too many of the {count} objects overlap: place them apart\n")
 
 
 class Reproducible(ReliabilityTest):

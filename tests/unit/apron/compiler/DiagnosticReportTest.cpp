@@ -37,6 +37,13 @@ TEST(Report, ErrorsAreSortedByLine) {
             "            ^\n");
 }
 
+TEST(Report, LongWordsAreShortened) {
+  const std::string word(1 << 20, 'x');
+  for (const std::string& line : {word + " = 1 +", "println(" + word + ")", "!include('" + word + ".aps')",
+                                  "x = " + std::string(1 << 20, '1') + "y", "call(#" + word + ")"})
+    EXPECT_LT(errors(compile_text(line + "\n")).size(), 2500U) << line.substr(0, 20);
+}
+
 TEST(Report, StopsAfterTwentyErrors) {
   std::string text;
   for (int i = 0; i < 50; ++i) text += "x = )\n";

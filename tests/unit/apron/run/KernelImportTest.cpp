@@ -59,6 +59,28 @@ int main(){
 }
 )";
 
+// The program of a kernel file of unknown origin: no nesting is too deep for the stack, no macro takes all
+// memory.
+TEST(KernelImport, DeepTextIsLeftOut) {
+  const auto repeated = [](const std::string& text, int count) {
+    std::string all;
+    for (int i = 0; i < count; ++i) all += text;
+    return all;
+  };
+  for (const char* statement : {"{", "if(1)", "while(1)", "if(1);else ", "for(;;){", "do{"})
+    EXPECT_NO_THROW(import_text("int main(){" + repeated(statement, 40000) + "mov(A,B);")) << statement;
+  for (const char* expression : {"(", "1?", "1?2:", "!", "f(", "1+(2*"})
+    for (const char* before : {"int main(){ scamp5_in(A,", "const int x = ", "\n#if "})
+      EXPECT_NO_THROW(import_text(before + repeated(expression, 40000) + "1);}\n")) << before << expression;
+  std::string doubling = "#define A0 1\n#define F(x) x x\n";
+  for (int i = 1; i < 60; ++i)
+    doubling += "#define A" + std::to_string(i) + " A" + std::to_string(i - 1) + " + A" +
+                std::to_string(i - 1) + "\n";
+  EXPECT_NO_THROW(import_text(doubling + "int main(){ scamp5_in(A, A59); }\n"));
+  EXPECT_NO_THROW(
+      import_text(doubling + "int main(){ " + repeated("F(", 60) + "mov(A,B);" + repeated(")", 60) + "}\n"));
+}
+
 TEST(KernelImport, TranslatesKernelsOfTheTutorials) {
   const ImportedKernels imported = import_text(kSobel);
   EXPECT_EQ(

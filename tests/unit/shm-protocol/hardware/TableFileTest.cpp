@@ -55,8 +55,12 @@ TEST_F(TableFile, ReadsBoards) {
 }
 
 TEST_F(TableFile, MistakesAreNamedWithTheirLine) {
+  std::string many_parts = "a";
+  for (int i = 0; i < 100000; ++i) many_parts += ".a";
   const std::pair<std::string, std::string> kMistakes[] = {
       {kHead + kBoard + "turn = 45\n", "8: board 'a': turn is 45, must be 0, 90, 180 or 270"},
+      {kHead + many_parts + " = 1\n", "4: more than 100 dots in one key or text"},
+      {kHead + "[" + many_parts + "]\n", "4: more than 100 dots in one key or text"},
       {kHead + kBoard + "tilt = 3\n", "8: board 'a': unknown key 'tilt'; known are id, device"},
       {kHead + "colour = 1\n" + kBoard, "4: unknown key 'colour'"},
       {kHead + kBoard + kBoard, "8: board 'a': line 4 has a board of the same id"},

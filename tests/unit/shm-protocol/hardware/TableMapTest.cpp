@@ -154,6 +154,8 @@ TEST(TableMap, MistakesNameFileLineAndBoards) {
   auto absent = table_of({at(0, 0), at(0, 3)});
   absent.boards[1].size = {2, 3};
   EXPECT_EQ(error_of(absent, {d}), "none");
+  absent.boards[1].size = {65535, 65533};  // refused before its cells take memory
+  EXPECT_EQ(error_of(absent, {d}), "t.toml: a table of 65535 rows of 65536 cells is too large");
   auto reserved = d;
   reserved.channels[0].name = "valid";
   EXPECT_NE(error_of(table_of({at(0, 0)}), {reserved}).find("one of the table's own"), std::string::npos);
