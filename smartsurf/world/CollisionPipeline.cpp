@@ -222,7 +222,8 @@ void CollisionPipeline::assign_output_offsets(std::vector<BodyRunOutput>& output
     ranges.first_range.push_back(static_cast<std::int32_t>(partition_.first_body_run_of(s)));
   for (int s = 0; s < partition_.slab_count(); ++s)
     for (const std::int32_t p : partition_.body_runs_of(s))
-      ranges.range.push_back({static_cast<int>(outputs[p].to), static_cast<int>(outputs[p].to + outputs[p].count)});
+      ranges.range.push_back(
+          {static_cast<int>(outputs[p].to), static_cast<int>(outputs[p].to + outputs[p].count)});
 }
 
 // Contacts lie slab by slab, as a single member finds them.

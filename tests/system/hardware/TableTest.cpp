@@ -331,8 +331,8 @@ TEST(Table, PatientBoardsWaitForLateAnswers) {
   EXPECT_GE(missed({}), 30);
 }
 
-// A board that has begun its next period does not hold those whose clocks are a little later: the frames of all
-// come in time for each tick.
+// A board that has begun its next period does not hold those whose clocks are a little later: the frames of
+// all come in time for each tick.
 TEST(Table, PatientBoardsKeepInStep) {
   double share = 0;
   for (int attempt = 0; attempt < 3 && share < 0.75; ++attempt) {  // on a busy machine, frames are late
@@ -435,7 +435,8 @@ TEST(Table, BadTableIsOneLine) {
   expect("period_us = 20000", "period_us = 10000", "control period is 20000 µs");
   expect("at = [0, 4]", "at = [0, 4]\nturn = 10", ":14: board 'b1': turn is 10");
   expect("at = [0, 4]", "at = [0, 4]\nwithout = [\"load\"]", ":10: board 'b1': without names 'load'");
-  expect("at = [0, 4]", "at = [0, 70000]", ":13: board 'b1': at must be [row, column], whole numbers from 0 to 65535");
+  expect("at = [0, 4]", "at = [0, 70000]",
+         ":13: board 'b1': at must be [row, column], whole numbers from 0 to 65535");
   std::filesystem::remove(file);
 }
 
