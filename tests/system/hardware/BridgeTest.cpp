@@ -295,6 +295,8 @@ TEST(Bridge, BadNameOfTheSurfaceIsRefusedAtOnce) {
     EXPECT_EQ(std::count(said.begin(), said.end(), '\n'), 1) << said;
     EXPECT_NE(said.find(message), std::string::npos) << said;
   }
+  bridge.signal(SIGINT);  // killed, it would leave its segment behind
+  bridge.wait();
   std::filesystem::remove(file);
 }
 
