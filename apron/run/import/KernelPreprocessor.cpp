@@ -29,19 +29,26 @@ class ConditionParser {
     static const KernelToken kEnd;
     return i_ < tokens_.size() ? tokens_[i_] : kEnd;
   }
-  double conditional() {
-    if (++depth_ > 200) return 0.0;
-    const double test = binary(0);
-    if (!peek().is("?")) {
-      --depth_;
-      return test;
-    }
-    ++i_;
-    const double yes = conditional();
-    if (peek().is(":")) ++i_;
-    const double no = conditional();
+  // The value of parse(), or 0 of what is nested too deeply for the stack.
+  template <class Parse>
+  double nested(const Parse& parse) {
+    constexpr int kMostNesting = 200;
+    if (depth_ == kMostNesting) return 0.0;
+    ++depth_;
+    const double value = parse();
     --depth_;
-    return test != 0.0 ? yes : no;
+    return value;
+  }
+  double conditional() {
+    return nested([this] {
+      const double test = binary(0);
+      if (!peek().is("?")) return test;
+      ++i_;
+      const double yes = conditional();
+      if (peek().is(":")) ++i_;
+      const double no = conditional();
+      return test != 0.0 ? yes : no;
+    });
   }
   double binary(int least) {
     double left = unary();
@@ -55,26 +62,20 @@ class ConditionParser {
     }
   }
   double unary() {
-    if (++depth_ > 200) return 0.0;
-    const KernelToken token = peek();
-    if (i_ < tokens_.size()) ++i_;
-    double value = 0.0;
-    if (token.is("!")) {
-      value = unary() == 0.0 ? 1.0 : 0.0;
-    } else if (token.is("-")) {
-      value = -unary();
-    } else if (token.is("~")) {
-      value = -unary() - 1.0;
-    } else if (token.is("(")) {
-      value = conditional();
-      if (peek().is(")")) ++i_;
-    } else if (token.kind == Kind::kNumber) {
-      value = std::strtod(token.text.c_str(), nullptr);
-    } else if (token.is_name("true")) {
-      value = 1.0;
-    }
-    --depth_;
-    return value;
+    return nested([this] {
+      const KernelToken token = peek();
+      if (i_ < tokens_.size()) ++i_;
+      if (token.is("!")) return unary() == 0.0 ? 1.0 : 0.0;
+      if (token.is("-")) return -unary();
+      if (token.is("~")) return -unary() - 1.0;
+      if (token.is("(")) {
+        const double value = conditional();
+        if (peek().is(")")) ++i_;
+        return value;
+      }
+      if (token.kind == Kind::kNumber) return std::strtod(token.text.c_str(), nullptr);
+      return token.is_name("true") ? 1.0 : 0.0;
+    });
   }
 
   const KernelTokenList& tokens_;
