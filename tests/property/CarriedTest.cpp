@@ -1,7 +1,9 @@
 // The field lifts, carries and catches objects without losing them or letting them penetrate.
 #include <gtest/gtest.h>
 
+#include <array>
 #include <cmath>
+#include <random>
 
 #include "smartsurf/scene/KindRegistry.h"
 #include "tests/property/PhysicsFixture.h"
@@ -215,3 +217,42 @@ TEST(Tipping, BoxTipsWithinTwoPercentOfCriticalSlope) {
         EXPECT_LT(fixture.position(id).z(), 0.6) << slenderness;
     }
 }
+
+// A body that spins carries riders on circles, as a turntable does.
+class SpinningBody : public testing::TestWithParam<int> {};
+
+TEST_P(SpinningBody, CarriesRidersOnCircles) {
+  std::mt19937_64 random(3);
+  const auto draw = [&random](double low, double high) {
+    return low + (high - low) * (static_cast<double>(random()) / 0x1p64);
+  };
+  for (int i = 0; i < 12; ++i) {
+    PhysicsFixture fixture;
+    fixture.scene.world.dt_s = 1.0 / GetParam();
+    fixture.scene.world.iterations = std::array{4, 10, 40}[static_cast<std::size_t>(i) % 3];
+    fixture.scene.materials[0].friction = 0;
+    const double rate = draw(0.3, 2.0) * (draw(0, 1) < 0.5 ? -1 : 1), start = draw(-3.1, 3.1),
+                 friction = draw(0.2, 1.0);
+    const double distance = std::min(5.0, draw(0.2, 0.7) * friction * kGravity / (rate * rate));
+    scene::ObjectSpec table =
+        draw(0, 1) < 0.5 ? cylinder(8, 1, {15.5, 15.5, 0.5}) : box({14, 14, 1}, {15.5, 15.5, 0.5});
+    table.mass = 1e5, table.friction = friction, table.angular_velocity = {0, 0, rate};
+    const Eigen::Vector3d at(15.5 + distance * std::cos(start), 15.5 + distance * std::sin(start), 1.2);
+    scene::ObjectSpec rider =
+        draw(0, 1) < 0.5 ? box({draw(1.5, 3), draw(1.5, 3), 0.4}, at) : cylinder(draw(1, 1.7), 0.4, at);
+    rider.friction = friction;
+    rider.velocity = rate * Eigen::Vector3d(15.5 - at.y(), at.x() - 15.5, 0);
+    rider.angular_velocity = {0, 0, rate};
+    const scene::ObjectId table_id = fixture.add(table);
+    fixture.run(1.0);
+    rider.position.z() = static_cast<double>(fixture.position(table_id).z()) + 0.7;
+    const scene::ObjectId id = fixture.add(rider);
+    fixture.run(4.0);
+    const double angle = start + rate * 4.0;
+    const Eigen::Vector3d expected(15.5 + distance * std::cos(angle), 15.5 + distance * std::sin(angle), 0);
+    const Eigen::Vector3d off = fixture.position(id).cast<double>() - expected;
+    EXPECT_LT(off.head<2>().norm(), 0.005 * distance) << "rate " << rate << ", distance " << distance;
+  }
+}
+
+INSTANTIATE_TEST_SUITE_P(Steps, SpinningBody, testing::Values(60, 120, 240, 960));

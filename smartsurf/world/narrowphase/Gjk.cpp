@@ -250,18 +250,14 @@ ClosestPoints search(const ConvexProxy& a, const ConvexProxy& b, float limit, co
 
 }  // namespace
 
+// Among nearly flat simplices rounding decides, and a search may go in circles: then it begins elsewhere.
 ClosestPoints closest_points(const ConvexProxy& a, const ConvexProxy& b, float limit, const Vec3& towards_a,
                              SimplexCache* cache) {
-  float error;
-  return search(a, b, limit, towards_a, cache, error);
-}
-
-// Among nearly flat simplices rounding decides, and a search may go in circles: then it begins elsewhere.
-ClosestPoints certain_closest_points(const ConvexProxy& a, const ConvexProxy& b, float limit,
-                                     const Vec3& towards_a) {
   constexpr float kMaxError = 5e-4F;
   float error;
-  ClosestPoints best = search(a, b, limit, towards_a, nullptr, error);
+  ClosestPoints best = search(a, b, limit, towards_a, cache, error);
+  if (!(error > kMaxError)) return best;
+  if (cache) cache->count = 0;
   for (int k = 0; k < 12 && error > kMaxError; ++k) {
     const Vec3 direction = (k & 1 ? -1.0F : 1.0F) * (k < 6 ? a : b).axes.col(k / 2 % 3);
     float other_error;

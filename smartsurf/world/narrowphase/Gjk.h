@@ -41,10 +41,8 @@ struct SimplexCache {
 };
 // If the cores are farther apart than `limit`, only the distance is set, to some value beyond it.
 // `towards_a`: estimate of the direction from b to a, of any length. `cache`: read and updated; may be null.
+// Where the search does not converge, `distance` is a lower bound along the normal.
 ClosestPoints closest_points(const ConvexProxy& a, const ConvexProxy& b, float limit, const Vec3& towards_a,
                              SimplexCache* cache = nullptr);
-// Likewise; where the search does not converge, `distance` is a lower bound along the normal.
-ClosestPoints certain_closest_points(const ConvexProxy& a, const ConvexProxy& b, float limit,
-                                     const Vec3& towards_a);
 
 }  // namespace smartsurf::world

@@ -102,7 +102,7 @@ PairSweep::Gap PairSweep::gap(const ConvexPart& part_a, const ConvexPart& part_b
 PairSweep::Gap PairSweep::gap(const ConvexProxy& proxy_a, const ConvexProxy& proxy_b, float reach) {
   const float radii = proxy_a.convex_radius + proxy_b.convex_radius;
   const ClosestPoints closest =
-      certain_closest_points(proxy_a, proxy_b, radii + reach, Vec3(proxy_a.centre - proxy_b.centre));
+      closest_points(proxy_a, proxy_b, radii + reach, Vec3(proxy_a.centre - proxy_b.centre));
   return {closest.normal, closest.separated ? closest.distance - radii : -radii};
 }
 

@@ -35,7 +35,7 @@ struct ContactBatch {
 // memory-bound.
 struct alignas(64) BatchPoint {
   float normal[3][kLanes];
-  float radius_a[kLanes], radius_b[kLanes];  // used for spheres only
+  float radius_a[kLanes], radius_b[kLanes];  // of spheres; in a general pair, of the bounding spheres
   float normal_impulse[kLanes], friction_impulse[3][kLanes], total_normal_impulse[kLanes];
   float separation[kLanes];
   // Target of the normal velocity in the relax stage: −separation / h for a speculative contact, otherwise 0.
@@ -45,7 +45,10 @@ struct alignas(64) BatchPoint {
 };
 struct alignas(64) BatchPointDetail {
   float anchor_a[3][kLanes], anchor_b[3][kLanes];
-  float surface_velocity[3][kLanes], surface_spin[kLanes];
+  // Of the static surface. In a general pair: how much faster b is at the point than at the place that the
+  // point had at the start of the step, relative to a and along the surface.
+  float surface_velocity[3][kLanes];
+  float surface_spin[kLanes];
   float rolling_friction[kLanes], rolling_mass[kLanes], rolling_impulse[3][kLanes];
   float steady_impulse[kLanes];       // normal: see SubstepParams::steady_share; not for spheres
   float slip_per_impulse[3][kLanes];  // slip velocity of a against b per unit normal impulse; not for spheres

@@ -217,9 +217,16 @@ void solve(const ContactBatch* o, int n, BatchPoints p, const SolverBodies& rows
     for (int lane = 0; lane < o[i].lane_count; lane += kVectorWidth) {
       ContactLanes<kPair, kSpheres> l(o[i], lane, rows);
       const DeltaPoseLanes<kPair, kSpheres> delta(o[i], lane, rows);
+      V3 carrying;
+      if constexpr (kPair && !kSpheres)
+        carrying = delta.carrying_velocity(l, point_ref(p, o[i].first_point), params);
       for (int k = o[i].first_point; k < o[i].first_point + o[i].point_count; ++k) {
         const PointRef q = point_ref(p, k);
         if (!kPair && o[i].has_impulse_limit) update_cell_lag(q, lane, params);
+        if constexpr (kPair && !kSpheres) {
+          const V3 along = load3(q.point.normal, lane);
+          store3(carrying - along * dot(along, carrying), q.detail.surface_velocity, lane);
+        }
         solve_point(l, q, [&](const V3& along, V speed) HWY_ATTR {
           V separation = delta.separation(l, q, along, params);
           if (!kPair && o[i].has_impulse_limit)

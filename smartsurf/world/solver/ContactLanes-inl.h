@@ -166,7 +166,7 @@ struct ContactLanes {
   HWY_INLINE V3 relative_velocity(const PointRef& q, const V3& normal) const {
     V3 dv = a.velocity;
     if constexpr (kPair) dv = dv - b.velocity;
-    if constexpr (!kPair) dv = dv - load3(q.detail.surface_velocity, lane);
+    if constexpr (!kPair || !kSpheres) dv = dv - load3(q.detail.surface_velocity, lane);
     if constexpr (kSpheres) {
       V3 surface_rotation = a.angular_velocity * load(q.point.radius_a, lane);
       if constexpr (kPair)
@@ -252,6 +252,20 @@ struct DeltaPoseLanes {
               unused);
     if constexpr (!kSpheres)
       load_rows(&rows.delta_pose->translation[0], index, 4, rotation.x, rotation.y, rotation.z, unused);
+  }
+
+  // The points of a pair lie on the smaller body, which moves over the larger one that carries it. How much
+  // faster b is, relative to a, where the points are in the middle of the substep (the midpoint rule) than
+  // where they were at the start of the step.
+  HWY_INLINE V3 carrying_velocity(const ContactLanes<kPair, kSpheres>& l, const PointRef& q,
+                                  const SubstepParams& params) const {
+    static_assert(kPair && !kSpheres);
+    const V larger_a = load(q.point.radius_a, l.lane) - load(q.point.radius_b, l.lane);
+    const V3 &of_a = l.a.angular_velocity, &of_b = l.b.angular_velocity;
+    const V3 carrier{if_positive(larger_a, of_a.x, of_b.x), if_positive(larger_a, of_a.y, of_b.y),
+                     if_positive(larger_a, of_a.z, of_b.z)};
+    return cross(carrier,
+                 translation_a - translation_b + (l.a.velocity - l.b.velocity) * set(0.5F * params.h_s));
   }
 
   // Current separation along the normal n, to first order.

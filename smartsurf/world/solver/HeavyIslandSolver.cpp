@@ -25,17 +25,18 @@ float slop_of(bool of_pair, bool of_spheres) { return of_pair && !of_spheres ? k
 // The greatest deflection of a contact under its load, u.
 float max_deflection(bool of_pair, bool of_spheres) { return 0.5F * slop_of(of_pair, of_spheres); }
 constexpr int kMaxPasses = 12;
-// More than the weight of a body, in its weights, that rests on another, and less than that of what bears one.
+// More than the weight of a body, in its weights, that rests on another, and less than that of what bears
+// one.
 constexpr float kOwnWeight = 3.0F;
 // A contact bears no more than this many times the weight, the forces and the momentum of its island; what
 // does is wedged, and its stresses are no load.
 constexpr double kGreatestLeverage = 8.0;
 
-// Flags of a set of rows that contacts connect: a body in it bears a heavy load; a load presses springs deep; the
-// sweeps solve it.
+// Flags of a set of rows that contacts connect: a body in it bears a heavy load; a load presses springs deep;
+// the sweeps solve it.
 constexpr std::uint8_t kHeavy = 1, kSinking = 2, kExcluded = 4;
-// A load that presses a contact by so many times what it yields in the direct solver makes an island heavy; one by the
-// lesser times makes one sink that has bodies enough to add it up to a depth that matters.
+// A load that presses a contact by so many times what it yields in the direct solver makes an island heavy;
+// one by the lesser times makes one sink that has bodies enough to add it up to a depth that matters.
 constexpr float kDeepAlone = 4.0F, kDeepTogether = 0.5F;
 constexpr int kLeastSinkingBodies = 8;
 
@@ -85,9 +86,10 @@ void HeavyIslandSolver::find_heavy_lanes(const ContactBatch& o, ContactKind kind
     const float deflection = (1.0F - params.steady_share) * params.impulse_scale * loading /
                              (params.mass_scale * params.bias_rate);
     // In parts of what a contact yields in the direct solver.
-    const float excess = is_sphere_kind(kind) || !is_pair(kind) ? 0.0F : deflection / max_deflection(true, false);
-    // The lighter one of an unequal pair bears the heavier one where it is below it; where it lies on it, only what it
-    // bears itself.
+    const float excess =
+        is_sphere_kind(kind) || !is_pair(kind) ? 0.0F : deflection / max_deflection(true, false);
+    // The lighter one of an unequal pair bears the heavier one where it is below it; where it lies on it,
+    // only what it bears itself.
     const float(&normal)[3][kLanes] = points.point[o.first_point].normal;  // from b to a
     const float up = -weight.dot(Vec3(normal[0][lane], normal[1][lane], normal[2][lane]));
     const bool is_below = (a >= b ? -up : up) > 0.0F;
@@ -124,7 +126,8 @@ void HeavyIslandSolver::unite(std::int32_t row, std::int32_t other) {
     if (row == other) return;
     if (row < other) std::swap(row, other);
     std::int32_t expected = row;
-    if (std::atomic_ref(parent_[row]).compare_exchange_strong(expected, other, std::memory_order_relaxed)) return;
+    if (std::atomic_ref(parent_[row]).compare_exchange_strong(expected, other, std::memory_order_relaxed))
+      return;
   }
 }
 
@@ -214,12 +217,15 @@ void HeavyIslandSolver::mark_islands(const Step& step, IndexRange own_rows, cons
 void HeavyIslandSolver::number_islands(const Step& step) {
   const auto& [graph, bodies, partition, points, velocity, supports, gravity, h_s] = step;
   islands_.clear();
-  const auto is_direct = [this](std::int32_t root) { return flags_[root] != 0 && (flags_[root] & kExcluded) == 0; };
+  const auto is_direct = [this](std::int32_t root) {
+    return flags_[root] != 0 && (flags_[root] & kExcluded) == 0;
+  };
   const auto any_direct = [&](std::span<const std::int32_t> rows) {
     return std::ranges::any_of(rows, [&](std::int32_t row) { return is_direct(find_root(row)); });
   };
-  if (std::ranges::none_of(
-          members_, [&](const MemberData& m) { return any_direct(m.heavy_rows) || any_direct(m.sinking_rows); }))
+  if (std::ranges::none_of(members_, [&](const MemberData& m) {
+        return any_direct(m.heavy_rows) || any_direct(m.sinking_rows);
+      }))
     return;
   const std::size_t row_count = parent_.size();
   constexpr std::int32_t kNone = -1;
@@ -322,7 +328,8 @@ void HeavyIslandSolver::share_islands() {
   const auto work_of = [](const Island& island) { return island.point_count + 4 * island.body_count; };
   std::vector<std::int32_t> order(islands_.size()), work(members_.size(), 0);
   std::iota(order.begin(), order.end(), 0);
-  std::ranges::stable_sort(order, std::ranges::greater(), [&](std::int32_t i) { return work_of(islands_[i]); });
+  std::ranges::stable_sort(order, std::ranges::greater(),
+                           [&](std::int32_t i) { return work_of(islands_[i]); });
   for (const std::int32_t i : order) {
     const auto least = std::ranges::min_element(work);
     islands_[i].member = static_cast<std::int32_t>(least - work.begin());
@@ -356,7 +363,8 @@ void HeavyIslandSolver::exchange_impulses(std::span<Point> island, const BatchPo
       if (p.is_sphere) anchor = n * (side == 0 ? -q.radius_a[p.lane] : q.radius_b[p.lane]);
       const Vec3 along = side == 0 ? change : Vec3(-change);
       const Vec3 spin = to_matrix(rows.inverse_inertia[row]) * anchor.cross(along);
-      for (int i = 0; i < 3; ++i) m.velocity[i] += m.inverse_mass * along[i], m.angular_velocity[i] += spin[i];
+      for (int i = 0; i < 3; ++i)
+        m.velocity[i] += m.inverse_mass * along[i], m.angular_velocity[i] += spin[i];
     }
   }
 }
@@ -387,10 +395,11 @@ void HeavyIslandSolver::set_up(Point& p, const BatchPoints& points, const Solver
     if (m.inverse_mass > 0.0F)
       least_inverse_mass = std::min(least_inverse_mass, static_cast<double>(m.inverse_mass));
   }
-  if (p.row[1] < 0) {
+  const bool of_pair = p.row[1] >= 0;
+  if (!of_pair || !p.is_sphere) {
     const Vector3 surface = load(d.surface_velocity, p.lane);
     for (int k = 0; k < 3; ++k) speed[k] -= axis[k].dot(surface);
-    displacement -= n.dot(surface) * static_cast<double>(params.elapsed_s);
+    if (!of_pair) displacement -= n.dot(surface) * static_cast<double>(params.elapsed_s);
   }
   const double hard = 1.0 / (kCompliance * least_inverse_mass);
   const Vector3 friction = load(q.friction_impulse, p.lane);
@@ -404,7 +413,6 @@ void HeavyIslandSolver::set_up(Point& p, const BatchPoints& points, const Solver
   double target = static_cast<double>(q.relax_target_speed[p.lane]);
   if (is_soft) {
     const float separation = q.separation[p.lane] + static_cast<float>(displacement);
-    const bool of_pair = p.row[1] >= 0;
     target = static_cast<double>(law::push_out_speed(separation, params, slop_of(of_pair, p.is_sphere)));
     if (separation <= 0.0F) {
       const double soft = static_cast<double>(params.impulse_scale /

@@ -127,7 +127,7 @@ void JointedContacts::sweep(BatchPoints points, const SolverBodies& rows, const 
     BatchPoint& q = points.point[p.index];
     const BatchPointDetail& d = points.detail[p.index];
     const int lane = p.lane;
-    const Vec3 surface = p.is_pair ? Vec3(Vec3::Zero()) : load(d.surface_velocity, lane);
+    const Vec3 surface = p.is_pair && p.is_sphere ? Vec3(Vec3::Zero()) : load(d.surface_velocity, lane);
     const float old_impulse = q.normal_impulse[lane],
                 speed = p.normal.dot(p.velocity(rows.velocity) - surface);
     float impulse = 0.0F;

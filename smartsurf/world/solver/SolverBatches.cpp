@@ -227,8 +227,9 @@ void Solver::fill_points(const StepContext& context, ContactKind kind, ContactBa
       put(impulses.w, p.friction_impulse[2]);
       put(load4(lanes.friction + lane), p.friction);
       put(Float4{}, p.total_normal_impulse), put(Float4{}, p.relax_target_speed);
-      if (of_spheres) {
+      if (of_spheres || of_pairs)
         put(load4(lanes.radius_a + lane), p.radius_a), put(load4(lanes.radius_b + lane), p.radius_b);
+      if (of_spheres) {
         put(Float4{four[0]->separation, four[1]->separation, four[2]->separation, four[3]->separation},
             p.separation);
       } else {
@@ -243,7 +244,9 @@ void Solver::fill_points(const StepContext& context, ContactKind kind, ContactBa
                 d.anchor_b[i]);
         }
       }
-      if (!of_pairs) {
+      if (of_pairs) {
+        for (auto& velocity : d.surface_velocity) put(Float4{}, velocity);
+      } else {
         const FourRows surface = rows(kSurfaceRow);
         put(surface.x, d.surface_velocity[0]), put(surface.y, d.surface_velocity[1]);
         put(surface.z, d.surface_velocity[2]), put(surface.w, d.surface_spin);

@@ -22,7 +22,7 @@ constexpr double kLoadTolerance = 1e-4;
 // patch's extent.
 constexpr double kCentreTolerance = 0.01;
 constexpr int kMaxLoadPasses = 12, kMaxLimitedLoadPasses = 40, kMaxFrictionPasses = 5,
-              kMaxSoftFrictionPasses = 2;
+              kMaxSoftFrictionPasses = 5;
 // Error of the velocity at which a friction solve is accurate enough, u/s.
 constexpr double kVelocityTolerance = 1e-5;
 // Tangent mass of all samples together, as a multiple of the body's.

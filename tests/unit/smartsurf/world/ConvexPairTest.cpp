@@ -97,6 +97,36 @@ TEST(ConvexPair, SeparationOfSmallBodyFromHugeBox) {
   }
 }
 
+// Flat on a wide body, with the search beginning along the faces' normal: rounding decides among the
+// simplices.
+TEST(ConvexPair, FindsContactsOfParallelFacesAtAnyTurn) {
+  std::mt19937 random(14);
+  std::uniform_real_distribution<float> unit(0, 1);
+  const auto lying = [&](double width, const Vec3& centre) {
+    scene::ObjectSpec o;
+    o.shape = unit(random) < 0.5F ? scene::ShapeKind::kBox : scene::ShapeKind::kCylinder;
+    o.radius = 0.5 * width, o.height = 0.4;
+    o.size = {width, width * (0.5 + 0.5 * static_cast<double>(unit(random))), 0.4};
+    const Eigen::AngleAxisf turn(6.3F * unit(random), Vec3::UnitZ()),
+        tilt(2e-4F * (unit(random) - 0.5F), Vec3::UnitX());
+    return PlacedBody(o, centre, Quat(turn * tilt));
+  };
+  for (int i = 0; i < 20000; ++i) {
+    const float separation = 0.006F * unit(random) - 0.004F;
+    const PlacedBody wide = lying(4.0 + 12.0 * static_cast<double>(unit(random)), {15.5F, 15.5F, 0.2F});
+    const Vec3 at(15.5F + unit(random) - 0.5F, 15.5F + unit(random) - 0.5F, 0.6F + separation);
+    const PlacedBody rider = lying(1.0 + static_cast<double>(unit(random)), at);
+    for (const bool wide_first : {true, false}) {
+      std::vector<Contact> found;
+      const PlacedBody &a = wide_first ? wide : rider, &b = wide_first ? rider : wide;
+      collide_convex(a.placed(), b.placed(), 0.02F, nullptr, found);
+      ASSERT_FALSE(found.empty()) << i;
+      ASSERT_NEAR(min_separation(found), separation, 1.5e-3F) << i;
+      for (const Contact& c : found) ASSERT_GT(std::abs(c.normal.z()), 0.99F) << i;
+    }
+  }
+}
+
 TEST(ColumnSat, BoxAndItsHullAgree) {
   std::mt19937 random(4);
   std::uniform_real_distribution<float> u(-1, 1);
