@@ -218,41 +218,102 @@ TEST(Tipping, BoxTipsWithinTwoPercentOfCriticalSlope) {
     }
 }
 
-// A body that spins carries riders on circles, as a turntable does.
-class SpinningBody : public testing::TestWithParam<int> {};
+namespace {
 
-TEST_P(SpinningBody, CarriesRidersOnCircles) {
-  std::mt19937_64 random(3);
-  const auto draw = [&random](double low, double high) {
-    return low + (high - low) * (static_cast<double>(random()) / 0x1p64);
-  };
-  for (int i = 0; i < 12; ++i) {
-    PhysicsFixture fixture;
-    fixture.scene.world.dt_s = 1.0 / GetParam();
-    fixture.scene.world.iterations = std::array{4, 10, 40}[static_cast<std::size_t>(i) % 3];
-    fixture.scene.materials[0].friction = 0;
-    const double rate = draw(0.3, 2.0) * (draw(0, 1) < 0.5 ? -1 : 1), start = draw(-3.1, 3.1),
-                 friction = draw(0.2, 1.0);
+// A rider on a heavy body that moves over the frictionless field.
+class OnBody : public testing::TestWithParam<int> {
+ protected:
+  static constexpr double kMiddle = 15.5, kWidth = 14;
+
+  // Calls run(fixture, carrier, draw) for random carriers at rest; draw(low, high) is uniform.
+  template <class Run>
+  void on_random_bodies(unsigned seed, int draws, Run run) const {
+    std::mt19937_64 random(seed);
+    const auto draw = [&random](double low, double high) {
+      return low + (high - low) * (static_cast<double>(random()) / 0x1p64);
+    };
+    for (int i = 0; i < draws; ++i) {
+      PhysicsFixture fixture;
+      fixture.scene.world.dt_s = 1.0 / GetParam();
+      fixture.scene.world.iterations = std::array{4, 10, 40}[static_cast<std::size_t>(i) % 3];
+      fixture.scene.materials[0].friction = fixture.scene.materials[0].rolling_friction = 0;
+      scene::ObjectSpec carrier = draw(0, 1) < 0.5 ? cylinder(0.5 * kWidth, 1, {kMiddle, kMiddle, 0.5})
+                                                   : box({kWidth, kWidth, 1}, {kMiddle, kMiddle, 0.5});
+      carrier.mass = 1e5, carrier.friction = draw(0.2, 1.0);
+      const scene::ObjectId id = fixture.add(carrier);
+      fixture.run(1.0);
+      run(fixture, id, *carrier.friction, draw);
+    }
+  }
+  static void turn(PhysicsFixture& fixture, scene::ObjectId carrier, double rate) {
+    scene::ObjectStateUpdate turning;
+    turning.angular_velocity = Eigen::Vector3d(0, 0, rate);
+    fixture.world().place(carrier, turning);
+  }
+  static double top(PhysicsFixture& fixture, scene::ObjectId carrier) {
+    return static_cast<double>(fixture.position(carrier).z()) + 0.5;
+  }
+};
+
+}  // namespace
+
+TEST_P(OnBody, RidersOfSpinningBodiesMoveOnCircles) {
+  on_random_bodies(3, 12, [](PhysicsFixture& fixture, scene::ObjectId carrier, double friction, auto draw) {
+    const double rate = draw(0.3, 2.0) * (draw(0, 1) < 0.5 ? -1 : 1), start = draw(-3.1, 3.1);
     const double distance = std::min(5.0, draw(0.2, 0.7) * friction * kGravity / (rate * rate));
-    scene::ObjectSpec table =
-        draw(0, 1) < 0.5 ? cylinder(8, 1, {15.5, 15.5, 0.5}) : box({14, 14, 1}, {15.5, 15.5, 0.5});
-    table.mass = 1e5, table.friction = friction, table.angular_velocity = {0, 0, rate};
-    const Eigen::Vector3d at(15.5 + distance * std::cos(start), 15.5 + distance * std::sin(start), 1.2);
+    const Eigen::Vector3d at(kMiddle + distance * std::cos(start), kMiddle + distance * std::sin(start),
+                             top(fixture, carrier) + 0.2);
     scene::ObjectSpec rider =
         draw(0, 1) < 0.5 ? box({draw(1.5, 3), draw(1.5, 3), 0.4}, at) : cylinder(draw(1, 1.7), 0.4, at);
     rider.friction = friction;
-    rider.velocity = rate * Eigen::Vector3d(15.5 - at.y(), at.x() - 15.5, 0);
+    rider.velocity = rate * Eigen::Vector3d(kMiddle - at.y(), at.x() - kMiddle, 0);
     rider.angular_velocity = {0, 0, rate};
-    const scene::ObjectId table_id = fixture.add(table);
-    fixture.run(1.0);
-    rider.position.z() = static_cast<double>(fixture.position(table_id).z()) + 0.7;
+    turn(fixture, carrier, rate);
     const scene::ObjectId id = fixture.add(rider);
     fixture.run(4.0);
     const double angle = start + rate * 4.0;
-    const Eigen::Vector3d expected(15.5 + distance * std::cos(angle), 15.5 + distance * std::sin(angle), 0);
-    const Eigen::Vector3d off = fixture.position(id).cast<double>() - expected;
-    EXPECT_LT(off.head<2>().norm(), 0.005 * distance) << "rate " << rate << ", distance " << distance;
-  }
+    const Eigen::Vector2d expected(kMiddle + distance * std::cos(angle),
+                                   kMiddle + distance * std::sin(angle));
+    EXPECT_LT((fixture.position(id).cast<double>().head<2>() - expected).norm(), 0.003 * distance)
+        << "rate " << rate << ", distance " << distance;
+  });
 }
 
-INSTANTIATE_TEST_SUITE_P(Steps, SpinningBody, testing::Values(60, 120, 240, 960));
+// As on a turntable: on a circle of its own, at 2/7 of the body's rate.
+TEST_P(OnBody, BallsOnSpinningBodiesRoll) {
+  on_random_bodies(4, 6, [](PhysicsFixture& fixture, scene::ObjectId carrier, double friction, auto draw) {
+    const double rate = draw(0.3, 3.0), radius = draw(0.4, 1.5), k = 2.0 / 7.0 * rate, seconds = 3.0;
+    const Eigen::Vector2d from(draw(-2, 2), draw(-2, 2)), velocity(draw(-0.6, 0.6), draw(-0.6, 0.6));
+    scene::ObjectSpec ball =
+        sphere(radius, {kMiddle + from.x(), kMiddle + from.y(), top(fixture, carrier) + radius});
+    ball.friction = friction;
+    ball.velocity = {velocity.x(), velocity.y(), 0};
+    ball.angular_velocity = {(rate * from.x() - velocity.y()) / radius,
+                             (rate * from.y() + velocity.x()) / radius, 0};
+    turn(fixture, carrier, rate);
+    const scene::ObjectId id = fixture.add(ball);
+    fixture.run(seconds);
+    const double s = std::sin(k * seconds) / k, c = (1 - std::cos(k * seconds)) / k;
+    const Eigen::Vector2d way(s * velocity.x() - c * velocity.y(), s * velocity.y() + c * velocity.x());
+    const Eigen::Vector2d moved =
+        fixture.position(id).cast<double>().head<2>() - Eigen::Vector2d(kMiddle, kMiddle) - from;
+    EXPECT_LT((moved - way).norm(), 0.005 * velocity.norm() * seconds) << "rate " << rate;
+  });
+}
+
+// A cylinder on its side slides until it rolls, at two thirds of its speed, and goes on at that.
+TEST_P(OnBody, CylindersRollAtTwoThirdsOfTheirSpeed) {
+  on_random_bodies(5, 12, [](PhysicsFixture& fixture, scene::ObjectId carrier, double friction, auto draw) {
+    const double radius = draw(0.4, 1.2), speed = draw(0.4, 2.5);
+    scene::ObjectSpec roller = cylinder(radius, draw(1, 2), {10, kMiddle, top(fixture, carrier) + radius});
+    roller.friction = friction;
+    roller.orientation = Eigen::Quaterniond(Eigen::AngleAxisd(M_PI / 2, Eigen::Vector3d::UnitX()));
+    roller.velocity = {speed, 0, 0};
+    const scene::ObjectId id = fixture.add(roller);
+    fixture.run(3.0);
+    EXPECT_NEAR(static_cast<double>(fixture.velocity(id).x()), 2.0 / 3.0 * speed, 0.002 * speed);
+    EXPECT_NEAR(fixture.position(id).y(), kMiddle, 0.002);
+  });
+}
+
+INSTANTIATE_TEST_SUITE_P(Steps, OnBody, testing::Values(60, 120, 240, 960));

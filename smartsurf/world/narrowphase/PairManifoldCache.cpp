@@ -61,6 +61,17 @@ bool has_slipped(const RelativePose& pose, const PairManifoldCache::CachedManifo
   return false;
 }
 
+// True if the contact points at a normal follow b rather than a: they lie under a curved side, which rolls,
+// or on the smaller body.
+bool follows_b(const BodyStore& bodies, std::size_t a, std::size_t b, const Vec3& normal) {
+  constexpr float kAlongAxis = 0.9F;
+  const auto rolls = [&](std::size_t i) {
+    return bodies.is_axisymmetric[i] && std::abs(bodies.axes[i].col(2).dot(normal)) < kAlongAxis;
+  };
+  if (const bool b_rolls = rolls(b); rolls(a) != b_rolls) return b_rolls;
+  return bodies.bounding_radius[b] < bodies.bounding_radius[a];
+}
+
 // True if the cached manifold still yields all contacts with separations up to `margin`.
 bool is_valid(const BodyStore& bodies, const RelativePose& pose,
               const PairManifoldCache::CachedManifold& cached, float margin) {
@@ -184,7 +195,9 @@ PairManifoldCache::Points PairManifoldCache::collide(const BodyStore& bodies, st
     if (separation > margin) continue;
     Contact& c = out.emplace_back();
     c.normal = bodies.axes[b] * p.normal;
-    c.anchor = bodies.axes[a] * p.on_a;
+    c.anchor = follows_b(bodies, a, b, c.normal)
+                   ? Vec3(bodies.origin(b) + bodies.axes[b] * p.on_b - bodies.origin(a))
+                   : Vec3(bodies.axes[a] * p.on_a);
     c.separation = separation;
     points.touching |= std::uint32_t{1} << (k % kMaxKnown);
   }
