@@ -209,6 +209,8 @@ void CollisionPipeline::collide_static_bodies(const BodyStore& bodies, std::size
     collide_static_body(bodies, i, n, results);
   }
   if (contacts.size() == first) return;
+  const auto touches = [](const StaticNeighbour& n) { return n.end > n.first; };
+  if (std::ranges::count_if(near, touches) > 1) keep_friction_of_twist(std::span(contacts).subspan(first));
   correct_internal_edges(bodies, i, near, contacts);
   for (const StaticNeighbour& n : near)
     if (n.impact_s > 0.0F)

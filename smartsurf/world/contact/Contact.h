@@ -41,6 +41,10 @@ struct Contact {
   Vec3 friction_impulse{0, 0, 0};
   Vec3 rolling_impulse{0, 0, 0};
   float total_normal_impulse = 0.0F;
+  // The fraction of the friction that a corner of a face patch loses where the patch twists about the centre
+  // of its load and does not slide: the corners would resist a twist as a ring does, not as a face. Equal in
+  // all contacts of a patch, of which a manifold has one at most; 0 elsewhere.
+  float twist_friction_loss = 0.0F;
 
   bool touches_cell() const { return partner == Partner::kCell || partner == Partner::kSupportedCell; }
   bool touches_skin() const { return partner == Partner::kSkin || partner == Partner::kElasticSkin; }
@@ -57,6 +61,11 @@ struct Contact {
     return partner == Partner::kCell || partner == Partner::kYieldingTip || touches_skin();
   }
 };
+
+// For contacts of several patches.
+inline void keep_friction_of_twist(std::span<Contact> contacts) {
+  for (Contact& c : contacts) c.twist_friction_loss = 0.0F;
+}
 
 // The contacts of one pair of bodies (a < b), or all static contacts of body a (b = kStatic).
 struct Manifold {

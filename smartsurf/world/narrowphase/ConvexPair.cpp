@@ -146,7 +146,8 @@ float collect_candidates(const ConvexProxy& a, const ConvexProxy& b, const Searc
                       out);
   // What is curved lies along an edge as it does on a face.
   if (out.count() == 0 && has_curved_side(a) != has_curved_side(b))
-    add_contact_patch(edge_or_feature(a, -t.normal), edge_or_feature(b, t.normal), t.normal, limits.margin, 0, out);
+    add_contact_patch(edge_or_feature(a, -t.normal), edge_or_feature(b, t.normal), t.normal, limits.margin, 0,
+                      out);
   if (out.count() == 0) out.add({t.point, t.normal, t.separation, 0});
   return limits.margin;
 }
@@ -156,12 +157,17 @@ float collide_parts(const ConvexProxy& a, const ConvexProxy& b, const SearchLimi
   ManifoldReducer candidates;
   const float clearance = collect_candidates(a, b, limits, cached, candidates);
   if (clearance > limits.margin) return clearance;
+  const std::size_t first = out.size();
+  Vec3 corner[ReductionPoints::kMaxSelected];
   candidates.reduce([&](const ManifoldCandidate& c) {
+    corner[out.size() - first] = c.point;
     Contact& contact = out.emplace_back();
     contact.normal = c.normal;
     contact.anchor = c.point - centre;
     contact.separation = c.separation;
   });
+  const float loss = candidates.twist_friction_loss(std::span(corner, out.size() - first));
+  for (std::size_t i = first; i < out.size(); ++i) out[i].twist_friction_loss = loss;
   return clearance;
 }
 
@@ -212,12 +218,17 @@ float collide_convex(const PlacedShape& a, const PlacedShape& b, float margin, c
   const bool single_parts = a.shape.hulls.size() <= 1 && b.shape.hulls.size() <= 1;
   const CachedAxis cached{cached_normal, single_parts ? simplex_cache : nullptr};
   float clearance = limits.horizon;
+  const std::size_t first = out.size();
+  int patches = 0;
   for_each_part(a.shape, [&](const ConvexPart& part_a) {
     for_each_part(b.shape, [&](const ConvexPart& part_b) {
+      const std::size_t before = out.size();
       clearance = std::min(clearance, collide_parts({part_a, a.centre, a.axes}, {part_b, b.centre, b.axes},
                                                     limits, cached, a.centre, out));
+      if (out.size() > before) ++patches;
     });
   });
+  if (patches > 1) keep_friction_of_twist(std::span(out).subspan(first));
   return clearance;
 }
 

@@ -40,6 +40,53 @@ float ManifoldReducer::min_separation() const {
   return count() > 0 ? points_.separation(points_.deepest()) : std::numeric_limits<float>::infinity();
 }
 
+namespace {
+
+// ∫ r dA over the triangle of the origin and an edge, r being the distance from the origin.
+float moment_of_triangle(const Vec3& from, const Vec3& to) {
+  const Vec3 edge = to - from;
+  const float length = edge.norm();
+  if (length < 1e-6F) return 0.0F;
+  const float u = from.dot(edge) / length, v = to.dot(edge) / length;
+  const float height = from.cross(edge).norm() / length, r = from.norm(), s = to.norm();
+  if (height < 1e-6F) return 0.0F;
+  return height / 6.0F *
+         (v * s - u * r + height * height * (std::asinh(v / height) - std::asinh(u / height)));
+}
+
+}  // namespace
+
+float ManifoldReducer::twist_friction_loss(std::span<const Vec3> corners) const {
+  const int n = count();
+  if (corners.size() < 2 || n < 2) return 0.0F;
+  Vec3 middle = Vec3::Zero();
+  for (const Vec3& p : corners) middle += p / static_cast<float>(corners.size());
+  float corner_distance = 0.0F;
+  for (const Vec3& p : corners) corner_distance += (p - middle).norm() / static_cast<float>(corners.size());
+  constexpr float kOfEdge = 0.5F, kOfDisc = 2.0F / 3.0F;  // mean distance in parts of the greatest
+  float area = 0.0F, mean = kOfEdge * corner_distance;
+  Vec3 centre = Vec3::Zero();
+  for (int i = 2; i < n; ++i) {
+    const Vec3 first = points_.at(0), second = points_.at(i - 1), third = points_.at(i);
+    const float part = 0.5F * (second - first).cross(third - first).norm();
+    area += part;
+    centre += part / 3.0F * (first + second + third);
+  }
+  if (area > 1e-4F * corner_distance * corner_distance) {
+    centre /= area;
+    float moment = 0.0F, least = (points_.at(0) - centre).norm(), greatest = least;
+    for (int i = 0; i < n; ++i) {
+      const Vec3 from = points_.at(i) - centre;
+      moment += moment_of_triangle(from, points_.at((i + 1) % n) - centre);
+      least = std::min(least, from.norm()), greatest = std::max(greatest, from.norm());
+    }
+    constexpr int kLeastOfRim = 8;
+    const bool is_disc = n >= kLeastOfRim && greatest - least < 1e-3F * greatest;
+    mean = is_disc ? kOfDisc * greatest : moment / area;
+  }
+  return corner_distance > 0.0F ? std::clamp(1.0F - mean / corner_distance, 0.0F, 0.9F) : 0.0F;
+}
+
 int ReductionPoints::deepest() const {
   int best = 0;
   for (int i = 1; i < count_; ++i) best = separation_[i] < separation_[best] ? i : best;

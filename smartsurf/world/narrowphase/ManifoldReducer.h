@@ -98,6 +98,9 @@ class ManifoldReducer {
     const int n = points_.select(chosen, [this](int i) -> const Vec3& { return normal_[i]; });
     for (int i = 0; i < n; ++i) take(at(chosen[i]));
   }
+  // The candidates are the corners of a face patch in their order, or the ends of an edge, and `corners`
+  // those that are left of them: Contact::twist_friction_loss, for an even load.
+  float twist_friction_loss(std::span<const Vec3> corners) const;
 
  private:
   void keep_selected();

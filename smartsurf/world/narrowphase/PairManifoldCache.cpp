@@ -109,6 +109,7 @@ void rebuild(const BodyStore& bodies, std::size_t a, std::size_t b, float margin
   manifold.point_count = static_cast<std::int32_t>(contacts.size());
   manifold.min_separation = std::numeric_limits<float>::infinity();
   manifold.touching = 0;
+  manifold.twist_friction_loss = contacts.empty() ? 0.0F : contacts[0].twist_friction_loss;
   const std::size_t first_point = chunk_cache.points.size();
   for (const Contact& c : contacts) {
     manifold.min_separation = std::min(manifold.min_separation, c.separation);
@@ -199,6 +200,7 @@ PairManifoldCache::Points PairManifoldCache::collide(const BodyStore& bodies, st
                    ? Vec3(bodies.origin(b) + bodies.axes[b] * p.on_b - bodies.origin(a))
                    : Vec3(bodies.axes[a] * p.on_a);
     c.separation = separation;
+    c.twist_friction_loss = manifold.twist_friction_loss;
     points.touching |= std::uint32_t{1} << (k % kMaxKnown);
   }
   manifold.touching = points.touching;

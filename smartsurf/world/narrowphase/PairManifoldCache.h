@@ -25,10 +25,11 @@ class PairManifoldCache {
   };
   struct CachedManifold {
     std::int32_t a, b;
-    Mat3 rotation;         // axes of a in those of b
-    Vec3 translation;      // from b to a, in the axes of b
-    float clearance;       // separation of everything but the points, u
-    float min_separation;  // of the points, u; infinity without any
+    Mat3 rotation;              // axes of a in those of b
+    Vec3 translation;           // from b to a, in the axes of b
+    float clearance;            // separation of everything but the points, u
+    float min_separation;       // of the points, u; infinity without any
+    float twist_friction_loss;  // of the points
     std::int32_t first_point, point_count;
     std::int32_t simplex;    // index in simplices, or −1
     float gap;               // least distance between two of the points, on a, u; infinity if there are none

@@ -50,6 +50,7 @@ struct alignas(64) BatchPointDetail {
   float surface_velocity[3][kLanes];
   float surface_spin[kLanes];
   float rolling_friction[kLanes], rolling_mass[kLanes], rolling_impulse[3][kLanes];
+  float twist_friction_loss[kLanes];  // see Contact; not for spheres
   float steady_impulse[kLanes];       // normal: see SubstepParams::steady_share; not for spheres
   float slip_per_impulse[3][kLanes];  // slip velocity of a against b per unit normal impulse; not for spheres
 };

@@ -198,7 +198,7 @@ HWY_INLINE void relax_point(ContactLanes<kPair, kSpheres>& l, const PointRef& q)
 }
 
 // A kernel that does kPointWork, a function of lanes and point.
-template <bool kPair, bool kSpheres, auto kPointWork, bool kWrites>
+template <bool kPair, bool kSpheres, auto kPointWork>
 void for_each_point(const ContactBatch* batches, int count, BatchPoints points, const SolverBodies& rows,
                     const SubstepParams&) {
   for (int i = 0; i < count; ++i)
@@ -206,7 +206,54 @@ void for_each_point(const ContactBatch* batches, int count, BatchPoints points, 
       ContactLanes<kPair, kSpheres> l(batches[i], lane, rows);
       for (int k = batches[i].first_point; k < batches[i].first_point + batches[i].point_count; ++k)
         kPointWork(l, point_ref(points, k));
-      if (kWrites) l.store();
+      l.store();
+    }
+}
+
+// Lowers the friction of the corners of a face patch that twists: see Contact::twist_friction_loss.
+template <bool kPair, bool kSpheres>
+HWY_INLINE void lower_friction_of_twist(const ContactLanes<kPair, kSpheres>& l, const ContactBatch& o,
+                                        const BatchPoints& points) {
+  constexpr float kSlipsFrom =
+      0.1F;  // speed of a corner about the centre, u/s; with full effect from twice that
+  const int at = l.lane;
+  const V least = set(1e-20F), one = set(1.0F);
+  // The centre of the load of the last step, or of the points where there was none.
+  V any = zero(), sum = zero();
+  V3 moment{zero(), zero(), zero()}, velocity{zero(), zero(), zero()};
+  for (int k = o.first_point; k < o.first_point + o.point_count; ++k) {
+    const PointRef q = point_ref(points, k);
+    const V loss = load(q.detail.twist_friction_loss, at);
+    const V weight = if_positive(loss, hn::Max(load(q.point.normal_impulse, at), least), zero());
+    any = any + loss, sum = sum + weight;
+    moment = moment + l.anchor_a(q) * weight;
+    velocity = velocity + l.relative_velocity(q, load3(q.point.normal, at)) * weight;
+  }
+  if (hn::AllTrue(Tag(), hn::Le(any, zero()))) return;
+  const V share = one / hn::Max(sum, least);
+  const V3 centre = moment * share, slip = velocity * share;
+  V3 spin = l.a.angular_velocity;
+  if constexpr (kPair) spin = spin - l.b.angular_velocity;
+  for (int k = o.first_point; k < o.first_point + o.point_count; ++k) {
+    const PointRef q = point_ref(points, k);
+    const V3 n = load3(q.point.normal, at), arm = l.anchor_a(q) - centre, sliding = slip - n * dot(n, slip);
+    const V rate = dot(n, spin), squared = rate * rate * dot(arm, arm);
+    const V slips = hn::Min(hn::Max(square_root(squared) * set(1.0F / kSlipsFrom) - one, zero()), one);
+    const V twists = squared / hn::Max(squared + dot(sliding, sliding), least);
+    const V kept = one - load(q.detail.twist_friction_loss, at) * slips * twists;
+    store(load(q.point.friction, at) * kept, q.point.friction, at);
+  }
+}
+
+template <bool kPair, bool kSpheres>
+void prepare(const ContactBatch* batches, int count, BatchPoints points, const SolverBodies& rows,
+             const SubstepParams&) {
+  for (int i = 0; i < count; ++i)
+    for (int lane = 0; lane < batches[i].lane_count; lane += kVectorWidth) {
+      const ContactLanes<kPair, kSpheres> l(batches[i], lane, rows);
+      if constexpr (!kSpheres) lower_friction_of_twist(l, batches[i], points);
+      for (int k = batches[i].first_point; k < batches[i].first_point + batches[i].point_count; ++k)
+        prepare_point(l, point_ref(points, k));
     }
 }
 
@@ -240,10 +287,10 @@ void solve(const ContactBatch* o, int n, BatchPoints p, const SolverBodies& rows
 
 template <bool kPair, bool kSpheres>
 void add_kernels(ContactKernelTable& t, ContactKind kind) {
-  t.prepare[kind] = for_each_point<kPair, kSpheres, prepare_point<kPair, kSpheres>, false>;
-  t.warm_start[kind] = for_each_point<kPair, kSpheres, warm_start_point<kPair, kSpheres>, true>;
+  t.prepare[kind] = prepare<kPair, kSpheres>;
+  t.warm_start[kind] = for_each_point<kPair, kSpheres, warm_start_point<kPair, kSpheres>>;
   t.solve[kind] = solve<kPair, kSpheres>;
-  t.relax[kind] = for_each_point<kPair, kSpheres, relax_point<kPair, kSpheres>, true>;
+  t.relax[kind] = for_each_point<kPair, kSpheres, relax_point<kPair, kSpheres>>;
 }
 
 // ---- rows of bodies

@@ -236,6 +236,9 @@ void Solver::fill_points(const StepContext& context, ContactKind kind, ContactBa
         const FourRows second = rows(kAnchorRow);
         put(second.z, p.separation);
         put(impulses.x, d.steady_impulse);
+        put(Float4{four[0]->twist_friction_loss, four[1]->twist_friction_loss, four[2]->twist_friction_loss,
+                   four[3]->twist_friction_loss},
+            d.twist_friction_loss);
         const Float4 anchor[3] = {first.w, second.x, second.y};
         for (int i = 0; i < 3; ++i) {
           put(anchor[i], d.anchor_a[i]);
