@@ -47,6 +47,7 @@ struct Contact {
   float twist_friction_loss = 0.0F;
 
   bool touches_cell() const { return partner == Partner::kCell || partner == Partner::kSupportedCell; }
+  bool touches_body() const { return static_cast<std::int32_t>(partner) >= 0; }  // a static one
   bool touches_skin() const { return partner == Partner::kSkin || partner == Partner::kElasticSkin; }
   // True if the partner moves under the load.
   bool gives_way() const {

@@ -219,17 +219,16 @@ HWY_INLINE void lower_friction_of_twist(const ContactLanes<kPair, kSpheres>& l, 
   const int at = l.lane;
   const V least = set(1e-20F), one = set(1.0F);
   // The centre of the load of the last step, or of the points where there was none.
-  V any = zero(), sum = zero();
+  V sum = zero();
   V3 moment{zero(), zero(), zero()}, velocity{zero(), zero(), zero()};
   for (int k = o.first_point; k < o.first_point + o.point_count; ++k) {
     const PointRef q = point_ref(points, k);
-    const V loss = load(q.detail.twist_friction_loss, at);
-    const V weight = if_positive(loss, hn::Max(load(q.point.normal_impulse, at), least), zero());
-    any = any + loss, sum = sum + weight;
+    const V weight = if_positive(load(q.detail.twist_friction_loss, at),
+                                 hn::Max(load(q.point.normal_impulse, at), least), zero());
+    sum = sum + weight;
     moment = moment + l.anchor_a(q) * weight;
     velocity = velocity + l.relative_velocity(q, load3(q.point.normal, at)) * weight;
   }
-  if (hn::AllTrue(Tag(), hn::Le(any, zero()))) return;
   const V share = one / hn::Max(sum, least);
   const V3 centre = moment * share, slip = velocity * share;
   V3 spin = l.a.angular_velocity;
@@ -251,7 +250,7 @@ void prepare(const ContactBatch* batches, int count, BatchPoints points, const S
   for (int i = 0; i < count; ++i)
     for (int lane = 0; lane < batches[i].lane_count; lane += kVectorWidth) {
       const ContactLanes<kPair, kSpheres> l(batches[i], lane, rows);
-      if constexpr (!kSpheres) lower_friction_of_twist(l, batches[i], points);
+      if (!kSpheres && batches[i].has_face_patch) lower_friction_of_twist(l, batches[i], points);
       for (int k = batches[i].first_point; k < batches[i].first_point + batches[i].point_count; ++k)
         prepare_point(l, point_ref(points, k));
     }

@@ -190,14 +190,19 @@ void Solver::fill_points(const StepContext& context, ContactKind kind, ContactBa
     const Manifold& m = *of.manifold[lane];
     lanes.radius_a[lane] = material_[o.a[lane]].radius;
     if (!of_pairs) {
-      for (int k = 0; k < m.count; ++k)
-        if (of.has(lane, k)) set_friction(lane, material_of_b(context, m, of.first[lane][k]));
+      for (int k = 0; k < m.count; ++k) {
+        const Contact& c = of.first[lane][k];
+        if (!of.has(lane, k)) continue;
+        set_friction(lane, material_of_b(context, m, c));
+        o.has_face_patch |= c.touches_body() && c.twist_friction_loss > 0.0F;
+      }
       continue;
     }
     const SurfaceMaterial& b = material_[o.b[lane]];
     lanes.radius_b[lane] = b.radius;
     set_friction(lane, b);
     if (of_spheres) continue;
+    o.has_face_patch |= m.count > 1 && of.first[lane]->twist_friction_loss > 0.0F;
     store(lanes.position_a, lane, position[m.a]);
     store(lanes.position_b, lane, position[m.b]);
   }
@@ -236,9 +241,10 @@ void Solver::fill_points(const StepContext& context, ContactKind kind, ContactBa
         const FourRows second = rows(kAnchorRow);
         put(second.z, p.separation);
         put(impulses.x, d.steady_impulse);
-        put(Float4{four[0]->twist_friction_loss, four[1]->twist_friction_loss, four[2]->twist_friction_loss,
-                   four[3]->twist_friction_loss},
-            d.twist_friction_loss);
+        if (o.has_face_patch)
+          put(Float4{four[0]->twist_friction_loss, four[1]->twist_friction_loss, four[2]->twist_friction_loss,
+                     four[3]->twist_friction_loss},
+              d.twist_friction_loss);
         const Float4 anchor[3] = {first.w, second.x, second.y};
         for (int i = 0; i < 3; ++i) {
           put(anchor[i], d.anchor_a[i]);
