@@ -155,6 +155,16 @@ TEST_P(Versions, ManyBoardsAreOneSurface) {
 INSTANTIATE_TEST_SUITE_P(Table, Versions, testing::Values("One", "Two"),
                          [](const auto& version) { return std::string(version.param); });
 
+TEST(Table, IsAwaited) {
+  const std::string name = surface_name("table-awaited"), file = line_path(name) + ".toml";
+  Program bridge({SURFACE_BRIDGE, "--table", file, "--shm", name, "--ticks", "20"});
+  std::this_thread::sleep_for(200ms);
+  Device device(
+      {"--tcp", "0", "--boards", "2x1", "--size", "4x4", "--period-ms", "20", "--table", file, "--once"});
+  EXPECT_EQ(bridge.wait(), 0) << bridge.output();
+  std::filesystem::remove(file);
+}
+
 TEST(Table, StatusOfALongDeviceIsWhole) {
   const std::string name = surface_name("table-long"), file = line_path(name) + ".toml";
   Device device({"--pty", line_path(name) + std::string(180, 'x'), "--size", "4x4", "--period-ms", "20"});
