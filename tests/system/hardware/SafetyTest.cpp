@@ -97,10 +97,10 @@ INSTANTIATE_TEST_SUITE_P(Firmware, UnreadPort, testing::Values("Dropping", "Bloc
 TEST(SuspendedController, LeavesPinsWhereTheyAre) {
   const std::string name = surface_name("suspended"), line = line_path(name), file = line + ".pins";
   Device device(
-      {"--pty", line, "--size", "128x128", "--period-ms", "16", "--queue", "400000", "--pins", file});
-  const Pins pins(file);  // the northern 4096 of 16384
+      {"--pty", line, "--size", "256x128", "--period-ms", "32", "--queue", "800000", "--pins", file});
+  const Pins pins(file);  // the northern 4096 of 32768
   ::unlink(file.c_str());
-  Program bridge({SURFACE_BRIDGE, device.name, "--shm", name});
+  Program bridge({SURFACE_BRIDGE, device.name, "--shm", name, "--silence", "10"});
   auto controller = shm_protocol::ControllerEndpoint::attach(name, {.timeout = 20s});
   const int height = controller.description().channel(shm_protocol::Direction::kActuator, "height");
   do {
@@ -112,6 +112,8 @@ TEST(SuspendedController, LeavesPinsWhereTheyAre) {
   std::size_t least = kPins;
   for (; Clock::now() < until; std::this_thread::sleep_for(5ms)) least = std::min(least, pins.up());
   EXPECT_EQ(least, kPins);
+  bridge.signal(SIGTERM);
+  EXPECT_EQ(bridge.wait(), 128 + SIGTERM);
 }
 
 }  // namespace

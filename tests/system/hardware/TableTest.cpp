@@ -175,6 +175,8 @@ TEST(Table, StatusOfALongDeviceIsWhole) {
   Program asked({SURFACE_BRIDGE, "status", name});
   EXPECT_EQ(asked.wait(), 0);
   EXPECT_NE(asked.output().find(" limited 0\n"), std::string::npos) << asked.output();
+  bridge.signal(SIGTERM);
+  EXPECT_EQ(bridge.wait(), 128 + SIGTERM);
   std::filesystem::remove(file);
 }
 
