@@ -191,9 +191,15 @@ bool Bridge::poll_line(milliseconds timeout) {
   pollfd line{port_->descriptor(), static_cast<short>(POLLIN | (out_.empty() ? 0 : POLLOUT)), 0};
   if (connected && ::poll(&line, 1, static_cast<int>(timeout.count())) > 0) {
     std::array<std::uint8_t, 4096> bytes;
-    const auto got = port_->read(bytes);
-    connected = got.has_value() && flush();
-    if (got) receive_bytes({bytes.data(), *got});
+    // All that is there (a terminal gives it in pieces), lest large frames pile up while the controller
+    // computes; but stops at each frame that can be published.
+    for (int round = 0; round < 16 && connected && (awaiting_answer_ || !frame_ready_); ++round) {
+      const auto got = port_->read(bytes);
+      connected = got.has_value();
+      if (got) receive_bytes({bytes.data(), *got});
+      if (!got || *got == 0) break;
+    }
+    connected = connected && flush();
   }
   if (!connected) on_line_lost("the line to the device is cut");
   return connected;

@@ -3,6 +3,7 @@
 #include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 #include <vector>
 
 namespace hardware {
@@ -205,7 +206,16 @@ double dependence_of(const Eigen::VectorXd& r) {
 
 }  // namespace
 
-CellFit fit_cell(const CellRecording& c, int most_delay) {
+CellFit fit_cell(const CellRecording& recording, int most_delay) {
+  CellRecording c = recording;
+  // A reading that is no number is not known.
+  const auto is_number = [](float y) { return std::isfinite(y); };
+  std::vector<std::uint8_t> valid(c.valid.begin(), c.valid.end());
+  for (std::size_t k = 0; k < valid.size(); ++k) valid[k] = valid[k] && is_number(c.reading[k]);
+  c.valid = valid;
+  std::vector<float> at_rest;
+  std::ranges::copy_if(c.at_rest, std::back_inserter(at_rest), is_number);
+  c.at_rest = at_rest;
   CellFit fit;
   const Fitter fitter(c);
   const int n = fitter.count();

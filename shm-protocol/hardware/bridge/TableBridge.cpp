@@ -558,17 +558,16 @@ std::string TableBridge::status_text() const {
                         : b.silent()    ? "silent"
                                         : "live";
     const BoardCounters& c = b.counters();
-    std::snprintf(
-        line, sizeof line,
-        "board %s %s age %u phase_us %.0f round_trip_us %.0f%s%s%s%s frames %llu lost %llu late %llu "
-        "dropped %u clamped %u limited %u\n",
-        b.title().c_str(), state, std::min<std::uint32_t>(board_age_[i], 255),
-        b.clock().phase_us().value_or(0), b.clock().round_trip_us(), b.flags() & SSW_SAFE ? " safe" : "",
-        b.flags() & SSW_STOPPED ? " stopped" : "", b.flags() & SSW_LIMITED ? " limited" : "",
-        b.flags() & SSW_SOFT_START ? " soft_start" : "", static_cast<unsigned long long>(c.frames),
-        static_cast<unsigned long long>(c.lost), static_cast<unsigned long long>(c.late), b.status().dropped,
-        b.status().clamped, b.status().limited);
-    text += line;
+    std::snprintf(line, sizeof line,
+                  " %s age %u phase_us %.0f round_trip_us %.0f%s%s%s%s frames %llu lost %llu late %llu "
+                  "dropped %u clamped %u limited %u\n",
+                  state, std::min<std::uint32_t>(board_age_[i], 255), b.clock().phase_us().value_or(0),
+                  b.clock().round_trip_us(), b.flags() & SSW_SAFE ? " safe" : "",
+                  b.flags() & SSW_STOPPED ? " stopped" : "", b.flags() & SSW_LIMITED ? " limited" : "",
+                  b.flags() & SSW_SOFT_START ? " soft_start" : "", static_cast<unsigned long long>(c.frames),
+                  static_cast<unsigned long long>(c.lost), static_cast<unsigned long long>(c.late),
+                  b.status().dropped, b.status().clamped, b.status().limited);
+    text += "board " + b.title() + line;
     if (!b.described()) continue;
     for (const DeviceChannel& channel : b.description().channels)
       if (!channel.sensor) text += limits_text(channel);

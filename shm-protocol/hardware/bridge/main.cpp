@@ -7,12 +7,14 @@
 
 #include <cerrno>
 #include <charconv>
+#include <chrono>
 #include <cstdint>
 #include <cstdio>
 #include <cstring>
 #include <exception>
 #include <filesystem>
 #include <stdexcept>
+#include <thread>
 
 #include "common/files/AtomicFile.h"
 #include "common/process/ExitStatus.h"
@@ -50,7 +52,7 @@ constexpr const char* kUsage =
     "[time-step]\n"
     "  --ticks N        end after N sensor frames [never]\n"
     "  --silence S      seconds without a sensor frame after which the device is silent [0.5]\n"
-    "  --connect S      seconds to wait for the device at the start [10]\n"
+    "  --connect S      seconds to wait at the start, for the table's file and the device [10]\n"
     "  --replug S       seconds to wait for a device that was lost [for ever]\n"
     "  --record FILE    record the session, as smartsurf record does\n"
     "  --hold           without a controller the device keeps the last frame [it gets the safe values]\n"
@@ -312,6 +314,17 @@ int exit_status(hardware::Outcome end) {
 
 void print_event(const std::string& line) { common::print_error_line("surface_bridge", line); }
 
+// Awaits a file that is yet to be written, as emulated boards do, like the boards themselves.
+hardware::TableSpec await_table(const Arguments& arguments) {
+  const auto until = std::chrono::steady_clock::now() + arguments.bridge.connect_timeout;
+  const auto& stop = common::catch_stop_signals();
+  std::error_code none;
+  while (!std::filesystem::exists(*arguments.table, none) && !stop.load() &&
+         std::chrono::steady_clock::now() < until)
+    std::this_thread::sleep_for(std::chrono::milliseconds(20));
+  return hardware::read_table(*arguments.table);
+}
+
 int serve(const Arguments& arguments) {
   std::optional<RecorderProcess> recorder;
   const auto start_recorder = [&](const std::string& surface) {
@@ -324,7 +337,7 @@ int serve(const Arguments& arguments) {
     return recorded || status != common::kDone ? status : common::kFailed;
   };
   if (arguments.table) {
-    hardware::TableSpec table = hardware::read_table(*arguments.table);
+    hardware::TableSpec table = await_table(arguments);
     if (arguments.calibration) table.calibration = *arguments.calibration;
     hardware::TableBridge bridge(table, arguments.bridge, common::catch_stop_signals(), print_event);
     start_recorder(arguments.bridge.surface.empty() ? table.name : arguments.bridge.surface);
@@ -343,7 +356,7 @@ void write_file(const std::filesystem::path& path, const std::string& text) {
 }
 
 int calibrate(const Arguments& arguments) {
-  const hardware::TableSpec table = hardware::read_table(*arguments.table);
+  const hardware::TableSpec table = await_table(arguments);
   hardware::Calibrator calibrator(table, arguments.calibrator);
   hardware::TableBridge bridge(table, arguments.bridge, common::catch_stop_signals(), print_event,
                                &calibrator);

@@ -1,6 +1,6 @@
 // The pins of an emulated device are safe after 16 periods without the bridge, although its line stays open
 // and nobody reads it: with firmware whose main loop goes on, and with firmware whose main loop hangs in a
-// write.
+// write. A suspended controller does not make them safe.
 #include <fcntl.h>
 #include <gtest/gtest.h>
 #include <shm_protocol/ControllerEndpoint.h>
@@ -30,7 +30,8 @@ class Pins {
   explicit Pins(const std::string& path) {
     struct stat found {};
     const auto until = Clock::now() + 20s;
-    while ((::stat(path.c_str(), &found) != 0 || found.st_size < static_cast<off_t>(kPins)) && Clock::now() < until)
+    while ((::stat(path.c_str(), &found) != 0 || found.st_size < static_cast<off_t>(kPins)) &&
+           Clock::now() < until)
       std::this_thread::sleep_for(1ms);
     const int file = ::open(path.c_str(), O_RDONLY | O_CLOEXEC);
     void* memory = ::mmap(nullptr, kPins, PROT_READ, MAP_SHARED, file, 0);
@@ -90,6 +91,30 @@ TEST_P(UnreadPort, PinsAreSafeAfterSixteenPeriods) {
 }
 INSTANTIATE_TEST_SUITE_P(Firmware, UnreadPort, testing::Values("Dropping", "Blocking"),
                          [](const auto& firmware) { return std::string(firmware.param); });
+
+// The device keeps the last frame: the bridge takes 5 MB of sensor frames a second from the line and sends
+// heartbeats.
+TEST(SuspendedController, LeavesPinsWhereTheyAre) {
+  const std::string name = surface_name("suspended"), line = line_path(name), file = line + ".pins";
+  Device device(
+      {"--pty", line, "--size", "256x128", "--period-ms", "32", "--queue", "800000", "--pins", file});
+  const Pins pins(file);  // the northern 4096 of 32768
+  ::unlink(file.c_str());
+  Program bridge({SURFACE_BRIDGE, device.name, "--shm", name, "--silence", "10"});
+  auto controller = shm_protocol::ControllerEndpoint::attach(name, {.timeout = 20s});
+  const int height = controller.description().channel(shm_protocol::Direction::kActuator, "height");
+  do {
+    ASSERT_EQ(controller.await_sensors({.timeout = 20s}), shm_protocol::Status::kOk);
+    std::ranges::fill(controller.actuator(height), 2.0F);
+    ASSERT_EQ(controller.publish(), shm_protocol::Status::kOk);
+  } while (pins.up() < kPins);
+  const auto until = Clock::now() + 1500ms;
+  std::size_t least = kPins;
+  for (; Clock::now() < until; std::this_thread::sleep_for(5ms)) least = std::min(least, pins.up());
+  EXPECT_EQ(least, kPins);
+  bridge.signal(SIGTERM);
+  EXPECT_EQ(bridge.wait(), 128 + SIGTERM);
+}
 
 }  // namespace
 }  // namespace hardware

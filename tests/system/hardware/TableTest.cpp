@@ -155,6 +155,31 @@ TEST_P(Versions, ManyBoardsAreOneSurface) {
 INSTANTIATE_TEST_SUITE_P(Table, Versions, testing::Values("One", "Two"),
                          [](const auto& version) { return std::string(version.param); });
 
+TEST(Table, IsAwaited) {
+  const std::string name = surface_name("table-awaited"), file = line_path(name) + ".toml";
+  Program bridge({SURFACE_BRIDGE, "--table", file, "--shm", name, "--ticks", "20"});
+  std::this_thread::sleep_for(200ms);
+  Device device(
+      {"--tcp", "0", "--boards", "2x1", "--size", "4x4", "--period-ms", "20", "--table", file, "--once"});
+  EXPECT_EQ(bridge.wait(), 0) << bridge.output();
+  std::filesystem::remove(file);
+}
+
+TEST(Table, StatusOfALongDeviceIsWhole) {
+  const std::string name = surface_name("table-long"), file = line_path(name) + ".toml";
+  Device device({"--pty", line_path(name) + std::string(180, 'x'), "--size", "4x4", "--period-ms", "20"});
+  std::ofstream(file) << "name = 'long'\nperiod_us = 20000\n[[board]]\ndevice = '" << device.name
+                      << "'\nat = [0, 0]\n";
+  Program bridge({SURFACE_BRIDGE, "--table", file, "--shm", name});
+  const auto controller = ControllerEndpoint::attach(name, {.timeout = 60s});
+  Program asked({SURFACE_BRIDGE, "status", name});
+  EXPECT_EQ(asked.wait(), 0);
+  EXPECT_NE(asked.output().find(" limited 0\n"), std::string::npos) << asked.output();
+  bridge.signal(SIGTERM);
+  EXPECT_EQ(bridge.wait(), 128 + SIGTERM);
+  std::filesystem::remove(file);
+}
+
 TEST(Table, UnpluggedBoardCostsItsOwnCellsAndComesBack) {
   Table table("unplug", "2x2", {"--unplug-for", "60", "--restart"});
   Checker checker(table.name);

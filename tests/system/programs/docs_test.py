@@ -121,9 +121,6 @@ class Docs(ProgramTest):
                     arguments += ["--shm", self.shm]
                 elif "--shm surface" in " ".join(arguments):
                     arguments[arguments.index("--shm") + 1] = self.shm
-                if program == "surface_bridge" and {"--table", "calibrate"} & set(arguments):  # emulators start sooner than a person types
-                    word = "--table" if "--table" in arguments else "calibrate"
-                    self.wait_for((folder / arguments[arguments.index(word) + 1]).exists, "the emulator's table")
                 executable = {"python3": sys.executable, LEARNER: str(ROOT / LEARNER)}.get(program, str(BIN / program))
                 command = [executable, *(a for a in arguments if a != "&")]
 

@@ -3,12 +3,21 @@ import importlib.machinery
 import importlib.util
 import random
 import sys
+import types
 import unittest
 
 from programs import *
 
 os.environ.setdefault("SMARTSURF_PYTHON", sys.executable)
 HAS_ALL = all(importlib.util.find_spec(name) for name in ("h5py", "scipy")) and (BIN.parent / "python/smartsurf").is_dir()
+
+
+def load_blind():
+    loader = importlib.machinery.SourceFileLoader("blind", str(ROOT / "scripts/hardware/blind"))
+    blind = importlib.util.module_from_spec(importlib.util.spec_from_loader("blind", loader))
+    loader.exec_module(blind)
+    return blind
+
 
 PUBLIC = """
 world {{ control_period = 0.01, dt = 0.005, seed = 3 }}
@@ -188,11 +197,21 @@ class Identification(ProgramTest):
         self.assertIn("± ", out)
         self.assertIn("<svg", (self.folder / "identified.svg").read_text())
 
+    def test_a_draw_that_a_busy_machine_spoilt_is_recorded_again(self):
+        blind, recorded = load_blind(), []
+
+        def record(*_):
+            recorded.append(1)
+            if len(recorded) < 3:
+                raise blind.Busy("busy")
+        blind.record_live, blind.run, blind.compare = record, lambda *_, **__: "", lambda *_: "compared"
+        self.write("identified.json", "{}")
+        self.assertEqual(blind.identify_one(6, blind.draw(6), types.SimpleNamespace(simulated=False, seconds=1), self.folder), "compared")
+        self.assertEqual(len(recorded), 4)  # cells three times, then the ball
+
     def test_no_cell_stops_in_a_minimum_beside_its_own(self):
         # Of this draw one cell has such a minimum a tick later, with another gain.
-        loader = importlib.machinery.SourceFileLoader("blind", str(ROOT / "scripts/hardware/blind"))
-        blind = importlib.util.module_from_spec(importlib.util.spec_from_loader("blind", loader))
-        loader.exec_module(blind)
+        blind = load_blind()
         secret = blind.draw(6)
         self.write("identify.lua", blind.PUBLIC.read_text())
         values, _ = blind.write_secret(secret, self.folder)

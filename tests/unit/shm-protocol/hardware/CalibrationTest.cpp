@@ -10,6 +10,7 @@
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>
+#include <limits>
 #include <optional>
 #include <random>
 #include <string>
@@ -91,6 +92,21 @@ TEST(Calibration, IntervalsHoldTheSecretsOfAllButOneInTwenty) {
   }
   EXPECT_GT(held, 0.92 * all) << "of " << all;
   EXPECT_LT(held, 0.98 * all) << "of " << all;
+}
+
+TEST(Calibration, ReadingsThatAreNoNumbersAreNotKnown) {
+  ImperfectPins pins(1, kRange, kPeriod_s, 3);
+  Recording recording(pins, 3, calibration_plan(20));
+  const CellFit fit = recording.fit(0);
+  ASSERT_EQ(fit.state, CellState::kGood);
+  for (std::size_t k = 0; k < recording.valid.size(); ++k)
+    if (!recording.valid[k]) recording.readings[0][k] = std::numeric_limits<float>::quiet_NaN();
+  recording.at_rest[0].push_back(std::numeric_limits<float>::infinity());
+  std::ranges::fill(recording.valid, 1);
+  EXPECT_EQ(recording.fit(0).value, fit.value);
+  EXPECT_EQ(recording.fit(0).error, fit.error);
+  std::ranges::fill(recording.readings[0], std::numeric_limits<float>::quiet_NaN());
+  EXPECT_EQ(recording.fit(0).state, CellState::kDead);
 }
 
 TEST(Calibration, SpeedThatWasNeverReachedIsNotReported) {
