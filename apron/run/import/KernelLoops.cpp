@@ -245,9 +245,17 @@ void KernelSourceReader::emit_leave_unless(const KernelTokenList& condition, Pro
 
 void KernelSourceReader::translate_frames(ProgramLines& out, int depth) {
   if (leaves_itself(position_)) {
-    emit(out, depth, "while(1)");
-    loop_body(out, depth, "");
-    return emit(out, depth, "endwhile");
+    ProgramLines body;
+    loop_body(body, depth, "");
+    // What leaves it may have been left out.
+    const bool leaves = std::ranges::any_of(body, [](const std::string& line) {
+      const std::string text = line.substr(std::min(line.find_first_not_of(' '), line.size()));
+      return text == "break" || text == "end" || text == "jump(:#return)";
+    });
+    if (!leaves) uses_frames_ = true;
+    emit(out, depth, leaves ? "while(1)" : "repeat(FRAMES)");
+    out.insert(out.end(), body.begin(), body.end());
+    return emit(out, depth, leaves ? "endwhile" : "endrepeat");
   }
   uses_frames_ = true;
   emit(out, depth, "repeat(FRAMES)");

@@ -348,6 +348,10 @@ class Import(ProgramTest):
         self.check_status(main % "vs_post_text(\"x\"); scamp5_output_events(S0);", 0, "left out")
         self.check_status("int main(){ scamp5_in(A, 1); add(B, A, A); }", 0, "warning: the chip connects 'A' once in 'add'")
 
+    def test_an_endless_loop_that_the_host_ends_runs_for_its_frames(self):
+        self.check_status("int main(){ while (1) { if (button()) break; scamp5_in(A, 3); } }", 0, "'button' runs on the controller or host")
+        self.assertIn("repeat(FRAMES)\n", (self.folder / "one.aps").read_text())
+
     def test_a_limit_is_an_error(self):
         self.check_status("#if " + "(" * 300 + "1" + ")" * 300 + "\nint main(){ scamp5_in(A, 1); }\n#endif", 2, "one.cpp:1: error: the condition is nested too deeply")
         macros = "#define M0(x) x\n" + "".join(f"#define M{k}(x) {f'M{k - 1}(x) ' * 10}\n" for k in range(1, 7))
