@@ -132,8 +132,8 @@ struct Program {
   std::vector<OperandGroup> groups;
   std::vector<std::string> modules;  // names of plugin shared objects; the host resolves them
   std::vector<SourceLocation> source_locations;
-  std::vector<std::string> files;     // file names as shown to the user
-  std::vector<Expansion> expansions;  // empty without macros; element 0 is a placeholder for "none"
+  std::vector<std::string> files;      // file names as shown to the user
+  std::vector<Expansion> expansions;   // empty without macros; element 0 is a placeholder for "none"
   std::vector<LocalName> local_names;  // of inner macros first, the latest of a macro first
 };
 
