@@ -22,11 +22,17 @@ void Lowering::lower_actuate(const Builtin& builtin, const Expression& call) {
 }
 
 void Lowering::lower_print(const Builtin& builtin, const Expressions& arguments) {
+  // A register and a value beside it stand on lines of their own.
+  Value::Kind before = Value::Kind::kNone;
   for (const Expression& argument : arguments) {
     if (argument.kind == ExpressionKind::kString) {
       builder_.emit(Opcode::kPrintText, {}, {builder_.text_operand(argument.text)});
+      before = Value::Kind::kNone;
     } else {
       const Value value = lower(argument);
+      const bool is_beside_register = before == Value::Kind::kRegister || value.is_register();
+      if (before != Value::Kind::kNone && is_beside_register) builder_.emit(Opcode::kPrintLine);
+      before = value.kind;
       builder_.emit(Opcode::kPrintValue, {}, {builder_.operand(value)});
       builder_.release(value);
     }

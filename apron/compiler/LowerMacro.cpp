@@ -23,6 +23,7 @@ std::span<const Lowering::Statement> Lowering::body_of(std::uint32_t expansion) 
 void Lowering::check_arguments(const syntax::MacroExpansion& expansion) const {
   using syntax::ArgumentType;
   for (const syntax::TypedArgument& argument : expansion.typed_arguments) {
+    if (argument.type == ArgumentType::kAny) continue;
     const Expression& value = argument.value;
     const std::vector<Symbol>* array =
         value.kind == ExpressionKind::kName ? symbols_.find_array(value.text) : nullptr;
@@ -76,15 +77,33 @@ void Lowering::enter_macro(const syntax::MacroExpansion& expansion, std::span<co
     builder_.retain(symbol.value);
     scope.values.push_back(symbol.value);
     symbols_.add(binding.name, symbol);
+    scope.locals.push_back(local_name(symbol));
   }
   check_arguments(expansion);
+  for (const syntax::TypedArgument& argument : expansion.typed_arguments) {
+    const Symbol* symbol = symbols_.find(argument.value.text);
+    if (argument.value.kind == ExpressionKind::kNumber)
+      scope.locals.push_back(
+          local_name({Value::from_constant(argument.value.number), {}, false, argument.parameter}));
+    else if (argument.value.kind == ExpressionKind::kName && symbol != nullptr)
+      scope.locals.push_back(local_name({symbol->value, {}, false, argument.parameter}));
+  }
   if (may_be_masked()) isolate_from_masks(scope, scan_macro_body(body), builder_.location());
   scopes_[expansion.id] = std::move(scope);
+}
+
+program::LocalName Lowering::local_name(const Symbol& symbol) {
+  return {symbol.name, builder_.operand(symbol.value), static_cast<std::uint32_t>(builder_.position()), 0};
 }
 
 void Lowering::leave_macro(std::uint32_t expansion) {
   const auto scope = scopes_.find(expansion);
   if (scope == scopes_.end()) return;
+  std::vector<program::LocalName>& locals = scope->second.locals;
+  for (auto local = locals.rbegin(); local != locals.rend(); ++local) {
+    local->last = static_cast<std::uint32_t>(builder_.position());
+    builder_.program().local_names.push_back(std::move(*local));
+  }
   merge_registers(scope->second);
   for (const Value& value : scope->second.values) {
     if (value.is_register() && value.is_temporary) set_mask_base(value, std::nullopt);
@@ -235,6 +254,7 @@ Value Lowering::create_macro_local(const Expression& target, bool is_register, S
   if (target.owner != 0) {
     scopes_[target.owner].names.push_back(target.text);
     scopes_[target.owner].values.push_back(fresh.value);
+    scopes_[target.owner].locals.push_back(local_name(fresh));
   }
   return fresh.value;
 }

@@ -166,6 +166,7 @@ void Lowering::lower_declaration(const syntax::Declaration& declaration) {
   if (declaration.owner != 0) {
     symbols_.add(declaration.name, symbol);
     scopes_[declaration.owner].names.push_back(declaration.name);
+    scopes_[declaration.owner].locals.push_back(local_name(symbol));
     return;
   }
   if (declaration.is_machine_register) {

@@ -75,6 +75,7 @@ class Lowering {
   struct MacroScope {
     std::vector<std::string> names;  // local ones
     std::vector<Value> values;
+    std::vector<program::LocalName> locals;  // the same, for debuggers
     std::string result_name;
     std::vector<std::string> results;  // of a function: its local names
     std::size_t wheres = 0;            // that were open when the body began
@@ -132,6 +133,7 @@ class Lowering {
   void check_arguments(const syntax::MacroExpansion&) const;
   void enter_macro(const syntax::MacroExpansion&, std::span<const Statement> body);
   void leave_macro(std::uint32_t expansion);
+  program::LocalName local_name(const Symbol&);
   Value lower_expansion(const Expression&);
   bool always_writes_result(const syntax::MacroExpansion&, const MacroBody&) const;
   void check_unmasked_result(const Expression& target) const;

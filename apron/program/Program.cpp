@@ -70,6 +70,13 @@ std::optional<std::size_t> find_register(const Program& program, std::string_vie
   return static_cast<std::size_t>(found - program.registers.begin());
 }
 
+const LocalName* find_local(const Program& program, std::string_view name, std::size_t instruction) noexcept {
+  const auto found = std::ranges::find_if(program.local_names, [&](const LocalName& local) {
+    return local.name == name && local.first <= instruction && instruction < local.last;
+  });
+  return found == program.local_names.end() ? nullptr : &*found;
+}
+
 std::string unknown_register(const Program& program, const std::string& name) {
   std::vector<std::string> known;
   for (const Register& reg : program.registers)

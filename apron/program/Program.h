@@ -114,6 +114,13 @@ struct Expansion {
   std::uint32_t operand_count = 0;
 };
 
+// What a local name of a macro or function stands for, from one instruction up to another; for debuggers.
+struct LocalName {
+  std::string name;
+  Operand operand;  // a register, variable or literal
+  std::uint32_t first = 0, last = 0;
+};
+
 struct Program {
   std::vector<Instruction> code;  // ends with kEnd
   std::vector<Register> registers;
@@ -125,8 +132,9 @@ struct Program {
   std::vector<OperandGroup> groups;
   std::vector<std::string> modules;  // names of plugin shared objects; the host resolves them
   std::vector<SourceLocation> source_locations;
-  std::vector<std::string> files;     // file names as shown to the user
-  std::vector<Expansion> expansions;  // empty without macros; element 0 is a placeholder for "none"
+  std::vector<std::string> files;      // file names as shown to the user
+  std::vector<Expansion> expansions;   // empty without macros; element 0 is a placeholder for "none"
+  std::vector<LocalName> local_names;  // of inner macros first, the latest of a macro first
 };
 
 // Limits. Errors name the limit that was exceeded.
@@ -164,6 +172,8 @@ const SourceLocation* find_location(const Program&, std::size_t instruction) noe
 
 // The index of the register of that name.
 std::optional<std::size_t> find_register(const Program&, std::string_view name) noexcept;
+// The local name that holds at an instruction, or null.
+const LocalName* find_local(const Program&, std::string_view name, std::size_t instruction) noexcept;
 // "'NAME'", and a suggestion if a register has a similar name, for messages that there is none of that name.
 std::string unknown_register(const Program&, const std::string& name);
 

@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <set>
 #include <tuple>
 #include <utility>
 
@@ -141,7 +142,10 @@ std::string format_diagnostics(const Diagnostic& diagnostic, const SourceManager
 
 std::string format_diagnostics(const std::vector<Diagnostic>& diagnostics, const SourceManager& sources) {
   std::string text;
-  for (const Diagnostic& diagnostic : diagnostics) text += format_diagnostics(diagnostic, sources);
+  std::set<std::tuple<std::string, std::string>> shown;  // of a file that is included twice, once
+  for (const Diagnostic& diagnostic : diagnostics)
+    if (shown.emplace(sources.format_location(diagnostic.location), diagnostic.message).second)
+      text += format_diagnostics(diagnostic, sources);
   if (diagnostics.size() >= kMaxErrors && !diagnostics.back().is_warning)
     text += fmt::format("error: stopped after {} errors\n", kMaxErrors);
   return text;

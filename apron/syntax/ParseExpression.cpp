@@ -335,6 +335,10 @@ Expression Parser::make_binary(const Token& op, Expression left, Expression righ
   return make_expression(ExpressionKind::kBinary, op, children(std::move(left), std::move(right)));
 }
 
+bool is_name_or_number(const Tokens& tokens) {
+  return tokens.size() == 1 && (tokens[0].kind == TokenKind::kName || tokens[0].kind == TokenKind::kNumber);
+}
+
 std::vector<Parser::MacroArgument> Parser::parse_macro_arguments(const Token& call,
                                                                  const std::vector<Tokens>& argument_tokens) {
   std::vector<MacroArgument> arguments;
@@ -369,7 +373,7 @@ std::vector<Tokens> Parser::bind_arguments(MacroExpansion& expansion, const Macr
     MacroArgument& argument = arguments[i];
     const MacroParameter& parameter = macro.parameters[i];
     if (parameter.type == ArgumentType::kInteger) check_integer(parameter, macro, argument, location);
-    if (parameter.type != ArgumentType::kAny && !argument.value)
+    if ((parameter.type != ArgumentType::kAny || is_name_or_number(argument.tokens)) && !argument.value)
       expansion.typed_arguments.push_back(make_typed_argument(parameter, macro, argument, location));
     if (argument.value) {
       std::string unique =

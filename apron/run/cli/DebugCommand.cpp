@@ -355,7 +355,20 @@ class Debugger {
 
   // ---- values ----
 
+  // The local name of the macro or function in which the program is.
+  const program::LocalName* find_local(const std::string& name) const {
+    if (session_.state() == ExecutionState::kFinished) return nullptr;
+    return program::find_local(program(), name, session_.vm().program_counter());
+  }
+  std::string format_scalar(const program::Operand& operand) const {
+    return vm::format_number(operand.kind == program::OperandKind::kLiteral
+                                 ? program().literals[operand.index]
+                                 : session_.vm().variable(operand.index));
+  }
   std::optional<std::size_t> find_plane(const std::string& name) {
+    const program::LocalName* const local = find_local(name);
+    if (local != nullptr && local->operand.kind == program::OperandKind::kRegister)
+      return local->operand.index;
     const std::optional<std::size_t> reg = program::find_register(program(), name);
     if (!reg) refuse("the program has no register " + program::unknown_register(program(), name));
     return reg;
@@ -370,8 +383,11 @@ class Debugger {
   }
 
   void print(const Words& words) {
+    const program::LocalName* const local = find_local(words[1]);
+    if (local != nullptr && local->operand.kind != program::OperandKind::kRegister && words.size() == 2)
+      return say(words[1] + " = " + format_scalar(local->operand) + "\n");
     const auto variable = std::ranges::find(program().variables, words[1], &program::Variable::name);
-    if (variable != program().variables.end() && words.size() == 2) {
+    if (local == nullptr && variable != program().variables.end() && words.size() == 2) {
       const std::size_t index = variable - program().variables.begin();
       return say(words[1] + " = " + vm::format_number(std::as_const(session_).vm().variable(index)) + "\n");
     }
@@ -420,7 +436,9 @@ class Debugger {
       say(render_ascii(session_.vm().plane(*reg), {}));
   }
   void save(const Words& words) {
-    const std::vector<SavedRegister> saved{{words[1], words[2]}};
+    const std::optional<std::size_t> reg = find_plane(words[1]);
+    if (!reg) return;
+    const std::vector<SavedRegister> saved{{program().registers[*reg].name, words[2]}};
     try {
       check_saved(saved, program());
     } catch (const common::UserError& error) {
@@ -431,6 +449,14 @@ class Debugger {
     if (!error.empty()) refuse(error.starts_with("--save: ") ? error.substr(8) : error);
   }
   void list_names(const Words&) {
+    const std::size_t at = session_.vm().program_counter();
+    for (const program::LocalName& local : program().local_names) {
+      if (at < local.first || at >= local.last || find_local(local.name) != &local) continue;
+      if (local.operand.kind == program::OperandKind::kRegister)
+        say(local.name + " " + vm::format_shape(session_.vm().plane(local.operand.index)) + "\n");
+      else
+        say(local.name + " = " + format_scalar(local.operand) + "\n");
+    }
     for (const program::Register& r : program().registers)
       if (!program::is_temporary(r.name))
         say(r.name + " " + std::to_string(r.width) + "x" + std::to_string(r.height) + "\n");

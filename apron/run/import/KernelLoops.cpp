@@ -80,6 +80,46 @@ bool KernelSourceReader::may_change_any(const KernelTokenList& names, std::size_
   });
 }
 
+// An endless loop that leaves itself and takes no frame.
+bool KernelSourceReader::leaves_itself(std::size_t body) const {
+  const auto end_of = [this](std::size_t first) {
+    return tokens_[first].is("{") ? behind_bracket(first) : statement_end(first);
+  };
+  const std::size_t end = end_of(body);
+  bool leaves = false;
+  std::size_t inner_end = body;  // of the loop within this one
+  for (std::size_t i = body; i < end && i + 1 < tokens_.size(); ++i) {
+    const KernelToken& token = tokens_[i];
+    if (token.kind != Kind::kName) continue;
+    if (takes_frame(i)) return false;
+    if (i >= inner_end && token.is_name_of({"for", "while", "switch"}))
+      inner_end = end_of(behind_bracket(i + 1));
+    else if (i >= inner_end && token.is_name("do"))
+      inner_end = end_of(i + 1);
+    leaves = leaves || token.is_name("return") || (token.is_name("break") && i >= inner_end);
+  }
+  return leaves;
+}
+
+// True of what waits for a frame or for the host, and of a function that does.
+bool KernelSourceReader::takes_frame(std::size_t word) const {
+  std::set<std::size_t> visited;
+  return takes_frame(word, visited);
+}
+
+bool KernelSourceReader::takes_frame(std::size_t word, std::set<std::size_t>& visited) const {
+  const std::string& name = tokens_[word].text;
+  if (name.starts_with("vs_") || name.find("get_image") != std::string::npos || name == "getpix" ||
+      name == "rpix" || name == "respix")
+    return true;
+  return tokens_[word + 1].is("(") && std::ranges::any_of(all_functions_, [&](const Function& function) {
+           if (function.name != name || !visited.insert(function.body).second) return false;
+           for (std::size_t i = function.body; i < function.end && i + 1 < tokens_.size(); ++i)
+             if (tokens_[i].kind == Kind::kName && takes_frame(i, visited)) return true;
+           return false;
+         });
+}
+
 void KernelSourceReader::translate_for(ProgramLines& out, int depth) {
   const std::size_t close = behind_bracket(position_ + 1);
   const bool is_endless = close == position_ + 5 && peek(2).is(";") && peek(3).is(";");
@@ -204,6 +244,19 @@ void KernelSourceReader::emit_leave_unless(const KernelTokenList& condition, Pro
 }
 
 void KernelSourceReader::translate_frames(ProgramLines& out, int depth) {
+  if (leaves_itself(position_)) {
+    ProgramLines body;
+    loop_body(body, depth, "");
+    // What leaves it may have been left out.
+    const bool leaves = std::ranges::any_of(body, [](const std::string& line) {
+      const std::string text = line.substr(std::min(line.find_first_not_of(' '), line.size()));
+      return text == "break" || text == "end" || text == "jump(:#return)";
+    });
+    if (!leaves) uses_frames_ = true;
+    emit(out, depth, leaves ? "while(1)" : "repeat(FRAMES)");
+    out.insert(out.end(), body.begin(), body.end());
+    return emit(out, depth, leaves ? "endwhile" : "endrepeat");
+  }
   uses_frames_ = true;
   emit(out, depth, "repeat(FRAMES)");
   if (!options_.picture.empty())

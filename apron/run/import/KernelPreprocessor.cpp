@@ -23,6 +23,7 @@ class ConditionParser {
  public:
   explicit ConditionParser(const KernelTokenList& tokens) : tokens_(tokens) {}
   double value() { return conditional(); }
+  bool is_too_deep() const { return is_too_deep_; }
 
  private:
   const KernelToken& peek() const {
@@ -33,7 +34,10 @@ class ConditionParser {
   template <class Parse>
   double nested(const Parse& parse) {
     constexpr int kMostNesting = 200;
-    if (depth_ == kMostNesting) return 0.0;
+    if (depth_ == kMostNesting) {
+      is_too_deep_ = true;
+      return 0.0;
+    }
     ++depth_;
     const double value = parse();
     --depth_;
@@ -81,6 +85,7 @@ class ConditionParser {
   const KernelTokenList& tokens_;
   std::size_t i_ = 0;
   int depth_ = 0;
+  bool is_too_deep_ = false;
 };
 
 }  // namespace
@@ -124,8 +129,10 @@ void KernelPreprocessor::read(std::string_view text, std::size_t file, const std
   for (std::size_t i = 0; tokens[i].kind != Kind::kEnd;) {
     if (tokens[i].kind == Kind::kDirective) {
       directive(tokens[i++], folder);
-    } else if (!is_active() || out_.size() > kMaxTokens) {
+    } else if (!is_active()) {
       ++i;
+    } else if (out_.size() > kMaxTokens) {
+      return refuse(tokens[i], fmt::format("the kernel has more than {} words", kMaxTokens));
     } else {
       expand(tokens, i, {}, out_);
     }
@@ -171,7 +178,9 @@ void KernelPreprocessor::include(const KernelToken& token, const std::string& fo
   if (open == std::string::npos) return;  // the system's and the chip's own headers
   const std::string name = token.text.substr(open + 1, token.text.find('"', open + 1) - open - 1);
   const std::string path = folder + name;
-  if (included_.contains(path) || files_.size() > kMaxDepth) return;
+  if (included_.contains(path)) return;
+  if (files_.size() > kMaxDepth)
+    return refuse(token, fmt::format("more than {} files are included", kMaxDepth));
   const auto text = options_.read_include ? options_.read_include(path) : std::nullopt;
   if (!text) {
     notes_.push_back({token.line, fmt::format("the included file '{}' is not there", name), false, false,
@@ -184,6 +193,12 @@ void KernelPreprocessor::include(const KernelToken& token, const std::string& fo
   const std::size_t slash = path.rfind('/');
   read(*text, files_.size() - 1, slash == std::string::npos ? "" : path.substr(0, slash + 1));
   branches_ = outer;
+}
+
+// A limit that the kernel exceeds, once.
+void KernelPreprocessor::refuse(const KernelToken& at, std::string reason) {
+  if (std::ranges::find(notes_, reason, &ImportNote::text) == notes_.end())
+    notes_.push_back({at.line, std::move(reason), false, true, false, files_[at.file]});
 }
 
 bool KernelPreprocessor::condition(const KernelToken& token, std::string_view expression) {
@@ -201,16 +216,39 @@ bool KernelPreprocessor::condition(const KernelToken& token, std::string_view ex
     tokens.push_back({Kind::kNumber, macros_.contains(words[i].text) ? "1" : "0", token.line, token.file});
     if (in_brackets && words[i + 1].is(")")) ++i;
   }
-  KernelTokenList values;
-  for (KernelToken value : expand_all(tokens, {})) {
-    const auto macro = macros_.find(value.text);
-    if (value.kind == Kind::kName && macro != macros_.end() && macro->second.is_kept &&
+  const KernelTokenList values = without_names(expand_all(tokens, {}));
+  ConditionParser parser(values);
+  const bool holds = parser.value() != 0.0;
+  if (parser.is_too_deep()) refuse(token, "the condition is nested too deeply");
+  return holds;
+}
+
+// Constants that the program keeps as names become numbers.
+KernelTokenList KernelPreprocessor::without_names(const KernelTokenList& in) const {
+  KernelTokenList out;
+  for (const KernelToken& word : in) {
+    const auto macro = macros_.find(word.text);
+    if (word.kind == Kind::kName && macro != macros_.end() && macro->second.is_kept &&
         !macro->second.is_function)
-      values.insert(values.end(), macro->second.body.begin(), macro->second.body.end());
+      out.insert(out.end(), macro->second.body.begin(), macro->second.body.end());
     else
-      values.push_back(std::move(value));
+      out.push_back(word);
   }
-  return ConditionParser(values).value() != 0.0;
+  return out;
+}
+
+// Whether the macro, or one that it uses, makes new words.
+bool KernelPreprocessor::makes_words(const Macro& macro) const {
+  Names visited;
+  const auto search = [&](const auto& self, const Macro& one) -> bool {
+    return std::ranges::any_of(one.body, [&](const KernelToken& word) {
+      if (word.is("##") || word.is("#")) return true;
+      const auto inner = macros_.find(word.text);
+      return word.kind == Kind::kName && inner != macros_.end() && visited.insert(word.text).second &&
+             self(self, inner->second);
+    });
+  };
+  return search(search, macro);
 }
 
 void KernelPreprocessor::define(const KernelToken& token) {
@@ -278,8 +316,11 @@ void KernelPreprocessor::expand(const KernelTokenList& in, std::size_t& i, const
                                 KernelTokenList& out) {
   const KernelToken& token = in[i++];
   const auto found = token.kind == Kind::kName ? macros_.find(token.text) : macros_.end();
-  if (found == macros_.end() || hidden.contains(token.text) || hidden.size() > kMaxDepth ||
-      expanded_ > kMostExpanded) {
+  const bool is_too_much = hidden.size() > kMaxDepth || expanded_ > kMostExpanded;
+  if (found == macros_.end() || hidden.contains(token.text) || is_too_much) {
+    if (found != macros_.end() && is_too_much)
+      refuse(token, fmt::format("macros are nested more than {} deep or expand to more than {} words",
+                                kMaxDepth, kMostExpanded));
     out.push_back(token);
     return;
   }
@@ -340,8 +381,13 @@ KernelTokenList KernelPreprocessor::substitute(const Macro& macro,
     } else if (const KernelTokenList* argument = argument_of(word)) {
       const bool is_pasted = pastes || (i + 1 < macro.body.size() && macro.body[i + 1].is("##"));
       words = is_pasted ? *argument : expand_all(*argument, hidden);
+      if (!is_pasted && makes_words(macro)) words = without_names(words);
     }
-    if ((expanded_ += words.size()) > kMostExpanded) break;
+    if ((expanded_ += words.size()) > kMostExpanded) {
+      refuse(call, fmt::format("macros are nested more than {} deep or expand to more than {} words",
+                               kMaxDepth, kMostExpanded));
+      break;
+    }
     for (KernelToken& part : words) {
       part.line = call.line;
       part.file = call.file;

@@ -41,6 +41,9 @@ class KernelPreprocessor {
   void directive(const KernelToken& token, const std::string& folder);
   void include(const KernelToken& token, const std::string& folder);
   void define(const KernelToken& token);
+  void refuse(const KernelToken& at, std::string reason);
+  KernelTokenList without_names(const KernelTokenList& in) const;
+  bool makes_words(const Macro& macro) const;
   bool condition(const KernelToken& token, std::string_view expression);
   bool is_active() const;
   bool may_stay(const std::string& name, const Macro&) const;

@@ -592,7 +592,7 @@ void KernelSourceReader::leave_out(std::size_t start, const std::string& reason,
     skip_statement();
   }
   if (position_ == start) ++position_;
-  const bool is_error = !in_kernel_ && concerns_registers(start, position_);
+  const bool is_error = !in_kernel_ && (first.is_name("goto") || concerns_registers(start, position_));
   const std::size_t end = std::exchange(position_, start);
   note(line, reason, is_error);
   position_ = end;

@@ -100,6 +100,9 @@ class KernelSourceReader final : KernelTranslation {
   bool may_change_any(const KernelTokenList& names, std::size_t first, std::size_t last) const;
   // The loop over the frames, which has no end on the chip.
   void translate_frames(ProgramLines& out, int depth);
+  bool leaves_itself(std::size_t body) const;
+  bool takes_frame(std::size_t word) const;
+  bool takes_frame(std::size_t word, std::set<std::size_t>& visited) const;
   void translate_while(ProgramLines& out, int depth);
   void translate_do(ProgramLines& out, int depth);
   void translate_if(ProgramLines& out, int depth);

@@ -5,6 +5,7 @@
 #include <cctype>
 #include <cstdlib>
 #include <set>
+#include <utility>
 
 namespace apron::run {
 namespace {
@@ -66,8 +67,12 @@ class Scanner {
       skip(1);
       at_line_start_ = at_line_start_ || kept;
     } else if (text_.starts_with("//")) {
-      const std::size_t end = std::min(text_.find('\n'), text_.size());
-      add(KernelTokenKind::kComment, trim(text_.substr(2, end - 2)));
+      std::size_t end = std::min(text_.find('\n'), text_.size());
+      while (end < text_.size() && trim(text_.substr(0, end)).ends_with('\\'))
+        end = std::min(text_.find('\n', end + 1), text_.size());
+      std::string comment = trim(text_.substr(2, end - 2));
+      std::ranges::replace(comment, '\n', ' ');
+      add(KernelTokenKind::kComment, std::move(comment));
       skip(end);
     } else if (text_.starts_with("/*")) {
       const std::size_t end = std::min(text_.find("*/", 2), text_.size());
@@ -112,7 +117,8 @@ class Scanner {
       std::string part = trim(text_.substr(0, end));
       const bool continued = !part.empty() && part.back() == '\\';
       if (continued) part.pop_back();
-      logical += (logical.empty() ? "" : "\n") + part;
+      // A comment goes on in the next line.
+      logical += (logical.empty() ? "" : logical.find("//") != std::string::npos ? " " : "\n") + part;
       skip(end);
       if (!continued || text_.empty()) break;
       skip(1);

@@ -53,6 +53,20 @@ class Debug(unittest.TestCase):
                                "0 1 2 3", "0 1 2 3", "0 1 2 3", "breakpoint 1", "p.aps:4: :t = $a", "A(3, 1) = 6",
                                "the program has ended"])
 
+    def test_local_names_are_those_of_the_macro_that_runs(self):
+        self.write("!register(A, B)\nm = 3\nfunction y = inner(plane t)\n  m2 = globalsum(t)\n  t = t + m2\n  y = t\nendfunction\n"
+                   "function y = f(a, number k)\n  t = a * k\n  n = k + 1\n  y = inner(t + n)\n  y = y + t\nendfunction\n"
+                   "A = cell.x\nB = f(A, m)\nB = f(A + 1, 7)\n")
+        prints = ["print n", "print k", "print t 1 0", "print a 2 0"]
+        out = self.debug("break 12", "break 6", "c", "print m2", "plane t", "save t t.csv", "c", *prints, "print m2", "delete", "break 12", "c",
+                         *prints, "names", status=2)
+        values = [line for line in out if "=" in line and not line.startswith("p.aps")]
+        self.assertEqual(values, ["m2 = 102", "n = 4", "k = 3", "t(1, 0) = 3", "a(2, 0) = 2", "n = 8", "k = 7", "t(1, 0) = 14", "a(2, 0) = 3",
+                                  "n = 8", "k = 7", "m = 3"])
+        self.assertEqual((self.folder / "t.csv").read_text().split()[0].split(",")[1], "109")
+        self.assertIn("106 109 112 115", out)
+        self.assertIn("error: the program has no register 'm2'", "\n".join(out))
+
     def test_a_changed_cell_stops_the_program(self):
         # Drawn writes to single cells: the program stops where the watched one gets another value, and nowhere else.
         draw = random.Random(5)

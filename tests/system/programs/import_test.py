@@ -46,6 +46,12 @@ FORMS = {
               " PUT(E, 1 + 1); JOIN(mo, v)(F, E); CLEAN(B, C); }",
     "scoped": "enum class Choice { A, B = 5, R5 }; enum struct Other { A = 7 }; int main(){ int k = (int)Choice::B; scamp5_in(A, k);"
               " scamp5_in(B, (int)Other::A); mov(C, A); add(D, B, C); if ((int)Choice::R5 == 6) { MOV(R5, FLAG); } }",
+    "continued lines": "#define PUT(y, v) scamp5_in(y, v); // the comment goes on \\\n add(E, E, E);\n#define BOTH(v) scamp5_in(B, v); \\\n scamp5_in(C, v);\n"
+                       "int main(){ PUT(A, 3) BOTH(4) // as does this \\\n scamp5_in(A, 9);\n scamp5_in(D, 5); }",
+    "names that are joined": "#define N 5\n#define CAT(a, b) a##b\n#define JOINED(a, b) CAT(a, b)\n#define TWICE(a, b) JOINED(a, b)\nint v5 = 9, vN = 4;\n"
+                             "int main(){ scamp5_in(A, JOINED(v, N)); scamp5_in(B, CAT(v, N)); scamp5_in(C, TWICE(v, N)); scamp5_in(D, N); SET(JOINED(R, N)); }",
+    "endless loops": "int upto(int n){ while (1) { n += 4; if (n > 20) return n; } } int main(){ scamp5_in(A, upto(3)); int n = 0; for (;;) { n++; if (n == 7) break; add(B, B, A); }"
+                     " scamp5_in(C, n); while (true) { for (int k = 0; k < 5; k++) { n++; if (k == 2) break; } if (n > 15) { break; } } scamp5_in(D, n); }",
     "conditions": "#define FAST 1\n#if FAST && !defined(SLOW) && (3 > 2)\nint k = 1;\n#else\nint k = 2;\n#endif\n#ifdef SLOW\nint m = 9;\n"
                   "#elif FAST == 2\nint m = 8;\n#else\nint m = 7;\n#endif\n#if 0\nbroken(\n#endif\n"
                   "int main(){ scamp5_in(A, k); scamp5_in(B, m); }",
@@ -331,6 +337,7 @@ class Import(ProgramTest):
         main = "int main(){ scamp5_in(A, 1); %s }"
         self.check_status(main % "DREG_load_centered_rect(S0, 1, 2, 3, 4);", 2, "one.cpp:1: error: 'DREG_load_centered_rect'")
         self.check_status(main % "switch (k) { case 1: res(A); }", 2, "error: 'switch' has no counterpart")
+        self.check_status(main % "goto end; end: ;", 2, "error: 'goto' has no counterpart")
         self.check_status(main % "objects[2].draw(S1);", 2, "error: ")
         self.check_status("void f(AREG y){ res(y); } " + main % "f(regs[1]);", 2, "error: ")
         self.check_status("void f(AREG y){ res(y); } void f(DREG y){ CLR(y); } " + main % "f(A);", 2, "another function 'f'")
@@ -340,6 +347,15 @@ class Import(ProgramTest):
                           " show(S0, d); vs_on_gui_update(3, [&](int32_t v){ res(A); }); }", 0, "left out: 'vs_gui_add_display'")
         self.check_status(main % "vs_post_text(\"x\"); scamp5_output_events(S0);", 0, "left out")
         self.check_status("int main(){ scamp5_in(A, 1); add(B, A, A); }", 0, "warning: the chip connects 'A' once in 'add'")
+
+    def test_an_endless_loop_that_the_host_ends_runs_for_its_frames(self):
+        self.check_status("int main(){ while (1) { if (button()) break; scamp5_in(A, 3); } }", 0, "'button' runs on the controller or host")
+        self.assertIn("repeat(FRAMES)\n", (self.folder / "one.aps").read_text())
+
+    def test_a_limit_is_an_error(self):
+        self.check_status("#if " + "(" * 300 + "1" + ")" * 300 + "\nint main(){ scamp5_in(A, 1); }\n#endif", 2, "one.cpp:1: error: the condition is nested too deeply")
+        macros = "#define M0(x) x\n" + "".join(f"#define M{k}(x) {f'M{k - 1}(x) ' * 10}\n" for k in range(1, 7))
+        self.check_status(macros + "int main(){ M6(res(A);) }", 2, "expand to more than 300000 words")
 
     def test_local_includes_are_followed(self):
         rect = ("#pragma once\n#include \"deep/limits.hpp\"\ninline void DREG_load_centered_rect(DREG y, int x, int r, int w){\n"

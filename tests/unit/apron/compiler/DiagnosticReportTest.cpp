@@ -73,6 +73,15 @@ TEST(Report, IncludesAreChained) {
             "  note: included from main.aps:2:1\n");
 }
 
+TEST(Report, AFileThatIsIncludedTwiceIsReportedOnce) {
+  const CompileResult result = compile_text("!include('a.aps')\n!include('a.aps')\n", {{"a.aps", "x = )\n"}});
+  EXPECT_EQ(errors(result),
+            "a.aps:1:5: error: expected a value, not ')'\n"
+            "    x = )\n"
+            "        ^\n"
+            "  note: included from main.aps:1:1\n");
+}
+
 TEST(Report, MissingMainFile) {
   syntax::MemoryReader nothing;
   CompileOptions options;
