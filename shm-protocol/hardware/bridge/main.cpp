@@ -319,6 +319,8 @@ hardware::TableSpec await_table(const Arguments& arguments) {
   const auto until = std::chrono::steady_clock::now() + arguments.bridge.connect_timeout;
   const auto& stop = common::catch_stop_signals();
   std::error_code none;
+  if (!std::filesystem::exists(*arguments.table, none))
+    print_event(*arguments.table + ": there is no such file yet; waiting for it");
   while (!std::filesystem::exists(*arguments.table, none) && !stop.load() &&
          std::chrono::steady_clock::now() < until)
     std::this_thread::sleep_for(std::chrono::milliseconds(20));
