@@ -61,6 +61,8 @@ class KernelSourceReader final : KernelTranslation {
   bool concerns_registers(std::size_t first, std::size_t last) const;
   // The functions and macros that become macros of the program.
   void collect_functions();
+  // Removes the notes on functions that an expression below them needed after all.
+  void forget_translated_functions();
   void collect(const Function&);
   bool require_function(const std::string& name, std::size_t count) override;
   void translate_function(Function& function);
