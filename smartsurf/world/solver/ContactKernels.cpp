@@ -214,8 +214,8 @@ void for_each_point(const ContactBatch* batches, int count, BatchPoints points, 
 template <bool kPair, bool kSpheres>
 HWY_INLINE void lower_friction_of_twist(const ContactLanes<kPair, kSpheres>& l, const ContactBatch& o,
                                         const BatchPoints& points) {
-  constexpr float kSlipsFrom =
-      0.1F;  // speed of a corner about the centre, u/s; with full effect from twice that
+  // Speed of a corner about the centre, u/s. From twice that on the effect is full.
+  constexpr float kSlipsFrom = 0.1F;
   const int at = l.lane;
   const V least = set(1e-20F), one = set(1.0F);
   // The centre of the load of the last step, or of the points where there was none.
