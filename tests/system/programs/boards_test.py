@@ -1,4 +1,5 @@
 """Programs on boards: one process per tile, against the simulator as the world."""
+import pathlib
 import random
 import re
 import shutil
@@ -7,6 +8,7 @@ import sys
 from programs import *
 
 BOARDS = str(ROOT / "scripts/boards/boards")
+SEGMENTS = pathlib.Path("/dev/shm")
 WORLD = """
 surface { rows = 16, columns = 20, pitch = 1.0, actuator = pin { range = { 0, 4 }, max_speed = 6 }, sensors = { proximity {} } }
 for i = 1, 4 do sphere { radius = 1.5, position = { 3 * i, 2 * i + 3, 6 } } end
@@ -16,7 +18,9 @@ for i = 1, 4 do sphere { radius = 1.5, position = { 3 * i, 2 * i + 3, 6 } } end
 @unittest.skipUnless(shutil.which("cc"), "no C compiler")
 class Boards(ProgramTest):
     def run_boards(self, experiment, program, *flags):
+        before = set(SEGMENTS.glob("smartsurf.boards-*"))
         status, out, err = self.run_program(sys.executable, BOARDS, experiment, program, "--bin", str(BIN), *flags)
+        self.assertEqual(set(SEGMENTS.glob("smartsurf.boards-*")) - before, set(), "segments that stay behind")
         return status, out, err
 
     def check(self, *flags, program=str(ROOT / "scripts/case-study/sort.aps")):
