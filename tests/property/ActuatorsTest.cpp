@@ -3,7 +3,6 @@
 
 #include <array>
 #include <cmath>
-#include <random>
 
 #include "smartsurf/scene/KindRegistry.h"
 #include "tests/property/PhysicsFixture.h"
@@ -45,14 +44,7 @@ class Turntable : public testing::TestWithParam<int> {
   // Calls run(fixture, draw) for random tables; draw(low, high) is uniform.
   template <class Run>
   void on_random_tables(unsigned seed, Run run) const {
-    std::mt19937_64 random(seed);
-    const auto draw = [&random](double low, double high) {
-      return low + (high - low) * (static_cast<double>(random()) / 0x1p64);
-    };
-    for (int i = 0; i < kDraws; ++i) {
-      PhysicsFixture fixture;
-      fixture.scene.world.dt_s = 1.0 / GetParam();
-      fixture.scene.world.iterations = std::array{4, 10, 40}[static_cast<std::size_t>(i) % 3];
+    for_random_fixtures(seed, kDraws, 1.0 / GetParam(), [&](PhysicsFixture& fixture, const auto& draw) {
       fixture.scene.materials[0].rolling_friction = 0;
       fixture.scene.materials[0].friction = draw(0.2, 1.0);
       set_actuator(fixture, "conveyor",
@@ -61,7 +53,7 @@ class Turntable : public testing::TestWithParam<int> {
                     {"max_turn", {100}},
                     {"max_turn_acceleration", {1e6}}});
       run(fixture, draw);
-    }
+    });
   }
 };
 

@@ -1,9 +1,7 @@
 // The field lifts, carries and catches objects without losing them or letting them penetrate.
 #include <gtest/gtest.h>
 
-#include <array>
 #include <cmath>
-#include <random>
 
 #include "smartsurf/scene/KindRegistry.h"
 #include "tests/property/PhysicsFixture.h"
@@ -228,14 +226,7 @@ class OnBody : public testing::TestWithParam<int> {
   // Calls run(fixture, carrier, draw) for random carriers at rest; draw(low, high) is uniform.
   template <class Run>
   void on_random_bodies(unsigned seed, int draws, Run run) const {
-    std::mt19937_64 random(seed);
-    const auto draw = [&random](double low, double high) {
-      return low + (high - low) * (static_cast<double>(random()) / 0x1p64);
-    };
-    for (int i = 0; i < draws; ++i) {
-      PhysicsFixture fixture;
-      fixture.scene.world.dt_s = 1.0 / GetParam();
-      fixture.scene.world.iterations = std::array{4, 10, 40}[static_cast<std::size_t>(i) % 3];
+    for_random_fixtures(seed, draws, 1.0 / GetParam(), [&](PhysicsFixture& fixture, const auto& draw) {
       fixture.scene.materials[0].friction = fixture.scene.materials[0].rolling_friction = 0;
       scene::ObjectSpec carrier = draw(0, 1) < 0.5 ? cylinder(0.5 * kWidth, 1, {kMiddle, kMiddle, 0.5})
                                                    : box({kWidth, kWidth, 1}, {kMiddle, kMiddle, 0.5});
@@ -243,7 +234,7 @@ class OnBody : public testing::TestWithParam<int> {
       const scene::ObjectId id = fixture.add(carrier);
       fixture.run(1.0);
       run(fixture, id, *carrier.friction, draw);
-    }
+    });
   }
   static void turn(PhysicsFixture& fixture, scene::ObjectId carrier, double rate) {
     scene::ObjectStateUpdate turning;

@@ -4,8 +4,10 @@
 // `threads` and `cell_force_limit` before that.
 #pragma once
 
+#include <array>
 #include <functional>
 #include <memory>
+#include <random>
 
 #include "common/threads/ThreadPool.h"
 #include "smartsurf/scene/Snapshot.h"
@@ -47,6 +49,22 @@ class PhysicsFixture {
   std::unique_ptr<smartsurf::world::Engine> world_;
   smartsurf::scene::Snapshot snapshot_;
 };
+
+// Calls run(fixture, draw) for `draws` fixtures with this step, at 4, 10 and 40 iterations in turn; draw(low,
+// high) is uniform, of the seed.
+template <class Run>
+void for_random_fixtures(unsigned seed, int draws, double dt_s, Run run) {
+  std::mt19937_64 random(seed);
+  const auto draw = [&random](double low, double high) {
+    return low + (high - low) * (static_cast<double>(random()) / 0x1p64);
+  };
+  for (int i = 0; i < draws; ++i) {
+    PhysicsFixture fixture;
+    fixture.scene.world.dt_s = dt_s;
+    fixture.scene.world.iterations = std::array{4, 10, 40}[static_cast<std::size_t>(i) % 3];
+    run(fixture, draw);
+  }
+}
 
 // Commands all pins to the height, u.
 void raise_all(PhysicsFixture&, float height);

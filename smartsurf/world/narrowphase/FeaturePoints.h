@@ -5,13 +5,15 @@
 
 namespace smartsurf::world {
 
+// Points that sample a circular rim, the first one in the direction that is asked for.
+inline constexpr int kRimPoints = 8;
+
 // Calls each(point) for the points with z ≤ max_z, world frame: corners, a cone's tip, and eight points per
 // rim, one of them the lowest. Spheres and capsules have none.
 template <class Each>
 void for_each_feature_point(const ConvexPart& part, const Vec3& centre, const Mat3& axes, float max_z,
                             Each each) {
   using scene::ShapeKind;
-  constexpr int kRimPoints = 8;
   const Shape& s = part.shape;
   const Vec3 up = axes.row(2);
   auto visit_local = [&](const Vec3& p) {

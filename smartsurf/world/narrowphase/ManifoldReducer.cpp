@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <limits>
 
+#include "smartsurf/world/narrowphase/FeaturePoints.h"
 #include "smartsurf/world/simd/Simd4.h"
 
 namespace smartsurf::world {
@@ -75,7 +76,6 @@ float ManifoldReducer::twist_friction_loss(std::span<const Vec3> corners) const 
     const float squared = px * px + py * py;
     least = std::min(least, squared), greatest = std::max(greatest, squared);
   }
-  constexpr int kRimPoints = 8;
   float mean = 0.0F;
   if (n >= kRimPoints && greatest - least < 2e-3F * greatest) {
     mean = 2.0F / 3.0F * std::sqrt(greatest);  // of the disc around them

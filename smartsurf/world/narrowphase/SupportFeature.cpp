@@ -4,12 +4,12 @@
 #include <cmath>
 #include <limits>
 
+#include "smartsurf/world/narrowphase/FeaturePoints.h"
+
 namespace smartsurf::world {
 namespace {
 
 using scene::ShapeKind;
-
-constexpr int kRimPoints = 8;  // points that sample a circular rim, the first one in the query direction
 
 struct FeatureBuilder {
   const Vec3& centre;

@@ -46,8 +46,8 @@ struct alignas(64) BatchPoint {
 };
 struct alignas(64) BatchPointDetail {
   float anchor_a[3][kLanes], anchor_b[3][kLanes];
-  // Of the static surface. In a general pair: how much faster b is at the point than at the place that the
-  // point had at the start of the step, relative to a and along the surface.
+  // The velocity of the static surface. In a general pair it is what b's surface gains on a's, along the
+  // contact, because the point has moved since the start of the step.
   float surface_velocity[3][kLanes];
   float surface_spin[kLanes];
   float rolling_friction[kLanes], rolling_mass[kLanes], rolling_impulse[3][kLanes];

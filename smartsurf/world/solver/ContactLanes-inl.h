@@ -254,9 +254,9 @@ struct DeltaPoseLanes {
       load_rows(&rows.delta_pose->translation[0], index, 4, rotation.x, rotation.y, rotation.z, unused);
   }
 
-  // The points of a pair lie on the smaller body, which moves over the larger one that carries it. How much
-  // faster b is, relative to a, where the points are in the middle of the substep (the midpoint rule) than
-  // where they were at the start of the step.
+  // The points of a pair lie on the smaller body, which moves over the larger one that carries it. The
+  // result is what b's surface gains on a's because the points have moved since the start of the step, in the
+  // middle of the substep (the midpoint rule).
   HWY_INLINE V3 carrying_velocity(const ContactLanes<kPair, kSpheres>& l, const PointRef& q,
                                   const SubstepParams& params) const {
     static_assert(kPair && !kSpheres);
