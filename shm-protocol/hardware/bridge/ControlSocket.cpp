@@ -2,15 +2,23 @@
 
 #include <poll.h>
 #include <sys/socket.h>
+#include <sys/time.h>
 #include <sys/un.h>
 #include <unistd.h>
 
 #include <array>
 #include <cerrno>
+#include <chrono>
 #include <cstring>
+#include <fstream>
+#include <set>
 #include <stdexcept>
+#include <utility>
 
 namespace hardware {
+
+using namespace std::chrono_literals;
+
 namespace {
 
 constexpr std::size_t kMaxAnswer = std::size_t{1} << 16, kMostClients = 16;
@@ -20,8 +28,12 @@ struct Address {
   socklen_t bytes = 0;
 };
 
+std::string name_of(const std::string& surface) {
+  return "smartsurf." + std::to_string(::geteuid()) + "." + surface;
+}
+
 Address address_of(const std::string& surface) {
-  const std::string name = "smartsurf." + std::to_string(::geteuid()) + "." + surface;
+  const std::string name = name_of(surface);
   Address a;
   a.at.sun_family = AF_UNIX;
   const std::size_t count = std::min(name.size(), sizeof a.at.sun_path - 1);
@@ -35,6 +47,51 @@ bool is_trusted(int socket) {
   socklen_t size = sizeof peer;
   return ::getsockopt(socket, SOL_SOCKET, SO_PEERCRED, &peer, &size) == 0 &&
          (peer.uid == ::geteuid() || peer.uid == 0);
+}
+
+[[noreturn]] void fail(int socket, const std::string& what) {
+  if (socket >= 0) ::close(socket);
+  throw std::runtime_error(what);
+}
+
+std::string silent(const std::string& surface) {
+  return "the bridge of surface '" + surface + "' does not answer";
+}
+
+// Returns the socket on which receive() awaits the answer.
+int send(const std::string& surface, const std::string& command) {
+  const int socket = ::socket(AF_UNIX, SOCK_SEQPACKET | SOCK_CLOEXEC, 0);
+  const timeval patience{.tv_sec = 1,
+                         .tv_usec = 0};  // a suspended bridge accepts no more than its queue takes
+  const Address a = address_of(surface);
+  if (socket < 0 || ::setsockopt(socket, SOL_SOCKET, SO_SNDTIMEO, &patience, sizeof patience) != 0 ||
+      ::connect(socket, reinterpret_cast<const sockaddr*>(&a.at), a.bytes) != 0)
+    fail(socket, errno == EAGAIN ? silent(surface) : "no bridge serves surface '" + surface + "'");
+  if (::send(socket, command.data(), command.size(), MSG_NOSIGNAL) < 0)
+    fail(socket, "the bridge of surface '" + surface + "' has ended");
+  return socket;
+}
+
+std::string receive(const std::string& surface, int socket, std::chrono::milliseconds patience) {
+  pollfd ready{socket, POLLIN, 0};
+  if (::poll(&ready, 1, static_cast<int>(patience.count())) != 1) fail(socket, silent(surface));
+  std::string text(kMaxAnswer, '\0');
+  const ssize_t got = ::recv(socket, text.data(), text.size(), 0);
+  if (got < 0) fail(socket, silent(surface) + ": " + std::strerror(errno));
+  ::close(socket);
+  text.resize(static_cast<std::size_t>(got));
+  return text;
+}
+
+// The surfaces whose bridges listen.
+std::set<std::string> served_surfaces() {
+  const std::string prefix = " @" + name_of("");
+  std::set<std::string> surfaces;
+  std::ifstream sockets("/proc/net/unix");
+  for (std::string line; std::getline(sockets, line);)
+    if (const std::size_t at = line.find(prefix); at != std::string::npos)
+      surfaces.insert(line.substr(at + prefix.size()));
+  return surfaces;
 }
 
 }  // namespace
@@ -86,24 +143,27 @@ void ControlSocket::serve(const std::function<std::string(const std::string&)>& 
 }
 
 std::string ask_bridge(const std::string& surface, const std::string& command) {
-  const int socket = ::socket(AF_UNIX, SOCK_SEQPACKET | SOCK_CLOEXEC, 0);
-  const Address a = address_of(surface);
-  const auto fail = [&](const std::string& what) {
-    if (socket >= 0) ::close(socket);
-    throw std::runtime_error(what);
-  };
-  if (socket < 0 || ::connect(socket, reinterpret_cast<const sockaddr*>(&a.at), a.bytes) != 0)
-    fail("no bridge serves surface '" + surface + "'");
-  if (::send(socket, command.data(), command.size(), MSG_NOSIGNAL) < 0)
-    fail("the bridge of surface '" + surface + "' has ended");
-  pollfd ready{socket, POLLIN, 0};
-  if (::poll(&ready, 1, 10'000) != 1) fail("the bridge of surface '" + surface + "' does not answer");
-  std::string text(kMaxAnswer, '\0');
-  const ssize_t got = ::recv(socket, text.data(), text.size(), 0);
-  if (got < 0) fail("the bridge of surface '" + surface + "' does not answer: " + std::strerror(errno));
-  ::close(socket);
-  text.resize(static_cast<std::size_t>(got));
-  return text;
+  return receive(surface, send(surface, command), 10s);
+}
+
+std::string stop_all_bridges() {
+  std::vector<std::pair<std::string, int>> told;
+  std::string stopped, failed;
+  for (const std::string& surface : served_surfaces()) try {
+      told.emplace_back(surface, send(surface, "stop"));
+    } catch (const std::runtime_error& e) {
+      failed += "; " + std::string(e.what());
+    }
+  for (const auto& [surface, socket] : told) try {
+      receive(surface, socket, 1s);
+      stopped += (stopped.empty() ? "'" : ", '") + surface + "'";
+    } catch (const std::runtime_error& e) {
+      failed += "; " + std::string(e.what());
+    }
+  if (told.empty() && failed.empty()) return "No emergency stop: no bridge runs here.";
+  return (stopped.empty() ? "No emergency stop"
+                          : "Emergency stop of " + stopped + "; 'surface_bridge arm NAME' releases it") +
+         failed + ".";
 }
 
 }  // namespace hardware

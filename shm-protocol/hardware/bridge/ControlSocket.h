@@ -30,4 +30,8 @@ class ControlSocket {
 // line if there is no such bridge, or it does not answer within ten seconds.
 std::string ask_bridge(const std::string& surface, const std::string& command);
 
+// The emergency stop of all bridges that this user runs on this computer: what was stopped, or could not be,
+// as one line for a window. All are told before any answer is awaited.
+std::string stop_all_bridges();
+
 }  // namespace hardware

@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "common/process/WindowLibrary.h"
+#include "shm-protocol/hardware/bridge/ControlSocket.h"
 #include "smartsurf/run/ControllerProcess.h"
 #include "smartsurf/run/display/PlotFile.h"
 #include "smartsurf/view/output/OffscreenView.h"
@@ -193,6 +194,7 @@ void Display::apply_commands(const view::Commands& commands, DisplayRequests& re
   }
   if (!commands.open_file.empty()) requests.open_file = commands.open_file;
   requests.start_program |= commands.start_program;
+  if (commands.stop_bridges && !commands.display_lost) window_->show_message(hardware::stop_all_bridges());
   if (commands.plot_export && !commands.display_lost)
     window_->show_message(write_plot_file(*commands.plot_export, scene_.file));
   if (!commands.display_lost) return;

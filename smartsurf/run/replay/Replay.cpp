@@ -8,6 +8,7 @@
 
 #include "common/process/WindowLibrary.h"
 #include "common/text/Suggestion.h"
+#include "shm-protocol/hardware/bridge/ControlSocket.h"
 #include "smartsurf/run/Pacer.h"
 #include "smartsurf/run/Run.h"
 #include "smartsurf/run/display/PlotFile.h"
@@ -166,6 +167,7 @@ std::string replay_in_window(const record::Recording& recording, double pace,
       else
         window.show_message(refusal);
     }
+    if (commands.stop_bridges) window.show_message(hardware::stop_all_bridges());
     if (commands.plot_export)
       window.show_message(write_plot_file(*commands.plot_export, recording.path().string()));
     player.apply(commands);

@@ -58,6 +58,9 @@ void Controls::perform(UiAction action, const Status& status) {
     case UiAction::kReset:
       commands_.reset = status.can_reset;
       break;
+    case UiAction::kStopBridges:
+      commands_.stop_bridges = true;
+      break;
     case UiAction::kQuit:
       commands_.quit = true;
       break;

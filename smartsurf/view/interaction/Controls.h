@@ -100,6 +100,7 @@ struct Commands {
   std::vector<NamedValue> options;  // changed options
   std::string open_file;            // an experiment or recording to open instead, or ""
   bool start_program = false;       // the banner's
+  bool stop_bridges = false;        // emergency stop of the hardware that runs beside
   std::optional<PlotExport> plot_export;
 };
 
@@ -134,6 +135,7 @@ enum class UiAction {
   kNextChannel,
   kFollow,
   kReset,
+  kStopBridges,
   kPanels,
   kScreenshot,
   kVideo,

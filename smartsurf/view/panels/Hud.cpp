@@ -192,6 +192,7 @@ void draw_help_overlay(float scale) {
                                              {"Ctrl + C   Ctrl + V", "copy, paste the camera"},
                                              {"F12   V", "screenshot, video"},
                                              {"Tab   F1", "panels, this help"},
+                                             {"F9", "emergency stop of all bridges to hardware"},
                                              {"Esc", "cancel the tool or selection, stop following"},
                                              {"Q", "quit"}};
   const ImVec2 size = ImGui::GetIO().DisplaySize;

@@ -27,8 +27,8 @@ struct KeyCodeBinding {
 constexpr KeyCodeBinding kKeyCodeBindings[] = {
     {GLFW_KEY_RIGHT, UiAction::kStep, true},       {GLFW_KEY_LEFT, UiAction::kStepBack, true},
     {GLFW_KEY_BACKSPACE, UiAction::kReset, false}, {GLFW_KEY_TAB, UiAction::kPanels, false},
-    {GLFW_KEY_F12, UiAction::kScreenshot, false},  {GLFW_KEY_F1, UiAction::kHelp, false},
-    {GLFW_KEY_ESCAPE, UiAction::kEscape, false}};
+    {GLFW_KEY_F9, UiAction::kStopBridges, false},  {GLFW_KEY_F12, UiAction::kScreenshot, false},
+    {GLFW_KEY_F1, UiAction::kHelp, false},         {GLFW_KEY_ESCAPE, UiAction::kEscape, false}};
 
 }  // namespace
 

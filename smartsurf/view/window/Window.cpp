@@ -125,7 +125,8 @@ GLFWwindow* Window::State::install_callbacks() {
   });
   glfwSetKeyCallback(window, [](GLFWwindow* w, int code, int, int action, int mods) {
     state_of(w).needs_redraw = true;
-    if (ImGui::GetIO().WantTextInput) return;
+    const bool is_emergency = code == GLFW_KEY_F9;  // which no text field takes
+    if (ImGui::GetIO().WantTextInput && !is_emergency) return;
     if (action == GLFW_PRESS && (mods & GLFW_MOD_CONTROL) != 0 && code == GLFW_KEY_C)
       state_of(w).copy_camera();
     if (action == GLFW_PRESS && (mods & GLFW_MOD_CONTROL) != 0 && code == GLFW_KEY_V)

@@ -163,12 +163,15 @@ class ApronWindow(ProgramTest):
             time.sleep(0.05)
         self.start(str(bridge), "--table", str(table), "--shm", surface)
         window = self.start(APRON, "run", str(ROOT / "scripts/hardware/raise.aps"), "--shm", surface, "--window", "--wait", "30")
+        self.assert_f9_stops([surface], window)
 
+    def assert_f9_stops(self, surfaces, window):
         def status(word, seconds=30):
             until = time.monotonic() + seconds
             while time.monotonic() < until:
-                text = subprocess.run([bridge, "status", surface], capture_output=True, text=True).stdout
-                if word in text:
+                texts = [subprocess.run([BIN / "surface_bridge", "status", s], capture_output=True, text=True).stdout
+                         for s in surfaces]
+                if all(word in text for text in texts):
                     return True
                 time.sleep(0.2)
             return False
@@ -179,6 +182,40 @@ class ApronWindow(ProgramTest):
                 break
         self.assertTrue(status("emergency_stop by the user", 0.5))
         self.assertIsNone(window.poll())
+
+    def enter_network_of_its_own(self):
+        """Bridges listen in the network namespace: those of other tests are out of reach there."""
+        c, before = ctypes.CDLL(None, use_errno=True), os.open("/proc/self/ns/net", os.O_RDONLY)
+        self.addCleanup(os.close, before)
+        if c.unshare(0x40000000) != 0:
+            self.skipTest("a network namespace needs root's rights")
+        self.addCleanup(c.setns, before, 0)
+
+    def test_f9_in_the_simulator_stops_all_bridges(self):
+        self.enter_network_of_its_own()
+        surfaces = [f"f9-{name}-{os.getpid()}" for name in "abc"]
+        for surface in surfaces:
+            self.addCleanup(self.segment(surface).unlink, missing_ok=True)
+            line = self.folder / surface
+            self.start(str(BIN / "device_emulator"), "--pty", str(line), "--period-ms", "20")
+            self.wait_for(line.exists, "the line")
+            bridge = self.start(str(BIN / "surface_bridge"), str(line), "--shm", surface)
+            if surface is surfaces[0]:  # it keeps the stop from no other one
+                self.wait_for(self.segment(surface).exists, "the bridge")
+                bridge.send_signal(signal.SIGSTOP)
+                self.addCleanup(bridge.send_signal, signal.SIGCONT)
+        window = self.start(SMARTSURF, "run", str(ROOT / "scripts/examples/rain.lua"), "--no-controller", "--window")
+        self.assert_f9_stops(surfaces[1:], window)
+
+    def test_f9_in_a_replay_stops_all_bridges(self):
+        self.enter_network_of_its_own()
+        surface, line = f"f9-{os.getpid()}", self.folder / "line"
+        self.addCleanup(self.segment(surface).unlink, missing_ok=True)
+        self.run_program(SMARTSURF, "run", str(ROOT / "scripts/examples/rain.lua"), "--no-controller", "--record", "run.h5", "--until", "1")
+        self.start(str(BIN / "device_emulator"), "--pty", str(line), "--period-ms", "20")
+        self.wait_for(line.exists, "the line")
+        self.start(str(BIN / "surface_bridge"), str(line), "--shm", surface)
+        self.assert_f9_stops([surface], self.start(SMARTSURF, "replay", "run.h5", "--window"))
 
     def test_both_windows_open_and_end_with_the_run(self):
         child = self.start(SMARTSURF, "run", SORT_LUA, "--controller", SORT_APS, "--window", "--close", "--pace", "max",
