@@ -83,3 +83,12 @@ TEST(Determinism, BitIdenticalForAnyThreadCount) {
   for (const int threads : {2, 3, 8}) EXPECT_EQ(hash_of_crowd(threads), single_threaded) << threads;
   RecordProperty("state_hash", std::to_string(single_threaded));
 }
+
+// Recordings of another version are refused, so that each version has its own bits. Where this fails, the
+// physics has changed: raise NativeEngine::version(), and write both here.
+TEST(Determinism, VersionOfThePhysicsNamesItsBits) {
+  PhysicsFixture fixture;
+  EXPECT_EQ(fixture.world().version(), SMARTSURF_VERSION "+physics17");
+  EXPECT_EQ(hash_after(3.0), 0x59cadfb7f456d158U);
+  EXPECT_EQ(hash_of_crowd(1), 0x3ccdbe2597d0525aU);
+}

@@ -119,16 +119,18 @@ void reduce_triangle(Simplex& s) {
   s.v[0].weight = va / sum;
 }
 
-// Reduces a tetrahedron to the face closest to the origin. False if the origin is inside.
-bool reduce_tetrahedron(Simplex& s) {
+// The face of a tetrahedron that is closest to the origin, of those for which is_inner(height of the origin,
+// height of the opposite vertex) is false; without vertices if there is none. Heights are multiples of the
+// same length.
+template <class IsInner>
+Simplex closest_face(const Simplex& s, IsInner is_inner) {
   static constexpr int kFaces[4][4] = {{0, 1, 2, 3}, {0, 2, 3, 1}, {0, 3, 1, 2}, {1, 3, 2, 0}};
   Simplex best;
   float min_distance_squared = std::numeric_limits<float>::max();
   for (const auto& f : kFaces) {
     const Vec3 &a = s.v[f[0]].w, &b = s.v[f[1]].w, &c = s.v[f[2]].w, &d = s.v[f[3]].w;
     const Vec3 normal = (b - a).cross(c - a);
-    const float origin = -normal.dot(a), other = normal.dot(d - a);
-    if (origin * other > 0.0F) continue;  // on the inner side of this face
+    if (is_inner(-normal.dot(a), normal.dot(d - a))) continue;
     Simplex face;
     face.count = 3;
     for (int i = 0; i < 3; ++i) face.v[i] = s.v[f[i]];
@@ -137,8 +139,18 @@ bool reduce_tetrahedron(Simplex& s) {
         distance_squared < min_distance_squared)
       min_distance_squared = distance_squared, best = face;
   }
-  if (best.count == 0) return false;
-  s = best;
+  return best;
+}
+
+// Reduces a tetrahedron to the face closest to the origin. False if the origin is inside.
+bool reduce_tetrahedron(Simplex& s) {
+  Simplex face = closest_face(s, [](float origin, float vertex) { return origin * vertex > 0.0F; });
+  // Of a flat tetrahedron rounding decides on which side of each face its vertices are. It has no inside: the
+  // origin is higher above a face than the opposite vertex.
+  if (face.count == 0)
+    face = closest_face(s, [](float origin, float vertex) { return std::abs(origin) <= std::abs(vertex); });
+  if (face.count == 0) return false;
+  s = face;
   return true;
 }
 

@@ -111,3 +111,25 @@ TEST(Gjk, SimplexCacheDoesNotChangeResult) {
     }
   EXPECT_GT(compared, 800);
 }
+
+// A face on a wider one: the tetrahedra are nearly flat, and hold nothing.
+TEST(Gjk, ParallelFacesAreApart) {
+  std::mt19937 random(15);
+  std::uniform_real_distribution<float> u(-1, 1);
+  const auto block = [&](double width, double height, const Vec3& centre) {
+    scene::ObjectSpec o;
+    o.shape = u(random) < 0.0F ? scene::ShapeKind::kBox : scene::ShapeKind::kCylinder;
+    o.size = {width, width * (1.0 + 0.5 * static_cast<double>(u(random))), height};
+    o.radius = 0.5 * width, o.height = height;
+    const Eigen::AngleAxisf turn(3.2F * u(random), Vec3::UnitZ()), tilt(1e-4F * u(random), Vec3::UnitX());
+    return PlacedBody(o, centre, Quat(turn * tilt));
+  };
+  for (int i = 0; i < 60000; ++i) {
+    const float middle = 60.0F + 60.0F * u(random), gap = -5e-4F + 5e-4F * u(random);
+    const PlacedBody wide = block(9.0 + 5.0 * static_cast<double>(u(random)), 1, {middle, middle, 0.5F});
+    const Vec3 at(middle + 0.5F * u(random), middle + 0.5F * u(random), 1.2F + gap);
+    const PlacedBody rider = block(2.0 + static_cast<double>(u(random)), 0.4, at);
+    EXPECT_NEAR(distance(rider, wide), gap, 2e-3F) << i;
+    EXPECT_NEAR(distance(wide, rider), gap, 2e-3F) << i;
+  }
+}
