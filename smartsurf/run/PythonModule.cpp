@@ -4,12 +4,14 @@
 #include <unistd.h>
 
 #include <cerrno>
+#include <climits>
 #include <cstdlib>
 #include <cstring>
 #include <filesystem>
 #include <system_error>
 
 #include "common/files/Installation.h"
+#include "common/files/ReadFile.h"
 #include "smartsurf/scene/SceneSpec.h"
 
 namespace smartsurf::run {
@@ -31,20 +33,33 @@ except ModuleNotFoundError as error:
     sys.exit(2)
 runpy.run_module(module, run_name='__main__'))";
 
+std::string environment(const char* name) {
+  const char* const value = std::getenv(name);
+  return value != nullptr ? value : "";
+}
+
+// `package`: the build's, or "".
+std::string interpreter(const fs::path& program_folder, const fs::path& package) {
+  if (const std::string chosen = environment("SMARTSURF_PYTHON"); !chosen.empty()) return chosen;
+  if (const fs::path sibling = program_folder / "python3"; access(sibling.c_str(), X_OK) == 0) return sibling;
+  const bool in_environment = !environment("VIRTUAL_ENV").empty() || !environment("CONDA_PREFIX").empty();
+  std::string of_build;
+  if (package.empty() || in_environment || common::read_file(package / "interpreter", PATH_MAX, of_build) ||
+      access(of_build.c_str(), X_OK) != 0)
+    return "python3";
+  return of_build;
+}
+
 }  // namespace
 
 std::vector<std::string> python_command(const std::string& module,
                                         const std::vector<std::string>& arguments) {
   std::error_code error;
   const fs::path folder = common::program_path().parent_path();
-  const fs::path sibling = folder / "python3", package = folder.parent_path() / "python";
-  const char* const chosen = std::getenv("SMARTSURF_PYTHON");
-  std::vector<std::string> command = {
-      chosen != nullptr && *chosen != '\0' ? chosen
-      : access(sibling.c_str(), X_OK) == 0 ? sibling.string()
-                                           : "python3",
-      "-c", kStart, fs::exists(package / "smartsurf" / "__init__.py", error) ? package.string() : "",
-      "smartsurf." + module};
+  fs::path package = folder.parent_path() / "python";
+  if (!fs::exists(package / "smartsurf" / "__init__.py", error)) package.clear();
+  std::vector<std::string> command = {interpreter(folder, package), "-c", kStart, package.string(),
+                                      "smartsurf." + module};
   command.insert(command.end(), arguments.begin(), arguments.end());
   return command;
 }

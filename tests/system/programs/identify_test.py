@@ -427,5 +427,27 @@ class Identification(ProgramTest):
             read_apart(recording, lambda name, file: bytes(1 << 33))
 
 
+@unittest.skipUnless(HAS_ALL, "needs h5py, SciPy and the Python package")
+class Interpreters(ProgramTest):
+    def starts(self, **environment):
+        """Whether `identify` is started by the python3 that is first on PATH."""
+        folder = self.folder / "first"
+        folder.mkdir(exist_ok=True)
+        other = folder / "python3"
+        other.write_text("#!/bin/sh\necho another interpreter\n")
+        other.chmod(0o755)
+        without = {name: value for name, value in os.environ.items() if name not in ("SMARTSURF_PYTHON", "VIRTUAL_ENV", "CONDA_PREFIX")}
+        told = subprocess.run([SMARTSURF, "identify", "--help"], capture_output=True, text=True,
+                              env={**without, "PATH": f"{folder}:{os.environ['PATH']}", **environment})
+        self.assertEqual((told.returncode, told.stderr), (0, ""))
+        return told.stdout == "another interpreter\n"
+
+    def test_a_build_folder_takes_the_interpreter_of_its_package_unless_an_environment_is_active(self):
+        self.assertFalse(self.starts())
+        self.assertTrue(self.starts(VIRTUAL_ENV=str(self.folder)))
+        self.assertTrue(self.starts(CONDA_PREFIX=str(self.folder)))
+        self.assertTrue(self.starts(SMARTSURF_PYTHON=str(self.folder / "first/python3")))
+
+
 if __name__ == "__main__":
     unittest.main()
