@@ -40,11 +40,10 @@ std::uint64_t max_tick_instructions(const program::Program& program) noexcept {
 
 Vm::Vm(program::Program program, VmOptions options, Host& host)
     : program_(std::move(program)),
-      stop_(options.stop),
       max_tick_instructions_(options.refuse_endless_ticks ? max_tick_instructions(program_) : 0),
       host_(host),
       executor_(options.kernels != nullptr ? *options.kernels : *kernel_table(options.isa),
-                std::max(options.threads, 1U), options.parallel_cells),
+                std::max(options.threads, 1U), options.parallel_cells, options.stop),
       masks_(executor_) {
   std::uint32_t rows = 0;
   for (const program::Register& r : program_.registers) {
@@ -192,7 +191,7 @@ Status Vm::run(std::uint64_t budget) {
   const bool is_limited = max_tick_instructions_ != 0 && left <= budget;
   if (is_limited) budget = left;
   for (; budget > 0; --budget) {
-    if (stop_ != nullptr && stop_->load(std::memory_order_relaxed)) return Status::kInterrupted;
+    if (executor_.is_stopped()) return Status::kInterrupted;
     if (FusedTrace* fused = profiling_enabled_ ? nullptr : find_fused_trace(budget)) {
       if (fused->run(masks_.mask())) {
         program_counter_ = fused->exit();

@@ -173,7 +173,6 @@ class Vm {
   Status refuse_endless_tick();
 
   program::Program program_;
-  const std::atomic<bool>* stop_;
   const std::uint64_t max_tick_instructions_;  // 0: no limit
   Host& host_;
   Executor executor_;

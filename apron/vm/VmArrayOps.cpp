@@ -194,7 +194,7 @@ Status Vm::execute_neighbourhood(const DecodedInstruction& decoded) {
       const program::Filter& with = program_.filters[decoded.table_index];
       apply_filter(executor_, {with.width, with.height, with.coefficients.data()}, *decoded.destination, a,
                    boundary_, mask);
-      return Status::kRunning;
+      return executor_.is_stopped() ? Status::kInterrupted : Status::kRunning;
     }
     case Opcode::kFlood:
       components_.flood(to, a, *decoded.planes[1], executor_.kernels());
@@ -251,6 +251,7 @@ Status Vm::filter_integers(const DecodedInstruction& decoded, const float* mask)
   zeros.integer[0] = 0;
   executor_.run_kernel(executor_.kernels().kernel(Opcode::kCopy, 1, false, decoded.type), zeros);
   for (std::uint32_t i = 0; i < filter.coefficients.size(); ++i) {
+    if (executor_.is_stopped()) return Status::kInterrupted;
     const double element = static_cast<double>(filter.coefficients[i]);
     if (element == 0.0) continue;
     if (!program::is_cell_value(program::CellType::kInt32, element))

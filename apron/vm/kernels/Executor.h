@@ -2,6 +2,7 @@
 // results do not depend on the number of threads.
 #pragma once
 
+#include <atomic>
 #include <cstddef>
 #include <cstdint>
 
@@ -13,11 +14,14 @@ namespace apron::vm {
 class Executor {
  public:
   // `threads` includes the caller's and is at least 1. Planes with fewer cells than `parallel_cells` run on
-  // the calling thread, because waking another one would take longer.
-  Executor(const KernelTable& kernels, unsigned threads, std::size_t parallel_cells)
-      : kernels_(kernels), parallel_cells_(parallel_cells), pool_(static_cast<int>(threads)) {}
+  // the calling thread, because waking another one would take longer. `stop` may be null.
+  Executor(const KernelTable& kernels, unsigned threads, std::size_t parallel_cells,
+           const std::atomic<bool>* stop = nullptr)
+      : kernels_(kernels), parallel_cells_(parallel_cells), stop_(stop), pool_(static_cast<int>(threads)) {}
 
   const KernelTable& kernels() const noexcept { return kernels_; }
+  // What takes seconds polls this, and leaves the rest of its cells as they are.
+  bool is_stopped() const noexcept { return stop_ != nullptr && stop_->load(std::memory_order_relaxed); }
 
   void run_kernel(Kernel kernel, const Block& block) noexcept {
     if (runs_sequentially(block.rows, block.columns)) return kernel(block);
@@ -52,6 +56,7 @@ class Executor {
 
   const KernelTable& kernels_;
   std::size_t parallel_cells_;
+  const std::atomic<bool>* stop_;
   common::ThreadPool pool_;
 };
 

@@ -205,7 +205,7 @@ void apply_filter(Executor& executor, const FilterView& filter, Plane y, ConstPl
       for (std::size_t o = 0; o < kFilterRows; ++o) write(to[o], sums[o].data());
     };
     const auto nothing = [](const auto&...) {};
-    for (std::uint32_t row = first; row < last;) {
+    for (std::uint32_t row = first; row < last && !executor.is_stopped();) {
       current = row;
       if (has_zeros || row + kFilterRows > last) {
         pass.run_row(row++, inner, edge);
