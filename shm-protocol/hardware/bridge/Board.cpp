@@ -3,14 +3,18 @@
 #include <poll.h>
 
 #include <algorithm>
+#include <atomic>
+#include <system_error>
 #include <thread>
 #include <utility>
 
 namespace hardware {
 namespace {
 
-constexpr std::int64_t kHandshake_us = 200'000, kReopen_us = 100'000;
+constexpr std::int64_t kHandshake_us = 200'000;
 constexpr std::size_t kMaxPendingBytes = 1 << 16;
+constexpr int kMaxOpenings = 64;
+std::atomic<int> openings{0};  // lines that threads of this process open
 
 }  // namespace
 
@@ -29,7 +33,7 @@ std::int64_t Board::now() {
 
 // ---- line
 
-void Board::open_line() {
+void Board::open_line(std::int64_t reopen_us) {
   using namespace std::chrono_literals;
   if (opening_.valid()) {
     if (opening_.wait_for(0s) != std::future_status::ready) return;
@@ -47,13 +51,20 @@ void Board::open_line() {
     why_ = "no device describes itself there";
     return;
   }
-  if (now() - last_open_ < kReopen_us) return;
+  if (now() - last_open_ < reopen_us || openings >= kMaxOpenings) return;
   last_open_ = now();
-  opening_ = std::async(std::launch::async, [address = spec_.port] {
-    std::string why;
-    auto port = Port::open(address, why);
-    return std::pair{std::move(port), std::move(why)};
-  });
+  ++openings;
+  try {
+    opening_ = std::async(std::launch::async, [address = spec_.port] {
+      std::string why;
+      auto port = Port::open(address, why);
+      --openings;
+      return std::pair{std::move(port), std::move(why)};
+    });
+  } catch (const std::system_error& error) {  // no thread
+    --openings;
+    why_ = error.what();
+  }
 }
 
 void Board::on_line_lost() {
@@ -98,8 +109,8 @@ void Board::handshake(bool session) {
   if (is_driven) send_safe();
 }
 
-void Board::maintain(std::int64_t epoch, bool session) {
-  if (!port_) open_line();
+void Board::maintain(std::int64_t epoch, bool session, std::int64_t reopen_us) {
+  if (!port_) open_line(reopen_us);
   if (!port_) return;
   const std::int64_t t = now();
   if (!link_.described() || silent_) handshake(session);
@@ -238,9 +249,8 @@ std::optional<std::int64_t> Board::table_tick_of(std::uint32_t answered) const {
 
 std::optional<std::int64_t> Board::tick_in_force() const {
   const auto tick = table_tick_of(taken_.in_force);
-  return tick == kSafeValues || (tick && answers_[taken_.in_force % answers_.size()].is_second)
-             ? std::nullopt
-             : tick;
+  return tick == kSafeValues || (tick && answers_[taken_.in_force % answers_.size()].is_second) ? std::nullopt
+                                                                                                : tick;
 }
 
 std::optional<std::int64_t> Board::in_force_since(std::uint32_t board_tick) const {

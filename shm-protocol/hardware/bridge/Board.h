@@ -44,8 +44,9 @@ class Board {
 
   static std::int64_t now();  // µs of the steady clock
 
-  // Opens the line if it is not open, sends what is due: handshakes, SSW_SYNC, pending bytes.
-  void maintain(std::int64_t epoch, bool session);
+  // Opens the line if it is not open, every `reopen_us` at most; sends what is due: handshakes, SSW_SYNC,
+  // pending bytes.
+  void maintain(std::int64_t epoch, bool session, std::int64_t reopen_us);
   // Reads what has arrived.
   void receive(std::int64_t epoch);
   int descriptor() const { return port_ ? port_->descriptor() : -1; }
@@ -71,8 +72,8 @@ class Board {
   bool has_frame(std::int64_t tick, std::int64_t epoch) const;
   // The board's tick in the last frame taken.
   std::uint32_t frame_tick() const { return taken_.tick; }
-  // The table's tick whose answer is in force since the last frame taken; nothing: safe values are, it is long
-  // ago, or the frame that it answers had two answers, which the board does not tell apart.
+  // The table's tick whose answer is in force since the last frame taken; nothing: safe values are, it is
+  // long ago, or the frame that it answers had two answers, which the board does not tell apart.
   std::optional<std::int64_t> tick_in_force() const;
   // The same since a period of the board, of the last 64, whose frame came, whether it was taken or not;
   // kSafeValues: safe values. Of two answers to a frame, the newer.
@@ -100,7 +101,7 @@ class Board {
   std::vector<std::string> events;   // lines for the log; the table takes them
 
  private:
-  void open_line();
+  void open_line(std::int64_t reopen_us);
   void on_line_lost();
   void handshake(bool session);
   void on_event(DeviceLink::Event, std::int64_t epoch);

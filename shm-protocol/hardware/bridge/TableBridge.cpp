@@ -61,8 +61,7 @@ TableBridge::TableBridge(TableSpec spec, BridgeOptions options, const std::atomi
     spec_.calibrated_channels = {calibration_->sensor, calibration_->actuator};
   }
   const bool named = !options_.surface.empty();
-  const std::string where =
-      named ? "--shm: " : spec_.file + ":" + std::to_string(spec_.name_line) + ": ";
+  const std::string where = named ? "--shm: " : spec_.file + ":" + std::to_string(spec_.name_line) + ": ";
   name_ = reserve_surface(named ? options_.surface : spec_.name, where);
   boards_name_ = reserve_surface(name_->name() + ".boards", where);
   for (const TableBoard& board : spec_.boards) {
@@ -199,9 +198,13 @@ void TableBridge::create_surface() {
 // ---- lines
 
 void TableBridge::poll_lines(std::int64_t until) {
+  // A thousand attempts a second in all, so that a table without its boards costs little.
+  constexpr std::int64_t kReopen_us = 100'000, kReopenEach_us = 1000;
+  const auto absent = std::ranges::count_if(boards_, [](const auto& board) { return !board->connected(); });
+  const std::int64_t reopen_us = std::max(kReopen_us, absent * kReopenEach_us);
   lines_.clear();
   for (const auto& board : boards_) {
-    board->maintain(epoch_, surface_.has_value());
+    board->maintain(epoch_, surface_.has_value(), reopen_us);
     lines_.push_back(
         {board->descriptor(), static_cast<short>(POLLIN | (board->wants_to_write() ? POLLOUT : 0)), 0});
   }

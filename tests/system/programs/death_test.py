@@ -208,7 +208,7 @@ class Death(ProgramTest):
             program = self.write("filter.aps", f"!{kind}(A, B)\nfilter.create('k', 255, 255)\n"
                                  "for(y, 0, 254)\nfor(x, 0, 254)\nfilter.setElement('k', x, y, 1)\nendfor\nendfor\n"
                                  "A = cell.x\nB = filter.do(A, 'k')\n")
-            child = self.start(APRON, "run", program, "--size", "8192x8192")
+            child = self.start(APRON, "run", program, "--size", "8192x4096")
             ticks = os.sysconf("SC_CLK_TCK")
             self.wait_for(lambda: int(pathlib.Path(f"/proc/{child.pid}/stat").read_text().split()[13]) > 2 * ticks, "the filter")
             child.send_signal(signal.SIGTERM)
