@@ -32,8 +32,13 @@ class CollisionPipeline {
  public:
   // `ground`: height of the infinite ground plane, u, or −infinity for none. `field` must outlive the
   // pipeline.
-  CollisionPipeline(const surface::Field& field, float dt_s, float ground)
-      : field_(field), dt_s_(dt_s), ground_height_(ground), collider_(field), field_cache_(field) {}
+  CollisionPipeline(const surface::Field& field, float dt_s, int substeps, float ground)
+      : field_(field),
+        dt_s_(dt_s),
+        mean_substep_begin_s_(0.5F * dt_s * static_cast<float>(substeps - 1) / static_cast<float>(substeps)),
+        ground_height_(ground),
+        collider_(field),
+        field_cache_(field) {}
 
   // Takes over the set of sleepers, unless `version` and the bodies are those of the last call. Called by one
   // thread before the other functions, in each step in which bodies may have fallen asleep or woken.
@@ -78,8 +83,8 @@ class CollisionPipeline {
     if (support_slabs_ == 0) supports_[0].clear(), support_slabs_ = 1;
     return supports_[0];
   }
-  // Whether pairs of bodies were swept in the last find_contacts(); calls visit(a, b) for the member's share of
-  // them. b may be static.
+  // Whether pairs of bodies were swept in the last find_contacts(); calls visit(a, b) for the member's share
+  // of them. b may be static.
   bool any_swept() const { return swept_pairs_ > 0; }
   template <class Visit>
   void for_each_swept_pair(const Member& member, Visit visit) const {
@@ -208,7 +213,9 @@ class CollisionPipeline {
                   std::int32_t first_contact, ContactList& to) const;
 
   const surface::Field& field_;
-  float dt_s_, ground_height_;
+  float dt_s_;
+  float mean_substep_begin_s_;  // from that of the step: when impulses act on average
+  float ground_height_;
   FieldCollider collider_;
   float large_radius_ = -1.0F;  // bodies with a larger query radius stay outside the grid's cells; < 0: stale
   UniformGrid* grid_ = nullptr;  // of the thread that steps, from update_broadphase() to the end of the step

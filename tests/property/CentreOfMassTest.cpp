@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "tests/property/PhysicsFixture.h"
+#include "tests/property/Swing.h"
 
 using namespace physics_fixture;
 using Eigen::Vector3d;
@@ -117,6 +118,39 @@ TEST_P(CentreOfMass, LoadedBallRocksWithItsPeriod) {
   const double expected = 2.0 * M_PI * std::sqrt((inertia + arm * arm) / (kGravity * kDepth));
   const double period = period_of(5.2 * expected, [&] { return -z_axis_of(fixture, 0).x(); });
   EXPECT_NEAR(period / expected, 1.0, 0.01);
+}
+
+// Random balls, cylinders and capsules whose centre of mass is below their axis, on cells and on a body: what
+// rocks without rolling friction neither gains nor loses.
+TEST_P(CentreOfMass, LoadedRoundBodiesKeepTheirSwing) {
+  for_random_fixtures(21, 12, GetParam(), [](PhysicsFixture& scene, const auto& draw) {
+    scene.scene.materials[0].rolling_friction = 0.0;
+    scene.scene.materials[0].friction = 1.0;
+    const double ground = draw(0, 1) < 0.5 ? 0.0 : 1.0;
+    if (ground > 0.0) {
+      ObjectSpec slab = box({16, 16, 1}, {15, 15, 0.5});
+      slab.fixed = true;
+      scene.add(slab);
+    }
+    const double radius = draw(0.6, 1.6), kind = draw(0, 3), height = draw(1, 3), amplitude = draw(0.1, 0.4);
+    const Vector3d at(15, 15, ground + radius);
+    ObjectSpec body = kind < 1   ? sphere(radius, at)
+                      : kind < 2 ? cylinder(radius, height, at)
+                                 : capsule(radius, height + 2 * radius, at);
+    body.centre_of_mass = {0, -draw(0.2, 0.6) * radius, 0};
+    body.orientation =
+        Eigen::AngleAxisd(amplitude, Vector3d::UnitY()) * Eigen::AngleAxisd(M_PI / 2, Vector3d::UnitX());
+    const auto id = scene.add(body);
+    // Positions are floats: at shorter intervals those near an extreme are equal.
+    const int stride = static_cast<int>(std::lround(1.0 / 60 / GetParam()));
+    Swing swing(1.0 / 60);
+    int step = 0;
+    scene.run(12.0, [&] {
+      if (++step % stride == 0) swing.add(static_cast<double>(scene.position(id).x()));
+    });
+    EXPECT_LT(std::abs(swing.decrement() / swing.period_s()), 0.003)
+        << "a second; kind " << kind << ", radius " << radius << ", amplitude " << amplitude;
+  });
 }
 
 // A loaded ball and a loaded capsule right themselves, whatever side they lie on. On Bullet the ball may rest
