@@ -31,12 +31,20 @@ std::string KernelSourceReader::label(const std::string& stem) {
   return fmt::format("{}#{}{}", in_macro_ ? ":" : "", stem, ++labels_);
 }
 
-void KernelSourceReader::loop_body(ProgramLines& out, int depth, std::string continue_label) {
-  loops_.push_back({std::move(continue_label), false});
-  translate_body(out, depth);
-  const Loop loop = loops_.back();
+KernelSourceReader::Loop KernelSourceReader::loop_body(ProgramLines& out, int depth,
+                                                       std::string continue_label, bool is_endless) {
+  const ValueFlow::Node node = flow_.add();
+  flow_.write(node);
+  loops_.push_back({std::move(continue_label), false, node, {}});
+  {
+    const ValueFlow::Guard guard(flow_, node);
+    translate_body(out, depth);
+  }
+  Loop loop = std::move(loops_.back());
   loops_.pop_back();
   if (loop.is_used) emit(out, depth + 1, loop.continue_label);
+  if (!is_endless && !loop.left_out_break.empty()) flow_.leave_out(node, loop.left_out_break);
+  return loop;
 }
 
 bool KernelSourceReader::may_change(const std::string& name, std::size_t first, std::size_t last) const {
@@ -246,13 +254,14 @@ void KernelSourceReader::emit_leave_unless(const KernelTokenList& condition, Pro
 void KernelSourceReader::translate_frames(ProgramLines& out, int depth) {
   if (leaves_itself(position_)) {
     ProgramLines body;
-    loop_body(body, depth, "");
+    const Loop loop = loop_body(body, depth, "", true);
     // What leaves it may have been left out.
     const bool leaves = std::ranges::any_of(body, [](const std::string& line) {
       const std::string text = line.substr(std::min(line.find_first_not_of(' '), line.size()));
       return text == "break" || text == "end" || text == "jump(:#return)";
     });
     if (!leaves) uses_frames_ = true;
+    if (leaves && !loop.left_out_break.empty()) flow_.leave_out(loop.node, loop.left_out_break);
     emit(out, depth, leaves ? "while(1)" : "repeat(FRAMES)");
     out.insert(out.end(), body.begin(), body.end());
     return emit(out, depth, leaves ? "endwhile" : "endrepeat");
@@ -261,7 +270,7 @@ void KernelSourceReader::translate_frames(ProgramLines& out, int depth) {
   emit(out, depth, "repeat(FRAMES)");
   if (!options_.picture.empty())
     emit(out, depth + 1, fmt::format("PIX = io.image.open('{}')", options_.picture));
-  loop_body(out, depth, "");
+  loop_body(out, depth, "", true);
   emit(out, depth, "endrepeat");
 }
 
@@ -287,10 +296,11 @@ void KernelSourceReader::translate_while(ProgramLines& out, int depth) {
 void KernelSourceReader::translate_do(ProgramLines& out, int depth) {
   ++position_;
   emit(out, depth, "while(1)");
-  loop_body(out, depth, label("continue"));
+  const Loop loop = loop_body(out, depth, label("continue"));
   if (!peek().is_name("while")) give_up("'do' without 'while'");
   const std::size_t open = position_ + 1, close = behind_bracket(open);
   emit_leave_unless(tokens_between(open + 1, close - 1), out, depth + 1);
+  flow_.write(loop.node);
   position_ = close;
   consume(";");
   emit(out, depth, "endwhile");
@@ -304,6 +314,9 @@ void KernelSourceReader::translate_if(ProgramLines& out, int depth) {
   if (!is_scalar(condition.type))
     give_up("'{}' is no condition", plain_text(tokens_between(open + 1, close - 1)));
   position_ = close;
+  const ValueFlow::Node node = flow_.add();
+  flow_.write(node);
+  const ValueFlow::Guard guard(flow_, node);
   emit(out, depth, fmt::format("if({})", condition.text));
   translate_body(out, depth);
   if (peek().is_name("else")) {
@@ -325,7 +338,10 @@ void KernelSourceReader::translate_return(ProgramLines& out, int depth) {
     if (current_->deduces_result && result_ == CppType::kVoid) result_ = value.type;
     if (!is_scalar(result_)) give_up("'{}' is no number", plain_text(words));
     emit(out, depth, fmt::format("$result = {}", cpp_convert(std::move(value), result_).text));
+    flow_.write(current_->signature.value);
   }
+  // What follows it runs if it does not.
+  if (current_ != nullptr) flow_.guard(current_->signature.call);
   position_ = end;
   consume(";");
   if (is_last || current_ == nullptr) return;
