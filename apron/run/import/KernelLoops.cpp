@@ -35,7 +35,7 @@ KernelSourceReader::Loop KernelSourceReader::loop_body(ProgramLines& out, int de
                                                        std::string continue_label, bool is_endless) {
   const ValueFlow::Node node = flow_.add();
   flow_.write(node);
-  loops_.push_back({std::move(continue_label), false, node, {}});
+  loops_.push_back({std::move(continue_label), false, node, {}, {}});
   {
     const ValueFlow::Guard guard(flow_, node);
     translate_body(out, depth);
@@ -291,6 +291,89 @@ void KernelSourceReader::translate_while(ProgramLines& out, int depth) {
     loop_body(out, depth, "");
   }
   emit(out, depth, "endwhile");
+}
+
+void KernelSourceReader::translate_leaving(ProgramLines& out, int depth) {
+  const bool continues = peek().is_name("continue");
+  const std::string word = peek().text;
+  auto loop = loops_.rbegin();
+  while (continues && loop != loops_.rend() && !loop->break_label.empty()) ++loop;
+  if (loop == loops_.rend()) give_up("'{}' outside of a loop", word);
+  position_ += 2;
+  flow_.guard(loop->node);
+  if (!continues && !loop->break_label.empty()) {
+    loop->is_used = true;
+    return emit(out, depth, fmt::format("jump({})", loop->break_label));
+  }
+  // APRON's own would continue a loop around the `switch` only from outside of it; the label is the same
+  // place.
+  if (continues && loop != loops_.rbegin() && loop->continue_label.empty())
+    loop->continue_label = label("continue");
+  if (!continues || loop->continue_label.empty()) return emit(out, depth, word);
+  loop->is_used = true;
+  emit(out, depth, fmt::format("jump({})", loop->continue_label));
+}
+
+// The statements behind a label run if the value is the label's, or if those before it ran to their end.
+void KernelSourceReader::translate_switch(ProgramLines& out, int depth) {
+  const std::size_t open = position_ + 1, close = behind_bracket(open);
+  const CppValue value = settle(expression(tokens_between(open + 1, close - 1), out, depth), out, depth);
+  if (!is_integer(value.type) || !tokens_[close].is("{"))
+    give_up("'switch' of '{}' has no counterpart", plain_text(tokens_between(open + 1, close - 1)));
+  const std::string chosen = new_name("value"), reached = new_name("reached");
+  const std::size_t end = behind_bracket(close);
+  // The test for the label at i, which moves behind its colon.
+  const auto read_label = [&](std::size_t& i) {
+    const std::size_t first = i + 1;
+    while (i < end && !tokens_[i].is(":")) ++i;
+    const auto constant = plain_expression(tokens_between(first, i++));
+    if (!constant || !constant->constant) give_up("the label of a 'case' is no constant");
+    return fmt::format("{:.0f}", *constant->constant);
+  };
+  std::string others;
+  for (std::size_t i = close + 1; i + 1 < end;) {
+    if (tokens_[i].is_name("case"))
+      others += (others.empty() ? "" : " && ") + chosen + " != " + read_label(i);
+    else
+      i = tokens_[i].opens_bracket() ? behind_bracket(i) : i + 1;
+  }
+  const ValueFlow::Node node = flow_.add();
+  flow_.write(node);
+  const ValueFlow::Guard guard(flow_, node);
+  loops_.push_back({"", false, node, {}, label("leave")});
+  scopes_.emplace_back();
+  emit(out, depth, fmt::format("{} = {}", chosen, value.text));
+  emit(out, depth, fmt::format("{} = 0", reached));
+  position_ = close + 1;
+  while (!at_end() && !peek().is("}")) {
+    std::string test;
+    while (peek().is_name_of({"case", "default"}) || peek().kind == Kind::kComment) {
+      if (peek().kind == Kind::kComment) {
+        ++position_;
+      } else if (peek().is_name("default")) {
+        position_ += 2;
+        test += (test.empty() ? "" : " || ") + (others.empty() ? "1" : "(" + others + ")");
+      } else {
+        test += (test.empty() ? "" : " || ") + chosen + " == " + read_label(position_);
+      }
+    }
+    if (!test.empty()) {
+      emit(out, depth, fmt::format("if({})", test));
+      emit(out, depth + 1, fmt::format("{} = 1", reached));
+      emit(out, depth, "endif");
+    }
+    if (at_end() || peek().is("}")) break;
+    emit(out, depth, fmt::format("if({})", reached));
+    while (!at_end() && !peek().is("}") && !peek().is_name_of({"case", "default"}))
+      translate_statement(out, depth + 1);
+    emit(out, depth, "endif");
+  }
+  ++position_;
+  scopes_.pop_back();
+  const Loop left = std::move(loops_.back());
+  loops_.pop_back();
+  if (left.is_used) emit(out, depth, left.break_label);
+  if (!left.left_out_break.empty()) flow_.leave_out(node, left.left_out_break);
 }
 
 void KernelSourceReader::translate_do(ProgramLines& out, int depth) {

@@ -267,17 +267,10 @@ void KernelSourceReader::dispatch_statement(ProgramLines& out, int depth) {
   if (first.is_name("do")) return translate_do(out, depth);
   if (first.is_name("if")) return translate_if(out, depth);
   if (first.is_name("enum")) return translate_enum();
-  if (first.is_name_of({"switch", "case", "goto", "struct", "class"}))
+  if (first.is_name("switch")) return translate_switch(out, depth);
+  if (first.is_name_of({"case", "default", "goto", "struct", "class"}))
     give_up("'{}' has no counterpart", first.text);
-  if (first.is_name_of({"break", "continue"}) && peek(1).is(";")) {
-    position_ += 2;
-    if (!loops_.empty()) flow_.guard(loops_.back().node);
-    if (first.text == "continue" && !loops_.empty() && !loops_.back().continue_label.empty()) {
-      loops_.back().is_used = true;
-      return emit(out, depth, fmt::format("jump({})", loops_.back().continue_label));
-    }
-    return emit(out, depth, first.text);
-  }
+  if (first.is_name_of({"break", "continue"}) && peek(1).is(";")) return translate_leaving(out, depth);
   if (first.is_name("return")) return translate_return(out, depth);
   if (first.is_name("using")) return skip_statement();
   if (is_declaration()) return translate_declaration(out, depth);

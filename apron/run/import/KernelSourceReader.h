@@ -48,6 +48,7 @@ class KernelSourceReader final : KernelTranslation {
     bool is_used = false;
     ValueFlow::Node node = 0;    // what decides how often it runs
     std::string left_out_break;  // why a `break` in it is left out
+    std::string break_label;     // of a `switch`
   };
 
   // Continues after the next ';' outside brackets, or at a '}' that closes the surrounding block.
@@ -108,6 +109,9 @@ class KernelSourceReader final : KernelTranslation {
   bool leaves_itself(std::size_t body) const;
   bool takes_frame(std::size_t word) const;
   bool takes_frame(std::size_t word, std::set<std::size_t>& visited) const;
+  void translate_switch(ProgramLines& out, int depth);
+  // `break` and `continue`.
+  void translate_leaving(ProgramLines& out, int depth);
   void translate_while(ProgramLines& out, int depth);
   void translate_do(ProgramLines& out, int depth);
   void translate_if(ProgramLines& out, int depth);
