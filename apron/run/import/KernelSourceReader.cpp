@@ -450,9 +450,9 @@ void KernelSourceReader::translate_expression(ProgramLines& out, int depth) {
            fmt::format("{0} = {0} {1} ({2})", variable->text, words[1].text.substr(0, 1), value.text));
     }
   } else {
-    const CppValue value = expression(words, out, depth);
+    expression(words, out, depth);
     if (assigns && words[1].is("=") && is_number({words.begin() + 2, words.end()}))
-      constants_.emplace(words[0].text, value.text);
+      constants_.emplace(words[0].text, plain_text({words.begin() + 2, words.end()}));
   }
   position_ = end;
   consume(";");
