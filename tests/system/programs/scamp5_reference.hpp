@@ -527,4 +527,9 @@ SCAMP5_STUB(scamp5_output_image) SCAMP5_STUB(scamp5_output_areg) SCAMP5_STUB(sca
 SCAMP5_STUB(scamp5_output_bitstack_begin) SCAMP5_STUB(scamp5_output_bitstack_bit) SCAMP5_STUB(scamp5_output_bitstack_end)
 SCAMP5_STUB(scamp5_display_boundingbox) SCAMP5_STUB(scamp5_display_events) SCAMP5_STUB(scamp5_display_image)
 #undef SCAMP5_STUB
+namespace vs_sim {
+inline bool is_simulation() { return false; }
+template <class... T> void reset_model(T&&...) {}
+}  // namespace vs_sim
+enum { SCAMP5_GLOBAL_SUM_16_FLOOR, SCAMP5_GLOBAL_SUM_16_SPAN, SCAMP5_GLOBAL_SUM_64_FLOOR, SCAMP5_GLOBAL_SUM_64_SPAN };
 enum { VS_LED_1, VS_LED_2, VS_FRAME_TRIGGER_CONST_LOOP, VS_FRAME_TRIGGER_CONST_PIX, vs_usb, vs_spi };
