@@ -29,9 +29,11 @@ CppValue value_of(const std::string& text, CppType type, CppRange range) {
 // The integer types of parameters of the chip's interface that are narrower than int.
 std::optional<CppType> interface_type(const std::string& function, std::size_t index) {
   if ((function == "scamp5_in" || function == "scamp5_load_in") && index <= 1) return CppType::kInt8;
-  if (function.starts_with("scamp5_load_p") || function.starts_with("scamp5_select_p") ||
-      function == "scamp5_load_rect")
-    return CppType::kUint8;
+  static const std::set<std::string> kBytes = {
+      "scamp5_load_pattern",      "scamp5_load_point", "scamp5_load_rect", "scamp5_select_pattern",
+      "scamp5_select_point",      "scamp5_draw_pixel", "scamp5_draw_rect", "scamp5_global_or",
+      "scamp5_global_sum_sparse", "scamp5_read_areg"};
+  if (kBytes.contains(function)) return CppType::kUint8;
   return std::nullopt;
 }
 
@@ -419,9 +421,7 @@ std::string KernelTranslation::argument(const std::string& function, std::size_t
                                         const KernelTokenList& tokens) {
   CppValue value = settle(expression(tokens, *prelude_, prelude_depth_));
   if (!is_scalar(value.type)) return value.text;
-  const auto narrow = interface_type(function, index);
-  const bool is_value = narrow == CppType::kInt8;
-  return cpp_convert(std::move(value), narrow && (is_value || index > 0) ? *narrow : CppType::kInt).text;
+  return cpp_convert(std::move(value), interface_type(function, index).value_or(CppType::kInt)).text;
 }
 
 std::string KernelTranslation::function_arguments(const Signature& function,

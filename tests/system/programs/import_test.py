@@ -77,6 +77,10 @@ FORMS = {
                        "int main(){ scamp5_in(A, half(5) * 2); scamp5_in(B, low(3) + 200); scamp5_in(C, wide(3) % 100); scamp5_in(D, sign(-4) + put(E, 7));"
                        " nothing(F); bool q = is_large(12) + 3; add(F, F, E); scamp5_in(B, q + is_large(3)); uint8_t b = 200; auto c = b; c += 100;"
                        " scamp5_in(C, c); auto d = b + 100; scamp5_in(D, d - 250); }",
+    "narrow operands": "int main(){ int n = 256; scamp5_select_pattern(n + 1, 2, 0, n); MOV(S0, SELECT); scamp5_select_point(n + 2, n + 3); MOV(S1, SELECT);"
+                       " scamp5_draw_begin(S2); scamp5_draw_rect(n, n + 1, n + 2, n + 3); scamp5_draw_point(n + 1, 1); scamp5_draw_end();"
+                       " scamp5_in(A, 9); scamp5_in(B, scamp5_read_areg(A, n + 1, 2) - 100); scamp5_in(C, scamp5_global_sum_sparse(A, n, 0, n + 254, 254) - 130);"
+                       " scamp5_in(D, scamp5_global_or(S1, n + 2, 3, 0, n)); }",
     "switch": "enum class Mode { Idle, Run = 4, Stop }; int steps(int n){ switch (n) { case 0: return 5; case 1: n += 10; case 2: case 3: n++; break;"
               " default: n = 50; } return n; } int kind(Mode m){ int k = 0; switch (m) { default: k = 1; break; case Mode::Run: k = 2; case Mode::Stop: k += 3; } return k; }"
               "int main(){ scamp5_in(A, steps(0) + steps(1)); scamp5_in(B, steps(3) + steps(7)); scamp5_in(C, kind(Mode::Idle) * 10 + kind(Mode::Run));"
