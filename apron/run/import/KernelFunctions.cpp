@@ -123,7 +123,12 @@ bool KernelSourceReader::concerns_registers(std::size_t first, std::size_t last)
   for (std::size_t i = first; i + 1 < last; ++i) {
     if (tokens_[i].kind != Kind::kName || !tokens_[i + 1].is("(")) continue;
     if (is_output(tokens_[i].text)) {
-      i = behind_bracket(i + 1) - 1;
+      const std::size_t end = behind_bracket(i + 1);
+      // A count by way of an analogue register, and a pattern that an instruction reads, are written.
+      if (tokens_[i].is_name("scamp5_global_count") && split_arguments(tokens_, i + 2, end - 1).size() > 1)
+        return true;
+      if (tokens_[i].is_name("scamp5_global_sum_sparse") && mentions(tokens_, "SELECT")) return true;
+      i = end - 1;
       continue;
     }
     if (has_instruction(tokens_, i, i + 2)) return true;

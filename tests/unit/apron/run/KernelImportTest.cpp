@@ -234,12 +234,15 @@ TEST(KernelImport, AValueThatIsLeftOutMustNotReachAnInstruction) {
       "}",
       "int main(){ int e[3];\nfor(int i = 0; i < 9; i++){\nif(e[i]) continue;\nmov(A, B); } }",
       "void put(int* e){\nif(e[0]) return;\nres(A); }\nint main(){ put(0); }",
+      "int main(){ int n[2];\nn[0] = scamp5_global_count(R5, A, 1); }",
+      "int main(){ int n[2];\nn[0] = scamp5_global_sum_sparse(A);\nMOV(R5, SELECT); }",
       "int main(){ int x = 1, k = 0;\nif(clock()) x = 2;\nif(x > 1) k = 1;\nscamp5_in(A, k); }"};
   for (const std::string& text : wrong) EXPECT_NE(errors(text), "") << text;
   const std::string right[] = {
       "int main(){ int x = 5;\nint t = clock();\nscamp5_in(A, x); }",
       "int main(){ int x = 5;\n{ int x = clock(); }\nscamp5_in(A, x); }",
       "int main(){ int on = 1; vs_on_gui_update(3, [&](int v){ on = v; });\nif(on) res(A); }",
+      "int main(){ int n[2]; n[0] = scamp5_global_sum_sparse(A) + scamp5_global_count(R5); res(A); }",
       "int main(){ int t = 0;\nwhile(1){ get_image(A); if(clock()) break; t = clock(); int n = t * 2; } }",
       "int main(){ int n = 0, t = clock(); if(t > 3) n = scamp5_global_sum_64(A); }"};
   for (const std::string& text : right) EXPECT_EQ(errors(text), "") << text;
