@@ -79,6 +79,13 @@ namespace bits {
     if (edge) scamp5_load_rect(R11, 3, 3, 9, 9);
   }
 }
+  enum Which { FIRST, SECOND, THIRD };
+  void choose(Which which) {
+    switch (which) {
+      case FIRST: case SECOND: scamp5_kernel_begin(); neg(A, B); scamp5_kernel_end(); break;
+      default: scamp5_kernel_begin(); divq(A, B); scamp5_kernel_end();
+    }
+  }
   int halves(AREG image, news_t way) {
     scamp5_kernel_begin();
       divq(E, image);
@@ -130,7 +137,7 @@ class CheckKernels(ProgramTest):
         folder = self.repository(main_cpp=PROGRAM, parts__limit_hpp=LIMIT, functions_cpp=FUNCTIONS, list_cpp=LIST, host_cpp=HOST, other_cpp="int f();")
         out, report = self.check(folder, 0)
         self.assertEqual(out.replace("someone/kernels/", "").splitlines(), [
-            "functions.cpp: equal: 3 functions",
+            "functions.cpp: equal: 4 functions",
             "host.cpp: refused: 'x', which is the controller's, reaches an instruction or decides about it",
             "list.cpp: equal",
             "main.cpp: equal",

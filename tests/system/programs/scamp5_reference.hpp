@@ -238,6 +238,11 @@ struct Session {
 };
 inline Session session;
 inline std::vector<int> controls{0, 1};  // values of sliders by handle
+// An operand of any type of enumerators.
+struct number {
+  int value;
+  template <class T> operator T() const { return static_cast<T>(value); }
+};
 }  // namespace model
 
 // ---- analogue registers
