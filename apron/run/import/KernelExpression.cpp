@@ -29,9 +29,11 @@ CppValue value_of(const std::string& text, CppType type, CppRange range) {
 // The integer types of parameters of the chip's interface that are narrower than int.
 std::optional<CppType> interface_type(const std::string& function, std::size_t index) {
   if ((function == "scamp5_in" || function == "scamp5_load_in") && index <= 1) return CppType::kInt8;
-  if (function.starts_with("scamp5_load_p") || function.starts_with("scamp5_select_p") ||
-      function == "scamp5_load_rect")
-    return CppType::kUint8;
+  static const std::set<std::string> kBytes = {
+      "scamp5_load_pattern",      "scamp5_load_point", "scamp5_load_rect", "scamp5_select_pattern",
+      "scamp5_select_point",      "scamp5_draw_pixel", "scamp5_draw_rect", "scamp5_global_or",
+      "scamp5_global_sum_sparse", "scamp5_read_areg"};
+  if (kBytes.contains(function)) return CppType::kUint8;
   return std::nullopt;
 }
 
@@ -118,6 +120,9 @@ CppValue KernelTranslation::settle(CppValue value, ProgramLines& out, int depth)
 template <class Parse>
 ProgramLines KernelTranslation::separate(const Parse& parse) {
   ProgramLines lines;
+  const ValueFlow::Node condition = flow_.add();
+  flow_.write(condition);
+  const ValueFlow::Guard guard(flow_, condition);
   with_prelude(lines, prelude_depth_ + 1, parse);
   return lines;
 }
@@ -145,6 +150,7 @@ CppValue KernelTranslation::parse_assignment(Cursor& cursor) {
       cpp_convert(value.is_call && value.type != type ? settle(std::move(value)) : std::move(value), type);
   if (!is_scalar(value.type)) give_up("'{} {} …' is code of the controller", name, op);
   variable->range = range_of(type);
+  flow_.write(variable->node);
   emit(*prelude_, prelude_depth_, fmt::format("{} = {}", text, value.text));
   return value_of(text, type, range_of(type));
 }
@@ -327,16 +333,20 @@ CppValue KernelTranslation::parse_name(Cursor& cursor) {
     if (cursor.peek().kind == Kind::kPunctuator &&
         (cursor.peek().is("[") || cursor.peek().is("->") || cursor.peek().is(".")))
       give_up("'{}' in an expression has no counterpart", cursor.peek().text);
-    scopes_[0][token.text] = {token.text, CppType::kInt, range_of(CppType::kInt), std::nullopt, false};
+    scopes_[0][token.text] = {token.text,   CppType::kInt, range_of(CppType::kInt),
+                              std::nullopt, false,         flow_.add()};
     variable = &scopes_[0][token.text];
+    flow_.leave_out(variable->node, fmt::format("'{}', which is the controller's,", token.text));
   }
   if (variable->type == CppType::kOther) give_up("the array '{}' belongs to the controller", token.text);
+  flow_.read(variable->node);
   CppValue value = value_of(variable->text, variable->type, variable->range);
   if (cursor.peek().is("++") || cursor.peek().is("--")) {
     if (!is_scalar(variable->type) || variable->is_const) give_up("'{}' cannot be counted", token.text);
     const std::string op = cursor.peek().text.substr(1);
     ++cursor.i;
     const CppValue kept = store_new(value);
+    flow_.write(variable->node);
     const auto next = cpp_binary(value, op, cpp_constant(1, CppType::kInt));
     variable->range = range_of(variable->type);
     emit(*prelude_, prelude_depth_, fmt::format("{} = {}", value.text, cpp_convert(*next, value.type).text));
@@ -411,9 +421,7 @@ std::string KernelTranslation::argument(const std::string& function, std::size_t
                                         const KernelTokenList& tokens) {
   CppValue value = settle(expression(tokens, *prelude_, prelude_depth_));
   if (!is_scalar(value.type)) return value.text;
-  const auto narrow = interface_type(function, index);
-  const bool is_value = narrow == CppType::kInt8;
-  return cpp_convert(std::move(value), narrow && (is_value || index > 0) ? *narrow : CppType::kInt).text;
+  return cpp_convert(std::move(value), interface_type(function, index).value_or(CppType::kInt)).text;
 }
 
 std::string KernelTranslation::function_arguments(const Signature& function,
@@ -423,8 +431,10 @@ std::string KernelTranslation::function_arguments(const Signature& function,
     const Parameter& parameter = function.parameters[i];
     const KernelTokenList& tokens = i < arguments.size() ? arguments[i] : *parameter.initial;
     std::string one;
+    const ValueFlow::Part part(flow_);
     if (parameter.is_any) {
       one = settle(expression(tokens, *prelude_, prelude_depth_)).text;
+      flow_.write(parameter.node);
     } else if (parameter.type == CppType::kRegister) {
       one = register_argument(tokens);
     } else if (parameter.type == CppType::kOther) {
@@ -435,10 +445,15 @@ std::string KernelTranslation::function_arguments(const Signature& function,
         give_up("'{}' is no variable that '{}' can write", plain_text(tokens), function.name);
       variable->range = range_of(variable->type);
       one = variable->text;
+      flow_.read(variable->node);
+      flow_.write(parameter.node);
+      flow_.flow(parameter.node, variable->node);
+      flow_.write(variable->node);
     } else {
       CppValue value = settle(expression(tokens, *prelude_, prelude_depth_));
       if (!is_scalar(value.type)) give_up("'{}' is not a number", plain_text(tokens));
       one = cpp_convert(std::move(value), parameter.type).text;
+      flow_.write(parameter.node);
     }
     text += (text.empty() ? "(" : ", ") + one;
   }
@@ -459,7 +474,10 @@ std::string KernelTranslation::join_arguments(const std::string& name,
     const Signature signature = *function;
     result = signature.result;
     called_.insert(signature.name);
-    return signature.name + function_arguments(signature, arguments);
+    flow_.guard(signature.call);
+    const std::string text = signature.name + function_arguments(signature, arguments);
+    flow_.read(signature.value);
+    return text;
   }
   if (functions_.contains(name) && found == table.end())
     give_up("'{}' takes another number of arguments than {}", name, arguments.size());
@@ -483,6 +501,9 @@ std::string KernelTranslation::join_arguments(const std::string& name,
   std::string text;
   for (std::size_t i = 0; i < arguments.size(); ++i)
     text += (text.empty() ? "(" : ", ") + argument(name, i, arguments[i]);
+  // A read-out writes nothing, unless it goes through a register.
+  if (!value || name == "scamp5_global_count" || name == "scamp5_global_sum_sparse")
+    flow_.instruction(place_);
   ++instructions_;
   result = value ? CppType::kInt : CppType::kVoid;
   return name + text + (text.empty() ? "" : ")");

@@ -46,6 +46,7 @@ std::vector<KernelSourceReader::Parameter> KernelSourceReader::read_parameters(s
     if (i < words.size() && words[i].is("[")) parameter.type = CppType::kOther;
     const auto equals = std::ranges::find_if(words, [](const KernelToken& word) { return word.is("="); });
     if (equals != words.end()) parameter.initial = KernelTokenList(equals + 1, words.end());
+    parameter.node = flow_.add();
     if (parameter.name.empty()) parameter.name = fmt::format("unnamed{}", parameters.size());
     parameters.push_back(std::move(parameter));
   }
@@ -73,6 +74,8 @@ std::optional<KernelSourceReader::Function> KernelSourceReader::function_at(std:
   Function function;
   function.name = tokens_[i - 1].text;
   function.signature.name = function.name;
+  function.signature.call = flow_.add();
+  function.signature.value = flow_.add();
   function.signature.parameters = read_parameters(i, close);
   std::size_t at = 0;
   const KernelTokenList words(tokens_.begin() + static_cast<long>(first_of_type),
@@ -96,6 +99,7 @@ std::optional<KernelSourceReader::Function> KernelSourceReader::kernel_object_at
   Function function;
   function.name = tokens_[i + 1].text;
   function.signature.name = function.name;
+  function.signature.call = flow_.add();
   function.body = body;
   function.end = behind_bracket(i + 2);
   function.is_kernel = true;
@@ -119,7 +123,12 @@ bool KernelSourceReader::concerns_registers(std::size_t first, std::size_t last)
   for (std::size_t i = first; i + 1 < last; ++i) {
     if (tokens_[i].kind != Kind::kName || !tokens_[i + 1].is("(")) continue;
     if (is_output(tokens_[i].text)) {
-      i = behind_bracket(i + 1) - 1;
+      const std::size_t end = behind_bracket(i + 1);
+      // A count by way of an analogue register, and a pattern that an instruction reads, are written.
+      if (tokens_[i].is_name("scamp5_global_count") && split_arguments(tokens_, i + 2, end - 1).size() > 1)
+        return true;
+      if (tokens_[i].is_name("scamp5_global_sum_sparse") && mentions(tokens_, "SELECT")) return true;
+      i = end - 1;
       continue;
     }
     if (has_instruction(tokens_, i, i + 2)) return true;
@@ -176,7 +185,8 @@ void KernelSourceReader::collect_functions() {
       Signature signature;
       signature.name = macro->name;
       for (const std::string& name : macro->parameters)
-        signature.parameters.push_back({name, CppType::kOther, false, true, {}});
+        signature.parameters.push_back({name, CppType::kOther, false, true, {}, flow_.add()});
+      signature.call = flow_.add();
       functions_.emplace(macro->name, std::move(signature));
       found = true;
     }
@@ -249,6 +259,7 @@ void KernelSourceReader::declare_parameters(const Function& function, ProgramLin
       variable.text = new_name(parameter.name);
       emit(body, 0, fmt::format("{} = ${}", variable.text, parameter.name));
     }
+    variable.node = parameter.node;
     scopes_.back()[parameter.name] = variable;
   }
 }
@@ -296,6 +307,7 @@ void KernelSourceReader::translate_function(Function& function) {
   current_ = &function;
   result_ = function.signature.result;
   returns_early_ = false;
+  const ValueFlow::Body flow(flow_, function.signature.call);
   scopes_.emplace_back();
   if (!is_main) declare_parameters(function, body);
   translate_block(is_main ? main_ : body, 0);

@@ -31,12 +31,20 @@ std::string KernelSourceReader::label(const std::string& stem) {
   return fmt::format("{}#{}{}", in_macro_ ? ":" : "", stem, ++labels_);
 }
 
-void KernelSourceReader::loop_body(ProgramLines& out, int depth, std::string continue_label) {
-  loops_.push_back({std::move(continue_label), false});
-  translate_body(out, depth);
-  const Loop loop = loops_.back();
+KernelSourceReader::Loop KernelSourceReader::loop_body(ProgramLines& out, int depth,
+                                                       std::string continue_label, bool is_endless) {
+  const ValueFlow::Node node = flow_.add();
+  flow_.write(node);
+  loops_.push_back({std::move(continue_label), false, node, {}, {}});
+  {
+    const ValueFlow::Guard guard(flow_, node);
+    translate_body(out, depth);
+  }
+  Loop loop = std::move(loops_.back());
   loops_.pop_back();
   if (loop.is_used) emit(out, depth + 1, loop.continue_label);
+  if (!is_endless && !loop.left_out_break.empty()) flow_.leave_out(node, loop.left_out_break);
+  return loop;
 }
 
 bool KernelSourceReader::may_change(const std::string& name, std::size_t first, std::size_t last) const {
@@ -246,13 +254,14 @@ void KernelSourceReader::emit_leave_unless(const KernelTokenList& condition, Pro
 void KernelSourceReader::translate_frames(ProgramLines& out, int depth) {
   if (leaves_itself(position_)) {
     ProgramLines body;
-    loop_body(body, depth, "");
+    const Loop loop = loop_body(body, depth, "", true);
     // What leaves it may have been left out.
     const bool leaves = std::ranges::any_of(body, [](const std::string& line) {
       const std::string text = line.substr(std::min(line.find_first_not_of(' '), line.size()));
       return text == "break" || text == "end" || text == "jump(:#return)";
     });
     if (!leaves) uses_frames_ = true;
+    if (leaves && !loop.left_out_break.empty()) flow_.leave_out(loop.node, loop.left_out_break);
     emit(out, depth, leaves ? "while(1)" : "repeat(FRAMES)");
     out.insert(out.end(), body.begin(), body.end());
     return emit(out, depth, leaves ? "endwhile" : "endrepeat");
@@ -261,7 +270,7 @@ void KernelSourceReader::translate_frames(ProgramLines& out, int depth) {
   emit(out, depth, "repeat(FRAMES)");
   if (!options_.picture.empty())
     emit(out, depth + 1, fmt::format("PIX = io.image.open('{}')", options_.picture));
-  loop_body(out, depth, "");
+  loop_body(out, depth, "", true);
   emit(out, depth, "endrepeat");
 }
 
@@ -284,13 +293,97 @@ void KernelSourceReader::translate_while(ProgramLines& out, int depth) {
   emit(out, depth, "endwhile");
 }
 
+void KernelSourceReader::translate_leaving(ProgramLines& out, int depth) {
+  const bool continues = peek().is_name("continue");
+  const std::string word = peek().text;
+  auto loop = loops_.rbegin();
+  while (continues && loop != loops_.rend() && !loop->break_label.empty()) ++loop;
+  if (loop == loops_.rend()) give_up("'{}' outside of a loop", word);
+  position_ += 2;
+  flow_.guard(loop->node);
+  if (!continues && !loop->break_label.empty()) {
+    loop->is_used = true;
+    return emit(out, depth, fmt::format("jump({})", loop->break_label));
+  }
+  // APRON's own would continue a loop around the `switch` only from outside of it; the label is the same
+  // place.
+  if (continues && loop != loops_.rbegin() && loop->continue_label.empty())
+    loop->continue_label = label("continue");
+  if (!continues || loop->continue_label.empty()) return emit(out, depth, word);
+  loop->is_used = true;
+  emit(out, depth, fmt::format("jump({})", loop->continue_label));
+}
+
+// The statements behind a label run if the value is the label's, or if those before it ran to their end.
+void KernelSourceReader::translate_switch(ProgramLines& out, int depth) {
+  const std::size_t open = position_ + 1, close = behind_bracket(open);
+  const CppValue value = settle(expression(tokens_between(open + 1, close - 1), out, depth), out, depth);
+  if (!is_integer(value.type) || !tokens_[close].is("{"))
+    give_up("'switch' of '{}' has no counterpart", plain_text(tokens_between(open + 1, close - 1)));
+  const std::string chosen = new_name("value"), reached = new_name("reached");
+  const std::size_t end = behind_bracket(close);
+  // The test for the label at i, which moves behind its colon.
+  const auto read_label = [&](std::size_t& i) {
+    const std::size_t first = i + 1;
+    while (i < end && !tokens_[i].is(":")) ++i;
+    const auto constant = plain_expression(tokens_between(first, i++));
+    if (!constant || !constant->constant) give_up("the label of a 'case' is no constant");
+    return fmt::format("{:.0f}", *constant->constant);
+  };
+  std::string others;
+  for (std::size_t i = close + 1; i + 1 < end;) {
+    if (tokens_[i].is_name("case"))
+      others += (others.empty() ? "" : " && ") + chosen + " != " + read_label(i);
+    else
+      i = tokens_[i].opens_bracket() ? behind_bracket(i) : i + 1;
+  }
+  const ValueFlow::Node node = flow_.add();
+  flow_.write(node);
+  const ValueFlow::Guard guard(flow_, node);
+  loops_.push_back({"", false, node, {}, label("leave")});
+  scopes_.emplace_back();
+  emit(out, depth, fmt::format("{} = {}", chosen, value.text));
+  emit(out, depth, fmt::format("{} = 0", reached));
+  position_ = close + 1;
+  while (!at_end() && !peek().is("}")) {
+    std::string test;
+    while (peek().is_name_of({"case", "default"}) || peek().kind == Kind::kComment) {
+      if (peek().kind == Kind::kComment) {
+        ++position_;
+      } else if (peek().is_name("default")) {
+        position_ += 2;
+        test += (test.empty() ? "" : " || ") + (others.empty() ? "1" : "(" + others + ")");
+      } else {
+        test += (test.empty() ? "" : " || ") + chosen + " == " + read_label(position_);
+      }
+    }
+    if (!test.empty()) {
+      emit(out, depth, fmt::format("if({})", test));
+      emit(out, depth + 1, fmt::format("{} = 1", reached));
+      emit(out, depth, "endif");
+    }
+    if (at_end() || peek().is("}")) break;
+    emit(out, depth, fmt::format("if({})", reached));
+    while (!at_end() && !peek().is("}") && !peek().is_name_of({"case", "default"}))
+      translate_statement(out, depth + 1);
+    emit(out, depth, "endif");
+  }
+  ++position_;
+  scopes_.pop_back();
+  const Loop left = std::move(loops_.back());
+  loops_.pop_back();
+  if (left.is_used) emit(out, depth, left.break_label);
+  if (!left.left_out_break.empty()) flow_.leave_out(node, left.left_out_break);
+}
+
 void KernelSourceReader::translate_do(ProgramLines& out, int depth) {
   ++position_;
   emit(out, depth, "while(1)");
-  loop_body(out, depth, label("continue"));
+  const Loop loop = loop_body(out, depth, label("continue"));
   if (!peek().is_name("while")) give_up("'do' without 'while'");
   const std::size_t open = position_ + 1, close = behind_bracket(open);
   emit_leave_unless(tokens_between(open + 1, close - 1), out, depth + 1);
+  flow_.write(loop.node);
   position_ = close;
   consume(";");
   emit(out, depth, "endwhile");
@@ -304,6 +397,9 @@ void KernelSourceReader::translate_if(ProgramLines& out, int depth) {
   if (!is_scalar(condition.type))
     give_up("'{}' is no condition", plain_text(tokens_between(open + 1, close - 1)));
   position_ = close;
+  const ValueFlow::Node node = flow_.add();
+  flow_.write(node);
+  const ValueFlow::Guard guard(flow_, node);
   emit(out, depth, fmt::format("if({})", condition.text));
   translate_body(out, depth);
   if (peek().is_name("else")) {
@@ -325,7 +421,10 @@ void KernelSourceReader::translate_return(ProgramLines& out, int depth) {
     if (current_->deduces_result && result_ == CppType::kVoid) result_ = value.type;
     if (!is_scalar(result_)) give_up("'{}' is no number", plain_text(words));
     emit(out, depth, fmt::format("$result = {}", cpp_convert(std::move(value), result_).text));
+    flow_.write(current_->signature.value);
   }
+  // What follows it runs if it does not.
+  if (current_ != nullptr) flow_.guard(current_->signature.call);
   position_ = end;
   consume(";");
   if (is_last || current_ == nullptr) return;

@@ -148,9 +148,13 @@ void KernelSourceReader::translate_function_macro(const FunctionMacro& macro, st
   std::string pattern = macro.name;
   for (const std::string& name : macro.parameters) {
     // What an operand is, is known where the macro is called.
-    scopes_.back()[name] = {"$" + name, CppType::kRegister, {}, std::nullopt, true};
+    const auto index = static_cast<std::size_t>(&name - macro.parameters.data());
+    const auto signature = functions_.find(macro.name);
+    scopes_.back()[name] = {
+        "$" + name, CppType::kRegister, {}, std::nullopt, true, signature->second.parameters[index].node};
     pattern += (&name == &macro.parameters.front() ? "($" : ", $") + name;
   }
+  const ValueFlow::Body flow(flow_, functions_.find(macro.name)->second.call);
   is_in_definition_ = true;
   consume("(");  // of ({ … })
   while (!at_end()) {
@@ -188,11 +192,51 @@ void KernelSourceReader::leave_out(std::size_t start, const std::string& reason,
   const std::size_t end = std::exchange(position_, start);
   note(line, reason, is_error);
   position_ = end;
+  leave_out_values(start, end, out, depth);
   if (in_kernel_ || is_block) emit(out, depth, fmt::format("// not translated (line {}): {}", line, reason));
+}
+
+// The values that a text gives, and the ways that it leaves loops and functions, are the controller's.
+void KernelSourceReader::leave_out_values(std::size_t first, std::size_t last, ProgramLines& out, int depth) {
+  if (tokens_[first].text.starts_with("vs_on_")) return;  // the host's events do not occur
+  const std::size_t position = std::exchange(position_, first);
+  const std::string reason = fmt::format("the value of line {}, which is left out,", tokens_[first].line);
+  std::size_t name = first;
+  if (is_declaration() && read_type(tokens_, name)) {
+    while (tokens_[name].is("*") || tokens_[name].is("&")) ++name;
+    // It hides another variable of the name.
+    if (find_variable(tokens_[name].text) != nullptr && scopes_.back().count(tokens_[name].text) == 0) {
+      const Variable& variable = declare(tokens_[name].text, CppType::kInt);
+      emit(out, depth, variable.text + " = 0");
+      flow_.leave_out(variable.node, reason);
+    }
+  }
+  position_ = position;
+  std::set<std::string> seen;
+  std::size_t inner_end = first;  // of a loop within the text
+  for (std::size_t i = first; i < last; ++i) {
+    const KernelToken& token = tokens_[i];
+    if (token.is_name_of({"for", "while", "do", "switch"}) && i >= inner_end)
+      inner_end = std::min(last, statement_end(token.is_name("do") ? i + 1 : behind_bracket(i + 1)) + 1);
+    if (token.is_name("return") && current_ != nullptr && current_->name != "main")
+      flow_.leave_out(current_->signature.call, reason);
+    if (token.is_name_of({"break", "continue"}) && i >= inner_end && !loops_.empty()) {
+      if (token.is_name("continue"))
+        flow_.leave_out(loops_.back().node, reason);
+      else
+        loops_.back().left_out_break = reason;
+    }
+    if (token.kind != Kind::kName || !seen.insert(token.text).second) continue;
+    const Variable* variable = find_variable(token.text);
+    if (variable != nullptr && is_scalar(variable->type) && may_change(token.text, first, last))
+      flow_.leave_out(variable->node, reason);
+  }
 }
 
 void KernelSourceReader::translate_statement(ProgramLines& out, int depth) {
   const std::size_t start = position_, lines = out.size(), scopes = scopes_.size(), loops = loops_.size();
+  const ValueFlow::Part part(flow_);
+  place_ = {tokens_[start].line, files_[std::min(tokens_[start].file, files_.size() - 1)]};
   try {
     const Nesting nesting(statement_depth_, "the statement");
     dispatch_statement(out, depth);
@@ -223,16 +267,10 @@ void KernelSourceReader::dispatch_statement(ProgramLines& out, int depth) {
   if (first.is_name("do")) return translate_do(out, depth);
   if (first.is_name("if")) return translate_if(out, depth);
   if (first.is_name("enum")) return translate_enum();
-  if (first.is_name_of({"switch", "case", "goto", "struct", "class"}))
+  if (first.is_name("switch")) return translate_switch(out, depth);
+  if (first.is_name_of({"case", "default", "goto", "struct", "class"}))
     give_up("'{}' has no counterpart", first.text);
-  if (first.is_name_of({"break", "continue"}) && peek(1).is(";")) {
-    position_ += 2;
-    if (first.text == "continue" && !loops_.empty() && !loops_.back().continue_label.empty()) {
-      loops_.back().is_used = true;
-      return emit(out, depth, fmt::format("jump({})", loops_.back().continue_label));
-    }
-    return emit(out, depth, first.text);
-  }
+  if (first.is_name_of({"break", "continue"}) && peek(1).is(";")) return translate_leaving(out, depth);
   if (first.is_name("return")) return translate_return(out, depth);
   if (first.is_name("using")) return skip_statement();
   if (is_declaration()) return translate_declaration(out, depth);
@@ -335,6 +373,7 @@ void KernelSourceReader::translate_declarator(CppType type, Qualifiers qualifier
     variable.constant = value.constant;
     variable.is_const = true;
   }
+  constants_.erase(name);
   if (is_number(words)) constants_.emplace(name, value.text);
   if (is_static && in_macro_) {  // keeps its value between the calls
     if (!value.constant) give_up("the first value of the static '{}' is known at run time only", name);
@@ -350,6 +389,7 @@ void KernelSourceReader::translate_declarator(CppType type, Qualifiers qualifier
     statics_.push_back(fmt::format("{} = {}", variable.text, value.text));
     return;
   }
+  flow_.write(variable.node);
   emit(out, depth, fmt::format("{} = {}", variable.text, value.text));
   if (variable.constant) variable.text = value.text;
 }
@@ -383,6 +423,7 @@ void KernelSourceReader::translate_expression(ProgramLines& out, int depth) {
     give_up("'{} {} …' is code of the controller", words[0].text, words[1].text);
   if (assigns && variable == nullptr)
     give_up("'{} {} …' is code of the controller", words[0].text, words[1].text);
+  if (counts || assigns) constants_.erase(name.text);
   if (counts) {
     const std::string op = words[0].kind == Kind::kName ? words[1].text : words[0].text;
     CppValue value;
@@ -390,6 +431,7 @@ void KernelSourceReader::translate_expression(ProgramLines& out, int depth) {
     value.type = variable->type;
     value.range = range_of(variable->type);
     variable->range = value.range;
+    flow_.write(variable->node);
     if (variable->is_const) give_up("'{}' is const", name.text);
     emit(out, depth,
          fmt::format(
@@ -403,12 +445,14 @@ void KernelSourceReader::translate_expression(ProgramLines& out, int depth) {
     } else {
       variable = find_variable(name.text);  // a function that the expression needs has been translated
       variable->range = range_of(variable->type);
+      flow_.write(variable->node);
       emit(out, depth,
            fmt::format("{0} = {0} {1} ({2})", variable->text, words[1].text.substr(0, 1), value.text));
     }
   } else {
-    const CppValue value = expression(words, out, depth);
-    if (assigns && is_number({words.begin() + 2, words.end()})) constants_.emplace(words[0].text, value.text);
+    expression(words, out, depth);
+    if (assigns && words[1].is("=") && is_number({words.begin() + 2, words.end()}))
+      constants_.emplace(words[0].text, plain_text({words.begin() + 2, words.end()}));
   }
   position_ = end;
   consume(";");

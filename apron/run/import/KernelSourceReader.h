@@ -46,6 +46,9 @@ class KernelSourceReader final : KernelTranslation {
   struct Loop {
     std::string continue_label;  // "" where APRON's own continue does it
     bool is_used = false;
+    ValueFlow::Node node = 0;    // what decides how often it runs
+    std::string left_out_break;  // why a `break` in it is left out
+    std::string break_label;     // of a `switch`
   };
 
   // Continues after the next ';' outside brackets, or at a '}' that closes the surrounding block.
@@ -77,6 +80,7 @@ class KernelSourceReader final : KernelTranslation {
   void translate_enum();
   void translate_statement(ProgramLines& out, int depth);
   void leave_out(std::size_t start, const std::string& reason, ProgramLines& out, int depth);
+  void leave_out_values(std::size_t first, std::size_t last, ProgramLines& out, int depth);
   void dispatch_statement(ProgramLines& out, int depth);
   void translate_block(ProgramLines& out, int depth);
   std::size_t statement_end(std::size_t first) const;
@@ -105,6 +109,9 @@ class KernelSourceReader final : KernelTranslation {
   bool leaves_itself(std::size_t body) const;
   bool takes_frame(std::size_t word) const;
   bool takes_frame(std::size_t word, std::set<std::size_t>& visited) const;
+  void translate_switch(ProgramLines& out, int depth);
+  // `break` and `continue`.
+  void translate_leaving(ProgramLines& out, int depth);
   void translate_while(ProgramLines& out, int depth);
   void translate_do(ProgramLines& out, int depth);
   void translate_if(ProgramLines& out, int depth);
@@ -112,7 +119,8 @@ class KernelSourceReader final : KernelTranslation {
   // The condition in front of a loop's body; the statements that leave the loop if they are needed.
   void emit_leave_unless(const KernelTokenList& condition, ProgramLines& out, int depth);
   std::string label(const std::string& stem);
-  void loop_body(ProgramLines& out, int depth, std::string continue_label);
+  // Returns the loop as it was left.
+  Loop loop_body(ProgramLines& out, int depth, std::string continue_label, bool is_endless = false);
 
   std::vector<Function> all_functions_;
   std::vector<Loop> loops_;

@@ -167,6 +167,7 @@ KernelTranslation::Variable& KernelTranslation::declare(const std::string& name,
   variable.type = type;
   variable.range = range_of(type);
   variable.text = name;
+  variable.node = flow_.add();
   if (is_scalar(type)) {
     // Names of variables whose scope has ended are used again.
     bool is_live = false;
@@ -255,6 +256,7 @@ void KernelTranslation::translate_call(ProgramLines& out, int depth) {
   }
   if (name == "scamp5_launch_kernel" && arguments.size() == 1) {
     called_.insert(plain_text(arguments[0]));
+    if (const Signature* kernel = find_function(plain_text(arguments[0]), 0)) flow_.guard(kernel->call);
     return emit(out, depth, plain_text(arguments[0]));
   }
   if (name.starts_with("vs_gui_add_s") && translate_control(name, arguments)) return;
@@ -301,15 +303,23 @@ bool KernelTranslation::translate_control(const std::string& name,
   std::string values;
   for (std::size_t i = 1; i < count; ++i) {
     const auto constant = constants_.find(plain_text(arguments[i]));
-    std::optional<CppValue> value;
-    if (constant == constants_.end() && arguments[i][0].kind != Kind::kString) {
-      const bool is_known = arguments[i].size() > 1 || arguments[i][0].kind == Kind::kNumber ||
-                            arguments[i][0].is_name_of({"true", "false"});
-      if (is_known) value = plain_expression(arguments[i]);
+    if (constant != constants_.end()) {
+      values += ", " + constant->second;
+      continue;
     }
-    const bool has_number = value && value->constant;
-    if (is_slider && !has_number && constant == constants_.end()) return false;
-    values += ", " + (has_number ? value->text : is_slider ? constant->second : "0");
+    // Variables are numbers here: those that they have so far.
+    KernelTokenList words = arguments[i];
+    for (KernelToken& word : words)
+      if (const auto known = constants_.find(word.text);
+          known != constants_.end() && known->second.find_first_not_of("0123456789.") == std::string::npos)
+        word = {Kind::kNumber, known->second, word.line, word.file};
+    const bool is_known = std::ranges::all_of(words, [&](const KernelToken& word) {
+      return word.kind != Kind::kName || word.is_name_of({"true", "false"}) ||
+             (find_variable(word.text) != nullptr && find_variable(word.text)->constant);
+    });
+    const auto value = is_known && words[0].kind != Kind::kString ? plain_expression(words) : std::nullopt;
+    if (!value || !value->constant) return false;
+    values += fmt::format(", {}", *value->constant);
   }
   const std::string_view kind = is_slider ? "slider" : "switch";
   const std::string reading = fmt::format("sim.{}.get('{}')", kind, variable);
@@ -362,6 +372,7 @@ void KernelTranslation::translate_directions(ProgramLines& out, int depth,
     edge = *value.constant != 0.0;
   }
   const std::string target = register_argument(arguments[0]), source = register_argument(arguments[1]);
+  flow_.instruction(place_);
   emit(out, depth, "CLR(RS, RW, RN, RE)");
   emit(out, depth, fmt::format("SET({})", selected));
   emit(out, depth, fmt::format("DNEWS{}({}, {})", edge ? 1 : 0, target, source));
@@ -369,6 +380,9 @@ void KernelTranslation::translate_directions(ProgramLines& out, int depth,
 }
 
 ImportedKernels KernelTranslation::finish() {
+  for (const ValueFlow::Finding& one : flow_.findings())
+    notes_.push_back({one.place.line, one.reason + " reaches an instruction or decides about it", false, true,
+                      false, one.place.file});
   ProgramLines all;
   const auto append = [&](const ProgramLines& lines) { all.insert(all.end(), lines.begin(), lines.end()); };
   append(defines_);

@@ -17,6 +17,7 @@
 #include "apron/run/import/ImportedKernels.h"
 #include "apron/run/import/KernelPreprocessor.h"
 #include "apron/run/import/KernelTokens.h"
+#include "apron/run/import/ValueFlow.h"
 
 namespace apron::run {
 
@@ -61,6 +62,7 @@ class KernelTranslation {
     CppRange range = range_of(CppType::kInt);
     std::optional<double> constant;  // of a const
     bool is_const = false;
+    ValueFlow::Node node = 0;
   };
   struct Parameter {
     std::string name;
@@ -68,11 +70,13 @@ class KernelTranslation {
     bool is_reference = false;               // a scalar that the function may write
     bool is_any = false;                     // of a macro of the preprocessor: any operand
     std::optional<KernelTokenList> initial;  // its default argument
+    ValueFlow::Node node = 0;
   };
   struct Signature {
     std::string name;  // in the program
     std::vector<Parameter> parameters;
     CppType result = CppType::kVoid;
+    ValueFlow::Node call = 0, value = 0;  // that it runs, and its result
     bool accepts(std::size_t count) const {
       return count <= parameters.size() && (count == parameters.size() || parameters[count].initial);
     }
@@ -147,6 +151,8 @@ class KernelTranslation {
   std::set<std::string> called_;
   std::vector<std::pair<std::string, std::size_t>> uncalled_;
   ProgramLines defines_, statics_, macros_, main_;
+  mutable ValueFlow flow_;
+  ValueFlow::Place place_;  // of the statement
   std::vector<ImportNote> notes_;
   bool in_kernel_ = false, in_macro_ = false, uses_frames_ = false, has_main_ = false;
 

@@ -77,6 +77,16 @@ FORMS = {
                        "int main(){ scamp5_in(A, half(5) * 2); scamp5_in(B, low(3) + 200); scamp5_in(C, wide(3) % 100); scamp5_in(D, sign(-4) + put(E, 7));"
                        " nothing(F); bool q = is_large(12) + 3; add(F, F, E); scamp5_in(B, q + is_large(3)); uint8_t b = 200; auto c = b; c += 100;"
                        " scamp5_in(C, c); auto d = b + 100; scamp5_in(D, d - 250); }",
+    "narrow operands": "int main(){ int n = 256; scamp5_select_pattern(n + 1, 2, 0, n); MOV(S0, SELECT); scamp5_select_point(n + 2, n + 3); MOV(S1, SELECT);"
+                       " scamp5_draw_begin(S2); scamp5_draw_rect(n, n + 1, n + 2, n + 3); scamp5_draw_point(n + 1, 1); scamp5_draw_end();"
+                       " scamp5_in(A, 9); scamp5_in(B, scamp5_read_areg(A, n + 1, 2) - 100); scamp5_in(C, scamp5_global_sum_sparse(A, n, 0, n + 254, 254) - 130);"
+                       " scamp5_in(D, scamp5_global_or(S1, n + 2, 3, 0, n)); }",
+    "switch": "enum class Mode { Idle, Run = 4, Stop }; int steps(int n){ switch (n) { case 0: return 5; case 1: n += 10; case 2: case 3: n++; break;"
+              " default: n = 50; } return n; } int kind(Mode m){ int k = 0; switch (m) { default: k = 1; break; case Mode::Run: k = 2; case Mode::Stop: k += 3; } return k; }"
+              "int main(){ scamp5_in(A, steps(0) + steps(1)); scamp5_in(B, steps(3) + steps(7)); scamp5_in(C, kind(Mode::Idle) * 10 + kind(Mode::Run));"
+              " scamp5_in(D, kind(Mode::Stop)); int n = 0; for (int i = 0; i < 9; i++) { switch (i % 4) { case 1: continue; case 2: if (i > 5) break; n += 2; break;"
+              " case 3: for (int k = 0; k < 5; k++) { if (k == 2) break; n += 3; } } n++; } scamp5_in(E, n);"
+              " while (1) { switch (n) { case 7: n = 100; break; default: n--; } if (n == 100) break; } scamp5_in(F, n); uint8_t small = 255; switch (++small) { case 0: neg(F, F); } }",
     "statics": "void count(AREG y){ static int n = 3; n += 2; scamp5_in(y, n); } int main(){ static int k = 7; count(A); count(B); count(C); scamp5_in(D, k); }",
     "directions": "int main(){ scamp5_load_rect(S0, 2, 2, 3, 3); DNEWS(S1, S0, north | east); DNEWS(S2, S0, south|west, 1); DNEWS(S3, S0, alldir, true);"
                   " DNEWS(S4, S0, west); scamp5_in(A, 3); WHERE(S0); scamp5_in(A, 50); ALL(); bus(NEWS, A); bus(B, XN, XS, XE, XW); bus(C, XE, XW); }",
@@ -336,7 +346,7 @@ class Import(ProgramTest):
     def test_what_cannot_be_resolved_is_an_error(self):
         main = "int main(){ scamp5_in(A, 1); %s }"
         self.check_status(main % "DREG_load_centered_rect(S0, 1, 2, 3, 4);", 2, "one.cpp:1: error: 'DREG_load_centered_rect'")
-        self.check_status(main % "switch (k) { case 1: res(A); }", 2, "error: 'switch' has no counterpart")
+        self.check_status(main % "int k = 1; switch (k) { case k: res(A); }", 2, "error: the label of a 'case' is no constant")
         self.check_status(main % "goto end; end: ;", 2, "error: 'goto' has no counterpart")
         self.check_status(main % "objects[2].draw(S1);", 2, "error: ")
         self.check_status("void f(AREG y){ res(y); } " + main % "f(regs[1]);", 2, "error: ")

@@ -178,7 +178,9 @@ TEST(KernelImport, SlidersDirectionsAndOutput) {
             "level = sim.slider.get('level')\nscamp5_in(E, cpp.signed(level, 8))\nCLR(RS, RW, RN, "
             "RE)\nSET(RS, RE)\n"
             "DNEWS1(S1, S0)\nsim.show(S1)\nscamp5_in(F, cpp.signed(other, 8))\n");
-  EXPECT_EQ(notes(imported), "8 host: 'other' has no value in the kernels; it is 0\n");
+  EXPECT_EQ(notes(imported),
+            "8 host: 'other' has no value in the kernels; it is 0\n"
+            "8 host: 'other', which is the controller's, reaches an instruction or decides about it\n");
 }
 
 TEST(KernelImport, VariablesOfEnums) {
@@ -210,6 +212,66 @@ TEST(KernelImport, SlidersByTheirHandles) {
             "  scamp5_in(C, cpp.signed(k, 8))\nendif\n");
 }
 
+// The lines of the errors.
+std::string errors(const std::string& text) {
+  std::string lines;
+  for (const ImportNote& note : import_text(text).notes)
+    if (note.is_error) lines += std::to_string(note.line) + ' ';
+  return lines;
+}
+
+TEST(KernelImport, AValueThatIsLeftOutMustNotReachAnInstruction) {
+  const std::string wrong[] = {
+      "int main(){ uint8_t e[2];\nint x = e[0];\nscamp5_in(A, x); }",
+      "int main(){ int x = 5;\nx = clock();\nx++;\nscamp5_in(A, x); }",
+      "int main(){ int x = 5;\n{ int x = clock();\nscamp5_in(A, x); } }",
+      "int main(){ int x = 0;\nwhile(1){ get_image(B);\nscamp5_in(A, x);\nx = clock(); } }",
+      "void put(AREG y, int n){\nscamp5_in(y, n); }\nint main(){ int x = clock(); put(A, x); }",
+      "void put(AREG y){\nres(y); }\nint main(){ int x = clock(); if(x > 3){ put(A); } }",
+      "int get(int n){ return n; }\nint main(){ int x = clock();\nint k = get(x);\nscamp5_in(A, k); }",
+      "void set(int& n){ n = clock(); }\nint main(){ int x = 1;\nset(x);\nscamp5_in(A, x); }",
+      "int main(){ int e[3], k = 0;\nfor(int i = 0; i < 9; i++){\nif(e[i]) break;\nk++; }\nscamp5_in(A, k); "
+      "}",
+      "int main(){ int e[3];\nfor(int i = 0; i < 9; i++){\nif(e[i]) continue;\nmov(A, B); } }",
+      "void put(int* e){\nif(e[0]) return;\nres(A); }\nint main(){ put(0); }",
+      "int main(){ int n[2];\nn[0] = scamp5_global_count(R5, A, 1); }",
+      "int main(){ int n[2];\nn[0] = scamp5_global_sum_sparse(A);\nMOV(R5, SELECT); }",
+      "int main(){ int x = 1, k = 0;\nif(clock()) x = 2;\nif(x > 1) k = 1;\nscamp5_in(A, k); }"};
+  for (const std::string& text : wrong) EXPECT_NE(errors(text), "") << text;
+  const std::string right[] = {
+      "int main(){ int x = 5;\nint t = clock();\nscamp5_in(A, x); }",
+      "int main(){ int x = 5;\n{ int x = clock(); }\nscamp5_in(A, x); }",
+      "int main(){ int on = 1; vs_on_gui_update(3, [&](int v){ on = v; });\nif(on) res(A); }",
+      "int main(){ int n[2]; n[0] = scamp5_global_sum_sparse(A) + scamp5_global_count(R5); res(A); }",
+      "int main(){ int t = 0;\nwhile(1){ get_image(A); if(clock()) break; t = clock(); int n = t * 2; } }",
+      "int main(){ int n = 0, t = clock(); if(t > 3) n = scamp5_global_sum_64(A); }"};
+  for (const std::string& text : right) EXPECT_EQ(errors(text), "") << text;
+  EXPECT_EQ(errors(wrong[0]), "3 ");
+  EXPECT_EQ(errors(wrong[4]), "2 ");
+}
+
+TEST(KernelImport, FirstValuesOfSwitches) {
+  const std::string program =
+      import_text(
+          "int other(){ int on = 0; return on; }\n"
+          "int main(){\n  int on = 1, level = 3;\n  vs_gui_add_switch(\"on\", on == 1, &on);\n  level = 7;\n"
+          "  vs_gui_add_slider(\"level\", 0, 9, level, &level);\n  if(on) scamp5_in(A, level);\n}\n")
+          .program;
+  EXPECT_NE(program.find("sim.switch.add('on', 1)\nsim.slider.add('level', 0, 9, 7)\n"), std::string::npos)
+      << program;
+}
+
+TEST(KernelImport, SwitchRunsFromItsLabelOn) {
+  const ImportedKernels imported = import_text(
+      "int main(){\n  int n = 4;\n  switch(n){ case 1: case 2: res(A); break; default: res(B); }\n}\n");
+  EXPECT_EQ(
+      body(imported),
+      "\nn = 4\nvalue_1 = n\nreached = 0\nif(value_1 == 1 || value_1 == 2)\n  reached = 1\nendif\n"
+      "if(reached)\n  res(A)\n  jump(#leave1)\nendif\nif((value_1 != 1 && value_1 != 2))\n  reached = 1\n"
+      "endif\nif(reached)\n  res(B)\nendif\n#leave1\n");
+  EXPECT_EQ(notes(imported), "");
+}
+
 TEST(KernelImport, DefaultArgumentsAndFirstValuesOfSliders) {
   const ImportedKernels imported = import_text(
       "void step(AREG y, int n = 3, int m = -1){ scamp5_in(y, n); scamp5_in(y, m); }\n"
@@ -229,7 +291,7 @@ TEST(KernelImport, DefaultArgumentsAndFirstValuesOfSliders) {
 TEST(KernelImport, NamesWhatItCannotTranslate) {
   const ImportedKernels imported = import_text(
       "scamp5_kernel_begin();\nmovx(A, B);\nmovy(A, B, north);\nadd(A, B, table[3]);\nint k = p->x;\n"
-      "switch(1) { case 1: res(A); }\nres(C);\nscamp5_kernel_end();\n");
+      "goto end;\nres(C);\nscamp5_kernel_end();\n");
   EXPECT_EQ(notes(imported),
             "2 kernel: 'movx' takes 3 arguments, not 2\n"
             "3 kernel: scamp5.aps has no instruction 'movy'; did you mean 'mov'?\n"
@@ -237,7 +299,7 @@ TEST(KernelImport, NamesWhatItCannotTranslate) {
             "4 kernel: '[' in an expression has no counterpart\n"
             "5 kernel: 'p' has no value in the kernels; it is 0\n"
             "5 kernel: '->' in an expression has no counterpart\n"
-            "6 kernel: 'switch' has no counterpart\n");
+            "6 kernel: 'goto' has no counterpart\n");
   EXPECT_NE(imported.program.find("// not translated (line 2): 'movx' takes 3 arguments, not 2\n"),
             std::string::npos);
   EXPECT_NE(imported.program.find("\nres(C)\n"), std::string::npos);
