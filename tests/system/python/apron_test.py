@@ -383,6 +383,17 @@ class Functions(unittest.TestCase):
                 call()
         self.assertEqual(apron.compile("n = 1\n")(), {"n": 1.0})
 
+    def test_ticks_bound_a_run_without_frames(self):
+        text = "!register(A)\n#again\nA = A + 1\njump(#again)\n"
+        for ticks in (None, 3):
+            with self.assertRaisesRegex(apron.Error, "^<text>:4: error: the program repeats forever without a frame, which ticks="):
+                apron.compile(text, ticks=ticks)
+        waiting = apron.compile("!register(A, N)\nN = A\nwhile(globalmax(A) < 2)\n  N = N + 1\nendwhile\nsim.frame\n", ticks=3,
+                                shape=(1024, 1024))
+        with self.assertRaisesRegex(apron.Error, "^<text>:[345]: error: 500000 instructions without surface.step"):
+            waiting(A=0)
+        self.assertEqual(waiting(A=2)["N"][0, 0], 2)
+
     def test_other_threads_run_meanwhile(self):
         f = apron.compile("!register(A)\nrepeat(3000)\n  A = math.sin(A) + 1\nendrepeat\n")
         ticks, stop = [], threading.Event()
