@@ -1,5 +1,5 @@
 """`apron import` against a compiler: the same text of a kernel is compiled by g++ with scamp5_reference.hpp, and imported and
-run. All registers must be equal to the bit. APRON_IMPORT_KERNELS=1000 tries more random kernels than the test does."""
+run. All registers must be equal to the bit. APRON_PROGRAM_SEEDS=1000 tries more random kernels than the test does."""
 import os
 import random
 import re
@@ -319,9 +319,9 @@ class Import(ProgramTest):
         self.compare([(label, text, {}) for label, text in FORMS.items()])
 
     def test_random_kernels(self):
-        count = int(os.environ.get("APRON_IMPORT_KERNELS", "30"))
-        for first in range(0, count, 50):
-            self.compare([(f"seed {seed}", *Writer(seed).kernel()) for seed in range(first, min(first + 50, count))])
+        seeds = program_seeds(30)
+        for first in range(0, len(seeds), 50):
+            self.compare([(f"seed {seed}", *Writer(seed).kernel()) for seed in seeds[first:first + 50]])
 
     def check_status(self, text, wanted, message, files=()):
         for name, content in files:

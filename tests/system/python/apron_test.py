@@ -113,8 +113,9 @@ class Functions(unittest.TestCase):
 
     def test_random_programs_equal_apron_run(self):
         refused = 0
-        for seed in range(60):
-            text = RandomText(seed).text()
+        first, count = int(os.environ.get("APRON_PROGRAM_FIRST", "0")), int(os.environ.get("APRON_PROGRAM_SEEDS", "60"))
+        for seed in range(first, first + count):
+            text, self.random = RandomText(seed).text(), np.random.default_rng(seed)
             shape = [(7, 9), (1, 1), (16, 64), (33, 17), (130, 144)][seed % 5]
             inputs = {"A": self.cells(*shape), "B": self.cells(*shape)}
             try:
@@ -128,7 +129,7 @@ class Functions(unittest.TestCase):
                 got = f.run({name: inputs.get(name, 0) for name in (*f.inputs, *inputs) if name in f.inputs + f.outputs})
                 for name in outputs:
                     self.assert_bits(got[name], want[name], f"seed {seed}, call {call}, {name}:\n{text}")
-        self.assertLess(refused, 12)
+        self.assertLess(refused, 2 + count / 5)
 
     def test_results_by_name_parameters_and_numbers(self):
         f = apron.compile(SMOOTH)
