@@ -39,12 +39,12 @@ const std::vector<Function> kFunctions = {
     {"tan", Opcode::kTan, [](double a, double) { return std::tan(a); }, -20, 20, 2.0},
     {"sinh", Opcode::kSinh, [](double a, double) { return std::sinh(a); }, -92, 92, 1.7},
     {"cosh", Opcode::kCosh, [](double a, double) { return std::cosh(a); }, -92, 92, 1.7},
-    {"tanh", Opcode::kTanh, [](double a, double) { return std::tanh(a); }, -10, 10, 1.5},
+    {"tanh", Opcode::kTanh, [](double a, double) { return std::tanh(a); }, -10, 10, 1.6},
     {"asin", Opcode::kAsin, [](double a, double) { return std::asin(a); }, -1, 1, 1.5},
     {"acos", Opcode::kAcos, [](double a, double) { return std::acos(a); }, -1, 1, 1.5},
-    {"atan", Opcode::kAtan, [](double a, double) { return std::atan(a); }, -10, 10, 1.5},
+    {"atan", Opcode::kAtan, [](double a, double) { return std::atan(a); }, -10, 10, 1.7},
     {"pow", Opcode::kPow, [](double a, double b) { return std::pow(a, b); }, -8, 8, 2.0, true},
-    {"atan2", Opcode::kAtan2, [](double a, double b) { return std::atan2(a, b); }, -3, 3, 1.6, true},
+    {"atan2", Opcode::kAtan2, [](double a, double b) { return std::atan2(a, b); }, -3, 3, 1.8, true},
 };
 
 constexpr float kSpecial[] = {0.0F,
