@@ -281,7 +281,7 @@ class Writer:
 @unittest.skipUnless(shutil.which("g++"), "needs g++")
 class Import(ProgramTest):
     def compiled(self, kernels):
-        """The registers that each kernel leaves, by the compiler."""
+        """The registers that each kernel leaves, by the compiler, and None where a signed integer overflows, which C++ leaves undefined."""
         parts = ['#include "scamp5_reference.hpp"\n#define main kernel_main\n']
         (self.folder / "sub").mkdir(exist_ok=True)
         for k, (_, text, files) in enumerate(kernels):
@@ -292,12 +292,15 @@ class Import(ProgramTest):
         parts.append("#undef main\nint main() {\n" + "".join(
             f"  model::reset(); kernel{k}::kernel_main(); model::print();\n" for k in range(len(kernels))) + "}\n")
         self.write("all.cpp", "".join(parts))
-        status, _, err = self.finish(self.start("g++", "-std=c++20", "-O0", "-w", "-fwrapv", "-I", str(ROOT / "tests/system/programs"), "-o",
+        status, _, err = self.finish(self.start("g++", "-std=c++20", "-O0", "-w", "-fsanitize=signed-integer-overflow", "-I", str(ROOT / "tests/system/programs"), "-o",
                                                 str(self.folder / "all"), str(self.folder / "all.cpp")))
         self.assertEqual(status, 0, err)
         status, out, err = self.finish(self.start(str(self.folder / "all")))
         self.assertEqual(status, 0, err)
-        return [np.array(line.split(), dtype=float).reshape(len(NAMES), SIZE, SIZE) for line in out.splitlines()]
+        overflows = set(re.findall(r"([\w.]+):\d+:\d+: runtime error: signed integer overflow", err))
+        return [None if overflows & {f"kernel{k}.cpp", *map(os.path.basename, files)} else
+                np.array(line.split(), dtype=float).reshape(len(NAMES), SIZE, SIZE)
+                for k, (line, (_, _, files)) in enumerate(zip(out.splitlines(), kernels, strict=True))]
 
     def imported(self, index, label, text):
         program = self.folder / f"kernel{index}.aps"
@@ -312,6 +315,8 @@ class Import(ProgramTest):
         for k, ((label, text, files), wanted) in enumerate(zip(kernels, self.compiled(kernels))):
             text += "".join(f"// {name}\n{content}" for name, content in files.items())
             got, program = self.imported(k, label, text)
+            if wanted is None and label not in FORMS:
+                continue
             for name, a, b in zip(NAMES, got, wanted):
                 np.testing.assert_array_equal(a, b, f"{label}: {name}\n{text}\n{program}")
 
