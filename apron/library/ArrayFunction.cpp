@@ -46,6 +46,7 @@ vm::VmOptions vm_options(const FunctionOptions& options) {
   vm::VmOptions result;
   result.threads = options.threads;
   result.isa = options.isa;
+  result.refuse_endless_ticks = options.ticks.has_value();
   result.fusion.observed = {false, {}, options.results};
   return result;
 }

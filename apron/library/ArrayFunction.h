@@ -29,7 +29,7 @@ struct FunctionOptions {
   std::vector<std::uint32_t> results;  // registers that finish() makes available
   unsigned threads = 1;
   vm::InstructionSet isa = vm::best_instruction_set();
-  std::optional<std::uint64_t> ticks;  // the run ends after that many surface.step
+  std::optional<std::uint64_t> ticks;  // the run ends after that many surface.step; endless ticks are refused
 };
 
 // One thread at a time; its threads end with it. Only the constructor and advance() allocate.

@@ -6,6 +6,7 @@
 #include <atomic>
 #include <exception>
 
+#include "apron/program/CallSite.h"
 #include "apron/program/Reachability.h"
 #include "apron/vm/NumberFormat.h"
 #include "common/error/UserError.h"
@@ -184,6 +185,10 @@ std::shared_ptr<Function::Variant> Function::compile_variant(Shape shape) const 
   if (!program.modules.empty())
     throw common::UserError(file + ": !module('" + program.modules.front() +
                             "'): native modules are not loaded here: use apron run --module");
+  if (const std::optional<std::size_t> loop = program::find_endless_loop(program))
+    throw common::UserError(program::format_call_site(program, *loop) +
+                            "error: the program repeats forever without a frame, which ticks= counts: "
+                            "surface.step or sim.frame ends one");
   const bool ends = program::can_reach(program, program::Opcode::kEnd) ||
                     program::can_reach(program, program::Opcode::kReturn);
   if (!ends && !configuration_.ticks)

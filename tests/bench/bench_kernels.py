@@ -1,17 +1,21 @@
 #!/usr/bin/env python3
-"""Kernels of image processing and automata: APRON beside NumPy, OpenCV, Numba, JAX and Halide, on one thread.
+"""Kernels of image processing and automata: APRON beside NumPy, OpenCV, Numba, JAX, Halide and plain C++, on one thread.
 
   bench_kernels.py [--json] [--cases sobel,life,…] [--sizes 64,1024] [--seconds S]
 
 Every peer is called from Python as its users call it: compiled before the first measurement, results written in place
 where it can; JAX's are new arrays, awaited. The figure is processor time, the least of several spells. Results are compared
 with NumPy's, or with OpenCV's where NumPy has none. Needs the package apron; the peers are those of
-build/arrays (scripts/setup --arrays) that are there.
+build/arrays (scripts/setup --arrays) that are there, and the loops of bench_kernels.cpp, which c++ compiles first.
 """
 import argparse
+import ctypes
 import json
 import os
+import pathlib
+import subprocess
 import sys
+import tempfile
 import time
 
 for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "NUMBA_NUM_THREADS", "HL_NUM_THREADS"):
@@ -542,7 +546,50 @@ def with_halide(of):
             "histogram": job(histogram, counts), "gray-scott": job(u, float_out), "life": job(life, cells_out)}
 
 
-PEERS = {"apron": with_apron, "numpy": with_numpy, "opencv": with_opencv, "numba": with_numba, "jax": with_jax, "halide": with_halide}
+CPP_FLAGS = ("-std=c++20", "-O3", "-march=native", "-fno-math-errno")
+
+
+def compiled_loops():
+    """bench_kernels.cpp as a library."""
+    with tempfile.TemporaryDirectory(prefix="bench-kernels-") as folder:
+        library = f"{folder}/kernels.so"
+        try:
+            subprocess.run(["c++", *CPP_FLAGS, "-shared", "-fPIC", "-o", library, pathlib.Path(__file__).with_suffix(".cpp")], check=True)
+        except (OSError, subprocess.CalledProcessError) as error:
+            raise ImportError(error) from None
+        return ctypes.CDLL(library)
+
+
+def with_cpp(of):
+    loops, n = compiled_loops(), len(of["grey"])
+
+    def job(name, *arguments, out, start=()):
+        """Calls the function of n and the arguments after it has copied the pairs of `start`."""
+        function = getattr(loops, name)
+        function.restype = None
+        kinds = {np.ndarray: lambda array: ctypes.c_void_p(array.ctypes.data), np.float32: ctypes.c_float, int: ctypes.c_int}
+        converted = [ctypes.c_int(n), *(kinds[type(one)](one) for one in arguments)]
+
+        def run(kept=arguments):  # the memory at the addresses
+            for to, first in start:
+                np.copyto(to, first)
+            function(*converted)
+            return out
+        return run
+    out, padded, state = np.empty((n, n), np.float32), np.zeros((n + 10, n + 42), np.float32), np.empty((CHANNELS, n, n), np.float32)
+    binary, bins, numbers = np.empty((n, n), np.uint8), np.empty(256, np.int32), np.empty((n, n), np.int32)
+    parents, waiting = np.empty(n * n // 2 + 2, np.int32), np.empty(n * n, np.int32)
+    (u, p), (v, q), (cells, other) = ((np.empty_like(of[name]), np.empty_like(of[name])) for name in ("u", "v", "cells"))
+    return {"sobel": job("sobel", of["grey"], out, out=out), "filter11": job("filter11", of["grey"], of["kernel"], padded, out, out=out),
+            "fast9": job("fast9", THRESHOLD, of["bytes"], binary, out=binary), "histogram": job("histogram", of["bytes"], bins, out=bins),
+            "labels": job("labels", of["blobs"], parents, numbers, out=numbers),
+            "flood": job("flood", of["mask"], *(int(k) for k in np.argwhere(of["seed"])[0]), waiting, binary, out=binary),
+            "gray-scott": job("gray_scott", STEPS, FEED, KILL, SPREAD_U, SPREAD_V, u, v, p, q, out=u, start=((u, of["u"]), (v, of["v"]))),
+            "life": job("life", STEPS, cells, other, out=cells, start=((cells, of["cells"]),)),
+            "automaton": job("automaton", of["state"], of["inner"], of["outer"], state, out=state)}
+
+
+PEERS = {"apron": with_apron, "numpy": with_numpy, "opencv": with_opencv, "numba": with_numba, "jax": with_jax, "halide": with_halide, "c++": with_cpp}
 CASES = ("sobel", "filter11", "fast9", "histogram", "labels", "flood", "gray-scott", "life", "automaton")
 
 
@@ -604,7 +651,8 @@ def main():
             try:
                 jobs[who] = make(of)
             except ImportError as error:
-                print(f"bench_kernels: {who} is left out ({error}); scripts/setup --arrays installs it", file=sys.stderr)
+                remedy = "scripts/setup installs g++" if who == "c++" else "scripts/setup --arrays installs it"
+                print(f"bench_kernels: {who} is left out ({error}); {remedy}", file=sys.stderr)
         for case in cases:
             taking = {who: job[case] for who, job in jobs.items() if case in job}
             results = {who: comparable(case, job(), n).copy() for who, job in taking.items()}

@@ -78,7 +78,7 @@ def compile(source: str | os.PathLike[str], *, results: Iterable[str] | None = N
     because the others need not be kept.
     shape: rows and columns of the registers without a size of their own; default: those of the arrays of each call.
     threads: of large arrays, and of batches; results do not depend on it.
-    ticks: ends a run after that many surface.step or sim.frame.
+    ticks: ends a run after that many surface.step or sim.frame, with an Error where an endless loop has none.
     include: folders that !include searches. original: a script of APRON 2.9, or "scamp5c", one for
     the SCAMP-5. isa: "avx512", "avx2" or "portable";
     results do not depend on it.

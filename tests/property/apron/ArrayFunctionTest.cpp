@@ -120,7 +120,8 @@ void check_calls(const program::Program& program, const FunctionOptions& options
 
 TEST(ArrayFunction, CallsEqualNewMachines) {
   const vm::test::Size kShapes[] = {{64, 64}, {1, 1}, {3, 5}, {17, 33}, {16, 2}, {130, 37}, {32, 9}};
-  for (const unsigned seed : vm::test::program_seeds(120)) {
+  const auto seeds = program_seeds(120);
+  for (const unsigned seed : seeds) {
     RandomProgram random(seed, kShapes[seed % std::size(kShapes)]);
     const program::Program program = random.finish();
     FunctionOptions options;
@@ -129,6 +130,7 @@ TEST(ArrayFunction, CallsEqualNewMachines) {
     check_calls(program, options, seed, seed % 2 == 0);
     if (HasFatalFailure()) return;
   }
+  count_cases(seeds.size());
 }
 
 // Masks, routines, stacks and filters that a run leaves behind do not reach the next one.

@@ -135,6 +135,7 @@ std::size_t index_of(const auto& named, const std::string& name) {
 TEST(ElementwiseAgreement, FoldedAndRun) {
   constexpr std::size_t kStride = cases(1, 4);
   const std::vector<Triple> triples = random_triples(11 + first_program_seed());
+  std::size_t compared = 0;
   for (const Operation& operation : elementwise_operations()) {
     std::string source;
     for (std::size_t i = 0; i < triples.size(); i += kStride) {
@@ -161,8 +162,10 @@ TEST(ElementwiseAgreement, FoldedAndRun) {
       const double folded = vm.variable(index_of(program.variables, fmt::format("z{}", i)));
       ASSERT_TRUE(same_number(run, folded))
           << describe(operation, triples[i]) << ": run " << fmt::format("{}, folded {}", run, folded);
+      ++compared;
     }
   }
+  count_cases(compared);
 }
 
 struct Config {
@@ -200,6 +203,7 @@ bool is_small(const Triple& triple, std::size_t arity) {
 TEST(ElementwiseAgreement, ScalarsKernelsAndGeneratedCode) {
   const std::vector<Triple> triples = random_triples(12 + first_program_seed());
   const std::vector<Config> all = configs();
+  std::size_t compared = 0;
   for (const Operation& operation : elementwise_operations()) {
     static constexpr std::string_view kOperands[] = {"A", "A, B", "A, B, C"};
     std::string source;
@@ -221,6 +225,7 @@ TEST(ElementwiseAgreement, ScalarsKernelsAndGeneratedCode) {
       ASSERT_EQ(vm.run(), Status::kEnded) << vm.error();
       const Cells cells = read_cells(vm.plane(index_of(program.registers, "Y")));
       if (expected.empty()) expected = cells;
+      compared += cells.size();
       for (std::size_t i = 0; i < triples.size(); ++i) {
         ASSERT_TRUE(bits_equal(cells[i], expected[i]))
             << config.name << ": " << describe(operation, triples[i]) << " = " << cells[i] << ", and "
@@ -233,6 +238,7 @@ TEST(ElementwiseAgreement, ScalarsKernelsAndGeneratedCode) {
       }
     }
   }
+  count_cases(compared);
 }
 
 }  // namespace

@@ -157,7 +157,8 @@ void check_all(const Image& a, const Image& mask, unsigned seed) {
 }
 
 TEST(FloodFill, MatchesIteratedReference) {
-  for (unsigned seed = 0; seed < 120; ++seed) {
+  const auto seeds = program_seeds(120);
+  for (const unsigned seed : seeds) {
     std::mt19937 rng(seed);
     const Size size = kSizes[seed % std::size(kSizes)];
     Image mask{static_cast<int>(size.width), static_cast<int>(size.height), {}}, a = mask;
@@ -170,18 +171,20 @@ TEST(FloodFill, MatchesIteratedReference) {
     check_all(a, mask, seed);
     if (::testing::Test::HasFatalFailure()) return;
   }
+  count_cases(seeds.size());
 }
 
 // Seeds and masks of any type: the last cell of each component gives its number, and its flood.
 TEST(FloodFill, TakesTruthsOfAnyType) {
-  for (unsigned seed = 0; seed < 60; ++seed) {
+  const auto seeds = program_seeds(60);
+  for (const unsigned seed : seeds) {
     std::mt19937 rng(seed);
     const Size size = kSizes[seed % std::size(kSizes)];
     const std::size_t cells = std::size_t{size.width} * size.height;
     const Image shape{static_cast<int>(size.width), static_cast<int>(size.height), Cells(cells, 0.0F)};
     Image mask = shape, start = shape, numbers = shape;
     for (std::size_t i = 0; i < cells; ++i) {
-      mask.cells[i] = rng() % 100 < 40 + seed ? 2.0F : 0.0F;
+      mask.cells[i] = rng() % 100 < 40 + seed % 60 ? 2.0F : 0.0F;
       start.cells[i] = rng() % 20 == 0 ? 1.0F : 0.0F;
       numbers.cells[i] = static_cast<float>(i + 1);
     }
@@ -212,6 +215,7 @@ TEST(FloodFill, TakesTruthsOfAnyType) {
     expect_same(want, {shape.width, shape.height, read_any(vm.plane(largest.index))}, "spread.max", seed);
     if (::testing::Test::HasFatalFailure()) return;
   }
+  count_cases(seeds.size());
 }
 
 TEST(FloodFill, FollowsLongCorridor) {

@@ -1,6 +1,6 @@
 // Random programs of functions compute what a plain interpreter in this file computes: values and registers
 // as parameters, local names, arrays with constant and computed indices, matrix products, masks within and
-// around calls. APRON_PROGRAM_SEEDS=5000 tries more seeds than the test does.
+// around calls. In any layout, and formatted, they compile to the same instructions.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "apron/compiler/Compiler.h"
+#include "apron/syntax/Formatter.h"
 #include "tests/unit/apron/vm/TestProgram.h"
 #include "tests/unit/common/SanitizedCases.h"
 
@@ -305,18 +306,24 @@ class RandomFunctions {
 
 constexpr unsigned kFunctionPrograms = cases(150U, 40U);
 
+compiler::CompileResult compile_text(const std::string& text) {
+  syntax::MemoryReader reader;
+  reader.files["main.aps"] = text;
+  syntax::SourceOptions options;
+  options.file = "main.aps";
+  options.width = kWidth;
+  options.height = kHeight;
+  compiler::CompileResult compiled = compiler::compile(options, reader);
+  EXPECT_TRUE(compiled.program) << syntax::format_diagnostics(compiled.diagnostics, compiled.sources) << text;
+  return compiled;
+}
+
 TEST(Function, RandomProgramsMatchAnInterpreter) {
-  for (const unsigned seed : program_seeds(kFunctionPrograms)) {
+  const auto seeds = program_seeds(kFunctionPrograms);
+  for (const unsigned seed : seeds) {
     RandomFunctions functions(seed);
-    syntax::MemoryReader reader;
-    reader.files["main.aps"] = functions.text;
-    syntax::SourceOptions options;
-    options.file = "main.aps";
-    options.width = kWidth;
-    options.height = kHeight;
-    const compiler::CompileResult compiled = compiler::compile(options, reader);
-    ASSERT_TRUE(compiled.program) << syntax::format_diagnostics(compiled.diagnostics, compiled.sources)
-                                  << functions.text;
+    const compiler::CompileResult compiled = compile_text(functions.text);
+    ASSERT_TRUE(compiled.program) << "seed " << seed;
     std::mt19937 rng(seed);
     std::map<std::string, Cells> planes;
     for (const char* name : {"A", "B", "X", "Y", "G[0]", "G[1]", "G[2]"}) {
@@ -351,6 +358,47 @@ TEST(Function, RandomProgramsMatchAnInterpreter) {
       }
     }
   }
+  count_cases(seeds.size());
+}
+
+// The text with other blanks, blank lines and comments.
+std::string in_another_layout(const std::string& text, std::mt19937& rng) {
+  static const char* const kBlanks[] = {" ", "  ", "\t", " \t "};
+  std::string result;
+  for (const char c : text) {
+    if (c == ' ') {
+      result += kBlanks[rng() % std::size(kBlanks)];
+    } else if (c == '\n') {
+      result += rng() % 8 == 0 ? "  // a comment (\n" : rng() % 8 == 0 ? " \n\n\n" : "\n";
+    } else {
+      const bool stands_alone = std::string_view("(),[]").find(c) != std::string_view::npos;
+      if (stands_alone && c != '(' && c != '[' && rng() % 4 == 0) result += ' ';
+      result += c;
+      if (stands_alone && c != ')' && c != ']' && rng() % 4 == 0) result += "  ";
+    }
+  }
+  return result;
+}
+
+std::string instructions_of(const std::string& text) {
+  compiler::CompileResult compiled = compile_text(text);
+  if (!compiled.program) return {};
+  for (program::SourceLocation& place : compiled.program->source_locations) place = {};
+  return program::disassemble(*compiled.program);
+}
+
+TEST(Function, LayoutDoesNotChangeAProgram) {
+  const auto seeds = program_seeds(kFunctionPrograms);
+  for (const unsigned seed : seeds) {
+    const std::string text = RandomFunctions(seed).text, want = instructions_of(text);
+    std::mt19937 rng(seed);
+    const std::string other = in_another_layout(text, rng), formatted = syntax::format_source(other);
+    ASSERT_FALSE(want.empty()) << "seed " << seed;
+    ASSERT_EQ(instructions_of(other), want) << "seed " << seed << '\n' << other;
+    ASSERT_EQ(instructions_of(formatted), want) << "seed " << seed << '\n' << formatted;
+    ASSERT_EQ(syntax::format_source(formatted), formatted) << "seed " << seed;
+  }
+  count_cases(seeds.size());
 }
 
 }  // namespace

@@ -100,7 +100,8 @@ constexpr unsigned kPrograms = cases(180U, 45U);
 TEST(Fusion, MatchesUnfusedExecution) {
   const Size kShapes[] = {{64, 64}, {1, 1}, {3, 5}, {17, 33}, {100, 7}, {16, 2}, {1, 40}, {130, 37}, {33, 9}};
   const std::vector<FusionConfig> all = fusion_configs();
-  for (const unsigned seed : program_seeds(kPrograms)) {
+  const auto seeds = program_seeds(kPrograms);
+  for (const unsigned seed : seeds) {
     RandomProgram random(seed, kShapes[seed % std::size(kShapes)]);
     const program::Program program = random.finish();
     ASSERT_EQ(program::verify(program), "") << seed;
@@ -113,6 +114,7 @@ TEST(Fusion, MatchesUnfusedExecution) {
       if (HasFatalFailure()) return;
     }
   }
+  count_cases(seeds.size());
 }
 
 // One value that goes to many registers, computed or not.
@@ -168,7 +170,7 @@ TEST(Fusion, MatchesUnfusedForArraysBeyondCache) {
 // The budget counts instructions and a stepping debugger sees each one, so a fused trace neither exceeds the
 // budget nor is entered in the middle.
 TEST(Fusion, BudgetMayEndAnywhere) {
-  for (unsigned seed = 300; seed < 330; ++seed) {
+  for (const unsigned seed : program_seeds(30)) {
     RandomProgram random(seed, {20, 6});
     const program::Program program = random.finish();
     VmOptions plain;

@@ -443,7 +443,8 @@ constexpr unsigned kIntegerPrograms = cases(240U, 40U);
 TEST(Integers, ProgramsGiveWhatCellsGiveOneByOne) {
   const Size kShapes[] = {{64, 5}, {1, 1}, {3, 5}, {17, 33}, {128, 7}, {70, 3}, {1, 40}, {130, 9}, {33, 9}};
   const std::vector<Way> all = ways();
-  for (const unsigned seed : program_seeds(kIntegerPrograms)) {
+  const auto seeds = program_seeds(kIntegerPrograms);
+  for (const unsigned seed : seeds) {
     IntegerProgram random(seed, kShapes[seed % std::size(kShapes)]);
     const program::Program program = random.finish();
     ASSERT_EQ(program::verify(program), "") << seed;
@@ -484,6 +485,7 @@ TEST(Integers, ProgramsGiveWhatCellsGiveOneByOne) {
       }
     }
   }
+  count_cases(seeds.size());
 }
 
 // A number that a cell cannot hold stops the program, fused or not, and whether its result is read or not.

@@ -273,6 +273,7 @@ TEST_F(LibraryMask, RoutinesUnderAMaskAreThoseWithoutSelected) {
     }
   }
   EXPECT_EQ(called.size(), kCalls.size()) << "a call in the table names no routine";
+  count_cases(called.size() * kMaskings.size());
 }
 
 // The instructions of the vision chip, with operands drawn for their kinds.
@@ -320,6 +321,7 @@ TEST_F(LibraryMask, InstructionsOfTheChipToo) {
     }
   }
   EXPECT_GT(tried, 100U);
+  count_cases(2 * tried);
 }
 
 }  // namespace

@@ -371,15 +371,6 @@ Split random_split(Size size, std::mt19937& rng) {
   return split;
 }
 
-std::size_t program_count() {
-  const char* const count = std::getenv("APRON_TARGET_C_PROGRAMS");
-  return count != nullptr ? std::strtoul(count, nullptr, 10) : 16;
-}
-unsigned first_seed() {
-  const char* const seed = std::getenv("APRON_TARGET_C_SEED");
-  return seed != nullptr ? static_cast<unsigned>(std::strtoul(seed, nullptr, 10)) : 1;
-}
-
 struct Case {
   unsigned seed = 0;
   Size size{};
@@ -446,18 +437,19 @@ void check_case(const Case& one, const Library& library) {
 
 TEST(TargetC, RandomProgramsOnRandomTilesMatchTheVm) {
   constexpr std::size_t kBatch = 16;
-  const std::size_t count = program_count();
-  for (std::size_t begin = 0; begin < count; begin += kBatch) {
+  const auto seeds = program_seeds(kBatch);
+  for (std::size_t begin = 0; begin < seeds.size(); begin += kBatch) {
     Library library;
     std::vector<Case> cases;
-    for (std::size_t i = begin; i < std::min(count, begin + kBatch); ++i)
-      cases.push_back(make_case(first_seed() + static_cast<unsigned>(i), library));
+    for (const unsigned seed : seeds | std::views::drop(begin) | std::views::take(kBatch))
+      cases.push_back(make_case(seed, library));
     ASSERT_TRUE(library.build());
     for (const Case& one : cases) {
       check_case(one, library);
       if (HasFatalFailure()) return;
     }
   }
+  count_cases(seeds.size());
 }
 
 // Filters in a row that read at one corner: each halo brings the cells beyond it.
@@ -526,10 +518,11 @@ TEST(TargetC, ElementwiseInstructionsMatchTheVmForAllFloats) {
   build.add(Opcode::kSurfaceStep);
   build.add(Opcode::kJump, {}, TestProgram::label(top));
   Case one;
-  one.seed = 3;  // numbers are random_cells()
+  one.seed = 3 + 3 * first_program_seed();  // numbers are random_cells()
   one.size = kSize;
   one.program = build.finish();
   check_as_one_tile(one);
+  count_cases(static_cast<std::size_t>(channel) * kSize.width * kSize.height * kTicks);
 }
 
 // Every instruction on integers, on cells of all bits, the least and the largest values, and distances.
@@ -585,11 +578,12 @@ TEST(TargetC, ElementwiseInstructionsMatchTheVmForIntegers) {
   build.add(Opcode::kSurfaceStep);
   build.add(Opcode::kJump, {}, TestProgram::label(top));
   Case one;
-  one.seed = 4;
+  one.seed = 4 + 3 * first_program_seed();
   one.size = kSize;
   one.program = build.finish();
   EXPECT_EQ(program::verify(one.program), "");
   check_as_one_tile(one);
+  count_cases(static_cast<std::size_t>(channel) * kSize.width * kSize.height * kTicks);
 }
 
 TEST(TargetC, SaysWhatAnIntegerCannotHold) {

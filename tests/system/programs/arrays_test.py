@@ -6,8 +6,8 @@ from programs import *
 
 class SmallArrays(ProgramTest):
     def test_random_registers(self):
-        random = np.random.default_rng(3)
-        for case in range(12):
+        for seed in program_seeds(12):
+            random = np.random.default_rng(seed)
             width, height = random.integers(1, 70, 2)
             columns, rows = random.integers(1, 20, 2)
             bins = columns * rows
@@ -37,7 +37,7 @@ r[S] = scatter.sum(I, A * 2)
                     word for name, file in out.items() for word in ("--save", f"{name}={file}"))))
                 self.assertEqual((status, err), (0, ""))
                 for name, wanted in (("H", count), ("S", total)):
-                    np.testing.assert_array_equal(np.load(out[name]).ravel(), wanted.astype(np.float32), f"case {case} {name} {flags}")
+                    np.testing.assert_array_equal(np.load(out[name]).ravel(), wanted.astype(np.float32), f"seed {seed} {name} {flags}")
 
     def test_check_names_it_as_not_local(self):
         program = self.write("local.aps", "!register(A)\n!create('H', REGISTER, 4, 1)\nr[H] = histogram(A)\n")

@@ -151,6 +151,28 @@ class Bench(ProgramTest):
         self.assertIn("| halide avx2 / apron avx2 | 1.5 |", text)
         self.assertIn("| opencv | 20 | – |\n\n**Ahead of apron avx2**: opencv (sobel).", text)
 
+    def test_report_of_kernels(self):
+        def line(who, case, us, agrees=True):
+            return {"benchmark": "kernels", "case": case, "who": who, "least_us": us, "agrees": agrees}
+        self.measured("kernels", [line("apron", "sobel 64", 2), line("numpy", "sobel 64", 9), line("c++", "sobel 64", 3),
+                                  line("apron", "life 64", 8), line("c++", "life 64", 4, False)])
+        text = self.report()
+        self.assertIn("| c++ / apron | 1.5 | 0.5 |\n\n**Ahead of apron**: c++ (life).", text)
+        self.assertIn("**Results differ: c++ on life 64.**", text)
+
+    def test_peers_of_the_kernels_agree(self):
+        """At sizes of several vectors, of less than one, and between."""
+        os.environ["PYTHONPATH"] = str(BIN.parent / "python")
+        if self.run_program(sys.executable, "-c", "import apron")[0]:
+            self.skipTest("needs the package apron and NumPy")
+        status, out, err = self.run_program(sys.executable, "-B", str(ROOT / "tests/bench/bench_kernels.py"), "--json", "--sizes",
+                                            "16,36,68", "--seconds", "0.001")
+        self.assertEqual(status, 0, err)
+        lines = [json.loads(line) for line in out.splitlines()]
+        self.assertEqual([line for line in lines if not line["agrees"]], [])
+        for who in ("apron", "c++"):
+            self.assertEqual(len([line for line in lines if line["who"] == who]), 3 * 9, err)
+
     def test_invalid_arguments_report_one_line(self):
         for arguments, fact in ((["--only", "warp"], "warp"), (["--only", "none"], "nothing was measured yet")):
             status, _, err = self.run_program(BENCH, *arguments, "-o", "out")

@@ -24,6 +24,12 @@ SMALL_PICTURE = ("--picture-size", "320x200")
 PATIENCE = 120
 
 
+def program_seeds(usual):
+    """The seeds of random programs, which scripts/check-language sets."""
+    first = int(os.environ.get("APRON_PROGRAM_FIRST", "0"))
+    return range(first, first + int(os.environ.get("APRON_PROGRAM_SEEDS", usual)))
+
+
 def has_bullet():
     """Whether the program was built with the second engine."""
     with tempfile.NamedTemporaryFile(suffix=".lua") as scene:
@@ -91,4 +97,4 @@ class ProgramTest(unittest.TestCase):
 
 
 __all__ = ["APRON", "BIN", "Display", "HAS_XVFB", "PATIENCE", "ProgramTest", "ROOT", "SMALL_PICTURE", "SMARTSURF", "SORT_APS", "SORT_LUA", "WITH_VIEW",
-           "has_bullet", "json", "needs_view", "os", "pathlib", "signal", "subprocess", "tempfile", "time", "unittest"]
+           "has_bullet", "json", "needs_view", "os", "pathlib", "program_seeds", "signal", "subprocess", "tempfile", "time", "unittest"]

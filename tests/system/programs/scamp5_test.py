@@ -292,12 +292,12 @@ class ScampSequences(ProgramTest):
             np.testing.assert_allclose(got[name], chip.r[name], atol=tolerance, rtol=0, err_msg=f"seed {seed}: {name}\n{listing}")
 
     def test_sequences_without_errors(self):
-        for seed in range(25):
-            self.run_both(1000 + seed, False)
+        for seed in program_seeds(25):
+            self.run_both(seed, False)
 
     def test_sequences_with_errors(self):
-        for seed in range(25):
-            self.run_both(2000 + seed, True)
+        for seed in program_seeds(25):
+            self.run_both(seed, True)
 
     def test_published_figures(self):
         """An offset of 1 on a value of 10, and the third result of diva on 100 where the split is -0.135."""

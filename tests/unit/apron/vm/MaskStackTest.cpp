@@ -36,7 +36,8 @@ struct MaskModel {
 TEST(Mask, RandomNestingMatchesModel) {
   const Size size{17, 5};
   const std::size_t n = 85;
-  for (unsigned seed = 0; seed < 200; ++seed) {
+  const auto seeds = program_seeds(200);
+  for (const unsigned seed : seeds) {
     std::mt19937 rng(seed);
     TestProgram b;
     const Operand y = b.reg(size.width, size.height), by = b.lit(1);
@@ -87,6 +88,7 @@ TEST(Mask, RandomNestingMatchesModel) {
     ASSERT_EQ(vm.run(), Status::kEnded);
     ASSERT_EQ(read_cells(vm.plane(y.index)), want) << "seed " << seed;
   }
+  count_cases(seeds.size());
 }
 
 TEST(Mask, MaskOnCopiesTheRegister) {

@@ -71,7 +71,8 @@ void check(const Case& c, const NamedKernelTable& target, unsigned threads, std:
 }
 
 TEST(Shift, EveryBoundaryRuleMatchesReference) {
-  std::mt19937 rng(3);
+  std::size_t checked = 0;
+  std::mt19937 rng(3 + first_program_seed());
   const int kOffsets[][2] = {{0, 0},  {1, 0},   {-1, 0}, {0, 1},   {0, -1},  {1, 1},   {-2, 3},  {5, -4},
                              {16, 0}, {-16, 2}, {17, 1}, {-33, 0}, {63, -6}, {64, 64}, {-70, 9}, {150, -90}};
   for (const NamedKernelTable& target : kernel_tables())
@@ -82,18 +83,20 @@ TEST(Shift, EveryBoundaryRuleMatchesReference) {
           for (const bool masked : {false, true}) {
             check({Opcode::kShift, size, offset[0], offset[1], rule, masked}, target, 1, rng);
             if (HasFatalFailure()) return;
+            ++checked;
           }
+  count_cases(checked);
 }
 
 TEST(Shift, RotationWrapsUnderAnyBoundaryRule) {
-  std::mt19937 rng(4);
+  std::mt19937 rng(4 + first_program_seed());
   for (const Size size : kSizes)
     for (const bool masked : {false, true})
       check({Opcode::kRotate, size, -3, 2, BoundaryRule::kValue, masked}, kernel_tables().front(), 1, rng);
 }
 
 TEST(Shift, MultithreadedMatchesReference) {
-  std::mt19937 rng(5);
+  std::mt19937 rng(5 + first_program_seed());
   for (const Size size : kSizes)
     for (const int dy : {-3, 0, 4}) {
       check({Opcode::kShift, size, 1, dy, BoundaryRule::kReflect, true}, kernel_tables().front(), 3, rng);

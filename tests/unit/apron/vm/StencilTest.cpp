@@ -87,7 +87,8 @@ INSTANTIATE_TEST_SUITE_P(Rules, Stencil,
 
 TEST_P(Stencil, FiltersMatchTheirDefinition) {
   const BoundaryCondition boundary{GetParam(), 1.25F};
-  std::mt19937 rng(3);
+  std::mt19937 rng(3 + first_program_seed());
+  std::size_t checked = 0;
   // Without zeros, several rows are computed at once.
   for (const float offset : {0.6F, 0.7F})
     for (const Size filter_size :
@@ -107,13 +108,16 @@ TEST_P(Stencil, FiltersMatchTheirDefinition) {
                    return correlated({c.a, boundary}, filter, x, y);
                  });
           if (HasFatalFailure()) return;
+          ++checked;
         }
     }
+  count_cases(checked);
 }
 
 TEST_P(Stencil, NeighboursMatchTheirDefinition) {
   const BoundaryCondition boundary{GetParam(), 1.25F};
-  std::mt19937 rng(4);
+  std::mt19937 rng(4 + first_program_seed());
+  std::size_t checked = 0;
   for (const Opcode op :
        {Opcode::kNearSum, Opcode::kNearMin, Opcode::kNearMax, Opcode::kNearAny, Opcode::kNearAll})
     for (const bool eight : {false, true})
@@ -127,7 +131,9 @@ TEST_P(Stencil, NeighboursMatchTheirDefinition) {
             return reduced({c.a, boundary}, op, eight, x, y);
           });
           if (HasFatalFailure()) return;
+          ++checked;
         }
+  count_cases(checked);
 }
 
 }  // namespace

@@ -14,6 +14,7 @@
 
 #include "apron/program/Program.h"
 #include "apron/vm/Vm.h"
+#include "tests/unit/common/ProgramSeeds.h"
 
 namespace apron::vm::test {
 
@@ -154,18 +155,6 @@ inline Cells random_mask(std::size_t n, std::mt19937& rng) {
   Cells cells(n);
   for (float& c : cells) c = on(rng) ? (on(rng) ? 1.0F : -0.25F) : 0.0F;
   return cells;
-}
-
-// The seeds of random programs: as many as `usual` from 0 on, or APRON_PROGRAM_SEEDS from APRON_PROGRAM_FIRST
-// on.
-inline unsigned number_of_environment(const char* name, unsigned otherwise) {
-  const char* const text = std::getenv(name);
-  return text != nullptr ? static_cast<unsigned>(std::strtoul(text, nullptr, 10)) : otherwise;
-}
-inline unsigned first_program_seed() { return number_of_environment("APRON_PROGRAM_FIRST", 0); }
-inline auto program_seeds(unsigned usual) {
-  const unsigned first = first_program_seed();
-  return std::views::iota(first, first + number_of_environment("APRON_PROGRAM_SEEDS", usual));
 }
 
 struct Size {
