@@ -6,7 +6,7 @@ import difflib
 import importlib
 import os
 from collections.abc import Mapping, Sequence
-from typing import Any, ClassVar, Union
+from typing import TYPE_CHECKING, Any, ClassVar, Union
 
 import gymnasium
 import numpy as np
@@ -19,6 +19,19 @@ from ._env import box
 from ._parameters import Numbers, Range
 from ._surface import Channel, Closed, FloatArray, checked_options, draw_seed, real_array, views
 from ._vector import Flags, Info, VectorEnv, _of_worlds
+
+if TYPE_CHECKING:
+    from typing_extensions import Unpack
+
+    from ._simulation import Options
+    from ._vector import MostArguments, WorldArguments
+
+    class OneWorld(MostArguments, total=False):
+        """What Task.make() takes."""
+        set: Options | None
+        render_mode: str | None
+        shm: str | None
+        timeout: float
 
 Array = Any  # NDArray, or the counterpart of Task.arrays
 Observation = Union[Array, dict[str, Array]]
@@ -122,11 +135,11 @@ class Task:
 
     # ---- environments
 
-    def make_vec(self, num_envs: int = 1, **arguments: Any) -> TaskVectorEnv:
+    def make_vec(self, num_envs: int = 1, **arguments: Unpack[WorldArguments]) -> TaskVectorEnv:
         """Many worlds; arguments as those of VectorEnv."""
         return TaskVectorEnv(self, num_envs, **arguments)
 
-    def make(self, **arguments: Any) -> TaskEnv:
+    def make(self, **arguments: Unpack[OneWorld]) -> TaskEnv:
         """One world, or with shm=NAME a live surface."""
         return TaskEnv(self, **arguments)
 
@@ -170,7 +183,7 @@ class _Judge:
 
     def __init__(self, task: Task, worlds: int):
         self.task, self.worlds, self._to = task, worlds, _to(task.arrays)
-        self.scene = dict(experiment=task.script, source=None)
+        self.scene: dict[str, Any] = dict(experiment=task.script, source=None)
         if (task.script is None) == (task.scene is None):
             raise ValueError(f"{type(task).__name__}: give either script, a path, or scene, the text of a script")
         if task.scene is not None:
@@ -255,16 +268,15 @@ class TaskVectorEnv(VectorEnv):
     the task that is not finite, is ended as VectorEnv does it. `infos` has the goals besides the values of info{}.
     """
 
-    def __init__(self, task: Task, num_envs: int = 1, *, set: Any = None,
-                 autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP, **arguments: Any):
+    def __init__(self, task: Task, num_envs: int = 1, *, set: Any = None, render_mode: str | None = None,
+                 autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP, **arguments: Unpack[MostArguments]):
         self.task = task
         self._judge = _Judge(task, num_envs)
-        arguments = {**self._judge.scene, **{k: v for k, v in arguments.items() if k not in self._judge.scene}}
         options = set if isinstance(set, Sequence) else {**task.set, **(set or {})}
         self._resets_itself = AutoresetMode(autoreset_mode) == AutoresetMode.SAME_STEP
         # The batch itself resets with NEXT_STEP only: a task's end of an episode follows its step.
         super().__init__(num_envs=num_envs, set=options, autoreset_mode=AutoresetMode.DISABLED if self._resets_itself
-                         else autoreset_mode, **arguments)
+                         else autoreset_mode, render_mode=render_mode, **self._judge.scene, **arguments)
         self.metadata["autoreset_mode"] = AutoresetMode(autoreset_mode)
         self._arguments = {**self._arguments, "autoreset_mode": AutoresetMode(autoreset_mode)}
         self._arguments["task"] = task
@@ -421,18 +433,20 @@ class TaskEnv(gymnasium.Env[Any, ArrayLike]):
     metadata = {"render_modes": ["rgb_array"], "render_fps": 60}
 
     def __init__(self, task: Task, *, shm: str | None = None, timeout: float = 30.0, render_mode: str | None = None,
-                 **arguments: Any):
+                 set: Options | None = None, **arguments: Unpack[MostArguments]):
         self.task, self.render_mode = task, render_mode
         self._live: Any = None
         if shm is None:
-            self._envs = TaskVectorEnv(task, 1, autoreset_mode=AutoresetMode.DISABLED, render_mode=render_mode, **arguments)
+            self._envs = TaskVectorEnv(task, 1, autoreset_mode=AutoresetMode.DISABLED, render_mode=render_mode,
+                                       set=set, **arguments)
             self.observation_space = self._envs.single_observation_space
             self.action_space = self._envs.single_action_space
             self.metadata = {**self.metadata, "render_fps": round(1 / self._envs.period)}
             return
         from ._live import LiveSurface
-        if arguments or render_mode is not None:
-            raise ValueError(f"{', '.join(arguments) or 'render_mode'}: a live surface has no such argument")
+        given = [*arguments, *(name for name, value in (("set", set), ("render_mode", render_mode)) if value is not None)]
+        if given:
+            raise ValueError(f"{', '.join(given)}: a live surface has no such argument")
         self._live, self._judge = LiveSurface(shm, timeout), _Judge(task, 1)
         self._limit = None if task.episode_seconds is None else int(np.ceil(task.episode_seconds / self._live.period - 1e-9))
         self._start = self._live.tick

@@ -5,7 +5,7 @@ import os
 import shlex
 import sys
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any, Union
+from typing import Any, TypedDict, Union
 
 import gymnasium
 import numpy as np
@@ -27,6 +27,30 @@ Worlds = Union[ArrayLike, None]  # numbers of worlds, a mask, or None for all
 Stepped = tuple[FloatArray, Numbers, Flags, Flags, Info]
 
 _AUTORESET = {AutoresetMode.NEXT_STEP: 0, AutoresetMode.SAME_STEP: 1, AutoresetMode.DISABLED: 2}
+
+
+class MostArguments(TypedDict, total=False):
+    """Those of VectorEnv that a Task's environments pass on."""
+    threads: int | None
+    engine: str | None
+    seed: int | Sequence[int] | None
+    copy: bool
+    render_size: tuple[int, int]
+    camera: CameraLike
+    extensions: Sequence[PathName]
+    max_episode_steps: int | None
+    strict: bool
+    controller: PathName | None
+    controller_set: Mapping[str, float] | None
+    record: PathName | None
+    record_worlds: Worlds
+    record_every: int
+
+
+class WorldArguments(MostArguments, total=False):
+    set: Options | Sequence[Options] | None
+    render_mode: str | None
+    autoreset_mode: AutoresetMode | str
 
 
 class VectorEnv(gymnasium.vector.VectorEnv[Any, Any, Any]):
